@@ -25,20 +25,32 @@ fn median(mut values: Vec<f64>) -> f64 {
 }
 
 fn main() {
-    let numbers: Vec<u64> = std::env::args().skip(1).filter_map(|word| word.parse().ok()).collect();
+    let numbers: Vec<u64> = std::env::args()
+        .skip(1)
+        .filter_map(|word| word.parse().ok())
+        .collect();
     let seeds = numbers.first().copied().unwrap_or(20);
     let first = numbers.get(1).copied().unwrap_or(0);
-    let settings = Settings::for_change(Rect::new(Point::new(0.0, 0.0), Point::new(SIDE_M, SIDE_M)));
-    let (mut cold_ms, mut warm_ms, mut links, mut missed) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let settings =
+        Settings::for_change(Rect::new(Point::new(0.0, 0.0), Point::new(SIDE_M, SIDE_M)));
+    let (mut cold_ms, mut warm_ms, mut links, mut missed) =
+        (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let mut errors_m = Vec::new();
     for seed in first..first + seeds {
         let truth = persons(seed);
-        let (empty, now) = (sweep(seed, 0, &[], 8).links(), sweep(seed, 1, &truth, 8).links());
+        let (empty, now) = (
+            sweep(seed, 0, &[], 8).links(),
+            sweep(seed, 1, &truth, 8).links(),
+        );
         let before = sweep(seed, 1, &truth, 7).links();
-        let Ok(mut imager) = Imager::new(settings) else { return };
+        let Ok(mut imager) = Imager::new(settings) else {
+            return;
+        };
         let (result, cold) = timed(|| imager.update(&before, Some(&empty)));
         let (again, warm) = timed(|| imager.update(&now, Some(&empty)));
-        let (Ok(_), Ok(result)) = (result, again) else { continue };
+        let (Ok(_), Ok(result)) = (result, again) else {
+            continue;
+        };
         let places: Vec<Point> = result.peaks.iter().take(2).map(|peak| peak.at).collect();
         let error_m = worst_error_m(&places, truth);
         errors_m.push(error_m);
@@ -61,8 +73,16 @@ fn main() {
         "both persons within 1 m: {found} of {seeds} seeds ({:.1} %)",
         100.0 * found as f64 / seeds as f64
     );
-    println!("median error of the worse one: {:.2} m; median links: {}", median(errors_m), median(links));
-    println!("median time: cold {:.1} ms (7 laps), warm {:.1} ms (8 laps)", median(cold_ms), median(warm_ms));
+    println!(
+        "median error of the worse one: {:.2} m; median links: {}",
+        median(errors_m),
+        median(links)
+    );
+    println!(
+        "median time: cold {:.1} ms (7 laps), warm {:.1} ms (8 laps)",
+        median(cold_ms),
+        median(warm_ms)
+    );
     missed.iter().for_each(|line| println!("missed {line}"));
     bin_packets();
 }
@@ -73,8 +93,13 @@ fn bin_packets() {
     let mut bins = LinkBins::default();
     let ((), ms) = timed(|| {
         for round in 0..30 {
-            links.iter().for_each(|link| bins.record(link.from, link.to, Some(-60 - round)));
+            links
+                .iter()
+                .for_each(|link| bins.record(link.from, link.to, Some(-60 - round)));
         }
     });
-    println!("binning: {:.2} us a packet", 1e3 * ms / (30.0 * links.len() as f64));
+    println!(
+        "binning: {:.2} us a packet",
+        1e3 * ms / (30.0 * links.len() as f64)
+    );
 }

@@ -5,7 +5,10 @@
 //! - a scan that calls for a halt → Hold handed to the autopilot's driver, while a search for a path and merging of
 //!   tiles keep the other actors busy on 1,000 × 1,000 cells.
 
-#![allow(clippy::disallowed_methods, reason = "a benchmark reads the clock and waits")]
+#![allow(
+    clippy::disallowed_methods,
+    reason = "a benchmark reads the clock and waits"
+)]
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender as Channel, channel};
@@ -33,7 +36,10 @@ const ROUNDS: u32 = 1500;
 const PAUSE: Duration = Duration::from_millis(4);
 
 fn main() {
-    println!("machine: {} cores", std::thread::available_parallelism().map_or(0, usize::from));
+    println!(
+        "machine: {} cores",
+        std::thread::available_parallelism().map_or(0, usize::from)
+    );
     tile_latency();
     halt_latency();
 }
@@ -43,7 +49,12 @@ fn free_endpoint() -> String {
     format!("tcp/{}", socket.local_addr().unwrap())
 }
 
-fn bus(id: u8, listen: &str, connect: &[String], hear: impl Fn(Heard) + Send + Sync + 'static) -> Bus {
+fn bus(
+    id: u8,
+    listen: &str,
+    connect: &[String],
+    hear: impl Fn(Heard) + Send + Sync + 'static,
+) -> Bus {
     let settings = BusSettings {
         node: Sender::Vehicle(VehicleId(id)),
         prefix: "tomoswarm/bench".to_owned(),
@@ -62,12 +73,25 @@ fn bus(id: u8, listen: &str, connect: &[String], hear: impl Fn(Heard) + Send + S
 
 fn context() -> (RuntimeContext, Receiver<Ending>) {
     let (endings, ended) = channel();
-    (RuntimeContext { clock: Clock::start(), troubles: Troubles::default(), endings }, ended)
+    (
+        RuntimeContext {
+            clock: Clock::start(),
+            troubles: Troubles::default(),
+            endings,
+        },
+        ended,
+    )
 }
 
 fn sender<T: Send>(channel: Channel<T>) -> impl Fn(T) + Send + Sync {
     let channel = Mutex::new(channel);
-    move |what| channel.lock().unwrap_or_else(PoisonError::into_inner).send(what).unwrap_or_default()
+    move |what| {
+        channel
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .send(what)
+            .unwrap_or_default()
+    }
 }
 
 /// A vehicle of the bundled simulation.
@@ -80,7 +104,10 @@ fn settings(id: u8) -> Settings {
 }
 
 fn tile(revision: u32) -> Message {
-    let layer = LayerId { vehicle: VehicleId(1), boot: Boot(1) };
+    let layer = LayerId {
+        vehicle: VehicleId(1),
+        boot: Boot(1),
+    };
     // What a tile looks like: a wall, free space before it, nothing known behind.
     let cell = |index: usize| match index / 32 {
         row if row < 14 => -17,
@@ -88,7 +115,12 @@ fn tile(revision: u32) -> Message {
         _ => 0,
     };
     let cells = Arc::new(std::array::from_fn(cell));
-    Message::Tile(TileReport { layer, address: TileAddress::default(), revision, cells })
+    Message::Tile(TileReport {
+        layer,
+        address: TileAddress::default(),
+        revision,
+        cells,
+    })
 }
 
 fn bare(endpoint: &str, is_listening: bool) -> zenoh::Session {
@@ -100,7 +132,9 @@ fn bare(endpoint: &str, is_listening: bool) -> zenoh::Session {
     let text = format!(
         r#"{{"mode":"peer","listen":{{"endpoints":{listen}}},"connect":{{"endpoints":{connect}}},"scouting":{{"multicast":{{"enabled":false}}}}}}"#
     );
-    zenoh::open(zenoh::Config::from_json5(&text).unwrap()).wait().unwrap()
+    zenoh::open(zenoh::Config::from_json5(&text).unwrap())
+        .wait()
+        .unwrap()
 }
 
 fn tile_latency() {
@@ -114,8 +148,15 @@ fn tile_latency() {
             joined.send(Instant::now()).unwrap_or_default();
         }
     };
-    start_actor(&context, &mailbox, RestartPolicy::StopNode, None, move || Map::new(settings.clone()), say)
-        .unwrap();
+    start_actor(
+        &context,
+        &mailbox,
+        RestartPolicy::StopNode,
+        None,
+        move || Map::new(settings.clone()),
+        say,
+    )
+    .unwrap();
     let to_map = mailbox.clone();
     let _two = bus(2, &here, &[], move |heard| {
         if let Heard::Message(_, Message::Tile(report)) = heard {
@@ -127,8 +168,11 @@ fn tile_latency() {
     let heard = sender(heard);
     let endpoint = free_endpoint();
     let receiver = bare(&endpoint, true);
-    let subscriber =
-        receiver.declare_subscriber("bench/tile").callback(move |_| heard(Instant::now())).wait().unwrap();
+    let subscriber = receiver
+        .declare_subscriber("bench/tile")
+        .callback(move |_| heard(Instant::now()))
+        .wait()
+        .unwrap();
     let publisher = bare(&endpoint, false);
     let frame = codec::encode(&tile(1)).unwrap();
     std::thread::sleep(Duration::from_secs(1));
@@ -137,17 +181,32 @@ fn tile_latency() {
         let message = tile(round);
         let began = Instant::now();
         one.publisher().publish(&message);
-        ours.extend(by_map.recv_timeout(Duration::from_secs(1)).ok().map(|at| at - began));
+        ours.extend(
+            by_map
+                .recv_timeout(Duration::from_secs(1))
+                .ok()
+                .map(|at| at - began),
+        );
         std::thread::sleep(PAUSE);
         let bytes = frame.clone();
         let began = Instant::now();
         publisher.put("bench/tile", bytes).wait().unwrap();
-        plain.extend(by_callback.recv_timeout(Duration::from_secs(1)).ok().map(|at| at - began));
+        plain.extend(
+            by_callback
+                .recv_timeout(Duration::from_secs(1))
+                .ok()
+                .map(|at| at - began),
+        );
         std::thread::sleep(PAUSE);
     }
     drop(subscriber);
     mailbox.close();
-    println!("tile of {} bytes, {} and {} of {ROUNDS} arrived", frame.len(), ours.len(), plain.len());
+    println!(
+        "tile of {} bytes, {} and {} of {ROUNDS} arrived",
+        frame.len(),
+        ours.len(),
+        plain.len()
+    );
     let (ours, plain) = (quantiles(ours), quantiles(plain));
     print_row("handed to the bus -> joined", ours);
     print_row("bare put -> callback", plain);
@@ -175,15 +234,32 @@ fn halt_latency() {
     };
     let home = settings.home;
     let made = settings.clone();
-    start_actor(&context, &mailbox, RestartPolicy::StopNode, None, move || Vehicle::new(made.clone()), say)
-        .unwrap();
+    start_actor(
+        &context,
+        &mailbox,
+        RestartPolicy::StopNode,
+        None,
+        move || Vehicle::new(made.clone()),
+        say,
+    )
+    .unwrap();
     let is_over = Arc::new(AtomicBool::new(false));
     let busy = keep_busy(&context, &settings, &is_over);
-    let pose = Pose { at: home, heading: Angle::default(), sd_m: 0.05 };
+    let pose = Pose {
+        at: home,
+        heading: Angle::default(),
+        sd_m: 0.05,
+    };
     let mut spans = Vec::new();
     for round in 0..HALTS {
         let telemetry = |speed_mps, motion| {
-            vehicle::In::Telemetry(Telemetry { pose, speed_mps, battery: 1.0, motion, is_armed: true })
+            vehicle::In::Telemetry(Telemetry {
+                pose,
+                speed_mps,
+                battery: 1.0,
+                motion,
+                is_armed: true,
+            })
         };
         // A turn ends the halt of the round before; then it drives again, and something stands 0.4 m ahead.
         mailbox.tell(telemetry(0.0, Motion::Resting));
@@ -193,10 +269,20 @@ fn halt_latency() {
         ));
         mailbox.tell(telemetry(0.5, Motion::Driving));
         std::thread::sleep(Duration::from_millis(20));
-        let scan = Scan { pose, beam: Angle::default(), range_m: Some(0.4), suspect: false };
+        let scan = Scan {
+            pose,
+            beam: Angle::default(),
+            range_m: Some(0.4),
+            suspect: false,
+        };
         let began = Instant::now();
         mailbox.tell(vehicle::In::Scan(scan));
-        spans.extend(by_driver.recv_timeout(Duration::from_secs(2)).ok().map(|at| at - began));
+        spans.extend(
+            by_driver
+                .recv_timeout(Duration::from_secs(2))
+                .ok()
+                .map(|at| at - began),
+        );
     }
     is_over.store(true, Ordering::Relaxed);
     let (searches, merged) = busy
@@ -223,7 +309,8 @@ fn keep_busy(
     let over = is_over.clone();
     let search = move || {
         let area = CellRect::new(Cell::new(0, 0), Cell::new(SIDE - 1, SIDE - 1));
-        let solid = |cell: Cell| cell.y % 4 == 2 && cell.x != if cell.y % 8 == 2 { 0 } else { SIDE - 1 };
+        let solid =
+            |cell: Cell| cell.y % 4 == 2 && cell.x != if cell.y % 8 == 2 { 0 } else { SIDE - 1 };
         let grid = Grid::of_cells(Lattice::new(0.2), area, 0.0, solid).unwrap();
         let mut searches = 0;
         while !over.load(Ordering::Relaxed) {
@@ -235,18 +322,38 @@ fn keep_busy(
     };
     let mailbox: Mailbox<map::In> = Mailbox::shared("map");
     let own = settings.clone();
-    start_actor(context, &mailbox, RestartPolicy::StopNode, None, move || Map::new(own.clone()), |_| {})
-        .unwrap();
+    start_actor(
+        context,
+        &mailbox,
+        RestartPolicy::StopNode,
+        None,
+        move || Map::new(own.clone()),
+        |_| {},
+    )
+    .unwrap();
     let over = is_over.clone();
     let merge = move || {
         let mut merged = 0;
         while !over.load(Ordering::Relaxed) {
             // 32 x 32 tiles are 1,024 x 1,024 cells; every round is news.
             let (round, place) = (merged / 1024, (merged % 1024) as i32);
-            let address = TileAddress { slice: 0, x: place % 32, y: place / 32 };
-            let Message::Tile(report) = tile(round as u32 + 1) else { unreachable!("a tile is a tile") };
-            let layer = LayerId { vehicle: VehicleId(2), boot: Boot(1) };
-            mailbox.tell(map::In::Tile(TileReport { layer, address, ..report }));
+            let address = TileAddress {
+                slice: 0,
+                x: place % 32,
+                y: place / 32,
+            };
+            let Message::Tile(report) = tile(round as u32 + 1) else {
+                unreachable!("a tile is a tile")
+            };
+            let layer = LayerId {
+                vehicle: VehicleId(2),
+                boot: Boot(1),
+            };
+            mailbox.tell(map::In::Tile(TileReport {
+                layer,
+                address,
+                ..report
+            }));
             merged += 1;
             if merged % 64 == 0 {
                 std::thread::sleep(Duration::from_micros(200));

@@ -30,8 +30,13 @@ use tally::Tally;
 use world::play;
 
 fn main() -> ExitCode {
-    let numbers: Vec<u64> = std::env::args().filter_map(|word| word.parse().ok()).collect();
-    let (seeds, first) = (numbers.first().copied().unwrap_or(100), numbers.get(1).copied().unwrap_or(0));
+    let numbers: Vec<u64> = std::env::args()
+        .filter_map(|word| word.parse().ok())
+        .collect();
+    let (seeds, first) = (
+        numbers.first().copied().unwrap_or(100),
+        numbers.get(1).copied().unwrap_or(0),
+    );
     let began = Instant::now();
     if std::env::args().any(|word| word == "stops") {
         return stops_under_faults(first..first + seeds, began);
@@ -49,8 +54,15 @@ fn main() -> ExitCode {
             }
         }
     }
-    println!("{seeds} worlds in {:.1} s: {wrong} wrong; {sum}", began.elapsed().as_secs_f64());
-    if wrong == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+    println!(
+        "{seeds} worlds in {:.1} s: {wrong} wrong; {sum}",
+        began.elapsed().as_secs_f64()
+    );
+    if wrong == 0 {
+        ExitCode::SUCCESS
+    } else {
+        ExitCode::FAILURE
+    }
 }
 
 /// Plays the worlds of emergency stops.
@@ -67,12 +79,22 @@ fn stops_under_faults(seeds: Range<u64>, began: Instant) -> ExitCode {
         }
     }
     sum.by_bus.sort_unstable();
-    let longest = sum.by_beacons.iter().map(|(_, took)| *took).max().unwrap_or_default();
-    println!("{count} worlds in {:.1} s: {wrong} wrong", began.elapsed().as_secs_f64());
+    let longest = sum
+        .by_beacons
+        .iter()
+        .map(|(_, took)| *took)
+        .max()
+        .unwrap_or_default();
+    println!(
+        "{count} worlds in {:.1} s: {wrong} wrong",
+        began.elapsed().as_secs_f64()
+    );
     println!(
         "by bus: {} vehicles, beyond the longest delay median {:?}, most {:?} (wanted <= 300 ms)",
         sum.by_bus.len(),
-        sum.by_bus.get(sum.by_bus.len() / 2).unwrap_or(&Duration::ZERO),
+        sum.by_bus
+            .get(sum.by_bus.len() / 2)
+            .unwrap_or(&Duration::ZERO),
         sum.by_bus.last().unwrap_or(&Duration::ZERO)
     );
     println!(
@@ -80,8 +102,15 @@ fn stops_under_faults(seeds: Range<u64>, began: Instant) -> ExitCode {
         sum.by_beacons.len(),
         1e2 * sum.within_three_turns()
     );
-    println!("{} drove when the stop was given, {} were started anew under it", sum.driving, sum.restarted);
-    if wrong == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+    println!(
+        "{} drove when the stop was given, {} were started anew under it",
+        sum.driving, sum.restarted
+    );
+    if wrong == 0 {
+        ExitCode::SUCCESS
+    } else {
+        ExitCode::FAILURE
+    }
 }
 
 /// Plays the worlds of joining.
@@ -97,11 +126,24 @@ fn joins_under_faults(seeds: Range<u64>, began: Instant) -> ExitCode {
             }
         }
     }
-    println!("{count} worlds in {:.1} s: {wrong} wrong", began.elapsed().as_secs_f64());
-    let JoinsTally { started, members, left_as_twin, left_as_misfit, slowest } = sum;
+    println!(
+        "{count} worlds in {:.1} s: {wrong} wrong",
+        began.elapsed().as_secs_f64()
+    );
+    let JoinsTally {
+        started,
+        members,
+        left_as_twin,
+        left_as_misfit,
+        slowest,
+    } = sum;
     println!(
         "{started} starts, {members} take part at the end, {left_as_twin} left to another one of their id, \
          {left_as_misfit} to those that they do not fit; at most {slowest:?} from a start to taking part"
     );
-    if wrong == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+    if wrong == 0 {
+        ExitCode::SUCCESS
+    } else {
+        ExitCode::FAILURE
+    }
 }

@@ -36,10 +36,14 @@ fn kept(map: &mut Merged, area: CellRect) {
     for change in 0..400_u32 {
         let (x, y) = ((change * 7) as i32 % TILES, (change * 5) as i32 % TILES);
         write(map, 2 + change, x, y, |cell| {
-            let in_strip = cell.x.rem_euclid(32).abs_diff((change % 24) as i32) < 6 && cell.y % 32 < 12;
+            let in_strip =
+                cell.x.rem_euclid(32).abs_diff((change % 24) as i32) < 6 && cell.y % 32 < 12;
             ground(cell, if in_strip { u64::from(change) } else { 1 })
         });
-        let changed = CellRect::new(Cell::new(32 * x, 32 * y), Cell::new(32 * x + 31, 32 * y + 31));
+        let changed = CellRect::new(
+            Cell::new(32 * x, 32 * y),
+            Cell::new(32 * x + 31, 32 * y + 31),
+        );
         clearance_us.push(1e3 * ms(|| clearance.update(map, changed)));
         frontiers_us.push(1e3 * ms(|| frontiers.update(map, changed)));
     }
@@ -47,34 +51,65 @@ fn kept(map: &mut Merged, area: CellRect) {
         "per changed tile, {SIDE} x {SIDE} cells: clearance (reach 8 cells) {:.1} us",
         median(&mut clearance_us)
     );
-    println!("                                       frontiers {:.1} us", median(&mut frontiers_us));
-    println!("{} frontier cells in {} clusters", frontiers.len(), frontiers.clusters().count());
-    let mut grids: Vec<f64> =
-        (0..21).map(|_| ms(|| drop(black_box(Grid::of_clearance(&clearance, area, HALF_WIDTH_M))))).collect();
+    println!(
+        "                                       frontiers {:.1} us",
+        median(&mut frontiers_us)
+    );
+    println!(
+        "{} frontier cells in {} clusters",
+        frontiers.len(),
+        frontiers.clusters().count()
+    );
+    let mut grids: Vec<f64> = (0..21)
+        .map(|_| {
+            ms(|| {
+                drop(black_box(Grid::of_clearance(
+                    &clearance,
+                    area,
+                    HALF_WIDTH_M,
+                )))
+            })
+        })
+        .collect();
     println!("a grid of kept clearance: {:.2} ms", median(&mut grids));
 }
 
 fn from_scratch(map: &Merged, area: CellRect) {
     let view = map.view(0, area);
-    let mut grids: Vec<f64> =
-        (0..21).map(|_| ms(|| drop(black_box(Grid::of_map(&view, area, HALF_WIDTH_M, false))))).collect();
+    let mut grids: Vec<f64> = (0..21)
+        .map(|_| ms(|| drop(black_box(Grid::of_map(&view, area, HALF_WIDTH_M, false)))))
+        .collect();
     println!("a grid of the map, inflated: {:.2} ms", median(&mut grids));
     let mut clearance: Vec<f64> = (0..9)
         .map(|_| {
-            let mut fresh = Clearance::new(map.lattice(), 0, area, 1.6, true).expect("the area is small");
+            let mut fresh =
+                Clearance::new(map.lattice(), 0, area, 1.6, true).expect("the area is small");
             ms(|| fresh.update(map, area))
         })
         .collect();
     println!("clearance from scratch: {:.2} ms", median(&mut clearance));
     let mut frontiers: Vec<f64> = (0..9)
         .map(|_| {
-            let mut fresh = Frontiers::new(map.lattice(), 0, area, |_| true).expect("the area is small");
+            let mut fresh =
+                Frontiers::new(map.lattice(), 0, area, |_| true).expect("the area is small");
             ms(|| fresh.update(map, area))
         })
         .collect();
     println!("frontiers from scratch: {:.2} ms", median(&mut frontiers));
-    let corners = [(2.0, 2.0), (70.0, 5.0), (75.0, 40.0), (66.0, 74.0), (30.0, 60.0), (3.0, 70.0)];
-    let fence = Polygon::new(corners.into_iter().map(|(x_m, y_m)| Point::new(x_m, y_m)).collect());
+    let corners = [
+        (2.0, 2.0),
+        (70.0, 5.0),
+        (75.0, 40.0),
+        (66.0, 74.0),
+        (30.0, 60.0),
+        (3.0, 70.0),
+    ];
+    let fence = Polygon::new(
+        corners
+            .into_iter()
+            .map(|(x_m, y_m)| Point::new(x_m, y_m))
+            .collect(),
+    );
     let empty = Grid::of_cells(map.lattice(), area, 0.0, |_| false).expect("the area is small");
     let mut asked: Vec<f64> = (0..9)
         .map(|_| {
@@ -98,13 +133,21 @@ fn from_scratch(map: &Merged, area: CellRect) {
 fn many_goals(map: &Merged, area: CellRect) {
     let grid = Grid::of_map(&map.view(0, area), area, 0.1, false).expect("the area is small");
     let rules = Rules::default();
-    let reached = |start: Cell| Distances::from_start(&grid, start, &rules).map_or(0, |all| all.reached());
+    let reached =
+        |start: Cell| Distances::from_start(&grid, start, &rules).map_or(0, |all| all.reached());
     let starts = (0..SIDE).map(|place| Cell::new(place, place));
-    let start = starts.max_by_key(|start| reached(*start)).expect("there are cells");
-    let mut times: Vec<f64> =
-        (0..21).map(|_| ms(|| drop(black_box(Distances::from_start(&grid, start, &rules))))).collect();
+    let start = starts
+        .max_by_key(|start| reached(*start))
+        .expect("there are cells");
+    let mut times: Vec<f64> = (0..21)
+        .map(|_| ms(|| drop(black_box(Distances::from_start(&grid, start, &rules)))))
+        .collect();
     let distances = Distances::from_start(&grid, start, &rules).expect("the start is free");
-    println!("one search to all {} cells: {:.2} ms", distances.reached(), median(&mut times));
+    println!(
+        "one search to all {} cells: {:.2} ms",
+        distances.reached(),
+        median(&mut times)
+    );
     let goals = (0..SIDE).map(|number| Cell::new((number * 37) % SIDE, (number * 91) % SIDE));
     let middle = |cell: Cell| grid.lattice().centre(cell);
     let found: Vec<(Cell, Vec<Cell>)> = goals
@@ -112,20 +155,43 @@ fn many_goals(map: &Merged, area: CellRect) {
         .collect();
     let mut times: Vec<f64> = found
         .iter()
-        .map(|(goal, cells)| ms(|| drop(black_box(route_along(&grid, middle(start), cells, middle(*goal))))))
+        .map(|(goal, cells)| {
+            ms(|| {
+                drop(black_box(route_along(
+                    &grid,
+                    middle(start),
+                    cells,
+                    middle(*goal),
+                )))
+            })
+        })
         .collect();
-    println!("straightening one of {} ways: {:.3} ms", found.len(), median(&mut times));
+    println!(
+        "straightening one of {} ways: {:.3} ms",
+        found.len(),
+        median(&mut times)
+    );
 }
 
 /// Joins a tile of the given values.
 fn write(map: &mut Merged, revision: u32, x: i32, y: i32, value: impl Fn(Cell) -> i8) {
-    let layer = LayerId { vehicle: VehicleId(1), boot: Boot(1) };
+    let layer = LayerId {
+        vehicle: VehicleId(1),
+        boot: Boot(1),
+    };
     let mut cells = [0; TILE_CELLS];
     for (index, cell) in cells.iter_mut().enumerate() {
-        *cell = value(Cell::new(32 * x + (index % 32) as i32, 32 * y + (index / 32) as i32));
+        *cell = value(Cell::new(
+            32 * x + (index % 32) as i32,
+            32 * y + (index / 32) as i32,
+        ));
     }
-    let report =
-        TileReport { layer, address: TileAddress { slice: 0, x, y }, revision, cells: Arc::new(cells) };
+    let report = TileReport {
+        layer,
+        address: TileAddress { slice: 0, x, y },
+        revision,
+        cells: Arc::new(cells),
+    };
     map.join(&report).expect("the map is small");
 }
 
@@ -156,7 +222,9 @@ fn median(values: &mut [f64]) -> f64 {
 /// A hash of seed and cell.
 fn mix(seed: u64, cell: Cell) -> u64 {
     let mut z = (seed << 40) ^ ((cell.x as u64) << 20) ^ cell.y as u64;
-    z = (z ^ (z >> 30)).wrapping_add(0x9e37_79b9_7f4a_7c15).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 30))
+        .wrapping_add(0x9e37_79b9_7f4a_7c15)
+        .wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     z ^ (z >> 31)
 }

@@ -26,7 +26,10 @@ fn measure(name: &str, calls: u64, mut work: impl FnMut(u64)) {
         start.elapsed()
     });
     let best = best.min().unwrap_or_default();
-    println!("{name:<36} {:>9.1} ns", best.as_nanos() as f64 / calls as f64);
+    println!(
+        "{name:<36} {:>9.1} ns",
+        best.as_nanos() as f64 / calls as f64
+    );
 }
 
 fn noise_and_radio() {
@@ -43,8 +46,16 @@ fn noise_and_radio() {
     });
     let field = RadioField::new(noise, RadioConstants::default());
     let packet = |id: u64| {
-        let (from, to) = (Point::new(id as f64 * 0.01, 3.0), Point::new(12.0, id as f64 * 0.02));
-        Transmission { from, to, channel: 11, power_dbm: 0 }
+        let (from, to) = (
+            Point::new(id as f64 * 0.01, 3.0),
+            Point::new(12.0, id as f64 * 0.02),
+        );
+        Transmission {
+            from,
+            to,
+            channel: 11,
+            power_dbm: 0,
+        }
     };
     measure("radio: fading_db", 100_000, |id| {
         let packet = packet(id);
@@ -56,25 +67,39 @@ fn noise_and_radio() {
 }
 
 fn rover(x_m: f64, goal: Point) -> Body {
-    let limits = Limits { speed_mps: 0.5, acceleration_mps2: 0.5, braking_mps2: 1.0, turn_rate_radps: 1.5 };
+    let limits = Limits {
+        speed_mps: 0.5,
+        acceleration_mps2: 0.5,
+        braking_mps2: 1.0,
+        turn_rate_radps: 1.5,
+    };
     let start = Point::new(x_m, 0.0);
-    let mut body = Body::at_rest(start, Angle::default(), limits).expect("the constants are possible");
+    let mut body =
+        Body::at_rest(start, Angle::default(), limits).expect("the constants are possible");
     drive(&mut body, Time::ZERO, &[Point::new(x_m, 1.0), goal]);
     body
 }
 
 fn drive(body: &mut Body, now: Time, corners: &[Point]) {
-    body.drive(now, corners, 0.5).expect("the corners are possible");
+    body.drive(now, corners, 0.5)
+        .expect("the corners are possible");
 }
 
 fn bodies() {
-    let (a, b) = (rover(0.0, Point::new(8.0, 5.0)), rover(9.0, Point::new(1.0, 6.0)));
+    let (a, b) = (
+        rover(0.0, Point::new(8.0, 5.0)),
+        rover(9.0, Point::new(1.0, 6.0)),
+    );
     measure("body: pose_at", 1_000_000, |id| {
         black_box(a.pose_at(Time::from_nanos(id * 20_000)));
     });
     let mut driven = a.clone();
     measure("body: drive, 2 corners", 100_000, |id| {
-        drive(&mut driven, Time::from_nanos(id * 1000), &[Point::new(0.0, 1.0), Point::new(8.0, 5.0)]);
+        drive(
+            &mut driven,
+            Time::from_nanos(id * 1000),
+            &[Point::new(0.0, 1.0), Point::new(8.0, 5.0)],
+        );
     });
     measure("contact: first_contact_of, 2 legs", 100_000, |_| {
         black_box(first_contact_of(&a, &b, Time::ZERO, Time::NEVER, 0.1));
@@ -91,21 +116,33 @@ fn range() {
         (distance_m > 0.0 && distance_m <= max_m).then_some((distance_m, [-1.0, 0.0, 0.0]))
     };
     let noise = Noise::new(1);
-    let discs = [Disc { centre: Point::new(2.0, 0.3), radius_m: 0.3, low_m: 0.0, high_m: 1.8 }];
-    let around = Surroundings { cast: &wall, discs: &discs };
+    let discs = [Disc {
+        centre: Point::new(2.0, 0.3),
+        radius_m: 0.3,
+        low_m: 0.0,
+        high_m: 1.8,
+    }];
+    let around = Surroundings {
+        cast: &wall,
+        discs: &discs,
+    };
     measure("range: echo, plane wall, 1 disc", 1_000_000, |id| {
         black_box(sensor.echo([0.0, 0.0, 0.2], Angle::default(), around, &noise, &[id]));
     });
 }
 
 fn bus_and_queue() {
-    let mission = Mission { vehicle: VehicleId(1), ..Mission::default() };
+    let mission = Mission {
+        vehicle: VehicleId(1),
+        ..Mission::default()
+    };
     let outbound = OutboundFrame::of(&Message::Mission(mission)).expect("a Mission is short");
     let nodes = [1, 2, 3].map(|id| NodeId::Vehicle(VehicleId(id)));
     let mut bus = Bus::new(Noise::new(1), BusModel::default());
     measure("bus: send a Mission to 2, read both", 100_000, |_| {
         let sent = bus.send(Time::ZERO, nodes[0], &outbound, &nodes);
-        sent.iter().for_each(|delivery| drop(black_box(delivery.frame.read().clone())));
+        sent.iter()
+            .for_each(|delivery| drop(black_box(delivery.frame.read().clone())));
     });
     let mut queue = EventQueue::new(None);
     (0..1000u64).for_each(|id| queue.push(Time::from_nanos(id), id));

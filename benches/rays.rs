@@ -38,17 +38,29 @@ fn main() {
 }
 
 fn person(name: &str, x_m: f64, y_m: f64) -> Person {
-    Person { name: name.into(), at: Point::new(x_m, y_m), radius_m: 0.3, height_m: 1.8, db_per_m: 10.0 }
+    Person {
+        name: name.into(),
+        at: Point::new(x_m, y_m),
+        radius_m: 0.3,
+        height_m: 1.8,
+        db_per_m: 10.0,
+    }
 }
 
 fn load(path: &Path, up: Up, persons: &[Person]) -> Option<Scene> {
     let text = std::fs::read_to_string(path).ok()?;
-    let read = read_vrml(&text, &path.display().to_string(), up, &mut |_| Err("none here".into())).ok()?;
+    let read = read_vrml(&text, &path.display().to_string(), up, &mut |_| {
+        Err("none here".into())
+    })
+    .ok()?;
     let parts = SceneParts {
         shapes: &read.shapes,
         offset_m: [0.0; 3],
         materials: &BTreeMap::new(),
-        default_material: Material { db_per_m: 20.0, db_per_crossing: 6.0 },
+        default_material: Material {
+            db_per_m: 20.0,
+            db_per_crossing: 6.0,
+        },
         posts: &[],
         persons,
     };
@@ -65,7 +77,11 @@ fn rays(name: &str, scene: &Scene, middle: [f64; 3], span_m: f64, most_m: f64) {
         let (sin, cos) = (spread(index, 0.618_033_988_75) * std::f64::consts::TAU).sin_cos();
         let x = middle[0] + span_m * (2.0 * spread(index, 0.754_877_666) - 1.0);
         let y = middle[1] + span_m * (2.0 * spread(index, 0.569_840_291) - 1.0);
-        let rise: f64 = if is_level { 0.0 } else { 2.0 * spread(index, 0.819_172_513) - 1.0 };
+        let rise: f64 = if is_level {
+            0.0
+        } else {
+            2.0 * spread(index, 0.819_172_513) - 1.0
+        };
         let across = (1.0 - rise * rise).sqrt();
         ([x, y, middle[2]], [cos * across, sin * across, rise])
     };
@@ -78,19 +94,34 @@ fn rays(name: &str, scene: &Scene, middle: [f64; 3], span_m: f64, most_m: f64) {
             };
             hits = rays.iter().filter(is_hit).count();
         });
-        print_rates(&format!("{name}: {RAYS} {word} rays, {hits} hits"), "rays/s", &rates);
+        print_rates(
+            &format!("{name}: {RAYS} {word} rays, {hits} hits"),
+            "rays/s",
+            &rates,
+        );
     }
 }
 
 fn links(scene: &Scene) {
     let attenuation = Attenuation::new(scene, 0.5, 0.125, LIMIT_DB);
     let links: Vec<(Point, Point)> = (0..LINKS)
-        .map(|index| (border(spread(index, 0.618_033_988_75)), border(spread(index, 0.754_877_666))))
+        .map(|index| {
+            (
+                border(spread(index, 0.618_033_988_75)),
+                border(spread(index, 0.754_877_666)),
+            )
+        })
         .collect();
     let mut sum_db = 0.0;
-    let rates = measure(LINKS, || sum_db = links.iter().map(|(a, b)| attenuation.between(*a, *b)).sum());
+    let rates = measure(LINKS, || {
+        sum_db = links.iter().map(|(a, b)| attenuation.between(*a, *b)).sum()
+    });
     let mean = sum_db / LINKS as f64;
-    print_rates(&format!("courtyard: {LINKS} border links, mean {mean:.3} dB"), "links/s", &rates);
+    print_rates(
+        &format!("courtyard: {LINKS} border links, mean {mean:.3} dB"),
+        "links/s",
+        &rates,
+    );
 }
 
 /// A place on the border of the 20 m square.
@@ -110,7 +141,9 @@ fn measure(count: usize, mut work: impl FnMut()) -> Vec<f64> {
         .map(|_| {
             let (start, start_s) = (Instant::now(), on_core_s());
             work();
-            let on_core = start_s.zip(on_core_s()).map(|(start_s, end_s)| end_s - start_s);
+            let on_core = start_s
+                .zip(on_core_s())
+                .map(|(start_s, end_s)| end_s - start_s);
             count as f64 / on_core.unwrap_or_else(|| start.elapsed().as_secs_f64())
         })
         .collect();

@@ -4,11 +4,18 @@
 
 #[cfg(feature = "net")]
 fn main() {
-    let folder = std::env::current_dir().unwrap_or_default().join("target").join("bench-store");
-    for (words, batches) in
-        [("a single batch", 1), ("what 100 ms bring at 20,000/s", 16), ("half a second of it", 78)]
-    {
-        let mut rates: Vec<f64> = (0..5).map(|_| bench::rate_per_s(&folder, batches)).collect();
+    let folder = std::env::current_dir()
+        .unwrap_or_default()
+        .join("target")
+        .join("bench-store");
+    for (words, batches) in [
+        ("a single batch", 1),
+        ("what 100 ms bring at 20,000/s", 16),
+        ("half a second of it", 78),
+    ] {
+        let mut rates: Vec<f64> = (0..5)
+            .map(|_| bench::rate_per_s(&folder, batches))
+            .collect();
         rates.sort_by(f64::total_cmp);
         println!(
             "{:>6} samples a commit ({words}): median {:.0} samples/s (slowest {:.0}, fastest {:.0})",
@@ -44,13 +51,21 @@ mod bench {
     pub fn rate_per_s(folder: &Path, batches: usize) -> f64 {
         let _ = std::fs::remove_dir_all(folder);
         std::fs::create_dir_all(folder).expect("a folder to write to");
-        let mut store = GroundStore::open(&folder.join("swarm.db"), &Start::default()).expect("a new store");
+        let mut store =
+            GroundStore::open(&folder.join("swarm.db"), &Start::default()).expect("a new store");
         let mut next = [0; 8];
         let groups: Vec<Vec<Samples>> = (0..SAMPLES.div_ceil(batches * BATCH))
-            .map(|group| (0..batches).map(|index| batch(&mut next, group * batches + index)).collect())
+            .map(|group| {
+                (0..batches)
+                    .map(|index| batch(&mut next, group * batches + index))
+                    .collect()
+            })
             .collect();
         let start = Instant::now();
-        let new: usize = groups.iter().map(|group| store.take(group).expect("room")).sum();
+        let new: usize = groups
+            .iter()
+            .map(|group| store.take(group).expect("room"))
+            .sum();
         new as f64 / start.elapsed().as_secs_f64()
     }
 
@@ -59,7 +74,13 @@ mod bench {
         let first = next[vehicle];
         next[vehicle] += BATCH as u64;
         let samples = (first..next[vehicle]).map(sample).collect();
-        Samples { vehicle: VehicleId(vehicle as u8), boot: Boot(1), run: RunId(1), samples, lost: vec![] }
+        Samples {
+            vehicle: VehicleId(vehicle as u8),
+            boot: Boot(1),
+            run: RunId(1),
+            samples,
+            lost: vec![],
+        }
     }
 
     fn sample(sequence: u64) -> Sample {

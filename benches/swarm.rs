@@ -7,7 +7,10 @@
 //! - start: a vehicle's process starts → it is heard in a mesh of ten nodes; memory and processor of an idle vehicle;
 //! - star: fifty vehicle processes around one ground station: heard, memory, processor.
 
-#![allow(clippy::disallowed_methods, reason = "a benchmark reads the clock and waits")]
+#![allow(
+    clippy::disallowed_methods,
+    reason = "a benchmark reads the clock and waits"
+)]
 
 #[path = "../tests/net/relay.rs"]
 #[allow(dead_code, reason = "the tests also freeze a link")]
@@ -33,8 +36,8 @@ use tomoswarm::run::bus::{Bus, BusSettings, Heard, Publisher, Topology};
 use tomoswarm::run::clock::Clock;
 use tomoswarm::run::mailbox::{Mailbox, RuntimeContext, Troubles, start_actor};
 use tomoswarm_proto::{
-    Boot, LayerId, Lease, Message, OperatorId, Order, OrderKind, Revision, RunId, Sender, TileAddress,
-    TileReport, VehicleId,
+    Boot, LayerId, Lease, Message, OperatorId, Order, OrderKind, Revision, RunId, Sender,
+    TileAddress, TileReport, VehicleId,
 };
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_tomoswarm");
@@ -43,12 +46,21 @@ const RATE_BYTES_PER_S: f64 = 5e6 / 8.0;
 const DELAY: Duration = Duration::from_millis(20);
 
 fn main() {
-    let words: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with("--")).collect();
+    let words: Vec<String> = std::env::args()
+        .skip(1)
+        .filter(|word| !word.starts_with("--"))
+        .collect();
     let wanted = |what: &str| words.is_empty() || words.iter().any(|word| word == what);
-    println!("machine: {} cores", std::thread::available_parallelism().map_or(0, usize::from));
+    println!(
+        "machine: {} cores",
+        std::thread::available_parallelism().map_or(0, usize::from)
+    );
     if wanted("emergency") {
         emergency(64_000, "with the default budget of a vehicle (64 kB/s)");
-        emergency(5_000_000, "with a budget that the link cannot carry (5 MB/s)");
+        emergency(
+            5_000_000,
+            "with a budget that the link cannot carry (5 MB/s)",
+        );
     }
     if wanted("partition") {
         partition();
@@ -57,7 +69,10 @@ fn main() {
         start();
     }
     if wanted("star") {
-        let seconds = words.iter().find_map(|word| word.parse().ok()).unwrap_or(60);
+        let seconds = words
+            .iter()
+            .find_map(|word| word.parse().ok())
+            .unwrap_or(60);
         star(seconds);
     }
 }
@@ -95,11 +110,24 @@ fn bus(join: Join, hear: impl Fn(Heard) + Send + Sync + 'static) -> Bus {
 
 /// A tile that does not pack well, as noise would not.
 fn tile(vehicle: u8, number: u32) -> Message {
-    let layer = LayerId { vehicle: VehicleId(vehicle), boot: Boot(1) };
-    let cells =
-        Arc::new(std::array::from_fn(|index| ((index as u32 * 7919 + number * 104_729) % 35) as i8 - 17));
-    let address = TileAddress { slice: 0, x: (number % 64) as i32, y: (number / 64 % 64) as i32 };
-    Message::Tile(TileReport { layer, address, revision: number, cells })
+    let layer = LayerId {
+        vehicle: VehicleId(vehicle),
+        boot: Boot(1),
+    };
+    let cells = Arc::new(std::array::from_fn(|index| {
+        ((index as u32 * 7919 + number * 104_729) % 35) as i8 - 17
+    }));
+    let address = TileAddress {
+        slice: 0,
+        x: (number % 64) as i32,
+        y: (number / 64 % 64) as i32,
+    };
+    Message::Tile(TileReport {
+        layer,
+        address,
+        revision: number,
+        cells,
+    })
 }
 
 const VEHICLES: u8 = 4;
@@ -118,7 +146,8 @@ fn emergency(egress_bytes_per_s: u32, what: &str) {
         |_| {},
     );
     let is_over = Arc::new(AtomicBool::new(false));
-    let (mut buses, mut relays, mut ears, mut floods) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let (mut buses, mut relays, mut ears, mut floods) =
+        (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for id in 1..=VEHICLES {
         let relay = Relay::start(hub);
         relay.shape(RATE_BYTES_PER_S, DELAY);
@@ -135,8 +164,16 @@ fn emergency(egress_bytes_per_s: u32, what: &str) {
         };
         let node = Sender::Vehicle(VehicleId(id));
         let connect = vec![relay.address()];
-        let bus =
-            bus(Join { node, topology: Topology::Star, listen: vec![], connect, egress_bytes_per_s }, hear);
+        let bus = bus(
+            Join {
+                node,
+                topology: Topology::Star,
+                listen: vec![],
+                connect,
+                egress_bytes_per_s,
+            },
+            hear,
+        );
         floods.push(flood(bus.publisher(), id, is_over.clone()));
         buses.push(bus);
         relays.push(relay);
@@ -179,9 +216,20 @@ fn ordered(
     number: u32,
     ear: &Receiver<(Revision, Instant)>,
 ) -> Option<Duration> {
-    let lease = Lease { number: 1, holder: 1 };
+    let lease = Lease {
+        number: 1,
+        holder: 1,
+    };
     let (vehicle, run, revision) = (VehicleId(vehicle), RunId(1), Revision(number));
-    let order = Order { vehicle, lease, run, revision, seen: None, kind: OrderKind::CutMotors, ends: vec![] };
+    let order = Order {
+        vehicle,
+        lease,
+        run,
+        revision,
+        seen: None,
+        kind: OrderKind::CutMotors,
+        ends: vec![],
+    };
     let began = Instant::now();
     publisher.publish(&Message::Order(order));
     while let Ok((heard, at)) = ear.recv_timeout(Duration::from_secs(2)) {
@@ -209,11 +257,20 @@ fn mapper(id: u8, listen: SocketAddr, connect: Vec<SocketAddr>) -> Mapper {
         Heard::Message(..) | Heard::Greeting(..) | Heard::Unknown(_) => {}
     };
     let node = Sender::Vehicle(VehicleId(id));
-    let join =
-        Join { node, topology: Topology::Mesh, listen: vec![listen], connect, egress_bytes_per_s: 64_000 };
+    let join = Join {
+        node,
+        topology: Topology::Mesh,
+        listen: vec![listen],
+        connect,
+        egress_bytes_per_s: 64_000,
+    };
     let bus = bus(join, hear);
     let (endings, _) = channel();
-    let context = RuntimeContext { clock: Clock::start(), troubles: Troubles::default(), endings };
+    let context = RuntimeContext {
+        clock: Clock::start(),
+        troubles: Troubles::default(),
+        endings,
+    };
     let settings = settings(id);
     let (publisher, held) = (bus.publisher(), Arc::new(Mutex::new(BTreeMap::new())));
     let of_map = held.clone();
@@ -225,9 +282,20 @@ fn mapper(id: u8, listen: SocketAddr, connect: Vec<SocketAddr>) -> Mapper {
             held.extend(tiles.into_iter().map(|tile| (tile.address, tile.revision)));
         }
     };
-    start_actor(&context, &mailbox, RestartPolicy::StopNode, None, move || Map::new(settings.clone()), say)
-        .unwrap();
-    Mapper { mailbox, _bus: bus, held }
+    start_actor(
+        &context,
+        &mailbox,
+        RestartPolicy::StopNode,
+        None,
+        move || Map::new(settings.clone()),
+        say,
+    )
+    .unwrap();
+    Mapper {
+        mailbox,
+        _bus: bus,
+        held,
+    }
 }
 
 /// A vehicle of the bundled simulation.
@@ -248,9 +316,16 @@ fn partition() {
     let one = mapper(1, here, vec![]);
     let two = mapper(2, free_address(), vec![relay.address()]);
     let look = |mapper: &Mapper, number: u32| {
-        let at = Point::new(f64::from(number % 10) * 6.4 + 1.0, f64::from(number / 10) * 6.4 + 1.0);
+        let at = Point::new(
+            f64::from(number % 10) * 6.4 + 1.0,
+            f64::from(number / 10) * 6.4 + 1.0,
+        );
         let heading = Angle::from_degrees(f64::from(number * 37));
-        let pose = Pose { at, heading, sd_m: 0.05 };
+        let pose = Pose {
+            at,
+            heading,
+            sd_m: 0.05,
+        };
         mapper.mailbox.tell(map::In::Scan(Scan {
             pose,
             beam: Angle::default(),
@@ -259,7 +334,10 @@ fn partition() {
         }));
     };
     (0..20).for_each(|number| look(&one, number));
-    assert!(within(Duration::from_secs(20), || lacking(&one, &two) == 0), "the maps are equal before");
+    assert!(
+        within(Duration::from_secs(20), || lacking(&one, &two) == 0),
+        "the maps are equal before"
+    );
     relay.cut();
     let began = Instant::now();
     let mut number = 0;
@@ -284,7 +362,9 @@ fn partition() {
 /// Returns how many tiles of one the other does not hold at their newest.
 fn lacking(one: &Mapper, other: &Mapper) -> usize {
     let (one, other) = (one.held.lock().unwrap(), other.held.lock().unwrap());
-    one.iter().filter(|(address, revision)| other.get(address) != Some(revision)).count()
+    one.iter()
+        .filter(|(address, revision)| other.get(address) != Some(revision))
+        .count()
 }
 
 fn within(limit: Duration, mut holds: impl FnMut() -> bool) -> bool {
@@ -340,7 +420,13 @@ fn files(count: u8, topology: &str) -> Files {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str, text: String| std::fs::write(folder.path().join(name), text).unwrap();
     let homes: Vec<String> = (0..count)
-        .map(|id| format!("[{}, {}]", -3 - 2 * i32::from(id / 10), 2 * i32::from(id % 10)))
+        .map(|id| {
+            format!(
+                "[{}, {}]",
+                -3 - 2 * i32::from(id / 10),
+                2 * i32::from(id % 10)
+            )
+        })
         .collect();
     write(
         "venue.toml",
@@ -354,7 +440,10 @@ fn files(count: u8, topology: &str) -> Files {
         std::fs::create_dir_all(folder.path().join(format!("state-{id}"))).unwrap();
         write(&format!("state-{id}/boot"), "0\n".to_owned());
     }
-    write("scene.toml", "kind = \"scene\"\nname = \"bench\"\n".to_owned());
+    write(
+        "scene.toml",
+        "kind = \"scene\"\nname = \"bench\"\n".to_owned(),
+    );
     let (world, ground) = (free_address(), free_address());
     let vehicles: BTreeMap<u8, SocketAddr> = (1..=count).map(|id| (id, free_address())).collect();
     write(
@@ -372,10 +461,15 @@ fn files(count: u8, topology: &str) -> Files {
             ids.join(", ")
         ),
     );
-    let drivers: String =
-        ["autopilot", "range", "servo", "radio"].map(|part| format!("[{part}]\ndriver = \"sim\"\n")).concat();
+    let drivers: String = ["autopilot", "range", "servo", "radio"]
+        .map(|part| format!("[{part}]\ndriver = \"sim\"\n"))
+        .concat();
     for (id, own) in &vehicles {
-        let listen = if topology == "mesh" { format!("listen = [\"tcp/{own}\"]\n") } else { String::new() };
+        let listen = if topology == "mesh" {
+            format!("listen = [\"tcp/{own}\"]\n")
+        } else {
+            String::new()
+        };
         write(
             &format!("v{id}.toml"),
             format!(
@@ -383,7 +477,11 @@ fn files(count: u8, topology: &str) -> Files {
             ),
         );
     }
-    Files { folder, ground, vehicles }
+    Files {
+        folder,
+        ground,
+        vehicles,
+    }
 }
 
 /// When each vehicle's newest State was heard.
@@ -394,10 +492,17 @@ fn listen(files: &Files, topology: Topology) -> (Bus, LastHeard) {
     let of_bus = heard.clone();
     let hear = move |what| {
         if let Heard::Message(_, Message::State(state)) = what {
-            of_bus.lock().unwrap().insert(state.vehicle.0, (state.boot, Instant::now()));
+            of_bus
+                .lock()
+                .unwrap()
+                .insert(state.vehicle.0, (state.boot, Instant::now()));
         }
     };
-    let listen = if topology == Topology::Mesh { vec![free_address()] } else { vec![] };
+    let listen = if topology == Topology::Mesh {
+        vec![free_address()]
+    } else {
+        vec![]
+    };
     let settings = BusSettings {
         node: Sender::Operator(OperatorId(1)),
         prefix: "tomoswarm/bench".to_owned(),
@@ -409,13 +514,27 @@ fn listen(files: &Files, topology: Topology) -> (Bus, LastHeard) {
         lease: Duration::from_secs(3),
         egress_bytes_per_s: 64_000,
     };
-    (Bus::open(settings, Clock::start(), Troubles::default(), hear).unwrap(), heard)
+    (
+        Bus::open(settings, Clock::start(), Troubles::default(), hear).unwrap(),
+        heard,
+    )
 }
 
 fn begin(files: &Files, processes: &mut Processes) {
     let folder = files.folder.path();
     let world = std::fs::read_to_string(folder.join("world")).unwrap();
-    processes.start(folder, "world", &["world", "sim.toml", "--listen", &world, "--token", "bench-token"]);
+    processes.start(
+        folder,
+        "world",
+        &[
+            "world",
+            "sim.toml",
+            "--listen",
+            &world,
+            "--token",
+            "bench-token",
+        ],
+    );
     processes.start(folder, "ground", &["ground", "ground.toml"]);
     std::thread::sleep(Duration::from_secs(2));
 }
@@ -428,10 +547,17 @@ fn start() {
     let mut spans = Vec::new();
     let folder = files.folder.path().to_owned();
     let start = |id: u8, processes: &mut Processes| {
-        processes.start(&folder, &format!("v{id}"), &["vehicle", &format!("v{id}.toml")])
+        processes.start(
+            &folder,
+            &format!("v{id}"),
+            &["vehicle", &format!("v{id}.toml")],
+        )
     };
-    let began: Vec<(u8, Instant)> =
-        files.vehicles.keys().map(|id| (*id, start(*id, &mut processes))).collect();
+    let began: Vec<(u8, Instant)> = files
+        .vehicles
+        .keys()
+        .map(|id| (*id, start(*id, &mut processes)))
+        .collect();
     for (id, began) in began {
         spans.extend(first_heard(&heard, id, Boot(1), began));
     }
@@ -453,25 +579,53 @@ fn start() {
 }
 
 fn first_heard(heard: &LastHeard, id: u8, boot: Boot, began: Instant) -> Option<Duration> {
-    let is_heard = || heard.lock().unwrap().get(&id).is_some_and(|(known, _)| *known == boot);
+    let is_heard = || {
+        heard
+            .lock()
+            .unwrap()
+            .get(&id)
+            .is_some_and(|(known, _)| *known == boot)
+    };
     within(Duration::from_secs(20), is_heard).then(|| began.elapsed())
 }
 
 /// Prints memory and processor of the vehicles over some seconds at rest.
 fn use_of(processes: &Processes, seconds: u64) {
     let ticks = |child: &Child| {
-        let text = std::fs::read_to_string(format!("/proc/{}/stat", child.id())).unwrap_or_default();
-        let fields: Vec<&str> = text.rsplit(')').next().unwrap_or_default().split_whitespace().collect();
-        let field = |index: usize| fields.get(index).and_then(|word| word.parse::<u64>().ok()).unwrap_or(0);
+        let text =
+            std::fs::read_to_string(format!("/proc/{}/stat", child.id())).unwrap_or_default();
+        let fields: Vec<&str> = text
+            .rsplit(')')
+            .next()
+            .unwrap_or_default()
+            .split_whitespace()
+            .collect();
+        let field = |index: usize| {
+            fields
+                .get(index)
+                .and_then(|word| word.parse::<u64>().ok())
+                .unwrap_or(0)
+        };
         field(11) + field(12)
     };
     let memory_kb = |child: &Child| {
-        let text = std::fs::read_to_string(format!("/proc/{}/status", child.id())).unwrap_or_default();
-        let line = text.lines().find_map(|line| line.strip_prefix("VmRSS:")).unwrap_or_default().to_owned();
-        line.split_whitespace().next().and_then(|word| word.parse::<f64>().ok()).unwrap_or(0.0)
+        let text =
+            std::fs::read_to_string(format!("/proc/{}/status", child.id())).unwrap_or_default();
+        let line = text
+            .lines()
+            .find_map(|line| line.strip_prefix("VmRSS:"))
+            .unwrap_or_default()
+            .to_owned();
+        line.split_whitespace()
+            .next()
+            .and_then(|word| word.parse::<f64>().ok())
+            .unwrap_or(0.0)
     };
-    let before: BTreeMap<&String, u64> =
-        processes.0.iter().map(|(name, child)| (name, ticks(child))).collect();
+    let before: BTreeMap<&String, u64> = processes
+        .0
+        .iter()
+        .map(|(name, child)| (name, ticks(child)))
+        .collect();
     std::thread::sleep(Duration::from_secs(seconds));
     let is_vehicle = |name: &&String| name.starts_with('v');
     let share = |name: &String| (ticks(&processes.0[name]) - before[name]) as f64 / seconds as f64;
@@ -491,7 +645,11 @@ fn use_of(processes: &Processes, seconds: u64) {
     );
     for name in ["ground", "world"] {
         let name = name.to_owned();
-        println!("{name}: {:.2} % of one core, {:.1} MB", share(&name), memory_kb(&processes.0[&name]) / 1e3);
+        println!(
+            "{name}: {:.2} % of one core, {:.1} MB",
+            share(&name),
+            memory_kb(&processes.0[&name]) / 1e3
+        );
     }
 }
 
@@ -501,17 +659,32 @@ fn star(seconds: u64) {
     begin(&files, &mut processes);
     let (_bus, heard) = listen(&files, Topology::Star);
     for id in files.vehicles.keys() {
-        processes.start(files.folder.path(), &format!("v{id}"), &["vehicle", &format!("v{id}.toml")]);
+        processes.start(
+            files.folder.path(),
+            &format!("v{id}"),
+            &["vehicle", &format!("v{id}.toml")],
+        );
     }
     let all = files.vehicles.len();
-    let is_there = within(Duration::from_secs(60), || heard.lock().unwrap().len() == all);
+    let is_there = within(Duration::from_secs(60), || {
+        heard.lock().unwrap().len() == all
+    });
     println!("\nstar of {all} vehicle processes: all heard within a minute: {is_there}");
     let (mut worst, began) = (Duration::ZERO, Instant::now());
     let mut is_gone = false;
     while began.elapsed() < Duration::from_secs(seconds) {
-        let silent = heard.lock().unwrap().values().map(|(_, at)| at.elapsed()).max().unwrap_or_default();
+        let silent = heard
+            .lock()
+            .unwrap()
+            .values()
+            .map(|(_, at)| at.elapsed())
+            .max()
+            .unwrap_or_default();
         worst = worst.max(silent);
-        is_gone |= processes.0.values_mut().any(|child| child.try_wait().unwrap().is_some());
+        is_gone |= processes
+            .0
+            .values_mut()
+            .any(|child| child.try_wait().unwrap().is_some());
         std::thread::sleep(Duration::from_millis(50));
     }
     println!(

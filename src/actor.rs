@@ -29,7 +29,8 @@ pub use local_node::{Cells, LocalNode};
 pub use snapshot::Snapshot;
 pub use step::{Cause, NOT_DUE, Step, again};
 pub use wiring::{
-    ActingTime, Fill, Names, NodeActor, Place, Recipient, RestartPolicy, Visitor, Wire, Wired, Wiring,
+    ActingTime, Fill, Names, NodeActor, Place, Recipient, RestartPolicy, Visitor, Wire, Wired,
+    Wiring,
 };
 
 use crate::time::{Deadline, Time};
@@ -45,7 +46,8 @@ pub trait Actor {
     ///
     /// # Errors
     /// A fault that the actor cannot go on from; input from outside never is one.
-    fn handle(&mut self, now: Time, input: Self::In, out: &mut Vec<Self::Out>) -> Result<(), Fault>;
+    fn handle(&mut self, now: Time, input: Self::In, out: &mut Vec<Self::Out>)
+    -> Result<(), Fault>;
 
     /// Returns when to be woken, and why.
     fn deadline(&self) -> Option<Deadline>;

@@ -40,6 +40,9 @@ pub struct Settings {
 impl Default for Settings {
     /// A rover.
     fn default() -> Settings {
-        Settings { kind: Kind::Rover, altitude_m: 0.0 }
+        Settings {
+            kind: Kind::Rover,
+            altitude_m: 0.0,
+        }
     }
 }

@@ -60,7 +60,9 @@ pub use mission::{Durations, End, Expect, Imaging, Planner, Prior, Solver, Sweep
 pub use problem::{Problem, Problems};
 pub use radio::{Bus, OwnRadio, Partition, PlannedPartition, Radio, Reception};
 pub use range::{Lobe, Look, RangeSensor, SensorMount};
-pub use range_driver::{LengthUnit, RangeDriver, SerialProtocol, SerialSensor, SerialText, TextFormat};
+pub use range_driver::{
+    LengthUnit, RangeDriver, SerialProtocol, SerialSensor, SerialText, TextFormat,
+};
 pub use scene::{Material, Object, Outline, Person, RandomPersons, SceneFile, Up};
 pub use sim::Sim;
 pub use swarm::Swarm;
@@ -69,7 +71,8 @@ pub use vehicle::{Body, Craft, Flight, Safety, Vehicles};
 pub use vehicle_file::{PoseFile, Record, VehicleFile, World};
 pub use venue::{Datum, Venue};
 pub use waypoint_file::{
-    Above, MOST_ITEMS, MOST_WAYPOINT_BYTES, MissionItem, SpeedOf, Spot, Target, Turning, WaypointFile,
+    Above, MOST_ITEMS, MOST_WAYPOINT_BYTES, MissionItem, SpeedOf, Spot, Target, Turning,
+    WaypointFile,
 };
 
 pub use written::{key_tables, written};
@@ -105,10 +108,16 @@ pub fn read(file_name: &str, text: &str, loader: &mut Loader) -> Result<Config, 
     read_root(file_name, text, |root| match root.text("kind").as_deref() {
         Some("venue") => Some(Config::Venue(Venue::read(root))),
         Some("scene") => Some(Config::Scene(SceneFile::read(root))),
-        Some("sim") => Sim::read(root, None, vehicle::SWARM, loader).map(|sim| Config::Sim(Box::new(sim))),
-        Some("vehicle") => VehicleFile::read(root, loader).map(|file| Config::Vehicle(Box::new(file))),
+        Some("sim") => {
+            Sim::read(root, None, vehicle::SWARM, loader).map(|sim| Config::Sim(Box::new(sim)))
+        }
+        Some("vehicle") => {
+            VehicleFile::read(root, loader).map(|file| Config::Vehicle(Box::new(file)))
+        }
         Some("ground") => GroundFile::read(root, loader).map(|file| Config::Ground(Box::new(file))),
-        Some("operator") => OperatorFile::read(root, loader).map(|file| Config::Operator(Box::new(file))),
+        Some("operator") => {
+            OperatorFile::read(root, loader).map(|file| Config::Operator(Box::new(file)))
+        }
         Some("experiment") => Some(Config::Experiment(Box::new(Experiment::read(root)))),
         Some(_) => {
             root.refuse("kind", "is not known", KINDS);
@@ -133,7 +142,9 @@ pub fn read_sim(
     vehicles: Option<usize>,
     loader: &mut Loader,
 ) -> Result<Sim, Problems> {
-    read_kind(file_name, text, "sim", |root| Sim::read(root, vehicles, vehicle::SWARM, loader))
+    read_kind(file_name, text, "sim", |root| {
+        Sim::read(root, vehicles, vehicle::SWARM, loader)
+    })
 }
 
 /// Reads a simulation file as [`read_sim`] does, for a world whose vehicles are driven by others: there may be more of
@@ -148,7 +159,9 @@ pub fn read_world(
     vehicles: Option<usize>,
     loader: &mut Loader,
 ) -> Result<Sim, Problems> {
-    read_kind(file_name, text, "sim", |root| Sim::read(root, vehicles, vehicle::CROWD, loader))
+    read_kind(file_name, text, "sim", |root| {
+        Sim::read(root, vehicles, vehicle::CROWD, loader)
+    })
 }
 
 /// Reads the file of a vehicle's node, with the venue that it names.
@@ -156,8 +169,14 @@ pub fn read_world(
 /// # Errors
 ///
 /// Every mistake of both files; a file of another kind.
-pub fn read_vehicle(file_name: &str, text: &str, loader: &mut Loader) -> Result<VehicleFile, Problems> {
-    read_kind(file_name, text, "vehicle", |root| VehicleFile::read(root, loader))
+pub fn read_vehicle(
+    file_name: &str,
+    text: &str,
+    loader: &mut Loader,
+) -> Result<VehicleFile, Problems> {
+    read_kind(file_name, text, "vehicle", |root| {
+        VehicleFile::read(root, loader)
+    })
 }
 
 /// Reads the file of the ground station's node, with the venue that it names.
@@ -165,8 +184,14 @@ pub fn read_vehicle(file_name: &str, text: &str, loader: &mut Loader) -> Result<
 /// # Errors
 ///
 /// Every mistake of both files; a file of another kind.
-pub fn read_ground(file_name: &str, text: &str, loader: &mut Loader) -> Result<GroundFile, Problems> {
-    read_kind(file_name, text, "ground", |root| GroundFile::read(root, loader))
+pub fn read_ground(
+    file_name: &str,
+    text: &str,
+    loader: &mut Loader,
+) -> Result<GroundFile, Problems> {
+    read_kind(file_name, text, "ground", |root| {
+        GroundFile::read(root, loader)
+    })
 }
 
 /// Reads the file of an operator's commands, with the venue that it names.
@@ -174,8 +199,14 @@ pub fn read_ground(file_name: &str, text: &str, loader: &mut Loader) -> Result<G
 /// # Errors
 ///
 /// Every mistake of both files; a file of another kind.
-pub fn read_operator(file_name: &str, text: &str, loader: &mut Loader) -> Result<OperatorFile, Problems> {
-    read_kind(file_name, text, "operator", |root| OperatorFile::read(root, loader))
+pub fn read_operator(
+    file_name: &str,
+    text: &str,
+    loader: &mut Loader,
+) -> Result<OperatorFile, Problems> {
+    read_kind(file_name, text, "operator", |root| {
+        OperatorFile::read(root, loader)
+    })
 }
 
 /// Reads the file of an experiment; the simulations of its grid are read by [`Experiment::sim`].
@@ -184,7 +215,9 @@ pub fn read_operator(file_name: &str, text: &str, loader: &mut Loader) -> Result
 ///
 /// Every mistake of the file itself; a file of another kind.
 pub fn read_experiment(file_name: &str, text: &str) -> Result<Experiment, Problems> {
-    read_kind(file_name, text, "experiment", |root| Some(Experiment::read(root)))
+    read_kind(file_name, text, "experiment", |root| {
+        Some(Experiment::read(root))
+    })
 }
 
 /// Returns the path of a file that is named in another one, relative to that one's folder.
@@ -215,19 +248,26 @@ fn read_kind_over<T>(
     kind: &str,
     read: impl FnOnce(&Section) -> Option<T>,
 ) -> Result<T, Problems> {
-    read_root_over(file_name, text, overlay.zip(overlay.and_then(|all| all.layer(kind))), |root| {
-        match root.text("kind") {
+    read_root_over(
+        file_name,
+        text,
+        overlay.zip(overlay.and_then(|all| all.layer(kind))),
+        |root| match root.text("kind") {
             Some(found) if found == kind => read(root),
             Some(_) => {
-                root.refuse("kind", "is of another kind", &format!("kind = \"{kind}\" is needed here"));
+                root.refuse(
+                    "kind",
+                    "is of another kind",
+                    &format!("kind = \"{kind}\" is needed here"),
+                );
                 None
             }
             None => {
                 root.require("kind", &format!("kind = \"{kind}\" is needed here"));
                 None
             }
-        }
-    })
+        },
+    )
 }
 
 fn read_root<T>(

@@ -62,7 +62,9 @@ pub enum DrawError {
         got: usize,
     },
     /// The area has a coordinate or a size that is no finite number.
-    #[error("the area to draw must be finite, got x {min_x_m} to {max_x_m} m and y {min_y_m} to {max_y_m} m")]
+    #[error(
+        "the area to draw must be finite, got x {min_x_m} to {max_x_m} m and y {min_y_m} to {max_y_m} m"
+    )]
     AreaNotFinite {
         /// West border, metres.
         min_x_m: f64,

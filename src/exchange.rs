@@ -78,9 +78,17 @@ pub struct Counts {
 impl Exchange {
     /// Makes the exchange of a node that may send so many bytes a second.
     pub fn new(egress_bytes_per_s: u32, presence: Presence) -> Exchange {
-        let (ingress, egress) = (Ingress::new(egress_bytes_per_s), Egress::new(egress_bytes_per_s));
+        let (ingress, egress) = (
+            Ingress::new(egress_bytes_per_s),
+            Egress::new(egress_bytes_per_s),
+        );
         let plausibility = presence.is_of_node().then(Plausibility::default);
-        Exchange { ingress, plausibility, presence, egress }
+        Exchange {
+            ingress,
+            plausibility,
+            presence,
+            egress,
+        }
     }
 
     /// Takes a frame of a sender, as its key or address names it.
@@ -88,7 +96,9 @@ impl Exchange {
     /// # Errors
     /// The frame is refused, and counted.
     pub fn hear(&mut self, now: Time, sender: Sender, frame: &[u8]) -> Result<Reception, Refusal> {
-        let heard = self.admit(now, sender, frame.len()).and_then(|()| read(sender, frame));
+        let heard = self
+            .admit(now, sender, frame.len())
+            .and_then(|()| read(sender, frame));
         let reception = heard.and_then(|heard| self.accept(now, frame.len(), heard));
         reception.inspect_err(|refusal| {
             self.refuse(Some(sender), refusal);
@@ -110,15 +120,27 @@ impl Exchange {
     pub fn accept(&mut self, now: Time, bytes: usize, heard: Heard) -> Result<Reception, Refusal> {
         if let Heard::Unknown(_) = heard {
             self.ingress.drop_unknown();
-            return Ok(Reception { heard: None, verdict: Verdict::Fine, reply: None });
+            return Ok(Reception {
+                heard: None,
+                verdict: Verdict::Fine,
+                reply: None,
+            });
         }
         if let Some(plausibility) = &mut self.plausibility {
             plausibility.judge(now, &heard)?;
         }
         self.ingress.accept(bytes);
-        let Judgement { heard, verdict, answer } = self.presence.hear(now, heard);
+        let Judgement {
+            heard,
+            verdict,
+            answer,
+        } = self.presence.hear(now, heard);
         let reply = answer.and_then(|hello| self.offer_greeting(now, hello));
-        Ok(Reception { heard, verdict, reply })
+        Ok(Reception {
+            heard,
+            verdict,
+            reply,
+        })
     }
 
     /// Counts a refusal; returns how many of its sort there were when that is worth a line.
@@ -131,7 +153,11 @@ impl Exchange {
     ///
     /// # Errors
     /// The message is too long for a frame.
-    pub fn say(&mut self, now: Time, message: &Message) -> Result<Option<OutboundFrame>, EncodeError> {
+    pub fn say(
+        &mut self,
+        now: Time,
+        message: &Message,
+    ) -> Result<Option<OutboundFrame>, EncodeError> {
         Ok(self.offer(now, OutboundFrame::of(message)?))
     }
 
@@ -155,7 +181,10 @@ impl Exchange {
 
     /// Returns when [`Exchange::due`] has something again; `None` when nothing waits and the node does not greet.
     pub fn deadline(&self) -> Option<Time> {
-        [self.presence.next(), self.egress.next()].into_iter().flatten().min()
+        [self.presence.next(), self.egress.next()]
+            .into_iter()
+            .flatten()
+            .min()
     }
 
     /// Returns a greeting when it is time, to be sent now; also ends the asking when nobody has objected.

@@ -54,7 +54,9 @@ pub struct Source {
 
 impl Source {
     fn station(&mut self) -> Station {
-        self.resumed.take().unwrap_or_else(|| Station::new(self.parts.station.clone()))
+        self.resumed
+            .take()
+            .unwrap_or_else(|| Station::new(self.parts.station.clone()))
     }
 }
 
@@ -102,7 +104,12 @@ impl Wiring for GroundWiring {
 
     fn visit<P: Place<Self>>(actors: &mut Actors<P>, visitor: &mut impl Visitor<Self, P>) {
         // Taken apart, so that none can be forgotten.
-        let Actors { stops, station, planner, imager } = actors;
+        let Actors {
+            stops,
+            station,
+            planner,
+            imager,
+        } = actors;
         visitor.actor::<Stops>(stops);
         visitor.actor::<Station>(station);
         visitor.actor::<Planner>(planner);

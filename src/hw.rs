@@ -54,8 +54,15 @@ impl Dropped {
 
 impl fmt::Display for Dropped {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Dropped { too_long, unreadable, out_of_range } = self;
-        write!(f, "{too_long} too long, {unreadable} unreadable, {out_of_range} out of range")
+        let Dropped {
+            too_long,
+            unreadable,
+            out_of_range,
+        } = self;
+        write!(
+            f,
+            "{too_long} too long, {unreadable} unreadable, {out_of_range} out of range"
+        )
     }
 }
 

@@ -17,7 +17,7 @@ pub use layer::Layer;
 pub use merged::{ANY_REVISION_UNTIL, Joined, MAX_LAYERS, MAX_TILES, Merged, Refused};
 pub use repair::Repair;
 pub use tile::{
-    FREE_TO, LAYER_CLAMP, MERGED_CLAMP, OCCUPIED_FROM, Occupancy, REACH_TILES, Tile, TileError, address_of,
-    index_in_tile, origin_of,
+    FREE_TO, LAYER_CLAMP, MERGED_CLAMP, OCCUPIED_FROM, Occupancy, REACH_TILES, Tile, TileError,
+    address_of, index_in_tile, origin_of,
 };
 pub use window::{CellRect, View};

@@ -76,7 +76,11 @@ impl Wiring for VehicleWiring {
                 acting: ActingTime::Instant,
                 make: |settings| {
                     let (kept, lease) = (settings.stops.clone(), settings.memory.lease());
-                    Stops::new(&StopsSettings { kept, lease, is_silent: false })
+                    Stops::new(&StopsSettings {
+                        kept,
+                        lease,
+                        is_silent: false,
+                    })
                 },
                 output: Output::Stops,
             }),
@@ -135,7 +139,16 @@ impl Wiring for VehicleWiring {
 
     fn visit<P: Place<Self>>(actors: &mut Actors<P>, visitor: &mut impl Visitor<Self, P>) {
         // Taken apart, so that none can be forgotten.
-        let Actors { stops, autopilot, vehicle, sensor, map, mission, radio, outbox } = actors;
+        let Actors {
+            stops,
+            autopilot,
+            vehicle,
+            sensor,
+            map,
+            mission,
+            radio,
+            outbox,
+        } = actors;
         visitor.actor::<Stops>(stops);
         visitor.actor::<AutopilotLink>(autopilot);
         visitor.actor::<Vehicle>(vehicle);
@@ -182,6 +195,18 @@ mod tests {
     fn recordings_name_the_actors_in_the_order_of_the_datas_way() {
         let snapshots = VehicleNode::new(&settings(1)).snapshots().unwrap();
         let names: Vec<&str> = snapshots.iter().map(|snapshot| snapshot.actor).collect();
-        assert_eq!(names, ["stops", "autopilot", "vehicle", "sensor", "map", "mission", "radio", "outbox"]);
+        assert_eq!(
+            names,
+            [
+                "stops",
+                "autopilot",
+                "vehicle",
+                "sensor",
+                "map",
+                "mission",
+                "radio",
+                "outbox"
+            ]
+        );
     }
 }

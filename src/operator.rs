@@ -26,7 +26,9 @@ pub mod want;
 
 use self::operator_actor::{In, Operator, OperatorSettings, Out};
 use self::route::{Destination, Output, route};
-use crate::actor::{ActingTime, Fill, LocalNode, Place, Recipient, RestartPolicy, Visitor, Wire, Wiring};
+use crate::actor::{
+    ActingTime, Fill, LocalNode, Place, Recipient, RestartPolicy, Visitor, Wire, Wiring,
+};
 pub use crate::exchange::ingress::Heard;
 use crate::stops::{Stops, StopsSettings};
 
@@ -60,7 +62,10 @@ impl Wiring for OperatorWiring {
                 restart: RestartPolicy::StopNode,
                 acting: ActingTime::Instant,
                 make: |settings| {
-                    Stops::new(&StopsSettings { is_silent: !settings.greets, ..StopsSettings::default() })
+                    Stops::new(&StopsSettings {
+                        is_silent: !settings.greets,
+                        ..StopsSettings::default()
+                    })
                 },
                 output: Output::Stops,
             }),

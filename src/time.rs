@@ -103,7 +103,12 @@ mod tests {
 
     #[test]
     fn the_earlier_deadline_wins_and_the_first_on_a_tie() {
-        let at = |s, why| Some(Deadline { at: Time::from_secs_f64(s), why });
+        let at = |s, why| {
+            Some(Deadline {
+                at: Time::from_secs_f64(s),
+                why,
+            })
+        };
         assert_eq!(Deadline::earlier(at(2.0, "a"), at(1.0, "b")), at(1.0, "b"));
         assert_eq!(Deadline::earlier(at(1.0, "a"), at(1.0, "b")), at(1.0, "a"));
         assert_eq!(Deadline::earlier(None, at(1.0, "b")), at(1.0, "b"));

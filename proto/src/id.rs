@@ -6,7 +6,9 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 
 /// A vehicle of the swarm; unique within a venue.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize,
+)]
 pub struct VehicleId(pub u8);
 
 impl fmt::Display for VehicleId {
@@ -16,7 +18,9 @@ impl fmt::Display for VehicleId {
 }
 
 /// An operator of the swarm; unique within a venue.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize,
+)]
 pub struct OperatorId(pub u8);
 
 impl fmt::Display for OperatorId {
@@ -26,7 +30,9 @@ impl fmt::Display for OperatorId {
 }
 
 /// Counts the starts of a vehicle's software, so that a restart never continues an old numbering.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize,
+)]
 pub struct Boot(pub u32);
 
 impl fmt::Display for Boot {
@@ -36,7 +42,9 @@ impl fmt::Display for Boot {
 }
 
 /// One mission with its data.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize,
+)]
 pub struct RunId(pub u32);
 
 impl fmt::Display for RunId {
@@ -46,7 +54,9 @@ impl fmt::Display for RunId {
 }
 
 /// Version of the plans or orders of a run; the higher one wins.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize,
+)]
 pub struct Revision(pub u32);
 
 impl fmt::Display for Revision {
@@ -56,7 +66,9 @@ impl fmt::Display for Revision {
 }
 
 /// A stop of a vehicle's plan; stable across revisions of one run.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize,
+)]
 pub struct StopId(pub u32);
 
 impl fmt::Display for StopId {
@@ -67,7 +79,9 @@ impl fmt::Display for StopId {
 
 /// The name of one emergency stop. An operator draws it at random, so that nothing can be forged above it and two
 /// operators do not collide; names are compared for equality and sorted, never ranked.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize,
+)]
 pub struct EmergencyName(pub u32);
 
 impl EmergencyName {
@@ -95,7 +109,11 @@ impl EmergencyName {
 
 impl fmt::Display for EmergencyName {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if self.is_many() { write!(f, "many-{:04x}", self.0) } else { write!(f, "{:08x}", self.0) }
+        if self.is_many() {
+            write!(f, "many-{:04x}", self.0)
+        } else {
+            write!(f, "{:08x}", self.0)
+        }
     }
 }
 
@@ -112,13 +130,18 @@ pub struct Lease {
 impl Lease {
     /// Returns the lowest lease of a number: every other of that number is greater.
     pub const fn lowest(number: u32) -> Lease {
-        Lease { number, holder: u64::MAX }
+        Lease {
+            number,
+            holder: u64::MAX,
+        }
     }
 }
 
 impl Ord for Lease {
     fn cmp(&self, other: &Lease) -> Ordering {
-        self.number.cmp(&other.number).then(other.holder.cmp(&self.holder))
+        self.number
+            .cmp(&other.number)
+            .then(other.holder.cmp(&self.holder))
     }
 }
 
@@ -129,7 +152,9 @@ impl PartialOrd for Lease {
 }
 
 /// Names the one writer of a map layer.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize,
+)]
 pub struct LayerId {
     /// The vehicle that wrote it.
     pub vehicle: VehicleId,
@@ -155,7 +180,10 @@ mod tests {
     fn the_name_of_many_stops_is_told_apart() {
         assert_eq!(EmergencyName(0x1_002a).to_string(), "0001002a");
         let many = EmergencyName::many_of(EmergencyName(0x1_002a));
-        assert_eq!((many.to_string().as_str(), many.is_many()), ("many-002a", true));
+        assert_eq!(
+            (many.to_string().as_str(), many.is_many()),
+            ("many-002a", true)
+        );
     }
 
     #[test]

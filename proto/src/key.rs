@@ -97,7 +97,10 @@ impl Topic {
             | Message::Report(_)
             | Message::Standing(_) => About::Whole,
         };
-        Topic { kind: message.kind(), about }
+        Topic {
+            kind: message.kind(),
+            about,
+        }
     }
 }
 
@@ -110,7 +113,11 @@ impl fmt::Display for Topic {
             About::Run(run) => write!(f, "{kind}/{run}"),
             About::Layer(layer) => write!(f, "{kind}/{}/{}", layer.vehicle, layer.boot),
             About::Tile(layer, at) => {
-                write!(f, "{kind}/{}/{}/{}/{}/{}", layer.vehicle, layer.boot, at.slice, at.x, at.y)
+                write!(
+                    f,
+                    "{kind}/{}/{}/{}/{}/{}",
+                    layer.vehicle, layer.boot, at.slice, at.x, at.y
+                )
             }
             About::Part(run, part) => write!(f, "{kind}/{run}/{part}"),
         }
@@ -130,7 +137,10 @@ pub struct Key {
 impl Key {
     /// Returns the key of a message.
     pub fn of(sender: Sender, message: &Message) -> Key {
-        Key { sender, topic: Topic::of(message) }
+        Key {
+            sender,
+            topic: Topic::of(message),
+        }
     }
 
     /// Returns who wrote under a key (as text, without the venue's prefix); `None` when no sender has such a key. Keys
@@ -155,7 +165,9 @@ impl fmt::Display for Key {
 
 /// Returns a number written the only way it is: without sign or leading zeros.
 fn number(text: &str) -> Option<u8> {
-    text.parse().ok().filter(|number: &u8| number.to_string() == text)
+    text.parse()
+        .ok()
+        .filter(|number: &u8| number.to_string() == text)
 }
 
 #[cfg(test)]
@@ -165,11 +177,20 @@ mod tests {
 
     #[test]
     fn a_vehicle_writes_only_under_its_own_number() {
-        let key = Key::of(Sender::Vehicle(VehicleId(3)), &Message::Mission(Mission::default()));
+        let key = Key::of(
+            Sender::Vehicle(VehicleId(3)),
+            &Message::Mission(Mission::default()),
+        );
         assert_eq!(key.to_string(), "vehicle/3/mission");
         let digest = Message::Digest(Digest::default());
-        assert_eq!(Key::of(Sender::Ground, &digest).to_string(), "ground/digest");
-        assert_eq!(Key::of(Sender::Operator(OperatorId(7)), &digest).to_string(), "operator/7/digest");
+        assert_eq!(
+            Key::of(Sender::Ground, &digest).to_string(),
+            "ground/digest"
+        );
+        assert_eq!(
+            Key::of(Sender::Operator(OperatorId(7)), &digest).to_string(),
+            "operator/7/digest"
+        );
     }
 
     #[test]
@@ -207,14 +228,25 @@ mod tests {
 
     #[test]
     fn a_key_of_an_unknown_kind_has_a_sender() {
-        assert_eq!(Key::sender("vehicle/3/fix/7"), Some(Sender::Vehicle(VehicleId(3))));
+        assert_eq!(
+            Key::sender("vehicle/3/fix/7"),
+            Some(Sender::Vehicle(VehicleId(3)))
+        );
     }
 
     #[test]
     fn topics_are_written_as_documented() {
-        let layer = LayerId { vehicle: VehicleId(2), boot: Boot(70_000) };
-        let at = TileAddress { slice: -1, x: -300, y: 4 };
-        let check = |kind, about, expected: &str| assert_eq!(Topic { kind, about }.to_string(), expected);
+        let layer = LayerId {
+            vehicle: VehicleId(2),
+            boot: Boot(70_000),
+        };
+        let at = TileAddress {
+            slice: -1,
+            x: -300,
+            y: 4,
+        };
+        let check =
+            |kind, about, expected: &str| assert_eq!(Topic { kind, about }.to_string(), expected);
         check(Kind::Tile, About::Tile(layer, at), "tile/2/70000/-1/-300/4");
         check(Kind::Want, About::Layer(layer), "want/2/70000");
         check(Kind::Order, About::Vehicle(VehicleId(3)), "order/3");

@@ -94,7 +94,11 @@ mod tests {
     fn a_kind_is_found_by_its_number_and_no_other_number_is_one() {
         for number in 0..=u8::MAX {
             let kind = Kind::from_number(number);
-            assert_eq!(kind.is_some(), usize::from(number) < Kind::ALL.len(), "{number}");
+            assert_eq!(
+                kind.is_some(),
+                usize::from(number) < Kind::ALL.len(),
+                "{number}"
+            );
             assert!(kind.is_none_or(|kind| kind.number() == number), "{number}");
         }
     }

@@ -17,20 +17,24 @@ use serde::{Deserialize, Serialize};
 
 pub use beacon::{BEACON_BYTES_MAX, BEACON_MEMBERS_MAX, Beacon, BeaconTag};
 pub use health::{
-    AutopilotFamily, AutopilotHealth, BodyKind, Estimator, FailsafeAction, Failsafes, Fix, Health, Power,
-    RadioHealth, RangeHealth, RecordingHealth,
+    AutopilotFamily, AutopilotHealth, BodyKind, Estimator, FailsafeAction, Failsafes, Fix, Health,
+    Power, RadioHealth, RangeHealth, RecordingHealth,
 };
 pub use hello::{Capability, Hello, Interest, RadioKind, RangeSensorKind, ServoKind};
-pub use image::{Covariance, Find, IMAGE_PART_PIXELS, IMAGE_SIDE_MAX, Image, ImageSubject, Rectangle};
+pub use image::{
+    Covariance, Find, IMAGE_PART_PIXELS, IMAGE_SIDE_MAX, Image, ImageSubject, Rectangle,
+};
 pub use map::{Digest, LayerDigest, TILE_CELLS, TILE_SIDE, TileAddress, TileReport, Want};
 pub use order::{EmergencyStop, Order, OrderKind, Standing, StopScope};
-pub use plan::{Mission, MissionEnd, MissionPhase, MissionRefusal, Plan, Progress, SeenState, Stop};
+pub use plan::{
+    Mission, MissionEnd, MissionPhase, MissionRefusal, Plan, Progress, SeenState, Stop,
+};
 pub use report::{Report, RunEnd, RunReport, StationPhase};
 pub use samples::{Have, HeardFrom, LostSamples, Sample, Samples, WATERMARKS_ALWAYS};
 pub use state::{Control, LegReport, Mode, Ordered, StandReason, State};
 pub use task::{
-    MissionKind, PlaceSharing, SweepPlanner, TASK_PLACES_MAX, Task, TaskKind, TaskNumber, TaskParameter,
-    TaskUnit,
+    MissionKind, PlaceSharing, SweepPlanner, TASK_PLACES_MAX, Task, TaskKind, TaskNumber,
+    TaskParameter, TaskUnit,
 };
 
 use crate::{Kind, Sender};

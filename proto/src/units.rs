@@ -23,7 +23,9 @@ use serde::{Deserialize, Serialize};
 const PER_RADIAN: f64 = 1e4;
 
 /// A place in the venue's local frame, millimetres.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize,
+)]
 pub struct Position {
     /// Along the venue's x axis.
     pub x_mm: i32,
@@ -36,7 +38,11 @@ pub struct Position {
 impl Position {
     /// Returns the place at these coordinates.
     pub fn from_metres(x_m: f64, y_m: f64, z_m: f64) -> Position {
-        Position { x_mm: to_thousandths(x_m), y_mm: to_thousandths(y_m), z_mm: to_thousandths(z_m) }
+        Position {
+            x_mm: to_thousandths(x_m),
+            y_mm: to_thousandths(y_m),
+            z_mm: to_thousandths(z_m),
+        }
     }
 
     /// Returns the coordinate along the x axis, metres; not a number for what was none.
@@ -56,7 +62,9 @@ impl Position {
 }
 
 /// A velocity along the axes of the venue's local frame, millimetres a second.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize,
+)]
 pub struct Velocity {
     /// Along the venue's x axis.
     pub x_mmps: i32,
@@ -93,7 +101,9 @@ impl Velocity {
 }
 
 /// A direction in the plane, counter-clockwise from the x axis, 0 to [`Heading::LAST`] in 1e-4 rad.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize,
+)]
 pub struct Heading(pub u16);
 
 impl Heading {
@@ -109,17 +119,27 @@ impl Heading {
         }
         let units = (angle_rad.rem_euclid(TAU) * PER_RADIAN).round() as u16;
         // Within half a unit of a full turn is direction 0.
-        if units > Heading::LAST.0 { Heading(0) } else { Heading(units) }
+        if units > Heading::LAST.0 {
+            Heading(0)
+        } else {
+            Heading(units)
+        }
     }
 
     /// Returns the angle, from 0 to under 2π rad; not a number for what was none.
     pub fn radians(self) -> f64 {
-        if self > Heading::LAST { f64::NAN } else { f64::from(self.0) / PER_RADIAN }
+        if self > Heading::LAST {
+            f64::NAN
+        } else {
+            f64::from(self.0) / PER_RADIAN
+        }
     }
 }
 
 /// A roll or a pitch, 1e-4 rad, within half a turn to either side; or not known.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize,
+)]
 pub struct Tilt(pub i16);
 
 impl Tilt {
@@ -130,7 +150,11 @@ impl Tilt {
 
     /// Returns the tilt by an angle; unknown beyond half a turn.
     pub fn from_radians(angle_rad: f64) -> Tilt {
-        if angle_rad.abs() <= PI { Tilt((angle_rad * PER_RADIAN).round() as i16) } else { Tilt::UNKNOWN }
+        if angle_rad.abs() <= PI {
+            Tilt((angle_rad * PER_RADIAN).round() as i16)
+        } else {
+            Tilt::UNKNOWN
+        }
     }
 
     /// Returns the angle, radians; `None` when it is not known. Half a turn is π itself.
@@ -140,7 +164,9 @@ impl Tilt {
 }
 
 /// The standard deviation of each coordinate of a place, millimetres up to 65.534 m; or not known.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize,
+)]
 pub struct Deviation(pub u16);
 
 impl Deviation {
@@ -151,7 +177,11 @@ impl Deviation {
     pub fn from_metres(sd_m: f64) -> Deviation {
         let millimetres = (sd_m * 1000.0).round();
         let is_known = (0.0..f64::from(Deviation::UNKNOWN.0)).contains(&millimetres);
-        if is_known { Deviation(millimetres as u16) } else { Deviation::UNKNOWN }
+        if is_known {
+            Deviation(millimetres as u16)
+        } else {
+            Deviation::UNKNOWN
+        }
     }
 
     /// Returns the deviation, metres; `None` when it is not known.
@@ -161,7 +191,9 @@ impl Deviation {
 }
 
 /// A share of a whole, 0 to 1000 thousandths.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize,
+)]
 pub struct Permille(pub u16);
 
 impl Permille {
@@ -200,7 +232,11 @@ fn to_thousandths(value: f64) -> i32 {
 }
 
 fn from_thousandths(thousandths: i32) -> f64 {
-    if thousandths == i32::MIN { f64::NAN } else { f64::from(thousandths) / 1000.0 }
+    if thousandths == i32::MIN {
+        f64::NAN
+    } else {
+        f64::from(thousandths) / 1000.0
+    }
 }
 
 #[cfg(test)]
@@ -304,7 +340,14 @@ mod tests {
     #[test]
     fn places_beyond_the_wire_go_to_its_rim() {
         let at = Position::from_metres(1e12, -1e12, -2_147_483.648);
-        assert_eq!(at, Position { x_mm: i32::MAX, y_mm: -i32::MAX, z_mm: -i32::MAX });
+        assert_eq!(
+            at,
+            Position {
+                x_mm: i32::MAX,
+                y_mm: -i32::MAX,
+                z_mm: -i32::MAX
+            }
+        );
         assert_eq!(Position::from_metres(at.x_m(), at.y_m(), at.z_m()), at);
     }
 
@@ -312,9 +355,20 @@ mod tests {
     fn halves_are_rounded_away_from_zero() {
         assert_eq!(
             Position::from_metres(0.0625 / 2.0, -0.0625 / 2.0, 0.5e-3),
-            Position { x_mm: 31, y_mm: -31, z_mm: 1 }
+            Position {
+                x_mm: 31,
+                y_mm: -31,
+                z_mm: 1
+            }
         );
-        assert_eq!(Position::from_metres(0.0125, -0.0125, 0.0), Position { x_mm: 13, y_mm: -13, z_mm: 0 });
+        assert_eq!(
+            Position::from_metres(0.0125, -0.0125, 0.0),
+            Position {
+                x_mm: 13,
+                y_mm: -13,
+                z_mm: 0
+            }
+        );
     }
 
     #[test]
@@ -345,7 +399,10 @@ mod tests {
     #[test]
     fn shares_beyond_the_whole_are_the_whole() {
         assert_eq!(Permille::from_fraction(1.2), Some(Permille::WHOLE));
-        assert_eq!(Permille::from_fraction(f64::INFINITY), Some(Permille::WHOLE));
+        assert_eq!(
+            Permille::from_fraction(f64::INFINITY),
+            Some(Permille::WHOLE)
+        );
         assert_eq!(Permille::from_fraction(-0.1), Some(Permille(0)));
         assert_eq!(Permille::from_fraction(f64::NAN), None);
     }

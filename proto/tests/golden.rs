@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 use examples::{examples, variants};
 use tomoswarm_proto::codec::{DecodeError, Decoded, Greeting, decode, encode, greeting};
 use tomoswarm_proto::{
-    Boot, Kind, Message, Mission, MissionKind, MissionPhase, Position, Progress, Revision, RunId, Sender,
-    StopId, VehicleId,
+    Boot, Kind, Message, Mission, MissionKind, MissionPhase, Position, Progress, Revision, RunId,
+    Sender, StopId, VehicleId,
 };
 
 fn hex(bytes: &[u8]) -> String {
@@ -22,7 +22,8 @@ fn folder(version: u8) -> PathBuf {
 
 fn golden(version: u8, name: &str) -> String {
     let path = folder(version).join(format!("{name}.hex"));
-    let text = std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    let text = std::fs::read_to_string(&path)
+        .unwrap_or_else(|error| panic!("{}: {error}", path.display()));
     text.split_whitespace().collect()
 }
 
@@ -35,7 +36,15 @@ fn golden_frame(version: u8, name: &str) -> Vec<u8> {
 /// The names of the files of a version, sorted.
 fn names(version: u8) -> Vec<String> {
     let entries = std::fs::read_dir(folder(version)).unwrap();
-    let stem = |entry: std::fs::DirEntry| entry.path().file_stem().unwrap().to_str().unwrap().to_owned();
+    let stem = |entry: std::fs::DirEntry| {
+        entry
+            .path()
+            .file_stem()
+            .unwrap()
+            .to_str()
+            .unwrap()
+            .to_owned()
+    };
     let mut names: Vec<String> = entries.map(|entry| stem(entry.unwrap())).collect();
     names.sort();
     names
@@ -56,7 +65,11 @@ fn every_kind_has_the_bytes_of_version_2() {
 #[test]
 fn the_bytes_of_version_2_can_be_read() {
     for (name, message) in all() {
-        assert_eq!(decode(&golden_frame(2, name)), Ok(Decoded::Message(message)), "{name}");
+        assert_eq!(
+            decode(&golden_frame(2, name)),
+            Ok(Decoded::Message(message)),
+            "{name}"
+        );
     }
 }
 
@@ -98,7 +111,10 @@ fn both_versions_greet_with_the_same_bytes() {
 
 #[test]
 fn every_kind_has_an_example() {
-    let kinds: Vec<Kind> = examples().iter().map(|(_, message)| message.kind()).collect();
+    let kinds: Vec<Kind> = examples()
+        .iter()
+        .map(|(_, message)| message.kind())
+        .collect();
     assert_eq!(kinds, Kind::ALL);
     for (name, message) in examples() {
         assert_eq!(name, message.word());
@@ -110,12 +126,21 @@ fn a_frame_is_laid_out_as_documented() {
     let mission = Mission {
         vehicle: VehicleId(3),
         boot: Boot(4),
-        progress: Progress { run: RunId(2), revision: Revision(300), done: Some(StopId(7)), leg: None },
+        progress: Progress {
+            run: RunId(2),
+            revision: Revision(300),
+            done: Some(StopId(7)),
+            leg: None,
+        },
         kind: MissionKind::Sweep,
         phase: MissionPhase::Going,
         share: None,
         places_left: 12,
-        goal: Some(Position { x_mm: 1000, y_mm: -5, z_mm: 0 }),
+        goal: Some(Position {
+            x_mm: 1000,
+            y_mm: -5,
+            z_mm: 0,
+        }),
         slice: 0,
         end: None,
         is_at_home: false,
@@ -125,6 +150,9 @@ fn a_frame_is_laid_out_as_documented() {
     // Magic, version, kind; vehicle, boot, run, revision as a 16-bit varint, Some(7), None; kind of mission, phase,
     // no share, places left; Some(x as a 16-bit zigzag, y, z); slice, no end, not at home, the number of the lease.
     let progress = ["03", "04", "02", "fb2c01", "0107", "00"].concat();
-    let mission = ["00", "02", "00", "0c", "01", "fbd007", "09", "00", "00", "00", "00", "06"].concat();
+    let mission = [
+        "00", "02", "00", "0c", "01", "fbd007", "09", "00", "00", "00", "00", "06",
+    ]
+    .concat();
     assert_eq!(hex(&frame), ["74530206", &progress, &mission].concat());
 }

@@ -51,7 +51,10 @@ fn no_false_length_reserves_more_than_2_mib() {
                 // A length in place of whatever stands there.
                 let claim = [&[253][..], &length.to_le_bytes()].concat();
                 let taken = largest(&[&frame[..at], &claim, &frame[at..]].concat());
-                assert!(taken <= 2 * 1024 * 1024, "{name} at {at}, {length}: {taken} bytes");
+                assert!(
+                    taken <= 2 * 1024 * 1024,
+                    "{name} at {at}, {length}: {taken} bytes"
+                );
                 most = most.max(taken);
             }
         }

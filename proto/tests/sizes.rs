@@ -28,7 +28,10 @@ fn named(name: &str) -> usize {
 }
 
 fn extreme(kind: Kind) -> usize {
-    let message = extremes().into_iter().find(|message| message.kind() == kind).unwrap();
+    let message = extremes()
+        .into_iter()
+        .find(|message| message.kind() == kind)
+        .unwrap();
     let length = bytes(&message);
     println!("{kind} at its extremes: {length} bytes");
     length
@@ -53,11 +56,23 @@ fn the_longest_messages_may_be_handed_to_an_actor() {
 fn measured() -> Vec<(&'static str, Kind, String)> {
     let measure = |((name, message), longest): ((&'static str, Message), Message)| {
         // A plan that has all it may have is longer than a frame.
-        let longest = if message.kind() == Kind::Plan { LIMIT } else { bytes(&longest) };
+        let longest = if message.kind() == Kind::Plan {
+            LIMIT
+        } else {
+            bytes(&longest)
+        };
         println!("{name}: {} bytes; at most {longest}", bytes(&message));
-        (name, message.kind(), format!("{}; {longest}", bytes(&message)))
+        (
+            name,
+            message.kind(),
+            format!("{}; {longest}", bytes(&message)),
+        )
     };
-    examples().into_iter().zip(extremes()).map(measure).collect()
+    examples()
+        .into_iter()
+        .zip(extremes())
+        .map(measure)
+        .collect()
 }
 
 #[test]
@@ -65,12 +80,20 @@ fn the_table_of_messages_names_every_kind_and_the_bytes_of_its_example() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("README.md");
     let text = std::fs::read_to_string(path).unwrap();
     for (name, kind, measured) in measured() {
-        let is_its_row =
-            |line: &&str| line.starts_with(&format!("| {} | ", kind.number())) && line.contains(" → ");
-        let row = text.lines().find(is_its_row).unwrap_or_else(|| panic!("{name} is not in the table"));
+        let is_its_row = |line: &&str| {
+            line.starts_with(&format!("| {} | ", kind.number())) && line.contains(" → ")
+        };
+        let row = text
+            .lines()
+            .find(is_its_row)
+            .unwrap_or_else(|| panic!("{name} is not in the table"));
         let cells: Vec<&str> = row.split('|').map(str::trim).collect();
         assert_eq!(cells[2].to_lowercase(), name);
-        assert!(cells[5].starts_with(&format!("`{name}")), "{name}: {}", cells[5]);
+        assert!(
+            cells[5].starts_with(&format!("`{name}")),
+            "{name}: {}",
+            cells[5]
+        );
         assert_eq!(cells[7], measured, "{name}");
     }
 }
@@ -81,29 +104,58 @@ fn the_table_of_parts_says_what_is_measured() {
     let text = std::fs::read_to_string(path).unwrap();
     let check = |part: &str, expected: String| {
         println!("{part}: {expected} bytes");
-        let row = text.lines().find(|line| line.starts_with(&format!("| {part}")));
+        let row = text
+            .lines()
+            .find(|line| line.starts_with(&format!("| {part}")));
         let row = row.unwrap_or_else(|| panic!("{part} is not in the table"));
-        assert_eq!(row.split('|').nth(2).unwrap().split('(').next().unwrap().trim(), expected, "{part}");
+        assert_eq!(
+            row.split('|')
+                .nth(2)
+                .unwrap()
+                .split('(')
+                .next()
+                .unwrap()
+                .trim(),
+            expected,
+            "{part}"
+        );
     };
     let longest = |count| Message::Samples(extremes::samples(count));
     let (sample, longest_sample) = (grows(&batch(1), &batch(2)), grows(&longest(2), &longest(3)));
     check("a sample", format!("{sample}; {longest_sample}"));
     let full = bytes(&Message::Beacon(full_beacon()));
-    check("a beacon", format!("{}; {full}; {}", named("beacon"), extreme(Kind::Beacon)));
-    check("a state", format!("{}; {}", named("state"), named("state-on-a-leg")));
+    check(
+        "a beacon",
+        format!("{}; {full}; {}", named("beacon"), extreme(Kind::Beacon)),
+    );
+    check(
+        "a state",
+        format!("{}; {}", named("state"), named("state-on-a-leg")),
+    );
     check("a task", bytes(&Message::Task(long_task())).to_string());
-    let parts: usize = (0..14).map(|part| bytes(&Message::Image(part_of_200(part)))).sum();
+    let parts: usize = (0..14)
+        .map(|part| bytes(&Message::Image(part_of_200(part))))
+        .sum();
     check("an image", format!("{}; {parts}", named("image")));
 }
 
 fn example<T>(pick: fn(Message) -> Option<T>) -> T {
-    examples().into_iter().find_map(|(_, message)| pick(message)).unwrap()
+    examples()
+        .into_iter()
+        .find_map(|(_, message)| pick(message))
+        .unwrap()
 }
 
 /// Samples of a yard, an hour after the start.
 fn batch(count: usize) -> Message {
-    let sample = Sample { heard_at_ns: 3_600_000_000_000, ..samples(Some(-71)).samples[0] };
-    Message::Samples(Samples { samples: vec![sample; count], ..Samples::default() })
+    let sample = Sample {
+        heard_at_ns: 3_600_000_000_000,
+        ..samples(Some(-71)).samples[0]
+    };
+    Message::Samples(Samples {
+        samples: vec![sample; count],
+        ..Samples::default()
+    })
 }
 
 /// A beacon of a yard with all that it may hold.
@@ -119,23 +171,55 @@ fn full_beacon() -> Beacon {
         boot: Boot(60_000),
         stop: Some(stop),
         tag: Some(BeaconTag([255; 4])),
-        ..example(|message| if let Message::Beacon(beacon) = message { Some(beacon) } else { None })
+        ..example(|message| {
+            if let Message::Beacon(beacon) = message {
+                Some(beacon)
+            } else {
+                None
+            }
+        })
     }
 }
 
 /// A task of as many places as one may have, in a yard.
 fn long_task() -> Task {
-    let place = |at: i32| Position { x_mm: 30 * at, y_mm: -32 * at, z_mm: 0 };
-    Task { members: vec![VehicleId(1)], ..extremes::task((1..=1000).map(place).collect()) }
+    let place = |at: i32| Position {
+        x_mm: 30 * at,
+        y_mm: -32 * at,
+        z_mm: 0,
+    };
+    Task {
+        members: vec![VehicleId(1)],
+        ..extremes::task((1..=1000).map(place).collect())
+    }
 }
 
 /// A part of an image of 200 × 200 pixels.
 fn part_of_200(part: u16) -> Image {
-    let image = example(|message| if let Message::Image(image) = message { Some(image) } else { None });
+    let image = example(|message| {
+        if let Message::Image(image) = message {
+            Some(image)
+        } else {
+            None
+        }
+    });
     let here = (40_000 - usize::from(part) * IMAGE_PART_PIXELS).min(IMAGE_PART_PIXELS);
-    let finds = if part == 0 { image.finds.clone() } else { vec![] };
+    let finds = if part == 0 {
+        image.finds.clone()
+    } else {
+        vec![]
+    };
     let (mean, deviation) = (vec![-1; here], Some(vec![1; here]));
-    Image { columns: 200, rows: 200, part, parts: 14, mean, deviation, finds, ..image }
+    Image {
+        columns: 200,
+        rows: 200,
+        part,
+        parts: 14,
+        mean,
+        deviation,
+        finds,
+        ..image
+    }
 }
 
 /// The bytes by which a second of something makes a message longer.
@@ -145,10 +229,19 @@ fn grows(one: &Message, two: &Message) -> usize {
 
 #[test]
 fn a_pose_has_11_bytes_in_a_yard() {
-    let beacon = |pose| Message::Beacon(Beacon { pose, ..Beacon::default() });
+    let beacon = |pose| {
+        Message::Beacon(Beacon {
+            pose,
+            ..Beacon::default()
+        })
+    };
     assert_eq!(grows(&beacon(None), &beacon(Some(examples::pose()))), 11);
     let far = PoseReport {
-        at: Position { x_mm: 32_767, y_mm: -32_768, z_mm: 0 },
+        at: Position {
+            x_mm: 32_767,
+            y_mm: -32_768,
+            z_mm: 0,
+        },
         heading: Heading::LAST,
         sd: Deviation(250),
     };
@@ -163,7 +256,11 @@ fn a_sample_has_39_bytes_in_a_yard() {
 #[test]
 fn an_image_of_many_parts_is_one_that_may_be_sent() {
     for part in 0..14 {
-        assert_eq!(Message::Image(part_of_200(part)).check(), Ok(()), "part {part}");
+        assert_eq!(
+            Message::Image(part_of_200(part)).check(),
+            Ok(()),
+            "part {part}"
+        );
     }
 }
 
@@ -213,8 +310,12 @@ fn a_mission_has_30_bytes_and_an_order_25() {
 fn health_and_report_have_at_most_300_bytes() {
     assert!((30..=300).contains(&named("health")));
     assert!((80..=300).contains(&named("report")));
-    let runs =
-        (0..16).map(|run| RunReport { run: RunId(run), samples: 70_000, images: 12, ..RunReport::default() });
+    let runs = (0..16).map(|run| RunReport {
+        run: RunId(run),
+        samples: 70_000,
+        images: 12,
+        ..RunReport::default()
+    });
     let full = Report {
         members: (1..=25).map(VehicleId).collect(),
         expected: (1..=25).map(VehicleId).collect(),
@@ -239,7 +340,10 @@ fn what_stands_has_7_bytes_and_more_by_its_stops() {
 fn a_task_of_1000_places_in_a_yard_has_under_9_kb() {
     assert!(named("task") <= 40);
     let task = long_task();
-    println!("a task of 1000 places: {} bytes", bytes(&Message::Task(task.clone())));
+    println!(
+        "a task of 1000 places: {} bytes",
+        bytes(&Message::Task(task.clone()))
+    );
     assert!(bytes(&Message::Task(task)) <= 9000);
 }
 

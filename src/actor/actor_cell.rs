@@ -26,7 +26,13 @@ where
     /// Puts an actor behind an empty inbox.
     pub fn new(actor: A) -> ActorCell<A> {
         let deadline = actor.deadline();
-        ActorCell { actor, inbox: Inbox::new(INBOX), said: Vec::new(), latest: Time::ZERO, deadline }
+        ActorCell {
+            actor,
+            inbox: Inbox::new(INBOX),
+            said: Vec::new(),
+            latest: Time::ZERO,
+            deadline,
+        }
     }
 
     /// Returns the actor.
@@ -79,7 +85,10 @@ where
         A::Out: Clone,
     {
         if now < self.latest {
-            return Err(step::fault::<A>(format!("time went back from {} to {now} s", self.latest)));
+            return Err(step::fault::<A>(format!(
+                "time went back from {} to {now} s",
+                self.latest
+            )));
         }
         self.latest = now;
         // Most actors of a node have nothing to do at most moments: they are passed by without a call.
@@ -108,7 +117,11 @@ where
     {
         loop {
             let due = self.due(now);
-            let input = if due.is_some() { None } else { self.inbox.pop() };
+            let input = if due.is_some() {
+                None
+            } else {
+                self.inbox.pop()
+            };
             let cause = match (&due, &input) {
                 (None, None) => return Ok(()),
                 (Some(deadline), _) => Some(Cause::Woken(deadline.why)),
@@ -118,7 +131,12 @@ where
             self.deadline = self.actor.deadline();
             if let (Some(watch), Some(cause)) = (&mut watch, cause) {
                 let fault = taken.as_ref().err().map(Fault::to_string);
-                watch(Step { now, cause, said: self.said.clone(), fault });
+                watch(Step {
+                    now,
+                    cause,
+                    said: self.said.clone(),
+                    fault,
+                });
             }
             taken?;
             self.said.drain(..).for_each(&mut hand_on);
@@ -150,7 +168,10 @@ mod tests {
             Ok(())
         }
         fn deadline(&self) -> Option<Deadline> {
-            Some(Deadline { at: self.0, why: "tick" })
+            Some(Deadline {
+                at: self.0,
+                why: "tick",
+            })
         }
         fn wake(&mut self, now: Time, out: &mut Vec<String>) -> Result<(), Fault> {
             self.0 = now + Duration::from_secs(1);
@@ -165,9 +186,11 @@ mod tests {
         cell.push(1);
         cell.push(2);
         let mut said = Vec::new();
-        cell.act(Time::from_secs_f64(0.5), |out| said.push(out)).unwrap();
+        cell.act(Time::from_secs_f64(0.5), |out| said.push(out))
+            .unwrap();
         cell.push(3);
-        cell.act(Time::from_secs_f64(1.0), |out| said.push(out)).unwrap();
+        cell.act(Time::from_secs_f64(1.0), |out| said.push(out))
+            .unwrap();
         assert_eq!(said, ["told 1", "told 2", "tick", "told 3"]);
     }
 
@@ -181,7 +204,10 @@ mod tests {
             Ok(())
         }
         fn deadline(&self) -> Option<Deadline> {
-            Some(Deadline { at: Time::from_secs_f64(1.0), why: "tick" })
+            Some(Deadline {
+                at: Time::from_secs_f64(1.0),
+                why: "tick",
+            })
         }
         fn wake(&mut self, _now: Time, _out: &mut Vec<()>) -> Result<(), Fault> {
             Ok(())
@@ -211,7 +237,8 @@ mod tests {
     fn an_actor_that_was_not_touched_is_not_asked_for_its_deadline() {
         let mut cell = ActorCell::new(Asked::default());
         for second in 0..5 {
-            cell.act(Time::from_secs_f64(f64::from(second)), |()| {}).unwrap();
+            cell.act(Time::from_secs_f64(f64::from(second)), |()| {})
+                .unwrap();
             assert_eq!(cell.deadline(), None);
         }
         assert_eq!(cell.actor().0.get(), 1, "when it was put in");
@@ -225,7 +252,10 @@ mod tests {
         let mut cell = ActorCell::new(Stuck);
         assert_eq!(cell.act(Time::ZERO, |()| {}), Ok(()));
         let fault = cell.act(Time::from_secs_f64(2.0), |()| {}).unwrap_err();
-        assert_eq!(fault.to_string(), "Stuck cannot go on: woken in vain at 2.000 s: tick is still due");
+        assert_eq!(
+            fault.to_string(),
+            "Stuck cannot go on: woken in vain at 2.000 s: tick is still due"
+        );
     }
 
     #[test]
@@ -242,11 +272,21 @@ mod tests {
         let mut cell = ActorCell::new(Clock(Time::from_secs_f64(1.0)));
         cell.push(7);
         let order = std::cell::RefCell::new(Vec::new());
-        let watch =
-            |step: Step<u32, String>| order.borrow_mut().push(format!("{:?} {:?}", step.cause, step.said));
-        cell.act_watched(Time::from_secs_f64(1.0), Some(watch), |said| order.borrow_mut().push(said))
-            .unwrap();
-        let expected = [r#"Woken("tick") ["tick"]"#, "tick", r#"Told(7) ["told 7"]"#, "told 7"];
+        let watch = |step: Step<u32, String>| {
+            order
+                .borrow_mut()
+                .push(format!("{:?} {:?}", step.cause, step.said))
+        };
+        cell.act_watched(Time::from_secs_f64(1.0), Some(watch), |said| {
+            order.borrow_mut().push(said)
+        })
+        .unwrap();
+        let expected = [
+            r#"Woken("tick") ["tick"]"#,
+            "tick",
+            r#"Told(7) ["told 7"]"#,
+            "told 7",
+        ];
         assert_eq!(order.into_inner(), expected);
     }
 
@@ -254,8 +294,12 @@ mod tests {
     fn a_watcher_sees_the_fault() {
         let mut cell = ActorCell::new(Stuck);
         let mut seen = Vec::new();
-        cell.act_watched(Time::from_secs_f64(2.0), Some(|step: Step<u32, ()>| seen.push(step)), |()| {})
-            .unwrap_err();
+        cell.act_watched(
+            Time::from_secs_f64(2.0),
+            Some(|step: Step<u32, ()>| seen.push(step)),
+            |()| {},
+        )
+        .unwrap_err();
         assert!(seen[0].fault.as_ref().unwrap().contains("in vain") && seen.len() == 1);
     }
 
@@ -264,7 +308,10 @@ mod tests {
         let at = Time::from_secs_f64;
         let mut clock = Clock(at(1.0));
         assert_eq!(step::again(&mut clock, at(0.5), Some(3)).said, ["told 3"]);
-        assert_eq!(step::again(&mut clock, at(0.6), None).cause, Cause::Woken(step::NOT_DUE));
+        assert_eq!(
+            step::again(&mut clock, at(0.6), None).cause,
+            Cause::Woken(step::NOT_DUE)
+        );
         assert_eq!(
             step::again(&mut clock, at(1.5), Some(4)).cause,
             Cause::Woken("tick"),

@@ -22,7 +22,12 @@ impl ActorStep {
     /// Makes it of a step of the actor of this name.
     pub fn new<A: NodeActor>(actor: &'static str, step: Step<A::In, A::Out>) -> ActorStep {
         let (now, fault) = (step.now, step.fault.clone());
-        ActorStep { actor, now, fault, step: Arc::new(step) }
+        ActorStep {
+            actor,
+            now,
+            fault,
+            step: Arc::new(step),
+        }
     }
 
     /// Returns the step, if it is one of an actor of this type.

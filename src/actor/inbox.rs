@@ -38,7 +38,12 @@ pub struct Inbox<I> {
 impl<I: Input> Inbox<I> {
     /// Makes an empty inbox that keeps at most `capacity` inputs of the queue class.
     pub fn new(capacity: usize) -> Inbox<I> {
-        Inbox { unread: VecDeque::new(), capacity: capacity.max(1), queued: 0, dropped: 0 }
+        Inbox {
+            unread: VecDeque::new(),
+            capacity: capacity.max(1),
+            queued: 0,
+            dropped: 0,
+        }
     }
 
     /// Puts an input in.
@@ -77,13 +82,18 @@ impl<I: Input> Inbox<I> {
             self.unread.push_back(input);
             return;
         };
-        let Some(unread) = self.unread.remove(place) else { return };
+        let Some(unread) = self.unread.remove(place) else {
+            return;
+        };
         self.unread.insert(place, I::join(unread, input));
     }
 
     fn append(&mut self, input: I) {
         if self.queued == self.capacity {
-            let oldest = self.unread.iter().position(|unread| matches!(unread.class(), Class::Queue));
+            let oldest = self
+                .unread
+                .iter()
+                .position(|unread| matches!(unread.class(), Class::Queue));
             if let Some(place) = oldest {
                 self.unread.remove(place);
                 self.queued -= 1;

@@ -36,7 +36,12 @@ impl<W: Wiring> LocalNode<W> {
     /// Makes all actors of a node.
     pub fn new(source: &mut W::Source) -> LocalNode<W> {
         let actors = W::fill::<Cells>(&mut Make::<W>(source));
-        LocalNode { actors, routed: Vec::new(), delivered: Vec::new(), steps: None }
+        LocalNode {
+            actors,
+            routed: Vec::new(),
+            delivered: Vec::new(),
+            steps: None,
+        }
     }
 
     /// Returns the actors.
@@ -48,7 +53,12 @@ impl<W: Wiring> LocalNode<W> {
     ///
     /// # Errors
     /// An actor cannot go on.
-    pub fn tell(&mut self, now: Time, event: W::Event, effects: &mut Vec<W::Effect>) -> Result<(), Fault> {
+    pub fn tell(
+        &mut self,
+        now: Time,
+        event: W::Event,
+        effects: &mut Vec<W::Effect>,
+    ) -> Result<(), Fault> {
         W::route(W::event(event), &mut self.routed);
         self.settle(now, effects)
     }
@@ -105,7 +115,9 @@ impl<W: Wiring> LocalNode<W> {
         while !self.routed.is_empty() {
             std::mem::swap(&mut self.routed, &mut self.delivered);
             for destination in self.delivered.drain(..) {
-                W::deliver(&mut self.actors, destination, &mut |effect| effects.push(effect));
+                W::deliver(&mut self.actors, destination, &mut |effect| {
+                    effects.push(effect)
+                });
             }
             self.act(now)?;
         }
@@ -114,7 +126,12 @@ impl<W: Wiring> LocalNode<W> {
 
     /// Lets every actor act, in the order of the list, and routes what they say.
     fn act(&mut self, now: Time) -> Result<(), Fault> {
-        let mut act = Act::<W> { now, routed: &mut self.routed, steps: self.steps.as_mut(), fault: None };
+        let mut act = Act::<W> {
+            now,
+            routed: &mut self.routed,
+            steps: self.steps.as_mut(),
+            fault: None,
+        };
         W::visit(&mut self.actors, &mut act);
         act.fault.map_or(Ok(()), Err)
     }
@@ -125,7 +142,10 @@ struct Make<'s, W: Wiring>(&'s mut W::Source);
 
 impl<W: Wiring> Fill<W, Cells> for Make<'_, W> {
     fn actor<A: NodeActor>(&mut self, wire: Wire<A, W>) -> Wired<A, W, ActorCell<A>> {
-        Wired { wire, place: ActorCell::new((wire.make)(self.0)) }
+        Wired {
+            wire,
+            place: ActorCell::new((wire.make)(self.0)),
+        }
     }
 }
 
@@ -143,8 +163,14 @@ impl<W: Wiring> Visitor<W, Cells> for Act<'_, W> {
         if self.fault.is_some() {
             return;
         }
-        let Wired { wire: Wire { name, output, .. }, place: cell } = wired;
-        let watch = self.steps.as_mut().map(|steps| |step| steps.push(ActorStep::new::<A>(name, step)));
+        let Wired {
+            wire: Wire { name, output, .. },
+            place: cell,
+        } = wired;
+        let watch = self
+            .steps
+            .as_mut()
+            .map(|steps| |step| steps.push(ActorStep::new::<A>(name, step)));
         let acted = cell.act_watched(self.now, watch, |out| W::route(output(out), self.routed));
         if let Err(fault) = acted {
             self.fault = Some(fault);
@@ -173,7 +199,8 @@ struct Snapshots(Vec<Result<Snapshot, EncodeError>>);
 
 impl<W: Wiring> Visitor<W, Cells> for Snapshots {
     fn actor<A: NodeActor>(&mut self, wired: &mut Wired<A, W, ActorCell<A>>) {
-        self.0.push(Snapshot::of(wired.wire.name, wired.place.actor()));
+        self.0
+            .push(Snapshot::of(wired.wire.name, wired.place.actor()));
     }
 }
 
@@ -185,7 +212,9 @@ mod tests {
 
     fn told(node: &mut LocalNode<Adding>, numbers: &[u32]) -> Result<Vec<u32>, Fault> {
         let mut sums = Vec::new();
-        numbers.iter().try_for_each(|number| node.tell(Time::ZERO, *number, &mut sums))?;
+        numbers
+            .iter()
+            .try_for_each(|number| node.tell(Time::ZERO, *number, &mut sums))?;
         Ok(sums)
     }
 
@@ -201,14 +230,21 @@ mod tests {
         let mut node = LocalNode::<Adding>::new(&mut 130);
         assert_eq!(node.deadline().unwrap().why, "over a hundred");
         node.wake(Time::ZERO, &mut Vec::new()).unwrap();
-        assert_eq!((node.deadline(), node.actors().summer.place.actor().0), (None, 30));
+        assert_eq!(
+            (node.deadline(), node.actors().summer.place.actor().0),
+            (None, 30)
+        );
     }
 
     #[test]
     fn a_fault_ends_the_round_and_is_handed_out() {
         let mut node = LocalNode::<Adding>::new(&mut 130);
         assert_eq!(told(&mut node, &[7]).unwrap_err().reason, "seven");
-        assert_eq!(node.actors().summer.place.actor().0, 130, "it stands after the one that failed");
+        assert_eq!(
+            node.actors().summer.place.actor().0,
+            130,
+            "it stands after the one that failed"
+        );
     }
 
     #[test]
@@ -227,10 +263,17 @@ mod tests {
             ["doubler", "summer", "doubler", "summer"]
         );
         let step = steps[1].of::<Summer>().unwrap();
-        assert_eq!((&step.cause, &step.said[..]), (&Cause::Told(Number(10)), &[(18,)][..]));
+        assert_eq!(
+            (&step.cause, &step.said[..]),
+            (&Cause::Told(Number(10)), &[(18,)][..])
+        );
         assert!(steps[1].of::<Doubler>().is_none());
         let names = |node: &mut LocalNode<Adding>| -> Vec<_> {
-            node.snapshots().unwrap().iter().map(|snapshot| snapshot.actor).collect()
+            node.snapshots()
+                .unwrap()
+                .iter()
+                .map(|snapshot| snapshot.actor)
+                .collect()
         };
         assert_eq!(names(&mut next), ["doubler", "summer"]);
     }
@@ -248,6 +291,12 @@ mod tests {
     fn a_list_needs_no_actor() {
         let mut list = List(Vec::new());
         Adding::fill(&mut list);
-        assert_eq!(list.0, [("doubler", RestartPolicy::Restart), ("summer", RestartPolicy::StopNode)]);
+        assert_eq!(
+            list.0,
+            [
+                ("doubler", RestartPolicy::Restart),
+                ("summer", RestartPolicy::StopNode)
+            ]
+        );
     }
 }

@@ -18,6 +18,9 @@ impl Snapshot {
     /// # Errors
     /// It cannot be written, which is a mistake of this program.
     pub fn of<A: Serialize>(name: &'static str, actor: &A) -> Result<Snapshot, EncodeError> {
-        Ok(Snapshot { actor: name, bytes: codec::pack(actor)? })
+        Ok(Snapshot {
+            actor: name,
+            bytes: codec::pack(actor)?,
+        })
     }
 }

@@ -42,7 +42,10 @@ pub(super) fn take<A: Actor>(
     let Some(input) = input else {
         actor.wake(now, said)?;
         return match actor.deadline().filter(|next| next.at <= now) {
-            Some(vain) => Err(fault::<A>(format!("woken in vain at {now} s: {} is still due", vain.why))),
+            Some(vain) => Err(fault::<A>(format!(
+                "woken in vain at {now} s: {} is still due",
+                vain.why
+            ))),
             None => Ok(()),
         };
     };
@@ -51,7 +54,10 @@ pub(super) fn take<A: Actor>(
 
 pub(super) fn fault<A>(reason: String) -> Fault {
     let path = std::any::type_name::<A>();
-    Fault { actor: path.rsplit("::").next().unwrap_or(path), reason }
+    Fault {
+        actor: path.rsplit("::").next().unwrap_or(path),
+        reason,
+    }
 }
 
 /// Lets an actor take a recorded step again: what it was `told` at `now`, or a wake. Gives what it does this time,
@@ -65,10 +71,22 @@ where
         (Some(deadline), _) => (Cause::Woken(deadline.why), None),
         (None, Some(input)) => (Cause::Told(input.clone()), Some(input)),
         (None, None) => {
-            return Step { now, cause: Cause::Woken(NOT_DUE), said: Vec::new(), fault: None };
+            return Step {
+                now,
+                cause: Cause::Woken(NOT_DUE),
+                said: Vec::new(),
+                fault: None,
+            };
         }
     };
     let mut said = Vec::new();
-    let fault = take(actor, now, input, &mut said).err().map(|fault| fault.to_string());
-    Step { now, cause, said, fault }
+    let fault = take(actor, now, input, &mut said)
+        .err()
+        .map(|fault| fault.to_string());
+    Step {
+        now,
+        cause,
+        said,
+        fault,
+    }
 }

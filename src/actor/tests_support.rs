@@ -8,7 +8,8 @@ use serde::de::value::{Error, StrDeserializer};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    ActingTime, Actor, Class, Fault, Fill, Input, Place, Recipient, RestartPolicy, Visitor, Wire, Wiring,
+    ActingTime, Actor, Class, Fault, Fill, Input, Place, Recipient, RestartPolicy, Visitor, Wire,
+    Wiring,
 };
 use crate::time::{Deadline, Time};
 
@@ -34,9 +35,17 @@ impl Input for Number {
 impl Actor for Doubler {
     type In = Number;
     type Out = u32;
-    fn handle(&mut self, _now: Time, Number(number): Number, out: &mut Vec<u32>) -> Result<(), Fault> {
+    fn handle(
+        &mut self,
+        _now: Time,
+        Number(number): Number,
+        out: &mut Vec<u32>,
+    ) -> Result<(), Fault> {
         if number == 7 {
-            return Err(Fault { actor: "doubler", reason: "seven".to_owned() });
+            return Err(Fault {
+                actor: "doubler",
+                reason: "seven".to_owned(),
+            });
         }
         out.push(2 * number);
         Ok(())
@@ -52,14 +61,25 @@ impl Actor for Doubler {
 impl Actor for Summer {
     type In = Number;
     type Out = (u32,);
-    fn handle(&mut self, _now: Time, Number(number): Number, out: &mut Vec<(u32,)>) -> Result<(), Fault> {
-        let too_much = || Fault { actor: "summer", reason: "too much".to_owned() };
+    fn handle(
+        &mut self,
+        _now: Time,
+        Number(number): Number,
+        out: &mut Vec<(u32,)>,
+    ) -> Result<(), Fault> {
+        let too_much = || Fault {
+            actor: "summer",
+            reason: "too much".to_owned(),
+        };
         self.0 = self.0.checked_add(number).ok_or_else(too_much)?;
         out.push((self.0,));
         Ok(())
     }
     fn deadline(&self) -> Option<Deadline> {
-        (self.0 > 100).then_some(Deadline { at: Time::ZERO, why: "over a hundred" })
+        (self.0 > 100).then_some(Deadline {
+            at: Time::ZERO,
+            why: "over a hundred",
+        })
     }
     fn wake(&mut self, _now: Time, _out: &mut Vec<(u32,)>) -> Result<(), Fault> {
         self.0 -= 100;
@@ -80,7 +100,10 @@ where
     P::Of<Summer>: Clone,
 {
     fn clone(&self) -> Actors<P> {
-        Actors { doubler: self.doubler.clone(), summer: self.summer.clone() }
+        Actors {
+            doubler: self.doubler.clone(),
+            summer: self.summer.clone(),
+        }
     }
 }
 
@@ -157,19 +180,38 @@ impl Wiring for Adding {
 
 /// Returns the name of a value's variant.
 pub fn variant_of(value: &impl Debug) -> String {
-    format!("{value:?}").chars().take_while(|letter| letter.is_alphanumeric()).collect()
+    format!("{value:?}")
+        .chars()
+        .take_while(|letter| letter.is_alphanumeric())
+        .collect()
 }
 
 /// Returns the names of all variants of an enum: serde lists them to whoever asks for one that is not there.
 pub fn variants<'a, T: Deserialize<'a> + Debug>() -> BTreeSet<String> {
-    let refusal = T::deserialize(StrDeserializer::<Error>::new("none of them")).unwrap_err().to_string();
-    refusal.split('`').skip(3).step_by(2).map(str::to_owned).collect()
+    let refusal = T::deserialize(StrDeserializer::<Error>::new("none of them"))
+        .unwrap_err()
+        .to_string();
+    refusal
+        .split('`')
+        .skip(3)
+        .step_by(2)
+        .map(str::to_owned)
+        .collect()
 }
 
 /// Returns the names in brackets within the drawings of a file's doc.
 pub fn drawn(source: &str) -> BTreeSet<String> {
-    let doc: Vec<&str> = source.lines().map_while(|line| line.strip_prefix("//!")).collect();
+    let doc: Vec<&str> = source
+        .lines()
+        .map_while(|line| line.strip_prefix("//!"))
+        .collect();
     let doc = doc.join("\n");
-    let drawings = doc.split("```").skip(1).step_by(2).flat_map(|drawing| drawing.split('[').skip(1));
-    drawings.filter_map(|from| Some(from.split_once(']')?.0.to_owned())).collect()
+    let drawings = doc
+        .split("```")
+        .skip(1)
+        .step_by(2)
+        .flat_map(|drawing| drawing.split('[').skip(1));
+    drawings
+        .filter_map(|from| Some(from.split_once(']')?.0.to_owned()))
+        .collect()
 }

@@ -154,7 +154,10 @@ pub struct Wired<A: Actor, W: Wiring, T> {
 
 impl<A: Actor, W: Wiring, T: Clone> Clone for Wired<A, W, T> {
     fn clone(&self) -> Wired<A, W, T> {
-        Wired { wire: self.wire, place: self.place.clone() }
+        Wired {
+            wire: self.wire,
+            place: self.place.clone(),
+        }
     }
 }
 

@@ -158,7 +158,10 @@ pub fn check_items(items: &[Item], kind: Kind) -> Result<(), ItemError> {
     if !matches!(items.first(), None | Some(Item::Waypoint { .. })) {
         return Err(ItemError::Parameter { item: 0 });
     }
-    items.iter().enumerate().try_for_each(|(index, item)| item.check(index, kind))
+    items
+        .iter()
+        .enumerate()
+        .try_for_each(|(index, item)| item.check(index, kind))
 }
 
 /// Returns whether a speed can be travelled at.
@@ -186,9 +189,17 @@ fn check_place(item: usize, at: Point) -> Result<(), ItemError> {
     if !is_near(at.x_m) {
         return Err(ItemError::X { item });
     }
-    if is_near(at.y_m) { Ok(()) } else { Err(ItemError::Y { item }) }
+    if is_near(at.y_m) {
+        Ok(())
+    } else {
+        Err(ItemError::Y { item })
+    }
 }
 
 fn check_number(item: usize, is_sound: bool) -> Result<(), ItemError> {
-    if is_sound { Ok(()) } else { Err(ItemError::Parameter { item }) }
+    if is_sound {
+        Ok(())
+    } else {
+        Err(ItemError::Parameter { item })
+    }
 }

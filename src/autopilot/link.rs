@@ -173,7 +173,8 @@ impl AutopilotLink {
                 }
             }
             Fly::Stop => {
-                self.pending.take_if(|pending| pending.purpose != Purpose::ChangeMode);
+                self.pending
+                    .take_if(|pending| pending.purpose != Purpose::ChangeMode);
                 self.motors.postpone();
                 match self.steering {
                     Steering::Ours(_) | Steering::Own => self.movement.stop(now, SAY_AGAIN),
@@ -185,7 +186,8 @@ impl AutopilotLink {
             Fly::Arm if !self.steering.is_ours() => {}
             Fly::Arm => {
                 // A change of mode that waits for its answer serves the start as well.
-                self.pending.take_if(|pending| pending.purpose != Purpose::ChangeMode);
+                self.pending
+                    .take_if(|pending| pending.purpose != Purpose::ChangeMode);
                 self.motors.start(now);
             }
             Fly::Disarm => {
@@ -200,7 +202,10 @@ impl AutopilotLink {
         let was_silent = self.report.is_some() && !self.hearing.is_heard();
         self.hearing = Hearing::Heard { at: now };
         self.report = Some(report);
-        if self.steering.take(now, report.mode, report.status, was_silent) {
+        if self
+            .steering
+            .take(now, report.mode, report.status, was_silent)
+        {
             self.let_go(report.mode, out);
         }
         self.motors.take(now, report.is_armed);
@@ -224,7 +229,12 @@ impl AutopilotLink {
         self.motors.disarm_answered(ack.number, ack.result);
         // To whichever try: one that was accepted late was accepted.
         self.motors.arm_answered(now, &ack);
-        let Some(pending) = self.pending.take_if(|pending| pending.sent.number == ack.number) else { return };
+        let Some(pending) = self
+            .pending
+            .take_if(|pending| pending.sent.number == ack.number)
+        else {
+            return;
+        };
         match (pending.purpose, ack.result) {
             (Purpose::Arm, _) => {}
             (Purpose::ChangeMode, CommandAck::Accepted) => self.steering.change_accepted(),
@@ -261,7 +271,9 @@ impl AutopilotLink {
     }
 
     fn say_stop(&mut self, now: Time, out: &mut Vec<Out>) {
-        let Some(command) = self.stop_command() else { return };
+        let Some(command) = self.stop_command() else {
+            return;
+        };
         self.say(now, command, out);
         self.movement.stop_said(now);
     }
@@ -290,7 +302,9 @@ impl AutopilotLink {
     }
 
     fn say_disarm(&mut self, now: Time, out: &mut Vec<Out>) {
-        let Some(command) = self.disarm_command() else { return };
+        let Some(command) = self.disarm_command() else {
+            return;
+        };
         let number = self.say(now, command, out);
         self.motors.disarm_said(now, number);
     }
@@ -302,14 +316,18 @@ impl AutopilotLink {
         match (is_landed, &self.steering) {
             (true, _) => Some(Command::Disarm { force: false }),
             (false, Steering::Remote) => None,
-            (false, Steering::Ours(_) | Steering::Own) if self.shown_mode() == Some(Mode::Land) => None,
+            (false, Steering::Ours(_) | Steering::Own) if self.shown_mode() == Some(Mode::Land) => {
+                None
+            }
             (false, Steering::Ours(_) | Steering::Own) => Some(Command::Mode(Mode::Land)),
         }
     }
 
     /// Says again what was not answered, or gives it up.
     fn see_through(&mut self, now: Time, out: &mut Vec<Out>) {
-        let Some(pending) = self.pending.take_if(|pending| pending.due() <= now) else { return };
+        let Some(pending) = self.pending.take_if(|pending| pending.due() <= now) else {
+            return;
+        };
         match pending.purpose {
             // Each try to arm is counted on its own.
             Purpose::Arm => {}
@@ -337,7 +355,9 @@ impl AutopilotLink {
             }
         }
         self.give_up_when_late(now, out);
-        let Movement::Waiting { fly, .. } = &self.movement else { return };
+        let Movement::Waiting { fly, .. } = &self.movement else {
+            return;
+        };
         if !self.has_current() {
             self.give_up(now, Purpose::Move, Reason::NotArmed, out);
         } else if self.steering.own_mode() != Some(Mode::Guided) {
@@ -356,18 +376,26 @@ impl AutopilotLink {
         } else if self.steering.own_mode() != Some(Mode::Guided) {
             self.change_mode(now, out);
         } else {
-            self.motors.take(now, self.report.is_some_and(|report| report.is_armed));
+            self.motors
+                .take(now, self.report.is_some_and(|report| report.is_armed));
             if let Motors::Arming(_) = self.motors {
                 let fresh = self.next_number();
                 let number = self.motors.tried(now, fresh);
-                let sent = NumberedCommand { number, command: Command::Arm { force: false } };
+                let sent = NumberedCommand {
+                    number,
+                    command: Command::Arm { force: false },
+                };
                 self.send(now, Purpose::Arm, sent, 1, out);
             }
         }
     }
 
     fn give_up_when_late(&mut self, now: Time, out: &mut Vec<Out>) {
-        if self.movement.waits_until().is_some_and(|until| until <= now) {
+        if self
+            .movement
+            .waits_until()
+            .is_some_and(|until| until <= now)
+        {
             self.give_up(now, Purpose::Move, Reason::TooLate, out);
         }
     }
@@ -380,7 +408,9 @@ impl AutopilotLink {
         let is_copter = self.settings.kind == Kind::Copter;
         let altitude_m = self.settings.altitude_m;
         match fly {
-            Fly::Drive { .. } if is_copter && self.report.is_some_and(|report| report.is_landed) => {
+            Fly::Drive { .. }
+                if is_copter && self.report.is_some_and(|report| report.is_landed) =>
+            {
                 Command::Takeoff { altitude_m }
             }
             // One that is sent on while it climbs goes on to its altitude.
@@ -420,10 +450,22 @@ impl AutopilotLink {
         self.send(now, purpose, NumberedCommand { number, command }, 1, out);
     }
 
-    fn send(&mut self, now: Time, purpose: Purpose, sent: NumberedCommand, tries: u8, out: &mut Vec<Out>) {
+    fn send(
+        &mut self,
+        now: Time,
+        purpose: Purpose,
+        sent: NumberedCommand,
+        tries: u8,
+        out: &mut Vec<Out>,
+    ) {
         self.note_mode(now, &sent.command);
         out.push(Out::Command(sent.clone()));
-        self.pending = Some(Pending { purpose, sent, said: now, tries });
+        self.pending = Some(Pending {
+            purpose,
+            sent,
+            said: now,
+            tries,
+        });
     }
 
     /// Says a command that waits for no answer; returns its number.
@@ -447,14 +489,19 @@ impl AutopilotLink {
 
     /// Forgets what waits for its answer; a change of mode may take place, or not.
     fn drop_pending(&mut self) {
-        if self.pending.take().is_some_and(|pending| pending.purpose == Purpose::ChangeMode) {
+        if self
+            .pending
+            .take()
+            .is_some_and(|pending| pending.purpose == Purpose::ChangeMode)
+        {
             self.steering.change_given_up(self.shown_mode());
         }
     }
 
     /// Forgets a drive or a turn that waits for its answer.
     fn drop_pending_move(&mut self) {
-        self.pending.take_if(|pending| pending.purpose == Purpose::Move);
+        self.pending
+            .take_if(|pending| pending.purpose == Purpose::Move);
     }
 
     fn say_status(&mut self, out: &mut Vec<Out>) {
@@ -464,7 +511,10 @@ impl AutopilotLink {
             Steering::Remote => Control::Remote,
             Steering::Own => Control::Own,
         };
-        let status = Status { control, is_landed: self.report.is_none_or(|report| report.is_landed) };
+        let status = Status {
+            control,
+            is_landed: self.report.is_none_or(|report| report.is_landed),
+        };
         if status != self.status {
             self.status = status;
             out.push(Out::Status(status));
@@ -481,9 +531,11 @@ impl AutopilotLink {
         match self.motors {
             Motors::Accepted { since: _ } => true,
             Motors::Disarming(_) => false,
-            Motors::Unasked | Motors::Arming(_) | Motors::Postponed(_) | Motors::Armed | Motors::GivenUp => {
-                self.report.is_some_and(|report| report.is_armed)
-            }
+            Motors::Unasked
+            | Motors::Arming(_)
+            | Motors::Postponed(_)
+            | Motors::Armed
+            | Motors::GivenUp => self.report.is_some_and(|report| report.is_armed),
         }
     }
 
@@ -492,16 +544,24 @@ impl AutopilotLink {
     }
 
     fn again(&self) -> Duration {
-        if self.hearing.is_heard() { SAY_AGAIN } else { SAY_AGAIN_INTO_SILENCE }
+        if self.hearing.is_heard() {
+            SAY_AGAIN
+        } else {
+            SAY_AGAIN_INTO_SILENCE
+        }
     }
 
     fn stop_due(&self) -> Option<Time> {
-        self.movement.stop_due(self.again()).filter(|_| self.stop_command().is_some())
+        self.movement
+            .stop_due(self.again())
+            .filter(|_| self.stop_command().is_some())
     }
 
     fn disarm_due(&self) -> Option<Time> {
         let is_armed = self.report.is_none_or(|report| report.is_armed);
-        self.motors.disarm_due(is_armed, self.again()).filter(|_| self.disarm_command().is_some())
+        self.motors
+            .disarm_due(is_armed, self.again())
+            .filter(|_| self.disarm_command().is_some())
     }
 }
 
@@ -534,9 +594,15 @@ impl Actor for AutopilotLink {
         let ordinary = [
             due(pending, "answer late"),
             due(self.motors.arm_due().filter(|_| is_free), "arming"),
-            due(self.movement.waits_until().filter(|_| is_free), "too late to set out"),
+            due(
+                self.movement.waits_until().filter(|_| is_free),
+                "too late to set out",
+            ),
         ];
-        urgent.into_iter().chain(ordinary).fold(None, Deadline::earlier)
+        urgent
+            .into_iter()
+            .chain(ordinary)
+            .fold(None, Deadline::earlier)
     }
 
     fn wake(&mut self, now: Time, out: &mut Vec<Out>) -> Result<(), Fault> {

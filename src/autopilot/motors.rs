@@ -80,7 +80,10 @@ impl Motors {
     /// Takes a start: they are to get current.
     pub fn start(&mut self, now: Time) {
         let believed_from = match self {
-            Motors::Disarming(Disarming { said: Some((said, _)), .. }) => *said + SHOWS_WITHIN,
+            Motors::Disarming(Disarming {
+                said: Some((said, _)),
+                ..
+            }) => *said + SHOWS_WITHIN,
             Motors::Unasked
             | Motors::Arming(_)
             | Motors::Postponed(_)
@@ -89,7 +92,13 @@ impl Motors {
             | Motors::GivenUp
             | Motors::Disarming(Disarming { said: None, .. }) => now,
         };
-        *self = Motors::Arming(Arming { tries: 0, number: 0, next_at: now, believed_from, refusal: None });
+        *self = Motors::Arming(Arming {
+            tries: 0,
+            number: 0,
+            next_at: now,
+            believed_from,
+            refusal: None,
+        });
     }
 
     /// They are to have no current; said again it changes nothing.
@@ -122,7 +131,9 @@ impl Motors {
     /// Gives an arming up: somebody else has taken over.
     pub fn let_go(&mut self) {
         match self {
-            Motors::Arming(_) | Motors::Postponed(_) | Motors::Accepted { .. } => *self = Motors::Unasked,
+            Motors::Arming(_) | Motors::Postponed(_) | Motors::Accepted { .. } => {
+                *self = Motors::Unasked
+            }
             Motors::Unasked | Motors::Armed | Motors::GivenUp | Motors::Disarming(_) => {}
         }
     }
@@ -130,7 +141,9 @@ impl Motors {
     /// Takes whether telemetry shows current.
     pub fn take(&mut self, now: Time, is_armed: bool) {
         let is_seen = match self {
-            Motors::Arming(arming) | Motors::Postponed(arming) => is_armed && now >= arming.believed_from,
+            Motors::Arming(arming) | Motors::Postponed(arming) => {
+                is_armed && now >= arming.believed_from
+            }
             Motors::Accepted { since: _ } => is_armed,
             Motors::Unasked | Motors::Armed | Motors::GivenUp | Motors::Disarming(_) => false,
         };
@@ -141,7 +154,9 @@ impl Motors {
 
     /// Takes an answer, if it is one to a try to arm.
     pub fn arm_answered(&mut self, now: Time, ack: &Ack) {
-        let (Motors::Arming(arming) | Motors::Postponed(arming)) = self else { return };
+        let (Motors::Arming(arming) | Motors::Postponed(arming)) = self else {
+            return;
+        };
         if arming.tries == 0 || arming.number != ack.number {
             return;
         }
@@ -164,7 +179,9 @@ impl Motors {
 
     /// Takes note of a try to arm; returns its number, which is the `fresh` one if it is the first.
     pub fn tried(&mut self, now: Time, fresh: u32) -> u32 {
-        let Motors::Arming(arming) = self else { return fresh };
+        let Motors::Arming(arming) = self else {
+            return fresh;
+        };
         if arming.tries == 0 {
             arming.number = fresh;
         }
@@ -175,7 +192,10 @@ impl Motors {
     /// Takes note that a disarming, or what leads to one, is said now, by this number.
     pub fn disarm_said(&mut self, now: Time, number: u32) {
         if let Motors::Disarming(disarming) = self {
-            *disarming = Disarming { said: Some((now, number)), is_accepted: false };
+            *disarming = Disarming {
+                said: Some((now, number)),
+                is_accepted: false,
+            };
         }
     }
 
@@ -212,8 +232,15 @@ impl Motors {
     pub fn disarm_due(&self, is_armed: bool, again: Duration) -> Option<Time> {
         match self {
             Motors::Disarming(Disarming { said: None, .. }) => Some(Time::ZERO),
-            Motors::Disarming(Disarming { said: Some((said, _)), is_accepted }) => {
-                let wait = if *is_accepted { again.max(ACCEPTED_AGAIN) } else { again };
+            Motors::Disarming(Disarming {
+                said: Some((said, _)),
+                is_accepted,
+            }) => {
+                let wait = if *is_accepted {
+                    again.max(ACCEPTED_AGAIN)
+                } else {
+                    again
+                };
                 is_armed.then_some(*said + wait)
             }
             Motors::Unasked

@@ -52,7 +52,8 @@ impl Movement {
     /// Stops. Wanted again, it is said again unless that was just done.
     pub fn stop(&mut self, now: Time, again: Duration) {
         match self {
-            Movement::Stopping(stopping) if stopping.said.is_some_and(|said| now.since(said) < again) => {}
+            Movement::Stopping(stopping)
+                if stopping.said.is_some_and(|said| now.since(said) < again) => {}
             Movement::Idle | Movement::Waiting { .. } | Movement::Stopping(_) => {
                 *self = Movement::Stopping(Stopping::default());
             }
@@ -84,8 +85,14 @@ impl Movement {
     /// Returns when a stop is to be said: at once, or again as long as telemetry shows no rest.
     pub fn stop_due(&self, again: Duration) -> Option<Time> {
         match self {
-            Movement::Stopping(Stopping { said: None, is_shown: false }) => Some(Time::ZERO),
-            Movement::Stopping(Stopping { said: Some(said), is_shown: false }) => Some(*said + again),
+            Movement::Stopping(Stopping {
+                said: None,
+                is_shown: false,
+            }) => Some(Time::ZERO),
+            Movement::Stopping(Stopping {
+                said: Some(said),
+                is_shown: false,
+            }) => Some(*said + again),
             Movement::Idle | Movement::Waiting { .. } | Movement::Stopping(_) => None,
         }
     }

@@ -81,14 +81,30 @@ pub struct Status {
 impl Default for Status {
     /// On the ground, and nobody else steers, as far as is known before the autopilot was heard.
     fn default() -> Status {
-        Status { control: Control::Ours, is_landed: true }
+        Status {
+            control: Control::Ours,
+            is_landed: true,
+        }
     }
 }
 
 impl Report {
     /// Returns what of it the vehicle is told every time.
     pub fn telemetry(&self) -> Telemetry {
-        let Report { pose, speed_mps, battery, motion, is_armed, .. } = *self;
-        Telemetry { pose, speed_mps, battery, motion, is_armed }
+        let Report {
+            pose,
+            speed_mps,
+            battery,
+            motion,
+            is_armed,
+            ..
+        } = *self;
+        Telemetry {
+            pose,
+            speed_mps,
+            battery,
+            motion,
+            is_armed,
+        }
     }
 }

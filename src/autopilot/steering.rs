@@ -46,7 +46,10 @@ impl Hearing {
     pub fn deadline(self) -> Option<Deadline> {
         match self {
             Hearing::NeverHeard | Hearing::Silent => None,
-            Hearing::Heard { at } => Some(Deadline { at: at + SILENT_AFTER, why: "autopilot silent" }),
+            Hearing::Heard { at } => Some(Deadline {
+                at: at + SILENT_AFTER,
+                why: "autopilot silent",
+            }),
         }
     }
 
@@ -112,7 +115,9 @@ impl Steering {
     /// Takes what a report tells; `was_silent` when there was none for a while before it. Returns whether somebody else has
     /// taken over just now.
     pub fn take(&mut self, now: Time, mode: Mode, status: SystemStatus, was_silent: bool) -> bool {
-        let Steering::Ours(modes) = self else { return false };
+        let Steering::Ours(modes) = self else {
+            return false;
+        };
         if modes.explain(now, mode) {
             return false;
         }
@@ -129,7 +134,10 @@ impl Steering {
         match self {
             Steering::Ours(_) => {}
             Steering::Remote | Steering::Own => {
-                *self = Steering::Ours(OwnModes { expected: shown, ..OwnModes::default() });
+                *self = Steering::Ours(OwnModes {
+                    expected: shown,
+                    ..OwnModes::default()
+                });
             }
         }
     }
@@ -204,7 +212,9 @@ impl OwnModes {
         if !self.before.contains(&shown) {
             return false;
         }
-        let is_recent = self.changed.is_some_and(|at| now.since(at) <= OLD_MODE_SHOWS);
+        let is_recent = self
+            .changed
+            .is_some_and(|at| now.since(at) <= OLD_MODE_SHOWS);
         match self.change {
             ChangeOfMode::Accepted => is_recent,
             // What was neither accepted nor ever showed has not taken place.

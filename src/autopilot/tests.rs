@@ -14,6 +14,9 @@ use crate::actor::tests_support::{drawn, variants};
 fn the_drawings_name_the_variants_and_no_others() {
     assert_eq!(drawn(include_str!("motors.rs")), variants::<Motors>());
     assert_eq!(drawn(include_str!("movement.rs")), variants::<Movement>());
-    let both: BTreeSet<String> = variants::<Hearing>().union(&variants::<Steering>()).cloned().collect();
+    let both: BTreeSet<String> = variants::<Hearing>()
+        .union(&variants::<Steering>())
+        .cloned()
+        .collect();
     assert_eq!(drawn(include_str!("steering.rs")), both);
 }

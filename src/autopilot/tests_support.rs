@@ -6,7 +6,11 @@ use crate::geom::{Angle, Point, Pose};
 /// A report of an autopilot at the datum: at rest on the ground, armed, in GUIDED.
 pub(crate) fn resting_report() -> Report {
     Report {
-        pose: Pose { at: Point::default(), heading: Angle::default(), sd_m: 0.1 },
+        pose: Pose {
+            at: Point::default(),
+            heading: Angle::default(),
+            sd_m: 0.1,
+        },
         altitude_m: 0.0,
         speed_mps: 0.0,
         battery: 1.0,

@@ -16,7 +16,10 @@ pub struct Answer<W: Write = Stdout> {
 impl Answer {
     /// Answers on standard output.
     pub fn on_stdout() -> Answer {
-        Answer { out: io::stdout(), is_closed: false }
+        Answer {
+            out: io::stdout(),
+            is_closed: false,
+        }
     }
 
     /// Returns whether the reader is known to have left.
@@ -92,8 +95,15 @@ mod tests {
 
     #[test]
     fn a_reader_who_left_is_not_asked_again() {
-        let out = Pipe { room: 3, then: io::ErrorKind::BrokenPipe, asked: 0 };
-        let mut answer = Answer { out, is_closed: false };
+        let out = Pipe {
+            room: 3,
+            then: io::ErrorKind::BrokenPipe,
+            asked: 0,
+        };
+        let mut answer = Answer {
+            out,
+            is_closed: false,
+        };
         assert!(answer.write_all(b"twelve bytes").is_ok());
         assert!(answer.write_all(b"more").is_ok());
         assert_eq!(answer.out.asked, 2);
@@ -101,8 +111,17 @@ mod tests {
 
     #[test]
     fn a_full_disk_is_reported() {
-        let out = Pipe { room: 3, then: io::ErrorKind::StorageFull, asked: 0 };
-        let error = Answer { out, is_closed: false }.write_all(b"twelve bytes").unwrap_err();
+        let out = Pipe {
+            room: 3,
+            then: io::ErrorKind::StorageFull,
+            asked: 0,
+        };
+        let error = Answer {
+            out,
+            is_closed: false,
+        }
+        .write_all(b"twelve bytes")
+        .unwrap_err();
         assert_eq!(error.kind(), io::ErrorKind::StorageFull);
     }
 }

@@ -72,12 +72,19 @@ impl CheckArgs {
             match understand(path) {
                 Ok(understood) => {
                     let written = out.write_all(understood.as_bytes());
-                    written.map_err(|source| CliError::Write { path: "standard output".into(), source })?;
+                    written.map_err(|source| CliError::Write {
+                        path: "standard output".into(),
+                        source,
+                    })?;
                 }
                 Err(error) => wrong.push(error),
             }
         }
-        if wrong.is_empty() { Ok(()) } else { Err(CliError::Several(wrong)) }
+        if wrong.is_empty() {
+            Ok(())
+        } else {
+            Err(CliError::Several(wrong))
+        }
     }
 }
 
@@ -93,16 +100,23 @@ fn print_keys(out: &mut dyn Write) -> Result<(), CliError> {
 fn kind_of(path: &Path) -> Result<Kind, CliError> {
     if path.is_dir() {
         let source = std::io::ErrorKind::IsADirectory.into();
-        return Err(CliError::Read { path: path.to_owned(), source });
+        return Err(CliError::Read {
+            path: path.to_owned(),
+            source,
+        });
     }
-    let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
+    let ending = path
+        .extension()
+        .and_then(|ending| ending.to_str())
+        .unwrap_or_default();
     match ending.to_ascii_lowercase().as_str() {
         "toml" => Ok(Kind::Config),
         "wrl" => Ok(Kind::Shapes),
         "csv" | "json" => Ok(Kind::Recording),
         _ => Err(CliError::Input {
             path: path.to_owned(),
-            reason: "nothing is known about this ending; .toml, .wrl, .csv and .json are checked".to_owned(),
+            reason: "nothing is known about this ending; .toml, .wrl, .csv and .json are checked"
+                .to_owned(),
         }),
     }
 }
@@ -147,8 +161,12 @@ fn understand_config(path: &Path, text: &str) -> Result<String, CliError> {
 
 /// Refuses materials for shapes that there are none of; a simulation is refused for them as well.
 fn check_materials(path: &Path, scene: &SceneFile, shapes: &VrmlScene) -> Result<(), CliError> {
-    let is_known =
-        |name: &str| shapes.shapes.iter().any(|shape| shape.names.iter().any(|known| **known == *name));
+    let is_known = |name: &str| {
+        shapes
+            .shapes
+            .iter()
+            .any(|shape| shape.names.iter().any(|known| **known == *name))
+    };
     let unknown = |name: &String| CliError::Input {
         path: path.to_owned(),
         reason: format!(
@@ -156,33 +174,60 @@ fn check_materials(path: &Path, scene: &SceneFile, shapes: &VrmlScene) -> Result
             names_line(shapes)
         ),
     };
-    let wrong: Vec<CliError> = scene.materials.keys().filter(|name| !is_known(name)).map(unknown).collect();
-    if wrong.is_empty() { Ok(()) } else { Err(CliError::Several(wrong)) }
+    let wrong: Vec<CliError> = scene
+        .materials
+        .keys()
+        .filter(|name| !is_known(name))
+        .map(unknown)
+        .collect();
+    if wrong.is_empty() {
+        Ok(())
+    } else {
+        Err(CliError::Several(wrong))
+    }
 }
 
 /// Reads shapes as they are, z up: only a scene file knows better.
 fn understand_shapes(path: &Path) -> Result<String, CliError> {
     let shapes = load::read_shapes(&read::shown(path), Up::Z, &mut read::around(path))?;
-    let lines = shapes_lines(&shapes).into_iter().map(|(name, value)| format!("  {name:<12} {value}\n"));
-    Ok(format!("{}: shapes (VRML97)\n{}", path.display(), lines.collect::<String>()))
+    let lines = shapes_lines(&shapes)
+        .into_iter()
+        .map(|(name, value)| format!("  {name:<12} {value}\n"));
+    Ok(format!(
+        "{}: shapes (VRML97)\n{}",
+        path.display(),
+        lines.collect::<String>()
+    ))
 }
 
 fn shapes_lines(scene: &VrmlScene) -> Vec<Line> {
     let (faces, triangles) = scene
         .shapes
         .iter()
-        .fold((0, 0), |(faces, triangles), shape| (faces + shape.faces, triangles + shape.triangles));
+        .fold((0, 0), |(faces, triangles), shape| {
+            (faces + shape.faces, triangles + shape.triangles)
+        });
     let count = scene.shapes.len();
-    let shapes =
-        format!("{count}, of {faces} faces, {triangles} triangles; DEF names: {}", names_line(scene));
-    let warnings = scene.warnings.iter().map(|warning| ("warning", warning.clone()));
-    std::iter::once(("shapes", shapes)).chain(warnings).collect()
+    let shapes = format!(
+        "{count}, of {faces} faces, {triangles} triangles; DEF names: {}",
+        names_line(scene)
+    );
+    let warnings = scene
+        .warnings
+        .iter()
+        .map(|warning| ("warning", warning.clone()));
+    std::iter::once(("shapes", shapes))
+        .chain(warnings)
+        .collect()
 }
 
 /// Lists the DEF names of a scene, the first of them if there are many.
 fn names_line(scene: &VrmlScene) -> String {
-    let names: BTreeSet<&str> =
-        scene.shapes.iter().flat_map(|shape| shape.names.iter().map(|name| &**name)).collect();
+    let names: BTreeSet<&str> = scene
+        .shapes
+        .iter()
+        .flat_map(|shape| shape.names.iter().map(|name| &**name))
+        .collect();
     let shown: Vec<&str> = names.iter().copied().take(NAMES_SHOWN).collect();
     match shown.len() {
         0 => "none".to_owned(),
@@ -194,7 +239,11 @@ fn names_line(scene: &VrmlScene) -> String {
 fn understand_recording(path: &Path) -> Result<String, CliError> {
     let recording = read_file(path)?;
     let unit = recording.unit.word();
-    let packets: u64 = recording.links.iter().map(|link| u64::from(link.packets)).sum();
+    let packets: u64 = recording
+        .links
+        .iter()
+        .map(|link| u64::from(link.packets))
+        .sum();
     let area = bounds(recording.links.iter());
     Ok(format!(
         "{}: a recording\n  links        {} of {packets} packets\n  ends         x {:.2} to {:.2}, y {:.2} to {:.2} {unit}\n",
@@ -213,8 +262,11 @@ mod tests {
 
     fn run(files: &[&str]) -> (String, Result<(), CliError>) {
         let mut out = Vec::new();
-        let result =
-            CheckArgs { keys: false, files: files.iter().map(PathBuf::from).collect() }.run(&mut out);
+        let result = CheckArgs {
+            keys: false,
+            files: files.iter().map(PathBuf::from).collect(),
+        }
+        .run(&mut out);
         (String::from_utf8(out).unwrap(), result)
     }
 
@@ -244,6 +296,9 @@ mod tests {
         assert!(text.contains("a venue"), "{text}");
         assert_eq!(error.exit_code(), 2);
         assert_eq!(error.to_string().lines().count(), 2, "{error}");
-        assert!(error.to_string().starts_with("gone.toml: cannot be read: "), "{error}");
+        assert!(
+            error.to_string().starts_with("gone.toml: cannot be read: "),
+            "{error}"
+        );
     }
 }

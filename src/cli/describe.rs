@@ -2,7 +2,9 @@
 //! as comments above it what follows from them. Read back it means the same; files are named as they were opened, so the
 //! text is read from the same folder under a name without one (`tomoswarm check -`).
 
-use crate::config::{self, Axis, Config, Experiment, GroundFile, RangeDriver, Sim, VehicleFile, Venue};
+use crate::config::{
+    self, Axis, Config, Experiment, GroundFile, RangeDriver, Sim, VehicleFile, Venue,
+};
 
 /// The most vehicles that a sweep is planned for.
 const SWEEPING: std::ops::RangeInclusive<usize> = 2..=8;
@@ -24,23 +26,43 @@ pub(super) fn describe(file: &str, config: &Config, further: &[Line]) -> String 
         Config::Experiment(experiment) => ("an experiment", experiment_lines(experiment)),
     };
     lines.extend_from_slice(further);
-    let said = lines.iter().map(|(name, value)| comment(&format!("  {name:<12} {value}")));
-    let comments: String = std::iter::once(comment(&format!("{file}: {what}"))).chain(said).collect();
+    let said = lines
+        .iter()
+        .map(|(name, value)| comment(&format!("  {name:<12} {value}")));
+    let comments: String = std::iter::once(comment(&format!("{file}: {what}")))
+        .chain(said)
+        .collect();
     format!("{comments}{}", config::written(config))
 }
 
 /// Returns a comment of one line, whatever the text.
 fn comment(text: &str) -> String {
-    let printable: String = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+    let printable: String = text
+        .chars()
+        .map(|c| if c.is_control() { ' ' } else { c })
+        .collect();
     format!("# {printable}\n")
 }
 
 fn venue_lines(venue: &Venue) -> Vec<Line> {
     let area = venue.area;
     vec![
-        ("venue", format!("venue {}, hash {:016x}", venue.name, venue.hash())),
-        ("area", format!("{} m × {} m", area.width_m(), area.height_m())),
-        ("fence", format!("{} corners, {:.1} m²", venue.fence.corners().len(), venue.fence.area_m2().abs())),
+        (
+            "venue",
+            format!("venue {}, hash {:016x}", venue.name, venue.hash()),
+        ),
+        (
+            "area",
+            format!("{} m × {} m", area.width_m(), area.height_m()),
+        ),
+        (
+            "fence",
+            format!(
+                "{} corners, {:.1} m²",
+                venue.fence.corners().len(),
+                venue.fence.area_m2().abs()
+            ),
+        ),
         ("homes", venue.homes.len().to_string()),
     ]
 }
@@ -52,17 +74,29 @@ fn sim_lines(sim: &Sim) -> Vec<Line> {
     let look = &sim.range.look;
     list.push(("looks", format!("one round takes {:?}", look.cycle())));
     list.push(("beacons", format!("slot {:?}", sim.venue.swarm.slot())));
-    let persons = sim.scene.random_persons.map(|random| format!("{} random persons", random.count));
+    let persons = sim
+        .scene
+        .random_persons
+        .map(|random| format!("{} random persons", random.count));
     list.extend(persons.map(|persons| ("persons", persons)));
     list
 }
 
 fn vehicle_lines(file: &VehicleFile) -> Vec<Line> {
-    let home = format!("number {}, at home at ({}, {})", file.id, file.home.x_m, file.home.y_m);
-    let mut list = vec![("vehicle", home), ("looks", format!("one round takes {:?}", file.look.cycle()))];
+    let home = format!(
+        "number {}, at home at ({}, {})",
+        file.id, file.home.x_m, file.home.y_m
+    );
+    let mut list = vec![
+        ("vehicle", home),
+        ("looks", format!("one round takes {:?}", file.look.cycle())),
+    ];
     list.push(("drivers", file.drivers.in_words()));
     if file.drivers.range == RangeDriver::None {
-        list.push(("warning", "without a range sensor it sees nothing, and is not driven".to_owned()));
+        list.push((
+            "warning",
+            "without a range sensor it sees nothing, and is not driven".to_owned(),
+        ));
     }
     list.extend(venue_lines(&file.venue));
     list
@@ -72,18 +106,27 @@ fn ground_lines(file: &GroundFile) -> Vec<Line> {
     let mut list = venue_lines(&file.venue);
     let count = file.vehicles.len();
     if !SWEEPING.contains(&count) {
-        let text = format!("no sweep is planned for {count} vehicles, only for 2 to 8; all else works");
+        let text =
+            format!("no sweep is planned for {count} vehicles, only for 2 to 8; all else works");
         list.push(("warning", text));
     }
     list
 }
 
 fn experiment_lines(experiment: &Experiment) -> Vec<Line> {
-    let runs = format!("{} runs of experiment {}", experiment.runs(), experiment.name());
+    let runs = format!(
+        "{} runs of experiment {}",
+        experiment.runs(),
+        experiment.name()
+    );
     let mut list = vec![("grid", runs)];
     for axis in Axis::ALL.into_iter().filter(|axis| experiment.has(*axis)) {
         let names = experiment.names(axis);
-        let rest = if names.len() > VALUES_SHOWN { " …" } else { "" };
+        let rest = if names.len() > VALUES_SHOWN {
+            " …"
+        } else {
+            ""
+        };
         let shown = names[..names.len().min(VALUES_SHOWN)].join(" ");
         list.push((axis.word(), format!("{}: {shown}{rest}", names.len())));
     }

@@ -7,14 +7,16 @@ use std::path::{Path, PathBuf};
 
 use tomoswarm_proto::{Sender, VehicleId};
 
-use super::enroll_files::{NodeConfig, endpoint_list, file_name, vehicle_list, with_end, with_list};
+use super::enroll_files::{
+    NodeConfig, endpoint_list, file_name, vehicle_list, with_end, with_list,
+};
 use super::error::CliError;
 use super::read;
 use crate::config::{self, Config, Endpoint, Protocol, Topology, Venue};
 use crate::run::membership::OPERATOR;
 use crate::run::trust::{
-    Authority, Certificate, CommonName, Issued, Lock, NewFile, Roster, is_host, read_limited, replace_file,
-    write_new_folder,
+    Authority, Certificate, CommonName, Issued, Lock, NewFile, Roster, is_host, read_limited,
+    replace_file, write_new_folder,
 };
 
 const CA: &str = "ca.pem";
@@ -33,7 +35,12 @@ pub struct EnrollArgs {
     #[arg(value_name = "FOLDER")]
     pub folder: PathBuf,
     /// Which node
-    #[arg(value_name = "NODE", value_enum, required_unless_present = "revoke", conflicts_with = "revoke")]
+    #[arg(
+        value_name = "NODE",
+        value_enum,
+        required_unless_present = "revoke",
+        conflicts_with = "revoke"
+    )]
     pub node: Option<Node>,
     /// Number of the vehicle, 1 to 250
     #[arg(value_name = "N", value_parser = clap::value_parser!(u8).range(1..=250))]
@@ -106,7 +113,10 @@ impl EnrollArgs {
             None => self.enroll()?,
         };
         out.write_all(said.as_bytes())
-            .map_err(|source| CliError::Write { path: "standard output".into(), source })
+            .map_err(|source| CliError::Write {
+                path: "standard output".into(),
+                source,
+            })
     }
 
     fn enroll(&self) -> Result<String, CliError> {
@@ -119,19 +129,32 @@ impl EnrollArgs {
         }
         let swarm = Swarm::open(&self.folder)?;
         swarm.check_venue(&venue)?;
-        let name =
-            swarm.roster.next_name(node, self.replace).map_err(|error| swarm.refused(ROSTER, error))?;
-        let issued = swarm.authority.issue(name, &self.hosts).map_err(|error| swarm.refused(CA, error))?;
-        let next =
-            swarm.roster.admitting(issued.entry.clone()).map_err(|error| swarm.refused(ROSTER, error))?;
+        let name = swarm
+            .roster
+            .next_name(node, self.replace)
+            .map_err(|error| swarm.refused(ROSTER, error))?;
+        let issued = swarm
+            .authority
+            .issue(name, &self.hosts)
+            .map_err(|error| swarm.refused(CA, error))?;
+        let next = swarm
+            .roster
+            .admitting(issued.entry.clone())
+            .map_err(|error| swarm.refused(ROSTER, error))?;
         let files = self.files(&swarm, &next, &issued, &venue_text)?;
         let reached_before = swarm.reached(&swarm.roster);
         // From here on the certificate is in force: the roster goes first, so that no number is given twice.
         let text = swarm.publish(&next)?;
         let former = swarm.retire(node, "replaced")?;
         let own = swarm.node_folder(node);
-        let files: Vec<NewFile> = files.into_iter().chain([NewFile::open(ROSTER, text)]).collect();
-        write_new_folder(&own, &files).map_err(|source| CliError::Write { path: own.clone(), source })?;
+        let files: Vec<NewFile> = files
+            .into_iter()
+            .chain([NewFile::open(ROSTER, text)])
+            .collect();
+        write_new_folder(&own, &files).map_err(|source| CliError::Write {
+            path: own.clone(),
+            source,
+        })?;
         let listed = swarm.list_in_ground(&next)?;
         swarm.name_in_operator(&reached_before, &swarm.reached(&next))?;
         Ok(enrolled(name, &own, former.as_deref(), listed, &next))
@@ -144,12 +167,20 @@ impl EnrollArgs {
             ))
         })?;
         let swarm = Swarm::open(&self.folder)?;
-        let next = swarm.roster.revoking(node).map_err(|error| swarm.refused(ROSTER, error))?;
+        let next = swarm
+            .roster
+            .revoking(node)
+            .map_err(|error| swarm.refused(ROSTER, error))?;
         swarm.publish(&next)?;
         let former = swarm.retire(node, "revoked")?;
-        let kept =
-            former.map_or(String::new(), |folder| format!("its files are kept in {}\n", folder.display()));
-        Ok(format!("{name} is revoked, roster issue {}\n{kept}{}", next.issue, roster_advice(&self.folder)))
+        let kept = former.map_or(String::new(), |folder| {
+            format!("its files are kept in {}\n", folder.display())
+        });
+        Ok(format!(
+            "{name} is revoked, roster issue {}\n{kept}{}",
+            next.issue,
+            roster_advice(&self.folder)
+        ))
     }
 
     fn wanted(&self) -> Result<Sender, CliError> {
@@ -160,10 +191,12 @@ impl EnrollArgs {
             (Some(Node::Vehicle), None) => Err(CliError::Usage(
                 "vehicle: its number is missing; vehicle N is expected, 1 to 250".to_owned(),
             )),
-            (Some(Node::Ground | Node::Operator), Some(number)) => {
-                Err(CliError::Usage(format!("{number}: only vehicles have numbers")))
-            }
-            (None, _) => Err(CliError::Usage("ground, vehicle N or operator is expected".to_owned())),
+            (Some(Node::Ground | Node::Operator), Some(number)) => Err(CliError::Usage(format!(
+                "{number}: only vehicles have numbers"
+            ))),
+            (None, _) => Err(CliError::Usage(
+                "ground, vehicle N or operator is expected".to_owned(),
+            )),
         }
     }
 
@@ -172,15 +205,19 @@ impl EnrollArgs {
         for (option, host) in options.chain([("--ground-host", &self.ground_host)]) {
             if !is_host(host) {
                 let expected = "an IP address or a host name is expected";
-                return Err(CliError::Usage(format!("{option} {host:?}: is no host; {expected}")));
+                return Err(CliError::Usage(format!(
+                    "{option} {host:?}: is no host; {expected}"
+                )));
             }
         }
         Ok(())
     }
 
     fn venue(&self) -> Result<(Venue, String), CliError> {
-        let path =
-            self.venue.as_deref().ok_or_else(|| CliError::Usage("--venue FILE is needed".to_owned()))?;
+        let path = self
+            .venue
+            .as_deref()
+            .ok_or_else(|| CliError::Usage("--venue FILE is needed".to_owned()))?;
         let text = read::text(path)?;
         Ok((read_venue(path, &text)?, text))
     }
@@ -241,18 +278,31 @@ impl Swarm {
             let path = folder.join(name);
             read_limited(&path).map_err(|source| CliError::Read { path, source })
         };
-        let refused = |name: &str, reason: String| CliError::Input { path: folder.join(name), reason };
-        let lock = Lock::take(&folder.join(CA_KEY))
-            .map_err(|source| CliError::Read { path: folder.join(CA_KEY), source })?;
+        let refused = |name: &str, reason: String| CliError::Input {
+            path: folder.join(name),
+            reason,
+        };
+        let lock = Lock::take(&folder.join(CA_KEY)).map_err(|source| CliError::Read {
+            path: folder.join(CA_KEY),
+            source,
+        })?;
         let authority = Authority::open(&text(CA)?, &text(CA_KEY)?)
             .map_err(|error| refused(CA_KEY, error.to_string()))?;
         let roster = Roster::verify(&text(ROSTER)?, authority.certificate())
             .map_err(|error| refused(ROSTER, error.to_string()))?;
-        Ok(Swarm { folder: folder.to_owned(), authority, roster, _lock: lock })
+        Ok(Swarm {
+            folder: folder.to_owned(),
+            authority,
+            roster,
+            _lock: lock,
+        })
     }
 
     fn refused(&self, name: &str, error: impl std::error::Error) -> CliError {
-        CliError::Input { path: self.folder.join(name), reason: error.to_string() }
+        CliError::Input {
+            path: self.folder.join(name),
+            reason: error.to_string(),
+        }
     }
 
     fn node_folder(&self, node: Sender) -> PathBuf {
@@ -277,12 +327,24 @@ impl Swarm {
 
     /// Signs a roster and puts it in force: here, and in the folders of all that it allows.
     fn publish(&self, next: &Roster) -> Result<String, CliError> {
-        let text = self.authority.sign(next).map_err(|error| self.refused(CA_KEY, error))?;
+        let text = self
+            .authority
+            .sign(next)
+            .map_err(|error| self.refused(CA_KEY, error))?;
         let file = NewFile::open(ROSTER, text.clone());
-        let folders = next.allowed.iter().map(|entry| self.node_folder(entry.name.node));
-        for folder in [self.folder.clone()].into_iter().chain(folders).filter(|folder| folder.is_dir()) {
-            replace_file(&folder, &file)
-                .map_err(|source| CliError::Write { path: folder.join(ROSTER), source })?;
+        let folders = next
+            .allowed
+            .iter()
+            .map(|entry| self.node_folder(entry.name.node));
+        for folder in [self.folder.clone()]
+            .into_iter()
+            .chain(folders)
+            .filter(|folder| folder.is_dir())
+        {
+            replace_file(&folder, &file).map_err(|source| CliError::Write {
+                path: folder.join(ROSTER),
+                source,
+            })?;
         }
         Ok(text)
     }
@@ -294,24 +356,34 @@ impl Swarm {
             return Ok(None);
         }
         let pem = read::text(&folder.join("certificate.pem")).ok();
-        let name = pem.and_then(|pem| Certificate::from_pem(&pem).ok()).map(|found| found.common_name);
+        let name = pem
+            .and_then(|pem| Certificate::from_pem(&pem).ok())
+            .map(|found| found.common_name);
         let name = name.filter(|name| name.parse::<CommonName>().is_ok());
         let name = name.unwrap_or_else(|| format!("{}.unknown", CommonName::node_name(node)));
         let aside = self.folder.join(format!("{name}.{why}"));
-        std::fs::rename(&folder, &aside).map_err(|source| CliError::Write { path: aside.clone(), source })?;
+        std::fs::rename(&folder, &aside).map_err(|source| CliError::Write {
+            path: aside.clone(),
+            source,
+        })?;
         Ok(Some(aside))
     }
 
     /// Lists the enrolled vehicles in the ground station's configuration, where that list still is as it was written;
     /// returns whether it lists them all.
     fn list_in_ground(&self, next: &Roster) -> Result<bool, CliError> {
-        let (before, after) = (vehicle_list(&vehicles_of(&self.roster)), vehicle_list(&vehicles_of(next)));
+        let (before, after) = (
+            vehicle_list(&vehicles_of(&self.roster)),
+            vehicle_list(&vehicles_of(next)),
+        );
         if before == after {
             return Ok(true);
         }
         let is_known = |list: &str| list == before || list == after;
         self.edit_config(Sender::Ground, |text| {
-            with_list(text, "vehicles", |list| is_known(list).then_some(after.clone()))
+            with_list(text, "vehicles", |list| {
+                is_known(list).then_some(after.clone())
+            })
         })
     }
 
@@ -339,7 +411,9 @@ impl Swarm {
             return Ok(true);
         }
         let text = read::text(&path)?;
-        let Some(edited) = edited(&text) else { return Ok(false) };
+        let Some(edited) = edited(&text) else {
+            return Ok(false);
+        };
         if edited != text {
             let file = NewFile::open(file_name(node), edited);
             replace_file(&folder, &file).map_err(|source| CliError::Write { path, source })?;
@@ -358,11 +432,25 @@ impl Swarm {
             let venue = read::text(&folder.join(VENUE)).ok()?;
             let text = read::text(&path).ok()?;
             let file = config::read(&read::shown(&path), &text, &mut |_| Ok(venue.clone()));
-            let Ok(Config::Vehicle(file)) = file else { return None };
-            let port = file.bus.listen.first().map(|listen| listen.port).filter(|port| *port != 0)?;
-            Some(Endpoint { protocol: Protocol::Tls, host, port })
+            let Ok(Config::Vehicle(file)) = file else {
+                return None;
+            };
+            let port = file
+                .bus
+                .listen
+                .first()
+                .map(|listen| listen.port)
+                .filter(|port| *port != 0)?;
+            Some(Endpoint {
+                protocol: Protocol::Tls,
+                host,
+                port,
+            })
         };
-        vehicles_of(roster).into_iter().filter_map(endpoint).collect()
+        vehicles_of(roster)
+            .into_iter()
+            .filter_map(endpoint)
+            .collect()
     }
 }
 
@@ -374,24 +462,38 @@ fn is_far(host: &str) -> bool {
 fn create_authority(folder: &Path, venue: &str) -> Result<(), CliError> {
     let is_taken = std::fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_some());
     if is_taken || folder.is_file() {
-        let reason =
-            format!("is no folder of a swarm (it has no {CA}) and not empty; a new folder is expected");
-        return Err(CliError::Input { path: folder.to_owned(), reason });
+        let reason = format!(
+            "is no folder of a swarm (it has no {CA}) and not empty; a new folder is expected"
+        );
+        return Err(CliError::Input {
+            path: folder.to_owned(),
+            reason,
+        });
     }
     let fault = |error: crate::run::trust::AuthorityError| CliError::Fault(error.to_string());
     let authority = Authority::create().map_err(fault)?;
-    let roster = authority.sign(&Roster { issue: 1, ..Roster::default() }).map_err(fault)?;
+    let roster = authority
+        .sign(&Roster {
+            issue: 1,
+            ..Roster::default()
+        })
+        .map_err(fault)?;
     let files = [
         NewFile::open(CA, authority.certificate_pem()),
         NewFile::private(CA_KEY, authority.key_pem()),
         NewFile::open(ROSTER, roster),
         NewFile::open(VENUE, venue),
     ];
-    write_new_folder(folder, &files).map_err(|source| CliError::Write { path: folder.to_owned(), source })
+    write_new_folder(folder, &files).map_err(|source| CliError::Write {
+        path: folder.to_owned(),
+        source,
+    })
 }
 
 fn read_venue(path: &Path, text: &str) -> Result<Venue, CliError> {
-    match config::read(&read::shown(path), text, &mut |_| Err("a venue names no files".to_owned()))? {
+    match config::read(&read::shown(path), text, &mut |_| {
+        Err("a venue names no files".to_owned())
+    })? {
         Config::Venue(venue) => Ok(venue),
         Config::Scene(_)
         | Config::Sim(_)
@@ -400,7 +502,10 @@ fn read_venue(path: &Path, text: &str) -> Result<Venue, CliError> {
         | Config::Ground(_)
         | Config::Operator(_) => {
             let reason = "is no venue; a file of kind = \"venue\" is expected".to_owned();
-            Err(CliError::Input { path: path.to_owned(), reason })
+            Err(CliError::Input {
+                path: path.to_owned(),
+                reason,
+            })
         }
     }
 }
@@ -414,9 +519,9 @@ fn check_config(path: &Path, text: &str, venue: &str) -> Result<(), CliError> {
 fn check_home(node: Sender, venue: &Venue) -> Result<(), CliError> {
     let homes = venue.homes.len();
     match node {
-        Sender::Vehicle(id) if usize::from(id.0) > homes => {
-            Err(CliError::Usage(format!("vehicle {id}: has no home, the venue has {homes} of them")))
-        }
+        Sender::Vehicle(id) if usize::from(id.0) > homes => Err(CliError::Usage(format!(
+            "vehicle {id}: has no home, the venue has {homes} of them"
+        ))),
         Sender::Vehicle(_) | Sender::Ground | Sender::Operator(_) => Ok(()),
     }
 }
@@ -426,21 +531,36 @@ fn vehicles_of(roster: &Roster) -> Vec<VehicleId> {
         Sender::Vehicle(id) => Some(id),
         Sender::Ground | Sender::Operator(_) => None,
     };
-    let ids: BTreeSet<VehicleId> =
-        roster.allowed.iter().filter_map(|entry| vehicle(entry.name.node)).collect();
+    let ids: BTreeSet<VehicleId> = roster
+        .allowed
+        .iter()
+        .filter_map(|entry| vehicle(entry.name.node))
+        .collect();
     ids.into_iter().collect()
 }
 
-fn enrolled(name: CommonName, own: &Path, former: Option<&Path>, is_listed: bool, next: &Roster) -> String {
+fn enrolled(
+    name: CommonName,
+    own: &Path,
+    former: Option<&Path>,
+    is_listed: bool,
+    next: &Roster,
+) -> String {
     let mut text = format!("{name} is enrolled, roster issue {}\n", next.issue);
     if let Some(former) = former {
-        text += &format!("the former files are kept in {} and are worth nothing now\n", former.display());
+        text += &format!(
+            "the former files are kept in {} and are worth nothing now\n",
+            former.display()
+        );
     }
     text += &format!(
         "1. copy {} to the node as /etc/tomoswarm (its key.pem for the service's user only, mode 0600)\n",
         own.display()
     );
-    text += &format!("2. on the node: tomoswarm check /etc/tomoswarm/{}\n", file_name(name.node));
+    text += &format!(
+        "2. on the node: tomoswarm check /etc/tomoswarm/{}\n",
+        file_name(name.node)
+    );
     text += &roster_advice(own.parent().unwrap_or(Path::new(".")));
     if !is_listed {
         text += "the ground station's file was edited: add the vehicle to its list `vehicles` by hand\n";

@@ -42,17 +42,29 @@ pub fn vehicle_list(vehicles: &[VehicleId]) -> String {
 
 /// Returns endpoints as they stand in a list of a configuration, between its brackets.
 pub fn endpoint_list<'a>(endpoints: impl IntoIterator<Item = &'a Endpoint>) -> String {
-    let list: Vec<String> = endpoints.into_iter().map(|endpoint| quoted(&endpoint.to_string())).collect();
+    let list: Vec<String> = endpoints
+        .into_iter()
+        .map(|endpoint| quoted(&endpoint.to_string()))
+        .collect();
     list.join(", ")
 }
 
 /// Returns a configuration with another list under a key, and all else as it was. `changed` is given what stands between the
 /// brackets. `None` = the key does not stand once with its list on one line, or `changed` makes nothing of it.
-pub fn with_list(text: &str, key: &str, changed: impl FnOnce(&str) -> Option<String>) -> Option<String> {
+pub fn with_list(
+    text: &str,
+    key: &str,
+    changed: impl FnOnce(&str) -> Option<String>,
+) -> Option<String> {
     let opening = format!("{key} = [");
     let is_first = |at: &usize| text[..*at].ends_with('\n') || *at == 0;
-    let mut openings = text.match_indices(&opening).map(|(at, _)| at).filter(is_first);
-    let (at, None) = (openings.next()?, openings.next()) else { return None };
+    let mut openings = text
+        .match_indices(&opening)
+        .map(|(at, _)| at)
+        .filter(is_first);
+    let (at, None) = (openings.next()?, openings.next()) else {
+        return None;
+    };
     let (before, list) = text.split_at(at + opening.len());
     let (list, after) = list.split_at(end_of_list(list)?);
     Some(format!("{before}{}{after}", changed(list)?))
@@ -78,7 +90,10 @@ pub fn with_end(list: &str, former: &str, items: &str) -> Option<String> {
         first if first.is_empty() || former.is_empty() => first,
         first => first.strip_suffix(", ")?,
     };
-    let parts: Vec<&str> = [first, items].into_iter().filter(|part| !part.is_empty()).collect();
+    let parts: Vec<&str> = [first, items]
+        .into_iter()
+        .filter(|part| !part.is_empty())
+        .collect();
     Some(parts.join(", "))
 }
 
@@ -88,8 +103,13 @@ impl NodeConfig {
     /// # Errors
     /// Everything that `tomoswarm check` would refuse.
     pub fn text(&self, venue: &str) -> Result<String, Problems> {
-        let file = config::read(file_name(self.node), &self.given(), &mut |_| Ok(venue.to_owned()))?;
-        Ok(format!("# Written by tomoswarm enroll.\n{}", config::written(&file)))
+        let file = config::read(file_name(self.node), &self.given(), &mut |_| {
+            Ok(venue.to_owned())
+        })?;
+        Ok(format!(
+            "# Written by tomoswarm enroll.\n{}",
+            config::written(&file)
+        ))
     }
 
     /// Returns what is not left to the defaults.
@@ -121,18 +141,30 @@ impl NodeConfig {
         }
         if self.node != Sender::Ground {
             let (host, port) = (self.ground_host.clone(), self.port);
-            let ground = Endpoint { protocol: Protocol::Tls, host, port };
+            let ground = Endpoint {
+                protocol: Protocol::Tls,
+                host,
+                port,
+            };
             // An operator must reach the vehicles of a mesh when the ground station is dead.
-            let names_all = matches!(self.node, Sender::Operator(_)) && self.topology == Topology::Mesh;
+            let names_all =
+                matches!(self.node, Sender::Operator(_)) && self.topology == Topology::Mesh;
             let vehicles: &[Endpoint] = if names_all { &self.reached } else { &[] };
-            text += &format!("connect = [{}]\n", endpoint_list([&ground].into_iter().chain(vehicles)));
+            text += &format!(
+                "connect = [{}]\n",
+                endpoint_list([&ground].into_iter().chain(vehicles))
+            );
         }
         text + "ca = \"ca.pem\"\ncertificate = \"certificate.pem\"\nkey = \"key.pem\"\nroster = \"roster.txt\"\n"
     }
 
     /// Returns where the node listens: on its own machine, unless others are to reach it.
     fn listen(&self) -> Endpoint {
-        let host = if self.is_reached { "0.0.0.0" } else { "127.0.0.1" };
+        let host = if self.is_reached {
+            "0.0.0.0"
+        } else {
+            "127.0.0.1"
+        };
         // Several nodes of one machine cannot all have the same port.
         let is_fixed = match self.node {
             Sender::Ground => true,
@@ -140,7 +172,11 @@ impl NodeConfig {
             Sender::Operator(_) => false,
         };
         let port = if is_fixed { self.port } else { 0 };
-        Endpoint { protocol: Protocol::Tls, host: host.to_owned(), port }
+        Endpoint {
+            protocol: Protocol::Tls,
+            host: host.to_owned(),
+            port,
+        }
     }
 }
 
@@ -170,9 +206,15 @@ mod tests {
 
     #[test]
     fn a_list_is_changed_where_it_is_as_it_was_written_and_all_else_stays() {
-        check("a = 1\nconnect = [0, 1, 2] # 5\nb = 2", Some("a = 1\nconnect = [0, 3] # 5\nb = 2"));
+        check(
+            "a = 1\nconnect = [0, 1, 2] # 5\nb = 2",
+            Some("a = 1\nconnect = [0, 3] # 5\nb = 2"),
+        );
         check("connect = [0, 1, 2]\r\n", Some("connect = [0, 3]\r\n"));
-        check("connect = [\"[::1]:7\", 1, 2]\n", Some("connect = [\"[::1]:7\", 3]\n"));
+        check(
+            "connect = [\"[::1]:7\", 1, 2]\n",
+            Some("connect = [\"[::1]:7\", 3]\n"),
+        );
         for other in [
             "",
             "connect = [0, 2, 1]\n",
@@ -198,7 +240,11 @@ mod tests {
             ("", "", "1", Some("1")),
             ("1", "2", "3", None),
         ] {
-            assert_eq!(with_end(list, former, items).as_deref(), expected, "{list}, {former}, {items}");
+            assert_eq!(
+                with_end(list, former, items).as_deref(),
+                expected,
+                "{list}, {former}, {items}"
+            );
         }
     }
 }

@@ -80,7 +80,10 @@ pub enum CliError {
 impl CliError {
     /// Makes the error of an answer that cannot be written.
     pub fn stdout(source: io::Error) -> CliError {
-        CliError::Write { path: "standard output".into(), source }
+        CliError::Write {
+            path: "standard output".into(),
+            source,
+        }
     }
 
     /// Returns the exit code of the program: 1 or 2, as above.
@@ -106,7 +109,11 @@ impl CliError {
 }
 
 fn lines(errors: &[CliError]) -> String {
-    errors.iter().map(CliError::to_string).collect::<Vec<_>>().join("\n")
+    errors
+        .iter()
+        .map(CliError::to_string)
+        .collect::<Vec<_>>()
+        .join("\n")
 }
 
 #[cfg(test)]
@@ -114,26 +121,49 @@ mod tests {
     use super::*;
 
     fn check(error: CliError, text: &str, code: u8) {
-        assert_eq!((error.to_string().as_str(), error.exit_code()), (text, code));
+        assert_eq!(
+            (error.to_string().as_str(), error.exit_code()),
+            (text, code)
+        );
     }
 
     #[test]
     fn an_error_names_the_file_and_tells_input_from_faults() {
         let missing = || io::Error::from(io::ErrorKind::NotFound);
-        let (path, reason) = (PathBuf::from("a/b.csv"), "line 3: rssi_dbm = 300".to_owned());
+        let (path, reason) = (
+            PathBuf::from("a/b.csv"),
+            "line 3: rssi_dbm = 300".to_owned(),
+        );
         check(
-            CliError::Read { path: path.clone(), source: missing() },
+            CliError::Read {
+                path: path.clone(),
+                source: missing(),
+            },
             "a/b.csv: cannot be read: entity not found; expected a file that can be read",
             2,
         );
         check(
-            CliError::Write { path: path.clone(), source: missing() },
+            CliError::Write {
+                path: path.clone(),
+                source: missing(),
+            },
             "a/b.csv: cannot be written: entity not found",
             2,
         );
-        check(CliError::Input { path, reason }, "a/b.csv: line 3: rssi_dbm = 300", 2);
-        check(CliError::Mission("time is up".to_owned()), "the mission failed: time is up", 1);
-        let several = vec![CliError::Usage("one".to_owned()), CliError::Usage("two".to_owned())];
+        check(
+            CliError::Input { path, reason },
+            "a/b.csv: line 3: rssi_dbm = 300",
+            2,
+        );
+        check(
+            CliError::Mission("time is up".to_owned()),
+            "the mission failed: time is up",
+            1,
+        );
+        let several = vec![
+            CliError::Usage("one".to_owned()),
+            CliError::Usage("two".to_owned()),
+        ];
         check(CliError::Several(several), "one\ntwo", 2);
     }
 }

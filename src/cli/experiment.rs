@@ -84,7 +84,10 @@ fn parse_axis(word: &str) -> Result<Axis, String> {
         let is_distance = *axis == Axis::Safety && word == "distance";
         axis.word() == word || axis.word().trim_end_matches("_m") == word || is_distance
     };
-    Axis::ALL.into_iter().find(is_meant).ok_or_else(|| format!("`{word}` is no axis; {} are", words()))
+    Axis::ALL
+        .into_iter()
+        .find(is_meant)
+        .ok_or_else(|| format!("`{word}` is no axis; {} are", words()))
 }
 
 const RUNS: &str = "runs.csv";
@@ -103,7 +106,10 @@ impl ExperimentArgs {
         }
         grid.check()?;
         let experiment = grid.experiment();
-        let folder = self.out.clone().unwrap_or_else(|| Path::new("out").join(experiment.name()));
+        let folder = self
+            .out
+            .clone()
+            .unwrap_or_else(|| Path::new("out").join(experiment.name()));
         let header = Header::new(grid.hash(), experiment.runs());
         let (mut journal, mut rows) = Journal::open(&folder, &header, self.mode())?;
         let stop = Stop::listen();
@@ -117,7 +123,9 @@ impl ExperimentArgs {
         bar.finish_and_clear();
         rows.sort_by_key(|row| row.run);
         let text = write_tables(&folder, experiment, &rows, &self.by)?;
-        out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(CliError::stdout)?;
+        out.write_all(text.as_bytes())
+            .and_then(|()| out.flush())
+            .map_err(CliError::stdout)?;
         judge(experiment, &rows)
     }
 
@@ -126,18 +134,30 @@ impl ExperimentArgs {
         let experiment = grid.experiment();
         if run >= experiment.runs() {
             let last = experiment.runs() - 1;
-            return Err(CliError::Usage(format!("--only {run}: the grid has the runs 0 to {last}")));
+            return Err(CliError::Usage(format!(
+                "--only {run}: the grid has the runs 0 to {last}"
+            )));
         }
         let scenario = grid.scenario(run)?;
         let name = format!("{}-run-{run}", experiment.name());
-        let target = self.out.clone().unwrap_or_else(|| Path::new("out").join(name));
+        let target = self
+            .out
+            .clone()
+            .unwrap_or_else(|| Path::new("out").join(name));
         let (stop, folder) = (Stop::listen(), OutputFolder::prepare(&target, FAMILY)?);
         let started = sim::started();
         let outcome = sim::watched(&stop, started, None, |watch| scenario.run(watch))?;
         let said = writeln!(out, "run {run}: {}", experiment.key(run, true));
         said.map_err(CliError::stdout)?;
         let seed = experiment.seed_of(run).unwrap_or(scenario.sim().seed);
-        sim::publish(folder, &scenario, &outcome, true, (seed, started.elapsed()), out)
+        sim::publish(
+            folder,
+            &scenario,
+            &outcome,
+            true,
+            (seed, started.elapsed()),
+            out,
+        )
     }
 
     fn mode(&self) -> Mode {
@@ -163,7 +183,10 @@ fn cores() -> usize {
 
 fn message(rows: &[Row]) -> String {
     let count = |is: fn(&Row) -> bool| rows.iter().filter(|row| is(row)).count();
-    let (failed, collided) = (count(|row| row.end != End::Finished), count(|row| row.collisions > 0));
+    let (failed, collided) = (
+        count(|row| row.end != End::Finished),
+        count(|row| row.collisions > 0),
+    );
     format!("{failed} did not finish, {collided} collided")
 }
 
@@ -172,7 +195,8 @@ fn progress_bar(runs: usize, done: usize) -> ProgressBar {
         return ProgressBar::hidden();
     }
     let template = "{spinner} {bar:30} {pos}/{len} runs, {elapsed} gone, {eta} left  {msg}";
-    let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
+    let style =
+        ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
     let bar = ProgressBar::new(runs as u64).with_style(style);
     bar.set_position(done as u64);
     // Runs of an earlier day say nothing about how long this one takes.
@@ -196,7 +220,10 @@ fn write_tables(
 fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
     let partial = path.with_extension("partial");
     let written = fs::write(&partial, bytes).and_then(|()| fs::rename(&partial, path));
-    written.map_err(|source| CliError::Write { path: path.to_owned(), source })
+    written.map_err(|source| CliError::Write {
+        path: path.to_owned(),
+        source,
+    })
 }
 
 fn judge(experiment: &Experiment, rows: &[Row]) -> Result<(), CliError> {
@@ -207,7 +234,11 @@ fn judge(experiment: &Experiment, rows: &[Row]) -> Result<(), CliError> {
         )));
     }
     match rows.iter().find(|row| row.end == End::Fault) {
-        Some(row) => Err(CliError::Fault(format!("{}: {}", experiment.key(row.run, true), row.why))),
+        Some(row) => Err(CliError::Fault(format!(
+            "{}: {}",
+            experiment.key(row.run, true),
+            row.why
+        ))),
         None => Ok(()),
     }
 }

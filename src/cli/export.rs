@@ -15,12 +15,20 @@ use crate::config::{self, Config, Venue};
 use crate::draw::{HeatMap, OccupancyMap, Overlay, Picture, Placement};
 use crate::geom::{Lattice, Point};
 use crate::map::Merged;
-use crate::store::export::{Features, SAMPLES_HEADER, extend_track, sample_line, utc_text, world_file};
+use crate::store::export::{
+    Features, SAMPLES_HEADER, extend_track, sample_line, utc_text, world_file,
+};
 use crate::store::ground::{GroundStore, Provenance, StoredImage, StoredRun, StoredSample};
 use crate::tomo::{Image, LinkBins, Peak, npy_bytes};
 
 /// The names of the files that are not of one run.
-const FAMILY: &[&str] = &["map.png", "map.pgw", "venue.toml", "swarm.geojson", "export.json"];
+const FAMILY: &[&str] = &[
+    "map.png",
+    "map.pgw",
+    "venue.toml",
+    "swarm.geojson",
+    "export.json",
+];
 
 /// Write what a ground station's store holds: CSV, NPY, PNG with world files, GeoJSON.
 ///
@@ -84,25 +92,42 @@ impl ExportArgs {
         let target = folder.publish()?;
         lines += &format!("written to {}\n", target.display());
         let written = out.write_all(lines.as_bytes()).and_then(|()| out.flush());
-        written.map_err(|source| CliError::Write { path: "standard output".into(), source })
+        written.map_err(|source| CliError::Write {
+            path: "standard output".into(),
+            source,
+        })
     }
 
     fn chosen(&self, runs: Vec<StoredRun>) -> Result<Vec<StoredRun>, CliError> {
-        let Some(wanted) = self.run else { return Ok(runs) };
+        let Some(wanted) = self.run else {
+            return Ok(runs);
+        };
         let known: Vec<String> = runs.iter().map(|run| run.run.to_string()).collect();
-        let chosen: Vec<StoredRun> = runs.into_iter().filter(|run| run.run == RunId(wanted)).collect();
+        let chosen: Vec<StoredRun> = runs
+            .into_iter()
+            .filter(|run| run.run == RunId(wanted))
+            .collect();
         if chosen.is_empty() {
-            let known =
-                if known.is_empty() { "no runs".to_owned() } else { format!("runs {}", known.join(", ")) };
+            let known = if known.is_empty() {
+                "no runs".to_owned()
+            } else {
+                format!("runs {}", known.join(", "))
+            };
             let reason = format!("holds no run {wanted}; it holds {known}");
-            return Err(CliError::Input { path: self.store.clone(), reason });
+            return Err(CliError::Input {
+                path: self.store.clone(),
+                reason,
+            });
         }
         Ok(chosen)
     }
 
     /// Returns the venue as the ground station read it last.
     fn venue(&self, starts: &[Provenance]) -> Result<(Venue, String), CliError> {
-        let wrong = |reason: &str| CliError::Input { path: self.store.clone(), reason: reason.to_owned() };
+        let wrong = |reason: &str| CliError::Input {
+            path: self.store.clone(),
+            reason: reason.to_owned(),
+        };
         let text = &starts.first().ok_or_else(|| wrong("holds no venue"))?.venue;
         let name = format!("the venue in {}", self.store.display());
         let mut no_files = |_: &str| Err("a venue names no other files".to_owned());
@@ -120,7 +145,10 @@ impl ExportArgs {
 
 /// Returns whether a name is that of a file of one run.
 fn is_of_a_run(name: &str) -> bool {
-    let Some((number, kind)) = name.strip_prefix("run-").and_then(|rest| rest.split_once('-')) else {
+    let Some((number, kind)) = name
+        .strip_prefix("run-")
+        .and_then(|rest| rest.split_once('-'))
+    else {
         return false;
     };
     let is_kind = |stem: &str| matches!(stem, "change" | "structure");
@@ -143,9 +171,19 @@ fn write_run(
     let mut driven: Vec<((VehicleId, u32), Vec<Point>)> = Vec::new();
     let mut count = 0;
     store.each_sample(Some(run), |stored| {
-        let StoredSample { vehicle, boot, run: _, sample, utc_s: _ } = &stored;
+        let StoredSample {
+            vehicle,
+            boot,
+            run: _,
+            sample,
+            utc_s: _,
+        } = &stored;
         sample_line(&mut text, &stored);
-        bins.record(sample.transmitter_pose.at.into(), sample.receiver_pose.at.into(), sample.rssi_dbm);
+        bins.record(
+            sample.transmitter_pose.at.into(),
+            sample.receiver_pose.at.into(),
+            sample.rssi_dbm,
+        );
         let who = (*vehicle, boot.0);
         if driven.last().is_none_or(|(last, _)| *last != who) {
             driven.push((who, Vec::new()));
@@ -156,9 +194,15 @@ fn write_run(
         count += 1;
     })?;
     folder.write(&format!("run-{run}-samples.csv"), text.as_bytes())?;
-    folder.write(&format!("run-{run}-links.csv"), links_csv(&bins.links()).as_bytes())?;
+    folder.write(
+        &format!("run-{run}-links.csv"),
+        links_csv(&bins.links()).as_bytes(),
+    )?;
     for ((vehicle, boot), points) in driven {
-        features.track(json!({"what": "track", "run": run.0, "vehicle": vehicle.0, "boot": boot}), &points);
+        features.track(
+            json!({"what": "track", "run": run.0, "vehicle": vehicle.0, "boot": boot}),
+            &points,
+        );
         tracks.push((vehicle, points));
     }
     Ok(count)
@@ -173,7 +217,10 @@ fn write_images(
     features: &mut Features,
 ) -> Result<usize, CliError> {
     let images = store.newest_images(run)?;
-    for made in images.iter().filter(|made| matches!(made.kind.as_str(), "change" | "structure")) {
+    for made in images
+        .iter()
+        .filter(|made| matches!(made.kind.as_str(), "change" | "structure"))
+    {
         let name = |ending: &str| format!("run-{run}-{}.{ending}", made.kind);
         folder.write(&name("npy"), &npy_bytes(&made.image))?;
         let spec = heat(made);
@@ -185,10 +232,16 @@ fn write_images(
 }
 
 fn heat(made: &StoredImage) -> HeatMap<'_> {
-    let seen = if made.kind == "change" { "What changed since the empty sweep" } else { "What stands there" };
+    let seen = if made.kind == "change" {
+        "What changed since the empty sweep"
+    } else {
+        "What stands there"
+    };
     let Image { grid, values } = &made.image;
-    let mark =
-        |(index, peak): (usize, &Peak)| Overlay::Cross { at: peak.at, label: Some((index + 1).to_string()) };
+    let mark = |(index, peak): (usize, &Peak)| Overlay::Cross {
+        at: peak.at,
+        label: Some((index + 1).to_string()),
+    };
     HeatMap {
         title: format!("{seen} ({} links)", made.links),
         grid: *grid,
@@ -200,9 +253,14 @@ fn heat(made: &StoredImage) -> HeatMap<'_> {
     }
 }
 
-fn world(venue: &Venue, placement: Result<Placement, crate::draw::DrawError>) -> Result<String, CliError> {
-    let Placement { corner, metres_per_px } =
-        placement.map_err(|error| CliError::Fault(error.to_string()))?;
+fn world(
+    venue: &Venue,
+    placement: Result<Placement, crate::draw::DrawError>,
+) -> Result<String, CliError> {
+    let Placement {
+        corner,
+        metres_per_px,
+    } = placement.map_err(|error| CliError::Fault(error.to_string()))?;
     Ok(world_file(&venue.plane(), corner, metres_per_px))
 }
 
@@ -218,17 +276,37 @@ fn write_map(
         // One that cannot be joined was not joined by the ground station either.
         let _ = map.join(&tile);
     }
-    let ShownCells { origin, columns, rows, cells } = shown_cells(&map, venue);
-    let mut overlays =
-        vec![Overlay::Fence { polygon: venue.fence.clone() }, Overlay::Area { rect: venue.area }];
+    let ShownCells {
+        origin,
+        columns,
+        rows,
+        cells,
+    } = shown_cells(&map, venue);
+    let mut overlays = vec![
+        Overlay::Fence {
+            polygon: venue.fence.clone(),
+        },
+        Overlay::Area { rect: venue.area },
+    ];
     overlays.extend(tracks.into_iter().map(|(vehicle, points)| Overlay::Track {
         points,
         colour: usize::from(vehicle.0.saturating_sub(1)),
         label: Some(format!("vehicle {vehicle}")),
     }));
-    overlays.extend(venue.homes.iter().map(|home| Overlay::Home { at: *home, label: None }));
+    overlays.extend(venue.homes.iter().map(|home| Overlay::Home {
+        at: *home,
+        label: None,
+    }));
     let title = "What the range sensors saw".to_owned();
-    let spec = OccupancyMap { title, origin, cell_m: venue.cell_m, columns, rows, cells: &cells, overlays };
+    let spec = OccupancyMap {
+        title,
+        origin,
+        cell_m: venue.cell_m,
+        columns,
+        rows,
+        cells: &cells,
+        overlays,
+    };
     folder.write("map.png", &drawn(Picture::occupancy(&spec))?)?;
     folder.write("map.pgw", world(venue, spec.placement())?.as_bytes())
 }
@@ -275,12 +353,23 @@ mod tests {
 
     /// A store with two runs of one vehicle that drove along the south side, and a picture.
     fn make_store(path: &Path) {
-        let start = Start { venue: bundled_venue(), note: Some("dry"), ..Start::default() };
+        let start = Start {
+            venue: bundled_venue(),
+            note: Some("dry"),
+            ..Start::default()
+        };
         let mut store = GroundStore::open(path, &start).unwrap();
-        let clock = UtcOffset { offset_s: 1_700_000_000.0, error_s: 0.015 };
-        store.note_vehicle(VehicleId(1), Boot(1), None, Some(clock)).unwrap();
-        let place =
-            |x_m, y_m| PoseReport { at: Position::from_metres(x_m, y_m, 0.0), ..PoseReport::default() };
+        let clock = UtcOffset {
+            offset_s: 1_700_000_000.0,
+            error_s: 0.015,
+        };
+        store
+            .note_vehicle(VehicleId(1), Boot(1), None, Some(clock))
+            .unwrap();
+        let place = |x_m, y_m| PoseReport {
+            at: Position::from_metres(x_m, y_m, 0.0),
+            ..PoseReport::default()
+        };
         let sample = |sequence: u64| Sample {
             sequence,
             heard_at_ns: sequence * 1_000_000_000,
@@ -293,16 +382,29 @@ mod tests {
         };
         for run in [1, 2] {
             let samples = (0..10).map(sample).collect();
-            let batch =
-                Samples { vehicle: VehicleId(1), boot: Boot(1), run: RunId(run), samples, lost: vec![] };
+            let batch = Samples {
+                vehicle: VehicleId(1),
+                boot: Boot(1),
+                run: RunId(run),
+                samples,
+                lost: vec![],
+            };
             store.take(&[batch]).unwrap();
         }
         let area = Rect::new(Point::new(0.0, 0.0), Point::new(20.0, 20.0));
-        let mut image = Image::zeros(PixelGrid { area, columns: 4, rows: 4 });
+        let mut image = Image::zeros(PixelGrid {
+            area,
+            columns: 4,
+            rows: 4,
+        });
         image.values[5] = 3.0;
         let result = Reconstruction {
             image,
-            peaks: vec![Peak { at: Point::new(7.5, 7.5), strength: 3.0, significance: 9.0 }],
+            peaks: vec![Peak {
+                at: Point::new(7.5, 7.5),
+                strength: 3.0,
+                significance: 9.0,
+            }],
             residual_rms_db: 1.0,
             used: 9,
             dropped: Default::default(),
@@ -310,7 +412,12 @@ mod tests {
             by_empty_sweep: true,
         };
         store
-            .keep_picture(&Made { run: RunId(2), laps: 1, subject: Subject::Change, result: Ok(result) })
+            .keep_picture(&Made {
+                run: RunId(2),
+                laps: 1,
+                subject: Subject::Change,
+                result: Ok(result),
+            })
             .unwrap();
     }
 
@@ -320,14 +427,20 @@ mod tests {
 
     fn export(store: &Path, out: &Path, run: Option<u32>) -> Result<String, CliError> {
         let mut said = Vec::new();
-        ExportArgs { store: store.to_owned(), out: out.to_owned(), run }.run(&mut said)?;
+        ExportArgs {
+            store: store.to_owned(),
+            out: out.to_owned(),
+            run,
+        }
+        .run(&mut said)?;
         Ok(String::from_utf8(said).unwrap())
     }
 
     fn listed(folder: &Path) -> Vec<String> {
         let entries = std::fs::read_dir(folder).unwrap();
-        let mut names: Vec<String> =
-            entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        let mut names: Vec<String> = entries
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
         names.sort();
         names
     }
@@ -338,7 +451,10 @@ mod tests {
         let (store, out) = (root.path().join("swarm.db"), root.path().join("out"));
         make_store(&store);
         let said = export(&store, &out, None).unwrap();
-        assert!(said.contains("run 1: 10 samples, 0 pictures\nrun 2: 10 samples, 1 pictures"), "{said}");
+        assert!(
+            said.contains("run 1: 10 samples, 0 pictures\nrun 2: 10 samples, 1 pictures"),
+            "{said}"
+        );
         let all = listed(&out);
         std::fs::write(out.join("run-notes.txt"), "mine").unwrap();
         export(&store, &out, Some(1)).unwrap();
@@ -359,9 +475,23 @@ mod tests {
         assert_eq!(lines.len(), 11);
         let fields: Vec<&str> = lines[4].split(',').collect();
         assert_eq!(fields.len(), lines[0].split(',').count());
-        assert_eq!(fields[..8], ["1", "1", "2", "3", "3.000000", "2023-11-14T22:13:23.000Z", "0.015", "2"]);
+        assert_eq!(
+            fields[..8],
+            [
+                "1",
+                "1",
+                "2",
+                "3",
+                "3.000000",
+                "2023-11-14T22:13:23.000Z",
+                "0.015",
+                "2"
+            ]
+        );
         assert_eq!((fields[13], fields[20]), ("3.0000", ""), "{}", lines[4]);
-        let links = super::super::image::read_file(&out.join("run-2-links.csv")).unwrap().links;
+        let links = super::super::image::read_file(&out.join("run-2-links.csv"))
+            .unwrap()
+            .links;
         assert_eq!(links.iter().map(|link| link.packets).sum::<u32>(), 9);
         assert_eq!(links.iter().map(|link| link.misses).sum::<u32>(), 1);
     }
@@ -376,9 +506,15 @@ mod tests {
         let file: Value = serde_json::from_str(&text).unwrap();
         let of = |what: &str| -> Vec<&Value> {
             let features = file["features"].as_array().unwrap();
-            features.iter().filter(|feature| feature["properties"]["what"] == what).collect()
+            features
+                .iter()
+                .filter(|feature| feature["properties"]["what"] == what)
+                .collect()
         };
-        assert_eq!((of("area").len(), of("fence").len(), of("home").len()), (1, 1, 8));
+        assert_eq!(
+            (of("area").len(), of("fence").len(), of("home").len()),
+            (1, 1, 8)
+        );
         assert_eq!((of("peak").len(), of("track").len()), (1, 2));
         let corner = &of("area")[0]["geometry"]["coordinates"][0][0];
         assert!((corner[0].as_f64().unwrap() - 4.8952).abs() < 1e-9);
@@ -409,6 +545,9 @@ mod tests {
         make_store(&store);
         check(&store, Some(7), "holds no run 7; it holds runs 1, 2");
         let error = export(&store, &store, None).unwrap_err();
-        assert!(error.to_string().contains("something else is there"), "{error}");
+        assert!(
+            error.to_string().contains("something else is there"),
+            "{error}"
+        );
     }
 }

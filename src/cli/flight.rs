@@ -29,7 +29,13 @@ impl Flights {
     /// Makes recordings in a folder; `settings` is the text of the simulation's file.
     pub fn new(folder: PathBuf, settings: String, sim: &Sim) -> Flights {
         let lattice = Lattice::new(sim.venue.cell_m);
-        Flights { folder, settings, lattice, nodes: BTreeMap::new(), trouble: None }
+        Flights {
+            folder,
+            settings,
+            lattice,
+            nodes: BTreeMap::new(),
+            trouble: None,
+        }
     }
 
     /// Takes what a run hands out; after the first trouble nothing more is written.
@@ -46,10 +52,16 @@ impl Flights {
 
     fn write(&mut self, entry: &Entry) -> Result<(), WriteError> {
         match entry {
-            Entry::Segment { node, now, snapshots } => {
+            Entry::Segment {
+                node,
+                now,
+                snapshots,
+            } => {
                 let (flight, segment) = self.flight(&name(*node));
                 *segment = flight.begin(*now, None)?;
-                snapshots.iter().try_for_each(|snapshot| flight.snapshot(*segment, *now, snapshot))
+                snapshots
+                    .iter()
+                    .try_for_each(|snapshot| flight.snapshot(*segment, *now, snapshot))
             }
             Entry::Step(node, step) => {
                 let (flight, segment) = self.flight(&name(*node));
@@ -61,9 +73,21 @@ impl Flights {
     fn flight(&mut self, node: &str) -> &mut (Flight, u64) {
         self.nodes.entry(node.to_owned()).or_insert_with(|| {
             let (settings, lattice) = (self.settings.clone(), self.lattice);
-            let about = About { node: node.to_owned(), settings, lattice, utc_at_zero_ns: None };
-            let limits = Limits { cap_bytes: CAP, segment_bytes: CAP, segment: SEGMENT };
-            (Flight::new(&self.folder.join(folder_of(node)), about, limits), 0)
+            let about = About {
+                node: node.to_owned(),
+                settings,
+                lattice,
+                utc_at_zero_ns: None,
+            };
+            let limits = Limits {
+                cap_bytes: CAP,
+                segment_bytes: CAP,
+                segment: SEGMENT,
+            };
+            (
+                Flight::new(&self.folder.join(folder_of(node)), about, limits),
+                0,
+            )
         })
     }
 
@@ -77,7 +101,10 @@ impl Flights {
             source: std::io::Error::other(reason),
         };
         self.trouble.map_or(Ok(()), Err).map_err(failed)?;
-        self.nodes.into_values().try_for_each(|(flight, _)| flight.end()).map_err(failed)
+        self.nodes
+            .into_values()
+            .try_for_each(|(flight, _)| flight.end())
+            .map_err(failed)
     }
 }
 

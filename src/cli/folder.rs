@@ -44,14 +44,24 @@ impl OutputFolder {
     ///
     /// # Errors
     /// The folder cannot be made or written.
-    pub fn prepare(target: &Path, family: &'static [&'static str]) -> Result<OutputFolder, CliError> {
-        let fail = |source| CliError::Write { path: target.to_owned(), source };
+    pub fn prepare(
+        target: &Path,
+        family: &'static [&'static str],
+    ) -> Result<OutputFolder, CliError> {
+        let fail = |source| CliError::Write {
+            path: target.to_owned(),
+            source,
+        };
         // A link that leads nowhere is in the way as well.
         if !target.is_dir() && target.symlink_metadata().is_ok() {
-            return Err(fail(io::Error::other("something else is there; a folder is expected")));
+            return Err(fail(io::Error::other(
+                "something else is there; a folder is expected",
+            )));
         }
         if is_foreign_live(&target.join(LIVE)) {
-            return Err(fail(io::Error::other("it holds a folder `live` that is not of a run")));
+            return Err(fail(io::Error::other(
+                "it holds a folder `live` that is not of a run",
+            )));
         }
         let place = place_of_stage(target);
         let made = missing(place);
@@ -61,7 +71,14 @@ impl OutputFolder {
         }
         let (stage, lock) = opened.map_err(fail)?;
         let family = family.iter().map(|name| (*name).to_owned()).collect();
-        Ok(OutputFolder { target: target.to_owned(), stage, made, names: Vec::new(), family, _lock: lock })
+        Ok(OutputFolder {
+            target: target.to_owned(),
+            stage,
+            made,
+            names: Vec::new(),
+            family,
+            _lock: lock,
+        })
     }
 
     /// Adds to the names that belong to a run those files in the folder whose names a test tells to be ours.
@@ -78,7 +95,10 @@ impl OutputFolder {
     /// The disk is full, or the folder went away.
     pub fn write(&mut self, name: &str, bytes: &[u8]) -> Result<(), CliError> {
         let path = self.stage.join(name);
-        fs::write(&path, bytes).map_err(|source| CliError::Write { path: self.target.join(name), source })?;
+        fs::write(&path, bytes).map_err(|source| CliError::Write {
+            path: self.target.join(name),
+            source,
+        })?;
         self.names.push(name.to_owned());
         Ok(())
     }
@@ -90,8 +110,10 @@ impl OutputFolder {
     #[cfg(feature = "net")]
     pub fn recordings(&self) -> Result<PathBuf, CliError> {
         let folder = self.stage.join(FLIGHT);
-        fs::create_dir_all(&folder)
-            .map_err(|source| CliError::Write { path: self.target.join(FLIGHT), source })?;
+        fs::create_dir_all(&folder).map_err(|source| CliError::Write {
+            path: self.target.join(FLIGHT),
+            source,
+        })?;
         Ok(folder)
     }
 
@@ -102,8 +124,12 @@ impl OutputFolder {
     #[cfg(feature = "net")]
     pub fn live(&self) -> Result<PathBuf, CliError> {
         let folder = self.stage.join(LIVE);
-        let made = fs::create_dir_all(&folder).and_then(|()| fs::write(folder.join(LIVE_MARK), b""));
-        made.map_err(|source| CliError::Write { path: self.target.join(LIVE), source })?;
+        let made =
+            fs::create_dir_all(&folder).and_then(|()| fs::write(folder.join(LIVE_MARK), b""));
+        made.map_err(|source| CliError::Write {
+            path: self.target.join(LIVE),
+            source,
+        })?;
         Ok(folder)
     }
 
@@ -113,22 +139,40 @@ impl OutputFolder {
     /// The folder cannot be made or written; nothing of an earlier run is gone then, unless the disk fails
     /// half-way.
     pub fn publish(self) -> Result<PathBuf, CliError> {
-        let fail = |path: &Path, source| CliError::Write { path: path.to_owned(), source };
+        let fail = |path: &Path, source| CliError::Write {
+            path: path.to_owned(),
+            source,
+        };
         fs::create_dir_all(&self.target).map_err(|source| fail(&self.target, source))?;
-        let in_the_way = self.family.iter().map(|name| self.target.join(name)).find(|path| path.is_dir());
+        let in_the_way = self
+            .family
+            .iter()
+            .map(|name| self.target.join(name))
+            .find(|path| path.is_dir());
         if let Some(path) = in_the_way {
-            return Err(fail(&path, io::Error::other("a folder is in the way; a file is expected")));
+            return Err(fail(
+                &path,
+                io::Error::other("a folder is in the way; a file is expected"),
+            ));
         }
         for name in &self.names {
             let path = self.target.join(name);
             fs::rename(self.stage.join(name), &path).map_err(|source| fail(&path, source))?;
         }
-        let older = self.family.iter().filter(|name| !self.names.contains(*name));
-        for path in older.map(|name| self.target.join(name)).filter(|path| path.exists()) {
+        let older = self
+            .family
+            .iter()
+            .filter(|name| !self.names.contains(*name));
+        for path in older
+            .map(|name| self.target.join(name))
+            .filter(|path| path.exists())
+        {
             fs::remove_file(&path).map_err(|source| fail(&path, source))?;
         }
-        self.publish_recordings().map_err(|source| fail(&self.target.join(FLIGHT), source))?;
-        self.publish_live().map_err(|source| fail(&self.target.join(LIVE), source))?;
+        self.publish_recordings()
+            .map_err(|source| fail(&self.target.join(FLIGHT), source))?;
+        self.publish_live()
+            .map_err(|source| fail(&self.target.join(LIVE), source))?;
         Ok(self.target.clone())
     }
 
@@ -141,7 +185,11 @@ impl OutputFolder {
         if to.exists() {
             fs::remove_dir_all(&to)?;
         }
-        if from.exists() { fs::rename(&from, &to) } else { Ok(()) }
+        if from.exists() {
+            fs::rename(&from, &to)
+        } else {
+            Ok(())
+        }
     }
 
     /// Lets recordings appear in place of those of an earlier run.
@@ -167,13 +215,23 @@ fn is_foreign_live(folder: &Path) -> bool {
 
 /// Lists the recordings in a folder, which has a folder for each node; files of other names are none.
 fn recordings_in(folder: &Path) -> Vec<PathBuf> {
-    let inside =
-        |folder: &Path| fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    let inside = |folder: &Path| {
+        fs::read_dir(folder)
+            .into_iter()
+            .flatten()
+            .flatten()
+            .map(|entry| entry.path())
+    };
     let is_recording = |path: &PathBuf| {
-        let name = path.file_name().map(OsStr::to_string_lossy).unwrap_or_default();
+        let name = path
+            .file_name()
+            .map(OsStr::to_string_lossy)
+            .unwrap_or_default();
         name.starts_with("flight-") && name.ends_with(".mcap") && path.is_file()
     };
-    inside(folder).flat_map(|node| inside(&node).filter(is_recording).collect::<Vec<_>>()).collect()
+    inside(folder)
+        .flat_map(|node| inside(&node).filter(is_recording).collect::<Vec<_>>())
+        .collect()
 }
 
 impl Drop for OutputFolder {
@@ -198,7 +256,11 @@ fn place_of_stage(target: &Path) -> &Path {
 /// Lists a folder and those above it that do not exist, deepest first.
 fn missing(folder: &Path) -> Vec<PathBuf> {
     let is_missing = |folder: &&Path| !folder.as_os_str().is_empty() && !folder.exists();
-    folder.ancestors().take_while(is_missing).map(Path::to_owned).collect()
+    folder
+        .ancestors()
+        .take_while(is_missing)
+        .map(Path::to_owned)
+        .collect()
 }
 
 fn remove_empty(folders: &[PathBuf]) {
@@ -230,7 +292,10 @@ fn open_stage(place: &Path) -> io::Result<(PathBuf, File)> {
 fn remove_abandoned(place: &Path) {
     let is_stage = |name: &OsStr| name.to_string_lossy().starts_with(STAGE);
     let entries = fs::read_dir(place).into_iter().flatten().flatten();
-    for stage in entries.filter(|entry| is_stage(&entry.file_name())).map(|entry| entry.path()) {
+    for stage in entries
+        .filter(|entry| is_stage(&entry.file_name()))
+        .map(|entry| entry.path())
+    {
         let is_abandoned = File::open(stage.join(LOCK)).is_ok_and(|lock| lock.try_lock().is_ok());
         if is_abandoned {
             let _ = fs::remove_dir_all(&stage);
@@ -249,8 +314,9 @@ mod tests {
     }
 
     fn listed(folder: &Path) -> Vec<String> {
-        let names =
-            fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+        let names = fs::read_dir(folder)
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap());
         let mut names: Vec<String> = names.collect();
         names.sort();
         names
@@ -312,7 +378,10 @@ mod tests {
         let path = root.path().join("taken");
         fs::write(&path, b"").unwrap();
         let error = prepare(&path).unwrap_err();
-        assert!(error.to_string().contains("taken: cannot be written"), "{error}");
+        assert!(
+            error.to_string().contains("taken: cannot be written"),
+            "{error}"
+        );
         assert_eq!(error.exit_code(), 2);
         assert!(prepare(&path.join("below")).is_err());
         assert_eq!(listed(root.path()), ["taken"]);
@@ -334,7 +403,12 @@ mod tests {
         prepare(&target).unwrap().publish().unwrap();
         assert!(!target.join("live").exists());
         fs::create_dir(target.join("live")).unwrap();
-        assert!(prepare(&target).unwrap_err().to_string().contains("not of a run"));
+        assert!(
+            prepare(&target)
+                .unwrap_err()
+                .to_string()
+                .contains("not of a run")
+        );
     }
 
     #[test]
@@ -346,7 +420,12 @@ mod tests {
         folder.write("a.txt", b"new").unwrap();
         folder.write("b.txt", b"new").unwrap();
         let error = folder.publish().unwrap_err();
-        assert!(error.to_string().contains("b.txt: cannot be written: a folder is in the way"), "{error}");
+        assert!(
+            error
+                .to_string()
+                .contains("b.txt: cannot be written: a folder is in the way"),
+            "{error}"
+        );
         assert_eq!(fs::read(root.path().join("a.txt")).unwrap(), b"old");
     }
 }

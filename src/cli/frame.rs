@@ -17,14 +17,25 @@ use crate::sim::ShownVehicle;
 /// Lines of text below the picture.
 const TEXT_ROWS: usize = 2;
 /// A terminal smaller than this shows text only.
-const LEAST: Size = Size { columns: 16, rows: 8 };
+const LEAST: Size = Size {
+    columns: 16,
+    rows: 8,
+};
 /// Around the fence so much is shown as well, metres.
 const MARGIN_M: f64 = 0.5;
 /// A pixel looks at so many cells in a row at most.
 const CELLS_LOOKED_AT: i32 = 12;
 /// Colours of the vehicles and of their tracks, of the 256 that terminals have; vehicle 1 has the first.
-const COLOURS: [(u8, u8); 8] =
-    [(160, 174), (27, 111), (34, 114), (208, 216), (129, 183), (37, 116), (199, 218), (94, 180)];
+const COLOURS: [(u8, u8); 8] = [
+    (160, 174),
+    (27, 111),
+    (34, 114),
+    (208, 216),
+    (129, 183),
+    (37, 116),
+    (199, 218),
+    (94, 180),
+];
 
 /// What a pixel shows.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -92,15 +103,23 @@ impl Scale {
         let (width_m, height_m) = (shown.max.x_m - shown.min.x_m, shown.max.y_m - shown.min.y_m);
         let (most_columns, most_rows) = (size.columns, 2 * (size.rows - TEXT_ROWS));
         let pixel_m = (width_m / most_columns as f64).max(height_m / most_rows as f64);
-        let count = |length_m: f64, most: usize| ((length_m / pixel_m).ceil() as usize).clamp(1, most);
+        let count =
+            |length_m: f64, most: usize| ((length_m / pixel_m).ceil() as usize).clamp(1, most);
         let rows = count(height_m, most_rows).next_multiple_of(2);
-        Scale { shown, columns: count(width_m, most_columns), rows, pixel_m }
+        Scale {
+            shown,
+            columns: count(width_m, most_columns),
+            rows,
+            pixel_m,
+        }
     }
 
     /// Returns the place of a pixel, `None` when it is not shown.
     fn pixel_at(self, at: Point) -> Option<(usize, usize)> {
-        let (right, down) =
-            ((at.x_m - self.shown.min.x_m) / self.pixel_m, (self.shown.max.y_m - at.y_m) / self.pixel_m);
+        let (right, down) = (
+            (at.x_m - self.shown.min.x_m) / self.pixel_m,
+            (self.shown.max.y_m - at.y_m) / self.pixel_m,
+        );
         let is_shown = right >= 0.0 && down >= 0.0;
         let (column, row) = (right as usize, down as usize);
         (is_shown && column < self.columns && row < self.rows).then_some((column, row))
@@ -112,7 +131,10 @@ impl Scale {
             self.shown.min.x_m + column as f64 * self.pixel_m,
             self.shown.max.y_m - row as f64 * self.pixel_m,
         );
-        Rect::new(Point::new(west_m, north_m - self.pixel_m), Point::new(west_m + self.pixel_m, north_m))
+        Rect::new(
+            Point::new(west_m, north_m - self.pixel_m),
+            Point::new(west_m + self.pixel_m, north_m),
+        )
     }
 }
 
@@ -131,15 +153,27 @@ impl Frame {
         let area = CellRect::around(map.lattice(), venue.fence.corners(), MARGIN_M)?;
         let scale = Scale::fit(bounds(map.lattice(), area), size);
         let view = map.view(0, area);
-        let ground = (0..scale.rows).flat_map(|row| (0..scale.columns).map(move |column| (column, row)));
-        let pixels = ground.map(|(column, row)| pixel(venue, &view, scale.part(column, row))).collect();
-        let text = [first_line, doings(vehicles)].map(|line| line.chars().take(size.columns).collect());
-        let mut frame = Frame { columns: scale.columns, pixels, letters: Vec::new(), text };
+        let ground =
+            (0..scale.rows).flat_map(|row| (0..scale.columns).map(move |column| (column, row)));
+        let pixels = ground
+            .map(|(column, row)| pixel(venue, &view, scale.part(column, row)))
+            .collect();
+        let text =
+            [first_line, doings(vehicles)].map(|line| line.chars().take(size.columns).collect());
+        let mut frame = Frame {
+            columns: scale.columns,
+            pixels,
+            letters: Vec::new(),
+            text,
+        };
         for home in venue.homes.iter().take(vehicles.len()) {
             frame.put(scale, *home, Pixel::Home);
         }
         for (index, drawn) in vehicles.iter().enumerate() {
-            drawn.track.iter().for_each(|at| frame.put(scale, *at, Pixel::Track(index)));
+            drawn
+                .track
+                .iter()
+                .for_each(|at| frame.put(scale, *at, Pixel::Track(index)));
         }
         for (index, drawn) in vehicles.iter().enumerate() {
             frame.put_vehicle(scale, index, &drawn.vehicle);
@@ -154,12 +188,18 @@ impl Frame {
     }
 
     fn put_vehicle(&mut self, scale: Scale, index: usize, vehicle: &ShownVehicle) {
-        let Some((column, row)) = scale.pixel_at(vehicle.at) else { return };
+        let Some((column, row)) = scale.pixel_at(vehicle.at) else {
+            return;
+        };
         let line = row / 2;
-        self.letters.push((line, column, index, char::from(b'0' + vehicle.id.0 % 10)));
+        self.letters
+            .push((line, column, index, char::from(b'0' + vehicle.id.0 % 10)));
         // Beside the letter, which is two pixels high.
         let ahead = Vector::polar(vehicle.heading, 1.0);
-        let (right, down) = (column as f64 + 0.5 + ahead.x_m, (2 * line) as f64 + 1.0 - 1.5 * ahead.y_m);
+        let (right, down) = (
+            column as f64 + 0.5 + ahead.x_m,
+            (2 * line) as f64 + 1.0 - 1.5 * ahead.y_m,
+        );
         let (right, down) = (right.floor(), down.floor());
         let is_shown =
             right >= 0.0 && down >= 0.0 && right < scale.columns as f64 && down < scale.rows as f64;
@@ -171,7 +211,10 @@ impl Frame {
     /// Returns the lines of the picture with colours, then those of the text.
     pub(super) fn lines(&self) -> Vec<String> {
         let rows = self.pixels.len() / self.columns / 2;
-        (0..rows).map(|row| self.line(row)).chain(self.text.iter().cloned()).collect()
+        (0..rows)
+            .map(|row| self.line(row))
+            .chain(self.text.iter().cloned())
+            .collect()
     }
 
     fn line(&self, row: usize) -> String {
@@ -179,9 +222,15 @@ impl Frame {
         let mut colours = (None, None);
         for column in 0..self.columns {
             let (upper, lower) = self.pair(row, column);
-            let vehicle = self.letters.iter().rev().find(|(at, of, ..)| (*at, *of) == (row, column));
+            let vehicle = self
+                .letters
+                .iter()
+                .rev()
+                .find(|(at, of, ..)| (*at, *of) == (row, column));
             let (letter, wanted) = match vehicle {
-                Some((_, _, index, letter)) => (*letter, (Some(231), Pixel::Ahead(*index).colour())),
+                Some((_, _, index, letter)) => {
+                    (*letter, (Some(231), Pixel::Ahead(*index).colour()))
+                }
                 // A pixel in the terminal's own colour can only be behind a letter, not the letter.
                 None if upper == lower => (' ', (colours.0, upper.colour())),
                 None if upper == Pixel::Outside => ('\u{2584}', (lower.colour(), None)),
@@ -201,7 +250,11 @@ impl Frame {
 }
 
 /// Changes the colours of letter and ground where they differ from those before.
-fn set_colours(line: &mut String, before: &mut (Option<u8>, Option<u8>), wanted: (Option<u8>, Option<u8>)) {
+fn set_colours(
+    line: &mut String,
+    before: &mut (Option<u8>, Option<u8>),
+    wanted: (Option<u8>, Option<u8>),
+) {
     let mut change = |now: Option<u8>, then: Option<u8>, kind: u8| {
         // Nothing can be done about a string that takes nothing more.
         let _ = match now {
@@ -254,7 +307,11 @@ fn pixel(venue: &Venue, view: &View<'_>, part: Rect) -> Pixel {
             }
         }
     }
-    if 2 * unknown >= all { Pixel::Unknown } else { Pixel::Free }
+    if 2 * unknown >= all {
+        Pixel::Unknown
+    } else {
+        Pixel::Free
+    }
 }
 
 #[cfg(test)]

@@ -6,7 +6,9 @@ use std::path::PathBuf;
 use super::describe::describe;
 use super::error::CliError;
 use super::stop::Stop;
-use super::vehicle::{answer, bus_is_passing, folder_is_passing, kept_is_passing, trust_is_passing, unready};
+use super::vehicle::{
+    answer, bus_is_passing, folder_is_passing, kept_is_passing, trust_is_passing, unready,
+};
 use super::{logging, read};
 use crate::config::{self, Config, GroundFile};
 use crate::run::ground_process::{self, GroundError, Status};
@@ -82,7 +84,8 @@ impl GroundArgs {
                 line(status);
             }
         };
-        let finish = ground_process::run(&file, &text, &venue_text, &|| stop.is_asked(), &mut status);
+        let finish =
+            ground_process::run(&file, &text, &venue_text, &|| stop.is_asked(), &mut status);
         answer(finish.map_err(|error| unready(&error, is_passing(&error)))?)
     }
 }
@@ -92,7 +95,9 @@ fn is_passing(error: &GroundError) -> bool {
     match error {
         GroundError::StateDir(error) => folder_is_passing(error),
         GroundError::Store(error) => match error {
-            StoreError::Full { .. } | StoreError::InUse { .. } | StoreError::Database { .. } => true,
+            StoreError::Full { .. } | StoreError::InUse { .. } | StoreError::Database { .. } => {
+                true
+            }
             StoreError::ReadOnly { .. }
             | StoreError::Unopened { .. }
             | StoreError::Damaged { .. }
@@ -109,16 +114,26 @@ fn is_passing(error: &GroundError) -> bool {
 }
 
 fn line(status: &Status) {
-    let doing = status.report.as_ref().map_or("listens".to_owned(), |report| {
-        let phase = format!("{:?}", report.phase).to_lowercase();
-        let (done, laps) = (report.laps_done, report.laps);
-        format!("{phase}, run {}, lap {done} of {laps}, {} samples", report.run, report.samples)
-    });
+    let doing = status
+        .report
+        .as_ref()
+        .map_or("listens".to_owned(), |report| {
+            let phase = format!("{:?}", report.phase).to_lowercase();
+            let (done, laps) = (report.laps_done, report.laps);
+            format!(
+                "{phase}, run {}, lap {done} of {laps}, {} samples",
+                report.run, report.samples
+            )
+        });
     let troubles = if status.troubles.is_empty() {
         String::new()
     } else {
         format!(", {} troubles", status.troubles.len())
     };
     // A status line that cannot be written is missed by nobody.
-    let _ = write!(std::io::stderr(), "\r\x1b[K{doing}, {} links{troubles}", status.links);
+    let _ = write!(
+        std::io::stderr(),
+        "\r\x1b[K{doing}, {} links{troubles}",
+        status.links
+    );
 }

@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 
 use crate::geom::{PixelGrid, Point, Rect};
 use crate::tomo::{
-    Link, LinkBins, MOST_PIXELS, Reconstruction, SPOT_M, Settings, TomoError, WeightModel, reconstruct,
+    Link, LinkBins, MOST_PIXELS, Reconstruction, SPOT_M, Settings, TomoError, WeightModel,
+    reconstruct,
 };
 use clap::{Args, ValueEnum};
 
@@ -52,7 +53,12 @@ pub struct ImageCommand {
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
     /// Most peaks that are listed
-    #[arg(long, value_name = "N", default_value_t = 5, allow_negative_numbers = true)]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 5,
+        allow_negative_numbers = true
+    )]
     pub peaks: usize,
 }
 
@@ -100,7 +106,9 @@ impl WeightsName {
             WeightsName::Ellipse => WeightModel::Ellipse { width_m },
             WeightsName::InverseArea => WeightModel::InverseArea { width_m },
             WeightsName::Gaussian => WeightModel::Gaussian { sd_m: width_m },
-            WeightsName::Exponential => WeightModel::Exponential { decay_m: width_m / 3.0 },
+            WeightsName::Exponential => WeightModel::Exponential {
+                decay_m: width_m / 3.0,
+            },
         }
     }
 }
@@ -151,72 +159,121 @@ impl ImageCommand {
     /// Files that cannot be read or written, [`ImageError`]; nothing is written then.
     pub fn run(&self, out: &mut dyn std::io::Write) -> Result<(), CliError> {
         self.check_files()?;
-        let Recording { links: now, unit, area } = read_files(&self.files, None)?;
+        let Recording {
+            links: now,
+            unit,
+            area,
+        } = read_files(&self.files, None)?;
         let empty = read_files(&self.empty, Some(unit))?.links;
         let settings = self.settings(now.iter().chain(&empty), area);
         let now = binned(&now, settings.pairing_m);
         let empty = binned(&empty, settings.pairing_m);
         let empty = (!self.empty.is_empty()).then_some(empty.as_slice());
-        let result = reconstruct(&now, empty, &settings)
-            .map_err(|problem| ImageError::NoImage { path: self.files[0].clone(), problem })?;
+        let result =
+            reconstruct(&now, empty, &settings).map_err(|problem| ImageError::NoImage {
+                path: self.files[0].clone(),
+                problem,
+            })?;
         // Until here Ctrl-C ends the program at once and leaves nothing; what is begun now is ended.
         let _stop = Stop::listen();
         Outputs::open(self)?.write(&result, &settings, unit)?;
-        let written = out.write_all(summary(&result, unit).as_bytes()).and_then(|()| out.flush());
-        written.map_err(|source| CliError::Write { path: "standard output".into(), source })
+        let written = out
+            .write_all(summary(&result, unit).as_bytes())
+            .and_then(|()| out.flush());
+        written.map_err(|source| CliError::Write {
+            path: "standard output".into(),
+            source,
+        })
     }
 
     /// Tries whether all outputs can be written, to files of their own.
     fn check_files(&self) -> Result<(), CliError> {
-        let outputs: Vec<&PathBuf> = [&self.png, &self.npy, &self.json].into_iter().flatten().collect();
+        let outputs: Vec<&PathBuf> = [&self.png, &self.npy, &self.json]
+            .into_iter()
+            .flatten()
+            .collect();
         for (index, output) in outputs.iter().enumerate() {
-            let mut others = self.files.iter().chain(&self.empty).chain(outputs[..index].iter().copied());
+            let mut others = self
+                .files
+                .iter()
+                .chain(&self.empty)
+                .chain(outputs[..index].iter().copied());
             if others.any(|other| is_same_file(output, other)) {
-                let reason = "is to be written, but is an input or another output as well".to_owned();
-                return Err(CliError::Input { path: output.to_path_buf(), reason });
+                let reason =
+                    "is to be written, but is an input or another output as well".to_owned();
+                return Err(CliError::Input {
+                    path: output.to_path_buf(),
+                    reason,
+                });
             }
         }
         // A device or a pipe is opened only once: whoever reads it may take the first end for the last.
         let mut tried = outputs.into_iter().filter(|output| !is_device(output));
-        tried.try_for_each(|output| PendingFile::open(output).map(drop)).map_err(CliError::from)
+        tried
+            .try_for_each(|output| PendingFile::open(output).map(drop))
+            .map_err(CliError::from)
     }
 
     /// The area is the one asked for, else the one that the recordings name, else what the ends of the links enclose.
     fn settings<'a>(&self, links: impl Iterator<Item = &'a Link>, named: Option<Rect>) -> Settings {
         let ring = bounds(links);
         let area = self.area.or(named).unwrap_or(ring);
-        let mut settings =
-            if self.empty.is_empty() { Settings::for_area(area) } else { Settings::for_change(area) };
+        let mut settings = if self.empty.is_empty() {
+            Settings::for_area(area)
+        } else {
+            Settings::for_change(area)
+        };
         settings.ring = ring;
         if let Some((columns, rows)) = self.pixels {
-            settings.grid = PixelGrid { area, columns, rows };
+            settings.grid = PixelGrid {
+                area,
+                columns,
+                rows,
+            };
         }
         let (solver, usual) = match self.solver {
             SolverName::Map => (settings.solver, WeightsName::InverseArea),
             SolverName::Tikhonov => (Settings::tikhonov_for(area), WeightsName::Line),
         };
         settings.solver = solver;
-        settings.weights = self.weights.unwrap_or(usual).model(area.width_m().max(area.height_m()));
+        settings.weights = self
+            .weights
+            .unwrap_or(usual)
+            .model(area.width_m().max(area.height_m()));
         settings.peaks.limit = self.peaks;
         settings
     }
 }
 
 fn parse_pixels(text: &str) -> Result<(usize, usize), String> {
-    let expected = || format!("expected WIDTHxHEIGHT such as 40x40, 1 to {MOST_PIXELS} pixels in all");
+    let expected =
+        || format!("expected WIDTHxHEIGHT such as 40x40, 1 to {MOST_PIXELS} pixels in all");
     let (columns, rows) = text.split_once(['x', 'X']).ok_or_else(expected)?;
-    let count =
-        |part: &str| part.trim().parse::<usize>().ok().filter(|count| *count > 0).ok_or_else(expected);
+    let count = |part: &str| {
+        part.trim()
+            .parse::<usize>()
+            .ok()
+            .filter(|count| *count > 0)
+            .ok_or_else(expected)
+    };
     let (columns, rows) = (count(columns)?, count(rows)?);
-    let pixels = columns.checked_mul(rows).filter(|pixels| *pixels <= MOST_PIXELS);
+    let pixels = columns
+        .checked_mul(rows)
+        .filter(|pixels| *pixels <= MOST_PIXELS);
     pixels.map(|_| (columns, rows)).ok_or_else(expected)
 }
 
 fn parse_area(text: &str) -> Result<Rect, String> {
-    let numbers: Vec<f64> = text.split(',').filter_map(|part| part.trim().parse().ok()).collect();
+    let numbers: Vec<f64> = text
+        .split(',')
+        .filter_map(|part| part.trim().parse().ok())
+        .collect();
     match numbers[..] {
         [x0, y0, x1, y1]
-            if text.split(',').count() == 4 && x0 < x1 && y0 < y1 && (x1 - x0 + y1 - y0).is_finite() =>
+            if text.split(',').count() == 4
+                && x0 < x1
+                && y0 < y1
+                && (x1 - x0 + y1 - y0).is_finite() =>
         {
             Ok(Rect::new(Point::new(x0, y0), Point::new(x1, y1)))
         }
@@ -230,14 +287,20 @@ fn parse_area(text: &str) -> Result<Rect, String> {
 /// The file cannot be read, or is no recording.
 pub(super) fn read_file(path: &Path) -> Result<Recording, CliError> {
     let text = read::text(path)?;
-    let wrong = |problem| ImageError::Recording { path: path.to_owned(), problem };
+    let wrong = |problem| ImageError::Recording {
+        path: path.to_owned(),
+        problem,
+    };
     Ok(read_recording(text.as_bytes()).map_err(wrong)?)
 }
 
 /// Returns whether two names lead to the same file; one that does not exist yet has only its own name.
 fn is_same_file(one: &Path, other: &Path) -> bool {
     let real = |path: &Path| {
-        let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
+        let folder = path
+            .parent()
+            .filter(|folder| *folder != Path::new(""))
+            .unwrap_or(Path::new("."));
         let beside = || Some(folder.canonicalize().ok()?.join(path.file_name()?));
         path.canonicalize().ok().or_else(beside)
     };
@@ -253,12 +316,21 @@ fn read_files(paths: &[PathBuf], expected: Option<LengthUnit>) -> Result<Recordi
         let expected = *unit.get_or_insert(recording.unit);
         if recording.unit != expected {
             let (found, expected) = (recording.unit.word(), expected.word());
-            return Err(ImageError::MixedUnits { path: path.clone(), found, expected }.into());
+            return Err(ImageError::MixedUnits {
+                path: path.clone(),
+                found,
+                expected,
+            }
+            .into());
         }
         links.extend(recording.links);
         area = area.or(recording.area);
     }
-    Ok(Recording { links, unit: unit.unwrap_or(LengthUnit::Metre), area })
+    Ok(Recording {
+        links,
+        unit: unit.unwrap_or(LengthUnit::Metre),
+        area,
+    })
 }
 
 /// Returns the smallest rectangle around all ends.
@@ -267,7 +339,10 @@ pub(super) fn bounds<'a>(links: impl Iterator<Item = &'a Link>) -> Rect {
     ends.map(|at| Rect::new(at, at))
         .reduce(|a, b| {
             let low = Point::new(a.min.x_m.min(b.min.x_m), a.min.y_m.min(b.min.y_m));
-            Rect::new(low, Point::new(a.max.x_m.max(b.max.x_m), a.max.y_m.max(b.max.y_m)))
+            Rect::new(
+                low,
+                Point::new(a.max.x_m.max(b.max.x_m), a.max.y_m.max(b.max.y_m)),
+            )
         })
         .unwrap_or(Rect::new(Point::default(), Point::default()))
 }
@@ -284,7 +359,10 @@ fn binned(links: &[Link], bin_m: f64) -> Vec<Link> {
 
 fn summary(result: &Reconstruction, unit: LengthUnit) -> String {
     let unit = unit.word();
-    let mut text = format!("links: {} used, residual {:.2} dB\n", result.used, result.residual_rms_db);
+    let mut text = format!(
+        "links: {} used, residual {:.2} dB\n",
+        result.used, result.residual_rms_db
+    );
     for (reason, count) in &result.dropped {
         text += &format!("  {count} dropped: {}\n", reason.words());
     }

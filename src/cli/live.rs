@@ -55,11 +55,15 @@ pub fn run(args: &SimArgs, out: &mut dyn Write) -> Result<(), CliError> {
     let loaded = args.loaded()?;
     let scenario = load::scenario(loaded, args.config.as_deref(), args.seed)?;
     if scenario.sim().expect != Expect::Finished {
-        let refused = "a mission that is to fail (expect) is for virtual time; it cannot be run live";
+        let refused =
+            "a mission that is to fail (expect) is for virtual time; it cannot be run live";
         return Err(CliError::Usage(refused.to_owned()));
     }
     let seed = args.seed.unwrap_or(scenario.sim().seed);
-    let target = args.out.clone().unwrap_or_else(|| default_folder(&scenario, seed));
+    let target = args
+        .out
+        .clone()
+        .unwrap_or_else(|| default_folder(&scenario, seed));
     let stop = Stop::listen();
     let folder = OutputFolder::prepare(&target, FAMILY)?;
     let started = started();
@@ -81,12 +85,19 @@ struct Swarm {
 
 impl Swarm {
     /// Writes the files, and starts the processes.
-    fn start(args: &SimArgs, scenario: &Scenario, seed: u64, folder: &Path) -> Result<Swarm, CliError> {
+    fn start(
+        args: &SimArgs,
+        scenario: &Scenario,
+        seed: u64,
+        folder: &Path,
+    ) -> Result<Swarm, CliError> {
         let sim = scenario.sim();
         let fault = |source: std::io::Error| CliError::Fault(source.to_string());
         let mut processes = Processes::new(folder);
         let mut world = own_program("world")?;
-        world.args(&args.config).args(["--vehicles", &sim.vehicles.count.to_string()]);
+        world
+            .args(&args.config)
+            .args(["--vehicles", &sim.vehicles.count.to_string()]);
         world.args(["--seed", &seed.to_string()]);
         let (address, token) = processes.start_world(world).map_err(fault)?;
         let mut ports = free_ports(sim.vehicles.count + 1).map_err(fault)?;
@@ -107,21 +118,29 @@ impl Swarm {
         write(folder, GROUND, &places.ground(sim, empty))?;
         let mut ground = own_program("ground")?;
         ground.arg(folder.join(GROUND));
-        processes.start("ground", Rank::Ground, ground).map_err(fault)?;
+        processes
+            .start("ground", Rank::Ground, ground)
+            .map_err(fault)?;
         for id in sim.vehicle_ids() {
             let name = vehicle_name(id);
             let file = format!("{name}.toml");
             write(folder, &file, &places.vehicle(sim, id))?;
             let mut vehicle = own_program("vehicle")?;
             vehicle.arg(folder.join(file));
-            processes.start(&name, Rank::Vehicle, vehicle).map_err(fault)?;
+            processes
+                .start(&name, Rank::Vehicle, vehicle)
+                .map_err(fault)?;
         }
         let operator = OperatorContext::read(&folder.join(OPERATOR))?.open()?;
         let control = WorldControl::connect(address, &token);
         let control = control.map_err(|error| CliError::Swarm(error.to_string()))?;
         let store = folder.join(STORE);
         let scenario_runner = ScenarioRunner::new(scenario, operator, control);
-        Ok(Swarm { processes, scenario_runner, store })
+        Ok(Swarm {
+            processes,
+            scenario_runner,
+            store,
+        })
     }
 
     /// Plays the script to its end; returns why it failed, if it did.
@@ -135,13 +154,19 @@ impl Swarm {
                 Going::Failed(reason) => break Some(reason),
             }
             if stop.is_asked() {
-                break Some("it was asked to stop; the folder holds what was measured until then".to_owned());
+                break Some(
+                    "it was asked to stop; the folder holds what was measured until then"
+                        .to_owned(),
+                );
             }
             let now = started.elapsed();
             let since_start = Time::ZERO + now;
             let news = self.processes.look_after(since_start);
             if let Some(dead) = news.into_iter().find_map(|news| self.told_of(news, &bar)) {
-                break Some(format!("{} has ended: {}\n{}", dead.name, dead.how, dead.last_words));
+                break Some(format!(
+                    "{} has ended: {}\n{}",
+                    dead.name, dead.how, dead.last_words
+                ));
             }
             if now >= shown {
                 shown = now + SHOWN_EVERY;
@@ -168,7 +193,8 @@ impl Swarm {
                 None
             }
             News::Dead(dead) => {
-                self.scenario_runner.note(&dead.name, &format!("has ended: {}", dead.how));
+                self.scenario_runner
+                    .note(&dead.name, &format!("has ended: {}", dead.how));
                 Some(dead)
             }
         }
@@ -176,7 +202,11 @@ impl Swarm {
 
     /// Ends everybody in order, and gathers what is left.
     fn end(self, scenario: &Scenario, failure: Option<String>) -> Result<Outcome, CliError> {
-        let Swarm { mut processes, mut scenario_runner, store } = self;
+        let Swarm {
+            mut processes,
+            mut scenario_runner,
+            store,
+        } = self;
         scenario_runner.note("scenario", failure.as_deref().unwrap_or("the end"));
         told(&processes.stop_those(Rank::Vehicle), &mut scenario_runner);
         // The referee has seen everybody come to rest.
@@ -193,8 +223,14 @@ impl Swarm {
 /// Notes who had to be killed.
 fn told(ended: &[Ended], scenario_runner: &mut ScenarioRunner) {
     for killed in ended.iter().filter(|ended| ended.was_killed) {
-        scenario_runner.note(&killed.name, "did not end when it was asked to, and was killed");
-        complain(&format_args!("warning: {} did not end when it was asked to, and was killed", killed.name));
+        scenario_runner.note(
+            &killed.name,
+            "did not end when it was asked to, and was killed",
+        );
+        complain(&format_args!(
+            "warning: {} did not end when it was asked to, and was killed",
+            killed.name
+        ));
     }
 }
 
@@ -220,7 +256,7 @@ fn progress_bar() -> ProgressBar {
     if !std::io::stderr().is_terminal() {
         return ProgressBar::hidden();
     }
-    let style =
-        ProgressStyle::with_template("{spinner} {msg}").unwrap_or_else(|_| ProgressStyle::default_spinner());
+    let style = ProgressStyle::with_template("{spinner} {msg}")
+        .unwrap_or_else(|_| ProgressStyle::default_spinner());
     ProgressBar::no_length().with_style(style)
 }

@@ -31,8 +31,12 @@ type Read = fn(&str, &str, Option<usize>, &mut config::Loader<'_>) -> Result<Sim
 /// Returns the bundled simulation that is meant: the courtyard without a file, or the one whose plain name is given where no
 /// such file lies.
 pub(super) fn bundled_one(file: Option<&Path>) -> Option<&'static str> {
-    let Some(path) = file else { return Some(bundled::COURTYARD) };
-    path.to_str().and_then(bundled::simulation).filter(|_| !path.exists())
+    let Some(path) = file else {
+        return Some(bundled::COURTYARD);
+    };
+    path.to_str()
+        .and_then(bundled::simulation)
+        .filter(|_| !path.exists())
 }
 
 /// Returns the text of a simulation file; the bundled example without one.
@@ -64,16 +68,28 @@ pub fn load_world(file: Option<&Path>, vehicles: Option<usize>) -> Result<Loaded
     load_as(config::read_world, file, vehicles)
 }
 
-fn load_as(read_sim: Read, file: Option<&Path>, vehicles: Option<usize>) -> Result<Loaded, CliError> {
+fn load_as(
+    read_sim: Read,
+    file: Option<&Path>,
+    vehicles: Option<usize>,
+) -> Result<Loaded, CliError> {
     if let Some(example) = bundled_one(file) {
         return load_with(read_sim, example, vehicles, &mut |name| bundled::load(name));
     }
-    let Some(path) = file else { return Err(CliError::Fault("no simulation is bundled".to_owned())) };
-    load_with(read_sim, &read::shown(path), vehicles, &mut read::around(path)).map_err(|error| match error {
+    let Some(path) = file else {
+        return Err(CliError::Fault("no simulation is bundled".to_owned()));
+    };
+    load_with(
+        read_sim,
+        &read::shown(path),
+        vehicles,
+        &mut read::around(path),
+    )
+    .map_err(|error| match error {
         // The simulation file itself is named by the user, not by another file.
-        CliError::Input { path: ref missing, .. } if *missing == Path::new(&read::shown(path)) => {
-            read::text(path).err().unwrap_or(error)
-        }
+        CliError::Input {
+            path: ref missing, ..
+        } if *missing == Path::new(&read::shown(path)) => read::text(path).err().unwrap_or(error),
         other => other,
     })
 }
@@ -84,7 +100,10 @@ fn load_with(
     vehicles: Option<usize>,
     loader: &mut config::Loader<'_>,
 ) -> Result<Loaded, CliError> {
-    let unreadable = |reason| CliError::Input { path: name.into(), reason };
+    let unreadable = |reason| CliError::Input {
+        path: name.into(),
+        reason,
+    };
     let text = loader(name).map_err(unreadable)?;
     let sim = read_sim(name, &text, vehicles, loader)?;
     let shapes = shapes_of(&sim.scene, loader)?;
@@ -95,8 +114,13 @@ fn load_with(
 ///
 /// # Errors
 /// The file cannot be read, or makes no sense.
-pub fn shapes_of(scene: &SceneFile, loader: &mut config::Loader<'_>) -> Result<VrmlScene, CliError> {
-    let Some(file) = &scene.wrl else { return Ok(VrmlScene::default()) };
+pub fn shapes_of(
+    scene: &SceneFile,
+    loader: &mut config::Loader<'_>,
+) -> Result<VrmlScene, CliError> {
+    let Some(file) = &scene.wrl else {
+        return Ok(VrmlScene::default());
+    };
     read_shapes(file, scene.up, loader)
 }
 
@@ -120,7 +144,11 @@ pub fn read_shapes(
     let mut inline = |name: &str| loader(&config::beside(file, name));
     scene::read_vrml(&text, file, up, &mut inline).map_err(|error| {
         let scene::VrmlError { file, line, reason } = error;
-        CliError::Line { path: file.into(), line, reason }
+        CliError::Line {
+            path: file.into(),
+            line,
+            reason,
+        }
     })
 }
 
@@ -128,7 +156,11 @@ pub fn read_shapes(
 ///
 /// # Errors
 /// What the files alone could not tell, e.g. a vehicle that starts inside a wall, or a ring too small for the sweep.
-pub fn scenario(loaded: Loaded, file: Option<&Path>, seed: Option<u64>) -> Result<Scenario, CliError> {
+pub fn scenario(
+    loaded: Loaded,
+    file: Option<&Path>,
+    seed: Option<u64>,
+) -> Result<Scenario, CliError> {
     let seed = seed.unwrap_or(loaded.sim.seed);
     let path = file.map_or_else(|| bundled::COURTYARD.into(), Path::to_owned);
     let refused = |reason| CliError::Input { path, reason };
@@ -150,6 +182,8 @@ pub fn scenario(loaded: Loaded, file: Option<&Path>, seed: Option<u64>) -> Resul
 pub fn world(loaded: Loaded, file: Option<&Path>, seed: Option<u64>) -> Result<Scenario, CliError> {
     let seed = seed.unwrap_or(loaded.sim.seed);
     let path = file.map_or_else(|| bundled::COURTYARD.into(), Path::to_owned);
-    Scenario::new(loaded.sim, loaded.shapes.shapes, seed)
-        .map_err(|error| CliError::Input { path, reason: error.to_string() })
+    Scenario::new(loaded.sim, loaded.shapes.shapes, seed).map_err(|error| CliError::Input {
+        path,
+        reason: error.to_string(),
+    })
 }

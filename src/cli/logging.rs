@@ -15,11 +15,15 @@ pub fn begin(is_verbose: bool) {
     } else {
         (LevelFilter::INFO, LevelFilter::ERROR)
     };
-    let shown = Targets::new().with_target("tomoswarm", own).with_default(others);
+    let shown = Targets::new()
+        .with_target("tomoswarm", own)
+        .with_default(others);
     let lines = tracing_subscriber::fmt::layer()
         .with_writer(std::io::stderr)
         .with_ansi(std::io::stderr().is_terminal())
         .with_target(false);
     // Only a second beginning fails, and the first one serves.
-    let _ = tracing_subscriber::registry().with(lines.with_filter(shown)).try_init();
+    let _ = tracing_subscriber::registry()
+        .with(lines.with_filter(shown))
+        .try_init();
 }

@@ -38,13 +38,20 @@ impl OperatorContext {
         match config::read(&read::shown(path), &text, &mut read::around(path))? {
             Config::Operator(file) => {
                 let settings = settings(path, &file.venue, &file.bus)?;
-                Ok(OperatorContext { settings, venue: file.venue, vehicles: BTreeSet::new() })
+                Ok(OperatorContext {
+                    settings,
+                    venue: file.venue,
+                    vehicles: BTreeSet::new(),
+                })
             }
             Config::Ground(file) if file.bus.identity.is_some() => {
                 let reason = "is the ground station's own file, and its certificate is not an operator's; \
                               give the operator's file here, which `tomoswarm enroll FOLDER --venue FILE operator \
                               --ground-host HOST` writes (FOLDER/operator-1/operator.toml)";
-                Err(CliError::Input { path: path.to_owned(), reason: reason.to_owned() })
+                Err(CliError::Input {
+                    path: path.to_owned(),
+                    reason: reason.to_owned(),
+                })
             }
             Config::Ground(file) => {
                 let settings = settings(path, &file.venue, &beside_ground(&file.bus))?;
@@ -59,9 +66,12 @@ impl OperatorContext {
             | Config::Sim(_)
             | Config::Experiment(_)
             | Config::Vehicle(_) => {
-                let reason =
-                    "is of another kind; kind = \"operator\" or \"ground\" is needed here".to_owned();
-                Err(CliError::Input { path: path.to_owned(), reason })
+                let reason = "is of another kind; kind = \"operator\" or \"ground\" is needed here"
+                    .to_owned();
+                Err(CliError::Input {
+                    path: path.to_owned(),
+                    reason,
+                })
             }
         }
     }
@@ -71,7 +81,9 @@ impl OperatorContext {
     /// # Errors
     /// The bus does not take the settings, or cannot listen; the system gives no random numbers.
     pub fn open(&self) -> Result<LiveOperator, CliError> {
-        let settings = self.operator().map_err(|error| CliError::Fault(error.to_string()))?;
+        let settings = self
+            .operator()
+            .map_err(|error| CliError::Fault(error.to_string()))?;
         let session = Session::open(self.settings.clone()).map_err(|error| match error {
             BusError::Settings { .. } => CliError::Usage(error.to_string()),
             BusError::Listen { .. } | BusError::Thread(_) => CliError::Swarm(error.to_string()),
@@ -83,7 +95,10 @@ impl OperatorContext {
         // An operator's tool counts no starts.
         let hello = membership::greeting(OPERATOR, Boot(0), &self.venue, Vec::new())?;
         Ok(OperatorSettings {
-            hello: Hello { is_member: true, ..hello },
+            hello: Hello {
+                is_member: true,
+                ..hello
+            },
             greets: true,
             // Holder 0 is that of no operator.
             holder: membership::draw()?.max(1),
@@ -104,19 +119,33 @@ pub fn fault(fault: Fault) -> CliError {
 pub fn seconds(text: &str) -> Result<Duration, String> {
     let number: Option<f64> = text.parse().ok();
     let number = number.filter(|seconds_s| (0.1..=86_400.0).contains(seconds_s));
-    number.map(Duration::from_secs_f64).ok_or_else(|| "0.1 to 86400 seconds are allowed".to_owned())
+    number
+        .map(Duration::from_secs_f64)
+        .ok_or_else(|| "0.1 to 86400 seconds are allowed".to_owned())
 }
 
 /// Returns how a command joins that runs beside the ground station.
 fn beside_ground(ground: &BusFile) -> BusFile {
-    let own = Endpoint { protocol: Protocol::Tcp, host: "127.0.0.1".to_owned(), port: 0 };
+    let own = Endpoint {
+        protocol: Protocol::Tcp,
+        host: "127.0.0.1".to_owned(),
+        port: 0,
+    };
     let listen = match ground.topology {
         Topology::Mesh => vec![own],
         Topology::Star => Vec::new(),
     };
-    let its_own = ground.listen.iter().filter(|endpoint| endpoint.port != 0).map(reached);
+    let its_own = ground
+        .listen
+        .iter()
+        .filter(|endpoint| endpoint.port != 0)
+        .map(reached);
     let connect = its_own.chain(ground.connect.iter().cloned()).collect();
-    BusFile { listen, connect, ..ground.clone() }
+    BusFile {
+        listen,
+        connect,
+        ..ground.clone()
+    }
 }
 
 /// Returns where one that listens on all addresses is reached from its own machine.
@@ -126,13 +155,19 @@ fn reached(endpoint: &Endpoint) -> Endpoint {
         "::" => "::1".to_owned(),
         host => host.to_owned(),
     };
-    Endpoint { host, ..endpoint.clone() }
+    Endpoint {
+        host,
+        ..endpoint.clone()
+    }
 }
 
 fn settings(path: &Path, venue: &Venue, file: &BusFile) -> Result<BusSettings, CliError> {
     if file.connect.is_empty() {
         let reason = "names no endpoint with a port by which the swarm can be reached".to_owned();
-        return Err(CliError::Input { path: path.to_owned(), reason });
+        return Err(CliError::Input {
+            path: path.to_owned(),
+            reason,
+        });
     }
     let access = membership::access(OPERATOR, venue, file, None);
     let access = access.map_err(|error| CliError::Usage(error.to_string()))?;

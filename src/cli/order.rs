@@ -155,11 +155,14 @@ impl OrderArgs {
     pub fn run(&self, out: &mut dyn Write) -> Result<(), CliError> {
         match (self.what, self.yes_cut_motors) {
             (What::CutMotors, false) => {
-                let refused = "cut-motors lets fall whatever flies; confirm it with --yes-cut-motors";
+                let refused =
+                    "cut-motors lets fall whatever flies; confirm it with --yes-cut-motors";
                 return Err(CliError::Usage(refused.to_owned()));
             }
             (what, true) if what != What::CutMotors => {
-                return Err(CliError::Usage("--yes-cut-motors belongs to cut-motors only".to_owned()));
+                return Err(CliError::Usage(
+                    "--yes-cut-motors belongs to cut-motors only".to_owned(),
+                ));
             }
             (_, _) => {}
         }
@@ -169,7 +172,9 @@ impl OrderArgs {
             return Err(CliError::Usage(refused.to_owned()));
         }
         if self.mission.is_some() && self.what != What::Start {
-            return Err(CliError::Usage("--mission belongs to start only".to_owned()));
+            return Err(CliError::Usage(
+                "--mission belongs to start only".to_owned(),
+            ));
         }
         let context = OperatorContext::read(&self.config)?;
         let mission = self.mission(&context.venue)?;
@@ -185,7 +190,11 @@ impl OrderArgs {
         }
         let text = told(self.what.name(), context.venue.hash(), &outcome);
         out.write_all(text.as_bytes()).map_err(CliError::stdout)?;
-        if outcome.is_done() { Ok(()) } else { Err(undone(self.what.name(), &outcome, &troubles)) }
+        if outcome.is_done() {
+            Ok(())
+        } else {
+            Err(undone(self.what.name(), &outcome, &troubles))
+        }
     }
 
     /// Returns the mission that is to be begun, if one is named.
@@ -193,13 +202,18 @@ impl OrderArgs {
     /// # Errors
     /// Mistakes in its keys.
     fn mission(&self, venue: &Venue) -> Result<Option<MissionWish>, CliError> {
-        let Some(kind) = &self.mission else { return Ok(None) };
+        let Some(kind) = &self.mission else {
+            return Ok(None);
+        };
         let vehicles = Some(self.vehicles.len()).filter(|count| *count > 0);
         let mut loader = |name: &str| read::named(Path::new(name));
         let GivenMission { task, sweep } =
             GivenMission::read(kind, &self.set, (venue, vehicles), &mut loader)?;
         let compare_with = self.compare_with.map(RunId);
-        Ok(Some(MissionWish { kind: task_kind(task, &sweep), compare_with }))
+        Ok(Some(MissionWish {
+            kind: task_kind(task, &sweep),
+            compare_with,
+        }))
     }
 
     /// Returns what the operator is told.
@@ -225,7 +239,11 @@ impl OrderArgs {
 }
 
 /// Waits until the want is over, or the command shall end. In a star without its ground station nobody is ever heard.
-fn until_over(operator: &mut LiveOperator, stop: &Stop, is_star: bool) -> Result<Outcome, CliError> {
+fn until_over(
+    operator: &mut LiveOperator,
+    stop: &Stop,
+    is_star: bool,
+) -> Result<Outcome, CliError> {
     let mut was_linked = false;
     loop {
         was_linked |= operator.session().is_linked();
@@ -236,7 +254,9 @@ fn until_over(operator: &mut LiveOperator, stop: &Stop, is_star: bool) -> Result
         if stop.is_asked() {
             operator.tell(In::Withdraw(ONE));
         }
-        let said = operator.go_on(operator.now() + LOOK, |_, _| {}).map_err(fault)?;
+        let said = operator
+            .go_on(operator.now() + LOOK, |_, _| {})
+            .map_err(fault)?;
         let over = said.into_iter().find_map(|out| match out {
             Out::Ended(_, outcome) => Some(outcome),
             Out::Publish(_)
@@ -255,27 +275,44 @@ fn until_over(operator: &mut LiveOperator, stop: &Stop, is_star: bool) -> Result
 fn told(name: &str, venue_hash: u64, outcome: &Outcome) -> String {
     let line = |(id, of): (&VehicleId, &VehicleOutcome)| match of {
         VehicleOutcome::Obeyed { after, by_ground } => {
-            let by_ground = if *by_ground { "; the ground station has gone on from there" } else { "" };
-            format!("vehicle {id}: {name} after {} ms{by_ground}\n", after.as_millis())
+            let by_ground = if *by_ground {
+                "; the ground station has gone on from there"
+            } else {
+                ""
+            };
+            format!(
+                "vehicle {id}: {name} after {} ms{by_ground}\n",
+                after.as_millis()
+            )
         }
         VehicleOutcome::Stopped { after, is_at_rest } => {
             let brakes = if *is_at_rest { "" } else { ", brakes" };
-            format!("vehicle {id}: in force after {} ms{brakes}\n", after.as_millis())
+            format!(
+                "vehicle {id}: in force after {} ms{brakes}\n",
+                after.as_millis()
+            )
         }
         VehicleOutcome::UnderStop(stop) => {
             format!("vehicle {id}: stands under emergency stop {stop}, which this does not lift\n")
         }
         VehicleOutcome::Overruled(echo) => {
             let holder = echo.lease.holder;
-            format!("vehicle {id}: overruled by {} (holder {holder:016x})\n", ordered(*echo))
+            format!(
+                "vehicle {id}: overruled by {} (holder {holder:016x})\n",
+                ordered(*echo)
+            )
         }
-        VehicleOutcome::NotOut => format!("vehicle {id}: has started, but does not show the mission\n"),
+        VehicleOutcome::NotOut => {
+            format!("vehicle {id}: has started, but does not show the mission\n")
+        }
         VehicleOutcome::Refused(why) => format!("vehicle {id}: refuses the mission: {why}\n"),
         VehicleOutcome::Ignored => format!("vehicle {id}: is heard, but has not obeyed\n"),
         VehicleOutcome::Unheard => format!("vehicle {id}: not heard\n"),
         VehicleOutcome::Withdrawn => format!("vehicle {id}: something else is wanted of it\n"),
         VehicleOutcome::Foreign(Misfit::Venue(theirs)) => {
-            format!("vehicle {id}: has another venue file (hash {theirs:016x}, here {venue_hash:016x})\n")
+            format!(
+                "vehicle {id}: has another venue file (hash {theirs:016x}, here {venue_hash:016x})\n"
+            )
         }
         VehicleOutcome::Foreign(Misfit::Version(theirs)) => {
             format!("vehicle {id}: speaks wire version {theirs}, here it is {VERSION}\n")
@@ -285,8 +322,12 @@ fn told(name: &str, venue_hash: u64, outcome: &Outcome) -> String {
 }
 
 fn undone(name: &str, outcome: &Outcome, troubles: &[String]) -> CliError {
-    let undone: BTreeSet<&VehicleId> =
-        outcome.vehicles.iter().filter(|(_, of)| !of.is_done()).map(|(id, _)| id).collect();
+    let undone: BTreeSet<&VehicleId> = outcome
+        .vehicles
+        .iter()
+        .filter(|(_, of)| !of.is_done())
+        .map(|(id, _)| id)
+        .collect();
     let ids: Vec<String> = undone.iter().map(ToString::to_string).collect();
     let mut text = match ids.is_empty() {
         true => "nobody was heard".to_owned(),

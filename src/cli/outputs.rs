@@ -29,7 +29,11 @@ impl Outputs {
     /// One cannot be written.
     pub(super) fn open(command: &ImageCommand) -> Result<Outputs, ImageError> {
         let open = |path: &Option<PathBuf>| path.as_deref().map(PendingFile::open).transpose();
-        Ok(Outputs { png: open(&command.png)?, npy: open(&command.npy)?, json: open(&command.json)? })
+        Ok(Outputs {
+            png: open(&command.png)?,
+            npy: open(&command.npy)?,
+            json: open(&command.json)?,
+        })
     }
 
     /// Writes all, then gives all their names.
@@ -50,8 +54,13 @@ impl Outputs {
             file.fill(&picture(result, unit)?)?;
         }
         fill(&mut self.npy, &|| npy_bytes(&result.image))?;
-        fill(&mut self.json, &|| format!("{:#}\n", report(result, settings, unit)).into_bytes())?;
-        Ok([self.png, self.npy, self.json].into_iter().flatten().try_for_each(PendingFile::finish)?)
+        fill(&mut self.json, &|| {
+            format!("{:#}\n", report(result, settings, unit)).into_bytes()
+        })?;
+        Ok([self.png, self.npy, self.json]
+            .into_iter()
+            .flatten()
+            .try_for_each(PendingFile::finish)?)
     }
 }
 
@@ -69,31 +78,48 @@ impl PendingFile {
     /// # Errors
     /// It cannot be written.
     pub(super) fn open(path: &Path) -> Result<PendingFile, ImageError> {
-        let failed = |source| ImageError::Unwritable { path: path.to_owned(), source };
-        let name = path.file_name().ok_or_else(|| failed(std::io::ErrorKind::IsADirectory.into()))?;
+        let failed = |source| ImageError::Unwritable {
+            path: path.to_owned(),
+            source,
+        };
+        let name = path
+            .file_name()
+            .ok_or_else(|| failed(std::io::ErrorKind::IsADirectory.into()))?;
         if path.is_dir() {
             return Err(failed(std::io::ErrorKind::IsADirectory.into()));
         }
         if is_device(path) {
             let file = fs::File::options().write(true).open(path).map_err(failed)?;
-            return Ok(PendingFile { path: path.to_owned(), temporary: None, file });
+            return Ok(PendingFile {
+                path: path.to_owned(),
+                temporary: None,
+                file,
+            });
         }
         let mut hidden = std::ffi::OsString::from(".");
         hidden.push(name);
         hidden.push(format!(".{}.part", std::process::id()));
         let temporary = path.with_file_name(hidden);
         let file = fs::File::create(&temporary).map_err(failed)?;
-        Ok(PendingFile { path: path.to_owned(), temporary: Some(temporary), file })
+        Ok(PendingFile {
+            path: path.to_owned(),
+            temporary: Some(temporary),
+            file,
+        })
     }
 
     fn fill(&mut self, bytes: &[u8]) -> Result<(), ImageError> {
         let path = self.path.clone();
-        self.file.write_all(bytes).map_err(|source| ImageError::Unwritable { path, source })
+        self.file
+            .write_all(bytes)
+            .map_err(|source| ImageError::Unwritable { path, source })
     }
 
     fn finish(self) -> Result<(), ImageError> {
         let path = self.path.clone();
-        let Some(temporary) = &self.temporary else { return Ok(()) };
+        let Some(temporary) = &self.temporary else {
+            return Ok(());
+        };
         fs::rename(temporary, &self.path).map_err(|source| ImageError::Unwritable { path, source })
     }
 }
@@ -108,9 +134,15 @@ impl Drop for PendingFile {
 /// Returns the picture of an image, with the strongest places marked.
 fn picture(result: &Reconstruction, unit: LengthUnit) -> Result<Vec<u8>, CliError> {
     let Image { grid, values } = &result.image;
-    let seen = if result.by_empty_sweep { "What changed since the empty sweep" } else { "What stands there" };
-    let mark =
-        |(index, peak): (usize, &Peak)| Overlay::Cross { at: peak.at, label: Some((index + 1).to_string()) };
+    let seen = if result.by_empty_sweep {
+        "What changed since the empty sweep"
+    } else {
+        "What stands there"
+    };
+    let mark = |(index, peak): (usize, &Peak)| Overlay::Cross {
+        at: peak.at,
+        label: Some((index + 1).to_string()),
+    };
     let spec = HeatMap {
         title: format!("{seen} ({} links)", result.used),
         grid: *grid,
@@ -170,5 +202,6 @@ fn settings_json(settings: &Settings, unit: LengthUnit, by_empty_sweep: bool) ->
 
 /// Returns whether something is there that is neither a file nor a folder.
 pub(super) fn is_device(path: &Path) -> bool {
-    path.metadata().is_ok_and(|known| !known.is_file() && !known.is_dir())
+    path.metadata()
+        .is_ok_and(|known| !known.is_file() && !known.is_dir())
 }

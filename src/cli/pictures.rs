@@ -24,7 +24,10 @@ pub fn write_pictures(
     }
     if let Some(structure) = &outcome.structure {
         let title = "What stands there, from a fitted path loss";
-        folder.write("structure.png", &heat(title, structure, truth(outcome, false))?)?;
+        folder.write(
+            "structure.png",
+            &heat(title, structure, truth(outcome, false))?,
+        )?;
     }
     folder.write("map.png", &map(scenario, outcome)?)
 }
@@ -36,26 +39,35 @@ pub(super) fn drawn(result: Result<Vec<u8>, crate::draw::DrawError>) -> Result<V
 fn heat(title: &str, made: &Reconstruction, overlays: Vec<Overlay>) -> Result<Vec<u8>, CliError> {
     let title = format!("{title} ({} links)", made.used);
     let Image { grid, values } = &made.image;
-    let spec = HeatMap { title, grid: *grid, values, unit: "dB/m", length_unit: "m", overlays, range: None };
+    let spec = HeatMap {
+        title,
+        grid: *grid,
+        values,
+        unit: "dB/m",
+        length_unit: "m",
+        overlays,
+        range: None,
+    };
     drawn(Picture::heat(&spec))
 }
 
 /// The truth and what was found, to be drawn over an image.
 fn truth(outcome: &Outcome, with_finds: bool) -> Vec<Overlay> {
     let mut overlays = tracks(outcome);
-    overlays.extend(
-        outcome
-            .outlines
-            .iter()
-            .map(|outline| Overlay::Outline { polygon: outline.polygon.clone(), label: None }),
-    );
+    overlays.extend(outcome.outlines.iter().map(|outline| Overlay::Outline {
+        polygon: outline.polygon.clone(),
+        label: None,
+    }));
     overlays.extend(outcome.persons.iter().map(|person| Overlay::Circle {
         at: person.at,
         radius_m: person.radius_m,
         label: Some(person.name.clone()),
     }));
     if with_finds {
-        overlays.extend(outcome.found().iter().map(|find| Overlay::Cross { at: find.at, label: None }));
+        overlays.extend(outcome.found().iter().map(|find| Overlay::Cross {
+            at: find.at,
+            label: None,
+        }));
     }
     overlays
 }
@@ -88,7 +100,10 @@ pub(super) fn shown_cells(map: &Merged, venue: &Venue) -> ShownCells {
     let lattice = map.lattice();
     let known = map.extent(0);
     let fence = CellRect::around(lattice, venue.fence.corners(), 0.5);
-    let area = fence.into_iter().chain(known.filter(|_| fence.is_none())).next();
+    let area = fence
+        .into_iter()
+        .chain(known.filter(|_| fence.is_none()))
+        .next();
     let area = area.unwrap_or(CellRect::covering(lattice, venue.area));
     let view = map.view(0, area);
     let (columns, rows) = (area.width_cells() as usize, area.height_cells() as usize);
@@ -103,32 +118,64 @@ pub(super) fn shown_cells(map: &Merged, venue: &Venue) -> ShownCells {
         }
     }
     let middle = lattice.centre(area.low);
-    let origin = Point::new(middle.x_m - lattice.cell_m() / 2.0, middle.y_m - lattice.cell_m() / 2.0);
-    ShownCells { origin, columns, rows, cells }
+    let origin = Point::new(
+        middle.x_m - lattice.cell_m() / 2.0,
+        middle.y_m - lattice.cell_m() / 2.0,
+    );
+    ShownCells {
+        origin,
+        columns,
+        rows,
+        cells,
+    }
 }
 
 fn map(scenario: &Scenario, outcome: &Outcome) -> Result<Vec<u8>, CliError> {
     let venue = &scenario.sim().venue;
     let cell_m = outcome.map.lattice().cell_m();
-    let ShownCells { origin, columns, rows, cells } = shown_cells(&outcome.map, venue);
-    let mut overlays =
-        vec![Overlay::Fence { polygon: venue.fence.clone() }, Overlay::Area { rect: venue.area }];
+    let ShownCells {
+        origin,
+        columns,
+        rows,
+        cells,
+    } = shown_cells(&outcome.map, venue);
+    let mut overlays = vec![
+        Overlay::Fence {
+            polygon: venue.fence.clone(),
+        },
+        Overlay::Area { rect: venue.area },
+    ];
     overlays.extend(tracks(outcome));
-    overlays.extend(
-        outcome
-            .outlines
-            .iter()
-            .map(|outline| Overlay::Outline { polygon: outline.polygon.clone(), label: None }),
-    );
+    overlays.extend(outcome.outlines.iter().map(|outline| Overlay::Outline {
+        polygon: outline.polygon.clone(),
+        label: None,
+    }));
     overlays.extend(homes(scenario));
     overlays.extend(outcome.tracks.iter().filter_map(|(vehicle, points)| {
-        Some(Overlay::Dot { at: *points.last()?, label: Some(vehicle.to_string()) })
+        Some(Overlay::Dot {
+            at: *points.last()?,
+            label: Some(vehicle.to_string()),
+        })
     }));
     let title = "What the range sensors saw".to_owned();
-    drawn(Picture::occupancy(&OccupancyMap { title, origin, cell_m, columns, rows, cells: &cells, overlays }))
+    drawn(Picture::occupancy(&OccupancyMap {
+        title,
+        origin,
+        cell_m,
+        columns,
+        rows,
+        cells: &cells,
+        overlays,
+    }))
 }
 
 fn homes(scenario: &Scenario) -> Vec<Overlay> {
     let ids = scenario.sim().vehicle_ids();
-    ids.filter_map(|id| Some(Overlay::Home { at: scenario.sim().home(id)?, label: None })).collect()
+    ids.filter_map(|id| {
+        Some(Overlay::Home {
+            at: scenario.sim().home(id)?,
+            label: None,
+        })
+    })
+    .collect()
 }

@@ -51,8 +51,15 @@ impl PlanArgs {
         let loaded = load::load(self.config.as_deref(), self.vehicles)?;
         let scenario = load::scenario(loaded, self.config.as_deref(), None)?;
         let sweep = planned(&scenario).map_err(|error| CliError::Usage(error.to_string()))?;
-        let text = if self.stops { stops(&sweep.plans) } else { summary(&scenario, &sweep)? };
-        let failed = |source| CliError::Write { path: "standard output".into(), source };
+        let text = if self.stops {
+            stops(&sweep.plans)
+        } else {
+            summary(&scenario, &sweep)?
+        };
+        let failed = |source| CliError::Write {
+            path: "standard output".into(),
+            source,
+        };
         out.write_all(text.as_bytes()).map_err(failed)
     }
 }
@@ -63,9 +70,23 @@ impl PlanArgs {
 /// No sweep can be planned.
 pub(super) fn planned(scenario: &Scenario) -> Result<Sweep, SweepError> {
     let sim = scenario.sim();
-    let places = sim.vehicle_ids().filter_map(|id| Some((id, sim.home(id)?))).collect();
-    let request = Request { run: RunId(1), revision: Revision(1), places, first_lap: 0, task: None };
-    plan(scenario.ring(), scenario.method(), sim.venue.swarm.separation_m, &request)
+    let places = sim
+        .vehicle_ids()
+        .filter_map(|id| Some((id, sim.home(id)?)))
+        .collect();
+    let request = Request {
+        run: RunId(1),
+        revision: Revision(1),
+        places,
+        first_lap: 0,
+        task: None,
+    };
+    plan(
+        scenario.ring(),
+        scenario.method(),
+        sim.venue.swarm.separation_m,
+        &request,
+    )
 }
 
 fn summary(scenario: &Scenario, sweep: &Sweep) -> Result<String, CliError> {
@@ -86,7 +107,10 @@ fn summary(scenario: &Scenario, sweep: &Sweep) -> Result<String, CliError> {
         sim.venue.swarm.separation_m,
     );
     for plan in &sweep.plans {
-        let length_m: f64 = tracks_of(plan).iter().map(crate::geom::Track::length_m).sum();
+        let length_m: f64 = tracks_of(plan)
+            .iter()
+            .map(crate::geom::Track::length_m)
+            .sum();
         let start = Point::from(plan.start);
         text += &format!(
             "vehicle {}: {} stops, {length_m:.0} m, from {:.2}, {:.2} m\n",
@@ -113,7 +137,10 @@ fn gaps(scenario: &Scenario, plans: &[Plan], lap: &crate::sweep::Lap) -> String 
     let mut places: Vec<usize> = lap.stops.iter().filter_map(place).collect();
     places.sort_unstable();
     let next = places.iter().cycle().skip(1);
-    let steps = places.iter().zip(next).map(|(a, b)| scenario.ring().steps_ahead(*a, *b).to_string());
+    let steps = places
+        .iter()
+        .zip(next)
+        .map(|(a, b)| scenario.ring().steps_ahead(*a, *b).to_string());
     steps.collect::<Vec<_>>().join(", ")
 }
 
@@ -121,11 +148,17 @@ fn stops(plans: &[Plan]) -> String {
     let mut text = "vehicle,stop,x_m,y_m,dwell_ms,after\n".to_owned();
     for plan in plans {
         for stop in &plan.stops {
-            let after: Vec<String> =
-                stop.after.iter().map(|(vehicle, id)| format!("{vehicle}:{id}")).collect();
+            let after: Vec<String> = stop
+                .after
+                .iter()
+                .map(|(vehicle, id)| format!("{vehicle}:{id}"))
+                .collect();
             let (x_m, y_m) = (stop.at.x_m(), stop.at.y_m());
             let (vehicle, id, dwell_ms) = (plan.vehicle, stop.id, stop.dwell_ms);
-            text += &format!("{vehicle},{id},{x_m:.4},{y_m:.4},{dwell_ms},{}\n", after.join(" "));
+            text += &format!(
+                "{vehicle},{id},{x_m:.4},{y_m:.4},{dwell_ms},{}\n",
+                after.join(" ")
+            );
         }
     }
     text

@@ -55,7 +55,9 @@ Exit codes: 0 go; 1 no-go; 2 bad usage or configuration.";
 
 fn metres(text: &str) -> Result<f64, String> {
     let number: Option<f64> = text.parse().ok();
-    number.filter(|m| (0.001..=100.0).contains(m)).ok_or_else(|| "0.001 to 100 metres are allowed".to_owned())
+    number
+        .filter(|m| (0.001..=100.0).contains(m))
+        .ok_or_else(|| "0.001 to 100 metres are allowed".to_owned())
 }
 
 impl PreflightArgs {
@@ -66,20 +68,37 @@ impl PreflightArgs {
     pub fn run(&self, out: &mut dyn Write) -> Result<(), CliError> {
         let context = OperatorContext::read(&self.config)?;
         let asked: BTreeSet<VehicleId> = self.vehicles.iter().map(|id| VehicleId(*id)).collect();
-        let named = if asked.is_empty() { context.vehicles.clone() } else { asked };
+        let named = if asked.is_empty() {
+            context.vehicles.clone()
+        } else {
+            asked
+        };
         let stop = Stop::listen();
         let mut operator = context.open()?;
         let is_enough = |view: &FleetView, now: Time| {
-            !named.is_empty() && is_go(&inspect(view, &self.needs(&context, &named, view, now), now))
+            !named.is_empty()
+                && is_go(&inspect(
+                    view,
+                    &self.needs(&context, &named, view, now),
+                    now,
+                ))
         };
         listen(&mut operator, self.listen, &stop, is_enough)?;
         let (view, now) = (operator.view(), operator.now());
         let nodes = inspect(view, &self.needs(&context, &named, view, now), now);
         operator.close();
         let width = screen::columns_of_stdout();
-        let text = if self.json { format!("{}\n", json(&nodes)) } else { text(&nodes, width) };
+        let text = if self.json {
+            format!("{}\n", json(&nodes))
+        } else {
+            text(&nodes, width)
+        };
         out.write_all(text.as_bytes()).map_err(CliError::stdout)?;
-        if is_go(&nodes) { Ok(()) } else { Err(CliError::Swarm("no-go".to_owned())) }
+        if is_go(&nodes) {
+            Ok(())
+        } else {
+            Err(CliError::Swarm("no-go".to_owned()))
+        }
     }
 
     fn needs(
@@ -89,9 +108,19 @@ impl PreflightArgs {
         view: &FleetView,
         now: Time,
     ) -> Needs {
-        let everyone = || Expected { vehicles: BTreeSet::new(), ground: true }.vehicles(view, now);
+        let everyone = || {
+            Expected {
+                vehicles: BTreeSet::new(),
+                ground: true,
+            }
+            .vehicles(view, now)
+        };
         Needs {
-            vehicles: if named.is_empty() { everyone() } else { named.clone() },
+            vehicles: if named.is_empty() {
+                everyone()
+            } else {
+                named.clone()
+            },
             venue_hash: context.venue.hash(),
             fence: context.venue.fence.clone(),
             homes: context.venue.homes.clone(),

@@ -16,7 +16,12 @@ pub fn text(nodes: &[Node], columns: Option<usize>) -> String {
                 Light::Unknown => "not known",
                 Light::NoGo => "NO-GO",
             };
-            vec![node.clone(), check.what.to_owned(), light.to_owned(), check.found.clone()]
+            vec![
+                node.clone(),
+                check.what.to_owned(),
+                light.to_owned(),
+                check.found.clone(),
+            ]
         })
         .collect();
     let has_vehicle = nodes.iter().any(|node| node.node.starts_with("vehicle"));
@@ -25,7 +30,10 @@ pub fn text(nodes: &[Node], columns: Option<usize>) -> String {
         (false, false) => "NO-GO: no vehicle was heard, and none was named",
         (false, true) => "NO-GO",
     };
-    format!("{}{verdict}\n", table(&["node", "check", "", "found"], &rows, columns))
+    format!(
+        "{}{verdict}\n",
+        table(&["node", "check", "", "found"], &rows, columns)
+    )
 }
 
 /// Returns the checks as one object.
@@ -41,13 +49,21 @@ mod tests {
     fn node(node: &str, light: Light) -> Node {
         Node {
             node: node.to_owned(),
-            checks: vec![Check { what: "bus", light, found: "so and so".to_owned() }],
+            checks: vec![Check {
+                what: "bus",
+                light,
+                found: "so and so".to_owned(),
+            }],
         }
     }
 
     #[test]
     fn the_last_line_and_the_object_say_whether_all_is_go() {
-        for (light, is_go) in [(Light::Go, true), (Light::Unknown, true), (Light::NoGo, false)] {
+        for (light, is_go) in [
+            (Light::Go, true),
+            (Light::Unknown, true),
+            (Light::NoGo, false),
+        ] {
             let nodes = [node("vehicle 1", light), node("ground", Light::Go)];
             assert_eq!(text(&nodes, None).ends_with("\nGO\n"), is_go, "{light:?}");
             assert_eq!(json(&nodes)["go"], is_go, "{light:?}");

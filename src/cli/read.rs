@@ -15,26 +15,43 @@ pub const LIMIT_BYTES: u64 = 256 << 20;
 ///
 /// When it cannot be read, is larger than [`LIMIT_BYTES`], or is no UTF-8.
 pub fn text(path: &Path) -> Result<String, CliError> {
-    let unreadable = |source| CliError::Read { path: path.to_owned(), source };
+    let unreadable = |source| CliError::Read {
+        path: path.to_owned(),
+        source,
+    };
     let file = File::open(path).map_err(unreadable)?;
     if file.metadata().map_err(unreadable)?.is_dir() {
         return Err(unreadable(io::Error::from(io::ErrorKind::IsADirectory)));
     }
     let mut bytes = Vec::new();
-    file.take(LIMIT_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
+    file.take(LIMIT_BYTES + 1)
+        .read_to_end(&mut bytes)
+        .map_err(unreadable)?;
     text_of(path, bytes)
 }
 
 /// Returns what was read as text, unless there is too much of it or it is none.
 fn text_of(path: &Path, bytes: Vec<u8>) -> Result<String, CliError> {
-    let unusable = |reason: String| CliError::Input { path: path.to_owned(), reason };
+    let unusable = |reason: String| CliError::Input {
+        path: path.to_owned(),
+        reason,
+    };
     if bytes.len() as u64 > LIMIT_BYTES {
-        return Err(unusable(format!("the file is too large; at most {LIMIT_BYTES} bytes are read")));
+        return Err(unusable(format!(
+            "the file is too large; at most {LIMIT_BYTES} bytes are read"
+        )));
     }
     String::from_utf8(bytes).map_err(|error| {
         let good = error.utf8_error().valid_up_to();
-        let line = 1 + error.as_bytes()[..good].iter().filter(|byte| **byte == b'\n').count();
-        CliError::Line { path: path.to_owned(), line, reason: "is no text (UTF-8 is expected)".to_owned() }
+        let line = 1 + error.as_bytes()[..good]
+            .iter()
+            .filter(|byte| **byte == b'\n')
+            .count();
+        CliError::Line {
+            path: path.to_owned(),
+            line,
+            reason: "is no text (UTF-8 is expected)".to_owned(),
+        }
     })
 }
 
@@ -48,8 +65,14 @@ pub const STANDARD_INPUT: &str = "-";
 pub fn standard_input() -> Result<String, CliError> {
     let path = Path::new(STANDARD_INPUT);
     let mut bytes = Vec::new();
-    let unreadable = |source| CliError::Read { path: path.to_owned(), source };
-    io::stdin().take(LIMIT_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
+    let unreadable = |source| CliError::Read {
+        path: path.to_owned(),
+        source,
+    };
+    io::stdin()
+        .take(LIMIT_BYTES + 1)
+        .read_to_end(&mut bytes)
+        .map_err(unreadable)?;
     text_of(path, bytes)
 }
 
@@ -117,15 +140,24 @@ mod tests {
     #[test]
     fn only_text_is_read() {
         check(b"one\ntwo", Ok("one\ntwo"));
-        check(b"one\ntw\xff", Err("line 2: is no text (UTF-8 is expected)"));
+        check(
+            b"one\ntw\xff",
+            Err("line 2: is no text (UTF-8 is expected)"),
+        );
     }
 
     #[test]
     fn a_folder_and_a_missing_file_are_named() {
         let folder = tempfile::tempdir().unwrap();
         let error = text(folder.path()).unwrap_err().to_string();
-        assert!(error.starts_with(folder.path().to_str().unwrap()) && error.contains("directory"), "{error}");
+        assert!(
+            error.starts_with(folder.path().to_str().unwrap()) && error.contains("directory"),
+            "{error}"
+        );
         let error = text(&folder.path().join("gone")).unwrap_err().to_string();
-        assert!(error.contains("gone: cannot be read: No such file"), "{error}");
+        assert!(
+            error.contains("gone: cannot be read: No such file"),
+            "{error}"
+        );
     }
 }

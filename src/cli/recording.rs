@@ -14,7 +14,8 @@ use crate::tomo::Link;
 /// The header that a links file has at least.
 pub const CSV_HEADER: &str = "tx_x_m,tx_y_m,rx_x_m,rx_y_m,packets,rssi_dbm";
 /// The header of the links files that tomoswarm writes.
-pub const LINKS_HEADER: &str = "tx_x_m,tx_y_m,rx_x_m,rx_y_m,packets,rssi_dbm,spots,misses,spread_db";
+pub const LINKS_HEADER: &str =
+    "tx_x_m,tx_y_m,rx_x_m,rx_y_m,packets,rssi_dbm,spots,misses,spread_db";
 
 /// Farthest coordinate that is believed, metres.
 const FARTHEST_M: f64 = 1e7;
@@ -38,12 +39,20 @@ pub struct RecordingError {
 impl RecordingError {
     /// Returns what parts the name of the file from the problem: a line number stands right after it.
     pub fn gap(&self) -> &'static str {
-        if self.place.starts_with(|first: char| first.is_ascii_digit()) { "" } else { " " }
+        if self.place.starts_with(|first: char| first.is_ascii_digit()) {
+            ""
+        } else {
+            " "
+        }
     }
 }
 
 fn wrong(place: String, found: impl Into<String>, expected: impl Into<String>) -> RecordingError {
-    RecordingError { place, found: found.into(), expected: expected.into() }
+    RecordingError {
+        place,
+        found: found.into(),
+        expected: expected.into(),
+    }
 }
 
 /// Which unit the positions of a recording have.
@@ -82,13 +91,19 @@ pub struct Recording {
 /// [`RecordingError`] for the first line or packet that is not as expected.
 pub fn read_recording(bytes: &[u8]) -> Result<Recording, RecordingError> {
     let text = std::str::from_utf8(bytes).map_err(|error| {
-        wrong(String::new(), format!("a byte that is not UTF-8 at {}", error.valid_up_to()), "text")
+        wrong(
+            String::new(),
+            format!("a byte that is not UTF-8 at {}", error.valid_up_to()),
+            "text",
+        )
     })?;
     let text = text.trim_start_matches('\u{feff}');
     match text.trim_start().chars().next() {
-        None => {
-            Err(wrong("1: ".into(), "an empty file", format!("the header {CSV_HEADER} or a JSON recording")))
-        }
+        None => Err(wrong(
+            "1: ".into(),
+            "an empty file",
+            format!("the header {CSV_HEADER} or a JSON recording"),
+        )),
         Some('{' | '[') => read_json(text),
         Some(_) => read_csv(text),
     }
@@ -98,8 +113,20 @@ pub fn read_recording(bytes: &[u8]) -> Result<Recording, RecordingError> {
 pub fn links_csv(links: &[Link]) -> String {
     let mut text = format!("{LINKS_HEADER}\n");
     for link in links {
-        let Link { from, to, packets, spots, misses, mean_dbm, spread_db } = link;
-        let rssi = if *packets > 0 { format!("{mean_dbm:.3}") } else { String::new() };
+        let Link {
+            from,
+            to,
+            packets,
+            spots,
+            misses,
+            mean_dbm,
+            spread_db,
+        } = link;
+        let rssi = if *packets > 0 {
+            format!("{mean_dbm:.3}")
+        } else {
+            String::new()
+        };
         // Writing to a String cannot fail.
         let _ = writeln!(
             text,
@@ -123,7 +150,10 @@ struct Columns {
 }
 
 fn read_csv(text: &str) -> Result<Recording, RecordingError> {
-    let mut lines = text.lines().enumerate().map(|(index, line)| (index + 1, line.trim_end()));
+    let mut lines = text
+        .lines()
+        .enumerate()
+        .map(|(index, line)| (index + 1, line.trim_end()));
     let columns = match lines.find(|(_, line)| !line.trim().is_empty()) {
         Some((number, header)) => read_header(number, header)?,
         None => return Err(wrong("1: ".into(), "an empty file", CSV_HEADER)),
@@ -133,9 +163,17 @@ fn read_csv(text: &str) -> Result<Recording, RecordingError> {
         links.push(read_line(number, line, &columns)?);
     }
     if links.is_empty() {
-        return Err(wrong("2: ".into(), "the end of the file", "at least one line of numbers"));
+        return Err(wrong(
+            "2: ".into(),
+            "the end of the file",
+            "at least one line of numbers",
+        ));
     }
-    Ok(Recording { links, unit: LengthUnit::Metre, area: None })
+    Ok(Recording {
+        links,
+        unit: LengthUnit::Metre,
+        area: None,
+    })
 }
 
 fn read_header(number: usize, header: &str) -> Result<Columns, RecordingError> {
@@ -145,18 +183,34 @@ fn read_header(number: usize, header: &str) -> Result<Columns, RecordingError> {
     let mut found = BTreeMap::new();
     for (column, name) in names.iter().enumerate() {
         if !LINKS_HEADER.split(',').any(|known| known == *name) {
-            return Err(wrong(place(), format!("the column {}", quoted(name)), expected()));
+            return Err(wrong(
+                place(),
+                format!("the column {}", quoted(name)),
+                expected(),
+            ));
         }
         if found.insert(*name, column).is_some() {
-            return Err(wrong(place(), format!("the column {} twice", quoted(name)), expected()));
+            return Err(wrong(
+                place(),
+                format!("the column {} twice", quoted(name)),
+                expected(),
+            ));
         }
     }
     let needed = |name: &str| {
-        found.get(name).copied().ok_or_else(|| wrong(place(), format!("no column \"{name}\""), expected()))
+        found
+            .get(name)
+            .copied()
+            .ok_or_else(|| wrong(place(), format!("no column \"{name}\""), expected()))
     };
     Ok(Columns {
         count: names.len(),
-        ends: [needed("tx_x_m")?, needed("tx_y_m")?, needed("rx_x_m")?, needed("rx_y_m")?],
+        ends: [
+            needed("tx_x_m")?,
+            needed("tx_y_m")?,
+            needed("rx_x_m")?,
+            needed("rx_y_m")?,
+        ],
         rssi: needed("rssi_dbm")?,
         packets: found.get("packets").copied(),
         spots: found.get("spots").copied(),
@@ -173,8 +227,17 @@ fn read_line(number: usize, line: &str, columns: &Columns) -> Result<Link, Recor
         return Err(wrong(place(), format!("{} fields", fields.len()), expected));
     }
     let ranged = |field: &str, (low, high): (f64, f64), what: &str| {
-        let value = field.parse::<f64>().ok().filter(|value| (low..=high).contains(value));
-        value.ok_or_else(|| wrong(place(), quoted(field), format!("{what} from {low} to {high}")))
+        let value = field
+            .parse::<f64>()
+            .ok()
+            .filter(|value| (low..=high).contains(value));
+        value.ok_or_else(|| {
+            wrong(
+                place(),
+                quoted(field),
+                format!("{what} from {low} to {high}"),
+            )
+        })
     };
     let whole = |column: Option<usize>, default: u32, least: u32, what: &str| {
         let Some(field) = column.map(|column| fields[column]) else {
@@ -182,10 +245,15 @@ fn read_line(number: usize, line: &str, columns: &Columns) -> Result<Link, Recor
         };
         let value = field.parse::<u32>().ok().filter(|value| *value >= least);
         value.ok_or_else(|| {
-            wrong(place(), quoted(field), format!("a whole number of {what}, at least {least}"))
+            wrong(
+                place(),
+                quoted(field),
+                format!("a whole number of {what}, at least {least}"),
+            )
         })
     };
-    let coordinate = |column: usize| ranged(fields[column], (-FARTHEST_M, FARTHEST_M), "a coordinate");
+    let coordinate =
+        |column: usize| ranged(fields[column], (-FARTHEST_M, FARTHEST_M), "a coordinate");
     let misses = whole(columns.misses, 0, 0, "misses")?;
     let packets = whole(columns.packets, 1, u32::from(misses == 0), "packets")?;
     Ok(Link {
@@ -194,7 +262,11 @@ fn read_line(number: usize, line: &str, columns: &Columns) -> Result<Link, Recor
         packets,
         spots: whole(columns.spots, 1, 1, "spots")?,
         misses,
-        mean_dbm: if packets == 0 { f64::NAN } else { ranged(fields[columns.rssi], STRENGTH_DBM, "dBm")? },
+        mean_dbm: if packets == 0 {
+            f64::NAN
+        } else {
+            ranged(fields[columns.rssi], STRENGTH_DBM, "dBm")?
+        },
         spread_db: match columns.spread {
             Some(column) => ranged(fields[column], (0.0, 200.0), "dB")?,
             None => 0.0,
@@ -238,12 +310,23 @@ fn read_json(text: &str) -> Result<Recording, RecordingError> {
     for (index, packet) in dump.packets.iter().enumerate() {
         let packet = read_packet(packet)
             .map_err(|(found, expected)| wrong(format!("packets[{index}]: "), found, expected))?;
-        pairs.entry(packet.key()).or_insert_with(|| Pair::at(&packet)).add(&packet);
+        pairs
+            .entry(packet.key())
+            .or_insert_with(|| Pair::at(&packet))
+            .add(&packet);
     }
     if pairs.is_empty() {
-        return Err(wrong(String::new(), "no packets", format!("\"packets\": [{PACKET}, ...]")));
+        return Err(wrong(
+            String::new(),
+            "no packets",
+            format!("\"packets\": [{PACKET}, ...]"),
+        ));
     }
-    Ok(Recording { links: pairs.values().map(Pair::link).collect(), unit: LengthUnit::Cell, area })
+    Ok(Recording {
+        links: pairs.values().map(Pair::link).collect(),
+        unit: LengthUnit::Cell,
+        area,
+    })
 }
 
 /// Returns the area of a dump; without a size there is none.
@@ -252,7 +335,10 @@ fn read_area(dump: &Dump) -> Result<Option<Rect>, RecordingError> {
         pair_of(dump.origin.as_ref(), "origin", (-FARTHEST_M, FARTHEST_M))?.unwrap_or((0.0, 0.0));
     let size = pair_of(dump.size.as_ref(), "size", SIDE_CELLS)?;
     Ok(size.map(|(to_north, to_east)| {
-        Rect::new(Point::new(east, north), Point::new(east + to_east, north + to_north))
+        Rect::new(
+            Point::new(east, north),
+            Point::new(east + to_east, north + to_north),
+        )
     }))
 }
 
@@ -263,8 +349,14 @@ fn pair_of(
     (low, high): (f64, f64),
 ) -> Result<Option<(f64, f64)>, RecordingError> {
     let Some(value) = value else { return Ok(None) };
-    let number = |value: &Value| value.as_f64().filter(|number| (low..=high).contains(number));
-    let numbers: Option<Vec<f64>> = value.as_array().and_then(|list| list.iter().map(number).collect());
+    let number = |value: &Value| {
+        value
+            .as_f64()
+            .filter(|number| (low..=high).contains(number))
+    };
+    let numbers: Option<Vec<f64>> = value
+        .as_array()
+        .and_then(|list| list.iter().map(number).collect());
     match numbers.as_deref() {
         Some(&[north, east]) => Ok(Some((north, east))),
         Some(_) | None => Err(wrong(
@@ -289,13 +381,23 @@ fn read_packet(packet: &Value) -> Result<Packet, (String, String)> {
     let fields = packet.as_array().filter(|fields| fields.len() == 8);
     let fields = fields.ok_or_else(|| (shown(packet), format!("8 fields {PACKET}")))?;
     let number = |index: usize, (low, high): (f64, f64), what: &str| {
-        let value = fields[index].as_f64().filter(|value| (low..=high).contains(value));
+        let value = fields[index]
+            .as_f64()
+            .filter(|value| (low..=high).contains(value));
         value.ok_or_else(|| {
-            (format!("{} in field {index}", shown(&fields[index])), format!("{what} from {low} to {high}"))
+            (
+                format!("{} in field {index}", shown(&fields[index])),
+                format!("{what} from {low} to {high}"),
+            )
         })
     };
     let flag = |index: usize| {
-        let expected = || (format!("{} in field {index}", shown(&fields[index])), "true or false".to_owned());
+        let expected = || {
+            (
+                format!("{} in field {index}", shown(&fields[index])),
+                "true or false".to_owned(),
+            )
+        };
         fields[index].as_bool().ok_or_else(expected)
     };
     let place = |north: usize, east: usize| {
@@ -334,7 +436,13 @@ struct Pair {
 
 impl Pair {
     fn at(packet: &Packet) -> Pair {
-        Pair { from: packet.from, to: packet.to, weight: 0.0, sum: 0.0, square_sum: 0.0 }
+        Pair {
+            from: packet.from,
+            to: packet.to,
+            weight: 0.0,
+            sum: 0.0,
+            square_sum: 0.0,
+        }
     }
 
     /// A vehicle that did not say that it stood at its point was within a cell of it: such a packet tells
@@ -350,7 +458,10 @@ impl Pair {
         let mean_dbm = self.sum / self.weight;
         let variance = (self.square_sum / self.weight - mean_dbm * mean_dbm).max(0.0);
         let packets = libm::round(self.weight).max(1.0) as u32;
-        Link { spread_db: variance.sqrt(), ..Link::fixed(self.from, self.to, packets, mean_dbm) }
+        Link {
+            spread_db: variance.sqrt(),
+            ..Link::fixed(self.from, self.to, packets, mean_dbm)
+        }
     }
 }
 

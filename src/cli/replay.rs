@@ -54,28 +54,54 @@ impl ReplayArgs {
             collect(path, DEPTH, &mut files)?;
             if files.len() == before {
                 let reason = "holds no recording; files that end in .mcap are expected".to_owned();
-                return Err(CliError::Input { path: path.clone(), reason });
+                return Err(CliError::Input {
+                    path: path.clone(),
+                    reason,
+                });
             }
         }
         let (mut replayed, mut refused) = (Replayed::default(), Vec::new());
         for file in &files {
             if let Err(error) = replay(file, self.actor.as_deref(), &mut replayed) {
-                refused.push(CliError::Input { path: error.path, reason: error.reason });
+                refused.push(CliError::Input {
+                    path: error.path,
+                    reason: error.reason,
+                });
             }
         }
-        replayed.notes.iter().for_each(|note| complain(&format_args!("note: {note}")));
-        let text = if self.json { format!("{:#}\n", in_json(&replayed)) } else { in_words(&replayed) };
+        replayed
+            .notes
+            .iter()
+            .for_each(|note| complain(&format_args!("note: {note}")));
+        let text = if self.json {
+            format!("{:#}\n", in_json(&replayed))
+        } else {
+            in_words(&replayed)
+        };
         let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
-        written.map_err(|source| CliError::Write { path: "standard output".into(), source })?;
+        written.map_err(|source| CliError::Write {
+            path: "standard output".into(),
+            source,
+        })?;
         if !refused.is_empty() {
             return Err(CliError::Several(refused));
         }
         if let (Some(actor), true) = (&self.actor, replayed.actors.is_empty()) {
-            return Err(CliError::Usage(format!("no actor `{actor}` took a step in what was recorded")));
+            return Err(CliError::Usage(format!(
+                "no actor `{actor}` took a step in what was recorded"
+            )));
         }
-        let differing = replayed.actors.values().filter(|verdict| verdict.difference.is_some()).count();
+        let differing = replayed
+            .actors
+            .values()
+            .filter(|verdict| verdict.difference.is_some())
+            .count();
         let of = replayed.actors.len();
-        if differing > 0 { Err(CliError::Differs(format!("{differing} of {of} actors"))) } else { Ok(()) }
+        if differing > 0 {
+            Err(CliError::Differs(format!("{differing} of {of} actors")))
+        } else {
+            Ok(())
+        }
     }
 }
 
@@ -85,12 +111,17 @@ fn collect(path: &Path, depth: usize, files: &mut Vec<PathBuf>) -> Result<(), Cl
         files.push(path.to_owned());
         return Ok(());
     }
-    let unreadable = |source| CliError::Read { path: path.to_owned(), source };
+    let unreadable = |source| CliError::Read {
+        path: path.to_owned(),
+        source,
+    };
     let entries = std::fs::read_dir(path).map_err(unreadable)?;
     let mut inside: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
     inside.sort();
     for inner in inside {
-        let is_recording = inner.extension().is_some_and(|extension| extension == "mcap");
+        let is_recording = inner
+            .extension()
+            .is_some_and(|extension| extension == "mcap");
         if inner.is_dir() && depth > 0 {
             collect(&inner, depth - 1, files)?;
         } else if is_recording && inner.is_file() {
@@ -104,7 +135,11 @@ fn in_words(replayed: &Replayed) -> String {
     let width = replayed.actors.keys().map(String::len).max().unwrap_or(0);
     let mut text = String::new();
     for (actor, Verdict { steps, difference }) in &replayed.actors {
-        let verdict = if difference.is_some() { "differs" } else { "identical" };
+        let verdict = if difference.is_some() {
+            "differs"
+        } else {
+            "identical"
+        };
         // Writing to a string does not fail.
         let _ = writeln!(text, "{actor:width$}  {steps:>9} steps  {verdict}");
         if let Some(difference) = difference {
@@ -115,7 +150,14 @@ fn in_words(replayed: &Replayed) -> String {
 }
 
 fn shown(difference: &Difference) -> String {
-    let Difference { path, number, at, told, then, now } = difference;
+    let Difference {
+        path,
+        number,
+        at,
+        told,
+        then,
+        now,
+    } = difference;
     format!(
         "  {}: step {number}, at {at} s\n    told      {}\n    said then {}\n    says now  {}\n",
         path.display(),

@@ -108,7 +108,11 @@ impl Report {
             bus_bytes_by_kind: outcome.bus_bytes_by_kind(),
             bus_bytes_per_vehicle_s: outcome.bus_bytes_per_vehicle_s(),
             found: outcome.found(),
-            persons: outcome.persons.iter().map(|person| (person.name.clone(), person.at)).collect(),
+            persons: outcome
+                .persons
+                .iter()
+                .map(|person| (person.name.clone(), person.at))
+                .collect(),
             missions: missions(scenario, outcome),
             seen: seen(scenario, outcome)?,
             not_made: not_made(scenario, outcome),
@@ -126,9 +130,13 @@ impl Report {
 
     /// Returns the figures in lines.
     fn figures(&self) -> String {
-        let separation = self.min_separation_m.map_or("-".to_owned(), |metres| format!("{metres:.2} m"));
-        let outcome =
-            self.failure.as_deref().map_or("finished".to_owned(), |why| format!("NOT finished: {why}"));
+        let separation = self
+            .min_separation_m
+            .map_or("-".to_owned(), |metres| format!("{metres:.2} m"));
+        let outcome = self
+            .failure
+            .as_deref()
+            .map_or("finished".to_owned(), |why| format!("NOT finished: {why}"));
         format!(
             "{} with {} vehicles, seed {}: {outcome}\n\
              mission time      {:.1} min simulated in {:.2} s ({:.0} x real time)\n\
@@ -162,7 +170,10 @@ impl Report {
             );
         }
         let line = |(vehicle, end): &Mission| {
-            format!("mission           vehicle {vehicle} {}\n", ended(end.as_ref()))
+            format!(
+                "mission           vehicle {vehicle} {}\n",
+                ended(end.as_ref())
+            )
         };
         let lines: String = self.missions.iter().map(line).collect();
         let seen = self.seen.filter(|seen| seen.of > 0).map_or(String::new(), |SeenCells { found, of }| {
@@ -178,18 +189,24 @@ impl Report {
     fn finds(&self) -> String {
         let mut text = String::new();
         for find in &self.found {
-            let error =
-                find.error_m.map_or("nobody was there".to_owned(), |error| format!("{error:.2} m off"));
+            let error = find.error_m.map_or("nobody was there".to_owned(), |error| {
+                format!("{error:.2} m off")
+            });
             let (x_m, y_m) = (find.at.x_m, find.at.y_m);
-            text +=
-                &format!("found             at {x_m:.2}, {y_m:.2} m, {:.2} dB/m: {error}\n", find.strength);
+            text += &format!(
+                "found             at {x_m:.2}, {y_m:.2} m, {:.2} dB/m: {error}\n",
+                find.strength
+            );
         }
         for what in &self.not_made {
             text += &format!("not made          {what}\n");
         }
         let missed = self.missed().filter(|_| self.missions.is_empty());
         for (name, at) in missed {
-            text += &format!("missed            {name} at {:.2}, {:.2} m\n", at.x_m, at.y_m);
+            text += &format!(
+                "missed            {name} at {:.2}, {:.2} m\n",
+                at.x_m, at.y_m
+            );
         }
         text
     }
@@ -210,7 +227,8 @@ impl Report {
     /// Returns the figures for a program.
     pub fn json(&self) -> Value {
         let found = |find: &Found| json!({ "x_m": find.at.x_m, "y_m": find.at.y_m, "strength": find.strength, "error_m": find.error_m });
-        let person = |(name, at): &(String, Point)| json!({ "name": name, "x_m": at.x_m, "y_m": at.y_m });
+        let person =
+            |(name, at): &(String, Point)| json!({ "name": name, "x_m": at.x_m, "y_m": at.y_m });
         let mission = |(vehicle, end): &Mission| {
             let at_s = end.as_ref().map(|(at, _)| at.as_secs_f64());
             json!({ "vehicle": vehicle.0, "ended_s": at_s, "how": ended(end.as_ref()) })
@@ -253,7 +271,10 @@ fn seen(scenario: &Scenario, outcome: &Outcome) -> Result<Option<SeenCells>, Sce
         return Ok(None);
     }
     let seen = Seen::find(scenario)?;
-    Ok(Some(SeenCells { found: seen.detected(outcome), of: seen.visible.cells.len() }))
+    Ok(Some(SeenCells {
+        found: seen.detected(outcome),
+        of: seen.visible.cells.len(),
+    }))
 }
 
 /// Returns which images there are none of, and why.
@@ -292,13 +313,23 @@ fn coverage(scenario: &Scenario, links: &[Link]) -> f64 {
 ///
 /// # Errors
 /// A file cannot be written.
-pub fn write_data(folder: &mut OutputFolder, scenario: &Scenario, outcome: &Outcome) -> Result<(), CliError> {
+pub fn write_data(
+    folder: &mut OutputFolder,
+    scenario: &Scenario,
+    outcome: &Outcome,
+) -> Result<(), CliError> {
     folder.write("links.csv", links_csv(&outcome.links).as_bytes())?;
     if scenario.sim().empty_sweep {
         folder.write("empty.csv", links_csv(&outcome.empty_links).as_bytes())?;
     }
-    let images = [("image", &outcome.change), ("structure", &outcome.structure)];
-    for (name, made) in images.iter().filter_map(|(name, made)| made.as_ref().map(|made| (name, made))) {
+    let images = [
+        ("image", &outcome.change),
+        ("structure", &outcome.structure),
+    ];
+    for (name, made) in images
+        .iter()
+        .filter_map(|(name, made)| made.as_ref().map(|made| (name, made)))
+    {
         folder.write(&format!("{name}.npy"), &npy_bytes(&made.image))?;
     }
     write_tracks(folder, &scenario.sim().venue, &outcome.tracks)?;
@@ -307,15 +338,24 @@ pub fn write_data(folder: &mut OutputFolder, scenario: &Scenario, outcome: &Outc
 
 /// Returns how the missions ended, where vehicles have their own.
 fn missions(scenario: &Scenario, outcome: &Outcome) -> Vec<Mission> {
-    if scenario.sim().is_planned_by_ground() { Vec::new() } else { outcome.missions.clone() }
+    if scenario.sim().is_planned_by_ground() {
+        Vec::new()
+    } else {
+        outcome.missions.clone()
+    }
 }
 
 /// Returns how a mission ended.
 fn ended(end: Option<&(Time, End)>) -> String {
-    let Some((at, end)) = end else { return "did not end".to_owned() };
+    let Some((at, end)) = end else {
+        return "did not end".to_owned();
+    };
     let how = match end {
         End::Done => "did everything".to_owned(),
-        End::Stopped(at) => format!("stopped in front of something at {:.1}, {:.1} m", at.x_m, at.y_m),
+        End::Stopped(at) => format!(
+            "stopped in front of something at {:.1}, {:.1} m",
+            at.x_m, at.y_m
+        ),
         End::NoWay(places) => format!("found that no way leads to {places} of its places"),
         End::GaveUp(places) => format!("gave up {places} of its places"),
         End::NoRoom => "gave up (its peers never made room)".to_owned(),
@@ -332,8 +372,17 @@ mod tests {
     #[test]
     fn a_mission_without_places_does_not_give_up_some_of_them() {
         let said = |end: End| ended(Some(&(Time::from_secs_f64(90.0), end)));
-        assert_eq!(said(End::NoRoom), "gave up (its peers never made room) after 1.5 min");
-        assert_eq!(said(End::TooLarge), "gave up (its ground is too large to be searched) after 1.5 min");
-        assert_eq!(said(End::GaveUp(2)), "gave up 2 of its places after 1.5 min");
+        assert_eq!(
+            said(End::NoRoom),
+            "gave up (its peers never made room) after 1.5 min"
+        );
+        assert_eq!(
+            said(End::TooLarge),
+            "gave up (its ground is too large to be searched) after 1.5 min"
+        );
+        assert_eq!(
+            said(End::GaveUp(2)),
+            "gave up 2 of its places after 1.5 min"
+        );
     }
 }

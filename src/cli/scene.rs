@@ -98,8 +98,11 @@ impl SceneArgs {
             complain(&format_args!("warning: {warning}"));
         }
         let target = self.out.clone().unwrap_or_else(|| {
-            let name: String =
-                depicted.name.chars().filter(|c| c.is_alphanumeric() || "-_".contains(*c)).collect();
+            let name: String = depicted
+                .name
+                .chars()
+                .filter(|c| c.is_alphanumeric() || "-_".contains(*c))
+                .collect();
             PathBuf::from(format!("out/scene-{name}"))
         });
         let mut folder = OutputFolder::prepare(&target, FAMILY)?;
@@ -107,9 +110,15 @@ impl SceneArgs {
         folder.write("plan.png", &draw_plan(&depicted, &look)?)?;
         folder.write("view.png", &draw_view(&depicted, &look)?)?;
         let target = folder.publish()?;
-        let text =
-            format!("{}: {}written: {}\n", self.file.display(), describe(&depicted, &look), target.display());
-        out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(CliError::stdout)
+        let text = format!(
+            "{}: {}written: {}\n",
+            self.file.display(),
+            describe(&depicted, &look),
+            target.display()
+        );
+        out.write_all(text.as_bytes())
+            .and_then(|()| out.flush())
+            .map_err(CliError::stdout)
     }
 
     fn look(&self, depicted: &Depicted) -> Look {
@@ -123,7 +132,11 @@ impl SceneArgs {
     }
 
     fn read(&self) -> Result<Depicted, CliError> {
-        let ending = self.file.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
+        let ending = self
+            .file
+            .extension()
+            .and_then(|ending| ending.to_str())
+            .unwrap_or_default();
         if ending.eq_ignore_ascii_case("wrl") {
             return self.shapes_alone();
         }
@@ -132,7 +145,10 @@ impl SceneArgs {
         }
         let text = read::text(&self.file)?;
         let loader = &mut read::around(&self.file);
-        let refused = |reason: &str| CliError::Input { path: self.file.clone(), reason: reason.to_owned() };
+        let refused = |reason: &str| CliError::Input {
+            path: self.file.clone(),
+            reason: reason.to_owned(),
+        };
         match config::read(&read::shown(&self.file), &text, loader)? {
             Config::Scene(file) => {
                 let shapes = load::shapes_of(&file, loader)?;
@@ -145,12 +161,12 @@ impl SceneArgs {
                 "is a venue, and what stands there is said by a scene; \
                 expected a scene, a simulation or shapes (.wrl)",
             )),
-            Config::Experiment(_) => {
-                Err(refused("is a grid of simulations; expected a scene, a simulation or shapes (.wrl)"))
-            }
-            Config::Vehicle(_) | Config::Ground(_) | Config::Operator(_) => {
-                Err(refused("is the file of a node; expected a scene, a simulation or shapes (.wrl)"))
-            }
+            Config::Experiment(_) => Err(refused(
+                "is a grid of simulations; expected a scene, a simulation or shapes (.wrl)",
+            )),
+            Config::Vehicle(_) | Config::Ground(_) | Config::Operator(_) => Err(refused(
+                "is the file of a node; expected a scene, a simulation or shapes (.wrl)",
+            )),
         }
     }
 
@@ -159,15 +175,36 @@ impl SceneArgs {
         let (sim, shapes) = (loaded.sim.clone(), loaded.shapes.clone());
         let scenario = load::scenario(loaded, Some(&self.file), self.seed)?;
         let persons = scenario.persons().to_vec();
-        self.put_together(sim.scene.name.clone(), sim.scene.clone(), shapes, persons, Some(sim))
+        self.put_together(
+            sim.scene.name.clone(),
+            sim.scene.clone(),
+            shapes,
+            persons,
+            Some(sim),
+        )
     }
 
     fn shapes_alone(&self) -> Result<Depicted, CliError> {
         // Through the common way of reading first, so that a missing file is named as everywhere.
         read::text(&self.file)?;
-        let shapes = load::read_shapes(&read::shown(&self.file), self.up, &mut read::around(&self.file))?;
-        let stem = self.file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        self.put_together(stem, SceneFile::of_shapes(self.up), shapes, Vec::new(), None)
+        let shapes = load::read_shapes(
+            &read::shown(&self.file),
+            self.up,
+            &mut read::around(&self.file),
+        )?;
+        let stem = self
+            .file
+            .file_stem()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned();
+        self.put_together(
+            stem,
+            SceneFile::of_shapes(self.up),
+            shapes,
+            Vec::new(),
+            None,
+        )
     }
 
     fn put_together(
@@ -178,18 +215,28 @@ impl SceneArgs {
         persons: Vec<Person>,
         sim: Option<Sim>,
     ) -> Result<Depicted, CliError> {
-        let scene = staging::build(&file, &shapes.shapes, &persons).map_err(|error| CliError::Input {
-            path: self.file.clone(),
-            reason: format!("scene: {error}"),
-        })?;
-        Ok(Depicted { name, file, shapes, persons, scene, sim })
+        let scene =
+            staging::build(&file, &shapes.shapes, &persons).map_err(|error| CliError::Input {
+                path: self.file.clone(),
+                reason: format!("scene: {error}"),
+            })?;
+        Ok(Depicted {
+            name,
+            file,
+            shapes,
+            persons,
+            scene,
+            sim,
+        })
     }
 }
 
 fn parse_pose(text: &str) -> Result<Viewpoint, String> {
-    let expected =
-        "expected X,Y,Z,YAW or X,Y,Z,YAW,PITCH: metres up to 100000, degrees, a pitch from -90 to 90";
-    let parts: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse::<f64>()).collect();
+    let expected = "expected X,Y,Z,YAW or X,Y,Z,YAW,PITCH: metres up to 100000, degrees, a pitch from -90 to 90";
+    let parts: Result<Vec<f64>, _> = text
+        .split(',')
+        .map(|part| part.trim().parse::<f64>())
+        .collect();
     let (at, yaw_degrees, pitch_degrees) = match parts.as_deref() {
         Ok([x, y, z, yaw]) => ([*x, *y, *z], *yaw, 0.0),
         Ok([x, y, z, yaw, pitch]) => ([*x, *y, *z], *yaw, *pitch),
@@ -199,19 +246,27 @@ fn parse_pose(text: &str) -> Result<Viewpoint, String> {
     if !is_near || !(-90.0..=90.0).contains(&pitch_degrees) {
         return Err(expected.to_owned());
     }
-    Ok(Viewpoint { at, yaw: Angle::from_degrees(yaw_degrees), pitch_rad: pitch_degrees.to_radians() })
+    Ok(Viewpoint {
+        at,
+        yaw: Angle::from_degrees(yaw_degrees),
+        pitch_rad: pitch_degrees.to_radians(),
+    })
 }
 
 fn parse_size(text: &str) -> Result<(usize, usize), String> {
-    let sides =
-        text.split_once(['x', 'X']).and_then(|(wide, high)| Some((wide.parse().ok()?, high.parse().ok()?)));
+    let sides = text
+        .split_once(['x', 'X'])
+        .and_then(|(wide, high)| Some((wide.parse().ok()?, high.parse().ok()?)));
     sides
         .filter(|(wide, high)| SIDES_PX.contains(wide) && SIDES_PX.contains(high))
         .ok_or_else(|| "expected WIDTHxHEIGHT such as 960x600, 16 to 2048 pixels each".to_owned())
 }
 
 fn parse_field(text: &str) -> Result<f64, String> {
-    let degrees = text.parse().ok().filter(|degrees| (5.0..=150.0).contains(degrees));
+    let degrees = text
+        .parse()
+        .ok()
+        .filter(|degrees| (5.0..=150.0).contains(degrees));
     degrees.ok_or_else(|| "expected 5 to 150 degrees".to_owned())
 }
 
@@ -259,12 +314,21 @@ mod tests {
     fn scenes_simulations_and_shapes_are_described_and_drawn() {
         let folder = tempfile::tempdir().unwrap();
         for (file, words) in [
-            ("configs/courtyard.sim.toml", vec!["scene courtyard", "Wall: 20 dB/m", "person 2", "8 homes"]),
+            (
+                "configs/courtyard.sim.toml",
+                vec!["scene courtyard", "Wall: 20 dB/m", "person 2", "8 homes"],
+            ),
             (
                 "scenes/house.scene.toml",
-                vec!["scene house", "Window: 0 dB/m, 3 dB a crossing, #7fb2cc; 6 shapes"],
+                vec![
+                    "scene house",
+                    "Window: 0 dB/m, 3 dB a crossing, #7fb2cc; 6 shapes",
+                ],
             ),
-            ("scenes/courtyard.wrl", vec!["scene courtyard", "2 shapes", "NorthArm"]),
+            (
+                "scenes/courtyard.wrl",
+                vec!["scene courtyard", "2 shapes", "NorthArm"],
+            ),
         ] {
             let out = folder.path().join(file.replace('/', "-"));
             let text = run(&args(&bundled(file), &out)).unwrap();
@@ -291,11 +355,24 @@ mod tests {
         };
         let venue = std::fs::read_to_string(bundled("configs/castle.venue.toml")).unwrap();
         check("v.toml", &venue, "is a venue");
-        let buried = "#VRML V2.0 utf8\nTransform { translation 0 0 -3 children Shape { geometry Box {} } }";
-        check("b.wrl", buried, "the highest point of the whole scene is at -2.00 m");
+        let buried =
+            "#VRML V2.0 utf8\nTransform { translation 0 0 -3 children Shape { geometry Box {} } }";
+        check(
+            "b.wrl",
+            buried,
+            "the highest point of the whole scene is at -2.00 m",
+        );
         let huge = "#VRML V2.0 utf8\nShape { geometry ElevationGrid {\nxDimension 40000 zDimension 25000 } }";
-        check("h.wrl", huge, "h.wrl:2: an ElevationGrid of 40000 x 25000 = 1000000000 points");
-        check("s.toml", "kind = \"scene\"\nwrl = \"gone.wrl\"\n", "gone.wrl: cannot be read");
+        check(
+            "h.wrl",
+            huge,
+            "h.wrl:2: an ElevationGrid of 40000 x 25000 = 1000000000 points",
+        );
+        check(
+            "s.toml",
+            "kind = \"scene\"\nwrl = \"gone.wrl\"\n",
+            "gone.wrl: cannot be read",
+        );
         check(
             "s.toml",
             "kind = \"scene\"\n[[object]]\noutline_m = [[0, 0]]\ncolour = \"red\"\n",
@@ -307,19 +384,33 @@ mod tests {
     #[test]
     fn poses_and_sizes_are_read_or_refused() {
         let pose = parse_pose("1, -2,0.3,90,-15").unwrap();
-        assert_eq!((pose.at, pose.yaw), ([1.0, -2.0, 0.3], Angle::from_degrees(90.0)));
+        assert_eq!(
+            (pose.at, pose.yaw),
+            ([1.0, -2.0, 0.3], Angle::from_degrees(90.0))
+        );
         assert!((pose.pitch_rad + 15f64.to_radians()).abs() < 1e-12);
         assert_eq!(parse_pose("1,2,3,4").unwrap().pitch_rad, 0.0);
-        for bad in
-            ["", "1,2,3", "1,2,3,4,5,6", "1,2,x,4", "nan,0,0,0", "1e9,0,0,0", "0,0,0,inf", "0,0,0,0,91"]
-        {
+        for bad in [
+            "",
+            "1,2,3",
+            "1,2,3,4,5,6",
+            "1,2,x,4",
+            "nan,0,0,0",
+            "1e9,0,0,0",
+            "0,0,0,inf",
+            "0,0,0,0,91",
+        ] {
             assert!(parse_pose(bad).is_err(), "{bad}");
         }
         assert_eq!(parse_size("64x32"), Ok((64, 32)));
-        for bad in ["64", "64x", "x", "0x10", "15x16", "5000x100", "64x32x1", "-64x32", "1e2x50"] {
+        for bad in [
+            "64", "64x", "x", "0x10", "15x16", "5000x100", "64x32x1", "-64x32", "1e2x50",
+        ] {
             assert!(parse_size(bad).is_err(), "{bad}");
         }
-        assert!(parse_field("nan").is_err() && parse_field("4").is_err() && parse_field("150").is_ok());
+        assert!(
+            parse_field("nan").is_err() && parse_field("4").is_err() && parse_field("150").is_ok()
+        );
         assert!(parse_height("nan").is_err() && parse_height("-1") == Ok(-1.0));
     }
 }

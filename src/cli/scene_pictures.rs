@@ -44,11 +44,14 @@ impl Look {
             return pose;
         }
         let shown = shown(depicted);
-        let top_m = depicted.scene.extent().map_or(0.0, |(_, high)| high[2].max(0.0));
+        let top_m = depicted
+            .scene
+            .extent()
+            .map_or(0.0, |(_, high)| high[2].max(0.0));
         let reach_m = shown.width_m().hypot(shown.height_m()) / 2.0;
         let (wide, high) = self.size_px;
-        let half_rad =
-            (self.field_rad / 2.0).min(((self.field_rad / 2.0).tan() * high as f64 / wide as f64).atan());
+        let half_rad = (self.field_rad / 2.0)
+            .min(((self.field_rad / 2.0).tan() * high as f64 / wide as f64).atan());
         let away_m = 0.60 * reach_m.max(top_m).max(1.0) / half_rad.sin();
         let (yaw, pitch_rad) = (Angle::from_degrees(62.0), -36f64.to_radians());
         let back_m = away_m * pitch_rad.cos();
@@ -72,7 +75,10 @@ impl Kinds {
     fn new(depicted: &Depicted) -> Kinds {
         let file = &depicted.file;
         let objects = depicted.scene.objects();
-        let mut kinds = Kinds { list: Vec::new(), of_object: Vec::new() };
+        let mut kinds = Kinds {
+            list: Vec::new(),
+            of_object: Vec::new(),
+        };
         let shapes = objects.len() - depicted.persons.len() - file.objects.len();
         for (index, object) in objects.iter().enumerate() {
             let (name, colour) = match index.checked_sub(shapes) {
@@ -102,7 +108,10 @@ impl Kinds {
     }
 
     fn colour(&self, object: usize) -> [u8; 3] {
-        let kind = self.of_object.get(object).and_then(|kind| self.list.get(*kind));
+        let kind = self
+            .of_object
+            .get(object)
+            .and_then(|kind| self.list.get(*kind));
         kind.map_or(COLOURS[0], |(_, colour)| *colour)
     }
 }
@@ -122,7 +131,10 @@ fn around(corners: &[Point]) -> Rect {
     let least = |of: fn(&Point) -> f64| corners.iter().map(of).fold(f64::INFINITY, f64::min);
     let most = |of: fn(&Point) -> f64| corners.iter().map(of).fold(f64::NEG_INFINITY, f64::max);
     let low = Point::new(least(|corner| corner.x_m), least(|corner| corner.y_m));
-    Rect::new(low, Point::new(most(|corner| corner.x_m), most(|corner| corner.y_m)))
+    Rect::new(
+        low,
+        Point::new(most(|corner| corner.x_m), most(|corner| corner.y_m)),
+    )
 }
 
 /// Draws the floor plan as PNG.
@@ -133,30 +145,57 @@ pub(super) fn draw_plan(depicted: &Depicted, look: &Look) -> Result<Vec<u8>, Cli
     let kinds = Kinds::new(depicted);
     let top_m = depicted.scene.extent().map_or(0.0, |(_, high)| high[2]);
     let step_m = (top_m - look.height_m) / (CUTS_ABOVE as f64 + 0.5);
-    let above = (1..=CUTS_ABOVE).filter(|_| step_m > 0.0).map(|cut| look.height_m + step_m * cut as f64);
+    let above = (1..=CUTS_ABOVE)
+        .filter(|_| step_m > 0.0)
+        .map(|cut| look.height_m + step_m * cut as f64);
     let mut shapes: Vec<FloorShape> = Vec::new();
-    for (height_m, is_above) in above.map(|height_m| (height_m, true)).chain([(look.height_m, false)]) {
-        shapes.extend(depicted.scene.outlines(height_m).into_iter().map(|outline| FloorShape {
-            material: kinds.of_object.get(outline.object).copied().unwrap_or_default(),
-            polygon: outline.polygon,
-            holes: outline.holes,
-            is_above,
-        }));
+    for (height_m, is_above) in above
+        .map(|height_m| (height_m, true))
+        .chain([(look.height_m, false)])
+    {
+        shapes.extend(
+            depicted
+                .scene
+                .outlines(height_m)
+                .into_iter()
+                .map(|outline| FloorShape {
+                    material: kinds
+                        .of_object
+                        .get(outline.object)
+                        .copied()
+                        .unwrap_or_default(),
+                    polygon: outline.polygon,
+                    holes: outline.holes,
+                    is_above,
+                }),
+        );
     }
     let title = format!("{}, cut at {} m", depicted.name, look.height_m);
     let overlays = overlays(depicted, look);
-    let plan = FloorPlan { title, area: shown(depicted), materials: &kinds.list, shapes: &shapes, overlays };
+    let plan = FloorPlan {
+        title,
+        area: shown(depicted),
+        materials: &kinds.list,
+        shapes: &shapes,
+        overlays,
+    };
     drawn(Picture::floor(&plan))
 }
 
 fn overlays(depicted: &Depicted, look: &Look) -> Vec<Overlay> {
     let mut overlays = Vec::new();
     if let Some(sim) = &depicted.sim {
-        overlays.push(Overlay::Fence { polygon: sim.venue.fence.clone() });
-        overlays.push(Overlay::Area { rect: sim.venue.area });
+        overlays.push(Overlay::Fence {
+            polygon: sim.venue.fence.clone(),
+        });
+        overlays.push(Overlay::Area {
+            rect: sim.venue.area,
+        });
         let homes = sim.venue.homes.iter().enumerate();
-        overlays
-            .extend(homes.map(|(index, at)| Overlay::Home { at: *at, label: Some((index + 1).to_string()) }));
+        overlays.extend(homes.map(|(index, at)| Overlay::Home {
+            at: *at,
+            label: Some((index + 1).to_string()),
+        }));
     }
     overlays.extend(depicted.persons.iter().map(|person| Overlay::Circle {
         at: person.at,
@@ -165,7 +204,10 @@ fn overlays(depicted: &Depicted, look: &Look) -> Vec<Overlay> {
     }));
     overlays.extend(look.pose.map(|pose| {
         let at = Point::new(pose.at[0], pose.at[1]);
-        Overlay::Dot { at, label: Some("view".to_owned()) }
+        Overlay::Dot {
+            at,
+            label: Some("view".to_owned()),
+        }
     }));
     overlays
 }
@@ -178,8 +220,14 @@ pub(super) fn draw_view(depicted: &Depicted, look: &Look) -> Result<Vec<u8>, Cli
     let (columns, rows) = look.size_px;
     let camera = Camera::new(&look.viewpoint(depicted), columns, rows, look.field_rad);
     let kinds = Kinds::new(depicted);
-    let eye = Eye { scene: &depicted.scene, camera, kinds: &kinds };
-    let cores = std::thread::available_parallelism().map_or(1, usize::from).min(rows);
+    let eye = Eye {
+        scene: &depicted.scene,
+        camera,
+        kinds: &kinds,
+    };
+    let cores = std::thread::available_parallelism()
+        .map_or(1, usize::from)
+        .min(rows);
     let mut pixels = vec![[0u8; 3]; columns * rows];
     let band = rows.div_ceil(cores);
     std::thread::scope(|scope| {
@@ -213,7 +261,10 @@ impl Eye<'_> {
         let mut sum = [0.0; 3];
         for ray in 0..RAYS * RAYS {
             let part = |index: usize| (index as f64 + 0.5) / RAYS as f64;
-            let (x_px, y_px) = (column as f64 + part(ray % RAYS), row as f64 + part(ray / RAYS));
+            let (x_px, y_px) = (
+                column as f64 + part(ray % RAYS),
+                row as f64 + part(ray / RAYS),
+            );
             let colour = self.colour(self.camera.direction(x_px, y_px));
             sum = [0, 1, 2].map(|channel| sum[channel] + colour[channel]);
         }
@@ -224,7 +275,12 @@ impl Eye<'_> {
         match self.scene.seen(self.camera.from(), direction) {
             Seen::Sky { rise } => mix(HORIZON, ZENITH, rise.clamp(0.0, 1.0).sqrt()),
             Seen::Ground { at, light } => self.hazy(GROUND, at, light * self.lines(at)),
-            Seen::Surface { object, at, is_level, light } => {
+            Seen::Surface {
+                object,
+                at,
+                is_level,
+                light,
+            } => {
                 let is_floor = is_level && at[2].abs() < 0.1;
                 let lines = if is_floor { self.lines(at) } else { 1.0 };
                 self.hazy(self.kinds.colour(object), at, light * lines)
@@ -248,7 +304,10 @@ impl Eye<'_> {
 
     fn distance_m(&self, at: [f64; 3]) -> f64 {
         let from = self.camera.from();
-        (0..3).map(|axis| (at[axis] - from[axis]).powi(2)).sum::<f64>().sqrt()
+        (0..3)
+            .map(|axis| (at[axis] - from[axis]).powi(2))
+            .sum::<f64>()
+            .sqrt()
     }
 }
 

@@ -14,7 +14,11 @@ const LINES_SHOWN: usize = 50;
 
 /// Describes a scene; begins with its name and ends in a line break.
 pub(super) fn describe(depicted: &Depicted, look: &Look) -> String {
-    let mut lines = vec![shapes_line(depicted), bodies_line(depicted), box_line(depicted)];
+    let mut lines = vec![
+        shapes_line(depicted),
+        bodies_line(depicted),
+        box_line(depicted),
+    ];
     lines.extend(material_lines(depicted));
     lines.extend(object_lines(depicted));
     lines.extend(person_lines(depicted));
@@ -30,28 +34,44 @@ pub(super) fn describe(depicted: &Depicted, look: &Look) -> String {
         ),
     ));
     let head = format!("scene {}\n", depicted.name);
-    lines.iter().fold(head, |text, (name, value)| text + &format!("  {name:<12} {value}\n"))
+    lines.iter().fold(head, |text, (name, value)| {
+        text + &format!("  {name:<12} {value}\n")
+    })
 }
 
 type Line = (&'static str, String);
 
 fn shapes_line(depicted: &Depicted) -> Line {
     let list = &depicted.shapes.shapes;
-    let (faces, triangles) = list
-        .iter()
-        .fold((0, 0), |(faces, triangles), shape| (faces + shape.faces, triangles + shape.triangles));
+    let (faces, triangles) = list.iter().fold((0, 0), |(faces, triangles), shape| {
+        (faces + shape.faces, triangles + shape.triangles)
+    });
     let up = match depicted.file.up {
         Up::Y => "y",
         Up::Z => "z",
     };
-    let file = depicted.file.wrl.as_ref().map(|file| format!(" from {file}")).unwrap_or_default();
-    ("shapes", format!("{} shapes of {faces} faces, {triangles} triangles{file}, {up} up", list.len()))
+    let file = depicted
+        .file
+        .wrl
+        .as_ref()
+        .map(|file| format!(" from {file}"))
+        .unwrap_or_default();
+    (
+        "shapes",
+        format!(
+            "{} shapes of {faces} faces, {triangles} triangles{file}, {up} up",
+            list.len()
+        ),
+    )
 }
 
 fn bodies_line(depicted: &Depicted) -> Line {
     let objects = depicted.scene.objects();
     let closed = objects.iter().filter(|object| object.closed).count();
-    ("bodies", format!("{closed} closed, {} open sheets", objects.len() - closed))
+    (
+        "bodies",
+        format!("{closed} closed, {} open sheets", objects.len() - closed),
+    )
 }
 
 fn box_line(depicted: &Depicted) -> Line {
@@ -68,7 +88,12 @@ fn box_line(depicted: &Depicted) -> Line {
 fn material_lines(depicted: &Depicted) -> Vec<Line> {
     let file = &depicted.file;
     let name_of = |shape: &VrmlShape| {
-        shape.names.iter().rev().find(|name| file.materials.contains_key(&***name)).cloned()
+        shape
+            .names
+            .iter()
+            .rev()
+            .find(|name| file.materials.contains_key(&***name))
+            .cloned()
     };
     let of = |wanted: Option<&str>| -> Vec<&VrmlShape> {
         let is_of = |shape: &&VrmlShape| name_of(shape).as_deref() == wanted;
@@ -76,13 +101,24 @@ fn material_lines(depicted: &Depicted) -> Vec<Line> {
     };
     let mut lines: Vec<Line> = Vec::new();
     for (name, material) in &file.materials {
-        lines.push(("material", format!("{name}: {}; {}", material_text(material), listed(&of(Some(name))))));
+        lines.push((
+            "material",
+            format!(
+                "{name}: {}; {}",
+                material_text(material),
+                listed(&of(Some(name)))
+            ),
+        ));
     }
     let others = of(None);
     if !others.is_empty() {
         lines.push((
             "material",
-            format!("of others: {}; {}", material_text(&file.default_material), listed(&others)),
+            format!(
+                "of others: {}; {}",
+                material_text(&file.default_material),
+                listed(&others)
+            ),
         ));
     }
     lines
@@ -90,7 +126,10 @@ fn material_lines(depicted: &Depicted) -> Vec<Line> {
 
 /// Returns the number of shapes and the innermost names of the first.
 fn listed(shapes: &[&VrmlShape]) -> String {
-    let named: Vec<&str> = shapes.iter().filter_map(|shape| shape.names.last().map(|name| &**name)).collect();
+    let named: Vec<&str> = shapes
+        .iter()
+        .filter_map(|shape| shape.names.last().map(|name| &**name))
+        .collect();
     let mut shown: Vec<&str> = Vec::new();
     for name in named {
         if !shown.contains(&name) && shown.len() <= NAMES_SHOWN {
@@ -104,7 +143,11 @@ fn listed(shapes: &[&VrmlShape]) -> String {
     format!(
         "{} {plural}: {}{more}",
         shapes.len(),
-        if shown.is_empty() { "unnamed".into() } else { shown.join(", ") }
+        if shown.is_empty() {
+            "unnamed".into()
+        } else {
+            shown.join(", ")
+        }
     )
 }
 
@@ -112,7 +155,14 @@ fn object_lines(depicted: &Depicted) -> Vec<Line> {
     let objects = &depicted.file.objects;
     let line = |object: &crate::config::Object| {
         let (low_m, high_m) = (object.bottom_m, object.top_m);
-        ("object", format!("{}: {}, z {low_m} to {high_m} m", object.name, material_text(&object.material)))
+        (
+            "object",
+            format!(
+                "{}: {}, z {low_m} to {high_m} m",
+                object.name,
+                material_text(&object.material)
+            ),
+        )
     };
     shortened(objects.iter().map(line).collect(), "object")
 }
@@ -121,12 +171,20 @@ fn person_lines(depicted: &Depicted) -> Vec<Line> {
     let line = |person: &crate::scene::Person| {
         let (name, radius_m, db_per_m) = (&person.name, person.radius_m, person.db_per_m);
         let at = Point::new(hundredths(person.at.x_m), hundredths(person.at.y_m));
-        ("person", format!("{name} at {}, radius {radius_m} m, {db_per_m} dB/m", place(&at)))
+        (
+            "person",
+            format!(
+                "{name} at {}, radius {radius_m} m, {db_per_m} dB/m",
+                place(&at)
+            ),
+        )
     };
     let mut lines = shortened(depicted.persons.iter().map(line).collect(), "person");
     if let (Some(random), None) = (&depicted.file.random_persons, &depicted.sim) {
-        let text =
-            format!("{} more are placed by the seed of a simulation; they are not drawn", random.count);
+        let text = format!(
+            "{} more are placed by the seed of a simulation; they are not drawn",
+            random.count
+        );
         lines.push(("persons", text));
     }
     lines
@@ -162,9 +220,14 @@ fn place_line(depicted: &Depicted) -> Option<Line> {
 
 /// Describes what a body is made of.
 fn material_text(material: &Material) -> String {
-    let colour = material.colour.map(|[red, green, blue]| format!(", #{red:02x}{green:02x}{blue:02x}"));
+    let colour = material
+        .colour
+        .map(|[red, green, blue]| format!(", #{red:02x}{green:02x}{blue:02x}"));
     let (inside, crossing) = (material.db_per_m, material.db_per_crossing);
-    format!("{inside} dB/m, {crossing} dB a crossing{}", colour.unwrap_or_default())
+    format!(
+        "{inside} dB/m, {crossing} dB a crossing{}",
+        colour.unwrap_or_default()
+    )
 }
 
 /// Writes a place of the plane.

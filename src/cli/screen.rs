@@ -51,7 +51,11 @@ impl Screen {
         if !io::stderr().is_terminal() {
             return Err("standard error is no terminal");
         }
-        if console::is_dumb() { Err("the terminal cannot move its cursor (TERM)") } else { Ok(()) }
+        if console::is_dumb() {
+            Err("the terminal cannot move its cursor (TERM)")
+        } else {
+            Ok(())
+        }
     }
 
     /// Takes the terminal over.
@@ -65,13 +69,19 @@ impl Screen {
         });
         IS_TAKEN.store(true, Ordering::SeqCst);
         say(TAKE);
-        Screen { term: console::Term::stderr(), drawn: None }
+        Screen {
+            term: console::Term::stderr(),
+            drawn: None,
+        }
     }
 
     /// Returns the terminal's size now.
     pub(super) fn size(&self) -> Size {
         let (rows, columns) = self.term.size();
-        Size { columns: usize::from(columns), rows: usize::from(rows) }
+        Size {
+            columns: usize::from(columns),
+            rows: usize::from(rows),
+        }
     }
 
     /// Draws lines from the top, the rest of the screen stays empty; there must not be more than fit.

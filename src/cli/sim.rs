@@ -60,7 +60,13 @@ pub struct SimArgs {
     pub live: bool,
     /// How the processes are joined
     #[cfg(feature = "net")]
-    #[arg(long, value_enum, value_name = "SHAPE", default_value = "mesh", requires = "live")]
+    #[arg(
+        long,
+        value_enum,
+        value_name = "SHAPE",
+        default_value = "mesh",
+        requires = "live"
+    )]
     pub topology: super::live::Shape,
     /// Draw the map and the vehicles in the terminal while the simulation runs
     #[arg(long, conflicts_with = "trials")]
@@ -106,9 +112,13 @@ Exit codes: 0 done; 1 a collision, a breach of the fence, a sweep or mission tha
 many persons missed; 2 bad usage, bad files, or a folder that cannot be written.";
 
 fn parse_seconds(text: &str) -> Result<Duration, String> {
-    let seconds: f64 = text.parse().map_err(|_| format!("`{text}` is no number of seconds"))?;
+    let seconds: f64 = text
+        .parse()
+        .map_err(|_| format!("`{text}` is no number of seconds"))?;
     if !(1.0..=1e7).contains(&seconds) {
-        return Err(format!("`{text}` s is out of range; 1 to 10000000 s are allowed"));
+        return Err(format!(
+            "`{text}` s is out of range; 1 to 10000000 s are allowed"
+        ));
     }
     Ok(Duration::from_secs_f64(seconds))
 }
@@ -116,7 +126,9 @@ fn parse_seconds(text: &str) -> Result<Duration, String> {
 fn parse_pace(text: &str) -> Result<f64, String> {
     let pace: f64 = text.parse().map_err(|_| format!("`{text}` is no number"))?;
     if !(0.01..=1e6).contains(&pace) {
-        return Err(format!("`{text}` times real time is out of range; 0.01 to 1000000 are allowed"));
+        return Err(format!(
+            "`{text}` times real time is out of range; 0.01 to 1000000 are allowed"
+        ));
     }
     Ok(pace)
 }
@@ -142,7 +154,10 @@ impl SimArgs {
             scenario.shown_every = watch::shown_every(self.pace);
         }
         let seed = self.seed.unwrap_or(scenario.sim().seed);
-        let target = self.out.clone().unwrap_or_else(|| default_folder(&scenario, seed));
+        let target = self
+            .out
+            .clone()
+            .unwrap_or_else(|| default_folder(&scenario, seed));
         let stop = Stop::listen();
         let folder = OutputFolder::prepare(&target, FAMILY)?;
         let started = started();
@@ -173,7 +188,9 @@ impl SimArgs {
         stop: &Stop,
         started: Instant,
     ) -> Result<Outcome, CliError> {
-        watched(stop, started, self.watching(scenario), |watch| scenario.run(watch))
+        watched(stop, started, self.watching(scenario), |watch| {
+            scenario.run(watch)
+        })
     }
 
     /// Runs the scenario, and records it when that is asked for.
@@ -186,13 +203,17 @@ impl SimArgs {
         started: Instant,
     ) -> Result<Outcome, CliError> {
         if !self.record {
-            return watched(stop, started, self.watching(scenario), |watch| scenario.run(watch));
+            return watched(stop, started, self.watching(scenario), |watch| {
+                scenario.run(watch)
+            });
         }
         let settings = load::text(self.config.as_deref())?;
         let flights = RefCell::new(Flights::new(folder.recordings()?, settings, scenario.sim()));
         let outcome = watched(stop, started, self.watching(scenario), |watch| {
             let mut watch = |shown: &Shown<'_>| watch(shown) && !flights.borrow().is_in_trouble();
-            scenario.run_recorded(&mut watch, SEGMENT, &mut |entry| flights.borrow_mut().take(&entry))
+            scenario.run_recorded(&mut watch, SEGMENT, &mut |entry| {
+                flights.borrow_mut().take(&entry)
+            })
         })?;
         flights.into_inner().end()?;
         Ok(outcome)
@@ -200,7 +221,8 @@ impl SimArgs {
 
     /// Begins to draw the run, when that is asked for.
     fn watching<'a>(&self, scenario: &'a Scenario) -> Option<Watching<'a>> {
-        self.watch.then(|| Watching::begin(&scenario.sim().venue, self.pace))
+        self.watch
+            .then(|| Watching::begin(&scenario.sim().venue, self.pace))
     }
 
     /// Loads the files and makes the scenario of a seed.
@@ -243,16 +265,27 @@ pub(super) fn publish(
     if with_pictures {
         write_pictures(&mut folder, scenario, outcome)?;
     }
-    let report =
-        Report::new(scenario, outcome, seed, wall).map_err(|error| CliError::Fault(error.to_string()))?;
+    let report = Report::new(scenario, outcome, seed, wall)
+        .map_err(|error| CliError::Fault(error.to_string()))?;
     report.write(&mut folder)?;
     let target = folder.publish()?;
-    let kinds = if with_pictures { "pictures and data" } else { "data" };
+    let kinds = if with_pictures {
+        "pictures and data"
+    } else {
+        "data"
+    };
     let text = format!("{}written: {} ({kinds})\n", report.text(), target.display());
     let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
-    written.map_err(|source| CliError::Write { path: "standard output".into(), source })?;
+    written.map_err(|source| CliError::Write {
+        path: "standard output".into(),
+        source,
+    })?;
     let collisions = outcome.collisions.len();
-    let broken = why_failed(outcome.failure.as_deref(), collisions, outcome.fence_breaches);
+    let broken = why_failed(
+        outcome.failure.as_deref(),
+        collisions,
+        outcome.fence_breaches,
+    );
     broken.map_or(Ok(()), |reason| Err(CliError::Mission(reason)))
 }
 
@@ -292,7 +325,11 @@ pub(super) fn watched(
     mut watching: Option<Watching<'_>>,
     run: impl FnOnce(&mut dyn FnMut(&Shown<'_>) -> bool) -> Result<Outcome, RunError>,
 ) -> Result<Outcome, CliError> {
-    let bar = if watching.is_some() { ProgressBar::hidden() } else { progress_bar() };
+    let bar = if watching.is_some() {
+        ProgressBar::hidden()
+    } else {
+        progress_bar()
+    };
     let mut is_stopped = false;
     let mut watch = |shown: &Shown<'_>| {
         let status = &shown.status;
@@ -342,7 +379,11 @@ pub(super) fn progress(status: &Status, wall: Duration) -> String {
 fn line(status: &Status, wall: Duration) -> String {
     let simulated_s = status.now.as_secs_f64();
     let factor = simulated_s / wall.as_secs_f64().max(1e-3);
-    format!("{:>5.1} min simulated, {} samples, {factor:.0} x real time", simulated_s / 60.0, status.samples)
+    format!(
+        "{:>5.1} min simulated, {} samples, {factor:.0} x real time",
+        simulated_s / 60.0,
+        status.samples
+    )
 }
 
 #[cfg(test)]
@@ -350,16 +391,32 @@ mod tests {
     use super::*;
     use crate::time::Time;
 
-    fn check(failure: Option<&str>, collisions: usize, fence_breaches: usize, expected: Option<&str>) {
-        assert_eq!(why_failed(failure, collisions, fence_breaches).as_deref(), expected);
+    fn check(
+        failure: Option<&str>,
+        collisions: usize,
+        fence_breaches: usize,
+        expected: Option<&str>,
+    ) {
+        assert_eq!(
+            why_failed(failure, collisions, fence_breaches).as_deref(),
+            expected
+        );
     }
 
     #[test]
     fn who_watches_a_run_without_laps_reads_of_none() {
-        let status = |laps| Status { now: Time::from_secs_f64(90.0), laps_done: 1, laps, samples: 7 };
+        let status = |laps| Status {
+            now: Time::from_secs_f64(90.0),
+            laps_done: 1,
+            laps,
+            samples: 7,
+        };
         let said = |laps| progress(&status(laps), Duration::from_secs(9));
         assert_eq!(said(0), "1.5 min simulated, 7 samples, 10 x real time");
-        assert_eq!(said(3), "lap 1/3  1.5 min simulated, 7 samples, 10 x real time");
+        assert_eq!(
+            said(3),
+            "lap 1/3  1.5 min simulated, 7 samples, 10 x real time"
+        );
     }
 
     #[test]
@@ -367,7 +424,12 @@ mod tests {
         check(None, 0, 0, None);
         check(None, 2, 0, Some("collisions: 2"));
         check(None, 0, 1, Some("fence breaches: 1"));
-        check(Some("time is up"), 1, 3, Some("time is up; collisions: 1; fence breaches: 3"));
+        check(
+            Some("time is up"),
+            1,
+            3,
+            Some("time is up; collisions: 1; fence breaches: 3"),
+        );
         check(Some("time is up"), 0, 0, Some("time is up"));
     }
 }

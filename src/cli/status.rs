@@ -62,7 +62,10 @@ impl StatusArgs {
     /// A bad file, or somebody who was not heard.
     pub fn run(&self, out: &mut Answer) -> Result<(), CliError> {
         let context = OperatorContext::read(&self.config)?;
-        let expected = Expected { vehicles: context.vehicles.clone(), ground: true };
+        let expected = Expected {
+            vehicles: context.vehicles.clone(),
+            ground: true,
+        };
         let stop = Stop::listen();
         let mut operator = context.open()?;
         let is_done = |view: &FleetView, now: Time| {
@@ -83,18 +86,35 @@ impl StatusArgs {
         if missing.is_empty() || self.watch && out.is_closed() {
             return Ok(());
         }
-        Err(CliError::Swarm(format!("not heard: {}", missing.join(", "))))
+        Err(CliError::Swarm(format!(
+            "not heard: {}",
+            missing.join(", ")
+        )))
     }
 
-    fn show(&self, out: &mut Answer, operator: &LiveOperator, expected: &Expected) -> Result<(), CliError> {
+    fn show(
+        &self,
+        out: &mut Answer,
+        operator: &LiveOperator,
+        expected: &Expected,
+    ) -> Result<(), CliError> {
         let (view, now) = (operator.view(), operator.now());
         let is_terminal = std::io::stdout().is_terminal();
-        let clear = if self.watch && is_terminal { "\x1b[H\x1b[2J" } else { "" };
+        let clear = if self.watch && is_terminal {
+            "\x1b[H\x1b[2J"
+        } else {
+            ""
+        };
         let text = match self.json {
             true => format!("{}\n", json(view, expected, now)),
-            false => format!("{clear}{}", text(view, expected, now, screen::columns_of_stdout())),
+            false => format!(
+                "{clear}{}",
+                text(view, expected, now, screen::columns_of_stdout())
+            ),
         };
-        out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(CliError::stdout)
+        out.write_all(text.as_bytes())
+            .and_then(|()| out.flush())
+            .map_err(CliError::stdout)
     }
 }
 
@@ -107,7 +127,9 @@ pub(super) fn listen(
 ) -> Result<(), CliError> {
     let end = operator.now() + span;
     while operator.now() < end && !stop.is_asked() && !is_enough(operator.view(), operator.now()) {
-        operator.go_on(end.min(operator.now() + LOOK), |_, _| {}).map_err(fault)?;
+        operator
+            .go_on(end.min(operator.now() + LOOK), |_, _| {})
+            .map_err(fault)?;
     }
     Ok(())
 }

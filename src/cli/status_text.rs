@@ -3,8 +3,8 @@
 use serde_json::{Value, json};
 use tomoswarm_proto::codec::VERSION;
 use tomoswarm_proto::{
-    Control, Mission, MissionKind, OperatorId, PoseReport, Progress, Report, RunReport, State, StopId,
-    VehicleId,
+    Control, Mission, MissionKind, OperatorId, PoseReport, Progress, Report, RunReport, State,
+    StopId, VehicleId,
 };
 
 use super::table::table;
@@ -39,10 +39,15 @@ const HEADING: [&str; 15] = [
 pub fn text(view: &FleetView, expected: &Expected, now: Time, columns: Option<usize>) -> String {
     let nothing = VehicleView::default();
     let vehicles = expected.vehicles(view, now);
-    let rows: Vec<Vec<String>> =
-        vehicles.iter().map(|id| row(*id, view.vehicle(*id).unwrap_or(&nothing), now)).collect();
-    let mut text =
-        if rows.is_empty() { "no vehicle was heard\n".to_owned() } else { table(&HEADING, &rows, columns) };
+    let rows: Vec<Vec<String>> = vehicles
+        .iter()
+        .map(|id| row(*id, view.vehicle(*id).unwrap_or(&nothing), now))
+        .collect();
+    let mut text = if rows.is_empty() {
+        "no vehicle was heard\n".to_owned()
+    } else {
+        table(&HEADING, &rows, columns)
+    };
     for id in &vehicles {
         let state = view.state(*id).map(|state| &state.value);
         if let Some(state) = state.filter(|state| state.control != Control::Ours) {
@@ -77,7 +82,10 @@ fn row(id: VehicleId, seen: &VehicleView, now: Time) -> Vec<String> {
     let said = &state.value;
     let dash = || "-".to_owned();
     let of_progress = |stop: fn(&Progress) -> Option<StopId>| {
-        let stop = seen.mission.as_ref().and_then(|mission| stop(&mission.value.progress));
+        let stop = seen
+            .mission
+            .as_ref()
+            .and_then(|mission| stop(&mission.value.progress));
         stop.map_or_else(dash, |stop| stop.to_string())
     };
     let health = seen.health.as_ref().map(|health| &health.value);
@@ -87,9 +95,13 @@ fn row(id: VehicleId, seen: &VehicleView, now: Time) -> Vec<String> {
         mode(said.mode).to_owned(),
         said.pose.map_or_else(dash, place),
         format!("{:.2}", Vector::from(said.velocity).length_m()),
-        said.battery.map_or_else(dash, |battery| format!("{:.0} %", battery.fraction() * 100.0)),
+        said.battery.map_or_else(dash, |battery| {
+            format!("{:.0} %", battery.fraction() * 100.0)
+        }),
         run(said, seen),
-        seen.mission.as_ref().map_or_else(dash, |said| how_far(&said.value)),
+        seen.mission
+            .as_ref()
+            .map_or_else(dash, |said| how_far(&said.value)),
         of_progress(|progress| progress.done),
         of_progress(|progress| progress.leg),
         ordered(said.ordered),
@@ -102,7 +114,11 @@ fn row(id: VehicleId, seen: &VehicleView, now: Time) -> Vec<String> {
 
 /// Returns the run and the revision that a vehicle follows; a mission of its own has none.
 fn run(state: &State, seen: &VehicleView) -> String {
-    let own = seen.mission.as_ref().map(|said| &said.value).filter(|said| said.kind != MissionKind::Sweep);
+    let own = seen
+        .mission
+        .as_ref()
+        .map(|said| &said.value)
+        .filter(|said| said.kind != MissionKind::Sweep);
     match own {
         Some(said) => format!("{}/-", said.progress.run),
         None => format!("{}/{}", state.accepted.0, state.accepted.1),
@@ -126,12 +142,23 @@ fn how_far(said: &Mission) -> String {
 
 /// Returns a place with its deviation, as far as that is known.
 fn place(pose: PoseReport) -> String {
-    let sd = pose.sd.metres().map_or_else(|| "?".to_owned(), |sd_m| format!("{sd_m:.2}"));
+    let sd = pose
+        .sd
+        .metres()
+        .map_or_else(|| "?".to_owned(), |sd_m| format!("{sd_m:.2}"));
     format!("{:.2},{:.2} ± {sd}", pose.at.x_m(), pose.at.y_m())
 }
 
 fn ground_lines(report: &Fresh<Report>, now: Time) -> String {
-    let Report { phase: at, run, laps_done, laps, samples, lease, .. } = &report.value;
+    let Report {
+        phase: at,
+        run,
+        laps_done,
+        laps,
+        samples,
+        lease,
+        ..
+    } = &report.value;
     let held = match lease.number {
         0 => "no lease".to_owned(),
         number => format!("lease {number} ({:016x})", lease.holder),
@@ -150,7 +177,14 @@ fn ground_lines(report: &Fresh<Report>, now: Time) -> String {
 /// Returns in one line how the last runs ended; nothing of none.
 fn runs(reports: &[RunReport]) -> String {
     let run = |report: &RunReport| {
-        let RunReport { run, kind, compared_with, end, samples, images } = report;
+        let RunReport {
+            run,
+            kind,
+            compared_with,
+            end,
+            samples,
+            images,
+        } = report;
         let (kind_word, end) = (kind.word(), run_end(*end));
         if *kind != MissionKind::Sweep {
             return format!("{run} {kind_word} {end}");
@@ -159,7 +193,11 @@ fn runs(reports: &[RunReport]) -> String {
         format!("{run} {kind_word}{compared} {end}, {samples} samples, {images} images")
     };
     let all: Vec<String> = reports.iter().map(run).collect();
-    if all.is_empty() { String::new() } else { format!("runs  {}\n", all.join("; ")) }
+    if all.is_empty() {
+        String::new()
+    } else {
+        format!("runs  {}\n", all.join("; "))
+    }
 }
 
 /// Returns the fleet as one object.
@@ -177,8 +215,7 @@ pub fn json(view: &FleetView, expected: &Expected, now: Time) -> Value {
         })
     };
     let vehicles = expected.vehicles(view, now);
-    let ground =
-        |report: &Fresh<Report>| json!({"age_s": report.age(now).as_secs_f64(), "report": report.value});
+    let ground = |report: &Fresh<Report>| json!({"age_s": report.age(now).as_secs_f64(), "report": report.value});
     let foreign: Vec<Value> = view
         .foreign()
         .map(|greeting| json!({"node": greeting.node.prefix(), "wire_version": greeting.version}))
@@ -199,28 +236,54 @@ mod tests {
     use super::*;
     use crate::operator::tests_support::{Rover, at, heard, report, state};
     use tomoswarm_proto::{
-        Boot, Health, Lease, Message, MissionEnd, MissionPhase, MissionRefusal, Mode, OrderKind, Permille,
-        Revision, RunEnd, RunId, StationPhase,
+        Boot, Health, Lease, Message, MissionEnd, MissionPhase, MissionRefusal, Mode, OrderKind,
+        Permille, Revision, RunEnd, RunId, StationPhase,
     };
 
     fn view(messages: Vec<Message>) -> FleetView {
         let mut view = FleetView::default();
-        messages.into_iter().for_each(|message| view.hear(at(1.0), &heard(message)));
+        messages
+            .into_iter()
+            .for_each(|message| view.hear(at(1.0), &heard(message)));
         view
     }
 
     fn expected(vehicles: &[u8]) -> Expected {
-        Expected { vehicles: vehicles.iter().map(|id| VehicleId(*id)).collect(), ground: true }
+        Expected {
+            vehicles: vehicles.iter().map(|id| VehicleId(*id)).collect(),
+            ground: true,
+        }
     }
 
     #[test]
     fn a_vehicle_is_one_line_with_all_that_it_said() {
-        let mut driving = Rover::ordered(1, Lease { number: 4, holder: 9 }, 7, OrderKind::Start).state;
+        let mut driving = Rover::ordered(
+            1,
+            Lease {
+                number: 4,
+                holder: 9,
+            },
+            7,
+            OrderKind::Start,
+        )
+        .state;
         (driving.mode, driving.accepted) = (Mode::Driving, (RunId(6), Revision(2)));
-        let progress = Progress { done: Some(StopId(12)), leg: Some(StopId(13)), ..Progress::default() };
+        let progress = Progress {
+            done: Some(StopId(12)),
+            leg: Some(StopId(13)),
+            ..Progress::default()
+        };
         let (vehicle, boot) = (VehicleId(1), driving.boot);
         let (phase, share) = (MissionPhase::Going, Some(Permille(450)));
-        let mission = Mission { vehicle, boot, progress, phase, share, places_left: 7, ..Mission::default() };
+        let mission = Mission {
+            vehicle,
+            boot,
+            progress,
+            phase,
+            share,
+            places_left: 7,
+            ..Mission::default()
+        };
         let health = Health {
             vehicle: VehicleId(1),
             boot: driving.boot,
@@ -229,7 +292,11 @@ mod tests {
             troubles: vec!["disk: full".to_owned()],
             ..Health::default()
         };
-        let view = view(vec![Message::State(driving), Message::Mission(mission), Message::Health(health)]);
+        let view = view(vec![
+            Message::State(driving),
+            Message::Mission(mission),
+            Message::Health(health),
+        ]);
         let text = text(&view, &expected(&[]), at(1.3), None);
         let line = text.lines().nth(1).unwrap();
         let words: Vec<&str> = line.split_whitespace().collect();
@@ -243,22 +310,36 @@ mod tests {
 
     #[test]
     fn who_else_steers_a_vehicle_has_a_line() {
-        let remote = State { control: Control::Remote, ..state(1) };
+        let remote = State {
+            control: Control::Remote,
+            ..state(1)
+        };
         let text = text(
             &view(vec![Message::State(remote), Message::State(state(2))]),
             &expected(&[]),
             at(1.0),
             None,
         );
-        let lines: Vec<&str> = text.lines().filter(|line| line.starts_with("control")).collect();
+        let lines: Vec<&str> = text
+            .lines()
+            .filter(|line| line.starts_with("control"))
+            .collect();
         assert_eq!(lines, ["control  vehicle 1: somebody by remote control"]);
     }
 
     #[test]
     fn a_mission_of_its_own_is_said_with_its_run_and_how_it_ended() {
         let check = |mission: Mission, wanted: &str| {
-            let progress = Progress { run: RunId(5), ..Progress::default() };
-            let mission = Mission { vehicle: VehicleId(1), boot: Boot(1), progress, ..mission };
+            let progress = Progress {
+                run: RunId(5),
+                ..Progress::default()
+            };
+            let mission = Mission {
+                vehicle: VehicleId(1),
+                boot: Boot(1),
+                progress,
+                ..mission
+            };
             let text = text(
                 &view(vec![Message::State(state(1)), Message::Mission(mission)]),
                 &expected(&[]),
@@ -270,14 +351,31 @@ mod tests {
             assert!(words.contains(&format!("5/- {wanted} - - -")), "{words}");
         };
         let (kind, over) = (MissionKind::Pathfind, MissionPhase::Over);
-        let said = Mission { kind, ..Mission::default() };
-        check(Mission { phase: MissionPhase::Looking, places_left: 3, ..said }, "pathfind looking, 3 left");
-        let ended = |end| Mission { phase: over, end: Some(end), ..said };
+        let said = Mission {
+            kind,
+            ..Mission::default()
+        };
+        check(
+            Mission {
+                phase: MissionPhase::Looking,
+                places_left: 3,
+                ..said
+            },
+            "pathfind looking, 3 left",
+        );
+        let ended = |end| Mission {
+            phase: over,
+            end: Some(end),
+            ..said
+        };
         check(ended(MissionEnd::Done), "pathfind over, done");
         check(ended(MissionEnd::NoWay(2)), "pathfind over, no way to 2");
         check(ended(MissionEnd::GaveUp(1)), "pathfind over, gave up 1");
         let outside = MissionEnd::Refused(MissionRefusal::OutsideFence);
-        check(ended(outside), "pathfind over, refused: a place lies outside the fence");
+        check(
+            ended(outside),
+            "pathfind over, refused: a place lies outside the fence",
+        );
     }
 
     #[test]
@@ -290,9 +388,21 @@ mod tests {
             images: 2,
             ..RunReport::default()
         };
-        let explored = RunReport { run: RunId(4), kind: MissionKind::Explore, ..RunReport::default() };
-        let said = Report { runs: vec![swept, explored], ..report() };
-        let text = text(&view(vec![Message::Report(said)]), &expected(&[]), at(1.0), None);
+        let explored = RunReport {
+            run: RunId(4),
+            kind: MissionKind::Explore,
+            ..RunReport::default()
+        };
+        let said = Report {
+            runs: vec![swept, explored],
+            ..report()
+        };
+        let text = text(
+            &view(vec![Message::Report(said)]),
+            &expected(&[]),
+            at(1.0),
+            None,
+        );
         let line = "runs  3 sweep against 1 done, 900 samples, 2 images; 4 explore open";
         assert!(text.lines().any(|found| found == line), "{text}");
     }
@@ -309,7 +419,12 @@ mod tests {
             in_force: Some(OrderKind::Hold),
             ..report()
         };
-        let text = text(&view(vec![Message::Report(said)]), &expected(&[]), at(1.0), None);
+        let text = text(
+            &view(vec![Message::Report(said)]),
+            &expected(&[]),
+            at(1.0),
+            None,
+        );
         let line = "ground  running: run 6, lap 2 of 5, 900 samples, lease 4 (000000000000002c), lost: 3, stands: hold, \
                     troubles: none (0.0 s ago)";
         assert!(text.lines().any(|found| found == line), "{text}");
@@ -317,7 +432,11 @@ mod tests {
 
     #[test]
     fn as_json_every_field_of_the_messages_is_there() {
-        let value = json(&view(vec![Message::State(state(1))]), &expected(&[2]), at(1.5));
+        let value = json(
+            &view(vec![Message::State(state(1))]),
+            &expected(&[2]),
+            at(1.5),
+        );
         assert_eq!(value["all_heard"], false);
         assert_eq!(value["vehicles"][0]["state"]["pose"]["sd"], 50);
         assert_eq!(value["vehicles"][0]["age_s"], 0.5);

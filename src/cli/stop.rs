@@ -61,7 +61,9 @@ impl Stop {
             std::process::exit(ENDED_AT_ONCE);
         };
         // A machine that has no thread to give can hardly have started us.
-        let _ = std::thread::Builder::new().name("standard input".to_owned()).spawn(watch);
+        let _ = std::thread::Builder::new()
+            .name("standard input".to_owned())
+            .spawn(watch);
     }
 
     /// Returns whether the command shall end.
@@ -71,7 +73,10 @@ impl Stop {
 }
 
 #[cfg(feature = "net")]
-#[allow(clippy::disallowed_methods, reason = "the program that would end us is gone; nobody is kept waiting")]
+#[allow(
+    clippy::disallowed_methods,
+    reason = "the program that would end us is gone; nobody is kept waiting"
+)]
 fn wait(span: Duration) {
     std::thread::sleep(span);
 }

@@ -66,24 +66,33 @@ impl TapArgs {
         };
         let stop = Stop::listen();
         let mut operator = context.open()?;
-        let end = self.listen.map_or(Time::NEVER, |span| operator.now() + span);
+        let end = self
+            .listen
+            .map_or(Time::NEVER, |span| operator.now() + span);
         let mut left = self.count.unwrap_or(u64::MAX);
         while !stop.is_asked() && !out.is_closed() && operator.now() < end && left > 0 {
             let mut heard = Vec::new();
             let until = end.min(operator.now() + LOOK);
-            operator.go_on(until, |at, what| heard.push((at, what.clone()))).map_err(fault)?;
+            operator
+                .go_on(until, |at, what| heard.push((at, what.clone())))
+                .map_err(fault)?;
             for (at, what) in heard {
                 let utc_s = operator.session().utc_s(at);
                 let line = tapping.line(at.as_secs_f64(), utc_s, &what);
-                let Some(line) = line.filter(|_| left > 0) else { continue };
+                let Some(line) = line.filter(|_| left > 0) else {
+                    continue;
+                };
                 left -= 1;
-                out.write_all(format!("{line}\n").as_bytes()).map_err(CliError::stdout)?;
+                out.write_all(format!("{line}\n").as_bytes())
+                    .map_err(CliError::stdout)?;
             }
             out.flush().map_err(CliError::stdout)?;
         }
         let dropped = operator.session().dropped();
         if dropped > 0 {
-            complain(&format!("{dropped} messages came faster than they could be written"));
+            complain(&format!(
+                "{dropped} messages came faster than they could be written"
+            ));
         }
         operator.close();
         Ok(())

@@ -24,27 +24,40 @@ pub fn write_tracks(
     let plane = venue.plane();
     let place = |at: &Point| plane.to_earth([at.x_m, at.y_m, 0.0]);
     for (vehicle, track) in tracks {
-        let Some((home, way)) = corners(track).split_first().map(|(home, way)| (*home, way.to_vec())) else {
+        let Some((home, way)) = corners(track)
+            .split_first()
+            .map(|(home, way)| (*home, way.to_vec()))
+        else {
             continue;
         };
         let way: Vec<Geodetic> = way.iter().take(MOST_ITEMS).map(place).collect();
         // Who never moved has no track.
-        let Ok(file) = WaypointFile::of_track(place(&home), &way) else { continue };
-        folder.write(&format!("track-{vehicle}.waypoints"), file.to_wpl().as_bytes())?;
+        let Ok(file) = WaypointFile::of_track(place(&home), &way) else {
+            continue;
+        };
+        folder.write(
+            &format!("track-{vehicle}.waypoints"),
+            file.to_wpl().as_bytes(),
+        )?;
     }
     Ok(())
 }
 
 /// Leaves out what lies in a straight line between what is kept.
 fn corners(track: &[Point]) -> Vec<Point> {
-    let Some(first) = track.first() else { return Vec::new() };
+    let Some(first) = track.first() else {
+        return Vec::new();
+    };
     let mut kept = vec![*first];
     let mut from = 0;
     for next in 2..=track.len() {
         let is_straight = track.get(next).is_some_and(|to| {
             let piece = Segment::new(track[from], *to);
             let between = &track[from + 1..next];
-            between.len() < PIECE && between.iter().all(|at| piece.distance_to_point(*at) <= BESIDE_M)
+            between.len() < PIECE
+                && between
+                    .iter()
+                    .all(|at| piece.distance_to_point(*at) <= BESIDE_M)
         });
         if !is_straight {
             kept.push(track[next - 1]);
@@ -63,7 +76,14 @@ mod tests {
         let there = (0..=20).map(|step| Point::new(f64::from(step) * 0.5, 0.0));
         let back = (1..=20).map(|step| Point::new(10.0, f64::from(step) * 0.5));
         let track: Vec<Point> = there.chain(back).collect();
-        assert_eq!(corners(&track), [Point::new(0.0, 0.0), Point::new(10.0, 0.0), Point::new(10.0, 10.0)]);
+        assert_eq!(
+            corners(&track),
+            [
+                Point::new(0.0, 0.0),
+                Point::new(10.0, 0.0),
+                Point::new(10.0, 10.0)
+            ]
+        );
         assert_eq!(corners(&track[..1]), [Point::new(0.0, 0.0)]);
         assert_eq!(corners(&track[..2]), track[..2]);
     }

@@ -38,7 +38,12 @@ struct Trial {
 impl Trial {
     fn of(outcome: &Outcome) -> Trial {
         let found = outcome.found();
-        let error_m = |at| found.iter().map(|find| find.at.distance_to(at)).fold(f64::INFINITY, f64::min);
+        let error_m = |at| {
+            found
+                .iter()
+                .map(|find| find.at.distance_to(at))
+                .fold(f64::INFINITY, f64::min)
+        };
         Trial {
             finished: outcome.finished,
             home: outcome.home,
@@ -47,14 +52,20 @@ impl Trial {
             fence_breaches: outcome.fence_breaches,
             min_separation_m: outcome.min_separation_m,
             simulated_s: outcome.simulated.as_secs_f64(),
-            errors_m: outcome.persons.iter().map(|person| error_m(person.at)).collect(),
+            errors_m: outcome
+                .persons
+                .iter()
+                .map(|person| error_m(person.at))
+                .collect(),
             finds: found.len(),
             log_hash: crate::sim::log::hash(outcome.log.bytes().map(u64::from)),
         }
     }
 
     fn all_found(&self) -> bool {
-        self.errors_m.iter().all(|error_m| *error_m <= FOUND_WITHIN_M)
+        self.errors_m
+            .iter()
+            .all(|error_m| *error_m <= FOUND_WITHIN_M)
     }
 
     fn is_safe(&self) -> bool {
@@ -62,8 +73,14 @@ impl Trial {
     }
 
     fn line(&self, seed: u64, word: &str) -> String {
-        let errors: Vec<String> = self.errors_m.iter().map(|error_m| format!("{error_m:.2}")).collect();
-        let separation = self.min_separation_m.map_or("-".to_owned(), |metres| format!("{metres:.2}"));
+        let errors: Vec<String> = self
+            .errors_m
+            .iter()
+            .map(|error_m| format!("{error_m:.2}"))
+            .collect();
+        let separation = self
+            .min_separation_m
+            .map_or("-".to_owned(), |metres| format!("{metres:.2}"));
         format!(
             "{seed:>6}  {:<8}  {:>7.0}  {:>4}  {:>4}  {:>10}  {:>6}  {separation:>10}  {:<14}  {:>5}  {:016x}",
             if self.finished { word } else { "NOT" },
@@ -106,16 +123,28 @@ pub(super) fn run(
     .map_err(unwritten)?;
     let trials = run_all(args, first..=last, word, stop, out)?;
     let share = |good: usize| 100.0 * good as f64 / trials.len().max(1) as f64;
-    let (safe, found) = (count_of(&trials, Trial::is_safe), count_of(&trials, Trial::all_found));
+    let (safe, found) = (
+        count_of(&trials, Trial::is_safe),
+        count_of(&trials, Trial::all_found),
+    );
     let finds = match expect {
         Expect::Finished => {
-            format!(", everybody found within {FOUND_WITHIN_M} m in {found} ({:.1} %)", share(found))
+            format!(
+                ", everybody found within {FOUND_WITHIN_M} m in {found} ({:.1} %)",
+                share(found)
+            )
         }
         Expect::Home | Expect::Held => String::new(),
     };
-    writeln!(out, "{} seeds: {safe} safe and {word} ({:.1} %){finds}", trials.len(), share(safe))
-        .map_err(unwritten)?;
-    broken(expect, count, trials.len(), safe, found).map_or(Ok(()), |reason| Err(CliError::Mission(reason)))
+    writeln!(
+        out,
+        "{} seeds: {safe} safe and {word} ({:.1} %){finds}",
+        trials.len(),
+        share(safe)
+    )
+    .map_err(unwritten)?;
+    broken(expect, count, trials.len(), safe, found)
+        .map_or(Ok(()), |reason| Err(CliError::Mission(reason)))
 }
 
 /// Returns the word for the end that a file expects.
@@ -128,19 +157,29 @@ fn word_of(expect: Expect) -> &'static str {
 }
 
 fn unwritten(source: io::Error) -> CliError {
-    CliError::Write { path: "standard output".into(), source }
+    CliError::Write {
+        path: "standard output".into(),
+        source,
+    }
 }
 
 /// Returns which contract was broken, if any, when of `wanted` seeds `run` were run.
 fn broken(expect: Expect, wanted: u64, run: usize, safe: usize, found: usize) -> Option<String> {
     if (run as u64) < wanted {
-        return Some(format!("it was asked to stop after {run} of {wanted} seeds"));
+        return Some(format!(
+            "it was asked to stop after {run} of {wanted} seeds"
+        ));
     }
     if safe < run {
         return Some("a contract did not hold in every seed".to_owned());
     }
     let is_rare = expect == Expect::Finished && (found as f64) < FOUND_SHARE * run as f64;
-    is_rare.then(|| format!("everybody was found in less than {:.0} %", 100.0 * FOUND_SHARE))
+    is_rare.then(|| {
+        format!(
+            "everybody was found in less than {:.0} %",
+            100.0 * FOUND_SHARE
+        )
+    })
 }
 
 fn count_of(trials: &BTreeMap<u64, Trial>, is_good: fn(&Trial) -> bool) -> usize {
@@ -174,18 +213,28 @@ fn run_all(
     stop: &Stop,
     out: &mut (dyn Write + Send),
 ) -> Result<BTreeMap<u64, Trial>, CliError> {
-    let table = Mutex::new(Table { done: BTreeMap::new(), next: *seeds.start(), word, out });
+    let table = Mutex::new(Table {
+        done: BTreeMap::new(),
+        next: *seeds.start(),
+        word,
+        out,
+    });
     let left = Mutex::new(seeds);
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..cores).map(|_| scope.spawn(|| work(args, &left, stop, &table))).collect();
+        let workers: Vec<_> = (0..cores)
+            .map(|_| scope.spawn(|| work(args, &left, stop, &table)))
+            .collect();
         let join = |worker: ScopedJoinHandle<'_, Result<(), CliError>>| match worker.join() {
             Ok(result) => result,
             Err(panic) => std::panic::resume_unwind(panic),
         };
         workers.into_iter().try_for_each(join)
     })?;
-    Ok(table.into_inner().unwrap_or_else(PoisonError::into_inner).done)
+    Ok(table
+        .into_inner()
+        .unwrap_or_else(PoisonError::into_inner)
+        .done)
 }
 
 /// Runs seeds until none is left.
@@ -196,8 +245,12 @@ fn work(
     table: &Mutex<Table<'_>>,
 ) -> Result<(), CliError> {
     loop {
-        let Some(seed) = left.lock().unwrap_or_else(PoisonError::into_inner).next() else { return Ok(()) };
-        let Some(trial) = run_one(args, seed, stop)? else { return Ok(()) };
+        let Some(seed) = left.lock().unwrap_or_else(PoisonError::into_inner).next() else {
+            return Ok(());
+        };
+        let Some(trial) = run_one(args, seed, stop)? else {
+            return Ok(());
+        };
         let mut table = table.lock().unwrap_or_else(PoisonError::into_inner);
         table.record(seed, trial).map_err(unwritten)?;
     }
@@ -211,7 +264,8 @@ fn run_one(args: &SimArgs, seed: u64, stop: &Stop) -> Result<Option<Trial>, CliE
         is_stopped = stop.is_asked();
         !is_stopped
     };
-    let outcome =
-        scenario.run(&mut watch).map_err(|error| CliError::Fault(format!("seed {seed}: {error}")))?;
+    let outcome = scenario
+        .run(&mut watch)
+        .map_err(|error| CliError::Fault(format!("seed {seed}: {error}")))?;
     Ok((!is_stopped).then(|| Trial::of(&outcome)))
 }

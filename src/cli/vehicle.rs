@@ -56,7 +56,8 @@ impl VehicleArgs {
     pub fn run(&self, out: &mut dyn Write) -> Result<(), CliError> {
         let name = read::shown(&self.config);
         let text = read::text(&self.config)?;
-        let file: VehicleFile = config::read_vehicle(&name, &text, &mut read::around(&self.config))?;
+        let file: VehicleFile =
+            config::read_vehicle(&name, &text, &mut read::around(&self.config))?;
         if self.check {
             let text = describe(&name, &Config::Vehicle(Box::new(file)), &[]);
             return out.write_all(text.as_bytes()).map_err(CliError::stdout);
@@ -81,7 +82,9 @@ impl VehicleArgs {
 pub(super) fn answer(finish: Finish) -> Result<(), CliError> {
     match finish {
         Finish::Asked => Ok(()),
-        Finish::Ending(Ending::Refused(reason)) => Err(CliError::Usage(format!("refused: {reason}"))),
+        Finish::Ending(Ending::Refused(reason)) => {
+            Err(CliError::Usage(format!("refused: {reason}")))
+        }
         Finish::Ending(Ending::Fault(fault)) => Err(CliError::Fault(fault.to_string())),
     }
 }
@@ -106,7 +109,11 @@ pub(super) fn kept_is_passing(error: &CheckedFileError) -> bool {
 }
 
 pub(super) fn unready(error: &dyn std::fmt::Display, is_passing: bool) -> CliError {
-    if is_passing { CliError::NotNow(error.to_string()) } else { CliError::Usage(error.to_string()) }
+    if is_passing {
+        CliError::NotNow(error.to_string())
+    } else {
+        CliError::Usage(error.to_string())
+    }
 }
 
 fn file_is_passing(error: &std::io::Error) -> bool {
@@ -157,20 +164,28 @@ fn line(status: &Status) {
             let place = state.pose.map_or("somewhere".to_owned(), |pose| {
                 format!("at {:.1}, {:.1} m", pose.at.x_m(), pose.at.y_m())
             });
-            let charge = state
-                .battery
-                .map_or("not known".to_owned(), |battery| format!("{:.0} %", battery.fraction() * 100.0));
+            let charge = state.battery.map_or("not known".to_owned(), |battery| {
+                format!("{:.0} %", battery.fraction() * 100.0)
+            });
             format!("{mode} {place}, battery {charge}")
         }
     };
-    let bus = if status.is_member { "on the bus" } else { "asks to join the bus" };
+    let bus = if status.is_member {
+        "on the bus"
+    } else {
+        "asks to join the bus"
+    };
     let troubles = if status.troubles.is_empty() {
         String::new()
     } else {
         format!(", {} troubles", status.troubles.len())
     };
     // A status line that cannot be written is missed by nobody.
-    let _ = write!(std::io::stderr(), "\r\x1b[K{place}, {bus} with {} links{troubles}", status.links);
+    let _ = write!(
+        std::io::stderr(),
+        "\r\x1b[K{place}, {bus} with {} links{troubles}",
+        status.links
+    );
 }
 
 #[cfg(test)]
@@ -181,11 +196,18 @@ mod tests {
     fn a_full_disk_or_a_busy_port_is_tried_again_and_a_bad_file_is_not() {
         let folder = |kind: ErrorKind| {
             let path = PathBuf::from("state");
-            VehicleError::from(StateDirError::Io { path, source: kind.into() })
+            VehicleError::from(StateDirError::Io {
+                path,
+                source: kind.into(),
+            })
         };
         let memory = |kind: ErrorKind| {
             let path = PathBuf::from("state/memory");
-            VehicleError::from(CheckedFileError::Unread { path, holds: "orders", source: kind.into() })
+            VehicleError::from(CheckedFileError::Unread {
+                path,
+                holds: "orders",
+                source: kind.into(),
+            })
         };
         let damaged = CheckedFileError::Damaged {
             path: "state/memory".into(),
@@ -193,8 +215,13 @@ mod tests {
             holds: "orders",
             remedy: "mend it",
         };
-        let busy = BusError::Listen { endpoints: "tcp/127.0.0.1:1".to_owned(), reason: "in use".to_owned() };
-        let bad = BusError::Settings { reason: "none".to_owned() };
+        let busy = BusError::Listen {
+            endpoints: "tcp/127.0.0.1:1".to_owned(),
+            reason: "in use".to_owned(),
+        };
+        let bad = BusError::Settings {
+            reason: "none".to_owned(),
+        };
         for (error, code) in [
             (folder(ErrorKind::StorageFull), 1),
             (folder(ErrorKind::PermissionDenied), 2),
@@ -203,9 +230,18 @@ mod tests {
             (VehicleError::from(damaged), 2),
             (VehicleError::from(busy), 1),
             (VehicleError::from(bad), 2),
-            (VehicleError::from(TrustError::Key { path: PathBuf::from("key.pem") }), 2),
+            (
+                VehicleError::from(TrustError::Key {
+                    path: PathBuf::from("key.pem"),
+                }),
+                2,
+            ),
         ] {
-            assert_eq!(unready(&error, is_passing(&error)).exit_code(), code, "{error}");
+            assert_eq!(
+                unready(&error, is_passing(&error)).exit_code(),
+                code,
+                "{error}"
+            );
         }
     }
 }

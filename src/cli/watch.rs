@@ -41,20 +41,31 @@ pub(super) struct Watching<'a> {
 /// There is no terminal to draw on.
 pub(super) fn check() -> Result<(), CliError> {
     Screen::check().map_err(|reason| {
-        CliError::Usage(format!("--watch draws on the terminal behind standard error, but {reason}"))
+        CliError::Usage(format!(
+            "--watch draws on the terminal behind standard error, but {reason}"
+        ))
     })
 }
 
 /// Returns how often a run is to show itself, in virtual time, for a pace in virtual seconds a second.
 pub(super) fn shown_every(pace: Option<f64>) -> Duration {
-    pace.map_or(SHOWN_EVERY, |pace| DRAW_EVERY.mul_f64(pace).clamp(SHOWN_MIN, SHOWN_EVERY))
+    pace.map_or(SHOWN_EVERY, |pace| {
+        DRAW_EVERY.mul_f64(pace).clamp(SHOWN_MIN, SHOWN_EVERY)
+    })
 }
 
 impl<'a> Watching<'a> {
     /// Takes the terminal over.
     pub(super) fn begin(venue: &'a Venue, pace: Option<f64>) -> Watching<'a> {
         let (screen, began) = (Screen::take(), super::sim::started());
-        Watching { venue, screen, began, drawn_at: None, pace, vehicles: Vec::new() }
+        Watching {
+            venue,
+            screen,
+            began,
+            drawn_at: None,
+            pace,
+            vehicles: Vec::new(),
+        }
     }
 
     /// Takes a moment of the run: draws it when a picture is due, and waits until the time for it has come.
@@ -65,7 +76,8 @@ impl<'a> Watching<'a> {
             self.draw(shown);
         }
         let Some(pace) = self.pace else { return };
-        let due = Duration::try_from_secs_f64(shown.status.now.as_secs_f64() / pace).unwrap_or(Duration::MAX);
+        let due = Duration::try_from_secs_f64(shown.status.now.as_secs_f64() / pace)
+            .unwrap_or(Duration::MAX);
         while !stop.is_asked() && self.began.elapsed() < due {
             nap(NAP.min(due.saturating_sub(self.began.elapsed())));
         }
@@ -85,7 +97,10 @@ impl<'a> Watching<'a> {
         for (index, vehicle) in vehicles.iter().enumerate() {
             match self.vehicles.get_mut(index) {
                 Some(drawn) => drawn.vehicle = *vehicle,
-                None => self.vehicles.push(Drawn { vehicle: *vehicle, track: VecDeque::new() }),
+                None => self.vehicles.push(Drawn {
+                    vehicle: *vehicle,
+                    track: VecDeque::new(),
+                }),
             }
             extend(&mut self.vehicles[index].track, vehicle.at);
         }
@@ -93,7 +108,10 @@ impl<'a> Watching<'a> {
 }
 
 fn extend(track: &mut VecDeque<Point>, at: Point) {
-    if track.back().is_none_or(|last| last.distance_to(at) >= TRACK_STEP_M) {
+    if track
+        .back()
+        .is_none_or(|last| last.distance_to(at) >= TRACK_STEP_M)
+    {
         track.push_back(at);
     }
     if track.len() > TRACK {
@@ -104,7 +122,11 @@ fn extend(track: &mut VecDeque<Point>, at: Point) {
 /// What is drawn where no picture fits.
 fn too_small(line: String, size: Size) -> Vec<String> {
     let lines = [line, "the terminal is too small for a picture".to_owned()];
-    lines.into_iter().take(size.rows).map(|line| line.chars().take(size.columns).collect()).collect()
+    lines
+        .into_iter()
+        .take(size.rows)
+        .map(|line| line.chars().take(size.columns).collect())
+        .collect()
 }
 
 #[allow(
@@ -135,12 +157,18 @@ mod tests {
         (0..1000).for_each(|_| extend(&mut track, Point::new(1.0, 1.0)));
         assert_eq!(track.len(), 1);
         (0..1000).for_each(|step| extend(&mut track, Point::new(f64::from(step), 1.0)));
-        assert_eq!((track.len(), track.back().copied()), (TRACK, Some(Point::new(999.0, 1.0))));
+        assert_eq!(
+            (track.len(), track.back().copied()),
+            (TRACK, Some(Point::new(999.0, 1.0)))
+        );
     }
 
     #[test]
     fn a_terminal_of_a_few_letters_gets_no_more_than_fits() {
-        let size = Size { columns: 5, rows: 1 };
+        let size = Size {
+            columns: 5,
+            rows: 1,
+        };
         assert_eq!(too_small("1.0 min simulated".to_owned(), size), ["1.0 m"]);
     }
 }

@@ -74,7 +74,11 @@ impl WorldArgs {
         if self.tied {
             stop.end_with_input(move || by_input.stop());
         }
-        let drawn = if self.token.is_none() { format!(" token {token}") } else { String::new() };
+        let drawn = if self.token.is_none() {
+            format!(" token {token}")
+        } else {
+            String::new()
+        };
         say(out, &format!("world {}{drawn}\n", server.address()))?;
         let status = server.wait();
         say(out, &summary(&status))?;
@@ -93,10 +97,24 @@ impl WorldArgs {
     }
 
     fn plan(&self, scenario: &Scenario) -> String {
-        let name = self.config.as_deref().unwrap_or(Path::new(bundled::COURTYARD));
-        let token = if self.token.is_some() { "as given" } else { "drawn at the start" };
-        let listens = [("world", format!("would listen on {}, token {token}", self.listen))];
-        describe(&read::shown(name), &Config::Sim(Box::new(scenario.sim().clone())), &listens)
+        let name = self
+            .config
+            .as_deref()
+            .unwrap_or(Path::new(bundled::COURTYARD));
+        let token = if self.token.is_some() {
+            "as given"
+        } else {
+            "drawn at the start"
+        };
+        let listens = [(
+            "world",
+            format!("would listen on {}, token {token}", self.listen),
+        )];
+        describe(
+            &read::shown(name),
+            &Config::Sim(Box::new(scenario.sim().clone())),
+            &listens,
+        )
     }
 }
 
@@ -111,13 +129,17 @@ fn refused(error: WorldError) -> CliError {
 }
 
 fn draw_token() -> Result<String, CliError> {
-    let drawn = getrandom::u64().map_err(|error| CliError::Fault(format!("no randomness: {error}")))?;
+    let drawn =
+        getrandom::u64().map_err(|error| CliError::Fault(format!("no randomness: {error}")))?;
     Ok(format!("{drawn:016x}"))
 }
 
 fn summary(status: &Status) -> String {
-    let separation =
-        status.min_separation_m.map_or("none".to_owned(), |separation_m| format!("{separation_m:.2} m"));
+    let separation = status
+        .min_separation_m
+        .map_or("none".to_owned(), |separation_m| {
+            format!("{separation_m:.2} m")
+        });
     format!(
         "ended after {:.1} s: {} collisions, {} fence breaches, smallest separation {separation}, {} scans, {} beacons heard\n",
         status.now_ns as f64 * 1e-9,
@@ -130,5 +152,8 @@ fn summary(status: &Status) -> String {
 
 fn say(out: &mut dyn Write, text: &str) -> Result<(), CliError> {
     let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
-    written.map_err(|source| CliError::Write { path: "standard output".into(), source })
+    written.map_err(|source| CliError::Write {
+        path: "standard output".into(),
+        source,
+    })
 }

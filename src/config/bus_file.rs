@@ -73,8 +73,14 @@ impl BusFile {
     /// Returns what holds for a bus of which nothing is said, without any endpoint.
     pub fn unsaid() -> BusFile {
         let mut bus = BusFile::default();
-        read_defaults(&mut BusFileTable { bus: &mut bus, role: Role::Operator });
-        BusFile { listen: Vec::new(), ..bus }
+        read_defaults(&mut BusFileTable {
+            bus: &mut bus,
+            role: Role::Operator,
+        });
+        BusFile {
+            listen: Vec::new(),
+            ..bus
+        }
     }
 
     /// Returns after how much silence a neighbour is taken for gone.
@@ -84,7 +90,9 @@ impl BusFile {
 
     /// Checks the keys of `[bus]` together.
     pub(super) fn check(&self, source: &Source<'_>, role: Role) {
-        let is_protected = IDENTITY_KEYS.iter().any(|key| source.is_known(&format!("bus.{key}")));
+        let is_protected = IDENTITY_KEYS
+            .iter()
+            .any(|key| source.is_known(&format!("bus.{key}")));
         check_topology(source, self, role);
         check_ports(source, self);
         check_protection(source, self, is_protected);
@@ -92,7 +100,8 @@ impl BusFile {
 }
 
 impl Choice for Topology {
-    const WORDS: &'static [(&'static str, Topology)] = &[("mesh", Topology::Mesh), ("star", Topology::Star)];
+    const WORDS: &'static [(&'static str, Topology)] =
+        &[("mesh", Topology::Mesh), ("star", Topology::Star)];
 }
 
 /// What a node may send, live and simulated.
@@ -123,32 +132,86 @@ impl Keyed for BusFileTable<'_> {
         } = &mut *self.bus;
         let means = "`mesh`: everyone is joined with everyone, up to about 25 nodes; `star`: the ground station listens, \
                      all others only connect";
-        to.word(topology, Words { name: "topology", default: Topology::Mesh.word(), means });
+        to.word(
+            topology,
+            Words {
+                name: "topology",
+                default: Topology::Mesh.word(),
+                means,
+            },
+        );
         let is_protected = identity_keys(identity, to);
         let only_connects = *topology == Topology::Star && self.role != Role::Ground;
         let default = default_listen(self.role, only_connects, is_protected);
         let left_out = "this machine";
         let means = "endpoints, `tcp/HOST:PORT` or `tls/HOST:PORT`; port 0 is a free one. Ground: 127.0.0.1:7447, others \
                      127.0.0.1:0";
-        to.form(&mut Endpoints { list: listen, default }, Entry { name: "listen", left_out, means });
+        to.form(
+            &mut Endpoints {
+                list: listen,
+                default,
+            },
+            Entry {
+                name: "listen",
+                left_out,
+                means,
+            },
+        );
         let default = Vec::new();
         let means = "endpoints; needed by all but the ground in a star, and by an operator";
-        to.form(&mut Endpoints { list: connect, default }, Entry { name: "connect", left_out: "", means });
+        to.form(
+            &mut Endpoints {
+                list: connect,
+                default,
+            },
+            Entry {
+                name: "connect",
+                left_out: "",
+                means,
+            },
+        );
         let means = "without certificates a node binds and connects to loopback only; this lets it out, and anyone in";
-        to.flag(unprotected_network, Flag { name: "unprotected_network", default: false, means });
+        to.flag(
+            unprotected_network,
+            Flag {
+                name: "unprotected_network",
+                default: false,
+                means,
+            },
+        );
         to.number(egress_kb_per_s, EGRESS);
         let means = "silence after which a neighbour is taken for gone";
-        to.number(lease_s, Number { name: "lease_s", default: 3.0, allowed: 1.0..=30.0, means });
+        to.number(
+            lease_s,
+            Number {
+                name: "lease_s",
+                default: 3.0,
+                allowed: 1.0..=30.0,
+                means,
+            },
+        );
         let means = "in a mesh: nodes tell each other of further ones and join them too; with false only `connect` joins \
                      nodes";
-        to.flag(gossip, Flag { name: "gossip", default: true, means });
+        to.flag(
+            gossip,
+            Flag {
+                name: "gossip",
+                default: true,
+                means,
+            },
+        );
     }
 }
 
 /// Shows the files by which a node is known, all or none of which are there, and returns whether any is.
 fn identity_keys(identity: &mut Option<Identity>, to: &mut dyn Keys) -> bool {
     let [mut ca, mut certificate, mut key, mut roster] = match identity.take() {
-        Some(Identity { ca, certificate, key, roster }) => [ca, certificate, key, roster].map(Some),
+        Some(Identity {
+            ca,
+            certificate,
+            key,
+            roster,
+        }) => [ca, certificate, key, roster].map(Some),
         None => [const { None }; 4],
     };
     let means = [
@@ -160,11 +223,25 @@ fn identity_keys(identity: &mut Option<Identity>, to: &mut dyn Keys) -> bool {
     ];
     let files = [&mut ca, &mut certificate, &mut key, &mut roster];
     for ((name, file), means) in IDENTITY_KEYS.into_iter().zip(files).zip(means) {
-        to.form(&mut IdentityFile(file), Entry { name, left_out: "", means });
+        to.form(
+            &mut IdentityFile(file),
+            Entry {
+                name,
+                left_out: "",
+                means,
+            },
+        );
     }
-    let is_any = [&ca, &certificate, &key, &roster].into_iter().any(Option::is_some);
+    let is_any = [&ca, &certificate, &key, &roster]
+        .into_iter()
+        .any(Option::is_some);
     if let (Some(ca), Some(certificate), Some(key), Some(roster)) = (ca, certificate, key, roster) {
-        *identity = Some(Identity { ca, certificate, key, roster });
+        *identity = Some(Identity {
+            ca,
+            certificate,
+            key,
+            roster,
+        });
     }
     is_any
 }
@@ -179,8 +256,13 @@ impl Form for IdentityFile<'_> {
 
     fn read(&mut self, section: &Section<'_>, key: &'static str) {
         let is_any = IDENTITY_KEYS.iter().any(|key| section.has(key));
-        let needed = "ca, certificate, key and roster are needed together; tomoswarm enroll writes them";
-        FileName { name: self.0, needed: is_any.then_some(needed) }.read(section, key);
+        let needed =
+            "ca, certificate, key and roster are needed together; tomoswarm enroll writes them";
+        FileName {
+            name: self.0,
+            needed: is_any.then_some(needed),
+        }
+        .read(section, key);
     }
 }
 
@@ -192,7 +274,11 @@ struct Endpoints<'a> {
 
 impl Form for Endpoints<'_> {
     fn written(&self) -> Option<String> {
-        Some(written_list(self.list.iter().map(|endpoint| quoted(&endpoint.to_string()))))
+        Some(written_list(
+            self.list
+                .iter()
+                .map(|endpoint| quoted(&endpoint.to_string())),
+        ))
     }
 
     fn read(&mut self, section: &Section<'_>, key: &'static str) {
@@ -207,8 +293,15 @@ fn read_endpoints(section: &Section, key: &'static str) -> Option<Vec<Endpoint>>
     if !section.has(key) {
         return None;
     }
-    let Some(list) = section.list(key).filter(|list| list.len() <= MOST_ENDPOINTS) else {
-        section.refuse(key, &format!("is no list of at most {MOST_ENDPOINTS} endpoints"), RULE);
+    let Some(list) = section
+        .list(key)
+        .filter(|list| list.len() <= MOST_ENDPOINTS)
+    else {
+        section.refuse(
+            key,
+            &format!("is no list of at most {MOST_ENDPOINTS} endpoints"),
+            RULE,
+        );
         return Some(Vec::new());
     };
     let mut endpoints = Vec::new();
@@ -235,8 +328,16 @@ fn default_listen(role: Role, only_connects: bool, is_protected: bool) -> Vec<En
         Role::Ground => 7447,
         Role::Vehicle | Role::Operator => 0,
     };
-    let protocol = if is_protected { Protocol::Tls } else { Protocol::Tcp };
-    vec![Endpoint { protocol, host: "127.0.0.1".to_owned(), port }]
+    let protocol = if is_protected {
+        Protocol::Tls
+    } else {
+        Protocol::Tcp
+    };
+    vec![Endpoint {
+        protocol,
+        host: "127.0.0.1".to_owned(),
+        port,
+    }]
 }
 
 fn check_topology(source: &Source<'_>, bus: &BusFile, role: Role) {
@@ -248,23 +349,39 @@ fn check_topology(source: &Source<'_>, bus: &BusFile, role: Role) {
         (Topology::Star, Role::Ground) => {
             if !bus.connect.is_empty() {
                 let wrong = "is not for the ground station of a star";
-                source.refuse("bus.connect", wrong, "it only listens; the others connect to it");
+                source.refuse(
+                    "bus.connect",
+                    wrong,
+                    "it only listens; the others connect to it",
+                );
             }
-            refuse_silence(source, bus, "the ground station of a star must listen somewhere");
+            refuse_silence(
+                source,
+                bus,
+                "the ground station of a star must listen somewhere",
+            );
         }
         (Topology::Star, Role::Vehicle | Role::Operator) => {
             if !bus.listen.is_empty() {
                 let wrong = "is for the ground station of a star only";
                 source.refuse("bus.listen", wrong, "leave it out: this node only connects");
             }
-            require_connect(source, bus, "the endpoint of the ground station is needed in a star");
+            require_connect(
+                source,
+                bus,
+                "the endpoint of the ground station is needed in a star",
+            );
         }
         (Topology::Mesh, Role::Vehicle | Role::Ground) => {
             refuse_silence(source, bus, "every node of a mesh must listen somewhere");
         }
         (Topology::Mesh, Role::Operator) => {
             refuse_silence(source, bus, "every node of a mesh must listen somewhere");
-            require_connect(source, bus, "the endpoint of one node of the mesh is needed");
+            require_connect(
+                source,
+                bus,
+                "the endpoint of one node of the mesh is needed",
+            );
         }
     }
 }
@@ -287,7 +404,11 @@ fn check_ports(source: &Source<'_>, bus: &BusFile) {
     for endpoint in &bus.connect {
         if endpoint.port == 0 {
             let wrong = format!("{endpoint} has port 0");
-            source.refuse("bus.connect", &wrong, "a free port (0) is for listening only");
+            source.refuse(
+                "bus.connect",
+                &wrong,
+                "a free port (0) is for listening only",
+            );
         } else if bus.listen.contains(endpoint) {
             let wrong = format!("{endpoint} is where this node itself listens");
             source.refuse("bus.connect", &wrong, "another node's endpoint is allowed");
@@ -298,7 +419,11 @@ fn check_ports(source: &Source<'_>, bus: &BusFile) {
 fn check_protection(source: &Source<'_>, bus: &BusFile, is_protected: bool) {
     if is_protected && bus.unprotected_network {
         let wrong = "does not go with certificates: all that this node says is protected";
-        source.refuse("bus.unprotected_network", wrong, "leave it out, or leave out the certificates");
+        source.refuse(
+            "bus.unprotected_network",
+            wrong,
+            "leave it out, or leave out the certificates",
+        );
     }
     for (key, endpoints) in [("bus.listen", &bus.listen), ("bus.connect", &bus.connect)] {
         for endpoint in endpoints {
@@ -307,7 +432,13 @@ fn check_protection(source: &Source<'_>, bus: &BusFile, is_protected: bool) {
     }
 }
 
-fn check_endpoint(source: &Source<'_>, bus: &BusFile, is_protected: bool, key: &str, endpoint: &Endpoint) {
+fn check_endpoint(
+    source: &Source<'_>,
+    bus: &BusFile,
+    is_protected: bool,
+    key: &str,
+    endpoint: &Endpoint,
+) {
     match endpoint.protocol {
         Protocol::Tcp if is_protected => {
             let wrong = format!("{endpoint} is unprotected although certificates are given");
@@ -322,8 +453,9 @@ fn check_endpoint(source: &Source<'_>, bus: &BusFile, is_protected: bool, key: &
             );
         }
         Protocol::Tcp if !bus.unprotected_network && !endpoint.is_loopback() => {
-            let wrong =
-                format!("{endpoint} leaves this machine, and anyone there could read and give orders");
+            let wrong = format!(
+                "{endpoint} leaves this machine, and anyone there could read and give orders"
+            );
             source.refuse(
                 key,
                 &wrong,

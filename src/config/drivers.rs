@@ -59,7 +59,12 @@ impl Drivers {
 
     /// Returns whether a device is simulated: then a world is needed.
     pub fn has_simulated(&self) -> bool {
-        let Drivers { autopilot, servo, range, radio } = self;
+        let Drivers {
+            autopilot,
+            servo,
+            range,
+            radio,
+        } = self;
         *autopilot == AutopilotDriver::Simulated
             || *servo == ServoDriver::Simulated
             || *range == RangeDriver::Simulated
@@ -69,7 +74,9 @@ impl Drivers {
     /// Returns what a vehicle with these drivers has, ascending.
     pub fn capabilities(&self) -> Vec<Capability> {
         let autopilot = match self.autopilot {
-            AutopilotDriver::Simulated => Capability::Autopilot(AutopilotFamily::Simulated, BodyKind::Rover),
+            AutopilotDriver::Simulated => {
+                Capability::Autopilot(AutopilotFamily::Simulated, BodyKind::Rover)
+            }
         };
         let servo = match self.servo {
             ServoDriver::Simulated => Some(Capability::Servo(ServoKind::Simulated)),
@@ -79,17 +86,28 @@ impl Drivers {
             RadioDriver::Simulated => Capability::Radio(RadioKind::Simulated),
         };
         let range = self.range.kind().map(Capability::RangeSensor);
-        let mut all: Vec<Capability> =
-            [Some(autopilot), range, servo, Some(radio)].into_iter().flatten().collect();
+        let mut all: Vec<Capability> = [Some(autopilot), range, servo, Some(radio)]
+            .into_iter()
+            .flatten()
+            .collect();
         all.sort_unstable();
         all
     }
 
     /// Returns the drivers in words, for people.
     pub fn in_words(&self) -> String {
-        let Drivers { autopilot, servo, range, radio } = self;
-        let port = range.port().map(|port| format!(" on {port}")).unwrap_or_default();
-        let (autopilot, servo, range, radio) = (autopilot.name(), servo.name(), range.name(), radio.name());
+        let Drivers {
+            autopilot,
+            servo,
+            range,
+            radio,
+        } = self;
+        let port = range
+            .port()
+            .map(|port| format!(" on {port}"))
+            .unwrap_or_default();
+        let (autopilot, servo, range, radio) =
+            (autopilot.name(), servo.name(), range.name(), radio.name());
         format!("autopilot {autopilot}, range {range}{port}, servo {servo}, radio {radio}")
     }
 
@@ -98,7 +116,11 @@ impl Drivers {
         let is_simulated = self.servo == ServoDriver::Simulated && source.is_sound(&["servo"]);
         if self.range.is_real() && is_simulated {
             let wrong = "turns no real range sensor: its readings would be taken for beams that it does not look along";
-            source.refuse("servo.driver", wrong, "driver = \"none\" is allowed, for a sensor that is fixed");
+            source.refuse(
+                "servo.driver",
+                wrong,
+                "driver = \"none\" is allowed, for a sensor that is fixed",
+            );
         }
         self.range.check(source, look);
     }
@@ -128,7 +150,11 @@ pub(super) trait DriverChoice: Sized {
 
 /// Returns a driver that needs nothing of the machine, and so is always built in.
 pub(super) fn always<D>(name: &'static str, driver: D) -> Known<D> {
-    Known { name, is_built: true, driver }
+    Known {
+        name,
+        is_built: true,
+        driver,
+    }
 }
 
 impl DriverChoice for AutopilotDriver {
@@ -149,7 +175,10 @@ impl DriverChoice for ServoDriver {
     const PLANNED: &'static [&'static str] = &["gpio", "mavlink"];
 
     fn all() -> Vec<Known<ServoDriver>> {
-        vec![always("sim", ServoDriver::Simulated), always("none", ServoDriver::None)]
+        vec![
+            always("sim", ServoDriver::Simulated),
+            always("none", ServoDriver::None),
+        ]
     }
 
     fn name(&self) -> &'static str {
@@ -179,7 +208,14 @@ pub(super) struct DriverKey<'a, D>(pub(super) &'a mut D);
 
 impl<D: DriverChoice> DriverKey<'_, D> {
     pub(super) fn show(&mut self, to: &mut dyn Keys) {
-        to.form(self, Entry { name: "driver", left_out: "needed", means: "what speaks with it" });
+        to.form(
+            self,
+            Entry {
+                name: "driver",
+                left_out: "needed",
+                means: "what speaks with it",
+            },
+        );
     }
 }
 
@@ -190,11 +226,16 @@ impl<D: DriverChoice> Form for DriverKey<'_, D> {
 
     fn read(&mut self, section: &Section<'_>, key: &'static str) {
         let all = D::all();
-        let built: Vec<String> =
-            all.iter().filter(|known| known.is_built).map(|known| quoted(known.name)).collect();
+        let built: Vec<String> = all
+            .iter()
+            .filter(|known| known.is_built)
+            .map(|known| quoted(known.name))
+            .collect();
         let allowed = format!("driver = {} is allowed", built.join(" or "));
         section.require(key, &allowed);
-        let Some(name) = section.text(key) else { return };
+        let Some(name) = section.text(key) else {
+            return;
+        };
         let known = all.into_iter().find(|known| known.name == name);
         let is_planned = known.is_some() || D::PLANNED.contains(&name.as_str());
         match known.filter(|known| known.is_built) {

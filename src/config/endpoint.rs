@@ -50,21 +50,34 @@ impl Endpoint {
         };
         let (host, port) = place.rsplit_once(':').ok_or(EndpointError::Port)?;
         let is_number = !port.is_empty() && port.bytes().all(|byte| byte.is_ascii_digit());
-        let port = port.parse().ok().filter(|_| is_number).ok_or(EndpointError::Port)?;
-        let in_brackets = host.strip_prefix('[').and_then(|host| host.strip_suffix(']'));
+        let port = port
+            .parse()
+            .ok()
+            .filter(|_| is_number)
+            .ok_or(EndpointError::Port)?;
+        let in_brackets = host
+            .strip_prefix('[')
+            .and_then(|host| host.strip_suffix(']'));
         let host = match in_brackets {
             Some(inner) if inner.parse::<Ipv6Addr>().is_ok() => inner,
             Some(_) => return Err(EndpointError::Host),
             None if is_host(host) => host,
             None => return Err(EndpointError::Host),
         };
-        Ok(Endpoint { protocol, host: host.to_owned(), port })
+        Ok(Endpoint {
+            protocol,
+            host: host.to_owned(),
+            port,
+        })
     }
 
     /// Returns whether nothing of it leaves this machine.
     pub fn is_loopback(&self) -> bool {
         let address = self.host.parse::<IpAddr>();
-        address.map_or_else(|_| self.host.eq_ignore_ascii_case("localhost"), |address| address.is_loopback())
+        address.map_or_else(
+            |_| self.host.eq_ignore_ascii_case("localhost"),
+            |address| address.is_loopback(),
+        )
     }
 }
 
@@ -76,7 +89,9 @@ pub fn is_host(text: &str) -> bool {
         let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || byte == b'-';
         (1..=63).contains(&label.len()) && label.bytes().all(is_plain) && !label.starts_with('-')
     };
-    let is_like_an_address = text.bytes().all(|byte| byte.is_ascii_digit() || byte == b'.');
+    let is_like_an_address = text
+        .bytes()
+        .all(|byte| byte.is_ascii_digit() || byte == b'.');
     if is_like_an_address {
         return text.parse::<core::net::Ipv4Addr>().is_ok();
     }
@@ -103,8 +118,11 @@ mod tests {
 
     fn check(text: &str, expected: Result<(Protocol, &str, u16, bool), EndpointError>) {
         let got = Endpoint::parse(text);
-        let plain = got.clone().map(|e| (e.protocol, e.host.clone(), e.port, e.is_loopback()));
-        let expected = expected.map(|(protocol, host, port, here)| (protocol, host.to_owned(), port, here));
+        let plain = got
+            .clone()
+            .map(|e| (e.protocol, e.host.clone(), e.port, e.is_loopback()));
+        let expected =
+            expected.map(|(protocol, host, port, here)| (protocol, host.to_owned(), port, here));
         assert_eq!(plain, expected, "{text}");
         if let Ok(endpoint) = got {
             assert_eq!(endpoint.to_string(), text);
@@ -113,24 +131,45 @@ mod tests {
 
     #[test]
     fn an_endpoint_is_a_protocol_a_host_and_a_port() {
-        check("tcp/127.0.0.1:7447", Ok((Protocol::Tcp, "127.0.0.1", 7447, true)));
+        check(
+            "tcp/127.0.0.1:7447",
+            Ok((Protocol::Tcp, "127.0.0.1", 7447, true)),
+        );
         check("tls/127.9.9.9:0", Ok((Protocol::Tls, "127.9.9.9", 0, true)));
         check("tls/[::1]:65535", Ok((Protocol::Tls, "::1", 65535, true)));
         check("tcp/localhost:1", Ok((Protocol::Tcp, "localhost", 1, true)));
         check("tcp/[fe80::1]:1", Ok((Protocol::Tcp, "fe80::1", 1, false)));
         check("tcp/0.0.0.0:1", Ok((Protocol::Tcp, "0.0.0.0", 1, false)));
-        check("tls/ground-1.local:7447", Ok((Protocol::Tls, "ground-1.local", 7447, false)));
-        check("tcp/localhost.evil.org:1", Ok((Protocol::Tcp, "localhost.evil.org", 1, false)));
+        check(
+            "tls/ground-1.local:7447",
+            Ok((Protocol::Tls, "ground-1.local", 7447, false)),
+        );
+        check(
+            "tcp/localhost.evil.org:1",
+            Ok((Protocol::Tcp, "localhost.evil.org", 1, false)),
+        );
     }
 
     #[test]
     fn what_is_no_endpoint_is_refused_with_its_reason() {
-        for text in ["", "127.0.0.1:1", "udp/127.0.0.1:1", "TCP/127.0.0.1:1", "tcp:127.0.0.1:1"] {
+        for text in [
+            "",
+            "127.0.0.1:1",
+            "udp/127.0.0.1:1",
+            "TCP/127.0.0.1:1",
+            "tcp:127.0.0.1:1",
+        ] {
             check(text, Err(EndpointError::Protocol));
         }
-        for text in
-            ["tcp/", "tcp/host", "tcp/host:", "tcp/host:65536", "tcp/host:+1", "tcp/host:-1", "tcp/a:1 "]
-        {
+        for text in [
+            "tcp/",
+            "tcp/host",
+            "tcp/host:",
+            "tcp/host:65536",
+            "tcp/host:+1",
+            "tcp/host:-1",
+            "tcp/a:1 ",
+        ] {
             check(text, Err(EndpointError::Port));
         }
         for text in [
@@ -144,7 +183,14 @@ mod tests {
         ] {
             check(text, Err(EndpointError::Host));
         }
-        for text in ["tcp/a?b:1", "tcp/-a:1", "tcp/a#b:1", "tcp/a/b:1", "tcp/ä:1", "tcp/[]:1"] {
+        for text in [
+            "tcp/a?b:1",
+            "tcp/-a:1",
+            "tcp/a#b:1",
+            "tcp/a/b:1",
+            "tcp/ä:1",
+            "tcp/[]:1",
+        ] {
             check(text, Err(EndpointError::Host));
         }
     }

@@ -124,7 +124,11 @@ impl Keyed for Experiment {
 impl Experiment {
     /// Returns one without a file, whose keys have no values.
     pub(super) fn blank() -> Experiment {
-        Experiment { file: String::new(), keys: ExperimentFile::default(), axes: Vec::new() }
+        Experiment {
+            file: String::new(),
+            keys: ExperimentFile::default(),
+            axes: Vec::new(),
+        }
     }
 
     /// Reads an experiment; the simulations that it names are not read yet.
@@ -133,7 +137,11 @@ impl Experiment {
         read_table(&mut keys, root);
         keys.check(root);
         let axes = Axis::ALL.map(|axis| or_nothing(keys.axis(axis))).to_vec();
-        let experiment = Experiment { file: root.source.file().to_owned(), keys, axes };
+        let experiment = Experiment {
+            file: root.source.file().to_owned(),
+            keys,
+            axes,
+        };
         experiment.check_size(root);
         experiment.check_doubles(root);
         experiment
@@ -145,7 +153,11 @@ impl Experiment {
             names.sort_unstable();
             if let Some(pair) = names.windows(2).find(|pair| pair[0] == pair[1]) {
                 let key = choices.first().map_or("", |choice| choice.change.key());
-                root.refuse(key, &format!("has {} twice", pair[0]), "each may stand there once");
+                root.refuse(
+                    key,
+                    &format!("has {} twice", pair[0]),
+                    "each may stand there once",
+                );
             }
         }
     }
@@ -155,10 +167,15 @@ impl Experiment {
         let runs: u128 = lengths.product();
         if runs > MOST_RUNS as u128 {
             let counts = Axis::ALL.iter().zip(&self.axes);
-            let counts: Vec<String> =
-                counts.map(|(axis, list)| format!("{} {}", list.len(), axis.word())).collect();
+            let counts: Vec<String> = counts
+                .map(|(axis, list)| format!("{} {}", list.len(), axis.word()))
+                .collect();
             let wrong = format!("the grid has {runs} runs ({})", counts.join(" × "));
-            root.refuse("kind", &wrong, &format!("at most {MOST_RUNS} runs are allowed"));
+            root.refuse(
+                "kind",
+                &wrong,
+                &format!("at most {MOST_RUNS} runs are allowed"),
+            );
         }
     }
 
@@ -184,30 +201,40 @@ impl Experiment {
 
     /// Returns whether an axis was given.
     pub fn has(&self, axis: Axis) -> bool {
-        self.choices(axis).iter().any(|choice| choice.change != Change::Nothing)
+        self.choices(axis)
+            .iter()
+            .any(|choice| choice.change != Change::Nothing)
     }
 
     /// Returns the names of an axis's values, in order; a single "-" when it was not given.
     pub fn names(&self, axis: Axis) -> Vec<&str> {
-        self.choices(axis).iter().map(|choice| choice.name.as_str()).collect()
+        self.choices(axis)
+            .iter()
+            .map(|choice| choice.name.as_str())
+            .collect()
     }
 
     /// Returns the name of a run's value on an axis. Run `number` of cell `cell` is `cell × seeds + number`.
     pub fn name_of(&self, run: usize, axis: Axis) -> &str {
-        self.choice(run, axis).map_or("-", |choice| choice.name.as_str())
+        self.choice(run, axis)
+            .map_or("-", |choice| choice.name.as_str())
     }
 
     /// Returns the seed of a run; `None` leaves it to the file.
     pub fn seed_of(&self, run: usize) -> Option<u64> {
-        let Change::Seed(seed) = self.choice(run, Axis::Seed)?.change else { return None };
+        let Change::Seed(seed) = self.choice(run, Axis::Seed)?.change else {
+            return None;
+        };
         Some(seed)
     }
 
     /// Returns which values a run has on the axes that were given: `mission=search scene=castle …`.
     pub fn key(&self, run: usize, with_seed: bool) -> String {
         let said = |axis: &&Axis| self.has(**axis) && (with_seed || **axis != Axis::Seed);
-        let words =
-            Axis::ALL.iter().filter(said).map(|axis| format!("{}={}", axis.word(), self.name_of(run, *axis)));
+        let words = Axis::ALL
+            .iter()
+            .filter(said)
+            .map(|axis| format!("{}={}", axis.word(), self.name_of(run, *axis)));
         words.collect::<Vec<_>>().join(" ")
     }
 
@@ -217,12 +244,23 @@ impl Experiment {
     /// Everything that is wrong with it, where it stands: in a file, or in the experiment.
     pub fn sim(&self, cell: usize, loader: &mut Loader) -> Result<Sim, Problems> {
         let run = cell * self.seeds();
-        let mut laid =
-            Laid { overlay: Overlay { file: self.file.clone(), ..Overlay::default() }, ..Laid::default() };
+        let mut laid = Laid {
+            overlay: Overlay {
+                file: self.file.clone(),
+                ..Overlay::default()
+            },
+            ..Laid::default()
+        };
         laid.overlay.sim.lay_all(self.keys.with());
-        for axis in
-            [Axis::Scene, Axis::Mission, Axis::Cell, Axis::Sensor, Axis::Vehicles, Axis::Safety, Axis::Size]
-        {
+        for axis in [
+            Axis::Scene,
+            Axis::Mission,
+            Axis::Cell,
+            Axis::Sensor,
+            Axis::Vehicles,
+            Axis::Safety,
+            Axis::Size,
+        ] {
             if let Some(choice) = self.choice(run, axis) {
                 self.lay(choice, run, &mut laid, loader)?;
             }
@@ -241,7 +279,9 @@ impl Experiment {
 
     fn choices(&self, axis: Axis) -> &[Choice] {
         let index = Axis::ALL.iter().position(|other| *other == axis);
-        index.and_then(|index| self.axes.get(index)).map_or(&[], Vec::as_slice)
+        index
+            .and_then(|index| self.axes.get(index))
+            .map_or(&[], Vec::as_slice)
     }
 
     /// Returns a run's value on an axis.
@@ -253,7 +293,13 @@ impl Experiment {
     }
 
     /// Lays a value over the simulation or its venue.
-    fn lay(&self, choice: &Choice, run: usize, laid: &mut Laid, loader: &mut Loader) -> Result<(), Problems> {
+    fn lay(
+        &self,
+        choice: &Choice,
+        run: usize,
+        laid: &mut Laid,
+        loader: &mut Loader,
+    ) -> Result<(), Problems> {
         let Choice { line, change, .. } = choice;
         let Overlay { sim, venue, .. } = &mut laid.overlay;
         match change {
@@ -282,14 +328,22 @@ impl Experiment {
                     let allowed = "it is measured from the vehicle's middle: radius_m + padding_m";
                     return Err(self.problem(Some(choice), &wrong, allowed));
                 }
-                laid.overlay.sim.lay_at("safety.padding_m", &exact(distance_m - radius_m), *line);
+                laid.overlay
+                    .sim
+                    .lay_at("safety.padding_m", &exact(distance_m - radius_m), *line);
             }
             Change::Size(size_m) => {
                 // A venue that cannot be read is reported when the cell is.
-                let Some(place) = laid.venue(loader) else { return Ok(()) };
+                let Some(place) = laid.venue(loader) else {
+                    return Ok(());
+                };
                 let Some(shrunk) = Shrunk::to(&place, *size_m) else {
                     let wrong = format!("is more than the area of venue {}", place.name);
-                    return Err(self.problem(Some(choice), &wrong, "a size can only make the area smaller"));
+                    return Err(self.problem(
+                        Some(choice),
+                        &wrong,
+                        "a size can only make the area smaller",
+                    ));
                 };
                 shrunk.lay_over(&mut laid.overlay.venue, *line);
             }
@@ -298,10 +352,22 @@ impl Experiment {
     }
 
     fn problem(&self, choice: Option<&Choice>, wrong: &str, allowed: &str) -> Problems {
-        let (line, value) = choice.map_or((1, String::new()), |choice| (choice.line, choice.name.clone()));
+        let (line, value) = choice.map_or((1, String::new()), |choice| {
+            (choice.line, choice.name.clone())
+        });
         let key = choice.map_or("", |choice| choice.change.key()).to_owned();
         let (file, wrong, allowed) = (self.file.clone(), wrong.to_owned(), allowed.to_owned());
-        Problems::new(&self.file, vec![Problem { file, line, key, value, wrong, allowed }])
+        Problems::new(
+            &self.file,
+            vec![Problem {
+                file,
+                line,
+                key,
+                value,
+                wrong,
+                allowed,
+            }],
+        )
     }
 }
 
@@ -351,7 +417,9 @@ impl Laid {
 
     fn radius_m(&self, loader: &mut Loader) -> f64 {
         let mut body = Body::default();
-        self.look(loader, |root| read_values(&mut body, &root.section("vehicles")));
+        self.look(loader, |root| {
+            read_values(&mut body, &root.section("vehicles"))
+        });
         body.radius_m
     }
 
@@ -380,7 +448,10 @@ impl Shrunk<'_> {
         let share = size_m / area.width_m().max(area.height_m());
         let (centre, corner) = (area.centre(), area.max);
         let half = (corner - centre) * share;
-        (share <= 1.0).then(|| Shrunk { venue, area: Rect::new(centre + half * -1.0, centre + half) })
+        (share <= 1.0).then(|| Shrunk {
+            venue,
+            area: Rect::new(centre + half * -1.0, centre + half),
+        })
     }
 
     fn moved(&self, point: Point) -> Point {
@@ -399,7 +470,10 @@ impl Shrunk<'_> {
     fn lay_over(&self, venue: &mut Layer, line: usize) {
         let pair = |point: Point| format!("[{}, {}]", exact(point.x_m), exact(point.y_m));
         let list = |points: &[Point]| {
-            let moved: Vec<String> = points.iter().map(|point| pair(self.moved(*point))).collect();
+            let moved: Vec<String> = points
+                .iter()
+                .map(|point| pair(self.moved(*point)))
+                .collect();
             format!("[{}]", moved.join(", "))
         };
         let Rect { min, max } = self.area;
@@ -438,28 +512,57 @@ impl ExperimentFile {
 
     fn scene_axis(&self) -> Vec<Choice> {
         let of_row = |row: &SceneRow| {
-            let missions = row.missions().map(|(name, layer)| (name.clone(), layer.clone())).collect();
+            let missions = row
+                .missions()
+                .map(|(name, layer)| (name.clone(), layer.clone()))
+                .collect();
             let sim = self.sim_of(row).unwrap_or_default();
-            let change = Change::Scene(Box::new(SceneChange { sim, with: row.with(), missions }));
-            Choice { name: row.name.clone(), line: row.line, change }
+            let change = Change::Scene(Box::new(SceneChange {
+                sim,
+                with: row.with(),
+                missions,
+            }));
+            Choice {
+                name: row.name.clone(),
+                line: row.line,
+                change,
+            }
         };
-        let alone = self.sim.iter().filter(|_| self.scenes.is_empty()).map(|sim| {
-            let change = SceneChange { sim: sim.clone(), with: Layer::default(), missions: Vec::new() };
-            Choice { name: stem(sim), line: 1, change: Change::Scene(Box::new(change)) }
-        });
+        let alone = self
+            .sim
+            .iter()
+            .filter(|_| self.scenes.is_empty())
+            .map(|sim| {
+                let change = SceneChange {
+                    sim: sim.clone(),
+                    with: Layer::default(),
+                    missions: Vec::new(),
+                };
+                Choice {
+                    name: stem(sim),
+                    line: 1,
+                    change: Change::Scene(Box::new(change)),
+                }
+            });
         alone.chain(self.scenes.iter().map(of_row)).collect()
     }
 }
 
 fn variants(rows: &[Variant], change: fn(Layer) -> Change) -> Vec<Choice> {
-    let choice =
-        |row: &Variant| Choice { name: row.name.clone(), line: row.line, change: change(row.keys.clone()) };
+    let choice = |row: &Variant| Choice {
+        name: row.name.clone(),
+        line: row.line,
+        change: change(row.keys.clone()),
+    };
     rows.iter().map(choice).collect()
 }
 
 fn numbers<T: Copy + ToString>(values: &[Given<T>], change: fn(T) -> Change) -> Vec<Choice> {
-    let choice =
-        |&Given { value, line }: &Given<T>| Choice { name: value.to_string(), line, change: change(value) };
+    let choice = |&Given { value, line }: &Given<T>| Choice {
+        name: value.to_string(),
+        line,
+        change: change(value),
+    };
     values.iter().map(choice).collect()
 }
 
@@ -467,7 +570,11 @@ fn or_nothing(choices: Vec<Choice>) -> Vec<Choice> {
     if !choices.is_empty() {
         return choices;
     }
-    vec![Choice { name: "-".to_owned(), line: 1, change: Change::Nothing }]
+    vec![Choice {
+        name: "-".to_owned(),
+        line: 1,
+        change: Change::Nothing,
+    }]
 }
 
 const SAFETY: &str = "safety_distances_m";

@@ -115,47 +115,114 @@ impl PlannedFault {
         };
         let until = self.until_s.map_or(Time::NEVER, Time::from_secs_f64);
         let from = Time::from_secs_f64(self.at_s);
-        Fault { from, until, kind, vehicles: self.vehicles.clone(), ground: self.ground }
+        Fault {
+            from,
+            until,
+            kind,
+            vehicles: self.vehicles.clone(),
+            ground: self.ground,
+        }
     }
 
     /// Shows the keys of a fault in a simulation of so many vehicles.
     pub(super) fn keys(&mut self, vehicles: usize, to: &mut dyn Keys) {
-        let PlannedFault { kind, charge, at_s, until_s, vehicles: whom, ground } = self;
+        let PlannedFault {
+            kind,
+            charge,
+            at_s,
+            until_s,
+            vehicles: whom,
+            ground,
+        } = self;
         let means = "`bus`, `radio`: hears and reaches nobody; `sensor`: no readings; `gps`: the deviation of the \
                      place grows; `restart`: the software ends, and starts again at until_s; `dead`: it ends for good; \
                      `battery`: has another charge at once";
-        to.word(kind, Words { name: "kind", default: "", means });
+        to.word(
+            kind,
+            Words {
+                name: "kind",
+                default: "",
+                means,
+            },
+        );
         if *kind == FaultWord::Battery {
             let means = "charge of the battery from then on; for `battery` only";
-            to.number(charge, Number { name: "charge", default: 0.1, allowed: 0.0..=1.0, means });
+            to.number(
+                charge,
+                Number {
+                    name: "charge",
+                    default: 0.1,
+                    allowed: 0.0..=1.0,
+                    means,
+                },
+            );
         }
         // A restart at the last moment is still over.
-        let moment = |name, left_out, means, most| Bounds { name, left_out, allowed: 0.0..=most, means };
+        let moment = |name, left_out, means, most| Bounds {
+            name,
+            left_out,
+            allowed: 0.0..=most,
+            means,
+        };
         to.needed_number(at_s, moment("at_s", "needed", "when it begins", 1e6));
         to.maybe_number(
             until_s,
-            moment("until_s", "for good", "when it is over; a `restart` takes 3 s by itself", 2e6),
+            moment(
+                "until_s",
+                "for good",
+                "when it is over; a `restart` takes 3 s by itself",
+                2e6,
+            ),
         );
         let means = "whether it hits the ground station; for `bus`, `restart` and `dead` only";
-        to.flag(ground, Flag { name: "ground", default: false, means });
-        let means = "list of those that it hits, such as [1, 2]; left out beside `ground = true`: none";
-        let whom = &mut Whom { whom, vehicles, all: !*ground };
-        to.form(whom, Entry { name: "vehicles", left_out: "all", means });
+        to.flag(
+            ground,
+            Flag {
+                name: "ground",
+                default: false,
+                means,
+            },
+        );
+        let means =
+            "list of those that it hits, such as [1, 2]; left out beside `ground = true`: none";
+        let whom = &mut Whom {
+            whom,
+            vehicles,
+            all: !*ground,
+        };
+        to.form(
+            whom,
+            Entry {
+                name: "vehicles",
+                left_out: "all",
+                means,
+            },
+        );
     }
 
     /// Checks its keys together; `key` is its full name. What depends on others is filled in.
     pub(super) fn check(&mut self, source: &Source<'_>, key: &str) {
         let until = format!("{key}.until_s");
-        if source.is_known(&format!("{key}.at_s")) && self.until_s.is_some_and(|until_s| until_s <= self.at_s)
+        if source.is_known(&format!("{key}.at_s"))
+            && self.until_s.is_some_and(|until_s| until_s <= self.at_s)
         {
             source.refuse(&until, "is not after at_s", "a fault must last some time");
         }
         if self.until_s.is_some() && matches!(self.kind, FaultWord::Dead | FaultWord::Battery) {
             source.refuse(&until, "has no effect for this kind", "it must be left out");
         }
-        if self.ground && !matches!(self.kind, FaultWord::Bus | FaultWord::Restart | FaultWord::Dead) {
+        if self.ground
+            && !matches!(
+                self.kind,
+                FaultWord::Bus | FaultWord::Restart | FaultWord::Dead
+            )
+        {
             let rule = "it must be left out, or the kind be bus, restart or dead";
-            source.refuse(&format!("{key}.ground"), "has no effect for this kind", rule);
+            source.refuse(
+                &format!("{key}.ground"),
+                "has no effect for this kind",
+                rule,
+            );
         }
         if self.kind == FaultWord::Restart {
             self.until_s.get_or_insert(self.at_s + RESTART_S);
@@ -190,7 +257,11 @@ fn read_vehicles(section: &Section<'_>, key: &'static str, count: usize) -> Vec<
     if !section.has(key) {
         return (1..=count).filter_map(id).collect();
     }
-    let one = |value: &DeValue| whole_of(value).filter(|number| (1..=count).contains(number)).and_then(id);
+    let one = |value: &DeValue| {
+        whole_of(value)
+            .filter(|number| (1..=count).contains(number))
+            .and_then(id)
+    };
     let list = section.list(key).unwrap_or_default();
     let vehicles: Option<Vec<VehicleId>> = list.iter().map(|entry| one(entry.get_ref())).collect();
     let Some(mut vehicles) = vehicles.filter(|vehicles| !vehicles.is_empty()) else {

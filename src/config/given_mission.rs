@@ -54,7 +54,8 @@ impl GivenMission {
             let (key, value) = pair(given)?;
             text += &format!("{table}.{key} = {value}\n");
         }
-        read_text(&text, (venue, vehicles), loader).map_err(|problems| of_options(kind, set, problems))
+        read_text(&text, (venue, vehicles), loader)
+            .map_err(|problems| of_options(kind, set, problems))
     }
 }
 
@@ -68,9 +69,19 @@ struct Tables {
 impl Keyed for Tables {
     fn keys(&mut self, to: &mut dyn Keys) {
         let Tables { mission, sweep } = self;
-        let table = |name| Entry { name, left_out: "", means: "" };
+        let table = |name| Entry {
+            name,
+            left_out: "",
+            means: "",
+        };
         to.table(mission, table("mission"));
-        to.table(&mut SweepTable { sweep, mission: mission.planner() }, table("sweep"));
+        to.table(
+            &mut SweepTable {
+                sweep,
+                mission: mission.planner(),
+            },
+            table("sweep"),
+        );
     }
 }
 
@@ -89,7 +100,12 @@ fn read_text(
     check_task(&root, task.as_ref(), venue);
     if mission.is_planned_by_ground() {
         // Of all vehicles there are two at least.
-        check_sweep(&source, &sweep, vehicles.unwrap_or(*SWARM.start()), mission.planner());
+        check_sweep(
+            &source,
+            &sweep,
+            vehicles.unwrap_or(*SWARM.start()),
+            mission.planner(),
+        );
     }
     source.finish(Some(GivenMission { task, sweep }))
 }
@@ -99,7 +115,14 @@ fn pair(given: &str) -> Result<(&str, String), Problems> {
     let refused = |wrong: &str| {
         let allowed = "KEY=VALUE is expected, such as size_m=4".to_owned();
         let (file, wrong) = (KEY_OPTION.to_owned(), format!("{given:?} {wrong}"));
-        let problem = Problem { file, line: 0, key: String::new(), value: String::new(), wrong, allowed };
+        let problem = Problem {
+            file,
+            line: 0,
+            key: String::new(),
+            value: String::new(),
+            wrong,
+            allowed,
+        };
         Problems::new(KEY_OPTION, vec![problem])
     };
     let (key, value) = given.split_once('=').ok_or_else(|| refused("has no ="))?;
@@ -111,27 +134,61 @@ fn pair(given: &str) -> Result<(&str, String), Problems> {
         return Err(refused("is what --mission says"));
     }
     // One option is one line, so that its mistakes can be told from those of others.
-    let is_toml =
-        !value.contains(['\n', '\r']) && toml::from_str::<toml::Table>(&format!("v = {value}")).is_ok();
-    Ok((key, if is_toml { value.to_owned() } else { quoted(value) }))
+    let is_toml = !value.contains(['\n', '\r'])
+        && toml::from_str::<toml::Table>(&format!("v = {value}")).is_ok();
+    Ok((
+        key,
+        if is_toml {
+            value.to_owned()
+        } else {
+            quoted(value)
+        },
+    ))
 }
 
 /// Says of each mistake in which option it stands.
 fn of_options(kind: &str, set: &[String], problems: Problems) -> Problems {
-    let keys: Vec<&str> =
-        set.iter().filter_map(|given| given.split_once('=')).map(|(key, _)| key.trim()).collect();
+    let keys: Vec<&str> = set
+        .iter()
+        .filter_map(|given| given.split_once('='))
+        .map(|(key, _)| key.trim())
+        .collect();
     let of_option = |problem: Problem| {
         if problem.file != KIND_OPTION {
             return problem;
         }
-        let key = problem.key.split_once('.').map_or(problem.key.as_str(), |(_, key)| key).to_owned();
-        let by_line = problem.line.checked_sub(2).and_then(|line| keys.get(line)).copied();
+        let key = problem
+            .key
+            .split_once('.')
+            .map_or(problem.key.as_str(), |(_, key)| key)
+            .to_owned();
+        let by_line = problem
+            .line
+            .checked_sub(2)
+            .and_then(|line| keys.get(line))
+            .copied();
         let is_set = keys.contains(&key.as_str()) || by_line.is_some();
-        let file = if is_set { KEY_OPTION.to_owned() } else { format!("{KIND_OPTION} {kind}") };
-        let key = if key.is_empty() { by_line.unwrap_or_default().to_owned() } else { key };
-        Problem { file, line: 0, key, ..problem }
+        let file = if is_set {
+            KEY_OPTION.to_owned()
+        } else {
+            format!("{KIND_OPTION} {kind}")
+        };
+        let key = if key.is_empty() {
+            by_line.unwrap_or_default().to_owned()
+        } else {
+            key
+        };
+        Problem {
+            file,
+            line: 0,
+            key,
+            ..problem
+        }
     };
-    Problems::new(KIND_OPTION, problems.into_list().into_iter().map(of_option).collect())
+    Problems::new(
+        KIND_OPTION,
+        problems.into_list().into_iter().map(of_option).collect(),
+    )
 }
 
 #[cfg(test)]
@@ -142,15 +199,18 @@ mod tests {
 
     fn read(kind: &str, set: &[&str]) -> Result<GivenMission, String> {
         let text = bundled::load(bundled::COURTYARD).unwrap();
-        let venue = crate::config::read_sim(bundled::COURTYARD, &text, None, &mut |path| bundled::load(path))
-            .unwrap()
-            .venue;
+        let venue = crate::config::read_sim(bundled::COURTYARD, &text, None, &mut |path| {
+            bundled::load(path)
+        })
+        .unwrap()
+        .venue;
         let set: Vec<String> = set.iter().map(|given| (*given).to_owned()).collect();
         let mut loader = |path: &str| match path {
             "places.waypoints" => Ok("QGC WPL 110\n".to_owned()),
             _ => Err("no such file".to_owned()),
         };
-        GivenMission::read(kind, &set, (&venue, None), &mut loader).map_err(|problems| problems.to_string())
+        GivenMission::read(kind, &set, (&venue, None), &mut loader)
+            .map_err(|problems| problems.to_string())
     }
 
     #[test]
@@ -160,24 +220,43 @@ mod tests {
             let is_sweep = ["sweep", "calibrate", "fan", "fan-straight"].contains(&kind);
             assert_eq!(given.task.is_none(), is_sweep, "{kind}");
         }
-        assert_eq!(read("forward", &[]).unwrap().task, Some(TaskKind::Forward { distance_mm: 5000 }));
-        assert_eq!(read("calibrate", &["positions=8"]).unwrap().sweep.planner, Planner::Calibrate);
+        assert_eq!(
+            read("forward", &[]).unwrap().task,
+            Some(TaskKind::Forward { distance_mm: 5000 })
+        );
+        assert_eq!(
+            read("calibrate", &["positions=8"]).unwrap().sweep.planner,
+            Planner::Calibrate
+        );
     }
 
     #[test]
     fn keys_are_those_of_a_file_and_words_need_no_quotes() {
         let forward = read("forward", &["distance_m = 2.5"]).unwrap();
         assert_eq!(forward.task, Some(TaskKind::Forward { distance_mm: 2500 }));
-        let places: Vec<Position> = [1.0, 2.0].map(|x_m| Position::from_metres(x_m, 1.0, 0.0)).to_vec();
+        let places: Vec<Position> = [1.0, 2.0]
+            .map(|x_m| Position::from_metres(x_m, 1.0, 0.0))
+            .to_vec();
         let given = read("pathfind", &["waypoints_m=[[1, 1], [2, 1]]"]).unwrap();
-        assert_eq!(given.task, Some(TaskKind::Pathfind { places: places.clone() }));
+        assert_eq!(
+            given.task,
+            Some(TaskKind::Pathfind {
+                places: places.clone()
+            })
+        );
         let given = read("waypoints", &["waypoints_m=[[1, 1], [2, 1]]"]).unwrap();
         assert_eq!(given.task, Some(TaskKind::Legs { places }));
         assert_eq!(read("browse", &[]).unwrap().task, Some(TaskKind::Browse));
         let corners = [(8.0, 12.0), (12.0, 12.0), (12.0, 8.0), (8.0, 8.0)];
-        let places = corners.map(|(x_m, y_m)| Position::from_metres(x_m, y_m, 0.0)).to_vec();
+        let places = corners
+            .map(|(x_m, y_m)| Position::from_metres(x_m, y_m, 0.0))
+            .to_vec();
         let given = read("pathfind", &["size_m=4"]).unwrap();
-        assert_eq!(given.task, Some(TaskKind::Pathfind { places }), "without places those of the square");
+        assert_eq!(
+            given.task,
+            Some(TaskKind::Pathfind { places }),
+            "without places those of the square"
+        );
         let given = read("sweep", &["planner=fan", "laps=3", "dwell_s=2"]).unwrap();
         assert_eq!(
             (given.sweep.planner, given.sweep.laps, given.sweep.dwell_s),
@@ -200,12 +279,28 @@ mod tests {
                 "--set: distance_m = \"far\": is no number; a number from 0.1 to 1000 is allowed",
             ),
             ("explore", &["size_m=4"], "--set: size_m: is not known; "),
-            ("square", &["sise_m=4"], "--set: sise_m: is not known; did you mean size_m?"),
+            (
+                "square",
+                &["sise_m=4"],
+                "--set: sise_m: is not known; did you mean size_m?",
+            ),
             ("square", &["size_m=400"], "--set: size_m = 400: leads to "),
-            ("square", &["size_m"], "--set: \"size_m\" has no =; KEY=VALUE is expected, such as size_m=4"),
+            (
+                "square",
+                &["size_m"],
+                "--set: \"size_m\" has no =; KEY=VALUE is expected, such as size_m=4",
+            ),
             ("square", &["=4"], "--set: \"=4\" names no key; "),
-            ("square", &["kind=browse"], "--set: \"kind=browse\" is what --mission says; "),
-            ("waypoints", &[], "--mission waypoints: waypoints_m: is missing; "),
+            (
+                "square",
+                &["kind=browse"],
+                "--set: \"kind=browse\" is what --mission says; ",
+            ),
+            (
+                "waypoints",
+                &[],
+                "--mission waypoints: waypoints_m: is missing; ",
+            ),
             (
                 "waypoints",
                 &["file=none.waypoints"],
@@ -221,14 +316,21 @@ mod tests {
                 &["planner=fan"],
                 "--set: planner = \"fan\": is another one than mission.kind says; ",
             ),
-            ("sweep", &["positions=3"], "--set: positions = 3: is out of range; "),
+            (
+                "sweep",
+                &["positions=3"],
+                "--set: positions = 3: is out of range; ",
+            ),
         ] {
             let said = read(kind, set).unwrap_err();
             failed.extend((!said.starts_with(expected)).then(|| format!("{said}\n{expected}")));
         }
         assert_eq!(failed, Vec::<String>::new());
         let twice = read("square", &["size_m=4", "size_m=5"]).unwrap_err();
-        assert!(twice.starts_with("--set: size_m: no valid TOML: ") && !twice.contains('\n'), "{twice}");
+        assert!(
+            twice.starts_with("--set: size_m: no valid TOML: ") && !twice.contains('\n'),
+            "{twice}"
+        );
         let line = read("pathfind", &["file=a\nb"]).unwrap_err();
         assert!(line.starts_with("--set: file = "), "{line}");
     }
@@ -236,7 +338,14 @@ mod tests {
     #[test]
     fn more_places_than_a_task_carries_are_refused() {
         let places: Vec<String> = (0..1001).map(|_| "[1, 1]".to_owned()).collect();
-        let said = read("waypoints", &[&format!("waypoints_m=[{}]", places.join(","))]).unwrap_err();
-        assert!(said.starts_with("--set: waypoints_m = ") && said.contains("1 to 1000"), "{said}");
+        let said = read(
+            "waypoints",
+            &[&format!("waypoints_m=[{}]", places.join(","))],
+        )
+        .unwrap_err();
+        assert!(
+            said.starts_with("--set: waypoints_m = ") && said.contains("1 to 1000"),
+            "{said}"
+        );
     }
 }

@@ -101,14 +101,35 @@ impl Keyed for GroundFile {
             record,
             operators_note,
         } = self;
-        let table = |name, means| Entry { name, left_out: "", means };
+        let table = |name, means| Entry {
+            name,
+            left_out: "",
+            means,
+        };
         let left_out = "needed";
         let means = "file of the place, the same on every node";
-        to.form(&mut Loaded(venue_file), Entry { name: "venue", left_out, means });
+        to.form(
+            &mut Loaded(venue_file),
+            Entry {
+                name: "venue",
+                left_out,
+                means,
+            },
+        );
         let means = "the vehicles of the swarm, such as [1, 2, 3]; sweeps are planned for 2 to 8";
-        to.form(&mut Vehicles(vehicles), Entry { name: "vehicles", left_out, means });
+        to.form(
+            &mut Vehicles(vehicles),
+            Entry {
+                name: "vehicles",
+                left_out,
+                means,
+            },
+        );
         state_dir_key(state_dir, to);
-        let mut driven = SweepTable { sweep, mission: None };
+        let mut driven = SweepTable {
+            sweep,
+            mission: None,
+        };
         to.table(&mut driven, table("sweep", "how a sweep is driven"));
         to.table(imaging, table("imaging", "how images are made"));
         to.table(&mut MovedSafety, table("safety", ""));
@@ -126,13 +147,30 @@ impl Keyed for GroundFile {
         );
         *compare_with = run.and_then(|run| u32::try_from(run).ok()).map(RunId);
         let means = "displace an operator or ground station that lives";
-        to.flag(take_over, Flag { name: "take_over", default: false, means });
-        let mut joined = BusFileTable { bus, role: Role::Ground };
+        to.flag(
+            take_over,
+            Flag {
+                name: "take_over",
+                default: false,
+                means,
+            },
+        );
+        let mut joined = BusFileTable {
+            bus,
+            role: Role::Ground,
+        };
         to.table(&mut joined, table("bus", "how it joins the bus"));
         to.table(record, table("record", "its flight recording"));
         let mut note = Some(std::mem::take(operators_note)).filter(|note| !note.is_empty());
         let means = "text that is kept with the data";
-        to.form(&mut Text(&mut note), Entry { name: "operators_note", left_out: "", means });
+        to.form(
+            &mut Text(&mut note),
+            Entry {
+                name: "operators_note",
+                left_out: "",
+                means,
+            },
+        );
         *operators_note = note.unwrap_or_default();
         Swarm::moved_silence(to);
     }
@@ -174,7 +212,11 @@ pub struct OperatorFile {
 impl OperatorFile {
     /// Returns a file of nothing, to be filled.
     pub(super) fn blank() -> OperatorFile {
-        OperatorFile { venue_file: String::new(), venue: Venue::blank(), bus: BusFile::default() }
+        OperatorFile {
+            venue_file: String::new(),
+            venue: Venue::blank(),
+            bus: BusFile::default(),
+        }
     }
 
     pub(super) fn read(root: &Section<'_>, loader: &mut Loader) -> Option<OperatorFile> {
@@ -189,11 +231,32 @@ impl OperatorFile {
 
 impl Keyed for OperatorFile {
     fn keys(&mut self, to: &mut dyn Keys) {
-        let OperatorFile { venue_file, venue: _, bus } = self;
+        let OperatorFile {
+            venue_file,
+            venue: _,
+            bus,
+        } = self;
         let means = "file of the place, the same on every node";
-        to.form(&mut Loaded(venue_file), Entry { name: "venue", left_out: "needed", means });
-        let mut joined = BusFileTable { bus, role: Role::Operator };
-        to.table(&mut joined, Entry { name: "bus", left_out: "", means: "how the commands join the bus" });
+        to.form(
+            &mut Loaded(venue_file),
+            Entry {
+                name: "venue",
+                left_out: "needed",
+                means,
+            },
+        );
+        let mut joined = BusFileTable {
+            bus,
+            role: Role::Operator,
+        };
+        to.table(
+            &mut joined,
+            Entry {
+                name: "bus",
+                left_out: "",
+                means: "how the commands join the bus",
+            },
+        );
     }
 }
 
@@ -206,8 +269,10 @@ fn read_vehicles(root: &Section<'_>, key: &'static str) -> Vec<VehicleId> {
     let list = root.list(key).unwrap_or_default();
     let id = |number: usize| u8::try_from(number).ok().map(VehicleId);
     let numbers = list.iter().filter_map(|entry| whole_of(entry.get_ref()));
-    let mut vehicles: Vec<VehicleId> =
-        numbers.filter(|number| VEHICLE_IDS.contains(number)).filter_map(id).collect();
+    let mut vehicles: Vec<VehicleId> = numbers
+        .filter(|number| VEHICLE_IDS.contains(number))
+        .filter_map(id)
+        .collect();
     vehicles.sort();
     vehicles.dedup();
     // The list of a swarm whose vehicles are not enrolled yet is empty; a value that is no list is not.
@@ -223,7 +288,11 @@ fn check_homes(root: &Section, venue: &Venue, vehicles: &[VehicleId]) {
     let homes = venue.homes.len();
     if let Some(homeless) = vehicles.iter().find(|id| usize::from(id.0) > homes) {
         let wrong = format!("has vehicle {homeless}, but the venue has {homes} homes");
-        root.refuse("vehicles", &wrong, "vehicle N starts at the N-th of homes_m");
+        root.refuse(
+            "vehicles",
+            &wrong,
+            "vehicle N starts at the N-th of homes_m",
+        );
     }
 }
 
@@ -231,8 +300,13 @@ fn check_homes(root: &Section, venue: &Venue, vehicles: &[VehicleId]) {
 fn check_lost_after(root: &Section<'_>, venue: &Venue, bus: &BusFile) {
     let lost_after_s = venue.swarm.lost_after_s;
     if root.source.is_sound(&["bus.lease_s"]) && lost_after_s <= bus.lease_s {
-        let wrong =
-            format!("is a silence that any link may have, but a vehicle is lost after {lost_after_s} s");
-        root.source.refuse("bus.lease_s", &wrong, "less than lost_after_s of the venue is allowed");
+        let wrong = format!(
+            "is a silence that any link may have, but a vehicle is lost after {lost_after_s} s"
+        );
+        root.source.refuse(
+            "bus.lease_s",
+            &wrong,
+            "less than lost_after_s of the venue is allowed",
+        );
     }
 }

@@ -158,7 +158,10 @@ pub(super) trait Choice: Copy + PartialEq + 'static {
 
     /// Returns the word of a value.
     fn word(self) -> &'static str {
-        Self::WORDS.iter().find(|(_, value)| *value == self).map_or("", |(word, _)| word)
+        Self::WORDS
+            .iter()
+            .find(|(_, value)| *value == self)
+            .map_or("", |(word, _)| word)
     }
 }
 

@@ -68,12 +68,34 @@ pub(super) struct SweepTable<'a> {
 
 impl Keyed for SweepTable<'_> {
     fn keys(&mut self, to: &mut dyn Keys) {
-        let Sweep { planner, positions, laps, dwell_s, dwell_limit_s } = &mut *self.sweep;
+        let Sweep {
+            planner,
+            positions,
+            laps,
+            dwell_s,
+            dwell_limit_s,
+        } = &mut *self.sweep;
         let default = self.mission.unwrap_or(Planner::RotatingGap).word();
-        let means = "how the next stops are chosen; the last three are for two vehicles, see `[mission]`";
-        to.word(planner, Words { name: "planner", default, means });
+        let means =
+            "how the next stops are chosen; the last three are for two vehicles, see `[mission]`";
+        to.word(
+            planner,
+            Words {
+                name: "planner",
+                default,
+                means,
+            },
+        );
         let means = "positions on the border of the area";
-        to.whole(positions, Whole { name: "positions", default: 76, allowed: 8..=2000, means });
+        to.whole(
+            positions,
+            Whole {
+                name: "positions",
+                default: 76,
+                allowed: 8..=2000,
+                means,
+            },
+        );
         to.maybe_whole(
             laps,
             Bounds {
@@ -84,11 +106,24 @@ impl Keyed for SweepTable<'_> {
             },
         );
         let means = "how long a vehicle stays at a stop (fan and patterns)";
-        to.number(dwell_s, Number { name: "dwell_s", default: 1.0, allowed: 0.0..=600.0, means });
+        to.number(
+            dwell_s,
+            Number {
+                name: "dwell_s",
+                default: 1.0,
+                allowed: 0.0..=600.0,
+                means,
+            },
+        );
         let means = "how long it stays at most while it waits for a partner (fan and patterns)";
         to.number(
             dwell_limit_s,
-            Number { name: "dwell_limit_s", default: 30.0, allowed: 0.0..=3600.0, means },
+            Number {
+                name: "dwell_limit_s",
+                default: 30.0,
+                allowed: 0.0..=3600.0,
+                means,
+            },
         );
     }
 }
@@ -116,7 +151,12 @@ impl Planner {
 }
 
 /// Checks a sweep of so many vehicles; a mission may say the planner.
-pub(super) fn check_sweep(source: &Source<'_>, sweep: &Sweep, vehicles: usize, mission: Option<Planner>) {
+pub(super) fn check_sweep(
+    source: &Source<'_>,
+    sweep: &Sweep,
+    vehicles: usize,
+    mission: Option<Planner>,
+) {
     if mission.is_some_and(|mission| mission != sweep.planner) {
         let wrong = "is another one than mission.kind says";
         source.refuse("sweep.planner", wrong, "leave one of them out");
@@ -125,11 +165,20 @@ pub(super) fn check_sweep(source: &Source<'_>, sweep: &Sweep, vehicles: usize, m
         check_pattern(source, sweep, vehicles);
     }
     if sweep.planner == Planner::RotatingGap && vehicles * SMALLEST_GAP > sweep.positions {
-        let wrong = format!("is too few for {vehicles} vehicles at least {SMALLEST_GAP} steps apart");
-        source.refuse("sweep.positions", &wrong, "4 positions a vehicle are needed");
+        let wrong =
+            format!("is too few for {vehicles} vehicles at least {SMALLEST_GAP} steps apart");
+        source.refuse(
+            "sweep.positions",
+            &wrong,
+            "4 positions a vehicle are needed",
+        );
     }
     if sweep.dwell_limit() < sweep.dwell() {
-        source.refuse("sweep.dwell_limit_s", "is shorter than dwell_s", "at least dwell_s is allowed");
+        source.refuse(
+            "sweep.dwell_limit_s",
+            "is shorter than dwell_s",
+            "at least dwell_s is allowed",
+        );
     }
 }
 
@@ -144,7 +193,11 @@ fn check_pattern(source: &Source<'_>, sweep: &Sweep, vehicles: usize) {
     }
     if source.is_known("sweep.laps") {
         let wrong = "means nothing to a pattern";
-        source.refuse("sweep.laps", wrong, "leave it out: a pattern is driven once");
+        source.refuse(
+            "sweep.laps",
+            wrong,
+            "leave it out: a pattern is driven once",
+        );
     }
 }
 
@@ -209,12 +262,16 @@ pub struct Imaging {
 }
 
 impl Choice for Weights {
-    const WORDS: &'static [(&'static str, Weights)] =
-        &[("line", Weights::Line), ("ellipse", Weights::Ellipse), ("inverse-area", Weights::InverseArea)];
+    const WORDS: &'static [(&'static str, Weights)] = &[
+        ("line", Weights::Line),
+        ("ellipse", Weights::Ellipse),
+        ("inverse-area", Weights::InverseArea),
+    ];
 }
 
 impl Choice for Solver {
-    const WORDS: &'static [(&'static str, Solver)] = &[("map", Solver::Map), ("tikhonov", Solver::Tikhonov)];
+    const WORDS: &'static [(&'static str, Solver)] =
+        &[("map", Solver::Map), ("tikhonov", Solver::Tikhonov)];
 }
 
 impl Keyed for Imaging {
@@ -234,31 +291,120 @@ impl Keyed for Imaging {
             peaks,
         } = self;
         let means = "columns and rows of the image, 2 to 400 each";
-        to.form(&mut Pixels { columns, rows }, Entry { name: "pixels", left_out: "[40, 40]", means });
+        to.form(
+            &mut Pixels { columns, rows },
+            Entry {
+                name: "pixels",
+                left_out: "[40, 40]",
+                means,
+            },
+        );
         let means = "how much a pixel counts for a link";
-        to.word(weights, Words { name: "weights", default: Weights::InverseArea.word(), means });
+        to.word(
+            weights,
+            Words {
+                name: "weights",
+                default: Weights::InverseArea.word(),
+                means,
+            },
+        );
         let means = "tuning width of the ellipses";
-        to.number(width_m, Number { name: "width_m", default: 0.3, allowed: 0.01..=10.0, means });
+        to.number(
+            width_m,
+            Number {
+                name: "width_m",
+                default: 0.3,
+                allowed: 0.01..=10.0,
+                means,
+            },
+        );
         let means = "how an image is found from the links";
-        to.word(solver, Words { name: "solver", default: Solver::Map.word(), means });
+        to.word(
+            solver,
+            Words {
+                name: "solver",
+                default: Solver::Map.word(),
+                means,
+            },
+        );
         let means = "size of the bins into which moving ends are sorted";
-        to.number(bin_m, Number { name: "bin_m", default: 0.5, allowed: 0.05..=10.0, means });
+        to.number(
+            bin_m,
+            Number {
+                name: "bin_m",
+                default: 0.5,
+                allowed: 0.05..=10.0,
+                means,
+            },
+        );
         let left_out = "";
         let means = "what is believed of changes; no effect with `solver` tikhonov";
-        let mut table = PriorTable { prior, sigma_db_per_m: 0.45, correlation_length_m: 0.5 };
-        to.table(&mut table, Entry { name: "prior", left_out, means });
-        let means = "what is believed of what stands; no effect with `solver` tikhonov";
-        let mut table =
-            PriorTable { prior: structure_prior, sigma_db_per_m: 0.55, correlation_length_m: 1.0 };
-        to.table(&mut table, Entry { name: "structure_prior", left_out, means });
-        let mut number = |value, name, default, means| {
-            to.number(value, Number { name, default, allowed: 0.0..=100.0, means });
+        let mut table = PriorTable {
+            prior,
+            sigma_db_per_m: 0.45,
+            correlation_length_m: 0.5,
         };
-        number(min_link_m, "min_link_m", 3.0, "links under this length are dropped");
-        number(rim_m, "rim_m", 1.5, "width of the rim in which no peak is looked for");
-        number(peak_separation_m, "peak_separation_m", 3.0, "smallest distance between two peaks");
+        to.table(
+            &mut table,
+            Entry {
+                name: "prior",
+                left_out,
+                means,
+            },
+        );
+        let means = "what is believed of what stands; no effect with `solver` tikhonov";
+        let mut table = PriorTable {
+            prior: structure_prior,
+            sigma_db_per_m: 0.55,
+            correlation_length_m: 1.0,
+        };
+        to.table(
+            &mut table,
+            Entry {
+                name: "structure_prior",
+                left_out,
+                means,
+            },
+        );
+        let mut number = |value, name, default, means| {
+            to.number(
+                value,
+                Number {
+                    name,
+                    default,
+                    allowed: 0.0..=100.0,
+                    means,
+                },
+            );
+        };
+        number(
+            min_link_m,
+            "min_link_m",
+            3.0,
+            "links under this length are dropped",
+        );
+        number(
+            rim_m,
+            "rim_m",
+            1.5,
+            "width of the rim in which no peak is looked for",
+        );
+        number(
+            peak_separation_m,
+            "peak_separation_m",
+            3.0,
+            "smallest distance between two peaks",
+        );
         let means = "the most objects that are reported";
-        to.whole(peaks, Whole { name: "peaks", default: 5, allowed: 1..=1000, means });
+        to.whole(
+            peaks,
+            Whole {
+                name: "peaks",
+                default: 5,
+                allowed: 1..=1000,
+                means,
+            },
+        );
     }
 }
 
@@ -271,7 +417,10 @@ struct PriorTable<'a> {
 
 impl Keyed for PriorTable<'_> {
     fn keys(&mut self, to: &mut dyn Keys) {
-        let Prior { sigma_db_per_m, correlation_length_m } = &mut *self.prior;
+        let Prior {
+            sigma_db_per_m,
+            correlation_length_m,
+        } = &mut *self.prior;
         to.number(
             sigma_db_per_m,
             Number {
@@ -315,9 +464,14 @@ fn read_pixels(section: &Section<'_>, key: &'static str) -> (usize, usize) {
         return default;
     }
     let list = section.list(key).unwrap_or_default();
-    let numbers: Vec<usize> = list.iter().filter_map(|entry| whole_of(entry.get_ref())).collect();
+    let numbers: Vec<usize> = list
+        .iter()
+        .filter_map(|entry| whole_of(entry.get_ref()))
+        .collect();
     match numbers[..] {
-        [columns, rows] if list.len() == 2 && (2..=400).contains(&columns) && (2..=400).contains(&rows) => {
+        [columns, rows]
+            if list.len() == 2 && (2..=400).contains(&columns) && (2..=400).contains(&rows) =>
+        {
             (columns, rows)
         }
         _ => {
@@ -358,13 +512,30 @@ impl Durations {
 
 impl Keyed for Durations {
     fn keys(&mut self, to: &mut dyn Keys) {
-        let Durations { imager_s, planner_s, route_s } = self;
+        let Durations {
+            imager_s,
+            planner_s,
+            route_s,
+        } = self;
         let mut number = |value, name, default, means| {
-            to.number(value, Number { name, default, allowed: 0.001..=600.0, means });
+            to.number(
+                value,
+                Number {
+                    name,
+                    default,
+                    allowed: 0.001..=600.0,
+                    means,
+                },
+            );
         };
         number(imager_s, "imager_s", 2.0, "for one image");
         number(planner_s, "planner_s", 0.5, "for the next stops");
-        number(route_s, "route_s", 0.05, "for a vehicle's search for a route");
+        number(
+            route_s,
+            "route_s",
+            0.05,
+            "for a vehicle's search for a route",
+        );
     }
 }
 
@@ -391,8 +562,11 @@ pub enum End {
 }
 
 impl Choice for Expect {
-    const WORDS: &'static [(&'static str, Expect)] =
-        &[("finished", Expect::Finished), ("home", Expect::Home), ("held", Expect::Held)];
+    const WORDS: &'static [(&'static str, Expect)] = &[
+        ("finished", Expect::Finished),
+        ("home", Expect::Home),
+        ("held", Expect::Held),
+    ];
 }
 
 impl Choice for End {

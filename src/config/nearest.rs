@@ -7,7 +7,10 @@ pub(super) fn nearest<'a>(word: &str, known: &[&'a str]) -> Option<&'a str> {
     if let Some(whole) = known.iter().find(|name| name.starts_with(&unit_left_out)) {
         return Some(whole);
     }
-    let best = known.iter().map(|candidate| (distance(&short, candidate), *candidate)).min()?;
+    let best = known
+        .iter()
+        .map(|candidate| (distance(&short, candidate), *candidate))
+        .min()?;
     let near_enough = best.0 <= 2.max(short.chars().count() / 3);
     let is_part = known.iter().copied().find(|name| is_stem(&short, name));
     if near_enough { Some(best.1) } else { is_part }
@@ -29,11 +32,16 @@ fn distance(a: &str, b: &str) -> usize {
                 (0, j) => j,
                 (i, 0) => i,
                 (i, j) => {
-                    let at = |back_i: usize, back_j: usize| cost[(i - back_i) * width + (j - back_j)];
+                    let at =
+                        |back_i: usize, back_j: usize| cost[(i - back_i) * width + (j - back_j)];
                     let replaced = at(1, 1) + usize::from(a[i - 1] != b[j - 1]);
                     let edited = replaced.min(at(1, 0) + 1).min(at(0, 1) + 1);
                     let can_swap = i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1];
-                    if can_swap { edited.min(at(2, 2) + 1) } else { edited }
+                    if can_swap {
+                        edited.min(at(2, 2) + 1)
+                    } else {
+                        edited
+                    }
                 }
             };
         }
@@ -46,7 +54,11 @@ mod tests {
     use super::*;
 
     fn check(word: &str, expected: Option<&str>) {
-        assert_eq!(nearest(word, &["radius_m", "height_m", "count", "max_speed_mps"]), expected, "{word}");
+        assert_eq!(
+            nearest(word, &["radius_m", "height_m", "count", "max_speed_mps"]),
+            expected,
+            "{word}"
+        );
     }
 
     #[test]

@@ -13,7 +13,11 @@ pub(super) fn simple_polygon(corners: Vec<Point>) -> Result<Polygon, String> {
         let next = edges[(first + 1) % edges.len()];
         let (along, onward) = (edge.vector(), next.vector());
         if edge.length_m() < 0.01 {
-            return Err(format!("corners {} and {} coincide", first + 1, (first + 1) % edges.len() + 1));
+            return Err(format!(
+                "corners {} and {} coincide",
+                first + 1,
+                (first + 1) % edges.len() + 1
+            ));
         }
         if along.cross(onward).abs() < 1e-9 && along.dot(onward) < 0.0 {
             return Err(format!("side {} folds back on itself", first + 1));
@@ -44,18 +48,40 @@ mod tests {
     use super::*;
 
     fn check(corners: &[(f64, f64)], expected: Result<(), &str>) {
-        let points = corners.iter().map(|(x_m, y_m)| Point::new(*x_m, *y_m)).collect();
-        assert_eq!(simple_polygon(points).map(|_| ()), expected.map_err(str::to_owned), "{corners:?}");
+        let points = corners
+            .iter()
+            .map(|(x_m, y_m)| Point::new(*x_m, *y_m))
+            .collect();
+        assert_eq!(
+            simple_polygon(points).map(|_| ()),
+            expected.map_err(str::to_owned),
+            "{corners:?}"
+        );
     }
 
     #[test]
     fn only_outlines_that_enclose_something_once_are_taken() {
         check(&[(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0)], Ok(()));
         check(&[(0.0, 0.0), (0.0, 4.0), (4.0, 0.0)], Ok(()));
-        check(&[(0.0, 0.0), (4.0, 4.0), (4.0, 0.0), (0.0, 4.0)], Err("side 1 touches side 3"));
-        check(&[(0.0, 0.0), (4.0, 0.0), (4.0, 0.0), (0.0, 4.0)], Err("corners 2 and 3 coincide"));
-        check(&[(0.0, 0.0), (4.0, 0.0), (8.0, 0.0)], Err("side 2 folds back on itself"));
-        check(&[(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (4.0, 2.0)], Err("side 2 folds back on itself"));
-        check(&[(0.0, 0.0), (0.01, 0.0), (0.0, 0.01)], Err("the outline encloses nothing"));
+        check(
+            &[(0.0, 0.0), (4.0, 4.0), (4.0, 0.0), (0.0, 4.0)],
+            Err("side 1 touches side 3"),
+        );
+        check(
+            &[(0.0, 0.0), (4.0, 0.0), (4.0, 0.0), (0.0, 4.0)],
+            Err("corners 2 and 3 coincide"),
+        );
+        check(
+            &[(0.0, 0.0), (4.0, 0.0), (8.0, 0.0)],
+            Err("side 2 folds back on itself"),
+        );
+        check(
+            &[(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (4.0, 2.0)],
+            Err("side 2 folds back on itself"),
+        );
+        check(
+            &[(0.0, 0.0), (0.01, 0.0), (0.0, 0.01)],
+            Err("the outline encloses nothing"),
+        );
     }
 }

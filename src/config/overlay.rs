@@ -41,32 +41,59 @@ impl Layer {
     /// Lays a value over a key given as `"table.key"`.
     pub(super) fn lay_at(&mut self, key: &str, raw: &str, line: usize) {
         let path = key.split('.').map(str::to_owned).collect();
-        self.lay(path, Laid { raw: raw.to_owned(), outside: None, line });
+        self.lay(
+            path,
+            Laid {
+                raw: raw.to_owned(),
+                outside: None,
+                line,
+            },
+        );
     }
 
     /// Takes a table of the file away, with all that was laid over it so far.
     pub(super) fn clear(&mut self, table: &'static str) {
-        self.values.retain(|path, _| path.first().is_none_or(|first| first != table));
+        self.values
+            .retain(|path, _| path.first().is_none_or(|first| first != table));
         self.cleared.insert(table);
     }
 
     /// Lays all of another layer over this one.
     pub(super) fn lay_all(&mut self, other: &Layer) {
         self.cleared.extend(&other.cleared);
-        self.values.extend(other.values.iter().map(|(path, laid)| (path.clone(), laid.clone())));
+        self.values.extend(
+            other
+                .values
+                .iter()
+                .map(|(path, laid)| (path.clone(), laid.clone())),
+        );
     }
 
     /// Returns the same values under a table.
     pub(super) fn under(&self, table: &[&str]) -> Layer {
-        let moved =
-            |path: &[String]| table.iter().map(|part| (*part).to_owned()).chain(path.to_vec()).collect();
-        let values = self.values.iter().map(|(path, laid)| (moved(path), laid.clone())).collect();
-        Layer { values, cleared: BTreeSet::new() }
+        let moved = |path: &[String]| {
+            table
+                .iter()
+                .map(|part| (*part).to_owned())
+                .chain(path.to_vec())
+                .collect()
+        };
+        let values = self
+            .values
+            .iter()
+            .map(|(path, laid)| (moved(path), laid.clone()))
+            .collect();
+        Layer {
+            values,
+            cleared: BTreeSet::new(),
+        }
     }
 
     /// Returns all keys with their values, as they are seen from outside their file's folder.
     pub(super) fn written(&self) -> impl Iterator<Item = (String, &str)> {
-        self.values.iter().map(|(path, laid)| (joined(path), laid.outside.as_deref().unwrap_or(&laid.raw)))
+        self.values
+            .iter()
+            .map(|(path, laid)| (joined(path), laid.outside.as_deref().unwrap_or(&laid.raw)))
     }
 
     /// Returns the layer as TOML, and for each of its lines the one that it was taken from.
@@ -83,10 +110,21 @@ impl Layer {
 /// Returns a key within tables as it may stand in any TOML file.
 fn joined(path: &[String]) -> String {
     let is_bare = |part: &str| {
-        !part.is_empty() && part.chars().all(|c| c.is_ascii_alphanumeric() || matches!(c, '-' | '_'))
+        !part.is_empty()
+            && part
+                .chars()
+                .all(|c| c.is_ascii_alphanumeric() || matches!(c, '-' | '_'))
     };
-    let parts: Vec<String> =
-        path.iter().map(|part| if is_bare(part) { part.clone() } else { quoted(part) }).collect();
+    let parts: Vec<String> = path
+        .iter()
+        .map(|part| {
+            if is_bare(part) {
+                part.clone()
+            } else {
+                quoted(part)
+            }
+        })
+        .collect();
     parts.join(".")
 }
 
@@ -161,7 +199,9 @@ mod tests {
 
     fn layer(values: &[(&str, &str, usize)]) -> Layer {
         let mut layer = Layer::default();
-        values.iter().for_each(|(key, raw, line)| layer.lay_at(key, raw, *line));
+        values
+            .iter()
+            .for_each(|(key, raw, line)| layer.lay_at(key, raw, *line));
         layer
     }
 
@@ -180,15 +220,22 @@ mod tests {
 
     #[test]
     fn tables_are_joined_and_values_replaced() {
-        let (under, over) =
-            ("x = 1\n[t]\na = 1\nb = 2\n[t.u]\nc = 3\n", "t.b = 9\nt.u.d = 4\nv.w = 5\nx = 2");
+        let (under, over) = (
+            "x = 1\n[t]\na = 1\nb = 2\n[t.u]\nc = 3\n",
+            "t.b = 9\nt.u.d = 4\nv.w = 5\nx = 2",
+        );
         let mut tree = DeTable::parse(under).unwrap().into_inner();
         merge(&mut tree, DeTable::parse(over).unwrap().into_inner());
         let mut expected =
-            toml::from_str::<toml::Table>("x = 2\nt.a = 1\nt.b = 9\nt.u.c = 3\nt.u.d = 4\nv.w = 5").unwrap();
+            toml::from_str::<toml::Table>("x = 2\nt.a = 1\nt.b = 9\nt.u.c = 3\nt.u.d = 4\nv.w = 5")
+                .unwrap();
         for (key, value) in tree {
             let name = key.get_ref().to_string();
-            assert_eq!(plain(value.get_ref()), expected.remove(&name).unwrap(), "{name}");
+            assert_eq!(
+                plain(value.get_ref()),
+                expected.remove(&name).unwrap(),
+                "{name}"
+            );
         }
         assert!(expected.is_empty());
     }

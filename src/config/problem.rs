@@ -58,7 +58,11 @@ impl Problems {
         }
         let mut sorted = found;
         sorted.sort_by_key(|problem| {
-            (files.iter().position(|file| *file == problem.file), problem.line, problem.key.clone())
+            (
+                files.iter().position(|file| *file == problem.file),
+                problem.line,
+                problem.key.clone(),
+            )
         });
         Problems(sorted)
     }

@@ -68,7 +68,14 @@ impl Keyed for OwnRadio {
     fn keys(&mut self, to: &mut dyn Keys) {
         let OwnRadio { power_dbm } = self;
         let means = "transmit power, a whole number; beacons report it";
-        to.form(&mut Power(power_dbm), Entry { name: "power_dbm", left_out: "0", means });
+        to.form(
+            &mut Power(power_dbm),
+            Entry {
+                name: "power_dbm",
+                left_out: "0",
+                means,
+            },
+        );
     }
 }
 
@@ -119,21 +126,57 @@ impl Keyed for RadioTable<'_> {
         own.keys(to);
         self.swarm.slot_key(to);
         let number = |to: &mut dyn Keys, value, name, default, allowed, means| {
-            to.number(value, Number { name, default, allowed, means });
+            to.number(
+                value,
+                Number {
+                    name,
+                    default,
+                    allowed,
+                    means,
+                },
+            );
         };
-        number(to, frequency_hz, "frequency_hz", 2.4e9, 1e8..=1e10, "carrier");
+        number(
+            to,
+            frequency_hz,
+            "frequency_hz",
+            2.4e9,
+            1e8..=1e10,
+            "carrier",
+        );
         let means = "received at 1 m for a transmit power of 0 dBm";
         number(to, p0_dbm, "p0_dbm", -40.0, -90.0..=20.0, means);
-        number(to, exponent, "exponent", 2.0, 1.0..=6.0, "path-loss exponent");
+        number(
+            to,
+            exponent,
+            "exponent",
+            2.0,
+            1.0..=6.0,
+            "path-loss exponent",
+        );
         let means = "Rician factor of the static fading, linear; 0 is Rayleigh";
         number(to, rician_k, "rician_k", 8.0, 0.0..=1e6, means);
         let means = "standard deviation of a packet around the link's mean";
         number(to, packet_sd_db, "packet_sd_db", 2.0, 0.0..=20.0, means);
         reception.keys(to);
         let means = "width of the packet-error curve around sensitivity_dbm";
-        number(to, sensitivity_slope_db, "sensitivity_slope_db", 2.0, 0.01..=20.0, means);
+        number(
+            to,
+            sensitivity_slope_db,
+            "sensitivity_slope_db",
+            2.0,
+            0.01..=20.0,
+            means,
+        );
         let means = "attenuation at which one object saturates, since energy leaks around it";
-        number(to, object_limit_db, "object_limit_db", 30.0, 1.0..=200.0, means);
+        number(
+            to,
+            object_limit_db,
+            "object_limit_db",
+            30.0,
+            1.0..=200.0,
+            means,
+        );
     }
 }
 
@@ -170,13 +213,29 @@ pub struct PlannedPartition {
 impl PlannedPartition {
     /// Returns it in the run's time.
     pub fn partition(&self) -> Partition {
-        let (from, until) = (Time::from_secs_f64(self.from_s), Time::from_secs_f64(self.until_s));
-        Partition { from, until, sides: self.sides.clone() }
+        let (from, until) = (
+            Time::from_secs_f64(self.from_s),
+            Time::from_secs_f64(self.until_s),
+        );
+        Partition {
+            from,
+            until,
+            sides: self.sides.clone(),
+        }
     }
 
     fn keys(&mut self, vehicles: usize, to: &mut dyn Keys) {
-        let PlannedPartition { from_s, until_s, sides } = self;
-        let moment = |name, means| Bounds { name, left_out: "needed", allowed: 0.0..=1e6, means };
+        let PlannedPartition {
+            from_s,
+            until_s,
+            sides,
+        } = self;
+        let moment = |name, means| Bounds {
+            name,
+            left_out: "needed",
+            allowed: 0.0..=1e6,
+            means,
+        };
         to.needed_number(from_s, moment("from_s", "when it begins"));
         to.needed_number(until_s, moment("until_s", "when it is over"));
         to.form(
@@ -225,11 +284,23 @@ impl Bus {
 
     /// Checks the keys of its partitions together.
     pub(super) fn check(&self, source: &Source<'_>) {
-        for (index, PlannedPartition { from_s, until_s, sides: _ }) in self.partitions.iter().enumerate() {
+        for (
+            index,
+            PlannedPartition {
+                from_s,
+                until_s,
+                sides: _,
+            },
+        ) in self.partitions.iter().enumerate()
+        {
             let key = |name: &str| format!("bus.partition[{index}].{name}");
             let are_known = source.is_known(&key("from_s")) && source.is_known(&key("until_s"));
             if are_known && until_s <= from_s {
-                source.refuse(&key("until_s"), "is not after from_s", "a partition must last some time");
+                source.refuse(
+                    &key("until_s"),
+                    "is not after from_s",
+                    "a partition must last some time",
+                );
             }
         }
     }
@@ -243,22 +314,58 @@ pub(super) struct BusTable<'a> {
 
 impl Keyed for BusTable<'_> {
     fn keys(&mut self, to: &mut dyn Keys) {
-        let Bus { delay_ms, jitter_ms, drop_share, duplicate_share, egress_kb_per_s, partitions } =
-            &mut *self.bus;
+        let Bus {
+            delay_ms,
+            jitter_ms,
+            drop_share,
+            duplicate_share,
+            egress_kb_per_s,
+            partitions,
+        } = &mut *self.bus;
         let vehicles = self.vehicles;
         let mut number = |value, name, default, allowed, means| {
-            to.number(value, Number { name, default, allowed, means });
+            to.number(
+                value,
+                Number {
+                    name,
+                    default,
+                    allowed,
+                    means,
+                },
+            );
         };
-        number(delay_ms, "delay_ms", 20.0, 0.01..=60_000.0, "from sending to arrival");
+        number(
+            delay_ms,
+            "delay_ms",
+            20.0,
+            0.01..=60_000.0,
+            "from sending to arrival",
+        );
         let means = "what is added to it at most, drawn for each message";
         number(jitter_ms, "jitter_ms", 10.0, 0.0..=60_000.0, means);
-        number(drop_share, "drop_share", 0.0, 0.0..=0.99, "share of the messages that are lost");
+        number(
+            drop_share,
+            "drop_share",
+            0.0,
+            0.0..=0.99,
+            "share of the messages that are lost",
+        );
         let means = "share of the messages that come twice";
         number(duplicate_share, "duplicate_share", 0.0, 0.0..=1.0, means);
         to.number(egress_kb_per_s, EGRESS);
         let keys = |row: &mut PlannedPartition, _, to: &mut dyn Keys| row.keys(vehicles, to);
         let means = "times during which the bus is cut";
-        to.rows(&mut List { list: partitions, keys }, Rowed { name: "partition", most: 1000, means });
+        to.rows(
+            &mut List {
+                list: partitions,
+                keys,
+            },
+            Rowed {
+                name: "partition",
+                most: 1000,
+                means,
+            },
+        );
     }
 }
 
@@ -275,7 +382,11 @@ impl Form for Sides<'_> {
             Sender::Ground => "\"ground\"".to_owned(),
             Sender::Operator(_) => "\"operator\"".to_owned(),
         };
-        Some(written_list(self.sides.iter().map(|side| written_list(side.iter().map(node)))))
+        Some(written_list(
+            self.sides
+                .iter()
+                .map(|side| written_list(side.iter().map(node))),
+        ))
     }
 
     fn read(&mut self, section: &Section<'_>, key: &'static str) {
@@ -284,8 +395,9 @@ impl Form for Sides<'_> {
 }
 
 fn read_sides(section: &Section<'_>, key: &'static str, vehicles: usize) -> Vec<Vec<Sender>> {
-    let rule =
-        format!("lists of nodes are needed, such as [[\"ground\"], [1, 2]]; vehicles are 1 to {vehicles}");
+    let rule = format!(
+        "lists of nodes are needed, such as [[\"ground\"], [1, 2]]; vehicles are 1 to {vehicles}"
+    );
     section.require(key, &rule);
     if !section.has(key) {
         return Vec::new();
@@ -293,11 +405,15 @@ fn read_sides(section: &Section<'_>, key: &'static str, vehicles: usize) -> Vec<
     let sides: Option<Vec<Vec<Sender>>> = section.list(key).and_then(|list| {
         let side = |entry: &DeValue| {
             let nodes = entry.as_array()?;
-            nodes.iter().map(|node| node_of(node.get_ref(), vehicles)).collect()
+            nodes
+                .iter()
+                .map(|node| node_of(node.get_ref(), vehicles))
+                .collect()
         };
         list.iter().map(|entry| side(entry.get_ref())).collect()
     });
-    let Some(sides) = sides.filter(|sides| !sides.is_empty() && sides.iter().all(|side| !side.is_empty()))
+    let Some(sides) =
+        sides.filter(|sides| !sides.is_empty() && sides.iter().all(|side| !side.is_empty()))
     else {
         section.refuse(key, "is no such list", &rule);
         return Vec::new();
@@ -315,5 +431,7 @@ fn node_of(value: &DeValue, vehicles: usize) -> Option<Sender> {
         return Some(Sender::Ground);
     }
     let number = whole_of(value).filter(|number| (1..=vehicles).contains(number))?;
-    u8::try_from(number).ok().map(|id| Sender::Vehicle(VehicleId(id)))
+    u8::try_from(number)
+        .ok()
+        .map(|id| Sender::Vehicle(VehicleId(id)))
 }

@@ -39,8 +39,11 @@ pub enum Lobe {
 }
 
 impl Choice for Lobe {
-    const WORDS: &'static [(&'static str, Lobe)] =
-        &[("fan", Lobe::Fan), ("beam", Lobe::Beam), ("cone", Lobe::Cone)];
+    const WORDS: &'static [(&'static str, Lobe)] = &[
+        ("fan", Lobe::Fan),
+        ("beam", Lobe::Beam),
+        ("cone", Lobe::Cone),
+    ];
 }
 
 impl RangeSensor {
@@ -52,11 +55,23 @@ impl RangeSensor {
 
 impl Keyed for RangeSensor {
     fn keys(&mut self, to: &mut dyn Keys) {
-        let RangeSensor { look, height_m, incidence_limit_deg, noise_sd_m, lobe, glitch_share } = self;
+        let RangeSensor {
+            look,
+            height_m,
+            incidence_limit_deg,
+            noise_sd_m,
+            lobe,
+            glitch_share,
+        } = self;
         look.keys(to);
         to.number(
             height_m,
-            Number { name: "height_m", default: 0.3, allowed: 0.02..=10.0, means: "height above the ground" },
+            Number {
+                name: "height_m",
+                default: 0.3,
+                allowed: 0.02..=10.0,
+                means: "height above the ground",
+            },
         );
         to.number(
             incidence_limit_deg,
@@ -76,8 +91,16 @@ impl Keyed for RangeSensor {
                 means: "standard deviation of a reading",
             },
         );
-        let means = "where it listens: along one ray, in the plane of the vehicle, or all around the axis";
-        to.word(lobe, Words { name: "lobe", default: Lobe::Fan.word(), means });
+        let means =
+            "where it listens: along one ray, in the plane of the vehicle, or all around the axis";
+        to.word(
+            lobe,
+            Words {
+                name: "lobe",
+                default: Lobe::Fan.word(),
+                means,
+            },
+        );
         to.number(
             glitch_share,
             Number {
@@ -134,7 +157,10 @@ const SOUND_MPS: f64 = 343.0;
 impl Look {
     /// Returns the directions of the beams against the heading, in their order.
     pub fn beams(&self) -> Vec<Angle> {
-        self.beams_deg.iter().map(|beam_deg| Angle::from_degrees(*beam_deg)).collect()
+        self.beams_deg
+            .iter()
+            .map(|beam_deg| Angle::from_degrees(*beam_deg))
+            .collect()
     }
 
     /// Returns half the opening of the cone, radians.
@@ -166,7 +192,10 @@ impl Look {
     /// Returns the longest time between two readings: the period, and the longest turn of a servo.
     pub fn longest_period(&self) -> Duration {
         let mounts = self.mounts();
-        let turns = mounts.all().iter().map(|mount| mount.slew(mount.from_rad, mount.to_rad));
+        let turns = mounts
+            .all()
+            .iter()
+            .map(|mount| mount.slew(mount.from_rad, mount.to_rad));
         self.scan_period() + turns.max().unwrap_or_default()
     }
 
@@ -175,14 +204,26 @@ impl Look {
         self.check_limits(source);
         let refuse = |key: &str, wrong: &str, allowed: &str| source.refuse(key, wrong, allowed);
         if self.sure_range_m > self.max_range_m {
-            refuse("range.sure_range_m", "is beyond max_range_m", "at most max_range_m is allowed");
+            refuse(
+                "range.sure_range_m",
+                "is beyond max_range_m",
+                "at most max_range_m is allowed",
+            );
         }
         if self.min_range_m >= self.sure_range_m {
-            refuse("range.min_range_m", "leaves nothing to see", "less than sure_range_m is allowed");
+            refuse(
+                "range.min_range_m",
+                "leaves nothing to see",
+                "less than sure_range_m is allowed",
+            );
         }
         if self.settle() >= self.scan_period() {
             let wrong = "leaves no time for a reading";
-            refuse("range.settle_s", wrong, "less than scan_period_s is allowed");
+            refuse(
+                "range.settle_s",
+                wrong,
+                "less than scan_period_s is allowed",
+            );
         }
         if source.is_known("range.farness_m") && self.farness_m < self.sure_range_m {
             let wrong = "is nearer than sure_range_m: what stands there would be taken for free";
@@ -195,7 +236,11 @@ impl Look {
         for (index, sensor) in self.sensors.iter().enumerate() {
             if sensor.servo_to_deg < sensor.servo_from_deg {
                 let key = format!("range.sensor[{index}].servo_to_deg");
-                source.refuse(&key, "is below servo_from_deg", "at least servo_from_deg is allowed");
+                source.refuse(
+                    &key,
+                    "is below servo_from_deg",
+                    "at least servo_from_deg is allowed",
+                );
             }
         }
     }
@@ -205,7 +250,11 @@ impl Look {
             return;
         }
         let mounts = self.mounts();
-        for beam in self.beams().into_iter().filter(|beam| mounts.aim(*beam).is_none()) {
+        for beam in self
+            .beams()
+            .into_iter()
+            .filter(|beam| mounts.aim(*beam).is_none())
+        {
             let wrong = format!("{:.0}° is reached by no servo", beam.degrees());
             let allowed = match source.is_known("range.sensor") {
                 true => "directions within the limits of a [[range.sensor]] are allowed",
@@ -215,9 +264,12 @@ impl Look {
         }
         let echo = Duration::from_secs_f64(2.0 * self.max_range_m / SOUND_MPS);
         if mounts.all().len() > 1 && self.scan_period().saturating_sub(self.settle()) < echo {
-            let wrong =
-                "lets the next sensor hear the echo of the last: less than an echo from max_range_m takes";
-            source.refuse("range.scan_period_s", wrong, "more is needed, or a shorter range");
+            let wrong = "lets the next sensor hear the echo of the last: less than an echo from max_range_m takes";
+            source.refuse(
+                "range.scan_period_s",
+                wrong,
+                "more is needed, or a shorter range",
+            );
         }
     }
 }
@@ -276,10 +328,30 @@ impl Look {
             },
         );
         let mut number = |value, name, default, allowed, means| {
-            to.number(value, Number { name, default, allowed, means });
+            to.number(
+                value,
+                Number {
+                    name,
+                    default,
+                    allowed,
+                    means,
+                },
+            );
         };
-        number(max_range_m, "max_range_m", 4.0, 0.1..=200.0, "farthest echo");
-        number(half_angle_deg, "half_angle_deg", 15.0, 0.1..=60.0, "half the opening of the cone");
+        number(
+            max_range_m,
+            "max_range_m",
+            4.0,
+            0.1..=200.0,
+            "farthest echo",
+        );
+        number(
+            half_angle_deg,
+            "half_angle_deg",
+            15.0,
+            0.1..=60.0,
+            "half the opening of the cone",
+        );
         number(min_range_m, "min_range_m", 0.02, 0.0..=5.0, "nearest echo");
         let means = "up to here no echo means that nothing is there";
         number(sure_range_m, "sure_range_m", 3.0, 0.1..=200.0, means);
@@ -323,17 +395,42 @@ impl SensorMount {
 
 impl Keyed for SensorMount {
     fn keys(&mut self, to: &mut dyn Keys) {
-        let SensorMount { mount_deg, servo_from_deg, servo_to_deg, slew_s_per_60_deg } = self;
+        let SensorMount {
+            mount_deg,
+            servo_from_deg,
+            servo_to_deg,
+            slew_s_per_60_deg,
+        } = self;
         let mut number = |value, name, default, allowed, means| {
-            to.number(value, Number { name, default, allowed, means });
+            to.number(
+                value,
+                Number {
+                    name,
+                    default,
+                    allowed,
+                    means,
+                },
+            );
         };
         let turn = -180.0..=180.0;
         let means = "where the servo's zero points, against the heading";
         number(mount_deg, "mount_deg", 0.0, turn.clone(), means);
         let means = "the servo turns from here, against its zero";
         number(servo_from_deg, "servo_from_deg", 0.0, turn.clone(), means);
-        number(servo_to_deg, "servo_to_deg", 0.0, turn, "up to here; both equal: no servo");
+        number(
+            servo_to_deg,
+            "servo_to_deg",
+            0.0,
+            turn,
+            "up to here; both equal: no servo",
+        );
         let means = "time to turn by 60°, beside settle_s";
-        number(slew_s_per_60_deg, "slew_s_per_60_deg", 0.15, 0.0..=10.0, means);
+        number(
+            slew_s_per_60_deg,
+            "slew_s_per_60_deg",
+            0.15,
+            0.0..=10.0,
+            means,
+        );
     }
 }

@@ -8,7 +8,9 @@ use std::time::Duration;
 use tomoswarm_proto::RangeSensorKind;
 
 use super::drivers::{DriverChoice, Known, always};
-use super::keys::{Bounds, Choice, Entry, Form, Keyed, Keys, MaybeTable, Number, Whole, Words, quoted};
+use super::keys::{
+    Bounds, Choice, Entry, Form, Keyed, Keys, MaybeTable, Number, Whole, Words, quoted,
+};
 use super::range::Look;
 use super::section::Section;
 use super::source::Source;
@@ -60,7 +62,12 @@ pub struct SerialText {
 impl Default for SerialText {
     fn default() -> SerialText {
         let (format, unit) = (TextFormat::MaxBotix, LengthUnit::Millimetres);
-        SerialText { format, unit, nothing_from: None, delay_s: 0.0 }
+        SerialText {
+            format,
+            unit,
+            nothing_from: None,
+            delay_s: 0.0,
+        }
     }
 }
 
@@ -74,8 +81,10 @@ pub enum TextFormat {
 }
 
 impl Choice for TextFormat {
-    const WORDS: &'static [(&'static str, TextFormat)] =
-        &[("maxbotix", TextFormat::MaxBotix), ("number", TextFormat::Number)];
+    const WORDS: &'static [(&'static str, TextFormat)] = &[
+        ("maxbotix", TextFormat::MaxBotix),
+        ("number", TextFormat::Number),
+    ];
 }
 
 /// What a number of a range sensor counts.
@@ -143,11 +152,22 @@ impl SerialText {
         }
         if self.format == TextFormat::MaxBotix && look.max_range_m > MAXBOTIX_FARTHEST_M {
             let wrong = "is farther than a line such as R9999 says: it would never say that nothing is there";
-            source.refuse("range.max_range_m", wrong, "at most 9.999 m is allowed with format \"maxbotix\"");
+            source.refuse(
+                "range.max_range_m",
+                wrong,
+                "at most 9.999 m is allowed with format \"maxbotix\"",
+            );
         }
-        if self.nothing_from_m(look).is_some_and(|nothing_from_m| nothing_from_m < look.max_range_m) {
+        if self
+            .nothing_from_m(look)
+            .is_some_and(|nothing_from_m| nothing_from_m < look.max_range_m)
+        {
             let wrong = "is nearer than max_range_m: what stands there would be taken for free";
-            source.refuse(&format!("{table}.nothing_from"), wrong, "at least max_range_m is allowed");
+            source.refuse(
+                &format!("{table}.nothing_from"),
+                wrong,
+                "at least max_range_m is allowed",
+            );
         }
         if self.delay() >= look.scan_period().saturating_sub(look.settle()) {
             let wrong = "leaves no time for an answer before the next ping";
@@ -176,7 +196,11 @@ impl SerialProtocol {
         let baud = match self {
             SerialProtocol::Text(_) => 9600,
         };
-        SerialSensor { port: String::new(), baud, protocol: self }
+        SerialSensor {
+            port: String::new(),
+            baud,
+            protocol: self,
+        }
     }
 
     fn check(&self, source: &Source<'_>, table: &str, look: &Look) {
@@ -239,26 +263,46 @@ impl RangeDriver {
 
     /// Checks its settings together with where the sensors look.
     pub(super) fn check(&self, source: &Source<'_>, look: &Look) {
-        let RangeDriver::Serial(sensor) = self else { return };
+        let RangeDriver::Serial(sensor) = self else {
+            return;
+        };
         let table = format!("range.{}", self.name());
         if sensor.port.is_empty() && source.is_sound(&[&table]) {
-            source.require(&table, &format!("a table [{table}] with its port is needed"));
+            source.require(
+                &table,
+                &format!("a table [{table}] with its port is needed"),
+            );
         }
         if look.sensors.len() > 1 {
-            source.refuse("range.sensor", "has several, and one port is one sensor", "one is allowed");
+            source.refuse(
+                "range.sensor",
+                "has several, and one port is one sensor",
+                "one is allowed",
+            );
         }
         sensor.protocol.check(source, &table, look);
     }
 
     /// Shows the tables of all drivers that have one.
     pub(super) fn show_tables(&mut self, to: &mut dyn Keys) {
-        for Known { name, driver: blank, .. } in RangeDriver::all() {
+        for Known {
+            name,
+            driver: blank,
+            ..
+        } in RangeDriver::all()
+        {
             if let RangeDriver::Serial(unused) = blank {
-                let means =
-                    "what its driver of this name is told; checked and not used while another one is chosen";
+                let means = "what its driver of this name is told; checked and not used while another one is chosen";
                 to.maybe_table(
-                    &mut SerialTable { driver: self, unused },
-                    Entry { name, left_out: "", means },
+                    &mut SerialTable {
+                        driver: self,
+                        unused,
+                    },
+                    Entry {
+                        name,
+                        left_out: "",
+                        means,
+                    },
                 );
             }
         }
@@ -300,11 +344,31 @@ impl MaybeTable for SerialTable<'_> {
 
 impl Keyed for SerialSensor {
     fn keys(&mut self, to: &mut dyn Keys) {
-        let SerialSensor { port, baud, protocol } = self;
-        let means = "the port, a file of the machine; names under `/dev/serial/by-id` outlast replugging";
-        to.form(&mut Port(port), Entry { name: "port", left_out: "needed", means });
+        let SerialSensor {
+            port,
+            baud,
+            protocol,
+        } = self;
+        let means =
+            "the port, a file of the machine; names under `/dev/serial/by-id` outlast replugging";
+        to.form(
+            &mut Port(port),
+            Entry {
+                name: "port",
+                left_out: "needed",
+                means,
+            },
+        );
         let default = protocol.clone().sensor().baud;
-        to.whole(baud, Whole { name: "baud", default, allowed: 300..=4_000_000, means: "bits per second" });
+        to.whole(
+            baud,
+            Whole {
+                name: "baud",
+                default,
+                allowed: 300..=4_000_000,
+                means: "bits per second",
+            },
+        );
         match protocol {
             SerialProtocol::Text(text) => text.keys(to),
         }
@@ -313,17 +377,52 @@ impl Keyed for SerialSensor {
 
 impl Keyed for SerialText {
     fn keys(&mut self, to: &mut dyn Keys) {
-        let SerialText { format, unit, nothing_from, delay_s } = self;
+        let SerialText {
+            format,
+            unit,
+            nothing_from,
+            delay_s,
+        } = self;
         let means = "how a line says a distance: `R` and four digits of millimetres, or a number";
-        to.word(format, Words { name: "format", default: "maxbotix", means });
-        to.word(unit, Words { name: "unit", default: "mm", means: "what a number counts" });
+        to.word(
+            format,
+            Words {
+                name: "format",
+                default: "maxbotix",
+                means,
+            },
+        );
+        to.word(
+            unit,
+            Words {
+                name: "unit",
+                default: "mm",
+                means: "what a number counts",
+            },
+        );
         let means = "from here on a number, in its unit, says that the sensor has measured and heard nothing; what lies \
                      between max_range_m and this is dropped and counted";
         let left_out = "maxbotix: max_range_m; number: none";
         let allowed = 0.0..=1e6;
-        to.maybe_number(nothing_from, Bounds { name: "nothing_from", left_out, allowed, means });
+        to.maybe_number(
+            nothing_from,
+            Bounds {
+                name: "nothing_from",
+                left_out,
+                allowed,
+                means,
+            },
+        );
         let means = "from measuring to the first byte of its line; a reading that is older than the ping does not answer it";
-        to.number(delay_s, Number { name: "delay_s", default: 0.0, allowed: 0.0..=5.0, means });
+        to.number(
+            delay_s,
+            Number {
+                name: "delay_s",
+                default: 0.0,
+                allowed: 0.0..=5.0,
+                means,
+            },
+        );
     }
 }
 
@@ -338,7 +437,9 @@ impl Form for Port<'_> {
     fn read(&mut self, section: &Section<'_>, key: &'static str) {
         let rule = "the whole path of a port such as \"/dev/serial/by-id/usb-…\" is needed";
         section.require(key, rule);
-        let Some(port) = section.text(key) else { return };
+        let Some(port) = section.text(key) else {
+            return;
+        };
         if port.starts_with('/') && !port.contains(char::is_control) {
             *self.0 = port;
         } else {

@@ -6,7 +6,8 @@ use std::collections::BTreeMap;
 
 use super::forms::{FileName, MaybePlace, Name, Place, places};
 use super::keys::{
-    Bounds, Choice, Entry, Form, Keyed, Keys, List, Number, Numbers, Rowed, Whole, Words, quoted, read_table,
+    Bounds, Choice, Entry, Form, Keyed, Keys, List, Number, Numbers, Rowed, Whole, Words, quoted,
+    read_table,
 };
 use super::outline::{CORNERS, simple_polygon};
 use super::section::{COORDINATE_M, Section};
@@ -37,8 +38,15 @@ pub struct Material {
 }
 
 impl Material {
-    const NONE: Material = Material { db_per_m: 0.0, db_per_crossing: 0.0, colour: None };
-    const SOLID: Material = Material { db_per_m: 10.0, ..Material::NONE };
+    const NONE: Material = Material {
+        db_per_m: 0.0,
+        db_per_crossing: 0.0,
+        colour: None,
+    };
+    const SOLID: Material = Material {
+        db_per_m: 10.0,
+        ..Material::NONE
+    };
 }
 
 /// An upright cylinder that stands for a person; not part of an empty sweep.
@@ -181,11 +189,31 @@ impl Keyed for SceneFile {
             random_persons,
         } = self;
         let means = "a plain name, part of the output folder's name";
-        let mut plain = Name { name, default: "scene".to_owned() };
-        to.form(&mut plain, Entry { name: "name", left_out: "scene", means });
+        let mut plain = Name {
+            name,
+            default: "scene".to_owned(),
+        };
+        to.form(
+            &mut plain,
+            Entry {
+                name: "name",
+                left_out: "scene",
+                means,
+            },
+        );
         let means = "file of shapes, VRML97; see [../scenes/README.md](../scenes/README.md)";
-        let mut file = FileName { name: wrl, needed: None };
-        to.form(&mut file, Entry { name: "wrl", left_out: "", means });
+        let mut file = FileName {
+            name: wrl,
+            needed: None,
+        };
+        to.form(
+            &mut file,
+            Entry {
+                name: "wrl",
+                left_out: "",
+                means,
+            },
+        );
         let mut offset = offset_m.to_vec();
         to.numbers(
             &mut offset,
@@ -199,21 +227,72 @@ impl Keyed for SceneFile {
         );
         *offset_m = [offset[0], offset[1], offset[2]];
         let means = "axis of the file of shapes that points up";
-        to.word(up, Words { name: "up", default: Up::Y.word(), means });
+        to.word(
+            up,
+            Words {
+                name: "up",
+                default: Up::Y.word(),
+                means,
+            },
+        );
         let left_out = "";
         let means = "for shapes under `DEF NAME`";
-        to.named_tables(materials, Entry { name: "material", left_out, means });
+        to.named_tables(
+            materials,
+            Entry {
+                name: "material",
+                left_out,
+                means,
+            },
+        );
         let means = "for shapes without an entry";
-        let mut table = MaterialTable { material: default_material, default: Material::SOLID };
-        to.table(&mut table, Entry { name: "default_material", left_out, means });
+        let mut table = MaterialTable {
+            material: default_material,
+            default: Material::SOLID,
+        };
+        to.table(
+            &mut table,
+            Entry {
+                name: "default_material",
+                left_out,
+                means,
+            },
+        );
         let keys = |person: &mut Person, index, to: &mut dyn Keys| person.keys(index, to);
         let means = "upright cylinders; not there in an empty sweep";
-        to.rows(&mut List { list: persons, keys }, Rowed { name: "person", most: 1000, means });
+        to.rows(
+            &mut List {
+                list: persons,
+                keys,
+            },
+            Rowed {
+                name: "person",
+                most: 1000,
+                means,
+            },
+        );
         let keys = |object: &mut Object, index, to: &mut dyn Keys| object.keys(index, to);
         let means = "upright bodies; the footprint is an outline or a circle";
-        to.rows(&mut List { list: objects, keys }, Rowed { name: "object", most: 10_000, means });
+        to.rows(
+            &mut List {
+                list: objects,
+                keys,
+            },
+            Rowed {
+                name: "object",
+                most: 10_000,
+                means,
+            },
+        );
         let means = "drawn from the seed";
-        to.maybe_table(random_persons, Entry { name: "random_persons", left_out: "none", means });
+        to.maybe_table(
+            random_persons,
+            Entry {
+                name: "random_persons",
+                left_out: "none",
+                means,
+            },
+        );
     }
 }
 
@@ -225,7 +304,11 @@ struct MaterialTable<'a> {
 
 impl Keyed for MaterialTable<'_> {
     fn keys(&mut self, to: &mut dyn Keys) {
-        let Material { db_per_m, db_per_crossing, colour } = &mut *self.material;
+        let Material {
+            db_per_m,
+            db_per_crossing,
+            colour,
+        } = &mut *self.material;
         to.number(
             db_per_m,
             Number {
@@ -246,13 +329,24 @@ impl Keyed for MaterialTable<'_> {
         );
         let left_out = "one not taken yet";
         let means = "`\"#rrggbb\"`, in the pictures of `tomoswarm scene`";
-        to.form(&mut Colour(colour), Entry { name: "colour", left_out, means });
+        to.form(
+            &mut Colour(colour),
+            Entry {
+                name: "colour",
+                left_out,
+                means,
+            },
+        );
     }
 }
 
 impl Keyed for Material {
     fn keys(&mut self, to: &mut dyn Keys) {
-        MaterialTable { material: self, default: Material::NONE }.keys(to);
+        MaterialTable {
+            material: self,
+            default: Material::NONE,
+        }
+        .keys(to);
     }
 }
 
@@ -261,7 +355,8 @@ struct Colour<'a>(&'a mut Option<[u8; 3]>);
 
 impl Form for Colour<'_> {
     fn written(&self) -> Option<String> {
-        self.0.map(|[red, green, blue]| quoted(&format!("#{red:02x}{green:02x}{blue:02x}")))
+        self.0
+            .map(|[red, green, blue]| quoted(&format!("#{red:02x}{green:02x}{blue:02x}")))
     }
 
     fn read(&mut self, section: &Section<'_>, _: &'static str) {
@@ -274,8 +369,15 @@ fn read_colour(section: &Section) -> Option<[u8; 3]> {
     let text = section.text("colour")?;
     let digits = text.strip_prefix('#').filter(|digits| digits.len() == 6);
     let is_plain = |digits: &&str| digits.bytes().all(|digit| digit.is_ascii_hexdigit());
-    let Some(number) = digits.filter(is_plain).and_then(|digits| u32::from_str_radix(digits, 16).ok()) else {
-        section.refuse("colour", "is no colour", "red, green and blue such as \"#8a5a2b\" are needed");
+    let Some(number) = digits
+        .filter(is_plain)
+        .and_then(|digits| u32::from_str_radix(digits, 16).ok())
+    else {
+        section.refuse(
+            "colour",
+            "is no colour",
+            "red, green and blue such as \"#8a5a2b\" are needed",
+        );
         return None;
     };
     let [_, red, green, blue] = number.to_be_bytes();
@@ -285,21 +387,58 @@ fn read_colour(section: &Section) -> Option<[u8; 3]> {
 /// Shows the keys that all persons have, with the same defaults.
 fn person_keys(radius_m: &mut f64, height_m: &mut f64, db_per_m: &mut f64, to: &mut dyn Keys) {
     let mut number = |value, name, default, allowed, means| {
-        to.number(value, Number { name, default, allowed, means });
+        to.number(
+            value,
+            Number {
+                name,
+                default,
+                allowed,
+                means,
+            },
+        );
     };
     number(radius_m, "radius_m", 0.3, 0.05..=2.0, "radius");
     number(height_m, "height_m", 1.8, 0.2..=3.0, "height");
-    number(db_per_m, "db_per_m", 10.0, 0.0..=MOST_DB, "attenuation inside");
+    number(
+        db_per_m,
+        "db_per_m",
+        10.0,
+        0.0..=MOST_DB,
+        "attenuation inside",
+    );
 }
 
 impl Person {
     fn keys(&mut self, index: usize, to: &mut dyn Keys) {
-        let Person { name, at, radius_m, height_m, db_per_m } = self;
-        let mut plain = Name { name, default: format!("person-{}", index + 1) };
+        let Person {
+            name,
+            at,
+            radius_m,
+            height_m,
+            db_per_m,
+        } = self;
+        let mut plain = Name {
+            name,
+            default: format!("person-{}", index + 1),
+        };
         let left_out = "person-N";
-        to.form(&mut plain, Entry { name: "name", left_out, means: "a plain name" });
+        to.form(
+            &mut plain,
+            Entry {
+                name: "name",
+                left_out,
+                means: "a plain name",
+            },
+        );
         let means = "where the axis stands, `[x, y]`";
-        to.form(&mut Place(at), Entry { name: "at_m", left_out: "needed", means });
+        to.form(
+            &mut Place(at),
+            Entry {
+                name: "at_m",
+                left_out: "needed",
+                means,
+            },
+        );
         person_keys(radius_m, height_m, db_per_m, to);
     }
 }
@@ -315,14 +454,42 @@ impl Keyed for RandomPersons {
             height_m,
             db_per_m,
         } = self;
-        to.whole(count, Whole { name: "count", default: 2, allowed: 0..=100, means: "how many" });
+        to.whole(
+            count,
+            Whole {
+                name: "count",
+                default: 2,
+                allowed: 0..=100,
+                means: "how many",
+            },
+        );
         let mut number = |value, name, default, allowed, means| {
-            to.number(value, Number { name, default, allowed, means });
+            to.number(
+                value,
+                Number {
+                    name,
+                    default,
+                    allowed,
+                    means,
+                },
+            );
         };
         let means = "smallest distance of an axis from the area's border";
-        number(keep_from_border_m, "keep_from_border_m", 2.0, 0.0..=500.0, means);
+        number(
+            keep_from_border_m,
+            "keep_from_border_m",
+            2.0,
+            0.0..=500.0,
+            means,
+        );
         let means = "smallest distance of an axis from any shape";
-        number(keep_from_objects_m, "keep_from_objects_m", 1.5, 0.0..=100.0, means);
+        number(
+            keep_from_objects_m,
+            "keep_from_objects_m",
+            1.5,
+            0.0..=100.0,
+            means,
+        );
         let means = "smallest distance between two axes, those of fixed persons included";
         number(apart_m, "apart_m", 3.0, 0.0..=500.0, means);
         person_keys(radius_m, height_m, db_per_m, to);
@@ -331,17 +498,50 @@ impl Keyed for RandomPersons {
 
 impl Object {
     fn keys(&mut self, index: usize, to: &mut dyn Keys) {
-        let Object { name, outline, bottom_m, top_m, material } = self;
-        let mut plain = Name { name, default: format!("object-{}", index + 1) };
+        let Object {
+            name,
+            outline,
+            bottom_m,
+            top_m,
+            material,
+        } = self;
+        let mut plain = Name {
+            name,
+            default: format!("object-{}", index + 1),
+        };
         let left_out = "object-N";
-        to.form(&mut plain, Entry { name: "name", left_out, means: "a plain name" });
+        to.form(
+            &mut plain,
+            Entry {
+                name: "name",
+                left_out,
+                means: "a plain name",
+            },
+        );
         outline.keys(to);
         let mut number = |value, name, default, means| {
-            to.number(value, Number { name, default, allowed: -10.0..=500.0, means });
+            to.number(
+                value,
+                Number {
+                    name,
+                    default,
+                    allowed: -10.0..=500.0,
+                    means,
+                },
+            );
         };
-        number(bottom_m, "bottom_m", 0.0, "height of the underside above z = 0");
+        number(
+            bottom_m,
+            "bottom_m",
+            0.0,
+            "height of the underside above z = 0",
+        );
         number(top_m, "top_m", 2.5, "height of the top");
-        MaterialTable { material, default: Material::SOLID }.keys(to);
+        MaterialTable {
+            material,
+            default: Material::SOLID,
+        }
+        .keys(to);
     }
 }
 
@@ -353,14 +553,36 @@ impl Keyed for Outline {
             Outline::Circle { centre, radius_m } => (Some(*centre), Some(*radius_m)),
         };
         let (left_out, means) = ("", "middle of a circle, `[x, y]`");
-        to.form(&mut MaybePlace(&mut centre), Entry { name: "centre_m", left_out, means });
+        to.form(
+            &mut MaybePlace(&mut centre),
+            Entry {
+                name: "centre_m",
+                left_out,
+                means,
+            },
+        );
         let (allowed, means) = (0.01..=500.0, "radius of a circle");
-        to.maybe_number(&mut radius, Bounds { name: "radius_m", left_out: "none", allowed, means });
+        to.maybe_number(
+            &mut radius,
+            Bounds {
+                name: "radius_m",
+                left_out: "none",
+                allowed,
+                means,
+            },
+        );
         if let (Some(centre), Some(radius_m)) = (centre, radius) {
             *self = Outline::Circle { centre, radius_m };
         }
         let means = "3 to 500 corners around a simple outline, convex or not";
-        to.form(&mut Footprint(self), Entry { name: "outline_m", left_out: "", means });
+        to.form(
+            &mut Footprint(self),
+            Entry {
+                name: "outline_m",
+                left_out: "",
+                means,
+            },
+        );
     }
 }
 
@@ -390,7 +612,11 @@ impl Form for Footprint<'_> {
             return;
         }
         *self.0 = Outline::Polygon(simple_polygon(corners).unwrap_or_else(|wrong| {
-            section.refuse(key, &wrong, "corners in order around a simple outline are needed");
+            section.refuse(
+                key,
+                &wrong,
+                "corners in order around a simple outline are needed",
+            );
             Polygon::new(Vec::new())
         }));
     }

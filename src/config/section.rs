@@ -47,7 +47,15 @@ impl<'s> Section<'s> {
         table: Option<&'s DeTable<'s>>,
     ) -> Section<'s> {
         let (asked, moved, has_others) = (RefCell::default(), RefCell::default(), Cell::default());
-        Section { source, prefix, line, table, asked, moved, has_others }
+        Section {
+            source,
+            prefix,
+            line,
+            table,
+            asked,
+            moved,
+            has_others,
+        }
     }
 
     /// Returns the line in which it begins.
@@ -78,11 +86,20 @@ impl<'s> Section<'s> {
     fn laid(&self, key: &str, value: Value<'s>) -> Laid {
         let named = value.get_ref().as_str().filter(|_| FILES.contains(&key));
         let outside = named.map(|named| quoted(&beside(self.source.file(), named)));
-        let (raw, line) = (self.source.raw(value).to_owned(), self.source.line_of(value.span()));
+        let (raw, line) = (
+            self.source.raw(value).to_owned(),
+            self.source.line_of(value.span()),
+        );
         Laid { raw, outside, line }
     }
 
-    fn take(&self, table: &'s DeTable<'s>, path: &mut Vec<String>, own: &[&str], layer: &mut Layer) {
+    fn take(
+        &self,
+        table: &'s DeTable<'s>,
+        path: &mut Vec<String>,
+        own: &[&str],
+        layer: &mut Layer,
+    ) {
         for (key, value) in table.iter() {
             let name: &str = key.get_ref();
             if value.span().is_empty() || (path.is_empty() && own.contains(&name)) {
@@ -91,7 +108,11 @@ impl<'s> Section<'s> {
             path.push(name.to_owned());
             match value.get_ref() {
                 DeValue::Table(inner) => self.take(inner, path, &[], layer),
-                DeValue::Array(list) if list.iter().any(|entry| entry.get_ref().as_table().is_some()) => {
+                DeValue::Array(list)
+                    if list
+                        .iter()
+                        .any(|entry| entry.get_ref().as_table().is_some()) =>
+                {
                     self.refuse_value(
                         &path.join("."),
                         value,
@@ -123,35 +144,61 @@ impl<'s> Section<'s> {
     }
 
     /// Returns a number; the default when it is left out or wrong.
-    pub(super) fn number(&self, key: &'static str, default: f64, allowed: RangeInclusive<f64>) -> f64 {
-        self.optional_number(key, allowed).unwrap_or_else(|| self.fall_back(key, default))
+    pub(super) fn number(
+        &self,
+        key: &'static str,
+        default: f64,
+        allowed: RangeInclusive<f64>,
+    ) -> f64 {
+        self.optional_number(key, allowed)
+            .unwrap_or_else(|| self.fall_back(key, default))
     }
 
     /// Returns a number that must be there; the lower limit when it is not.
     pub(super) fn required_number(&self, key: &'static str, allowed: RangeInclusive<f64>) -> f64 {
         self.require(key, &number_rule(&allowed));
-        self.optional_number(key, allowed.clone()).unwrap_or(*allowed.start())
+        self.optional_number(key, allowed.clone())
+            .unwrap_or(*allowed.start())
     }
 
     /// Returns a number if it is there and right.
-    pub(super) fn optional_number(&self, key: &'static str, allowed: RangeInclusive<f64>) -> Option<f64> {
+    pub(super) fn optional_number(
+        &self,
+        key: &'static str,
+        allowed: RangeInclusive<f64>,
+    ) -> Option<f64> {
         let value = self.value(key)?;
         let number = number_of(value.get_ref());
         let within = number.filter(|number| allowed.contains(number));
         if within.is_none() {
-            let wrong = if number.is_some() { "is out of range" } else { "is no number" };
+            let wrong = if number.is_some() {
+                "is out of range"
+            } else {
+                "is no number"
+            };
             self.refuse_value(key, value, wrong, &number_rule(&allowed));
         }
         within
     }
 
     /// Returns a whole number; the default when it is left out or wrong.
-    pub(super) fn whole(&self, key: &'static str, default: usize, allowed: RangeInclusive<usize>) -> usize {
-        let Some(value) = self.value(key) else { return self.fall_back(key, default) };
+    pub(super) fn whole(
+        &self,
+        key: &'static str,
+        default: usize,
+        allowed: RangeInclusive<usize>,
+    ) -> usize {
+        let Some(value) = self.value(key) else {
+            return self.fall_back(key, default);
+        };
         let number = whole_of(value.get_ref());
         let within = number.filter(|number| allowed.contains(number));
         if within.is_none() {
-            let wrong = if number.is_some() { "is out of range" } else { "is no such number" };
+            let wrong = if number.is_some() {
+                "is out of range"
+            } else {
+                "is no such number"
+            };
             self.refuse_value(key, value, wrong, &whole_rule(&allowed));
         }
         within.unwrap_or(default)
@@ -166,19 +213,28 @@ impl<'s> Section<'s> {
         allowed: RangeInclusive<usize>,
     ) {
         let full = format!("{}.{key}", self.full(table));
-        let table = self.table.and_then(|own| own.get(table)).filter(|table| !table.span().is_empty());
-        let value = table.and_then(|table| table.get_ref().as_table()).and_then(|table| table.get(key));
+        let table = self
+            .table
+            .and_then(|own| own.get(table))
+            .filter(|table| !table.span().is_empty());
+        let value = table
+            .and_then(|table| table.get_ref().as_table())
+            .and_then(|table| table.get(key));
         let stands = value.filter(|value| !value.span().is_empty()).or(table);
         let line = stands.map_or(self.line, |stands| self.source.line_of(stands.span()));
-        self.source.remember_as(&full, line, format!("{by} (asked for)"));
+        self.source
+            .remember_as(&full, line, format!("{by} (asked for)"));
         if !allowed.contains(&by) {
-            self.source.refuse(&full, "is out of range", &whole_rule(&allowed));
+            self.source
+                .refuse(&full, "is out of range", &whole_rule(&allowed));
         }
     }
 
     /// Returns a yes or no; the default when it is left out or wrong.
     pub(super) fn flag(&self, key: &'static str, default: bool) -> bool {
-        let Some(value) = self.value(key) else { return self.fall_back(key, default) };
+        let Some(value) = self.value(key) else {
+            return self.fall_back(key, default);
+        };
         let flag = value.get_ref().as_bool();
         if flag.is_none() {
             self.refuse_value(key, value, "is no yes or no", "true or false is allowed");
@@ -189,32 +245,56 @@ impl<'s> Section<'s> {
     /// Returns a text if it is there and no longer than 200 bytes.
     pub(super) fn text(&self, key: &'static str) -> Option<String> {
         let value = self.value(key)?;
-        let text = value.get_ref().as_str().filter(|text| !text.is_empty() && text.len() <= 200);
+        let text = value
+            .get_ref()
+            .as_str()
+            .filter(|text| !text.is_empty() && text.len() <= 200);
         if text.is_none() {
-            self.refuse_value(key, value, "is no text", "1 to 200 characters in quotes are allowed");
+            self.refuse_value(
+                key,
+                value,
+                "is no text",
+                "1 to 200 characters in quotes are allowed",
+            );
         }
         text.map(str::to_owned)
     }
 
     /// Returns a name that can be part of a file's name; the default when it is left out or wrong.
     pub(super) fn name(&self, key: &'static str, default: &str) -> String {
-        let Some(text) = self.text(key) else { return default.to_owned() };
+        let Some(text) = self.text(key) else {
+            return default.to_owned();
+        };
         let is_plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
         if text.len() <= 64 && text.chars().all(is_plain) {
             return text;
         }
-        self.refuse(key, "is no plain name", "1 to 64 letters, digits, - and _ are allowed");
+        self.refuse(
+            key,
+            "is no plain name",
+            "1 to 64 letters, digits, - and _ are allowed",
+        );
         default.to_owned()
     }
 
     /// Returns one of several named values; the default when it is left out or wrong.
     pub(super) fn choice<T: Copy>(&self, key: &'static str, default: T, names: &[(&str, T)]) -> T {
-        let Some(value) = self.value(key) else { return default };
+        let Some(value) = self.value(key) else {
+            return default;
+        };
         let word = value.get_ref().as_str();
         let found = names.iter().find(|(name, _)| word == Some(name));
         if found.is_none() {
-            let list: Vec<String> = names.iter().map(|(name, _)| format!("\"{name}\"")).collect();
-            self.refuse_value(key, value, "is no choice", &format!("{} is allowed", list.join(" or ")));
+            let list: Vec<String> = names
+                .iter()
+                .map(|(name, _)| format!("\"{name}\""))
+                .collect();
+            self.refuse_value(
+                key,
+                value,
+                "is no choice",
+                &format!("{} is allowed", list.join(" or ")),
+            );
         }
         found.map_or(default, |(_, value)| *value)
     }
@@ -227,7 +307,8 @@ impl<'s> Section<'s> {
         allowed: RangeInclusive<f64>,
     ) -> Option<Vec<f64>> {
         let value = self.value(key)?;
-        let numbers = numbers_of(value.get_ref(), &allowed).filter(|list| length.contains(&list.len()));
+        let numbers =
+            numbers_of(value.get_ref(), &allowed).filter(|list| length.contains(&list.len()));
         if numbers.is_none() {
             let rule = format!(
                 "a list of {} numbers is allowed, each from {} to {}",
@@ -248,7 +329,8 @@ impl<'s> Section<'s> {
         length: RangeInclusive<usize>,
         allowed: RangeInclusive<f64>,
     ) -> Vec<f64> {
-        self.optional_numbers(key, length, allowed).unwrap_or_else(|| default.to_vec())
+        self.optional_numbers(key, length, allowed)
+            .unwrap_or_else(|| default.to_vec())
     }
 
     /// Returns a place `[x, y]` that must be there; the datum when it is not.
@@ -259,10 +341,19 @@ impl<'s> Section<'s> {
     }
 
     /// Returns a list of places `[[x, y], …]` that must be there; nothing when it is wrong.
-    pub(super) fn required_points(&self, key: &'static str, length: RangeInclusive<usize>) -> Vec<Point> {
-        let rule = format!("a list of {} places [x, y] in metres is needed", span(&length));
+    pub(super) fn required_points(
+        &self,
+        key: &'static str,
+        length: RangeInclusive<usize>,
+    ) -> Vec<Point> {
+        let rule = format!(
+            "a list of {} places [x, y] in metres is needed",
+            span(&length)
+        );
         self.require(key, &rule);
-        let Some(value) = self.value(key) else { return Vec::new() };
+        let Some(value) = self.value(key) else {
+            return Vec::new();
+        };
         let points = points_of(value.get_ref()).filter(|list| length.contains(&list.len()));
         if points.is_none() {
             self.refuse_value(key, value, "is no such list", &rule);
@@ -272,8 +363,9 @@ impl<'s> Section<'s> {
 
     /// Opens a table; one that is left out answers with defaults only.
     pub(super) fn section(&self, key: &'static str) -> Section<'s> {
-        self.optional_section(key)
-            .unwrap_or_else(|| Section::new(self.source, self.full(&format!("{key}.")), self.line, None))
+        self.optional_section(key).unwrap_or_else(|| {
+            Section::new(self.source, self.full(&format!("{key}.")), self.line, None)
+        })
     }
 
     /// Opens a table if it is there.
@@ -289,9 +381,15 @@ impl<'s> Section<'s> {
 
     /// Opens every table of a list of tables, which may be left out.
     pub(super) fn sections(&self, key: &'static str, limit: usize) -> Vec<Section<'s>> {
-        let Some(value) = self.value(key) else { return Vec::new() };
+        let Some(value) = self.value(key) else {
+            return Vec::new();
+        };
         let rule = format!("up to {limit} tables [[{}]] are allowed", self.full(key));
-        let Some(list) = value.get_ref().as_array().filter(|list| list.len() <= limit) else {
+        let Some(list) = value
+            .get_ref()
+            .as_array()
+            .filter(|list| list.len() <= limit)
+        else {
             self.refuse_value(key, value, "is no such list", &rule);
             return Vec::new();
         };
@@ -307,7 +405,9 @@ impl<'s> Section<'s> {
 
     /// Opens every table of a table whose keys are free names; in the order of the names.
     pub(super) fn entries(&self, key: &'static str) -> Vec<(String, Section<'s>)> {
-        let Some(value) = self.value(key) else { return Vec::new() };
+        let Some(value) = self.value(key) else {
+            return Vec::new();
+        };
         let Some(table) = value.get_ref().as_table() else {
             let rule = format!("tables [{}.NAME] are allowed", self.full(key));
             self.refuse_value(key, value, "is no table", &rule);
@@ -335,7 +435,14 @@ impl<'s> Section<'s> {
     /// Notes that a key must be there, if it is not; `rule` says what it should be.
     pub(super) fn require(&self, key: &'static str, rule: &str) {
         if !self.has(key) {
-            self.source.note(Class::Keys, self.line, &self.full(key), "", "is missing", rule);
+            self.source.note(
+                Class::Keys,
+                self.line,
+                &self.full(key),
+                "",
+                "is missing",
+                rule,
+            );
         }
     }
 
@@ -347,7 +454,10 @@ impl<'s> Section<'s> {
     /// Refuses a key that has moved to another file, and names its new place.
     pub(super) fn refuse_moved(&self, key: &'static str, place: &str) {
         self.moved.borrow_mut().push(key);
-        let value = self.table.and_then(|table| table.get(key)).filter(|value| !value.span().is_empty());
+        let value = self
+            .table
+            .and_then(|table| table.get(key))
+            .filter(|value| !value.span().is_empty());
         if let Some(value) = value {
             let wrong = format!("{key} belongs into {place}");
             self.refuse_value(key, value, &wrong, "leave it out here");
@@ -372,13 +482,25 @@ impl<'s> Section<'s> {
             };
             let shown: String = name.chars().filter(|c| !c.is_control()).take(64).collect();
             let line = self.source.line_of(key.span());
-            self.source.note(Class::Keys, line, &self.full(&shown), "", "is not known", &advice);
+            self.source.note(
+                Class::Keys,
+                line,
+                &self.full(&shown),
+                "",
+                "is not known",
+                &advice,
+            );
         }
     }
 
     fn open(&self, value: Value<'s>, prefix: String) -> Option<Section<'s>> {
         let table = value.get_ref().as_table()?;
-        Some(Section::new(self.source, prefix, self.source.line_of(value.span()), Some(table)))
+        Some(Section::new(
+            self.source,
+            prefix,
+            self.source.line_of(value.span()),
+            Some(table),
+        ))
     }
 
     fn value(&self, key: &'static str) -> Option<Value<'s>> {
@@ -387,30 +509,46 @@ impl<'s> Section<'s> {
             asked.push(key);
         }
         // What the parser left in place of a broken value stands nowhere in the text.
-        let value = self.table?.get(key).filter(|value| !value.span().is_empty())?;
+        let value = self
+            .table?
+            .get(key)
+            .filter(|value| !value.span().is_empty())?;
         self.source.remember(&self.full(key), value);
         Some(value)
     }
 
     fn fall_back<T: Display>(&self, key: &'static str, default: T) -> T {
         if !self.has(key) {
-            self.source.remember_as(&self.full(key), self.line, format!("{default} (the default)"));
+            self.source.remember_as(
+                &self.full(key),
+                self.line,
+                format!("{default} (the default)"),
+            );
         }
         default
     }
 
     fn refuse_value(&self, key: &str, value: Value<'s>, wrong: &str, rule: &str) {
         let (line, shown) = (self.source.line_of(value.span()), self.source.shown(value));
-        self.source.note(Class::Value, line, &self.full(key), &shown, wrong, rule);
+        self.source
+            .note(Class::Value, line, &self.full(key), &shown, wrong, rule);
     }
 }
 
 fn number_rule(allowed: &RangeInclusive<f64>) -> String {
-    format!("a number from {} to {} is allowed", allowed.start(), allowed.end())
+    format!(
+        "a number from {} to {} is allowed",
+        allowed.start(),
+        allowed.end()
+    )
 }
 
 fn whole_rule(allowed: &RangeInclusive<usize>) -> String {
-    format!("a whole number from {} to {} is allowed", allowed.start(), allowed.end())
+    format!(
+        "a whole number from {} to {} is allowed",
+        allowed.start(),
+        allowed.end()
+    )
 }
 
 fn span(length: &RangeInclusive<usize>) -> String {
@@ -427,7 +565,9 @@ pub(super) fn number_of(value: &DeValue) -> Option<f64> {
         return float.as_str().parse().ok();
     }
     let integer = value.as_integer()?;
-    i64::from_str_radix(integer.as_str(), integer.radix()).ok().map(|whole| whole as f64)
+    i64::from_str_radix(integer.as_str(), integer.radix())
+        .ok()
+        .map(|whole| whole as f64)
 }
 
 /// Returns the whole number from 0 upward that a value is.
@@ -438,7 +578,9 @@ pub(super) fn whole_of(value: &DeValue) -> Option<usize> {
 
 fn numbers_of(value: &DeValue, allowed: &RangeInclusive<f64>) -> Option<Vec<f64>> {
     let list = value.as_array()?;
-    list.iter().map(|entry| number_of(entry.get_ref()).filter(|number| allowed.contains(number))).collect()
+    list.iter()
+        .map(|entry| number_of(entry.get_ref()).filter(|number| allowed.contains(number)))
+        .collect()
 }
 
 fn points_of(value: &DeValue) -> Option<Vec<Point>> {

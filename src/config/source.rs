@@ -57,16 +57,29 @@ impl<'t> Source<'t> {
     /// Begins to read a text under a name.
     pub(super) fn new(file: &str, text: &'t str) -> Source<'t> {
         let breaks = text.bytes().enumerate().filter(|(_, byte)| *byte == b'\n');
-        let line_starts = std::iter::once(0).chain(breaks.map(|(at, _)| at + 1)).collect();
+        let line_starts = std::iter::once(0)
+            .chain(breaks.map(|(at, _)| at + 1))
+            .collect();
         let (found, places) = (RefCell::default(), RefCell::default());
-        Source { file: file.to_owned(), text, line_starts, over: None, found, places }
+        Source {
+            file: file.to_owned(),
+            text,
+            line_starts,
+            over: None,
+            found,
+            places,
+        }
     }
 
     /// Begins to read a text with what is laid over it.
     pub(super) fn over(file: &str, joined: &'t Joined, overlay: &'t Overlay) -> Source<'t> {
         let mut source = Source::new(file, &joined.text);
         let first_line = source.line_of(joined.from..joined.from);
-        source.over = Some(Over { overlay, joined, first_line });
+        source.over = Some(Over {
+            overlay,
+            joined,
+            first_line,
+        });
         source
     }
 
@@ -99,10 +112,19 @@ impl<'t> Source<'t> {
     pub(super) fn parse(&self) -> Spanned<DeTable<'t>> {
         if self.text.len() > LIMIT_BYTES {
             let wrong = format!("the file has {} bytes", self.text.len());
-            self.note(Class::Syntax, 1, "", "", &wrong, &format!("at most {LIMIT_BYTES} are read"));
+            self.note(
+                Class::Syntax,
+                1,
+                "",
+                "",
+                &wrong,
+                &format!("at most {LIMIT_BYTES} are read"),
+            );
             return Spanned::new(0..0, DeTable::new());
         }
-        let Some(Over { joined, .. }) = &self.over else { return self.parse_part(self.text) };
+        let Some(Over { joined, .. }) = &self.over else {
+            return self.parse_part(self.text);
+        };
         let mut tree = self.parse_part(&self.text[..joined.from]);
         for table in &joined.cleared {
             tree.get_mut().remove(*table);
@@ -123,18 +145,35 @@ impl<'t> Source<'t> {
             }
             last_line = line;
             let message = error.message().lines().collect::<Vec<_>>().join(", ");
-            self.note(Class::Syntax, line, "", "", &format!("no valid TOML: {message}"), "");
+            self.note(
+                Class::Syntax,
+                line,
+                "",
+                "",
+                &format!("no valid TOML: {message}"),
+                "",
+            );
         }
         tree
     }
 
     /// Returns the number of the line in which a span begins, counted from 1.
     pub(super) fn line_of(&self, span: Range<usize>) -> usize {
-        self.line_starts.partition_point(|start| *start <= span.start).max(1)
+        self.line_starts
+            .partition_point(|start| *start <= span.start)
+            .max(1)
     }
 
     /// Notes a problem.
-    pub(super) fn note(&self, class: Class, line: usize, key: &str, value: &str, wrong: &str, allowed: &str) {
+    pub(super) fn note(
+        &self,
+        class: Class,
+        line: usize,
+        key: &str,
+        value: &str,
+        wrong: &str,
+        allowed: &str,
+    ) {
         let (file, line) = self.place_of(line);
         let problem = Problem {
             file: file.to_owned(),
@@ -149,26 +188,38 @@ impl<'t> Source<'t> {
 
     /// Remembers where a key's value stands.
     pub(super) fn remember(&self, key: &str, value: &Spanned<DeValue<'_>>) {
-        let place = Place { line: self.line_of(value.span()), value: self.shown(value) };
+        let place = Place {
+            line: self.line_of(value.span()),
+            value: self.shown(value),
+        };
         self.places.borrow_mut().insert(key.to_owned(), place);
     }
 
     /// Remembers what stands for a key that was left out or replaced.
     pub(super) fn remember_as(&self, key: &str, line: usize, value: String) {
-        self.places.borrow_mut().insert(key.to_owned(), Place { line, value });
+        self.places
+            .borrow_mut()
+            .insert(key.to_owned(), Place { line, value });
     }
 
     /// Notes a problem of a value that was read before, by its full key.
     pub(super) fn refuse(&self, key: &str, wrong: &str, allowed: &str) {
         let place = self.places.borrow().get(key).cloned();
-        let Place { line, value } = place.unwrap_or(Place { line: 1, value: String::new() });
+        let Place { line, value } = place.unwrap_or(Place {
+            line: 1,
+            value: String::new(),
+        });
         self.note(Class::Value, line, key, &value, wrong, allowed);
     }
 
     /// Notes that a key must be there, by its full name.
     pub(super) fn require(&self, key: &str, rule: &str) {
         let table = key.rsplit_once('.').map_or("", |(table, _)| table);
-        let line = self.places.borrow().get(table).map_or(1, |place| place.line);
+        let line = self
+            .places
+            .borrow()
+            .get(table)
+            .map_or(1, |place| place.line);
         self.note(Class::Keys, line, key, "", "is missing", rule);
     }
 
@@ -185,20 +236,28 @@ impl<'t> Source<'t> {
             rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
         };
         let found = self.found.borrow();
-        !found.iter().any(|(_, problem)| keys.iter().any(|key| concerns(problem, key)))
+        !found
+            .iter()
+            .any(|(_, problem)| keys.iter().any(|key| concerns(problem, key)))
     }
 
     /// Adds what is wrong in a file that this one names.
     pub(super) fn absorb(&self, problems: Problems) {
-        let others = problems.into_list().into_iter().map(|problem| (Class::Value, problem));
+        let others = problems
+            .into_list()
+            .into_iter()
+            .map(|problem| (Class::Value, problem));
         self.found.borrow_mut().extend(others);
     }
 
     /// Returns the value if nothing is wrong, and the problems otherwise.
     pub(super) fn finish<T>(&self, value: Option<T>) -> Result<T, Problems> {
         let found = self.found.take();
-        let broken: Vec<usize> =
-            found.iter().filter(|(class, _)| *class == Class::Syntax).map(|(_, p)| p.line).collect();
+        let broken: Vec<usize> = found
+            .iter()
+            .filter(|(class, _)| *class == Class::Syntax)
+            .map(|(_, p)| p.line)
+            .collect();
         let is_worth_saying = |class: Class, problem: &Problem| match class {
             Class::Syntax => true,
             Class::Keys => broken.is_empty(),

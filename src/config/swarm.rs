@@ -29,7 +29,12 @@ pub struct Swarm {
 }
 
 /// The keys that a simulation may give in `[safety]`.
-const MARGINS: [&str; 4] = ["separation_m", "separation_up_m", "autonomy_s", "pose_sd_max_m"];
+const MARGINS: [&str; 4] = [
+    "separation_m",
+    "separation_up_m",
+    "autonomy_s",
+    "pose_sd_max_m",
+];
 /// A key that a simulation may give in `[radio]`.
 const SLOT: &str = "slot_ms";
 /// As [`SLOT`].
@@ -82,14 +87,24 @@ impl Swarm {
             pose_sd_max_m,
             lost_after_s,
         } = *self;
-        let numbers =
-            [separation_m, separation_up_m, autonomy_s, slot_ms, channel as f64, pose_sd_max_m, lost_after_s];
+        let numbers = [
+            separation_m,
+            separation_up_m,
+            autonomy_s,
+            slot_ms,
+            channel as f64,
+            pose_sd_max_m,
+            lost_after_s,
+        ];
         (*self != Swarm::UNSAID).then_some(numbers)
     }
 
     /// Shows the keys that a simulation may give in `[safety]`, with the venue's values as defaults.
     pub(super) fn margins(&mut self, to: &mut dyn Keys) {
-        self.keys(&mut Only { names: &MARGINS, to });
+        self.keys(&mut Only {
+            names: &MARGINS,
+            to,
+        });
     }
 
     /// Shows the slot, which a simulation may give in `[radio]`, with the venue's value as its default.
@@ -99,7 +114,10 @@ impl Swarm {
 
     /// Shows the channel in the same way.
     pub(super) fn channel_key(&mut self, to: &mut dyn Keys) {
-        self.keys(&mut Only { names: &[CHANNEL], to });
+        self.keys(&mut Only {
+            names: &[CHANNEL],
+            to,
+        });
     }
 
     /// Says that the keys of `[safety]` are not for the file of a node.
@@ -109,7 +127,9 @@ impl Swarm {
 
     /// Says that the keys of `[radio]` are not for the file of a node.
     pub(super) fn moved_air(to: &mut dyn Keys) {
-        [SLOT, CHANNEL].iter().for_each(|name| to.moved(name, PLACE));
+        [SLOT, CHANNEL]
+            .iter()
+            .for_each(|name| to.moved(name, PLACE));
     }
 
     /// Says that the ground station's time is not for its file.
@@ -166,11 +186,21 @@ impl Keyed for Swarm {
         );
         to.number(
             slot_ms,
-            Number { name: SLOT, default: 50.0, allowed: 1.0..=5000.0, means: "slot of the beacon ring" },
+            Number {
+                name: SLOT,
+                default: 50.0,
+                allowed: 1.0..=5000.0,
+                means: "slot of the beacon ring",
+            },
         );
         to.whole(
             channel,
-            Whole { name: CHANNEL, default: 15, allowed: 11..=26, means: "channel of the radio" },
+            Whole {
+                name: CHANNEL,
+                default: 15,
+                allowed: 11..=26,
+                means: "channel of the radio",
+            },
         );
         to.number(
             pose_sd_max_m,

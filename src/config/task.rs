@@ -36,7 +36,10 @@ const WORDS: &[(&str, WrittenKind)] = &[
     ("sweep", WrittenKind::Sweep(None)),
     ("calibrate", WrittenKind::Sweep(Some(Planner::Calibrate))),
     ("fan", WrittenKind::Sweep(Some(Planner::FanCorners))),
-    ("fan-straight", WrittenKind::Sweep(Some(Planner::FanStraight))),
+    (
+        "fan-straight",
+        WrittenKind::Sweep(Some(Planner::FanStraight)),
+    ),
     ("square", WrittenKind::Square),
     ("waypoints", WrittenKind::Waypoints),
 ];
@@ -58,9 +61,10 @@ impl Word for WrittenKind {
     fn chosen(&self) -> &'static str {
         match self {
             WrittenKind::Named(task) => MissionKind::from(task).word(),
-            WrittenKind::Sweep(_) | WrittenKind::Square | WrittenKind::Waypoints => {
-                WORDS.iter().find(|(_, kind)| kind == self).map_or("", |(word, _)| word)
-            }
+            WrittenKind::Sweep(_) | WrittenKind::Square | WrittenKind::Waypoints => WORDS
+                .iter()
+                .find(|(_, kind)| kind == self)
+                .map_or("", |(word, _)| word),
         }
     }
 
@@ -87,7 +91,10 @@ impl Default for Mission {
 
 impl Mission {
     fn of(kind: WrittenKind) -> Mission {
-        Mission { kind, places: WrittenPlaces::default() }
+        Mission {
+            kind,
+            places: WrittenPlaces::default(),
+        }
     }
 
     /// Returns a mission of every kind with its word, in the order in which people are told them.
@@ -123,10 +130,12 @@ impl Mission {
         let positions = |points: Vec<Point>| points.into_iter().map(Position::from).collect();
         match kind {
             WrittenKind::Sweep(_) => None,
-            WrittenKind::Square => Some(TaskKind::Legs { places: positions(places.round(source, venue)) }),
-            WrittenKind::Waypoints => {
-                Some(TaskKind::Legs { places: positions(places.list(source, venue, loader)) })
-            }
+            WrittenKind::Square => Some(TaskKind::Legs {
+                places: positions(places.round(source, venue)),
+            }),
+            WrittenKind::Waypoints => Some(TaskKind::Legs {
+                places: positions(places.list(source, venue, loader)),
+            }),
             WrittenKind::Named(task) => {
                 let mut task = task.clone();
                 for parameter in task.parameters() {
@@ -147,34 +156,67 @@ impl Keyed for Mission {
     fn keys(&mut self, to: &mut dyn Keys) {
         let Mission { kind, places } = self;
         let means = "what the vehicles are out for, see below";
-        to.word(kind, Words { name: "kind", default: "sweep", means });
+        to.word(
+            kind,
+            Words {
+                name: "kind",
+                default: "sweep",
+                means,
+            },
+        );
         match kind {
             WrittenKind::Sweep(_) => {}
             WrittenKind::Square => places.square_keys(to),
             WrittenKind::Waypoints => places.list_keys(true, to),
-            WrittenKind::Named(task) => task.parameters().into_iter().for_each(|parameter| match parameter {
-                TaskParameter::Number(value, number) => number_key(value, number, to),
-                TaskParameter::Places(..) => places.list_or_square_keys(to),
-            }),
+            WrittenKind::Named(task) => {
+                task.parameters()
+                    .into_iter()
+                    .for_each(|parameter| match parameter {
+                        TaskParameter::Number(value, number) => number_key(value, number, to),
+                        TaskParameter::Places(..) => places.list_or_square_keys(to),
+                    })
+            }
         }
     }
 }
 
 /// Shows a number: lengths are written in metres, times in seconds.
 fn number_key(value: &mut u32, number: TaskNumber, to: &mut dyn Keys) {
-    let TaskNumber { name, unit, default, allowed, means } = number;
+    let TaskNumber {
+        name,
+        unit,
+        default,
+        allowed,
+        means,
+    } = number;
     match unit {
         TaskUnit::Millimetre | TaskUnit::Millisecond => {
             let written = |thousandths: u32| f64::from(thousandths) / 1000.0;
             let allowed = written(*allowed.start())..=written(*allowed.end());
             let mut number = written(*value);
-            to.number(&mut number, Number { name, default: written(default), allowed, means });
+            to.number(
+                &mut number,
+                Number {
+                    name,
+                    default: written(default),
+                    allowed,
+                    means,
+                },
+            );
             *value = (number * 1000.0).round() as u32;
         }
         TaskUnit::One => {
             let allowed = *allowed.start() as usize..=*allowed.end() as usize;
             let mut number = *value as usize;
-            to.whole(&mut number, Whole { name, default: default as usize, allowed, means });
+            to.whole(
+                &mut number,
+                Whole {
+                    name,
+                    default: default as usize,
+                    allowed,
+                    means,
+                },
+            );
             *value = u32::try_from(number).unwrap_or(u32::MAX);
         }
     }
@@ -200,7 +242,9 @@ impl WrittenPlaces {
 
     /// Returns the places, given as they are or by a file.
     fn list(&self, source: &Source<'_>, venue: Option<&Venue>, loader: &mut Loader) -> Vec<Point> {
-        let Some(path) = &self.file else { return self.waypoints_m.clone() };
+        let Some(path) = &self.file else {
+            return self.waypoints_m.clone();
+        };
         let text = match loader(path) {
             Ok(text) => text,
             Err(reason) => {
@@ -243,8 +287,13 @@ impl WrittenPlaces {
             source.remember_as("mission.size_m", 1, format!("{side_m} (the default)"));
         }
         let size_m = *self.size_m.get_or_insert(side_m);
-        let middle = *self.centre_m.get_or_insert(area.map_or(Point::default(), Rect::centre));
-        let mut corners = Rect::new(middle, middle).shrunk(-0.5 * size_m).corners().to_vec();
+        let middle = *self
+            .centre_m
+            .get_or_insert(area.map_or(Point::default(), Rect::centre));
+        let mut corners = Rect::new(middle, middle)
+            .shrunk(-0.5 * size_m)
+            .corners()
+            .to_vec();
         // Clockwise, and not from south-west.
         corners.reverse();
         corners.extend(corners.first().copied());
@@ -252,22 +301,68 @@ impl WrittenPlaces {
     }
 
     fn square_keys(&mut self, to: &mut dyn Keys) {
-        let WrittenPlaces { size_m, centre_m, waypoints_m: _, file: _ } = self;
+        let WrittenPlaces {
+            size_m,
+            centre_m,
+            waypoints_m: _,
+            file: _,
+        } = self;
         let (left_out, means) = ("the shorter side of the area", "side of the square");
-        to.maybe_number(size_m, Bounds { name: "size_m", left_out, allowed: 0.1..=10_000.0, means });
+        to.maybe_number(
+            size_m,
+            Bounds {
+                name: "size_m",
+                left_out,
+                allowed: 0.1..=10_000.0,
+                means,
+            },
+        );
         let (left_out, means) = ("the area's middle", "middle of the square");
-        to.form(&mut MaybePlace(centre_m), Entry { name: "centre_m", left_out, means });
+        to.form(
+            &mut MaybePlace(centre_m),
+            Entry {
+                name: "centre_m",
+                left_out,
+                means,
+            },
+        );
     }
 
     fn list_keys(&mut self, is_needed: bool, to: &mut dyn Keys) {
-        let WrittenPlaces { size_m: _, centre_m: _, waypoints_m, file } = self;
+        let WrittenPlaces {
+            size_m: _,
+            centre_m: _,
+            waypoints_m,
+            file,
+        } = self;
         let means = "file of the places, `.waypoints` (QGC WPL 110) or `.plan` of QGroundControl; every place must lie \
                      inside the fence";
-        to.form(&mut FileName { name: file, needed: None }, Entry { name: "file", left_out: "", means });
+        to.form(
+            &mut FileName {
+                name: file,
+                needed: None,
+            },
+            Entry {
+                name: "file",
+                left_out: "",
+                means,
+            },
+        );
         let is_needed = is_needed && file.is_none();
-        let mut waypoints = Waypoints { places: waypoints_m, file: file.is_some(), is_needed };
+        let mut waypoints = Waypoints {
+            places: waypoints_m,
+            file: file.is_some(),
+            is_needed,
+        };
         let means = "the places, `[[x, y], …]`, unless a file says them";
-        to.form(&mut waypoints, Entry { name: "waypoints_m", left_out: "", means });
+        to.form(
+            &mut waypoints,
+            Entry {
+                name: "waypoints_m",
+                left_out: "",
+                means,
+            },
+        );
     }
 
     fn list_or_square_keys(&mut self, to: &mut dyn Keys) {
@@ -294,7 +389,11 @@ impl Form for Waypoints<'_> {
     fn read(&mut self, section: &Section<'_>, key: &'static str) {
         let is_given = section.has(key);
         if self.file && is_given {
-            section.refuse(key, "is given beside a file", "one of waypoints_m and file is allowed");
+            section.refuse(
+                key,
+                "is given beside a file",
+                "one of waypoints_m and file is allowed",
+            );
         } else if self.is_needed || is_given {
             *self.places = section.required_points(key, 1..=TASK_PLACES_MAX);
         }
@@ -309,11 +408,18 @@ fn places_of(source: &Source<'_>, path: &str, file: &WaypointFile, venue: &Venue
     let places = file.points(&venue.plane());
     if places.is_empty() || places.len() > TASK_PLACES_MAX {
         let wrong = format!("{path} leads to {} places", places.len());
-        source.refuse(FILE, &wrong, &format!("1 to {TASK_PLACES_MAX} places are allowed"));
+        source.refuse(
+            FILE,
+            &wrong,
+            &format!("1 to {TASK_PLACES_MAX} places are allowed"),
+        );
     }
     let outside = places.iter().filter(|(_, at)| !venue.fence.contains(*at));
     let problem = |(index, at): &(usize, Point)| {
-        let wrong = format!("leads to ({:.2}, {:.2}) m, outside the fence of the venue", at.x_m, at.y_m);
+        let wrong = format!(
+            "leads to ({:.2}, {:.2}) m, outside the fence of the venue",
+            at.x_m, at.y_m
+        );
         file.problem(path, *index, &wrong, "places inside the fence are allowed")
     };
     let problems: Vec<_> = outside.map(problem).collect();

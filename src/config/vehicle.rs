@@ -78,7 +78,15 @@ impl Keyed for VehiclesTable<'_> {
         } = &mut *self.vehicles;
         let allowed = self.allowed.clone();
         let means = "how many; from 1 on when they do not sweep";
-        to.whole(count, Whole { name: "count", default: 2, allowed, means });
+        to.whole(
+            count,
+            Whole {
+                name: "count",
+                default: 2,
+                allowed,
+                means,
+            },
+        );
         body.keys(to);
         to.number(
             pose_sd_m,
@@ -140,7 +148,8 @@ pub enum Craft {
 }
 
 impl Choice for Craft {
-    const WORDS: &'static [(&'static str, Craft)] = &[("rover", Craft::Rover), ("copter", Craft::Copter)];
+    const WORDS: &'static [(&'static str, Craft)] =
+        &[("rover", Craft::Rover), ("copter", Craft::Copter)];
 }
 
 /// Whether vehicles fly, and in what wind.
@@ -169,9 +178,22 @@ impl Flight {
 
 impl Keyed for Flight {
     fn keys(&mut self, to: &mut dyn Keys) {
-        let Flight { craft, altitude_m, climb_mps, wind_mps, wind_from_deg } = self;
+        let Flight {
+            craft,
+            altitude_m,
+            climb_mps,
+            wind_mps,
+            wind_from_deg,
+        } = self;
         let default = Craft::Rover.word();
-        to.word(craft, Words { name: "kind", default, means: "what they are" });
+        to.word(
+            craft,
+            Words {
+                name: "kind",
+                default,
+                means: "what they are",
+            },
+        );
         to.number(
             altitude_m,
             Number {
@@ -216,8 +238,11 @@ impl Keyed for Flight {
 pub(super) fn check_ceiling(root: &Section<'_>, vehicles: &Vehicles, ceiling_m: f64) {
     let top_m = vehicles.flight.altitude_m + vehicles.body.height_m;
     if vehicles.flight.craft == Craft::Copter && top_m > ceiling_m {
-        let wrong = format!("with the height of a vehicle is above the ceiling of the venue, {ceiling_m} m");
-        root.source.refuse("vehicles.altitude_m", &wrong, "a lower altitude is needed");
+        let wrong = format!(
+            "with the height of a vehicle is above the ceiling of the venue, {ceiling_m} m"
+        );
+        root.source
+            .refuse("vehicles.altitude_m", &wrong, "a lower altitude is needed");
     }
 }
 
@@ -259,7 +284,15 @@ impl Keyed for Body {
             turn_rate_deg_per_s,
         } = self;
         let mut number = |value, name, default, allowed, means| {
-            to.number(value, Number { name, default, allowed, means });
+            to.number(
+                value,
+                Number {
+                    name,
+                    default,
+                    allowed,
+                    means,
+                },
+            );
         };
         number(radius_m, "radius_m", 0.25, 0.05..=2.0, "radius of the body");
         number(height_m, "height_m", 0.3, 0.05..=3.0, "height of the body");
@@ -270,10 +303,28 @@ impl Keyed for Body {
             0.05..=10.0,
             "height of the antenna above the ground",
         );
-        number(max_speed_mps, "max_speed_mps", 0.5, 0.01..=20.0, "speed limit");
-        number(acceleration_mps2, "acceleration_mps2", 0.5, 0.01..=20.0, "acceleration");
+        number(
+            max_speed_mps,
+            "max_speed_mps",
+            0.5,
+            0.01..=20.0,
+            "speed limit",
+        );
+        number(
+            acceleration_mps2,
+            "acceleration_mps2",
+            0.5,
+            0.01..=20.0,
+            "acceleration",
+        );
         number(braking_mps2, "braking_mps2", 1.0, 0.01..=20.0, "braking");
-        number(turn_rate_deg_per_s, "turn_rate_deg_per_s", 90.0, 1.0..=720.0, "turn rate on the spot");
+        number(
+            turn_rate_deg_per_s,
+            "turn_rate_deg_per_s",
+            90.0,
+            1.0..=720.0,
+            "turn rate on the spot",
+        );
     }
 }
 
@@ -294,7 +345,12 @@ pub struct Safety {
 impl Default for Safety {
     /// Returns what holds when nothing is said.
     fn default() -> Safety {
-        let mut safety = Safety { padding_m: 0.0, battery_return: 0.0, battery_hold: 0.0, closeness_m: 0.0 };
+        let mut safety = Safety {
+            padding_m: 0.0,
+            battery_return: 0.0,
+            battery_hold: 0.0,
+            closeness_m: 0.0,
+        };
         read_defaults(&mut safety);
         safety
     }
@@ -305,14 +361,23 @@ impl Safety {
     pub(super) fn check(&self, source: &Source<'_>) {
         if self.battery_hold > self.battery_return {
             let wrong = "is above battery_return: nobody would come home";
-            source.refuse("safety.battery_hold", wrong, "at most battery_return is allowed");
+            source.refuse(
+                "safety.battery_hold",
+                wrong,
+                "at most battery_return is allowed",
+            );
         }
     }
 }
 
 impl Keyed for Safety {
     fn keys(&mut self, to: &mut dyn Keys) {
-        let Safety { padding_m, battery_return, battery_hold, closeness_m } = self;
+        let Safety {
+            padding_m,
+            battery_return,
+            battery_hold,
+            closeness_m,
+        } = self;
         to.number(
             padding_m,
             Number {
@@ -353,7 +418,13 @@ impl Keyed for Safety {
 /// Returns what a vehicle surely sees and how it stops, the one rule for its speed: the corridor that must be known free
 /// ends half a cell's diagonal before the sure range, every beam is looked along once a cycle, and one reading later
 /// the brakes are told. `pose_sd_m` is the deviation of its place, metres.
-pub(super) fn sight(body: &Body, look: &Look, safety: &Safety, cell_m: f64, pose_sd_m: f64) -> Sight {
+pub(super) fn sight(
+    body: &Body,
+    look: &Look,
+    safety: &Safety,
+    cell_m: f64,
+    pose_sd_m: f64,
+) -> Sight {
     let corridor_m = body.radius_m + safety.padding_m + 2.0 * pose_sd_m;
     Sight {
         range_m: look.sure_range_m,

@@ -90,7 +90,15 @@ impl Keyed for Record {
     fn keys(&mut self, to: &mut dyn Keys) {
         let Record { limit_mb } = self;
         let means = "the most that the recordings take together; 0: nothing is recorded";
-        to.whole(limit_mb, Whole { name: "limit_mb", default: 256, allowed: 0..=1_000_000, means });
+        to.whole(
+            limit_mb,
+            Whole {
+                name: "limit_mb",
+                default: 256,
+                allowed: 0..=1_000_000,
+                means,
+            },
+        );
     }
 }
 
@@ -105,7 +113,14 @@ impl Keyed for PoseFile {
     fn keys(&mut self, to: &mut dyn Keys) {
         let PoseFile { expected_sd_m } = self;
         let means = "who says where it is; today only `\"autopilot\"`";
-        to.form(&mut PoseSource, Entry { name: "source", left_out: "autopilot", means });
+        to.form(
+            &mut PoseSource,
+            Entry {
+                name: "source",
+                left_out: "autopilot",
+                means,
+            },
+        );
         to.number(
             expected_sd_m,
             Number {
@@ -194,7 +209,10 @@ impl VehicleFile {
             look: Look::default(),
             radio: OwnRadio::default(),
             pose: PoseFile::default(),
-            world: World { connect: NOWHERE, token: String::new() },
+            world: World {
+                connect: NOWHERE,
+                token: String::new(),
+            },
             safety: Safety::default(),
             bus: BusFile::default(),
             record: Record::default(),
@@ -209,7 +227,9 @@ impl VehicleFile {
             (file.venue_file, file.venue) = (name, venue);
         }
         read_table(&mut file, root);
-        file.task = file.mission.task(root.source, is_loaded.then_some(&file.venue), loader);
+        file.task = file
+            .mission
+            .task(root.source, is_loaded.then_some(&file.venue), loader);
         check_world(root, &file.drivers);
         if file.drivers.servo == ServoDriver::None {
             file.look.fix(root.source);
@@ -222,7 +242,12 @@ impl VehicleFile {
         if !is_whole {
             return None;
         }
-        file.home = check_home(root, &file.venue, file.id, file.body.radius_m + file.safety.padding_m)?;
+        file.home = check_home(
+            root,
+            &file.venue,
+            file.id,
+            file.body.radius_m + file.safety.padding_m,
+        )?;
         check_together(root, &file);
         Some(file)
     }
@@ -248,34 +273,79 @@ impl Keyed for VehicleFile {
             bus,
             record,
         } = self;
-        let Drivers { autopilot, servo, range, radio: radio_driver } = drivers;
-        let table = |name, means| Entry { name, left_out: "", means };
+        let Drivers {
+            autopilot,
+            servo,
+            range,
+            radio: radio_driver,
+        } = drivers;
+        let table = |name, means| Entry {
+            name,
+            left_out: "",
+            means,
+        };
         let means = "file of the place, the same on every node";
-        to.form(&mut Loaded(venue_file), Entry { name: "venue", left_out: "needed", means });
+        to.form(
+            &mut Loaded(venue_file),
+            Entry {
+                name: "venue",
+                left_out: "needed",
+                means,
+            },
+        );
         let means = "1 to 250; vehicle N has the N-th home";
-        to.form(&mut Number1To250(id), Entry { name: "id", left_out: "needed", means });
+        to.form(
+            &mut Number1To250(id),
+            Entry {
+                name: "id",
+                left_out: "needed",
+                means,
+            },
+        );
         state_dir_key(state_dir, to);
         to.table(
             mission,
-            table("mission", "as in a simulation; a vehicle alone visits all places of `pathfind`"),
+            table(
+                "mission",
+                "as in a simulation; a vehicle alone visits all places of `pathfind`",
+            ),
         );
         to.table(body, table("vehicle", "its body and how it moves"));
-        to.table(&mut DriverKey(autopilot), table("autopilot", "what drives it"));
+        to.table(
+            &mut DriverKey(autopilot),
+            table("autopilot", "what drives it"),
+        );
         to.table(
             &mut DriverKey(servo),
-            table("servo", "what turns its range sensors; `none`: they are fixed"),
+            table(
+                "servo",
+                "what turns its range sensors; `none`: they are fixed",
+            ),
         );
-        let mut sensor = RangeTable { driver: range, servo: *servo, look };
+        let mut sensor = RangeTable {
+            driver: range,
+            servo: *servo,
+            look,
+        };
         let means = "its range sensors; `none`: it sees nothing, and is not driven";
         to.table(&mut sensor, table("range", means));
-        let mut device = RadioTable { driver: radio_driver, own: radio };
+        let mut device = RadioTable {
+            driver: radio_driver,
+            own: radio,
+        };
         to.table(&mut device, table("radio", "its radio"));
         to.table(pose, table("pose", "how well its place is known"));
         let means = "the simulated world that its drivers speak with; needed by simulated drivers";
         let is_needed = drivers.has_simulated();
         to.maybe_table(&mut WorldTable { world, is_needed }, table("world", means));
-        to.table(&mut SafetyTable(safety), table("safety", "the margins that it keeps"));
-        let mut joined = BusFileTable { bus, role: Role::Vehicle };
+        to.table(
+            &mut SafetyTable(safety),
+            table("safety", "the margins that it keeps"),
+        );
+        let mut joined = BusFileTable {
+            bus,
+            role: Role::Vehicle,
+        };
         to.table(&mut joined, table("bus", "how it joins the bus"));
         to.table(record, table("record", "its flight recording"));
     }
@@ -285,10 +355,19 @@ impl Keyed for VehicleFile {
 pub(super) fn state_dir_key(state_dir: &mut String, to: &mut dyn Keys) {
     let needed = "the name of a folder is needed, relative to this file; no two nodes may share it";
     let mut folder = Some(std::mem::take(state_dir));
-    let means =
-        "folder for what outlives the node, such as its boot count and its recordings; one for each node";
-    let mut name = FileName { name: &mut folder, needed: Some(needed) };
-    to.form(&mut name, Entry { name: "state_dir", left_out: "needed", means });
+    let means = "folder for what outlives the node, such as its boot count and its recordings; one for each node";
+    let mut name = FileName {
+        name: &mut folder,
+        needed: Some(needed),
+    };
+    to.form(
+        &mut name,
+        Entry {
+            name: "state_dir",
+            left_out: "needed",
+            means,
+        },
+    );
     *state_dir = folder.unwrap_or_default();
 }
 
@@ -309,7 +388,10 @@ impl Form for Number1To250<'_> {
 }
 
 /// An address of nobody.
-const NOWHERE: SocketAddr = SocketAddr::V4(core::net::SocketAddrV4::new(core::net::Ipv4Addr::LOCALHOST, 0));
+const NOWHERE: SocketAddr = SocketAddr::V4(core::net::SocketAddrV4::new(
+    core::net::Ipv4Addr::LOCALHOST,
+    0,
+));
 
 /// The simulated world, which must be named when a driver is simulated.
 struct WorldTable<'a> {
@@ -332,10 +414,23 @@ impl Keyed for World {
         let World { connect, token } = self;
         let left_out = "needed";
         let means = "where it listens, an address of this machine";
-        to.form(&mut WorldAddress(connect), Entry { name: "connect", left_out, means });
-        let means =
-            "what a driver says to be let in, the world's own word: 8 to 128 letters, digits, `-`, `_`";
-        to.form(&mut Token(token), Entry { name: "token", left_out, means });
+        to.form(
+            &mut WorldAddress(connect),
+            Entry {
+                name: "connect",
+                left_out,
+                means,
+            },
+        );
+        let means = "what a driver says to be let in, the world's own word: 8 to 128 letters, digits, `-`, `_`";
+        to.form(
+            &mut Token(token),
+            Entry {
+                name: "token",
+                left_out,
+                means,
+            },
+        );
     }
 }
 
@@ -350,7 +445,9 @@ impl Form for WorldAddress<'_> {
     fn read(&mut self, section: &Section<'_>, key: &'static str) {
         let rule = "an address of this machine such as \"127.0.0.1:7500\" is needed";
         section.require(key, rule);
-        let Some(text) = section.text(key) else { return };
+        let Some(text) = section.text(key) else {
+            return;
+        };
         let address: Option<SocketAddr> = text.parse().ok();
         let wrong = match address {
             None => "is no address with a port",
@@ -376,8 +473,12 @@ impl Form for Token<'_> {
     fn read(&mut self, section: &Section<'_>, key: &'static str) {
         let rule = "8 to 128 letters, digits, - and _ are needed, the same as the world was given";
         section.require(key, rule);
-        let Some(token) = section.text(key) else { return };
-        let is_plain = token.bytes().all(|byte| byte.is_ascii_alphanumeric() || matches!(byte, b'-' | b'_'));
+        let Some(token) = section.text(key) else {
+            return;
+        };
+        let is_plain = token
+            .bytes()
+            .all(|byte| byte.is_ascii_alphanumeric() || matches!(byte, b'-' | b'_'));
         if (SHORTEST_TOKEN..=128).contains(&token.len()) && is_plain {
             *self.0 = token;
         } else {
@@ -389,8 +490,13 @@ impl Form for Token<'_> {
 /// Checks that the simulated world is named when a driver is simulated; one that nothing needs is left alone.
 fn check_world(root: &Section<'_>, drivers: &Drivers) {
     // A driver that was refused may have been meant to be a real one; its own problem is said already.
-    if drivers.has_simulated() && root.source.is_sound(&["autopilot", "range", "servo", "radio"]) {
-        let rule = "a table [world] with connect and token is needed by drivers of the kind \"sim\"";
+    if drivers.has_simulated()
+        && root
+            .source
+            .is_sound(&["autopilot", "range", "servo", "radio"])
+    {
+        let rule =
+            "a table [world] with connect and token is needed by drivers of the kind \"sim\"";
         root.require("world", rule);
     }
 }
@@ -408,13 +514,23 @@ fn check_home(root: &Section, venue: &Venue, id: VehicleId, reach_m: f64) -> Opt
     check_border(root, venue, reach_m);
     if !venue.fence.contains_disc(*home, reach_m) {
         let wrong = format!("home {} is nearer than {reach_m:.2} m to the fence", id.0);
-        root.refuse("venue", &wrong, "a vehicle and its padding must fit at home");
+        root.refuse(
+            "venue",
+            &wrong,
+            "a vehicle and its padding must fit at home",
+        );
     }
     Some(*home)
 }
 
 fn check_together(root: &Section<'_>, file: &VehicleFile) {
-    let VehicleFile { body, safety, pose, venue, .. } = file;
+    let VehicleFile {
+        body,
+        safety,
+        pose,
+        venue,
+        ..
+    } = file;
     let swarm = &venue.swarm;
     check_task(root, file.task.as_ref(), venue);
     let is_sound = |keys: &[&str]| root.source.is_sound(keys);
@@ -423,11 +539,19 @@ fn check_together(root: &Section<'_>, file: &VehicleFile) {
         let wrong = format!(
             "lets two vehicles touch: the separation_m of the venue is {separation_m} m, middle to middle"
         );
-        root.source.refuse("vehicle.radius_m", &wrong, "less than half of separation_m is allowed");
+        root.source.refuse(
+            "vehicle.radius_m",
+            &wrong,
+            "less than half of separation_m is allowed",
+        );
     }
     if is_sound(&["pose.expected_sd_m"]) && pose.expected_sd_m > swarm.pose_sd_max_m {
         let wrong = "is above the pose_sd_max_m of the venue: nothing would ever be measured";
-        root.source.refuse("pose.expected_sd_m", wrong, "at most pose_sd_max_m is allowed");
+        root.source.refuse(
+            "pose.expected_sd_m",
+            wrong,
+            "at most pose_sd_max_m is allowed",
+        );
     }
     if is_sound(&["vehicle", "range", "safety", "pose"]) {
         let sight = sight(body, &file.look, safety, venue.cell_m, pose.expected_sd_m);

@@ -86,9 +86,18 @@ impl Venue {
     /// Returns a hash over everything that must be equal on all nodes: all but the name. Comments,
     /// layout and the order of keys do not count. (FNV-1a, 64 bits, over the IEEE bytes.)
     pub fn hash(&self) -> u64 {
-        let Datum { latitude_deg, longitude_deg, altitude_m } = self.datum;
+        let Datum {
+            latitude_deg,
+            longitude_deg,
+            altitude_m,
+        } = self.datum;
         let mut hash = Hash::default();
-        hash.numbers(&[latitude_deg, longitude_deg, altitude_m, self.x_axis_bearing().radians()]);
+        hash.numbers(&[
+            latitude_deg,
+            longitude_deg,
+            altitude_m,
+            self.x_axis_bearing().radians(),
+        ]);
         hash.points(&[self.area.min, self.area.max]);
         hash.points(self.fence.corners());
         hash.points(&self.homes);
@@ -102,8 +111,19 @@ impl Venue {
 
     /// Returns the plane of the local frame on the earth.
     pub fn plane(&self) -> TangentPlane {
-        let Datum { latitude_deg, longitude_deg, altitude_m } = self.datum;
-        TangentPlane::new(Geodetic { latitude_deg, longitude_deg, altitude_m }, self.x_axis_bearing())
+        let Datum {
+            latitude_deg,
+            longitude_deg,
+            altitude_m,
+        } = self.datum;
+        TangentPlane::new(
+            Geodetic {
+                latitude_deg,
+                longitude_deg,
+                altitude_m,
+            },
+            self.x_axis_bearing(),
+        )
     }
 
     /// Returns the number of altitude slices of the map.
@@ -113,7 +133,10 @@ impl Venue {
 
     /// Reads a venue; what is wrong is noted at the source.
     pub(super) fn read(root: &Section<'_>) -> Venue {
-        root.require("datum", "a table [datum] with latitude_deg and longitude_deg is needed");
+        root.require(
+            "datum",
+            "a table [datum] with latitude_deg and longitude_deg is needed",
+        );
         let mut venue = Venue::blank();
         read_table(&mut venue, root);
         check_slices(root, &venue.slice_borders_m);
@@ -142,11 +165,25 @@ impl Keyed for Venue {
             swarm,
         } = self;
         let means = "a plain name, fit to be part of a file's name";
-        let mut plain = Name { name, default: "venue".to_owned() };
-        to.form(&mut plain, Entry { name: "name", left_out: "venue", means });
+        let mut plain = Name {
+            name,
+            default: "venue".to_owned(),
+        };
+        to.form(
+            &mut plain,
+            Entry {
+                name: "name",
+                left_out: "venue",
+                means,
+            },
+        );
         to.maybe_table(
             &mut DatumTable(datum),
-            Entry { name: "datum", left_out: "needed", means: "where (0, 0) lies on the earth" },
+            Entry {
+                name: "datum",
+                left_out: "needed",
+                means: "where (0, 0) lies on the earth",
+            },
         );
         to.number(x_axis_bearing_deg, Number {
             name: "x_axis_bearing_deg",
@@ -156,14 +193,46 @@ impl Keyed for Venue {
         });
         let left_out = "needed";
         let means = "`[x0, y0, x1, y1]`: what is imaged; vehicles drive along its border";
-        to.form(&mut Area(area), Entry { name: "area_m", left_out, means });
+        to.form(
+            &mut Area(area),
+            Entry {
+                name: "area_m",
+                left_out,
+                means,
+            },
+        );
         let means = "corners `[[x, y], …]` around where vehicles may be";
-        to.form(&mut Fence(fence), Entry { name: "fence_m", left_out, means });
+        to.form(
+            &mut Fence(fence),
+            Entry {
+                name: "fence_m",
+                left_out,
+                means,
+            },
+        );
         let means = "where vehicles start and return to, one each; vehicle 1 has the first";
-        let mut all = Places { places: homes, count: 1..=MOST_HOMES };
-        to.form(&mut all, Entry { name: "homes_m", left_out, means });
+        let mut all = Places {
+            places: homes,
+            count: 1..=MOST_HOMES,
+        };
+        to.form(
+            &mut all,
+            Entry {
+                name: "homes_m",
+                left_out,
+                means,
+            },
+        );
         let means = "side of a map cell";
-        to.number(cell_m, Number { name: "cell_m", default: 0.2, allowed: 0.05..=2.0, means });
+        to.number(
+            cell_m,
+            Number {
+                name: "cell_m",
+                default: 0.2,
+                allowed: 0.05..=2.0,
+                means,
+            },
+        );
         to.numbers(slice_borders_m, Numbers {
             name: "altitude_slices_m",
             default: &[0.0, 2.0],
@@ -172,10 +241,25 @@ impl Keyed for Venue {
             means: "borders of the map's slices, ascending; no effect yet but in the venue's hash: rovers use one slice",
         });
         let means = "highest altitude of a vehicle";
-        to.number(ceiling_m, Number { name: "ceiling_m", default: 10.0, allowed: 0.5..=500.0, means });
+        to.number(
+            ceiling_m,
+            Number {
+                name: "ceiling_m",
+                default: 10.0,
+                allowed: 0.5..=500.0,
+                means,
+            },
+        );
         let means = "what all nodes agree on. A simulation may give these keys in its own `[safety]` and `[radio]`, \
                      laid over its venue; the files of nodes may not";
-        to.table(swarm, Entry { name: "swarm", left_out: "", means });
+        to.table(
+            swarm,
+            Entry {
+                name: "swarm",
+                left_out: "",
+                means,
+            },
+        );
     }
 }
 
@@ -194,13 +278,36 @@ impl MaybeTable for DatumTable<'_> {
 
 impl Keyed for Datum {
     fn keys(&mut self, to: &mut dyn Keys) {
-        let Datum { latitude_deg, longitude_deg, altitude_m } = self;
-        let needed = |name, allowed, means| Bounds { name, left_out: "needed", allowed, means };
+        let Datum {
+            latitude_deg,
+            longitude_deg,
+            altitude_m,
+        } = self;
+        let needed = |name, allowed, means| Bounds {
+            name,
+            left_out: "needed",
+            allowed,
+            means,
+        };
         // A local frame has no axes at the poles.
-        to.needed_number(latitude_deg, needed("latitude_deg", -89.0..=89.0, "north (WGS84)"));
-        to.needed_number(longitude_deg, needed("longitude_deg", -180.0..=180.0, "east (WGS84)"));
+        to.needed_number(
+            latitude_deg,
+            needed("latitude_deg", -89.0..=89.0, "north (WGS84)"),
+        );
+        to.needed_number(
+            longitude_deg,
+            needed("longitude_deg", -180.0..=180.0, "east (WGS84)"),
+        );
         let means = "of z = 0 above the ellipsoid (WGS84)";
-        to.number(altitude_m, Number { name: "altitude_m", default: 0.0, allowed: -500.0..=9000.0, means });
+        to.number(
+            altitude_m,
+            Number {
+                name: "altitude_m",
+                default: 0.0,
+                allowed: -500.0..=9000.0,
+                means,
+            },
+        );
     }
 }
 
@@ -210,7 +317,9 @@ struct Area<'a>(&'a mut Rect);
 impl Form for Area<'_> {
     fn written(&self) -> Option<String> {
         let Rect { min, max } = *self.0;
-        Some(written_list([min.x_m, min.y_m, max.x_m, max.y_m].into_iter().map(number)))
+        Some(written_list(
+            [min.x_m, min.y_m, max.x_m, max.y_m].into_iter().map(number),
+        ))
     }
 
     fn read(&mut self, section: &Section<'_>, key: &'static str) {
@@ -235,17 +344,26 @@ fn read_area(root: &Section<'_>, key: &'static str) -> Rect {
     let rule = "[x0, y0, x1, y1] in metres is needed";
     root.require(key, rule);
     let nothing = Rect::new(Point::default(), Point::default());
-    let Some(numbers) = root.optional_numbers(key, 4..=4, COORDINATE_M) else { return nothing };
+    let Some(numbers) = root.optional_numbers(key, 4..=4, COORDINATE_M) else {
+        return nothing;
+    };
     let (width_m, height_m) = (numbers[2] - numbers[0], numbers[3] - numbers[1]);
     if width_m <= 0.0 || height_m <= 0.0 {
-        root.refuse(key, "the first corner is not south-west of the second", rule);
+        root.refuse(
+            key,
+            "the first corner is not south-west of the second",
+            rule,
+        );
         return nothing;
     }
     if !(1.0..=1000.0).contains(&width_m) || !(1.0..=1000.0).contains(&height_m) {
         let wrong = format!("the area is {width_m} m by {height_m} m");
         root.refuse(key, &wrong, "sides from 1 to 1000 m are allowed");
     }
-    Rect::new(Point::new(numbers[0], numbers[1]), Point::new(numbers[2], numbers[3]))
+    Rect::new(
+        Point::new(numbers[0], numbers[1]),
+        Point::new(numbers[2], numbers[3]),
+    )
 }
 
 fn read_fence(root: &Section<'_>, key: &'static str) -> Polygon {
@@ -254,7 +372,11 @@ fn read_fence(root: &Section<'_>, key: &'static str) -> Polygon {
         return Polygon::new(corners);
     }
     simple_polygon(corners).unwrap_or_else(|wrong| {
-        root.refuse(key, &wrong, "corners in order around a simple outline are needed");
+        root.refuse(
+            key,
+            &wrong,
+            "corners in order around a simple outline are needed",
+        );
         Polygon::new(Vec::new())
     })
 }
@@ -271,7 +393,10 @@ fn check_area(root: &Section, venue: &Venue) {
     for (index, from) in corners.iter().enumerate() {
         let side = Segment::new(*from, corners[(index + 1) % corners.len()]);
         if !venue.fence.contains_corridor(side, 0.01) {
-            let wrong = format!("its {} side leaves the fence", ["south", "east", "north", "west"][index]);
+            let wrong = format!(
+                "its {} side leaves the fence",
+                ["south", "east", "north", "west"][index]
+            );
             root.refuse("area_m", &wrong, "the area must lie wholly inside fence_m");
             return;
         }
@@ -288,8 +413,13 @@ fn check_area(root: &Section, venue: &Venue) {
     let reach_m = f64::from(REACH_TILES) * TILE_SIDE as f64 * venue.cell_m;
     let is_far = |corner: &Point| corner.x_m.abs().max(corner.y_m.abs()) >= reach_m;
     if venue.fence.corners().iter().any(is_far) {
-        let wrong = format!("the fence lies beyond the map, which reaches {reach_m:.0} m from the datum");
-        root.refuse("fence_m", &wrong, "put the datum nearer to the place, or make cell_m larger");
+        let wrong =
+            format!("the fence lies beyond the map, which reaches {reach_m:.0} m from the datum");
+        root.refuse(
+            "fence_m",
+            &wrong,
+            "put the datum nearer to the place, or make cell_m larger",
+        );
     }
 }
 
@@ -302,9 +432,14 @@ fn check_homes(root: &Section, venue: &Venue) {
             root.refuse("homes_m", &wrong, "every home must lie inside fence_m");
         }
         let earlier = venue.homes.iter().take(index);
-        let nearest = earlier.enumerate().find(|(_, other)| other.distance_to(*home) < HOMES_APART_M);
+        let nearest = earlier
+            .enumerate()
+            .find(|(_, other)| other.distance_to(*home) < HOMES_APART_M);
         if let Some((other, _)) = nearest {
-            let wrong = format!("homes {} and {number} are too near to each other", other + 1);
+            let wrong = format!(
+                "homes {} and {number} are too near to each other",
+                other + 1
+            );
             root.refuse("homes_m", &wrong, "homes must be at least 1 m apart");
         }
     }
@@ -325,7 +460,10 @@ impl Hash {
     }
 
     fn points(&mut self, points: &[Point]) {
-        let numbers: Vec<f64> = points.iter().flat_map(|point| [point.x_m, point.y_m]).collect();
+        let numbers: Vec<f64> = points
+            .iter()
+            .flat_map(|point| [point.x_m, point.y_m])
+            .collect();
         self.numbers(&numbers);
     }
 }

@@ -190,19 +190,43 @@ impl WaypointFile {
     /// that are none or out of range, places off the planet, too long a file.
     pub fn read(file_name: &str, text: &str) -> Result<WaypointFile, Problems> {
         let mut notes = Notes::new(file_name);
-        let mut file = WaypointFile { home: None, items: Vec::new(), origins: Vec::new() };
+        let mut file = WaypointFile {
+            home: None,
+            items: Vec::new(),
+            origins: Vec::new(),
+        };
         if text.len() > MOST_WAYPOINT_BYTES {
             let allowed = format!("at most {MOST_WAYPOINT_BYTES} bytes are read");
-            notes.add(0, "size", &format!("{} bytes", text.len()), "is too long", &allowed);
-        } else if text.trim_start_matches('\u{feff}').trim_start().starts_with('{') {
+            notes.add(
+                0,
+                "size",
+                &format!("{} bytes", text.len()),
+                "is too long",
+                &allowed,
+            );
+        } else if text
+            .trim_start_matches('\u{feff}')
+            .trim_start()
+            .starts_with('{')
+        {
             plan::read(text, &mut notes, &mut file);
         } else {
             wpl::read(text, &mut notes, &mut file);
         }
         if notes.found.is_empty() && file.items.is_empty() {
-            notes.add(0, "items", "none", "is no mission", "at least one item after home is needed");
+            notes.add(
+                0,
+                "items",
+                "none",
+                "is no mission",
+                "at least one item after home is needed",
+            );
         }
-        if notes.found.is_empty() { Ok(file) } else { Err(Problems::new(file_name, notes.found)) }
+        if notes.found.is_empty() {
+            Ok(file)
+        } else {
+            Err(Problems::new(file_name, notes.found))
+        }
     }
 
     /// Makes a mission that drives a track again: a waypoint for every place, without stays.
@@ -212,20 +236,44 @@ impl WaypointFile {
     /// There are no places, more than [`MOST_ITEMS`], or one that is not on the planet; the text says which.
     pub fn of_track(home: Geodetic, track: &[Geodetic]) -> Result<WaypointFile, String> {
         if track.is_empty() || track.len() > MOST_ITEMS {
-            return Err(format!("a track of {} places, from 1 to {MOST_ITEMS} can be written", track.len()));
+            return Err(format!(
+                "a track of {} places, from 1 to {MOST_ITEMS} can be written",
+                track.len()
+            ));
         }
-        let mut file = WaypointFile { home: Some(home), items: Vec::new(), origins: Vec::new() };
+        let mut file = WaypointFile {
+            home: Some(home),
+            items: Vec::new(),
+            origins: Vec::new(),
+        };
         for (index, place) in std::iter::once(&home).chain(track).enumerate() {
             if !item::is_on_the_planet(*place) {
-                return Err(format!("place {index} of the track is off the planet: {place:?}"));
+                return Err(format!(
+                    "place {index} of the track is off the planet: {place:?}"
+                ));
             }
         }
         for place in track {
-            let Geodetic { latitude_deg, longitude_deg, altitude_m } = *place;
-            let spot = Some(Spot { latitude_deg, longitude_deg });
-            let to = Target { spot, altitude_m: altitude_m - home.altitude_m, above: Above::Home };
+            let Geodetic {
+                latitude_deg,
+                longitude_deg,
+                altitude_m,
+            } = *place;
+            let spot = Some(Spot {
+                latitude_deg,
+                longitude_deg,
+            });
+            let to = Target {
+                spot,
+                altitude_m: altitude_m - home.altitude_m,
+                above: Above::Home,
+            };
             file.push(
-                MissionItem::Waypoint { to, hold_s: 0.0, radius_m: 0.0 },
+                MissionItem::Waypoint {
+                    to,
+                    hold_s: 0.0,
+                    radius_m: 0.0,
+                },
                 wpl::origin_of(file.items.len()),
             );
         }
@@ -246,21 +294,47 @@ impl WaypointFile {
     pub fn points(&self, frame: &TangentPlane) -> Vec<(usize, Point)> {
         let altitude_m = self.home.map_or(0.0, |home| home.altitude_m);
         let local = |spot: Spot| {
-            let Spot { latitude_deg, longitude_deg } = spot;
-            let [x_m, y_m, _] = frame.to_local_m(Geodetic { latitude_deg, longitude_deg, altitude_m });
+            let Spot {
+                latitude_deg,
+                longitude_deg,
+            } = spot;
+            let [x_m, y_m, _] = frame.to_local_m(Geodetic {
+                latitude_deg,
+                longitude_deg,
+                altitude_m,
+            });
             Point::new(x_m, y_m)
         };
-        let spots = self.items.iter().enumerate().filter_map(|(index, item)| Some((index, item.spot()?)));
+        let spots = self
+            .items
+            .iter()
+            .enumerate()
+            .filter_map(|(index, item)| Some((index, item.spot()?)));
         spots.map(|(index, spot)| (index, local(spot))).collect()
     }
 
     /// Returns what is wrong with an item, for a check that needs to know more than the file (a fence, a vehicle).
     pub fn problem(&self, file_name: &str, index: usize, wrong: &str, allowed: &str) -> Problem {
-        let origin = self.origins.get(index).cloned().unwrap_or_else(|| wpl::origin_of(index));
+        let origin = self
+            .origins
+            .get(index)
+            .cloned()
+            .unwrap_or_else(|| wpl::origin_of(index));
         let value = self.items.get(index).map_or_else(String::new, item::shown);
-        let key = if origin.path.is_empty() { format!("item {}", index + 1) } else { origin.path };
+        let key = if origin.path.is_empty() {
+            format!("item {}", index + 1)
+        } else {
+            origin.path
+        };
         let (wrong, allowed) = (wrong.to_owned(), allowed.to_owned());
-        Problem { file: file_name.to_owned(), line: origin.line, key, value, wrong, allowed }
+        Problem {
+            file: file_name.to_owned(),
+            line: origin.line,
+            key,
+            value,
+            wrong,
+            allowed,
+        }
     }
 
     fn push(&mut self, item: MissionItem, origin: Origin) {
@@ -277,7 +351,10 @@ struct Notes<'a> {
 
 impl<'a> Notes<'a> {
     fn new(file: &'a str) -> Notes<'a> {
-        Notes { file, found: Vec::new() }
+        Notes {
+            file,
+            found: Vec::new(),
+        }
     }
 
     /// Returns whether so much is wrong that reading on is of no use.
@@ -291,14 +368,25 @@ impl<'a> Notes<'a> {
         }
         let (file, key, value) = (self.file.to_owned(), key.to_owned(), shortened(value));
         let (wrong, allowed) = (wrong.to_owned(), allowed.to_owned());
-        self.found.push(Problem { file, line, key, value, wrong, allowed });
+        self.found.push(Problem {
+            file,
+            line,
+            key,
+            value,
+            wrong,
+            allowed,
+        });
     }
 }
 
 /// Cuts what was found to a readable length and takes control characters out.
 fn shortened(text: &str) -> String {
     const LONGEST: usize = 60;
-    let mut cut: String = text.chars().take(LONGEST).map(|c| if c.is_control() { ' ' } else { c }).collect();
+    let mut cut: String = text
+        .chars()
+        .take(LONGEST)
+        .map(|c| if c.is_control() { ' ' } else { c })
+        .collect();
     if text.chars().nth(LONGEST).is_some() {
         cut.push_str("...");
     }

@@ -22,7 +22,11 @@ pub fn written(config: &Config) -> String {
 }
 
 fn sim_table(sim: &mut Sim) -> SimTable<'_> {
-    SimTable { sim, allowed: &SWARM, asked: None }
+    SimTable {
+        sim,
+        allowed: &SWARM,
+        asked: None,
+    }
 }
 
 /// Returns the tables of all keys, as Markdown, by the kind of file.

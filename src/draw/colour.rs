@@ -39,9 +39,16 @@ pub(super) struct ColourMap {
 impl ColourMap {
     /// Builds the table from the anchors.
     pub(super) fn new() -> ColourMap {
-        let (dark, light) = (lightness(ANCHORS[0].map(f64::from)), lightness(ANCHORS[8].map(f64::from)));
+        let (dark, light) = (
+            lightness(ANCHORS[0].map(f64::from)),
+            lightness(ANCHORS[8].map(f64::from)),
+        );
         let target = |level: usize| dark + (light - dark) * level as f64 / (LEVELS - 1) as f64;
-        ColourMap { levels: (0..LEVELS).map(|level| of_lightness(target(level))).collect() }
+        ColourMap {
+            levels: (0..LEVELS)
+                .map(|level| of_lightness(target(level)))
+                .collect(),
+        }
     }
 
     /// Returns the colour for a share of the range; shares outside 0..1 take the nearest end.
@@ -56,7 +63,10 @@ impl ColourMap {
 fn of_lightness(target: f64) -> Rgb888 {
     let next = (1..ANCHORS.len() - 1).find(|i| lightness(ANCHORS[*i].map(f64::from)) >= target);
     let next = next.unwrap_or(ANCHORS.len() - 1);
-    let (from, to) = (ANCHORS[next - 1].map(f64::from), ANCHORS[next].map(f64::from));
+    let (from, to) = (
+        ANCHORS[next - 1].map(f64::from),
+        ANCHORS[next].map(f64::from),
+    );
     let mixed = |share: f64| [0, 1, 2].map(|i| from[i] + (to[i] - from[i]) * share);
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..24 {
@@ -75,7 +85,11 @@ fn of_lightness(target: f64) -> Rgb888 {
 fn lightness(srgb: [f64; 3]) -> f64 {
     let linear = srgb.map(|channel| {
         let share = channel / 255.0;
-        if share <= 0.04045 { share / 12.92 } else { libm::pow((share + 0.055) / 1.055, 2.4) }
+        if share <= 0.04045 {
+            share / 12.92
+        } else {
+            libm::pow((share + 0.055) / 1.055, 2.4)
+        }
     });
     let luminance = 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2];
     if luminance <= 216.0 / 24389.0 {
@@ -90,7 +104,11 @@ pub(super) fn mix(under: Rgb888, over: Rgb888, share: f64) -> Rgb888 {
     let channel = |a: u8, b: u8| {
         libm::round(f64::from(a) + (f64::from(b) - f64::from(a)) * share.clamp(0.0, 1.0)) as u8
     };
-    Rgb888::new(channel(under.r(), over.r()), channel(under.g(), over.g()), channel(under.b(), over.b()))
+    Rgb888::new(
+        channel(under.r(), over.r()),
+        channel(under.g(), over.g()),
+        channel(under.b(), over.b()),
+    )
 }
 
 /// The colours of everything laid over a plot, chosen against its ground.
@@ -171,14 +189,20 @@ mod tests {
     #[test]
     fn the_colour_map_grows_in_lightness_in_equal_steps() {
         let map = ColourMap::new();
-        let shades: Vec<f64> = (0..=64).map(|i| lightness_of(map.at(f64::from(i) / 64.0))).collect();
+        let shades: Vec<f64> = (0..=64)
+            .map(|i| lightness_of(map.at(f64::from(i) / 64.0)))
+            .collect();
         let equal = (shades[64] - shades[0]) / 64.0;
         assert!(shades[0] < 5.0 && shades[64] > 95.0);
         for pair in shades.windows(2) {
             assert!((pair[1] - pair[0] - equal).abs() < 0.6, "{pair:?}");
         }
         // Between neighbours of the full table rounding to 8 bits may cost a little, never a visible step back.
-        let all: Vec<f64> = map.levels.iter().map(|level| lightness_of(*level)).collect();
+        let all: Vec<f64> = map
+            .levels
+            .iter()
+            .map(|level| lightness_of(*level))
+            .collect();
         assert!(all.windows(2).all(|pair| pair[1] > pair[0] - 0.1));
     }
 

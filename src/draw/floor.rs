@@ -64,7 +64,11 @@ impl Picture {
         let mut picture = Picture::new(layout.size, PAPER);
         picture.fill(layout.plot, Rgb888::new(250, 250, 248));
         for is_above in [true, false] {
-            for shape in plan.shapes.iter().filter(|shape| shape.is_above == is_above) {
+            for shape in plan
+                .shapes
+                .iter()
+                .filter(|shape| shape.is_above == is_above)
+            {
                 draw(&mut picture, &layout, plan, shape);
             }
         }
@@ -75,21 +79,35 @@ impl Picture {
         paint::overlays(&mut picture, &layout, &LIGHT, &plan.overlays);
         axes::draw(&mut picture, &layout, &plan.title, "m");
         let legend_at = Pixel::new(PAD_PX as i32, layout.legend_top);
-        legend.draw(&mut picture, &LIGHT, legend_at, layout.size.width - 2 * PAD_PX);
+        legend.draw(
+            &mut picture,
+            &LIGHT,
+            legend_at,
+            layout.size.width - 2 * PAD_PX,
+        );
         picture.png()
     }
 }
 
 fn colour(plan: &FloorPlan<'_>, shape: &FloorShape) -> Rgb888 {
-    let [red, green, blue] = plan.materials.get(shape.material).map_or([128; 3], |(_, colour)| *colour);
+    let [red, green, blue] = plan
+        .materials
+        .get(shape.material)
+        .map_or([128; 3], |(_, colour)| *colour);
     let full = Rgb888::new(red, green, blue);
-    if shape.is_above { mix(PAPER, full, FAINT) } else { full }
+    if shape.is_above {
+        mix(PAPER, full, FAINT)
+    } else {
+        full
+    }
 }
 
 /// Returns the legend: every material that is seen, and once what is above.
 fn legend(plan: &FloorPlan<'_>) -> Legend {
     let is_used = |index: usize, is_above: bool| {
-        plan.shapes.iter().any(|shape| shape.material == index && shape.is_above == is_above)
+        plan.shapes
+            .iter()
+            .any(|shape| shape.material == index && shape.is_above == is_above)
     };
     let mut fills = Vec::new();
     for is_above in [false, true] {
@@ -101,7 +119,10 @@ fn legend(plan: &FloorPlan<'_>) -> Legend {
                     false => (full, name.clone()),
                     true => (mix(PAPER, full, FAINT), format!("{name} (above)")),
                 };
-                fills.push(Entry { sample: Sample::Fill(colour), text });
+                fills.push(Entry {
+                    sample: Sample::Fill(colour),
+                    text,
+                });
             }
         }
     }
@@ -112,15 +133,30 @@ fn draw(picture: &mut Picture, layout: &Layout, plan: &FloorPlan<'_>, shape: &Fl
     let colour = colour(plan, shape);
     let contours: Vec<Vec<At>> = std::iter::once(&shape.polygon)
         .chain(&shape.holes)
-        .map(|contour| contour.corners().iter().map(|corner| layout.place(*corner)).collect())
+        .map(|contour| {
+            contour
+                .corners()
+                .iter()
+                .map(|corner| layout.place(*corner))
+                .collect()
+        })
         .collect();
     fill(picture, layout.plot, &contours, colour);
     if shape.is_above {
         return;
     }
     let is_sheet = shape.polygon.corners().len() == 2;
-    let (width_px, edge) = if is_sheet { (2.6, colour) } else { (1.1, mix(colour, INK, 0.55)) };
-    let pen = Pen { width_px, colour: edge, opacity: 1.0, dash_px: None };
+    let (width_px, edge) = if is_sheet {
+        (2.6, colour)
+    } else {
+        (1.1, mix(colour, INK, 0.55))
+    };
+    let pen = Pen {
+        width_px,
+        colour: edge,
+        opacity: 1.0,
+        dash_px: None,
+    };
     let mut sheet = Sheet::new(layout.plot);
     for contour in &contours {
         let closed: Vec<At> = contour.iter().chain(contour.first()).copied().collect();
@@ -132,8 +168,10 @@ fn draw(picture: &mut Picture, layout: &Layout, plan: &FloorPlan<'_>, shape: &Fl
 fn fill(picture: &mut Picture, plot: Rectangle, contours: &[Vec<At>], colour: Rgb888) {
     for row in 0..plot.size.height as i32 {
         let y_px = f64::from(plot.top_left.y + row) + 0.5;
-        let mut crossings: Vec<f64> =
-            contours.iter().flat_map(|contour| crossings_of(contour, y_px)).collect();
+        let mut crossings: Vec<f64> = contours
+            .iter()
+            .flat_map(|contour| crossings_of(contour, y_px))
+            .collect();
         crossings.sort_by(f64::total_cmp);
         for pair in crossings.chunks_exact(2) {
             let columns = columns_between(pair[0], pair[1], plot);
@@ -149,7 +187,8 @@ fn crossings_of(contour: &[At], y_px: f64) -> impl Iterator<Item = f64> {
     let next = contour.iter().cycle().skip(1);
     contour.iter().zip(next).filter_map(move |(from, to)| {
         let is_crossed = (from.y_px <= y_px) != (to.y_px <= y_px);
-        is_crossed.then(|| from.x_px + (y_px - from.y_px) / (to.y_px - from.y_px) * (to.x_px - from.x_px))
+        is_crossed
+            .then(|| from.x_px + (y_px - from.y_px) / (to.y_px - from.y_px) * (to.x_px - from.x_px))
     })
 }
 
@@ -165,15 +204,25 @@ fn scale_bar(picture: &mut Picture, layout: &Layout) {
     let most_m = layout.view.width_m() / 4.0;
     let decade_m = libm::pow(10.0, libm::floor(libm::log10(most_m)));
     let steps = [5.0, 2.0, 1.0];
-    let length_m =
-        steps.iter().map(|step| step * decade_m).find(|length_m| *length_m <= most_m).unwrap_or(most_m);
+    let length_m = steps
+        .iter()
+        .map(|step| step * decade_m)
+        .find(|length_m| *length_m <= most_m)
+        .unwrap_or(most_m);
     let length_px = libm::round(layout.length_px(length_m)) as u32;
     let Rectangle { top_left, size } = layout.plot;
     let at = top_left + Pixel::new(20, size.height as i32 - 26);
-    picture.fill(Rectangle::new(at - Pixel::new(1, 1), Size::new(length_px + 2, BAR_PX + 2)), INK);
+    picture.fill(
+        Rectangle::new(at - Pixel::new(1, 1), Size::new(length_px + 2, BAR_PX + 2)),
+        INK,
+    );
     picture.fill(Rectangle::new(at, Size::new(length_px / 2, BAR_PX)), PAPER);
     let text = format!("{length_m} m");
-    let text_at = at + Pixel::new((length_px as i32 - width_px(&text, SMALL) as i32).max(0) / 2, -18);
+    let text_at = at
+        + Pixel::new(
+            (length_px as i32 - width_px(&text, SMALL) as i32).max(0) / 2,
+            -18,
+        );
     write_rimmed(picture, &text, text_at, INK, PAPER);
 }
 
@@ -187,36 +236,78 @@ mod tests {
     }
 
     fn shape(polygon: Polygon, holes: Vec<Polygon>) -> FloorShape {
-        FloorShape { polygon, holes, material: 0, is_above: false }
+        FloorShape {
+            polygon,
+            holes,
+            material: 0,
+            is_above: false,
+        }
     }
 
     #[test]
     fn an_outline_covers_its_area_without_its_holes() {
         let plot = Rectangle::new(Pixel::new(10, 20), Size::new(200, 100));
         let at = |x: f64, y: f64| At::new(10.0 + x, 20.0 + y);
-        let border = vec![at(10.0, 10.0), at(90.0, 10.0), at(90.0, 60.0), at(10.0, 60.0)];
-        let hole = vec![at(30.0, 20.0), at(30.0, 40.0), at(70.0, 40.0), at(70.0, 20.0)];
-        let far = vec![at(150.0, -500.0), at(900.0, -500.0), at(900.0, 900.0), at(150.0, 900.0)];
+        let border = vec![
+            at(10.0, 10.0),
+            at(90.0, 10.0),
+            at(90.0, 60.0),
+            at(10.0, 60.0),
+        ];
+        let hole = vec![
+            at(30.0, 20.0),
+            at(30.0, 40.0),
+            at(70.0, 40.0),
+            at(70.0, 20.0),
+        ];
+        let far = vec![
+            at(150.0, -500.0),
+            at(900.0, -500.0),
+            at(900.0, 900.0),
+            at(150.0, 900.0),
+        ];
         let count = |contours: &[Vec<At>]| {
             let mut picture = Picture::new(Size::new(220, 140), PAPER);
             fill(&mut picture, plot, contours, INK);
             let pixels = (0..140).flat_map(|y| (0..220).map(move |x| Pixel::new(x, y)));
-            pixels.filter(|pixel| picture.colour_at(*pixel) == Some(INK)).count()
+            pixels
+                .filter(|pixel| picture.colour_at(*pixel) == Some(INK))
+                .count()
         };
         assert_eq!(count(std::slice::from_ref(&border)), 80 * 50);
         assert_eq!(count(&[border, hole]), 80 * 50 - 40 * 20);
         assert_eq!(count(&[far]), 50 * 100);
-        assert_eq!(count(&[vec![at(f64::NAN, 0.0), at(1.0, 5.0), at(9.0, f64::INFINITY)]]), 0);
+        assert_eq!(
+            count(&[vec![
+                at(f64::NAN, 0.0),
+                at(1.0, 5.0),
+                at(9.0, f64::INFINITY)
+            ]]),
+            0
+        );
     }
 
     #[test]
     fn plans_become_pictures_and_odd_ones_are_refused() {
-        let materials = [("stone".to_owned(), [120, 120, 120]), ("leaves".to_owned(), [40, 120, 40])];
+        let materials = [
+            ("stone".to_owned(), [120, 120, 120]),
+            ("leaves".to_owned(), [40, 120, 40]),
+        ];
         let shapes = [
             shape(square(2.0, 8.0), vec![square(3.0, 4.0)]),
-            shape(Polygon::new(vec![Point::new(1.0, 1.0), Point::new(9.0, 1.0)]), Vec::new()),
-            FloorShape { material: 1, is_above: true, ..shape(square(5.0, 9.0), Vec::new()) },
-            FloorShape { material: 7, ..shape(square(f64::NAN, 1.0), Vec::new()) },
+            shape(
+                Polygon::new(vec![Point::new(1.0, 1.0), Point::new(9.0, 1.0)]),
+                Vec::new(),
+            ),
+            FloorShape {
+                material: 1,
+                is_above: true,
+                ..shape(square(5.0, 9.0), Vec::new())
+            },
+            FloorShape {
+                material: 7,
+                ..shape(square(f64::NAN, 1.0), Vec::new())
+            },
         ];
         let area = Rect::new(Point::new(0.0, 0.0), Point::new(10.0, 10.0));
         let plan = |area: Rect, shapes| FloorPlan {
@@ -230,7 +321,10 @@ mod tests {
         assert_eq!(&png[1..4], b"PNG");
         assert_eq!(png, Picture::floor(&plan(area, &shapes)).unwrap());
         assert_ne!(png, Picture::floor(&plan(area, &[])).unwrap());
-        let endless = Rect { max: Point::new(f64::INFINITY, 1.0), ..area };
+        let endless = Rect {
+            max: Point::new(f64::INFINITY, 1.0),
+            ..area
+        };
         assert!(Picture::floor(&plan(endless, &shapes)).is_err());
     }
 }

@@ -48,7 +48,8 @@ impl HeatMap<'_> {
     /// [`DrawError::AreaNotFinite`].
     pub fn placement(&self) -> Result<Placement, DrawError> {
         let bar = Bar::new(self.values, self.range, self.unit);
-        self.layout(&bar, &self.legend()).map(|layout| layout.placement())
+        self.layout(&bar, &self.legend())
+            .map(|layout| layout.placement())
     }
 
     fn legend(&self) -> Legend {
@@ -66,9 +67,17 @@ impl Picture {
     /// # Errors
     /// [`DrawError::ValueCount`], [`DrawError::AreaNotFinite`].
     pub fn heat(map: &HeatMap) -> Result<Vec<u8>, DrawError> {
-        let PixelGrid { area, columns, rows } = map.grid;
+        let PixelGrid {
+            area,
+            columns,
+            rows,
+        } = map.grid;
         if columns.checked_mul(rows) != Some(map.values.len()) {
-            return Err(DrawError::ValueCount { columns, rows, got: map.values.len() });
+            return Err(DrawError::ValueCount {
+                columns,
+                rows,
+                got: map.values.len(),
+            });
         }
         let bar = Bar::new(map.values, map.range, map.unit);
         let legend = map.legend();
@@ -77,7 +86,11 @@ impl Picture {
         picture.fill(layout.plot, DARK.ground);
         let colours = ColourMap::new();
         values(&mut picture, &layout, map, |value| {
-            if value.is_finite() { colours.at(bar.share(value)) } else { NOT_FINITE }
+            if value.is_finite() {
+                colours.at(bar.share(value))
+            } else {
+                NOT_FINITE
+            }
         });
         if map.values.is_empty() || area.width_m() <= 0.0 || area.height_m() <= 0.0 {
             nothing(&mut picture, &layout);
@@ -86,20 +99,36 @@ impl Picture {
         axes::draw(&mut picture, &layout, &map.title, map.length_unit);
         bar.draw(&mut picture, &colours, layout.plot);
         let legend_at = Point::new(PAD_PX as i32, layout.legend_top);
-        legend.draw(&mut picture, &DARK, legend_at, layout.size.width - 2 * PAD_PX);
+        legend.draw(
+            &mut picture,
+            &DARK,
+            legend_at,
+            layout.size.width - 2 * PAD_PX,
+        );
         picture.png()
     }
 }
 
 fn not_finite_entry(values: &[f64]) -> Vec<Entry> {
     let text = "no value (not a finite number)".to_string();
-    let entry = Entry { sample: Sample::Fill(NOT_FINITE), text };
-    if values.iter().all(|value| value.is_finite()) { Vec::new() } else { vec![entry] }
+    let entry = Entry {
+        sample: Sample::Fill(NOT_FINITE),
+        text,
+    };
+    if values.iter().all(|value| value.is_finite()) {
+        Vec::new()
+    } else {
+        vec![entry]
+    }
 }
 
 /// Paints the values onto the plot.
 fn values(picture: &mut Picture, layout: &Layout, map: &HeatMap, colour: impl Fn(f64) -> Rgb888) {
-    let PixelGrid { area, columns, rows } = map.grid;
+    let PixelGrid {
+        area,
+        columns,
+        rows,
+    } = map.grid;
     let across = layout.columns(area.min.x_m, map.grid.dx_m(), columns);
     let down = layout.rows(area.min.y_m, map.grid.dy_m(), rows);
     let colour_of = |columns_here: &Range<usize>, rows: &Range<usize>| {
@@ -111,12 +140,18 @@ fn values(picture: &mut Picture, layout: &Layout, map: &HeatMap, colour: impl Fn
     for (y, rows) in down.iter().enumerate() {
         // Many pixel rows show the same row of the image; its colours are worked out once.
         if line_shows != Some(rows) {
-            line = across.iter().map(|columns_here| colour_of(columns_here, rows)).collect();
+            line = across
+                .iter()
+                .map(|columns_here| colour_of(columns_here, rows))
+                .collect();
             line_shows = Some(rows);
         }
         for (x, colour) in line.iter().enumerate() {
             if let Some(colour) = colour {
-                picture.set(layout.plot.top_left + Point::new(x as i32, y as i32), *colour);
+                picture.set(
+                    layout.plot.top_left + Point::new(x as i32, y as i32),
+                    *colour,
+                );
             }
         }
     }
@@ -124,7 +159,9 @@ fn values(picture: &mut Picture, layout: &Layout, map: &HeatMap, colour: impl Fn
 
 /// Returns the mean over some columns and rows; not finite as soon as one value is not, so that it cannot hide.
 fn mean(values: &[f64], pitch: usize, columns: &Range<usize>, rows: &Range<usize>) -> f64 {
-    let lines = rows.clone().map(|row| &values[row * pitch + columns.start..row * pitch + columns.end]);
+    let lines = rows
+        .clone()
+        .map(|row| &values[row * pitch + columns.start..row * pitch + columns.end]);
     let count = columns.len() * rows.len();
     // Divided before summing, so that huge values do not overflow.
     lines.flatten().map(|value| value / count as f64).sum()
@@ -135,5 +172,11 @@ pub(super) fn nothing(picture: &mut Picture, layout: &Layout) {
     let text = "no data";
     let middle = layout.plot.center() - Point::new(width_px(text, SMALL) as i32 / 2, 7);
     let ground = picture.colour_at(middle).unwrap_or(PAPER);
-    write(picture, text, middle, SMALL, if ground == DARK.ground { PAPER } else { INK });
+    write(
+        picture,
+        text,
+        middle,
+        SMALL,
+        if ground == DARK.ground { PAPER } else { INK },
+    );
 }

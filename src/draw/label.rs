@@ -28,7 +28,11 @@ pub(super) struct Labels {
 impl Labels {
     /// Starts with an empty plot.
     pub(super) fn new(plot: Rectangle) -> Labels {
-        Labels { plot, taken: Vec::new(), placed: Vec::new() }
+        Labels {
+            plot,
+            taken: Vec::new(),
+            placed: Vec::new(),
+        }
     }
 
     /// Keeps a rectangle free of labels.
@@ -47,14 +51,24 @@ impl Labels {
         }
         let size = Size::new(width_px(&text, SMALL), SMALL.character_size.height);
         let rings = [4, 10, 19];
-        let free =
-            rings.into_iter().flat_map(|gap_px| around(mark, size, gap_px, sides_first)).find(|candidate| {
+        let free = rings
+            .into_iter()
+            .flat_map(|gap_px| around(mark, size, gap_px, sides_first))
+            .find(|candidate| {
                 let inside = candidate.intersection(&self.plot) == *candidate;
-                inside && self.taken.iter().all(|taken| taken.intersection(candidate).size.width == 0)
+                inside
+                    && self
+                        .taken
+                        .iter()
+                        .all(|taken| taken.intersection(candidate).size.width == 0)
             });
         if let Some(rectangle) = free {
             self.taken.push(rectangle);
-            self.placed.push(Placed { text, at: rectangle.top_left, colour });
+            self.placed.push(Placed {
+                text,
+                at: rectangle.top_left,
+                colour,
+            });
         }
     }
 
@@ -66,7 +80,10 @@ impl Labels {
 
 /// Returns eight rectangles of a size around a mark, at a gap.
 fn around(mark: Rectangle, size: Size, gap_px: i32, sides_first: bool) -> [Rectangle; 8] {
-    let Rectangle { top_left, size: marked } = mark;
+    let Rectangle {
+        top_left,
+        size: marked,
+    } = mark;
     let (width, height) = (size.width as i32, size.height as i32);
     let east = top_left.x + marked.width as i32 + gap_px;
     let west = top_left.x - width - gap_px;
@@ -76,10 +93,17 @@ fn around(mark: Rectangle, size: Size, gap_px: i32, sides_first: bool) -> [Recta
     let middle_y = top_left.y + (marked.height as i32 - height) / 2;
     let sides = [(east, middle_y), (west, middle_y)];
     let ends = [(middle_x, above), (middle_x, below)];
-    let (first, then) = if sides_first { (sides, ends) } else { (ends, sides) };
+    let (first, then) = if sides_first {
+        (sides, ends)
+    } else {
+        (ends, sides)
+    };
     let corners = [(east, above), (east, below), (west, above), (west, below)];
     let place = |(x, y): (i32, i32)| Rectangle::new(Point::new(x, y), size);
-    [first[0], first[1], then[0], then[1], corners[0], corners[1], corners[2], corners[3]].map(place)
+    [
+        first[0], first[1], then[0], then[1], corners[0], corners[1], corners[2], corners[3],
+    ]
+    .map(place)
 }
 
 #[cfg(test)]
@@ -95,16 +119,27 @@ mod tests {
     fn labels_never_overlap_and_stay_in_the_plot() {
         let plot = Rectangle::new(Point::new(50, 50), Size::new(300, 200));
         let mut labels = Labels::new(plot);
-        let marks: Vec<Rectangle> = (0..40).map(|i| mark(45 + i * 37 % 300, 48 + i * 53 % 200)).collect();
+        let marks: Vec<Rectangle> = (0..40)
+            .map(|i| mark(45 + i * 37 % 300, 48 + i * 53 % 200))
+            .collect();
         marks.iter().for_each(|mark| labels.keep_free(*mark));
-        marks.iter().for_each(|mark| labels.place(*mark, "label", Rgb888::WHITE, true));
-        let placed: Vec<Rectangle> =
-            labels.placed().iter().map(|label| Rectangle::new(label.at, Size::new(35, 14))).collect();
+        marks
+            .iter()
+            .for_each(|mark| labels.place(*mark, "label", Rgb888::WHITE, true));
+        let placed: Vec<Rectangle> = labels
+            .placed()
+            .iter()
+            .map(|label| Rectangle::new(label.at, Size::new(35, 14)))
+            .collect();
         assert!(placed.len() > 20, "{}", placed.len());
         for (i, label) in placed.iter().enumerate() {
             assert_eq!(label.intersection(&plot), *label);
             let others = marks.iter().chain(&placed[..i]);
-            assert!(others.clone().all(|other| other.intersection(label).size.width == 0));
+            assert!(
+                others
+                    .clone()
+                    .all(|other| other.intersection(label).size.width == 0)
+            );
         }
     }
 

@@ -41,22 +41,34 @@ pub(super) struct Legend {
 impl Legend {
     /// Makes the legend from colours to explain and from the overlays used, each kind once, each named track once.
     pub(super) fn new(fills: Vec<Entry>, overlays: &[Overlay]) -> Legend {
-        let mut marks: Vec<(Mark, String)> =
-            overlays.iter().map(|overlay| (overlay.mark(), short(&overlay.legend_text(), 32))).collect();
+        let mut marks: Vec<(Mark, String)> = overlays
+            .iter()
+            .map(|overlay| (overlay.mark(), short(&overlay.legend_text(), 32)))
+            .collect();
         marks.sort();
         marks.dedup();
         let is_track = |mark: &Mark| matches!(mark, Mark::Track { .. });
         if marks.iter().filter(|(mark, _)| is_track(mark)).count() > TRACKS_MOST {
             marks.retain(|(mark, _)| !is_track(mark));
-            marks.push((Mark::Track { colour: 0 }, "vehicle tracks, one colour each".to_string()));
+            marks.push((
+                Mark::Track { colour: 0 },
+                "vehicle tracks, one colour each".to_string(),
+            ));
         }
-        let marks = marks.into_iter().map(|(mark, text)| Entry { sample: Sample::Mark(mark), text });
-        Legend { entries: fills.into_iter().chain(marks).collect() }
+        let marks = marks.into_iter().map(|(mark, text)| Entry {
+            sample: Sample::Mark(mark),
+            text,
+        });
+        Legend {
+            entries: fills.into_iter().chain(marks).collect(),
+        }
     }
 
     /// Returns the height when laid out within a width, pixels.
     pub(super) fn height_px(&self, width_px: u32) -> u32 {
-        self.corners(width_px).last().map_or(0, |corner| corner.y as u32 + ROW_PX)
+        self.corners(width_px)
+            .last()
+            .map_or(0, |corner| corner.y as u32 + ROW_PX)
     }
 
     /// Draws the legend with its upper left corner at a place.
@@ -95,15 +107,34 @@ mod tests {
     use crate::geom;
 
     fn track(colour: usize, name: &str) -> Overlay {
-        Overlay::Track { points: Vec::new(), colour, label: Some(name.to_string()) }
+        Overlay::Track {
+            points: Vec::new(),
+            colour,
+            label: Some(name.to_string()),
+        }
     }
 
     #[test]
     fn each_kind_is_named_once() {
-        let dot = |label: &str| Overlay::Dot { at: geom::Point::default(), label: Some(label.to_string()) };
-        let legend =
-            Legend::new(Vec::new(), &[dot("a"), track(1, "r2"), dot("b"), track(0, "r1"), track(1, "r2")]);
-        let texts: Vec<&str> = legend.entries.iter().map(|entry| entry.text.as_str()).collect();
+        let dot = |label: &str| Overlay::Dot {
+            at: geom::Point::default(),
+            label: Some(label.to_string()),
+        };
+        let legend = Legend::new(
+            Vec::new(),
+            &[
+                dot("a"),
+                track(1, "r2"),
+                dot("b"),
+                track(0, "r1"),
+                track(1, "r2"),
+            ],
+        );
+        let texts: Vec<&str> = legend
+            .entries
+            .iter()
+            .map(|entry| entry.text.as_str())
+            .collect();
         assert_eq!(texts, ["track of r1", "track of r2", "vehicle"]);
     }
 
@@ -111,7 +142,12 @@ mod tests {
     fn entries_stay_within_the_width() {
         let tracks: Vec<Overlay> = (0..7).map(|i| track(i, &format!("rover{i}"))).collect();
         let legend = Legend::new(Vec::new(), &tracks);
-        assert!(legend.corners(432).iter().all(|corner| corner.x + 44 + 7 * 15 <= 432));
+        assert!(
+            legend
+                .corners(432)
+                .iter()
+                .all(|corner| corner.x + 44 + 7 * 15 <= 432)
+        );
         assert!(legend.height_px(432) > legend.height_px(2000));
         let many: Vec<Overlay> = (0..50).map(|i| track(i, &format!("rover{i}"))).collect();
         assert_eq!(Legend::new(Vec::new(), &many).entries.len(), 1);

@@ -71,8 +71,14 @@ pub struct OccupancyMap<'a> {
 impl OccupancyMap<'_> {
     fn area(&self) -> Rect {
         let Point { x_m, y_m } = self.origin;
-        let end = Point::new(x_m + self.columns as f64 * self.cell_m, y_m + self.rows as f64 * self.cell_m);
-        Rect { min: self.origin, max: end }
+        let end = Point::new(
+            x_m + self.columns as f64 * self.cell_m,
+            y_m + self.rows as f64 * self.cell_m,
+        );
+        Rect {
+            min: self.origin,
+            max: end,
+        }
     }
 
     fn legend(&self) -> Legend {
@@ -89,7 +95,8 @@ impl OccupancyMap<'_> {
     /// # Errors
     /// [`DrawError::AreaNotFinite`].
     pub fn placement(&self) -> Result<Placement, DrawError> {
-        Layout::new(self.area(), &self.overlays, PAD_PX, &self.legend()).map(|layout| layout.placement())
+        Layout::new(self.area(), &self.overlays, PAD_PX, &self.legend())
+            .map(|layout| layout.placement())
     }
 }
 
@@ -105,7 +112,11 @@ impl Picture {
             return Err(DrawError::CellSize { cell_m: map.cell_m });
         }
         if columns.checked_mul(rows) != Some(map.cells.len()) {
-            return Err(DrawError::ValueCount { columns, rows, got: map.cells.len() });
+            return Err(DrawError::ValueCount {
+                columns,
+                rows,
+                got: map.cells.len(),
+            });
         }
         let legend = map.legend();
         let layout = Layout::new(map.area(), &map.overlays, PAD_PX, &legend)?;
@@ -118,7 +129,12 @@ impl Picture {
         paint::overlays(&mut picture, &layout, &LIGHT, &map.overlays);
         axes::draw(&mut picture, &layout, &map.title, "m");
         let legend_at = Pixel::new(PAD_PX as i32, layout.legend_top);
-        legend.draw(&mut picture, &LIGHT, legend_at, layout.size.width - 2 * PAD_PX);
+        legend.draw(
+            &mut picture,
+            &LIGHT,
+            legend_at,
+            layout.size.width - 2 * PAD_PX,
+        );
         picture.png()
     }
 }
@@ -130,13 +146,17 @@ fn cells(picture: &mut Picture, layout: &Layout, map: &OccupancyMap) {
     for (y, rows) in down.iter().enumerate() {
         for (x, columns) in across.iter().enumerate() {
             if let Some(state) = strongest(map, columns, rows) {
-                picture.set(layout.plot.top_left + Pixel::new(x as i32, y as i32), state.colour());
+                picture.set(
+                    layout.plot.top_left + Pixel::new(x as i32, y as i32),
+                    state.colour(),
+                );
             }
         }
     }
 }
 
 fn strongest(map: &OccupancyMap, columns: &Range<usize>, rows: &Range<usize>) -> Option<CellState> {
-    let line = |row: usize| &map.cells[row * map.columns + columns.start..row * map.columns + columns.end];
+    let line =
+        |row: usize| &map.cells[row * map.columns + columns.start..row * map.columns + columns.end];
     rows.clone().flat_map(line).copied().max()
 }

@@ -98,13 +98,20 @@ impl Overlay {
     /// Returns the places that the plot should show, finite ones only.
     pub(super) fn places(&self) -> Vec<Point> {
         let places = match self {
-            Overlay::Outline { polygon, .. } | Overlay::Fence { polygon } => polygon.corners().to_vec(),
+            Overlay::Outline { polygon, .. } | Overlay::Fence { polygon } => {
+                polygon.corners().to_vec()
+            }
             Overlay::Circle { at, radius_m, .. } => disc_corners(*at, *radius_m),
-            Overlay::Cross { at, .. } | Overlay::Dot { at, .. } | Overlay::Home { at, .. } => vec![*at],
+            Overlay::Cross { at, .. } | Overlay::Dot { at, .. } | Overlay::Home { at, .. } => {
+                vec![*at]
+            }
             Overlay::Track { points, .. } => points.clone(),
             Overlay::Area { rect } => vec![rect.min, rect.max],
         };
-        places.into_iter().filter(|place| place.is_finite()).collect()
+        places
+            .into_iter()
+            .filter(|place| place.is_finite())
+            .collect()
     }
 
     /// Returns what the legend calls it.
@@ -113,7 +120,9 @@ impl Overlay {
             Overlay::Outline { .. } => "true outline".to_string(),
             Overlay::Circle { .. } => "true person".to_string(),
             Overlay::Cross { .. } => "found object".to_string(),
-            Overlay::Track { label: Some(name), .. } => format!("track of {name}"),
+            Overlay::Track {
+                label: Some(name), ..
+            } => format!("track of {name}"),
             Overlay::Track { label: None, .. } => "vehicle track".to_string(),
             Overlay::Dot { .. } => "vehicle".to_string(),
             Overlay::Home { .. } => "home".to_string(),
@@ -144,13 +153,25 @@ pub(super) enum Mark {
 impl Mark {
     /// Returns the pen it is drawn with.
     pub(super) fn pen(self, theme: &Theme) -> Pen {
-        let pen = |width_px: f64, colour: Rgb888| Pen { width_px, colour, opacity: 1.0, dash_px: None };
+        let pen = |width_px: f64, colour: Rgb888| Pen {
+            width_px,
+            colour,
+            opacity: 1.0,
+            dash_px: None,
+        };
         match self {
-            Mark::Area => Pen { dash_px: Some((2.0, 4.0)), ..pen(1.4, theme.border) },
-            Mark::Fence => Pen { dash_px: Some((9.0, 5.0)), ..pen(1.6, theme.border) },
-            Mark::Track { colour } => {
-                Pen { opacity: 0.8, ..pen(1.6, theme.tracks[colour % theme.tracks.len()]) }
-            }
+            Mark::Area => Pen {
+                dash_px: Some((2.0, 4.0)),
+                ..pen(1.4, theme.border)
+            },
+            Mark::Fence => Pen {
+                dash_px: Some((9.0, 5.0)),
+                ..pen(1.6, theme.border)
+            },
+            Mark::Track { colour } => Pen {
+                opacity: 0.8,
+                ..pen(1.6, theme.tracks[colour % theme.tracks.len()])
+            },
             Mark::Outline => pen(1.8, theme.truth),
             Mark::Home => pen(1.6, theme.vehicle),
             Mark::Dot => pen(9.0, theme.vehicle),

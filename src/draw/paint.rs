@@ -18,7 +18,12 @@ const CIRCLE_LEAST_PX: f64 = 4.0;
 const OUTLINE_MOST: usize = 600;
 
 /// Draws all overlays, marks of one kind together, then their labels on top.
-pub(super) fn overlays(picture: &mut Picture, layout: &Layout, theme: &Theme, overlays: &[Overlay]) {
+pub(super) fn overlays(
+    picture: &mut Picture,
+    layout: &Layout,
+    theme: &Theme,
+    overlays: &[Overlay],
+) {
     let mut ordered: Vec<&Overlay> = overlays.iter().collect();
     ordered.sort_by_key(|overlay| overlay.mark());
     let mut sheet = Sheet::new(layout.plot);
@@ -28,14 +33,22 @@ pub(super) fn overlays(picture: &mut Picture, layout: &Layout, theme: &Theme, ov
         for path in paths(overlay, layout) {
             cased(&mut sheet, picture, theme, mark, &path);
         }
-        taken(overlay, layout).into_iter().for_each(|rectangle| labels.keep_free(rectangle));
+        taken(overlay, layout)
+            .into_iter()
+            .for_each(|rectangle| labels.keep_free(rectangle));
     }
     // What was found matters most: it chooses its place first.
     for overlay in ordered.iter().rev() {
         label(&mut labels, layout, theme, overlay);
     }
     for placed in labels.placed() {
-        write_rimmed(picture, &placed.text, placed.at, placed.colour, theme.casing);
+        write_rimmed(
+            picture,
+            &placed.text,
+            placed.at,
+            placed.colour,
+            theme.casing,
+        );
     }
 }
 
@@ -49,7 +62,9 @@ pub(super) fn sample(picture: &mut Picture, theme: &Theme, mark: Mark, tile: Rec
     );
     let place = |x_px: f64, y_px: f64| At::new(middle.x_px + x_px, middle.y_px + y_px);
     let paths = match mark {
-        Mark::Area | Mark::Fence | Mark::Track { .. } => vec![vec![place(-14.0, 0.0), place(14.0, 0.0)]],
+        Mark::Area | Mark::Fence | Mark::Track { .. } => {
+            vec![vec![place(-14.0, 0.0), place(14.0, 0.0)]]
+        }
         Mark::Outline => {
             vec![vec![
                 place(-12.0, 5.0),
@@ -73,8 +88,12 @@ pub(super) fn sample(picture: &mut Picture, theme: &Theme, mark: Mark, tile: Rec
 /// Draws a path with a rim, so that it reads on any ground.
 fn cased(sheet: &mut Sheet, picture: &mut Picture, theme: &Theme, mark: Mark, path: &[At]) {
     let pen = mark.pen(theme);
-    let rim =
-        Pen { width_px: pen.width_px + CASING_PX, colour: theme.casing, opacity: mark_rim(mark), ..pen };
+    let rim = Pen {
+        width_px: pen.width_px + CASING_PX,
+        colour: theme.casing,
+        opacity: mark_rim(mark),
+        ..pen
+    };
     sheet.path(picture, path, rim);
     sheet.path(picture, path, pen);
 }
@@ -91,10 +110,16 @@ fn mark_rim(mark: Mark) -> f64 {
 /// Returns the paths an overlay is drawn with.
 fn paths(overlay: &Overlay, layout: &Layout) -> Vec<Vec<At>> {
     match overlay {
-        Overlay::Outline { polygon, .. } | Overlay::Fence { polygon } => vec![closed(polygon, layout)],
+        Overlay::Outline { polygon, .. } | Overlay::Fence { polygon } => {
+            vec![closed(polygon, layout)]
+        }
         Overlay::Area { rect } => vec![closed(&rect.polygon(), layout)],
-        Overlay::Track { points, .. } => vec![points.iter().map(|point| layout.place(*point)).collect()],
-        Overlay::Circle { at, radius_m, .. } => vec![circle(layout.place(*at), radius_px(*radius_m, layout))],
+        Overlay::Track { points, .. } => {
+            vec![points.iter().map(|point| layout.place(*point)).collect()]
+        }
+        Overlay::Circle { at, radius_m, .. } => {
+            vec![circle(layout.place(*at), radius_px(*radius_m, layout))]
+        }
         Overlay::Cross { at, .. } => cross(layout.place(*at)),
         Overlay::Dot { at, .. } => vec![vec![layout.place(*at)]],
         Overlay::Home { at, .. } => vec![house(layout.place(*at))],
@@ -103,7 +128,11 @@ fn paths(overlay: &Overlay, layout: &Layout) -> Vec<Vec<At>> {
 
 fn closed(polygon: &Polygon, layout: &Layout) -> Vec<At> {
     let corners = polygon.corners();
-    corners.iter().chain(corners.first()).map(|corner| layout.place(*corner)).collect()
+    corners
+        .iter()
+        .chain(corners.first())
+        .map(|corner| layout.place(*corner))
+        .collect()
 }
 
 fn circle(middle: At, radius_px: f64) -> Vec<At> {
@@ -126,8 +155,18 @@ fn cross(middle: At) -> Vec<Vec<At>> {
 }
 
 fn house(middle: At) -> Vec<At> {
-    let corners = [(-5.0, 6.0), (-5.0, -1.0), (0.0, -6.0), (5.0, -1.0), (5.0, 6.0), (-5.0, 6.0)];
-    corners.iter().map(|(x_px, y_px)| At::new(middle.x_px + x_px, middle.y_px + y_px)).collect()
+    let corners = [
+        (-5.0, 6.0),
+        (-5.0, -1.0),
+        (0.0, -6.0),
+        (5.0, -1.0),
+        (5.0, 6.0),
+        (-5.0, 6.0),
+    ];
+    corners
+        .iter()
+        .map(|(x_px, y_px)| At::new(middle.x_px + x_px, middle.y_px + y_px))
+        .collect()
 }
 
 fn radius_px(radius_m: f64, layout: &Layout) -> f64 {
@@ -137,24 +176,30 @@ fn radius_px(radius_m: f64, layout: &Layout) -> f64 {
 /// Returns the pixels of a mark that stands at one point, when that point lies in the plot.
 fn point_mark(overlay: &Overlay, layout: &Layout) -> Option<Rectangle> {
     match overlay {
-        Overlay::Circle { at, radius_m, .. } => around(*at, radius_px(*radius_m, layout) + 2.0, layout),
+        Overlay::Circle { at, radius_m, .. } => {
+            around(*at, radius_px(*radius_m, layout) + 2.0, layout)
+        }
         Overlay::Cross { at, .. } | Overlay::Home { at, .. } => around(*at, 7.0, layout),
         Overlay::Dot { at, .. } => around(*at, 6.0, layout),
-        Overlay::Outline { .. } | Overlay::Track { .. } | Overlay::Fence { .. } | Overlay::Area { .. } => {
-            None
-        }
+        Overlay::Outline { .. }
+        | Overlay::Track { .. }
+        | Overlay::Fence { .. }
+        | Overlay::Area { .. } => None,
     }
 }
 
 /// Returns the pixels that labels shall not cover.
 fn taken(overlay: &Overlay, layout: &Layout) -> Vec<Rectangle> {
     match overlay {
-        Overlay::Outline { polygon, .. } => {
-            polygon.edges().flat_map(|edge| along(edge, layout)).take(OUTLINE_MOST).collect()
-        }
-        Overlay::Circle { .. } | Overlay::Cross { .. } | Overlay::Dot { .. } | Overlay::Home { .. } => {
-            point_mark(overlay, layout).into_iter().collect()
-        }
+        Overlay::Outline { polygon, .. } => polygon
+            .edges()
+            .flat_map(|edge| along(edge, layout))
+            .take(OUTLINE_MOST)
+            .collect(),
+        Overlay::Circle { .. }
+        | Overlay::Cross { .. }
+        | Overlay::Dot { .. }
+        | Overlay::Home { .. } => point_mark(overlay, layout).into_iter().collect(),
         Overlay::Track { .. } | Overlay::Fence { .. } | Overlay::Area { .. } => Vec::new(),
     }
 }
@@ -162,8 +207,13 @@ fn taken(overlay: &Overlay, layout: &Layout) -> Vec<Rectangle> {
 /// Returns small squares along an edge, at most a few pixels apart on edges no longer than the plot.
 fn along(edge: Segment, layout: &Layout) -> impl Iterator<Item = Rectangle> {
     let pieces = (layout.length_px(edge.length_m()) / 6.0).clamp(1.0, 150.0) as i32;
-    (0..=pieces)
-        .filter_map(move |i| around(edge.from.toward(edge.to, f64::from(i) / f64::from(pieces)), 3.0, layout))
+    (0..=pieces).filter_map(move |i| {
+        around(
+            edge.from.toward(edge.to, f64::from(i) / f64::from(pieces)),
+            3.0,
+            layout,
+        )
+    })
 }
 
 fn around(point: Point, radius_px: f64, layout: &Layout) -> Option<Rectangle> {
@@ -185,7 +235,9 @@ fn label(labels: &mut Labels, layout: &Layout, theme: &Theme, overlay: &Overlay)
         labels.place(rectangle, text, colour, true);
     }
     if let Overlay::Outline { polygon, .. } = overlay
-        && let Some(edge) = polygon.edges().max_by(|a, b| a.length_m().total_cmp(&b.length_m()))
+        && let Some(edge) = polygon
+            .edges()
+            .max_by(|a, b| a.length_m().total_cmp(&b.length_m()))
         && let Some(rectangle) = around(edge.from.toward(edge.to, 0.5), 1.0, layout)
     {
         let vector = edge.to - edge.from;

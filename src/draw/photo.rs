@@ -31,7 +31,11 @@ impl Picture {
     pub fn photo(width_px: usize, rgb: &[[u8; 3]]) -> Result<Vec<u8>, DrawError> {
         let rows = rgb.len().checked_div(width_px).unwrap_or(0);
         if width_px == 0 || rows * width_px != rgb.len() || rgb.is_empty() {
-            return Err(DrawError::ValueCount { columns: width_px, rows, got: rgb.len() });
+            return Err(DrawError::ValueCount {
+                columns: width_px,
+                rows,
+                got: rgb.len(),
+            });
         }
         let mut picture = Picture::new(Size::new(width_px as u32, rows as u32), PAPER);
         for (index, [red, green, blue]) in rgb.iter().enumerate() {
@@ -50,7 +54,9 @@ mod tests {
     fn every_pixel_is_where_it_was_given() {
         let rgb: Vec<[u8; 3]> = (0..12).map(|i| [i, 2 * i, 255 - i]).collect();
         let png = Picture::photo(4, &rgb).unwrap();
-        let mut reader = png::Decoder::new(std::io::Cursor::new(png)).read_info().unwrap();
+        let mut reader = png::Decoder::new(std::io::Cursor::new(png))
+            .read_info()
+            .unwrap();
         let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
         let info = reader.next_frame(&mut bytes).unwrap();
         assert_eq!((info.width, info.height), (4, 3));

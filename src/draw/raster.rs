@@ -24,7 +24,11 @@ impl Picture {
     pub(super) fn new(size: Size, colour: Rgb888) -> Picture {
         let (width_px, height_px) = (size.width as usize, size.height as usize);
         let rgb = [colour.r(), colour.g(), colour.b()].repeat(width_px * height_px);
-        Picture { width_px, height_px, rgb }
+        Picture {
+            width_px,
+            height_px,
+            rgb,
+        }
     }
 
     /// Sets a pixel; one outside the picture is ignored.
@@ -43,7 +47,8 @@ impl Picture {
 
     /// Returns the colour of a pixel; `None` outside the picture.
     pub(super) fn colour_at(&self, at: Point) -> Option<Rgb888> {
-        self.start_of(at).map(|start| Rgb888::new(self.rgb[start], self.rgb[start + 1], self.rgb[start + 2]))
+        self.start_of(at)
+            .map(|start| Rgb888::new(self.rgb[start], self.rgb[start + 1], self.rgb[start + 2]))
     }
 
     /// Fills a rectangle.
@@ -56,9 +61,12 @@ impl Picture {
     /// # Errors
     /// [`DrawError::Encoding`] when the encoder refuses, which a picture of nonzero size never causes.
     pub(super) fn png(&self) -> Result<Vec<u8>, DrawError> {
-        let refused = |error: png::EncodingError| DrawError::Encoding { reason: error.to_string() };
+        let refused = |error: png::EncodingError| DrawError::Encoding {
+            reason: error.to_string(),
+        };
         let mut bytes = Vec::new();
-        let mut encoder = png::Encoder::new(&mut bytes, self.width_px as u32, self.height_px as u32);
+        let mut encoder =
+            png::Encoder::new(&mut bytes, self.width_px as u32, self.height_px as u32);
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_depth(png::BitDepth::Eight);
         encoder.set_compression(png::Compression::Fast);
@@ -84,7 +92,10 @@ impl DrawTarget for Picture {
     type Color = Rgb888;
     type Error = Infallible;
 
-    fn draw_iter<I: IntoIterator<Item = Pixel<Rgb888>>>(&mut self, pixels: I) -> Result<(), Infallible> {
+    fn draw_iter<I: IntoIterator<Item = Pixel<Rgb888>>>(
+        &mut self,
+        pixels: I,
+    ) -> Result<(), Infallible> {
         for Pixel(at, colour) in pixels {
             self.set(at, colour);
         }
@@ -100,7 +111,12 @@ mod tests {
     fn pixels_outside_the_picture_are_ignored() {
         let mut picture = Picture::new(Size::new(3, 2), Rgb888::WHITE);
         let white = picture.clone();
-        for at in [Point::new(-1, 0), Point::new(3, 0), Point::new(0, 2), Point::new(i32::MAX, i32::MIN)] {
+        for at in [
+            Point::new(-1, 0),
+            Point::new(3, 0),
+            Point::new(0, 2),
+            Point::new(i32::MAX, i32::MIN),
+        ] {
             picture.set(at, Rgb888::BLACK);
             picture.lay(at, Rgb888::BLACK, 0.5);
         }

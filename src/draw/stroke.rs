@@ -59,7 +59,11 @@ impl Sheet {
     /// Makes an empty sheet; nothing is ever drawn outside `clip`.
     pub(super) fn new(clip: Rectangle) -> Sheet {
         let pixels = clip.size.width as usize * clip.size.height as usize;
-        Sheet { clip, cover: vec![0; pixels], touched: None }
+        Sheet {
+            clip,
+            cover: vec![0; pixels],
+            touched: None,
+        }
     }
 
     /// Draws a path of straight pieces; one point alone becomes a disc. Pieces with a place that is not finite are
@@ -92,14 +96,26 @@ impl Sheet {
     }
 
     /// Covers a straight piece in dashes; `run_px` carries the pattern from piece to piece.
-    fn dashes(&mut self, from: At, to: At, radius_px: f64, (on_px, off_px): (f64, f64), run_px: &mut f64) {
+    fn dashes(
+        &mut self,
+        from: At,
+        to: At,
+        radius_px: f64,
+        (on_px, off_px): (f64, f64),
+        run_px: &mut f64,
+    ) {
         let length_px = from.distance_px(to);
         let mut done_px = 0.0;
         while done_px < length_px {
             let phase_px = *run_px % (on_px + off_px);
             let on = phase_px < on_px;
             // At least a tenth of a pixel, so that rounding never holds the walk in place.
-            let left_px = if on { on_px - phase_px } else { on_px + off_px - phase_px }.max(0.1);
+            let left_px = if on {
+                on_px - phase_px
+            } else {
+                on_px + off_px - phase_px
+            }
+            .max(0.1);
             let next_px = (done_px + left_px).min(length_px);
             if on {
                 let place = |at_px: f64| from.toward(to, at_px / length_px);
@@ -113,22 +129,43 @@ impl Sheet {
     /// Covers all pixels near a straight piece, with a soft rim one pixel wide.
     fn piece(&mut self, from: At, to: At, radius_px: f64) {
         let reach_px = radius_px + 1.0;
-        let (left, top) = (f64::from(self.clip.top_left.x), f64::from(self.clip.top_left.y));
-        let (columns, rows) = (self.clip.size.width as usize, self.clip.size.height as usize);
-        let (low, high) = if from.y_px <= to.y_px { (from, to) } else { (to, from) };
+        let (left, top) = (
+            f64::from(self.clip.top_left.x),
+            f64::from(self.clip.top_left.y),
+        );
+        let (columns, rows) = (
+            self.clip.size.width as usize,
+            self.clip.size.height as usize,
+        );
+        let (low, high) = if from.y_px <= to.y_px {
+            (from, to)
+        } else {
+            (to, from)
+        };
         let height_px = high.y_px - low.y_px;
         for row in indices(low.y_px - reach_px - top, high.y_px + reach_px - top, rows) {
             let middle_px = top + row as f64 + 0.5;
             // Only the part of the piece near this row matters; a long slanting line stays cheap.
             let share = |y_px: f64| {
-                if height_px > 1e-9 { ((y_px - low.y_px) / height_px).clamp(0.0, 1.0) } else { 0.0 }
+                if height_px > 1e-9 {
+                    ((y_px - low.y_px) / height_px).clamp(0.0, 1.0)
+                } else {
+                    0.0
+                }
             };
             let start = low.toward(high, share(middle_px - reach_px)).x_px;
-            let end =
-                if height_px > 1e-9 { low.toward(high, share(middle_px + reach_px)).x_px } else { high.x_px };
-            let (west, east) = (start.min(end) - reach_px - left, start.max(end) + reach_px - left);
+            let end = if height_px > 1e-9 {
+                low.toward(high, share(middle_px + reach_px)).x_px
+            } else {
+                high.x_px
+            };
+            let (west, east) = (
+                start.min(end) - reach_px - left,
+                start.max(end) + reach_px - left,
+            );
             for column in indices(west, east, columns) {
-                let distance_px = distance_px(At::new(left + column as f64 + 0.5, middle_px), low, high);
+                let distance_px =
+                    distance_px(At::new(left + column as f64 + 0.5, middle_px), low, high);
                 let share = (radius_px + 0.5 - distance_px).clamp(0.0, 1.0);
                 self.cover_at(column, row, (share * 255.0) as u8);
             }
@@ -142,7 +179,12 @@ impl Sheet {
         let index = row * self.clip.size.width as usize + column;
         self.cover[index] = self.cover[index].max(cover);
         let [west, east, north, south] = self.touched.unwrap_or([column, column, row, row]);
-        self.touched = Some([west.min(column), east.max(column), north.min(row), south.max(row)]);
+        self.touched = Some([
+            west.min(column),
+            east.max(column),
+            north.min(row),
+            south.max(row),
+        ]);
     }
 
     /// Lays what was gathered over the picture and empties the sheet.
@@ -164,12 +206,19 @@ impl Sheet {
 
     /// Cuts a piece to the clip rectangle grown by `margin_px` (Liang and Barsky 1984).
     fn clipped(&self, from: At, to: At, margin_px: f64) -> Option<(At, At)> {
-        let (left, top) = (f64::from(self.clip.top_left.x), f64::from(self.clip.top_left.y));
-        let (width, height) = (f64::from(self.clip.size.width), f64::from(self.clip.size.height));
+        let (left, top) = (
+            f64::from(self.clip.top_left.x),
+            f64::from(self.clip.top_left.y),
+        );
+        let (width, height) = (
+            f64::from(self.clip.size.width),
+            f64::from(self.clip.size.height),
+        );
         let mut shares = (0.0, 1.0);
-        for (start, end, low, high) in
-            [(from.x_px, to.x_px, left, left + width), (from.y_px, to.y_px, top, top + height)]
-        {
+        for (start, end, low, high) in [
+            (from.x_px, to.x_px, left, left + width),
+            (from.y_px, to.y_px, top, top + height),
+        ] {
             let (low, high, length) = (low - margin_px, high + margin_px, end - start);
             if length == 0.0 && !(low..=high).contains(&start) {
                 return None;
@@ -207,15 +256,27 @@ mod tests {
     use embedded_graphics::geometry::{OriginDimensions, Size};
     use embedded_graphics::pixelcolor::RgbColor;
 
-    const PEN: Pen = Pen { width_px: 2.0, colour: Rgb888::BLACK, opacity: 1.0, dash_px: None };
+    const PEN: Pen = Pen {
+        width_px: 2.0,
+        colour: Rgb888::BLACK,
+        opacity: 1.0,
+        dash_px: None,
+    };
 
     /// Draws on 40 x 30 white pixels, of which only 5..35 x 5..25 may be touched; returns the darkness of each pixel.
     fn darkness(places: &[At], pen: Pen) -> Vec<u8> {
         let mut picture = Picture::new(Size::new(40, 30), Rgb888::WHITE);
-        Sheet::new(Rectangle::new(Point::new(5, 5), Size::new(30, 20))).path(&mut picture, places, pen);
+        Sheet::new(Rectangle::new(Point::new(5, 5), Size::new(30, 20))).path(
+            &mut picture,
+            places,
+            pen,
+        );
         assert_eq!(picture.size(), Size::new(40, 30));
-        let pixel =
-            |i: i32| picture.colour_at(Point::new(i % 40, i / 40)).map_or(0, |colour| 255 - colour.r());
+        let pixel = |i: i32| {
+            picture
+                .colour_at(Point::new(i % 40, i / 40))
+                .map_or(0, |colour| 255 - colour.r())
+        };
         (0..1200).map(pixel).collect()
     }
 
@@ -226,34 +287,63 @@ mod tests {
             dark.iter().map(|shade| f64::from(*shade)).sum::<f64>() / 255.0
         };
         // Round ends add a disc of radius 1.
-        for to in [At::new(30.0, 10.0), At::new(10.0, 20.0), At::new(28.0, 21.0), At::new(12.0, 23.0)] {
+        for to in [
+            At::new(30.0, 10.0),
+            At::new(10.0, 20.0),
+            At::new(28.0, 21.0),
+            At::new(12.0, 23.0),
+        ] {
             let expected = 2.0 * At::new(10.0, 10.0).distance_px(to) + std::f64::consts::PI;
-            assert!((sum(to) - expected).abs() < 0.08 * expected, "{} {expected}", sum(to));
+            assert!(
+                (sum(to) - expected).abs() < 0.08 * expected,
+                "{} {expected}",
+                sum(to)
+            );
         }
     }
 
     #[test]
     fn nothing_is_drawn_outside_the_clip_rectangle() {
-        let far = [At::new(-1e12, 15.0), At::new(1e12, 15.5), At::new(3.0, -1e300), At::new(20.0, 1e300)];
+        let far = [
+            At::new(-1e12, 15.0),
+            At::new(1e12, 15.5),
+            At::new(3.0, -1e300),
+            At::new(20.0, 1e300),
+        ];
         let dark = darkness(&far, PEN);
         let outside = |i: usize| !(5..35).contains(&(i % 40)) || !(5..25).contains(&(i / 40));
-        assert!(dark.iter().enumerate().all(|(i, shade)| *shade == 0 || !outside(i)));
+        assert!(
+            dark.iter()
+                .enumerate()
+                .all(|(i, shade)| *shade == 0 || !outside(i))
+        );
         assert!(dark[15 * 40 + 20] > 200);
     }
 
     #[test]
     fn a_line_drawn_twice_is_no_darker() {
-        let pen = Pen { opacity: 0.4, ..PEN };
+        let pen = Pen {
+            opacity: 0.4,
+            ..PEN
+        };
         let (a, b) = (At::new(10.0, 10.0), At::new(30.0, 20.0));
         assert_eq!(darkness(&[a, b], pen), darkness(&[a, b, a, b], pen));
     }
 
     #[test]
     fn dashes_leave_gaps_and_odd_places_are_left_out() {
-        let pen = Pen { dash_px: Some((5.0, 5.0)), width_px: 1.0, ..PEN };
+        let pen = Pen {
+            dash_px: Some((5.0, 5.0)),
+            width_px: 1.0,
+            ..PEN
+        };
         let dark = darkness(&[At::new(5.0, 10.5), At::new(35.0, 10.5)], pen);
         assert!(dark[10 * 40 + 7] == 255 && dark[10 * 40 + 12] == 0 && dark[10 * 40 + 17] == 255);
-        let odd = [At::new(f64::NAN, 1.0), At::new(10.0, f64::INFINITY), At::new(10.0, 10.0)];
+        let odd = [
+            At::new(f64::NAN, 1.0),
+            At::new(10.0, f64::INFINITY),
+            At::new(10.0, 10.0),
+        ];
         assert!(darkness(&odd, PEN).iter().all(|shade| *shade == 0));
         assert!(darkness(&[], PEN).iter().all(|shade| *shade == 0));
     }

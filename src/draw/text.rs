@@ -28,7 +28,11 @@ pub(super) fn short(text: &str, most: usize) -> String {
     let line = |c: char| if c.is_control() { ' ' } else { c };
     let cut = text.chars().nth(most).is_some();
     let kept = if cut { most.saturating_sub(3) } else { most };
-    text.chars().take(kept).map(line).chain("...".chars().take(if cut { 3 } else { 0 })).collect()
+    text.chars()
+        .take(kept)
+        .map(line)
+        .chain("...".chars().take(if cut { 3 } else { 0 }))
+        .collect()
 }
 
 /// Writes a text with its upper left corner at a place.
@@ -38,18 +42,39 @@ pub(super) fn write(picture: &mut Picture, text: &str, at: Point, font: &MonoFon
 }
 
 /// Writes a text with a rim of another colour, so that it reads on any ground.
-pub(super) fn write_rimmed(picture: &mut Picture, text: &str, at: Point, colour: Rgb888, rim: Rgb888) {
-    for by in [(-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1)] {
+pub(super) fn write_rimmed(
+    picture: &mut Picture,
+    text: &str,
+    at: Point,
+    colour: Rgb888,
+    rim: Rgb888,
+) {
+    for by in [
+        (-1, -1),
+        (0, -1),
+        (1, -1),
+        (-1, 0),
+        (1, 0),
+        (-1, 1),
+        (0, 1),
+        (1, 1),
+    ] {
         write(picture, text, at + Point::new(by.0, by.1), SMALL, rim);
     }
     write(picture, text, at, SMALL, colour);
 }
 
 /// Writes a text that runs upward; `foot` is where its upper left corner lies when read with the head to the left.
-pub(super) fn write_upward(picture: &mut Picture, text: &str, foot: Point, font: &MonoFont, colour: Rgb888) {
+pub(super) fn write_upward(
+    picture: &mut Picture,
+    text: &str,
+    foot: Point,
+    font: &MonoFont,
+    colour: Rgb888,
+) {
     let style = MonoTextStyle::new(font, colour);
-    let Ok(_) =
-        Text::with_baseline(text, Point::zero(), style, Baseline::Top).draw(&mut Upward { picture, foot });
+    let Ok(_) = Text::with_baseline(text, Point::zero(), style, Baseline::Top)
+        .draw(&mut Upward { picture, foot });
 }
 
 /// A target that turns what is drawn a quarter to the left.
@@ -68,9 +93,13 @@ impl DrawTarget for Upward<'_> {
     type Color = Rgb888;
     type Error = std::convert::Infallible;
 
-    fn draw_iter<I: IntoIterator<Item = Pixel<Rgb888>>>(&mut self, pixels: I) -> Result<(), Self::Error> {
+    fn draw_iter<I: IntoIterator<Item = Pixel<Rgb888>>>(
+        &mut self,
+        pixels: I,
+    ) -> Result<(), Self::Error> {
         for Pixel(at, colour) in pixels {
-            self.picture.set(self.foot + Point::new(at.y, -at.x), colour);
+            self.picture
+                .set(self.foot + Point::new(at.y, -at.x), colour);
         }
         Ok(())
     }

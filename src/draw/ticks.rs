@@ -18,7 +18,9 @@ pub(super) fn step(span: f64, most: usize) -> Option<f64> {
     }
     let power = power_of_ten(libm::floor(libm::log10(rough)) as i32);
     let factors = [1.0, 2.0, 5.0, 10.0];
-    let factor = factors.into_iter().find(|factor| factor * power >= rough * (1.0 - 1e-9))?;
+    let factor = factors
+        .into_iter()
+        .find(|factor| factor * power >= rough * (1.0 - 1e-9))?;
     Some(factor * power).filter(|step| step.is_normal())
 }
 
@@ -27,7 +29,10 @@ pub(super) fn ticks(low: f64, high: f64, most: usize) -> Vec<Tick> {
     let Some(step) = step(high - low, most) else {
         return Vec::new();
     };
-    let (first, last) = (libm::ceil(low / step - 1e-6), libm::floor(high / step + 1e-6));
+    let (first, last) = (
+        libm::ceil(low / step - 1e-6),
+        libm::floor(high / step + 1e-6),
+    );
     let count = last - first + 1.0;
     if !(first.abs() < 1e15 && last.abs() < 1e15 && count <= most as f64 + 2.0) {
         return Vec::new();
@@ -35,7 +40,10 @@ pub(super) fn ticks(low: f64, high: f64, most: usize) -> Vec<Tick> {
     let size = low.abs().max(high.abs());
     let value = |index: usize| (first + index as f64) * step;
     (0..count.max(0.0) as usize)
-        .map(|i| Tick { value: value(i), label: label(value(i), step, size) })
+        .map(|i| Tick {
+            value: value(i),
+            label: label(value(i), step, size),
+        })
         .collect()
 }
 
@@ -66,7 +74,11 @@ fn label(value: f64, step: f64, size: f64) -> String {
     let (step_power, size_power) = (exponent(step), exponent(size));
     if size_power >= 6 || step_power < -5 {
         let digits = (size_power - step_power).clamp(0, 6) as usize;
-        return if value == 0.0 { "0".to_string() } else { format!("{value:.digits$e}") };
+        return if value == 0.0 {
+            "0".to_string()
+        } else {
+            format!("{value:.digits$e}")
+        };
     }
     plain(value, (-step_power).max(0) as usize)
 }
@@ -75,7 +87,11 @@ fn label(value: f64, step: f64, size: f64) -> String {
 fn plain(value: f64, decimals: usize) -> String {
     let text = format!("{value:.decimals$}");
     let zero = !text.contains(|c: char| ('1'..='9').contains(&c));
-    if zero { text.trim_start_matches('-').to_string() } else { text }
+    if zero {
+        text.trim_start_matches('-').to_string()
+    } else {
+        text
+    }
 }
 
 fn exponent(value: f64) -> i32 {
@@ -98,7 +114,10 @@ mod tests {
     use proptest::prelude::*;
 
     fn check(low: f64, high: f64, most: usize, expected: &[&str]) {
-        let labels: Vec<String> = ticks(low, high, most).into_iter().map(|tick| tick.label).collect();
+        let labels: Vec<String> = ticks(low, high, most)
+            .into_iter()
+            .map(|tick| tick.label)
+            .collect();
         assert_eq!(labels, expected);
     }
 
@@ -106,8 +125,18 @@ mod tests {
     fn ticks_stand_at_round_numbers() {
         check(0.0, 20.0, 5, &["0", "5", "10", "15", "20"]);
         check(-0.3, 0.31, 6, &["-0.2", "0.0", "0.2"]);
-        check(-0.3, 0.31, 7, &["-0.3", "-0.2", "-0.1", "0.0", "0.1", "0.2", "0.3"]);
-        check(0.0, 0.004, 4, &["0.000", "0.001", "0.002", "0.003", "0.004"]);
+        check(
+            -0.3,
+            0.31,
+            7,
+            &["-0.3", "-0.2", "-0.1", "0.0", "0.1", "0.2", "0.3"],
+        );
+        check(
+            0.0,
+            0.004,
+            4,
+            &["0.000", "0.001", "0.002", "0.003", "0.004"],
+        );
         check(0.0, 3e7, 3, &["0", "1e7", "2e7", "3e7"]);
         check(995.0, 1012.0, 4, &["995", "1000", "1005", "1010"]);
     }
@@ -131,9 +160,14 @@ mod tests {
 
     #[test]
     fn numbers_are_short() {
-        let texts: Vec<String> =
-            [0.0, -0.0001, -0.346, 0.0742, 12.34, 250.0, 3e-7].into_iter().map(number).collect();
-        assert_eq!(texts, ["0.00", "-1.0e-4", "-0.35", "0.074", "12.3", "250", "3.0e-7"]);
+        let texts: Vec<String> = [0.0, -0.0001, -0.346, 0.0742, 12.34, 250.0, 3e-7]
+            .into_iter()
+            .map(number)
+            .collect();
+        assert_eq!(
+            texts,
+            ["0.00", "-1.0e-4", "-0.35", "0.074", "12.3", "250", "3.0e-7"]
+        );
     }
 
     proptest! {

@@ -43,7 +43,13 @@ impl OutboundFrame {
         let (frame, topic) = (encode(message)?, Topic::of(message));
         let row = row(topic.kind);
         let (class, is_replaced, numbers) = (row.class, row.is_replaced, Numbers::of(message));
-        Ok(OutboundFrame { class, topic, is_replaced, numbers, frame })
+        Ok(OutboundFrame {
+            class,
+            topic,
+            is_replaced,
+            numbers,
+            frame,
+        })
     }
 }
 
@@ -61,7 +67,12 @@ impl Egress {
     pub fn new(bytes_per_s: u32) -> Egress {
         let per_s = f64::from(bytes_per_s);
         let budget = TokenBucket::new(per_s, per_s / 2.0);
-        Egress { budget, waiting: BTreeMap::new(), bytes: 0, dropped: 0 }
+        Egress {
+            budget,
+            waiting: BTreeMap::new(),
+            bytes: 0,
+            dropped: 0,
+        }
     }
 
     /// Takes a frame: returns it when it may go at once, otherwise keeps it.
@@ -70,7 +81,10 @@ impl Egress {
             self.budget.owe(now, offered.frame.len());
             return Some(offered);
         }
-        let is_turn = self.waiting.range(..=offered.class).all(|(_, waiting)| waiting.is_empty());
+        let is_turn = self
+            .waiting
+            .range(..=offered.class)
+            .all(|(_, waiting)| waiting.is_empty());
         if is_turn && self.budget.spend(now, offered.frame.len()) {
             return Some(offered);
         }
@@ -80,7 +94,10 @@ impl Egress {
 
     /// Returns the next frame that may go now.
     pub fn due(&mut self, now: Time) -> Option<OutboundFrame> {
-        let waiting = self.waiting.values_mut().find(|waiting| !waiting.is_empty())?;
+        let waiting = self
+            .waiting
+            .values_mut()
+            .find(|waiting| !waiting.is_empty())?;
         let bytes = waiting.front()?.frame.len();
         if !self.budget.spend(now, bytes) {
             return None;
@@ -102,7 +119,9 @@ impl Egress {
     fn keep(&mut self, offered: OutboundFrame) {
         let waiting = self.waiting.entry(offered.class).or_default();
         let is_batch = |frame: &OutboundFrame| frame.class == Class::Low && !frame.is_replaced;
-        if is_batch(&offered) && waiting.iter().filter(|waiting| is_batch(waiting)).count() >= BATCHES {
+        if is_batch(&offered)
+            && waiting.iter().filter(|waiting| is_batch(waiting)).count() >= BATCHES
+        {
             self.dropped += 1;
             return;
         }
@@ -116,7 +135,12 @@ impl Egress {
             None => waiting.push_back(offered),
         }
         while self.bytes > WAITING {
-            let Some(lowest) = self.waiting.values_mut().rev().find(|waiting| !waiting.is_empty()) else {
+            let Some(lowest) = self
+                .waiting
+                .values_mut()
+                .rev()
+                .find(|waiting| !waiting.is_empty())
+            else {
                 return;
             };
             if let Some(lost) = lowest.pop_front() {
@@ -139,12 +163,20 @@ mod tests {
     fn topic(name: &str) -> Topic {
         let about = match name.strip_prefix("tile/") {
             Some(number) => {
-                let address = TileAddress { x: number.parse().unwrap(), ..TileAddress::default() };
+                let address = TileAddress {
+                    x: number.parse().unwrap(),
+                    ..TileAddress::default()
+                };
                 About::Tile(LayerId::default(), address)
             }
-            None => About::Vehicle(VehicleId(NAMES.iter().position(|known| *known == name).unwrap() as u8)),
+            None => About::Vehicle(VehicleId(
+                NAMES.iter().position(|known| *known == name).unwrap() as u8,
+            )),
         };
-        Topic { kind: Kind::Tile, about }
+        Topic {
+            kind: Kind::Tile,
+            about,
+        }
     }
 
     fn name(topic: Topic) -> String {
@@ -159,26 +191,50 @@ mod tests {
 
     fn frame(class: Class, name: &str, bytes: usize) -> OutboundFrame {
         let (topic, numbers) = (topic(name), Numbers::default());
-        OutboundFrame { class, topic, is_replaced: true, numbers, frame: vec![0; bytes] }
+        OutboundFrame {
+            class,
+            topic,
+            is_replaced: true,
+            numbers,
+            frame: vec![0; bytes],
+        }
     }
 
     /// An egress whose budget is spent.
     fn spent() -> Egress {
         let mut egress = Egress::new(1000);
-        assert!(egress.offer(Time::ZERO, frame(Class::Low, "first", 1000)).is_some());
-        assert!(egress.offer(Time::ZERO, frame(Class::Low, "second", 10)).is_none());
+        assert!(
+            egress
+                .offer(Time::ZERO, frame(Class::Low, "first", 1000))
+                .is_some()
+        );
+        assert!(
+            egress
+                .offer(Time::ZERO, frame(Class::Low, "second", 10))
+                .is_none()
+        );
         egress
     }
 
     fn all_due(egress: &mut Egress) -> Vec<String> {
-        std::iter::from_fn(|| egress.due(egress.next()?)).map(|frame| name(frame.topic)).collect()
+        std::iter::from_fn(|| egress.due(egress.next()?))
+            .map(|frame| name(frame.topic))
+            .collect()
     }
 
     #[test]
     fn what_is_urgent_goes_at_once_also_when_the_budget_is_spent() {
         let mut egress = spent();
-        assert!(egress.offer(Time::ZERO, frame(Class::Urgent, "order", 100)).is_some());
-        assert!(egress.offer(Time::ZERO, frame(Class::High, "state", 100)).is_none());
+        assert!(
+            egress
+                .offer(Time::ZERO, frame(Class::Urgent, "order", 100))
+                .is_some()
+        );
+        assert!(
+            egress
+                .offer(Time::ZERO, frame(Class::High, "state", 100))
+                .is_none()
+        );
     }
 
     #[test]
@@ -192,7 +248,10 @@ mod tests {
         ] {
             assert!(egress.offer(Time::ZERO, frame(class, key, bytes)).is_none());
         }
-        assert_eq!(all_due(&mut egress), ["state", "tile/1", "tile/2", "second"]);
+        assert_eq!(
+            all_due(&mut egress),
+            ["state", "tile/1", "tile/2", "second"]
+        );
         assert_eq!(egress.next(), None);
     }
 
@@ -200,12 +259,22 @@ mod tests {
     fn of_batches_of_samples_the_first_two_wait_behind_everything_else() {
         let mut egress = spent();
         for number in 1..=5 {
-            let batch = OutboundFrame { is_replaced: false, ..frame(Class::Low, "samples", number) };
+            let batch = OutboundFrame {
+                is_replaced: false,
+                ..frame(Class::Low, "samples", number)
+            };
             assert!(egress.offer(Time::ZERO, batch).is_none());
         }
-        assert!(egress.offer(Time::ZERO, frame(Class::Normal, "tile", 5)).is_none());
+        assert!(
+            egress
+                .offer(Time::ZERO, frame(Class::Normal, "tile", 5))
+                .is_none()
+        );
         assert_eq!(egress.dropped(), 3);
-        assert_eq!(all_due(&mut egress), ["tile", "second", "samples", "samples"]);
+        assert_eq!(
+            all_due(&mut egress),
+            ["tile", "second", "samples", "samples"]
+        );
     }
 
     #[test]
@@ -225,11 +294,18 @@ mod tests {
     fn what_waits_is_bounded_and_the_lowest_class_loses() {
         let mut egress = spent();
         for number in 0..3000 {
-            egress.offer(Time::ZERO, frame(Class::Normal, &format!("tile/{number}"), 1000));
+            egress.offer(
+                Time::ZERO,
+                frame(Class::Normal, &format!("tile/{number}"), 1000),
+            );
         }
         assert!(egress.bytes <= WAITING);
         assert!(egress.dropped() > 1900);
-        assert!(egress.offer(Time::ZERO, frame(Class::High, "state", 1000)).is_none());
+        assert!(
+            egress
+                .offer(Time::ZERO, frame(Class::High, "state", 1000))
+                .is_none()
+        );
         assert_eq!(all_due(&mut egress)[0], "state");
     }
 }

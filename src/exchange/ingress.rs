@@ -33,9 +33,24 @@ pub enum Heard {
 impl Heard {
     /// Returns a message as it is heard where greetings of other versions do not come.
     pub fn of(sender: Sender, message: Message) -> Heard {
-        let Message::Hello(hello) = message else { return Heard::Message(sender, message) };
-        let Hello { node, boot, venue_hash, .. } = hello;
-        Heard::Greeting(Greeting { version: codec::VERSION, node, boot, venue_hash }, Some(hello))
+        let Message::Hello(hello) = message else {
+            return Heard::Message(sender, message);
+        };
+        let Hello {
+            node,
+            boot,
+            venue_hash,
+            ..
+        } = hello;
+        Heard::Greeting(
+            Greeting {
+                version: codec::VERSION,
+                node,
+                boot,
+                venue_hash,
+            },
+            Some(hello),
+        )
     }
 }
 
@@ -96,7 +111,9 @@ impl Refusal {
     }
 
     fn unreadable(error: &DecodeError) -> Refusal {
-        Refusal::Unreadable { reason: error.to_string() }
+        Refusal::Unreadable {
+            reason: error.to_string(),
+        }
     }
 }
 
@@ -134,7 +151,11 @@ impl Ingress {
     pub fn admit(&mut self, now: Time, sender: Sender, bytes: usize) -> Result<(), Refusal> {
         let fresh = || TokenBucket::new(self.per_s, SAVED_S * self.per_s);
         let share = self.shares.entry(sender).or_insert_with(fresh);
-        if share.spend(now, bytes) { Ok(()) } else { Err(Refusal::OverShare) }
+        if share.spend(now, bytes) {
+            Ok(())
+        } else {
+            Err(Refusal::OverShare)
+        }
     }
 
     /// Counts a frame that is taken.
@@ -179,7 +200,9 @@ impl Ingress {
 /// It is no frame of this version and no greeting of any, or the sender may not say it.
 pub fn read(sender: Sender, frame: &[u8]) -> Result<Heard, Refusal> {
     if frame.len() > LIMIT {
-        return Err(Refusal::unreadable(&DecodeError::TooLong { length: frame.len() }));
+        return Err(Refusal::unreadable(&DecodeError::TooLong {
+            length: frame.len(),
+        }));
     }
     if let Ok(greeting) = codec::greeting(frame) {
         return read_greeting(sender, greeting, frame);
@@ -196,15 +219,17 @@ pub fn read(sender: Sender, frame: &[u8]) -> Result<Heard, Refusal> {
 
 fn read_greeting(sender: Sender, greeting: Greeting, frame: &[u8]) -> Result<Heard, Refusal> {
     if greeting.node != sender {
-        return Err(Refusal::ForeignGreeting { node: greeting.node });
+        return Err(Refusal::ForeignGreeting {
+            node: greeting.node,
+        });
     }
     match codec::decode(frame) {
         Ok(Decoded::Message(Message::Hello(hello))) => Ok(Heard::Greeting(greeting, Some(hello))),
         Err(DecodeError::Version { .. }) => Ok(Heard::Greeting(greeting, None)),
         // A greeting has the kind of one in every version.
-        Ok(Decoded::Message(_) | Decoded::Unknown(_)) => {
-            Err(Refusal::Unreadable { reason: "another message that begins as a greeting".to_owned() })
-        }
+        Ok(Decoded::Message(_) | Decoded::Unknown(_)) => Err(Refusal::Unreadable {
+            reason: "another message that begins as a greeting".to_owned(),
+        }),
         Err(error) => Err(Refusal::unreadable(&error)),
     }
 }

@@ -104,7 +104,11 @@ impl Joining {
     /// Begins to ask.
     pub fn new(now: Time, own: Hello) -> Joining {
         Joining {
-            own: Hello { is_member: false, member_for_s: 0, ..own },
+            own: Hello {
+                is_member: false,
+                member_for_s: 0,
+                ..own
+            },
             since: now,
             met: None,
             member_since: now,
@@ -180,18 +184,28 @@ impl Joining {
 
     fn greeting(&mut self, now: Time) -> Hello {
         (self.greeted, self.owes) = (Some(now), false);
-        Hello { member_for_s: self.member_for_s(now), ..self.own.clone() }
+        Hello {
+            member_for_s: self.member_for_s(now),
+            ..self.own.clone()
+        }
     }
 
     /// Returns how long the node has been a member, whole seconds.
     fn member_for_s(&self, now: Time) -> u32 {
         let member_for_s = now.since(self.member_since).as_secs();
-        if self.own.is_member { u32::try_from(member_for_s).unwrap_or(u32::MAX) } else { 0 }
+        if self.own.is_member {
+            u32::try_from(member_for_s).unwrap_or(u32::MAX)
+        } else {
+            0
+        }
     }
 
     fn misfit(&self, greeting: &Greeting) -> Option<String> {
         if greeting.version != VERSION {
-            return Some(format!("wire version {}, here it is {VERSION}", greeting.version));
+            return Some(format!(
+                "wire version {}, here it is {VERSION}",
+                greeting.version
+            ));
         }
         (greeting.venue_hash != self.own.venue_hash).then(|| {
             format!(
@@ -203,7 +217,9 @@ impl Joining {
 
     /// Decides between this node and another one of its name, so that exactly one of them goes.
     fn compete(&mut self, now: Time, theirs: &Hello) -> Verdict {
-        let Sender::Vehicle(_) = theirs.node else { return Verdict::Fine };
+        let Sender::Vehicle(_) = theirs.node else {
+            return Verdict::Fine;
+        };
         let is_new = !self.twins.contains_key(&theirs.instance);
         if is_new && self.twins.len() >= TWINS_MAX {
             self.twins.pop_first();
@@ -232,18 +248,31 @@ impl Joining {
             ));
         }
         if !stays {
-            self.waits_until = now + if theirs.is_member { MISSED_AFTER } else { ASKS_FOR };
+            self.waits_until = now
+                + if theirs.is_member {
+                    MISSED_AFTER
+                } else {
+                    ASKS_FOR
+                };
         }
         self.owes = true;
         if is_new && stays {
             let age = format!("here for {ours_s} s, there for {} s", theirs.member_for_s);
-            return Verdict::Stays(format!("another node runs as {name} and has to leave ({age})"));
+            return Verdict::Stays(format!(
+                "another node runs as {name} and has to leave ({age})"
+            ));
         }
         Verdict::Fine
     }
 
     /// The newcomer gives way: who asks leaves, who takes part goes on and does not listen.
-    fn object(&mut self, now: Time, greeting: &Greeting, hello: Option<&Hello>, misfit: &str) -> Verdict {
+    fn object(
+        &mut self,
+        now: Time,
+        greeting: &Greeting,
+        hello: Option<&Hello>,
+        misfit: &str,
+    ) -> Verdict {
         let they_ask = hello.is_some_and(|hello| !hello.is_member);
         if !self.own.is_member && !they_ask && !matches!(greeting.node, Sender::Operator(_)) {
             return Verdict::Refused(format!("{} has {misfit}", greeting.node));
@@ -262,7 +291,11 @@ impl Joining {
 impl Known {
     /// Returns whether one that does not fit is new, and whether it is answered.
     fn misfit(&mut self, now: Time, greeting: &Greeting) -> (bool, bool) {
-        if let Some(known) = self.misfits.iter_mut().find(|known| known.greeting == *greeting) {
+        if let Some(known) = self
+            .misfits
+            .iter_mut()
+            .find(|known| known.greeting == *greeting)
+        {
             if now.since(known.heard) >= FORGOTTEN {
                 known.answers = 0;
             }
@@ -271,11 +304,20 @@ impl Known {
             return (false, known.answers <= ANSWERS);
         }
         if self.misfits.len() >= MISFITS_MAX {
-            let silent = self.misfits.iter().position(|known| now.since(known.heard) >= FORGOTTEN);
-            let Some(silent) = silent else { return (false, false) };
+            let silent = self
+                .misfits
+                .iter()
+                .position(|known| now.since(known.heard) >= FORGOTTEN);
+            let Some(silent) = silent else {
+                return (false, false);
+            };
             self.misfits.swap_remove(silent);
         }
-        self.misfits.push(Misfit { greeting: *greeting, heard: now, answers: 1 });
+        self.misfits.push(Misfit {
+            greeting: *greeting,
+            heard: now,
+            answers: 1,
+        });
         (true, true)
     }
 }
@@ -311,8 +353,12 @@ mod tests {
     }
 
     fn hear_at(joining: &mut Joining, at_s: f64, hello: &Hello) -> Verdict {
-        let greeting =
-            Greeting { version: VERSION, node: hello.node, boot: hello.boot, venue_hash: hello.venue_hash };
+        let greeting = Greeting {
+            version: VERSION,
+            node: hello.node,
+            boot: hello.boot,
+            venue_hash: hello.venue_hash,
+        };
         joining.hear(at(at_s), &greeting, Some(hello))
     }
 
@@ -321,7 +367,10 @@ mod tests {
         let mut joining = joining(TWO, 1, false);
         assert!(!joining.greet(Time::ZERO).unwrap().is_member);
         assert!(joining.greet(at(0.05)).is_none());
-        assert!(!joining.greet(at(0.9)).unwrap().is_member, "nobody could object yet");
+        assert!(
+            !joining.greet(at(0.9)).unwrap().is_member,
+            "nobody could object yet"
+        );
         joining.meet(at(1.0));
         assert!(!joining.greet(at(1.25)).unwrap().is_member);
         let greeting = joining.greet(at(1.31)).unwrap();
@@ -349,18 +398,33 @@ mod tests {
     fn a_node_linked_late_is_refused_by_the_established_one_of_its_name() {
         let mut late = joining(TWO, 1, false);
         late.greet(at(1.2));
-        let member = Hello { is_member: true, member_for_s: 100, ..hello(TWO, 9) };
-        assert_eq!(hear_at(&mut late, 1.2, &member), Verdict::Fine, "it may be gone since");
+        let member = Hello {
+            is_member: true,
+            member_for_s: 100,
+            ..hello(TWO, 9)
+        };
+        assert_eq!(
+            hear_at(&mut late, 1.2, &member),
+            Verdict::Fine,
+            "it may be gone since"
+        );
         late.greet(at(1.6));
         assert!(!late.is_member(), "nor does it take part");
-        assert!(matches!(hear_at(&mut late, 1.7, &member), Verdict::Refused(_)));
+        assert!(matches!(
+            hear_at(&mut late, 1.7, &member),
+            Verdict::Refused(_)
+        ));
         assert!(!late.is_member());
     }
 
     #[test]
     fn a_greeting_that_was_long_on_its_way_keeps_nobody_out() {
         let mut anew = joining(TWO, 1, false);
-        let before = Hello { is_member: true, member_for_s: 100, ..hello(TWO, 9) };
+        let before = Hello {
+            is_member: true,
+            member_for_s: 100,
+            ..hello(TWO, 9)
+        };
         assert_eq!(hear_at(&mut anew, 0.1, &before), Verdict::Fine);
         assert!(!anew.greet(at(2.5)).unwrap().is_member, "it may be there");
         assert!(anew.greet(at(2.61)).unwrap().is_member, "it is gone");
@@ -370,24 +434,46 @@ mod tests {
 
     #[test]
     fn a_name_in_use_is_refused_to_the_newcomer() {
-        let member = Hello { is_member: true, ..hello(TWO, 9) };
-        assert!(matches!(hear_for_long(&mut joining(TWO, 1, false), &member), Verdict::Refused(_)));
+        let member = Hello {
+            is_member: true,
+            ..hello(TWO, 9)
+        };
+        assert!(matches!(
+            hear_for_long(&mut joining(TWO, 1, false), &member),
+            Verdict::Refused(_)
+        ));
         let mut first = joining(TWO, 1, true);
-        assert!(matches!(hear(&mut first, &hello(TWO, 9)), Verdict::Stays(_)));
-        assert_eq!(hear(&mut first, &hello(TWO, 9)), Verdict::Fine, "it is said once");
-        let other = Hello { is_member: true, ..hello(THREE, 9) };
+        assert!(matches!(
+            hear(&mut first, &hello(TWO, 9)),
+            Verdict::Stays(_)
+        ));
+        assert_eq!(
+            hear(&mut first, &hello(TWO, 9)),
+            Verdict::Fine,
+            "it is said once"
+        );
+        let other = Hello {
+            is_member: true,
+            ..hello(THREE, 9)
+        };
         assert_eq!(hear(&mut joining(TWO, 1, false), &other), Verdict::Fine);
     }
 
     #[test]
     fn of_two_that_come_together_exactly_one_stays() {
         for is_member in [false, true] {
-            let said = |instance| Hello { is_member, ..hello(TWO, instance) };
+            let said = |instance| Hello {
+                is_member,
+                ..hello(TWO, instance)
+            };
             let verdicts = [
                 hear_for_long(&mut joining(TWO, 1, is_member), &said(9)),
                 hear_for_long(&mut joining(TWO, 9, is_member), &said(1)),
             ];
-            assert!(matches!(verdicts, [Verdict::Stays(_), Verdict::Refused(_)]), "{verdicts:?}");
+            assert!(
+                matches!(verdicts, [Verdict::Stays(_), Verdict::Refused(_)]),
+                "{verdicts:?}"
+            );
         }
     }
 
@@ -395,11 +481,25 @@ mod tests {
     fn of_two_members_the_one_that_has_been_one_for_longer_stays() {
         // Linked only a minute after the elder began, 20 s after the younger did; the younger has the lower instance.
         let (mut elder, mut younger) = (joining(TWO, 9, true), joining(TWO, 1, true));
-        let of_elder = Hello { is_member: true, member_for_s: 58, ..hello(TWO, 9) };
-        let of_younger = Hello { is_member: true, member_for_s: 18, ..hello(TWO, 1) };
-        assert!(matches!(hear_at(&mut elder, 60.0, &of_younger), Verdict::Stays(_)));
+        let of_elder = Hello {
+            is_member: true,
+            member_for_s: 58,
+            ..hello(TWO, 9)
+        };
+        let of_younger = Hello {
+            is_member: true,
+            member_for_s: 18,
+            ..hello(TWO, 1)
+        };
+        assert!(matches!(
+            hear_at(&mut elder, 60.0, &of_younger),
+            Verdict::Stays(_)
+        ));
         assert_eq!(hear_at(&mut younger, 20.0, &of_elder), Verdict::Fine);
-        assert!(matches!(hear_at(&mut younger, 20.5, &of_elder), Verdict::Refused(_)));
+        assert!(matches!(
+            hear_at(&mut younger, 20.5, &of_elder),
+            Verdict::Refused(_)
+        ));
     }
 
     #[test]
@@ -408,7 +508,8 @@ mod tests {
             for elder_is_lower in [false, true] {
                 let instances = if elder_is_lower { [1, 9] } else { [9, 1] };
                 let mut gone: [Option<u64>; 2] = [None, None];
-                let mut pair = instances.map(|instance| Joining::new(Time::ZERO, hello(TWO, instance)));
+                let mut pair =
+                    instances.map(|instance| Joining::new(Time::ZERO, hello(TWO, instance)));
                 let clock = |of: usize, now_ms: u64| {
                     Time::from_nanos(now_ms.saturating_sub([0, difference_ms][of]) * 1_000_000)
                 };
@@ -424,34 +525,64 @@ mod tests {
                         }
                         let said = pair[other].greeting(clock(other, said_ms));
                         let now = clock(which, now_ms);
-                        if let Verdict::Refused(_) = hear_at(&mut pair[which], now.as_secs_f64(), &said) {
+                        if let Verdict::Refused(_) =
+                            hear_at(&mut pair[which], now.as_secs_f64(), &said)
+                        {
                             gone[which] = Some(now_ms);
                         }
                     }
                 }
-                assert!(gone[0].is_some() != gone[1].is_some(), "{difference_ms} ms: {gone:?}");
-                assert!(difference_ms < 3000 || gone[1].is_some(), "{difference_ms} ms: the elder went");
+                assert!(
+                    gone[0].is_some() != gone[1].is_some(),
+                    "{difference_ms} ms: {gone:?}"
+                );
+                assert!(
+                    difference_ms < 3000 || gone[1].is_some(),
+                    "{difference_ms} ms: the elder went"
+                );
             }
         }
     }
 
     #[test]
     fn another_venue_is_refused_on_both_sides() {
-        let elsewhere = Hello { venue_hash: 6, ..hello(THREE, 9) };
+        let elsewhere = Hello {
+            venue_hash: 6,
+            ..hello(THREE, 9)
+        };
         let mut member = joining(TWO, 1, true);
         assert!(matches!(hear(&mut member, &elsewhere), Verdict::Foreign(_)));
         assert!(!member.listens_to(THREE));
-        assert_eq!(hear(&mut member, &elsewhere), Verdict::Fine, "it is said once");
-        let established = Hello { is_member: true, ..elsewhere };
-        assert!(matches!(hear(&mut joining(TWO, 1, false), &established), Verdict::Refused(_)));
+        assert_eq!(
+            hear(&mut member, &elsewhere),
+            Verdict::Fine,
+            "it is said once"
+        );
+        let established = Hello {
+            is_member: true,
+            ..elsewhere
+        };
+        assert!(matches!(
+            hear(&mut joining(TWO, 1, false), &established),
+            Verdict::Refused(_)
+        ));
     }
 
     #[test]
     fn a_stranger_does_not_silence_the_right_one_of_its_name() {
-        let (right, stranger) = (hello(THREE, 3), Hello { venue_hash: 6, ..hello(THREE, 9) });
+        let (right, stranger) = (
+            hello(THREE, 3),
+            Hello {
+                venue_hash: 6,
+                ..hello(THREE, 9)
+            },
+        );
         let mut member = joining(TWO, 1, true);
         hear_at(&mut member, 10.0, &right);
-        assert!(matches!(hear_at(&mut member, 12.0, &stranger), Verdict::Foreign(_)));
+        assert!(matches!(
+            hear_at(&mut member, 12.0, &stranger),
+            Verdict::Foreign(_)
+        ));
         assert!(member.listens_to(THREE));
         hear_at(&mut member, 15.1, &stranger);
         assert!(!member.listens_to(THREE), "the right one is gone");
@@ -466,7 +597,10 @@ mod tests {
             let mut answers = 0;
             for now_ms in from_ms..to_ms {
                 let now = Time::from_nanos(now_ms * 1_000_000);
-                let elsewhere = Hello { venue_hash: 6, ..hello(THREE, 9) };
+                let elsewhere = Hello {
+                    venue_hash: 6,
+                    ..hello(THREE, 9)
+                };
                 hear_at(&mut member, now.as_secs_f64(), &elsewhere);
                 answers += usize::from(member.greet_if_due(now).is_some());
             }
@@ -474,22 +608,39 @@ mod tests {
         };
         assert!((1..=2).contains(&answers_within(3000, 3150)));
         assert!(answers_within(3150, 10_000) <= 10);
-        assert!(answers_within(20_000, 20_050) == 1, "it is answered again after a silence");
+        assert!(
+            answers_within(20_000, 20_050) == 1,
+            "it is answered again after a silence"
+        );
     }
 
     #[test]
     fn another_version_is_refused_though_only_its_greeting_can_be_read() {
-        let greeting = Greeting { version: 9, node: Sender::Ground, boot: Boot(1), venue_hash: 5 };
+        let greeting = Greeting {
+            version: 9,
+            node: Sender::Ground,
+            boot: Boot(1),
+            venue_hash: 5,
+        };
         let Verdict::Refused(reason) = joining(TWO, 1, false).hear(at(0.1), &greeting, None) else {
             panic!()
         };
         assert!(reason.contains("wire version 9"), "{reason}");
-        assert!(matches!(joining(TWO, 1, true).hear(at(2.0), &greeting, None), Verdict::Foreign(_)));
+        assert!(matches!(
+            joining(TWO, 1, true).hear(at(2.0), &greeting, None),
+            Verdict::Foreign(_)
+        ));
     }
 
     #[test]
     fn two_grounds_do_not_refuse_each_other() {
-        let other = Hello { is_member: true, ..hello(Sender::Ground, 9) };
-        assert_eq!(hear(&mut joining(Sender::Ground, 1, false), &other), Verdict::Fine);
+        let other = Hello {
+            is_member: true,
+            ..hello(Sender::Ground, 9)
+        };
+        assert_eq!(
+            hear(&mut joining(Sender::Ground, 1, false), &other),
+            Verdict::Fine
+        );
     }
 }

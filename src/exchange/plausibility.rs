@@ -93,10 +93,19 @@ impl Plausibility {
 
     /// Returns the first number that is too high, as a reason to refuse it.
     fn leap(&self, now: Time, numbers: Numbers) -> Option<Refusal> {
-        let all = numbers.0.into_iter().zip(self.highest).zip(COUNTED.into_iter().zip(ANY));
-        let mut leaps = all.filter(|((number, highest), (_, any))| *number > highest.limit(now).max(*any));
+        let all = numbers
+            .0
+            .into_iter()
+            .zip(self.highest)
+            .zip(COUNTED.into_iter().zip(ANY));
+        let mut leaps =
+            all.filter(|((number, highest), (_, any))| *number > highest.limit(now).max(*any));
         let ((number, highest), (what, _)) = leaps.next()?;
-        Some(Refusal::Leaps { what, number, highest: highest.number })
+        Some(Refusal::Leaps {
+            what,
+            number,
+            highest: highest.number,
+        })
     }
 
     fn believe(&mut self, now: Time, numbers: Numbers) {
@@ -122,7 +131,11 @@ impl Highest {
     /// Takes a number; one of those that are plausible in any case is counted on from at once.
     fn believe(&mut self, now: Time, number: u32, any: u32) {
         if self.number == 0 {
-            *self = Highest { number, before: number, since: now };
+            *self = Highest {
+                number,
+                before: number,
+                since: now,
+            };
         } else if now.since(self.since) >= STEP_EVERY {
             (self.before, self.since) = (self.number, now);
         }
@@ -139,16 +152,28 @@ impl Numbers {
     pub fn of(message: &Message) -> Numbers {
         Numbers(match message {
             Message::Hello(hello) => return Numbers::of_greeting(hello),
-            Message::State(State { accepted: (run, revision), ordered, .. }) => {
-                [ordered.lease.number, ordered.run.max(*run).0, revision.0, ordered.revision.0]
-            }
-            Message::Mission(Mission { lease_number, progress, .. }) => {
-                [*lease_number, progress.run.0, progress.revision.0, 0]
-            }
+            Message::State(State {
+                accepted: (run, revision),
+                ordered,
+                ..
+            }) => [
+                ordered.lease.number,
+                ordered.run.max(*run).0,
+                revision.0,
+                ordered.revision.0,
+            ],
+            Message::Mission(Mission {
+                lease_number,
+                progress,
+                ..
+            }) => [*lease_number, progress.run.0, progress.revision.0, 0],
             Message::Plan(plan) => [plan.lease.number, plan.run.0, plan.revision.0, 0],
             Message::Order(order) => [order.lease.number, order.run.0, 0, order.revision.0],
             Message::Report(report) => {
-                let newest = report.runs.last().map_or(report.run, |run| run.run.max(report.run));
+                let newest = report
+                    .runs
+                    .last()
+                    .map_or(report.run, |run| run.run.max(report.run));
                 [report.lease.number, newest.0, 0, 0]
             }
             Message::Task(task) => [task.lease.number, task.run.0, 0, 0],
@@ -183,11 +208,26 @@ mod tests {
 
     /// A vehicle that follows something by a lease, in a run.
     fn mission(vehicle: VehicleId, lease_number: u32, run: u32) -> Message {
-        let progress = Progress { run: RunId(run), revision: Revision(1), ..Progress::default() };
-        Message::Mission(Mission { vehicle, lease_number, progress, ..Mission::default() })
+        let progress = Progress {
+            run: RunId(run),
+            revision: Revision(1),
+            ..Progress::default()
+        };
+        Message::Mission(Mission {
+            vehicle,
+            lease_number,
+            progress,
+            ..Mission::default()
+        })
     }
 
-    fn is_heard(known: &mut Plausibility, at_s: f64, vehicle: VehicleId, lease: u32, run: u32) -> bool {
+    fn is_heard(
+        known: &mut Plausibility,
+        at_s: f64,
+        vehicle: VehicleId,
+        lease: u32,
+        run: u32,
+    ) -> bool {
         let heard = Heard::Message(Sender::Vehicle(vehicle), mission(vehicle, lease, run));
         known.judge(at(at_s), &heard).is_ok()
     }
@@ -195,10 +235,18 @@ mod tests {
     #[test]
     fn a_lease_far_above_the_highest_is_refused_and_the_next_thousand_are_not() {
         let mut known = Plausibility::default();
-        for (at_s, lease, is_plausible) in
-            [(0.0, 5, true), (0.1, 1005, true), (0.2, 1006, false), (1.1, 2005, true), (1.2, u32::MAX, false)]
-        {
-            assert_eq!(is_heard(&mut known, at_s, ONE, lease, 1), is_plausible, "{lease} after {at_s} s");
+        for (at_s, lease, is_plausible) in [
+            (0.0, 5, true),
+            (0.1, 1005, true),
+            (0.2, 1006, false),
+            (1.1, 2005, true),
+            (1.2, u32::MAX, false),
+        ] {
+            assert_eq!(
+                is_heard(&mut known, at_s, ONE, lease, 1),
+                is_plausible,
+                "{lease} after {at_s} s"
+            );
         }
     }
 
@@ -213,7 +261,11 @@ mod tests {
             (0.4, ANY_UNTIL + 1, true),
             (1.4, ANY_UNTIL + 1002, false),
         ] {
-            assert_eq!(is_heard(&mut known, at_s, ONE, 1, run), is_plausible, "{run} after {at_s} s");
+            assert_eq!(
+                is_heard(&mut known, at_s, ONE, 1, run),
+                is_plausible,
+                "{run} after {at_s} s"
+            );
         }
     }
 
@@ -222,10 +274,16 @@ mod tests {
         let mut known = Plausibility::default();
         assert!(is_heard(&mut known, 0.0, ONE, 5, 1));
         for at_s in 1..31 {
-            assert!(!is_heard(&mut known, f64::from(at_s), TWO, 90_000, 1), "{at_s} s");
+            assert!(
+                !is_heard(&mut known, f64::from(at_s), TWO, 90_000, 1),
+                "{at_s} s"
+            );
         }
         assert!(is_heard(&mut known, 31.0, TWO, 90_000, 1));
-        assert!(is_heard(&mut known, 32.0, ONE, 90_001, 1), "others count on from there");
+        assert!(
+            is_heard(&mut known, 32.0, ONE, 90_001, 1),
+            "others count on from there"
+        );
     }
 
     #[test]
@@ -233,7 +291,10 @@ mod tests {
         let mut known = Plausibility::default();
         for at_s in 0..100 {
             assert!(is_heard(&mut known, f64::from(at_s), ONE, 5, 1));
-            assert!(!is_heard(&mut known, f64::from(at_s) + 0.5, ONE, u32::MAX, 1), "{at_s} s");
+            assert!(
+                !is_heard(&mut known, f64::from(at_s) + 0.5, ONE, u32::MAX, 1),
+                "{at_s} s"
+            );
         }
     }
 

@@ -51,11 +51,21 @@ impl Presence {
 
     /// Judges what was heard.
     pub fn hear(&mut self, now: Time, heard: Heard) -> Judgement {
-        let fine = |heard| Judgement { heard, verdict: Verdict::Fine, answer: None };
-        let Presence::Node(joining) = self else { return fine(Some(heard)) };
+        let fine = |heard| Judgement {
+            heard,
+            verdict: Verdict::Fine,
+            answer: None,
+        };
+        let Presence::Node(joining) = self else {
+            return fine(Some(heard));
+        };
         match heard {
             Heard::Message(sender, message) => {
-                let heard = if joining.listens_to(sender) { Some(message) } else { of_stranger(message) };
+                let heard = if joining.listens_to(sender) {
+                    Some(message)
+                } else {
+                    of_stranger(message)
+                };
                 fine(heard.map(|message| Heard::Message(sender, message)))
             }
             Heard::Unknown(_) => fine(None),
@@ -65,7 +75,11 @@ impl Presence {
                 let hello = hello.filter(|hello| fits && joining.listens_to(hello.node));
                 let heard = hello.map(|hello| Heard::Message(hello.node, Message::Hello(hello)));
                 // Whoever asks and does not fit learns it at once.
-                Judgement { heard, verdict, answer: joining.greet_if_due(now) }
+                Judgement {
+                    heard,
+                    verdict,
+                    answer: joining.greet_if_due(now),
+                }
             }
         }
     }
@@ -120,9 +134,10 @@ impl Presence {
 /// open is heard, that they were lifted is not.
 fn of_stranger(message: Message) -> Option<Message> {
     match message {
-        Message::Standing(Standing { open, lifted: _ }) => {
-            Some(Message::Standing(Standing { open, lifted: Vec::new() }))
-        }
+        Message::Standing(Standing { open, lifted: _ }) => Some(Message::Standing(Standing {
+            open,
+            lifted: Vec::new(),
+        })),
         Message::Hello(_)
         | Message::State(_)
         | Message::Tile(_)

@@ -20,7 +20,11 @@ pub struct Restarts {
 impl Restarts {
     /// Records a failure; returns how long to wait before the next start, or `None` when it stays down.
     pub fn failed(&mut self, now: Time) -> Option<Duration> {
-        while self.recent.front().is_some_and(|at| now.since(*at) > WITHIN) {
+        while self
+            .recent
+            .front()
+            .is_some_and(|at| now.since(*at) > WITHIN)
+        {
             self.recent.pop_front();
         }
         let before = self.recent.len();

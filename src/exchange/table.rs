@@ -59,16 +59,37 @@ pub struct Row {
     pub is_replaced: bool,
 }
 
-const ALL: Option<Audience> = Some(Audience { vehicles: Vehicles::All, ground: true, operators: true });
-const VEHICLES: Option<Audience> = Some(Audience { vehicles: Vehicles::All, ground: false, operators: true });
-const ADDRESSED: Option<Audience> =
-    Some(Audience { vehicles: Vehicles::Addressed, ground: false, operators: true });
-const GROUND: Option<Audience> = Some(Audience { vehicles: Vehicles::None, ground: true, operators: true });
-const OPERATORS: Option<Audience> =
-    Some(Audience { vehicles: Vehicles::None, ground: false, operators: true });
+const ALL: Option<Audience> = Some(Audience {
+    vehicles: Vehicles::All,
+    ground: true,
+    operators: true,
+});
+const VEHICLES: Option<Audience> = Some(Audience {
+    vehicles: Vehicles::All,
+    ground: false,
+    operators: true,
+});
+const ADDRESSED: Option<Audience> = Some(Audience {
+    vehicles: Vehicles::Addressed,
+    ground: false,
+    operators: true,
+});
+const GROUND: Option<Audience> = Some(Audience {
+    vehicles: Vehicles::None,
+    ground: true,
+    operators: true,
+});
+const OPERATORS: Option<Audience> = Some(Audience {
+    vehicles: Vehicles::None,
+    ground: false,
+    operators: true,
+});
 /// It may be said, but not on the bus.
-const BY_RADIO: Option<Audience> =
-    Some(Audience { vehicles: Vehicles::None, ground: false, operators: false });
+const BY_RADIO: Option<Audience> = Some(Audience {
+    vehicles: Vehicles::None,
+    ground: false,
+    operators: false,
+});
 
 /// The table, in the order of [`Kind`].
 pub const TABLE: [Row; Kind::ALL.len()] = [
@@ -232,7 +253,9 @@ pub fn interest(kind: Kind) -> Option<Interest> {
         Kind::Tile | Kind::Digest | Kind::Want => Some(Interest::Map),
         Kind::Samples | Kind::Have => Some(Interest::Samples),
         Kind::Image => Some(Interest::Images),
-        Kind::Hello | Kind::Order | Kind::Beacon | Kind::Report | Kind::Standing | Kind::Task => None,
+        Kind::Hello | Kind::Order | Kind::Beacon | Kind::Report | Kind::Standing | Kind::Task => {
+            None
+        }
     }
 }
 

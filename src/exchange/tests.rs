@@ -6,8 +6,9 @@ use std::time::Duration;
 
 use tomoswarm_proto::codec::{VERSION, encode};
 use tomoswarm_proto::{
-    Boot, EmergencyName, EmergencyStop, Kind, LayerId, Lease, Mission, OperatorId, Order, OrderKind,
-    Progress, Revision, RunId, SeenState, Standing, StopScope, TileAddress, Topic, VehicleId, Want,
+    Boot, EmergencyName, EmergencyStop, Kind, LayerId, Lease, Mission, OperatorId, Order,
+    OrderKind, Progress, Revision, RunId, SeenState, Standing, StopScope, TileAddress, Topic,
+    VehicleId, Want,
 };
 
 use super::*;
@@ -30,7 +31,9 @@ struct Node {
 
 impl Node {
     fn is_refused(&self) -> bool {
-        self.verdicts.iter().any(|verdict| matches!(verdict, Verdict::Refused(_)))
+        self.verdicts
+            .iter()
+            .any(|verdict| matches!(verdict, Verdict::Refused(_)))
     }
 
     fn has_heard(&self, message: &Message) -> bool {
@@ -51,18 +54,26 @@ impl Swarm {
     fn join(&mut self, name: Sender, instance: u64, venue_hash: u64) -> usize {
         let own = Hello::asking(name, Boot(1), venue_hash, instance);
         let exchange = Exchange::new(BYTES_PER_S, Presence::asking(self.now, own));
-        self.nodes.push(Node { name, exchange, heard: vec![], verdicts: vec![] });
+        self.nodes.push(Node {
+            name,
+            exchange,
+            heard: vec![],
+            verdicts: vec![],
+        });
         self.nodes.len() - 1
     }
 
     /// Puts a frame on the bus, whatever it is.
     fn put(&mut self, from: usize, frame: Vec<u8>) {
-        self.on_the_way.push_back((self.now + DELAY, from, self.nodes[from].name, frame));
+        self.on_the_way
+            .push_back((self.now + DELAY, from, self.nodes[from].name, frame));
     }
 
     fn say(&mut self, from: usize, message: &Message) {
         let ready = self.nodes[from].exchange.say(self.now, message).unwrap();
-        ready.into_iter().for_each(|outbound| self.put(from, outbound.frame));
+        ready
+            .into_iter()
+            .for_each(|outbound| self.put(from, outbound.frame));
     }
 
     fn run(&mut self, span: Duration) {
@@ -71,11 +82,19 @@ impl Swarm {
             let present = self.nodes.iter().filter(|node| !node.is_refused());
             let deadlines = present.filter_map(|node| node.exchange.deadline());
             let arrival = self.on_the_way.front().map(|(at, ..)| *at);
-            let Some(next) = deadlines.chain(arrival).min().filter(|next| *next <= until) else { break };
+            let Some(next) = deadlines.chain(arrival).min().filter(|next| *next <= until) else {
+                break;
+            };
             self.now = self.now.max(next);
             self.wake();
-            while self.on_the_way.front().is_some_and(|(at, ..)| *at <= self.now) {
-                let Some((_, from, sender, frame)) = self.on_the_way.pop_front() else { break };
+            while self
+                .on_the_way
+                .front()
+                .is_some_and(|(at, ..)| *at <= self.now)
+            {
+                let Some((_, from, sender, frame)) = self.on_the_way.pop_front() else {
+                    break;
+                };
                 self.deliver(from, sender, &frame);
             }
         }
@@ -92,49 +111,77 @@ impl Swarm {
 
     /// Returns the places of all but those who had to leave.
     fn present(&self) -> Vec<usize> {
-        (0..self.nodes.len()).filter(|node| !self.nodes[*node].is_refused()).collect()
+        (0..self.nodes.len())
+            .filter(|node| !self.nodes[*node].is_refused())
+            .collect()
     }
 
     fn wake(&mut self) {
         for node in self.present() {
             let exchange = &mut self.nodes[node].exchange;
             let due = exchange.due(self.now);
-            assert!(exchange.deadline().is_none_or(|at| at > self.now), "woken in vain");
-            due.into_iter().for_each(|outbound| self.put(node, outbound.frame));
+            assert!(
+                exchange.deadline().is_none_or(|at| at > self.now),
+                "woken in vain"
+            );
+            due.into_iter()
+                .for_each(|outbound| self.put(node, outbound.frame));
         }
     }
 
     fn deliver(&mut self, from: usize, sender: Sender, frame: &[u8]) {
         for to in self.present().into_iter().filter(|to| *to != from) {
             let node = &mut self.nodes[to];
-            let Ok(Reception { heard, verdict, reply }) = node.exchange.hear(self.now, sender, frame) else {
+            let Ok(Reception {
+                heard,
+                verdict,
+                reply,
+            }) = node.exchange.hear(self.now, sender, frame)
+            else {
                 continue;
             };
             match heard {
                 Some(Heard::Message(_, message)) => node.heard.push(message),
-                Some(Heard::Greeting(..) | Heard::Unknown(_)) => panic!("a node is told messages only"),
+                Some(Heard::Greeting(..) | Heard::Unknown(_)) => {
+                    panic!("a node is told messages only")
+                }
                 None => {}
             }
             if verdict != Verdict::Fine {
                 node.verdicts.push(verdict);
             }
-            reply.into_iter().for_each(|outbound| self.put(to, outbound.frame));
+            reply
+                .into_iter()
+                .for_each(|outbound| self.put(to, outbound.frame));
         }
     }
 }
 
 fn progress(vehicle: u8, run: u32) -> Message {
-    let progress = Progress { run: RunId(run), ..Progress::default() };
-    Message::Mission(Mission { vehicle: VehicleId(vehicle), progress, ..Mission::default() })
+    let progress = Progress {
+        run: RunId(run),
+        ..Progress::default()
+    };
+    Message::Mission(Mission {
+        vehicle: VehicleId(vehicle),
+        progress,
+        ..Mission::default()
+    })
 }
 
 fn order(kind: OrderKind) -> Message {
     Message::Order(Order {
         vehicle: VehicleId(2),
-        lease: Lease { number: 1, holder: 1 },
+        lease: Lease {
+            number: 1,
+            holder: 1,
+        },
         run: RunId(1),
         revision: Revision(1),
-        seen: Some(SeenState { boot: Boot(1), sequence: 1 }),
+        seen: Some(SeenState {
+            boot: Boot(1),
+            sequence: 1,
+        }),
         kind,
         ends: vec![],
     })
@@ -152,25 +199,41 @@ fn before_a_node_takes_part_it_only_greets() {
     swarm.run(seconds(0.2));
     assert!(!swarm.nodes[two].exchange.is_member());
     assert!(!swarm.nodes[three].heard.is_empty(), "greetings are heard");
-    assert!(swarm.nodes[three].heard.iter().all(|message| matches!(message, Message::Hello(_))));
+    assert!(
+        swarm.nodes[three]
+            .heard
+            .iter()
+            .all(|message| matches!(message, Message::Hello(_)))
+    );
     swarm.run(seconds(0.3));
     assert!(swarm.nodes.iter().all(|node| node.exchange.is_member()));
     swarm.say(two, &progress(2, 2));
     swarm.run(seconds(0.1));
-    assert!(swarm.nodes[three].has_heard(&progress(2, 2)) && !swarm.nodes[three].has_heard(&progress(2, 1)));
+    assert!(
+        swarm.nodes[three].has_heard(&progress(2, 2))
+            && !swarm.nodes[three].has_heard(&progress(2, 1))
+    );
 }
 
 #[test]
 fn of_two_nodes_of_one_name_the_newcomer_leaves_and_the_other_goes_on() {
     for (elder, younger) in [(1, 9), (9, 1)] {
         let mut swarm = Swarm::default();
-        let (first, ground) = (swarm.join(TWO, elder, VENUE), swarm.join(Sender::Ground, 50, VENUE));
+        let (first, ground) = (
+            swarm.join(TWO, elder, VENUE),
+            swarm.join(Sender::Ground, 50, VENUE),
+        );
         swarm.run(seconds(5.0));
         let second = swarm.join(TWO, younger, VENUE);
         swarm.run(seconds(2.0));
         assert!(swarm.nodes[second].is_refused() && !swarm.nodes[second].exchange.is_member());
         assert!(!swarm.nodes[first].is_refused() && swarm.nodes[first].exchange.is_member());
-        assert!(swarm.nodes[first].verdicts.iter().any(|verdict| matches!(verdict, Verdict::Stays(_))));
+        assert!(
+            swarm.nodes[first]
+                .verdicts
+                .iter()
+                .any(|verdict| matches!(verdict, Verdict::Stays(_)))
+        );
         swarm.say(first, &progress(2, 1));
         swarm.run(seconds(0.1));
         assert!(swarm.nodes[ground].has_heard(&progress(2, 1)));
@@ -184,19 +247,42 @@ fn a_node_of_another_venue_is_refused_and_not_listened_to_but_which_stops_it_kno
     swarm.run(seconds(3.0));
     let ground = swarm.join(Sender::Ground, 9, VENUE + 1);
     swarm.run(seconds(1.0));
-    assert!(swarm.nodes[ground].is_refused(), "who comes later learns it");
-    assert!(swarm.nodes[two].verdicts.iter().any(|verdict| matches!(verdict, Verdict::Foreign(_))));
+    assert!(
+        swarm.nodes[ground].is_refused(),
+        "who comes later learns it"
+    );
+    assert!(
+        swarm.nodes[two]
+            .verdicts
+            .iter()
+            .any(|verdict| matches!(verdict, Verdict::Foreign(_)))
+    );
     // One that goes on all the same.
-    let stop = EmergencyStop { name: EmergencyName(0x1_0000), scope: StopScope::All, by: OperatorId(1) };
+    let stop = EmergencyStop {
+        name: EmergencyName(0x1_0000),
+        scope: StopScope::All,
+        by: OperatorId(1),
+    };
     let standing = |lifted: &[u32]| {
         let lifted = lifted.iter().copied().map(EmergencyName).collect();
-        Message::Standing(Standing { open: vec![stop], lifted })
+        Message::Standing(Standing {
+            open: vec![stop],
+            lifted,
+        })
     };
-    for message in [order(OrderKind::Start), order(OrderKind::CutMotors), standing(&[5])] {
+    for message in [
+        order(OrderKind::Start),
+        order(OrderKind::CutMotors),
+        standing(&[5]),
+    ] {
         swarm.put(ground, encode(&message).unwrap());
     }
     swarm.run(seconds(0.1));
-    assert_eq!(swarm.nodes[two].heard, [standing(&[])], "what is open, and not what was lifted");
+    assert_eq!(
+        swarm.nodes[two].heard,
+        [standing(&[])],
+        "what is open, and not what was lifted"
+    );
 }
 
 #[test]
@@ -213,7 +299,9 @@ fn a_node_of_another_wire_version_is_refused_by_name_and_its_messages_are_counte
     swarm.put(three, another(hello));
     swarm.put(three, another(encode(&progress(3, 1)).unwrap()));
     swarm.deliver_all();
-    let Some(Verdict::Foreign(reason)) = swarm.nodes[two].verdicts.last() else { panic!("it fits?") };
+    let Some(Verdict::Foreign(reason)) = swarm.nodes[two].verdicts.last() else {
+        panic!("it fits?")
+    };
     assert!(reason.contains("wire version"), "{reason}");
     assert_eq!(swarm.nodes[two].exchange.counts().refused, 1);
     assert!(swarm.nodes[two].heard.is_empty());
@@ -222,11 +310,20 @@ fn a_node_of_another_wire_version_is_refused_by_name_and_its_messages_are_counte
 #[test]
 fn a_flood_costs_its_sender_its_share_and_nobody_else_theirs() {
     let mut swarm = Swarm::default();
-    let (two, three, ground) =
-        (swarm.join(TWO, 1, VENUE), swarm.join(THREE, 2, VENUE), swarm.join(Sender::Ground, 3, VENUE));
+    let (two, three, ground) = (
+        swarm.join(TWO, 1, VENUE),
+        swarm.join(THREE, 2, VENUE),
+        swarm.join(Sender::Ground, 3, VENUE),
+    );
     swarm.run(seconds(3.0));
-    let known = (0..1000).map(|x| (TileAddress { slice: 0, x, y: 0 }, 1)).collect();
-    let frame = encode(&Message::Want(Want { layer: LayerId::default(), known })).unwrap();
+    let known = (0..1000)
+        .map(|x| (TileAddress { slice: 0, x, y: 0 }, 1))
+        .collect();
+    let frame = encode(&Message::Want(Want {
+        layer: LayerId::default(),
+        known,
+    }))
+    .unwrap();
     // A flooder does not ask its own exchange; all that it may save up is gone after the first of these.
     let many = (SAVED_UP_S * f64::from(BYTES_PER_S) / frame.len() as f64) as usize;
     (0..many + 1000).for_each(|_| swarm.put(three, frame.clone()));
@@ -240,7 +337,10 @@ fn a_flood_costs_its_sender_its_share_and_nobody_else_theirs() {
     swarm.run(seconds(1.0));
     swarm.say(three, &progress(3, 1));
     swarm.run(seconds(0.1));
-    assert!(swarm.nodes[ground].has_heard(&progress(3, 1)), "its share fills up again");
+    assert!(
+        swarm.nodes[ground].has_heard(&progress(3, 1)),
+        "its share fills up again"
+    );
 }
 
 #[test]
@@ -248,14 +348,22 @@ fn an_order_or_a_task_of_a_vehicle_and_what_is_said_in_anothers_name_are_refused
     let mut swarm = Swarm::default();
     let (two, three) = (swarm.join(TWO, 1, VENUE), swarm.join(THREE, 2, VENUE));
     swarm.run(seconds(3.0));
-    let (_, task) = examples::examples().into_iter().find(|(word, _)| *word == "task").unwrap();
+    let (_, task) = examples::examples()
+        .into_iter()
+        .find(|(word, _)| *word == "task")
+        .unwrap();
     for message in [order(OrderKind::CutMotors), progress(2, 7), task] {
         swarm.put(three, encode(&message).unwrap());
     }
     swarm.put(three, b"nonsense".to_vec());
     swarm.run(seconds(0.1));
     assert_eq!(swarm.nodes[two].exchange.counts().refused, 4);
-    assert!(swarm.nodes[two].heard.iter().all(|message| matches!(message, Message::Hello(_))));
+    assert!(
+        swarm.nodes[two]
+            .heard
+            .iter()
+            .all(|message| matches!(message, Message::Hello(_)))
+    );
 }
 
 #[test]
@@ -280,7 +388,9 @@ fn when_the_budget_is_spent_orders_go_at_once_and_of_states_the_newest_goes_late
 fn refusals_are_worth_a_line_at_powers_of_ten_for_each_sender_and_sort() {
     let mut exchange = Exchange::new(BYTES_PER_S, Presence::listening());
     let refusal = Refusal::NotItsToSay { sender: TWO };
-    let lines: Vec<u64> = (0..1000).filter_map(|_| exchange.refuse(Some(TWO), &refusal)).collect();
+    let lines: Vec<u64> = (0..1000)
+        .filter_map(|_| exchange.refuse(Some(TWO), &refusal))
+        .collect();
     assert_eq!(lines, [1, 10, 100, 1000]);
     assert_eq!(exchange.refuse(Some(THREE), &refusal), Some(1));
     assert_eq!(exchange.refuse(Some(TWO), &Refusal::OverShare), Some(1));
@@ -291,19 +401,34 @@ fn refusals_are_worth_a_line_at_powers_of_ten_for_each_sender_and_sort() {
 fn a_listener_hears_everyone_and_greetings_of_every_version() {
     let mut listener = Exchange::new(BYTES_PER_S, Presence::listening());
     assert_eq!(listener.deadline(), None);
-    assert!(listener.say(Time::ZERO, &progress(2, 1)).unwrap().is_none(), "it does not speak");
+    assert!(
+        listener.say(Time::ZERO, &progress(2, 1)).unwrap().is_none(),
+        "it does not speak"
+    );
     let mut swarm = Swarm::default();
     let two = swarm.join(TWO, 1, VENUE + 1);
     let mut frame = swarm.nodes[two].exchange.due(Time::ZERO).remove(0).frame;
     let heard = listener.hear(Time::ZERO, TWO, &frame).unwrap().heard;
-    assert!(matches!(heard, Some(Heard::Greeting(_, Some(_)))), "{heard:?}");
+    assert!(
+        matches!(heard, Some(Heard::Greeting(_, Some(_)))),
+        "{heard:?}"
+    );
     frame[2] = VERSION + 1;
     let heard = listener.hear(Time::ZERO, TWO, &frame).unwrap().heard;
     assert!(matches!(heard, Some(Heard::Greeting(_, None))), "{heard:?}");
-    assert_eq!(listener.hear(Time::ZERO, THREE, &frame), Err(Refusal::ForeignGreeting { node: TWO }));
+    assert_eq!(
+        listener.hear(Time::ZERO, THREE, &frame),
+        Err(Refusal::ForeignGreeting { node: TWO })
+    );
     assert_eq!(
         listener.counts(),
-        Counts { taken: 2, taken_bytes: 2 * frame.len() as u64, refused: 1, unknown: 0, dropped: 0 }
+        Counts {
+            taken: 2,
+            taken_bytes: 2 * frame.len() as u64,
+            refused: 1,
+            unknown: 0,
+            dropped: 0
+        }
     );
 }
 
@@ -322,12 +447,17 @@ fn a_message_of_an_unknown_kind_is_counted_and_nothing_else_comes_of_it() {
     }
     swarm.deliver_all();
     let node = &swarm.nodes[two];
-    let Counts { refused, unknown, .. } = node.exchange.counts();
+    let Counts {
+        refused, unknown, ..
+    } = node.exchange.counts();
     assert_eq!((refused, unknown, node.heard.len()), (0, 2, heard));
     assert_eq!(node.verdicts.len(), verdicts, "it is no objection");
     swarm.say(three, &progress(3, 2));
     swarm.run(seconds(0.1));
-    assert!(swarm.nodes[two].has_heard(&progress(3, 2)), "its sender is listened to as before");
+    assert!(
+        swarm.nodes[two].has_heard(&progress(3, 2)),
+        "its sender is listened to as before"
+    );
     assert!(swarm.present().contains(&three));
 }
 
@@ -339,7 +469,10 @@ fn what_stands_is_heard_whatever_the_venue_and_a_task_is_not() {
     let operator = swarm.join(Sender::Operator(OperatorId(7)), 9, VENUE + 1);
     swarm.run(seconds(1.0));
     let standing = Message::Standing(Standing::default());
-    let (_, task) = examples::examples().into_iter().find(|(word, _)| *word == "task").unwrap();
+    let (_, task) = examples::examples()
+        .into_iter()
+        .find(|(word, _)| *word == "task")
+        .unwrap();
     for message in [&standing, &task] {
         swarm.put(operator, encode(message).unwrap());
     }
@@ -352,17 +485,30 @@ fn a_number_far_above_all_others_is_refused_by_nodes_and_shown_by_tools() {
     let mut swarm = Swarm::default();
     swarm.join(TWO, 1, VENUE);
     let mission = |lease_number: u32| {
-        Message::Mission(Mission { vehicle: VehicleId(3), lease_number, ..Mission::default() })
+        Message::Mission(Mission {
+            vehicle: VehicleId(3),
+            lease_number,
+            ..Mission::default()
+        })
     };
     let hear = |exchange: &mut Exchange, lease_number: u32| {
         let frame = encode(&mission(lease_number)).unwrap();
-        exchange.hear(Time::ZERO, THREE, &frame).map(|reception| reception.heard)
+        exchange
+            .hear(Time::ZERO, THREE, &frame)
+            .map(|reception| reception.heard)
     };
     let node = &mut swarm.nodes[0].exchange;
     assert_eq!(hear(node, 5), Ok(Some(Heard::Message(THREE, mission(5)))));
-    let refusal = Refusal::Leaps { what: "lease", number: u32::MAX, highest: 5 };
+    let refusal = Refusal::Leaps {
+        what: "lease",
+        number: u32::MAX,
+        highest: 5,
+    };
     assert_eq!(hear(node, u32::MAX), Err(refusal.clone()));
-    assert_eq!(refusal.to_string(), "lease 4294967295 is too far above 5, the highest heard");
+    assert_eq!(
+        refusal.to_string(),
+        "lease 4294967295 is too far above 5, the highest heard"
+    );
     assert_eq!((node.counts().taken, node.counts().refused), (1, 1));
     let mut tool = Exchange::new(BYTES_PER_S, Presence::listening());
     assert!(hear(&mut tool, 5).is_ok() && hear(&mut tool, u32::MAX).is_ok());
@@ -374,10 +520,17 @@ fn what_a_node_says_itself_is_not_too_far_above_what_it_has_heard() {
     let two = swarm.join(TWO, 1, VENUE);
     swarm.run(Duration::from_secs(2));
     let of = |vehicle: u8, lease_number: u32| {
-        Message::Mission(Mission { vehicle: VehicleId(vehicle), lease_number, ..Mission::default() })
+        Message::Mission(Mission {
+            vehicle: VehicleId(vehicle),
+            lease_number,
+            ..Mission::default()
+        })
     };
     let now = swarm.now;
     let node = &mut swarm.nodes[two].exchange;
     node.say(now, &of(2, 90_000)).unwrap();
-    assert!(node.hear(now, THREE, &encode(&of(3, 90_001)).unwrap()).is_ok());
+    assert!(
+        node.hear(now, THREE, &encode(&of(3, 90_001)).unwrap())
+            .is_ok()
+    );
 }

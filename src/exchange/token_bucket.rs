@@ -15,7 +15,12 @@ pub struct TokenBucket {
 impl TokenBucket {
     /// Makes a full budget of `per_s` bytes a second, of which at most `most` bytes are saved up.
     pub fn new(per_s: f64, most: f64) -> TokenBucket {
-        TokenBucket { per_s, most, left: most, at: Time::ZERO }
+        TokenBucket {
+            per_s,
+            most,
+            left: most,
+            at: Time::ZERO,
+        }
     }
 
     /// Spends bytes if any budget is left at all; the rest is owed. So what is larger than the budget passes too.
@@ -38,7 +43,9 @@ impl TokenBucket {
     pub fn next(&self) -> Time {
         let lacking_s = (-self.left).max(0.0) / self.per_s;
         // A nanosecond later, so that a rounding never wakes anyone in vain.
-        self.at + std::time::Duration::from_secs_f64(lacking_s) + std::time::Duration::from_nanos(1000)
+        self.at
+            + std::time::Duration::from_secs_f64(lacking_s)
+            + std::time::Duration::from_nanos(1000)
     }
 
     fn refill(&mut self, now: Time) {

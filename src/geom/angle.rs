@@ -49,7 +49,11 @@ impl Angle {
     /// Returns the degrees in [0, 360).
     pub fn positive_degrees(self) -> f64 {
         let degrees = self.degrees();
-        if degrees < 0.0 { (degrees + 360.0) % 360.0 } else { degrees }
+        if degrees < 0.0 {
+            (degrees + 360.0) % 360.0
+        } else {
+            degrees
+        }
     }
 
     /// Returns the periodic difference this − other in [−π, π) radians: at exactly half a turn it is negative, where
@@ -66,7 +70,11 @@ impl Angle {
 
     /// Returns the quicker way to turn from this direction to another; counter-clockwise when both are equally quick.
     pub fn turn_to(self, other: Angle) -> Turn {
-        if self.difference_rad(other) > 0.0 { Turn::Clockwise } else { Turn::CounterClockwise }
+        if self.difference_rad(other) > 0.0 {
+            Turn::Clockwise
+        } else {
+            Turn::CounterClockwise
+        }
     }
 
     /// Returns the compass bearing of this direction where the x axis points east.
@@ -152,7 +160,10 @@ mod tests {
         for (angle, bearing) in [(90.0, 0.0), (0.0, 90.0), (-90.0, 180.0), (180.0, 270.0)] {
             assert!((Angle::from_degrees(angle).bearing().degrees() - bearing).abs() < 1e-9);
             assert!(
-                (Bearing::from_degrees(bearing).angle() - Angle::from_degrees(angle)).radians().abs() < 1e-9
+                (Bearing::from_degrees(bearing).angle() - Angle::from_degrees(angle))
+                    .radians()
+                    .abs()
+                    < 1e-9
             );
         }
     }
@@ -160,9 +171,18 @@ mod tests {
     #[test]
     fn the_quicker_turn_goes_the_shorter_way() {
         let turn = |from: f64, to: f64| Angle::from_degrees(from).turn_to(Angle::from_degrees(to));
-        assert_eq!((turn(0.0, 90.0), turn(90.0, 0.0)), (Turn::CounterClockwise, Turn::Clockwise));
-        assert_eq!((turn(170.0, -170.0), turn(-170.0, 170.0)), (Turn::CounterClockwise, Turn::Clockwise));
-        assert_eq!((turn(0.0, 180.0), turn(180.0, 0.0)), (Turn::CounterClockwise, Turn::CounterClockwise));
+        assert_eq!(
+            (turn(0.0, 90.0), turn(90.0, 0.0)),
+            (Turn::CounterClockwise, Turn::Clockwise)
+        );
+        assert_eq!(
+            (turn(170.0, -170.0), turn(-170.0, 170.0)),
+            (Turn::CounterClockwise, Turn::Clockwise)
+        );
+        assert_eq!(
+            (turn(0.0, 180.0), turn(180.0, 0.0)),
+            (Turn::CounterClockwise, Turn::CounterClockwise)
+        );
     }
 
     #[test]

@@ -19,7 +19,10 @@ pub struct Attitude {
 impl Attitude {
     /// Returns the attitude of a vehicle that stands level.
     pub fn level(yaw: Angle) -> Attitude {
-        Attitude { yaw, ..Attitude::default() }
+        Attitude {
+            yaw,
+            ..Attitude::default()
+        }
     }
 
     /// Turns a vector of the body's frame into the local frame; the length stays.
@@ -60,7 +63,10 @@ mod tests {
 
     fn check(attitude: Attitude, body: [f64; 3], expected: [f64; 3]) {
         let got = attitude.turned(body);
-        let is_near = got.iter().zip(expected).all(|(got, expected)| (got - expected).abs() < 1e-12);
+        let is_near = got
+            .iter()
+            .zip(expected)
+            .all(|(got, expected)| (got - expected).abs() < 1e-12);
         assert!(is_near, "{attitude:?} turns {body:?} to {got:?}");
     }
 

@@ -58,7 +58,11 @@ mod tests {
     #[test]
     fn pixels_run_from_the_south_west_along_the_row() {
         let area = Rect::new(Point::new(1.0, 2.0), Point::new(5.0, 4.0));
-        let grid = PixelGrid { area, columns: 4, rows: 2 };
+        let grid = PixelGrid {
+            area,
+            columns: 4,
+            rows: 2,
+        };
         assert_eq!(grid.centre(0), Point::new(1.5, 2.5));
         assert_eq!(grid.centre(grid.index(3, 1)), Point::new(4.5, 3.5));
         assert_eq!(grid.len(), 8);

@@ -43,7 +43,11 @@ impl Lattice {
     pub fn cell_at(self, point: Point) -> Cell {
         let index = |metres: f64| {
             let index = libm::floor(metres / self.cell_m);
-            if index.is_nan() { i32::MIN } else { index as i32 }
+            if index.is_nan() {
+                i32::MIN
+            } else {
+                index as i32
+            }
         };
         Cell::new(index(point.x_m), index(point.y_m))
     }
@@ -56,14 +60,23 @@ impl Lattice {
 
     /// Returns the lower (south-west) corner of a cell.
     pub fn corner(self, cell: Cell) -> Point {
-        Point::new(f64::from(cell.x) * self.cell_m, f64::from(cell.y) * self.cell_m)
+        Point::new(
+            f64::from(cell.x) * self.cell_m,
+            f64::from(cell.y) * self.cell_m,
+        )
     }
 
     /// Returns all cells whose middle lies within `radius_m` of a segment, row by row.
     pub fn cells_within(self, along: Segment, radius_m: f64) -> impl Iterator<Item = Cell> {
         let Segment { from, to } = along;
-        let low = self.cell_at(Point::new(from.x_m.min(to.x_m) - radius_m, from.y_m.min(to.y_m) - radius_m));
-        let high = self.cell_at(Point::new(from.x_m.max(to.x_m) + radius_m, from.y_m.max(to.y_m) + radius_m));
+        let low = self.cell_at(Point::new(
+            from.x_m.min(to.x_m) - radius_m,
+            from.y_m.min(to.y_m) - radius_m,
+        ));
+        let high = self.cell_at(Point::new(
+            from.x_m.max(to.x_m) + radius_m,
+            from.y_m.max(to.y_m) + radius_m,
+        ));
         (low.y..=high.y)
             .flat_map(move |y| (low.x..=high.x).map(move |x| Cell::new(x, y)))
             .filter(move |cell| along.distance_to_point(self.centre(*cell)) <= radius_m)
@@ -97,7 +110,11 @@ impl CellsUnder {
             }
             let edge = if length_m > 0.0 { cell + 1 } else { cell };
             let border = (f64::from(edge) * lattice.cell_m - from_m) / length_m;
-            (if length_m > 0.0 { 1 } else { -1 }, border, (lattice.cell_m / length_m).abs())
+            (
+                if length_m > 0.0 { 1 } else { -1 },
+                border,
+                (lattice.cell_m / length_m).abs(),
+            )
         };
         let vector = along.vector();
         let (step_x, border_x, pitch_x) = axis(along.from.x_m, vector.x_m, first.x);
@@ -144,15 +161,24 @@ mod tests {
     fn cells_left_of_the_datum_are_negative() {
         let lattice = Lattice::new(0.2);
         assert_eq!(lattice.cell_at(Point::new(-0.01, 0.39)), Cell::new(-1, 1));
-        assert_eq!(lattice.cell_at(lattice.centre(Cell::new(-7, 12))), Cell::new(-7, 12));
+        assert_eq!(
+            lattice.cell_at(lattice.centre(Cell::new(-7, 12))),
+            Cell::new(-7, 12)
+        );
     }
 
     #[test]
     fn what_is_no_place_is_not_filed_under_the_first_cell() {
         let lattice = Lattice::new(0.2);
         let edge = Cell::new(i32::MIN, i32::MIN);
-        assert_eq!(lattice.cell_at(Point::new(f64::NAN, f64::NEG_INFINITY)), edge);
-        assert_eq!(lattice.cell_at(Point::new(1e300, 0.1)), Cell::new(i32::MAX, 0));
+        assert_eq!(
+            lattice.cell_at(Point::new(f64::NAN, f64::NEG_INFINITY)),
+            edge
+        );
+        assert_eq!(
+            lattice.cell_at(Point::new(1e300, 0.1)),
+            Cell::new(i32::MAX, 0)
+        );
         let nowhere = Segment::new(Point::default(), Point::new(f64::NAN, 1.0));
         assert_eq!(lattice.cells_under(nowhere).count(), 0);
         assert_eq!(lattice.corner(Cell::new(-5, 10)), Point::new(-1.0, 2.0));

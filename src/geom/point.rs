@@ -199,10 +199,16 @@ mod tests {
     fn places_and_velocities_travel_in_whole_millimetres() {
         let at = Point::new(1.23449, -2.0005);
         let position = Position::from(at);
-        assert_eq!((position.x_mm, position.y_mm, position.z_mm), (1234, -2001, 0));
+        assert_eq!(
+            (position.x_mm, position.y_mm, position.z_mm),
+            (1234, -2001, 0)
+        );
         assert!(Point::from(position).distance_to(at) < 1e-3);
         let velocity = Velocity::from(Vector::polar(Angle::from_degrees(90.0), 0.5));
-        assert_eq!((velocity.x_mmps, velocity.y_mmps, velocity.z_mmps), (0, 500, 0));
+        assert_eq!(
+            (velocity.x_mmps, velocity.y_mmps, velocity.z_mmps),
+            (0, 500, 0)
+        );
         assert!((Vector::from(velocity).length_m() - 0.5).abs() < 1e-9);
     }
 }

@@ -24,13 +24,19 @@ impl Polygon {
     /// Returns the edges, in order.
     pub fn edges(&self) -> impl Iterator<Item = Segment> + '_ {
         let next = self.corners.iter().cycle().skip(1);
-        self.corners.iter().zip(next).map(|(a, b)| Segment::new(*a, *b))
+        self.corners
+            .iter()
+            .zip(next)
+            .map(|(a, b)| Segment::new(*a, *b))
     }
 
     /// Returns the signed area, m²; positive when the corners run counter-clockwise.
     pub fn area_m2(&self) -> f64 {
         let origin = Point::default();
-        self.edges().map(|edge| (edge.from - origin).cross(edge.to - origin)).sum::<f64>() / 2.0
+        self.edges()
+            .map(|edge| (edge.from - origin).cross(edge.to - origin))
+            .sum::<f64>()
+            / 2.0
     }
 
     /// Returns whether all corners turn the same way and enclose something.
@@ -38,18 +44,27 @@ impl Polygon {
         let edges: Vec<Segment> = self.edges().collect();
         let next = edges.iter().cycle().skip(1);
         let sign = self.area_m2().signum();
-        let bends_back = edges.iter().zip(next).any(|(a, b)| a.vector().cross(b.vector()) * sign < 0.0);
+        let bends_back = edges
+            .iter()
+            .zip(next)
+            .any(|(a, b)| a.vector().cross(b.vector()) * sign < 0.0);
         self.area_m2() != 0.0 && !bends_back
     }
 
     /// Returns whether a point lies inside (even-odd rule, so that an inner ring may follow the outer one).
     pub fn contains(&self, point: Point) -> bool {
-        self.edges().filter(|edge| edge.is_met_along_x(point)).count() % 2 == 1
+        self.edges()
+            .filter(|edge| edge.is_met_along_x(point))
+            .count()
+            % 2
+            == 1
     }
 
     /// Returns how far a ray goes until it meets an edge, metres; `None` when it meets none.
     pub fn met_after_m(&self, from: Point, toward: Angle) -> Option<f64> {
-        self.edges().filter_map(|edge| edge.met_after_m(from, toward)).min_by(f64::total_cmp)
+        self.edges()
+            .filter_map(|edge| edge.met_after_m(from, toward))
+            .min_by(f64::total_cmp)
     }
 
     /// Returns whether a segment touches an edge or lies wholly inside.
@@ -59,7 +74,9 @@ impl Polygon {
 
     /// Returns the distance from a point to the nearest edge, metres; infinite without corners.
     pub fn distance_to_edge(&self, point: Point) -> f64 {
-        self.edges().map(|edge| edge.distance_to_point(point)).fold(f64::INFINITY, f64::min)
+        self.edges()
+            .map(|edge| edge.distance_to_point(point))
+            .fold(f64::INFINITY, f64::min)
     }
 
     /// Returns whether a disc around a point lies wholly inside.
@@ -80,7 +97,14 @@ mod tests {
     use super::*;
 
     fn ell() -> Polygon {
-        let corners = [(0.0, 0.0), (4.0, 0.0), (4.0, 1.0), (1.0, 1.0), (1.0, 4.0), (0.0, 4.0)];
+        let corners = [
+            (0.0, 0.0),
+            (4.0, 0.0),
+            (4.0, 1.0),
+            (1.0, 1.0),
+            (1.0, 4.0),
+            (0.0, 4.0),
+        ];
         Polygon::new(corners.iter().map(|(x, y)| Point::new(*x, *y)).collect())
     }
 
@@ -94,11 +118,18 @@ mod tests {
 
     #[test]
     fn a_ray_meets_the_nearest_edge() {
-        let met =
-            |x: f64, y: f64, toward: f64| ell().met_after_m(Point::new(x, y), Angle::from_degrees(toward));
+        let met = |x: f64, y: f64, toward: f64| {
+            ell().met_after_m(Point::new(x, y), Angle::from_degrees(toward))
+        };
         assert!((met(-2.0, 0.5, 0.0).unwrap() - 2.0).abs() < 1e-9);
-        assert!((met(3.0, 3.0, -90.0).unwrap() - 2.0).abs() < 1e-9, "the upper side of the notch");
-        assert!((met(0.5, 0.5, 90.0).unwrap() - 3.5).abs() < 1e-9, "from inside");
+        assert!(
+            (met(3.0, 3.0, -90.0).unwrap() - 2.0).abs() < 1e-9,
+            "the upper side of the notch"
+        );
+        assert!(
+            (met(0.5, 0.5, 90.0).unwrap() - 3.5).abs() < 1e-9,
+            "from inside"
+        );
         assert_eq!(met(3.0, 3.0, 45.0), None);
     }
 
@@ -107,7 +138,9 @@ mod tests {
         let meets = |x0: f64, y0: f64, x1: f64, y1: f64| {
             ell().meets(Segment::new(Point::new(x0, y0), Point::new(x1, y1)))
         };
-        assert!(meets(0.2, 0.2, 0.4, 0.8) && meets(-1.0, 0.5, 5.0, 0.5) && meets(4.0, -1.0, 4.0, 2.0));
+        assert!(
+            meets(0.2, 0.2, 0.4, 0.8) && meets(-1.0, 0.5, 5.0, 0.5) && meets(4.0, -1.0, 4.0, 2.0)
+        );
         assert!(!meets(1.5, 1.5, 3.0, 1.2) && !meets(-1.0, -1.0, -1.0, 5.0));
     }
 

@@ -19,7 +19,11 @@ pub struct Pose {
 impl From<PoseReport> for Pose {
     fn from(report: PoseReport) -> Pose {
         let heading = Angle::from_radians(report.heading.radians());
-        Pose { at: report.at.into(), heading, sd_m: report.sd.metres().unwrap_or(f64::INFINITY) }
+        Pose {
+            at: report.at.into(),
+            heading,
+            sd_m: report.sd.metres().unwrap_or(f64::INFINITY),
+        }
     }
 }
 
@@ -27,7 +31,11 @@ impl From<Pose> for PoseReport {
     /// Rounds to millimetres and 1e-4 rad.
     fn from(pose: Pose) -> PoseReport {
         let heading = Heading::from_radians(pose.heading.radians());
-        PoseReport { at: pose.at.into(), heading, sd: Deviation::from_metres(pose.sd_m) }
+        PoseReport {
+            at: pose.at.into(),
+            heading,
+            sd: Deviation::from_metres(pose.sd_m),
+        }
     }
 }
 
@@ -37,13 +45,20 @@ mod tests {
 
     #[test]
     fn a_pose_comes_back_within_the_rounding_and_an_unknown_deviation_stays_unknown() {
-        let pose = Pose { at: Point::new(1.0004, -7.5), heading: Angle::from_degrees(-30.0), sd_m: 0.0512 };
+        let pose = Pose {
+            at: Point::new(1.0004, -7.5),
+            heading: Angle::from_degrees(-30.0),
+            sd_m: 0.0512,
+        };
         let back = Pose::from(PoseReport::from(pose));
         assert!(back.at.distance_to(pose.at) < 1e-3);
         assert!((back.heading - pose.heading).radians().abs() < 1e-4);
         assert!((back.sd_m - 0.051).abs() < 1e-9);
         for sd_m in [f64::INFINITY, 1e6, f64::NAN] {
-            assert_eq!(Pose::from(PoseReport::from(Pose { sd_m, ..pose })).sd_m, f64::INFINITY);
+            assert_eq!(
+                Pose::from(PoseReport::from(Pose { sd_m, ..pose })).sd_m,
+                f64::INFINITY
+            );
         }
     }
 }

@@ -77,7 +77,12 @@ impl Rect {
     /// Returns the four corners, counter-clockwise from the south-west.
     pub fn corners(self) -> [Point; 4] {
         let Rect { min, max } = self;
-        [min, Point::new(max.x_m, min.y_m), max, Point::new(min.x_m, max.y_m)]
+        [
+            min,
+            Point::new(max.x_m, min.y_m),
+            max,
+            Point::new(min.x_m, max.y_m),
+        ]
     }
 
     /// Returns the rectangle as a polygon.

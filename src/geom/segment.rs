@@ -39,7 +39,9 @@ impl Segment {
 
     /// Returns the distance to a point, metres.
     pub fn distance_to_point(self, point: Point) -> f64 {
-        self.from.toward(self.to, self.nearest_share(point)).distance_to(point)
+        self.from
+            .toward(self.to, self.nearest_share(point))
+            .distance_to(point)
     }
 
     /// Returns the smallest distance between two segments, metres; 0 when they touch.
@@ -77,7 +79,10 @@ impl Segment {
         if denominator.abs() <= 1e-12 * along.length_m() {
             return None;
         }
-        let (distance_m, share) = (offset.cross(along) / denominator, offset.cross(ray) / denominator);
+        let (distance_m, share) = (
+            offset.cross(along) / denominator,
+            offset.cross(ray) / denominator,
+        );
         // Rounding must not lose what lies exactly on an end or at the start.
         let slack_m = 1e-12 * (1.0 + offset.length_m() + along.length_m());
         let slack = slack_m / along.length_m();
@@ -119,11 +124,23 @@ mod tests {
         assert!((wall.met_after_m(Point::new(1.0, 1.0), east).unwrap() - 3.0).abs() < 1e-9);
         assert!((wall.met_after_m(Point::new(-1.0, 4.0), east).unwrap() - 2.0).abs() < 1e-9);
         assert_eq!(wall.met_after_m(Point::new(0.0, 4.1), east), None);
-        assert_eq!(wall.met_after_m(Point::new(5.0, 2.0), east), None, "it lies behind");
+        assert_eq!(
+            wall.met_after_m(Point::new(5.0, 2.0), east),
+            None,
+            "it lies behind"
+        );
         let north = Angle::from_degrees(90.0);
         assert!((wall.met_after_m(Point::new(2.5, -1.0), north).unwrap() - 3.5).abs() < 1e-9);
-        assert_eq!(segment(0.0, 0.0, 5.0, 0.0).met_after_m(Point::new(-1.0, 0.0), east), None, "edge-on");
-        assert_eq!(segment(2.0, 0.0, 2.0, 0.0).met_after_m(Point::new(-1.0, 0.0), east), None, "no wall");
+        assert_eq!(
+            segment(0.0, 0.0, 5.0, 0.0).met_after_m(Point::new(-1.0, 0.0), east),
+            None,
+            "edge-on"
+        );
+        assert_eq!(
+            segment(2.0, 0.0, 2.0, 0.0).met_after_m(Point::new(-1.0, 0.0), east),
+            None,
+            "no wall"
+        );
     }
 
     #[test]

@@ -16,8 +16,12 @@ impl Ray {
     /// Makes a ray in a direction of any length; `None` when the direction has none, or a number is not finite.
     pub fn new(from_m: [f64; 3], direction: [f64; 3]) -> Option<Ray> {
         let length = dot(direction, direction).sqrt();
-        let is_sane = length > 0.0 && length.is_finite() && from_m.iter().all(|part| part.is_finite());
-        is_sane.then(|| Ray { from_m, direction: direction.map(|part| part / length) })
+        let is_sane =
+            length > 0.0 && length.is_finite() && from_m.iter().all(|part| part.is_finite());
+        is_sane.then(|| Ray {
+            from_m,
+            direction: direction.map(|part| part / length),
+        })
     }
 
     /// Makes a ray through a second point; `None` when both coincide.
@@ -45,10 +49,15 @@ impl Face {
     /// Corners that do not lie in one plane are taken as if moved to it along its steepest axis.
     pub fn new(corners_m: Vec<[f64; 3]>) -> Option<Face> {
         let first = *corners_m.first()?;
-        let spans = corners_m.windows(2).map(|pair| cross(sub(pair[0], first), sub(pair[1], first)));
-        let normal = spans.fold([0.0; 3], |sum, part| [0, 1, 2].map(|axis| sum[axis] + part[axis]));
+        let spans = corners_m
+            .windows(2)
+            .map(|pair| cross(sub(pair[0], first), sub(pair[1], first)));
+        let normal = spans.fold([0.0; 3], |sum, part| {
+            [0, 1, 2].map(|axis| sum[axis] + part[axis])
+        });
         let area = dot(normal, normal);
-        (corners_m.len() >= 3 && area > 0.0 && area.is_finite()).then_some(Face { corners_m, normal })
+        (corners_m.len() >= 3 && area > 0.0 && area.is_finite())
+            .then_some(Face { corners_m, normal })
     }
 
     /// Returns how far a ray goes until it meets the face, from either side, metres; `None` when it passes by, or runs
@@ -98,7 +107,9 @@ impl Prism {
         let ends = [low_m, high_m].into_iter().filter_map(|z_m| {
             let distance_m = level_after_m(ray, z_m)?;
             let [x_m, y_m, _] = ray.at(distance_m);
-            self.outline.contains(Point::new(x_m, y_m)).then_some(distance_m)
+            self.outline
+                .contains(Point::new(x_m, y_m))
+                .then_some(distance_m)
         });
         walls.chain(ends).min_by(f64::total_cmp)
     }
@@ -121,8 +132,11 @@ impl Cylinder {
         let [low_m, high_m] = self.heights_m;
         let flat = Vector::new(ray.direction[0], ray.direction[1]);
         let offset = Point::new(ray.from_m[0], ray.from_m[1]) - self.centre;
-        let mantle =
-            roots(flat.dot(flat), flat.dot(offset), offset.dot(offset) - self.radius_m * self.radius_m);
+        let mantle = roots(
+            flat.dot(flat),
+            flat.dot(offset),
+            offset.dot(offset) - self.radius_m * self.radius_m,
+        );
         let mantle = mantle.into_iter().filter(|distance_m| {
             let z_m = ray.at(*distance_m)[2];
             *distance_m >= 0.0 && z_m >= low_m && z_m <= high_m
@@ -137,11 +151,19 @@ impl Cylinder {
 }
 
 /// Returns places between two points, evenly spaced: the start is not among them, the end is the last.
-pub fn evenly_spaced(from_m: [f64; 3], to_m: [f64; 3], count: usize) -> impl Iterator<Item = [f64; 3]> {
+pub fn evenly_spaced(
+    from_m: [f64; 3],
+    to_m: [f64; 3],
+    count: usize,
+) -> impl Iterator<Item = [f64; 3]> {
     (1..=count).map(move |place| {
         let share = place as f64 / count as f64;
         let between = |axis: usize| from_m[axis] + share * (to_m[axis] - from_m[axis]);
-        if place == count { to_m } else { [0, 1, 2].map(between) }
+        if place == count {
+            to_m
+        } else {
+            [0, 1, 2].map(between)
+        }
     })
 }
 
@@ -159,7 +181,11 @@ fn roots(a: f64, half_b: f64, c: f64) -> Vec<f64> {
     }
     // The root that does not cancel, and the other by their product.
     let far = -(half_b + square.sqrt().copysign(half_b));
-    if far == 0.0 { vec![0.0] } else { vec![far / a, c / far] }
+    if far == 0.0 {
+        vec![0.0]
+    } else {
+        vec![far / a, c / far]
+    }
 }
 
 fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
@@ -171,7 +197,11 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 }
 
 fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
 }
 
 #[cfg(test)]
@@ -195,50 +225,122 @@ mod tests {
 
     fn block() -> Prism {
         let outline = Rect::new(Point::new(10.0, -5.0), Point::new(20.0, 5.0)).polygon();
-        Prism { outline, heights_m: [0.0, 10.0] }
+        Prism {
+            outline,
+            heights_m: [0.0, 10.0],
+        }
     }
 
     #[test]
     fn a_distance_is_in_metres_whatever_the_direction_s_length() {
-        let face =
-            Face::new(vec![[2.0, 1.0, 3.0], [4.0, 1.0, 3.0], [4.0, 1.0, 9.0], [2.0, 1.0, 9.0]]).unwrap();
-        check(face.met_after_m(Ray::through([3.0, 0.0, 6.0], [3.0, 0.1, 6.0]).unwrap()), Some(1.0));
-        check(face.met_after_m(Ray::through([3.0, 0.0, 6.0], [3.0, -0.1, 6.0]).unwrap()), None);
-        check(face.met_after_m(ray([3.0, 0.0, 2.0], [0.0, 7.0, 0.0])), None);
-        check(face.met_after_m(ray([0.0, 1.0, 6.0], [1.0, 0.0, 0.0])), None);
-        check(face.met_after_m(ray([3.0, 5.0, 2.0], [0.0, -4.0, 3.0])), Some(5.0));
+        let face = Face::new(vec![
+            [2.0, 1.0, 3.0],
+            [4.0, 1.0, 3.0],
+            [4.0, 1.0, 9.0],
+            [2.0, 1.0, 9.0],
+        ])
+        .unwrap();
+        check(
+            face.met_after_m(Ray::through([3.0, 0.0, 6.0], [3.0, 0.1, 6.0]).unwrap()),
+            Some(1.0),
+        );
+        check(
+            face.met_after_m(Ray::through([3.0, 0.0, 6.0], [3.0, -0.1, 6.0]).unwrap()),
+            None,
+        );
+        check(
+            face.met_after_m(ray([3.0, 0.0, 2.0], [0.0, 7.0, 0.0])),
+            None,
+        );
+        check(
+            face.met_after_m(ray([0.0, 1.0, 6.0], [1.0, 0.0, 0.0])),
+            None,
+        );
+        check(
+            face.met_after_m(ray([3.0, 5.0, 2.0], [0.0, -4.0, 3.0])),
+            Some(5.0),
+        );
     }
 
     #[test]
     fn what_has_no_area_or_direction_is_nothing() {
         assert_eq!(Face::new(vec![[0.0; 3], [1.0, 0.0, 0.0]]), None);
-        assert_eq!(Face::new(vec![[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]), None);
+        assert_eq!(
+            Face::new(vec![[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]),
+            None
+        );
         assert_eq!(Ray::new([0.0; 3], [0.0; 3]), None);
         assert_eq!(Ray::new([f64::NAN, 0.0, 0.0], [1.0, 0.0, 0.0]), None);
     }
 
     #[test]
     fn a_prism_is_met_on_walls_top_and_bottom() {
-        check(block().met_after_m(ray([0.0, 0.0, 5.0], [1.0, 0.0, 0.0])), Some(10.0));
-        check(block().met_after_m(ray([0.0, 0.0, 0.0], [1.0, 0.0, 0.0])), Some(10.0));
-        check(block().met_after_m(ray([0.0, 0.0, 10.5], [1.0, 0.0, 0.0])), None);
-        check(block().met_after_m(ray([15.0, 0.0, 30.0], [0.0, 0.0, -1.0])), Some(20.0));
-        check(block().met_after_m(ray([15.0, 0.0, 5.0], [0.0, 0.0, 1.0])), Some(5.0));
-        check(block().met_after_m(ray([0.0, 0.0, 0.0], [0.0, 0.0, 1.0])), None);
+        check(
+            block().met_after_m(ray([0.0, 0.0, 5.0], [1.0, 0.0, 0.0])),
+            Some(10.0),
+        );
+        check(
+            block().met_after_m(ray([0.0, 0.0, 0.0], [1.0, 0.0, 0.0])),
+            Some(10.0),
+        );
+        check(
+            block().met_after_m(ray([0.0, 0.0, 10.5], [1.0, 0.0, 0.0])),
+            None,
+        );
+        check(
+            block().met_after_m(ray([15.0, 0.0, 30.0], [0.0, 0.0, -1.0])),
+            Some(20.0),
+        );
+        check(
+            block().met_after_m(ray([15.0, 0.0, 5.0], [0.0, 0.0, 1.0])),
+            Some(5.0),
+        );
+        check(
+            block().met_after_m(ray([0.0, 0.0, 0.0], [0.0, 0.0, 1.0])),
+            None,
+        );
         // Up by 3 for 4 ahead: the wall at 10 m is met at 7.5 m height.
-        check(block().met_after_m(ray([0.0, 0.0, 0.0], [4.0, 0.0, 3.0])), Some(12.5));
-        check(block().met_after_m(ray([0.0, 0.0, 4.0], [4.0, 0.0, 3.0])), None);
+        check(
+            block().met_after_m(ray([0.0, 0.0, 0.0], [4.0, 0.0, 3.0])),
+            Some(12.5),
+        );
+        check(
+            block().met_after_m(ray([0.0, 0.0, 4.0], [4.0, 0.0, 3.0])),
+            None,
+        );
     }
 
     #[test]
     fn a_cylinder_is_met_on_mantle_and_ends() {
-        let pole = Cylinder { centre: Point::new(-10.0, 40.0), radius_m: 2.5, heights_m: [0.0, 3.0] };
-        check(pole.met_after_m(ray([-10.0, 0.0, 0.0], [0.0, 2.0, 0.0])), Some(37.5));
-        check(pole.met_after_m(ray([-10.0, 40.0, 1.0], [1.0, 0.0, 0.0])), Some(2.5));
-        check(pole.met_after_m(ray([-9.0, 41.0, 9.0], [0.0, 0.0, -1.0])), Some(6.0));
-        check(pole.met_after_m(ray([-10.0, 0.0, 3.1], [0.0, 1.0, 0.0])), None);
-        check(pole.met_after_m(ray([-13.0, 0.0, 1.0], [0.0, 1.0, 0.0])), None);
-        check(pole.met_after_m(ray([-10.0, 50.0, 1.0], [0.0, 1.0, 0.0])), None);
+        let pole = Cylinder {
+            centre: Point::new(-10.0, 40.0),
+            radius_m: 2.5,
+            heights_m: [0.0, 3.0],
+        };
+        check(
+            pole.met_after_m(ray([-10.0, 0.0, 0.0], [0.0, 2.0, 0.0])),
+            Some(37.5),
+        );
+        check(
+            pole.met_after_m(ray([-10.0, 40.0, 1.0], [1.0, 0.0, 0.0])),
+            Some(2.5),
+        );
+        check(
+            pole.met_after_m(ray([-9.0, 41.0, 9.0], [0.0, 0.0, -1.0])),
+            Some(6.0),
+        );
+        check(
+            pole.met_after_m(ray([-10.0, 0.0, 3.1], [0.0, 1.0, 0.0])),
+            None,
+        );
+        check(
+            pole.met_after_m(ray([-13.0, 0.0, 1.0], [0.0, 1.0, 0.0])),
+            None,
+        );
+        check(
+            pole.met_after_m(ray([-10.0, 50.0, 1.0], [0.0, 1.0, 0.0])),
+            None,
+        );
     }
 
     #[test]

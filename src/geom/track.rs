@@ -21,7 +21,9 @@ impl Track {
 
     /// Returns the straight pieces, in order; none for a single point.
     pub fn segments(&self) -> impl Iterator<Item = Segment> + '_ {
-        self.points.windows(2).map(|pair| Segment::new(pair[0], pair[1]))
+        self.points
+            .windows(2)
+            .map(|pair| Segment::new(pair[0], pair[1]))
     }
 
     /// Returns the length, metres.
@@ -42,13 +44,19 @@ impl Track {
     /// Returns the distance from a point to the nearest part of the track, metres.
     pub fn distance_to_point(&self, point: Point) -> f64 {
         let start = self.start().distance_to(point);
-        self.segments().map(|segment| segment.distance_to_point(point)).fold(start, f64::min)
+        self.segments()
+            .map(|segment| segment.distance_to_point(point))
+            .fold(start, f64::min)
     }
 
     /// Returns the smallest distance between two tracks, metres.
     pub fn distance_to(&self, other: &Track) -> f64 {
-        let ends = self.distance_to_point(other.start()).min(other.distance_to_point(self.start()));
-        self.segments().flat_map(|a| other.segments().map(move |b| a.distance_to(b))).fold(ends, f64::min)
+        let ends = self
+            .distance_to_point(other.start())
+            .min(other.distance_to_point(self.start()));
+        self.segments()
+            .flat_map(|a| other.segments().map(move |b| a.distance_to(b)))
+            .fold(ends, f64::min)
     }
 }
 

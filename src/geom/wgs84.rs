@@ -29,7 +29,10 @@ pub struct Geodetic {
 impl Geodetic {
     /// Returns earth-centred, earth-fixed coordinates, metres.
     pub fn ecef_m(self) -> [f64; 3] {
-        let (latitude, longitude) = (self.latitude_deg.to_radians(), self.longitude_deg.to_radians());
+        let (latitude, longitude) = (
+            self.latitude_deg.to_radians(),
+            self.longitude_deg.to_radians(),
+        );
         let sin = libm::sin(latitude);
         let normal_m = A_M / (1.0 - E2 * sin * sin).sqrt();
         let from_axis_m = (normal_m + self.altitude_m) * libm::cos(latitude);
@@ -76,7 +79,10 @@ pub struct TangentPlane {
 impl TangentPlane {
     /// Lays a frame with its origin at the datum and its x axis along a compass bearing (90 degrees = east).
     pub fn new(datum: Geodetic, x_axis: Bearing) -> TangentPlane {
-        let (latitude, longitude) = (datum.latitude_deg.to_radians(), datum.longitude_deg.to_radians());
+        let (latitude, longitude) = (
+            datum.latitude_deg.to_radians(),
+            datum.longitude_deg.to_radians(),
+        );
         let (sin_lat, cos_lat) = (libm::sin(latitude), libm::cos(latitude));
         let (sin_lon, cos_lon) = (libm::sin(longitude), libm::cos(longitude));
         let east = [-sin_lon, cos_lon, 0.0];
@@ -86,12 +92,19 @@ impl TangentPlane {
         let mixed = |to_east: f64, to_north: f64| {
             [0, 1, 2].map(|axis: usize| to_east * east[axis] + to_north * north[axis])
         };
-        TangentPlane { origin_m: datum.ecef_m(), axes: [mixed(sin, cos), mixed(-cos, sin), up] }
+        TangentPlane {
+            origin_m: datum.ecef_m(),
+            axes: [mixed(sin, cos), mixed(-cos, sin), up],
+        }
     }
 
     /// Returns the place on the earth of a local point, metres.
     pub fn to_earth(&self, local_m: [f64; 3]) -> Geodetic {
-        let along = |axis: usize| (0..3).map(|of| local_m[of] * self.axes[of][axis]).sum::<f64>();
+        let along = |axis: usize| {
+            (0..3)
+                .map(|of| local_m[of] * self.axes[of][axis])
+                .sum::<f64>()
+        };
         Geodetic::from_ecef_m([0, 1, 2].map(|axis| self.origin_m[axis] + along(axis)))
     }
 
@@ -99,7 +112,9 @@ impl TangentPlane {
     pub fn to_local_m(&self, place: Geodetic) -> [f64; 3] {
         let ecef_m = place.ecef_m();
         let along = |of: usize| {
-            (0..3).map(|axis| self.axes[of][axis] * (ecef_m[axis] - self.origin_m[axis])).sum::<f64>()
+            (0..3)
+                .map(|axis| self.axes[of][axis] * (ecef_m[axis] - self.origin_m[axis]))
+                .sum::<f64>()
         };
         [along(0), along(1), along(2)]
     }
@@ -111,15 +126,25 @@ mod tests {
     use proptest::prelude::*;
 
     fn place(latitude_deg: f64, longitude_deg: f64, altitude_m: f64) -> Geodetic {
-        Geodetic { latitude_deg, longitude_deg, altitude_m }
+        Geodetic {
+            latitude_deg,
+            longitude_deg,
+            altitude_m,
+        }
     }
 
     fn check_ecef(at: Geodetic, expected_m: [f64; 3]) {
         let got_m = at.ecef_m();
-        let is_near = got_m.iter().zip(expected_m).all(|(got, expected)| (got - expected).abs() < 1e-3);
+        let is_near = got_m
+            .iter()
+            .zip(expected_m)
+            .all(|(got, expected)| (got - expected).abs() < 1e-3);
         assert!(is_near, "{at:?} gave {got_m:?}");
         let back = Geodetic::from_ecef_m(expected_m);
-        assert!((back.latitude_deg - at.latitude_deg).abs() < 1e-6, "{back:?}");
+        assert!(
+            (back.latitude_deg - at.latitude_deg).abs() < 1e-6,
+            "{back:?}"
+        );
         assert!((back.altitude_m - at.altitude_m).abs() < 2e-3, "{back:?}");
     }
 
@@ -137,8 +162,8 @@ mod tests {
     /// Geospatial-Intelligence Agency, good to centimetres).
     fn degree_m(latitude_deg: f64) -> (f64, f64) {
         let phi = latitude_deg.to_radians();
-        let north =
-            111_132.92 - 559.82 * (2.0 * phi).cos() + 1.175 * (4.0 * phi).cos() - 0.0023 * (6.0 * phi).cos();
+        let north = 111_132.92 - 559.82 * (2.0 * phi).cos() + 1.175 * (4.0 * phi).cos()
+            - 0.0023 * (6.0 * phi).cos();
         let east = 111_412.84 * phi.cos() - 93.5 * (3.0 * phi).cos() + 0.118 * (5.0 * phi).cos();
         (north, east)
     }
@@ -146,13 +171,22 @@ mod tests {
     #[test]
     fn a_hundred_metres_are_as_many_degrees_as_the_series_say() {
         for latitude_deg in [0.0, -33.9, 52.3702, 71.0] {
-            let plane = TangentPlane::new(place(latitude_deg, 4.8952, 20.0), Bearing::from_degrees(90.0));
+            let plane = TangentPlane::new(
+                place(latitude_deg, 4.8952, 20.0),
+                Bearing::from_degrees(90.0),
+            );
             let (north_m, east_m) = degree_m(latitude_deg);
             let at = plane.to_earth([100.0, 0.0, 0.0]);
-            assert!((at.longitude_deg - 4.8952 - 100.0 / east_m).abs() < 1e-8, "{at:?}");
+            assert!(
+                (at.longitude_deg - 4.8952 - 100.0 / east_m).abs() < 1e-8,
+                "{at:?}"
+            );
             assert!((at.latitude_deg - latitude_deg).abs() < 1e-7, "{at:?}");
             let at = plane.to_earth([0.0, 100.0, 0.0]);
-            assert!((at.latitude_deg - latitude_deg - 100.0 / north_m).abs() < 1e-8, "{at:?}");
+            assert!(
+                (at.latitude_deg - latitude_deg - 100.0 / north_m).abs() < 1e-8,
+                "{at:?}"
+            );
             assert!((at.longitude_deg - 4.8952).abs() < 1e-9, "{at:?}");
             // The earth falls away below the tangent by d² / 2R, 0.8 mm.
             assert!((at.altitude_m - 20.0 - 0.000_78).abs() < 5e-5, "{at:?}");
@@ -163,11 +197,21 @@ mod tests {
     fn the_x_axis_points_along_its_bearing() {
         let datum = place(52.0, 5.0, 0.0);
         let to_north = TangentPlane::new(datum, Bearing::from_degrees(0.0));
-        let (at, y) = (to_north.to_earth([50.0, 0.0, 0.0]), to_north.to_earth([0.0, 50.0, 0.0]));
-        assert!(at.latitude_deg > 52.0004 && (at.longitude_deg - 5.0).abs() < 1e-9, "{at:?}");
+        let (at, y) = (
+            to_north.to_earth([50.0, 0.0, 0.0]),
+            to_north.to_earth([0.0, 50.0, 0.0]),
+        );
+        assert!(
+            at.latitude_deg > 52.0004 && (at.longitude_deg - 5.0).abs() < 1e-9,
+            "{at:?}"
+        );
         // y is a quarter turn counter-clockwise from x: west.
-        assert!(y.longitude_deg < 4.9993 && (y.latitude_deg - 52.0).abs() < 1e-7, "{y:?}");
-        let slanted = TangentPlane::new(datum, Bearing::from_degrees(135.0)).to_earth([50.0, 0.0, 0.0]);
+        assert!(
+            y.longitude_deg < 4.9993 && (y.latitude_deg - 52.0).abs() < 1e-7,
+            "{y:?}"
+        );
+        let slanted =
+            TangentPlane::new(datum, Bearing::from_degrees(135.0)).to_earth([50.0, 0.0, 0.0]);
         assert!(slanted.latitude_deg < 52.0 && slanted.longitude_deg > 5.0);
     }
 

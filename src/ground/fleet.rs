@@ -29,7 +29,10 @@ pub struct Fleet {
 impl Fleet {
     /// Makes a fleet of vehicles that have not been heard yet.
     pub fn new(expected: &[VehicleId], lease: Lease) -> Fleet {
-        Fleet { members: expected.iter().map(|id| (*id, Member::default())).collect(), lease }
+        Fleet {
+            members: expected.iter().map(|id| (*id, Member::default())).collect(),
+            lease,
+        }
     }
 
     /// Takes up what was dealt with vehicles before; those not expected any more are passed over.
@@ -48,7 +51,9 @@ impl Fleet {
 
     /// Returns what was dealt with each vehicle, ascending.
     pub fn dealings(&self) -> Vec<(VehicleId, Dealings)> {
-        self.members().map(|(id, member)| (id, member.dealings().clone())).collect()
+        self.members()
+            .map(|(id, member)| (id, member.dealings().clone()))
+            .collect()
     }
 
     /// Returns whether a vehicle is one of the fleet.
@@ -63,17 +68,26 @@ impl Fleet {
 
     /// Returns the vehicles that are not lost, ascending.
     pub fn present(&self) -> Vec<VehicleId> {
-        self.members().filter(|(_, member)| !member.dealings().is_lost()).map(|(id, _)| id).collect()
+        self.members()
+            .filter(|(_, member)| !member.dealings().is_lost())
+            .map(|(id, _)| id)
+            .collect()
     }
 
     /// Returns the vehicles that are lost, ascending.
     pub fn lost(&self) -> Vec<VehicleId> {
-        self.members().filter(|(_, member)| member.dealings().is_lost()).map(|(id, _)| id).collect()
+        self.members()
+            .filter(|(_, member)| member.dealings().is_lost())
+            .map(|(id, _)| id)
+            .collect()
     }
 
     /// Returns the vehicles that are waited for and have not been heard yet, ascending.
     pub fn unheard(&self) -> Vec<VehicleId> {
-        self.members().filter(|(_, member)| member.is_unheard()).map(|(id, _)| id).collect()
+        self.members()
+            .filter(|(_, member)| member.is_unheard())
+            .map(|(id, _)| id)
+            .collect()
     }
 
     /// Returns by which right orders and plans are given.
@@ -113,7 +127,9 @@ impl Fleet {
 
     /// Returns whether a progress was said by the newest start of a vehicle's software.
     pub fn is_current(&self, progress: &VehicleProgress) -> bool {
-        self.members.get(&progress.vehicle).is_none_or(|member| member.is_current(progress.boot))
+        self.members
+            .get(&progress.vehicle)
+            .is_none_or(|member| member.is_current(progress.boot))
     }
 
     /// Returns the newest state heard from a vehicle, as plans and orders name it; `None` = it was not heard.
@@ -123,28 +139,44 @@ impl Fleet {
 
     /// Returns whether it is known where every vehicle is that is not lost.
     pub fn are_placed(&self) -> bool {
-        self.members.values().all(|member| member.dealings().is_lost() || member.place().is_some())
+        self.members
+            .values()
+            .all(|member| member.dealings().is_lost() || member.place().is_some())
     }
 
     /// Returns the highest revision of a run that any vehicle shows, so that a new ground begins above it.
     pub fn highest_revision(&self, run: RunId) -> Revision {
-        let shown = self.accepted().filter(|accepted| accepted.0 == run).map(|accepted| accepted.1);
+        let shown = self
+            .accepted()
+            .filter(|accepted| accepted.0 == run)
+            .map(|accepted| accepted.1);
         shown.max().unwrap_or_default()
     }
 
     /// Returns the highest run whose plans any vehicle follows.
     pub fn highest_run(&self) -> RunId {
-        self.accepted().map(|accepted| accepted.0).max().unwrap_or_default()
+        self.accepted()
+            .map(|accepted| accepted.0)
+            .max()
+            .unwrap_or_default()
     }
 
     fn accepted(&self) -> impl Iterator<Item = (RunId, Revision)> {
-        self.members.values().filter_map(Member::state).map(|state| state.accepted)
+        self.members
+            .values()
+            .filter_map(Member::state)
+            .map(|state| state.accepted)
     }
 
     /// Returns what stands for any vehicle that is not lost: ordered by anyone and not ended by a Start; the strongest.
     pub fn standing(&self) -> Option<OrderKind> {
-        let present = self.members.values().filter(|member| !member.dealings().is_lost());
-        present.filter_map(|member| member.dealings().stands()).reduce(OrderKind::stronger)
+        let present = self
+            .members
+            .values()
+            .filter(|member| !member.dealings().is_lost());
+        present
+            .filter_map(|member| member.dealings().stands())
+            .reduce(OrderKind::stronger)
     }
 
     /// Orders by this right from now on; what is still to be repeated too, as the first of this right: others count from
@@ -182,7 +214,10 @@ impl Fleet {
 
     /// Returns the orders that are not yet seen in a state, answering the newest state heard.
     pub fn open_orders(&self) -> Vec<Order> {
-        self.members.values().filter_map(Member::open_order).collect()
+        self.members
+            .values()
+            .filter_map(Member::open_order)
+            .collect()
     }
 
     /// Takes the open orders for said.
@@ -193,15 +228,19 @@ impl Fleet {
     /// Returns who has not said its state for `after`, although another vehicle was heard within `others`; they are lost from
     /// now on.
     pub fn lose(&mut self, now: Time, after: Duration, others: Duration) -> Vec<VehicleId> {
-        let within = |member: &Member, span| member.heard_at().is_some_and(|at| now.since(at) <= span);
+        let within =
+            |member: &Member, span| member.heard_at().is_some_and(|at| now.since(at) <= span);
         if !self.members.values().any(|member| within(member, others)) {
             return Vec::new();
         }
         let is_gone = |member: &Member| {
             !member.dealings().is_lost() && member.heard_at().is_some() && !within(member, after)
         };
-        let lost: Vec<VehicleId> =
-            self.members().filter(|(_, member)| is_gone(member)).map(|(id, _)| id).collect();
+        let lost: Vec<VehicleId> = self
+            .members()
+            .filter(|(_, member)| is_gone(member))
+            .map(|(id, _)| id)
+            .collect();
         let gone = self.members.values_mut().filter(|member| is_gone(member));
         gone.for_each(|member| member.dealings_mut().lose());
         lost
@@ -221,7 +260,11 @@ impl Fleet {
 
     /// Counts silence from now on, for those who were heard before this station was started.
     pub fn count_silence_from(&mut self, now: Time) {
-        for member in self.members.values_mut().filter(|member| member.dealings().boot().is_some()) {
+        for member in self
+            .members
+            .values_mut()
+            .filter(|member| member.dealings().boot().is_some())
+        {
             member.count_silence_from(now);
         }
     }
@@ -233,11 +276,25 @@ mod tests {
     use tomoswarm_proto::{Boot, EmergencyName, OperatorId, Ordered, StandReason, StopScope};
 
     const ONE: VehicleId = VehicleId(1);
-    const LEASE: Lease = Lease { number: 1, holder: 9 };
+    const LEASE: Lease = Lease {
+        number: 1,
+        holder: 9,
+    };
 
     fn state(sequence: u64, revision: u32, kind: Option<OrderKind>) -> State {
-        let ordered = Ordered { lease: LEASE, revision: Revision(revision), run: RunId(1), kind };
-        State { vehicle: ONE, boot: Boot(1), sequence, ordered, ..State::default() }
+        let ordered = Ordered {
+            lease: LEASE,
+            revision: Revision(revision),
+            run: RunId(1),
+            kind,
+        };
+        State {
+            vehicle: ONE,
+            boot: Boot(1),
+            sequence,
+            ordered,
+            ..State::default()
+        }
     }
 
     fn heard(fleet: &mut Fleet, sequence: u64, revision: u32, kind: OrderKind) -> Shown {
@@ -249,12 +306,24 @@ mod tests {
         let mut fleet = Fleet::new(&[ONE], LEASE);
         let stranger = VehicleId(8);
         assert_eq!(
-            fleet.heard_state(Time::ZERO, State { vehicle: stranger, ..state(1, 0, None) }),
+            fleet.heard_state(
+                Time::ZERO,
+                State {
+                    vehicle: stranger,
+                    ..state(1, 0, None)
+                }
+            ),
             Shown::default()
         );
-        let progress = VehicleProgress { vehicle: stranger, ..VehicleProgress::default() };
+        let progress = VehicleProgress {
+            vehicle: stranger,
+            ..VehicleProgress::default()
+        };
         assert_eq!(fleet.heard_progress(Time::ZERO, progress), Shown::default());
-        assert_eq!((fleet.unheard(), fleet.newest_state(stranger), fleet.len()), (vec![ONE], None, 1));
+        assert_eq!(
+            (fleet.unheard(), fleet.newest_state(stranger), fleet.len()),
+            (vec![ONE], None, 1)
+        );
     }
 
     #[test]
@@ -269,7 +338,10 @@ mod tests {
         fleet.set_lease(next);
         heard(&mut fleet, 2, 4, OrderKind::Start);
         let orders = fleet.open_orders();
-        assert_eq!((orders.len(), orders[0].lease, orders[0].revision), (1, next, Revision(1)));
+        assert_eq!(
+            (orders.len(), orders[0].lease, orders[0].revision),
+            (1, next, Revision(1))
+        );
         assert_eq!(orders[0].seen, fleet.newest_state(ONE));
     }
 
@@ -280,16 +352,31 @@ mod tests {
         let at = |seconds| Time::ZERO + Duration::from_secs(seconds);
         let mut fleet = Fleet::new(&[ONE, two], LEASE);
         fleet.heard_state(at(0), state(1, 0, None));
-        fleet.heard_state(at(0), State { vehicle: two, ..state(1, 0, None) });
+        fleet.heard_state(
+            at(0),
+            State {
+                vehicle: two,
+                ..state(1, 0, None)
+            },
+        );
         assert!(
             fleet.lose(at(40), after, others).is_empty(),
             "nobody is heard: the ground itself is cut off"
         );
-        fleet.heard_state(at(41), State { vehicle: two, ..state(2, 0, None) });
+        fleet.heard_state(
+            at(41),
+            State {
+                vehicle: two,
+                ..state(2, 0, None)
+            },
+        );
         assert_eq!(fleet.lose(at(42), after, others), [ONE]);
         assert_eq!(fleet.lose(at(42), after, others), []);
         assert_eq!((fleet.present(), fleet.lost()), (vec![two], vec![ONE]));
-        assert!(!fleet.heard_state(at(43), state(1, 0, None)).found, "an old state is no sign of life");
+        assert!(
+            !fleet.heard_state(at(43), state(1, 0, None)).found,
+            "an old state is no sign of life"
+        );
         assert!(fleet.heard_state(at(43), state(2, 0, None)).found);
         assert_eq!(fleet.present(), [ONE, two]);
     }
@@ -302,7 +389,10 @@ mod tests {
         fleet.heard_state(at(0.1), state(u64::MAX, 0, None));
         let newest = |fleet: &Fleet| fleet.newest_state(ONE).unwrap().sequence;
         for turn in 1..=50_u32 {
-            fleet.heard_state(at(0.2 * f64::from(turn)), state(100 + u64::from(turn), 0, None));
+            fleet.heard_state(
+                at(0.2 * f64::from(turn)),
+                state(100 + u64::from(turn), 0, None),
+            );
             assert_eq!(newest(&fleet), u64::MAX, "a few may be late");
         }
         let shown = fleet.heard_state(at(10.2), state(151, 0, None));
@@ -343,13 +433,27 @@ mod tests {
         let mut fleet = Fleet::new(&[ONE, two], LEASE);
         fleet.heard_state(at(0), state(1, 0, None));
         for second in 0..40 {
-            fleet.heard_state(at(second), State { vehicle: two, ..state(second + 1, 0, None) });
+            fleet.heard_state(
+                at(second),
+                State {
+                    vehicle: two,
+                    ..state(second + 1, 0, None)
+                },
+            );
             fleet.heard_progress(
                 Time::ZERO,
-                VehicleProgress { vehicle: ONE, boot: Boot(1), ..VehicleProgress::default() },
+                VehicleProgress {
+                    vehicle: ONE,
+                    boot: Boot(1),
+                    ..VehicleProgress::default()
+                },
             );
             let lost = fleet.lose(at(second), after, others);
-            assert_eq!(lost, if second == 31 { vec![ONE] } else { vec![] }, "{second}");
+            assert_eq!(
+                lost,
+                if second == 31 { vec![ONE] } else { vec![] },
+                "{second}"
+            );
         }
         assert_eq!(fleet.lost(), [ONE]);
     }
@@ -359,41 +463,88 @@ mod tests {
         let two = VehicleId(2);
         let mut fleet = Fleet::new(&[ONE, two], LEASE);
         heard(&mut fleet, 1, 1, OrderKind::Land);
-        fleet.heard_state(Time::ZERO, State { vehicle: two, ..state(1, 0, None) });
+        fleet.heard_state(
+            Time::ZERO,
+            State {
+                vehicle: two,
+                ..state(1, 0, None)
+            },
+        );
         let later = Time::ZERO + Duration::from_secs(40);
-        fleet.heard_state(later, State { vehicle: two, ..state(2, 0, None) });
-        assert_eq!(fleet.lose(later, Duration::from_secs(30), Duration::from_secs(2)), [ONE]);
+        fleet.heard_state(
+            later,
+            State {
+                vehicle: two,
+                ..state(2, 0, None)
+            },
+        );
+        assert_eq!(
+            fleet.lose(later, Duration::from_secs(30), Duration::from_secs(2)),
+            [ONE]
+        );
         assert_eq!(fleet.standing(), None, "who is lost stops nobody");
         fleet.start_all(RunId(1));
-        let ordered =
-            |fleet: &Fleet| fleet.open_orders().iter().map(|order| order.vehicle).collect::<Vec<_>>();
+        let ordered = |fleet: &Fleet| {
+            fleet
+                .open_orders()
+                .iter()
+                .map(|order| order.vehicle)
+                .collect::<Vec<_>>()
+        };
         assert_eq!(ordered(&fleet), [two]);
         assert!(heard(&mut fleet, 2, 1, OrderKind::Land).found);
-        assert_eq!((fleet.standing(), ordered(&fleet)), (Some(OrderKind::Land), vec![two]));
+        assert_eq!(
+            (fleet.standing(), ordered(&fleet)),
+            (Some(OrderKind::Land), vec![two])
+        );
         heard(&mut fleet, 3, 2, OrderKind::Start);
         assert_eq!(fleet.standing(), None);
     }
 
     #[test]
     fn what_an_open_stop_holds_stands_also_when_a_start_of_before_it_is_shown_later() {
-        let open = [EmergencyStop { name: EmergencyName(7), scope: StopScope::All, by: OperatorId(1) }];
+        let open = [EmergencyStop {
+            name: EmergencyName(7),
+            scope: StopScope::All,
+            by: OperatorId(1),
+        }];
         let mut fleet = Fleet::new(&[ONE], LEASE);
         heard(&mut fleet, 1, 1, OrderKind::Hold);
         fleet.stop(&open);
         heard(&mut fleet, 2, 2, OrderKind::Start);
         let stopped = StandReason::Stop(EmergencyName(7));
         let started = state(3, 2, Some(OrderKind::Start));
-        fleet.heard_state(Time::ZERO, State { stands_under: Some(stopped), ..started.clone() });
+        fleet.heard_state(
+            Time::ZERO,
+            State {
+                stands_under: Some(stopped),
+                ..started.clone()
+            },
+        );
         assert_eq!(fleet.standing(), Some(OrderKind::Hold));
         fleet.stop(&[]);
-        let held = State { sequence: 4, stands_under: Some(StandReason::Held), ..started.clone() };
+        let held = State {
+            sequence: 4,
+            stands_under: Some(StandReason::Held),
+            ..started.clone()
+        };
         fleet.heard_state(Time::ZERO, held);
-        assert_eq!(fleet.standing(), Some(OrderKind::Hold), "it was lifted, and moves nobody");
+        assert_eq!(
+            fleet.standing(),
+            Some(OrderKind::Hold),
+            "it was lifted, and moves nobody"
+        );
         heard(&mut fleet, 5, 3, OrderKind::Start);
         assert_eq!(fleet.standing(), None);
         // One that knew nothing of the stop, such as a ground station that was started anew, sees it all the same.
         let mut other = Fleet::new(&[ONE], LEASE);
-        other.heard_state(Time::ZERO, State { stands_under: Some(stopped), ..started });
+        other.heard_state(
+            Time::ZERO,
+            State {
+                stands_under: Some(stopped),
+                ..started
+            },
+        );
         assert_eq!(other.standing(), Some(OrderKind::Hold));
     }
 }

@@ -12,7 +12,9 @@ use crate::config::{
 };
 use crate::geom::{Lattice, PixelGrid, Rect};
 use crate::sweep::{PatternKind, Ring, SweepError};
-use crate::tomo::{MapSettings, Prior, SPOT_M, Settings as ImageSettings, Solver, TomoError, WeightModel};
+use crate::tomo::{
+    MapSettings, Prior, SPOT_M, Settings as ImageSettings, Solver, TomoError, WeightModel,
+};
 
 /// What a ground station is made of, before it begins.
 #[derive(Clone, Debug)]
@@ -41,7 +43,12 @@ pub enum PartsError {
 ///
 /// # Errors
 /// The image has an impossible grid.
-pub fn simulated_ground(sim: &Sim, ring: Ring, lease: Lease, store: u64) -> Result<GroundParts, TomoError> {
+pub fn simulated_ground(
+    sim: &Sim,
+    ring: Ring,
+    lease: Lease,
+    store: u64,
+) -> Result<GroundParts, TomoError> {
     let told = Told {
         venue: &sim.venue,
         vehicles: sim.vehicle_ids().collect(),
@@ -119,9 +126,19 @@ struct Office {
 impl Told<'_> {
     fn parts(self, ring: Ring) -> Result<GroundParts, TomoError> {
         let swarm = &self.venue.swarm;
-        let image = |subject| image_settings(self.imaging, self.venue.area, self.sensitivity_dbm, subject);
-        let imager = Imager::new(image(Subject::Change), image(Subject::Structure), self.imager_time)?;
-        let planner = Planner::new(ring, method(self.sweep), swarm.separation_m, self.planner_time);
+        let image =
+            |subject| image_settings(self.imaging, self.venue.area, self.sensitivity_dbm, subject);
+        let imager = Imager::new(
+            image(Subject::Change),
+            image(Subject::Structure),
+            self.imager_time,
+        )?;
+        let planner = Planner::new(
+            ring,
+            method(self.sweep),
+            swarm.separation_m,
+            self.planner_time,
+        );
         let station = StationSettings {
             vehicles: self.vehicles,
             lease: self.office.lease,
@@ -136,7 +153,11 @@ impl Told<'_> {
             bin_m: self.imaging.bin_m,
             spot_m: SPOT_M,
         };
-        Ok(GroundParts { station, planner, imager })
+        Ok(GroundParts {
+            station,
+            planner,
+            imager,
+        })
     }
 }
 
@@ -147,7 +168,11 @@ pub fn method(sweep: &Sweep) -> Method {
         PlannerName::RotatingGap => Method::RotatingGap { laps },
         PlannerName::Fan => {
             let (dwell, dwell_limit) = (sweep.dwell(), sweep.dwell_limit());
-            Method::Fan { rounds: laps, dwell, dwell_limit }
+            Method::Fan {
+                rounds: laps,
+                dwell,
+                dwell_limit,
+            }
         }
         PlannerName::Calibrate => pattern(sweep, PatternKind::Calibrate),
         PlannerName::FanCorners => pattern(sweep, PatternKind::Fan),
@@ -156,7 +181,11 @@ pub fn method(sweep: &Sweep) -> Method {
 }
 
 fn pattern(sweep: &Sweep, kind: PatternKind) -> Method {
-    Method::Pattern { kind, dwell: sweep.dwell(), dwell_limit: sweep.dwell_limit() }
+    Method::Pattern {
+        kind,
+        dwell: sweep.dwell(),
+        dwell_limit: sweep.dwell_limit(),
+    }
 }
 
 /// Returns how an image is made of a subject: the defaults for the area, and what the file says.
@@ -168,7 +197,11 @@ pub fn image_settings(
     subject: Subject,
 ) -> ImageSettings {
     let mut settings = ImageSettings::for_area(area);
-    settings.grid = PixelGrid { area, columns: imaging.columns, rows: imaging.rows };
+    settings.grid = PixelGrid {
+        area,
+        columns: imaging.columns,
+        rows: imaging.rows,
+    };
     settings.shortest_link_m = imaging.min_link_m;
     settings.pairing_m = imaging.bin_m;
     settings.noise.sensitivity_dbm = sensitivity_dbm;
@@ -177,15 +210,22 @@ pub fn image_settings(
     settings.peaks.separation_m = imaging.peak_separation_m;
     settings.weights = match imaging.weights {
         Weights::Line => WeightModel::Line,
-        Weights::Ellipse => WeightModel::Ellipse { width_m: imaging.width_m },
-        Weights::InverseArea => WeightModel::InverseArea { width_m: imaging.width_m },
+        Weights::Ellipse => WeightModel::Ellipse {
+            width_m: imaging.width_m,
+        },
+        Weights::InverseArea => WeightModel::InverseArea {
+            width_m: imaging.width_m,
+        },
     };
     let prior = match subject {
         Subject::Change => imaging.prior,
         Subject::Structure => imaging.structure_prior,
     };
     let sigma = prior.sigma_db_per_m;
-    let prior = Prior { variance: sigma * sigma, length_m: prior.correlation_length_m };
+    let prior = Prior {
+        variance: sigma * sigma,
+        length_m: prior.correlation_length_m,
+    };
     settings.solver = match imaging.solver {
         SolverName::Map => Solver::Map(prior, MapSettings::default()),
         SolverName::Tikhonov => ImageSettings::tikhonov_for(area),

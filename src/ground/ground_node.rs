@@ -20,7 +20,11 @@ impl GroundNode {
     /// Makes the actors of a ground station, and wires them.
     pub fn new(parts: GroundParts) -> GroundNode {
         GroundNode {
-            node: LocalNode::new(&mut Source { parts, resumed: None, stops: StopsSettings::default() }),
+            node: LocalNode::new(&mut Source {
+                parts,
+                resumed: None,
+                stops: StopsSettings::default(),
+            }),
         }
     }
 
@@ -39,7 +43,12 @@ impl GroundNode {
     ///
     /// # Errors
     /// An actor cannot go on.
-    pub fn tell(&mut self, now: Time, event: Event, effects: &mut Vec<Effect>) -> Result<(), Fault> {
+    pub fn tell(
+        &mut self,
+        now: Time,
+        event: Event,
+        effects: &mut Vec<Effect>,
+    ) -> Result<(), Fault> {
         self.node.tell(now, event, effects)
     }
 

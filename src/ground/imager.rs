@@ -69,10 +69,20 @@ impl Imager {
     ///
     /// # Errors
     /// The settings name an impossible grid.
-    pub fn new(change: Settings, structure: Settings, takes: Duration) -> Result<Imager, TomoError> {
+    pub fn new(
+        change: Settings,
+        structure: Settings,
+        takes: Duration,
+    ) -> Result<Imager, TomoError> {
         let takes = takes.max(Duration::from_nanos(1));
         let (change, structure) = (Solver::new(change)?, Solver::new(structure)?);
-        Ok(Imager { change, structure, takes, waiting: Vec::new(), working: None })
+        Ok(Imager {
+            change,
+            structure,
+            takes,
+            waiting: Vec::new(),
+            working: None,
+        })
     }
 
     fn begin(&mut self, now: Time) {
@@ -91,7 +101,12 @@ impl Imager {
             Subject::Structure => self.structure.update(&job.now, None),
         };
         let result = result.map_err(|error| error.to_string());
-        let picture = Picture { run: job.run, laps: job.laps, subject: job.subject, result };
+        let picture = Picture {
+            run: job.run,
+            laps: job.laps,
+            subject: job.subject,
+            result,
+        };
         self.working = Some((now + self.takes, picture));
     }
 }
@@ -101,7 +116,8 @@ impl Actor for Imager {
     type Out = Picture;
 
     fn handle(&mut self, now: Time, job: Job, _out: &mut Vec<Picture>) -> Result<(), Fault> {
-        self.waiting.retain(|waiting| (waiting.run, waiting.subject) != (job.run, job.subject));
+        self.waiting
+            .retain(|waiting| (waiting.run, waiting.subject) != (job.run, job.subject));
         self.waiting.push(job);
         self.begin(now);
         Ok(())
@@ -109,7 +125,10 @@ impl Actor for Imager {
 
     fn deadline(&self) -> Option<Deadline> {
         let (at, _) = self.working.as_ref()?;
-        Some(Deadline { at: *at, why: "picture ready" })
+        Some(Deadline {
+            at: *at,
+            why: "picture ready",
+        })
     }
 
     fn wake(&mut self, now: Time, out: &mut Vec<Picture>) -> Result<(), Fault> {

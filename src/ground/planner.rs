@@ -57,21 +57,41 @@ pub struct SweepTask {
 impl SweepTask {
     /// Returns how a task is to be swept; `None` when nothing is swept in it.
     pub fn of(task: &TaskKind) -> Option<SweepTask> {
-        let TaskKind::Sweep { planner, positions, laps, dwell_ms, dwell_limit_ms } = task else {
+        let TaskKind::Sweep {
+            planner,
+            positions,
+            laps,
+            dwell_ms,
+            dwell_limit_ms,
+        } = task
+        else {
             return None;
         };
         let laps = laps.map(usize::from);
-        let (dwell, dwell_limit) =
-            (Duration::from_millis((*dwell_ms).into()), Duration::from_millis((*dwell_limit_ms).into()));
-        let pattern = |kind| Method::Pattern { kind, dwell, dwell_limit };
+        let (dwell, dwell_limit) = (
+            Duration::from_millis((*dwell_ms).into()),
+            Duration::from_millis((*dwell_limit_ms).into()),
+        );
+        let pattern = |kind| Method::Pattern {
+            kind,
+            dwell,
+            dwell_limit,
+        };
         let method = match planner {
             SweepPlanner::RotatingGap => Method::RotatingGap { laps },
-            SweepPlanner::Fan => Method::Fan { rounds: laps, dwell, dwell_limit },
+            SweepPlanner::Fan => Method::Fan {
+                rounds: laps,
+                dwell,
+                dwell_limit,
+            },
             SweepPlanner::Calibrate => pattern(PatternKind::Calibrate),
             SweepPlanner::FanCorners => pattern(PatternKind::Fan),
             SweepPlanner::FanStraight => pattern(PatternKind::FanStraight),
         };
-        Some(SweepTask { method, positions: usize::from(*positions) })
+        Some(SweepTask {
+            method,
+            positions: usize::from(*positions),
+        })
     }
 }
 
@@ -116,7 +136,13 @@ pub struct Planner {
 impl Planner {
     /// Makes a planner for a ring of positions whose answers take `takes`.
     pub fn new(ring: Ring, method: Method, separation_m: f64, takes: Duration) -> Planner {
-        Planner { ring, method, separation_m, takes: takes.max(Duration::from_nanos(1)), ready: None }
+        Planner {
+            ring,
+            method,
+            separation_m,
+            takes: takes.max(Duration::from_nanos(1)),
+            ready: None,
+        }
     }
 
     fn plan(&self, request: &Request) -> Result<Sweep, SweepError> {
@@ -135,25 +161,62 @@ impl Planner {
 ///
 /// # Errors
 /// Too few or too many vehicles, or an area in which the sweep cannot be driven.
-pub fn plan(ring: &Ring, method: Method, separation_m: f64, request: &Request) -> Result<Sweep, SweepError> {
-    let Request { run, revision, places, first_lap, task: _ } = request.clone();
+pub fn plan(
+    ring: &Ring,
+    method: Method,
+    separation_m: f64,
+    request: &Request,
+) -> Result<Sweep, SweepError> {
+    let Request {
+        run,
+        revision,
+        places,
+        first_lap,
+        task: _,
+    } = request.clone();
     let milliseconds = |span: Duration| u32::try_from(span.as_millis()).unwrap_or(u32::MAX);
     match method {
         Method::RotatingGap { laps } => {
             let default = sweep::default_laps(ring.positions(), places.len());
             // Fewer vehicles need more laps than more do; who is asked while the sweep goes on drives at least one.
             let end_lap = laps.unwrap_or(default).max(first_lap.saturating_add(1));
-            let gaps = GapRequest { run, revision, vehicles: places, first_lap, end_lap, separation_m };
+            let gaps = GapRequest {
+                run,
+                revision,
+                vehicles: places,
+                first_lap,
+                end_lap,
+                separation_m,
+            };
             sweep::rotating_gap(ring, &gaps)
         }
-        Method::Fan { rounds, dwell, dwell_limit } => {
-            let rounds = rounds.unwrap_or(ring.positions()).saturating_sub(first_lap).max(1);
+        Method::Fan {
+            rounds,
+            dwell,
+            dwell_limit,
+        } => {
+            let rounds = rounds
+                .unwrap_or(ring.positions())
+                .saturating_sub(first_lap)
+                .max(1);
             let (dwell_ms, dwell_limit_ms) = (milliseconds(dwell), milliseconds(dwell_limit));
             let vehicles = places;
-            let fan = FanRequest { run, revision, vehicles, rounds, dwell_ms, dwell_limit_ms, separation_m };
+            let fan = FanRequest {
+                run,
+                revision,
+                vehicles,
+                rounds,
+                dwell_ms,
+                dwell_limit_ms,
+                separation_m,
+            };
             sweep::fan(ring, &fan)
         }
-        Method::Pattern { kind, dwell, dwell_limit } => {
+        Method::Pattern {
+            kind,
+            dwell,
+            dwell_limit,
+        } => {
             let pattern = Pattern::new(kind, ring.positions() / 4 + 1)?;
             let pattern_request = PatternRequest {
                 run,
@@ -173,11 +236,25 @@ pub fn plan(ring: &Ring, method: Method, separation_m: f64, request: &Request) -
 fn answer(run: RunId, revision: Revision, planned: Result<Sweep, SweepError>) -> Answer {
     match planned {
         Ok(Sweep { plans, schedule }) => {
-            let last =
-                |lap: &sweep::Lap| lap.stops.iter().map(|(vehicle, _, last)| (*vehicle, *last)).collect();
-            Answer { run, revision, plans: Ok(plans), laps: schedule.laps.iter().map(last).collect() }
+            let last = |lap: &sweep::Lap| {
+                lap.stops
+                    .iter()
+                    .map(|(vehicle, _, last)| (*vehicle, *last))
+                    .collect()
+            };
+            Answer {
+                run,
+                revision,
+                plans: Ok(plans),
+                laps: schedule.laps.iter().map(last).collect(),
+            }
         }
-        Err(error) => Answer { run, revision, plans: Err(error.to_string()), laps: Vec::new() },
+        Err(error) => Answer {
+            run,
+            revision,
+            plans: Err(error.to_string()),
+            laps: Vec::new(),
+        },
     }
 }
 
@@ -186,19 +263,26 @@ impl Actor for Planner {
     type Out = Answer;
 
     fn handle(&mut self, now: Time, request: Request, _out: &mut Vec<Answer>) -> Result<(), Fault> {
-        let is_asked_again =
-            |(_, answer): &(Time, Answer)| (answer.run, answer.revision) == (request.run, request.revision);
+        let is_asked_again = |(_, answer): &(Time, Answer)| {
+            (answer.run, answer.revision) == (request.run, request.revision)
+        };
         if self.ready.as_ref().is_some_and(is_asked_again) {
             return Ok(());
         }
         let planned = self.plan(&request);
-        self.ready = Some((now + self.takes, answer(request.run, request.revision, planned)));
+        self.ready = Some((
+            now + self.takes,
+            answer(request.run, request.revision, planned),
+        ));
         Ok(())
     }
 
     fn deadline(&self) -> Option<Deadline> {
         let (at, _) = self.ready.as_ref()?;
-        Some(Deadline { at: *at, why: "plan ready" })
+        Some(Deadline {
+            at: *at,
+            why: "plan ready",
+        })
     }
 
     fn wake(&mut self, _now: Time, out: &mut Vec<Answer>) -> Result<(), Fault> {

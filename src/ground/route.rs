@@ -82,7 +82,9 @@ pub(crate) fn route(output: Output, to: &mut Vec<Destination>) {
     let next = match output {
         Output::Edge(Event::Bus(sender, message)) => return route_message(sender, message, to),
         Output::Stops(out) => return route_stops(out, to),
-        Output::Station(station::Out::Publish(message)) => Destination::Edge(Effect::Publish(message)),
+        Output::Station(station::Out::Publish(message)) => {
+            Destination::Edge(Effect::Publish(message))
+        }
         Output::Station(station::Out::Ask(request)) => Destination::Planner(request),
         Output::Station(station::Out::Reconstruct(job)) => Destination::Imager(job),
         Output::Station(station::Out::BeginRun { run, compared_with }) => {
@@ -91,7 +93,9 @@ pub(crate) fn route(output: Output, to: &mut Vec<Destination>) {
         Output::Station(station::Out::EndRun(run)) => Destination::Edge(Effect::EndRun(run)),
         Output::Station(station::Out::Note(note)) => Destination::Edge(Effect::Note(note)),
         Output::Planner(answer) => Destination::Station(station::In::Planned(answer)),
-        Output::Station(station::Out::Remember(memory)) => Destination::Edge(Effect::Remember(memory)),
+        Output::Station(station::Out::Remember(memory)) => {
+            Destination::Edge(Effect::Remember(memory))
+        }
         Output::Imager(picture) => {
             let made = station::In::Pictured(station::PictureName::of(&picture));
             to.push(Destination::Edge(Effect::Picture(picture)));
@@ -104,7 +108,10 @@ pub(crate) fn route(output: Output, to: &mut Vec<Destination>) {
 fn route_message(sender: Sender, message: Message, to: &mut Vec<Destination>) {
     let lease = match &message {
         Message::Standing(standing) => {
-            return to.push(Destination::Stops(stops::In::Standing(sender, standing.clone())));
+            return to.push(Destination::Stops(stops::In::Standing(
+                sender,
+                standing.clone(),
+            )));
         }
         Message::Hello(hello) => hello.lease,
         Message::Report(report) => Some(report.lease),
@@ -132,7 +139,9 @@ fn route_stops(out: stops::Out, to: &mut Vec<Destination>) {
         stops::Out::Open(open) => Destination::Station(station::In::Stops(open)),
         // A ground station waits for nobody's word before it plans.
         stops::Out::Heard(_) => return,
-        stops::Out::Publish(standing) => Destination::Edge(Effect::Publish(Message::Standing(standing))),
+        stops::Out::Publish(standing) => {
+            Destination::Edge(Effect::Publish(Message::Standing(standing)))
+        }
         stops::Out::Remember(standing) => Destination::Edge(Effect::KeepStops(standing)),
         stops::Out::Remark(remark) => Destination::Edge(Effect::StopsNote(remark)),
     });

@@ -7,7 +7,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Boot, Have, HeardFrom, RunId, Sample, Samples, VehicleId, WATERMARKS_ALWAYS};
+use tomoswarm_proto::{
+    Boot, Have, HeardFrom, RunId, Sample, Samples, VehicleId, WATERMARKS_ALWAYS,
+};
 
 use crate::geom::Point;
 use crate::tomo::{Link, LinkBins};
@@ -92,7 +94,10 @@ impl SampleStore {
         }
         let received = self.received.entry(source).or_default();
         let (bin_m, spot_m) = (self.bin_m, self.spot_m);
-        let bins = self.bins.entry(batch.run).or_insert_with(|| LinkBins::new(bin_m, spot_m));
+        let bins = self
+            .bins
+            .entry(batch.run)
+            .or_insert_with(|| LinkBins::new(bin_m, spot_m));
         let mut new = 0;
         for sample in batch.samples.iter() {
             if !received.is_new(sample.sequence) {
@@ -116,7 +121,12 @@ impl SampleStore {
         let older = sources.split_off(sources.len().min(WATERMARKS_ALWAYS));
         let pages = older.len().div_ceil(MARKS_IN_TURN).max(1) as u64;
         let page = usize::try_from(turn % pages).unwrap_or(0);
-        sources.extend(older.into_iter().skip(page * MARKS_IN_TURN).take(MARKS_IN_TURN));
+        sources.extend(
+            older
+                .into_iter()
+                .skip(page * MARKS_IN_TURN)
+                .take(MARKS_IN_TURN),
+        );
         sources.sort_by_key(|(source, _)| **source);
         let mark = |((vehicle, boot, run), received): &(&Source, &Received)| HeardFrom {
             vehicle: *vehicle,
@@ -126,7 +136,11 @@ impl SampleStore {
         };
         let old = closed.len().saturating_sub(CLOSED_MAX);
         let closed = closed.iter().skip(old).copied().collect();
-        Have { store: self.store, watermarks: sources.iter().map(mark).collect(), closed }
+        Have {
+            store: self.store,
+            watermarks: sources.iter().map(mark).collect(),
+            closed,
+        }
     }
 
     /// Returns how many samples were not stored since there was no room.
@@ -146,7 +160,9 @@ impl SampleStore {
 
     /// Returns whether samples of a run are known to be missing.
     pub fn has_gaps(&self, run: RunId) -> bool {
-        self.received.iter().any(|((_, _, of), received)| *of == run && !received.beyond.is_empty())
+        self.received
+            .iter()
+            .any(|((_, _, of), received)| *of == run && !received.beyond.is_empty())
     }
 
     /// Returns the links of a run, in a fixed order.
@@ -180,7 +196,13 @@ mod tests {
             rssi_dbm: Some(-60),
         };
         let samples = sequences.iter().map(sample).collect();
-        Samples { vehicle: VehicleId(2), boot: Boot(1), run: RunId(1), samples, lost: vec![] }
+        Samples {
+            vehicle: VehicleId(2),
+            boot: Boot(1),
+            run: RunId(1),
+            samples,
+            lost: vec![],
+        }
     }
 
     fn below(store: &SampleStore) -> u64 {
@@ -196,7 +218,14 @@ mod tests {
         assert_eq!(below(&store), 5);
         assert_eq!(store.take(&batch(&[0, 1, 2, 3, 4])), 0);
         assert_eq!(store.count(RunId(1)), 5);
-        assert_eq!(store.links(RunId(1)).iter().map(|link| link.packets).sum::<u32>(), 5);
+        assert_eq!(
+            store
+                .links(RunId(1))
+                .iter()
+                .map(|link| link.packets)
+                .sum::<u32>(),
+            5
+        );
     }
     #[test]
     fn a_flood_above_a_gap_is_kept_only_so_far_and_not_acknowledged() {
@@ -204,7 +233,11 @@ mod tests {
         let flood: Vec<u64> = (1..100_000).collect();
         assert_eq!(store.take(&batch(&flood)), BEYOND_MAX);
         assert_eq!(below(&store), 0);
-        assert_eq!(store.take(&batch(&[0])), 1, "what fills the gap is always taken");
+        assert_eq!(
+            store.take(&batch(&[0])),
+            1,
+            "what fills the gap is always taken"
+        );
         assert_eq!(below(&store), BEYOND_MAX as u64 + 1);
         assert_eq!(store.take(&batch(&flood)), 100_000 - 1 - BEYOND_MAX);
         assert_eq!(below(&store), 100_000);
@@ -216,17 +249,25 @@ mod tests {
         let mut store = SampleStore::new(7, 0.5, 0.0625);
         for boot in 0..5000 {
             for run in 0..4 {
-                store.take(&Samples { boot: Boot(boot), run: RunId(run), ..batch(&[0]) });
+                store.take(&Samples {
+                    boot: Boot(boot),
+                    run: RunId(run),
+                    ..batch(&[0])
+                });
             }
         }
         let closed: BTreeSet<RunId> = (0..2000).map(RunId).collect();
         let mut told = BTreeSet::new();
         for turn in 0..20 {
             let have = store.have(&closed, turn);
-            assert_eq!((have.watermarks.len(), have.closed.len()), (2048.min(have.watermarks.len()), 1024));
+            assert_eq!(
+                (have.watermarks.len(), have.closed.len()),
+                (2048.min(have.watermarks.len()), 1024)
+            );
             assert_eq!(have.closed.last(), Some(&RunId(1999)));
             let frame =
-                tomoswarm_proto::codec::encode(&tomoswarm_proto::Message::Have(have.clone())).unwrap();
+                tomoswarm_proto::codec::encode(&tomoswarm_proto::Message::Have(have.clone()))
+                    .unwrap();
             assert!(frame.len() < 64_000, "{}", frame.len());
             told.extend(have.watermarks.iter().map(|mark| (mark.boot, mark.run)));
         }
@@ -241,7 +282,8 @@ mod tests {
                 let mut one = batch(&[*sequence]);
                 let share = *sequence as f64 / 7.0;
                 one.samples[0].transmitter_pose.at = Point::new(share.fract() * 0.3, 0.0).into();
-                one.samples[0].receiver_pose.at = Point::new(9.0, (share * 3.3).fract() * 0.3).into();
+                one.samples[0].receiver_pose.at =
+                    Point::new(9.0, (share * 3.3).fract() * 0.3).into();
                 one.samples[0].rssi_dbm = Some(-60 - (*sequence % 7) as i16);
                 store.take(&one);
             }

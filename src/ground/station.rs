@@ -41,8 +41,8 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    Boot, Hello, Lease, Message, Mission, OrderKind, RunEnd, RunId, Samples, Sender, State, StopId, Task,
-    TileReport, VehicleId,
+    Boot, Hello, Lease, Message, Mission, OrderKind, RunEnd, RunId, Samples, Sender, State, StopId,
+    Task, TileReport, VehicleId,
 };
 
 use self::leases::{Change, Leases};
@@ -161,7 +161,10 @@ pub struct Station {
 impl Station {
     /// Makes a station that has heard nobody yet.
     pub fn new(settings: StationSettings) -> Station {
-        let none = Lease { number: 0, holder: settings.holder };
+        let none = Lease {
+            number: 0,
+            holder: settings.holder,
+        };
         let listening = Leases::listening(none, settings.take_over);
         let mut station = Station {
             boot: settings.boot,
@@ -206,7 +209,14 @@ impl Station {
             if is_closed {
                 self.closed.insert(run);
             }
-            self.runs.recall(run, if is_closed { RunEnd::Done } else { RunEnd::Stopped });
+            self.runs.recall(
+                run,
+                if is_closed {
+                    RunEnd::Done
+                } else {
+                    RunEnd::Stopped
+                },
+            );
         }
     }
 
@@ -396,20 +406,33 @@ impl Station {
 
     /// What is ordered stands, if it is stronger than what does already.
     fn stands_now(&mut self, kind: Option<OrderKind>) {
-        self.standing = self.standing.into_iter().chain(kind).reduce(OrderKind::stronger);
+        self.standing = self
+            .standing
+            .into_iter()
+            .chain(kind)
+            .reduce(OrderKind::stronger);
     }
 
     fn publish_plans(&mut self, now: Time, out: &mut Vec<Out>) {
         let lease = self.leases.own();
         for plan in self.succession.iter().flat_map(Succession::plans) {
             let seen = self.fleet.newest_state(plan.vehicle);
-            out.push(Out::Publish(Message::Plan(tomoswarm_proto::Plan { lease, seen, ..plan.clone() })));
+            out.push(Out::Publish(Message::Plan(tomoswarm_proto::Plan {
+                lease,
+                seen,
+                ..plan.clone()
+            })));
         }
         self.plans_at = now;
     }
 
     fn publish_orders(&mut self, out: &mut Vec<Out>) {
-        out.extend(self.fleet.open_orders().into_iter().map(|order| Out::Publish(Message::Order(order))));
+        out.extend(
+            self.fleet
+                .open_orders()
+                .into_iter()
+                .map(|order| Out::Publish(Message::Order(order))),
+        );
         self.fleet.note_said();
     }
 
@@ -449,7 +472,9 @@ impl Station {
         self.look_after_others_plans(out);
         self.begin(now, out);
         self.publish_orders(out);
-        out.push(Out::Publish(Message::Have(self.samples.have(&self.closed, self.turn))));
+        out.push(Out::Publish(Message::Have(
+            self.samples.have(&self.closed, self.turn),
+        )));
         out.push(Out::Publish(Message::Digest(self.map.digest())));
         self.look_after_plans(now, out);
         self.look_after_laps(now, out);
@@ -493,8 +518,14 @@ impl Actor for Station {
     }
 
     fn deadline(&self) -> Option<Deadline> {
-        let tick = Deadline { at: self.tick_at, why: "repeat" };
-        let repair = self.repair.deadline().map(|at| Deadline { at, why: "ask for or send missing tiles" });
+        let tick = Deadline {
+            at: self.tick_at,
+            why: "repeat",
+        };
+        let repair = self.repair.deadline().map(|at| Deadline {
+            at,
+            why: "ask for or send missing tiles",
+        });
         Deadline::earlier(Some(tick), repair)
     }
 

@@ -36,7 +36,10 @@ enum State {
 impl Lines {
     /// Makes it; the first line that it gives is the first one whose beginning was heard.
     pub fn new() -> Lines {
-        Lines { state: State::Skipping, too_long: 0 }
+        Lines {
+            state: State::Skipping,
+            too_long: 0,
+        }
     }
 
     /// Drops what was begun; the next line that it gives is the next one whose beginning is heard.
@@ -63,7 +66,9 @@ impl Lines {
                 }
                 continue;
             }
-            let State::Taking { line, since: begun } = &mut self.state else { continue };
+            let State::Taking { line, since: begun } = &mut self.state else {
+                continue;
+            };
             if line.len() >= LONGEST_LINE {
                 self.state = State::Skipping;
                 self.too_long += 1;
@@ -95,14 +100,19 @@ mod tests {
     fn lines(lines: &mut Lines, chunks: &[&[u8]]) -> Vec<(Time, String)> {
         let mut found = Vec::new();
         for (time_ms, chunk) in (0..).zip(chunks) {
-            let give = |since, line: &[u8]| found.push((since, String::from_utf8_lossy(line).into_owned()));
+            let give = |since, line: &[u8]| {
+                found.push((since, String::from_utf8_lossy(line).into_owned()))
+            };
             lines.take(at(time_ms), chunk, give);
         }
         found
     }
 
     fn texts(chunks: &[&[u8]]) -> Vec<String> {
-        lines(&mut Lines::new(), chunks).into_iter().map(|(_, text)| text).collect()
+        lines(&mut Lines::new(), chunks)
+            .into_iter()
+            .map(|(_, text)| text)
+            .collect()
     }
 
     #[test]
@@ -111,7 +121,10 @@ mod tests {
         let mut begun = Lines::new();
         assert_eq!(lines(&mut begun, &[b"\rR1200\rR1"]).len(), 1);
         begun.restart();
-        assert_eq!(lines(&mut begun, &[b"300\rR1400\r"]), [(at(0), "R1400".to_owned())]);
+        assert_eq!(
+            lines(&mut begun, &[b"300\rR1400\r"]),
+            [(at(0), "R1400".to_owned())]
+        );
     }
 
     #[test]
@@ -121,9 +134,15 @@ mod tests {
 
     #[test]
     fn a_line_is_as_old_as_its_first_byte() {
-        let found = lines(&mut Lines::new(), &[b"\rR1", b"23", b"4\r", b"R5", b"000\rR1\r"]);
+        let found = lines(
+            &mut Lines::new(),
+            &[b"\rR1", b"23", b"4\r", b"R5", b"000\rR1\r"],
+        );
         let expected = [(at(0), "R1234"), (at(3), "R5000"), (at(4), "R1")];
-        assert_eq!(found, expected.map(|(since, text)| (since, text.to_owned())));
+        assert_eq!(
+            found,
+            expected.map(|(since, text)| (since, text.to_owned()))
+        );
     }
 
     #[test]

@@ -44,7 +44,10 @@ impl Pings {
             Reading::Range(range_m) => Some(range_m),
             Reading::Nothing => None,
         };
-        Some(Echo { number: ping.number, range_m })
+        Some(Echo {
+            number: ping.number,
+            range_m,
+        })
     }
 
     /// Returns whether pings have gone without any answer for too long; never when nothing was asked.
@@ -67,7 +70,10 @@ mod tests {
     }
 
     fn range(measured_s: f64, range_m: f64) -> TimedReading {
-        TimedReading { measured: at(measured_s), reading: Reading::Range(range_m) }
+        TimedReading {
+            measured: at(measured_s),
+            reading: Reading::Range(range_m),
+        }
     }
 
     #[test]
@@ -75,12 +81,31 @@ mod tests {
         let mut pings = Pings::default();
         assert_eq!(pings.answer(range(0.5, 1.0)), None, "nobody has asked");
         pings.ping(at(1.0), Ping { number: 7 });
-        assert_eq!(pings.answer(range(0.999, 1.0)), None, "it is older than the ping");
-        assert_eq!(pings.answer(range(1.0, 1.5)), Some(Echo { number: 7, range_m: Some(1.5) }));
+        assert_eq!(
+            pings.answer(range(0.999, 1.0)),
+            None,
+            "it is older than the ping"
+        );
+        assert_eq!(
+            pings.answer(range(1.0, 1.5)),
+            Some(Echo {
+                number: 7,
+                range_m: Some(1.5)
+            })
+        );
         assert_eq!(pings.answer(range(1.1, 1.6)), None, "it is answered");
         pings.ping(at(2.0), Ping { number: 8 });
-        let nothing = TimedReading { measured: at(2.1), reading: Reading::Nothing };
-        assert_eq!(pings.answer(nothing), Some(Echo { number: 8, range_m: None }));
+        let nothing = TimedReading {
+            measured: at(2.1),
+            reading: Reading::Nothing,
+        };
+        assert_eq!(
+            pings.answer(nothing),
+            Some(Echo {
+                number: 8,
+                range_m: None
+            })
+        );
         assert_eq!(pings.faults(), 0);
     }
 
@@ -91,11 +116,18 @@ mod tests {
         pings.ping(at(1.1), Ping { number: 2 });
         assert_eq!(pings.faults(), 1);
         assert_eq!(pings.answer(range(1.05, 1.0)), None);
-        assert_eq!(pings.answer(range(1.15, 1.0)).map(|echo| echo.number), Some(2));
+        assert_eq!(
+            pings.answer(range(1.15, 1.0)).map(|echo| echo.number),
+            Some(2)
+        );
         pings.ping(at(1.2), Ping { number: 3 });
         pings.answered(2);
         pings.ping(at(1.3), Ping { number: 4 });
-        assert_eq!(pings.faults(), 2, "a late answer to another ping is none to this one");
+        assert_eq!(
+            pings.faults(),
+            2,
+            "a late answer to another ping is none to this one"
+        );
         pings.answered(4);
         pings.ping(at(1.4), Ping { number: 5 });
         assert_eq!(pings.faults(), 2);

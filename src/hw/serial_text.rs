@@ -51,7 +51,15 @@ impl TextDecoder {
 
     /// Takes bytes that came at `since` or later, and adds the readings that they end.
     pub fn take(&mut self, since: Time, bytes: &[u8], readings: &mut Vec<TimedReading>) {
-        let TextDecoder { lines, format, unit_m, delay, unreadable, out_of_range, .. } = self;
+        let TextDecoder {
+            lines,
+            format,
+            unit_m,
+            delay,
+            unreadable,
+            out_of_range,
+            ..
+        } = self;
         let limits = (self.min_range_m, self.max_range_m, self.nothing_from_m);
         lines.take(since, bytes, |since, line| {
             let Some(number) = number(*format, line) else {
@@ -59,7 +67,10 @@ impl TextDecoder {
                 return;
             };
             match judged(number * *unit_m, limits) {
-                Some(reading) => readings.push(TimedReading { measured: since - *delay, reading }),
+                Some(reading) => readings.push(TimedReading {
+                    measured: since - *delay,
+                    reading,
+                }),
                 None => *out_of_range += 1,
             }
         });
@@ -67,8 +78,17 @@ impl TextDecoder {
 
     /// Returns what was dropped so far.
     pub fn dropped(&self) -> Dropped {
-        let TextDecoder { lines, unreadable, out_of_range, .. } = self;
-        Dropped { too_long: lines.too_long(), unreadable: *unreadable, out_of_range: *out_of_range }
+        let TextDecoder {
+            lines,
+            unreadable,
+            out_of_range,
+            ..
+        } = self;
+        Dropped {
+            too_long: lines.too_long(),
+            unreadable: *unreadable,
+            out_of_range: *out_of_range,
+        }
     }
 }
 
@@ -77,19 +97,25 @@ fn judged(range_m: f64, (min_m, max_m, nothing_from_m): (f64, f64, f64)) -> Opti
     if range_m >= nothing_from_m {
         return Some(Reading::Nothing);
     }
-    (min_m..=max_m).contains(&range_m).then_some(Reading::Range(range_m))
+    (min_m..=max_m)
+        .contains(&range_m)
+        .then_some(Reading::Range(range_m))
 }
 
 /// Returns the number that a line says, finite; `None` when it says none.
 fn number(format: TextFormat, line: &[u8]) -> Option<f64> {
     let line = line.trim_ascii();
     let digits = match format {
-        TextFormat::MaxBotix => {
-            line.strip_prefix(b"R").filter(|rest| rest.len() == 4 && rest.iter().all(u8::is_ascii_digit))?
-        }
+        TextFormat::MaxBotix => line
+            .strip_prefix(b"R")
+            .filter(|rest| rest.len() == 4 && rest.iter().all(u8::is_ascii_digit))?,
         TextFormat::Number => Some(line).filter(|line| is_plain(line))?,
     };
-    std::str::from_utf8(digits).ok()?.parse().ok().filter(|number: &f64| number.is_finite())
+    std::str::from_utf8(digits)
+        .ok()?
+        .parse()
+        .ok()
+        .filter(|number: &f64| number.is_finite())
 }
 
 /// Returns whether a line is a number as people write it: no exponents, no words such as `inf`.
@@ -106,7 +132,11 @@ mod tests {
 
     /// A sensor that hears from 0.3 m to 4 m.
     fn decoder(text: SerialText) -> TextDecoder {
-        let look = Look { min_range_m: 0.3, max_range_m: 4.0, ..Look::default() };
+        let look = Look {
+            min_range_m: 0.3,
+            max_range_m: 4.0,
+            ..Look::default()
+        };
         let mut decoder = TextDecoder::new(&text, &look);
         decoder.take(Time::ZERO, b"\r", &mut Vec::new());
         decoder
@@ -117,7 +147,12 @@ mod tests {
     }
 
     fn numbers(unit: LengthUnit, nothing_from: Option<f64>) -> TextDecoder {
-        decoder(SerialText { format: TextFormat::Number, unit, nothing_from, ..SerialText::default() })
+        decoder(SerialText {
+            format: TextFormat::Number,
+            unit,
+            nothing_from,
+            ..SerialText::default()
+        })
     }
 
     fn read(decoder: &mut TextDecoder, bytes: &[u8]) -> Vec<Reading> {
@@ -134,7 +169,11 @@ mod tests {
             }
             (found, expected) => assert_eq!(found, expected.as_slice(), "{line}"),
         }
-        assert_eq!(decoder.dropped().total(), u64::from(expected.is_none()), "{line}");
+        assert_eq!(
+            decoder.dropped().total(),
+            u64::from(expected.is_none()),
+            "{line}"
+        );
     }
 
     #[test]
@@ -191,23 +230,52 @@ mod tests {
         ] {
             check(numbers(unit, None), line, expected);
         }
-        check(numbers(LengthUnit::Centimetres, Some(1200.0)), "1200", Some(Reading::Nothing));
+        check(
+            numbers(LengthUnit::Centimetres, Some(1200.0)),
+            "1200",
+            Some(Reading::Nothing),
+        );
         check(numbers(LengthUnit::Centimetres, Some(1200.0)), "1199", None);
-        check(numbers(LengthUnit::Centimetres, Some(1200.0)), "400", range(4.0));
+        check(
+            numbers(LengthUnit::Centimetres, Some(1200.0)),
+            "400",
+            range(4.0),
+        );
     }
 
     #[test]
     fn each_kind_of_rubbish_is_counted_by_its_name() {
         let mut decoder = maxbotix();
-        let bytes = [b"R1000\rrubbish\r".as_slice(), &[b'x'; 10_000], b"\rR0001\r\xff\xfe\rR2000\r"].concat();
-        assert_eq!(read(&mut decoder, &bytes), [Reading::Range(1.0), Reading::Range(2.0)]);
-        assert_eq!(decoder.dropped(), Dropped { too_long: 1, unreadable: 2, out_of_range: 1 });
-        assert_eq!(decoder.dropped().to_string(), "1 too long, 2 unreadable, 1 out of range");
+        let bytes = [
+            b"R1000\rrubbish\r".as_slice(),
+            &[b'x'; 10_000],
+            b"\rR0001\r\xff\xfe\rR2000\r",
+        ]
+        .concat();
+        assert_eq!(
+            read(&mut decoder, &bytes),
+            [Reading::Range(1.0), Reading::Range(2.0)]
+        );
+        assert_eq!(
+            decoder.dropped(),
+            Dropped {
+                too_long: 1,
+                unreadable: 2,
+                out_of_range: 1
+            }
+        );
+        assert_eq!(
+            decoder.dropped().to_string(),
+            "1 too long, 2 unreadable, 1 out of range"
+        );
     }
 
     #[test]
     fn a_reading_is_older_than_its_line_by_the_delay() {
-        let mut decoder = decoder(SerialText { delay_s: 0.1, ..SerialText::default() });
+        let mut decoder = decoder(SerialText {
+            delay_s: 0.1,
+            ..SerialText::default()
+        });
         let mut readings = Vec::new();
         decoder.take(Time::from_secs_f64(2.0), b"R10", &mut readings);
         decoder.take(Time::from_secs_f64(2.01), b"00\r", &mut readings);

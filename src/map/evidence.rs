@@ -139,7 +139,13 @@ enum CellReading {
 impl Mapper {
     /// Makes a mapper that writes the layer `own` at an altitude slice.
     pub fn new(own: LayerId, slice: i16) -> Mapper {
-        Mapper { own, slice, marks: Vec::new(), arc: Vec::new(), writes: Vec::new() }
+        Mapper {
+            own,
+            slice,
+            marks: Vec::new(),
+            arc: Vec::new(),
+            writes: Vec::new(),
+        }
     }
 
     /// Writes one reading, each cell at most once. Readings with values that are not finite are ignored.
@@ -161,7 +167,11 @@ impl Mapper {
         let (columns, rows) = area.tiles();
         for y in rows {
             for x in columns.clone() {
-                let address = TileAddress { slice: self.slice, x, y };
+                let address = TileAddress {
+                    slice: self.slice,
+                    x,
+                    y,
+                };
                 self.judge_tile(map, &cone, &footprint, area, address);
             }
         }
@@ -179,9 +189,16 @@ impl Mapper {
         address: TileAddress,
     ) {
         let own = map.layer(self.own).and_then(|layer| layer.tile(address));
-        let tile = Judged { address, own, sums: map.sums(address) };
+        let tile = Judged {
+            address,
+            own,
+            sums: map.sums(address),
+        };
         let first = origin_of(address);
-        let last = Cell::new(first.x + TILE_SIDE as i32 - 1, first.y + TILE_SIDE as i32 - 1);
+        let last = Cell::new(
+            first.x + TILE_SIDE as i32 - 1,
+            first.y + TILE_SIDE as i32 - 1,
+        );
         for y in first.y.max(area.low.y)..=last.y.min(area.high.y) {
             for x in first.x.max(area.low.x)..=last.x.min(area.high.x) {
                 self.judge_cell(cone, body, Cell::new(x, y), &tile);
@@ -204,12 +221,26 @@ impl Mapper {
             CellReading::Free => {
                 let new = (old + FREE).max(-LAYER_CLAMP);
                 if new != old {
-                    self.marks.push(Mark { address, index, old, new });
+                    self.marks.push(Mark {
+                        address,
+                        index,
+                        old,
+                        new,
+                    });
                 }
             }
             CellReading::Hit => {
-                let mark = Mark { address, index, old, new: old };
-                self.arc.push(ArcCell { mark, centre, merged: sums.map_or(0, |sums| sums[index]) });
+                let mark = Mark {
+                    address,
+                    index,
+                    old,
+                    new: old,
+                };
+                self.arc.push(ArcCell {
+                    mark,
+                    centre,
+                    merged: sums.map_or(0, |sums| sums[index]),
+                });
             }
         }
     }
@@ -219,15 +250,25 @@ impl Mapper {
         let Some(likeliest) = self.arc.iter().map(|cell| cell.merged).max() else {
             return;
         };
-        let near_peer =
-            |peer: &PeerBody<'_>| self.arc.iter().any(|cell| peer.reaches(cell.centre, cone.half_cell_m));
+        let near_peer = |peer: &PeerBody<'_>| {
+            self.arc
+                .iter()
+                .any(|cell| peer.reaches(cell.centre, cone.half_cell_m))
+        };
         if peers.iter().any(near_peer) {
             return;
         }
-        let hit = || self.arc.iter().filter(|cell| cell.merged >= likeliest.min(EXPLAINED_BY) - EXPLAINED_BY);
+        let hit = || {
+            self.arc
+                .iter()
+                .filter(|cell| cell.merged >= likeliest.min(EXPLAINED_BY) - EXPLAINED_BY)
+        };
         let cells = i8::try_from(hit().count()).unwrap_or(i8::MAX);
         let weight = (ARC_HITS / cells).clamp(HIT_LEAST, HIT);
-        let marks = hit().map(|cell| Mark { new: (cell.mark.old + weight).min(LAYER_CLAMP), ..cell.mark });
+        let marks = hit().map(|cell| Mark {
+            new: (cell.mark.old + weight).min(LAYER_CLAMP),
+            ..cell.mark
+        });
         self.marks.extend(marks.filter(|mark| mark.new != mark.old));
     }
 
@@ -238,7 +279,8 @@ impl Mapper {
         for marks in self.marks.chunk_by(|a, b| a.address == b.address) {
             let address = marks[0].address;
             self.writes.clear();
-            self.writes.extend(marks.iter().map(|mark| (mark.index, mark.old, mark.new)));
+            self.writes
+                .extend(marks.iter().map(|mark| (mark.index, mark.old, mark.new)));
             let newly_occupied = map.write(self.own, address, &self.writes);
             changes.changed.push(address);
             if newly_occupied {
@@ -253,8 +295,16 @@ impl Body {
     /// Returns the body, or one of no size when it is impossibly large or far from the sensor.
     fn within_reach(self, cone: &Cone) -> Body {
         let reach_m = REACH_CELLS * cone.lattice.cell_m();
-        let near = self.at.distance_to(cone.origin) <= reach_m && (0.0..=reach_m).contains(&self.radius_m);
-        if near { self } else { Body { at: cone.origin, radius_m: 0.0 } }
+        let near =
+            self.at.distance_to(cone.origin) <= reach_m && (0.0..=reach_m).contains(&self.radius_m);
+        if near {
+            self
+        } else {
+            Body {
+                at: cone.origin,
+                radius_m: 0.0,
+            }
+        }
     }
 }
 
@@ -269,7 +319,11 @@ struct Footprint {
 impl Footprint {
     fn of(body: Body, lattice: Lattice) -> Footprint {
         let Body { at, radius_m } = body;
-        Footprint { at, cell: lattice.cell_at(at), radius_m2: radius_m * radius_m }
+        Footprint {
+            at,
+            cell: lattice.cell_at(at),
+            radius_m2: radius_m * radius_m,
+        }
     }
 
     /// Returns whether the vehicle stands on a cell with this middle.
@@ -286,7 +340,9 @@ impl PeerBody<'_> {
         let near = |leg: Segment| leg.distance_to_point(point) <= reach_m;
         match self.leg {
             [at] => at.distance_to(point) <= reach_m,
-            corners => corners.windows(2).any(|pair| near(Segment::new(pair[0], pair[1]))),
+            corners => corners
+                .windows(2)
+                .any(|pair| near(Segment::new(pair[0], pair[1]))),
         }
     }
 }
@@ -316,18 +372,25 @@ struct Cone {
 
 impl Cone {
     fn of(scan: &ScanReading, lattice: Lattice) -> Option<Cone> {
-        let bounds_m = scan.max_range_m + scan.sure_range_m + scan.min_range_m + scan.half_width_rad;
-        let range_finite = scan.range_m.is_none_or(|range_m| range_m.is_finite() && range_m >= 0.0);
+        let bounds_m =
+            scan.max_range_m + scan.sure_range_m + scan.min_range_m + scan.half_width_rad;
+        let range_finite = scan
+            .range_m
+            .is_none_or(|range_m| range_m.is_finite() && range_m >= 0.0);
         if !scan.origin.is_finite() || !bounds_m.is_finite() || !range_finite {
             return None;
         }
         let half_cell_m = lattice.cell_m() / 2.0;
         let farthest_m = scan.max_range_m.min(REACH_CELLS * lattice.cell_m());
         let echo_m = scan.range_m.filter(|range_m| *range_m <= farthest_m);
-        let clear_m = echo_m.map_or(farthest_m, |echo_m| echo_m - lattice.cell_m() - FREE_MARGIN_M);
+        let clear_m = echo_m.map_or(farthest_m, |echo_m| {
+            echo_m - lattice.cell_m() - FREE_MARGIN_M
+        });
         let half_diagonal_m = half_cell_m * std::f64::consts::SQRT_2;
         let free_to_m = clear_m.min(scan.sure_range_m.min(farthest_m) - half_diagonal_m);
-        let reach_m = echo_m.map_or(free_to_m, |echo_m| echo_m + half_cell_m).max(0.0);
+        let reach_m = echo_m
+            .map_or(free_to_m, |echo_m| echo_m + half_cell_m)
+            .max(0.0);
         // Just under a quarter turn, so that the tangent stays finite.
         let half_width_rad = scan.half_width_rad.clamp(0.0, FRAC_PI_2 - 1e-6);
         let (sin, cos) = libm::sincos(half_width_rad);
@@ -344,8 +407,9 @@ impl Cone {
             tan: sin / cos,
             tan_half: sin / (1.0 + cos),
             free_m2: (square(scan.min_range_m), square(free_to_m)),
-            hit_m2: echo_m
-                .map_or((1.0, 0.0), |echo_m| (square(echo_m - half_cell_m), square(echo_m + half_cell_m))),
+            hit_m2: echo_m.map_or((1.0, 0.0), |echo_m| {
+                (square(echo_m - half_cell_m), square(echo_m + half_cell_m))
+            }),
             reach_m,
         })
     }
@@ -356,10 +420,20 @@ impl Cone {
         let (ahead, aside) = (self.axis * self.reach_m, self.axis.left() * self.reach_m);
         let edge = |side: f64| ahead * self.cos + aside * (self.sin * side);
         let tangent = |side: f64| ahead + aside * (self.tan_half * side);
-        let corners = [Vector::default(), edge(1.0), edge(-1.0), tangent(1.0), tangent(-1.0)]
-            .map(|to| self.origin + to);
-        let around = |points: &[Point], margin_m: f64| CellRect::around(self.lattice, points, margin_m);
-        let own = CellRect::new(self.lattice.cell_at(self.origin), self.lattice.cell_at(self.origin));
+        let corners = [
+            Vector::default(),
+            edge(1.0),
+            edge(-1.0),
+            tangent(1.0),
+            tangent(-1.0),
+        ]
+        .map(|to| self.origin + to);
+        let around =
+            |points: &[Point], margin_m: f64| CellRect::around(self.lattice, points, margin_m);
+        let own = CellRect::new(
+            self.lattice.cell_at(self.origin),
+            self.lattice.cell_at(self.origin),
+        );
         let cone = around(&corners, self.half_cell_m).unwrap_or(own);
         around(&[body.at], body.radius_m).map_or(cone, |disc| disc.join(cone))
     }
@@ -383,7 +457,11 @@ impl Cone {
         }
         let holds_it = aside_m <= ahead_m * self.tan_half
             || ahead_m * self.sin - aside_m * self.cos >= self.half_diagonal_m;
-        if old > 0 && !holds_it { CellReading::Nothing } else { CellReading::Free }
+        if old > 0 && !holds_it {
+            CellReading::Nothing
+        } else {
+            CellReading::Free
+        }
     }
 }
 

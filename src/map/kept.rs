@@ -17,10 +17,16 @@ pub(super) struct Kept {
 
 impl From<Merged> for Kept {
     fn from(map: Merged) -> Kept {
-        let tiles = map
-            .layers()
-            .flat_map(|(id, layer)| layer.tiles().map(move |(address, tile)| tile.report(id, address)));
-        Kept { lattice: map.lattice(), own: map.own(), tiles: tiles.collect() }
+        let tiles = map.layers().flat_map(|(id, layer)| {
+            layer
+                .tiles()
+                .map(move |(address, tile)| tile.report(id, address))
+        });
+        Kept {
+            lattice: map.lattice(),
+            own: map.own(),
+            tiles: tiles.collect(),
+        }
     }
 }
 
@@ -45,7 +51,10 @@ mod tests {
     use tomoswarm_proto::{Boot, TILE_CELLS, TileAddress, VehicleId, codec};
 
     fn layer(vehicle: u8) -> LayerId {
-        LayerId { vehicle: VehicleId(vehicle), boot: Boot(1) }
+        LayerId {
+            vehicle: VehicleId(vehicle),
+            boot: Boot(1),
+        }
     }
 
     fn scanned(map: &mut Merged, mapper: &mut Mapper, degrees: f64) {
@@ -58,7 +67,15 @@ mod tests {
             sure_range_m: 2.0,
             min_range_m: 0.0,
         };
-        mapper.record(map, &reading, Body { at: reading.origin, radius_m: 0.2 }, &[]);
+        mapper.record(
+            map,
+            &reading,
+            Body {
+                at: reading.origin,
+                radius_m: 0.2,
+            },
+            &[],
+        );
     }
 
     #[test]
@@ -66,7 +83,11 @@ mod tests {
         let mut map = Merged::new(Lattice::new(0.2), Some(layer(1)));
         let mut mapper = Mapper::new(layer(1), 0);
         (0..12).for_each(|turn| scanned(&mut map, &mut mapper, 30.0 * f64::from(turn)));
-        let address = TileAddress { slice: 0, x: 0, y: -1 };
+        let address = TileAddress {
+            slice: 0,
+            x: 0,
+            y: -1,
+        };
         map.join(&TileReport {
             layer: layer(2),
             address,

@@ -41,7 +41,12 @@ impl Layer {
     /// Returns what this layer holds in a few bytes: equal digests mean equal tiles and revisions.
     pub fn digest(&self, layer: LayerId) -> LayerDigest {
         let tiles = u32::try_from(self.tiles.len()).unwrap_or(u32::MAX);
-        LayerDigest { layer, tiles, revisions: self.revisions, hash: self.hash }
+        LayerDigest {
+            layer,
+            tiles,
+            revisions: self.revisions,
+            hash: self.hash,
+        }
     }
 
     /// Puts a tile in place of what was there.
@@ -72,7 +77,9 @@ impl Layer {
 
     /// Gives a tile another revision, a higher one.
     pub(super) fn raise(&mut self, address: TileAddress, revision: u32) {
-        let Some(tile) = self.tiles.get_mut(&address) else { return };
+        let Some(tile) = self.tiles.get_mut(&address) else {
+            return;
+        };
         let old = std::mem::replace(&mut tile.revision, revision);
         self.discount(address, old);
         self.count(address, revision);
@@ -118,7 +125,10 @@ mod tests {
         one.write(at(0, 0), [(3, 9)].into_iter());
         one.write(at(1, 0), [(3, 9)].into_iter());
         one.write(at(1, 0), [(4, 9)].into_iter());
-        let tiles: Vec<_> = one.tiles().map(|(address, tile)| (address, tile.clone())).collect();
+        let tiles: Vec<_> = one
+            .tiles()
+            .map(|(address, tile)| (address, tile.clone()))
+            .collect();
         for (address, tile) in tiles.iter().rev() {
             other.put(*address, tile.clone());
         }

@@ -79,7 +79,13 @@ pub struct Merged {
 impl Merged {
     /// Makes an empty map; `own` is the layer that this node writes (`None`: it only listens).
     pub fn new(lattice: Lattice, own: Option<LayerId>) -> Merged {
-        Merged { lattice, own, layers: BTreeMap::new(), tiles: 0, sums: BTreeMap::new() }
+        Merged {
+            lattice,
+            own,
+            layers: BTreeMap::new(),
+            tiles: 0,
+            sums: BTreeMap::new(),
+        }
     }
 
     /// Returns the lattice of the cells.
@@ -104,7 +110,10 @@ impl Merged {
 
     /// Returns a tile as it travels.
     pub fn report(&self, layer: LayerId, address: TileAddress) -> Option<TileReport> {
-        self.layers.get(&layer)?.tile(address).map(|tile| tile.report(layer, address))
+        self.layers
+            .get(&layer)?
+            .tile(address)
+            .map(|tile| tile.report(layer, address))
     }
 
     /// Takes a tile from elsewhere when it is newer than what is known.
@@ -117,13 +126,19 @@ impl Merged {
             return Err(Refused::Own);
         }
         let tile = Tile::from_report(report)?;
-        let old = self.layers.get(&report.layer).and_then(|layer| layer.tile(report.address)).cloned();
+        let old = self
+            .layers
+            .get(&report.layer)
+            .and_then(|layer| layer.tile(report.address))
+            .cloned();
         check_revision(report, old.as_ref())?;
         if old.as_ref().is_some_and(|old| !tile.replaces(old)) {
             return Ok(Joined::Known);
         }
         let new_layer = !self.layers.contains_key(&report.layer);
-        if (new_layer && self.layers.len() >= MAX_LAYERS) || (old.is_none() && self.tiles >= MAX_TILES) {
+        if (new_layer && self.layers.len() >= MAX_LAYERS)
+            || (old.is_none() && self.tiles >= MAX_TILES)
+        {
             return Err(Refused::Full);
         }
         let newly_occupied = self.put(report.layer, report.address, tile);
@@ -133,11 +148,23 @@ impl Merged {
     /// Takes what somebody else says of the own layer: where that would count more than what this node has written, the own
     /// tile is raised above it, and the others take it again. Returns whether it was.
     pub fn disown(&mut self, report: &TileReport) -> bool {
-        let (Some(own), Ok(said)) = (self.own, Tile::from_report(report)) else { return false };
-        let held = self.layers.get(&own).and_then(|layer| layer.tile(report.address)).cloned();
-        let is_harmless = held.as_ref().is_some_and(|held| said.revision < held.revision || said == *held);
+        let (Some(own), Ok(said)) = (self.own, Tile::from_report(report)) else {
+            return false;
+        };
+        let held = self
+            .layers
+            .get(&own)
+            .and_then(|layer| layer.tile(report.address))
+            .cloned();
+        let is_harmless = held
+            .as_ref()
+            .is_some_and(|held| said.revision < held.revision || said == *held);
         let has_room = held.is_some() || self.tiles < DISOWNS_WITHIN;
-        if own != report.layer || is_harmless || !has_room || check_revision(report, held.as_ref()).is_err() {
+        if own != report.layer
+            || is_harmless
+            || !has_room
+            || check_revision(report, held.as_ref()).is_err()
+        {
             return false;
         }
         if held.is_none() {
@@ -151,7 +178,11 @@ impl Merged {
 
     /// Puts a tile in place of what was there; returns whether a merged cell became occupied.
     pub(super) fn put(&mut self, layer: LayerId, address: TileAddress, tile: Tile) -> bool {
-        let old = self.layers.get(&layer).and_then(|layer| layer.tile(address)).cloned();
+        let old = self
+            .layers
+            .get(&layer)
+            .and_then(|layer| layer.tile(address))
+            .cloned();
         self.tiles += usize::from(old.is_none());
         let newly_occupied = self.add_difference(address, old.as_ref(), &tile);
         self.layers.entry(layer).or_default().put(address, tile);
@@ -159,7 +190,10 @@ impl Merged {
     }
 
     fn add_difference(&mut self, address: TileAddress, old: Option<&Tile>, new: &Tile) -> bool {
-        let sums = self.sums.entry(address).or_insert_with(|| Box::new([0; TILE_CELLS]));
+        let sums = self
+            .sums
+            .entry(address)
+            .or_insert_with(|| Box::new([0; TILE_CELLS]));
         let mut newly_occupied = false;
         for (index, sum) in sums.iter_mut().enumerate() {
             let before = *sum;
@@ -171,15 +205,29 @@ impl Merged {
 
     /// Writes cells (index in tile, old value, new value) of a layer; returns whether one became occupied.
     /// Does nothing when the map is full.
-    pub(super) fn write(&mut self, layer: LayerId, address: TileAddress, cells: &[(usize, i8, i8)]) -> bool {
-        let known = self.layers.get(&layer).is_some_and(|layer| layer.tile(address).is_some());
+    pub(super) fn write(
+        &mut self,
+        layer: LayerId,
+        address: TileAddress,
+        cells: &[(usize, i8, i8)],
+    ) -> bool {
+        let known = self
+            .layers
+            .get(&layer)
+            .is_some_and(|layer| layer.tile(address).is_some());
         if !known && self.tiles >= MAX_TILES {
             return false;
         }
         self.tiles += usize::from(!known);
         let written = cells.iter().map(|(index, _, new)| (*index, *new));
-        self.layers.entry(layer).or_default().write(address, written);
-        let sums = self.sums.entry(address).or_insert_with(|| Box::new([0; TILE_CELLS]));
+        self.layers
+            .entry(layer)
+            .or_default()
+            .write(address, written);
+        let sums = self
+            .sums
+            .entry(address)
+            .or_insert_with(|| Box::new([0; TILE_CELLS]));
         let mut newly_occupied = false;
         for (index, old, new) in cells {
             let before = sums[*index];
@@ -197,7 +245,9 @@ impl Merged {
     /// Returns the merged value of a cell, 0.1 log-odds within ± [`MERGED_CLAMP`]; 0 where nothing is known.
     pub fn value(&self, slice: i16, cell: Cell) -> i16 {
         let sums = address_of(slice, cell).and_then(|address| self.sums(address));
-        sums.map_or(0, |sums| sums[index_in_tile(cell)].clamp(-MERGED_CLAMP, MERGED_CLAMP))
+        sums.map_or(0, |sums| {
+            sums[index_in_tile(cell)].clamp(-MERGED_CLAMP, MERGED_CLAMP)
+        })
     }
 
     /// Returns what is known of a cell. For many cells take a [`Merged::view`].
@@ -207,9 +257,20 @@ impl Merged {
 
     /// Returns the smallest rectangle of whole tiles that holds all that is known at a slice.
     pub fn extent(&self, slice: i16) -> Option<CellRect> {
-        let low = TileAddress { slice, x: i32::MIN, y: i32::MIN };
-        let high = TileAddress { slice, x: i32::MAX, y: i32::MAX };
-        let tiles = self.sums.range(low..=high).map(|(address, _)| CellRect::of_tile(*address));
+        let low = TileAddress {
+            slice,
+            x: i32::MIN,
+            y: i32::MIN,
+        };
+        let high = TileAddress {
+            slice,
+            x: i32::MAX,
+            y: i32::MAX,
+        };
+        let tiles = self
+            .sums
+            .range(low..=high)
+            .map(|(address, _)| CellRect::of_tile(*address));
         tiles.reduce(CellRect::join)
     }
 
@@ -228,7 +289,13 @@ impl Merged {
 
     /// Returns what this node holds of every layer.
     pub fn digest(&self) -> Digest {
-        Digest { layers: self.layers.iter().map(|(id, layer)| layer.digest(*id)).collect() }
+        Digest {
+            layers: self
+                .layers
+                .iter()
+                .map(|(id, layer)| layer.digest(*id))
+                .collect(),
+        }
     }
 
     /// Returns whether a node with this digest holds something that this one does not. A layer has one writer, and
@@ -236,29 +303,49 @@ impl Merged {
     /// where these are equal. Of its own layer a node asks for what others hold beyond it, to disown that.
     pub fn lacks(&self, theirs: &LayerDigest) -> bool {
         if self.own == Some(theirs.layer) {
-            let ours = self.layers.get(&theirs.layer).map_or(0, |layer| layer.digest(theirs.layer).revisions);
+            let ours = self
+                .layers
+                .get(&theirs.layer)
+                .map_or(0, |layer| layer.digest(theirs.layer).revisions);
             return theirs.revisions > ours;
         }
-        let Some(ours) = self.layers.get(&theirs.layer).map(|layer| layer.digest(theirs.layer)) else {
+        let Some(ours) = self
+            .layers
+            .get(&theirs.layer)
+            .map(|layer| layer.digest(theirs.layer))
+        else {
             return theirs.tiles > 0;
         };
-        let (known, heard) = ((ours.revisions, ours.tiles), (theirs.revisions, theirs.tiles));
+        let (known, heard) = (
+            (ours.revisions, ours.tiles),
+            (theirs.revisions, theirs.tiles),
+        );
         known < heard || (known == heard && ours.hash != theirs.hash)
     }
 
     /// Returns what to ask for to complete a layer.
     pub fn want(&self, layer: LayerId) -> Want {
         let tiles = self.layers.get(&layer).into_iter().flat_map(Layer::tiles);
-        let known = tiles.map(|(address, tile)| (address, tile.revision)).take(WANT_TILES).collect();
+        let known = tiles
+            .map(|(address, tile)| (address, tile.revision))
+            .take(WANT_TILES)
+            .collect();
         Want { layer, known }
     }
 
     /// Returns the tiles newer than those known to who asks, ascending.
     pub fn newer(&self, want: &Want) -> Vec<TileAddress> {
         let known: BTreeMap<TileAddress, u32> = want.known.iter().copied().collect();
-        let held = self.layers.get(&want.layer).into_iter().flat_map(Layer::tiles);
-        let newer = held
-            .filter(|(address, tile)| known.get(address).is_none_or(|revision| tile.revision > *revision));
+        let held = self
+            .layers
+            .get(&want.layer)
+            .into_iter()
+            .flat_map(Layer::tiles);
+        let newer = held.filter(|(address, tile)| {
+            known
+                .get(address)
+                .is_none_or(|revision| tile.revision > *revision)
+        });
         newer.map(|(address, _)| address).collect()
     }
 }
@@ -281,7 +368,10 @@ mod tests {
     use tomoswarm_proto::{Boot, VehicleId};
 
     fn layer(vehicle: u8, boot: u32) -> LayerId {
-        LayerId { vehicle: VehicleId(vehicle), boot: Boot(boot) }
+        LayerId {
+            vehicle: VehicleId(vehicle),
+            boot: Boot(boot),
+        }
     }
 
     fn listener() -> Merged {
@@ -291,14 +381,14 @@ mod tests {
     /// A report of few layers, places and revisions, so that they meet; cells all of one value, so that also
     /// two different tiles of one revision meet.
     fn any_report() -> impl Strategy<Value = TileReport> {
-        (0..3u8, 0..2u32, -1..1i32, 0..3u32, any::<i8>()).prop_map(|(vehicle, boot, x, revision, value)| {
-            TileReport {
+        (0..3u8, 0..2u32, -1..1i32, 0..3u32, any::<i8>()).prop_map(
+            |(vehicle, boot, x, revision, value)| TileReport {
                 layer: layer(vehicle, boot),
                 address: TileAddress { slice: 0, x, y: 0 },
                 revision,
                 cells: Arc::new([value; TILE_CELLS]),
-            }
-        })
+            },
+        )
     }
 
     fn joined<'a>(reports: impl Iterator<Item = &'a TileReport>) -> Merged {
@@ -362,7 +452,9 @@ mod tests {
     fn repair(nodes: &mut [Merged]) -> usize {
         for round in 0..100 {
             let mut sent = 0;
-            for (hearer, speaker) in (0..3).flat_map(|a| (0..3).map(move |b| (a, b))).filter(|(a, b)| a != b)
+            for (hearer, speaker) in (0..3)
+                .flat_map(|a| (0..3).map(move |b| (a, b)))
+                .filter(|(a, b)| a != b)
             {
                 let digest = nodes[speaker].digest();
                 for theirs in &digest.layers {
@@ -388,20 +480,40 @@ mod tests {
     fn who_holds_fewer_revisions_lacks_something_and_who_holds_other_ones_too() {
         let tile = |x, revision| {
             let address = TileAddress { slice: 0, x, y: 0 };
-            TileReport { layer: layer(1, 1), address, revision, cells: Arc::new([9; TILE_CELLS]) }
+            TileReport {
+                layer: layer(1, 1),
+                address,
+                revision,
+                cells: Arc::new([9; TILE_CELLS]),
+            }
         };
         let digest = |map: &Merged| map.digest().layers[0];
-        let (all, one) = (joined([tile(0, 2), tile(1, 1)].iter()), joined([tile(0, 2)].iter()));
+        let (all, one) = (
+            joined([tile(0, 2), tile(1, 1)].iter()),
+            joined([tile(0, 2)].iter()),
+        );
         assert!(one.lacks(&digest(&all)) && !all.lacks(&digest(&one)) && !all.lacks(&digest(&all)));
         let other = joined([tile(1, 2)].iter());
         assert!(one.lacks(&digest(&other)) && other.lacks(&digest(&one)));
         assert!(listener().lacks(&digest(&one)));
         let mut writer = Merged::new(Lattice::new(0.2), Some(layer(1, 1)));
-        assert!(writer.lacks(&digest(&one)), "what it has not written it asks for, to disown it");
+        assert!(
+            writer.lacks(&digest(&one)),
+            "what it has not written it asks for, to disown it"
+        );
         (0..2).for_each(|_| assert!(!writer.write(layer(1, 1), TileAddress::default(), &[])));
-        assert!(!writer.lacks(&digest(&one)), "nobody but the writer is ahead of it");
-        let (fresh, none) = (joined([tile(0, 2), tile(3, 0)].iter()), joined([tile(0, 2)].iter()));
-        assert!(none.lacks(&digest(&fresh)) && !fresh.lacks(&digest(&none)), "a tile of revision 0 counts");
+        assert!(
+            !writer.lacks(&digest(&one)),
+            "nobody but the writer is ahead of it"
+        );
+        let (fresh, none) = (
+            joined([tile(0, 2), tile(3, 0)].iter()),
+            joined([tile(0, 2)].iter()),
+        );
+        assert!(
+            none.lacks(&digest(&fresh)) && !fresh.lacks(&digest(&none)),
+            "a tile of revision 0 counts"
+        );
     }
 
     #[test]
@@ -428,22 +540,41 @@ mod tests {
         let own = layer(1, 4);
         let mut writer = Merged::new(Lattice::new(0.2), Some(own));
         writer.write(own, TileAddress::default(), &[(7, 0, -9)]);
-        let elsewhere = TileAddress { x: 3, ..TileAddress::default() };
-        for (address, revision) in
-            [(TileAddress::default(), 1), (TileAddress::default(), 900), (elsewhere, ANY_REVISION_UNTIL)]
-        {
+        let elsewhere = TileAddress {
+            x: 3,
+            ..TileAddress::default()
+        };
+        for (address, revision) in [
+            (TileAddress::default(), 1),
+            (TileAddress::default(), 900),
+            (elsewhere, ANY_REVISION_UNTIL),
+        ] {
             let mut other = listener();
-            writer.report(own, address).inspect(|report| assert!(other.join(report).is_ok()));
-            let forged = TileReport { layer: own, address, revision, cells: Arc::new([17; TILE_CELLS]) };
+            writer
+                .report(own, address)
+                .inspect(|report| assert!(other.join(report).is_ok()));
+            let forged = TileReport {
+                layer: own,
+                address,
+                revision,
+                cells: Arc::new([17; TILE_CELLS]),
+            };
             other.join(&forged).unwrap();
             assert!(writer.lacks(&digest_of(&other, own)) || revision == 1);
             assert!(writer.disown(&forged), "{revision}");
             let put_right = writer.report(own, address).unwrap();
             assert!(!writer.disown(&put_right), "its own word comes back to it");
             assert!(matches!(other.join(&put_right), Ok(Joined::Newer { .. })));
-            assert_eq!(other.layer(own).unwrap().tile(address), writer.layer(own).unwrap().tile(address));
+            assert_eq!(
+                other.layer(own).unwrap().tile(address),
+                writer.layer(own).unwrap().tile(address)
+            );
         }
-        assert_eq!(writer.value(0, Cell::new(7, 0)), -9, "and the writer's map is what it was");
+        assert_eq!(
+            writer.value(0, Cell::new(7, 0)),
+            -9,
+            "and the writer's map is what it was"
+        );
     }
 
     fn digest_of(map: &Merged, id: LayerId) -> LayerDigest {
@@ -459,7 +590,13 @@ mod tests {
             revision: u32::MAX,
             cells: Arc::new([17; TILE_CELLS]),
         };
-        assert_eq!(map.join(&report), Err(Refused::Leaps { revision: u32::MAX, held: 0 }));
+        assert_eq!(
+            map.join(&report),
+            Err(Refused::Leaps {
+                revision: u32::MAX,
+                held: 0
+            })
+        );
         for step in [ANY_REVISION_UNTIL, ANY_REVISION_UNTIL + REVISION_STEP] {
             report.revision = step;
             assert!(map.join(&report).is_ok());
@@ -474,7 +611,12 @@ mod tests {
         before.write(layer(1, 4), TileAddress::default(), &[(7, 0, 9)]);
         let mut map = Merged::new(Lattice::new(0.2), Some(layer(1, 5)));
         let report = before.report(layer(1, 4), TileAddress::default()).unwrap();
-        assert_eq!(map.join(&report), Ok(Joined::Newer { newly_occupied: true }));
+        assert_eq!(
+            map.join(&report),
+            Ok(Joined::Newer {
+                newly_occupied: true
+            })
+        );
         assert_eq!(map.join(&report), Ok(Joined::Known));
         assert_eq!(map.occupancy(0, Cell::new(7, 0)), Occupancy::Occupied);
         assert_eq!(map.occupancy(1, Cell::new(7, 0)), Occupancy::Unknown);
@@ -503,19 +645,42 @@ mod tests {
     fn a_view_reads_as_the_map_does() {
         let mut map = listener();
         for (x, y, value) in [(-1, 0, 17), (0, 0, -9), (1, -1, 3)] {
-            let (address, cells) = (TileAddress { slice: 0, x, y }, Arc::new([value; TILE_CELLS]));
-            map.join(&TileReport { layer: layer(1, 1), address, revision: 1, cells }).unwrap();
+            let (address, cells) = (
+                TileAddress { slice: 0, x, y },
+                Arc::new([value; TILE_CELLS]),
+            );
+            map.join(&TileReport {
+                layer: layer(1, 1),
+                address,
+                revision: 1,
+                cells,
+            })
+            .unwrap();
         }
-        let rect =
-            CellRect::around(map.lattice(), &[Point::new(-2.0, -2.0), Point::new(3.0, 3.0)], 0.0).unwrap();
+        let rect = CellRect::around(
+            map.lattice(),
+            &[Point::new(-2.0, -2.0), Point::new(3.0, 3.0)],
+            0.0,
+        )
+        .unwrap();
         let view = map.view(0, rect);
         for cell in (-80..80).flat_map(|x| (-80..80).map(move |y| Cell::new(x, y))) {
             let inside = (-32..32).contains(&cell.x) && (-32..32).contains(&cell.y);
-            let expected = if inside { map.occupancy(0, cell) } else { Occupancy::Unknown };
+            let expected = if inside {
+                map.occupancy(0, cell)
+            } else {
+                Occupancy::Unknown
+            };
             assert_eq!(view.occupancy(cell), expected, "{cell:?}");
         }
-        assert_eq!(view.occupancy(Cell::new(i32::MIN, i32::MAX)), Occupancy::Unknown);
-        assert_eq!(map.extent(0), Some(CellRect::new(Cell::new(-32, -32), Cell::new(63, 31))));
+        assert_eq!(
+            view.occupancy(Cell::new(i32::MIN, i32::MAX)),
+            Occupancy::Unknown
+        );
+        assert_eq!(
+            map.extent(0),
+            Some(CellRect::new(Cell::new(-32, -32), Cell::new(63, 31)))
+        );
         assert_eq!(map.extent(3), None);
     }
 }

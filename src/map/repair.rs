@@ -89,9 +89,15 @@ impl Repair {
             if self.lacks.len() >= LACKS_MAX && !self.lacks.contains_key(&theirs.layer) {
                 continue;
             }
-            let again = self.asked.get(&theirs.layer).map_or(Time::ZERO, |asked| *asked + ASK_EVERY);
+            let again = self
+                .asked
+                .get(&theirs.layer)
+                .map_or(Time::ZERO, |asked| *asked + ASK_EVERY);
             let ask_at = again.max(now + GRACE);
-            let lack = self.lacks.entry(theirs.layer).or_insert(Lack { digest: *theirs, ask_at });
+            let lack = self.lacks.entry(theirs.layer).or_insert(Lack {
+                digest: *theirs,
+                ask_at,
+            });
             let extent = |digest: &LayerDigest| (digest.revisions, digest.tiles, digest.hash);
             if extent(theirs) > extent(&lack.digest) {
                 lack.digest = *theirs;
@@ -102,17 +108,36 @@ impl Repair {
     /// Takes what another node asks for.
     pub fn hear_want(&mut self, now: Time, map: &Merged, want: &Want) {
         let room = OWED_MAX.saturating_sub(self.debts.values().map(|debt| debt.tiles.len()).sum());
-        let is_missing = |address: &TileAddress| !self.has_just_passed(now, map, want.layer, *address);
-        let tiles: Vec<TileAddress> = map.newer(want).into_iter().filter(is_missing).take(room).collect();
+        let is_missing =
+            |address: &TileAddress| !self.has_just_passed(now, map, want.layer, *address);
+        let tiles: Vec<TileAddress> = map
+            .newer(want)
+            .into_iter()
+            .filter(is_missing)
+            .take(room)
+            .collect();
         if tiles.is_empty() {
             return;
         }
-        let due_at = if self.own == Some(want.layer) { now } else { now + self.turn };
-        let debt = self.debts.entry(want.layer).or_insert(Debt { due_at, tiles: BTreeSet::new() });
+        let due_at = if self.own == Some(want.layer) {
+            now
+        } else {
+            now + self.turn
+        };
+        let debt = self.debts.entry(want.layer).or_insert(Debt {
+            due_at,
+            tiles: BTreeSet::new(),
+        });
         debt.tiles.extend(tiles);
     }
 
-    fn has_just_passed(&self, now: Time, map: &Merged, layer: LayerId, address: TileAddress) -> bool {
+    fn has_just_passed(
+        &self,
+        now: Time,
+        map: &Merged,
+        layer: LayerId,
+        address: TileAddress,
+    ) -> bool {
         let passed = self.passed.get(&(layer, address));
         let held = held(map, layer, address);
         passed.is_some_and(|(at, revision)| now.since(*at) < RECENT && Some(*revision) >= held)
@@ -120,13 +145,20 @@ impl Repair {
 
     /// Takes a tile that goes over the bus, heard (once it is joined) or sent.
     pub fn pass(&mut self, now: Time, map: &Merged, report: &TileReport) {
-        let TileReport { layer, address, revision, .. } = *report;
+        let TileReport {
+            layer,
+            address,
+            revision,
+            ..
+        } = *report;
         // Only what is held is remembered: it bounds what others can make this node remember.
         if held(map, layer, address).is_none_or(|held| revision < held) {
             return;
         }
         self.passed.insert((layer, address), (now, revision));
-        let Some(debt) = self.debts.get_mut(&layer) else { return };
+        let Some(debt) = self.debts.get_mut(&layer) else {
+            return;
+        };
         if debt.tiles.remove(&address) && self.own != Some(layer) {
             // Somebody answers: what is left is left to it as long as it goes on.
             debt.due_at = debt.due_at.max(now + self.turn);
@@ -139,7 +171,11 @@ impl Repair {
     /// Returns when to wake it.
     pub fn deadline(&self) -> Option<Time> {
         let asks = self.lacks.values().map(|lack| lack.ask_at).min();
-        let answers = self.debts.values().map(|debt| debt.due_at.max(self.tiles_at)).min();
+        let answers = self
+            .debts
+            .values()
+            .map(|debt| debt.due_at.max(self.tiles_at))
+            .min();
         asks.into_iter().chain(answers).min()
     }
 
@@ -175,7 +211,8 @@ impl Repair {
 
     fn answer(&mut self, now: Time, map: &Merged, out: &mut Vec<Message>) {
         let due = self.debts.iter().filter(|(_, debt)| debt.due_at <= now);
-        let tiles = due.flat_map(|(layer, debt)| debt.tiles.iter().map(|address| (*layer, *address)));
+        let tiles =
+            due.flat_map(|(layer, debt)| debt.tiles.iter().map(|address| (*layer, *address)));
         let tiles: Vec<(LayerId, TileAddress)> = tiles.take(TILES).collect();
         if tiles.is_empty() {
             return;
@@ -185,7 +222,9 @@ impl Repair {
             if let Some(debt) = self.debts.get_mut(&layer) {
                 debt.tiles.remove(&address);
             }
-            let Some(report) = map.report(layer, address) else { continue };
+            let Some(report) = map.report(layer, address) else {
+                continue;
+            };
             self.passed.insert((layer, address), (now, report.revision));
             out.push(Message::Tile(report));
         }

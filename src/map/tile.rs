@@ -73,7 +73,10 @@ pub struct Tile {
 impl Tile {
     /// Makes a tile of which nothing is known, revision 0.
     pub fn unknown() -> Tile {
-        Tile { revision: 0, cells: Arc::new([0; TILE_CELLS]) }
+        Tile {
+            revision: 0,
+            cells: Arc::new([0; TILE_CELLS]),
+        }
     }
 
     /// Reads a report; values beyond the layer clamp are clamped.
@@ -86,15 +89,26 @@ impl Tile {
             return Err(TileError::OutOfReach { x, y });
         }
         let mut cells = Arc::clone(&report.cells);
-        if cells.iter().any(|cell| !(-LAYER_CLAMP..=LAYER_CLAMP).contains(cell)) {
+        if cells
+            .iter()
+            .any(|cell| !(-LAYER_CLAMP..=LAYER_CLAMP).contains(cell))
+        {
             cells = Arc::new(cells.map(|cell| cell.clamp(-LAYER_CLAMP, LAYER_CLAMP)));
         }
-        Ok(Tile { revision: report.revision, cells })
+        Ok(Tile {
+            revision: report.revision,
+            cells,
+        })
     }
 
     /// Returns the tile as it travels.
     pub fn report(&self, layer: LayerId, address: TileAddress) -> TileReport {
-        TileReport { layer, address, revision: self.revision, cells: Arc::clone(&self.cells) }
+        TileReport {
+            layer,
+            address,
+            revision: self.revision,
+            cells: Arc::clone(&self.cells),
+        }
     }
 
     /// Returns whether this tile replaces `other`: the higher revision, and on a tie (which one writer never
@@ -130,19 +144,29 @@ mod tests {
 
     fn report(x: i32, cells: [i8; TILE_CELLS]) -> TileReport {
         let address = TileAddress { slice: 0, x, y: 0 };
-        TileReport { layer: LayerId::default(), address, revision: 3, cells: Arc::new(cells) }
+        TileReport {
+            layer: LayerId::default(),
+            address,
+            revision: 3,
+            cells: Arc::new(cells),
+        }
     }
 
     #[test]
     fn cells_left_of_the_datum_lie_in_negative_tiles() {
-        for (cell, tile, index) in [((0, 0), (0, 0), 0), ((-1, 33), (-1, 1), 63), ((-32, -33), (-1, -2), 992)]
-        {
+        for (cell, tile, index) in [
+            ((0, 0), (0, 0), 0),
+            ((-1, 33), (-1, 1), 63),
+            ((-32, -33), (-1, -2), 992),
+        ] {
             let cell = Cell::new(cell.0, cell.1);
             let address = address_of(2, cell).unwrap();
             assert_eq!((address.slice, address.x, address.y), (2, tile.0, tile.1));
             assert_eq!(index_in_tile(cell), index);
             let origin = origin_of(address);
-            assert!((0..32).contains(&(cell.x - origin.x)) && (0..32).contains(&(cell.y - origin.y)));
+            assert!(
+                (0..32).contains(&(cell.x - origin.x)) && (0..32).contains(&(cell.y - origin.y))
+            );
         }
         assert_eq!(address_of(0, Cell::new(i32::MAX, 0)), None);
         assert_eq!(address_of(0, Cell::new(0, i32::MIN)), None);
@@ -162,8 +186,18 @@ mod tests {
 
     #[test]
     fn a_tile_and_its_report_share_their_cells() {
-        let tile = Tile { revision: 9, cells: Arc::new([-13; TILE_CELLS]) };
-        let sent = tile.report(LayerId::default(), TileAddress { slice: -1, x: 4, y: -5 });
+        let tile = Tile {
+            revision: 9,
+            cells: Arc::new([-13; TILE_CELLS]),
+        };
+        let sent = tile.report(
+            LayerId::default(),
+            TileAddress {
+                slice: -1,
+                x: 4,
+                y: -5,
+            },
+        );
         let received = Tile::from_report(&sent).unwrap();
         assert_eq!(received, tile);
         assert!(Arc::ptr_eq(&received.cells, &tile.cells));

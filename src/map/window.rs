@@ -17,7 +17,10 @@ pub struct CellRect {
 impl CellRect {
     /// Makes a rectangle from two opposite cells, in any order.
     pub fn new(a: Cell, b: Cell) -> CellRect {
-        CellRect { low: Cell::new(a.x.min(b.x), a.y.min(b.y)), high: Cell::new(a.x.max(b.x), a.y.max(b.y)) }
+        CellRect {
+            low: Cell::new(a.x.min(b.x), a.y.min(b.y)),
+            high: Cell::new(a.x.max(b.x), a.y.max(b.y)),
+        }
     }
 
     /// Returns all cells that touch a rectangle of the plane.
@@ -29,10 +32,12 @@ impl CellRect {
     /// `None` without points.
     pub fn around(lattice: Lattice, points: &[Point], margin_m: f64) -> Option<CellRect> {
         let first = *points.first()?;
-        let bounds = points.iter().fold(Rect::new(first, first), |bounds, point| Rect {
-            min: Point::new(bounds.min.x_m.min(point.x_m), bounds.min.y_m.min(point.y_m)),
-            max: Point::new(bounds.max.x_m.max(point.x_m), bounds.max.y_m.max(point.y_m)),
-        });
+        let bounds = points
+            .iter()
+            .fold(Rect::new(first, first), |bounds, point| Rect {
+                min: Point::new(bounds.min.x_m.min(point.x_m), bounds.min.y_m.min(point.y_m)),
+                max: Point::new(bounds.max.x_m.max(point.x_m), bounds.max.y_m.max(point.y_m)),
+            });
         Some(CellRect::covering(lattice, bounds.shrunk(-margin_m)))
     }
 
@@ -45,7 +50,10 @@ impl CellRect {
     pub fn of_tile(address: TileAddress) -> CellRect {
         let low = origin_of(address);
         let last = TILE_SIDE as i32 - 1;
-        CellRect { low, high: Cell::new(low.x.saturating_add(last), low.y.saturating_add(last)) }
+        CellRect {
+            low,
+            high: Cell::new(low.x.saturating_add(last), low.y.saturating_add(last)),
+        }
     }
 
     /// Returns all cells, row by row.
@@ -82,8 +90,14 @@ impl CellRect {
     /// Returns the rectangle widened by so many cells on every side.
     pub fn grown(self, cells: i32) -> CellRect {
         CellRect {
-            low: Cell::new(self.low.x.saturating_sub(cells), self.low.y.saturating_sub(cells)),
-            high: Cell::new(self.high.x.saturating_add(cells), self.high.y.saturating_add(cells)),
+            low: Cell::new(
+                self.low.x.saturating_sub(cells),
+                self.low.y.saturating_sub(cells),
+            ),
+            high: Cell::new(
+                self.high.x.saturating_add(cells),
+                self.high.y.saturating_add(cells),
+            ),
         }
     }
 
@@ -93,7 +107,10 @@ impl CellRect {
             let first = (low >> SIDE_BITS).max(-REACH_TILES);
             first..((high >> SIDE_BITS) + 1).clamp(first, REACH_TILES.max(first))
         };
-        (range(self.low.x, self.high.x), range(self.low.y, self.high.y))
+        (
+            range(self.low.x, self.high.x),
+            range(self.low.y, self.high.y),
+        )
     }
 }
 
@@ -125,7 +142,10 @@ impl View<'_> {
         if column >= self.columns {
             return Occupancy::Unknown;
         }
-        match self.tiles.get(row.saturating_mul(self.columns).saturating_add(column)) {
+        match self
+            .tiles
+            .get(row.saturating_mul(self.columns).saturating_add(column))
+        {
             Some(Some(sums)) => Occupancy::of_value(sums[index_in_tile(cell)]),
             Some(None) | None => Occupancy::Unknown,
         }
@@ -150,9 +170,18 @@ mod tests {
     fn rectangles_overlap_in_what_both_hold() {
         let rect = CellRect::new(Cell::new(0, 0), Cell::new(9, 9));
         let shared = rect.overlap(CellRect::new(Cell::new(9, -4), Cell::new(20, 3)));
-        assert_eq!(shared, Some(CellRect::new(Cell::new(9, 0), Cell::new(9, 3))));
-        assert_eq!(rect.overlap(CellRect::new(Cell::new(10, 0), Cell::new(20, 3))), None);
-        assert_eq!(rect.grown(2), CellRect::new(Cell::new(-2, -2), Cell::new(11, 11)));
+        assert_eq!(
+            shared,
+            Some(CellRect::new(Cell::new(9, 0), Cell::new(9, 3)))
+        );
+        assert_eq!(
+            rect.overlap(CellRect::new(Cell::new(10, 0), Cell::new(20, 3))),
+            None
+        );
+        assert_eq!(
+            rect.grown(2),
+            CellRect::new(Cell::new(-2, -2), Cell::new(11, 11))
+        );
         let all = CellRect::new(Cell::new(i32::MIN, i32::MIN), Cell::new(i32::MAX, i32::MAX));
         assert_eq!(all.grown(5), all);
     }

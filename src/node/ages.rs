@@ -19,20 +19,29 @@ impl StateAges {
     /// Notes that a state was made; numbers ascend, and some may be left out.
     pub fn note(&mut self, now: Time, sequence: u64) {
         self.made.push_back((sequence, now));
-        while self.made.front().is_some_and(|(_, at)| now.since(*at) > ANSWERS_WITHIN) {
+        while self
+            .made
+            .front()
+            .is_some_and(|(_, at)| now.since(*at) > ANSWERS_WITHIN)
+        {
             self.made.pop_front();
         }
     }
 
     /// Returns whether what answers a state is fresh; of a number left out, by the state noted before it.
     pub fn is_fresh(&self, now: Time, answers: u64) -> bool {
-        self.made_at(answers).is_some_and(|at| now.since(at) <= ANSWERS_WITHIN)
+        self.made_at(answers)
+            .is_some_and(|at| now.since(at) <= ANSWERS_WITHIN)
     }
 
     /// Returns when a state was made, as far as that is remembered; of a number left out, the one noted before it.
     pub fn made_at(&self, sequence: u64) -> Option<Time> {
         self.made.back().filter(|(newest, _)| *newest >= sequence)?;
-        self.made.iter().rev().find(|(noted, _)| *noted <= sequence).map(|(_, at)| *at)
+        self.made
+            .iter()
+            .rev()
+            .find(|(noted, _)| *noted <= sequence)
+            .map(|(_, at)| *at)
     }
 }
 

@@ -9,7 +9,9 @@ use super::memory::Memory;
 use super::mission::share;
 use super::settings::{BodySettings, LookSettings, RadioSettings, Settings};
 use crate::autopilot::{self, Kind};
-use crate::config::{Body, Craft, Flight, Look, OwnRadio, RangeDriver, Safety, Sim, VehicleFile, Venue};
+use crate::config::{
+    Body, Craft, Flight, Look, OwnRadio, RangeDriver, Safety, Sim, VehicleFile, Venue,
+};
 use crate::geom::{Angle, Lattice, Point};
 
 /// How long a search for a path takes in real time beyond the search itself, which has run by then.
@@ -46,7 +48,10 @@ impl Settings {
             safety: file.safety,
             path_time: PATH_TIME,
             // It knows of no others: it visits all places, and begins its legs by its number.
-            task: file.task.as_ref().map(|task| share(task, usize::from(file.id.0.saturating_sub(1)), 1)),
+            task: file
+                .task
+                .as_ref()
+                .map(|task| share(task, usize::from(file.id.0.saturating_sub(1)), 1)),
             // Vehicles of their own files drive, until the file says otherwise.
             autopilot: autopilot::Settings::default(),
         };
@@ -99,12 +104,19 @@ impl Told<'_> {
 fn autopilot_settings(flight: &Flight) -> autopilot::Settings {
     match flight.craft {
         Craft::Rover => autopilot::Settings::default(),
-        Craft::Copter => autopilot::Settings { kind: Kind::Copter, altitude_m: flight.altitude_m },
+        Craft::Copter => autopilot::Settings {
+            kind: Kind::Copter,
+            altitude_m: flight.altitude_m,
+        },
     }
 }
 
 fn body_settings(body: &Body) -> BodySettings {
-    BodySettings { radius_m: body.radius_m, speed_mps: body.max_speed_mps, braking_mps2: body.braking_mps2 }
+    BodySettings {
+        radius_m: body.radius_m,
+        speed_mps: body.max_speed_mps,
+        braking_mps2: body.braking_mps2,
+    }
 }
 
 fn look_settings(look: &Look) -> LookSettings {

@@ -47,7 +47,10 @@ pub enum In {
 
 /// What the map actor can say.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-#[allow(clippy::large_enum_variant, reason = "nearly all of them are messages, and are taken out at once")]
+#[allow(
+    clippy::large_enum_variant,
+    reason = "nearly all of them are messages, and are taken out at once"
+)]
 pub enum Out {
     /// Tiles that changed, own and peers'.
     Tiles(Vec<TileReport>),
@@ -79,9 +82,13 @@ pub struct Map {
 impl Map {
     /// Makes the actor with an empty map.
     pub fn new(settings: Settings) -> Map {
-        let own = LayerId { vehicle: settings.vehicle, boot: settings.boot };
+        let own = LayerId {
+            vehicle: settings.vehicle,
+            boot: settings.boot,
+        };
         // Nodes share at different moments, so that the bus is not hit by all at once.
-        let share_at = Time::ZERO + SHARE_EVERY + Duration::from_millis(37) * u32::from(settings.vehicle.0);
+        let share_at =
+            Time::ZERO + SHARE_EVERY + Duration::from_millis(37) * u32::from(settings.vehicle.0);
         Map {
             own,
             merged: Merged::new(settings.lattice, Some(own)),
@@ -121,13 +128,19 @@ impl Map {
     }
 
     fn record(&mut self, reading: &ScanReading, pose: Pose) -> Changes {
-        let body = Body { at: pose.at, radius_m: self.settings.body.radius_m };
+        let body = Body {
+            at: pose.at,
+            radius_m: self.settings.body.radius_m,
+        };
         let sure_m = self.settings.body.radius_m + self.settings.lattice.cell_m();
         let body_of = |peer: &'_ Peer| sure_m + 2.0 * (pose.sd_m + peer.sd_m);
         let peers: Vec<PeerBody<'_>> = self
             .peers
             .iter()
-            .map(|(_, peer)| PeerBody { leg: &peer.claim, radius_m: body_of(peer) })
+            .map(|(_, peer)| PeerBody {
+                leg: &peer.claim,
+                radius_m: body_of(peer),
+            })
             .collect();
         self.mapper.record(&mut self.merged, reading, body, &peers)
     }
@@ -140,7 +153,10 @@ impl Map {
         let tiles: Vec<TileReport> = changes.changed.iter().filter_map(report).collect();
         self.unshared.extend(changes.changed);
         for address in changes.newly_occupied {
-            let again_at = self.occupied.get(&address).map_or(Time::ZERO, |at| *at + OCCUPIED_EVERY);
+            let again_at = self
+                .occupied
+                .get(&address)
+                .map_or(Time::ZERO, |at| *at + OCCUPIED_EVERY);
             if again_at > now {
                 self.occupied_again.insert(address, again_at);
             } else {
@@ -159,7 +175,9 @@ impl Map {
     fn publish(&mut self, now: Time, address: TileAddress, out: &mut Vec<Out>) {
         self.unshared.remove(&address);
         self.occupied_again.remove(&address);
-        let Some(report) = self.merged.report(self.own, address) else { return };
+        let Some(report) = self.merged.report(self.own, address) else {
+            return;
+        };
         self.repair.pass(now, &self.merged, &report);
         out.push(Out::Publish(Message::Tile(report)));
     }
@@ -179,13 +197,22 @@ impl Map {
 
     fn share(&mut self, now: Time, out: &mut Vec<Out>) {
         for _ in 0..SHARE_TILES {
-            let after = (std::ops::Bound::Excluded(self.shared), std::ops::Bound::Unbounded);
-            let next = self.unshared.range(after).next().or_else(|| self.unshared.first()).copied();
+            let after = (
+                std::ops::Bound::Excluded(self.shared),
+                std::ops::Bound::Unbounded,
+            );
+            let next = self
+                .unshared
+                .range(after)
+                .next()
+                .or_else(|| self.unshared.first())
+                .copied();
             let Some(address) = next else { break };
             self.shared = address;
             self.publish(now, address, out);
         }
-        self.occupied.retain(|_, at| now.since(*at) < OCCUPIED_EVERY);
+        self.occupied
+            .retain(|_, at| now.since(*at) < OCCUPIED_EVERY);
         out.push(Out::Publish(Message::Digest(self.merged.digest())));
     }
 
@@ -205,7 +232,11 @@ impl Map {
     }
 
     fn publish_again(&mut self, now: Time, out: &mut Vec<Out>) {
-        let due = self.occupied_again.iter().filter(|(_, at)| **at <= now).map(|(address, _)| *address);
+        let due = self
+            .occupied_again
+            .iter()
+            .filter(|(_, at)| **at <= now)
+            .map(|(address, _)| *address);
         for address in due.collect::<Vec<_>>() {
             self.publish_occupied(now, address, out);
         }
@@ -232,11 +263,22 @@ impl Actor for Map {
     }
 
     fn deadline(&self) -> Option<Deadline> {
-        let share = Deadline { at: self.share_at, why: "share tiles and digest" };
+        let share = Deadline {
+            at: self.share_at,
+            why: "share tiles and digest",
+        };
         let again = self.occupied_again.values().min();
-        let again = again.map(|at| Deadline { at: *at, why: "send an occupied tile again" });
-        let repair = self.repair.deadline().map(|at| Deadline { at, why: "ask for or send missing tiles" });
-        [again, repair].into_iter().fold(Some(share), Deadline::earlier)
+        let again = again.map(|at| Deadline {
+            at: *at,
+            why: "send an occupied tile again",
+        });
+        let repair = self.repair.deadline().map(|at| Deadline {
+            at,
+            why: "ask for or send missing tiles",
+        });
+        [again, repair]
+            .into_iter()
+            .fold(Some(share), Deadline::earlier)
     }
 
     fn wake(&mut self, now: Time, out: &mut Vec<Out>) -> Result<(), Fault> {
@@ -276,7 +318,9 @@ impl Input for In {
     fn join(unread: In, newer: In) -> In {
         match (unread, newer) {
             // Tiles may overtake each other: the higher revision stays.
-            (In::Tile(unread), In::Tile(newer)) if unread.revision > newer.revision => In::Tile(unread),
+            (In::Tile(unread), In::Tile(newer)) if unread.revision > newer.revision => {
+                In::Tile(unread)
+            }
             (In::Peer(unread), In::Peer(newer)) => In::Peer(join_states(unread, newer)),
             (_, newer) => newer,
         }
@@ -290,8 +334,17 @@ mod tests {
     use crate::geom::{Angle, Point};
 
     fn scan(range_m: Option<f64>) -> In {
-        let pose = Pose { at: Point::new(1.0, 1.0), heading: Angle::default(), sd_m: 0.05 };
-        In::Scan(Scan { pose, beam: Angle::default(), range_m, suspect: false })
+        let pose = Pose {
+            at: Point::new(1.0, 1.0),
+            heading: Angle::default(),
+            sd_m: 0.05,
+        };
+        In::Scan(Scan {
+            pose,
+            beam: Angle::default(),
+            range_m,
+            suspect: false,
+        })
     }
 
     fn told(map: &mut Map, inputs: Vec<In>) -> Vec<Out> {
@@ -303,7 +356,9 @@ mod tests {
     }
 
     fn tiles_published(out: &[Out]) -> usize {
-        out.iter().filter(|out| matches!(out, Out::Publish(Message::Tile(_)))).count()
+        out.iter()
+            .filter(|out| matches!(out, Out::Publish(Message::Tile(_))))
+            .count()
     }
 
     #[test]
@@ -315,14 +370,20 @@ mod tests {
         assert!(tiles_published(&hit) > 0);
         let mut out = Vec::new();
         map.wake(map.deadline().unwrap().at, &mut out).unwrap();
-        assert!(out.iter().any(|out| matches!(out, Out::Publish(Message::Digest(_)))));
+        assert!(
+            out.iter()
+                .any(|out| matches!(out, Out::Publish(Message::Digest(_))))
+        );
     }
 
     #[test]
     fn a_peer_in_the_beam_is_not_mapped() {
         let mut map = Map::new(settings(1));
         told(&mut map, vec![In::Peer(state(2, 3.2, 1.0))]);
-        assert_eq!(tiles_published(&told(&mut map, vec![scan(Some(2.0)); 6])), 0);
+        assert_eq!(
+            tiles_published(&told(&mut map, vec![scan(Some(2.0)); 6])),
+            0
+        );
     }
 
     /// Wakes an actor at its deadlines until `until`.
@@ -354,9 +415,16 @@ mod tests {
             Out::Publish(_) | Out::Tiles(_) => None,
         });
         let reports: Vec<_> = reports.collect();
-        assert!((1..=first).contains(&reports.len()), "{} of {first} tiles again", reports.len());
+        assert!(
+            (1..=first).contains(&reports.len()),
+            "{} of {first} tiles again",
+            reports.len()
+        );
         for report in reports {
-            assert_eq!(map.merged.report(map.own, report.address).as_ref(), Some(report));
+            assert_eq!(
+                map.merged.report(map.own, report.address).as_ref(),
+                Some(report)
+            );
         }
     }
 
@@ -364,14 +432,23 @@ mod tests {
     fn the_mission_and_the_bus_are_given_the_cells_of_the_map_itself() {
         let mut map = Map::new(settings(1));
         let out = told(&mut map, vec![scan(Some(2.0)); 4]);
-        let Some(Out::Tiles(tiles)) = out.last() else { panic!("no tiles") };
+        let Some(Out::Tiles(tiles)) = out.last() else {
+            panic!("no tiles")
+        };
         for report in tiles {
-            let held = map.merged.layer(map.own).unwrap().tile(report.address).unwrap();
+            let held = map
+                .merged
+                .layer(map.own)
+                .unwrap()
+                .tile(report.address)
+                .unwrap();
             assert!(std::sync::Arc::ptr_eq(&held.cells, &report.cells));
         }
         let mut peer = Map::new(settings(2));
         let heard = told(&mut peer, vec![In::Tile(tiles[0].clone())]);
-        let [Out::Tiles(heard)] = &heard[..] else { panic!("{heard:?}") };
+        let [Out::Tiles(heard)] = &heard[..] else {
+            panic!("{heard:?}")
+        };
         assert!(std::sync::Arc::ptr_eq(&heard[0].cells, &tiles[0].cells));
     }
 
@@ -380,21 +457,44 @@ mod tests {
         let mut map = Map::new(settings(1));
         told(&mut map, vec![scan(Some(2.0)); 4]);
         woken(&mut map, Time::from_secs_f64(2.0));
-        let mut report =
-            map.merged.report(map.own, map.merged.layer(map.own).unwrap().tiles().next().unwrap().0).unwrap();
-        (report.revision, report.cells) = (900, std::sync::Arc::new([17; tomoswarm_proto::TILE_CELLS]));
-        let layer = tomoswarm_proto::LayerDigest { layer: map.own, tiles: 1, revisions: 900, hash: 1 };
+        let mut report = map
+            .merged
+            .report(
+                map.own,
+                map.merged.layer(map.own).unwrap().tiles().next().unwrap().0,
+            )
+            .unwrap();
+        (report.revision, report.cells) =
+            (900, std::sync::Arc::new([17; tomoswarm_proto::TILE_CELLS]));
+        let layer = tomoswarm_proto::LayerDigest {
+            layer: map.own,
+            tiles: 1,
+            revisions: 900,
+            hash: 1,
+        };
         let mut out = Vec::new();
-        map.handle(Time::from_secs_f64(2.0), In::Digest(Digest { layers: vec![layer] }), &mut out).unwrap();
+        map.handle(
+            Time::from_secs_f64(2.0),
+            In::Digest(Digest {
+                layers: vec![layer],
+            }),
+            &mut out,
+        )
+        .unwrap();
         out.extend(woken(&mut map, Time::from_secs_f64(2.5)));
-        let asks = |said: &Out| matches!(said, Out::Publish(Message::Want(want)) if want.layer == map.own);
+        let asks =
+            |said: &Out| matches!(said, Out::Publish(Message::Want(want)) if want.layer == map.own);
         assert!(out.iter().any(asks), "{out:?}");
         out.clear();
-        map.handle(Time::from_secs_f64(2.5), In::Tile(report.clone()), &mut out).unwrap();
+        map.handle(Time::from_secs_f64(2.5), In::Tile(report.clone()), &mut out)
+            .unwrap();
         out.extend(woken(&mut map, Time::from_secs_f64(4.0)));
         let own = map.merged.report(map.own, report.address).unwrap();
         assert!(own.revision == 901 && own.cells != report.cells);
-        assert!(out.contains(&Out::Publish(Message::Tile(own))), "everybody is told");
+        assert!(
+            out.contains(&Out::Publish(Message::Tile(own))),
+            "everybody is told"
+        );
     }
 
     #[test]
@@ -402,10 +502,19 @@ mod tests {
         let mut map = Map::new(settings(1));
         for place in 0..400 {
             let at = Point::new(f64::from(place % 20) * 6.4, f64::from(place / 20) * 6.4);
-            let pose = Pose { at, heading: Angle::default(), sd_m: 0.05 };
+            let pose = Pose {
+                at,
+                heading: Angle::default(),
+                sd_m: 0.05,
+            };
             told(
                 &mut map,
-                vec![In::Scan(Scan { pose, beam: Angle::default(), range_m: None, suspect: false })],
+                vec![In::Scan(Scan {
+                    pose,
+                    beam: Angle::default(),
+                    range_m: None,
+                    suspect: false,
+                })],
             );
         }
         let mut shared = BTreeSet::new();
@@ -416,24 +525,36 @@ mod tests {
                 assert!(shared.insert(report.address), "nothing is published twice");
             }
         }
-        assert!(held > 400 && shared.len() == held, "{} of {held}", shared.len());
+        assert!(
+            held > 400 && shared.len() == held,
+            "{} of {held}",
+            shared.len()
+        );
     }
 
     #[test]
     fn a_digest_of_many_layers_is_not_answered_by_as_many_wants() {
         let layer = |vehicle| tomoswarm_proto::LayerDigest {
-            layer: LayerId { vehicle: VehicleId(vehicle), boot: tomoswarm_proto::Boot(1) },
+            layer: LayerId {
+                vehicle: VehicleId(vehicle),
+                boot: tomoswarm_proto::Boot(1),
+            },
             tiles: 1,
             revisions: 1,
             hash: 1,
         };
-        let digest = Digest { layers: (2..=255).map(layer).collect() };
+        let digest = Digest {
+            layers: (2..=255).map(layer).collect(),
+        };
         let mut map = Map::new(settings(1));
         assert_eq!(told(&mut map, vec![In::Digest(digest)]), []);
         let out = woken(&mut map, Time::from_secs_f64(0.16));
         assert_eq!(out.len(), 16, "wants come a few at a time");
         let out = woken(&mut map, Time::from_secs_f64(5.0));
-        let wants = out.iter().filter(|out| matches!(out, Out::Publish(Message::Want(_)))).count();
+        let wants = out
+            .iter()
+            .filter(|out| matches!(out, Out::Publish(Message::Want(_))))
+            .count();
         assert_eq!(wants, 254 - 16, "and each once");
     }
 }

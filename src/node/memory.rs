@@ -37,26 +37,48 @@ impl OrderEdition {
 
     /// Returns it as a vehicle shows it that has obeyed nothing since its software was started.
     pub fn forgotten(self) -> Ordered {
-        let OrderEdition { lease, revision, run } = self;
-        Ordered { lease, revision, run, kind: None }
+        let OrderEdition {
+            lease,
+            revision,
+            run,
+        } = self;
+        Ordered {
+            lease,
+            revision,
+            run,
+            kind: None,
+        }
     }
 }
 
 impl Memory {
     /// Returns the memory of an order alone.
     pub fn of_order(ordered: OrderEdition) -> Memory {
-        Memory { ordered, ..Memory::default() }
+        Memory {
+            ordered,
+            ..Memory::default()
+        }
     }
 
     /// Returns the memory of a plan's lease alone.
     pub fn of_plan(planned: Lease) -> Memory {
-        Memory { planned, ..Memory::default() }
+        Memory {
+            planned,
+            ..Memory::default()
+        }
     }
 
     /// Returns what both are: the higher of each.
     pub fn join(self, other: Memory) -> Memory {
-        let ordered = if other.ordered.key() > self.ordered.key() { other.ordered } else { self.ordered };
-        Memory { ordered, planned: self.planned.max(other.planned) }
+        let ordered = if other.ordered.key() > self.ordered.key() {
+            other.ordered
+        } else {
+            self.ordered
+        };
+        Memory {
+            ordered,
+            planned: self.planned.max(other.planned),
+        }
     }
 
     /// Returns the greatest lease that was followed.
@@ -82,13 +104,24 @@ mod tests {
     fn a_memory_only_grows_and_orders_and_plans_do_not_mix() {
         let order = |number, revision| {
             let lease = Lease { number, holder: 7 };
-            Memory::of_order(OrderEdition { lease, revision: Revision(revision), run: RunId(1) })
+            Memory::of_order(OrderEdition {
+                lease,
+                revision: Revision(revision),
+                run: RunId(1),
+            })
         };
         let plan = |number| Memory::of_plan(Lease { number, holder: 7 });
         let check = |all: &[Memory], ordered: Memory, planned: Memory| {
             let joined = all.iter().copied().fold(Memory::default(), Memory::join);
-            let turned = all.iter().rev().copied().fold(Memory::default(), Memory::join);
-            assert_eq!((joined.ordered, joined.planned), (ordered.ordered, planned.planned));
+            let turned = all
+                .iter()
+                .rev()
+                .copied()
+                .fold(Memory::default(), Memory::join);
+            assert_eq!(
+                (joined.ordered, joined.planned),
+                (ordered.ordered, planned.planned)
+            );
             assert_eq!((turned, joined.join(joined)), (joined, joined));
         };
         check(&[order(3, 9), order(4, 1)], order(4, 1), Memory::default());

@@ -90,7 +90,8 @@ impl Mission {
     /// Makes the actor of a vehicle that waits for plans and a start.
     pub fn new(settings: Settings) -> Mission {
         let leases = PlanLeases::remembering(settings.memory);
-        let repeat_at = Time::ZERO + REPEAT_EVERY + Duration::from_millis(53) * u32::from(settings.vehicle.0);
+        let repeat_at =
+            Time::ZERO + REPEAT_EVERY + Duration::from_millis(53) * u32::from(settings.vehicle.0);
         Mission {
             pilot: Pilot::new(settings.clone()),
             assignment: Assignment::by_file(&settings),
@@ -160,8 +161,16 @@ impl Mission {
 
     fn run_steps(&mut self, now: Time, out: &mut Vec<Out>) {
         let met = self.advance(now, out);
-        let (Some(state), Some(runner)) = (&self.state, &mut self.runner) else { return };
-        let mut scene = Scene { now, state, pilot: &mut self.pilot, peers: &self.peers, out };
+        let (Some(state), Some(runner)) = (&self.state, &mut self.runner) else {
+            return;
+        };
+        let mut scene = Scene {
+            now,
+            state,
+            pilot: &mut self.pilot,
+            peers: &self.peers,
+            out,
+        };
         runner.go_on(&mut scene, &met);
         // What was chosen just now is begun at once.
         self.advance(now, out);
@@ -184,9 +193,16 @@ impl Mission {
 
     /// Lets the pilot go on; returns what it met.
     fn advance(&mut self, now: Time, out: &mut Vec<Out>) -> Vec<Met> {
-        let Some(state) = &self.state else { return Vec::new() };
+        let Some(state) = &self.state else {
+            return Vec::new();
+        };
         let stands = |peer: &&Peer| peer.resting || peer.is_silent(now);
-        let standing = self.peers.iter().map(|(_, peer)| peer).filter(stands).map(|peer| peer.claim.clone());
+        let standing = self
+            .peers
+            .iter()
+            .map(|(_, peer)| peer)
+            .filter(stands)
+            .map(|peer| peer.claim.clone());
         self.pilot.keep_clear_of(standing.collect());
         let mut met = Vec::new();
         let command = self.pilot.advance(now, state, &mut met);
@@ -197,7 +213,11 @@ impl Mission {
     fn meet(&mut self, now: Time, met: Met, out: &mut Vec<Out>) {
         let remark = match met {
             Met::Stop(stop) => {
-                let place = self.state.as_ref().map(|state| state.pose.at).unwrap_or_default();
+                let place = self
+                    .state
+                    .as_ref()
+                    .map(|state| state.pose.at)
+                    .unwrap_or_default();
                 self.plan.pass(now, stop, place);
                 Remark::Done(stop)
             }
@@ -217,9 +237,14 @@ impl Mission {
 
     /// Gives up the stop that comes next when the plan gets on only without it.
     fn give_up_stop(&mut self, now: Time, out: &mut Vec<Out>) {
-        let (Some(state), Goal::Following) = (&self.state, self.goal) else { return };
+        let (Some(state), Goal::Following) = (&self.state, self.goal) else {
+            return;
+        };
         let can_reach = |place: Point| self.pilot.can_reach(now, state, place);
-        if !self.plan.gives_up_stop(self.pilot.way().stops().count(), can_reach) {
+        if !self
+            .plan
+            .gives_up_stop(self.pilot.way().stops().count(), can_reach)
+        {
             return;
         }
         let place = state.pose.at;
@@ -260,8 +285,9 @@ impl Mission {
 
     /// Returns whether a plan answers a state that this start of the software made not long ago.
     fn answers(&self, now: Time, plan: &Plan) -> bool {
-        let is_fresh =
-            |seen: SeenState| seen.boot == self.settings.boot && self.ages.is_fresh(now, seen.sequence);
+        let is_fresh = |seen: SeenState| {
+            seen.boot == self.settings.boot && self.ages.is_fresh(now, seen.sequence)
+        };
         plan.seen.is_some_and(is_fresh)
     }
 
@@ -271,13 +297,17 @@ impl Mission {
             self.pilot.give_up(state.pose.at);
         }
         out.push(Out::Accepted(progress.run, progress.revision));
-        out.push(Out::Remark(Remark::Adopted(progress.run, progress.revision)));
+        out.push(Out::Remark(Remark::Adopted(
+            progress.run,
+            progress.revision,
+        )));
     }
 
     /// Whoever is forgotten is neither silent nor heard again.
     fn forget_strangers(&mut self, now: Time, expected: &[VehicleId]) {
         self.peers.note_expected(now, expected);
-        self.silent.retain(|vehicle| self.peers.get(*vehicle).is_some());
+        self.silent
+            .retain(|vehicle| self.peers.get(*vehicle).is_some());
     }
 
     fn hear(&mut self, now: Time, progress: &VehicleProgress, out: &mut Vec<Out>) {
@@ -345,7 +375,10 @@ impl Mission {
         if self.assignment.is_own() {
             self.plan.leave();
         }
-        let refusal = self.assignment.refusal().map(|why| Remark::Ended(End::Refused(why)));
+        let refusal = self
+            .assignment
+            .refusal()
+            .map(|why| Remark::Ended(End::Refused(why)));
         out.extend(refusal.map(Out::Remark));
         out.push(Out::Progress(self.on_wire()));
     }
@@ -419,8 +452,14 @@ impl Mission {
             }
             Goal::Following if self.assignment.refusal().is_some() || self.plan.has_left() => None,
             Goal::Following => self.pilot.deadline(),
-            Goal::Returning(Return { stage: ReturnStage::UnderWay { .. }, .. }) => self.pilot.deadline(),
-            Goal::Returning(Return { stage: ReturnStage::InQueue(_), .. })
+            Goal::Returning(Return {
+                stage: ReturnStage::UnderWay { .. },
+                ..
+            }) => self.pilot.deadline(),
+            Goal::Returning(Return {
+                stage: ReturnStage::InQueue(_),
+                ..
+            })
             | Goal::Waiting
             | Goal::Held(_)
             | Goal::Home(_) => None,
@@ -470,8 +509,13 @@ impl Actor for Mission {
     }
 
     fn deadline(&self) -> Option<Deadline> {
-        let repeat = Some(Deadline { at: self.repeat_at, why: "repeat progress" });
-        [repeat, self.dwell_deadline(), self.pilot_deadline()].into_iter().fold(None, Deadline::earlier)
+        let repeat = Some(Deadline {
+            at: self.repeat_at,
+            why: "repeat progress",
+        });
+        [repeat, self.dwell_deadline(), self.pilot_deadline()]
+            .into_iter()
+            .fold(None, Deadline::earlier)
     }
 
     fn wake(&mut self, now: Time, out: &mut Vec<Out>) -> Result<(), Fault> {

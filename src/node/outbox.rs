@@ -17,7 +17,9 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Boot, Have, HeardFrom, RunId, Sample, Samples, VehicleId, WATERMARKS_ALWAYS};
+use tomoswarm_proto::{
+    Boot, Have, HeardFrom, RunId, Sample, Samples, VehicleId, WATERMARKS_ALWAYS,
+};
 
 use crate::actor::{Actor, Class, Fault, Input};
 use crate::sweep::VOID_AFTER;
@@ -210,7 +212,10 @@ impl Outbox {
 
     fn tally(&mut self, out: &mut Vec<Out>) {
         let waiting = self.waiting() as u64 + u64::from(self.is_behind);
-        let tally = Tally { waiting, lost: self.lost };
+        let tally = Tally {
+            waiting,
+            lost: self.lost,
+        };
         if tally != self.tallied {
             self.tallied = tally;
             out.push(Out::Tally(tally));
@@ -226,7 +231,11 @@ impl Outbox {
     }
 
     fn hold(&mut self, boot: Boot, run: RunId, sample: Sample) {
-        let place = Place { boot, run, sequence: sample.sequence };
+        let place = Place {
+            boot,
+            run,
+            sequence: sample.sequence,
+        };
         if self.has(place) || self.sent.contains_key(&place) {
             return;
         }
@@ -244,11 +253,14 @@ impl Outbox {
 
     /// Returns whether the ground has a sample.
     fn has(&self, place: Place) -> bool {
-        self.below((place.boot, place.run)).is_some_and(|below| place.sequence < below)
+        self.below((place.boot, place.run))
+            .is_some_and(|below| place.sequence < below)
     }
 
     fn recalled(&mut self, chunk: Recalled) {
-        let Some(reading) = &mut self.reading else { return };
+        let Some(reading) = &mut self.reading else {
+            return;
+        };
         if reading.asked.take().is_none() {
             return; // an answer that came too late, to a question that was asked again
         }
@@ -267,11 +279,27 @@ impl Outbox {
     }
 
     fn dropped(&mut self, dropped: Dropped) {
-        let Dropped { first: Place { boot, run, sequence }, below } = dropped;
+        let Dropped {
+            first:
+                Place {
+                    boot,
+                    run,
+                    sequence,
+                },
+            below,
+        } = dropped;
         let from = sequence.max(self.below((boot, run)).unwrap_or(0));
-        let end = Place { boot, run, sequence: below };
+        let end = Place {
+            boot,
+            run,
+            sequence: below,
+        };
         let held = if from < below {
-            let first = Place { boot, run, sequence: from };
+            let first = Place {
+                boot,
+                run,
+                sequence: from,
+            };
             self.fresh.range(first..end).count() + self.sent.range(first..end).count()
         } else {
             0
@@ -284,7 +312,9 @@ impl Outbox {
     fn have(&mut self, now: Time, have: &Have, out: &mut Vec<Out>) {
         let is_silent = |at: Time| now.since(at) >= SILENT_AFTER;
         match self.store {
-            Some((store, at)) if store != have.store && !is_silent(at) => return self.closed.clear(),
+            Some((store, at)) if store != have.store && !is_silent(at) => {
+                return self.closed.clear();
+            }
             Some((store, at)) if store == have.store => {
                 if is_silent(at) {
                     self.repeat_all(now);
@@ -294,7 +324,11 @@ impl Outbox {
         }
         self.store = Some((have.store, now));
         let own = self.vehicle;
-        let marks = have.watermarks.iter().filter(|mark| mark.vehicle == own).copied();
+        let marks = have
+            .watermarks
+            .iter()
+            .filter(|mark| mark.vehicle == own)
+            .copied();
         for mark in marks.chain(self.not_named(have)) {
             self.take_mark(now, &mark);
             self.forget(now, &mark, have, out);
@@ -304,13 +338,19 @@ impl Outbox {
     /// Returns the sources of which a store was believed to have something, and which it does not name though it names all.
     fn not_named(&self, have: &Have) -> Vec<HeardFrom> {
         let tells_all = have.watermarks.len() < WATERMARKS_ALWAYS;
-        let nothing =
-            |(boot, run): &Source| HeardFrom { vehicle: self.vehicle, boot: *boot, run: *run, below: 0 };
+        let nothing = |(boot, run): &Source| HeardFrom {
+            vehicle: self.vehicle,
+            boot: *boot,
+            run: *run,
+            below: 0,
+        };
         let known = self.marks.keys().filter(|_| tells_all).map(nothing);
         let is_of = |mark: &HeardFrom, other: &HeardFrom| {
             (mark.vehicle, mark.boot, mark.run) == (other.vehicle, other.boot, other.run)
         };
-        known.filter(|mark| !have.watermarks.iter().any(|named| is_of(mark, named))).collect()
+        known
+            .filter(|mark| !have.watermarks.iter().any(|named| is_of(mark, named)))
+            .collect()
     }
 
     fn begin_store(&mut self, now: Time) {
@@ -328,7 +368,10 @@ impl Outbox {
     }
 
     fn take_mark(&mut self, now: Time, mark: &HeardFrom) {
-        let said = Mark { below: mark.below, at: now };
+        let said = Mark {
+            below: mark.below,
+            at: now,
+        };
         let known = self.marks.entry((mark.boot, mark.run)).or_insert(said);
         if mark.below >= known.below {
             *known = said;
@@ -342,7 +385,12 @@ impl Outbox {
 
     /// Lets the edge forget what is confirmed of a closed run, again and again: deleting what is gone costs next to nothing.
     fn forget(&mut self, now: Time, mark: &HeardFrom, have: &Have, out: &mut Vec<Out>) {
-        let HeardFrom { vehicle: _, boot, run, below } = *mark;
+        let HeardFrom {
+            vehicle: _,
+            boot,
+            run,
+            below,
+        } = *mark;
         let source = (boot, run);
         if have.closed.binary_search(&run).is_err() || Some(below) < self.below(source) {
             self.closed.remove(&source);
@@ -358,9 +406,15 @@ impl Outbox {
             *closed = Mark { below, at: now };
         }
         let said = self.forgotten.get(&source);
-        if said.is_none_or(|(said, at)| *said < settled || now.since(*at) >= FORGET_AGAIN) && settled > 0 {
+        if said.is_none_or(|(said, at)| *said < settled || now.since(*at) >= FORGET_AGAIN)
+            && settled > 0
+        {
             self.forgotten.insert(source, (settled, now));
-            out.push(Out::Forget { boot, run, below: settled });
+            out.push(Out::Forget {
+                boot,
+                run,
+                below: settled,
+            });
         }
     }
 
@@ -374,27 +428,54 @@ impl Outbox {
                 let place = entry.key();
                 (place.boot, place.run) == (boot, run)
             });
-            let Some((place, sample)) = first.map(|entry| entry.remove_entry()) else { break };
+            let Some((place, sample)) = first.map(|entry| entry.remove_entry()) else {
+                break;
+            };
             samples.push(sample);
-            self.sent.insert(place, Sent { sample, due: now + REPEAT_AFTER, repeats: 0 });
+            self.sent.insert(
+                place,
+                Sent {
+                    sample,
+                    due: now + REPEAT_AFTER,
+                    repeats: 0,
+                },
+            );
         }
-        Some(Samples { vehicle: self.vehicle, boot, run, samples, lost: Vec::new() })
+        Some(Samples {
+            vehicle: self.vehicle,
+            boot,
+            run,
+            samples,
+            lost: Vec::new(),
+        })
     }
 
     /// Returns batches of what is due again, at most so many.
     fn due_batches(&mut self, now: Time, most: usize) -> Vec<Samples> {
         let mut batches: Vec<Samples> = Vec::new();
         for (place, sent) in self.sent.iter_mut().filter(|(_, sent)| sent.due <= now) {
-            let Place { boot, run, sequence: _ } = *place;
-            let fits =
-                |batch: &Samples| (batch.boot, batch.run) == (boot, run) && batch.samples.len() < BATCH;
+            let Place {
+                boot,
+                run,
+                sequence: _,
+            } = *place;
+            let fits = |batch: &Samples| {
+                (batch.boot, batch.run) == (boot, run) && batch.samples.len() < BATCH
+            };
             if !batches.last().is_some_and(fits) {
                 if batches.len() == most {
                     break;
                 }
-                batches.push(Samples { vehicle: self.vehicle, boot, run, ..Samples::default() });
+                batches.push(Samples {
+                    vehicle: self.vehicle,
+                    boot,
+                    run,
+                    ..Samples::default()
+                });
             }
-            let Some(batch) = batches.last_mut() else { break };
+            let Some(batch) = batches.last_mut() else {
+                break;
+            };
             batch.samples.push(sent.sample);
             sent.repeats = sent.repeats.saturating_add(1).min(REPEATS_SOON + DOUBLINGS);
             sent.due = now + REPEAT_AFTER * (1 << sent.repeats.saturating_sub(REPEATS_SOON));
@@ -411,17 +492,24 @@ impl Outbox {
             self.reading = Some(Reading::default());
         }
         let marks = &self.marks;
-        let Some(reading) = &mut self.reading else { return };
+        let Some(reading) = &mut self.reading else {
+            return;
+        };
         if reading.asked.is_some_and(|at| now.since(at) < RECALL_AFTER) {
             return;
         }
         reading.asked = Some(now);
         // What the ground has need not be read.
         let beyond = |place: Place| match marks.get(&(place.boot, place.run)) {
-            Some(mark) => Place { sequence: place.sequence.max(mark.below.saturating_sub(1)), ..place },
+            Some(mark) => Place {
+                sequence: place.sequence.max(mark.below.saturating_sub(1)),
+                ..place
+            },
             None => place,
         };
-        out.push(Out::Recall { after: reading.after.map(beyond) });
+        out.push(Out::Recall {
+            after: reading.after.map(beyond),
+        });
     }
 
     fn has_work(&self) -> bool {
@@ -431,10 +519,20 @@ impl Outbox {
 
 /// Drops what a watermark covers.
 fn drop_below<T>(places: &mut BTreeMap<Place, T>, mark: &HeardFrom) {
-    let is_covered =
-        |place: &Place| (place.boot, place.run) == (mark.boot, mark.run) && place.sequence < mark.below;
-    let first = Place { boot: mark.boot, run: mark.run, sequence: 0 };
-    while let Some(place) = places.range(first..).next().map(|(place, _)| *place).filter(is_covered) {
+    let is_covered = |place: &Place| {
+        (place.boot, place.run) == (mark.boot, mark.run) && place.sequence < mark.below
+    };
+    let first = Place {
+        boot: mark.boot,
+        run: mark.run,
+        sequence: 0,
+    };
+    while let Some(place) = places
+        .range(first..)
+        .next()
+        .map(|(place, _)| *place)
+        .filter(is_covered)
+    {
         places.remove(&place);
     }
 }
@@ -466,7 +564,9 @@ impl Actor for Outbox {
     fn wake(&mut self, now: Time, out: &mut Vec<Out>) -> Result<(), Fault> {
         let mut room = BATCHES;
         while room > 0 {
-            let Some(batch) = self.fresh_batch(now) else { break };
+            let Some(batch) = self.fresh_batch(now) else {
+                break;
+            };
             out.push(Out::Publish(batch));
             room -= 1;
         }

@@ -92,7 +92,10 @@ pub(super) struct Peers {
 impl Peers {
     /// Makes the table of a vehicle that has heard no other yet.
     pub fn new(own: VehicleId) -> Peers {
-        Peers { own, newest: BTreeMap::new() }
+        Peers {
+            own,
+            newest: BTreeMap::new(),
+        }
     }
 
     /// Takes a state; the own one changes nothing, nor does one older than the newest known, unless such go on and nothing
@@ -108,11 +111,16 @@ impl Peers {
         }
         let known = self.newest.get(&state.vehicle);
         let resting = state.leg.is_none() && !matches!(state.mode, Mode::Driving | Mode::Turning);
-        let moved_at = known.filter(|_| resting).map_or(now, |known| known.moved_at);
+        let moved_at = known
+            .filter(|_| resting)
+            .map_or(now, |known| known.moved_at);
         let Some(pose) = state.pose.map(Pose::from) else {
             return self.take_without_place(now, state, resting);
         };
-        let leg = state.leg.iter().flat_map(|leg| leg.route.iter().map(|corner| Point::from(*corner)));
+        let leg = state
+            .leg
+            .iter()
+            .flat_map(|leg| leg.route.iter().map(|corner| Point::from(*corner)));
         let peer = Peer {
             edition: edition(state),
             lower: LowerNumbers::default(),
@@ -132,7 +140,9 @@ impl Peers {
 
     /// Takes a state that tells no place: what was known of the place stays, and who was never placed is not known.
     fn take_without_place(&mut self, now: Time, state: &State, resting: bool) {
-        let Some(peer) = self.newest.get_mut(&state.vehicle) else { return };
+        let Some(peer) = self.newest.get_mut(&state.vehicle) else {
+            return;
+        };
         (peer.edition, peer.state_at, peer.heard_at) = (edition(state), Some(now), now);
         peer.lower = LowerNumbers::default();
         peer.resting = resting;
@@ -162,9 +172,15 @@ impl Peers {
             claim: vec![pose.at],
             resting: false,
             moved_at: now,
-            expected_at: self.newest.get(&vehicle).and_then(|known| known.expected_at),
+            expected_at: self
+                .newest
+                .get(&vehicle)
+                .and_then(|known| known.expected_at),
         };
-        let peer = self.newest.entry(vehicle).or_insert_with(|| unknown.clone());
+        let peer = self
+            .newest
+            .entry(vehicle)
+            .or_insert_with(|| unknown.clone());
         if peer.has_outlived(now, boot) {
             return;
         }
@@ -179,7 +195,10 @@ impl Peers {
 
     /// Takes a beacon that tells no place: its sender is heard, and what was known of its place stays.
     fn sight_without_place(&mut self, now: Time, vehicle: VehicleId, boot: Boot) {
-        let known = self.newest.get_mut(&vehicle).filter(|peer| peer.edition.0 == boot);
+        let known = self
+            .newest
+            .get_mut(&vehicle)
+            .filter(|peer| peer.edition.0 == boot);
         if let Some(peer) = known {
             peer.heard_at = now;
         }
@@ -194,7 +213,8 @@ impl Peers {
             }
         }
         let is_recent = |at: Time| now.since(at) <= STRANGER_FOR;
-        self.newest.retain(|_, peer| is_recent(peer.heard_at) || peer.expected_at.is_some_and(is_recent));
+        self.newest
+            .retain(|_, peer| is_recent(peer.heard_at) || peer.expected_at.is_some_and(is_recent));
     }
 
     /// Returns the others, ascending.
@@ -216,16 +236,22 @@ impl Peer {
             (self.anchor, self.moved_at) = (pose, now);
         }
         self.resting = now.since(self.moved_at) >= RESTS_AFTER;
-        (self.at, self.heading, self.sd_m, self.claim) = (pose.at, pose.heading, pose.sd_m, vec![pose.at]);
+        (self.at, self.heading, self.sd_m, self.claim) =
+            (pose.at, pose.heading, pose.sd_m, vec![pose.at]);
         if !self.resting {
-            self.claim.push(pose.at + Vector::polar(pose.heading, AHEAD_M));
+            self.claim
+                .push(pose.at + Vector::polar(pose.heading, AHEAD_M));
         }
     }
 }
 
 /// Joins two unread states of one vehicle: states may overtake each other, the newest stays.
 pub(super) fn join_states(unread: State, newer: State) -> State {
-    if edition(&unread) > edition(&newer) { unread } else { newer }
+    if edition(&unread) > edition(&newer) {
+        unread
+    } else {
+        newer
+    }
 }
 
 fn edition(state: &State) -> (Boot, u64) {
@@ -243,22 +269,49 @@ mod tests {
     }
 
     fn sighting(boot: u32, x_m: f64) -> BeaconReport {
-        let progress =
-            VehicleProgress { vehicle: VehicleId(2), boot: Boot(boot), ..VehicleProgress::default() };
-        BeaconReport { pose: state(2, x_m, 0.0).pose, progress }
+        let progress = VehicleProgress {
+            vehicle: VehicleId(2),
+            boot: Boot(boot),
+            ..VehicleProgress::default()
+        };
+        BeaconReport {
+            pose: state(2, x_m, 0.0).pose,
+            progress,
+        }
     }
 
     #[test]
     fn a_state_that_was_overtaken_changes_nothing() {
         let mut peers = Peers::new(VehicleId(1));
-        let driving = State { mode: Mode::Driving, sequence: 6, ..state(2, 3.0, 0.0) };
+        let driving = State {
+            mode: Mode::Driving,
+            sequence: 6,
+            ..state(2, 3.0, 0.0)
+        };
         peers.take(at(2.0), &driving);
-        peers.take(at(3.0), &State { sequence: 5, ..state(2, 0.0, 0.0) });
+        peers.take(
+            at(3.0),
+            &State {
+                sequence: 5,
+                ..state(2, 0.0, 0.0)
+            },
+        );
         let (_, peer) = peers.iter().next().unwrap();
         assert!(!peer.resting);
         assert_eq!((peer.at, peer.moved_at), (Point::new(3.0, 0.0), at(2.0)));
-        peers.take(at(4.0), &State { boot: Boot(2), sequence: 1, ..state(2, 4.0, 0.0) });
-        assert_eq!(peers.iter().next().unwrap().1.at, Point::new(4.0, 0.0), "a restart counts anew");
+        peers.take(
+            at(4.0),
+            &State {
+                boot: Boot(2),
+                sequence: 1,
+                ..state(2, 4.0, 0.0)
+            },
+        );
+        assert_eq!(
+            peers.iter().next().unwrap().1.at,
+            Point::new(4.0, 0.0),
+            "a restart counts anew"
+        );
     }
 
     #[test]
@@ -272,10 +325,17 @@ mod tests {
     #[test]
     fn a_beacon_tells_the_place_once_states_do_not_come() {
         let mut peers = Peers::new(VehicleId(1));
-        let driving = State { mode: Mode::Driving, ..state(2, 3.0, 0.0) };
+        let driving = State {
+            mode: Mode::Driving,
+            ..state(2, 3.0, 0.0)
+        };
         peers.take(at(1.0), &driving);
         peers.sight(at(1.5), &sighting(1, 3.2));
-        assert_eq!(peers.get(VehicleId(2)).unwrap().at.x_m, 3.0, "the state is fresh");
+        assert_eq!(
+            peers.get(VehicleId(2)).unwrap().at.x_m,
+            3.0,
+            "the state is fresh"
+        );
         peers.sight(at(2.5), &sighting(1, 3.7));
         let peer = peers.get(VehicleId(2)).unwrap();
         assert_eq!(
@@ -294,7 +354,10 @@ mod tests {
         let mut peers = Peers::new(VehicleId(1));
         peers.take(at(1.0), &state(2, 3.0, 0.0));
         peers.sight(at(2.5), &sighting(1, 3.0));
-        assert!(!peers.get(VehicleId(2)).unwrap().is_silent(at(4.4)), "a beacon is heard as well");
+        assert!(
+            !peers.get(VehicleId(2)).unwrap().is_silent(at(4.4)),
+            "a beacon is heard as well"
+        );
         assert!(peers.get(VehicleId(2)).unwrap().is_silent(at(4.6)));
         assert!(!peers.get(VehicleId(2)).unwrap().claim.is_empty());
     }
@@ -304,7 +367,13 @@ mod tests {
         let mut peers = Peers::new(VehicleId(1));
         peers.sight(at(1.0), &sighting(2, 7.0));
         peers.sight(at(9.0), &sighting(1, 3.0));
-        peers.take(at(9.0), &State { sequence: 900, ..state(2, 4.0, 0.0) });
+        peers.take(
+            at(9.0),
+            &State {
+                sequence: 900,
+                ..state(2, 4.0, 0.0)
+            },
+        );
         let peer = peers.get(VehicleId(2)).unwrap();
         assert_eq!((peer.at.x_m, peer.heard_at), (7.0, at(1.0)));
     }
@@ -312,14 +381,25 @@ mod tests {
     #[test]
     fn a_peer_that_counts_its_starts_from_the_beginning_is_believed_after_a_silence() {
         let mut peers = Peers::new(VehicleId(1));
-        let state_of =
-            |boot: u32, sequence: u64, x_m: f64| State { boot: Boot(boot), sequence, ..state(2, x_m, 0.0) };
+        let state_of = |boot: u32, sequence: u64, x_m: f64| State {
+            boot: Boot(boot),
+            sequence,
+            ..state(2, x_m, 0.0)
+        };
         peers.take(at(1.0), &state_of(40, 900, 1.0));
         peers.take(at(30.9), &state_of(3, 1, 2.0));
         peers.sight(at(30.9), &sighting(3, 2.0));
-        assert_eq!(peers.get(VehicleId(2)).unwrap().at.x_m, 1.0, "it was heard 29.9 s ago");
+        assert_eq!(
+            peers.get(VehicleId(2)).unwrap().at.x_m,
+            1.0,
+            "it was heard 29.9 s ago"
+        );
         peers.take(at(31.5), &state_of(40, 899, 5.0));
-        assert_eq!(peers.get(VehicleId(2)).unwrap().at.x_m, 1.0, "of one start the order stays");
+        assert_eq!(
+            peers.get(VehicleId(2)).unwrap().at.x_m,
+            1.0,
+            "of one start the order stays"
+        );
         let mut by_radio = peers.clone();
         by_radio.sight(at(31.5), &sighting(3, 2.0));
         peers.take(at(31.5), &state_of(3, 1, 2.0));
@@ -332,7 +412,10 @@ mod tests {
     #[test]
     fn a_state_that_a_peer_did_not_say_is_forgotten_when_its_own_go_on() {
         let mut peers = Peers::new(VehicleId(1));
-        let state_of = |sequence: u64, x_m: f64| State { sequence, ..state(2, x_m, 0.0) };
+        let state_of = |sequence: u64, x_m: f64| State {
+            sequence,
+            ..state(2, x_m, 0.0)
+        };
         peers.take(at(0.0), &state_of(100, 1.0));
         peers.take(at(0.1), &state_of(u64::MAX, 9.0));
         for turn in 1..=50_u32 {
@@ -340,7 +423,11 @@ mod tests {
             peers.take(at, &state_of(100 + u64::from(turn), 1.0));
             peers.sight(at, &sighting(1, 1.0));
         }
-        assert_eq!(peers.get(VehicleId(2)).unwrap().edition.1, u64::MAX, "a few may be late");
+        assert_eq!(
+            peers.get(VehicleId(2)).unwrap().edition.1,
+            u64::MAX,
+            "a few may be late"
+        );
         peers.take(at(10.2), &state_of(151, 2.0));
         assert_eq!(peers.get(VehicleId(2)).unwrap().at.x_m, 2.0);
         peers.take(at(10.3), &state_of(120, 1.0));
@@ -356,13 +443,27 @@ mod tests {
         let known = |peers: &Peers| peers.iter().map(|(id, _)| id.0).collect::<Vec<_>>();
         for second in 0..200_u32 {
             let now = at(f64::from(second));
-            peers.take(now, &State { sequence: u64::from(second) + 2, ..state(4, 4.0, 0.0) });
+            peers.take(
+                now,
+                &State {
+                    sequence: u64::from(second) + 2,
+                    ..state(4, 4.0, 0.0)
+                },
+            );
             peers.note_expected(now, &[VehicleId(1), VehicleId(2)]);
-            let expected = if second <= 60 { &[2, 3, 4][..] } else { &[2, 4] };
+            let expected = if second <= 60 {
+                &[2, 3, 4][..]
+            } else {
+                &[2, 4]
+            };
             assert_eq!(known(&peers), expected, "{second} s");
         }
         peers.note_expected(at(230.0), &[]);
-        assert_eq!(known(&peers), [2, 4], "of several ground stations one may expect it");
+        assert_eq!(
+            known(&peers),
+            [2, 4],
+            "of several ground stations one may expect it"
+        );
         peers.note_expected(at(260.1), &[]);
         assert_eq!(peers.iter().count(), 0);
     }
@@ -370,16 +471,44 @@ mod tests {
     #[test]
     fn a_peer_that_does_not_know_its_place_is_heard_and_stays_where_it_was_known_to_be() {
         let mut peers = Peers::new(VehicleId(1));
-        let lost = |sequence| State { pose: None, sequence, ..state(2, 0.0, 0.0) };
+        let lost = |sequence| State {
+            pose: None,
+            sequence,
+            ..state(2, 0.0, 0.0)
+        };
         peers.take(at(0.5), &lost(1));
-        peers.sight(at(0.6), &BeaconReport { pose: None, ..sighting(1, 0.0) });
+        peers.sight(
+            at(0.6),
+            &BeaconReport {
+                pose: None,
+                ..sighting(1, 0.0)
+            },
+        );
         assert_eq!(peers.iter().count(), 0, "nobody knows where it is");
-        peers.take(at(1.0), &State { sequence: 2, ..state(2, 3.0, 0.0) });
+        peers.take(
+            at(1.0),
+            &State {
+                sequence: 2,
+                ..state(2, 3.0, 0.0)
+            },
+        );
         peers.take(at(4.0), &lost(3));
         let peer = peers.get(VehicleId(2)).unwrap();
         assert_eq!((peer.at.x_m, peer.heard_at), (3.0, at(4.0)));
-        peers.take(at(4.1), &State { sequence: 2, ..state(2, 9.0, 0.0) });
-        peers.sight(at(5.5), &BeaconReport { pose: None, ..sighting(1, 0.0) });
+        peers.take(
+            at(4.1),
+            &State {
+                sequence: 2,
+                ..state(2, 9.0, 0.0)
+            },
+        );
+        peers.sight(
+            at(5.5),
+            &BeaconReport {
+                pose: None,
+                ..sighting(1, 0.0)
+            },
+        );
         let peer = peers.get(VehicleId(2)).unwrap();
         assert_eq!((peer.at.x_m, peer.heard_at), (3.0, at(5.5)));
         assert!(!peer.is_silent(at(7.4)) && peer.is_silent(at(7.6)));

@@ -21,7 +21,10 @@ pub(super) struct Place {
 impl Place {
     /// Makes a place that is not known yet; poses with a larger deviation than `pose_sd_max_m` never are.
     pub fn unknown(pose_sd_max_m: f64) -> Place {
-        Place { pose_sd_max_m, last: None }
+        Place {
+            pose_sd_max_m,
+            last: None,
+        }
     }
 
     /// Takes the newest state.
@@ -35,7 +38,10 @@ impl Place {
         let age = now.since(at);
         let moved = Vector::polar(pose.heading, speed_mps * age.as_secs_f64());
         let known = age <= POSE_AGE_MAX && pose.sd_m <= self.pose_sd_max_m;
-        known.then_some(Pose { at: pose.at + moved, ..pose })
+        known.then_some(Pose {
+            at: pose.at + moved,
+            ..pose
+        })
     }
 }
 

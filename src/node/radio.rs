@@ -126,9 +126,18 @@ impl Radio {
         }
         out.extend(beacon.stop.map(|stop| Out::Stop(beacon.sender, stop)));
         let progress = VehicleProgress::of(beacon.sender, beacon.boot, beacon.progress);
-        out.push(Out::Peer(BeaconReport { pose: beacon.pose, progress }));
-        let samples = self.reception.take(now, heard, self.place.pose(now), self.measures);
-        out.extend(samples.into_iter().map(|sample| Out::Sample(beacon.progress.run, sample)));
+        out.push(Out::Peer(BeaconReport {
+            pose: beacon.pose,
+            progress,
+        }));
+        let samples = self
+            .reception
+            .take(now, heard, self.place.pose(now), self.measures);
+        out.extend(
+            samples
+                .into_iter()
+                .map(|sample| Out::Sample(beacon.progress.run, sample)),
+        );
         self.ring.hear(now, beacon.sender, &beacon.members);
     }
 
@@ -160,7 +169,10 @@ impl Actor for Radio {
     }
 
     fn deadline(&self) -> Option<Deadline> {
-        Some(Deadline { at: self.ring.slot_at(), why: "own slot" })
+        Some(Deadline {
+            at: self.ring.slot_at(),
+            why: "own slot",
+        })
     }
 
     fn wake(&mut self, now: Time, out: &mut Vec<Out>) -> Result<(), Fault> {

@@ -164,23 +164,33 @@ pub enum Destination {
 /// Says where something goes; destinations are in the order in which they are told.
 pub(crate) fn route(output: Output, to: &mut Vec<Destination>) {
     match output {
-        Output::Edge(Event::Report(report)) => to.push(Destination::Autopilot(link::In::Report(report))),
+        Output::Edge(Event::Report(report)) => {
+            to.push(Destination::Autopilot(link::In::Report(report)))
+        }
         Output::Edge(Event::Ack(ack)) => to.push(Destination::Autopilot(link::In::Ack(ack))),
         Output::Autopilot(out) => to.push(match out {
             link::Out::Command(command) => Destination::Edge(Effect::Command(command)),
-            link::Out::Telemetry(telemetry) => Destination::Vehicle(vehicle::In::Telemetry(telemetry)),
+            link::Out::Telemetry(telemetry) => {
+                Destination::Vehicle(vehicle::In::Telemetry(telemetry))
+            }
             link::Out::Status(status) => Destination::Vehicle(vehicle::In::Autopilot(status)),
             link::Out::Remark(remark) => Destination::Edge(Effect::Note(Note::Autopilot(remark))),
         }),
         Output::Edge(Event::Echo(echo)) => to.push(Destination::Sensor(sensor::In::Echo(echo))),
         Output::Edge(Event::Heard(heard)) => to.push(Destination::Radio(radio::In::Heard(heard))),
-        Output::Edge(Event::Unsent(sequence)) => to.push(Destination::Radio(radio::In::Unsent(sequence))),
+        Output::Edge(Event::Unsent(sequence)) => {
+            to.push(Destination::Radio(radio::In::Unsent(sequence)))
+        }
         Output::Edge(Event::Bus(sender, message)) => route_message(sender, message, to),
         Output::Edge(Event::Kept(boot, run, sample)) => {
             to.push(Destination::Outbox(outbox::In::Kept((boot, run, sample))));
         }
-        Output::Edge(Event::Recalled(chunk)) => to.push(Destination::Outbox(outbox::In::Recalled(chunk))),
-        Output::Edge(Event::Dropped(dropped)) => to.push(Destination::Outbox(outbox::In::Dropped(dropped))),
+        Output::Edge(Event::Recalled(chunk)) => {
+            to.push(Destination::Outbox(outbox::In::Recalled(chunk)))
+        }
+        Output::Edge(Event::Dropped(dropped)) => {
+            to.push(Destination::Outbox(outbox::In::Dropped(dropped)))
+        }
         Output::Edge(Event::Remembered(remembered)) => {
             to.push(Destination::Vehicle(vehicle::In::Remembered(remembered)));
             to.push(Destination::Mission(mission::In::Remembered(remembered)));
@@ -194,11 +204,19 @@ pub(crate) fn route(output: Output, to: &mut Vec<Destination>) {
             to.push(Destination::Map(map::In::Scan(scan)));
         }
         Output::Map(map::Out::Tiles(tiles)) => {
-            to.extend(tiles.into_iter().map(|tile| Destination::Mission(mission::In::Tile(tile))));
+            to.extend(
+                tiles
+                    .into_iter()
+                    .map(|tile| Destination::Mission(mission::In::Tile(tile))),
+            );
         }
-        Output::Map(map::Out::Publish(message)) => to.push(Destination::Edge(Effect::Publish(message))),
+        Output::Map(map::Out::Publish(message)) => {
+            to.push(Destination::Edge(Effect::Publish(message)))
+        }
         Output::Mission(out) => route_mission(out, to),
-        Output::Radio(radio::Out::Transmit(beacon)) => to.push(Destination::Edge(Effect::Transmit(beacon))),
+        Output::Radio(radio::Out::Transmit(beacon)) => {
+            to.push(Destination::Edge(Effect::Transmit(beacon)))
+        }
         Output::Radio(radio::Out::Sample(run, sample)) => {
             to.push(Destination::Edge(Effect::Keep(run, sample)));
         }
@@ -206,7 +224,9 @@ pub(crate) fn route(output: Output, to: &mut Vec<Destination>) {
             to.push(Destination::Vehicle(vehicle::In::Sighted(sighting)));
             to.push(Destination::Mission(mission::In::Sighted(sighting)));
         }
-        Output::Radio(radio::Out::Stop(by, stop)) => to.push(Destination::Stops(stops::In::Beacon(by, stop))),
+        Output::Radio(radio::Out::Stop(by, stop)) => {
+            to.push(Destination::Stops(stops::In::Beacon(by, stop)))
+        }
         Output::Outbox(out) => to.push(Destination::Edge(outbox_effect(out))),
     }
 }
@@ -236,19 +256,29 @@ fn route_message(sender: Sender, message: Message, to: &mut Vec<Destination>) {
             to.push(Destination::Mission(mission::In::Plan(plan)));
         }
         Message::Mission(mission) => {
-            to.push(Destination::Mission(mission::In::Progress((&mission).into())));
+            to.push(Destination::Mission(mission::In::Progress(
+                (&mission).into(),
+            )));
         }
         Message::Order(order) => {
             to.push(Destination::Stops(stops::In::Order(sender, order.clone())));
             to.push(Destination::Vehicle(vehicle::In::Order(sender, order)));
         }
-        Message::Standing(standing) => to.push(Destination::Stops(stops::In::Standing(sender, standing))),
+        Message::Standing(standing) => {
+            to.push(Destination::Stops(stops::In::Standing(sender, standing)))
+        }
         Message::Hello(hello) => {
-            to.extend(hello.lease.map(|lease| Destination::Stops(stops::In::Lease(lease))));
+            to.extend(
+                hello
+                    .lease
+                    .map(|lease| Destination::Stops(stops::In::Lease(lease))),
+            );
         }
         Message::Report(report) => {
             to.push(Destination::Stops(stops::In::Lease(report.lease)));
-            to.push(Destination::Vehicle(vehicle::In::Expected(report.expected.clone())));
+            to.push(Destination::Vehicle(vehicle::In::Expected(
+                report.expected.clone(),
+            )));
             to.push(Destination::Map(map::In::Expected(report.expected.clone())));
             to.push(Destination::Mission(mission::In::Expected(report.expected)));
         }
@@ -268,7 +298,9 @@ fn route_stops(out: stops::Out, to: &mut Vec<Destination>) {
         }
         stops::Out::Heard(by) => to.push(Destination::Vehicle(vehicle::In::Told(by))),
         stops::Out::Publish(standing) => {
-            to.push(Destination::Edge(Effect::Publish(Message::Standing(standing))));
+            to.push(Destination::Edge(Effect::Publish(Message::Standing(
+                standing,
+            ))));
         }
         stops::Out::Remember(standing) => to.push(Destination::Edge(Effect::KeepStops(standing))),
         stops::Out::Remark(remark) => to.push(Destination::Edge(Effect::Note(Note::Stops(remark)))),
@@ -285,7 +317,9 @@ fn route_vehicle(out: vehicle::Out, to: &mut Vec<Destination>) {
         }
         vehicle::Out::Remember(memory) => to.push(Destination::Edge(Effect::Remember(memory))),
         vehicle::Out::Order(order) => to.push(Destination::Mission(mission::In::Order(order))),
-        vehicle::Out::Publish(state) => to.push(Destination::Edge(Effect::Publish(Message::State(state)))),
+        vehicle::Out::Publish(state) => {
+            to.push(Destination::Edge(Effect::Publish(Message::State(state))))
+        }
         vehicle::Out::Remark(remark) => {
             to.push(Destination::Mission(mission::In::Remark(remark.clone())));
             to.push(Destination::Edge(Effect::Note(Note::Vehicle(remark))));
@@ -304,11 +338,15 @@ fn route_mission(out: mission::Out, to: &mut Vec<Destination>) {
         }
         mission::Out::Progress(mission) => {
             to.push(Destination::Radio(radio::In::Progress(mission.progress)));
-            to.push(Destination::Edge(Effect::Publish(Message::Mission(mission))));
+            to.push(Destination::Edge(Effect::Publish(Message::Mission(
+                mission,
+            ))));
         }
         mission::Out::Remember(memory) => to.push(Destination::Edge(Effect::Remember(memory))),
         mission::Out::Measure(run) => to.push(Destination::Radio(radio::In::Measure(run))),
-        mission::Out::Remark(remark) => to.push(Destination::Edge(Effect::Note(Note::Mission(remark)))),
+        mission::Out::Remark(remark) => {
+            to.push(Destination::Edge(Effect::Note(Note::Mission(remark))))
+        }
     }
 }
 
@@ -330,9 +368,16 @@ mod tests {
 
     #[test]
     fn what_names_no_author_is_heard_of_whoever_says_it() {
-        for sender in [Sender::Ground, Sender::Vehicle(VehicleId(2)), Sender::Operator(OperatorId(1))] {
+        for sender in [
+            Sender::Ground,
+            Sender::Vehicle(VehicleId(2)),
+            Sender::Operator(OperatorId(1)),
+        ] {
             assert_eq!(heard(sender, Message::Digest(Digest::default())), [sender]);
-            let want = Want { layer: Default::default(), known: vec![] };
+            let want = Want {
+                layer: Default::default(),
+                known: vec![],
+            };
             assert_eq!(heard(sender, Message::Want(want)), [sender]);
         }
     }

@@ -116,30 +116,62 @@ impl Sensor {
     /// Makes the actor; it points its first beam at the first wake.
     pub fn new(look: LookSettings, pose_sd_max_m: f64) -> Sensor {
         let last_m = vec![f64::INFINITY; look.beams.len()];
-        let phase = Phase::Listening { awaited: None, next: Time::ZERO + look.period };
-        let (place, pointing) = (Place::unknown(pose_sd_max_m), Pointing::new(look.mounts.clone()));
-        Sensor { look, place, beam: 0, phase, pings: 0, last_m, pointing }
+        let phase = Phase::Listening {
+            awaited: None,
+            next: Time::ZERO + look.period,
+        };
+        let (place, pointing) = (
+            Place::unknown(pose_sd_max_m),
+            Pointing::new(look.mounts.clone()),
+        );
+        Sensor {
+            look,
+            place,
+            beam: 0,
+            phase,
+            pings: 0,
+            last_m,
+            pointing,
+        }
     }
 
     fn ping(&mut self, now: Time, next: Time, out: &mut Vec<Out>) {
         self.pings += 1;
         let next = next.max(now + Duration::from_nanos(1));
-        self.phase = Phase::Listening { awaited: Some(self.pings), next };
+        self.phase = Phase::Listening {
+            awaited: Some(self.pings),
+            next,
+        };
         out.push(Out::Ping(Ping { number: self.pings }));
     }
 
     fn echo(&mut self, now: Time, echo: Echo, out: &mut Vec<Out>) {
-        let Phase::Listening { awaited, next } = self.phase else { return };
+        let Phase::Listening { awaited, next } = self.phase else {
+            return;
+        };
         if awaited != Some(echo.number) {
             return; // a late answer to an earlier ping, or the same once more
         }
-        let Some(pose) = self.place.pose(now) else { return };
-        let Ok(range_m) = self.judged(echo.range_m) else { return };
-        self.phase = Phase::Listening { awaited: None, next };
+        let Some(pose) = self.place.pose(now) else {
+            return;
+        };
+        let Ok(range_m) = self.judged(echo.range_m) else {
+            return;
+        };
+        self.phase = Phase::Listening {
+            awaited: None,
+            next,
+        };
         let reading_m = range_m.unwrap_or(f64::INFINITY);
-        let suspect = reading_m < self.last_m[self.beam] - JUMP_M && reading_m < self.look.sure_range_m;
+        let suspect =
+            reading_m < self.last_m[self.beam] - JUMP_M && reading_m < self.look.sure_range_m;
         self.last_m[self.beam] = reading_m;
-        out.push(Out::Scan(Scan { pose, beam: self.look.beams[self.beam], range_m, suspect }));
+        out.push(Out::Scan(Scan {
+            pose,
+            beam: self.look.beams[self.beam],
+            range_m,
+            suspect,
+        }));
     }
 
     /// What is farther than the sensor hears is no echo; what is nearer says nothing at all, since it would hide the rest.
@@ -167,8 +199,14 @@ impl Actor for Sensor {
 
     fn deadline(&self) -> Option<Deadline> {
         Some(match self.phase {
-            Phase::Pointing { settled, .. } => Deadline { at: settled, why: "servo settled" },
-            Phase::Listening { next, .. } => Deadline { at: next, why: "next beam" },
+            Phase::Pointing { settled, .. } => Deadline {
+                at: settled,
+                why: "servo settled",
+            },
+            Phase::Listening { next, .. } => Deadline {
+                at: next,
+                why: "next beam",
+            },
         })
     }
 
@@ -233,7 +271,10 @@ mod tests {
             let mut out = Vec::new();
             let due = sensor.deadline().unwrap().at;
             sensor.wake(due, &mut out).unwrap();
-            assert!(sensor.deadline().unwrap().at > due, "a wake moves the deadline on");
+            assert!(
+                sensor.deadline().unwrap().at > due,
+                "a wake moves the deadline on"
+            );
             if let Some(Out::Ping(ping)) = out.first() {
                 return (due, ping.number);
             }
@@ -244,7 +285,9 @@ mod tests {
     fn a_ping_waits_until_the_servo_has_settled() {
         let mut sensor = sensor();
         let mut out = Vec::new();
-        sensor.wake(sensor.deadline().unwrap().at, &mut out).unwrap();
+        sensor
+            .wake(sensor.deadline().unwrap().at, &mut out)
+            .unwrap();
         assert!(matches!(out[..], [Out::Steer(_)]));
         assert_eq!(sensor.deadline().unwrap().at, Time::from_secs_f64(0.15));
     }
@@ -258,7 +301,10 @@ mod tests {
             let mut out = Vec::new();
             let due = sensor.deadline().unwrap().at;
             sensor.wake(due, &mut out).unwrap();
-            assert!(matches!(out[..], [Out::Steer(_), Out::Ping(ping)] if ping.number == number), "{out:?}");
+            assert!(
+                matches!(out[..], [Out::Steer(_), Out::Ping(ping)] if ping.number == number),
+                "{out:?}"
+            );
             assert_eq!(sensor.deadline().unwrap().at, due + settings.look.period);
         }
     }
@@ -301,7 +347,11 @@ mod tests {
         // It begins with the second beam, astern, which has no servo. 20° take the first one 100 ms, and 50 ms to settle.
         assert_eq!(pings, [50, 150, 150, 50, 150, 150, 50]);
         let round = steered[6].0.since(steered[3].0);
-        assert_eq!(round, Duration::from_millis(500), "three readings and two turns");
+        assert_eq!(
+            round,
+            Duration::from_millis(500),
+            "three readings and two turns"
+        );
         assert_eq!(settings.look.cycle(), round);
     }
 
@@ -309,9 +359,22 @@ mod tests {
     fn a_scan_carries_the_pose_on_to_the_moment_of_the_echo() {
         let mut sensor = sensor();
         let (due, number) = next_ping(&mut sensor);
-        told(&mut sensor, due - Duration::from_millis(100), state(1.0, 0.5));
-        let out = told(&mut sensor, due, In::Echo(Echo { number, range_m: Some(2.0) }));
-        let [Out::Scan(scan)] = &out[..] else { panic!("{out:?}") };
+        told(
+            &mut sensor,
+            due - Duration::from_millis(100),
+            state(1.0, 0.5),
+        );
+        let out = told(
+            &mut sensor,
+            due,
+            In::Echo(Echo {
+                number,
+                range_m: Some(2.0),
+            }),
+        );
+        let [Out::Scan(scan)] = &out[..] else {
+            panic!("{out:?}")
+        };
         assert!((scan.pose.at.x_m - 1.05).abs() < 1e-9);
     }
 
@@ -319,10 +382,37 @@ mod tests {
     fn readings_out_of_range_late_or_without_pose_are_no_hits() {
         let mut sensor = sensor();
         let (due, number) = next_ping(&mut sensor);
-        assert!(told(&mut sensor, due, In::Echo(Echo { number, range_m: Some(2.0) })).is_empty());
+        assert!(
+            told(
+                &mut sensor,
+                due,
+                In::Echo(Echo {
+                    number,
+                    range_m: Some(2.0)
+                })
+            )
+            .is_empty()
+        );
         told(&mut sensor, due, state(0.0, 0.0));
-        assert!(told(&mut sensor, due, In::Echo(Echo { number: number + 1, range_m: None })).is_empty());
-        let out = told(&mut sensor, due, In::Echo(Echo { number, range_m: Some(9.0) }));
+        assert!(
+            told(
+                &mut sensor,
+                due,
+                In::Echo(Echo {
+                    number: number + 1,
+                    range_m: None
+                })
+            )
+            .is_empty()
+        );
+        let out = told(
+            &mut sensor,
+            due,
+            In::Echo(Echo {
+                number,
+                range_m: Some(9.0),
+            }),
+        );
         assert!(matches!(&out[..], [Out::Scan(Scan { range_m: None, .. })]));
     }
 
@@ -333,19 +423,33 @@ mod tests {
 
     #[test]
     fn an_echo_counts_once_and_only_for_the_beam_that_it_was_asked_of() {
-        let near = |number| In::Echo(Echo { number, range_m: Some(1.0) });
+        let near = |number| {
+            In::Echo(Echo {
+                number,
+                range_m: Some(1.0),
+            })
+        };
         let mut sensor = sensor();
         told(&mut sensor, Time::ZERO, state(0.0, 0.0));
-        assert!(told(&mut sensor, Time::ZERO, near(0)).is_empty(), "nothing was asked yet");
+        assert!(
+            told(&mut sensor, Time::ZERO, near(0)).is_empty(),
+            "nothing was asked yet"
+        );
         let (due, number) = next_ping(&mut sensor);
         told(&mut sensor, due, state(0.0, 0.0));
         assert_eq!(told(&mut sensor, due, near(number)).len(), 1);
-        assert!(told(&mut sensor, due, near(number)).is_empty(), "it does not confirm itself");
+        assert!(
+            told(&mut sensor, due, near(number)).is_empty(),
+            "it does not confirm itself"
+        );
         let (_, number) = next_ping(&mut sensor);
         let turns_on = sensor.deadline().unwrap().at;
         sensor.wake(turns_on, &mut Vec::new()).unwrap();
         told(&mut sensor, turns_on, state(0.0, 0.0));
-        assert!(told(&mut sensor, turns_on, near(number)).is_empty(), "it would stand for the next beam");
+        assert!(
+            told(&mut sensor, turns_on, near(number)).is_empty(),
+            "it would stand for the next beam"
+        );
     }
 
     #[test]
@@ -354,14 +458,35 @@ mod tests {
             let mut sensor = sensor();
             let (due, number) = next_ping(&mut sensor);
             told(&mut sensor, due, state(0.0, 0.0));
-            let out = told(&mut sensor, due, In::Echo(Echo { number, range_m: Some(range_m) }));
+            let out = told(
+                &mut sensor,
+                due,
+                In::Echo(Echo {
+                    number,
+                    range_m: Some(range_m),
+                }),
+            );
             assert!(out.is_empty(), "{range_m}: {out:?}");
         }
         let mut sensor = sensor();
         let (due, number) = next_ping(&mut sensor);
         told(&mut sensor, due, state(0.0, 0.0));
-        let out = told(&mut sensor, due, In::Echo(Echo { number, range_m: Some(f64::INFINITY) }));
-        assert!(matches!(&out[..], [Out::Scan(Scan { range_m: None, suspect: false, .. })]));
+        let out = told(
+            &mut sensor,
+            due,
+            In::Echo(Echo {
+                number,
+                range_m: Some(f64::INFINITY),
+            }),
+        );
+        assert!(matches!(
+            &out[..],
+            [Out::Scan(Scan {
+                range_m: None,
+                suspect: false,
+                ..
+            })]
+        ));
     }
 
     #[test]
@@ -401,6 +526,9 @@ mod tests {
                 }
             }
         }
-        assert_eq!(suspects, [false, false, false, true, true, true, false, false, false]);
+        assert_eq!(
+            suspects,
+            [false, false, false, true, true, true, false, false, false]
+        );
     }
 }

@@ -79,7 +79,10 @@ impl ServoRange {
         if !(is_pulse(first_us) && is_pulse(last_us) && first_us != last_us) {
             return Err(ServoError::Pulses { first_us, last_us });
         }
-        Ok(ServoRange { angle_deg, pulse_us })
+        Ok(ServoRange {
+            angle_deg,
+            pulse_us,
+        })
     }
 
     /// Returns the first and the last angle, degrees.
@@ -99,9 +102,16 @@ impl ServoRange {
     pub fn pulse_us(&self, angle_deg: f64) -> Result<f64, ServoError> {
         let [low_deg, high_deg] = self.angle_deg;
         if !(low_deg..=high_deg).contains(&angle_deg) {
-            return Err(ServoError::Angle { angle_deg, low_deg, high_deg });
+            return Err(ServoError::Angle {
+                angle_deg,
+                low_deg,
+                high_deg,
+            });
         }
-        Ok(between((angle_deg - low_deg) / (high_deg - low_deg), self.pulse_us))
+        Ok(between(
+            (angle_deg - low_deg) / (high_deg - low_deg),
+            self.pulse_us,
+        ))
     }
 
     /// Returns the angle that a pulse width stands for, degrees.
@@ -112,7 +122,11 @@ impl ServoRange {
         let [first_us, last_us] = self.pulse_us;
         let share = (pulse_us - first_us) / (last_us - first_us);
         if !(0.0..=1.0).contains(&share) {
-            return Err(ServoError::Pulse { pulse_us, first_us, last_us });
+            return Err(ServoError::Pulse {
+                pulse_us,
+                first_us,
+                last_us,
+            });
         }
         Ok(between(share, self.angle_deg))
     }
@@ -120,7 +134,11 @@ impl ServoRange {
     /// Returns the angle in reach that is nearest to the wanted one, degrees; what is no number gives the first one.
     pub fn clamped_deg(&self, angle_deg: f64) -> f64 {
         let [low_deg, high_deg] = self.angle_deg;
-        if angle_deg.is_nan() { low_deg } else { angle_deg.clamp(low_deg, high_deg) }
+        if angle_deg.is_nan() {
+            low_deg
+        } else {
+            angle_deg.clamp(low_deg, high_deg)
+        }
     }
 
     /// Returns whether an angle belongs to this servo: the first is its own, the last is that of the next one.
@@ -178,11 +196,24 @@ mod tests {
     #[test]
     fn what_is_out_of_reach_is_refused_or_clamped() {
         let servo = servo(45.0, 135.0);
-        assert!(matches!(servo.pulse_us(135.1), Err(ServoError::Angle { .. })));
-        assert!(matches!(servo.pulse_us(f64::NAN), Err(ServoError::Angle { .. })));
-        assert!(matches!(servo.angle_deg(999.0), Err(ServoError::Pulse { .. })));
+        assert!(matches!(
+            servo.pulse_us(135.1),
+            Err(ServoError::Angle { .. })
+        ));
+        assert!(matches!(
+            servo.pulse_us(f64::NAN),
+            Err(ServoError::Angle { .. })
+        ));
+        assert!(matches!(
+            servo.angle_deg(999.0),
+            Err(ServoError::Pulse { .. })
+        ));
         assert_eq!(
-            [servo.clamped_deg(10.0), servo.clamped_deg(200.0), servo.clamped_deg(f64::NAN)],
+            [
+                servo.clamped_deg(10.0),
+                servo.clamped_deg(200.0),
+                servo.clamped_deg(f64::NAN)
+            ],
             [45.0, 135.0, 45.0]
         );
         assert_eq!((servo.owns(45.0), servo.owns(135.0)), (true, false));
@@ -209,11 +240,28 @@ mod tests {
 
     #[test]
     fn impossible_servos_are_refused() {
-        for angles in [[90.0, 90.0], [90.0, 0.0], [0.0, 361.0], [f64::NAN, 1.0], [0.0, f64::INFINITY]] {
-            assert!(matches!(ServoRange::new(angles, [1000.0, 2000.0]), Err(ServoError::Angles { .. })));
+        for angles in [
+            [90.0, 90.0],
+            [90.0, 0.0],
+            [0.0, 361.0],
+            [f64::NAN, 1.0],
+            [0.0, f64::INFINITY],
+        ] {
+            assert!(matches!(
+                ServoRange::new(angles, [1000.0, 2000.0]),
+                Err(ServoError::Angles { .. })
+            ));
         }
-        for pulses in [[1000.0, 1000.0], [-1.0, 2000.0], [0.0, 1e9], [f64::NAN, 1.0]] {
-            assert!(matches!(ServoRange::new([0.0, 180.0], pulses), Err(ServoError::Pulses { .. })));
+        for pulses in [
+            [1000.0, 1000.0],
+            [-1.0, 2000.0],
+            [0.0, 1e9],
+            [f64::NAN, 1.0],
+        ] {
+            assert!(matches!(
+                ServoRange::new([0.0, 180.0], pulses),
+                Err(ServoError::Pulses { .. })
+            ));
         }
     }
 

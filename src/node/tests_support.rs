@@ -12,7 +12,11 @@ use crate::geom::{Angle, Lattice, Point, Pose, Rect};
 pub fn own_state(x_m: f64, y_m: f64) -> OwnState {
     OwnState {
         sequence: 1,
-        pose: Pose { at: Point::new(x_m, y_m), heading: Angle::default(), sd_m: 0.05 },
+        pose: Pose {
+            at: Point::new(x_m, y_m),
+            heading: Angle::default(),
+            sd_m: 0.05,
+        },
         speed_mps: 0.0,
         mode: Mode::Idle,
         is_at_rest: true,
@@ -52,7 +56,10 @@ pub fn beacon(sender: u8, sequence: u32, x_m: f64, members: Vec<VehicleId>) -> B
         channel: 11,
         power_dbm: 0,
         members,
-        progress: Progress { run: RunId(4), ..Progress::default() },
+        progress: Progress {
+            run: RunId(4),
+            ..Progress::default()
+        },
         ..Beacon::default()
     }
 }
@@ -69,10 +76,18 @@ pub fn settings(vehicle: u8) -> Settings {
         home: Point::new(0.0, 0.0),
         lattice: Lattice::new(0.2),
         slice: 0,
-        body: BodySettings { radius_m: 0.25, speed_mps: 0.5, braking_mps2: 1.0 },
+        body: BodySettings {
+            radius_m: 0.25,
+            speed_mps: 0.5,
+            braking_mps2: 1.0,
+        },
         look: LookSettings {
             is_blind: false,
-            beams: vec![Angle::from_degrees(-30.0), Angle::default(), Angle::from_degrees(30.0)],
+            beams: vec![
+                Angle::from_degrees(-30.0),
+                Angle::default(),
+                Angle::from_degrees(30.0),
+            ],
             half_angle: Angle::from_degrees(15.0),
             min_range_m: 0.1,
             max_range_m: 4.0,
@@ -81,8 +96,15 @@ pub fn settings(vehicle: u8) -> Settings {
             settle: Duration::from_millis(50),
             mounts: crate::plan::Mounts::default(),
         },
-        radio: RadioSettings { channel: 11, power_dbm: 0, slot: Duration::from_millis(50) },
-        safety: crate::config::Safety { padding_m: 0.15, ..Default::default() },
+        radio: RadioSettings {
+            channel: 11,
+            power_dbm: 0,
+            slot: Duration::from_millis(50),
+        },
+        safety: crate::config::Safety {
+            padding_m: 0.15,
+            ..Default::default()
+        },
         swarm: crate::config::Swarm::default(),
         task: None,
         path_time: Duration::from_millis(20),

@@ -65,7 +65,8 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    Control, EmergencyStop, Order, OrderKind, Revision, RunId, Sender, StandReason, State, VehicleId,
+    Control, EmergencyStop, Order, OrderKind, Revision, RunId, Sender, StandReason, State,
+    VehicleId,
 };
 
 use self::emergency::Emergency;
@@ -163,7 +164,10 @@ impl Vehicle {
     /// Makes the actor of a vehicle that has not yet heard its autopilot.
     pub fn new(settings: Settings) -> Vehicle {
         let mut emergency = Emergency::default();
-        emergency.take(Time::ZERO, first_that_stops(&settings.stops.open, settings.vehicle));
+        emergency.take(
+            Time::ZERO,
+            first_that_stops(&settings.stops.open, settings.vehicle),
+        );
         Vehicle {
             peers: Peers::new(settings.vehicle),
             orders: Orders::remembering(settings.memory),
@@ -187,7 +191,10 @@ impl Vehicle {
             self.stop(now, out);
         }
         let motors = self.orders.take(now, &telemetry);
-        let disarms = self.emergency.disarms(now, &telemetry).then_some(Fly::Disarm);
+        let disarms = self
+            .emergency
+            .disarms(now, &telemetry)
+            .then_some(Fly::Disarm);
         out.extend(motors.or(disarms).map(Out::Fly));
         self.report(now, &telemetry, out);
     }
@@ -228,7 +235,10 @@ impl Vehicle {
             Command::Drive { stop, route } => {
                 let corners: Vec<Point> = route.into_iter().skip(1).collect();
                 self.movement.drive(now, stop.is_none(), &corners);
-                out.push(Out::Fly(Fly::Drive { corners, speed_mps: self.settings.body.speed_mps }));
+                out.push(Out::Fly(Fly::Drive {
+                    corners,
+                    speed_mps: self.settings.body.speed_mps,
+                }));
             }
             Command::Turn(heading) => {
                 self.movement.turn(now);
@@ -239,11 +249,15 @@ impl Vehicle {
     }
 
     fn scan(&mut self, now: Time, scan: &Scan, out: &mut Vec<Out>) {
-        let Some(telemetry) = self.telemetry.of_any_age() else { return };
+        let Some(telemetry) = self.telemetry.of_any_age() else {
+            return;
+        };
         if telemetry.motion != Motion::Driving || self.movement.is_halted() {
             return;
         }
-        let Some(ahead_m) = reflex::halts_for(&self.settings, telemetry, scan) else { return };
+        let Some(ahead_m) = reflex::halts_for(&self.settings, telemetry, scan) else {
+            return;
+        };
         let bump = reflex::obstacle_of(&self.settings, now, scan);
         self.movement.halt(now, self.braking_end());
         self.reflex.remember(now, bump);
@@ -252,10 +266,17 @@ impl Vehicle {
     }
 
     fn order(&mut self, now: Time, sender: Sender, order: Order, out: &mut Vec<Out>) {
-        let is_answer =
-            self.reports.is_answer(now, self.settings.boot, order.seen, self.orders.answers_from());
+        let is_answer = self.reports.is_answer(
+            now,
+            self.settings.boot,
+            order.seen,
+            self.orders.answers_from(),
+        );
         let is_own = order.vehicle == self.settings.vehicle;
-        if !is_own || !self.orders.accepts(&order, is_answer) || !self.may_begin(now, sender, &order) {
+        if !is_own
+            || !self.orders.accepts(&order, is_answer)
+            || !self.may_begin(now, sender, &order)
+        {
             return;
         }
         if self.orders.awaits_disk(&order) {
@@ -272,9 +293,15 @@ impl Vehicle {
 
     /// Obeys the order that has waited for the disk, if it need not any more.
     fn obey(&mut self, now: Time, out: &mut Vec<Out>) {
-        let (reports, boot, from) = (&self.reports, self.settings.boot, self.orders.answers_from());
+        let (reports, boot, from) = (
+            &self.reports,
+            self.settings.boot,
+            self.orders.answers_from(),
+        );
         let is_answer = |order: &Order| reports.is_answer(now, boot, order.seen, from);
-        let Some((order, motors)) = self.orders.obey(now, is_answer) else { return };
+        let Some((order, motors)) = self.orders.obey(now, is_answer) else {
+            return;
+        };
         if order.kind == OrderKind::Start {
             self.emergency.start();
             out.extend(self.take_over.end().then_some(Out::Fly(Fly::TakeBack)));
@@ -291,14 +318,18 @@ impl Vehicle {
             OrderKind::Return => {
                 !self.emergency.stands()
                     && !self.take_over.stands()
-                    && self.readiness.look(now, self.settings.listens_for, &self.peers)
+                    && self
+                        .readiness
+                        .look(now, self.settings.listens_for, &self.peers)
             }
             OrderKind::Start => {
                 let is_of_operator = matches!(sender, Sender::Operator(_));
                 let Settings { vehicle, boot, .. } = self.settings;
                 self.emergency.lets_start(is_of_operator)
                     && self.take_over.lets_start(sender, order, vehicle, boot)
-                    && self.readiness.look(now, self.settings.listens_for, &self.peers)
+                    && self
+                        .readiness
+                        .look(now, self.settings.listens_for, &self.peers)
             }
         }
     }
@@ -306,7 +337,10 @@ impl Vehicle {
     /// Takes which emergency stops are open: it brakes at once for one, and for the lifting of all it does nothing.
     fn stops(&mut self, now: Time, open: &[EmergencyStop], out: &mut Vec<Out>) {
         let was_stopped = self.emergency.stop().is_some();
-        if self.emergency.take(now, first_that_stops(open, self.settings.vehicle)) {
+        if self
+            .emergency
+            .take(now, first_that_stops(open, self.settings.vehicle))
+        {
             self.stop(now, out);
             self.orders.hold(now);
         } else if was_stopped && self.emergency.stop().is_none() {
@@ -326,7 +360,9 @@ impl Vehicle {
 
     /// Returns where the vehicle comes to rest if it brakes now; `None` as long as nobody knows where it is.
     fn braking_end(&self) -> Option<Point> {
-        let Telemetry { pose, speed_mps, .. } = self.telemetry.of_any_age()?;
+        let Telemetry {
+            pose, speed_mps, ..
+        } = self.telemetry.of_any_age()?;
         let braking_m = speed_mps * speed_mps / (2.0 * self.settings.body.braking_mps2);
         Some(pose.at + Vector::polar(pose.heading, braking_m))
     }
@@ -356,7 +392,8 @@ impl Actor for Vehicle {
             }
             In::Sighted(sighting) => {
                 // A beacon names a stop that is open, if there is one.
-                self.readiness.note_told(now, Sender::Vehicle(sighting.progress.vehicle));
+                self.readiness
+                    .note_told(now, Sender::Vehicle(sighting.progress.vehicle));
                 self.peers.sight(now, &sighting);
                 self.yield_to(now, sighting.progress.vehicle, out);
             }
@@ -431,7 +468,10 @@ impl Input for In {
             (In::Order(first, unread), In::Order(second, newer)) => {
                 let is_newer = newer.lease > unread.lease
                     || newer.lease == unread.lease && newer.revision >= unread.revision;
-                In::Order(if is_newer { second } else { first }, join_orders(unread, newer))
+                In::Order(
+                    if is_newer { second } else { first },
+                    join_orders(unread, newer),
+                )
             }
             (In::Peer(unread), In::Peer(newer)) => In::Peer(join_states(unread, newer)),
             (_, newer) => newer,

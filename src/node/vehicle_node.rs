@@ -65,7 +65,11 @@ impl VehicleNode {
 
     /// Returns how many samples of a run its radio has made, over all starts.
     pub fn samples_made(&self, run: RunId) -> u64 {
-        let made = self.radios.iter().chain([self.radio()]).map(|radio| radio.samples_made(run));
+        let made = self
+            .radios
+            .iter()
+            .chain([self.radio()])
+            .map(|radio| radio.samples_made(run));
         made.sum()
     }
 
@@ -82,7 +86,12 @@ impl VehicleNode {
     ///
     /// # Errors
     /// An actor cannot go on.
-    pub fn tell(&mut self, now: Time, event: Event, effects: &mut Vec<Effect>) -> Result<(), Fault> {
+    pub fn tell(
+        &mut self,
+        now: Time,
+        event: Event,
+        effects: &mut Vec<Effect>,
+    ) -> Result<(), Fault> {
         self.node.tell(now, event, effects)
     }
 

@@ -8,8 +8,8 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::codec::{Greeting, VERSION};
 use tomoswarm_proto::{
-    Boot, EmergencyName, EmergencyStop, Health, Hello, Lease, Message, Mission, OperatorId, Report, Sender,
-    StandReason, Standing, State, StopScope, VehicleId,
+    Boot, EmergencyName, EmergencyStop, Health, Hello, Lease, Message, Mission, OperatorId, Report,
+    Sender, StandReason, Standing, State, StopScope, VehicleId,
 };
 
 use super::Heard;
@@ -94,10 +94,20 @@ impl FleetView {
     /// Returns whether something shows more than that a vehicle is where it is: a State that shows the same start of its
     /// software and the same order as the one before does not.
     pub fn is_news(&self, heard: &Heard) -> bool {
-        let Heard::Message(_, Message::State(state)) = heard else { return true };
-        let key =
-            |state: &State| (state.boot, state.ordered, state.accepted, state.stands_under, state.is_at_rest);
-        self.state(state.vehicle).is_none_or(|known| key(&known.value) != key(state))
+        let Heard::Message(_, Message::State(state)) = heard else {
+            return true;
+        };
+        let key = |state: &State| {
+            (
+                state.boot,
+                state.ordered,
+                state.accepted,
+                state.stands_under,
+                state.is_at_rest,
+            )
+        };
+        self.state(state.vehicle)
+            .is_none_or(|known| key(&known.value) != key(state))
     }
 
     /// Returns what a vehicle has said; `None` when it was not heard.
@@ -122,7 +132,10 @@ impl FleetView {
 
     /// Returns the report of the live ground station with the greatest lease.
     pub fn ground(&self, now: Time) -> Option<&Fresh<Report>> {
-        let live = self.grounds.values().filter(|report| report.age(now) <= GROUND_LIVES);
+        let live = self
+            .grounds
+            .values()
+            .filter(|report| report.age(now) <= GROUND_LIVES);
         live.max_by_key(|report| report.value.lease)
     }
 
@@ -141,13 +154,18 @@ impl FleetView {
     pub fn shared_operators(&self, now: Time) -> impl Iterator<Item = OperatorId> {
         let overlap = |one: &(Time, Time), other: &(Time, Time)| one.1 > other.0 && other.1 > one.0;
         let is_shared = move |instances: &BTreeMap<u64, (Time, Time)>| {
-            let live: Vec<&(Time, Time)> =
-                instances.values().filter(|(_, last)| now.since(*last) <= OPERATOR_LIVES).collect();
+            let live: Vec<&(Time, Time)> = instances
+                .values()
+                .filter(|(_, last)| now.since(*last) <= OPERATOR_LIVES)
+                .collect();
             live.iter()
                 .enumerate()
                 .any(|(index, one)| live[index + 1..].iter().any(|other| overlap(one, other)))
         };
-        self.operators.iter().filter(move |(_, instances)| is_shared(instances)).map(|(id, _)| *id)
+        self.operators
+            .iter()
+            .filter(move |(_, instances)| is_shared(instances))
+            .map(|(id, _)| *id)
     }
 
     /// Returns why a node does not listen to whoever has this venue file; `None` = it does, or has not greeted.
@@ -167,8 +185,12 @@ impl FleetView {
     /// Returns the greatest lease that a vehicle has obeyed or a live ground station holds; number 0 = nobody's.
     pub fn lease(&self, now: Time) -> Lease {
         let of_orders = |seen: &VehicleView| Some(seen.state.as_ref()?.value.ordered.lease);
-        let of_plans = |seen: &VehicleView| Some(Lease::lowest(seen.mission.as_ref()?.value.lease_number));
-        let obeyed = self.vehicles.values().flat_map(|seen| of_orders(seen).max(of_plans(seen)));
+        let of_plans =
+            |seen: &VehicleView| Some(Lease::lowest(seen.mission.as_ref()?.value.lease_number));
+        let obeyed = self
+            .vehicles
+            .values()
+            .flat_map(|seen| of_orders(seen).max(of_plans(seen)));
         let held = self.ground(now).map(|report| report.value.lease);
         obeyed.chain(held).max().unwrap_or_default()
     }
@@ -176,7 +198,10 @@ impl FleetView {
     /// Returns the lease that a holder takes when nobody holds one. A ground station that is there may take number 1 in this
     /// very moment.
     pub fn first_lease(&self, now: Time, holder: u64) -> Lease {
-        Lease { number: if self.ground(now).is_some() { 2 } else { 1 }, holder }
+        Lease {
+            number: if self.ground(now).is_some() { 2 } else { 1 },
+            holder,
+        }
     }
 
     /// Returns the emergency stops that any node says to be open and none to be lifted, ascending by name.
@@ -186,14 +211,19 @@ impl FleetView {
 
     /// Returns an open stop in words: whom it stops, who made it, and who of these vehicles does not show it.
     pub fn stop_in_words(&self, stop: &EmergencyStop, vehicles: &BTreeSet<VehicleId>) -> String {
-        let concerns = |id: &&VehicleId| stop.scope == StopScope::All || stop.scope == StopScope::One(**id);
+        let concerns =
+            |id: &&VehicleId| stop.scope == StopScope::All || stop.scope == StopScope::One(**id);
         let shows = |id: &VehicleId| self.shows_stop(*id, stop.name) || self.is_under_a_stop(*id);
         let whom = match stop.scope {
             StopScope::All => "all vehicles".to_owned(),
             StopScope::One(vehicle) => format!("vehicle {vehicle}"),
         };
-        let not_shown: Vec<VehicleId> =
-            vehicles.iter().filter(concerns).filter(|id| !shows(id)).copied().collect();
+        let not_shown: Vec<VehicleId> = vehicles
+            .iter()
+            .filter(concerns)
+            .filter(|id| !shows(id))
+            .copied()
+            .collect();
         let shown = match not_shown.is_empty() {
             true => "shown by all of them".to_owned(),
             false => format!("not shown by vehicle {}", listed(&not_shown)),
@@ -213,10 +243,16 @@ impl FleetView {
 
     /// Returns whether a vehicle shows that it stands under a stop, in its state or by saying that it knows it.
     pub fn shows_stop(&self, id: VehicleId, name: EmergencyName) -> bool {
-        let is_shown = |standing: &Fresh<Standing>| standing.value.open.iter().any(|stop| stop.name == name);
-        let is_in_state =
-            self.state(id).is_some_and(|state| state.value.stands_under == Some(StandReason::Stop(name)));
-        is_in_state || self.standing.get(&Sender::Vehicle(id)).is_some_and(is_shown)
+        let is_shown =
+            |standing: &Fresh<Standing>| standing.value.open.iter().any(|stop| stop.name == name);
+        let is_in_state = self
+            .state(id)
+            .is_some_and(|state| state.value.stands_under == Some(StandReason::Stop(name)));
+        is_in_state
+            || self
+                .standing
+                .get(&Sender::Vehicle(id))
+                .is_some_and(is_shown)
     }
 
     /// Forgets the states that came before a moment, as if those vehicles had not been heard.
@@ -233,7 +269,10 @@ impl FleetView {
         }
         self.foreign.remove(&greeting.node);
         let Some(hello) = hello else { return };
-        let fresh = Some(Fresh { at: now, value: hello.clone() });
+        let fresh = Some(Fresh {
+            at: now,
+            value: hello.clone(),
+        });
         match greeting.node {
             Sender::Ground => self.ground_hello = fresh,
             Sender::Vehicle(id) => self.vehicles.entry(id).or_default().hello = fresh,
@@ -245,7 +284,10 @@ impl FleetView {
         let known = self.operators.entry(id).or_default();
         known.entry(instance).or_insert((now, now)).1 = now;
         if known.len() > INSTANCES {
-            let oldest = known.iter().min_by_key(|(_, (_, last))| *last).map(|(instance, _)| *instance);
+            let oldest = known
+                .iter()
+                .min_by_key(|(_, (_, last))| *last)
+                .map(|(instance, _)| *instance);
             oldest.and_then(|instance| known.remove(&instance));
         }
     }
@@ -254,11 +296,19 @@ impl FleetView {
         match message {
             Message::Standing(standing) => {
                 self.stops.join(standing);
-                self.standing.insert(sender, Fresh { at: now, value: standing.clone() });
+                self.standing.insert(
+                    sender,
+                    Fresh {
+                        at: now,
+                        value: standing.clone(),
+                    },
+                );
             }
             Message::State(state) => {
                 let seen = self.vehicles.entry(state.vehicle).or_default();
-                renew(&mut seen.state, now, state, |state| (state.boot, state.sequence));
+                renew(&mut seen.state, now, state, |state| {
+                    (state.boot, state.sequence)
+                });
             }
             Message::Mission(mission) => {
                 let seen = self.vehicles.entry(mission.vehicle).or_default();
@@ -284,20 +334,39 @@ impl FleetView {
     }
 
     fn report(&mut self, now: Time, report: &Report) {
-        self.grounds.insert(report.store, Fresh { at: now, value: report.clone() });
+        self.grounds.insert(
+            report.store,
+            Fresh {
+                at: now,
+                value: report.clone(),
+            },
+        );
         if self.grounds.len() > GROUNDS {
-            let oldest = self.grounds.iter().min_by_key(|(_, report)| report.at).map(|(store, _)| *store);
+            let oldest = self
+                .grounds
+                .iter()
+                .min_by_key(|(_, report)| report.at)
+                .map(|(store, _)| *store);
             oldest.and_then(|store| self.grounds.remove(&store));
         }
     }
 }
 
 /// Puts what was said in the place of what is older.
-fn renew<T: Clone>(known: &mut Option<Fresh<T>>, now: Time, said: &T, edition: fn(&T) -> (Boot, u64)) {
-    let is_older =
-        |known: &Fresh<T>| edition(said) < edition(&known.value) && known.age(now) <= LOWER_BOOT_AFTER;
+fn renew<T: Clone>(
+    known: &mut Option<Fresh<T>>,
+    now: Time,
+    said: &T,
+    edition: fn(&T) -> (Boot, u64),
+) {
+    let is_older = |known: &Fresh<T>| {
+        edition(said) < edition(&known.value) && known.age(now) <= LOWER_BOOT_AFTER
+    };
     if !known.as_ref().is_some_and(is_older) {
-        *known = Some(Fresh { at: now, value: said.clone() });
+        *known = Some(Fresh {
+            at: now,
+            value: said.clone(),
+        });
     }
 }
 
@@ -314,19 +383,51 @@ mod tests {
     fn of_states_the_newest_by_boot_and_sequence_is_kept_whatever_comes_last() {
         let mut view = FleetView::default();
         for (at_s, boot, sequence) in [(0.0, 1, 5), (0.1, 2, 1), (0.2, 1, 6), (0.3, 2, 0)] {
-            hear(&mut view, at_s, Message::State(State { sequence, boot: Boot(boot), ..state(3) }));
+            hear(
+                &mut view,
+                at_s,
+                Message::State(State {
+                    sequence,
+                    boot: Boot(boot),
+                    ..state(3)
+                }),
+            );
         }
         let newest = view.state(VehicleId(3)).unwrap();
-        assert_eq!((newest.value.boot, newest.value.sequence, newest.at), (Boot(2), 1, at(0.1)));
+        assert_eq!(
+            (newest.value.boot, newest.value.sequence, newest.at),
+            (Boot(2), 1, at(0.1))
+        );
     }
 
     #[test]
     fn a_vehicle_with_a_new_disk_is_heard_again_after_some_silence() {
         let mut view = FleetView::default();
-        hear(&mut view, 0.0, Message::State(State { boot: Boot(9), ..state(3) }));
-        hear(&mut view, 1.0, Message::State(State { boot: Boot(1), ..state(3) }));
+        hear(
+            &mut view,
+            0.0,
+            Message::State(State {
+                boot: Boot(9),
+                ..state(3)
+            }),
+        );
+        hear(
+            &mut view,
+            1.0,
+            Message::State(State {
+                boot: Boot(1),
+                ..state(3)
+            }),
+        );
         assert_eq!(view.state(VehicleId(3)).unwrap().value.boot, Boot(9));
-        hear(&mut view, 30.1, Message::State(State { boot: Boot(1), ..state(3) }));
+        hear(
+            &mut view,
+            30.1,
+            Message::State(State {
+                boot: Boot(1),
+                ..state(3)
+            }),
+        );
         assert_eq!(view.state(VehicleId(3)).unwrap().value.boot, Boot(1));
     }
 
@@ -334,12 +435,23 @@ mod tests {
     fn of_two_grounds_the_live_one_with_the_greatest_lease_counts() {
         let mut view = FleetView::default();
         let of = |store, number| {
-            Message::Report(Report { store, lease: Lease { number, holder: store }, ..report() })
+            Message::Report(Report {
+                store,
+                lease: Lease {
+                    number,
+                    holder: store,
+                },
+                ..report()
+            })
         };
         hear(&mut view, 0.0, of(1, 9));
         hear(&mut view, 4.0, of(2, 3));
         assert_eq!(view.ground(at(4.5)).unwrap().value.store, 1);
-        assert_eq!(view.ground(at(5.5)).unwrap().value.store, 2, "the other has been silent");
+        assert_eq!(
+            view.ground(at(5.5)).unwrap().value.store,
+            2,
+            "the other has been silent"
+        );
         assert_eq!(view.ground(at(9.5)), None);
     }
 
@@ -372,15 +484,37 @@ mod tests {
         ordered.ordered.lease = lease(1);
         hear(&mut view, 0.0, Message::State(ordered));
         assert_eq!(view.lease(at(0.0)), lease(1));
-        let planned = Mission { vehicle: VehicleId(3), lease_number: 2, ..Mission::default() };
+        let planned = Mission {
+            vehicle: VehicleId(3),
+            lease_number: 2,
+            ..Mission::default()
+        };
         hear(&mut view, 0.0, Message::Mission(planned));
-        assert_eq!(view.lease(at(60.0)).number, 2, "the ground that gave the plan may be gone");
-        hear(&mut view, 60.0, Message::Report(Report { lease: lease(5), ..report() }));
-        assert_eq!((view.lease(at(60.0)), view.lease(at(70.0))), (lease(5), Lease::lowest(2)));
+        assert_eq!(
+            view.lease(at(60.0)).number,
+            2,
+            "the ground that gave the plan may be gone"
+        );
+        hear(
+            &mut view,
+            60.0,
+            Message::Report(Report {
+                lease: lease(5),
+                ..report()
+            }),
+        );
+        assert_eq!(
+            (view.lease(at(60.0)), view.lease(at(70.0))),
+            (lease(5), Lease::lowest(2))
+        );
     }
 
     fn operator_hello(node: Sender, instance: u64) -> Hello {
-        Hello { is_member: true, member_for_s: 1, ..Hello::asking(node, Boot(1), 5, instance) }
+        Hello {
+            is_member: true,
+            member_for_s: 1,
+            ..Hello::asking(node, Boot(1), 5, instance)
+        }
     }
 
     #[test]
@@ -388,7 +522,12 @@ mod tests {
         let mut view = FleetView::default();
         let mut greet = |at_s: f64, operator: u8, instance: u64| {
             let node = Sender::Operator(OperatorId(operator));
-            let greeting = Greeting { version: VERSION, node, boot: Boot(1), venue_hash: 5 };
+            let greeting = Greeting {
+                version: VERSION,
+                node,
+                boot: Boot(1),
+                venue_hash: 5,
+            };
             let hello = operator_hello(node, instance);
             view.hear(at(at_s), &Heard::Greeting(greeting, Some(hello)));
             view.shared_operators(at(at_s)).collect::<Vec<OperatorId>>()
@@ -402,7 +541,11 @@ mod tests {
             greet(3.0, 1, instance);
         }
         assert_eq!(greet(20.0, 1, 9), [], "the other one has left");
-        assert!(view.operators.values().all(|known| known.len() <= INSTANCES));
+        assert!(
+            view.operators
+                .values()
+                .all(|known| known.len() <= INSTANCES)
+        );
     }
 
     #[test]
@@ -410,18 +553,33 @@ mod tests {
         let mut view = FleetView::default();
         for store in 0..1000 {
             let at_s = store as f64;
-            hear(&mut view, at_s, Message::Report(Report { store, ..report() }));
+            hear(
+                &mut view,
+                at_s,
+                Message::Report(Report { store, ..report() }),
+            );
             hear(&mut view, at_s, Message::State(state((store % 256) as u8)));
         }
-        assert_eq!(view.grounds().map(|report| report.value.store).max(), Some(999));
-        assert_eq!((view.grounds().count(), view.vehicles().count()), (GROUNDS, 256));
+        assert_eq!(
+            view.grounds().map(|report| report.value.store).max(),
+            Some(999)
+        );
+        assert_eq!(
+            (view.grounds().count(), view.vehicles().count()),
+            (GROUNDS, 256)
+        );
     }
 
     #[test]
     fn a_greeting_of_another_version_is_known_as_such_until_it_is_of_ours() {
         let mut view = FleetView::default();
         let node = Sender::Vehicle(VehicleId(3));
-        let greeting = |version| Greeting { version, node, boot: Boot(1), venue_hash: 5 };
+        let greeting = |version| Greeting {
+            version,
+            node,
+            boot: Boot(1),
+            venue_hash: 5,
+        };
         view.hear(at(0.0), &Heard::Greeting(greeting(9), None));
         assert_eq!(view.foreign().count(), 1);
         view.hear(at(0.1), &Heard::Greeting(greeting(VERSION), None));

@@ -7,7 +7,9 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Lease, MissionKind, RunId, RunReport, SweepPlanner, Task, TaskKind, VehicleId};
+use tomoswarm_proto::{
+    Lease, MissionKind, RunId, RunReport, SweepPlanner, Task, TaskKind, VehicleId,
+};
 
 use super::fleet_view::FleetView;
 use crate::config::{Planner, Sweep};
@@ -31,8 +33,19 @@ pub struct TaskWish {
 
 impl TaskWish {
     fn under(&self, lease: Lease) -> Task {
-        let TaskWish { run, members, compare_with, kind } = self.clone();
-        Task { lease, run, members, compare_with, kind }
+        let TaskWish {
+            run,
+            members,
+            compare_with,
+            kind,
+        } = self.clone();
+        Task {
+            lease,
+            run,
+            members,
+            compare_with,
+            kind,
+        }
     }
 
     fn is_own(&self) -> bool {
@@ -45,7 +58,8 @@ impl TaskWish {
         let is_reported = |runs: &Vec<RunReport>| runs.iter().any(|run| self.is_shown_by(run));
         match self.is_own() {
             true => {
-                report.is_none_or(is_reported) && self.members.iter().all(|id| self.is_shown_at(view, *id))
+                report.is_none_or(is_reported)
+                    && self.members.iter().all(|id| self.is_shown_at(view, *id))
             }
             false => report.is_some_and(is_reported),
         }
@@ -57,8 +71,13 @@ impl TaskWish {
     }
 
     fn is_shown_at(&self, view: &FleetView, member: VehicleId) -> bool {
-        let said = view.vehicle(member).and_then(|seen| seen.mission.as_ref()).map(|said| said.value);
-        said.is_some_and(|said| (said.progress.run, said.kind) == (self.run, MissionKind::from(&self.kind)))
+        let said = view
+            .vehicle(member)
+            .and_then(|seen| seen.mission.as_ref())
+            .map(|said| said.value);
+        said.is_some_and(|said| {
+            (said.progress.run, said.kind) == (self.run, MissionKind::from(&self.kind))
+        })
     }
 }
 
@@ -78,7 +97,14 @@ impl GivenTasks {
     /// Takes a task up, in place of an earlier one of its run, and of those that are shown.
     pub fn give(&mut self, wish: TaskWish) {
         self.0.retain(|_, given| !given.is_shown);
-        self.0.insert(wish.run, Given { wish, said: None, is_shown: false });
+        self.0.insert(
+            wish.run,
+            Given {
+                wish,
+                said: None,
+                is_shown: false,
+            },
+        );
     }
 
     /// Returns the tasks that are due, by this lease.
@@ -86,8 +112,10 @@ impl GivenTasks {
         for given in self.0.values_mut() {
             given.is_shown = given.said.is_some() && given.wish.is_shown(now, view);
         }
-        self.0.retain(|_, given| given.wish.is_own() || !given.is_shown);
-        let is_due = |given: &Given| !given.is_shown && given.said.is_none_or(|at| now.since(at) >= REPEAT);
+        self.0
+            .retain(|_, given| given.wish.is_own() || !given.is_shown);
+        let is_due =
+            |given: &Given| !given.is_shown && given.said.is_none_or(|at| now.since(at) >= REPEAT);
         let due = self.0.values_mut().filter(|given| is_due(given));
         due.map(|given| {
             given.said = Some(now);
@@ -99,7 +127,9 @@ impl GivenTasks {
     /// Returns when one is to be said again.
     pub fn next(&self) -> Option<Time> {
         let open = self.0.values().filter(|given| !given.is_shown);
-        open.filter_map(|given| given.said).min().map(|at| at + REPEAT)
+        open.filter_map(|given| given.said)
+            .min()
+            .map(|at| at + REPEAT)
     }
 }
 
@@ -138,39 +168,75 @@ mod tests {
     }
 
     fn wish(kind: TaskKind) -> TaskWish {
-        TaskWish { run: RunId(2), members: vec![VehicleId(1)], compare_with: Some(RunId(1)), kind }
+        TaskWish {
+            run: RunId(2),
+            members: vec![VehicleId(1)],
+            compare_with: Some(RunId(1)),
+            kind,
+        }
     }
 
     fn reported(kind: MissionKind, compared_with: Option<RunId>) -> Heard {
-        let run = RunReport { run: RunId(2), kind, compared_with, ..RunReport::default() };
-        heard(Message::Report(Report { runs: vec![run], ..report() }))
+        let run = RunReport {
+            run: RunId(2),
+            kind,
+            compared_with,
+            ..RunReport::default()
+        };
+        heard(Message::Report(Report {
+            runs: vec![run],
+            ..report()
+        }))
     }
 
     fn mission(boot: u32, run: u32, kind: MissionKind) -> Heard {
-        let progress = Progress { run: RunId(run), ..Progress::default() };
+        let progress = Progress {
+            run: RunId(run),
+            ..Progress::default()
+        };
         let vehicle = VehicleId(1);
-        heard(Message::Mission(Mission { vehicle, boot: Boot(boot), progress, kind, ..Mission::default() }))
+        heard(Message::Mission(Mission {
+            vehicle,
+            boot: Boot(boot),
+            progress,
+            kind,
+            ..Mission::default()
+        }))
     }
 
     #[test]
     fn a_sweep_is_repeated_under_the_lease_in_force_until_a_report_shows_it_as_it_is() {
-        let sweep = sweep_kind(&Sweep { positions: 76, ..Sweep::default() });
+        let sweep = sweep_kind(&Sweep {
+            positions: 76,
+            ..Sweep::default()
+        });
         let (mut tasks, mut view) = (GivenTasks::default(), FleetView::default());
         tasks.give(wish(sweep));
         assert_eq!(tasks.due(at(0.0), &view, lease(1)).len(), 1);
-        assert_eq!((tasks.due(at(4.9), &view, lease(1)).len(), tasks.next()), (0, Some(at(5.0))));
+        assert_eq!(
+            (tasks.due(at(4.9), &view, lease(1)).len(), tasks.next()),
+            (0, Some(at(5.0)))
+        );
         let mut show = |at_s: f64, compared_with| {
             view.hear(at(at_s), &reported(MissionKind::Sweep, compared_with));
             tasks.due(at(at_s), &view, lease(2))
         };
-        assert_eq!(show(5.0, None)[0].lease, lease(2), "it is shown as another one");
+        assert_eq!(
+            show(5.0, None)[0].lease,
+            lease(2),
+            "it is shown as another one"
+        );
         assert!(show(10.0, Some(RunId(1))).is_empty());
-        assert!(show(20.0, None).is_empty(), "what was shown is the ground's to remember");
+        assert!(
+            show(20.0, None).is_empty(),
+            "what was shown is the ground's to remember"
+        );
         assert_eq!(tasks.next(), None);
     }
 
     #[test]
-    fn a_mission_of_their_own_is_repeated_until_its_members_show_it_and_to_whoever_is_started_anew() {
+    fn a_mission_of_their_own_is_repeated_until_its_members_show_it_and_to_whoever_is_started_anew()
+    {
         let (mut tasks, mut view) = (GivenTasks::default(), FleetView::default());
         tasks.give(wish(TaskKind::Explore));
         let mut count = |at_s: f64, news: Option<Heard>| {
@@ -178,13 +244,29 @@ mod tests {
             (tasks.due(at(at_s), &view, lease(1)).len(), tasks.next())
         };
         assert_eq!(count(0.0, None), (1, Some(at(5.0))));
-        assert_eq!(count(5.0, Some(reported(MissionKind::Explore, Some(RunId(1))))).0, 1);
-        assert_eq!(count(10.0, Some(mission(1, 1, MissionKind::Explore))).0, 1, "in another run");
-        assert_eq!(count(11.0, Some(mission(1, 2, MissionKind::Explore))), (0, None));
+        assert_eq!(
+            count(5.0, Some(reported(MissionKind::Explore, Some(RunId(1))))).0,
+            1
+        );
+        assert_eq!(
+            count(10.0, Some(mission(1, 1, MissionKind::Explore))).0,
+            1,
+            "in another run"
+        );
+        assert_eq!(
+            count(11.0, Some(mission(1, 2, MissionKind::Explore))),
+            (0, None)
+        );
         assert_eq!(count(30.0, None).0, 0);
         assert_eq!(count(31.0, Some(mission(2, 0, MissionKind::Sweep))).0, 1);
-        assert_eq!(count(32.0, Some(mission(2, 2, MissionKind::Explore))), (0, None));
-        tasks.give(TaskWish { run: RunId(3), ..wish(TaskKind::Browse) });
+        assert_eq!(
+            count(32.0, Some(mission(2, 2, MissionKind::Explore))),
+            (0, None)
+        );
+        tasks.give(TaskWish {
+            run: RunId(3),
+            ..wish(TaskKind::Browse)
+        });
         assert_eq!(tasks.0.len(), 1, "the next one takes its place");
     }
 }

@@ -4,8 +4,15 @@ use tomoswarm_proto::{Control, MissionPhase, Mode, OrderKind, Ordered, RunEnd, S
 
 /// Returns what a vehicle was ordered last, and by whose right.
 pub fn ordered(ordered: Ordered) -> String {
-    let Ordered { lease, revision, kind, .. } = ordered;
-    kind.map_or("-".to_owned(), |kind| format!("{} {}.{revision}", kind_name(kind), lease.number))
+    let Ordered {
+        lease,
+        revision,
+        kind,
+        ..
+    } = ordered;
+    kind.map_or("-".to_owned(), |kind| {
+        format!("{} {}.{revision}", kind_name(kind), lease.number)
+    })
 }
 
 /// Returns the name of an order as it is typed.
@@ -84,11 +91,19 @@ pub fn run_end(end: Option<RunEnd>) -> &'static str {
 
 /// Returns troubles in one cell.
 pub fn troubles(troubles: &[String]) -> String {
-    if troubles.is_empty() { "none".to_owned() } else { troubles.join("; ") }
+    if troubles.is_empty() {
+        "none".to_owned()
+    } else {
+        troubles.join("; ")
+    }
 }
 
 /// Returns a list in words; a dash for an empty one.
 pub fn listed<T: std::fmt::Display>(all: &[T]) -> String {
     let words: Vec<String> = all.iter().map(T::to_string).collect();
-    if words.is_empty() { "-".to_owned() } else { words.join(",") }
+    if words.is_empty() {
+        "-".to_owned()
+    } else {
+        words.join(",")
+    }
 }

@@ -108,12 +108,16 @@ impl Out {
         match self {
             Out::Publish(_) | Out::Cue(_) | Out::Give(_) => None,
             Out::StopsNote(remark) => Some(remark.to_string()),
-            Out::InForce(want, outcome) => {
-                Some(format!("{want}, run {}, is in force", outcome.run.unwrap_or_default()))
-            }
+            Out::InForce(want, outcome) => Some(format!(
+                "{want}, run {}, is in force",
+                outcome.run.unwrap_or_default()
+            )),
             Out::Ended(want, outcome) => {
                 let why = Some(outcome.undone()).filter(|why| !why.is_empty());
-                Some(format!("{want} is over{}", why.map_or(String::new(), |why| format!(": {why}"))))
+                Some(format!(
+                    "{want} is over{}",
+                    why.map_or(String::new(), |why| format!(": {why}"))
+                ))
             }
             Out::ScriptEnded(end) => Some(format!("its script has ended: {end}")),
         }
@@ -215,18 +219,40 @@ impl Operator {
         }
         self.give_up(now, |_, pursuit| pursuit.ordering.is_withdrawn(now), out);
         let has_listened = self.linked.is_some_and(|since| now.since(since) >= LISTEN);
-        let ordering = Ordering::new(now, self.instruction(&want)).knowing(&self.view, has_listened);
+        let ordering =
+            Ordering::new(now, self.instruction(&want)).knowing(&self.view, has_listened);
         let ordering = match id {
             WantId::Hand(_) => ordering,
             WantId::Script(_) => ordering.standing(),
         };
-        self.wants.insert(id, Pursuit { want, ordering, is_in_force: false });
+        self.wants.insert(
+            id,
+            Pursuit {
+                want,
+                ordering,
+                is_in_force: false,
+            },
+        );
     }
 
     fn instruction(&self, want: &Want) -> Instruction {
-        let Want { kind, vehicles, run, begins, mission, take_over, although_unheard, lifts_many, within } =
-            want.clone();
-        let OperatorSettings { hello, greets: _, holder, expected } = self.settings.clone();
+        let Want {
+            kind,
+            vehicles,
+            run,
+            begins,
+            mission,
+            take_over,
+            although_unheard,
+            lifts_many,
+            within,
+        } = want.clone();
+        let OperatorSettings {
+            hello,
+            greets: _,
+            holder,
+            expected,
+        } = self.settings.clone();
         let (venue_hash, timeout) = (hello.venue_hash, within);
         Instruction {
             kind,
@@ -246,7 +272,11 @@ impl Operator {
 
     /// Gives an emergency stop: what is still on its way to these vehicles is not wanted any more.
     fn stop(&mut self, now: Time, id: WantId, wish: StopWish, out: &mut Vec<Out>) {
-        for pursuit in self.wants.values_mut().filter(|pursuit| !pursuit.is_in_force) {
+        for pursuit in self
+            .wants
+            .values_mut()
+            .filter(|pursuit| !pursuit.is_in_force)
+        {
             pursuit.ordering.withdraw(now, &wish.vehicles);
         }
         self.give_up(now, |_, pursuit| pursuit.ordering.is_withdrawn(now), out);
@@ -254,11 +284,15 @@ impl Operator {
             true => vec![StopScope::All],
             false => wish.vehicles.iter().map(|id| StopScope::One(*id)).collect(),
         };
-        let stops: Vec<EmergencyStop> = scopes.into_iter().map(|scope| self.draw_stop(scope)).collect();
+        let stops: Vec<EmergencyStop> = scopes
+            .into_iter()
+            .map(|scope| self.draw_stop(scope))
+            .collect();
         out.push(Out::Give(stops.clone()));
         let has_listened = self.linked.is_some_and(|since| now.since(since) >= LISTEN);
         let expected = self.settings.expected.clone();
-        self.stops.insert(id, Stopping::new(now, stops, wish, expected, has_listened));
+        self.stops
+            .insert(id, Stopping::new(now, stops, wish, expected, has_listened));
     }
 
     /// Returns a stop with a name that nobody else draws (SplitMix64 over the holder's id).
@@ -269,8 +303,10 @@ impl Operator {
         };
         loop {
             self.names = self.names.wrapping_add(1);
-            let mut mixed =
-                self.settings.holder.wrapping_add(u64::from(self.names).wrapping_mul(0x9E37_79B9_7F4A_7C15));
+            let mut mixed = self
+                .settings
+                .holder
+                .wrapping_add(u64::from(self.names).wrapping_mul(0x9E37_79B9_7F4A_7C15));
             mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
             mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
             let name = EmergencyName((mixed >> 32) as u32);
@@ -295,8 +331,17 @@ impl Operator {
     }
 
     /// Ends the wants of which that is so.
-    fn give_up(&mut self, now: Time, is_over: impl Fn(WantId, &Pursuit) -> bool, out: &mut Vec<Out>) {
-        let over = self.wants.iter().filter(|(id, pursuit)| is_over(**id, pursuit)).map(|(id, _)| *id);
+    fn give_up(
+        &mut self,
+        now: Time,
+        is_over: impl Fn(WantId, &Pursuit) -> bool,
+        out: &mut Vec<Out>,
+    ) {
+        let over = self
+            .wants
+            .iter()
+            .filter(|(id, pursuit)| is_over(**id, pursuit))
+            .map(|(id, _)| *id);
         for id in over.collect::<Vec<WantId>>() {
             if let Some(pursuit) = self.wants.remove(&id) {
                 self.end(id, pursuit.ordering.outcome_so_far(now), out);
@@ -325,7 +370,8 @@ impl Operator {
         self.greet(now, out);
         out.append(&mut said);
         self.next = self.due_next(now);
-        let is_settled = self.stops.is_empty() && self.wants.values().all(|pursuit| pursuit.is_settled(now));
+        let is_settled =
+            self.stops.is_empty() && self.wants.values().all(|pursuit| pursuit.is_settled(now));
         self.settled = is_settled.then_some(now);
     }
 
@@ -359,37 +405,60 @@ impl Operator {
                 self.tasks.give(wish);
             }
         }
-        let taken = self.wants.values().filter_map(|pursuit| pursuit.ordering.lease()).max();
+        let taken = self
+            .wants
+            .values()
+            .filter_map(|pursuit| pursuit.ordering.lease())
+            .max();
         let in_force = self.view.lease(now).max(taken.unwrap_or_default());
         let lease = match in_force.number {
             0 => self.view.first_lease(now, self.settings.holder),
             _ => in_force,
         };
         let due = self.tasks.due(now, &self.view, lease);
-        out.extend(due.into_iter().map(|task| Out::Publish(Message::Task(task))));
+        out.extend(
+            due.into_iter()
+                .map(|task| Out::Publish(Message::Task(task))),
+        );
     }
 
     /// Returns the greatest lease of all, if this operator holds it.
     fn held_lease(&self, now: Time) -> Option<Lease> {
-        let taken = self.wants.values().filter_map(|pursuit| pursuit.ordering.lease()).max();
+        let taken = self
+            .wants
+            .values()
+            .filter_map(|pursuit| pursuit.ordering.lease())
+            .max();
         let greatest = taken.into_iter().chain([self.view.lease(now)]).max();
         greatest.filter(|lease| lease.number > 0 && lease.holder == self.settings.holder)
     }
 
     fn go_on(&mut self, now: Time) -> Option<ScriptOut> {
-        let sight = Sight { view: &self.view, last_want: &self.last_want };
+        let sight = Sight {
+            view: &self.view,
+            last_want: &self.last_want,
+        };
         self.script.as_mut()?.go_on(now, &sight)
     }
 
     fn greet(&mut self, now: Time, out: &mut Vec<Out>) {
-        let Some(linked) = self.linked.filter(|_| self.settings.greets) else { return };
+        let Some(linked) = self.linked.filter(|_| self.settings.greets) else {
+            return;
+        };
         let lease = self.held_lease(now);
-        if self.greeted.is_some_and(|(at, named)| named == lease && now.since(at) < greets_every(lease)) {
+        if self
+            .greeted
+            .is_some_and(|(at, named)| named == lease && now.since(at) < greets_every(lease))
+        {
             return;
         }
         self.greeted = Some((now, lease));
         let member_for_s = u32::try_from(now.since(linked).as_secs()).unwrap_or(u32::MAX);
-        let hello = Hello { member_for_s, lease, ..self.settings.hello.clone() };
+        let hello = Hello {
+            member_for_s,
+            lease,
+            ..self.settings.hello.clone()
+        };
         out.push(Out::Publish(Message::Hello(hello)));
     }
 
@@ -399,7 +468,10 @@ impl Operator {
         let mut turns = Vec::new();
         for (id, pursuit) in &mut self.wants {
             let due = pursuit.ordering.act(now, is_linked);
-            out.extend(due.into_iter().map(|order| Out::Publish(Message::Order(order))));
+            out.extend(
+                due.into_iter()
+                    .map(|order| Out::Publish(Message::Order(order))),
+            );
             turns.push((*id, pursuit.turn(now)));
         }
         for (id, turn) in turns {
@@ -420,10 +492,17 @@ impl Operator {
     }
 
     fn due_next(&self, now: Time) -> Option<(Time, Due)> {
-        let open = self.wants.values().filter(|pursuit| !pursuit.is_settled(now));
+        let open = self
+            .wants
+            .values()
+            .filter(|pursuit| !pursuit.is_settled(now));
         let orders = open.map(|pursuit| pursuit.ordering.next(now));
-        let orders = orders.chain(self.stops.values().map(|stopping| stopping.next(now))).min();
-        let greets = self.greeted.filter(|_| self.linked.is_some() && self.settings.greets);
+        let orders = orders
+            .chain(self.stops.values().map(|stopping| stopping.next(now)))
+            .min();
+        let greets = self
+            .greeted
+            .filter(|_| self.linked.is_some() && self.settings.greets);
         let script = self.script.as_ref().and_then(ScriptRun::deadline);
         let all = [
             orders.map(|at| (at, Due::Orders)),
@@ -436,7 +515,11 @@ impl Operator {
 }
 
 fn greets_every(held: Option<Lease>) -> Duration {
-    if held.is_some() { HOLDER_GREETS_EVERY } else { GREETS_EVERY }
+    if held.is_some() {
+        HOLDER_GREETS_EVERY
+    } else {
+        GREETS_EVERY
+    }
 }
 
 impl Due {
@@ -455,7 +538,11 @@ impl Pursuit {
     fn turn(&mut self, now: Time) -> Turn {
         if self.is_in_force {
             let is_lost = self.ordering.is_lost(now);
-            return if is_lost { Turn::Ended(self.ordering.outcome_so_far(now)) } else { Turn::GoesOn };
+            return if is_lost {
+                Turn::Ended(self.ordering.outcome_so_far(now))
+            } else {
+                Turn::GoesOn
+            };
         }
         match self.ordering.outcome(now) {
             None => Turn::GoesOn,
@@ -485,14 +572,21 @@ impl Actor for Operator {
                 }
             }
             In::Linked(is_linked) => {
-                self.linked = self.linked.filter(|_| is_linked).or(is_linked.then_some(now));
+                self.linked = self
+                    .linked
+                    .filter(|_| is_linked)
+                    .or(is_linked.then_some(now));
             }
             In::Want(number, want) => self.take_up(now, WantId::Hand(number), want, out),
             In::Stop(number, wish) => self.stop(now, WantId::Hand(number), wish, out),
             In::Withdraw(number) => {
                 self.give_up(now, |id, _| id == WantId::Hand(number), out);
                 if let Some(stopping) = self.stops.remove(&WantId::Hand(number)) {
-                    self.end(WantId::Hand(number), stopping.outcome_so_far(now, &self.view), out);
+                    self.end(
+                        WantId::Hand(number),
+                        stopping.outcome_so_far(now, &self.view),
+                        out,
+                    );
                 }
             }
             In::Follow(steps) => {
@@ -543,8 +637,12 @@ impl Input for In {
 
     fn class(&self) -> Class<Key> {
         match self {
-            In::Bus(Heard::Message(_, Message::State(state))) => Class::Latest(Key::State(state.vehicle)),
-            In::Bus(Heard::Message(_, Message::Report(report))) => Class::Latest(Key::Report(report.store)),
+            In::Bus(Heard::Message(_, Message::State(state))) => {
+                Class::Latest(Key::State(state.vehicle))
+            }
+            In::Bus(Heard::Message(_, Message::Report(report))) => {
+                Class::Latest(Key::Report(report.store))
+            }
             In::Bus(Heard::Message(..) | Heard::Greeting(..) | Heard::Unknown(_)) => Class::Queue,
             In::Linked(_) => Class::Latest(Key::Linked),
             In::Want(number, _) | In::Stop(number, _) => Class::Latest(Key::Want(*number)),

@@ -49,8 +49,8 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    EmergencyName, EmergencyStop, Lease, Order, OrderKind, Report, Revision, RunId, SeenState, Sender,
-    StandReason, State, StationPhase, StopScope, VehicleId,
+    EmergencyName, EmergencyStop, Lease, Order, OrderKind, Report, Revision, RunId, SeenState,
+    Sender, StandReason, State, StationPhase, StopScope, VehicleId,
 };
 
 use self::delivery::{CONTEST, Delivery, Issued, take_over_of};
@@ -147,12 +147,19 @@ impl Ordering {
     pub fn knowing(self, view: &FleetView, has_listened: bool) -> Ordering {
         let mut view = view.clone();
         view.forget_states_before(self.began - SILENT_AFTER);
-        Ordering { view, has_listened, ..self }
+        Ordering {
+            view,
+            has_listened,
+            ..self
+        }
     }
 
     /// Makes an order that stands: whoever is started anew is told again.
     pub fn standing(self) -> Ordering {
-        Ordering { stands: true, ..self }
+        Ordering {
+            stands: true,
+            ..self
+        }
     }
 
     /// Returns whether it stands after it was obeyed.
@@ -162,7 +169,11 @@ impl Ordering {
 
     /// Leaves these vehicles alone from now on, since its operator wants something else of them; empty = all.
     pub fn withdraw(&mut self, now: Time, vehicles: &BTreeSet<VehicleId>) {
-        let all = if vehicles.is_empty() { self.targets(now) } else { vehicles.clone() };
+        let all = if vehicles.is_empty() {
+            self.targets(now)
+        } else {
+            vehicles.clone()
+        };
         self.withdrawn.extend(all);
     }
 
@@ -174,9 +185,14 @@ impl Ordering {
 
     /// Returns whether nobody is left for whom it stands: somebody has ordered all of them something else.
     pub fn is_lost(&self, now: Time) -> bool {
-        let is_overruled =
-            |id: &VehicleId| self.deliveries.get(id).is_some_and(|delivery| delivery.overruled.is_some());
-        self.targets(now).iter().all(|id| self.withdrawn.contains(id) || is_overruled(id))
+        let is_overruled = |id: &VehicleId| {
+            self.deliveries
+                .get(id)
+                .is_some_and(|delivery| delivery.overruled.is_some())
+        };
+        self.targets(now)
+            .iter()
+            .all(|id| self.withdrawn.contains(id) || is_overruled(id))
     }
 
     /// Returns whether there is nothing to do until something is heard.
@@ -185,7 +201,9 @@ impl Ordering {
             let delivery = self.deliveries.get(id);
             delivery.is_some_and(|delivery| delivery.is_over() && delivery.doubted.is_none())
         };
-        self.targets(now).iter().all(|id| self.withdrawn.contains(id) || is_settled(id))
+        self.targets(now)
+            .iter()
+            .all(|id| self.withdrawn.contains(id) || is_settled(id))
     }
 
     /// Takes what came over the bus and is no news, while everything is settled.
@@ -205,7 +223,11 @@ impl Ordering {
         if is_linked {
             self.linked.get_or_insert(now);
         }
-        if self.deliveries.values().all(|delivery| delivery.first_at.is_none()) {
+        if self
+            .deliveries
+            .values()
+            .all(|delivery| delivery.first_at.is_none())
+        {
             self.refused = self.refusal(now);
         }
         if self.refused.is_some() {
@@ -226,13 +248,18 @@ impl Ordering {
 
     /// Returns when to act next at the latest.
     pub fn next(&self, now: Time) -> Time {
-        let sent =
-            self.deliveries.values().filter_map(|delivery| delivery.sent_at.filter(|_| !delivery.is_over()));
+        let sent = self
+            .deliveries
+            .values()
+            .filter_map(|delivery| delivery.sent_at.filter(|_| !delivery.is_over()));
         // What waits for something else than its turn was due before.
         let repeated = sent.map(|at| at + REPEAT).filter(|at| *at > now).min();
         let given_up = Some(self.began + self.instruction.timeout).filter(|at| *at > now);
         let looked = now + REPEAT / 2;
-        [repeated, given_up].into_iter().flatten().fold(looked, Time::min)
+        [repeated, given_up]
+            .into_iter()
+            .flatten()
+            .fold(looked, Time::min)
     }
 
     /// Returns what became of it once it is over.
@@ -255,26 +282,41 @@ impl Ordering {
             || !self.instruction.expected.is_empty()
             || self.has_listened(now);
         let is_over = knows_all && !outcomes.is_empty() && !outcomes.values().any(is_open);
-        (is_over || now.since(self.began) >= self.instruction.timeout).then(|| self.outcome_so_far(now))
+        (is_over || now.since(self.began) >= self.instruction.timeout)
+            .then(|| self.outcome_so_far(now))
     }
 
     /// Returns the lease of the orders to those that were heard; `None` when nothing was sent.
     pub fn lease(&self) -> Option<Lease> {
-        let issued = self.deliveries.values().filter_map(|delivery| delivery.issued);
+        let issued = self
+            .deliveries
+            .values()
+            .filter_map(|delivery| delivery.issued);
         issued.map(|issued| issued.lease).max()
     }
 
     /// Returns what became of it so far.
     pub fn outcome_so_far(&self, now: Time) -> Outcome {
         let lease = self.lease();
-        let vehicles = if self.refused.is_some() { BTreeMap::new() } else { self.outcomes(now) };
-        Outcome { vehicles, lease, run: self.run, refused: self.refused }
+        let vehicles = if self.refused.is_some() {
+            BTreeMap::new()
+        } else {
+            self.outcomes(now)
+        };
+        Outcome {
+            vehicles,
+            lease,
+            run: self.run,
+            refused: self.refused,
+        }
     }
 
     /// Decides whether something is asked for that cannot be; before anything is sent.
     fn refusal(&self, now: Time) -> Option<Refusal> {
         match self.instruction.kind {
-            OrderKind::Start => self.run_under_way(now).or_else(|| self.unheard_under_stop(now)),
+            OrderKind::Start => self
+                .run_under_way(now)
+                .or_else(|| self.unheard_under_stop(now)),
             OrderKind::Return => self.under_stop().map(Refusal::StopOpen),
             OrderKind::Hold | OrderKind::Land | OrderKind::CutMotors => None,
         }
@@ -282,8 +324,15 @@ impl Ordering {
 
     fn run_under_way(&self, now: Time) -> Option<Refusal> {
         let is_own = self.instruction.mission.is_some();
-        let asked = self.instruction.run.or_else(|| is_own.then(|| self.next_run(now)))?;
-        let Report { phase, run: under_way, .. } = &self.view.ground(now)?.value;
+        let asked = self
+            .instruction
+            .run
+            .or_else(|| is_own.then(|| self.next_run(now)))?;
+        let Report {
+            phase,
+            run: under_way,
+            ..
+        } = &self.view.ground(now)?.value;
         let under_way = *under_way;
         let is_driven = match phase {
             StationPhase::Stopping | StationPhase::Planning | StationPhase::Running => true,
@@ -297,8 +346,11 @@ impl Ordering {
         if !self.has_listened(now) || self.stops_to_end().is_empty() {
             return None;
         }
-        let is_unheard =
-            |id: &VehicleId| self.view.state(*id).is_none_or(|state| state.age(now) > SILENT_AFTER);
+        let is_unheard = |id: &VehicleId| {
+            self.view
+                .state(*id)
+                .is_none_or(|state| state.age(now) > SILENT_AFTER)
+        };
         let mut unheard = self.targets(now);
         unheard.retain(|id| is_unheard(id) && !self.instruction.although_unheard.contains(id));
         unheard.first().map(|id| Refusal::Unheard(*id))
@@ -312,13 +364,20 @@ impl Ordering {
                 self.instruction.vehicles.is_empty() || self.instruction.vehicles.contains(&id)
             }
         };
-        self.view.open_stops().iter().find(concerns).map(|stop| stop.name)
+        self.view
+            .open_stops()
+            .iter()
+            .find(concerns)
+            .map(|stop| stop.name)
     }
 
     /// Returns the stops that a start lifts now.
     fn stops_to_end(&self) -> Vec<EmergencyName> {
         let names = self.view.open_stops().into_iter().map(|stop| stop.name);
-        names.filter(|name| self.instruction.lifts_many || !name.is_many()).take(ENDS_MAX).collect()
+        names
+            .filter(|name| self.instruction.lifts_many || !name.is_many())
+            .take(ENDS_MAX)
+            .collect()
     }
 
     /// Returns whether it is known which stops are open, as far as this order needs it, and chooses once which of them it
@@ -353,7 +412,9 @@ impl Ordering {
                 return (id, VehicleOutcome::UnderStop(name));
             }
             match (outcome, self.misfit(id)) {
-                (VehicleOutcome::Ignored | VehicleOutcome::Unheard, _) if self.withdrawn.contains(&id) => {
+                (VehicleOutcome::Ignored | VehicleOutcome::Unheard, _)
+                    if self.withdrawn.contains(&id) =>
+                {
                     (id, VehicleOutcome::Withdrawn)
                 }
                 (VehicleOutcome::Ignored | VehicleOutcome::Unheard, Some(misfit)) => {
@@ -376,7 +437,8 @@ impl Ordering {
 
     /// Returns why a vehicle does not listen to this operator, if it does not.
     fn misfit(&self, id: VehicleId) -> Option<Misfit> {
-        self.view.misfit(Sender::Vehicle(id), self.instruction.venue_hash)
+        self.view
+            .misfit(Sender::Vehicle(id), self.instruction.venue_hash)
     }
 
     /// Returns who must obey.
@@ -384,9 +446,23 @@ impl Ordering {
         if !self.instruction.vehicles.is_empty() {
             return self.instruction.vehicles.clone();
         }
-        let members = self.view.ground(now).map(|report| report.value.members.clone()).unwrap_or_default();
-        let heard = self.view.vehicles().filter(|(_, seen)| seen.state.is_some()).map(|(id, _)| id);
-        self.instruction.expected.iter().copied().chain(members).chain(heard).collect()
+        let members = self
+            .view
+            .ground(now)
+            .map(|report| report.value.members.clone())
+            .unwrap_or_default();
+        let heard = self
+            .view
+            .vehicles()
+            .filter(|(_, seen)| seen.state.is_some())
+            .map(|(id, _)| id);
+        self.instruction
+            .expected
+            .iter()
+            .copied()
+            .chain(members)
+            .chain(heard)
+            .collect()
     }
 
     /// Returns to whom it is sent.
@@ -401,10 +477,16 @@ impl Ordering {
         let kind = self.instruction.kind;
         let ground = self.view.ground(now).map(|report| report.value.in_force);
         let (in_force, stands) = (self.view.lease(now), self.stands);
-        let Some(state) = self.view.state(id) else { return };
+        let Some(state) = self.view.state(id) else {
+            return;
+        };
         let echo = state.value.ordered;
-        let Some(delivery) = self.deliveries.get_mut(&id) else { return };
-        let Some(issued) = delivery.issued else { return };
+        let Some(delivery) = self.deliveries.get_mut(&id) else {
+            return;
+        };
+        let Some(issued) = delivery.issued else {
+            return;
+        };
         let is_above = echo.edition() >= (issued.lease, issued.revision);
         let Some(theirs) = echo.kind.filter(|_| is_above) else {
             // It was never obeyed, or the vehicle has been started anew and knows nothing of it.
@@ -427,10 +509,15 @@ impl Ordering {
         }
         if theirs == kind {
             delivery.obeyed = Some((now, false));
-        } else if kind.strength() > theirs.strength() && is_same_lease && delivery.insisted < INSIST {
+        } else if kind.strength() > theirs.strength() && is_same_lease && delivery.insisted < INSIST
+        {
             delivery.insisted += 1;
             (delivery.issued, delivery.sent_at) = (None, None);
-        } else if may_be_brought_about(kind, theirs) && is_later && is_same_lease && ground.is_some() {
+        } else if may_be_brought_about(kind, theirs)
+            && is_later
+            && is_same_lease
+            && ground.is_some()
+        {
             let since = delivery.contested.map_or(now, |(since, _)| since);
             delivery.contested = Some((since, echo));
         } else {
@@ -441,10 +528,16 @@ impl Ordering {
     /// Decides whether what came above a start is the ground station bringing it about.
     fn settle(&mut self, now: Time, id: VehicleId) {
         let report = self.view.ground(now);
-        let Some(delivery) = self.deliveries.get_mut(&id) else { return };
-        let Some((since, echo)) = delivery.contested.filter(|_| !delivery.is_over()) else { return };
+        let Some(delivery) = self.deliveries.get_mut(&id) else {
+            return;
+        };
+        let Some((since, echo)) = delivery.contested.filter(|_| !delivery.is_over()) else {
+            return;
+        };
         let brings_about = |report: &Fresh<Report>| {
-            report.at >= since && report.value.in_force.is_none() && report.value.phase != StationPhase::Idle
+            report.at >= since
+                && report.value.in_force.is_none()
+                && report.value.phase != StationPhase::Idle
         };
         if report.is_some_and(brings_about) {
             delivery.obeyed = Some((since, true));
@@ -474,9 +567,20 @@ impl Ordering {
         delivery.sent_at = Some(now);
         delivery.first_at.get_or_insert(now);
         let Issued { lease, revision } = issued;
-        let seen = state.map(|state| SeenState { boot: state.boot, sequence: state.sequence });
+        let seen = state.map(|state| SeenState {
+            boot: state.boot,
+            sequence: state.sequence,
+        });
         let ends = ended(self.ends.as_deref().unwrap_or_default(), delivery.take_over);
-        Some(Order { vehicle: id, lease, run, revision, seen, kind, ends })
+        Some(Order {
+            vehicle: id,
+            lease,
+            run,
+            revision,
+            seen,
+            kind,
+            ends,
+        })
     }
 
     /// Chooses the lease and the revision that are above a vehicle's echo; `None` while nothing may be sent yet.
@@ -497,7 +601,10 @@ impl Ordering {
 
     fn above(&self, now: Time, state: &State) -> Issued {
         let highest = self.view.lease(now);
-        let own = |number| Lease { number, holder: self.instruction.holder };
+        let own = |number| Lease {
+            number,
+            holder: self.instruction.holder,
+        };
         let is_ours = highest.holder == self.instruction.holder;
         let lease = match highest.number {
             0 => self.view.first_lease(now, self.instruction.holder),
@@ -506,14 +613,28 @@ impl Ordering {
         };
         let echo = state.ordered;
         if echo.lease != lease {
-            return Issued { lease, revision: Revision(1) };
+            return Issued {
+                lease,
+                revision: Revision(1),
+            };
         }
-        match echo.revision.0.checked_add(1).filter(|next| *next <= LAST_REVISION) {
-            Some(next) => Issued { lease, revision: Revision(next) },
+        match echo
+            .revision
+            .0
+            .checked_add(1)
+            .filter(|next| *next <= LAST_REVISION)
+        {
+            Some(next) => Issued {
+                lease,
+                revision: Revision(next),
+            },
             // This lease is used up.
             None => {
                 let lease = own(lease.number.saturating_add(1));
-                Issued { lease, revision: Revision(1) }
+                Issued {
+                    lease,
+                    revision: Revision(1),
+                }
             }
         }
     }
@@ -523,7 +644,8 @@ impl Ordering {
 /// a stop to the next start.
 fn ended(stops: &[EmergencyName], take_over: Option<EmergencyName>) -> Vec<EmergencyName> {
     let most = ENDS_MAX - usize::from(take_over.is_some());
-    let names: BTreeSet<EmergencyName> = stops.iter().copied().take(most).chain(take_over).collect();
+    let names: BTreeSet<EmergencyName> =
+        stops.iter().copied().take(most).chain(take_over).collect();
     names.into_iter().collect()
 }
 

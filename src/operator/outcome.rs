@@ -46,7 +46,10 @@ pub enum VehicleOutcome {
 impl VehicleOutcome {
     /// Returns whether the vehicle does what was wanted.
     pub fn is_done(&self) -> bool {
-        matches!(self, VehicleOutcome::Obeyed { .. } | VehicleOutcome::Stopped { .. })
+        matches!(
+            self,
+            VehicleOutcome::Obeyed { .. } | VehicleOutcome::Stopped { .. }
+        )
     }
 }
 
@@ -100,15 +103,25 @@ impl Outcome {
             VehicleOutcome::UnderStop(name) => {
                 Some(format!("vehicle {id} stands under emergency stop {name}"))
             }
-            VehicleOutcome::Overruled(_) => Some(format!("vehicle {id} was ordered something else")),
+            VehicleOutcome::Overruled(_) => {
+                Some(format!("vehicle {id} was ordered something else"))
+            }
             VehicleOutcome::NotOut => Some(format!("vehicle {id} does not show the mission")),
-            VehicleOutcome::Refused(why) => Some(format!("vehicle {id} refuses the mission: {why}")),
+            VehicleOutcome::Refused(why) => {
+                Some(format!("vehicle {id} refuses the mission: {why}"))
+            }
             VehicleOutcome::Ignored => Some(format!("vehicle {id} does not obey")),
             VehicleOutcome::Unheard => Some(format!("vehicle {id} is not heard")),
-            VehicleOutcome::Foreign(_) => Some(format!("vehicle {id} is of another venue or version")),
+            VehicleOutcome::Foreign(_) => {
+                Some(format!("vehicle {id} is of another venue or version"))
+            }
             VehicleOutcome::Withdrawn => Some(format!("something else is wanted of vehicle {id}")),
         };
         let all: Vec<String> = self.vehicles.iter().filter_map(words).collect();
-        if self.vehicles.is_empty() { "nobody is heard".to_owned() } else { all.join("; ") }
+        if self.vehicles.is_empty() {
+            "nobody is heard".to_owned()
+        } else {
+            all.join("; ")
+        }
     }
 }

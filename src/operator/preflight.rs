@@ -8,8 +8,8 @@ use std::time::Duration;
 
 use serde::Serialize;
 use tomoswarm_proto::{
-    BEACON_MEMBERS_MAX, Control, FailsafeAction, Failsafes, Health, Hello, Lease, Mode, PoseReport, Report,
-    StationPhase, VehicleId,
+    BEACON_MEMBERS_MAX, Control, FailsafeAction, Failsafes, Health, Hello, Lease, Mode, PoseReport,
+    Report, StationPhase, VehicleId,
 };
 
 use super::fleet_view::{FleetView, GROUND_LIVES, VehicleView};
@@ -84,8 +84,14 @@ pub fn inspect(view: &FleetView, needs: &Needs, now: Time) -> Vec<Node> {
         checks: of_vehicle(*id, view.vehicle(*id).unwrap_or(&nothing), needs, now),
     };
     let mut nodes: Vec<Node> = needs.vehicles.iter().map(vehicle).collect();
-    nodes.push(Node { node: "ground".to_owned(), checks: of_ground(view, needs, now) });
-    nodes.push(Node { node: "swarm".to_owned(), checks: vec![stops(view, needs)] });
+    nodes.push(Node {
+        node: "ground".to_owned(),
+        checks: of_ground(view, needs, now),
+    });
+    nodes.push(Node {
+        node: "swarm".to_owned(),
+        checks: vec![stops(view, needs)],
+    });
     nodes
 }
 
@@ -93,11 +99,18 @@ pub fn inspect(view: &FleetView, needs: &Needs, now: Time) -> Vec<Node> {
 pub fn is_go(nodes: &[Node]) -> bool {
     // The ground station alone is no swarm.
     nodes.iter().any(|node| node.node.starts_with("vehicle"))
-        && nodes.iter().flat_map(|node| &node.checks).all(|check| check.light != Light::NoGo)
+        && nodes
+            .iter()
+            .flat_map(|node| &node.checks)
+            .all(|check| check.light != Light::NoGo)
 }
 
 fn check(what: &'static str, is_right: bool, found: String) -> Check {
-    Check { what, light: if is_right { Light::Go } else { Light::NoGo }, found }
+    Check {
+        what,
+        light: if is_right { Light::Go } else { Light::NoGo },
+        found,
+    }
 }
 
 /// Checks what was said; what was not said is `silent`.
@@ -108,7 +121,11 @@ fn reported<T>(
     look: impl Fn(T) -> (bool, String),
 ) -> Check {
     match value {
-        None => Check { what, light: silent, found: "not reported".to_owned() },
+        None => Check {
+            what,
+            light: silent,
+            found: "not reported".to_owned(),
+        },
         Some(value) => {
             let (is_right, found) = look(value);
             check(what, is_right, found)
@@ -122,23 +139,36 @@ fn of_vehicle(id: VehicleId, seen: &VehicleView, needs: &Needs, now: Time) -> Ve
     let hello = seen.hello.as_ref().map(|hello| &hello.value);
     let age_s = seen.state.as_ref().map(|state| state.age(now));
     let on_bus = reported("bus", age_s, Light::NoGo, |age| {
-        (age < FRESH, format!("newest state {:.1} s ago", age.as_secs_f64()))
+        (
+            age < FRESH,
+            format!("newest state {:.1} s ago", age.as_secs_f64()),
+        )
     });
     let no_go = Light::NoGo;
     let mut checks = vec![on_bus];
     checks.extend(of_hello(hello, needs));
     checks.push(devices::devices(hello, health));
     let placed = state.and_then(|state| state.pose);
-    checks.push(reported("pose", placed, no_go, |placed| pose(placed, needs)));
+    checks.push(reported("pose", placed, no_go, |placed| {
+        pose(placed, needs)
+    }));
     checks.push(reported("fence", placed, no_go, |placed| {
         let at = Point::from(placed.at);
-        (needs.fence.contains(at), format!("at {:.2}, {:.2} m", at.x_m, at.y_m))
+        (
+            needs.fence.contains(at),
+            format!("at {:.2}, {:.2} m", at.x_m, at.y_m),
+        )
     }));
-    checks.push(reported("home", placed, no_go, |placed| home(id, placed, &needs.homes)));
+    checks.push(reported("home", placed, no_go, |placed| {
+        home(id, placed, &needs.homes)
+    }));
     let battery = state.and_then(|state| state.battery);
     checks.push(reported("battery", battery, no_go, |battery| {
         let charge = battery.fraction();
-        (charge > BATTERY, format!("{:.0} %, over {:.0} % needed", charge * 1e2, BATTERY * 1e2))
+        (
+            charge > BATTERY,
+            format!("{:.0} %, over {:.0} % needed", charge * 1e2, BATTERY * 1e2),
+        )
     }));
     checks.push(reported("mode", state, no_go, |state| {
         (
@@ -147,20 +177,39 @@ fn of_vehicle(id: VehicleId, seen: &VehicleView, needs: &Needs, now: Time) -> Ve
         )
     }));
     checks.push(reported("control", state, no_go, |state| {
-        (state.control == Control::Ours, names::control(state.control).to_owned())
+        (
+            state.control == Control::Ours,
+            names::control(state.control).to_owned(),
+        )
     }));
-    checks.push(reported("radio", health, no_go, |health| radio(id, health, needs)));
-    checks.push(reported("disk", health.and_then(|health| health.disk_free_mb), Light::Unknown, |free_mb| {
-        (free_mb > DISK_MB, format!("{free_mb} MB free, over {DISK_MB} MB needed"))
+    checks.push(reported("radio", health, no_go, |health| {
+        radio(id, health, needs)
     }));
+    checks.push(reported(
+        "disk",
+        health.and_then(|health| health.disk_free_mb),
+        Light::Unknown,
+        |free_mb| {
+            (
+                free_mb > DISK_MB,
+                format!("{free_mb} MB free, over {DISK_MB} MB needed"),
+            )
+        },
+    ));
     checks.push(reported("samples", health, no_go, |health| {
         (
             health.samples_lost == 0,
-            format!("{} lost, {} waiting", health.samples_lost, health.samples_waiting),
+            format!(
+                "{} lost, {} waiting",
+                health.samples_lost, health.samples_waiting
+            ),
         )
     }));
     checks.push(reported("troubles", health, no_go, |health| {
-        (health.troubles.is_empty(), names::troubles(&health.troubles))
+        (
+            health.troubles.is_empty(),
+            names::troubles(&health.troubles),
+        )
     }));
     checks.push(failsafes(health));
     checks
@@ -187,18 +236,31 @@ fn of_hello(hello: Option<&Hello>, needs: &Needs) -> [Check; 2] {
 
 fn pose(placed: PoseReport, needs: &Needs) -> (bool, String) {
     let most_m = needs.pose_sd_max_m.unwrap_or(POSE_SD_MAX_M);
-    let assumed = if needs.pose_sd_max_m.is_none() { " (assumed: no file here says the limit)" } else { "" };
+    let assumed = if needs.pose_sd_max_m.is_none() {
+        " (assumed: no file here says the limit)"
+    } else {
+        ""
+    };
     let sd_m = Pose::from(placed).sd_m;
-    (sd_m <= most_m, format!("± {sd_m:.2} m, at most {most_m:.2} m{assumed}"))
+    (
+        sd_m <= most_m,
+        format!("± {sd_m:.2} m, at most {most_m:.2} m{assumed}"),
+    )
 }
 
 fn home(id: VehicleId, placed: PoseReport, homes: &[Point]) -> (bool, String) {
-    let Some(home) = usize::from(id.0).checked_sub(1).and_then(|index| homes.get(index)) else {
+    let Some(home) = usize::from(id.0)
+        .checked_sub(1)
+        .and_then(|index| homes.get(index))
+    else {
         return (false, format!("the venue has no home of vehicle {id}"));
     };
     let pose = Pose::from(placed);
     let (away_m, most_m) = (home.distance_to(pose.at), mission::home_farthest_m(pose));
-    (mission::is_at_home(pose, *home), format!("{away_m:.2} m away, at most {most_m:.2} m"))
+    (
+        mission::is_at_home(pose, *home),
+        format!("{away_m:.2} m away, at most {most_m:.2} m"),
+    )
 }
 
 fn radio(id: VehicleId, health: &Health, needs: &Needs) -> (bool, String) {
@@ -206,7 +268,10 @@ fn radio(id: VehicleId, health: &Health, needs: &Needs) -> (bool, String) {
     let missing: Vec<VehicleId> = needs.vehicles.iter().copied().filter(is_missing).collect();
     // A vehicle names no more than a beacon does: of the others it says nothing.
     if !missing.is_empty() && health.hears.len() >= BEACON_MEMBERS_MAX {
-        return (true, format!("hears {} and may hear more", listed(&health.hears)));
+        return (
+            true,
+            format!("hears {} and may hear more", listed(&health.hears)),
+        );
     }
     let found = match missing.is_empty() {
         true => format!("hears {}", listed(&health.hears)),
@@ -218,8 +283,15 @@ fn radio(id: VehicleId, health: &Health, needs: &Needs) -> (bool, String) {
 /// The autopilot's failsafes, as far as it says what it does; one that is switched off refuses.
 fn failsafes(health: Option<&Health>) -> Check {
     let autopilot = health.and_then(|health| health.autopilot.as_ref());
-    let Failsafes { battery, companion, remote, fence, estimator } =
-        autopilot.map(|autopilot| autopilot.failsafes).unwrap_or_default();
+    let Failsafes {
+        battery,
+        companion,
+        remote,
+        fence,
+        estimator,
+    } = autopilot
+        .map(|autopilot| autopilot.failsafes)
+        .unwrap_or_default();
     let all = [
         ("battery", battery),
         ("companion", companion),
@@ -228,12 +300,17 @@ fn failsafes(health: Option<&Health>) -> Check {
         ("estimator", estimator),
     ];
     let named = |is_named: fn(FailsafeAction) -> bool| -> Vec<&str> {
-        all.into_iter().filter(|(_, action)| is_named(*action)).map(|(cause, _)| cause).collect()
+        all.into_iter()
+            .filter(|(_, action)| is_named(*action))
+            .map(|(cause, _)| cause)
+            .collect()
     };
     let set = named(|action| !matches!(action, FailsafeAction::Unknown | FailsafeAction::Off));
     let unset = named(|action| action == FailsafeAction::Off);
     match (set.is_empty(), unset.is_empty()) {
-        (true, true) => reported("failsafes", None::<()>, Light::Unknown, |()| (true, String::new())),
+        (true, true) => reported("failsafes", None::<()>, Light::Unknown, |()| {
+            (true, String::new())
+        }),
         (_, true) => check("failsafes", true, listed(&set)),
         (_, false) => check("failsafes", false, format!("off: {}", listed(&unset))),
     }
@@ -242,23 +319,43 @@ fn failsafes(health: Option<&Health>) -> Check {
 /// Which emergency stops are open, who made them and who does not show them.
 fn stops(view: &FleetView, needs: &Needs) -> Check {
     let open = view.open_stops();
-    let words: Vec<String> = open.iter().map(|stop| view.stop_in_words(stop, &needs.vehicles)).collect();
-    let found = if open.is_empty() { "none is open".to_owned() } else { words.join("; ") };
+    let words: Vec<String> = open
+        .iter()
+        .map(|stop| view.stop_in_words(stop, &needs.vehicles))
+        .collect();
+    let found = if open.is_empty() {
+        "none is open".to_owned()
+    } else {
+        words.join("; ")
+    };
     check("emergency stops", open.is_empty(), found)
 }
 
 fn of_ground(view: &FleetView, needs: &Needs, now: Time) -> Vec<Check> {
     let report = view.ground(now).map(|report| &report.value);
     let no_go = Light::NoGo;
-    let live = view.grounds().filter(|report| report.age(now) <= GROUND_LIVES).count();
-    let mut checks = vec![check("bus", live == 1, format!("{live} live ground stations"))];
-    checks.extend(of_hello(view.ground_hello().map(|hello| &hello.value), needs));
+    let live = view
+        .grounds()
+        .filter(|report| report.age(now) <= GROUND_LIVES)
+        .count();
+    let mut checks = vec![check(
+        "bus",
+        live == 1,
+        format!("{live} live ground stations"),
+    )];
+    checks.extend(of_hello(
+        view.ground_hello().map(|hello| &hello.value),
+        needs,
+    ));
     let lease = |report: &Report| {
         let Lease { number, holder } = report.lease;
         let highest = view.lease(now);
         let found = match report.lease == highest {
             true => format!("{number} ({holder:016x})"),
-            false => format!("{number}, but vehicles obey {} ({:016x})", highest.number, highest.holder),
+            false => format!(
+                "{number}, but vehicles obey {} ({:016x})",
+                highest.number, highest.holder
+            ),
         };
         (number > 0 && report.lease == highest, found)
     };
@@ -268,15 +365,35 @@ fn of_ground(view: &FleetView, needs: &Needs, now: Time) -> Vec<Check> {
         (is_free, names::phase(report.phase).to_owned())
     }));
     checks.push(reported("standing", report, no_go, |report| {
-        (report.in_force.is_none(), report.in_force.map_or("nothing", names::kind_name).to_owned())
+        (
+            report.in_force.is_none(),
+            report
+                .in_force
+                .map_or("nothing", names::kind_name)
+                .to_owned(),
+        )
     }));
     checks.push(reported("vehicles", report, no_go, |report| {
-        let unknown: Vec<VehicleId> =
-            needs.vehicles.iter().copied().filter(|id| !report.members.contains(id)).collect();
-        (unknown.is_empty(), format!("plans for {}, not for {}", listed(&report.members), listed(&unknown)))
+        let unknown: Vec<VehicleId> = needs
+            .vehicles
+            .iter()
+            .copied()
+            .filter(|id| !report.members.contains(id))
+            .collect();
+        (
+            unknown.is_empty(),
+            format!(
+                "plans for {}, not for {}",
+                listed(&report.members),
+                listed(&unknown)
+            ),
+        )
     }));
     checks.push(reported("store", report, no_go, |report| {
-        (report.troubles.is_empty(), format!("troubles: {}", names::troubles(&report.troubles)))
+        (
+            report.troubles.is_empty(),
+            format!("troubles: {}", names::troubles(&report.troubles)),
+        )
     }));
     checks
 }

@@ -38,7 +38,9 @@ pub(super) fn route(output: Output, to: &mut Vec<Destination>) {
         Output::Stops(stops::Out::Publish(standing)) => {
             to.push(Destination::Edge(Out::Publish(Message::Standing(standing))));
         }
-        Output::Stops(stops::Out::Remark(remark)) => to.push(Destination::Edge(Out::StopsNote(remark))),
+        Output::Stops(stops::Out::Remark(remark)) => {
+            to.push(Destination::Edge(Out::StopsNote(remark)))
+        }
         // The operator hears for itself who knows which stops.
         Output::Stops(stops::Out::Open(_) | stops::Out::Heard(_) | stops::Out::Remember(_)) => {}
         Output::Operator(Out::Give(given)) => to.push(Destination::Stops(stops::In::Give(given))),

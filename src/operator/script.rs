@@ -170,7 +170,13 @@ pub(super) struct ScriptRun {
 impl ScriptRun {
     /// Begins.
     pub fn new(now: Time, steps: Vec<Step>) -> ScriptRun {
-        ScriptRun { steps, at: 0, since: now, is_cue_said: false, is_cue_done: false }
+        ScriptRun {
+            steps,
+            at: 0,
+            since: now,
+            is_cue_said: false,
+            is_cue_done: false,
+        }
     }
 
     /// Takes that what a cue asked for is done.
@@ -205,7 +211,8 @@ impl ScriptRun {
                 }
                 Step::Cue { .. } if self.is_cue_done => self.next(now),
                 Step::Cue { name, within } => {
-                    let why = || format!("{name:?} was not done within {:.1} s", within.as_secs_f64());
+                    let why =
+                        || format!("{name:?} was not done within {:.1} s", within.as_secs_f64());
                     return (waited >= *within).then(|| self.give_up(why()));
                 }
                 Step::Wait { until, .. } if until.is_shown(now, sight) => self.next(now),
@@ -248,8 +255,12 @@ impl Condition {
         match self {
             Condition::Heard(expected) => expected.all_heard(sight.view, now),
             Condition::InForce => *sight.last_want == LastWant::InForce,
-            Condition::Driven(run) => sight.report(now).is_some_and(|report| is_driven(report, *run)),
-            Condition::Done(run) => sight.run(now, *run).is_some_and(|run| run.end == Some(RunEnd::Done)),
+            Condition::Driven(run) => sight
+                .report(now)
+                .is_some_and(|report| is_driven(report, *run)),
+            Condition::Done(run) => sight
+                .run(now, *run)
+                .is_some_and(|run| run.end == Some(RunEnd::Done)),
             Condition::MissionsEnded(present) => present.all(now, sight.view, has_ended),
             Condition::Home(present) => present.all(now, sight.view, is_home),
             Condition::Any(conditions) => conditions.iter().any(|one| one.is_shown(now, sight)),
@@ -268,16 +279,23 @@ impl Condition {
                 };
                 let words = format!("run {run} {how}");
                 // The ground station says why in words that begin so.
-                let why = sight.report(now)?.troubles.iter().find(|trouble| trouble.starts_with(&words));
+                let why = sight
+                    .report(now)?
+                    .troubles
+                    .iter()
+                    .find(|trouble| trouble.starts_with(&words));
                 Some(why.cloned().unwrap_or(words))
             }
             Condition::Any(conditions) => {
                 let reasons = conditions.iter().map(|one| one.is_hopeless(now, sight));
-                reasons.collect::<Option<Vec<String>>>().map(|reasons| reasons.join("; "))
+                reasons
+                    .collect::<Option<Vec<String>>>()
+                    .map(|reasons| reasons.join("; "))
             }
-            Condition::Heard(_) | Condition::InForce | Condition::MissionsEnded(_) | Condition::Home(_) => {
-                None
-            }
+            Condition::Heard(_)
+            | Condition::InForce
+            | Condition::MissionsEnded(_)
+            | Condition::Home(_) => None,
         }
     }
 
@@ -285,7 +303,10 @@ impl Condition {
     fn missed(&self, now: Time, sight: &Sight, within: Duration) -> String {
         let missing = match self {
             Condition::Heard(expected) => {
-                format!("not heard: {}", expected.missing(sight.view, now).join(", "))
+                format!(
+                    "not heard: {}",
+                    expected.missing(sight.view, now).join(", ")
+                )
             }
             Condition::Home(present) => {
                 let away: Vec<String> = present
@@ -328,7 +349,10 @@ impl Sight<'_> {
     }
 
     fn run(&self, now: Time, run: RunId) -> Option<&RunReport> {
-        self.report(now)?.runs.iter().find(|report| report.run == run)
+        self.report(now)?
+            .runs
+            .iter()
+            .find(|report| report.run == run)
     }
 }
 
@@ -346,8 +370,10 @@ impl Present {
     }
 
     fn there(&self, now: Time, view: &FleetView) -> impl Iterator<Item = VehicleId> {
-        let is_there =
-            move |id: &&VehicleId| view.state(**id).is_some_and(|state| state.age(now) <= self.lost_after);
+        let is_there = move |id: &&VehicleId| {
+            view.state(**id)
+                .is_some_and(|state| state.age(now) <= self.lost_after)
+        };
         self.vehicles.iter().filter(is_there).copied()
     }
 }

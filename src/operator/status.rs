@@ -22,10 +22,21 @@ impl Expected {
     /// Returns all vehicles that are expected or heard.
     pub fn vehicles(&self, view: &FleetView, now: Time) -> BTreeSet<VehicleId> {
         let named = view.ground(now).into_iter().flat_map(|report| {
-            report.value.members.iter().chain(&report.value.lost).copied().collect::<Vec<VehicleId>>()
+            report
+                .value
+                .members
+                .iter()
+                .chain(&report.value.lost)
+                .copied()
+                .collect::<Vec<VehicleId>>()
         });
         let heard = view.vehicles().map(|(id, _)| id);
-        self.vehicles.iter().copied().chain(named).chain(heard).collect()
+        self.vehicles
+            .iter()
+            .copied()
+            .chain(named)
+            .chain(heard)
+            .collect()
     }
 
     /// Returns whether the state of every vehicle, and the ground station if it is expected, was heard; of nobody at all
@@ -33,15 +44,20 @@ impl Expected {
     pub fn all_heard(&self, view: &FleetView, now: Time) -> bool {
         let vehicles = self.vehicles(view, now);
         let is_ground_heard = !self.ground || view.ground(now).is_some();
-        !vehicles.is_empty() && is_ground_heard && vehicles.iter().all(|id| view.state(*id).is_some())
+        !vehicles.is_empty()
+            && is_ground_heard
+            && vehicles.iter().all(|id| view.state(*id).is_some())
     }
 
     /// Names what was not heard.
     pub fn missing(&self, view: &FleetView, now: Time) -> Vec<String> {
         let silent = |id: &VehicleId| view.state(*id).is_none();
         let vehicles = self.vehicles(view, now);
-        let mut missing: Vec<String> =
-            vehicles.iter().filter(|id| silent(id)).map(|id| format!("vehicle {id}")).collect();
+        let mut missing: Vec<String> = vehicles
+            .iter()
+            .filter(|id| silent(id))
+            .map(|id| format!("vehicle {id}"))
+            .collect();
         if vehicles.is_empty() {
             missing.push("any vehicle".to_owned());
         }
@@ -60,12 +76,17 @@ mod tests {
 
     fn view(messages: Vec<Message>) -> FleetView {
         let mut view = FleetView::default();
-        messages.into_iter().for_each(|message| view.hear(at(1.0), &heard(message)));
+        messages
+            .into_iter()
+            .for_each(|message| view.hear(at(1.0), &heard(message)));
         view
     }
 
     fn expected(vehicles: &[u8]) -> Expected {
-        Expected { vehicles: vehicles.iter().map(|id| VehicleId(*id)).collect(), ground: true }
+        Expected {
+            vehicles: vehicles.iter().map(|id| VehicleId(*id)).collect(),
+            ground: true,
+        }
     }
 
     #[test]
@@ -77,9 +98,24 @@ mod tests {
             assert_eq!(expected.all_heard(&view, at(1.0)), is_whole);
             assert_eq!(expected.missing(&view, at(1.0)), missing);
         };
-        check(vec![one.clone(), two.clone(), ground.clone()], &[], true, &[]);
-        check(vec![one.clone(), ground.clone()], &[], false, &["vehicle 2"]);
-        check(vec![one.clone(), two.clone()], &[], false, &["the ground station"]);
+        check(
+            vec![one.clone(), two.clone(), ground.clone()],
+            &[],
+            true,
+            &[],
+        );
+        check(
+            vec![one.clone(), ground.clone()],
+            &[],
+            false,
+            &["vehicle 2"],
+        );
+        check(
+            vec![one.clone(), two.clone()],
+            &[],
+            false,
+            &["the ground station"],
+        );
         check(vec![one, two, ground], &[3], false, &["vehicle 3"]);
         check(vec![], &[], false, &["any vehicle", "the ground station"]);
     }

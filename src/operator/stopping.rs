@@ -44,7 +44,15 @@ impl Stopping {
         expected: BTreeSet<VehicleId>,
         has_listened: bool,
     ) -> Stopping {
-        Stopping { stops, wish, expected, began: now, linked: None, has_listened, shown: BTreeMap::new() }
+        Stopping {
+            stops,
+            wish,
+            expected,
+            began: now,
+            linked: None,
+            has_listened,
+            shown: BTreeMap::new(),
+        }
     }
 
     /// Looks who shows it.
@@ -65,7 +73,15 @@ impl Stopping {
         let knows_all = self.has_listened
             || !self.wish.vehicles.is_empty()
             || self.linked.is_some_and(|since| now.since(since) >= LISTEN);
-        let rests = |of: &VehicleOutcome| matches!(of, VehicleOutcome::Stopped { is_at_rest: true, .. });
+        let rests = |of: &VehicleOutcome| {
+            matches!(
+                of,
+                VehicleOutcome::Stopped {
+                    is_at_rest: true,
+                    ..
+                }
+            )
+        };
         let all_rest = !so_far.vehicles.is_empty() && so_far.vehicles.values().all(rests);
         let is_over = all_rest && knows_all || now.since(self.began) >= self.wish.within;
         is_over.then_some(so_far)
@@ -78,14 +94,22 @@ impl Stopping {
             let state = view.state(id).filter(|state| state.at >= self.began);
             let is_at_rest = state.is_some_and(|state| state.value.is_at_rest);
             let outcome = match (self.shown.get(&id), state) {
-                (Some(at), _) => VehicleOutcome::Stopped { after: at.since(from), is_at_rest },
+                (Some(at), _) => VehicleOutcome::Stopped {
+                    after: at.since(from),
+                    is_at_rest,
+                },
                 (None, Some(_)) => VehicleOutcome::Ignored,
                 (None, None) => VehicleOutcome::Unheard,
             };
             (id, outcome)
         };
         let vehicles = self.targets(now, view).into_iter().map(of).collect();
-        Outcome { vehicles, lease: None, run: None, refused: None }
+        Outcome {
+            vehicles,
+            lease: None,
+            run: None,
+            refused: None,
+        }
     }
 
     /// Returns when to look next.
@@ -100,17 +124,33 @@ impl Stopping {
             StopScope::One(one) => one == id,
         };
         let state = view.state(id).filter(|state| state.at >= self.began);
-        let is_under =
-            state.is_some_and(|state| matches!(state.value.stands_under, Some(StandReason::Stop(_))));
-        is_under || self.stops.iter().filter(concerns).any(|stop| view.shows_stop(id, stop.name))
+        let is_under = state
+            .is_some_and(|state| matches!(state.value.stands_under, Some(StandReason::Stop(_))));
+        is_under
+            || self
+                .stops
+                .iter()
+                .filter(concerns)
+                .any(|stop| view.shows_stop(id, stop.name))
     }
 
     fn targets(&self, now: Time, view: &FleetView) -> BTreeSet<VehicleId> {
         if !self.wish.vehicles.is_empty() {
             return self.wish.vehicles.clone();
         }
-        let members = view.ground(now).map(|report| report.value.members.clone()).unwrap_or_default();
-        let heard = view.vehicles().filter(|(_, seen)| seen.state.is_some()).map(|(id, _)| id);
-        self.expected.iter().copied().chain(members).chain(heard).collect()
+        let members = view
+            .ground(now)
+            .map(|report| report.value.members.clone())
+            .unwrap_or_default();
+        let heard = view
+            .vehicles()
+            .filter(|(_, seen)| seen.state.is_some())
+            .map(|(id, _)| id);
+        self.expected
+            .iter()
+            .copied()
+            .chain(members)
+            .chain(heard)
+            .collect()
     }
 }

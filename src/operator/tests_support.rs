@@ -1,8 +1,9 @@
 //! What the door's tests say in the name of vehicles and of the ground.
 
 use tomoswarm_proto::{
-    Boot, Deviation, Heading, Lease, Message, Mode, Order, OrderKind, Ordered, Permille, PoseReport,
-    Position, Report, Revision, RunId, Sender, Standing, State, StationPhase, VehicleId,
+    Boot, Deviation, Heading, Lease, Message, Mode, Order, OrderKind, Ordered, Permille,
+    PoseReport, Position, Report, Revision, RunId, Sender, Standing, State, StationPhase,
+    VehicleId,
 };
 
 use super::Heard;
@@ -26,7 +27,11 @@ pub fn state(vehicle: u8) -> State {
         vehicle: VehicleId(vehicle),
         boot: Boot(1),
         sequence: 1,
-        pose: Some(PoseReport { at, heading: Heading(0), sd: Deviation(50) }),
+        pose: Some(PoseReport {
+            at,
+            heading: Heading(0),
+            sd: Deviation(50),
+        }),
         is_at_rest: true,
         mode: Mode::Idle,
         battery: Some(Permille(900)),
@@ -41,7 +46,10 @@ pub fn state(vehicle: u8) -> State {
 pub fn report() -> Report {
     Report {
         boot: Boot(1),
-        lease: Lease { number: 4, holder: 44 },
+        lease: Lease {
+            number: 4,
+            holder: 44,
+        },
         store: 1,
         phase: StationPhase::Idle,
         members: vec![VehicleId(1), VehicleId(2)],
@@ -58,29 +66,50 @@ pub struct Rover {
 impl Rover {
     /// Says that it knows of no emergency stop.
     pub fn say_stops(&self) -> Heard {
-        Heard::Message(Sender::Vehicle(self.state.vehicle), Message::Standing(Standing::default()))
+        Heard::Message(
+            Sender::Vehicle(self.state.vehicle),
+            Message::Standing(Standing::default()),
+        )
     }
 
     /// A vehicle that was ordered nothing yet.
     pub fn new(vehicle: u8) -> Rover {
-        Rover { state: state(vehicle) }
+        Rover {
+            state: state(vehicle),
+        }
     }
 
     /// A vehicle that has obeyed this.
     pub fn ordered(vehicle: u8, lease: Lease, revision: u32, kind: OrderKind) -> Rover {
         let mut rover = Rover::new(vehicle);
-        rover.state.ordered =
-            Ordered { lease, revision: Revision(revision), run: RunId(1), kind: Some(kind) };
+        rover.state.ordered = Ordered {
+            lease,
+            revision: Revision(revision),
+            run: RunId(1),
+            kind: Some(kind),
+        };
         rover
     }
 
     /// Obeys an order if it is above the echo.
     pub fn obey(&mut self, order: &Order) {
         let (edition, echo) = ((order.lease, order.revision), self.state.ordered);
-        let is_again = edition == echo.edition() && echo.kind.is_none() && edition != Default::default();
+        let is_again =
+            edition == echo.edition() && echo.kind.is_none() && edition != Default::default();
         if order.vehicle == self.state.vehicle && (edition > echo.edition() || is_again) {
-            let Order { lease, revision, run, kind, .. } = *order;
-            self.state.ordered = Ordered { lease, revision, run, kind: Some(kind) };
+            let Order {
+                lease,
+                revision,
+                run,
+                kind,
+                ..
+            } = *order;
+            self.state.ordered = Ordered {
+                lease,
+                revision,
+                run,
+                kind: Some(kind),
+            };
         }
     }
 
@@ -92,7 +121,10 @@ impl Rover {
 
     /// Starts anew, and remembers by whose right it was ordered.
     pub fn restart_remembering(&mut self) {
-        let remembered = Ordered { kind: None, ..self.state.ordered };
+        let remembered = Ordered {
+            kind: None,
+            ..self.state.ordered
+        };
         self.restart();
         self.state.ordered = remembered;
     }

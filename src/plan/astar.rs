@@ -37,7 +37,12 @@ pub struct Rules {
 
 impl Default for Rules {
     fn default() -> Rules {
-        Rules { diagonal: true, cut_corners: false, escape_m: 0.0, turning: None }
+        Rules {
+            diagonal: true,
+            cut_corners: false,
+            escape_m: 0.0,
+            turning: None,
+        }
     }
 }
 
@@ -101,10 +106,22 @@ pub struct Found {
 ///
 /// # Errors
 /// [`NoRoute`]; `Unreachable` is a proof, not a surrender.
-pub fn shortest_cells(grid: &Grid, start: Cell, goal: Cell, rules: &Rules) -> Result<Found, NoRoute> {
+pub fn shortest_cells(
+    grid: &Grid,
+    start: Cell,
+    goal: Cell,
+    rules: &Rules,
+) -> Result<Found, NoRoute> {
     let terrain = entered(grid, start, Some(goal), rules)?;
     if let Some(turning) = rules.turning {
-        return turning::cheapest_cells(&terrain, start, goal, rules, turning, grid.lattice().cell_m());
+        return turning::cheapest_cells(
+            &terrain,
+            start,
+            goal,
+            rules,
+            turning,
+            grid.lattice().cell_m(),
+        );
     }
     shortest_over(&terrain, start, goal, rules)
 }
@@ -120,7 +137,9 @@ pub(super) fn shortest_over(
     if search.run(terrain, start, Some(goal)) {
         return Ok(search.found(terrain, terrain.place(goal), rules));
     }
-    Err(NoRoute::Unreachable { searched: search.expanded })
+    Err(NoRoute::Unreachable {
+        searched: search.expanded,
+    })
 }
 
 /// Least costs from one cell to all others.
@@ -137,8 +156,16 @@ pub(super) fn flood(grid: &Grid, start: Cell, rules: &Rules) -> Result<Flood, No
     let terrain = entered(grid, start, None, rules)?;
     let mut search = Search::new(&terrain, rules);
     search.run(&terrain, start, None);
-    let reached = search.nodes.iter().filter(|node| node.cost().is_some()).count();
-    Ok(Flood { nodes: search.nodes, terrain, reached })
+    let reached = search
+        .nodes
+        .iter()
+        .filter(|node| node.cost().is_some())
+        .count();
+    Ok(Flood {
+        nodes: search.nodes,
+        terrain,
+        reached,
+    })
 }
 
 impl Flood {
@@ -158,15 +185,25 @@ impl Flood {
 
 /// Finds the least costs from all cells to one.
 pub(super) fn flood_back(terrain: &Terrain, goal: Cell, rules: &Rules) -> Vec<Node> {
-    let mut search = Search { backward: true, ..Search::new(terrain, rules) };
+    let mut search = Search {
+        backward: true,
+        ..Search::new(terrain, rules)
+    };
     search.run(terrain, goal, None);
     search.nodes
 }
 
 /// Checks the ends and reads the grid.
-fn entered(grid: &Grid, start: Cell, goal: Option<Cell>, rules: &Rules) -> Result<Terrain, NoRoute> {
+fn entered(
+    grid: &Grid,
+    start: Cell,
+    goal: Option<Cell>,
+    rules: &Rules,
+) -> Result<Terrain, NoRoute> {
     let start_index = grid.index(start).ok_or(NoRoute::StartOutside)?;
-    let goal_index = goal.map(|goal| grid.index(goal).ok_or(NoRoute::GoalOutside)).transpose()?;
+    let goal_index = goal
+        .map(|goal| grid.index(goal).ok_or(NoRoute::GoalOutside))
+        .transpose()?;
     let escaping = !grid.open(start_index);
     if escaping && !(rules.escape_m > 0.0 && grid.only_near(start_index)) {
         return Err(NoRoute::StartBarred);
@@ -175,7 +212,13 @@ fn entered(grid: &Grid, start: Cell, goal: Option<Cell>, rules: &Rules) -> Resul
         return Err(NoRoute::GoalBarred);
     }
     let reach_cells = rules.escape_m / grid.lattice().cell_m();
-    Ok(Terrain::of_grid(grid, escaping.then_some(Escape { from: start, reach_cells })))
+    Ok(Terrain::of_grid(
+        grid,
+        escaping.then_some(Escape {
+            from: start,
+            reach_cells,
+        }),
+    ))
 }
 
 /// What is known of a cell: the least cost so far (upper 59 bits), whether it was expanded with it, and one more than
@@ -266,7 +309,14 @@ impl Search {
     }
 
     #[inline]
-    fn expand(&mut self, terrain: &Terrain, place: usize, node: Node, cell: Cell, goal: Option<Cell>) {
+    fn expand(
+        &mut self,
+        terrain: &Terrain,
+        place: usize,
+        node: Node,
+        cell: Cell,
+        goal: Option<Cell>,
+    ) {
         let mut steps = self.choices[node.came_by()][usize::from(terrain.around(place))];
         while steps != 0 {
             let step = steps.trailing_zeros() as usize;
@@ -279,7 +329,8 @@ impl Search {
                 self.nodes[to] = Node::reached(cost, step);
                 let (dx, dy) = STEPS[step];
                 let beside = Cell::new(cell.x + dx, cell.y + dy);
-                self.queue.push(cost + self.remaining(beside, goal), to as u32);
+                self.queue
+                    .push(cost + self.remaining(beside, goal), to as u32);
             }
         }
     }
@@ -287,7 +338,13 @@ impl Search {
     /// Returns the least cost that any way from a cell to the goal can have.
     #[inline]
     fn remaining(&self, from: Cell, goal: Option<Cell>) -> u64 {
-        goal.map_or(0, |goal| least_cost(from.x.abs_diff(goal.x), from.y.abs_diff(goal.y), self.diagonal))
+        goal.map_or(0, |goal| {
+            least_cost(
+                from.x.abs_diff(goal.x),
+                from.y.abs_diff(goal.y),
+                self.diagonal,
+            )
+        })
     }
 
     fn found(&self, terrain: &Terrain, goal: usize, rules: &Rules) -> Found {
@@ -310,7 +367,8 @@ fn walk_back(terrain: &Terrain, nodes: &[Node], goal: usize) -> Vec<Cell> {
 impl Found {
     /// Counts steps and turns of a way over cells.
     pub(super) fn of_cells(cells: Vec<Cell>, cost: u64, expanded: usize, rules: &Rules) -> Found {
-        let (mut straights, mut diagonals, mut eighths, mut before, mut turned_rad) = (0, 0, 0, None, 0.0);
+        let (mut straights, mut diagonals, mut eighths, mut before, mut turned_rad) =
+            (0, 0, 0, None, 0.0);
         for pair in cells.windows(2) {
             let step = step_between(pair[0], pair[1]);
             if step.is_multiple_of(2) {
@@ -320,14 +378,24 @@ impl Found {
             }
             match before {
                 Some(before) => eighths += eighths_between(before, step),
-                None => turned_rad = rules.turning.map_or(0.0, |turning| turning.first_turn_rad(step)),
+                None => {
+                    turned_rad = rules
+                        .turning
+                        .map_or(0.0, |turning| turning.first_turn_rad(step))
+                }
             }
             before = Some(step);
         }
         turned_rad += eighths as f64 * PI / 4.0;
         let length_cells = f64::from(straights) + f64::from(diagonals) * SQRT_2;
         let cost_cells = cost as f64 / STRAIGHT as f64;
-        Found { cells, length_cells, turned_rad, cost_cells, expanded }
+        Found {
+            cells,
+            length_cells,
+            turned_rad,
+            cost_cells,
+            expanded,
+        }
     }
 }
 
@@ -335,12 +403,16 @@ impl Turning {
     /// Returns the turn before a first step, radians.
     pub(super) fn first_turn_rad(&self, step: usize) -> f64 {
         let direction = Angle::from_degrees(45.0 * step as f64);
-        self.heading.map_or(0.0, |heading| (direction - heading).radians().abs())
+        self.heading
+            .map_or(0.0, |heading| (direction - heading).radians().abs())
     }
 }
 
 fn step_between(from: Cell, to: Cell) -> usize {
-    STEPS.iter().position(|(dx, dy)| (to.x - from.x, to.y - from.y) == (*dx, *dy)).unwrap_or(0)
+    STEPS
+        .iter()
+        .position(|(dx, dy)| (to.x - from.x, to.y - from.y) == (*dx, *dy))
+        .unwrap_or(0)
 }
 
 /// Returns the turn between two directions, in eighths of a full one.

@@ -75,7 +75,10 @@ impl Buckets {
     #[inline]
     fn link(&mut self, bucket: u64, item: u32) {
         let place = bucket as usize & (self.heads.len() - 1);
-        let entry = Entry { item, next: self.heads[place] };
+        let entry = Entry {
+            item,
+            next: self.heads[place],
+        };
         if self.free == NONE {
             self.heads[place] = self.entries.len() as u32;
             self.entries.push(entry);

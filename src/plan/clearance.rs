@@ -47,7 +47,9 @@ impl Clearance {
         }
         let reach_cells = reach_m / lattice.cell_m();
         if !(0.0..=MAX_REACH_CELLS).contains(&reach_cells) {
-            return Err(GridError::Clearance { clearance_m: reach_m });
+            return Err(GridError::Clearance {
+                clearance_m: reach_m,
+            });
         }
         let reach_cells = libm::ceil(reach_cells) as i32;
         Ok(Clearance {
@@ -76,8 +78,16 @@ impl Clearance {
                 self.squares[place] = if self.squares[place] == 0 { FAR } else { 0 };
             }
         }
-        let around = turned.iter().map(|cell| CellRect { low: *cell, high: *cell }).reduce(CellRect::join);
-        if let Some(region) = around.and_then(|around| around.grown(self.reach_cells).overlap(self.bounds)) {
+        let around = turned
+            .iter()
+            .map(|cell| CellRect {
+                low: *cell,
+                high: *cell,
+            })
+            .reduce(CellRect::join);
+        if let Some(region) =
+            around.and_then(|around| around.grown(self.reach_cells).overlap(self.bounds))
+        {
             self.measure(region);
         }
     }
@@ -107,10 +117,19 @@ impl Clearance {
 
     /// Fills a row of bytes, from a cell on, with what `judge` makes of the squared distances (cells², [`FAR`] beyond
     /// the reach; `None` outside the bounds).
-    pub(super) fn read_row(&self, x: i32, y: i32, line: &mut [u8], judge: impl Fn(Option<u16>) -> u8) {
-        let row =
-            CellRect::new(Cell::new(x, y), Cell::new(x.saturating_add_unsigned(line.len() as u32 - 1), y));
-        let part_of = |part: CellRect| part.low.x.abs_diff(x) as usize..=part.high.x.abs_diff(x) as usize;
+    pub(super) fn read_row(
+        &self,
+        x: i32,
+        y: i32,
+        line: &mut [u8],
+        judge: impl Fn(Option<u16>) -> u8,
+    ) {
+        let row = CellRect::new(
+            Cell::new(x, y),
+            Cell::new(x.saturating_add_unsigned(line.len() as u32 - 1), y),
+        );
+        let part_of =
+            |part: CellRect| part.low.x.abs_diff(x) as usize..=part.high.x.abs_diff(x) as usize;
         line.fill(judge(None));
         if let Some(part) = row.overlap(self.bounds) {
             line[part_of(part)].fill(judge(Some(self.unseen())));
@@ -120,7 +139,10 @@ impl Clearance {
         };
         if let Some(place) = self.place(part.low) {
             let kept = &self.squares[place..];
-            line[part_of(part)].iter_mut().zip(kept).for_each(|(byte, square)| *byte = judge(Some(*square)));
+            line[part_of(part)]
+                .iter_mut()
+                .zip(kept)
+                .for_each(|(byte, square)| *byte = judge(Some(*square)));
         }
     }
 
@@ -140,7 +162,10 @@ impl Clearance {
 
     fn place(&self, cell: Cell) -> Option<usize> {
         let window = self.window.filter(|window| window.contains(cell))?;
-        let (x, y) = (cell.x.abs_diff(window.low.x) as usize, cell.y.abs_diff(window.low.y) as usize);
+        let (x, y) = (
+            cell.x.abs_diff(window.low.x) as usize,
+            cell.y.abs_diff(window.low.y) as usize,
+        );
         Some(y * window.width_cells() as usize + x)
     }
 
@@ -150,7 +175,10 @@ impl Clearance {
         if self.window == Some(window) {
             return;
         }
-        let (width, height) = (window.width_cells() as usize, window.height_cells() as usize);
+        let (width, height) = (
+            window.width_cells() as usize,
+            window.height_cells() as usize,
+        );
         let mut squares = vec![self.unseen(); width * height];
         if let Some(old) = self.window {
             let old_width = old.width_cells() as usize;
@@ -168,7 +196,9 @@ impl Clearance {
         let view = map.view(self.slice, area);
         let (mut turned, mut solid) = (Vec::new(), vec![0; area.width_cells() as usize]);
         for y in area.low.y..=area.high.y {
-            self.read_row(area.low.x, y, &mut solid, |square| u8::from(square == Some(0)));
+            self.read_row(area.low.x, y, &mut solid, |square| {
+                u8::from(square == Some(0))
+            });
             for (x, was_solid) in (area.low.x..=area.high.x).zip(&solid) {
                 let cell = Cell::new(x, y);
                 let is_solid = match view.occupancy(cell) {
@@ -197,7 +227,10 @@ impl Clearance {
         let width = columns.width_cells() as usize;
         let heights = self.measured_columns(columns, wide);
         let first = region.low.x.abs_diff(columns.low.x) as usize;
-        for (line, y) in heights.chunks_exact(width).zip(region.low.y..=region.high.y) {
+        for (line, y) in heights
+            .chunks_exact(width)
+            .zip(region.low.y..=region.high.y)
+        {
             let Some(start) = self.place(Cell::new(region.low.x, y)) else {
                 return;
             };
@@ -214,7 +247,9 @@ impl Clearance {
         let (mut since, mut solid) = (vec![NONE; width], vec![0; width]);
         let reach = self.reach_cells as u8;
         let mut pass = |since: &mut Vec<u8>, y: i32| {
-            self.read_row(columns.low.x, y, &mut solid, |square| u8::from(square == Some(0)));
+            self.read_row(columns.low.x, y, &mut solid, |square| {
+                u8::from(square == Some(0))
+            });
             for (solid, since) in solid.iter().zip(since.iter_mut()) {
                 let farther = if *since < reach { *since + 1 } else { NONE };
                 *since = if *solid != 0 { 0 } else { farther };
@@ -222,12 +257,16 @@ impl Clearance {
             if (columns.low.y..=columns.high.y).contains(&y) {
                 let row = y.abs_diff(columns.low.y) as usize * width;
                 let line = &mut heights[row..row + width];
-                line.iter_mut().zip(since.iter()).for_each(|(height, since)| *height = (*height).min(*since));
+                line.iter_mut()
+                    .zip(since.iter())
+                    .for_each(|(height, since)| *height = (*height).min(*since));
             }
         };
         (wide.low.y..=columns.high.y).for_each(|y| pass(&mut since, y));
         since.fill(NONE);
-        (columns.low.y..=wide.high.y).rev().for_each(|y| pass(&mut since, y));
+        (columns.low.y..=wide.high.y)
+            .rev()
+            .for_each(|y| pass(&mut since, y));
         heights
     }
 }
@@ -240,7 +279,9 @@ fn measure_row(heights: &[u8], first: usize, reach: usize, squares: &mut [u16]) 
         return;
     }
     let square_at = |at: usize, across: usize| match heights.get(at) {
-        Some(&height) if height != NONE => usize::from(height) * usize::from(height) + across * across,
+        Some(&height) if height != NONE => {
+            usize::from(height) * usize::from(height) + across * across
+        }
         Some(_) | None => usize::MAX,
     };
     for (x, square) in squares.iter_mut().enumerate() {
@@ -250,9 +291,15 @@ fn measure_row(heights: &[u8], first: usize, reach: usize, squares: &mut [u16]) 
             if across * across >= least {
                 break;
             }
-            least = least.min(square_at(at + across, across)).min(square_at(at.wrapping_sub(across), across));
+            least = least
+                .min(square_at(at + across, across))
+                .min(square_at(at.wrapping_sub(across), across));
         }
-        *square = if least <= reach * reach { least as u16 } else { FAR };
+        *square = if least <= reach * reach {
+            least as u16
+        } else {
+            FAR
+        };
     }
 }
 

@@ -56,11 +56,16 @@ struct Stands {
 impl Stands {
     fn at(from: Point, on_route: Point, drift_m: f64) -> Stands {
         let drifted = from.distance_to(on_route) <= drift_m;
-        Stands { from, on_route: if drifted { on_route } else { from } }
+        Stands {
+            from,
+            on_route: if drifted { on_route } else { from },
+        }
     }
 
     fn distance_to(self, cell: Point) -> f64 {
-        self.from.distance_to(cell).min(self.on_route.distance_to(cell))
+        self.from
+            .distance_to(cell)
+            .min(self.on_route.distance_to(cell))
     }
 }
 
@@ -72,11 +77,17 @@ struct Contact {
 }
 
 impl Contact {
-    const NONE: Contact = Contact { at_m: f64::INFINITY, cell: None };
+    const NONE: Contact = Contact {
+        at_m: f64::INFINITY,
+        cell: None,
+    };
 
     fn meet(&mut self, at_m: f64, cell: Point) {
         if at_m < self.at_m {
-            *self = Contact { at_m, cell: Some(cell) };
+            *self = Contact {
+                at_m,
+                cell: Some(cell),
+            };
         }
     }
 }
@@ -115,9 +126,19 @@ impl Corridor {
             }
             let share = |at_m: f64| ((at_m - start_m) / length_m).clamp(0.0, 1.0);
             let (first, last) = (share(here_m), share(end_m));
-            let part = Segment::new(whole.from.toward(whole.to, first), whole.from.toward(whole.to, last));
+            let part = Segment::new(
+                whole.from.toward(whole.to, first),
+                whole.from.toward(whole.to, last),
+            );
             let here = *stands.get_or_insert(Stands::at(from, part.from, view.lattice().cell_m()));
-            self.judge(view, part, start_m + first * length_m, here, &mut blocked, &mut unknown);
+            self.judge(
+                view,
+                part,
+                start_m + first * length_m,
+                here,
+                &mut blocked,
+                &mut unknown,
+            );
             if done_m >= end_m || blocked.cell.is_some() {
                 break;
             }
@@ -210,7 +231,10 @@ mod tests {
     use std::sync::Arc;
     use tomoswarm_proto::{LayerId, TILE_CELLS, TileAddress, TileReport};
 
-    const CORRIDOR: Corridor = Corridor { half_width_m: 0.5, ahead_m: 4.0 };
+    const CORRIDOR: Corridor = Corridor {
+        half_width_m: 0.5,
+        ahead_m: 4.0,
+    };
 
     /// A free map around the datum with some cells of other values.
     fn map(others: &[(Point, i8)]) -> Merged {
@@ -226,7 +250,13 @@ mod tests {
             }
             let address = TileAddress { slice: 0, x, y };
             let cells = Arc::new(cells);
-            map.join(&TileReport { layer: LayerId::default(), address, revision: 1, cells }).unwrap();
+            map.join(&TileReport {
+                layer: LayerId::default(),
+                address,
+                revision: 1,
+                cells,
+            })
+            .unwrap();
         }
         map
     }
@@ -250,9 +280,16 @@ mod tests {
     #[test]
     fn the_first_cell_that_the_disc_touches_ends_the_release() {
         let (occupied, unknown) = (Point::new(3.1, 0.3), Point::new(2.5, -0.1));
-        let release = released(&map(&[(occupied, 17), (unknown, 0)]), &[(0.1, 0.0), (6.0, 0.0)], (0.1, 0.0));
+        let release = released(
+            &map(&[(occupied, 17), (unknown, 0)]),
+            &[(0.1, 0.0), (6.0, 0.0)],
+            (0.1, 0.0),
+        );
         assert!(release.blocked.unwrap().distance_to(occupied) < 1e-9);
-        assert!((release.blocked_at_m.unwrap() - 2.6).abs() < 1e-6, "3-4-5 triangle: 0.4 before it");
+        assert!(
+            (release.blocked_at_m.unwrap() - 2.6).abs() < 1e-6,
+            "3-4-5 triangle: 0.4 before it"
+        );
         assert!(release.unknown.unwrap().distance_to(unknown) < 1e-9);
         let touch_m = 2.4 - (0.25f64 - 0.01).sqrt();
         assert!((release.free_until_m - touch_m).abs() < 1e-6);
@@ -281,8 +318,16 @@ mod tests {
         assert!(release.ahead_m() < 0.05 && release.unknown.is_some());
         let map = map(&[]);
         let view = map.view(0, CellRect::new(Cell::new(0, 0), Cell::new(9, 9)));
-        for route in [vec![], vec![Point::new(f64::NAN, 0.0), Point::new(1.0, 1.0)]] {
-            assert_eq!(CORRIDOR.released(&view, &route, Point::new(0.0, 0.0)).ahead_m(), 0.0);
+        for route in [
+            vec![],
+            vec![Point::new(f64::NAN, 0.0), Point::new(1.0, 1.0)],
+        ] {
+            assert_eq!(
+                CORRIDOR
+                    .released(&view, &route, Point::new(0.0, 0.0))
+                    .ahead_m(),
+                0.0
+            );
         }
     }
 

@@ -24,19 +24,30 @@ impl Distances {
     /// [`NoRoute::StartOutside`] and [`NoRoute::StartBarred`].
     pub fn from_start(grid: &Grid, start: Cell, rules: &Rules) -> Result<Distances, NoRoute> {
         let flood = flood(grid, start, rules)?;
-        Ok(Distances { lattice: grid.lattice(), area: grid.area(), flood })
+        Ok(Distances {
+            lattice: grid.lattice(),
+            area: grid.area(),
+            flood,
+        })
     }
 
     /// Returns the least cost of a way to a cell, metres (length, and more where [`Rules`] make a step dearer);
     /// `None` where no way leads: that is a proof. Ways here are those that [`super::shortest_cells`] finds.
     pub fn cost_m(&self, cell: Cell) -> Option<f64> {
-        let cost_cells = self.area.contains(cell).then(|| self.flood.cost_cells(cell)).flatten()?;
+        let cost_cells = self
+            .area
+            .contains(cell)
+            .then(|| self.flood.cost_cells(cell))
+            .flatten()?;
         Some(cost_cells * self.lattice.cell_m())
     }
 
     /// Returns a way of that cost, from the start to the cell, both included.
     pub fn cells_to(&self, goal: Cell) -> Option<Vec<Cell>> {
-        self.area.contains(goal).then(|| self.flood.cells_to(goal)).flatten()
+        self.area
+            .contains(goal)
+            .then(|| self.flood.cells_to(goal))
+            .flatten()
     }
 
     /// Returns the straightened route to a point; `start` must lie in the start's cell and `grid` be the one that was
@@ -65,8 +76,10 @@ mod tests {
 
     fn grid(stones: &[(i32, i32)], clearance_m: f64) -> Grid {
         let area = CellRect::new(Cell::new(-3, -5), Cell::new(SIDE - 4, SIDE - 6));
-        Grid::of_cells(Lattice::new(0.2), area, clearance_m, |cell| stones.contains(&(cell.x, cell.y)))
-            .unwrap()
+        Grid::of_cells(Lattice::new(0.2), area, clearance_m, |cell| {
+            stones.contains(&(cell.x, cell.y))
+        })
+        .unwrap()
     }
 
     proptest! {
@@ -108,12 +121,24 @@ mod tests {
         let lattice = grid.lattice();
         let start = lattice.centre(Cell::new(0, 0));
         let distances = Distances::from_start(&grid, Cell::new(0, 0), &Rules::default()).unwrap();
-        let near = distances.route_to(&grid, start, lattice.centre(Cell::new(-2, 5))).unwrap();
+        let near = distances
+            .route_to(&grid, start, lattice.centre(Cell::new(-2, 5)))
+            .unwrap();
         assert_eq!(near.points.len(), 2);
-        let round = distances.route_to(&grid, start, lattice.centre(Cell::new(10, 0))).unwrap();
+        let round = distances
+            .route_to(&grid, start, lattice.centre(Cell::new(10, 0)))
+            .unwrap();
         assert!(round.points.len() > 2 && round.length_m < round.cells_length_m);
-        assert!(distances.route_to(&grid, start, lattice.centre(Cell::new(5, 0))).is_none());
-        assert!(distances.route_to(&grid, start, Point::new(1e9, f64::NAN)).is_none());
+        assert!(
+            distances
+                .route_to(&grid, start, lattice.centre(Cell::new(5, 0)))
+                .is_none()
+        );
+        assert!(
+            distances
+                .route_to(&grid, start, Point::new(1e9, f64::NAN))
+                .is_none()
+        );
         assert_eq!(distances.cost_m(Cell::new(i32::MAX, i32::MIN)), None);
     }
 }

@@ -20,7 +20,9 @@ const FRONTIER: u8 = 2;
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Error)]
 pub enum FrontierError {
     /// The bounds are too large.
-    #[error("{cells} cells are too many to keep frontiers of, at most {MAX_GRID_CELLS} are allowed")]
+    #[error(
+        "{cells} cells are too many to keep frontiers of, at most {MAX_GRID_CELLS} are allowed"
+    )]
     TooLarge {
         /// How many there would be.
         cells: u64,
@@ -61,7 +63,10 @@ impl Cluster {
     /// Returns the member whose middle is nearest to a point; of several the first one.
     pub fn nearest_to(&self, lattice: Lattice, point: Point) -> Option<Cell> {
         let distance_m = |cell: &Cell| lattice.centre(*cell).distance_to(point);
-        self.cells.iter().copied().min_by(|a, b| distance_m(a).total_cmp(&distance_m(b)))
+        self.cells
+            .iter()
+            .copied()
+            .min_by(|a, b| distance_m(a).total_cmp(&distance_m(b)))
     }
 
     /// Returns the member nearest to the centroid.
@@ -86,14 +91,26 @@ impl Frontiers {
         if cells > MAX_GRID_CELLS {
             return Err(FrontierError::TooLarge { cells });
         }
-        let (width, height) = (bounds.width_cells() as usize, bounds.height_cells() as usize);
+        let (width, height) = (
+            bounds.width_cells() as usize,
+            bounds.height_cells() as usize,
+        );
         let mut flags = Vec::with_capacity(width * height);
         for y in bounds.low.y..=bounds.high.y {
             let row = (bounds.low.x..=bounds.high.x).map(|x| lattice.centre(Cell::new(x, y)));
             flags.extend(row.map(|middle| if inside(middle) { INSIDE } else { 0 }));
         }
         let owner = vec![0; flags.len()];
-        Ok(Frontiers { lattice, slice, bounds, width, height, flags, owner, clusters: BTreeMap::new() })
+        Ok(Frontiers {
+            lattice,
+            slice,
+            bounds,
+            width,
+            height,
+            flags,
+            owner,
+            clusters: BTreeMap::new(),
+        })
     }
 
     /// Takes note of a change of the map: all cells that changed since the last update lie in `changed`.
@@ -128,7 +145,8 @@ impl Frontiers {
 
     /// Returns whether a cell is a frontier.
     pub fn contains(&self, cell: Cell) -> bool {
-        self.index(cell).is_some_and(|index| self.flags[index] & FRONTIER != 0)
+        self.index(cell)
+            .is_some_and(|index| self.flags[index] & FRONTIER != 0)
     }
 
     /// Returns the lattice of the cells.
@@ -166,7 +184,9 @@ impl Frontiers {
     fn is_frontier(&self, view: &View<'_>, cell: Cell, index: usize) -> bool {
         let Cell { x, y } = cell;
         let unknown = |beside: Cell| {
-            let inside = self.index(beside).is_some_and(|index| self.flags[index] & INSIDE != 0);
+            let inside = self
+                .index(beside)
+                .is_some_and(|index| self.flags[index] & INSIDE != 0);
             inside && view.occupancy(beside) == Occupancy::Unknown
         };
         let beside = [(1, 0), (0, 1), (-1, 0), (0, -1)]
@@ -179,7 +199,12 @@ impl Frontiers {
     /// Takes the cluster of a frontier cell apart.
     fn dissolve(&mut self, index: usize, loose: &mut BTreeSet<usize>) {
         if self.flags[index] & FRONTIER != 0 && !loose.contains(&index) {
-            loose.extend(self.clusters.remove(&(self.owner[index] as usize)).into_iter().flatten());
+            loose.extend(
+                self.clusters
+                    .remove(&(self.owner[index] as usize))
+                    .into_iter()
+                    .flatten(),
+            );
         }
     }
 
@@ -188,12 +213,16 @@ impl Frontiers {
         while let Some(first) = loose.pop_first() {
             let (mut members, mut next) = (vec![first], 0);
             while next < members.len() {
-                let found = self.around(members[next]).filter(|beside| loose.remove(beside));
+                let found = self
+                    .around(members[next])
+                    .filter(|beside| loose.remove(beside));
                 members.extend(found.collect::<Vec<usize>>());
                 next += 1;
             }
             members.sort_unstable();
-            members.iter().for_each(|member| self.owner[*member] = first as u32);
+            members
+                .iter()
+                .for_each(|member| self.owner[*member] = first as u32);
             self.clusters.insert(first, members);
         }
     }
@@ -216,12 +245,17 @@ impl Frontiers {
             y_m += middle.y_m;
         }
         let count = cells.len() as f64;
-        Cluster { cells, centroid: Point::new(x_m / count, y_m / count) }
+        Cluster {
+            cells,
+            centroid: Point::new(x_m / count, y_m / count),
+        }
     }
 
     fn index(&self, cell: Cell) -> Option<usize> {
-        let (x, y) =
-            (cell.x.abs_diff(self.bounds.low.x) as usize, cell.y.abs_diff(self.bounds.low.y) as usize);
+        let (x, y) = (
+            cell.x.abs_diff(self.bounds.low.x) as usize,
+            cell.y.abs_diff(self.bounds.low.y) as usize,
+        );
         self.bounds.contains(cell).then(|| y * self.width + x)
     }
 
@@ -262,7 +296,10 @@ mod tests {
         to: (usize, usize),
         value: i8,
     ) -> CellRect {
-        let layer = LayerId { vehicle: VehicleId(1), boot: Boot(1) };
+        let layer = LayerId {
+            vehicle: VehicleId(1),
+            boot: Boot(1),
+        };
         let address = TileAddress { slice: 0, x, y };
         let mut cells: [i8; TILE_CELLS] = map
             .layer(layer)
@@ -271,30 +308,46 @@ mod tests {
         for row in from.1..=to.1 {
             cells[row * 32 + from.0..=row * 32 + to.0].fill(value);
         }
-        map.join(&TileReport { layer, address, revision, cells: Arc::new(cells) }).unwrap();
-        CellRect::new(Cell::new(32 * x, 32 * y), Cell::new(32 * x + 31, 32 * y + 31))
+        map.join(&TileReport {
+            layer,
+            address,
+            revision,
+            cells: Arc::new(cells),
+        })
+        .unwrap();
+        CellRect::new(
+            Cell::new(32 * x, 32 * y),
+            Cell::new(32 * x + 31, 32 * y + 31),
+        )
     }
 
     /// The definition, said a second time: groups by joining sets until nothing touches.
     fn from_scratch(map: &Merged) -> Vec<Vec<Cell>> {
         let (area, lattice) = (bounds(), Lattice::new(LATTICE));
         let inside = |cell: Cell| area.contains(cell) && fenced(lattice.centre(cell));
-        let all =
-            (area.low.y..=area.high.y).flat_map(|y| (area.low.x..=area.high.x).map(move |x| Cell::new(x, y)));
+        let all = (area.low.y..=area.high.y)
+            .flat_map(|y| (area.low.x..=area.high.x).map(move |x| Cell::new(x, y)));
         let mut groups: Vec<Vec<Cell>> = Vec::new();
         for cell in all.filter(|cell| inside(*cell) && map.occupancy(0, *cell) == Occupancy::Free) {
-            let beside =
-                [(1, 0), (-1, 0), (0, 1), (0, -1)].map(|(dx, dy)| Cell::new(cell.x + dx, cell.y + dy));
-            if !beside.iter().any(|c| inside(*c) && map.occupancy(0, *c) == Occupancy::Unknown) {
+            let beside = [(1, 0), (-1, 0), (0, 1), (0, -1)]
+                .map(|(dx, dy)| Cell::new(cell.x + dx, cell.y + dy));
+            if !beside
+                .iter()
+                .any(|c| inside(*c) && map.occupancy(0, *c) == Occupancy::Unknown)
+            {
                 continue;
             }
-            let touches = |other: &Cell| (other.x - cell.x).abs() <= 1 && (other.y - cell.y).abs() <= 1;
-            let (near, mut far): (Vec<_>, Vec<_>) =
-                groups.into_iter().partition(|group| group.iter().any(touches));
+            let touches =
+                |other: &Cell| (other.x - cell.x).abs() <= 1 && (other.y - cell.y).abs() <= 1;
+            let (near, mut far): (Vec<_>, Vec<_>) = groups
+                .into_iter()
+                .partition(|group| group.iter().any(touches));
             far.push(near.into_iter().flatten().chain([cell]).collect());
             groups = far;
         }
-        groups.iter_mut().for_each(|group| group.sort_by_key(|cell| (cell.y, cell.x)));
+        groups
+            .iter_mut()
+            .for_each(|group| group.sort_by_key(|cell| (cell.y, cell.x)));
         groups.sort_by_key(|group| (group[0].y, group[0].x));
         groups
     }
@@ -331,7 +384,10 @@ mod tests {
         assert_eq!((clusters.len(), clusters[0].size()), (1, 16));
         assert!(clusters[0].centroid.distance_to(Point::new(3.25, 3.25)) < 1e-9);
         let lattice = frontiers.lattice();
-        assert_eq!(clusters[0].nearest_to(lattice, Point::new(-9.0, 3.2)), Some(Cell::new(4, 6)));
+        assert_eq!(
+            clusters[0].nearest_to(lattice, Point::new(-9.0, 3.2)),
+            Some(Cell::new(4, 6))
+        );
         assert!(frontiers.contains(Cell::new(4, 4)) && !frontiers.contains(Cell::new(6, 6)));
         let changed = write(&mut map, 2, 0, 0, (0, 0), (31, 31), 17);
         frontiers.update(&map, changed);
@@ -346,7 +402,10 @@ mod tests {
         let changed = write(&mut map, 1, 0, 0, (0, 0), (31, 31), -17);
         frontiers.update(&map, changed);
         assert!(frontiers.is_empty());
-        frontiers.update(&map, CellRect::new(Cell::new(i32::MIN, i32::MIN), Cell::new(i32::MAX, i32::MAX)));
+        frontiers.update(
+            &map,
+            CellRect::new(Cell::new(i32::MIN, i32::MIN), Cell::new(i32::MAX, i32::MAX)),
+        );
         assert!(frontiers.is_empty());
         let all = CellRect::new(Cell::new(i32::MIN, 0), Cell::new(i32::MAX, 9));
         assert!(Frontiers::new(Lattice::new(LATTICE), 0, all, |_| true).is_err());

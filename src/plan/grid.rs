@@ -107,10 +107,22 @@ impl Grid {
         let (width, height) = (area.width_cells() as usize, area.height_cells() as usize);
         let mut flags = Vec::with_capacity(width * height);
         for y in area.low.y..=area.high.y {
-            flags.extend((area.low.x..=area.high.x).map(|x| if solid(Cell::new(x, y)) { SOLID } else { 0 }));
+            flags.extend(
+                (area.low.x..=area.high.x).map(|x| if solid(Cell::new(x, y)) { SOLID } else { 0 }),
+            );
         }
-        let half_width_m = (square(clearance_m) - square(lattice.cell_m()) / 2.0).max(0.0).sqrt();
-        let mut grid = Grid { lattice, area, width, height, half_width_m, flags, levels: None };
+        let half_width_m = (square(clearance_m) - square(lattice.cell_m()) / 2.0)
+            .max(0.0)
+            .sqrt();
+        let mut grid = Grid {
+            lattice,
+            area,
+            width,
+            height,
+            half_width_m,
+            flags,
+            levels: None,
+        };
         grid.inflate(clearance_m / lattice.cell_m());
         Ok(grid)
     }
@@ -121,7 +133,11 @@ impl Grid {
     ///
     /// # Errors
     /// [`GridError`] when the rectangle is too large or the distances do not reach as far as the half-width needs.
-    pub fn of_clearance(clearance: &Clearance, area: CellRect, half_width_m: f64) -> Result<Grid, GridError> {
+    pub fn of_clearance(
+        clearance: &Clearance,
+        area: CellRect,
+        half_width_m: f64,
+    ) -> Result<Grid, GridError> {
         let lattice = clearance.lattice();
         let clearance_m = swept_clearance_m(half_width_m, lattice);
         let clearance_cells = clearance_m / lattice.cell_m();
@@ -148,18 +164,25 @@ impl Grid {
     /// 1 + `extra` · (1 − d / `wished_m`) times as much, rounded to eighths; `extra` is at most 3, and the wish counts
     /// as far as the distances reach. Ways then keep their distance where that costs little.
     pub fn prefer_clearance(&mut self, clearance: &Clearance, wished_m: f64, extra: f64) {
-        let wished_cells = (wished_m / clearance.lattice().cell_m()).min(f64::from(clearance.reach_cells()));
+        let wished_cells =
+            (wished_m / clearance.lattice().cell_m()).min(f64::from(clearance.reach_cells()));
         if !(wished_cells > 0.0 && extra > 0.0) {
             self.levels = None;
             return;
         }
         let by_square: Vec<u8> = (0..=square(wished_cells) as u32)
-            .map(|square| level_of(1.0 + extra * (1.0 - f64::from(square).sqrt() / wished_cells).max(0.0)))
+            .map(|square| {
+                level_of(1.0 + extra * (1.0 - f64::from(square).sqrt() / wished_cells).max(0.0))
+            })
             .collect();
         let mut levels = vec![0; self.flags.len()];
-        for (y, line) in (self.area.low.y..=self.area.high.y).zip(levels.chunks_exact_mut(self.width)) {
+        for (y, line) in
+            (self.area.low.y..=self.area.high.y).zip(levels.chunks_exact_mut(self.width))
+        {
             clearance.read_row(self.area.low.x, y, line, |square| {
-                square.and_then(|square| by_square.get(usize::from(square)).copied()).unwrap_or(0)
+                square
+                    .and_then(|square| by_square.get(usize::from(square)).copied())
+                    .unwrap_or(0)
             });
         }
         self.levels = Some(levels);
@@ -182,7 +205,9 @@ impl Grid {
             return;
         }
         for (y, columns) in rows_within(self.lattice, along, radius_m, self.rows()) {
-            for x in (*columns.start()).max(self.area.low.x)..=(*columns.end()).min(self.area.high.x) {
+            for x in
+                (*columns.start()).max(self.area.low.x)..=(*columns.end()).min(self.area.high.x)
+            {
                 let cell = Cell::new(x, y);
                 if along.distance_to_point(self.lattice.centre(cell)) <= radius_m {
                     self.close(cell);
@@ -197,9 +222,14 @@ impl Grid {
         // Between neighbouring middles that lie this far from all edges there is no edge.
         let apart_m = radius_m.max(self.lattice.cell_m());
         let mut near = vec![false; self.flags.len()];
-        for edge in fence.edges().filter(|edge| edge.from.is_finite() && edge.to.is_finite()) {
+        for edge in fence
+            .edges()
+            .filter(|edge| edge.from.is_finite() && edge.to.is_finite())
+        {
             for (y, columns) in rows_within(self.lattice, edge, apart_m, self.rows()) {
-                for x in (*columns.start()).max(self.area.low.x)..=(*columns.end()).min(self.area.high.x) {
+                for x in
+                    (*columns.start()).max(self.area.low.x)..=(*columns.end()).min(self.area.high.x)
+                {
                     if let Some(index) = self.index(Cell::new(x, y)) {
                         near[index] = true;
                     }
@@ -243,7 +273,10 @@ impl Grid {
     /// Opens the cells under a track that are too near to something, but for solid and closed ones: where a vehicle has
     /// driven there was room for it.
     pub fn open_along(&mut self, track: &[Point]) {
-        for pair in track.windows(2).filter(|pair| pair[0].is_finite() && pair[1].is_finite()) {
+        for pair in track
+            .windows(2)
+            .filter(|pair| pair[0].is_finite() && pair[1].is_finite())
+        {
             for cell in self.lattice.cells_under(Segment::new(pair[0], pair[1])) {
                 if let Some(index) = self.index(cell) {
                     self.flags[index] &= !NEAR;
@@ -271,7 +304,9 @@ impl Grid {
     /// Writes which cells of a row a vehicle may be in, as 0 and 1.
     pub(super) fn write_open(&self, row: usize, open: &mut [u8]) {
         let flags = &self.flags[row * self.width..][..self.width];
-        open.iter_mut().zip(flags).for_each(|(open, flags)| *open = u8::from(*flags == 0));
+        open.iter_mut()
+            .zip(flags)
+            .for_each(|(open, flags)| *open = u8::from(*flags == 0));
     }
 
     /// Returns whether some cells are dearer than others.
@@ -281,13 +316,17 @@ impl Grid {
 
     /// Returns how dear the cells of a row are; nothing where all are alike.
     pub(super) fn level_row(&self, row: usize) -> &[u8] {
-        self.levels.as_ref().map_or(&[], |levels| &levels[row * self.width..][..self.width])
+        self.levels
+            .as_ref()
+            .map_or(&[], |levels| &levels[row * self.width..][..self.width])
     }
 
     /// Returns how dear a cell is; 0 outside.
     pub(super) fn level(&self, cell: Cell) -> u8 {
         let levels = self.levels.as_ref();
-        levels.zip(self.index(cell)).map_or(0, |(levels, index)| levels[index])
+        levels
+            .zip(self.index(cell))
+            .map_or(0, |(levels, index)| levels[index])
     }
 
     /// Returns how dear the dearest cell under a segment is.
@@ -295,7 +334,11 @@ impl Grid {
         if self.levels.is_none() {
             return 0;
         }
-        self.lattice.cells_under(along).map(|cell| self.level(cell)).max().unwrap_or(0)
+        self.lattice
+            .cells_under(along)
+            .map(|cell| self.level(cell))
+            .max()
+            .unwrap_or(0)
     }
 
     /// Returns whether the strip along a segment is clear: no solid middle nearer than the half-width, and no
@@ -305,14 +348,19 @@ impl Grid {
         for (y, columns) in rows_within(self.lattice, along, self.half_width_m, self.rows()) {
             for x in columns {
                 let cell = Cell::new(x, y);
-                let solid = self.index(cell).is_some_and(|index| self.flags[index] & SOLID != 0);
+                let solid = self
+                    .index(cell)
+                    .is_some_and(|index| self.flags[index] & SOLID != 0);
                 if solid && along.distance_to_point(self.lattice.centre(cell)) < reach_m {
                     return false;
                 }
             }
         }
         let mut under = self.lattice.cells_under(along);
-        under.all(|cell| self.index(cell).is_some_and(|index| self.flags[index] & (SOLID | CLOSED) == 0))
+        under.all(|cell| {
+            self.index(cell)
+                .is_some_and(|index| self.flags[index] & (SOLID | CLOSED) == 0)
+        })
     }
 
     /// Returns the place of a cell in the flags; `None` outside.
@@ -321,7 +369,10 @@ impl Grid {
         if !self.area.contains(cell) {
             return None;
         }
-        let (x, y) = ((cell.x - self.area.low.x) as usize, (cell.y - self.area.low.y) as usize);
+        let (x, y) = (
+            (cell.x - self.area.low.x) as usize,
+            (cell.y - self.area.low.y) as usize,
+        );
         Some(y * self.width + x)
     }
 
@@ -353,8 +404,14 @@ impl Grid {
     fn inflate(&mut self, clearance_cells: f64) {
         let reach = clearance_cells.ceil() as i32;
         let near2 = square(clearance_cells) * (1.0 - 1e-12);
-        let half = |dy: i32| (0..=reach).rev().find(|dx| f64::from(dx * dx + dy * dy) < near2);
-        let rows: Vec<(i32, i32)> = (-reach..=reach).filter_map(|dy| half(dy).map(|dx| (dy, dx))).collect();
+        let half = |dy: i32| {
+            (0..=reach)
+                .rev()
+                .find(|dx| f64::from(dx * dx + dy * dy) < near2)
+        };
+        let rows: Vec<(i32, i32)> = (-reach..=reach)
+            .filter_map(|dy| half(dy).map(|dx| (dy, dx)))
+            .collect();
         for index in 0..self.flags.len() {
             if self.flags[index] & SOLID != 0 && self.on_rim(index) {
                 self.stamp(index, &rows);
@@ -369,7 +426,9 @@ impl Grid {
             || y == 0
             || x + 1 == self.width
             || y + 1 == self.height
-            || ![index - 1, index + 1, index - self.width, index + self.width].into_iter().all(solid)
+            || ![index - 1, index + 1, index - self.width, index + self.width]
+                .into_iter()
+                .all(solid)
     }
 
     fn stamp(&mut self, index: usize, rows: &[(i32, i32)]) {
@@ -379,7 +438,10 @@ impl Grid {
             if row < 0 || row >= self.height as i32 {
                 continue;
             }
-            let (low, high) = ((x - dx).max(0) as usize, (x + dx).min(self.width as i32 - 1) as usize);
+            let (low, high) = (
+                (x - dx).max(0) as usize,
+                (x + dx).min(self.width as i32 - 1) as usize,
+            );
             let start = row as usize * self.width;
             for flag in &mut self.flags[start + low..=start + high] {
                 *flag |= NEAR;

@@ -6,7 +6,10 @@ use crate::geom::{Angle, Lattice, Point, Segment, Vector};
 use crate::map::{Body, CellRect, Mapper, Merged, ScanReading};
 use tomoswarm_proto::{Boot, LayerId, VehicleId};
 
-const OWN: LayerId = LayerId { vehicle: VehicleId(1), boot: Boot(1) };
+const OWN: LayerId = LayerId {
+    vehicle: VehicleId(1),
+    boot: Boot(1),
+};
 const BODY_M: f64 = 0.25;
 const HALF_WIDTH_RAD: f64 = 0.2618;
 
@@ -23,7 +26,9 @@ fn echo(walls: &[Segment], at: Point, direction: Angle) -> Option<f64> {
                 .then_some((range_m, cross.abs() / along.length_m()))
         });
         let first = strikes.min_by(|a, b| a.0.total_cmp(&b.0));
-        first.and_then(|(range_m, steepness)| (steepness >= 0.5 && range_m <= 3.0).then_some(range_m))
+        first.and_then(|(range_m, steepness)| {
+            (steepness >= 0.5 && range_m <= 3.0).then_some(range_m)
+        })
     };
     (-30..=30).filter_map(ray).min_by(f64::total_cmp)
 }
@@ -34,10 +39,16 @@ fn drive(walls: &[Segment], seconds: i32) -> (f64, Release) {
     let mut map = Merged::new(Lattice::new(0.2), Some(OWN));
     let mut mapper = Mapper::new(OWN, 0);
     let route = [Point::new(0.0, 0.05), Point::new(8.0, 0.05)];
-    let corridor = Corridor { half_width_m: 0.45, ahead_m: 4.0 };
+    let corridor = Corridor {
+        half_width_m: 0.45,
+        ahead_m: 4.0,
+    };
     let mut at = route[0];
-    let mut release =
-        corridor.released(&map.view(0, CellRect::covering(map.lattice(), route_rect())), &route, at);
+    let mut release = corridor.released(
+        &map.view(0, CellRect::covering(map.lattice(), route_rect())),
+        &route,
+        at,
+    );
     for look in 0..seconds * 10 {
         let turn = f64::from((look % 20 - 10).abs()) * 15.0 - 75.0;
         let direction = Angle::from_degrees(turn);
@@ -50,12 +61,26 @@ fn drive(walls: &[Segment], seconds: i32) -> (f64, Release) {
             sure_range_m: 1.5,
             min_range_m: 0.05,
         };
-        mapper.record(&mut map, &scan, Body { at, radius_m: BODY_M }, &[]);
+        mapper.record(
+            &mut map,
+            &scan,
+            Body {
+                at,
+                radius_m: BODY_M,
+            },
+            &[],
+        );
         let view = map.view(0, CellRect::covering(map.lattice(), route_rect()));
         release = corridor.released(&view, &route, at);
         at.x_m += release.ahead_m().clamp(0.0, 0.04);
-        let nearest_m = walls.iter().map(|wall| wall.distance_to_point(at)).fold(f64::INFINITY, f64::min);
-        assert!(nearest_m > BODY_M + 0.05, "{nearest_m} m from a wall at {at:?}");
+        let nearest_m = walls
+            .iter()
+            .map(|wall| wall.distance_to_point(at))
+            .fold(f64::INFINITY, f64::min);
+        assert!(
+            nearest_m > BODY_M + 0.05,
+            "{nearest_m} m from a wall at {at:?}"
+        );
     }
     (at.x_m, release)
 }

@@ -29,7 +29,12 @@ pub struct Mount {
 
 impl Mount {
     /// A sensor that can be pointed anywhere, and at once.
-    pub const ANYWHERE: Mount = Mount { zero: Angle::ZERO, from_rad: -PI, to_rad: PI, slew_s_per_rad: 0.0 };
+    pub const ANYWHERE: Mount = Mount {
+        zero: Angle::ZERO,
+        from_rad: -PI,
+        to_rad: PI,
+        slew_s_per_rad: 0.0,
+    };
 
     /// Returns where its servo must stand to look along a direction, radians; `None` when it cannot.
     pub fn reach(&self, beam: Angle) -> Option<f64> {
@@ -37,7 +42,9 @@ impl Mount {
         // Straight behind the zero is −π as well as π.
         [offset_rad, offset_rad - TAU]
             .into_iter()
-            .find(|offset_rad| (self.from_rad - SAME_RAD..=self.to_rad + SAME_RAD).contains(offset_rad))
+            .find(|offset_rad| {
+                (self.from_rad - SAME_RAD..=self.to_rad + SAME_RAD).contains(offset_rad)
+            })
             .map(|offset_rad| offset_rad.clamp(self.from_rad, self.to_rad))
     }
 
@@ -107,7 +114,11 @@ impl Default for Mounts {
 impl Mounts {
     /// Takes the sensors of a vehicle; without any it has one that can be pointed anywhere.
     pub fn new(mounts: Vec<Mount>) -> Mounts {
-        if mounts.is_empty() { Mounts::default() } else { Mounts(mounts) }
+        if mounts.is_empty() {
+            Mounts::default()
+        } else {
+            Mounts(mounts)
+        }
     }
 
     /// Returns the sensors in order.
@@ -120,7 +131,10 @@ impl Mounts {
     pub fn aim(&self, beam: Angle) -> Option<Aim> {
         let reaching = |(sensor, mount): (usize, &Mount)| {
             let offset_rad = mount.reach(beam)?;
-            Some(((offset_rad - mount.middle_rad()).abs(), Aim { sensor, offset_rad }))
+            Some((
+                (offset_rad - mount.middle_rad()).abs(),
+                Aim { sensor, offset_rad },
+            ))
         };
         let aims = self.0.iter().enumerate().filter_map(reaching);
         aims.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, aim)| aim)
@@ -136,7 +150,10 @@ impl Mounts {
                 .map(|offset_rad| (wanted - mount.beam(offset_rad), Aim { sensor, offset_rad }))
         });
         let least = turns.min_by(|a, b| a.0.radians().abs().total_cmp(&b.0.radians().abs()));
-        let aim = Aim { sensor: 0, offset_rad: 0.0 };
+        let aim = Aim {
+            sensor: 0,
+            offset_rad: 0.0,
+        };
         least.map_or(Choice::Servo(aim), |(by, aim)| Choice::Turn { by, aim })
     }
 
@@ -144,10 +161,16 @@ impl Mounts {
     pub fn slew_of_round(&self, beams: &[Angle]) -> Duration {
         let aims: Vec<Aim> = beams.iter().filter_map(|beam| self.aim(*beam)).collect();
         let turned = |(index, mount): (usize, &Mount)| {
-            let own: Vec<f64> =
-                aims.iter().filter(|aim| aim.sensor == index).map(|aim| aim.offset_rad).collect();
+            let own: Vec<f64> = aims
+                .iter()
+                .filter(|aim| aim.sensor == index)
+                .map(|aim| aim.offset_rad)
+                .collect();
             let next = own.iter().cycle().skip(1);
-            own.iter().zip(next).map(|(from, to)| mount.slew(*from, *to)).sum::<Duration>()
+            own.iter()
+                .zip(next)
+                .map(|(from, to)| mount.slew(*from, *to))
+                .sum::<Duration>()
         };
         self.0.iter().enumerate().map(turned).sum()
     }
@@ -166,16 +189,24 @@ impl Pointing {
     /// All servos stand at rest.
     pub fn new(mounts: Mounts) -> Pointing {
         let rest = |mount: &Mount| (mount.rest_rad(), mount.rest_rad(), Duration::ZERO);
-        Pointing { ways: mounts.all().iter().map(rest).collect(), mounts, sensor: 0 }
+        Pointing {
+            ways: mounts.all().iter().map(rest).collect(),
+            mounts,
+            sensor: 0,
+        }
     }
 
     /// Points the sensor that reaches a direction, at a moment (time since any fixed one); returns how long its servo
     /// turns. Nothing moves when none reaches it.
     pub fn steer(&mut self, now: Duration, beam: Angle) -> Duration {
-        let Some(aim) = self.mounts.aim(beam) else { return Duration::ZERO };
+        let Some(aim) = self.mounts.aim(beam) else {
+            return Duration::ZERO;
+        };
         let from_rad = self.position(now, aim.sensor);
         self.sensor = aim.sensor;
-        let Some(way) = self.ways.get_mut(aim.sensor) else { return Duration::ZERO };
+        let Some(way) = self.ways.get_mut(aim.sensor) else {
+            return Duration::ZERO;
+        };
         *way = (from_rad, aim.offset_rad, now);
         self.mounts.all()[aim.sensor].slew(from_rad, aim.offset_rad)
     }
@@ -213,7 +244,11 @@ mod tests {
 
     /// Two servos ahead and astern, ±45° each, and a fixed sensor to the left.
     fn mounts() -> Mounts {
-        Mounts::new(vec![mount(0.0, -45.0, 45.0), mount(180.0, -45.0, 45.0), mount(90.0, 0.0, 0.0)])
+        Mounts::new(vec![
+            mount(0.0, -45.0, 45.0),
+            mount(180.0, -45.0, 45.0),
+            mount(90.0, 0.0, 0.0),
+        ])
     }
 
     fn secs(seconds_s: f64) -> Duration {
@@ -234,15 +269,21 @@ mod tests {
                 panic!("{beam_deg}° is not reached")
             };
             assert_eq!(aim.sensor, sensor, "{beam_deg}°");
-            assert!((aim.offset_rad.to_degrees() - offset_deg).abs() < 1e-9, "{beam_deg}°: {aim:?}");
+            assert!(
+                (aim.offset_rad.to_degrees() - offset_deg).abs() < 1e-9,
+                "{beam_deg}°: {aim:?}"
+            );
         }
     }
 
     #[test]
     fn what_no_servo_reaches_the_vehicle_turns_to_by_the_smallest_turn() {
-        for (beam_deg, by_deg, sensor) in
-            [(50.0, 5.0, 0), (-60.0, -15.0, 0), (-100.0, 35.0, 1), (80.0, -10.0, 2)]
-        {
+        for (beam_deg, by_deg, sensor) in [
+            (50.0, 5.0, 0),
+            (-60.0, -15.0, 0),
+            (-100.0, 35.0, 1),
+            (80.0, -10.0, 2),
+        ] {
             let Choice::Turn { by, aim } = mounts().choose(Angle::from_degrees(beam_deg)) else {
                 panic!("{beam_deg}° is reached")
             };
@@ -262,7 +303,11 @@ mod tests {
     #[test]
     fn a_full_turn_reaches_everything_and_both_sides_of_straight_behind() {
         for degrees in -360..=360 {
-            assert!(Mounts::default().aim(Angle::from_degrees(f64::from(degrees))).is_some());
+            assert!(
+                Mounts::default()
+                    .aim(Angle::from_degrees(f64::from(degrees)))
+                    .is_some()
+            );
         }
         let right = mount(0.0, -180.0, -90.0);
         assert!((right.reach(Angle::from_degrees(180.0)).unwrap() + PI).abs() < 1e-9);
@@ -271,16 +316,28 @@ mod tests {
     #[test]
     fn a_servo_takes_its_angle_over_its_slew_rate_and_turns_evenly() {
         let mut pointing = Pointing::new(mounts());
-        assert_eq!(pointing.steer(secs(1.0), Angle::from_degrees(40.0)), secs(0.1));
+        assert_eq!(
+            pointing.steer(secs(1.0), Angle::from_degrees(40.0)),
+            secs(0.1)
+        );
         assert!((pointing.beam(secs(1.025)).degrees() - 10.0).abs() < 1e-6);
         assert!((pointing.beam(secs(2.0)).degrees() - 40.0).abs() < 1e-9);
         // Turned round on the way: from where it is, not from where it was sent.
         pointing.steer(secs(2.0), Angle::from_degrees(-40.0));
-        assert_eq!(pointing.steer(secs(2.1), Angle::from_degrees(40.0)), secs(0.1));
+        assert_eq!(
+            pointing.steer(secs(2.1), Angle::from_degrees(40.0)),
+            secs(0.1)
+        );
         // Another sensor; the first goes on turning meanwhile.
         pointing.steer(secs(2.12), Angle::from_degrees(180.0));
-        assert_eq!((pointing.sensor(), pointing.beam(secs(2.13)).degrees()), (1, 180.0));
-        assert_eq!(pointing.steer(secs(3.0), Angle::from_degrees(40.0)), Duration::ZERO);
+        assert_eq!(
+            (pointing.sensor(), pointing.beam(secs(2.13)).degrees()),
+            (1, 180.0)
+        );
+        assert_eq!(
+            pointing.steer(secs(3.0), Angle::from_degrees(40.0)),
+            Duration::ZERO
+        );
     }
 
     #[test]

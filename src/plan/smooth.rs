@@ -21,7 +21,12 @@ pub struct Route {
 ///
 /// # Errors
 /// [`NoRoute`]; `GoalBarred` also when the goal's own place in its cell is too near to something.
-pub fn shortest_route(grid: &Grid, start: Point, goal: Point, rules: &Rules) -> Result<Route, NoRoute> {
+pub fn shortest_route(
+    grid: &Grid,
+    start: Point,
+    goal: Point,
+    rules: &Rules,
+) -> Result<Route, NoRoute> {
     if !start.is_finite() {
         return Err(NoRoute::StartOutside);
     }
@@ -38,13 +43,21 @@ pub fn shortest_route(grid: &Grid, start: Point, goal: Point, rules: &Rules) -> 
 ///
 /// # Errors
 /// [`NoRoute::GoalBarred`] when the goal's own place in its cell is too near to something, or there are no cells.
-pub fn route_along(grid: &Grid, start: Point, cells: &[Cell], goal: Point) -> Result<Route, NoRoute> {
+pub fn route_along(
+    grid: &Grid,
+    start: Point,
+    cells: &[Cell],
+    goal: Point,
+) -> Result<Route, NoRoute> {
     let lattice = grid.lattice();
     let middles: Vec<Point> = cells.iter().map(|cell| lattice.centre(*cell)).collect();
     let Some(last) = middles.last() else {
         return Err(NoRoute::GoalBarred);
     };
-    let cells_length_m = middles.windows(2).map(|pair| pair[0].distance_to(pair[1])).sum();
+    let cells_length_m = middles
+        .windows(2)
+        .map(|pair| pair[0].distance_to(pair[1]))
+        .sum();
     let arrival = Segment::new(*last, goal);
     if !grid.sweeps_clear(arrival) {
         return Err(NoRoute::GoalBarred);
@@ -55,8 +68,15 @@ pub fn route_along(grid: &Grid, start: Point, cells: &[Cell], goal: Point) -> Re
     points.push(goal);
     points.dedup();
     let points = pulled_straight(grid, &points);
-    let length_m = points.windows(2).map(|pair| pair[0].distance_to(pair[1])).sum();
-    Ok(Route { points, length_m, cells_length_m })
+    let length_m = points
+        .windows(2)
+        .map(|pair| pair[0].distance_to(pair[1]))
+        .sum();
+    Ok(Route {
+        points,
+        length_m,
+        cells_length_m,
+    })
 }
 
 /// Leaves out every corner that can be passed in a straight line from the last corner kept. Where some cells are dearer
@@ -98,11 +118,26 @@ mod tests {
     /// A map of one tile in which everything is free but the stones.
     fn map_of(stones: &BTreeSet<(i32, i32)>) -> Merged {
         let mut cells = [-17; TILE_CELLS];
-        stones.iter().for_each(|(x, y)| cells[(y * 32 + x) as usize] = 17);
+        stones
+            .iter()
+            .for_each(|(x, y)| cells[(y * 32 + x) as usize] = 17);
         let mut map = Merged::new(Lattice::new(0.2), None);
-        let layer = LayerId { vehicle: VehicleId(1), boot: Boot(1) };
-        let address = TileAddress { slice: 0, x: 0, y: 0 };
-        map.join(&TileReport { layer, address, revision: 1, cells: Arc::new(cells) }).unwrap();
+        let layer = LayerId {
+            vehicle: VehicleId(1),
+            boot: Boot(1),
+        };
+        let address = TileAddress {
+            slice: 0,
+            x: 0,
+            y: 0,
+        };
+        map.join(&TileReport {
+            layer,
+            address,
+            revision: 1,
+            cells: Arc::new(cells),
+        })
+        .unwrap();
         map
     }
 
@@ -118,7 +153,10 @@ mod tests {
         assert_eq!(route.points, vec![start, goal]);
         assert!((route.length_m - start.distance_to(goal)).abs() < 1e-9);
         let here = shortest_route(&grid(|_| false), start, start, &Rules::default()).unwrap();
-        assert_eq!((here.points.first(), here.points.last()), (Some(&start), Some(&start)));
+        assert_eq!(
+            (here.points.first(), here.points.last()),
+            (Some(&start), Some(&start))
+        );
         assert!(here.length_m < 0.3);
     }
 
@@ -135,22 +173,36 @@ mod tests {
     fn ends_that_are_nowhere_or_barred_are_told_apart() {
         let grid = grid(|cell| cell.x == 0);
         let go = |x0: f64, x1: f64| {
-            shortest_route(&grid, Point::new(x0, 0.0), Point::new(x1, 0.0), &Rules::default()).map(|_| ())
+            shortest_route(
+                &grid,
+                Point::new(x0, 0.0),
+                Point::new(x1, 0.0),
+                &Rules::default(),
+            )
+            .map(|_| ())
         };
         assert_eq!(go(f64::NAN, 1.0), Err(NoRoute::StartOutside));
         assert_eq!(go(1.0, 1e300), Err(NoRoute::GoalOutside));
         assert_eq!(go(0.3, 2.0), Err(NoRoute::StartBarred));
         assert_eq!(go(2.0, 0.3), Err(NoRoute::GoalBarred));
-        assert!(matches!(go(2.0, -2.0), Err(NoRoute::Unreachable { searched: 600..800 })));
+        assert!(matches!(
+            go(2.0, -2.0),
+            Err(NoRoute::Unreachable { searched: 600..800 })
+        ));
     }
 
     #[test]
     fn a_vehicle_too_near_to_a_wall_finds_its_way_out() {
         let grid = grid(|cell| cell.x == 0);
-        let rules = Rules { escape_m: 0.5, ..Rules::default() };
+        let rules = Rules {
+            escape_m: 0.5,
+            ..Rules::default()
+        };
         let (start, goal) = (Point::new(0.3, 0.0), Point::new(2.0, 2.0));
         let route = shortest_route(&grid, start, goal, &rules).unwrap();
-        assert!(route.points.len() >= 2 && route.points.iter().all(|point| point.x_m >= 0.3 - 1e-9));
+        assert!(
+            route.points.len() >= 2 && route.points.iter().all(|point| point.x_m >= 0.3 - 1e-9)
+        );
         let on_wall = shortest_route(&grid, Point::new(0.1, 0.0), goal, &rules);
         assert_eq!(on_wall, Err(NoRoute::StartBarred));
     }
@@ -161,9 +213,17 @@ mod tests {
         let leg = Segment::new(Point::new(0.0, -3.9), Point::new(0.0, 2.0));
         grid.close_within(leg, 0.6);
         grid.close_where(|point| point.y_m > 3.0);
-        grid.close_within(Segment::new(Point::new(0.0, 1e9), Point::new(0.0, 2e9)), 0.6);
-        let route =
-            shortest_route(&grid, Point::new(-2.0, 0.0), Point::new(2.0, 0.0), &Rules::default()).unwrap();
+        grid.close_within(
+            Segment::new(Point::new(0.0, 1e9), Point::new(0.0, 2e9)),
+            0.6,
+        );
+        let route = shortest_route(
+            &grid,
+            Point::new(-2.0, 0.0),
+            Point::new(2.0, 0.0),
+            &Rules::default(),
+        )
+        .unwrap();
         for pair in route.points.windows(2) {
             let part = Segment::new(pair[0], pair[1]);
             assert!(part.distance_to(leg) > 0.6 - 0.15, "{:?}", route.points);

@@ -33,7 +33,9 @@ pub enum SpeedError {
         allowed: &'static str,
     },
     /// The margin leaves nothing of the range.
-    #[error("a sure range of {range_m} m leaves nothing to drive in beyond a margin of {margin_m:.2} m")]
+    #[error(
+        "a sure range of {range_m} m leaves nothing to drive in beyond a margin of {margin_m:.2} m"
+    )]
     NoRoom {
         /// Sure range, metres.
         range_m: f64,
@@ -72,7 +74,10 @@ impl Sight {
         self.check()?;
         let room_m = self.range_m - self.margin_m;
         if room_m <= 0.0 {
-            return Err(SpeedError::NoRoom { range_m: self.range_m, margin_m: self.margin_m });
+            return Err(SpeedError::NoRoom {
+                range_m: self.range_m,
+                margin_m: self.margin_m,
+            });
         }
         Ok(self.speed_within_mps(room_m))
     }
@@ -89,7 +94,12 @@ impl Sight {
         if needed_m <= room_m + 1e-9 {
             return Ok(());
         }
-        Err(SpeedError::TooFast { wanted_mps, needed_m, room_m, highest_mps })
+        Err(SpeedError::TooFast {
+            wanted_mps,
+            needed_m,
+            room_m,
+            highest_mps,
+        })
     }
 
     /// Returns the speed from which the vehicle stops within `room_m`, looks and latency included, m/s; 0 without
@@ -107,10 +117,30 @@ impl Sight {
 
     fn check(&self) -> Result<(), SpeedError> {
         check_value("range", self.range_m, self.range_m > 0.0, "positive")?;
-        check_value("margin", self.margin_m, self.margin_m >= 0.0, "non-negative")?;
-        check_value("scan period", self.scan_period_s, self.scan_period_s >= 0.0, "non-negative")?;
-        check_value("latency", self.latency_s, self.latency_s >= 0.0, "non-negative")?;
-        check_value("braking", self.braking_mps2, self.braking_mps2 > 0.0, "positive")
+        check_value(
+            "margin",
+            self.margin_m,
+            self.margin_m >= 0.0,
+            "non-negative",
+        )?;
+        check_value(
+            "scan period",
+            self.scan_period_s,
+            self.scan_period_s >= 0.0,
+            "non-negative",
+        )?;
+        check_value(
+            "latency",
+            self.latency_s,
+            self.latency_s >= 0.0,
+            "non-negative",
+        )?;
+        check_value(
+            "braking",
+            self.braking_mps2,
+            self.braking_mps2 > 0.0,
+            "positive",
+        )
     }
 }
 
@@ -120,7 +150,15 @@ fn check_value(
     in_bounds: bool,
     allowed: &'static str,
 ) -> Result<(), SpeedError> {
-    if found.is_finite() && in_bounds { Ok(()) } else { Err(SpeedError::Value { name, found, allowed }) }
+    if found.is_finite() && in_bounds {
+        Ok(())
+    } else {
+        Err(SpeedError::Value {
+            name,
+            found,
+            allowed,
+        })
+    }
 }
 
 #[cfg(test)]
@@ -128,8 +166,13 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const SIGHT: Sight =
-        Sight { range_m: 2.0, margin_m: 0.5, scan_period_s: 0.5, latency_s: 0.1, braking_mps2: 1.0 };
+    const SIGHT: Sight = Sight {
+        range_m: 2.0,
+        margin_m: 0.5,
+        scan_period_s: 0.5,
+        latency_s: 0.1,
+        braking_mps2: 1.0,
+    };
 
     /// Drives in small steps: until the next look is obeyed at full speed, then braking.
     fn driven_m(speed_mps: f64, sight: Sight) -> f64 {
@@ -148,12 +191,36 @@ mod tests {
     fn a_speed_that_cannot_be_stopped_in_time_is_refused() {
         let highest = SIGHT.highest_speed_mps().unwrap();
         assert!(SIGHT.allow(highest).is_ok());
-        assert!(matches!(SIGHT.allow(highest * 1.01), Err(SpeedError::TooFast { .. })));
-        let blind = Sight { range_m: 0.4, ..SIGHT };
-        assert_eq!(blind.allow(0.1), Err(SpeedError::NoRoom { range_m: 0.4, margin_m: 0.5 }));
-        let loose = Sight { braking_mps2: 0.0, ..SIGHT };
-        assert!(matches!(loose.highest_speed_mps(), Err(SpeedError::Value { name: "braking", .. })));
-        assert!(matches!(SIGHT.allow(f64::NAN), Err(SpeedError::Value { name: "speed", .. })));
+        assert!(matches!(
+            SIGHT.allow(highest * 1.01),
+            Err(SpeedError::TooFast { .. })
+        ));
+        let blind = Sight {
+            range_m: 0.4,
+            ..SIGHT
+        };
+        assert_eq!(
+            blind.allow(0.1),
+            Err(SpeedError::NoRoom {
+                range_m: 0.4,
+                margin_m: 0.5
+            })
+        );
+        let loose = Sight {
+            braking_mps2: 0.0,
+            ..SIGHT
+        };
+        assert!(matches!(
+            loose.highest_speed_mps(),
+            Err(SpeedError::Value {
+                name: "braking",
+                ..
+            })
+        ));
+        assert!(matches!(
+            SIGHT.allow(f64::NAN),
+            Err(SpeedError::Value { name: "speed", .. })
+        ));
         assert_eq!(SIGHT.speed_within_mps(-1.0), 0.0);
     }
 

@@ -10,8 +10,16 @@ pub(super) const STRAIGHT: u64 = 1 << 32;
 /// Cost of a diagonal step: √2 · 2³², rounded.
 pub(super) const DIAGONAL: u64 = 6_074_001_000;
 /// The eight steps, anticlockwise from east.
-pub(super) const STEPS: [(i32, i32); 8] =
-    [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)];
+pub(super) const STEPS: [(i32, i32); 8] = [
+    (1, 0),
+    (1, 1),
+    (0, 1),
+    (-1, 1),
+    (-1, 0),
+    (-1, -1),
+    (0, -1),
+    (1, -1),
+];
 /// Instead of a step, for a cell where a way begins.
 pub(super) const NO_STEP: usize = 8;
 
@@ -38,13 +46,21 @@ pub(super) fn steps_to_look_at(rules: &Rules, canonical: bool) -> &'static Choic
         (true, false) => 1,
         (true, true) => 2,
     };
-    if canonical { &CANONICAL[kind] } else { &ALL[kind] }
+    if canonical {
+        &CANONICAL[kind]
+    } else {
+        &ALL[kind]
+    }
 }
 
 /// Returns the cost of a step into a cell of a level.
 #[inline]
 pub(super) const fn price(step: usize, level: u8) -> u64 {
-    let length = if step.is_multiple_of(2) { STRAIGHT } else { DIAGONAL };
+    let length = if step.is_multiple_of(2) {
+        STRAIGHT
+    } else {
+        DIAGONAL
+    };
     length / LEVELS_PER_PRICE * (LEVELS_PER_PRICE + level as u64)
 }
 
@@ -67,8 +83,11 @@ const fn choices(kind: u8, canonical: bool) -> Choices {
         let mut open = 0;
         while open < 256 {
             let allowed = allowed(kind, open);
-            table[came_by][open] =
-                if canonical && came_by < NO_STEP { allowed & wanted(kind, came_by, open) } else { allowed };
+            table[came_by][open] = if canonical && came_by < NO_STEP {
+                allowed & wanted(kind, came_by, open)
+            } else {
+                allowed
+            };
             open += 1;
         }
         came_by += 1;
@@ -109,14 +128,29 @@ const fn wanted(kind: u8, came_by: usize, open: usize) -> u8 {
             // Beside the cell before (1), or beside the cell (2), something stands: then what lies behind it is
             // reached from here.
             let shade = if kind == 1 { 3 } else { 2 };
-            let left = if is_open(open, came_by + shade) { 0 } else { bit(came_by + 1) | bit(came_by + 2) };
-            let right =
-                if is_open(open, came_by + 8 - shade) { 0 } else { bit(came_by + 7) | bit(came_by + 6) };
+            let left = if is_open(open, came_by + shade) {
+                0
+            } else {
+                bit(came_by + 1) | bit(came_by + 2)
+            };
+            let right = if is_open(open, came_by + 8 - shade) {
+                0
+            } else {
+                bit(came_by + 7) | bit(came_by + 6)
+            };
             ahead | left | right
         }
         (_, false) => {
-            let left = if is_open(open, came_by + 3) { 0 } else { bit(came_by + 2) };
-            let right = if is_open(open, came_by + 5) { 0 } else { bit(came_by + 6) };
+            let left = if is_open(open, came_by + 3) {
+                0
+            } else {
+                bit(came_by + 2)
+            };
+            let right = if is_open(open, came_by + 5) {
+                0
+            } else {
+                bit(came_by + 6)
+            };
             ahead | bit(came_by + 1) | bit(came_by + 7) | left | right
         }
     }
@@ -128,5 +162,6 @@ const fn wanted_in_fours(came_by: usize, open: usize) -> u8 {
     if came_by.is_multiple_of(4) {
         return left | right;
     }
-    (if is_open(open, came_by + 3) { 0 } else { left }) | (if is_open(open, came_by + 5) { 0 } else { right })
+    (if is_open(open, came_by + 3) { 0 } else { left })
+        | (if is_open(open, came_by + 5) { 0 } else { right })
 }

@@ -22,12 +22,19 @@ pub(super) fn rows_within(
     let row_from = row_from.max(*rows.start());
     let row_to = libm::floor((from.y_m.max(to.y_m) + radius_m) / cell_m - 0.5) as i32;
     let row_to = row_to.min(*rows.end());
-    let bounds_m = (from.x_m.min(to.x_m) - radius_m, from.x_m.max(to.x_m) + radius_m);
+    let bounds_m = (
+        from.x_m.min(to.x_m) - radius_m,
+        from.x_m.max(to.x_m) + radius_m,
+    );
     let vector = along.vector();
     // Columns of the infinite strip at height y: middle ± half, moving by `slope` with y.
     let steep = vector.y_m.abs() > 1e-9;
     let slope = if steep { vector.x_m / vector.y_m } else { 0.0 };
-    let half_m = if steep { radius_m * vector.length_m() / vector.y_m.abs() } else { f64::INFINITY };
+    let half_m = if steep {
+        radius_m * vector.length_m() / vector.y_m.abs()
+    } else {
+        f64::INFINITY
+    };
     (row_from..=row_to).map(move |row| {
         let middle_m = from.x_m + ((f64::from(row) + 0.5) * cell_m - from.y_m) * slope;
         let low_m = (middle_m - half_m).max(bounds_m.0);

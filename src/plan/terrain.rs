@@ -46,7 +46,12 @@ impl Terrain {
         for y in 1..=height {
             open_around(&open, stride, y, &mut around[y * stride + 1..][..width]);
         }
-        Terrain { area: grid.area(), stride, around, levels }
+        Terrain {
+            area: grid.area(),
+            stride,
+            around,
+            levels,
+        }
     }
 
     /// Returns the number of places, border included.
@@ -56,7 +61,10 @@ impl Terrain {
 
     /// Returns the place of a cell within the area.
     pub(super) fn place(&self, cell: Cell) -> usize {
-        let (x, y) = (cell.x.abs_diff(self.area.low.x) as usize, cell.y.abs_diff(self.area.low.y) as usize);
+        let (x, y) = (
+            cell.x.abs_diff(self.area.low.x) as usize,
+            cell.y.abs_diff(self.area.low.y) as usize,
+        );
         (y + 1) * self.stride + x + 1
     }
 
@@ -91,10 +99,18 @@ impl Terrain {
 fn open_around(open: &[u8], stride: usize, row: usize, around: &mut [u8]) {
     let width = around.len();
     let line = |row: usize, from: usize| &open[row * stride + from..][..width];
-    let (east, north_east, north, north_west) =
-        (line(row, 2), line(row + 1, 2), line(row + 1, 1), line(row + 1, 0));
-    let (west, south_west, south, south_east) =
-        (line(row, 0), line(row - 1, 0), line(row - 1, 1), line(row - 1, 2));
+    let (east, north_east, north, north_west) = (
+        line(row, 2),
+        line(row + 1, 2),
+        line(row + 1, 1),
+        line(row + 1, 0),
+    );
+    let (west, south_west, south, south_east) = (
+        line(row, 0),
+        line(row - 1, 0),
+        line(row - 1, 1),
+        line(row - 1, 2),
+    );
     for x in 0..width {
         let ahead = east[x] | north_east[x] << 1 | north[x] << 2 | north_west[x] << 3;
         let behind = west[x] | south_west[x] << 1 | south[x] << 2 | south_east[x] << 3;
@@ -115,7 +131,10 @@ impl Escape {
     }
 
     fn reaches(self, cell: Cell) -> bool {
-        let (dx, dy) = (f64::from(cell.x - self.from.x), f64::from(cell.y - self.from.y));
+        let (dx, dy) = (
+            f64::from(cell.x - self.from.x),
+            f64::from(cell.y - self.from.y),
+        );
         dx * dx + dy * dy <= self.reach_cells * self.reach_cells
     }
 }

@@ -37,13 +37,20 @@ pub(super) fn cheapest_cells(
     cell_m: f64,
 ) -> Result<Found, NoRoute> {
     if terrain.len() > MAX_CELLS {
-        return Err(NoRoute::TooLargeToTurn { cells: terrain.len(), most: MAX_CELLS });
+        return Err(NoRoute::TooLargeToTurn {
+            cells: terrain.len(),
+            most: MAX_CELLS,
+        });
     }
     if start == goal {
         return shortest_over(terrain, start, goal, rules);
     }
     let per_rad = turning.cost_m_per_rad / cell_m;
-    let cells_per_rad = if per_rad > 0.0 { per_rad.min(MAX_CELLS_PER_RAD) } else { 0.0 };
+    let cells_per_rad = if per_rad > 0.0 {
+        per_rad.min(MAX_CELLS_PER_RAD)
+    } else {
+        0.0
+    };
     let left = flood_back(terrain, goal, rules);
     let mut search = Search::new(terrain, rules, left, cells_per_rad);
     search.begin(terrain.place(start), &turning, cells_per_rad);
@@ -95,7 +102,14 @@ struct Search<'a> {
 
 impl<'a> Search<'a> {
     fn new(terrain: &'a Terrain, rules: &Rules, left: Vec<Node>, cells_per_rad: f64) -> Search<'a> {
-        let most = price(1, if terrain.levels().is_none() { 0 } else { HIGHEST_LEVEL });
+        let most = price(
+            1,
+            if terrain.levels().is_none() {
+                0
+            } else {
+                HIGHEST_LEVEL
+            },
+        );
         let turn = if rules.diagonal { 1 } else { 2 };
         let turn_cost = turn as u64 * cost_of(cells_per_rad * FRAC_PI_4);
         Search {
@@ -150,7 +164,11 @@ impl<'a> Search<'a> {
         if steps & (1 << heading) != 0 {
             let to = place.wrapping_add_signed(self.offsets[heading]);
             let level = self.terrain.levels().map_or(0, |levels| levels[to]);
-            self.reach(to * 8 + heading, node.bound() + self.prices[heading & 1][usize::from(level)], AHEAD);
+            self.reach(
+                to * 8 + heading,
+                node.bound() + self.prices[heading & 1][usize::from(level)],
+                AHEAD,
+            );
         }
         // Who has just turned one way need not turn back; the start has all headings already.
         let (came_by, turned) = (node.came_by(), node.bound() + self.turn_cost);

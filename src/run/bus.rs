@@ -229,13 +229,22 @@ impl Bus {
         let weak = Arc::downgrade(&shared);
         let links = Links::watch(move || weak.upgrade()?.look())?;
         let of_keeper = shared.clone();
-        let keeper = std::thread::Builder::new().name("bus".to_owned()).spawn(move || of_keeper.keep_on())?;
-        Ok(Bus { shared, links, keeper: Some(keeper) })
+        let keeper = std::thread::Builder::new()
+            .name("bus".to_owned())
+            .spawn(move || of_keeper.keep_on())?;
+        Ok(Bus {
+            shared,
+            links,
+            keeper: Some(keeper),
+        })
     }
 
     /// Returns a handle by which messages are published from any thread.
     pub fn publisher(&self) -> Publisher {
-        Publisher { shared: self.shared.clone(), links: self.links.clone() }
+        Publisher {
+            shared: self.shared.clone(),
+            links: self.links.clone(),
+        }
     }
 
     /// Leaves the bus: what waits is dropped.
@@ -274,7 +283,9 @@ impl Publisher {
     /// and so does a tool before [`Publisher::speak`].
     pub fn publish(&self, message: &Message) {
         let shared = &self.shared;
-        let Some(frame) = shared.frame(message) else { return };
+        let Some(frame) = shared.frame(message) else {
+            return;
+        };
         let ready = lock(&shared.exchange).offer(shared.clock.now(), frame);
         match ready {
             Some(frame) => shared.send(frame),
@@ -290,7 +301,9 @@ impl Publisher {
         }
         let (greeting, next) = (exchange.greet(now), exchange.greets_at());
         drop(exchange);
-        greeting.into_iter().for_each(|frame| self.shared.send(frame));
+        greeting
+            .into_iter()
+            .for_each(|frame| self.shared.send(frame));
         next
     }
 
@@ -336,25 +349,40 @@ impl Shared {
 
     fn open_session(self: &Arc<Self>) -> Result<(), BusError> {
         let text = zenoh_config::session(&self.settings, self.is_hub()).to_string();
-        let settings_error = |error: &dyn std::fmt::Display| BusError::Settings { reason: error.to_string() };
+        let settings_error = |error: &dyn std::fmt::Display| BusError::Settings {
+            reason: error.to_string(),
+        };
         let config = zenoh::Config::from_json5(&text).map_err(|error| settings_error(&error))?;
-        let session = zenoh::open(config).wait().map_err(|error| match self.is_hub() {
-            true => {
-                BusError::Listen { endpoints: self.settings.listen.join(", "), reason: error.to_string() }
-            }
-            false => settings_error(&error),
-        })?;
+        let session = zenoh::open(config)
+            .wait()
+            .map_err(|error| match self.is_hub() {
+                true => BusError::Listen {
+                    endpoints: self.settings.listen.join(", "),
+                    reason: error.to_string(),
+                },
+                false => settings_error(&error),
+            })?;
         for key in subjects::heard_by(self.settings.node) {
             let weak = Arc::downgrade(self);
             let hear = move |sample: zenoh::sample::Sample| {
                 if let Some(shared) = weak.upgrade() {
                     let check = sample.attachment().map(|check| check.to_bytes());
-                    shared.take(sample.key_expr().as_str(), &sample.payload().to_bytes(), check.as_deref());
+                    shared.take(
+                        sample.key_expr().as_str(),
+                        &sample.payload().to_bytes(),
+                        check.as_deref(),
+                    );
                 }
             };
             let full = format!("{}/{key}", self.settings.prefix);
-            let declared = session.declare_subscriber(full).callback(hear).allowed_origin(Locality::Remote);
-            declared.background().wait().map_err(|error| settings_error(&error))?;
+            let declared = session
+                .declare_subscriber(full)
+                .callback(hear)
+                .allowed_origin(Locality::Remote);
+            declared
+                .background()
+                .wait()
+                .map_err(|error| settings_error(&error))?;
         }
         lock(&self.hearing).open(self.clock.now());
         self.is_broken.store(false, Ordering::Relaxed);
@@ -365,7 +393,10 @@ impl Shared {
     /// Keeps the session until the bus is closed; a keeper that panics begins anew, with a new session.
     fn keep_on(self: &Arc<Self>) {
         while catch_unwind(AssertUnwindSafe(|| self.keep())).is_err() {
-            self.troubles.raise("bus", "what keeps the session failed, and begins anew".to_owned());
+            self.troubles.raise(
+                "bus",
+                "what keeps the session failed, and begins anew".to_owned(),
+            );
             // A session that cannot even be closed is left alone.
             let _ = catch_unwind(AssertUnwindSafe(|| self.close_session()));
             if self.is_closing.load(Ordering::Relaxed) {
@@ -420,7 +451,10 @@ impl Shared {
 
     /// Returns the session that is open, to be called without the lock.
     fn session(&self) -> Option<zenoh::Session> {
-        self.session.read().unwrap_or_else(PoisonError::into_inner).clone()
+        self.session
+            .read()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone()
     }
 
     /// Returns why the session is to be opened anew. The lock is held for this moment only.
@@ -435,16 +469,27 @@ impl Shared {
         }
         let ids = self.session().and_then(|session| {
             let info = session.info();
-            guarded(|| info.peers_zid().wait().chain(info.routers_zid().wait()).collect::<Vec<_>>())
+            guarded(|| {
+                info.peers_zid()
+                    .wait()
+                    .chain(info.routers_zid().wait())
+                    .collect::<Vec<_>>()
+            })
         });
         let ids = ids.unwrap_or_default();
-        let nodes = ids.iter().filter_map(|id| session_id::node_of(*id, &self.settings.prefix));
+        let nodes = ids
+            .iter()
+            .filter_map(|id| session_id::node_of(*id, &self.settings.prefix));
         lock(&self.hearing).link(self.clock.now(), &nodes.collect::<Vec<_>>());
         Some(ids.len())
     }
 
     fn close_session(&self) {
-        let session = self.session.write().unwrap_or_else(PoisonError::into_inner).take();
+        let session = self
+            .session
+            .write()
+            .unwrap_or_else(PoisonError::into_inner)
+            .take();
         let Some(session) = session else { return };
         let (done, closed) = std::sync::mpsc::channel();
         let close = move || {
@@ -452,7 +497,11 @@ impl Shared {
             done.send(()).unwrap_or_default();
         };
         // Who cannot be told in time that we leave finds out by the lease.
-        if std::thread::Builder::new().name("bus-close".to_owned()).spawn(close).is_ok() {
+        if std::thread::Builder::new()
+            .name("bus-close".to_owned())
+            .spawn(close)
+            .is_ok()
+        {
             let _ = closed.recv_timeout(CLOSES_WITHIN);
         }
     }
@@ -464,7 +513,10 @@ impl Shared {
         let now = self.clock.now();
         let due = exchange.due(now);
         if due.is_empty() {
-            let wait = exchange.deadline().map_or(LOOKS_EVERY, |at| at.since(now)).min(LOOKS_EVERY);
+            let wait = exchange
+                .deadline()
+                .map_or(LOOKS_EVERY, |at| at.since(now))
+                .min(LOOKS_EVERY);
             if !self.is_closing.load(Ordering::Relaxed) {
                 drop(self.more.wait_timeout(exchange, wait));
             }
@@ -482,23 +534,36 @@ impl Shared {
     }
 
     fn send(&self, frame: OutboundFrame) {
-        let Some(session) = self.session().filter(|_| !self.is_broken.load(Ordering::Relaxed)) else {
+        let Some(session) = self
+            .session()
+            .filter(|_| !self.is_broken.load(Ordering::Relaxed))
+        else {
             return;
         };
         self.sent.fetch_add(1, Ordering::Relaxed);
-        self.sent_bytes.fetch_add(frame.frame.len() as u64, Ordering::Relaxed);
+        self.sent_bytes
+            .fetch_add(frame.frame.len() as u64, Ordering::Relaxed);
         let (priority, is_express) = match frame.class {
             Class::Urgent => (Priority::RealTime, true),
             Class::High => (Priority::InteractiveHigh, false),
             Class::Normal => (Priority::Data, false),
             Class::Low => (Priority::Background, false),
         };
-        let key =
-            format!("{}/{}", self.settings.prefix, Key { sender: self.settings.node, topic: frame.topic });
+        let key = format!(
+            "{}/{}",
+            self.settings.prefix,
+            Key {
+                sender: self.settings.node,
+                topic: frame.topic
+            }
+        );
         let check = crc32fast::hash(&frame.frame).to_le_bytes();
         let put = || {
             let put = session.put(&key, frame.frame).attachment(check);
-            put.congestion_control(CongestionControl::Drop).priority(priority).express(is_express).wait()
+            put.congestion_control(CongestionControl::Drop)
+                .priority(priority)
+                .express(is_express)
+                .wait()
         };
         match guarded(put) {
             Some(Ok(())) => {}
@@ -513,13 +578,17 @@ impl Shared {
     /// Lets the exchange judge what came, and the node hear it. The exchange is not locked while the frame is read.
     fn take(&self, full_key: &str, bytes: &[u8], check: Option<&[u8]>) {
         let now = self.clock.now();
-        let key = full_key.strip_prefix(&self.settings.prefix).and_then(|key| key.strip_prefix('/'));
+        let key = full_key
+            .strip_prefix(&self.settings.prefix)
+            .and_then(|key| key.strip_prefix('/'));
         let Some((key, sender)) = key.and_then(|key| Some((key, Key::sender(key)?))) else {
             return self.refuse(None, full_key, &Refusal::NoSender);
         };
         let admitted = lock(&self.exchange).admit(now, sender, bytes.len());
         let whole = admitted.and_then(|()| whole(bytes, check));
-        let heard = whole.and_then(|()| read(sender, bytes)).and_then(|heard| under_its_key(heard, key));
+        let heard = whole
+            .and_then(|()| read(sender, bytes))
+            .and_then(|heard| under_its_key(heard, key));
         let heard = match heard {
             Ok(heard) => heard,
             Err(refusal) => {
@@ -531,7 +600,11 @@ impl Shared {
         };
         lock(&self.hearing).hear(now, sender);
         let reception = lock(&self.exchange).accept(now, bytes.len(), heard);
-        let Reception { heard, verdict, reply } = match reception {
+        let Reception {
+            heard,
+            verdict,
+            reply,
+        } = match reception {
             Ok(reception) => reception,
             Err(refusal) => return self.refuse(Some(sender), key, &refusal),
         };
@@ -543,8 +616,10 @@ impl Shared {
     fn refuse(&self, sender: Option<Sender>, key: &str, refusal: &Refusal) {
         let worth_a_line = lock(&self.exchange).refuse(sender, refusal);
         if let Some(count) = worth_a_line {
-            let (what, who) =
-                (refusal.what(), sender.map_or("somebody".to_owned(), |sender| sender.to_string()));
+            let (what, who) = (
+                refusal.what(),
+                sender.map_or("somebody".to_owned(), |sender| sender.to_string()),
+            );
             tracing::warn!("refused {what} of {who} ({count} so far): {refusal} (under {key})");
         }
     }

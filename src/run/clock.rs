@@ -15,7 +15,9 @@ impl Clock {
     /// Starts a clock.
     #[must_use]
     pub fn start() -> Clock {
-        Clock { start: Instant::now() }
+        Clock {
+            start: Instant::now(),
+        }
     }
 
     /// Returns the time since it was started.

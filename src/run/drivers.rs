@@ -46,11 +46,20 @@ impl Devices {
         let drivers = file.drivers.clone();
         tracing::info!("drivers: {}", drivers.in_words());
         if drivers.range == RangeDriver::None {
-            tracing::warn!("there is no range sensor: this vehicle sees nothing, and is not driven");
+            tracing::warn!(
+                "there is no range sensor: this vehicle sees nothing, and is not driven"
+            );
         }
         let range = Range::start(&drivers.range, &file.look, clock, told)?;
-        let world = drivers.has_simulated().then(|| link(file, boot, &range, told)).transpose()?;
-        Ok(Devices { drivers, world, range })
+        let world = drivers
+            .has_simulated()
+            .then(|| link(file, boot, &range, told))
+            .transpose()?;
+        Ok(Devices {
+            drivers,
+            world,
+            range,
+        })
     }
 
     /// Carries out what concerns devices, from any thread; the rest does not concern it.
@@ -84,7 +93,10 @@ impl Devices {
 
     /// Tells the autopilot to stop, when no actor is left who could; nobody waits for its answer.
     pub fn stop(&self) {
-        self.carry_out(&Effect::Command(NumberedCommand { number: 0, command: Command::Stop }));
+        self.carry_out(&Effect::Command(NumberedCommand {
+            number: 0,
+            command: Command::Stop,
+        }));
     }
 
     /// Names what is wrong with the devices, and takes back what is not any more.
@@ -99,7 +111,9 @@ impl Devices {
             "world",
             match world.state() {
                 LinkState::Joined(_) => None,
-                LinkState::Connecting(reason) => Some(reason.unwrap_or_else(|| "not connected".to_owned())),
+                LinkState::Connecting(reason) => {
+                    Some(reason.unwrap_or_else(|| "not connected".to_owned()))
+                }
                 LinkState::Refused(refused) => Some(refused.to_string()),
             },
         );
@@ -119,8 +133,12 @@ impl Devices {
 
 /// Begins to connect to the world; what it says is told when a simulated device says it.
 fn link(file: &VehicleFile, boot: Boot, range: &Range, told: &Told) -> io::Result<WorldLink> {
-    let settings =
-        LinkSettings { address: file.world.connect, token: file.world.token.clone(), vehicle: file.id, boot };
+    let settings = LinkSettings {
+        address: file.world.connect,
+        token: file.world.token.clone(),
+        vehicle: file.id,
+        boot,
+    };
     let (drivers, pings, told) = (file.drivers.clone(), range.pings(), told.clone());
     WorldLink::connect(settings, move |event| {
         if let (Event::Echo(echo), RangeDriver::Simulated) = (&event, &drivers.range) {
@@ -138,9 +156,11 @@ fn is_of_simulated(drivers: &Drivers, event: &Event) -> bool {
         Event::Report(_) | Event::Ack(_) => drivers.autopilot == AutopilotDriver::Simulated,
         Event::Echo(_) => drivers.range == RangeDriver::Simulated,
         Event::Heard(_) | Event::Unsent(_) => drivers.radio == RadioDriver::Simulated,
-        Event::Bus(..) | Event::Kept(..) | Event::Recalled(_) | Event::Dropped(_) | Event::Remembered(_) => {
-            false
-        }
+        Event::Bus(..)
+        | Event::Kept(..)
+        | Event::Recalled(_)
+        | Event::Dropped(_)
+        | Event::Remembered(_) => false,
     }
 }
 

@@ -98,20 +98,34 @@ pub fn run(
     let state_dir = StateDir::open(Path::new(&file.state_dir))?;
     let note = Some(file.operators_note.as_str()).filter(|note| !note.is_empty());
     let new_id = membership::draw()?;
-    let start =
-        Start { config: text, venue: venue_text, venue_hash: file.venue.hash(), seed: None, note, new_id };
+    let start = Start {
+        config: text,
+        venue: venue_text,
+        venue_hash: file.venue.hash(),
+        seed: None,
+        note,
+        new_id,
+    };
     let store = GroundStore::open(&state_dir.join("ground.sqlite"), &start)?;
     let holder = membership::draw()?;
     let stops_file = StopsFile::at(state_dir.join("stops"));
-    let source =
-        Source { stops: kept_stops(&stops_file)?, ..source(file, state_dir.boot(), holder, &store)? };
+    let source = Source {
+        stops: kept_stops(&stops_file)?,
+        ..source(file, state_dir.boot(), holder, &store)?
+    };
     let hello = membership::greeting(Sender::Ground, state_dir.boot(), &file.venue, Vec::new())?;
     let access = membership::access(Sender::Ground, &file.venue, &file.bus, Some(&state_dir))?;
     let bus = membership::bus_settings(Sender::Ground, &file.venue, &file.bus, access);
     let node = LiveGround::default();
     let (to_store, wanted) = sync_channel(QUEUE);
-    let subscriber = Subscriber { node: node.clone(), store: to_store.clone(), expected: expected(file) };
-    let mut member = process.join(bus, hello, move |sender, message| subscriber.take(sender, message))?;
+    let subscriber = Subscriber {
+        node: node.clone(),
+        store: to_store.clone(),
+        expected: expected(file),
+    };
+    let mut member = process.join(bus, hello, move |sender, message| {
+        subscriber.take(sender, message)
+    })?;
     let troubles = process.context().troubles.clone();
     let edge = Arc::new(Edge {
         publisher: member.publisher(),
@@ -122,7 +136,10 @@ pub fn run(
     });
     let told = node.clone();
     let keeper = keeper(edge.archive.clone(), wanted, move |batch| {
-        told.tell(Event::Bus(Sender::Vehicle(batch.vehicle), Message::Samples(batch)));
+        told.tell(Event::Bus(
+            Sender::Vehicle(batch.vehicle),
+            Message::Samples(batch),
+        ));
     })?;
     let lattice = crate::geom::Lattice::new(file.venue.cell_m);
     let recorder = recorder(file.record, &state_dir, "ground", text, lattice);
@@ -133,9 +150,18 @@ pub fn run(
         watch_recorder(recorder.as_ref(), troubles);
         watch_stops(&edge.stops, troubles);
         let report = lock(&edge.report).clone();
-        status(&Status { report, links: edge.publisher.links(), troubles: troubles.list() });
+        status(&Status {
+            report,
+            links: edge.publisher.links(),
+            troubles: troubles.list(),
+        });
     };
-    let finish = process.keep(&mut member, is_stopped, &|now| node.busy_for(now), &mut tick);
+    let finish = process.keep(
+        &mut member,
+        is_stopped,
+        &|now| node.busy_for(now),
+        &mut tick,
+    );
     node.close();
     member.close();
     threads.join();
@@ -146,14 +172,26 @@ pub fn run(
 }
 
 /// Returns what the actors are made from: the station goes on where the store says that an earlier one was.
-fn source(file: &GroundFile, boot: Boot, holder: u64, store: &GroundStore) -> Result<Source, GroundError> {
+fn source(
+    file: &GroundFile,
+    boot: Boot,
+    holder: u64,
+    store: &GroundStore,
+) -> Result<Source, GroundError> {
     let parts = ground_parts(file, boot, holder, store.id())?;
     let resumed = resume(parts.station.clone(), store.resume()?, &expected(file));
-    Ok(Source { parts, resumed: Some(resumed), stops: StopsSettings::default() })
+    Ok(Source {
+        parts,
+        resumed: Some(resumed),
+        stops: StopsSettings::default(),
+    })
 }
 
 fn kept_stops(file: &StopsFile) -> Result<StopsSettings, CheckedFileError> {
-    Ok(StopsSettings { kept: file.read()?, ..StopsSettings::default() })
+    Ok(StopsSettings {
+        kept: file.read()?,
+        ..StopsSettings::default()
+    })
 }
 
 fn expected(file: &GroundFile) -> BTreeSet<VehicleId> {
@@ -166,10 +204,16 @@ fn resume(
     mut restored: Restored,
     expected: &BTreeSet<VehicleId>,
 ) -> Station {
-    restored.samples.retain(|batch| expected.contains(&batch.vehicle));
-    restored.tiles.retain(|tile| expected.contains(&tile.layer.vehicle));
+    restored
+        .samples
+        .retain(|batch| expected.contains(&batch.vehicle));
+    restored
+        .tiles
+        .retain(|tile| expected.contains(&tile.layer.vehicle));
     if let Some(version) = &restored.foreign_memory {
-        tracing::warn!("the run was left by version {version}: it is not gone on with, its data are kept");
+        tracing::warn!(
+            "the run was left by version {version}: it is not gone on with, its data are kept"
+        );
     }
     let memory = restored.memory.as_deref().and_then(|bytes| match codec::unpack::<Memory>(bytes) {
         Ok(memory) => Some(memory),
@@ -183,11 +227,19 @@ fn resume(
     let is_begun_anew = memory.is_none();
     if let Some(memory) = &memory {
         let stored = restored.samples.len();
-        tracing::info!("goes on with run {:?}; {stored} batches of samples stored", memory.run());
+        tracing::info!(
+            "goes on with run {:?}; {stored} batches of samples stored",
+            memory.run()
+        );
     }
     let mut station = Station::restored(settings, memory, restored.samples, restored.tiles);
     if is_begun_anew {
-        station.recall_runs(restored.runs.iter().map(|run| (run.run, run.closed_utc_s.is_some())));
+        station.recall_runs(
+            restored
+                .runs
+                .iter()
+                .map(|run| (run.run, run.closed_utc_s.is_some())),
+        );
     }
     station
 }
@@ -212,7 +264,11 @@ impl Subscriber {
             Sender::Vehicle(vehicle) => self.expected.contains(&vehicle),
             Sender::Ground | Sender::Operator(_) => true,
         };
-        let about = if let Message::Tile(tile) = message { Some(tile.layer.vehicle) } else { None };
+        let about = if let Message::Tile(tile) = message {
+            Some(tile.layer.vehicle)
+        } else {
+            None
+        };
         is_own && about.is_none_or(|vehicle| self.expected.contains(&vehicle))
     }
 
@@ -227,10 +283,16 @@ impl Subscriber {
             Message::Hello(hello) => {
                 match sender {
                     Sender::Vehicle(vehicle) => {
-                        drop(self.store.try_send(Wanted::Software(vehicle, hello.boot, hello.software)));
+                        drop(self.store.try_send(Wanted::Software(
+                            vehicle,
+                            hello.boot,
+                            hello.software,
+                        )));
                     }
                     // It names the lease that it holds.
-                    Sender::Operator(_) => self.node.tell(Event::Bus(sender, Message::Hello(hello))),
+                    Sender::Operator(_) => {
+                        self.node.tell(Event::Bus(sender, Message::Hello(hello)))
+                    }
                     Sender::Ground => {}
                 }
             }
@@ -273,7 +335,11 @@ impl Edge {
             },
             Effect::Picture(picture) => {
                 if let Err(reason) = &picture.result {
-                    tracing::warn!("no {:?} picture of run {}: {reason}", picture.subject, picture.run);
+                    tracing::warn!(
+                        "no {:?} picture of run {}: {reason}",
+                        picture.subject,
+                        picture.run
+                    );
                 }
                 self.archive.hold_picture(picture);
             }

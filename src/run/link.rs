@@ -268,7 +268,9 @@ pub fn encode<T: Serialize>(word: &T) -> Result<Vec<u8>, codec::EncodeError> {
 /// The frame is of another version, or no word.
 pub fn decode<T: serde::de::DeserializeOwned>(frame: &[u8]) -> Result<T, WordError> {
     let unreadable = |reason: String| WordError::Body { reason };
-    let (version, body) = frame.split_first().ok_or_else(|| unreadable("it is empty".to_owned()))?;
+    let (version, body) = frame
+        .split_first()
+        .ok_or_else(|| unreadable("it is empty".to_owned()))?;
     if *version != VERSION {
         return Err(WordError::Version { found: *version });
     }
@@ -284,14 +286,22 @@ mod tests {
         let frame = encode(&word).unwrap();
         assert!(frame.len() <= LIMIT, "{} bytes", frame.len());
         assert_eq!(decode::<T>(&frame).unwrap(), word);
-        assert!(decode::<T>(&frame[..frame.len() - 1]).is_err(), "a truncated word is refused");
+        assert!(
+            decode::<T>(&frame[..frame.len() - 1]).is_err(),
+            "a truncated word is refused"
+        );
     }
 
     #[test]
     fn the_longest_answers_fit_into_a_frame() {
         let place = Point::new(-1234.567, 1e6);
         check(FromWorld::Places(vec![place; PLACES_LIMIT]));
-        let contact = Contact { at_ns: u64::MAX, vehicle: VehicleId(255), with: Some(VehicleId(254)), place };
+        let contact = Contact {
+            at_ns: u64::MAX,
+            vehicle: VehicleId(255),
+            with: Some(VehicleId(254)),
+            place,
+        };
         let vehicle = VehicleStatus {
             vehicle: VehicleId(255),
             driver: Some(Boot(u32::MAX)),
@@ -312,9 +322,18 @@ mod tests {
     fn another_version_is_told_apart_from_garbage() {
         let mut frame = encode(&ToWorld::Report).unwrap();
         frame[0] = VERSION + 1;
-        assert_eq!(decode::<ToWorld>(&frame), Err(WordError::Version { found: VERSION + 1 }));
-        assert!(matches!(decode::<ToWorld>(&[VERSION, 200]), Err(WordError::Body { .. })));
-        assert!(matches!(decode::<ToWorld>(&[]), Err(WordError::Body { .. })));
+        assert_eq!(
+            decode::<ToWorld>(&frame),
+            Err(WordError::Version { found: VERSION + 1 })
+        );
+        assert!(matches!(
+            decode::<ToWorld>(&[VERSION, 200]),
+            Err(WordError::Body { .. })
+        ));
+        assert!(matches!(
+            decode::<ToWorld>(&[]),
+            Err(WordError::Body { .. })
+        ));
     }
 
     proptest! {

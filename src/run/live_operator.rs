@@ -27,7 +27,13 @@ impl LiveOperator {
     /// Joins an operator with its part of the bus.
     pub fn new(session: Session, mut settings: OperatorSettings) -> LiveOperator {
         let node = OperatorNode::new(&mut settings);
-        LiveOperator { session, node, unread: Vec::new(), is_linked: false, latest: Time::ZERO }
+        LiveOperator {
+            session,
+            node,
+            unread: Vec::new(),
+            is_linked: false,
+            latest: Time::ZERO,
+        }
     }
 
     /// Tells the operator something; it acts on it when it goes on.
@@ -55,7 +61,11 @@ impl LiveOperator {
     ///
     /// # Errors
     /// The operator cannot go on.
-    pub fn go_on(&mut self, until: Time, mut observe: impl FnMut(Time, &Heard)) -> Result<Vec<Out>, Fault> {
+    pub fn go_on(
+        &mut self,
+        until: Time,
+        mut observe: impl FnMut(Time, &Heard),
+    ) -> Result<Vec<Out>, Fault> {
         let is_linked = self.session.is_linked();
         if is_linked != self.is_linked {
             self.is_linked = is_linked;
@@ -63,8 +73,13 @@ impl LiveOperator {
         }
         let mut said = Vec::new();
         self.act(self.now(), &mut said)?;
-        let due = self.node.deadline().map_or(until, |deadline| deadline.at.min(until));
-        let mut next = self.session.hear(if said.is_empty() { due } else { Time::ZERO });
+        let due = self
+            .node
+            .deadline()
+            .map_or(until, |deadline| deadline.at.min(until));
+        let mut next = self
+            .session
+            .hear(if said.is_empty() { due } else { Time::ZERO });
         for _ in 0..AT_ONCE {
             let Some((at, heard)) = next else { break };
             observe(at, &heard);
@@ -84,7 +99,11 @@ impl LiveOperator {
     fn act(&mut self, at: Time, said: &mut Vec<Out>) -> Result<(), Fault> {
         self.latest = self.latest.max(at);
         let mut effects = Vec::new();
-        if self.node.deadline().is_some_and(|deadline| deadline.at <= self.latest) {
+        if self
+            .node
+            .deadline()
+            .is_some_and(|deadline| deadline.at <= self.latest)
+        {
             self.node.wake(self.latest, &mut effects)?;
         }
         for input in std::mem::take(&mut self.unread) {
@@ -95,7 +114,11 @@ impl LiveOperator {
             match out {
                 Out::Publish(message) => publisher.publish(&message),
                 Out::Give(_) => {}
-                Out::InForce(..) | Out::Ended(..) | Out::Cue(_) | Out::ScriptEnded(_) | Out::StopsNote(_) => {
+                Out::InForce(..)
+                | Out::Ended(..)
+                | Out::Cue(_)
+                | Out::ScriptEnded(_)
+                | Out::StopsNote(_) => {
                     said.push(out);
                 }
             }

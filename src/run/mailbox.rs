@@ -56,7 +56,10 @@ impl Troubles {
 
     /// Returns all that is wrong, in words.
     pub fn list(&self) -> Vec<String> {
-        lock(&self.said).iter().map(|(who, what)| format!("{who}: {what}")).collect()
+        lock(&self.said)
+            .iter()
+            .map(|(who, what)| format!("{who}: {what}"))
+            .collect()
     }
 }
 
@@ -90,7 +93,10 @@ struct MailboxState<I> {
 
 impl<I: Input> Clone for Mailbox<I> {
     fn clone(&self) -> Mailbox<I> {
-        Mailbox { name: self.name, unread: self.unread.clone() }
+        Mailbox {
+            name: self.name,
+            unread: self.unread.clone(),
+        }
     }
 }
 
@@ -107,7 +113,11 @@ impl<I: Input> Mailbox<I> {
     }
 
     fn set_up(name: &'static str, is_shared: bool) -> Mailbox<I> {
-        let state = Mutex::new(MailboxState { inbox: Inbox::new(INBOX), is_closed: false, fault: None });
+        let state = Mutex::new(MailboxState {
+            inbox: Inbox::new(INBOX),
+            is_closed: false,
+            fault: None,
+        });
         let unread = Unread {
             state,
             come: Condvar::new(),
@@ -116,13 +126,21 @@ impl<I: Input> Mailbox<I> {
             is_shared,
             help: RwLock::new(None),
         };
-        Mailbox { name, unread: Arc::new(unread) }
+        Mailbox {
+            name,
+            unread: Arc::new(unread),
+        }
     }
 
     /// Puts an input into the inbox; never waits for the actor.
     pub fn tell(&self, input: I) {
         lock(&self.unread.state).inbox.push(input);
-        let help = self.unread.help.read().unwrap_or_else(PoisonError::into_inner).clone();
+        let help = self
+            .unread
+            .help
+            .read()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone();
         match help {
             Some(help) => help(),
             None => self.unread.come.notify_one(),
@@ -137,7 +155,11 @@ impl<I: Input> Mailbox<I> {
     /// Ends the actor: its thread ends after what it does now.
     pub fn close(&self) {
         lock(&self.unread.state).is_closed = true;
-        *self.unread.help.write().unwrap_or_else(PoisonError::into_inner) = None;
+        *self
+            .unread
+            .help
+            .write()
+            .unwrap_or_else(PoisonError::into_inner) = None;
         self.unread.come.notify_all();
     }
 
@@ -159,7 +181,12 @@ impl<I: Input> Mailbox<I> {
                 return !state.is_closed;
             }
             let wait = until.since(now).min(IDLE);
-            state = self.unread.come.wait_timeout(state, wait).unwrap_or_else(PoisonError::into_inner).0;
+            state = self
+                .unread
+                .come
+                .wait_timeout(state, wait)
+                .unwrap_or_else(PoisonError::into_inner)
+                .0;
         }
     }
 
@@ -169,7 +196,12 @@ impl<I: Input> Mailbox<I> {
         let mut state = lock(&self.unread.state);
         while !state.is_closed && clock.now() < until {
             let wait = until.since(clock.now());
-            state = self.unread.come.wait_timeout(state, wait).unwrap_or_else(PoisonError::into_inner).0;
+            state = self
+                .unread
+                .come
+                .wait_timeout(state, wait)
+                .unwrap_or_else(PoisonError::into_inner)
+                .0;
         }
         !state.is_closed
     }
@@ -237,14 +269,28 @@ where
     M: FnMut() -> A + Send + 'static,
     S: FnMut(A::Out) + Send + 'static,
 {
-    let at_work = Mutex::new(Work { cell: None, scribe, output });
-    let worker = Arc::new(Worker { context: context.clone(), mailbox: mailbox.clone(), at_work });
+    let at_work = Mutex::new(Work {
+        cell: None,
+        scribe,
+        output,
+    });
+    let worker = Arc::new(Worker {
+        context: context.clone(),
+        mailbox: mailbox.clone(),
+        at_work,
+    });
     if mailbox.unread.is_shared {
         let shared = worker.clone();
         let help: Help = Arc::new(move || shared.help());
-        *mailbox.unread.help.write().unwrap_or_else(PoisonError::into_inner) = Some(help);
+        *mailbox
+            .unread
+            .help
+            .write()
+            .unwrap_or_else(PoisonError::into_inner) = Some(help);
     }
-    std::thread::Builder::new().name(mailbox.name.to_owned()).spawn(move || work(&worker, policy, make))
+    std::thread::Builder::new()
+        .name(mailbox.name.to_owned())
+        .spawn(move || work(&worker, policy, make))
 }
 
 /// An actor's place of work: who holds the lock lets it act.
@@ -276,7 +322,9 @@ where
     /// afterwards.
     fn help(&self) {
         loop {
-            let Ok(mut work) = self.at_work.try_lock() else { return };
+            let Ok(mut work) = self.at_work.try_lock() else {
+                return;
+            };
             if work.cell.is_none() {
                 return;
             }
@@ -290,10 +338,17 @@ where
 
     /// Lets the actor act on all that is unread and due.
     fn act(&self, work: &mut Work<A, S>) {
-        let Work { cell: place, scribe, output } = work;
+        let Work {
+            cell: place,
+            scribe,
+            output,
+        } = work;
         let Some(cell) = place else { return };
         let (now, inputs) = (self.context.clock.now(), self.mailbox.take());
-        self.mailbox.unread.busy_since.store(now.as_nanos() + 1, Ordering::Relaxed);
+        self.mailbox
+            .unread
+            .busy_since
+            .store(now.as_nanos() + 1, Ordering::Relaxed);
         let ended = catch_unwind(AssertUnwindSafe(|| {
             inputs.into_iter().for_each(|input| cell.push(input));
             let name = self.mailbox.name;
@@ -304,9 +359,16 @@ where
         }));
         self.mailbox.unread.busy_since.store(0, Ordering::Relaxed);
         let fault = match ended {
-            Ok(Ok(())) => return self.mailbox.set_deadline(cell.deadline().map(|deadline| deadline.at)),
+            Ok(Ok(())) => {
+                return self
+                    .mailbox
+                    .set_deadline(cell.deadline().map(|deadline| deadline.at));
+            }
             Ok(Err(fault)) => fault,
-            Err(panic) => Fault { actor: self.mailbox.name, reason: words_of(panic.as_ref()) },
+            Err(panic) => Fault {
+                actor: self.mailbox.name,
+                reason: words_of(panic.as_ref()),
+            },
         };
         *place = None;
         scribe.iter_mut().for_each(Scribe::restarted);
@@ -316,7 +378,8 @@ where
     /// Lets an actor act until it cannot go on; `None` = its mailbox was closed.
     fn attend(&self, actor: A) -> Option<Fault> {
         let cell = ActorCell::new(actor);
-        self.mailbox.set_deadline(cell.deadline().map(|deadline| deadline.at));
+        self.mailbox
+            .set_deadline(cell.deadline().map(|deadline| deadline.at));
         lock(&self.at_work).cell = Some(cell);
         loop {
             if !self.mailbox.wait(self.context.clock) {
@@ -343,7 +406,10 @@ where
     loop {
         let fault = match catch_unwind(AssertUnwindSafe(&mut make)) {
             Ok(actor) => worker.attend(actor),
-            Err(panic) => Some(Fault { actor: mailbox.name, reason: words_of(panic.as_ref()) }),
+            Err(panic) => Some(Fault {
+                actor: mailbox.name,
+                reason: words_of(panic.as_ref()),
+            }),
         };
         let Some(fault) = fault else { return };
         let wait = match policy {
@@ -351,14 +417,18 @@ where
             RestartPolicy::StopNode => None,
         };
         let Some(wait) = wait else {
-            context.troubles.raise(mailbox.name, format!("stays down: {}", fault.reason));
+            context
+                .troubles
+                .raise(mailbox.name, format!("stays down: {}", fault.reason));
             if policy == RestartPolicy::StopNode {
                 // Nobody listens any more only when the process is ending already.
                 let _ = context.endings.send(Ending::Fault(fault));
             }
             return;
         };
-        context.troubles.raise(mailbox.name, format!("begins anew: {}", fault.reason));
+        context
+            .troubles
+            .raise(mailbox.name, format!("begins anew: {}", fault.reason));
         if !mailbox.pause(context.clock, wait) {
             return;
         }
@@ -368,7 +438,10 @@ where
 fn words_of(panic: &(dyn std::any::Any + Send)) -> String {
     let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
     let text = text.or_else(|| panic.downcast_ref::<String>().cloned());
-    format!("panicked: {}", text.unwrap_or_else(|| "without words".to_owned()))
+    format!(
+        "panicked: {}",
+        text.unwrap_or_else(|| "without words".to_owned())
+    )
 }
 
 /// Locks, also after a thread that held the lock has panicked: all that is locked here is whole between statements.
@@ -407,13 +480,19 @@ mod tests {
         fn handle(&mut self, _now: Time, input: Told, out: &mut Vec<u32>) -> Result<(), Fault> {
             assert_ne!(input.0, 13, "thirteen");
             if input.0 == 7 {
-                return Err(Fault { actor: "echo", reason: "seven".to_owned() });
+                return Err(Fault {
+                    actor: "echo",
+                    reason: "seven".to_owned(),
+                });
             }
             out.push(input.0);
             Ok(())
         }
         fn deadline(&self) -> Option<Deadline> {
-            (self.wakes > 0).then_some(Deadline { at: self.next, why: "tick" })
+            (self.wakes > 0).then_some(Deadline {
+                at: self.next,
+                why: "tick",
+            })
         }
         fn wake(&mut self, now: Time, out: &mut Vec<u32>) -> Result<(), Fault> {
             (self.wakes, self.next) = (self.wakes - 1, now + Duration::from_millis(5));
@@ -425,12 +504,25 @@ mod tests {
     fn started(
         policy: RestartPolicy,
         wakes: u32,
-    ) -> (Mailbox<Told>, Receiver<u32>, Receiver<Ending>, Troubles, JoinHandle<()>) {
+    ) -> (
+        Mailbox<Told>,
+        Receiver<u32>,
+        Receiver<Ending>,
+        Troubles,
+        JoinHandle<()>,
+    ) {
         let (endings, failed) = channel();
         let (said, heard) = channel();
-        let context = RuntimeContext { clock: Clock::start(), troubles: Troubles::default(), endings };
+        let context = RuntimeContext {
+            clock: Clock::start(),
+            troubles: Troubles::default(),
+            endings,
+        };
         let mailbox = Mailbox::new("echo");
-        let make = move || Echo { wakes, next: Time::ZERO };
+        let make = move || Echo {
+            wakes,
+            next: Time::ZERO,
+        };
         let output = move |out| said.send(out).unwrap_or_default();
         let thread = start_actor(&context, &mailbox, policy, None, make, output).unwrap();
         (mailbox, heard, failed, context.troubles.clone(), thread)
@@ -453,10 +545,15 @@ mod tests {
     fn a_leaf_that_panics_begins_anew_and_says_so() {
         let (mailbox, heard, _, troubles, thread) = started(RestartPolicy::Restart, 0);
         mailbox.tell(Told(13));
-        assert!(heard.recv_timeout(Duration::from_millis(500)).is_err(), "it waits a second first");
+        assert!(
+            heard.recv_timeout(Duration::from_millis(500)).is_err(),
+            "it waits a second first"
+        );
         mailbox.tell(Told(3));
         assert_eq!(heard.recv_timeout(SOON), Ok(3));
-        assert!(troubles.list()[0].contains("panicked: ") && troubles.list()[0].contains("thirteen"));
+        assert!(
+            troubles.list()[0].contains("panicked: ") && troubles.list()[0].contains("thirteen")
+        );
         mailbox.close();
         thread.join().unwrap();
     }
@@ -464,27 +561,56 @@ mod tests {
     #[test]
     fn at_a_shared_desk_the_teller_lets_the_actor_act_and_nothing_is_lost() {
         let (endings, _ended) = channel();
-        let context = RuntimeContext { clock: Clock::start(), troubles: Troubles::default(), endings };
+        let context = RuntimeContext {
+            clock: Clock::start(),
+            troubles: Troubles::default(),
+            endings,
+        };
         let mailbox = Mailbox::shared("echo");
         let (said, heard) = channel();
-        let output = move |out| said.send((out, std::thread::current().id())).unwrap_or_default();
-        let make = || Echo { wakes: 2, next: Time::ZERO };
-        let thread = start_actor(&context, &mailbox, RestartPolicy::StopNode, None, make, output).unwrap();
+        let output = move |out| {
+            said.send((out, std::thread::current().id()))
+                .unwrap_or_default()
+        };
+        let make = || Echo {
+            wakes: 2,
+            next: Time::ZERO,
+        };
+        let thread = start_actor(
+            &context,
+            &mailbox,
+            RestartPolicy::StopNode,
+            None,
+            make,
+            output,
+        )
+        .unwrap();
         // The two wakes are the thread's.
         let own: Vec<_> = (0..2).map(|_| heard.recv_timeout(SOON).unwrap()).collect();
-        assert!(own.iter().all(|(out, by)| *out == 1000 && *by == thread.thread().id()));
+        assert!(
+            own.iter()
+                .all(|(out, by)| *out == 1000 && *by == thread.thread().id())
+        );
         while mailbox.busy_for(context.clock.now()) > Duration::ZERO {}
         std::thread::sleep(Duration::from_millis(20));
         mailbox.tell(Told(1));
-        assert_eq!(heard.recv_timeout(SOON), Ok((1, std::thread::current().id())));
+        assert_eq!(
+            heard.recv_timeout(SOON),
+            Ok((1, std::thread::current().id()))
+        );
         let tellers: Vec<_> = (0..4)
             .map(|_| {
                 let mailbox = mailbox.clone();
-                std::thread::spawn(move || (100..1100).for_each(|number| mailbox.tell(Told(number))))
+                std::thread::spawn(move || {
+                    (100..1100).for_each(|number| mailbox.tell(Told(number)))
+                })
             })
             .collect();
-        tellers.into_iter().for_each(|teller| teller.join().unwrap());
-        let counted = std::iter::from_fn(|| heard.recv_timeout(Duration::from_millis(300)).ok()).count();
+        tellers
+            .into_iter()
+            .for_each(|teller| teller.join().unwrap());
+        let counted =
+            std::iter::from_fn(|| heard.recv_timeout(Duration::from_millis(300)).ok()).count();
         assert_eq!(counted as u64 + mailbox.dropped(), 4000);
         mailbox.close();
         thread.join().unwrap();
@@ -494,7 +620,9 @@ mod tests {
     fn a_vital_actor_that_fails_ends_the_process() {
         let (mailbox, _, failed, _, thread) = started(RestartPolicy::StopNode, 0);
         mailbox.tell(Told(7));
-        let Ok(Ending::Fault(fault)) = failed.recv_timeout(SOON) else { panic!("no fault") };
+        let Ok(Ending::Fault(fault)) = failed.recv_timeout(SOON) else {
+            panic!("no fault")
+        };
         assert_eq!(fault.reason, "seven");
         thread.join().unwrap();
     }

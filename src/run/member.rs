@@ -38,12 +38,23 @@ impl Member {
                 Verdict::Fine => {}
                 Verdict::Foreign(reason) | Verdict::Stays(reason) => tracing::warn!("{reason}"),
                 Verdict::Refused(reason) => {
-                    lock(&endings).send(Ending::Refused(reason)).unwrap_or_default();
+                    lock(&endings)
+                        .send(Ending::Refused(reason))
+                        .unwrap_or_default();
                 }
             }
         };
-        let bus = Bus::join(settings, presence, context.clock, context.troubles.clone(), take)?;
-        Ok(Member { bus, is_speaking: false })
+        let bus = Bus::join(
+            settings,
+            presence,
+            context.clock,
+            context.troubles.clone(),
+            take,
+        )?;
+        Ok(Member {
+            bus,
+            is_speaking: false,
+        })
     }
 
     /// Returns the handle by which messages are published.

@@ -31,7 +31,12 @@ pub fn draw() -> Result<u64, NoChance> {
 }
 
 /// Returns how a node takes part in the bus; `access` says who may write what, where there are certificates.
-pub fn bus_settings(node: Sender, venue: &Venue, file: &BusFile, access: Vec<AccessRule>) -> BusSettings {
+pub fn bus_settings(
+    node: Sender,
+    venue: &Venue,
+    file: &BusFile,
+    access: Vec<AccessRule>,
+) -> BusSettings {
     let trust = file.identity.as_ref().map(|identity| Trust {
         ca: PathBuf::from(&identity.ca),
         certificate: PathBuf::from(&identity.certificate),
@@ -67,24 +72,39 @@ pub fn access(
     file: &BusFile,
     state_dir: Option<&StateDir>,
 ) -> Result<Vec<AccessRule>, TrustError> {
-    let Some(identity) = &file.identity else { return Ok(Vec::new()) };
+    let Some(identity) = &file.identity else {
+        return Ok(Vec::new());
+    };
     let path = state_dir.map(|state_dir| state_dir.join("roster-issue"));
     let seen = path.as_deref().map_or(Ok(None), seen_issue)?;
     let trusted = Trusted::read(identity, node, seen)?;
     if let Some(path) = path.filter(|_| seen != Some(trusted.roster.issue)) {
-        keep_issue(&path, trusted.roster.issue).map_err(|source| TrustError::Kept { path, source })?;
+        keep_issue(&path, trusted.roster.issue)
+            .map_err(|source| TrustError::Kept { path, source })?;
     }
-    Ok(trust::access_rules(&trusted.roster, &venue.name, file.topology))
+    Ok(trust::access_rules(
+        &trusted.roster,
+        &venue.name,
+        file.topology,
+    ))
 }
 
 fn seen_issue(path: &Path) -> Result<Option<u64>, TrustError> {
     let text = match std::fs::read_to_string(path) {
         Ok(text) => text,
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-        Err(source) => return Err(TrustError::Read { path: path.to_owned(), source }),
+        Err(source) => {
+            return Err(TrustError::Read {
+                path: path.to_owned(),
+                source,
+            });
+        }
     };
     let issue = text.trim().parse();
-    issue.map(Some).map_err(|_| TrustError::Issue { path: path.to_owned(), text: text.trim().to_owned() })
+    issue.map(Some).map_err(|_| TrustError::Issue {
+        path: path.to_owned(),
+        text: text.trim().to_owned(),
+    })
 }
 
 /// Writes a new file in the place of the old one, so that there is always a whole one.
@@ -130,7 +150,10 @@ mod tests {
         for torn in ["", "many", "-1"] {
             std::fs::write(&path, torn).unwrap();
             let refused = seen_issue(&path).unwrap_err().to_string();
-            assert!(refused.contains("roster-issue") && refused.contains("no issue"), "{refused}");
+            assert!(
+                refused.contains("roster-issue") && refused.contains("no issue"),
+                "{refused}"
+            );
         }
     }
 }

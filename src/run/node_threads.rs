@@ -44,14 +44,18 @@ where
     W::Actors<Mailboxes>: Clone,
 {
     fn clone(&self) -> LiveNode<W> {
-        LiveNode { actors: self.actors.clone() }
+        LiveNode {
+            actors: self.actors.clone(),
+        }
     }
 }
 
 impl<W: Wiring> Default for LiveNode<W> {
     /// Sets up the mailboxes; what they are told before the actors start is read then.
     fn default() -> LiveNode<W> {
-        LiveNode { actors: W::fill::<Mailboxes>(&mut SetUp) }
+        LiveNode {
+            actors: W::fill::<Mailboxes>(&mut SetUp),
+        }
     }
 }
 
@@ -81,7 +85,11 @@ where
 
     /// Returns for how long the busiest actor has been acting without a pause, of those that must not.
     pub fn busy_for(&self, now: Time) -> Duration {
-        self.visit(Busiest { now, longest: Duration::ZERO }).longest
+        self.visit(Busiest {
+            now,
+            longest: Duration::ZERO,
+        })
+        .longest
     }
 
     /// Returns how many inputs were dropped unread.
@@ -108,7 +116,15 @@ where
     ) -> io::Result<Threads> {
         let (source, carry_out) = (Arc::new(Mutex::new(source)), Arc::new(carry_out));
         let threads = Ok(Threads(Vec::new()));
-        self.visit(Start { node: self, context, source, recorder, carry_out, threads }).threads
+        self.visit(Start {
+            node: self,
+            context,
+            source,
+            recorder,
+            carry_out,
+            threads,
+        })
+        .threads
     }
 
     fn visit<V: Visitor<W, Mailboxes>>(&self, mut visitor: V) -> V {
@@ -123,7 +139,9 @@ pub struct Threads(Vec<(&'static str, JoinHandle<()>)>);
 impl Threads {
     /// Returns whether the actor of this name has ended.
     pub fn has_ended(&self, actor: &str) -> bool {
-        self.0.iter().any(|(name, thread)| *name == actor && thread.is_finished())
+        self.0
+            .iter()
+            .any(|(name, thread)| *name == actor && thread.is_finished())
     }
 
     /// Waits until all have ended.
@@ -144,7 +162,10 @@ impl<W: Wiring> Fill<W, Mailboxes> for SetUp {
             ActingTime::Instant => Mailbox::shared(wire.name),
             ActingTime::Short | ActingTime::Long => Mailbox::new(wire.name),
         };
-        Wired { wire, place: mailbox }
+        Wired {
+            wire,
+            place: mailbox,
+        }
     }
 }
 
@@ -165,10 +186,16 @@ where
     E: Fn(W::Effect) + Send + Sync + 'static,
 {
     fn actor<A: NodeActor>(&mut self, wired: &mut Wired<A, W, Mailbox<A::In>>) {
-        let Ok(threads) = &mut self.threads else { return };
-        let Wired { wire, place: mailbox } = wired;
+        let Ok(threads) = &mut self.threads else {
+            return;
+        };
+        let Wired {
+            wire,
+            place: mailbox,
+        } = wired;
         let (source, make) = (self.source.clone(), wire.make);
-        let (mut node, carry_out, output) = (self.node.clone(), self.carry_out.clone(), wire.output);
+        let (mut node, carry_out, output) =
+            (self.node.clone(), self.carry_out.clone(), wire.output);
         let started = start_actor(
             self.context,
             mailbox,
@@ -239,17 +266,33 @@ mod tests {
     fn live(told_before: &[u32]) -> Live {
         let (endings, ended) = channel();
         let (said, sums) = channel();
-        let context = RuntimeContext { clock: Clock::start(), troubles: Troubles::default(), endings };
+        let context = RuntimeContext {
+            clock: Clock::start(),
+            troubles: Troubles::default(),
+            endings,
+        };
         let node = LiveNode::<Adding>::default();
         told_before.iter().for_each(|number| node.tell(*number));
-        let threads = node.start(&context, 10, None, move |sum| said.send(sum).unwrap_or_default());
-        Live { node, threads: threads.unwrap(), sums, endings: ended, troubles: context.troubles }
+        let threads = node.start(&context, 10, None, move |sum| {
+            said.send(sum).unwrap_or_default()
+        });
+        Live {
+            node,
+            threads: threads.unwrap(),
+            sums,
+            endings: ended,
+            troubles: context.troubles,
+        }
     }
 
     #[test]
     fn a_live_node_says_what_it_says_on_one_thread() {
         let live = live(&[1]);
-        assert_eq!(live.sums.recv_timeout(SOON), Ok(12), "also what it was told before it started");
+        assert_eq!(
+            live.sums.recv_timeout(SOON),
+            Ok(12),
+            "also what it was told before it started"
+        );
         live.node.tell(2);
         assert_eq!(live.sums.recv_timeout(SOON), Ok(16));
         assert_eq!(live.node.dropped(), 0);
@@ -272,7 +315,11 @@ mod tests {
             std::thread::yield_now();
         }
         live.node.tell(1);
-        assert_eq!(live.sums.recv_timeout(SOON), Ok(12), "the others have not begun anew");
+        assert_eq!(
+            live.sums.recv_timeout(SOON),
+            Ok(12),
+            "the others have not begun anew"
+        );
         assert_eq!(live.troubles.list(), ["doubler: begins anew: seven"]);
         assert!(live.endings.try_recv().is_err());
         live.node.close();
@@ -283,7 +330,9 @@ mod tests {
     fn an_actor_that_must_not_begin_anew_ends_the_node() {
         let live = live(&[]);
         live.node.actors().summer.place.tell(Number(u32::MAX));
-        let Ok(Ending::Fault(fault)) = live.endings.recv_timeout(SOON) else { panic!("no fault") };
+        let Ok(Ending::Fault(fault)) = live.endings.recv_timeout(SOON) else {
+            panic!("no fault")
+        };
         assert_eq!(fault.reason, "too much");
         live.node.close();
         live.threads.join();

@@ -32,8 +32,15 @@ impl Session {
     /// # Errors
     /// The settings cannot be used, or it cannot listen.
     pub fn open(settings: BusSettings) -> Result<Session, BusError> {
-        let (clock, troubles, dropped) = (Clock::start(), Troubles::default(), Arc::new(AtomicU64::new(0)));
-        let began_utc_s = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs_f64();
+        let (clock, troubles, dropped) = (
+            Clock::start(),
+            Troubles::default(),
+            Arc::new(AtomicU64::new(0)),
+        );
+        let began_utc_s = SystemTime::now()
+            .duration_since(UNIX_EPOCH)
+            .unwrap_or_default()
+            .as_secs_f64();
         let (say, heard) = sync_channel(WAITING);
         let of_ear = dropped.clone();
         let hear = move |what| {
@@ -44,7 +51,15 @@ impl Session {
         let bus = Bus::open(settings, clock, troubles.clone(), hear)?;
         let publisher = bus.publisher();
         publisher.speak();
-        Ok(Session { bus, publisher, heard, clock, began_utc_s, troubles, dropped })
+        Ok(Session {
+            bus,
+            publisher,
+            heard,
+            clock,
+            began_utc_s,
+            troubles,
+            dropped,
+        })
     }
 
     /// Returns the time since the tool joined.

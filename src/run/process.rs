@@ -47,8 +47,16 @@ impl Process {
     /// Begins; the clock starts now.
     pub fn begin() -> Process {
         let (endings, ended) = channel();
-        let context = RuntimeContext { clock: Clock::start(), troubles: Troubles::default(), endings };
-        Process { context, endings: ended, ticked: Time::ZERO }
+        let context = RuntimeContext {
+            clock: Clock::start(),
+            troubles: Troubles::default(),
+            endings,
+        };
+        Process {
+            context,
+            endings: ended,
+            ticked: Time::ZERO,
+        }
     }
 
     /// Returns what all threads share.

@@ -79,12 +79,18 @@ impl StateDir {
         let lock_path = path.join("lock");
         let lock = File::create(&lock_path).map_err(io(&lock_path))?;
         if flock(&lock, FlockOperation::NonBlockingLockExclusive).is_err() {
-            return Err(StateDirError::InUse { path: path.to_owned() });
+            return Err(StateDirError::InUse {
+                path: path.to_owned(),
+            });
         }
         let count_path = path.join("boot");
         let boot = next_boot(&count_path)?;
         replace(&count_path, &format!("{boot}\n")).map_err(io(&count_path))?;
-        Ok(StateDir { path: path.to_owned(), boot, _lock: lock })
+        Ok(StateDir {
+            path: path.to_owned(),
+            boot,
+            _lock: lock,
+        })
     }
 
     /// Returns which start this is: one more than the last one in this folder.
@@ -108,19 +114,31 @@ fn next_boot(path: &Path) -> Result<Boot, StateDirError> {
     let text = match fs::read_to_string(path) {
         Ok(text) => text,
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-            let utc = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).ok();
+            let utc = SystemTime::now()
+                .duration_since(SystemTime::UNIX_EPOCH)
+                .ok();
             return Ok(first_boot(utc, membership::draw()?));
         }
-        Err(source) => return Err(StateDirError::Io { path: path.to_owned(), source }),
+        Err(source) => {
+            return Err(StateDirError::Io {
+                path: path.to_owned(),
+                source,
+            });
+        }
     };
     let count: Option<u32> = text.trim().parse().ok();
     let next = count.and_then(|count| count.checked_add(1));
-    next.map(Boot).ok_or_else(|| StateDirError::Count { path: path.to_owned(), text: text.trim().to_owned() })
+    next.map(Boot).ok_or_else(|| StateDirError::Count {
+        path: path.to_owned(),
+        text: text.trim().to_owned(),
+    })
 }
 
 /// Returns the number of the first start in a folder, by the system's clock and a random number.
 fn first_boot(utc: Option<Duration>, drawn: u64) -> Boot {
-    let since_2020_s = utc.and_then(|utc| utc.checked_sub(UNTIL_2020)).map(|since| since.as_secs());
+    let since_2020_s = utc
+        .and_then(|utc| utc.checked_sub(UNTIL_2020))
+        .map(|since| since.as_secs());
     let number = match since_2020_s.filter(|seconds| PLAUSIBLE_S.contains(seconds)) {
         Some(seconds) => seconds + drawn % SPREAD,
         None => 1 + drawn % SPREAD_ALONE,
@@ -134,14 +152,29 @@ mod tests {
 
     #[test]
     fn a_new_folder_begins_above_what_older_ones_have_counted() {
-        let at = |since_1970_s: u64, drawn| first_boot(Some(Duration::from_secs(since_1970_s)), drawn).0;
+        let at =
+            |since_1970_s: u64, drawn| first_boot(Some(Duration::from_secs(since_1970_s)), drawn).0;
         let in_2026 = 1_790_000_000;
         assert_eq!(at(in_2026, 0), 212_163_200);
-        assert!(at(in_2026 + 86_400, 0) > at(in_2026, u64::MAX), "a day later it is higher in any case");
-        assert!(at(4_102_444_799, u64::MAX) > at(in_2026, 0), "it fits until 2100");
-        for clock in [Some(Duration::ZERO), Some(UNTIL_2020), Some(Duration::MAX), None] {
+        assert!(
+            at(in_2026 + 86_400, 0) > at(in_2026, u64::MAX),
+            "a day later it is higher in any case"
+        );
+        assert!(
+            at(4_102_444_799, u64::MAX) > at(in_2026, 0),
+            "it fits until 2100"
+        );
+        for clock in [
+            Some(Duration::ZERO),
+            Some(UNTIL_2020),
+            Some(Duration::MAX),
+            None,
+        ] {
             assert_eq!(first_boot(clock, 0), Boot(1), "{clock:?}");
-            assert!(first_boot(clock, u64::MAX).0 < at(1_720_000_000, 0), "{clock:?}");
+            assert!(
+                first_boot(clock, u64::MAX).0 < at(1_720_000_000, 0),
+                "{clock:?}"
+            );
         }
         assert_ne!(first_boot(None, 5), first_boot(None, 6));
     }
@@ -154,7 +187,10 @@ mod tests {
         for count in 1..=3 {
             let state = StateDir::open(&path).unwrap();
             assert_eq!(state.boot(), Boot(first.0 + count));
-            assert!(matches!(StateDir::open(&path), Err(StateDirError::InUse { .. })));
+            assert!(matches!(
+                StateDir::open(&path),
+                Err(StateDirError::InUse { .. })
+            ));
             assert!(state.free_mb().is_some());
         }
     }
@@ -164,7 +200,13 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         for damaged in ["", "many", "4294967295", "-1"] {
             fs::write(folder.path().join("boot"), damaged).unwrap();
-            assert!(matches!(StateDir::open(folder.path()), Err(StateDirError::Count { .. })), "{damaged}");
+            assert!(
+                matches!(
+                    StateDir::open(folder.path()),
+                    Err(StateDirError::Count { .. })
+                ),
+                "{damaged}"
+            );
         }
     }
 }

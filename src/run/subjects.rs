@@ -27,7 +27,10 @@ pub fn written_by(node: Sender) -> Vec<String> {
 /// under that sender's keys, and so also counts what it does not know.
 pub fn heard_by(node: Sender) -> Vec<String> {
     let heard = ROLES.map(|(role, audience)| (role, heard_of(node, role, audience)));
-    if heard.iter().all(|(role, keys)| *keys == [everything_of(role)]) {
+    if heard
+        .iter()
+        .all(|(role, keys)| *keys == [everything_of(role)])
+    {
         return vec!["**".to_owned()];
     }
     heard.into_iter().flat_map(|(_, keys)| keys).collect()
@@ -35,8 +38,12 @@ pub fn heard_by(node: Sender) -> Vec<String> {
 
 /// Returns the key expressions under which a node hears those of one role.
 fn heard_of(node: Sender, role: &str, audience: Hearers) -> Vec<String> {
-    let on_the_bus = TABLE.iter().filter_map(|row| audience(row).map(|audience| (row, audience)));
-    let on_the_bus: Vec<_> = on_the_bus.filter(|(_, audience)| !audience.is_nobody()).collect();
+    let on_the_bus = TABLE
+        .iter()
+        .filter_map(|row| audience(row).map(|audience| (row, audience)));
+    let on_the_bus: Vec<_> = on_the_bus
+        .filter(|(_, audience)| !audience.is_nobody())
+        .collect();
     let pattern = |(row, audience): &(&Row, Audience)| match node {
         Sender::Vehicle(id) => heard_by_vehicle(id, role, row, audience.vehicles),
         Sender::Ground => audience.ground.then(|| about_anything(role, row)),
@@ -44,7 +51,11 @@ fn heard_of(node: Sender, role: &str, audience: Hearers) -> Vec<String> {
     };
     let heard: Vec<String> = on_the_bus.iter().filter_map(pattern).collect();
     let hears_all = !matches!(node, Sender::Vehicle(_)) && heard.len() == on_the_bus.len();
-    if hears_all { vec![everything_of(role)] } else { heard }
+    if hears_all {
+        vec![everything_of(role)]
+    } else {
+        heard
+    }
 }
 
 /// Returns the key expression of all that one role says: `vehicle/**`, `ground/**`.
@@ -120,12 +131,13 @@ mod tests {
     fn a_vehicle_hears_orders_to_itself_alone() {
         let heard = heard_by(Sender::Vehicle(VehicleId(3)));
         assert!(
-            heard.contains(&"ground/order/3".to_owned()) && heard.contains(&"operator/*/order/3".to_owned())
+            heard.contains(&"ground/order/3".to_owned())
+                && heard.contains(&"operator/*/order/3".to_owned())
         );
         assert!(
-            !heard
-                .iter()
-                .any(|key| key == "ground/**" || key.ends_with("order/*") || key.ends_with("samples"))
+            !heard.iter().any(|key| key == "ground/**"
+                || key.ends_with("order/*")
+                || key.ends_with("samples"))
         );
     }
 
@@ -188,14 +200,22 @@ mod tests {
     fn a_node_subscribes_to_what_the_table_says_that_it_hears_and_to_no_more_of_what_may_be_said() {
         for (word, message) in examples() {
             let topic = Topic::of(&message);
-            for (sender, node) in NODES.into_iter().flat_map(|sender| NODES.map(|node| (sender, node))) {
-                let Some(audience) =
-                    row(topic.kind).audience(sender).filter(|audience| !audience.is_nobody())
+            for (sender, node) in NODES
+                .into_iter()
+                .flat_map(|sender| NODES.map(|node| (sender, node)))
+            {
+                let Some(audience) = row(topic.kind)
+                    .audience(sender)
+                    .filter(|audience| !audience.is_nobody())
                 else {
                     continue;
                 };
                 let is_heard = any_covers(&heard_by(node), &key(sender, topic));
-                assert_eq!(is_heard, audience.includes(node, topic.about), "{word} of {sender} by {node}");
+                assert_eq!(
+                    is_heard,
+                    audience.includes(node, topic.about),
+                    "{word} of {sender} by {node}"
+                );
             }
         }
     }
@@ -203,10 +223,16 @@ mod tests {
     #[test]
     fn a_node_writes_under_its_own_keys_all_that_it_may_say_and_nothing_of_others() {
         for (_, message) in examples() {
-            for (sender, node) in NODES.into_iter().flat_map(|sender| NODES.map(|node| (sender, node))) {
+            for (sender, node) in NODES
+                .into_iter()
+                .flat_map(|sender| NODES.map(|node| (sender, node)))
+            {
                 let key = key(sender, Topic::of(&message));
                 let is_written = any_covers(&written_by(node), &key);
-                assert!(!may_say(sender, &message) || sender != node || is_written, "{node}: {key}");
+                assert!(
+                    !may_say(sender, &message) || sender != node || is_written,
+                    "{node}: {key}"
+                );
                 assert!(sender == node || !is_written, "{node} writes {key}");
             }
         }

@@ -31,16 +31,21 @@ impl Tapping {
     pub fn line(&self, received_s: f64, utc_s: f64, heard: &Heard) -> Option<Value> {
         let (sender, kind, message) = match heard {
             Heard::Message(sender, message) => (*sender, message.word(), self.written(message)),
-            Heard::Greeting(greeting, Some(hello)) => {
-                (greeting.node, "hello", written(&Message::Hello(hello.clone())))
-            }
+            Heard::Greeting(greeting, Some(hello)) => (
+                greeting.node,
+                "hello",
+                written(&Message::Hello(hello.clone())),
+            ),
             Heard::Greeting(greeting, None) => (greeting.node, "hello", foreign(greeting)),
             Heard::Unknown(_) => return None,
         };
         let is_kind = self.kinds.is_empty() || self.kinds.contains(kind);
         let concerned = [of_sender(sender), addressee(heard)];
         let is_vehicle = self.vehicles.is_empty()
-            || concerned.into_iter().flatten().any(|vehicle| self.vehicles.contains(&vehicle));
+            || concerned
+                .into_iter()
+                .flatten()
+                .any(|vehicle| self.vehicles.contains(&vehicle));
         (is_kind && is_vehicle).then(|| {
             json!({
                 "received_s": thousandths(received_s),
@@ -55,7 +60,8 @@ impl Tapping {
     fn written(&self, message: &Message) -> Value {
         let mut value = written(message);
         if let (Message::Tile(tile), false) = (message, self.with_cells) {
-            let count = |wanted: fn(i8) -> bool| tile.cells.iter().filter(|cell| wanted(**cell)).count();
+            let count =
+                |wanted: fn(i8) -> bool| tile.cells.iter().filter(|cell| wanted(**cell)).count();
             value["cells"] = json!({
                 "occupied": count(|cell| cell > 0),
                 "free": count(|cell| cell < 0),
@@ -69,7 +75,10 @@ impl Tapping {
 /// Returns the fields of a message, without its kind around them.
 fn written(message: &Message) -> Value {
     match serde_json::to_value(message) {
-        Ok(Value::Object(named)) => named.into_iter().next().map_or(Value::Null, |(_, fields)| fields),
+        Ok(Value::Object(named)) => named
+            .into_iter()
+            .next()
+            .map_or(Value::Null, |(_, fields)| fields),
         Ok(_) | Err(_) => Value::Null,
     }
 }
@@ -108,7 +117,9 @@ fn thousandths(seconds_s: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::operator::tests_support::{heard, report, state};
-    use tomoswarm_proto::{Boot, LayerId, Order, OrderKind, Report, TILE_CELLS, TileAddress, TileReport};
+    use tomoswarm_proto::{
+        Boot, LayerId, Order, OrderKind, Report, TILE_CELLS, TileAddress, TileReport,
+    };
 
     fn line(tapping: &Tapping, message: Message) -> Option<Value> {
         tapping.line(1.0, 2.0, &heard(message))
@@ -123,7 +134,10 @@ mod tests {
             (&json!("state"), &json!(1.0), &json!(2.0))
         );
         assert_eq!(
-            (&line["message"]["pose"]["at"]["x_mm"], &line["message"]["mode"]),
+            (
+                &line["message"]["pose"]["at"]["x_mm"],
+                &line["message"]["mode"]
+            ),
             (&json!(3000), &json!("Idle"))
         );
     }
@@ -139,10 +153,21 @@ mod tests {
             kind: OrderKind::Hold,
             ends: vec![],
         });
-        let states = Tapping { kinds: ["state".to_owned()].into(), ..Tapping::default() };
-        assert!(line(&states, Message::State(state(1))).is_some() && line(&states, order.clone()).is_none());
-        let of_two = Tapping { vehicles: [VehicleId(2)].into(), ..Tapping::default() };
-        assert!(line(&of_two, Message::State(state(2))).is_some() && line(&of_two, order).is_some());
+        let states = Tapping {
+            kinds: ["state".to_owned()].into(),
+            ..Tapping::default()
+        };
+        assert!(
+            line(&states, Message::State(state(1))).is_some()
+                && line(&states, order.clone()).is_none()
+        );
+        let of_two = Tapping {
+            vehicles: [VehicleId(2)].into(),
+            ..Tapping::default()
+        };
+        assert!(
+            line(&of_two, Message::State(state(2))).is_some() && line(&of_two, order).is_some()
+        );
         assert!(line(&of_two, Message::State(state(1))).is_none());
         assert!(line(&of_two, Message::Report(Report { ..report() })).is_none());
     }
@@ -151,7 +176,10 @@ mod tests {
     fn tiles_are_counted_unless_their_cells_are_asked_for() {
         let mut cells = [0; TILE_CELLS];
         (cells[0], cells[1], cells[2]) = (9, -4, -4);
-        let layer = LayerId { vehicle: VehicleId(1), boot: Boot(1) };
+        let layer = LayerId {
+            vehicle: VehicleId(1),
+            boot: Boot(1),
+        };
         let tile = Message::Tile(TileReport {
             layer,
             address: TileAddress::default(),
@@ -159,18 +187,41 @@ mod tests {
             cells: std::sync::Arc::new(cells),
         });
         let counted = line(&Tapping::default(), tile.clone()).unwrap();
-        assert_eq!(counted["message"]["cells"], json!({"occupied": 1, "free": 2, "unknown": TILE_CELLS - 3}));
-        let whole = line(&Tapping { with_cells: true, ..Tapping::default() }, tile).unwrap();
+        assert_eq!(
+            counted["message"]["cells"],
+            json!({"occupied": 1, "free": 2, "unknown": TILE_CELLS - 3})
+        );
+        let whole = line(
+            &Tapping {
+                with_cells: true,
+                ..Tapping::default()
+            },
+            tile,
+        )
+        .unwrap();
         let runs = whole["message"]["cells"].as_array().unwrap();
-        assert_eq!(runs.iter().map(|run| run[0].as_u64().unwrap()).sum::<u64>(), TILE_CELLS as u64);
+        assert_eq!(
+            runs.iter().map(|run| run[0].as_u64().unwrap()).sum::<u64>(),
+            TILE_CELLS as u64
+        );
     }
 
     #[test]
     fn a_greeting_of_another_version_is_told_as_far_as_it_can_be_read() {
         let node = Sender::Vehicle(VehicleId(3));
-        let greeting = Greeting { version: 9, node, boot: Boot(2), venue_hash: 5 };
-        let line = Tapping::default().line(0.0, 0.0, &Heard::Greeting(greeting, None)).unwrap();
-        assert_eq!((&line["kind"], &line["message"]["wire_version"]), (&json!("hello"), &json!(9)));
+        let greeting = Greeting {
+            version: 9,
+            node,
+            boot: Boot(2),
+            venue_hash: 5,
+        };
+        let line = Tapping::default()
+            .line(0.0, 0.0, &Heard::Greeting(greeting, None))
+            .unwrap();
+        assert_eq!(
+            (&line["kind"], &line["message"]["wire_version"]),
+            (&json!("hello"), &json!(9))
+        );
     }
 
     #[test]

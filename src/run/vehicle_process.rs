@@ -108,12 +108,17 @@ impl Last {
     }
 
     fn hears(&self, now: Time) -> Vec<VehicleId> {
-        let fresh = self.hears.as_ref().filter(|(at, _)| now.since(*at) <= HEARS_FOR);
+        let fresh = self
+            .hears
+            .as_ref()
+            .filter(|(at, _)| now.since(*at) <= HEARS_FOR);
         fresh.map(|(_, hears)| hears.clone()).unwrap_or_default()
     }
 
     fn is_moving(&self) -> bool {
-        self.state.as_ref().is_some_and(|state| matches!(state.mode, Mode::Driving | Mode::Turning))
+        self.state
+            .as_ref()
+            .is_some_and(|state| matches!(state.mode, Mode::Driving | Mode::Turning))
     }
 }
 
@@ -133,7 +138,9 @@ struct Edge {
 impl Edge {
     fn carry_out(&self, effect: Effect) {
         match &effect {
-            Effect::Command(_) | Effect::Steer(_) | Effect::Ping(_) => self.devices.carry_out(&effect),
+            Effect::Command(_) | Effect::Steer(_) | Effect::Ping(_) => {
+                self.devices.carry_out(&effect)
+            }
             Effect::Transmit(beacon) => {
                 lock(&self.last).hears = Some((self.clock.now(), beacon.members.clone()));
                 self.devices.carry_out(&effect);
@@ -178,16 +185,25 @@ pub fn run(
     let remembered = memory_file.read()?;
     let stops_file = StopsFile::at(state_dir.join("stops"));
     let stops = stops_file.read()?;
-    let settings =
-        Settings { memory: remembered, stops, ..Settings::from_vehicle_file(file, state_dir.boot()) };
+    let settings = Settings {
+        memory: remembered,
+        stops,
+        ..Settings::from_vehicle_file(file, state_dir.boot())
+    };
     let sender = Sender::Vehicle(file.id);
-    let hello = membership::greeting(sender, state_dir.boot(), &file.venue, file.drivers.capabilities())?;
+    let hello = membership::greeting(
+        sender,
+        state_dir.boot(),
+        &file.venue,
+        file.drivers.capabilities(),
+    )?;
     let node = LiveVehicle::default();
     let told = node.clone();
     let access = membership::access(sender, &file.venue, &file.bus, Some(&state_dir))?;
     let bus = membership::bus_settings(sender, &file.venue, &file.bus, access);
-    let mut member =
-        process.join(bus, hello, move |sender, message| told.tell(Event::Bus(sender, message)))?;
+    let mut member = process.join(bus, hello, move |sender, message| {
+        told.tell(Event::Bus(sender, message))
+    })?;
     // Nothing is driven by a node that may not take part.
     if let Some(finish) = process.ask(&mut member, is_stopped) {
         member.close();
@@ -213,9 +229,20 @@ pub fn run(
         clock,
     });
     let of_actors = edge.clone();
-    let recorder = recorder(file.record, &state_dir, &format!("vehicle/{}", file.id), text, settings.lattice);
+    let recorder = recorder(
+        file.record,
+        &state_dir,
+        &format!("vehicle/{}", file.id),
+        text,
+        settings.lattice,
+    );
     let carry_out = move |effect| of_actors.carry_out(effect);
-    let threads = node.start(process.context(), settings.clone(), recorder.as_ref(), carry_out)?;
+    let threads = node.start(
+        process.context(),
+        settings.clone(),
+        recorder.as_ref(),
+        carry_out,
+    )?;
     let mut said_at = Time::ZERO;
     let mut tick = |now: Time, member: &Member, troubles: &Troubles| {
         edge.watch_devices(troubles);
@@ -223,7 +250,9 @@ pub fn run(
         watch_recorder(recorder.as_ref(), troubles);
         if now.since(said_at) >= HEALTH_EVERY {
             said_at = now;
-            edge.publisher.publish(&Message::Health(edge.health(&settings, &state_dir, troubles)));
+            edge.publisher.publish(&Message::Health(
+                edge.health(&settings, &state_dir, troubles),
+            ));
         }
         let state = lock(&edge.last).state.clone();
         status(&Status {
@@ -233,7 +262,12 @@ pub fn run(
             troubles: troubles.list(),
         });
     };
-    let finish = process.keep(&mut member, is_stopped, &|now| node.busy_for(now), &mut tick);
+    let finish = process.keep(
+        &mut member,
+        is_stopped,
+        &|now| node.busy_for(now),
+        &mut tick,
+    );
     edge.come_to_rest(&threads);
     node.close();
     threads.join();
@@ -253,7 +287,9 @@ pub(super) fn recorder(
     lattice: Lattice,
 ) -> Option<Recorder> {
     let cap_bytes = record.limit_bytes()?;
-    let utc = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).ok();
+    let utc = SystemTime::now()
+        .duration_since(SystemTime::UNIX_EPOCH)
+        .ok();
     let about = About {
         node: node.to_owned(),
         settings: text.to_owned(),
@@ -262,7 +298,11 @@ pub(super) fn recorder(
     };
     let defaults = Limits::default();
     let segment_bytes = defaults.segment_bytes.min(cap_bytes / 8);
-    let limits = Limits { cap_bytes, segment_bytes, ..defaults };
+    let limits = Limits {
+        cap_bytes,
+        segment_bytes,
+        ..defaults
+    };
     Some(Recorder::start(state_dir.join("flight"), about, limits))
 }
 
@@ -282,7 +322,11 @@ pub(super) fn watch_stops(stops: &StopsDriver, troubles: &Troubles) {
     }
 }
 
-fn outbox(file: &VehicleFile, state_dir: &StateDir, node: LiveVehicle) -> std::io::Result<OutboxDriver> {
+fn outbox(
+    file: &VehicleFile,
+    state_dir: &StateDir,
+    node: LiveVehicle,
+) -> std::io::Result<OutboxDriver> {
     let settings = OutboxSettings {
         path: state_dir.join("outbox.sqlite"),
         vehicle: file.id,
@@ -309,9 +353,10 @@ impl Edge {
     fn watch_disk(&self, troubles: &Troubles) {
         let health = self.outbox.health();
         match health.trouble {
-            Some(trouble) => {
-                troubles.raise("outbox", format!("{trouble}; {} samples in memory", health.not_durable))
-            }
+            Some(trouble) => troubles.raise(
+                "outbox",
+                format!("{trouble}; {} samples in memory", health.not_durable),
+            ),
             None => troubles.clear("outbox"),
         }
         if let Some(moved) = health.moved_aside {
@@ -326,7 +371,11 @@ impl Edge {
 
     fn health(&self, settings: &Settings, state_dir: &StateDir, troubles: &Troubles) -> Health {
         let last = lock(&self.last);
-        let (tally, hears, is_heard) = (last.tally, last.hears(self.clock.now()), last.state.is_some());
+        let (tally, hears, is_heard) = (
+            last.tally,
+            last.hears(self.clock.now()),
+            last.state.is_some(),
+        );
         drop(last);
         let traffic = self.publisher.traffic();
         Health {
@@ -353,7 +402,11 @@ impl Edge {
         let begun = self.clock.now();
         let mut ended = None;
         loop {
-            self.node.actors().autopilot.place.tell(link::In::Fly(Fly::Stop));
+            self.node
+                .actors()
+                .autopilot
+                .place
+                .tell(link::In::Fly(Fly::Stop));
             let now = self.clock.now();
             if threads.has_ended(mission.wire.name) {
                 ended.get_or_insert(now);
@@ -379,7 +432,10 @@ pub(super) fn short(words: Vec<String>) -> Vec<String> {
 fn cut(mut word: String) -> String {
     if word.len() > WORD_BYTES {
         let most = WORD_BYTES - '…'.len_utf8();
-        let end = (0..=most).rev().find(|end| word.is_char_boundary(*end)).unwrap_or(0);
+        let end = (0..=most)
+            .rev()
+            .find(|end| word.is_char_boundary(*end))
+            .unwrap_or(0);
         word.truncate(end);
         word.push('…');
     }
@@ -399,17 +455,27 @@ mod tests {
         let whole = "recording: /var/lib/tomoswarm/vehicle-1/recording/0001.mcap: cannot be written: No space left on device";
         assert_eq!(short(vec![whole.to_owned()]), [whole]);
         let long = short(vec!["ä".repeat(300)]);
-        assert!(long[0].len() <= WORD_BYTES && long[0].ends_with("ä…"), "{}", long[0]);
+        assert!(
+            long[0].len() <= WORD_BYTES && long[0].ends_with("ä…"),
+            "{}",
+            long[0]
+        );
         assert_eq!(short(vec![String::new(); 99]).len(), WORDS);
     }
 
     #[test]
     fn what_is_not_heard_any_more_is_not_told_as_if_it_were() {
         let mut last = Last::default();
-        assert!(!last.is_autopilot_silent(at(2.0)) && last.is_autopilot_silent(at(2.1)), "never heard");
+        assert!(
+            !last.is_autopilot_silent(at(2.0)) && last.is_autopilot_silent(at(2.1)),
+            "never heard"
+        );
         last.state_at = Some(at(5.0));
         assert!(!last.is_autopilot_silent(at(7.0)) && last.is_autopilot_silent(at(7.1)));
         last.hears = Some((at(1.0), vec![VehicleId(2)]));
-        assert_eq!((last.hears(at(6.0)), last.hears(at(6.1))), (vec![VehicleId(2)], vec![]));
+        assert_eq!(
+            (last.hears(at(6.0)), last.hears(at(6.1))),
+            (vec![VehicleId(2)], vec![])
+        );
     }
 }

@@ -97,16 +97,24 @@ impl WorldServer {
     ///
     /// # Errors
     /// [`WorldError`].
-    pub fn start(scenario: &Scenario, listen: SocketAddr, token: &str) -> Result<WorldServer, WorldError> {
+    pub fn start(
+        scenario: &Scenario,
+        listen: SocketAddr,
+        token: &str,
+    ) -> Result<WorldServer, WorldError> {
         if !listen.ip().is_loopback() {
             return Err(WorldError::NotLoopback { address: listen });
         }
         if token.len() > TOKEN_LIMIT {
-            return Err(WorldError::Token { length: token.len() });
+            return Err(WorldError::Token {
+                length: token.len(),
+            });
         }
         let world = LiveWorld::new(scenario)?;
-        WorldServer::open(world, listen, token)
-            .map_err(|source| WorldError::Listen { address: listen, source })
+        WorldServer::open(world, listen, token).map_err(|source| WorldError::Listen {
+            address: listen,
+            source,
+        })
     }
 
     fn open(world: LiveWorld, listen: SocketAddr, token: &str) -> io::Result<WorldServer> {
@@ -115,7 +123,12 @@ impl WorldServer {
         let (words, inbox) = sync_channel(WORDS_WAITING);
         let is_ended = Arc::new(AtomicBool::new(false));
         let connections = Arc::new(connection_limit(world.vehicles()));
-        let listener = Listener::new(token.as_bytes(), connections.clone(), words.clone(), is_ended.clone());
+        let listener = Listener::new(
+            token.as_bytes(),
+            connections.clone(),
+            words.clone(),
+            is_ended.clone(),
+        );
         let thread = std::thread::Builder::new()
             .name("world".to_owned())
             .spawn(move || WorldThread::new(world).run(&inbox))?;
@@ -148,7 +161,11 @@ impl WorldServer {
     }
 
     fn join(&mut self) -> Status {
-        let status = self.world.take().and_then(|thread| thread.join().ok()).unwrap_or_default();
+        let status = self
+            .world
+            .take()
+            .and_then(|thread| thread.join().ok())
+            .unwrap_or_default();
         self.is_ended.store(true, Ordering::Release);
         if let Some(listener) = self.listener.take() {
             // The listener waits for somebody to come; this is nobody, and it sees that the world has ended.

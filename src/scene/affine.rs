@@ -14,17 +14,25 @@ pub(super) struct Affine {
 
 impl Affine {
     /// The map that changes nothing.
-    pub(super) const IDENTITY: Affine =
-        Affine { linear: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], shift: [0.0; 3] };
+    pub(super) const IDENTITY: Affine = Affine {
+        linear: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+        shift: [0.0; 3],
+    };
 
     /// Makes a map from the images of the three axes' coordinates (rows) and no shift.
     pub(super) const fn from_rows(linear: [Xyz; 3]) -> Affine {
-        Affine { linear, shift: [0.0; 3] }
+        Affine {
+            linear,
+            shift: [0.0; 3],
+        }
     }
 
     /// Makes a translation.
     pub(super) const fn translation(shift: Xyz) -> Affine {
-        Affine { shift, ..Affine::IDENTITY }
+        Affine {
+            shift,
+            ..Affine::IDENTITY
+        }
     }
 
     /// Makes a scaling along the axes.
@@ -42,9 +50,21 @@ impl Affine {
         let (sin, cos) = libm::sincos(angle_rad);
         let rest = 1.0 - cos;
         Affine::from_rows([
-            [cos + x * x * rest, x * y * rest - z * sin, x * z * rest + y * sin],
-            [y * x * rest + z * sin, cos + y * y * rest, y * z * rest - x * sin],
-            [z * x * rest - y * sin, z * y * rest + x * sin, cos + z * z * rest],
+            [
+                cos + x * x * rest,
+                x * y * rest - z * sin,
+                x * z * rest + y * sin,
+            ],
+            [
+                y * x * rest + z * sin,
+                cos + y * y * rest,
+                y * z * rest - x * sin,
+            ],
+            [
+                z * x * rest - y * sin,
+                z * y * rest + x * sin,
+                cos + z * z * rest,
+            ],
         ])
     }
 
@@ -56,7 +76,10 @@ impl Affine {
                 *cell = (0..3).map(|k| row[k] * inner.linear[k][column]).sum();
             }
         }
-        Affine { linear, shift: self.apply(inner.shift) }
+        Affine {
+            linear,
+            shift: self.apply(inner.shift),
+        }
     }
 
     /// Returns the image of a point.
@@ -78,7 +101,11 @@ pub(super) fn dot(a: Xyz, b: Xyz) -> f64 {
 
 /// Returns the cross product.
 pub(super) fn cross(a: Xyz, b: Xyz) -> Xyz {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
 }
 
 /// Returns the sum a + b.
@@ -99,15 +126,30 @@ mod tests {
     fn check(map: &Affine, point: Xyz, expected: Xyz) {
         let got = map.apply(point);
         for axis in 0..3 {
-            assert!((got[axis] - expected[axis]).abs() < 1e-12, "{point:?} went to {got:?}");
+            assert!(
+                (got[axis] - expected[axis]).abs() < 1e-12,
+                "{point:?} went to {got:?}"
+            );
         }
     }
 
     #[test]
     fn a_quarter_turn_about_z_takes_x_to_y() {
-        check(&Affine::rotation([0.0, 0.0, 7.0], FRAC_PI_2), [1.0, 0.0, 3.0], [0.0, 1.0, 3.0]);
-        check(&Affine::rotation([1.0, 0.0, 0.0], FRAC_PI_2), [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]);
-        check(&Affine::rotation([0.0, 1.0, 0.0], FRAC_PI_2), [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]);
+        check(
+            &Affine::rotation([0.0, 0.0, 7.0], FRAC_PI_2),
+            [1.0, 0.0, 3.0],
+            [0.0, 1.0, 3.0],
+        );
+        check(
+            &Affine::rotation([1.0, 0.0, 0.0], FRAC_PI_2),
+            [0.0, 1.0, 0.0],
+            [0.0, 0.0, 1.0],
+        );
+        check(
+            &Affine::rotation([0.0, 1.0, 0.0], FRAC_PI_2),
+            [0.0, 0.0, 1.0],
+            [1.0, 0.0, 0.0],
+        );
     }
 
     #[test]

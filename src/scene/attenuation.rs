@@ -72,32 +72,67 @@ impl Attenuation {
         for object in scene.objects() {
             let db_per_m = object.material.db_per_m;
             let contours = object.regions_at(height_m).into_iter().flatten();
-            materials.entry(db_per_m.to_bits()).or_insert((db_per_m, Vec::new())).1.extend(contours);
+            materials
+                .entry(db_per_m.to_bits())
+                .or_insert((db_per_m, Vec::new()))
+                .1
+                .extend(contours);
             let pieces = object.sheet_at(height_m);
             let db_per_crossing = object.material.db_per_crossing;
             let ends = pieces.iter().flat_map(|piece| [&piece.from, &piece.to]);
             if let Some(bounds) = bounds_of(ends).filter(|_| db_per_crossing > 0.0) {
-                sheets.push(Sheet { bounds, pieces, db_per_crossing });
+                sheets.push(Sheet {
+                    bounds,
+                    pieces,
+                    db_per_crossing,
+                });
             }
         }
         let mut solids = Vec::new();
-        for (db_per_m, contours) in materials.into_values().filter(|(db_per_m, _)| *db_per_m > 0.0) {
+        for (db_per_m, contours) in materials
+            .into_values()
+            .filter(|(db_per_m, _)| *db_per_m > 0.0)
+        {
             for contours in union(&contours) {
-                let Some(bounds) = bounds_of(contours.iter().flatten()) else { continue };
-                solids.push(Solid { bounds, contours, db_per_m });
+                let Some(bounds) = bounds_of(contours.iter().flatten()) else {
+                    continue;
+                };
+                solids.push(Solid {
+                    bounds,
+                    contours,
+                    db_per_m,
+                });
             }
         }
-        Attenuation { wavelength_m, leak, solids, sheets, normal: NormalTable::new() }
+        Attenuation {
+            wavelength_m,
+            leak,
+            solids,
+            sheets,
+            normal: NormalTable::new(),
+        }
     }
 
     /// Returns the attenuation between two antennas, dB; never negative, the same bits in both directions.
     pub fn between(&self, a: Point, b: Point) -> f64 {
-        let Some(link) = Link::new(a, b, self.wavelength_m) else { return 0.0 };
-        let solids = self.solids.iter().filter(|solid| link.may_meet(solid.bounds));
-        let sheets = self.sheets.iter().filter(|sheet| link.may_meet(sheet.bounds));
-        solids.map(|solid| self.saturated_db(solid.db_per_m * self.solid_m(solid, &link))).sum::<f64>()
+        let Some(link) = Link::new(a, b, self.wavelength_m) else {
+            return 0.0;
+        };
+        let solids = self
+            .solids
+            .iter()
+            .filter(|solid| link.may_meet(solid.bounds));
+        let sheets = self
+            .sheets
+            .iter()
+            .filter(|sheet| link.may_meet(sheet.bounds));
+        solids
+            .map(|solid| self.saturated_db(solid.db_per_m * self.solid_m(solid, &link)))
+            .sum::<f64>()
             + sheets
-                .map(|sheet| self.saturated_db(sheet.db_per_crossing * self.crossings(sheet, &link)))
+                .map(|sheet| {
+                    self.saturated_db(sheet.db_per_crossing * self.crossings(sheet, &link))
+                })
                 .sum::<f64>()
     }
 
@@ -110,8 +145,13 @@ impl Attenuation {
     /// Returns the average length inside all solids together, without saturation, metres.
     #[cfg(test)]
     pub(super) fn inside_m(&self, a: Point, b: Point) -> f64 {
-        let Some(link) = Link::new(a, b, self.wavelength_m) else { return 0.0 };
-        self.solids.iter().map(|solid| self.solid_m(solid, &link)).sum()
+        let Some(link) = Link::new(a, b, self.wavelength_m) else {
+            return 0.0;
+        };
+        self.solids
+            .iter()
+            .map(|solid| self.solid_m(solid, &link))
+            .sum()
     }
 
     /// The average length inside a solid, metres.
@@ -145,20 +185,34 @@ impl Attenuation {
             return end_m - start_m;
         }
         let slope = (to.h_m - from.h_m) / (to.s_m - from.s_m);
-        let line = Line { base_m: from.h_m - slope * from.s_m, slope };
+        let line = Line {
+            base_m: from.h_m - slope * from.s_m,
+            slope,
+        };
         self.line_m(&line, start_m, end_m, link)
     }
 
     fn line_m(&self, line: &Line, start_m: f64, end_m: f64, link: &Link) -> f64 {
         let sure_m = |start_m: f64, end_m: f64| {
-            if line.at((start_m + end_m) / 2.0) > 0.0 { end_m - start_m } else { 0.0 }
+            if line.at((start_m + end_m) / 2.0) > 0.0 {
+                end_m - start_m
+            } else {
+                0.0
+            }
         };
-        let Some((near_m, far_m)) = line.within_reach(link) else { return sure_m(start_m, end_m) };
+        let Some((near_m, far_m)) = line.within_reach(link) else {
+            return sure_m(start_m, end_m);
+        };
         let (near_m, far_m) = (near_m.clamp(start_m, end_m), far_m.clamp(start_m, end_m));
         let mut sum_m = sure_m(start_m, near_m) + sure_m(far_m, end_m);
         let middle_m = link.length_m / 2.0;
         let zero_m = -line.base_m / line.slope;
-        let mut marks = [near_m, middle_m, if zero_m.is_finite() { zero_m } else { middle_m }, far_m];
+        let mut marks = [
+            near_m,
+            middle_m,
+            if zero_m.is_finite() { zero_m } else { middle_m },
+            far_m,
+        ];
         marks[1] = marks[1].clamp(near_m, far_m);
         marks[2] = marks[2].clamp(near_m, far_m);
         if marks[1] > marks[2] {
@@ -176,7 +230,11 @@ impl Attenuation {
     fn gauss_m(&self, line: &Line, start_m: f64, end_m: f64, link: &Link) -> f64 {
         let mirrored = start_m + end_m > link.length_m;
         let (low_m, high_m, line) = if mirrored {
-            (link.length_m - end_m, link.length_m - start_m, line.mirrored(link.length_m))
+            (
+                link.length_m - end_m,
+                link.length_m - start_m,
+                line.mirrored(link.length_m),
+            )
         } else {
             (start_m, end_m, *line)
         };
@@ -189,7 +247,9 @@ impl Attenuation {
         };
         let pairs = GAUSS.iter();
         half * pairs
-            .map(|(node, weight)| weight * (value(middle - half * node) + value(middle + half * node)))
+            .map(|(node, weight)| {
+                weight * (value(middle - half * node) + value(middle + half * node))
+            })
             .sum::<f64>()
     }
 
@@ -204,17 +264,32 @@ impl Attenuation {
     }
 
     fn piece_crossings(&self, from: Place, to: Place, link: &Link) -> f64 {
-        let (from, to) = if to.s_m < from.s_m { (to, from) } else { (from, to) };
+        let (from, to) = if to.s_m < from.s_m {
+            (to, from)
+        } else {
+            (from, to)
+        };
         if to.s_m <= 0.0 || from.s_m >= link.length_m {
             return 0.0;
         }
-        let share = |place: Place| self.normal.share_below(place.h_m / link.radius_m(place.s_m));
+        let share = |place: Place| {
+            self.normal
+                .share_below(place.h_m / link.radius_m(place.s_m))
+        };
         if to.s_m == from.s_m {
             return (share(to) - share(from)).abs();
         }
         let slope = (to.h_m - from.h_m) / (to.s_m - from.s_m);
-        let line = Line { base_m: from.h_m - slope * from.s_m, slope };
-        let at = |s_m: f64| share(Place { s_m, h_m: line.at(s_m) });
+        let line = Line {
+            base_m: from.h_m - slope * from.s_m,
+            slope,
+        };
+        let at = |s_m: f64| {
+            share(Place {
+                s_m,
+                h_m: line.at(s_m),
+            })
+        };
         let (start_m, end_m) = (from.s_m.max(0.0), to.s_m.min(link.length_m));
         let turn_m = line.base_m * link.length_m / (line.slope * link.length_m + 2.0 * line.base_m);
         if turn_m > start_m && turn_m < end_m {
@@ -238,7 +313,10 @@ impl Line {
 
     /// The same line with s counted from the other end.
     fn mirrored(&self, length_m: f64) -> Line {
-        Line { base_m: self.at(length_m), slope: -self.slope }
+        Line {
+            base_m: self.at(length_m),
+            slope: -self.slope,
+        }
     }
 
     /// Where |h| < REACH · r: one interval at most, because h² − REACH² r² is a parabola open upward.
@@ -262,20 +340,36 @@ impl Link {
     /// `None` when the two ends coincide or are no numbers. The ends are put in order first, so that both
     /// directions give the same bits.
     fn new(one: Point, other: Point, wavelength_m: f64) -> Option<Link> {
-        let order = one.x_m.total_cmp(&other.x_m).then(one.y_m.total_cmp(&other.y_m));
-        let (a, b) = if order.is_gt() { (other, one) } else { (one, other) };
+        let order = one
+            .x_m
+            .total_cmp(&other.x_m)
+            .then(one.y_m.total_cmp(&other.y_m));
+        let (a, b) = if order.is_gt() {
+            (other, one)
+        } else {
+            (one, other)
+        };
         let length_m = a.distance_to(b);
         if !(length_m > 0.0 && length_m.is_finite()) {
             return None;
         }
         let spread = wavelength_m / (4.0 * length_m);
         let reach_m = REACH * spread.sqrt() * length_m / 2.0;
-        Some(Link { from: a, along: (b - a) * (1.0 / length_m), length_m, spread, reach_m })
+        Some(Link {
+            from: a,
+            along: (b - a) * (1.0 / length_m),
+            length_m,
+            spread,
+            reach_m,
+        })
     }
 
     fn place(&self, point: Point) -> Place {
         let from = point - self.from;
-        Place { s_m: self.along.dot(from), h_m: self.along.cross(from) }
+        Place {
+            s_m: self.along.dot(from),
+            h_m: self.along.cross(from),
+        }
     }
 
     fn radius_m(&self, s_m: f64) -> f64 {
@@ -315,9 +409,14 @@ impl NormalTable {
         let knot = |index: usize| {
             let x = index as f64 / NormalTable::STEPS_PER_UNIT - REACH;
             let density = libm::exp(-x * x / 2.0) / std::f64::consts::TAU.sqrt();
-            (libm::erfc(-x / std::f64::consts::SQRT_2) / 2.0, density / NormalTable::STEPS_PER_UNIT)
+            (
+                libm::erfc(-x / std::f64::consts::SQRT_2) / 2.0,
+                density / NormalTable::STEPS_PER_UNIT,
+            )
         };
-        NormalTable { knots: (0..count).map(knot).collect() }
+        NormalTable {
+            knots: (0..count).map(knot).collect(),
+        }
     }
 
     /// Φ(x); 0 and 1 beyond REACH.
@@ -332,13 +431,17 @@ impl NormalTable {
         let rise = to - from;
         from + t
             * (slope_from
-                + t * (3.0 * rise - 2.0 * slope_from - slope_to + t * (slope_from + slope_to - 2.0 * rise)))
+                + t * (3.0 * rise - 2.0 * slope_from - slope_to
+                    + t * (slope_from + slope_to - 2.0 * rise)))
     }
 }
 
 fn bounds_of<'a>(points: impl Iterator<Item = &'a Point>) -> Option<Rect> {
     points.fold(None, |bounds: Option<Rect>, point| {
-        let Rect { min, max } = bounds.unwrap_or(Rect { min: *point, max: *point });
+        let Rect { min, max } = bounds.unwrap_or(Rect {
+            min: *point,
+            max: *point,
+        });
         Some(Rect {
             min: Point::new(min.x_m.min(point.x_m), min.y_m.min(point.y_m)),
             max: Point::new(max.x_m.max(point.x_m), max.y_m.max(point.y_m)),

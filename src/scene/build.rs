@@ -122,7 +122,9 @@ pub struct Post {
 #[derive(Clone, PartialEq, Debug, thiserror::Error)]
 pub enum SceneError {
     /// A material is given to a name that the scene does not have.
-    #[error("a material is given to `{name}`, but the scene has no shape inside such a DEF; it has: {known}")]
+    #[error(
+        "a material is given to `{name}`, but the scene has no shape inside such a DEF; it has: {known}"
+    )]
     UnknownName {
         /// The name.
         name: String,
@@ -200,7 +202,11 @@ impl Scene {
         }
         let surface = Surface::over(&objects)?;
         let bounds = objects.iter().map(|object| object.shape.bounds()).collect();
-        Ok(Scene { objects, bounds, surface })
+        Ok(Scene {
+            objects,
+            bounds,
+            surface,
+        })
     }
 
     /// Returns all objects: the shapes in file order, then the persons.
@@ -210,9 +216,18 @@ impl Scene {
 
     /// Returns the lowest and the highest coordinates of all that stands there, metres; `None` when nothing does.
     pub fn extent(&self) -> Option<([f64; 3], [f64; 3])> {
-        let mut boxes = self.bounds.iter().map(|Bounds { plan, low_m, high_m }| {
-            ([plan.min.x_m, plan.min.y_m, *low_m], [plan.max.x_m, plan.max.y_m, *high_m])
-        });
+        let mut boxes = self.bounds.iter().map(
+            |Bounds {
+                 plan,
+                 low_m,
+                 high_m,
+             }| {
+                (
+                    [plan.min.x_m, plan.min.y_m, *low_m],
+                    [plan.max.x_m, plan.max.y_m, *high_m],
+                )
+            },
+        );
         let first = boxes.next()?;
         Some(boxes.fold(first, |(low, high), (lower, higher)| {
             (
@@ -233,9 +248,16 @@ impl Shape {
     pub(super) fn surface(&self) -> Mesh {
         match self {
             Shape::Mesh(mesh) => mesh.clone(),
-            Shape::Prism { footprint, low_m, high_m } => {
-                let ring: Vec<Xyz> =
-                    footprint.corners().iter().map(|corner| [corner.x_m, corner.y_m, *low_m]).collect();
+            Shape::Prism {
+                footprint,
+                low_m,
+                high_m,
+            } => {
+                let ring: Vec<Xyz> = footprint
+                    .corners()
+                    .iter()
+                    .map(|corner| [corner.x_m, corner.y_m, *low_m])
+                    .collect();
                 primitive::extruded(&ring, [0.0, 0.0, high_m - low_m], Parts::ALL).0
             }
         }
@@ -251,17 +273,32 @@ impl Shape {
                 high[axis] = high[axis].max(vertex[axis]);
             }
         }
-        let plan = Rect { min: Point::new(low[0], low[1]), max: Point::new(high[0], high[1]) };
-        Bounds { plan, low_m: low[2], high_m: high[2] }
+        let plan = Rect {
+            min: Point::new(low[0], low[1]),
+            max: Point::new(high[0], high[1]),
+        };
+        Bounds {
+            plan,
+            low_m: low[2],
+            high_m: high[2],
+        }
     }
 
     fn moved(&self, [x, y, z]: Xyz) -> Shape {
         match self {
             Shape::Mesh(mesh) => Shape::Mesh(mesh.map(|vertex| add(vertex, [x, y, z]))),
-            Shape::Prism { footprint, low_m, high_m } => {
+            Shape::Prism {
+                footprint,
+                low_m,
+                high_m,
+            } => {
                 let move_corner = |corner: &Point| Point::new(corner.x_m + x, corner.y_m + y);
                 let footprint = Polygon::new(footprint.corners().iter().map(move_corner).collect());
-                Shape::Prism { footprint, low_m: low_m + z, high_m: high_m + z }
+                Shape::Prism {
+                    footprint,
+                    low_m: low_m + z,
+                    high_m: high_m + z,
+                }
             }
         }
     }
@@ -274,7 +311,11 @@ fn place(
     parts: &SceneParts<'_>,
     objects: &mut Vec<Object>,
 ) -> Result<(), SceneError> {
-    let found = shape.names.iter().rev().find_map(|name| parts.materials.get_key_value(&**name));
+    let found = shape
+        .names
+        .iter()
+        .rev()
+        .find_map(|name| parts.materials.get_key_value(&**name));
     let name = match (found, shape.names.first()) {
         (Some((name, _)), _) => name.clone(),
         (None, Some(name)) => name.to_string(),
@@ -282,17 +323,29 @@ fn place(
     };
     let material = found.map_or(parts.default_material, |(_, material)| *material);
     let moved = shape.shape.moved(parts.offset_m);
-    if !moved.surface().vertices().iter().all(|vertex| within_world(*vertex)) {
+    if !moved
+        .surface()
+        .vertices()
+        .iter()
+        .all(|vertex| within_world(*vertex))
+    {
         return Err(SceneError::TooFar { name });
     }
     match moved {
-        Shape::Prism { .. } => objects.push(Object { name, shape: moved, material, closed: true }),
-        Shape::Mesh(mesh) => objects.extend(mesh.pieces().into_iter().map(|(piece, closed)| Object {
-            name: name.clone(),
-            shape: Shape::Mesh(piece),
+        Shape::Prism { .. } => objects.push(Object {
+            name,
+            shape: moved,
             material,
-            closed,
-        })),
+            closed: true,
+        }),
+        Shape::Mesh(mesh) => {
+            objects.extend(mesh.pieces().into_iter().map(|(piece, closed)| Object {
+                name: name.clone(),
+                shape: Shape::Mesh(piece),
+                material,
+                closed,
+            }))
+        }
     }
     Ok(())
 }
@@ -300,16 +353,27 @@ fn place(
 fn stand(person: &Person) -> Result<Object, SceneError> {
     raise(&Post {
         name: person.name.clone(),
-        footprint: Footprint::Round { centre: person.at, radius_m: person.radius_m },
+        footprint: Footprint::Round {
+            centre: person.at,
+            radius_m: person.radius_m,
+        },
         low_m: GROUND_M,
         high_m: GROUND_M + person.height_m,
-        material: Material { db_per_m: person.db_per_m, db_per_crossing: 0.0 },
+        material: Material {
+            db_per_m: person.db_per_m,
+            db_per_crossing: 0.0,
+        },
     })
 }
 
 fn raise(post: &Post) -> Result<Object, SceneError> {
     let impossible = |what, value, expected| {
-        Err(SceneError::Impossible { name: post.name.clone(), what, value, expected })
+        Err(SceneError::Impossible {
+            name: post.name.clone(),
+            what,
+            value,
+            expected,
+        })
     };
     let height_m = post.high_m - post.low_m;
     if !(height_m > 0.0 && height_m <= 100.0) {
@@ -319,7 +383,11 @@ fn raise(post: &Post) -> Result<Object, SceneError> {
     let footprint = match &post.footprint {
         Footprint::Corners(polygon) if !(3..=MAX_CORNERS).contains(&polygon.corners().len()) => {
             let count = polygon.corners().len() as f64;
-            return impossible("number of corners", count, "3 to 1000 corners around a simple outline");
+            return impossible(
+                "number of corners",
+                count,
+                "3 to 1000 corners around a simple outline",
+            );
         }
         Footprint::Corners(polygon) if polygon.area_m2() < 0.0 => {
             Polygon::new(polygon.corners().iter().rev().copied().collect())
@@ -330,30 +398,61 @@ fn raise(post: &Post) -> Result<Object, SceneError> {
         }
         Footprint::Round { centre, radius_m } => {
             let outline = primitive::round_outline(*radius_m, PERSON_SIDES);
-            Polygon::new(outline.map(|(x, y)| Point::new(centre.x_m + x, centre.y_m + y)).collect())
+            Polygon::new(
+                outline
+                    .map(|(x, y)| Point::new(centre.x_m + x, centre.y_m + y))
+                    .collect(),
+            )
         }
     };
-    if !footprint.corners().iter().all(|corner| within_world([corner.x_m, corner.y_m, post.low_m])) {
-        return Err(SceneError::TooFar { name: post.name.clone() });
+    if !footprint
+        .corners()
+        .iter()
+        .all(|corner| within_world([corner.x_m, corner.y_m, post.low_m]))
+    {
+        return Err(SceneError::TooFar {
+            name: post.name.clone(),
+        });
     }
     let shape = if footprint.is_convex() {
-        Shape::Prism { footprint, low_m: post.low_m, high_m: post.high_m }
+        Shape::Prism {
+            footprint,
+            low_m: post.low_m,
+            high_m: post.high_m,
+        }
     } else {
         Shape::Mesh(upright(&footprint, post.low_m, post.high_m))
     };
-    Ok(Object { name: post.name.clone(), shape, material: post.material, closed: true })
+    Ok(Object {
+        name: post.name.clone(),
+        shape,
+        material: post.material,
+        closed: true,
+    })
 }
 
 /// Returns the surface of an upright body with a simple counter-clockwise outline.
 fn upright(footprint: &Polygon, low_m: f64, high_m: f64) -> Mesh {
     let corners = footprint.corners();
-    let at = |height_m: f64| corners.iter().map(move |corner| [corner.x_m, corner.y_m, height_m]);
-    let (count, outline): (u32, Vec<[f64; 2]>) =
-        (corners.len() as u32, corners.iter().map(|corner| [corner.x_m, corner.y_m]).collect());
+    let at = |height_m: f64| {
+        corners
+            .iter()
+            .map(move |corner| [corner.x_m, corner.y_m, height_m])
+    };
+    let (count, outline): (u32, Vec<[f64; 2]>) = (
+        corners.len() as u32,
+        corners
+            .iter()
+            .map(|corner| [corner.x_m, corner.y_m])
+            .collect(),
+    );
     let mut triangles = Vec::new();
     for here in 0..count {
         let next = (here + 1) % count;
-        triangles.extend([[here, next, next + count], [here, next + count, here + count]]);
+        triangles.extend([
+            [here, next, next + count],
+            [here, next + count, here + count],
+        ]);
     }
     for [a, b, c] in ears(&outline) {
         triangles.extend([[a, c, b], [a + count, b + count, c + count]]);
@@ -362,8 +461,14 @@ fn upright(footprint: &Polygon, low_m: f64, high_m: f64) -> Mesh {
 }
 
 fn check_material(name: &str, material: Material) -> Result<(), SceneError> {
-    let figures = [("db_per_m", material.db_per_m), ("db_per_crossing", material.db_per_crossing)];
-    match figures.iter().find(|(_, value)| !(0.0..=1e4).contains(value)) {
+    let figures = [
+        ("db_per_m", material.db_per_m),
+        ("db_per_crossing", material.db_per_crossing),
+    ];
+    match figures
+        .iter()
+        .find(|(_, value)| !(0.0..=1e4).contains(value))
+    {
         Some((what, value)) => Err(SceneError::Impossible {
             name: name.to_string(),
             what,
@@ -375,15 +480,29 @@ fn check_material(name: &str, material: Material) -> Result<(), SceneError> {
 }
 
 fn check_names(parts: &SceneParts<'_>) -> Result<(), SceneError> {
-    let known: BTreeSet<&str> =
-        parts.shapes.iter().flat_map(|shape| shape.names.iter().map(|name| &**name)).collect();
-    let Some(name) = parts.materials.keys().find(|name| !known.contains(name.as_str())) else {
+    let known: BTreeSet<&str> = parts
+        .shapes
+        .iter()
+        .flat_map(|shape| shape.names.iter().map(|name| &**name))
+        .collect();
+    let Some(name) = parts
+        .materials
+        .keys()
+        .find(|name| !known.contains(name.as_str()))
+    else {
         return Ok(());
     };
     let mut list: Vec<&str> = known.iter().copied().take(20).collect();
     if list.len() < known.len() {
         list.push("…");
     }
-    let known = if list.is_empty() { "no DEF names".to_string() } else { list.join(", ") };
-    Err(SceneError::UnknownName { name: name.clone(), known })
+    let known = if list.is_empty() {
+        "no DEF names".to_string()
+    } else {
+        list.join(", ")
+    };
+    Err(SceneError::UnknownName {
+        name: name.clone(),
+        known,
+    })
 }

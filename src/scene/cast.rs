@@ -41,21 +41,38 @@ impl Surface {
         let mut vertices = Vec::new();
         let mut triangles = Vec::new();
         let mut faces = Vec::new();
-        for (object, surface) in objects.iter().map(|object| object.shape.surface()).enumerate() {
+        for (object, surface) in objects
+            .iter()
+            .map(|object| object.shape.surface())
+            .enumerate()
+        {
             let first = vertices.len() as u32;
-            vertices.extend(surface.vertices().iter().map(|[x, y, z]| Vector::new(*x, *y, *z)));
+            vertices.extend(
+                surface
+                    .vertices()
+                    .iter()
+                    .map(|[x, y, z]| Vector::new(*x, *y, *z)),
+            );
             for (corners, triangle) in surface.corners().zip(surface.triangles()) {
-                let Some(normal) = unit_normal(corners) else { continue };
+                let Some(normal) = unit_normal(corners) else {
+                    continue;
+                };
                 triangles.push(triangle.map(|index| index + first));
-                faces.push(Face { normal, object: object as u32 });
+                faces.push(Face {
+                    normal,
+                    object: object as u32,
+                });
             }
         }
         if triangles.is_empty() {
             return Ok(Surface { mesh: None, faces });
         }
-        let mesh =
-            TriMesh::new(vertices, triangles).map_err(|error| SceneError::Surface(error.to_string()))?;
-        Ok(Surface { mesh: Some(mesh), faces })
+        let mesh = TriMesh::new(vertices, triangles)
+            .map_err(|error| SceneError::Surface(error.to_string()))?;
+        Ok(Surface {
+            mesh: Some(mesh),
+            faces,
+        })
     }
 }
 
@@ -69,11 +86,20 @@ impl Scene {
         let slabs = Slabs::new(&ray);
         let leaf = |triangle, best_m| mesh.triangle(triangle).cast_local_ray(&ray, best_m, false);
         let (triangle, distance_m) =
-            mesh.bvh().find_best(max_m, |node: &BvhNode, _| slabs.entry_m(node), leaf)?;
+            mesh.bvh()
+                .find_best(max_m, |node: &BvhNode, _| slabs.entry_m(node), leaf)?;
         let face = self.surface.faces.get(triangle as usize)?;
         let along = dot(face.normal, direction);
-        let normal = if along > 0.0 { face.normal.map(|part| -part) } else { face.normal };
-        Some(Hit { distance_m, normal, object: face.object as usize })
+        let normal = if along > 0.0 {
+            face.normal.map(|part| -part)
+        } else {
+            face.normal
+        };
+        Some(Hit {
+            distance_m,
+            normal,
+            object: face.object as usize,
+        })
     }
 }
 
@@ -87,9 +113,18 @@ struct Slabs {
 impl Slabs {
     fn new(ray: &Ray) -> Slabs {
         // Large instead of infinite, so that 0 × inverse stays 0.
-        let invert = |part: f64| if part.abs() < 1e-300 { 1e300 } else { 1.0 / part };
+        let invert = |part: f64| {
+            if part.abs() < 1e-300 {
+                1e300
+            } else {
+                1.0 / part
+            }
+        };
         let Vector { x, y, z } = ray.dir;
-        Slabs { origin: ray.origin, inverse: Vector::new(invert(x), invert(y), invert(z)) }
+        Slabs {
+            origin: ray.origin,
+            inverse: Vector::new(invert(x), invert(y), invert(z)),
+        }
     }
 
     /// Returns where the ray enters a node's box, metres; the largest number when it misses. A hair of slack
@@ -99,7 +134,11 @@ impl Slabs {
         let other = (node.maxs() - self.origin) * self.inverse;
         let enters_m = one.min(other).max_element().max(0.0);
         let leaves_m = one.max(other).min_element();
-        if enters_m <= leaves_m * (1.0 + 1e-12) { enters_m } else { f64::MAX }
+        if enters_m <= leaves_m * (1.0 + 1e-12) {
+            enters_m
+        } else {
+            f64::MAX
+        }
     }
 }
 

@@ -9,15 +9,29 @@ pub(super) fn ears(outline: &[[f64; 2]]) -> Vec<[u32; 3]> {
         (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
     };
     let corners = 0..outline.len() as u32;
-    let whole: f64 = corners.clone().skip(2).map(|corner| twice(0, corner - 1, corner)).sum();
+    let whole: f64 = corners
+        .clone()
+        .skip(2)
+        .map(|corner| twice(0, corner - 1, corner))
+        .sum();
     let (mut left, mut cuts): (Vec<u32>, Vec<[u32; 3]>) = (corners.collect(), Vec::new());
     while left.len() > 2 {
         let count = left.len();
-        let around = |at: usize| [left[(at + count - 1) % count], left[at], left[(at + 1) % count]];
+        let around = |at: usize| {
+            [
+                left[(at + count - 1) % count],
+                left[at],
+                left[(at + 1) % count],
+            ]
+        };
         let is_ear = |at: &usize| {
             let [a, b, c] = around(*at);
             let holds = |corner: &u32| {
-                let sides = [twice(a, b, *corner), twice(b, c, *corner), twice(c, a, *corner)];
+                let sides = [
+                    twice(a, b, *corner),
+                    twice(b, c, *corner),
+                    twice(c, a, *corner),
+                ];
                 ![a, b, c].contains(corner) && sides.iter().all(|side| side * whole >= 0.0)
             };
             twice(a, b, c) * whole > 0.0 && !left.iter().any(holds)
@@ -41,13 +55,23 @@ mod tests {
             ((q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])) / 2.0
         });
         assert!((areas.clone().sum::<f64>() - area).abs() < 1e-12);
-        assert!(areas.clone().all(|part| part * area > 0.0), "no triangle lies outside");
+        assert!(
+            areas.clone().all(|part| part * area > 0.0),
+            "no triangle lies outside"
+        );
     }
 
     #[test]
     fn the_triangles_fill_the_outline_and_nothing_else() {
-        let mut comb =
-            vec![[0.0, 0.0], [5.0, 0.0], [5.0, 3.0], [4.0, 1.0], [3.0, 3.0], [2.0, 1.0], [1.0, 3.0]];
+        let mut comb = vec![
+            [0.0, 0.0],
+            [5.0, 0.0],
+            [5.0, 3.0],
+            [4.0, 1.0],
+            [3.0, 3.0],
+            [2.0, 1.0],
+            [1.0, 3.0],
+        ];
         // Shoelace by hand: 2 * area = 0 + 15 - 7 + 9 - 3 + 5 + 0.
         check(&comb, 9.5);
         comb.reverse();
@@ -56,7 +80,10 @@ mod tests {
 
     #[test]
     fn outlines_that_cross_themselves_end() {
-        assert_eq!(ears(&[[0.0, 0.0], [1.0, 1.0], [1.0, 0.0], [0.0, 1.0]]).len(), 2);
+        assert_eq!(
+            ears(&[[0.0, 0.0], [1.0, 1.0], [1.0, 0.0], [0.0, 1.0]]).len(),
+            2
+        );
         assert_eq!(ears(&[[0.0; 2]; 9]).len(), 7);
         assert_eq!(ears(&[[f64::NAN; 2]; 4]).len(), 2);
         assert!(ears(&[]).is_empty());

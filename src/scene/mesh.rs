@@ -38,8 +38,15 @@ struct Cut {
 impl Mesh {
     /// Makes a mesh; triangles that name a missing vertex are left out.
     pub fn new(vertices: Vec<[f64; 3]>, mut triangles: Vec<[u32; 3]>) -> Mesh {
-        triangles.retain(|corners| corners.iter().all(|index| (*index as usize) < vertices.len()));
-        Mesh { vertices, triangles }
+        triangles.retain(|corners| {
+            corners
+                .iter()
+                .all(|index| (*index as usize) < vertices.len())
+        });
+        Mesh {
+            vertices,
+            triangles,
+        }
     }
 
     /// Makes a mesh of some triangles over a list of points, of which it keeps those in use; all indices must
@@ -53,8 +60,14 @@ impl Mesh {
                 (vertices.len() - 1) as u32
             })
         };
-        let triangles = triangles.iter().map(|corners| corners.map(&mut renumber)).collect();
-        Mesh { vertices, triangles }
+        let triangles = triangles
+            .iter()
+            .map(|corners| corners.map(&mut renumber))
+            .collect();
+        Mesh {
+            vertices,
+            triangles,
+        }
     }
 
     /// Returns the vertices, metres.
@@ -69,7 +82,9 @@ impl Mesh {
 
     /// Returns the corners of every triangle.
     pub fn corners(&self) -> impl Iterator<Item = [[f64; 3]; 3]> + '_ {
-        self.triangles.iter().map(|triangle| triangle.map(|index| self.vertices[index as usize]))
+        self.triangles
+            .iter()
+            .map(|triangle| triangle.map(|index| self.vertices[index as usize]))
     }
 
     /// Returns the mesh with every vertex sent through a map.
@@ -91,9 +106,15 @@ impl Mesh {
         }
         let mut members: BTreeMap<usize, Vec<[u32; 3]>> = BTreeMap::new();
         for (index, triangle) in welded.triangles.iter().enumerate() {
-            members.entry(groups.root(index)).or_default().push(*triangle);
+            members
+                .entry(groups.root(index))
+                .or_default()
+                .push(*triangle);
         }
-        members.into_values().map(|triangles| Mesh::using(&welded.vertices, &triangles).closed()).collect()
+        members
+            .into_values()
+            .map(|triangles| Mesh::using(&welded.vertices, &triangles).closed())
+            .collect()
     }
 
     /// Returns the loops at which a level plane cuts a closed mesh, as corners in order.
@@ -126,7 +147,8 @@ impl Mesh {
 
     /// Returns the pieces at which a level plane cuts the mesh, in no order.
     pub(super) fn segments_at(&self, height_m: f64) -> impl Iterator<Item = Segment> + '_ {
-        self.cut_triangles(height_m).map(|cut| Segment::new(cut.from, cut.to))
+        self.cut_triangles(height_m)
+            .map(|cut| Segment::new(cut.from, cut.to))
     }
 
     fn cuts_at(&self, height_m: f64) -> Vec<Cut> {
@@ -134,7 +156,9 @@ impl Mesh {
     }
 
     fn cut_triangles(&self, height_m: f64) -> impl Iterator<Item = Cut> + '_ {
-        self.triangles.iter().filter_map(move |triangle| self.cut(*triangle, height_m))
+        self.triangles
+            .iter()
+            .filter_map(move |triangle| self.cut(*triangle, height_m))
     }
 
     /// A vertex at the very height counts as above, so that every closed mesh gives closed loops.
@@ -150,12 +174,23 @@ impl Mesh {
         if count == 2 {
             std::mem::swap(&mut from_side, &mut to_side);
         }
-        let (from, to) = (self.crossing(from_side, height_m), self.crossing(to_side, height_m));
-        Some(Cut { from, to, from_side, to_side })
+        let (from, to) = (
+            self.crossing(from_side, height_m),
+            self.crossing(to_side, height_m),
+        );
+        Some(Cut {
+            from,
+            to,
+            from_side,
+            to_side,
+        })
     }
 
     fn crossing(&self, side: (u32, u32), height_m: f64) -> Point {
-        let (a, b) = (self.vertices[side.0 as usize], self.vertices[side.1 as usize]);
+        let (a, b) = (
+            self.vertices[side.0 as usize],
+            self.vertices[side.1 as usize],
+        );
         let share = (height_m - a[2]) / (b[2] - a[2]);
         Point::new(a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]))
     }
@@ -173,7 +208,10 @@ impl Mesh {
             });
             index_of.push(index);
         }
-        let renumbered = self.triangles.iter().map(|corners| corners.map(|index| index_of[index as usize]));
+        let renumbered = self
+            .triangles
+            .iter()
+            .map(|corners| corners.map(|index| index_of[index as usize]));
         let triangles = renumbered
             .filter(|[a, b, c]| {
                 let [p, q, r] = [a, b, c].map(|index| vertices[*index as usize]);
@@ -181,14 +219,21 @@ impl Mesh {
                 a != b && b != c && a != c && dot(normal, normal) > 0.0
             })
             .collect();
-        Mesh { vertices, triangles }
+        Mesh {
+            vertices,
+            triangles,
+        }
     }
 
     fn sides(&self) -> Vec<Side> {
         let mut sides = Vec::with_capacity(3 * self.triangles.len());
         for (triangle, [a, b, c]) in self.triangles.iter().enumerate() {
             for (from, to) in [(*a, *b), (*b, *c), (*c, *a)] {
-                sides.push(Side { ends: (from.min(to), from.max(to)), triangle, forward: from < to });
+                sides.push(Side {
+                    ends: (from.min(to), from.max(to)),
+                    triangle,
+                    forward: from < to,
+                });
             }
         }
         sides.sort_unstable();
@@ -229,7 +274,11 @@ impl Mesh {
                     continue;
                 }
                 turned[triangle] = Some(turn);
-                open.extend(neighbours[triangle].iter().map(|(next, clash)| (*next, turn != *clash)));
+                open.extend(
+                    neighbours[triangle]
+                        .iter()
+                        .map(|(next, clash)| (*next, turn != *clash)),
+                );
             }
         }
         for (triangle, turn) in self.triangles.iter_mut().zip(turned) {
@@ -247,7 +296,9 @@ struct Groups {
 
 impl Groups {
     fn new(count: usize) -> Groups {
-        Groups { parent: (0..count).collect() }
+        Groups {
+            parent: (0..count).collect(),
+        }
     }
 
     fn root(&mut self, mut index: usize) -> usize {
@@ -277,7 +328,9 @@ mod tests {
 
     fn soup(mesh: &Mesh) -> Mesh {
         let vertices: Vec<Xyz> = mesh.corners().flatten().collect();
-        let triangles = (0..vertices.len() as u32 / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        let triangles = (0..vertices.len() as u32 / 3)
+            .map(|i| [3 * i, 3 * i + 1, 3 * i + 2])
+            .collect();
         Mesh::new(vertices, triangles)
     }
 
@@ -326,7 +379,11 @@ mod tests {
         let mut both = a.clone();
         let shift = both.vertices.len() as u32;
         both.vertices.extend(b.vertices());
-        both.triangles.extend(b.triangles().iter().map(|corners| corners.map(|index| index + shift)));
+        both.triangles.extend(
+            b.triangles()
+                .iter()
+                .map(|corners| corners.map(|index| index + shift)),
+        );
         let pieces = both.pieces();
         assert_eq!(pieces.len(), 2);
         for ((piece, closed), whole) in pieces.iter().zip([a, b]) {

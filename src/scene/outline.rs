@@ -65,7 +65,11 @@ impl Object {
     /// Returns the regions that a closed object fills at a height; none for open sheets.
     pub(super) fn regions_at(&self, height_m: f64) -> Vec<Region> {
         match &self.shape {
-            Shape::Prism { footprint, low_m, high_m } => {
+            Shape::Prism {
+                footprint,
+                low_m,
+                high_m,
+            } => {
                 if (*low_m..*high_m).contains(&height_m) {
                     return vec![vec![footprint.corners().to_vec()]];
                 }
@@ -91,9 +95,15 @@ pub(super) fn union(contours: &[Vec<Point>]) -> Vec<Region> {
         return Vec::new();
     }
     let to_pair = |corner: &Point| [corner.x_m, corner.y_m];
-    let source: Vec<Vec<[f64; 2]>> =
-        contours.iter().map(|contour| contour.iter().map(to_pair).collect()).collect();
+    let source: Vec<Vec<[f64; 2]>> = contours
+        .iter()
+        .map(|contour| contour.iter().map(to_pair).collect())
+        .collect();
     let regions = source.simplify_shape_as::<i64>(FillRule::NonZero);
-    let to_points = |contour: Vec<[f64; 2]>| contour.iter().map(|[x, y]| Point::new(*x, *y)).collect();
-    regions.into_iter().map(|region| region.into_iter().map(to_points).collect()).collect()
+    let to_points =
+        |contour: Vec<[f64; 2]>| contour.iter().map(|[x, y]| Point::new(*x, *y)).collect();
+    regions
+        .into_iter()
+        .map(|region| region.into_iter().map(to_points).collect())
+        .collect()
 }

@@ -63,7 +63,10 @@ pub(super) fn extruded(ring: &[Xyz], along: Xyz, parts: Parts) -> (Mesh, usize) 
         }
     }
     let sides = if parts.side { ring.len() } else { 0 };
-    (Mesh::new(vertices, triangles), sides + usize::from(parts.bottom) + usize::from(parts.top))
+    (
+        Mesh::new(vertices, triangles),
+        sides + usize::from(parts.bottom) + usize::from(parts.top),
+    )
 }
 
 /// Which parts of a round solid's surface there are.
@@ -76,7 +79,11 @@ pub(super) struct Parts {
 
 impl Parts {
     /// The whole surface.
-    pub(super) const ALL: Parts = Parts { bottom: true, side: true, top: true };
+    pub(super) const ALL: Parts = Parts {
+        bottom: true,
+        side: true,
+        top: true,
+    };
 }
 
 /// Makes a Box from its size along x, y, z.
@@ -84,7 +91,11 @@ pub(super) fn block(size: Xyz) -> Solid {
     let half = size.map(|length| length / 2.0);
     let extrusions: Vec<Extrusion> = (0..3).map(|axis| block_along(half, axis)).collect();
     let (mesh, faces) = extruded(&extrusions[2].ring, extrusions[2].along, Parts::ALL);
-    Solid { mesh, faces, extrusions }
+    Solid {
+        mesh,
+        faces,
+        extrusions,
+    }
 }
 
 fn block_along(half: Xyz, axis: usize) -> Extrusion {
@@ -97,7 +108,12 @@ fn block_along(half: Xyz, axis: usize) -> Extrusion {
     let mut along = [0.0; 3];
     along[axis] = 2.0 * half[axis];
     Extrusion {
-        ring: vec![corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)],
+        ring: vec![
+            corner(-1.0, -1.0),
+            corner(1.0, -1.0),
+            corner(1.0, 1.0),
+            corner(-1.0, 1.0),
+        ],
         along,
     }
 }
@@ -107,8 +123,16 @@ pub(super) fn cylinder(radius_m: f64, height_m: f64, parts: Parts) -> Solid {
     let ring = ring_about_y(radius_m, -height_m / 2.0);
     let along = [0.0, height_m, 0.0];
     let (mesh, faces) = extruded(&ring, along, parts);
-    let extrusions = if parts == Parts::ALL { vec![Extrusion { ring, along }] } else { Vec::new() };
-    Solid { mesh, faces, extrusions }
+    let extrusions = if parts == Parts::ALL {
+        vec![Extrusion { ring, along }]
+    } else {
+        Vec::new()
+    };
+    Solid {
+        mesh,
+        faces,
+        extrusions,
+    }
 }
 
 /// Makes a Cone along y with its tip up; `parts.top` means nothing.
@@ -124,7 +148,11 @@ pub(super) fn cone(radius_m: f64, height_m: f64, parts: Parts) -> Solid {
         triangles.extend((1..count - 1).map(|corner| [0, corner + 1, corner]));
     }
     let faces = if parts.side { ROUND_SIDES } else { 0 } + usize::from(parts.bottom);
-    Solid { mesh: Mesh::new(vertices, triangles), faces, extrusions: Vec::new() }
+    Solid {
+        mesh: Mesh::new(vertices, triangles),
+        faces,
+        extrusions: Vec::new(),
+    }
 }
 
 /// Makes a Sphere of rings about y.
@@ -147,12 +175,18 @@ pub(super) fn sphere(radius_m: f64) -> Solid {
             triangles.extend([[a, b, c], [a, c, d]]);
         }
     }
-    Solid { mesh: Mesh::new(vertices, triangles), faces: ROUND_SIDES * (rings + 1), extrusions: Vec::new() }
+    Solid {
+        mesh: Mesh::new(vertices, triangles),
+        faces: ROUND_SIDES * (rings + 1),
+        extrusions: Vec::new(),
+    }
 }
 
 /// Counter-clockwise seen from +y: z plays the part of x, x that of y.
 fn ring_about_y(radius_m: f64, y: f64) -> Vec<Xyz> {
-    round_outline(radius_m, ROUND_SIDES).map(|(z, x)| [x, y, z]).collect()
+    round_outline(radius_m, ROUND_SIDES)
+        .map(|(z, x)| [x, y, z])
+        .collect()
 }
 
 #[cfg(test)]
@@ -162,13 +196,22 @@ mod tests {
 
     /// The volume inside a closed surface with outward normals (divergence theorem).
     fn volume_m3(mesh: &Mesh) -> f64 {
-        mesh.corners().map(|[a, b, c]| dot(a, cross(b, c)) / 6.0).sum()
+        mesh.corners()
+            .map(|[a, b, c]| dot(a, cross(b, c)) / 6.0)
+            .sum()
     }
 
     fn check(solid: &Solid, volume: f64, tolerance: f64) {
         let pieces = solid.mesh.pieces();
-        assert!(pieces.len() == 1 && pieces[0].1, "the surface is not closed");
-        assert!((volume_m3(&solid.mesh) / volume - 1.0).abs() < tolerance, "{}", volume_m3(&solid.mesh));
+        assert!(
+            pieces.len() == 1 && pieces[0].1,
+            "the surface is not closed"
+        );
+        assert!(
+            (volume_m3(&solid.mesh) / volume - 1.0).abs() < tolerance,
+            "{}",
+            volume_m3(&solid.mesh)
+        );
     }
 
     #[test]
@@ -192,7 +235,14 @@ mod tests {
 
     #[test]
     fn a_tube_is_open() {
-        let tube = cylinder(1.0, 1.0, Parts { top: false, ..Parts::ALL });
+        let tube = cylinder(
+            1.0,
+            1.0,
+            Parts {
+                top: false,
+                ..Parts::ALL
+            },
+        );
         assert!(!tube.mesh.pieces()[0].1);
         assert!(tube.extrusions.is_empty());
     }

@@ -14,7 +14,12 @@ use crate::geom::Point;
 
 /// Reads the body of a VRML file with z up and without Inlines.
 fn read(body: &str) -> Result<VrmlScene, VrmlError> {
-    read_vrml(&format!("#VRML V2.0 utf8\n{body}"), "test.wrl", Up::Z, &mut |_| Err("not there".into()))
+    read_vrml(
+        &format!("#VRML V2.0 utf8\n{body}"),
+        "test.wrl",
+        Up::Z,
+        &mut |_| Err("not there".into()),
+    )
 }
 
 /// Builds a scene of one material from the body of a VRML file, z up.
@@ -24,7 +29,10 @@ fn scene_of(body: &str, db_per_m: f64, persons: &[Person]) -> Scene {
         shapes: &read.shapes,
         offset_m: [0.0; 3],
         materials: &BTreeMap::new(),
-        default_material: Material { db_per_m, db_per_crossing: 6.0 },
+        default_material: Material {
+            db_per_m,
+            db_per_crossing: 6.0,
+        },
         posts: &[],
         persons,
     };
@@ -32,7 +40,13 @@ fn scene_of(body: &str, db_per_m: f64, persons: &[Person]) -> Scene {
 }
 
 fn person(x_m: f64, y_m: f64) -> Person {
-    Person { name: "someone".into(), at: Point::new(x_m, y_m), radius_m: 0.3, height_m: 1.8, db_per_m: 10.0 }
+    Person {
+        name: "someone".into(),
+        at: Point::new(x_m, y_m),
+        radius_m: 0.3,
+        height_m: 1.8,
+        db_per_m: 10.0,
+    }
 }
 
 /// The bundled courtyard.

@@ -94,7 +94,13 @@ impl Camera {
     pub fn direction(&self, x_px: f64, y_px: f64) -> [f64; 3] {
         let side = self.reach * (2.0 * x_px / self.columns - 1.0);
         let above = self.reach * (self.rows - 2.0 * y_px) / self.columns;
-        let way = add(self.ahead, add(self.right.map(|part| part * side), self.up.map(|part| part * above)));
+        let way = add(
+            self.ahead,
+            add(
+                self.right.map(|part| part * side),
+                self.up.map(|part| part * above),
+            ),
+        );
         let length = dot(way, way).sqrt();
         way.map(|part| part / length)
     }
@@ -107,12 +113,20 @@ impl Scene {
         if let Some(hit) = self.cast(from, direction, FARTHEST_M) {
             let at = place(hit.distance_m);
             let light = self.light(at, hit.normal);
-            return Seen::Surface { object: hit.object, at, is_level: hit.normal[2] > 0.95, light };
+            return Seen::Surface {
+                object: hit.object,
+                at,
+                is_level: hit.normal[2] > 0.95,
+                light,
+            };
         }
         let distance_m = -from[2] / direction[2];
         if from[2] > 0.0 && (0.0..FARTHEST_M).contains(&distance_m) {
             let at = place(distance_m);
-            return Seen::Ground { at, light: self.light(at, [0.0, 0.0, 1.0]) };
+            return Seen::Ground {
+                at,
+                light: self.light(at, [0.0, 0.0, 1.0]),
+            };
         }
         Seen::Sky { rise: direction[2] }
     }
@@ -151,15 +165,21 @@ mod tests {
     }
 
     fn camera(at: Xyz, yaw_degrees: f64, pitch_degrees: f64) -> Camera {
-        let viewpoint =
-            Viewpoint { at, yaw: Angle::from_degrees(yaw_degrees), pitch_rad: pitch_degrees.to_radians() };
+        let viewpoint = Viewpoint {
+            at,
+            yaw: Angle::from_degrees(yaw_degrees),
+            pitch_rad: pitch_degrees.to_radians(),
+        };
         Camera::new(&viewpoint, 200, 100, 90f64.to_radians())
     }
 
     fn check_direction(camera: &Camera, x_px: f64, y_px: f64, expected: Xyz) {
         let got = camera.direction(x_px, y_px);
         let length = dot(expected, expected).sqrt();
-        assert!((0..3).all(|axis| (got[axis] - expected[axis] / length).abs() < 1e-12), "{got:?}");
+        assert!(
+            (0..3).all(|axis| (got[axis] - expected[axis] / length).abs() < 1e-12),
+            "{got:?}"
+        );
     }
 
     #[test]
@@ -178,7 +198,13 @@ mod tests {
     #[test]
     fn a_wall_is_seen_before_the_ground_and_the_sky_above_both() {
         let (scene, eye) = (wall(), [0.0, 0.0, 0.3]);
-        let Seen::Surface { object: 0, at, is_level: false, .. } = scene.seen(eye, [1.0, 0.0, 0.0]) else {
+        let Seen::Surface {
+            object: 0,
+            at,
+            is_level: false,
+            ..
+        } = scene.seen(eye, [1.0, 0.0, 0.0])
+        else {
             panic!("no wall")
         };
         assert!((at[0] - 5.0).abs() < 1e-9 && (at[2] - 0.3).abs() < 1e-9);
@@ -188,7 +214,10 @@ mod tests {
             matches!(down, Seen::Ground { at, .. } if (at[0] - 0.225).abs() < 1e-9 && at[2].abs() < 1e-9)
         );
         // From under the ground there is no ground.
-        assert!(matches!(scene.seen([0.0, 0.0, -1.0], [0.6, 0.0, -0.8]), Seen::Sky { .. }));
+        assert!(matches!(
+            scene.seen([0.0, 0.0, -1.0], [0.6, 0.0, -0.8]),
+            Seen::Sky { .. }
+        ));
     }
 
     #[test]
@@ -198,10 +227,15 @@ mod tests {
             Seen::Surface { light, .. } | Seen::Ground { light, .. } => light,
             Seen::Sky { .. } => panic!("nothing is there"),
         };
-        let (lit, dark) = (light([0.0, 0.0, 1.0], [1.0, 0.0, 0.0]), light([9.0, 0.0, 1.0], [-1.0, 0.0, 0.0]));
+        let (lit, dark) = (
+            light([0.0, 0.0, 1.0], [1.0, 0.0, 0.0]),
+            light([9.0, 0.0, 1.0], [-1.0, 0.0, 0.0]),
+        );
         assert!(lit > dark + 0.2, "{lit} {dark}");
-        let (sunny, shaded) =
-            (light([4.0, 0.0, 9.0], [0.0, 0.0, -1.0]), light([5.4, 0.4, 9.0], [0.0, 0.0, -1.0]));
+        let (sunny, shaded) = (
+            light([4.0, 0.0, 9.0], [0.0, 0.0, -1.0]),
+            light([5.4, 0.4, 9.0], [0.0, 0.0, -1.0]),
+        );
         assert!(sunny > shaded + 0.2, "{sunny} {shaded}");
     }
 }

@@ -87,12 +87,22 @@ pub type Loader<'a> = dyn FnMut(&str) -> Result<String, String> + 'a;
 ///
 /// # Errors
 /// The first thing that is wrong, with its place.
-pub fn read_vrml(text: &str, file: &str, up: Up, loader: &mut Loader<'_>) -> Result<VrmlScene, VrmlError> {
+pub fn read_vrml(
+    text: &str,
+    file: &str,
+    up: Up,
+    loader: &mut Loader<'_>,
+) -> Result<VrmlScene, VrmlError> {
     let name = file.rsplit(['/', '\\']).next().unwrap_or(file);
     let mut reading = Reading::new(loader);
-    let roots = reading.file(text, file, name, 0).map_err(|refusal| refusal.into_error(file))?;
+    let roots = reading
+        .file(text, file, name, 0)
+        .map_err(|refusal| refusal.into_error(file))?;
     let shapes = reading.tree.shapes(&roots, &up.map())?;
-    Ok(VrmlScene { shapes, warnings: reading.warnings })
+    Ok(VrmlScene {
+        shapes,
+        warnings: reading.warnings,
+    })
 }
 
 /// Something refused at a line; the file is filled in by whoever knows it.
@@ -106,12 +116,20 @@ pub(super) struct Refusal {
 impl Refusal {
     /// Makes a refusal at a line of the file being read.
     pub(super) fn at(line: usize, reason: impl Into<String>) -> Refusal {
-        Refusal { file: None, line, reason: reason.into() }
+        Refusal {
+            file: None,
+            line,
+            reason: reason.into(),
+        }
     }
 
     fn into_error(self, file: &str) -> VrmlError {
         let file = self.file.unwrap_or_else(|| file.to_string());
-        VrmlError { file, line: self.line, reason: self.reason }
+        VrmlError {
+            file,
+            line: self.line,
+            reason: self.reason,
+        }
     }
 }
 
@@ -141,11 +159,23 @@ impl<'l> Reading<'l> {
     }
 
     /// Reads one file and gives its root nodes. `address` is relative to the folder of the main file.
-    fn file(&mut self, text: &str, file: &str, address: &str, level: usize) -> Result<Vec<usize>, Refusal> {
-        let fill = |refusal: Refusal| Refusal { file: refusal.file.or(Some(file.to_string())), ..refusal };
+    fn file(
+        &mut self,
+        text: &str,
+        file: &str,
+        address: &str,
+        level: usize,
+    ) -> Result<Vec<usize>, Refusal> {
+        let fill = |refusal: Refusal| Refusal {
+            file: refusal.file.or(Some(file.to_string())),
+            ..refusal
+        };
         self.bytes = self.bytes.saturating_add(text.len());
         if self.bytes > MAX_BYTES {
-            let reason = format!("the scene's text is over {} MiB; expected less", MAX_BYTES >> 20);
+            let reason = format!(
+                "the scene's text is over {} MiB; expected less",
+                MAX_BYTES >> 20
+            );
             return Err(fill(Refusal::at(1, reason)));
         }
         self.open.push(address.to_string());
@@ -155,21 +185,38 @@ impl<'l> Reading<'l> {
     }
 
     /// Loads the first of an Inline's addresses that can be had, and reads it.
-    pub(super) fn inline(&mut self, urls: &[&str], line: usize, level: usize) -> Result<Vec<usize>, Refusal> {
-        let mut last = Refusal::at(line, "this Inline has no url; expected the address of a VRML file");
+    pub(super) fn inline(
+        &mut self,
+        urls: &[&str],
+        line: usize,
+        level: usize,
+    ) -> Result<Vec<usize>, Refusal> {
+        let mut last = Refusal::at(
+            line,
+            "this Inline has no url; expected the address of a VRML file",
+        );
         for url in urls {
             self.files += 1;
             if self.files > MAX_FILES {
-                return Err(Refusal::at(line, format!("over {MAX_FILES} files are asked for by Inline")));
+                return Err(Refusal::at(
+                    line,
+                    format!("over {MAX_FILES} files are asked for by Inline"),
+                ));
             }
             let address = self.resolve(url);
             if self.open.contains(&address) {
-                return Err(Refusal::at(line, format!("Inline of `{address}` inside itself, without end")));
+                return Err(Refusal::at(
+                    line,
+                    format!("Inline of `{address}` inside itself, without end"),
+                ));
             }
             match (self.loader)(&address) {
                 Ok(text) => return self.file(&text, &address, &address, level),
                 Err(reason) => {
-                    last = Refusal::at(line, format!("Inline of `{address}` cannot be read: {reason}"));
+                    last = Refusal::at(
+                        line,
+                        format!("Inline of `{address}` cannot be read: {reason}"),
+                    );
                 }
             }
         }
@@ -181,8 +228,14 @@ impl<'l> Reading<'l> {
         if url.starts_with('/') || url.contains(':') {
             return url.to_string();
         }
-        let folder = self.open.last().and_then(|address| address.rsplit_once('/')).map(|(folder, _)| folder);
-        let mut parts: Vec<&str> = folder.map(|folder| folder.split('/').collect()).unwrap_or_default();
+        let folder = self
+            .open
+            .last()
+            .and_then(|address| address.rsplit_once('/'))
+            .map(|(folder, _)| folder);
+        let mut parts: Vec<&str> = folder
+            .map(|folder| folder.split('/').collect())
+            .unwrap_or_default();
         for part in url.split('/') {
             match part {
                 "." | "" => {}
@@ -197,7 +250,8 @@ impl<'l> Reading<'l> {
     pub(super) fn warn_skipped(&mut self, node_type: &str, file: &str, line: usize) {
         if self.warned.len() < MAX_WARNINGS && self.warned.insert(node_type.to_string()) {
             let shown: String = node_type.chars().take(60).collect();
-            self.warnings.push(format!("{file}:{line}: {shown} nodes are skipped"));
+            self.warnings
+                .push(format!("{file}:{line}: {shown} nodes are skipped"));
         }
     }
 

@@ -40,7 +40,13 @@ impl Parser<'_, '_, '_> {
     pub(super) fn extrusion(&mut self) -> Result<Solid, Refusal> {
         let line = self.tokens.line();
         let mut body = Body {
-            section: vec![[1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]],
+            section: vec![
+                [1.0, 1.0],
+                [1.0, -1.0],
+                [-1.0, -1.0],
+                [-1.0, 1.0],
+                [1.0, 1.0],
+            ],
             spine: vec![[0.0; 3], [0.0, 1.0, 0.0]],
             scale: vec![[1.0; 2]],
             turns: vec![Affine::IDENTITY],
@@ -50,11 +56,14 @@ impl Parser<'_, '_, '_> {
         };
         self.body("Extrusion", |parser, field| {
             match field {
-                "crossSection" => body.section = parser.list(field, |parser| parser.pair("crossSection"))?,
+                "crossSection" => {
+                    body.section = parser.list(field, |parser| parser.pair("crossSection"))?
+                }
                 "spine" => body.spine = parser.list(field, |parser| parser.vector("spine"))?,
                 "scale" => body.scale = parser.list(field, |parser| parser.shares("scale"))?,
                 "orientation" => {
-                    body.turns = parser.list(field, |parser| Ok(parser.rotation("orientation")?[0]))?;
+                    body.turns =
+                        parser.list(field, |parser| Ok(parser.rotation("orientation")?[0]))?;
                 }
                 "beginCap" => body.has_begin_cap = parser.truth(field)?,
                 "endCap" => body.has_end_cap = parser.truth(field)?,
@@ -63,7 +72,9 @@ impl Parser<'_, '_, '_> {
             }
             Ok(true)
         })?;
-        body.check().and_then(|()| body.solid()).map_err(|reason| Refusal::at(line, reason))
+        body.check()
+            .and_then(|()| body.solid())
+            .map_err(|reason| Refusal::at(line, reason))
     }
 
     fn pair(&mut self, field: &str) -> Result<[f64; 2], Refusal> {
@@ -90,9 +101,14 @@ impl Body {
             ));
         }
         if self.section.len() < 2 {
-            return Err("an Extrusion whose crossSection has under two points; expected more".into());
+            return Err(
+                "an Extrusion whose crossSection has under two points; expected more".into(),
+            );
         }
-        for (field, count) in [("scale", self.scale.len()), ("orientation", self.turns.len())] {
+        for (field, count) in [
+            ("scale", self.scale.len()),
+            ("orientation", self.turns.len()),
+        ] {
             if count != 1 && count < self.spine.len() {
                 let points = self.spine.len();
                 return Err(format!(
@@ -112,8 +128,14 @@ impl Body {
         let mut triangles = Vec::new();
         for ring in 1..rings.len() as u32 {
             for corner in 1..corners {
-                let (here, next) = ((ring - 1) * corners + corner - 1, (ring - 1) * corners + corner);
-                triangles.extend([[here, next, next + corners], [here, next + corners, here + corners]]);
+                let (here, next) = (
+                    (ring - 1) * corners + corner - 1,
+                    (ring - 1) * corners + corner,
+                );
+                triangles.extend([
+                    [here, next, next + corners],
+                    [here, next + corners, here + corners],
+                ]);
             }
         }
         let mut faces = triangles.len() / 2;
@@ -123,27 +145,48 @@ impl Body {
                 let cap = self.cap()?;
                 faces += usize::from(!cap.is_empty());
                 let turned = |[a, b, c]: [u32; 3]| if first == 0 { [a, c, b] } else { [a, b, c] };
-                triangles.extend(cap.into_iter().map(|cut| turned(cut).map(|corner| corner + first)));
+                triangles.extend(
+                    cap.into_iter()
+                        .map(|cut| turned(cut).map(|corner| corner + first)),
+                );
             }
         }
         let points: Vec<Xyz> = rings.concat();
-        Ok(Solid { mesh: Mesh::using(&points, &triangles), faces, extrusions: Vec::new() })
+        Ok(Solid {
+            mesh: Mesh::using(&points, &triangles),
+            faces,
+            extrusions: Vec::new(),
+        })
     }
 
     /// Returns the straight body with equal convex ends, if it is one.
     fn prism(&self, rings: &[Vec<Xyz>]) -> Option<Solid> {
-        let ([begin, end], [from, to]) = (rings, self.spine.as_slice()) else { return None };
+        let ([begin, end], [from, to]) = (rings, self.spine.as_slice()) else {
+            return None;
+        };
         let along = sub(*to, *from);
-        let are_equal = begin.iter().zip(end).all(|(one, other)| distance(add(*one, along), *other) < 1e-9);
-        let is_whole = self.has_begin_cap && self.has_end_cap && self.section.first() == self.section.last();
-        let outline: Vec<Point> = self.outline().iter().map(|[x, z]| Point::new(*z, *x)).collect();
+        let are_equal = begin
+            .iter()
+            .zip(end)
+            .all(|(one, other)| distance(add(*one, along), *other) < 1e-9);
+        let is_whole =
+            self.has_begin_cap && self.has_end_cap && self.section.first() == self.section.last();
+        let outline: Vec<Point> = self
+            .outline()
+            .iter()
+            .map(|[x, z]| Point::new(*z, *x))
+            .collect();
         let polygon = Polygon::new(outline);
         if !are_equal || !is_whole || !polygon.is_convex() || polygon.area_m2() <= 0.0 {
             return None;
         }
         let ring = begin[..begin.len() - 1].to_vec();
         let (mesh, faces) = primitive::extruded(&ring, along, Parts::ALL);
-        Some(Solid { mesh, faces, extrusions: vec![primitive::Extrusion { ring, along }] })
+        Some(Solid {
+            mesh,
+            faces,
+            extrusions: vec![primitive::Extrusion { ring, along }],
+        })
     }
 
     /// Returns the cross-section without its last point where that is the first again.
@@ -160,7 +203,9 @@ impl Body {
     fn cap(&self) -> Result<Vec<[u32; 3]>, String> {
         let outline = self.outline();
         if self.is_convex || outline.len() <= 3 {
-            return Ok((2..outline.len() as u32).map(|corner| [0, corner - 1, corner]).collect());
+            return Ok((2..outline.len() as u32)
+                .map(|corner| [0, corner - 1, corner])
+                .collect());
         }
         if outline.len() > MAX_CORNERS {
             return Err(format!(
@@ -178,8 +223,12 @@ impl Body {
         let ring = |(index, (at, axes)): (usize, (&Xyz, Axes))| {
             let scale = self.scale[of(index, self.scale.len())];
             let turn = &self.turns[of(index, self.turns.len())];
-            let place =
-                |[x, z]: &[f64; 2]| add(*at, axes.place(turn.turn([x * scale[0], 0.0, z * scale[1]])));
+            let place = |[x, z]: &[f64; 2]| {
+                add(
+                    *at,
+                    axes.place(turn.turn([x * scale[0], 0.0, z * scale[1]])),
+                )
+            };
             self.section.iter().map(place).collect()
         };
         Ok(self.spine.iter().zip(axes).enumerate().map(ring).collect())
@@ -188,7 +237,10 @@ impl Body {
 
 impl Axes {
     fn place(&self, [x, y, z]: Xyz) -> Xyz {
-        add(add(self.x.map(|part| part * x), self.y.map(|part| part * y)), self.z.map(|part| part * z))
+        add(
+            add(self.x.map(|part| part * x), self.y.map(|part| part * y)),
+            self.z.map(|part| part * z),
+        )
     }
 }
 
@@ -206,7 +258,8 @@ fn axes_along(spine: &[Xyz]) -> Result<Vec<Axes>, String> {
         return Err("an Extrusion whose spine has under two places; expected more".into());
     }
     let neighbours = neighbours(&places);
-    let normal = |(at, [before, after]): (&Xyz, &[Xyz; 2])| unit(cross(sub(*after, *at), sub(*before, *at)));
+    let normal =
+        |(at, [before, after]): (&Xyz, &[Xyz; 2])| unit(cross(sub(*after, *at), sub(*before, *at)));
     let bends: Vec<Option<Xyz>> = places.iter().zip(&neighbours).map(normal).collect();
     let Some(mut z) = bends.iter().flatten().copied().next() else {
         let straight = straight_axes(sub(places[1], places[0]));
@@ -215,9 +268,17 @@ fn axes_along(spine: &[Xyz]) -> Result<Vec<Axes>, String> {
     let mut axes = Vec::with_capacity(places.len());
     for ([before, after], bend) in neighbours.iter().zip(bends) {
         let next = bend.unwrap_or(z);
-        z = if dot(next, z) < 0.0 { next.map(|part| -part) } else { next };
+        z = if dot(next, z) < 0.0 {
+            next.map(|part| -part)
+        } else {
+            next
+        };
         let y = unit(sub(*after, *before)).unwrap_or([0.0, 1.0, 0.0]);
-        axes.push(Axes { x: cross(y, z), y, z });
+        axes.push(Axes {
+            x: cross(y, z),
+            y,
+            z,
+        });
     }
     Ok(place_of.into_iter().map(|place| axes[place]).collect())
 }
@@ -241,9 +302,17 @@ fn straight_axes(along: Xyz) -> Axes {
     let axis = cross([0.0, 1.0, 0.0], y);
     let angle_rad = libm::atan2(dot(axis, axis).sqrt(), y[1]);
     // Straight down there is no shortest way: about x.
-    let axis = if dot(axis, axis) > 0.0 { axis } else { [1.0, 0.0, 0.0] };
+    let axis = if dot(axis, axis) > 0.0 {
+        axis
+    } else {
+        [1.0, 0.0, 0.0]
+    };
     let turn = Affine::rotation(axis, angle_rad);
-    Axes { x: turn.turn([1.0, 0.0, 0.0]), y, z: turn.turn([0.0, 0.0, 1.0]) }
+    Axes {
+        x: turn.turn([1.0, 0.0, 0.0]),
+        y,
+        z: turn.turn([0.0, 0.0, 1.0]),
+    }
 }
 
 /// Returns a vector of length one; `None` when there is no direction in it.

@@ -78,7 +78,11 @@ impl<'a> Parser<'a, '_, '_> {
         self.body("Box", |parser, field| {
             let known = field == "size";
             if known {
-                size = [parser.length(field)?, parser.length(field)?, parser.length(field)?];
+                size = [
+                    parser.length(field)?,
+                    parser.length(field)?,
+                    parser.length(field)?,
+                ];
             }
             Ok(known)
         })?;
@@ -132,9 +136,17 @@ impl<'a> Parser<'a, '_, '_> {
         })?;
         let (triangles, faces, odd) = fans(&corners, points.len())?;
         if odd {
-            self.reading.warn("faces with under three corners are left out", &self.file, line);
+            self.reading.warn(
+                "faces with under three corners are left out",
+                &self.file,
+                line,
+            );
         }
-        Ok(Solid { mesh: Mesh::using(&points, &triangles), faces, extrusions: Vec::new() })
+        Ok(Solid {
+            mesh: Mesh::using(&points, &triangles),
+            faces,
+            extrusions: Vec::new(),
+        })
     }
 
     fn coordinates(&mut self) -> Result<Rc<Vec<Xyz>>, Refusal> {
@@ -177,14 +189,19 @@ impl<'a> Parser<'a, '_, '_> {
     }
 
     fn indices(&mut self) -> Result<Vec<(i64, usize)>, Refusal> {
-        self.list("coordIndex", |parser| Ok((parser.whole("coordIndex")?, parser.tokens.line())))
+        self.list("coordIndex", |parser| {
+            Ok((parser.whole("coordIndex")?, parser.tokens.line()))
+        })
     }
 
     /// Reads one whole number.
     pub(super) fn whole(&mut self, field: &str) -> Result<i64, Refusal> {
         let word = self.word(&format!("a whole number for {field}"))?;
         word.parse::<i64>().map_err(|_| {
-            self.refuse(format!("found {}; expected a whole number for {field}", Token::Word(word)))
+            self.refuse(format!(
+                "found {}; expected a whole number for {field}",
+                Token::Word(word)
+            ))
         })
     }
 
@@ -201,7 +218,9 @@ impl<'a> Parser<'a, '_, '_> {
         let mut values = Vec::new();
         while self.tokens.peek()? != Token::CloseBracket {
             if values.len() >= MAX_NUMBERS {
-                return Err(self.refuse(format!("{field} has over {MAX_NUMBERS} values; expected fewer")));
+                return Err(self.refuse(format!(
+                    "{field} has over {MAX_NUMBERS} values; expected fewer"
+                )));
             }
             values.push(value(self)?);
         }
@@ -239,8 +258,9 @@ fn fans(corners: &[(i64, usize)], points: usize) -> Result<(Vec<[u32; 3]>, usize
             match u32::try_from(*index) {
                 Ok(index) if (index as usize) < points => fan.push(index),
                 _ => {
-                    let reason =
-                        format!("coordIndex {index}; expected −1 or one of the {points} points from 0");
+                    let reason = format!(
+                        "coordIndex {index}; expected −1 or one of the {points} points from 0"
+                    );
                     return Err(Refusal::at(*line, reason));
                 }
             }

@@ -24,7 +24,12 @@ impl Parser<'_, '_, '_> {
     /// Reads an ElevationGrid's body.
     pub(super) fn elevation_grid(&mut self) -> Result<Solid, Refusal> {
         let line = self.tokens.line();
-        let mut grid = Grid { columns: 0, rows: 0, spacing: [1.0; 2], heights: Vec::new() };
+        let mut grid = Grid {
+            columns: 0,
+            rows: 0,
+            spacing: [1.0; 2],
+            heights: Vec::new(),
+        };
         self.body("ElevationGrid", |parser, field| {
             match field {
                 "xDimension" => grid.columns = parser.dimension(field)?,
@@ -51,7 +56,12 @@ impl Parser<'_, '_, '_> {
 
 impl Grid {
     fn check(&self) -> Result<(), String> {
-        let Grid { columns, rows, heights, .. } = self;
+        let Grid {
+            columns,
+            rows,
+            heights,
+            ..
+        } = self;
         let points = columns.saturating_mul(*rows);
         if points > MAX_POINTS {
             return Err(format!(
@@ -73,7 +83,11 @@ impl Grid {
         let columns = self.columns.max(1);
         let point = |(index, height): (usize, &f64)| -> Xyz {
             let (column, row) = (index % columns, index / columns);
-            [column as f64 * self.spacing[0], *height, row as f64 * self.spacing[1]]
+            [
+                column as f64 * self.spacing[0],
+                *height,
+                row as f64 * self.spacing[1],
+            ]
         };
         let points: Vec<Xyz> = self.heights.iter().enumerate().map(point).collect();
         let mut triangles = Vec::new();
@@ -85,6 +99,10 @@ impl Grid {
             }
         }
         let faces = triangles.len() / 2;
-        Solid { mesh: Mesh::using(&points, &triangles), faces, extrusions: Vec::new() }
+        Solid {
+            mesh: Mesh::using(&points, &triangles),
+            faces,
+            extrusions: Vec::new(),
+        }
     }
 }

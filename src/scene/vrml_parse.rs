@@ -38,8 +38,19 @@ pub(super) struct Parser<'a, 'r, 'l> {
 
 impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
     /// Starts at the beginning of a file that stands `level` nodes deep.
-    pub(super) fn new(text: &'a str, file: &str, level: usize, reading: &'r mut Reading<'l>) -> Self {
-        Parser { tokens: Tokens::new(text), file: Arc::from(file), reading, names: BTreeMap::new(), level }
+    pub(super) fn new(
+        text: &'a str,
+        file: &str,
+        level: usize,
+        reading: &'r mut Reading<'l>,
+    ) -> Self {
+        Parser {
+            tokens: Tokens::new(text),
+            file: Arc::from(file),
+            reading,
+            names: BTreeMap::new(),
+            level,
+        }
     }
 
     /// Reads the whole file and gives its root nodes.
@@ -66,7 +77,8 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
                 let node_type = self.word("a node type after DEF and its name")?;
                 self.names.insert(name, Named::Open);
                 let node = self.node(node_type, Some(name))?;
-                self.names.insert(name, node.map_or(Named::Skipped, Named::Node));
+                self.names
+                    .insert(name, node.map_or(Named::Skipped, Named::Node));
                 Ok(node)
             }
             _ => self.node(word, None),
@@ -104,19 +116,22 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
         match self.named(name)? {
             Named::Node(node) => Ok(Some(node)),
             Named::Skipped => Ok(None),
-            Named::Open | Named::Geometry(_) | Named::Points(_) => {
-                Err(self
-                    .refuse(format!("`{name}` is no node that can stand here; expected a Shape or a group")))
-            }
+            Named::Open | Named::Geometry(_) | Named::Points(_) => Err(self.refuse(format!(
+                "`{name}` is no node that can stand here; expected a Shape or a group"
+            ))),
         }
     }
 
     /// Returns what a name stands for; refuses unknown names and names inside their own DEF.
     pub(super) fn named(&self, name: &str) -> Result<Named, Refusal> {
         match self.names.get(name) {
-            Some(Named::Open) => Err(self.refuse(format!("USE of `{name}` inside its own DEF, without end"))),
+            Some(Named::Open) => {
+                Err(self.refuse(format!("USE of `{name}` inside its own DEF, without end")))
+            }
             Some(named) => Ok(named.clone()),
-            None => Err(self.refuse(format!("USE of `{name}`, but no DEF of this name stands before"))),
+            None => Err(self.refuse(format!(
+                "USE of `{name}`, but no DEF of this name stands before"
+            ))),
         }
     }
 
@@ -125,13 +140,17 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
         self.names.insert(name, named);
     }
 
-    fn node(&mut self, node_type: &'a str, name: Option<&'a str>) -> Result<Option<usize>, Refusal> {
+    fn node(
+        &mut self,
+        node_type: &'a str,
+        name: Option<&'a str>,
+    ) -> Result<Option<usize>, Refusal> {
         let line = self.tokens.line();
         self.level += 1;
         if self.level > MAX_LEVELS {
-            return Err(
-                self.refuse(format!("nodes are nested deeper than {MAX_LEVELS} levels; expected fewer"))
-            );
+            return Err(self.refuse(format!(
+                "nodes are nested deeper than {MAX_LEVELS} levels; expected fewer"
+            )));
         }
         let kind = match node_type {
             "Transform" => Some(self.transform()?),
@@ -146,7 +165,8 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
         };
         self.level -= 1;
         let name: Option<Arc<str>> = name.map(Arc::from);
-        kind.map(|kind| self.reading.tree.add(name, &self.file, line, kind)).transpose()
+        kind.map(|kind| self.reading.tree.add(name, &self.file, line, kind))
+            .transpose()
     }
 
     fn group(&mut self) -> Result<Kind, Refusal> {
@@ -158,7 +178,10 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
             }
             Ok(known)
         })?;
-        Ok(Kind::Group { map: Affine::IDENTITY, children })
+        Ok(Kind::Group {
+            map: Affine::IDENTITY,
+            children,
+        })
     }
 
     fn transform(&mut self) -> Result<Kind, Refusal> {
@@ -186,7 +209,11 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
             scale_axes[1],
             Affine::translation(center.map(|part| -part)),
         ];
-        let map = steps.iter().fold(Affine::translation(translation), |map, step| map.after(step));
+        let map = steps
+            .iter()
+            .fold(Affine::translation(translation), |map, step| {
+                map.after(step)
+            });
         Ok(Kind::Group { map, children })
     }
 
@@ -209,7 +236,10 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
             Ok(known)
         })?;
         let children = self.reading.inline(&urls, line, self.level)?;
-        Ok(Kind::Group { map: Affine::IDENTITY, children })
+        Ok(Kind::Group {
+            map: Affine::IDENTITY,
+            children,
+        })
     }
 
     /// Reads the fields between braces; `field` reads the value of those it knows and says so.
@@ -230,7 +260,9 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
                 }
                 Token::End => return Err(self.refuse_end(what, opened, Token::CloseBrace)),
                 found => {
-                    return Err(self.refuse(format!("found {found}; expected a field of {what} or `}}`")));
+                    return Err(
+                        self.refuse(format!("found {found}; expected a field of {what} or `}}`"))
+                    );
                 }
             }
         }
@@ -261,7 +293,10 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
     pub(super) fn rotation(&mut self, field: &str) -> Result<[Affine; 2], Refusal> {
         let axis = self.vector(field)?;
         let angle_rad = self.number(field)?;
-        Ok([Affine::rotation(axis, angle_rad), Affine::rotation(axis, -angle_rad)])
+        Ok([
+            Affine::rotation(axis, angle_rad),
+            Affine::rotation(axis, -angle_rad),
+        ])
     }
 
     /// Reads one number.
@@ -270,13 +305,20 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
         match word.parse::<f64>() {
             Ok(number) if number.is_finite() => Ok(number),
             Ok(_) => Err(self.refuse(format!("`{word}` for {field}; expected a finite number"))),
-            Err(_) => Err(self.refuse(format!("found {}; expected a number for {field}", Token::Word(word)))),
+            Err(_) => Err(self.refuse(format!(
+                "found {}; expected a number for {field}",
+                Token::Word(word)
+            ))),
         }
     }
 
     /// Reads three numbers.
     pub(super) fn vector(&mut self, field: &str) -> Result<Xyz, Refusal> {
-        Ok([self.number(field)?, self.number(field)?, self.number(field)?])
+        Ok([
+            self.number(field)?,
+            self.number(field)?,
+            self.number(field)?,
+        ])
     }
 
     /// Reads one string, or several between brackets.
@@ -288,7 +330,11 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
                 Token::Text(text) => texts.push(text),
                 Token::OpenBracket if !in_list => in_list = true,
                 Token::CloseBracket if in_list => return Ok(texts),
-                found => return Err(self.refuse(format!("found {found}; expected an address in quotes"))),
+                found => {
+                    return Err(
+                        self.refuse(format!("found {found}; expected an address in quotes"))
+                    );
+                }
             }
             if !in_list {
                 return Ok(texts);
@@ -359,7 +405,10 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
                 Token::End => return Err(self.refuse_end("what is skipped", opened, *closing)),
             }
             if closings.len() > 2 * MAX_LEVELS {
-                return Err(self.refuse(format!("brackets are nested deeper than {} levels", 2 * MAX_LEVELS)));
+                return Err(self.refuse(format!(
+                    "brackets are nested deeper than {} levels",
+                    2 * MAX_LEVELS
+                )));
             }
         }
         Ok(())
@@ -367,7 +416,8 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
 
     /// Notes that a node type is skipped.
     pub(super) fn warn_skipped(&mut self, node_type: &str) {
-        self.reading.warn_skipped(node_type, &self.file, self.tokens.line());
+        self.reading
+            .warn_skipped(node_type, &self.file, self.tokens.line());
     }
 
     /// Makes a refusal at the line of the token read last.
@@ -376,7 +426,9 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
     }
 
     fn refuse_end(&self, what: &str, opened: usize, expected: Token<'_>) -> Refusal {
-        self.refuse(format!("the file ends inside {what}, opened in line {opened}; expected {expected}"))
+        self.refuse(format!(
+            "the file ends inside {what}, opened in line {opened}; expected {expected}"
+        ))
     }
 }
 

@@ -51,8 +51,18 @@ impl<'a> Tokens<'a> {
     /// Starts at the beginning of a text.
     pub(super) fn new(text: &'a str) -> Tokens<'a> {
         // Some editors begin a file with a byte order mark.
-        let at = if text.starts_with('\u{feff}') { '\u{feff}'.len_utf8() } else { 0 };
-        Tokens { text, at, line_at: 1, ahead: None, line: 1 }
+        let at = if text.starts_with('\u{feff}') {
+            '\u{feff}'.len_utf8()
+        } else {
+            0
+        };
+        Tokens {
+            text,
+            at,
+            line_at: 1,
+            ahead: None,
+            line: 1,
+        }
     }
 
     /// Returns the line of the token read last (1 = first line).
@@ -93,7 +103,10 @@ impl<'a> Tokens<'a> {
             b'"' => self.string()?,
             _ => {
                 let rest = &self.text.as_bytes()[start..];
-                let length = rest.iter().position(|byte| ends_word(*byte)).unwrap_or(rest.len());
+                let length = rest
+                    .iter()
+                    .position(|byte| ends_word(*byte))
+                    .unwrap_or(rest.len());
                 self.at = start + length;
                 Token::Word(&self.text[start..self.at])
             }
@@ -136,13 +149,19 @@ impl<'a> Tokens<'a> {
             }
             self.at += 1;
         }
-        Err(Refusal::at(opened, "a string opens here and never ends; expected a closing quote"))
+        Err(Refusal::at(
+            opened,
+            "a string opens here and never ends; expected a closing quote",
+        ))
     }
 }
 
 /// Returns whether a byte cannot be part of a word (all of them are ASCII, so words end on a character).
 fn ends_word(byte: u8) -> bool {
-    matches!(byte, b' ' | b'\t' | b'\r' | b'\n' | b',' | b'#' | b'"' | b'{' | b'}' | b'[' | b']')
+    matches!(
+        byte,
+        b' ' | b'\t' | b'\r' | b'\n' | b',' | b'#' | b'"' | b'{' | b'}' | b'[' | b']'
+    )
 }
 
 #[cfg(test)]
@@ -160,7 +179,14 @@ mod tests {
 
     #[test]
     fn commas_and_comments_are_blanks() {
-        check("a,b #c {\n-1.5", &[(Token::Word("a"), 1), (Token::Word("b"), 1), (Token::Word("-1.5"), 2)]);
+        check(
+            "a,b #c {\n-1.5",
+            &[
+                (Token::Word("a"), 1),
+                (Token::Word("b"), 1),
+                (Token::Word("-1.5"), 2),
+            ],
+        );
         check(
             "x[1]#",
             &[
@@ -174,7 +200,10 @@ mod tests {
 
     #[test]
     fn strings_may_hold_anything_and_span_lines() {
-        check("\"{ \\\" é\n}\" z", &[(Token::Text("{ \\\" é\n}"), 1), (Token::Word("z"), 2)]);
+        check(
+            "\"{ \\\" é\n}\" z",
+            &[(Token::Text("{ \\\" é\n}"), 1), (Token::Word("z"), 2)],
+        );
     }
 
     #[test]

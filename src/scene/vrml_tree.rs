@@ -71,9 +71,10 @@ impl Unfolded {
             (self.triangles, MAX_TRIANGLES, "triangles"),
         ];
         match limits.iter().find(|(count, limit, _)| count > limit) {
-            Some((_, limit, what)) => {
-                Err(Refusal::at(line, format!("the scene has over {limit} {what}, with every USE counted")))
-            }
+            Some((_, limit, what)) => Err(Refusal::at(
+                line,
+                format!("the scene has over {limit} {what}, with every USE counted"),
+            )),
             None => Ok(()),
         }
     }
@@ -98,9 +99,18 @@ impl Tree {
         let unfolded = self.unfold(&kind);
         unfolded.check(line)?;
         if self.nodes.len() >= MAX_NODES {
-            return Err(Refusal::at(line, format!("the scene has over {MAX_NODES} nodes")));
+            return Err(Refusal::at(
+                line,
+                format!("the scene has over {MAX_NODES} nodes"),
+            ));
         }
-        self.nodes.push(Node { name, file: file.clone(), line, kind, unfolded });
+        self.nodes.push(Node {
+            name,
+            file: file.clone(),
+            line,
+            kind,
+            unfolded,
+        });
         Ok(self.nodes.len() - 1)
     }
 
@@ -114,28 +124,60 @@ impl Tree {
             Kind::Group { children, .. } => self.unfold_all(children),
             Kind::Shape { solid } => {
                 let triangles = solid.mesh.triangles().len();
-                Unfolded { levels: 1, nodes: 1, shapes: 1, triangles }
+                Unfolded {
+                    levels: 1,
+                    nodes: 1,
+                    shapes: 1,
+                    triangles,
+                }
             }
         }
     }
 
     fn unfold_all(&self, children: &[usize]) -> Unfolded {
-        let alone = Unfolded { levels: 1, nodes: 1, shapes: 0, triangles: 0 };
-        children.iter().fold(alone, |sum, child| sum.with(self.nodes[*child].unfolded))
+        let alone = Unfolded {
+            levels: 1,
+            nodes: 1,
+            shapes: 0,
+            triangles: 0,
+        };
+        children
+            .iter()
+            .fold(alone, |sum, child| sum.with(self.nodes[*child].unfolded))
     }
 
     /// Returns every shape below the roots in file order, placed by `map` and the transforms around it.
-    pub(super) fn shapes(&self, roots: &[usize], map: &Affine) -> Result<Vec<VrmlShape>, VrmlError> {
+    pub(super) fn shapes(
+        &self,
+        roots: &[usize],
+        map: &Affine,
+    ) -> Result<Vec<VrmlShape>, VrmlError> {
         let mut shapes = Vec::new();
-        let root = |node: &usize| Place { node: *node, map: *map, names: Vec::new() };
+        let root = |node: &usize| Place {
+            node: *node,
+            map: *map,
+            names: Vec::new(),
+        };
         let mut open: Vec<Place> = roots.iter().rev().map(root).collect();
-        while let Some(Place { node, map, mut names }) = open.pop() {
+        while let Some(Place {
+            node,
+            map,
+            mut names,
+        }) = open.pop()
+        {
             let node = &self.nodes[node];
             names.extend(node.name.clone());
             match &node.kind {
-                Kind::Group { map: inner, children } => {
+                Kind::Group {
+                    map: inner,
+                    children,
+                } => {
                     let map = map.after(inner);
-                    let below = |child: &usize| Place { node: *child, map, names: names.clone() };
+                    let below = |child: &usize| Place {
+                        node: *child,
+                        map,
+                        names: names.clone(),
+                    };
                     let useful = |child: &&usize| self.nodes[**child].unfolded.shapes > 0;
                     open.extend(children.iter().rev().filter(useful).map(below));
                 }
@@ -143,10 +185,16 @@ impl Tree {
                     let shape = placed(solid, &map).ok_or_else(|| VrmlError {
                         file: node.file.to_string(),
                         line: node.line,
-                        reason: "this shape reaches over 1000 km from the origin; expected metres".into(),
+                        reason: "this shape reaches over 1000 km from the origin; expected metres"
+                            .into(),
                     })?;
                     let triangles = solid.mesh.triangles().len();
-                    shapes.push(VrmlShape { names, faces: solid.faces, triangles, shape });
+                    shapes.push(VrmlShape {
+                        names,
+                        faces: solid.faces,
+                        triangles,
+                        shape,
+                    });
                 }
             }
         }
@@ -160,26 +208,45 @@ fn placed(solid: &Solid, map: &Affine) -> Option<Shape> {
     if !mesh.vertices().iter().all(|vertex| within_world(*vertex)) {
         return None;
     }
-    let prism = solid.extrusions.iter().find_map(|extrusion| upright(extrusion, map));
+    let prism = solid
+        .extrusions
+        .iter()
+        .find_map(|extrusion| upright(extrusion, map));
     Some(prism.unwrap_or(Shape::Mesh(mesh)))
 }
 
 /// Returns the prism that an extrusion becomes when its ring lies level and its length stands upright.
 fn upright(extrusion: &Extrusion, map: &Affine) -> Option<Shape> {
-    let ring: Vec<Xyz> = extrusion.ring.iter().map(|corner| map.apply(*corner)).collect();
+    let ring: Vec<Xyz> = extrusion
+        .ring
+        .iter()
+        .map(|corner| map.apply(*corner))
+        .collect();
     let along = map.turn(extrusion.along);
     let base = *ring.first()?;
-    let tolerance_m =
-        1e-9 * base.iter().chain(&along).fold(1.0, |largest: f64, part| largest.max(part.abs()));
-    let level = ring.iter().all(|corner| (corner[2] - base[2]).abs() <= tolerance_m);
+    let tolerance_m = 1e-9
+        * base
+            .iter()
+            .chain(&along)
+            .fold(1.0, |largest: f64, part| largest.max(part.abs()));
+    let level = ring
+        .iter()
+        .all(|corner| (corner[2] - base[2]).abs() <= tolerance_m);
     if !level || along[0].abs() > tolerance_m || along[1].abs() > tolerance_m {
         return None;
     }
     let top = add(base, along);
-    let mut corners: Vec<Point> = ring.iter().map(|corner| Point::new(corner[0], corner[1])).collect();
+    let mut corners: Vec<Point> = ring
+        .iter()
+        .map(|corner| Point::new(corner[0], corner[1]))
+        .collect();
     if Polygon::new(corners.clone()).area_m2() < 0.0 {
         corners.reverse();
     }
     let (low_m, high_m) = (base[2].min(top[2]), base[2].max(top[2]));
-    Some(Shape::Prism { footprint: Polygon::new(corners), low_m, high_m })
+    Some(Shape::Prism {
+        footprint: Polygon::new(corners),
+        low_m,
+        high_m,
+    })
 }

@@ -57,19 +57,44 @@ struct OnAir {
 impl Air {
     /// Begins to send a beacon; returns its number and when it ends, or `None` when it does not fit into a
     /// frame: then it is not sent, and its sequence shows as a miss.
-    pub fn begin(&mut self, now: Time, from: usize, place: Point, beacon: Beacon) -> Option<(u64, Time)> {
+    pub fn begin(
+        &mut self,
+        now: Time,
+        from: usize,
+        place: Point,
+        beacon: Beacon,
+    ) -> Option<(u64, Time)> {
         let (channel, power_dbm) = (beacon.channel, beacon.power_dbm);
-        let key = [u64::from(beacon.sender.0), u64::from(beacon.boot.0), beacon.sequence.into()];
+        let key = [
+            u64::from(beacon.sender.0),
+            u64::from(beacon.boot.0),
+            beacon.sequence.into(),
+        ];
         let frame = codec::encode(&Message::Beacon(beacon)).ok()?.into();
         self.count += 1;
-        let sent = Sent { from, place, channel, power_dbm, key, frame };
-        self.beacons.push(OnAir { number: self.count, start: now, sent });
+        let sent = Sent {
+            from,
+            place,
+            channel,
+            power_dbm,
+            key,
+            frame,
+        };
+        self.beacons.push(OnAir {
+            number: self.count,
+            start: now,
+            sent,
+        });
         Some((self.count, now + AIRTIME))
     }
 
     /// Ends a beacon.
     pub fn end(&mut self, now: Time, number: u64) -> Fate {
-        let Some(index) = self.beacons.iter().position(|beacon| beacon.number == number) else {
+        let Some(index) = self
+            .beacons
+            .iter()
+            .position(|beacon| beacon.number == number)
+        else {
             return Fate::Unknown;
         };
         let beacon = &self.beacons[index];
@@ -80,8 +105,13 @@ impl Air {
         let collided = self.beacons.iter().any(overlaps);
         let sent = beacon.sent.clone();
         // A beacon that has ended may still disturb one that began meanwhile.
-        self.beacons.retain(|beacon| now.since(beacon.start) <= AIRTIME * 2);
-        if collided { Fate::Collided } else { Fate::Clear(sent) }
+        self.beacons
+            .retain(|beacon| now.since(beacon.start) <= AIRTIME * 2);
+        if collided {
+            Fate::Collided
+        } else {
+            Fate::Clear(sent)
+        }
     }
 }
 
@@ -109,9 +139,17 @@ mod tests {
     /// Sends two beacons, the second later by `ms`; returns whether each was clear.
     fn clear(ms: u64, channels: [u8; 2]) -> [bool; 2] {
         let mut air = Air::default();
-        let (one, one_ends) = air.begin(at_ms(10), 0, Point::default(), beacon(1, 1, channels[0])).unwrap();
-        let second =
-            |air: &mut Air| air.begin(at_ms(10 + ms), 1, Point::default(), beacon(2, 1, channels[1]));
+        let (one, one_ends) = air
+            .begin(at_ms(10), 0, Point::default(), beacon(1, 1, channels[0]))
+            .unwrap();
+        let second = |air: &mut Air| {
+            air.begin(
+                at_ms(10 + ms),
+                1,
+                Point::default(),
+                beacon(2, 1, channels[1]),
+            )
+        };
         let is_clear = |fate| matches!(fate, Fate::Clear(_));
         if at_ms(10 + ms) >= one_ends {
             let first = is_clear(air.end(one_ends, one));
@@ -142,7 +180,11 @@ mod tests {
             }
         };
         key_of(&mut air, 0, beacon(2, 5, 15));
-        assert_eq!(key_of(&mut air, 100, beacon(1, 9, 15)), [1, 7, 9], "whatever others have sent before");
+        assert_eq!(
+            key_of(&mut air, 100, beacon(1, 9, 15)),
+            [1, 7, 9],
+            "whatever others have sent before"
+        );
         assert_eq!(air.end(at_ms(200), 99), Fate::Unknown);
     }
 }

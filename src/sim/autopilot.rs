@@ -128,7 +128,11 @@ impl Autopilot {
 
     /// Returns the same vehicle under way: armed, in GUIDED, home where it is, a copter hovering at this altitude, metres.
     pub fn under_way(self, altitude_m: f64) -> Autopilot {
-        let altitude_m = if self.settings.kind == Kind::Copter { altitude_m } else { 0.0 };
+        let altitude_m = if self.settings.kind == Kind::Copter {
+            altitude_m
+        } else {
+            0.0
+        };
         Autopilot {
             climb: Climb::level(altitude_m),
             mode: Mode::Guided,
@@ -261,7 +265,11 @@ impl Autopilot {
         let truth = self.truth(now);
         let at = truth.at + self.place_error(now);
         Readout {
-            pose: Pose { at, heading: truth.heading, sd_m: self.navigation.sd_m(now) },
+            pose: Pose {
+                at,
+                heading: truth.heading,
+                sd_m: self.navigation.sd_m(now),
+            },
             altitude_m: self.altitude_m(now),
             attitude: self.attitude(now),
             speed_mps: truth.speed_mps,
@@ -325,7 +333,8 @@ impl Autopilot {
     }
 
     fn place_lost_at(&self) -> Option<Time> {
-        self.navigation.lost_at(self.now, self.settings.place_sd_max_m)
+        self.navigation
+            .lost_at(self.now, self.settings.place_sd_max_m)
     }
 
     fn happen(&mut self, due: Due) {
@@ -391,17 +400,28 @@ impl Autopilot {
     fn used(&self, until: Time) -> f64 {
         let moves_s = self.moves_until().min(until).since(self.now).as_secs_f64();
         let all_s = until.since(self.now).as_secs_f64();
-        let (driving, resting) = (self.settings.endurance_driving, self.settings.endurance_resting);
+        let (driving, resting) = (
+            self.settings.endurance_driving,
+            self.settings.endurance_resting,
+        );
         moves_s / driving.as_secs_f64() + (all_s - moves_s).max(0.0) / resting.as_secs_f64()
     }
 
     /// Until when it uses what motion takes; a copter in the air always does, as long as its motors turn.
     fn moves_until(&self) -> Time {
-        let arrival = self.body.arrival().unwrap_or(Time::ZERO).max(self.climb.until());
+        let arrival = self
+            .body
+            .arrival()
+            .unwrap_or(Time::ZERO)
+            .max(self.climb.until());
         let flies = self.settings.kind == Kind::Copter
             && self.is_armed
             && (!self.is_landed(self.now) || self.climb.to_m > LANDED_M);
-        if flies { Time::NEVER } else { arrival.max(self.now) }
+        if flies {
+            Time::NEVER
+        } else {
+            arrival.max(self.now)
+        }
     }
 
     /// When the charge will have sunk to a level, if nothing changes; `None` = it lies below already, or never.

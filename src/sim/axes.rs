@@ -20,7 +20,11 @@ impl Axes {
         if attitude.roll == Angle::ZERO && attitude.pitch == Angle::ZERO {
             let axis = Vector::polar(attitude.yaw + beam, 1.0);
             let (ahead, left) = ([axis.x_m, axis.y_m, 0.0], [-axis.y_m, axis.x_m, 0.0]);
-            return Axes { ahead, left, up: [0.0, 0.0, 1.0] };
+            return Axes {
+                ahead,
+                left,
+                up: [0.0, 0.0, 1.0],
+            };
         }
         let (sin, cos) = libm::sincos(beam.radians());
         Axes {
@@ -33,7 +37,9 @@ impl Axes {
     /// Returns the direction of a ray that is given against these axes.
     pub fn along(&self, ray: [f64; 3]) -> [f64; 3] {
         let [ahead, left, up] = ray;
-        std::array::from_fn(|axis| ahead * self.ahead[axis] + left * self.left[axis] + up * self.up[axis])
+        std::array::from_fn(|axis| {
+            ahead * self.ahead[axis] + left * self.left[axis] + up * self.up[axis]
+        })
     }
 }
 

@@ -73,8 +73,17 @@ impl Body {
         if !limits.are_possible() {
             return Err(Refusal::Limits);
         }
-        let rest = BodyState { at, heading, speed_mps: 0.0 };
-        Ok(Body { limits, since: Time::ZERO, phases: Vec::new(), rest })
+        let rest = BodyState {
+            at,
+            heading,
+            speed_mps: 0.0,
+        };
+        Ok(Body {
+            limits,
+            since: Time::ZERO,
+            phases: Vec::new(),
+            rest,
+        })
     }
 
     /// Drives through the corners still ahead, to rest in the last one.
@@ -86,23 +95,36 @@ impl Body {
     ///
     /// # Errors
     /// A corner or the speed limit is impossible.
-    pub fn drive(&mut self, now: Time, corners: &[Point], speed_limit_mps: f64) -> Result<(), Refusal> {
+    pub fn drive(
+        &mut self,
+        now: Time,
+        corners: &[Point],
+        speed_limit_mps: f64,
+    ) -> Result<(), Refusal> {
         corners.iter().try_for_each(|corner| check_place(*corner))?;
         if speed_limit_mps.is_nan() || speed_limit_mps < 0.001 {
-            return Err(Refusal::Speed { speed_mps: speed_limit_mps });
+            return Err(Refusal::Speed {
+                speed_mps: speed_limit_mps,
+            });
         }
         let top_mps = speed_limit_mps.min(self.limits.speed_mps);
         let state = self.pose_at(now);
         let goes_on = state.speed_mps > 0.0 && self.can_go_on(state, &pieces(state.at, corners));
-        let mut course =
-            if goes_on { Course::new(state.at, state.heading) } else { self.braking(now, state) };
+        let mut course = if goes_on {
+            Course::new(state.at, state.heading)
+        } else {
+            self.braking(now, state)
+        };
         let mut first_mps = if goes_on { state.speed_mps } else { 0.0 };
         let path = pieces(course.at, corners);
         for stretch in path.chunk_by(|before, after| is_gentle(before.heading, after.heading)) {
             if first_mps == 0.0 {
                 course.turn(stretch[0].heading, self.limits.turn_rate_radps);
             }
-            course.drive(stretch, &trapezoid(length_m(stretch), first_mps, top_mps, &self.limits));
+            course.drive(
+                stretch,
+                &trapezoid(length_m(stretch), first_mps, top_mps, &self.limits),
+            );
             first_mps = 0.0;
         }
         self.follow(now, course);
@@ -186,7 +208,9 @@ impl Body {
     }
 
     fn can_go_on(&self, state: BodyState, path: &[Piece]) -> bool {
-        let Some(first) = path.first() else { return false };
+        let Some(first) = path.first() else {
+            return false;
+        };
         let stretches = path.chunk_by(|before, after| is_gentle(before.heading, after.heading));
         let room_m = stretches.take(1).map(length_m).sum::<f64>();
         is_gentle(state.heading, first.heading)
@@ -198,7 +222,12 @@ impl Body {
         let mut course = Course::new(state.at, state.heading);
         if state.speed_mps > 0.0 {
             let path = self.path_ahead(now, self.limits.stopping_distance_m(state.speed_mps));
-            let law = trapezoid(length_m(&path), state.speed_mps, state.speed_mps, &self.limits);
+            let law = trapezoid(
+                length_m(&path),
+                state.speed_mps,
+                state.speed_mps,
+                &self.limits,
+            );
             course.drive(&path, &law);
         }
         course
@@ -206,11 +235,16 @@ impl Body {
 
     /// The straight pieces ahead until the next rest, cut off after `limit_m`.
     fn path_ahead(&self, now: Time, limit_m: f64) -> Vec<Piece> {
-        let Some(index) = self.phase_index(now) else { return Vec::new() };
+        let Some(index) = self.phase_index(now) else {
+            return Vec::new();
+        };
         let mut from = self.pose_at(now).at;
         let mut left_m = limit_m;
         let mut path = Vec::new();
-        for phase in self.phases[index..].iter().take_while(|phase| phase.is_straight()) {
+        for phase in self.phases[index..]
+            .iter()
+            .take_while(|phase| phase.is_straight())
+        {
             let piece = Piece::new(from, phase.to);
             if piece.length_m <= 0.0 {
                 continue;
@@ -220,7 +254,12 @@ impl Body {
             } else {
                 from.toward(phase.to, left_m / piece.length_m)
             };
-            path.push(Piece { to, length_m: piece.length_m.min(left_m), heading: phase.heading, from });
+            path.push(Piece {
+                to,
+                length_m: piece.length_m.min(left_m),
+                heading: phase.heading,
+                from,
+            });
             left_m -= piece.length_m;
             if left_m <= 0.0 || phase.speed_mps(phase.end_s()) <= 0.0 {
                 break;
@@ -232,13 +271,19 @@ impl Body {
 
     fn follow(&mut self, now: Time, course: Course) {
         self.since = now;
-        self.rest = BodyState { at: course.at, heading: course.heading, speed_mps: 0.0 };
+        self.rest = BodyState {
+            at: course.at,
+            heading: course.heading,
+            speed_mps: 0.0,
+        };
         self.phases = course.phases;
     }
 
     /// The phases that are not over at `from` and have begun by `until`, in order.
     pub(super) fn phases_between(&self, from: Time, until: Time) -> &[Phase] {
-        let Some(first) = self.phase_index(from) else { return &[] };
+        let Some(first) = self.phase_index(from) else {
+            return &[];
+        };
         let until_s = self.seconds(until);
         let count = self.phases[first..].partition_point(|phase| phase.start_s < until_s);
         &self.phases[first..first + count]
@@ -246,7 +291,8 @@ impl Body {
 
     /// Acceleration at a moment, m/s² in the local frame.
     pub(super) fn acceleration_at(&self, at: Time) -> Vector {
-        self.phase_index(at).map_or_else(Vector::default, |index| self.phases[index].acceleration())
+        self.phase_index(at)
+            .map_or_else(Vector::default, |index| self.phases[index].acceleration())
     }
 
     pub(super) fn seconds(&self, at: Time) -> f64 {
@@ -275,11 +321,19 @@ impl Body {
 }
 
 fn check_place(at: Point) -> Result<(), Refusal> {
-    if at.x_m.abs() < 1e6 && at.y_m.abs() < 1e6 { Ok(()) } else { Err(Refusal::Place { at }) }
+    if at.x_m.abs() < 1e6 && at.y_m.abs() < 1e6 {
+        Ok(())
+    } else {
+        Err(Refusal::Place { at })
+    }
 }
 
 fn check_heading(heading: Angle) -> Result<(), Refusal> {
-    if heading.radians().is_finite() { Ok(()) } else { Err(Refusal::Heading) }
+    if heading.radians().is_finite() {
+        Ok(())
+    } else {
+        Err(Refusal::Heading)
+    }
 }
 
 fn is_gentle(before: Angle, after: Angle) -> bool {
@@ -302,7 +356,10 @@ fn pieces(from: Point, corners: &[Point]) -> Vec<Piece> {
             places.push(*corner);
         }
     }
-    places.windows(2).map(|pair| Piece::new(pair[0], pair[1])).collect()
+    places
+        .windows(2)
+        .map(|pair| Piece::new(pair[0], pair[1]))
+        .collect()
 }
 
 #[cfg(test)]
@@ -310,8 +367,12 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const LIMITS: Limits =
-        Limits { speed_mps: 0.5, acceleration_mps2: 0.4, braking_mps2: 0.8, turn_rate_radps: 1.0 };
+    const LIMITS: Limits = Limits {
+        speed_mps: 0.5,
+        acceleration_mps2: 0.4,
+        braking_mps2: 0.8,
+        turn_rate_radps: 1.0,
+    };
 
     fn rover() -> Body {
         Body::at_rest(Point::new(1.0, 2.0), Angle::default(), LIMITS).unwrap()
@@ -329,7 +390,10 @@ mod tests {
         let mut body = rover();
         body.drive(Time::ZERO, corners, 9.0).unwrap();
         let arrival = body.arrival().unwrap();
-        assert!((arrival.as_secs_f64() - expected_s).abs() < 1e-8, "arrived at {arrival}");
+        assert!(
+            (arrival.as_secs_f64() - expected_s).abs() < 1e-8,
+            "arrived at {arrival}"
+        );
         let end = body.pose_at(arrival);
         assert_eq!((end.at, end.speed_mps), (corners[corners.len() - 1], 0.0));
         assert_ne!(body.pose_at(arrival - Duration::from_millis(1)).at, end.at);
@@ -349,14 +413,22 @@ mod tests {
 
     #[test]
     fn corners_on_a_line_do_not_slow_it() {
-        let corners = [point(2.0, 2.0), point(2.0, 2.0), point(3.5, 2.0), point(6.0, 2.0)];
+        let corners = [
+            point(2.0, 2.0),
+            point(2.0, 2.0),
+            point(3.5, 2.0),
+            point(6.0, 2.0),
+        ];
         check_arrival(&corners, 10.0 + TRAPEZOID_S);
     }
 
     #[test]
     fn a_sharp_corner_costs_a_rest_and_a_turn() {
         let turn_s = std::f64::consts::FRAC_PI_2;
-        check_arrival(&[point(6.0, 2.0), point(6.0, 7.0)], 20.0 + 2.0 * TRAPEZOID_S + turn_s);
+        check_arrival(
+            &[point(6.0, 2.0), point(6.0, 7.0)],
+            20.0 + 2.0 * TRAPEZOID_S + turn_s,
+        );
     }
 
     #[test]
@@ -372,7 +444,10 @@ mod tests {
         let half = body.pose_at(secs(5.0 + std::f64::consts::FRAC_PI_4));
         assert_eq!(half.at, point(1.0, 2.0));
         assert!((half.heading.degrees() + 45.0).abs() < 1e-6);
-        assert_eq!(body.next_change(secs(5.0)), Some(body.moment(std::f64::consts::FRAC_PI_2)));
+        assert_eq!(
+            body.next_change(secs(5.0)),
+            Some(body.moment(std::f64::consts::FRAC_PI_2))
+        );
         assert_eq!(body.pose_at(secs(1.0)).heading, Angle::default());
     }
 
@@ -391,7 +466,9 @@ mod tests {
                 let passed = corner.x_m < there.at.x_m + 1e-6 && corner.y_m < there.at.y_m + 1e-6;
                 !passed
             });
-            often.drive(now, &ahead.copied().collect::<Vec<_>>(), 0.5).unwrap();
+            often
+                .drive(now, &ahead.copied().collect::<Vec<_>>(), 0.5)
+                .unwrap();
         }
     }
 
@@ -446,7 +523,8 @@ mod tests {
         let mut body = rover();
         body.drive(secs(1.0), &[], 0.5).unwrap();
         assert_eq!(body.arrival(), None);
-        body.drive(secs(1.0), &[point(1.0, 2.0), point(1.0, 2.0)], 0.5).unwrap();
+        body.drive(secs(1.0), &[point(1.0, 2.0), point(1.0, 2.0)], 0.5)
+            .unwrap();
         assert_eq!(body.arrival(), None);
         body.turn(secs(1.0), Angle::default()).unwrap();
         assert!(body.is_done(secs(1.0)));
@@ -458,17 +536,35 @@ mod tests {
         body.drive(Time::ZERO, &[point(9.0, 2.0)], 0.5).unwrap();
         let before = body.arrival();
         let nowhere = point(f64::NAN, 0.0);
-        assert!(matches!(body.drive(secs(1.0), &[nowhere], 0.5), Err(Refusal::Place { .. })));
-        assert!(matches!(body.drive(secs(1.0), &[point(1e9, 0.0)], 0.5), Err(Refusal::Place { .. })));
+        assert!(matches!(
+            body.drive(secs(1.0), &[nowhere], 0.5),
+            Err(Refusal::Place { .. })
+        ));
+        assert!(matches!(
+            body.drive(secs(1.0), &[point(1e9, 0.0)], 0.5),
+            Err(Refusal::Place { .. })
+        ));
         for speed_mps in [f64::NAN, 0.0, -1.0] {
             let refusal = body.drive(secs(1.0), &[], speed_mps);
             assert!(matches!(refusal, Err(Refusal::Speed { .. })));
         }
-        assert_eq!(body.turn(secs(1.0), Angle::from_radians(f64::NAN)), Err(Refusal::Heading));
+        assert_eq!(
+            body.turn(secs(1.0), Angle::from_radians(f64::NAN)),
+            Err(Refusal::Heading)
+        );
         assert_eq!(body.arrival(), before);
-        let weak = Limits { braking_mps2: 0.0, ..LIMITS };
-        assert!(matches!(Body::at_rest(nowhere, Angle::default(), LIMITS), Err(Refusal::Place { .. })));
-        assert!(matches!(Body::at_rest(Point::default(), Angle::default(), weak), Err(Refusal::Limits)));
+        let weak = Limits {
+            braking_mps2: 0.0,
+            ..LIMITS
+        };
+        assert!(matches!(
+            Body::at_rest(nowhere, Angle::default(), LIMITS),
+            Err(Refusal::Place { .. })
+        ));
+        assert!(matches!(
+            Body::at_rest(Point::default(), Angle::default(), weak),
+            Err(Refusal::Limits)
+        ));
     }
 
     #[derive(Clone, Debug)]
@@ -500,7 +596,10 @@ mod tests {
         assert!(way_m <= before.speed_mps.max(after.speed_mps) * STEP_S + 1e-4 * STEP_S + 1e-5);
         assert!(after.speed_mps <= top_mps + 1e-9 || after.speed_mps < before.speed_mps);
         let rate_mps2 = (after.speed_mps - before.speed_mps) / STEP_S;
-        assert!((-0.8 * 1.001 - 0.01..=0.4 * 1.001 + 0.01).contains(&rate_mps2), "{rate_mps2} m/s²");
+        assert!(
+            (-0.8 * 1.001 - 0.01..=0.4 * 1.001 + 0.01).contains(&rate_mps2),
+            "{rate_mps2} m/s²"
+        );
         if before.speed_mps == 0.0 && after.speed_mps == 0.0 {
             assert!(way_m < 1e-9);
             assert!((after.heading - before.heading).radians().abs() <= STEP_S * 1.001);

@@ -63,7 +63,11 @@ pub struct Frame {
 impl Frame {
     /// Reads bytes as their receivers will, whatever they hold.
     pub fn of_bytes(sender: NodeId, bytes: &[u8]) -> Frame {
-        Frame { sender, bytes: bytes.len(), read: read(sender, bytes) }
+        Frame {
+            sender,
+            bytes: bytes.len(),
+            read: read(sender, bytes),
+        }
     }
 
     /// Returns who said it.
@@ -126,7 +130,12 @@ pub struct Bus {
 impl Bus {
     /// Makes a bus over which nothing was sent yet.
     pub fn new(noise: Noise, model: BusModel) -> Bus {
-        Bus { noise, model, traffic: BTreeMap::new(), sent_by_kind: BTreeMap::new() }
+        Bus {
+            noise,
+            model,
+            traffic: BTreeMap::new(),
+            sent_by_kind: BTreeMap::new(),
+        }
     }
 
     /// Sends a frame to receivers (the sender among them is passed over) and returns what arrives.
@@ -158,7 +167,11 @@ impl Bus {
             traffic.lost_messages += u64::from(copies == 0);
             deliveries.extend((0..copies).map(|copy| {
                 let at = now + self.delay(&[number(sender), count, number(to), copy]);
-                Delivery { at, to, frame: frame.clone() }
+                Delivery {
+                    at,
+                    to,
+                    frame: frame.clone(),
+                }
             }));
         }
         deliveries
@@ -168,7 +181,11 @@ impl Bus {
     /// cuts off the others.
     pub fn joins(&self, now: Time, a: NodeId, b: NodeId) -> bool {
         let (a, b) = (place_of(a), place_of(b));
-        !self.model.partitions.iter().any(|partition| partition.cuts(now, a, b))
+        !self
+            .model
+            .partitions
+            .iter()
+            .any(|partition| partition.cuts(now, a, b))
     }
 
     /// Returns what every node has sent and was sent, ascending.
@@ -191,8 +208,12 @@ impl Bus {
     }
 
     fn delay(&self, ids: &[u64]) -> Duration {
-        let jitter_ns = self.model.jitter.as_nanos() as f64 * self.noise.uniform(Purpose::BusDelay, ids);
-        self.model.delay.saturating_add(Duration::from_nanos(jitter_ns as u64)).max(SHORTEST_DELAY)
+        let jitter_ns =
+            self.model.jitter.as_nanos() as f64 * self.noise.uniform(Purpose::BusDelay, ids);
+        self.model
+            .delay
+            .saturating_add(Duration::from_nanos(jitter_ns as u64))
+            .max(SHORTEST_DELAY)
     }
 }
 
@@ -202,10 +223,15 @@ pub fn operators_that_hear<'a>(
     kind: Kind,
     operators: impl Iterator<Item = (OperatorId, &'a [Interest])>,
 ) -> Vec<NodeId> {
-    let is_told = row(kind).audience(sender).is_some_and(|audience| audience.operators);
+    let is_told = row(kind)
+        .audience(sender)
+        .is_some_and(|audience| audience.operators);
     let of = interest(kind);
     let hears = |(_, wanted): &(OperatorId, &[Interest])| of.is_none_or(|of| wanted.contains(&of));
-    operators.filter(|operator| is_told && hears(operator)).map(|(id, _)| NodeId::Operator(id)).collect()
+    operators
+        .filter(|operator| is_told && hears(operator))
+        .map(|(id, _)| NodeId::Operator(id))
+        .collect()
 }
 
 fn place_of(node: NodeId) -> NodeId {
@@ -217,15 +243,22 @@ fn place_of(node: NodeId) -> NodeId {
 
 /// Returns which vehicles and ground station hear what a sender says, in a swarm of these vehicles and a ground station:
 /// the vehicles first, in the order that is given.
-pub fn receivers(sender: NodeId, topic: Topic, vehicles: impl Iterator<Item = VehicleId>) -> Vec<NodeId> {
-    let Some(audience) = row(topic.kind).audience(sender) else { return Vec::new() };
+pub fn receivers(
+    sender: NodeId,
+    topic: Topic,
+    vehicles: impl Iterator<Item = VehicleId>,
+) -> Vec<NodeId> {
+    let Some(audience) = row(topic.kind).audience(sender) else {
+        return Vec::new();
+    };
     let ground = audience.ground.then_some(NodeId::Ground);
     match (audience.vehicles, topic.about) {
         (Vehicles::All, _) => vehicles.map(NodeId::Vehicle).chain(ground).collect(),
         // An order for a vehicle that is not there is lost as any other can be.
-        (Vehicles::Addressed, About::Vehicle(vehicle)) => {
-            [NodeId::Vehicle(vehicle)].into_iter().chain(ground).collect()
-        }
+        (Vehicles::Addressed, About::Vehicle(vehicle)) => [NodeId::Vehicle(vehicle)]
+            .into_iter()
+            .chain(ground)
+            .collect(),
         (
             Vehicles::Addressed,
             About::Whole | About::Run(_) | About::Layer(_) | About::Tile(..) | About::Part(..),
@@ -254,8 +287,15 @@ mod tests {
     const ALL: [NodeId; 3] = [NodeId::Ground, A, B];
 
     fn message(run: u32) -> Message {
-        let progress = Progress { run: RunId(run), ..Progress::default() };
-        Message::Mission(Mission { vehicle: VehicleId(1), progress, ..Mission::default() })
+        let progress = Progress {
+            run: RunId(run),
+            ..Progress::default()
+        };
+        Message::Mission(Mission {
+            vehicle: VehicleId(1),
+            progress,
+            ..Mission::default()
+        })
     }
 
     /// What a node says: that of a vehicle in its own name.
@@ -265,7 +305,9 @@ mod tests {
 
     fn send_many(model: BusModel, count: u32) -> (Bus, Vec<Delivery>) {
         let mut bus = Bus::new(Noise::new(1), model);
-        let sent = (0..count).flat_map(|run| bus.send(Time::ZERO, A, &outbound(run), &ALL)).collect();
+        let sent = (0..count)
+            .flat_map(|run| bus.send(Time::ZERO, A, &outbound(run), &ALL))
+            .collect();
         (bus, sent)
     }
 
@@ -279,7 +321,10 @@ mod tests {
             let bounds = Duration::from_millis(5)..=Duration::from_millis(15);
             assert!(bounds.contains(&delivery.at.since(Time::ZERO)));
         }
-        assert!(sent.windows(3).any(|three| three[2].at < three[0].at), "some overtake others");
+        assert!(
+            sent.windows(3).any(|three| three[2].at < three[0].at),
+            "some overtake others"
+        );
     }
 
     #[test]
@@ -292,7 +337,11 @@ mod tests {
 
     #[test]
     fn shares_of_loss_and_doubles_are_kept() {
-        let model = BusModel { drop_share: 0.2, duplicate_share: 0.1, ..BusModel::default() };
+        let model = BusModel {
+            drop_share: 0.2,
+            duplicate_share: 0.1,
+            ..BusModel::default()
+        };
         let (bus, sent) = send_many(model, 10_000);
         let to_ground = bus.traffic()[&NodeId::Ground];
         assert!((to_ground.lost_messages as f64 - 2000.0).abs() < 160.0);
@@ -304,7 +353,10 @@ mod tests {
     #[test]
     fn messages_and_bytes_are_counted_by_node() {
         let (bus, sent) = send_many(BusModel::default(), 10);
-        let bytes: u64 = sent.iter().map(|delivery| delivery.frame.bytes() as u64).sum();
+        let bytes: u64 = sent
+            .iter()
+            .map(|delivery| delivery.frame.bytes() as u64)
+            .sum();
         assert_eq!(bus.traffic()[&A].sent_messages, 10);
         assert_eq!(bus.traffic()[&A].sent_bytes * 2, bytes);
         assert_eq!(bus.traffic()[&B].delivered_bytes * 2, bytes);
@@ -316,21 +368,38 @@ mod tests {
     #[test]
     fn a_partition_cuts_between_its_sides_while_it_lasts() {
         let (from, until) = (Time::from_secs_f64(1.0), Time::from_secs_f64(2.0));
-        let partitions = vec![Partition { from, until, sides: vec![vec![A]] }];
-        let bus = Bus::new(Noise::new(1), BusModel { partitions, ..BusModel::default() });
+        let partitions = vec![Partition {
+            from,
+            until,
+            sides: vec![vec![A]],
+        }];
+        let bus = Bus::new(
+            Noise::new(1),
+            BusModel {
+                partitions,
+                ..BusModel::default()
+            },
+        );
         let joined = |seconds_s, a, b| bus.joins(Time::from_secs_f64(seconds_s), a, b);
         assert!(joined(0.9, A, B) && joined(2.0, A, B));
         assert!(!joined(1.0, A, B) && !joined(1.5, NodeId::Ground, A));
         assert!(joined(1.5, NodeId::Ground, B));
         let mut bus = bus;
         let sent = bus.send(from, B, &outbound(1), &ALL);
-        assert_eq!(sent.iter().map(|delivery| delivery.to).collect::<Vec<_>>(), [NodeId::Ground]);
+        assert_eq!(
+            sent.iter().map(|delivery| delivery.to).collect::<Vec<_>>(),
+            [NodeId::Ground]
+        );
         assert_eq!(bus.traffic()[&A].lost_messages, 1);
     }
 
     #[test]
     fn the_traffic_of_another_node_changes_nobodys_luck() {
-        let model = BusModel { drop_share: 0.5, duplicate_share: 0.5, ..BusModel::default() };
+        let model = BusModel {
+            drop_share: 0.5,
+            duplicate_share: 0.5,
+            ..BusModel::default()
+        };
         let (_, alone) = send_many(model.clone(), 100);
         let mut bus = Bus::new(Noise::new(1), model);
         let mut among_others = Vec::new();
@@ -370,9 +439,16 @@ mod tests {
                 let others = |nodes: Vec<NodeId>| -> Vec<NodeId> {
                     nodes.into_iter().filter(|node| *node != sender).collect()
                 };
-                let heard_by =
-                    receivers(sender, Topic::of(&message), [VehicleId(1), VehicleId(2)].into_iter());
-                assert_eq!(others(heard_by), others(subscribers(&message)), "{word} of {sender}");
+                let heard_by = receivers(
+                    sender,
+                    Topic::of(&message),
+                    [VehicleId(1), VehicleId(2)].into_iter(),
+                );
+                assert_eq!(
+                    others(heard_by),
+                    others(subscribers(&message)),
+                    "{word} of {sender}"
+                );
             }
         }
     }
@@ -380,7 +456,11 @@ mod tests {
     #[test]
     fn an_operator_hears_what_it_is_interested_in_and_what_all_are_told() {
         let (fleet, map) = ([Interest::Fleet], [Interest::Map]);
-        let operators = [(OperatorId(1), &fleet[..]), (OperatorId(2), &map[..]), (OperatorId(3), &[])];
+        let operators = [
+            (OperatorId(1), &fleet[..]),
+            (OperatorId(2), &map[..]),
+            (OperatorId(3), &[]),
+        ];
         let mut heard: BTreeMap<NodeId, Vec<Kind>> = BTreeMap::new();
         for (_, message) in examples() {
             for sender in ALL.into_iter().filter(|sender| may_say(*sender, &message)) {
@@ -391,13 +471,18 @@ mod tests {
         }
         let kinds = |number: u8, of: &[Kind]| {
             let heard = &heard[&NodeId::Operator(OperatorId(number))];
-            of.iter().map(|kind| heard.contains(kind)).collect::<Vec<bool>>()
+            of.iter()
+                .map(|kind| heard.contains(kind))
+                .collect::<Vec<bool>>()
         };
         assert_eq!(
             kinds(1, &[Kind::State, Kind::Mission, Kind::Report, Kind::Tile]),
             [true, true, true, false]
         );
-        assert_eq!(kinds(2, &[Kind::State, Kind::Tile, Kind::Report]), [false, true, true]);
+        assert_eq!(
+            kinds(2, &[Kind::State, Kind::Tile, Kind::Report]),
+            [false, true, true]
+        );
         assert_eq!(
             kinds(3, &[Kind::State, Kind::Samples, Kind::Image, Kind::Report]),
             [false, false, false, true]
@@ -406,7 +491,11 @@ mod tests {
 
     #[test]
     fn a_bus_without_delay_still_takes_time() {
-        let model = BusModel { delay: Duration::ZERO, jitter: Duration::ZERO, ..BusModel::default() };
+        let model = BusModel {
+            delay: Duration::ZERO,
+            jitter: Duration::ZERO,
+            ..BusModel::default()
+        };
         let (_, sent) = send_many(model, 1);
         assert!(sent[0].at > Time::ZERO);
     }
@@ -416,6 +505,9 @@ mod tests {
         let mut bus = Bus::new(Noise::new(1), BusModel::default());
         let sent = bus.send(Time::ZERO, B, &outbound(1), &ALL);
         assert_eq!(sent.len(), 2);
-        assert_eq!(*sent[0].frame.read(), Err(Refusal::NotItsToSay { sender: B }));
+        assert_eq!(
+            *sent[0].frame.read(),
+            Err(Refusal::NotItsToSay { sender: B })
+        );
     }
 }

@@ -36,7 +36,9 @@ impl Swept<'_> {
     pub fn time_at(&self, share: f64) -> Time {
         let share = share.clamp(0.0, 1.0);
         let way_m = self.segment.length_m() * share;
-        let Some(first) = self.phases.first() else { return self.from };
+        let Some(first) = self.phases.first() else {
+            return self.from;
+        };
         let mut left_m = way_m + first.from.distance_to(self.segment.from);
         for phase in self.phases {
             let length_m = phase.from.distance_to(phase.to);
@@ -66,10 +68,24 @@ impl Body {
     fn sweep<'a>(&'a self, leg: &'a [Phase], from: Time, until: Time) -> Swept<'a> {
         let (first, last) = (&leg[0], &leg[leg.len() - 1]);
         let (begins, ends) = (self.moment(first.start_s), self.moment(last.end_s()));
-        let start = if begins < from { first.at(self.seconds(from)) } else { first.from };
-        let end = if ends > until { last.at(self.seconds(until)) } else { last.to };
+        let start = if begins < from {
+            first.at(self.seconds(from))
+        } else {
+            first.from
+        };
+        let end = if ends > until {
+            last.at(self.seconds(until))
+        } else {
+            last.to
+        };
         let segment = Segment::new(start, end);
-        Swept { segment, from: begins.max(from), until: ends.min(until), body: self, phases: leg }
+        Swept {
+            segment,
+            from: begins.max(from),
+            until: ends.min(until),
+            body: self,
+            phases: leg,
+        }
     }
 
     /// Returns when the body first touches what stands, or `None` until `until`. `first_contact` casts
@@ -81,15 +97,24 @@ impl Body {
         first_contact: &dyn Fn(Segment) -> Option<f64>,
     ) -> Option<Time> {
         let ways = self.swept(from, until);
-        ways.iter().find_map(|way| first_contact(way.segment).map(|share| way.time_at(share)))
+        ways.iter()
+            .find_map(|way| first_contact(way.segment).map(|share| way.time_at(share)))
     }
 }
 
 /// Returns the first moment at which the middles of two bodies are no more than `distance_m` apart, or
 /// `None` until `until`. Before the moment given they are surely further apart; at it they are within
 /// `distance_m` + [`TOLERANCE_M`].
-pub fn first_contact_of(a: &Body, b: &Body, from: Time, until: Time, distance_m: f64) -> Option<Time> {
-    spans(a, b, from, until).into_iter().find_map(|span| span.first_within(distance_m))
+pub fn first_contact_of(
+    a: &Body,
+    b: &Body,
+    from: Time,
+    until: Time,
+    distance_m: f64,
+) -> Option<Time> {
+    spans(a, b, from, until)
+        .into_iter()
+        .find_map(|span| span.first_within(distance_m))
 }
 
 /// Returns the smallest distance between the middles of two bodies between two moments, metres, and
@@ -107,7 +132,11 @@ pub fn closest_approach(a: &Body, b: &Body, from: Time, until: Time) -> (f64, Ti
 /// `touches` tells whether anything stands between two altitudes of the body's foot, metres.
 ///
 /// What is swept only grows, so the moment is found by halving, to a nanosecond.
-pub fn climb_contact(climb: &Climb, from: Time, touches: &dyn Fn(f64, f64) -> bool) -> Option<Time> {
+pub fn climb_contact(
+    climb: &Climb,
+    from: Time,
+    touches: &dyn Fn(f64, f64) -> bool,
+) -> Option<Time> {
     let start_m = climb.altitude_m(from);
     let touched_by = |at: Time| {
         let here_m = climb.altitude_m(at);
@@ -122,7 +151,11 @@ pub fn climb_contact(climb: &Climb, from: Time, touches: &dyn Fn(f64, f64) -> bo
     }
     while touched.since(free) > Duration::from_nanos(1) {
         let middle = free + touched.since(free) / 2;
-        if touched_by(middle) { touched = middle } else { free = middle }
+        if touched_by(middle) {
+            touched = middle
+        } else {
+            free = middle
+        }
     }
     Some(free)
 }
@@ -130,13 +163,19 @@ pub fn climb_contact(climb: &Climb, from: Time, touches: &dyn Fn(f64, f64) -> bo
 /// Returns the times, from a moment on, in which two bodies of this height reach to the same altitudes.
 pub fn overlaps(a: &Climb, b: &Climb, from: Time, height_m: f64) -> Vec<(Time, Time)> {
     let mut borders = vec![from];
-    borders.extend([a.since, a.until(), b.since, b.until()].into_iter().filter(|at| *at > from));
+    borders.extend(
+        [a.since, a.until(), b.since, b.until()]
+            .into_iter()
+            .filter(|at| *at > from),
+    );
     borders.push(Time::NEVER);
     borders.sort();
     let apart = |at: Time| b.altitude_m(at) - a.altitude_m(at);
     let mut found: Vec<(Time, Time)> = Vec::new();
     for pair in borders.windows(2).filter(|pair| pair[0] < pair[1]) {
-        let Some((begins, ends)) = overlap(pair[0], pair[1], apart(pair[0]), apart(pair[1]), height_m) else {
+        let Some((begins, ends)) =
+            overlap(pair[0], pair[1], apart(pair[0]), apart(pair[1]), height_m)
+        else {
             continue;
         };
         match found.last_mut().filter(|last| last.1 == begins) {
@@ -148,7 +187,13 @@ pub fn overlaps(a: &Climb, b: &Climb, from: Time, height_m: f64) -> Vec<(Time, T
 }
 
 /// The part of a span, in which the gap changes evenly, with a gap under the height.
-fn overlap(from: Time, until: Time, first_m: f64, last_m: f64, height_m: f64) -> Option<(Time, Time)> {
+fn overlap(
+    from: Time,
+    until: Time,
+    first_m: f64,
+    last_m: f64,
+    height_m: f64,
+) -> Option<(Time, Time)> {
     if first_m == last_m {
         return (first_m.abs() < height_m).then_some((from, until));
     }
@@ -157,8 +202,13 @@ fn overlap(from: Time, until: Time, first_m: f64, last_m: f64, height_m: f64) ->
     let (begins, ends) = (one.min(other), one.max(other));
     let span_ns = until.since(from).as_nanos() as f64;
     // At the borders themselves the time is exact, so that spans join.
-    let moment =
-        |share: f64| if share >= 1.0 { until } else { from + Duration::from_nanos((span_ns * share) as u64) };
+    let moment = |share: f64| {
+        if share >= 1.0 {
+            until
+        } else {
+            from + Duration::from_nanos((span_ns * share) as u64)
+        }
+    };
     (begins < ends).then(|| (moment(begins), moment(ends)))
 }
 
@@ -176,7 +226,11 @@ fn spans(a: &Body, b: &Body, from: Time, until: Time) -> Vec<Span> {
     let mut moments = vec![from, until.max(from)];
     for body in [a, b] {
         let phases = body.phases_between(from, until).iter();
-        moments.extend(phases.map(|phase| body.moment(phase.end_s())).filter(|moment| *moment < until));
+        moments.extend(
+            phases
+                .map(|phase| body.moment(phase.end_s()))
+                .filter(|moment| *moment < until),
+        );
     }
     moments.sort();
     moments.dedup();
@@ -187,7 +241,13 @@ fn spans(a: &Body, b: &Body, from: Time, until: Time) -> Vec<Span> {
             let length = pair[1].since(pair[0]);
             let middle = pair[0] + length / 2;
             let acceleration = b.acceleration_at(middle) - a.acceleration_at(middle);
-            Span { from: pair[0], length, first: apart(pair[0]), last: apart(pair[1]), acceleration }
+            Span {
+                from: pair[0],
+                length,
+                first: apart(pair[0]),
+                last: apart(pair[1]),
+                acceleration,
+            }
         })
         .collect()
 }
@@ -220,8 +280,20 @@ impl Span {
 
     fn halves(&self) -> [Span; 2] {
         let (middle, length) = (self.place(0.5), self.length / 2);
-        let later = Span { from: self.from + length, length: self.length - length, first: middle, ..*self };
-        [Span { length, last: middle, ..*self }, later]
+        let later = Span {
+            from: self.from + length,
+            length: self.length - length,
+            first: middle,
+            ..*self
+        };
+        [
+            Span {
+                length,
+                last: middle,
+                ..*self
+            },
+            later,
+        ]
     }
 
     fn first_within(&self, distance_m: f64) -> Option<Time> {
@@ -230,7 +302,10 @@ impl Span {
             return None;
         }
         if bow_m > TOLERANCE_M / 2.0 {
-            return self.halves().iter().find_map(|half| half.first_within(distance_m));
+            return self
+                .halves()
+                .iter()
+                .find_map(|half| half.first_within(distance_m));
         }
         Some(self.moment(entry_share(chord, distance_m + bow_m)))
     }
@@ -275,8 +350,12 @@ mod tests {
     use crate::geom::Angle;
     use proptest::prelude::*;
 
-    const LIMITS: Limits =
-        Limits { speed_mps: 0.5, acceleration_mps2: 0.4, braking_mps2: 0.8, turn_rate_radps: 1.0 };
+    const LIMITS: Limits = Limits {
+        speed_mps: 0.5,
+        acceleration_mps2: 0.4,
+        braking_mps2: 0.8,
+        turn_rate_radps: 1.0,
+    };
 
     fn secs(seconds_s: f64) -> Time {
         Time::from_secs_f64(seconds_s)
@@ -304,7 +383,10 @@ mod tests {
         let ways = body.swept(Time::ZERO, Time::NEVER);
         let ends: Vec<Segment> = ways.iter().map(|way| way.segment).collect();
         let (start, corner, goal) = (Point::default(), Point::new(5.0, 0.0), Point::new(5.0, 2.0));
-        assert_eq!(ends, [Segment::new(start, corner), Segment::new(corner, goal)]);
+        assert_eq!(
+            ends,
+            [Segment::new(start, corner), Segment::new(corner, goal)]
+        );
         assert_eq!(ways[1].until, body.arrival().unwrap());
     }
 
@@ -313,8 +395,13 @@ mod tests {
         let body = rover((0.0, 0.0), &[(5.0, 0.0)], 0.5);
         for x_m in [0.05, 0.2, 1.0, 3.0, 4.9, 4.99] {
             for begin_s in [0.0, 0.3] {
-                let time = body.contact_time(secs(begin_s), Time::NEVER, &wall(x_m)).unwrap();
-                assert!((body.pose_at(time).at.x_m - x_m).abs() < 1e-8, "wall at {x_m}");
+                let time = body
+                    .contact_time(secs(begin_s), Time::NEVER, &wall(x_m))
+                    .unwrap();
+                assert!(
+                    (body.pose_at(time).at.x_m - x_m).abs() < 1e-8,
+                    "wall at {x_m}"
+                );
             }
         }
         assert_eq!(body.contact_time(secs(3.0), Time::NEVER, &wall(0.5)), None);
@@ -323,7 +410,10 @@ mod tests {
 
     #[test]
     fn two_that_drive_at_each_other_meet_when_the_gap_is_used_up() {
-        let (a, b) = (rover((0.0, 0.0), &[(10.0, 0.0)], 0.5), rover((8.0, 0.0), &[(5.0, 0.0)], 0.5));
+        let (a, b) = (
+            rover((0.0, 0.0), &[(10.0, 0.0)], 0.5),
+            rover((8.0, 0.0), &[(5.0, 0.0)], 0.5),
+        );
         let time = first_contact_of(&a, &b, Time::ZERO, Time::NEVER, 0.5).unwrap();
         let gap_m = a.pose_at(time).at.distance_to(b.pose_at(time).at);
         assert!((0.5..=0.5 + TOLERANCE_M).contains(&gap_m), "{gap_m}");
@@ -343,13 +433,24 @@ mod tests {
     #[test]
     fn two_at_rest_stay_as_far_apart_as_they_are() {
         let (a, b) = (rover((0.0, 0.0), &[], 0.5), rover((3.0, 4.0), &[], 0.5));
-        assert_eq!(closest_approach(&a, &b, secs(1.0), Time::NEVER), (5.0, secs(1.0)));
+        assert_eq!(
+            closest_approach(&a, &b, secs(1.0), Time::NEVER),
+            (5.0, secs(1.0))
+        );
         assert_eq!(first_contact_of(&a, &b, secs(1.0), Time::NEVER, 4.9), None);
-        assert_eq!(first_contact_of(&a, &b, secs(1.0), Time::NEVER, 5.1), Some(secs(1.0)));
+        assert_eq!(
+            first_contact_of(&a, &b, secs(1.0), Time::NEVER, 5.1),
+            Some(secs(1.0))
+        );
     }
 
     fn climb(since_s: f64, from_m: f64, to_m: f64) -> Climb {
-        Climb { since: secs(since_s), from_m, to_m, rate_mps: 0.5 }
+        Climb {
+            since: secs(since_s),
+            from_m,
+            to_m,
+            rate_mps: 0.5,
+        }
     }
 
     #[test]
@@ -358,8 +459,15 @@ mod tests {
         let ceiling = |low_m: f64, high_m: f64| low_m <= 2.0 && high_m + 0.3 >= 2.0;
         let at = climb_contact(&climb(1.0, 0.0, 5.0), secs(1.0), &ceiling).unwrap();
         assert!((at.as_secs_f64() - 4.4).abs() < 1e-6, "{at}");
-        assert_eq!(climb_contact(&climb(1.0, 0.0, 1.6), secs(1.0), &ceiling), None);
-        assert_eq!(climb_contact(&climb(1.0, 0.0, 5.0), secs(11.0), &ceiling), None, "it is over");
+        assert_eq!(
+            climb_contact(&climb(1.0, 0.0, 1.6), secs(1.0), &ceiling),
+            None
+        );
+        assert_eq!(
+            climb_contact(&climb(1.0, 0.0, 5.0), secs(11.0), &ceiling),
+            None,
+            "it is over"
+        );
         // Down onto it from above.
         let at = climb_contact(&climb(1.0, 4.0, 0.0), secs(2.0), &ceiling).unwrap();
         assert!((at.as_secs_f64() - 5.0).abs() < 1e-6, "{at}");
@@ -368,20 +476,35 @@ mod tests {
     #[test]
     fn bodies_overlap_in_height_only_while_one_passes_the_other() {
         let (ground, high) = (Climb::level(0.0), Climb::level(1.5));
-        assert_eq!(overlaps(&ground, &ground, secs(1.0), 0.3), [(secs(1.0), Time::NEVER)]);
+        assert_eq!(
+            overlaps(&ground, &ground, secs(1.0), 0.3),
+            [(secs(1.0), Time::NEVER)]
+        );
         assert_eq!(overlaps(&ground, &high, secs(1.0), 0.3), []);
         let near = |got: &[(Time, Time)], expected: &[(f64, f64)]| {
             assert_eq!(got.len(), expected.len(), "{got:?}");
             for (got, expected) in got.iter().zip(expected) {
                 let (begins_s, ends_s) = (got.0.as_secs_f64(), got.1.as_secs_f64());
                 assert!((begins_s - expected.0).abs() < 1e-6, "{got:?}");
-                assert!((ends_s - expected.1).abs() < 1e-6 || got.1 == Time::NEVER, "{got:?}");
+                assert!(
+                    (ends_s - expected.1).abs() < 1e-6 || got.1 == Time::NEVER,
+                    "{got:?}"
+                );
             }
         };
         // From 0 to 3 m at 0.5 m/s past a body at 1.5 m: between 1.2 and 1.8 m.
-        near(&overlaps(&climb(10.0, 0.0, 3.0), &high, Time::ZERO, 0.3), &[(12.4, 13.6)]);
-        near(&overlaps(&climb(10.0, 0.0, 1.4), &high, Time::ZERO, 0.3), &[(12.4, 0.0)]);
-        near(&overlaps(&climb(10.0, 0.0, 3.0), &ground, Time::ZERO, 0.3), &[(0.0, 10.6)]);
+        near(
+            &overlaps(&climb(10.0, 0.0, 3.0), &high, Time::ZERO, 0.3),
+            &[(12.4, 13.6)],
+        );
+        near(
+            &overlaps(&climb(10.0, 0.0, 1.4), &high, Time::ZERO, 0.3),
+            &[(12.4, 0.0)],
+        );
+        near(
+            &overlaps(&climb(10.0, 0.0, 3.0), &ground, Time::ZERO, 0.3),
+            &[(0.0, 10.6)],
+        );
     }
 
     fn corners() -> impl Strategy<Value = Vec<(f64, f64)>> {

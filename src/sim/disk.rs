@@ -20,7 +20,10 @@ impl Disk {
     /// Remembers this as well; returns how it stands then.
     pub fn remember(&mut self, memory: Memory) -> Remembered {
         self.memory = self.memory.join(memory);
-        Remembered { on_disk: self.memory, tried: self.memory }
+        Remembered {
+            on_disk: self.memory,
+            tried: self.memory,
+        }
     }
 
     /// Returns all that was remembered.
@@ -40,14 +43,34 @@ impl Disk {
 
     /// Keeps a sample.
     pub fn keep(&mut self, boot: Boot, run: RunId, sample: Sample) {
-        self.kept.insert(Place { boot, run, sequence: sample.sequence }, sample);
+        self.kept.insert(
+            Place {
+                boot,
+                run,
+                sequence: sample.sequence,
+            },
+            sample,
+        );
     }
 
     /// Forgets the samples of a boot and run below a sequence.
     pub fn forget(&mut self, boot: Boot, run: RunId, below: u64) {
-        let from = Place { boot, run, sequence: 0 };
-        let gone: Vec<Place> =
-            self.kept.range(from..Place { boot, run, sequence: below }).map(|(place, _)| *place).collect();
+        let from = Place {
+            boot,
+            run,
+            sequence: 0,
+        };
+        let gone: Vec<Place> = self
+            .kept
+            .range(
+                from..Place {
+                    boot,
+                    run,
+                    sequence: below,
+                },
+            )
+            .map(|(place, _)| *place)
+            .collect();
         for place in gone {
             self.kept.remove(&place);
         }
@@ -56,10 +79,17 @@ impl Disk {
     /// Returns what is kept after a place.
     pub fn recall(&self, after: Option<Place>) -> Recalled {
         let beyond = |place: &Place| after.is_none_or(|after| *place > after);
-        let from = after.unwrap_or(Place { boot: Boot(0), run: RunId(0), sequence: 0 });
+        let from = after.unwrap_or(Place {
+            boot: Boot(0),
+            run: RunId(0),
+            sequence: 0,
+        });
         let mut left = self.kept.range(from..).filter(|(place, _)| beyond(place));
         let sample = |(place, sample): (&Place, &Sample)| (place.boot, place.run, *sample);
         let samples = left.by_ref().take(CHUNK).map(sample).collect();
-        Recalled { samples, is_end: left.next().is_none() }
+        Recalled {
+            samples,
+            is_end: left.next().is_none(),
+        }
     }
 }

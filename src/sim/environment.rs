@@ -84,13 +84,18 @@ impl Environment {
 
     /// Lets the persons wait outside; with them in it the world is as this stage.
     pub fn with_persons_outside(self, entered: Option<Stage>) -> Environment {
-        Environment { outside: entered.map(Box::new), ..self }
+        Environment {
+            outside: entered.map(Box::new),
+            ..self
+        }
     }
 
     /// Begins, once: from now on autopilots report and faults come. Not all autopilots speak at the same moment.
     pub fn begin(&mut self, out: &mut Vec<WorldEvent>) {
         for vehicle in 0..self.world.vehicles() {
-            let share = self.noise.uniform(Purpose::Start, &[u64::from(self.world.id(vehicle).0)]);
+            let share = self
+                .noise
+                .uniform(Purpose::Start, &[u64::from(self.world.id(vehicle).0)]);
             let first = Time::ZERO + REPORT_EVERY.mul_f64(share);
             self.schedule(first, PendingEvent::Report { vehicle }, out);
         }
@@ -130,13 +135,20 @@ impl Environment {
     pub fn deadline(&self) -> Option<Deadline> {
         let contact = self.contacts.iter().map(|contact| contact.at).min();
         let contact = contact.map(|at| Deadline { at, why: "contact" });
-        let pending = self.pending.next_at().map(|at| Deadline { at, why: "pending event" });
+        let pending = self.pending.next_at().map(|at| Deadline {
+            at,
+            why: "pending event",
+        });
         Deadline::earlier(contact, pending)
     }
 
     /// Lets everything happen up to a moment, each at its own time; a contact before what else is due.
     pub fn wake(&mut self, now: Time, out: &mut Vec<WorldEvent>) {
-        while let Some(at) = self.deadline().map(|deadline| deadline.at).filter(|at| *at <= now) {
+        while let Some(at) = self
+            .deadline()
+            .map(|deadline| deadline.at)
+            .filter(|at| *at <= now)
+        {
             self.now = self.now.max(at);
             if let Some(contact) = self.take_due_contact() {
                 self.touch(contact, out);
@@ -161,11 +173,19 @@ impl Environment {
 
     /// Lets a device of a vehicle do what its software wants. An autopilot's answer and a beacon that is not sent come back
     /// at once; all else that comes of it comes by [`Environment::wake`].
-    pub fn obey(&mut self, now: Time, vehicle: usize, command: DeviceCommand, out: &mut Vec<WorldEvent>) {
+    pub fn obey(
+        &mut self,
+        now: Time,
+        vehicle: usize,
+        command: DeviceCommand,
+        out: &mut Vec<WorldEvent>,
+    ) {
         self.now = self.now.max(now);
         self.devices[vehicle].heard_at = self.now;
         match command {
-            DeviceCommand::Autopilot(_) if self.devices[vehicle].is_wrecked => self.counts.dropped += 1,
+            DeviceCommand::Autopilot(_) if self.devices[vehicle].is_wrecked => {
+                self.counts.dropped += 1
+            }
             DeviceCommand::Autopilot(command) => self.answer(vehicle, &command, out),
             DeviceCommand::Steer(beam) => self.steer(vehicle, beam),
             DeviceCommand::Ping(ping) => self.ping(vehicle, ping, out),
@@ -175,7 +195,9 @@ impl Environment {
 
     /// Lets the persons enter, unless they are in.
     pub fn let_persons_enter(&mut self, now: Time, out: &mut Vec<WorldEvent>) {
-        let Some(stage) = self.outside.take() else { return };
+        let Some(stage) = self.outside.take() else {
+            return;
+        };
         self.now = self.now.max(now);
         // Contacts that were predicted with the old stage are void.
         self.contacts.clear();
@@ -196,12 +218,20 @@ impl Environment {
     /// Keeps contacts of those that can still move.
     fn predict(&mut self, mut contacts: Vec<PredictedContact>, out: &mut Vec<WorldEvent>) {
         contacts.retain(|contact| !self.devices[contact.one.0].is_wrecked);
-        out.extend(contacts.iter().map(|contact| WorldEvent::Scheduled(contact.at.max(self.now))));
+        out.extend(
+            contacts
+                .iter()
+                .map(|contact| WorldEvent::Scheduled(contact.at.max(self.now))),
+        );
         self.contacts.extend(contacts);
     }
 
     fn take_due_contact(&mut self) -> Option<PredictedContact> {
-        let due = self.contacts.iter().enumerate().filter(|(_, contact)| contact.at <= self.now);
+        let due = self
+            .contacts
+            .iter()
+            .enumerate()
+            .filter(|(_, contact)| contact.at <= self.now);
         let index = due.min_by_key(|(_, contact)| contact.at)?.0;
         Some(self.contacts.remove(index))
     }
@@ -213,7 +243,9 @@ impl Environment {
             PendingEvent::Track => {
                 self.schedule(next_of(at, TRACK_EVERY, until), PendingEvent::Track, out);
                 let everybody = 0..self.world.vehicles();
-                let states = everybody.map(|vehicle| self.world.truth(vehicle, self.now)).collect();
+                let states = everybody
+                    .map(|vehicle| self.world.truth(vehicle, self.now))
+                    .collect();
                 out.push(WorldEvent::Track(states));
             }
             PendingEvent::Echo { vehicle, echo } => {
@@ -244,13 +276,17 @@ impl Environment {
 
     /// A predicted contact happens, unless it is void. Those that can still move may now meet the wrecks.
     fn touch(&mut self, contact: PredictedContact, out: &mut Vec<WorldEvent>) {
-        let Some(collision) = self.world.touch(&contact) else { return };
+        let Some(collision) = self.world.touch(&contact) else {
+            return;
+        };
         for (index, devices) in self.devices.iter_mut().enumerate() {
             devices.is_wrecked |= contact.concerns(index);
         }
         self.contacts.clear();
         let everybody = 0..self.devices.len();
-        let contacts = everybody.flat_map(|index| self.world.touches(index, self.now)).collect();
+        let contacts = everybody
+            .flat_map(|index| self.world.touches(index, self.now))
+            .collect();
         self.predict(contacts, out);
         out.push(WorldEvent::Contact(collision));
     }
@@ -279,7 +315,8 @@ impl Environment {
     }
 
     fn charge(&mut self, id: VehicleId, charge: f64, out: &mut Vec<WorldEvent>) {
-        let Some(vehicle) = (0..self.world.vehicles()).find(|index| self.world.id(*index) == id) else {
+        let Some(vehicle) = (0..self.world.vehicles()).find(|index| self.world.id(*index) == id)
+        else {
             return;
         };
         self.world.charge(vehicle, self.now, charge);
@@ -289,8 +326,16 @@ impl Environment {
     /// Lets an autopilot obey its companion, and answer; a wreck does neither.
     fn answer(&mut self, vehicle: usize, numbered: &NumberedCommand, out: &mut Vec<WorldEvent>) {
         let NumberedCommand { number, command } = numbered;
-        let Obeyed { result, arm_refusal, .. } = self.command(vehicle, command, out);
-        let ack = Ack { number: *number, result, arm_refusal };
+        let Obeyed {
+            result,
+            arm_refusal,
+            ..
+        } = self.command(vehicle, command, out);
+        let ack = Ack {
+            number: *number,
+            result,
+            arm_refusal,
+        };
         self.tell(vehicle, WorldEvent::Ack { vehicle, ack }, out);
     }
 
@@ -321,7 +366,9 @@ impl Environment {
     /// Points the range sensor that reaches a direction; its servo begins to turn.
     fn steer(&mut self, vehicle: usize, beam: Angle) {
         if beam.radians().is_finite() {
-            self.devices[vehicle].servos.steer(self.now.since(Time::ZERO), beam);
+            self.devices[vehicle]
+                .servos
+                .steer(self.now.since(Time::ZERO), beam);
         } else {
             self.counts.dropped += 1;
         }
@@ -337,9 +384,14 @@ impl Environment {
             return;
         }
         self.counts.scans += 1;
-        let beam = self.devices[vehicle].servos.beam(self.now.since(Time::ZERO));
+        let beam = self.devices[vehicle]
+            .servos
+            .beam(self.now.since(Time::ZERO));
         let (range_m, takes) = self.world.echo(vehicle, self.now, beam, ping.number);
-        let echo = Echo { number: ping.number, range_m };
+        let echo = Echo {
+            number: ping.number,
+            range_m,
+        };
         self.devices[vehicle].measures_until = self.now + takes;
         self.schedule(self.now + takes, PendingEvent::Echo { vehicle, echo }, out);
     }
@@ -382,12 +434,16 @@ impl Environment {
             }
             Fate::Unknown => return,
         };
-        let mut receivers: Vec<(usize, i16)> =
-            (0..self.world.vehicles()).filter_map(|to| Some((to, self.received_dbm(&sent, to)?))).collect();
+        let mut receivers: Vec<(usize, i16)> = (0..self.world.vehicles())
+            .filter_map(|to| Some((to, self.received_dbm(&sent, to)?)))
+            .collect();
         self.counts.beacons_heard += receivers.len() as u64;
         receivers.retain(|(to, _)| self.devices[*to].is_attached);
         if !receivers.is_empty() {
-            out.push(WorldEvent::Heard { frame: sent.frame, receivers });
+            out.push(WorldEvent::Heard {
+                frame: sent.frame,
+                receivers,
+            });
         }
     }
 

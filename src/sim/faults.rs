@@ -39,7 +39,9 @@ impl Faults {
     }
 
     fn hits(&self, kind: FaultKind, now: Time, vehicle: VehicleId) -> bool {
-        self.list.iter().any(|fault| fault.kind == kind && fault.hits(now, vehicle))
+        self.list
+            .iter()
+            .any(|fault| fault.kind == kind && fault.hits(now, vehicle))
     }
 
     /// Returns which batteries have which charge at once, 0 to 1, and when.
@@ -53,23 +55,41 @@ impl Faults {
             | FaultKind::Sensor
             | FaultKind::Gps => None,
         };
-        let charges = self.list.iter().filter_map(|fault| Some((fault, charge_of(fault)?)));
+        let charges = self
+            .list
+            .iter()
+            .filter_map(|fault| Some((fault, charge_of(fault)?)));
         charges
-            .flat_map(|(fault, charge)| fault.vehicles.iter().map(move |id| (fault.from, *id, charge)))
+            .flat_map(|(fault, charge)| {
+                fault
+                    .vehicles
+                    .iter()
+                    .map(move |id| (fault.from, *id, charge))
+            })
             .collect()
     }
 
     /// Returns what happens to the software of nodes, and when.
     pub fn turns(&self) -> Vec<(Time, Turn)> {
-        self.list.iter().flat_map(turns_of).filter(|(at, _)| *at < Time::NEVER).collect()
+        self.list
+            .iter()
+            .flat_map(turns_of)
+            .filter(|(at, _)| *at < Time::NEVER)
+            .collect()
     }
 
     /// Returns when which autopilots hear no satellites.
     pub fn outages(&self) -> Vec<(VehicleId, Outage)> {
-        let of_gps = self.list.iter().filter(|fault| fault.kind == FaultKind::Gps);
+        let of_gps = self
+            .list
+            .iter()
+            .filter(|fault| fault.kind == FaultKind::Gps);
         of_gps
             .flat_map(|fault| {
-                let outage = Outage { from: fault.from, until: fault.until };
+                let outage = Outage {
+                    from: fault.from,
+                    until: fault.until,
+                };
                 fault.vehicles.iter().map(move |vehicle| (*vehicle, outage))
             })
             .collect()
@@ -77,7 +97,10 @@ impl Faults {
 
     /// Returns the faults of the bus as what it knows: a node without it is a piece of its own.
     pub fn partitions(&self) -> impl Iterator<Item = Partition> {
-        let of_bus = self.list.iter().filter(|fault| fault.kind == FaultKind::Bus);
+        let of_bus = self
+            .list
+            .iter()
+            .filter(|fault| fault.kind == FaultKind::Bus);
         of_bus.map(|fault| Partition {
             from: fault.from,
             until: fault.until,
@@ -89,17 +112,26 @@ impl Faults {
 /// Returns which nodes it hits.
 fn whom(fault: &Fault) -> impl Iterator<Item = Sender> + '_ {
     let ground = fault.ground.then_some(Sender::Ground);
-    fault.vehicles.iter().copied().map(Sender::Vehicle).chain(ground)
+    fault
+        .vehicles
+        .iter()
+        .copied()
+        .map(Sender::Vehicle)
+        .chain(ground)
 }
 
 fn turns_of(fault: &Fault) -> Vec<(Time, Turn)> {
     let each = |at: Time, turn: fn(Sender) -> Turn| whom(fault).map(move |node| (at, turn(node)));
     match fault.kind {
         FaultKind::Dead => each(fault.from, Turn::Ends).collect(),
-        FaultKind::Restart => each(fault.from, Turn::Ends).chain(each(fault.until, Turn::Starts)).collect(),
-        FaultKind::Bus | FaultKind::Radio | FaultKind::Sensor | FaultKind::Gps | FaultKind::Battery(_) => {
-            Vec::new()
-        }
+        FaultKind::Restart => each(fault.from, Turn::Ends)
+            .chain(each(fault.until, Turn::Starts))
+            .collect(),
+        FaultKind::Bus
+        | FaultKind::Radio
+        | FaultKind::Sensor
+        | FaultKind::Gps
+        | FaultKind::Battery(_) => Vec::new(),
     }
 }
 
@@ -109,7 +141,13 @@ mod tests {
 
     fn fault(kind: FaultKind) -> Fault {
         let (from, until) = (Time::from_secs_f64(5.0), Time::from_secs_f64(9.0));
-        Fault { from, until, kind, vehicles: vec![VehicleId(1), VehicleId(3)], ground: false }
+        Fault {
+            from,
+            until,
+            kind,
+            vehicles: vec![VehicleId(1), VehicleId(3)],
+            ground: false,
+        }
     }
 
     #[test]
@@ -127,11 +165,21 @@ mod tests {
     fn a_restart_ends_and_starts_and_a_dead_one_stays_dead() {
         let turns = Faults::new(vec![fault(FaultKind::Restart)]).turns();
         assert_eq!(turns.len(), 4);
-        assert!(turns.contains(&(Time::from_secs_f64(9.0), Turn::Starts(Sender::Vehicle(VehicleId(3))))));
+        assert!(turns.contains(&(
+            Time::from_secs_f64(9.0),
+            Turn::Starts(Sender::Vehicle(VehicleId(3)))
+        )));
         let turns = Faults::new(vec![fault(FaultKind::Dead)]).turns();
         assert_eq!(turns.len(), 2);
-        let of_ground = Fault { vehicles: Vec::new(), ground: true, ..fault(FaultKind::Restart) };
-        let turns = [(5.0, Turn::Ends(Sender::Ground)), (9.0, Turn::Starts(Sender::Ground))];
+        let of_ground = Fault {
+            vehicles: Vec::new(),
+            ground: true,
+            ..fault(FaultKind::Restart)
+        };
+        let turns = [
+            (5.0, Turn::Ends(Sender::Ground)),
+            (9.0, Turn::Starts(Sender::Ground)),
+        ];
         let turns = turns.map(|(at_s, turn)| (Time::from_secs_f64(at_s), turn));
         assert_eq!(Faults::new(vec![of_ground]).turns(), turns);
     }

@@ -24,7 +24,10 @@ pub(super) struct GroundDisk {
 impl GroundDisk {
     /// Makes an empty one; `is_read` = the ground station will be started anew.
     pub fn new(is_read: bool) -> GroundDisk {
-        GroundDisk { is_read, ..GroundDisk::default() }
+        GroundDisk {
+            is_read,
+            ..GroundDisk::default()
+        }
     }
 
     /// Keeps what the station needs, in place of what it needed before.
@@ -44,7 +47,11 @@ impl GroundDisk {
             Message::Samples(batch) => self.samples.push(batch.clone()),
             Message::Tile(tile) => {
                 let place = (tile.layer, tile.address);
-                if self.tiles.get(&place).is_none_or(|kept| kept.revision < tile.revision) {
+                if self
+                    .tiles
+                    .get(&place)
+                    .is_none_or(|kept| kept.revision < tile.revision)
+                {
                     self.tiles.insert(place, tile.clone());
                 }
             }
@@ -57,7 +64,14 @@ impl GroundDisk {
         let memory = self.memory.as_deref().cloned();
         let (samples, tiles) = (self.samples.iter().cloned(), self.tiles.values().cloned());
         let resumed = Station::restored(parts.station.clone(), memory, samples, tiles);
-        let stops = StopsSettings { kept: self.stops.clone(), ..StopsSettings::default() };
-        Source { parts, resumed: Some(resumed), stops }
+        let stops = StopsSettings {
+            kept: self.stops.clone(),
+            ..StopsSettings::default()
+        };
+        Source {
+            parts,
+            resumed: Some(resumed),
+            stops,
+        }
     }
 }

@@ -37,7 +37,12 @@ impl Judge {
     /// Makes the judge of a run that has not begun.
     pub fn new(is_swept: bool, expect: Expect, vehicles: &[VehicleId]) -> Judge {
         let missions = vehicles.iter().map(|id| (*id, None)).collect();
-        Judge { is_swept, expect, missions, is_done: false }
+        Judge {
+            is_swept,
+            expect,
+            missions,
+            is_done: false,
+        }
     }
 
     /// Returns whether the sweep that is wanted was driven to its end, or every mission has ended.
@@ -58,14 +63,22 @@ impl Judge {
     /// Takes that the mission of a vehicle has ended; who is dead is not waited for.
     pub fn mission_ended(&mut self, now: Time, vehicle: usize, end: End, is_dead: &[bool]) {
         self.missions[vehicle].1 = Some((now, end));
-        let mut alive = self.missions.iter().zip(is_dead).filter(|(_, is_dead)| !**is_dead);
+        let mut alive = self
+            .missions
+            .iter()
+            .zip(is_dead)
+            .filter(|(_, is_dead)| !**is_dead);
         self.is_done |= !self.is_swept && alive.all(|(mission, _)| mission.1.is_some());
     }
 
     /// Takes that a vehicle came home, of which so many are home now and so many could be. Where all are expected there,
     /// whatever an operator can hear of them, this is the end.
     pub fn came_home(&self, home: usize, alive: usize) -> Verdict {
-        if self.expect == Expect::Home && home == alive { Verdict::Over } else { Verdict::GoesOn }
+        if self.expect == Expect::Home && home == alive {
+            Verdict::Over
+        } else {
+            Verdict::GoesOn
+        }
     }
 
     /// Takes how the operator's script ended.
@@ -85,13 +98,21 @@ mod tests {
     use super::*;
 
     fn judge(is_swept: bool, expect: Expect) -> Judge {
-        Judge::new(is_swept, expect, &[VehicleId(1), VehicleId(2), VehicleId(3)])
+        Judge::new(
+            is_swept,
+            expect,
+            &[VehicleId(1), VehicleId(2), VehicleId(3)],
+        )
     }
 
     #[test]
     fn only_the_sweep_that_is_wanted_counts() {
         let mut judge = judge(true, Expect::Finished);
-        let closed = |run: RunId| GroundNote::RunClosed { run, links: 1, samples: 1 };
+        let closed = |run: RunId| GroundNote::RunClosed {
+            run,
+            links: 1,
+            samples: 1,
+        };
         judge.hear(&closed(EMPTY_RUN));
         judge.hear(&GroundNote::Stalled(RUN));
         assert!(!judge.is_done());
@@ -115,14 +136,23 @@ mod tests {
     fn who_comes_home_ends_a_run_only_where_all_are_expected_there() {
         assert_eq!(judge(true, Expect::Home).came_home(3, 3), Verdict::Over);
         assert_eq!(judge(true, Expect::Home).came_home(2, 3), Verdict::GoesOn);
-        assert_eq!(judge(true, Expect::Finished).came_home(3, 3), Verdict::GoesOn);
+        assert_eq!(
+            judge(true, Expect::Finished).came_home(3, 3),
+            Verdict::GoesOn
+        );
     }
 
     #[test]
     fn an_operator_that_gives_up_has_failed_with_its_reason() {
         let judge = judge(true, Expect::Finished);
         assert_eq!(judge.script_ended(&ScriptEnd::Done), Verdict::Over);
-        let gave_up = ScriptEnd::GaveUp { step: 3, why: "nobody came".to_owned() };
-        assert_eq!(judge.script_ended(&gave_up), Verdict::Failed("nobody came".to_owned()));
+        let gave_up = ScriptEnd::GaveUp {
+            step: 3,
+            why: "nobody came".to_owned(),
+        };
+        assert_eq!(
+            judge.script_ended(&gave_up),
+            Verdict::Failed("nobody came".to_owned())
+        );
     }
 }

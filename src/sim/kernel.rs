@@ -75,10 +75,17 @@ impl Event {
     /// Returns whether it concerns nobody but an operator, in a swarm of so many vehicles.
     fn is_of_operator(&self, vehicles: usize) -> bool {
         match self {
-            Event::OperatorsBegin | Event::Deliver { to: NodeId::Operator(_), .. } => true,
+            Event::OperatorsBegin
+            | Event::Deliver {
+                to: NodeId::Operator(_),
+                ..
+            } => true,
             Event::Wake { node, .. } | Event::Exchange { index: node, .. } => *node > vehicles,
             Event::Environment | Event::Fault(_) => false,
-            Event::Deliver { to: NodeId::Ground | NodeId::Vehicle(_), .. } => false,
+            Event::Deliver {
+                to: NodeId::Ground | NodeId::Vehicle(_),
+                ..
+            } => false,
         }
     }
 }
@@ -169,11 +176,17 @@ impl Kernel {
         let ids: Vec<VehicleId> = parts.vehicles.iter().map(VehicleNode::id).collect();
         let egress_bytes_per_s = parts.egress_bytes_per_s;
         let operators = parts.operators.iter();
-        let operators = operators
-            .map(|operator| NodeExchange::listening(NodeId::Operator(operator.id), egress_bytes_per_s));
+        let operators = operators.map(|operator| {
+            NodeExchange::listening(NodeId::Operator(operator.id), egress_bytes_per_s)
+        });
         let starts_anew = |(_, turn): &(Time, Turn)| *turn == Turn::Starts(NodeId::Ground);
         let ground_disk = GroundDisk::new(parts.faults.turns().iter().any(starts_anew));
-        let exchanges = parts.greetings.into_iter().map(NodeExchange::greeting).chain(operators).collect();
+        let exchanges = parts
+            .greetings
+            .into_iter()
+            .map(NodeExchange::greeting)
+            .chain(operators)
+            .collect();
         let mut kernel = Kernel {
             now: Time::ZERO,
             noise: parts.noise,
@@ -197,7 +210,12 @@ impl Kernel {
             ends_at_contact: parts.ends_at_contact,
             shows: Shows::every(parts.shown_every),
             record: Recorder::new(&ids),
-            status: Status { now: Time::ZERO, laps_done: 0, laps: 0, samples: 0 },
+            status: Status {
+                now: Time::ZERO,
+                laps_done: 0,
+                laps: 0,
+                samples: 0,
+            },
             ended: None,
             vehicle_effects: Vec::new(),
             ground_effects: Vec::new(),
@@ -220,7 +238,10 @@ impl Kernel {
             self.queue.push(Time::ZERO, Event::OperatorsBegin);
         }
         for index in 0..=self.vehicles.len() {
-            self.join(index, self.vehicles.get(index).map_or(Boot(1), VehicleNode::boot));
+            self.join(
+                index,
+                self.vehicles.get(index).map_or(Boot(1), VehicleNode::boot),
+            );
         }
         for node in 0..self.alarms.len() {
             self.set_alarm(node);
@@ -267,7 +288,15 @@ impl Kernel {
         self.record.counts.dropped_commands = counts.dropped;
         let separation_m = self.environment.min_separation_m(self.now);
         let end = self.ended.unwrap_or(self.now);
-        (self.record, self.judge, self.environment, self.ground, self.bus, end, separation_m)
+        (
+            self.record,
+            self.judge,
+            self.environment,
+            self.ground,
+            self.bus,
+            end,
+            separation_m,
+        )
     }
 
     /// Does what follows from a judgement; of several the first counts.
@@ -342,7 +371,8 @@ impl Kernel {
     fn tell_ground(&mut self, event: ground::Event) -> Result<(), Fault> {
         let ground::Event::Bus(_, message) = &event;
         self.ground_disk.keep(message);
-        self.ground.tell(self.now, event, &mut self.ground_effects)?;
+        self.ground
+            .tell(self.now, event, &mut self.ground_effects)?;
         self.carry_out_ground();
         self.set_alarm(self.vehicles.len());
         Ok(())
@@ -361,9 +391,18 @@ impl Kernel {
         if alarm.at == at {
             return;
         }
-        *alarm = Alarm { at, generation: alarm.generation + 1 };
+        *alarm = Alarm {
+            at,
+            generation: alarm.generation + 1,
+        };
         if let Some(at) = at {
-            self.queue.push(at, Event::Wake { node, generation: alarm.generation });
+            self.queue.push(
+                at,
+                Event::Wake {
+                    node,
+                    generation: alarm.generation,
+                },
+            );
         }
     }
 
@@ -371,8 +410,10 @@ impl Kernel {
     fn carry_out(&mut self, vehicle: usize) -> Result<(), Fault> {
         while !self.vehicle_effects.is_empty() {
             let mut effects = std::mem::take(&mut self.vehicle_effects);
-            let answers: Vec<node::Event> =
-                effects.drain(..).filter_map(|effect| self.carry_out_one(vehicle, effect)).collect();
+            let answers: Vec<node::Event> = effects
+                .drain(..)
+                .filter_map(|effect| self.carry_out_one(vehicle, effect))
+                .collect();
             self.vehicle_effects = effects;
             for answer in answers {
                 self.vehicles[vehicle].tell(self.now, answer, &mut self.vehicle_effects)?;
@@ -384,14 +425,17 @@ impl Kernel {
     fn carry_out_one(&mut self, vehicle: usize, effect: node::Effect) -> Option<node::Event> {
         match effect {
             // After the end nothing sets out any more; what moves comes to rest.
-            node::Effect::Command(numbered) if self.ended.is_some() && numbered.command.moves() => {}
+            node::Effect::Command(numbered) if self.ended.is_some() && numbered.command.moves() => {
+            }
             node::Effect::Command(command) => {
                 return self.command(vehicle, DeviceCommand::Autopilot(command));
             }
             node::Effect::Steer(beam) => return self.command(vehicle, DeviceCommand::Steer(beam)),
             node::Effect::Ping(_) | node::Effect::Transmit(_) if self.ended.is_some() => {}
             node::Effect::Ping(ping) => return self.command(vehicle, DeviceCommand::Ping(ping)),
-            node::Effect::Transmit(beacon) => return self.command(vehicle, DeviceCommand::Transmit(beacon)),
+            node::Effect::Transmit(beacon) => {
+                return self.command(vehicle, DeviceCommand::Transmit(beacon));
+            }
             node::Effect::Publish(message) => self.publish(vehicle, &message),
             node::Effect::Note(note) => self.note(vehicle, &note),
             node::Effect::Keep(run, sample) => {
@@ -402,9 +446,13 @@ impl Kernel {
             node::Effect::Recall { after } => {
                 return Some(node::Event::Recalled(self.disks[vehicle].recall(after)));
             }
-            node::Effect::Forget { boot, run, below } => self.disks[vehicle].forget(boot, run, below),
+            node::Effect::Forget { boot, run, below } => {
+                self.disks[vehicle].forget(boot, run, below)
+            }
             node::Effect::Remember(memory) => {
-                return Some(node::Event::Remembered(self.disks[vehicle].remember(memory)));
+                return Some(node::Event::Remembered(
+                    self.disks[vehicle].remember(memory),
+                ));
             }
             node::Effect::KeepStops(standing) => self.disks[vehicle].keep_stops(standing),
             node::Effect::Tally(_) => {}
@@ -456,13 +504,18 @@ impl Kernel {
         match event {
             WorldEvent::Scheduled(at) => self.queue.push(at, Event::Environment),
             WorldEvent::Report { vehicle, report } => {
-                self.record.track(vehicle, self.environment.world().truth(vehicle, self.now).at);
+                self.record.track(
+                    vehicle,
+                    self.environment.world().truth(vehicle, self.now).at,
+                );
                 self.tell(vehicle, node::Event::Report(report))?;
             }
             WorldEvent::Ack { vehicle, ack } => self.tell(vehicle, node::Event::Ack(ack))?,
             WorldEvent::Echo { vehicle, echo } => self.tell(vehicle, node::Event::Echo(echo))?,
             WorldEvent::Heard { frame, receivers } => self.hear(&frame, &receivers)?,
-            WorldEvent::Unsent { vehicle, sequence } => self.tell(vehicle, node::Event::Unsent(sequence))?,
+            WorldEvent::Unsent { vehicle, sequence } => {
+                self.tell(vehicle, node::Event::Unsent(sequence))?
+            }
             WorldEvent::Contact(collision) => {
                 self.log_collision(&collision);
                 self.record.failure.get_or_insert(collision.in_words());
@@ -480,17 +533,26 @@ impl Kernel {
     }
 
     fn hear(&mut self, frame: &[u8], receivers: &[(usize, i16)]) -> Result<(), Fault> {
-        let Ok(Decoded::Message(Message::Beacon(beacon))) = codec::decode(frame) else { return Ok(()) };
+        let Ok(Decoded::Message(Message::Beacon(beacon))) = codec::decode(frame) else {
+            return Ok(());
+        };
         for (to, rssi_dbm) in receivers {
-            let heard = radio::Heard { beacon: beacon.clone(), rssi_dbm: *rssi_dbm };
+            let heard = radio::Heard {
+                beacon: beacon.clone(),
+                rssi_dbm: *rssi_dbm,
+            };
             self.tell(*to, node::Event::Heard(heard))?;
         }
         Ok(())
     }
 
     fn deliver(&mut self, to: NodeId, frame: &Frame) -> Result<(), Fault> {
-        let Some(index) = self.number_of(to) else { return Ok(()) };
-        let Some(heard) = self.hear_frame(index, frame) else { return Ok(()) };
+        let Some(index) = self.number_of(to) else {
+            return Ok(());
+        };
+        let Some(heard) = self.hear_frame(index, frame) else {
+            return Ok(());
+        };
         self.record.counts.messages += u64::from(!matches!(to, NodeId::Operator(_)));
         match (to, heard) {
             (NodeId::Operator(id), heard) => self.deliver_to_operator(id, heard),
@@ -501,7 +563,9 @@ impl Kernel {
                 self.tell(index, node::Event::Bus(sender, message))
             }
             // Of greetings nodes are told the message.
-            (NodeId::Ground | NodeId::Vehicle(_), Heard::Greeting(..) | Heard::Unknown(_)) => Ok(()),
+            (NodeId::Ground | NodeId::Vehicle(_), Heard::Greeting(..) | Heard::Unknown(_)) => {
+                Ok(())
+            }
         }
     }
 
@@ -534,7 +598,8 @@ impl Kernel {
                 self.follow(self.judge.came_home(home, alive));
             }
             MissionRemark::Ended(end) => {
-                self.judge.mission_ended(self.now, vehicle, end.clone(), &self.is_dead);
+                self.judge
+                    .mission_ended(self.now, vehicle, end.clone(), &self.is_dead);
             }
             _ => {}
         }
@@ -584,6 +649,10 @@ impl Kernel {
 
     /// Returns how many sweeps are still to be driven, the present one included.
     fn sweeps_left(&self) -> usize {
-        if self.environment.persons_are_in() { 1 } else { 2 }
+        if self.environment.persons_are_in() {
+            1
+        } else {
+            2
+        }
     }
 }

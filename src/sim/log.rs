@@ -34,7 +34,12 @@ impl Log {
 
 /// Returns a hash of an image's values in steps of 0.001 dB/m (FNV-1a), so that a log can hold all of it.
 pub fn image_hash(image: &Image) -> u64 {
-    hash(image.values.iter().map(|value| libm::round(*value * 1e3) as i64 as u64))
+    hash(
+        image
+            .values
+            .iter()
+            .map(|value| libm::round(*value * 1e3) as i64 as u64),
+    )
 }
 
 /// Returns the FNV-1a hash of numbers.

@@ -21,9 +21,14 @@ pub struct Limits {
 impl Limits {
     /// Returns whether all limits are finite and at least 0.001 of their unit.
     pub fn are_possible(&self) -> bool {
-        [self.speed_mps, self.acceleration_mps2, self.braking_mps2, self.turn_rate_radps]
-            .iter()
-            .all(|limit| (0.001..1e6).contains(limit))
+        [
+            self.speed_mps,
+            self.acceleration_mps2,
+            self.braking_mps2,
+            self.turn_rate_radps,
+        ]
+        .iter()
+        .all(|limit| (0.001..1e6).contains(limit))
     }
 
     /// Returns the way needed to brake from a speed to rest, metres.
@@ -43,7 +48,12 @@ pub(super) struct Piece {
 
 impl Piece {
     pub fn new(from: Point, to: Point) -> Piece {
-        Piece { from, to, heading: from.angle_to(to), length_m: from.distance_to(to) }
+        Piece {
+            from,
+            to,
+            heading: from.angle_to(to),
+            length_m: from.distance_to(to),
+        }
     }
 }
 
@@ -59,14 +69,28 @@ impl Law {
     /// Speed after a part of the distance; v² is linear in the way.
     fn speed_after_mps(&self, way_m: f64) -> f64 {
         let share = (way_m / self.distance_m).clamp(0.0, 1.0);
-        let (first, last) = (self.first_mps * self.first_mps, self.last_mps * self.last_mps);
+        let (first, last) = (
+            self.first_mps * self.first_mps,
+            self.last_mps * self.last_mps,
+        );
         (first + (last - first) * share).sqrt()
     }
 
     fn split(self, way_m: f64) -> (Law, Law) {
         let speed_mps = self.speed_after_mps(way_m);
-        let first = Law { distance_m: way_m, last_mps: speed_mps, ..self };
-        (first, Law { distance_m: self.distance_m - way_m, first_mps: speed_mps, ..self })
+        let first = Law {
+            distance_m: way_m,
+            last_mps: speed_mps,
+            ..self
+        };
+        (
+            first,
+            Law {
+                distance_m: self.distance_m - way_m,
+                first_mps: speed_mps,
+                ..self
+            },
+        )
     }
 }
 
@@ -80,12 +104,27 @@ pub(super) fn trapezoid(length_m: f64, first_mps: f64, top_mps: f64, limits: &Li
     let change_m = (peak_mps * peak_mps - first_mps * first_mps).abs() / (2.0 * rate);
     let brake_m = limits.stopping_distance_m(peak_mps);
     let laws = [
-        Law { distance_m: change_m, first_mps, last_mps: peak_mps },
-        Law { distance_m: length_m - change_m - brake_m, first_mps: peak_mps, last_mps: peak_mps },
+        Law {
+            distance_m: change_m,
+            first_mps,
+            last_mps: peak_mps,
+        },
+        Law {
+            distance_m: length_m - change_m - brake_m,
+            first_mps: peak_mps,
+            last_mps: peak_mps,
+        },
     ];
-    let mut kept: Vec<Law> = laws.into_iter().filter(|law| law.distance_m > NEGLIGIBLE_M).collect();
+    let mut kept: Vec<Law> = laws
+        .into_iter()
+        .filter(|law| law.distance_m > NEGLIGIBLE_M)
+        .collect();
     let used_m: f64 = kept.iter().map(|law| law.distance_m).sum();
-    kept.push(Law { distance_m: length_m - used_m, first_mps: peak_mps, last_mps: 0.0 });
+    kept.push(Law {
+        distance_m: length_m - used_m,
+        first_mps: peak_mps,
+        last_mps: 0.0,
+    });
     kept
 }
 
@@ -109,7 +148,12 @@ pub(super) enum Kind {
     /// On the spot, from the phase's heading at this signed rate.
     Turn { rate_radps: f64 },
     /// Along a unit vector.
-    Straight { along: Vector, length_m: f64, speed_mps: f64, acceleration_mps2: f64 },
+    Straight {
+        along: Vector,
+        length_m: f64,
+        speed_mps: f64,
+        acceleration_mps2: f64,
+    },
 }
 
 impl Phase {
@@ -126,9 +170,12 @@ impl Phase {
         let t = (time_s - self.start_s).clamp(0.0, self.duration_s);
         match self.kind {
             Kind::Turn { .. } => 0.0,
-            Kind::Straight { length_m, speed_mps, acceleration_mps2, .. } => {
-                (t * (speed_mps + 0.5 * acceleration_mps2 * t)).clamp(0.0, length_m)
-            }
+            Kind::Straight {
+                length_m,
+                speed_mps,
+                acceleration_mps2,
+                ..
+            } => (t * (speed_mps + 0.5 * acceleration_mps2 * t)).clamp(0.0, length_m),
         }
     }
 
@@ -152,7 +199,11 @@ impl Phase {
     pub fn speed_mps(&self, time_s: f64) -> f64 {
         match self.kind {
             Kind::Turn { .. } => 0.0,
-            Kind::Straight { speed_mps, acceleration_mps2, .. } => {
+            Kind::Straight {
+                speed_mps,
+                acceleration_mps2,
+                ..
+            } => {
                 let t = (time_s - self.start_s).clamp(0.0, self.duration_s);
                 (speed_mps + acceleration_mps2 * t).max(0.0)
             }
@@ -162,7 +213,11 @@ impl Phase {
     pub fn acceleration(&self) -> Vector {
         match self.kind {
             Kind::Turn { .. } => Vector::default(),
-            Kind::Straight { along, acceleration_mps2, .. } => along * acceleration_mps2,
+            Kind::Straight {
+                along,
+                acceleration_mps2,
+                ..
+            } => along * acceleration_mps2,
         }
     }
 
@@ -170,7 +225,11 @@ impl Phase {
     pub fn time_at_s(&self, way_m: f64) -> f64 {
         match self.kind {
             Kind::Turn { .. } => self.start_s,
-            Kind::Straight { speed_mps, acceleration_mps2, .. } => {
+            Kind::Straight {
+                speed_mps,
+                acceleration_mps2,
+                ..
+            } => {
                 let square = speed_mps * speed_mps + 2.0 * acceleration_mps2 * way_m;
                 let sum_mps = speed_mps + square.max(0.0).sqrt();
                 if sum_mps <= 0.0 {
@@ -193,14 +252,21 @@ pub(super) struct Course {
 
 impl Course {
     pub fn new(at: Point, heading: Angle) -> Course {
-        Course { phases: Vec::new(), at, heading, clock_s: 0.0 }
+        Course {
+            phases: Vec::new(),
+            at,
+            heading,
+            clock_s: 0.0,
+        }
     }
 
     /// Adds a turn on the spot, the shorter way round (to the left for half a turn).
     pub fn turn(&mut self, heading: Angle, turn_rate_radps: f64) {
         let by_rad = (heading - self.heading).radians();
         if by_rad.abs() > 1e-9 {
-            let kind = Kind::Turn { rate_radps: turn_rate_radps.copysign(by_rad) };
+            let kind = Kind::Turn {
+                rate_radps: turn_rate_radps.copysign(by_rad),
+            };
             self.push(by_rad.abs() / turn_rate_radps, self.at, self.heading, kind);
         }
         self.heading = heading;
@@ -216,7 +282,11 @@ impl Course {
                 let Some(next) = laws.next() else { break };
                 left_m -= law.distance_m;
                 let ends_with_piece = left_m <= NEGLIGIBLE_M;
-                let to = if ends_with_piece { piece.to } else { self.at + (piece.unit() * law.distance_m) };
+                let to = if ends_with_piece {
+                    piece.to
+                } else {
+                    self.at + (piece.unit() * law.distance_m)
+                };
                 self.straight(piece, to, law);
                 law = next;
                 if ends_with_piece {
@@ -248,7 +318,14 @@ impl Course {
     }
 
     fn push(&mut self, duration_s: f64, to: Point, heading: Angle, kind: Kind) {
-        self.phases.push(Phase { start_s: self.clock_s, duration_s, from: self.at, to, heading, kind });
+        self.phases.push(Phase {
+            start_s: self.clock_s,
+            duration_s,
+            from: self.at,
+            to,
+            heading,
+            kind,
+        });
         self.clock_s += duration_s;
     }
 }

@@ -75,7 +75,10 @@ impl Noise {
 
     /// Returns 64 well mixed bits.
     pub fn hash(&self, purpose: Purpose, ids: &[u64]) -> u64 {
-        ids.iter().fold(fold(mix(self.seed), purpose as u64), |state, id| fold(state, *id))
+        ids.iter()
+            .fold(fold(mix(self.seed), purpose as u64), |state, id| {
+                fold(state, *id)
+            })
     }
 
     /// Returns a number evenly distributed in [0, 1).
@@ -94,11 +97,18 @@ impl Noise {
     ///
     /// Cubic B-spline over normal knots, divided by the root of the sum of its squared weights.
     pub fn smooth(&self, purpose: Purpose, ids: &[u64], t: Time, correlation: Duration) -> f64 {
-        let pitch_ns = u64::try_from(correlation.as_nanos()).unwrap_or(u64::MAX).max(1);
+        let pitch_ns = u64::try_from(correlation.as_nanos())
+            .unwrap_or(u64::MAX)
+            .max(1);
         let (first, rest_ns) = (t.as_nanos() / pitch_ns, t.as_nanos() % pitch_ns);
         let f = rest_ns as f64 / pitch_ns as f64;
         let g = 1.0 - f;
-        let weights = [g * g * g, 4.0 + 3.0 * f * f * (f - 2.0), 4.0 + 3.0 * g * g * (g - 2.0), f * f * f];
+        let weights = [
+            g * g * g,
+            4.0 + 3.0 * f * f * (f - 2.0),
+            4.0 + 3.0 * g * g * (g - 2.0),
+            f * f * f,
+        ];
         let state = self.hash(purpose, ids);
         let (mut sum, mut square) = (0.0, 0.0);
         for (offset, weight) in (0..).zip(weights) {
@@ -119,7 +129,11 @@ pub fn normal_quantile(p: f64) -> f64 {
         return q * ratio(r, &CENTRE);
     }
     let r = (-libm::log(if q < 0.0 { p } else { 1.0 - p })).sqrt();
-    let value = if r <= 5.0 { ratio(r - 1.6, &NEAR_TAIL) } else { ratio(r - 5.0, &FAR_TAIL) };
+    let value = if r <= 5.0 {
+        ratio(r - 1.6, &NEAR_TAIL)
+    } else {
+        ratio(r - 5.0, &FAR_TAIL)
+    };
     value.copysign(q)
 }
 
@@ -206,7 +220,10 @@ mod tests {
     /// Mean and variance.
     fn moments(values: &[f64]) -> (f64, f64) {
         let mean = values.iter().sum::<f64>() / values.len() as f64;
-        let square = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>();
+        let square = values
+            .iter()
+            .map(|value| (value - mean).powi(2))
+            .sum::<f64>();
         (mean, square / values.len() as f64)
     }
 
@@ -253,7 +270,10 @@ mod tests {
         for id in 0..64_000 {
             bins[(NOISE.uniform(Purpose::BusDrop, &[id]) * 64.0) as usize] += 1;
         }
-        let chi: f64 = bins.iter().map(|count| (f64::from(*count) - 1000.0).powi(2) / 1000.0).sum();
+        let chi: f64 = bins
+            .iter()
+            .map(|count| (f64::from(*count) - 1000.0).powi(2) / 1000.0)
+            .sum();
         // 63 degrees of freedom: mean 63, deviation 11.
         assert!((25.0..110.0).contains(&chi), "chi squared {chi}");
     }
@@ -262,7 +282,9 @@ mod tests {
     fn neighbouring_keys_purposes_and_seeds_are_independent() {
         let ask = |seed, purpose, id| Noise::new(seed).gaussian(purpose, &[id]);
         let pairs = |other: &dyn Fn(u64) -> f64| -> Vec<(f64, f64)> {
-            (0..20_000).map(|id| (ask(7, Purpose::PoseX, id), other(id))).collect()
+            (0..20_000)
+                .map(|id| (ask(7, Purpose::PoseX, id), other(id)))
+                .collect()
         };
         for other in [
             pairs(&|id| ask(7, Purpose::PoseX, id + 1)),
@@ -275,7 +297,9 @@ mod tests {
 
     #[test]
     fn gaussian_numbers_have_the_moments_of_a_normal_distribution() {
-        let values: Vec<f64> = (0..100_000).map(|id| NOISE.gaussian(Purpose::Range, &[id])).collect();
+        let values: Vec<f64> = (0..100_000)
+            .map(|id| NOISE.gaussian(Purpose::Range, &[id]))
+            .collect();
         let (mean, variance) = moments(&values);
         let fourth = values.iter().map(|value| value.powi(4)).sum::<f64>() / values.len() as f64;
         assert!(mean.abs() < 0.015 && (variance - 1.0).abs() < 0.02 && (fourth - 3.0).abs() < 0.15);
@@ -308,18 +332,29 @@ mod tests {
                 })
                 .collect();
             let (mean, variance) = moments(&values);
-            assert!(mean.abs() < 0.03 && (variance - 1.0).abs() < 0.05, "at {offset_s}: {variance}");
+            assert!(
+                mean.abs() < 0.03 && (variance - 1.0).abs() < 0.05,
+                "at {offset_s}: {variance}"
+            );
         }
     }
 
     #[test]
     fn smooth_noise_is_correlated_as_promised() {
         let at = |id, seconds_s: f64| {
-            NOISE.smooth(Purpose::PoseX, &[id], Time::from_secs_f64(seconds_s), Duration::from_secs(10))
+            NOISE.smooth(
+                Purpose::PoseX,
+                &[id],
+                Time::from_secs_f64(seconds_s),
+                Duration::from_secs(10),
+            )
         };
-        for (lag_s, low, high) in
-            [(0.1, 0.999, 1.0), (10.0, 0.42, 0.56), (20.0, 0.0, 0.12), (40.0, -0.04, 0.04)]
-        {
+        for (lag_s, low, high) in [
+            (0.1, 0.999, 1.0),
+            (10.0, 0.42, 0.56),
+            (20.0, 0.0, 0.12),
+            (40.0, -0.04, 0.04),
+        ] {
             let pairs: Vec<(f64, f64)> = (0..20_000)
                 .map(|id| {
                     let start_s = 50.0 + (id % 100) as f64 * 0.1;
@@ -334,7 +369,12 @@ mod tests {
     #[test]
     fn smooth_noise_has_no_jumps() {
         let at = |ms: u64| {
-            NOISE.smooth(Purpose::PoseX, &[1], Time::from_nanos(ms * 1_000_000), Duration::from_secs(1))
+            NOISE.smooth(
+                Purpose::PoseX,
+                &[1],
+                Time::from_nanos(ms * 1_000_000),
+                Duration::from_secs(1),
+            )
         };
         for ms in 0..20_000 {
             assert!((at(ms + 1) - at(ms)).abs() < 0.02, "at {ms} ms");

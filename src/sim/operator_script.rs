@@ -69,7 +69,10 @@ pub(super) fn steps(sim: &Sim) -> Vec<Step> {
         End::Hold => {}
         End::Return => steps.extend([
             scenario.want(OrderKind::Return, None),
-            Step::Wait { until: scenario.home(), within: HOME_WITHIN },
+            Step::Wait {
+                until: scenario.home(),
+                within: HOME_WITHIN,
+            },
         ]),
     }
     steps
@@ -89,7 +92,10 @@ impl ScenarioScript<'_> {
                 self.want(OrderKind::Start, Some(EMPTY_RUN)),
                 self.wait(Condition::Driven(EMPTY_RUN)),
                 Step::Delay(ENTER_TAKES),
-                Step::Cue { name, within: ENTER_TAKES },
+                Step::Cue {
+                    name,
+                    within: ENTER_TAKES,
+                },
                 Step::Delay(ENTER_TAKES),
             ]);
         }
@@ -111,7 +117,10 @@ impl ScenarioScript<'_> {
             Expect::Finished => shown,
             Expect::Home | Expect::Held => Condition::Any(vec![shown, self.home()]),
         };
-        Step::Wait { until, within: self.sim.until() }
+        Step::Wait {
+            until,
+            within: self.sim.until(),
+        }
     }
 
     fn home(&self) -> Condition {
@@ -119,7 +128,10 @@ impl ScenarioScript<'_> {
     }
 
     fn present(&self) -> Present {
-        Present { vehicles: self.sim.vehicle_ids().collect(), lost_after: self.sim.venue.swarm.lost_after() }
+        Present {
+            vehicles: self.sim.vehicle_ids().collect(),
+            lost_after: self.sim.venue.swarm.lost_after(),
+        }
     }
 
     fn task(&self, run: RunId, compare_with: Option<RunId>) -> Step {
@@ -135,6 +147,9 @@ impl ScenarioScript<'_> {
     fn want(&self, kind: OrderKind, run: Option<RunId>) -> Step {
         let within = self.sim.until();
         let vehicles = BTreeSet::new();
-        Step::Want(Want { run, ..Want::new(kind, vehicles, within) })
+        Step::Want(Want {
+            run,
+            ..Want::new(kind, vehicles, within)
+        })
     }
 }

@@ -79,7 +79,11 @@ impl Recorder {
     /// Keeps a picture in place of an earlier one of its kind, and logs it with values in steps.
     pub fn picture(&mut self, now: Time, picture: Picture) {
         match &picture.result {
-            Err(reason) => self.log.line(now, "imager", format_args!("{:?}: {reason}", picture.subject)),
+            Err(reason) => self.log.line(
+                now,
+                "imager",
+                format_args!("{:?}: {reason}", picture.subject),
+            ),
             Ok(made) => self.log.line(
                 now,
                 "imager",
@@ -94,7 +98,8 @@ impl Recorder {
                 ),
             ),
         }
-        self.pictures.retain(|known| (known.run, known.subject) != (picture.run, picture.subject));
+        self.pictures
+            .retain(|known| (known.run, known.subject) != (picture.run, picture.subject));
         self.pictures.push(picture);
     }
 }
@@ -164,7 +169,9 @@ pub struct Outcome {
 impl Outcome {
     /// Takes the last picture of a subject of the main run out of those recorded.
     pub(super) fn take(pictures: &mut Vec<Picture>, subject: Subject) -> Option<Reconstruction> {
-        let index = pictures.iter().position(|picture| (picture.run, picture.subject) == (RUN, subject))?;
+        let index = pictures
+            .iter()
+            .position(|picture| (picture.run, picture.subject) == (RUN, subject))?;
         pictures.remove(index).result.ok()
     }
 
@@ -190,18 +197,32 @@ impl Outcome {
 
     /// Returns the objects found in the picture of changes, strongest first.
     pub fn found(&self) -> Vec<Found> {
-        let Some(change) = &self.change else { return Vec::new() };
+        let Some(change) = &self.change else {
+            return Vec::new();
+        };
         let strongest = change.peaks.first().map_or(0.0, |peak| peak.strength);
         let is_find = |peak: &&Peak| {
             peak.strength >= FOUND_SHARE * strongest
                 && peak.significance >= SIGNIFICANT
                 && peak.strength > 0.0
         };
-        change.peaks.iter().filter(is_find).map(|peak| self.find(peak)).collect()
+        change
+            .peaks
+            .iter()
+            .filter(is_find)
+            .map(|peak| self.find(peak))
+            .collect()
     }
 
     fn find(&self, peak: &Peak) -> Found {
-        let distances = self.persons.iter().map(|person| person.at.distance_to(peak.at));
-        Found { at: peak.at, strength: peak.strength, error_m: distances.min_by(f64::total_cmp) }
+        let distances = self
+            .persons
+            .iter()
+            .map(|person| person.at.distance_to(peak.at));
+        Found {
+            at: peak.at,
+            strength: peak.strength,
+            error_m: distances.min_by(f64::total_cmp),
+        }
     }
 }

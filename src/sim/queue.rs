@@ -29,13 +29,23 @@ struct Entry<E> {
 impl<E> EventQueue<E> {
     /// Makes an empty queue; with noise given, events of one moment come in an order drawn from it.
     pub fn new(shuffle: Option<Noise>) -> EventQueue<E> {
-        EventQueue { heap: BinaryHeap::new(), serial: 0, shuffle }
+        EventQueue {
+            heap: BinaryHeap::new(),
+            serial: 0,
+            shuffle,
+        }
     }
 
     /// Puts an event in. A moment that has passed already is allowed: it comes next.
     pub fn push(&mut self, at: Time, event: E) {
-        let first = self.shuffle.map_or(0, |noise| noise.hash(Purpose::TieOrder, &[self.serial]));
-        self.heap.push(Entry { at, rank: (first, self.serial), event });
+        let first = self
+            .shuffle
+            .map_or(0, |noise| noise.hash(Purpose::TieOrder, &[self.serial]));
+        self.heap.push(Entry {
+            at,
+            rank: (first, self.serial),
+            event,
+        });
         self.serial += 1;
     }
 
@@ -93,7 +103,10 @@ mod tests {
     fn ten_at_once(shuffle: Option<Noise>) -> Vec<u32> {
         let mut queue = EventQueue::new(shuffle);
         (0..10).for_each(|event| queue.push(Time::from_nanos(5), event));
-        drain(&mut queue).into_iter().map(|(_, event)| event).collect()
+        drain(&mut queue)
+            .into_iter()
+            .map(|(_, event)| event)
+            .collect()
     }
 
     #[test]

@@ -98,8 +98,16 @@ impl RadioField {
     pub fn fading_db(&self, p: Point, q: Point, channel: u8) -> f64 {
         let waves = self.channels[usize::from(channel)]
             .get_or_init(|| Box::new(Waves::new(self.noise, channel, self.constants.wavelength_m)));
-        let swap = p.x_m.total_cmp(&q.x_m).then(p.y_m.total_cmp(&q.y_m)).is_gt();
-        let (re, im) = if swap { waves.scatter(q, p) } else { waves.scatter(p, q) };
+        let swap = p
+            .x_m
+            .total_cmp(&q.x_m)
+            .then(p.y_m.total_cmp(&q.y_m))
+            .is_gt();
+        let (re, im) = if swap {
+            waves.scatter(q, p)
+        } else {
+            waves.scatter(p, q)
+        };
         let (re, im) = (self.steady + self.scattered * re, self.scattered * im);
         10.0 * libm::log10((re * re + im * im).max(1e-12))
     }
@@ -117,12 +125,15 @@ impl RadioField {
     /// Returns the strength that the receiver reports, dBm in whole steps, or `None` when the packet is
     /// lost. `ids` name the packet and its receiver; the same ids give the same noise.
     pub fn received(&self, packet: &Transmission, attenuation_db: f64, ids: &[u64]) -> Option<i16> {
-        let Self { noise, constants, .. } = self;
+        let Self {
+            noise, constants, ..
+        } = self;
         let strength_dbm = self.mean_dbm(packet, attenuation_db)
             + constants.packet_sd_db * noise.gaussian(Purpose::PacketStrength, ids);
-        let threshold_dbm =
-            constants.sensitivity_dbm + constants.slope_db * noise.gaussian(Purpose::PacketLoss, ids);
-        (strength_dbm >= threshold_dbm).then(|| libm::round(strength_dbm.clamp(-200.0, 100.0)) as i16)
+        let threshold_dbm = constants.sensitivity_dbm
+            + constants.slope_db * noise.gaussian(Purpose::PacketLoss, ids);
+        (strength_dbm >= threshold_dbm)
+            .then(|| libm::round(strength_dbm.clamp(-200.0, 100.0)) as i16)
     }
 }
 
@@ -139,9 +150,15 @@ struct Waves {
 
 impl Waves {
     fn new(noise: Noise, channel: u8, wavelength_m: f64) -> Waves {
-        let draw = |ids: [u64; 2]| noise.uniform(Purpose::RadioField, &[u64::from(channel), ids[0], ids[1]]);
-        let mut waves =
-            Waves { x: [0.0; WAVES], y: [0.0; WAVES], re: [[0.0; WAVES]; WAVES], im: [[0.0; WAVES]; WAVES] };
+        let draw = |ids: [u64; 2]| {
+            noise.uniform(Purpose::RadioField, &[u64::from(channel), ids[0], ids[1]])
+        };
+        let mut waves = Waves {
+            x: [0.0; WAVES],
+            y: [0.0; WAVES],
+            re: [[0.0; WAVES]; WAVES],
+            im: [[0.0; WAVES]; WAVES],
+        };
         for l in 0..WAVES {
             // One direction in each of L equal sectors.
             let turn = (l as f64 + draw([l as u64, 1000])) / WAVES as f64;
@@ -171,7 +188,10 @@ impl Waves {
         }
         let (cos, sin) = self.phasors(q);
         (0..WAVES).fold((0.0, 0.0), |sum, m| {
-            (sum.0 + re[m] * cos[m] - im[m] * sin[m], sum.1 + re[m] * sin[m] + im[m] * cos[m])
+            (
+                sum.0 + re[m] * cos[m] - im[m] * sin[m],
+                sum.1 + re[m] * sin[m] + im[m] * cos[m],
+            )
         })
     }
 
@@ -197,13 +217,15 @@ fn turn_cos_sin(turns: f64) -> (f64, f64) {
             + z * (-1.0 / 6.0
                 + z * (1.0 / 120.0
                     + z * (-1.0 / 5040.0
-                        + z * (1.0 / 362_880.0 + z * (-1.0 / 39_916_800.0 + z / 6_227_020_800.0))))));
+                        + z * (1.0 / 362_880.0
+                            + z * (-1.0 / 39_916_800.0 + z / 6_227_020_800.0))))));
     let cos = 1.0
         + z * (-1.0 / 2.0
             + z * (1.0 / 24.0
                 + z * (-1.0 / 720.0
                     + z * (1.0 / 40_320.0
-                        + z * (-1.0 / 3_628_800.0 + z * (1.0 / 479_001_600.0 - z / 87_178_291_200.0))))));
+                        + z * (-1.0 / 3_628_800.0
+                            + z * (1.0 / 479_001_600.0 - z / 87_178_291_200.0))))));
     (1.0 - 2.0 * sin * sin, 2.0 * sin * cos)
 }
 
@@ -242,7 +264,10 @@ mod tests {
         let pairs: Vec<(f64, f64)> = (0..6000)
             .map(|index| {
                 let (p, q) = (somewhere(index, 0), somewhere(index, 1));
-                let (p2, q2) = (p + step(index, p_step_m), q + step(index + 1_000_000, q_step_m));
+                let (p2, q2) = (
+                    p + step(index, p_step_m),
+                    q + step(index + 1_000_000, q_step_m),
+                );
                 (field.fading_db(p, q, 11), field.fading_db(p2, q2, 11))
             })
             .collect();
@@ -255,7 +280,10 @@ mod tests {
             let turns = f64::from(index) * 0.137;
             let (cos, sin) = turn_cos_sin(turns);
             let (true_sin, true_cos) = (2.0 * PI * turns).sin_cos();
-            assert!((cos - true_cos).abs() < 1e-8 && (sin - true_sin).abs() < 1e-8, "{turns} turns");
+            assert!(
+                (cos - true_cos).abs() < 1e-8 && (sin - true_sin).abs() < 1e-8,
+                "{turns} turns"
+            );
         }
     }
 
@@ -277,11 +305,23 @@ mod tests {
             let mut values: Vec<f64> = (0..40_000)
                 .map(|index| field.fading_db(somewhere(index, 0), somewhere(index, 1), 11))
                 .collect();
-            let power = values.iter().map(|value| 10f64.powf(value / 10.0)).sum::<f64>() / 40_000.0;
+            let power = values
+                .iter()
+                .map(|value| 10f64.powf(value / 10.0))
+                .sum::<f64>()
+                / 40_000.0;
             let mean = values.iter().sum::<f64>() / 40_000.0;
-            let square = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / 40_000.0;
+            let square = values
+                .iter()
+                .map(|value| (value - mean).powi(2))
+                .sum::<f64>()
+                / 40_000.0;
             assert!((power - 1.0).abs() < 0.02, "mean power {power}");
-            assert!((square.sqrt() - 2.26).abs() < 0.1, "deviation {} dB", square.sqrt());
+            assert!(
+                (square.sqrt() - 2.26).abs() < 0.1,
+                "deviation {} dB",
+                square.sqrt()
+            );
             // Quantiles of 400,000 draws of a Rician variable, made apart from this program.
             values.sort_by(f64::total_cmp);
             for (share, expected_db, by_db) in [
@@ -294,7 +334,10 @@ mod tests {
                 (0.99, 3.59, 0.2),
             ] {
                 let got = values[(share * 40_000.0) as usize];
-                assert!((got - expected_db).abs() < by_db, "quantile {share}: {got} dB");
+                assert!(
+                    (got - expected_db).abs() < by_db,
+                    "quantile {share}: {got} dB"
+                );
             }
         }
     }
@@ -302,9 +345,18 @@ mod tests {
     #[test]
     fn moving_one_end_decorrelates_like_clarke() {
         // J0(2π δ / 0.125 m) from tables.
-        for (step_m, expected) in [(0.0, 1.0), (0.02, 0.763), (0.0479, 0.0), (0.06, -0.257), (0.12, 0.155)] {
+        for (step_m, expected) in [
+            (0.0, 1.0),
+            (0.02, 0.763),
+            (0.0479, 0.0),
+            (0.06, -0.257),
+            (0.12, 0.155),
+        ] {
             let got = measured(1, step_m, 0.0);
-            assert!((got - expected).abs() < 0.08, "{step_m} m: {got} instead of {expected}");
+            assert!(
+                (got - expected).abs() < 0.08,
+                "{step_m} m: {got} instead of {expected}"
+            );
         }
     }
 
@@ -336,14 +388,27 @@ mod tests {
 
     fn packet(distance_m: f64) -> Transmission {
         let (from, to) = (Point::new(2.0, 1.0), Point::new(2.0 + distance_m, 1.0));
-        Transmission { from, to, channel: 11, power_dbm: 3 }
+        Transmission {
+            from,
+            to,
+            channel: 11,
+            power_dbm: 3,
+        }
     }
 
     #[test]
     fn without_fading_strength_follows_the_path_loss() {
-        let constants = RadioConstants { rician_k: f64::INFINITY, ..RadioConstants::default() };
+        let constants = RadioConstants {
+            rician_k: f64::INFINITY,
+            ..RadioConstants::default()
+        };
         let field = RadioField::new(Noise::new(1), constants);
-        for (distance_m, expected_dbm) in [(1.0, -37.0), (10.0, -57.0), (100.0, -77.0), (0.1, -30.979_4)] {
+        for (distance_m, expected_dbm) in [
+            (1.0, -37.0),
+            (10.0, -57.0),
+            (100.0, -77.0),
+            (0.1, -30.979_4),
+        ] {
             assert!((field.mean_dbm(&packet(distance_m), 0.0) - expected_dbm).abs() < 1e-4);
         }
         assert!((field.mean_dbm(&packet(10.0), 12.5) + 69.5).abs() < 1e-9);
@@ -361,7 +426,10 @@ mod tests {
         let mean = errors.iter().sum::<f64>() / 20_000.0;
         let square = errors.iter().map(|error| error * error).sum::<f64>() / 20_000.0;
         // Rounding to whole steps adds a variance of 1/12.
-        assert!(mean.abs() < 0.06 && (square - 4.0 - 1.0 / 12.0).abs() < 0.15, "{mean} {square}");
+        assert!(
+            mean.abs() < 0.06 && (square - 4.0 - 1.0 / 12.0).abs() < 0.15,
+            "{mean} {square}"
+        );
     }
 
     #[test]
@@ -369,21 +437,33 @@ mod tests {
         let (field, packet) = (field(1), packet(10.0));
         let share_at = |mean_dbm: f64| {
             let attenuation_db = field.mean_dbm(&packet, 0.0) - mean_dbm;
-            (0..10_000).filter(|id| field.received(&packet, attenuation_db, &[*id]).is_some()).count() as f64
+            (0..10_000)
+                .filter(|id| field.received(&packet, attenuation_db, &[*id]).is_some())
+                .count() as f64
                 / 1e4
         };
         // Packet noise and slope together: 2√2 dB.
-        for (mean_dbm, expected) in
-            [(-100.0, 0.5), (-97.171_6, 0.841), (-102.828_4, 0.159), (-85.0, 1.0), (-115.0, 0.0)]
-        {
+        for (mean_dbm, expected) in [
+            (-100.0, 0.5),
+            (-97.171_6, 0.841),
+            (-102.828_4, 0.159),
+            (-85.0, 1.0),
+            (-115.0, 0.0),
+        ] {
             let got = share_at(mean_dbm);
-            assert!((got - expected).abs() < 0.02, "at {mean_dbm} dBm {got} arrive");
+            assert!(
+                (got - expected).abs() < 0.02,
+                "at {mean_dbm} dBm {got} arrive"
+            );
         }
     }
 
     #[test]
     fn impossible_places_lose_the_packet() {
-        let lost = Transmission { to: Point::new(f64::NAN, 0.0), ..packet(1.0) };
+        let lost = Transmission {
+            to: Point::new(f64::NAN, 0.0),
+            ..packet(1.0)
+        };
         assert_eq!(field(1).received(&lost, 0.0, &[1]), None);
     }
 }

@@ -111,7 +111,11 @@ pub struct RangeSensor {
 impl RangeSensor {
     /// Makes a sensor.
     pub fn new(model: RangeModel) -> RangeSensor {
-        let half_angle_rad = if model.lobe == Lobe::Beam { 0.0 } else { model.half_angle_rad };
+        let half_angle_rad = if model.lobe == Lobe::Beam {
+            0.0
+        } else {
+            model.half_angle_rad
+        };
         RangeSensor {
             rays: match model.lobe {
                 Lobe::Beam => vec![[1.0, 0.0, 0.0]],
@@ -143,13 +147,23 @@ impl RangeSensor {
         noise: &Noise,
         ids: &[u64],
     ) -> Option<f64> {
-        let eye = Eye { origin, attitude: Attitude::default(), beam };
+        let eye = Eye {
+            origin,
+            attitude: Attitude::default(),
+            beam,
+        };
         self.echo_at(&eye, around, noise, ids)
     }
 
     /// Returns the distance read, along the beam, metres, or `None` without an echo. `ids` name the reading; the same ids
     /// give the same error.
-    pub fn echo_at(&self, eye: &Eye, around: Surroundings<'_>, noise: &Noise, ids: &[u64]) -> Option<f64> {
+    pub fn echo_at(
+        &self,
+        eye: &Eye,
+        around: Surroundings<'_>,
+        noise: &Noise,
+        ids: &[u64],
+    ) -> Option<f64> {
         let model = &self.model;
         if model.glitch_share > 0.0 && noise.uniform(Purpose::Glitch, ids) < model.glitch_share {
             let share = noise.uniform(Purpose::GlitchRange, ids);
@@ -170,14 +184,23 @@ impl RangeSensor {
         for ray in &self.rays {
             let along = axes.along(*ray);
             let limit_m = best_m.unwrap_or(self.model.max_m);
-            let Some((distance_m, normal)) = (around.cast)(eye.origin, along, limit_m) else { continue };
-            let cosine = along.iter().zip(normal).map(|(a, n)| a * n).sum::<f64>().abs();
+            let Some((distance_m, normal)) = (around.cast)(eye.origin, along, limit_m) else {
+                continue;
+            };
+            let cosine = along
+                .iter()
+                .zip(normal)
+                .map(|(a, n)| a * n)
+                .sum::<f64>()
+                .abs();
             if cosine >= self.facing && distance_m <= limit_m {
                 best_m = Some(distance_m);
             }
         }
         for disc in around.discs {
-            let Some((distance_m, along)) = self.nearest_of(disc, eye, &axes) else { continue };
+            let Some((distance_m, along)) = self.nearest_of(disc, eye, &axes) else {
+                continue;
+            };
             let hit = || (around.cast)(eye.origin, along, distance_m);
             let is_nearest = distance_m <= best_m.unwrap_or(self.model.max_m);
             if is_nearest && hit().is_none_or(|hit| hit.0 >= distance_m) {
@@ -213,8 +236,13 @@ impl RangeSensor {
         }
         // The middle lies outside the cone: the nearest point is where the cone's near edge enters.
         let left = axis.cross(away) >= 0.0;
-        let edge =
-            rotated(Vector::new(self.edge.x_m, if left { self.edge.y_m } else { -self.edge.y_m }), axis);
+        let edge = rotated(
+            Vector::new(
+                self.edge.x_m,
+                if left { self.edge.y_m } else { -self.edge.y_m },
+            ),
+            axis,
+        );
         let (ahead_m, beside_m) = (edge.dot(away), edge.cross(away));
         let square = disc.radius_m * disc.radius_m - beside_m * beside_m;
         (ahead_m > 0.0 && square >= 0.0).then(|| (ahead_m - square.sqrt(), edge))
@@ -257,7 +285,11 @@ impl Disc {
 
 fn fan(model: &RangeModel) -> Vec<[f64; 3]> {
     let ray = |index: usize| {
-        let share = if model.rays < 2 { 0.0 } else { 2.0 * index as f64 / (model.rays - 1) as f64 - 1.0 };
+        let share = if model.rays < 2 {
+            0.0
+        } else {
+            2.0 * index as f64 / (model.rays - 1) as f64 - 1.0
+        };
         let along = Vector::polar(Angle::from_radians(model.half_angle_rad * share), 1.0);
         [along.x_m, along.y_m, 0.0]
     };
@@ -273,7 +305,11 @@ fn cone(model: &RangeModel) -> Vec<[f64; 3]> {
         let count = 6 * ring;
         rays.extend((0..count).map(|index| {
             let around_rad = std::f64::consts::TAU * index as f64 / count as f64;
-            [cos, sin * libm::cos(around_rad), sin * libm::sin(around_rad)]
+            [
+                cos,
+                sin * libm::cos(around_rad),
+                sin * libm::sin(around_rad),
+            ]
         }));
     }
     rays
@@ -281,7 +317,10 @@ fn cone(model: &RangeModel) -> Vec<[f64; 3]> {
 
 /// Turns a direction by the direction of a unit vector.
 fn rotated(ray: Vector, axis: Vector) -> Vector {
-    Vector::new(ray.x_m * axis.x_m - ray.y_m * axis.y_m, ray.x_m * axis.y_m + ray.y_m * axis.x_m)
+    Vector::new(
+        ray.x_m * axis.x_m - ray.y_m * axis.y_m,
+        ray.x_m * axis.y_m + ray.y_m * axis.x_m,
+    )
 }
 
 #[cfg(test)]
@@ -292,7 +331,10 @@ mod tests {
     type Hit = Option<(f64, [f64; 3])>;
 
     fn model() -> RangeModel {
-        RangeModel { sd_m: 0.0, ..RangeModel::default() }
+        RangeModel {
+            sd_m: 0.0,
+            ..RangeModel::default()
+        }
     }
 
     fn nothing(_: [f64; 3], _: [f64; 3], _: f64) -> Hit {
@@ -306,7 +348,8 @@ mod tests {
             let speed = normal.x_m * along[0] + normal.y_m * along[1];
             let gap_m = normal.x_m * (ahead_m - from[0]) - normal.y_m * from[1];
             let distance_m = gap_m / speed;
-            (distance_m > 0.0 && distance_m <= max_m).then_some((distance_m, [-normal.x_m, -normal.y_m, 0.0]))
+            (distance_m > 0.0 && distance_m <= max_m)
+                .then_some((distance_m, [-normal.x_m, -normal.y_m, 0.0]))
         }
     }
 
@@ -316,7 +359,12 @@ mod tests {
     }
 
     fn disc(x_m: f64, y_m: f64) -> Disc {
-        Disc { centre: Point::new(x_m, y_m), radius_m: 0.3, low_m: 0.0, high_m: 1.8 }
+        Disc {
+            centre: Point::new(x_m, y_m),
+            radius_m: 0.3,
+            low_m: 0.0,
+            high_m: 1.8,
+        }
     }
 
     #[test]
@@ -336,7 +384,10 @@ mod tests {
 
     #[test]
     fn without_an_echo_the_sensor_waits_for_its_farthest_one() {
-        let far = RangeSensor::new(RangeModel { max_m: 8.0, ..model() });
+        let far = RangeSensor::new(RangeModel {
+            max_m: 8.0,
+            ..model()
+        });
         let seconds_s = |range_m| far.takes(range_m).as_secs_f64();
         assert!((seconds_s(None) - 16.0 / 343.0).abs() < 1e-6);
         assert!((seconds_s(Some(3.43)) - 0.02).abs() < 1e-6);
@@ -363,16 +414,29 @@ mod tests {
 
     #[test]
     fn readings_scatter_by_their_deviation_and_stay_in_range() {
-        let sensor = RangeSensor::new(RangeModel { sd_m: 0.05, ..model() });
+        let sensor = RangeSensor::new(RangeModel {
+            sd_m: 0.05,
+            ..model()
+        });
         let (noise, wall_ahead) = (Noise::new(1), wall(2.0, 0.0));
-        let around = Surroundings { cast: &wall_ahead, discs: &[] };
+        let around = Surroundings {
+            cast: &wall_ahead,
+            discs: &[],
+        };
         let readings: Vec<f64> = (0..10_000)
             .filter_map(|id| sensor.echo([0.0; 3], Angle::default(), around, &noise, &[id]))
             .collect();
         let mean = readings.iter().sum::<f64>() / 10_000.0;
-        let square = readings.iter().map(|reading| (reading - 2.0).powi(2)).sum::<f64>() / 10_000.0;
+        let square = readings
+            .iter()
+            .map(|reading| (reading - 2.0).powi(2))
+            .sum::<f64>()
+            / 10_000.0;
         assert!((mean - 2.0).abs() < 0.002 && (square.sqrt() - 0.05).abs() < 0.002);
-        let close = Surroundings { cast: &wall(0.021, 0.0), discs: &[] };
+        let close = Surroundings {
+            cast: &wall(0.021, 0.0),
+            discs: &[],
+        };
         for id in 0..100 {
             let near = sensor.echo([0.0; 3], Angle::default(), close, &noise, &[id]);
             assert!(near.is_some_and(|reading| reading >= 0.02));
@@ -393,13 +457,24 @@ mod tests {
 
     fn leaning(roll_deg: f64, pitch_deg: f64, height_m: f64, beam_deg: f64) -> Eye {
         let [roll, pitch] = [roll_deg, pitch_deg].map(Angle::from_degrees);
-        let attitude = Attitude { roll, pitch, yaw: Angle::ZERO };
-        Eye { origin: [0.0, 0.0, height_m], attitude, beam: Angle::from_degrees(beam_deg) }
+        let attitude = Attitude {
+            roll,
+            pitch,
+            yaw: Angle::ZERO,
+        };
+        Eye {
+            origin: [0.0, 0.0, height_m],
+            attitude,
+            beam: Angle::from_degrees(beam_deg),
+        }
     }
 
     #[test]
     fn an_ideal_beam_reads_along_its_axis_only() {
-        let ideal = RangeModel { lobe: Lobe::Beam, ..model() };
+        let ideal = RangeModel {
+            lobe: Lobe::Beam,
+            ..model()
+        };
         let expected = 2.0 * 30f64.to_radians().cos() / 30f64.to_radians().cos();
         assert!((read(ideal, &wall(2.0, 30.0), &[]).unwrap() - expected).abs() < 1e-9);
         assert_eq!(read(ideal, &nothing, &[disc(2.0, 0.31)]), None);
@@ -409,8 +484,15 @@ mod tests {
 
     #[test]
     fn a_cone_hears_the_ground_that_a_fan_does_not() {
-        let cone = RangeModel { lobe: Lobe::Cone, incidence_max_rad: 85f64.to_radians(), ..model() };
-        let fan = RangeModel { lobe: Lobe::Fan, ..cone };
+        let cone = RangeModel {
+            lobe: Lobe::Cone,
+            incidence_max_rad: 85f64.to_radians(),
+            ..model()
+        };
+        let fan = RangeModel {
+            lobe: Lobe::Fan,
+            ..cone
+        };
         let level = leaning(0.0, 0.0, 0.3, 0.0);
         let ground = read_at(cone, level, &plate(0.0), &[]).unwrap();
         // The lowest ray of the cone falls by 7.5°; on a ring of 18 none points straight down, the lowest 10° beside it.
@@ -421,23 +503,42 @@ mod tests {
 
     #[test]
     fn in_the_plane_a_cone_hears_what_a_fan_hears() {
-        let cone = RangeModel { lobe: Lobe::Cone, ..model() };
+        let cone = RangeModel {
+            lobe: Lobe::Cone,
+            ..model()
+        };
         for turn_deg in [-40.0, -10.0, 0.0, 25.0, 50.0] {
-            let (a, b) = (read(cone, &wall(2.0, turn_deg), &[]), read(model(), &wall(2.0, turn_deg), &[]));
-            assert!((a.unwrap() - b.unwrap()).abs() < 1e-9, "{turn_deg}°: {a:?} {b:?}");
+            let (a, b) = (
+                read(cone, &wall(2.0, turn_deg), &[]),
+                read(model(), &wall(2.0, turn_deg), &[]),
+            );
+            assert!(
+                (a.unwrap() - b.unwrap()).abs() < 1e-9,
+                "{turn_deg}°: {a:?} {b:?}"
+            );
         }
     }
 
     #[test]
     fn a_sensor_that_leans_reads_along_its_own_plane() {
-        let ideal = RangeModel { lobe: Lobe::Beam, ..model() };
+        let ideal = RangeModel {
+            lobe: Lobe::Beam,
+            ..model()
+        };
         // Nose down by 30° at 1 m: the ground is 2 m away; a wall at 1 m is hit first, 1 m / cos 30° away.
         let down = leaning(0.0, -30.0, 1.0, 0.0);
-        let steep = RangeModel { incidence_max_rad: 61f64.to_radians(), ..ideal };
+        let steep = RangeModel {
+            incidence_max_rad: 61f64.to_radians(),
+            ..ideal
+        };
         assert!((read_at(steep, down, &plate(0.0), &[]).unwrap() - 2.0).abs() < 1e-9);
         let expected = 1.0 / 30f64.to_radians().cos();
         assert!((read_at(ideal, down, &wall(1.0, 0.0), &[]).unwrap() - expected).abs() < 1e-9);
-        assert_eq!(read_at(ideal, down, &plate(0.0), &[]), None, "60° off the normal");
+        assert_eq!(
+            read_at(ideal, down, &plate(0.0), &[]),
+            None,
+            "60° off the normal"
+        );
         // Rolled to the right: what looks right sees the ground, what looks left does not.
         let rolled = |beam_deg| read_at(steep, leaning(30.0, 0.0, 1.0, beam_deg), &plate(0.0), &[]);
         assert!((rolled(-90.0).unwrap() - 2.0).abs() < 1e-9);
@@ -446,27 +547,51 @@ mod tests {
 
     #[test]
     fn who_flies_over_a_rover_sees_it_only_when_it_leans_down() {
-        let ideal = RangeModel { lobe: Lobe::Beam, ..model() };
-        let rover = [Disc { centre: Point::new(2.0, 0.0), radius_m: 0.3, low_m: 0.0, high_m: 0.3 }];
-        assert_eq!(read_at(ideal, leaning(0.0, 0.0, 1.3, 0.0), &nothing, &rover), None);
+        let ideal = RangeModel {
+            lobe: Lobe::Beam,
+            ..model()
+        };
+        let rover = [Disc {
+            centre: Point::new(2.0, 0.0),
+            radius_m: 0.3,
+            low_m: 0.0,
+            high_m: 0.3,
+        }];
+        assert_eq!(
+            read_at(ideal, leaning(0.0, 0.0, 1.3, 0.0), &nothing, &rover),
+            None
+        );
         // Falling by 27° from 1.3 m it meets the top, 1 m lower, after 1 m / sin 27°.
         let met_m = read_at(ideal, leaning(0.0, -27.0, 1.3, 0.0), &nothing, &rover).unwrap();
         assert!((met_m - 1.0 / 27f64.to_radians().sin()).abs() < 1e-9);
         // Falling by 40° it passes short of it; from lower down it hits the side.
-        assert_eq!(read_at(ideal, leaning(0.0, -40.0, 1.3, 0.0), &nothing, &rover), None);
+        assert_eq!(
+            read_at(ideal, leaning(0.0, -40.0, 1.3, 0.0), &nothing, &rover),
+            None
+        );
         let side_m = read_at(ideal, leaning(0.0, -5.0, 0.29, 0.0), &nothing, &rover).unwrap();
         assert!((side_m - 1.7 / 5f64.to_radians().cos()).abs() < 1e-9);
     }
 
     #[test]
     fn glitches_come_as_often_as_they_should_and_anywhere_in_range() {
-        let sensor = RangeSensor::new(RangeModel { glitch_share: 0.1, ..model() });
-        let around = Surroundings { cast: &nothing, discs: &[] };
+        let sensor = RangeSensor::new(RangeModel {
+            glitch_share: 0.1,
+            ..model()
+        });
+        let around = Surroundings {
+            cast: &nothing,
+            discs: &[],
+        };
         let noise = Noise::new(4);
         let read = |id| sensor.echo([0.0; 3], Angle::default(), around, &noise, &[id]);
         let glitches: Vec<f64> = (0..20_000).filter_map(read).collect();
         assert!((1800..2200).contains(&glitches.len()), "{}", glitches.len());
-        assert!(glitches.iter().all(|range_m| (0.02..=4.0).contains(range_m)));
+        assert!(
+            glitches
+                .iter()
+                .all(|range_m| (0.02..=4.0).contains(range_m))
+        );
         assert!((glitches.iter().sum::<f64>() / glitches.len() as f64 - 2.01).abs() < 0.1);
     }
 

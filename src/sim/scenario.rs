@@ -135,7 +135,9 @@ impl Scenario {
     /// # Errors
     /// The scene cannot be built.
     pub fn outlines(&self) -> Result<Vec<Outline>, ScenarioError> {
-        Ok(self.scene(&[])?.outlines(self.sim.vehicles.body.antenna_height_m))
+        Ok(self
+            .scene(&[])?
+            .outlines(self.sim.vehicles.body.antenna_height_m))
     }
 
     /// Returns what stands in the scene, without the persons.
@@ -169,38 +171,67 @@ impl Scenario {
         let scene = self.scene(persons)?;
         let height_m = self.sim.vehicles.body.antenna_height_m;
         let radio = &self.sim.radio;
-        let attenuation = Attenuation::new(&scene, height_m, radio.wavelength_m(), radio.object_limit_db);
+        let attenuation = Attenuation::new(
+            &scene,
+            height_m,
+            radio.wavelength_m(),
+            radio.object_limit_db,
+        );
         Ok(Stage { scene, attenuation })
     }
 
     fn place_persons(&self, structure: &Scene) -> Result<Vec<Person>, ScenarioError> {
         let file = &self.sim.scene;
         let mut persons: Vec<Person> = file.persons.iter().map(staging::person).collect();
-        let Some(rules) = &file.random_persons else { return Ok(persons) };
+        let Some(rules) = &file.random_persons else {
+            return Ok(persons);
+        };
         let room = self.sim.venue.area.shrunk(rules.keep_from_border_m);
         for number in 1..=rules.count {
-            let place =
-                (0..PLACING_TRIES).map(|attempt| self.draw_place(room, number, attempt)).find(|place| {
+            let place = (0..PLACING_TRIES)
+                .map(|attempt| self.draw_place(room, number, attempt))
+                .find(|place| {
                     let clear_m = structure.clearance_m(*place, GROUND_CLEARANCE_M, rules.height_m);
                     clear_m >= rules.keep_from_objects_m
-                        && persons.iter().all(|other| other.at.distance_to(*place) >= rules.apart_m)
+                        && persons
+                            .iter()
+                            .all(|other| other.at.distance_to(*place) >= rules.apart_m)
                 });
-            let Some(at) = place else { return Err(ScenarioError::NoRoom { number, count: rules.count }) };
+            let Some(at) = place else {
+                return Err(ScenarioError::NoRoom {
+                    number,
+                    count: rules.count,
+                });
+            };
             let (radius_m, height_m, db_per_m) = (rules.radius_m, rules.height_m, rules.db_per_m);
-            persons.push(Person { name: format!("person {number}"), at, radius_m, height_m, db_per_m });
+            persons.push(Person {
+                name: format!("person {number}"),
+                at,
+                radius_m,
+                height_m,
+                db_per_m,
+            });
         }
         Ok(persons)
     }
 
     fn draw_place(&self, room: crate::geom::Rect, number: usize, attempt: u64) -> Point {
-        let draw = |axis: u64| self.noise.uniform(Purpose::Placement, &[number as u64, attempt, axis]);
-        Point::new(room.min.x_m + draw(0) * room.width_m(), room.min.y_m + draw(1) * room.height_m())
+        let draw = |axis: u64| {
+            self.noise
+                .uniform(Purpose::Placement, &[number as u64, attempt, axis])
+        };
+        Point::new(
+            room.min.x_m + draw(0) * room.width_m(),
+            room.min.y_m + draw(1) * room.height_m(),
+        )
     }
 
     fn check_starts(&self, structure: &Scene) -> Result<(), ScenarioError> {
         let vehicles = &self.sim.vehicles;
         for vehicle in self.sim.vehicle_ids() {
-            let Some(home) = self.sim.home(vehicle) else { continue };
+            let Some(home) = self.sim.home(vehicle) else {
+                continue;
+            };
             let low_m = match vehicles.flight.craft {
                 Craft::Rover => 0.0,
                 Craft::Copter => vehicles.flight.altitude_m,
@@ -209,7 +240,11 @@ impl Scenario {
             let clearance_m = structure.clearance_m(home, low_m, high_m);
             if clearance_m <= vehicles.body.radius_m {
                 let radius_m = vehicles.body.radius_m;
-                return Err(ScenarioError::StartsInside { vehicle, clearance_m, radius_m });
+                return Err(ScenarioError::StartsInside {
+                    vehicle,
+                    clearance_m,
+                    radius_m,
+                });
             }
         }
         Ok(())
@@ -242,8 +277,10 @@ impl Scenario {
     }
 
     fn operator(&self) -> SimulatedOperator {
-        let (id, holder) =
-            (operator_script::SCENARIO_OPERATOR, self.noise.hash(Purpose::Start, &[u64::MAX - 2]));
+        let (id, holder) = (
+            operator_script::SCENARIO_OPERATOR,
+            self.noise.hash(Purpose::Start, &[u64::MAX - 2]),
+        );
         let settings = operator_script::settings(&self.sim, id, holder);
         SimulatedOperator::new(id, settings, self.operator_steps())
     }
@@ -282,7 +319,10 @@ impl Scenario {
     fn greetings(&self) -> Vec<Hello> {
         let vehicles = self.sim.vehicle_ids().map(|id| {
             let capabilities = Drivers::SIMULATED.capabilities();
-            Hello { capabilities, ..self.greeting(Sender::Vehicle(id)) }
+            Hello {
+                capabilities,
+                ..self.greeting(Sender::Vehicle(id))
+            }
         });
         vehicles.chain([self.greeting(Sender::Ground)]).collect()
     }
@@ -308,8 +348,11 @@ impl Scenario {
     fn world(&self) -> Result<(World, Option<Stage>), ScenarioError> {
         let (sim, noise) = (&self.sim, self.noise);
         let populated = self.stage(&self.persons)?;
-        let (first, second) =
-            if sim.empty_sweep { (self.stage(&[])?, Some(populated)) } else { (populated, None) };
+        let (first, second) = if sim.empty_sweep {
+            (self.stage(&[])?, Some(populated))
+        } else {
+            (populated, None)
+        };
         let mut world = World::new(
             first,
             self.build(),
@@ -322,9 +365,13 @@ impl Scenario {
         .with_flying(self.flying())
         .with_outages(faults(sim).outages(), sim.vehicles.gps_growth_mps);
         for vehicle in sim.vehicle_ids() {
-            let Some(home) = sim.home(vehicle) else { continue };
+            let Some(home) = sim.home(vehicle) else {
+                continue;
+            };
             let heading = home.angle_to(sim.venue.area.centre());
-            world.place(vehicle, home, heading).map_err(|reason| ScenarioError::Body { vehicle, reason })?;
+            world
+                .place(vehicle, home, heading)
+                .map_err(|reason| ScenarioError::Body { vehicle, reason })?;
         }
         Ok((world, second))
     }
@@ -336,7 +383,12 @@ impl Scenario {
             Craft::Copter => Kind::Copter,
         };
         let (altitude_m, climb_mps) = (flight.altitude_m, flight.climb_mps);
-        Flying { kind, altitude_m, climb_mps, wind: flight.wind(self.sim.venue.x_axis_bearing()) }
+        Flying {
+            kind,
+            altitude_m,
+            climb_mps,
+            wind: flight.wind(self.sim.venue.x_axis_bearing()),
+        }
     }
 
     fn build(&self) -> Build {
@@ -395,8 +447,16 @@ impl Scenario {
 
     fn ground(&self) -> Result<GroundParts, ScenarioError> {
         let draw = |id: u64| self.noise.hash(Purpose::Start, &[id]);
-        let lease = Lease { number: 1, holder: draw(u64::MAX) };
-        Ok(from_config::simulated_ground(&self.sim, self.ring.clone(), lease, draw(u64::MAX - 1))?)
+        let lease = Lease {
+            number: 1,
+            holder: draw(u64::MAX),
+        };
+        Ok(from_config::simulated_ground(
+            &self.sim,
+            self.ring.clone(),
+            lease,
+            draw(u64::MAX - 1),
+        )?)
     }
 
     /// Returns how an image is made of a subject.
@@ -414,12 +474,10 @@ impl Scenario {
         let alive = record.alive;
         match self.sim.expect {
             Expect::Finished => (!judge.is_done()).then(|| self.unended(judge)),
-            Expect::Home => {
-                (record.home < alive).then(|| format!("only {} of {alive} vehicles are home", record.home))
-            }
-            Expect::Held => {
-                (record.held < alive).then(|| format!("only {} of {alive} vehicles are held", record.held))
-            }
+            Expect::Home => (record.home < alive)
+                .then(|| format!("only {} of {alive} vehicles are home", record.home)),
+            Expect::Held => (record.held < alive)
+                .then(|| format!("only {} of {alive} vehicles are held", record.held)),
         }
     }
 
@@ -429,11 +487,15 @@ impl Scenario {
         }
         let under_way = judge.missions().iter().filter(|(_, end)| end.is_none());
         let ids: Vec<String> = under_way.map(|(id, _)| id.to_string()).collect();
-        format!("the missions of vehicles {} did not end in time", ids.join(", "))
+        format!(
+            "the missions of vehicles {} did not end in time",
+            ids.join(", ")
+        )
     }
 
     pub(super) fn outcome(&self, kernel: Kernel) -> Result<Outcome, ScenarioError> {
-        let (mut record, judge, environment, ground, bus, simulated, separation_m) = kernel.into_parts();
+        let (mut record, judge, environment, ground, bus, simulated, separation_m) =
+            kernel.into_parts();
         let station = ground.station();
         let outlines = self.outlines()?;
         let unmet = self.unmet(&record, &judge);
@@ -511,11 +573,18 @@ mod tests {
             "kind = \"sim\"\nvenue = \"courtyard.venue.toml\"\nscene = \"../scenes/courtyard.scene.toml\"\n\
              [radio]\np0_dbm = -40\nrician_k = 1e6\npower_dbm = {power_dbm}\n"
         );
-        let sim = config::read_sim("configs/a.toml", &text, None, &mut |path| bundled::load(path)).unwrap();
+        let sim = config::read_sim("configs/a.toml", &text, None, &mut |path| {
+            bundled::load(path)
+        })
+        .unwrap();
         let field = RadioField::new(Noise::new(1), radio_constants(&sim.radio));
         let (channel, power_dbm) = (sim.venue.swarm.channel(), sim.radio.own.power_dbm);
-        let packet =
-            Transmission { from: Point::new(0.0, 0.0), to: Point::new(1.0, 0.0), channel, power_dbm };
+        let packet = Transmission {
+            from: Point::new(0.0, 0.0),
+            to: Point::new(1.0, 0.0),
+            channel,
+            power_dbm,
+        };
         field.mean_dbm(&packet, 0.0)
     }
 

@@ -33,13 +33,20 @@ impl Seen {
     pub fn find(scenario: &Scenario) -> Result<Seen, ScenarioError> {
         let (sim, scene) = (scenario.sim(), scenario.structure()?);
         let (room, sight) = (room(sim), sight(sim));
-        let homes: Vec<_> = sim.vehicle_ids().filter_map(|vehicle| sim.home(vehicle)).collect();
+        let homes: Vec<_> = sim
+            .vehicle_ids()
+            .filter_map(|vehicle| sim.home(vehicle))
+            .collect();
         let lattice = Lattice::new(sim.venue.cell_m);
         let visible = Visible::find(&scene, lattice, (&sim.venue.fence, &homes), &room, &sight);
         Ok(Seen {
             scene,
             sight,
-            body: (sim.vehicles.body.radius_m, LOW_M, sim.vehicles.body.height_m),
+            body: (
+                sim.vehicles.body.radius_m,
+                LOW_M,
+                sim.vehicles.body.height_m,
+            ),
             visible,
         })
     }
@@ -52,7 +59,11 @@ impl Seen {
 
 fn room(sim: &Sim) -> Room {
     let keep_m = sim.vehicles.body.radius_m + sim.safety.padding_m + 2.0 * sim.vehicles.pose_sd_m;
-    Room { keep_m, low_m: LOW_M, high_m: sim.vehicles.body.height_m }
+    Room {
+        keep_m,
+        low_m: LOW_M,
+        high_m: sim.vehicles.body.height_m,
+    }
 }
 
 fn sight(sim: &Sim) -> Sight {

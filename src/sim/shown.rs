@@ -45,7 +45,10 @@ pub(super) struct Shows {
 impl Shows {
     pub fn every(every: Duration) -> Shows {
         let every = every.max(Duration::from_millis(1));
-        Shows { every, next: Time::ZERO + every }
+        Shows {
+            every,
+            next: Time::ZERO + every,
+        }
     }
 
     /// Returns whether it is time, and then waits for the next one.
@@ -67,8 +70,12 @@ mod tests {
     fn it_shows_itself_once_a_step_and_skips_what_was_missed() {
         let at = Time::from_secs_f64;
         let mut shows = Shows::every(Duration::from_secs(2));
-        let due: Vec<bool> =
-            [1.9, 2.0, 2.1, 3.9, 4.5, 5.9, 9.0, 9.9, 10.0].map(|now_s| shows.is_due(at(now_s))).to_vec();
-        assert_eq!(due, [false, true, false, false, true, false, true, false, true]);
+        let due: Vec<bool> = [1.9, 2.0, 2.1, 3.9, 4.5, 5.9, 9.0, 9.9, 10.0]
+            .map(|now_s| shows.is_due(at(now_s)))
+            .to_vec();
+        assert_eq!(
+            due,
+            [false, true, false, false, true, false, true, false, true]
+        );
     }
 }

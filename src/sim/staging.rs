@@ -10,8 +10,16 @@ use crate::scene::{Footprint, Material, Person, Post, Scene, SceneError, ScenePa
 /// # Errors
 /// A material for a name that no shape has, an impossible figure, a place out of the world, or a scene that lies
 /// under the ground as a whole.
-pub fn build(file: &SceneFile, shapes: &[VrmlShape], persons: &[Person]) -> Result<Scene, SceneError> {
-    let materials = file.materials.iter().map(|(name, found)| (name.clone(), material(found))).collect();
+pub fn build(
+    file: &SceneFile,
+    shapes: &[VrmlShape],
+    persons: &[Person],
+) -> Result<Scene, SceneError> {
+    let materials = file
+        .materials
+        .iter()
+        .map(|(name, found)| (name.clone(), material(found)))
+        .collect();
     let posts: Vec<Post> = file.objects.iter().map(post).collect();
     let scene = Scene::build(&SceneParts {
         shapes,
@@ -29,20 +37,36 @@ pub fn build(file: &SceneFile, shapes: &[VrmlShape], persons: &[Person]) -> Resu
 
 /// Returns a person of a scene file.
 pub fn person(person: &config::Person) -> Person {
-    let config::Person { name, at, radius_m, height_m, db_per_m } = person.clone();
-    Person { name, at, radius_m, height_m, db_per_m }
+    let config::Person {
+        name,
+        at,
+        radius_m,
+        height_m,
+        db_per_m,
+    } = person.clone();
+    Person {
+        name,
+        at,
+        radius_m,
+        height_m,
+        db_per_m,
+    }
 }
 
 fn material(material: &config::Material) -> Material {
-    Material { db_per_m: material.db_per_m, db_per_crossing: material.db_per_crossing }
+    Material {
+        db_per_m: material.db_per_m,
+        db_per_crossing: material.db_per_crossing,
+    }
 }
 
 fn post(object: &config::Object) -> Post {
     let footprint = match &object.outline {
         config::Outline::Polygon(polygon) => Footprint::Corners(polygon.clone()),
-        config::Outline::Circle { centre, radius_m } => {
-            Footprint::Round { centre: *centre, radius_m: *radius_m }
-        }
+        config::Outline::Circle { centre, radius_m } => Footprint::Round {
+            centre: *centre,
+            radius_m: *radius_m,
+        },
     };
     Post {
         name: object.name.clone(),

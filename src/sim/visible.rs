@@ -86,12 +86,20 @@ impl Surface {
             .filter_map(|outline| Some((bounds(outline.polygon.corners())?, outline)))
             .collect();
         let is_solid = |point: Point| {
-            solids.iter().any(|(bounds, outline)| bounds.contains(point) && outline.contains(point))
+            solids
+                .iter()
+                .any(|(bounds, outline)| bounds.contains(point) && outline.contains(point))
         };
-        let mut surface = Surface { cells: BTreeMap::new() };
+        let mut surface = Surface {
+            cells: BTreeMap::new(),
+        };
         for outline in &outlines {
             let is_sheet = outline.polygon.corners().len() < 3;
-            for edge in outline.polygon.edges().chain(outline.holes.iter().flat_map(Polygon::edges)) {
+            for edge in outline
+                .polygon
+                .edges()
+                .chain(outline.holes.iter().flat_map(Polygon::edges))
+            {
                 surface.add(edge, is_sheet, lattice, &is_solid);
             }
         }
@@ -99,7 +107,13 @@ impl Surface {
     }
 
     /// Adds the points of an edge; the solid lies to its left. (A sheet has two edges, there and back.)
-    fn add(&mut self, edge: Segment, is_sheet: bool, lattice: Lattice, is_solid: &dyn Fn(Point) -> bool) {
+    fn add(
+        &mut self,
+        edge: Segment,
+        is_sheet: bool,
+        lattice: Lattice,
+        is_solid: &dyn Fn(Point) -> bool,
+    ) {
         let length_m = edge.length_m();
         if length_m <= 0.0 {
             return;
@@ -107,13 +121,21 @@ impl Surface {
         let count = libm::ceil(length_m / lattice.cell_m() * POINTS_A_CELL) as usize;
         let inward = edge.vector().left() * (1.0 / length_m);
         for index in 0..count {
-            let at = edge.from.toward(edge.to, (index as f64 + 0.5) / count as f64);
+            let at = edge
+                .from
+                .toward(edge.to, (index as f64 + 0.5) / count as f64);
             if is_solid(at + inward * -SKIN_M) {
                 continue;
             }
             let inside = if is_sheet { at } else { at + inward * SKIN_M };
-            let point = Point2 { at, outward: inward * -1.0 };
-            self.cells.entry(lattice.cell_at(inside)).or_default().push(point);
+            let point = Point2 {
+                at,
+                outward: inward * -1.0,
+            };
+            self.cells
+                .entry(lattice.cell_at(inside))
+                .or_default()
+                .push(point);
         }
     }
 
@@ -151,10 +173,14 @@ impl Surface {
 
 fn bounds(corners: &[Point]) -> Option<Rect> {
     let first = *corners.first()?;
-    Some(corners.iter().fold(Rect::new(first, first), |rect, corner| Rect {
-        min: Point::new(rect.min.x_m.min(corner.x_m), rect.min.y_m.min(corner.y_m)),
-        max: Point::new(rect.max.x_m.max(corner.x_m), rect.max.y_m.max(corner.y_m)),
-    }))
+    Some(
+        corners
+            .iter()
+            .fold(Rect::new(first, first), |rect, corner| Rect {
+                min: Point::new(rect.min.x_m.min(corner.x_m), rect.min.y_m.min(corner.y_m)),
+                max: Point::new(rect.max.x_m.max(corner.x_m), rect.max.y_m.max(corner.y_m)),
+            }),
+    )
 }
 
 /// Places on a lattice of [`PITCH_M`], sorted into squares.
@@ -171,9 +197,10 @@ impl Places {
         for track in tracks {
             steps.extend(track.first().and_then(|at| step_at(*at)));
             for pair in track.windows(2) {
-                let pieces = libm::ceil(pair[0].distance_to(pair[1]) / PITCH_M).clamp(1.0, MOST_STEPS);
-                let between =
-                    (1..=pieces as usize).map(|piece| pair[0].toward(pair[1], piece as f64 / pieces));
+                let pieces =
+                    libm::ceil(pair[0].distance_to(pair[1]) / PITCH_M).clamp(1.0, MOST_STEPS);
+                let between = (1..=pieces as usize)
+                    .map(|piece| pair[0].toward(pair[1], piece as f64 / pieces));
                 steps.extend(between.filter_map(step_at));
             }
         }
@@ -183,11 +210,17 @@ impl Places {
     /// Finds every place that a vehicle can get to from its home without coming too near to anything. The home
     /// itself always counts.
     pub fn reachable(scene: &Scene, fence: &Polygon, homes: &[Point], room: &Room) -> Places {
-        let mut flood = Flood { scene, fence, room: *room, known: BTreeMap::new() };
+        let mut flood = Flood {
+            scene,
+            fence,
+            room: *room,
+            known: BTreeMap::new(),
+        };
         let mut open: Vec<Cell> = Vec::new();
         let mut reached = BTreeSet::new();
         for step in homes.iter().filter_map(|home| step_at(*home)) {
-            let around = (-1..=1).flat_map(|y| (-1..=1).map(move |x| Cell::new(step.x + x, step.y + y)));
+            let around =
+                (-1..=1).flat_map(|y| (-1..=1).map(move |x| Cell::new(step.x + x, step.y + y)));
             open.extend(around.filter(|step| flood.is_free(*step) && reached.insert(*step)));
         }
         while let Some(step) = open.pop() {
@@ -198,14 +231,23 @@ impl Places {
                 }
             }
         }
-        Places::at(reached.into_iter().map(place_of).chain(homes.iter().copied()))
+        Places::at(
+            reached
+                .into_iter()
+                .map(place_of)
+                .chain(homes.iter().copied()),
+        )
     }
 
     fn at(places: impl Iterator<Item = Point>) -> Places {
         let squares = Lattice::new(BUCKET_M);
         let mut sorted = Places::default();
         for place in places {
-            sorted.buckets.entry(squares.cell_at(place)).or_default().push(place);
+            sorted
+                .buckets
+                .entry(squares.cell_at(place))
+                .or_default()
+                .push(place);
             sorted.count += 1;
         }
         sorted
@@ -225,9 +267,14 @@ impl Places {
     fn near(&self, centre: Point, radius_m: f64) -> impl Iterator<Item = Point> + '_ {
         let squares = Lattice::new(BUCKET_M);
         let reach = Vector::new(radius_m, radius_m);
-        let (low, high) = (squares.cell_at(centre + reach * -1.0), squares.cell_at(centre + reach));
-        let columns = (low.x..=high.x)
-            .flat_map(move |x| self.buckets.range(Cell::new(x, low.y)..=Cell::new(x, high.y)));
+        let (low, high) = (
+            squares.cell_at(centre + reach * -1.0),
+            squares.cell_at(centre + reach),
+        );
+        let columns = (low.x..=high.x).flat_map(move |x| {
+            self.buckets
+                .range(Cell::new(x, low.y)..=Cell::new(x, high.y))
+        });
         columns.flat_map(|(_, places)| places.iter().copied())
     }
 }
@@ -273,9 +320,17 @@ impl Flood<'_> {
 
     /// Returns by how much a place keeps more than its distance; negative where it does not.
     fn slack_m(&self, at: Point) -> f64 {
-        let Room { keep_m, low_m, high_m } = self.room;
+        let Room {
+            keep_m,
+            low_m,
+            high_m,
+        } = self.room;
         let to_edge_m = self.fence.distance_to_edge(at);
-        let inside_m = if self.fence.contains(at) { to_edge_m } else { -to_edge_m };
+        let inside_m = if self.fence.contains(at) {
+            to_edge_m
+        } else {
+            -to_edge_m
+        };
         if inside_m <= keep_m {
             return inside_m - keep_m;
         }
@@ -300,18 +355,29 @@ impl<'a> Eye<'a> {
             let (sin, cos) = libm::sincos(apart_rad * f64::from(index));
             (index, Vector::new(cos, sin))
         };
-        let beside = (-steps..=steps).filter(|index| *index != 0).map(turned).collect();
-        Eye { scene, sight, facing: libm::cos(sight.incidence_max_rad), beside }
+        let beside = (-steps..=steps)
+            .filter(|index| *index != 0)
+            .map(turned)
+            .collect();
+        Eye {
+            scene,
+            sight,
+            facing: libm::cos(sight.incidence_max_rad),
+            beside,
+        }
     }
 
     fn sees_from_any(&self, point: &Point2, places: &Places) -> bool {
-        places.near(point.at, self.sight.max_m).any(|place| self.sees(place, point))
+        places
+            .near(point.at, self.sight.max_m)
+            .any(|place| self.sees(place, point))
     }
 
     fn sees(&self, place: Point, point: &Point2) -> bool {
         let away = point.at - place;
         let distance_m = away.length_m();
-        if distance_m > self.sight.max_m || distance_m < self.sight.min_m || distance_m <= AT_ONCE_M {
+        if distance_m > self.sight.max_m || distance_m < self.sight.min_m || distance_m <= AT_ONCE_M
+        {
             return false;
         }
         let along = away * (1.0 / distance_m);
@@ -336,7 +402,10 @@ impl<'a> Eye<'a> {
         // A cone from index `first` to `first + steps` holds index 0.
         let quiet = |first: i32| {
             let of_cone = |index: &i32| (first..=first + steps).contains(index);
-            self.beside.iter().filter(|(index, _)| of_cone(index)).all(|(_, beside)| !answers(*beside))
+            self.beside
+                .iter()
+                .filter(|(index, _)| of_cone(index))
+                .all(|(_, beside)| !answers(*beside))
         };
         (-steps..=0).rev().any(quiet)
     }
@@ -376,7 +445,11 @@ impl Visible {
         let places = Places::reachable(scene, fence, homes, room);
         let all = surface.cells().collect();
         let cells = surface.seen_from(scene, sight, &places, &all);
-        Visible { surface, cells, places: places.len() }
+        Visible {
+            surface,
+            cells,
+            places: places.len(),
+        }
     }
 
     /// Returns the visible cells that were in range, unobstructed, along tracks that were driven.
@@ -386,16 +459,20 @@ impl Visible {
         sight: &Sight,
         tracks: impl Iterator<Item = &'a [Point]>,
     ) -> BTreeSet<Cell> {
-        self.surface.seen_from(scene, sight, &Places::along(tracks), &self.cells)
+        self.surface
+            .seen_from(scene, sight, &Places::along(tracks), &self.cells)
     }
 }
 
 /// Returns how many of some cells a map has detected: occupied there, or in a cell beside or diagonal to it.
 pub fn detected(map: &Merged, slice: i16, cells: &BTreeSet<Cell>) -> usize {
-    let Some(extent) = map.extent(slice) else { return 0 };
+    let Some(extent) = map.extent(slice) else {
+        return 0;
+    };
     let view = map.view(slice, extent);
     let is_near = |cell: &&Cell| {
-        let around = (-1..=1).flat_map(|y| (-1..=1).map(move |x| Cell::new(cell.x + x, cell.y + y)));
+        let around =
+            (-1..=1).flat_map(|y| (-1..=1).map(move |x| Cell::new(cell.x + x, cell.y + y)));
         around.into_iter().any(|cell| is_occupied(&view, cell))
     };
     cells.iter().filter(is_near).count()
@@ -403,9 +480,15 @@ pub fn detected(map: &Merged, slice: i16, cells: &BTreeSet<Cell>) -> usize {
 
 /// Returns how many cells of a map are occupied.
 pub fn occupied(map: &Merged, slice: i16) -> usize {
-    let Some(CellRect { low, high }) = map.extent(slice) else { return 0 };
+    let Some(CellRect { low, high }) = map.extent(slice) else {
+        return 0;
+    };
     let view = map.view(slice, CellRect { low, high });
-    let row = |y: i32| (low.x..=high.x).filter(|x| is_occupied(&view, Cell::new(*x, y))).count();
+    let row = |y: i32| {
+        (low.x..=high.x)
+            .filter(|x| is_occupied(&view, Cell::new(*x, y)))
+            .count()
+    };
     (low.y..=high.y).map(row).sum()
 }
 

@@ -70,7 +70,12 @@ pub struct Flying {
 impl Default for Flying {
     /// Rovers.
     fn default() -> Flying {
-        Flying { kind: Kind::Rover, altitude_m: 0.0, climb_mps: 1.0, wind: Vector::default() }
+        Flying {
+            kind: Kind::Rover,
+            altitude_m: 0.0,
+            climb_mps: 1.0,
+            wind: Vector::default(),
+        }
     }
 }
 
@@ -90,7 +95,9 @@ pub struct Collision {
 impl Collision {
     /// Returns who touched what, when and where.
     pub fn in_words(&self) -> String {
-        let with = self.with.map_or("the scene".to_owned(), |peer| format!("vehicle {peer}"));
+        let with = self
+            .with
+            .map_or("the scene".to_owned(), |peer| format!("vehicle {peer}"));
         let (after_s, at) = (self.at.as_secs_f64(), self.place);
         format!(
             "vehicle {} touched {with} after {after_s:.0} s at {:.2}, {:.2} m",
@@ -203,7 +210,11 @@ impl World {
     /// Returns when vehicles hear no satellites, and by how much the deviation of their place grows then, m/s; for those
     /// that are put into it from now on.
     pub fn with_outages(self, outages: Vec<(VehicleId, Outage)>, growth_mps: f64) -> World {
-        World { outages, growth_mps, ..self }
+        World {
+            outages,
+            growth_mps,
+            ..self
+        }
     }
 
     /// Returns the range sensors of a vehicle.
@@ -216,14 +227,27 @@ impl World {
     /// # Errors
     /// The place or the figures of the drive are impossible.
     pub fn place(&mut self, id: VehicleId, at: Point, heading: Angle) -> Result<(), String> {
-        let own = self.outages.iter().filter(|(vehicle, _)| *vehicle == id).map(|(_, outage)| *outage);
-        let Build { pose_sd_m, pose_drift, .. } = self.build;
+        let own = self
+            .outages
+            .iter()
+            .filter(|(vehicle, _)| *vehicle == id)
+            .map(|(_, outage)| *outage);
+        let Build {
+            pose_sd_m,
+            pose_drift,
+            ..
+        } = self.build;
         let navigation = Navigation::new(self.noise, u64::from(id.0), pose_sd_m, pose_drift)
             .with_outages(own.collect(), self.growth_mps);
         let autopilot = Autopilot::new(self.autopilot_settings(), navigation, at, heading)
             .map_err(|refusal| refusal.to_string())?
             .under_way(self.flying.altitude_m);
-        self.crafts.push(Craft { id, motions: autopilot.motions(), autopilot, commands: 0 });
+        self.crafts.push(Craft {
+            id,
+            motions: autopilot.motions(),
+            autopilot,
+            commands: 0,
+        });
         self.judged = vec![Time::ZERO; self.crafts.len() * self.crafts.len()];
         Ok(())
     }
@@ -251,7 +275,9 @@ impl World {
         self.stage = stage;
         // The motion stays, but contacts foreseen with the old stage are void.
         self.crafts.iter_mut().for_each(|craft| craft.commands += 1);
-        (0..self.crafts.len()).flat_map(|vehicle| self.touches(vehicle, now)).collect()
+        (0..self.crafts.len())
+            .flat_map(|vehicle| self.touches(vehicle, now))
+            .collect()
     }
 
     /// Returns how many vehicles there are.
@@ -305,7 +331,10 @@ impl World {
     /// Lets the autopilot go on by itself; contacts that its motion leads to are kept for [`World::foreseen`].
     fn advance(&mut self, vehicle: usize, now: Time) {
         let autopilot = &self.crafts[vehicle].autopilot;
-        let (from, changes) = (autopilot.now(), autopilot.next_change().is_some_and(|at| at <= now));
+        let (from, changes) = (
+            autopilot.now(),
+            autopilot.next_change().is_some_and(|at| at <= now),
+        );
         if changes && autopilot.kind() == Kind::Copter {
             self.judge(vehicle, now);
         }
@@ -345,7 +374,11 @@ impl World {
         if result == CommandAck::Accepted {
             self.judge_fence(vehicle, now);
         }
-        Obeyed { result, arm_refusal, contacts: self.touches(vehicle, now) }
+        Obeyed {
+            result,
+            arm_refusal,
+            contacts: self.touches(vehicle, now),
+        }
     }
 
     fn judge_fence(&mut self, vehicle: usize, now: Time) {
@@ -361,12 +394,25 @@ impl World {
     pub fn touches(&self, vehicle: usize, now: Time) -> Vec<PredictedContact> {
         let craft = &self.crafts[vehicle];
         let one = (vehicle, craft.commands);
-        let scene =
-            self.scene_contact(&craft.autopilot, now).map(|at| PredictedContact { at, one, other: None });
-        let others = self.crafts.iter().enumerate().filter(|(index, _)| *index != vehicle);
+        let scene = self
+            .scene_contact(&craft.autopilot, now)
+            .map(|at| PredictedContact {
+                at,
+                one,
+                other: None,
+            });
+        let others = self
+            .crafts
+            .iter()
+            .enumerate()
+            .filter(|(index, _)| *index != vehicle);
         let pairs = others.filter_map(|(index, peer)| {
             let at = self.pair_contact(&craft.autopilot, &peer.autopilot, now)?;
-            Some(PredictedContact { at, one, other: Some((index, peer.commands)) })
+            Some(PredictedContact {
+                at,
+                one,
+                other: Some((index, peer.commands)),
+            })
         });
         scene.into_iter().chain(pairs).collect()
     }
@@ -380,7 +426,9 @@ impl World {
             let here = autopilot.truth(now).at;
             let touches = |low_m: f64, high_m: f64| {
                 let (low_m, high_m) = (low_m + GROUND_CLEARANCE_M, high_m + height_m);
-                scene.first_contact(Segment::new(here, here), radius_m, low_m, high_m).is_some()
+                scene
+                    .first_contact(Segment::new(here, here), radius_m, low_m, high_m)
+                    .is_some()
             };
             return climb_contact(climb, now, &touches);
         }
@@ -392,8 +440,11 @@ impl World {
 
     fn pair_contact(&self, one: &Autopilot, other: &Autopilot, now: Time) -> Option<Time> {
         let (radius_m, height_m) = (self.build.radius_m, self.build.height_m);
-        let near = |(from, until)| first_contact_of(one.body(), other.body(), from, until, 2.0 * radius_m);
-        overlaps(one.climb(), other.climb(), now, height_m).into_iter().find_map(near)
+        let near =
+            |(from, until)| first_contact_of(one.body(), other.body(), from, until, 2.0 * radius_m);
+        overlaps(one.climb(), other.climb(), now, height_m)
+            .into_iter()
+            .find_map(near)
     }
 
     /// Lets a foreseen contact happen, unless a newer command has prevented it.
@@ -402,8 +453,11 @@ impl World {
         if !current(touch.one) || !touch.other.is_none_or(current) {
             return None;
         }
-        let involved: Vec<usize> =
-            [Some(touch.one), touch.other].into_iter().flatten().map(|(index, _)| index).collect();
+        let involved: Vec<usize> = [Some(touch.one), touch.other]
+            .into_iter()
+            .flatten()
+            .map(|(index, _)| index)
+            .collect();
         for vehicle in &involved {
             self.judge(*vehicle, touch.at);
             let craft = &mut self.crafts[*vehicle];
@@ -413,7 +467,12 @@ impl World {
         }
         let place = self.truth(touch.one.0, touch.at).at;
         let with = touch.other.map(|(index, _)| self.crafts[index].id);
-        let collision = Collision { at: touch.at, vehicle: self.crafts[touch.one.0].id, with, place };
+        let collision = Collision {
+            at: touch.at,
+            vehicle: self.crafts[touch.one.0].id,
+            with,
+            place,
+        };
         self.collisions.push(collision.clone());
         Some(collision)
     }
@@ -422,7 +481,10 @@ impl World {
     fn judge(&mut self, vehicle: usize, now: Time) {
         for other in (0..self.crafts.len()).filter(|other| *other != vehicle) {
             let pair = vehicle.min(other) * self.crafts.len() + vehicle.max(other);
-            let (one, two) = (self.crafts[vehicle].autopilot.body(), self.crafts[other].autopilot.body());
+            let (one, two) = (
+                self.crafts[vehicle].autopilot.body(),
+                self.crafts[other].autopilot.body(),
+            );
             let (distance_m, _) = closest_approach(one, two, self.judged[pair], now);
             self.min_separation_m = self.min_separation_m.min(distance_m);
             self.judged[pair] = now;
@@ -441,8 +503,14 @@ impl World {
     pub fn range_m(&self, vehicle: usize, now: Time, beam: Angle, number: u64) -> Option<f64> {
         let craft = &self.crafts[vehicle];
         let truth = craft.autopilot.truth(now);
-        let others = self.crafts.iter().enumerate().filter(|(index, _)| *index != vehicle);
-        let discs: Vec<Disc> = others.map(|(_, peer)| self.disc(&peer.autopilot, now)).collect();
+        let others = self
+            .crafts
+            .iter()
+            .enumerate()
+            .filter(|(index, _)| *index != vehicle);
+        let discs: Vec<Disc> = others
+            .map(|(_, peer)| self.disc(&peer.autopilot, now))
+            .collect();
         let cast = |origin, direction, max_m| {
             let hit = self.stage.scene.cast(origin, direction, max_m)?;
             Some((hit.distance_m, hit.normal))
@@ -450,20 +518,43 @@ impl World {
         let above_ground_m = craft.autopilot.altitude_m(now) + self.build.sensor_m;
         let origin = [truth.at.x_m, truth.at.y_m, above_ground_m];
         let ids = [u64::from(craft.id.0), number];
-        let around = Surroundings { cast: &cast, discs: &discs };
-        let eye = Eye { origin, attitude: craft.autopilot.attitude(now), beam };
+        let around = Surroundings {
+            cast: &cast,
+            discs: &discs,
+        };
+        let eye = Eye {
+            origin,
+            attitude: craft.autopilot.attitude(now),
+            beam,
+        };
         self.sensor.echo_at(&eye, around, &self.noise, &ids)
     }
 
     /// A vehicle as range sensors see it; at least as high as its own sensor.
     fn disc(&self, autopilot: &Autopilot, now: Time) -> Disc {
-        let Build { radius_m, height_m, sensor_m, .. } = self.build;
+        let Build {
+            radius_m,
+            height_m,
+            sensor_m,
+            ..
+        } = self.build;
         let low_m = autopilot.altitude_m(now);
-        Disc { centre: autopilot.truth(now).at, radius_m, low_m, high_m: low_m + height_m.max(sensor_m) }
+        Disc {
+            centre: autopilot.truth(now).at,
+            radius_m,
+            low_m,
+            high_m: low_m + height_m.max(sensor_m),
+        }
     }
 
     /// Returns what the range sensor reads, and after which time.
-    pub fn echo(&self, vehicle: usize, now: Time, beam: Angle, number: u64) -> (Option<f64>, Duration) {
+    pub fn echo(
+        &self,
+        vehicle: usize,
+        now: Time,
+        beam: Angle,
+        number: u64,
+    ) -> (Option<f64>, Duration) {
         let range_m = self.range_m(vehicle, now, beam, number);
         (range_m, self.sensor.takes(range_m))
     }
@@ -477,7 +568,16 @@ impl World {
         let [sender, boot, sequence] = sent.key;
         let ids = [sender, boot, sequence, u64::from(receiver.id.0)];
         let (channel, power_dbm) = (sent.channel, sent.power_dbm);
-        self.field.received(&Transmission { from, to, channel, power_dbm }, attenuation_db, &ids)
+        self.field.received(
+            &Transmission {
+                from,
+                to,
+                channel,
+                power_dbm,
+            },
+            attenuation_db,
+            &ids,
+        )
     }
 }
 

@@ -82,7 +82,11 @@ impl StopSet {
     /// Opens what stands for many in place of a stop; returns whether another stop is open now. Of several that stand for
     /// many the lowest name stays.
     pub fn open_many(&mut self, stop: EmergencyStop) -> bool {
-        let many = EmergencyStop { name: EmergencyName::many_of(stop.name), scope: StopScope::All, ..stop };
+        let many = EmergencyStop {
+            name: EmergencyName::many_of(stop.name),
+            scope: StopScope::All,
+            ..stop
+        };
         let known = self.open.keys().find(|name| name.is_many()).copied();
         if self.is_lifted(many.name) || known.is_some_and(|known| known <= many.name) {
             return false;
@@ -109,11 +113,16 @@ impl StopSet {
         let earlier = other.lifted.len().saturating_sub(LATEST);
         for (index, name) in other.lifted.iter().enumerate() {
             let has_room = self.lifted.len() < LIFTED;
-            if self.open.contains_key(name) || has_room || (index >= earlier && !self.is_lifted(*name)) {
+            if self.open.contains_key(name)
+                || has_room
+                || (index >= earlier && !self.is_lifted(*name))
+            {
                 is_changed |= self.lift(*name);
             }
         }
-        other.open.iter().fold(is_changed, |is_changed, stop| self.open_stop(*stop) || is_changed)
+        other.open.iter().fold(is_changed, |is_changed, stop| {
+            self.open_stop(*stop) || is_changed
+        })
     }
 
     /// Returns the open stop that a vehicle stands under; of several the lowest name.
@@ -145,11 +154,17 @@ mod tests {
     }
 
     fn stop(number: u32) -> EmergencyStop {
-        EmergencyStop { name: name(number), scope: StopScope::All, by: OperatorId(1) }
+        EmergencyStop {
+            name: name(number),
+            scope: StopScope::All,
+            by: OperatorId(1),
+        }
     }
 
     fn names(set: &StopSet) -> Vec<u32> {
-        set.open().map(|stop| stop.name.0.wrapping_sub(EmergencyName::LOWEST_DRAWN)).collect()
+        set.open()
+            .map(|stop| stop.name.0.wrapping_sub(EmergencyName::LOWEST_DRAWN))
+            .collect()
     }
 
     /// What one node does or hears.
@@ -260,20 +275,32 @@ mod tests {
     fn the_ninth_stop_stands_for_many_of_the_whole_swarm() {
         let mut set = StopSet::default();
         (0..8).for_each(|number| assert!(set.open_stop(stop(number))));
-        let ninth = EmergencyStop { scope: StopScope::One(VehicleId(3)), ..stop(8) };
+        let ninth = EmergencyStop {
+            scope: StopScope::One(VehicleId(3)),
+            ..stop(8)
+        };
         assert!(set.open_stop(ninth), "it stops more than it was given for");
         let many = set.open().next().unwrap();
         assert_eq!((many.name.is_many(), many.scope), (true, StopScope::All));
         assert!(!set.open_stop(stop(9)), "nothing more is told");
         assert_eq!(set.open().count(), 9);
-        assert_eq!(set.stops(VehicleId(7)), Some(EmergencyName::many_of(name(8))));
+        assert_eq!(
+            set.stops(VehicleId(7)),
+            Some(EmergencyName::many_of(name(8)))
+        );
     }
 
     #[test]
     fn a_stop_for_one_vehicle_stops_no_other() {
         let mut set = StopSet::default();
-        set.open_stop(EmergencyStop { scope: StopScope::One(VehicleId(3)), ..stop(1) });
-        assert_eq!((set.stops(VehicleId(3)), set.stops(VehicleId(2))), (Some(name(1)), None));
+        set.open_stop(EmergencyStop {
+            scope: StopScope::One(VehicleId(3)),
+            ..stop(1)
+        });
+        assert_eq!(
+            (set.stops(VehicleId(3)), set.stops(VehicleId(2))),
+            (Some(name(1)), None)
+        );
     }
 
     #[test]

@@ -109,9 +109,14 @@ impl fmt::Display for Remark {
                     StopScope::All => "all vehicles".to_owned(),
                     StopScope::One(vehicle) => format!("vehicle {vehicle}"),
                 };
-                write!(f, "emergency stop {name} for {whom}, by operator {by}, is open: told by {told_by}")
+                write!(
+                    f,
+                    "emergency stop {name} for {whom}, by operator {by}, is open: told by {told_by}"
+                )
             }
-            Remark::Lifted(name, told_by) => write!(f, "emergency stop {name} is lifted: told by {told_by}"),
+            Remark::Lifted(name, told_by) => {
+                write!(f, "emergency stop {name} is lifted: told by {told_by}")
+            }
             Remark::LowerLease(highest) => {
                 write!(
                     f,
@@ -120,7 +125,11 @@ impl fmt::Display for Remark {
                 )
             }
             Remark::LeaseTooHigh(lease) => {
-                write!(f, "lease {} is too far above all that were heard: it does not count", lease.number)
+                write!(
+                    f,
+                    "lease {} is too far above all that were heard: it does not count",
+                    lease.number
+                )
             }
         }
     }
@@ -177,7 +186,10 @@ impl Stops {
     /// Joins what a node says, or what a beacon tells.
     fn join(&mut self, now: Time, sender: Sender, heard: &Standing, out: &mut Vec<Out>) {
         let before = self.set.clone();
-        self.set.join(&Standing { open: Vec::new(), lifted: heard.lifted.clone() });
+        self.set.join(&Standing {
+            open: Vec::new(),
+            lifted: heard.lifted.clone(),
+        });
         for stop in &heard.open {
             if !self.set.is_news(stop.name) {
                 continue;
@@ -195,7 +207,9 @@ impl Stops {
     fn answer(&mut self, now: Time, heard: &Standing, out: &mut Vec<Out>) {
         let is_told = |stop: &EmergencyStop| heard.open.iter().any(|known| known.name == stop.name);
         if self.state == State::Calm && !self.set.open().all(is_told) {
-            self.state = State::Spreading { until: now + ANSWERS_FOR };
+            self.state = State::Spreading {
+                until: now + ANSWERS_FOR,
+            };
             self.say(now, out);
         }
     }
@@ -258,14 +272,21 @@ impl Stops {
         if self.set == *before {
             return;
         }
-        let opened = self.set.open().filter(|stop| before.named(stop.name).is_none());
-        let lifted = before.open().filter(|stop| self.set.named(stop.name).is_none());
+        let opened = self
+            .set
+            .open()
+            .filter(|stop| before.named(stop.name).is_none());
+        let lifted = before
+            .open()
+            .filter(|stop| self.set.named(stop.name).is_none());
         let opened = opened.map(|stop| Out::Remark(Remark::Opened(*stop, sender)));
         let lifted = lifted.map(|stop| Out::Remark(Remark::Lifted(stop.name, sender)));
         let remarks: Vec<Out> = opened.chain(lifted).collect();
         if !remarks.is_empty() {
             out.push(Out::Open(self.set.open().copied().collect()));
-            self.state = State::Spreading { until: now + SPREADS_FOR };
+            self.state = State::Spreading {
+                until: now + SPREADS_FOR,
+            };
             self.say(now, out);
         }
         out.push(Out::Remember(self.set.standing()));
@@ -274,7 +295,9 @@ impl Stops {
 
     /// Begins to speak. What the disk has kept is news to the node.
     fn begin(&mut self, now: Time, out: &mut Vec<Out>) {
-        self.state = State::Spreading { until: now + SPREADS_FOR };
+        self.state = State::Spreading {
+            until: now + SPREADS_FOR,
+        };
         if !self.set.is_clear() {
             out.push(Out::Open(self.set.open().copied().collect()));
         }
@@ -310,7 +333,10 @@ impl Actor for Stops {
                 self.answer(now, &standing, out);
             }
             In::Beacon(vehicle, stop) => {
-                let told = Standing { open: vec![stop], lifted: Vec::new() };
+                let told = Standing {
+                    open: vec![stop],
+                    lifted: Vec::new(),
+                };
                 self.join(now, Sender::Vehicle(vehicle), &told, out);
             }
             In::Order(sender, order) => self.order(now, sender, &order, out),
@@ -318,7 +344,9 @@ impl Actor for Stops {
             In::Give(stops) => self.give(now, &stops, out),
             In::Linked if self.set.is_clear() => {}
             In::Linked => {
-                self.state = State::Spreading { until: now + SPREADS_FOR };
+                self.state = State::Spreading {
+                    until: now + SPREADS_FOR,
+                };
                 self.say(now, out);
             }
         }
@@ -330,7 +358,10 @@ impl Actor for Stops {
             State::Beginning | State::Calm => "says",
             State::Spreading { .. } => "spreads",
         };
-        Some(Deadline { at: self.says_at, why })
+        Some(Deadline {
+            at: self.says_at,
+            why,
+        })
     }
 
     fn wake(&mut self, now: Time, out: &mut Vec<Out>) -> Result<(), Fault> {

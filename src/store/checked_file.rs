@@ -86,23 +86,47 @@ impl CheckedFile {
         path: &Path,
         parse: impl FnOnce(&str) -> Result<T, String>,
     ) -> Result<Option<T>, CheckedFileError> {
-        let CheckedFile { version: known, longest, holds, remedy, .. } = self;
+        let CheckedFile {
+            version: known,
+            longest,
+            holds,
+            remedy,
+            ..
+        } = self;
         let at = || path.to_owned();
-        let unread = |source| CheckedFileError::Unread { path: at(), holds, source };
-        let damaged = |reason| CheckedFileError::Damaged { path: at(), reason, holds, remedy };
+        let unread = |source| CheckedFileError::Unread {
+            path: at(),
+            holds,
+            source,
+        };
+        let damaged = |reason| CheckedFileError::Damaged {
+            path: at(),
+            reason,
+            holds,
+            remedy,
+        };
         let length = match fs::metadata(path) {
             Ok(found) => found.len(),
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
             Err(source) => return Err(unread(source)),
         };
         if length > longest {
-            return Err(damaged(format!("{length} bytes, expected at most {longest}")));
+            return Err(damaged(format!(
+                "{length} bytes, expected at most {longest}"
+            )));
         }
         let bytes = fs::read(path).map_err(unread)?;
-        match self.open(&bytes).and_then(|lines| parse(lines).map_err(TextFault::Damaged)) {
+        match self
+            .open(&bytes)
+            .and_then(|lines| parse(lines).map_err(TextFault::Damaged))
+        {
             Ok(content) => Ok(Some(content)),
             Err(TextFault::Damaged(reason)) => Err(damaged(reason)),
-            Err(TextFault::Newer(found)) => Err(CheckedFileError::Newer { path: at(), found, known }),
+            Err(TextFault::Newer(found)) => Err(CheckedFileError::Newer {
+                path: at(),
+                found,
+                known,
+            }),
         }
     }
 
@@ -122,21 +146,35 @@ impl CheckedFile {
         if text.is_empty() {
             return Err(damaged("it is empty"));
         }
-        let whole = text.strip_suffix('\n').ok_or_else(|| damaged("its end is missing"))?;
-        let (lines, check) = whole.rsplit_once('\n').ok_or_else(|| damaged("its end is missing"))?;
+        let whole = text
+            .strip_suffix('\n')
+            .ok_or_else(|| damaged("its end is missing"))?;
+        let (lines, check) = whole
+            .rsplit_once('\n')
+            .ok_or_else(|| damaged("its end is missing"))?;
         let body = &text[..=lines.len()];
         let expected = format!("check {:016x}", fnv(body.as_bytes()));
         if check != expected {
-            return Err(TextFault::Damaged(format!("expected `{expected}` at its end, found `{check}`")));
+            return Err(TextFault::Damaged(format!(
+                "expected `{expected}` at its end, found `{check}`"
+            )));
         }
         let (title, rest) = lines.split_once('\n').unwrap_or((lines, ""));
-        let version = title.strip_prefix(self.title).and_then(|version| version.trim().parse().ok());
+        let version = title
+            .strip_prefix(self.title)
+            .and_then(|version| version.trim().parse().ok());
         match version {
             Some(version) if version == self.version => Ok(rest),
             Some(newer) if newer > self.version => Err(TextFault::Newer(newer)),
             Some(_) | None => {
-                let CheckedFile { title: expected, version, .. } = self;
-                Err(TextFault::Damaged(format!("expected `{expected} {version}`, found `{title}`")))
+                let CheckedFile {
+                    title: expected,
+                    version,
+                    ..
+                } = self;
+                Err(TextFault::Damaged(format!(
+                    "expected `{expected} {version}`, found `{title}`"
+                )))
             }
         }
     }

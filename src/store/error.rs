@@ -86,13 +86,16 @@ impl StoreError {
         let reason = source.to_string();
         match source.sqlite_error_code() {
             Some(ErrorCode::DiskFull) => StoreError::Full { path },
-            Some(ErrorCode::ReadOnly | ErrorCode::PermissionDenied) => StoreError::ReadOnly { path },
+            Some(ErrorCode::ReadOnly | ErrorCode::PermissionDenied) => {
+                StoreError::ReadOnly { path }
+            }
             Some(ErrorCode::DatabaseBusy | ErrorCode::DatabaseLocked) => StoreError::InUse { path },
             Some(ErrorCode::CannotOpen) => StoreError::Unopened { path, reason },
             Some(ErrorCode::DatabaseCorrupt) => StoreError::Damaged { path, reason },
-            Some(ErrorCode::NotADatabase) => {
-                StoreError::NoStore { path, found: "a file that is no database" }
-            }
+            Some(ErrorCode::NotADatabase) => StoreError::NoStore {
+                path,
+                found: "a file that is no database",
+            },
             Some(_) | None => StoreError::Database { path, source },
         }
     }

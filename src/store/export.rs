@@ -20,18 +20,36 @@ const TRACK_STEP_M: f64 = 0.05;
 
 /// Appends a sample as a line of CSV; what is not known is empty.
 pub fn sample_line(text: &mut String, stored: &StoredSample) {
-    let StoredSample { vehicle, boot, run, sample, utc_s } = stored;
-    let (utc, error) =
-        utc_s.map_or_else(Default::default, |(utc_s, error_s)| (utc_text(utc_s), format!("{error_s:.3}")));
+    let StoredSample {
+        vehicle,
+        boot,
+        run,
+        sample,
+        utc_s,
+    } = stored;
+    let (utc, error) = utc_s.map_or_else(Default::default, |(utc_s, error_s)| {
+        (utc_text(utc_s), format!("{error_s:.3}"))
+    });
     let heard_at_s = sample.heard_at_ns as f64 / 1e9;
     let pose = |pose: &PoseReport| {
         let PoseReport { at, heading, sd } = pose;
-        let sd_m = sd.metres().map(|sd_m| format!("{sd_m:.4}")).unwrap_or_default();
+        let sd_m = sd
+            .metres()
+            .map(|sd_m| format!("{sd_m:.4}"))
+            .unwrap_or_default();
         let heading_rad = heading.radians();
-        format!("{:.4},{:.4},{:.4},{heading_rad:.5},{sd_m}", at.x_m(), at.y_m(), at.z_m())
+        format!(
+            "{:.4},{:.4},{:.4},{heading_rad:.5},{sd_m}",
+            at.x_m(),
+            at.y_m(),
+            at.z_m()
+        )
     };
     let (tx, rx) = (pose(&sample.transmitter_pose), pose(&sample.receiver_pose));
-    let rssi = sample.rssi_dbm.map(|rssi_dbm| rssi_dbm.to_string()).unwrap_or_default();
+    let rssi = sample
+        .rssi_dbm
+        .map(|rssi_dbm| rssi_dbm.to_string())
+        .unwrap_or_default();
     // Writing to a String cannot fail.
     let _ = writeln!(
         text,
@@ -72,14 +90,25 @@ pub fn world_file(plane: &TangentPlane, corner: Point, metres_per_px: f64) -> St
     // A world file is linear, degrees of longitude are not: 2 mm are lost over 100 m, 0.2 m over 1 km.
     const SPAN_PX: f64 = 500.0;
     let place = |x_px: f64, y_px: f64| {
-        let local_m = [corner.x_m + x_px * metres_per_px, corner.y_m - y_px * metres_per_px, 0.0];
+        let local_m = [
+            corner.x_m + x_px * metres_per_px,
+            corner.y_m - y_px * metres_per_px,
+            0.0,
+        ];
         let at = plane.to_earth(local_m);
         (at.longitude_deg, at.latitude_deg)
     };
-    let (first, right, down) = (place(0.5, 0.5), place(0.5 + SPAN_PX, 0.5), place(0.5, 0.5 + SPAN_PX));
+    let (first, right, down) = (
+        place(0.5, 0.5),
+        place(0.5 + SPAN_PX, 0.5),
+        place(0.5, 0.5 + SPAN_PX),
+    );
     let step = |to: (f64, f64)| ((to.0 - first.0) / SPAN_PX, (to.1 - first.1) / SPAN_PX);
     let ((a, d), (b, e)) = (step(right), step(down));
-    format!("{a:.15}\n{d:.15}\n{b:.15}\n{e:.15}\n{:.12}\n{:.12}\n", first.0, first.1)
+    format!(
+        "{a:.15}\n{d:.15}\n{b:.15}\n{e:.15}\n{:.12}\n{:.12}\n",
+        first.0, first.1
+    )
 }
 
 /// What a GeoJSON file is made of, one thing after another (RFC 7946: WGS84, longitude before latitude).
@@ -92,12 +121,24 @@ pub struct Features {
 impl Features {
     /// Begins with what the venue says: area, fence, homes.
     pub fn of_venue(venue: &Venue) -> Features {
-        let mut features = Features { plane: venue.plane(), list: Vec::new() };
+        let mut features = Features {
+            plane: venue.plane(),
+            list: Vec::new(),
+        };
         let name = &venue.name;
-        features.add(polygon(&venue.area.corners()), json!({"what": "area", "venue": name}));
-        features.add(polygon(venue.fence.corners()), json!({"what": "fence", "venue": name}));
+        features.add(
+            polygon(&venue.area.corners()),
+            json!({"what": "area", "venue": name}),
+        );
+        features.add(
+            polygon(venue.fence.corners()),
+            json!({"what": "fence", "venue": name}),
+        );
         for (index, home) in venue.homes.iter().enumerate() {
-            features.add(Shape::Point(*home), json!({"what": "home", "vehicle": index + 1}));
+            features.add(
+                Shape::Point(*home),
+                json!({"what": "home", "vehicle": index + 1}),
+            );
         }
         features
     }
@@ -122,7 +163,10 @@ impl Features {
 
     /// Returns the file.
     pub fn text(self) -> String {
-        format!("{}\n", json!({"type": "FeatureCollection", "features": self.list}))
+        format!(
+            "{}\n",
+            json!({"type": "FeatureCollection", "features": self.list})
+        )
     }
 
     fn add(&mut self, shape: Shape, says: Value) {
@@ -137,7 +181,8 @@ impl Features {
             Shape::Line(points) => json!({"type": "LineString", "coordinates": places(points)}),
             Shape::Ring(points) => json!({"type": "Polygon", "coordinates": [places(points)]}),
         };
-        self.list.push(json!({"type": "Feature", "geometry": geometry, "properties": says}));
+        self.list
+            .push(json!({"type": "Feature", "geometry": geometry, "properties": says}));
     }
 }
 
@@ -156,7 +201,11 @@ fn polygon(corners: &[Point]) -> Shape {
 /// Adds where the receiver was to its track, unless it has hardly moved.
 pub fn extend_track(track: &mut Vec<Point>, stored: &StoredSample) {
     let at = Point::from(stored.sample.receiver_pose.at);
-    if at.is_finite() && track.last().is_none_or(|last| last.distance_to(at) >= TRACK_STEP_M) {
+    if at.is_finite()
+        && track
+            .last()
+            .is_none_or(|last| last.distance_to(at) >= TRACK_STEP_M)
+    {
         track.push(at);
     }
 }
@@ -173,22 +222,34 @@ mod tests {
         assert_eq!(utc_text(951_782_400.0), "2000-02-29T00:00:00.000Z");
         assert_eq!(utc_text(4_107_542_399.999_6), "2100-03-01T00:00:00.000Z");
         assert_eq!(utc_text(1_700_000_000.0), "2023-11-14T22:13:20.000Z");
-        assert_eq!((utc_text(-1.0), utc_text(f64::NAN)), (String::new(), String::new()));
+        assert_eq!(
+            (utc_text(-1.0), utc_text(f64::NAN)),
+            (String::new(), String::new())
+        );
     }
 
     #[test]
     fn a_world_file_puts_pixels_where_they_lie() {
-        let datum = crate::geom::Geodetic { latitude_deg: 52.0, longitude_deg: 5.0, altitude_m: 0.0 };
+        let datum = crate::geom::Geodetic {
+            latitude_deg: 52.0,
+            longitude_deg: 5.0,
+            altitude_m: 0.0,
+        };
         // x points north, so y points west.
         let plane = TangentPlane::new(datum, Bearing::from_degrees(0.0));
         let text = world_file(&plane, Point::new(-10.0, 20.0), 0.05);
         let numbers: Vec<f64> = text.lines().map(|line| line.parse().unwrap()).collect();
-        let [a, d, b, e, c, f] = numbers[..] else { panic!("{text}") };
+        let [a, d, b, e, c, f] = numbers[..] else {
+            panic!("{text}")
+        };
         // The pixel in column 700 and row 300 has its middle at x = 25.025, y = 4.975.
         let at = plane.to_earth([25.025, 4.975, 0.0]);
         // 5e-9 degrees are half a millimetre.
         assert!((a * 700.0 + b * 300.0 + c - at.longitude_deg).abs() < 5e-9);
         assert!((d * 700.0 + e * 300.0 + f - at.latitude_deg).abs() < 5e-9);
-        assert!(d > 0.0 && b > 0.0, "rightwards is north, downwards is east: {text}");
+        assert!(
+            d > 0.0 && b > 0.0,
+            "rightwards is north, downwards is east: {text}"
+        );
     }
 }

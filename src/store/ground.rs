@@ -15,7 +15,9 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
-use rusqlite::{Connection, OpenFlags, OptionalExtension, Transaction, TransactionBehavior, params};
+use rusqlite::{
+    Connection, OpenFlags, OptionalExtension, Transaction, TransactionBehavior, params,
+};
 use serde_json::json;
 use tomoswarm_proto::{Boot, Plan, RunId, Samples, TileReport, VehicleId};
 
@@ -85,15 +87,27 @@ impl GroundStore {
             schema::check(&connection, path)?;
         }
         let lock = lock(path)?;
-        let mode: String =
-            connection.query_row("PRAGMA journal_mode = WAL", [], |row| row.get(0)).map_err(fail)?;
+        let mode: String = connection
+            .query_row("PRAGMA journal_mode = WAL", [], |row| row.get(0))
+            .map_err(fail)?;
         if mode != "wal" {
             let reason = format!("the disk allows no write-ahead log (journal mode {mode})");
-            return Err(StoreError::Unopened { path: path.to_owned(), reason });
+            return Err(StoreError::Unopened {
+                path: path.to_owned(),
+                reason,
+            });
         }
-        connection.execute_batch("PRAGMA synchronous = FULL; PRAGMA cache_size = -8192;").map_err(fail)?;
+        connection
+            .execute_batch("PRAGMA synchronous = FULL; PRAGMA cache_size = -8192;")
+            .map_err(fail)?;
         let clocks = BTreeMap::new();
-        let mut store = GroundStore { connection, path: path.to_owned(), id: 0, clocks, _lock: Some(lock) };
+        let mut store = GroundStore {
+            connection,
+            path: path.to_owned(),
+            id: 0,
+            clocks,
+            _lock: Some(lock),
+        };
         store.begin(start)?;
         store.clocks = store.read_clocks()?;
         Ok(store)
@@ -106,17 +120,33 @@ impl GroundStore {
     pub fn open_to_read(path: &Path) -> Result<GroundStore, StoreError> {
         let fail = |source| StoreError::of(path, source);
         if !path.is_file() {
-            let reason = if path.exists() { "it is no file" } else { "there is no such file" };
-            return Err(StoreError::Unopened { path: path.to_owned(), reason: reason.to_owned() });
+            let reason = if path.exists() {
+                "it is no file"
+            } else {
+                "there is no such file"
+            };
+            return Err(StoreError::Unopened {
+                path: path.to_owned(),
+                reason: reason.to_owned(),
+            });
         }
         let connection = open_read_only(path).map_err(fail)?;
         connection.busy_timeout(BUSY).map_err(fail)?;
         if schema::is_empty(&connection, path)? {
-            return Err(StoreError::NoStore { path: path.to_owned(), found: "an empty file" });
+            return Err(StoreError::NoStore {
+                path: path.to_owned(),
+                found: "an empty file",
+            });
         }
         schema::check(&connection, path)?;
         let clocks = BTreeMap::new();
-        let mut store = GroundStore { connection, path: path.to_owned(), id: 0, clocks, _lock: None };
+        let mut store = GroundStore {
+            connection,
+            path: path.to_owned(),
+            id: 0,
+            clocks,
+            _lock: None,
+        };
         store.id = store.identity().map(|(id, _)| id)?;
         Ok(store)
     }
@@ -135,8 +165,8 @@ impl GroundStore {
     fn begin(&mut self, start: &Start) -> Result<(), StoreError> {
         let expected = start.venue_hash;
         let found = self.write(|transaction| {
-            let has_tables =
-                transaction.pragma_query_value(None, "application_id", |row| row.get::<_, i64>(0))?;
+            let has_tables = transaction
+                .pragma_query_value(None, "application_id", |row| row.get::<_, i64>(0))?;
             if has_tables != schema::APPLICATION {
                 transaction.execute_batch(&schema::tables())?;
                 transaction.execute(
@@ -164,7 +194,11 @@ impl GroundStore {
         })?;
         if found != hex(expected) {
             let found = u64::from_str_radix(&found, 16).unwrap_or(0);
-            return Err(StoreError::OtherVenue { path: self.path.clone(), found, expected });
+            return Err(StoreError::OtherVenue {
+                path: self.path.clone(),
+                found,
+                expected,
+            });
         }
         self.id = self.identity().map(|(id, _)| id)?;
         Ok(())
@@ -223,10 +257,13 @@ impl GroundStore {
     ///
     /// # Errors
     /// [`StoreError`]: none of them is stored.
-    pub fn keep_plans<'a>(&mut self, plans: impl IntoIterator<Item = &'a Plan>) -> Result<(), StoreError> {
+    pub fn keep_plans<'a>(
+        &mut self,
+        plans: impl IntoIterator<Item = &'a Plan>,
+    ) -> Result<(), StoreError> {
         self.write(|transaction| {
-            let mut statement =
-                transaction.prepare_cached("INSERT OR REPLACE INTO plans VALUES (?, ?, ?, ?, ?, ?)")?;
+            let mut statement = transaction
+                .prepare_cached("INSERT OR REPLACE INTO plans VALUES (?, ?, ?, ?, ?, ?)")?;
             for plan in plans {
                 statement.execute(params![
                     plan.run.0,
@@ -246,9 +283,14 @@ impl GroundStore {
     /// # Errors
     /// [`StoreError`].
     pub fn keep_picture(&mut self, picture: &Picture) -> Result<(), StoreError> {
-        let Ok(made) = &picture.result else { return Ok(()) };
+        let Ok(made) = &picture.result else {
+            return Ok(());
+        };
         let Image { grid, values } = &made.image;
-        let data: Vec<u8> = values.iter().flat_map(|value| (*value as f32).to_le_bytes()).collect();
+        let data: Vec<u8> = values
+            .iter()
+            .flat_map(|value| (*value as f32).to_le_bytes())
+            .collect();
         let peaks: Vec<_> = made.peaks.iter().map(peak_json).collect();
         self.write(|transaction| {
             transaction.execute(
@@ -335,7 +377,11 @@ impl GroundStore {
             self.clocks.insert((vehicle, boot), clock);
             let of_vehicle = (vehicle, Boot(0))..=(vehicle, boot);
             if self.clocks.range(of_vehicle.clone()).count() > CLOCKS_MOST
-                && let Some(oldest) = self.clocks.range(of_vehicle).next().map(|(source, _)| *source)
+                && let Some(oldest) = self
+                    .clocks
+                    .range(of_vehicle)
+                    .next()
+                    .map(|(source, _)| *source)
             {
                 self.clocks.remove(&oldest);
             }
@@ -349,18 +395,26 @@ impl GroundStore {
     /// [`StoreError`]: the earlier one is there still.
     pub fn remember(&mut self, memory: &[u8]) -> Result<(), StoreError> {
         self.write(|transaction| {
-            transaction.execute("INSERT OR REPLACE INTO memory VALUES (1, ?, ?)", params![MEMORY, memory])?;
+            transaction.execute(
+                "INSERT OR REPLACE INTO memory VALUES (1, ?, ?)",
+                params![MEMORY, memory],
+            )?;
             Ok(())
         })
     }
 
     /// Does all of something or nothing.
-    fn write<T>(&mut self, work: impl FnOnce(&Transaction) -> rusqlite::Result<T>) -> Result<T, StoreError> {
+    fn write<T>(
+        &mut self,
+        work: impl FnOnce(&Transaction) -> rusqlite::Result<T>,
+    ) -> Result<T, StoreError> {
         let path = &self.path;
         let fail = |source| StoreError::of(path, source);
         // The right to write is taken at the beginning, so that nothing fails half-way for want of it.
-        let transaction =
-            self.connection.transaction_with_behavior(TransactionBehavior::Immediate).map_err(fail)?;
+        let transaction = self
+            .connection
+            .transaction_with_behavior(TransactionBehavior::Immediate)
+            .map_err(fail)?;
         let done = work(&transaction).map_err(fail)?;
         transaction.commit().map_err(fail)?;
         Ok(done)
@@ -383,13 +437,23 @@ fn peak_json(peak: &Peak) -> serde_json::Value {
 /// Notes run and vehicle of a batch, the first time they are heard of.
 fn note_source(transaction: &Transaction, batch: &Samples) -> rusqlite::Result<()> {
     let run = "INSERT OR IGNORE INTO runs VALUES (?, NULL, ?, NULL)";
-    transaction.prepare_cached(run)?.execute(params![batch.run.0, now_utc_s()])?;
+    transaction
+        .prepare_cached(run)?
+        .execute(params![batch.run.0, now_utc_s()])?;
     let vehicle = "INSERT OR IGNORE INTO vehicles VALUES (?, ?, NULL, ?, NULL, NULL)";
-    transaction.prepare_cached(vehicle)?.execute(params![batch.vehicle.0, batch.boot.0, now_utc_s()])?;
+    transaction.prepare_cached(vehicle)?.execute(params![
+        batch.vehicle.0,
+        batch.boot.0,
+        now_utc_s()
+    ])?;
     Ok(())
 }
 
-fn insert(transaction: &Transaction, batch: &Samples, clock: Option<&UtcOffset>) -> rusqlite::Result<usize> {
+fn insert(
+    transaction: &Transaction,
+    batch: &Samples,
+    clock: Option<&UtcOffset>,
+) -> rusqlite::Result<usize> {
     let (names, marks) = (sample_row::NAMES, sample_row::marks(5 + sample_row::COUNT));
     let mut statement = transaction.prepare_cached(&format!(
         "INSERT OR IGNORE INTO samples (vehicle, boot, run, utc_s, utc_error_s, {names}) VALUES ({marks})"
@@ -416,28 +480,40 @@ const LOCK_AGAIN: Duration = Duration::from_millis(50);
 fn lock(path: &Path) -> Result<File, StoreError> {
     let mut name = path.as_os_str().to_owned();
     name.push(".lock");
-    let lock = File::create(PathBuf::from(name))
-        .map_err(|error| StoreError::Unopened { path: path.to_owned(), reason: error.to_string() })?;
+    let lock = File::create(PathBuf::from(name)).map_err(|error| StoreError::Unopened {
+        path: path.to_owned(),
+        reason: error.to_string(),
+    })?;
     for attempt in 1..=LOCK_TRIES {
         match lock.try_lock() {
             // Where files cannot be locked nobody is kept out either.
             Ok(()) | Err(std::fs::TryLockError::Error(_)) => return Ok(lock),
             // A child that was begun while the lock was held holds it too until it runs its own program.
-            Err(std::fs::TryLockError::WouldBlock) if attempt < LOCK_TRIES => std::thread::sleep(LOCK_AGAIN),
+            Err(std::fs::TryLockError::WouldBlock) if attempt < LOCK_TRIES => {
+                std::thread::sleep(LOCK_AGAIN)
+            }
             Err(std::fs::TryLockError::WouldBlock) => break,
         }
     }
-    Err(StoreError::InUse { path: path.to_owned() })
+    Err(StoreError::InUse {
+        path: path.to_owned(),
+    })
 }
 
 /// Opens a file to read; where not even the index of its log can be made (a read-only folder), as one that nobody changes.
 fn open_read_only(path: &Path) -> rusqlite::Result<Connection> {
     let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
     let connection = Connection::open_with_flags(path, flags)?;
-    let probe = connection.query_row("SELECT count(*) FROM sqlite_schema", [], |_| Ok(())).optional();
+    let probe = connection
+        .query_row("SELECT count(*) FROM sqlite_schema", [], |_| Ok(()))
+        .optional();
     match probe.map_err(|error| error.sqlite_error_code()) {
         Err(Some(rusqlite::ErrorCode::CannotOpen | rusqlite::ErrorCode::ReadOnly)) => {
-            let escaped = path.to_string_lossy().replace('%', "%25").replace('?', "%3f").replace('#', "%23");
+            let escaped = path
+                .to_string_lossy()
+                .replace('%', "%25")
+                .replace('?', "%3f")
+                .replace('#', "%23");
             let uri = format!("file:{escaped}?immutable=1");
             Connection::open_with_flags(uri, flags | OpenFlags::SQLITE_OPEN_URI)
         }
@@ -450,5 +526,8 @@ fn hex(number: u64) -> String {
 }
 
 fn now_utc_s() -> f64 {
-    SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_secs_f64()
+    SystemTime::now()
+        .duration_since(SystemTime::UNIX_EPOCH)
+        .unwrap_or_default()
+        .as_secs_f64()
 }

@@ -26,16 +26,29 @@ pub(super) fn heard_at_s(sample: &Sample) -> f64 {
 }
 
 /// Binds a sample to parameters from the given one on (they count from 1).
-pub(super) fn bind(statement: &mut Statement, first: usize, sample: &Sample) -> rusqlite::Result<()> {
+pub(super) fn bind(
+    statement: &mut Statement,
+    first: usize,
+    sample: &Sample,
+) -> rusqlite::Result<()> {
     // The bits are kept: a number beyond the range of SQL is still told apart.
     statement.raw_bind_parameter(first, sample.sequence.cast_signed())?;
     statement.raw_bind_parameter(first + 1, heard_at_s(sample))?;
     statement.raw_bind_parameter(first + 2, sample.transmitter.0)?;
-    for (at, pose) in [(first + 3, &sample.transmitter_pose), (first + 8, &sample.receiver_pose)] {
-        let PoseReport { at: place, heading, sd } = *pose;
+    for (at, pose) in [
+        (first + 3, &sample.transmitter_pose),
+        (first + 8, &sample.receiver_pose),
+    ] {
+        let PoseReport {
+            at: place,
+            heading,
+            sd,
+        } = *pose;
         let place_m = [place.x_m(), place.y_m(), place.z_m()];
         // What is not known is NULL.
-        let numbers = place_m.into_iter().chain([heading.radians(), sd.metres().unwrap_or(f64::NAN)]);
+        let numbers = place_m
+            .into_iter()
+            .chain([heading.radians(), sd.metres().unwrap_or(f64::NAN)]);
         for (offset, number) in numbers.enumerate() {
             statement.raw_bind_parameter(at + offset, number)?;
         }
@@ -53,8 +66,15 @@ pub(super) fn read(row: &Row, first: usize) -> rusqlite::Result<Sample> {
             Ok::<_, rusqlite::Error>(row.get::<_, Option<f64>>(at + offset)?.unwrap_or(f64::NAN))
         };
         let place = Position::from_metres(number(0)?, number(1)?, number(2)?);
-        let (heading, sd) = (Heading::from_radians(number(3)?), Deviation::from_metres(number(4)?));
-        Ok(PoseReport { at: place, heading, sd })
+        let (heading, sd) = (
+            Heading::from_radians(number(3)?),
+            Deviation::from_metres(number(4)?),
+        );
+        Ok(PoseReport {
+            at: place,
+            heading,
+            sd,
+        })
     };
     Ok(Sample {
         sequence: row.get::<_, i64>(first)?.cast_unsigned(),

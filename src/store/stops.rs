@@ -20,7 +20,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use tomoswarm_proto::{EmergencyName, EmergencyStop, Message, OperatorId, Standing, StopScope, VehicleId};
+use tomoswarm_proto::{
+    EmergencyName, EmergencyStop, Message, OperatorId, Standing, StopScope, VehicleId,
+};
 
 use super::checked_file::{CheckedFile, CheckedFileError};
 use super::replace;
@@ -74,7 +76,11 @@ fn text(standing: &Standing) -> String {
         format!("open {:08x} {scope} operator {}\n", stop.name.0, stop.by.0)
     };
     let lifted = |name: &EmergencyName| format!("lifted {:08x}\n", name.0);
-    let lines = standing.open.iter().map(open).chain(standing.lifted.iter().map(lifted));
+    let lines = standing
+        .open
+        .iter()
+        .map(open)
+        .chain(standing.lifted.iter().map(lifted));
     FILE.seal(&lines.collect::<String>())
 }
 
@@ -83,16 +89,28 @@ fn parse(lines: &str) -> Result<Standing, String> {
     for line in lines.lines() {
         let wrong = || format!("`{line}` is no line of version {}", FILE.version);
         let words: Vec<&str> = line.split(' ').collect();
-        let name = |word: &str| u32::from_str_radix(word, 16).map(EmergencyName).map_err(|_| wrong());
+        let name = |word: &str| {
+            u32::from_str_radix(word, 16)
+                .map(EmergencyName)
+                .map_err(|_| wrong())
+        };
         let by = |word: &str| word.parse().map(OperatorId).map_err(|_| wrong());
         match words[..] {
             ["open", drawn, "all", "operator", operator] => {
-                let stop = EmergencyStop { name: name(drawn)?, scope: StopScope::All, by: by(operator)? };
+                let stop = EmergencyStop {
+                    name: name(drawn)?,
+                    scope: StopScope::All,
+                    by: by(operator)?,
+                };
                 standing.open.push(stop);
             }
             ["open", drawn, "vehicle", vehicle, "operator", operator] => {
                 let scope = StopScope::One(VehicleId(vehicle.parse().map_err(|_| wrong())?));
-                standing.open.push(EmergencyStop { name: name(drawn)?, scope, by: by(operator)? });
+                standing.open.push(EmergencyStop {
+                    name: name(drawn)?,
+                    scope,
+                    by: by(operator)?,
+                });
             }
             ["lifted", drawn] => standing.lifted.push(name(drawn)?),
             _ => return Err(wrong()),
@@ -123,13 +141,20 @@ impl StopsDriver {
         let thread = std::thread::Builder::new()
             .name("stops".to_owned())
             .spawn(move || keep(&file, &receiver, &shown))?;
-        Ok(StopsDriver { wanted: Some(sender), trouble, thread: Some(thread) })
+        Ok(StopsDriver {
+            wanted: Some(sender),
+            trouble,
+            thread: Some(thread),
+        })
     }
 
     /// Keeps these in place of what was kept before.
     pub fn keep(&self, standing: &Standing) {
         // The thread lives as long as this, unless it panicked: then what is open is still kept by every other node.
-        let _ = self.wanted.as_ref().map(|wanted| wanted.send(standing.clone()));
+        let _ = self
+            .wanted
+            .as_ref()
+            .map(|wanted| wanted.send(standing.clone()));
     }
 
     /// Returns why they are not on disk just now.
@@ -185,9 +210,16 @@ mod tests {
     use super::*;
 
     fn known() -> Standing {
-        let stop = |name, scope| EmergencyStop { name: EmergencyName(name), scope, by: OperatorId(1) };
+        let stop = |name, scope| EmergencyStop {
+            name: EmergencyName(name),
+            scope,
+            by: OperatorId(1),
+        };
         Standing {
-            open: vec![stop(0x42, StopScope::All), stop(0x3f2a_9c01, StopScope::One(VehicleId(3)))],
+            open: vec![
+                stop(0x42, StopScope::All),
+                stop(0x3f2a_9c01, StopScope::One(VehicleId(3))),
+            ],
             lifted: vec![EmergencyName(u32::MAX), EmergencyName(0x1_0000)],
         }
     }
@@ -211,19 +243,30 @@ mod tests {
         let check = |bytes: &[u8], part: &str| {
             fs::write(&path, bytes).unwrap();
             let error = file.read().unwrap_err().to_string();
-            assert!(error.starts_with(&path.display().to_string()) && error.contains(part), "{error}");
+            assert!(
+                error.starts_with(&path.display().to_string()) && error.contains(part),
+                "{error}"
+            );
             assert_eq!(fs::read(&path).unwrap(), bytes, "it is left as it is");
         };
         let whole = text(&known());
         check(b"", "it is empty");
         check(&whole.as_bytes()[..whole.len() - 3], "its end is missing");
-        check(whole.replace("vehicle 3", "vehicle 4").as_bytes(), "at its end");
+        check(
+            whole.replace("vehicle 3", "vehicle 4").as_bytes(),
+            "at its end",
+        );
         check(
             FILE.seal("open 3f2a9c01 some operator 1\n").as_bytes(),
             "`open 3f2a9c01 some operator 1` is no line",
         );
-        check(FILE.seal("lifted xyz\n").as_bytes(), "`lifted xyz` is no line");
-        let ten: String = (0..10).map(|number| format!("open 0001000{number} all operator 1\n")).collect();
+        check(
+            FILE.seal("lifted xyz\n").as_bytes(),
+            "`lifted xyz` is no line",
+        );
+        let ten: String = (0..10)
+            .map(|number| format!("open 0001000{number} all operator 1\n"))
+            .collect();
         check(FILE.seal(&ten).as_bytes(), "at most 9 stops");
         let newer = CheckedFile { version: 2, ..FILE }.seal("");
         check(newer.as_bytes(), "written by a newer tomoswarm (version 2");

@@ -45,8 +45,15 @@ impl Walk {
 
     fn push(&mut self, ring: &Ring, id: StopId, unrolled: i64, route: Vec<Position>) {
         let at = ring.position(index_on(ring, unrolled)).into();
-        let stop =
-            Stop { id, at, route, dwell_ms: 0, dwell_limit_ms: 0, partners: Vec::new(), after: Vec::new() };
+        let stop = Stop {
+            id,
+            at,
+            route,
+            dwell_ms: 0,
+            dwell_limit_ms: 0,
+            partners: Vec::new(),
+            after: Vec::new(),
+        };
         self.plan.stops.push(stop);
         self.unrolled.push(unrolled);
         self.at = unrolled;
@@ -73,13 +80,26 @@ pub(super) fn check_fleet(ring: &Ring, fleet: Fleet<'_>) -> Result<(), SweepErro
     if !(2..=8).contains(&vehicles) {
         return Err(SweepError::Vehicles { vehicles });
     }
-    let again = |index: usize, id: VehicleId| fleet.vehicles[..index].iter().any(|known| known.0 == id);
-    let wrong = fleet.vehicles.iter().enumerate().find(|(i, (id, at))| !at.is_finite() || again(*i, *id));
+    let again =
+        |index: usize, id: VehicleId| fleet.vehicles[..index].iter().any(|known| known.0 == id);
+    let wrong = fleet
+        .vehicles
+        .iter()
+        .enumerate()
+        .find(|(i, (id, at))| !at.is_finite() || again(*i, *id));
     if let Some((_, (vehicle, _))) = wrong {
         return Err(SweepError::Vehicle { vehicle: *vehicle });
     }
     let (positions, needed) = (ring.positions(), 5 * vehicles);
-    if positions < needed { Err(SweepError::RingTooSmall { vehicles, positions, needed }) } else { Ok(()) }
+    if positions < needed {
+        Err(SweepError::RingTooSmall {
+            vehicles,
+            positions,
+            needed,
+        })
+    } else {
+        Ok(())
+    }
 }
 
 /// Plans the approach to slots that lie `offsets` (ascending from 0, steps) ahead of the rearmost
@@ -88,14 +108,22 @@ pub(super) fn check_fleet(ring: &Ring, fleet: Fleet<'_>) -> Result<(), SweepErro
 /// Every vehicle drives straight to the ring position nearest to it, then forward along the ring. The
 /// foremost goes first. Of all places for the rearmost slot, and all choices of who is rearmost, the
 /// one with the shortest longest travel is taken.
-pub(super) fn approach(ring: &Ring, fleet: Fleet<'_>, offsets: &[i64]) -> Result<Vec<Walk>, SweepError> {
+pub(super) fn approach(
+    ring: &Ring,
+    fleet: Fleet<'_>,
+    offsets: &[i64],
+) -> Result<Vec<Walk>, SweepError> {
     let ways = shortest_ways(ring, fleet.vehicles, offsets).ok_or(SweepError::NoApproach)?;
     let mut members: Vec<VehicleId> = fleet.vehicles.iter().map(|(vehicle, _)| *vehicle).collect();
     members.sort();
-    let mut walks: Vec<Walk> = ways.iter().map(|way| walk_to_slot(ring, way, fleet, &members)).collect();
+    let mut walks: Vec<Walk> = ways
+        .iter()
+        .map(|way| walk_to_slot(ring, way, fleet, &members))
+        .collect();
     let forward = walks.iter().rev();
-    let sequence: Vec<VehicleId> =
-        forward.flat_map(|walk| std::iter::repeat_n(walk.plan.vehicle, walk.plan.stops.len())).collect();
+    let sequence: Vec<VehicleId> = forward
+        .flat_map(|walk| std::iter::repeat_n(walk.plan.vehicle, walk.plan.stops.len()))
+        .collect();
     let mut plans: Vec<Plan> = walks.iter().map(|walk| walk.plan.clone()).collect();
     order_legs(&mut plans, &sequence, fleet.separation_m)?;
     for (walk, plan) in walks.iter_mut().zip(plans) {
@@ -113,7 +141,11 @@ fn walk_to_slot(ring: &Ring, way: &Way, fleet: Fleet<'_>, members: &[VehicleId])
         start: way.place.into(),
         ..Plan::default()
     };
-    let mut walk = Walk { plan, unrolled: Vec::new(), at: way.entry };
+    let mut walk = Walk {
+        plan,
+        unrolled: Vec::new(),
+        at: way.entry,
+    };
     let entry = ring.position(index_on(ring, way.entry));
     if way.place.distance_to(entry) > 1e-6 {
         walk.push(ring, StopId(0), way.entry, Vec::new());
@@ -125,10 +157,16 @@ fn walk_to_slot(ring: &Ring, way: &Way, fleet: Fleet<'_>, members: &[VehicleId])
 }
 
 /// Tries every vehicle as the rearmost and every place of the rearmost slot.
-fn shortest_ways(ring: &Ring, vehicles: &[(VehicleId, Point)], offsets: &[i64]) -> Option<Vec<Way>> {
+fn shortest_ways(
+    ring: &Ring,
+    vehicles: &[(VehicleId, Point)],
+    offsets: &[i64],
+) -> Option<Vec<Way>> {
     let around = ring.positions() as i64;
-    let mut standing: Vec<(f64, VehicleId, Point)> =
-        vehicles.iter().map(|(vehicle, at)| (ring.nearest_arc_m(*at), *vehicle, *at)).collect();
+    let mut standing: Vec<(f64, VehicleId, Point)> = vehicles
+        .iter()
+        .map(|(vehicle, at)| (ring.nearest_arc_m(*at), *vehicle, *at))
+        .collect();
     standing.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     let mut best: Option<(f64, f64, Vec<Way>)> = None;
     for rearmost in 0..standing.len() {
@@ -142,12 +180,15 @@ fn shortest_ways(ring: &Ring, vehicles: &[(VehicleId, Point)], offsets: &[i64]) 
                     slot: slot + offset,
                 })
                 .collect();
-            let passes_home = ways.last().is_some_and(|way| way.slot > entries[0].1 + around - MIN_GAP);
+            let passes_home = ways
+                .last()
+                .is_some_and(|way| way.slot > entries[0].1 + around - MIN_GAP);
             if passes_home || ways.iter().any(|way| way.slot < way.entry) {
                 continue;
             }
             let travels = ways.iter().map(|way| travel_m(ring, way));
-            let (longest, sum) = travels.fold((0.0, 0.0), |(max, sum), m| (f64::max(max, m), sum + m));
+            let (longest, sum) =
+                travels.fold((0.0, 0.0), |(max, sum), m| (f64::max(max, m), sum + m));
             // Millimetres of rounding must not decide between equal ways.
             let better = |kept: &(f64, f64, Vec<Way>)| {
                 longest < kept.0 - 1e-3 || (longest < kept.0 + 1e-3 && sum < kept.1 - 1e-3)

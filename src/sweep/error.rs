@@ -128,7 +128,9 @@ pub enum SweepError {
         vehicles: usize,
     },
     /// Such plans are too long to travel.
-    #[error("this sweep needs {stops} stops of a vehicle, at most {limit} are allowed; take fewer points")]
+    #[error(
+        "this sweep needs {stops} stops of a vehicle, at most {limit} are allowed; take fewer points"
+    )]
     TooManyStops {
         /// How many it needs.
         stops: usize,
@@ -142,7 +144,9 @@ pub enum SweepError {
         vehicle: VehicleId,
     },
     /// The ring is too small for so many vehicles.
-    #[error("{vehicles} vehicles need a ring of at least {needed} positions, this one has {positions}")]
+    #[error(
+        "{vehicles} vehicles need a ring of at least {needed} positions, this one has {positions}"
+    )]
     RingTooSmall {
         /// How many vehicles.
         vehicles: usize,
@@ -162,7 +166,9 @@ pub enum SweepError {
         limit: usize,
     },
     /// No way was found to bring the vehicles to their first positions in their order.
-    #[error("the vehicles cannot reach first positions in the order in which they stand around the area")]
+    #[error(
+        "the vehicles cannot reach first positions in the order in which they stand around the area"
+    )]
     NoApproach,
     /// The plan made cannot be driven safely here, for example because the area is too narrow.
     #[error("the sweep cannot be driven safely: {0}")]

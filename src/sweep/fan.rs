@@ -45,9 +45,15 @@ pub fn fan(ring: &Ring, request: &FanRequest) -> Result<Sweep, SweepError> {
     check_fleet(ring, fleet)?;
     let limit = ring.positions();
     if !(1..=limit).contains(&request.rounds) {
-        return Err(SweepError::Laps { first: 0, end: request.rounds, limit });
+        return Err(SweepError::Laps {
+            first: 0,
+            end: request.rounds,
+            limit,
+        });
     }
-    let offsets: Vec<i64> = (0..request.vehicles.len() as i64).map(|k| k * MIN_GAP).collect();
+    let offsets: Vec<i64> = (0..request.vehicles.len() as i64)
+        .map(|k| k * MIN_GAP)
+        .collect();
     let mut rounds = Rounds::new(ring, request, approach(ring, fleet, &offsets)?);
     for round in 0..request.rounds {
         if round > 0 {
@@ -72,11 +78,23 @@ impl<'a> Rounds<'a> {
     fn new(ring: &'a Ring, request: &'a FanRequest, mut walks: Vec<Walk>) -> Rounds<'a> {
         let mut sequence = Vec::new();
         for walk in walks.iter_mut().rev() {
-            sequence.extend(std::iter::repeat_n(walk.plan.vehicle, walk.plan.stops.len()));
+            sequence.extend(std::iter::repeat_n(
+                walk.plan.vehicle,
+                walk.plan.stops.len(),
+            ));
             // The order of all legs is derived anew at the end.
-            walk.plan.stops.iter_mut().for_each(|stop| stop.after.clear());
+            walk.plan
+                .stops
+                .iter_mut()
+                .for_each(|stop| stop.after.clear());
         }
-        Rounds { ring, request, walks, sequence, schedule: Schedule::default() }
+        Rounds {
+            ring,
+            request,
+            walks,
+            sequence,
+            schedule: Schedule::default(),
+        }
     }
 
     /// Lets the standing vehicle go one position forward, once all others have ended the round.
@@ -93,7 +111,11 @@ impl<'a> Rounds<'a> {
     /// Drives all but the standing one around: forward in even rounds, backward in odd ones.
     fn drive(&mut self, round: usize) {
         let stands = last_stop(&self.walks[0]);
-        let begins: Vec<usize> = self.walks.iter().map(|walk| walk.plan.stops.len()).collect();
+        let begins: Vec<usize> = self
+            .walks
+            .iter()
+            .map(|walk| walk.plan.stops.len())
+            .collect();
         let count = self.walks.len();
         let base = self.walks[0].at;
         let forward = round.is_multiple_of(2);
@@ -120,7 +142,10 @@ impl<'a> Rounds<'a> {
         };
         let mut stops: Vec<_> = self.walks.iter().zip(&begins).filter_map(ends).collect();
         stops.sort();
-        self.schedule.laps.push(Lap { number: round, stops });
+        self.schedule.laps.push(Lap {
+            number: round,
+            stops,
+        });
     }
 
     fn drive_one(&mut self, k: usize, id: StopId, forward: bool) {
@@ -148,12 +173,18 @@ impl<'a> Rounds<'a> {
             stop.after.dedup();
         }
         check_separation(&plans, separation_m)?;
-        Ok(Sweep { plans, schedule: self.schedule })
+        Ok(Sweep {
+            plans,
+            schedule: self.schedule,
+        })
     }
 }
 
 fn last_stop(walk: &Walk) -> Option<(VehicleId, StopId)> {
-    walk.plan.stops.last().map(|stop| (walk.plan.vehicle, stop.id))
+    walk.plan
+        .stops
+        .last()
+        .map(|stop| (walk.plan.vehicle, stop.id))
 }
 
 /// Names a stop: the same in every revision of a run. Ids below twice the ring are approach stops.
@@ -169,7 +200,9 @@ mod tests {
 
     fn plan(count: u8, rounds: usize) -> (Ring, Sweep) {
         let ring = Ring::new(Rect::new(Point::new(0.0, 0.0), Point::new(20.0, 20.0)), 76).unwrap();
-        let vehicles = (0..count).map(|k| (VehicleId(k), Point::new(2.0 * f64::from(k), -1.0))).collect();
+        let vehicles = (0..count)
+            .map(|k| (VehicleId(k), Point::new(2.0 * f64::from(k), -1.0)))
+            .collect();
         let request = FanRequest {
             run: RunId(1),
             revision: Revision(1),
@@ -195,18 +228,35 @@ mod tests {
     #[test]
     fn one_stands_while_the_other_measures_from_nearly_everywhere() {
         let (ring, sweep) = plan(2, 6);
-        let [stands, drives] = &sweep.plans[..] else { panic!("two plans") };
-        let measured: Vec<usize> =
-            drives.stops.iter().filter(|s| s.dwell_ms > 0).map(|s| ring.nearest(s.at.into())).collect();
+        let [stands, drives] = &sweep.plans[..] else {
+            panic!("two plans")
+        };
+        let measured: Vec<usize> = drives
+            .stops
+            .iter()
+            .filter(|s| s.dwell_ms > 0)
+            .map(|s| ring.nearest(s.at.into()))
+            .collect();
         assert!(measured.len() >= 6 * 65, "{}", measured.len());
-        assert!(drives.stops.iter().all(|stop| stop.dwell_ms == 0 || stop.partners == [stands.vehicle]));
-        assert_eq!(stands.stops.iter().filter(|stop| stop.id.0 >= 152).count(), 5);
+        assert!(
+            drives
+                .stops
+                .iter()
+                .all(|stop| stop.dwell_ms == 0 || stop.partners == [stands.vehicle])
+        );
+        assert_eq!(
+            stands.stops.iter().filter(|stop| stop.id.0 >= 152).count(),
+            5
+        );
     }
 
     #[test]
     fn a_fan_without_rounds_is_refused() {
         let ring = Ring::new(Rect::new(Point::new(0.0, 0.0), Point::new(20.0, 20.0)), 76).unwrap();
-        let vehicles = vec![(VehicleId(1), Point::new(0.0, 0.0)), (VehicleId(2), Point::new(5.0, 0.0))];
+        let vehicles = vec![
+            (VehicleId(1), Point::new(0.0, 0.0)),
+            (VehicleId(2), Point::new(5.0, 0.0)),
+        ];
         let request = FanRequest {
             run: RunId(1),
             revision: Revision(1),

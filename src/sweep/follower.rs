@@ -46,7 +46,8 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Boot, Plan, Revision, RunId, Stop, StopId, VehicleId};
 
 use super::{
-    FollowError, LOWER_BOOT_AFTER, Refusal, VOID_AFTER, VehicleProgress, Verdict, WaitsFor, validate,
+    FollowError, LOWER_BOOT_AFTER, Refusal, VOID_AFTER, VehicleProgress, Verdict, WaitsFor,
+    validate,
 };
 use crate::geom::Point;
 use crate::time::{Deadline, Time};
@@ -131,7 +132,9 @@ impl Follower {
             self.give_up_pending();
         }
         let newest = self.pending_edition().or(self.adopted_edition());
-        let known = self.adopted_edition().is_some_and(|adopted| adopted >= edition);
+        let known = self
+            .adopted_edition()
+            .is_some_and(|adopted| adopted >= edition);
         if known || newest.is_some_and(|newest| newest > edition) {
             return Verdict::Old;
         }
@@ -141,7 +144,9 @@ impl Follower {
         if newest != Some(edition) {
             self.give_up_pending();
         }
-        self.pending.entry(plan.vehicle).or_insert_with(|| plan.clone());
+        self.pending
+            .entry(plan.vehicle)
+            .or_insert_with(|| plan.clone());
         self.try_adopting()
     }
 
@@ -159,9 +164,15 @@ impl Follower {
         }
         self.note_member(progress);
         self.note_peer(now, progress);
-        let is_latest = self.peers.get(&progress.vehicle).is_none_or(|peer| peer.boot <= progress.boot);
+        let is_latest = self
+            .peers
+            .get(&progress.vehicle)
+            .is_none_or(|peer| peer.boot <= progress.boot);
         let same = is_latest && self.adopted_edition() == Some((progress.run, progress.revision));
-        let dwell = self.adopted.as_mut().and_then(|adopted| adopted.dwell.as_mut());
+        let dwell = self
+            .adopted
+            .as_mut()
+            .and_then(|adopted| adopted.dwell.as_mut());
         if let Some(dwell) = dwell.filter(|_| same && progress.leg.is_none()) {
             dwell.missing.remove(&progress.vehicle);
         }
@@ -172,17 +183,29 @@ impl Follower {
         if self.adopted_edition() != Some((progress.run, progress.revision)) {
             return;
         }
-        let member = self.adopted.as_mut().and_then(|adopted| adopted.members.get_mut(&progress.vehicle));
+        let member = self
+            .adopted
+            .as_mut()
+            .and_then(|adopted| adopted.members.get_mut(&progress.vehicle));
         let Some(member) = member else { return };
         member.adopted = true;
-        let done = progress.done.and_then(|stop| member.order.get(&stop)).map_or(0, |index| index + 1);
+        let done = progress
+            .done
+            .and_then(|stop| member.order.get(&stop))
+            .map_or(0, |index| index + 1);
         member.done = member.done.max(done);
     }
 
     fn note_peer(&mut self, now: Time, progress: &VehicleProgress) {
         let newest = (progress.run, progress.revision);
         let (boot, at_rest) = (progress.boot, progress.leg.is_none());
-        let heard = Peer { boot, newest, at_rest, heard_at: now, newest_at: now };
+        let heard = Peer {
+            boot,
+            newest,
+            at_rest,
+            heard_at: now,
+            newest_at: now,
+        };
         let peer = self.peers.entry(progress.vehicle).or_insert(heard);
         let begins_anew = heard.boot != peer.boot && now.since(peer.heard_at) > LOWER_BOOT_AFTER;
         // A revision that it never says again is none that it follows.
@@ -224,39 +247,63 @@ impl Follower {
         let adopted = self.adopted.as_ref()?;
         let target = adopted.entered.checked_add(ahead)?;
         let stop = adopted.stops().get(target)?;
-        self.obstacle_up_to(adopted, target).is_none().then_some(stop)
+        self.obstacle_up_to(adopted, target)
+            .is_none()
+            .then_some(stop)
     }
 
     /// The first reason why not all legs up to `target` may be entered.
     fn obstacle_up_to(&self, adopted: &Adopted, target: usize) -> Option<WaitsFor> {
         if let Some(revision) = self.newer_revision() {
-            return Some(WaitsFor::Revision { revision, refusal: self.refusal.clone() });
+            return Some(WaitsFor::Revision {
+                revision,
+                refusal: self.refusal.clone(),
+            });
         }
-        let waiting =
-            adopted.members.iter().find(|(vehicle, member)| **vehicle != self.vehicle && !member.adopted);
+        let waiting = adopted
+            .members
+            .iter()
+            .find(|(vehicle, member)| **vehicle != self.vehicle && !member.adopted);
         if let Some((&vehicle, _)) = waiting {
             return Some(WaitsFor::Member { vehicle });
         }
         let stops = adopted.stops();
-        let dwelling = stops[adopted.done..target].iter().find(|stop| stop.dwell_ms > 0);
+        let dwelling = stops[adopted.done..target]
+            .iter()
+            .find(|stop| stop.dwell_ms > 0);
         if let Some(stop) = dwelling {
             return Some(WaitsFor::Dwell { stop: stop.id });
         }
-        let after = stops[adopted.entered..=target].iter().flat_map(|stop| &stop.after);
-        let missing = after.into_iter().find(|(vehicle, stop)| !adopted.is_done(*vehicle, *stop));
-        missing.map(|(vehicle, stop)| WaitsFor::Stop { vehicle: *vehicle, stop: *stop })
+        let after = stops[adopted.entered..=target]
+            .iter()
+            .flat_map(|stop| &stop.after);
+        let missing = after
+            .into_iter()
+            .find(|(vehicle, stop)| !adopted.is_done(*vehicle, *stop));
+        missing.map(|(vehicle, stop)| WaitsFor::Stop {
+            vehicle: *vehicle,
+            stop: *stop,
+        })
     }
 
     /// Returns why no leg may be entered now; `None` when [`Follower::next_leg`] gives one.
     pub fn waits_for(&self) -> Option<WaitsFor> {
         let Some(adopted) = &self.adopted else {
             let revision = self.newer_revision();
-            let waits = |revision| WaitsFor::Revision { revision, refusal: self.refusal.clone() };
+            let waits = |revision| WaitsFor::Revision {
+                revision,
+                refusal: self.refusal.clone(),
+            };
             return Some(revision.map_or(WaitsFor::Plans, waits));
         };
         if self.newer_revision().is_none() && adopted.entered >= adopted.stops().len() {
-            let dwelling = adopted.dwell.as_ref().and_then(|_| adopted.stops().get(adopted.done));
-            return Some(dwelling.map_or(WaitsFor::Nothing, |stop| WaitsFor::Dwell { stop: stop.id }));
+            let dwelling = adopted
+                .dwell
+                .as_ref()
+                .and_then(|_| adopted.stops().get(adopted.done));
+            return Some(
+                dwelling.map_or(WaitsFor::Nothing, |stop| WaitsFor::Dwell { stop: stop.id }),
+            );
         }
         self.obstacle_up_to(adopted, adopted.entered)
     }
@@ -288,17 +335,28 @@ impl Follower {
     pub fn arrive(&mut self, now: Time, stop: StopId, at: Point) -> Result<(), FollowError> {
         let peers = &self.peers;
         let driven = self.adopted.as_mut().filter(|adopted| adopted.is_driving());
-        let Some(adopted) = driven.filter(|adopted| adopted.stops()[adopted.done].id == stop) else {
+        let Some(adopted) = driven.filter(|adopted| adopted.stops()[adopted.done].id == stop)
+        else {
             return Err(FollowError::NotThere(stop));
         };
         let reached = &adopted.stops()[adopted.done];
         if reached.dwell_ms > 0 {
             let edition = edition_of(&adopted.plans[adopted.own]);
             let resting = |partner: &VehicleId| {
-                peers.get(partner).is_some_and(|peer| peer.at_rest && peer.newest == edition)
+                peers
+                    .get(partner)
+                    .is_some_and(|peer| peer.at_rest && peer.newest == edition)
             };
-            let missing = reached.partners.iter().filter(|partner| !resting(partner)).copied().collect();
-            adopted.dwell = Some(Dwell { since: now, missing });
+            let missing = reached
+                .partners
+                .iter()
+                .filter(|partner| !resting(partner))
+                .copied()
+                .collect();
+            adopted.dwell = Some(Dwell {
+                since: now,
+                missing,
+            });
         } else {
             adopted.done += 1;
         }
@@ -315,15 +373,24 @@ impl Follower {
         let dwell = adopted.dwell.as_ref()?;
         let stop = &adopted.stops()[adopted.done];
         let limit_ms = stop.dwell_limit_ms.max(stop.dwell_ms);
-        let stay_ms = if dwell.missing.is_empty() { stop.dwell_ms } else { limit_ms };
+        let stay_ms = if dwell.missing.is_empty() {
+            stop.dwell_ms
+        } else {
+            limit_ms
+        };
         let at = dwell.since + Duration::from_millis(u64::from(stay_ms));
-        Some(Deadline { at, why: "the dwell at the stop ends" })
+        Some(Deadline {
+            at,
+            why: "the dwell at the stop ends",
+        })
     }
 
     /// Ends a dwell whose time is over; true when a stop was done by that.
     pub fn wake(&mut self, now: Time) -> bool {
         let over = self.deadline().is_some_and(|deadline| deadline.at <= now);
-        let Some(adopted) = self.adopted.as_mut().filter(|_| over) else { return false };
+        let Some(adopted) = self.adopted.as_mut().filter(|_| over) else {
+            return false;
+        };
         adopted.dwell = None;
         adopted.done += 1;
         true
@@ -332,13 +399,28 @@ impl Follower {
     /// Returns the progress to publish, on change and again and again, also before any plan is there; its boot is for the
     /// caller to fill in.
     pub fn progress(&self) -> VehicleProgress {
-        let nothing = VehicleProgress { vehicle: self.vehicle, ..VehicleProgress::default() };
-        let Some(adopted) = &self.adopted else { return nothing };
+        let nothing = VehicleProgress {
+            vehicle: self.vehicle,
+            ..VehicleProgress::default()
+        };
+        let Some(adopted) = &self.adopted else {
+            return nothing;
+        };
         let (run, revision) = edition_of(&adopted.plans[adopted.own]);
         let id = |count: usize| count.checked_sub(1).map(|last| adopted.stops()[last].id);
-        let leg = if adopted.is_driving() { id(adopted.entered) } else { None };
+        let leg = if adopted.is_driving() {
+            id(adopted.entered)
+        } else {
+            None
+        };
         let done = id(adopted.done);
-        VehicleProgress { run, revision, done, leg, ..nothing }
+        VehicleProgress {
+            run,
+            revision,
+            done,
+            leg,
+            ..nothing
+        }
     }
 
     /// Returns whether every stop of the revision followed is done and no newer revision is known.
@@ -349,12 +431,16 @@ impl Follower {
 
     /// Returns how many stops of the own plan are done, and how many it has; none of none before the first plan.
     pub fn stops_done(&self) -> (usize, usize) {
-        self.adopted.as_ref().map_or((0, 0), |adopted| (adopted.done, adopted.stops().len()))
+        self.adopted
+            .as_ref()
+            .map_or((0, 0), |adopted| (adopted.done, adopted.stops().len()))
     }
 
     /// Returns the own plan of the revision followed.
     pub fn plan(&self) -> Option<&Plan> {
-        self.adopted.as_ref().map(|adopted| &adopted.plans[adopted.own])
+        self.adopted
+            .as_ref()
+            .map(|adopted| &adopted.plans[adopted.own])
     }
 
     /// Returns the plans of all members of the revision followed; none before the first.
@@ -365,7 +451,9 @@ impl Follower {
     /// Returns the stops whose legs are entered and which are not done, the first the one driven to (or
     /// dwelt at).
     pub fn entered(&self) -> &[Stop] {
-        self.adopted.as_ref().map_or(&[], |adopted| &adopted.stops()[adopted.done..adopted.entered])
+        self.adopted.as_ref().map_or(&[], |adopted| {
+            &adopted.stops()[adopted.done..adopted.entered]
+        })
     }
 
     /// Returns why the newest revision is not followed, if it was refused.
@@ -388,17 +476,27 @@ impl Follower {
 
     /// Adopts the pending revision when it is complete, fits, and the vehicle rests.
     fn try_adopting(&mut self) -> Verdict {
-        let Some(sample) = self.pending.values().next() else { return Verdict::Old };
+        let Some(sample) = self.pending.values().next() else {
+            return Verdict::Old;
+        };
         let members = sample.members.clone();
         if !members.contains(&self.vehicle) {
-            return self.refuse(Refusal::NotMember { revision: sample.revision });
+            return self.refuse(Refusal::NotMember {
+                revision: sample.revision,
+            });
         }
         if let Some(refusal @ Refusal::Invalid { .. }) = &self.refusal {
             return Verdict::Refused(refusal.clone());
         }
-        let complete = members.iter().all(|member| self.pending.contains_key(member));
-        let (Some(rest), true) = (self.rest, complete) else { return Verdict::Kept };
-        let Some(own) = self.pending.get(&self.vehicle) else { return Verdict::Kept };
+        let complete = members
+            .iter()
+            .all(|member| self.pending.contains_key(member));
+        let (Some(rest), true) = (self.rest, complete) else {
+            return Verdict::Kept;
+        };
+        let Some(own) = self.pending.get(&self.vehicle) else {
+            return Verdict::Kept;
+        };
         let (edition, revision) = (edition_of(own), own.revision);
         let distance_m = rest.distance_to(own.start.into());
         // A vehicle without stops of its own is in the way of the others all the same.
@@ -407,7 +505,10 @@ impl Follower {
             return self.refuse(Refusal::NotStopped { revision });
         }
         if !all_stop && distance_m > self.tolerance_m {
-            return self.refuse(Refusal::Elsewhere { revision, distance_m });
+            return self.refuse(Refusal::Elsewhere {
+                revision,
+                distance_m,
+            });
         }
         let plans: Vec<Plan> = self.pending.values().cloned().collect();
         if let Err(error) = validate(&plans) {
@@ -433,13 +534,37 @@ impl Adopted {
         peers: &BTreeMap<VehicleId, Peer>,
     ) -> Adopted {
         let member = |plan: &Plan| {
-            let order = plan.stops.iter().enumerate().map(|(index, stop)| (stop.id, index)).collect();
-            let adopted = peers.get(&plan.vehicle).is_some_and(|peer| peer.newest == edition);
-            (plan.vehicle, Member { order, adopted, done: 0 })
+            let order = plan
+                .stops
+                .iter()
+                .enumerate()
+                .map(|(index, stop)| (stop.id, index))
+                .collect();
+            let adopted = peers
+                .get(&plan.vehicle)
+                .is_some_and(|peer| peer.newest == edition);
+            (
+                plan.vehicle,
+                Member {
+                    order,
+                    adopted,
+                    done: 0,
+                },
+            )
         };
         let members = plans.iter().map(member).collect();
-        let own = plans.iter().position(|plan| plan.vehicle == vehicle).unwrap_or(0);
-        Adopted { plans, own, members, done: 0, entered: 0, dwell: None }
+        let own = plans
+            .iter()
+            .position(|plan| plan.vehicle == vehicle)
+            .unwrap_or(0);
+        Adopted {
+            plans,
+            own,
+            members,
+            done: 0,
+            entered: 0,
+            dwell: None,
+        }
     }
 
     fn stops(&self) -> &[Stop] {
@@ -451,8 +576,13 @@ impl Adopted {
     }
 
     fn is_done(&self, vehicle: VehicleId, stop: StopId) -> bool {
-        let Some(member) = self.members.get(&vehicle) else { return false };
-        member.order.get(&stop).is_some_and(|index| *index < member.done)
+        let Some(member) = self.members.get(&vehicle) else {
+            return false;
+        };
+        member
+            .order
+            .get(&stop)
+            .is_some_and(|index| *index < member.done)
     }
 }
 
@@ -490,7 +620,14 @@ mod tests {
     fn peer(revision: u32, done: Option<u32>, leg: Option<u32>) -> VehicleProgress {
         let (run, revision) = (RunId(1), Revision(revision));
         let (done, leg) = (done.map(StopId), leg.map(StopId));
-        VehicleProgress { vehicle: TWO, run, revision, done, leg, ..VehicleProgress::default() }
+        VehicleProgress {
+            vehicle: TWO,
+            run,
+            revision,
+            done,
+            leg,
+            ..VehicleProgress::default()
+        }
     }
 
     fn at(x_m: f64) -> Point {
@@ -520,11 +657,17 @@ mod tests {
     #[test]
     fn nobody_moves_before_all_report_the_revision() {
         let mut follower = following(&plan(ONE, 2, 3));
-        assert_eq!(follower.waits_for(), Some(WaitsFor::Member { vehicle: TWO }));
+        assert_eq!(
+            follower.waits_for(),
+            Some(WaitsFor::Member { vehicle: TWO })
+        );
         follower.hear(second(1.0), &peer(1, None, None));
         assert!(follower.next_leg().is_none());
         follower.hear(second(1.0), &peer(3, None, None));
-        assert!(follower.next_leg().is_none(), "a peer beyond the revision may never have been at its start");
+        assert!(
+            follower.next_leg().is_none(),
+            "a peer beyond the revision may never have been at its start"
+        );
         follower.hear(second(1.0), &peer(2, None, None));
         assert_eq!(follower.next_leg().map(|stop| stop.id), Some(StopId(1)));
     }
@@ -538,8 +681,17 @@ mod tests {
         assert_eq!(follower.may_enter(0).map(|stop| stop.id), Some(StopId(1)));
         assert!(follower.may_enter(1).is_none());
         follower.enter(StopId(1)).unwrap();
-        assert_eq!(follower.waits_for(), Some(WaitsFor::Stop { vehicle: TWO, stop: StopId(3) }));
-        assert_eq!(follower.enter(StopId(2)), Err(FollowError::NotYet(StopId(2))));
+        assert_eq!(
+            follower.waits_for(),
+            Some(WaitsFor::Stop {
+                vehicle: TWO,
+                stop: StopId(3)
+            })
+        );
+        assert_eq!(
+            follower.enter(StopId(2)),
+            Err(FollowError::NotYet(StopId(2)))
+        );
         follower.hear(second(2.0), &peer(2, Some(4), None));
         follower.hear(second(2.0), &peer(2, Some(1), None));
         follower.hear(second(2.0), &peer(1, None, None));
@@ -548,11 +700,18 @@ mod tests {
         assert_eq!(follower.may_enter(0).map(|stop| stop.id), Some(StopId(3)));
         assert_eq!(
             follower.progress(),
-            VehicleProgress { vehicle: ONE, leg: Some(StopId(2)), ..peer(2, None, None) }
+            VehicleProgress {
+                vehicle: ONE,
+                leg: Some(StopId(2)),
+                ..peer(2, None, None)
+            }
         );
         follower.arrive(second(3.0), StopId(1), at(1.0)).unwrap();
         assert_eq!(follower.progress().done, Some(StopId(1)));
-        assert_eq!(follower.arrive(second(3.0), StopId(3), at(3.0)), Err(FollowError::NotThere(StopId(3))));
+        assert_eq!(
+            follower.arrive(second(3.0), StopId(3), at(3.0)),
+            Err(FollowError::NotThere(StopId(3)))
+        );
     }
 
     #[test]
@@ -561,11 +720,20 @@ mod tests {
         follower.hear(second(1.0), &peer(2, None, None));
         follower.enter(StopId(1)).unwrap();
         assert_eq!(follower.offer(&plan(TWO, 3, 0)), Verdict::Kept);
-        assert!(follower.next_leg().is_none(), "half a revision heard is enough to stop");
+        assert!(
+            follower.next_leg().is_none(),
+            "half a revision heard is enough to stop"
+        );
         assert_eq!(follower.offer(&plan(ONE, 3, 0)), Verdict::Kept);
         assert_eq!(follower.progress().revision, Revision(2));
         follower.arrive(second(2.0), StopId(1), at(1.0)).unwrap();
-        assert_eq!(follower.progress(), VehicleProgress { vehicle: ONE, ..peer(3, None, None) });
+        assert_eq!(
+            follower.progress(),
+            VehicleProgress {
+                vehicle: ONE,
+                ..peer(3, None, None)
+            }
+        );
         assert!(follower.finished());
         assert_eq!(follower.offer(&plan(ONE, 2, 3)), Verdict::Old);
     }
@@ -595,7 +763,10 @@ mod tests {
         next.start.x_mm = 2000;
         follower.offer(&next);
         let verdict = follower.offer(&plan(TWO, 3, 4));
-        assert!(matches!(verdict, Verdict::Refused(Refusal::Elsewhere { .. })), "{verdict:?}");
+        assert!(
+            matches!(verdict, Verdict::Refused(Refusal::Elsewhere { .. })),
+            "{verdict:?}"
+        );
         assert!(follower.next_leg().is_none());
         assert_eq!(follower.progress().revision, Revision(2));
     }
@@ -608,10 +779,16 @@ mod tests {
         other.stops[0].after = vec![(ONE, StopId(2))];
         let mut follower = stopped();
         follower.offer(&circle);
-        assert!(matches!(follower.offer(&other), Verdict::Refused(Refusal::Invalid { .. })));
+        assert!(matches!(
+            follower.offer(&other),
+            Verdict::Refused(Refusal::Invalid { .. })
+        ));
         let mut without = plan(TWO, 4, 2);
         without.members = vec![TWO];
-        assert!(matches!(follower.offer(&without), Verdict::Refused(Refusal::NotMember { .. })));
+        assert!(matches!(
+            follower.offer(&without),
+            Verdict::Refused(Refusal::NotMember { .. })
+        ));
         assert_eq!(follower.progress().revision, Revision(1));
         follower.offer(&plan(TWO, 5, 2));
         assert_eq!(follower.offer(&plan(ONE, 5, 2)), Verdict::Adopted);
@@ -622,8 +799,17 @@ mod tests {
         let mut follower = Follower::new(ONE, at(0.0), 0.3);
         follower.offer(&plan(TWO, 7, 2));
         let verdict = follower.offer(&plan(ONE, 7, 2));
-        assert!(matches!(verdict, Verdict::Refused(Refusal::NotStopped { .. })), "{verdict:?}");
-        assert_eq!(follower.progress(), VehicleProgress { vehicle: ONE, ..VehicleProgress::default() });
+        assert!(
+            matches!(verdict, Verdict::Refused(Refusal::NotStopped { .. })),
+            "{verdict:?}"
+        );
+        assert_eq!(
+            follower.progress(),
+            VehicleProgress {
+                vehicle: ONE,
+                ..VehicleProgress::default()
+            }
+        );
     }
 
     #[test]
@@ -635,16 +821,25 @@ mod tests {
             own.stops[0].partners = vec![TWO];
             let mut follower = following(&own);
             follower.hear(second(1.0), &peer(2, None, Some(1)));
-            assert!(follower.may_enter(1).is_none(), "nobody drives through a dwell");
+            assert!(
+                follower.may_enter(1).is_none(),
+                "nobody drives through a dwell"
+            );
             follower.enter(StopId(1)).unwrap();
             follower.arrive(second(10.0), StopId(1), at(1.0)).unwrap();
-            assert_eq!(follower.waits_for(), Some(WaitsFor::Dwell { stop: StopId(1) }));
+            assert_eq!(
+                follower.waits_for(),
+                Some(WaitsFor::Dwell { stop: StopId(1) })
+            );
             assert_eq!(follower.progress().leg, None, "who dwells is at rest");
             if heard {
                 follower.hear(second(10.5), &peer(2, Some(1), None));
                 follower.hear(second(10.7), &peer(2, Some(1), Some(2)));
             }
-            assert_eq!(follower.deadline().map(|deadline| deadline.at), Some(second(ends_s)));
+            assert_eq!(
+                follower.deadline().map(|deadline| deadline.at),
+                Some(second(ends_s))
+            );
             assert!(!follower.wake(second(ends_s - 0.1)) && follower.wake(second(ends_s)));
             assert_eq!(follower.next_leg().map(|stop| stop.id), Some(StopId(2)));
         }
@@ -652,8 +847,10 @@ mod tests {
 
     #[test]
     fn plans_of_two_grounds_under_one_edition_are_not_mixed() {
-        let of =
-            |plan: Plan, number: u32| Plan { lease: tomoswarm_proto::Lease { number, holder: 7 }, ..plan };
+        let of = |plan: Plan, number: u32| Plan {
+            lease: tomoswarm_proto::Lease { number, holder: 7 },
+            ..plan
+        };
         let mut follower = stopped();
         assert_eq!(follower.offer(&of(plan(ONE, 2, 3), 1)), Verdict::Kept);
         assert_eq!(
@@ -668,17 +865,31 @@ mod tests {
 
     #[test]
     fn what_a_lower_right_has_given_and_nobody_follows_is_void_whatever_its_revision() {
-        let of =
-            |plan: Plan, number: u32| Plan { lease: tomoswarm_proto::Lease { number, holder: 7 }, ..plan };
+        let of = |plan: Plan, number: u32| Plan {
+            lease: tomoswarm_proto::Lease { number, holder: 7 },
+            ..plan
+        };
         let mut follower = following(&plan(ONE, 2, 3));
         follower.hear(second(1.0), &peer(2, None, None));
         assert_eq!(follower.offer(&of(plan(ONE, 900, 0), 1)), Verdict::Kept);
         assert!(follower.next_leg().is_none());
         assert_eq!(follower.offer(&of(plan(ONE, 3, 0), 2)), Verdict::Kept);
         assert_eq!(follower.pending_edition(), Some((RunId(1), Revision(3))));
-        assert_eq!(follower.offer(&of(plan(TWO, 900, 0), 1)), Verdict::Kept, "a later one is collected");
-        assert_eq!(follower.offer(&of(plan(ONE, 2, 3), 3)), Verdict::Old, "it is followed already");
-        assert_eq!(follower.next_leg().map(|stop| stop.id), Some(StopId(1)), "and nothing is newer");
+        assert_eq!(
+            follower.offer(&of(plan(TWO, 900, 0), 1)),
+            Verdict::Kept,
+            "a later one is collected"
+        );
+        assert_eq!(
+            follower.offer(&of(plan(ONE, 2, 3), 3)),
+            Verdict::Old,
+            "it is followed already"
+        );
+        assert_eq!(
+            follower.next_leg().map(|stop| stop.id),
+            Some(StopId(1)),
+            "and nothing is newer"
+        );
     }
 
     #[test]
@@ -694,13 +905,19 @@ mod tests {
             follower.enter(StopId(1)).unwrap();
             follower.arrive(second(12.0), StopId(1), at(1.0)).unwrap();
             let stays_s = if rests { 1.0 } else { 60.0 };
-            assert_eq!(follower.deadline().map(|deadline| deadline.at), Some(second(12.0 + stays_s)));
+            assert_eq!(
+                follower.deadline().map(|deadline| deadline.at),
+                Some(second(12.0 + stays_s))
+            );
         }
     }
 
     #[test]
     fn a_peer_that_lost_its_count_of_starts_is_believed_after_a_silence() {
-        let of = |boot: u32, leg: Option<u32>| VehicleProgress { boot: Boot(boot), ..peer(2, None, leg) };
+        let of = |boot: u32, leg: Option<u32>| VehicleProgress {
+            boot: Boot(boot),
+            ..peer(2, None, leg)
+        };
         for (heard_s, rests) in [(30.9, false), (31.1, true)] {
             let mut own = plan(ONE, 2, 1);
             (own.stops[0].dwell_ms, own.stops[0].dwell_limit_ms) = (1000, 60_000);
@@ -712,7 +929,11 @@ mod tests {
             follower.hear(second(heard_s), &of(3, None));
             let stays_s = if rests { 1.0 } else { 60.0 };
             let expected = (!rests).then(|| second(2.0 + stays_s));
-            assert_eq!(follower.deadline().map(|deadline| deadline.at), expected, "{heard_s}");
+            assert_eq!(
+                follower.deadline().map(|deadline| deadline.at),
+                expected,
+                "{heard_s}"
+            );
         }
     }
 }

@@ -25,13 +25,22 @@ struct Rise {
 impl LowerNumbers {
     /// Takes one of them; returns whether they are what is true.
     pub fn go_on(&mut self, now: Time, number: u64) -> bool {
-        let first = Rise { since: now, last_at: now, last: number, count: 1 };
+        let first = Rise {
+            since: now,
+            last_at: now,
+            last: number,
+            count: 1,
+        };
         let rise = self.0.get_or_insert(first);
         if now.since(rise.last_at) >= VOID_AFTER {
             *rise = first;
         } else if number > rise.last {
-            *rise =
-                Rise { since: rise.since, last_at: now, last: number, count: rise.count.saturating_add(1) };
+            *rise = Rise {
+                since: rise.since,
+                last_at: now,
+                last: number,
+                count: rise.count.saturating_add(1),
+            };
         }
         rise.count >= FEWEST && rise.last == number && now.since(rise.since) >= VOID_AFTER
     }
@@ -49,7 +58,10 @@ mod tests {
     fn what_goes_on_for_ten_seconds_is_true() {
         let mut lower = LowerNumbers::default();
         for second in 0..10_u32 {
-            assert!(!lower.go_on(at(f64::from(second)), u64::from(second)), "{second} s");
+            assert!(
+                !lower.go_on(at(f64::from(second)), u64::from(second)),
+                "{second} s"
+            );
         }
         assert!(!lower.go_on(at(10.0), 3), "it comes late itself");
         assert!(lower.go_on(at(10.0), 10));
@@ -59,11 +71,22 @@ mod tests {
     fn late_ones_are_not_true_however_far_apart() {
         let mut lower = LowerNumbers::default();
         for turn in 0..20_u32 {
-            assert!(!lower.go_on(at(f64::from(turn) * 10.0), u64::from(turn)), "{turn}");
+            assert!(
+                !lower.go_on(at(f64::from(turn) * 10.0), u64::from(turn)),
+                "{turn}"
+            );
         }
         let mut again = LowerNumbers::default();
-        assert!((0..50).all(|turn| !again.go_on(at(f64::from(turn)), 7)), "one is said again and again");
+        assert!(
+            (0..50).all(|turn| !again.go_on(at(f64::from(turn)), 7)),
+            "one is said again and again"
+        );
         let mut few = LowerNumbers::default();
-        assert!([0.0, 4.0, 8.0, 12.0].iter().all(|at_s| !few.go_on(at(*at_s), *at_s as u64)), "only four");
+        assert!(
+            [0.0, 4.0, 8.0, 12.0]
+                .iter()
+                .all(|at_s| !few.go_on(at(*at_s), *at_s as u64)),
+            "only four"
+        );
     }
 }

@@ -23,7 +23,12 @@ pub struct LinkSetQuality {
 impl LinkSetQuality {
     /// Judges links over a grid of pixels: each is snapped to the border of the grid's area, and weighs on pixels
     /// whose middle makes its way longer by less than `width_m`.
-    pub fn of(links: &[Segment], grid: &PixelGrid, width_m: f64, snap_inside: bool) -> LinkSetQuality {
+    pub fn of(
+        links: &[Segment],
+        grid: &PixelGrid,
+        width_m: f64,
+        snap_inside: bool,
+    ) -> LinkSetQuality {
         let mut is_covered = vec![false; grid.len()];
         let mut quality = LinkSetQuality::default();
         for link in links {
@@ -64,23 +69,43 @@ mod tests {
     }
 
     fn grid() -> PixelGrid {
-        PixelGrid { area: Rect::new(Point::new(1.0, 1.0), Point::new(5.0, 5.0)), columns: 4, rows: 4 }
+        PixelGrid {
+            area: Rect::new(Point::new(1.0, 1.0), Point::new(5.0, 5.0)),
+            columns: 4,
+            rows: 4,
+        }
     }
 
     #[test]
     fn a_link_along_a_row_of_pixels_sees_that_row() {
         let quality = LinkSetQuality::of(&[link(0.0, 2.5, 6.0, 2.5)], &grid(), 0.2, false);
-        let expected =
-            LinkSetQuality { incidences: 4, uncovered_pixels: 12, unsnappable: 0, links_length_m: 6.0 };
+        let expected = LinkSetQuality {
+            incidences: 4,
+            uncovered_pixels: 12,
+            unsnappable: 0,
+            links_length_m: 6.0,
+        };
         assert_eq!(quality, expected);
-        assert_eq!((quality.coverage(), quality.effort_m(10.0, 0.75)), (-4.0, 7.0));
+        assert_eq!(
+            (quality.coverage(), quality.effort_m(10.0, 0.75)),
+            (-4.0, 7.0)
+        );
     }
 
     #[test]
     fn a_link_beside_the_area_is_counted_as_such() {
         let links = [link(0.0, 0.5, 6.0, 0.5), link(2.0, 2.5, 6.0, 2.5)];
-        assert_eq!(LinkSetQuality::of(&links, &grid(), 0.2, false).unsnappable, 2);
-        assert_eq!(LinkSetQuality::of(&links, &grid(), 0.2, true).unsnappable, 1);
-        assert_eq!(LinkSetQuality::of(&[], &grid(), 0.2, true).uncovered_pixels, 16);
+        assert_eq!(
+            LinkSetQuality::of(&links, &grid(), 0.2, false).unsnappable,
+            2
+        );
+        assert_eq!(
+            LinkSetQuality::of(&links, &grid(), 0.2, true).unsnappable,
+            1
+        );
+        assert_eq!(
+            LinkSetQuality::of(&[], &grid(), 0.2, true).uncovered_pixels,
+            16
+        );
     }
 }

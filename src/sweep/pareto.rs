@@ -10,14 +10,23 @@ use std::cmp::Ordering;
 pub fn non_dominated_layers<const N: usize>(objectives: &[[f64; N]]) -> Vec<Vec<usize>> {
     let beats = |a: usize, b: usize| dominates(&objectives[a], &objectives[b]);
     let count = objectives.len();
-    let mut beaten_by: Vec<usize> = (0..count).map(|b| (0..count).filter(|a| beats(*a, b)).count()).collect();
+    let mut beaten_by: Vec<usize> = (0..count)
+        .map(|b| (0..count).filter(|a| beats(*a, b)).count())
+        .collect();
     let mut layers = Vec::new();
     let mut left: Vec<usize> = (0..count).collect();
     while !left.is_empty() {
-        let layer: Vec<usize> = left.iter().copied().filter(|index| beaten_by[*index] == 0).collect();
+        let layer: Vec<usize> = left
+            .iter()
+            .copied()
+            .filter(|index| beaten_by[*index] == 0)
+            .collect();
         left.retain(|index| beaten_by[*index] > 0);
         for index in &left {
-            beaten_by[*index] -= layer.iter().filter(|better| beats(**better, *index)).count();
+            beaten_by[*index] -= layer
+                .iter()
+                .filter(|better| beats(**better, *index))
+                .count();
         }
         layers.push(layer);
     }
@@ -61,20 +70,33 @@ mod tests {
 
     #[test]
     fn equal_candidates_do_not_beat_each_other() {
-        assert_eq!(non_dominated_layers(&[[1.0, 2.0], [1.0, 2.0]]), [vec![0, 1]]);
-        assert_eq!(non_dominated_layers(&[[0.0, 1.0], [-0.0, 1.0]]), [vec![0, 1]]);
-        assert_eq!(non_dominated_layers(&[[1.0], [3.0], [2.0], [1.0]]), [vec![0, 3], vec![2], vec![1]]);
+        assert_eq!(
+            non_dominated_layers(&[[1.0, 2.0], [1.0, 2.0]]),
+            [vec![0, 1]]
+        );
+        assert_eq!(
+            non_dominated_layers(&[[0.0, 1.0], [-0.0, 1.0]]),
+            [vec![0, 1]]
+        );
+        assert_eq!(
+            non_dominated_layers(&[[1.0], [3.0], [2.0], [1.0]]),
+            [vec![0, 3], vec![2], vec![1]]
+        );
         assert_eq!(non_dominated_layers::<2>(&[]), Vec::<Vec<usize>>::new());
     }
 
     #[test]
     fn what_is_no_number_is_worse_than_all() {
-        assert_eq!(non_dominated_layers(&[[f64::NAN, 1.0], [5.0, 1.0]]), [vec![1], vec![0]]);
+        assert_eq!(
+            non_dominated_layers(&[[f64::NAN, 1.0], [5.0, 1.0]]),
+            [vec![1], vec![0]]
+        );
     }
 
     #[test]
     fn the_order_in_which_members_are_given_does_not_matter() {
-        let contributions = hypervolume_contributions(&[[6.0, 0.0], [0.0, 9.0], [2.0, 4.0], [3.0, 3.0]]);
+        let contributions =
+            hypervolume_contributions(&[[6.0, 0.0], [0.0, 9.0], [2.0, 4.0], [3.0, 3.0]]);
         assert_eq!(contributions, [f64::INFINITY, f64::INFINITY, 5.0, 3.0]);
         assert_eq!(hypervolume_contributions(&[[1.0, 1.0]]), [f64::INFINITY]);
         assert!(hypervolume_contributions(&[]).is_empty());
@@ -83,7 +105,9 @@ mod tests {
     /// The area dominated within a corner, by counting unit squares.
     fn area(points: &[[f64; 2]]) -> usize {
         let squares = (0..20).flat_map(|x| (0..20).map(move |y| [f64::from(x), f64::from(y)]));
-        squares.filter(|at| points.iter().any(|p| p[0] <= at[0] && p[1] <= at[1])).count()
+        squares
+            .filter(|at| points.iter().any(|p| p[0] <= at[0] && p[1] <= at[1]))
+            .count()
     }
 
     proptest! {

@@ -24,7 +24,9 @@ pub const MAX_PATTERN_SIZE: usize = 250;
 #[derive(Clone, Copy, PartialEq, Debug, Error)]
 pub enum PatternError {
     /// Too few or too many points along a side.
-    #[error("a pattern has from {MIN_PATTERN_SIZE} to {MAX_PATTERN_SIZE} points along a side, not {size}")]
+    #[error(
+        "a pattern has from {MIN_PATTERN_SIZE} to {MAX_PATTERN_SIZE} points along a side, not {size}"
+    )]
     Size {
         /// What was asked for.
         size: usize,
@@ -97,7 +99,10 @@ impl Pattern {
         if !(MIN_PATTERN_SIZE..=MAX_PATTERN_SIZE).contains(&size) {
             return Err(PatternError::Size { size });
         }
-        Ok(Pattern { kind, side: size - 1 })
+        Ok(Pattern {
+            kind,
+            side: size - 1,
+        })
     }
 
     /// Returns which pattern it is.
@@ -151,10 +156,15 @@ impl Pattern {
 
     fn round(&self, round: usize) -> Vec<Piece> {
         let three_sides = 3 * self.side;
-        let piece = |steps: usize, first: i64, second: i64| Piece { steps, by: [first, second] };
+        let piece = |steps: usize, first: i64, second: i64| Piece {
+            steps,
+            by: [first, second],
+        };
         match self.kind {
             // Up to one place before the other, which then does the same and ends one place before this one.
-            PatternKind::Calibrate if round.is_multiple_of(2) => vec![piece(4 * self.side - 2, 1, 0)],
+            PatternKind::Calibrate if round.is_multiple_of(2) => {
+                vec![piece(4 * self.side - 2, 1, 0)]
+            }
             PatternKind::Calibrate => vec![piece(4 * self.side - 2, 0, 1)],
             // The last step of each drive is the first one of the other: a corner is handed over.
             PatternKind::Fan => vec![
@@ -197,9 +207,16 @@ pub fn square(centre: Point, size_m: f64) -> Result<[Point; 5], PatternError> {
         return Err(PatternError::Side { size_m });
     }
     let half_m = size_m / 2.0;
-    let corner = |east: f64, north: f64| Point::new(centre.x_m + east * half_m, centre.y_m + north * half_m);
+    let corner =
+        |east: f64, north: f64| Point::new(centre.x_m + east * half_m, centre.y_m + north * half_m);
     let first = corner(-1.0, 1.0);
-    Ok([first, corner(1.0, 1.0), corner(1.0, -1.0), corner(-1.0, -1.0), first])
+    Ok([
+        first,
+        corner(1.0, 1.0),
+        corner(1.0, -1.0),
+        corner(-1.0, -1.0),
+        first,
+    ])
 }
 
 #[cfg(test)]
@@ -208,7 +225,11 @@ mod tests {
     use proptest::prelude::*;
     use std::collections::BTreeSet;
 
-    const KINDS: [PatternKind; 3] = [PatternKind::Calibrate, PatternKind::Fan, PatternKind::FanStraight];
+    const KINDS: [PatternKind; 3] = [
+        PatternKind::Calibrate,
+        PatternKind::Fan,
+        PatternKind::FanStraight,
+    ];
 
     fn at(north: usize, east: usize) -> LatticePoint {
         LatticePoint { north, east }
@@ -220,14 +241,20 @@ mod tests {
 
     /// The points of one vehicle, as (north, east).
     fn track(kind: PatternKind, size: usize, vehicle: usize) -> Vec<(usize, usize)> {
-        pattern(kind, size).steps().map(|both| (both[vehicle].north, both[vehicle].east)).collect()
+        pattern(kind, size)
+            .steps()
+            .map(|both| (both[vehicle].north, both[vehicle].east))
+            .collect()
     }
 
     /// All links measured: unordered pairs of points, of the start too.
     fn links(kind: PatternKind, size: usize) -> BTreeSet<[LatticePoint; 2]> {
         let pattern = pattern(kind, size);
         let mut links: BTreeSet<_> = pattern.steps().chain([pattern.start()]).collect();
-        links = links.into_iter().map(|[a, b]| [a.min(b), a.max(b)]).collect();
+        links = links
+            .into_iter()
+            .map(|[a, b]| [a.min(b), a.max(b)])
+            .collect();
         links
     }
 
@@ -240,7 +267,17 @@ mod tests {
     fn the_second_vehicle_of_a_fan_takes_over_each_corner() {
         let second = track(PatternKind::Fan, 4, 1);
         assert!(second[..8].iter().all(|point| *point == (0, 3)));
-        let drive = [(0, 2), (0, 1), (0, 0), (1, 0), (2, 0), (3, 0), (3, 1), (3, 2), (3, 3)];
+        let drive = [
+            (0, 2),
+            (0, 1),
+            (0, 0),
+            (1, 0),
+            (2, 0),
+            (3, 0),
+            (3, 1),
+            (3, 2),
+            (3, 3),
+        ];
         assert_eq!(second[8..17], drive);
         assert!(second[17..26].iter().all(|point| *point == (3, 3)));
         assert_eq!((second.len(), second[71]), (72, (0, 3)));
@@ -261,14 +298,20 @@ mod tests {
         for size in 2..=9 {
             let border = 4 * (size - 1);
             let pairs = border * (border - 1) / 2;
-            assert_eq!(links(PatternKind::Calibrate, size).len(), pairs, "size {size}");
+            assert_eq!(
+                links(PatternKind::Calibrate, size).len(),
+                pairs,
+                "size {size}"
+            );
         }
     }
 
     #[test]
     fn a_fan_straight_of_twenty_points_has_its_182_useful_links() {
         // The number is that of the published comparison of planners, counted from the original.
-        let useful = links(PatternKind::FanStraight, 20).into_iter().filter(|link| !on_one_side(*link, 20));
+        let useful = links(PatternKind::FanStraight, 20)
+            .into_iter()
+            .filter(|link| !on_one_side(*link, 20));
         assert_eq!(useful.count(), 182);
     }
 
@@ -279,8 +322,14 @@ mod tests {
             let links = links(PatternKind::Fan, size);
             for corner in [at(0, 0), at(0, last), at(last, 0), at(last, last)] {
                 for along in 0..size {
-                    let opposite = [at(last - corner.north, along), at(along, last - corner.east)];
-                    for point in opposite.into_iter().filter(|point| !on_one_side([corner, *point], size)) {
+                    let opposite = [
+                        at(last - corner.north, along),
+                        at(along, last - corner.east),
+                    ];
+                    for point in opposite
+                        .into_iter()
+                        .filter(|point| !on_one_side([corner, *point], size))
+                    {
                         assert!(
                             links.contains(&[corner.min(point), corner.max(point)]),
                             "{corner:?} {point:?}"
@@ -303,7 +352,10 @@ mod tests {
     #[test]
     fn impossible_sizes_are_refused() {
         for size in [0, 1, 251, usize::MAX] {
-            assert_eq!(Pattern::new(PatternKind::Fan, size), Err(PatternError::Size { size }));
+            assert_eq!(
+                Pattern::new(PatternKind::Fan, size),
+                Err(PatternError::Size { size })
+            );
         }
         for size_m in [0.0, -3.0, f64::INFINITY, f64::NAN] {
             assert!(square(Point::default(), size_m).is_err(), "{size_m}");

@@ -7,7 +7,8 @@
 use tomoswarm_proto::{Plan, Position, Revision, RunId, Stop, StopId, VehicleId};
 
 use super::{
-    Lap, LatticePoint, Pattern, Ring, Schedule, Sweep, SweepError, check_separation, order_legs, tracks_of,
+    Lap, LatticePoint, Pattern, Ring, Schedule, Sweep, SweepError, check_separation, order_legs,
+    tracks_of,
 };
 use crate::geom::{Point, Rect};
 
@@ -43,14 +44,33 @@ pub fn pattern_sweep(pattern: &Pattern, request: &PatternRequest) -> Result<Swee
     let [one, other] = check(pattern, request)?;
     let steps_a_round = pattern.step_count() / pattern.round_count();
     let skipped = request.first_round * steps_a_round;
-    let at = pattern.steps().take(skipped).last().unwrap_or_else(|| pattern.start());
+    let at = pattern
+        .steps()
+        .take(skipped)
+        .last()
+        .unwrap_or_else(|| pattern.start());
     let (mut plans, mut sequence) = approach(pattern, request, at, [one, other])?;
     let mut schedule = Schedule::default();
     let mut before = at;
     for round in request.first_round..pattern.round_count() {
         let begins = [0, 1].map(|which: usize| plans[which].stops.len());
-        for (step, now) in pattern.steps().enumerate().skip(round * steps_a_round).take(steps_a_round) {
-            add_step(&mut plans, &mut sequence, Step { pattern, request, number: step, before, now });
+        for (step, now) in pattern
+            .steps()
+            .enumerate()
+            .skip(round * steps_a_round)
+            .take(steps_a_round)
+        {
+            add_step(
+                &mut plans,
+                &mut sequence,
+                Step {
+                    pattern,
+                    request,
+                    number: step,
+                    before,
+                    now,
+                },
+            );
             before = now;
         }
         schedule.laps.push(lap(round, &plans, begins));
@@ -58,9 +78,14 @@ pub fn pattern_sweep(pattern: &Pattern, request: &PatternRequest) -> Result<Swee
     finish(plans, &sequence, schedule, request.separation_m)
 }
 
-fn check(pattern: &Pattern, request: &PatternRequest) -> Result<[(VehicleId, Point); 2], SweepError> {
+fn check(
+    pattern: &Pattern,
+    request: &PatternRequest,
+) -> Result<[(VehicleId, Point); 2], SweepError> {
     let &[one, other] = request.vehicles.as_slice() else {
-        return Err(SweepError::NotTwo { vehicles: request.vehicles.len() });
+        return Err(SweepError::NotTwo {
+            vehicles: request.vehicles.len(),
+        });
     };
     let wrong = [one, other].into_iter().find(|(_, at)| !at.is_finite());
     if let Some((vehicle, _)) = wrong.or_else(|| (one.0 == other.0).then_some(other)) {
@@ -68,11 +93,18 @@ fn check(pattern: &Pattern, request: &PatternRequest) -> Result<[(VehicleId, Poi
     }
     let stops = 1 + most_moves(pattern);
     if stops > MOST_STOPS {
-        return Err(SweepError::TooManyStops { stops, limit: MOST_STOPS });
+        return Err(SweepError::TooManyStops {
+            stops,
+            limit: MOST_STOPS,
+        });
     }
     let limit = pattern.round_count();
     if request.first_round >= limit {
-        return Err(SweepError::Laps { first: request.first_round, end: limit, limit });
+        return Err(SweepError::Laps {
+            first: request.first_round,
+            end: limit,
+            limit,
+        });
     }
     Ok([one, other])
 }
@@ -98,7 +130,11 @@ fn approach(
     // The ring refuses an area without an inside.
     let ring = Ring::new(request.area, 4 * (pattern.size() - 1))?;
     let to = to.map(|point| pattern.place(point, request.area));
-    let roles = if one.0 < other.0 { [one, other] } else { [other, one] };
+    let roles = if one.0 < other.0 {
+        [one, other]
+    } else {
+        [other, one]
+    };
     let mut best: Option<(f64, Vec<Plan>, Vec<VehicleId>)> = None;
     let mut refused = None;
     for choice in 0..8 {
@@ -113,10 +149,18 @@ fn approach(
         if is(2) {
             sequence.reverse();
         }
-        let longest_m = plans.iter().flat_map(tracks_of).map(|track| track.length_m()).fold(0.0, f64::max);
+        let longest_m = plans
+            .iter()
+            .flat_map(tracks_of)
+            .map(|track| track.length_m())
+            .fold(0.0, f64::max);
         match order_legs(&mut plans, &sequence, request.separation_m) {
             // Millimetres of rounding must not decide between equal ways.
-            Ok(()) if best.as_ref().is_none_or(|(kept_m, ..)| longest_m < kept_m - 1e-3) => {
+            Ok(())
+                if best
+                    .as_ref()
+                    .is_none_or(|(kept_m, ..)| longest_m < kept_m - 1e-3) =>
+            {
                 best = Some((longest_m, plans, sequence));
             }
             Ok(()) => {}
@@ -126,7 +170,10 @@ fn approach(
     match (best, refused) {
         (Some((_, mut plans, sequence)), _) => {
             // The order of all legs is derived anew at the end.
-            plans.iter_mut().flat_map(|plan| &mut plan.stops).for_each(|stop| stop.after.clear());
+            plans
+                .iter_mut()
+                .flat_map(|plan| &mut plan.stops)
+                .for_each(|stop| stop.after.clear());
             Ok((plans, sequence))
         }
         (None, Some(error)) => Err(SweepError::Unsafe(error)),
@@ -158,7 +205,15 @@ fn plan_to(
 
 fn stop_at(id: StopId, at: Point) -> Stop {
     let (partners, after) = (Vec::new(), Vec::new());
-    Stop { id, at: at.into(), route: Vec::new(), dwell_ms: 0, dwell_limit_ms: 0, partners, after }
+    Stop {
+        id,
+        at: at.into(),
+        route: Vec::new(),
+        dwell_ms: 0,
+        dwell_limit_ms: 0,
+        partners,
+        after,
+    }
 }
 
 /// One step of a pattern.
@@ -190,7 +245,8 @@ fn add_step(plans: &mut [Plan], sequence: &mut Vec<VehicleId>, step: Step<'_>) {
     for which in order.into_iter().filter(|which| step.moves(*which)) {
         let at = step.pattern.place(step.now[which], step.request.area);
         let mut stop = stop_at(step_id(step.number), at);
-        stop.after.extend(done[1 - which].map(|id| (peers[which], id)));
+        stop.after
+            .extend(done[1 - which].map(|id| (peers[which], id)));
         // Who hands a point over drives on before the other comes, and stands for it at the next step's link.
         if !step.hands_over(which) {
             stop.dwell_ms = step.request.dwell_ms;
@@ -243,7 +299,11 @@ mod tests {
     use tomoswarm_proto::Message;
     use tomoswarm_proto::codec::{Decoded, decode, encode};
 
-    const KINDS: [PatternKind; 3] = [PatternKind::Calibrate, PatternKind::Fan, PatternKind::FanStraight];
+    const KINDS: [PatternKind; 3] = [
+        PatternKind::Calibrate,
+        PatternKind::Fan,
+        PatternKind::FanStraight,
+    ];
 
     fn request(side_m: f64, homes: [Point; 2]) -> PatternRequest {
         PatternRequest {
@@ -269,20 +329,42 @@ mod tests {
 
     /// Drives plans leg after leg, whoever may go next being chosen by a list of numbers; returns for each stay the points
     /// of both vehicles.
-    fn driven(sweep: &Sweep, pattern: &Pattern, area: Rect, choices: &[u8]) -> BTreeSet<[LatticePoint; 2]> {
-        let border: Vec<LatticePoint> =
-            pattern.steps().flatten().collect::<BTreeSet<_>>().into_iter().collect();
-        let on =
-            |at: Point| *border.iter().find(|p| pattern.place(**p, area).distance_to(at) < 1e-9).unwrap();
+    fn driven(
+        sweep: &Sweep,
+        pattern: &Pattern,
+        area: Rect,
+        choices: &[u8],
+    ) -> BTreeSet<[LatticePoint; 2]> {
+        let border: Vec<LatticePoint> = pattern
+            .steps()
+            .flatten()
+            .collect::<BTreeSet<_>>()
+            .into_iter()
+            .collect();
+        let on = |at: Point| {
+            *border
+                .iter()
+                .find(|p| pattern.place(**p, area).distance_to(at) < 1e-9)
+                .unwrap()
+        };
         let (mut done, mut met, mut turn) = ([0usize; 2], BTreeSet::new(), 0);
         let may_go = |done: [usize; 2], which: usize| {
-            let Some(stop) = sweep.plans[which].stops.get(done[which]) else { return false };
+            let Some(stop) = sweep.plans[which].stops.get(done[which]) else {
+                return false;
+            };
             let other = &sweep.plans[1 - which].stops[..done[1 - which]];
-            stop.after.iter().all(|(_, id)| other.iter().any(|stop| stop.id == *id))
+            stop.after
+                .iter()
+                .all(|(_, id)| other.iter().any(|stop| stop.id == *id))
         };
         loop {
-            let can: Vec<usize> = [0, 1].into_iter().filter(|which| may_go(done, *which)).collect();
-            let Some(which) = can.get(usize::from(choices[turn % choices.len()]) % can.len().max(1)) else {
+            let can: Vec<usize> = [0, 1]
+                .into_iter()
+                .filter(|which| may_go(done, *which))
+                .collect();
+            let Some(which) =
+                can.get(usize::from(choices[turn % choices.len()]) % can.len().max(1))
+            else {
                 break;
             };
             turn += 1;
@@ -304,7 +386,10 @@ mod tests {
         for kind in KINDS {
             let pattern = Pattern::new(kind, 6).unwrap();
             let whole = pattern_sweep(&pattern, &request(10.0, homes())).unwrap();
-            let rest = PatternRequest { first_round: 2, ..request(10.0, homes()) };
+            let rest = PatternRequest {
+                first_round: 2,
+                ..request(10.0, homes())
+            };
             let rest = pattern_sweep(&pattern, &rest).unwrap();
             assert_eq!(rest.schedule.laps, whole.schedule.laps[2..], "{kind}");
             assert_eq!(rest.schedule.laps.len(), pattern.round_count() - 2);
@@ -318,7 +403,10 @@ mod tests {
         // 12 passes of 19 steps of 20/19 m at 0.5 m/s with 1 s each, and the second's 21 m to its corner.
         let expected_s = 12.0 * 19.0 * (20.0 / 19.0 / 0.5 + 1.0);
         let got_s = expected_duration_s(&sweep.plans, 0.5).unwrap();
-        assert!((got_s - expected_s - 40.0).abs() < 5.0, "{got_s} for {expected_s}");
+        assert!(
+            (got_s - expected_s - 40.0).abs() < 5.0,
+            "{got_s} for {expected_s}"
+        );
     }
 
     #[test]
@@ -332,9 +420,21 @@ mod tests {
             let message = Message::Plan(plan.clone());
             let bytes = encode(&message).unwrap();
             let read = decode(&bytes).unwrap();
-            assert_eq!(read, Decoded::Message(message), "{} stops, {} bytes", plan.stops.len(), bytes.len());
+            assert_eq!(
+                read,
+                Decoded::Message(message),
+                "{} stops, {} bytes",
+                plan.stops.len(),
+                bytes.len()
+            );
         }
-        assert_eq!(planned(60).unwrap_err(), SweepError::TooManyStops { stops: 118 * 234 + 1, limit: 4096 });
+        assert_eq!(
+            planned(60).unwrap_err(),
+            SweepError::TooManyStops {
+                stops: 118 * 234 + 1,
+                limit: 4096
+            }
+        );
     }
 
     #[test]
@@ -342,19 +442,42 @@ mod tests {
         let pattern = Pattern::new(PatternKind::Fan, 5).unwrap();
         let base = request(10.0, homes());
         let refused = |request: &PatternRequest| pattern_sweep(&pattern, request).unwrap_err();
-        let one = PatternRequest { vehicles: base.vehicles[..1].to_vec(), ..base.clone() };
+        let one = PatternRequest {
+            vehicles: base.vehicles[..1].to_vec(),
+            ..base.clone()
+        };
         assert_eq!(refused(&one), SweepError::NotTwo { vehicles: 1 });
-        let twice = PatternRequest { vehicles: vec![base.vehicles[0]; 2], ..base.clone() };
-        assert_eq!(refused(&twice), SweepError::Vehicle { vehicle: VehicleId(1) });
-        let over = PatternRequest { first_round: 4, ..base.clone() };
+        let twice = PatternRequest {
+            vehicles: vec![base.vehicles[0]; 2],
+            ..base.clone()
+        };
+        assert_eq!(
+            refused(&twice),
+            SweepError::Vehicle {
+                vehicle: VehicleId(1)
+            }
+        );
+        let over = PatternRequest {
+            first_round: 4,
+            ..base.clone()
+        };
         assert!(matches!(refused(&over), SweepError::Laps { .. }));
         let narrow = PatternRequest {
             separation_m: 2.6,
             ..request(10.0, [Point::new(1.0, 0.5), Point::new(9.0, 0.5)])
         };
-        assert!(matches!(refused(&narrow), SweepError::Unsafe(PlanError::TooClose { .. })));
-        assert!(matches!(refused(&request(0.0, homes())), SweepError::EmptyArea { .. }));
-        assert!(matches!(refused(&request(10.0, [homes()[0]; 2])), SweepError::Unsafe(_)));
+        assert!(matches!(
+            refused(&narrow),
+            SweepError::Unsafe(PlanError::TooClose { .. })
+        ));
+        assert!(matches!(
+            refused(&request(0.0, homes())),
+            SweepError::EmptyArea { .. }
+        ));
+        assert!(matches!(
+            refused(&request(10.0, [homes()[0]; 2])),
+            SweepError::Unsafe(_)
+        ));
     }
 
     proptest! {

@@ -38,15 +38,25 @@ pub fn tracks_of(plan: &Plan) -> Vec<Track> {
 /// # Errors
 /// The plans are not a valid set, the order does not name every leg once, or a leg of the order comes
 /// too close to where another vehicle rests at that moment.
-pub fn order_legs(plans: &mut [Plan], sequence: &[VehicleId], separation_m: f64) -> Result<(), PlanError> {
+pub fn order_legs(
+    plans: &mut [Plan],
+    sequence: &[VehicleId],
+    separation_m: f64,
+) -> Result<(), PlanError> {
     validate(plans)?;
-    let indices: BTreeMap<VehicleId, usize> = plans.iter().enumerate().map(|(i, p)| (p.vehicle, i)).collect();
+    let indices: BTreeMap<VehicleId, usize> = plans
+        .iter()
+        .enumerate()
+        .map(|(i, p)| (p.vehicle, i))
+        .collect();
     let tracks: Vec<Vec<Track>> = plans.iter().map(tracks_of).collect();
     let mut driven = vec![0; plans.len()];
     let mut waited = vec![vec![0; plans.len()]; plans.len()];
     check_starts(plans, separation_m)?;
     for vehicle in sequence {
-        let Some(&mover) = indices.get(vehicle).filter(|index| driven[**index] < tracks[**index].len())
+        let Some(&mover) = indices
+            .get(vehicle)
+            .filter(|index| driven[**index] < tracks[**index].len())
         else {
             return Err(wrong_count(plans, sequence, *vehicle));
         };
@@ -56,11 +66,20 @@ pub fn order_legs(plans: &mut [Plan], sequence: &[VehicleId], separation_m: f64)
             let distance_m = track.distance_to_point(rest_after(&plans[other], driven[other]));
             if distance_m < separation_m {
                 let at = (other, driven[other]);
-                return Err(too_close(plans, (mover, leg + 1), at, distance_m, separation_m));
+                return Err(too_close(
+                    plans,
+                    (mover, leg + 1),
+                    at,
+                    distance_m,
+                    separation_m,
+                ));
             }
             let known = waited[mover][other];
             let earlier = &tracks[other][known..driven[other]];
-            if let Some(last) = earlier.iter().rposition(|early| early.distance_to(track) < separation_m) {
+            if let Some(last) = earlier
+                .iter()
+                .rposition(|early| early.distance_to(track) < separation_m)
+            {
                 waited[mover][other] = known + last + 1;
                 let waits_for = (plans[other].vehicle, plans[other].stops[known + last].id);
                 plans[mover].stops[leg].after.push(waits_for);
@@ -76,13 +95,23 @@ pub fn order_legs(plans: &mut [Plan], sequence: &[VehicleId], separation_m: f64)
 
 fn wrong_count(plans: &[Plan], sequence: &[VehicleId], vehicle: VehicleId) -> PlanError {
     let named = sequence.iter().filter(|named| **named == vehicle).count();
-    let planned = plans.iter().find(|plan| plan.vehicle == vehicle).map_or(0, |plan| plan.stops.len());
-    PlanError::Sequence { vehicle, named, planned }
+    let planned = plans
+        .iter()
+        .find(|plan| plan.vehicle == vehicle)
+        .map_or(0, |plan| plan.stops.len());
+    PlanError::Sequence {
+        vehicle,
+        named,
+        planned,
+    }
 }
 
 /// Where a vehicle rests once so many of its stops are done.
 pub(super) fn rest_after(plan: &Plan, done: usize) -> Point {
-    done.checked_sub(1).and_then(|last| plan.stops.get(last)).map_or(plan.start, |stop| stop.at).into()
+    done.checked_sub(1)
+        .and_then(|last| plan.stops.get(last))
+        .map_or(plan.start, |stop| stop.at)
+        .into()
 }
 
 /// Says that a vehicle on a leg (counted from 1; 0 = at its start) comes too close to another.
@@ -94,7 +123,10 @@ pub(super) fn too_close(
     separation_m: f64,
 ) -> PlanError {
     let id = |plan: &Plan, count: usize| {
-        count.checked_sub(1).and_then(|last| plan.stops.get(last)).map(|stop: &Stop| stop.id)
+        count
+            .checked_sub(1)
+            .and_then(|last| plan.stops.get(last))
+            .map(|stop: &Stop| stop.id)
     };
     PlanError::TooClose {
         vehicle: plans[mover].vehicle,
@@ -112,7 +144,13 @@ pub(super) fn check_starts(plans: &[Plan], separation_m: f64) -> Result<(), Plan
         for (other, peer) in plans.iter().enumerate().skip(index + 1) {
             let distance_m = Point::from(plan.start).distance_to(peer.start.into());
             if distance_m < separation_m {
-                return Err(too_close(plans, (index, 0), (other, 0), distance_m, separation_m));
+                return Err(too_close(
+                    plans,
+                    (index, 0),
+                    (other, 0),
+                    distance_m,
+                    separation_m,
+                ));
             }
         }
     }
@@ -129,7 +167,11 @@ pub fn validate(plans: &[Plan]) -> Result<(), PlanError> {
     let (run, revision) = (first.run, first.revision);
     for plan in plans {
         if (plan.run, plan.revision) != (run, revision) || plan.members != first.members {
-            return Err(PlanError::Mixed { vehicle: plan.vehicle, run, revision });
+            return Err(PlanError::Mixed {
+                vehicle: plan.vehicle,
+                run,
+                revision,
+            });
         }
     }
     check_members(plans, &first.members)?;
@@ -142,10 +184,15 @@ fn check_members(plans: &[Plan], members: &[VehicleId]) -> Result<(), PlanError>
     }
     let mut vehicles: Vec<VehicleId> = plans.iter().map(|plan| plan.vehicle).collect();
     vehicles.sort();
-    let differs = (0..vehicles.len().max(members.len())).find(|i| vehicles.get(*i) != members.get(*i));
+    let differs =
+        (0..vehicles.len().max(members.len())).find(|i| vehicles.get(*i) != members.get(*i));
     match differs {
         Some(at) => Err(PlanError::Members {
-            vehicle: members.get(at).or(vehicles.get(at)).copied().unwrap_or_default(),
+            vehicle: members
+                .get(at)
+                .or(vehicles.get(at))
+                .copied()
+                .unwrap_or_default(),
         }),
         None => Ok(()),
     }
@@ -160,22 +207,34 @@ pub(super) fn resolve_after(plans: &[Plan]) -> Result<Vec<Vec<Vec<StopIndex>>>, 
     for (index, plan) in plans.iter().enumerate() {
         for (at, stop) in plan.stops.iter().enumerate() {
             if known.insert((plan.vehicle, stop.id), (index, at)).is_some() {
-                return Err(PlanError::Repeated { vehicle: plan.vehicle, stop: stop.id });
+                return Err(PlanError::Repeated {
+                    vehicle: plan.vehicle,
+                    stop: stop.id,
+                });
             }
         }
     }
     let find = |plan: &Plan, stop: &Stop, (of, after): (VehicleId, StopId)| {
-        known.get(&(of, after)).copied().filter(|_| of != plan.vehicle).ok_or(PlanError::UnknownStop {
-            vehicle: plan.vehicle,
-            stop: stop.id,
-            of,
-            after,
-        })
+        known
+            .get(&(of, after))
+            .copied()
+            .filter(|_| of != plan.vehicle)
+            .ok_or(PlanError::UnknownStop {
+                vehicle: plan.vehicle,
+                stop: stop.id,
+                of,
+                after,
+            })
     };
     plans
         .iter()
         .map(|plan| {
-            let of_stop = |stop: &Stop| stop.after.iter().map(|after| find(plan, stop, *after)).collect();
+            let of_stop = |stop: &Stop| {
+                stop.after
+                    .iter()
+                    .map(|after| find(plan, stop, *after))
+                    .collect()
+            };
             plan.stops.iter().map(of_stop).collect()
         })
         .collect()
@@ -185,17 +244,26 @@ pub(super) fn resolve_after(plans: &[Plan]) -> Result<Vec<Vec<Vec<StopIndex>>>, 
 pub(super) fn topological_order(plans: &[Plan]) -> Result<Vec<StopIndex>, PlanError> {
     let after = resolve_after(plans)?;
     let mut missing: Vec<Vec<usize>> = Vec::with_capacity(plans.len());
-    let mut waiting: Vec<Vec<Vec<StopIndex>>> =
-        plans.iter().map(|p| vec![Vec::new(); p.stops.len()]).collect();
+    let mut waiting: Vec<Vec<Vec<StopIndex>>> = plans
+        .iter()
+        .map(|p| vec![Vec::new(); p.stops.len()])
+        .collect();
     for (index, stops) in after.iter().enumerate() {
-        missing.push(stops.iter().enumerate().map(|(at, list)| list.len() + usize::from(at > 0)).collect());
+        missing.push(
+            stops
+                .iter()
+                .enumerate()
+                .map(|(at, list)| list.len() + usize::from(at > 0))
+                .collect(),
+        );
         for (at, list) in stops.iter().enumerate() {
             for (of, stop) in list {
                 waiting[*of][*stop].push((index, at));
             }
         }
     }
-    let ready = |(index, counts): (usize, &Vec<usize>)| (counts.first() == Some(&0)).then_some((index, 0));
+    let ready =
+        |(index, counts): (usize, &Vec<usize>)| (counts.first() == Some(&0)).then_some((index, 0));
     let mut order: Vec<StopIndex> = missing.iter().enumerate().filter_map(ready).collect();
     let mut next = 0;
     while let Some(&(index, at)) = order.get(next) {
@@ -210,7 +278,10 @@ pub(super) fn topological_order(plans: &[Plan]) -> Result<Vec<StopIndex>, PlanEr
     }
     for (index, counts) in missing.iter().enumerate() {
         if let Some(at) = counts.iter().position(|count| *count > 0) {
-            return Err(PlanError::Circle { vehicle: plans[index].vehicle, stop: plans[index].stops[at].id });
+            return Err(PlanError::Circle {
+                vehicle: plans[index].vehicle,
+                stop: plans[index].stops[at].id,
+            });
         }
     }
     Ok(order)
@@ -259,7 +330,10 @@ mod tests {
     #[test]
     fn whoever_comes_second_waits_for_the_leg_that_leaves_the_conflict() {
         let mut plans = crossing();
-        assert!(matches!(check_separation(&plans, 1.2), Err(PlanError::TooClose { .. })));
+        assert!(matches!(
+            check_separation(&plans, 1.2),
+            Err(PlanError::TooClose { .. })
+        ));
         order_legs(&mut plans, &[ONE, TWO, ONE, ONE, TWO], 1.2).unwrap();
         // Stop 2 of one is 1 m from the crossing way: the third leg is the one that leaves it.
         assert_eq!(plans[1].stops[1].after, [(ONE, StopId(3))]);
@@ -274,20 +348,43 @@ mod tests {
     #[test]
     fn an_order_in_which_someone_is_in_the_way_is_refused() {
         let wrong = order_legs(&mut crossing(), &[ONE, ONE, TWO, TWO, ONE], 1.2);
-        assert!(matches!(wrong, Err(PlanError::TooClose { vehicle: TWO, .. })), "{wrong:?}");
+        assert!(
+            matches!(wrong, Err(PlanError::TooClose { vehicle: TWO, .. })),
+            "{wrong:?}"
+        );
         let short = order_legs(&mut crossing(), &[TWO, TWO, ONE], 1.2);
-        assert_eq!(short, Err(PlanError::Sequence { vehicle: ONE, named: 1, planned: 3 }));
+        assert_eq!(
+            short,
+            Err(PlanError::Sequence {
+                vehicle: ONE,
+                named: 1,
+                planned: 3
+            })
+        );
         let long = order_legs(&mut crossing(), &[TWO, TWO, TWO], 1.2);
-        assert_eq!(long, Err(PlanError::Sequence { vehicle: TWO, named: 3, planned: 2 }));
+        assert_eq!(
+            long,
+            Err(PlanError::Sequence {
+                vehicle: TWO,
+                named: 3,
+                planned: 2
+            })
+        );
     }
 
     #[test]
     fn a_vehicle_without_stops_is_in_the_way_too() {
         let parked = plan(TWO, (5.0, 5.5), &[]);
         let plans = [crossing().remove(0), parked];
-        assert!(matches!(check_separation(&plans, 1.2), Err(PlanError::TooClose { .. })));
+        assert!(matches!(
+            check_separation(&plans, 1.2),
+            Err(PlanError::TooClose { .. })
+        ));
         let near = [plan(ONE, (0.0, 0.0), &[]), plan(TWO, (1.0, 0.0), &[])];
-        assert!(matches!(check_separation(&near, 1.2), Err(PlanError::TooClose { stop: None, .. })));
+        assert!(matches!(
+            check_separation(&near, 1.2),
+            Err(PlanError::TooClose { stop: None, .. })
+        ));
     }
 
     #[test]
@@ -302,11 +399,26 @@ mod tests {
         check(|plans| plans.clear(), "no plans");
         check(|plans| drop(plans.pop()), "vehicle 2 does not fit");
         check(|plans| plans[1].vehicle = ONE, "members");
-        check(|plans| plans[1].revision = Revision(9), "does not belong to run 1 revision 1");
-        check(|plans| plans.iter_mut().for_each(|p| p.members = vec![TWO, ONE]), "vehicle 1 does not fit");
-        check(|plans| plans[0].stops[2].id = StopId(1), "stop 1 occurs twice");
-        check(|plans| plans[0].stops[0].after = vec![(TWO, StopId(7))], "stop 7 of vehicle 2");
-        check(|plans| plans[0].stops[0].after = vec![(ONE, StopId(1))], "no other plan has");
+        check(
+            |plans| plans[1].revision = Revision(9),
+            "does not belong to run 1 revision 1",
+        );
+        check(
+            |plans| plans.iter_mut().for_each(|p| p.members = vec![TWO, ONE]),
+            "vehicle 1 does not fit",
+        );
+        check(
+            |plans| plans[0].stops[2].id = StopId(1),
+            "stop 1 occurs twice",
+        );
+        check(
+            |plans| plans[0].stops[0].after = vec![(TWO, StopId(7))],
+            "stop 7 of vehicle 2",
+        );
+        check(
+            |plans| plans[0].stops[0].after = vec![(ONE, StopId(1))],
+            "no other plan has",
+        );
         check(
             |plans| {
                 plans[0].stops[1].after = vec![(TWO, StopId(2))];

@@ -126,7 +126,11 @@ fn random_plans(dice: &mut Dice, rests: &[Point], moves: u64) -> Vec<Plan> {
             points.push(dice.point());
         }
         // Going back to the start makes a restarted vehicle stand where its plan begins.
-        let to = if dice.chance(20) { rests[mover] } else { dice.point() };
+        let to = if dice.chance(20) {
+            rests[mover]
+        } else {
+            dice.point()
+        };
         points.push(to);
         let track = Track::new(points.clone()).unwrap();
         let clear = |(other, place): (usize, &Point)| {
@@ -141,7 +145,10 @@ fn random_plans(dice: &mut Dice, rests: &[Point], moves: u64) -> Vec<Plan> {
         plans[mover].stops.push(Stop {
             id: StopId(number as u32),
             at: to.into(),
-            route: points[1..points.len() - 1].iter().map(|p| Position::from(*p)).collect(),
+            route: points[1..points.len() - 1]
+                .iter()
+                .map(|p| Position::from(*p))
+                .collect(),
             dwell_ms,
             dwell_limit_ms: 4000,
             partners: vec![members[dice.below(rests.len() as u64) as usize]],
@@ -163,7 +170,10 @@ impl World {
         let mut rests: Vec<Point> = Vec::new();
         while rests.len() < count {
             let place = dice.point();
-            if rests.iter().all(|other| other.distance_to(place) >= SEPARATION_M + 1e-6) {
+            if rests
+                .iter()
+                .all(|other| other.distance_to(place) >= SEPARATION_M + 1e-6)
+            {
                 rests.push(place);
             }
         }
@@ -172,7 +182,11 @@ impl World {
             follower: Follower::new(
                 vehicle(index),
                 *at,
-                if fault == Fault::NoTolerance { 1e6 } else { 1e-3 },
+                if fault == Fault::NoTolerance {
+                    1e6
+                } else {
+                    1e-3
+                },
             ),
             at: *at,
             way: Vec::new(),
@@ -206,7 +220,11 @@ impl World {
     fn begin(&mut self, rests: &[Point]) {
         let mut plans = random_plans(&mut self.dice, rests, self.moves);
         check_separation(&plans, SEPARATION_M).expect("derived precedence keeps everyone apart");
-        for (number, stop) in plans.iter_mut().flat_map(|plan| &mut plan.stops).enumerate() {
+        for (number, stop) in plans
+            .iter_mut()
+            .flat_map(|plan| &mut plan.stops)
+            .enumerate()
+        {
             match self.fault {
                 Fault::NoAfter => stop.after.clear(),
                 Fault::HalfAfter if number % 2 == 0 => stop.after.clear(),
@@ -246,7 +264,10 @@ impl World {
         for _ in 0..copies {
             let long = self.dice.chance(5);
             let delay = 1 + self.dice.below(if long { 40 } else { 4 });
-            self.post.entry(self.tick + delay).or_default().push(letter());
+            self.post
+                .entry(self.tick + delay)
+                .or_default()
+                .push(letter());
         }
     }
 
@@ -258,7 +279,8 @@ impl World {
         let now = self.now();
         for letter in self.post.remove(&self.tick).unwrap_or_default() {
             match letter {
-                Letter::Plan(to, _) | Letter::Progress(to, _) if self.tick < self.bodies[to].off_until => {}
+                Letter::Plan(to, _) | Letter::Progress(to, _)
+                    if self.tick < self.bodies[to].off_until => {}
                 Letter::Plan(to, plan) => {
                     self.bodies[to].follower.offer(&self.published[plan]);
                 }
@@ -295,7 +317,10 @@ impl World {
         body.held = false;
         body.off_until = self.tick + 45;
         if self.fault == Fault::NoStopFirst {
-            let stale = self.published.iter().take_while(|plan| plan.revision == self.published[0].revision);
+            let stale = self
+                .published
+                .iter()
+                .take_while(|plan| plan.revision == self.published[0].revision);
             for plan in stale {
                 body.follower.offer(plan);
             }
@@ -326,9 +351,12 @@ impl World {
         }
         let ahead = if eager { 3 } else { 1 };
         while body.follower.entered().len() < ahead {
-            let Some(stop) = body.follower.next_leg().cloned() else { break };
+            let Some(stop) = body.follower.next_leg().cloned() else {
+                break;
+            };
             body.follower.enter(stop.id).expect("it was offered");
-            body.way.extend(stop.route.iter().map(|corner| (Point::from(*corner), None)));
+            body.way
+                .extend(stop.route.iter().map(|corner| (Point::from(*corner), None)));
             body.way.push((stop.at.into(), Some(stop.id)));
         }
     }
@@ -344,7 +372,9 @@ impl World {
             if self.tick < body.off_until {
                 continue;
             }
-            let Some(&(to, stop)) = body.way.first() else { continue };
+            let Some(&(to, stop)) = body.way.first() else {
+                continue;
+            };
             let (left_m, step_m) = (body.at.distance_to(to), body.speed_mps * TICK_S);
             if step_m < left_m {
                 body.at = body.at.toward(to, step_m / left_m);
@@ -353,11 +383,16 @@ impl World {
             body.at = to;
             body.way.remove(0);
             if let Some(stop) = stop {
-                body.follower.arrive(now, stop, to).expect("the stop driven to");
+                body.follower
+                    .arrive(now, stop, to)
+                    .expect("the stop driven to");
             }
         }
         for (one, other) in (0..from.len()).flat_map(|a| (0..a).map(move |b| (a, b))) {
-            let closest = closest_m((from[one], self.bodies[one].at), (from[other], self.bodies[other].at));
+            let closest = closest_m(
+                (from[one], self.bodies[one].at),
+                (from[other], self.bodies[other].at),
+            );
             self.closest_m = self.closest_m.min(closest);
         }
     }
@@ -388,7 +423,12 @@ impl World {
             }
             Phase::Driving if self.replans_left > 0 && self.dice.chance(5) => {
                 self.replans_left -= 1;
-                let end = |body: &Body| body.follower.entered().last().map_or(body.at, |stop| stop.at.into());
+                let end = |body: &Body| {
+                    body.follower
+                        .entered()
+                        .last()
+                        .map_or(body.at, |stop| stop.at.into())
+                };
                 let rests: Vec<Point> = self.bodies.iter().map(end).collect();
                 let apart = (0..rests.len())
                     .all(|a| (0..a).all(|b| rests[a].distance_to(rests[b]) >= SEPARATION_M + 1e-6));
@@ -400,7 +440,10 @@ impl World {
                 }
             }
             Phase::Driving => {
-                let refused = self.bodies.iter().any(|body| body.follower.refusal().is_some());
+                let refused = self
+                    .bodies
+                    .iter()
+                    .any(|body| body.follower.refusal().is_some());
                 if refused && self.dice.chance(10) {
                     self.ground.stop();
                     self.publish();
@@ -423,7 +466,9 @@ impl World {
             self.drive();
             self.talk();
             let newest = self.ground.plans()[0].revision;
-            let ended = |body: &Body| body.follower.finished() && body.follower.progress().revision == newest;
+            let ended = |body: &Body| {
+                body.follower.finished() && body.follower.progress().revision == newest
+            };
             if self.ground.phase() == Phase::Driving && self.bodies.iter().all(ended) {
                 return Outcome {
                     finished: true,
@@ -434,7 +479,12 @@ impl World {
             }
             self.replan();
         }
-        Outcome { finished: false, closest_m: self.closest_m, plans: self.begun, ticks: self.tick }
+        Outcome {
+            finished: false,
+            closest_m: self.closest_m,
+            plans: self.begun,
+            ticks: self.tick,
+        }
     }
 }
 
@@ -450,13 +500,19 @@ fn closest_m(one: (Point, Point), other: (Point, Point)) -> f64 {
     let apart = one.0 - other.0;
     let drift = (one.1 - other.1) - apart;
     let square = drift.dot(drift);
-    let share = if square > 0.0 { (-apart.dot(drift) / square).clamp(0.0, 1.0) } else { 0.0 };
+    let share = if square > 0.0 {
+        (-apart.dot(drift) / square).clamp(0.0, 1.0)
+    } else {
+        0.0
+    };
     (apart + drift * share).length_m()
 }
 
 fn collisions(seeds: std::ops::Range<u64>, fault: Fault) -> usize {
     let outcomes = seeds.map(|seed| World::new(seed, fault).run());
-    outcomes.filter(|outcome| outcome.closest_m < SEPARATION_M - 1e-6).count()
+    outcomes
+        .filter(|outcome| outcome.closest_m < SEPARATION_M - 1e-6)
+        .count()
 }
 
 #[test]
@@ -464,8 +520,16 @@ fn ten_thousand_random_plans_end_without_collision_or_deadlock() {
     let (mut plans, mut ticks, mut longest) = (0, 0, 0);
     for seed in 0..5000 {
         let outcome = World::new(seed, Fault::None).run();
-        assert!(outcome.closest_m >= SEPARATION_M - 1e-6, "seed {seed}: {} m", outcome.closest_m);
-        assert!(outcome.finished, "seed {seed}: not finished after {} ticks", outcome.ticks);
+        assert!(
+            outcome.closest_m >= SEPARATION_M - 1e-6,
+            "seed {seed}: {} m",
+            outcome.closest_m
+        );
+        assert!(
+            outcome.finished,
+            "seed {seed}: not finished after {} ticks",
+            outcome.ticks
+        );
         plans += outcome.plans;
         ticks += outcome.ticks;
         longest = longest.max(outcome.ticks);

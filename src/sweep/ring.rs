@@ -43,7 +43,10 @@ impl Ring {
     pub fn new(area: Rect, positions: usize) -> Result<Ring, SweepError> {
         let sane = |length_m: f64| length_m.is_finite() && length_m > 0.0;
         if !sane(area.width_m()) || !sane(area.height_m()) {
-            return Err(SweepError::EmptyArea { width_m: area.width_m(), height_m: area.height_m() });
+            return Err(SweepError::EmptyArea {
+                width_m: area.width_m(),
+                height_m: area.height_m(),
+            });
         }
         if !(MIN_POSITIONS..=MAX_POSITIONS).contains(&positions) {
             return Err(SweepError::Positions { positions });
@@ -79,7 +82,9 @@ impl Ring {
     /// Returns the index of the position nearest to a point; the lowest on a tie.
     pub fn nearest(&self, point: Point) -> usize {
         let distance = |index: &usize| self.position(*index).distance_to(point);
-        (0..self.positions).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(0)
+        (0..self.positions)
+            .min_by(|a, b| distance(a).total_cmp(&distance(b)))
+            .unwrap_or(0)
     }
 
     /// Returns the number of steps from one position counter-clockwise to another, below the count.
@@ -90,7 +95,8 @@ impl Ring {
     /// Returns the number of steps between two positions, the shorter way round.
     #[cfg(test)]
     pub fn steps_between(&self, one: usize, other: usize) -> usize {
-        self.steps_ahead(one, other).min(self.steps_ahead(other, one))
+        self.steps_ahead(one, other)
+            .min(self.steps_ahead(other, one))
     }
 
     /// Returns the sides that a position lies on: one, or two at a corner.
@@ -98,9 +104,17 @@ impl Ring {
         let arc_m = self.arc_m(index % self.positions);
         let [_, east_m, north_m, west_m] = self.corner_arcs_m();
         let mut sides = Vec::with_capacity(2);
-        let spans =
-            [(Side::South, 0.0, east_m), (Side::East, east_m, north_m), (Side::North, north_m, west_m)];
-        sides.extend(spans.iter().filter(|span| (span.1..=span.2).contains(&arc_m)).map(|span| span.0));
+        let spans = [
+            (Side::South, 0.0, east_m),
+            (Side::East, east_m, north_m),
+            (Side::North, north_m, west_m),
+        ];
+        sides.extend(
+            spans
+                .iter()
+                .filter(|span| (span.1..=span.2).contains(&arc_m))
+                .map(|span| span.0),
+        );
         if arc_m >= west_m || arc_m <= 0.0 {
             sides.push(Side::West);
         }
@@ -119,9 +133,17 @@ impl Ring {
         let index = index % self.positions;
         let from_m = self.arc_m(index);
         let last = index + 1 == self.positions;
-        let to_m = if last { self.length_m() } else { self.arc_m(index + 1) };
+        let to_m = if last {
+            self.length_m()
+        } else {
+            self.arc_m(index + 1)
+        };
         let between = |arc_m: &f64| *arc_m > from_m && *arc_m < to_m;
-        self.corner_arcs_m().into_iter().filter(between).map(|arc_m| self.at_arc(arc_m)).collect()
+        self.corner_arcs_m()
+            .into_iter()
+            .filter(between)
+            .map(|arc_m| self.at_arc(arc_m))
+            .collect()
     }
 
     /// Returns how far along the border (metres from the south-west corner) it comes nearest to a point.
@@ -129,11 +151,15 @@ impl Ring {
         let corners = self.area.corners();
         let along = |side: usize| {
             let segment = crate::geom::Segment::new(corners[side], corners[(side + 1) % 4]);
-            let arc_m = self.corner_arcs_m()[side] + segment.nearest_share(point) * segment.length_m();
+            let arc_m =
+                self.corner_arcs_m()[side] + segment.nearest_share(point) * segment.length_m();
             (segment.distance_to_point(point), arc_m)
         };
         let nearest = (0..4).map(along).min_by(|a, b| a.0.total_cmp(&b.0));
-        nearest.map_or(0.0, |(_, arc_m)| if arc_m >= self.length_m() { 0.0 } else { arc_m })
+        nearest.map_or(
+            0.0,
+            |(_, arc_m)| if arc_m >= self.length_m() { 0.0 } else { arc_m },
+        )
     }
 
     /// Returns a way from a place to another one on the border: where the border is nearest, and then the corners that are
@@ -141,7 +167,11 @@ impl Ring {
     pub fn way_between(&self, from: Point, to: Point, clockwise: bool) -> Vec<Point> {
         let (begin_m, end_m) = (self.nearest_arc_m(from), self.nearest_arc_m(to));
         let ahead_m = |arc_m: f64| {
-            let ahead_m = if clockwise { begin_m - arc_m } else { arc_m - begin_m };
+            let ahead_m = if clockwise {
+                begin_m - arc_m
+            } else {
+                arc_m - begin_m
+            };
             ahead_m - self.length_m() * libm::floor(ahead_m / self.length_m())
         };
         let corners = self.area.corners().into_iter().zip(self.corner_arcs_m());
@@ -151,7 +181,8 @@ impl Ring {
             .collect();
         passed.sort_by(|a, b| a.0.total_cmp(&b.0));
         let entry = self.at_arc(begin_m);
-        let is_between = |point: &Point| point.distance_to(from) > 1e-6 && point.distance_to(to) > 1e-6;
+        let is_between =
+            |point: &Point| point.distance_to(from) > 1e-6 && point.distance_to(to) > 1e-6;
         std::iter::once(entry)
             .chain(passed.into_iter().map(|(_, corner)| corner))
             .filter(is_between)
@@ -160,7 +191,12 @@ impl Ring {
 
     fn corner_arcs_m(&self) -> [f64; 4] {
         let (width_m, height_m) = (self.area.width_m(), self.area.height_m());
-        [0.0, width_m, width_m + height_m, width_m + height_m + width_m]
+        [
+            0.0,
+            width_m,
+            width_m + height_m,
+            width_m + height_m + width_m,
+        ]
     }
 
     /// Metres along the border; a position that lies on a corner but for rounding lies on it exactly.
@@ -191,7 +227,11 @@ mod tests {
 
     fn ring(width_m: f64, height_m: f64, positions: usize) -> Ring {
         let min = Point::new(-3.0, 2.0);
-        Ring::new(Rect::new(min, Point::new(min.x_m + width_m, min.y_m + height_m)), positions).unwrap()
+        Ring::new(
+            Rect::new(min, Point::new(min.x_m + width_m, min.y_m + height_m)),
+            positions,
+        )
+        .unwrap()
     }
 
     #[test]
@@ -199,8 +239,14 @@ mod tests {
         let ring = Ring::new(Rect::new(Point::new(0.0, 0.0), Point::new(10.0, 8.0)), 36).unwrap();
         let (from, to) = (Point::new(4.0, -1.0), Point::new(10.0, 8.0));
         let entry = Point::new(4.0, 0.0);
-        assert_eq!(ring.way_between(from, to, false), [entry, Point::new(10.0, 0.0)]);
-        assert_eq!(ring.way_between(from, to, true), [entry, Point::new(0.0, 0.0), Point::new(0.0, 8.0)]);
+        assert_eq!(
+            ring.way_between(from, to, false),
+            [entry, Point::new(10.0, 0.0)]
+        );
+        assert_eq!(
+            ring.way_between(from, to, true),
+            [entry, Point::new(0.0, 0.0), Point::new(0.0, 8.0)]
+        );
         assert_eq!(ring.way_between(entry, Point::new(6.0, 0.0), false), []);
         assert_eq!(ring.way_between(entry, entry, true), []);
     }
@@ -218,7 +264,12 @@ mod tests {
 
     #[test]
     fn positions_in_a_row_are_one_pitch_apart_along_the_border() {
-        for ring in [ring(20.0, 20.0, 76), ring(13.0, 31.0, 50), ring(1.0, 40.0, 7), ring(7.0, 3.0, 4)] {
+        for ring in [
+            ring(20.0, 20.0, 76),
+            ring(13.0, 31.0, 50),
+            ring(1.0, 40.0, 7),
+            ring(7.0, 3.0, 4),
+        ] {
             let count = ring.positions();
             let mut corners = 0;
             for index in 0..count {
@@ -226,10 +277,18 @@ mod tests {
                 corners += ring.corners_after(index).len();
                 way.extend(ring.corners_after(index));
                 way.push(ring.position(index + 1));
-                let length_m: f64 = way.windows(2).map(|pair| pair[0].distance_to(pair[1])).sum();
-                assert!((length_m - ring.pitch_m()).abs() < 1e-9, "{index} of {count}: {length_m}");
+                let length_m: f64 = way
+                    .windows(2)
+                    .map(|pair| pair[0].distance_to(pair[1]))
+                    .sum();
+                assert!(
+                    (length_m - ring.pitch_m()).abs() < 1e-9,
+                    "{index} of {count}: {length_m}"
+                );
             }
-            let on_corner = (0..count).filter(|index| ring.sides(*index).len() == 2).count();
+            let on_corner = (0..count)
+                .filter(|index| ring.sides(*index).len() == 2)
+                .count();
             assert_eq!(corners + on_corner, 4);
         }
     }

@@ -89,7 +89,11 @@ pub fn rotating_gap(ring: &Ring, request: &GapRequest) -> Result<Sweep, SweepErr
     check_fleet(ring, fleet)?;
     let (first, end) = (request.first_lap, request.end_lap);
     if first >= end || end > MAX_LAPS {
-        return Err(SweepError::Laps { first, end, limit: MAX_LAPS });
+        return Err(SweepError::Laps {
+            first,
+            end,
+            limit: MAX_LAPS,
+        });
     }
     let count = request.vehicles.len();
     let walks = approach(ring, fleet, &offsets(ring.positions(), count, first))?;
@@ -132,9 +136,17 @@ impl<'a> Laps<'a> {
     fn shift(&mut self, lap: usize) {
         let (positions, count) = (self.ring.positions(), self.walks.len());
         let by = shift_of_lap(positions, count, lap) - shift_of_lap(positions, count, lap - 1);
-        let from: Vec<usize> = self.walks.iter().map(|walk| walk.plan.stops.len()).collect();
+        let from: Vec<usize> = self
+            .walks
+            .iter()
+            .map(|walk| walk.plan.stops.len())
+            .collect();
         for (k, walk) in self.walks.iter_mut().enumerate() {
-            let steps = if by > 0 { (count - 1 - k) as i64 * by } else { k as i64 * -by };
+            let steps = if by > 0 {
+                (count - 1 - k) as i64 * by
+            } else {
+                k as i64 * -by
+            };
             for step in 0..steps {
                 walk.step_forward(self.ring, stop_id(positions, lap, positions as i64 + step));
             }
@@ -149,7 +161,11 @@ impl<'a> Laps<'a> {
     /// Adds one whole lap for every vehicle.
     fn drive(&mut self, lap: usize) {
         let positions = self.ring.positions();
-        self.begins = self.walks.iter().map(|walk| walk.plan.stops.len()).collect();
+        self.begins = self
+            .walks
+            .iter()
+            .map(|walk| walk.plan.stops.len())
+            .collect();
         for walk in &mut self.walks {
             for step in 0..positions {
                 walk.step_forward(self.ring, stop_id(positions, lap, step as i64));
@@ -159,7 +175,12 @@ impl<'a> Laps<'a> {
             for step in 0..positions {
                 for other in (0..self.walks.len()).filter(|other| *other != k) {
                     // The first two stops wait for the others' places at the begin of the lap.
-                    self.wait(k, self.begins[k] + step, other, self.begins[other] + step.saturating_sub(1));
+                    self.wait(
+                        k,
+                        self.begins[k] + step,
+                        other,
+                        self.begins[other] + step.saturating_sub(1),
+                    );
                 }
                 self.wait_for_the_one_ahead(k, self.begins[k] + step);
             }
@@ -172,7 +193,12 @@ impl<'a> Laps<'a> {
             let stops = &walk.plan.stops[*begin..];
             Some((walk.plan.vehicle, stops.first()?.id, stops.last()?.id))
         };
-        let mut stops: Vec<_> = self.walks.iter().zip(&self.begins).filter_map(ends).collect();
+        let mut stops: Vec<_> = self
+            .walks
+            .iter()
+            .zip(&self.begins)
+            .filter_map(ends)
+            .collect();
         stops.sort();
         Lap { number, stops }
     }
@@ -180,7 +206,11 @@ impl<'a> Laps<'a> {
     /// Lets a stop wait until the vehicle ahead is 4 steps ahead of it.
     fn wait_for_the_one_ahead(&mut self, k: usize, stop: usize) {
         let count = self.walks.len();
-        let lapped = if k + 1 == count { self.ring.positions() as i64 } else { 0 };
+        let lapped = if k + 1 == count {
+            self.ring.positions() as i64
+        } else {
+            0
+        };
         let needed = self.walks[k].unrolled[stop] + MIN_GAP - lapped;
         let ahead = (k + 1) % count;
         let walk = &self.walks[ahead];
@@ -196,7 +226,9 @@ impl<'a> Laps<'a> {
         if done <= self.waited[k][other] {
             return;
         }
-        let Some(last) = self.walks[other].plan.stops.get(done - 1) else { return };
+        let Some(last) = self.walks[other].plan.stops.get(done - 1) else {
+            return;
+        };
         let after = (self.walks[other].plan.vehicle, last.id);
         self.walks[k].plan.stops[stop].after.push(after);
         self.waited[k][other] = done;
@@ -205,7 +237,10 @@ impl<'a> Laps<'a> {
     fn finish(self) -> Sweep {
         let mut plans: Vec<_> = self.walks.into_iter().map(|walk| walk.plan).collect();
         plans.sort_by_key(|plan| plan.vehicle);
-        Sweep { plans, schedule: self.schedule }
+        Sweep {
+            plans,
+            schedule: self.schedule,
+        }
     }
 }
 
@@ -223,13 +258,24 @@ mod tests {
     use tomoswarm_proto::Plan;
 
     fn square(side_m: f64, positions: usize) -> Ring {
-        Ring::new(Rect::new(Point::new(0.0, 0.0), Point::new(side_m, side_m)), positions).unwrap()
+        Ring::new(
+            Rect::new(Point::new(0.0, 0.0), Point::new(side_m, side_m)),
+            positions,
+        )
+        .unwrap()
     }
 
     /// Homes in a row a little south of the ring, every other vehicle numbered from the far end.
     fn homes(count: usize) -> Vec<(VehicleId, Point)> {
         let number = |k: usize| if k.is_multiple_of(2) { k + 1 } else { 20 - k };
-        (0..count).map(|k| (VehicleId(number(k) as u8), Point::new(1.0 + 2.0 * k as f64, -1.0))).collect()
+        (0..count)
+            .map(|k| {
+                (
+                    VehicleId(number(k) as u8),
+                    Point::new(1.0 + 2.0 * k as f64, -1.0),
+                )
+            })
+            .collect()
     }
 
     fn request(vehicles: Vec<(VehicleId, Point)>, laps: std::ops::Range<usize>) -> GapRequest {
@@ -245,18 +291,26 @@ mod tests {
 
     /// The ring position of every stop, found from its coordinates alone.
     fn indices(ring: &Ring, plan: &Plan) -> Vec<usize> {
-        plan.stops.iter().map(|stop| ring.nearest(stop.at.into())).collect()
+        plan.stops
+            .iter()
+            .map(|stop| ring.nearest(stop.at.into()))
+            .collect()
     }
 
     #[test]
     fn two_vehicles_drive_the_gaps_that_found_both_persons() {
         let ring = square(20.0, 76);
         let sweep = rotating_gap(&ring, &request(homes(2), 0..8)).unwrap();
-        let [one, other] = &sweep.plans[..] else { panic!("two plans") };
+        let [one, other] = &sweep.plans[..] else {
+            panic!("two plans")
+        };
         let mut gaps = Vec::new();
         for lap in &sweep.schedule.laps {
-            let [(_, first, last), (_, other_first, other_last)] = lap.stops[..] else { panic!("two ends") };
-            let at = |plan: &Plan, id: StopId| plan.stops.iter().position(|stop| stop.id == id).unwrap();
+            let [(_, first, last), (_, other_first, other_last)] = lap.stops[..] else {
+                panic!("two ends")
+            };
+            let at =
+                |plan: &Plan, id: StopId| plan.stops.iter().position(|stop| stop.id == id).unwrap();
             assert_eq!(at(one, last) - at(one, first) + 1, 76);
             assert_eq!(at(other, other_last) - at(other, other_first) + 1, 76);
             let here = indices(&ring, one)[at(one, first)];
@@ -284,18 +338,26 @@ mod tests {
     /// that are on the ring and past their first approach.
     fn drive_at_random(ring: &Ring, plans: &[Plan], seed: u64) {
         let indices: Vec<Vec<usize>> = plans.iter().map(|plan| indices(ring, plan)).collect();
-        let lap_begins: Vec<usize> =
-            plans.iter().map(|p| p.stops.iter().position(|s| s.id.0 >= 152).unwrap()).collect();
+        let lap_begins: Vec<usize> = plans
+            .iter()
+            .map(|p| p.stops.iter().position(|s| s.id.0 >= 152).unwrap())
+            .collect();
         let mut done = vec![0; plans.len()];
         let mut dice = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
         loop {
             let is_done = |vehicle: VehicleId, id: StopId| {
-                let of = plans.iter().position(|plan| plan.vehicle == vehicle).unwrap();
+                let of = plans
+                    .iter()
+                    .position(|plan| plan.vehicle == vehicle)
+                    .unwrap();
                 plans[of].stops[..done[of]].iter().any(|stop| stop.id == id)
             };
             let ready: Vec<usize> = (0..plans.len())
                 .filter(|k| {
-                    plans[*k].stops.get(done[*k]).is_some_and(|s| s.after.iter().all(|a| is_done(a.0, a.1)))
+                    plans[*k]
+                        .stops
+                        .get(done[*k])
+                        .is_some_and(|s| s.after.iter().all(|a| is_done(a.0, a.1)))
                 })
                 .collect();
             if ready.is_empty() {
@@ -315,7 +377,11 @@ mod tests {
                 for (one, other) in (0..plans.len()).flat_map(|a| (0..a).map(move |b| (a, b))) {
                     let at = |k: usize| indices[k][done[k].max(1) - 1];
                     let steps = ring.steps_between(at(one), at(other));
-                    assert!(steps >= 4, "{} vehicles, seed {seed}: {steps} steps", plans.len());
+                    assert!(
+                        steps >= 4,
+                        "{} vehicles, seed {seed}: {steps} steps",
+                        plans.len()
+                    );
                 }
             }
         }
@@ -332,7 +398,10 @@ mod tests {
             let laps = default_laps(76, count);
             let sweep = rotating_gap(&square(20.0, 76), &request(homes(count), 0..laps)).unwrap();
             let minutes = expected_duration_s(&sweep.plans, 0.45).unwrap() / 60.0;
-            assert!((10.0..28.0).contains(&minutes), "{count} vehicles: {minutes}");
+            assert!(
+                (10.0..28.0).contains(&minutes),
+                "{count} vehicles: {minutes}"
+            );
             println!("{count} vehicles: {laps} laps, {minutes:.1} minutes");
             assert_eq!(sweep.schedule.laps.len(), laps);
         }
@@ -340,11 +409,17 @@ mod tests {
 
     #[test]
     fn other_rings_and_areas_can_be_swept() {
-        for (width_m, height_m, positions) in [(30.0, 12.0, 60), (40.0, 40.0, 152), (25.0, 18.0, 41)] {
-            let area = Rect::new(Point::new(-5.0, 3.0), Point::new(width_m - 5.0, 3.0 + height_m));
+        for (width_m, height_m, positions) in
+            [(30.0, 12.0, 60), (40.0, 40.0, 152), (25.0, 18.0, 41)]
+        {
+            let area = Rect::new(
+                Point::new(-5.0, 3.0),
+                Point::new(width_m - 5.0, 3.0 + height_m),
+            );
             let ring = Ring::new(area, positions).unwrap();
-            let places: Vec<_> =
-                (0..4).map(|k| (VehicleId(k), ring.position(usize::from(k) * 11 + 3))).collect();
+            let places: Vec<_> = (0..4)
+                .map(|k| (VehicleId(k), ring.position(usize::from(k) * 11 + 3)))
+                .collect();
             let laps = default_laps(positions, 4);
             assert!(laps >= 3);
             rotating_gap(&ring, &request(places, 0..laps)).unwrap();
@@ -354,12 +429,19 @@ mod tests {
     #[test]
     fn a_sweep_planned_anew_goes_on_with_its_lap() {
         let ring = square(20.0, 76);
-        let anywhere = vec![(VehicleId(4), Point::new(20.0, 7.3)), (VehicleId(2), Point::new(3.0, 20.0))];
+        let anywhere = vec![
+            (VehicleId(4), Point::new(20.0, 7.3)),
+            (VehicleId(2), Point::new(3.0, 20.0)),
+        ];
         let sweep = rotating_gap(&ring, &request(anywhere, 5..8)).unwrap();
         let whole = rotating_gap(&ring, &request(homes(2), 0..8)).unwrap();
         assert_eq!(sweep.schedule.laps[0].number, 5);
         let ends = |sweep: &Sweep, lap: usize| {
-            sweep.schedule.laps[lap].stops.iter().map(|s| s.2).collect::<Vec<_>>()
+            sweep.schedule.laps[lap]
+                .stops
+                .iter()
+                .map(|s| s.2)
+                .collect::<Vec<_>>()
         };
         assert_eq!(ends(&sweep, 0), ends(&whole, 5));
         assert_eq!(sweep.plans[0].vehicle, VehicleId(2));
@@ -368,14 +450,25 @@ mod tests {
     #[test]
     fn vehicles_that_stand_at_a_right_gap_begin_at_once() {
         let ring = square(20.0, 76);
-        let placed = vec![(VehicleId(1), ring.position(50)), (VehicleId(2), ring.position(12))];
+        let placed = vec![
+            (VehicleId(1), ring.position(50)),
+            (VehicleId(2), ring.position(12)),
+        ];
         let sweep = rotating_gap(&ring, &request(placed, 0..2)).unwrap();
         for plan in &sweep.plans {
             assert_eq!(plan.stops.first().map(|stop| stop.id), Some(StopId(152)));
         }
-        let beside = vec![(VehicleId(1), Point::new(-1.0, 10.0)), (VehicleId(2), Point::new(20.5, 9.0))];
+        let beside = vec![
+            (VehicleId(1), Point::new(-1.0, 10.0)),
+            (VehicleId(2), Point::new(20.5, 9.0)),
+        ];
         let sweep = rotating_gap(&ring, &request(beside, 0..2)).unwrap();
-        assert!(sweep.plans.iter().all(|plan| plan.stops.iter().take_while(|s| s.id.0 < 152).count() <= 3));
+        assert!(
+            sweep
+                .plans
+                .iter()
+                .all(|plan| plan.stops.iter().take_while(|s| s.id.0 < 152).count() <= 3)
+        );
     }
 
     #[test]
@@ -393,27 +486,62 @@ mod tests {
             sweep.schedule.laps_done(&sweep.plans, &progress)
         };
         assert_eq!(
-            [laps(226, 227), laps(227, 227), laps(304, 227), laps(379, 380 + 76), laps(531, 531)],
+            [
+                laps(226, 227),
+                laps(227, 227),
+                laps(304, 227),
+                laps(379, 380 + 76),
+                laps(531, 531)
+            ],
             [0, 1, 1, 2, 3]
         );
         let mut stale = report(&sweep.plans[0], 531);
         stale.revision = Revision(0);
-        assert_eq!(sweep.schedule.laps_done(&sweep.plans, &[stale, report(&sweep.plans[1], 531)]), 0);
+        assert_eq!(
+            sweep
+                .schedule
+                .laps_done(&sweep.plans, &[stale, report(&sweep.plans[1], 531)]),
+            0
+        );
     }
 
     #[test]
     fn what_cannot_be_swept_is_said() {
         let ring = square(20.0, 76);
-        let error =
-            |ring: &Ring, vehicles, laps| rotating_gap(ring, &request(vehicles, laps)).map(drop).unwrap_err();
-        assert_eq!(error(&ring, homes(1), 0..8), SweepError::Vehicles { vehicles: 1 });
-        assert_eq!(error(&ring, homes(9), 0..8), SweepError::Vehicles { vehicles: 9 });
-        assert!(matches!(error(&square(20.0, 30), homes(7), 0..2), SweepError::RingTooSmall { .. }));
-        assert!(matches!(error(&ring, homes(2), 3..3), SweepError::Laps { .. }));
-        assert!(matches!(error(&square(1.0, 76), homes(2), 0..8), SweepError::Unsafe(_)));
+        let error = |ring: &Ring, vehicles, laps| {
+            rotating_gap(ring, &request(vehicles, laps))
+                .map(drop)
+                .unwrap_err()
+        };
+        assert_eq!(
+            error(&ring, homes(1), 0..8),
+            SweepError::Vehicles { vehicles: 1 }
+        );
+        assert_eq!(
+            error(&ring, homes(9), 0..8),
+            SweepError::Vehicles { vehicles: 9 }
+        );
+        assert!(matches!(
+            error(&square(20.0, 30), homes(7), 0..2),
+            SweepError::RingTooSmall { .. }
+        ));
+        assert!(matches!(
+            error(&ring, homes(2), 3..3),
+            SweepError::Laps { .. }
+        ));
+        assert!(matches!(
+            error(&square(1.0, 76), homes(2), 0..8),
+            SweepError::Unsafe(_)
+        ));
         let twice = vec![homes(2)[0], homes(2)[0]];
-        assert!(matches!(error(&ring, twice, 0..8), SweepError::Vehicle { .. }));
-        let close = vec![(VehicleId(1), Point::new(1.0, -1.0)), (VehicleId(2), Point::new(1.5, -1.0))];
+        assert!(matches!(
+            error(&ring, twice, 0..8),
+            SweepError::Vehicle { .. }
+        ));
+        let close = vec![
+            (VehicleId(1), Point::new(1.0, -1.0)),
+            (VehicleId(2), Point::new(1.5, -1.0)),
+        ];
         assert!(matches!(error(&ring, close, 0..8), SweepError::Unsafe(_)));
     }
 }

@@ -47,7 +47,8 @@ impl Schedule {
 ///
 /// Progress of another vehicle, run or revision says nothing of the plan.
 pub fn has_done(plan: &Plan, progress: &VehicleProgress, stop: StopId) -> bool {
-    let same = (plan.vehicle, plan.run, plan.revision) == (progress.vehicle, progress.run, progress.revision);
+    let same = (plan.vehicle, plan.run, plan.revision)
+        == (progress.vehicle, progress.run, progress.revision);
     let index = |id: StopId| plan.stops.iter().position(|candidate| candidate.id == id);
     let done = progress.done.and_then(index);
     same && index(stop).is_some_and(|wanted| done.is_some_and(|last| last >= wanted))
@@ -61,14 +62,31 @@ pub fn has_done(plan: &Plan, progress: &VehicleProgress, stop: StopId) -> bool {
 pub fn expected_duration_s(plans: &[Plan], speed_mps: f64) -> Result<f64, PlanError> {
     validate(plans)?;
     let after = resolve_after(plans)?;
-    let mut done_s: Vec<Vec<f64>> = plans.iter().map(|plan| vec![0.0; plan.stops.len()]).collect();
-    let lengths_m: Vec<Vec<f64>> =
-        plans.iter().map(|plan| tracks_of(plan).iter().map(crate::geom::Track::length_m).collect()).collect();
+    let mut done_s: Vec<Vec<f64>> = plans
+        .iter()
+        .map(|plan| vec![0.0; plan.stops.len()])
+        .collect();
+    let lengths_m: Vec<Vec<f64>> = plans
+        .iter()
+        .map(|plan| {
+            tracks_of(plan)
+                .iter()
+                .map(crate::geom::Track::length_m)
+                .collect()
+        })
+        .collect();
     for (index, at) in topological_order(plans)? {
         let own_s = if at > 0 { done_s[index][at - 1] } else { 0.0 };
-        let ready_s = after[index][at].iter().map(|(of, stop)| done_s[*of][*stop]).fold(own_s, f64::max);
+        let ready_s = after[index][at]
+            .iter()
+            .map(|(of, stop)| done_s[*of][*stop])
+            .fold(own_s, f64::max);
         let dwell_s = f64::from(plans[index].stops[at].dwell_ms) * 1e-3;
         done_s[index][at] = ready_s + lengths_m[index][at] / speed_mps + dwell_s;
     }
-    Ok(done_s.iter().filter_map(|times_s| times_s.last()).copied().fold(0.0, f64::max))
+    Ok(done_s
+        .iter()
+        .filter_map(|times_s| times_s.last())
+        .copied()
+        .fold(0.0, f64::max))
 }

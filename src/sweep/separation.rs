@@ -30,14 +30,26 @@ pub fn check_separation(plans: &[Plan], separation_m: f64) -> Result<(), PlanErr
                 let distance_m = track.distance_to_point(rest_after(&plans[other], surely_done));
                 if distance_m < separation_m {
                     let at = (other, surely_done);
-                    return Err(too_close(plans, (mover, leg + 1), at, distance_m, separation_m));
+                    return Err(too_close(
+                        plans,
+                        (mover, leg + 1),
+                        at,
+                        distance_m,
+                        separation_m,
+                    ));
                 }
                 let may_coincide = |early: &usize| clocks[other][*early][mover] <= leg;
                 for early in (surely_done..tracks[other].len()).take_while(may_coincide) {
                     let distance_m = tracks[other][early].distance_to(track);
                     if distance_m < separation_m {
                         let at = (other, early + 1);
-                        return Err(too_close(plans, (mover, leg + 1), at, distance_m, separation_m));
+                        return Err(too_close(
+                            plans,
+                            (mover, leg + 1),
+                            at,
+                            distance_m,
+                            separation_m,
+                        ));
                     }
                 }
             }
@@ -49,10 +61,16 @@ pub fn check_separation(plans: &[Plan], separation_m: f64) -> Result<(), PlanErr
 /// For every plan and stop, per plan: how many of its stops are surely done when the leg is entered.
 fn clocks(plans: &[Plan]) -> Result<Vec<Vec<Vec<usize>>>, PlanError> {
     let after = resolve_after(plans)?;
-    let mut clocks: Vec<Vec<Vec<usize>>> =
-        plans.iter().map(|plan| vec![vec![0; plans.len()]; plan.stops.len()]).collect();
+    let mut clocks: Vec<Vec<Vec<usize>>> = plans
+        .iter()
+        .map(|plan| vec![vec![0; plans.len()]; plan.stops.len()])
+        .collect();
     for (index, at) in topological_order(plans)? {
-        let mut clock = if at > 0 { clocks[index][at - 1].clone() } else { vec![0; plans.len()] };
+        let mut clock = if at > 0 {
+            clocks[index][at - 1].clone()
+        } else {
+            vec![0; plans.len()]
+        };
         clock[index] = at;
         for (of, stop) in &after[index][at] {
             for (known, earlier) in clock.iter_mut().zip(&clocks[*of][*stop]) {

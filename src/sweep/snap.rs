@@ -25,7 +25,10 @@ pub fn snap_to_boundary(network: Rect, link: Segment, snap_inside: bool) -> Opti
 /// Takes out what rounding has put outside.
 fn clamped(network: Rect, point: Point) -> Point {
     let Rect { min, max } = network;
-    Point::new(point.x_m.clamp(min.x_m, max.x_m), point.y_m.clamp(min.y_m, max.y_m))
+    Point::new(
+        point.x_m.clamp(min.x_m, max.x_m),
+        point.y_m.clamp(min.y_m, max.y_m),
+    )
 }
 
 #[cfg(test)]
@@ -39,12 +42,18 @@ mod tests {
 
     fn check(ends: [f64; 4], snap_inside: bool, expected: Option<[f64; 4]>) {
         let [x0, y0, x1, y1] = ends;
-        let got =
-            snap_to_boundary(network(), Segment::new(Point::new(x0, y0), Point::new(x1, y1)), snap_inside);
+        let got = snap_to_boundary(
+            network(),
+            Segment::new(Point::new(x0, y0), Point::new(x1, y1)),
+            snap_inside,
+        );
         let got = got.map(|part| [part.from.x_m, part.from.y_m, part.to.x_m, part.to.y_m]);
         match (got, expected) {
             (Some(got), Some(expected)) => {
-                assert!(got.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{ends:?}: {got:?}");
+                assert!(
+                    got.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12),
+                    "{ends:?}: {got:?}"
+                );
             }
             (got, expected) => assert_eq!(got, expected, "{ends:?}"),
         }

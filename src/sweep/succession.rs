@@ -146,7 +146,10 @@ impl Succession {
 
     /// Returns the members not heard to follow the current revision.
     pub fn missing(&self) -> impl Iterator<Item = VehicleId> + '_ {
-        self.members.iter().filter(|member| !self.reported.contains(member)).copied()
+        self.members
+            .iter()
+            .filter(|member| !self.reported.contains(member))
+            .copied()
     }
 
     /// Returns how far the current revision is.
@@ -170,31 +173,55 @@ mod tests {
 
     fn report(vehicle: u8, revision: u32) -> VehicleProgress {
         let (run, revision) = (RunId(4), Revision(revision));
-        VehicleProgress { vehicle: VehicleId(vehicle), run, revision, ..VehicleProgress::default() }
+        VehicleProgress {
+            vehicle: VehicleId(vehicle),
+            run,
+            revision,
+            ..VehicleProgress::default()
+        }
     }
 
     #[test]
     fn a_dropped_member_is_neither_waited_for_nor_planned_for() {
-        let mut ground = Succession::new(RunId(4), &[VehicleId(1), VehicleId(2), VehicleId(3)], Revision(0));
+        let mut ground = Succession::new(
+            RunId(4),
+            &[VehicleId(1), VehicleId(2), VehicleId(3)],
+            Revision(0),
+        );
         ground.stop();
         ground.set_members(&[VehicleId(3), VehicleId(1)]);
         let plans = ground.stop().to_vec();
-        assert_eq!(plans.iter().map(|plan| plan.vehicle.0).collect::<Vec<_>>(), [1, 3]);
-        assert!(plans.iter().all(|plan| plan.members == [VehicleId(1), VehicleId(3)]));
+        assert_eq!(
+            plans.iter().map(|plan| plan.vehicle.0).collect::<Vec<_>>(),
+            [1, 3]
+        );
+        assert!(
+            plans
+                .iter()
+                .all(|plan| plan.members == [VehicleId(1), VehicleId(3)])
+        );
         ground.hear(&report(2, 2));
         ground.hear(&report(1, 2));
         assert_eq!(ground.phase(), Phase::Stopping);
         ground.hear(&report(3, 2));
         assert_eq!(ground.phase(), Phase::Stopped);
         ground.skip_to(Revision(7));
-        assert_eq!((ground.next_revision(), ground.revision()), (Revision(8), Revision(7)));
+        assert_eq!(
+            (ground.next_revision(), ground.revision()),
+            (Revision(8), Revision(7))
+        );
     }
 
     #[test]
     fn a_new_revision_begins_once_all_have_stopped_under_an_empty_one() {
         let mut ground = Succession::new(RunId(4), &[VehicleId(2), VehicleId(1)], Revision(6));
         assert_eq!(ground.phase(), Phase::Resting);
-        assert!(ground.stop().iter().all(|plan| plan.revision == Revision(7) && plan.stops.is_empty()));
+        assert!(
+            ground
+                .stop()
+                .iter()
+                .all(|plan| plan.revision == Revision(7) && plan.stops.is_empty())
+        );
         ground.hear(&report(1, 7));
         ground.hear(&report(2, 6));
         ground.hear(&report(9, 7));
@@ -214,7 +241,13 @@ mod tests {
             partners: vec![],
             after: vec![],
         });
-        assert!(ground.begin(plans).unwrap().iter().all(|plan| plan.revision == Revision(8)));
+        assert!(
+            ground
+                .begin(plans)
+                .unwrap()
+                .iter()
+                .all(|plan| plan.revision == Revision(8))
+        );
         assert_eq!(ground.phase(), Phase::Driving);
     }
 }

@@ -24,8 +24,20 @@ pub struct VehicleProgress {
 impl VehicleProgress {
     /// Returns what a vehicle says of itself.
     pub fn of(vehicle: VehicleId, boot: Boot, said: Progress) -> VehicleProgress {
-        let Progress { run, revision, done, leg } = said;
-        VehicleProgress { vehicle, boot, run, revision, done, leg }
+        let Progress {
+            run,
+            revision,
+            done,
+            leg,
+        } = said;
+        VehicleProgress {
+            vehicle,
+            boot,
+            run,
+            revision,
+            done,
+            leg,
+        }
     }
 }
 
@@ -38,7 +50,19 @@ impl From<&Mission> for VehicleProgress {
 impl From<VehicleProgress> for Progress {
     /// Returns what the wire says beside the vehicle's name and start.
     fn from(known: VehicleProgress) -> Progress {
-        let VehicleProgress { vehicle: _, boot: _, run, revision, done, leg } = known;
-        Progress { run, revision, done, leg }
+        let VehicleProgress {
+            vehicle: _,
+            boot: _,
+            run,
+            revision,
+            done,
+            leg,
+        } = known;
+        Progress {
+            run,
+            revision,
+            done,
+            leg,
+        }
     }
 }

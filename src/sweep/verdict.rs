@@ -27,7 +27,9 @@ pub enum Refusal {
         distance_m: f64,
     },
     /// It has stops, and no empty revision was adopted since this vehicle's software started.
-    #[error("revision {revision} has stops, but this vehicle has restarted and adopts an empty one first")]
+    #[error(
+        "revision {revision} has stops, but this vehicle has restarted and adopts an empty one first"
+    )]
     NotStopped {
         /// Which revision.
         revision: Revision,
@@ -101,12 +103,20 @@ impl fmt::Display for WaitsFor {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             WaitsFor::Plans => f.write_str("waits for plans"),
-            WaitsFor::Revision { revision, refusal: None } => write!(f, "waits to adopt revision {revision}"),
-            WaitsFor::Revision { refusal: Some(refusal), .. } => write!(f, "holds: {refusal}"),
+            WaitsFor::Revision {
+                revision,
+                refusal: None,
+            } => write!(f, "waits to adopt revision {revision}"),
+            WaitsFor::Revision {
+                refusal: Some(refusal),
+                ..
+            } => write!(f, "holds: {refusal}"),
             WaitsFor::Member { vehicle } => {
                 write!(f, "waits for vehicle {vehicle} to follow the same revision")
             }
-            WaitsFor::Stop { vehicle, stop } => write!(f, "waits for stop {stop} of vehicle {vehicle}"),
+            WaitsFor::Stop { vehicle, stop } => {
+                write!(f, "waits for stop {stop} of vehicle {vehicle}")
+            }
             WaitsFor::Dwell { stop } => write!(f, "dwells at stop {stop}"),
             WaitsFor::Nothing => f.write_str("has driven its plan"),
         }
@@ -120,9 +130,18 @@ mod tests {
     #[test]
     fn what_is_waited_for_can_be_read() {
         let check = |waits: WaitsFor, expected: &str| assert_eq!(waits.to_string(), expected);
-        check(WaitsFor::Stop { vehicle: VehicleId(2), stop: StopId(160) }, "waits for stop 160 of vehicle 2");
+        check(
+            WaitsFor::Stop {
+                vehicle: VehicleId(2),
+                stop: StopId(160),
+            },
+            "waits for stop 160 of vehicle 2",
+        );
         let revision = Revision(3);
-        let refusal = Some(Refusal::Elsewhere { revision, distance_m: 1.25 });
+        let refusal = Some(Refusal::Elsewhere {
+            revision,
+            distance_m: 1.25,
+        });
         let text = "holds: revision 3 starts 1.25 m from where this vehicle rests";
         check(WaitsFor::Revision { revision, refusal }, text);
     }

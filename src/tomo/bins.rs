@@ -51,7 +51,10 @@ fn packed(x: i32, y: i32) -> u64 {
 
 fn shifted(square: u64, by: (i32, i32)) -> u64 {
     let unbiased = |index: u64| (index as u32 ^ 0x8000_0000).cast_signed();
-    packed(unbiased(square).saturating_add(by.0), unbiased(square >> 32).saturating_add(by.1))
+    packed(
+        unbiased(square).saturating_add(by.0),
+        unbiased(square >> 32).saturating_add(by.1),
+    )
 }
 
 /// Units of [`PlaceSum`] in a metre: 2^40, so that scaling is exact and rounding is below a picometre.
@@ -67,8 +70,9 @@ struct PlaceSum {
 impl PlaceSum {
     fn add(&mut self, place: Point, times: u32) {
         // A float becomes the nearest whole number that fits, so no place overflows.
-        let units =
-            |metres: f64| (libm::round(metres * UNITS_PER_M) as i128).saturating_mul(i128::from(times));
+        let units = |metres: f64| {
+            (libm::round(metres * UNITS_PER_M) as i128).saturating_mul(i128::from(times))
+        };
         self.x = self.x.saturating_add(units(place.x_m));
         self.y = self.y.saturating_add(units(place.y_m));
     }
@@ -111,7 +115,11 @@ impl LinkBins {
     /// Makes empty bins; both sides in metres, positive.
     pub fn new(bin_m: f64, spot_m: f64) -> LinkBins {
         debug_assert!(bin_m > 0.0 && spot_m > 0.0);
-        LinkBins { bin_m, spot_m, bins: BTreeMap::new() }
+        LinkBins {
+            bin_m,
+            spot_m,
+            bins: BTreeMap::new(),
+        }
     }
 
     /// Counts one packet from `tx` to `rx`: its strength in dBm, or `None` when it was expected and not heard.
@@ -123,7 +131,10 @@ impl LinkBins {
         let (key, exchanged) = BinKey::of(tx, rx, self.bin_m);
         let (from, to) = if exchanged { (rx, tx) } else { (tx, rx) };
         let spot = spot_code(from, to, self.bin_m, self.spot_m);
-        self.bins.entry(key).or_default().add(from, to, rssi_dbm, spot);
+        self.bins
+            .entry(key)
+            .or_default()
+            .add(from, to, rssi_dbm, spot);
     }
 
     /// Counts the pooled packets of a link, as if each had been recorded at the link's mean places.
@@ -132,9 +143,16 @@ impl LinkBins {
             return;
         }
         let (key, exchanged) = BinKey::of(link.from, link.to, self.bin_m);
-        let (from, to) = if exchanged { (link.to, link.from) } else { (link.from, link.to) };
+        let (from, to) = if exchanged {
+            (link.to, link.from)
+        } else {
+            (link.from, link.to)
+        };
         let spot = spot_code(from, to, self.bin_m, self.spot_m);
-        self.bins.entry(key).or_default().add_link(from, to, link, spot);
+        self.bins
+            .entry(key)
+            .or_default()
+            .add_link(from, to, link, spot);
     }
 
     /// Returns the number of bin pairs.
@@ -170,7 +188,10 @@ impl Bin {
     }
 
     fn add_link(&mut self, from: Point, to: Point, link: &Link, spot: u16) {
-        let (records, packets) = (link.packets.saturating_add(link.misses), f64::from(link.packets));
+        let (records, packets) = (
+            link.packets.saturating_add(link.misses),
+            f64::from(link.packets),
+        );
         self.records = self.records.saturating_add(records);
         self.from_sum.add(from, records);
         self.to_sum.add(to, records);
@@ -179,10 +200,13 @@ impl Bin {
         }
         self.packets = self.packets.saturating_add(link.packets);
         self.rssi_sum_dbm += packets * link.mean_dbm;
-        self.rssi_square_sum += packets * (link.mean_dbm * link.mean_dbm + link.spread_db * link.spread_db);
+        self.rssi_square_sum +=
+            packets * (link.mean_dbm * link.mean_dbm + link.spread_db * link.spread_db);
         if self.spots.len() < MOST_SPOTS && !self.spots.contains(&spot) {
             self.spots.push(spot);
-            self.further_spots = self.further_spots.saturating_add(link.spots.saturating_sub(1));
+            self.further_spots = self
+                .further_spots
+                .saturating_add(link.spots.saturating_sub(1));
         }
     }
 
@@ -190,12 +214,18 @@ impl Bin {
         let packets = f64::from(self.packets);
         let mean_dbm = self.rssi_sum_dbm / packets;
         let variance = (self.rssi_square_sum / packets - mean_dbm * mean_dbm).max(0.0);
-        let unbiased = if self.packets > 1 { variance * packets / (packets - 1.0) } else { 0.0 };
+        let unbiased = if self.packets > 1 {
+            variance * packets / (packets - 1.0)
+        } else {
+            0.0
+        };
         Link {
             from: self.from_sum.mean(self.records),
             to: self.to_sum.mean(self.records),
             packets: self.packets,
-            spots: (self.spots.len() as u32).saturating_add(self.further_spots).clamp(1, MOST_SPOTS as u32),
+            spots: (self.spots.len() as u32)
+                .saturating_add(self.further_spots)
+                .clamp(1, MOST_SPOTS as u32),
             misses: self.records - self.packets,
             mean_dbm,
             spread_db: unbiased.sqrt(),
@@ -227,7 +257,10 @@ mod tests {
         let links = bins.links();
         assert_eq!(links.len(), 1);
         let link = links[0];
-        assert_eq!((link.packets, link.misses, link.spots, link.mean_dbm), (3, 1, 2, -52.0));
+        assert_eq!(
+            (link.packets, link.misses, link.spots, link.mean_dbm),
+            (3, 1, 2, -52.0)
+        );
         assert!((link.spread_db - 2.0).abs() < 1e-9);
         assert!(link.from.distance_to(Point::new(0.15, 0.2)) < 1e-9);
         assert!(link.to.distance_to(b) < 1e-9);
@@ -247,7 +280,11 @@ mod tests {
     fn driving_half_a_metre_gives_eight_spots() {
         let mut bins = LinkBins::default();
         for step in 0..50 {
-            bins.record(Point::new(0.005 + 0.01 * f64::from(step), 0.0), Point::new(9.0, 9.0), Some(-60));
+            bins.record(
+                Point::new(0.005 + 0.01 * f64::from(step), 0.0),
+                Point::new(9.0, 9.0),
+                Some(-60),
+            );
         }
         assert_eq!(bins.links()[0].spots, 8);
     }
@@ -270,6 +307,9 @@ mod tests {
         let (key, exchanged) = BinKey::of(a, b, 0.5);
         assert!(!exchanged);
         let moved = key.moved((-1, 0), (0, 1));
-        assert_eq!(moved, BinKey::of(Point::new(2.7, 0.1), Point::new(0.3, 8.2), 0.5).0);
+        assert_eq!(
+            moved,
+            BinKey::of(Point::new(2.7, 0.1), Point::new(0.3, 8.2), 0.5).0
+        );
     }
 }

@@ -102,7 +102,9 @@ fn observe(
     if runs_along_a_side(link, settings.ring, settings.side_tolerance_m) {
         return Err(DropReason::SameSide);
     }
-    let mean_dbm = link.censored_mean_dbm(settings.noise.sensitivity_dbm).ok_or(DropReason::NeverHeard)?;
+    let mean_dbm = link
+        .censored_mean_dbm(settings.noise.sensitivity_dbm)
+        .ok_or(DropReason::NeverHeard)?;
     let (attenuation_db, variance_db2) = match sweep {
         Some(sweep) => {
             let partner = sweep.partner(link).ok_or(DropReason::NoEmptyPartner)?;
@@ -115,7 +117,12 @@ fn observe(
             (free_dbm - mean_dbm, single_variance(link, &settings.noise))
         }
     };
-    let observation = Observation { from: link.from, to: link.to, attenuation_db, variance_db2 };
+    let observation = Observation {
+        from: link.from,
+        to: link.to,
+        attenuation_db,
+        variance_db2,
+    };
     Ok(observation)
 }
 
@@ -139,27 +146,38 @@ fn paired_variance(link: &Link, partner: &Entry, noise: &NoiseModel, pairing_m: 
     let square = |sd_db: f64| sd_db * sd_db;
     let now_share = 1.0 / f64::from(link.spots.max(1));
     let empty_share = 1.0 / f64::from(partner.link.spots.max(1));
-    let is_same_place =
-        link.spots <= 1 && partner.link.spots <= 1 && ends_apart_m(link, &partner.link) < 0.02 * pairing_m;
+    let is_same_place = link.spots <= 1
+        && partner.link.spots <= 1
+        && ends_apart_m(link, &partner.link) < 0.02 * pairing_m;
     let fading_db2 = if is_same_place {
         square(noise.matched_fading_sd_db)
     } else {
         square(noise.fading_sd_db) * (now_share + empty_share)
     };
-    let share = if is_same_place { 0.0 } else { noise.match_share };
+    let share = if is_same_place {
+        0.0
+    } else {
+        noise.match_share
+    };
     fading_db2
         + packet_variance(link, noise)
         + packet_variance(&partner.link, noise)
         + share * share * partner.local_variance_db2
-        + square(noise.spread_share) * (excess_spread(link, noise) + excess_spread(&partner.link, noise))
+        + square(noise.spread_share)
+            * (excess_spread(link, noise) + excess_spread(&partner.link, noise))
         + square(noise.model_sd_db)
 }
 
 /// Returns how much more the packets of a bin differ than noise and fades make them, dB²: an edge of the structure
 /// lies across the bin, and two sweeps will not sample it alike.
 fn excess_spread(link: &Link, noise: &NoiseModel) -> f64 {
-    let fading_db2 = if link.spots > 1 { noise.fading_sd_db * noise.fading_sd_db } else { 0.0 };
-    (link.spread_db * link.spread_db - noise.packet_sd_db * noise.packet_sd_db - fading_db2).max(0.0)
+    let fading_db2 = if link.spots > 1 {
+        noise.fading_sd_db * noise.fading_sd_db
+    } else {
+        0.0
+    };
+    (link.spread_db * link.spread_db - noise.packet_sd_db * noise.packet_sd_db - fading_db2)
+        .max(0.0)
 }
 
 /// Returns the larger of the distances between the ends of two links, the ends matched as they lie nearer.
@@ -171,7 +189,9 @@ fn ends_apart_m(a: &Link, b: &Link) -> f64 {
 
 /// Returns whether both ends lie on one side of the ring.
 pub fn runs_along_a_side(link: &Link, ring: Rect, tolerance_m: f64) -> bool {
-    let both = |near: &dyn Fn(Point) -> f64| near(link.from) <= tolerance_m && near(link.to) <= tolerance_m;
+    let both = |near: &dyn Fn(Point) -> f64| {
+        near(link.from) <= tolerance_m && near(link.to) <= tolerance_m
+    };
     both(&|at| (at.x_m - ring.min.x_m).abs())
         || both(&|at| (at.x_m - ring.max.x_m).abs())
         || both(&|at| (at.y_m - ring.min.y_m).abs())
@@ -192,10 +212,17 @@ fn fit_path_loss(links: &[Link], settings: &Settings) -> Option<PathLoss> {
     if free.len() >= FEWEST_FREE {
         return PathLoss::fit(&free, settings.exponent);
     }
-    let held = ExponentPrior { sd: settings.exponent.sd.min(1e-3), ..settings.exponent };
+    let held = ExponentPrior {
+        sd: settings.exponent.sd.min(1e-3),
+        ..settings.exponent
+    };
     let law = PathLoss::fit(&rest, held)?;
     let exponent_sd = settings.exponent.sd.min(1.0);
-    Some(PathLoss { level_sd_db: law.residual_db, exponent_sd, ..law })
+    Some(PathLoss {
+        level_sd_db: law.residual_db,
+        exponent_sd,
+        ..law
+    })
 }
 
 /// A link of the empty sweep with what its neighbours say.
@@ -215,33 +242,56 @@ struct EmptySweep {
 
 impl EmptySweep {
     fn new(links: &[Link], settings: &Settings, path_loss: Option<PathLoss>) -> EmptySweep {
-        let mut sweep = EmptySweep { pairing_m: settings.pairing_m, entries: BTreeMap::new() };
+        let mut sweep = EmptySweep {
+            pairing_m: settings.pairing_m,
+            entries: BTreeMap::new(),
+        };
         for (key, link) in pooled(links, sweep.pairing_m) {
             if let Some(mean_dbm) = link.censored_mean_dbm(settings.noise.sensitivity_dbm) {
-                sweep.entries.insert(key, Entry { link, mean_dbm, local_variance_db2: 0.0 });
+                sweep.entries.insert(
+                    key,
+                    Entry {
+                        link,
+                        mean_dbm,
+                        local_variance_db2: 0.0,
+                    },
+                );
             }
         }
         let exponent = path_loss.map_or(ExponentPrior::NEAR_FREE_SPACE.mean, |law| law.exponent);
-        let spreads: Vec<f64> =
-            sweep.entries.keys().map(|key| sweep.local_variance(*key, exponent, &settings.noise)).collect();
-        sweep.entries.values_mut().zip(spreads).for_each(|(entry, spread)| entry.local_variance_db2 = spread);
+        let spreads: Vec<f64> = sweep
+            .entries
+            .keys()
+            .map(|key| sweep.local_variance(*key, exponent, &settings.noise))
+            .collect();
+        sweep
+            .entries
+            .values_mut()
+            .zip(spreads)
+            .for_each(|(entry, spread)| entry.local_variance_db2 = spread);
         sweep
     }
 
     /// Returns the mean square step to the neighbouring bins beyond what noise explains, dB².
     fn local_variance(&self, key: BinKey, exponent: f64, noise: &NoiseModel) -> f64 {
-        let level = |entry: &Entry| entry.mean_dbm + exponent * spread_db(entry.link.length_m().max(1e-3));
+        let level =
+            |entry: &Entry| entry.mean_dbm + exponent * spread_db(entry.link.length_m().max(1e-3));
         let here = &self.entries[&key];
         let (mut sum, mut count) = (0.0, 0);
         for key in neighbours(key) {
             if let Some(entry) = self.entries.get(&key) {
                 let step_db = level(entry) - level(here);
-                let expected = single_variance(&entry.link, noise) + single_variance(&here.link, noise);
+                let expected =
+                    single_variance(&entry.link, noise) + single_variance(&here.link, noise);
                 sum += step_db * step_db - expected;
                 count += 1;
             }
         }
-        if count == 0 { 0.0 } else { (sum / f64::from(count)).max(0.0) }
+        if count == 0 {
+            0.0
+        } else {
+            (sum / f64::from(count)).max(0.0)
+        }
     }
 
     /// Returns the link of the same bin, else the nearest one within reach.
@@ -264,9 +314,15 @@ fn pooled(links: &[Link], pairing_m: f64) -> BTreeMap<BinKey, Link> {
     let mut bins: BTreeMap<BinKey, Link> = BTreeMap::new();
     for link in links {
         let (key, exchanged) = BinKey::of(link.from, link.to, pairing_m);
-        let (from, to) = if exchanged { (link.to, link.from) } else { (link.from, link.to) };
+        let (from, to) = if exchanged {
+            (link.to, link.from)
+        } else {
+            (link.from, link.to)
+        };
         let link = Link { from, to, ..*link };
-        bins.entry(key).and_modify(|known| *known = known.pooled(&link)).or_insert(link);
+        bins.entry(key)
+            .and_modify(|known| *known = known.pooled(&link))
+            .or_insert(link);
     }
     bins
 }
@@ -305,8 +361,11 @@ mod tests {
         let got = calibrate(&now, Some(&empty), &settings());
         assert_eq!(got.observations.len(), 1);
         assert!((got.observations[0].attenuation_db - 6.0).abs() < 0.1);
-        let expected =
-            [(DropReason::TooShort, 1), (DropReason::SameSide, 1), (DropReason::NoEmptyPartner, 1)];
+        let expected = [
+            (DropReason::TooShort, 1),
+            (DropReason::SameSide, 1),
+            (DropReason::NoEmptyPartner, 1),
+        ];
         assert_eq!(got.dropped, Dropped::from(expected));
     }
 
@@ -324,11 +383,20 @@ mod tests {
     #[test]
     fn links_of_the_empty_sweep_in_one_bin_are_pooled() {
         let now = link(0.1, 5.1, 20.1, 9.1, -70.0);
-        let far = Link { packets: 30, ..link(0.1, 5.1, 20.1, 9.1, -60.0) };
-        let near = Link { packets: 10, ..link(20.3, 9.3, 0.3, 5.3, -66.0) };
+        let far = Link {
+            packets: 30,
+            ..link(0.1, 5.1, 20.1, 9.1, -60.0)
+        };
+        let near = Link {
+            packets: 10,
+            ..link(20.3, 9.3, 0.3, 5.3, -66.0)
+        };
         for empty in [[far, near], [near, far]] {
             let got = calibrate(&[now], Some(&empty), &settings());
-            assert!((got.observations[0].attenuation_db - 8.5).abs() < 0.05, "{got:?}");
+            assert!(
+                (got.observations[0].attenuation_db - 8.5).abs() < 0.05,
+                "{got:?}"
+            );
         }
     }
 
@@ -367,6 +435,10 @@ mod tests {
         let links: Vec<Link> = free.chain(blocked).collect();
         let got = calibrate(&links, None, &settings());
         assert_eq!(got.dropped, Dropped::from([(DropReason::SameSide, 12)]));
-        assert!(got.observations.iter().all(|seen| (seen.attenuation_db - 15.0).abs() < 0.2));
+        assert!(
+            got.observations
+                .iter()
+                .all(|seen| (seen.attenuation_db - 15.0).abs() < 0.2)
+        );
     }
 }

@@ -112,16 +112,37 @@ struct Kept {
 }
 
 impl From<Imager> for Kept {
-    fn from(Imager { settings, covariance: _, last, standing }: Imager) -> Kept {
-        Kept { settings, last, standing }
+    fn from(
+        Imager {
+            settings,
+            covariance: _,
+            last,
+            standing,
+        }: Imager,
+    ) -> Kept {
+        Kept {
+            settings,
+            last,
+            standing,
+        }
     }
 }
 
 impl TryFrom<Kept> for Imager {
     type Error = TomoError;
 
-    fn try_from(Kept { settings, last, standing }: Kept) -> Result<Imager, TomoError> {
-        Ok(Imager { last, standing, ..Imager::new(settings)? })
+    fn try_from(
+        Kept {
+            settings,
+            last,
+            standing,
+        }: Kept,
+    ) -> Result<Imager, TomoError> {
+        Ok(Imager {
+            last,
+            standing,
+            ..Imager::new(settings)?
+        })
     }
 }
 
@@ -137,14 +158,25 @@ impl Imager {
         let pixels = grid.columns.saturating_mul(grid.rows);
         if !is_sized || pixels == 0 || pixels > MOST_PIXELS {
             let (columns, rows) = (grid.columns, grid.rows);
-            return Err(TomoError::BadGrid { most: MOST_PIXELS, columns, rows, width, height });
+            return Err(TomoError::BadGrid {
+                most: MOST_PIXELS,
+                columns,
+                rows,
+                width,
+                height,
+            });
         }
         let prior = match settings.solver {
             Solver::Map(prior, _) => prior,
             Solver::Tikhonov { .. } => Settings::prior_for(area),
         };
         let covariance = Covariance::new(&grid, prior);
-        Ok(Imager { settings, covariance, last: BTreeMap::new(), standing: None })
+        Ok(Imager {
+            settings,
+            covariance,
+            last: BTreeMap::new(),
+            standing: None,
+        })
     }
 
     /// Returns the settings.
@@ -161,17 +193,32 @@ impl Imager {
     ///
     /// # Errors
     /// [`TomoError::NoLinks`].
-    pub fn update(&mut self, now: &[Link], empty: Option<&[Link]>) -> Result<Reconstruction, TomoError> {
+    pub fn update(
+        &mut self,
+        now: &[Link],
+        empty: Option<&[Link]>,
+    ) -> Result<Reconstruction, TomoError> {
         let mut calibrated = calibrate(now, empty, &self.settings);
         let mut rows = self.rows(&mut calibrated);
         if calibrated.observations.is_empty() {
-            return Err(TomoError::NoLinks { given: now.len(), dropped: words(&calibrated.dropped) });
+            return Err(TomoError::NoLinks {
+                given: now.len(),
+                dropped: words(&calibrated.dropped),
+            });
         }
-        let room = empty.map(|empty| self.room_for_change(empty)).unwrap_or_default();
+        let room = empty
+            .map(|empty| self.room_for_change(empty))
+            .unwrap_or_default();
         rows.scale_pixels(&room);
         let (mut values, residual_db) = self.solve(&rows, &mut calibrated);
-        values.iter_mut().zip(&room).for_each(|(value, room)| *value *= room);
-        let image = Image { grid: self.settings.grid, values };
+        values
+            .iter_mut()
+            .zip(&room)
+            .for_each(|(value, room)| *value *= room);
+        let image = Image {
+            grid: self.settings.grid,
+            values,
+        };
         let squares: f64 = residual_db.iter().map(|residual| residual * residual).sum();
         Ok(Reconstruction {
             peaks: peaks(&image, self.settings.peaks),
@@ -190,11 +237,18 @@ impl Imager {
     /// since their loss changes steeply with the place of their ends. The prior's covariance C becomes D C D with
     /// D = 1 / (1 + (x / x₀)²), x the structure's image of the empty sweep, x₀ [`SOLID_SD`] times its prior's deviation.
     fn room_for_change(&mut self, empty: &[Link]) -> Vec<f64> {
-        if let Some(standing) = self.standing.as_ref().filter(|standing| standing.empty == empty) {
+        if let Some(standing) = self
+            .standing
+            .as_ref()
+            .filter(|standing| standing.empty == empty)
+        {
             return standing.room.clone();
         }
         let prior = Settings::prior_for(self.settings.grid.area);
-        let settings = Settings { solver: Solver::Map(prior, MapSettings::default()), ..self.settings };
+        let settings = Settings {
+            solver: Solver::Map(prior, MapSettings::default()),
+            ..self.settings
+        };
         let structure = Imager::new(settings).and_then(|mut imager| imager.update(empty, None));
         let solid = SOLID_SD * prior.variance.sqrt();
         let room_of = |value: &f64| {
@@ -202,9 +256,13 @@ impl Imager {
             1.0 / (1.0 + share * share)
         };
         // Without a picture of the empty sweep nothing is known to stand anywhere.
-        let room: Vec<f64> =
-            structure.map(|made| made.image.values.iter().map(room_of).collect()).unwrap_or_default();
-        self.standing = Some(Standing { empty: empty.to_vec(), room: room.clone() });
+        let room: Vec<f64> = structure
+            .map(|made| made.image.values.iter().map(room_of).collect())
+            .unwrap_or_default();
+        self.standing = Some(Standing {
+            empty: empty.to_vec(),
+            room: room.clone(),
+        });
         room
     }
 
@@ -216,26 +274,34 @@ impl Imager {
             WeightRows::rescaled(links.iter().map(segment), &settings.grid, settings.weights)
         };
         let rows = build(&calibrated.observations);
-        let touches: Vec<bool> =
-            (0..rows.len()).map(|row| rows.row(row).any(|(_, weight)| weight > 0.0)).collect();
+        let touches: Vec<bool> = (0..rows.len())
+            .map(|row| rows.row(row).any(|(_, weight)| weight > 0.0))
+            .collect();
         let outside = touches.iter().filter(|touches| !**touches).count();
         if outside == 0 {
             return rows;
         }
         calibrated.dropped.insert(DropReason::OutsideArea, outside);
         let mut keep = touches.into_iter();
-        calibrated.observations.retain(|_| keep.next().unwrap_or(false));
+        calibrated
+            .observations
+            .retain(|_| keep.next().unwrap_or(false));
         build(&calibrated.observations)
     }
 
     /// Returns the image and the residual of each link, dB.
     fn solve(&mut self, rows: &WeightRows, calibrated: &mut Calibrated) -> (Vec<f64>, Vec<f64>) {
-        let attenuation_db: Vec<f64> =
-            calibrated.observations.iter().map(|link| link.attenuation_db).collect();
+        let attenuation_db: Vec<f64> = calibrated
+            .observations
+            .iter()
+            .map(|link| link.attenuation_db)
+            .collect();
         match self.settings.solver {
             Solver::Map(_, settings) => {
                 let solution = self.solve_map(rows, calibrated, settings, &attenuation_db);
-                if let (Some(law), [level, slope]) = (calibrated.path_loss.as_mut(), &solution.nuisance[..]) {
+                if let (Some(law), [level, slope]) =
+                    (calibrated.path_loss.as_mut(), &solution.nuisance[..])
+                {
                     *law = law.corrected(-level, *slope);
                 }
                 (solution.image, solution.residual_db)
@@ -244,8 +310,11 @@ impl Imager {
                 let image = tikhonov(rows, &self.settings.grid, &attenuation_db, alpha_m2);
                 let mut explained_db = vec![0.0; rows.len()];
                 rows.forward(&image, &mut explained_db);
-                let residual_db =
-                    attenuation_db.iter().zip(explained_db).map(|(y, explained)| y - explained).collect();
+                let residual_db = attenuation_db
+                    .iter()
+                    .zip(explained_db)
+                    .map(|(y, explained)| y - explained)
+                    .collect();
                 (image, residual_db)
             }
         }
@@ -260,7 +329,11 @@ impl Imager {
     ) -> MapSolution {
         let links = &calibrated.observations;
         let variance_db2: Vec<f64> = links.iter().map(|link| link.variance_db2).collect();
-        let nuisance = if calibrated.by_empty_sweep { Vec::new() } else { path_loss_columns(calibrated) };
+        let nuisance = if calibrated.by_empty_sweep {
+            Vec::new()
+        } else {
+            path_loss_columns(calibrated)
+        };
         let problem = MapProblem {
             rows,
             covariance: &self.covariance,
@@ -269,9 +342,16 @@ impl Imager {
             nuisance: &nuisance,
         };
         let key = |link: &Observation| BinKey::of(link.from, link.to, self.settings.pairing_m).0;
-        let start = links.iter().map(|link| self.last.get(&key(link)).copied().unwrap_or((0.0, 1.0))).unzip();
+        let start = links
+            .iter()
+            .map(|link| self.last.get(&key(link)).copied().unwrap_or((0.0, 1.0)))
+            .unzip();
         let solution = problem.solve(settings, Some(start));
-        let states = solution.dual.iter().copied().zip(solution.trust.iter().copied());
+        let states = solution
+            .dual
+            .iter()
+            .copied()
+            .zip(solution.trust.iter().copied());
         self.last = links.iter().map(key).zip(states).collect();
         solution
     }
@@ -291,7 +371,10 @@ fn path_loss_columns(calibrated: &Calibrated) -> Vec<Nuisance> {
             column: vec![1.0; calibrated.observations.len()],
             variance: law.level_sd_db * law.level_sd_db,
         },
-        Nuisance { column: slopes.collect(), variance: law.exponent_sd * law.exponent_sd },
+        Nuisance {
+            column: slopes.collect(),
+            variance: law.exponent_sd * law.exponent_sd,
+        },
     ]
 }
 

@@ -28,7 +28,15 @@ pub struct Link {
 impl Link {
     /// Makes a link between two fixed places from the mean of some packets; one spot, no miss.
     pub fn fixed(from: Point, to: Point, packets: u32, mean_dbm: f64) -> Link {
-        Link { from, to, packets, spots: 1, misses: 0, mean_dbm, spread_db: 0.0 }
+        Link {
+            from,
+            to,
+            packets,
+            spots: 1,
+            misses: 0,
+            mean_dbm,
+            spread_db: 0.0,
+        }
     }
 
     /// Returns the length, metres.
@@ -43,10 +51,14 @@ impl Link {
 
     /// Returns the pooled packets of this link and another one whose ends lie near this one's, in this order.
     pub(super) fn pooled(&self, other: &Link) -> Link {
-        let share = |own: u32, its: u32| f64::from(its) / (f64::from(own) + f64::from(its)).max(1.0);
+        let share =
+            |own: u32, its: u32| f64::from(its) / (f64::from(own) + f64::from(its)).max(1.0);
         let records = |link: &Link| link.packets.saturating_add(link.misses);
         let place = share(records(self), records(other));
-        let (packets, mean_dbm) = (self.packets.saturating_add(other.packets), self.pooled_mean_dbm(other));
+        let (packets, mean_dbm) = (
+            self.packets.saturating_add(other.packets),
+            self.pooled_mean_dbm(other),
+        );
         let squares = |link: &Link| {
             let (count, apart_db) = (f64::from(link.packets), link.mean_dbm - mean_dbm);
             if link.packets == 0 {
@@ -92,7 +104,10 @@ impl Link {
         if self.misses < self.packets.max(FEWEST_MISSES) {
             return Some(self.mean_dbm);
         }
-        Some((heard * self.mean_dbm + missed * sensitivity_dbm.min(self.mean_dbm)) / (heard + missed))
+        Some(
+            (heard * self.mean_dbm + missed * sensitivity_dbm.min(self.mean_dbm))
+                / (heard + missed),
+        )
     }
 }
 
@@ -110,17 +125,32 @@ mod tests {
     fn pooled_links_have_the_moments_of_all_packets() {
         // Packets of -60, -62 and -64 dBm here, of -70 and -74 dBm there.
         let (here, there) = (Point::new(0.0, 0.0), Point::new(10.0, 0.0));
-        let one = Link { spread_db: 2.0, ..Link::fixed(here, there, 3, -62.0) };
+        let one = Link {
+            spread_db: 2.0,
+            ..Link::fixed(here, there, 3, -62.0)
+        };
         let moved = Point::new(0.5, 0.0);
-        let two = Link { spread_db: 8f64.sqrt(), misses: 1, ..Link::fixed(moved, there, 2, -72.0) };
+        let two = Link {
+            spread_db: 8f64.sqrt(),
+            misses: 1,
+            ..Link::fixed(moved, there, 2, -72.0)
+        };
         let both = one.pooled(&two);
-        assert_eq!((both.packets, both.misses, both.spots, both.mean_dbm), (5, 1, 2, -66.0));
+        assert_eq!(
+            (both.packets, both.misses, both.spots, both.mean_dbm),
+            (5, 1, 2, -66.0)
+        );
         // The squares of 6, 4, 2, -4 and -8 sum up to 136.
         assert!((both.spread_db - 34f64.sqrt()).abs() < 1e-9);
         assert!(both.from.distance_to(Point::new(0.25, 0.0)) < 1e-12 && both.to == there);
-        let silent = Link { misses: 4, ..Link::fixed(here, there, 0, f64::NAN) };
+        let silent = Link {
+            misses: 4,
+            ..Link::fixed(here, there, 0, f64::NAN)
+        };
         assert_eq!(silent.pooled(&two).mean_dbm, -72.0);
-        assert!(silent.pooled(&silent).mean_dbm.is_nan() && silent.pooled(&silent).spread_db == 0.0);
+        assert!(
+            silent.pooled(&silent).mean_dbm.is_nan() && silent.pooled(&silent).spread_db == 0.0
+        );
     }
 
     #[test]

@@ -33,7 +33,12 @@ pub struct MapSettings {
 
 impl Default for MapSettings {
     fn default() -> MapSettings {
-        MapSettings { student_degrees: Some(4.0), reweightings: 4, tolerance: 1e-3, most_steps: 200 }
+        MapSettings {
+            student_degrees: Some(4.0),
+            reweightings: 4,
+            tolerance: 1e-3,
+            most_steps: 200,
+        }
     }
 }
 
@@ -76,7 +81,11 @@ impl MapProblem<'_> {
         let (mut dual, mut trust) = start.unwrap_or_else(|| (vec![0.0; links], vec![1.0; links]));
         let mut solver = Solver::new(self);
         let mut steps = 0;
-        let reweightings = if settings.student_degrees.is_some() { settings.reweightings } else { 0 };
+        let reweightings = if settings.student_degrees.is_some() {
+            settings.reweightings
+        } else {
+            0
+        };
         for round in 0..=reweightings {
             solver.set_noise(self.variance_db2, &trust);
             steps += solver.solve(&mut dual, settings.tolerance, settings.most_steps);
@@ -88,11 +97,25 @@ impl MapProblem<'_> {
                 break;
             }
         }
-        let residual_db = dual.iter().zip(&solver.noise).map(|(dual, noise)| dual * noise).collect();
-        let nuisance =
-            self.nuisance.iter().map(|column| column.variance * dot(&column.column, &dual)).collect();
+        let residual_db = dual
+            .iter()
+            .zip(&solver.noise)
+            .map(|(dual, noise)| dual * noise)
+            .collect();
+        let nuisance = self
+            .nuisance
+            .iter()
+            .map(|column| column.variance * dot(&column.column, &dual))
+            .collect();
         let image = solver.image(&dual);
-        MapSolution { image, residual_db, dual, trust, nuisance, steps }
+        MapSolution {
+            image,
+            residual_db,
+            dual,
+            trust,
+            nuisance,
+            steps,
+        }
     }
 
     /// Sets each link's trust to (ν + 1) / (ν + r²/s²), where the residual r is noise times dual; returns the mean change.
@@ -139,20 +162,27 @@ impl<'a> Solver<'a> {
 
     fn image(&mut self, dual: &[f64]) -> Vec<f64> {
         self.problem.rows.backward(dual, &mut self.pixels);
-        self.problem.covariance.apply(&self.pixels, &mut self.smoothed, &mut self.work);
+        self.problem
+            .covariance
+            .apply(&self.pixels, &mut self.smoothed, &mut self.work);
         self.smoothed.clone()
     }
 
     fn apply(&mut self, dual: &[f64], output: &mut [f64]) {
         self.problem.rows.backward(dual, &mut self.pixels);
-        self.problem.covariance.apply(&self.pixels, &mut self.smoothed, &mut self.work);
+        self.problem
+            .covariance
+            .apply(&self.pixels, &mut self.smoothed, &mut self.work);
         self.problem.rows.forward(&self.smoothed, output);
         for (link, value) in output.iter_mut().enumerate() {
             *value += self.noise[link] * dual[link];
         }
         for column in self.problem.nuisance {
             let share = column.variance * dot(&column.column, dual);
-            output.iter_mut().zip(&column.column).for_each(|(value, unit)| *value += share * unit);
+            output
+                .iter_mut()
+                .zip(&column.column)
+                .for_each(|(value, unit)| *value += share * unit);
         }
     }
 
@@ -161,9 +191,17 @@ impl<'a> Solver<'a> {
         let data = self.problem.attenuation_db;
         let mut product = vec![0.0; dual.len()];
         self.apply(dual, &mut product);
-        let mut residual: Vec<f64> = data.iter().zip(&product).map(|(y, product)| y - product).collect();
+        let mut residual: Vec<f64> = data
+            .iter()
+            .zip(&product)
+            .map(|(y, product)| y - product)
+            .collect();
         let preconditioned = |residual: &[f64], noise: &[f64]| -> Vec<f64> {
-            residual.iter().zip(noise).map(|(value, noise)| value / noise).collect()
+            residual
+                .iter()
+                .zip(noise)
+                .map(|(value, noise)| value / noise)
+                .collect()
         };
         let goal = tolerance * tolerance * dot(data, &preconditioned(data, &self.noise));
         let mut scaled = preconditioned(&residual, &self.noise);
@@ -208,7 +246,10 @@ mod tests {
             let angle = f64::from(k) * 0.51;
             Point::new(3.0 + 3.0 * angle.cos(), 2.5 + 2.5 * angle.sin())
         };
-        (0..90).map(|k| Segment::new(at(k), at(k * 3 + 4))).filter(|link| link.length_m() > 1.0).collect()
+        (0..90)
+            .map(|k| Segment::new(at(k), at(k * 3 + 4)))
+            .filter(|link| link.length_m() > 1.0)
+            .collect()
     }
 
     /// The same formula with dense matrices and a Cholesky factor.
@@ -221,12 +262,14 @@ mod tests {
     ) -> (DVector<f64>, DVector<f64>) {
         let mut w = DMatrix::zeros(rows.len(), grid.len());
         for row in 0..rows.len() {
-            rows.row(row).for_each(|(pixel, weight)| w[(row, pixel)] = weight);
+            rows.row(row)
+                .for_each(|(pixel, weight)| w[(row, pixel)] = weight);
         }
         let c = DMatrix::from_fn(grid.len(), grid.len(), |i, j| {
             0.3 * (-grid.centre(i).distance_to(grid.centre(j)) / 1.0).exp()
         });
-        let mut k = &w * &c * w.transpose() + DMatrix::from_diagonal(&DVector::from_column_slice(s2));
+        let mut k =
+            &w * &c * w.transpose() + DMatrix::from_diagonal(&DVector::from_column_slice(s2));
         for nuisance in h {
             let column = DVector::from_column_slice(&nuisance.column);
             k += &column * column.transpose() * nuisance.variance;
@@ -238,21 +281,42 @@ mod tests {
     #[test]
     fn conjugate_gradients_equal_the_batch_solve() {
         let area = Rect::new(Point::new(0.0, 0.0), Point::new(6.0, 5.0));
-        let grid = PixelGrid { area, columns: 12, rows: 10 };
+        let grid = PixelGrid {
+            area,
+            columns: 12,
+            rows: 10,
+        };
         let links = ring_links();
-        let rows =
-            WeightRows::rescaled(links.iter().copied(), &grid, WeightModel::InverseArea { width_m: 0.3 });
-        let y: Vec<f64> = (0..links.len()).map(|k| ((k * 29) % 13) as f64 - 3.0).collect();
+        let rows = WeightRows::rescaled(
+            links.iter().copied(),
+            &grid,
+            WeightModel::InverseArea { width_m: 0.3 },
+        );
+        let y: Vec<f64> = (0..links.len())
+            .map(|k| ((k * 29) % 13) as f64 - 3.0)
+            .collect();
         let s2: Vec<f64> = (0..links.len()).map(|k| 1.0 + (k % 5) as f64).collect();
         let h = vec![
-            Nuisance { column: vec![1.0; links.len()], variance: 4.0 },
             Nuisance {
-                column: links.iter().map(|link| link.length_m().log10() * 10.0).collect(),
+                column: vec![1.0; links.len()],
+                variance: 4.0,
+            },
+            Nuisance {
+                column: links
+                    .iter()
+                    .map(|link| link.length_m().log10() * 10.0)
+                    .collect(),
                 variance: 0.04,
             },
         ];
         let (image, dual) = batch(&grid, &rows, &y, &s2, &h);
-        let covariance = Covariance::new(&grid, Prior { variance: 0.3, length_m: 1.0 });
+        let covariance = Covariance::new(
+            &grid,
+            Prior {
+                variance: 0.3,
+                length_m: 1.0,
+            },
+        );
         let problem = MapProblem {
             rows: &rows,
             covariance: &covariance,
@@ -260,14 +324,21 @@ mod tests {
             variance_db2: &s2,
             nuisance: &h,
         };
-        let settings =
-            MapSettings { student_degrees: None, reweightings: 0, tolerance: 1e-10, most_steps: 500 };
+        let settings = MapSettings {
+            student_degrees: None,
+            reweightings: 0,
+            tolerance: 1e-10,
+            most_steps: 500,
+        };
         let got = problem.solve(settings, None);
         let error = (DVector::from_vec(got.image.clone()) - &image).norm() / image.norm();
         assert!(error < 1e-6, "{error}");
         for (k, residual) in got.residual_db.iter().enumerate() {
             assert!((residual - dual[k] * s2[k]).abs() < 1e-6);
-            let explained: f64 = rows.row(k).map(|(pixel, weight)| weight * image[pixel]).sum::<f64>()
+            let explained: f64 = rows
+                .row(k)
+                .map(|(pixel, weight)| weight * image[pixel])
+                .sum::<f64>()
                 + got.nuisance[0]
                 + got.nuisance[1] * h[1].column[k];
             assert!((y[k] - explained - residual).abs() < 1e-5);
@@ -279,13 +350,23 @@ mod tests {
     #[test]
     fn a_wild_link_is_trusted_less() {
         let area = Rect::new(Point::new(0.0, 0.0), Point::new(6.0, 5.0));
-        let grid = PixelGrid { area, columns: 12, rows: 10 };
+        let grid = PixelGrid {
+            area,
+            columns: 12,
+            rows: 10,
+        };
         let links = ring_links();
         let rows = WeightRows::rescaled(links.iter().copied(), &grid, WeightModel::Line);
         let mut y = vec![0.1; links.len()];
         y[7] = 40.0;
         let s2 = vec![2.0; links.len()];
-        let covariance = Covariance::new(&grid, Prior { variance: 0.3, length_m: 1.0 });
+        let covariance = Covariance::new(
+            &grid,
+            Prior {
+                variance: 0.3,
+                length_m: 1.0,
+            },
+        );
         let problem = MapProblem {
             rows: &rows,
             covariance: &covariance,
@@ -293,7 +374,13 @@ mod tests {
             variance_db2: &s2,
             nuisance: &[],
         };
-        let gaussian = problem.solve(MapSettings { student_degrees: None, ..MapSettings::default() }, None);
+        let gaussian = problem.solve(
+            MapSettings {
+                student_degrees: None,
+                ..MapSettings::default()
+            },
+            None,
+        );
         let robust = problem.solve(MapSettings::default(), None);
         let highest = |image: &[f64]| image.iter().copied().fold(0.0, f64::max);
         assert!(robust.trust[7] < 0.1 && robust.trust[8] > 1.0);

@@ -5,7 +5,8 @@ use super::Image;
 /// Returns the bytes of a `.npy` file: little-endian f32, C order, shape (rows, columns), rows from south to north.
 pub fn npy_bytes(image: &Image) -> Vec<u8> {
     let (rows, columns) = (image.grid.rows, image.grid.columns);
-    let mut header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({rows}, {columns}), }}");
+    let mut header =
+        format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({rows}, {columns}), }}");
     // Magic (6), version (2) and length (2) come before; the data begin at a multiple of 64.
     let padding = 63 - (10 + header.len()) % 64;
     header.push_str(&" ".repeat(padding));
@@ -13,7 +14,12 @@ pub fn npy_bytes(image: &Image) -> Vec<u8> {
     let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
     bytes.extend((header.len() as u16).to_le_bytes());
     bytes.extend(header.as_bytes());
-    bytes.extend(image.values.iter().flat_map(|value| (*value as f32).to_le_bytes()));
+    bytes.extend(
+        image
+            .values
+            .iter()
+            .flat_map(|value| (*value as f32).to_le_bytes()),
+    );
     bytes
 }
 
@@ -25,11 +31,19 @@ mod tests {
     #[test]
     fn a_small_image_has_the_bytes_that_numpy_writes() {
         let area = Rect::new(Point::new(0.0, 0.0), Point::new(2.0, 1.0));
-        let image = Image { grid: PixelGrid { area, columns: 2, rows: 1 }, values: vec![1.0, -2.5] };
+        let image = Image {
+            grid: PixelGrid {
+                area,
+                columns: 2,
+                rows: 1,
+            },
+            values: vec![1.0, -2.5],
+        };
         let bytes = npy_bytes(&image);
         assert_eq!(&bytes[..10], b"\x93NUMPY\x01\x00\x76\x00");
         assert!(
-            bytes[10..128].starts_with(b"{'descr': '<f4', 'fortran_order': False, 'shape': (1, 2), }   ")
+            bytes[10..128]
+                .starts_with(b"{'descr': '<f4', 'fortran_order': False, 'shape': (1, 2), }   ")
         );
         assert_eq!(bytes[127], b'\n');
         assert_eq!(&bytes[128..], [0, 0, 0x80, 0x3f, 0, 0, 0x20, 0xc0]);

@@ -36,7 +36,10 @@ impl ExponentPrior {
     /// Free space with little doubt: n = 2.0 ± 0.2; long links through walls cannot pull it away.
     pub const NEAR_FREE_SPACE: ExponentPrior = ExponentPrior { mean: 2.0, sd: 0.2 };
     /// Nothing is believed.
-    pub const FREE: ExponentPrior = ExponentPrior { mean: 2.0, sd: f64::INFINITY };
+    pub const FREE: ExponentPrior = ExponentPrior {
+        mean: 2.0,
+        sd: f64::INFINITY,
+    };
 }
 
 const STUDENT_DEGREES: f64 = 4.0;
@@ -51,7 +54,11 @@ impl PathLoss {
     /// Returns the law with its level at the centre raised by `level_db` and its exponent by `exponent`.
     pub fn corrected(self, level_db: f64, exponent: f64) -> PathLoss {
         let p0_dbm = self.p0_dbm + level_db + exponent * self.centre_db;
-        PathLoss { p0_dbm, exponent: self.exponent + exponent, ..self }
+        PathLoss {
+            p0_dbm,
+            exponent: self.exponent + exponent,
+            ..self
+        }
     }
 
     /// Fits links (their means as given) with Student-t noise, ν = 4, by iterative reweighting;
@@ -70,8 +77,11 @@ impl PathLoss {
         let mut fitted = weighted_fit(&points, &weights, prior, residual_db);
         for _ in 0..REWEIGHTINGS {
             let count = points.len() as f64;
-            let square = |(point, weight): (&(f64, f64), &f64)| weight * fitted.residual_db(*point).powi(2);
-            residual_db = (points.iter().zip(&weights).map(square).sum::<f64>() / count).sqrt().max(0.1);
+            let square =
+                |(point, weight): (&(f64, f64), &f64)| weight * fitted.residual_db(*point).powi(2);
+            residual_db = (points.iter().zip(&weights).map(square).sum::<f64>() / count)
+                .sqrt()
+                .max(0.1);
             for (weight, point) in weights.iter_mut().zip(&points) {
                 let ratio = fitted.residual_db(*point) / residual_db;
                 *weight = (STUDENT_DEGREES + 1.0) / (STUDENT_DEGREES + ratio * ratio);
@@ -110,7 +120,12 @@ impl Fit {
     }
 }
 
-fn weighted_fit(points: &[(f64, f64)], weights: &[f64], prior: ExponentPrior, residual_db: f64) -> Fit {
+fn weighted_fit(
+    points: &[(f64, f64)],
+    weights: &[f64],
+    prior: ExponentPrior,
+    residual_db: f64,
+) -> Fit {
     let sum = |value: &dyn Fn(f64, f64) -> f64| -> f64 {
         points
             .iter()
@@ -128,7 +143,13 @@ fn weighted_fit(points: &[(f64, f64)], weights: &[f64], prior: ExponentPrior, re
     let slope = -sum(&|spread, strength| (spread - centre_db) * (strength - level_dbm)) / noise;
     let exponent = (slope + prior.mean * prior_precision) / precision;
     let (level_sd_db, exponent_sd) = ((noise / total).sqrt(), 1.0 / precision.sqrt());
-    Fit { centre_db, level_dbm, exponent, level_sd_db, exponent_sd }
+    Fit {
+        centre_db,
+        level_dbm,
+        exponent,
+        level_sd_db,
+        exponent_sd,
+    }
 }
 
 #[cfg(test)]
@@ -141,7 +162,11 @@ mod tests {
             .map(|k| {
                 let d_m = 2.0 + 0.3 * k as f64;
                 let noise_db = ((k * 37 % 11) as f64 - 5.0) * 0.4;
-                let blocked_db = if k % 7 == 0 && k / 7 < outliers { 25.0 } else { 0.0 };
+                let blocked_db = if k % 7 == 0 && k / 7 < outliers {
+                    25.0
+                } else {
+                    0.0
+                };
                 let mean_dbm = -40.0 - 10.0 * exponent * d_m.log10() + noise_db - blocked_db;
                 Link::fixed(Point::new(0.0, 0.0), Point::new(d_m, 0.0), 4, mean_dbm)
             })
@@ -152,7 +177,10 @@ mod tests {
     fn the_law_is_found_in_spite_of_blocked_links() {
         let fitted = PathLoss::fit(&links(2.4, 6), ExponentPrior::FREE).unwrap();
         assert!((fitted.exponent - 2.4).abs() < 0.15, "{fitted:?}");
-        assert!((fitted.strength_dbm(10.0) - -64.0).abs() < 0.6, "{fitted:?}");
+        assert!(
+            (fitted.strength_dbm(10.0) - -64.0).abs() < 0.6,
+            "{fitted:?}"
+        );
         assert!((0.8..2.5).contains(&fitted.residual_db));
     }
 
@@ -165,14 +193,23 @@ mod tests {
         }
         let free = PathLoss::fit(&links, ExponentPrior::FREE).unwrap();
         let pulled = PathLoss::fit(&links, ExponentPrior::NEAR_FREE_SPACE).unwrap();
-        let narrow = ExponentPrior { sd: 1e-3, ..ExponentPrior::NEAR_FREE_SPACE };
+        let narrow = ExponentPrior {
+            sd: 1e-3,
+            ..ExponentPrior::NEAR_FREE_SPACE
+        };
         let held = PathLoss::fit(&links, narrow).unwrap();
-        assert!(free.exponent > 3.0 && pulled.exponent < free.exponent - 0.1, "{free:?} {pulled:?}");
+        assert!(
+            free.exponent > 3.0 && pulled.exponent < free.exponent - 0.1,
+            "{free:?} {pulled:?}"
+        );
         assert!((1.6..2.4).contains(&held.exponent), "{held:?}");
     }
 
     #[test]
     fn too_few_links_give_no_law() {
-        assert_eq!(PathLoss::fit(&links(2.0, 0)[..2], ExponentPrior::FREE), None);
+        assert_eq!(
+            PathLoss::fit(&links(2.0, 0)[..2], ExponentPrior::FREE),
+            None
+        );
     }
 }

@@ -34,9 +34,14 @@ pub struct PeakSettings {
 /// Returns the peaks, strongest first; only positive ones.
 pub fn peaks(image: &Image, settings: PeakSettings) -> Vec<Peak> {
     let inner = image.grid.area.shrunk(settings.rim_m);
-    let mut open: Vec<usize> =
-        (0..image.grid.len()).filter(|pixel| inner.contains(image.grid.centre(*pixel))).collect();
-    let noise = noise_level(open.iter().map(|pixel| image.values[*pixel].abs()).collect());
+    let mut open: Vec<usize> = (0..image.grid.len())
+        .filter(|pixel| inner.contains(image.grid.centre(*pixel)))
+        .collect();
+    let noise = noise_level(
+        open.iter()
+            .map(|pixel| image.values[*pixel].abs())
+            .collect(),
+    );
     let mut found = Vec::new();
     while found.len() < settings.limit {
         let highest = open.iter().copied().max_by(|a, b| {
@@ -51,7 +56,11 @@ pub fn peaks(image: &Image, settings: PeakSettings) -> Vec<Peak> {
         found.push(Peak {
             at,
             strength,
-            significance: if noise > 0.0 { strength / noise } else { f64::MAX },
+            significance: if noise > 0.0 {
+                strength / noise
+            } else {
+                f64::MAX
+            },
         });
         open.retain(|pixel| image.grid.centre(*pixel).distance_to(centre) >= settings.separation_m);
     }
@@ -70,7 +79,11 @@ fn centroid(image: &Image, open: &[usize], centre: Point, radius_m: f64, strengt
             moment_y += weight * at.y_m;
         }
     }
-    if sum > 0.0 { Point::new(moment_x / sum, moment_y / sum) } else { centre }
+    if sum > 0.0 {
+        Point::new(moment_x / sum, moment_y / sum)
+    } else {
+        centre
+    }
 }
 
 fn noise_level(mut sizes: Vec<f64>) -> f64 {
@@ -88,7 +101,11 @@ mod tests {
 
     fn image_with(spots: &[(f64, f64, f64)]) -> Image {
         let area = Rect::new(Point::new(0.0, 0.0), Point::new(20.0, 10.0));
-        let mut image = Image::zeros(PixelGrid { area, columns: 40, rows: 20 });
+        let mut image = Image::zeros(PixelGrid {
+            area,
+            columns: 40,
+            rows: 20,
+        });
         for pixel in 0..image.grid.len() {
             let at = image.grid.centre(pixel);
             let noise = 0.01 * ((pixel * 31 % 17) as f64 - 8.0) / 8.0;
@@ -100,21 +117,38 @@ mod tests {
         image
     }
 
-    const SETTINGS: PeakSettings = PeakSettings { rim_m: 1.5, separation_m: 3.0, limit: 2 };
+    const SETTINGS: PeakSettings = PeakSettings {
+        rim_m: 1.5,
+        separation_m: 3.0,
+        limit: 2,
+    };
 
     #[test]
     fn two_objects_are_found_strongest_first() {
         let found = peaks(&image_with(&[(5.1, 5.2, 1.0), (14.0, 3.9, 2.0)]), SETTINGS);
         assert_eq!(found.len(), 2);
-        assert!(found[0].at.distance_to(Point::new(14.0, 3.9)) < 0.1, "{:?}", found[0]);
-        assert!(found[1].at.distance_to(Point::new(5.1, 5.2)) < 0.1, "{:?}", found[1]);
+        assert!(
+            found[0].at.distance_to(Point::new(14.0, 3.9)) < 0.1,
+            "{:?}",
+            found[0]
+        );
+        assert!(
+            found[1].at.distance_to(Point::new(5.1, 5.2)) < 0.1,
+            "{:?}",
+            found[1]
+        );
         assert!(found[1].significance > 20.0);
     }
 
     #[test]
     fn the_rim_and_the_surroundings_of_a_peak_hold_no_peak() {
         let found = peaks(
-            &image_with(&[(0.6, 5.0, 9.0), (8.0, 5.0, 2.0), (9.5, 5.0, 1.9), (15.0, 5.0, 1.0)]),
+            &image_with(&[
+                (0.6, 5.0, 9.0),
+                (8.0, 5.0, 2.0),
+                (9.5, 5.0, 1.9),
+                (15.0, 5.0, 1.0),
+            ]),
             SETTINGS,
         );
         assert!(found[0].at.distance_to(Point::new(8.7, 5.0)) < 1.0);

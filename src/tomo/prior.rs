@@ -73,7 +73,8 @@ impl Covariance {
 
     fn kernel_spectrum(&self, grid: &PixelGrid, prior: Prior) -> Vec<f64> {
         let (height, width) = (self.padded_rows, self.padded_columns);
-        let apart = |index: usize, size: usize, pitch_m: f64| index.min(size - index) as f64 * pitch_m;
+        let apart =
+            |index: usize, size: usize, pitch_m: f64| index.min(size - index) as f64 * pitch_m;
         let half = width / 2 + 1;
         let mut columns = vec![Complex64::default(); half * height];
         for row in 0..height {
@@ -82,7 +83,10 @@ impl Covariance {
                 .map(|column| {
                     let x_m = apart(column, width, grid.dx_m());
                     let distance_m = (x_m * x_m + y_m * y_m).sqrt();
-                    Complex64::new(prior.variance * libm::exp(-distance_m / prior.length_m), 0.0)
+                    Complex64::new(
+                        prior.variance * libm::exp(-distance_m / prior.length_m),
+                        0.0,
+                    )
                 })
                 .collect();
             self.row_forward.process(&mut line);
@@ -104,15 +108,26 @@ impl Covariance {
         work.row.resize(self.padded_columns, Complex64::default());
         work.columns.clear();
         work.columns.resize(half * height, Complex64::default());
-        let needed = [&self.row_forward, &self.row_inverse, &self.column_forward, &self.column_inverse]
-            .map(|fft| fft.get_inplace_scratch_len());
-        work.scratch.resize(needed.into_iter().max().unwrap_or(0), Complex64::default());
+        let needed = [
+            &self.row_forward,
+            &self.row_inverse,
+            &self.column_forward,
+            &self.column_inverse,
+        ]
+        .map(|fft| fft.get_inplace_scratch_len());
+        work.scratch
+            .resize(needed.into_iter().max().unwrap_or(0), Complex64::default());
         for row in (0..self.rows).step_by(2) {
             self.forward_pair(image, row, work);
         }
-        self.column_forward.process_with_scratch(&mut work.columns, &mut work.scratch);
-        work.columns.iter_mut().zip(&self.spectrum).for_each(|(value, factor)| *value *= factor);
-        self.column_inverse.process_with_scratch(&mut work.columns, &mut work.scratch);
+        self.column_forward
+            .process_with_scratch(&mut work.columns, &mut work.scratch);
+        work.columns
+            .iter_mut()
+            .zip(&self.spectrum)
+            .for_each(|(value, factor)| *value *= factor);
+        self.column_inverse
+            .process_with_scratch(&mut work.columns, &mut work.scratch);
         for row in (0..self.rows).step_by(2) {
             self.inverse_pair(output, row, work);
         }
@@ -120,19 +135,25 @@ impl Covariance {
 
     fn forward_pair(&self, image: &[f64], row: usize, work: &mut Workspace) {
         let (width, height) = (self.padded_columns, self.padded_rows);
-        let pixel =
-            |row: usize, column: usize| image.get(row * self.columns + column).copied().unwrap_or(0.0);
+        let pixel = |row: usize, column: usize| {
+            image
+                .get(row * self.columns + column)
+                .copied()
+                .unwrap_or(0.0)
+        };
         for column in 0..self.columns {
             work.row[column] = Complex64::new(pixel(row, column), pixel(row + 1, column));
         }
         work.row[self.columns..].fill(Complex64::default());
-        self.row_forward.process_with_scratch(&mut work.row, &mut work.scratch);
+        self.row_forward
+            .process_with_scratch(&mut work.row, &mut work.scratch);
         for column in 0..=width / 2 {
             let (here, mirrored) = (work.row[column], work.row[(width - column) % width].conj());
             let (sum, difference) = ((here + mirrored) * 0.5, (here - mirrored) * 0.5);
             work.columns[column * height + row] = sum;
             if row + 1 < self.rows {
-                work.columns[column * height + row + 1] = Complex64::new(difference.im, -difference.re);
+                work.columns[column * height + row + 1] =
+                    Complex64::new(difference.im, -difference.re);
             }
         }
     }
@@ -141,19 +162,25 @@ impl Covariance {
         let (width, height) = (self.padded_columns, self.padded_rows);
         let turned = |value: Complex64| Complex64::new(-value.im, value.re);
         for column in 0..=width / 2 {
-            let (even, odd) = (work.columns[column * height + row], work.columns[column * height + row + 1]);
+            let (even, odd) = (
+                work.columns[column * height + row],
+                work.columns[column * height + row + 1],
+            );
             work.row[column] = even + turned(odd);
             work.row[(width - column) % width] = even.conj() + turned(odd.conj());
         }
         // The first and the middle column have no mirrored partner of their own.
         for column in [0, width / 2] {
             if (width - column) % width == column {
-                let (even, odd) =
-                    (work.columns[column * height + row], work.columns[column * height + row + 1]);
+                let (even, odd) = (
+                    work.columns[column * height + row],
+                    work.columns[column * height + row + 1],
+                );
                 work.row[column] = even + turned(odd);
             }
         }
-        self.row_inverse.process_with_scratch(&mut work.row, &mut work.scratch);
+        self.row_inverse
+            .process_with_scratch(&mut work.row, &mut work.scratch);
         for (column, value) in work.row[..self.columns].iter().enumerate() {
             output[row * self.columns + column] = value.re;
             if row + 1 < self.rows {
@@ -173,7 +200,9 @@ fn smooth_size(least: usize) -> usize {
         }
         size == 1
     };
-    (least.max(2)..).find(|size| is_smooth(*size)).unwrap_or(least)
+    (least.max(2)..)
+        .find(|size| is_smooth(*size))
+        .unwrap_or(least)
 }
 
 #[cfg(test)]
@@ -183,10 +212,19 @@ mod tests {
 
     fn check_against_the_matrix(columns: usize, rows: usize) {
         let area = Rect::new(Point::new(-1.0, 0.0), Point::new(2.0, 5.0));
-        let grid = PixelGrid { area, columns, rows };
-        let prior = Prior { variance: 0.7, length_m: 1.3 };
+        let grid = PixelGrid {
+            area,
+            columns,
+            rows,
+        };
+        let prior = Prior {
+            variance: 0.7,
+            length_m: 1.3,
+        };
         let covariance = Covariance::new(&grid, prior);
-        let image: Vec<f64> = (0..grid.len()).map(|pixel| ((pixel * 37) % 11) as f64 - 4.0).collect();
+        let image: Vec<f64> = (0..grid.len())
+            .map(|pixel| ((pixel * 37) % 11) as f64 - 4.0)
+            .collect();
         let mut got = vec![0.0; grid.len()];
         covariance.apply(&image, &mut got, &mut Workspace::default());
         for (pixel, got) in got.iter().enumerate() {
@@ -195,7 +233,10 @@ mod tests {
                 0.7 * (-distance_m / 1.3).exp() * image[other]
             };
             let expected: f64 = (0..grid.len()).map(weigh).sum();
-            assert!((got - expected).abs() < 1e-10, "{columns}x{rows} {pixel}: {got} {expected}");
+            assert!(
+                (got - expected).abs() < 1e-10,
+                "{columns}x{rows} {pixel}: {got} {expected}"
+            );
         }
     }
 

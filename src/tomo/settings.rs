@@ -92,11 +92,17 @@ impl Settings {
         let extent_m = area.width_m().max(area.height_m());
         let scale = extent_m / 20.0;
         let count = |length_m: f64| (libm::round(PIXELS * length_m / extent_m) as usize).max(1);
-        let grid = PixelGrid { area, columns: count(area.width_m()), rows: count(area.height_m()) };
+        let grid = PixelGrid {
+            area,
+            columns: count(area.width_m()),
+            rows: count(area.height_m()),
+        };
         Settings {
             grid,
             ring: area,
-            weights: WeightModel::InverseArea { width_m: 0.3 * scale },
+            weights: WeightModel::InverseArea {
+                width_m: 0.3 * scale,
+            },
             solver: Solver::Map(Settings::prior_for(area), MapSettings::default()),
             noise: NoiseModel::default(),
             exponent: ExponentPrior::NEAR_FREE_SPACE,
@@ -115,19 +121,30 @@ impl Settings {
     /// neighbouring pixels are less alike (σ² = 0.2 (dB/m)², δ = 0.5 m for 20 m).
     pub fn for_change(area: Rect) -> Settings {
         let scale = area.width_m().max(area.height_m()) / 20.0;
-        let prior = Prior { variance: 0.2 / (scale * scale), length_m: 0.5 * scale };
-        Settings { solver: Solver::Map(prior, MapSettings::default()), ..Settings::for_area(area) }
+        let prior = Prior {
+            variance: 0.2 / (scale * scale),
+            length_m: 0.5 * scale,
+        };
+        Settings {
+            solver: Solver::Map(prior, MapSettings::default()),
+            ..Settings::for_area(area)
+        }
     }
 
     /// Returns the prior of standing structure for an area: σ² = 0.3 (dB/m)² and δ = 1 m for 20 m.
     pub fn prior_for(area: Rect) -> Prior {
         let scale = area.width_m().max(area.height_m()) / 20.0;
-        Prior { variance: 0.3 / (scale * scale), length_m: scale }
+        Prior {
+            variance: 0.3 / (scale * scale),
+            length_m: scale,
+        }
     }
 
     /// Returns the smoothness weight of the Tikhonov solver for an area: 20 m² for 20 m.
     pub fn tikhonov_for(area: Rect) -> Solver {
         let scale = area.width_m().max(area.height_m()) / 20.0;
-        Solver::Tikhonov { alpha_m2: 20.0 * scale * scale }
+        Solver::Tikhonov {
+            alpha_m2: 20.0 * scale * scale,
+        }
     }
 }

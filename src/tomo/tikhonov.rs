@@ -12,7 +12,12 @@ const MOST_STEPS: usize = 500;
 const RIDGE: f64 = 1e-9;
 
 /// Returns the image, dB/m; `alpha_m2` is α, m².
-pub fn tikhonov(rows: &WeightRows, grid: &PixelGrid, attenuation_db: &[f64], alpha_m2: f64) -> Vec<f64> {
+pub fn tikhonov(
+    rows: &WeightRows,
+    grid: &PixelGrid,
+    attenuation_db: &[f64],
+    alpha_m2: f64,
+) -> Vec<f64> {
     let mut right = vec![0.0; grid.len()];
     rows.backward(attenuation_db, &mut right);
     let mut image = vec![0.0; grid.len()];
@@ -29,10 +34,19 @@ pub fn tikhonov(rows: &WeightRows, grid: &PixelGrid, attenuation_db: &[f64], alp
         rows.backward(&links, &mut product);
         add_roughness(grid, &direction, alpha_m2, &mut product);
         let length = square / dot(&direction, &product);
-        image.iter_mut().zip(&direction).for_each(|(image, step)| *image += length * step);
-        right.iter_mut().zip(&product).for_each(|(right, product)| *right -= length * product);
+        image
+            .iter_mut()
+            .zip(&direction)
+            .for_each(|(image, step)| *image += length * step);
+        right
+            .iter_mut()
+            .zip(&product)
+            .for_each(|(right, product)| *right -= length * product);
         let next = dot(&right, &right);
-        direction.iter_mut().zip(&right).for_each(|(step, right)| *step = right + next / square * *step);
+        direction
+            .iter_mut()
+            .zip(&right)
+            .for_each(|(step, right)| *step = right + next / square * *step);
         square = next;
     }
     image
@@ -53,7 +67,10 @@ fn add_roughness(grid: &PixelGrid, image: &[f64], alpha_m2: f64, output: &mut [f
             join(pixel, pixel + grid.columns);
         }
     }
-    output.iter_mut().zip(image).for_each(|(output, value)| *output += RIDGE * alpha_m2 * value);
+    output
+        .iter_mut()
+        .zip(image)
+        .for_each(|(output, value)| *output += RIDGE * alpha_m2 * value);
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
@@ -70,7 +87,11 @@ mod tests {
     #[test]
     fn the_image_solves_the_normal_equations() {
         let area = Rect::new(Point::new(0.0, 0.0), Point::new(4.0, 3.0));
-        let grid = PixelGrid { area, columns: 8, rows: 6 };
+        let grid = PixelGrid {
+            area,
+            columns: 8,
+            rows: 6,
+        };
         let links: Vec<Segment> = (0..30)
             .map(|k| {
                 let far = Point::new(4.0, 3.0 - f64::from(k * 7 % 30) / 10.0);
@@ -82,7 +103,10 @@ mod tests {
         let image = tikhonov(&rows, &grid, &y, 2.0);
 
         let w = DMatrix::from_fn(30, 48, |row, pixel| {
-            rows.row(row).filter(|(at, _)| *at == pixel).map(|(_, weight)| weight).sum::<f64>()
+            rows.row(row)
+                .filter(|(at, _)| *at == pixel)
+                .map(|(_, weight)| weight)
+                .sum::<f64>()
         });
         let mut d = DMatrix::<f64>::zeros(2 * 48, 48);
         for pixel in 0..48 {
@@ -94,7 +118,10 @@ mod tests {
             }
         }
         let a = w.transpose() * &w + d.transpose() * &d * 2.0;
-        let expected = a.lu().solve(&(w.transpose() * DVector::from_vec(y))).unwrap();
+        let expected = a
+            .lu()
+            .solve(&(w.transpose() * DVector::from_vec(y)))
+            .unwrap();
         let error = (DVector::from_vec(image) - &expected).norm() / expected.norm();
         assert!(error < 1e-4, "{error}");
     }

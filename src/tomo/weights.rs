@@ -65,7 +65,9 @@ impl WeightModel {
 
 /// A(e) = π/4 (d + e) √(e² + 2de).
 fn ellipse_area_m2(excess_m: f64, d_m: f64) -> f64 {
-    std::f64::consts::FRAC_PI_4 * (d_m + excess_m) * (excess_m * excess_m + 2.0 * d_m * excess_m).sqrt()
+    std::f64::consts::FRAC_PI_4
+        * (d_m + excess_m)
+        * (excess_m * excess_m + 2.0 * d_m * excess_m).sqrt()
 }
 
 /// A run of neighbouring pixels of one row of the matrix.
@@ -93,7 +95,11 @@ impl Default for WeightRows {
 impl WeightRows {
     /// Makes a matrix without rows.
     pub fn new() -> WeightRows {
-        WeightRows { row_starts: vec![0], runs: Vec::new(), values: Vec::new() }
+        WeightRows {
+            row_starts: vec![0],
+            runs: Vec::new(),
+            values: Vec::new(),
+        }
     }
 
     /// Builds one row per link, each rescaled to sum to the link's length inside the grid's area, so that an
@@ -108,8 +114,14 @@ impl WeightRows {
             let first = rows.values.len();
             rows.push(link, grid, model);
             let sum: f64 = rows.values[first..].iter().sum();
-            let factor = if sum > 0.0 { length_inside_m(link, grid) / sum } else { 0.0 };
-            rows.values[first..].iter_mut().for_each(|value| *value *= factor);
+            let factor = if sum > 0.0 {
+                length_inside_m(link, grid) / sum
+            } else {
+                0.0
+            };
+            rows.values[first..]
+                .iter_mut()
+                .for_each(|value| *value *= factor);
         }
         rows
     }
@@ -163,7 +175,11 @@ impl WeightRows {
                 return;
             }
         }
-        self.runs.push(Run { first_pixel: pixel, first_value: self.values.len() as u32, length: 1 });
+        self.runs.push(Run {
+            first_pixel: pixel,
+            first_value: self.values.len() as u32,
+            length: 1,
+        });
         self.values.push(value);
     }
 
@@ -217,7 +233,10 @@ impl WeightRows {
                 .iter()
                 .map(|run| {
                     let first = run.first_pixel as usize;
-                    dot(self.values_of(*run), &image[first..first + run.length as usize])
+                    dot(
+                        self.values_of(*run),
+                        &image[first..first + run.length as usize],
+                    )
                 })
                 .sum();
         }
@@ -230,7 +249,10 @@ impl WeightRows {
             for run in self.runs_of(row) {
                 let first = run.first_pixel as usize;
                 let pixels = &mut image[first..first + run.length as usize];
-                pixels.iter_mut().zip(self.values_of(*run)).for_each(|(pixel, value)| *pixel += link * value);
+                pixels
+                    .iter_mut()
+                    .zip(self.values_of(*run))
+                    .for_each(|(pixel, value)| *pixel += link * value);
             }
         }
     }
@@ -247,7 +269,12 @@ impl WeightRows {
 /// Scalar product with four independent sums, so that it does not wait for each addition.
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     let (a_fours, b_fours) = (a.chunks_exact(4), b.chunks_exact(4));
-    let rest: f64 = a_fours.remainder().iter().zip(b_fours.remainder()).map(|(x, y)| x * y).sum();
+    let rest: f64 = a_fours
+        .remainder()
+        .iter()
+        .zip(b_fours.remainder())
+        .map(|(x, y)| x * y)
+        .sum();
     let mut sums = [0.0; 4];
     for (x, y) in a_fours.zip(b_fours) {
         for lane in 0..4 {
@@ -300,18 +327,34 @@ fn chords(link: Segment, grid: &PixelGrid) -> Vec<(u32, f64)> {
             shares.extend(lines.filter(|share| *share > enter && *share < leave));
         }
     };
-    cut(link.from.x_m, vector.x_m, area.min.x_m, grid.dx_m(), grid.columns);
-    cut(link.from.y_m, vector.y_m, area.min.y_m, grid.dy_m(), grid.rows);
+    cut(
+        link.from.x_m,
+        vector.x_m,
+        area.min.x_m,
+        grid.dx_m(),
+        grid.columns,
+    );
+    cut(
+        link.from.y_m,
+        vector.y_m,
+        area.min.y_m,
+        grid.dy_m(),
+        grid.rows,
+    );
     shares.sort_by(f64::total_cmp);
-    let index =
-        |offset_m: f64, pitch: f64, count: usize| ((offset_m / pitch).max(0.0) as usize).min(count - 1);
+    let index = |offset_m: f64, pitch: f64, count: usize| {
+        ((offset_m / pitch).max(0.0) as usize).min(count - 1)
+    };
     shares
         .windows(2)
         .map(|pair| {
             let middle = link.from.toward(link.to, 0.5 * (pair[0] + pair[1]));
             let column = index(middle.x_m - area.min.x_m, grid.dx_m(), grid.columns);
             let row = index(middle.y_m - area.min.y_m, grid.dy_m(), grid.rows);
-            (grid.index(column, row) as u32, (pair[1] - pair[0]) * link.length_m())
+            (
+                grid.index(column, row) as u32,
+                (pair[1] - pair[0]) * link.length_m(),
+            )
         })
         .filter(|(_, length_m)| *length_m > 0.0)
         .collect()
@@ -324,7 +367,11 @@ mod tests {
     use proptest::prelude::*;
 
     fn grid(columns: usize, rows: usize, width_m: f64, height_m: f64) -> PixelGrid {
-        PixelGrid { area: Rect::new(Point::new(0.0, 0.0), Point::new(width_m, height_m)), columns, rows }
+        PixelGrid {
+            area: Rect::new(Point::new(0.0, 0.0), Point::new(width_m, height_m)),
+            columns,
+            rows,
+        }
     }
 
     fn link(x0: f64, y0: f64, x1: f64, y1: f64) -> Segment {
@@ -335,15 +382,19 @@ mod tests {
         let mut rows = WeightRows::new();
         rows.push(link, grid, model);
         let mut image = vec![0.0; grid.len()];
-        rows.row(0).for_each(|(pixel, weight)| image[pixel] += weight);
+        rows.row(0)
+            .for_each(|(pixel, weight)| image[pixel] += weight);
         image
     }
 
     /// facts.json, weights-001.
     #[test]
     fn the_ellipse_model_gives_the_known_row() {
-        let got =
-            dense(WeightModel::Ellipse { width_m: 0.3 }, link(0.0, 0.0, 4.0, 4.0), &grid(4, 4, 4.0, 4.0));
+        let got = dense(
+            WeightModel::Ellipse { width_m: 0.3 },
+            link(0.0, 0.0, 4.0, 4.0),
+            &grid(4, 4, 4.0, 4.0),
+        );
         let w = 0.4204482076268573;
         let expected = [w, w, 0.0, 0.0, w, w, w, 0.0, 0.0, w, w, w, 0.0, 0.0, w, w];
         for (got, expected) in got.iter().zip(expected) {
@@ -354,7 +405,11 @@ mod tests {
     /// facts.json, weights-007; pixels under the cut of 1e-4 are left out.
     #[test]
     fn the_gaussian_model_gives_the_known_row() {
-        let got = dense(WeightModel::Gaussian { sd_m: 0.3 }, link(0.0, 0.0, 4.0, 2.0), &grid(4, 4, 4.0, 4.0));
+        let got = dense(
+            WeightModel::Gaussian { sd_m: 0.3 },
+            link(0.0, 0.0, 4.0, 2.0),
+            &grid(4, 4, 4.0, 4.0),
+        );
         let expected = [
             0.9898476920150027,
             0.9966765751133034,
@@ -377,10 +432,21 @@ mod tests {
 
     #[test]
     fn a_line_is_cut_at_pixel_borders() {
-        let got = dense(WeightModel::Line, link(0.0, 0.5, 3.0, 0.5), &grid(4, 2, 4.0, 2.0));
+        let got = dense(
+            WeightModel::Line,
+            link(0.0, 0.5, 3.0, 0.5),
+            &grid(4, 2, 4.0, 2.0),
+        );
         assert_eq!(got, [1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
-        let diagonal = dense(WeightModel::Line, link(0.0, 0.0, 2.0, 2.0), &grid(2, 2, 2.0, 2.0));
-        for (got, expected) in diagonal.iter().zip([2.0f64.sqrt(), 0.0, 0.0, 2.0f64.sqrt()]) {
+        let diagonal = dense(
+            WeightModel::Line,
+            link(0.0, 0.0, 2.0, 2.0),
+            &grid(2, 2, 2.0, 2.0),
+        );
+        for (got, expected) in diagonal
+            .iter()
+            .zip([2.0f64.sqrt(), 0.0, 0.0, 2.0f64.sqrt()])
+        {
             assert!((got - expected).abs() < 1e-9);
         }
     }

@@ -7,7 +7,11 @@ fn all_mistakes_of_all_files_are_listed_at_once() {
     let desk = Desk::new();
     desk.change("small.sim.toml", "until_s = 600.0", "until_s = -5\nsed = 3");
     desk.change("small.sim.toml", "laps = 1", "laps = 1.5");
-    desk.change("small.venue.toml", "[0.0, 0.0, 8.0, 8.0]", "[0.0, 0.0, -8.0, 8.0]");
+    desk.change(
+        "small.venue.toml",
+        "[0.0, 0.0, 8.0, 8.0]",
+        "[0.0, 0.0, -8.0, 8.0]",
+    );
     desk.change("small.scene.toml", "up = \"z\"", "up = \"w\"");
     let mistakes = [
         "small.sim.toml:5: until_s = -5: is out of range; a number from 1 to",
@@ -26,7 +30,10 @@ fn all_mistakes_of_all_files_are_listed_at_once() {
 fn values_that_are_no_numbers_are_refused() {
     let desk = Desk::new();
     for value in ["nan", "inf", "\"fast\"", "[]", "true", "1e400", "0"] {
-        desk.write("small.sim.toml", format!("{SIM}\n[vehicles]\nmax_speed_mps = {value}\n"));
+        desk.write(
+            "small.sim.toml",
+            format!("{SIM}\n[vehicles]\nmax_speed_mps = {value}\n"),
+        );
         desk.refused(
             &["sim", "small.sim.toml"],
             &["small.sim.toml:12: vehicles.max_speed_mps", "a number from"],
@@ -40,9 +47,18 @@ fn broken_and_deep_toml_is_refused() {
     let deep = 100_000;
     for (text, part) in [
         (String::new(), "small.sim.toml:1: kind: is missing"),
-        (SIM[..SIM.len() - 30].to_owned(), "small.sim.toml:7: no valid TOML"),
-        (format!("{SIM}x = {}", "[".repeat(deep)), "small.sim.toml:10: no valid TOML"),
-        (format!("{SIM}x = {}", "{a=".repeat(deep)), "small.sim.toml:10: no valid TOML"),
+        (
+            SIM[..SIM.len() - 30].to_owned(),
+            "small.sim.toml:7: no valid TOML",
+        ),
+        (
+            format!("{SIM}x = {}", "[".repeat(deep)),
+            "small.sim.toml:10: no valid TOML",
+        ),
+        (
+            format!("{SIM}x = {}", "{a=".repeat(deep)),
+            "small.sim.toml:10: no valid TOML",
+        ),
         (format!("{SIM}[{}b]", "a.".repeat(deep)), "no valid TOML"),
         (format!("{SIM}{SIM}"), "no valid TOML: duplicate key"),
         ("\0".repeat(1000), "no valid TOML"),
@@ -53,20 +69,32 @@ fn broken_and_deep_toml_is_refused() {
         desk.refused(&["sim", "small.sim.toml"], &[part]);
     }
     desk.write("small.sim.toml", b"kind = \"sim\"\n# \xff\xfe");
-    desk.refused(&["sim", "small.sim.toml"], &["small.sim.toml:2: ", "UTF-8 is expected"]);
+    desk.refused(
+        &["sim", "small.sim.toml"],
+        &["small.sim.toml:2: ", "UTF-8 is expected"],
+    );
 }
 
 #[test]
 fn files_that_are_missing_folders_or_of_another_kind_are_named() {
     let desk = Desk::new();
     for command in ["check", "sim", "plan"] {
-        desk.refused(&[command, "gone.toml"], &["gone.toml: cannot be read: No such file"]);
+        desk.refused(
+            &[command, "gone.toml"],
+            &["gone.toml: cannot be read: No such file"],
+        );
         desk.refused(&[command, "."], &[".: cannot be read: is a directory"]);
-        desk.refused(&[command, "small.sim.toml/x.toml"], &["small.sim.toml/x.toml: cannot be read"]);
+        desk.refused(
+            &[command, "small.sim.toml/x.toml"],
+            &["small.sim.toml/x.toml: cannot be read"],
+        );
     }
     desk.refused(
         &["sim", "small.venue.toml"],
-        &["small.venue.toml:1: kind = \"venue\"", "kind = \"sim\" is needed"],
+        &[
+            "small.venue.toml:1: kind = \"venue\"",
+            "kind = \"sim\" is needed",
+        ],
     );
     for (name, part) in [
         ("gone.toml", "gone.toml cannot be read: No such file"),
@@ -82,15 +110,34 @@ fn files_that_are_missing_folders_or_of_another_kind_are_named() {
 #[test]
 fn homes_must_lie_inside_the_fence_and_apart() {
     let desk = Desk::new();
-    desk.write("small.venue.toml", VENUE.replace("[-0.85, -0.85]", "[-30.0, -0.85]"));
+    desk.write(
+        "small.venue.toml",
+        VENUE.replace("[-0.85, -0.85]", "[-30.0, -0.85]"),
+    );
     desk.refused(
         &["sim", "small.sim.toml"],
-        &["small.venue.toml:5: homes_m", "home 1 (-30, -0.85)", "outside"],
+        &[
+            "small.venue.toml:5: homes_m",
+            "home 1 (-30, -0.85)",
+            "outside",
+        ],
     );
-    desk.write("small.venue.toml", VENUE.replace("[8.85, 8.85]", "[-0.85, -0.8]"));
-    desk.refused(&["sim", "small.sim.toml"], &["small.venue.toml:5: homes_m", "homes 1 and 2 are too near"]);
-    desk.write("small.venue.toml", VENUE.replace("[11.0, 11.0], [-3.0, 11.0]", "[-3.0, 11.0], [11.0, 11.0]"));
-    desk.refused(&["sim", "small.sim.toml"], &["small.venue.toml:4: fence_m", "corners in order"]);
+    desk.write(
+        "small.venue.toml",
+        VENUE.replace("[8.85, 8.85]", "[-0.85, -0.8]"),
+    );
+    desk.refused(
+        &["sim", "small.sim.toml"],
+        &["small.venue.toml:5: homes_m", "homes 1 and 2 are too near"],
+    );
+    desk.write(
+        "small.venue.toml",
+        VENUE.replace("[11.0, 11.0], [-3.0, 11.0]", "[-3.0, 11.0], [11.0, 11.0]"),
+    );
+    desk.refused(
+        &["sim", "small.sim.toml"],
+        &["small.venue.toml:4: fence_m", "corners in order"],
+    );
 }
 
 #[test]
@@ -108,11 +155,20 @@ fn a_sweep_that_cannot_be_planned_is_refused_before_it_begins() {
 #[test]
 fn every_file_is_looked_at_although_one_is_wrong() {
     let desk = Desk::new();
-    let said = desk.run(&["check", "gone.csv", "small.sim.toml", "small.xyz", "small.wrl"]);
+    let said = desk.run(&[
+        "check",
+        "gone.csv",
+        "small.sim.toml",
+        "small.xyz",
+        "small.wrl",
+    ]);
     assert_eq!(said.code, 2);
     assert!(
         said.out.contains("small.sim.toml: a simulation") && said.out.contains("small.wrl: shapes"),
         "{said:?}"
     );
-    assert!(said.err.contains("gone.csv: cannot be read") && said.err.contains("small.xyz: "), "{said:?}");
+    assert!(
+        said.err.contains("gone.csv: cannot be read") && said.err.contains("small.xyz: "),
+        "{said:?}"
+    );
 }

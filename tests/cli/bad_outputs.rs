@@ -14,9 +14,17 @@ fn sim_into(desk: &Desk, folder: &str, parts: &[&str]) {
 fn a_file_in_the_way_is_refused() {
     let desk = Desk::new();
     desk.write("taken", "mine");
-    sim_into(&desk, "taken", &["taken: cannot be written", "a folder is expected"]);
+    sim_into(
+        &desk,
+        "taken",
+        &["taken: cannot be written", "a folder is expected"],
+    );
     sim_into(&desk, "taken/below", &["taken/below: cannot be written"]);
-    sim_into(&desk, "taken/far/below", &["taken/far/below: cannot be written"]);
+    sim_into(
+        &desk,
+        "taken/far/below",
+        &["taken/far/below: cannot be written"],
+    );
     sim_into(&desk, &"x".repeat(300), &["cannot be written"]);
 }
 
@@ -27,7 +35,10 @@ fn a_folder_that_takes_no_files_is_refused() {
     for folder in ["/proc", "/proc/run", "/dev/full", "/dev/null/run"] {
         sim_into(&desk, folder, &[folder, "cannot be written"]);
     }
-    desk.write("a.csv", "tx_x_m,tx_y_m,rx_x_m,rx_y_m,rssi_dbm\n0,0,8,8,-50\n");
+    desk.write(
+        "a.csv",
+        "tx_x_m,tx_y_m,rx_x_m,rx_y_m,rssi_dbm\n0,0,8,8,-50\n",
+    );
     for file in ["/proc/i.png", "gone/i.png", "small.wrl/i.png", ".", "/"] {
         desk.refused(&["image", "a.csv", "--png", file], &[file]);
     }
@@ -45,23 +56,42 @@ fn a_folder_without_permission_is_refused() {
         println!("skipped: this user may write everywhere");
         return;
     }
-    sim_into(&desk, "mine", &["mine: cannot be written", "ermission denied"]);
-    sim_into(&desk, "mine/below", &["mine/below: cannot be written", "ermission denied"]);
+    sim_into(
+        &desk,
+        "mine",
+        &["mine: cannot be written", "ermission denied"],
+    );
+    sim_into(
+        &desk,
+        "mine/below",
+        &["mine/below: cannot be written", "ermission denied"],
+    );
 }
 
 #[test]
 #[cfg(unix)]
 fn a_disk_that_gets_full_leaves_the_earlier_run_as_it_was() {
     let desk = Desk::new();
-    assert_eq!(desk.run(&[&RUN[..], &["run", "--seed", "1"]].concat()).code, 0);
+    assert_eq!(
+        desk.run(&[&RUN[..], &["run", "--seed", "1"]].concat()).code,
+        0
+    );
     let before = desk.files();
     // A limit on the size of files stands for a full disk: 1 block is enough for some files, not for all.
     let mut shell = std::process::Command::new("sh");
-    shell.args(["-c", "trap '' XFSZ; ulimit -f 8; exec \"$0\" sim small.sim.toml --seed 2 --out run"]);
-    shell.arg(env!("CARGO_BIN_EXE_tomoswarm")).current_dir(desk.path("."));
+    shell.args([
+        "-c",
+        "trap '' XFSZ; ulimit -f 8; exec \"$0\" sim small.sim.toml --seed 2 --out run",
+    ]);
+    shell
+        .arg(env!("CARGO_BIN_EXE_tomoswarm"))
+        .current_dir(desk.path("."));
     let said = said(shell);
     assert_eq!(said.code, 2, "{said:?}");
-    assert!(said.err.contains("run/") && said.err.contains("cannot be written"), "{said:?}");
+    assert!(
+        said.err.contains("run/") && said.err.contains("cannot be written"),
+        "{said:?}"
+    );
     assert_eq!(desk.files(), before);
 }
 
@@ -83,8 +113,15 @@ fn a_run_takes_the_place_of_an_earlier_one_and_nothing_else() {
     let all = desk.names_in("run");
     assert!(all.contains(&"image.png".to_owned()), "{all:?}");
     // Pictures of the earlier run would not belong to the figures of this one.
-    assert_eq!(desk.run(&[&run[..], &["--no-pictures", "--seed", "2"]].concat()).code, 0);
-    let left: Vec<String> = all.into_iter().filter(|name| !name.ends_with(".png")).collect();
+    assert_eq!(
+        desk.run(&[&run[..], &["--no-pictures", "--seed", "2"]].concat())
+            .code,
+        0
+    );
+    let left: Vec<String> = all
+        .into_iter()
+        .filter(|name| !name.ends_with(".png"))
+        .collect();
     assert_eq!(desk.names_in("run"), left);
     assert_eq!(desk.read("run/notes.txt"), b"mine");
 }
@@ -94,7 +131,14 @@ fn a_run_may_be_written_into_the_folder_where_it_stands() {
     let desk = Desk::new();
     let before: Vec<String> = desk.names_in(".");
     assert_eq!(desk.run(&[&RUN[..], &["."]].concat()).code, 0);
-    let new = desk.names_in(".").into_iter().filter(|name| !before.contains(name));
+    let new = desk
+        .names_in(".")
+        .into_iter()
+        .filter(|name| !before.contains(name));
     assert!(new.clone().any(|name| name == "summary.json"));
-    assert!(new.clone().all(|name| !name.starts_with('.')), "{:?}", new.collect::<Vec<_>>());
+    assert!(
+        new.clone().all(|name| !name.starts_with('.')),
+        "{:?}",
+        new.collect::<Vec<_>>()
+    );
 }

@@ -21,54 +21,102 @@ fn check(shapes: impl AsRef<[u8]>, parts: &[&str]) {
 
 #[test]
 fn a_truncated_scene_is_refused() {
-    check(&SHAPES[..SHAPES.len() - 20], &["small.wrl:2: ", "the file ends inside Box", "expected"]);
-    check(&SHAPES[..HEADER.len() - 5], &["small.wrl:1: ", "expected the first line"]);
+    check(
+        &SHAPES[..SHAPES.len() - 20],
+        &["small.wrl:2: ", "the file ends inside Box", "expected"],
+    );
+    check(
+        &SHAPES[..HEADER.len() - 5],
+        &["small.wrl:1: ", "expected the first line"],
+    );
 }
 
 #[test]
 fn an_empty_scene_is_refused() {
     check("", &["small.wrl:1: ", "the file is empty", "expected"]);
-    check("\n\n  \n", &["small.wrl:1: ", "the file is empty", "expected"]);
+    check(
+        "\n\n  \n",
+        &["small.wrl:1: ", "the file is empty", "expected"],
+    );
 }
 
 #[test]
 fn garbage_is_refused() {
-    let garbage: Vec<u8> = (0..5000_u32).map(|n| (n.wrapping_mul(2_654_435_761) >> 13) as u8).collect();
+    let garbage: Vec<u8> = (0..5000_u32)
+        .map(|n| (n.wrapping_mul(2_654_435_761) >> 13) as u8)
+        .collect();
     check(garbage, &["line 1", "UTF-8 is expected"]);
-    check("PK\u{3}\u{4} something else\n", &["small.wrl:1: ", "expected the first line"]);
-    check([HEADER.as_bytes(), b"Group { \xff }"].concat(), &["line 2", "UTF-8 is expected"]);
+    check(
+        "PK\u{3}\u{4} something else\n",
+        &["small.wrl:1: ", "expected the first line"],
+    );
+    check(
+        [HEADER.as_bytes(), b"Group { \xff }"].concat(),
+        &["line 2", "UTF-8 is expected"],
+    );
 }
 
 #[test]
 fn a_scene_nested_100_000_deep_is_refused() {
     let groups = 100_000;
-    let nested = |open: &str, close: &str| format!("{HEADER}{}{}", open.repeat(groups), close.repeat(groups));
-    check(nested("Group { children ", "}"), &["small.wrl:2: ", "nested deeper"]);
-    check(nested("Transform { children [", "] }"), &["small.wrl:2: ", "nested deeper"]);
-    check(nested("Unknown { field [", "] }"), &["small.wrl:2: ", "nested deeper"]);
-    check(format!("{HEADER}Unknown {{ field {}", "[".repeat(groups)), &["small.wrl:2: ", "nested deeper"]);
+    let nested = |open: &str, close: &str| {
+        format!("{HEADER}{}{}", open.repeat(groups), close.repeat(groups))
+    };
+    check(
+        nested("Group { children ", "}"),
+        &["small.wrl:2: ", "nested deeper"],
+    );
+    check(
+        nested("Transform { children [", "] }"),
+        &["small.wrl:2: ", "nested deeper"],
+    );
+    check(
+        nested("Unknown { field [", "] }"),
+        &["small.wrl:2: ", "nested deeper"],
+    );
+    check(
+        format!("{HEADER}Unknown {{ field {}", "[".repeat(groups)),
+        &["small.wrl:2: ", "nested deeper"],
+    );
 }
 
 #[test]
 fn a_scene_that_contains_itself_is_refused() {
-    check(format!("{HEADER}Inline {{ url \"small.wrl\" }}"), &["small.wrl:2: ", "without end"]);
-    check(format!("{HEADER}DEF A Group {{ children USE A }}"), &["small.wrl:2: ", "without end"]);
+    check(
+        format!("{HEADER}Inline {{ url \"small.wrl\" }}"),
+        &["small.wrl:2: ", "without end"],
+    );
+    check(
+        format!("{HEADER}DEF A Group {{ children USE A }}"),
+        &["small.wrl:2: ", "without end"],
+    );
 }
 
 #[test]
 fn files_that_contain_each_other_are_refused() {
     let desk = Desk::new();
-    desk.write("small.wrl", format!("{HEADER}Inline {{ url \"other.wrl\" }}"));
-    desk.write("other.wrl", format!("{HEADER}\nInline {{ url \"small.wrl\" }}"));
-    desk.refused(&["sim", "small.sim.toml"], &["other.wrl:3: ", "`small.wrl`", "without end"]);
+    desk.write(
+        "small.wrl",
+        format!("{HEADER}Inline {{ url \"other.wrl\" }}"),
+    );
+    desk.write(
+        "other.wrl",
+        format!("{HEADER}\nInline {{ url \"small.wrl\" }}"),
+    );
+    desk.refused(
+        &["sim", "small.sim.toml"],
+        &["other.wrl:3: ", "`small.wrl`", "without end"],
+    );
 }
 
 #[test]
 fn a_scene_that_multiplies_itself_is_refused() {
     let mut bomb = format!("{HEADER}DEF A0 Shape {{ geometry Box {{ }} }}\n");
     for level in 1..12 {
-        bomb +=
-            &format!("DEF A{level} Group {{ children [ {} ] }}\n", format!("USE A{} ", level - 1).repeat(10));
+        bomb += &format!(
+            "DEF A{level} Group {{ children [ {} ] }}\n",
+            format!("USE A{} ", level - 1).repeat(10)
+        );
     }
     check(bomb, &["shapes", "USE"]);
 }
@@ -82,7 +130,10 @@ fn a_huge_scene_is_refused_without_being_read_whole() {
     for arguments in [["check", "small.wrl"], ["sim", "small.sim.toml"]] {
         let said = desk.run(&arguments);
         assert_eq!(said.code, 2, "{said:?}");
-        assert!(said.err.contains("small.wrl:") && said.err.contains("too large; at most"), "{said:?}");
+        assert!(
+            said.err.contains("small.wrl:") && said.err.contains("too large; at most"),
+            "{said:?}"
+        );
     }
     assert!(!desk.path("out").exists());
 }
@@ -90,26 +141,50 @@ fn a_huge_scene_is_refused_without_being_read_whole() {
 #[test]
 fn impossible_numbers_are_refused() {
     let translated = |x: &str| SHAPES.replace("translation 3", &format!("translation {x}"));
-    check(translated("nan"), &["small.wrl:2: ", "`nan`", "expected a finite number"]);
-    check(translated("1e999"), &["small.wrl:2: ", "`1e999`", "expected a finite number"]);
-    check(SHAPES.replace("size 2", "size -2"), &["small.wrl:2: ", "-2", "above 0"]);
+    check(
+        translated("nan"),
+        &["small.wrl:2: ", "`nan`", "expected a finite number"],
+    );
+    check(
+        translated("1e999"),
+        &["small.wrl:2: ", "`1e999`", "expected a finite number"],
+    );
+    check(
+        SHAPES.replace("size 2", "size -2"),
+        &["small.wrl:2: ", "-2", "above 0"],
+    );
     let faces = "Shape { geometry IndexedFaceSet { coord Coordinate { point [0 0 0, 1 0 0, 0 1 0] } coordIndex [0 1 7] } }";
-    check(format!("{HEADER}\n{faces}"), &["small.wrl:3: ", "coordIndex 7", "expected"]);
+    check(
+        format!("{HEADER}\n{faces}"),
+        &["small.wrl:3: ", "coordIndex 7", "expected"],
+    );
 }
 
 #[test]
 fn missing_shapes_are_named() {
     let desk = Desk::new();
     std::fs::remove_file(desk.path("small.wrl")).unwrap();
-    desk.refused(&["sim", "small.sim.toml"], &["small.wrl: cannot be read", "No such file"]);
-    desk.write("small.wrl", format!("{HEADER}Inline {{ url \"gone.wrl\" }}"));
-    desk.refused(&["check", "small.scene.toml"], &["small.wrl:2: ", "`gone.wrl`", "No such file"]);
+    desk.refused(
+        &["sim", "small.sim.toml"],
+        &["small.wrl: cannot be read", "No such file"],
+    );
+    desk.write(
+        "small.wrl",
+        format!("{HEADER}Inline {{ url \"gone.wrl\" }}"),
+    );
+    desk.refused(
+        &["check", "small.scene.toml"],
+        &["small.wrl:2: ", "`gone.wrl`", "No such file"],
+    );
 }
 
 #[test]
 fn a_material_for_nothing_is_refused() {
     let desk = Desk::new();
-    desk.write("small.scene.toml", SCENE.replace("material.Wall", "material.Walll"));
+    desk.write(
+        "small.scene.toml",
+        SCENE.replace("material.Wall", "material.Walll"),
+    );
     for file in ["small.scene.toml", "small.sim.toml"] {
         desk.refused(&["check", file], &[file, "Walll", "Wall\n"]);
     }
@@ -119,26 +194,53 @@ fn a_material_for_nothing_is_refused() {
 #[test]
 fn persons_who_do_not_fit_are_refused() {
     let desk = Desk::new();
-    desk.write("small.scene.toml", SCENE.replace("count = 1", "count = 100"));
-    desk.refused(&["sim", "small.sim.toml"], &["small.sim.toml:3", "scene", "100 random persons do not fit"]);
-    desk.write("small.scene.toml", SCENE.replace("keep_from_objects_m = 0.5", "keep_from_objects_m = 20.0"));
-    desk.refused(&["sim", "small.sim.toml"], &["small.sim.toml", "no room for person 1", "[random_persons]"]);
+    desk.write(
+        "small.scene.toml",
+        SCENE.replace("count = 1", "count = 100"),
+    );
+    desk.refused(
+        &["sim", "small.sim.toml"],
+        &["small.sim.toml:3", "scene", "100 random persons do not fit"],
+    );
+    desk.write(
+        "small.scene.toml",
+        SCENE.replace("keep_from_objects_m = 0.5", "keep_from_objects_m = 20.0"),
+    );
+    desk.refused(
+        &["sim", "small.sim.toml"],
+        &["small.sim.toml", "no room for person 1", "[random_persons]"],
+    );
 }
 
 #[test]
 fn a_home_inside_a_wall_or_a_person_is_refused() {
     let desk = Desk::new();
-    desk.write("small.wrl", SHAPES.replace("translation 3 3 1", "translation 8.85 8.85 1"));
-    desk.refused(&["sim", "small.sim.toml"], &["small.sim.toml", "vehicle 2 starts", "from an object"]);
+    desk.write(
+        "small.wrl",
+        SHAPES.replace("translation 3 3 1", "translation 8.85 8.85 1"),
+    );
+    desk.refused(
+        &["sim", "small.sim.toml"],
+        &["small.sim.toml", "vehicle 2 starts", "from an object"],
+    );
     let desk = Desk::new();
-    desk.write("small.scene.toml", format!("{SCENE}\n[[person]]\nname = \"anna\"\nat_m = [-0.9, -0.9]\n"));
-    desk.refused(&["sim", "small.sim.toml"], &["small.sim.toml:3", "anna", "vehicle 1", "home"]);
+    desk.write(
+        "small.scene.toml",
+        format!("{SCENE}\n[[person]]\nname = \"anna\"\nat_m = [-0.9, -0.9]\n"),
+    );
+    desk.refused(
+        &["sim", "small.sim.toml"],
+        &["small.sim.toml:3", "anna", "vehicle 1", "home"],
+    );
 }
 
 #[test]
 fn a_scene_that_lies_under_the_ground_is_refused() {
     let desk = Desk::new();
-    desk.write("small.scene.toml", SCENE.replace("up = \"z\"", "up = \"z\"\noffset_m = [0, 0, -6]"));
+    desk.write(
+        "small.scene.toml",
+        SCENE.replace("up = \"z\"", "up = \"z\"\noffset_m = [0, 0, -6]"),
+    );
     for arguments in [
         &["check", "small.scene.toml"][..],
         &["check", "small.sim.toml"],
@@ -149,7 +251,12 @@ fn a_scene_that_lies_under_the_ground_is_refused() {
     ] {
         desk.refused(
             arguments,
-            &[arguments[1], "scene: the highest point", "-4.00 m", "`up` and `offset_m`"],
+            &[
+                arguments[1],
+                "scene: the highest point",
+                "-4.00 m",
+                "`up` and `offset_m`",
+            ],
         );
     }
 }
@@ -167,7 +274,11 @@ fn ground_that_rises_over_the_wheels_at_a_home_is_refused() {
     desk.write("small.wrl", ground(0.1));
     desk.refused(
         &["sim", "small.sim.toml"],
-        &["homes_m", "vehicle 1 starts 0.00 m from an object", "0.25 m"],
+        &[
+            "homes_m",
+            "vehicle 1 starts 0.00 m from an object",
+            "0.25 m",
+        ],
     );
     desk.write("small.wrl", ground(0.015));
     let said = desk.run(&["sim", "small.sim.toml", "--no-pictures"]);
@@ -176,26 +287,51 @@ fn ground_that_rises_over_the_wheels_at_a_home_is_refused() {
 
 #[test]
 fn grids_of_a_billion_cells_are_refused() {
-    let grid = "Shape { geometry ElevationGrid {\nxDimension 40000 zDimension 25000 height [ 0 ] } }";
+    let grid =
+        "Shape { geometry ElevationGrid {\nxDimension 40000 zDimension 25000 height [ 0 ] } }";
     check(
         format!("{HEADER}{grid}"),
-        &["small.wrl:2: ", "40000 x 25000 = 1000000000 points", "at most 500000"],
+        &[
+            "small.wrl:2: ",
+            "40000 x 25000 = 1000000000 points",
+            "at most 500000",
+        ],
     );
-    let holes = "Shape { geometry ElevationGrid { xDimension 3 zDimension 3 height [ 0 0 0 0 0 0 0 0 ] } }";
-    check(format!("{HEADER}{holes}"), &["small.wrl:2: ", "8 heights; expected 3 x 3 = 9"]);
+    let holes =
+        "Shape { geometry ElevationGrid { xDimension 3 zDimension 3 height [ 0 0 0 0 0 0 0 0 ] } }";
+    check(
+        format!("{HEADER}{holes}"),
+        &["small.wrl:2: ", "8 heights; expected 3 x 3 = 9"],
+    );
     let nan = holes.replace("0 ] }", "0 NaN ] }");
-    check(format!("{HEADER}{nan}"), &["small.wrl:2: ", "`NaN` for height; expected a finite number"]);
+    check(
+        format!("{HEADER}{nan}"),
+        &[
+            "small.wrl:2: ",
+            "`NaN` for height; expected a finite number",
+        ],
+    );
     let desk = Desk::new();
     let fence = "fence_m = [[-3, -3], [1597, -3], [1597, 1597], [-3, 1597]]\ncell_m = 0.05\n";
     let venue: String = VENUE
         .lines()
-        .map(|line| if line.starts_with("fence_m") { fence.to_owned() } else { format!("{line}\n") })
+        .map(|line| {
+            if line.starts_with("fence_m") {
+                fence.to_owned()
+            } else {
+                format!("{line}\n")
+            }
+        })
         .collect();
     desk.write("small.venue.toml", venue);
     for command in ["sim", "plan", "scene"] {
         desk.refused(
             &[command, "small.sim.toml"],
-            &["small.venue.toml:4: fence_m", "over 10000 cells", "make cell_m larger"],
+            &[
+                "small.venue.toml:4: fence_m",
+                "over 10000 cells",
+                "make cell_m larger",
+            ],
         );
     }
 }
@@ -210,9 +346,15 @@ fn a_view_from_nowhere_is_refused() {
         ("--size", "100000x100000"),
         ("--up", "w"),
     ] {
-        desk.refused(&["scene", "small.wrl", option, value], &[value, option, "expected"]);
+        desk.refused(
+            &["scene", "small.wrl", option, value],
+            &[value, option, "expected"],
+        );
     }
-    desk.refused(&["scene", "small.venue.toml"], &["small.venue.toml: is a venue", "expected a scene"]);
+    desk.refused(
+        &["scene", "small.venue.toml"],
+        &["small.venue.toml: is a venue", "expected a scene"],
+    );
 }
 
 #[test]
@@ -230,6 +372,12 @@ fn bodies_of_the_scene_file_are_refused_with_key_and_line() {
             "object[1].colour",
         ];
         let err = desk.refused(&[command, "small.scene.toml"], &parts);
-        assert_eq!(err.lines().filter(|line| line.contains("small.scene.toml:")).count(), 4, "{err}");
+        assert_eq!(
+            err.lines()
+                .filter(|line| line.contains("small.scene.toml:"))
+                .count(),
+            4,
+            "{err}"
+        );
     }
 }

@@ -11,8 +11,14 @@ fn unknown_commands_and_options_are_refused_with_advice() {
     check(&[], &["Usage: tomoswarm", "sim", "image", "plan", "check"]);
     check(&["fly"], &["unrecognized subcommand 'fly'", "--help"]);
     check(&["simm"], &["a similar subcommand exists: 'sim'"]);
-    check(&["sim", "--sed", "1"], &["a similar argument exists: '--seed'"]);
-    check(&["sim", "a.toml", "b.toml"], &["unexpected argument 'b.toml'"]);
+    check(
+        &["sim", "--sed", "1"],
+        &["a similar argument exists: '--seed'"],
+    );
+    check(
+        &["sim", "a.toml", "b.toml"],
+        &["unexpected argument 'b.toml'"],
+    );
     check(&["image"], &["<FILE>"]);
     check(&["check"], &["<FILE>"]);
 }
@@ -22,37 +28,71 @@ fn a_number_of_vehicles_out_of_range_is_refused() {
     for count in ["0", "1", "9", "1000", "18446744073709551615"] {
         for command in ["sim", "plan"] {
             let expected = format!("vehicles.count = {count} (asked for): is out of range");
-            check(&[command, "--vehicles", count], &[&expected, "a whole number from 2 to 8 is allowed"]);
+            check(
+                &[command, "--vehicles", count],
+                &[&expected, "a whole number from 2 to 8 is allowed"],
+            );
         }
     }
     check(&["sim", "--vehicles", "-2"], &["'-2'", "--vehicles"]);
-    check(&["sim", "small.sim.toml", "--vehicles", "5"], &["small.sim.toml", "4 homes for 5 vehicles"]);
+    check(
+        &["sim", "small.sim.toml", "--vehicles", "5"],
+        &["small.sim.toml", "4 homes for 5 vehicles"],
+    );
 }
 
 #[test]
 fn seeds_times_and_trials_out_of_range_are_refused() {
     for seed in ["-1", "1.5", "x", "18446744073709551616"] {
-        check(&["sim", "--seed", seed], &[&format!("'{seed}'"), "--seed <N>"]);
+        check(
+            &["sim", "--seed", seed],
+            &[&format!("'{seed}'"), "--seed <N>"],
+        );
     }
     for until in ["0", "nan", "-5", "inf", "1e300", "soon"] {
-        check(&["sim", "--until", until], &[&format!("'{until}'"), "--until <SECONDS>"]);
+        check(
+            &["sim", "--until", until],
+            &[&format!("'{until}'"), "--until <SECONDS>"],
+        );
     }
     for trials in ["0", "-1", "many"] {
-        check(&["sim", "--trials", trials], &[&format!("'{trials}'"), "--trials <N>"]);
+        check(
+            &["sim", "--trials", trials],
+            &[&format!("'{trials}'"), "--trials <N>"],
+        );
     }
-    check(&["sim", "--trials", "2", "--seed", "18446744073709551615"], &["2 seeds from", "beyond"]);
-    check(&["sim", "--trials", "2", "--out", "run"], &["--trials", "--out", "cannot be used"]);
+    check(
+        &["sim", "--trials", "2", "--seed", "18446744073709551615"],
+        &["2 seeds from", "beyond"],
+    );
+    check(
+        &["sim", "--trials", "2", "--out", "run"],
+        &["--trials", "--out", "cannot be used"],
+    );
 }
 
 #[test]
 fn sizes_and_areas_out_of_range_are_refused() {
     let desk = Desk::new();
-    desk.write("a.csv", "tx_x_m,tx_y_m,rx_x_m,rx_y_m,rssi_dbm\n0,0,8,8,-50\n");
-    for pixels in
-        ["0x0", "0x5", "5", "1e9x1e9", "1000000000x1000000000", "-1x5", "nanx5", "99999999999999999999x1"]
-    {
+    desk.write(
+        "a.csv",
+        "tx_x_m,tx_y_m,rx_x_m,rx_y_m,rssi_dbm\n0,0,8,8,-50\n",
+    );
+    for pixels in [
+        "0x0",
+        "0x5",
+        "5",
+        "1e9x1e9",
+        "1000000000x1000000000",
+        "-1x5",
+        "nanx5",
+        "99999999999999999999x1",
+    ] {
         let option = format!("--pixels={pixels}");
-        desk.refused(&["image", "a.csv", &option, "--png", "i.png"], &[pixels, "expected WIDTHxHEIGHT"]);
+        desk.refused(
+            &["image", "a.csv", &option, "--png", "i.png"],
+            &[pixels, "expected WIDTHxHEIGHT"],
+        );
     }
     for area in [
         "8,8,0,0",
@@ -65,7 +105,10 @@ fn sizes_and_areas_out_of_range_are_refused() {
         "-1e308,0,1e308,8",
     ] {
         let option = format!("--area={area}");
-        desk.refused(&["image", "a.csv", &option, "--png", "i.png"], &[area, "expected X0,Y0,X1,Y1"]);
+        desk.refused(
+            &["image", "a.csv", &option, "--png", "i.png"],
+            &[area, "expected X0,Y0,X1,Y1"],
+        );
     }
     let same = ["image", "a.csv", "--npy", "./a.csv"];
     desk.refused(&same, &["a.csv: is to be written, but is an input"]);
@@ -73,7 +116,10 @@ fn sizes_and_areas_out_of_range_are_refused() {
         &["image", "a.csv", "--npy", "i", "--png", "./i"],
         &["i: is to be written", "another output"],
     );
-    desk.refused(&["image", "a.csv", "--solver", "magic"], &["'magic'", "map", "tikhonov"]);
+    desk.refused(
+        &["image", "a.csv", "--solver", "magic"],
+        &["'magic'", "map", "tikhonov"],
+    );
     desk.refused(&["image", "a.csv", "--peaks", "-1"], &["'-1'", "--peaks"]);
 }
 
@@ -81,16 +127,44 @@ fn sizes_and_areas_out_of_range_are_refused() {
 fn help_teaches_every_command() {
     let desk = Desk::new();
     for (command, parts) in [
-        ("sim", &["Examples:", "--seed", "image.png", "summary.json", "Exit codes", "metres"][..]),
-        ("image", &["Examples:", "tx_x_m,tx_y_m", "--empty", "dB", "Exit codes"]),
+        (
+            "sim",
+            &[
+                "Examples:",
+                "--seed",
+                "image.png",
+                "summary.json",
+                "Exit codes",
+                "metres",
+            ][..],
+        ),
+        (
+            "image",
+            &["Examples:", "tx_x_m,tx_y_m", "--empty", "dB", "Exit codes"],
+        ),
         ("plan", &["Examples:", "--stops", "Exit codes", "metres"]),
         ("check", &["Examples:", ".wrl", "Exit codes"]),
-        ("scene", &["Examples:", "--pose", "--size", "plan.png", "view.png", "Exit codes", "metres"]),
+        (
+            "scene",
+            &[
+                "Examples:",
+                "--pose",
+                "--size",
+                "plan.png",
+                "view.png",
+                "Exit codes",
+                "metres",
+            ],
+        ),
     ] {
         let said = desk.run(&[command, "--help"]);
         assert_eq!(said.code, 0);
         for part in parts {
-            assert!(said.out.contains(part), "{command} --help does not tell of {part}:\n{}", said.out);
+            assert!(
+                said.out.contains(part),
+                "{command} --help does not tell of {part}:\n{}",
+                said.out
+            );
         }
     }
 }

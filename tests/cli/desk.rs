@@ -72,7 +72,9 @@ pub struct Desk {
 impl Desk {
     /// Lays the small world out.
     pub fn new() -> Desk {
-        let desk = Desk { folder: tempfile::tempdir().unwrap() };
+        let desk = Desk {
+            folder: tempfile::tempdir().unwrap(),
+        };
         desk.write("small.sim.toml", SIM);
         desk.write("small.venue.toml", VENUE);
         desk.write("small.scene.toml", SCENE);
@@ -100,7 +102,10 @@ impl Desk {
     /// Returns the program, to be run in this folder with nothing to read.
     pub fn program<S: AsRef<OsStr>>(&self, arguments: &[S]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_tomoswarm"));
-        command.args(arguments).current_dir(self.folder.path()).stdin(Stdio::null());
+        command
+            .args(arguments)
+            .current_dir(self.folder.path())
+            .stdin(Stdio::null());
         command
     }
 
@@ -132,8 +137,9 @@ impl Desk {
     /// Returns the names in a folder.
     pub fn names_in(&self, folder: &str) -> Vec<String> {
         let entries = std::fs::read_dir(self.path(folder)).unwrap();
-        let mut names: Vec<String> =
-            entries.map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned()).collect();
+        let mut names: Vec<String> = entries
+            .map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned())
+            .collect();
         names.sort();
         names
     }
@@ -161,8 +167,14 @@ fn collect(folder: &Path, files: &mut BTreeMap<PathBuf, Vec<u8>>) {
 pub fn said(mut command: Command) -> Said {
     let output = command.output().unwrap();
     let text = |bytes: Vec<u8>| String::from_utf8_lossy(&bytes).into_owned();
-    let said =
-        Said { code: output.status.code().unwrap_or(-1), out: text(output.stdout), err: text(output.stderr) };
-    assert!(!said.err.contains("panicked") && (0..=2).contains(&said.code), "{said:?}");
+    let said = Said {
+        code: output.status.code().unwrap_or(-1),
+        out: text(output.stdout),
+        err: text(output.stderr),
+    };
+    assert!(
+        !said.err.contains("panicked") && (0..=2).contains(&said.code),
+        "{said:?}"
+    );
     said
 }

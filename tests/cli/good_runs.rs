@@ -45,10 +45,18 @@ fn the_bundled_example_is_the_same_in_two_processes() {
     for folder in ["one", "two"] {
         let said = desk.run(&["sim", "--until", "60", "--out", folder]);
         assert_eq!(said.code, 1, "{said:?}");
-        assert!(said.err.contains("the mission failed: the sweep did not end in time"), "{said:?}");
+        assert!(
+            said.err
+                .contains("the mission failed: the sweep did not end in time"),
+            "{said:?}"
+        );
     }
     for name in ["run.log", "empty.csv", "links.csv", "map.png"] {
-        assert_eq!(desk.read(&format!("one/{name}")), desk.read(&format!("two/{name}")), "{name}");
+        assert_eq!(
+            desk.read(&format!("one/{name}")),
+            desk.read(&format!("two/{name}")),
+            "{name}"
+        );
     }
     assert_eq!(summary(&desk, "one")["finished"], false);
 }
@@ -63,10 +71,19 @@ fn a_summary_holds_what_was_promised() {
     let summary = summary(&desk, "run");
     assert_eq!(summary["finished"], true);
     for key in ["simulated_s", "wall_s", "speed_factor", "min_separation_m"] {
-        assert!(summary[key].as_f64().is_some_and(|value| value > 0.0), "{key} in {summary}");
+        assert!(
+            summary[key].as_f64().is_some_and(|value| value > 0.0),
+            "{key} in {summary}"
+        );
     }
-    assert!(summary["links"].as_u64().is_some_and(|links| links > 50), "{summary}");
-    assert_eq!((&summary["collisions"], &summary["fence_breaches"]), (&Value::from(0), &Value::from(0)));
+    assert!(
+        summary["links"].as_u64().is_some_and(|links| links > 50),
+        "{summary}"
+    );
+    assert_eq!(
+        (&summary["collisions"], &summary["fence_breaches"]),
+        (&Value::from(0), &Value::from(0))
+    );
     let found = summary["found"].as_array().unwrap();
     assert!(!found.is_empty(), "{summary}");
     for find in found {
@@ -94,15 +111,30 @@ fn a_summary_holds_what_was_promised() {
 #[test]
 fn without_an_empty_sweep_no_change_is_shown_and_the_summary_says_why() {
     let desk = Desk::new();
-    desk.change("small.sim.toml", "empty_sweep = true", "empty_sweep = false");
+    desk.change(
+        "small.sim.toml",
+        "empty_sweep = true",
+        "empty_sweep = false",
+    );
     let persons = &SCENE[SCENE.find("[random_persons]").unwrap()..];
     desk.change("small.scene.toml", persons, "");
     let said = sim(&desk, &["--out", "run"]);
     assert_eq!(said.code, 0, "{said:?}");
-    assert!(said.out.contains("not made          image: ") && said.out.contains("empty_sweep"), "{said:?}");
+    assert!(
+        said.out.contains("not made          image: ") && said.out.contains("empty_sweep"),
+        "{said:?}"
+    );
     let names = desk.names_in("run");
-    assert!(names.iter().all(|name| !name.starts_with("image") && name != "empty.csv"), "{names:?}");
-    assert!(names.iter().any(|name| name == "structure.png"), "{names:?}");
+    assert!(
+        names
+            .iter()
+            .all(|name| !name.starts_with("image") && name != "empty.csv"),
+        "{names:?}"
+    );
+    assert!(
+        names.iter().any(|name| name == "structure.png"),
+        "{names:?}"
+    );
     assert_eq!(summary(&desk, "run")["found"], Value::Array(Vec::new()));
 }
 
@@ -137,18 +169,26 @@ fn a_configuration_is_found_from_any_folder() {
     assert_eq!(sim(&desk, &["--out", "run"]).code, 0);
     std::fs::create_dir(desk.path("away")).unwrap();
     let absolute = desk.path("small.sim.toml");
-    for (file, out) in
-        [(absolute.to_str().unwrap(), "a"), ("../small.sim.toml", "b"), ("./../away/../small.sim.toml", "c")]
-    {
+    for (file, out) in [
+        (absolute.to_str().unwrap(), "a"),
+        ("../small.sim.toml", "b"),
+        ("./../away/../small.sim.toml", "c"),
+    ] {
         let mut program = desk.program(&["sim", file, "--out", out]);
         program.current_dir(desk.path("away"));
         let said = super::desk::said(program);
         assert_eq!(said.code, 0, "{said:?}");
-        assert_eq!(desk.read("run/run.log"), desk.read(&format!("away/{out}/run.log")));
+        assert_eq!(
+            desk.read("run/run.log"),
+            desk.read(&format!("away/{out}/run.log"))
+        );
     }
     desk.write(
         "small.sim.toml",
-        SIM.replace("small.venue.toml", desk.path("small.venue.toml").to_str().unwrap()),
+        SIM.replace(
+            "small.venue.toml",
+            desk.path("small.venue.toml").to_str().unwrap(),
+        ),
     );
     assert_eq!(sim(&desk, &["--out", "run2"]).code, 0);
     assert_eq!(desk.read("run/run.log"), desk.read("run2/run.log"));
@@ -170,9 +210,23 @@ fn plans_for_two_to_eight_vehicles_can_be_read_by_a_program() {
         assert_eq!((said.code, said.err.as_str()), (0, ""));
         check_stops(&said.out, count);
         let said = desk.run(&["plan", "--vehicles", &count.to_string()]);
-        let lines_of = |word: &str| said.out.lines().filter(|line| line.starts_with(word)).count();
-        assert_eq!((said.code, lines_of("vehicle ")), (0, count), "{}", said.out);
-        assert!(lines_of("lap ") >= 1 && said.out.contains(" min at "), "{}", said.out);
+        let lines_of = |word: &str| {
+            said.out
+                .lines()
+                .filter(|line| line.starts_with(word))
+                .count()
+        };
+        assert_eq!(
+            (said.code, lines_of("vehicle ")),
+            (0, count),
+            "{}",
+            said.out
+        );
+        assert!(
+            lines_of("lap ") >= 1 && said.out.contains(" min at "),
+            "{}",
+            said.out
+        );
     }
 }
 
@@ -183,22 +237,38 @@ fn check_stops(text: &str, vehicles: usize) {
     let rows: Vec<(usize, u64, f64, f64, u64, String)> = lines
         .map(|line| {
             let fields: Vec<&str> = line.split(',').collect();
-            let [vehicle, stop, x_m, y_m, dwell_ms, after] = fields[..] else { panic!("{line}") };
+            let [vehicle, stop, x_m, y_m, dwell_ms, after] = fields[..] else {
+                panic!("{line}")
+            };
             let (vehicle, stop) = (vehicle.parse().unwrap(), stop.parse().unwrap());
             let (x_m, y_m) = (x_m.parse().unwrap(), y_m.parse().unwrap());
-            (vehicle, stop, x_m, y_m, dwell_ms.parse().unwrap(), after.to_owned())
+            (
+                vehicle,
+                stop,
+                x_m,
+                y_m,
+                dwell_ms.parse().unwrap(),
+                after.to_owned(),
+            )
         })
         .collect();
     assert!(rows.len() > 4 * vehicles);
-    let known: std::collections::BTreeSet<(usize, u64)> = rows.iter().map(|row| (row.0, row.1)).collect();
+    let known: std::collections::BTreeSet<(usize, u64)> =
+        rows.iter().map(|row| (row.0, row.1)).collect();
     assert_eq!(known.len(), rows.len(), "a stop is listed twice");
     let drivers: std::collections::BTreeSet<usize> = rows.iter().map(|row| row.0).collect();
     assert_eq!(drivers, (1..=vehicles).collect());
     for (_, _, x_m, y_m, _, after) in &rows {
-        assert!((-3.0..=23.0).contains(x_m) && (-3.0..=23.0).contains(y_m), "{x_m}, {y_m}");
+        assert!(
+            (-3.0..=23.0).contains(x_m) && (-3.0..=23.0).contains(y_m),
+            "{x_m}, {y_m}"
+        );
         for other in after.split_whitespace() {
             let (vehicle, stop) = other.split_once(':').unwrap();
-            assert!(known.contains(&(vehicle.parse().unwrap(), stop.parse().unwrap())), "{other}");
+            assert!(
+                known.contains(&(vehicle.parse().unwrap(), stop.parse().unwrap())),
+                "{other}"
+            );
         }
     }
 }
@@ -210,18 +280,29 @@ fn a_scene_is_described_and_drawn_the_same_twice() {
     for folder in ["one", "two"] {
         let said = desk.run(&[&["scene", "small.sim.toml", "--out", folder], &pose[..]].concat());
         assert_eq!((said.code, said.err.as_str()), (0, ""), "{said:?}");
-        for part in
-            ["scene small", "1 shapes", "Wall: 20 dB/m", "person 1", "4 homes", "from (3.00, -1.00, 0.30)"]
-        {
+        for part in [
+            "scene small",
+            "1 shapes",
+            "Wall: 20 dB/m",
+            "person 1",
+            "4 homes",
+            "from (3.00, -1.00, 0.30)",
+        ] {
             assert!(said.out.contains(part), "{part} is missing in {}", said.out);
         }
         assert_eq!(desk.names_in(folder), ["plan.png", "view.png"]);
     }
     for name in ["plan.png", "view.png"] {
-        assert_eq!(desk.read(&format!("one/{name}")), desk.read(&format!("two/{name}")), "{name}");
+        assert_eq!(
+            desk.read(&format!("one/{name}")),
+            desk.read(&format!("two/{name}")),
+            "{name}"
+        );
     }
     let rgb = |path: &str| {
-        let mut reader = png::Decoder::new(std::io::Cursor::new(desk.read(path))).read_info().unwrap();
+        let mut reader = png::Decoder::new(std::io::Cursor::new(desk.read(path)))
+            .read_info()
+            .unwrap();
         let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
         let info = reader.next_frame(&mut bytes).unwrap();
         assert_eq!((info.width, info.height), (120, 80));
@@ -231,7 +312,10 @@ fn a_scene_is_described_and_drawn_the_same_twice() {
     // of the middle, and higher than the picture.
     let (view, pixel) = (rgb("one/view.png"), |x: usize, y: usize| 3 * (y * 120 + x));
     let differ = |(x, y): (usize, usize), (u, v): (usize, usize)| {
-        (0..3).map(|channel| view[pixel(x, y) + channel].abs_diff(view[pixel(u, v) + channel])).max().unwrap()
+        (0..3)
+            .map(|channel| view[pixel(x, y) + channel].abs_diff(view[pixel(u, v) + channel]))
+            .max()
+            .unwrap()
     };
     assert!(differ((60, 38), (36, 2)) < 4 && differ((60, 38), (84, 30)) < 4);
     assert!(differ((60, 38), (30, 38)) > 20 && differ((60, 38), (90, 38)) > 20);

@@ -20,9 +20,17 @@ fn a_configuration_may_have_a_name_that_is_no_text() {
     let desk = Desk::new();
     std::fs::rename(desk.path("small.sim.toml"), desk.path(name(".sim.toml"))).unwrap();
     for command in ["check", "plan"] {
-        assert_eq!(desk.run(&arguments(&[&command, &name(".sim.toml")])).code, 0);
+        assert_eq!(
+            desk.run(&arguments(&[&command, &name(".sim.toml")])).code,
+            0
+        );
     }
-    let said = desk.run(&arguments(&[&"sim", &name(".sim.toml"), &"--out", &name("")]));
+    let said = desk.run(&arguments(&[
+        &"sim",
+        &name(".sim.toml"),
+        &"--out",
+        &name(""),
+    ]));
     assert_eq!(said.code, 0, "{said:?}");
     assert!(desk.path(name("")).join("summary.json").exists());
 }
@@ -32,10 +40,19 @@ fn a_folder_may_have_a_name_that_is_no_text() {
     let desk = Desk::new();
     let folder = desk.path(name(""));
     std::fs::create_dir(&folder).unwrap();
-    for file in desk.names_in(".").iter().filter(|file| file.starts_with("small")) {
+    for file in desk
+        .names_in(".")
+        .iter()
+        .filter(|file| file.starts_with("small"))
+    {
         std::fs::rename(desk.path(file), folder.join(file)).unwrap();
     }
-    for file in ["small.sim.toml", "small.scene.toml", "small.venue.toml", "small.wrl"] {
+    for file in [
+        "small.sim.toml",
+        "small.scene.toml",
+        "small.venue.toml",
+        "small.wrl",
+    ] {
         let said = desk.run(&arguments(&[&"check", &folder.join(file)]));
         assert_eq!(said.code, 0, "{said:?}");
     }
@@ -53,6 +70,12 @@ fn a_missing_file_without_a_text_name_is_named() {
             &["odd", ".toml: cannot be read: No such file"],
         );
     }
-    desk.refused(&arguments(&[&"image", &name(".csv")]), &["odd", ".csv: ", "No such file"]);
-    desk.refused(&arguments(&[&OsStr::from_bytes(b"\xff")]), &["unrecognized subcommand"]);
+    desk.refused(
+        &arguments(&[&"image", &name(".csv")]),
+        &["odd", ".csv: ", "No such file"],
+    );
+    desk.refused(
+        &arguments(&[&OsStr::from_bytes(b"\xff")]),
+        &["unrecognized subcommand"],
+    );
 }

@@ -6,7 +6,14 @@ use std::sync::Arc;
 
 use super::desk::{Desk, Said};
 
-const RECORD: [&str; 6] = ["sim", "small.sim.toml", "--no-pictures", "--record", "--out", "run"];
+const RECORD: [&str; 6] = [
+    "sim",
+    "small.sim.toml",
+    "--no-pictures",
+    "--record",
+    "--out",
+    "run",
+];
 const ROVER: &str = "run/flight/vehicle-1/flight-000001.mcap";
 
 fn recorded() -> Desk {
@@ -26,8 +33,10 @@ fn rewrite(
     mut keep: impl FnMut(usize, &mut Message) -> bool,
 ) {
     let bytes = std::fs::read(path).unwrap();
-    let mut writer =
-        mcap::WriteOptions::new().compression(None).create(std::fs::File::create(path).unwrap()).unwrap();
+    let mut writer = mcap::WriteOptions::new()
+        .compression(None)
+        .create(std::fs::File::create(path).unwrap())
+        .unwrap();
     for record in mcap::read::LinearReader::new(&bytes).unwrap() {
         if let mcap::records::Record::Metadata(mut found) = record.unwrap() {
             change(&mut found.metadata);
@@ -47,7 +56,13 @@ fn rewrite(
                 true => message.channel.clone(),
                 false => renamed(&message.channel, changed.0),
             };
-            writer.write(&mcap::Message { data, channel, ..message }).unwrap();
+            writer
+                .write(&mcap::Message {
+                    data,
+                    channel,
+                    ..message
+                })
+                .unwrap();
         }
     }
     writer.finish().unwrap();
@@ -55,7 +70,11 @@ fn rewrite(
 
 /// A channel of another topic; one topic only may be renamed in a file.
 fn renamed<'a>(channel: &mcap::Channel<'a>, topic: String) -> Arc<mcap::Channel<'a>> {
-    Arc::new(mcap::Channel { id: channel.id + 1000, topic, ..channel.clone() })
+    Arc::new(mcap::Channel {
+        id: channel.id + 1000,
+        topic,
+        ..channel.clone()
+    })
 }
 
 fn replay(desk: &Desk, path: &str) -> Said {
@@ -68,26 +87,41 @@ fn a_recorded_run_replays_identically_and_is_the_same_bytes_again() {
     let said = replay(&desk, "run/flight");
     assert_eq!((said.code, said.err.as_str()), (0, ""), "{}", said.out);
     assert_eq!(said.out.lines().count(), 2 * 8 + 4 + 2, "{}", said.out);
-    assert!(said.out.lines().all(|line| line.ends_with(" steps  identical")), "{}", said.out);
+    assert!(
+        said.out
+            .lines()
+            .all(|line| line.ends_with(" steps  identical")),
+        "{}",
+        said.out
+    );
     let first = desk.files();
     assert_eq!(desk.run(&RECORD).code, 0);
     let again = desk.files();
     let recordings = |files: &BTreeMap<_, Vec<u8>>| {
         files
             .iter()
-            .filter(|(path, _): &(&std::path::PathBuf, _)| path.extension().is_some_and(|end| end == "mcap"))
+            .filter(|(path, _): &(&std::path::PathBuf, _)| {
+                path.extension().is_some_and(|end| end == "mcap")
+            })
             .map(|(path, bytes)| (path.clone(), bytes.clone()))
             .collect::<Vec<_>>()
     };
     assert_eq!(recordings(&first).len(), 4);
-    assert!(recordings(&first) == recordings(&again), "the same seed records the same bytes");
+    assert!(
+        recordings(&first) == recordings(&again),
+        "the same seed records the same bytes"
+    );
 }
 
 #[test]
 fn a_run_without_a_recording_takes_an_older_one_away() {
     let desk = recorded();
     assert!(desk.path(ROVER).exists());
-    assert_eq!(desk.run(&["sim", "small.sim.toml", "--no-pictures", "--out", "run"]).code, 0);
+    assert_eq!(
+        desk.run(&["sim", "small.sim.toml", "--no-pictures", "--out", "run"])
+            .code,
+        0
+    );
     assert!(!desk.path("run/flight").exists());
 }
 
@@ -116,21 +150,38 @@ fn a_changed_input_is_named_with_what_came_of_it() {
     );
     let said = replay(&desk, "run/flight");
     assert_eq!(said.code, 1, "{said:?}");
-    assert!(said.err.contains("the replay differs: 1 of 22 actors"), "{}", said.err);
-    let lines: Vec<&str> = said.out.lines().collect();
-    let first = lines.iter().position(|line| line.contains("differs")).unwrap();
     assert!(
-        lines[first].starts_with("vehicle/1/vehicle ") && lines[first].contains(&format!(" {which} steps"))
+        said.err.contains("the replay differs: 1 of 22 actors"),
+        "{}",
+        said.err
     );
-    assert!(lines[first + 1].contains(ROVER) && lines[first + 1].contains(&format!("step {which}, at ")));
+    let lines: Vec<&str> = said.out.lines().collect();
+    let first = lines
+        .iter()
+        .position(|line| line.contains("differs"))
+        .unwrap();
+    assert!(
+        lines[first].starts_with("vehicle/1/vehicle ")
+            && lines[first].contains(&format!(" {which} steps"))
+    );
+    assert!(
+        lines[first + 1].contains(ROVER)
+            && lines[first + 1].contains(&format!("step {which}, at "))
+    );
     assert!(lines[first + 2].contains("told") && lines[first + 2].contains("0.125"));
-    assert!(lines[first + 4].contains("says now") && !lines[first + 3].contains("\"battery\":0.125"));
+    assert!(
+        lines[first + 4].contains("says now") && !lines[first + 3].contains("\"battery\":0.125")
+    );
     let only = desk.run(&["replay", "run/flight", "--actor", "mission"]);
     assert_eq!((only.code, only.out.lines().count()), (0, 2), "{only:?}");
     let json = desk.run(&["replay", ROVER, "--json"]);
     let value: serde_json::Value = serde_json::from_str(&json.out).unwrap();
-    let vehicle =
-        value["actors"].as_array().unwrap().iter().find(|actor| actor["identical"] == false).unwrap();
+    let vehicle = value["actors"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|actor| actor["identical"] == false)
+        .unwrap();
     assert_eq!(
         (&vehicle["actor"], &vehicle["first_difference"]["step"]),
         (&"vehicle/1/vehicle".into(), &which.into())
@@ -174,7 +225,10 @@ fn what_is_no_recording_of_this_version_is_refused() {
     desk.write("text.mcap", "no recording");
     desk.refused(&["replay", "text.mcap"], &["text.mcap", "is no MCAP file"]);
     desk.write("empty.mcap", "");
-    desk.refused(&["replay", "empty.mcap"], &["empty.mcap", "is no MCAP file"]);
+    desk.refused(
+        &["replay", "empty.mcap"],
+        &["empty.mcap", "is no MCAP file"],
+    );
     desk.refused(&["replay", "gone.mcap"], &["gone.mcap", "cannot be read"]);
     std::fs::create_dir(desk.path("nothing")).unwrap();
     desk.refused(&["replay", "nothing"], &["nothing", "holds no recording"]);
@@ -184,7 +238,11 @@ fn what_is_no_recording_of_this_version_is_refused() {
     desk.write("damaged.mcap", damaged);
     let said = replay(&desk, "damaged.mcap");
     assert_eq!(said.code, 2, "{said:?}");
-    assert!(said.err.contains("damaged.mcap: is damaged before byte"), "{}", said.err);
+    assert!(
+        said.err.contains("damaged.mcap: is damaged before byte"),
+        "{}",
+        said.err
+    );
     let copy = |name: &str| desk.write(name, desk.read(ROVER));
     copy("old.mcap");
     let older = |words: &mut BTreeMap<String, String>| {
@@ -193,15 +251,34 @@ fn what_is_no_recording_of_this_version_is_refused() {
         }
     };
     rewrite(&desk.path("old.mcap"), older, |_, _| true);
-    desk.refused(&["replay", "old.mcap"], &["recorded by tomoswarm 0.0.9", "same version"]);
+    desk.refused(
+        &["replay", "old.mcap"],
+        &["recorded by tomoswarm 0.0.9", "same version"],
+    );
     copy("foreign.mcap");
-    rewrite(&desk.path("foreign.mcap"), |words| words.clear(), |_, _| true);
-    desk.refused(&["replay", "foreign.mcap"], &["foreign.mcap", "recorded by tomoswarm unknown"]);
+    rewrite(
+        &desk.path("foreign.mcap"),
+        |words| words.clear(),
+        |_, _| true,
+    );
+    desk.refused(
+        &["replay", "foreign.mcap"],
+        &["foreign.mcap", "recorded by tomoswarm unknown"],
+    );
     copy("torn.mcap");
-    rewrite(&desk.path("torn.mcap"), |_| {}, |_, (topic, _)| topic != "/vehicle/1/map/snapshot");
+    rewrite(
+        &desk.path("torn.mcap"),
+        |_| {},
+        |_, (topic, _)| topic != "/vehicle/1/map/snapshot",
+    );
     let said = replay(&desk, "torn.mcap");
     assert_eq!(said.code, 2);
-    assert!(said.err.contains("/vehicle/1/map/step comes without a snapshot before it"), "{}", said.err);
+    assert!(
+        said.err
+            .contains("/vehicle/1/map/step comes without a snapshot before it"),
+        "{}",
+        said.err
+    );
     copy("json.mcap");
     rewrite(
         &desk.path("json.mcap"),
@@ -215,7 +292,12 @@ fn what_is_no_recording_of_this_version_is_refused() {
     );
     let said = replay(&desk, "json.mcap");
     assert_eq!(said.code, 2);
-    assert!(said.err.contains("/vehicle/1/radio/step is no message of a recording"), "{}", said.err);
+    assert!(
+        said.err
+            .contains("/vehicle/1/radio/step is no message of a recording"),
+        "{}",
+        said.err
+    );
 }
 
 #[test]
@@ -240,9 +322,15 @@ fn an_actor_that_is_unknown_of_another_kind_or_of_an_older_shape_is_refused_by_n
         &["unknown.mcap", "/vehicle/1/compass/snapshot is of no actor"],
     );
     rename("ground.mcap", "/vehicle/1/station/snapshot");
-    desk.refused(&["replay", "ground.mcap"], &["ground.mcap", "/vehicle/1/station/snapshot is of no actor"]);
+    desk.refused(
+        &["replay", "ground.mcap"],
+        &["ground.mcap", "/vehicle/1/station/snapshot is of no actor"],
+    );
     rename("kind.mcap", "/balloon/1/map/snapshot");
-    desk.refused(&["replay", "kind.mcap"], &["kind.mcap", "/balloon/1/map/snapshot is of no actor"]);
+    desk.refused(
+        &["replay", "kind.mcap"],
+        &["kind.mcap", "/balloon/1/map/snapshot is of no actor"],
+    );
     desk.write("older.mcap", desk.read(ROVER));
     rewrite(
         &desk.path("older.mcap"),
@@ -256,6 +344,9 @@ fn an_actor_that_is_unknown_of_another_kind_or_of_an_older_shape_is_refused_by_n
             true
         },
     );
-    let expected = ["older.mcap", "/vehicle/1/radio/snapshot packed bytes cannot be read by this version"];
+    let expected = [
+        "older.mcap",
+        "/vehicle/1/radio/snapshot packed bytes cannot be read by this version",
+    ];
     desk.refused(&["replay", "older.mcap"], &expected);
 }

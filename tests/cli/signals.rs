@@ -10,24 +10,39 @@ const LONG: [&str; 5] = ["sim", "small.sim.toml", "--no-pictures", "--out", "run
 
 fn long_world() -> Desk {
     let desk = Desk::new();
-    desk.change("small.sim.toml", "laps = 1", "laps = 64\ndwell_s = 100.0\ndwell_limit_s = 3000.0");
+    desk.change(
+        "small.sim.toml",
+        "laps = 1",
+        "laps = 64\ndwell_s = 100.0\ndwell_limit_s = 3000.0",
+    );
     desk.change("small.sim.toml", "until_s = 600.0", "until_s = 1000000.0");
     desk
 }
 
 fn start(desk: &Desk, arguments: &[&str]) -> Child {
     let mut program = desk.program(arguments);
-    program.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
+    program
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap()
 }
 
-#[allow(clippy::disallowed_methods, reason = "another process cannot be waited for otherwise")]
+#[allow(
+    clippy::disallowed_methods,
+    reason = "another process cannot be waited for otherwise"
+)]
 fn pause() {
     std::thread::sleep(Duration::from_millis(20));
 }
 
 /// Waits until the run has opened its hidden folder, and a little more.
 fn wait_for_stage(desk: &Desk) {
-    let has_stage = || desk.names_in(".").iter().any(|name| name.contains(".partial"));
+    let has_stage = || {
+        desk.names_in(".")
+            .iter()
+            .any(|name| name.contains(".partial"))
+    };
     for _ in 0..500 {
         if has_stage() {
             (0..10).for_each(|_| pause());
@@ -39,7 +54,13 @@ fn wait_for_stage(desk: &Desk) {
 }
 
 fn signal(child: &Child, name: &str) {
-    assert!(Command::new("kill").args([name, &child.id().to_string()]).status().unwrap().success());
+    assert!(
+        Command::new("kill")
+            .args([name, &child.id().to_string()])
+            .status()
+            .unwrap()
+            .success()
+    );
 }
 
 fn end(child: Child) -> Output {
@@ -47,7 +68,10 @@ fn end(child: Child) -> Output {
 }
 
 fn hidden(desk: &Desk) -> Vec<String> {
-    desk.names_in(".").into_iter().filter(|name| name.starts_with('.')).collect()
+    desk.names_in(".")
+        .into_iter()
+        .filter(|name| name.starts_with('.'))
+        .collect()
 }
 
 #[test]
@@ -57,12 +81,21 @@ fn a_run_that_is_asked_to_end_writes_what_it_has() {
         let child = start(&desk, &LONG);
         wait_for_stage(&desk);
         signal(&child, name);
-        let Output { status, stderr, stdout } = end(child);
+        let Output {
+            status,
+            stderr,
+            stdout,
+        } = end(child);
         let err = String::from_utf8(stderr).unwrap();
         assert_eq!(status.code(), Some(1), "{name}: {err}");
         assert!(err.contains("asked to stop"), "{err}");
-        assert!(String::from_utf8(stdout).unwrap().contains("NOT finished: it was asked to stop"));
-        let summary: serde_json::Value = serde_json::from_slice(&desk.read("run/summary.json")).unwrap();
+        assert!(
+            String::from_utf8(stdout)
+                .unwrap()
+                .contains("NOT finished: it was asked to stop")
+        );
+        let summary: serde_json::Value =
+            serde_json::from_slice(&desk.read("run/summary.json")).unwrap();
         assert_eq!(summary["finished"], false);
         assert!(desk.path("run/run.log").exists() && hidden(&desk).is_empty());
     }
@@ -77,7 +110,11 @@ fn a_killed_run_leaves_only_a_hidden_folder_and_the_next_run_removes_it() {
     end(child);
     assert!(!desk.path("run").exists());
     assert_eq!(hidden(&desk).len(), 1, "{:?}", hidden(&desk));
-    assert_eq!(desk.run(&["sim", "small.sim.toml", "--until", "5", "--out", "run"]).code, 1);
+    assert_eq!(
+        desk.run(&["sim", "small.sim.toml", "--until", "5", "--out", "run"])
+            .code,
+        1
+    );
     assert!(hidden(&desk).is_empty(), "{:?}", hidden(&desk));
 }
 
@@ -86,7 +123,11 @@ fn two_runs_side_by_side_do_not_disturb_each_other() {
     let desk = long_world();
     let child = start(&desk, &LONG);
     wait_for_stage(&desk);
-    assert_eq!(desk.run(&["sim", "small.sim.toml", "--until", "5", "--out", "other"]).code, 1);
+    assert_eq!(
+        desk.run(&["sim", "small.sim.toml", "--until", "5", "--out", "other"])
+            .code,
+        1
+    );
     signal(&child, "-INT");
     assert_eq!(end(child).status.code(), Some(1));
     assert!(desk.path("run/summary.json").exists() && desk.path("other/summary.json").exists());
@@ -98,14 +139,25 @@ fn an_image_that_is_ended_leaves_nothing() {
     let desk = Desk::new();
     let line = |n: u32| format!("{}.{:03},0,{}.5,20,-5{}\n", n % 20, n % 997, n % 19, n % 7);
     let lines: String = (0..20_000).map(line).collect();
-    desk.write("a.csv", format!("tx_x_m,tx_y_m,rx_x_m,rx_y_m,rssi_dbm\n{lines}"));
+    desk.write(
+        "a.csv",
+        format!("tx_x_m,tx_y_m,rx_x_m,rx_y_m,rssi_dbm\n{lines}"),
+    );
     desk.write("i.png", "of an earlier run");
     let before = desk.files();
-    let child =
-        start(&desk, &["image", "a.csv", "--pixels", "300x300", "--png", "i.png", "--json", "i.json"]);
+    let child = start(
+        &desk,
+        &[
+            "image", "a.csv", "--pixels", "300x300", "--png", "i.png", "--json", "i.json",
+        ],
+    );
     (0..20).for_each(|_| pause());
     signal(&child, "-TERM");
-    assert_eq!(end(child).status.code(), None, "it was over before it was ended");
+    assert_eq!(
+        end(child).status.code(),
+        None,
+        "it was over before it was ended"
+    );
     assert_eq!(desk.files(), before);
 }
 
@@ -116,10 +168,21 @@ fn trials_that_are_asked_to_end_say_how_many_were_run() {
     let child = start(&desk, &["sim", "small.sim.toml", "--trials", "1000000"]);
     (0..25).for_each(|_| pause());
     signal(&child, "-INT");
-    let Output { status, stderr, stdout } = end(child);
+    let Output {
+        status,
+        stderr,
+        stdout,
+    } = end(child);
     let err = String::from_utf8(stderr).unwrap();
     assert_eq!(status.code(), Some(1), "{err}");
-    assert!(err.contains("asked to stop after") && err.contains("of 1000000 seeds"), "{err}");
-    assert!(String::from_utf8(stdout).unwrap().starts_with("  seed  end"));
+    assert!(
+        err.contains("asked to stop after") && err.contains("of 1000000 seeds"),
+        "{err}"
+    );
+    assert!(
+        String::from_utf8(stdout)
+            .unwrap()
+            .starts_with("  seed  end")
+    );
     assert_eq!(desk.files(), before);
 }

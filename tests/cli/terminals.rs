@@ -27,8 +27,15 @@ fn desk() -> Desk {
 /// Runs the program through a shell, with the given words after its own command line.
 fn in_shell(desk: &Desk, arguments: &[&str], rest: &str) -> Said {
     let mut shell = Command::new("sh");
-    shell.args(["-c", &format!("\"$0\" \"$@\" {rest}"), env!("CARGO_BIN_EXE_tomoswarm")]);
-    shell.args(arguments).current_dir(desk.path(".")).stdin(Stdio::null());
+    shell.args([
+        "-c",
+        &format!("\"$0\" \"$@\" {rest}"),
+        env!("CARGO_BIN_EXE_tomoswarm"),
+    ]);
+    shell
+        .args(arguments)
+        .current_dir(desk.path("."))
+        .stdin(Stdio::null());
     said(shell)
 }
 
@@ -54,15 +61,25 @@ fn what_check_prints_is_checked_again_from_any_folder_with_the_same_values() {
     std::fs::create_dir(desk.path("below")).unwrap();
     let values = |said: &Said| -> Vec<String> {
         assert_eq!(said.code, 0, "{said:?}");
-        said.out.lines().filter(|line| !line.starts_with('#')).map(str::to_owned).collect()
+        said.out
+            .lines()
+            .filter(|line| !line.starts_with('#'))
+            .map(str::to_owned)
+            .collect()
     };
     for file in ["small.sim.toml", "small.scene.toml", "small.venue.toml"] {
         let once = values(&desk.run(&["check", file]));
         assert!(once.len() > 5, "{once:?}");
-        assert_eq!(values(&in_shell(&desk, &["check", file], "| \"$0\" check -")), once, "{file}");
+        assert_eq!(
+            values(&in_shell(&desk, &["check", file], "| \"$0\" check -")),
+            once,
+            "{file}"
+        );
         let mut from_below = Command::new("sh");
         let piped = format!("\"$0\" check ../{file} | \"$0\" check -");
-        from_below.args(["-c", &piped, env!("CARGO_BIN_EXE_tomoswarm")]).current_dir(desk.path("below"));
+        from_below
+            .args(["-c", &piped, env!("CARGO_BIN_EXE_tomoswarm")])
+            .current_dir(desk.path("below"));
         assert_eq!(values(&said(from_below)).len(), once.len(), "{file}");
     }
 }
@@ -77,7 +94,10 @@ fn an_answer_that_cannot_be_written_is_reported() {
         let output = program.stderr(Stdio::piped()).output().unwrap();
         let err = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(2), "{arguments:?}: {err}");
-        assert!(err.contains("standard output: cannot be written: No space left"), "{arguments:?}: {err}");
+        assert!(
+            err.contains("standard output: cannot be written: No space left"),
+            "{arguments:?}: {err}"
+        );
     }
 }
 
@@ -86,13 +106,28 @@ fn an_answer_that_cannot_be_written_is_reported() {
 fn a_complaint_that_cannot_be_written_keeps_its_exit_code() {
     let desk = desk();
     for rest in ["2>/dev/full", "2>&-", ">&- 2>&- <&-"] {
-        for arguments in
-            [&["sim", "gone.toml"][..], &["image", "gone.csv"], &["check", "gone.toml"], &["fly"]]
-        {
-            assert_eq!(in_shell(&desk, arguments, rest).code, 2, "{arguments:?} {rest}");
+        for arguments in [
+            &["sim", "gone.toml"][..],
+            &["image", "gone.csv"],
+            &["check", "gone.toml"],
+            &["fly"],
+        ] {
+            assert_eq!(
+                in_shell(&desk, arguments, rest).code,
+                2,
+                "{arguments:?} {rest}"
+            );
         }
     }
-    assert_eq!(in_shell(&desk, &["sim", "small.sim.toml", "--out", "run"], ">&- 2>&- <&-").code, 0);
+    assert_eq!(
+        in_shell(
+            &desk,
+            &["sim", "small.sim.toml", "--out", "run"],
+            ">&- 2>&- <&-"
+        )
+        .code,
+        0
+    );
     assert!(desk.path("run/summary.json").exists());
 }
 
@@ -101,7 +136,11 @@ fn a_complaint_that_cannot_be_written_keeps_its_exit_code() {
 fn a_device_is_written_and_not_replaced() {
     let desk = desk();
     let fifo = desk.path("pipe");
-    if !Command::new("mkfifo").arg(&fifo).status().is_ok_and(|status| status.success()) {
+    if !Command::new("mkfifo")
+        .arg(&fifo)
+        .status()
+        .is_ok_and(|status| status.success())
+    {
         println!("skipped: there is no `mkfifo`");
         return;
     }
@@ -120,7 +159,10 @@ fn on_terminal(desk: &Desk, line: &str) -> Option<String> {
     let line = line.replace("$PROGRAM", env!("CARGO_BIN_EXE_tomoswarm"));
     let line = format!("stty rows 20 cols 60; touch begun; {line}; echo code $?");
     let mut script = Command::new("script");
-    script.args(["-qec", &line, "/dev/null"]).current_dir(desk.path(".")).stdin(Stdio::null());
+    script
+        .args(["-qec", &line, "/dev/null"])
+        .current_dir(desk.path("."))
+        .stdin(Stdio::null());
     let output = script.env("TERM", "xterm-256color").output().ok();
     if output.is_none() || !desk.path("begun").exists() {
         println!("skipped: there is no `script` to make a terminal, or it is another one");
@@ -131,65 +173,128 @@ fn on_terminal(desk: &Desk, line: &str) -> Option<String> {
 
 /// What the terminal was told before, while and after it was drawn on.
 fn drawn(text: &str) -> (&str, &str, &str) {
-    let (before, rest) = text.split_once("\u{1b}[?1049h").expect("the terminal is taken over");
-    let (drawn, after) = rest.split_once("\u{1b}[?25h\u{1b}[?1049l").expect("the terminal is given back");
+    let (before, rest) = text
+        .split_once("\u{1b}[?1049h")
+        .expect("the terminal is taken over");
+    let (drawn, after) = rest
+        .split_once("\u{1b}[?25h\u{1b}[?1049l")
+        .expect("the terminal is given back");
     (before, drawn, after)
 }
 
 #[test]
 fn a_watched_run_draws_gives_the_terminal_back_and_changes_no_byte() {
     let desk = desk();
-    assert_eq!(desk.run(&["sim", "small.sim.toml", "--out", "quiet"]).code, 0);
-    let Some(text) = on_terminal(&desk, "$PROGRAM sim small.sim.toml --watch --pace 500 --out shown") else {
+    assert_eq!(
+        desk.run(&["sim", "small.sim.toml", "--out", "quiet"]).code,
+        0
+    );
+    let Some(text) = on_terminal(
+        &desk,
+        "$PROGRAM sim small.sim.toml --watch --pace 500 --out shown",
+    ) else {
         return;
     };
     let (before, drawn, after) = drawn(&text);
-    assert!(!before.contains('\u{1b}') && !after.contains('\u{1b}'), "{text}");
-    assert!(drawn.contains('\u{2580}') && drawn.contains("2 on its way"), "{text}");
-    assert!(drawn.contains("\u{1b}[20;1H") && !drawn.contains("\u{1b}[21;1H") && !drawn.contains('\n'));
-    assert!(after.contains("small with 2 vehicles") && after.contains("code 0"), "{text}");
-    for name in ["run.log", "links.csv", "empty.csv", "image.npy", "image.png", "map.png"] {
-        assert_eq!(desk.read(&format!("quiet/{name}")), desk.read(&format!("shown/{name}")), "{name}");
+    assert!(
+        !before.contains('\u{1b}') && !after.contains('\u{1b}'),
+        "{text}"
+    );
+    assert!(
+        drawn.contains('\u{2580}') && drawn.contains("2 on its way"),
+        "{text}"
+    );
+    assert!(
+        drawn.contains("\u{1b}[20;1H") && !drawn.contains("\u{1b}[21;1H") && !drawn.contains('\n')
+    );
+    assert!(
+        after.contains("small with 2 vehicles") && after.contains("code 0"),
+        "{text}"
+    );
+    for name in [
+        "run.log",
+        "links.csv",
+        "empty.csv",
+        "image.npy",
+        "image.png",
+        "map.png",
+    ] {
+        assert_eq!(
+            desk.read(&format!("quiet/{name}")),
+            desk.read(&format!("shown/{name}")),
+            "{name}"
+        );
     }
 }
 
 #[test]
-#[allow(clippy::disallowed_methods, reason = "the pace of another process is one of real time")]
+#[allow(
+    clippy::disallowed_methods,
+    reason = "the pace of another process is one of real time"
+)]
 fn a_watched_run_keeps_its_pace_and_draws_ten_times_a_second_at_most() {
     let desk = desk();
     let begun = std::time::Instant::now();
     let line = "$PROGRAM sim small.sim.toml --until 4 --no-pictures --watch --pace 2 --out shown";
-    let Some(text) = on_terminal(&desk, line) else { return };
+    let Some(text) = on_terminal(&desk, line) else {
+        return;
+    };
     let took_s = begun.elapsed().as_secs_f64();
     assert!(took_s > 1.9, "{took_s} s for 4 s at twice the pace");
     let frames = drawn(&text).1.matches("\u{1b}[1;1H").count();
-    assert!((2..=1 + (10.0 * took_s) as usize).contains(&frames), "{frames} frames in {took_s} s");
+    assert!(
+        (2..=1 + (10.0 * took_s) as usize).contains(&frames),
+        "{frames} frames in {took_s} s"
+    );
     assert!(text.contains("code 1"), "{text}");
 }
 
 #[test]
 fn a_watched_run_that_is_asked_to_end_gives_the_terminal_back_and_writes_what_it_has() {
     let desk = desk();
-    let line = "timeout --foreground -s INT 2 $PROGRAM sim small.sim.toml --watch --pace 0.1 --out shown";
-    let Some(text) = on_terminal(&desk, line) else { return };
+    let line =
+        "timeout --foreground -s INT 2 $PROGRAM sim small.sim.toml --watch --pace 0.1 --out shown";
+    let Some(text) = on_terminal(&desk, line) else {
+        return;
+    };
     let (_, _, after) = drawn(&text);
-    assert!(!after.contains('\u{1b}') && after.contains("NOT finished: it was asked to stop"), "{text}");
+    assert!(
+        !after.contains('\u{1b}') && after.contains("NOT finished: it was asked to stop"),
+        "{text}"
+    );
     assert!(desk.path("shown/summary.json").exists());
 }
 
 #[test]
 fn what_cannot_be_watched_is_refused_before_anything_is_run() {
     let desk = desk();
-    desk.refused(&["sim", "small.sim.toml", "--watch"], &["--watch", "standard error is no terminal"]);
-    desk.refused(&["sim", "small.sim.toml", "--watch", "--trials", "2"], &["--watch", "--trials"]);
+    desk.refused(
+        &["sim", "small.sim.toml", "--watch"],
+        &["--watch", "standard error is no terminal"],
+    );
+    desk.refused(
+        &["sim", "small.sim.toml", "--watch", "--trials", "2"],
+        &["--watch", "--trials"],
+    );
     desk.refused(&["sim", "small.sim.toml", "--pace", "2"], &["--watch"]);
     for pace in ["0", "-1", "nan", "inf", "1e9", "fast"] {
-        desk.refused(&["sim", "small.sim.toml", "--watch", "--pace", pace], &["--pace", pace]);
+        desk.refused(
+            &["sim", "small.sim.toml", "--watch", "--pace", pace],
+            &["--pace", pace],
+        );
     }
     let line = "TERM=dumb $PROGRAM sim small.sim.toml --watch --out shown";
-    let Some(text) = on_terminal(&desk, line) else { return };
-    assert!(text.contains("cannot move its cursor") && text.contains("code 2"), "{text}");
-    assert!(!text.contains('\u{1b}') && !desk.path("shown").exists(), "{text}");
+    let Some(text) = on_terminal(&desk, line) else {
+        return;
+    };
+    assert!(
+        text.contains("cannot move its cursor") && text.contains("code 2"),
+        "{text}"
+    );
+    assert!(
+        !text.contains('\u{1b}') && !desk.path("shown").exists(),
+        "{text}"
+    );
 }
 
 #[test]
@@ -197,10 +302,29 @@ fn progress_is_shown_on_a_terminal_only_and_changes_no_byte() {
     let desk = desk();
     let quiet = desk.run(&["sim", "small.sim.toml", "--out", "quiet"]);
     assert_eq!((quiet.code, quiet.err.as_str()), (0, ""));
-    assert!(!quiet.out.contains('\u{1b}') && !quiet.out.contains('\r'), "{quiet:?}");
-    let Some(output) = on_terminal(&desk, "$PROGRAM sim small.sim.toml --out shown") else { return };
-    assert!(output.contains("\u{1b}[") && output.contains("lap "), "{output}");
-    for name in ["run.log", "links.csv", "empty.csv", "image.npy", "image.png", "map.png"] {
-        assert_eq!(desk.read(&format!("quiet/{name}")), desk.read(&format!("shown/{name}")), "{name}");
+    assert!(
+        !quiet.out.contains('\u{1b}') && !quiet.out.contains('\r'),
+        "{quiet:?}"
+    );
+    let Some(output) = on_terminal(&desk, "$PROGRAM sim small.sim.toml --out shown") else {
+        return;
+    };
+    assert!(
+        output.contains("\u{1b}[") && output.contains("lap "),
+        "{output}"
+    );
+    for name in [
+        "run.log",
+        "links.csv",
+        "empty.csv",
+        "image.npy",
+        "image.png",
+        "map.png",
+    ] {
+        assert_eq!(
+            desk.read(&format!("quiet/{name}")),
+            desk.read(&format!("shown/{name}")),
+            "{name}"
+        );
     }
 }

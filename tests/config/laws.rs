@@ -7,7 +7,9 @@ use tomoswarm::time::Time;
 use tomoswarm_proto::{Sender, VehicleId};
 
 fn venue(text: &str) -> Venue {
-    match config::read("v.toml", text, &mut |path| Err(format!("{path} is not needed"))) {
+    match config::read("v.toml", text, &mut |path| {
+        Err(format!("{path} is not needed"))
+    }) {
         Ok(Config::Venue(venue)) => venue,
         other => panic!("not a venue: {other:?}"),
     }
@@ -20,7 +22,9 @@ fn courtyard() -> String {
 #[test]
 fn the_hash_does_not_depend_on_layout_names_or_spelling() {
     let text = courtyard();
-    let other = text.replace("name = \"courtyard\"", "name = \"yard\"\n# a remark").replace("20.0", "2e1");
+    let other = text
+        .replace("name = \"courtyard\"", "name = \"yard\"\n# a remark")
+        .replace("20.0", "2e1");
     assert_ne!(text, other);
     assert_eq!(venue(&text).hash(), venue(&other).hash());
     let signed = text.replace("[0.0, 0.0, 20.0, 20.0]", "[-0.0, 0.0, 20.0, 20.0]");
@@ -39,7 +43,10 @@ fn the_hash_depends_on_everything_that_nodes_must_share() {
         ("[23.0, 23.0]", "[23.0, 24.0]"),
         ("[20.85, 20.85]", "[20.85, 20.95]"),
         ("cell_m = 0.2", "cell_m = 0.25"),
-        ("altitude_slices_m = [0.0, 2.0]", "altitude_slices_m = [0.0, 1.0, 2.0]"),
+        (
+            "altitude_slices_m = [0.0, 2.0]",
+            "altitude_slices_m = [0.0, 1.0, 2.0]",
+        ),
         ("ceiling_m = 10.0", "ceiling_m = 11.0"),
     ];
     let mut hashes = vec![venue(&text).hash()];
@@ -55,7 +62,10 @@ fn the_hash_depends_on_everything_that_nodes_must_share() {
 #[test]
 fn the_hash_is_the_same_on_every_machine() {
     // Computed apart from this program, byte by byte.
-    assert_eq!(format!("{:016x}", venue(&courtyard()).hash()), "e67707240105e76e");
+    assert_eq!(
+        format!("{:016x}", venue(&courtyard()).hash()),
+        "e67707240105e76e"
+    );
 }
 
 #[test]
@@ -81,14 +91,21 @@ from_s = 10
 until_s = 20.5
 sides = [[\"ground\", 1], [2]]
 ";
-    let sim = config::read_sim("configs/a.toml", text, None, &mut |path| bundled::load(path)).unwrap();
+    let sim = config::read_sim("configs/a.toml", text, None, &mut |path| {
+        bundled::load(path)
+    })
+    .unwrap();
     let partition = sim.bus.partitions[0].partition();
-    let cuts = |second: f64, a: Sender, b: Sender| partition.cuts(Time::from_secs_f64(second), a, b);
+    let cuts =
+        |second: f64, a: Sender, b: Sender| partition.cuts(Time::from_secs_f64(second), a, b);
     let vehicle = |id| Sender::Vehicle(VehicleId(id));
     assert!(cuts(10.0, Sender::Ground, vehicle(2)) && cuts(20.4, vehicle(2), vehicle(1)));
     assert!(!cuts(9.9, Sender::Ground, vehicle(2)) && !cuts(20.5, Sender::Ground, vehicle(2)));
     assert!(!cuts(15.0, Sender::Ground, vehicle(1)));
-    assert!(cuts(15.0, vehicle(3), vehicle(2)), "nodes on no side are a side of their own");
+    assert!(
+        cuts(15.0, vehicle(3), vehicle(2)),
+        "nodes on no side are a side of their own"
+    );
     assert!(!cuts(15.0, vehicle(3), vehicle(3)));
 }
 

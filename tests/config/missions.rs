@@ -37,15 +37,33 @@ fn check_refused(lines: &str, file: &str, expected: &[&str]) {
 #[test]
 fn a_simulation_without_a_mission_sweeps_with_at_least_two() {
     assert_eq!(read("").unwrap().task, None);
-    check_refused("[vehicles]\ncount = 1\n", "", &["configs/a.toml:5", "vehicles.count", "2 to 8"]);
-    assert_eq!(read("[mission]\nkind = \"explore\"\n[vehicles]\ncount = 1\n").unwrap().vehicles.count, 1);
+    check_refused(
+        "[vehicles]\ncount = 1\n",
+        "",
+        &["configs/a.toml:5", "vehicles.count", "2 to 8"],
+    );
+    assert_eq!(
+        read("[mission]\nkind = \"explore\"\n[vehicles]\ncount = 1\n")
+            .unwrap()
+            .vehicles
+            .count,
+        1
+    );
 }
 
 #[test]
 fn a_square_goes_round_the_middle_of_the_area_from_north_west() {
     let sim = read("[mission]\nkind = \"square\"\nsize_m = 8\n").unwrap();
-    let corners = [(6.0, 14.0), (14.0, 14.0), (14.0, 6.0), (6.0, 6.0), (6.0, 14.0)];
-    let places = corners.map(|(x_m, y_m)| Position::from_metres(x_m, y_m, 0.0)).to_vec();
+    let corners = [
+        (6.0, 14.0),
+        (14.0, 14.0),
+        (14.0, 6.0),
+        (6.0, 6.0),
+        (6.0, 14.0),
+    ];
+    let places = corners
+        .map(|(x_m, y_m)| Position::from_metres(x_m, y_m, 0.0))
+        .to_vec();
     assert_eq!(sim.task, Some(TaskKind::Legs { places }));
 }
 
@@ -63,18 +81,38 @@ fn patterns_are_sweeps_of_two_vehicles_over_a_square_lattice() {
         "",
         &["drives two vehicles, not 3"],
     );
-    check_refused("[mission]\nkind = \"fan\"\n[sweep]\nplanner = \"calibrate\"\n", "", &["sweep.planner"]);
+    check_refused(
+        "[mission]\nkind = \"fan\"\n[sweep]\nplanner = \"calibrate\"\n",
+        "",
+        &["sweep.planner"],
+    );
 }
 
 #[test]
 fn what_makes_no_mission_is_refused_with_key_and_line() {
-    check_refused("[mission]\nkind = \"fly\"\n", "", &["configs/a.toml:5", "mission.kind", "explore"]);
-    check_refused("[mission]\nkind = \"waypoints\"\n", "", &["mission.waypoints_m", "places [x, y]"]);
-    check_refused("[mission]\nkind = \"explore\"\nsize_m = 4\n", "", &["mission.size_m"]);
+    check_refused(
+        "[mission]\nkind = \"fly\"\n",
+        "",
+        &["configs/a.toml:5", "mission.kind", "explore"],
+    );
+    check_refused(
+        "[mission]\nkind = \"waypoints\"\n",
+        "",
+        &["mission.waypoints_m", "places [x, y]"],
+    );
+    check_refused(
+        "[mission]\nkind = \"explore\"\nsize_m = 4\n",
+        "",
+        &["mission.size_m"],
+    );
     check_refused(
         "[mission]\nkind = \"pathfind\"\nwaypoints_m = [[1, 1], [50, 1]]\n",
         "",
-        &["configs/a.toml:6", "mission.waypoints_m", "(50, 1), outside the fence"],
+        &[
+            "configs/a.toml:6",
+            "mission.waypoints_m",
+            "(50, 1), outside the fence",
+        ],
     );
     check_refused(
         "[mission]\nkind = \"square\"\nsize_m = 80\n",
@@ -96,7 +134,9 @@ fn a_waypoint_file_leads_to_its_places_in_the_frame_of_the_venue() {
     let lines = "[mission]\nkind = \"waypoints\"\nfile = \"way.waypoints\"\n";
     // 0.0001° of latitude are 11.13 m to the north, the courtyard's y.
     let sim = read_with(lines, &waypoints(52.3703, 4.8952)).unwrap();
-    let Some(TaskKind::Legs { places }) = &sim.task else { panic!("{:?}", sim.task) };
+    let Some(TaskKind::Legs { places }) = &sim.task else {
+        panic!("{:?}", sim.task)
+    };
     assert!(
         places.len() == 1 && Point::from(places[0]).distance_to(Point::new(0.0, 11.13)) < 0.02,
         "{places:?}"
@@ -106,10 +146,26 @@ fn a_waypoint_file_leads_to_its_places_in_the_frame_of_the_venue() {
 #[test]
 fn a_waypoint_file_is_refused_with_its_own_lines() {
     let lines = "[mission]\nkind = \"pathfind\"\nfile = \"way.waypoints\"\n";
-    check_refused(lines, &waypoints(52.0, 4.8952), &["configs/way.waypoints:3", "outside the fence"]);
-    check_refused(lines, &waypoints(152.0, 4.8952), &["configs/way.waypoints:3", "152"]);
-    check_refused(lines, "QGC WPL 120\n", &["configs/way.waypoints:1", "another version"]);
+    check_refused(
+        lines,
+        &waypoints(52.0, 4.8952),
+        &["configs/way.waypoints:3", "outside the fence"],
+    );
+    check_refused(
+        lines,
+        &waypoints(152.0, 4.8952),
+        &["configs/way.waypoints:3", "152"],
+    );
+    check_refused(
+        lines,
+        "QGC WPL 120\n",
+        &["configs/way.waypoints:1", "another version"],
+    );
     check_refused(lines, "", &["configs/way.waypoints"]);
     let both = format!("{lines}waypoints_m = [[1, 1]]\n");
-    check_refused(&both, &waypoints(52.3703, 4.8952), &["mission.waypoints_m", "beside a file"]);
+    check_refused(
+        &both,
+        &waypoints(52.3703, 4.8952),
+        &["mission.waypoints_m", "beside a file"],
+    );
 }

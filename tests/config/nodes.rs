@@ -11,7 +11,8 @@ use tomoswarm::geom::Angle;
 use tomoswarm::ground::from_config::ground_parts;
 use tomoswarm::node::Settings;
 use tomoswarm_proto::{
-    AutopilotFamily, BodyKind, Boot, Capability, RadioKind, RangeSensorKind, RunId, ServoKind, VehicleId,
+    AutopilotFamily, BodyKind, Boot, Capability, RadioKind, RangeSensorKind, RunId, ServoKind,
+    VehicleId,
 };
 
 const VEHICLE: &str = "\
@@ -44,11 +45,13 @@ fn in_venue(lines: &str) -> impl FnMut(&str) -> Result<String, String> {
 }
 
 fn vehicle(text: &str) -> VehicleFile {
-    config::read_vehicle("configs/v.toml", text, &mut loaded).unwrap_or_else(|error| panic!("{error}"))
+    config::read_vehicle("configs/v.toml", text, &mut loaded)
+        .unwrap_or_else(|error| panic!("{error}"))
 }
 
 fn ground(text: &str) -> GroundFile {
-    config::read_ground("configs/g.toml", text, &mut loaded).unwrap_or_else(|error| panic!("{error}"))
+    config::read_ground("configs/g.toml", text, &mut loaded)
+        .unwrap_or_else(|error| panic!("{error}"))
 }
 
 fn problems_of(text: &str) -> String {
@@ -84,17 +87,30 @@ fn check_replaced(base: &str, old: &str, new: &str, parts: &[&str]) {
 #[test]
 fn a_vehicles_file_gives_every_value_a_default() {
     let file = vehicle(VEHICLE);
-    assert_eq!((file.id, file.state_dir.as_str()), (VehicleId(3), "configs/state/3"));
+    assert_eq!(
+        (file.id, file.state_dir.as_str()),
+        (VehicleId(3), "configs/state/3")
+    );
     assert_eq!((file.home.x_m, file.home.y_m), (20.85, -0.85));
     assert_eq!(file.world.connect.to_string(), "127.0.0.1:7500");
     assert_eq!(file.record.limit_bytes(), Some(256_000_000));
     assert_eq!(file.pose.expected_sd_m, 0.05);
-    let safety = Safety { padding_m: 0.1, battery_return: 0.2, battery_hold: 0.05, closeness_m: 0.0 };
+    let safety = Safety {
+        padding_m: 0.1,
+        battery_return: 0.2,
+        battery_hold: 0.05,
+        closeness_m: 0.0,
+    };
     assert_eq!(file.safety, safety);
     let swarm = file.venue.swarm;
     assert_eq!((swarm.separation_m, swarm.pose_sd_max_m), (1.0, 0.5));
     assert_eq!(swarm.autonomy(), Duration::from_secs(60));
-    assert_eq!(vehicle(&format!("{VEHICLE}record.limit_mb = 0\n")).record.limit_bytes(), None);
+    assert_eq!(
+        vehicle(&format!("{VEHICLE}record.limit_mb = 0\n"))
+            .record
+            .limit_bytes(),
+        None
+    );
 }
 
 #[test]
@@ -104,7 +120,13 @@ fn a_vehicle_is_told_the_same_by_its_own_file_as_by_a_simulation() {
     let home = sim.home(VehicleId(3)).unwrap();
     let simulated = Settings::from_config(&sim, VehicleId(3), Boot(7), home);
     let live = Settings::from_vehicle_file(&vehicle(VEHICLE), Boot(7));
-    assert_eq!(Settings { path_time: simulated.path_time, ..live.clone() }, simulated);
+    assert_eq!(
+        Settings {
+            path_time: simulated.path_time,
+            ..live.clone()
+        },
+        simulated
+    );
     assert!(live.path_time > Duration::ZERO && live.path_time < simulated.path_time);
 }
 
@@ -132,20 +154,45 @@ slot_ms = 80
 separation_m = 1.5
 pose_sd_max_m = 0.4
 ";
-    let file = config::read_vehicle("configs/v.toml", &format!("{VEHICLE}{lines}"), &mut in_venue(swarm));
+    let file = config::read_vehicle(
+        "configs/v.toml",
+        &format!("{VEHICLE}{lines}"),
+        &mut in_venue(swarm),
+    );
     let told = Settings::from_vehicle_file(&file.unwrap(), Boot(1));
-    assert_eq!((told.body.radius_m, told.body.speed_mps, told.body.braking_mps2), (0.3, 0.4, 2.0));
+    assert_eq!(
+        (
+            told.body.radius_m,
+            told.body.speed_mps,
+            told.body.braking_mps2
+        ),
+        (0.3, 0.4, 2.0)
+    );
     assert_eq!(told.look.beams.len(), 2);
     assert!((told.look.half_angle.degrees() - 10.0).abs() < 1e-9);
     // What is farther than farness_m is ignored, whatever the sensor hears.
-    assert_eq!((told.look.min_range_m, told.look.max_range_m, told.look.sure_range_m), (0.1, 4.5, 4.0));
-    let [mount] = told.look.mounts.all() else { panic!("{:?}", told.look.mounts) };
+    assert_eq!(
+        (
+            told.look.min_range_m,
+            told.look.max_range_m,
+            told.look.sure_range_m
+        ),
+        (0.1, 4.5, 4.0)
+    );
+    let [mount] = told.look.mounts.all() else {
+        panic!("{:?}", told.look.mounts)
+    };
     assert!((mount.zero.degrees() - 90.0).abs() < 1e-9);
     assert!(
-        (mount.from_rad.to_degrees() + 100.0).abs() < 1e-9 && (mount.to_rad.to_degrees() - 10.0).abs() < 1e-9
+        (mount.from_rad.to_degrees() + 100.0).abs() < 1e-9
+            && (mount.to_rad.to_degrees() - 10.0).abs() < 1e-9
     );
     // From 0° to 10° and back, at 0.12 s for 60°: 0.04 s beside two periods of 0.2 s.
-    assert!((told.look.cycle().as_secs_f64() - 0.44).abs() < 1e-6, "{:?}", told.look.cycle());
+    assert!(
+        (told.look.cycle().as_secs_f64() - 0.44).abs() < 1e-6,
+        "{:?}",
+        told.look.cycle()
+    );
     assert_eq!(told.safety.closeness_m, 0.4);
     assert_eq!(
         (told.look.period, told.look.settle),
@@ -154,16 +201,33 @@ pose_sd_max_m = 0.4
     assert_eq!((told.radio.channel, told.radio.power_dbm), (20, -5));
     assert_eq!(told.radio.slot, Duration::from_millis(80));
     let safety = told.safety;
-    assert_eq!((safety.padding_m, told.swarm.separation_m, told.swarm.pose_sd_max_m), (0.2, 1.5, 0.4));
+    assert_eq!(
+        (
+            safety.padding_m,
+            told.swarm.separation_m,
+            told.swarm.pose_sd_max_m
+        ),
+        (0.2, 1.5, 0.4)
+    );
 }
 
 #[test]
 fn a_grounds_file_gives_every_value_a_default() {
     let file = ground(GROUND);
     assert_eq!(file.vehicles, [VehicleId(1), VehicleId(2), VehicleId(3)]);
-    assert_eq!((file.compare_with, file.take_over, file.operators_note.as_str()), (None, false, ""));
+    assert_eq!(
+        (
+            file.compare_with,
+            file.take_over,
+            file.operators_note.as_str()
+        ),
+        (None, false, "")
+    );
     let swarm = file.venue.swarm;
-    assert_eq!((swarm.lost_after(), swarm.separation_m), (Duration::from_secs(30), 1.0));
+    assert_eq!(
+        (swarm.lost_after(), swarm.separation_m),
+        (Duration::from_secs(30), 1.0)
+    );
     assert_eq!(file.reception.sensitivity_dbm, -100.0);
     let further = "compare_with = 4
 take_over = true
@@ -171,26 +235,50 @@ operators_note = \"wet walls\"
 radio.sensitivity_dbm = -92
 ";
     let swarm = "[swarm]\nlost_after_s = 12.5\nseparation_m = 1.2\n";
-    let file =
-        config::read_ground("configs/g.toml", &format!("{GROUND}{further}"), &mut in_venue(swarm)).unwrap();
+    let file = config::read_ground(
+        "configs/g.toml",
+        &format!("{GROUND}{further}"),
+        &mut in_venue(swarm),
+    )
+    .unwrap();
     assert_eq!((file.compare_with, file.take_over), (Some(RunId(4)), true));
     let swarm = file.venue.swarm;
-    assert_eq!((swarm.lost_after(), swarm.separation_m), (Duration::from_millis(12_500), 1.2));
-    assert_eq!((file.reception.sensitivity_dbm, file.operators_note.as_str()), (-92.0, "wet walls"));
+    assert_eq!(
+        (swarm.lost_after(), swarm.separation_m),
+        (Duration::from_millis(12_500), 1.2)
+    );
+    assert_eq!(
+        (file.reception.sensitivity_dbm, file.operators_note.as_str()),
+        (-92.0, "wet walls")
+    );
 }
 
 #[test]
 fn a_ground_station_is_made_of_its_file() {
     let parts = ground_parts(&ground(GROUND), Boot(4), 9, 77).unwrap();
-    assert_eq!((parts.station.lease, parts.station.holder, parts.station.store), (None, 9, 77));
-    assert_eq!(parts.station.vehicles, [VehicleId(1), VehicleId(2), VehicleId(3)]);
+    assert_eq!(
+        (
+            parts.station.lease,
+            parts.station.holder,
+            parts.station.store
+        ),
+        (None, 9, 77)
+    );
+    assert_eq!(
+        parts.station.vehicles,
+        [VehicleId(1), VehicleId(2), VehicleId(3)]
+    );
     assert_eq!(parts.station.bin_m, 0.5);
 }
 
 #[test]
 fn what_a_vehicle_cannot_do_without_is_asked_for() {
     let said = problems_of("kind = \"vehicle\"\n");
-    for part in ["venue: is missing", "id: is missing", "state_dir: is missing"] {
+    for part in [
+        "venue: is missing",
+        "id: is missing",
+        "state_dir: is missing",
+    ] {
         assert!(said.contains(part), "{part} is missing in:\n{said}");
     }
     for driver in ["autopilot", "range", "servo", "radio"] {
@@ -200,23 +288,59 @@ fn what_a_vehicle_cannot_do_without_is_asked_for() {
         );
     }
     check_replaced(VEHICLE, "id = 3\n", "", &["id: is missing", "1 to 250"]);
-    check_replaced(VEHICLE, "state_dir = \"state/3\"\n", "", &["state_dir: is missing", "folder"]);
-    check_replaced(VEHICLE, "world.token = \"0123456789abcdef\"\n", "", &["world.token: is missing"]);
-    check_replaced(VEHICLE, "world.connect = \"127.0.0.1:7500\"\n", "", &["world.connect: is missing"]);
+    check_replaced(
+        VEHICLE,
+        "state_dir = \"state/3\"\n",
+        "",
+        &["state_dir: is missing", "folder"],
+    );
+    check_replaced(
+        VEHICLE,
+        "world.token = \"0123456789abcdef\"\n",
+        "",
+        &["world.token: is missing"],
+    );
+    check_replaced(
+        VEHICLE,
+        "world.connect = \"127.0.0.1:7500\"\n",
+        "",
+        &["world.connect: is missing"],
+    );
     let no_world = VEHICLE.split("world.").next().unwrap();
-    check_one(no_world, &["world: is missing", "drivers of the kind \"sim\""]);
+    check_one(
+        no_world,
+        &["world: is missing", "drivers of the kind \"sim\""],
+    );
 }
 
 #[test]
 fn every_wrong_value_of_a_vehicle_is_refused() {
     for id in ["0", "251", "-1", "1.5", "\"one\""] {
-        check_replaced(VEHICLE, "id = 3", &format!("id = {id}"), &["configs/x.toml:3: id = ", "1 to 250"]);
+        check_replaced(
+            VEHICLE,
+            "id = 3",
+            &format!("id = {id}"),
+            &["configs/x.toml:3: id = ", "1 to 250"],
+        );
     }
-    check_replaced(VEHICLE, "id = 3", "id = 9", &["id = 9: has no home: the venue has 8"]);
+    check_replaced(
+        VEHICLE,
+        "id = 3",
+        "id = 9",
+        &["id = 9: has no home: the venue has 8"],
+    );
     check_replaced(VEHICLE, "\"state/3\"", "3", &["state_dir = 3: is no text"]);
-    check_replaced(VEHICLE, "courtyard.venue", "gone.venue", &["venue = ", "cannot be read"]);
+    check_replaced(
+        VEHICLE,
+        "courtyard.venue",
+        "gone.venue",
+        &["venue = ", "cannot be read"],
+    );
     check_vehicle("vehicle.count = 2", &["vehicle.count: is not known"]);
-    check_vehicle("vehicle.pose_sd_m = 0.1", &["vehicle.pose_sd_m: is not known"]);
+    check_vehicle(
+        "vehicle.pose_sd_m = 0.1",
+        &["vehicle.pose_sd_m: is not known"],
+    );
     for key in [
         "radius_m",
         "height_m",
@@ -226,27 +350,67 @@ fn every_wrong_value_of_a_vehicle_is_refused() {
         "braking_mps2",
         "turn_rate_deg_per_s",
     ] {
-        check_vehicle(&format!("vehicle.{key} = -1"), &[&format!("vehicle.{key} = -1: is out of range")]);
+        check_vehicle(
+            &format!("vehicle.{key} = -1"),
+            &[&format!("vehicle.{key} = -1: is out of range")],
+        );
     }
     for key in ["padding_m", "battery_return", "battery_hold", "closeness_m"] {
-        check_vehicle(&format!("safety.{key} = -1"), &[&format!("safety.{key} = -1: is out of range")]);
+        check_vehicle(
+            &format!("safety.{key} = -1"),
+            &[&format!("safety.{key} = -1: is out of range")],
+        );
     }
-    for key in ["half_angle_deg", "min_range_m", "max_range_m", "sure_range_m", "scan_period_s", "settle_s"] {
-        check_vehicle(&format!("range.{key} = -1"), &[&format!("range.{key} = -1: is out of range")]);
+    for key in [
+        "half_angle_deg",
+        "min_range_m",
+        "max_range_m",
+        "sure_range_m",
+        "scan_period_s",
+        "settle_s",
+    ] {
+        check_vehicle(
+            &format!("range.{key} = -1"),
+            &[&format!("range.{key} = -1: is out of range")],
+        );
     }
-    check_vehicle("range.beams_deg = []", &["range.beams_deg = []: is no such list"]);
+    check_vehicle(
+        "range.beams_deg = []",
+        &["range.beams_deg = []: is no such list"],
+    );
     check_vehicle("range.noise_sd_m = 0", &["range.noise_sd_m: is not known"]);
     for (line, part) in [
-        ("radio.power_dbm = 0.5", "radio.power_dbm = 0.5: is no whole number"),
+        (
+            "radio.power_dbm = 0.5",
+            "radio.power_dbm = 0.5: is no whole number",
+        ),
         ("radio.p0_dbm = -40", "radio.p0_dbm: is not known"),
-        ("pose.source = \"gps\"", "pose.source = \"gps\": is not known; source = \"autopilot\""),
-        ("pose.source = \"external\"", "is not built yet; source = \"autopilot\" is allowed today"),
-        ("pose.expected_sd_m = -1", "pose.expected_sd_m = -1: is out of range"),
-        ("pose.expected_sd_m = 0.6", "is above the pose_sd_max_m of the venue"),
-        ("record.limit_mb = -1", "record.limit_mb = -1: is no such number"),
+        (
+            "pose.source = \"gps\"",
+            "pose.source = \"gps\": is not known; source = \"autopilot\"",
+        ),
+        (
+            "pose.source = \"external\"",
+            "is not built yet; source = \"autopilot\" is allowed today",
+        ),
+        (
+            "pose.expected_sd_m = -1",
+            "pose.expected_sd_m = -1: is out of range",
+        ),
+        (
+            "pose.expected_sd_m = 0.6",
+            "is above the pose_sd_max_m of the venue",
+        ),
+        (
+            "record.limit_mb = -1",
+            "record.limit_mb = -1: is no such number",
+        ),
         ("record.limit_gb = 1", "record.limit_gb: is not known"),
         ("world.port = 1", "world.port: is not known"),
-        ("vehicles.count = 2", "vehicles: is not known; did you mean vehicle?"),
+        (
+            "vehicles.count = 2",
+            "vehicles: is not known; did you mean vehicle?",
+        ),
     ] {
         check_vehicle(line, &[part]);
     }
@@ -254,22 +418,40 @@ fn every_wrong_value_of_a_vehicle_is_refused() {
 
 #[test]
 fn a_speed_beyond_what_is_seen_is_refused() {
-    check_vehicle("vehicle.max_speed_mps = 5", &["vehicle.max_speed_mps = 5: the vehicle cannot look"]);
-    check_vehicle("pose.expected_sd_m = 0.45\nrange.sure_range_m = 1.2", &["range.sure_range_m = 1.2: "]);
+    check_vehicle(
+        "vehicle.max_speed_mps = 5",
+        &["vehicle.max_speed_mps = 5: the vehicle cannot look"],
+    );
+    check_vehicle(
+        "pose.expected_sd_m = 0.45\nrange.sure_range_m = 1.2",
+        &["range.sure_range_m = 1.2: "],
+    );
     check_vehicle(
         "vehicle.radius_m = 0.6",
         &["vehicle.radius_m = 0.6: lets two vehicles touch: the separation_m of the venue is 1 m"],
     );
     let text = format!("{VEHICLE}vehicle.radius_m = 2\nsafety.padding_m = 0.2");
-    let problems =
-        config::read_vehicle("configs/x.toml", &text, &mut in_venue("[swarm]\nseparation_m = 5\n"))
-            .unwrap_err();
-    assert!(problems.to_string().contains("home 3 is nearer than 2.20 m to the fence"), "{problems}");
+    let problems = config::read_vehicle(
+        "configs/x.toml",
+        &text,
+        &mut in_venue("[swarm]\nseparation_m = 5\n"),
+    )
+    .unwrap_err();
+    assert!(
+        problems
+            .to_string()
+            .contains("home 3 is nearer than 2.20 m to the fence"),
+        "{problems}"
+    );
 }
 
 #[test]
 fn drivers_that_are_not_built_in_are_refused_by_name() {
-    let serial = if cfg!(feature = "hw") { "\"serial-text\" or " } else { "" };
+    let serial = if cfg!(feature = "hw") {
+        "\"serial-text\" or "
+    } else {
+        ""
+    };
     let ranges = format!("\"sim\" or {serial}\"none\"");
     for (section, driver, built) in [
         ("autopilot", "mavlink", "\"sim\""),
@@ -278,15 +460,35 @@ fn drivers_that_are_not_built_in_are_refused_by_name() {
         ("range", "hcsr04", ranges.as_str()),
         ("radio", "xbee", "\"sim\""),
     ] {
-        let (old, new) = (format!("{section}.driver = \"sim\""), format!("{section}.driver = \"{driver}\""));
-        let said = format!("{section}.driver = \"{driver}\": is not built in; driver = {built} is allowed");
+        let (old, new) = (
+            format!("{section}.driver = \"sim\""),
+            format!("{section}.driver = \"{driver}\""),
+        );
+        let said = format!(
+            "{section}.driver = \"{driver}\": is not built in; driver = {built} is allowed"
+        );
         check_replaced(VEHICLE, &old, &new, &[&said]);
         let said = format!("\"usb\": is not known; driver = {built} is allowed");
-        check_replaced(VEHICLE, &old, &format!("{section}.driver = \"usb\""), &[&said]);
+        check_replaced(
+            VEHICLE,
+            &old,
+            &format!("{section}.driver = \"usb\""),
+            &[&said],
+        );
     }
     // Each device has its own.
-    check_replaced(VEHICLE, "radio.driver = \"sim\"", "radio.driver = \"gpio\"", &["is not known"]);
-    check_replaced(VEHICLE, "radio.driver = \"sim\"", "radio.driver = \"none\"", &["is not known"]);
+    check_replaced(
+        VEHICLE,
+        "radio.driver = \"sim\"",
+        "radio.driver = \"gpio\"",
+        &["is not known"],
+    );
+    check_replaced(
+        VEHICLE,
+        "radio.driver = \"sim\"",
+        "radio.driver = \"none\"",
+        &["is not known"],
+    );
 }
 
 #[test]
@@ -295,36 +497,54 @@ fn a_vehicle_says_what_its_drivers_have() {
     let text = text.replace("servo.driver = \"sim\"", "servo.driver = \"none\"");
     let blind = vehicle(&text);
     assert!(Settings::from_vehicle_file(&blind, Boot(1)).look.is_blind);
-    assert!(!Settings::from_vehicle_file(&vehicle(VEHICLE), Boot(1)).look.is_blind);
+    assert!(
+        !Settings::from_vehicle_file(&vehicle(VEHICLE), Boot(1))
+            .look
+            .is_blind
+    );
     let autopilot = Capability::Autopilot(AutopilotFamily::Simulated, BodyKind::Rover);
     let radio = Capability::Radio(RadioKind::Simulated);
     assert_eq!(blind.drivers.capabilities(), [autopilot, radio]);
-    let (range, servo) =
-        (Capability::RangeSensor(RangeSensorKind::Simulated), Capability::Servo(ServoKind::Simulated));
-    assert_eq!(Drivers::SIMULATED.capabilities(), [autopilot, range, servo, radio]);
+    let (range, servo) = (
+        Capability::RangeSensor(RangeSensorKind::Simulated),
+        Capability::Servo(ServoKind::Simulated),
+    );
+    assert_eq!(
+        Drivers::SIMULATED.capabilities(),
+        [autopilot, range, servo, radio]
+    );
 }
 
 #[test]
 fn without_a_servo_the_sensors_are_fixed_and_look_ahead() {
     let text = VEHICLE.replace("servo.driver = \"sim\"", "servo.driver = \"none\"");
     let ahead = vehicle(&text).look;
-    assert_eq!((ahead.beams_deg.as_slice(), ahead.sensors.len()), ([0.0].as_slice(), 1));
+    assert_eq!(
+        (ahead.beams_deg.as_slice(), ahead.sensors.len()),
+        ([0.0].as_slice(), 1)
+    );
     assert_eq!(ahead.mounts().aim(Angle::from_degrees(1.0)), None);
     let written = config::written(&Config::Vehicle(Box::new(vehicle(&text))));
-    let read =
-        config::read_vehicle("v.toml", &written, &mut |_| bundled::load("configs/courtyard.venue.toml"));
+    let read = config::read_vehicle("v.toml", &written, &mut |_| {
+        bundled::load("configs/courtyard.venue.toml")
+    });
     assert_eq!(read.unwrap().look, ahead, "{written}");
-    let two =
-        "range.beams_deg = [30, -30]\n[[range.sensor]]\nmount_deg = 30\n[[range.sensor]]\nmount_deg = -30\n";
+    let two = "range.beams_deg = [30, -30]\n[[range.sensor]]\nmount_deg = 30\n[[range.sensor]]\nmount_deg = -30\n";
     let fan = vehicle(&format!("{text}{two}")).look;
-    assert_eq!((fan.beams_deg.as_slice(), fan.sensors.len()), ([30.0, -30.0].as_slice(), 2));
+    assert_eq!(
+        (fan.beams_deg.as_slice(), fan.sensors.len()),
+        ([30.0, -30.0].as_slice(), 2)
+    );
     check_one(
         &format!("{text}range.beams_deg = [0, 25]\n"),
         &["range.beams_deg", "25° is reached by no servo"],
     );
     check_one(
         &format!("{text}[[range.sensor]]\nservo_to_deg = 30\n"),
-        &["range.sensor[0].servo_to_deg", "needs a servo, and the servo's driver is \"none\""],
+        &[
+            "range.sensor[0].servo_to_deg",
+            "needs a servo, and the servo's driver is \"none\"",
+        ],
     );
 }
 
@@ -342,30 +562,53 @@ fn a_range_sensor_on_a_serial_line_is_told_its_port_and_its_lines() {
     let file = vehicle(&serial(""));
     let text = SerialText::default();
     let port = "/dev/ttyUSB0".to_owned();
-    let sensor = SerialSensor { port, baud: 9600, protocol: SerialProtocol::Text(text) };
+    let sensor = SerialSensor {
+        port,
+        baud: 9600,
+        protocol: SerialProtocol::Text(text),
+    };
     assert_eq!(
         file.drivers,
-        Drivers { range: RangeDriver::Serial(sensor), servo: ServoDriver::None, ..Drivers::SIMULATED }
+        Drivers {
+            range: RangeDriver::Serial(sensor),
+            servo: ServoDriver::None,
+            ..Drivers::SIMULATED
+        }
     );
     assert_eq!(text.nothing_from_m(&file.look), Some(4.0));
     let kinds = file.drivers.capabilities();
-    assert!(kinds.contains(&Capability::RangeSensor(RangeSensorKind::SerialText)), "{kinds:?}");
-    assert!(!kinds.iter().any(|kind| matches!(kind, Capability::Servo(_))), "{kinds:?}");
+    assert!(
+        kinds.contains(&Capability::RangeSensor(RangeSensorKind::SerialText)),
+        "{kinds:?}"
+    );
+    assert!(
+        !kinds
+            .iter()
+            .any(|kind| matches!(kind, Capability::Servo(_))),
+        "{kinds:?}"
+    );
     let further = "range.serial-text.baud = 57600\nrange.serial-text.format = \"number\"\n\
         range.serial-text.unit = \"cm\"\nrange.serial-text.nothing_from = 1200\nrange.serial-text.delay_s = 0.05\n";
     let file = vehicle(&serial(further));
-    let RangeDriver::Serial(SerialSensor { baud: 57_600, protocol: SerialProtocol::Text(text), .. }) =
-        file.drivers.range
+    let RangeDriver::Serial(SerialSensor {
+        baud: 57_600,
+        protocol: SerialProtocol::Text(text),
+        ..
+    }) = file.drivers.range
     else {
         panic!("{:?}", file.drivers)
     };
-    assert_eq!((text.format, text.unit, text.delay_s), (TextFormat::Number, LengthUnit::Centimetres, 0.05));
+    assert_eq!(
+        (text.format, text.unit, text.delay_s),
+        (TextFormat::Number, LengthUnit::Centimetres, 0.05)
+    );
     assert_eq!(text.nothing_from_m(&file.look), Some(12.0));
     // What is printed means the same.
     let file = vehicle(&serial(further));
     let written = config::written(&Config::Vehicle(Box::new(file.clone())));
-    let read =
-        config::read_vehicle("v.toml", &written, &mut |_| bundled::load("configs/courtyard.venue.toml"));
+    let read = config::read_vehicle("v.toml", &written, &mut |_| {
+        bundled::load("configs/courtyard.venue.toml")
+    });
     assert_eq!(read.unwrap().drivers, file.drivers, "{written}");
 }
 
@@ -374,32 +617,76 @@ fn a_range_sensor_on_a_serial_line_is_told_its_port_and_its_lines() {
 fn every_wrong_value_of_a_range_sensor_on_a_serial_line_is_refused() {
     let table = "range.serial-text";
     for (lines, parts) in [
-        ("baud = 299", ["baud = 299: is out of range", "300 to 4000000"]),
+        (
+            "baud = 299",
+            ["baud = 299: is out of range", "300 to 4000000"],
+        ),
         ("baud = 5000000", ["baud = 5000000: is out of range", ""]),
-        ("format = \"nmea\"", ["format = \"nmea\": is no choice", "\"maxbotix\" or \"number\""]),
+        (
+            "format = \"nmea\"",
+            [
+                "format = \"nmea\": is no choice",
+                "\"maxbotix\" or \"number\"",
+            ],
+        ),
         ("unit = \"ft\"", ["unit = \"ft\": is no choice", "\"in\""]),
-        ("unit = \"cm\"", ["unit = \"cm\": is not what a line such as R1234 counts", "\"mm\""]),
-        ("nothing_from = 3999", ["nothing_from = 3999: is nearer than max_range_m", "taken for free"]),
-        ("nothing_from = -1", ["nothing_from = -1: is out of range", ""]),
-        ("delay_s = 0.07", ["delay_s = 0.07: leaves no time for an answer", "scan_period_s"]),
+        (
+            "unit = \"cm\"",
+            [
+                "unit = \"cm\": is not what a line such as R1234 counts",
+                "\"mm\"",
+            ],
+        ),
+        (
+            "nothing_from = 3999",
+            [
+                "nothing_from = 3999: is nearer than max_range_m",
+                "taken for free",
+            ],
+        ),
+        (
+            "nothing_from = -1",
+            ["nothing_from = -1: is out of range", ""],
+        ),
+        (
+            "delay_s = 0.07",
+            [
+                "delay_s = 0.07: leaves no time for an answer",
+                "scan_period_s",
+            ],
+        ),
         ("delay_s = -1", ["delay_s = -1: is out of range", ""]),
         ("pin = 4", ["pin: is not known", ""]),
     ] {
         check_one(&serial(&format!("{table}.{lines}\n")), &parts);
     }
     for port in ["ttyUSB0", "", "/dev/tty\\u0000"] {
-        check_replaced(&serial(""), "/dev/ttyUSB0", port, &["range.serial-text.port"]);
+        check_replaced(
+            &serial(""),
+            "/dev/ttyUSB0",
+            port,
+            &["range.serial-text.port"],
+        );
     }
     let portless = serial("").replace("range.serial-text.port = \"/dev/ttyUSB0\"\n", "");
-    check_one(&portless, &["range.serial-text: is missing", "with its port is needed"]);
-    check_one(&format!("{portless}{table}.baud = 9600\n"), &["range.serial-text.port: is missing"]);
+    check_one(
+        &portless,
+        &["range.serial-text: is missing", "with its port is needed"],
+    );
+    check_one(
+        &format!("{portless}{table}.baud = 9600\n"),
+        &["range.serial-text.port: is missing"],
+    );
     check_one(
         &serial("range.max_range_m = 12\nrange.farness_m = 4\n"),
         &["range.max_range_m = 12: is farther than a line such as R9999 says"],
     );
     check_one(
         &serial("").replace("servo.driver = \"none\"", "servo.driver = \"sim\""),
-        &["servo.driver = \"sim\": turns no real range sensor", "driver = \"none\" is allowed"],
+        &[
+            "servo.driver = \"sim\": turns no real range sensor",
+            "driver = \"none\" is allowed",
+        ],
     );
     check_replaced(
         &serial(""),
@@ -419,7 +706,10 @@ fn what_the_drivers_that_are_not_chosen_would_be_told_is_checked_and_left_alone(
         &format!("{unused}range.serial-text.baud = 1\n"),
         &["range.serial-text.baud = 1: is out of range"],
     );
-    check_one(&format!("{VEHICLE}range.serial-text.baud = 9600\n"), &["range.serial-text.port: is missing"]);
+    check_one(
+        &format!("{VEHICLE}range.serial-text.baud = 9600\n"),
+        &["range.serial-text.port: is missing"],
+    );
 }
 
 #[test]
@@ -431,28 +721,70 @@ fn the_simulated_world_is_on_this_machine_and_asks_for_a_word() {
         ("127.0.0.1", "is no address with a port"),
         ("127.0.0.1:0", "has port 0"),
     ] {
-        check_replaced(VEHICLE, "127.0.0.1:7500", address, &["world.connect", wrong, "127.0.0.1:7500"]);
+        check_replaced(
+            VEHICLE,
+            "127.0.0.1:7500",
+            address,
+            &["world.connect", wrong, "127.0.0.1:7500"],
+        );
     }
     for token in ["short", "with space", &"x".repeat(129), "a/b/c/d/e/f"] {
-        check_replaced(VEHICLE, "0123456789abcdef", token, &["world.token", "8 to 128"]);
+        check_replaced(
+            VEHICLE,
+            "0123456789abcdef",
+            token,
+            &["world.token", "8 to 128"],
+        );
     }
 }
 
 #[test]
 fn every_wrong_value_of_a_ground_station_is_refused() {
-    for list in ["[0]", "[251]", "[1, 1]", "[1, \"2\"]", "3", "[1.5]", "[[1]]"] {
+    for list in [
+        "[0]",
+        "[251]",
+        "[1, 1]",
+        "[1, \"2\"]",
+        "3",
+        "[1.5]",
+        "[[1]]",
+    ] {
         let said = format!("vehicles = {list}: is no such list");
         check_replaced(GROUND, "[3, 1, 2]", list, &[&said, "1 to 250"]);
     }
-    check_replaced(GROUND, "[3, 1, 2]", "[1, 9]", &["has vehicle 9, but the venue has 8 homes"]);
-    check_replaced(GROUND, "vehicles = [3, 1, 2]\n", "", &["vehicles: is missing"]);
-    check_replaced(GROUND, "state_dir = \"/var/lib/tomoswarm\"\n", "", &["state_dir: is missing"]);
+    check_replaced(
+        GROUND,
+        "[3, 1, 2]",
+        "[1, 9]",
+        &["has vehicle 9, but the venue has 8 homes"],
+    );
+    check_replaced(
+        GROUND,
+        "vehicles = [3, 1, 2]\n",
+        "",
+        &["vehicles: is missing"],
+    );
+    check_replaced(
+        GROUND,
+        "state_dir = \"/var/lib/tomoswarm\"\n",
+        "",
+        &["state_dir: is missing"],
+    );
     for (line, part) in [
-        ("sweep.positions = 4", "sweep.positions = 4: is out of range"),
+        (
+            "sweep.positions = 4",
+            "sweep.positions = 4: is out of range",
+        ),
         ("sweep.positions = 500", "puts 4 steps into 0.64 m"),
-        ("imaging.pixels = [1, 1]", "imaging.pixels = [1, 1]: is no such pair"),
+        (
+            "imaging.pixels = [1, 1]",
+            "imaging.pixels = [1, 1]: is no such pair",
+        ),
         ("safety.padding_m = 0.1", "safety.padding_m: is not known"),
-        ("radio.sensitivity_dbm = 0", "radio.sensitivity_dbm = 0: is out of range"),
+        (
+            "radio.sensitivity_dbm = 0",
+            "radio.sensitivity_dbm = 0: is out of range",
+        ),
         ("radio.channel = 15", "radio.channel: is not known"),
         ("compare_with = 0", "compare_with = 0: is out of range"),
         ("compare_with = 4294967295", "is out of range"),
@@ -462,7 +794,10 @@ fn every_wrong_value_of_a_ground_station_is_refused() {
         ),
         ("take_over = 1", "take_over = 1: is no yes or no"),
         ("operators_note = 7", "operators_note = 7: is no text"),
-        ("record.limit_mb = 2000000", "record.limit_mb = 2000000: is out of range"),
+        (
+            "record.limit_mb = 2000000",
+            "record.limit_mb = 2000000: is out of range",
+        ),
         ("seed = 1", "seed: is not known"),
     ] {
         check_ground(line, &[part]);
@@ -478,12 +813,24 @@ fn every_wrong_value_of_a_ground_station_is_refused() {
 #[test]
 fn a_file_of_another_kind_is_refused() {
     for (read, kind) in [
-        (config::read_vehicle("x.toml", GROUND, &mut loaded).err(), "vehicle"),
-        (config::read_ground("x.toml", VEHICLE, &mut loaded).err(), "ground"),
-        (config::read_operator("x.toml", GROUND, &mut loaded).err(), "operator"),
+        (
+            config::read_vehicle("x.toml", GROUND, &mut loaded).err(),
+            "vehicle",
+        ),
+        (
+            config::read_ground("x.toml", VEHICLE, &mut loaded).err(),
+            "ground",
+        ),
+        (
+            config::read_operator("x.toml", GROUND, &mut loaded).err(),
+            "operator",
+        ),
     ] {
         let said = read.unwrap().to_string();
-        assert!(said.contains(&format!("is of another kind; kind = \"{kind}\"")), "{said}");
+        assert!(
+            said.contains(&format!("is of another kind; kind = \"{kind}\"")),
+            "{said}"
+        );
     }
 }
 
@@ -493,13 +840,16 @@ fn the_examples_are_read_as_what_they_say() {
     for kind in ["vehicle", "ground", "operator"] {
         let path = format!("{root}/configs/courtyard.{kind}.toml");
         let text = std::fs::read_to_string(&path).unwrap();
-        let mut loader = |path: &str| std::fs::read_to_string(path).map_err(|error| error.to_string());
+        let mut loader =
+            |path: &str| std::fs::read_to_string(path).map_err(|error| error.to_string());
         let config = config::read(&path, &text, &mut loader).unwrap();
         let found = match config {
             Config::Vehicle(_) => "vehicle",
             Config::Ground(_) => "ground",
             Config::Operator(_) => "operator",
-            Config::Venue(_) | Config::Scene(_) | Config::Sim(_) | Config::Experiment(_) => "another",
+            Config::Venue(_) | Config::Scene(_) | Config::Sim(_) | Config::Experiment(_) => {
+                "another"
+            }
         };
         assert_eq!(found, kind);
     }
@@ -530,8 +880,12 @@ fn what_the_swarm_agrees_on_is_refused_in_a_nodes_file_with_its_new_place() {
 
 #[test]
 fn the_ground_reckons_with_the_autonomy_of_the_venue() {
-    let day = config::read_ground("configs/g.toml", GROUND, &mut in_venue("[swarm]\nautonomy_s = 86400\n"))
-        .unwrap();
+    let day = config::read_ground(
+        "configs/g.toml",
+        GROUND,
+        &mut in_venue("[swarm]\nautonomy_s = 86400\n"),
+    )
+    .unwrap();
     let parts = ground_parts(&day, Boot(1), 9, 77).unwrap();
     assert_eq!(parts.station.autonomy, Duration::from_secs(86_400));
     let parts = ground_parts(&ground(GROUND), Boot(1), 9, 77).unwrap();

@@ -86,14 +86,23 @@ fn a_broken_line_does_not_hide_the_mistakes_of_others() {
     );
     check_sim(
         "[vehicles]\ncount = 2\ncount = 3\n[vehicles]\n",
-        &["configs/a.toml:6: no valid TOML: duplicate key", "configs/a.toml:7: no valid TOML: duplicate key"],
+        &[
+            "configs/a.toml:6: no valid TOML: duplicate key",
+            "configs/a.toml:7: no valid TOML: duplicate key",
+        ],
     );
 }
 
 #[test]
 fn an_unknown_key_names_the_nearest_known_one() {
-    check_sim("[vehicle]\ncount = 2\n", &["configs/a.toml:4: vehicle: is not known; did you mean vehicles?"]);
-    check_sim("[radio]\np0 = -40\n", &["configs/a.toml:5: radio.p0: is not known; did you mean p0_dbm?"]);
+    check_sim(
+        "[vehicle]\ncount = 2\n",
+        &["configs/a.toml:4: vehicle: is not known; did you mean vehicles?"],
+    );
+    check_sim(
+        "[radio]\np0 = -40\n",
+        &["configs/a.toml:5: radio.p0: is not known; did you mean p0_dbm?"],
+    );
     check_sim(
         "[radio]\nxyzzy = 1\n",
         &[
@@ -135,7 +144,8 @@ fn a_file_of_no_or_another_kind_is_refused() {
             "configs/courtyard.venue.toml:3: kind = \"venue\": is of another kind; kind = \"scene\" is needed here",
         ],
     );
-    let problems = config::read_sim("v.toml", VENUE, None, &mut |path| bundled::load(path)).unwrap_err();
+    let problems =
+        config::read_sim("v.toml", VENUE, None, &mut |path| bundled::load(path)).unwrap_err();
     assert_eq!(
         problems.to_string().lines().collect::<Vec<_>>(),
         ["v.toml:1: kind = \"venue\": is of another kind; kind = \"sim\" is needed here",]
@@ -254,12 +264,16 @@ fn a_venue_must_make_sense() {
     check_venue(
         "area_m",
         "name = \"../etc\"\narea_m",
-        &["v.toml:2: name = \"../etc\": is no plain name; 1 to 64 letters, digits, - and _ are allowed"],
+        &[
+            "v.toml:2: name = \"../etc\": is no plain name; 1 to 64 letters, digits, - and _ are allowed",
+        ],
     );
     check_venue(
         "[datum]\nlatitude_deg = 52.0\nlongitude_deg = 4.9\n",
         "",
-        &["v.toml:1: datum: is missing; a table [datum] with latitude_deg and longitude_deg is needed"],
+        &[
+            "v.toml:1: datum: is missing; a table [datum] with latitude_deg and longitude_deg is needed",
+        ],
     );
     check_venue(
         "latitude_deg = 52.0\n",
@@ -319,7 +333,9 @@ fn a_scene_must_make_sense() {
     );
     check_scene(
         "[random_persons]\ncount = 101\n",
-        &["s.toml:3: random_persons.count = 101: is out of range; a whole number from 0 to 100 is allowed"],
+        &[
+            "s.toml:3: random_persons.count = 101: is out of range; a whole number from 0 to 100 is allowed",
+        ],
     );
     check_scene(
         "person = 3\n",
@@ -357,12 +373,17 @@ fn a_vehicle_that_sees_nothing_beyond_its_own_margins_is_refused() {
 fn the_speed_limit_counts_the_deviation_of_the_place_the_cell_and_the_handling_of_a_look() {
     // 0.5 m/s for five looks and one reading more, and braking: 0.425 m. The margin is 0.25 + 0.1 m, twice 0.05 m,
     // and half the diagonal of a cell of 0.2 m: 0.591 m. Together 1.016 m.
-    let is_refused =
-        |lines: &str| !problems_of("configs/a.toml", &format!("{SIM}{lines}")).starts_with("accepted");
+    let is_refused = |lines: &str| {
+        !problems_of("configs/a.toml", &format!("{SIM}{lines}")).starts_with("accepted")
+    };
     assert!(is_refused("[range]\nsure_range_m = 1.01\n"));
     assert!(!is_refused("[range]\nsure_range_m = 1.02\n"));
-    assert!(is_refused("[vehicles]\npose_sd_m = 0.06\n[range]\nsure_range_m = 1.02\n"));
-    assert!(is_refused("[range]\nsure_range_m = 1.02\nscan_period_s = 0.11\n"));
+    assert!(is_refused(
+        "[vehicles]\npose_sd_m = 0.06\n[range]\nsure_range_m = 1.02\n"
+    ));
+    assert!(is_refused(
+        "[range]\nsure_range_m = 1.02\nscan_period_s = 0.11\n"
+    ));
 }
 
 #[test]
@@ -375,7 +396,9 @@ fn values_that_do_not_fit_together_are_refused() {
     );
     check_sim(
         "[range]\nsure_range_m = 5\n",
-        &["configs/a.toml:5: range.sure_range_m = 5: is beyond max_range_m; at most max_range_m is allowed"],
+        &[
+            "configs/a.toml:5: range.sure_range_m = 5: is beyond max_range_m; at most max_range_m is allowed",
+        ],
     );
     check_sim(
         "[range]\nsettle_s = 0.2\n[sweep]\ndwell_s = 60\n",
@@ -396,7 +419,9 @@ fn values_that_do_not_fit_together_are_refused() {
     );
     check_sim(
         "[vehicles]\ncount = 1\n",
-        &["configs/a.toml:5: vehicles.count = 1: is out of range; a whole number from 2 to 8 is allowed"],
+        &[
+            "configs/a.toml:5: vehicles.count = 1: is out of range; a whole number from 2 to 8 is allowed",
+        ],
     );
     check_sim(
         "[vehicles]\ncount = 8\n[sweep]\npositions = 20\n",
@@ -429,7 +454,14 @@ fn values_that_do_not_fit_together_are_refused() {
 
 #[test]
 fn every_vehicle_needs_a_home() {
-    let mut loader = |path: &str| Ok(if path == "v.toml" { VENUE } else { "kind = \"scene\"\n" }.to_owned());
+    let mut loader = |path: &str| {
+        Ok(if path == "v.toml" {
+            VENUE
+        } else {
+            "kind = \"scene\"\n"
+        }
+        .to_owned())
+    };
     let text = "kind = \"sim\"\nvenue = \"v.toml\"\nscene = \"s.toml\"\nvehicles.count = 3\n";
     let problems = config::read("a.toml", text, &mut loader).unwrap_err();
     assert_eq!(
@@ -461,8 +493,15 @@ fn hostile_text_is_refused_without_harm() {
     let deep_table = format!("{SIM}x = {}", "{a=".repeat(100_000));
     assert!(problems_of("a.toml", &deep_table).contains("a.toml:4: no valid TOML: "));
     let huge = "# filler\n".repeat(1_000_000);
-    check("a.toml", &huge, &["a.toml:1: the file has 9000000 bytes; at most 1048576 are read"]);
-    assert!(problems_of("a.toml", "\u{0}\u{1}kind\u{feff} = \"\u{7f}").contains("a.toml:1: no valid TOML"));
+    check(
+        "a.toml",
+        &huge,
+        &["a.toml:1: the file has 9000000 bytes; at most 1048576 are read"],
+    );
+    assert!(
+        problems_of("a.toml", "\u{0}\u{1}kind\u{feff} = \"\u{7f}")
+            .contains("a.toml:1: no valid TOML")
+    );
 }
 
 #[test]
@@ -518,8 +557,11 @@ fn the_speed_limit_counts_the_turns_of_the_servos() {
     // As above, 1.016 m without turns. Five beams at ±50° on one servo of 0.1 s for 60°: 200° a round, 0.33 s, and at
     // worst 100° more: 0.17 s; 0.25 m at 0.5 m/s.
     let is_refused = |sure_m: f64| {
-        let sensor = "[[range.sensor]]\nservo_from_deg = -50\nservo_to_deg = 50\nslew_s_per_60_deg = 0.1\n";
-        let lines = format!("[range]\nsure_range_m = {sure_m}\nbeams_deg = [0, 25, 50, -25, -50]\n{sensor}");
+        let sensor =
+            "[[range.sensor]]\nservo_from_deg = -50\nservo_to_deg = 50\nslew_s_per_60_deg = 0.1\n";
+        let lines = format!(
+            "[range]\nsure_range_m = {sure_m}\nbeams_deg = [0, 25, 50, -25, -50]\n{sensor}"
+        );
         !problems_of("configs/a.toml", &format!("{SIM}{lines}")).starts_with("accepted")
     };
     assert!(is_refused(1.26));

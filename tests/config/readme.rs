@@ -7,9 +7,14 @@ fn the_tables_of_the_readme_are_those_of_the_declarations() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/README.md");
     let readme = std::fs::read_to_string(path).unwrap();
     for (kind, tables) in key_tables() {
-        let (begin, end) = (format!("<!-- keys of {kind} -->\n\n"), "<!-- end of keys -->");
-        let found =
-            readme.split_once(&begin).and_then(|(_, rest)| rest.split_once(end)).map(|(text, _)| text);
+        let (begin, end) = (
+            format!("<!-- keys of {kind} -->\n\n"),
+            "<!-- end of keys -->",
+        );
+        let found = readme
+            .split_once(&begin)
+            .and_then(|(_, rest)| rest.split_once(end))
+            .map(|(text, _)| text);
         assert_eq!(
             found,
             Some(tables.as_str()),

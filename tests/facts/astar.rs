@@ -18,9 +18,15 @@ pub fn check(fact: &Fact) -> Checked {
     }
 }
 
-fn grid(side: i32, cell_m: f64, clearance_m: f64, solid: impl Fn(Cell) -> bool) -> Result<Grid, String> {
+fn grid(
+    side: i32,
+    cell_m: f64,
+    clearance_m: f64,
+    solid: impl Fn(Cell) -> bool,
+) -> Result<Grid, String> {
     let area = CellRect::new(Cell::new(0, 0), Cell::new(side - 1, side - 1));
-    Grid::of_cells(Lattice::new(cell_m), area, clearance_m, solid).map_err(|error| error.to_string())
+    Grid::of_cells(Lattice::new(cell_m), area, clearance_m, solid)
+        .map_err(|error| error.to_string())
 }
 
 fn cell(fact: &Fact, key: &str) -> Result<Cell, String> {
@@ -33,10 +39,20 @@ fn shut_off(fact: &Fact) -> Checked {
     let side = fact.whole("size")? as i32;
     let wall = fact.text("wall")?;
     let digits: String = wall.chars().filter(char::is_ascii_digit).collect();
-    let column: i32 = digits.parse().map_err(|_| format!("{wall} names no column"))?;
+    let column: i32 = digits
+        .parse()
+        .map_err(|_| format!("{wall} names no column"))?;
     let grid = grid(side, 1.0, 0.0, |cell| cell.x == column)?;
     let goal = Cell::new(side - 1, side - 1);
-    match shortest_cells(&grid, Cell::new(0, 0), goal, &Rules { cut_corners: true, ..Rules::default() }) {
+    match shortest_cells(
+        &grid,
+        Cell::new(0, 0),
+        goal,
+        &Rules {
+            cut_corners: true,
+            ..Rules::default()
+        },
+    ) {
         // All that can be reached was searched, and no more.
         Err(NoRoute::Unreachable { searched }) if searched == (column * side) as usize => {}
         other => return Err(format!("the way is {other:?}")),
@@ -57,8 +73,15 @@ fn with_turns(fact: &Fact) -> Checked {
     })?;
     let heading = Some(Bearing::from_degrees(fact.number("start_bearing_deg")?).angle());
     // Cells are a metre wide.
-    let turning = Turning { cost_m_per_rad: fact.number("turning_cost_per_rad")?, heading };
-    let rules = Rules { diagonal: false, turning: Some(turning), ..Rules::default() };
+    let turning = Turning {
+        cost_m_per_rad: fact.number("turning_cost_per_rad")?,
+        heading,
+    };
+    let rules = Rules {
+        diagonal: false,
+        turning: Some(turning),
+        ..Rules::default()
+    };
     let found = shortest_cells(&grid, cell(fact, "start")?, cell(fact, "goal")?, &rules)
         .map_err(|error| error.to_string())?;
     let place = |cell: &Cell| json!([cell.y, cell.x]);
@@ -67,10 +90,18 @@ fn with_turns(fact: &Fact) -> Checked {
             != (three[2].x - three[1].x, three[2].y - three[1].y)
     });
     let last = found.cells.last().ok_or("the way is empty")?;
-    let waypoints: Vec<Value> = corners.map(|three| place(&three[1])).chain([place(last)]).collect();
+    let waypoints: Vec<Value> = corners
+        .map(|three| place(&three[1]))
+        .chain([place(last)])
+        .collect();
     fact.expect("path", found.cells[1..].iter().map(place).collect())?;
     fact.expect("waypoints", Value::Array(waypoints))?;
-    let before = found.cells.iter().rev().nth(1).ok_or("the way has no step")?;
+    let before = found
+        .cells
+        .iter()
+        .rev()
+        .nth(1)
+        .ok_or("the way has no step")?;
     let end = Vector::new(f64::from(last.x - before.x), f64::from(last.y - before.y)).angle();
     fact.expect("end_bearing_deg", json!(end.bearing().degrees()))?;
     fact.expect("cost", json!(found.cost_cells))
@@ -83,15 +114,24 @@ fn among_obstacles(fact: &Fact) -> Checked {
     if solid.len() as i64 != fact.whole("obstacle_count")? {
         return Err(format!("there are {} obstacles", solid.len()));
     }
-    let grid =
-        grid(side, 1.0 / per_m, fact.number("closeness_m")?, |cell| solid.contains(&(cell.y, cell.x)))?;
-    let rules = Rules { cut_corners: true, ..Rules::default() };
+    let grid = grid(side, 1.0 / per_m, fact.number("closeness_m")?, |cell| {
+        solid.contains(&(cell.y, cell.x))
+    })?;
+    let rules = Rules {
+        cut_corners: true,
+        ..Rules::default()
+    };
     let found = shortest_cells(&grid, start, goal, &rules).map_err(|error| error.to_string())?;
     fact.expect("cost", json!(found.length_cells / per_m))
 }
 
 /// The obstacles by their recipe, as (row, column).
-fn obstacles(kind: &str, side: i32, start: Cell, goal: Cell) -> Result<BTreeSet<(i32, i32)>, String> {
+fn obstacles(
+    kind: &str,
+    side: i32,
+    start: Cell,
+    goal: Cell,
+) -> Result<BTreeSet<(i32, i32)>, String> {
     match kind {
         "empty" => Ok(BTreeSet::new()),
         "walls" => Ok(walls(side)),
@@ -104,7 +144,11 @@ fn obstacles(kind: &str, side: i32, start: Cell, goal: Cell) -> Result<BTreeSet<
 fn walls(side: i32) -> BTreeSet<(i32, i32)> {
     let gap = (side / 10).max(4);
     let wall = |number: i32| {
-        let rows = if number % 2 == 1 { 0..side - gap } else { gap..side };
+        let rows = if number % 2 == 1 {
+            0..side - gap
+        } else {
+            gap..side
+        };
         rows.map(move |row| (row, number * side / 5))
     };
     (1..=4).flat_map(wall).collect()

@@ -15,14 +15,17 @@ pub fn check(fact: &Fact) -> Checked {
         }
         () if fact.has("a1_deg") => two_angles(fact),
         () if fact.has("count") => geometry_3d::evenly_spaced_points(fact),
-        () if fact.has("ray_from") || (fact.has("polygon") && !fact.has("point")) => geometry_3d::face(fact),
+        () if fact.has("ray_from") || (fact.has("polygon") && !fact.has("point")) => {
+            geometry_3d::face(fact)
+        }
         () if fact.has("polygon") => {
             let polygon = Polygon::new(fact.table("polygon")?.into_iter().map(place).collect());
             fact.expect("inside", json!(polygon.contains(fact.place("point")?)))
         }
         () if fact.has("edge") => edge(fact),
         () if fact.has("offsets") => {
-            let bearing = |[north, east]: [f64; 2]| Vector::new(east, north).angle().bearing().degrees();
+            let bearing =
+                |[north, east]: [f64; 2]| Vector::new(east, north).angle().bearing().degrees();
             let bearings: Vec<f64> = fact.table("offsets")?.into_iter().map(bearing).collect();
             fact.expect("bearing_deg", json!(bearings))
         }
@@ -32,10 +35,15 @@ pub fn check(fact: &Fact) -> Checked {
 }
 
 fn two_angles(fact: &Fact) -> Checked {
-    let (a1, a2) = (Angle::from_degrees(fact.number("a1_deg")?), Angle::from_degrees(fact.number("a2_deg")?));
+    let (a1, a2) = (
+        Angle::from_degrees(fact.number("a1_deg")?),
+        Angle::from_degrees(fact.number("a2_deg")?),
+    );
     let difference_deg = a1.difference_rad(a2).to_degrees();
     match () {
-        () if fact.expects("abs_diff_deg") => fact.expect("abs_diff_deg", json!(difference_deg.abs())),
+        () if fact.expects("abs_diff_deg") => {
+            fact.expect("abs_diff_deg", json!(difference_deg.abs()))
+        }
         () if fact.expects("diff_deg") => fact.expect("diff_deg", json!(difference_deg)),
         () if fact.expects("equal") => {
             let tolerance_rad = fact.number("tol_deg")?.to_radians();
@@ -54,13 +62,18 @@ fn two_angles(fact: &Fact) -> Checked {
 /// A ray to the east against an edge, or a wall that stands on it.
 fn edge(fact: &Fact) -> Checked {
     let ends: Vec<[f64; 2]> = fact.table("edge")?;
-    let [from, to] = ends[..] else { return Err("an edge has two ends".to_owned()) };
+    let [from, to] = ends[..] else {
+        return Err("an edge has two ends".to_owned());
+    };
     let (edge, point) = (Segment::new(place(from), place(to)), fact.place("point")?);
     if fact.expects("intersects") {
         return fact.expect("intersects", json!(edge.is_met_along_x(point)));
     }
     let met = edge.met_after_m(point, Angle::from_degrees(0.0));
-    fact.expect("distance", met.map_or(Value::Null, |distance| json!(distance)))
+    fact.expect(
+        "distance",
+        met.map_or(Value::Null, |distance| json!(distance)),
+    )
 }
 
 fn offset(fact: &Fact) -> Checked {

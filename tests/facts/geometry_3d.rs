@@ -13,7 +13,10 @@ fn swapped([a, b, up]: [f64; 3]) -> [f64; 3] {
 /// Checks points between two others.
 pub fn evenly_spaced_points(fact: &Fact) -> Checked {
     let count = usize::try_from(fact.whole("count")?).map_err(|error| error.to_string())?;
-    let (start, end) = (swapped(fact.numbers("start")?), swapped(fact.numbers("end")?));
+    let (start, end) = (
+        swapped(fact.numbers("start")?),
+        swapped(fact.numbers("end")?),
+    );
     let points: Vec<[f64; 3]> = evenly_spaced(start, end, count).map(swapped).collect();
     fact.expect("points", json!(points))
 }
@@ -24,9 +27,15 @@ pub fn face(fact: &Fact) -> Checked {
     let (from, through) = (fact.numbers("ray_from")?, fact.numbers("ray_through")?);
     let ray = Ray::through(swapped(from), swapped(through)).ok_or("the ray has no direction")?;
     let met = Face::new(corners).and_then(|face| face.met_after_m(ray));
-    fact.expect("distance", met.map_or(Value::Null, |distance| json!(distance)))?;
+    fact.expect(
+        "distance",
+        met.map_or(Value::Null, |distance| json!(distance)),
+    )?;
     if fact.expects("point") {
-        fact.expect("point", met.map_or(Value::Null, |distance| json!(swapped(ray.at(distance)))))?;
+        fact.expect(
+            "point",
+            met.map_or(Value::Null, |distance| json!(swapped(ray.at(distance)))),
+        )?;
     }
     Ok(())
 }

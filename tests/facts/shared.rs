@@ -8,7 +8,9 @@ use super::fact::Fact;
 
 /// Returns a text of the shared folder beside the project; `None`, said so, when it is not there.
 pub fn shared_text(path: &str) -> Option<String> {
-    let full = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared").join(path);
+    let full = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../shared")
+        .join(path);
     let text = std::fs::read_to_string(&full).ok();
     if text.is_none() {
         println!("skipped: {} is not there", full.display());
@@ -24,9 +26,16 @@ pub fn complete(fact: &mut Fact, all: &[Fact]) {
     };
     match fact.area.as_str() {
         "servo" => {
-            let (values, pulses) = (range_after(&prose, "range ("), range_after(&prose, "pwm range ("));
-            values.into_iter().for_each(|values| add("servo_values", values));
-            pulses.into_iter().for_each(|pulses| add("servo_pwm", pulses));
+            let (values, pulses) = (
+                range_after(&prose, "range ("),
+                range_after(&prose, "pwm range ("),
+            );
+            values
+                .into_iter()
+                .for_each(|values| add("servo_values", values));
+            pulses
+                .into_iter()
+                .for_each(|pulses| add("servo_pwm", pulses));
         }
         "memory-map" => {
             add("size_m", json!(100));
@@ -39,7 +48,14 @@ pub fn complete(fact: &mut Fact, all: &[Fact]) {
             add("pole", json!([40, -10, 2.5]));
         }
         "geometry" if fact.expected.contains_key("distance") && given.contains_key("north") => {
-            add("metric", json!(if prose.contains("Manhattan") { "grid" } else { "straight" }));
+            add(
+                "metric",
+                json!(if prose.contains("Manhattan") {
+                    "grid"
+                } else {
+                    "straight"
+                }),
+            );
         }
         "astar" if given.contains_key("turning_cost_per_rad") => {
             add("cells", json!(10));
@@ -49,9 +65,9 @@ pub fn complete(fact: &mut Fact, all: &[Fact]) {
         "planning-objective" => {
             // The vehicles' way was found by an assignment that is not kept; the fact about it has the same pairs.
             let pairs = given.get("pairs");
-            let assigned = all
-                .iter()
-                .find(|other| other.area == "greedy-assignment" && other.inputs.get("pairs") == pairs);
+            let assigned = all.iter().find(|other| {
+                other.area == "greedy-assignment" && other.inputs.get("pairs") == pairs
+            });
             let travel = assigned.and_then(|other| other.expected.get("total_distance").cloned());
             travel.into_iter().for_each(|travel| add("travel", travel));
         }
@@ -63,6 +79,11 @@ pub fn complete(fact: &mut Fact, all: &[Fact]) {
 fn range_after(text: &str, words: &str) -> Option<Value> {
     let begin = text.find(words)? + words.len();
     let inner = &text[begin..begin + text[begin..].find(')')?];
-    let numbers: Option<Vec<f64>> = inner.split(',').map(|number| number.trim().parse().ok()).collect();
-    numbers.filter(|numbers| numbers.len() == 2).map(Value::from)
+    let numbers: Option<Vec<f64>> = inner
+        .split(',')
+        .map(|number| number.trim().parse().ok())
+        .collect();
+    numbers
+        .filter(|numbers| numbers.len() == 2)
+        .map(Value::from)
 }

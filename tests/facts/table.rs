@@ -33,7 +33,8 @@ enum Ran {
 
 fn dispatch(fact: &Fact) -> Result<Ran, String> {
     let ran = |checked: Checked| checked.map(|()| Ran::Yes);
-    let if_there = |checked: Result<bool, String>| checked.map(|ran| if ran { Ran::Yes } else { Ran::No });
+    let if_there =
+        |checked: Result<bool, String>| checked.map(|ran| if ran { Ran::Yes } else { Ran::No });
     let outcome = match fact.area.as_str() {
         "geometry" => ran(geometry::check(fact)),
         "distance-sensor" => ran(vehicle::check_distance_sensor(fact)),
@@ -61,7 +62,10 @@ fn dispatch(fact: &Fact) -> Result<Ran, String> {
 
 fn parse(text: &str) -> Vec<Fact> {
     let values: Vec<Value> = serde_json::from_str(text).unwrap();
-    values.iter().map(|value| Fact::from_json(value).unwrap()).collect()
+    values
+        .iter()
+        .map(|value| Fact::from_json(value).unwrap())
+        .collect()
 }
 
 fn own() -> Vec<Fact> {
@@ -78,8 +82,17 @@ fn run(title: &str, facts: &[Fact]) -> BTreeMap<String, usize> {
             Err(error) => wrong.push(format!("{} ({}): {error}", fact.id, fact.description)),
         }
     }
-    println!("{title}: {} of {} ran: {ran:?}", ran.values().sum::<usize>(), facts.len());
-    assert!(wrong.is_empty(), "{} facts do not hold:\n{}", wrong.len(), wrong.join("\n"));
+    println!(
+        "{title}: {} of {} ran: {ran:?}",
+        ran.values().sum::<usize>(),
+        facts.len()
+    );
+    assert!(
+        wrong.is_empty(),
+        "{} facts do not hold:\n{}",
+        wrong.len(),
+        wrong.join("\n")
+    );
     ran
 }
 
@@ -103,20 +116,35 @@ fn our_own_facts_hold() {
         ("weights", 6),
     ];
     for (area, count) in least {
-        assert!(ran.get(area).is_some_and(|ran| *ran >= count), "{area}: {:?} of {count} ran", ran.get(area));
+        assert!(
+            ran.get(area).is_some_and(|ran| *ran >= count),
+            "{area}: {:?} of {count} ran",
+            ran.get(area)
+        );
     }
 }
 
 #[test]
 fn the_shared_facts_of_the_areas_kept_hold() {
-    let Some(text) = shared_text("facts.json") else { return };
+    let Some(text) = shared_text("facts.json") else {
+        return;
+    };
     let all = parse(&text);
-    let (replaced, mut kept): (Vec<Fact>, Vec<Fact>) =
-        all.iter().cloned().partition(|fact| REPLACED.contains(&fact.area.as_str()));
+    let (replaced, mut kept): (Vec<Fact>, Vec<Fact>) = all
+        .iter()
+        .cloned()
+        .partition(|fact| REPLACED.contains(&fact.area.as_str()));
     kept.iter_mut().for_each(|fact| complete(fact, &all));
     let ran = run("shared facts", &kept);
-    println!("{} facts are of areas that were replaced: {REPLACED:?}", replaced.len());
-    assert_eq!(ran.values().sum::<usize>(), kept.len(), "the scene lies beside the facts");
+    println!(
+        "{} facts are of areas that were replaced: {REPLACED:?}",
+        replaced.len()
+    );
+    assert_eq!(
+        ran.values().sum::<usize>(),
+        kept.len(),
+        "the scene lies beside the facts"
+    );
 }
 
 /// Changes each leaf of a value in turn.
@@ -137,7 +165,10 @@ fn changed(value: &Value) -> Vec<Value> {
             };
             let mut longer = list.clone();
             longer.push(json!(0));
-            (0..list.len()).flat_map(at).chain([Value::Array(longer)]).collect()
+            (0..list.len())
+                .flat_map(at)
+                .chain([Value::Array(longer)])
+                .collect()
         }
         Value::Object(_) => vec![json!(0)],
     }
@@ -148,12 +179,19 @@ fn a_fact_that_is_changed_anywhere_does_not_hold() {
     // Large grids are searched once only, above.
     let quick = |fact: &Fact| fact.area != "astar" || !fact.has("resolution");
     let (mut changes, facts) = (0, own());
-    for fact in facts.iter().filter(|fact| quick(fact) && dispatch(fact) == Ok(Ran::Yes)) {
+    for fact in facts
+        .iter()
+        .filter(|fact| quick(fact) && dispatch(fact) == Ok(Ran::Yes))
+    {
         for (key, value) in &fact.expected {
             for new in changed(value) {
                 let mut altered = fact.clone();
                 altered.expected.insert(key.clone(), new.clone());
-                assert!(dispatch(&altered).is_err(), "{} holds with {key} = {new}", fact.id);
+                assert!(
+                    dispatch(&altered).is_err(),
+                    "{} holds with {key} = {new}",
+                    fact.id
+                );
                 changes += 1;
             }
         }

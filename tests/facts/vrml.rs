@@ -15,14 +15,23 @@ const FARTHEST_M: f64 = 1000.0;
 /// Reads the fact's scene; `None` when it is not there.
 fn scene(fact: &Fact) -> Result<Option<VrmlScene>, String> {
     let file = fact.text("file")?;
-    let Some(text) = shared_text(&format!("data/vrml/{file}")) else { return Ok(None) };
-    let read = read_vrml(&text, file, Up::Z, &mut |_| Err("nothing is inlined".into()));
+    let Some(text) = shared_text(&format!("data/vrml/{file}")) else {
+        return Ok(None);
+    };
+    let read = read_vrml(
+        &text,
+        file,
+        Up::Z,
+        &mut |_| Err("nothing is inlined".into()),
+    );
     read.map(Some).map_err(|error| error.to_string())
 }
 
 /// Checks a fact about what a scene consists of; false when the scene is not there.
 pub fn check_counts(fact: &Fact) -> Result<bool, String> {
-    let Some(scene) = scene(fact)? else { return Ok(false) };
+    let Some(scene) = scene(fact)? else {
+        return Ok(false);
+    };
     let faces: Vec<usize> = scene.shapes.iter().map(|shape| shape.faces).collect();
     if !fact.expects("objects") {
         return fact.expect("faces", json!(faces)).map(|()| true);
@@ -35,7 +44,9 @@ pub fn check_counts(fact: &Fact) -> Result<bool, String> {
 
 /// Checks a fact about a ray; false when the scene is not there.
 pub fn check_ray(fact: &Fact) -> Result<bool, String> {
-    let Some(read) = scene(fact)? else { return Ok(false) };
+    let Some(read) = scene(fact)? else {
+        return Ok(false);
+    };
     check_cast(fact, &read).map(|()| true)
 }
 
@@ -44,12 +55,24 @@ fn check_cast(fact: &Fact, read: &VrmlScene) -> Checked {
         shapes: &read.shapes,
         offset_m: [0.0; 3],
         materials: &BTreeMap::new(),
-        default_material: Material { db_per_m: 20.0, db_per_crossing: 6.0 },
+        default_material: Material {
+            db_per_m: 20.0,
+            db_per_crossing: 6.0,
+        },
         posts: &[],
         persons: &[],
     };
     let scene = Scene::build(&parts).map_err(|error| error.to_string())?;
-    let toward = Bearing::from_degrees(fact.number("bearing_deg")?).angle().radians();
-    let hit = scene.cast(fact.numbers("xyz")?, [toward.cos(), toward.sin(), 0.0], FARTHEST_M);
-    fact.expect("distance", hit.map_or(Value::Null, |hit| json!(hit.distance_m)))
+    let toward = Bearing::from_degrees(fact.number("bearing_deg")?)
+        .angle()
+        .radians();
+    let hit = scene.cast(
+        fact.numbers("xyz")?,
+        [toward.cos(), toward.sin(), 0.0],
+        FARTHEST_M,
+    );
+    fact.expect(
+        "distance",
+        hit.map_or(Value::Null, |hit| json!(hit.distance_m)),
+    )
 }

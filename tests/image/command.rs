@@ -31,7 +31,8 @@ fn sweep(person: Option<(f64, f64)>) -> String {
     for (i, a) in ring.iter().enumerate() {
         for b in &ring[..i] {
             let d = (a.0 - b.0).hypot(a.1 - b.1);
-            let beside = |(x, y): (f64, f64)| ((b.0 - a.0) * (y - a.1) - (b.1 - a.1) * (x - a.0)).abs() / d;
+            let beside =
+                |(x, y): (f64, f64)| ((b.0 - a.0) * (y - a.1) - (b.1 - a.1) * (x - a.0)).abs() / d;
             let blocked = person.map(beside).is_some_and(|beside| beside < 0.3);
             let rssi = -40.0 - 20.0 * d.log10() - if blocked { 8.0 } else { 0.0 };
             text += &format!("{},{},{},{},4,{rssi:.2}\n", a.0, a.1, b.0, b.1);
@@ -42,7 +43,9 @@ fn sweep(person: Option<(f64, f64)>) -> String {
 
 fn folder_with(files: &[(&str, &str)]) -> TempDir {
     let folder = TempDir::new().unwrap();
-    files.iter().for_each(|(name, text)| fs::write(folder.path().join(name), text).unwrap());
+    files
+        .iter()
+        .for_each(|(name, text)| fs::write(folder.path().join(name), text).unwrap());
     folder
 }
 
@@ -58,8 +61,12 @@ fn names(folder: &Path) -> Vec<String> {
 /// Runs on a bad file, with all outputs asked for: exit code 2, the words in the message, no new file.
 fn check_refused(text: &str, words: &[&str]) {
     let folder = folder_with(&[("bad.csv", text)]);
-    let output =
-        tomoswarm(folder.path(), &["bad.csv", "--json", "o.json", "--npy", "o.npy", "--png", "o.png"]);
+    let output = tomoswarm(
+        folder.path(),
+        &[
+            "bad.csv", "--json", "o.json", "--npy", "o.npy", "--png", "o.png",
+        ],
+    );
     let message = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(2), "{message}");
     for word in words {
@@ -71,38 +78,79 @@ fn check_refused(text: &str, words: &[&str]) {
 #[test]
 fn a_person_is_found_and_all_outputs_are_written() {
     let person = (3.3, 6.1);
-    let folder = folder_with(&[("now.csv", &sweep(Some(person))), ("empty.csv", &sweep(None))]);
+    let folder = folder_with(&[
+        ("now.csv", &sweep(Some(person))),
+        ("empty.csv", &sweep(None)),
+    ]);
     for empty in [&["--empty", "empty.csv"][..], &[]] {
-        let mut arguments =
-            vec!["now.csv", "--json", "o.json", "--npy", "o.npy", "--png", "o.png", "--peaks", "2"];
+        let mut arguments = vec![
+            "now.csv", "--json", "o.json", "--npy", "o.npy", "--png", "o.png", "--peaks", "2",
+        ];
         arguments.extend(empty);
         let output = tomoswarm(folder.path(), &arguments);
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        assert!(
+            output.status.success(),
+            "{}",
+            String::from_utf8_lossy(&output.stderr)
+        );
         let report: serde_json::Value =
-            serde_json::from_str(&fs::read_to_string(folder.path().join("o.json")).unwrap()).unwrap();
+            serde_json::from_str(&fs::read_to_string(folder.path().join("o.json")).unwrap())
+                .unwrap();
         let peak = |axis: &str| report["peaks"][0][axis].as_f64().unwrap();
-        assert!((peak("x") - person.0).hypot(peak("y") - person.1) < 0.3, "{report}");
+        assert!(
+            (peak("x") - person.0).hypot(peak("y") - person.1) < 0.3,
+            "{report}"
+        );
         assert!(report["peaks"].as_array().unwrap().len() <= 2);
         assert!(report["links"]["used"].as_u64().unwrap() > 400);
-        assert_eq!(fs::metadata(folder.path().join("o.npy")).unwrap().len(), 128 + 4 * 40 * 40);
-        assert!(fs::read(folder.path().join("o.png")).unwrap().starts_with(b"\x89PNG"));
-        assert_eq!(names(folder.path()), ["empty.csv", "now.csv", "o.json", "o.npy", "o.png"]);
+        assert_eq!(
+            fs::metadata(folder.path().join("o.npy")).unwrap().len(),
+            128 + 4 * 40 * 40
+        );
+        assert!(
+            fs::read(folder.path().join("o.png"))
+                .unwrap()
+                .starts_with(b"\x89PNG")
+        );
+        assert_eq!(
+            names(folder.path()),
+            ["empty.csv", "now.csv", "o.json", "o.npy", "o.png"]
+        );
     }
 }
 
 #[test]
 fn rows_of_the_values_run_from_south_to_north() {
-    let folder = folder_with(&[("now.csv", &sweep(Some((8.0, 2.0)))), ("empty.csv", &sweep(None))]);
-    let arguments =
-        ["now.csv", "--empty", "empty.csv", "--npy", "o.npy", "--pixels", "10x20", "--area", "0,0,10,10"];
+    let folder = folder_with(&[
+        ("now.csv", &sweep(Some((8.0, 2.0)))),
+        ("empty.csv", &sweep(None)),
+    ]);
+    let arguments = [
+        "now.csv",
+        "--empty",
+        "empty.csv",
+        "--npy",
+        "o.npy",
+        "--pixels",
+        "10x20",
+        "--area",
+        "0,0,10,10",
+    ];
     assert!(tomoswarm(folder.path(), &arguments).status.success());
     let bytes = fs::read(folder.path().join("o.npy")).unwrap();
     assert!(String::from_utf8_lossy(&bytes[..128]).contains("'shape': (20, 10)"));
-    let values: Vec<f32> =
-        bytes[128..].chunks(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect();
-    let highest = (0..200).max_by(|a, b| values[*a].total_cmp(&values[*b])).unwrap();
+    let values: Vec<f32> = bytes[128..]
+        .chunks(4)
+        .map(|b| f32::from_le_bytes(b.try_into().unwrap()))
+        .collect();
+    let highest = (0..200)
+        .max_by(|a, b| values[*a].total_cmp(&values[*b]))
+        .unwrap();
     let (row, column) = (highest / 10, highest % 10);
-    assert!((3..=4).contains(&row) && (7..=8).contains(&column), "row {row}, column {column}");
+    assert!(
+        (3..=4).contains(&row) && (7..=8).contains(&column),
+        "row {row}, column {column}"
+    );
 }
 
 #[test]
@@ -114,11 +162,25 @@ fn several_files_are_pooled_and_packets_may_be_missing() {
             let fields: Vec<&str> = line.split(',').collect();
             [&fields[..4], &fields[5..]].concat().join(",")
         });
-        format!("tx_x_m,tx_y_m,rx_x_m,rx_y_m,rssi_dbm\n{}\n", without.collect::<Vec<_>>().join("\n"))
+        format!(
+            "tx_x_m,tx_y_m,rx_x_m,rx_y_m,rssi_dbm\n{}\n",
+            without.collect::<Vec<_>>().join("\n")
+        )
     };
-    let folder = folder_with(&[("a.csv", &part(0)), ("b.csv", &part(1)), ("empty.csv", &sweep(None))]);
-    let output = tomoswarm(folder.path(), &["a.csv", "b.csv", "--empty", "empty.csv", "--json", "o.json"]);
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let folder = folder_with(&[
+        ("a.csv", &part(0)),
+        ("b.csv", &part(1)),
+        ("empty.csv", &sweep(None)),
+    ]);
+    let output = tomoswarm(
+        folder.path(),
+        &["a.csv", "b.csv", "--empty", "empty.csv", "--json", "o.json"],
+    );
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
     let report: serde_json::Value =
         serde_json::from_str(&fs::read_to_string(folder.path().join("o.json")).unwrap()).unwrap();
     let dropped: u64 = report["links"]["dropped"]
@@ -127,17 +189,35 @@ fn several_files_are_pooled_and_packets_may_be_missing() {
         .iter()
         .map(|part| part["links"].as_u64().unwrap())
         .sum();
-    assert_eq!(report["links"]["used"].as_u64().unwrap() + dropped, lines.len() as u64);
+    assert_eq!(
+        report["links"]["used"].as_u64().unwrap() + dropped,
+        lines.len() as u64
+    );
 }
 
 #[test]
 fn bad_lines_are_named() {
     let line = "0,0,10,10,4,-60\n";
-    check_refused(&format!("{HEADER}{line}0,0,10\n"), &["bad.csv:3:", "3 fields", "expected 6"]);
-    check_refused(&format!("{HEADER}{line}0,NaN,10,10,4,-60\n"), &["bad.csv:3:", "NaN", "a coordinate"]);
-    check_refused(&format!("{HEADER}{line}{line}0,0,10,10,4,300\n"), &["bad.csv:4:", "300", "dBm"]);
-    check_refused(&format!("{HEADER}0,0,10,10,0,-60\n"), &["bad.csv:2:", "packets"]);
-    check_refused(&format!("{HEADER}0,0,10,10,4,inf\n"), &["bad.csv:2:", "inf", "dBm"]);
+    check_refused(
+        &format!("{HEADER}{line}0,0,10\n"),
+        &["bad.csv:3:", "3 fields", "expected 6"],
+    );
+    check_refused(
+        &format!("{HEADER}{line}0,NaN,10,10,4,-60\n"),
+        &["bad.csv:3:", "NaN", "a coordinate"],
+    );
+    check_refused(
+        &format!("{HEADER}{line}{line}0,0,10,10,4,300\n"),
+        &["bad.csv:4:", "300", "dBm"],
+    );
+    check_refused(
+        &format!("{HEADER}0,0,10,10,0,-60\n"),
+        &["bad.csv:2:", "packets"],
+    );
+    check_refused(
+        &format!("{HEADER}0,0,10,10,4,inf\n"),
+        &["bad.csv:2:", "inf", "dBm"],
+    );
     check_refused("x,y\n1,2\n", &["bad.csv:1:", "\"x\"", "tx_x_m"]);
     check_refused("tx_x_m,tx_y_m,rx_x_m,rx_y_m\n", &["bad.csv:1:", "rssi_dbm"]);
     check_refused("", &["bad.csv:1:", "an empty file"]);
@@ -151,9 +231,13 @@ fn bad_lines_are_named() {
 
 #[test]
 fn bad_dumps_are_named() {
-    let dump = |packet: &str| format!("{{\"packets\": [[1, 0, 0, true, 5, 5, true, -40], {packet}]}}");
+    let dump =
+        |packet: &str| format!("{{\"packets\": [[1, 0, 0, true, 5, 5, true, -40], {packet}]}}");
     check_refused(&dump("[1, 0]"), &["packets[1]:", "[1,0]", "8 fields"]);
-    check_refused(&dump("[1, 0, 0, true, 5, 5, true, 300]"), &["packets[1]:", "300", "dBm"]);
+    check_refused(
+        &dump("[1, 0, 0, true, 5, 5, true, 300]"),
+        &["packets[1]:", "300", "dBm"],
+    );
     check_refused(
         &dump("[1, 0, 0, 7, 5, 5, true, -40]"),
         &["packets[1]:", "\"7\" in field 3", "true or false"],
@@ -162,15 +246,29 @@ fn bad_dumps_are_named() {
     check_refused("{\"packets\": []}", &["no packets"]);
     check_refused("{\"size\": 3}", &["packets"]);
     let with = |more: &str| format!("{{{more}, \"packets\": [[1, 0, 0, true, 5, 5, true, -40]]}}");
-    for bad in ["3", "[0, 0]", "[19]", "[19, 19, 19]", "[1e9, 1e9]", "[-5, 5]", "[\"a\", 5]"] {
-        check_refused(&with(&format!("\"size\": {bad}")), &["\"size\"", "two numbers from 1"]);
+    for bad in [
+        "3",
+        "[0, 0]",
+        "[19]",
+        "[19, 19, 19]",
+        "[1e9, 1e9]",
+        "[-5, 5]",
+        "[\"a\", 5]",
+    ] {
+        check_refused(
+            &with(&format!("\"size\": {bad}")),
+            &["\"size\"", "two numbers from 1"],
+        );
     }
     check_refused(
         &with("\"size\": [5, 5], \"origin\": [1e300, 0]"),
         &["\"origin\"", "1e+300", "two numbers"],
     );
     check_refused(&"{\"packets\":".repeat(100_000), &["bad.csv:1:"]);
-    check_refused(&format!("{{\"packets\": {}", "[".repeat(100_000)), &["bad.csv:1:"]);
+    check_refused(
+        &format!("{{\"packets\": {}", "[".repeat(100_000)),
+        &["bad.csv:1:"],
+    );
 }
 
 #[test]
@@ -178,11 +276,17 @@ fn files_that_cannot_be_read_are_named() {
     let folder = folder_with(&[("now.csv", &sweep(None)), ("bytes.csv", "")]);
     fs::write(folder.path().join("bytes.csv"), b"tx\xff\xfe").unwrap();
     for (file, word) in [("none.csv", "none.csv"), (".", "."), ("bytes.csv", "UTF-8")] {
-        for arguments in [vec![file, "--npy", "o.npy"], vec!["now.csv", "--empty", file, "--npy", "o.npy"]] {
+        for arguments in [
+            vec![file, "--npy", "o.npy"],
+            vec!["now.csv", "--empty", file, "--npy", "o.npy"],
+        ] {
             let output = tomoswarm(folder.path(), &arguments);
             let message = String::from_utf8(output.stderr).unwrap();
             assert_eq!(output.status.code(), Some(2), "{message}");
-            assert!(message.contains(word) && message.contains("expected"), "{message}");
+            assert!(
+                message.contains(word) && message.contains("expected"),
+                "{message}"
+            );
         }
     }
     assert_eq!(names(folder.path()), ["bytes.csv", "now.csv"]);
@@ -192,7 +296,10 @@ fn files_that_cannot_be_read_are_named() {
 fn outputs_that_cannot_be_written_are_refused_before_the_work() {
     let folder = folder_with(&[("now.csv", &sweep(None)), ("file", "")]);
     for output_path in ["no/such/folder/o.png", ".", "file/o.png"] {
-        let output = tomoswarm(folder.path(), &["now.csv", "--npy", "o.npy", "--png", output_path]);
+        let output = tomoswarm(
+            folder.path(),
+            &["now.csv", "--npy", "o.npy", "--png", output_path],
+        );
         let message = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(2), "{message}");
         assert!(message.contains(output_path), "{message}");
@@ -225,7 +332,11 @@ fn the_person_in_a_recording_of_our_own_is_found() {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/two_rovers_2016.json");
     let folder = TempDir::new().unwrap();
     let output = tomoswarm(folder.path(), &[file.to_str().unwrap(), "--json", "o.json"]);
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
     let report: serde_json::Value =
         serde_json::from_str(&fs::read_to_string(folder.path().join("o.json")).unwrap()).unwrap();
     let peak = |axis: &str| report["peaks"][0][axis].as_f64().unwrap();
@@ -243,14 +354,26 @@ fn a_recording_names_its_area() {
     for (more, area) in [
         ("", [0.0, 0.0, 12.0, 12.0]),
         ("\"size\": [14, 16], ", [0.0, 0.0, 16.0, 14.0]),
-        ("\"origin\": [-1, -2], \"size\": [14, 16], ", [-2.0, -1.0, 14.0, 13.0]),
+        (
+            "\"origin\": [-1, -2], \"size\": [14, 16], ",
+            [-2.0, -1.0, 14.0, 13.0],
+        ),
     ] {
         let folder = folder_with(&[("now.json", &dump(more))]);
         let output = tomoswarm(folder.path(), &["now.json", "--json", "o.json"]);
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        assert!(
+            output.status.success(),
+            "{}",
+            String::from_utf8_lossy(&output.stderr)
+        );
         let report: serde_json::Value =
-            serde_json::from_str(&fs::read_to_string(folder.path().join("o.json")).unwrap()).unwrap();
-        assert_eq!(report["settings"]["area"], serde_json::json!(area), "{more}");
+            serde_json::from_str(&fs::read_to_string(folder.path().join("o.json")).unwrap())
+                .unwrap();
+        assert_eq!(
+            report["settings"]["area"],
+            serde_json::json!(area),
+            "{more}"
+        );
     }
 }
 
@@ -274,10 +397,14 @@ fn the_person_in_the_real_recordings_is_found() {
             }
             assert!(tomoswarm(folder.path(), &arguments).status.success());
             let json: PathBuf = folder.path().join("o.json");
-            let report: serde_json::Value = serde_json::from_str(&fs::read_to_string(json).unwrap()).unwrap();
+            let report: serde_json::Value =
+                serde_json::from_str(&fs::read_to_string(json).unwrap()).unwrap();
             let peak = |axis: &str| report["peaks"][0][axis].as_f64().unwrap();
             let error = (peak("x") - east).hypot(peak("y") - north);
-            assert!(error < 0.5, "{name}, empty: {with_empty}: {error:.2} cells off");
+            assert!(
+                error < 0.5,
+                "{name}, empty: {with_empty}: {error:.2} cells off"
+            );
         }
     }
 }

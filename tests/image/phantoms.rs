@@ -37,7 +37,9 @@ fn image_of(folder: &Path, case: &str) -> tomoswarm::tomo::Reconstruction {
 fn truth(path: &Path) -> Vec<f64> {
     let bytes = fs::read(path).unwrap();
     let data = &bytes[bytes.len() - 4 * 1600..];
-    data.chunks(4).map(|b| f64::from(f32::from_le_bytes(b.try_into().unwrap()))).collect()
+    data.chunks(4)
+        .map(|b| f64::from(f32::from_le_bytes(b.try_into().unwrap())))
+        .collect()
 }
 
 /// A number after a key in one line of the reference scores.
@@ -54,16 +56,30 @@ fn images_are_as_good_as_the_reference_method() {
     for line in scores.lines().filter(|line| line.contains("\"map\"")) {
         let value: serde_json::Value = serde_json::from_str(line).unwrap();
         let case = value["case"].as_str().unwrap();
-        if !["l_wall", "building", "blobs"].iter().any(|name| case.starts_with(name)) {
+        if !["l_wall", "building", "blobs"]
+            .iter()
+            .any(|name| case.starts_with(name))
+        {
             continue;
         }
         let result = image_of(&folder, case);
         let truth = truth(&folder.join(format!("{case}.truth.npy")));
-        let (error, rel) = (relative_error(&result.image.values, &truth), score(line, "rel"));
-        assert!(error <= 1.05 * rel, "{case}: error {error:.3}, reference {rel}");
-        let (similarity, ssim) =
-            (structural_similarity(&result.image.values, &truth, 40), score(line, "ssim"));
-        assert!(similarity >= 0.95 * ssim, "{case}: similarity {similarity:.3}, reference {ssim}");
+        let (error, rel) = (
+            relative_error(&result.image.values, &truth),
+            score(line, "rel"),
+        );
+        assert!(
+            error <= 1.05 * rel,
+            "{case}: error {error:.3}, reference {rel}"
+        );
+        let (similarity, ssim) = (
+            structural_similarity(&result.image.values, &truth, 40),
+            score(line, "ssim"),
+        );
+        assert!(
+            similarity >= 0.95 * ssim,
+            "{case}: similarity {similarity:.3}, reference {ssim}"
+        );
         cases += 1;
     }
     assert!(cases >= 10, "only {cases} cases");
@@ -78,11 +94,18 @@ fn persons_are_found_within_half_a_metre() {
             let text = fs::read_to_string(folder.join(format!("{stem}.truth.json"))).unwrap();
             let truth: serde_json::Value = serde_json::from_str(&text).unwrap();
             let persons = truth["persons_m"].as_array().unwrap();
-            let found: Vec<Point> =
-                image_of(&folder, &stem).peaks.iter().take(persons.len()).map(|peak| peak.at).collect();
+            let found: Vec<Point> = image_of(&folder, &stem)
+                .peaks
+                .iter()
+                .take(persons.len())
+                .map(|peak| peak.at)
+                .collect();
             let errors_m = persons.iter().map(|person| {
                 let at = Point::new(person[0].as_f64().unwrap(), person[1].as_f64().unwrap());
-                found.iter().map(|peak| peak.distance_to(at)).fold(f64::INFINITY, f64::min)
+                found
+                    .iter()
+                    .map(|peak| peak.distance_to(at))
+                    .fold(f64::INFINITY, f64::min)
             });
             let mean_m = errors_m.sum::<f64>() / persons.len() as f64;
             assert!(mean_m < 0.5, "{stem}: {mean_m:.2} m off");

@@ -22,7 +22,10 @@ pub fn relative_error(image: &[f64], truth: &[f64]) -> f64 {
 pub fn correlation(a: &[f64], b: &[f64]) -> f64 {
     let centred = |values: &[f64]| {
         let mean = values.iter().sum::<f64>() / values.len() as f64;
-        values.iter().map(|value| value - mean).collect::<Vec<f64>>()
+        values
+            .iter()
+            .map(|value| value - mean)
+            .collect::<Vec<f64>>()
     };
     let (a, b) = (centred(a), centred(b));
     dot(&a, &b) / (dot(&a, &a) * dot(&b, &b)).sqrt()
@@ -38,13 +41,17 @@ pub fn structural_similarity(image: &[f64], truth: &[f64], columns: usize) -> f6
     let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).collect::<Vec<f64>>();
     let smooth = |values: &[f64]| smoothed(values, columns);
     let (mean_a, mean_b) = (smooth(&image), smooth(truth));
-    let (square_a, square_b) = (smooth(&product(&image, &image)), smooth(&product(truth, truth)));
+    let (square_a, square_b) = (
+        smooth(&product(&image, &image)),
+        smooth(&product(truth, truth)),
+    );
     let both = smooth(&product(&image, truth));
     let local = |k: usize| {
         let (a, b) = (mean_a[k], mean_b[k]);
         let (variance_a, variance_b) = (square_a[k] - a * a, square_b[k] - b * b);
         let covariance = both[k] - a * b;
-        (2.0 * a * b + c1) * (2.0 * covariance + c2) / ((a * a + b * b + c1) * (variance_a + variance_b + c2))
+        (2.0 * a * b + c1) * (2.0 * covariance + c2)
+            / ((a * a + b * b + c1) * (variance_a + variance_b + c2))
     };
     (0..truth.len()).map(local).sum::<f64>() / truth.len() as f64
 }
@@ -54,21 +61,35 @@ fn smoothed(values: &[f64], columns: usize) -> Vec<f64> {
     let rows = values.len() / columns;
     let across = along(values, rows, columns, |row, column| row * columns + column);
     let up = along(&across, columns, rows, |column, row| row * columns + column);
-    (0..values.len()).map(|k| up[(k % columns) * rows + k / columns]).collect()
+    (0..values.len())
+        .map(|k| up[(k % columns) * rows + k / columns])
+        .collect()
 }
 
 /// Smooths each of `lines` of some length; the answer holds them one after the other.
-fn along(values: &[f64], lines: usize, length: usize, index: impl Fn(usize, usize) -> usize) -> Vec<f64> {
-    let bell: Vec<f64> =
-        (-WINDOW_REACH..=WINDOW_REACH).map(|step| (-0.5 * (step as f64 / WINDOW_SD).powi(2)).exp()).collect();
+fn along(
+    values: &[f64],
+    lines: usize,
+    length: usize,
+    index: impl Fn(usize, usize) -> usize,
+) -> Vec<f64> {
+    let bell: Vec<f64> = (-WINDOW_REACH..=WINDOW_REACH)
+        .map(|step| (-0.5 * (step as f64 / WINDOW_SD).powi(2)).exp())
+        .collect();
     let total: f64 = bell.iter().sum();
     let mirrored = |at: i64| {
         let around = at.rem_euclid(2 * length as i64) as usize;
-        if around < length { around } else { 2 * length - 1 - around }
+        if around < length {
+            around
+        } else {
+            2 * length - 1 - around
+        }
     };
     let mean = |line: usize, at: usize| {
         let steps = (-WINDOW_REACH..=WINDOW_REACH).zip(&bell);
-        steps.map(|(step, weight)| weight * values[index(line, mirrored(at as i64 + step))]).sum::<f64>()
+        steps
+            .map(|(step, weight)| weight * values[index(line, mirrored(at as i64 + step))])
+            .sum::<f64>()
             / total
     };
     (0..lines)

@@ -16,7 +16,10 @@ fn two_persons_behind_a_wall_are_the_two_strongest_peaks() {
     let errors_m: Vec<f64> = (0..SEEDS)
         .map(|seed| {
             let truth = persons(seed);
-            let (empty, now) = (sweep(seed, 0, &[], 8).links(), sweep(seed, 1, &truth, 8).links());
+            let (empty, now) = (
+                sweep(seed, 0, &[], 8).links(),
+                sweep(seed, 1, &truth, 8).links(),
+            );
             let result = reconstruct(&now, Some(&empty), &Settings::for_change(area())).unwrap();
             let places: Vec<Point> = result.peaks.iter().take(2).map(|peak| peak.at).collect();
             worst_error_m(&places, truth)
@@ -32,7 +35,11 @@ fn without_the_empty_sweep_the_wall_is_what_is_seen() {
     let result = reconstruct(&now, None, &Settings::for_area(area())).unwrap();
     let law = result.path_loss.unwrap();
     assert!((law.exponent - 2.0).abs() < 0.3, "{law:?}");
-    assert!((law.strength_dbm(15.0) - -64.0).abs() < 2.5, "{} {law:?}", law.strength_dbm(15.0));
+    assert!(
+        (law.strength_dbm(15.0) - -64.0).abs() < 2.5,
+        "{} {law:?}",
+        law.strength_dbm(15.0)
+    );
     let mean = |x0: f64, y0: f64, x1: f64, y1: f64| {
         let area = Rect::new(Point::new(x0, y0), Point::new(x1, y1));
         let inside: Vec<f64> = (0..result.image.grid.len())
@@ -42,15 +49,23 @@ fn without_the_empty_sweep_the_wall_is_what_is_seen() {
         inside.iter().sum::<f64>() / inside.len() as f64
     };
     let background = mean(9.0, 8.0, 18.0, 18.0);
-    assert!(mean(6.0, 6.0, 6.5, 12.0) > 8.0 * background.abs(), "west wall, {background}");
-    assert!(mean(7.0, 5.0, 12.0, 5.5) > 8.0 * background.abs(), "south wall, {background}");
+    assert!(
+        mean(6.0, 6.0, 6.5, 12.0) > 8.0 * background.abs(),
+        "west wall, {background}"
+    );
+    assert!(
+        mean(7.0, 5.0, 12.0, 5.5) > 8.0 * background.abs(),
+        "south wall, {background}"
+    );
 }
 
 /// The share of the wall in each of 40 by 40 pixels.
 fn wall() -> Vec<f64> {
     let pixel_m = SIDE_M / 40.0;
     let at = |index: usize| pixel_m * index as f64;
-    (0..1600).map(|k| wall_share(Point::new(at(k % 40), at(k / 40)), pixel_m)).collect()
+    (0..1600)
+        .map(|k| wall_share(Point::new(at(k % 40), at(k / 40)), pixel_m))
+        .collect()
 }
 
 #[test]
@@ -58,10 +73,17 @@ fn the_image_of_the_structure_looks_like_the_wall() {
     let truth = wall();
     for seed in [3, 4, 5] {
         let now = sweep(seed, 0, &[], 8).links();
-        let image = reconstruct(&now, None, &Settings::for_area(area())).unwrap().image;
-        let (alike, similar) =
-            (correlation(&image.values, &truth), structural_similarity(&image.values, &truth, 40));
+        let image = reconstruct(&now, None, &Settings::for_area(area()))
+            .unwrap()
+            .image;
+        let (alike, similar) = (
+            correlation(&image.values, &truth),
+            structural_similarity(&image.values, &truth, 40),
+        );
         println!("seed {seed}: correlation {alike:.3}, similarity {similar:.3}");
-        assert!(alike > 0.5 && similar > 0.6, "seed {seed}: correlation {alike:.3}, similarity {similar:.3}");
+        assert!(
+            alike > 0.5 && similar > 0.6,
+            "seed {seed}: correlation {alike:.3}, similarity {similar:.3}"
+        );
     }
 }

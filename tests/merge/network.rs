@@ -29,7 +29,12 @@ pub struct Weather {
 impl Weather {
     /// Nothing is lost, and all arrives within 15 ms.
     pub fn calm(seed: u64) -> Weather {
-        Weather { seed, loss: 0.0, doubles: 0.0, delay_ms: 15 }
+        Weather {
+            seed,
+            loss: 0.0,
+            doubles: 0.0,
+            delay_ms: 15,
+        }
     }
 }
 
@@ -83,7 +88,10 @@ impl Network {
     pub fn new(vehicles: usize, weather: Weather) -> Network {
         let settings = StationSettings {
             vehicles: (1..=vehicles as u8).map(VehicleId).collect(),
-            lease: Some(Lease { number: 1, holder: 1 }),
+            lease: Some(Lease {
+                number: 1,
+                holder: 1,
+            }),
             holder: 1,
             take_over: false,
             boot: Boot(1),
@@ -123,8 +131,9 @@ impl Network {
     }
 
     pub fn act(&mut self, act: &Act) {
-        let living: Vec<usize> =
-            (0..self.vehicles.len()).filter(|at| self.vehicles[*at].map.is_some()).collect();
+        let living: Vec<usize> = (0..self.vehicles.len())
+            .filter(|at| self.vehicles[*at].map.is_some())
+            .collect();
         let pick = |node: usize| living[node % living.len()];
         match act {
             Act::Scan { node, place } => self.scan(pick(*node), *place),
@@ -132,7 +141,11 @@ impl Network {
                 let (node, now) = (pick(*node), self.now);
                 let boot = self.vehicles[node].boot + 1;
                 let map = Some(Map::new(settings(node as u8 + 1, boot)));
-                self.vehicles[node] = Vehicle { boot, map, since: now };
+                self.vehicles[node] = Vehicle {
+                    boot,
+                    map,
+                    since: now,
+                };
             }
             Act::Stop { node } => {
                 if living.len() > 1 {
@@ -150,7 +163,11 @@ impl Network {
 
     fn join(&mut self) {
         let map = Some(Map::new(settings(self.vehicles.len() as u8 + 1, 1)));
-        self.vehicles.push(Vehicle { boot: 1, map, since: self.now });
+        self.vehicles.push(Vehicle {
+            boot: 1,
+            map,
+            since: self.now,
+        });
     }
 
     /// Ends all trouble; what is on its way still arrives.
@@ -166,9 +183,23 @@ impl Network {
     /// A node looks around at one of the places of a grid: three walls and open space.
     fn scan(&mut self, node: usize, place: u32) {
         let at = Point::new(f64::from(place % 7) * 6.4, f64::from(place / 7) * 6.4);
-        let pose = Pose { at, heading: Angle::default(), sd_m: 0.05 };
-        for (degrees, range_m) in [(0.0, Some(2.0)), (90.0, Some(2.5)), (180.0, None), (270.0, Some(1.5))] {
-            let scan = Scan { pose, beam: Angle::from_degrees(degrees), range_m, suspect: false };
+        let pose = Pose {
+            at,
+            heading: Angle::default(),
+            sd_m: 0.05,
+        };
+        for (degrees, range_m) in [
+            (0.0, Some(2.0)),
+            (90.0, Some(2.5)),
+            (180.0, None),
+            (270.0, Some(1.5)),
+        ] {
+            let scan = Scan {
+                pose,
+                beam: Angle::from_degrees(degrees),
+                range_m,
+                suspect: false,
+            };
             for _ in 0..3 {
                 self.tell_map(node, map::In::Scan(scan.clone()));
             }
@@ -199,12 +230,16 @@ impl Network {
             let arrival = self.queue.first_key_value().map(|((at, _), _)| *at);
             let wake = self.next_wake();
             let next = arrival.into_iter().chain(wake.map(|(at, _)| at)).min();
-            let Some(next) = next.filter(|next| *next <= until) else { break };
+            let Some(next) = next.filter(|next| *next <= until) else {
+                break;
+            };
             self.now = next;
             match wake.filter(|(at, _)| *at == next) {
                 Some((_, node)) => self.wake(node),
                 None => {
-                    let Some((_, (to, frame))) = self.queue.pop_first() else { break };
+                    let Some((_, (to, frame))) = self.queue.pop_first() else {
+                        break;
+                    };
                     self.deliver(to, &frame);
                 }
             }
@@ -218,14 +253,19 @@ impl Network {
             Some((vehicle.since + deadline.at.since(Time::ZERO), node))
         };
         let vehicles = self.vehicles.iter().enumerate().filter_map(of_vehicle);
-        let station = self.station.as_ref().and_then(|station| Some((station.deadline()?.at, STATION)));
+        let station = self
+            .station
+            .as_ref()
+            .and_then(|station| Some((station.deadline()?.at, STATION)));
         vehicles.chain(station).min()
     }
 
     fn wake(&mut self, node: usize) {
         if node == STATION {
             let mut out = Vec::new();
-            let Some(station) = &mut self.station else { return };
+            let Some(station) = &mut self.station else {
+                return;
+            };
             station.wake(self.now, &mut out).unwrap();
             self.station_says(out);
             return;
@@ -240,11 +280,17 @@ impl Network {
     }
 
     fn deliver(&mut self, to: usize, frame: &[u8]) {
-        let Decoded::Message(message) = codec::decode(frame).unwrap() else { panic!("an unknown kind") };
+        let Decoded::Message(message) = codec::decode(frame).unwrap() else {
+            panic!("an unknown kind")
+        };
         if to == STATION {
             let mut out = Vec::new();
-            let Some(station) = &mut self.station else { return };
-            station.handle(self.now, station::In::Bus(message), &mut out).unwrap();
+            let Some(station) = &mut self.station else {
+                return;
+            };
+            station
+                .handle(self.now, station::In::Bus(message), &mut out)
+                .unwrap();
             self.station_says(out);
             return;
         }
@@ -295,7 +341,9 @@ impl Network {
             return;
         }
         let frame = codec::encode(&message).unwrap();
-        let receivers = (0..self.vehicles.len()).chain([STATION]).filter(|to| *to != from);
+        let receivers = (0..self.vehicles.len())
+            .chain([STATION])
+            .filter(|to| *to != from);
         for to in receivers.collect::<Vec<_>>() {
             let copies = 1 + u64::from(self.luck() < self.weather.doubles);
             let lost = self.luck() < self.weather.loss || self.side(from) != self.side(to);
@@ -303,7 +351,8 @@ impl Network {
                 let delay_ms = 1.0 + self.luck() * self.weather.delay_ms.saturating_sub(1) as f64;
                 self.count += 1;
                 let arrives = self.now + Duration::from_secs_f64(delay_ms / 1e3);
-                self.queue.insert((arrives, self.count), (to, frame.clone()));
+                self.queue
+                    .insert((arrives, self.count), (to, frame.clone()));
             }
         }
         self.sent.push(message);
@@ -324,8 +373,13 @@ impl Network {
     }
 
     fn maps(&self) -> Vec<&Merged> {
-        let vehicles = self.vehicles.iter().filter_map(|vehicle| vehicle.map.as_ref().map(Map::merged));
-        vehicles.chain(self.station.iter().map(Station::map)).collect()
+        let vehicles = self
+            .vehicles
+            .iter()
+            .filter_map(|vehicle| vehicle.map.as_ref().map(Map::merged));
+        vehicles
+            .chain(self.station.iter().map(Station::map))
+            .collect()
     }
 
     /// Names what differs between the maps; `None` when they are equal: digests, tiles and merged cells.
@@ -333,7 +387,9 @@ impl Network {
         let maps = self.maps();
         let first = maps[0];
         let tiles = |map: &Merged| {
-            map.layers().map(|(id, layer)| (id, layer.clone())).collect::<BTreeMap<LayerId, Layer>>()
+            map.layers()
+                .map(|(id, layer)| (id, layer.clone()))
+                .collect::<BTreeMap<LayerId, Layer>>()
         };
         for (number, map) in maps.iter().enumerate().skip(1) {
             if map.digest() != first.digest() {
@@ -343,7 +399,9 @@ impl Network {
         let expected = tiles(first);
         for (number, map) in maps.iter().enumerate().skip(1) {
             if tiles(map) != expected {
-                return Some(format!("map {number} and the first have equal digests but different tiles"));
+                return Some(format!(
+                    "map {number} and the first have equal digests but different tiles"
+                ));
             }
             let extent = first.extent(0);
             if map.extent(0) != extent {
@@ -369,7 +427,10 @@ impl Network {
     /// Returns the layers of a vehicle that the station's map holds.
     pub fn layers_of(&self, node: usize) -> usize {
         let map = self.maps();
-        map[map.len() - 1].layers().filter(|(id, _)| usize::from(id.vehicle.0) == node + 1).count()
+        map[map.len() - 1]
+            .layers()
+            .filter(|(id, _)| usize::from(id.vehicle.0) == node + 1)
+            .count()
     }
 
     pub fn sent_tiles(&self) -> usize {
@@ -392,7 +453,11 @@ fn settings(vehicle: u8, boot: u32) -> Settings {
         home: Point::new(0.0, 0.0),
         lattice: Lattice::new(0.2),
         slice: 0,
-        body: BodySettings { radius_m: 0.25, speed_mps: 0.5, braking_mps2: 1.0 },
+        body: BodySettings {
+            radius_m: 0.25,
+            speed_mps: 0.5,
+            braking_mps2: 1.0,
+        },
         look: LookSettings {
             is_blind: false,
             beams: vec![Angle::default()],
@@ -404,8 +469,15 @@ fn settings(vehicle: u8, boot: u32) -> Settings {
             settle: Duration::from_millis(50),
             mounts: tomoswarm::plan::Mounts::default(),
         },
-        radio: RadioSettings { channel: 11, power_dbm: 0, slot: Duration::from_millis(50) },
-        safety: tomoswarm::config::Safety { padding_m: 0.15, ..Default::default() },
+        radio: RadioSettings {
+            channel: 11,
+            power_dbm: 0,
+            slot: Duration::from_millis(50),
+        },
+        safety: tomoswarm::config::Safety {
+            padding_m: 0.15,
+            ..Default::default()
+        },
         swarm: tomoswarm::config::Swarm::default(),
         task: None,
         path_time: Duration::from_millis(20),

@@ -22,13 +22,25 @@ fn vehicle(id: u8) -> Sender {
 }
 
 fn address() -> SocketAddr {
-    TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap()
+    TcpListener::bind("127.0.0.1:0")
+        .unwrap()
+        .local_addr()
+        .unwrap()
 }
 
 fn enroll(folder: &Path, arguments: &[&str]) {
     let mut program = Command::new(env!("CARGO_BIN_EXE_tomoswarm"));
-    let run = program.arg("enroll").arg(folder).args(arguments).output().unwrap();
-    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    let run = program
+        .arg("enroll")
+        .arg(folder)
+        .args(arguments)
+        .output()
+        .unwrap();
+    assert!(
+        run.status.success(),
+        "{}",
+        String::from_utf8_lossy(&run.stderr)
+    );
 }
 
 /// A swarm of a ground station and two vehicles, enrolled in a folder.
@@ -43,7 +55,16 @@ impl Enrolled {
         let ground = address();
         let port = ground.port().to_string();
         for node in [&["ground"][..], &["vehicle", "1"], &["vehicle", "2"]] {
-            let common = ["--venue", venue, "--topology", topology, "--port", &port, "--state-dir", "state"];
+            let common = [
+                "--venue",
+                venue,
+                "--topology",
+                topology,
+                "--port",
+                &port,
+                "--state-dir",
+                "state",
+            ];
             enroll(&folder, &[&common, node].concat());
         }
         Enrolled { folder, ground }
@@ -81,7 +102,9 @@ fn intrude(stranger: &Stranger, talks: &Member) -> usize {
     let until = std::time::Instant::now() + QUIET;
     while std::time::Instant::now() < until {
         stranger.say(&format!("{PREFIX}/vehicle/1/mission"), &about);
-        talks.publisher.publish(&Message::Report(Default::default()));
+        talks
+            .publisher
+            .publish(&Message::Report(Default::default()));
         std::thread::sleep(Duration::from_millis(50));
     }
     stranger.heard().len()
@@ -93,8 +116,16 @@ fn enrolled_nodes_of_a_mesh_talk_and_write_only_their_own_keys() {
     let swarm = Enrolled::make(folder.path().join("swarm"), "mesh");
     let ground = swarm.ground();
     let one = swarm.vehicle(1);
-    assert!(gets_through(&one, &progress(1, 1), &ground, vehicle(1)), "nothing passes at all");
-    assert!(gets_through(&ground, &Message::Have(Default::default()), &one, Sender::Ground));
+    assert!(
+        gets_through(&one, &progress(1, 1), &ground, vehicle(1)),
+        "nothing passes at all"
+    );
+    assert!(gets_through(
+        &ground,
+        &Message::Have(Default::default()),
+        &one,
+        Sender::Ground
+    ));
     // Vehicle 2 goes bad: first it shows that it is connected, then it writes as others.
     let two = Stranger::peer(Shows::Folder(&swarm.of("vehicle-2")), None, &[swarm.ground]);
     let own = frame(&progress(2, 2));
@@ -102,13 +133,20 @@ fn enrolled_nodes_of_a_mesh_talk_and_write_only_their_own_keys() {
         two.say(&format!("{PREFIX}/vehicle/2/mission"), &own);
         !ground.heard_of(vehicle(2)).is_empty()
     }));
-    let (before, refused) = (ground.heard_of(vehicle(1)).len(), ground.publisher.traffic().refused);
+    let (before, refused) = (
+        ground.heard_of(vehicle(1)).len(),
+        ground.publisher.traffic().refused,
+    );
     for key in ["vehicle/1/mission", "ground/have", "operator/1/order/1"] {
         two.say(&format!("{PREFIX}/{key}"), &frame(&progress(1, 666)));
     }
     std::thread::sleep(Duration::from_secs(1));
     assert_eq!(ground.heard_of(vehicle(1)).len(), before);
-    assert_eq!(ground.publisher.traffic().refused, refused, "access control ends it before the bus does");
+    assert_eq!(
+        ground.publisher.traffic().refused,
+        refused,
+        "access control ends it before the bus does"
+    );
 }
 
 #[test]
@@ -132,7 +170,13 @@ fn enrolled_clients_of_a_star_talk_through_the_ground_and_write_only_their_own_k
     two.say(&key, &frame(&progress(1, 666)));
     std::thread::sleep(Duration::from_secs(1));
     let heard = ground.heard_of(vehicle(1));
-    assert!(heard.iter().skip(mine).all(|heard| format!("{heard:?}").contains("RunId(1)")), "{heard:?}");
+    assert!(
+        heard
+            .iter()
+            .skip(mine)
+            .all(|heard| format!("{heard:?}").contains("RunId(1)")),
+        "{heard:?}"
+    );
     assert!(one.heard_of(vehicle(1)).is_empty());
 }
 
@@ -141,10 +185,20 @@ fn enrolled_clients_of_a_star_talk_through_the_ground_and_write_only_their_own_k
 fn a_link_with_certificates_carries_much_both_ways_at_once() {
     let folder = tempfile::tempdir().unwrap();
     let swarm = Enrolled::make(folder.path().join("swarm"), "mesh");
-    let without_budget =
-        |node: &str| Member::join(BusSettings { egress_bytes_per_s: u32::MAX, ..settings(&swarm.of(node)) });
-    let (one, two) = (without_budget("vehicle-1/vehicle.toml"), without_budget("ground/ground.toml"));
-    assert!(gets_through(&one, &progress(1, 1), &two, vehicle(1)), "nothing passes at all");
+    let without_budget = |node: &str| {
+        Member::join(BusSettings {
+            egress_bytes_per_s: u32::MAX,
+            ..settings(&swarm.of(node))
+        })
+    };
+    let (one, two) = (
+        without_budget("vehicle-1/vehicle.toml"),
+        without_budget("ground/ground.toml"),
+    );
+    assert!(
+        gets_through(&one, &progress(1, 1), &two, vehicle(1)),
+        "nothing passes at all"
+    );
     let until = Instant::now() + Duration::from_secs(8);
     let floods = |member: &Member, message: Message| {
         let publisher = member.publisher.clone();
@@ -155,15 +209,18 @@ fn a_link_with_certificates_carries_much_both_ways_at_once() {
             }
         })
     };
-    let floods = [floods(&one, progress(1, 1)), floods(&two, Message::Report(Default::default()))];
+    let floods = [
+        floods(&one, progress(1, 1)),
+        floods(&two, Message::Report(Default::default())),
+    ];
     let mut lost = 0;
     while Instant::now() < until {
         lost += u32::from(one.publisher.links() == 0 || two.publisher.links() == 0);
         std::thread::sleep(Duration::from_millis(10));
     }
     floods.into_iter().for_each(|flood| flood.join().unwrap());
-    let came =
-        [&one, &two].map(|member| member.publisher.traffic().taken + member.publisher.traffic().refused);
+    let came = [&one, &two]
+        .map(|member| member.publisher.traffic().taken + member.publisher.traffic().refused);
     assert!(
         lost == 0 && came.iter().all(|came| *came > 10_000),
         "{lost} times without a link; {came:?} frames"
@@ -179,11 +236,26 @@ fn who_has_no_certificate_or_a_foreign_one_gets_nothing_in_and_hears_nothing() {
         let ground = own.ground();
         let ca = own.of("ca.pem");
         let foreign = other.of("vehicle-1");
-        for shows in [Shows::Nothing, Shows::Authority(&ca), Shows::Folder(&foreign)] {
-            assert!(Stranger::client(shows, own.ground).is_none(), "{shows:?} as a client of a {topology}");
+        for shows in [
+            Shows::Nothing,
+            Shows::Authority(&ca),
+            Shows::Folder(&foreign),
+        ] {
+            assert!(
+                Stranger::client(shows, own.ground).is_none(),
+                "{shows:?} as a client of a {topology}"
+            );
             let stranger = Stranger::peer(shows, None, &[own.ground]);
-            assert_eq!(intrude(&stranger, &ground), 0, "{shows:?} heard something in a {topology}");
-            assert_eq!((stranger.links(), ground.heard_count()), (0, 0), "{shows:?} in a {topology}");
+            assert_eq!(
+                intrude(&stranger, &ground),
+                0,
+                "{shows:?} heard something in a {topology}"
+            );
+            assert_eq!(
+                (stranger.links(), ground.heard_count()),
+                (0, 0),
+                "{shows:?} in a {topology}"
+            );
             stranger.close();
         }
     }
@@ -203,7 +275,14 @@ fn nobody_talks_to_a_false_ground_station() {
         false_ground.say(&format!("{PREFIX}/ground/have"), &have);
         std::thread::sleep(Duration::from_millis(50));
     }
-    assert_eq!((false_ground.heard().len(), one.heard_count(), one.publisher.links()), (0, 0, 0));
+    assert_eq!(
+        (
+            false_ground.heard().len(),
+            one.heard_count(),
+            one.publisher.links()
+        ),
+        (0, 0, 0)
+    );
 }
 
 #[test]
@@ -218,8 +297,16 @@ fn who_was_revoked_gets_nothing_in_and_hears_nothing() {
         let former = swarm.of("vehicle-1.1.revoked");
         let stranger = Stranger::peer(Shows::Folder(&former), None, &[swarm.ground]);
         let heard = ground.heard_count();
-        assert_eq!(intrude(&stranger, &ground), 0, "it heard something in a {topology}");
-        assert_eq!(ground.heard_count(), heard, "it got something in, in a {topology}");
+        assert_eq!(
+            intrude(&stranger, &ground),
+            0,
+            "it heard something in a {topology}"
+        );
+        assert_eq!(
+            ground.heard_count(),
+            heard,
+            "it got something in, in a {topology}"
+        );
         // Its own program does not even begin, once it is given the newest roster.
         std::fs::copy(swarm.of("roster.txt"), former.join("roster.txt")).unwrap();
         let run = Command::new(env!("CARGO_BIN_EXE_tomoswarm"))
@@ -227,7 +314,10 @@ fn who_was_revoked_gets_nothing_in_and_hears_nothing() {
             .output()
             .unwrap();
         let said = String::from_utf8_lossy(&run.stderr);
-        assert!(run.status.code() == Some(2) && said.contains("roster"), "{said}");
+        assert!(
+            run.status.code() == Some(2) && said.contains("roster"),
+            "{said}"
+        );
     }
 }
 
@@ -242,8 +332,16 @@ fn an_operator_of_a_mesh_is_told_where_every_vehicle_is_reached_also_of_those_en
     };
     let connects = || {
         let text = std::fs::read_to_string(swarm.join("operator-1/operator.toml")).unwrap();
-        let line = text.lines().find(|line| line.starts_with("connect = ")).unwrap().to_owned();
-        line.split('"').skip(1).step_by(2).map(str::to_owned).collect::<Vec<String>>()
+        let line = text
+            .lines()
+            .find(|line| line.starts_with("connect = "))
+            .unwrap()
+            .to_owned();
+        line.split('"')
+            .skip(1)
+            .step_by(2)
+            .map(str::to_owned)
+            .collect::<Vec<String>>()
     };
     let ground = "tls/ground.local:7447";
     add(&["ground"], &["--host", "ground.local"]);
@@ -251,7 +349,10 @@ fn an_operator_of_a_mesh_is_told_where_every_vehicle_is_reached_also_of_those_en
     add(&["operator"], &[]);
     assert_eq!(connects(), [ground, "tls/rover1.local:7447"]);
     add(&["vehicle", "2"], &["--host", "10.0.0.7"]);
-    assert_eq!(connects(), [ground, "tls/rover1.local:7447", "tls/10.0.0.7:7447"]);
+    assert_eq!(
+        connects(),
+        [ground, "tls/rover1.local:7447", "tls/10.0.0.7:7447"]
+    );
     enroll(&swarm, &["--revoke", "vehicle-1"]);
     add(&["vehicle", "2"], &["--host", "rover2.local", "--replace"]);
     assert_eq!(connects().last().unwrap(), "tls/rover2.local:7447");

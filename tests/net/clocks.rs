@@ -24,9 +24,26 @@ fn library(folder: &Path) -> PathBuf {
     let (source, library) = (folder.join("late.rs"), folder.join("late.so"));
     std::fs::write(&source, LIBRARY).unwrap();
     let mut compiler = Command::new(option_env!("RUSTC").unwrap_or("rustc"));
-    let flags = ["--edition", "2024", "--crate-type", "cdylib", "-C", "panic=abort", "-O", "-o"];
-    let run = compiler.args(flags).args([&library, &source]).output().unwrap();
-    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    let flags = [
+        "--edition",
+        "2024",
+        "--crate-type",
+        "cdylib",
+        "-C",
+        "panic=abort",
+        "-O",
+        "-o",
+    ];
+    let run = compiler
+        .args(flags)
+        .args([&library, &source])
+        .output()
+        .unwrap();
+    assert!(
+        run.status.success(),
+        "{}",
+        String::from_utf8_lossy(&run.stderr)
+    );
     library
 }
 
@@ -34,7 +51,11 @@ fn library(folder: &Path) -> PathBuf {
 fn a_clock_ten_years_off_keeps_nobody_out_with_certificates() {
     let folder = tempfile::tempdir().unwrap();
     let library = library(folder.path());
-    let mut swarm = Swarm::prepare(Size { vehicles: 2, laps: 1, relayed: false });
+    let mut swarm = Swarm::prepare(Size {
+        vehicles: 2,
+        laps: 1,
+        relayed: false,
+    });
     swarm.enroll();
     swarm.preload(vehicle(2), &library);
     swarm.run();

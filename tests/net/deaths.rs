@@ -3,13 +3,19 @@
 use std::time::Duration;
 
 use tomoswarm::store::memory::MemoryFile;
-use tomoswarm_proto::{Boot, Lease, Message, Order, OrderKind, Ordered, Revision, RunId, VehicleId, codec};
+use tomoswarm_proto::{
+    Boot, Lease, Message, Order, OrderKind, Ordered, Revision, RunId, VehicleId, codec,
+};
 
 use crate::raw::{Shows, Stranger};
 use crate::swarm::{GROUND, Size, Swarm, Watch, vehicle};
 
 fn two() -> Swarm {
-    Swarm::start(Size { vehicles: 2, laps: 1, relayed: false })
+    Swarm::start(Size {
+        vehicles: 2,
+        laps: 1,
+        relayed: false,
+    })
 }
 
 /// Returns which start of vehicle 3 was heard last, and what it shows that it was ordered.
@@ -22,7 +28,15 @@ fn ordered(watch: &Watch) -> (Boot, Ordered) {
 fn lowest_cut(id: u8, lease: Lease) -> Message {
     let lease = Lease::lowest(lease.number);
     let (vehicle, revision, kind) = (VehicleId(id), Revision(1_000_000), OrderKind::CutMotors);
-    Message::Order(Order { vehicle, lease, run: RunId(1), revision, seen: None, kind, ends: vec![] })
+    Message::Order(Order {
+        vehicle,
+        lease,
+        run: RunId(1),
+        revision,
+        seen: None,
+        kind,
+        ends: vec![],
+    })
 }
 
 #[test]
@@ -34,22 +48,37 @@ fn a_sweep_of_separate_processes_ends_and_loses_nothing() {
 
 #[test]
 fn a_vehicle_that_dies_comes_back_and_its_earlier_samples_arrive() {
-    let mut swarm = Swarm::start(Size { vehicles: 3, laps: 2, relayed: false });
+    let mut swarm = Swarm::start(Size {
+        vehicles: 3,
+        laps: 2,
+        relayed: false,
+    });
     swarm.begin();
     swarm.until_samples(200);
     let obeyed = swarm.look(|watch| ordered(watch).1);
     assert!(obeyed.kind.is_some());
     swarm.kill("vehicle-3");
     let kept = MemoryFile::at(swarm.path("state-3/memory")).read().unwrap();
-    assert!(kept.ordered.key() >= obeyed.edition(), "{kept:?} is on disk, {obeyed:?} was shown");
-    swarm.until("it is given up", 30, |watch| watch.report().lost == [VehicleId(3)]);
+    assert!(
+        kept.ordered.key() >= obeyed.edition(),
+        "{kept:?} is on disk, {obeyed:?} was shown"
+    );
+    swarm.until("it is given up", 30, |watch| {
+        watch.report().lost == [VehicleId(3)]
+    });
     swarm.restart(vehicle(3));
     let insistent = Stranger::peer(Shows::Nothing, None, &[swarm.address(vehicle(3))]);
     swarm.until("it is back, and obeys nothing lower", 30, |watch| {
         let low = lowest_cut(3, kept.ordered.lease);
-        insistent.say("tomoswarm/courtyard/operator/1/order/3", &codec::encode(&low).unwrap());
+        insistent.say(
+            "tomoswarm/courtyard/operator/1/order/3",
+            &codec::encode(&low).unwrap(),
+        );
         let (boot, shown) = ordered(watch);
-        assert!(boot == Boot(1) || shown.lease >= kept.ordered.lease, "{shown:?} after {kept:?}");
+        assert!(
+            boot == Boot(1) || shown.lease >= kept.ordered.lease,
+            "{shown:?} after {kept:?}"
+        );
         assert_ne!(shown.kind, Some(OrderKind::CutMotors));
         boot == Boot(2) && watch.report().lost.is_empty()
     });

@@ -36,7 +36,10 @@ impl Sensor {
                 std::thread::sleep(Duration::from_millis(50));
             }
         });
-        Sensor { is_over, thread: Some(thread) }
+        Sensor {
+            is_over,
+            thread: Some(thread),
+        }
     }
 }
 
@@ -57,7 +60,10 @@ fn state(watch: &Watch, id: u8) -> Option<&State> {
 
 /// Returns whether a vehicle has a range sensor of this kind, by its own word.
 fn has_range(watch: &Watch, id: u8, kind: Option<RangeSensorKind>) -> bool {
-    let hello = watch.view.vehicle(VehicleId(id)).and_then(|view| view.hello.as_ref());
+    let hello = watch
+        .view
+        .vehicle(VehicleId(id))
+        .and_then(|view| view.hello.as_ref());
     hello.is_some_and(|hello| {
         let kinds = hello.value.capabilities.iter().filter_map(|one| match one {
             Capability::RangeSensor(kind) => Some(*kind),
@@ -69,7 +75,12 @@ fn has_range(watch: &Watch, id: u8, kind: Option<RangeSensorKind>) -> bool {
 
 fn has_mapped(watch: &Watch, id: u8) -> bool {
     let digest = watch.digests.get(&vehicle(id));
-    digest.is_some_and(|(_, digest)| digest.layers.iter().any(|layer| layer.layer.vehicle == VehicleId(id)))
+    digest.is_some_and(|(_, digest)| {
+        digest
+            .layers
+            .iter()
+            .any(|layer| layer.layer.vehicle == VehicleId(id))
+    })
 }
 
 fn away_m(watch: &Watch, id: u8, home: [f64; 2]) -> f64 {
@@ -82,25 +93,42 @@ fn with_range(swarm: &Swarm, id: u8, range: &str) {
     let name = format!("vehicle-{id}.toml");
     let text = std::fs::read_to_string(swarm.path(&name)).unwrap();
     let text = text.replace("[range]\ndriver = \"sim\"\n", range);
-    swarm.write(&name, &text.replace("[servo]\ndriver = \"sim\"\n", "[servo]\ndriver = \"none\"\n"));
+    swarm.write(
+        &name,
+        &text.replace(
+            "[servo]\ndriver = \"sim\"\n",
+            "[servo]\ndriver = \"none\"\n",
+        ),
+    );
 }
 
 #[test]
 fn a_real_sensor_drives_a_simulated_body_and_without_one_nobody_drives() {
-    let mut swarm = Swarm::prepare(Size { vehicles: 2, laps: 1, relayed: false });
+    let mut swarm = Swarm::prepare(Size {
+        vehicles: 2,
+        laps: 1,
+        relayed: false,
+    });
     let port = swarm.path("sensor");
     let table = format!("[range.serial-text]\nport = \"{}\"\n", port.display());
     // Two readings a round are there to be taken.
     let settings = "scan_period_s = 0.15\nsettle_s = 0.01\n";
-    with_range(&swarm, 1, &format!("[range]\ndriver = \"serial-text\"\n{settings}{table}"));
+    with_range(
+        &swarm,
+        1,
+        &format!("[range]\ndriver = \"serial-text\"\n{settings}{table}"),
+    );
     with_range(&swarm, 2, "[range]\ndriver = \"none\"\n");
     let sensor = Sensor::plug(&port, b"R5000\r");
     swarm.run();
     swarm.until("both say what they have", 30, |watch| {
         has_range(watch, 1, Some(RangeSensorKind::SerialText)) && has_range(watch, 2, None)
     });
-    swarm.until("what the sensor says is on the map", 20, |watch| has_mapped(watch, 1));
-    let is_sound = |watch: &Watch| health(watch, 1).is_some_and(|health| health.troubles.is_empty());
+    swarm.until("what the sensor says is on the map", 20, |watch| {
+        has_mapped(watch, 1)
+    });
+    let is_sound =
+        |watch: &Watch| health(watch, 1).is_some_and(|health| health.troubles.is_empty());
     swarm.until("all is well", 20, is_sound);
     swarm.look(|watch| {
         assert!(!has_mapped(watch, 2), "it sees nothing");
@@ -108,20 +136,38 @@ fn a_real_sensor_drives_a_simulated_body_and_without_one_nobody_drives() {
         assert_eq!(health(watch, 1).unwrap().range.unwrap().glitches, 0);
     });
     let preflight = swarm.tool(&["preflight", "operator.toml", "--vehicles", "1,2"]);
-    let refused = preflight.lines().find(|line| line.contains("devices") && line.contains("NO-GO")).unwrap();
-    assert!(refused.contains("vehicle 2") && refused.contains("no range sensor"), "{preflight}");
+    let refused = preflight
+        .lines()
+        .find(|line| line.contains("devices") && line.contains("NO-GO"))
+        .unwrap();
+    assert!(
+        refused.contains("vehicle 2") && refused.contains("no range sensor"),
+        "{preflight}"
+    );
     swarm.begin();
     // Longer than a simulated autopilot drives without a word of its companion.
-    swarm.until("the one that sees drives", 90, |watch| away_m(watch, 1, [-1.5, -1.5]) > 2.0);
-    swarm.look(|watch| assert!(away_m(watch, 2, [7.5, -1.5]) < 0.3, "the blind one has moved"));
-    drop(sensor);
-    let is_gone =
-        |trouble: &String| trouble.starts_with("range sensor: ") && trouble.contains("opened once before");
-    swarm.until("the sensor is missed", 10, |watch| health(watch, 1).unwrap().troubles.iter().any(is_gone));
-    let _sensor = Sensor::plug(&port, b"\xff\rR5000\r");
-    swarm.until("it is back, and what it says besides is counted", 15, |watch| {
-        is_sound(watch) && health(watch, 1).unwrap().range.unwrap().glitches > 0
+    swarm.until("the one that sees drives", 90, |watch| {
+        away_m(watch, 1, [-1.5, -1.5]) > 2.0
     });
+    swarm.look(|watch| {
+        assert!(
+            away_m(watch, 2, [7.5, -1.5]) < 0.3,
+            "the blind one has moved"
+        )
+    });
+    drop(sensor);
+    let is_gone = |trouble: &String| {
+        trouble.starts_with("range sensor: ") && trouble.contains("opened once before")
+    };
+    swarm.until("the sensor is missed", 10, |watch| {
+        health(watch, 1).unwrap().troubles.iter().any(is_gone)
+    });
+    let _sensor = Sensor::plug(&port, b"\xff\rR5000\r");
+    swarm.until(
+        "it is back, and what it says besides is counted",
+        15,
+        |watch| is_sound(watch) && health(watch, 1).unwrap().range.unwrap().glitches > 0,
+    );
     swarm.end_in_order();
     let said = swarm.log_of(vehicle(2));
     assert!(

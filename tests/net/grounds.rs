@@ -10,13 +10,22 @@ use tomoswarm_proto::{RunId, StationPhase};
 use crate::swarm::{GROUND, PROGRAM, Size, Swarm, free_address, vehicle};
 
 fn two() -> Swarm {
-    Swarm::start(Size { vehicles: 2, laps: 1, relayed: false })
+    Swarm::start(Size {
+        vehicles: 2,
+        laps: 1,
+        relayed: false,
+    })
 }
 
 /// Returns the `[bus]` of one more node.
 fn further(swarm: &Swarm) -> String {
-    let all = [GROUND, vehicle(1), vehicle(2)].map(|node| format!("\"tcp/{}\"", swarm.address(node)));
-    format!("[bus]\nlisten = [\"tcp/{}\"]\nconnect = [{}]\n", free_address(), all.join(", "))
+    let all =
+        [GROUND, vehicle(1), vehicle(2)].map(|node| format!("\"tcp/{}\"", swarm.address(node)));
+    format!(
+        "[bus]\nlisten = [\"tcp/{}\"]\nconnect = [{}]\n",
+        free_address(),
+        all.join(", ")
+    )
 }
 
 #[test]
@@ -26,11 +35,17 @@ fn of_two_grounds_the_second_stands_by_and_ends_the_run_when_the_first_dies() {
     // The operator who began it may hold the lease: the ground plans under that as long as the operator lives.
     std::thread::sleep(Duration::from_secs(8));
     let first = swarm.look(|watch| watch.report());
-    swarm.write("ground-b.toml", &swarm.ground_text("state-b", &further(&swarm)));
+    swarm.write(
+        "ground-b.toml",
+        &swarm.ground_text("state-b", &further(&swarm)),
+    );
     swarm.spawn("ground-b", &["ground", "ground-b.toml"]);
     std::thread::sleep(Duration::from_secs(8));
     let said = std::fs::read_to_string(swarm.path("ground-b.log")).unwrap();
-    assert!(said.contains("StandsBy") && !said.contains("Leads"), "{said}");
+    assert!(
+        said.contains("StandsBy") && !said.contains("Leads"),
+        "{said}"
+    );
     let leads = swarm.look(|watch| watch.report());
     assert_eq!((leads.store, leads.lease), (first.store, first.lease));
     swarm.kill("ground");
@@ -61,7 +76,9 @@ fn a_ground_with_an_empty_disk_gets_all_samples_again() {
     let run = swarm.look(|watch| watch.report().run);
     swarm.note(&format!("it knows of run {run}"));
     // The vehicles still show the Start of run 1, so the new ground drives it again; another is refused until then.
-    swarm.until("nothing is under way", 120, |watch| watch.report().phase == StationPhase::Idle);
+    swarm.until("nothing is under way", 120, |watch| {
+        watch.report().phase == StationPhase::Idle
+    });
     swarm.order(&["start", "--run", "2"]);
     swarm.until("a new run has ended", 120, |watch| {
         let report = watch.report();
@@ -79,12 +96,29 @@ impl<'a> SmallDisk<'a> {
     fn mount(at: &'a Path, kb: u32) -> Option<SmallDisk<'a>> {
         std::fs::create_dir_all(at).unwrap();
         let may = geteuid().is_root()
-            && run("mount", &["-t", "tmpfs", "-o", &format!("size={kb}k"), "tmpfs", at.to_str()?]);
+            && run(
+                "mount",
+                &[
+                    "-t",
+                    "tmpfs",
+                    "-o",
+                    &format!("size={kb}k"),
+                    "tmpfs",
+                    at.to_str()?,
+                ],
+            );
         may.then_some(SmallDisk(at))
     }
 
     fn grow(&self, kb: u32) {
-        assert!(run("mount", &["-o", &format!("remount,size={kb}k"), self.0.to_str().unwrap()]));
+        assert!(run(
+            "mount",
+            &[
+                "-o",
+                &format!("remount,size={kb}k"),
+                self.0.to_str().unwrap()
+            ]
+        ));
     }
 }
 
@@ -95,7 +129,10 @@ impl Drop for SmallDisk<'_> {
 }
 
 fn run(program: &str, arguments: &[&str]) -> bool {
-    Command::new(program).args(arguments).output().is_ok_and(|output| output.status.success())
+    Command::new(program)
+        .args(arguments)
+        .output()
+        .is_ok_and(|output| output.status.success())
 }
 
 #[test]
@@ -107,7 +144,10 @@ fn a_ground_whose_disk_is_full_says_so_and_loses_nothing() {
         return;
     };
     swarm.kill("ground");
-    let bus = format!("[record]\nlimit_mb = 0\n[bus]\nlisten = [\"tcp/{}\"]\n", swarm.address(GROUND));
+    let bus = format!(
+        "[record]\nlimit_mb = 0\n[bus]\nlisten = [\"tcp/{}\"]\n",
+        swarm.address(GROUND)
+    );
     swarm.write("ground.toml", &swarm.ground_text("state-small", &bus));
     swarm.restart(GROUND);
     swarm.begin();
@@ -116,11 +156,15 @@ fn a_ground_whose_disk_is_full_says_so_and_loses_nothing() {
     let rest = state_dir.join("rest");
     let mut file = std::fs::File::create(&rest).unwrap();
     while std::io::Write::write_all(&mut file, &[1; 512]).is_ok() {}
-    swarm.until("it is said", 20, |watch| !watch.report().troubles.is_empty());
+    swarm.until("it is said", 20, |watch| {
+        !watch.report().troubles.is_empty()
+    });
     std::thread::sleep(Duration::from_secs(5));
     swarm.note("there is room again");
     disk.grow(40_000);
-    swarm.until("all is well again", 20, |watch| watch.report().troubles.is_empty());
+    swarm.until("all is well again", 20, |watch| {
+        watch.report().troubles.is_empty()
+    });
     swarm.until_end();
     swarm.end_in_order();
     swarm.check_samples("state-small", RunId(1));
@@ -140,14 +184,20 @@ fn a_vehicle_whose_disk_is_full_goes_on_and_loses_nothing() {
         swarm.address(vehicle(2)),
         swarm.address(GROUND)
     );
-    swarm.write("vehicle-2.toml", &swarm.vehicle_text(2, "state-small", &bus));
+    swarm.write(
+        "vehicle-2.toml",
+        &swarm.vehicle_text(2, "state-small", &bus),
+    );
     std::fs::write(state_dir.join("boot"), "1\n").unwrap();
     swarm.restart(vehicle(2));
     swarm.begin();
     let mut file = std::fs::File::create(state_dir.join("rest")).unwrap();
     while std::io::Write::write_all(&mut file, &[1; 512]).is_ok() {}
     swarm.until("it is said", 20, |watch| {
-        let health = watch.view.vehicle(tomoswarm_proto::VehicleId(2)).and_then(|seen| seen.health.clone());
+        let health = watch
+            .view
+            .vehicle(tomoswarm_proto::VehicleId(2))
+            .and_then(|seen| seen.health.clone());
         health.is_some_and(|health| !health.value.troubles.is_empty())
     });
     swarm.finish();
@@ -161,14 +211,24 @@ fn a_ground_that_cannot_write_its_folder_does_not_begin() {
         println!("not run: this machine mounts nothing for us");
         return;
     };
-    assert!(run("mount", &["-o", "remount,ro", disk.0.to_str().unwrap()]));
+    assert!(run(
+        "mount",
+        &["-o", "remount,ro", disk.0.to_str().unwrap()]
+    ));
     let venue = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/courtyard.venue.toml");
     let bus = format!("[bus]\nlisten = [\"tcp/{}\"]\n", free_address());
-    let text =
-        format!("kind = \"ground\"\nvenue = \"{venue}\"\nvehicles = [1, 2]\nstate_dir = \"state\"\n{bus}");
+    let text = format!(
+        "kind = \"ground\"\nvenue = \"{venue}\"\nvehicles = [1, 2]\nstate_dir = \"state\"\n{bus}"
+    );
     std::fs::write(folder.path().join("ground.toml"), text).unwrap();
-    let run =
-        Command::new(PROGRAM).args(["ground", "ground.toml"]).current_dir(folder.path()).output().unwrap();
+    let run = Command::new(PROGRAM)
+        .args(["ground", "ground.toml"])
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
     let said = String::from_utf8_lossy(&run.stderr);
-    assert!(run.status.code() == Some(2) && said.contains("state_dir"), "{said}");
+    assert!(
+        run.status.code() == Some(2) && said.contains("state_dir"),
+        "{said}"
+    );
 }

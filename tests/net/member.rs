@@ -27,7 +27,11 @@ impl Member {
         let bus = Bus::open(settings, Clock::start(), Troubles::default(), hear).unwrap();
         let publisher = bus.publisher();
         publisher.speak();
-        Member { publisher, heard, _bus: bus }
+        Member {
+            publisher,
+            heard,
+            _bus: bus,
+        }
     }
 
     /// Returns all that it heard of a node so far.
@@ -37,7 +41,13 @@ impl Member {
             Heard::Greeting(greeting, _) => greeting.node == node,
             Heard::Unknown(_) => false,
         };
-        self.heard.lock().unwrap().iter().filter(is_its).cloned().collect()
+        self.heard
+            .lock()
+            .unwrap()
+            .iter()
+            .filter(is_its)
+            .cloned()
+            .collect()
     }
 
     /// Returns how much it heard so far.
@@ -57,7 +67,11 @@ fn read(path: &Path) -> (Sender, Venue, BusFile) {
     let text = std::fs::read_to_string(path).unwrap();
     let mut loader = |path: &str| std::fs::read_to_string(path).map_err(|error| error.to_string());
     match config::read(path.to_str().unwrap(), &text, &mut loader).unwrap() {
-        Config::Vehicle(file) => (Sender::Vehicle(file.id), file.venue.clone(), file.bus.clone()),
+        Config::Vehicle(file) => (
+            Sender::Vehicle(file.id),
+            file.venue.clone(),
+            file.bus.clone(),
+        ),
         Config::Ground(file) => (Sender::Ground, file.venue.clone(), file.bus.clone()),
         Config::Operator(file) => (membership::OPERATOR, file.venue.clone(), file.bus.clone()),
         other => panic!("{other:?}"),
@@ -66,8 +80,15 @@ fn read(path: &Path) -> (Sender, Venue, BusFile) {
 
 /// Something harmless that a vehicle may say of itself.
 pub fn progress(vehicle: u8, run: u32) -> Message {
-    let progress = Progress { run: RunId(run), ..Progress::default() };
-    Message::Mission(Mission { vehicle: VehicleId(vehicle), progress, ..Mission::default() })
+    let progress = Progress {
+        run: RunId(run),
+        ..Progress::default()
+    };
+    Message::Mission(Mission {
+        vehicle: VehicleId(vehicle),
+        progress,
+        ..Mission::default()
+    })
 }
 
 /// Waits until something holds; `false` when it does not within the time.

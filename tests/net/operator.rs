@@ -13,11 +13,15 @@ use tomoswarm::run::bus::{Bus, BusSettings, Heard, Topology};
 use tomoswarm::run::clock::Clock;
 use tomoswarm::run::mailbox::Troubles;
 use tomoswarm_proto::{
-    Boot, Deviation, Heading, Health, Hello, Lease, Message, Mode, Order, OrderKind, Ordered, Permille,
-    PoseReport, Position, Report, RunId, Sender, StandReason, Standing, State, StationPhase, VehicleId,
+    Boot, Deviation, Heading, Health, Hello, Lease, Message, Mode, Order, OrderKind, Ordered,
+    Permille, PoseReport, Position, Report, RunId, Sender, StandReason, Standing, State,
+    StationPhase, VehicleId,
 };
 
-const GROUNDS: Lease = Lease { number: 3, holder: 33 };
+const GROUNDS: Lease = Lease {
+    number: 3,
+    holder: 33,
+};
 const VENUE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/courtyard.venue.toml");
 
 fn venue() -> Venue {
@@ -74,11 +78,16 @@ fn play(
             if seen.load(Ordering::Relaxed) {
                 return bus.close();
             }
-            say(turn).iter().for_each(|message| bus.publisher().publish(message));
+            say(turn)
+                .iter()
+                .for_each(|message| bus.publisher().publish(message));
             std::thread::sleep(Duration::from_millis(100));
         }
     });
-    Player { is_over, thread: Some(thread) }
+    Player {
+        is_over,
+        thread: Some(thread),
+    }
 }
 
 fn hello(node: Sender) -> Message {
@@ -92,12 +101,22 @@ fn hello(node: Sender) -> Message {
 
 /// Plays the ground station, which does nothing but hold its lease.
 fn ground(listen: &str) -> Player {
-    ground_that(listen, Report { members: vec![VehicleId(1), VehicleId(2)], ..Report::default() })
+    ground_that(
+        listen,
+        Report {
+            members: vec![VehicleId(1), VehicleId(2)],
+            ..Report::default()
+        },
+    )
 }
 
 /// Plays the ground station, which holds its lease and says this of itself.
 fn ground_that(listen: &str, report: Report) -> Player {
-    let report = Report { lease: GROUNDS, store: 1, ..report };
+    let report = Report {
+        lease: GROUNDS,
+        store: 1,
+        ..report
+    };
     let say = move |_| vec![hello(Sender::Ground), Message::Report(report.clone())];
     play(Sender::Ground, listen, &[], |_| {}, say)
 }
@@ -115,10 +134,26 @@ fn vehicle(id: u8, others: &[u8], ground: &str) -> (Player, Arc<Mutex<Ordered>>)
         {
             knows.lock().unwrap().open.clone_from(&standing.open);
         }
-        if let Heard::Message(_, Message::Order(Order { vehicle, lease, revision, run, kind, .. })) = heard {
+        if let Heard::Message(
+            _,
+            Message::Order(Order {
+                vehicle,
+                lease,
+                revision,
+                run,
+                kind,
+                ..
+            }),
+        ) = heard
+        {
             let mut obeyed = obeyed.lock().unwrap();
             if vehicle == VehicleId(id) && (lease, revision) > obeyed.edition() {
-                *obeyed = Ordered { lease, revision, run, kind: Some(kind) };
+                *obeyed = Ordered {
+                    lease,
+                    revision,
+                    run,
+                    kind: Some(kind),
+                };
             }
         }
     };
@@ -126,7 +161,10 @@ fn vehicle(id: u8, others: &[u8], ground: &str) -> (Player, Arc<Mutex<Ordered>>)
     let say = move |turn: u32| {
         let standing = stopped.lock().unwrap().clone();
         let state = State {
-            stands_under: standing.open.first().map(|stop| StandReason::Stop(stop.name)),
+            stands_under: standing
+                .open
+                .first()
+                .map(|stop| StandReason::Stop(stop.name)),
             vehicle: VehicleId(id),
             boot: Boot(1),
             sequence: u64::from(turn),
@@ -144,12 +182,31 @@ fn vehicle(id: u8, others: &[u8], ground: &str) -> (Player, Arc<Mutex<Ordered>>)
             ..State::default()
         };
         let hears = hears.clone();
-        let health = Health { vehicle: VehicleId(id), boot: Boot(1), hears, ..Health::default() };
+        let health = Health {
+            vehicle: VehicleId(id),
+            boot: Boot(1),
+            hears,
+            ..Health::default()
+        };
         let greeting = hello(Sender::Vehicle(VehicleId(id)));
-        vec![Message::State(state), Message::Standing(standing), Message::Health(health), greeting]
+        vec![
+            Message::State(state),
+            Message::Standing(standing),
+            Message::Health(health),
+            greeting,
+        ]
     };
     let connect = [ground.to_owned()];
-    (play(Sender::Vehicle(VehicleId(id)), &free_endpoint(), &connect, hear, say), ordered)
+    (
+        play(
+            Sender::Vehicle(VehicleId(id)),
+            &free_endpoint(),
+            &connect,
+            hear,
+            say,
+        ),
+        ordered,
+    )
 }
 
 fn operator_file(folder: &Path, connect: &str) -> PathBuf {
@@ -163,13 +220,23 @@ fn operator_file(folder: &Path, connect: &str) -> PathBuf {
 
 fn tool(command: &str, config: &Path, arguments: &[&str]) -> Output {
     let mut program = Command::new(env!("CARGO_BIN_EXE_tomoswarm"));
-    program.arg(command).arg(config).args(arguments).stdin(Stdio::null()).output().unwrap()
+    program
+        .arg(command)
+        .arg(config)
+        .args(arguments)
+        .stdin(Stdio::null())
+        .output()
+        .unwrap()
 }
 
 fn check(output: &Output, code: i32) -> String {
     let said = String::from_utf8_lossy(&output.stdout).into_owned();
     let complaint = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(code), "said: {said}\ncomplained: {complaint}");
+    assert_eq!(
+        output.status.code(),
+        Some(code),
+        "said: {said}\ncomplained: {complaint}"
+    );
     said
 }
 
@@ -183,10 +250,16 @@ fn the_tools_show_order_and_judge_a_swarm() {
     let (two, by_two) = vehicle(2, &[1], &hub);
 
     let status = check(&tool("status", &config, &[]), 0);
-    assert!(status.contains("lease 3") && status.lines().count() == 4, "{status}");
+    assert!(
+        status.contains("lease 3") && status.lines().count() == 4,
+        "{status}"
+    );
 
     let started = check(&tool("order", &config, &["start"]), 0);
-    assert!(started.lines().count() == 2 && started.contains("vehicle 2: start after "), "{started}");
+    assert!(
+        started.lines().count() == 2 && started.contains("vehicle 2: start after "),
+        "{started}"
+    );
     let echo = *by_one.lock().unwrap();
     assert_eq!((echo.lease, echo.revision.0, echo.run.0), (GROUNDS, 1, 1));
 
@@ -196,13 +269,33 @@ fn the_tools_show_order_and_judge_a_swarm() {
 
     let judged = check(&tool("preflight", &config, &["--vehicles", "1,2"]), 0);
     assert!(judged.ends_with("\nGO\n"), "{judged}");
-    let refused = check(&tool("preflight", &config, &["--vehicles", "1,2,3", "--for", "1.5"]), 1);
-    assert!(refused.contains("hears 2, not 3") && refused.ends_with("\nNO-GO\n"), "{refused}");
+    let refused = check(
+        &tool(
+            "preflight",
+            &config,
+            &["--vehicles", "1,2,3", "--for", "1.5"],
+        ),
+        1,
+    );
+    assert!(
+        refused.contains("hears 2, not 3") && refused.ends_with("\nNO-GO\n"),
+        "{refused}"
+    );
 
-    let lines = check(&tool("tap", &config, &["--kind", "state", "--vehicle", "2", "--count", "3"]), 0);
+    let lines = check(
+        &tool(
+            "tap",
+            &config,
+            &["--kind", "state", "--vehicle", "2", "--count", "3"],
+        ),
+        0,
+    );
     for line in lines.lines() {
         let line: serde_json::Value = serde_json::from_str(line).unwrap();
-        assert_eq!((&line["sender"], &line["kind"]), (&"vehicle/2".into(), &"state".into()));
+        assert_eq!(
+            (&line["sender"], &line["kind"]),
+            (&"vehicle/2".into(), &"state".into())
+        );
         assert_eq!(line["message"]["ordered"]["kind"], "Hold");
     }
     assert_eq!(lines.lines().count(), 3);
@@ -212,7 +305,10 @@ fn the_tools_show_order_and_judge_a_swarm() {
     assert!(check(&missed, 1).contains("vehicle 2: not heard"));
     let silent = tool("order", &config, &["emergency"]);
     let told = check(&silent, 1);
-    assert!(told.contains("vehicle 2: not heard"), "the ground's report names it: {told}");
+    assert!(
+        told.contains("vehicle 2: not heard"),
+        "the ground's report names it: {told}"
+    );
     assert!(told.contains("vehicle 1: in force after "), "{told}");
     // It stands until a start, which is refused while somebody is not heard.
     assert!(check(&tool("status", &config, &[]), 1).contains("EMERGENCY STOP"));
@@ -239,7 +335,12 @@ fn a_start_of_another_run_is_refused_while_one_is_driven() {
     let hub = free_endpoint();
     let config = operator_file(folder.path(), &hub);
     let members = vec![VehicleId(1)];
-    let report = Report { phase: StationPhase::Running, run: RunId(1), members, ..Report::default() };
+    let report = Report {
+        phase: StationPhase::Running,
+        run: RunId(1),
+        members,
+        ..Report::default()
+    };
     let _ground = ground_that(&hub, report);
     let (_one, by_one) = vehicle(1, &[], &hub);
     let refused = tool("order", &config, &["start", "--run", "7"]);
@@ -255,11 +356,19 @@ fn a_status_that_is_watched_ends_when_nobody_reads_it_any_more() {
     let folder = tempfile::tempdir().unwrap();
     let config = operator_file(folder.path(), &free_endpoint());
     let mut program = Command::new(env!("CARGO_BIN_EXE_tomoswarm"));
-    program.arg("status").arg(&config).args(["--watch", "--for", "0.2"]);
-    program.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    program
+        .arg("status")
+        .arg(&config)
+        .args(["--watch", "--for", "0.2"]);
+    program
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped());
     let mut watching = program.spawn().unwrap();
     let mut line = String::new();
-    BufReader::new(watching.stdout.take().unwrap()).read_line(&mut line).unwrap();
+    BufReader::new(watching.stdout.take().unwrap())
+        .read_line(&mut line)
+        .unwrap();
     assert_eq!(line, "no vehicle was heard\n");
     let began = Instant::now();
     while watching.try_wait().unwrap().is_none() && began.elapsed() < Duration::from_secs(20) {
@@ -268,7 +377,13 @@ fn a_status_that_is_watched_ends_when_nobody_reads_it_any_more() {
     // One that goes on would otherwise outlive this test.
     let _ = watching.kill();
     let output = watching.wait_with_output().unwrap();
-    assert_eq!((output.status.code(), String::from_utf8_lossy(&output.stderr).as_ref()), (Some(0), ""));
+    assert_eq!(
+        (
+            output.status.code(),
+            String::from_utf8_lossy(&output.stderr).as_ref()
+        ),
+        (Some(0), "")
+    );
 }
 
 #[test]
@@ -283,9 +398,16 @@ fn in_a_star_without_its_ground_station_an_order_ends_at_once_and_says_so() {
     for what in ["emergency", "start"] {
         let began = Instant::now();
         let ended = tool("order", &path, &[what]);
-        assert!(began.elapsed() < Duration::from_secs(4), "{:?}", began.elapsed());
+        assert!(
+            began.elapsed() < Duration::from_secs(4),
+            "{:?}",
+            began.elapsed()
+        );
         check(&ended, 1);
         let complaint = String::from_utf8_lossy(&ended.stderr);
-        assert!(complaint.contains("in a star nobody is reached without it"), "{complaint}");
+        assert!(
+            complaint.contains("in a star nobody is reached without it"),
+            "{complaint}"
+        );
     }
 }

@@ -18,7 +18,10 @@ const APART: Duration = Duration::from_secs(30);
 fn own_layers(watch: &Watch) -> BTreeMap<LayerId, u64> {
     let own = watch.digests.iter().flat_map(|(node, (_, digest))| {
         let is_own = move |layer: LayerId| *node == Sender::Vehicle(layer.vehicle);
-        digest.layers.iter().filter(move |layer| is_own(layer.layer))
+        digest
+            .layers
+            .iter()
+            .filter(move |layer| is_own(layer.layer))
     });
     own.map(|layer| (layer.layer, layer.revisions)).collect()
 }
@@ -32,33 +35,47 @@ fn all_hold(watch: &Watch, nodes: usize, least: &BTreeMap<LayerId, u64>) -> bool
         };
         watch.digests.values().filter(|digest| of(digest)).count() >= nodes
     };
-    least.iter().all(|(layer, revisions)| holds(layer, revisions))
+    least
+        .iter()
+        .all(|(layer, revisions)| holds(layer, revisions))
 }
 
 /// Waits until what was mapped apart is known to all.
 fn until_joined(swarm: &Swarm, nodes: usize) {
     let mapped = swarm.look(own_layers);
     assert!(!mapped.is_empty());
-    swarm.until("all hold what was mapped apart", 10, |watch| all_hold(watch, nodes, &mapped));
+    swarm.until("all hold what was mapped apart", 10, |watch| {
+        all_hold(watch, nodes, &mapped)
+    });
 }
 
 #[test]
 fn a_vehicle_without_links_for_30_s_joins_again() {
-    let mut swarm = Swarm::start(Size { vehicles: 3, laps: 2, relayed: true });
+    let mut swarm = Swarm::start(Size {
+        vehicles: 3,
+        laps: 2,
+        relayed: true,
+    });
     swarm.begin();
     swarm.until_samples(100);
     swarm.note("vehicle 3 is alone");
     swarm.border(&[vehicle(3)]).for_each(|relay| relay.cut());
     std::thread::sleep(APART);
     swarm.note("it is joined again");
-    swarm.border(&[vehicle(3)]).for_each(|relay| relay.restore());
+    swarm
+        .border(&[vehicle(3)])
+        .for_each(|relay| relay.restore());
     until_joined(&swarm, 4);
     swarm.finish();
 }
 
 #[test]
 fn two_halves_that_hear_nothing_of_each_other_for_30_s_join_again() {
-    let mut swarm = Swarm::start(Size { vehicles: 4, laps: 2, relayed: true });
+    let mut swarm = Swarm::start(Size {
+        vehicles: 4,
+        laps: 2,
+        relayed: true,
+    });
     swarm.begin();
     swarm.until_samples(100);
     let half = [GROUND, vehicle(1), vehicle(2)];
@@ -73,7 +90,11 @@ fn two_halves_that_hear_nothing_of_each_other_for_30_s_join_again() {
 
 #[test]
 fn all_that_lose_the_bus_at_once_for_20_s_go_on() {
-    let mut swarm = Swarm::start(Size { vehicles: 2, laps: 1, relayed: true });
+    let mut swarm = Swarm::start(Size {
+        vehicles: 2,
+        laps: 1,
+        relayed: true,
+    });
     swarm.begin();
     swarm.until_samples(100);
     swarm.note("everyone is alone");
@@ -87,8 +108,14 @@ fn all_that_lose_the_bus_at_once_for_20_s_go_on() {
 
 #[test]
 fn a_slow_and_late_bus_is_enough_for_a_sweep() {
-    let mut swarm = Swarm::start(Size { vehicles: 2, laps: 1, relayed: true });
-    swarm.relays().for_each(|relay| relay.shape(50_000.0, Duration::from_millis(50)));
+    let mut swarm = Swarm::start(Size {
+        vehicles: 2,
+        laps: 1,
+        relayed: true,
+    });
+    swarm
+        .relays()
+        .for_each(|relay| relay.shape(50_000.0, Duration::from_millis(50)));
     swarm.begin();
     swarm.finish();
     assert!(swarm.relays().all(|relay| relay.carried() > 10_000));
@@ -96,7 +123,11 @@ fn a_slow_and_late_bus_is_enough_for_a_sweep() {
 
 #[test]
 fn damaged_bytes_on_every_link_for_20_s_stop_nobody_for_good() {
-    let mut swarm = Swarm::start(Size { vehicles: 2, laps: 1, relayed: true });
+    let mut swarm = Swarm::start(Size {
+        vehicles: 2,
+        laps: 1,
+        relayed: true,
+    });
     swarm.begin();
     swarm.until_samples(20);
     swarm.note("bytes are damaged");
@@ -104,7 +135,9 @@ fn damaged_bytes_on_every_link_for_20_s_stop_nobody_for_good() {
     std::thread::sleep(Duration::from_secs(20));
     swarm.relays().for_each(|relay| relay.damage(None));
     let damaged: u64 = swarm.relays().map(|relay| relay.damaged()).sum();
-    swarm.note(&format!("links are in order again, after {damaged} damaged bytes"));
+    swarm.note(&format!(
+        "links are in order again, after {damaged} damaged bytes"
+    ));
     assert!(damaged > 20);
     swarm.finish_after_damage();
 }
@@ -126,7 +159,11 @@ fn two_members() -> (Member, Member, Relay) {
     };
     (
         Member::join(of(GROUND, hub, vec![])),
-        Member::join(of(vehicle(1), other, vec![format!("tcp/{}", relay.address())])),
+        Member::join(of(
+            vehicle(1),
+            other,
+            vec![format!("tcp/{}", relay.address())],
+        )),
         relay,
     )
 }
@@ -156,8 +193,14 @@ fn a_subscription_that_is_damaged_makes_nobody_deaf_for_good() {
     assert!(relay.damaged() > 0);
     relay.rewrite(None);
     let heard_before = ground.heard_count();
-    assert!(!within_s(5, &hears(heard_before + 1)), "the link was not damaged");
-    assert!(within_s(25, &hears(heard_before + 100)), "the ground station stays deaf");
+    assert!(
+        !within_s(5, &hears(heard_before + 1)),
+        "the link was not damaged"
+    );
+    assert!(
+        within_s(25, &hears(heard_before + 100)),
+        "the ground station stays deaf"
+    );
 }
 
 #[test]
@@ -178,7 +221,11 @@ fn a_panic_of_the_bus_library_is_counted_and_its_session_opened_anew() {
     relay.cut();
     relay.restore();
     let panics = || ground.publisher.traffic().panics + one.publisher.traffic().panics;
-    assert!(within(Duration::from_secs(20), || panics() > 0), "{} pieces were changed", relay.damaged());
+    assert!(
+        within(Duration::from_secs(20), || panics() > 0),
+        "{} pieces were changed",
+        relay.damaged()
+    );
     relay.rewrite(None);
     relay.cut();
     relay.restore();
@@ -187,9 +234,16 @@ fn a_panic_of_the_bus_library_is_counted_and_its_session_opened_anew() {
         say();
         ground.heard_count() > heard_before + 100
     };
-    assert!(within(Duration::from_secs(30), hears_again), "after {} panics nothing is heard", panics());
+    assert!(
+        within(Duration::from_secs(30), hears_again),
+        "after {} panics nothing is heard",
+        panics()
+    );
     let is_known = |heard: &Heard| matches!(heard, Heard::Message(_, message) if *message == progress(1, run_of(message)));
-    assert!(ground.heard_of(vehicle(1)).iter().all(is_known), "what was damaged is not heard");
+    assert!(
+        ground.heard_of(vehicle(1)).iter().all(is_known),
+        "what was damaged is not heard"
+    );
 }
 
 fn run_of(message: &Message) -> u32 {

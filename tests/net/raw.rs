@@ -44,7 +44,11 @@ impl Stranger {
         listen: Option<SocketAddr>,
         connect: &[SocketAddr],
     ) -> Option<Stranger> {
-        let protocol = if matches!(shows, Shows::Nothing) { "tcp" } else { "tls" };
+        let protocol = if matches!(shows, Shows::Nothing) {
+            "tcp"
+        } else {
+            "tls"
+        };
         let endpoint = |address: &SocketAddr| format!("{protocol}/{address}");
         let config = json!({
             "mode": mode,
@@ -62,24 +66,40 @@ impl Stranger {
         let heard = Arc::new(Mutex::new(BTreeMap::new()));
         let writes = heard.clone();
         let hear = move |sample: zenoh::sample::Sample| {
-            *writes.lock().unwrap().entry(sample.key_expr().to_string()).or_default() += 1;
+            *writes
+                .lock()
+                .unwrap()
+                .entry(sample.key_expr().to_string())
+                .or_default() += 1;
         };
         // Access control lets nobody listen to more than one venue.
         for keys in ["**", "tomoswarm/courtyard/**"] {
             let declared = session.declare_subscriber(keys).callback(hear.clone());
-            declared.allowed_origin(Locality::Remote).background().wait().unwrap();
+            declared
+                .allowed_origin(Locality::Remote)
+                .background()
+                .wait()
+                .unwrap();
         }
         Some(Stranger { session, heard })
     }
 
     /// Says something under a whole key.
     pub fn say(&self, key: &str, bytes: &[u8]) {
-        self.session.put(key, bytes).congestion_control(CongestionControl::Drop).wait().unwrap();
+        self.session
+            .put(key, bytes)
+            .congestion_control(CongestionControl::Drop)
+            .wait()
+            .unwrap();
     }
 
     /// Says something and waits until it is under way.
     pub fn insist(&self, key: &str, bytes: &[u8]) {
-        self.session.put(key, bytes).congestion_control(CongestionControl::Block).wait().unwrap();
+        self.session
+            .put(key, bytes)
+            .congestion_control(CongestionControl::Block)
+            .wait()
+            .unwrap();
     }
 
     /// Returns how often it heard each key.
@@ -102,7 +122,9 @@ impl Stranger {
 fn tls(shows: Shows) -> Value {
     match shows {
         Shows::Nothing => json!({}),
-        Shows::Authority(ca) => json!({ "root_ca_certificate": ca, "verify_name_on_connect": false }),
+        Shows::Authority(ca) => {
+            json!({ "root_ca_certificate": ca, "verify_name_on_connect": false })
+        }
         Shows::Folder(folder) => json!({
             "root_ca_certificate": folder.join("ca.pem"),
             "enable_mtls": true,

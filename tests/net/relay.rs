@@ -66,7 +66,9 @@ impl Relay {
     pub fn start(target: SocketAddr) -> Relay {
         let socket = Socket::new(Domain::IPV4, Type::STREAM, Some(Protocol::TCP)).unwrap();
         socket.set_recv_buffer_size(SOCKET_BUFFER).unwrap();
-        socket.bind(&SocketAddr::from(([127, 0, 0, 1], 0)).into()).unwrap();
+        socket
+            .bind(&SocketAddr::from(([127, 0, 0, 1], 0)).into())
+            .unwrap();
         socket.listen(64).unwrap();
         let listener: TcpListener = socket.into();
         listener.set_nonblocking(true).unwrap();
@@ -153,7 +155,9 @@ impl Line {
                 self.damaged.fetch_add(1, Ordering::Relaxed);
             });
         }
-        let Some(one_of) = self.shape().damages_one_of else { return };
+        let Some(one_of) = self.shape().damages_one_of else {
+            return;
+        };
         for byte in piece {
             // An xorshift generator (Marsaglia 2003): any one does.
             *chance ^= *chance << 13;
@@ -184,7 +188,9 @@ fn accept(listener: &TcpListener, target: SocketAddr, line: &Arc<Line>) {
         if line.shape().way == Way::Cut {
             continue;
         }
-        let Ok(far) = TcpStream::connect_timeout(&target, Duration::from_secs(1)) else { continue };
+        let Ok(far) = TcpStream::connect_timeout(&target, Duration::from_secs(1)) else {
+            continue;
+        };
         let cuts = line.cuts.load(Ordering::Relaxed);
         for (from, to) in [(&near, &far), (&far, &near)] {
             let (from, to) = (from.try_clone().unwrap(), to.try_clone().unwrap());
@@ -218,7 +224,10 @@ fn read(mut from: TcpStream, line: &Line, cuts: u64, pieces: &SyncSender<Piece>)
         match from.read(&mut buffer) {
             Ok(0) => break,
             Ok(count) => {
-                if pieces.send((Instant::now(), buffer[..count].to_vec())).is_err() {
+                if pieces
+                    .send((Instant::now(), buffer[..count].to_vec()))
+                    .is_err()
+                {
                     break;
                 }
             }
@@ -231,7 +240,8 @@ fn read(mut from: TcpStream, line: &Line, cuts: u64, pieces: &SyncSender<Piece>)
 
 fn write(mut to: TcpStream, line: &Line, cuts: u64, pieces: &Receiver<Piece>) {
     let mut free_at = Instant::now();
-    let mut chance = 0x9E37_79B9_7F4A_7C15 ^ u64::from(to.local_addr().map_or(1, |address| address.port()));
+    let mut chance =
+        0x9E37_79B9_7F4A_7C15 ^ u64::from(to.local_addr().map_or(1, |address| address.port()));
     while goes_on(line, cuts) {
         let (read_at, mut piece) = match pieces.recv_timeout(LOOK) {
             Ok(piece) => piece,
@@ -239,7 +249,9 @@ fn write(mut to: TcpStream, line: &Line, cuts: u64, pieces: &Receiver<Piece>) {
             Err(RecvTimeoutError::Disconnected) => break,
         };
         let shape = line.shape();
-        let takes = shape.bytes_per_s.map_or(0.0, |bytes_per_s| piece.len() as f64 / bytes_per_s);
+        let takes = shape
+            .bytes_per_s
+            .map_or(0.0, |bytes_per_s| piece.len() as f64 / bytes_per_s);
         free_at = free_at.max(read_at) + Duration::from_secs_f64(takes);
         std::thread::sleep((free_at + shape.delay).saturating_duration_since(Instant::now()));
         line.thaw();
@@ -247,7 +259,8 @@ fn write(mut to: TcpStream, line: &Line, cuts: u64, pieces: &Receiver<Piece>) {
         if !goes_on(line, cuts) || to.write_all(&piece).is_err() {
             break;
         }
-        line.carried.fetch_add(piece.len() as u64, Ordering::Relaxed);
+        line.carried
+            .fetch_add(piece.len() as u64, Ordering::Relaxed);
     }
     let _ = to.shutdown(Shutdown::Both);
 }

@@ -14,7 +14,9 @@ fn echo() -> SocketAddr {
     std::thread::spawn(move || {
         for stream in listener.incoming() {
             let mut stream = stream.unwrap();
-            std::thread::spawn(move || std::io::copy(&mut stream.try_clone().unwrap(), &mut stream));
+            std::thread::spawn(move || {
+                std::io::copy(&mut stream.try_clone().unwrap(), &mut stream)
+            });
         }
     });
     address
@@ -34,8 +36,14 @@ fn a_relay_keeps_to_its_rate_and_delay() {
     let whole = began.elapsed();
     sent.join().unwrap().unwrap();
     assert!(answer.iter().all(|byte| *byte == 7));
-    assert!((60..300).contains(&first.as_millis()), "there and back after {first:?}");
-    assert!((500..1500).contains(&whole.as_millis()), "50 kB at 100 kB/s took {whole:?}");
+    assert!(
+        (60..300).contains(&first.as_millis()),
+        "there and back after {first:?}"
+    );
+    assert!(
+        (500..1500).contains(&whole.as_millis()),
+        "50 kB at 100 kB/s took {whole:?}"
+    );
 }
 
 #[test]
@@ -46,11 +54,18 @@ fn a_relay_freezes_without_a_word_and_cuts_for_good() {
     stream.write_all(b"a").unwrap();
     stream.read_exact(&mut byte).unwrap();
     relay.freeze();
-    stream.set_read_timeout(Some(Duration::from_millis(200))).unwrap();
+    stream
+        .set_read_timeout(Some(Duration::from_millis(200)))
+        .unwrap();
     stream.write_all(b"b").unwrap();
-    assert!(matches!(stream.read(&mut byte).unwrap_err().kind(), ErrorKind::WouldBlock));
+    assert!(matches!(
+        stream.read(&mut byte).unwrap_err().kind(),
+        ErrorKind::WouldBlock
+    ));
     relay.restore();
-    stream.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
+    stream
+        .set_read_timeout(Some(Duration::from_secs(5)))
+        .unwrap();
     stream.read_exact(&mut byte).unwrap();
     assert_eq!(byte, *b"b");
     relay.cut();
@@ -64,5 +79,9 @@ fn a_relay_freezes_without_a_word_and_cuts_for_good() {
     last.read_exact(&mut byte).unwrap();
     assert_eq!(byte, *b"c");
     // What was sent is counted a moment after it has arrived.
-    assert!(within(Duration::from_secs(5), || relay.carried() == 6), "{}", relay.carried());
+    assert!(
+        within(Duration::from_secs(5), || relay.carried() == 6),
+        "{}",
+        relay.carried()
+    );
 }

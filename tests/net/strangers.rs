@@ -5,8 +5,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use tomoswarm_proto::{
-    Boot, Deviation, Heading, Hello, LayerId, Message, Mode, Permille, PoseReport, Position, Sample, Samples,
-    Sender, State, TILE_CELLS, TileAddress, TileReport, VehicleId, codec,
+    Boot, Deviation, Heading, Hello, LayerId, Message, Mode, Permille, PoseReport, Position,
+    Sample, Samples, Sender, State, TILE_CELLS, TileAddress, TileReport, VehicleId, codec,
 };
 
 use crate::raw::{Shows, Stranger};
@@ -17,7 +17,9 @@ const PREFIX: &str = "tomoswarm/courtyard";
 const FLOOD: usize = 5_000_000;
 
 fn stranger(swarm: &Swarm) -> Stranger {
-    let all: Vec<_> = [GROUND, vehicle(1), vehicle(2)].map(|node| swarm.address(node)).to_vec();
+    let all: Vec<_> = [GROUND, vehicle(1), vehicle(2)]
+        .map(|node| swarm.address(node))
+        .to_vec();
     let stranger = Stranger::peer(Shows::Nothing, None, &all);
     while stranger.links() < 3 {
         std::thread::sleep(Duration::from_millis(50));
@@ -67,16 +69,35 @@ pub fn sample(sequence: u64) -> Sample {
 /// Returns one message of each kind that makes those who keep it grow.
 fn flood(number: u32) -> [(String, Message); 3] {
     let me = VehicleId(9);
-    let layer = LayerId { vehicle: me, boot: Boot(number / 7) };
+    let layer = LayerId {
+        vehicle: me,
+        boot: Boot(number / 7),
+    };
     // Beyond the fence: within it, what it calls occupied would be avoided.
     let at = number as i32 + 1_000_000;
-    let address = TileAddress { slice: 0, x: 1000 + at % 1000, y: at / 1000 };
+    let address = TileAddress {
+        slice: 0,
+        x: 1000 + at % 1000,
+        y: at / 1000,
+    };
     // Cells that do not repeat, so that the frame is long.
-    let cells = std::sync::Arc::new(std::array::from_fn::<i8, TILE_CELLS, _>(|cell| (cell * 37 % 90) as i8));
-    let tile = TileReport { layer, address, revision: 1, cells };
+    let cells = std::sync::Arc::new(std::array::from_fn::<i8, TILE_CELLS, _>(|cell| {
+        (cell * 37 % 90) as i8
+    }));
+    let tile = TileReport {
+        layer,
+        address,
+        revision: 1,
+        cells,
+    };
     let samples = (0..60).map(sample).collect();
-    let batch =
-        Samples { vehicle: me, boot: Boot(number), run: tomoswarm_proto::RunId(1), samples, lost: vec![] };
+    let batch = Samples {
+        vehicle: me,
+        boot: Boot(number),
+        run: tomoswarm_proto::RunId(1),
+        samples,
+        lost: vec![],
+    };
     let key = format!("tile/9/{}/0/{}/{}", number / 7, address.x, address.y);
     [
         (key, Message::Tile(tile)),
@@ -96,7 +117,11 @@ impl Drop for EndsFlood<'_> {
 
 #[test]
 fn a_vehicle_that_floods_stops_nobody() {
-    let mut swarm = Swarm::start(Size { vehicles: 2, laps: 1, relayed: false });
+    let mut swarm = Swarm::start(Size {
+        vehicles: 2,
+        laps: 1,
+        relayed: false,
+    });
     let stranger = stranger(&swarm);
     let is_over = AtomicBool::new(false);
     std::thread::scope(|scope| {
@@ -109,7 +134,10 @@ fn a_vehicle_that_floods_stops_nobody() {
                     stranger.say(&format!("{PREFIX}/vehicle/9/{key}"), &frame);
                 }
                 if is_over.load(Ordering::Relaxed) {
-                    println!("flooded with {sent} bytes in {:.1} s", began.elapsed().as_secs_f64());
+                    println!(
+                        "flooded with {sent} bytes in {:.1} s",
+                        began.elapsed().as_secs_f64()
+                    );
                     break;
                 }
                 let due = Duration::from_secs_f64(sent as f64 / FLOOD as f64);
@@ -122,7 +150,12 @@ fn a_vehicle_that_floods_stops_nobody() {
         swarm.until_end();
     });
     for node in [GROUND, vehicle(1), vehicle(2)] {
-        assert!(swarm.log_of(node).contains("more than its share of the bus"), "{node} refuses nothing");
+        assert!(
+            swarm
+                .log_of(node)
+                .contains("more than its share of the bus"),
+            "{node} refuses nothing"
+        );
     }
     swarm.finish_among_strangers();
 }
@@ -131,8 +164,14 @@ fn a_vehicle_that_floods_stops_nobody() {
 fn nonsense() -> Vec<Vec<u8>> {
     let good = frame(&state(9, 1, 1));
     let tile = frame(&flood(1)[0].1);
-    let mut all: Vec<Vec<u8>> = (0..good.len()).map(|length| good[..length].to_vec()).collect();
-    all.extend((0..tile.len()).step_by(97).map(|length| tile[..length].to_vec()));
+    let mut all: Vec<Vec<u8>> = (0..good.len())
+        .map(|length| good[..length].to_vec())
+        .collect();
+    all.extend(
+        (0..tile.len())
+            .step_by(97)
+            .map(|length| tile[..length].to_vec()),
+    );
     // Every byte in turn is another one, and every kind claims the same body.
     for at in 0..good.len() {
         all.extend([0x01, 0x80, 0xff].map(|bits| {
@@ -147,25 +186,59 @@ fn nonsense() -> Vec<Vec<u8>> {
         all.push(bytes);
         // A header, and behind it lengths that would take all memory.
         all.push([&good[..3], &[kind], &[0xff; 40]].concat());
-        all.push([&good[..3], &[kind], &[0xfd, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0x7f]].concat());
+        all.push(
+            [
+                &good[..3],
+                &[kind],
+                &[0xfd, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0x7f],
+            ]
+            .concat(),
+        );
     }
     let long = |bytes: usize| [good.clone(), vec![0; bytes]].concat();
-    all.extend([long(1), long(256 << 10), long((1 << 20) + 1), vec![0xaa; 2 << 20]]);
+    all.extend([
+        long(1),
+        long(256 << 10),
+        long((1 << 20) + 1),
+        vec![0xaa; 2 << 20],
+    ]);
     all
 }
 
 #[test]
 fn nonsense_under_every_key_is_refused() {
-    let mut swarm = Swarm::start(Size { vehicles: 2, laps: 1, relayed: false });
+    let mut swarm = Swarm::start(Size {
+        vehicles: 2,
+        laps: 1,
+        relayed: false,
+    });
     let stranger = stranger(&swarm);
     swarm.begin();
-    let kinds =
-        ["hello", "state", "tile/9/1/0/0/0", "digest", "want/9/1", "plan/1", "mission", "order/1", "samples"];
-    let kinds = kinds.into_iter().chain(["have", "beacon", "health", "report", "unheard-of", ""]);
+    let kinds = [
+        "hello",
+        "state",
+        "tile/9/1/0/0/0",
+        "digest",
+        "want/9/1",
+        "plan/1",
+        "mission",
+        "order/1",
+        "samples",
+    ];
+    let kinds = kinds
+        .into_iter()
+        .chain(["have", "beacon", "health", "report", "unheard-of", ""]);
     let keys: Vec<String> = kinds
         .flat_map(|kind| {
-            ["vehicle/9", "vehicle/1", "ground", "operator/1", "vehicle/300", "x"]
-                .map(|who| format!("{who}/{kind}"))
+            [
+                "vehicle/9",
+                "vehicle/1",
+                "ground",
+                "operator/1",
+                "vehicle/300",
+                "x",
+            ]
+            .map(|who| format!("{who}/{kind}"))
         })
         .map(|key| format!("{PREFIX}/{}", key.trim_end_matches('/')))
         .collect();
@@ -181,13 +254,20 @@ fn nonsense_under_every_key_is_refused() {
     println!("{} kinds of nonsense under {} keys", all.len(), keys.len());
     swarm.finish_among_strangers();
     for node in [GROUND, vehicle(1), vehicle(2)] {
-        assert!(swarm.log_of(node).contains("refused a frame"), "{node} refuses nothing");
+        assert!(
+            swarm.log_of(node).contains("refused a frame"),
+            "{node} refuses nothing"
+        );
     }
 }
 
 #[test]
 fn of_two_vehicles_with_one_id_the_second_leaves_with_a_word() {
-    let mut swarm = Swarm::start(Size { vehicles: 2, laps: 1, relayed: false });
+    let mut swarm = Swarm::start(Size {
+        vehicles: 2,
+        laps: 1,
+        relayed: false,
+    });
     swarm.begin();
     let bus = format!(
         "[bus]\nlisten = [\"tcp/{}\"]\nconnect = [\"tcp/{}\"]\n",
@@ -204,7 +284,11 @@ fn of_two_vehicles_with_one_id_the_second_leaves_with_a_word() {
 
 #[test]
 fn another_version_of_the_wire_or_another_venue_is_refused_on_both_sides() {
-    let mut swarm = Swarm::start(Size { vehicles: 2, laps: 1, relayed: false });
+    let mut swarm = Swarm::start(Size {
+        vehicles: 2,
+        laps: 1,
+        relayed: false,
+    });
     let stranger = stranger(&swarm);
     swarm.begin();
     let venue = std::fs::read_to_string(swarm.path("venue.toml")).unwrap();
@@ -213,12 +297,20 @@ fn another_version_of_the_wire_or_another_venue_is_refused_on_both_sides() {
         free_address(),
         swarm.address(GROUND)
     );
-    let text = swarm.vehicle_text(3, "state-3", &bus).replace("venue.toml", "other.toml");
-    swarm.write("other.toml", &venue.replace("area_m = [0, 0, 6, 6]", "area_m = [0, 0, 6, 6.5]"));
+    let text = swarm
+        .vehicle_text(3, "state-3", &bus)
+        .replace("venue.toml", "other.toml");
+    swarm.write(
+        "other.toml",
+        &venue.replace("area_m = [0, 0, 6, 6]", "area_m = [0, 0, 6, 6.5]"),
+    );
     swarm.write("elsewhere.toml", &text);
     swarm.spawn("elsewhere", &["vehicle", "elsewhere.toml"]);
     let (code, said) = swarm.ended("elsewhere", Duration::from_secs(30));
-    assert!(code == Some(2) && said.contains("another venue file"), "{code:?} {said}");
+    assert!(
+        code == Some(2) && said.contains("another venue file"),
+        "{code:?} {said}"
+    );
     // A node of the next version, of which only the greeting can be read.
     let hello = Message::Hello(Hello {
         is_member: true,
@@ -232,8 +324,11 @@ fn another_version_of_the_wire_or_another_venue_is_refused_on_both_sides() {
     let version = format!("vehicle 9 is refused: wire version {}", codec::VERSION + 1);
     let refuses = |node| swarm.log_of(node).contains(&version);
     // It is answered, so that it can say the same.
-    let is_answered =
-        |node: Sender| stranger.heard().contains_key(&format!("{PREFIX}/{}/hello", node.prefix()));
+    let is_answered = |node: Sender| {
+        stranger
+            .heard()
+            .contains_key(&format!("{PREFIX}/{}/hello", node.prefix()))
+    };
     let mut left = vec![GROUND, vehicle(1), vehicle(2)];
     // On a busy machine each of them may be late.
     let limit = Instant::now() + Duration::from_secs(20);
@@ -241,10 +336,22 @@ fn another_version_of_the_wire_or_another_venue_is_refused_on_both_sides() {
         stranger.insist(&format!("{PREFIX}/vehicle/9/hello"), &next);
         std::thread::sleep(Duration::from_millis(200));
         left.retain(|node| !refuses(*node) || !is_answered(*node));
-        let said = || left.iter().map(|node| swarm.log_of(*node)).collect::<String>();
-        assert!(Instant::now() < limit, "refused or not answered by {left:?}: {}", said());
+        let said = || {
+            left.iter()
+                .map(|node| swarm.log_of(*node))
+                .collect::<String>()
+        };
+        assert!(
+            Instant::now() < limit,
+            "refused or not answered by {left:?}: {}",
+            said()
+        );
     }
     // It has left with the first objection, that of the node that it connected to.
-    assert!(swarm.log_of(GROUND).contains("vehicle 3 is refused: another venue file"));
+    assert!(
+        swarm
+            .log_of(GROUND)
+            .contains("vehicle 3 is refused: another venue file")
+    );
     swarm.finish();
 }

@@ -21,7 +21,9 @@ use tomoswarm::run::mailbox::Troubles;
 use tomoswarm::run::membership;
 use tomoswarm::run::trust::CommonName;
 use tomoswarm::store::ground::GroundStore;
-use tomoswarm_proto::{Boot, Digest, Message, Report, RunId, Sample, Sender, StationPhase, VehicleId};
+use tomoswarm_proto::{
+    Boot, Digest, Message, Report, RunId, Sample, Sender, StationPhase, VehicleId,
+};
 
 use crate::forgers::FORGED_FROM;
 use crate::member::settings;
@@ -95,14 +97,25 @@ pub struct Watch {
 impl Watch {
     fn hear(&mut self, clock: Clock, heard: &Heard) {
         self.view.hear(clock.now(), heard);
-        let Heard::Message(sender, message) = heard else { return };
+        let Heard::Message(sender, message) = heard else {
+            return;
+        };
         match message {
             Message::Digest(digest) => {
-                self.digests.insert(*sender, (Instant::now(), digest.clone()));
+                self.digests
+                    .insert(*sender, (Instant::now(), digest.clone()));
             }
             Message::Samples(batch) => {
-                let known = self.samples.entry((batch.vehicle, batch.boot, batch.run)).or_default();
-                known.extend(batch.samples.iter().map(|sample| (sample.sequence, *sample)));
+                let known = self
+                    .samples
+                    .entry((batch.vehicle, batch.boot, batch.run))
+                    .or_default();
+                known.extend(
+                    batch
+                        .samples
+                        .iter()
+                        .map(|sample| (sample.sequence, *sample)),
+                );
             }
             _ => {}
         }
@@ -111,7 +124,9 @@ impl Watch {
     /// Returns the newest report of the ground station with the greatest lease.
     pub fn report(&self) -> Report {
         let all = self.view.grounds().map(|report| &report.value);
-        all.max_by_key(|report| report.lease).cloned().unwrap_or_default()
+        all.max_by_key(|report| report.lease)
+            .cloned()
+            .unwrap_or_default()
     }
 
     /// Returns whether run 1 was driven to its end and closed.
@@ -134,10 +149,14 @@ impl Watch {
     /// Returns whether the newest digests of these nodes are fresh, equal and not empty.
     fn agree(&self, nodes: &BTreeSet<Sender>) -> bool {
         let fresh = |node: &Sender| {
-            self.digests.get(node).filter(|(at, _)| at.elapsed() < Duration::from_millis(2500))
+            self.digests
+                .get(node)
+                .filter(|(at, _)| at.elapsed() < Duration::from_millis(2500))
         };
         let all: Option<Vec<&Digest>> = nodes.iter().map(|node| Some(&fresh(node)?.1)).collect();
-        all.is_some_and(|all| !all[0].layers.is_empty() && all.iter().all(|digest| *digest == all[0]))
+        all.is_some_and(|all| {
+            !all[0].layers.is_empty() && all.iter().all(|digest| *digest == all[0])
+        })
     }
 }
 
@@ -153,7 +172,12 @@ impl Node {
     fn start(&mut self, folder: &Path) {
         let out = || log(&self.log);
         let mut program = Command::new(PROGRAM);
-        program.args(&self.arguments).current_dir(folder).stdin(Stdio::null()).stdout(out()).stderr(out());
+        program
+            .args(&self.arguments)
+            .current_dir(folder)
+            .stdin(Stdio::null())
+            .stdout(out())
+            .stderr(out());
         if let Some(library) = &self.preload {
             program.env("LD_PRELOAD", library);
         }
@@ -168,7 +192,9 @@ impl Node {
     fn memory_kb(&self) -> Option<u64> {
         let id = self.child.as_ref()?.id();
         let status = std::fs::read_to_string(format!("/proc/{id}/status")).ok()?;
-        let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+        let line = status
+            .lines()
+            .find_map(|line| line.strip_prefix("VmHWM:"))?;
         line.split_whitespace().next()?.parse().ok()
     }
 
@@ -186,7 +212,11 @@ impl Node {
 }
 
 fn log(path: &Path) -> File {
-    OpenOptions::new().create(true).append(true).open(path).unwrap()
+    OpenOptions::new()
+        .create(true)
+        .append(true)
+        .open(path)
+        .unwrap()
 }
 
 /// A swarm.
@@ -215,7 +245,10 @@ impl Swarm {
     /// Writes the files.
     pub fn prepare(size: Size) -> Swarm {
         let place = Place::take();
-        let nodes: Vec<Sender> = [GROUND].into_iter().chain((1..=size.vehicles).map(vehicle)).collect();
+        let nodes: Vec<Sender> = [GROUND]
+            .into_iter()
+            .chain((1..=size.vehicles).map(vehicle))
+            .collect();
         let mut swarm = Swarm {
             size,
             folder: tempfile::tempdir().unwrap(),
@@ -239,7 +272,10 @@ impl Swarm {
     /// Starts the world, the vehicles, the ground station and the operator.
     pub fn run(&mut self) {
         let world = self.world.to_string();
-        self.spawn("world", &["world", "sim.toml", "--listen", &world, "--token", TOKEN]);
+        self.spawn(
+            "world",
+            &["world", "sim.toml", "--listen", &world, "--token", TOKEN],
+        );
         let nodes: Vec<Sender> = self.addresses.keys().copied().collect();
         for node in nodes {
             self.spawn_node(node);
@@ -256,9 +292,24 @@ impl Swarm {
         for node in nodes {
             let name = Swarm::name(node);
             let mut program = Command::new(PROGRAM);
-            program.args(["enroll", "swarm", "--venue", "venue.toml", "--state-dir", "state"]);
-            let run = program.args(name.split('-')).current_dir(self.folder.path()).output().unwrap();
-            assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+            program.args([
+                "enroll",
+                "swarm",
+                "--venue",
+                "venue.toml",
+                "--state-dir",
+                "state",
+            ]);
+            let run = program
+                .args(name.split('-'))
+                .current_dir(self.folder.path())
+                .output()
+                .unwrap();
+            assert!(
+                run.status.success(),
+                "{}",
+                String::from_utf8_lossy(&run.stderr)
+            );
             let (file, folder) = (format!("{name}.toml"), CommonName::node_name(node));
             let plain = std::fs::read_to_string(self.path(&file)).unwrap();
             let own = ["ca.pem", "certificate.pem", "key.pem", "roster.txt"].map(|own| {
@@ -278,7 +329,8 @@ impl Swarm {
     fn relay_all(&mut self, nodes: &[Sender]) {
         for (index, later) in nodes.iter().enumerate() {
             for earlier in &nodes[..index] {
-                self.relays.insert((*earlier, *later), Relay::start(self.addresses[earlier]));
+                self.relays
+                    .insert((*earlier, *later), Relay::start(self.addresses[earlier]));
             }
         }
     }
@@ -313,12 +365,29 @@ impl Swarm {
         );
         for id in 1..=vehicles {
             let bus = self.bus_lines(vehicle(id));
-            self.write(&format!("vehicle-{id}.toml"), &self.vehicle_text(id, &format!("state-{id}"), &bus));
+            self.write(
+                &format!("vehicle-{id}.toml"),
+                &self.vehicle_text(id, &format!("state-{id}"), &bus),
+            );
         }
-        self.write("ground.toml", &self.ground_text("state-g", &self.bus_lines(GROUND)));
-        let all: Vec<String> = self.addresses.values().map(|at| format!("\"tcp/{at}\"")).collect();
-        let bus = format!("[bus]\nconnect = [{}]\ngossip = {}\n", all.join(", "), !self.size.relayed);
-        self.write("operator.toml", &format!("kind = \"operator\"\nvenue = \"venue.toml\"\n{bus}"));
+        self.write(
+            "ground.toml",
+            &self.ground_text("state-g", &self.bus_lines(GROUND)),
+        );
+        let all: Vec<String> = self
+            .addresses
+            .values()
+            .map(|at| format!("\"tcp/{at}\""))
+            .collect();
+        let bus = format!(
+            "[bus]\nconnect = [{}]\ngossip = {}\n",
+            all.join(", "),
+            !self.size.relayed
+        );
+        self.write(
+            "operator.toml",
+            &format!("kind = \"operator\"\nvenue = \"venue.toml\"\n{bus}"),
+        );
     }
 
     /// Returns the `[bus]` of a node: through relays only, or by the ground station and what it tells.
@@ -326,14 +395,18 @@ impl Swarm {
         let own = self.addresses[&node];
         let through: Vec<String> = if self.size.relayed {
             let mine = self.relays.iter().filter(|((_, later), _)| *later == node);
-            mine.map(|(_, relay)| format!("\"tcp/{}\"", relay.address())).collect()
+            mine.map(|(_, relay)| format!("\"tcp/{}\"", relay.address()))
+                .collect()
         } else if node == GROUND {
             Vec::new()
         } else {
             vec![format!("\"tcp/{}\"", self.addresses[&GROUND])]
         };
         let gossip = !self.size.relayed;
-        format!("[bus]\nlisten = [\"tcp/{own}\"]\nconnect = [{}]\ngossip = {gossip}\n", through.join(", "))
+        format!(
+            "[bus]\nlisten = [\"tcp/{own}\"]\nconnect = [{}]\ngossip = {gossip}\n",
+            through.join(", ")
+        )
     }
 
     /// Returns the file of a vehicle.
@@ -341,7 +414,10 @@ impl Swarm {
         let driver = ["autopilot", "range", "servo", "radio"]
             .map(|part| format!("[{part}]\ndriver = \"sim\"\n"))
             .concat();
-        let world = format!("[world]\nconnect = \"{}\"\ntoken = \"{TOKEN}\"\n", self.world);
+        let world = format!(
+            "[world]\nconnect = \"{}\"\ntoken = \"{TOKEN}\"\n",
+            self.world
+        );
         format!(
             "kind = \"vehicle\"\nvenue = \"venue.toml\"\nid = {id}\nstate_dir = \"{state_dir}\"\n[vehicle]\n{BODY}{driver}{world}{bus}"
         )
@@ -375,7 +451,12 @@ impl Swarm {
     pub fn spawn(&mut self, name: &str, arguments: &[&str]) {
         let log = self.path(&format!("{name}.log"));
         let arguments = arguments.iter().map(|word| (*word).to_owned()).collect();
-        let mut node = Node { arguments, preload: self.preloads.get(name).cloned(), log, child: None };
+        let mut node = Node {
+            arguments,
+            preload: self.preloads.get(name).cloned(),
+            log,
+            child: None,
+        };
         node.start(self.folder.path());
         self.processes.insert(name.to_owned(), node);
     }
@@ -427,7 +508,10 @@ impl Swarm {
     /// Returns all relays between one side and the rest.
     pub fn border<'a>(&'a self, side: &'a [Sender]) -> impl Iterator<Item = &'a Relay> {
         let crosses = |(a, b): &(Sender, Sender)| side.contains(a) != side.contains(b);
-        self.relays.iter().filter(move |(ends, _)| crosses(ends)).map(|(_, relay)| relay)
+        self.relays
+            .iter()
+            .filter(move |(ends, _)| crosses(ends))
+            .map(|(_, relay)| relay)
     }
 
     pub fn relays(&self) -> impl Iterator<Item = &Relay> {
@@ -450,7 +534,10 @@ impl Swarm {
             );
             std::thread::sleep(Duration::from_millis(50));
         }
-        self.note(&format!("{what}, after {:.1} s", began.elapsed().as_secs_f64()));
+        self.note(&format!(
+            "{what}, after {:.1} s",
+            began.elapsed().as_secs_f64()
+        ));
     }
 
     pub fn note(&self, what: &str) {
@@ -464,25 +551,39 @@ impl Swarm {
             all && watch.view.grounds().next().is_some()
         });
         self.order(&["start", "--run", "1"]);
-        self.until("the sweep runs", 60, |watch| watch.report().phase == StationPhase::Running);
+        self.until("the sweep runs", 60, |watch| {
+            watch.report().phase == StationPhase::Running
+        });
     }
 
     /// Waits until the sweep has begun and so many samples of run 1 are stored.
     pub fn until_samples(&self, count: u64) {
-        self.until("enough samples", 60, |watch| watch.report().samples >= count);
+        self.until("enough samples", 60, |watch| {
+            watch.report().samples >= count
+        });
     }
 
     pub fn order(&self, words: &[&str]) {
         let mut program = Command::new(PROGRAM);
-        let run = program.args(["order", "operator.toml"]).args(words).current_dir(self.folder.path());
+        let run = program
+            .args(["order", "operator.toml"])
+            .args(words)
+            .current_dir(self.folder.path());
         let run = run.output().unwrap();
-        assert!(run.status.success(), "order {words:?}: {}", String::from_utf8_lossy(&run.stderr));
+        assert!(
+            run.status.success(),
+            "order {words:?}: {}",
+            String::from_utf8_lossy(&run.stderr)
+        );
     }
 
     /// Returns an order that is refused as bad usage; returns what is said of it.
     pub fn refused(&self, words: &[&str]) -> String {
         let mut program = Command::new(PROGRAM);
-        let run = program.args(["order", "operator.toml"]).args(words).current_dir(self.folder.path());
+        let run = program
+            .args(["order", "operator.toml"])
+            .args(words)
+            .current_dir(self.folder.path());
         let run = run.output().unwrap();
         assert_eq!(run.status.code(), Some(2), "order {words:?}");
         String::from_utf8_lossy(&run.stderr).into_owned()
@@ -490,7 +591,11 @@ impl Swarm {
 
     /// Runs an operator's tool to its end, however it ends; returns what it prints.
     pub fn tool(&self, words: &[&str]) -> String {
-        let run = Command::new(PROGRAM).args(words).current_dir(self.folder.path()).output().unwrap();
+        let run = Command::new(PROGRAM)
+            .args(words)
+            .current_dir(self.folder.path())
+            .output()
+            .unwrap();
         String::from_utf8_lossy(&run.stdout).into_owned()
     }
 
@@ -505,10 +610,17 @@ impl Swarm {
         let began = Instant::now();
         while !self.look(|watch| watch.agree(&nodes)) {
             let held = || self.look(|watch| format!("{:?}", watch.digests));
-            assert!(began.elapsed() < Duration::from_secs(limit_s), "maps differ: {}", held());
+            assert!(
+                began.elapsed() < Duration::from_secs(limit_s),
+                "maps differ: {}",
+                held()
+            );
             std::thread::sleep(Duration::from_millis(50));
         }
-        self.note(&format!("all maps are equal, after {:.1} s", began.elapsed().as_secs_f64()));
+        self.note(&format!(
+            "all maps are equal, after {:.1} s",
+            began.elapsed().as_secs_f64()
+        ));
     }
 
     /// Checks what every scenario claims: the sweep ends, maps are equal, no collision, bounded memory, an end in order,
@@ -525,8 +637,16 @@ impl Swarm {
         for (name, node) in &self.processes {
             check_memory(name, node);
         }
-        let status = WorldControl::connect(self.world, TOKEN).unwrap().report().unwrap();
-        assert_eq!((status.collision_count, status.fence_breaches), (0, 0), "{:?}", status.collisions);
+        let status = WorldControl::connect(self.world, TOKEN)
+            .unwrap()
+            .report()
+            .unwrap();
+        assert_eq!(
+            (status.collision_count, status.fence_breaches),
+            (0, 0),
+            "{:?}",
+            status.collisions
+        );
         self.end_in_order();
         self.check_samples("state-g", RunId(1));
     }
@@ -536,15 +656,26 @@ impl Swarm {
     pub fn finish_after_damage(&mut self) {
         self.until_end();
         self.until_maps_equal(20);
-        let status = WorldControl::connect(self.world, TOKEN).unwrap().report().unwrap();
-        assert_eq!((status.collision_count, status.fence_breaches), (0, 0), "{:?}", status.collisions);
+        let status = WorldControl::connect(self.world, TOKEN)
+            .unwrap()
+            .report()
+            .unwrap();
+        assert_eq!(
+            (status.collision_count, status.fence_breaches),
+            (0, 0),
+            "{:?}",
+            status.collisions
+        );
         self.end_in_order();
         let store = GroundStore::open_to_read(&self.path("state-g").join("ground.sqlite")).unwrap();
         let mut stored: BTreeMap<VehicleId, Vec<u64>> = BTreeMap::new();
         store
             .each_sample(None, |row| {
                 if (row.boot, row.run) == (Boot(1), RunId(1)) {
-                    stored.entry(row.vehicle).or_default().push(row.sample.sequence);
+                    stored
+                        .entry(row.vehicle)
+                        .or_default()
+                        .push(row.sample.sequence);
                 }
             })
             .unwrap();
@@ -552,22 +683,36 @@ impl Swarm {
             let sequences = stored.entry(id).or_default();
             sequences.sort_unstable();
             let said = self.look(|watch| watch.samples_of(id.0, 1));
-            assert!(said > 0 && *sequences == (0..sequences.len() as u64).collect::<Vec<_>>(), "a gap: {id}");
+            assert!(
+                said > 0 && *sequences == (0..sequences.len() as u64).collect::<Vec<_>>(),
+                "a gap: {id}"
+            );
         }
     }
 
     /// The same where somebody has said frames in others' names: a sample of a number that no vehicle has come to is stored as
     /// well, and of the true ones none may be missing.
     pub fn finish_after_forgery(&mut self, run: RunId) {
-        let status = WorldControl::connect(self.world, TOKEN).unwrap().report().unwrap();
-        assert_eq!((status.collision_count, status.fence_breaches), (0, 0), "{:?}", status.collisions);
+        let status = WorldControl::connect(self.world, TOKEN)
+            .unwrap()
+            .report()
+            .unwrap();
+        assert_eq!(
+            (status.collision_count, status.fence_breaches),
+            (0, 0),
+            "{:?}",
+            status.collisions
+        );
         self.end_in_order();
         let store = GroundStore::open_to_read(&self.path("state-g").join("ground.sqlite")).unwrap();
         let mut stored: BTreeMap<(VehicleId, RunId), Vec<u64>> = BTreeMap::new();
         store
             .each_sample(None, |row| {
                 if row.boot == Boot(1) && row.sample.sequence < FORGED_FROM {
-                    stored.entry((row.vehicle, row.run)).or_default().push(row.sample.sequence);
+                    stored
+                        .entry((row.vehicle, row.run))
+                        .or_default()
+                        .push(row.sample.sequence);
                 }
             })
             .unwrap();
@@ -576,10 +721,18 @@ impl Swarm {
         }
         for (of, mut sequences) in stored {
             sequences.sort_unstable();
-            assert_eq!(sequences, (0..sequences.len() as u64).collect::<Vec<_>>(), "a gap in {of:?}");
+            assert_eq!(
+                sequences,
+                (0..sequences.len() as u64).collect::<Vec<_>>(),
+                "a gap in {of:?}"
+            );
         }
         let runs = store.runs().unwrap();
-        assert!(runs.iter().any(|stored| stored.run == run && stored.closed_utc_s.is_some()), "{runs:?}");
+        assert!(
+            runs.iter()
+                .any(|stored| stored.run == run && stored.closed_utc_s.is_some()),
+            "{runs:?}"
+        );
     }
 
     /// Ends the vehicles and then the grounds, which store what the vehicles have said last.
@@ -617,7 +770,10 @@ impl Swarm {
             .each_sample(None, |row| {
                 count += 1;
                 let of = (row.vehicle, row.boot, row.run);
-                let known = stored.entry(of).or_default().insert(row.sample.sequence, row.sample);
+                let known = stored
+                    .entry(of)
+                    .or_default()
+                    .insert(row.sample.sequence, row.sample);
                 assert_eq!(known, None, "doubled");
             })
             .unwrap();
@@ -629,7 +785,11 @@ impl Swarm {
             assert_eq!(sequences, whole, "a gap in {of:?}");
         }
         self.look(|watch| {
-            for (of, samples) in watch.samples.iter().filter(|(of, _)| of.0.0 <= self.size.vehicles) {
+            for (of, samples) in watch
+                .samples
+                .iter()
+                .filter(|(of, _)| of.0.0 <= self.size.vehicles)
+            {
                 let in_store = &stored[of];
                 for (sequence, sample) in samples {
                     assert_eq!(in_store.get(sequence), Some(sample), "{of:?}");
@@ -637,10 +797,21 @@ impl Swarm {
             }
         });
         let vehicles: BTreeSet<VehicleId> = stored.keys().map(|(vehicle, _, _)| *vehicle).collect();
-        assert_eq!(vehicles.len(), usize::from(self.size.vehicles), "somebody measured nothing");
+        assert_eq!(
+            vehicles.len(),
+            usize::from(self.size.vehicles),
+            "somebody measured nothing"
+        );
         let runs = store.runs().unwrap();
-        assert!(runs.iter().any(|stored| stored.run == run && stored.closed_utc_s.is_some()), "{runs:?}");
-        self.note(&format!("{count} samples stored, of {} starts and runs", stored.len()));
+        assert!(
+            runs.iter()
+                .any(|stored| stored.run == run && stored.closed_utc_s.is_some()),
+            "{runs:?}"
+        );
+        self.note(&format!(
+            "{count} samples stored, of {} starts and runs",
+            stored.len()
+        ));
     }
 }
 

@@ -21,9 +21,17 @@ fn name(text: &str) -> CommonName {
 
 /// Returns a roster of the ground station and vehicle 3.
 fn roster(authority: &Authority) -> Roster {
-    ["ground.1", "vehicle-3.1"].into_iter().fold(Roster { issue: 1, ..Roster::default() }, |roster, text| {
-        roster.admitting(authority.issue(name(text), &[]).unwrap().entry).unwrap()
-    })
+    ["ground.1", "vehicle-3.1"].into_iter().fold(
+        Roster {
+            issue: 1,
+            ..Roster::default()
+        },
+        |roster, text| {
+            roster
+                .admitting(authority.issue(name(text), &[]).unwrap().entry)
+                .unwrap()
+        },
+    )
 }
 
 #[test]
@@ -31,8 +39,14 @@ fn a_signed_roster_is_read_back_as_it_was() {
     let authority = Authority::create().unwrap();
     let roster = roster(&authority).revoking(ROVER).unwrap();
     let text = authority.sign(&roster).unwrap();
-    assert_eq!(Roster::verify(&text, authority.certificate()), Ok(roster.clone()));
-    assert_eq!((roster.issue, roster.revoked), (4, vec![name("vehicle-3.1")]));
+    assert_eq!(
+        Roster::verify(&text, authority.certificate()),
+        Ok(roster.clone())
+    );
+    assert_eq!(
+        (roster.issue, roster.revoked),
+        (4, vec![name("vehicle-3.1")])
+    );
 }
 
 #[test]
@@ -46,9 +60,14 @@ fn a_roster_that_differs_in_any_byte_is_refused() {
         let read = Roster::verify(&changed, authority.certificate());
         assert_eq!(read, Err(RosterError::Signature), "byte {at} of {changed}");
     }
-    for changed in
-        ["", "\n", &format!("{text}\n"), &format!("\n{text}"), &text.replace('\n', "\r\n"), &text[1..]]
-    {
+    for changed in [
+        "",
+        "\n",
+        &format!("{text}\n"),
+        &format!("\n{text}"),
+        &text.replace('\n', "\r\n"),
+        &text[1..],
+    ] {
         assert_eq!(
             Roster::verify(changed, authority.certificate()),
             Err(RosterError::Signature),
@@ -57,40 +76,66 @@ fn a_roster_that_differs_in_any_byte_is_refused() {
     }
     // A line of its own, with the good signature below.
     let added = text.replace("signature ", "revoked ground.1\nsignature ");
-    assert_eq!(Roster::verify(&added, authority.certificate()), Err(RosterError::Signature));
+    assert_eq!(
+        Roster::verify(&added, authority.certificate()),
+        Err(RosterError::Signature)
+    );
 }
 
 #[test]
 fn a_roster_of_another_authority_or_of_a_node_is_refused() {
     let (own, other) = (Authority::create().unwrap(), Authority::create().unwrap());
     let text = other.sign(&roster(&other)).unwrap();
-    assert_eq!(Roster::verify(&text, own.certificate()), Err(RosterError::Signature));
-    let node = Certificate::from_pem(&own.issue(name("ground.1"), &[]).unwrap().certificate_pem).unwrap();
+    assert_eq!(
+        Roster::verify(&text, own.certificate()),
+        Err(RosterError::Signature)
+    );
+    let node =
+        Certificate::from_pem(&own.issue(name("ground.1"), &[]).unwrap().certificate_pem).unwrap();
     let text = own.sign(&roster(&own)).unwrap();
     assert_eq!(Roster::verify(&text, &node), Err(RosterError::Signature));
 }
 
 #[test]
 fn the_issue_of_a_roster_never_goes_back() {
-    let roster = Roster { issue: 7, ..Roster::default() };
+    let roster = Roster {
+        issue: 7,
+        ..Roster::default()
+    };
     for seen in [None, Some(0), Some(6), Some(7)] {
         assert_eq!(roster.check_not_older(seen), Ok(()));
     }
-    assert_eq!(roster.check_not_older(Some(8)), Err(RosterError::Old { found: 7, seen: 8 }));
+    assert_eq!(
+        roster.check_not_older(Some(8)),
+        Err(RosterError::Old { found: 7, seen: 8 })
+    );
 }
 
 #[test]
 fn a_name_is_never_given_twice() {
     let authority = Authority::create().unwrap();
     let first = roster(&authority);
-    assert_eq!(first.next_name(ROVER, false), Err(RosterError::Duplicate { name: name("vehicle-3.1") }));
+    assert_eq!(
+        first.next_name(ROVER, false),
+        Err(RosterError::Duplicate {
+            name: name("vehicle-3.1")
+        })
+    );
     assert_eq!(first.next_name(ROVER, true), Ok(name("vehicle-3.2")));
-    let second = first.admitting(authority.issue(name("vehicle-3.2"), &[]).unwrap().entry).unwrap();
-    assert_eq!((second.allowed.len(), second.revoked.clone()), (2, vec![name("vehicle-3.1")]));
+    let second = first
+        .admitting(authority.issue(name("vehicle-3.2"), &[]).unwrap().entry)
+        .unwrap();
+    assert_eq!(
+        (second.allowed.len(), second.revoked.clone()),
+        (2, vec![name("vehicle-3.1")])
+    );
     let without = second.revoking(ROVER).unwrap();
     assert_eq!(without.next_name(ROVER, false), Ok(name("vehicle-3.3")));
     assert_eq!((first.issue, second.issue, without.issue), (3, 4, 5));
-    assert!(matches!(without.revoking(ROVER), Err(RosterError::Unknown { .. })));
+    assert!(matches!(
+        without.revoking(ROVER),
+        Err(RosterError::Unknown { .. })
+    ));
     assert_eq!(without.next_name(OPERATOR, false), Ok(name("operator-1.1")));
 }
 
@@ -98,16 +143,28 @@ fn a_name_is_never_given_twice() {
 fn a_certificate_of_another_authority_is_refused() {
     let (own, other) = (Authority::create().unwrap(), Authority::create().unwrap());
     let read = |authority: &Authority| {
-        let issued = authority.issue(name("vehicle-3.1"), &["rover.local".to_owned()]).unwrap();
+        let issued = authority
+            .issue(name("vehicle-3.1"), &["rover.local".to_owned()])
+            .unwrap();
         Certificate::from_pem(&issued.certificate_pem).unwrap()
     };
     let (good, foreign) = (read(&own), read(&other));
     assert_eq!(good.check_signed_by(own.certificate()), Ok(()));
     assert_eq!(good.common_name, "vehicle-3.1");
-    assert_eq!(foreign.check_signed_by(own.certificate()), Err(CertificateError::Foreign));
+    assert_eq!(
+        foreign.check_signed_by(own.certificate()),
+        Err(CertificateError::Foreign)
+    );
     // A node cannot enrol others.
-    assert_eq!(foreign.check_signed_by(&good), Err(CertificateError::NoAuthority));
-    for text in ["", "-----BEGIN CERTIFICATE-----\nAAAA\n-----END CERTIFICATE-----\n", "garbage"] {
+    assert_eq!(
+        foreign.check_signed_by(&good),
+        Err(CertificateError::NoAuthority)
+    );
+    for text in [
+        "",
+        "-----BEGIN CERTIFICATE-----\nAAAA\n-----END CERTIFICATE-----\n",
+        "garbage",
+    ] {
         assert_eq!(Certificate::from_pem(text), Err(CertificateError::Form));
     }
     assert!(Authority::open(own.certificate_pem(), &other.key_pem()).is_err());
@@ -116,17 +173,33 @@ fn a_certificate_of_another_authority_is_refused() {
 
 #[test]
 fn certificates_hold_on_a_machine_whose_clock_is_wrong() {
-    let issued = Authority::create().unwrap().issue(name("ground.1"), &["10.0.0.7".to_owned()]).unwrap();
+    let issued = Authority::create()
+        .unwrap()
+        .issue(name("ground.1"), &["10.0.0.7".to_owned()])
+        .unwrap();
     let (_, pem) = x509_parser::pem::parse_x509_pem(issued.certificate_pem.as_bytes()).unwrap();
     let certificate = pem.parse_x509().unwrap();
-    let (from, until) =
-        (certificate.validity().not_before.timestamp(), certificate.validity().not_after.timestamp());
+    let (from, until) = (
+        certificate.validity().not_before.timestamp(),
+        certificate.validity().not_after.timestamp(),
+    );
     // 1970-01-01 and 9999-12-31, by `date -u +%s`.
     assert_eq!((from, until), (0, 253_402_214_400));
     let usage = certificate.extended_key_usage().unwrap().unwrap().value;
     assert!(usage.server_auth && usage.client_auth && !certificate.is_ca());
-    let names = format!("{:?}", certificate.subject_alternative_name().unwrap().unwrap().value.general_names);
-    assert!(names.contains("localhost") && names.contains("[10, 0, 0, 7]"), "{names}");
+    let names = format!(
+        "{:?}",
+        certificate
+            .subject_alternative_name()
+            .unwrap()
+            .unwrap()
+            .value
+            .general_names
+    );
+    assert!(
+        names.contains("localhost") && names.contains("[10, 0, 0, 7]"),
+        "{names}"
+    );
 }
 
 #[test]
@@ -135,13 +208,22 @@ fn a_node_may_write_only_its_own_keys() {
     let rules = |topology| -> Vec<(String, Vec<String>)> {
         let rules = access_rules(&roster, "yard", topology);
         assert!(rules.iter().all(|rule| rule.reads == ["tomoswarm/yard/**"]));
-        rules.into_iter().map(|rule| (rule.common_name, rule.writes)).collect()
+        rules
+            .into_iter()
+            .map(|rule| (rule.common_name, rule.writes))
+            .collect()
     };
     let own = |name: &str, key: &str| (name.to_owned(), vec![key.to_owned()]);
     let rover = own("vehicle-3.1", "tomoswarm/yard/vehicle/3/**");
-    assert_eq!(rules(Topology::Mesh), [own("ground.1", "tomoswarm/yard/ground/**"), rover.clone()]);
+    assert_eq!(
+        rules(Topology::Mesh),
+        [own("ground.1", "tomoswarm/yard/ground/**"), rover.clone()]
+    );
     // In a star the ground station hands on what vehicles say.
-    assert_eq!(rules(Topology::Star), [own("ground.1", "tomoswarm/yard/**"), rover]);
+    assert_eq!(
+        rules(Topology::Star),
+        [own("ground.1", "tomoswarm/yard/**"), rover]
+    );
     let revoked = roster.revoking(ROVER).unwrap();
     assert_eq!(access_rules(&revoked, "yard", Topology::Mesh).len(), 1);
 }
@@ -149,9 +231,19 @@ fn a_node_may_write_only_its_own_keys() {
 /// Runs `tomoswarm enroll` in a folder; returns its exit code and all that it said.
 fn enroll(folder: &Path, arguments: &str) -> (i32, String) {
     let program = env!("CARGO_BIN_EXE_tomoswarm");
-    let venue = format!("{}/configs/courtyard.venue.toml", env!("CARGO_MANIFEST_DIR"));
-    let words = arguments.split_whitespace().map(|word| word.replace("VENUE", &venue));
-    let run = Command::new(program).arg("enroll").args(words).current_dir(folder).output().unwrap();
+    let venue = format!(
+        "{}/configs/courtyard.venue.toml",
+        env!("CARGO_MANIFEST_DIR")
+    );
+    let words = arguments
+        .split_whitespace()
+        .map(|word| word.replace("VENUE", &venue));
+    let run = Command::new(program)
+        .arg("enroll")
+        .args(words)
+        .current_dir(folder)
+        .output()
+        .unwrap();
     let said = String::from_utf8_lossy(&run.stdout) + String::from_utf8_lossy(&run.stderr);
     (run.status.code().unwrap(), said.into_owned())
 }
@@ -190,7 +282,8 @@ fn tree(folder: &Path) -> Vec<(String, u32, Vec<u8>)> {
 fn read(path: &Path) -> Result<Config, String> {
     let mut loader = |path: &str| fs::read_to_string(path).map_err(|error| error.to_string());
     let text = fs::read_to_string(path).unwrap();
-    config::read(path.to_str().unwrap(), &text, &mut loader).map_err(|problems| problems.to_string())
+    config::read(path.to_str().unwrap(), &text, &mut loader)
+        .map_err(|problems| problems.to_string())
 }
 
 fn identity(folder: &Path) -> Identity {
@@ -209,28 +302,52 @@ fn identity(folder: &Path) -> Identity {
 fn an_enrolled_node_has_all_that_it_needs_and_is_trusted() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path();
-    good(root, "swarm --venue VENUE ground --host ground.local --host 10.0.0.1");
-    good(root, "swarm --venue VENUE vehicle 3 --host rover3.local --ground-host ground.local --port 7000");
-    good(root, "swarm --venue VENUE operator --ground-host ground.local");
+    good(
+        root,
+        "swarm --venue VENUE ground --host ground.local --host 10.0.0.1",
+    );
+    good(
+        root,
+        "swarm --venue VENUE vehicle 3 --host rover3.local --ground-host ground.local --port 7000",
+    );
+    good(
+        root,
+        "swarm --venue VENUE operator --ground-host ground.local",
+    );
     let swarm = root.join("swarm");
     for (path, mode, _) in tree(&swarm) {
         let is_key = path.ends_with("key.pem");
         assert_eq!(mode, if is_key { 0o600 } else { 0o644 }, "{path}");
     }
-    for (node, sender) in [("ground", Sender::Ground), ("vehicle-3", ROVER), ("operator-1", OPERATOR)] {
+    for (node, sender) in [
+        ("ground", Sender::Ground),
+        ("vehicle-3", ROVER),
+        ("operator-1", OPERATOR),
+    ] {
         let trusted = Trusted::read(&identity(&swarm.join(node)), sender, Some(4)).unwrap();
-        assert_eq!(trusted.own, CommonName { node: sender, issue: 1 });
+        assert_eq!(
+            trusted.own,
+            CommonName {
+                node: sender,
+                issue: 1
+            }
+        );
         // The rosters of those that were enrolled first are new as well.
         assert_eq!((trusted.roster.issue, trusted.roster.allowed.len()), (4, 3));
     }
-    let Ok(Config::Ground(ground)) = read(&swarm.join("ground/ground.toml")) else { panic!("no ground") };
+    let Ok(Config::Ground(ground)) = read(&swarm.join("ground/ground.toml")) else {
+        panic!("no ground")
+    };
     assert_eq!(ground.vehicles, [VehicleId(3)]);
     assert_eq!(ground.bus.listen[0].to_string(), "tls/0.0.0.0:7447");
     let Ok(Config::Vehicle(rover)) = read(&swarm.join("vehicle-3/vehicle.toml")) else {
         panic!("no vehicle")
     };
     assert_eq!(rover.bus.connect[0].to_string(), "tls/ground.local:7000");
-    assert_eq!((rover.id, rover.state_dir.as_str()), (VehicleId(3), "/var/lib/tomoswarm/vehicle-3"));
+    assert_eq!(
+        (rover.id, rover.state_dir.as_str()),
+        (VehicleId(3), "/var/lib/tomoswarm/vehicle-3")
+    );
 }
 
 #[test]
@@ -238,14 +355,26 @@ fn without_hosts_a_node_stays_on_its_machine_and_in_a_star_only_the_ground_liste
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path();
     good(root, "swarm --venue VENUE --topology star ground");
-    good(root, "swarm --venue VENUE --topology star vehicle 1 --state-dir state\"1");
+    good(
+        root,
+        "swarm --venue VENUE --topology star vehicle 1 --state-dir state\"1",
+    );
     let Ok(Config::Ground(ground)) = read(&root.join("swarm/ground/ground.toml")) else {
         panic!("no ground")
     };
     assert_eq!(ground.bus.listen[0].to_string(), "tls/127.0.0.1:7447");
-    let Ok(Config::Vehicle(rover)) = read(&root.join("swarm/vehicle-1/vehicle.toml")) else { panic!("none") };
-    assert_eq!((rover.bus.listen.len(), rover.bus.topology), (0, Topology::Star));
-    assert!(rover.state_dir.ends_with("vehicle-1/state\"1"), "{}", rover.state_dir);
+    let Ok(Config::Vehicle(rover)) = read(&root.join("swarm/vehicle-1/vehicle.toml")) else {
+        panic!("none")
+    };
+    assert_eq!(
+        (rover.bus.listen.len(), rover.bus.topology),
+        (0, Topology::Star)
+    );
+    assert!(
+        rover.state_dir.ends_with("vehicle-1/state\"1"),
+        "{}",
+        rover.state_dir
+    );
 }
 
 #[test]
@@ -254,31 +383,57 @@ fn a_node_is_enrolled_once_replaced_and_revoked() {
     let root = folder.path();
     good(root, "swarm --venue VENUE ground");
     good(root, "swarm --venue VENUE vehicle 3");
-    bad(root, "swarm --venue VENUE vehicle 3", "vehicle-3.1 is enrolled already; give --replace");
+    bad(
+        root,
+        "swarm --venue VENUE vehicle 3",
+        "vehicle-3.1 is enrolled already; give --replace",
+    );
     let (swarm, own) = (root.join("swarm"), root.join("swarm/vehicle-3"));
     let written = fs::read_to_string(own.join("vehicle.toml")).unwrap();
     let edited = written.replace("egress_kb_per_s = 64.0", "egress_kb_per_s = 100.0");
     assert_ne!(edited, written);
     fs::write(own.join("vehicle.toml"), &edited).unwrap();
     good(root, "swarm --venue VENUE vehicle 3 --replace");
-    assert_eq!(fs::read_to_string(own.join("vehicle.toml")).unwrap(), edited);
+    assert_eq!(
+        fs::read_to_string(own.join("vehicle.toml")).unwrap(),
+        edited
+    );
     let trusted = Trusted::read(&identity(&own), ROVER, None).unwrap();
-    assert_eq!((trusted.own, trusted.roster.issue), (name("vehicle-3.2"), 4));
+    assert_eq!(
+        (trusted.own, trusted.roster.issue),
+        (name("vehicle-3.2"), 4)
+    );
     // The former certificate is worth nothing under the newest roster.
-    let former = Identity { roster: identity(&own).roster, ..identity(&swarm.join("vehicle-3.1.replaced")) };
+    let former = Identity {
+        roster: identity(&own).roster,
+        ..identity(&swarm.join("vehicle-3.1.replaced"))
+    };
     let refused = Trusted::read(&former, ROVER, None).unwrap_err();
-    assert!(matches!(refused, TrustError::NotAllowed { issue: 4, .. }), "{refused}");
+    assert!(
+        matches!(refused, TrustError::NotAllowed { issue: 4, .. }),
+        "{refused}"
+    );
     let said = good(root, "swarm --revoke vehicle-3");
     assert!(said.contains("roster issue 5"), "{said}");
     assert!(!own.exists() && swarm.join("vehicle-3.2.revoked/key.pem").exists());
     assert_eq!(
-        Trusted::read(&identity(&swarm.join("ground")), Sender::Ground, Some(5)).unwrap().roster.issue,
+        Trusted::read(&identity(&swarm.join("ground")), Sender::Ground, Some(5))
+            .unwrap()
+            .roster
+            .issue,
         5
     );
-    bad(root, "swarm --revoke vehicle-3", "vehicle-3 is not enrolled; enrolled: ground");
+    bad(
+        root,
+        "swarm --revoke vehicle-3",
+        "vehicle-3 is not enrolled; enrolled: ground",
+    );
     bad(root, "swarm --revoke rover", "rover: is no node");
     good(root, "swarm --venue VENUE vehicle 3");
-    assert_eq!(Trusted::read(&identity(&own), ROVER, None).unwrap().own, name("vehicle-3.3"));
+    assert_eq!(
+        Trusted::read(&identity(&own), ROVER, None).unwrap().own,
+        name("vehicle-3.3")
+    );
 }
 
 #[test]
@@ -293,29 +448,87 @@ fn files_that_do_not_belong_together_are_refused_at_the_start() {
     let other = identity(&root.join("other/vehicle-3"));
     let ground = identity(&root.join("own/ground"));
     let refused = |identity: Identity, node, seen, part: &str| {
-        let said = Trusted::read(&identity, node, seen).unwrap_err().to_string();
+        let said = Trusted::read(&identity, node, seen)
+            .unwrap_err()
+            .to_string();
         assert!(said.contains(part), "{part} is missing in: {said}");
     };
     assert!(Trusted::read(&own, ROVER, None).is_ok());
-    refused(other.clone(), Sender::Ground, None, "is of \"vehicle-3.1\", not of ground");
     refused(
-        Identity { certificate: other.certificate.clone(), ..own.clone() },
+        other.clone(),
+        Sender::Ground,
+        None,
+        "is of \"vehicle-3.1\", not of ground",
+    );
+    refused(
+        Identity {
+            certificate: other.certificate.clone(),
+            ..own.clone()
+        },
         ROVER,
         None,
         "is not signed by",
     );
-    refused(Identity { roster: other.roster.clone(), ..own.clone() }, ROVER, None, "is not signed by");
-    refused(Identity { ca: other.ca.clone(), ..own.clone() }, ROVER, None, "is not signed by");
-    refused(Identity { ca: own.certificate.clone(), ..own.clone() }, ROVER, None, "is no authority's");
-    refused(Identity { key: ground.key.clone(), ..own.clone() }, ROVER, None, "is not the private key");
     refused(
-        Identity { key: own.ca.clone(), ..own.clone() },
+        Identity {
+            roster: other.roster.clone(),
+            ..own.clone()
+        },
+        ROVER,
+        None,
+        "is not signed by",
+    );
+    refused(
+        Identity {
+            ca: other.ca.clone(),
+            ..own.clone()
+        },
+        ROVER,
+        None,
+        "is not signed by",
+    );
+    refused(
+        Identity {
+            ca: own.certificate.clone(),
+            ..own.clone()
+        },
+        ROVER,
+        None,
+        "is no authority's",
+    );
+    refused(
+        Identity {
+            key: ground.key.clone(),
+            ..own.clone()
+        },
+        ROVER,
+        None,
+        "is not the private key",
+    );
+    refused(
+        Identity {
+            key: own.ca.clone(),
+            ..own.clone()
+        },
         ROVER,
         None,
         "everyone on this machine can read",
     );
-    refused(Identity { key: format!("{}.gone", own.key), ..own.clone() }, ROVER, None, "cannot be read");
-    refused(own, ROVER, Some(9), "is issue 3, but issue 9 was in force here");
+    refused(
+        Identity {
+            key: format!("{}.gone", own.key),
+            ..own.clone()
+        },
+        ROVER,
+        None,
+        "cannot be read",
+    );
+    refused(
+        own,
+        ROVER,
+        Some(9),
+        "is issue 3, but issue 9 was in force here",
+    );
 }
 
 #[test]
@@ -328,13 +541,28 @@ fn bad_usage_leaves_no_trace() {
         ("swarm --venue VENUE vehicle", "its number is missing"),
         ("swarm --venue VENUE vehicle 0", "0 is not in 1..=250"),
         ("swarm --venue VENUE vehicle 251", "251 is not in 1..=250"),
-        ("swarm --venue VENUE vehicle 9", "vehicle 9: has no home, the venue has 8"),
+        (
+            "swarm --venue VENUE vehicle 9",
+            "vehicle 9: has no home, the venue has 8",
+        ),
         ("swarm --venue VENUE ground 1", "only vehicles have numbers"),
         ("swarm --venue VENUE pilot", "invalid value 'pilot'"),
-        ("swarm --venue VENUE ground --host a..b", "--host \"a..b\": is no host"),
-        ("swarm --venue VENUE ground --ground-host tls/x:1", "--ground-host \"tls/x:1\": is no host"),
-        ("swarm --venue VENUE ground --port 0", "0 is not in 1..=65535"),
-        ("swarm --venue gone.toml ground", "gone.toml: cannot be read"),
+        (
+            "swarm --venue VENUE ground --host a..b",
+            "--host \"a..b\": is no host",
+        ),
+        (
+            "swarm --venue VENUE ground --ground-host tls/x:1",
+            "--ground-host \"tls/x:1\": is no host",
+        ),
+        (
+            "swarm --venue VENUE ground --port 0",
+            "0 is not in 1..=65535",
+        ),
+        (
+            "swarm --venue gone.toml ground",
+            "gone.toml: cannot be read",
+        ),
         ("swarm --revoke ground", "cannot be read"),
     ] {
         bad(root, arguments, part);
@@ -351,10 +579,22 @@ fn a_swarm_has_one_venue_and_its_own_files() {
     let root = folder.path();
     good(root, "swarm --venue VENUE ground");
     let venue = fs::read_to_string(root.join("swarm/venue.toml")).unwrap();
-    fs::write(root.join("other.toml"), venue.replace("cell_m = 0.2", "cell_m = 0.25")).unwrap();
-    bad(root, "swarm --venue other.toml vehicle 1", "all nodes of a swarm share one venue");
+    fs::write(
+        root.join("other.toml"),
+        venue.replace("cell_m = 0.2", "cell_m = 0.25"),
+    )
+    .unwrap();
+    bad(
+        root,
+        "swarm --venue other.toml vehicle 1",
+        "all nodes of a swarm share one venue",
+    );
     let roster = root.join("swarm/roster.txt");
     let text = fs::read_to_string(&roster).unwrap();
     fs::write(&roster, text.replace("issue 2", "issue 1")).unwrap();
-    bad(root, "swarm --venue VENUE vehicle 1", "was changed afterwards");
+    bad(
+        root,
+        "swarm --venue VENUE vehicle 1",
+        "was changed afterwards",
+    );
 }

@@ -25,7 +25,8 @@ impl Chance {
     fn bits(&self, purpose: &str, ids: &[u64]) -> u64 {
         let words = purpose.bytes().map(u64::from).chain(ids.iter().copied());
         words.fold(mix(self.seed), |state, word| {
-            mix(state.wrapping_add(0x9E37_79B9_7F4A_7C15) ^ mix(word.wrapping_add(0x9E37_79B9_7F4A_7C15)))
+            mix(state.wrapping_add(0x9E37_79B9_7F4A_7C15)
+                ^ mix(word.wrapping_add(0x9E37_79B9_7F4A_7C15)))
         })
     }
 }

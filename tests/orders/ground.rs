@@ -37,7 +37,10 @@ pub struct Given(BTreeMap<(VehicleId, Lease, Revision), Vec<(OrderKind, Giver)>>
 
 impl Given {
     pub fn note(&mut self, order: &Order, giver: Giver) {
-        let givers = self.0.entry((order.vehicle, order.lease, order.revision)).or_default();
+        let givers = self
+            .0
+            .entry((order.vehicle, order.lease, order.revision))
+            .or_default();
         if !givers.contains(&(order.kind, giver)) {
             givers.push((order.kind, giver));
         }
@@ -52,7 +55,10 @@ impl Given {
         is_such: impl Fn(Giver) -> bool,
     ) -> bool {
         let givers = self.0.get(&(vehicle, edition.0, edition.1));
-        givers.into_iter().flatten().any(|(given, giver)| *given == kind && is_such(*giver))
+        givers
+            .into_iter()
+            .flatten()
+            .any(|(given, giver)| *given == kind && is_such(*giver))
     }
 }
 
@@ -68,14 +74,27 @@ struct Knowledge {
 
 impl Knowledge {
     fn take(&mut self, now: Time, store: u64, state: &State, given: &Given) {
-        let State { vehicle, ordered, .. } = *state;
-        let said = SeenState { boot: state.boot, sequence: state.sequence };
+        let State {
+            vehicle, ordered, ..
+        } = *state;
+        let said = SeenState {
+            boot: state.boot,
+            sequence: state.sequence,
+        };
         let key = |seen: &SeenState| (seen.boot, seen.sequence);
-        if self.newest.get(&vehicle).is_some_and(|newest| key(&said) <= key(newest)) {
+        if self
+            .newest
+            .get(&vehicle)
+            .is_some_and(|newest| key(&said) <= key(newest))
+        {
             return;
         }
         self.newest.insert(vehicle, said);
-        if self.shown.get(&vehicle).is_none_or(|(_, edition)| *edition != ordered.edition()) {
+        if self
+            .shown
+            .get(&vehicle)
+            .is_none_or(|(_, edition)| *edition != ordered.edition())
+        {
             self.shown.insert(vehicle, (now, ordered.edition()));
         }
         let Some(kind) = ordered.kind else { return };
@@ -158,7 +177,10 @@ impl Ground {
         (self.station, self.known) = match self.disk.clone() {
             None => (Station::new(settings), Knowledge::default()),
             Some((memory, known)) => {
-                let known = Knowledge { shown: BTreeMap::new(), ..known };
+                let known = Knowledge {
+                    shown: BTreeMap::new(),
+                    ..known
+                };
                 (Station::resume(settings, memory, [], []), known)
             }
         };
@@ -191,7 +213,9 @@ impl Ground {
         if let Some(out) = self.unsaid.pop_front() {
             return self.carry_out(now, out);
         }
-        let Some(said) = self.step(now, given) else { return Turn::Rests };
+        let Some(said) = self.step(now, given) else {
+            return Turn::Rests;
+        };
         let said: Vec<Out> = said.into_iter().map(|out| self.as_mistaken(out)).collect();
         let wrong = said.iter().find_map(|out| self.judge_order(now, out));
         self.unsaid.extend(said);
@@ -210,7 +234,11 @@ impl Ground {
     fn carry_out(&mut self, now: Time, out: Out) -> Turn {
         match out {
             Out::Publish(message) => {
-                let wrong = if let Message::Plan(plan) = &message { self.judge_plan(plan) } else { None };
+                let wrong = if let Message::Plan(plan) = &message {
+                    self.judge_plan(plan)
+                } else {
+                    None
+                };
                 return wrong.map_or_else(|| Turn::Publish(Box::new(message)), Turn::Wrong);
             }
             Out::Remember(memory) => {
@@ -218,10 +246,16 @@ impl Ground {
                 return Turn::Writes;
             }
             Out::Ask(request) => {
-                self.planner.handle(self.clock(now), request, &mut Vec::new()).unwrap();
+                self.planner
+                    .handle(self.clock(now), request, &mut Vec::new())
+                    .unwrap();
             }
             Out::Reconstruct(job) => {
-                let made = PictureName { run: job.run, laps: job.laps, subject: job.subject };
+                let made = PictureName {
+                    run: job.run,
+                    laps: job.laps,
+                    subject: job.subject,
+                };
                 self.unread.push_back(In::Pictured(made));
             }
             Out::Note(_) | Out::BeginRun { .. } | Out::EndRun(_) => {}
@@ -236,13 +270,21 @@ impl Ground {
     /// Lets planner and station do what is due first; `None` = nothing is.
     fn step(&mut self, now: Time, given: &Given) -> Option<Vec<Out>> {
         let clock = self.clock(now);
-        if self.planner.deadline().is_some_and(|deadline| deadline.at <= clock) {
+        if self
+            .planner
+            .deadline()
+            .is_some_and(|deadline| deadline.at <= clock)
+        {
             let mut answers: Vec<Answer> = Vec::new();
             self.planner.wake(clock, &mut answers).unwrap();
             self.unread.extend(answers.into_iter().map(In::Planned));
         }
         let mut said = Vec::new();
-        if self.station.deadline().is_some_and(|deadline| deadline.at <= clock) {
+        if self
+            .station
+            .deadline()
+            .is_some_and(|deadline| deadline.at <= clock)
+        {
             self.station.wake(clock, &mut said).unwrap();
             return Some(said);
         }
@@ -259,7 +301,9 @@ impl Ground {
 
     /// Returns a state as a mistaken station sees it.
     fn as_seen(&self, mut state: State) -> State {
-        if self.mistake == Some(Mistake::GroundSeesNoStops) && self.known.stopped.contains(&state.vehicle) {
+        if self.mistake == Some(Mistake::GroundSeesNoStops)
+            && self.known.stopped.contains(&state.vehicle)
+        {
             state.ordered.kind = None;
         }
         state
@@ -279,9 +323,13 @@ impl Ground {
     /// Judges an order by what the station knows: what an operator has stopped no ground station starts, and none goes on
     /// ordering below what it was shown.
     fn judge_order(&self, now: Time, out: &Out) -> Option<String> {
-        let Out::Publish(Message::Order(order)) = out else { return None };
+        let Out::Publish(Message::Order(order)) = out else {
+            return None;
+        };
         if order.kind == OrderKind::Start && self.known.stopped.contains(&order.vehicle) {
-            return Some(format!("the ground starts what an operator has stopped: {order:?}"));
+            return Some(format!(
+                "the ground starts what an operator has stopped: {order:?}"
+            ));
         }
         let (since, shown) = *self.known.shown.get(&order.vehicle)?;
         let is_below = (order.lease, order.revision) < shown && now.since(since) > LEARNS_WITHIN;
@@ -291,9 +339,15 @@ impl Ground {
     /// No edition of a plan is given twice, whatever was forgotten.
     fn judge_plan(&mut self, plan: &Plan) -> Option<String> {
         let name = (self.store, plan.run, plan.revision, plan.vehicle);
-        let bare = Plan { lease: Lease::default(), seen: None, ..plan.clone() };
+        let bare = Plan {
+            lease: Lease::default(),
+            seen: None,
+            ..plan.clone()
+        };
         let known = self.plans.insert(name, bare.clone());
-        known.filter(|known| *known != bare).map(|_| format!("two plans of one name: {name:?}"))
+        known
+            .filter(|known| *known != bare)
+            .map(|_| format!("two plans of one name: {name:?}"))
     }
 }
 

@@ -132,7 +132,9 @@ pub fn play_joins(seed: u64, mistake: Option<JoinMistake>) -> Result<JoinsTally,
             return Err(format!("seed {seed}, {} s: {wrong}", world.now));
         }
     }
-    world.judge_hearing().map_err(|wrong| format!("seed {seed}: {wrong}"))?;
+    world
+        .judge_hearing()
+        .map_err(|wrong| format!("seed {seed}: {wrong}"))?;
     Ok(world.tally)
 }
 
@@ -146,14 +148,22 @@ fn mark(name: Sender, number: usize) -> Message {
         Sender::Vehicle(vehicle) => vehicle,
         Sender::Ground | Sender::Operator(_) => VehicleId(0),
     };
-    Message::Want(Want { layer: LayerId { vehicle, boot: Boot(number as u32) }, known: vec![] })
+    Message::Want(Want {
+        layer: LayerId {
+            vehicle,
+            boot: Boot(number as u32),
+        },
+        known: vec![],
+    })
 }
 
 impl World {
     fn new(seed: u64, mistake: Option<JoinMistake>) -> World {
         let chance = Chance::new(seed);
         let count = 3 + chance.below("count", &[], 10);
-        let nodes: Vec<Node> = (0..count).map(|number| draw_node(&chance, number as u64)).collect();
+        let nodes: Vec<Node> = (0..count)
+            .map(|number| draw_node(&chance, number as u64))
+            .collect();
         let cuts = (0..chance.below("cuts", &[], 5) as u64).map(|number| {
             let from = QUIET_S * chance.share("cut from", &[number]);
             let until = (from + 10.0 * chance.share("cut for", &[number])).min(QUIET_S);
@@ -181,8 +191,14 @@ impl World {
             self.link(number);
             self.greet(number);
         }
-        while self.flying.first_key_value().is_some_and(|((due, _), _)| *due <= self.now) {
-            let Some((_, flying)) = self.flying.pop_first() else { break };
+        while self
+            .flying
+            .first_key_value()
+            .is_some_and(|((due, _), _)| *due <= self.now)
+        {
+            let Some((_, flying)) = self.flying.pop_first() else {
+                break;
+            };
             self.deliver(&flying);
         }
         if self.is_first_from(SETTLED_S) {
@@ -207,7 +223,10 @@ impl World {
         if node.left.is_some() {
             return;
         }
-        let is_down = node.restarts.iter().any(|(from, off)| now >= *from && now < *from + *off);
+        let is_down = node
+            .restarts
+            .iter()
+            .any(|(from, off)| now >= *from && now < *from + *off);
         if now < node.starts || is_down {
             if node.exchange.take().is_some() {
                 (node.is_linked_from, node.member_from) = (None, None);
@@ -217,8 +236,11 @@ impl World {
         if node.exchange.is_none() {
             node.boot = Boot(node.boot.0 + 1);
             // Drawn anew at every start, as by a process.
-            node.instance =
-                1 + self.chance.below("instance", &[number as u64, u64::from(node.boot.0)], 1 << 30) as u64;
+            node.instance = 1 + self.chance.below(
+                "instance",
+                &[number as u64, u64::from(node.boot.0)],
+                1 << 30,
+            ) as u64;
             let hello = Hello::asking(node.name, node.boot, node.kind.venue_hash, node.instance);
             node.exchange = Some(Exchange::new(BYTES_PER_S, Presence::asking(now, hello)));
             self.tally.started += 1;
@@ -227,8 +249,11 @@ impl World {
 
     /// Returns whether frames of one node reach another one at all.
     fn reaches(&self, from: usize, to: usize) -> bool {
-        let is_cut =
-            |node: usize| self.cuts.iter().any(|(of, a, b)| *of == node && self.now >= *a && self.now < *b);
+        let is_cut = |node: usize| {
+            self.cuts
+                .iter()
+                .any(|(of, a, b)| *of == node && self.now >= *a && self.now < *b)
+        };
         from != to && self.nodes[to].exchange.is_some() && !is_cut(from) && !is_cut(to)
     }
 
@@ -237,7 +262,9 @@ impl World {
         let is_linked = (0..self.nodes.len()).any(|other| self.reaches(number, other));
         let now = self.now;
         let node = &mut self.nodes[number];
-        let Some(exchange) = &mut node.exchange else { return };
+        let Some(exchange) = &mut node.exchange else {
+            return;
+        };
         let since = is_linked.then(|| node.is_linked_from.unwrap_or(now));
         node.is_linked_from = since;
         if since.is_some_and(|since| now.since(since) >= LINKS_AFTER) {
@@ -247,7 +274,9 @@ impl World {
 
     fn greet(&mut self, number: usize) {
         let now = self.now;
-        let Some(exchange) = &mut self.nodes[number].exchange else { return };
+        let Some(exchange) = &mut self.nodes[number].exchange else {
+            return;
+        };
         let due = exchange.due(now);
         let is_member = exchange.is_member();
         for outbound in due {
@@ -256,7 +285,11 @@ impl World {
         let node = &mut self.nodes[number];
         if is_member && node.member_from.is_none() {
             node.member_from = Some(now);
-            let began = node.restarts.iter().map(|(from, off)| *from + *off).chain([node.starts]);
+            let began = node
+                .restarts
+                .iter()
+                .map(|(from, off)| *from + *off)
+                .chain([node.starts]);
             let began = began.filter(|began| *began <= now).max().unwrap_or(now);
             self.tally.slowest = self.tally.slowest.max(now.since(began));
         }
@@ -264,10 +297,17 @@ impl World {
 
     fn say_mark(&mut self, number: usize) {
         let node = &mut self.nodes[number];
-        let Some(exchange) = &mut node.exchange else { return };
+        let Some(exchange) = &mut node.exchange else {
+            return;
+        };
         // An exchange encodes what it says; what it may not say it drops.
-        let ready = exchange.say(self.now, &mark(node.name, number)).ok().flatten();
-        ready.into_iter().for_each(|outbound| self.send(number, outbound.frame));
+        let ready = exchange
+            .say(self.now, &mark(node.name, number))
+            .ok()
+            .flatten();
+        ready
+            .into_iter()
+            .for_each(|outbound| self.send(number, outbound.frame));
     }
 
     /// Puts a frame on its way to everybody; one of another version is written as that version would.
@@ -281,10 +321,23 @@ impl World {
             let ids = [self.frames];
             let is_lost = !self.is_quiet() && self.chance.share("lost", &ids) < self.loss;
             let is_doubled = self.chance.share("doubled", &ids) < 0.1;
-            for copy in 0..if is_lost { 0 } else { 1 + u64::from(is_doubled) } {
-                let delay = self.longest.mul_f64(self.chance.share("delay", &[self.frames, copy]));
+            for copy in 0..if is_lost {
+                0
+            } else {
+                1 + u64::from(is_doubled)
+            } {
+                let delay = self
+                    .longest
+                    .mul_f64(self.chance.share("delay", &[self.frames, copy]));
                 let key = (self.now + delay, 2 * self.frames + copy);
-                self.flying.insert(key, Flying { from, to, bytes: bytes.clone() });
+                self.flying.insert(
+                    key,
+                    Flying {
+                        from,
+                        to,
+                        bytes: bytes.clone(),
+                    },
+                );
             }
         }
     }
@@ -294,16 +347,25 @@ impl World {
         if !self.reaches(*from, *to) {
             return;
         }
-        let Some(bytes) = self.with_mistake(*from, *to, bytes) else { return };
+        let Some(bytes) = self.with_mistake(*from, *to, bytes) else {
+            return;
+        };
         let (now, sender) = (self.now, self.nodes[*from].name);
         // A frame is read by the receiver's version.
         let seen = as_seen_by(self.nodes[*to].kind.version, bytes);
-        let Some(exchange) = &mut self.nodes[*to].exchange else { return };
-        let Ok(reception) = exchange.hear(now, sender, &seen) else { return };
+        let Some(exchange) = &mut self.nodes[*to].exchange else {
+            return;
+        };
+        let Ok(reception) = exchange.hear(now, sender, &seen) else {
+            return;
+        };
         if let Some(Heard::Message(_, Message::Want(want))) = reception.heard {
             self.nodes[*to].heard.insert(want.layer.boot.0 as usize);
         }
-        reception.reply.into_iter().for_each(|outbound| self.send(*to, outbound.frame));
+        reception
+            .reply
+            .into_iter()
+            .for_each(|outbound| self.send(*to, outbound.frame));
         if let Verdict::Refused(why) = reception.verdict {
             self.leave(*to, *from, &why);
         }
@@ -312,7 +374,9 @@ impl World {
     /// Alters a greeting as a planted mistake would; `None` when it is lost.
     fn with_mistake(&self, from: usize, to: usize, bytes: &[u8]) -> Option<Vec<u8>> {
         let unaltered = Some(bytes.to_vec());
-        let Some(mistake) = self.mistake else { return unaltered };
+        let Some(mistake) = self.mistake else {
+            return unaltered;
+        };
         let mut read = bytes.to_vec();
         read[2] = VERSION;
         let Ok(tomoswarm_proto::codec::Decoded::Message(Message::Hello(mut hello))) =
@@ -328,7 +392,9 @@ impl World {
             }
             JoinMistake::MembersSilent if hello.is_member => return None,
             JoinMistake::VenueNotSeen => hello.venue_hash = self.nodes[to].kind.venue_hash,
-            JoinMistake::BothLeave | JoinMistake::BothStay | JoinMistake::MembersSilent => return unaltered,
+            JoinMistake::BothLeave | JoinMistake::BothStay | JoinMistake::MembersSilent => {
+                return unaltered;
+            }
         }
         let mut altered = encode(&Message::Hello(hello)).ok()?;
         altered[2] = bytes[2];
@@ -341,12 +407,20 @@ impl World {
             && self.nodes[by].kind == self.nodes[number].kind
             && self.nodes[by].instance != self.nodes[number].instance;
         let is_misfit = self.nodes[by].kind != self.nodes[number].kind;
-        let reason = if is_twin { Reason::Twin } else { Reason::Misfit };
+        let reason = if is_twin {
+            Reason::Twin
+        } else {
+            Reason::Misfit
+        };
         if !is_twin && !is_misfit {
-            self.wrong = Some(format!("node {number} leaves because of node {by}, which fits: {why}"));
+            self.wrong = Some(format!(
+                "node {number} leaves because of node {by}, which fits: {why}"
+            ));
         }
         if is_misfit && self.nodes[number].member_from.is_some() {
-            self.wrong = Some(format!("node {number} takes part, and leaves because of a stranger: {why}"));
+            self.wrong = Some(format!(
+                "node {number} takes part, and leaves because of a stranger: {why}"
+            ));
         }
         match reason {
             Reason::Twin => self.tally.left_as_twin += 1,
@@ -360,28 +434,45 @@ impl World {
     fn judge(&mut self) -> Result<(), String> {
         let mut claims: BTreeMap<(Sender, Kind), Vec<usize>> = BTreeMap::new();
         for (number, node) in self.nodes.iter().enumerate() {
-            claims.entry((node.name, node.kind)).or_default().push(number);
+            claims
+                .entry((node.name, node.kind))
+                .or_default()
+                .push(number);
         }
         for ((name, kind), numbers) in claims {
-            let present = || numbers.iter().filter(|number| self.nodes[**number].left.is_none());
+            let present = || {
+                numbers
+                    .iter()
+                    .filter(|number| self.nodes[**number].left.is_none())
+            };
             for number in present() {
-                let is_in = self.nodes[*number].exchange.as_ref().is_some_and(Exchange::is_member);
+                let is_in = self.nodes[*number]
+                    .exchange
+                    .as_ref()
+                    .is_some_and(Exchange::is_member);
                 if !is_in {
-                    return Err(format!("{name} (node {number}) is not in, 5 s after the bus was in order"));
+                    return Err(format!(
+                        "{name} (node {number}) is not in, 5 s after the bus was in order"
+                    ));
                 }
             }
-            let left_as_twin = |number: &usize| matches!(self.nodes[*number].left, Some((_, Reason::Twin)));
+            let left_as_twin =
+                |number: &usize| matches!(self.nodes[*number].left, Some((_, Reason::Twin)));
             let all_left = present().count() == 0;
             if all_left
                 && numbers.iter().any(left_as_twin)
                 && !numbers.iter().any(|number| !left_as_twin(number))
             {
-                return Err(format!("all nodes of {name} have left because of each other"));
+                return Err(format!(
+                    "all nodes of {name} have left because of each other"
+                ));
             }
             // Two ground stations do not refuse each other: the lease decides between them.
             if name != Sender::Ground && present().count() > 1 {
                 let all: Vec<&usize> = present().collect();
-                return Err(format!("{name} of {kind:?} is on the bus more than once: nodes {all:?}"));
+                return Err(format!(
+                    "{name} of {kind:?} is on the bus more than once: nodes {all:?}"
+                ));
             }
             self.tally.members += present().count();
         }
@@ -390,12 +481,18 @@ impl World {
 
     /// Looks whether everybody hears everybody of the own kind, and nobody else.
     fn judge_hearing(&self) -> Result<(), String> {
-        let is_in = |number: &usize| self.nodes[*number].exchange.as_ref().is_some_and(Exchange::is_member);
+        let is_in = |number: &usize| {
+            self.nodes[*number]
+                .exchange
+                .as_ref()
+                .is_some_and(Exchange::is_member)
+        };
         let members: Vec<usize> = (0..self.nodes.len()).filter(is_in).collect();
         // Who is listened to is decided by name: a stranger is heard as long as one of its name that fits was heard too.
         let has_namesake = |of: usize| {
-            let is_one =
-                |other: &Node| other.name == self.nodes[of].name && other.kind != self.nodes[of].kind;
+            let is_one = |other: &Node| {
+                other.name == self.nodes[of].name && other.kind != self.nodes[of].kind
+            };
             self.nodes.iter().any(is_one)
         };
         for from in &members {
@@ -406,7 +503,9 @@ impl World {
                     return Err(format!("node {to} does not hear node {from}, which fits"));
                 }
                 if !fits && hears && !has_namesake(*from) {
-                    return Err(format!("node {to} listens to node {from}, which does not fit"));
+                    return Err(format!(
+                        "node {to} listens to node {from}, which does not fit"
+                    ));
                 }
             }
         }
@@ -417,7 +516,11 @@ impl World {
 /// Returns a frame as a node of a version sees it: of the own version it can read everything.
 fn as_seen_by(own_version: u8, mut bytes: Vec<u8>) -> Vec<u8> {
     if own_version != VERSION {
-        bytes[2] = if bytes[2] == own_version { VERSION } else { own_version };
+        bytes[2] = if bytes[2] == own_version {
+            VERSION
+        } else {
+            own_version
+        };
     }
     bytes
 }
@@ -434,7 +537,11 @@ fn draw_node(chance: &Chance, number: u64) -> Node {
         version: VERSION + u8::from(share("version") < 0.1),
     };
     // Half of them come at once, as after power is switched on.
-    let starts = at(if share("at once") < 0.5 { 0.5 * share("starts") } else { QUIET_S * share("starts") });
+    let starts = at(if share("at once") < 0.5 {
+        0.5 * share("starts")
+    } else {
+        QUIET_S * share("starts")
+    });
     let restarts = (0..chance.below("restarts", &[number], 3) as u64).map(|which| {
         let from = QUIET_S * chance.share("restart", &[number, which]);
         let off = (5.0 * chance.share("off", &[number, which])).min(QUIET_S - from);

@@ -72,10 +72,18 @@ pub fn place_of(id: VehicleId) -> Point {
 impl Hand {
     pub fn new(number: u8) -> Hand {
         let node = Sender::Operator(OperatorId(number));
-        let hello = Hello { is_member: true, ..Hello::asking(node, Boot(0), 5, u64::from(number)) };
+        let hello = Hello {
+            is_member: true,
+            ..Hello::asking(node, Boot(0), 5, u64::from(number))
+        };
         let holder = 50 + u64::from(number);
         let all: BTreeSet<VehicleId> = (1..=VEHICLES).map(VehicleId).collect();
-        let settings = OperatorSettings { hello, greets: true, holder, expected: all };
+        let settings = OperatorSettings {
+            hello,
+            greets: true,
+            holder,
+            expected: all,
+        };
         let mut actor = ActorCell::new(Operator::new(settings));
         actor.push(In::Linked(true));
         Hand {
@@ -93,10 +101,13 @@ impl Hand {
     /// Returns which want an order is of: the newest one of this kind for this vehicle.
     pub fn want_of(&self, order: &Order) -> Option<WantId> {
         let is_of = |want: &Want| {
-            want.kind == order.kind && (want.vehicles.is_empty() || want.vehicles.contains(&order.vehicle))
+            want.kind == order.kind
+                && (want.vehicles.is_empty() || want.vehicles.contains(&order.vehicle))
         };
         let wants = self.wants.iter().filter(|(_, (_, want))| is_of(want));
-        wants.max_by_key(|(_, (since, _))| *since).map(|(id, _)| *id)
+        wants
+            .max_by_key(|(_, (since, _))| *since)
+            .map(|(id, _)| *id)
     }
 }
 
@@ -146,7 +157,11 @@ impl Rover {
     /// Follows the plans that need not wait for the disk any more.
     pub fn follow_what_is_on_disk(&mut self) {
         let planned = self.disk.memory.planned;
-        for plan in self.plans.extract_if(.., |plan| plan.lease <= planned).collect::<Vec<Plan>>() {
+        for plan in self
+            .plans
+            .extract_if(.., |plan| plan.lease <= planned)
+            .collect::<Vec<Plan>>()
+        {
             self.follow(&plan);
         }
     }
@@ -171,8 +186,15 @@ impl Rover {
 
     /// Returns whether such an order was in force at any moment of a span.
     pub fn was_in_force(&self, from: Time, until: Time, is_it: impl Fn(&Ordered) -> bool) -> bool {
-        let ends = self.history.iter().skip(1).map(|(at, _)| *at).chain([Time::NEVER]);
+        let ends = self
+            .history
+            .iter()
+            .skip(1)
+            .map(|(at, _)| *at)
+            .chain([Time::NEVER]);
         let spans = self.history.iter().zip(ends);
-        spans.into_iter().any(|((since, order), end)| *since <= until && end >= from && is_it(order))
+        spans
+            .into_iter()
+            .any(|((since, order), end)| *since <= until && end >= from && is_it(order))
     }
 }

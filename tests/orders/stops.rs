@@ -12,8 +12,8 @@ use tomoswarm::node::{Remembered, Settings, radio};
 use tomoswarm::stops::{self, Stops, StopsSettings};
 use tomoswarm::time::Time;
 use tomoswarm_proto::{
-    Beacon, Boot, EmergencyName, EmergencyStop, Lease, OperatorId, Order, OrderKind, Revision, RunId,
-    SeenState, Sender, Standing, State, StopScope, VehicleId,
+    Beacon, Boot, EmergencyName, EmergencyStop, Lease, OperatorId, Order, OrderKind, Revision,
+    RunId, SeenState, Sender, Standing, State, StopScope, VehicleId,
 };
 
 use super::chance::Chance;
@@ -101,7 +101,9 @@ pub fn play_stops(seed: u64, mistake: Option<StopMistake>) -> Result<StopsTally,
     let mut judge = Judge::new(world.bus.hardships(world.sim.venue.swarm.slot()));
     while world.now < at(END_S) {
         world.tick();
-        judge.look(&world.seen()).map_err(|wrong| format!("seed {seed}, {} s: {wrong}", world.now))?;
+        judge
+            .look(&world.seen())
+            .map_err(|wrong| format!("seed {seed}, {} s: {wrong}", world.now))?;
     }
     Ok(judge.tally())
 }
@@ -112,7 +114,9 @@ fn at(at_s: f64) -> Time {
 
 fn sim() -> Sim {
     let path = bundled::simulation("courtyard").unwrap();
-    match config::read(path, &bundled::load(path).unwrap(), &mut |path| bundled::load(path)) {
+    match config::read(path, &bundled::load(path).unwrap(), &mut |path| {
+        bundled::load(path)
+    }) {
         Ok(Config::Sim(sim)) => *sim,
         other => panic!("{other:?}"),
     }
@@ -143,7 +147,10 @@ impl Rover {
 /// The settings of a vehicle whose lane is its own: nobody is in anybody's way.
 fn settings(sim: &Sim, id: VehicleId, boot: Boot, stops: Standing) -> Settings {
     let home = lane(id, 0.0);
-    Settings { stops, ..Settings::from_config(sim, id, boot, home) }
+    Settings {
+        stops,
+        ..Settings::from_config(sim, id, boot, home)
+    }
 }
 
 fn lane(id: VehicleId, x_m: f64) -> Point {
@@ -188,7 +195,8 @@ impl World {
             if !by_beacons && share("restarts") < 0.5 {
                 let from = at(3.0 + 10.0 * share("restart at"));
                 let down = Duration::from_secs_f64(0.1 + share("down"));
-                self.restarts.push((from, self.chance.below("restart", &[number], count), down));
+                self.restarts
+                    .push((from, self.chance.below("restart", &[number], count), down));
             }
         }
     }
@@ -231,7 +239,11 @@ impl World {
                 ..settings(&self.sim, rover.id, rover.boot, kept.clone())
             };
             let lease = rover.memory.on_disk.lease();
-            rover.stops = Stops::new(&StopsSettings { kept, lease, is_silent: false });
+            rover.stops = Stops::new(&StopsSettings {
+                kept,
+                lease,
+                is_silent: false,
+            });
             rover.vehicle = Vehicle::new(settings.clone());
             rover.radio = radio::Radio::new(settings);
             (rover.is_driving, rover.open) = (false, Vec::new());
@@ -274,7 +286,10 @@ impl World {
             }
             Frame::State(state) => self.tell_vehicle(index, vehicle::In::Peer(state)),
             Frame::Order(order) => {
-                self.tell_keeper(Node::Vehicle(index), stops::In::Order(sender, order.clone()));
+                self.tell_keeper(
+                    Node::Vehicle(index),
+                    stops::In::Order(sender, order.clone()),
+                );
                 let is_mistaken = self.mistake == Some(StopMistake::GroundStarts);
                 let sender = if is_mistaken { OPERATOR } else { sender };
                 self.tell_vehicle(index, vehicle::In::Order(sender, order));
@@ -305,18 +320,24 @@ impl World {
                     if self.mistake != Some(StopMistake::VehicleNotTold) {
                         self.tell_vehicle(index, vehicle::In::Stops(open.clone()));
                     }
-                    let are_silent =
-                        matches!(self.mistake, Some(StopMistake::BeaconsSilent | StopMistake::NotSaidOn));
+                    let are_silent = matches!(
+                        self.mistake,
+                        Some(StopMistake::BeaconsSilent | StopMistake::NotSaidOn)
+                    );
                     let named = if are_silent { vec![] } else { open };
                     self.tell_radio(index, radio::In::Stops(named));
                 }
                 (Node::Vehicle(index), stops::Out::Heard(by)) => {
                     self.tell_vehicle(index, vehicle::In::Told(by))
                 }
-                (Node::Vehicle(index), stops::Out::Remember(standing)) => self.rovers[index].kept = standing,
+                (Node::Vehicle(index), stops::Out::Remember(standing)) => {
+                    self.rovers[index].kept = standing
+                }
                 (Node::Vehicle(_) | Node::Ground, stops::Out::Publish(_))
                     if self.mistake == Some(StopMistake::NotSaidOn) => {}
-                (node, stops::Out::Publish(standing)) => self.send(node, &Frame::Standing(standing)),
+                (node, stops::Out::Publish(standing)) => {
+                    self.send(node, &Frame::Standing(standing))
+                }
                 (_, _) => {}
             }
         }
@@ -325,7 +346,10 @@ impl World {
     fn tell_vehicle(&mut self, index: usize, input: vehicle::In) {
         let now = self.now;
         let mut out = Vec::new();
-        self.rovers[index].vehicle.handle(now, input, &mut out).unwrap();
+        self.rovers[index]
+            .vehicle
+            .handle(now, input, &mut out)
+            .unwrap();
         for said in out {
             self.carry_out(index, said);
         }
@@ -349,7 +373,10 @@ impl World {
             }
             vehicle::Out::Remember(memory) => {
                 let on_disk = self.rovers[index].memory.on_disk.join(memory);
-                let remembered = Remembered { on_disk, tried: on_disk };
+                let remembered = Remembered {
+                    on_disk,
+                    tried: on_disk,
+                };
                 self.rovers[index].memory = remembered;
                 self.tell_vehicle(index, vehicle::In::Remembered(remembered));
             }
@@ -360,18 +387,25 @@ impl World {
     fn tell_radio(&mut self, index: usize, input: radio::In) {
         let now = self.now;
         let mut out = Vec::new();
-        self.rovers[index].radio.handle(now, input, &mut out).unwrap();
+        self.rovers[index]
+            .radio
+            .handle(now, input, &mut out)
+            .unwrap();
         self.hear_radio(index, out);
     }
 
     fn hear_radio(&mut self, index: usize, out: Vec<radio::Out>) {
         for said in out {
             match said {
-                radio::Out::Transmit(beacon) => self.on_air.push((self.tick + AIRTIME, index, beacon)),
+                radio::Out::Transmit(beacon) => {
+                    self.on_air.push((self.tick + AIRTIME, index, beacon))
+                }
                 radio::Out::Stop(by, stop) => {
                     self.tell_keeper(Node::Vehicle(index), stops::In::Beacon(by, stop));
                 }
-                radio::Out::Peer(sighting) => self.tell_vehicle(index, vehicle::In::Sighted(sighting)),
+                radio::Out::Peer(sighting) => {
+                    self.tell_vehicle(index, vehicle::In::Sighted(sighting))
+                }
                 radio::Out::Sample(..) => {}
             }
         }
@@ -385,7 +419,12 @@ impl World {
                 Node::Operator => !self.is_operator_dead,
             };
             let now = self.now;
-            if is_alive && self.keeper(node).deadline().is_some_and(|deadline| deadline.at <= now) {
+            if is_alive
+                && self
+                    .keeper(node)
+                    .deadline()
+                    .is_some_and(|deadline| deadline.at <= now)
+            {
                 let mut out = Vec::new();
                 self.keeper(node).wake(now, &mut out).unwrap();
                 self.route_stops(node, out);
@@ -407,10 +446,24 @@ impl World {
                 continue;
             }
             let rover = &self.rovers[index];
-            let pose = Pose { at: lane(rover.id, rover.x_m), heading: Angle::default(), sd_m: 0.05 };
-            let motion = if rover.speed_mps > 0.0 { Motion::Driving } else { Motion::Resting };
+            let pose = Pose {
+                at: lane(rover.id, rover.x_m),
+                heading: Angle::default(),
+                sd_m: 0.05,
+            };
+            let motion = if rover.speed_mps > 0.0 {
+                Motion::Driving
+            } else {
+                Motion::Resting
+            };
             let (speed_mps, is_armed) = (rover.speed_mps, rover.is_armed);
-            let telemetry = Telemetry { pose, speed_mps, battery: 1.0, motion, is_armed };
+            let telemetry = Telemetry {
+                pose,
+                speed_mps,
+                battery: 1.0,
+                motion,
+                is_armed,
+            };
             let ahead = Point::new(pose.at.x_m + 1.0, pose.at.y_m);
             let route = vec![pose.at, ahead];
             self.tell_vehicle(index, vehicle::In::Telemetry(telemetry));
@@ -421,7 +474,10 @@ impl World {
 
     fn radio(&mut self) {
         for index in 0..self.rovers.len() {
-            let due = self.rovers[index].radio.deadline().is_some_and(|deadline| deadline.at <= self.now);
+            let due = self.rovers[index]
+                .radio
+                .deadline()
+                .is_some_and(|deadline| deadline.at <= self.now);
             if due && self.is_up(index) {
                 let (now, mut out) = (self.now, Vec::new());
                 self.rovers[index].radio.wake(now, &mut out).unwrap();
@@ -429,15 +485,24 @@ impl World {
             }
         }
         let tick = self.tick;
-        let ended: Vec<(u64, usize, Beacon)> =
-            self.on_air.iter().filter(|(end, _, _)| *end <= tick).cloned().collect();
+        let ended: Vec<(u64, usize, Beacon)> = self
+            .on_air
+            .iter()
+            .filter(|(end, _, _)| *end <= tick)
+            .cloned()
+            .collect();
         self.on_air.retain(|(end, _, _)| *end > tick);
         // Of beacons that end together, which overlap, none is heard.
-        let [(_, by, beacon)] = &ended[..] else { return };
+        let [(_, by, beacon)] = &ended[..] else {
+            return;
+        };
         for to in (0..self.rovers.len()).filter(|to| to != by) {
             let is_lost = self.chance.share("air", &[self.bus.next_number()]) < 0.1;
             if !is_lost && self.is_up(to) {
-                let heard = radio::Heard { beacon: beacon.clone(), rssi_dbm: -60 };
+                let heard = radio::Heard {
+                    beacon: beacon.clone(),
+                    rssi_dbm: -60,
+                };
                 self.tell_radio(to, radio::In::Heard(heard));
             }
         }
@@ -449,7 +514,11 @@ impl World {
             return;
         }
         if self.now == at(STOP_S) {
-            let stop = EmergencyStop { name: self.name, scope: StopScope::All, by: OperatorId(1) };
+            let stop = EmergencyStop {
+                name: self.name,
+                scope: StopScope::All,
+                by: OperatorId(1),
+            };
             self.tell_keeper(Node::Operator, stops::In::Give(vec![stop]));
         }
         let lifts = self.now >= at(LIFT_S);
@@ -462,17 +531,25 @@ impl World {
             self.revision += 1;
         }
         for index in 0..self.rovers.len() {
-            let Some(state) = self.rovers[index].state.clone() else { continue };
+            let Some(state) = self.rovers[index].state.clone() else {
+                continue;
+            };
             // The second half of the swarm is lifted and not started.
             if lifts && index >= self.rovers.len().div_ceil(2) {
                 continue;
             }
             let order = Order {
                 vehicle: state.vehicle,
-                lease: Lease { number: 1, holder: 9 },
+                lease: Lease {
+                    number: 1,
+                    holder: 9,
+                },
                 run: RunId(1),
                 revision: Revision(self.revision),
-                seen: Some(SeenState { boot: state.boot, sequence: state.sequence }),
+                seen: Some(SeenState {
+                    boot: state.boot,
+                    sequence: state.sequence,
+                }),
                 kind: OrderKind::Start,
                 ends: if lifts { vec![self.name] } else { vec![] },
             };
@@ -486,13 +563,21 @@ impl World {
             return;
         }
         for index in 0..self.rovers.len() {
-            let Some(state) = self.rovers[index].state.clone() else { continue };
+            let Some(state) = self.rovers[index].state.clone() else {
+                continue;
+            };
             let order = Order {
                 vehicle: state.vehicle,
-                lease: Lease { number: 1, holder: 9 },
+                lease: Lease {
+                    number: 1,
+                    holder: 9,
+                },
                 run: RunId(1),
                 revision: Revision(1000),
-                seen: Some(SeenState { boot: state.boot, sequence: state.sequence }),
+                seen: Some(SeenState {
+                    boot: state.boot,
+                    sequence: state.sequence,
+                }),
                 kind: OrderKind::Start,
                 ends: vec![],
             };

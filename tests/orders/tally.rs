@@ -41,7 +41,13 @@ pub struct Tally {
 impl Tally {
     /// Adds what came of another world.
     pub fn add(&mut self, other: &Tally) {
-        let Tally { obeyed, not_obeyed, below_disk, ground_starts, crossed } = *other;
+        let Tally {
+            obeyed,
+            not_obeyed,
+            below_disk,
+            ground_starts,
+            crossed,
+        } = *other;
         self.obeyed += obeyed;
         self.not_obeyed += not_obeyed;
         self.below_disk += below_disk;
@@ -52,7 +58,13 @@ impl Tally {
 
 impl fmt::Display for Tally {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Tally { obeyed, not_obeyed, below_disk, ground_starts, crossed } = self;
+        let Tally {
+            obeyed,
+            not_obeyed,
+            below_disk,
+            ground_starts,
+            crossed,
+        } = self;
         write!(
             f,
             "{obeyed} orders obeyed, {not_obeyed} not; {below_disk} came to a vehicle started anew below what its disk \

@@ -21,7 +21,8 @@ use tomoswarm::operator::script::Step;
 use tomoswarm::operator::want::{Want, WantId};
 use tomoswarm::time::Time;
 use tomoswarm_proto::{
-    Boot, Lease, Message, OperatorId, Order, OrderKind, Ordered, Plan, RunId, Sender, State, VehicleId,
+    Boot, Lease, Message, OperatorId, Order, OrderKind, Ordered, Plan, RunId, Sender, State,
+    VehicleId,
 };
 
 use super::chance::Chance;
@@ -100,7 +101,9 @@ fn at(at_s: f64) -> Time {
 /// Returns the bundled simulation, of which the vehicles have their settings.
 fn sim() -> Sim {
     let path = bundled::simulation("courtyard").unwrap();
-    match config::read(path, &bundled::load(path).unwrap(), &mut |path| bundled::load(path)) {
+    match config::read(path, &bundled::load(path).unwrap(), &mut |path| {
+        bundled::load(path)
+    }) {
         Ok(Config::Sim(sim)) => *sim,
         other => panic!("{other:?}"),
     }
@@ -154,27 +157,47 @@ impl World {
             let node = nodes[self.chance.below("cut", &[number], nodes.len())];
             self.cuts.push(Cut { node, from, until });
             let restart = at(1.0 + draw("restart at") * (FAULTS_END_S - 4.0));
-            let of = [Node::Vehicle(0), Node::Vehicle(1), Node::Vehicle(2), Node::Ground];
-            self.restarts.push((restart, of[self.chance.below("restart", &[number], of.len())]));
+            let of = [
+                Node::Vehicle(0),
+                Node::Vehicle(1),
+                Node::Vehicle(2),
+                Node::Ground,
+            ];
+            self.restarts.push((
+                restart,
+                of[self.chance.below("restart", &[number], of.len())],
+            ));
         }
     }
 
     /// Lets the second operator follow a script.
     fn follow(&mut self) {
-        let kinds = [OrderKind::Start, OrderKind::Hold, OrderKind::Return, OrderKind::CutMotors];
+        let kinds = [
+            OrderKind::Start,
+            OrderKind::Hold,
+            OrderKind::Return,
+            OrderKind::CutMotors,
+        ];
         let first = self.chance.below("script kind", &[], kinds.len());
         let mut steps = Vec::new();
         for number in 0..3 {
-            steps.push(Step::Delay(Duration::from_secs_f64(8.0 * self.chance.share("delay", &[number]))));
+            steps.push(Step::Delay(Duration::from_secs_f64(
+                8.0 * self.chance.share("delay", &[number]),
+            )));
             // No two of a kind, so that an order tells of which want it is.
             let kind = kinds[(first + number as usize) % kinds.len()];
-            steps.push(Step::Want(Want { kind, ..self.draw_want(1, 100 + number) }));
+            steps.push(Step::Want(Want {
+                kind,
+                ..self.draw_want(1, 100 + number)
+            }));
         }
         let began = self.now;
         for step in &steps {
             if let Step::Want(want) = step {
                 let number = u32::try_from(self.hands[1].wants.len()).unwrap();
-                self.hands[1].wants.insert(WantId::Script(number), (began, want.clone()));
+                self.hands[1]
+                    .wants
+                    .insert(WantId::Script(number), (began, want.clone()));
             }
         }
         self.hands[1].is_scripted = true;
@@ -183,14 +206,30 @@ impl World {
 
     fn draw_want(&self, hand: usize, number: u64) -> Want {
         let ids = [hand as u64, number];
-        let kinds =
-            [OrderKind::Start, OrderKind::Hold, OrderKind::Return, OrderKind::Land, OrderKind::CutMotors];
-        let is_in = |id: &VehicleId| self.chance.share("whom", &[ids[0], ids[1], u64::from(id.0)]) < 0.5;
+        let kinds = [
+            OrderKind::Start,
+            OrderKind::Hold,
+            OrderKind::Return,
+            OrderKind::Land,
+            OrderKind::CutMotors,
+        ];
+        let is_in = |id: &VehicleId| {
+            self.chance
+                .share("whom", &[ids[0], ids[1], u64::from(id.0)])
+                < 0.5
+        };
         let is_all = self.chance.share("all", &ids) < 0.5;
-        let some = (1..=VEHICLES).map(VehicleId).filter(|id| !is_all && is_in(id)).collect();
+        let some = (1..=VEHICLES)
+            .map(VehicleId)
+            .filter(|id| !is_all && is_in(id))
+            .collect();
         let kind = kinds[self.chance.below("kind", &ids, kinds.len())];
         let take_over = self.chance.share("take over", &ids) < 0.4;
-        Want { begins: true, take_over, ..Want::new(kind, some, WITHIN) }
+        Want {
+            begins: true,
+            take_over,
+            ..Want::new(kind, some, WITHIN)
+        }
     }
 
     fn tick(&mut self) {
@@ -208,8 +247,9 @@ impl World {
 
     fn restart(&mut self) {
         let now = self.now;
-        let (due, later): (Vec<_>, Vec<_>) =
-            std::mem::take(&mut self.restarts).into_iter().partition(|(at, _)| *at <= now);
+        let (due, later): (Vec<_>, Vec<_>) = std::mem::take(&mut self.restarts)
+            .into_iter()
+            .partition(|(at, _)| *at <= now);
         self.restarts = later;
         for (at, node) in due {
             let down = Duration::from_secs_f64(3.0 * self.chance.share("down", &[at.as_nanos()]));
@@ -218,7 +258,11 @@ impl World {
                     let is_lost = self.mistake == Some(Mistake::MemoryLost);
                     let of = &mut self.rovers[index];
                     of.restart(now, down);
-                    let memory = if is_lost { Memory::default() } else { of.disk.memory };
+                    let memory = if is_lost {
+                        Memory::default()
+                    } else {
+                        of.disk.memory
+                    };
                     of.actor = rover(&self.sim, of.id, of.boot, memory);
                 }
                 Node::Ground => {
@@ -233,25 +277,34 @@ impl World {
     /// Puts a message on the bus, for everyone but its sender.
     fn send(&mut self, from: Node, heard: &Heard) {
         let all = (0..self.rovers.len()).map(Node::Vehicle);
-        let all = all.chain((0..self.hands.len()).map(Node::Operator)).chain([Node::Ground]);
+        let all = all
+            .chain((0..self.hands.len()).map(Node::Operator))
+            .chain([Node::Ground]);
         for to in all.filter(|to| *to != from).collect::<Vec<Node>>() {
             self.frames += 1;
             let frame = self.frames;
-            let copies = if self.chance.share("doubled", &[frame]) < DOUBLED { 2 } else { 1 };
+            let copies = if self.chance.share("doubled", &[frame]) < DOUBLED {
+                2
+            } else {
+                1
+            };
             for copy in 0..copies {
                 let is_lost = self.chance.share("lost", &[frame, copy]) < LOST;
                 if !is_lost && !self.is_cut(from) && !self.is_cut(to) {
                     let share = self.chance.share("delay", &[frame, copy]);
                     // Most come soon.
                     let delay = LATEST.mul_f64(share * share * share);
-                    self.flying.insert((self.now + delay, 2 * frame + copy), (to, heard.clone()));
+                    self.flying
+                        .insert((self.now + delay, 2 * frame + copy), (to, heard.clone()));
                 }
             }
         }
     }
 
     fn is_cut(&self, node: Node) -> bool {
-        self.cuts.iter().any(|cut| cut.node == node && cut.from <= self.now && self.now < cut.until)
+        self.cuts
+            .iter()
+            .any(|cut| cut.node == node && cut.from <= self.now && self.now < cut.until)
     }
 
     fn deliver(&mut self) {
@@ -267,14 +320,18 @@ impl World {
     }
 
     fn tell_vehicle(&mut self, index: usize, heard: &Heard) {
-        let Heard::Message(sender, message) = heard else { return };
+        let Heard::Message(sender, message) = heard else {
+            return;
+        };
         if self.now < self.rovers[index].up_from {
             return;
         }
         match message {
             Message::Order(order) => self.tell_order(index, *sender, order),
             Message::Plan(plan) => self.tell_plan(index, plan),
-            Message::Mission(mission) => self.rovers[index].follower.hear(self.now, &mission.into()),
+            Message::Mission(mission) => {
+                self.rovers[index].follower.hear(self.now, &mission.into())
+            }
             // Vehicles of this world have no map, no radio and no samples, and do not see each other.
             _ => {}
         }
@@ -290,7 +347,10 @@ impl World {
     /// Lets the order logic know which plan is followed, as a mission does.
     fn tell_accepted(&mut self, index: usize) {
         let progress = self.rovers[index].follower.progress();
-        self.step_vehicle(index, vehicle::In::Accepted(progress.run, progress.revision));
+        self.step_vehicle(
+            index,
+            vehicle::In::Accepted(progress.run, progress.revision),
+        );
     }
 
     fn tell_order(&mut self, index: usize, sender: Sender, order: &Order) {
@@ -298,8 +358,12 @@ impl World {
         if order.vehicle != rover.id {
             return;
         }
-        let is_fresh = rover.history.last().is_some_and(|(_, in_force)| in_force.kind.is_none());
-        self.tally.below_disk += u64::from(is_fresh && (order.lease, order.revision) < rover.disk.highest);
+        let is_fresh = rover
+            .history
+            .last()
+            .is_some_and(|(_, in_force)| in_force.kind.is_none());
+        self.tally.below_disk +=
+            u64::from(is_fresh && (order.lease, order.revision) < rover.disk.highest);
         let mut order = order.clone();
         order.lease = self.as_compared(order.lease);
         self.step_vehicle(index, vehicle::In::Order(sender, order));
@@ -308,8 +372,16 @@ impl World {
     fn tell_operator(&mut self, index: usize, mut heard: Heard) {
         let hand = &mut self.hands[index];
         if self.mistake == Some(Mistake::OldStateCounts)
-            && let Heard::Message(_, Message::State(State { vehicle, ordered, .. })) = &mut heard
-            && let Some(order) = hand.newest.get(vehicle).filter(|order| ordered.kind == Some(order.kind))
+            && let Heard::Message(
+                _,
+                Message::State(State {
+                    vehicle, ordered, ..
+                }),
+            ) = &mut heard
+            && let Some(order) = hand
+                .newest
+                .get(vehicle)
+                .filter(|order| ordered.kind == Some(order.kind))
         {
             (ordered.lease, ordered.revision) = (order.lease, order.revision);
         }
@@ -320,7 +392,10 @@ impl World {
         match heard {
             Heard::Message(
                 _,
-                message @ (Message::State(_) | Message::Mission(_) | Message::Hello(_) | Message::Task(_)),
+                message @ (Message::State(_)
+                | Message::Mission(_)
+                | Message::Hello(_)
+                | Message::Task(_)),
             ) => self.ground.hear(self.now, message.clone()),
             Heard::Message(..) | Heard::Greeting(..) | Heard::Unknown(_) => {}
         }
@@ -335,9 +410,19 @@ impl World {
             if self.now < self.rovers[index].up_from {
                 continue;
             }
-            let pose = Pose { at: place_of(self.rovers[index].id), heading: Angle::default(), sd_m: 0.05 };
+            let pose = Pose {
+                at: place_of(self.rovers[index].id),
+                heading: Angle::default(),
+                sd_m: 0.05,
+            };
             let (motion, is_armed) = (Motion::Resting, true);
-            let telemetry = Telemetry { pose, speed_mps: 0.0, battery: 1.0, motion, is_armed };
+            let telemetry = Telemetry {
+                pose,
+                speed_mps: 0.0,
+                battery: 1.0,
+                motion,
+                is_armed,
+            };
             self.step_vehicle(index, vehicle::In::Telemetry(telemetry));
             if self.now.as_nanos().is_multiple_of(1_000_000_000) {
                 self.publish_mission(index);
@@ -349,12 +434,18 @@ impl World {
         let rover = &self.rovers[index];
         let mission = rover.mission(self.as_compared(rover.disk.memory.ordered.lease));
         let sender = Sender::Vehicle(rover.id);
-        self.send(Node::Vehicle(index), &Heard::Message(sender, Message::Mission(mission)));
+        self.send(
+            Node::Vehicle(index),
+            &Heard::Message(sender, Message::Mission(mission)),
+        );
     }
 
     fn step_vehicle(&mut self, index: usize, input: vehicle::In) {
         let mut out = Vec::new();
-        self.rovers[index].actor.handle(self.now, input, &mut out).unwrap();
+        self.rovers[index]
+            .actor
+            .handle(self.now, input, &mut out)
+            .unwrap();
         for said in out {
             match said {
                 vehicle::Out::Publish(state) => self.publish_state(index, state),
@@ -368,9 +459,12 @@ impl World {
     /// Lets a disk begin to write, which takes up to 60 ms.
     fn begin_to_write(&mut self, index: usize, memory: Memory) {
         let ids = [index as u64, self.now.as_nanos()];
-        let takes =
-            Duration::from_millis(1) + Duration::from_millis(60).mul_f64(self.chance.share("write", &ids));
-        self.rovers[index].disk.writes.push((self.now + takes, memory));
+        let takes = Duration::from_millis(1)
+            + Duration::from_millis(60).mul_f64(self.chance.share("write", &ids));
+        self.rovers[index]
+            .disk
+            .writes
+            .push((self.now + takes, memory));
         if self.mistake == Some(Mistake::ToldTooEarly) {
             self.tell_disk(index, memory);
         }
@@ -380,10 +474,16 @@ impl World {
     fn write(&mut self) {
         for index in 0..self.rovers.len() {
             let now = self.now;
-            let due: Vec<(Time, Memory)> =
-                self.rovers[index].disk.writes.extract_if(.., |(at, _)| *at <= now).collect();
+            let due: Vec<(Time, Memory)> = self.rovers[index]
+                .disk
+                .writes
+                .extract_if(.., |(at, _)| *at <= now)
+                .collect();
             for (_, memory) in due {
-                let edition = (self.as_compared(memory.ordered.lease), memory.ordered.revision);
+                let edition = (
+                    self.as_compared(memory.ordered.lease),
+                    memory.ordered.revision,
+                );
                 let disk = &mut self.rovers[index].disk;
                 disk.memory = disk.memory.join(memory);
                 disk.highest = disk.highest.max(edition);
@@ -398,13 +498,17 @@ impl World {
     }
 
     fn tell_disk(&mut self, index: usize, memory: Memory) {
-        let told = Remembered { on_disk: memory, tried: memory };
+        let told = Remembered {
+            on_disk: memory,
+            tried: memory,
+        };
         self.step_vehicle(index, vehicle::In::Remembered(told));
     }
 
     /// Returns a lease that is sent as the vehicles compare it, and the other way round.
     fn as_compared(&self, lease: Lease) -> Lease {
-        let is_turned = self.mistake == Some(Mistake::LeaseComparedWrongly) && lease != Lease::default();
+        let is_turned =
+            self.mistake == Some(Mistake::LeaseComparedWrongly) && lease != Lease::default();
         if is_turned { turned(lease) } else { lease }
     }
 
@@ -413,10 +517,16 @@ impl World {
         state.ordered.lease = self.as_compared(state.ordered.lease);
         let (shown, highest) = (state.ordered.edition(), self.rovers[index].disk.highest);
         if shown > highest {
-            self.wrong = Some(format!("{} shows {shown:?}, and its disk has {highest:?}", state.vehicle));
+            self.wrong = Some(format!(
+                "{} shows {shown:?}, and its disk has {highest:?}",
+                state.vehicle
+            ));
         }
         let sender = Sender::Vehicle(state.vehicle);
-        self.send(Node::Vehicle(index), &Heard::Message(sender, Message::State(state)));
+        self.send(
+            Node::Vehicle(index),
+            &Heard::Message(sender, Message::State(state)),
+        );
     }
 
     /// Judges what a vehicle obeys: nothing lower than before, and than what is on its disk.
@@ -424,34 +534,53 @@ impl World {
         order.lease = self.as_compared(order.lease);
         let now = self.now;
         let rover = &mut self.rovers[index];
-        let Order { lease, revision, run, kind, .. } = order;
+        let Order {
+            lease,
+            revision,
+            run,
+            kind,
+            ..
+        } = order;
         let before = rover.in_force;
         if (lease, revision) <= before.edition() {
             let id = rover.id;
-            self.wrong = Some(format!("vehicle {id} obeys {lease:?} {revision} after {before:?}"));
+            self.wrong = Some(format!(
+                "vehicle {id} obeys {lease:?} {revision} after {before:?}"
+            ));
             return;
         }
         if (lease, revision) < rover.disk.highest {
             let (id, highest) = (rover.id, rover.disk.highest);
-            self.wrong =
-                Some(format!("vehicle {id} obeys {lease:?} {revision}, and its disk has {highest:?}"));
+            self.wrong = Some(format!(
+                "vehicle {id} obeys {lease:?} {revision}, and its disk has {highest:?}"
+            ));
             return;
         }
-        let is_by_operator = self.given.is_by(rover.id, (lease, revision), kind, |by| by == Giver::Operator);
+        let is_by_operator = self.given.is_by(rover.id, (lease, revision), kind, |by| {
+            by == Giver::Operator
+        });
         if is_by_operator {
             rover.is_stopped = kind != OrderKind::Start;
         } else if kind == OrderKind::Start {
             self.tally.ground_starts += 1;
             self.tally.crossed += u64::from(rover.is_stopped);
         }
-        rover.in_force = Ordered { lease, revision, run, kind: Some(kind) };
+        rover.in_force = Ordered {
+            lease,
+            revision,
+            run,
+            kind: Some(kind),
+        };
         rover.history.push((now, rover.in_force));
     }
 
     fn give_wants(&mut self) {
         for index in 0..self.hands.len() {
             let number = u64::from(self.hands[index].next);
-            let is_free = !self.hands[index].wants.keys().any(|id| matches!(id, WantId::Hand(_)));
+            let is_free = !self.hands[index]
+                .wants
+                .keys()
+                .any(|id| matches!(id, WantId::Hand(_)));
             let ids = [index as u64, number, self.now.as_nanos()];
             let is_time = self.now < at(WANTS_END_S) && self.chance.share("want now", &ids) < 0.005;
             if is_time && is_free && !self.hands[index].is_scripted {
@@ -462,7 +591,11 @@ impl World {
         if self.now == at(LAST_WANT_S) {
             let take_over = self.chance.share("last", &[]) < 0.5;
             let hold = Want::new(OrderKind::Hold, BTreeSet::new(), LAST_WITHIN);
-            let want = Want { run: Some(RunId(1)), take_over, ..hold };
+            let want = Want {
+                run: Some(RunId(1)),
+                take_over,
+                ..hold
+            };
             self.give(0, LAST, want);
         }
     }
@@ -470,14 +603,18 @@ impl World {
     fn give(&mut self, index: usize, number: u32, want: Want) {
         let hand = &mut self.hands[index];
         hand.next += 1;
-        hand.wants.insert(WantId::Hand(number), (self.now, want.clone()));
+        hand.wants
+            .insert(WantId::Hand(number), (self.now, want.clone()));
         hand.actor.push(In::Want(number, want));
     }
 
     fn operate(&mut self) {
         for index in 0..self.hands.len() {
             let mut said = Vec::new();
-            self.hands[index].actor.act(self.now, |out| said.push(out)).unwrap();
+            self.hands[index]
+                .actor
+                .act(self.now, |out| said.push(out))
+                .unwrap();
             for out in said {
                 match out {
                     Out::Publish(message) => self.publish(index, message),
@@ -498,18 +635,26 @@ impl World {
             let (now, hand) = (self.now, &mut self.hands[index]);
             let edition = (order.lease, order.revision);
             if let Some(id) = hand.want_of(order) {
-                let first = hand.firsts.entry((id, order.vehicle)).or_insert((now, edition));
+                let first = hand
+                    .firsts
+                    .entry((id, order.vehicle))
+                    .or_insert((now, edition));
                 first.1 = first.1.min(edition);
             }
             hand.newest.insert(order.vehicle, order.clone());
             self.given.note(order, Giver::Operator);
-            let is_new = hand.sent.insert((order.vehicle, order.lease, order.revision));
+            let is_new = hand
+                .sent
+                .insert((order.vehicle, order.lease, order.revision));
             if self.mistake == Some(Mistake::NotRepeated) && !is_new {
                 return;
             }
         }
         let number = OperatorId(u8::try_from(index + 1).unwrap());
-        self.send(Node::Operator(index), &Heard::Message(Sender::Operator(number), message));
+        self.send(
+            Node::Operator(index),
+            &Heard::Message(Sender::Operator(number), message),
+        );
     }
 
     /// Judges what an operator says of a want: whom it calls obedient, on that vehicle the order was in force not longer
@@ -524,7 +669,9 @@ impl World {
             let hand = &self.hands[index];
             let kind = hand.wants.get(&id).map(|(_, want)| want.kind);
             let Some((first_at, lowest)) = hand.firsts.get(&(id, *vehicle)) else {
-                self.wrong = Some(format!("{id:?}: {vehicle} is called obedient and was sent nothing"));
+                self.wrong = Some(format!(
+                    "{id:?}: {vehicle} is called obedient and was sent nothing"
+                ));
                 return;
             };
             let when = *first_at + *after;
@@ -559,9 +706,15 @@ impl World {
     /// Judges that nobody fights the last want: once it is in force it stays.
     fn judge_the_end(&mut self) {
         let is_over = self.now > at(LAST_WANT_S) + LAST_WITHIN;
-        let moved = self.rovers.iter().find(|rover| rover.in_force.kind != Some(OrderKind::Hold));
+        let moved = self
+            .rovers
+            .iter()
+            .find(|rover| rover.in_force.kind != Some(OrderKind::Hold));
         if let Some(rover) = moved.filter(|_| is_over) {
-            self.wrong = Some(format!("vehicle {} does not hold in the end: {:?}", rover.id, rover.in_force));
+            self.wrong = Some(format!(
+                "vehicle {} does not hold in the end: {:?}",
+                rover.id, rover.in_force
+            ));
         }
     }
 
@@ -592,7 +745,10 @@ impl World {
             self.given.note(order, Giver::Ground(self.ground.store()));
         }
         // What else it says is for nobody in this world.
-        if matches!(message, Message::Order(_) | Message::Plan(_) | Message::Report(_)) {
+        if matches!(
+            message,
+            Message::Order(_) | Message::Plan(_) | Message::Report(_)
+        ) {
             self.send(Node::Ground, &Heard::Message(Sender::Ground, message));
         }
     }
@@ -600,5 +756,8 @@ impl World {
 
 /// Returns a lease in the opposite order of all.
 fn turned(lease: Lease) -> Lease {
-    Lease { number: u32::MAX - lease.number, holder: lease.holder }
+    Lease {
+        number: u32::MAX - lease.number,
+        holder: lease.holder,
+    }
 }

@@ -6,8 +6,13 @@ use crate::place::{Place, assert_settled};
 /// Sweeps and returns over a faulty bus, and claims that all was safe, ended, and is known to all at the end.
 fn survives(faults: &str) {
     for (vehicles, seed) in [(2, 1), (2, 2), (4, 3)] {
-        let place = Place::new(12.0, 12.0).vehicles(vehicles).seed(seed).with(faults);
-        let outcome = place.root("end = \"return\"\nuntil_s = 3000.0").run_to_the_end();
+        let place = Place::new(12.0, 12.0)
+            .vehicles(vehicles)
+            .seed(seed)
+            .with(faults);
+        let outcome = place
+            .root("end = \"return\"\nuntil_s = 3000.0")
+            .run_to_the_end();
         assert_settled(&outcome);
     }
 }
@@ -46,6 +51,10 @@ fn two_halves_of_a_swarm_find_together_again() {
 fn the_order_of_events_of_one_moment_does_not_matter() {
     for seed in 1..5 {
         let place = Place::new(12.0, 12.0).vehicles(3).seed(seed).shuffled();
-        assert_settled(&place.root("end = \"return\"\nuntil_s = 3000.0").run_to_the_end());
+        assert_settled(
+            &place
+                .root("end = \"return\"\nuntil_s = 3000.0")
+                .run_to_the_end(),
+        );
     }
 }

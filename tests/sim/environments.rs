@@ -27,8 +27,15 @@ fn loaded(name: &str) -> (Sim, VrmlScene) {
         config::Up::Y => scene::Up::Y,
         config::Up::Z => scene::Up::Z,
     };
-    let shapes = read_vrml(&bundled::load(&wrl).unwrap(), &wrl, up, &mut |_| Err("none".into())).unwrap();
-    assert_eq!(shapes.warnings, Vec::<String>::new(), "everything in {name} is understood");
+    let shapes = read_vrml(&bundled::load(&wrl).unwrap(), &wrl, up, &mut |_| {
+        Err("none".into())
+    })
+    .unwrap();
+    assert_eq!(
+        shapes.warnings,
+        Vec::<String>::new(),
+        "everything in {name} is understood"
+    );
     (sim, shapes)
 }
 
@@ -52,11 +59,16 @@ fn what_a_rover_can_touch_rises_straight_from_the_ground_past_its_sensor() {
         let cut = |height_m: f64| -> Vec<Figures> {
             let mut objects: BTreeMap<usize, [f64; 5]> = BTreeMap::new();
             for outline in scene.outlines(height_m) {
-                let sum = objects.entry(outline.object).or_insert([0.0, NONE, NONE, NONE, NONE]);
+                let sum = objects
+                    .entry(outline.object)
+                    .or_insert([0.0, NONE, NONE, NONE, NONE]);
                 sum[0] += outline.polygon.area_m2();
                 for corner in outline.polygon.corners() {
                     let ends = [corner.x_m, corner.y_m, -corner.x_m, -corner.y_m];
-                    sum.iter_mut().skip(1).zip(ends).for_each(|(most, end)| *most = most.max(end));
+                    sum.iter_mut()
+                        .skip(1)
+                        .zip(ends)
+                        .for_each(|(most, end)| *most = most.max(end));
                 }
             }
             objects.into_iter().collect()
@@ -81,9 +93,16 @@ fn what_hangs_begins_above_every_rover() {
         let low = scene.outlines(0.3);
         let hanging = |height_m: f64| {
             let objects: Vec<usize> = low.iter().map(|outline| outline.object).collect();
-            scene.outlines(height_m).into_iter().filter(|one| !objects.contains(&one.object)).count()
+            scene
+                .outlines(height_m)
+                .into_iter()
+                .filter(|one| !objects.contains(&one.object))
+                .count()
         };
-        assert!((5..14).all(|tenth| hanging(f64::from(tenth) / 10.0) == 0), "{name}");
+        assert!(
+            (5..14).all(|tenth| hanging(f64::from(tenth) / 10.0) == 0),
+            "{name}"
+        );
         assert!(hanging(2.45) > 0, "{name} has an arch, a crown or a lintel");
     }
 }
@@ -97,12 +116,18 @@ fn the_ground_is_never_higher_than_the_wheels() {
             for other in 0..=240 {
                 let (x, y) = (f64::from(step) / 10.0, f64::from(other) / 10.0);
                 let is_free = scene.clearance_m(Point::new(x, y), 0.02, 0.3) > 0.0;
-                let hit = scene.cast([x, y, 0.02], [0.0, 0.0, -1.0], 5.0).filter(|_| is_free);
+                let hit = scene
+                    .cast([x, y, 0.02], [0.0, 0.0, -1.0], 5.0)
+                    .filter(|_| is_free);
                 let Some(hit) = hit else {
                     assert!(!is_free, "{name} has no ground at ({x}, {y})");
                     continue;
                 };
-                assert!(hit.distance_m >= 0.02 - 1e-9, "{name} at ({x}, {y}): {}", 0.02 - hit.distance_m);
+                assert!(
+                    hit.distance_m >= 0.02 - 1e-9,
+                    "{name} at ({x}, {y}): {}",
+                    0.02 - hit.distance_m
+                );
                 lowest_m = lowest_m.min(0.02 - hit.distance_m);
             }
         }
@@ -117,14 +142,39 @@ fn homes_and_the_way_around_leave_room_for_the_widest_margins() {
         let (sim, scene) = built(name);
         assert_eq!(sim.venue.homes.len(), 8);
         for home in &sim.venue.homes {
-            assert!(scene.clearance_m(*home, 0.02, 0.3) > WIDE_M, "{name}: {home:?}");
-            assert!(sim.venue.fence.contains_disc(*home, WIDE_M), "{name}: {home:?}");
+            assert!(
+                scene.clearance_m(*home, 0.02, 0.3) > WIDE_M,
+                "{name}: {home:?}"
+            );
+            assert!(
+                sim.venue.fence.contains_disc(*home, WIDE_M),
+                "{name}: {home:?}"
+            );
         }
-        let corners = [(2.0, 2.0), (22.0, 2.0), (22.0, 22.0), (2.0, 22.0), (2.0, 2.0)];
-        assert!(corners.windows(2).all(|way| passes(&scene, way[0], way[1], WIDE_M)), "{name}");
-        let corners = sim.venue.area.corners().map(|corner| (corner.x_m, corner.y_m));
+        let corners = [
+            (2.0, 2.0),
+            (22.0, 2.0),
+            (22.0, 22.0),
+            (2.0, 22.0),
+            (2.0, 2.0),
+        ];
+        assert!(
+            corners
+                .windows(2)
+                .all(|way| passes(&scene, way[0], way[1], WIDE_M)),
+            "{name}"
+        );
+        let corners = sim
+            .venue
+            .area
+            .corners()
+            .map(|corner| (corner.x_m, corner.y_m));
         let ring = corners.iter().zip(corners.iter().cycle().skip(1));
-        assert!(ring.clone().all(|(from, to)| passes(&scene, *from, *to, USUAL_M)), "{name}");
+        assert!(
+            ring.clone()
+                .all(|(from, to)| passes(&scene, *from, *to, USUAL_M)),
+            "{name}"
+        );
     }
 }
 
@@ -147,27 +197,55 @@ fn gates_bridges_and_doorways_are_as_wide_as_they_are_said_to_be() {
     ];
     for (name, from, to, fits_m, sticks_m) in ways {
         let (_, scene) = built(name);
-        assert!(passes(&scene, from, to, fits_m), "{name}: {from:?} to {to:?}");
-        assert!(!passes(&scene, from, to, sticks_m), "{name}: {from:?} to {to:?}");
+        assert!(
+            passes(&scene, from, to, fits_m),
+            "{name}: {from:?} to {to:?}"
+        );
+        assert!(
+            !passes(&scene, from, to, sticks_m),
+            "{name}: {from:?} to {to:?}"
+        );
     }
     let (_, castle) = built("castle");
-    let around = [(12.0, 7.9), (15.9, 7.9), (15.9, 14.0), (14.0, 16.1), (7.9, 16.1), (7.9, 11.2)];
-    assert!(around.windows(2).all(|way| passes(&castle, way[0], way[1], 1.75)), "the court is wide enough");
+    let around = [
+        (12.0, 7.9),
+        (15.9, 7.9),
+        (15.9, 14.0),
+        (14.0, 16.1),
+        (7.9, 16.1),
+        (7.9, 11.2),
+    ];
+    assert!(
+        around
+            .windows(2)
+            .all(|way| passes(&castle, way[0], way[1], 1.75)),
+        "the court is wide enough"
+    );
 }
 
 #[test]
 fn a_sweep_of_each_ends_and_hears_what_stands_there() {
     for name in ALL {
         let (sim, shapes) = loaded(name);
-        let outcome = Scenario::new(sim, shapes.shapes, 1).unwrap().run(&mut |_| true).unwrap();
-        assert!(outcome.finished && outcome.collisions.is_empty() && outcome.fence_breaches == 0, "{name}");
+        let outcome = Scenario::new(sim, shapes.shapes, 1)
+            .unwrap()
+            .run(&mut |_| true)
+            .unwrap();
+        assert!(
+            outcome.finished && outcome.collisions.is_empty() && outcome.fence_breaches == 0,
+            "{name}"
+        );
         // Free space takes 40 + 20 log10(d) dB: what is weaker by 10 dB has met something.
         let is_weak = |link: &&tomoswarm::tomo::Link| {
             let d_m = link.from.distance_to(link.to);
             d_m > 3.0 && link.mean_dbm < -40.0 - 20.0 * d_m.log10() - 10.0
         };
         let weak = outcome.links.iter().filter(is_weak).count();
-        assert!(10 * weak > outcome.links.len(), "{name}: {weak} of {}", outcome.links.len());
+        assert!(
+            10 * weak > outcome.links.len(),
+            "{name}: {weak} of {}",
+            outcome.links.len()
+        );
         assert!(outcome.links.len() > 1000, "{name}");
     }
 }

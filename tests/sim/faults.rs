@@ -7,7 +7,10 @@ use crate::place::{Place, assert_settled};
 
 fn place(vehicles: usize, root: &str, faults: &str) -> Place {
     let end = format!("end = \"return\"\n{root}");
-    Place::new(12.0, 12.0).vehicles(vehicles).root(&end).with(faults)
+    Place::new(12.0, 12.0)
+        .vehicles(vehicles)
+        .root(&end)
+        .with(faults)
 }
 
 fn fault(kind: &str, lines: &str) -> String {
@@ -19,19 +22,36 @@ fn all_that_lose_the_bus_come_home_and_none_moves_without_the_radio_too() {
     let safety = "[safety]\nautonomy_s = 10.0\n";
     let bus = format!("{safety}{}", fault("bus", ""));
     let outcome = place(4, "until_s = 1000.0\nexpect = \"home\"", &bus).run_to_the_end();
-    assert_eq!((outcome.home, outcome.log.matches("Decides(BusLost, Returning)").count()), (4, 4));
+    assert_eq!(
+        (
+            outcome.home,
+            outcome.log.matches("Decides(BusLost, Returning)").count()
+        ),
+        (4, 4)
+    );
     let both = format!("{bus}{}", fault("radio", ""));
     let outcome = place(4, "until_s = 200.0\nexpect = \"held\"", &both).run_to_the_end();
     assert_eq!((outcome.home, outcome.held), (0, 4));
-    let last =
-        outcome.log.lines().filter(|line| line.contains("drives 0.")).filter(|line| !line.ends_with("0.000"));
-    let moved_s = last.filter_map(|line| line.split(' ').next()?.parse::<f64>().ok()).fold(0.0, f64::max);
-    assert!((20.0..64.0).contains(&moved_s), "somebody drives after {moved_s} s");
+    let last = outcome
+        .log
+        .lines()
+        .filter(|line| line.contains("drives 0."))
+        .filter(|line| !line.ends_with("0.000"));
+    let moved_s = last
+        .filter_map(|line| line.split(' ').next()?.parse::<f64>().ok())
+        .fold(0.0, f64::max);
+    assert!(
+        (20.0..64.0).contains(&moved_s),
+        "somebody drives after {moved_s} s"
+    );
 }
 
 #[test]
 fn a_sweep_goes_on_when_the_bus_is_back() {
-    let faults = format!("[safety]\nautonomy_s = 10.0\n{}", fault("bus", "until_s = 250.0"));
+    let faults = format!(
+        "[safety]\nautonomy_s = 10.0\n{}",
+        fault("bus", "until_s = 250.0")
+    );
     let outcome = place(3, "until_s = 3000.0", &faults).run_to_the_end();
     assert!(outcome.log.contains("Decides(BusLost, Returning)"));
     assert_settled(&outcome);
@@ -41,7 +61,9 @@ fn a_sweep_goes_on_when_the_bus_is_back() {
 fn a_vehicle_that_restarts_is_planned_for_anew_and_no_sample_is_lost() {
     for seed in 1..4 {
         let faults = fault("restart", "vehicles = [2]");
-        let outcome = place(3, "until_s = 3000.0", &faults).seed(seed).run_to_the_end();
+        let outcome = place(3, "until_s = 3000.0", &faults)
+            .seed(seed)
+            .run_to_the_end();
         assert!(outcome.log.contains("its software starts, boot 2"));
         assert_settled(&outcome);
     }
@@ -49,12 +71,18 @@ fn a_vehicle_that_restarts_is_planned_for_anew_and_no_sample_is_lost() {
 
 #[test]
 fn a_ground_station_that_restarts_goes_on_with_its_run_and_no_sample_is_lost() {
-    let twice =
-        [60.0, 120.0].map(|at_s| format!("[[fault]]\nkind = \"restart\"\nat_s = {at_s}\nground = true\n"));
+    let twice = [60.0, 120.0]
+        .map(|at_s| format!("[[fault]]\nkind = \"restart\"\nat_s = {at_s}\nground = true\n"));
     for seed in 1..4 {
-        let outcome = place(3, "until_s = 3000.0", &twice.concat()).seed(seed).run_to_the_end();
+        let outcome = place(3, "until_s = 3000.0", &twice.concat())
+            .seed(seed)
+            .run_to_the_end();
         let log = &outcome.log;
-        assert!(log.contains("ground its software starts, boot 3"), "{}", crate::place::tail(log));
+        assert!(
+            log.contains("ground its software starts, boot 3"),
+            "{}",
+            crate::place::tail(log)
+        );
         assert_eq!(log.matches("ground RunClosed").count(), 1);
         assert_settled(&outcome);
     }
@@ -64,11 +92,21 @@ fn a_ground_station_that_restarts_goes_on_with_its_run_and_no_sample_is_lost() {
 fn vehicles_whose_ground_station_is_gone_drive_their_plan_to_its_end() {
     let outcome = place(3, "until_s = 600.0", &fault("dead", "ground = true")).run_safely();
     let log = &outcome.log;
-    assert!(log.contains("ground its software ends") && !log.contains("ground its software starts"));
-    assert_eq!(log.matches("has driven its plan").count(), 3, "{}", crate::place::tail(log));
-    let maps = log.lines().filter(|line| line.contains("vehicle") && line.contains(" holds map "));
-    let maps: BTreeSet<_> =
-        maps.filter_map(|line| line.split(" holds map ").nth(1)?.split(',').next()).collect();
+    assert!(
+        log.contains("ground its software ends") && !log.contains("ground its software starts")
+    );
+    assert_eq!(
+        log.matches("has driven its plan").count(),
+        3,
+        "{}",
+        crate::place::tail(log)
+    );
+    let maps = log
+        .lines()
+        .filter(|line| line.contains("vehicle") && line.contains(" holds map "));
+    let maps: BTreeSet<_> = maps
+        .filter_map(|line| line.split(" holds map ").nth(1)?.split(',').next())
+        .collect();
     assert_eq!(maps.len(), 1, "they tell each other what they see");
     assert!(!outcome.finished);
 }
@@ -76,23 +114,41 @@ fn vehicles_whose_ground_station_is_gone_drive_their_plan_to_its_end() {
 #[test]
 fn the_others_end_the_sweep_of_a_vehicle_that_is_lost() {
     for seed in 1..4 {
-        let outcome = place(3, "until_s = 3000.0", &fault("dead", "vehicles = [2]")).seed(seed).run_safely();
-        assert!(outcome.log.contains("Lost(VehicleId(2))"), "{}", crate::place::tail(&outcome.log));
-        assert!(outcome.finished, "{:?}: {}", outcome.failure, crate::place::tail(&outcome.log));
+        let outcome = place(3, "until_s = 3000.0", &fault("dead", "vehicles = [2]"))
+            .seed(seed)
+            .run_safely();
+        assert!(
+            outcome.log.contains("Lost(VehicleId(2))"),
+            "{}",
+            crate::place::tail(&outcome.log)
+        );
+        assert!(
+            outcome.finished,
+            "{:?}: {}",
+            outcome.failure,
+            crate::place::tail(&outcome.log)
+        );
     }
 }
 
 #[test]
 fn a_vehicle_that_comes_back_gets_work_again() {
-    let outcome =
-        place(3, "until_s = 3000.0", &fault("restart", "until_s = 190.0\nvehicles = [2]")).run_to_the_end();
+    let outcome = place(
+        3,
+        "until_s = 3000.0",
+        &fault("restart", "until_s = 190.0\nvehicles = [2]"),
+    )
+    .run_to_the_end();
     let log = &outcome.log;
     assert!(
         log.contains("Lost(VehicleId(2))") && log.contains("Found(VehicleId(2))"),
         "{}",
         crate::place::tail(log)
     );
-    let back = log.split("its software starts, boot 2").nth(1).unwrap_or_default();
+    let back = log
+        .split("its software starts, boot 2")
+        .nth(1)
+        .unwrap_or_default();
     assert!(back.contains("vehicle 2 Done("), "it does stops again");
     assert_settled(&outcome);
 }
@@ -102,9 +158,23 @@ fn nobody_touches_a_vehicle_that_is_dead_blind_or_goes_home_with_an_empty_batter
     let dead = place(3, "until_s = 400.0", &fault("dead", "vehicles = [2]")).run_safely();
     assert!(dead.log.contains("Silent(VehicleId(2))"));
     place(3, "until_s = 400.0", &fault("sensor", "vehicles = [1]")).run_safely();
-    let low = place(3, "until_s = 400.0", &fault("battery", "charge = 0.15\nvehicles = [1]")).run_safely();
-    assert!(low.log.contains("vehicle 1 Home"), "{}", crate::place::tail(&low.log));
-    let empty = place(3, "until_s = 400.0", &fault("battery", "charge = 0.04\nvehicles = [1]")).run_safely();
+    let low = place(
+        3,
+        "until_s = 400.0",
+        &fault("battery", "charge = 0.15\nvehicles = [1]"),
+    )
+    .run_safely();
+    assert!(
+        low.log.contains("vehicle 1 Home"),
+        "{}",
+        crate::place::tail(&low.log)
+    );
+    let empty = place(
+        3,
+        "until_s = 400.0",
+        &fault("battery", "charge = 0.04\nvehicles = [1]"),
+    )
+    .run_safely();
     assert!(empty.log.contains("vehicle 1 Decides(BatteryEmpty, Held)"));
     assert!(!empty.log.contains("vehicle 1 Home"));
 }

@@ -27,11 +27,17 @@ fn end_of(outcome: &Outcome, vehicle: usize) -> &End {
 /// How near the true track of a vehicle comes to a place, metres.
 fn nearest_m(outcome: &Outcome, vehicle: usize, place: (f64, f64)) -> f64 {
     let place = Point::new(place.0, place.1);
-    outcome.tracks[vehicle - 1].1.iter().map(|at| at.distance_to(place)).fold(f64::INFINITY, f64::min)
+    outcome.tracks[vehicle - 1]
+        .1
+        .iter()
+        .map(|at| at.distance_to(place))
+        .fold(f64::INFINITY, f64::min)
 }
 
 fn occupancy(outcome: &Outcome, at: (f64, f64)) -> Occupancy {
-    outcome.map.occupancy(0, outcome.map.lattice().cell_at(Point::new(at.0, at.1)))
+    outcome
+        .map
+        .occupancy(0, outcome.map.lattice().cell_at(Point::new(at.0, at.1)))
 }
 
 #[test]
@@ -46,10 +52,20 @@ fn a_square_over_open_ground_is_driven_to_its_end() {
 
 #[test]
 fn a_square_ends_in_front_of_what_stands_on_it_and_not_in_it() {
-    let outcome = yard("kind = \"square\"\nsize_m = 6.0").block((4.0, 7.0, 1.0, 1.0)).run_to_the_end();
-    let End::Stopped(at) = end_of(&outcome, 1) else { panic!("{:?}", end_of(&outcome, 1)) };
-    assert!((at.x_m - 3.5).abs() < 0.4 && (at.y_m - 7.0).abs() < 0.8, "{at:?}");
-    assert!(nearest_m(&outcome, 1, (7.0, 7.0)) > 3.0, "it goes no further");
+    let outcome = yard("kind = \"square\"\nsize_m = 6.0")
+        .block((4.0, 7.0, 1.0, 1.0))
+        .run_to_the_end();
+    let End::Stopped(at) = end_of(&outcome, 1) else {
+        panic!("{:?}", end_of(&outcome, 1))
+    };
+    assert!(
+        (at.x_m - 3.5).abs() < 0.4 && (at.y_m - 7.0).abs() < 0.8,
+        "{at:?}"
+    );
+    assert!(
+        nearest_m(&outcome, 1, (7.0, 7.0)) > 3.0,
+        "it goes no further"
+    );
     assert_eq!(outcome.home, 1);
 }
 
@@ -60,21 +76,36 @@ fn forward_goes_as_far_as_it_is_told_or_until_something_stands_there() {
     assert_eq!(end_of(&free, 1), &End::Done);
     let goal = (-1.0 + 4.0 * heading, -1.0 + 4.0 * heading);
     assert!(nearest_m(&free, 1, goal) < 0.4);
-    let barred = yard("kind = \"forward\"\ndistance_m = 4.0").block((2.0, 2.0, 1.5, 1.5)).run_to_the_end();
+    let barred = yard("kind = \"forward\"\ndistance_m = 4.0")
+        .block((2.0, 2.0, 1.5, 1.5))
+        .run_to_the_end();
     assert!(matches!(end_of(&barred, 1), End::Stopped(_)));
     assert!(nearest_m(&barred, 1, goal) > 0.5);
 }
 
 #[test]
 fn browse_sees_all_around_without_leaving_its_place() {
-    let outcome = yard("kind = \"browse\"").home(1, (4.0, 4.0)).block((6.0, 4.0, 0.4, 2.0)).run_to_the_end();
+    let outcome = yard("kind = \"browse\"")
+        .home(1, (4.0, 4.0))
+        .block((6.0, 4.0, 0.4, 2.0))
+        .run_to_the_end();
     assert_eq!(end_of(&outcome, 1), &End::Done);
-    assert!(outcome.tracks[0].1.iter().all(|at| at.distance_to(Point::new(4.0, 4.0)) < 0.3));
+    assert!(
+        outcome.tracks[0]
+            .1
+            .iter()
+            .all(|at| at.distance_to(Point::new(4.0, 4.0)) < 0.3)
+    );
     for at in [(2.2, 4.0), (4.0, 5.8), (4.0, 2.2), (5.4, 4.0)] {
         assert_eq!(occupancy(&outcome, at), Occupancy::Free, "{at:?}");
     }
     let wall = (0..6).map(|step| (5.9, 3.5 + 0.2 * f64::from(step)));
-    assert!(wall.clone().filter(|at| occupancy(&outcome, *at) == Occupancy::Occupied).count() >= 3);
+    assert!(
+        wall.clone()
+            .filter(|at| occupancy(&outcome, *at) == Occupancy::Occupied)
+            .count()
+            >= 3
+    );
 }
 
 #[test]
@@ -88,8 +119,16 @@ fn pathfind_visits_places_behind_a_wall() {
 #[test]
 fn pathfind_proves_that_no_way_leads_into_a_closed_room_and_visits_the_rest() {
     let places = "kind = \"pathfind\"\nwaypoints_m = [[4.0, 4.0], [7.0, 7.5]]";
-    let room = [(4.0, 2.5, 3.4, 0.4), (4.0, 5.5, 3.4, 0.4), (2.5, 4.0, 0.4, 3.4), (5.5, 4.0, 0.4, 3.4)];
-    let outcome = room.into_iter().fold(yard(places), Place::block).run_to_the_end();
+    let room = [
+        (4.0, 2.5, 3.4, 0.4),
+        (4.0, 5.5, 3.4, 0.4),
+        (2.5, 4.0, 0.4, 3.4),
+        (5.5, 4.0, 0.4, 3.4),
+    ];
+    let outcome = room
+        .into_iter()
+        .fold(yard(places), Place::block)
+        .run_to_the_end();
     assert_eq!(end_of(&outcome, 1), &End::NoWay(1));
     assert!(nearest_m(&outcome, 1, (7.0, 7.5)) < 0.4);
     assert!(outcome.log.contains("NoWay("));
@@ -97,7 +136,8 @@ fn pathfind_proves_that_no_way_leads_into_a_closed_room_and_visits_the_rest() {
 
 #[test]
 fn what_vehicles_visit_is_shared_among_them() {
-    let places = "kind = \"pathfind\"\nwaypoints_m = [[1.0, 7.0], [7.0, 1.0], [2.0, 4.0], [6.0, 4.0]]";
+    let places =
+        "kind = \"pathfind\"\nwaypoints_m = [[1.0, 7.0], [7.0, 1.0], [2.0, 4.0], [6.0, 4.0]]";
     let outcome = yard(places).vehicles(2).run_to_the_end();
     assert_eq!((visits(&outcome, 1), visits(&outcome, 2)), (2, 2));
     assert_eq!(outcome.home, 2);
@@ -105,22 +145,35 @@ fn what_vehicles_visit_is_shared_among_them() {
 
 fn visits(outcome: &Outcome, vehicle: usize) -> usize {
     let who = format!("vehicle {vehicle} Visited");
-    outcome.log.lines().filter(|line| line.contains(&who)).count()
+    outcome
+        .log
+        .lines()
+        .filter(|line| line.contains(&who))
+        .count()
 }
 
 #[test]
 fn patrol_goes_round_behind_a_wall_as_often_as_it_is_told() {
     let places = "kind = \"patrol\"\nrounds = 3\nwaypoints_m = [[4.0, 6.5], [7.0, 1.0]]";
     let outcome = yard(places).block((4.0, 4.0, 7.0, 0.4)).run_to_the_end();
-    assert_eq!((end_of(&outcome, 1), visits(&outcome, 1), outcome.home), (&End::Done, 6, 1));
+    assert_eq!(
+        (end_of(&outcome, 1), visits(&outcome, 1), outcome.home),
+        (&End::Done, 6, 1)
+    );
 }
 
 #[test]
 fn patrol_of_two_begins_at_different_places_and_each_goes_to_all() {
     let places = "kind = \"patrol\"\nrounds = 1\nwaypoints_m = [[2, 2], [6, 2], [6, 6], [2, 6]]";
     let outcome = yard(places).vehicles(2).run_to_the_end();
-    assert_eq!((visits(&outcome, 1), visits(&outcome, 2), outcome.home), (4, 4, 2));
-    assert_eq!((end_of(&outcome, 1), end_of(&outcome, 2)), (&End::Done, &End::Done));
+    assert_eq!(
+        (visits(&outcome, 1), visits(&outcome, 2), outcome.home),
+        (4, 4, 2)
+    );
+    assert_eq!(
+        (end_of(&outcome, 1), end_of(&outcome, 2)),
+        (&End::Done, &End::Done)
+    );
 }
 
 #[test]
@@ -136,7 +189,11 @@ fn patrol_ends_when_its_time_is_over_or_its_battery_low() {
     );
     let fault = "[[fault]]\nkind = \"battery\"\nat_s = 300.0\ncharge = 0.15\nvehicles = [1]";
     let low = yard(places).with(fault).run_safely();
-    assert!(visits(&low, 1) > 4 && low.log.contains("BatteryLow"), "{}", tail(&low.log));
+    assert!(
+        visits(&low, 1) > 4 && low.log.contains("BatteryLow"),
+        "{}",
+        tail(&low.log)
+    );
     assert!(low.log.contains("vehicle 1 Home"), "{}", tail(&low.log));
 }
 
@@ -144,8 +201,13 @@ fn patrol_ends_when_its_time_is_over_or_its_battery_low() {
 fn unknown_share(outcome: &Outcome, is_hidden: impl Fn(Point) -> bool) -> f64 {
     let lattice = outcome.map.lattice();
     let cells = (-11..51).flat_map(|y| (-11..51).map(move |x| Cell::new(x, y)));
-    let seen: Vec<Cell> = cells.filter(|cell| !is_hidden(lattice.centre(*cell))).collect();
-    let unknown = seen.iter().filter(|cell| outcome.map.occupancy(0, **cell) == Occupancy::Unknown).count();
+    let seen: Vec<Cell> = cells
+        .filter(|cell| !is_hidden(lattice.centre(*cell)))
+        .collect();
+    let unknown = seen
+        .iter()
+        .filter(|cell| outcome.map.occupancy(0, **cell) == Occupancy::Unknown)
+        .count();
     unknown as f64 / seen.len() as f64
 }
 
@@ -153,20 +215,28 @@ fn unknown_share(outcome: &Outcome, is_hidden: impl Fn(Point) -> bool) -> f64 {
 fn explore_and_search_know_everything_that_can_be_reached() {
     let is_hidden = |at: Point| (2.8..=5.2).contains(&at.x_m) && (2.8..=5.2).contains(&at.y_m);
     for mission in ["explore", "search"] {
-        let outcome = yard(&format!("kind = \"{mission}\"")).block((4.0, 4.0, 2.0, 2.0)).run_to_the_end();
+        let outcome = yard(&format!("kind = \"{mission}\""))
+            .block((4.0, 4.0, 2.0, 2.0))
+            .run_to_the_end();
         assert_eq!(end_of(&outcome, 1), &End::Done, "{mission}");
         let unknown = unknown_share(&outcome, is_hidden);
         assert!(unknown < 0.03, "{mission}: {unknown}");
         let along = (0..10).map(|step| 3.1 + 0.2 * f64::from(step));
-        let sides: Vec<(f64, f64)> =
-            along.flat_map(|at| [(at, 3.0), (at, 5.0), (3.0, at), (5.0, at)]).collect();
+        let sides: Vec<(f64, f64)> = along
+            .flat_map(|at| [(at, 3.0), (at, 5.0), (3.0, at), (5.0, at)])
+            .collect();
         let is_seen = |(x_m, y_m): (f64, f64)| {
             let around = (-1..=1).flat_map(|dx| (-1..=1).map(move |dy| (dx, dy)));
-            let mut around = around.map(|(dx, dy)| (x_m + 0.2 * f64::from(dx), y_m + 0.2 * f64::from(dy)));
+            let mut around =
+                around.map(|(dx, dy)| (x_m + 0.2 * f64::from(dx), y_m + 0.2 * f64::from(dy)));
             around.any(|at| occupancy(&outcome, at) == Occupancy::Occupied)
         };
         let seen = sides.iter().filter(|at| is_seen(**at)).count();
-        assert!(seen * 100 >= sides.len() * 90, "{mission}: {seen} of {}", sides.len());
+        assert!(
+            seen * 100 >= sides.len() * 90,
+            "{mission}: {seen} of {}",
+            sides.len()
+        );
     }
 }
 
@@ -174,7 +244,10 @@ fn explore_and_search_know_everything_that_can_be_reached() {
 fn two_explorers_share_the_work() {
     let ended_s = |vehicles: usize| {
         let yard = Place::new(16.0, 16.0).root("end = \"return\"\nuntil_s = 3600.0");
-        let yard = yard.vehicles(vehicles).with("[mission]\nkind = \"explore\"").block((8.0, 8.0, 4.0, 4.0));
+        let yard = yard
+            .vehicles(vehicles)
+            .with("[mission]\nkind = \"explore\"")
+            .block((8.0, 8.0, 4.0, 4.0));
         let outcome = yard.run_to_the_end();
         assert_eq!(outcome.home, vehicles);
         let ends = outcome.missions.iter().filter_map(|(_, end)| end.as_ref());
@@ -200,7 +273,9 @@ fn eight_explorers_behind_one_doorway_all_come_home() {
 
 #[test]
 fn a_mission_is_the_same_again_with_the_same_seed() {
-    let place = yard("kind = \"explore\"").vehicles(2).block((4.0, 4.0, 2.0, 2.0));
+    let place = yard("kind = \"explore\"")
+        .vehicles(2)
+        .block((4.0, 4.0, 2.0, 2.0));
     assert_eq!(place.run().log, place.run().log);
     assert_ne!(place.run().log, place.seed(2).run().log);
 }
@@ -212,9 +287,20 @@ fn who_is_started_anew_under_way_is_told_its_mission_again_and_ends_it() {
     let outcome = yard(mission).vehicles(2).with(fault).run_to_the_end();
     for (vehicle, places) in [(1, [(2.0, 2.0), (2.0, 6.0)]), (2, [(6.0, 6.0), (6.0, 2.0)])] {
         assert_eq!(end_of(&outcome, vehicle), &End::Done);
-        assert!(places.iter().all(|place| nearest_m(&outcome, vehicle, *place) < 0.5), "vehicle {vehicle}");
+        assert!(
+            places
+                .iter()
+                .all(|place| nearest_m(&outcome, vehicle, *place) < 0.5),
+            "vehicle {vehicle}"
+        );
     }
-    assert!(outcome.log.contains("vehicle 2 its software starts, boot 2"), "{}", outcome.log);
+    assert!(
+        outcome
+            .log
+            .contains("vehicle 2 its software starts, boot 2"),
+        "{}",
+        outcome.log
+    );
     assert_eq!(outcome.home, 2);
 }
 
@@ -222,7 +308,13 @@ fn who_is_started_anew_under_way_is_told_its_mission_again_and_ends_it() {
 fn a_mission_reaches_its_vehicles_over_a_bus_that_loses_a_third() {
     for seed in 1..=8 {
         let mission = "kind = \"pathfind\"\nwaypoints_m = [[2, 2], [6, 6]]";
-        let outcome = yard(mission).vehicles(2).seed(seed).with("[bus]\ndrop_share = 0.33").run_to_the_end();
-        assert!(nearest_m(&outcome, 1, (2.0, 2.0)) < 0.5 && nearest_m(&outcome, 2, (6.0, 6.0)) < 0.5);
+        let outcome = yard(mission)
+            .vehicles(2)
+            .seed(seed)
+            .with("[bus]\ndrop_share = 0.33")
+            .run_to_the_end();
+        assert!(
+            nearest_m(&outcome, 1, (2.0, 2.0)) < 0.5 && nearest_m(&outcome, 2, (6.0, 6.0)) < 0.5
+        );
     }
 }

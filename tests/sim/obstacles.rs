@@ -7,13 +7,18 @@ use crate::place::{Block, Place, tail};
 fn courtyard(blocks: &[Block]) -> Place {
     // Homes that none of the blocks below covers.
     let place = Place::new(12.0, 12.0).home(5, (2.0, -1.2));
-    blocks.iter().fold(place, |place, block| place.block(*block))
+    blocks
+        .iter()
+        .fold(place, |place, block| place.block(*block))
 }
 
 /// Sweeps with several fleets and seeds, and claims that every sweep was safe and ended.
 fn ends(blocks: &[Block]) {
     for (vehicles, seed) in [(2, 1), (2, 2), (3, 3), (5, 4)] {
-        courtyard(blocks).vehicles(vehicles).seed(seed).run_to_the_end();
+        courtyard(blocks)
+            .vehicles(vehicles)
+            .seed(seed)
+            .run_to_the_end();
     }
 }
 
@@ -35,7 +40,12 @@ fn a_box_on_a_corner_is_driven_around() {
 
 #[test]
 fn boxes_on_all_corners_are_driven_around() {
-    ends(&[(0.0, 0.0, 0.6, 0.6), (12.0, 0.0, 0.6, 0.6), (12.0, 12.0, 0.6, 0.6), (0.0, 12.0, 0.6, 0.6)]);
+    ends(&[
+        (0.0, 0.0, 0.6, 0.6),
+        (12.0, 0.0, 0.6, 0.6),
+        (12.0, 12.0, 0.6, 0.6),
+        (0.0, 12.0, 0.6, 0.6),
+    ]);
 }
 
 #[test]
@@ -46,7 +56,11 @@ fn a_wall_across_the_ring_is_driven_around_on_the_side_that_is_open() {
 
 #[test]
 fn thin_poles_are_seen_in_time() {
-    ends(&[(6.0, 0.0, 0.1, 0.1), (12.0, 3.0, 0.1, 0.1), (3.0, 12.3, 0.1, 0.1)]);
+    ends(&[
+        (6.0, 0.0, 0.1, 0.1),
+        (12.0, 3.0, 0.1, 0.1),
+        (3.0, 12.3, 0.1, 0.1),
+    ]);
 }
 
 #[test]
@@ -57,19 +71,30 @@ fn a_wall_beside_a_home_is_left_behind() {
 #[test]
 fn who_drove_into_a_dead_end_comes_out_of_it() {
     for (vehicles, seed) in [(2, 1), (2, 2), (3, 3)] {
-        courtyard(&[(6.0, 1.0, 0.3, 3.0), (4.0, 1.5, 4.0, 0.3), (4.0, -1.5, 4.0, 0.3)])
-            .vehicles(vehicles)
-            .seed(seed)
-            .run_to_the_end();
+        courtyard(&[
+            (6.0, 1.0, 0.3, 3.0),
+            (4.0, 1.5, 4.0, 0.3),
+            (4.0, -1.5, 4.0, 0.3),
+        ])
+        .vehicles(vehicles)
+        .seed(seed)
+        .run_to_the_end();
     }
 }
 
 #[test]
 fn stops_under_a_long_box_are_given_up_and_the_sweep_ends() {
     for (vehicles, seed) in [(2, 1), (3, 2), (5, 3)] {
-        let outcome = courtyard(&[(6.0, 0.0, 3.2, 0.8)]).vehicles(vehicles).seed(seed).run_to_the_end();
+        let outcome = courtyard(&[(6.0, 0.0, 3.2, 0.8)])
+            .vehicles(vehicles)
+            .seed(seed)
+            .run_to_the_end();
         let stood_inside = outcome.tracks.iter().flat_map(|(_, track)| track);
-        assert!(stood_inside.clone().all(|at| (at.x_m - 6.0).abs() > 1.8 || at.y_m.abs() > 0.6));
+        assert!(
+            stood_inside
+                .clone()
+                .all(|at| (at.x_m - 6.0).abs() > 1.8 || at.y_m.abs() > 0.6)
+        );
         assert!(outcome.samples > 500, "{} samples", outcome.samples);
     }
 }
@@ -82,7 +107,11 @@ fn a_ring_that_is_closed_off_from_fence_to_fence_ends_in_words() {
             .seed(seed)
             .root("end = \"hold\"\nuntil_s = 6000.0")
             .run_safely();
-        assert!(!outcome.finished && outcome.log.contains("NoPath"), "{}", tail(&outcome.log));
+        assert!(
+            !outcome.finished && outcome.log.contains("NoPath"),
+            "{}",
+            tail(&outcome.log)
+        );
         let reason = outcome.failure.unwrap_or_default();
         assert!(reason.contains("cannot be"), "{reason}");
     }

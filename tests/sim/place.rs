@@ -118,7 +118,9 @@ impl Place {
     pub fn run(&self) -> Outcome {
         let mut scenario = self.scenario();
         scenario.shuffle_ties = self.shuffled;
-        scenario.run(&mut |_| true).expect("the scenario can be run")
+        scenario
+            .run(&mut |_| true)
+            .expect("the scenario can be run")
     }
 
     /// Runs to the end and claims that it was safe, for vehicles of 0.25 m radius and 1 m of separation.
@@ -131,7 +133,12 @@ impl Place {
     /// Runs to the end and claims that it was safe and that the sweep ended.
     pub fn run_to_the_end(&self) -> Outcome {
         let outcome = self.run_safely();
-        assert!(outcome.finished, "{:?}\n{}", outcome.failure, tail(&outcome.log));
+        assert!(
+            outcome.finished,
+            "{:?}\n{}",
+            outcome.failure,
+            tail(&outcome.log)
+        );
         outcome
     }
 
@@ -143,8 +150,10 @@ impl Place {
         };
         let sim = config::read_sim("test.toml", &self.text(), None, &mut loader)
             .unwrap_or_else(|problems| panic!("{problems}"));
-        let shapes = scene::read_vrml(&self.wrl(), "test.wrl", Up::Z, &mut |_| Err("none".to_owned()))
-            .expect("the blocks are a scene");
+        let shapes = scene::read_vrml(&self.wrl(), "test.wrl", Up::Z, &mut |_| {
+            Err("none".to_owned())
+        })
+        .expect("the blocks are a scene");
         Scenario::new(sim, shapes.shapes, self.seed).expect("the scenario is possible")
     }
 
@@ -157,8 +166,16 @@ impl Place {
     }
 
     fn venue(&self) -> String {
-        let (low, right, top) = (-self.strip_m, self.width_m + self.strip_m, self.height_m + self.strip_m);
-        let homes: Vec<String> = self.homes.iter().map(|(x, y)| format!("[{x:?}, {y:?}]")).collect();
+        let (low, right, top) = (
+            -self.strip_m,
+            self.width_m + self.strip_m,
+            self.height_m + self.strip_m,
+        );
+        let homes: Vec<String> = self
+            .homes
+            .iter()
+            .map(|(x, y)| format!("[{x:?}, {y:?}]"))
+            .collect();
         format!(
             "kind = \"venue\"\nname = \"test\"\narea_m = [0.0, 0.0, {:?}, {:?}]\n\
              fence_m = [[{low:?}, {low:?}], [{right:?}, {low:?}], [{right:?}, {top:?}], [{low:?}, {top:?}]]\n\
@@ -173,7 +190,10 @@ impl Place {
         let mut text = "#VRML V2.0 utf8\n".to_owned();
         for (x, y, width, depth) in &self.blocks {
             let shape = format!("Shape {{ geometry Box {{ size {width} {depth} 1 }} }}");
-            let _ = writeln!(text, "Transform {{ translation {x} {y} 0.5 children {shape} }}");
+            let _ = writeln!(
+                text,
+                "Transform {{ translation {x} {y} 0.5 children {shape} }}"
+            );
         }
         text
     }
@@ -182,25 +202,50 @@ impl Place {
 /// Nobody touched anything, nobody left the fence, and nobody came nearer than the separation less what the pose
 /// errors (at most 3 deviations of 5 cm in each coordinate of both vehicles) can hide.
 pub fn assert_safe(outcome: &Outcome) {
-    assert!(outcome.collisions.is_empty(), "{:?}\n{}", outcome.collisions, tail(&outcome.log));
+    assert!(
+        outcome.collisions.is_empty(),
+        "{:?}\n{}",
+        outcome.collisions,
+        tail(&outcome.log)
+    );
     assert_eq!(outcome.fence_breaches, 0, "{}", tail(&outcome.log));
     let apart_m = outcome.min_separation_m.unwrap_or(f64::INFINITY);
-    assert!(apart_m >= 0.8, "two vehicles came as near as {apart_m:.2} m\n{}", tail(&outcome.log));
+    assert!(
+        apart_m >= 0.8,
+        "two vehicles came as near as {apart_m:.2} m\n{}",
+        tail(&outcome.log)
+    );
 }
 
 /// At the end all nodes hold the same map, and the ground has stored exactly the samples that were made.
 pub fn assert_settled(outcome: &Outcome) {
-    let holdings: Vec<&str> = outcome.log.lines().filter(|line| line.contains(" holds map ")).collect();
+    let holdings: Vec<&str> = outcome
+        .log
+        .lines()
+        .filter(|line| line.contains(" holds map "))
+        .collect();
     let word_after = |line: &&str, word: &str| {
         let mut words = line.split([' ', ',']).skip_while(|other| *other != word);
         words.nth(1).map(str::to_owned)
     };
-    let maps: Vec<Option<String>> = holdings.iter().map(|line| word_after(line, "map")).collect();
-    assert!(maps.len() >= 3 && maps.windows(2).all(|pair| pair[0] == pair[1]), "{holdings:#?}");
+    let maps: Vec<Option<String>> = holdings
+        .iter()
+        .map(|line| word_after(line, "map"))
+        .collect();
+    assert!(
+        maps.len() >= 3 && maps.windows(2).all(|pair| pair[0] == pair[1]),
+        "{holdings:#?}"
+    );
     let count = |line, word| word_after(line, word).and_then(|number| number.parse::<u64>().ok());
     let made: u64 = holdings.iter().filter_map(|line| count(line, "made")).sum();
-    let stored: u64 = holdings.iter().filter_map(|line| count(line, "stored")).sum();
-    assert!(made > 0 && made == stored, "{made} samples were made, {stored} are stored: {holdings:#?}");
+    let stored: u64 = holdings
+        .iter()
+        .filter_map(|line| count(line, "stored"))
+        .sum();
+    assert!(
+        made > 0 && made == stored,
+        "{made} samples were made, {stored} are stored: {holdings:#?}"
+    );
 }
 
 /// The last lines of a log, for a failed claim.

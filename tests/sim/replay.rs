@@ -31,14 +31,22 @@ struct Again<A> {
 
 impl<A> Default for Again<A> {
     fn default() -> Again<A> {
-        Again { actor: None, steps: 0, restored: 0 }
+        Again {
+            actor: None,
+            steps: 0,
+            restored: 0,
+        }
     }
 }
 
 impl<A: NodeActor> Again<A> {
     fn restore(&mut self, snapshot: &Snapshot) {
         if let Some(actor) = &self.actor {
-            assert!(pack(actor).unwrap() == snapshot.bytes, "{} is another by now", snapshot.actor);
+            assert!(
+                pack(actor).unwrap() == snapshot.bytes,
+                "{} is another by now",
+                snapshot.actor
+            );
         }
         self.actor = Some(unpack(&snapshot.bytes).unwrap());
         self.restored += 1;
@@ -51,7 +59,12 @@ impl<A: NodeActor> Again<A> {
             Cause::Woken(_) => None,
         };
         let now = again(self.actor.as_mut().unwrap(), step.now, told);
-        assert_eq!(pack(&now.said).unwrap(), pack(&step.said).unwrap(), "at {}", step.now);
+        assert_eq!(
+            pack(&now.said).unwrap(),
+            pack(&step.said).unwrap(),
+            "at {}",
+            step.now
+        );
         assert_eq!(now.fault, step.fault);
         self.steps += 1;
     }
@@ -156,36 +169,66 @@ impl Person {
 #[test]
 fn an_actor_restored_at_any_moment_goes_on_as_the_original() {
     for (seed, segment_s) in [(1, 2.3), (2, 7.1), (3, 41.0)] {
-        let place = Place::new(8.0, 8.0).block((4.0, 3.0, 2.0, 0.4)).block((-1.0, 4.0, 0.4, 0.6)).seed(seed);
+        let place = Place::new(8.0, 8.0)
+            .block((4.0, 3.0, 2.0, 0.4))
+            .block((-1.0, 4.0, 0.4, 0.6))
+            .seed(seed);
         let place = place.root("end = \"return\"\nempty_sweep = true\nuntil_s = 2000.0");
         let (mut rovers, mut ground) = (BTreeMap::<_, Rover>::new(), Ground::default());
         let mut person = Person::default();
         let mut record = |entry: Entry| match entry {
-            Entry::Segment { node: NodeId::Vehicle(id), snapshots, .. } => {
-                snapshots.iter().for_each(|snapshot| rovers.entry(id).or_default().restore(snapshot));
+            Entry::Segment {
+                node: NodeId::Vehicle(id),
+                snapshots,
+                ..
+            } => {
+                snapshots
+                    .iter()
+                    .for_each(|snapshot| rovers.entry(id).or_default().restore(snapshot));
             }
-            Entry::Segment { node: NodeId::Ground, snapshots, .. } => {
-                snapshots.iter().for_each(|snapshot| ground.restore(snapshot))
-            }
-            Entry::Segment { node: NodeId::Operator(_), snapshots, .. } => {
-                snapshots.iter().for_each(|snapshot| person.restore(snapshot))
-            }
+            Entry::Segment {
+                node: NodeId::Ground,
+                snapshots,
+                ..
+            } => snapshots
+                .iter()
+                .for_each(|snapshot| ground.restore(snapshot)),
+            Entry::Segment {
+                node: NodeId::Operator(_),
+                snapshots,
+                ..
+            } => snapshots
+                .iter()
+                .for_each(|snapshot| person.restore(snapshot)),
             Entry::Step(NodeId::Vehicle(id), step) => rovers.entry(id).or_default().take(&step),
             Entry::Step(NodeId::Ground, step) => ground.take(&step),
             Entry::Step(NodeId::Operator(_), step) => person.take(&step),
         };
-        let recorded =
-            place.scenario().run_recorded(&mut |_| true, Duration::from_secs_f64(segment_s), &mut record);
-        assert_eq!(recorded.unwrap().log, place.run().log, "a run is the same when it is recorded");
+        let recorded = place.scenario().run_recorded(
+            &mut |_| true,
+            Duration::from_secs_f64(segment_s),
+            &mut record,
+        );
+        assert_eq!(
+            recorded.unwrap().log,
+            place.run().log,
+            "a run is the same when it is recorded"
+        );
         assert_eq!(rovers.len(), 2);
         for rover in rovers.values() {
             assert!(rover.mission.steps > 500 && rover.map.steps > 200 && rover.outbox.steps > 50);
             assert!(rover.autopilot.steps > 500 && rover.autopilot.restored > 2);
-            assert!(rover.vehicle.steps > 500 && rover.sensor.steps > 500 && rover.radio.steps > 500);
+            assert!(
+                rover.vehicle.steps > 500 && rover.sensor.steps > 500 && rover.radio.steps > 500
+            );
             assert!(rover.mission.restored > 2 && rover.stops.steps > 500);
         }
-        assert!(person.operator.steps > 500 && person.operator.restored > 2 && person.stops.steps > 500);
-        assert!(ground.station.steps > 500 && ground.planner.steps >= 2 && ground.imager.steps >= 2);
+        assert!(
+            person.operator.steps > 500 && person.operator.restored > 2 && person.stops.steps > 500
+        );
+        assert!(
+            ground.station.steps > 500 && ground.planner.steps >= 2 && ground.imager.steps >= 2
+        );
     }
 }
 
@@ -196,25 +239,53 @@ fn who_is_started_anew_is_recorded_from_there() {
     let (mut rovers, mut ground) = (BTreeMap::<_, Rover>::new(), Ground::default());
     let mut segments = Vec::new();
     let mut record = |entry: Entry| match entry {
-        Entry::Segment { node: node @ NodeId::Vehicle(id), now, snapshots } => {
+        Entry::Segment {
+            node: node @ NodeId::Vehicle(id),
+            now,
+            snapshots,
+        } => {
             segments.push((node, now.as_secs_f64()));
             rovers.insert(id, Rover::default());
-            snapshots.iter().for_each(|snapshot| rovers.entry(id).or_default().restore(snapshot));
+            snapshots
+                .iter()
+                .for_each(|snapshot| rovers.entry(id).or_default().restore(snapshot));
         }
-        Entry::Segment { node: NodeId::Ground, now, snapshots } => {
+        Entry::Segment {
+            node: NodeId::Ground,
+            now,
+            snapshots,
+        } => {
             segments.push((NodeId::Ground, now.as_secs_f64()));
             ground = Ground::default();
-            snapshots.iter().for_each(|snapshot| ground.restore(snapshot))
+            snapshots
+                .iter()
+                .for_each(|snapshot| ground.restore(snapshot))
         }
         Entry::Step(NodeId::Vehicle(id), step) => rovers.entry(id).or_default().take(&step),
         Entry::Step(NodeId::Ground, step) => ground.take(&step),
-        Entry::Segment { node: NodeId::Operator(_), .. } | Entry::Step(NodeId::Operator(_), _) => {}
+        Entry::Segment {
+            node: NodeId::Operator(_),
+            ..
+        }
+        | Entry::Step(NodeId::Operator(_), _) => {}
     };
     let long = Duration::from_secs(1000);
-    place.scenario().run_recorded(&mut |_| true, long, &mut record).unwrap();
-    let of = |node| segments.iter().filter(|(of, _)| *of == node).map(|(_, at_s)| *at_s).collect::<Vec<_>>();
+    place
+        .scenario()
+        .run_recorded(&mut |_| true, long, &mut record)
+        .unwrap();
+    let of = |node| {
+        segments
+            .iter()
+            .filter(|(of, _)| *of == node)
+            .map(|(_, at_s)| *at_s)
+            .collect::<Vec<_>>()
+    };
     assert_eq!(of(NodeId::Vehicle(VehicleId(1))), [0.0]);
     assert_eq!(of(NodeId::Vehicle(VehicleId(2))), [0.0, 33.0]);
     assert_eq!(of(NodeId::Ground), [0.0, 33.0]);
-    assert!(ground.station.steps > 100 && rovers[&VehicleId(2)].vehicle.steps > 100, "both go on");
+    assert!(
+        ground.station.steps > 100 && rovers[&VehicleId(2)].vehicle.steps > 100,
+        "both go on"
+    );
 }

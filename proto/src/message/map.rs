@@ -12,7 +12,9 @@ pub const TILE_SIDE: usize = 32;
 pub const TILE_CELLS: usize = TILE_SIDE * TILE_SIDE;
 
 /// Where a tile lies: altitude slice, then tile column and row.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize,
+)]
 pub struct TileAddress {
     /// Altitude slice.
     pub slice: i16,

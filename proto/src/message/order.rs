@@ -36,7 +36,11 @@ impl OrderKind {
 
     /// Returns the stronger of two.
     pub fn stronger(self, other: OrderKind) -> OrderKind {
-        if other.strength() > self.strength() { other } else { self }
+        if other.strength() > self.strength() {
+            other
+        } else {
+            self
+        }
     }
 }
 

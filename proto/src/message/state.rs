@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 
 use super::OrderKind;
 use crate::{
-    Boot, EmergencyName, Lease, Permille, PoseReport, Position, Revision, RunId, Tilt, VehicleId, Velocity,
+    Boot, EmergencyName, Lease, Permille, PoseReport, Position, Revision, RunId, Tilt, VehicleId,
+    Velocity,
 };
 
 /// What a vehicle is doing.

@@ -142,7 +142,11 @@ impl TaskKind {
             TaskKind::Search,
             TaskKind::Pathfind { places: Vec::new() },
             TaskKind::Explore,
-            TaskKind::Patrol { places: Vec::new(), rounds: 0, duration_ms: 0 },
+            TaskKind::Patrol {
+                places: Vec::new(),
+                rounds: 0,
+                duration_ms: 0,
+            },
         ]
     }
 
@@ -151,44 +155,87 @@ impl TaskKind {
     pub fn parameters(&mut self) -> Vec<TaskParameter<'_>> {
         match self {
             TaskKind::Legs { places } => {
-                vec![TaskParameter::Places(places, PlaceSharing::EachBeginsElsewhere)]
+                vec![TaskParameter::Places(
+                    places,
+                    PlaceSharing::EachBeginsElsewhere,
+                )]
             }
-            TaskKind::Pathfind { places } => vec![TaskParameter::Places(places, PlaceSharing::InTurn)],
+            TaskKind::Pathfind { places } => {
+                vec![TaskParameter::Places(places, PlaceSharing::InTurn)]
+            }
             TaskKind::Forward { distance_mm } => {
                 let (name, unit, means) = ("distance_m", TaskUnit::Millimetre, "how far");
-                let far = TaskNumber { name, unit, default: 5000, allowed: 100..=1_000_000, means };
+                let far = TaskNumber {
+                    name,
+                    unit,
+                    default: 5000,
+                    allowed: 100..=1_000_000,
+                    means,
+                };
                 vec![TaskParameter::Number(distance_mm, far)]
             }
-            TaskKind::Patrol { places, rounds, duration_ms } => {
-                let (name, unit, means) =
-                    ("rounds", TaskUnit::One, "after so many rounds it ends; 0: their number has no limit");
-                let many = TaskNumber { name, unit, default: 2, allowed: 0..=10_000, means };
-                let (name, unit, means) =
-                    ("duration_s", TaskUnit::Millisecond, "after so long it ends; 0: without a limit");
-                let long = TaskNumber { name, unit, default: 0, allowed: 0..=86_400_000, means };
+            TaskKind::Patrol {
+                places,
+                rounds,
+                duration_ms,
+            } => {
+                let (name, unit, means) = (
+                    "rounds",
+                    TaskUnit::One,
+                    "after so many rounds it ends; 0: their number has no limit",
+                );
+                let many = TaskNumber {
+                    name,
+                    unit,
+                    default: 2,
+                    allowed: 0..=10_000,
+                    means,
+                };
+                let (name, unit, means) = (
+                    "duration_s",
+                    TaskUnit::Millisecond,
+                    "after so long it ends; 0: without a limit",
+                );
+                let long = TaskNumber {
+                    name,
+                    unit,
+                    default: 0,
+                    allowed: 0..=86_400_000,
+                    means,
+                };
                 vec![
                     TaskParameter::Places(places, PlaceSharing::EachBeginsElsewhere),
                     TaskParameter::Number(rounds, many),
                     TaskParameter::Number(duration_ms, long),
                 ]
             }
-            TaskKind::Sweep { .. } | TaskKind::Browse | TaskKind::Search | TaskKind::Explore => Vec::new(),
+            TaskKind::Sweep { .. } | TaskKind::Browse | TaskKind::Search | TaskKind::Explore => {
+                Vec::new()
+            }
         }
     }
 
     /// Returns all places that it names, in their order.
     pub fn places(&self) -> Vec<Position> {
         let mut task = self.clone();
-        let places = task.parameters().into_iter().filter_map(|parameter| match parameter {
-            TaskParameter::Places(places, _) => Some(std::mem::take(places)),
-            TaskParameter::Number(..) => None,
-        });
+        let places = task
+            .parameters()
+            .into_iter()
+            .filter_map(|parameter| match parameter {
+                TaskParameter::Places(places, _) => Some(std::mem::take(places)),
+                TaskParameter::Number(..) => None,
+            });
         places.flatten().collect()
     }
 
     /// Returns why it is impossible, if it is.
     pub(crate) fn check(&self) -> Verdict {
-        if let TaskKind::Sweep { dwell_ms, dwell_limit_ms, .. } = self {
+        if let TaskKind::Sweep {
+            dwell_ms,
+            dwell_limit_ms,
+            ..
+        } = self
+        {
             require(dwell_ms <= dwell_limit_ms, "a dwell is at most its limit")?;
         }
         let mut task = self.clone();
@@ -209,9 +256,16 @@ impl TaskParameter<'_> {
     /// Returns why it is impossible, if it is. What files allow of a number may change without a new wire.
     fn check(&self) -> Verdict {
         match self {
-            TaskParameter::Number(number, TaskNumber { unit: TaskUnit::Millimetre, .. }) => {
-                require(**number < COORDINATE_MAX_MM.unsigned_abs(), "a distance of a task is under 1000 km")
-            }
+            TaskParameter::Number(
+                number,
+                TaskNumber {
+                    unit: TaskUnit::Millimetre,
+                    ..
+                },
+            ) => require(
+                **number < COORDINATE_MAX_MM.unsigned_abs(),
+                "a distance of a task is under 1000 km",
+            ),
             TaskParameter::Number(..) => Ok(()),
             TaskParameter::Places(places, _) => {
                 let is_allowed = (1..=TASK_PLACES_MAX).contains(&places.len());
@@ -282,18 +336,23 @@ mod tests {
 
     /// Returns the kinds of the wire, in its order.
     fn kinds() -> Vec<MissionKind> {
-        let of_number =
-            |number: u32| MissionKind::deserialize(IntoDeserializer::<Error>::into_deserializer(number));
+        let of_number = |number: u32| {
+            MissionKind::deserialize(IntoDeserializer::<Error>::into_deserializer(number))
+        };
         (0..).map_while(|number| of_number(number).ok()).collect()
     }
 
     #[test]
     fn files_name_every_kind_but_sweeps_and_legs_each_by_a_word_of_its_own() {
-        let named: Vec<MissionKind> = TaskKind::named_in_files().iter().map(MissionKind::from).collect();
+        let named: Vec<MissionKind> = TaskKind::named_in_files()
+            .iter()
+            .map(MissionKind::from)
+            .collect();
         let mut expected = kinds();
         expected.retain(|kind| ![MissionKind::Sweep, MissionKind::Legs].contains(kind));
         assert_eq!(named, expected);
-        let words: std::collections::BTreeSet<&str> = kinds().into_iter().map(MissionKind::word).collect();
+        let words: std::collections::BTreeSet<&str> =
+            kinds().into_iter().map(MissionKind::word).collect();
         assert_eq!(words.len(), kinds().len());
     }
 
@@ -301,9 +360,15 @@ mod tests {
     fn what_a_file_may_say_of_a_number_can_travel_and_its_key_says_the_unit() {
         for mut task in TaskKind::named_in_files() {
             for parameter in task.parameters() {
-                let TaskParameter::Number(_, number) = parameter else { continue };
-                let (has_metres, has_seconds) = (number.name.ends_with("_m"), number.name.ends_with("_s"));
-                let expected = (number.unit == TaskUnit::Millimetre, number.unit == TaskUnit::Millisecond);
+                let TaskParameter::Number(_, number) = parameter else {
+                    continue;
+                };
+                let (has_metres, has_seconds) =
+                    (number.name.ends_with("_m"), number.name.ends_with("_s"));
+                let expected = (
+                    number.unit == TaskUnit::Millimetre,
+                    number.unit == TaskUnit::Millisecond,
+                );
                 assert_eq!((has_metres, has_seconds), expected, "{number:?}");
                 assert!(number.allowed.contains(&number.default), "{number:?}");
                 let mut most = *number.allowed.end();

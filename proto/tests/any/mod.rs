@@ -10,7 +10,11 @@ use tomoswarm_proto::*;
 
 fn position() -> impl Strategy<Value = Position> {
     let coordinate = || prop_oneof![-40_000..40_000, -999_999_999..=999_999_999];
-    (coordinate(), coordinate(), coordinate()).prop_map(|(x_mm, y_mm, z_mm)| Position { x_mm, y_mm, z_mm })
+    (coordinate(), coordinate(), coordinate()).prop_map(|(x_mm, y_mm, z_mm)| Position {
+        x_mm,
+        y_mm,
+        z_mm,
+    })
 }
 
 fn pose() -> impl Strategy<Value = PoseReport> {
@@ -62,8 +66,11 @@ fn seen() -> impl Strategy<Value = Option<SeenState>> {
     option::of((boot(), any::<u64>()).prop_map(|(boot, sequence)| SeenState { boot, sequence }))
 }
 
-fn emergency_names(count: std::ops::RangeInclusive<usize>) -> impl Strategy<Value = Vec<EmergencyName>> {
-    btree_set(any::<u32>().prop_map(EmergencyName), count).prop_map(|names| names.into_iter().collect())
+fn emergency_names(
+    count: std::ops::RangeInclusive<usize>,
+) -> impl Strategy<Value = Vec<EmergencyName>> {
+    btree_set(any::<u32>().prop_map(EmergencyName), count)
+        .prop_map(|names| names.into_iter().collect())
 }
 
 fn emergency() -> impl Strategy<Value = EmergencyStop> {
@@ -76,7 +83,13 @@ fn emergency() -> impl Strategy<Value = EmergencyStop> {
 }
 
 fn order_kind() -> impl Strategy<Value = OrderKind> {
-    select(vec![OrderKind::Start, OrderKind::Hold, OrderKind::Return, OrderKind::Land, OrderKind::CutMotors])
+    select(vec![
+        OrderKind::Start,
+        OrderKind::Hold,
+        OrderKind::Return,
+        OrderKind::Land,
+        OrderKind::CutMotors,
+    ])
 }
 
 fn mission_kind() -> impl Strategy<Value = MissionKind> {
@@ -93,8 +106,18 @@ fn mission_kind() -> impl Strategy<Value = MissionKind> {
 }
 
 fn progress() -> impl Strategy<Value = Progress> {
-    (run(), number(), option::of(stop_id()), option::of(stop_id()))
-        .prop_map(|(run, revision, done, leg)| Progress { run, revision: Revision(revision), done, leg })
+    (
+        run(),
+        number(),
+        option::of(stop_id()),
+        option::of(stop_id()),
+    )
+        .prop_map(|(run, revision, done, leg)| Progress {
+            run,
+            revision: Revision(revision),
+            done,
+            leg,
+        })
 }
 
 fn capability() -> impl Strategy<Value = Capability> {
@@ -113,8 +136,17 @@ fn capability() -> impl Strategy<Value = Capability> {
         RangeSensorKind::Other,
         RangeSensorKind::SerialText,
     ]);
-    let servo = select(vec![ServoKind::Simulated, ServoKind::Pwm, ServoKind::Autopilot, ServoKind::Other]);
-    let radio = select(vec![RadioKind::Simulated, RadioKind::XBee, RadioKind::Other]);
+    let servo = select(vec![
+        ServoKind::Simulated,
+        ServoKind::Pwm,
+        ServoKind::Autopilot,
+        ServoKind::Other,
+    ]);
+    let radio = select(vec![
+        RadioKind::Simulated,
+        RadioKind::XBee,
+        RadioKind::Other,
+    ]);
     prop_oneof![
         (family, body()).prop_map(|(family, body)| Capability::Autopilot(family, body)),
         range.prop_map(Capability::RangeSensor),
@@ -125,7 +157,13 @@ fn capability() -> impl Strategy<Value = Capability> {
 }
 
 fn body() -> impl Strategy<Value = BodyKind> {
-    select(vec![BodyKind::Rover, BodyKind::Copter, BodyKind::Boat, BodyKind::Plane, BodyKind::Other])
+    select(vec![
+        BodyKind::Rover,
+        BodyKind::Copter,
+        BodyKind::Boat,
+        BodyKind::Plane,
+        BodyKind::Other,
+    ])
 }
 
 fn hello() -> impl Strategy<Value = Hello> {
@@ -134,36 +172,54 @@ fn hello() -> impl Strategy<Value = Hello> {
         any::<u8>().prop_map(|id| Sender::Operator(OperatorId(id))),
         vehicle().prop_map(Sender::Vehicle)
     ];
-    let interests =
-        vec![Interest::Fleet, Interest::Map, Interest::Samples, Interest::Images, Interest::Looks];
-    let has = (vec(capability(), 0..9), option::of(lease()), btree_set(select(interests), 0..5));
+    let interests = vec![
+        Interest::Fleet,
+        Interest::Map,
+        Interest::Samples,
+        Interest::Images,
+        Interest::Looks,
+    ];
+    let has = (
+        vec(capability(), 0..9),
+        option::of(lease()),
+        btree_set(select(interests), 0..5),
+    );
     let member = (any::<bool>(), any::<u32>());
-    (node, boot(), any::<[u64; 2]>(), member, "[ -~]{0,32}", "[ -~]{0,64}", has).prop_map(
-        |(
-            node,
-            boot,
-            [venue_hash, instance],
-            member,
-            name,
-            software,
-            (mut capabilities, lease, interest),
-        )| {
-            capabilities.sort();
-            Hello {
+    (
+        node,
+        boot(),
+        any::<[u64; 2]>(),
+        member,
+        "[ -~]{0,32}",
+        "[ -~]{0,64}",
+        has,
+    )
+        .prop_map(
+            |(
                 node,
                 boot,
-                venue_hash,
-                instance,
-                is_member: member.0,
-                member_for_s: member.1,
+                [venue_hash, instance],
+                member,
                 name,
                 software,
-                capabilities,
-                lease,
-                interest: interest.into_iter().collect(),
-            }
-        },
-    )
+                (mut capabilities, lease, interest),
+            )| {
+                capabilities.sort();
+                Hello {
+                    node,
+                    boot,
+                    venue_hash,
+                    instance,
+                    is_member: member.0,
+                    member_for_s: member.1,
+                    name,
+                    software,
+                    capabilities,
+                    lease,
+                    interest: interest.into_iter().collect(),
+                }
+            },
+        )
 }
 
 fn stand_reason() -> impl Strategy<Value = Option<StandReason>> {
@@ -175,7 +231,10 @@ fn stand_reason() -> impl Strategy<Value = Option<StandReason>> {
         StandReason::NoPlace,
         StandReason::Alone,
     ]);
-    option::of(prop_oneof![any::<u32>().prop_map(|name| StandReason::Stop(EmergencyName(name))), others])
+    option::of(prop_oneof![
+        any::<u32>().prop_map(|name| StandReason::Stop(EmergencyName(name))),
+        others
+    ])
 }
 
 fn state() -> impl Strategy<Value = State> {
@@ -191,15 +250,38 @@ fn state() -> impl Strategy<Value = State> {
         Mode::Stopped,
         Mode::MotorsCut,
     ]);
-    let control = select(vec![Control::Ours, Control::Remote, Control::Own, Control::Silent]);
-    let velocity = prop::array::uniform3(-1_000_000..=1_000_000)
-        .prop_map(|[x_mmps, y_mmps, z_mmps]| Velocity { x_mmps, y_mmps, z_mmps });
+    let control = select(vec![
+        Control::Ours,
+        Control::Remote,
+        Control::Own,
+        Control::Silent,
+    ]);
+    let velocity =
+        prop::array::uniform3(-1_000_000..=1_000_000).prop_map(|[x_mmps, y_mmps, z_mmps]| {
+            Velocity {
+                x_mmps,
+                y_mmps,
+                z_mmps,
+            }
+        });
     let motion = (option::of(pose()), tilt(), tilt(), velocity);
-    let ordered = (lease(), number(), run(), option::of(order_kind()))
-        .prop_map(|(lease, revision, run, kind)| Ordered { lease, revision: Revision(revision), run, kind });
+    let ordered = (lease(), number(), run(), option::of(order_kind())).prop_map(
+        |(lease, revision, run, kind)| Ordered {
+            lease,
+            revision: Revision(revision),
+            run,
+            kind,
+        },
+    );
     let plan = (option::of(vec(position(), 0..4)), run(), number(), ordered);
     let who = (vehicle(), boot(), any::<u64>());
-    let does = (mode, stand_reason(), control, any::<[bool; 3]>(), permille());
+    let does = (
+        mode,
+        stand_reason(),
+        control,
+        any::<[bool; 3]>(),
+        permille(),
+    );
     (who, motion, does, plan).prop_map(|(who, motion, does, (leg, run, accepted, ordered))| State {
         vehicle: who.0,
         boot: who.1,
@@ -231,22 +313,36 @@ fn address() -> impl Strategy<Value = TileAddress> {
 
 /// A tile in stretches of equal cells, some of one cell.
 fn tile() -> impl Strategy<Value = TileReport> {
-    let stretches = vec((any::<i8>(), prop_oneof![Just(1_usize), 2..300_usize]), 1..400);
-    (layer(), address(), any::<u32>(), stretches).prop_map(|(layer, address, revision, stretches)| {
-        let cells = stretches.into_iter().flat_map(|(value, count)| std::iter::repeat_n(value, count));
-        let mut cells = cells.chain(std::iter::repeat(0));
-        TileReport {
-            layer,
-            address,
-            revision,
-            cells: Arc::new(std::array::from_fn(|_| cells.next().unwrap())),
-        }
-    })
+    let stretches = vec(
+        (any::<i8>(), prop_oneof![Just(1_usize), 2..300_usize]),
+        1..400,
+    );
+    (layer(), address(), any::<u32>(), stretches).prop_map(
+        |(layer, address, revision, stretches)| {
+            let cells = stretches
+                .into_iter()
+                .flat_map(|(value, count)| std::iter::repeat_n(value, count));
+            let mut cells = cells.chain(std::iter::repeat(0));
+            TileReport {
+                layer,
+                address,
+                revision,
+                cells: Arc::new(std::array::from_fn(|_| cells.next().unwrap())),
+            }
+        },
+    )
 }
 
 fn digest() -> impl Strategy<Value = Digest> {
-    let entry = (layer(), any::<u32>(), any::<[u64; 2]>())
-        .prop_map(|(layer, tiles, [revisions, hash])| LayerDigest { layer, tiles, revisions, hash });
+    let entry =
+        (layer(), any::<u32>(), any::<[u64; 2]>()).prop_map(|(layer, tiles, [revisions, hash])| {
+            LayerDigest {
+                layer,
+                tiles,
+                revisions,
+                hash,
+            }
+        });
     vec(entry, 0..6).prop_map(|layers| Digest { layers })
 }
 
@@ -256,29 +352,53 @@ fn want() -> impl Strategy<Value = Want> {
 
 fn stop() -> impl Strategy<Value = Stop> {
     let after = vec((vehicle(), stop_id()), 0..4);
-    (stop_id(), position(), vec(position(), 0..4), any::<[u32; 2]>(), vec(vehicle(), 0..4), after).prop_map(
-        |(id, at, route, [dwell_ms, dwell_limit_ms], partners, after)| Stop {
-            id,
-            at,
-            route,
-            dwell_ms,
-            dwell_limit_ms,
-            partners,
-            after,
-        },
+    (
+        stop_id(),
+        position(),
+        vec(position(), 0..4),
+        any::<[u32; 2]>(),
+        vec(vehicle(), 0..4),
+        after,
     )
+        .prop_map(
+            |(id, at, route, [dwell_ms, dwell_limit_ms], partners, after)| Stop {
+                id,
+                at,
+                route,
+                dwell_ms,
+                dwell_limit_ms,
+                partners,
+                after,
+            },
+        )
 }
 
 fn plan() -> impl Strategy<Value = Plan> {
     let right = (run(), number(), lease(), seen());
-    (vehicle(), right, vec(vehicle(), 0..4), position(), vec(stop(), 0..6)).prop_map(
-        |(vehicle, (run, revision, lease, seen), mut members, start, stops)| {
-            members.push(vehicle);
-            members.sort_unstable();
-            members.dedup();
-            Plan { vehicle, run, revision: Revision(revision), lease, seen, members, start, stops }
-        },
+    (
+        vehicle(),
+        right,
+        vec(vehicle(), 0..4),
+        position(),
+        vec(stop(), 0..6),
     )
+        .prop_map(
+            |(vehicle, (run, revision, lease, seen), mut members, start, stops)| {
+                members.push(vehicle);
+                members.sort_unstable();
+                members.dedup();
+                Plan {
+                    vehicle,
+                    run,
+                    revision: Revision(revision),
+                    lease,
+                    seen,
+                    members,
+                    start,
+                    stops,
+                }
+            },
+        )
 }
 
 fn mission() -> impl Strategy<Value = Mission> {
@@ -309,80 +429,126 @@ fn mission() -> impl Strategy<Value = Mission> {
         refusal.prop_map(MissionEnd::Refused),
     ];
     let does = (mission_kind(), phase, permille(), any::<u16>());
-    let goes = (option::of(position()), any::<i16>(), option::of(end), any::<bool>(), any::<u32>());
-    (vehicle(), boot(), progress(), does, goes).prop_map(|(vehicle, boot, progress, does, goes)| Mission {
-        vehicle,
-        boot,
-        progress,
-        kind: does.0,
-        phase: does.1,
-        share: does.2,
-        places_left: does.3,
-        goal: goes.0,
-        slice: goes.1,
-        end: goes.2,
-        is_at_home: goes.3,
-        lease_number: goes.4,
+    let goes = (
+        option::of(position()),
+        any::<i16>(),
+        option::of(end),
+        any::<bool>(),
+        any::<u32>(),
+    );
+    (vehicle(), boot(), progress(), does, goes).prop_map(|(vehicle, boot, progress, does, goes)| {
+        Mission {
+            vehicle,
+            boot,
+            progress,
+            kind: does.0,
+            phase: does.1,
+            share: does.2,
+            places_left: does.3,
+            goal: goes.0,
+            slice: goes.1,
+            end: goes.2,
+            is_at_home: goes.3,
+            lease_number: goes.4,
+        }
     })
 }
 
 fn order() -> impl Strategy<Value = Order> {
-    (vehicle(), lease(), run(), number(), seen(), order_kind(), emergency_names(0..=8)).prop_map(
-        |(vehicle, lease, run, revision, seen, kind, mut ends)| {
+    (
+        vehicle(),
+        lease(),
+        run(),
+        number(),
+        seen(),
+        order_kind(),
+        emergency_names(0..=8),
+    )
+        .prop_map(|(vehicle, lease, run, revision, seen, kind, mut ends)| {
             if kind != OrderKind::Start {
                 ends.clear();
             }
-            Order { vehicle, lease, run, revision: Revision(revision), seen, kind, ends }
-        },
-    )
+            Order {
+                vehicle,
+                lease,
+                run,
+                revision: Revision(revision),
+                seen,
+                kind,
+                ends,
+            }
+        })
 }
 
 fn sample() -> impl Strategy<Value = Sample> {
     let rssi = option::of(-200_i16..=100);
-    (any::<[u64; 2]>(), vehicle(), pose(), pose(), any::<u8>(), any::<i8>(), rssi).prop_map(
-        |(
-            [sequence, heard_at_ns],
-            transmitter,
-            transmitter_pose,
-            receiver_pose,
-            channel,
-            power_dbm,
-            rssi_dbm,
-        )| {
-            Sample {
-                sequence,
-                heard_at_ns,
+    (
+        any::<[u64; 2]>(),
+        vehicle(),
+        pose(),
+        pose(),
+        any::<u8>(),
+        any::<i8>(),
+        rssi,
+    )
+        .prop_map(
+            |(
+                [sequence, heard_at_ns],
                 transmitter,
                 transmitter_pose,
                 receiver_pose,
                 channel,
                 power_dbm,
                 rssi_dbm,
-            }
-        },
-    )
+            )| {
+                Sample {
+                    sequence,
+                    heard_at_ns,
+                    transmitter,
+                    transmitter_pose,
+                    receiver_pose,
+                    channel,
+                    power_dbm,
+                    rssi_dbm,
+                }
+            },
+        )
 }
 
 fn samples() -> impl Strategy<Value = Samples> {
     let lost = btree_set(any::<u64>(), 0..8).prop_map(|bounds| {
         let bounds: Vec<u64> = bounds.into_iter().collect();
-        bounds.chunks_exact(2).map(|pair| LostSamples { from: pair[0], until: pair[1] }).collect()
+        bounds
+            .chunks_exact(2)
+            .map(|pair| LostSamples {
+                from: pair[0],
+                until: pair[1],
+            })
+            .collect()
     });
     (vehicle(), boot(), run(), vec(sample(), 0..5), lost).prop_map(
         |(vehicle, boot, run, mut samples, lost)| {
             samples.sort_by_key(|sample| sample.sequence);
             samples.dedup_by_key(|sample| sample.sequence);
-            Samples { vehicle, boot, run, samples, lost }
+            Samples {
+                vehicle,
+                boot,
+                run,
+                samples,
+                lost,
+            }
         },
     )
 }
 
 fn have() -> impl Strategy<Value = Have> {
-    let mark = (vehicle(), boot(), run(), any::<u64>()).prop_map(|(vehicle, boot, run, below)| HeardFrom {
-        vehicle,
-        boot,
-        run,
-        below,
+    let mark = (vehicle(), boot(), run(), any::<u64>()).prop_map(|(vehicle, boot, run, below)| {
+        HeardFrom {
+            vehicle,
+            boot,
+            run,
+            below,
+        }
     });
     (any::<u64>(), vec(mark, 0..6), vec(run(), 0..4)).prop_map(|(store, watermarks, closed)| Have {
         store,
@@ -395,23 +561,40 @@ fn beacon() -> impl Strategy<Value = Beacon> {
     let who = (vehicle(), boot(), any::<u32>());
     let radio = (any::<u8>(), any::<i8>(), any::<[bool; 3]>());
     let tag = option::of(any::<[u8; 4]>().prop_map(BeaconTag));
-    (who, option::of(pose()), radio, vehicles(0..13), progress(), option::of(emergency()), tag).prop_map(
-        |((sender, boot, sequence), pose, (channel, power_dbm, is), members, progress, stop, tag)| Beacon {
-            sender,
-            boot,
-            sequence,
-            pose,
-            channel,
-            power_dbm,
-            is_at_rest: is[0],
-            is_armed: is[1],
-            is_airborne: is[2],
-            members,
-            progress,
-            stop,
-            tag,
-        },
+    (
+        who,
+        option::of(pose()),
+        radio,
+        vehicles(0..13),
+        progress(),
+        option::of(emergency()),
+        tag,
     )
+        .prop_map(
+            |(
+                (sender, boot, sequence),
+                pose,
+                (channel, power_dbm, is),
+                members,
+                progress,
+                stop,
+                tag,
+            )| Beacon {
+                sender,
+                boot,
+                sequence,
+                pose,
+                channel,
+                power_dbm,
+                is_at_rest: is[0],
+                is_armed: is[1],
+                is_airborne: is[2],
+                members,
+                progress,
+                stop,
+                tag,
+            },
+        )
 }
 
 fn autopilot_health() -> impl Strategy<Value = AutopilotHealth> {
@@ -444,21 +627,37 @@ fn autopilot_health() -> impl Strategy<Value = AutopilotHealth> {
         Fix::RtkFloat,
         Fix::RtkFixed,
     ]);
-    let estimator = select(vec![Estimator::Unknown, Estimator::Starting, Estimator::Good, Estimator::Bad]);
+    let estimator = select(vec![
+        Estimator::Unknown,
+        Estimator::Starting,
+        Estimator::Good,
+        Estimator::Bad,
+    ]);
     let battery = any::<(Option<u32>, Option<i32>)>();
-    (body(), "[ -~]{0,32}", battery, fix, any::<Option<u8>>(), estimator, failsafes).prop_map(
-        |(body, firmware, (battery_mv, battery_ma), fix, satellites, estimator, failsafes)| AutopilotHealth {
-            family: AutopilotFamily::ArduPilot,
-            body,
-            firmware,
-            battery_mv,
-            battery_ma,
-            fix,
-            satellites,
-            estimator,
-            failsafes,
-        },
+    (
+        body(),
+        "[ -~]{0,32}",
+        battery,
+        fix,
+        any::<Option<u8>>(),
+        estimator,
+        failsafes,
     )
+        .prop_map(
+            |(body, firmware, (battery_mv, battery_ma), fix, satellites, estimator, failsafes)| {
+                AutopilotHealth {
+                    family: AutopilotFamily::ArduPilot,
+                    body,
+                    firmware,
+                    battery_mv,
+                    battery_ma,
+                    fix,
+                    satellites,
+                    estimator,
+                    failsafes,
+                }
+            },
+        )
 }
 
 fn troubles() -> impl Strategy<Value = Vec<String>> {
@@ -466,54 +665,89 @@ fn troubles() -> impl Strategy<Value = Vec<String>> {
 }
 
 fn health() -> impl Strategy<Value = Health> {
-    let recording =
-        option::of(any::<[u32; 2]>().prop_map(|[used_mb, limit_mb]| RecordingHealth { used_mb, limit_mb }));
-    let radio = option::of(any::<[u64; 5]>().prop_map(|[sent, unsent, busy, bad, reopens]| RadioHealth {
-        sent,
-        unsent,
-        busy,
-        bad,
-        reopens,
-    }));
-    let range = option::of(any::<[u64; 2]>().prop_map(|[glitches, faults]| RangeHealth { glitches, faults }));
+    let recording = option::of(
+        any::<[u32; 2]>().prop_map(|[used_mb, limit_mb]| RecordingHealth { used_mb, limit_mb }),
+    );
+    let radio = option::of(
+        any::<[u64; 5]>().prop_map(|[sent, unsent, busy, bad, reopens]| RadioHealth {
+            sent,
+            unsent,
+            busy,
+            bad,
+            reopens,
+        }),
+    );
+    let range = option::of(
+        any::<[u64; 2]>().prop_map(|[glitches, faults]| RangeHealth { glitches, faults }),
+    );
     let devices = (recording, option::of(autopilot_health()), radio, range);
     let power = select(vec![Power::Unknown, Power::Good, Power::WasLow, Power::Low]);
-    let computer = (any::<Option<u32>>(), power, any::<Option<i8>>(), any::<Option<bool>>());
-    (vehicle(), boot(), vehicles(0..9), any::<[u64; 5]>(), devices, computer, troubles()).prop_map(
-        |(vehicle, boot, hears, counts, (recording, autopilot, radio, range), computer, troubles)| Health {
-            vehicle,
-            boot,
-            hears,
-            samples_waiting: counts[0],
-            samples_lost: counts[1],
-            inputs_dropped: counts[2],
-            frames_refused: counts[3],
-            frames_unknown: counts[4],
-            disk_free_mb: computer.0,
-            recording,
-            autopilot,
-            radio,
-            range,
-            power: computer.1,
-            processor_c: computer.2,
-            is_clock_synchronised: computer.3,
-            troubles,
-        },
+    let computer = (
+        any::<Option<u32>>(),
+        power,
+        any::<Option<i8>>(),
+        any::<Option<bool>>(),
+    );
+    (
+        vehicle(),
+        boot(),
+        vehicles(0..9),
+        any::<[u64; 5]>(),
+        devices,
+        computer,
+        troubles(),
     )
+        .prop_map(
+            |(
+                vehicle,
+                boot,
+                hears,
+                counts,
+                (recording, autopilot, radio, range),
+                computer,
+                troubles,
+            )| Health {
+                vehicle,
+                boot,
+                hears,
+                samples_waiting: counts[0],
+                samples_lost: counts[1],
+                inputs_dropped: counts[2],
+                frames_refused: counts[3],
+                frames_unknown: counts[4],
+                disk_free_mb: computer.0,
+                recording,
+                autopilot,
+                radio,
+                range,
+                power: computer.1,
+                processor_c: computer.2,
+                is_clock_synchronised: computer.3,
+                troubles,
+            },
+        )
 }
 
 fn run_report() -> impl Strategy<Value = RunReport> {
     let end = option::of(select(vec![RunEnd::Done, RunEnd::Stopped, RunEnd::Failed]));
-    (run(), mission_kind(), option::of(run()), end, any::<u64>(), any::<u32>()).prop_map(
-        |(run, kind, compared_with, end, samples, images)| RunReport {
-            run,
-            kind,
-            compared_with,
-            end,
-            samples,
-            images,
-        },
+    (
+        run(),
+        mission_kind(),
+        option::of(run()),
+        end,
+        any::<u64>(),
+        any::<u32>(),
     )
+        .prop_map(
+            |(run, kind, compared_with, end, samples, images)| RunReport {
+                run,
+                kind,
+                compared_with,
+                end,
+                samples,
+                images,
+            },
+        )
 }
 
 fn report() -> impl Strategy<Value = Report> {
@@ -529,7 +763,16 @@ fn report() -> impl Strategy<Value = Report> {
     let counts = (any::<[u32; 3]>(), any::<[u64; 2]>());
     let runs = (vec(run_report(), 0..17), option::of(order_kind()));
     (boot(), lease(), phase, run(), counts, ids, runs, troubles()).prop_map(
-        |(boot, lease, phase, run, (numbers, [store, samples]), ids, (mut runs, in_force), troubles)| {
+        |(
+            boot,
+            lease,
+            phase,
+            run,
+            (numbers, [store, samples]),
+            ids,
+            (mut runs, in_force),
+            troubles,
+        )| {
             runs.sort_by_key(|report| report.run);
             runs.dedup_by_key(|report| report.run);
             Report {
@@ -570,15 +813,19 @@ fn task_kind() -> impl Strategy<Value = TaskKind> {
         SweepPlanner::FanCorners,
         SweepPlanner::FanStraight,
     ]);
-    let sweep = (planner, any::<u16>(), any::<Option<u16>>(), any::<[u32; 2]>()).prop_map(
-        |(planner, positions, laps, [a, b])| TaskKind::Sweep {
+    let sweep = (
+        planner,
+        any::<u16>(),
+        any::<Option<u16>>(),
+        any::<[u32; 2]>(),
+    )
+        .prop_map(|(planner, positions, laps, [a, b])| TaskKind::Sweep {
             planner,
             positions,
             laps,
             dwell_ms: a.min(b),
             dwell_limit_ms: a.max(b),
-        },
-    );
+        });
     prop_oneof![
         sweep,
         vec(position(), 1..9).prop_map(|places| TaskKind::Legs { places }),
@@ -587,23 +834,42 @@ fn task_kind() -> impl Strategy<Value = TaskKind> {
         Just(TaskKind::Search),
         vec(position(), 1..9).prop_map(|places| TaskKind::Pathfind { places }),
         Just(TaskKind::Explore),
-        (vec(position(), 1..9), any::<[u32; 2]>())
-            .prop_map(|(places, [rounds, duration_ms])| TaskKind::Patrol { places, rounds, duration_ms }),
+        (vec(position(), 1..9), any::<[u32; 2]>()).prop_map(|(places, [rounds, duration_ms])| {
+            TaskKind::Patrol {
+                places,
+                rounds,
+                duration_ms,
+            }
+        }),
     ]
 }
 
 fn task() -> impl Strategy<Value = Task> {
-    (lease(), run(), vehicles(1..9), option::of(run()), task_kind()).prop_map(
-        |(lease, run, members, compare_with, kind)| {
-            let compare_with = compare_with.filter(|other| *other != run);
-            Task { lease, run, members, compare_with, kind }
-        },
+    (
+        lease(),
+        run(),
+        vehicles(1..9),
+        option::of(run()),
+        task_kind(),
     )
+        .prop_map(|(lease, run, members, compare_with, kind)| {
+            let compare_with = compare_with.filter(|other| *other != run);
+            Task {
+                lease,
+                run,
+                members,
+                compare_with,
+                kind,
+            }
+        })
 }
 
 fn find() -> impl Strategy<Value = Find> {
-    let covariance =
-        any::<(u32, i32, u32)>().prop_map(|(xx_mm2, xy_mm2, yy_mm2)| Covariance { xx_mm2, xy_mm2, yy_mm2 });
+    let covariance = any::<(u32, i32, u32)>().prop_map(|(xx_mm2, xy_mm2, yy_mm2)| Covariance {
+        xx_mm2,
+        xy_mm2,
+        yy_mm2,
+    });
     (position(), option::of(covariance), any::<i32>(), permille()).prop_map(
         |(at, covariance, strength_udb_per_m, probability)| Find {
             at,
@@ -616,46 +882,77 @@ fn find() -> impl Strategy<Value = Find> {
 
 fn area() -> impl Strategy<Value = Rectangle> {
     (position(), position()).prop_filter_map("a rectangle has an area", |(a, b)| {
-        let least = Position { x_mm: a.x_mm.min(b.x_mm), y_mm: a.y_mm.min(b.y_mm), z_mm: a.z_mm };
-        let greatest = Position { x_mm: a.x_mm.max(b.x_mm), y_mm: a.y_mm.max(b.y_mm), z_mm: a.z_mm };
-        (least.x_mm < greatest.x_mm && least.y_mm < greatest.y_mm).then_some(Rectangle { least, greatest })
+        let least = Position {
+            x_mm: a.x_mm.min(b.x_mm),
+            y_mm: a.y_mm.min(b.y_mm),
+            z_mm: a.z_mm,
+        };
+        let greatest = Position {
+            x_mm: a.x_mm.max(b.x_mm),
+            y_mm: a.y_mm.max(b.y_mm),
+            z_mm: a.z_mm,
+        };
+        (least.x_mm < greatest.x_mm && least.y_mm < greatest.y_mm)
+            .then_some(Rectangle { least, greatest })
     })
 }
 
 fn image() -> impl Strategy<Value = Image> {
     let subject = select(vec![ImageSubject::Structure, ImageSubject::Change]);
-    let size = (1..=IMAGE_SIDE_MAX, 1..=IMAGE_SIDE_MAX, any::<prop::sample::Index>());
+    let size = (
+        1..=IMAGE_SIDE_MAX,
+        1..=IMAGE_SIDE_MAX,
+        any::<prop::sample::Index>(),
+    );
     let about = (run(), subject, area(), size);
-    (about, any::<[u32; 6]>(), any::<u8>(), any::<bool>(), vec(find(), 0..5)).prop_map(
-        |((run, subject, area, (columns, rows, part)), numbers, seed, has_deviation, mut finds)| {
-            let pixels = usize::from(columns) * usize::from(rows);
-            let parts = pixels.div_ceil(IMAGE_PART_PIXELS);
-            let part = part.index(parts);
-            let here = (pixels - part * IMAGE_PART_PIXELS).min(IMAGE_PART_PIXELS);
-            let deviation: Vec<u8> = (0..here).map(|pixel| (pixel as u8).wrapping_mul(seed)).collect();
-            if part > 0 {
-                finds.clear();
-            }
-            Image {
-                run,
-                sequence: numbers[0],
-                laps: numbers[1],
-                subject,
-                area,
-                columns,
-                rows,
-                part: part as u16,
-                parts: parts as u16,
-                mean_step_udb_per_m: numbers[2],
-                mean: deviation.iter().map(|value| value.cast_signed().wrapping_add(3)).collect(),
-                deviation_step_udb_per_m: numbers[3],
-                deviation: has_deviation.then_some(deviation),
-                finds,
-                links_used: numbers[4],
-                links_dropped: numbers[5],
-            }
-        },
+    (
+        about,
+        any::<[u32; 6]>(),
+        any::<u8>(),
+        any::<bool>(),
+        vec(find(), 0..5),
     )
+        .prop_map(
+            |(
+                (run, subject, area, (columns, rows, part)),
+                numbers,
+                seed,
+                has_deviation,
+                mut finds,
+            )| {
+                let pixels = usize::from(columns) * usize::from(rows);
+                let parts = pixels.div_ceil(IMAGE_PART_PIXELS);
+                let part = part.index(parts);
+                let here = (pixels - part * IMAGE_PART_PIXELS).min(IMAGE_PART_PIXELS);
+                let deviation: Vec<u8> = (0..here)
+                    .map(|pixel| (pixel as u8).wrapping_mul(seed))
+                    .collect();
+                if part > 0 {
+                    finds.clear();
+                }
+                Image {
+                    run,
+                    sequence: numbers[0],
+                    laps: numbers[1],
+                    subject,
+                    area,
+                    columns,
+                    rows,
+                    part: part as u16,
+                    parts: parts as u16,
+                    mean_step_udb_per_m: numbers[2],
+                    mean: deviation
+                        .iter()
+                        .map(|value| value.cast_signed().wrapping_add(3))
+                        .collect(),
+                    deviation_step_udb_per_m: numbers[3],
+                    deviation: has_deviation.then_some(deviation),
+                    finds,
+                    links_used: numbers[4],
+                    links_dropped: numbers[5],
+                }
+            },
+        )
 }
 
 /// Draws a message of any kind.

@@ -6,37 +6,67 @@ use std::sync::Arc;
 use tomoswarm_proto::*;
 
 fn position(x_mm: i32, y_mm: i32) -> Position {
-    Position { x_mm, y_mm, z_mm: 0 }
+    Position {
+        x_mm,
+        y_mm,
+        z_mm: 0,
+    }
 }
 
 /// A pose in a yard.
 pub fn pose() -> PoseReport {
-    PoseReport { at: position(1500, -2250), heading: Heading(7500), sd: Deviation(50) }
+    PoseReport {
+        at: position(1500, -2250),
+        heading: Heading(7500),
+        sd: Deviation(50),
+    }
 }
 
 fn layer() -> LayerId {
-    LayerId { vehicle: VehicleId(2), boot: Boot(70_000) }
+    LayerId {
+        vehicle: VehicleId(2),
+        boot: Boot(70_000),
+    }
 }
 
 fn address() -> TileAddress {
-    TileAddress { slice: -1, x: -300, y: 4 }
+    TileAddress {
+        slice: -1,
+        x: -300,
+        y: 4,
+    }
 }
 
 fn progress() -> Progress {
     let (done, leg) = (Some(StopId(151)), Some(StopId(152)));
-    Progress { run: RunId(9), revision: Revision(3), done, leg }
+    Progress {
+        run: RunId(9),
+        revision: Revision(3),
+        done,
+        leg,
+    }
 }
 
 fn lease() -> Lease {
-    Lease { number: 1, holder: 0xfeed_0000_0000_0001 }
+    Lease {
+        number: 1,
+        holder: 0xfeed_0000_0000_0001,
+    }
 }
 
 fn seen() -> Option<SeenState> {
-    Some(SeenState { boot: Boot(5), sequence: 1000 })
+    Some(SeenState {
+        boot: Boot(5),
+        sequence: 1000,
+    })
 }
 
 fn emergency() -> EmergencyStop {
-    EmergencyStop { name: EmergencyName(0x1234_5678), scope: StopScope::All, by: OperatorId(1) }
+    EmergencyStop {
+        name: EmergencyName(0x1234_5678),
+        scope: StopScope::All,
+        by: OperatorId(1),
+    }
 }
 
 fn hello() -> Hello {
@@ -70,7 +100,11 @@ fn state() -> State {
         pose: Some(pose()),
         roll: Tilt(-120),
         pitch: Tilt(350),
-        velocity: Velocity { x_mmps: 300, y_mmps: 331, z_mmps: 0 },
+        velocity: Velocity {
+            x_mmps: 300,
+            y_mmps: 331,
+            z_mmps: 0,
+        },
         mode: Mode::Driving,
         stands_under: None,
         is_at_rest: false,
@@ -153,8 +187,17 @@ pub fn samples(rssi_dbm: Option<i16>) -> Samples {
         rssi_dbm,
     };
     let samples = vec![sample(4100, rssi_dbm), sample(4101, None)];
-    let lost = vec![LostSamples { from: 4090, until: 4095 }];
-    Samples { vehicle: VehicleId(2), boot: Boot(5), run: RunId(9), samples, lost }
+    let lost = vec![LostSamples {
+        from: 4090,
+        until: 4095,
+    }];
+    Samples {
+        vehicle: VehicleId(2),
+        boot: Boot(5),
+        run: RunId(9),
+        samples,
+        lost,
+    }
 }
 
 fn beacon() -> Beacon {
@@ -169,7 +212,11 @@ fn beacon() -> Beacon {
         is_armed: true,
         is_airborne: false,
         members: [1, 3, 4, 5, 6, 7, 8].map(VehicleId).to_vec(),
-        progress: Progress { done: Some(StopId(351)), leg: Some(StopId(352)), ..progress() },
+        progress: Progress {
+            done: Some(StopId(351)),
+            leg: Some(StopId(352)),
+            ..progress()
+        },
         stop: None,
         tag: None,
     }
@@ -204,10 +251,22 @@ fn health() -> Health {
         frames_refused: 3,
         frames_unknown: 4,
         disk_free_mb: Some(12_000),
-        recording: Some(RecordingHealth { used_mb: 180, limit_mb: 2000 }),
+        recording: Some(RecordingHealth {
+            used_mb: 180,
+            limit_mb: 2000,
+        }),
         autopilot: Some(autopilot),
-        radio: Some(RadioHealth { sent: 7700, unsent: 12, busy: 9, bad: 1, reopens: 2 }),
-        range: Some(RangeHealth { glitches: 44, faults: 5 }),
+        radio: Some(RadioHealth {
+            sent: 7700,
+            unsent: 12,
+            busy: 9,
+            bad: 1,
+            reopens: 2,
+        }),
+        range: Some(RangeHealth {
+            glitches: 44,
+            faults: 5,
+        }),
         power: Power::WasLow,
         processor_c: Some(61),
         is_clock_synchronised: Some(true),
@@ -249,7 +308,10 @@ fn report() -> Report {
 
 fn standing() -> Standing {
     let lifted = vec![EmergencyName(0xdead_beef), EmergencyName(0x0bad_cafe)];
-    Standing { open: vec![emergency()], lifted }
+    Standing {
+        open: vec![emergency()],
+        lifted,
+    }
 }
 
 fn task() -> Task {
@@ -271,7 +333,11 @@ fn task() -> Task {
 fn image() -> Image {
     let find = Find {
         at: position(4210, 6850),
-        covariance: Some(Covariance { xx_mm2: 40_000, xy_mm2: -2500, yy_mm2: 62_500 }),
+        covariance: Some(Covariance {
+            xx_mm2: 40_000,
+            xy_mm2: -2500,
+            yy_mm2: 62_500,
+        }),
         strength_udb_per_m: 1_850_000,
         probability: Some(Permille(970)),
     };
@@ -280,13 +346,18 @@ fn image() -> Image {
         sequence: 6,
         laps: 3,
         subject: ImageSubject::Change,
-        area: Rectangle { least: position(0, 0), greatest: position(10_000, 10_000) },
+        area: Rectangle {
+            least: position(0, 0),
+            greatest: position(10_000, 10_000),
+        },
         columns: 40,
         rows: 40,
         part: 0,
         parts: 1,
         mean_step_udb_per_m: 20_000,
-        mean: (0..1600).map(|pixel: i32| (pixel % 256 - 128) as i8).collect(),
+        mean: (0..1600)
+            .map(|pixel: i32| (pixel % 256 - 128) as i8)
+            .collect(),
         deviation_step_udb_per_m: 5_000,
         deviation: Some((0..1600).map(|pixel: i32| (pixel % 251) as u8).collect()),
         finds: vec![find],
@@ -304,19 +375,55 @@ pub fn examples() -> Vec<(&'static str, Message)> {
         _ => 0,
     };
     let cells = Arc::new(std::array::from_fn(cell));
-    let watermark = HeardFrom { vehicle: VehicleId(2), boot: Boot(5), run: RunId(9), below: 42 };
-    let digest = LayerDigest { layer: layer(), tiles: 12, revisions: 340, hash: 0xfedc_ba98_7654_3210 };
+    let watermark = HeardFrom {
+        vehicle: VehicleId(2),
+        boot: Boot(5),
+        run: RunId(9),
+        below: 42,
+    };
+    let digest = LayerDigest {
+        layer: layer(),
+        tiles: 12,
+        revisions: 340,
+        hash: 0xfedc_ba98_7654_3210,
+    };
     vec![
         ("hello", Message::Hello(hello())),
         ("state", Message::State(state())),
-        ("tile", Message::Tile(TileReport { layer: layer(), address: address(), revision: 6, cells })),
-        ("digest", Message::Digest(Digest { layers: vec![digest] })),
-        ("want", Message::Want(Want { layer: layer(), known: vec![(address(), 6)] })),
+        (
+            "tile",
+            Message::Tile(TileReport {
+                layer: layer(),
+                address: address(),
+                revision: 6,
+                cells,
+            }),
+        ),
+        (
+            "digest",
+            Message::Digest(Digest {
+                layers: vec![digest],
+            }),
+        ),
+        (
+            "want",
+            Message::Want(Want {
+                layer: layer(),
+                known: vec![(address(), 6)],
+            }),
+        ),
         ("plan", Message::Plan(plan())),
         ("mission", Message::Mission(mission())),
         ("order", Message::Order(order())),
         ("samples", Message::Samples(samples(Some(-71)))),
-        ("have", Message::Have(Have { store: 1 << 63, watermarks: vec![watermark], closed: vec![RunId(8)] })),
+        (
+            "have",
+            Message::Have(Have {
+                store: 1 << 63,
+                watermarks: vec![watermark],
+                closed: vec![RunId(8)],
+            }),
+        ),
         ("beacon", Message::Beacon(beacon())),
         ("health", Message::Health(health())),
         ("report", Message::Report(report())),
@@ -333,11 +440,22 @@ pub fn variants() -> Vec<(&'static str, Message)> {
         name: String::new(),
         capabilities: vec![],
         lease: Some(lease()),
-        interest: vec![Interest::Fleet, Interest::Map, Interest::Samples, Interest::Images, Interest::Looks],
+        interest: vec![
+            Interest::Fleet,
+            Interest::Map,
+            Interest::Samples,
+            Interest::Images,
+            Interest::Looks,
+        ],
         ..hello()
     };
     let corners = [(0, 0), (1000, 0), (1000, 2500)].map(|(x_mm, y_mm)| position(x_mm, y_mm));
-    let on_a_leg = State { leg: Some(LegReport { route: corners.to_vec() }), ..state() };
+    let on_a_leg = State {
+        leg: Some(LegReport {
+            route: corners.to_vec(),
+        }),
+        ..state()
+    };
     let stopped = State {
         pose: None,
         roll: Tilt::UNKNOWN,
@@ -352,7 +470,11 @@ pub fn variants() -> Vec<(&'static str, Message)> {
         ..state()
     };
     let refused = Mission {
-        progress: Progress { done: None, leg: None, ..progress() },
+        progress: Progress {
+            done: None,
+            leg: None,
+            ..progress()
+        },
         kind: MissionKind::Pathfind,
         phase: MissionPhase::Over,
         share: None,
@@ -362,14 +484,20 @@ pub fn variants() -> Vec<(&'static str, Message)> {
         is_at_home: true,
         ..mission()
     };
-    let gave_up = Mission { end: Some(MissionEnd::GaveUp(300)), ..refused };
+    let gave_up = Mission {
+        end: Some(MissionEnd::GaveUp(300)),
+        ..refused
+    };
     let start = Order {
         seen: None,
         kind: OrderKind::Start,
         ends: vec![EmergencyName(0), emergency().name],
         ..order()
     };
-    let one = EmergencyStop { scope: StopScope::One(VehicleId(2)), ..emergency() };
+    let one = EmergencyStop {
+        scope: StopScope::One(VehicleId(2)),
+        ..emergency()
+    };
     let stop = Beacon {
         pose: None,
         is_at_rest: true,
@@ -391,7 +519,13 @@ pub fn variants() -> Vec<(&'static str, Message)> {
         troubles: vec![],
         ..health()
     };
-    let of_kind = |kind| Message::Task(Task { kind, compare_with: None, ..task() });
+    let of_kind = |kind| {
+        Message::Task(Task {
+            kind,
+            compare_with: None,
+            ..task()
+        })
+    };
     let last = Image {
         subject: ImageSubject::Structure,
         columns: 80,
@@ -404,7 +538,14 @@ pub fn variants() -> Vec<(&'static str, Message)> {
     };
     vec![
         ("hello-operator", Message::Hello(operator)),
-        ("hello-ground", Message::Hello(Hello { node: Sender::Ground, capabilities: vec![], ..hello() })),
+        (
+            "hello-ground",
+            Message::Hello(Hello {
+                node: Sender::Ground,
+                capabilities: vec![],
+                ..hello()
+            }),
+        ),
         ("state-on-a-leg", Message::State(on_a_leg)),
         ("state-stopped", Message::State(stopped)),
         ("mission-refused", Message::Mission(refused)),
@@ -412,13 +553,30 @@ pub fn variants() -> Vec<(&'static str, Message)> {
         ("order-start", Message::Order(start)),
         ("beacon-stop", Message::Beacon(stop)),
         ("health-bare", Message::Health(bare)),
-        ("task-legs", of_kind(TaskKind::Legs { places: corners.to_vec() })),
-        ("task-forward", of_kind(TaskKind::Forward { distance_mm: 5000 })),
-        ("task-pathfind", of_kind(TaskKind::Pathfind { places: corners[1..].to_vec() })),
+        (
+            "task-legs",
+            of_kind(TaskKind::Legs {
+                places: corners.to_vec(),
+            }),
+        ),
+        (
+            "task-forward",
+            of_kind(TaskKind::Forward { distance_mm: 5000 }),
+        ),
+        (
+            "task-pathfind",
+            of_kind(TaskKind::Pathfind {
+                places: corners[1..].to_vec(),
+            }),
+        ),
         ("task-explore", of_kind(TaskKind::Explore)),
         (
             "task-patrol",
-            of_kind(TaskKind::Patrol { places: corners.to_vec(), rounds: 3, duration_ms: 600_000 }),
+            of_kind(TaskKind::Patrol {
+                places: corners.to_vec(),
+                rounds: 3,
+                duration_ms: 600_000,
+            }),
         ),
         ("image-last-part", Message::Image(last)),
     ]

@@ -8,36 +8,64 @@ use tomoswarm_proto::*;
 const NUMBER: u32 = u32::MAX - 1;
 
 fn position() -> Position {
-    Position { x_mm: 999_999_999, y_mm: -999_999_999, z_mm: 999_999_999 }
+    Position {
+        x_mm: 999_999_999,
+        y_mm: -999_999_999,
+        z_mm: 999_999_999,
+    }
 }
 
 fn pose() -> PoseReport {
-    PoseReport { at: position(), heading: Heading::LAST, sd: Deviation::UNKNOWN }
+    PoseReport {
+        at: position(),
+        heading: Heading::LAST,
+        sd: Deviation::UNKNOWN,
+    }
 }
 
 fn vehicles(count: usize) -> Vec<VehicleId> {
-    (0..count).map(|id| VehicleId((255 - (count - 1 - id)) as u8)).collect()
+    (0..count)
+        .map(|id| VehicleId((255 - (count - 1 - id)) as u8))
+        .collect()
 }
 
 fn names(count: u32) -> Vec<EmergencyName> {
-    (0..count).rev().map(|back| EmergencyName(u32::MAX - back)).collect()
+    (0..count)
+        .rev()
+        .map(|back| EmergencyName(u32::MAX - back))
+        .collect()
 }
 
 fn emergency(name: EmergencyName) -> EmergencyStop {
-    EmergencyStop { name, scope: StopScope::One(VehicleId(255)), by: OperatorId(255) }
+    EmergencyStop {
+        name,
+        scope: StopScope::One(VehicleId(255)),
+        by: OperatorId(255),
+    }
 }
 
 fn lease() -> Lease {
-    Lease { number: u32::MAX, holder: u64::MAX }
+    Lease {
+        number: u32::MAX,
+        holder: u64::MAX,
+    }
 }
 
 fn seen() -> Option<SeenState> {
-    Some(SeenState { boot: Boot(u32::MAX), sequence: u64::MAX })
+    Some(SeenState {
+        boot: Boot(u32::MAX),
+        sequence: u64::MAX,
+    })
 }
 
 fn progress() -> Progress {
     let stop = Some(StopId(NUMBER));
-    Progress { run: RunId(NUMBER), revision: Revision(NUMBER), done: stop, leg: stop }
+    Progress {
+        run: RunId(NUMBER),
+        revision: Revision(NUMBER),
+        done: stop,
+        leg: stop,
+    }
 }
 
 fn text(bytes: usize) -> String {
@@ -57,7 +85,13 @@ fn hello() -> Hello {
         software: text(64),
         capabilities: vec![autopilot; 32],
         lease: Some(lease()),
-        interest: vec![Interest::Fleet, Interest::Map, Interest::Samples, Interest::Images, Interest::Looks],
+        interest: vec![
+            Interest::Fleet,
+            Interest::Map,
+            Interest::Samples,
+            Interest::Images,
+            Interest::Looks,
+        ],
     }
 }
 
@@ -70,7 +104,11 @@ fn state() -> State {
         pose: Some(pose()),
         roll: Tilt::UNKNOWN,
         pitch: Tilt::UNKNOWN,
-        velocity: Velocity { x_mmps: mmps, y_mmps: mmps, z_mmps: mmps },
+        velocity: Velocity {
+            x_mmps: mmps,
+            y_mmps: mmps,
+            z_mmps: mmps,
+        },
         mode: Mode::MotorsCut,
         stands_under: Some(StandReason::Stop(EmergencyName(u32::MAX))),
         is_at_rest: true,
@@ -78,7 +116,9 @@ fn state() -> State {
         is_armed: true,
         is_landed: true,
         battery: Some(Permille::WHOLE),
-        leg: Some(LegReport { route: vec![position(); 1024] }),
+        leg: Some(LegReport {
+            route: vec![position(); 1024],
+        }),
         accepted: (RunId(NUMBER), Revision(NUMBER)),
         ordered: Ordered {
             lease: lease(),
@@ -119,7 +159,10 @@ pub fn samples(count: u64) -> Samples {
         power_dbm: i8::MIN,
         rssi_dbm: Some(-200),
     };
-    let lost = |index: u64| LostSamples { from: (1 << 40) + 4 * index, until: (1 << 40) + 4 * index + 2 };
+    let lost = |index: u64| LostSamples {
+        from: (1 << 40) + 4 * index,
+        until: (1 << 40) + 4 * index + 2,
+    };
     Samples {
         vehicle: VehicleId(255),
         boot: Boot(u32::MAX),
@@ -181,10 +224,22 @@ fn health() -> Health {
         frames_refused: most,
         frames_unknown: most,
         disk_free_mb: Some(u32::MAX),
-        recording: Some(RecordingHealth { used_mb: u32::MAX, limit_mb: u32::MAX }),
+        recording: Some(RecordingHealth {
+            used_mb: u32::MAX,
+            limit_mb: u32::MAX,
+        }),
         autopilot: Some(autopilot),
-        radio: Some(RadioHealth { sent: most, unsent: most, busy: most, bad: most, reopens: most }),
-        range: Some(RangeHealth { glitches: most, faults: most }),
+        radio: Some(RadioHealth {
+            sent: most,
+            unsent: most,
+            busy: most,
+            bad: most,
+            reopens: most,
+        }),
+        range: Some(RangeHealth {
+            glitches: most,
+            faults: most,
+        }),
         power: Power::Low,
         processor_c: Some(i8::MIN),
         is_clock_synchronised: Some(true),
@@ -232,20 +287,34 @@ pub fn task(places: Vec<Position>) -> Task {
 }
 
 fn image() -> Image {
-    let covariance = Covariance { xx_mm2: u32::MAX, xy_mm2: i32::MIN, yy_mm2: u32::MAX };
+    let covariance = Covariance {
+        xx_mm2: u32::MAX,
+        xy_mm2: i32::MIN,
+        yy_mm2: u32::MAX,
+    };
     let find = Find {
         at: position(),
         covariance: Some(covariance),
         strength_udb_per_m: i32::MIN,
         probability: Some(Permille::WHOLE),
     };
-    let least = Position { x_mm: -999_999_999, y_mm: -999_999_999, z_mm: 999_999_999 };
+    let least = Position {
+        x_mm: -999_999_999,
+        y_mm: -999_999_999,
+        z_mm: 999_999_999,
+    };
     Image {
         run: RunId(NUMBER),
         sequence: u32::MAX,
         laps: u32::MAX,
         subject: ImageSubject::Change,
-        area: Rectangle { least, greatest: Position { y_mm: 999_999_999, ..position() } },
+        area: Rectangle {
+            least,
+            greatest: Position {
+                y_mm: 999_999_999,
+                ..position()
+            },
+        },
         columns: 400,
         rows: 400,
         part: 0,
@@ -285,19 +354,45 @@ fn plan() -> Plan {
 
 /// Returns the longest message of every kind, in the order of the kinds; a plan may be as long as a frame.
 pub fn extremes() -> Vec<Message> {
-    let layer = LayerId { vehicle: VehicleId(255), boot: Boot(u32::MAX) };
-    let address = TileAddress { slice: i16::MIN, x: i32::MIN, y: i32::MIN };
+    let layer = LayerId {
+        vehicle: VehicleId(255),
+        boot: Boot(u32::MAX),
+    };
+    let address = TileAddress {
+        slice: i16::MIN,
+        x: i32::MIN,
+        y: i32::MIN,
+    };
     let cells = Arc::new(std::array::from_fn(|index| (index % 7) as i8));
-    let digest = LayerDigest { layer, tiles: u32::MAX, revisions: u64::MAX, hash: u64::MAX };
-    let mark =
-        HeardFrom { vehicle: VehicleId(255), boot: Boot(u32::MAX), run: RunId(NUMBER), below: u64::MAX };
+    let digest = LayerDigest {
+        layer,
+        tiles: u32::MAX,
+        revisions: u64::MAX,
+        hash: u64::MAX,
+    };
+    let mark = HeardFrom {
+        vehicle: VehicleId(255),
+        boot: Boot(u32::MAX),
+        run: RunId(NUMBER),
+        below: u64::MAX,
+    };
     let open = names(8).into_iter().map(emergency).collect();
     vec![
         Message::Hello(hello()),
         Message::State(state()),
-        Message::Tile(TileReport { layer, address, revision: u32::MAX, cells }),
-        Message::Digest(Digest { layers: vec![digest; 256] }),
-        Message::Want(Want { layer, known: vec![(address, u32::MAX); 4096] }),
+        Message::Tile(TileReport {
+            layer,
+            address,
+            revision: u32::MAX,
+            cells,
+        }),
+        Message::Digest(Digest {
+            layers: vec![digest; 256],
+        }),
+        Message::Want(Want {
+            layer,
+            known: vec![(address, u32::MAX); 4096],
+        }),
         Message::Plan(plan()),
         Message::Mission(mission()),
         Message::Order(order()),
@@ -310,7 +405,10 @@ pub fn extremes() -> Vec<Message> {
         Message::Beacon(beacon()),
         Message::Health(health()),
         Message::Report(report()),
-        Message::Standing(Standing { open, lifted: names(64) }),
+        Message::Standing(Standing {
+            open,
+            lifted: names(64),
+        }),
         Message::Task(task(vec![position(); 1000])),
         Message::Image(image()),
     ]

@@ -12,7 +12,8 @@ use tomoswarm_proto::Control;
 
 use super::super::link::{AutopilotLink, In, Out};
 use super::super::{
-    Ack, ArmRefusal, Command, CommandAck, Fly, Mode, Motion, NumberedCommand, Report, Settings, SystemStatus,
+    Ack, ArmRefusal, Command, CommandAck, Fly, Mode, Motion, NumberedCommand, Report, Settings,
+    SystemStatus,
 };
 use crate::actor::Actor;
 use crate::geom::{Angle, Point, Pose};
@@ -47,7 +48,10 @@ enum Happening {
 }
 
 fn drive() -> Fly {
-    Fly::Drive { corners: vec![Point::new(3.0, 1.0)], speed_mps: 0.5 }
+    Fly::Drive {
+        corners: vec![Point::new(3.0, 1.0)],
+        speed_mps: 0.5,
+    }
 }
 
 fn any_want() -> impl Strategy<Value = Happening> {
@@ -63,13 +67,24 @@ fn any_want() -> impl Strategy<Value = Happening> {
 }
 
 fn any_line() -> impl Strategy<Value = Happening> {
-    (0..10u8, 0..10u8, 0..900u64, any::<bool>()).prop_map(|(commands_lost, acks_lost, takes_ms, doubles)| {
-        Happening::Line { commands_lost, acks_lost, takes: Duration::from_millis(takes_ms), doubles }
-    })
+    (0..10u8, 0..10u8, 0..900u64, any::<bool>()).prop_map(
+        |(commands_lost, acks_lost, takes_ms, doubles)| Happening::Line {
+            commands_lost,
+            acks_lost,
+            takes: Duration::from_millis(takes_ms),
+            doubles,
+        },
+    )
 }
 
 fn any_happening(with_others: bool) -> impl Strategy<Value = Happening> {
-    let modes = [Mode::Manual, Mode::Hold, Mode::Loiter, Mode::Auto, Mode::Return];
+    let modes = [
+        Mode::Manual,
+        Mode::Hold,
+        Mode::Loiter,
+        Mode::Auto,
+        Mode::Return,
+    ];
     let others = prop_oneof![
         3 => prop::sample::select(modes.to_vec()).prop_map(Happening::Person),
         1 => Just(Happening::Failsafe),
@@ -88,7 +103,13 @@ fn any_happening(with_others: bool) -> impl Strategy<Value = Happening> {
 /// Happenings, each some time after the one before.
 fn any_sequence(with_others: bool) -> impl Strategy<Value = Vec<(Duration, Happening)>> {
     let gap_ms = prop_oneof![6 => 0..400u64, 3 => 400..1500u64, 1 => 1500..6000u64];
-    prop::collection::vec((gap_ms.prop_map(Duration::from_millis), any_happening(with_others)), 1..60)
+    prop::collection::vec(
+        (
+            gap_ms.prop_map(Duration::from_millis),
+            any_happening(with_others),
+        ),
+        1..60,
+    )
 }
 
 /// A rover's autopilot, as far as the link can notice.
@@ -155,18 +176,30 @@ impl Model {
 
     fn report(&mut self, now: Time) -> Report {
         if now >= self.heartbeat_due {
-            let status = if self.is_critical { SystemStatus::Critical } else { SystemStatus::Active };
+            let status = if self.is_critical {
+                SystemStatus::Critical
+            } else {
+                SystemStatus::Active
+            };
             self.heartbeat = (self.mode, self.is_armed, status);
             self.heartbeat_due = now + HEARTBEATS_EVERY;
         }
         let (mode, is_armed, status) = self.heartbeat;
         let moves = now < self.moves_until;
         Report {
-            pose: Pose { at: Point::default(), heading: Angle::default(), sd_m: 0.1 },
+            pose: Pose {
+                at: Point::default(),
+                heading: Angle::default(),
+                sd_m: 0.1,
+            },
             altitude_m: 0.0,
             speed_mps: if moves { 0.5 } else { 0.0 },
             battery: 1.0,
-            motion: if moves { Motion::Driving } else { Motion::Resting },
+            motion: if moves {
+                Motion::Driving
+            } else {
+                Motion::Resting
+            },
             is_landed: true,
             mode,
             is_armed,
@@ -279,8 +312,10 @@ impl Witness {
     }
 
     fn loses(&mut self, of_ten: u8) -> bool {
-        self.draws =
-            self.draws.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        self.draws = self
+            .draws
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
         (self.draws >> 33) % 10 < u64::from(of_ten)
     }
 
@@ -288,7 +323,12 @@ impl Witness {
         self.go_on_until(self.now + gap);
         match happening {
             Happening::Want(fly) => self.want(fly.clone()),
-            Happening::Line { commands_lost, acks_lost, takes, doubles } => {
+            Happening::Line {
+                commands_lost,
+                acks_lost,
+                takes,
+                doubles,
+            } => {
                 self.line = (*commands_lost, *acks_lost, *takes, *doubles);
             }
             Happening::RefusesToArm(refuses) => self.model.refuses_to_arm = *refuses,
@@ -314,7 +354,11 @@ impl Witness {
         loop {
             let wake = self.link.deadline().map(|due| due.at.max(self.now));
             let answer = self.answers.iter().map(|(at, _)| *at).min();
-            let next = [wake, answer, Some(self.report_due)].into_iter().flatten().min().unwrap();
+            let next = [wake, answer, Some(self.report_due)]
+                .into_iter()
+                .flatten()
+                .min()
+                .unwrap();
             if next > until {
                 self.now = until;
                 return;
@@ -324,14 +368,21 @@ impl Witness {
                 let mut out = Vec::new();
                 self.link.wake(next, &mut out).unwrap();
                 let later = self.link.deadline();
-                assert!(later.is_none_or(|later| later.at > next), "woken in vain: {later:?}");
+                assert!(
+                    later.is_none_or(|later| later.at > next),
+                    "woken in vain: {later:?}"
+                );
                 self.hear(out, false);
             } else if answer == Some(next) {
                 let index = self.answers.iter().position(|(at, _)| *at == next).unwrap();
                 let (_, ack) = self.answers.remove(index);
                 self.was_armed |=
                     self.arm_numbers.contains(&ack.number) && ack.result == CommandAck::Accepted;
-                if self.ordinary.as_ref().is_some_and(|(said, ..)| said.number == ack.number) {
+                if self
+                    .ordinary
+                    .as_ref()
+                    .is_some_and(|(said, ..)| said.number == ack.number)
+                {
                     self.ordinary = None;
                 }
                 self.tell(In::Ack(ack), false);
@@ -391,7 +442,9 @@ impl Witness {
         if fly == Fly::Stop && !self.is_remote {
             let is_recent = self.stop_said.is_some_and(|at| self.now.since(at) < AGAIN);
             // One that shows the mode in which it stands need not be told.
-            let stands = self.last_report.is_some_and(|report| report.mode == Mode::Hold);
+            let stands = self
+                .last_report
+                .is_some_and(|report| report.mode == Mode::Hold);
             let is_on_its_way = self.stops > before || is_recent || stands;
             assert!(is_on_its_way, "a stop that was wanted is not on its way");
         }
@@ -416,7 +469,8 @@ impl Witness {
                     if matches!(status.control, Control::Remote | Control::Own) {
                         self.taken_over += 1;
                         self.is_taken = true;
-                        (self.wants_to_move, self.wants_to_stop, self.wants_to_arm) = (None, false, false);
+                        (self.wants_to_move, self.wants_to_stop, self.wants_to_arm) =
+                            (None, false, false);
                         self.ordinary = None;
                     }
                     if status.control == Control::Silent {
@@ -437,10 +491,18 @@ impl Witness {
             return;
         }
         let (result, arm_refusal) = self.model.obey(self.now, &numbered.command);
-        let ack = Ack { number: numbered.number, result, arm_refusal };
-        for take in [Some(takes), doubles.then_some(takes * 2)].into_iter().flatten() {
+        let ack = Ack {
+            number: numbered.number,
+            result,
+            arm_refusal,
+        };
+        for take in [Some(takes), doubles.then_some(takes * 2)]
+            .into_iter()
+            .flatten()
+        {
             if !self.loses(acks_lost) {
-                self.answers.push((self.now + take + Duration::from_millis(1), ack));
+                self.answers
+                    .push((self.now + take + Duration::from_millis(1), ack));
             }
         }
     }
@@ -449,28 +511,50 @@ impl Witness {
         let NumberedCommand { number, command } = numbered;
         if self.is_remote {
             let disarms = matches!(command, Command::Disarm { force: false });
-            assert!(disarms && self.wants_to_disarm.is_some(), "{command:?} although a person steers");
+            assert!(
+                disarms && self.wants_to_disarm.is_some(),
+                "{command:?} although a person steers"
+            );
         }
-        assert!(!command.moves() || self.control == Control::Ours, "{command:?} under {:?}", self.control);
+        assert!(
+            !command.moves() || self.control == Control::Ours,
+            "{command:?} under {:?}",
+            self.control
+        );
         match command {
             Command::Arm { force } => {
                 assert!(!force, "arming is forced");
                 assert!(!self.is_taken, "it is armed against who steers");
                 self.arm_tries += 1;
-                assert!(self.wants_to_arm && self.arm_tries <= 3, "try {} to arm", self.arm_tries);
+                assert!(
+                    self.wants_to_arm && self.arm_tries <= 3,
+                    "try {} to arm",
+                    self.arm_tries
+                );
                 assert!(!self.was_armed, "it was armed, and is armed again");
                 assert!(!self.arming_waits, "it is armed although it was stopped");
                 self.arm_numbers.push(*number);
             }
             Command::Disarm { force } => {
-                assert!(!force && self.wants_to_disarm.is_some(), "disarmed for nothing");
+                assert!(
+                    !force && self.wants_to_disarm.is_some(),
+                    "disarmed for nothing"
+                );
                 self.wants_to_disarm = Some(Some(self.now));
                 self.disarm_said = Some(self.now);
             }
             Command::Route { .. } | Command::Yaw(_) => {
-                let since = self.wants_to_move.expect("it moves although nobody wants that");
-                assert!(self.now.since(since) <= Duration::from_secs(1), "it sets out too late");
-                assert!(self.wants_to_disarm.is_none(), "it moves although it is to be disarmed");
+                let since = self
+                    .wants_to_move
+                    .expect("it moves although nobody wants that");
+                assert!(
+                    self.now.since(since) <= Duration::from_secs(1),
+                    "it sets out too late"
+                );
+                assert!(
+                    self.wants_to_disarm.is_none(),
+                    "it moves although it is to be disarmed"
+                );
                 self.last_drive = Some(numbered.clone());
                 (self.may_stop, self.stop_said) = (false, None);
             }
@@ -493,7 +577,10 @@ impl Witness {
         }
         self.ordinary = Some(match self.ordinary.take() {
             Some((before, times, said)) if before.number == numbered.number => {
-                assert!(before == *numbered && times < 3 && self.now.since(said) >= AGAIN, "{numbered:?}");
+                assert!(
+                    before == *numbered && times < 3 && self.now.since(said) >= AGAIN,
+                    "{numbered:?}"
+                );
                 (before, times + 1, self.now)
             }
             Some((before, times, said)) => {
@@ -514,11 +601,17 @@ impl Witness {
             && report.motion != Motion::Resting
             && report.mode != Mode::Hold
         {
-            assert!(!is_older(self.stop_said), "it moves and is not told to stop again");
+            assert!(
+                !is_older(self.stop_said),
+                "it moves and is not told to stop again"
+            );
         }
         if let Some(said) = self.wants_to_disarm {
             let late = said.is_none_or(|said| self.now.since(said) >= Duration::from_millis(1200));
-            assert!(!(report.is_armed && late), "armed, and not told to disarm again");
+            assert!(
+                !(report.is_armed && late),
+                "armed, and not told to disarm again"
+            );
         }
     }
 
@@ -526,7 +619,8 @@ impl Witness {
     fn tamper(&mut self, out: &mut Vec<Out>, is_report: bool) {
         let Some(mistake) = self.mistake else { return };
         let is_stop = |out: &Out| {
-            let stops = |command: &Command| matches!(command, Command::Stop | Command::Mode(Mode::Hold));
+            let stops =
+                |command: &Command| matches!(command, Command::Stop | Command::Mode(Mode::Hold));
             matches!(out, Out::Command(NumberedCommand { command, .. }) if stops(command))
         };
         let say = |number: u32, command: Command| Out::Command(NumberedCommand { number, command });
@@ -549,7 +643,11 @@ impl Witness {
                 out.extend(is_shown.then(|| say(9999, Command::Arm { force: false })));
             }
             Mistake::Forces => out.iter_mut().for_each(|said| {
-                if let Out::Command(NumberedCommand { command: Command::Arm { force }, .. }) = said {
+                if let Out::Command(NumberedCommand {
+                    command: Command::Arm { force },
+                    ..
+                }) = said
+                {
                     *force = true;
                 }
             }),
@@ -563,7 +661,10 @@ impl Witness {
                 let shown = self.last_report.map(|report| report.mode);
                 let expected = self.link.steering.own_mode();
                 if shown != expected && expected.is_some() {
-                    let status = super::super::Status { control: Control::Remote, is_landed: true };
+                    let status = super::super::Status {
+                        control: Control::Remote,
+                        is_landed: true,
+                    };
                     out.push(Out::Status(status));
                 }
             }
@@ -574,8 +675,13 @@ impl Witness {
             Mistake::DisarmIsSaidOnce => {
                 let was_said = self.wants_to_disarm.is_some_and(|said| said.is_some());
                 out.retain(|said| {
-                    let disarms =
-                        matches!(said, Out::Command(NumberedCommand { command: Command::Disarm { .. }, .. }));
+                    let disarms = matches!(
+                        said,
+                        Out::Command(NumberedCommand {
+                            command: Command::Disarm { .. },
+                            ..
+                        })
+                    );
                     !(was_said && disarms)
                 });
             }
@@ -656,12 +762,18 @@ fn every_mistake_that_is_planted_is_noticed() {
     let noticed = |mistake: Mistake, with_others: bool| {
         let mut runner = TestRunner::deterministic();
         (0..300).any(|_| {
-            let sequence = any_sequence(with_others).new_tree(&mut runner).unwrap().current();
+            let sequence = any_sequence(with_others)
+                .new_tree(&mut runner)
+                .unwrap()
+                .current();
             let watched = std::panic::catch_unwind(|| watch(Some(mistake), &sequence).taken_over);
             watched.map_or(true, |taken_over| !with_others && taken_over > 0)
         })
     };
-    let unnoticed: Vec<Mistake> = mistakes.into_iter().filter(|mistake| !noticed(*mistake, true)).collect();
+    let unnoticed: Vec<Mistake> = mistakes
+        .into_iter()
+        .filter(|mistake| !noticed(*mistake, true))
+        .collect();
     let old_mode = noticed(Mistake::OldModeIsTakeOver, false);
     assert_eq!(unnoticed, []);
     assert!(old_mode);

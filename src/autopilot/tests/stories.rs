@@ -5,8 +5,8 @@ use tomoswarm_proto::Control;
 use super::super::link::{AutopilotLink, In, Out, Reason, Remark};
 use super::super::tests_support::resting_report;
 use super::super::{
-    Ack, ArmRefusal, Command, CommandAck, Fly, Kind, Mode, Motion, Purpose, Report, Settings, Status,
-    SystemStatus,
+    Ack, ArmRefusal, Command, CommandAck, Fly, Kind, Mode, Motion, Purpose, Report, Settings,
+    Status, SystemStatus,
 };
 use crate::actor::Actor;
 use crate::geom::{Angle, Point};
@@ -18,7 +18,10 @@ fn at(time_s: f64) -> Time {
 
 /// A link that has heard a report of a vehicle, at 1 s.
 fn link(kind: Kind, heard: Report) -> AutopilotLink {
-    let mut link = AutopilotLink::new(Settings { kind, altitude_m: 2.0 });
+    let mut link = AutopilotLink::new(Settings {
+        kind,
+        altitude_m: 2.0,
+    });
     told(&mut link, 1.0, In::Report(heard));
     link
 }
@@ -35,7 +38,13 @@ fn told(link: &mut AutopilotLink, time_s: f64, input: In) -> Vec<Out> {
 
 /// The commands among what was said.
 fn commands(out: &[Out]) -> Vec<Command> {
-    let of = |out: &Out| if let Out::Command(said) = out { Some(said.command.clone()) } else { None };
+    let of = |out: &Out| {
+        if let Out::Command(said) = out {
+            Some(said.command.clone())
+        } else {
+            None
+        }
+    };
     out.iter().filter_map(of).collect()
 }
 
@@ -48,19 +57,42 @@ fn wanted(link: &mut AutopilotLink, time_s: f64, fly: Fly) -> Vec<Command> {
 fn answered(link: &mut AutopilotLink, time_s: f64, result: CommandAck) -> Vec<Out> {
     let number = link.number;
     let arm_refusal = (result == CommandAck::Failed).then_some(ArmRefusal::NoPlace);
-    told(link, time_s, In::Ack(Ack { number, result, arm_refusal }))
+    told(
+        link,
+        time_s,
+        In::Ack(Ack {
+            number,
+            result,
+            arm_refusal,
+        }),
+    )
 }
 
 fn drive() -> Fly {
-    Fly::Drive { corners: vec![Point::new(3.0, 0.0)], speed_mps: 0.5 }
+    Fly::Drive {
+        corners: vec![Point::new(3.0, 0.0)],
+        speed_mps: 0.5,
+    }
 }
 
 fn remark(out: &[Out]) -> Option<Remark> {
-    out.iter().find_map(|out| if let Out::Remark(remark) = out { Some(*remark) } else { None })
+    out.iter().find_map(|out| {
+        if let Out::Remark(remark) = out {
+            Some(*remark)
+        } else {
+            None
+        }
+    })
 }
 
 fn control(out: &[Out]) -> Option<Control> {
-    out.iter().find_map(|out| if let Out::Status(status) = out { Some(status.control) } else { None })
+    out.iter().find_map(|out| {
+        if let Out::Status(status) = out {
+            Some(status.control)
+        } else {
+            None
+        }
+    })
 }
 
 const ARM: Command = Command::Arm { force: false };
@@ -68,13 +100,29 @@ const GUIDED: Command = Command::Mode(Mode::Guided);
 
 #[test]
 fn a_start_brings_the_mode_then_the_motors_then_the_drive_that_waits() {
-    let mut rover = link(Kind::Rover, Report { mode: Mode::Hold, is_armed: false, ..resting_report() });
+    let mut rover = link(
+        Kind::Rover,
+        Report {
+            mode: Mode::Hold,
+            is_armed: false,
+            ..resting_report()
+        },
+    );
     assert_eq!(wanted(&mut rover, 1.1, Fly::Arm), [GUIDED]);
     assert_eq!(wanted(&mut rover, 1.15, drive()), [], "one after the other");
-    assert_eq!(commands(&answered(&mut rover, 1.2, CommandAck::Accepted)), [ARM]);
-    let route =
-        Command::Route { corners: vec![Point::new(3.0, 0.0)], altitude_m: None, speed_mps: Some(0.5) };
-    assert_eq!(commands(&answered(&mut rover, 1.3, CommandAck::Accepted)), [route]);
+    assert_eq!(
+        commands(&answered(&mut rover, 1.2, CommandAck::Accepted)),
+        [ARM]
+    );
+    let route = Command::Route {
+        corners: vec![Point::new(3.0, 0.0)],
+        altitude_m: None,
+        speed_mps: Some(0.5),
+    };
+    assert_eq!(
+        commands(&answered(&mut rover, 1.3, CommandAck::Accepted)),
+        [route]
+    );
     assert_eq!(answered(&mut rover, 1.4, CommandAck::Accepted), []);
     let out = told(&mut rover, 1.5, In::Report(resting_report()));
     assert_eq!(commands(&out), []);
@@ -89,31 +137,56 @@ fn one_that_is_armed_already_in_its_mode_is_told_nothing_by_a_start() {
 
 #[test]
 fn arming_is_tried_three_times_and_given_up_with_its_reason() {
-    let mut rover = link(Kind::Rover, Report { is_armed: false, ..resting_report() });
+    let mut rover = link(
+        Kind::Rover,
+        Report {
+            is_armed: false,
+            ..resting_report()
+        },
+    );
     let mut out = told(&mut rover, 1.1, In::Fly(Fly::Arm));
     for tenth in 12..60 {
         let now_s = f64::from(tenth) * 0.1;
         out.extend(answered(&mut rover, now_s, CommandAck::Failed));
-        out.extend(told(&mut rover, now_s, In::Report(Report { is_armed: false, ..resting_report() })));
+        out.extend(told(
+            &mut rover,
+            now_s,
+            In::Report(Report {
+                is_armed: false,
+                ..resting_report()
+            }),
+        ));
     }
     assert_eq!(commands(&out), [ARM, ARM, ARM]);
     let reason = Reason::WillNotArm(ArmRefusal::NoPlace);
     assert_eq!(remark(&out), Some(Remark::GivenUp(Purpose::Arm, reason)));
     let out = told(&mut rover, 6.1, In::Fly(drive()));
-    assert_eq!(out, [Out::Remark(Remark::GivenUp(Purpose::Move, Reason::NotArmed))]);
+    assert_eq!(
+        out,
+        [Out::Remark(Remark::GivenUp(
+            Purpose::Move,
+            Reason::NotArmed
+        ))]
+    );
     assert_eq!(told(&mut rover, 6.15, In::Fly(drive())), [], "said once");
     assert_eq!(wanted(&mut rover, 6.2, Fly::Arm), [ARM], "another start");
 }
 
 #[test]
 fn a_stop_cancels_an_arming_until_the_vehicle_wants_to_move_again() {
-    let off = Report { is_armed: false, ..resting_report() };
+    let off = Report {
+        is_armed: false,
+        ..resting_report()
+    };
     let mut rover = link(Kind::Rover, off);
     assert_eq!(wanted(&mut rover, 1.1, Fly::Arm), [ARM]);
     assert_eq!(commands(&answered(&mut rover, 1.2, CommandAck::Failed)), []);
     assert_eq!(wanted(&mut rover, 1.3, Fly::Stop), [Command::Stop]);
     for tenth in 14..60 {
-        assert_eq!(commands(&told(&mut rover, f64::from(tenth) * 0.1, In::Report(off))), []);
+        assert_eq!(
+            commands(&told(&mut rover, f64::from(tenth) * 0.1, In::Report(off))),
+            []
+        );
     }
     let mut armed = wanted(&mut rover, 6.1, drive());
     for tenth in 62..120 {
@@ -122,7 +195,11 @@ fn a_stop_cancels_an_arming_until_the_vehicle_wants_to_move_again() {
         out.extend(told(&mut rover, now_s, In::Report(off)));
         armed.extend(commands(&out));
     }
-    assert_eq!(armed, [ARM, ARM], "three for one start, whatever stopped it meanwhile");
+    assert_eq!(
+        armed,
+        [ARM, ARM],
+        "three for one start, whatever stopped it meanwhile"
+    );
 }
 
 #[test]
@@ -130,8 +207,14 @@ fn whoever_disarms_by_hand_is_not_overruled() {
     let mut rover = link(Kind::Rover, resting_report());
     wanted(&mut rover, 1.1, Fly::Arm);
     for tenth in 12..80 {
-        let off = Report { is_armed: false, ..resting_report() };
-        assert_eq!(commands(&told(&mut rover, f64::from(tenth) * 0.1, In::Report(off))), []);
+        let off = Report {
+            is_armed: false,
+            ..resting_report()
+        };
+        assert_eq!(
+            commands(&told(&mut rover, f64::from(tenth) * 0.1, In::Report(off))),
+            []
+        );
     }
     assert_eq!(wanted(&mut rover, 9.0, drive()), []);
 }
@@ -140,9 +223,17 @@ fn whoever_disarms_by_hand_is_not_overruled() {
 fn a_stop_goes_past_what_waits_and_is_said_again_while_it_moves() {
     let mut rover = link(Kind::Rover, resting_report());
     assert_eq!(wanted(&mut rover, 1.1, drive()).len(), 1);
-    assert_eq!(wanted(&mut rover, 1.15, Fly::Stop), [Command::Stop], "the drive is not answered yet");
+    assert_eq!(
+        wanted(&mut rover, 1.15, Fly::Stop),
+        [Command::Stop],
+        "the drive is not answered yet"
+    );
     assert_eq!(wanted(&mut rover, 1.2, Fly::Stop), [], "it was just said");
-    let moves = Report { motion: Motion::Driving, speed_mps: 0.5, ..resting_report() };
+    let moves = Report {
+        motion: Motion::Driving,
+        speed_mps: 0.5,
+        ..resting_report()
+    };
     let mut said = 0;
     for tenth in 13..25 {
         let mut out = Vec::new();
@@ -151,19 +242,38 @@ fn a_stop_goes_past_what_waits_and_is_said_again_while_it_moves() {
             rover.wake(due.at, &mut out).unwrap();
         }
         rover.handle(now, In::Report(moves), &mut out).unwrap();
-        said += commands(&out).iter().filter(|command| **command == Command::Stop).count();
-        assert!(commands(&out).iter().all(|command| !command.moves()), "the drive is forgotten");
+        said += commands(&out)
+            .iter()
+            .filter(|command| **command == Command::Stop)
+            .count();
+        assert!(
+            commands(&out).iter().all(|command| !command.moves()),
+            "the drive is forgotten"
+        );
     }
     assert_eq!(said, 4, "1.45, 1.75, 2.05, 2.35 s");
     told(&mut rover, 2.5, In::Report(resting_report()));
-    assert_eq!(rover.deadline().map(|due| due.why), Some("autopilot silent"), "it rests");
+    assert_eq!(
+        rover.deadline().map(|due| due.why),
+        Some("autopilot silent"),
+        "it rests"
+    );
 }
 
 #[test]
 fn one_that_stands_in_its_mode_is_not_told_to_stand_and_changes_it_to_drive() {
-    let mut rover = link(Kind::Rover, Report { mode: Mode::Hold, ..resting_report() });
+    let mut rover = link(
+        Kind::Rover,
+        Report {
+            mode: Mode::Hold,
+            ..resting_report()
+        },
+    );
     assert_eq!(wanted(&mut rover, 1.1, Fly::Stop), []);
-    assert_eq!(rover.deadline().map(|due| due.why), Some("autopilot silent"));
+    assert_eq!(
+        rover.deadline().map(|due| due.why),
+        Some("autopilot silent")
+    );
     assert_eq!(wanted(&mut rover, 1.6, drive()), [GUIDED]);
     assert_eq!(answered(&mut rover, 1.7, CommandAck::Accepted).len(), 1);
 }
@@ -178,7 +288,15 @@ fn one_that_somebody_steers_when_it_is_first_heard_is_left_alone_until_it_is_tak
     ] {
         let mut rover = AutopilotLink::new(Settings::default());
         assert_eq!(
-            control(&told(&mut rover, 1.0, In::Report(Report { mode, status, ..resting_report() }))),
+            control(&told(
+                &mut rover,
+                1.0,
+                In::Report(Report {
+                    mode,
+                    status,
+                    ..resting_report()
+                })
+            )),
             Some(expected)
         );
         assert_eq!(wanted(&mut rover, 1.1, drive()), []);
@@ -192,16 +310,34 @@ fn one_that_somebody_steers_when_it_is_first_heard_is_left_alone_until_it_is_tak
 fn a_person_who_takes_over_is_left_alone_until_that_is_taken_back() {
     let mut rover = link(Kind::Rover, resting_report());
     wanted(&mut rover, 1.1, drive());
-    let manual = Report { mode: Mode::Manual, motion: Motion::Driving, ..resting_report() };
+    let manual = Report {
+        mode: Mode::Manual,
+        motion: Motion::Driving,
+        ..resting_report()
+    };
     let out = told(&mut rover, 1.2, In::Report(manual));
-    assert_eq!((control(&out), remark(&out)), (Some(Control::Remote), Some(Remark::TakenOver(Mode::Manual))));
+    assert_eq!(
+        (control(&out), remark(&out)),
+        (Some(Control::Remote), Some(Remark::TakenOver(Mode::Manual)))
+    );
     for fly in [Fly::Stop, drive(), Fly::Turn(Angle::default()), Fly::Stop] {
         assert_eq!(wanted(&mut rover, 1.3, fly), []);
     }
     assert_eq!(commands(&told(&mut rover, 2.0, In::Report(manual))), []);
-    assert_eq!(wanted(&mut rover, 2.1, Fly::Disarm), [Command::Disarm { force: false }], "the motors alone");
-    assert_eq!(told(&mut rover, 2.15, In::Fly(Fly::Arm)), [], "a start that does not name it");
-    assert_eq!(told(&mut rover, 2.2, In::Fly(Fly::TakeBack)), [Out::Status(Status::default())]);
+    assert_eq!(
+        wanted(&mut rover, 2.1, Fly::Disarm),
+        [Command::Disarm { force: false }],
+        "the motors alone"
+    );
+    assert_eq!(
+        told(&mut rover, 2.15, In::Fly(Fly::Arm)),
+        [],
+        "a start that does not name it"
+    );
+    assert_eq!(
+        told(&mut rover, 2.2, In::Fly(Fly::TakeBack)),
+        [Out::Status(Status::default())]
+    );
     assert_eq!(wanted(&mut rover, 2.2, Fly::Arm), [GUIDED]);
     let out = told(&mut rover, 2.3, In::Report(resting_report()));
     assert_eq!(control(&out), None);
@@ -210,7 +346,10 @@ fn a_person_who_takes_over_is_left_alone_until_that_is_taken_back() {
 #[test]
 fn an_old_mode_is_no_take_over_for_three_seconds_and_one_after_that() {
     let start = |gap_s: f64| {
-        let old = Report { mode: Mode::Hold, ..resting_report() };
+        let old = Report {
+            mode: Mode::Hold,
+            ..resting_report()
+        };
         let mut rover = link(Kind::Rover, old);
         assert_eq!(wanted(&mut rover, 2.0, Fly::Arm), [GUIDED]);
         answered(&mut rover, 2.0, CommandAck::Accepted);
@@ -227,14 +366,49 @@ fn an_old_mode_is_no_take_over_for_three_seconds_and_one_after_that() {
 #[test]
 fn a_failsafe_is_the_autopilots_own_and_a_rover_is_stopped_under_it() {
     let mut rover = link(Kind::Rover, resting_report());
-    let critical = Report { mode: Mode::Return, status: SystemStatus::Critical, ..resting_report() };
-    let out = told(&mut rover, 1.2, In::Report(Report { motion: Motion::Driving, ..critical }));
-    assert_eq!((control(&out), remark(&out)), (Some(Control::Own), Some(Remark::ActsByItself(Mode::Return))));
+    let critical = Report {
+        mode: Mode::Return,
+        status: SystemStatus::Critical,
+        ..resting_report()
+    };
+    let out = told(
+        &mut rover,
+        1.2,
+        In::Report(Report {
+            motion: Motion::Driving,
+            ..critical
+        }),
+    );
+    assert_eq!(
+        (control(&out), remark(&out)),
+        (Some(Control::Own), Some(Remark::ActsByItself(Mode::Return)))
+    );
     assert_eq!(wanted(&mut rover, 1.3, drive()), []);
-    assert_eq!(wanted(&mut rover, 1.4, Fly::Stop), [Command::Mode(Mode::Hold)], "straight home is no way");
-    let mut copter = link(Kind::Copter, Report { is_landed: false, ..resting_report() });
-    told(&mut copter, 1.2, In::Report(Report { is_landed: false, ..critical }));
-    assert_eq!(wanted(&mut copter, 1.4, Fly::Stop), [], "it comes down by itself");
+    assert_eq!(
+        wanted(&mut rover, 1.4, Fly::Stop),
+        [Command::Mode(Mode::Hold)],
+        "straight home is no way"
+    );
+    let mut copter = link(
+        Kind::Copter,
+        Report {
+            is_landed: false,
+            ..resting_report()
+        },
+    );
+    told(
+        &mut copter,
+        1.2,
+        In::Report(Report {
+            is_landed: false,
+            ..critical
+        }),
+    );
+    assert_eq!(
+        wanted(&mut copter, 1.4, Fly::Stop),
+        [],
+        "it comes down by itself"
+    );
 }
 
 #[test]
@@ -249,38 +423,86 @@ fn silence_is_said_and_a_stop_is_said_into_it() {
     assert_eq!(wanted(&mut rover, 4.1, Fly::Stop), [Command::Stop]);
     let due = rover.deadline().unwrap();
     assert_eq!((due.at, due.why), (at(5.1), "stop not shown"));
-    assert_eq!(control(&told(&mut rover, 5.0, In::Report(resting_report()))), Some(Control::Ours));
-    let rebooted = Report { mode: Mode::Manual, status: SystemStatus::Booting, ..resting_report() };
-    assert_eq!(control(&told(&mut rover, 5.1, In::Report(rebooted))), Some(Control::Own));
+    assert_eq!(
+        control(&told(&mut rover, 5.0, In::Report(resting_report()))),
+        Some(Control::Ours)
+    );
+    let rebooted = Report {
+        mode: Mode::Manual,
+        status: SystemStatus::Booting,
+        ..resting_report()
+    };
+    assert_eq!(
+        control(&told(&mut rover, 5.1, In::Report(rebooted))),
+        Some(Control::Own)
+    );
 }
 
 #[test]
 fn a_copter_takes_off_before_it_flies_and_lands_before_it_is_disarmed() {
     let mut copter = link(Kind::Copter, resting_report());
-    assert_eq!(wanted(&mut copter, 1.1, drive()), [Command::Takeoff { altitude_m: 2.0 }]);
+    assert_eq!(
+        wanted(&mut copter, 1.1, drive()),
+        [Command::Takeoff { altitude_m: 2.0 }]
+    );
     answered(&mut copter, 1.2, CommandAck::Accepted);
-    let flies = Report { is_landed: false, altitude_m: 1.0, ..resting_report() };
+    let flies = Report {
+        is_landed: false,
+        altitude_m: 1.0,
+        ..resting_report()
+    };
     told(&mut copter, 1.3, In::Report(flies));
-    let [Command::Route { altitude_m: Some(2.0), .. }] = wanted(&mut copter, 1.4, drive())[..] else {
+    let [
+        Command::Route {
+            altitude_m: Some(2.0),
+            ..
+        },
+    ] = wanted(&mut copter, 1.4, drive())[..]
+    else {
         panic!("it goes on to its altitude")
     };
-    assert_eq!(wanted(&mut copter, 1.5, Fly::Disarm), [Command::Mode(Mode::Land)]);
+    assert_eq!(
+        wanted(&mut copter, 1.5, Fly::Disarm),
+        [Command::Mode(Mode::Land)]
+    );
     assert_eq!(wanted(&mut copter, 1.6, drive()), [], "until a start");
-    let lands = Report { mode: Mode::Land, ..flies };
-    assert_eq!(control(&told(&mut copter, 1.9, In::Report(lands))), None, "its own mode");
-    let down = Report { mode: Mode::Land, ..resting_report() };
-    assert_eq!(commands(&told(&mut copter, 6.0, In::Report(down))), [Command::Disarm { force: false }]);
+    let lands = Report {
+        mode: Mode::Land,
+        ..flies
+    };
+    assert_eq!(
+        control(&told(&mut copter, 1.9, In::Report(lands))),
+        None,
+        "its own mode"
+    );
+    let down = Report {
+        mode: Mode::Land,
+        ..resting_report()
+    };
+    assert_eq!(
+        commands(&told(&mut copter, 6.0, In::Report(down))),
+        [Command::Disarm { force: false }]
+    );
     answered(&mut copter, 6.1, CommandAck::Accepted);
-    let off = Report { is_armed: false, ..down };
+    let off = Report {
+        is_armed: false,
+        ..down
+    };
     assert_eq!(commands(&told(&mut copter, 6.5, In::Report(off))), []);
     assert_eq!(wanted(&mut copter, 7.0, Fly::Arm), [GUIDED]);
-    assert_eq!(commands(&answered(&mut copter, 7.1, CommandAck::Accepted)), [ARM]);
+    assert_eq!(
+        commands(&answered(&mut copter, 7.1, CommandAck::Accepted)),
+        [ARM]
+    );
 }
 
 #[test]
 fn a_disarming_that_shows_late_is_not_taken_for_current_by_a_start_after_it() {
     let mut rover = link(Kind::Rover, resting_report());
-    assert_eq!(wanted(&mut rover, 1.1, Fly::Disarm), [Command::Disarm { force: false }]);
+    assert_eq!(
+        wanted(&mut rover, 1.1, Fly::Disarm),
+        [Command::Disarm { force: false }]
+    );
     answered(&mut rover, 1.2, CommandAck::Accepted);
     told(&mut rover, 1.3, In::Report(resting_report()));
     assert_eq!(wanted(&mut rover, 1.4, Fly::Arm), [ARM]);
@@ -288,10 +510,18 @@ fn a_disarming_that_shows_late_is_not_taken_for_current_by_a_start_after_it() {
 
 #[test]
 fn a_change_of_mode_that_a_silence_has_cut_off_is_said_anew_before_it_is_armed() {
-    let held = Report { mode: Mode::Hold, is_armed: false, ..resting_report() };
+    let held = Report {
+        mode: Mode::Hold,
+        is_armed: false,
+        ..resting_report()
+    };
     let mut rover = link(Kind::Rover, held);
     assert_eq!(wanted(&mut rover, 2.9, Fly::Arm), [GUIDED]);
     let out = told(&mut rover, 4.0, In::Report(held));
-    assert_eq!(control(&out), Some(Control::Silent), "at 3 s, before the second try");
+    assert_eq!(
+        control(&out),
+        Some(Control::Silent),
+        "at 3 s, before the second try"
+    );
     assert_eq!(commands(&out), [GUIDED]);
 }

@@ -30,11 +30,17 @@ struct Files {
 impl Files {
     fn text(&mut self, name: &str) -> Result<String, String> {
         let load = &mut self.load;
-        self.texts.entry(name.to_owned()).or_insert_with(|| load(name)).clone()
+        self.texts
+            .entry(name.to_owned())
+            .or_insert_with(|| load(name))
+            .clone()
     }
 
     fn shapes(&mut self, sim: &Sim) -> Result<Arc<VrmlScene>, CliError> {
-        let key = (sim.scene.wrl.clone().unwrap_or_default(), sim.scene.up == config::Up::Y);
+        let key = (
+            sim.scene.wrl.clone().unwrap_or_default(),
+            sim.scene.up == config::Up::Y,
+        );
         if let Some(known) = self.shapes.get(&key) {
             return Ok(known.clone());
         }
@@ -69,8 +75,16 @@ impl Grid {
         let experiment = config::read_experiment(&name, &text)?;
         let texts = BTreeMap::from([(name, Ok(text))]);
         let load: Load = Box::new(read::around(config));
-        let files = Mutex::new(Files { texts, shapes: BTreeMap::new(), load });
-        Ok(Grid { config: config.to_owned(), experiment, files })
+        let files = Mutex::new(Files {
+            texts,
+            shapes: BTreeMap::new(),
+            load,
+        });
+        Ok(Grid {
+            config: config.to_owned(),
+            experiment,
+            files,
+        })
     }
 
     /// Returns the experiment.
@@ -86,7 +100,9 @@ impl Grid {
         let mut mistakes: Vec<(String, Vec<usize>)> = Vec::new();
         let mut index: BTreeMap<String, usize> = BTreeMap::new();
         for cell in 0..self.experiment.cells() {
-            let Err(error) = self.check_cell(cell) else { continue };
+            let Err(error) = self.check_cell(cell) else {
+                continue;
+            };
             for line in error.to_string().lines() {
                 let place = *index.entry(line.to_owned()).or_insert_with(|| {
                     mistakes.push((line.to_owned(), Vec::new()));
@@ -104,19 +120,39 @@ impl Grid {
     fn check_cell(&self, cell: usize) -> Result<(), CliError> {
         let seeds = self.experiment.seeds();
         let loaded = self.loaded(cell)?;
-        load::scenario(loaded, Some(&self.config), self.experiment.seed_of(cell * seeds)).map(drop)
+        load::scenario(
+            loaded,
+            Some(&self.config),
+            self.experiment.seed_of(cell * seeds),
+        )
+        .map(drop)
     }
 
     fn in_words(&self, mistakes: &[(String, Vec<usize>)]) -> String {
         let (cells, seeds) = (self.experiment.cells(), self.experiment.seeds());
         let said = |(line, wrong): &(String, Vec<usize>)| {
-            let keys: Vec<String> =
-                wrong.iter().take(CELLS_NAMED).map(|cell| self.experiment.key(cell * seeds, false)).collect();
-            let more = if wrong.len() > CELLS_NAMED { "; …" } else { "" };
-            format!("{line}\n  in {} of {cells} cells: {}{more}", wrong.len(), keys.join("; "))
+            let keys: Vec<String> = wrong
+                .iter()
+                .take(CELLS_NAMED)
+                .map(|cell| self.experiment.key(cell * seeds, false))
+                .collect();
+            let more = if wrong.len() > CELLS_NAMED {
+                "; …"
+            } else {
+                ""
+            };
+            format!(
+                "{line}\n  in {} of {cells} cells: {}{more}",
+                wrong.len(),
+                keys.join("; ")
+            )
         };
         let list: Vec<String> = mistakes.iter().map(said).collect();
-        format!("{}: the grid cannot be run\n{}", self.config.display(), list.join("\n"))
+        format!(
+            "{}: the grid cannot be run\n{}",
+            self.config.display(),
+            list.join("\n")
+        )
     }
 
     fn sim(&self, cell: usize) -> Result<(Sim, Arc<VrmlScene>), CliError> {

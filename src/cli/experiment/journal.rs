@@ -45,16 +45,27 @@ impl Header {
     /// Makes the header of an experiment.
     pub(super) fn new(hash: u64, runs: usize) -> Header {
         let version = env!("CARGO_PKG_VERSION").to_owned();
-        Header { experiment_journal: FORM, version, config_hash: format!("{hash:016x}"), runs }
+        Header {
+            experiment_journal: FORM,
+            version,
+            config_hash: format!("{hash:016x}"),
+            runs,
+        }
     }
 
     /// Returns what is not as in another one.
     fn difference(&self, other: &Header) -> Option<String> {
         if self.experiment_journal != other.experiment_journal || self.version != other.version {
-            return Some(format!("it was begun by version {}, this is {}", self.version, other.version));
+            return Some(format!(
+                "it was begun by version {}, this is {}",
+                self.version, other.version
+            ));
         }
         (self != other).then(|| {
-            format!("the experiment has changed (files {} then, {} now)", self.config_hash, other.config_hash)
+            format!(
+                "the experiment has changed (files {} then, {} now)",
+                self.config_hash, other.config_hash
+            )
         })
     }
 }
@@ -71,19 +82,35 @@ impl Journal {
     ///
     /// # Errors
     /// The folder cannot be used, or what is there is not of this experiment.
-    pub(super) fn open(folder: &Path, header: &Header, mode: Mode) -> Result<(Journal, Vec<Row>), CliError> {
+    pub(super) fn open(
+        folder: &Path,
+        header: &Header,
+        mode: Mode,
+    ) -> Result<(Journal, Vec<Row>), CliError> {
         let path = folder.join(JOURNAL);
         if mode == Mode::Resume && !path.is_file() {
-            let reason = "there is no run to go on with; leave out --resume to begin one".to_owned();
+            let reason =
+                "there is no run to go on with; leave out --resume to begin one".to_owned();
             return Err(CliError::Input { path, reason });
         }
-        let fail = |source| CliError::Write { path: path.clone(), source };
-        fs::create_dir_all(folder).map_err(|source| CliError::Write { path: folder.to_owned(), source })?;
-        let open = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path);
+        let fail = |source| CliError::Write {
+            path: path.clone(),
+            source,
+        };
+        fs::create_dir_all(folder).map_err(|source| CliError::Write {
+            path: folder.to_owned(),
+            source,
+        })?;
+        let open = OpenOptions::new()
+            .read(true)
+            .write(true)
+            .create(true)
+            .truncate(false)
+            .open(&path);
         let mut file = open.map_err(fail)?;
         if let Err(TryLockError::WouldBlock) = file.try_lock() {
-            let reason =
-                "another program runs this experiment; wait for it, or give another --out".to_owned();
+            let reason = "another program runs this experiment; wait for it, or give another --out"
+                .to_owned();
             return Err(CliError::Input { path, reason });
         }
         if mode == Mode::Fresh {
@@ -94,9 +121,14 @@ impl Journal {
             }
         }
         let bytes = read_all(&mut file).map_err(fail)?;
-        let whole = bytes.iter().rposition(|byte| *byte == b'\n').map_or(0, |last| last + 1);
+        let whole = bytes
+            .iter()
+            .rposition(|byte| *byte == b'\n')
+            .map_or(0, |last| last + 1);
         let rows = rows_of(&path, &bytes[..whole], header)?;
-        file.set_len(whole as u64).and_then(|()| file.seek(SeekFrom::End(0))).map_err(fail)?;
+        file.set_len(whole as u64)
+            .and_then(|()| file.seek(SeekFrom::End(0)))
+            .map_err(fail)?;
         let mut journal = Journal { path, file };
         if whole == 0 {
             journal.write(header)?;
@@ -115,7 +147,10 @@ impl Journal {
     fn write<T: Serialize>(&mut self, line: &T) -> Result<(), CliError> {
         let text = serde_json::to_string(line).map_err(io::Error::from);
         let written = text.and_then(|text| self.file.write_all(format!("{text}\n").as_bytes()));
-        written.map_err(|source| CliError::Write { path: self.path.clone(), source })
+        written.map_err(|source| CliError::Write {
+            path: self.path.clone(),
+            source,
+        })
     }
 }
 
@@ -137,17 +172,23 @@ fn rows_of(path: &Path, bytes: &[u8], header: &Header) -> Result<Vec<Row>, CliEr
     };
     let text = str::from_utf8(bytes).map_err(|_| bad(1, "is no journal of an experiment"))?;
     let mut lines = text.lines().enumerate();
-    let Some((_, first)) = lines.next() else { return Ok(Vec::new()) };
-    let found: Header = serde_json::from_str(first).map_err(|_| bad(1, "is no journal of an experiment"))?;
+    let Some((_, first)) = lines.next() else {
+        return Ok(Vec::new());
+    };
+    let found: Header =
+        serde_json::from_str(first).map_err(|_| bad(1, "is no journal of an experiment"))?;
     if let Some(difference) = found.difference(header) {
         let finished = text.lines().count() - 1;
-        return Err(bad(1, &format!("{difference}, and {finished} runs are finished")));
+        return Err(bad(
+            1,
+            &format!("{difference}, and {finished} runs are finished"),
+        ));
     }
     let mut rows: Vec<Row> = Vec::new();
     let mut is_known = vec![false; header.runs];
     for (index, line) in lines {
-        let row: Row =
-            serde_json::from_str(line).map_err(|error| bad(index + 1, &format!("is damaged ({error})")))?;
+        let row: Row = serde_json::from_str(line)
+            .map_err(|error| bad(index + 1, &format!("is damaged ({error})")))?;
         match is_known.get_mut(row.run) {
             Some(known) if !*known => {
                 *known = true;
@@ -166,7 +207,10 @@ mod tests {
     use crate::cli::experiment::row::End;
 
     fn row(run: usize) -> Row {
-        Row { simulated_s: 0.1 + run as f64, ..Row::without_figures(run, End::Finished, String::new()) }
+        Row {
+            simulated_s: 0.1 + run as f64,
+            ..Row::without_figures(run, End::Finished, String::new())
+        }
     }
 
     fn open(folder: &Path, hash: u64, mode: Mode) -> Result<(Journal, Vec<Row>), CliError> {
@@ -187,18 +231,27 @@ mod tests {
         assert_eq!(rows, [row(3), row(1)]);
         journal.record(&row(6)).unwrap();
         drop(journal);
-        assert_eq!(open(folder.path(), 7, Mode::Any).unwrap().1, [row(3), row(1), row(6)]);
+        assert_eq!(
+            open(folder.path(), 7, Mode::Any).unwrap().1,
+            [row(3), row(1), row(6)]
+        );
     }
 
     #[test]
     fn another_experiment_is_refused_with_what_to_do_and_fresh_throws_it_away() {
         let folder = tempfile::tempdir().unwrap();
-        open(folder.path(), 7, Mode::Any).unwrap().0.record(&row(2)).unwrap();
+        open(folder.path(), 7, Mode::Any)
+            .unwrap()
+            .0
+            .record(&row(2))
+            .unwrap();
         let error = open(folder.path(), 8, Mode::Any).unwrap_err();
         let text = error.to_string();
         assert_eq!(error.exit_code(), 2);
         assert!(
-            text.contains("has changed") && text.contains("1 runs are finished") && text.contains("--fresh"),
+            text.contains("has changed")
+                && text.contains("1 runs are finished")
+                && text.contains("--fresh"),
             "{text}"
         );
         assert!(open(folder.path(), 8, Mode::Fresh).unwrap().1.is_empty());
@@ -209,7 +262,11 @@ mod tests {
     fn a_journal_killed_in_its_first_line_begins_anew() {
         let folder = tempfile::tempdir().unwrap();
         fs::write(folder.path().join(JOURNAL), b"{\"experiment_jour").unwrap();
-        open(folder.path(), 7, Mode::Any).unwrap().0.record(&row(4)).unwrap();
+        open(folder.path(), 7, Mode::Any)
+            .unwrap()
+            .0
+            .record(&row(4))
+            .unwrap();
         assert_eq!(open(folder.path(), 7, Mode::Any).unwrap().1, [row(4)]);
     }
 
@@ -219,11 +276,19 @@ mod tests {
         let path = folder.path().join(JOURNAL);
         for content in ["my diary\n", "\u{0}\u{1}\n"] {
             fs::write(&path, content).unwrap();
-            assert!(open(folder.path(), 7, Mode::Any).unwrap_err().to_string().contains("is no journal"));
+            assert!(
+                open(folder.path(), 7, Mode::Any)
+                    .unwrap_err()
+                    .to_string()
+                    .contains("is no journal")
+            );
             assert_eq!(fs::read_to_string(&path).unwrap(), content);
         }
         let resumed = open(&folder.path().join("none"), 7, Mode::Resume).unwrap_err();
-        assert!(resumed.to_string().contains("leave out --resume"), "{resumed}");
+        assert!(
+            resumed.to_string().contains("leave out --resume"),
+            "{resumed}"
+        );
         assert!(!folder.path().join("none").exists());
     }
 
@@ -233,18 +298,33 @@ mod tests {
         let (mut journal, _) = open(folder.path(), 7, Mode::Any).unwrap();
         journal.file.write_all(b"{\"run\":\n").unwrap();
         drop(journal);
-        assert!(open(folder.path(), 7, Mode::Any).unwrap_err().to_string().contains(":2: is damaged"));
+        assert!(
+            open(folder.path(), 7, Mode::Any)
+                .unwrap_err()
+                .to_string()
+                .contains(":2: is damaged")
+        );
         let (mut journal, _) = open(folder.path(), 7, Mode::Fresh).unwrap();
         journal.record(&row(10)).unwrap();
         drop(journal);
-        assert!(open(folder.path(), 7, Mode::Any).unwrap_err().to_string().contains("does not have"));
+        assert!(
+            open(folder.path(), 7, Mode::Any)
+                .unwrap_err()
+                .to_string()
+                .contains("does not have")
+        );
     }
 
     #[test]
     fn two_at_a_time_are_refused() {
         let folder = tempfile::tempdir().unwrap();
         let held = open(folder.path(), 7, Mode::Any).unwrap();
-        assert!(open(folder.path(), 7, Mode::Fresh).unwrap_err().to_string().contains("another program"));
+        assert!(
+            open(folder.path(), 7, Mode::Fresh)
+                .unwrap_err()
+                .to_string()
+                .contains("another program")
+        );
         drop(held);
     }
 }

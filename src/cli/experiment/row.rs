@@ -103,7 +103,11 @@ impl Row {
         let route = seen.visible.along(&seen.scene, &seen.sight, tracks());
         Row {
             run,
-            end: if outcome.finished { End::Finished } else { End::Failed },
+            end: if outcome.finished {
+                End::Finished
+            } else {
+                End::Failed
+            },
             why: outcome.failure.clone().unwrap_or_default(),
             mission: worst_of(&outcome.missions),
             mission_s: last_of(&outcome.missions),
@@ -115,7 +119,9 @@ impl Row {
             detected_cells: seen.detected(outcome),
             route_cells: route.len(),
             route_detected_cells: visible::detected(&outcome.map, SLICE, &route),
-            path_m: tracks().map(length_m).fold(0.0, |sum, length_m| sum + length_m),
+            path_m: tracks()
+                .map(length_m)
+                .fold(0.0, |sum, length_m| sum + length_m),
             clearance_m: visible::least_clearance_m(&seen.scene, seen.body, tracks(), &|at| {
                 to_nearest_m(&outcome.persons, at)
             }),
@@ -134,7 +140,8 @@ impl Row {
     }
 
     fn fields(&self) -> [String; 17] {
-        let percent = |share: Option<f64>| share.map_or(String::new(), |share| format!("{share:.4}"));
+        let percent =
+            |share: Option<f64>| share.map_or(String::new(), |share| format!("{share:.4}"));
         [
             self.end.word().to_owned(),
             quoted(&self.why),
@@ -151,7 +158,8 @@ impl Row {
             self.route_detected_cells.to_string(),
             percent(self.route_share()),
             format!("{:.2}", self.path_m),
-            self.clearance_m.map_or(String::new(), |metres| format!("{metres:.3}")),
+            self.clearance_m
+                .map_or(String::new(), |metres| format!("{metres:.3}")),
             self.log_hash.clone(),
         ]
     }
@@ -178,7 +186,14 @@ const FIELDS: [&str; 17] = [
 ];
 
 /// How missions end, best first.
-pub(super) const ENDS: [&str; 6] = ["done", "stopped", "no way", "gave up", "refused", "under way"];
+pub(super) const ENDS: [&str; 6] = [
+    "done",
+    "stopped",
+    "no way",
+    "gave up",
+    "refused",
+    "under way",
+];
 
 /// Returns the word for the worst end of all vehicles' missions; nothing when none has ended.
 fn worst_of(missions: &[Mission]) -> String {
@@ -198,7 +213,10 @@ fn worst_of(missions: &[Mission]) -> String {
 }
 
 fn last_of(missions: &[Mission]) -> f64 {
-    missions.iter().filter_map(|(_, end)| Some(end.as_ref()?.0.as_secs_f64())).fold(0.0, f64::max)
+    missions
+        .iter()
+        .filter_map(|(_, end)| Some(end.as_ref()?.0.as_secs_f64()))
+        .fold(0.0, f64::max)
 }
 
 fn share(part: usize, of: usize) -> Option<f64> {
@@ -207,7 +225,9 @@ fn share(part: usize, of: usize) -> Option<f64> {
 
 fn length_m(track: &[Point]) -> f64 {
     // An empty sum of floats would be −0.
-    track.windows(2).fold(0.0, |sum, pair| sum + pair[0].distance_to(pair[1]))
+    track
+        .windows(2)
+        .fold(0.0, |sum, pair| sum + pair[0].distance_to(pair[1]))
 }
 
 /// Returns the distance from a place to the nearest person's side, metres.
@@ -219,7 +239,10 @@ fn to_nearest_m(persons: &[Person], at: Point) -> f64 {
 /// Quotes a text for CSV where that is needed.
 fn quoted(text: &str) -> String {
     if text.contains(['"', ',', '\n', '\r']) {
-        return format!("\"{}\"", text.replace('"', "\"\"").replace(['\n', '\r'], " "));
+        return format!(
+            "\"{}\"",
+            text.replace('"', "\"\"").replace(['\n', '\r'], " ")
+        );
     }
     text.to_owned()
 }
@@ -229,7 +252,9 @@ pub(super) fn csv(experiment: &Experiment, rows: &[Row]) -> String {
     let axes = Axis::ALL.map(Axis::word).join(",");
     let mut text = format!("run,{axes},{}\n", FIELDS.join(","));
     for row in rows {
-        let values = Axis::ALL.map(|axis| experiment.name_of(row.run, axis)).join(",");
+        let values = Axis::ALL
+            .map(|axis| experiment.name_of(row.run, axis))
+            .join(",");
         // Writing into a string cannot fail.
         let _ = writeln!(text, "{},{values},{}", row.run, row.fields().join(","));
     }

@@ -37,6 +37,7 @@ impl Cache {
             .entry(key.collect())
             .or_default()
             .clone();
-        kept.get_or_init(|| Seen::find(scenario).map(Arc::new)).clone()
+        kept.get_or_init(|| Seen::find(scenario).map(Arc::new))
+            .clone()
     }
 }

@@ -37,8 +37,16 @@ contact, with a command over the fence.
 /// Returns the table of some runs in grid order, grouped by axes.
 pub(super) fn text(experiment: &Experiment, rows: &[Row], by: &[Axis]) -> String {
     let groups = grouped(experiment, rows, by);
-    let head: Vec<String> = by.iter().map(|axis| axis.word()).chain(HEAD).map(str::to_owned).collect();
-    let lines: Vec<Vec<String>> = groups.iter().map(|(names, rows)| line(names, rows)).collect();
+    let head: Vec<String> = by
+        .iter()
+        .map(|axis| axis.word())
+        .chain(HEAD)
+        .map(str::to_owned)
+        .collect();
+    let lines: Vec<Vec<String>> = groups
+        .iter()
+        .map(|(names, rows)| line(names, rows))
+        .collect();
     let mut text = aligned(std::iter::once(&head).chain(&lines), by.len());
     text += LEGEND;
     for (names, rows) in &groups {
@@ -47,31 +55,60 @@ pub(super) fn text(experiment: &Experiment, rows: &[Row], by: &[Axis]) -> String
             let _ = writeln!(text, "{}: {count} × {why}", names.join(" "));
         }
     }
-    let _ = writeln!(text, "{} of {} runs of {}", rows.len(), experiment.runs(), experiment.name());
+    let _ = writeln!(
+        text,
+        "{} of {} runs of {}",
+        rows.len(),
+        experiment.runs(),
+        experiment.name()
+    );
     text
 }
 
 /// Sorts runs into groups, in the order in which they come in the grid.
-fn grouped<'a>(experiment: &Experiment, rows: &'a [Row], by: &[Axis]) -> Vec<(Vec<String>, Vec<&'a Row>)> {
+fn grouped<'a>(
+    experiment: &Experiment,
+    rows: &'a [Row],
+    by: &[Axis],
+) -> Vec<(Vec<String>, Vec<&'a Row>)> {
     let mut groups: BTreeMap<Vec<usize>, (Vec<String>, Vec<&Row>)> = BTreeMap::new();
     for row in rows {
-        let names: Vec<String> =
-            by.iter().map(|axis| experiment.name_of(row.run, *axis).to_owned()).collect();
-        let place =
-            |(axis, name): (&Axis, &String)| experiment.names(*axis).iter().position(|known| known == name);
-        let order = by.iter().zip(&names).map(|pair| place(pair).unwrap_or(usize::MAX)).collect();
-        groups.entry(order).or_insert_with(|| (names, Vec::new())).1.push(row);
+        let names: Vec<String> = by
+            .iter()
+            .map(|axis| experiment.name_of(row.run, *axis).to_owned())
+            .collect();
+        let place = |(axis, name): (&Axis, &String)| {
+            experiment
+                .names(*axis)
+                .iter()
+                .position(|known| known == name)
+        };
+        let order = by
+            .iter()
+            .zip(&names)
+            .map(|pair| place(pair).unwrap_or(usize::MAX))
+            .collect();
+        groups
+            .entry(order)
+            .or_insert_with(|| (names, Vec::new()))
+            .1
+            .push(row);
     }
     groups.into_values().collect()
 }
 
 fn line(names: &[String], rows: &[&Row]) -> Vec<String> {
     let count = |is: fn(&Row) -> bool| rows.iter().filter(|row| is(row)).count().to_string();
-    let figures: Vec<&Row> = rows.iter().copied().filter(|row| has_figures(row)).collect();
+    let figures: Vec<&Row> = rows
+        .iter()
+        .copied()
+        .filter(|row| has_figures(row))
+        .collect();
     let all = |value: fn(&Row) -> Option<f64>| figures.iter().filter_map(move |row| value(row));
     let mean = |value: fn(&Row) -> Option<f64>, digits: usize| shown(mean_of(all(value)), digits);
-    let least =
-        |value: fn(&Row) -> Option<f64>, digits: usize| shown(all(value).min_by(f64::total_cmp), digits);
+    let least = |value: fn(&Row) -> Option<f64>, digits: usize| {
+        shown(all(value).min_by(f64::total_cmp), digits)
+    };
     let seen = |row: &Row| row.share().map(|share| 100.0 * share);
     let route = |row: &Row| row.route_share().map(|share| 100.0 * share);
     let rest = [
@@ -96,9 +133,18 @@ fn line(names: &[String], rows: &[&Row]) -> Vec<String> {
 /// Counts how missions ended, best first: "4 done + 1 no way".
 fn ends(rows: &[&Row]) -> String {
     let count = |word: &str| rows.iter().filter(|row| row.mission == word).count();
-    let counted = ENDS.iter().map(|word| (count(word), word)).filter(|(count, _)| *count > 0);
-    let words: Vec<String> = counted.map(|(count, word)| format!("{count} {word}")).collect();
-    if words.is_empty() { "-".to_owned() } else { words.join(" + ") }
+    let counted = ENDS
+        .iter()
+        .map(|word| (count(word), word))
+        .filter(|(count, _)| *count > 0);
+    let words: Vec<String> = counted
+        .map(|(count, word)| format!("{count} {word}"))
+        .collect();
+    if words.is_empty() {
+        "-".to_owned()
+    } else {
+        words.join(" + ")
+    }
 }
 
 fn has_figures(row: &Row) -> bool {
@@ -109,7 +155,9 @@ fn has_figures(row: &Row) -> bool {
 }
 
 fn mean_of(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let (sum, count) = values.fold((0.0, 0usize), |(sum, count), value| (sum + value, count + 1));
+    let (sum, count) = values.fold((0.0, 0usize), |(sum, count), value| {
+        (sum + value, count + 1)
+    });
     (count > 0).then(|| sum / count as f64)
 }
 
@@ -133,13 +181,29 @@ fn reasons<'a>(rows: &[&'a Row]) -> Vec<(&'a str, usize)> {
 fn aligned<'a>(lines: impl Iterator<Item = &'a Vec<String>>, words: usize) -> String {
     let lines: Vec<&Vec<String>> = lines.collect();
     let columns = lines.first().map_or(0, |line| line.len());
-    let longest = |column: usize| lines.iter().map(|line| line[column].chars().count()).max().unwrap_or(0);
+    let longest = |column: usize| {
+        lines
+            .iter()
+            .map(|line| line[column].chars().count())
+            .max()
+            .unwrap_or(0)
+    };
     let widths: Vec<usize> = (0..columns).map(longest).collect();
     let cell = |(column, (text, width)): (usize, (&String, &usize))| {
-        if column < words { format!("{text:<width$}") } else { format!("{text:>width$}") }
+        if column < words {
+            format!("{text:<width$}")
+        } else {
+            format!("{text:>width$}")
+        }
     };
     let put = |line: &&Vec<String>| {
-        line.iter().zip(&widths).enumerate().map(cell).collect::<Vec<_>>().join("  ") + "\n"
+        line.iter()
+            .zip(&widths)
+            .enumerate()
+            .map(cell)
+            .collect::<Vec<_>>()
+            .join("  ")
+            + "\n"
     };
     lines.iter().map(put).collect()
 }
@@ -153,7 +217,11 @@ mod tests {
         [[mission]]\nname = \"zoo\"\nkind = \"search\"\n[[mission]]\nname = \"ant\"\nkind = \"square\"\n";
 
     fn row(run: usize, simulated_s: f64, why: &str) -> Row {
-        let end = if why.is_empty() { End::Finished } else { End::Failed };
+        let end = if why.is_empty() {
+            End::Finished
+        } else {
+            End::Failed
+        };
         let mut row = Row::without_figures(run, end, why.to_owned());
         (row.simulated_s, row.visible_cells, row.detected_cells) = (simulated_s, 10, 5 + run);
         row
@@ -162,22 +230,39 @@ mod tests {
     #[test]
     fn groups_come_in_grid_order_with_their_means_and_reasons() {
         let experiment = read_experiment("e.toml", GRID).unwrap();
-        let rows = [row(0, 10.0, ""), row(1, 30.0, "stuck"), row(2, 5.0, ""), row(3, 5.0, "")];
+        let rows = [
+            row(0, 10.0, ""),
+            row(1, 30.0, "stuck"),
+            row(2, 5.0, ""),
+            row(3, 5.0, ""),
+        ];
         let text = text(&experiment, &rows, &[Axis::Mission]);
-        let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split_whitespace().collect()).collect();
+        let lines: Vec<Vec<&str>> = text
+            .lines()
+            .map(|line| line.split_whitespace().collect())
+            .collect();
         assert_eq!(lines[0][..4], ["mission", "runs", "finished", "ends"]);
         assert_eq!(
             lines[1],
-            ["zoo", "2", "1", "-", "0", "20", "0", "0.0", "55.0", "50.0", "-", "-", "0.0", "-", "0"]
+            [
+                "zoo", "2", "1", "-", "0", "20", "0", "0.0", "55.0", "50.0", "-", "-", "0.0", "-",
+                "0"
+            ]
         );
         assert_eq!(lines[2][..7], ["ant", "2", "2", "-", "0", "5", "0"]);
-        assert!(text.contains("zoo: 1 × stuck\n") && text.ends_with("4 of 4 runs of trial\n"), "{text}");
+        assert!(
+            text.contains("zoo: 1 × stuck\n") && text.ends_with("4 of 4 runs of trial\n"),
+            "{text}"
+        );
     }
 
     #[test]
     fn runs_that_came_to_nothing_have_no_part_in_the_means() {
         let experiment = read_experiment("e.toml", GRID).unwrap();
-        let rows = [row(0, 10.0, ""), Row::without_figures(1, End::Refused, "no room".to_owned())];
+        let rows = [
+            row(0, 10.0, ""),
+            Row::without_figures(1, End::Refused, "no room".to_owned()),
+        ];
         let text = text(&experiment, &rows, &[Axis::Mission, Axis::Seed]);
         let whole = self::text(&experiment, &rows, &[Axis::Mission]);
         assert!(whole.lines().nth(1).unwrap().contains(" 10 "), "{whole}");

@@ -18,11 +18,18 @@ fn folder(experiment: &str) -> tempfile::TempDir {
     put("yard.sim.toml", SIM);
     put("yard.venue.toml", VENUE);
     put("yard.scene.toml", SCENE);
-    put("e.toml", &format!("kind = \"experiment\"\nname = \"e\"\nsim = \"yard.sim.toml\"\n{experiment}"));
+    put(
+        "e.toml",
+        &format!("kind = \"experiment\"\nname = \"e\"\nsim = \"yard.sim.toml\"\n{experiment}"),
+    );
     folder
 }
 
-fn run(folder: &Path, out: &str, change: impl Fn(&mut ExperimentArgs)) -> (String, Result<(), CliError>) {
+fn run(
+    folder: &Path,
+    out: &str,
+    change: impl Fn(&mut ExperimentArgs),
+) -> (String, Result<(), CliError>) {
     let mut args = ExperimentArgs {
         config: folder.join("e.toml"),
         out: Some(folder.join(out)),
@@ -59,10 +66,17 @@ fn the_table_is_the_same_with_one_thread_with_three_and_after_a_stop() {
     let journal = read(folder.path(), "one/journal.jsonl");
     let kept: usize = journal.lines().take(4).map(|line| line.len() + 1).sum();
     fs::create_dir(folder.path().join("killed")).unwrap();
-    fs::write(folder.path().join("killed/journal.jsonl"), &journal[..kept + 20]).unwrap();
+    fs::write(
+        folder.path().join("killed/journal.jsonl"),
+        &journal[..kept + 20],
+    )
+    .unwrap();
     let (resumed, result) = run(folder.path(), "killed", |args| args.resume = true);
     assert!(result.is_ok(), "{result:?}");
-    assert_eq!((resumed, read(folder.path(), "killed/runs.csv")), (table, csv));
+    assert_eq!(
+        (resumed, read(folder.path(), "killed/runs.csv")),
+        (table, csv)
+    );
     assert_eq!(read(folder.path(), "killed/journal.jsonl"), journal);
 }
 
@@ -79,7 +93,11 @@ fn figures_are_those_of_the_run() {
     };
     let number = |name: &str| value(name).parse::<f64>().unwrap();
     assert_eq!(
-        (value("end").as_str(), value("mission_end").as_str(), value("collisions").as_str()),
+        (
+            value("end").as_str(),
+            value("mission_end").as_str(),
+            value("collisions").as_str()
+        ),
         ("finished", "done", "0")
     );
     // Two vehicles drive 1.5 m ahead and come back.
@@ -92,7 +110,10 @@ fn figures_are_those_of_the_run() {
         number("route_cells") <= number("visible_cells")
             && number("detected_cells") <= number("visible_cells")
     );
-    assert!(table.contains("1 done") && table.ends_with("1 of 1 runs of e\n"), "{table}");
+    assert!(
+        table.contains("1 done") && table.ends_with("1 of 1 runs of e\n"),
+        "{table}"
+    );
 }
 
 #[test]
@@ -104,7 +125,10 @@ fn a_cell_that_cannot_be_run_is_named_before_anything_is() {
     let error = result.unwrap_err();
     assert_eq!((text.as_str(), error.exit_code()), ("", 2));
     let said = error.to_string();
-    assert!(said.contains("in 2 of 4 cells: mission=browse scene=yard safety_m=6; mission=search"), "{said}");
+    assert!(
+        said.contains("in 2 of 4 cells: mission=browse scene=yard safety_m=6; mission=search"),
+        "{said}"
+    );
     assert!(!folder.path().join("out").exists());
 }
 
@@ -112,10 +136,21 @@ fn a_cell_that_cannot_be_run_is_named_before_anything_is() {
 fn a_changed_file_is_refused_until_one_begins_anew() {
     let folder = folder("[[mission]]\nkind = \"browse\"\n");
     assert!(run(folder.path(), "out", |_| {}).1.is_ok());
-    fs::write(folder.path().join("yard.scene.toml"), SCENE.replace("4.5", "4.4")).unwrap();
+    fs::write(
+        folder.path().join("yard.scene.toml"),
+        SCENE.replace("4.5", "4.4"),
+    )
+    .unwrap();
     let error = run(folder.path(), "out", |_| {}).1.unwrap_err();
-    assert!(error.exit_code() == 2 && error.to_string().contains("--fresh"), "{error}");
-    assert!(run(folder.path(), "out", |args| args.fresh = true).1.is_ok());
+    assert!(
+        error.exit_code() == 2 && error.to_string().contains("--fresh"),
+        "{error}"
+    );
+    assert!(
+        run(folder.path(), "out", |args| args.fresh = true)
+            .1
+            .is_ok()
+    );
 }
 
 #[test]
@@ -124,13 +159,21 @@ fn one_run_alone_is_the_run_of_the_grid() {
     assert!(run(folder.path(), "grid", |_| {}).1.is_ok());
     let (text, result) = run(folder.path(), "alone", |args| args.only = Some(5));
     assert!(result.is_ok(), "{result:?}");
-    assert!(text.starts_with("run 5: mission=against scene=yard safety_m=0.3 seed=2\n"), "{text}");
+    assert!(
+        text.starts_with("run 5: mission=against scene=yard safety_m=0.3 seed=2\n"),
+        "{text}"
+    );
     let log = read(folder.path(), "alone/run.log");
     let hash = format!("{:016x}", crate::sim::log::hash(log.bytes().map(u64::from)));
     let csv = read(folder.path(), "grid/runs.csv");
     assert!(csv.lines().nth(6).unwrap().ends_with(&hash), "{csv}");
-    let beyond = run(folder.path(), "alone", |args| args.only = Some(8)).1.unwrap_err();
-    assert!(beyond.exit_code() == 2 && beyond.to_string().contains("0 to 7"), "{beyond}");
+    let beyond = run(folder.path(), "alone", |args| args.only = Some(8))
+        .1
+        .unwrap_err();
+    assert!(
+        beyond.exit_code() == 2 && beyond.to_string().contains("0 to 7"),
+        "{beyond}"
+    );
 }
 
 #[test]

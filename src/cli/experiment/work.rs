@@ -40,9 +40,18 @@ pub(super) fn run_rest(
     keep: &mut Keep<'_>,
 ) -> Result<(), CliError> {
     let done: BTreeSet<usize> = rows.iter().map(|row| row.run).collect();
-    let left: Vec<usize> = (0..grid.experiment().runs()).filter(|run| !done.contains(run)).collect();
+    let left: Vec<usize> = (0..grid.experiment().runs())
+        .filter(|run| !done.contains(run))
+        .collect();
     let (next, halt) = (AtomicUsize::new(0), AtomicBool::new(false));
-    let shared = Shared { grid, left: &left, next, seen: Cache::default(), stop, halt };
+    let shared = Shared {
+        grid,
+        left: &left,
+        next,
+        seen: Cache::default(),
+        stop,
+        halt,
+    };
     let (sender, receiver) = channel();
     std::thread::scope(|scope| {
         for _ in 0..threads.min(left.len()) {
@@ -67,7 +76,11 @@ fn work(shared: &Shared<'_>, sender: &Sender<Row>) {
         }
         let row = catch_unwind(AssertUnwindSafe(|| shared.run_one(*run)));
         let row = row.unwrap_or_else(|_| {
-            Some(Row::without_figures(*run, End::Fault, "the program panicked".to_owned()))
+            Some(Row::without_figures(
+                *run,
+                End::Fault,
+                "the program panicked".to_owned(),
+            ))
         });
         // Who is asked to stop leaves the run for the next time.
         let Some(row) = row else { return };
@@ -104,7 +117,9 @@ impl Shared<'_> {
         }
         Some(match outcome {
             Ok(outcome) => Row::of(run, &outcome, &seen),
-            Err(RunError::Scenario(error)) => Row::without_figures(run, End::Refused, error.to_string()),
+            Err(RunError::Scenario(error)) => {
+                Row::without_figures(run, End::Refused, error.to_string())
+            }
             Err(RunError::Fault(fault)) => Row::without_figures(run, End::Fault, fault.to_string()),
         })
     }

@@ -34,23 +34,60 @@ fn map() -> Merged {
             0
         }
     };
-    let middle = |index: usize| Point::new(0.2 * (index % 32) as f64 + 0.1, 0.2 * (index / 32) as f64 + 0.1);
+    let middle = |index: usize| {
+        Point::new(
+            0.2 * (index % 32) as f64 + 0.1,
+            0.2 * (index / 32) as f64 + 0.1,
+        )
+    };
     let cells = Arc::new(std::array::from_fn(|index| value(middle(index))));
-    let address = TileAddress { slice: 0, x: 0, y: 0 };
-    map.join(&TileReport { layer: LayerId::default(), address, revision: 1, cells }).unwrap();
+    let address = TileAddress {
+        slice: 0,
+        x: 0,
+        y: 0,
+    };
+    map.join(&TileReport {
+        layer: LayerId::default(),
+        address,
+        revision: 1,
+        cells,
+    })
+    .unwrap();
     map
 }
 
-fn vehicle(id: u8, x_m: f64, y_m: f64, facing_deg: f64, status: Option<MissionStatus>) -> ShownVehicle {
+fn vehicle(
+    id: u8,
+    x_m: f64,
+    y_m: f64,
+    facing_deg: f64,
+    status: Option<MissionStatus>,
+) -> ShownVehicle {
     let heading = Angle::from_degrees(facing_deg);
-    ShownVehicle { id: VehicleId(id), at: Point::new(x_m, y_m), heading, status }
+    ShownVehicle {
+        id: VehicleId(id),
+        at: Point::new(x_m, y_m),
+        heading,
+        status,
+    }
 }
 
 fn vehicles() -> Vec<Drawn> {
-    let track = (0..12).map(|step| Point::new(0.7, 0.7 + 0.2 * f64::from(step))).collect();
+    let track = (0..12)
+        .map(|step| Point::new(0.7, 0.7 + 0.2 * f64::from(step)))
+        .collect();
     let first = vehicle(1, 1.1, 2.9, 0.0, Some(MissionStatus::Following));
     let twelfth = vehicle(12, 5.0, 1.5, 90.0, None);
-    vec![Drawn { vehicle: first, track }, Drawn { vehicle: twelfth, track: VecDeque::new() }]
+    vec![
+        Drawn {
+            vehicle: first,
+            track,
+        },
+        Drawn {
+            vehicle: twelfth,
+            track: VecDeque::new(),
+        },
+    ]
 }
 
 fn frame(columns: usize, rows: usize) -> Option<Frame> {
@@ -62,7 +99,10 @@ fn frame(columns: usize, rows: usize) -> Option<Frame> {
 fn drawn(frame: &Frame) -> Vec<String> {
     let letter = |index: usize, pixel: &Pixel| {
         let (row, column) = (index / frame.columns, index % frame.columns);
-        let vehicle = frame.letters.iter().find(|(at, of, ..)| (2 * at, *of) == (row, column));
+        let vehicle = frame
+            .letters
+            .iter()
+            .find(|(at, of, ..)| (2 * at, *of) == (row, column));
         vehicle.map_or(
             match pixel {
                 Pixel::Outside => ' ',
@@ -76,8 +116,16 @@ fn drawn(frame: &Frame) -> Vec<String> {
             |(.., letter)| *letter,
         )
     };
-    let letters: Vec<char> = frame.pixels.iter().enumerate().map(|(at, pixel)| letter(at, pixel)).collect();
-    letters.chunks(frame.columns).map(|row| row.iter().collect::<String>().trim_end().to_owned()).collect()
+    let letters: Vec<char> = frame
+        .pixels
+        .iter()
+        .enumerate()
+        .map(|(at, pixel)| letter(at, pixel))
+        .collect();
+    letters
+        .chunks(frame.columns)
+        .map(|row| row.iter().collect::<String>().trim_end().to_owned())
+        .collect()
 }
 
 /// What is left of a line without its colours.
@@ -113,7 +161,10 @@ fn map_tracks_homes_and_vehicles_are_where_they_belong() {
         "",
     ];
     assert_eq!(drawn(&frame), expected, "{:#?}", drawn(&frame));
-    assert_eq!(frame.text, ["lap 1/2  3.0 min simulated", "1 on its way  12 off"]);
+    assert_eq!(
+        frame.text,
+        ["lap 1/2  3.0 min simulated", "1 on its way  12 off"]
+    );
 }
 
 #[test]
@@ -121,8 +172,11 @@ fn a_stone_is_seen_however_coarse_the_picture() {
     for (columns, rows) in [(16, 8), (30, 9), (77, 23), (200, 60)] {
         let frame = frame(columns, rows).unwrap();
         let is_west = |index: usize| index % frame.columns < frame.columns * 3 / 8;
-        let stones =
-            frame.pixels.iter().enumerate().filter(|(at, pixel)| is_west(*at) && **pixel == Pixel::Occupied);
+        let stones = frame
+            .pixels
+            .iter()
+            .enumerate()
+            .filter(|(at, pixel)| is_west(*at) && **pixel == Pixel::Occupied);
         assert!(stones.count() > 0, "{columns} x {rows}");
     }
 }
@@ -133,9 +187,20 @@ fn a_line_says_a_colour_only_where_it_changes() {
     let lines = wall.lines();
     assert_eq!(lines.len(), 12);
     let count = |line: &str, what: &str| line.matches(what).count();
-    assert!(lines.iter().all(|line| count(line, "\u{1b}") <= 24), "{lines:#?}");
-    assert!(lines.iter().any(|line| line.contains("\u{1b}[38;5;231m\u{1b}[48;5;160m1")), "{lines:#?}");
-    assert!(lines.iter().any(|line| line.contains("\u{1b}[48;5;27m2")), "{lines:#?}");
+    assert!(
+        lines.iter().all(|line| count(line, "\u{1b}") <= 24),
+        "{lines:#?}"
+    );
+    assert!(
+        lines
+            .iter()
+            .any(|line| line.contains("\u{1b}[38;5;231m\u{1b}[48;5;160m1")),
+        "{lines:#?}"
+    );
+    assert!(
+        lines.iter().any(|line| line.contains("\u{1b}[48;5;27m2")),
+        "{lines:#?}"
+    );
 }
 
 proptest! {

@@ -85,7 +85,10 @@ impl ExperimentFile {
     /// Checks what several keys must obey together.
     pub(super) fn check(&self, root: &Section) {
         if self.scenes.is_empty() {
-            root.require("sim", "a simulation file is needed, or [[scene]] tables that each name one");
+            root.require(
+                "sim",
+                "a simulation file is needed, or [[scene]] tables that each name one",
+            );
         }
         for (index, row) in self.scenes.iter().enumerate() {
             if self.sim_of(row).is_none() {
@@ -102,7 +105,11 @@ impl ExperimentFile {
             let is_known = |name: &str| self.missions.iter().any(|mission| mission.name == name);
             for name in row.missions.keys().filter(|name| !is_known(name)) {
                 let wrong = format!("changes a mission {name}, which there is not");
-                root.refuse(&format!("scene[{index}].mission"), &wrong, "names of [[mission]] are allowed");
+                root.refuse(
+                    &format!("scene[{index}].mission"),
+                    &wrong,
+                    "names of [[mission]] are allowed",
+                );
             }
         }
     }
@@ -143,29 +150,90 @@ impl Keyed for ExperimentFile {
             sensors,
         } = self;
         let means = "part of the output folder's name";
-        let mut plain = Name { name, default: "experiment".to_owned() };
-        to.form(&mut plain, Entry { name: "name", left_out: "experiment", means });
-        let (left_out, means) = ("needed, or in every `[[scene]]`", "the simulation file that is varied");
-        to.form(&mut FileName { name: sim, needed: None }, Entry { name: "sim", left_out, means });
+        let mut plain = Name {
+            name,
+            default: "experiment".to_owned(),
+        };
+        to.form(
+            &mut plain,
+            Entry {
+                name: "name",
+                left_out: "experiment",
+                means,
+            },
+        );
+        let (left_out, means) = (
+            "needed, or in every `[[scene]]`",
+            "the simulation file that is varied",
+        );
+        to.form(
+            &mut FileName {
+                name: sim,
+                needed: None,
+            },
+            Entry {
+                name: "sim",
+                left_out,
+                means,
+            },
+        );
         let mut numbers = |values, name, allowed, left_out, means| {
-            to.form(&mut Values { values, allowed }, Entry { name, left_out, means });
+            to.form(
+                &mut Values { values, allowed },
+                Entry {
+                    name,
+                    left_out,
+                    means,
+                },
+            );
         };
         let means = "axis: from the middle of a vehicle to everything; `safety.padding_m` becomes this less \
                      `vehicles.radius_m`. As in the thesis, whose vehicle was a point";
         numbers(safety_distances_m, SAFETY, 0.05..=7.0, "the file's", means);
-        numbers(cells_m, CELLS, 0.05..=2.0, "the venue's", "axis: the venue's `cell_m`");
+        numbers(
+            cells_m,
+            CELLS,
+            0.05..=2.0,
+            "the venue's",
+            "axis: the venue's `cell_m`",
+        );
         let means = "axis: longer side of the area, which shrinks about its centre; what lies inside (fence, homes) keeps \
                      its share, what lies outside its distance from the border";
         numbers(sizes_m, SIZES, 1.0..=1000.0, "the venue's", means);
-        let mut counts = Values { values: vehicles, allowed: PARTY };
+        let mut counts = Values {
+            values: vehicles,
+            allowed: PARTY,
+        };
         let means = "axis: `vehicles.count`";
-        to.form(&mut counts, Entry { name: "vehicles", left_out: "the file's", means });
+        to.form(
+            &mut counts,
+            Entry {
+                name: "vehicles",
+                left_out: "the file's",
+                means,
+            },
+        );
         let means = "axis: a number n (seeds 1 to n) or a list";
-        to.form(seeds, Entry { name: "seeds", left_out: "the file's", means });
+        to.form(
+            seeds,
+            Entry {
+                name: "seeds",
+                left_out: "the file's",
+                means,
+            },
+        );
         let means = "laid over every simulation";
-        to.table(with, Entry { name: "with", left_out: "", means });
+        to.table(
+            with,
+            Entry {
+                name: "with",
+                left_out: "",
+                means,
+            },
+        );
         let keys = |row: &mut Variant, index, to: &mut dyn Keys| {
-            let default = |section: &Section| section.text("kind").unwrap_or(numbered("mission", index));
+            let default =
+                |section: &Section| section.text("kind").unwrap_or(numbered("mission", index));
             row.keys(
                 to,
                 "its `kind`",
@@ -174,16 +242,43 @@ impl Keyed for ExperimentFile {
             );
         };
         let means = "axis: what the vehicles are out for";
-        to.rows(&mut List { list: missions, keys }, Rowed { name: "mission", most: MOST_VALUES, means });
+        to.rows(
+            &mut List {
+                list: missions,
+                keys,
+            },
+            Rowed {
+                name: "mission",
+                most: MOST_VALUES,
+                means,
+            },
+        );
         let keys = |row: &mut SceneRow, _, to: &mut dyn Keys| row.keys(sim.as_deref(), to);
         let means = "axis: where";
-        to.rows(&mut List { list: scenes, keys }, Rowed { name: "scene", most: MOST_VALUES, means });
+        to.rows(
+            &mut List { list: scenes, keys },
+            Rowed {
+                name: "scene",
+                most: MOST_VALUES,
+                means,
+            },
+        );
         let keys = |row: &mut Variant, index, to: &mut dyn Keys| {
             let default = |_: &Section| numbered("sensor", index);
             row.keys(to, "sensor-N", &default, "keys laid over `[range]`");
         };
         let means = "axis: the range sensor";
-        to.rows(&mut List { list: sensors, keys }, Rowed { name: "sensor", most: MOST_VALUES, means });
+        to.rows(
+            &mut List {
+                list: sensors,
+                keys,
+            },
+            Rowed {
+                name: "sensor",
+                most: MOST_VALUES,
+                means,
+            },
+        );
     }
 }
 
@@ -200,38 +295,117 @@ impl Variant {
         means: &'static str,
     ) {
         let Variant { name, line, keys } = self;
-        let mut named = RowName { name, line, default };
-        to.form(&mut named, Entry { name: "name", left_out, means: "a plain name" });
-        to.others(keys, Others { but: &["name"], means });
+        let mut named = RowName {
+            name,
+            line,
+            default,
+        };
+        to.form(
+            &mut named,
+            Entry {
+                name: "name",
+                left_out,
+                means: "a plain name",
+            },
+        );
+        to.others(
+            keys,
+            Others {
+                but: &["name"],
+                means,
+            },
+        );
     }
 }
 
 impl SceneRow {
     fn keys(&mut self, sim_of_all: Option<&str>, to: &mut dyn Keys) {
-        let SceneRow { name, line, sim, files: [scene, venue], with, missions } = self;
+        let SceneRow {
+            name,
+            line,
+            sim,
+            files: [scene, venue],
+            with,
+            missions,
+        } = self;
         let default = |section: &Section| {
             let own = section.text("sim");
             stem(own.as_deref().or(sim_of_all).unwrap_or_default())
         };
-        let mut named = RowName { name, line, default: &default };
+        let mut named = RowName {
+            name,
+            line,
+            default: &default,
+        };
         let left_out = "the file's, up to the first dot";
-        to.form(&mut named, Entry { name: "name", left_out, means: "a plain name" });
+        to.form(
+            &mut named,
+            Entry {
+                name: "name",
+                left_out,
+                means: "a plain name",
+            },
+        );
         let means = "its simulation file";
         let left_out = "that of all";
-        to.form(&mut FileName { name: sim, needed: None }, Entry { name: "sim", left_out, means });
+        to.form(
+            &mut FileName {
+                name: sim,
+                needed: None,
+            },
+            Entry {
+                name: "sim",
+                left_out,
+                means,
+            },
+        );
         let means = "a scene in place of the simulation's";
-        to.form(&mut OtherFile(scene), Entry { name: "scene", left_out: "", means });
+        to.form(
+            &mut OtherFile(scene),
+            Entry {
+                name: "scene",
+                left_out: "",
+                means,
+            },
+        );
         let means = "a venue in place of the simulation's";
-        to.form(&mut OtherFile(venue), Entry { name: "venue", left_out: "", means });
-        to.table(with, Entry { name: "with", left_out: "", means: "laid over this simulation" });
+        to.form(
+            &mut OtherFile(venue),
+            Entry {
+                name: "venue",
+                left_out: "",
+                means,
+            },
+        );
+        to.table(
+            with,
+            Entry {
+                name: "with",
+                left_out: "",
+                means: "laid over this simulation",
+            },
+        );
         let means = "laid over `[mission]` for the mission of this name only";
-        to.named_tables(missions, Entry { name: "mission", left_out: "", means });
+        to.named_tables(
+            missions,
+            Entry {
+                name: "mission",
+                left_out: "",
+                means,
+            },
+        );
     }
 }
 
 impl Keyed for Laid {
     fn keys(&mut self, to: &mut dyn Keys) {
-        to.others(&mut self.0, Others { but: &[], means: "a key of that file or table" });
+        to.others(
+            &mut self.0,
+            Others {
+                but: &[],
+                means: "a key of that file or table",
+            },
+        );
     }
 }
 
@@ -336,7 +510,13 @@ impl Form for Seeds {
         } else if section.list(key).is_none() {
             Seeds::UpTo(section.whole(key, 1, 1..=MOST_RUNS))
         } else {
-            Seeds::These(read_values(section, key, MOST_RUNS, &rule, &(0..=i64::MAX as usize)))
+            Seeds::These(read_values(
+                section,
+                key,
+                MOST_RUNS,
+                &rule,
+                &(0..=i64::MAX as usize),
+            ))
         }
     }
 
@@ -361,7 +541,10 @@ fn read_values<T: Value>(
         return Vec::new();
     }
     let source = section.source;
-    let Some(list) = section.list(key).filter(|list| (1..=most).contains(&list.len())) else {
+    let Some(list) = section
+        .list(key)
+        .filter(|list| (1..=most).contains(&list.len()))
+    else {
         section.refuse(key, "is no such list", rule);
         return Vec::new();
     };
@@ -370,7 +553,14 @@ fn read_values<T: Value>(
         let line = source.line_of(entry.span());
         match T::of(entry.get_ref()).filter(|value| allowed.contains(value)) {
             Some(value) => values.push(Given { value, line }),
-            None => source.note(Class::Value, line, key, &source.shown(entry), "is not allowed", rule),
+            None => source.note(
+                Class::Value,
+                line,
+                key,
+                &source.shown(entry),
+                "is not allowed",
+                rule,
+            ),
         }
     }
     values

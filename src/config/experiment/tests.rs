@@ -8,8 +8,8 @@ use tomoswarm_proto::TaskKind;
 
 use super::*;
 use crate::config::keys::{
-    Bounds, Entry, Flag, Form, MaybeTable, NamedTables, Number, Numbers, Others, Rowed, Rows, Whole, Word,
-    Words,
+    Bounds, Entry, Flag, Form, MaybeTable, NamedTables, Number, Numbers, Others, Rowed, Rows,
+    Whole, Word, Words,
 };
 use crate::config::overlay::FILES;
 use crate::config::sim::SimTable;
@@ -32,7 +32,11 @@ fn load(path: &str) -> Result<String, String> {
 }
 
 fn grid(rest: &str) -> Experiment {
-    read_experiment(FILE, &format!("kind = \"experiment\"\nsim = \"courtyard.sim.toml\"\n{rest}")).unwrap()
+    read_experiment(
+        FILE,
+        &format!("kind = \"experiment\"\nsim = \"courtyard.sim.toml\"\n{rest}"),
+    )
+    .unwrap()
 }
 
 fn sim(grid: &Experiment, cell: usize) -> Sim {
@@ -54,7 +58,8 @@ fn without_axes_the_grid_is_the_simulation_itself() {
     let grid = grid("");
     assert_eq!((grid.runs(), grid.cells(), grid.seed_of(0)), (1, 1, None));
     let text = bundled::load("configs/courtyard.sim.toml").unwrap();
-    let plain = crate::config::read_sim("configs/courtyard.sim.toml", &text, None, &mut load).unwrap();
+    let plain =
+        crate::config::read_sim("configs/courtyard.sim.toml", &text, None, &mut load).unwrap();
     assert_eq!(sim(&grid, 0), plain);
     assert_eq!(grid.key(0, true), "scene=courtyard");
 }
@@ -67,7 +72,10 @@ fn the_last_axis_changes_fastest_and_every_value_reaches_its_key() {
     );
     assert_eq!((grid.runs(), grid.cells(), grid.seeds()), (12, 4, 3));
     let keys: Vec<String> = [0, 1, 3, 11].map(|run| grid.key(run, true)).to_vec();
-    assert_eq!(keys[0], "scene=courtyard safety_m=0.3 cell_m=0.2 sensor=narrow vehicles=3 seed=7");
+    assert_eq!(
+        keys[0],
+        "scene=courtyard safety_m=0.3 cell_m=0.2 sensor=narrow vehicles=3 seed=7"
+    );
     assert!(keys[1].ends_with("cell_m=0.2 sensor=narrow vehicles=3 seed=9"));
     assert!(keys[2].contains("safety_m=0.3 cell_m=0.25"));
     assert!(keys[3].contains("safety_m=0.5 cell_m=0.25") && keys[3].ends_with("seed=11"));
@@ -92,7 +100,13 @@ fn a_mission_takes_the_place_of_the_files_own() {
     let corner = |cell: usize, index: usize| Point::from(tasks[cell].places()[index]);
     let side_m = |cell: usize| corner(cell, 0).distance_to(corner(cell, 1));
     assert!((side_m(2) - 4.0).abs() < 1e-9 && (side_m(3) - 6.0).abs() < 1e-9);
-    assert_eq!((sim(&grid, 0).vehicles.body.radius_m, sim(&grid, 1).vehicles.body.radius_m), (0.4, 0.3));
+    assert_eq!(
+        (
+            sim(&grid, 0).vehicles.body.radius_m,
+            sim(&grid, 1).vehicles.body.radius_m
+        ),
+        (0.4, 0.3)
+    );
     assert_eq!(grid.names(Axis::Mission), ["explore", "box"]);
     assert_eq!(grid.names(Axis::Scene), ["other", "yard"]);
 }
@@ -101,32 +115,53 @@ fn a_mission_takes_the_place_of_the_files_own() {
 fn a_smaller_size_shrinks_the_area_about_its_centre_and_keeps_what_lies_beyond() {
     let grid = grid("sizes_m = [10.0]\n[with.sweep]\npositions = 40\n");
     let (small, plain) = (sim(&grid, 0).venue, sim(&self::grid(""), 0).venue);
-    assert_eq!((small.area.width_m(), small.area.centre()), (10.0, plain.area.centre()));
+    assert_eq!(
+        (small.area.width_m(), small.area.centre()),
+        (10.0, plain.area.centre())
+    );
     let beyond_m = |area: Rect, at: Point| (area.min.x_m - at.x_m).max(at.x_m - area.max.x_m);
-    for (new, old) in
-        small.homes.iter().zip(&plain.homes).chain(small.fence.corners().iter().zip(plain.fence.corners()))
+    for (new, old) in small
+        .homes
+        .iter()
+        .zip(&plain.homes)
+        .chain(small.fence.corners().iter().zip(plain.fence.corners()))
     {
         let (new_m, old_m) = (beyond_m(small.area, *new), beyond_m(plain.area, *old));
-        assert!(old_m < 0.0 || (new_m - old_m).abs() < 1e-9, "{old:?} became {new:?}");
+        assert!(
+            old_m < 0.0 || (new_m - old_m).abs() < 1e-9,
+            "{old:?} became {new:?}"
+        );
     }
 }
 
 #[test]
 fn what_is_laid_over_is_refused_where_it_stands() {
-    let grid =
-        grid("cells_m = [0.2,\n  1.9]\n[[sensor]]\nname = \"blind\"\nsure_range_m = 900.0\nbeams = 3\n");
+    let grid = grid(
+        "cells_m = [0.2,\n  1.9]\n[[sensor]]\nname = \"blind\"\nsure_range_m = 900.0\nbeams = 3\n",
+    );
     let text = wrong_cell(&grid, 0);
-    assert!(text.contains("configs/trial.toml:7: range.sure_range_m = 900.0: is out of range"), "{text}");
-    assert!(text.contains("configs/trial.toml:8: range.beams: is not known"), "{text}");
+    assert!(
+        text.contains("configs/trial.toml:7: range.sure_range_m = 900.0: is out of range"),
+        "{text}"
+    );
+    assert!(
+        text.contains("configs/trial.toml:8: range.beams: is not known"),
+        "{text}"
+    );
     let broken = self::grid("[[scene]]\nsim = \"broken.sim.toml\"\nscene = \"gone.toml\"\n");
     let text = wrong_cell(&broken, 0);
     assert!(
-        text.contains("configs/trial.toml:5: scene = \"gone.toml\": configs/gone.toml cannot be read"),
+        text.contains(
+            "configs/trial.toml:5: scene = \"gone.toml\": configs/gone.toml cannot be read"
+        ),
         "{text}"
     );
     let broken = self::grid("[[scene]]\nsim = \"broken.sim.toml\"\n");
     let text = wrong_cell(&broken, 0);
-    assert!(text.contains("configs/broken.sim.toml:1: scene: is missing"), "{text}");
+    assert!(
+        text.contains("configs/broken.sim.toml:1: scene: is missing"),
+        "{text}"
+    );
     let gone = self::grid("[[scene]]\nsim = \"gone.sim.toml\"\n");
     assert!(wrong_cell(&gone, 0).contains("configs/gone.sim.toml cannot be read"));
 }
@@ -135,7 +170,10 @@ fn what_is_laid_over_is_refused_where_it_stands() {
 fn a_bad_combination_is_told_from_the_good_ones() {
     let grid = grid("safety_distances_m = [0.2, 0.3, 5.0]\nsizes_m = [400.0]\n");
     let text = wrong_cell(&grid, 0);
-    assert!(text.contains("configs/trial.toml:3: safety_distances_m = 0.2: is within the vehicle"), "{text}");
+    assert!(
+        text.contains("configs/trial.toml:3: safety_distances_m = 0.2: is within the vehicle"),
+        "{text}"
+    );
     assert!(wrong_cell(&grid, 1).contains("trial.toml:4: sizes_m = 400: is more than the area"));
     let far = self::grid("safety_distances_m = [0.3, 5.0]\n");
     assert!(far.sim(0, &mut load).is_ok());
@@ -172,23 +210,36 @@ fn all_mistakes_of_the_file_are_listed_at_once() {
 #[test]
 fn a_grid_without_end_is_refused() {
     let text = wrong("seeds = 100000\ncells_m = [0.2, 0.5]\n");
-    assert!(text.contains("the grid has 200000 runs") && text.contains("at most 100000"), "{text}");
+    assert!(
+        text.contains("the grid has 200000 runs") && text.contains("at most 100000"),
+        "{text}"
+    );
     assert!(wrong("seeds = 1000000000\n").contains("seeds = 1000000000: is out of range"));
     assert_eq!(grid("seeds = 100000\n").runs(), 100_000);
 }
 
 #[test]
 fn an_experiment_needs_a_simulation() {
-    let text = read_experiment(FILE, "kind = \"experiment\"\n").unwrap_err().to_string();
+    let text = read_experiment(FILE, "kind = \"experiment\"\n")
+        .unwrap_err()
+        .to_string();
     assert!(text.contains("sim: is missing"), "{text}");
-    let text =
-        read_experiment(FILE, "kind = \"experiment\"\n[[scene]]\nname = \"a\"\n").unwrap_err().to_string();
+    let text = read_experiment(FILE, "kind = \"experiment\"\n[[scene]]\nname = \"a\"\n")
+        .unwrap_err()
+        .to_string();
     assert!(text.contains("scene[0].sim: is missing"), "{text}");
 }
 
 /// Checks that two grids are the same: their runs by name, and every simulation.
-pub(in crate::config) fn check_same_grid(first: &Experiment, second: &Experiment, loader: &mut Loader) {
-    assert_eq!((first.name(), first.runs(), first.cells()), (second.name(), second.runs(), second.cells()));
+pub(in crate::config) fn check_same_grid(
+    first: &Experiment,
+    second: &Experiment,
+    loader: &mut Loader,
+) {
+    assert_eq!(
+        (first.name(), first.runs(), first.cells()),
+        (second.name(), second.runs(), second.cells())
+    );
     for run in 0..first.runs() {
         assert_eq!(first.key(run, true), second.key(run, true));
         assert_eq!(first.seed_of(run), second.seed_of(run));
@@ -205,8 +256,15 @@ pub(in crate::config) fn check_same_grid(first: &Experiment, second: &Experiment
 
 /// Returns a list of the numbers of a set as TOML, or nothing when it is empty.
 fn axis(key: &str, values: &BTreeSet<u32>, per: f64) -> String {
-    let list: Vec<String> = values.iter().map(|value| (f64::from(*value) / per).to_string()).collect();
-    if list.is_empty() { String::new() } else { format!("{key} = [{}]\n", list.join(", ")) }
+    let list: Vec<String> = values
+        .iter()
+        .map(|value| (f64::from(*value) / per).to_string())
+        .collect();
+    if list.is_empty() {
+        String::new()
+    } else {
+        format!("{key} = [{}]\n", list.join(", "))
+    }
 }
 
 proptest! {
@@ -308,7 +366,12 @@ impl Keys for Files {
 #[test]
 fn the_files_that_may_be_laid_over_are_those_that_the_keys_declare() {
     let mut files = Files::default();
-    SimTable { sim: &mut Sim::blank(), allowed: &SWARM, asked: None }.keys(&mut files);
+    SimTable {
+        sim: &mut Sim::blank(),
+        allowed: &SWARM,
+        asked: None,
+    }
+    .keys(&mut files);
     Mission::each().for_each(|(_, mut mission)| mission.keys(&mut files));
     // A simulation opens its venue and its scene before it shows its keys.
     files.0.extend(["venue", "scene"]);

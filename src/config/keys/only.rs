@@ -3,8 +3,8 @@
 
 use super::super::overlay::Layer;
 use super::{
-    Bounds, Entry, Flag, Form, Keyed, Keys, MaybeTable, NamedTables, Number, Numbers, Others, Rowed, Rows,
-    Whole, Word, Words,
+    Bounds, Entry, Flag, Form, Keyed, Keys, MaybeTable, NamedTables, Number, Numbers, Others,
+    Rowed, Rows, Whole, Word, Words,
 };
 
 /// Passes on the keys of some names, each with its present value as its default.
@@ -39,9 +39,22 @@ impl Keys for Only<'_> {
 
     fn needed_number(&mut self, value: &mut f64, key: Bounds<f64>) {
         if self.has(key.name) {
-            let Bounds { name, left_out: _, allowed, means } = key;
+            let Bounds {
+                name,
+                left_out: _,
+                allowed,
+                means,
+            } = key;
             let default = *value;
-            self.to.number(value, Number { name, default, allowed, means });
+            self.to.number(
+                value,
+                Number {
+                    name,
+                    default,
+                    allowed,
+                    means,
+                },
+            );
         }
     }
 

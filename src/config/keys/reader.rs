@@ -5,8 +5,8 @@ use super::super::overlay::Layer;
 use super::super::section::Section;
 use super::super::source::Source;
 use super::{
-    Bounds, Entry, Flag, Form, Keyed, Keys, MaybeTable, NamedTables, Number, Numbers, Others, Rowed, Rows,
-    Whole, Word, Words,
+    Bounds, Entry, Flag, Form, Keyed, Keys, MaybeTable, NamedTables, Number, Numbers, Others,
+    Rowed, Rows, Whole, Word, Words,
 };
 
 /// Reads a whole table: a key that was not shown is refused.
@@ -62,15 +62,24 @@ impl Keys for Reader<'_, '_> {
     fn word(&mut self, value: &mut dyn Word, key: Words) {
         let words = value.words();
         if key.default.is_empty() {
-            self.section.require(key.name, &format!("one of {} is needed", words.join(", ")));
+            self.section
+                .require(key.name, &format!("one of {} is needed", words.join(", ")));
         }
         let pairs: Vec<(&str, &str)> = words.iter().map(|word| (*word, *word)).collect();
-        let default = words.iter().find(|word| **word == key.default).or(words.first());
-        value.choose(self.section.choice(key.name, default.copied().unwrap_or_default(), &pairs));
+        let default = words
+            .iter()
+            .find(|word| **word == key.default)
+            .or(words.first());
+        value.choose(
+            self.section
+                .choice(key.name, default.copied().unwrap_or_default(), &pairs),
+        );
     }
 
     fn numbers(&mut self, value: &mut Vec<f64>, key: Numbers) {
-        *value = self.section.numbers(key.name, key.default, key.count, key.allowed);
+        *value = self
+            .section
+            .numbers(key.name, key.default, key.count, key.allowed);
     }
 
     fn form(&mut self, value: &mut dyn Form, key: Entry) {

@@ -4,8 +4,8 @@ use super::super::overlay::Layer;
 use super::unit::unit;
 use super::writer::{list, number};
 use super::{
-    Bounds, Entry, Flag, Form, Keyed, Keys, MaybeTable, NamedTables, Number, Numbers, Others, Rowed, Rows,
-    Whole, Word, Words,
+    Bounds, Entry, Flag, Form, Keyed, Keys, MaybeTable, NamedTables, Number, Numbers, Others,
+    Rowed, Rows, Whole, Word, Words,
 };
 
 const HEAD: &str = "| key | default | allowed | meaning |\n| --- | --- | --- | --- |\n";
@@ -29,7 +29,12 @@ struct Row {
 
 impl Row {
     fn text(&self) -> String {
-        let Row { name, default, allowed, means } = self;
+        let Row {
+            name,
+            default,
+            allowed,
+            means,
+        } = self;
         format!("| {name} | {default} | {allowed} | {means} |\n")
     }
 }
@@ -46,7 +51,9 @@ impl Tables {
 
     /// Returns one table of the keys of all kinds of a table, each with its word: the meaning of a key begins with the
     /// words of the kinds that have it, unless all do.
-    pub(in crate::config) fn of_kinds<T: Keyed>(kinds: impl Iterator<Item = (&'static str, T)>) -> String {
+    pub(in crate::config) fn of_kinds<T: Keyed>(
+        kinds: impl Iterator<Item = (&'static str, T)>,
+    ) -> String {
         let (mut count, mut rows) = (0, Vec::<(Row, Vec<String>)>::new());
         for (word, mut kind) in kinds {
             count += 1;
@@ -61,10 +68,17 @@ impl Tables {
         }
         let with_words = |(row, words): (Row, Vec<String>)| match words.len() == count {
             true => row,
-            false => Row { means: format!("{}: {}", words.join(", "), row.means), ..row },
+            false => Row {
+                means: format!("{}: {}", words.join(", "), row.means),
+                ..row
+            },
         };
         let rows = rows.into_iter().map(with_words).collect();
-        Tables { rows, ..Tables::default() }.text()
+        Tables {
+            rows,
+            ..Tables::default()
+        }
+        .text()
     }
 
     fn text(self) -> String {
@@ -76,10 +90,17 @@ impl Tables {
     }
 
     fn row(&mut self, name: &str, default: &str, allowed: &str, means: &str) {
-        let unit = unit(name).map(|unit| format!(" {unit}")).unwrap_or_default();
+        let unit = unit(name)
+            .map(|unit| format!(" {unit}"))
+            .unwrap_or_default();
         let default = if default.is_empty() { "none" } else { default }.to_owned();
         let (allowed, means) = (format!("{allowed}{unit}"), means.replace('|', "\\|"));
-        let row = Row { name: format!("`{name}`"), default, allowed, means };
+        let row = Row {
+            name: format!("`{name}`"),
+            default,
+            allowed,
+            means,
+        };
         // A key that two kinds of a table share is shown once.
         if !self.rows.contains(&row) {
             self.rows.push(row);
@@ -90,11 +111,24 @@ impl Tables {
         self.row(name, default, &format!("{from} to {to}"), means);
     }
 
-    fn under(&mut self, name: &str, header: &str, key: (&str, &str), show: &mut dyn FnMut(&mut Tables)) {
-        let mut inner = Tables { prefix: format!("{name}."), ..Tables::default() };
+    fn under(
+        &mut self,
+        name: &str,
+        header: &str,
+        key: (&str, &str),
+        show: &mut dyn FnMut(&mut Tables),
+    ) {
+        let mut inner = Tables {
+            prefix: format!("{name}."),
+            ..Tables::default()
+        };
         show(&mut inner);
         let (left_out, means) = key;
-        let left_out = if left_out.is_empty() { String::new() } else { format!(" ({left_out})") };
+        let left_out = if left_out.is_empty() {
+            String::new()
+        } else {
+            format!(" ({left_out})")
+        };
         let inner = inner.text();
         if inner.is_empty() {
             return;
@@ -108,7 +142,11 @@ impl Tables {
 
 /// Returns a number as a person writes it.
 fn short(value: f64) -> String {
-    if value.abs() >= 1e7 { format!("{value:e}") } else { value.to_string() }
+    if value.abs() >= 1e7 {
+        format!("{value:e}")
+    } else {
+        value.to_string()
+    }
 }
 
 impl Keys for Tables {
@@ -128,12 +166,18 @@ impl Keys for Tables {
     }
 
     fn whole(&mut self, _: &mut usize, key: Whole) {
-        let span = (key.allowed.start().to_string(), key.allowed.end().to_string());
+        let span = (
+            key.allowed.start().to_string(),
+            key.allowed.end().to_string(),
+        );
         self.span(key.name, &key.default.to_string(), span, key.means);
     }
 
     fn maybe_whole(&mut self, _: &mut Option<usize>, key: Bounds<usize>) {
-        let span = (key.allowed.start().to_string(), key.allowed.end().to_string());
+        let span = (
+            key.allowed.start().to_string(),
+            key.allowed.end().to_string(),
+        );
         self.span(key.name, key.left_out, span, key.means);
     }
 
@@ -142,16 +186,29 @@ impl Keys for Tables {
     }
 
     fn word(&mut self, value: &mut dyn Word, key: Words) {
-        let default = if key.default.is_empty() { "needed" } else { key.default };
+        let default = if key.default.is_empty() {
+            "needed"
+        } else {
+            key.default
+        };
         self.row(key.name, default, &value.words().join(", "), key.means);
     }
 
     fn numbers(&mut self, _: &mut Vec<f64>, key: Numbers) {
         let (from, to) = (key.count.start(), key.count.end());
-        let count = if from == to { from.to_string() } else { format!("{from} to {to}") };
+        let count = if from == to {
+            from.to_string()
+        } else {
+            format!("{from} to {to}")
+        };
         let (least, most) = (short(*key.allowed.start()), short(*key.allowed.end()));
         let default = list(key.default.iter().map(|entry| number(*entry)));
-        self.row(key.name, &default, &format!("{count} numbers, {least} to {most}"), key.means);
+        self.row(
+            key.name,
+            &default,
+            &format!("{count} numbers, {least} to {most}"),
+            key.means,
+        );
     }
 
     fn form(&mut self, value: &mut dyn Form, key: Entry) {
@@ -163,7 +220,9 @@ impl Keys for Tables {
     fn table(&mut self, value: &mut dyn Keyed, key: Entry) {
         let name = format!("{}{}", self.prefix, key.name);
         let about = (key.left_out, key.means);
-        self.under(&name, &format!("[{name}]"), about, &mut |inner| value.keys(inner));
+        self.under(&name, &format!("[{name}]"), about, &mut |inner| {
+            value.keys(inner)
+        });
     }
 
     fn maybe_table(&mut self, value: &mut dyn MaybeTable, key: Entry) {
@@ -175,19 +234,38 @@ impl Keys for Tables {
         let about = format!("up to {}", key.most);
         let index = value.count();
         value.add();
-        self.under(&name, &format!("[[{name}]]"), (&about, key.means), &mut |inner| value.row(index, inner));
+        self.under(
+            &name,
+            &format!("[[{name}]]"),
+            (&about, key.means),
+            &mut |inner| value.row(index, inner),
+        );
     }
 
     fn named_tables(&mut self, value: &mut dyn NamedTables, key: Entry) {
         let (left_out, means) = (key.left_out, key.means);
         let name = format!("{}{}.NAME", self.prefix, key.name);
         let table = value.named("NAME");
-        self.under(&name, &format!("[{name}]"), (left_out, means), &mut |inner| table.keys(inner));
+        self.under(
+            &name,
+            &format!("[{name}]"),
+            (left_out, means),
+            &mut |inner| table.keys(inner),
+        );
     }
 
     fn others(&mut self, _: &mut Layer, key: Others) {
-        let which = if key.but.is_empty() { "any" } else { "any other" };
+        let which = if key.but.is_empty() {
+            "any"
+        } else {
+            "any other"
+        };
         let (name, means) = (which.to_owned(), key.means.to_owned());
-        self.rows.push(Row { name, default: String::new(), allowed: String::new(), means });
+        self.rows.push(Row {
+            name,
+            default: String::new(),
+            allowed: String::new(),
+            means,
+        });
     }
 }

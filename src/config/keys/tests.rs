@@ -25,7 +25,12 @@ struct Draw {
 
 impl Draw {
     fn new(seed: u64, one_in: u64) -> Draw {
-        Draw { state: seed, one_in, prefix: String::new(), changed: Vec::new() }
+        Draw {
+            state: seed,
+            one_in,
+            prefix: String::new(),
+            changed: Vec::new(),
+        }
     }
 
     fn next(&mut self) -> u64 {
@@ -158,7 +163,12 @@ fn draw(config: &mut Config, seed: u64, one_in: u64) -> Vec<String> {
     match config {
         Config::Venue(venue) => venue.keys(&mut draw),
         Config::Scene(scene) => scene.keys(&mut draw),
-        Config::Sim(sim) => SimTable { sim, allowed: &SWARM, asked: None }.keys(&mut draw),
+        Config::Sim(sim) => SimTable {
+            sim,
+            allowed: &SWARM,
+            asked: None,
+        }
+        .keys(&mut draw),
         Config::Vehicle(file) => VehicleFile::keys(file, &mut draw),
         Config::Ground(file) => GroundFile::keys(file, &mut draw),
         Config::Operator(file) => OperatorFile::keys(file, &mut draw),
@@ -249,7 +259,8 @@ fn loaded(path: &str) -> Result<String, String> {
 /// Reads what a configuration is written as; under a name without a folder, as from standard input.
 fn read_back(config: &Config) -> (String, Config) {
     let text = written(config);
-    let back = read("-", &text, &mut loaded).unwrap_or_else(|problems| panic!("{problems}\n{text}"));
+    let back =
+        read("-", &text, &mut loaded).unwrap_or_else(|problems| panic!("{problems}\n{text}"));
     (text, back)
 }
 
@@ -270,7 +281,8 @@ fn every_bundled_file_is_read_back_as_it_was_written() {
     let samples = samples();
     assert!(samples.len() > 25, "{}", samples.len());
     for (name, text) in samples {
-        let config = read(&name, &text, &mut loaded).unwrap_or_else(|problems| panic!("{problems}"));
+        let config =
+            read(&name, &text, &mut loaded).unwrap_or_else(|problems| panic!("{problems}"));
         check_round_trip(&config);
     }
 }
@@ -288,7 +300,9 @@ fn random_values_are_accepted_often_enough_to_say_something_and_every_key_is_var
             let mut other = config.clone();
             let changed = draw(&mut other, (number as u64) << 32 | seed, 12);
             tried += 1;
-            let Ok(other) = read("-", &written(&other), &mut loaded) else { continue };
+            let Ok(other) = read("-", &written(&other), &mut loaded) else {
+                continue;
+            };
             accepted += 1;
             for key in changed {
                 *shown.entry(key).or_default() += 1;
@@ -297,8 +311,11 @@ fn random_values_are_accepted_often_enough_to_say_something_and_every_key_is_var
         }
     }
     assert!(accepted * 5 > tried, "{accepted} of {tried}");
-    let never: BTreeSet<&String> =
-        shown.iter().filter(|(_, times)| **times == 0).map(|(key, _)| key).collect();
+    let never: BTreeSet<&String> = shown
+        .iter()
+        .filter(|(_, times)| **times == 0)
+        .map(|(key, _)| key)
+        .collect();
     assert!(never.is_empty(), "never accepted: {never:?}");
 }
 
@@ -324,7 +341,10 @@ fn a_written_simulation_says_units_meanings_and_defaults() {
     assert!(text.starts_with("kind = \"sim\"\n"), "{text}");
     let line = "battery_hold = 0.05 # below this charge it stays where it is\n";
     assert!(text.contains(line), "{text}");
-    assert!(text.contains("padding_m = 0.1 # m: room around the body that must be known free\n"), "{text}");
+    assert!(
+        text.contains("padding_m = 0.1 # m: room around the body that must be known free\n"),
+        "{text}"
+    );
 }
 
 #[test]
@@ -332,15 +352,30 @@ fn a_simulation_says_the_swarms_contract_for_its_venue() {
     let read_sim = |lines: &str| {
         let text = format!("{}{lines}", SQUARE.split("[mission]").next().unwrap());
         let config = read("configs/a.toml", &text, &mut |path| bundled::load(path));
-        let Ok(Config::Sim(sim)) = config else { panic!("{config:?}") };
+        let Ok(Config::Sim(sim)) = config else {
+            panic!("{config:?}")
+        };
         *sim
     };
     let plain: Sim = read_sim("");
     let laid = read_sim("[safety]\nautonomy_s = 15\n[radio]\nchannel = 20\n");
-    assert_eq!((laid.venue.swarm.autonomy_s, laid.venue.swarm.channel()), (15.0, 20));
-    assert_eq!(laid.venue.swarm.separation_m, plain.venue.swarm.separation_m);
-    assert_ne!(laid.venue.hash(), plain.venue.hash(), "all nodes must agree on what is in force");
-    assert_eq!(read_sim("[safety]\nautonomy_s = 60\n").venue.hash(), plain.venue.hash());
+    assert_eq!(
+        (laid.venue.swarm.autonomy_s, laid.venue.swarm.channel()),
+        (15.0, 20)
+    );
+    assert_eq!(
+        laid.venue.swarm.separation_m,
+        plain.venue.swarm.separation_m
+    );
+    assert_ne!(
+        laid.venue.hash(),
+        plain.venue.hash(),
+        "all nodes must agree on what is in force"
+    );
+    assert_eq!(
+        read_sim("[safety]\nautonomy_s = 60\n").venue.hash(),
+        plain.venue.hash()
+    );
     // Its venue, written, has what is in force.
     let (_, back) = read_back(&Config::Venue(laid.venue.clone()));
     assert_eq!(back, Config::Venue(laid.venue));
@@ -348,7 +383,10 @@ fn a_simulation_says_the_swarms_contract_for_its_venue() {
 
 #[test]
 fn an_empty_table_reads_as_the_defaults_that_are_hashed_as_nothing() {
-    let mut swarm = super::super::Swarm { separation_m: 7.0, ..super::super::Swarm::default() };
+    let mut swarm = super::super::Swarm {
+        separation_m: 7.0,
+        ..super::super::Swarm::default()
+    };
     assert!(swarm.hashed().is_some());
     read_defaults(&mut swarm);
     assert_eq!(swarm, super::super::Swarm::default());

@@ -22,7 +22,10 @@ const UNITS: &[(&str, &str)] = &[
 
 /// Returns the unit of a key; `None` for one without.
 pub(super) fn unit(name: &str) -> Option<&'static str> {
-    UNITS.iter().find(|(suffix, _)| name.ends_with(suffix)).map(|(_, unit)| *unit)
+    UNITS
+        .iter()
+        .find(|(suffix, _)| name.ends_with(suffix))
+        .map(|(_, unit)| *unit)
 }
 
 #[cfg(test)]

@@ -4,8 +4,8 @@
 use super::super::overlay::Layer;
 use super::unit::unit;
 use super::{
-    Bounds, Entry, Flag, Form, Keyed, Keys, MaybeTable, NamedTables, Number, Numbers, Others, Rowed, Rows,
-    Whole, Word, Words,
+    Bounds, Entry, Flag, Form, Keyed, Keys, MaybeTable, NamedTables, Number, Numbers, Others,
+    Rowed, Rows, Whole, Word, Words,
 };
 
 /// A text that grows with every key that is shown.
@@ -21,7 +21,11 @@ pub(in crate::config) struct Writer {
 impl Writer {
     /// Returns the text of a file of a kind.
     pub(in crate::config) fn file(kind: &str, table: &mut dyn Keyed) -> String {
-        let mut writer = Writer { prefix: String::new(), lines: String::new(), tables: String::new() };
+        let mut writer = Writer {
+            prefix: String::new(),
+            lines: String::new(),
+            tables: String::new(),
+        };
         writer.line("kind", &quoted(kind), "");
         table.keys(&mut writer);
         writer.lines + &writer.tables
@@ -29,7 +33,10 @@ impl Writer {
 
     fn line(&mut self, name: &str, value: &str, means: &str) {
         let comment = [unit(name).unwrap_or_default(), means];
-        let comment: Vec<&str> = comment.into_iter().filter(|part| !part.is_empty()).collect();
+        let comment: Vec<&str> = comment
+            .into_iter()
+            .filter(|part| !part.is_empty())
+            .collect();
         self.lines += &format!("{name} = {value}");
         if !comment.is_empty() {
             self.lines += &format!(" # {}", comment.join(": "));
@@ -40,7 +47,11 @@ impl Writer {
     /// Writes what a table shows under a header.
     fn under(&mut self, header: &str, name: &str, show: &mut dyn FnMut(&mut Writer)) {
         let prefix = format!("{name}.");
-        let mut inner = Writer { prefix, lines: String::new(), tables: String::new() };
+        let mut inner = Writer {
+            prefix,
+            lines: String::new(),
+            tables: String::new(),
+        };
         show(&mut inner);
         if inner.lines.is_empty() && inner.tables.is_empty() {
             return;
@@ -88,7 +99,11 @@ impl Keys for Writer {
     }
 
     fn numbers(&mut self, value: &mut Vec<f64>, key: Numbers) {
-        self.line(key.name, &list(value.iter().map(|entry| number(*entry))), key.means);
+        self.line(
+            key.name,
+            &list(value.iter().map(|entry| number(*entry))),
+            key.means,
+        );
     }
 
     fn form(&mut self, value: &mut dyn Form, key: Entry) {
@@ -112,7 +127,9 @@ impl Keys for Writer {
     fn rows(&mut self, value: &mut dyn Rows, key: Rowed) {
         let name = format!("{}{}", self.prefix, key.name);
         for index in 0..value.count() {
-            self.under(&format!("[[{name}]]"), &name, &mut |inner| value.row(index, inner));
+            self.under(&format!("[[{name}]]"), &name, &mut |inner| {
+                value.row(index, inner)
+            });
         }
     }
 

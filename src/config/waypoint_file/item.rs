@@ -26,8 +26,15 @@ const LATITUDE: usize = 4;
 const LONGITUDE: usize = 5;
 const ALTITUDE: usize = 6;
 /// Names of the seven parameters of a line.
-pub(super) const COLUMNS: [&str; 7] =
-    ["param1", "param2", "param3", "param4", "latitude", "longitude", "altitude"];
+pub(super) const COLUMNS: [&str; 7] = [
+    "param1",
+    "param2",
+    "param3",
+    "param4",
+    "latitude",
+    "longitude",
+    "altitude",
+];
 
 /// An item before its numbers have a meaning.
 pub(super) struct RawItem {
@@ -40,7 +47,11 @@ pub(super) struct RawItem {
 
 /// Returns the name of a field of an item, as it stands in messages.
 pub(super) fn key_of(origin: &Origin, field: &str) -> String {
-    if origin.path.is_empty() { field.to_owned() } else { format!("{}.{field}", origin.path) }
+    if origin.path.is_empty() {
+        field.to_owned()
+    } else {
+        format!("{}.{field}", origin.path)
+    }
 }
 
 /// Returns the name of a parameter of an item.
@@ -67,13 +78,21 @@ impl RawItem {
             17 => self.target(notes).map(|at| MissionItem::Loiter { at }),
             19 => {
                 let (at, time_s) = (self.target(notes), self.number(0, TIME_S, "s", notes));
-                Some(MissionItem::LoiterTime { at: at?, time_s: time_s? })
+                Some(MissionItem::LoiterTime {
+                    at: at?,
+                    time_s: time_s?,
+                })
             }
-            20 => self.needs_no_place(notes).then_some(MissionItem::ReturnToLaunch),
+            20 => self
+                .needs_no_place(notes)
+                .then_some(MissionItem::ReturnToLaunch),
             21 => self.target(notes).map(|at| MissionItem::Land { at }),
             22 => self.target(notes).map(|to| MissionItem::Takeoff { to }),
             93 => {
-                let (fits, time_s) = (self.needs_no_place(notes), self.number(0, TIME_S, "s", notes));
+                let (fits, time_s) = (
+                    self.needs_no_place(notes),
+                    self.number(0, TIME_S, "s", notes),
+                );
                 fits.then_some(MissionItem::Delay { time_s: time_s? })
             }
             115 => self.yaw(notes),
@@ -96,35 +115,70 @@ impl RawItem {
     pub(super) fn home(&self, notes: &mut Notes) -> Option<Geodetic> {
         if self.command != 16 {
             let value = self.command.to_string();
-            notes.add(self.origin.line, "command", &value, "is no home", "item 0 is home, a waypoint (16)");
+            notes.add(
+                self.origin.line,
+                "command",
+                &value,
+                "is no home",
+                "item 0 is home, a waypoint (16)",
+            );
             return None;
         }
         let degrees = self.degrees(notes);
         let altitude_m = self.number(ALTITUDE, ALTITUDE_M, "m", notes);
         let (latitude_deg, longitude_deg) = degrees?;
-        Some(Geodetic { latitude_deg, longitude_deg, altitude_m: altitude_m? })
+        Some(Geodetic {
+            latitude_deg,
+            longitude_deg,
+            altitude_m: altitude_m?,
+        })
     }
 
     fn waypoint(&self, notes: &mut Notes) -> Option<MissionItem> {
         let (above, degrees) = (self.above(notes), self.degrees(notes));
         let altitude_m = self.number(ALTITUDE, ALTITUDE_M, "m", notes);
-        let (hold_s, radius_m) = (self.number(0, TIME_S, "s", notes), self.number(1, RADIUS_M, "m", notes));
+        let (hold_s, radius_m) = (
+            self.number(0, TIME_S, "s", notes),
+            self.number(1, RADIUS_M, "m", notes),
+        );
         let (latitude_deg, longitude_deg) = degrees?;
-        let spot = Some(Spot { latitude_deg, longitude_deg });
-        let to = Target { spot, altitude_m: altitude_m?, above: above? };
-        Some(MissionItem::Waypoint { to, hold_s: hold_s?, radius_m: radius_m? })
+        let spot = Some(Spot {
+            latitude_deg,
+            longitude_deg,
+        });
+        let to = Target {
+            spot,
+            altitude_m: altitude_m?,
+            above: above?,
+        };
+        Some(MissionItem::Waypoint {
+            to,
+            hold_s: hold_s?,
+            radius_m: radius_m?,
+        })
     }
 
     /// A place where 0, 0, or none at all, means that of the vehicle.
     fn target(&self, notes: &mut Notes) -> Option<Target> {
         let above = self.above(notes);
         let is_left_out = self.params[LATITUDE].is_none() && self.params[LONGITUDE].is_none();
-        let degrees = if is_left_out { Some((0.0, 0.0)) } else { self.degrees(notes) };
+        let degrees = if is_left_out {
+            Some((0.0, 0.0))
+        } else {
+            self.degrees(notes)
+        };
         let altitude_m = self.number(ALTITUDE, ALTITUDE_M, "m", notes);
         let (latitude_deg, longitude_deg) = degrees?;
         let is_here = latitude_deg == 0.0 && longitude_deg == 0.0;
-        let spot = (!is_here).then_some(Spot { latitude_deg, longitude_deg });
-        Some(Target { spot, altitude_m: altitude_m?, above: above? })
+        let spot = (!is_here).then_some(Spot {
+            latitude_deg,
+            longitude_deg,
+        });
+        Some(Target {
+            spot,
+            altitude_m: altitude_m?,
+            above: above?,
+        })
     }
 
     fn yaw(&self, notes: &mut Notes) -> Option<MissionItem> {
@@ -137,7 +191,9 @@ impl RawItem {
             Some(_) => Some(Turning::Clockwise),
             None => None,
         };
-        let is_relative = self.whole(3, 0.0..=1.0, notes).map(|relative| relative == 1);
+        let is_relative = self
+            .whole(3, 0.0..=1.0, notes)
+            .map(|relative| relative == 1);
         let yaw = MissionItem::Yaw {
             angle_deg: angle_deg?,
             rate_dps: rate_dps?,
@@ -157,14 +213,23 @@ impl RawItem {
             None => None,
         };
         let speed_mps = self.number(1, SPEED_MPS, "m/s", notes);
-        let change = MissionItem::ChangeSpeed { of: of?, speed_mps: speed_mps? };
+        let change = MissionItem::ChangeSpeed {
+            of: of?,
+            speed_mps: speed_mps?,
+        };
         fits.then_some(change)
     }
 
     fn set_servo(&self, notes: &mut Notes) -> Option<MissionItem> {
         let fits = self.needs_no_place(notes);
-        let (channel, pulse_us) = (self.whole(0, 1.0..=32.0, notes), self.number(1, PULSE_US, "us", notes));
-        let servo = MissionItem::SetServo { channel: u8::try_from(channel?).ok()?, pulse_us: pulse_us? };
+        let (channel, pulse_us) = (
+            self.whole(0, 1.0..=32.0, notes),
+            self.number(1, PULSE_US, "us", notes),
+        );
+        let servo = MissionItem::SetServo {
+            channel: u8::try_from(channel?).ok()?,
+            pulse_us: pulse_us?,
+        };
         fits.then_some(servo)
     }
 
@@ -188,7 +253,13 @@ impl RawItem {
 
     fn refuse_frame<T>(&self, frame: u32, allowed: &str, notes: &mut Notes) -> Option<T> {
         let key = key_of(&self.origin, "frame");
-        notes.add(self.origin.line, &key, &frame.to_string(), "is not known", allowed);
+        notes.add(
+            self.origin.line,
+            &key,
+            &frame.to_string(),
+            "is not known",
+            allowed,
+        );
         None
     }
 
@@ -211,20 +282,40 @@ impl RawItem {
     fn whole(&self, index: usize, range: RangeInclusive<f64>, notes: &mut Notes) -> Option<i32> {
         let number = self.number(index, range.clone(), "a whole number", notes)?;
         if number.fract() != 0.0 {
-            self.refuse(index, &number.to_string(), "is not whole", &range, "a whole number", notes);
+            self.refuse(
+                index,
+                &number.to_string(),
+                "is not whole",
+                &range,
+                "a whole number",
+                notes,
+            );
             return None;
         }
         Some(number as i32)
     }
 
     /// A number; 0 when it is not given.
-    fn number(&self, index: usize, range: RangeInclusive<f64>, unit: &str, notes: &mut Notes) -> Option<f64> {
+    fn number(
+        &self,
+        index: usize,
+        range: RangeInclusive<f64>,
+        unit: &str,
+        notes: &mut Notes,
+    ) -> Option<f64> {
         let number = self.params[index].unwrap_or(0.0);
         if range.contains(&number) {
             // A zero without a sign.
             return Some(number + 0.0);
         }
-        self.refuse(index, &number.to_string(), "is out of range", &range, unit, notes);
+        self.refuse(
+            index,
+            &number.to_string(),
+            "is out of range",
+            &range,
+            unit,
+            notes,
+        );
         None
     }
 
@@ -238,25 +329,48 @@ impl RawItem {
         notes: &mut Notes,
     ) {
         let allowed = format!("{} to {} is allowed ({unit})", range.start(), range.end());
-        notes.add(self.origin.line, &param_key(&self.origin, index), value, wrong, &allowed);
+        notes.add(
+            self.origin.line,
+            &param_key(&self.origin, index),
+            value,
+            wrong,
+            &allowed,
+        );
     }
 }
 
 /// Returns frame, command and parameters of an item, as they are written.
 pub(super) fn numbers(item: &MissionItem) -> (u32, u32, [f64; 7]) {
     let placed = |command: u32, [first, second]: [f64; 2], target: &Target| {
-        let spot = target.spot.unwrap_or(Spot { latitude_deg: 0.0, longitude_deg: 0.0 });
+        let spot = target.spot.unwrap_or(Spot {
+            latitude_deg: 0.0,
+            longitude_deg: 0.0,
+        });
         let frame = match target.above {
             Above::Sea => 0,
             Above::Home => 3,
             Above::Ground => 10,
         };
-        let params = [first, second, 0.0, 0.0, spot.latitude_deg, spot.longitude_deg, target.altitude_m];
+        let params = [
+            first,
+            second,
+            0.0,
+            0.0,
+            spot.latitude_deg,
+            spot.longitude_deg,
+            target.altitude_m,
+        ];
         (frame, command, params)
     };
-    let plain = |command: u32, [a, b, c, d]: [f64; 4]| (MISSION_FRAME, command, [a, b, c, d, 0.0, 0.0, 0.0]);
+    let plain = |command: u32, [a, b, c, d]: [f64; 4]| {
+        (MISSION_FRAME, command, [a, b, c, d, 0.0, 0.0, 0.0])
+    };
     match item {
-        MissionItem::Waypoint { to, hold_s, radius_m } => placed(16, [*hold_s, *radius_m], to),
+        MissionItem::Waypoint {
+            to,
+            hold_s,
+            radius_m,
+        } => placed(16, [*hold_s, *radius_m], to),
         MissionItem::Loiter { at } => placed(17, [0.0; 2], at),
         MissionItem::LoiterTime { at, time_s } => placed(19, [*time_s, 0.0], at),
         MissionItem::ReturnToLaunch => plain(20, [0.0; 4]),
@@ -264,13 +378,26 @@ pub(super) fn numbers(item: &MissionItem) -> (u32, u32, [f64; 7]) {
         MissionItem::Takeoff { to } => placed(22, [0.0; 2], to),
         // The others: hour, minute and second of a time of day, which is not meant.
         MissionItem::Delay { time_s } => plain(93, [*time_s, -1.0, -1.0, -1.0]),
-        MissionItem::Yaw { angle_deg, rate_dps, turning, is_relative } => {
+        MissionItem::Yaw {
+            angle_deg,
+            rate_dps,
+            turning,
+            is_relative,
+        } => {
             let turning = match turning {
                 Turning::CounterClockwise => -1.0,
                 Turning::Shortest => 0.0,
                 Turning::Clockwise => 1.0,
             };
-            plain(115, [*angle_deg, *rate_dps, turning, f64::from(u8::from(*is_relative))])
+            plain(
+                115,
+                [
+                    *angle_deg,
+                    *rate_dps,
+                    turning,
+                    f64::from(u8::from(*is_relative)),
+                ],
+            )
         }
         MissionItem::ChangeSpeed { of, speed_mps } => {
             let of = match of {
@@ -282,7 +409,9 @@ pub(super) fn numbers(item: &MissionItem) -> (u32, u32, [f64; 7]) {
             // No change of the throttle.
             plain(178, [of, *speed_mps, -1.0, 0.0])
         }
-        MissionItem::SetServo { channel, pulse_us } => plain(183, [f64::from(*channel), *pulse_us, 0.0, 0.0]),
+        MissionItem::SetServo { channel, pulse_us } => {
+            plain(183, [f64::from(*channel), *pulse_us, 0.0, 0.0])
+        }
     }
 }
 
@@ -290,7 +419,10 @@ pub(super) fn numbers(item: &MissionItem) -> (u32, u32, [f64; 7]) {
 pub(super) fn shown(item: &MissionItem) -> String {
     let (_, command, _) = numbers(item);
     match item.spot() {
-        Some(Spot { latitude_deg, longitude_deg }) => {
+        Some(Spot {
+            latitude_deg,
+            longitude_deg,
+        }) => {
             format!("command {command} at {latitude_deg}, {longitude_deg}")
         }
         None => format!("command {command}"),

@@ -25,7 +25,13 @@ pub(super) fn read(text: &str, notes: &mut Notes, file: &mut WaypointFile) {
     must_be(&root, "fileType", &Value::from("Plan"), notes);
     must_be(&root, "version", &Value::from(1), notes);
     let Some(mission) = root.get("mission").filter(|mission| mission.is_object()) else {
-        notes.add(0, "mission", &text_of(root.get("mission")), "is no mission", "an object with \"items\"");
+        notes.add(
+            0,
+            "mission",
+            &text_of(root.get("mission")),
+            "is no mission",
+            "an object with \"items\"",
+        );
         return;
     };
     must_be(mission, "mission.version", &Value::from(2), notes);
@@ -37,14 +43,23 @@ pub(super) fn read(text: &str, notes: &mut Notes, file: &mut WaypointFile) {
     };
     if items.len() > MOST_ITEMS {
         let allowed = format!("at most {MOST_ITEMS} items are read");
-        notes.add(0, "mission.items", &format!("{} items", items.len()), "are too many", &allowed);
+        notes.add(
+            0,
+            "mission.items",
+            &format!("{} items", items.len()),
+            "are too many",
+            &allowed,
+        );
         return;
     }
     for (index, item) in items.iter().enumerate() {
         if notes.are_full() {
             return;
         }
-        let origin = Origin { line: 0, path: format!("mission.items[{index}]") };
+        let origin = Origin {
+            line: 0,
+            path: format!("mission.items[{index}]"),
+        };
         let raw = raw_item(item, origin, notes);
         if let Some((item, raw)) = raw.and_then(|raw| Some((raw.typed(notes)?, raw))) {
             file.push(item, raw.origin);
@@ -57,32 +72,58 @@ fn must_be(object: &Value, path: &str, expected: &Value, notes: &mut Notes) {
     let name = path.rsplit('.').next().unwrap_or(path);
     let found = object.get(name);
     if found != Some(expected) {
-        let wrong = if found.is_some() { "is of another kind or version" } else { "is missing" };
-        notes.add(0, path, &text_of(found), wrong, &format!("{expected} is needed"));
+        let wrong = if found.is_some() {
+            "is of another kind or version"
+        } else {
+            "is missing"
+        };
+        notes.add(
+            0,
+            path,
+            &text_of(found),
+            wrong,
+            &format!("{expected} is needed"),
+        );
     }
 }
 
 fn home(value: Option<&Value>, notes: &mut Notes) -> Option<Geodetic> {
     let value = value.filter(|value| !value.is_null())?;
-    let numbers: Option<Vec<f64>> =
-        value.as_array().and_then(|list| list.iter().map(|number| number.as_f64()).collect());
+    let numbers: Option<Vec<f64>> = value
+        .as_array()
+        .and_then(|list| list.iter().map(|number| number.as_f64()).collect());
     let place = match numbers.as_deref() {
-        Some(&[latitude_deg, longitude_deg, altitude_m]) => {
-            Some(Geodetic { latitude_deg, longitude_deg, altitude_m })
-        }
+        Some(&[latitude_deg, longitude_deg, altitude_m]) => Some(Geodetic {
+            latitude_deg,
+            longitude_deg,
+            altitude_m,
+        }),
         Some(_) | None => None,
     };
     let place = place.filter(|place| is_on_the_planet(*place));
     if place.is_none() {
-        let allowed = "[latitude -90 to 90, longitude -180 to 180, altitude -10000 to 10000] is allowed";
-        notes.add(0, "mission.plannedHomePosition", &text_of(Some(value)), "is no place", allowed);
+        let allowed =
+            "[latitude -90 to 90, longitude -180 to 180, altitude -10000 to 10000] is allowed";
+        notes.add(
+            0,
+            "mission.plannedHomePosition",
+            &text_of(Some(value)),
+            "is no place",
+            allowed,
+        );
     }
     place.filter(|home| (home.latitude_deg, home.longitude_deg, home.altitude_m) != (0.0, 0.0, 0.0))
 }
 
 fn raw_item(item: &Value, origin: Origin, notes: &mut Notes) -> Option<RawItem> {
     let Some(fields) = item.as_object() else {
-        notes.add(0, &origin.path, &text_of(Some(item)), "is no item", "an object of type \"SimpleItem\"");
+        notes.add(
+            0,
+            &origin.path,
+            &text_of(Some(item)),
+            "is no item",
+            "an object of type \"SimpleItem\"",
+        );
         return None;
     };
     if fields.get("type").and_then(Value::as_str) != Some("SimpleItem") {
@@ -99,22 +140,50 @@ fn raw_item(item: &Value, origin: Origin, notes: &mut Notes) -> Option<RawItem> 
     let frame = whole(fields, "frame", &origin, notes);
     let command = whole(fields, "command", &origin, notes);
     let params = params(fields.get("params"), &origin, notes);
-    Some(RawItem { frame: frame?, command: command?, params: params?, origin })
+    Some(RawItem {
+        frame: frame?,
+        command: command?,
+        params: params?,
+        origin,
+    })
 }
 
-fn whole(fields: &Map<String, Value>, name: &str, origin: &Origin, notes: &mut Notes) -> Option<u32> {
-    let number = fields.get(name).and_then(Value::as_u64).and_then(|number| u32::try_from(number).ok());
+fn whole(
+    fields: &Map<String, Value>,
+    name: &str,
+    origin: &Origin,
+    notes: &mut Notes,
+) -> Option<u32> {
+    let number = fields
+        .get(name)
+        .and_then(Value::as_u64)
+        .and_then(|number| u32::try_from(number).ok());
     if number.is_none() {
         let value = text_of(fields.get(name));
-        notes.add(0, &key_of(origin, name), &value, "is no such number", "a whole number is needed");
+        notes.add(
+            0,
+            &key_of(origin, name),
+            &value,
+            "is no such number",
+            "a whole number is needed",
+        );
     }
     number
 }
 
 fn params(value: Option<&Value>, origin: &Origin, notes: &mut Notes) -> Option<[Option<f64>; 7]> {
-    let Some(list) = value.and_then(Value::as_array).filter(|list| list.len() == 7) else {
+    let Some(list) = value
+        .and_then(Value::as_array)
+        .filter(|list| list.len() == 7)
+    else {
         let key = key_of(origin, "params");
-        notes.add(0, &key, &text_of(value), "is no list of seven", "seven numbers or null");
+        notes.add(
+            0,
+            &key,
+            &text_of(value),
+            "is no list of seven",
+            "seven numbers or null",
+        );
         return None;
     };
     let mut params = [None; 7];
@@ -123,7 +192,13 @@ fn params(value: Option<&Value>, origin: &Origin, notes: &mut Notes) -> Option<[
         *param = value.as_f64().filter(|number| number.is_finite());
         if param.is_none() && !value.is_null() {
             let key = param_key(origin, index);
-            notes.add(0, &key, &text_of(Some(value)), "is no number", "a number or null");
+            notes.add(
+                0,
+                &key,
+                &text_of(Some(value)),
+                "is no number",
+                "a number or null",
+            );
             are_numbers = false;
         }
     }

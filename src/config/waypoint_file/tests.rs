@@ -7,7 +7,10 @@ use proptest::prelude::*;
 /// A line with tabs where the table has blanks.
 fn wpl(lines: &[&str]) -> String {
     let tabbed = |line: &&str| line.split(' ').collect::<Vec<_>>().join("\t");
-    format!("QGC WPL 110\n{}\n", lines.iter().map(tabbed).collect::<Vec<_>>().join("\n"))
+    format!(
+        "QGC WPL 110\n{}\n",
+        lines.iter().map(tabbed).collect::<Vec<_>>().join("\n")
+    )
 }
 
 const HOME: &str = "0 1 0 16 0 0 0 0 52.1 4.5 12 1";
@@ -26,18 +29,30 @@ fn simple(command: u32, frame: u32, params: &str) -> String {
 }
 
 fn target(spot: Option<(f64, f64)>, altitude_m: f64, above: Above) -> Target {
-    let spot = spot.map(|(latitude_deg, longitude_deg)| Spot { latitude_deg, longitude_deg });
-    Target { spot, altitude_m, above }
+    let spot = spot.map(|(latitude_deg, longitude_deg)| Spot {
+        latitude_deg,
+        longitude_deg,
+    });
+    Target {
+        spot,
+        altitude_m,
+        above,
+    }
 }
 
 fn refused(text: &str) -> String {
-    WaypointFile::read("m.waypoints", text).unwrap_err().to_string()
+    WaypointFile::read("m.waypoints", text)
+        .unwrap_err()
+        .to_string()
 }
 
 /// Checks that a file is refused, and that the message says all the given words.
 fn check_refused(text: &str, words: &[&str]) {
     let message = refused(text);
-    assert!(words.iter().all(|word| message.contains(word)), "{message}\nlacks one of {words:?}");
+    assert!(
+        words.iter().all(|word| message.contains(word)),
+        "{message}\nlacks one of {words:?}"
+    );
 }
 
 #[test]
@@ -56,14 +71,36 @@ fn every_command_of_a_text_file_gets_its_meaning() {
         "10 0 3 21 0 0 0 0 52.1 4.5 0 1",
     ]);
     let file = WaypointFile::read("m.waypoints", &text).unwrap();
-    assert_eq!(file.home, Some(Geodetic { latitude_deg: 52.1, longitude_deg: 4.5, altitude_m: 12.0 }));
+    assert_eq!(
+        file.home,
+        Some(Geodetic {
+            latitude_deg: 52.1,
+            longitude_deg: 4.5,
+            altitude_m: 12.0
+        })
+    );
     let to = target(Some((52.1001, 4.5002)), 10.0, Above::Home);
     let expected = [
-        MissionItem::Takeoff { to: target(None, 10.0, Above::Home) },
-        MissionItem::Waypoint { to, hold_s: 5.0, radius_m: 2.5 },
-        MissionItem::ChangeSpeed { of: SpeedOf::Ground, speed_mps: 3.5 },
-        MissionItem::LoiterTime { at: target(Some((52.1002, 4.5003)), 8.0, Above::Ground), time_s: 30.0 },
-        MissionItem::SetServo { channel: 9, pulse_us: 1500.0 },
+        MissionItem::Takeoff {
+            to: target(None, 10.0, Above::Home),
+        },
+        MissionItem::Waypoint {
+            to,
+            hold_s: 5.0,
+            radius_m: 2.5,
+        },
+        MissionItem::ChangeSpeed {
+            of: SpeedOf::Ground,
+            speed_mps: 3.5,
+        },
+        MissionItem::LoiterTime {
+            at: target(Some((52.1002, 4.5003)), 8.0, Above::Ground),
+            time_s: 30.0,
+        },
+        MissionItem::SetServo {
+            channel: 9,
+            pulse_us: 1500.0,
+        },
         MissionItem::Yaw {
             angle_deg: 90.0,
             rate_dps: 20.0,
@@ -71,9 +108,13 @@ fn every_command_of_a_text_file_gets_its_meaning() {
             is_relative: true,
         },
         MissionItem::Delay { time_s: 4.0 },
-        MissionItem::Loiter { at: target(None, 20.0, Above::Sea) },
+        MissionItem::Loiter {
+            at: target(None, 20.0, Above::Sea),
+        },
         MissionItem::ReturnToLaunch,
-        MissionItem::Land { at: target(Some((52.1, 4.5)), 0.0, Above::Home) },
+        MissionItem::Land {
+            at: target(Some((52.1, 4.5)), 0.0, Above::Home),
+        },
     ];
     assert_eq!(file.items(), expected);
 }
@@ -83,9 +124,20 @@ fn a_text_file_may_have_blanks_other_line_ends_and_remarks() {
     let text = "\u{feff}QGC WPL 110\r\n# made by hand\r\n0 1 0 16 0 0 0 0 0 0 0 1\r\n\r\n1  0 3 16 0.000 0 0 0 -33.9 18.4 1e0 1";
     let file = WaypointFile::read("m.txt", text).unwrap();
     assert_eq!(file.home, None, "zeros are no home");
-    assert_eq!(file.items()[0].spot(), Some(Spot { latitude_deg: -33.9, longitude_deg: 18.4 }));
-    let problem = file.problem("m.txt", 0, "lies outside the fence", "").to_string();
-    assert_eq!(problem, "m.txt:5: item 1 = command 16 at -33.9, 18.4: lies outside the fence");
+    assert_eq!(
+        file.items()[0].spot(),
+        Some(Spot {
+            latitude_deg: -33.9,
+            longitude_deg: 18.4
+        })
+    );
+    let problem = file
+        .problem("m.txt", 0, "lies outside the fence", "")
+        .to_string();
+    assert_eq!(
+        problem,
+        "m.txt:5: item 1 = command 16 at -33.9, 18.4: lies outside the fence"
+    );
 }
 
 #[test]
@@ -106,21 +158,38 @@ fn a_plan_is_read_as_the_same_mission() {
     ]);
     let same = WaypointFile::read("m.waypoints", &text).unwrap();
     assert_eq!((file.home, file.items()), (same.home, same.items()));
-    let problem = file.problem("m.plan", 1, "lies outside the fence", "").to_string();
-    assert_eq!(problem, "m.plan: mission.items[1] = command 16 at 52.1001, 4.5002: lies outside the fence");
+    let problem = file
+        .problem("m.plan", 1, "lies outside the fence", "")
+        .to_string();
+    assert_eq!(
+        problem,
+        "m.plan: mission.items[1] = command 16 at 52.1001, 4.5002: lies outside the fence"
+    );
 }
 
 #[test]
 fn places_are_given_in_the_local_frame() {
-    let datum = Geodetic { latitude_deg: 52.1, longitude_deg: 4.5, altitude_m: 12.0 };
+    let datum = Geodetic {
+        latitude_deg: 52.1,
+        longitude_deg: 4.5,
+        altitude_m: 12.0,
+    };
     let frame = TangentPlane::new(datum, Bearing::from_degrees(90.0));
-    let track: Vec<Geodetic> =
-        [[3.0, 4.0, 0.0], [-8.0, 0.5, 0.0]].iter().map(|at| frame.to_earth(*at)).collect();
+    let track: Vec<Geodetic> = [[3.0, 4.0, 0.0], [-8.0, 0.5, 0.0]]
+        .iter()
+        .map(|at| frame.to_earth(*at))
+        .collect();
     let file = WaypointFile::of_track(datum, &track).unwrap();
     let points = file.points(&frame);
     assert_eq!(points.len(), 2);
-    assert!(points[0].1.distance_to(Point::new(3.0, 4.0)) < 1e-6, "{points:?}");
-    assert!(points[1].1.distance_to(Point::new(-8.0, 0.5)) < 1e-6, "{points:?}");
+    assert!(
+        points[0].1.distance_to(Point::new(3.0, 4.0)) < 1e-6,
+        "{points:?}"
+    );
+    assert!(
+        points[1].1.distance_to(Point::new(-8.0, 0.5)) < 1e-6,
+        "{points:?}"
+    );
 }
 
 #[test]
@@ -129,18 +198,36 @@ fn what_is_wrong_in_a_text_file_is_said_with_line_value_and_rule() {
         "QGC WPL 100\n",
         &["m.waypoints:1: line = QGC WPL 100: is of another version; \"QGC WPL 110\""],
     );
-    check_refused("hello", &["m.waypoints:1: line = hello: is no waypoint file"]);
+    check_refused(
+        "hello",
+        &["m.waypoints:1: line = hello: is no waypoint file"],
+    );
     check_refused("", &["is no waypoint file"]);
     check_refused(&wpl(&[HOME]), &["m.waypoints: items = none: is no mission"]);
     check_refused(
         &wpl(&[HOME, "1 0 3 16 0 0 0 0 91 4.5 0 1"]),
         &[":3: latitude = 91: is out of range; -90 to 90"],
     );
-    check_refused(&wpl(&[HOME, "1 0 3 16 0 0 0 0 52 180.5 0 1"]), &["longitude = 180.5: is out of range"]);
-    check_refused(&wpl(&[HOME, "1 0 3 16 0 0 0 0 52 4 1e9 1"]), &["altitude = 1000000000: is out of range"]);
-    check_refused(&wpl(&[HOME, "1 0 3 16 0 0 0 0 NaN 4.5 0 1"]), &["latitude = NaN: is no number"]);
-    check_refused(&wpl(&[HOME, "1 0 3 16 inf 0 0 0 52 4.5 0 1"]), &["param1 = inf: is no number"]);
-    check_refused(&wpl(&[HOME, "1 0 3 16 -1 0 0 0 52 4.5 0 1"]), &["param1 = -1: is out of range"]);
+    check_refused(
+        &wpl(&[HOME, "1 0 3 16 0 0 0 0 52 180.5 0 1"]),
+        &["longitude = 180.5: is out of range"],
+    );
+    check_refused(
+        &wpl(&[HOME, "1 0 3 16 0 0 0 0 52 4 1e9 1"]),
+        &["altitude = 1000000000: is out of range"],
+    );
+    check_refused(
+        &wpl(&[HOME, "1 0 3 16 0 0 0 0 NaN 4.5 0 1"]),
+        &["latitude = NaN: is no number"],
+    );
+    check_refused(
+        &wpl(&[HOME, "1 0 3 16 inf 0 0 0 52 4.5 0 1"]),
+        &["param1 = inf: is no number"],
+    );
+    check_refused(
+        &wpl(&[HOME, "1 0 3 16 -1 0 0 0 52 4.5 0 1"]),
+        &["param1 = -1: is out of range"],
+    );
     check_refused(
         &wpl(&[HOME, "1 0 1 16 0 0 0 0 52 4.5 0 1"]),
         &["frame = 1: is not known; 0 (above the sea)"],
@@ -153,15 +240,43 @@ fn what_is_wrong_in_a_text_file_is_said_with_line_value_and_rule() {
         &wpl(&[HOME, "2 0 3 16 0 0 0 0 52 4.5 0 1"]),
         &["index = 2: is out of order", "1 is the next"],
     );
-    check_refused(&wpl(&[HOME, "1 0 3 16 0 0 0 52 4.5 0 1"]), &["has not twelve fields"]);
-    check_refused(&wpl(&[HOME, "1 0 3 16 0 0 0 0 52 4.5 0 1 7"]), &["has not twelve fields"]);
-    check_refused(&wpl(&[HOME, "1 0 3 16 0 0 0 0 52 4.5 0 2"]), &["autocontinue = 2: is no flag"]);
-    check_refused(&wpl(&["0 1 0 22 0 0 0 0 52 4.5 0 1"]), &[":2: command = 22: is no home"]);
-    check_refused(&wpl(&["0 1 0 16 0 0 0 0 92 4.5 0 1"]), &[":2: latitude = 92: is out of range"]);
-    check_refused(&wpl(&[HOME, "1 0 2 183 0 1500 0 0 0 0 0 1"]), &["param1 = 0: is out of range; 1 to 32"]);
-    check_refused(&wpl(&[HOME, "1 0 2 183 2.5 1500 0 0 0 0 0 1"]), &["param1 = 2.5: is not whole"]);
-    check_refused(&wpl(&[HOME, "1 0 2 178 1 0 0 0 0 0 0 1"]), &["param2 = 0: is out of range; 0.001 to 100"]);
-    let both = refused(&wpl(&[HOME, "1 0 3 16 0 0 0 0 95 4.5 0 1", "2 0 3 16 0 0 0 0 52 999 0 1"]));
+    check_refused(
+        &wpl(&[HOME, "1 0 3 16 0 0 0 52 4.5 0 1"]),
+        &["has not twelve fields"],
+    );
+    check_refused(
+        &wpl(&[HOME, "1 0 3 16 0 0 0 0 52 4.5 0 1 7"]),
+        &["has not twelve fields"],
+    );
+    check_refused(
+        &wpl(&[HOME, "1 0 3 16 0 0 0 0 52 4.5 0 2"]),
+        &["autocontinue = 2: is no flag"],
+    );
+    check_refused(
+        &wpl(&["0 1 0 22 0 0 0 0 52 4.5 0 1"]),
+        &[":2: command = 22: is no home"],
+    );
+    check_refused(
+        &wpl(&["0 1 0 16 0 0 0 0 92 4.5 0 1"]),
+        &[":2: latitude = 92: is out of range"],
+    );
+    check_refused(
+        &wpl(&[HOME, "1 0 2 183 0 1500 0 0 0 0 0 1"]),
+        &["param1 = 0: is out of range; 1 to 32"],
+    );
+    check_refused(
+        &wpl(&[HOME, "1 0 2 183 2.5 1500 0 0 0 0 0 1"]),
+        &["param1 = 2.5: is not whole"],
+    );
+    check_refused(
+        &wpl(&[HOME, "1 0 2 178 1 0 0 0 0 0 0 1"]),
+        &["param2 = 0: is out of range; 0.001 to 100"],
+    );
+    let both = refused(&wpl(&[
+        HOME,
+        "1 0 3 16 0 0 0 0 95 4.5 0 1",
+        "2 0 3 16 0 0 0 0 52 999 0 1",
+    ]));
     assert_eq!(both.lines().count(), 2, "{both}");
 }
 
@@ -174,10 +289,16 @@ fn what_is_wrong_in_a_plan_is_said_with_its_path() {
         &["version = 2: is of another kind"],
     );
     check_refused(
-        &plan(&good).replace("\"mission\": {\"version\": 2", "\"mission\": {\"version\": 3"),
+        &plan(&good).replace(
+            "\"mission\": {\"version\": 2",
+            "\"mission\": {\"version\": 3",
+        ),
         &["mission.version = 3: is of another kind or version; 2 is needed"],
     );
-    check_refused(&plan(&good).replace("\"Plan\"", "\"Parameters\""), &["fileType = \"Parameters\""]);
+    check_refused(
+        &plan(&good).replace("\"Plan\"", "\"Parameters\""),
+        &["fileType = \"Parameters\""],
+    );
     check_refused(
         &plan(&good).replace("[52.1, 4.5, 12]", "[152.1, 4.5, 12]"),
         &["mission.plannedHomePosition"],
@@ -193,61 +314,139 @@ fn what_is_wrong_in_a_plan_is_said_with_its_path() {
         &plan(&items),
         &["mission.items[1].params[4] = null: is needed; -90 to 90 is allowed (degrees)"],
     );
-    check_refused(&plan(&simple(16, 3, "0, 0, 0, 0, 52, 200, 10")), &["params[5] = 200: is out of range"]);
-    check_refused(&plan(&simple(16, 3, "0, 0, 0, 0, \"x\", 4, 10")), &["params[4] = \"x\": is no number"]);
-    check_refused(&plan(&simple(16, 3, "0, 0, 0")), &["mission.items[0].params", "is no list of seven"]);
-    check_refused(&plan(&simple(16, 3, "0, 0, 0, 0, 1e999, 4, 10")), &["no valid JSON: number out of range"]);
-    check_refused(&plan(&good).replace("\"frame\": 3", "\"frame\": -1"), &["frame = -1: is no such number"]);
+    check_refused(
+        &plan(&simple(16, 3, "0, 0, 0, 0, 52, 200, 10")),
+        &["params[5] = 200: is out of range"],
+    );
+    check_refused(
+        &plan(&simple(16, 3, "0, 0, 0, 0, \"x\", 4, 10")),
+        &["params[4] = \"x\": is no number"],
+    );
+    check_refused(
+        &plan(&simple(16, 3, "0, 0, 0")),
+        &["mission.items[0].params", "is no list of seven"],
+    );
+    check_refused(
+        &plan(&simple(16, 3, "0, 0, 0, 0, 1e999, 4, 10")),
+        &["no valid JSON: number out of range"],
+    );
+    check_refused(
+        &plan(&good).replace("\"frame\": 3", "\"frame\": -1"),
+        &["frame = -1: is no such number"],
+    );
 }
 
 #[test]
 fn huge_files_are_refused_and_not_every_mistake_is_listed() {
-    check_refused(&" ".repeat(MOST_WAYPOINT_BYTES + 1), &["size = 4194305 bytes: is too long"]);
-    let many: Vec<String> = (0..=MOST_ITEMS + 1).map(|k| format!("{k} 0 3 16 0 0 0 0 52 4 0 1")).collect();
-    check_refused(&format!("QGC WPL 110\n{}", many.join("\n")), &["index = 10001: is too high"]);
+    check_refused(
+        &" ".repeat(MOST_WAYPOINT_BYTES + 1),
+        &["size = 4194305 bytes: is too long"],
+    );
+    let many: Vec<String> = (0..=MOST_ITEMS + 1)
+        .map(|k| format!("{k} 0 3 16 0 0 0 0 52 4 0 1"))
+        .collect();
+    check_refused(
+        &format!("QGC WPL 110\n{}", many.join("\n")),
+        &["index = 10001: is too high"],
+    );
     let bad = vec!["x"; 5000].join("\n");
-    assert_eq!(refused(&format!("QGC WPL 110\n{bad}")).lines().count(), MOST_PROBLEMS);
+    assert_eq!(
+        refused(&format!("QGC WPL 110\n{bad}")).lines().count(),
+        MOST_PROBLEMS
+    );
     let deep = "{\"a\":".repeat(100_000);
     check_refused(&deep, &["no valid JSON: recursion limit"]);
     let items = vec!["1"; MOST_ITEMS + 1].join(",");
-    check_refused(&plan(&items), &["mission.items = 10001 items: are too many"]);
+    check_refused(
+        &plan(&items),
+        &["mission.items = 10001 items: are too many"],
+    );
 }
 
 #[test]
 fn a_track_that_cannot_be_written_is_refused() {
-    let home = Geodetic { latitude_deg: 52.0, longitude_deg: 4.0, altitude_m: 0.0 };
+    let home = Geodetic {
+        latitude_deg: 52.0,
+        longitude_deg: 4.0,
+        altitude_m: 0.0,
+    };
     assert!(WaypointFile::of_track(home, &[]).is_err());
     assert!(WaypointFile::of_track(home, &vec![home; MOST_ITEMS + 1]).is_err());
-    assert!(WaypointFile::of_track(home, &[Geodetic { latitude_deg: f64::NAN, ..home }]).is_err());
-    assert!(WaypointFile::of_track(Geodetic { longitude_deg: 181.0, ..home }, &[home]).is_err());
+    assert!(
+        WaypointFile::of_track(
+            home,
+            &[Geodetic {
+                latitude_deg: f64::NAN,
+                ..home
+            }]
+        )
+        .is_err()
+    );
+    assert!(
+        WaypointFile::of_track(
+            Geodetic {
+                longitude_deg: 181.0,
+                ..home
+            },
+            &[home]
+        )
+        .is_err()
+    );
 }
 
 fn any_target(needs_spot: bool) -> impl Strategy<Value = Target> {
     let above = prop_oneof![Just(Above::Sea), Just(Above::Home), Just(Above::Ground)];
-    (any::<bool>(), -90.0..=90.0f64, -180.0..=180.0f64, -500.0..9000.0f64, above).prop_map(
-        move |(has_spot, latitude, longitude, altitude_m, above)| {
-            target((needs_spot || has_spot).then_some((latitude, longitude)), altitude_m, above)
-        },
+    (
+        any::<bool>(),
+        -90.0..=90.0f64,
+        -180.0..=180.0f64,
+        -500.0..9000.0f64,
+        above,
     )
+        .prop_map(move |(has_spot, latitude, longitude, altitude_m, above)| {
+            target(
+                (needs_spot || has_spot).then_some((latitude, longitude)),
+                altitude_m,
+                above,
+            )
+        })
 }
 
 fn any_item() -> impl Strategy<Value = MissionItem> {
-    let of =
-        prop_oneof![Just(SpeedOf::Air), Just(SpeedOf::Ground), Just(SpeedOf::Climb), Just(SpeedOf::Descent)];
-    let turning =
-        prop_oneof![Just(Turning::Shortest), Just(Turning::Clockwise), Just(Turning::CounterClockwise)];
+    let of = prop_oneof![
+        Just(SpeedOf::Air),
+        Just(SpeedOf::Ground),
+        Just(SpeedOf::Climb),
+        Just(SpeedOf::Descent)
+    ];
+    let turning = prop_oneof![
+        Just(Turning::Shortest),
+        Just(Turning::Clockwise),
+        Just(Turning::CounterClockwise)
+    ];
     prop_oneof![
-        (any_target(true), 0.0..100.0f64, 0.0..50.0f64)
-            .prop_map(|(to, hold_s, radius_m)| MissionItem::Waypoint { to, hold_s, radius_m }),
+        (any_target(true), 0.0..100.0f64, 0.0..50.0f64).prop_map(|(to, hold_s, radius_m)| {
+            MissionItem::Waypoint {
+                to,
+                hold_s,
+                radius_m,
+            }
+        }),
         any_target(false).prop_map(|at| MissionItem::Loiter { at }),
-        (any_target(false), 0.0..1e4f64).prop_map(|(at, time_s)| MissionItem::LoiterTime { at, time_s }),
+        (any_target(false), 0.0..1e4f64)
+            .prop_map(|(at, time_s)| MissionItem::LoiterTime { at, time_s }),
         Just(MissionItem::ReturnToLaunch),
         any_target(false).prop_map(|at| MissionItem::Land { at }),
         any_target(false).prop_map(|to| MissionItem::Takeoff { to }),
         (0.0..1e4f64).prop_map(|time_s| MissionItem::Delay { time_s }),
         (0.0..=360.0f64, 0.0..90.0f64, turning, any::<bool>()).prop_map(
             |(angle_deg, rate_dps, turning, is_relative)| {
-                MissionItem::Yaw { angle_deg, rate_dps, turning, is_relative }
+                MissionItem::Yaw {
+                    angle_deg,
+                    rate_dps,
+                    turning,
+                    is_relative,
+                }
             }
         ),
         (of, 0.01..30.0f64).prop_map(|(of, speed_mps)| MissionItem::ChangeSpeed { of, speed_mps }),

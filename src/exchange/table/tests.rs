@@ -20,14 +20,20 @@ fn every_message_has_its_row_under_its_own_word() {
             .flatten()
             .any(|audience| audience.vehicles == Vehicles::Addressed);
         let names_one = matches!(topic.about, About::Vehicle(_));
-        assert!(!addresses || names_one, "{word} is for a vehicle that it does not name");
+        assert!(
+            !addresses || names_one,
+            "{word} is for a vehicle that it does not name"
+        );
     }
 }
 
 #[test]
 fn a_sender_may_say_what_its_row_allows_and_only_in_its_own_name() {
     for (word, message) in examples() {
-        let allowed: Vec<Sender> = ROLES.into_iter().filter(|role| may_say(*role, &message)).collect();
+        let allowed: Vec<Sender> = ROLES
+            .into_iter()
+            .filter(|role| may_say(*role, &message))
+            .collect();
         let expected: &[Sender] = match word {
             "tile" | "digest" | "want" | "standing" => &ROLES,
             "order" => &ROLES[1..],
@@ -38,14 +44,19 @@ fn a_sender_may_say_what_its_row_allows_and_only_in_its_own_name() {
         };
         assert_eq!(allowed, expected, "{word}");
     }
-    let of_three = Message::Mission(Mission { vehicle: VehicleId(3), ..Mission::default() });
+    let of_three = Message::Mission(Mission {
+        vehicle: VehicleId(3),
+        ..Mission::default()
+    });
     assert!(ROLES.iter().all(|role| !may_say(*role, &of_three)));
 }
 
 #[test]
 fn who_may_say_a_kind_is_who_its_author_may_be() {
     for (word, message) in examples().into_iter().filter(|(word, _)| *word != "hello") {
-        let Some(author) = message.author() else { continue };
+        let Some(author) = message.author() else {
+            continue;
+        };
         for role in ROLES {
             let may = row(message.kind()).audience(role).is_some();
             assert_eq!(may, role == author, "{word} of {role}");
@@ -96,7 +107,9 @@ fn senders(cell: &str) -> Vec<Sender> {
 /// everything on the bus.
 fn receivers(cell: &str) -> (Vehicles, bool) {
     match cell {
-        "all" | "all, whatever their venue" | "ground, vehicles and operators" => (Vehicles::All, true),
+        "all" | "all, whatever their venue" | "ground, vehicles and operators" => {
+            (Vehicles::All, true)
+        }
         "vehicles" | "vehicles and operators" => (Vehicles::All, false),
         "the vehicle" => (Vehicles::Addressed, false),
         "ground" | "ground and operators" => (Vehicles::None, true),
@@ -118,16 +131,33 @@ fn priority(cell: &str) -> Option<Class> {
 
 #[test]
 fn the_readme_of_the_wire_says_the_same() {
-    let lines = README.lines().skip_while(|line| !line.starts_with("| kind | message | sender"));
-    let lines: Vec<&str> = lines.skip(2).take_while(|line| line.starts_with('|')).collect();
+    let lines = README
+        .lines()
+        .skip_while(|line| !line.starts_with("| kind | message | sender"));
+    let lines: Vec<&str> = lines
+        .skip(2)
+        .take_while(|line| line.starts_with('|'))
+        .collect();
     assert_eq!(lines.len(), TABLE.len());
     for (row, line) in TABLE.iter().zip(lines) {
         let cells: Vec<&str> = line.split('|').map(str::trim).collect();
         assert_eq!(cells[2].to_lowercase(), row.kind.word());
-        assert_eq!(cells[5].trim_matches('`').split('/').next(), Some(row.kind.word()), "{line}");
+        assert_eq!(
+            cells[5].trim_matches('`').split('/').next(),
+            Some(row.kind.word()),
+            "{line}"
+        );
         // What follows a semicolon is about answers: those come from whoever holds the map.
-        let (from, to) = cells[3].split(';').next().unwrap().split_once(" → ").unwrap();
-        let mut says: Vec<Sender> = ROLES.into_iter().filter(|role| row.audience(*role).is_some()).collect();
+        let (from, to) = cells[3]
+            .split(';')
+            .next()
+            .unwrap()
+            .split_once(" → ")
+            .unwrap();
+        let mut says: Vec<Sender> = ROLES
+            .into_iter()
+            .filter(|role| row.audience(*role).is_some())
+            .collect();
         if cells[3].ends_with("; answers: whoever holds it") {
             assert_eq!(says, ROLES);
             says.truncate(1);
@@ -135,10 +165,18 @@ fn the_readme_of_the_wire_says_the_same() {
         assert_eq!(says, senders(from), "{line}");
         let heard = says.iter().filter_map(|role| row.audience(*role));
         let widest = heard.fold((Vehicles::None, false), |(vehicles, ground), audience| {
-            let wider = if audience.vehicles == Vehicles::None { vehicles } else { audience.vehicles };
+            let wider = if audience.vehicles == Vehicles::None {
+                vehicles
+            } else {
+                audience.vehicles
+            };
             (wider, ground || audience.ground)
         });
         assert_eq!(widest, receivers(to), "{line}");
-        assert_eq!(priority(cells[6]).unwrap_or(Class::Low), row.class, "{line}");
+        assert_eq!(
+            priority(cells[6]).unwrap_or(Class::Low),
+            row.class,
+            "{line}"
+        );
     }
 }

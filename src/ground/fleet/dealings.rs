@@ -87,20 +87,37 @@ impl Dealings {
     pub fn order(&mut self, vehicle: VehicleId, lease: Lease, run: RunId, kind: OrderKind) {
         let echo = self.echo.filter(|echo| echo.lease >= lease);
         let obeyed = echo.map_or(Revision(0), |echo| echo.revision);
-        let pending = self.issued.as_ref().filter(|order| self.is_pending && order.lease == lease);
+        let pending = self
+            .issued
+            .as_ref()
+            .filter(|order| self.is_pending && order.lease == lease);
         let pending = pending.map_or(Revision(0), |order| order.revision);
         let crossing = self.crossing.as_ref().filter(|order| order.lease == lease);
         let crossing = crossing.map_or(Revision(0), |order| order.revision);
         let revision = Revision(obeyed.max(pending).max(crossing).0.saturating_add(1));
-        self.issued = Some(Order { vehicle, lease, run, revision, seen: None, kind, ends: Vec::new() });
+        self.issued = Some(Order {
+            vehicle,
+            lease,
+            run,
+            revision,
+            seen: None,
+            kind,
+            ends: Vec::new(),
+        });
         (self.is_pending, self.is_said) = (true, false);
         self.stand(kind);
     }
 
     /// Passes what is still to be repeated to another right, above what the vehicle shows of that right.
     pub fn pass_to(&mut self, lease: Lease) {
-        let obeyed = self.echo.filter(|echo| echo.lease == lease).map_or(Revision(0), |echo| echo.revision);
-        let pending = self.issued.as_mut().filter(|order| self.is_pending && order.lease != lease);
+        let obeyed = self
+            .echo
+            .filter(|echo| echo.lease == lease)
+            .map_or(Revision(0), |echo| echo.revision);
+        let pending = self
+            .issued
+            .as_mut()
+            .filter(|order| self.is_pending && order.lease != lease);
         if let Some(order) = pending {
             (order.lease, order.revision) = (lease, Revision(obeyed.0.saturating_add(1)));
             self.is_said = false;
@@ -112,7 +129,10 @@ impl Dealings {
     /// that no other start is taken for it.
     pub fn be_stopped(&mut self, vehicle: VehicleId, lease: Lease) {
         self.stand(OrderKind::Hold);
-        let start = self.issued.clone().filter(|order| self.is_pending && order.kind == OrderKind::Start);
+        let start = self
+            .issued
+            .clone()
+            .filter(|order| self.is_pending && order.kind == OrderKind::Start);
         match start {
             Some(start) if self.is_said => self.order(vehicle, lease, start.run, OrderKind::Hold),
             Some(_) => self.is_pending = false,
@@ -121,7 +141,11 @@ impl Dealings {
     }
 
     fn stand(&mut self, kind: OrderKind) {
-        let strongest = self.stands.into_iter().chain([kind]).reduce(OrderKind::stronger);
+        let strongest = self
+            .stands
+            .into_iter()
+            .chain([kind])
+            .reduce(OrderKind::stronger);
         self.stands = strongest.filter(|_| kind != OrderKind::Start);
     }
 
@@ -133,9 +157,14 @@ impl Dealings {
         self.go_above(echo);
         let kind = echo.kind.filter(|_| known != Some(echo))?;
         let of = |order: &Order| (order.lease, order.revision);
-        let is = |order: &Order| of(order) == echo.edition() && (order.kind, order.run) == (kind, echo.run);
+        let is = |order: &Order| {
+            of(order) == echo.edition() && (order.kind, order.run) == (kind, echo.run)
+        };
         if let Some(order) = self.crossing.take_if(|order| is(order)) {
-            let is_above = self.issued.as_ref().is_some_and(|issued| of(issued) > echo.edition());
+            let is_above = self
+                .issued
+                .as_ref()
+                .is_some_and(|issued| of(issued) > echo.edition());
             if !(self.is_pending && is_above) {
                 self.stop_again(order.vehicle, lease, echo.run);
             }
@@ -144,7 +173,8 @@ impl Dealings {
         let is_own = self.issued.as_ref().is_some_and(is);
         // What somebody has stopped meanwhile is not started again by what was ordered before.
         let is_beaten = self.issued.as_ref().is_some_and(|order| {
-            echo.edition() >= of(order) || (kind != OrderKind::Start && order.kind == OrderKind::Start)
+            echo.edition() >= of(order)
+                || (kind != OrderKind::Start && order.kind == OrderKind::Start)
         });
         self.is_pending = self.is_pending && !is_beaten;
         if is_own {
@@ -153,11 +183,18 @@ impl Dealings {
         let is_start = kind == OrderKind::Start;
         if is_beaten {
             // Another order of the same edition is not taken for the own one.
-            let lost = self.issued.take().filter(|order| self.is_said && order.kind == OrderKind::Start);
+            let lost = self
+                .issued
+                .take()
+                .filter(|order| self.is_said && order.kind == OrderKind::Start);
             self.crossing = lost.filter(|order| !is_start && of(order) > echo.edition());
         }
         self.stand(kind);
-        if let Some(start) = self.crossing.clone().filter(|_| is_beaten && kind != OrderKind::CutMotors) {
+        if let Some(start) = self
+            .crossing
+            .clone()
+            .filter(|_| is_beaten && kind != OrderKind::CutMotors)
+        {
             // It may be on its way still, and whoever orders next counts on to its number.
             self.stop_again(start.vehicle, lease, echo.run);
         }
@@ -180,7 +217,10 @@ impl Dealings {
 
     /// Orders above what a vehicle that was started anew remembers of this lease: it obeys nothing lower.
     fn go_above(&mut self, echo: Ordered) {
-        let pending = self.issued.as_mut().filter(|_| self.is_pending && echo.kind.is_none());
+        let pending = self
+            .issued
+            .as_mut()
+            .filter(|_| self.is_pending && echo.kind.is_none());
         if let Some(order) =
             pending.filter(|order| order.lease == echo.lease && order.revision < echo.revision)
         {
@@ -192,7 +232,11 @@ impl Dealings {
     /// Returns the run that a vehicle is in the middle of, though it was started before anything was heard of it: who
     /// drives a leg has not come to the end of its plan.
     pub fn under_way(&mut self, state: &State) -> Option<RunId> {
-        if state.leg.is_some() { self.earlier.take() } else { None }
+        if state.leg.is_some() {
+            self.earlier.take()
+        } else {
+            None
+        }
     }
 }
 
@@ -201,20 +245,33 @@ mod tests {
     use super::*;
 
     const ONE: VehicleId = VehicleId(1);
-    const LEASE: Lease = Lease { number: 1, holder: 9 };
+    const LEASE: Lease = Lease {
+        number: 1,
+        holder: 9,
+    };
     const NEXT: Lease = Lease { number: 2, ..LEASE };
     const RUN: RunId = RunId(1);
 
     /// Lets a vehicle show an order of [`LEASE`] whose run it has not been planned for; returns the run that somebody else
     /// has started it for.
     fn shows(dealings: &mut Dealings, revision: u32, kind: OrderKind) -> Option<RunId> {
-        let echo = Ordered { lease: LEASE, revision: Revision(revision), run: RUN, kind: Some(kind) };
+        let echo = Ordered {
+            lease: LEASE,
+            revision: Revision(revision),
+            run: RUN,
+            kind: Some(kind),
+        };
         dealings.take_echo(echo, RunId(0), LEASE)
     }
 
     /// Lets a vehicle that was started anew show what it remembers.
     fn remembers(dealings: &mut Dealings, lease: Lease, revision: u32) {
-        let echo = Ordered { lease, revision: Revision(revision), run: RUN, kind: None };
+        let echo = Ordered {
+            lease,
+            revision: Revision(revision),
+            run: RUN,
+            kind: None,
+        };
         assert_eq!(dealings.take_echo(echo, RunId(0), LEASE), None);
     }
 
@@ -226,7 +283,9 @@ mod tests {
     }
 
     fn open(dealings: &Dealings) -> Option<(Lease, u32, OrderKind)> {
-        dealings.open_order().map(|order| (order.lease, order.revision.0, order.kind))
+        dealings
+            .open_order()
+            .map(|order| (order.lease, order.revision.0, order.kind))
     }
 
     #[test]
@@ -256,8 +315,15 @@ mod tests {
             // The operator's order came before, at the same time as, or after the own one.
             assert_eq!(shows(&mut dealings, revision, OrderKind::Hold), None);
             assert_eq!(dealings.stands(), Some(OrderKind::Hold));
-            assert_eq!(dealings.open_order(), None, "the own start is not repeated: {revision}");
-            assert_eq!(shows(&mut dealings, revision + 1, OrderKind::Start), Some(RUN));
+            assert_eq!(
+                dealings.open_order(),
+                None,
+                "the own start is not repeated: {revision}"
+            );
+            assert_eq!(
+                shows(&mut dealings, revision + 1, OrderKind::Start),
+                Some(RUN)
+            );
             assert_eq!(dealings.stands(), None);
         }
     }
@@ -279,7 +345,11 @@ mod tests {
             assert_eq!(dealings.stands(), Some(stop));
             assert_eq!(open(&dealings), Some((LEASE, 5, again)));
             dealings.start(ONE, LEASE, RUN);
-            assert_eq!(open(&dealings), Some((LEASE, 5, again)), "what stands is not started");
+            assert_eq!(
+                open(&dealings),
+                Some((LEASE, 5, again)),
+                "what stands is not started"
+            );
             shows(&mut dealings, 5, again);
             shows(&mut dealings, 6, OrderKind::Start);
             assert_eq!(dealings.stands(), None, "somebody has started it");
@@ -291,10 +361,17 @@ mod tests {
         let mut dealings = that_shows(2, OrderKind::Start);
         dealings.start(ONE, LEASE, RUN);
         dealings.be_stopped(ONE, LEASE);
-        assert_eq!((dealings.open_order(), dealings.stands()), (None, Some(OrderKind::Hold)));
+        assert_eq!(
+            (dealings.open_order(), dealings.stands()),
+            (None, Some(OrderKind::Hold))
+        );
         dealings.order(ONE, LEASE, RUN, OrderKind::Land);
         dealings.be_stopped(ONE, LEASE);
-        assert_eq!(dealings.open_order().map(|order| order.kind), Some(OrderKind::Land), "that is no start");
+        assert_eq!(
+            dealings.open_order().map(|order| order.kind),
+            Some(OrderKind::Land),
+            "that is no start"
+        );
     }
 
     #[test]
@@ -307,8 +384,16 @@ mod tests {
         };
         // It was stopped under a lower lease, or by an emergency stop: its echo says nothing of the start.
         let (mut held, mut stopped) = (said(), said());
-        let lower = Lease { number: 0, holder: 3 };
-        let hold = Ordered { lease: lower, revision: Revision(9), run: RUN, kind: Some(OrderKind::Hold) };
+        let lower = Lease {
+            number: 0,
+            holder: 3,
+        };
+        let hold = Ordered {
+            lease: lower,
+            revision: Revision(9),
+            run: RUN,
+            kind: Some(OrderKind::Hold),
+        };
         assert_eq!(held.take_echo(hold, RunId(0), LEASE), None);
         stopped.be_stopped(ONE, LEASE);
         for dealings in [&mut held, &mut stopped] {
@@ -317,7 +402,11 @@ mod tests {
                 (Some((LEASE, 4, OrderKind::Hold)), Some(OrderKind::Hold))
             );
             shows(dealings, 4, OrderKind::Hold);
-            assert_eq!(shows(dealings, 5, OrderKind::Start), Some(RUN), "somebody has started it");
+            assert_eq!(
+                shows(dealings, 5, OrderKind::Start),
+                Some(RUN),
+                "somebody has started it"
+            );
             assert_eq!(dealings.stands(), None);
         }
     }
@@ -350,7 +439,11 @@ mod tests {
             let mut dealings = that_shows(3, OrderKind::Hold);
             dealings.order(ONE, LEASE, RUN, OrderKind::Return);
             remembers(&mut dealings, LEASE, remembered);
-            assert_eq!(open(&dealings), Some((LEASE, expected, OrderKind::Return)), "{remembered}");
+            assert_eq!(
+                open(&dealings),
+                Some((LEASE, expected, OrderKind::Return)),
+                "{remembered}"
+            );
         }
     }
 
@@ -359,8 +452,20 @@ mod tests {
         let mut dealings = Dealings::default();
         let started = [2, 3].map(|revision| {
             let (revision, kind) = (Revision(revision), Some(OrderKind::Start));
-            let echo = Ordered { lease: LEASE, revision, run: RUN, kind };
-            dealings.take_echo(echo, RunId(0), Lease { number: 5, holder: 9 })
+            let echo = Ordered {
+                lease: LEASE,
+                revision,
+                run: RUN,
+                kind,
+            };
+            dealings.take_echo(
+                echo,
+                RunId(0),
+                Lease {
+                    number: 5,
+                    holder: 9,
+                },
+            )
         });
         assert_eq!(started, [None, Some(RUN)], "the second one is new");
     }
@@ -369,7 +474,12 @@ mod tests {
     fn of_what_was_ordered_before_anything_was_heard_only_what_was_not_driven_counts() {
         for (accepted, started) in [(0, Some(RUN)), (1, None), (2, None)] {
             let (revision, kind) = (Revision(3), Some(OrderKind::Start));
-            let old = Ordered { lease: LEASE, revision, run: RUN, kind };
+            let old = Ordered {
+                lease: LEASE,
+                revision,
+                run: RUN,
+                kind,
+            };
             let shown = Dealings::default().take_echo(old, RunId(accepted), Lease::default());
             assert_eq!(shown, started, "{accepted}");
         }

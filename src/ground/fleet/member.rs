@@ -45,7 +45,10 @@ impl Member {
 
     /// Returns its newest state, as plans and orders name it; `None` = it was not heard.
     pub fn seen_state(&self) -> Option<SeenState> {
-        self.state().map(|state| SeenState { boot: state.boot, sequence: state.sequence })
+        self.state().map(|state| SeenState {
+            boot: state.boot,
+            sequence: state.sequence,
+        })
     }
 
     /// Returns where it is; `None` when it was not heard, or does not know.
@@ -107,14 +110,21 @@ impl Member {
         let restarted = self.dealings.hear(state.boot);
         self.heard_at = Some(now);
         let found = self.dealings.find();
-        let started = self.dealings.take_echo(state.ordered, state.accepted.0, lease);
+        let started = self
+            .dealings
+            .take_echo(state.ordered, state.accepted.0, lease);
         let started = started.or_else(|| self.dealings.under_way(&state));
         // Also when a start of before the stop was shown after it: what an open stop holds stands.
         if let Some(StandReason::Stop(_)) = state.stands_under {
             self.dealings.be_stopped(state.vehicle, lease);
         }
         self.state = Some((now, state));
-        Shown { restarted, found, got_on: false, started }
+        Shown {
+            restarted,
+            found,
+            got_on: false,
+            started,
+        }
     }
 
     /// Takes a progress; one of an older start of the software changes nothing, nor does one behind what was said not long
@@ -130,7 +140,11 @@ impl Member {
         if before <= Some(key(&progress)) || is_void {
             (self.progress, self.progress_at) = (Some(progress), Some(now));
         }
-        Shown { restarted, got_on: before < Some(key(&progress)), ..Shown::default() }
+        Shown {
+            restarted,
+            got_on: before < Some(key(&progress)),
+            ..Shown::default()
+        }
     }
 
     /// Takes what it says of its mission, unless an earlier start of its software has said it.
@@ -148,7 +162,10 @@ impl Member {
     /// Returns the order that is not yet seen in a state, answering the newest state heard.
     pub fn open_order(&self) -> Option<Order> {
         let seen = self.seen_state()?;
-        Some(Order { seen: Some(seen), ..self.dealings.open_order()?.clone() })
+        Some(Order {
+            seen: Some(seen),
+            ..self.dealings.open_order()?.clone()
+        })
     }
 
     /// Takes the open order for said.
@@ -165,7 +182,10 @@ impl Member {
 
     /// Returns whether a lower count of starts is believed: it has been silent for so long that its disk is a new one.
     fn counts_anew(&self, now: Time, boot: Boot) -> bool {
-        !self.is_current(boot) && self.heard_at.is_some_and(|at| now.since(at) > LOWER_BOOT_AFTER)
+        !self.is_current(boot)
+            && self
+                .heard_at
+                .is_some_and(|at| now.since(at) > LOWER_BOOT_AFTER)
     }
 }
 
@@ -174,7 +194,10 @@ mod tests {
     use super::*;
     use tomoswarm_proto::{OrderKind, Ordered, Revision, VehicleId};
 
-    const LEASE: Lease = Lease { number: 1, holder: 9 };
+    const LEASE: Lease = Lease {
+        number: 1,
+        holder: 9,
+    };
     const RUN: RunId = RunId(1);
 
     fn at(at_s: u32) -> Time {
@@ -183,12 +206,23 @@ mod tests {
 
     fn state(boot: u32, sequence: u64) -> State {
         let vehicle = VehicleId(1);
-        State { vehicle, boot: Boot(boot), sequence, pose: Some(Default::default()), ..State::default() }
+        State {
+            vehicle,
+            boot: Boot(boot),
+            sequence,
+            pose: Some(Default::default()),
+            ..State::default()
+        }
     }
 
     fn progress(boot: u32) -> VehicleProgress {
         let vehicle = VehicleId(1);
-        VehicleProgress { vehicle, boot: Boot(boot), run: RUN, ..VehicleProgress::default() }
+        VehicleProgress {
+            vehicle,
+            boot: Boot(boot),
+            run: RUN,
+            ..VehicleProgress::default()
+        }
     }
 
     fn hear(member: &mut Member, now_s: u32, boot: u32, sequence: u64) -> Shown {
@@ -201,8 +235,14 @@ mod tests {
         assert!(member.is_unheard() && member.place().is_none());
         hear(&mut member, 0, 1, 9);
         assert_eq!(hear(&mut member, 1, 1, 4), Shown::default());
-        let newest = SeenState { boot: Boot(1), sequence: 9 };
-        assert_eq!((member.seen_state(), member.heard_at()), (Some(newest), Some(at(0))));
+        let newest = SeenState {
+            boot: Boot(1),
+            sequence: 9,
+        };
+        assert_eq!(
+            (member.seen_state(), member.heard_at()),
+            (Some(newest), Some(at(0)))
+        );
         assert!(!member.is_unheard() && member.place().is_some());
     }
 
@@ -213,23 +253,62 @@ mod tests {
         assert_eq!(member.open_order(), None);
         hear(&mut member, 0, 1, 5);
         let open = member.open_order().unwrap();
-        assert_eq!((open.revision, open.seen), (Revision(1), member.seen_state()));
-        let ordered = Ordered { lease: LEASE, revision: Revision(1), run: RUN, kind: Some(OrderKind::Start) };
-        member.hear_state(at(1), State { ordered, ..state(1, 6) }, LEASE);
+        assert_eq!(
+            (open.revision, open.seen),
+            (Revision(1), member.seen_state())
+        );
+        let ordered = Ordered {
+            lease: LEASE,
+            revision: Revision(1),
+            run: RUN,
+            kind: Some(OrderKind::Start),
+        };
+        member.hear_state(
+            at(1),
+            State {
+                ordered,
+                ..state(1, 6)
+            },
+            LEASE,
+        );
         assert_eq!(member.open_order(), None);
     }
 
     #[test]
     fn who_drives_a_leg_is_under_way_though_it_was_started_before_it_was_heard() {
-        let ordered = Ordered { lease: LEASE, revision: Revision(1), run: RUN, kind: Some(OrderKind::Start) };
+        let ordered = Ordered {
+            lease: LEASE,
+            revision: Revision(1),
+            run: RUN,
+            kind: Some(OrderKind::Start),
+        };
         let accepted = (RUN, Revision(3));
         let mut member = Member::default();
-        let rests = State { ordered, accepted, ..state(1, 1) };
+        let rests = State {
+            ordered,
+            accepted,
+            ..state(1, 1)
+        };
         assert_eq!(member.hear_state(at(0), rests, LEASE).started, None);
-        let drives = State { ordered, accepted, leg: Some(Default::default()), ..state(1, 2) };
-        assert_eq!(member.hear_state(at(1), drives.clone(), LEASE).started, Some(RUN));
-        let drives = State { sequence: 3, ..drives };
-        assert_eq!(member.hear_state(at(2), drives, LEASE).started, None, "that is known");
+        let drives = State {
+            ordered,
+            accepted,
+            leg: Some(Default::default()),
+            ..state(1, 2)
+        };
+        assert_eq!(
+            member.hear_state(at(1), drives.clone(), LEASE).started,
+            Some(RUN)
+        );
+        let drives = State {
+            sequence: 3,
+            ..drives
+        };
+        assert_eq!(
+            member.hear_state(at(2), drives, LEASE).started,
+            None,
+            "that is known"
+        );
     }
 
     #[test]
@@ -237,10 +316,17 @@ mod tests {
         let mut member = Member::default();
         assert!(!hear(&mut member, 0, 1, 100).restarted);
         assert!(hear(&mut member, 0, 2, 1).restarted);
-        assert_eq!(member.hear_progress(Time::ZERO, progress(1)), Shown::default());
+        assert_eq!(
+            member.hear_progress(Time::ZERO, progress(1)),
+            Shown::default()
+        );
         assert!(member.hear_progress(Time::ZERO, progress(2)).got_on);
         assert!(member.hear_progress(Time::ZERO, progress(3)).restarted);
-        let mission = |boot| Mission { vehicle: VehicleId(1), boot: Boot(boot), ..Mission::default() };
+        let mission = |boot| Mission {
+            vehicle: VehicleId(1),
+            boot: Boot(boot),
+            ..Mission::default()
+        };
         member.hear_mission(&mission(2));
         assert_eq!(member.mission(), None);
         member.hear_mission(&mission(3));
@@ -251,11 +337,18 @@ mod tests {
     fn a_vehicle_with_a_new_disk_is_believed_after_a_long_silence_and_has_restarted() {
         let mut member = Member::default();
         hear(&mut member, 0, 9, 100);
-        assert_eq!(hear(&mut member, 30, 1, 7), Shown::default(), "30 s are not long enough");
+        assert_eq!(
+            hear(&mut member, 30, 1, 7),
+            Shown::default(),
+            "30 s are not long enough"
+        );
         assert!(!member.is_current(Boot(1)));
         assert!(hear(&mut member, 31, 1, 8).restarted);
         assert!(member.is_current(Boot(1)) && member.hear_progress(Time::ZERO, progress(1)).got_on);
-        assert!(!hear(&mut member, 32, 1, 9).restarted, "it is heard by its own count now");
+        assert!(
+            !hear(&mut member, 32, 1, 9).restarted,
+            "it is heard by its own count now"
+        );
     }
 
     #[test]
@@ -263,7 +356,10 @@ mod tests {
         let mut member = Member::default();
         hear(&mut member, 0, 1, 5);
         member.dealings_mut().lose();
-        assert!(!hear(&mut member, 1, 1, 5).found && !member.hear_progress(Time::ZERO, progress(1)).found);
+        assert!(
+            !hear(&mut member, 1, 1, 5).found
+                && !member.hear_progress(Time::ZERO, progress(1)).found
+        );
         assert!(hear(&mut member, 1, 1, 6).found && !member.dealings().is_lost());
     }
 }

@@ -67,14 +67,25 @@ pub struct Leases {
 impl Leases {
     /// Holds a lease from the start.
     pub fn held(lease: Lease) -> Leases {
-        Leases { right: Right::Holding, ..Leases::listening(lease, false) }
+        Leases {
+            right: Right::Holding,
+            ..Leases::listening(lease, false)
+        }
     }
 
     /// Listens first. `last` is the lease held before (number 0 = none) and names the holder; with `take_over` a live
     /// holder is displaced, once.
     pub fn listening(last: Lease, take_over: bool) -> Leases {
         let (right, holder) = (Right::Listening(None), last.holder);
-        Leases { own: last, highest: last, other: None, right, take_over, holder, operator: None }
+        Leases {
+            own: last,
+            highest: last,
+            other: None,
+            right,
+            take_over,
+            holder,
+            operator: None,
+        }
     }
 
     /// Returns whether orders and plans may be given.
@@ -141,7 +152,9 @@ impl Leases {
                 Some(Change::Renewed(lease))
             }
             // It stood by for nobody else than this operator.
-            Right::StandingBy(_) if self.other_lives(now, SILENT).is_none() => Some(self.follow(lease)),
+            Right::StandingBy(_) if self.other_lives(now, SILENT).is_none() => {
+                Some(self.follow(lease))
+            }
             Right::StandingBy(_) | Right::Listening(_) => None,
         }
     }
@@ -150,7 +163,9 @@ impl Leases {
     pub fn tick(&mut self, now: Time) -> Option<Change> {
         let lives = |within| self.other_lives(now, within);
         match self.right {
-            Right::Holding if self.own.holder == self.holder || self.operator(now).is_some() => None,
+            Right::Holding if self.own.holder == self.holder || self.operator(now).is_some() => {
+                None
+            }
             Right::Holding => {
                 self.take();
                 Some(Change::Renewed(self.own))
@@ -167,20 +182,25 @@ impl Leases {
                     Some(Change::StoodDown(lease))
                 }
             },
-            Right::StandingBy(since) if now.since(since) < SILENT || lives(SILENT).is_some() => None,
+            Right::StandingBy(since) if now.since(since) < SILENT || lives(SILENT).is_some() => {
+                None
+            }
             Right::StandingBy(_) => Some(self.lead(now)),
         }
     }
 
     /// Returns the lease of a live operator, if it is the greatest of all.
     fn operator(&self, now: Time) -> Option<Lease> {
-        let live = self.operator.filter(|(at, lease)| now.since(*at) < LIVES && *lease >= self.highest);
+        let live = self
+            .operator
+            .filter(|(at, lease)| now.since(*at) < LIVES && *lease >= self.highest);
         live.map(|(_, lease)| lease)
     }
 
     /// Returns when another ground was heard to hold no lower lease, if that was within this time.
     fn other_lives(&self, now: Time, within: Duration) -> Option<(Time, Lease)> {
-        self.other.filter(|(at, lease)| *lease >= self.own && now.since(*at) < within)
+        self.other
+            .filter(|(at, lease)| *lease >= self.own && now.since(*at) < within)
     }
 
     /// Leads from now on, under the lease of an operator if one holds the greatest.
@@ -199,7 +219,10 @@ impl Leases {
 
     fn take(&mut self) -> Change {
         let number = self.highest.number.max(self.own.number).saturating_add(1);
-        self.own = Lease { number, holder: self.holder };
+        self.own = Lease {
+            number,
+            holder: self.holder,
+        };
         self.highest = self.own;
         (self.right, self.take_over, self.other) = (Right::Holding, false, None);
         Change::Taken(self.own)
@@ -228,7 +251,10 @@ mod tests {
         let mut leases = Leases::listening(lease(0, 7), false);
         assert!(!leases.holds());
         leases.heard(at(0), lease(4, 1));
-        assert_eq!(first_change(&mut leases, 0, 9), Some((2, Change::Taken(lease(5, 7)))));
+        assert_eq!(
+            first_change(&mut leases, 0, 9),
+            Some((2, Change::Taken(lease(5, 7))))
+        );
         assert!(leases.holds());
     }
 
@@ -238,18 +264,31 @@ mod tests {
         for second in 0..20 {
             leases.heard_report(at(second), lease(4, 1));
             let changed = leases.tick(at(second));
-            assert_eq!(changed, (second == 2).then_some(Change::StoodDown(lease(4, 1))), "{second}");
+            assert_eq!(
+                changed,
+                (second == 2).then_some(Change::StoodDown(lease(4, 1))),
+                "{second}"
+            );
         }
-        assert_eq!(first_change(&mut leases, 20, 99), Some((29, Change::Taken(lease(5, 7)))));
+        assert_eq!(
+            first_change(&mut leases, 20, 99),
+            Some((29, Change::Taken(lease(5, 7))))
+        );
     }
 
     #[test]
     fn who_shall_take_over_does_so_once() {
         let mut leases = Leases::listening(lease(0, 7), true);
         leases.heard_report(at(0), lease(4, 1));
-        assert_eq!(first_change(&mut leases, 0, 9), Some((2, Change::Taken(lease(5, 7)))));
+        assert_eq!(
+            first_change(&mut leases, 0, 9),
+            Some((2, Change::Taken(lease(5, 7))))
+        );
         assert_eq!(leases.heard_report(at(3), lease(4, 1)), None);
-        assert_eq!(leases.heard_report(at(4), lease(6, 1)), Some(Change::StoodDown(lease(6, 1))));
+        assert_eq!(
+            leases.heard_report(at(4), lease(6, 1)),
+            Some(Change::StoodDown(lease(6, 1)))
+        );
         leases.heard_report(at(8), lease(6, 1));
         assert_eq!(first_change(&mut leases, 8, 18), None);
     }
@@ -258,21 +297,36 @@ mod tests {
     fn of_two_that_take_the_same_number_one_stands_down() {
         let (mut one, mut two) = (Leases::held(lease(3, 1)), Leases::held(lease(3, 2)));
         assert_eq!(one.heard_report(at(1), two.own()), None);
-        assert_eq!(two.heard_report(at(1), one.own()), Some(Change::StoodDown(lease(3, 1))));
+        assert_eq!(
+            two.heard_report(at(1), one.own()),
+            Some(Change::StoodDown(lease(3, 1)))
+        );
     }
 
     #[test]
     fn a_greater_lease_in_an_echo_alone_is_outlived() {
         let mut leases = Leases::held(lease(3, 1));
-        assert_eq!(leases.heard(at(5), lease(8, 2)), Some(Change::StoodDown(lease(8, 2))));
-        assert_eq!(first_change(&mut leases, 5, 99), Some((15, Change::Taken(lease(9, 1)))));
+        assert_eq!(
+            leases.heard(at(5), lease(8, 2)),
+            Some(Change::StoodDown(lease(8, 2)))
+        );
+        assert_eq!(
+            first_change(&mut leases, 5, 99),
+            Some((15, Change::Taken(lease(9, 1))))
+        );
     }
 
     /// A ground that holds lease 3 and hears an operator take lease 4 over.
     fn under_operator() -> Leases {
         let mut leases = Leases::held(lease(3, 1));
-        assert_eq!(leases.heard(at(1), lease(4, 9)), Some(Change::StoodDown(lease(4, 9))));
-        assert_eq!(leases.heard_operator(at(1), lease(4, 9)), Some(Change::Taken(lease(4, 9))));
+        assert_eq!(
+            leases.heard(at(1), lease(4, 9)),
+            Some(Change::StoodDown(lease(4, 9)))
+        );
+        assert_eq!(
+            leases.heard_operator(at(1), lease(4, 9)),
+            Some(Change::Taken(lease(4, 9)))
+        );
         leases
     }
 
@@ -283,17 +337,31 @@ mod tests {
             assert_eq!(leases.heard_operator(at(second), lease(4, 9)), None);
             assert_eq!(leases.tick(at(second)), None);
         }
-        assert_eq!(first_change(&mut leases, 60, 99), Some((64, Change::Renewed(lease(5, 1)))));
-        assert_eq!(leases.heard_operator(at(65), lease(4, 9)), None, "it is too late");
+        assert_eq!(
+            first_change(&mut leases, 60, 99),
+            Some((64, Change::Renewed(lease(5, 1))))
+        );
+        assert_eq!(
+            leases.heard_operator(at(65), lease(4, 9)),
+            None,
+            "it is too late"
+        );
         assert_eq!(leases.own(), lease(5, 1));
     }
 
     #[test]
     fn between_operators_nobody_stands_by_when_the_hello_comes_before_the_echo() {
         let mut leases = under_operator();
-        assert_eq!(leases.heard_operator(at(2), lease(5, 8)), Some(Change::Renewed(lease(5, 8))));
+        assert_eq!(
+            leases.heard_operator(at(2), lease(5, 8)),
+            Some(Change::Renewed(lease(5, 8)))
+        );
         assert_eq!(leases.heard(at(2), lease(5, 8)), None);
-        assert_eq!(leases.heard_operator(at(3), lease(4, 9)), None, "it is displaced");
+        assert_eq!(
+            leases.heard_operator(at(3), lease(4, 9)),
+            None,
+            "it is displaced"
+        );
         assert_eq!((leases.holds(), leases.own()), (true, lease(5, 8)));
     }
 
@@ -301,20 +369,35 @@ mod tests {
     fn of_two_grounds_under_one_operator_one_leads_and_the_other_follows_it() {
         let (mut one, mut two) = (under_operator(), under_operator());
         assert_eq!(one.heard_report(at(2), two.own()), None);
-        assert_eq!(two.heard_elder(at(2), one.own()), Some(Change::StoodDown(lease(4, 9))));
+        assert_eq!(
+            two.heard_elder(at(2), one.own()),
+            Some(Change::StoodDown(lease(4, 9)))
+        );
         for second in 2..30 {
             one.heard_operator(at(second), lease(4, 9));
             two.heard_report(at(second), one.own());
-            assert_eq!((two.heard_operator(at(second), lease(4, 9)), two.tick(at(second))), (None, None));
+            assert_eq!(
+                (
+                    two.heard_operator(at(second), lease(4, 9)),
+                    two.tick(at(second))
+                ),
+                (None, None)
+            );
         }
         let mut alone = two;
-        assert_eq!(first_change(&mut alone, 30, 99), Some((39, Change::Taken(lease(5, 1)))));
+        assert_eq!(
+            first_change(&mut alone, 30, 99),
+            Some((39, Change::Taken(lease(5, 1))))
+        );
     }
 
     #[test]
     fn others_that_stand_by_themselves_hold_nobody_up() {
         let mut leases = Leases::listening(lease(0, 7), false);
         leases.heard_report(at(0), Lease::default());
-        assert!(matches!(first_change(&mut leases, 0, 9), Some((2, Change::Taken(_)))));
+        assert!(matches!(
+            first_change(&mut leases, 0, 9),
+            Some((2, Change::Taken(_)))
+        ));
     }
 }

@@ -72,7 +72,11 @@ impl Station {
     /// Returns whether whoever was dropped surely stands still; see the module's page.
     fn lost_ones_rest(&self, now: Time) -> bool {
         let rests_after = self.lost_after.max(self.autonomy + ENDS_LEG);
-        let rests = |member: &Member| member.heard_at().is_none_or(|at| now.since(at) >= rests_after);
+        let rests = |member: &Member| {
+            member
+                .heard_at()
+                .is_none_or(|at| now.since(at) >= rests_after)
+        };
         self.fleet
             .members()
             .filter(|(_, member)| member.dealings().is_lost())
@@ -84,7 +88,10 @@ impl Station {
         if shown.found {
             out.push(Out::Note(Note::Found(vehicle)));
         }
-        let is_driven = matches!(self.phase, Phase::Planning(_) | Phase::Running(..) | Phase::Stopping(_));
+        let is_driven = matches!(
+            self.phase,
+            Phase::Planning(_) | Phase::Running(..) | Phase::Stopping(_)
+        );
         if shown.restarted {
             out.push(Out::Note(Note::Restarted(vehicle)));
             self.disturbed |= is_driven;
@@ -94,7 +101,10 @@ impl Station {
 
     /// Returns whether everyone has come to rest and plans may be made.
     pub(super) fn may_plan(&self, now: Time) -> bool {
-        let stopped = self.succession.as_ref().is_some_and(|known| known.phase() == sweep::Phase::Stopped);
+        let stopped = self
+            .succession
+            .as_ref()
+            .is_some_and(|known| known.phase() == sweep::Phase::Stopped);
         stopped && !self.waits_for_more() && self.lost_ones_rest(now) && self.fleet.are_placed()
     }
 }

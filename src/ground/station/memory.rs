@@ -35,7 +35,11 @@ pub struct PictureName {
 impl PictureName {
     /// Names a picture that was made.
     pub fn of(picture: &Picture) -> PictureName {
-        PictureName { run: picture.run, laps: picture.laps, subject: picture.subject }
+        PictureName {
+            run: picture.run,
+            laps: picture.laps,
+            subject: picture.subject,
+        }
     }
 }
 
@@ -109,13 +113,19 @@ impl Brief {
             pictures,
             due,
         } = self;
-        let edition = succession.as_ref().map(|(run, revision, members)| (*run, *revision, &members[..]));
+        let edition = succession
+            .as_ref()
+            .map(|(run, revision, members)| (*run, *revision, &members[..]));
         let dealings = dealings.iter().map(|(id, dealings)| (*id, dealings));
         *store == station.samples.store()
             && *lease == station.leases.own()
             && *phase == station.phase
             && edition == station.succession.as_ref().map(edition_of)
-            && station.fleet.members().map(|(id, member)| (id, member.dealings())).eq(dealings)
+            && station
+                .fleet
+                .members()
+                .map(|(id, member)| (id, member.dealings()))
+                .eq(dealings)
             && *wished == station.wished
             && *newest_run == station.newest_run
             && *standing == station.standing
@@ -130,7 +140,11 @@ impl Brief {
 
 /// Returns which plans a succession gives, and to whom.
 fn edition_of(succession: &Succession) -> (RunId, Revision, &[VehicleId]) {
-    (succession.run(), succession.revision(), succession.members())
+    (
+        succession.run(),
+        succession.revision(),
+        succession.members(),
+    )
 }
 
 impl Station {
@@ -144,25 +158,37 @@ impl Station {
         tiles: impl IntoIterator<Item = TileReport>,
     ) -> Station {
         let Memory { brief, plans } = memory;
-        let last = Lease { number: brief.lease.number, holder: settings.holder };
+        let last = Lease {
+            number: brief.lease.number,
+            holder: settings.holder,
+        };
         let leases = Leases::listening(last, settings.take_over);
-        let mut station = Station::new(StationSettings { store: brief.store, ..settings });
+        let mut station = Station::new(StationSettings {
+            store: brief.store,
+            ..settings
+        });
         station.leases = leases;
         station.fleet.set_lease(last);
         station.fleet.recall(&brief.dealings);
         station.phase = brief.phase;
         station.succession = plans;
-        station.succession.iter_mut().for_each(Succession::forget_reports);
+        station
+            .succession
+            .iter_mut()
+            .for_each(Succession::forget_reports);
         (station.wished, station.newest_run) = (brief.wished, brief.newest_run);
         station.standing = brief.standing;
         station.closed = brief.closed.into_iter().collect();
-        (station.last, station.stalled, station.disturbed) = (brief.last, brief.stalled, brief.disturbed);
+        (station.last, station.stalled, station.disturbed) =
+            (brief.last, brief.stalled, brief.disturbed);
         station.runs = brief.runs;
         (station.pictures, station.due) = (brief.pictures, brief.due);
         samples.into_iter().for_each(|batch| {
             station.samples.take(&batch);
         });
-        tiles.into_iter().for_each(|tile| station.join(Time::ZERO, &tile));
+        tiles
+            .into_iter()
+            .for_each(|tile| station.join(Time::ZERO, &tile));
         station.remembered = Some(station.brief());
         station
     }
@@ -210,12 +236,18 @@ impl Station {
 
     /// Remembers what a step has changed, ahead of all that it said from `first` on.
     pub(super) fn remember(&mut self, first: usize, out: &mut Vec<Out>) {
-        let is_known = self.remembered.as_ref().is_some_and(|brief| brief.is_of(self));
+        let is_known = self
+            .remembered
+            .as_ref()
+            .is_some_and(|brief| brief.is_of(self));
         debug_assert_eq!(is_known, self.remembered.as_ref() == Some(&self.brief()));
         if !is_known {
             let brief = self.brief();
             self.remembered = Some(brief.clone());
-            let memory = Memory { brief, plans: self.succession.clone() };
+            let memory = Memory {
+                brief,
+                plans: self.succession.clone(),
+            };
             out.insert(first.min(out.len()), Out::Remember(Box::new(memory)));
         }
     }

@@ -3,7 +3,9 @@
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Boot, EmergencyStop, LayerId, Lease, Message, RunId, TileAddress, VehicleId};
+use tomoswarm_proto::{
+    Boot, EmergencyStop, LayerId, Lease, Message, RunId, TileAddress, VehicleId,
+};
 
 use super::super::imager::Job;
 use super::super::planner::{Answer, Request};
@@ -153,7 +155,9 @@ impl Input for In {
         match self {
             In::Bus(Message::State(state)) => Class::Latest(Key::State(state.vehicle)),
             In::Bus(Message::Mission(mission)) => Class::Latest(Key::Progress(mission.vehicle)),
-            In::Bus(Message::Tile(report)) => Class::Latest(Key::Tile(report.layer, report.address)),
+            In::Bus(Message::Tile(report)) => {
+                Class::Latest(Key::Tile(report.layer, report.address))
+            }
             In::Planned(_) => Class::Latest(Key::Planned),
             In::Pictured(name) => Class::Latest(Key::Pictured(*name)),
             In::Bus(_) | In::Stops(_) => Class::Queue,

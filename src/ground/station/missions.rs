@@ -32,7 +32,10 @@ impl Station {
         for (run, members) in self.runs.of_vehicles() {
             let there = self.there(now).filter(|id| members.contains(id));
             let end_of = |id: VehicleId| {
-                let said = self.fleet.mission(id).filter(|said| said.progress.run == run);
+                let said = self
+                    .fleet
+                    .mission(id)
+                    .filter(|said| said.progress.run == run);
                 Some((id, said?.end?))
             };
             let ends: Option<Vec<(VehicleId, MissionEnd)>> = there.map(end_of).collect();
@@ -48,14 +51,20 @@ impl Station {
 
     /// Returns the newest run that is left to the vehicles and was begun, if it is newer than another one.
     pub(super) fn newest_mission(&self, other: Option<RunId>) -> Option<RunId> {
-        self.runs.newest_of_vehicles().filter(|run| Some(*run) > other)
+        self.runs
+            .newest_of_vehicles()
+            .filter(|run| Some(*run) > other)
     }
 
     /// Returns the vehicles that have said their state not long ago.
     fn there(&self, now: Time) -> impl Iterator<Item = VehicleId> {
         let lost_after = self.lost_after;
-        let is_there = move |heard_at: Option<Time>| heard_at.is_some_and(|at| now.since(at) <= lost_after);
-        self.fleet.members().filter(move |(_, member)| is_there(member.heard_at())).map(|(id, _)| id)
+        let is_there =
+            move |heard_at: Option<Time>| heard_at.is_some_and(|at| now.since(at) <= lost_after);
+        self.fleet
+            .members()
+            .filter(move |(_, member)| is_there(member.heard_at()))
+            .map(|(id, _)| id)
     }
 }
 
@@ -67,6 +76,8 @@ fn why_failed(ends: &[(VehicleId, MissionEnd)]) -> Option<String> {
         MissionEnd::GaveUp(_) | MissionEnd::Refused(_) => true,
     };
     let failed = ends.iter().filter(|(_, end)| is_failed(*end));
-    let words: Vec<String> = failed.map(|(id, end)| format!("vehicle {id} {end}")).collect();
+    let words: Vec<String> = failed
+        .map(|(id, end)| format!("vehicle {id} {end}"))
+        .collect();
     (!words.is_empty()).then(|| words.join("; "))
 }

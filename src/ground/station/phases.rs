@@ -33,22 +33,37 @@ impl Station {
     /// Begins a wished sweep once every vehicle has been heard and none is under way; who is not heard at all for long
     /// is lost, when enough others are there.
     pub(super) fn begin(&mut self, now: Time, out: &mut Vec<Out>) {
-        let is_free = matches!(self.phase, Phase::Idle) && self.standing.is_none() && self.leases.holds();
+        let is_free =
+            matches!(self.phase, Phase::Idle) && self.standing.is_none() && self.leases.holds();
         if !is_free || self.wished.is_none() {
             return;
         }
         if now.since(self.wished_at) > self.lost_after && self.has_enough() {
             let lost = self.fleet.lose_unheard(self.wished_at);
-            out.extend(lost.into_iter().map(|vehicle| Out::Note(Note::Lost(vehicle))));
+            out.extend(
+                lost.into_iter()
+                    .map(|vehicle| Out::Note(Note::Lost(vehicle))),
+            );
         }
         if !self.fleet.are_placed() {
             return;
         }
-        let Some((run, empty)) = self.wished.take() else { return };
+        let Some((run, empty)) = self.wished.take() else {
+            return;
+        };
         self.closed.remove(&run);
         let highest = self.fleet.highest_revision(run);
         self.succession = Some(Succession::new(run, &self.fleet.present(), highest));
-        self.rest(now, Sweep { run, empty, laps_before: 0, laps_done: 0 }, out);
+        self.rest(
+            now,
+            Sweep {
+                run,
+                empty,
+                laps_before: 0,
+                laps_done: 0,
+            },
+            out,
+        );
     }
 
     /// A Start for everyone: what was held goes on; who was sent elsewhere is planned for anew from there.
@@ -59,7 +74,10 @@ impl Station {
         let stood = self.standing.take();
         self.planned_at = now;
         match (stood, &self.phase) {
-            (Some(OrderKind::Return | OrderKind::Land | OrderKind::CutMotors), Phase::Running(sweep, _)) => {
+            (
+                Some(OrderKind::Return | OrderKind::Land | OrderKind::CutMotors),
+                Phase::Running(sweep, _),
+            ) => {
                 let sweep = *sweep;
                 self.rest(now, sweep, out);
             }
@@ -86,17 +104,27 @@ impl Station {
     /// Somebody follows plans that this station has not given: they are outnumbered, or the sweep is given up when
     /// they belong to a higher run, which vehicles prefer.
     pub(super) fn look_after_others_plans(&mut self, out: &mut Vec<Out>) {
-        let is_driven = matches!(self.phase, Phase::Planning(_) | Phase::Running(..) | Phase::Stopping(_));
-        let Some(sweep) = self.phase.sweep().copied().filter(|_| is_driven) else { return };
+        let is_driven = matches!(
+            self.phase,
+            Phase::Planning(_) | Phase::Running(..) | Phase::Stopping(_)
+        );
+        let Some(sweep) = self.phase.sweep().copied().filter(|_| is_driven) else {
+            return;
+        };
         if self.fleet.highest_run() > sweep.run {
             out.push(Out::Note(Note::Overtaken(sweep.run)));
-            self.runs.end(sweep.run, RunEnd::Stopped, "vehicles follow a higher run");
+            self.runs
+                .end(sweep.run, RunEnd::Stopped, "vehicles follow a higher run");
             self.last = Some(sweep);
             self.phase = Phase::Idle;
             return;
         }
         let highest = self.fleet.highest_revision(sweep.run);
-        if let Some(succession) = self.succession.as_mut().filter(|known| known.revision() < highest) {
+        if let Some(succession) = self
+            .succession
+            .as_mut()
+            .filter(|known| known.revision() < highest)
+        {
             succession.skip_to(highest);
             self.disturbed = true;
         }
@@ -104,28 +132,49 @@ impl Station {
 
     /// Asks for plans from where the vehicles rest now.
     fn ask(&mut self, now: Time, sweep: Sweep, out: &mut Vec<Out>) {
-        let Some(succession) = &self.succession else { return };
+        let Some(succession) = &self.succession else {
+            return;
+        };
         let place = |(id, member): (VehicleId, &Member)| Some((id, member.place()?));
         let present = |(_, member): &(VehicleId, &Member)| !member.dealings().is_lost();
-        let places = self.fleet.members().filter(present).filter_map(place).collect();
+        let places = self
+            .fleet
+            .members()
+            .filter(present)
+            .filter_map(place)
+            .collect();
         let (run, revision, first_lap) = (sweep.run, succession.next_revision(), sweep.laps_done);
         let task = self.runs.sweep(run);
-        out.push(Out::Ask(Request { run, revision, places, first_lap, task }));
-        self.phase = Phase::Planning(Sweep { laps_before: sweep.laps_done, ..sweep });
+        out.push(Out::Ask(Request {
+            run,
+            revision,
+            places,
+            first_lap,
+            task,
+        }));
+        self.phase = Phase::Planning(Sweep {
+            laps_before: sweep.laps_done,
+            ..sweep
+        });
         self.planned_at = now;
     }
 
     pub(super) fn planned(&mut self, now: Time, answer: Answer, out: &mut Vec<Out>) {
         // Somebody may have come, gone or been restarted meanwhile; then everyone is stopped first.
         let is_wanted = self.leases.holds() && !self.must_rest();
-        let (Phase::Planning(sweep), Some(succession)) = (&self.phase, &mut self.succession) else { return };
+        let (Phase::Planning(sweep), Some(succession)) = (&self.phase, &mut self.succession) else {
+            return;
+        };
         let sweep = *sweep;
         if !is_wanted || (answer.run, answer.revision) != (sweep.run, succession.next_revision()) {
             return;
         }
         let begun = answer.plans.and_then(|plans| {
             let stops = plans.iter().map(|plan| plan.stops.len()).sum();
-            succession.begin(plans).map(|_| stops).map_err(|error| error.to_string())
+            succession
+                .begin(plans)
+                .map(|_| stops)
+                .map_err(|error| error.to_string())
         });
         match begun {
             Err(reason) => {
@@ -136,8 +185,15 @@ impl Station {
             }
             Ok(stops) => {
                 let laps = answer.laps.len();
-                out.push(Out::Note(Note::Planned { run: sweep.run, laps, stops }));
-                out.push(Out::BeginRun { run: sweep.run, compared_with: sweep.empty });
+                out.push(Out::Note(Note::Planned {
+                    run: sweep.run,
+                    laps,
+                    stops,
+                }));
+                out.push(Out::BeginRun {
+                    run: sweep.run,
+                    compared_with: sweep.empty,
+                });
                 self.phase = Phase::Running(sweep, answer.laps);
                 self.planned_at = now;
                 self.publish_plans(now, out);
@@ -147,7 +203,9 @@ impl Station {
 
     /// Repeats plans; stops everyone and plans anew when somebody cannot begin where its plan does.
     pub(super) fn look_after_plans(&mut self, now: Time, out: &mut Vec<Out>) {
-        let Some(succession) = &self.succession else { return };
+        let Some(succession) = &self.succession else {
+            return;
+        };
         let shown = succession.missing().next().is_none();
         let is_free = self.standing.is_none();
         match &self.phase {
@@ -158,7 +216,9 @@ impl Station {
                 out.push(Out::Note(Note::Replans(sweep.run)));
                 self.rest(now, sweep, out);
             }
-            Phase::Running(sweep, _) if is_free && !shown && now.since(self.planned_at) > ADOPTED_WITHIN => {
+            Phase::Running(sweep, _)
+                if is_free && !shown && now.since(self.planned_at) > ADOPTED_WITHIN =>
+            {
                 let sweep = *sweep;
                 out.push(Out::Note(Note::Replans(sweep.run)));
                 self.rest(now, sweep, out);
@@ -179,7 +239,9 @@ impl Station {
                 self.ask(now, sweep, out);
             }
             Phase::Stopping(sweep)
-                if is_free && !self.waits_for_more() && now.since(self.planned_at) > STALLED_AFTER =>
+                if is_free
+                    && !self.waits_for_more()
+                    && now.since(self.planned_at) > STALLED_AFTER =>
             {
                 let sweep = *sweep;
                 self.stall(now, sweep, out);
@@ -204,7 +266,11 @@ impl Station {
         }
         self.stalled = false;
         out.push(Out::Note(Note::Stalled(sweep.run)));
-        self.runs.end(sweep.run, RunEnd::Failed, "it cannot be ended, no vehicle gets on");
+        self.runs.end(
+            sweep.run,
+            RunEnd::Failed,
+            "it cannot be ended, no vehicle gets on",
+        );
         self.fleet.order_all(sweep.run, OrderKind::Hold);
         self.publish_orders(out);
         self.last = Some(sweep);
@@ -212,17 +278,29 @@ impl Station {
     }
 
     pub(super) fn look_after_laps(&mut self, now: Time, out: &mut Vec<Out>) {
-        let Phase::Running(sweep, laps) = &self.phase else { return };
+        let Phase::Running(sweep, laps) = &self.phase else {
+            return;
+        };
         let (mut sweep, wanted) = (*sweep, laps.len());
         let known = sweep.laps_done.saturating_sub(sweep.laps_before);
-        let done = known + laps.iter().skip(known).take_while(|lap| self.is_done(sweep, lap)).count();
+        let done = known
+            + laps
+                .iter()
+                .skip(known)
+                .take_while(|lap| self.is_done(sweep, lap))
+                .count();
         let finished = done == wanted;
         if sweep.laps_before + done > sweep.laps_done {
             sweep.laps_done = sweep.laps_before + done;
             self.stalled = false;
             let links = self.samples.links(sweep.run);
             let (run, laps, samples) = (sweep.run, sweep.laps_done, self.samples.count(sweep.run));
-            out.push(Out::Note(Note::LapDone { run, laps, links: links.len(), samples }));
+            out.push(Out::Note(Note::LapDone {
+                run,
+                laps,
+                links: links.len(),
+                samples,
+            }));
             if !finished && let Some(empty) = sweep.empty {
                 out.push(Out::Reconstruct(self.change(sweep, links, empty)));
             }
@@ -242,11 +320,17 @@ impl Station {
             let plan = plans().find(|plan| plan.vehicle == *vehicle);
             let member = self.fleet.members().find(|(id, _)| id == vehicle);
             let progress = member.and_then(|(_, member)| member.progress());
-            let (Some(plan), Some(progress)) = (plan, progress) else { return false };
+            let (Some(plan), Some(progress)) = (plan, progress) else {
+                return false;
+            };
             let is_present = (progress.run, progress.revision) == (sweep.run, plan.revision);
             // The lap's last stop is the one that is done, or stands before it.
-            let done = plan.stops.iter().position(|known| Some(known.id) == progress.done);
-            let is_done = done.is_some_and(|done| plan.stops[..=done].iter().any(|known| known.id == *stop));
+            let done = plan
+                .stops
+                .iter()
+                .position(|known| Some(known.id) == progress.done);
+            let is_done =
+                done.is_some_and(|done| plan.stops[..=done].iter().any(|known| known.id == *stop));
             is_present && is_done
         })
     }
@@ -254,20 +338,37 @@ impl Station {
     fn change(&self, sweep: Sweep, now: Vec<crate::tomo::Link>, empty: RunId) -> Job {
         let empty = self.samples.links(empty);
         let subject = Subject::Change;
-        Job { run: sweep.run, laps: sweep.laps_done, subject, now, empty, is_last: false }
+        Job {
+            run: sweep.run,
+            laps: sweep.laps_done,
+            subject,
+            now,
+            empty,
+            is_last: false,
+        }
     }
 
     pub(super) fn close(&mut self, now: Time, out: &mut Vec<Out>) {
-        let Phase::Closing { sweep, since } = self.phase else { return };
+        let Phase::Closing { sweep, since } = self.phase else {
+            return;
+        };
         let waited = now.since(since);
         if waited < CLOSING || (self.samples.has_gaps(sweep.run) && waited < CLOSING_MAX) {
             return;
         }
         let links = self.samples.links(sweep.run).len();
         let (run, samples, laps) = (sweep.run, self.samples.count(sweep.run), sweep.laps_done);
-        out.push(Out::Note(Note::RunClosed { run, links, samples }));
+        out.push(Out::Note(Note::RunClosed {
+            run,
+            links,
+            samples,
+        }));
         out.push(Out::EndRun(run));
-        let subjects = sweep.empty.map(|_| Subject::Change).into_iter().chain([Subject::Structure]);
+        let subjects = sweep
+            .empty
+            .map(|_| Subject::Change)
+            .into_iter()
+            .chain([Subject::Structure]);
         for subject in subjects {
             let due = (PictureName { run, laps, subject }, sweep.empty);
             out.push(Out::Reconstruct(self.last_job(due)));
@@ -284,10 +385,19 @@ impl Station {
     fn last_job(&self, (name, empty): (PictureName, Option<RunId>)) -> Job {
         let PictureName { run, laps, subject } = name;
         let empty = match subject {
-            Subject::Change => empty.map(|empty| self.samples.links(empty)).unwrap_or_default(),
+            Subject::Change => empty
+                .map(|empty| self.samples.links(empty))
+                .unwrap_or_default(),
             Subject::Structure => Vec::new(),
         };
-        Job { run, laps, subject, now: self.samples.links(run), empty, is_last: true }
+        Job {
+            run,
+            laps,
+            subject,
+            now: self.samples.links(run),
+            empty,
+            is_last: true,
+        }
     }
 
     pub(super) fn pictured(&mut self, made: PictureName) {
@@ -307,9 +417,16 @@ impl Station {
 
     /// Pictures that are due are asked for again after a restart, and when they do not come.
     pub(super) fn ask_again_for_pictures(&mut self, now: Time, out: &mut Vec<Out>) {
-        if self.due_asked_at.is_none_or(|at| now.since(at) > PICTURED_WITHIN) {
+        if self
+            .due_asked_at
+            .is_none_or(|at| now.since(at) > PICTURED_WITHIN)
+        {
             self.due_asked_at = Some(now);
-            out.extend(self.due.iter().map(|due| Out::Reconstruct(self.last_job(*due))));
+            out.extend(
+                self.due
+                    .iter()
+                    .map(|due| Out::Reconstruct(self.last_job(*due))),
+            );
         }
     }
 }

@@ -18,13 +18,22 @@ impl Station {
         let laps_done = sweep.map_or(0, |sweep| sweep.laps_done);
         let laps = match &self.phase {
             Phase::Running(sweep, laps) => sweep.laps_before + laps.len(),
-            Phase::Idle | Phase::Planning(_) | Phase::Stopping(_) | Phase::Closing { .. } => laps_done,
+            Phase::Idle | Phase::Planning(_) | Phase::Stopping(_) | Phase::Closing { .. } => {
+                laps_done
+            }
         };
         let count = |number: usize| u32::try_from(number).unwrap_or(u32::MAX);
-        let planned_for = self.succession.as_ref().filter(|_| self.phase.sweep().is_some());
+        let planned_for = self
+            .succession
+            .as_ref()
+            .filter(|_| self.phase.sweep().is_some());
         Out::Publish(Message::Report(Report {
             boot: self.boot,
-            lease: if self.leases.holds() { self.leases.own() } else { Default::default() },
+            lease: if self.leases.holds() {
+                self.leases.own()
+            } else {
+                Default::default()
+            },
             store: self.samples.store(),
             phase: self.station_phase(),
             run,
@@ -33,10 +42,15 @@ impl Station {
             samples: self.samples.count(run),
             images: self.pictures,
             expected: self.fleet.members().map(|(id, _)| id).collect(),
-            members: planned_for.map_or_else(|| self.fleet.present(), |known| known.members().to_vec()),
+            members: planned_for
+                .map_or_else(|| self.fleet.present(), |known| known.members().to_vec()),
             lost: self.fleet.lost(),
             // Also while another ground station is obeyed, which alone brings that to an end.
-            in_force: self.standing.into_iter().chain(self.fleet.standing()).reduce(OrderKind::stronger),
+            in_force: self
+                .standing
+                .into_iter()
+                .chain(self.fleet.standing())
+                .reduce(OrderKind::stronger),
             runs: self.runs.reports(|run| self.samples.count(run)),
             troubles: self.troubles(),
         }))
@@ -63,30 +77,60 @@ impl Station {
         let holder = self.leases.highest();
         say(
             self.leases.stands_by(),
-            format!("stands by: ground {:016x} holds lease {}", holder.holder, holder.number),
+            format!(
+                "stands by: ground {:016x} holds lease {}",
+                holder.holder, holder.number
+            ),
         );
         let (lost, unheard) = (self.fleet.lost(), self.fleet.unheard());
-        say(!lost.is_empty(), format!("not heard any more: {}", named(&lost)));
+        say(
+            !lost.is_empty(),
+            format!("not heard any more: {}", named(&lost)),
+        );
         let is_waiting = self.wished.is_some() || self.phase.sweep().is_some();
-        say(is_waiting && !unheard.is_empty(), format!("not heard yet: {}", named(&unheard)));
-        say(self.waits_for_more(), "waits until enough vehicles are back".to_owned());
-        let missing: Vec<VehicleId> = self.succession.iter().flat_map(Succession::missing).collect();
+        say(
+            is_waiting && !unheard.is_empty(),
+            format!("not heard yet: {}", named(&unheard)),
+        );
+        say(
+            self.waits_for_more(),
+            "waits until enough vehicles are back".to_owned(),
+        );
+        let missing: Vec<VehicleId> = self
+            .succession
+            .iter()
+            .flat_map(Succession::missing)
+            .collect();
         let is_under_way = matches!(self.phase, Phase::Stopping(_) | Phase::Running(..));
         say(
             is_under_way && !missing.is_empty(),
             format!("do not follow their plan yet: {}", named(&missing)),
         );
-        say(self.strangers > 0, format!("{} messages of strangers were passed over", self.strangers));
+        say(
+            self.strangers > 0,
+            format!("{} messages of strangers were passed over", self.strangers),
+        );
         let refused = self.samples.refused();
-        say(refused > 0, format!("{refused} samples were not stored, for want of room"));
+        say(
+            refused > 0,
+            format!("{refused} samples were not stored, for want of room"),
+        );
         troubles.extend(self.runs.trouble());
         troubles
     }
 }
 
 fn named(vehicles: &[VehicleId]) -> String {
-    let ids: Vec<String> = vehicles.iter().take(NAMED).map(VehicleId::to_string).collect();
+    let ids: Vec<String> = vehicles
+        .iter()
+        .take(NAMED)
+        .map(VehicleId::to_string)
+        .collect();
     let more = vehicles.len().saturating_sub(NAMED);
-    let rest = if more > 0 { format!(" and {more} more") } else { String::new() };
+    let rest = if more > 0 {
+        format!(" and {more} more")
+    } else {
+        String::new()
+    };
     format!("vehicle {}{rest}", ids.join(", "))
 }

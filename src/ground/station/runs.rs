@@ -49,7 +49,10 @@ impl Run {
 
     /// Returns whether it goes on beside one that is begun: other vehicles have other missions of their own.
     fn is_beside(&self, opened: &Run) -> bool {
-        let is_apart = !self.members.iter().any(|member| opened.members.contains(member));
+        let is_apart = !self
+            .members
+            .iter()
+            .any(|member| opened.members.contains(member));
         self.is_of_vehicles() && opened.kind != MissionKind::Sweep && opened.is_task && is_apart
     }
 }
@@ -68,10 +71,18 @@ impl Runs {
 
     /// Opens a run that is begun, once more if it has ended before. What was open before it is stopped, unless `goes_on`, or
     /// both are left to other vehicles.
-    pub fn open(&mut self, run: RunId, compared_with: Option<RunId>, goes_on: impl Fn(RunId) -> bool) {
+    pub fn open(
+        &mut self,
+        run: RunId,
+        compared_with: Option<RunId>,
+        goes_on: impl Fn(RunId) -> bool,
+    ) {
         let opened = self.0.get(&run).cloned().unwrap_or_default();
         let goes_on = |earlier: RunId, known: &Run| goes_on(earlier) || known.is_beside(&opened);
-        let earlier = self.0.range_mut(..run).filter(|(_, known)| known.end.is_none());
+        let earlier = self
+            .0
+            .range_mut(..run)
+            .filter(|(_, known)| known.end.is_none());
         for (_, known) in earlier.filter(|(earlier, known)| !goes_on(**earlier, known)) {
             known.end = Some(RunEnd::Stopped);
         }
@@ -90,7 +101,10 @@ impl Runs {
 
     /// Takes up a run of before this station had a memory.
     pub fn recall(&mut self, run: RunId, end: RunEnd) {
-        self.0.entry(run).or_insert(Run { end: Some(end), ..Run::default() });
+        self.0.entry(run).or_insert(Run {
+            end: Some(end),
+            ..Run::default()
+        });
         self.forget();
     }
 
@@ -103,7 +117,9 @@ impl Runs {
 
     /// Returns whether the ground station plans a run; of one that nobody has given as a task it does.
     pub fn is_swept(&self, run: RunId) -> bool {
-        self.0.get(&run).is_none_or(|known| known.kind == MissionKind::Sweep)
+        self.0
+            .get(&run)
+            .is_none_or(|known| known.kind == MissionKind::Sweep)
     }
 
     /// Takes that vehicles are out for missions of their own in a run that has no task.
@@ -115,24 +131,38 @@ impl Runs {
 
     /// Returns whether a run was begun, nobody has given it as a task, and it counts as a sweep.
     pub fn is_untold(&self, run: RunId) -> bool {
-        let known = self.0.get(&run).filter(|known| known.is_begun && known.end.is_none());
+        let known = self
+            .0
+            .get(&run)
+            .filter(|known| known.is_begun && known.end.is_none());
         known.is_some_and(|known| !known.is_task && known.kind == MissionKind::Sweep)
     }
 
     /// Returns the runs that are left to the vehicles, were begun and have not ended, with their members.
     pub fn of_vehicles(&self) -> Vec<(RunId, Vec<VehicleId>)> {
         let is_open = |(_, known): &(&RunId, &Run)| known.is_of_vehicles() && known.end.is_none();
-        self.0.iter().filter(is_open).map(|(run, known)| (*run, known.members.clone())).collect()
+        self.0
+            .iter()
+            .filter(is_open)
+            .map(|(run, known)| (*run, known.members.clone()))
+            .collect()
     }
 
     /// Returns the newest run that is left to the vehicles and was begun.
     pub fn newest_of_vehicles(&self) -> Option<RunId> {
-        self.0.iter().rev().find(|(_, known)| known.is_of_vehicles()).map(|(run, _)| *run)
+        self.0
+            .iter()
+            .rev()
+            .find(|(_, known)| known.is_of_vehicles())
+            .map(|(run, _)| *run)
     }
 
     /// Returns the run that the task of a run compares it with; `None` = it has no task.
     pub fn task_compares_with(&self, run: RunId) -> Option<Option<RunId>> {
-        self.0.get(&run).filter(|known| known.is_task).map(|known| known.compared_with)
+        self.0
+            .get(&run)
+            .filter(|known| known.is_task)
+            .map(|known| known.compared_with)
     }
 
     /// Returns how an operator wants a run to be swept; `None` = as the ground station's file says.
@@ -162,7 +192,9 @@ impl Runs {
             RunEnd::Failed => "has failed",
         };
         let mut words = format!("run {run} {how}: {}", known.why);
-        let end = (0..=TROUBLE_BYTES_MAX.min(words.len())).rev().find(|end| words.is_char_boundary(*end));
+        let end = (0..=TROUBLE_BYTES_MAX.min(words.len()))
+            .rev()
+            .find(|end| words.is_char_boundary(*end));
         words.truncate(end.unwrap_or(0));
         Some(words)
     }
@@ -171,8 +203,13 @@ impl Runs {
     fn forget(&mut self) {
         while self.0.len() > RUNS_MAX {
             let is_under_way = |known: &Run| known.is_begun && known.end.is_none();
-            let least = self.0.iter().min_by_key(|(run, known)| (is_under_way(known), **run));
-            let Some(run) = least.map(|(run, _)| *run) else { return };
+            let least = self
+                .0
+                .iter()
+                .min_by_key(|(run, known)| (is_under_way(known), **run));
+            let Some(run) = least.map(|(run, _)| *run) else {
+                return;
+            };
             self.0.remove(&run);
         }
     }
@@ -185,11 +222,20 @@ mod tests {
 
     fn task(run: u32, kind: TaskKind) -> Task {
         let (lease, members) = (Lease::default(), vec![VehicleId(1)]);
-        Task { lease, run: RunId(run), members, compare_with: Some(RunId(1)), kind }
+        Task {
+            lease,
+            run: RunId(run),
+            members,
+            compare_with: Some(RunId(1)),
+            kind,
+        }
     }
 
     fn ends(runs: &Runs) -> Vec<(u32, Option<RunEnd>)> {
-        runs.reports(|_| 0).iter().map(|report| (report.run.0, report.end)).collect()
+        runs.reports(|_| 0)
+            .iter()
+            .map(|report| (report.run.0, report.end))
+            .collect()
     }
 
     #[test]
@@ -232,9 +278,15 @@ mod tests {
         assert!(!runs.is_swept(RunId(2)));
         assert_eq!(runs.task_compares_with(RunId(2)), Some(Some(RunId(1))));
         runs.end(RunId(2), RunEnd::Done, "");
-        runs.take(&Task { compare_with: None, ..task(2, TaskKind::Browse) });
+        runs.take(&Task {
+            compare_with: None,
+            ..task(2, TaskKind::Browse)
+        });
         let report = runs.reports(|run| u64::from(run.0))[0];
-        assert_eq!((report.kind, report.compared_with), (MissionKind::Explore, Some(RunId(1))));
+        assert_eq!(
+            (report.kind, report.compared_with),
+            (MissionKind::Explore, Some(RunId(1)))
+        );
         assert_eq!((report.samples, report.end), (2, Some(RunEnd::Done)));
     }
 
@@ -250,7 +302,10 @@ mod tests {
             runs.take(&explore(run, vehicle));
             runs.open(RunId(run), None, |_| false);
         }
-        assert_eq!(ends(&runs), [(1, Some(RunEnd::Stopped)), (2, None), (3, None)]);
+        assert_eq!(
+            ends(&runs),
+            [(1, Some(RunEnd::Stopped)), (2, None), (3, None)]
+        );
         assert_eq!(runs.newest_of_vehicles(), Some(RunId(3)));
         runs.open(RunId(4), None, |_| false);
         assert_eq!(runs.of_vehicles(), [], "a sweep is for all");
@@ -262,7 +317,10 @@ mod tests {
         runs.open(RunId(1), None, |_| false);
         runs.end(RunId(1), RunEnd::Failed, "ä".repeat(300));
         let words = runs.trouble().unwrap();
-        assert!(words.starts_with("run 1 has failed: ä") && (199..=200).contains(&words.len()), "{words}");
+        assert!(
+            words.starts_with("run 1 has failed: ä") && (199..=200).contains(&words.len()),
+            "{words}"
+        );
         runs.open(RunId(2), None, |_| false);
         assert_eq!(runs.trouble(), None, "another one has begun");
     }

@@ -14,10 +14,16 @@ use crate::ground::planner::Answer;
 const RUN: RunId = RunId(2);
 const ONE: VehicleId = VehicleId(1);
 
-const LEASE: Lease = Lease { number: 1, holder: 1 };
+const LEASE: Lease = Lease {
+    number: 1,
+    holder: 1,
+};
 
 fn settings() -> StationSettings {
-    StationSettings { compare_with: Some(RunId(1)), ..scripted_swarm::settings(1) }
+    StationSettings {
+        compare_with: Some(RunId(1)),
+        ..scripted_swarm::settings(1)
+    }
 }
 
 fn station() -> Station {
@@ -26,7 +32,9 @@ fn station() -> Station {
 
 fn told(station: &mut Station, time_s: f64, input: In) -> Vec<Out> {
     let mut out = Vec::new();
-    station.handle(Time::from_secs_f64(time_s), input, &mut out).unwrap();
+    station
+        .handle(Time::from_secs_f64(time_s), input, &mut out)
+        .unwrap();
     out
 }
 
@@ -52,17 +60,45 @@ fn shows(station: &mut Station, time_s: f64, run: RunId, kind: OrderKind) -> Vec
     let issued = member.dealings().open_order().map(|order| order.revision);
     let echo = member.state().map(|state| state.ordered.revision);
     let revision = Revision(issued.max(echo).unwrap_or_default().0 + 1);
-    let sequence = station.fleet.newest_state(ONE).map_or(1, |seen| seen.sequence + 1);
-    let In::Bus(Message::State(state)) = state() else { unreachable!() };
-    let ordered = Ordered { lease: LEASE, revision, run, kind: Some(kind) };
-    told(station, time_s, In::Bus(Message::State(State { sequence, ordered, ..state })))
+    let sequence = station
+        .fleet
+        .newest_state(ONE)
+        .map_or(1, |seen| seen.sequence + 1);
+    let In::Bus(Message::State(state)) = state() else {
+        unreachable!()
+    };
+    let ordered = Ordered {
+        lease: LEASE,
+        revision,
+        run,
+        kind: Some(kind),
+    };
+    told(
+        station,
+        time_s,
+        In::Bus(Message::State(State {
+            sequence,
+            ordered,
+            ..state
+        })),
+    )
 }
 
 fn progress(revision: u32, done: Option<u32>) -> In {
     let (revision, done) = (Revision(revision), done.map(StopId));
     let boot = Boot(1);
-    let progress = Progress { run: RUN, revision, done, leg: None };
-    In::Bus(Message::Mission(Mission { vehicle: ONE, boot, progress, ..Mission::default() }))
+    let progress = Progress {
+        run: RUN,
+        revision,
+        done,
+        leg: None,
+    };
+    In::Bus(Message::Mission(Mission {
+        vehicle: ONE,
+        boot,
+        progress,
+        ..Mission::default()
+    }))
 }
 
 /// Plans of two stops for every request, as the planner would make them.
@@ -78,9 +114,21 @@ fn answer(revision: u32) -> In {
     };
     let stops = vec![stop(1), stop(2)];
     let (members, start) = (vec![ONE], Position::default());
-    let plan = Plan { vehicle: ONE, run: RUN, members, start, stops, ..Plan::default() };
+    let plan = Plan {
+        vehicle: ONE,
+        run: RUN,
+        members,
+        start,
+        stops,
+        ..Plan::default()
+    };
     let (revision, laps) = (Revision(revision), vec![vec![(ONE, StopId(2))]]);
-    In::Planned(Answer { run: RUN, revision, plans: Ok(vec![plan]), laps })
+    In::Planned(Answer {
+        run: RUN,
+        revision,
+        plans: Ok(vec![plan]),
+        laps,
+    })
 }
 
 /// Ticks until something is noted; when, and what.
@@ -111,12 +159,16 @@ fn running() -> Station {
 
 /// Lets the vehicle stop under an empty revision, and begin the next.
 fn begin(station: &mut Station, empty: u32) {
-    let now_s = station.deadline().map_or(0.0, |deadline| deadline.at.as_secs_f64());
+    let now_s = station
+        .deadline()
+        .map_or(0.0, |deadline| deadline.at.as_secs_f64());
     told(station, now_s, state());
     let mut out = Vec::new();
     station.wake(Time::from_secs_f64(now_s), &mut out).unwrap();
     told(station, now_s, progress(empty, None));
-    station.wake(Time::from_secs_f64(now_s + 1.0), &mut out).unwrap();
+    station
+        .wake(Time::from_secs_f64(now_s + 1.0), &mut out)
+        .unwrap();
     assert!(out.iter().any(|out| matches!(out, Out::Ask(_))), "{out:?}");
     told(station, now_s + 1.5, answer(empty + 1));
     told(station, now_s + 1.6, progress(empty + 1, None));
@@ -124,17 +176,36 @@ fn begin(station: &mut Station, empty: u32) {
 
 #[test]
 fn a_wish_waits_for_everybody_and_begins_with_a_stop() {
-    let mut station = Station::new(StationSettings { vehicles: vec![ONE, VehicleId(2)], ..settings() });
+    let mut station = Station::new(StationSettings {
+        vehicles: vec![ONE, VehicleId(2)],
+        ..settings()
+    });
     shows(&mut station, 0.1, RUN, OrderKind::Start);
     let mut out = said_within(&mut station, 2.0);
-    let empty = |out: &Out| matches!(out, Out::Publish(Message::Plan(plan)) if plan.stops.is_empty());
+    let empty =
+        |out: &Out| matches!(out, Out::Publish(Message::Plan(plan)) if plan.stops.is_empty());
     let orders = |out: &Out| matches!(out, Out::Publish(Message::Order(_)));
-    assert!(!out.iter().any(|out| empty(out) || orders(out)), "the other one was not heard");
-    let In::Bus(Message::State(other)) = state() else { unreachable!() };
-    told(&mut station, 3.2, In::Bus(Message::State(State { vehicle: VehicleId(2), ..other })));
+    assert!(
+        !out.iter().any(|out| empty(out) || orders(out)),
+        "the other one was not heard"
+    );
+    let In::Bus(Message::State(other)) = state() else {
+        unreachable!()
+    };
+    told(
+        &mut station,
+        3.2,
+        In::Bus(Message::State(State {
+            vehicle: VehicleId(2),
+            ..other
+        })),
+    );
     out = said_within(&mut station, 1.0);
     assert!(out.iter().any(empty) && out.iter().any(orders));
-    assert!(!out.iter().any(|out| matches!(out, Out::Ask(_))), "nobody has stopped yet");
+    assert!(
+        !out.iter().any(|out| matches!(out, Out::Ask(_))),
+        "nobody has stopped yet"
+    );
 }
 
 #[test]
@@ -143,8 +214,14 @@ fn a_lap_is_done_when_all_have_done_its_last_stop_and_then_the_run_is_closed() {
     told(&mut station, 10.0, progress(2, Some(1)));
     assert_eq!(next_note(&mut station, 60.0), None);
     told(&mut station, 70.0, progress(2, Some(2)));
-    assert!(matches!(next_note(&mut station, 60.0), Some(Note::LapDone { laps: 1, .. })));
-    assert!(matches!(next_note(&mut station, 60.0), Some(Note::RunClosed { .. })));
+    assert!(matches!(
+        next_note(&mut station, 60.0),
+        Some(Note::LapDone { laps: 1, .. })
+    ));
+    assert!(matches!(
+        next_note(&mut station, 60.0),
+        Some(Note::RunClosed { .. })
+    ));
 }
 
 #[test]
@@ -162,7 +239,10 @@ fn who_never_comes_to_rest_does_not_hold_up_the_end_for_ever() {
     shows(&mut station, 1.0, RunId(1), OrderKind::Start);
     // Nobody ever reports the empty revision.
     let notes: Vec<Option<Note>> = (0..2).map(|_| next_note(&mut station, 600.0)).collect();
-    assert_eq!(notes, [Some(Note::Replans(RunId(1))), Some(Note::Stalled(RunId(1)))]);
+    assert_eq!(
+        notes,
+        [Some(Note::Replans(RunId(1))), Some(Note::Stalled(RunId(1)))]
+    );
 }
 
 #[test]
@@ -177,7 +257,9 @@ fn who_does_not_follow_its_plan_is_planned_for_anew() {
 
 fn starts(out: &[Out]) -> bool {
     let is_start = |out: &Out| {
-        let Out::Publish(Message::Order(order)) = out else { return false };
+        let Out::Publish(Message::Order(order)) = out else {
+            return false;
+        };
         order.kind == OrderKind::Start
     };
     out.iter().any(is_start)
@@ -195,7 +277,12 @@ fn said_within(station: &mut Station, within_s: f64) -> Vec<Out> {
 
 #[test]
 fn what_the_operator_has_stopped_only_the_operator_starts() {
-    for kind in [OrderKind::Hold, OrderKind::Return, OrderKind::Land, OrderKind::CutMotors] {
+    for kind in [
+        OrderKind::Hold,
+        OrderKind::Return,
+        OrderKind::Land,
+        OrderKind::CutMotors,
+    ] {
         let mut station = running();
         shows(&mut station, 10.0, RUN, kind);
         let task = Task {
@@ -208,7 +295,11 @@ fn what_the_operator_has_stopped_only_the_operator_starts() {
         let mut out = told(&mut station, 10.0, In::Bus(Message::Task(task)));
         out.extend(said_within(&mut station, 3000.0));
         assert!(!starts(&out), "{kind:?}");
-        assert!(!out.iter().any(|out| matches!(out, Out::Note(_) | Out::Ask(_))), "{kind:?}");
+        assert!(
+            !out.iter()
+                .any(|out| matches!(out, Out::Note(_) | Out::Ask(_))),
+            "{kind:?}"
+        );
         assert_eq!(station.standing, Some(kind));
         shows(&mut station, 4000.0, RUN, OrderKind::Start);
         assert_eq!(station.standing, None, "{kind:?}");
@@ -230,7 +321,8 @@ fn an_order_stands_too_while_a_sweep_is_being_stopped_or_only_wished() {
 #[test]
 fn after_a_return_everyone_is_planned_for_anew_and_after_a_hold_the_plan_goes_on() {
     let empties = |out: &[Out]| {
-        out.iter().any(|out| matches!(out, Out::Publish(Message::Plan(plan)) if plan.stops.is_empty()))
+        out.iter()
+            .any(|out| matches!(out, Out::Publish(Message::Plan(plan)) if plan.stops.is_empty()))
     };
     for (kind, anew) in [(OrderKind::Hold, false), (OrderKind::Return, true)] {
         let mut station = running();
@@ -255,16 +347,38 @@ fn what_was_done_under_another_revision_is_no_lap() {
 #[test]
 fn a_new_ground_takes_a_lease_above_that_of_the_plans_in_force() {
     // The operator who started the run had lease 1; the ground that planned it went on under its own, 2, and lost its disk.
-    let mut station = Station::new(StationSettings { lease: None, holder: 9, ..settings() });
+    let mut station = Station::new(StationSettings {
+        lease: None,
+        holder: 9,
+        ..settings()
+    });
     told(&mut station, 0.1, state());
-    let mission = Mission { vehicle: ONE, boot: Boot(1), lease_number: 2, ..Mission::default() };
+    let mission = Mission {
+        vehicle: ONE,
+        boot: Boot(1),
+        lease_number: 2,
+        ..Mission::default()
+    };
     told(&mut station, 0.2, In::Bus(Message::Mission(mission)));
     for second in 1..=4 {
-        station.wake(Time::from_secs_f64(f64::from(second)), &mut Vec::new()).unwrap();
+        station
+            .wake(Time::from_secs_f64(f64::from(second)), &mut Vec::new())
+            .unwrap();
     }
-    assert_eq!(station.leases.own(), Lease { number: 3, holder: 9 });
+    assert_eq!(
+        station.leases.own(),
+        Lease {
+            number: 3,
+            holder: 9
+        }
+    );
     // Nobody who is not expected displaces it.
-    let mission = Mission { vehicle: VehicleId(9), boot: Boot(1), lease_number: 8, ..Mission::default() };
+    let mission = Mission {
+        vehicle: VehicleId(9),
+        boot: Boot(1),
+        lease_number: 8,
+        ..Mission::default()
+    };
     told(&mut station, 5.0, In::Bus(Message::Mission(mission)));
     assert!(station.leases.holds());
 }

@@ -5,7 +5,10 @@ use crate::map::Occupancy;
 use proptest::prelude::*;
 use tomoswarm_proto::{Boot, VehicleId};
 
-const OWN: LayerId = LayerId { vehicle: VehicleId(1), boot: Boot(1) };
+const OWN: LayerId = LayerId {
+    vehicle: VehicleId(1),
+    boot: Boot(1),
+};
 const CELL_M: f64 = 0.2;
 const BODY_M: f64 = 0.25;
 /// Walls answer up to this angle from their normal, degrees.
@@ -38,10 +41,15 @@ impl Room {
     /// The nearest of many rays of the cone that strikes a wall steeply enough, with some noise.
     fn echo(&mut self, at: Point, direction: Angle) -> Option<f64> {
         let rays = (-30..=30).map(|step| f64::from(step) / 30.0 * self.half_width_rad);
-        let hits = rays.filter_map(|turn_rad| self.ray(at, direction + Angle::from_radians(turn_rad)));
-        let nearest_m = hits.filter(|range_m| *range_m <= 3.0).min_by(f64::total_cmp);
+        let hits =
+            rays.filter_map(|turn_rad| self.ray(at, direction + Angle::from_radians(turn_rad)));
+        let nearest_m = hits
+            .filter(|range_m| *range_m <= 3.0)
+            .min_by(f64::total_cmp);
         self.looks += 1;
-        let noise = (self.looks.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40) as f64 / f64::from(1 << 24) - 0.5;
+        let noise = (self.looks.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40) as f64
+            / f64::from(1 << 24)
+            - 0.5;
         nearest_m.map(|range_m| range_m + 2.0 * self.noise_m * noise)
     }
 
@@ -61,8 +69,22 @@ impl Room {
 
     fn look(&mut self, at: Point, direction: Angle, peers: &[PeerBody<'_>]) -> Changes {
         let range_m = self.echo(at, direction);
-        let scan = reading(at, direction, self.half_width_rad, self.sure_range_m, range_m);
-        self.mapper.record(&mut self.map, &scan, Body { at, radius_m: BODY_M }, peers)
+        let scan = reading(
+            at,
+            direction,
+            self.half_width_rad,
+            self.sure_range_m,
+            range_m,
+        );
+        self.mapper.record(
+            &mut self.map,
+            &scan,
+            Body {
+                at,
+                radius_m: BODY_M,
+            },
+            peers,
+        )
     }
 
     /// The cells that walls pass through, but for those that they only touch at a corner.
@@ -72,13 +94,16 @@ impl Room {
             wall.distance_to_point(middle) < 0.45 * CELL_M
         };
         let lattice = self.map.lattice();
-        let under =
-            self.walls.iter().flat_map(|wall| lattice.cells_under(*wall).filter(move |c| deep(*c, wall)));
+        let under = self
+            .walls
+            .iter()
+            .flat_map(|wall| lattice.cells_under(*wall).filter(move |c| deep(*c, wall)));
         under.collect()
     }
 
     fn at(&self, x_m: f64, y_m: f64) -> Occupancy {
-        self.map.occupancy(0, self.map.lattice().cell_at(Point::new(x_m, y_m)))
+        self.map
+            .occupancy(0, self.map.lattice().cell_at(Point::new(x_m, y_m)))
     }
 }
 
@@ -113,7 +138,11 @@ fn a_wall_ahead_becomes_occupied_and_the_way_to_it_free() {
     let mut room = Room::new(vec![wall(2.1, -3.0, 2.1, 3.0)], 15.0, 2.0);
     let at = Point::new(0.05, 0.05);
     let looks: Vec<Changes> = (0..10).map(|_| room.look(at, degrees(0.0), &[])).collect();
-    assert!(looks[..3].iter().any(|changes| !changes.newly_occupied.is_empty()));
+    assert!(
+        looks[..3]
+            .iter()
+            .any(|changes| !changes.newly_occupied.is_empty())
+    );
     assert_eq!(room.at(2.1, 0.05), Occupancy::Occupied);
     for x_m in [0.1, 0.5, 1.0, 1.5] {
         assert_eq!(room.at(x_m, 0.05), Occupancy::Free, "{x_m}");
@@ -125,13 +154,31 @@ fn a_wall_ahead_becomes_occupied_and_the_way_to_it_free() {
 #[test]
 fn one_echo_of_a_narrow_beam_makes_one_cell_occupied() {
     for beam in [0.0, 33.0, 45.0, -120.0] {
-        let mut room = Room::new(vec![wall(-2.0, -2.0, 2.0, -2.0), wall(2.0, -2.0, 2.0, 2.0)], 1.0, 2.0);
+        let mut room = Room::new(
+            vec![wall(-2.0, -2.0, 2.0, -2.0), wall(2.0, -2.0, 2.0, 2.0)],
+            1.0,
+            2.0,
+        );
         let at = Point::new(0.03, -0.07);
-        let Some(range_m) = room.echo(at, degrees(beam)) else { continue };
+        let Some(range_m) = room.echo(at, degrees(beam)) else {
+            continue;
+        };
         let scan = reading(at, degrees(beam), 0.0, 2.0, Some(range_m));
-        room.mapper.record(&mut room.map, &scan, Body { at, radius_m: BODY_M }, &[]);
+        room.mapper.record(
+            &mut room.map,
+            &scan,
+            Body {
+                at,
+                radius_m: BODY_M,
+            },
+            &[],
+        );
         let struck = at + Vector::polar(degrees(beam), range_m);
-        assert_eq!(room.at(struck.x_m, struck.y_m), Occupancy::Occupied, "{beam}");
+        assert_eq!(
+            room.at(struck.x_m, struck.y_m),
+            Occupancy::Occupied,
+            "{beam}"
+        );
     }
 }
 
@@ -142,9 +189,21 @@ fn looking_again_at_what_is_known_changes_nothing() {
     for _ in 0..20 {
         room.look(Point::new(0.05, 0.05), degrees(0.0), &[]);
     }
-    assert!(room.look(Point::new(0.05, 0.05), degrees(0.0), &[]).is_empty());
-    let revisions: Vec<u32> = room.map.layer(OWN).unwrap().tiles().map(|(_, tile)| tile.revision).collect();
-    assert!(revisions.iter().all(|revision| *revision < 20), "{revisions:?}");
+    assert!(
+        room.look(Point::new(0.05, 0.05), degrees(0.0), &[])
+            .is_empty()
+    );
+    let revisions: Vec<u32> = room
+        .map
+        .layer(OWN)
+        .unwrap()
+        .tiles()
+        .map(|(_, tile)| tile.revision)
+        .collect();
+    assert!(
+        revisions.iter().all(|revision| *revision < 20),
+        "{revisions:?}"
+    );
 }
 
 #[test]
@@ -162,8 +221,14 @@ fn a_peer_is_not_mapped_and_nothing_behind_it_is_free() {
     let mut room = Room::new(vec![wall(1.5, -0.2, 1.5, 0.2)], 15.0, 2.5);
     let leg = [Point::new(1.7, -2.0), Point::new(1.7, 2.0)];
     for _ in 0..5 {
-        let changes =
-            room.look(Point::new(0.05, 0.05), degrees(0.0), &[PeerBody { leg: &leg, radius_m: 0.3 }]);
+        let changes = room.look(
+            Point::new(0.05, 0.05),
+            degrees(0.0),
+            &[PeerBody {
+                leg: &leg,
+                radius_m: 0.3,
+            }],
+        );
         assert!(changes.newly_occupied.is_empty());
     }
     assert_eq!(room.at(1.5, 0.05), Occupancy::Unknown);
@@ -171,7 +236,14 @@ fn a_peer_is_not_mapped_and_nothing_behind_it_is_free() {
     assert_eq!(room.at(0.9, 0.05), Occupancy::Free);
     let far = [Point::new(1.5, 2.0)];
     for _ in 0..3 {
-        room.look(Point::new(0.05, 0.05), degrees(0.0), &[PeerBody { leg: &far, radius_m: 0.3 }]);
+        room.look(
+            Point::new(0.05, 0.05),
+            degrees(0.0),
+            &[PeerBody {
+                leg: &far,
+                radius_m: 0.3,
+            }],
+        );
     }
     assert_eq!(room.at(1.5, 0.05), Occupancy::Occupied);
 }
@@ -203,7 +275,11 @@ fn a_known_wall_explains_the_echo_of_a_slanted_beam() {
     for step in 0..20 {
         let x_m = 0.1 + 0.2 * f64::from(step);
         assert_eq!(room.at(x_m, 1.1), Occupancy::Occupied, "wall at {x_m}");
-        assert_ne!(room.at(x_m, 0.5), Occupancy::Occupied, "before the wall at {x_m}");
+        assert_ne!(
+            room.at(x_m, 0.5),
+            Occupancy::Occupied,
+            "before the wall at {x_m}"
+        );
     }
 }
 
@@ -211,8 +287,22 @@ fn a_known_wall_explains_the_echo_of_a_slanted_beam() {
 fn a_body_of_impossible_size_hides_no_wall() {
     let mut map = Merged::new(Lattice::new(CELL_M), Some(OWN));
     let at = Point::new(0.05, 0.05);
-    for body in [Body { at, radius_m: f64::INFINITY }, Body { at: Point::new(1e5, 0.0), radius_m: 0.3 }] {
-        Mapper::new(OWN, 0).record(&mut map, &reading(at, degrees(0.0), 0.2, 1.0, Some(2.0)), body, &[]);
+    for body in [
+        Body {
+            at,
+            radius_m: f64::INFINITY,
+        },
+        Body {
+            at: Point::new(1e5, 0.0),
+            radius_m: 0.3,
+        },
+    ] {
+        Mapper::new(OWN, 0).record(
+            &mut map,
+            &reading(at, degrees(0.0), 0.2, 1.0, Some(2.0)),
+            body,
+            &[],
+        );
     }
     assert_eq!(map.occupancy(0, Cell::new(10, 0)), Occupancy::Occupied);
     assert_eq!(map.occupancy(0, Cell::new(-2, 0)), Occupancy::Unknown);
@@ -223,17 +313,35 @@ fn readings_that_are_no_numbers_change_nothing() {
     let mut map = Merged::new(Lattice::new(CELL_M), Some(OWN));
     let mut mapper = Mapper::new(OWN, 0);
     let here = Point::new(0.0, 0.0);
-    let body = Body { at: here, radius_m: BODY_M };
+    let body = Body {
+        at: here,
+        radius_m: BODY_M,
+    };
     let nan = Point::new(f64::NAN, 0.0);
-    for (origin, range_m, sure_range_m) in
-        [(nan, None, 1.0), (here, Some(f64::NAN), 1.0), (here, Some(-1.0), 1.0), (here, None, f64::INFINITY)]
-    {
+    for (origin, range_m, sure_range_m) in [
+        (nan, None, 1.0),
+        (here, Some(f64::NAN), 1.0),
+        (here, Some(-1.0), 1.0),
+        (here, None, f64::INFINITY),
+    ] {
         let scan = reading(origin, degrees(0.0), 0.2, sure_range_m, range_m);
         assert!(mapper.record(&mut map, &scan, body, &[]).is_empty());
     }
     for at in [Point::new(1e300, -1e300), Point::new(4e8, 0.0)] {
         let scan = reading(at, degrees(0.0), 3.0, 1.0, Some(2.0));
-        assert!(mapper.record(&mut map, &scan, Body { at, radius_m: 1e300 }, &[]).is_empty());
+        assert!(
+            mapper
+                .record(
+                    &mut map,
+                    &scan,
+                    Body {
+                        at,
+                        radius_m: 1e300
+                    },
+                    &[]
+                )
+                .is_empty()
+        );
     }
 }
 

@@ -115,7 +115,11 @@ impl Assignment {
 
     /// Returns what of a task is this vehicle's to do; `None` = to follow the ground's plan.
     fn share_of(&self, task: &Task) -> Result<Option<TaskKind>, MissionRefusal> {
-        let Some(index) = task.members.iter().position(|member| *member == self.vehicle) else {
+        let Some(index) = task
+            .members
+            .iter()
+            .position(|member| *member == self.vehicle)
+        else {
             return Err(MissionRefusal::NoPlace);
         };
         if MissionKind::from(&task.kind) == MissionKind::Sweep {
@@ -125,8 +129,15 @@ impl Assignment {
             return Err(MissionRefusal::NotCapable);
         }
         let share = share(&task.kind, index, task.members.len());
-        let is_inside = share.places().into_iter().all(|at| self.fence.contains(Point::from(at)));
-        if is_inside { Ok(Some(share)) } else { Err(MissionRefusal::OutsideFence) }
+        let is_inside = share
+            .places()
+            .into_iter()
+            .all(|at| self.fence.contains(Point::from(at)));
+        if is_inside {
+            Ok(Some(share))
+        } else {
+            Err(MissionRefusal::OutsideFence)
+        }
     }
 }
 
@@ -143,11 +154,19 @@ mod tests {
 
     fn task(run: u32, kind: TaskKind) -> Task {
         let members = vec![VehicleId(1), VehicleId(3)];
-        Task { lease: Default::default(), run: RunId(run), members, compare_with: None, kind }
+        Task {
+            lease: Default::default(),
+            run: RunId(run),
+            members,
+            compare_with: None,
+            kind,
+        }
     }
 
     fn places(all: &[(f64, f64)]) -> Vec<Position> {
-        all.iter().map(|(x_m, y_m)| Position::from_metres(*x_m, *y_m, 0.0)).collect()
+        all.iter()
+            .map(|(x_m, y_m)| Position::from_metres(*x_m, *y_m, 0.0))
+            .collect()
     }
 
     /// What a vehicle that is started in run 3 makes of a task of that run.
@@ -163,27 +182,55 @@ mod tests {
     fn every_member_takes_its_share_of_a_task() {
         let round = [(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 0.0)];
         let from_second = [(4.0, 0.0), (4.0, 4.0), (0.0, 0.0), (4.0, 0.0)];
-        let legs = |all: &[(f64, f64)]| TaskKind::Legs { places: places(all) };
+        let legs = |all: &[(f64, f64)]| TaskKind::Legs {
+            places: places(all),
+        };
         assert_eq!(taken(1, legs(&round)), Ok(Some(legs(&round))));
         assert_eq!(taken(3, legs(&round)), Ok(Some(legs(&from_second))));
-        let visits = |all: &[(f64, f64)]| TaskKind::Pathfind { places: places(all) };
-        assert_eq!(taken(1, visits(&round)), Ok(Some(visits(&[(0.0, 0.0), (4.0, 4.0)]))));
-        assert_eq!(taken(3, visits(&round)), Ok(Some(visits(&[(4.0, 0.0), (0.0, 0.0)]))));
-        for whole in
-            [TaskKind::Forward { distance_mm: 2500 }, TaskKind::Browse, TaskKind::Search, TaskKind::Explore]
-        {
+        let visits = |all: &[(f64, f64)]| TaskKind::Pathfind {
+            places: places(all),
+        };
+        assert_eq!(
+            taken(1, visits(&round)),
+            Ok(Some(visits(&[(0.0, 0.0), (4.0, 4.0)])))
+        );
+        assert_eq!(
+            taken(3, visits(&round)),
+            Ok(Some(visits(&[(4.0, 0.0), (0.0, 0.0)])))
+        );
+        for whole in [
+            TaskKind::Forward { distance_mm: 2500 },
+            TaskKind::Browse,
+            TaskKind::Search,
+            TaskKind::Explore,
+        ] {
             assert_eq!(taken(3, whole.clone()), Ok(Some(whole)));
         }
     }
 
     #[test]
     fn what_cannot_be_begun_is_refused_with_its_reason() {
-        assert_eq!(taken(2, TaskKind::Explore), Err(MissionRefusal::NoPlace), "it is no member");
+        assert_eq!(
+            taken(2, TaskKind::Explore),
+            Err(MissionRefusal::NoPlace),
+            "it is no member"
+        );
         let out = places(&[(1.0, 1.0), (99.0, 0.0)]);
-        assert_eq!(taken(3, TaskKind::Legs { places: out.clone() }), Err(MissionRefusal::OutsideFence));
+        assert_eq!(
+            taken(
+                3,
+                TaskKind::Legs {
+                    places: out.clone()
+                }
+            ),
+            Err(MissionRefusal::OutsideFence)
+        );
         let visits = TaskKind::Pathfind { places: out };
         assert_eq!(taken(3, visits.clone()), Err(MissionRefusal::OutsideFence));
-        assert!(taken(1, visits).is_ok(), "the other one's places are not its own");
+        assert!(
+            taken(1, visits).is_ok(),
+            "the other one's places are not its own"
+        );
         let mut blind = settings(1);
         blind.look.is_blind = true;
         let mut assignment = Assignment::by_file(&blind);
@@ -199,23 +246,42 @@ mod tests {
         assignment.start(RunId(3));
         assert_eq!(assignment.task(), Ok(None));
         assert!(!assignment.hear(&task(2, TaskKind::Explore)));
-        assert!(assignment.hear(&task(3, TaskKind::Explore)), "after its start it counts at once");
-        assert!(!assignment.hear(&task(3, TaskKind::Explore)), "and is no news again");
-        assert!(assignment.hear(&task(3, TaskKind::Browse)), "the newest counts");
+        assert!(
+            assignment.hear(&task(3, TaskKind::Explore)),
+            "after its start it counts at once"
+        );
+        assert!(
+            !assignment.hear(&task(3, TaskKind::Explore)),
+            "and is no news again"
+        );
+        assert!(
+            assignment.hear(&task(3, TaskKind::Browse)),
+            "the newest counts"
+        );
         assert!(!assignment.hear(&task(4, TaskKind::Search)));
-        assert_eq!(assignment.task(), Ok(Some(&TaskKind::Browse)), "another run is another one's");
+        assert_eq!(
+            assignment.task(),
+            Ok(Some(&TaskKind::Browse)),
+            "another run is another one's"
+        );
     }
 
     #[test]
     fn another_run_begins_anew_and_without_a_task_as_the_file_says() {
-        let by_file = Settings { task: Some(TaskKind::Search), ..settings(1) };
+        let by_file = Settings {
+            task: Some(TaskKind::Search),
+            ..settings(1)
+        };
         let mut assignment = Assignment::by_file(&by_file);
         assignment.hear(&task(3, TaskKind::Explore));
         assert!(assignment.start(RunId(2)));
         assert_eq!(assignment.task(), Ok(Some(&TaskKind::Search)));
         assert!(!assignment.start(RunId(2)), "it goes on");
         assert!(assignment.start(RunId(3)));
-        assert_eq!((assignment.task(), assignment.run()), (Ok(Some(&TaskKind::Explore)), RunId(3)));
+        assert_eq!(
+            (assignment.task(), assignment.run()),
+            (Ok(Some(&TaskKind::Explore)), RunId(3))
+        );
         assert!(assignment.start(RunId(4)));
         assert_eq!(assignment.task(), Ok(Some(&TaskKind::Search)));
     }
@@ -227,8 +293,15 @@ mod tests {
         for run in 3..3000 {
             assignment.hear(&task(run, TaskKind::Explore));
         }
-        assert_eq!((assignment.tasks.len(), assignment.task()), (RUNS_MAX, Ok(Some(&TaskKind::Explore))));
+        assert_eq!(
+            (assignment.tasks.len(), assignment.task()),
+            (RUNS_MAX, Ok(Some(&TaskKind::Explore)))
+        );
         assignment.start(RunId(2999));
-        assert_eq!(assignment.task(), Ok(Some(&TaskKind::Explore)), "the newest is kept as well");
+        assert_eq!(
+            assignment.task(),
+            Ok(Some(&TaskKind::Explore)),
+            "the newest is kept as well"
+        );
     }
 }

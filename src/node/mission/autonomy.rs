@@ -78,13 +78,22 @@ impl Mission {
     }
 
     fn look_at_links(&mut self, now: Time, out: &mut Vec<Out>) {
-        let Some(bus_at) = self.links.bus_at else { return };
+        let Some(bus_at) = self.links.bus_at else {
+            return;
+        };
         let bus_for = now.since(bus_at);
-        let radio_for = self.links.radio_at.map_or(Duration::MAX, |at| now.since(at));
+        let radio_for = self
+            .links
+            .radio_at
+            .map_or(Duration::MAX, |at| now.since(at));
         let is_alone = bus_for > SILENT_AFTER && radio_for > SILENT_AFTER;
         if is_alone != self.links.is_alone {
             self.links.is_alone = is_alone;
-            out.push(Out::Remark(if is_alone { Remark::Alone } else { Remark::NotAlone }));
+            out.push(Out::Remark(if is_alone {
+                Remark::Alone
+            } else {
+                Remark::NotAlone
+            }));
             if is_alone && self.goal.is_under_way() {
                 self.stop(now, out);
             }
@@ -92,11 +101,17 @@ impl Mission {
         let is_bus_lost = bus_for > self.settings.swarm.autonomy();
         if is_bus_lost != self.links.is_bus_lost {
             self.links.is_bus_lost = is_bus_lost;
-            out.push(Out::Remark(if is_bus_lost { Remark::BusLost } else { Remark::BusBack }));
+            out.push(Out::Remark(if is_bus_lost {
+                Remark::BusLost
+            } else {
+                Remark::BusBack
+            }));
         }
         let is_held_by_it = self.goal == Goal::Held(By::Itself(Cause::BusLost));
         match (is_bus_lost, self.goal) {
-            (true, Goal::Following) if is_alone => self.decide(now, Cause::BusLost, Goal::Held, out),
+            (true, Goal::Following) if is_alone => {
+                self.decide(now, Cause::BusLost, Goal::Held, out)
+            }
             (true, Goal::Following) => self.return_on_its_own(now, Cause::BusLost, out),
             (true, Goal::Held(_)) if is_held_by_it && !is_alone => {
                 self.return_on_its_own(now, Cause::BusLost, out);
@@ -107,10 +122,15 @@ impl Mission {
     }
 
     fn look_at_battery(&mut self, now: Time, out: &mut Vec<Out>) {
-        let Some(battery) = self.state.as_ref().map(|state| state.battery) else { return };
+        let Some(battery) = self.state.as_ref().map(|state| state.battery) else {
+            return;
+        };
         let safety = self.settings.safety;
-        let enough =
-            if self.is_battery_low { safety.battery_return + CHARGED } else { safety.battery_return };
+        let enough = if self.is_battery_low {
+            safety.battery_return + CHARGED
+        } else {
+            safety.battery_return
+        };
         self.is_battery_low = battery < enough;
         match self.goal {
             Goal::Following | Goal::Returning(_) if battery < safety.battery_hold => {
@@ -119,7 +139,11 @@ impl Mission {
             Goal::Following if self.is_battery_low => {
                 self.return_on_its_own(now, Cause::BatteryLow, out);
             }
-            Goal::Waiting | Goal::Held(_) | Goal::Following | Goal::Returning(_) | Goal::Home(_) => {}
+            Goal::Waiting
+            | Goal::Held(_)
+            | Goal::Following
+            | Goal::Returning(_)
+            | Goal::Home(_) => {}
         }
     }
 
@@ -128,7 +152,13 @@ impl Mission {
     }
 
     /// Stops, and does from now on what nobody has ordered.
-    fn decide(&mut self, now: Time, cause: Cause, goal: impl FnOnce(By) -> Goal, out: &mut Vec<Out>) {
+    fn decide(
+        &mut self,
+        now: Time,
+        cause: Cause,
+        goal: impl FnOnce(By) -> Goal,
+        out: &mut Vec<Out>,
+    ) {
         self.goal = goal(By::Itself(cause));
         self.stop(now, out);
         out.push(Out::Remark(Remark::Decides(cause, self.status())));
@@ -150,6 +180,10 @@ impl Mission {
 
     /// Returns what the vehicle does, for status lines.
     pub fn status(&self) -> MissionStatus {
-        if self.holds() { MissionStatus::Held } else { self.goal.status() }
+        if self.holds() {
+            MissionStatus::Held
+        } else {
+            self.goal.status()
+        }
     }
 }

@@ -11,8 +11,14 @@ use super::*;
 const GROUND: In = In::Heard(Sender::Ground);
 
 fn sighting(vehicle: u8, x_m: f64) -> In {
-    let progress = VehicleProgress { vehicle: VehicleId(vehicle), ..VehicleProgress::default() };
-    In::Sighted(BeaconReport { pose: state(vehicle, x_m, 20.0).pose, progress })
+    let progress = VehicleProgress {
+        vehicle: VehicleId(vehicle),
+        ..VehicleProgress::default()
+    };
+    In::Sighted(BeaconReport {
+        pose: state(vehicle, x_m, 20.0).pose,
+        progress,
+    })
 }
 
 /// Lets the mission stand where it is from one second to another, in steps of a tenth; `each` is told every time.
@@ -20,14 +26,24 @@ fn pass(mission: &mut Mission, seconds: std::ops::Range<u32>, x_m: f64, each: &[
     let mut out = Vec::new();
     for tenth in seconds.start * 10..seconds.end * 10 {
         let now_s = 0.1 * f64::from(tenth);
-        if mission.deadline().is_some_and(|deadline| deadline.at <= at(now_s)) {
+        if mission
+            .deadline()
+            .is_some_and(|deadline| deadline.at <= at(now_s))
+        {
             mission.wake(at(now_s), &mut out).unwrap();
         }
         for input in each {
             out.extend(told(mission, now_s, input.clone()));
         }
         let sequence = u64::from(tenth);
-        out.extend(told(mission, now_s, In::State(OwnState { sequence, ..own_state(x_m, 0.0) })));
+        out.extend(told(
+            mission,
+            now_s,
+            In::State(OwnState {
+                sequence,
+                ..own_state(x_m, 0.0)
+            }),
+        ));
     }
     out
 }
@@ -58,12 +74,17 @@ fn who_hears_nobody_stands_and_goes_on_as_soon_as_somebody_is_heard() {
     let mut mission = under_way();
     let out = pass(&mut mission, 10..13, 0.0, &[]);
     assert!(
-        has(&out, Remark::Alone) && holds(&out) && out.contains(&Out::Holds(Some(StandReason::Alone))),
+        has(&out, Remark::Alone)
+            && holds(&out)
+            && out.contains(&Out::Holds(Some(StandReason::Alone))),
         "{out:?}"
     );
     assert_eq!(mission.status(), MissionStatus::Held);
     let out = pass(&mut mission, 13..15, 0.0, &[GROUND]);
-    assert!(driven(&out).is_some() && out.contains(&Out::Holds(None)), "{out:?}");
+    assert!(
+        driven(&out).is_some() && out.contains(&Out::Holds(None)),
+        "{out:?}"
+    );
 }
 
 #[test]
@@ -73,9 +94,18 @@ fn who_hears_peers_by_radio_carries_on_for_a_minute_and_then_returns() {
     assert!(!holds(&out));
     assert_eq!(mission.status(), MissionStatus::Following);
     let out = pass(&mut mission, 69..80, 1.0, &[sighting(2, 20.0)]);
-    assert!(has(&out, Remark::Decides(Cause::BusLost, MissionStatus::Returning)), "{out:?}");
+    assert!(
+        has(
+            &out,
+            Remark::Decides(Cause::BusLost, MissionStatus::Returning)
+        ),
+        "{out:?}"
+    );
     let drives = out.rsplit(|said| !matches!(said, Out::Command(_, Command::Drive { .. })));
-    let last = drives.filter_map(driven).next().and_then(|route| route.last().copied());
+    let last = drives
+        .filter_map(driven)
+        .next()
+        .and_then(|route| route.last().copied());
     assert_eq!(last, Some(settings(1).home), "{out:?}");
     let out = pass(&mut mission, 80..85, 0.0, &[sighting(2, 20.0)]);
     assert!(has(&out, Remark::Home), "{out:?}");
@@ -87,9 +117,14 @@ fn a_minute_without_bus_and_radio_is_stood_through_until_the_ground_decides() {
     let mut mission = under_way();
     pass(&mut mission, 10..100, 0.0, &[]);
     let out = pass(&mut mission, 100..110, 0.0, &[GROUND]);
-    assert_eq!((driven(&out), mission.status()), (None, MissionStatus::Held));
+    assert_eq!(
+        (driven(&out), mission.status()),
+        (None, MissionStatus::Held)
+    );
     let out = told(&mut mission, 110.0, order(OrderKind::Start));
-    assert!(driven(&out).is_some() || driven(&pass(&mut mission, 110..112, 0.0, &[GROUND])).is_some());
+    assert!(
+        driven(&out).is_some() || driven(&pass(&mut mission, 110..112, 0.0, &[GROUND])).is_some()
+    );
 }
 
 #[test]
@@ -99,7 +134,11 @@ fn who_came_home_on_its_own_adopts_a_newer_plan_and_drives_it() {
     pass(&mut mission, 80..85, 0.0, &[sighting(2, 20.0)]);
     assert_eq!(mission.status(), MissionStatus::Home);
     let out = told(&mut mission, 85.0, order(OrderKind::Start));
-    assert_eq!(driven(&out), None, "its old plan does not lead on from here");
+    assert_eq!(
+        driven(&out),
+        None,
+        "its old plan does not lead on from here"
+    );
     let out = pass(&mut mission, 85..90, 0.0, &[GROUND]);
     assert_eq!(driven(&out), None);
     told(&mut mission, 90.0, plan(3, &[]));
@@ -116,7 +155,10 @@ fn a_newer_plan_alone_takes_a_returning_vehicle_back() {
     let out = told(&mut mission, 80.0, plan(3, &[]));
     assert!(holds(&out), "{out:?}");
     let out = pass(&mut mission, 80..82, 1.0, &[GROUND]);
-    assert_eq!((driven(&out), mission.status()), (None, MissionStatus::Following));
+    assert_eq!(
+        (driven(&out), mission.status()),
+        (None, MissionStatus::Following)
+    );
     assert_eq!(mission.plan.progress().revision, Revision(3));
 }
 
@@ -125,22 +167,49 @@ fn what_was_held_by_order_stays_held_without_bus() {
     let mut mission = under_way();
     told(&mut mission, 10.0, order(OrderKind::Hold));
     let out = pass(&mut mission, 10..100, 0.0, &[sighting(2, 20.0)]);
-    assert_eq!((driven(&out), mission.status()), (None, MissionStatus::Held));
+    assert_eq!(
+        (driven(&out), mission.status()),
+        (None, MissionStatus::Held)
+    );
 }
 
 #[test]
 fn a_low_battery_sends_home_and_an_empty_one_holds() {
     let mut mission = under_way();
-    let battery =
-        |battery: f64, x_m: f64| In::State(OwnState { battery, sequence: 500, ..own_state(x_m, 0.0) });
+    let battery = |battery: f64, x_m: f64| {
+        In::State(OwnState {
+            battery,
+            sequence: 500,
+            ..own_state(x_m, 0.0)
+        })
+    };
     let out = told(&mut mission, 10.0, battery(0.21, 1.0));
-    assert!(!has(&out, Remark::Decides(Cause::BatteryLow, MissionStatus::Returning)));
+    assert!(!has(
+        &out,
+        Remark::Decides(Cause::BatteryLow, MissionStatus::Returning)
+    ));
     let out = told(&mut mission, 10.1, battery(0.19, 1.0));
-    assert!(has(&out, Remark::Decides(Cause::BatteryLow, MissionStatus::Returning)), "{out:?}");
+    assert!(
+        has(
+            &out,
+            Remark::Decides(Cause::BatteryLow, MissionStatus::Returning)
+        ),
+        "{out:?}"
+    );
     told(&mut mission, 10.2, order(OrderKind::Start));
-    assert_eq!(mission.status(), MissionStatus::Returning, "a start does not charge it");
+    assert_eq!(
+        mission.status(),
+        MissionStatus::Returning,
+        "a start does not charge it"
+    );
     let out = told(&mut mission, 10.3, battery(0.04, 1.0));
-    assert!(has(&out, Remark::Decides(Cause::BatteryEmpty, MissionStatus::Held)), "{out:?}");
+    assert!(
+        has(
+            &out,
+            Remark::Decides(Cause::BatteryEmpty, MissionStatus::Held)
+        ),
+        "{out:?}"
+    );
     assert!(holds(&out));
 }
 
@@ -150,7 +219,9 @@ fn a_silent_peer_is_said_once_and_said_again_when_it_speaks() {
     told(&mut mission, 10.0, sighting(2, 20.0));
     let out = pass(&mut mission, 10..20, 0.0, &[GROUND]);
     let said = |out: &[Out], remark: fn(VehicleId) -> Remark| {
-        out.iter().filter(|said| **said == Out::Remark(remark(VehicleId(2)))).count()
+        out.iter()
+            .filter(|said| **said == Out::Remark(remark(VehicleId(2))))
+            .count()
     };
     assert_eq!(said(&out, Remark::Silent), 1);
     let out = pass(&mut mission, 20..22, 0.0, &[GROUND, sighting(2, 20.0)]);
@@ -180,7 +251,10 @@ fn a_lower_id_that_drives_by_radio_goes_home_first() {
         // Vehicle 1 drives until second 8, and stands then.
         told(&mut mission, now_s, sighting(1, 0.5 * now_s.min(8.0)));
         let mut out = told(&mut mission, now_s, In::State(own_state(2.0, 0.0)));
-        if mission.deadline().is_some_and(|deadline| deadline.at <= at(now_s)) {
+        if mission
+            .deadline()
+            .is_some_and(|deadline| deadline.at <= at(now_s))
+        {
             mission.wake(at(now_s), &mut out).unwrap();
         }
         if driven(&out).is_some() {
@@ -195,26 +269,60 @@ fn a_lower_id_that_drives_by_radio_goes_home_first() {
 fn plans_of_a_lower_right_and_old_ones_are_not_taken() {
     let mut mission = planned(None);
     let lease = |number| Lease { number, holder: 7 };
-    let edition = |out: &[Out]| out.iter().any(|out| matches!(out, Out::Remark(Remark::OldPlan(..))));
+    let edition = |out: &[Out]| {
+        out.iter()
+            .any(|out| matches!(out, Out::Remark(Remark::OldPlan(..))))
+    };
     let with = |number, sequence, revision| match plan(revision, &[]) {
         In::Plan(plan) => {
-            let seen = Some(SeenState { boot: Boot(1), sequence }).filter(|_| sequence > 0);
-            In::Plan(Plan { lease: lease(number), seen, ..plan })
+            let seen = Some(SeenState {
+                boot: Boot(1),
+                sequence,
+            })
+            .filter(|_| sequence > 0);
+            In::Plan(Plan {
+                lease: lease(number),
+                seen,
+                ..plan
+            })
         }
         other => other,
     };
     for (second, sequence) in [(2.0, 20), (20.0, 200), (21.0, 210)] {
-        told(&mut mission, second, In::State(OwnState { sequence, ..own_state(0.0, 0.0) }));
+        told(
+            &mut mission,
+            second,
+            In::State(OwnState {
+                sequence,
+                ..own_state(0.0, 0.0)
+            }),
+        );
     }
-    assert!(edition(&told(&mut mission, 21.0, with(5, 20, 3))), "answers a state of 19 s ago");
-    assert!(edition(&told(&mut mission, 21.0, with(5, 900, 4))), "answers a state that was never made");
+    assert!(
+        edition(&told(&mut mission, 21.0, with(5, 20, 3))),
+        "answers a state of 19 s ago"
+    );
+    assert!(
+        edition(&told(&mut mission, 21.0, with(5, 900, 4))),
+        "answers a state that was never made"
+    );
     assert_eq!(mission.plan.progress().revision, Revision(2));
     told(&mut mission, 21.0, with(5, 200, 5));
     assert_eq!(mission.plan.progress().revision, Revision(5));
-    assert!(edition(&told(&mut mission, 21.0, with(4, 210, 6))), "of a lower right");
+    assert!(
+        edition(&told(&mut mission, 21.0, with(4, 210, 6))),
+        "of a lower right"
+    );
     assert_eq!(mission.plan.progress().revision, Revision(5));
-    let mut own = OwnState { sequence: 211, mode: Mode::Idle, ..own_state(0.0, 0.0) };
+    let mut own = OwnState {
+        sequence: 211,
+        mode: Mode::Idle,
+        ..own_state(0.0, 0.0)
+    };
     own.ordered.lease = lease(9);
     told(&mut mission, 21.1, In::State(own));
-    assert!(edition(&told(&mut mission, 21.1, with(5, 210, 7))), "a higher right was obeyed");
+    assert!(
+        edition(&told(&mut mission, 21.1, with(5, 210, 7))),
+        "a higher right was obeyed"
+    );
 }

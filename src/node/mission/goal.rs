@@ -80,9 +80,17 @@ pub(super) struct ReturnQueue {
 impl Goal {
     /// Returns the goal of a vehicle that is to return from now on.
     pub fn go_home(now: Time, by: By) -> Goal {
-        let queue =
-            ReturnQueue { since: now, try_at: Time::ZERO, barred_since: None, has_stepped_back: false };
-        Goal::Returning(Return { by, tries: 0, stage: ReturnStage::InQueue(queue) })
+        let queue = ReturnQueue {
+            since: now,
+            try_at: Time::ZERO,
+            barred_since: None,
+            has_stepped_back: false,
+        };
+        Goal::Returning(Return {
+            by,
+            tries: 0,
+            stage: ReturnStage::InQueue(queue),
+        })
     }
 
     /// Returns why the vehicle does something that nobody has ordered.
@@ -138,8 +146,16 @@ impl Return {
             ReturnStage::InQueue(queue) => queue.barred_since,
             ReturnStage::UnderWay { .. } => None,
         };
-        let queue = ReturnQueue { since: now, try_at, barred_since, has_stepped_back: true };
-        Return { stage: ReturnStage::InQueue(queue), ..self }
+        let queue = ReturnQueue {
+            since: now,
+            try_at,
+            barred_since,
+            has_stepped_back: true,
+        };
+        Return {
+            stage: ReturnStage::InQueue(queue),
+            ..self
+        }
     }
 }
 
@@ -153,18 +169,37 @@ mod tests {
 
     /// The name of a variant, as it is written.
     fn name(variant: &impl std::fmt::Debug) -> String {
-        format!("{variant:?}").chars().take_while(|letter| letter.is_alphanumeric()).collect()
+        format!("{variant:?}")
+            .chars()
+            .take_while(|letter| letter.is_alphanumeric())
+            .collect()
     }
 
     #[test]
     fn the_drawing_shows_the_goals_and_nothing_else() {
-        let drawing: Vec<&str> =
-            include_str!("goal.rs").lines().skip_while(|line| !line.contains("```text")).collect();
-        let end = drawing.iter().skip(1).position(|line| line.contains("```")).unwrap();
+        let drawing: Vec<&str> = include_str!("goal.rs")
+            .lines()
+            .skip_while(|line| !line.contains("```text"))
+            .collect();
+        let end = drawing
+            .iter()
+            .skip(1)
+            .position(|line| line.contains("```"))
+            .unwrap();
         let drawing = drawing[1..=end].join("\n");
-        let Goal::Returning(home) = Goal::go_home(at(1.0), By::Order) else { panic!("it returns") };
-        let drives = ReturnStage::UnderWay { bold_since: None, presses_on: false };
-        let goals = [Goal::Waiting, Goal::Following, Goal::Held(By::Order), Goal::Returning(home)];
+        let Goal::Returning(home) = Goal::go_home(at(1.0), By::Order) else {
+            panic!("it returns")
+        };
+        let drives = ReturnStage::UnderWay {
+            bold_since: None,
+            presses_on: false,
+        };
+        let goals = [
+            Goal::Waiting,
+            Goal::Following,
+            Goal::Held(By::Order),
+            Goal::Returning(home),
+        ];
         let names = goals.iter().chain([&Goal::Home(By::Order)]).map(name);
         for name in names.chain([name(&home.stage), name(&drives)]) {
             assert_eq!(drawing.matches(&name).count(), 1, "{name} in {drawing}");
@@ -176,31 +211,56 @@ mod tests {
         let low = By::Itself(Cause::BatteryLow);
         assert_eq!(Goal::go_home(at(1.0), low).cause(), Some(Cause::BatteryLow));
         assert_eq!(Goal::Held(low).cause(), Some(Cause::BatteryLow));
-        for goal in [Goal::Waiting, Goal::Following, Goal::Home(By::Order), Goal::go_home(at(1.0), By::Order)]
-        {
+        for goal in [
+            Goal::Waiting,
+            Goal::Following,
+            Goal::Home(By::Order),
+            Goal::go_home(at(1.0), By::Order),
+        ] {
             assert_eq!(goal.cause(), None, "{goal:?}");
         }
     }
 
     #[test]
     fn who_steps_back_keeps_who_wants_it_and_its_tries() {
-        let Goal::Returning(home) = Goal::go_home(at(1.0), By::Order) else { panic!("it returns") };
-        let stage = ReturnStage::UnderWay { bold_since: Some(at(2.0)), presses_on: true };
-        let back = Return { tries: 3, stage, ..home }.stepped_back(at(5.0), at(8.0));
-        assert_eq!((back.by, back.tries, back.is_under_way()), (By::Order, 3, false));
-        let ReturnStage::InQueue(queue) = back.stage else { panic!("{back:?}") };
+        let Goal::Returning(home) = Goal::go_home(at(1.0), By::Order) else {
+            panic!("it returns")
+        };
+        let stage = ReturnStage::UnderWay {
+            bold_since: Some(at(2.0)),
+            presses_on: true,
+        };
+        let back = Return {
+            tries: 3,
+            stage,
+            ..home
+        }
+        .stepped_back(at(5.0), at(8.0));
+        assert_eq!(
+            (back.by, back.tries, back.is_under_way()),
+            (By::Order, 3, false)
+        );
+        let ReturnStage::InQueue(queue) = back.stage else {
+            panic!("{back:?}")
+        };
         assert!(queue.has_stepped_back && queue.barred_since.is_none());
         assert_eq!((queue.since, queue.try_at), (at(5.0), at(8.0)));
     }
 
     #[test]
     fn who_waits_behind_peers_does_not_forget_since_when() {
-        let Goal::Returning(mut home) = Goal::go_home(at(1.0), By::Order) else { panic!("it returns") };
+        let Goal::Returning(mut home) = Goal::go_home(at(1.0), By::Order) else {
+            panic!("it returns")
+        };
         if let ReturnStage::InQueue(queue) = &mut home.stage {
             queue.barred_since = Some(at(4.0));
         }
-        let back = home.stepped_back(at(5.0), at(8.0)).stepped_back(at(9.0), at(12.0));
-        let ReturnStage::InQueue(queue) = back.stage else { panic!("{back:?}") };
+        let back = home
+            .stepped_back(at(5.0), at(8.0))
+            .stepped_back(at(9.0), at(12.0));
+        let ReturnStage::InQueue(queue) = back.stage else {
+            panic!("{back:?}")
+        };
         assert_eq!(queue.barred_since, Some(at(4.0)));
     }
 }

@@ -89,7 +89,8 @@ impl GroundPlan {
     /// Takes where the vehicle is; returns whether that was not known before.
     pub fn begin_at(&mut self, place: Point) -> bool {
         let is_new = self.follower.is_none();
-        self.follower.get_or_insert_with(|| Follower::new(self.vehicle, place, START_TOLERANCE_M));
+        self.follower
+            .get_or_insert_with(|| Follower::new(self.vehicle, place, START_TOLERANCE_M));
         is_new
     }
 
@@ -162,7 +163,9 @@ impl GroundPlan {
     /// Returns the first place of the own plan that lies outside the fence.
     fn leads_outside(&self, plan: &Plan) -> Option<Point> {
         let own = plan.stops.iter().filter(|_| plan.vehicle == self.vehicle);
-        let mut places = own.flat_map(|stop| stop.route.iter().chain([&stop.at])).map(|at| Point::from(*at));
+        let mut places = own
+            .flat_map(|stop| stop.route.iter().chain([&stop.at]))
+            .map(|at| Point::from(*at));
         places.find(|at| !self.fence.contains(*at))
     }
 
@@ -170,7 +173,8 @@ impl GroundPlan {
     pub fn is_newer(&self, plan: &Plan) -> bool {
         let followed = self.follower.as_ref().and_then(Follower::plan);
         let edition = (plan.run, plan.revision);
-        plan.vehicle == self.vehicle && followed.is_none_or(|known| edition > (known.run, known.revision))
+        plan.vehicle == self.vehicle
+            && followed.is_none_or(|known| edition > (known.run, known.revision))
     }
 
     /// Takes a plan, own or a peer's; returns why the revision does not fit, when that is news.
@@ -256,7 +260,13 @@ impl GroundPlan {
     pub fn gives_up_stop(&mut self, ahead: usize, can_reach: impl Fn(Point) -> bool) -> bool {
         let behind = self.stops_behind();
         let is_end = behind.is_empty() && ahead <= LAST_STOPS;
-        let leads_on = || is_end || behind.iter().take(LOOK_STOPS).any(|stop| can_reach(stop.at.into()));
+        let leads_on = || {
+            is_end
+                || behind
+                    .iter()
+                    .take(LOOK_STOPS)
+                    .any(|stop| can_reach(stop.at.into()))
+        };
         let gives_up = self.skips < SKIPS_MAX && leads_on();
         self.skips += u32::from(gives_up);
         gives_up
@@ -264,7 +274,9 @@ impl GroundPlan {
 
     /// The stops of the plan behind those that are entered.
     fn stops_behind(&self) -> &[Stop] {
-        let Some(follower) = &self.follower else { return &[] };
+        let Some(follower) = &self.follower else {
+            return &[];
+        };
         let stops = follower.plan().map_or(&[][..], |plan| &plan.stops);
         let last = follower.entered().last().map(|stop| stop.id);
         let entered = stops.iter().position(|stop| Some(stop.id) == last);
@@ -273,8 +285,13 @@ impl GroundPlan {
 
     /// Returns what has changed since it was last asked.
     pub fn news(&mut self) -> News {
-        let Some(follower) = &self.follower else { return News::default() };
-        let progress = VehicleProgress { boot: self.boot, ..follower.progress() };
+        let Some(follower) = &self.follower else {
+            return News::default();
+        };
+        let progress = VehicleProgress {
+            boot: self.boot,
+            ..follower.progress()
+        };
         let is_adopted = (progress.run, progress.revision) != (self.said.run, self.said.revision);
         if is_adopted {
             (self.has_said_end, self.has_left) = (false, false);
@@ -283,18 +300,28 @@ impl GroundPlan {
         self.has_said_end |= is_end;
         let changed = (progress != self.said).then_some(progress);
         self.said = progress;
-        News { progress: changed, is_adopted, finished: is_end.then_some(progress.run) }
+        News {
+            progress: changed,
+            is_adopted,
+            finished: is_end.then_some(progress.run),
+        }
     }
 
     /// Returns the run for which is measured while the plan is followed.
     pub fn measures_for(&self) -> Option<RunId> {
-        let follower = self.follower.as_ref().filter(|follower| !follower.finished())?;
+        let follower = self
+            .follower
+            .as_ref()
+            .filter(|follower| !follower.finished())?;
         Some(follower.progress().run).filter(|run| *run != RunId::default())
     }
 
     /// Returns when the dwell at a stop ends.
     pub fn deadline(&self) -> Option<Deadline> {
-        self.follower.as_ref().filter(|_| !self.has_left).and_then(Follower::deadline)
+        self.follower
+            .as_ref()
+            .filter(|_| !self.has_left)
+            .and_then(Follower::deadline)
     }
 }
 

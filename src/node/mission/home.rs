@@ -17,7 +17,11 @@ pub fn is_at_home(pose: Pose, home: Point) -> bool {
 /// Returns how far from its home a vehicle that says this pose of itself may be to be at home, metres. No allowance is
 /// made for a deviation that is not known.
 pub fn farthest_m(pose: Pose) -> f64 {
-    if pose.sd_m.is_finite() { HOME_M + 2.0 * pose.sd_m } else { HOME_M }
+    if pose.sd_m.is_finite() {
+        HOME_M + 2.0 * pose.sd_m
+    } else {
+        HOME_M
+    }
 }
 
 #[cfg(test)]
@@ -28,10 +32,20 @@ mod tests {
     fn a_place_that_is_known_well_is_judged_as_the_vehicle_judges_it() {
         let home = Point::new(3.0, 4.0);
         let is_there = |off_m: f64, sd_m: f64| {
-            is_at_home(Pose { at: Point::new(3.0 + off_m, 4.0), sd_m, ..Pose::default() }, home)
+            is_at_home(
+                Pose {
+                    at: Point::new(3.0 + off_m, 4.0),
+                    sd_m,
+                    ..Pose::default()
+                },
+                home,
+            )
         };
         assert!(is_there(0.34, 0.0) && !is_there(0.36, 0.0));
-        assert!(is_there(0.8, 0.25) && !is_there(0.9, 0.25), "a drift is made allowance for");
+        assert!(
+            is_there(0.8, 0.25) && !is_there(0.9, 0.25),
+            "a drift is made allowance for"
+        );
         assert!(
             is_there(0.34, f64::INFINITY) && !is_there(0.36, f64::INFINITY),
             "not known is not everywhere"

@@ -111,7 +111,10 @@ pub struct Surroundings<'a> {
 impl Surroundings<'_> {
     /// Returns what peers claim, whether they move or not.
     pub fn claims(&self) -> Vec<Vec<Point>> {
-        self.peers.iter().map(|(_, peer)| peer.claim.clone()).collect()
+        self.peers
+            .iter()
+            .map(|(_, peer)| peer.claim.clone())
+            .collect()
     }
 }
 
@@ -151,19 +154,29 @@ pub enum Kind {
 impl Kind {
     /// Makes the mission of a task; `None` when the ground station plans.
     pub fn of(settings: &Settings) -> Option<Kind> {
-        let points = |places: &[Position]| places.iter().map(|at| Point::from(*at)).collect::<Vec<_>>();
+        let points =
+            |places: &[Position]| places.iter().map(|at| Point::from(*at)).collect::<Vec<_>>();
         let metres = |length_mm: u32| f64::from(length_mm) / 1000.0;
         Some(match settings.task.as_ref()? {
             TaskKind::Sweep { .. } => return None,
             TaskKind::Legs { places } => Kind::Straight(Straight::along(&points(places))),
-            TaskKind::Forward { distance_mm } => Kind::Straight(Straight::ahead(metres(*distance_mm))),
+            TaskKind::Forward { distance_mm } => {
+                Kind::Straight(Straight::ahead(metres(*distance_mm)))
+            }
             TaskKind::Browse => Kind::Browse(Browse::default()),
             TaskKind::Pathfind { places } => Kind::Pathfind(Pathfind::to(&points(places))),
             TaskKind::Search => Kind::Seek(Box::new(Seek::new(settings, Preference::NearObjects))),
-            TaskKind::Explore => Kind::Seek(Box::new(Seek::new(settings, Preference::FarFromPeers))),
-            TaskKind::Patrol { places, rounds, duration_ms } => {
+            TaskKind::Explore => {
+                Kind::Seek(Box::new(Seek::new(settings, Preference::FarFromPeers)))
+            }
+            TaskKind::Patrol {
+                places,
+                rounds,
+                duration_ms,
+            } => {
                 let rounds = (*rounds > 0).then_some(*rounds as usize);
-                let duration = (*duration_ms > 0).then(|| Duration::from_millis(u64::from(*duration_ms)));
+                let duration =
+                    (*duration_ms > 0).then(|| Duration::from_millis(u64::from(*duration_ms)));
                 Kind::Patrol(Patrol::over(&points(places), rounds, duration))
             }
         })
@@ -208,11 +221,26 @@ mod tests_support {
         let settings = settings(1);
         let peers = Peers::new(settings.vehicle);
         let pilot = Pilot::new(settings);
-        let pose = Pose { at: Point::new(at.0, at.1), heading: Angle::default(), sd_m: 0.05 };
-        mission.next(seen, &Surroundings { now, pose, pilot: &pilot, peers: &peers })
+        let pose = Pose {
+            at: Point::new(at.0, at.1),
+            heading: Angle::default(),
+            sd_m: 0.05,
+        };
+        mission.next(
+            seen,
+            &Surroundings {
+                now,
+                pose,
+                pilot: &pilot,
+                peers: &peers,
+            },
+        )
     }
 
     /// The end of a look all around.
-    pub const LOOKED: Seen =
-        Seen::Looked { from: Point { x_m: 0.0, y_m: 0.0 }, toward: Angle::ZERO, at: None };
+    pub const LOOKED: Seen = Seen::Looked {
+        from: Point { x_m: 0.0, y_m: 0.0 },
+        toward: Angle::ZERO,
+        at: None,
+    };
 }

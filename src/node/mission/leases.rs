@@ -21,7 +21,11 @@ pub(super) struct PlanLeases {
 impl PlanLeases {
     /// Makes the leases of a vehicle whose earlier starts have left this.
     pub fn remembering(memory: Memory) -> PlanLeases {
-        PlanLeases { greatest: memory.lease(), asked: memory.lease(), waiting: BTreeMap::new() }
+        PlanLeases {
+            greatest: memory.lease(),
+            asked: memory.lease(),
+            waiting: BTreeMap::new(),
+        }
     }
 
     /// Returns the greatest lease followed.
@@ -61,8 +65,9 @@ impl PlanLeases {
         self.follow(on_disk.lease());
         let greatest = self.greatest;
         let all = std::mem::take(&mut self.waiting);
-        let (ready, waiting): (BTreeMap<_, _>, _) =
-            all.into_iter().partition(|(_, plan)| plan.lease <= greatest);
+        let (ready, waiting): (BTreeMap<_, _>, _) = all
+            .into_iter()
+            .partition(|(_, plan)| plan.lease <= greatest);
         self.waiting = waiting;
         ready.into_values().collect()
     }
@@ -89,15 +94,28 @@ mod tests {
     #[test]
     fn a_plan_by_a_greater_right_waits_for_the_disk_and_is_asked_for_once() {
         let mut leases = PlanLeases::remembering(Memory::of_plan(lease(3)));
-        assert!(leases.are_above(lease(2)) && !leases.are_above(lease(3)) && !leases.is_greater(lease(3)));
+        assert!(
+            leases.are_above(lease(2))
+                && !leases.are_above(lease(3))
+                && !leases.is_greater(lease(3))
+        );
         assert!(leases.is_greater(lease(4)));
-        assert_eq!(leases.wait_with(&plan(1, 4, 2)), Some(Memory::of_plan(lease(4))));
+        assert_eq!(
+            leases.wait_with(&plan(1, 4, 2)),
+            Some(Memory::of_plan(lease(4)))
+        );
         assert_eq!(leases.wait_with(&plan(2, 4, 2)), None);
         assert_eq!(leases.wait_with(&plan(1, 4, 1)), None, "it came late");
-        assert!(leases.are_above(lease(3)), "what is about to be on disk counts");
+        assert!(
+            leases.are_above(lease(3)),
+            "what is about to be on disk counts"
+        );
         assert_eq!(leases.greatest(), lease(3), "and is not shown");
         assert_eq!(leases.remembered(Memory::of_plan(lease(3))), []);
-        assert_eq!(leases.remembered(Memory::of_plan(lease(4))), [plan(1, 4, 2), plan(2, 4, 2)]);
+        assert_eq!(
+            leases.remembered(Memory::of_plan(lease(4))),
+            [plan(1, 4, 2), plan(2, 4, 2)]
+        );
         assert_eq!((leases.greatest(), leases.waiting.len()), (lease(4), 0));
     }
 }

@@ -45,12 +45,21 @@ pub enum Next {
 impl LookAround {
     /// Begins with the heading toward what is unknown.
     pub fn toward(angle: Angle, now: Time) -> LookAround {
-        LookAround { toward: angle, turn: 0, turns: OFFSETS_DEG.len(), since: now, seen_from: None }
+        LookAround {
+            toward: angle,
+            turn: 0,
+            turns: OFFSETS_DEG.len(),
+            since: now,
+            seen_from: None,
+        }
     }
 
     /// Looks along one heading only.
     pub fn once(angle: Angle, now: Time) -> LookAround {
-        LookAround { turns: 1, ..LookAround::toward(angle, now) }
+        LookAround {
+            turns: 1,
+            ..LookAround::toward(angle, now)
+        }
     }
 
     /// Returns the heading that it began with.
@@ -76,7 +85,11 @@ impl LookAround {
         self.turn += 1;
         self.since = now;
         self.seen_from = None;
-        if self.turn >= self.turns { Next::Over } else { Next::Turn(self.heading()) }
+        if self.turn >= self.turns {
+            Next::Over
+        } else {
+            Next::Turn(self.heading())
+        }
     }
 }
 
@@ -110,6 +123,9 @@ mod tests {
         let mut look = LookAround::toward(Angle::default(), Time::ZERO);
         let away = Angle::from_degrees(170.0);
         let late = Time::from_secs_f64(13.0);
-        assert!(matches!(look.next(late, away, true, Duration::ZERO), Next::Turn(_)));
+        assert!(matches!(
+            look.next(late, away, true, Duration::ZERO),
+            Next::Turn(_)
+        ));
     }
 }

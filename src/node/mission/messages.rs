@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    EmergencyStop, LayerId, Mission, MissionRefusal, Order, Plan, Revision, RunId, Sender, StandReason,
-    State, StopId, Task, TileAddress, TileReport, VehicleId,
+    EmergencyStop, LayerId, Mission, MissionRefusal, Order, Plan, Revision, RunId, Sender,
+    StandReason, State, StopId, Task, TileAddress, TileReport, VehicleId,
 };
 
 use super::autonomy::Cause;
@@ -202,13 +202,23 @@ impl Input for In {
     fn join(unread: In, newer: In) -> In {
         let edition = |plan: &Plan| (plan.lease, plan.run, plan.revision);
         let step = |progress: &VehicleProgress| {
-            (progress.boot, progress.run, progress.revision, progress.done, progress.leg)
+            (
+                progress.boot,
+                progress.run,
+                progress.revision,
+                progress.done,
+                progress.leg,
+            )
         };
         match (unread, newer) {
-            (In::Plan(unread), In::Plan(newer)) if edition(&unread) > edition(&newer) => In::Plan(unread),
+            (In::Plan(unread), In::Plan(newer)) if edition(&unread) > edition(&newer) => {
+                In::Plan(unread)
+            }
             (In::Task(unread), In::Task(newer)) if unread.lease > newer.lease => In::Task(unread),
             // Tiles and progress may overtake each other: the higher revision stays.
-            (In::Tile(unread), In::Tile(newer)) if unread.revision > newer.revision => In::Tile(unread),
+            (In::Tile(unread), In::Tile(newer)) if unread.revision > newer.revision => {
+                In::Tile(unread)
+            }
             (In::Progress(unread), In::Progress(newer)) if step(&unread) > step(&newer) => {
                 In::Progress(unread)
             }

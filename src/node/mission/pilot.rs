@@ -195,7 +195,12 @@ impl Pilot {
     }
 
     /// Adds a leg at the end of the way.
-    pub fn append(&mut self, route: impl IntoIterator<Item = Point>, to: Point, stop: Option<StopId>) {
+    pub fn append(
+        &mut self,
+        route: impl IntoIterator<Item = Point>,
+        to: Point,
+        stop: Option<StopId>,
+    ) {
         self.way.append(route, to, stop);
     }
 
@@ -213,7 +218,9 @@ impl Pilot {
     /// gave it decides. What is unknown on it is looked at as on every way.
     /// A narrow route leads over places where the vehicle has driven, see [`Pilot::driven`].
     pub fn take_route(&mut self, place: Point, corners: &[Point], is_narrow: bool) {
-        let Some((end, corners)) = corners.split_last() else { return };
+        let Some((end, corners)) = corners.split_last() else {
+            return;
+        };
         self.give_up(place);
         self.way.append(corners.iter().copied(), *end, None);
         (self.is_strict, self.is_narrow) = (true, is_narrow);
@@ -304,8 +311,14 @@ impl Pilot {
     /// Returns when to be asked again without any input.
     pub fn deadline(&self) -> Option<Deadline> {
         match &self.doing {
-            Doing::Planning { ready, .. } => Some(Deadline { at: *ready, why: "path ready" }),
-            Doing::Waiting { until } => Some(Deadline { at: *until, why: "search again" }),
+            Doing::Planning { ready, .. } => Some(Deadline {
+                at: *ready,
+                why: "path ready",
+            }),
+            Doing::Waiting { until } => Some(Deadline {
+                at: *until,
+                why: "search again",
+            }),
             Doing::Driving | Doing::Looking(_) => None,
         }
     }
@@ -369,8 +382,14 @@ impl Pilot {
             true => self.settings.body.radius_m + 2.0 * pose.sd_m,
             false => self.half_width_m(pose),
         };
-        let view = self.map.view(self.settings.slice, self.around(pose.at, AHEAD_M + 2.0));
-        let mut release = Corridor { half_width_m, ahead_m: AHEAD_M }.released(&view, &points, pose.at);
+        let view = self
+            .map
+            .view(self.settings.slice, self.around(pose.at, AHEAD_M + 2.0));
+        let mut release = Corridor {
+            half_width_m,
+            ahead_m: AHEAD_M,
+        }
+        .released(&view, &points, pose.at);
         for bump in self.bumps.iter().filter(|bump| bump.until > now) {
             self.hold_before(bump, pose, &mut release);
         }
@@ -384,7 +403,9 @@ impl Pilot {
         let leads_there = |step: &usize| {
             let until_m = (here_m + *step as f64 * STEP_M).min(release.free_until_m);
             let route = self.way.until(pose.at, here_m, until_m);
-            route.windows(2).any(|pair| !bump.is_passed_by(Segment::new(pair[0], pair[1]), bump_m))
+            route
+                .windows(2)
+                .any(|pair| !bump.is_passed_by(Segment::new(pair[0], pair[1]), bump_m))
         };
         if let Some(step) = (1..=steps).find(leads_there) {
             let at_m = here_m + (step - 1) as f64 * STEP_M;
@@ -394,19 +415,35 @@ impl Pilot {
     }
 
     fn half_width_m(&self, pose: Pose) -> f64 {
-        self.settings.corridor_m(pose.sd_m) + self.settings.lattice.cell_m() * std::f64::consts::FRAC_1_SQRT_2
+        self.settings.corridor_m(pose.sd_m)
+            + self.settings.lattice.cell_m() * std::f64::consts::FRAC_1_SQRT_2
     }
 
     fn around(&self, place: Point, margin_m: f64) -> CellRect {
-        CellRect::covering(self.settings.lattice, Rect::new(place, place).shrunk(-margin_m))
+        CellRect::covering(
+            self.settings.lattice,
+            Rect::new(place, place).shrunk(-margin_m),
+        )
     }
 
-    fn drive(&mut self, now: Time, pose: Pose, resting: bool, met: &mut Vec<Met>) -> Option<Command> {
+    fn drive(
+        &mut self,
+        now: Time,
+        pose: Pose,
+        resting: bool,
+        met: &mut Vec<Met>,
+    ) -> Option<Command> {
         let release = self.release(now, pose);
         let whole_m = self.way.length_m();
         let ends_way = release.free_until_m >= whole_m - 1e-6;
-        let until_m = if ends_way { whole_m } else { release.free_until_m - BACKOFF_M };
-        let left_m = self.commanded_m.map(|odometer_m| self.way.along_m(odometer_m) - release.here_m);
+        let until_m = if ends_way {
+            whole_m
+        } else {
+            release.free_until_m - BACKOFF_M
+        };
+        let left_m = self
+            .commanded_m
+            .map(|odometer_m| self.way.along_m(odometer_m) - release.here_m);
         let goes_m = until_m - release.here_m;
         if let Some(left_m) = left_m.filter(|_| !resting) {
             if left_m > goes_m + SHORTEN_M {
@@ -414,7 +451,9 @@ impl Pilot {
             }
             let renew = left_m < RENEW_M && goes_m > left_m + GO_M.min(0.5 * AHEAD_M);
             let ends = left_m < RENEW_M && ends_way && goes_m > left_m + 0.05;
-            return (renew || ends).then(|| self.command(now, pose, release.here_m, until_m)).flatten();
+            return (renew || ends)
+                .then(|| self.command(now, pose, release.here_m, until_m))
+                .flatten();
         }
         if !self.is_settled(now) {
             return None;
@@ -435,7 +474,9 @@ impl Pilot {
             self.path_is_fresh = false;
             return self.command(now, pose, release.here_m, until_m);
         }
-        resting.then(|| self.overcome(now, pose, &release, met)).flatten()
+        resting
+            .then(|| self.overcome(now, pose, &release, met))
+            .flatten()
     }
 
     /// Commands the route to a length along the way.
@@ -447,14 +488,26 @@ impl Pilot {
             return Some(Command::Hold);
         }
         self.commanded_m = Some(self.way.odometer_m(until_m));
-        let stop = self.way.ahead().find_map(|corner| corner.stops.first().copied());
+        let stop = self
+            .way
+            .ahead()
+            .find_map(|corner| corner.stops.first().copied());
         Some(Command::Drive { stop, route })
     }
 
     /// At rest, and nothing is released: looks at what is unknown, or plans around what is in the way.
-    fn overcome(&mut self, now: Time, pose: Pose, release: &Release, met: &mut Vec<Met>) -> Option<Command> {
+    fn overcome(
+        &mut self,
+        now: Time,
+        pose: Pose,
+        release: &Release,
+        met: &mut Vec<Met>,
+    ) -> Option<Command> {
         let blocked_m = release.blocked_at_m.unwrap_or(f64::INFINITY);
-        match release.unknown.filter(|_| release.unknown_at_m.is_some_and(|at_m| at_m <= blocked_m)) {
+        match release
+            .unknown
+            .filter(|_| release.unknown_at_m.is_some_and(|at_m| at_m <= blocked_m))
+        {
             Some(unknown) if !self.looked && self.looks < LOOKS_MAX => {
                 self.looks += 1;
                 Some(self.look_around(now, pose.at.angle_to(unknown), unknown, met))
@@ -481,9 +534,17 @@ impl Pilot {
         Command::Turn(look.heading())
     }
 
-    fn look(&mut self, now: Time, pose: Pose, resting: bool, met: &mut Vec<Met>) -> Option<Command> {
+    fn look(
+        &mut self,
+        now: Time,
+        pose: Pose,
+        resting: bool,
+        met: &mut Vec<Met>,
+    ) -> Option<Command> {
         let release = self.release(now, pose);
-        let Doing::Looking(look) = &mut self.doing else { return None };
+        let Doing::Looking(look) = &mut self.doing else {
+            return None;
+        };
         if resting && release.ahead_m() >= GO_M + BACKOFF_M && !self.needs_path {
             self.doing = Doing::Driving;
             return self.drive(now, pose, resting, met);
@@ -505,17 +566,26 @@ impl Pilot {
 
     /// Returns whether the way back out of a dead end has been driven.
     fn has_retreated(&self, release: &Release) -> bool {
-        self.retreat_m.is_some_and(|end_m| self.way.along_m(end_m) - release.here_m < GO_M)
+        self.retreat_m
+            .is_some_and(|end_m| self.way.along_m(end_m) - release.here_m < GO_M)
     }
 
     fn remember(&mut self, place: Point) {
-        if self.trail.back().is_none_or(|last| last.distance_to(place) >= TRAIL_STEP_M) {
+        if self
+            .trail
+            .back()
+            .is_none_or(|last| last.distance_to(place) >= TRAIL_STEP_M)
+        {
             self.trail.push_back(place);
         }
         if self.trail.len() > TRAIL {
             self.trail.pop_front();
         }
-        if self.driven.last().is_none_or(|last| last.distance_to(place) >= DRIVEN_STEP_M) {
+        if self
+            .driven
+            .last()
+            .is_none_or(|last| last.distance_to(place) >= DRIVEN_STEP_M)
+        {
             self.driven.push(place);
         }
         if self.driven.len() > DRIVEN {
@@ -527,7 +597,9 @@ impl Pilot {
     }
 
     fn take_path(&mut self, now: Time, pose: Pose, met: &mut Vec<Met>) -> Option<Command> {
-        let Doing::Planning { ready, found } = &mut self.doing else { return None };
+        let Doing::Planning { ready, found } = &mut self.doing else {
+            return None;
+        };
         if now < *ready {
             return None;
         }
@@ -539,7 +611,10 @@ impl Pilot {
             self.failures += 1;
         }
         (self.path_is_fresh, self.needs_path) = (true, false);
-        let length_m: f64 = points.windows(2).map(|pair| Segment::new(pair[0], pair[1]).length_m()).sum();
+        let length_m: f64 = points
+            .windows(2)
+            .map(|pair| Segment::new(pair[0], pair[1]).length_m())
+            .sum();
         met.push(Met::Path(length_m));
         self.way.replace(pose.at, count, &points[1..]);
         self.retreat_m = (count == 0).then(|| self.way.odometer_m(length_m));

@@ -16,8 +16,9 @@ impl Mission {
             (None, Some(_)) => 0,
             (None, None) => stops - done,
         };
-        let is_home =
-            |state: &super::OwnState| state.is_at_rest && is_at_home(state.pose, self.settings.home);
+        let is_home = |state: &super::OwnState| {
+            state.is_at_rest && is_at_home(state.pose, self.settings.home)
+        };
         tomoswarm_proto::Mission {
             vehicle: self.settings.vehicle,
             boot: self.settings.boot,
@@ -47,7 +48,10 @@ impl Mission {
     /// Returns how far it is with its plan; of a mission of its own in which run that is, since it follows no revision.
     fn progress(&self) -> Progress {
         match self.assignment.is_own() {
-            true => Progress { run: self.assignment.run(), ..Progress::default() },
+            true => Progress {
+                run: self.assignment.run(),
+                ..Progress::default()
+            },
             false => self.plan.progress().into(),
         }
     }
@@ -60,14 +64,19 @@ impl Mission {
             Goal::Returning(_) => MissionPhase::Returning,
             Goal::Home(_) => MissionPhase::Over,
             Goal::Following if self.assignment.refusal().is_some() => MissionPhase::Over,
-            Goal::Following => self.runner.as_ref().map_or_else(|| self.plan.phase(), StepRunner::phase),
+            Goal::Following => self
+                .runner
+                .as_ref()
+                .map_or_else(|| self.plan.phase(), StepRunner::phase),
         }
     }
 
     /// Returns how much of the plan is done; nobody knows how much of a mission of its own there is.
     fn share(&self, done: usize, stops: usize) -> Option<Permille> {
         let is_planned = !self.assignment.is_own() && stops > 0;
-        is_planned.then(|| Permille::from_fraction(done as f64 / stops as f64)).flatten()
+        is_planned
+            .then(|| Permille::from_fraction(done as f64 / stops as f64))
+            .flatten()
     }
 
     /// Returns where its way ends.
@@ -113,25 +122,50 @@ mod tests {
 
     fn shows(mission: &Mission) -> (MissionPhase, Option<Permille>, u16, Option<Position>, bool) {
         let said = mission.on_wire();
-        (said.phase, said.share, said.places_left, said.goal, said.is_at_home)
+        (
+            said.phase,
+            said.share,
+            said.places_left,
+            said.goal,
+            said.is_at_home,
+        )
     }
 
     #[test]
     fn a_vehicle_with_a_plan_says_how_far_it_is_and_where_it_goes() {
         let mut mission = planned(None);
         let none = Some(Permille(0));
-        let end = Some(Position { x_mm: 2000, y_mm: 2000, z_mm: 0 });
-        assert_eq!(shows(&mission), (MissionPhase::Waiting, none, 2, None, true));
+        let end = Some(Position {
+            x_mm: 2000,
+            y_mm: 2000,
+            z_mm: 0,
+        });
+        assert_eq!(
+            shows(&mission),
+            (MissionPhase::Waiting, none, 2, None, true)
+        );
         told(&mut mission, 2.0, order(OrderKind::Start));
         assert_eq!(shows(&mission), (MissionPhase::Going, none, 2, end, true));
         told(&mut mission, 5.0, In::State(own_state(2.0, 0.0)));
-        assert_eq!(shows(&mission), (MissionPhase::Going, Some(Permille(500)), 1, end, false));
+        assert_eq!(
+            shows(&mission),
+            (MissionPhase::Going, Some(Permille(500)), 1, end, false)
+        );
         let said = mission.on_wire();
-        assert_eq!((said.kind, said.end, said.slice), (MissionKind::Sweep, None, 0));
+        assert_eq!(
+            (said.kind, said.end, said.slice),
+            (MissionKind::Sweep, None, 0)
+        );
         told(&mut mission, 6.0, In::State(own_state(2.0, 2.0)));
         let said = mission.on_wire();
-        assert_eq!((said.phase, said.end), (MissionPhase::Over, Some(MissionEnd::Done)));
-        assert_eq!((said.share, said.places_left, said.goal), (Some(Permille::WHOLE), 0, None));
+        assert_eq!(
+            (said.phase, said.end),
+            (MissionPhase::Over, Some(MissionEnd::Done))
+        );
+        assert_eq!(
+            (said.share, said.places_left, said.goal),
+            (Some(Permille::WHOLE), 0, None)
+        );
     }
 
     #[test]
@@ -155,7 +189,10 @@ mod tests {
             (Some(StandReason::Held), MissionPhase::Held)
         );
         told(&mut mission, 3.0, order(OrderKind::Start));
-        let empty = crate::node::OwnState { battery: 0.01, ..own_state(1.0, 0.0) };
+        let empty = crate::node::OwnState {
+            battery: 0.01,
+            ..own_state(1.0, 0.0)
+        };
         told(&mut mission, 4.0, In::State(empty));
         assert_eq!(mission.holds_for(), Some(StandReason::Battery));
     }
@@ -164,12 +201,18 @@ mod tests {
     fn a_mission_of_its_own_has_places_left_and_no_share() {
         let places = vec![Point::new(2.0, 0.0).into(), Point::new(2.0, 2.0).into()];
         let task = Some(TaskKind::Pathfind { places });
-        let mut mission = Mission::new(crate::node::Settings { task, ..settings(1) });
+        let mut mission = Mission::new(crate::node::Settings {
+            task,
+            ..settings(1)
+        });
         told(&mut mission, 1.0, In::State(own_state(0.0, 0.0)));
         told(&mut mission, 1.1, order(OrderKind::Start));
         mission.wake(at(1.2), &mut Vec::new()).unwrap();
         let said = mission.on_wire();
-        assert_eq!((said.kind, said.phase), (MissionKind::Pathfind, MissionPhase::Looking));
+        assert_eq!(
+            (said.kind, said.phase),
+            (MissionKind::Pathfind, MissionPhase::Looking)
+        );
         assert_eq!((said.share, said.places_left, said.end), (None, 2, None));
     }
 
@@ -182,7 +225,10 @@ mod tests {
             (End::NoWay(3), MissionEnd::NoWay(3)),
             (End::GaveUp(70_000), MissionEnd::GaveUp(u16::MAX)),
             (End::NoRoom, MissionEnd::GaveUp(1)),
-            (End::Refused(MissionRefusal::NoPlace), MissionEnd::Refused(MissionRefusal::NoPlace)),
+            (
+                End::Refused(MissionRefusal::NoPlace),
+                MissionEnd::Refused(MissionRefusal::NoPlace),
+            ),
         ] {
             assert_eq!(end_on_wire(&end), on_wire);
         }

@@ -61,16 +61,26 @@ impl Mission {
     /// Begins to drive home, or waits for those who bar the way.
     fn take_turn(&mut self, now: Time, home: Return, queue: ReturnQueue) {
         let Some(state) = &self.state else { return };
-        let standing = self.peers.iter().filter(|(_, peer)| peer.resting || peer.is_silent(now));
-        self.pilot.keep_clear_of(standing.map(|(_, peer)| peer.claim.clone()).collect());
-        let others_move = self.peers.iter().any(|(_, peer)| !peer.resting && !peer.is_silent(now));
+        let standing = self
+            .peers
+            .iter()
+            .filter(|(_, peer)| peer.resting || peer.is_silent(now));
+        self.pilot
+            .keep_clear_of(standing.map(|(_, peer)| peer.claim.clone()).collect());
+        let others_move = self
+            .peers
+            .iter()
+            .any(|(_, peer)| !peer.resting && !peer.is_silent(now));
         let presses_on = others_move || self.is_low();
         let unknown = match self.pilot.way_home(now, state) {
             _ if presses_on => Unknown::LastResort,
             WayHome::Open if home.tries % TRIES != TRIES - 1 => Unknown::Barred,
             WayHome::BehindPeers if !self.has_waited(now, &queue) => {
                 let barred_since = queue.barred_since.or(Some(now));
-                let stage = ReturnStage::InQueue(ReturnQueue { barred_since, ..queue });
+                let stage = ReturnStage::InQueue(ReturnQueue {
+                    barred_since,
+                    ..queue
+                });
                 self.goal = Goal::Returning(Return { stage, ..home });
                 return self.step_back(now);
             }
@@ -79,7 +89,10 @@ impl Mission {
         self.pilot.go_home(now, state, unknown);
         self.plan.leave();
         let bold_since = (unknown == Unknown::LastResort).then_some(now);
-        let stage = ReturnStage::UnderWay { bold_since, presses_on };
+        let stage = ReturnStage::UnderWay {
+            bold_since,
+            presses_on,
+        };
         self.goal = Goal::Returning(Return { stage, ..home });
     }
 
@@ -101,8 +114,14 @@ impl Mission {
     /// On the way home no path was found, or the one found is blocked: others may have to move first. A vehicle that goes
     /// through the unknown goes on trying as long as none of them has moved.
     pub(super) fn finds_no_way_home(&mut self, now: Time, failures: u32) {
-        let Goal::Returning(Return { stage: ReturnStage::UnderWay { bold_since, presses_on }, .. }) =
-            self.goal
+        let Goal::Returning(Return {
+            stage:
+                ReturnStage::UnderWay {
+                    bold_since,
+                    presses_on,
+                },
+            ..
+        }) = self.goal
         else {
             return;
         };
@@ -115,11 +134,14 @@ impl Mission {
 
     /// Returns whether the peers that bar the way have had time enough.
     fn has_waited(&self, now: Time, queue: &ReturnQueue) -> bool {
-        let Some(barred_since) = queue.barred_since else { return false };
+        let Some(barred_since) = queue.barred_since else {
+            return false;
+        };
         let heard = self.peers.iter().filter(|(_, peer)| !peer.is_silent(now));
         let moved_at = heard.fold(barred_since, |latest, (_, peer)| latest.max(peer.moved_at));
         let count = self.peers.iter().count() + self.lower().count();
-        now.since(moved_at) >= PATIENCE + QUIET * count as u32 || now.since(barred_since) >= PATIENCE_MAX
+        now.since(moved_at) >= PATIENCE + QUIET * count as u32
+            || now.since(barred_since) >= PATIENCE_MAX
     }
 
     fn is_low(&self) -> bool {
@@ -127,7 +149,10 @@ impl Mission {
     }
 
     fn lower(&self) -> impl Iterator<Item = &Peer> {
-        self.peers.iter().take_while(|(id, _)| *id < self.settings.vehicle).map(|(_, peer)| peer)
+        self.peers
+            .iter()
+            .take_while(|(id, _)| *id < self.settings.vehicle)
+            .map(|(_, peer)| peer)
     }
 
     /// Vehicles return one after the other: all lower ids have been at rest, longer the more there are, and the
@@ -135,10 +160,17 @@ impl Mission {
     fn is_its_turn(&self, now: Time, queue: &ReturnQueue) -> bool {
         let since = queue.since;
         let quiet = QUIET * self.lower().count() as u32;
-        let mut higher = self.peers.iter().filter(|(id, _)| *id > self.settings.vehicle);
+        let mut higher = self
+            .peers
+            .iter()
+            .filter(|(id, _)| *id > self.settings.vehicle);
         let higher_stand = higher.all(|(_, peer)| peer.resting || peer.is_silent(now));
         let is_later = queue.has_stepped_back && !self.is_low();
-        let within = if is_later { LATER_HIGHER_WITHIN } else { HIGHER_WITHIN };
+        let within = if is_later {
+            LATER_HIGHER_WITHIN
+        } else {
+            HIGHER_WITHIN
+        };
         self.lower().all(|peer| peer.is_quiet(now, since, quiet))
             && (higher_stand || now.since(since) > within)
     }

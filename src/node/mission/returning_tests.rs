@@ -16,15 +16,34 @@ const SIDE_M: f64 = 20.0;
 /// The ring is known to be free this far to both sides, metres.
 const KNOWN_M: f64 = 1.4;
 /// Where nobody is in the way.
-const ASIDE: Point = Point { x_m: -3.5, y_m: -3.5 };
-const WEST: Point = Point { x_m: 0.0, y_m: 10.0 };
-const EAST: Point = Point { x_m: 20.0, y_m: 10.0 };
+const ASIDE: Point = Point {
+    x_m: -3.5,
+    y_m: -3.5,
+};
+const WEST: Point = Point {
+    x_m: 0.0,
+    y_m: 10.0,
+};
+const EAST: Point = Point {
+    x_m: 20.0,
+    y_m: 10.0,
+};
 
 fn off_ring_m(place: Point) -> f64 {
-    let edges = [(0.0, 0.0), (SIDE_M, 0.0), (SIDE_M, SIDE_M), (0.0, SIDE_M), (0.0, 0.0)];
+    let edges = [
+        (0.0, 0.0),
+        (SIDE_M, 0.0),
+        (SIDE_M, SIDE_M),
+        (0.0, SIDE_M),
+        (0.0, 0.0),
+    ];
     let corners = edges.map(|(x, y)| Point::new(x, y));
-    let sides = corners.windows(2).map(|pair| crate::geom::Segment::new(pair[0], pair[1]));
-    sides.map(|side| side.distance_to_point(place)).fold(f64::INFINITY, f64::min)
+    let sides = corners
+        .windows(2)
+        .map(|pair| crate::geom::Segment::new(pair[0], pair[1]));
+    sides
+        .map(|side| side.distance_to_point(place))
+        .fold(f64::INFINITY, f64::min)
 }
 
 /// Nothing is known off the ring but a bay on its south side, with a wall behind: a dead end.
@@ -40,7 +59,8 @@ fn evidence(place: Point) -> i8 {
 
 fn tile(x: i32, y: i32) -> In {
     let middle_m = |tile: i32, index: usize| (f64::from(tile * 32 + index as i32) + 0.5) * 0.2;
-    let cell = |index: usize| evidence(Point::new(middle_m(x, index % 32), middle_m(y, index / 32)));
+    let cell =
+        |index: usize| evidence(Point::new(middle_m(x, index % 32), middle_m(y, index / 32)));
     In::Tile(TileReport {
         layer: Default::default(),
         address: TileAddress { slice: 0, x, y },
@@ -52,8 +72,12 @@ fn tile(x: i32, y: i32) -> In {
 /// How far a route passes from a place, metres, sampled every centimetre.
 fn passes_m(route: &[Point], place: Point) -> f64 {
     let sample = |pair: &[Point], step: u32| pair[0].toward(pair[1], f64::from(step) / 2000.0);
-    let samples = route.windows(2).flat_map(|pair| (0..=2000).map(move |step| sample(pair, step)));
-    samples.map(|at| at.distance_to(place)).fold(f64::INFINITY, f64::min)
+    let samples = route
+        .windows(2)
+        .flat_map(|pair| (0..=2000).map(move |step| sample(pair, step)));
+    samples
+        .map(|at| at.distance_to(place))
+        .fold(f64::INFINITY, f64::min)
 }
 
 /// Vehicle 1 on the south side, ordered to its home on the north side, and its peers; whatever it looks at stays unknown.
@@ -74,13 +98,25 @@ struct Ring {
 impl Ring {
     fn new(peers: &[Point]) -> Ring {
         let home = Point::new(10.0, SIDE_M);
-        let mut mission = Mission::new(Settings { home, ..settings(1) });
+        let mut mission = Mission::new(Settings {
+            home,
+            ..settings(1)
+        });
         let tiles = (-1..5).flat_map(|x| (-1..5).map(move |y| tile(x, y)));
         tiles.for_each(|tile| drop(told(&mut mission, 0.0, tile)));
         let (at, heading, peers) = (Point::new(10.0, 0.0), Angle::default(), peers.to_vec());
         let (route, driven) = (VecDeque::new(), Vec::new());
-        let mut ring =
-            Ring { mission, at, heading, route, peers, tenth: 0, driven, refuses: false, refused: 0 };
+        let mut ring = Ring {
+            mission,
+            at,
+            heading,
+            route,
+            peers,
+            tenth: 0,
+            driven,
+            refuses: false,
+            refused: 0,
+        };
         ring.run(1);
         told(&mut ring.mission, 1.0, order(OrderKind::Return));
         ring
@@ -95,23 +131,42 @@ impl Ring {
 
     /// Drives on at 2 m/s, hears of everybody, and takes commands.
     fn step(&mut self, now_s: f64) {
-        let mode = if self.route.is_empty() { Mode::Idle } else { Mode::Driving };
+        let mode = if self.route.is_empty() {
+            Mode::Idle
+        } else {
+            Mode::Driving
+        };
         if let Some(next) = self.route.front().copied() {
             let left_m = self.at.distance_to(next);
-            self.at = if left_m > 0.2 { self.at.toward(next, 0.2 / left_m) } else { next };
+            self.at = if left_m > 0.2 {
+                self.at.toward(next, 0.2 / left_m)
+            } else {
+                next
+            };
             self.route = self.route.split_off(usize::from(left_m <= 0.2));
             self.driven.push(self.at);
         }
         let sequence = u64::from(self.tenth);
         for (index, peer) in self.peers.iter().enumerate() {
-            let state = State { sequence, ..state(index as u8 + 2, peer.x_m, peer.y_m) };
+            let state = State {
+                sequence,
+                ..state(index as u8 + 2, peer.x_m, peer.y_m)
+            };
             told(&mut self.mission, now_s, In::Peer(state));
         }
         let mut out = Vec::new();
-        if self.mission.deadline().is_some_and(|deadline| deadline.at <= at(now_s)) {
+        if self
+            .mission
+            .deadline()
+            .is_some_and(|deadline| deadline.at <= at(now_s))
+        {
             self.mission.wake(at(now_s), &mut out).unwrap();
         }
-        let mut own = OwnState { sequence, mode, ..own_state(self.at.x_m, self.at.y_m) };
+        let mut own = OwnState {
+            sequence,
+            mode,
+            ..own_state(self.at.x_m, self.at.y_m)
+        };
         own.pose.heading = self.heading;
         out.extend(told(&mut self.mission, now_s, In::State(own)));
         for said in out {
@@ -131,7 +186,11 @@ impl Ring {
         if self.refuses || self.peers.iter().find(near).is_some() {
             self.refused += 1;
             let refusal = vehicle::Refusal::Separation(VehicleId(2));
-            told(&mut self.mission, now_s, In::Remark(vehicle::Remark::Refused(refusal)));
+            told(
+                &mut self.mission,
+                now_s,
+                In::Remark(vehicle::Remark::Refused(refusal)),
+            );
             return;
         }
         self.route = route.into_iter().skip(1).collect();
@@ -148,7 +207,11 @@ fn one_stander_on_the_ring_sends_it_the_other_way_round() {
         let mut ring = Ring::new(&[stander]);
         ring.run(60);
         assert!(ring.is_home(), "{stander:?}: still at {:?}", ring.at);
-        assert!(ring.driven.iter().any(|place| place.distance_to(other_side) < 1.0));
+        assert!(
+            ring.driven
+                .iter()
+                .any(|place| place.distance_to(other_side) < 1.0)
+        );
     }
 }
 
@@ -167,7 +230,10 @@ fn who_is_barred_on_both_sides_lets_the_others_go_first_and_keeps_to_the_known_r
 fn who_got_stuck_in_the_unknown_goes_home_over_the_ring_once_the_others_have_left() {
     let mut ring = Ring::new(&[WEST, EAST]);
     ring.run(200);
-    assert!(!ring.driven.is_empty(), "when nobody moves any more, it tries the unknown");
+    assert!(
+        !ring.driven.is_empty(),
+        "when nobody moves any more, it tries the unknown"
+    );
     assert!(!ring.is_home());
     ring.peers[1] = ASIDE;
     ring.run(120);
@@ -177,7 +243,14 @@ fn who_got_stuck_in_the_unknown_goes_home_over_the_ring_once_the_others_have_lef
 #[test]
 fn beside_a_stander_it_plans_a_way_that_the_vehicle_does_not_refuse() {
     // From 1.02 to 1.2 m away, at both sides of the ring: it could pass at 0.9 m, or go round at 1.2 m.
-    for (x_m, y_m) in [(10.75, 0.75), (10.8, 0.8), (10.8, 0.65), (9.2, 0.75), (10.75, -0.75), (9.2, -0.75)] {
+    for (x_m, y_m) in [
+        (10.75, 0.75),
+        (10.8, 0.8),
+        (10.8, 0.65),
+        (9.2, 0.75),
+        (10.75, -0.75),
+        (9.2, -0.75),
+    ] {
         let mut ring = Ring::new(&[Point::new(x_m, y_m)]);
         ring.run(60);
         assert!(ring.is_home(), "{x_m}, {y_m}: still at {:?}", ring.at);

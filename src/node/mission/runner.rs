@@ -112,7 +112,12 @@ impl Scene<'_> {
     }
 
     fn surroundings(&self) -> Surroundings<'_> {
-        Surroundings { now: self.now, pose: self.pose(), pilot: self.pilot, peers: self.peers }
+        Surroundings {
+            now: self.now,
+            pose: self.pose(),
+            pilot: self.pilot,
+            peers: self.peers,
+        }
     }
 
     fn remark(&mut self, remark: Remark) {
@@ -144,7 +149,10 @@ impl StepRunner {
     /// Returns when to be asked again without any input.
     pub fn deadline(&self) -> Option<Deadline> {
         match self.phase {
-            Phase::Choosing { from } => Some(Deadline { at: from, why: "choose where to go" }),
+            Phase::Choosing { from } => Some(Deadline {
+                at: from,
+                why: "choose where to go",
+            }),
             Phase::Driving { .. } | Phase::Looking { .. } | Phase::Over => None,
         }
     }
@@ -155,8 +163,14 @@ impl StepRunner {
             Phase::Choosing { .. } if self.yields.in_a_row() > 0 => MissionPhase::Yielding,
             Phase::Choosing { .. } if self.kind.is_none() => MissionPhase::Returning,
             Phase::Choosing { .. } => MissionPhase::Choosing,
-            Phase::Driving { to: Destination::Aside, .. } => MissionPhase::Yielding,
-            Phase::Driving { to: Destination::Home, .. } => MissionPhase::Returning,
+            Phase::Driving {
+                to: Destination::Aside,
+                ..
+            } => MissionPhase::Yielding,
+            Phase::Driving {
+                to: Destination::Home,
+                ..
+            } => MissionPhase::Returning,
             Phase::Driving {
                 to: Destination::Straight(_) | Destination::ByPath(_) | Destination::Viewpoint,
                 ..
@@ -195,7 +209,9 @@ impl StepRunner {
             Phase::Choosing { from } if from <= scene.now => self.tell(scene, Seen::Ready),
             Phase::Choosing { .. } | Phase::Over => {}
             Phase::Driving { to, .. } if scene.pilot.way().is_empty() => self.arrive(scene, to),
-            Phase::Driving { to, asked } if scene.now.since(asked) >= ASK_EVERY => self.ask(scene, to),
+            Phase::Driving { to, asked } if scene.now.since(asked) >= ASK_EVERY => {
+                self.ask(scene, to)
+            }
             Phase::Driving { .. } => {}
             Phase::Looking { look, at } => self.look(scene, look, at),
         }
@@ -203,7 +219,9 @@ impl StepRunner {
 
     /// Tells the mission what is seen, and does what it says; once it has ended the vehicle goes home.
     fn tell(&mut self, scene: &mut Scene<'_>, seen: Seen) {
-        let Some(kind) = &mut self.kind else { return self.head_home(scene) };
+        let Some(kind) = &mut self.kind else {
+            return self.head_home(scene);
+        };
         match kind.mission().next(seen, &scene.surroundings()) {
             Step::GoOn => {}
             Step::Think => {
@@ -241,12 +259,20 @@ impl StepRunner {
 
     /// Drives along a course.
     fn drive(&mut self, scene: &mut Scene<'_>, course: &Course, to: Destination) {
-        scene.pilot.take_route(scene.pose().at, &course.corners, course.is_narrow);
-        self.phase = Phase::Driving { to, asked: scene.now };
+        scene
+            .pilot
+            .take_route(scene.pose().at, &course.corners, course.is_narrow);
+        self.phase = Phase::Driving {
+            to,
+            asked: scene.now,
+        };
     }
 
     fn drive_straight(&mut self, scene: &mut Scene<'_>, place: Point) {
-        let course = Course { corners: vec![place], is_narrow: false };
+        let course = Course {
+            corners: vec![place],
+            is_narrow: false,
+        };
         self.drive(scene, &course, Destination::Straight(place));
     }
 
@@ -265,7 +291,10 @@ impl StepRunner {
 
     /// Asks the mission, on the way to where it wants to be, whether to go on.
     fn ask(&mut self, scene: &mut Scene<'_>, to: Destination) {
-        self.phase = Phase::Driving { to, asked: scene.now };
+        self.phase = Phase::Driving {
+            to,
+            asked: scene.now,
+        };
         match to {
             Destination::Straight(_) | Destination::ByPath(_) | Destination::Viewpoint => {
                 self.tell(scene, Seen::UnderWay);
@@ -277,27 +306,45 @@ impl StepRunner {
     fn begin_look(&mut self, scene: &mut Scene<'_>, look: LookAround, at: Option<Cell>) {
         let place = scene.pose().at;
         scene.pilot.give_up(place);
-        scene.out.push(Out::Command(scene.now, Command::Turn(look.heading())));
+        scene
+            .out
+            .push(Out::Command(scene.now, Command::Turn(look.heading())));
         self.phase = Phase::Looking { look, at };
     }
 
     fn look(&mut self, scene: &mut Scene<'_>, mut look: LookAround, at: Option<Cell>) {
         let pose = scene.pose();
-        match look.next(scene.now, pose.heading, scene.rests(), dwell(&self.settings.look)) {
+        match look.next(
+            scene.now,
+            pose.heading,
+            scene.rests(),
+            dwell(&self.settings.look),
+        ) {
             Next::Stay => self.phase = Phase::Looking { look, at },
             Next::Turn(heading) => {
-                scene.out.push(Out::Command(scene.now, Command::Turn(heading)));
+                scene
+                    .out
+                    .push(Out::Command(scene.now, Command::Turn(heading)));
                 self.phase = Phase::Looking { look, at };
             }
             Next::Over => {
-                self.tell(scene, Seen::Looked { from: pose.at, toward: look.toward_heading(), at });
+                self.tell(
+                    scene,
+                    Seen::Looked {
+                        from: pose.at,
+                        toward: look.toward_heading(),
+                        at,
+                    },
+                );
             }
         }
     }
 
     /// Something is in the way.
     fn is_blocked(&mut self, scene: &mut Scene<'_>, at: Point) {
-        let Phase::Driving { to, .. } = self.phase else { return };
+        let Phase::Driving { to, .. } = self.phase else {
+            return;
+        };
         let place = scene.pose().at;
         scene.pilot.give_up(place);
         match to {
@@ -312,7 +359,11 @@ impl StepRunner {
 
     fn try_again(&mut self, scene: &Scene<'_>) {
         let waits = self.tries.again(scene.pose().at);
-        let wait = if waits > 0 { WAIT * waits } else { self.settings.path_time };
+        let wait = if waits > 0 {
+            WAIT * waits
+        } else {
+            self.settings.path_time
+        };
         self.choose_at(scene.now + wait);
     }
 
@@ -351,7 +402,10 @@ impl StepRunner {
 
     /// Waits for peers to make room; steps aside when that takes long, and gives up when it takes too long.
     fn yield_to_peers(&mut self, scene: &mut Scene<'_>) {
-        match (self.yields.once_more(self.settings.vehicle, scene.peers), &mut self.kind) {
+        match (
+            self.yields.once_more(self.settings.vehicle, scene.peers),
+            &mut self.kind,
+        ) {
             (Yield::InVain, Some(kind)) => {
                 let end = kind.mission().give_up();
                 self.finish(scene, end);
@@ -368,7 +422,10 @@ impl StepRunner {
         let claims = scene.surroundings().claims();
         let grid = self.ground(scene, None, false, &claims)?;
         let corners = way_aside(&grid, self.settings.lattice, scene.pose().at, scene.peers)?;
-        Some(Course { corners, is_narrow: false })
+        Some(Course {
+            corners,
+            is_narrow: false,
+        })
     }
 
     fn finish(&mut self, scene: &mut Scene<'_>, end: End) {

@@ -14,7 +14,12 @@ pub(in crate::node) fn share(task: &TaskKind, index: usize, of: usize) -> TaskKi
             }
             TaskParameter::Places(places, PlaceSharing::InTurn) => {
                 let of = of.max(1);
-                *places = places.iter().copied().skip(index % of).step_by(of).collect();
+                *places = places
+                    .iter()
+                    .copied()
+                    .skip(index % of)
+                    .step_by(of)
+                    .collect();
             }
         }
     }
@@ -27,7 +32,11 @@ fn begun_at(places: &[Position], index: usize) -> Vec<Position> {
     let is_round = places.len() > 2 && places.first() == places.last();
     let open = &places[..places.len() - usize::from(is_round)];
     let start = index % open.len().max(1);
-    let mut turned: Vec<Position> = open[start..].iter().chain(&open[..start]).copied().collect();
+    let mut turned: Vec<Position> = open[start..]
+        .iter()
+        .chain(&open[..start])
+        .copied()
+        .collect();
     turned.extend(turned.first().copied().filter(|_| is_round));
     turned
 }

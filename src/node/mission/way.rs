@@ -45,7 +45,9 @@ impl Way {
 
     /// Returns the stops ahead.
     pub fn stops(&self) -> impl Iterator<Item = StopId> {
-        self.ahead.iter().flat_map(|corner| corner.stops.iter().copied())
+        self.ahead
+            .iter()
+            .flat_map(|corner| corner.stops.iter().copied())
     }
 
     /// Returns the end of the way.
@@ -54,16 +56,30 @@ impl Way {
     }
 
     /// Adds a leg to a stop at the end.
-    pub fn append(&mut self, route: impl IntoIterator<Item = Point>, to: Point, stop: Option<StopId>) {
-        self.ahead.extend(route.into_iter().map(|at| Corner { at, stops: Vec::new() }));
-        self.ahead.push_back(Corner { at: to, stops: stop.into_iter().collect() });
+    pub fn append(
+        &mut self,
+        route: impl IntoIterator<Item = Point>,
+        to: Point,
+        stop: Option<StopId>,
+    ) {
+        self.ahead.extend(route.into_iter().map(|at| Corner {
+            at,
+            stops: Vec::new(),
+        }));
+        self.ahead.push_back(Corner {
+            at: to,
+            stops: stop.into_iter().collect(),
+        });
     }
 
     /// Replaces the first `count` corners ahead by other ones that lead from `from` to the last of them;
     /// their stops are done at its end.
     pub fn replace(&mut self, from: Point, count: usize, corners: &[Point]) {
         let replaced: Vec<Corner> = self.ahead.drain(..count.min(self.ahead.len())).collect();
-        let stops: Vec<StopId> = replaced.into_iter().flat_map(|corner| corner.stops).collect();
+        let stops: Vec<StopId> = replaced
+            .into_iter()
+            .flat_map(|corner| corner.stops)
+            .collect();
         for (index, at) in corners.iter().enumerate().rev() {
             let last = index + 1 == corners.len();
             let stops = if last { stops.clone() } else { Vec::new() };
@@ -85,7 +101,11 @@ impl Way {
 
     /// Forgets everything ahead.
     pub fn clear(&mut self, place: Point) {
-        *self = Way { behind: place, ahead: VecDeque::new(), behind_m: self.behind_m };
+        *self = Way {
+            behind: place,
+            ahead: VecDeque::new(),
+            behind_m: self.behind_m,
+        };
     }
 
     /// Takes the place where the vehicle is; returns the stops that it has passed by that.
@@ -94,7 +114,8 @@ impl Way {
         while let Some(next) = self.ahead.front() {
             let piece = Segment::new(self.behind, next.at);
             let off_m = next.at.distance_to(place);
-            let beside = piece.nearest_share(place) >= 1.0 && off_m <= BESIDE_M && self.ahead.len() > 1;
+            let beside =
+                piece.nearest_share(place) >= 1.0 && off_m <= BESIDE_M && self.ahead.len() > 1;
             if off_m > PASSED_M && !beside {
                 break;
             }
@@ -108,7 +129,11 @@ impl Way {
 
     /// Ends the way here: the vehicle rests near enough to the end; returns the stops passed by that.
     pub fn arrive(&mut self) -> Vec<StopId> {
-        let passed = self.ahead.iter().flat_map(|corner| corner.stops.iter().copied()).collect();
+        let passed = self
+            .ahead
+            .iter()
+            .flat_map(|corner| corner.stops.iter().copied())
+            .collect();
         let end = self.end();
         self.behind_m += self.length_m();
         self.behind = end;
@@ -118,13 +143,17 @@ impl Way {
 
     /// Returns the corners from the one passed last to the end.
     pub fn points(&self) -> Vec<Point> {
-        std::iter::once(self.behind).chain(self.ahead.iter().map(|corner| corner.at)).collect()
+        std::iter::once(self.behind)
+            .chain(self.ahead.iter().map(|corner| corner.at))
+            .collect()
     }
 
     /// Returns the straight pieces between the corners, from the one passed last to the end.
     fn pieces(&self) -> impl Iterator<Item = Segment> {
         let mut from = self.behind;
-        self.ahead.iter().map(move |corner| Segment::new(std::mem::replace(&mut from, corner.at), corner.at))
+        self.ahead
+            .iter()
+            .map(move |corner| Segment::new(std::mem::replace(&mut from, corner.at), corner.at))
     }
 
     /// Returns the odometer at a length along [`Way::points`], metres.
@@ -139,7 +168,9 @@ impl Way {
 
     /// Returns the whole length, metres.
     pub fn length_m(&self) -> f64 {
-        self.pieces().map(|piece| piece.from.distance_to(piece.to)).sum()
+        self.pieces()
+            .map(|piece| piece.from.distance_to(piece.to))
+            .sum()
     }
 
     /// Returns the corners from a place on the way to a length along it: a route to command.
@@ -165,7 +196,11 @@ mod tests {
 
     fn way() -> Way {
         let mut way = Way::default();
-        way.append([Point::new(1.0, 0.0)], Point::new(2.0, 0.0), Some(StopId(1)));
+        way.append(
+            [Point::new(1.0, 0.0)],
+            Point::new(2.0, 0.0),
+            Some(StopId(1)),
+        );
         way.append([], Point::new(2.0, 3.0), Some(StopId(2)));
         way
     }
@@ -185,7 +220,11 @@ mod tests {
     #[test]
     fn a_stop_that_cannot_be_reached_is_done_at_the_next_corner_reached() {
         let mut way = way();
-        way.replace(Point::new(0.5, 0.0), 3, &[Point::new(0.5, 3.0), Point::new(2.0, 3.0)]);
+        way.replace(
+            Point::new(0.5, 0.0),
+            3,
+            &[Point::new(0.5, 3.0), Point::new(2.0, 3.0)],
+        );
         assert_eq!(way.pass(Point::new(0.5, 2.95)), []);
         assert_eq!(way.pass(Point::new(2.0, 3.0)), [StopId(1), StopId(2)]);
     }
@@ -193,6 +232,9 @@ mod tests {
     #[test]
     fn a_route_is_cut_where_the_release_ends() {
         let route = way().until(Point::new(0.5, 0.0), 0.5, 3.5);
-        assert_eq!(route, [(0.5, 0.0), (1.0, 0.0), (2.0, 0.0), (2.0, 1.5)].map(|(x, y)| Point::new(x, y)));
+        assert_eq!(
+            route,
+            [(0.5, 0.0), (1.0, 0.0), (2.0, 0.0), (2.0, 1.5)].map(|(x, y)| Point::new(x, y))
+        );
     }
 }

@@ -33,7 +33,11 @@ fn have(store: u64, marks: &[(u32, u32, u64)], closed: &[u32]) -> In {
         below: *below,
     };
     let watermarks = marks.iter().map(mark).collect();
-    In::Have(Have { store, watermarks, closed: closed.iter().map(|run| RunId(*run)).collect() })
+    In::Have(Have {
+        store,
+        watermarks,
+        closed: closed.iter().map(|run| RunId(*run)).collect(),
+    })
 }
 
 /// An outbox with the disk at its edge: everything kept, until it is forgotten.
@@ -48,7 +52,13 @@ struct Rig {
 impl Rig {
     fn new() -> Rig {
         let (now, disk) = (Time::ZERO, BTreeMap::new());
-        Rig { outbox: Outbox::new(OWN), now, disk, forgets: Vec::new(), tally: Tally::default() }
+        Rig {
+            outbox: Outbox::new(OWN),
+            now,
+            disk,
+            forgets: Vec::new(),
+            tally: Tally::default(),
+        }
     }
 
     /// Keeps samples of boot 1 and run 1 on disk and tells of them.
@@ -60,7 +70,14 @@ impl Rig {
     }
 
     fn on_disk(&mut self, boot: u32, run: u32, sequence: u64) {
-        self.disk.insert(Place { boot: Boot(boot), run: RunId(run), sequence }, sample(sequence));
+        self.disk.insert(
+            Place {
+                boot: Boot(boot),
+                run: RunId(run),
+                sequence,
+            },
+            sample(sequence),
+        );
     }
 
     fn tell(&mut self, input: In) {
@@ -76,8 +93,9 @@ impl Rig {
             match said {
                 Out::Publish(batch) => published.push(batch),
                 Out::Forget { boot, run, below } => {
-                    self.disk
-                        .retain(|place, _| (place.boot, place.run) != (boot, run) || place.sequence >= below);
+                    self.disk.retain(|place, _| {
+                        (place.boot, place.run) != (boot, run) || place.sequence >= below
+                    });
                     self.forgets.push((boot.0, run.0, below));
                 }
                 Out::Recall { after } => self.answer(after),
@@ -88,9 +106,13 @@ impl Rig {
     }
 
     fn answer(&mut self, after: Option<Place>) {
-        let all = self.disk.iter().filter(|(place, _)| after.is_none_or(|after| **place > after));
-        let all: Vec<(Boot, RunId, Sample)> =
-            all.map(|(place, sample)| (place.boot, place.run, *sample)).collect();
+        let all = self
+            .disk
+            .iter()
+            .filter(|(place, _)| after.is_none_or(|after| **place > after));
+        let all: Vec<(Boot, RunId, Sample)> = all
+            .map(|(place, sample)| (place.boot, place.run, *sample))
+            .collect();
         let is_end = all.len() <= CHUNK;
         let samples = all.into_iter().take(CHUNK).collect();
         self.tell(In::Recalled(Recalled { samples, is_end }));
@@ -98,7 +120,9 @@ impl Rig {
 
     /// Lets it act at its next deadline; returns the batches.
     fn flush(&mut self) -> Vec<Samples> {
-        let Some(deadline) = self.outbox.deadline() else { return Vec::new() };
+        let Some(deadline) = self.outbox.deadline() else {
+            return Vec::new();
+        };
         self.now = self.now.max(deadline.at);
         let mut out = Vec::new();
         self.outbox.wake(self.now, &mut out).unwrap();
@@ -108,7 +132,10 @@ impl Rig {
     /// Flushes for some seconds; returns the sequences in the order in which they were sent.
     fn sent(&mut self, seconds: usize) -> Vec<u64> {
         let batches: Vec<Samples> = (0..seconds).flat_map(|_| self.flush()).collect();
-        batches.iter().flat_map(|batch| batch.samples.iter().map(|sample| sample.sequence)).collect()
+        batches
+            .iter()
+            .flat_map(|batch| batch.samples.iter().map(|sample| sample.sequence))
+            .collect()
     }
 }
 
@@ -117,7 +144,13 @@ fn it_tells_how_many_samples_wait_until_none_does() {
     let mut rig = Rig::new();
     rig.keep(0..10);
     rig.flush();
-    assert_eq!(rig.tally, Tally { waiting: 10, lost: 0 });
+    assert_eq!(
+        rig.tally,
+        Tally {
+            waiting: 10,
+            lost: 0
+        }
+    );
     rig.tell(have(1, &[(1, 1, 10)], &[]));
     rig.flush();
     assert_eq!(rig.tally.waiting, 0);
@@ -195,10 +228,17 @@ fn after_a_restart_samples_of_earlier_boots_are_sent_under_their_boots() {
     let batches: Vec<Samples> = (0..3).flat_map(|_| rig.flush()).collect();
     let sent: Vec<(u32, u64)> = batches
         .iter()
-        .flat_map(|batch| batch.samples.iter().map(|sample| (batch.boot.0, sample.sequence)))
+        .flat_map(|batch| {
+            batch
+                .samples
+                .iter()
+                .map(|sample| (batch.boot.0, sample.sequence))
+        })
         .collect();
-    let expected: Vec<(u32, u64)> =
-        (200..300).map(|sequence| (1, sequence)).chain((0..50).map(|sequence| (2, sequence))).collect();
+    let expected: Vec<(u32, u64)> = (200..300)
+        .map(|sequence| (1, sequence))
+        .chain((0..50).map(|sequence| (2, sequence)))
+        .collect();
     assert_eq!(sent, expected);
 }
 
@@ -217,12 +257,20 @@ fn only_confirmed_samples_of_closed_runs_are_forgotten_and_that_is_said_rarely()
         assert_eq!(say_at(&mut rig, at_s, &[1]), expected, "{at_s} s");
     }
     assert_eq!((rig.disk.len(), &rig.forgets[..]), (2, &[(1, 1, 8)][..]));
-    assert_eq!(say_at(&mut rig, 71.0, &[1]), 2, "the edge may have been too busy");
+    assert_eq!(
+        say_at(&mut rig, 71.0, &[1]),
+        2,
+        "the edge may have been too busy"
+    );
 }
 
 #[test]
 fn nothing_is_forgotten_that_the_store_itself_does_not_go_on_confirming() {
-    for contradicts in [have(1, &[(1, 1, 3)], &[]), have(1, &[(1, 1, 10)], &[]), have(2, &[], &[])] {
+    for contradicts in [
+        have(1, &[(1, 1, 3)], &[]),
+        have(1, &[(1, 1, 10)], &[]),
+        have(2, &[], &[]),
+    ] {
         let mut rig = Rig::new();
         rig.keep(0..10);
         for second in 0..60 {
@@ -230,7 +278,11 @@ fn nothing_is_forgotten_that_the_store_itself_does_not_go_on_confirming() {
             rig.tell(have(1, &[(1, 1, u64::MAX)], &[1]));
             rig.tell(contradicts.clone());
         }
-        assert_eq!((rig.forgets.len(), rig.disk.len()), (0, 10), "{contradicts:?}");
+        assert_eq!(
+            (rig.forgets.len(), rig.disk.len()),
+            (0, 10),
+            "{contradicts:?}"
+        );
     }
 }
 
@@ -279,7 +331,14 @@ fn memory_is_bounded_and_what_does_not_fit_is_sent_later() {
         rig.tell(have(1, &[(1, 1, below)], &[]));
     }
     assert_eq!(got.len() as u64, all);
-    assert_eq!((rig.outbox.lost(), rig.outbox.waiting(), rig.outbox.deadline()), (0, 0, None));
+    assert_eq!(
+        (
+            rig.outbox.lost(),
+            rig.outbox.waiting(),
+            rig.outbox.deadline()
+        ),
+        (0, 0, None)
+    );
 }
 
 #[test]
@@ -299,7 +358,11 @@ fn what_the_edge_had_no_room_for_counts_as_lost_unless_it_is_held_or_confirmed()
     let mut rig = Rig::new();
     rig.keep(10..20);
     rig.tell(have(1, &[(1, 1, 5)], &[]));
-    let first = Place { boot: Boot(1), run: RunId(1), sequence: 0 };
+    let first = Place {
+        boot: Boot(1),
+        run: RunId(1),
+        sequence: 0,
+    };
     rig.tell(In::Dropped(Dropped { first, below: 15 }));
     assert_eq!(rig.outbox.lost(), 5);
 }

@@ -60,14 +60,22 @@ mod tests {
         assert_eq!((numbers.next_number(), numbers.next_number()), (2, 3));
         numbers.take_back(9);
         numbers.take_back(0);
-        assert_eq!(numbers.next_number(), 4, "what it never said cannot come back");
+        assert_eq!(
+            numbers.next_number(),
+            4,
+            "what it never said cannot come back"
+        );
     }
 
     #[test]
     fn behind_a_beacon_that_was_sent_no_number_comes_back() {
         let mut numbers = given(3);
         numbers.take_back(2);
-        assert_eq!(numbers.next_number(), 4, "3 is on the air: it stays what it is");
+        assert_eq!(
+            numbers.next_number(),
+            4,
+            "3 is on the air: it stays what it is"
+        );
     }
 
     #[test]

@@ -42,7 +42,11 @@ struct Last {
 impl Reception {
     /// Makes one that has heard nobody; of transmitters with a larger deviation than `pose_sd_max_m` nothing is measured.
     pub fn new(pose_sd_max_m: f64) -> Reception {
-        Reception { pose_sd_max_m, heard: BTreeMap::new(), samples: BTreeMap::new() }
+        Reception {
+            pose_sd_max_m,
+            heard: BTreeMap::new(),
+            samples: BTreeMap::new(),
+        }
     }
 
     /// Returns how many samples of a run were made.
@@ -61,7 +65,10 @@ impl Reception {
 
     /// Returns whose own beacons were heard lately, ascending; of more than a beacon names, those heard last.
     pub fn heard_lately(&self, now: Time) -> Vec<VehicleId> {
-        let lately = self.heard.iter().filter(|(_, last)| now.since(last.at) <= MEMBER_FOR);
+        let lately = self
+            .heard
+            .iter()
+            .filter(|(_, last)| now.since(last.at) <= MEMBER_FOR);
         let mut lately: Vec<(Time, VehicleId)> = lately.map(|(id, last)| (last.at, *id)).collect();
         lately.sort_unstable_by(|a, b| b.cmp(a));
         lately.truncate(BEACON_MEMBERS_MAX);
@@ -79,19 +86,39 @@ impl Reception {
         receiver: Option<Pose>,
         measures: Option<RunId>,
     ) -> Vec<Sample> {
-        let Beacon { sender, boot, sequence, pose, ref progress, .. } = heard.beacon;
+        let Beacon {
+            sender,
+            boot,
+            sequence,
+            pose,
+            ref progress,
+            ..
+        } = heard.beacon;
         let made = match (receiver, measures) {
             // If the two are not of one run, nobody would know what was measured.
-            (Some(receiver), Some(run)) if progress.run == run => self.measure(now, heard, receiver),
+            (Some(receiver), Some(run)) if progress.run == run => {
+                self.measure(now, heard, receiver)
+            }
             (Some(_) | None, Some(_) | None) => Vec::new(),
         };
-        self.heard.insert(sender, Last { boot, sequence, at: now, pose, receiver });
+        self.heard.insert(
+            sender,
+            Last {
+                boot,
+                sequence,
+                at: now,
+                pose,
+                receiver,
+            },
+        );
         made
     }
 
     fn measure(&mut self, now: Time, heard: &Heard, receiver: Pose) -> Vec<Sample> {
         let Heard { beacon, rssi_dbm } = heard;
-        let Some(transmitter) = beacon.pose else { return Vec::new() };
+        let Some(transmitter) = beacon.pose else {
+            return Vec::new();
+        };
         let missed = self.misses(beacon);
         let last = self.heard.get(&beacon.sender);
         let last_transmitter = last.and_then(|last| last.pose).unwrap_or(transmitter);
@@ -99,7 +126,8 @@ impl Reception {
         let mut made = Vec::new();
         for share in 1..=missed {
             let along = f64::from(share) / f64::from(missed + 1);
-            let transmitter_then = between(last_transmitter.into(), transmitter.into(), along).into();
+            let transmitter_then =
+                between(last_transmitter.into(), transmitter.into(), along).into();
             let receiver_then = between(last_receiver, receiver, along);
             made.push(self.sample(now, beacon, (transmitter_then, receiver_then), None));
         }
@@ -111,9 +139,18 @@ impl Reception {
 
     /// Returns how many beacons of the sender were missed since the last one heard.
     fn misses(&self, beacon: &Beacon) -> u32 {
-        let Some(last) = self.heard.get(&beacon.sender) else { return 0 };
-        let gap = beacon.sequence.saturating_sub(last.sequence).saturating_sub(1);
-        if last.boot == beacon.boot && gap <= MISSES_MAX { gap } else { 0 }
+        let Some(last) = self.heard.get(&beacon.sender) else {
+            return 0;
+        };
+        let gap = beacon
+            .sequence
+            .saturating_sub(last.sequence)
+            .saturating_sub(1);
+        if last.boot == beacon.boot && gap <= MISSES_MAX {
+            gap
+        } else {
+            0
+        }
     }
 
     /// Makes a sample between a transmitter and a receiver, and counts it.
@@ -141,7 +178,10 @@ impl Reception {
 }
 
 fn between(from: Pose, to: Pose, share: f64) -> Pose {
-    Pose { at: from.at.toward(to.at, share), ..to }
+    Pose {
+        at: from.at.toward(to.at, share),
+        ..to
+    }
 }
 
 #[cfg(test)]

@@ -36,7 +36,15 @@ impl Ring {
     /// Makes a ring of nobody else; its member speaks for the first time after its own share of the first round.
     pub fn new(own: VehicleId, boot: Boot, slot: Duration) -> Ring {
         let slot_at = Time::ZERO + slot * (1 + u32::from(own.0));
-        Ring { own, boot, slot, members: BTreeMap::new(), listed_at: None, draws: 0, slot_at }
+        Ring {
+            own,
+            boot,
+            slot,
+            members: BTreeMap::new(),
+            listed_at: None,
+            draws: 0,
+            slot_at,
+        }
     }
 
     /// Returns when the own slot is.
@@ -46,7 +54,11 @@ impl Ring {
 
     /// Takes whom a beacon shows: its speaker, and those that it lists as heard.
     pub fn hear(&mut self, now: Time, speaker: VehicleId, listed: &[VehicleId]) {
-        for member in listed.iter().chain([&speaker]).filter(|member| **member != self.own) {
+        for member in listed
+            .iter()
+            .chain([&speaker])
+            .filter(|member| **member != self.own)
+        {
             self.members.insert(*member, now);
         }
         if listed.contains(&self.own) {
@@ -72,7 +84,10 @@ impl Ring {
         self.forget(now);
         let own = self.own;
         let between = |from: VehicleId, to: VehicleId| {
-            self.members.keys().filter(|member| **member > from && **member < to).count()
+            self.members
+                .keys()
+                .filter(|member| **member > from && **member < to)
+                .count()
         };
         let distance = if speaker < own {
             between(speaker, own) + 1
@@ -94,7 +109,8 @@ impl Ring {
     /// beginnings of all slots, and all who do not know of each other yet would answer in the same one.
     fn wait_to_join(&mut self) -> Duration {
         let share = (self.draw() >> 11) as f64 / (1u64 << 53) as f64;
-        self.slot.mul_f64(JOIN_FROM + (JOIN_UNTIL - JOIN_FROM) * share)
+        self.slot
+            .mul_f64(JOIN_FROM + (JOIN_UNTIL - JOIN_FROM) * share)
     }
 
     /// Returns up to a tenth of a slot, drawn anew each time.
@@ -106,7 +122,9 @@ impl Ring {
     fn draw(&mut self) -> u64 {
         self.draws += 1;
         let own = (u64::from(self.own.0) << 32) | u64::from(self.boot.0);
-        let mut mixed = own.wrapping_add(self.draws).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+        let mut mixed = own
+            .wrapping_add(self.draws)
+            .wrapping_mul(0x9E37_79B9_7F4A_7C15);
         mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
         mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
         mixed ^ (mixed >> 31)
@@ -135,15 +153,25 @@ mod tests {
     fn slots(ring: &Ring, now: Time) -> u32 {
         let wait = ring.slot_at().since(now);
         let slots = wait.as_nanos() / SLOT.as_nanos();
-        assert!(wait - SLOT * slots as u32 <= SLOT / 10, "{wait:?} is no slot");
+        assert!(
+            wait - SLOT * slots as u32 <= SLOT / 10,
+            "{wait:?} is no slot"
+        );
         slots as u32
     }
 
     #[test]
     fn a_member_speaks_as_many_slots_after_another_one_as_it_is_away_from_it() {
-        for (own, speaker, expected) in
-            [(2, 9, 1), (2, 5, 2), (5, 2, 1), (5, 9, 2), (9, 5, 1), (9, 2, 2), (7, 5, 1), (7, 9, 3)]
-        {
+        for (own, speaker, expected) in [
+            (2, 9, 1),
+            (2, 5, 2),
+            (5, 2, 1),
+            (5, 9, 2),
+            (9, 5, 1),
+            (9, 2, 2),
+            (7, 5, 1),
+            (7, 9, 3),
+        ] {
             let mut ring = ring(own);
             ring.hear(at(1.0), VehicleId(speaker), &ids(&[2, 5, 9, own]));
             assert_eq!(slots(&ring, at(1.0)), expected, "{own} after {speaker}");
@@ -157,7 +185,10 @@ mod tests {
             let now = at(0.1 * f64::from(turn));
             ring.hear(now, VehicleId(2), &ids(&[5]));
             let wait = ring.slot_at().since(now);
-            assert!(wait >= SLOT.mul_f64(JOIN_FROM) && wait <= SLOT.mul_f64(JOIN_UNTIL), "{wait:?}");
+            assert!(
+                wait >= SLOT.mul_f64(JOIN_FROM) && wait <= SLOT.mul_f64(JOIN_UNTIL),
+                "{wait:?}"
+            );
         }
     }
 
@@ -174,7 +205,13 @@ mod tests {
         assert!((256.8..=257.0).contains(&silence(&mut ring, at(0.2))));
         ring.hear(at(4.0), VehicleId(2), &[]);
         assert!((256.8..=257.0).contains(&silence(&mut ring, at(5.0))));
-        assert!((2.8..=3.0).contains(&silence(&mut ring, at(5.2))), "only 2 is left");
-        assert!((1.8..=2.0).contains(&silence(&mut ring, at(9.1))), "nobody is left");
+        assert!(
+            (2.8..=3.0).contains(&silence(&mut ring, at(5.2))),
+            "only 2 is left"
+        );
+        assert!(
+            (1.8..=2.0).contains(&silence(&mut ring, at(9.1))),
+            "nobody is left"
+        );
     }
 }

@@ -37,14 +37,23 @@ impl Disarming {
 
     /// Begins with the autopilot being told now.
     pub fn told(now: Time) -> Disarming {
-        Disarming::Told { at: now, ordered_again: None }
+        Disarming::Told {
+            at: now,
+            ordered_again: None,
+        }
     }
 
     /// Returns what becomes of it by another order to disarm at rest.
     pub fn again(self, now: Time) -> Disarming {
         match self {
             Disarming::AtRest { since: _ } => Disarming::AtRest { since: now },
-            Disarming::Told { at, ordered_again: _ } => Disarming::Told { at, ordered_again: Some(now) },
+            Disarming::Told {
+                at,
+                ordered_again: _,
+            } => Disarming::Told {
+                at,
+                ordered_again: Some(now),
+            },
         }
     }
 
@@ -73,19 +82,38 @@ mod tests {
 
     /// Returns the tenths of a second at which the autopilot is told.
     fn told(mut disarming: Disarming, motion: Motion, is_armed: bool) -> Vec<u32> {
-        let pose = Pose { at: Point::new(0.0, 0.0), heading: Angle::default(), sd_m: 0.05 };
-        let telemetry = Telemetry { pose, speed_mps: 0.0, battery: 1.0, motion, is_armed };
+        let pose = Pose {
+            at: Point::new(0.0, 0.0),
+            heading: Angle::default(),
+            sd_m: 0.05,
+        };
+        let telemetry = Telemetry {
+            pose,
+            speed_mps: 0.0,
+            battery: 1.0,
+            motion,
+            is_armed,
+        };
         let now = |tenth: u32| Time::from_secs_f64(0.1 * f64::from(tenth));
-        (1..=10).filter(|tenth| disarming.take(now(*tenth), &telemetry)).collect()
+        (1..=10)
+            .filter(|tenth| disarming.take(now(*tenth), &telemetry))
+            .collect()
     }
 
     #[test]
     fn it_waits_for_rest_and_then_for_telemetry() {
         let ordered = Disarming::at_rest(Time::ZERO);
-        assert!(told(ordered, Motion::Driving, true).is_empty(), "braking needs the motors");
+        assert!(
+            told(ordered, Motion::Driving, true).is_empty(),
+            "braking needs the motors"
+        );
         assert!(told(ordered, Motion::Turning, true).is_empty());
         assert_eq!(told(ordered, Motion::Resting, false), [4], "once");
-        assert_eq!(told(ordered, Motion::Resting, true), [4, 7, 10], "until telemetry shows it");
+        assert_eq!(
+            told(ordered, Motion::Resting, true),
+            [4, 7, 10],
+            "until telemetry shows it"
+        );
         assert_eq!(
             told(Disarming::told(Time::ZERO), Motion::Driving, true),
             [3, 6, 9],

@@ -37,9 +37,13 @@ impl Emergency {
         let (next, brakes) = match (*self, open) {
             (Emergency::Clear, None) => (Emergency::Clear, false),
             (Emergency::Stopped { .. } | Emergency::Lifted, None) => (Emergency::Lifted, false),
-            (Emergency::Clear | Emergency::Lifted, Some(name)) => {
-                (Emergency::Stopped { name, disarming: Disarming::at_rest(now) }, true)
-            }
+            (Emergency::Clear | Emergency::Lifted, Some(name)) => (
+                Emergency::Stopped {
+                    name,
+                    disarming: Disarming::at_rest(now),
+                },
+                true,
+            ),
             (Emergency::Stopped { name: _, disarming }, Some(name)) => {
                 (Emergency::Stopped { name, disarming }, false)
             }
@@ -95,7 +99,10 @@ mod tests {
 
     #[test]
     fn every_word_leads_from_every_state_where_the_drawing_says() {
-        let stopped = Emergency::Stopped { name: NAME, disarming: Disarming::at_rest(Time::ZERO) };
+        let stopped = Emergency::Stopped {
+            name: NAME,
+            disarming: Disarming::at_rest(Time::ZERO),
+        };
         for (from, open, start, clear) in [
             (Emergency::Clear, "Stopped", "Clear", "Clear"),
             (stopped, "Stopped", "Stopped", "Lifted"),
@@ -111,7 +118,11 @@ mod tests {
                 open,
                 "from {from:?}"
             );
-            assert_eq!(after(&|it| assert!(!it.take(Time::ZERO, None))), clear, "from {from:?}");
+            assert_eq!(
+                after(&|it| assert!(!it.take(Time::ZERO, None))),
+                clear,
+                "from {from:?}"
+            );
             assert_eq!(after(&|it| it.start()), start, "from {from:?}");
         }
         assert_eq!(drawn(include_str!("emergency.rs")), variants::<Emergency>());

@@ -24,7 +24,9 @@ impl Vehicle {
     pub(super) fn check(&self, now: Time, decided: Time, command: &Command) -> Result<(), Refusal> {
         let route = match command {
             Command::Hold => return Ok(()),
-            Command::Turn(heading) if !heading.radians().is_finite() => return Err(Refusal::NoRoute),
+            Command::Turn(heading) if !heading.radians().is_finite() => {
+                return Err(Refusal::NoRoute);
+            }
             Command::Turn(_) => None,
             Command::Drive { route, .. } => Some(track_of(route).ok_or(Refusal::NoRoute)?),
         };
@@ -47,7 +49,9 @@ impl Vehicle {
         if telemetry.pose.sd_m > self.settings.swarm.pose_sd_max_m {
             return Err(Refusal::PoseUncertain);
         }
-        route.map_or(Ok(()), |route| self.check_route(now, &route, telemetry.pose))
+        route.map_or(Ok(()), |route| {
+            self.check_route(now, &route, telemetry.pose)
+        })
     }
 
     fn check_route(&self, now: Time, route: &Track, pose: Pose) -> Result<(), Refusal> {
@@ -55,7 +59,10 @@ impl Vehicle {
             return Err(Refusal::NotHere);
         }
         let radius_m = self.settings.body.radius_m;
-        if !route.segments().all(|piece| self.settings.fence.contains_corridor(piece, radius_m)) {
+        if !route
+            .segments()
+            .all(|piece| self.settings.fence.contains_corridor(piece, radius_m))
+        {
             return Err(Refusal::Fence);
         }
         if self.reflex.is_in_the_way(now, route, pose.at) {
@@ -71,7 +78,9 @@ impl Vehicle {
 
     /// Returns whether a route keeps its distance from a peer, or at least leads away from it.
     fn keeps_clear_of(&self, route: &Track, pose: Pose, peer: &Peer) -> bool {
-        let Some(claim) = Track::new(peer.claim.clone()) else { return true };
+        let Some(claim) = Track::new(peer.claim.clone()) else {
+            return true;
+        };
         let nearest_m = route.distance_to(&claim);
         if nearest_m >= self.settings.swarm.separation_m {
             return true;
@@ -82,9 +91,16 @@ impl Vehicle {
 
     /// Stops a vehicle that drives off plan when a peer that moves, or is about to, claims what lies ahead of it.
     pub(super) fn yield_to(&mut self, now: Time, vehicle: VehicleId, out: &mut Vec<Out>) {
-        let Some(pose) = self.telemetry.of_any_age().map(|telemetry| telemetry.pose) else { return };
-        let Some(peer) = self.peers.get(vehicle).filter(|peer| !peer.resting) else { return };
-        let route = self.movement.way_off_plan_from(pose.at).and_then(Track::new);
+        let Some(pose) = self.telemetry.of_any_age().map(|telemetry| telemetry.pose) else {
+            return;
+        };
+        let Some(peer) = self.peers.get(vehicle).filter(|peer| !peer.resting) else {
+            return;
+        };
+        let route = self
+            .movement
+            .way_off_plan_from(pose.at)
+            .and_then(Track::new);
         if route.is_some_and(|route| !self.keeps_clear_of(&route, pose, peer)) {
             self.stop(now, out);
             out.push(Out::Remark(Remark::Refused(Refusal::Separation(vehicle))));
@@ -94,6 +110,10 @@ impl Vehicle {
 
 /// Makes a track of a route that leads somewhere; `None` for fewer than two corners or one that is not finite.
 fn track_of(route: &[Point]) -> Option<Track> {
-    let finite = route.iter().all(|corner| corner.x_m.is_finite() && corner.y_m.is_finite());
-    (route.len() >= 2 && finite).then(|| Track::new(route.to_vec())).flatten()
+    let finite = route
+        .iter()
+        .all(|corner| corner.x_m.is_finite() && corner.y_m.is_finite());
+    (route.len() >= 2 && finite)
+        .then(|| Track::new(route.to_vec()))
+        .flatten()
 }

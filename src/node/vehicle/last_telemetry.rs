@@ -46,7 +46,9 @@ impl LastTelemetry {
     pub fn fall_silent(&mut self) {
         match *self {
             LastTelemetry::NeverHeard | LastTelemetry::Silent { .. } => {}
-            LastTelemetry::Heard { at, telemetry } => *self = LastTelemetry::Silent { at, telemetry },
+            LastTelemetry::Heard { at, telemetry } => {
+                *self = LastTelemetry::Silent { at, telemetry }
+            }
         }
     }
 
@@ -54,9 +56,8 @@ impl LastTelemetry {
     pub fn of_any_age(&self) -> Option<&Telemetry> {
         match self {
             LastTelemetry::NeverHeard => None,
-            LastTelemetry::Heard { at: _, telemetry } | LastTelemetry::Silent { at: _, telemetry } => {
-                Some(telemetry)
-            }
+            LastTelemetry::Heard { at: _, telemetry }
+            | LastTelemetry::Silent { at: _, telemetry } => Some(telemetry),
         }
     }
 
@@ -74,9 +75,10 @@ impl LastTelemetry {
     pub fn deadline(&self) -> Option<Deadline> {
         match self {
             LastTelemetry::NeverHeard | LastTelemetry::Silent { .. } => None,
-            LastTelemetry::Heard { at, telemetry: _ } => {
-                Some(Deadline { at: *at + SILENT_AFTER, why: "telemetry silent" })
-            }
+            LastTelemetry::Heard { at, telemetry: _ } => Some(Deadline {
+                at: *at + SILENT_AFTER,
+                why: "telemetry silent",
+            }),
         }
     }
 }
@@ -93,11 +95,23 @@ mod tests {
 
     #[test]
     fn silence_is_due_once_after_each_telemetry() {
-        let pose = Pose { at: Point::new(0.0, 0.0), heading: Angle::default(), sd_m: 0.05 };
-        let telemetry =
-            Telemetry { pose, speed_mps: 0.0, battery: 1.0, motion: Motion::Resting, is_armed: true };
+        let pose = Pose {
+            at: Point::new(0.0, 0.0),
+            heading: Angle::default(),
+            sd_m: 0.05,
+        };
+        let telemetry = Telemetry {
+            pose,
+            speed_mps: 0.0,
+            battery: 1.0,
+            motion: Motion::Resting,
+            is_armed: true,
+        };
         let mut last = LastTelemetry::default();
-        assert_eq!((last.deadline(), last.of_any_age(), last.fresh(at(0.0))), (None, None, None));
+        assert_eq!(
+            (last.deadline(), last.of_any_age(), last.fresh(at(0.0))),
+            (None, None, None)
+        );
         for told_s in [1.0, 10.0] {
             last.take(at(told_s), telemetry);
             assert_eq!(last.deadline().map(|due| due.at), Some(at(told_s + 2.0)));

@@ -54,7 +54,11 @@ impl Movement {
     /// Drives along corners, the first of which lies ahead, from now on.
     pub fn drive(&mut self, now: Time, is_off_plan: bool, corners: &[Point]) {
         let corners = corners.iter().copied().collect();
-        *self = Movement::Driving(Leg { since: now, is_off_plan, corners });
+        *self = Movement::Driving(Leg {
+            since: now,
+            is_off_plan,
+            corners,
+        });
     }
 
     /// Turns on the spot from now on.
@@ -70,19 +74,25 @@ impl Movement {
 
     /// Stops, or says so again; on a leg it claims the way to where its braking ends.
     pub fn stop(&mut self, now: Time, braking_end: Option<Point>) {
-        let stop = Stop { said: now, braking_end: braking_end.filter(|_| self.claims_a_way()) };
+        let stop = Stop {
+            said: now,
+            braking_end: braking_end.filter(|_| self.claims_a_way()),
+        };
         *self = match self {
             Movement::Halted(_) => Movement::Halted(stop),
-            Movement::Idle | Movement::Driving(_) | Movement::Turning { .. } | Movement::Stopped(_) => {
-                Movement::Stopped(stop)
-            }
+            Movement::Idle
+            | Movement::Driving(_)
+            | Movement::Turning { .. }
+            | Movement::Stopped(_) => Movement::Stopped(stop),
         };
     }
 
     /// Stops by the reflex.
     pub fn halt(&mut self, now: Time, braking_end: Option<Point>) {
-        *self =
-            Movement::Halted(Stop { said: now, braking_end: braking_end.filter(|_| self.claims_a_way()) });
+        *self = Movement::Halted(Stop {
+            said: now,
+            braking_end: braking_end.filter(|_| self.claims_a_way()),
+        });
     }
 
     /// Somebody else moves the vehicle: nothing is claimed but its place.
@@ -92,7 +102,8 @@ impl Movement {
 
     /// Takes what telemetry shows: drops what was driven, and ends what has come to rest.
     pub fn take(&mut self, now: Time, telemetry: &Telemetry) {
-        let has_ended = |since: Time| telemetry.motion == Motion::Resting && now.since(since) > REST_GRACE;
+        let has_ended =
+            |since: Time| telemetry.motion == Motion::Resting && now.since(since) > REST_GRACE;
         match self {
             Movement::Idle => {}
             Movement::Driving(leg) => {
@@ -128,7 +139,10 @@ impl Movement {
     pub fn is_halted(&self) -> bool {
         match self {
             Movement::Halted(_) => true,
-            Movement::Idle | Movement::Driving(_) | Movement::Turning { .. } | Movement::Stopped(_) => false,
+            Movement::Idle
+            | Movement::Driving(_)
+            | Movement::Turning { .. }
+            | Movement::Stopped(_) => false,
         }
     }
 
@@ -146,8 +160,12 @@ impl Movement {
     pub fn way_from(&self, at: Point) -> Option<Vec<Point>> {
         match self {
             Movement::Idle | Movement::Turning { leg: None, .. } => None,
-            Movement::Driving(leg) | Movement::Turning { leg: Some(leg), .. } => Some(leg.way_from(at)),
-            Movement::Stopped(stop) | Movement::Halted(stop) => stop.braking_end.map(|end| vec![at, end]),
+            Movement::Driving(leg) | Movement::Turning { leg: Some(leg), .. } => {
+                Some(leg.way_from(at))
+            }
+            Movement::Stopped(stop) | Movement::Halted(stop) => {
+                stop.braking_end.map(|end| vec![at, end])
+            }
         }
     }
 
@@ -187,7 +205,9 @@ impl Leg {
     }
 
     fn way_from(&self, at: Point) -> Vec<Point> {
-        std::iter::once(at).chain(self.corners.iter().copied()).collect()
+        std::iter::once(at)
+            .chain(self.corners.iter().copied())
+            .collect()
     }
 }
 
@@ -195,7 +215,11 @@ impl Stop {
     /// Returns what is left of its braking, as a leg.
     fn leg(self) -> Option<Leg> {
         let corners = VecDeque::from([self.braking_end?]);
-        Some(Leg { since: self.said, is_off_plan: false, corners })
+        Some(Leg {
+            since: self.said,
+            is_off_plan: false,
+            corners,
+        })
     }
 }
 
@@ -214,8 +238,18 @@ mod tests {
     }
 
     fn telemetry(x_m: f64, motion: Motion) -> Telemetry {
-        let pose = Pose { at: point(x_m), heading: Angle::default(), sd_m: 0.05 };
-        Telemetry { pose, speed_mps: 0.0, battery: 1.0, motion, is_armed: true }
+        let pose = Pose {
+            at: point(x_m),
+            heading: Angle::default(),
+            sd_m: 0.05,
+        };
+        Telemetry {
+            pose,
+            speed_mps: 0.0,
+            battery: 1.0,
+            motion,
+            is_armed: true,
+        }
     }
 
     /// One movement of each kind, with its name; all were told at 1 s.
@@ -225,18 +259,25 @@ mod tests {
             tell(&mut movement);
             movement
         };
-        let drive = |movement: &mut Movement| movement.drive(at(1.0), true, &[point(2.0), point(4.0)]);
+        let drive =
+            |movement: &mut Movement| movement.drive(at(1.0), true, &[point(2.0), point(4.0)]);
         [
             ("Idle", told(&|_| {})),
             ("Driving", told(&drive)),
             ("Turning", told(&|movement| movement.turn(at(1.0)))),
-            ("Turning, a leg left", told(&|movement| (drive(movement), movement.turn(at(1.0))).1)),
+            (
+                "Turning, a leg left",
+                told(&|movement| (drive(movement), movement.turn(at(1.0))).1),
+            ),
             ("Stopped", told(&|movement| movement.stop(at(1.0), None))),
             (
                 "Stopped on a leg",
                 told(&|movement| (drive(movement), movement.stop(at(1.0), Some(point(1.0)))).1),
             ),
-            ("Halted", told(&|movement| (drive(movement), movement.halt(at(1.0), Some(point(1.0)))).1)),
+            (
+                "Halted",
+                told(&|movement| (drive(movement), movement.halt(at(1.0), Some(point(1.0)))).1),
+            ),
         ]
     }
 
@@ -248,15 +289,31 @@ mod tests {
                 tell(&mut movement);
                 variant_of(&movement)
             };
-            assert_eq!(after(&|it| it.drive(at(2.0), true, &[point(1.0)])), "Driving", "from {from}");
+            assert_eq!(
+                after(&|it| it.drive(at(2.0), true, &[point(1.0)])),
+                "Driving",
+                "from {from}"
+            );
             assert_eq!(after(&|it| it.turn(at(2.0))), "Turning", "from {from}");
             assert_eq!(after(&|it| it.let_go()), "Idle", "from {from}");
-            let stopped = if from == "Halted" { "Halted" } else { "Stopped" };
+            let stopped = if from == "Halted" {
+                "Halted"
+            } else {
+                "Stopped"
+            };
             assert_eq!(after(&|it| it.stop(at(2.0), None)), stopped, "from {from}");
             assert_eq!(after(&|it| it.halt(at(2.0), None)), "Halted", "from {from}");
             let rests = telemetry(0.0, Motion::Resting);
-            assert_eq!(after(&|it| it.take(at(1.3), &rests)), variant_of(&before), "it may not have begun");
-            let rested = if before.is_stop() { variant_of(&before) } else { "Idle".to_owned() };
+            assert_eq!(
+                after(&|it| it.take(at(1.3), &rests)),
+                variant_of(&before),
+                "it may not have begun"
+            );
+            let rested = if before.is_stop() {
+                variant_of(&before)
+            } else {
+                "Idle".to_owned()
+            };
             assert_eq!(after(&|it| it.take(at(1.4), &rests)), rested, "from {from}");
             for motion in [Motion::Driving, Motion::Turning] {
                 assert_eq!(
@@ -293,13 +350,24 @@ mod tests {
     fn only_a_leg_off_plan_yields_and_no_longer_once_it_brakes() {
         let mut movement = Movement::default();
         movement.drive(at(1.0), false, &[point(2.0)]);
-        assert_eq!(movement.way_off_plan_from(point(0.0)), None, "a plan says who goes first");
+        assert_eq!(
+            movement.way_off_plan_from(point(0.0)),
+            None,
+            "a plan says who goes first"
+        );
         movement.drive(at(1.0), true, &[point(2.0)]);
-        assert_eq!(movement.way_off_plan_from(point(0.0)), Some(vec![point(0.0), point(2.0)]));
+        assert_eq!(
+            movement.way_off_plan_from(point(0.0)),
+            Some(vec![point(0.0), point(2.0)])
+        );
         movement.stop(at(1.5), Some(point(0.5)));
         assert_eq!(movement.way_off_plan_from(point(0.0)), None);
         movement.turn(at(1.6));
-        assert_eq!(movement.way_from(point(0.4)), Some(vec![point(0.4), point(0.5)]), "it brakes still");
+        assert_eq!(
+            movement.way_from(point(0.4)),
+            Some(vec![point(0.4), point(0.5)]),
+            "it brakes still"
+        );
         assert_eq!(movement.way_off_plan_from(point(0.4)), None);
     }
 
@@ -307,13 +375,24 @@ mod tests {
     fn a_stop_is_due_again_while_anything_moves_and_braking_is_not_made_up_again_at_rest() {
         for (kind, movement) in every_kind() {
             for motion in [Motion::Driving, Motion::Turning] {
-                assert_eq!(movement.is_stop_due_again(at(1.3), motion), movement.is_stop(), "{kind}");
+                assert_eq!(
+                    movement.is_stop_due_again(at(1.3), motion),
+                    movement.is_stop(),
+                    "{kind}"
+                );
                 assert!(!movement.is_stop_due_again(at(1.2), motion), "{kind}");
             }
-            assert!(!movement.is_stop_due_again(at(9.0), Motion::Resting), "{kind}");
+            assert!(
+                !movement.is_stop_due_again(at(9.0), Motion::Resting),
+                "{kind}"
+            );
         }
         let mut movement = Movement::default();
         movement.stop(at(1.0), Some(point(1.0)));
-        assert_eq!(movement.way_from(point(0.0)), None, "what drove no leg claims none when it brakes");
+        assert_eq!(
+            movement.way_from(point(0.0)),
+            None,
+            "what drove no leg claims none when it brakes"
+        );
     }
 }

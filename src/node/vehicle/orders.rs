@@ -56,7 +56,10 @@ impl Orders {
         Orders {
             highest: memory.ordered.forgotten(),
             asked: memory.ordered.key(),
-            disk: Remembered { on_disk: memory, tried: memory },
+            disk: Remembered {
+                on_disk: memory,
+                tried: memory,
+            },
             ..Orders::default()
         }
     }
@@ -65,24 +68,37 @@ impl Orders {
     /// To stop is never too late.
     pub fn accepts(&self, order: &Order, is_answer: bool) -> bool {
         let edition = (order.lease, order.revision);
-        let obeyed = self.highest.kind.map(|_| self.highest.edition()).unwrap_or_default();
+        let obeyed = self
+            .highest
+            .kind
+            .map(|_| self.highest.edition())
+            .unwrap_or_default();
         edition > obeyed && edition >= self.asked && is_in_time(order.kind, is_answer)
     }
 
     /// Returns whether this order waits for the disk already; another one of the same edition is taken for it.
     pub fn awaits_disk(&self, order: &Order) -> bool {
         let edition = |order: &Order| (order.lease, order.revision);
-        self.waiting.as_ref().is_some_and(|waiting| edition(waiting) == edition(order))
+        self.waiting
+            .as_ref()
+            .is_some_and(|waiting| edition(waiting) == edition(order))
     }
 
     /// Takes the same order again: it answers a newer state than it did.
     pub fn renew(&mut self, order: Order) {
-        self.waiting = self.waiting.take().map(|waiting| Order { seen: order.seen, ..waiting });
+        self.waiting = self.waiting.take().map(|waiting| Order {
+            seen: order.seen,
+            ..waiting
+        });
     }
 
     /// Takes an order that is accepted. What holds the vehicle back does so at once.
     pub fn accept(&mut self, now: Time, order: Order) -> Accepted {
-        let edition = OrderEdition { lease: order.lease, revision: order.revision, run: order.run };
+        let edition = OrderEdition {
+            lease: order.lease,
+            revision: order.revision,
+            run: order.run,
+        };
         let is_news = edition.key() > self.asked;
         self.asked = edition.key();
         if stops(order.kind) {
@@ -95,7 +111,10 @@ impl Orders {
             }
         };
         self.waiting = Some(order);
-        Accepted { motors, memory: is_news.then(|| Memory::of_order(edition)) }
+        Accepted {
+            motors,
+            memory: is_news.then(|| Memory::of_order(edition)),
+        }
     }
 
     /// Takes that an emergency stop holds the vehicle: an order to set out that waits for the disk is gone, and no earlier
@@ -123,14 +142,33 @@ impl Orders {
 
     /// Returns the order that may be obeyed from now on, if one does, and what the motors are told. `is_answer` tells of an
     /// order whether it answers a state that was made lately: one that has waited too long is none any more.
-    pub fn obey(&mut self, now: Time, is_answer: impl Fn(&Order) -> bool) -> Option<(Order, Option<Fly>)> {
-        let due = self.waiting.take_if(|order| may_be_obeyed(order, &self.disk));
+    pub fn obey(
+        &mut self,
+        now: Time,
+        is_answer: impl Fn(&Order) -> bool,
+    ) -> Option<(Order, Option<Fly>)> {
+        let due = self
+            .waiting
+            .take_if(|order| may_be_obeyed(order, &self.disk));
         let Some(order) = due.filter(|order| is_in_time(order.kind, is_answer(order))) else {
             self.show_what_is_not_obeyed();
             return None;
         };
-        let Order { vehicle: _, lease, run, revision, seen: _, kind, ends: _ } = order;
-        self.highest = Ordered { lease, revision, run, kind: Some(kind) };
+        let Order {
+            vehicle: _,
+            lease,
+            run,
+            revision,
+            seen: _,
+            kind,
+            ends: _,
+        } = order;
+        self.highest = Ordered {
+            lease,
+            revision,
+            run,
+            kind: Some(kind),
+        };
         if stops(kind) {
             self.stopped_at = Some(now);
         }
@@ -167,7 +205,10 @@ impl Orders {
     /// Returns whether something was decided before an order that stopped the vehicle, or without knowing of one.
     pub fn have_overtaken(&self, decided: Time) -> bool {
         let waits_to_stop = self.waiting.as_ref().is_some_and(|order| stops(order.kind));
-        waits_to_stop || self.stopped_at.is_some_and(|stopped_at| decided < stopped_at)
+        waits_to_stop
+            || self
+                .stopped_at
+                .is_some_and(|stopped_at| decided < stopped_at)
     }
 }
 
@@ -182,7 +223,11 @@ fn is_in_time(kind: OrderKind, is_answer: bool) -> bool {
 /// Returns whether an order need not wait for the disk any more. One that stops the vehicle, or brings it home, is obeyed
 /// although it cannot be remembered; one that sends it out is not.
 fn may_be_obeyed(order: &Order, disk: &Remembered) -> bool {
-    let enough = if stops(order.kind) { disk.on_disk.join(disk.tried) } else { disk.on_disk };
+    let enough = if stops(order.kind) {
+        disk.on_disk.join(disk.tried)
+    } else {
+        disk.on_disk
+    };
     enough.ordered.key() >= (order.lease, order.revision)
 }
 
@@ -208,10 +253,18 @@ fn stays(kind: OrderKind) -> bool {
 /// neither of the two comes back.
 pub fn join_orders(unread: Order, newer: Order) -> Order {
     if unread.lease != newer.lease {
-        return if unread.lease > newer.lease { unread } else { newer };
+        return if unread.lease > newer.lease {
+            unread
+        } else {
+            newer
+        };
     }
     let kind = unread.kind.stronger(newer.kind);
-    let latest = if unread.revision > newer.revision { unread } else { newer };
+    let latest = if unread.revision > newer.revision {
+        unread
+    } else {
+        newer
+    };
     Order { kind, ..latest }
 }
 
@@ -224,7 +277,10 @@ mod tests {
     fn obey(orders: &mut Orders, now: Time, order: Order) -> Option<Fly> {
         let Accepted { motors, memory } = orders.accept(now, order);
         let tried = memory.unwrap_or_default().join(orders.disk.on_disk);
-        orders.remembered(Remembered { on_disk: tried, tried });
+        orders.remembered(Remembered {
+            on_disk: tried,
+            tried,
+        });
         let (_, later) = orders.obey(now, |_| true).unwrap();
         motors.or(later)
     }
@@ -232,20 +288,41 @@ mod tests {
     fn order(kind: OrderKind, number: u32, revision: u32) -> Order {
         let lease = Lease { number, holder: 7 };
         let revision = Revision(revision);
-        Order { vehicle: VehicleId(1), lease, run: RunId(1), revision, seen: None, kind, ends: vec![] }
+        Order {
+            vehicle: VehicleId(1),
+            lease,
+            run: RunId(1),
+            revision,
+            seen: None,
+            kind,
+            ends: vec![],
+        }
     }
 
     #[test]
     fn a_revision_counts_within_its_lease_and_only_moving_needs_an_answer() {
         let mut orders = Orders::default();
         obey(&mut orders, Time::ZERO, order(OrderKind::Hold, 3, 5));
-        for (number, revision, is_higher) in [(3, 6, true), (3, 5, false), (4, 1, true), (2, 9, false)] {
+        for (number, revision, is_higher) in
+            [(3, 6, true), (3, 5, false), (4, 1, true), (2, 9, false)]
+        {
             for kind in [OrderKind::Hold, OrderKind::Land, OrderKind::CutMotors] {
-                assert_eq!(orders.accepts(&order(kind, number, revision), false), is_higher, "{kind:?}");
+                assert_eq!(
+                    orders.accepts(&order(kind, number, revision), false),
+                    is_higher,
+                    "{kind:?}"
+                );
             }
             for kind in [OrderKind::Start, OrderKind::Return] {
-                assert_eq!(orders.accepts(&order(kind, number, revision), true), is_higher, "{kind:?}");
-                assert!(!orders.accepts(&order(kind, number, revision), false), "{kind:?}");
+                assert_eq!(
+                    orders.accepts(&order(kind, number, revision), true),
+                    is_higher,
+                    "{kind:?}"
+                );
+                assert!(
+                    !orders.accepts(&order(kind, number, revision), false),
+                    "{kind:?}"
+                );
             }
         }
     }
@@ -254,9 +331,17 @@ mod tests {
     fn what_was_decided_before_a_stop_is_overtaken_even_after_a_start() {
         let mut orders = Orders::default();
         assert!(!orders.have_overtaken(Time::ZERO));
-        obey(&mut orders, Time::from_secs_f64(2.0), order(OrderKind::Hold, 1, 1));
+        obey(
+            &mut orders,
+            Time::from_secs_f64(2.0),
+            order(OrderKind::Hold, 1, 1),
+        );
         assert_eq!(
-            obey(&mut orders, Time::from_secs_f64(3.0), order(OrderKind::Start, 1, 2)),
+            obey(
+                &mut orders,
+                Time::from_secs_f64(3.0),
+                order(OrderKind::Start, 1, 2)
+            ),
             Some(Fly::Arm)
         );
         assert!(orders.have_overtaken(Time::from_secs_f64(1.9)));

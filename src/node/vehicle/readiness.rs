@@ -40,7 +40,10 @@ impl Readiness {
     /// Notes that somebody is heard.
     pub fn hear(&mut self, now: Time) {
         if *self == Readiness::Alone {
-            *self = Readiness::Listening { since: now, told: BTreeSet::new() };
+            *self = Readiness::Listening {
+                since: now,
+                told: BTreeSet::new(),
+            };
         }
     }
 
@@ -56,7 +59,9 @@ impl Readiness {
     pub fn look(&mut self, now: Time, listens_for: Duration, peers: &Peers) -> bool {
         if let Readiness::Listening { since, told } = self {
             let heard = peers.iter().filter(|(_, peer)| !peer.is_silent(now));
-            let have_told = heard.into_iter().all(|(vehicle, _)| told.contains(&vehicle));
+            let have_told = heard
+                .into_iter()
+                .all(|(vehicle, _)| told.contains(&vehicle));
             // Whoever is heard and never tells must not keep everyone from ever being started.
             let listened = now.since(*since);
             if have_told && listened >= listens_for || listened >= listens_for * GIVES_UP_AFTER {
@@ -81,17 +86,35 @@ mod tests {
     fn it_waits_two_seconds_and_for_everyone_whom_it_hears() {
         let mut peers = Peers::new(VehicleId(1));
         let mut readiness = Readiness::default();
-        assert!(!readiness.look(at(9.0), Duration::from_secs(2), &peers), "it hears nobody");
+        assert!(
+            !readiness.look(at(9.0), Duration::from_secs(2), &peers),
+            "it hears nobody"
+        );
         peers.take(at(10.0), &state(2, 3.0, 3.0));
         readiness.note_told(at(10.0), Sender::Ground);
-        peers.take(at(12.0), &State { sequence: 2, ..state(2, 3.0, 3.0) });
-        assert!(!readiness.look(at(12.1), Duration::from_secs(2), &peers), "vehicle 2 has not told");
+        peers.take(
+            at(12.0),
+            &State {
+                sequence: 2,
+                ..state(2, 3.0, 3.0)
+            },
+        );
+        assert!(
+            !readiness.look(at(12.1), Duration::from_secs(2), &peers),
+            "vehicle 2 has not told"
+        );
         readiness.note_told(at(12.1), Sender::Vehicle(VehicleId(2)));
         assert!(readiness.look(at(12.1), Duration::from_secs(2), &peers));
         let mut waits = Readiness::default();
         waits.hear(at(10.0));
-        assert!(!waits.look(at(13.9), Duration::from_secs(2), &peers), "vehicle 2 has not told this one");
-        assert!(waits.look(at(14.0), Duration::from_secs(2), &peers), "it never tells");
+        assert!(
+            !waits.look(at(13.9), Duration::from_secs(2), &peers),
+            "vehicle 2 has not told this one"
+        );
+        assert!(
+            waits.look(at(14.0), Duration::from_secs(2), &peers),
+            "it never tells"
+        );
         assert_eq!(drawn(include_str!("readiness.rs")), variants::<Readiness>());
     }
 
@@ -101,7 +124,13 @@ mod tests {
         let mut readiness = Readiness::default();
         peers.take(at(10.0), &state(2, 3.0, 3.0));
         readiness.hear(at(10.0));
-        peers.take(at(11.0), &State { sequence: 2, ..state(2, 3.0, 3.0) });
+        peers.take(
+            at(11.0),
+            &State {
+                sequence: 2,
+                ..state(2, 3.0, 3.0)
+            },
+        );
         assert!(
             !readiness.look(at(11.9), Duration::from_secs(2), &peers)
                 && !readiness.look(at(12.9), Duration::from_secs(2), &peers)

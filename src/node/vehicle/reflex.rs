@@ -35,9 +35,15 @@ impl Reflex {
     pub fn is_in_the_way(&self, now: Time, route: &Track, here: Point) -> bool {
         let is_clear = |obstacle: &Bump| {
             let here_m = obstacle.at.distance_to(here);
-            route.segments().all(|piece| obstacle.is_passed_by(piece, here_m))
+            route
+                .segments()
+                .all(|piece| obstacle.is_passed_by(piece, here_m))
         };
-        !self.obstacles.iter().filter(|obstacle| obstacle.until > now).all(is_clear)
+        !self
+            .obstacles
+            .iter()
+            .filter(|obstacle| obstacle.until > now)
+            .all(is_clear)
     }
 }
 
@@ -47,7 +53,9 @@ pub(super) fn halts_for(settings: &Settings, telemetry: &Telemetry, scan: &Scan)
     let ahead_m = ahead_m(settings, scan)?;
     let speed = telemetry.speed_mps;
     let needs_m = speed * REACTION_S + speed * speed / (2.0 * settings.body.braking_mps2);
-    let is_close = scan.range_m.is_some_and(|range_m| range_m < settings.safety.closeness_m);
+    let is_close = scan
+        .range_m
+        .is_some_and(|range_m| range_m < settings.safety.closeness_m);
     (is_close || ahead_m < needs_m + MARGIN_M).then_some(ahead_m)
 }
 
@@ -57,7 +65,11 @@ pub(super) fn obstacle_of(settings: &Settings, now: Time, scan: &Scan) -> Bump {
     let at = scan.pose.at + Vector::polar(scan.pose.heading + scan.beam, range_m);
     let spread_m = range_m * libm::sin(settings.look.half_angle.radians());
     let keep_m = settings.body.radius_m + MARGIN_M + spread_m;
-    Bump { at, keep_m, until: now + KEEP_FOR }
+    Bump {
+        at,
+        keep_m,
+        until: now + KEEP_FOR,
+    }
 }
 
 /// Returns how far ahead of the body an echo may come from; `None` when it lies beside the strip.

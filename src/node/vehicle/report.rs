@@ -48,8 +48,15 @@ impl Reports {
     }
 
     /// Returns whether what answers a state of this `boot` was said in time, and answers one of after a moment.
-    pub fn is_answer(&self, now: Time, boot: Boot, seen: Option<SeenState>, after: Option<Time>) -> bool {
-        let is_of_then = |sequence| after.is_none_or(|after| self.made.made_at(sequence) > Some(after));
+    pub fn is_answer(
+        &self,
+        now: Time,
+        boot: Boot,
+        seen: Option<SeenState>,
+        after: Option<Time>,
+    ) -> bool {
+        let is_of_then =
+            |sequence| after.is_none_or(|after| self.made.made_at(sequence) > Some(after));
         let is_fresh = |sequence| self.made.is_fresh(now, sequence) && is_of_then(sequence);
         seen.is_some_and(|seen| seen.boot == boot && is_fresh(seen.sequence))
     }
@@ -89,7 +96,9 @@ impl Vehicle {
 
     /// Publishes what was known last of a vehicle whose autopilot has fallen silent: that it has.
     pub(super) fn report_silence(&mut self, now: Time, out: &mut Vec<Out>) {
-        let Some(telemetry) = self.telemetry.of_any_age().copied() else { return };
+        let Some(telemetry) = self.telemetry.of_any_age().copied() else {
+            return;
+        };
         self.reports.begin(now);
         let state = self.state(&telemetry);
         out.push(Out::Publish(self.on_wire(&state)));
@@ -113,8 +122,9 @@ impl Vehicle {
     /// Returns the state as it travels. Telemetry tells neither roll nor pitch nor a height, and a body drives the way it
     /// faces.
     fn on_wire(&self, own: &OwnState) -> State {
-        let report =
-            |corners: &Vec<Point>| LegReport { route: corners.iter().copied().map(Into::into).collect() };
+        let report = |corners: &Vec<Point>| LegReport {
+            route: corners.iter().copied().map(Into::into).collect(),
+        };
         State {
             vehicle: self.settings.vehicle,
             boot: self.settings.boot,
@@ -143,9 +153,13 @@ impl Vehicle {
         }
         match self.orders.restraint() {
             _ if self.emergency.stands() => Some(StandReason::Held),
-            Restraint::Held | Restraint::Landing(_) | Restraint::MotorsCut(_) => Some(StandReason::Held),
+            Restraint::Held | Restraint::Landing(_) | Restraint::MotorsCut(_) => {
+                Some(StandReason::Held)
+            }
             Restraint::Free if self.take_over.stands() => self.take_over.reason(),
-            Restraint::Free if self.autopilot.control == Control::Silent => Some(StandReason::Autopilot),
+            Restraint::Free if self.autopilot.control == Control::Silent => {
+                Some(StandReason::Autopilot)
+            }
             Restraint::Free if own.pose.sd_m > self.settings.swarm.pose_sd_max_m => {
                 Some(StandReason::NoPlace)
             }
@@ -158,11 +172,19 @@ impl Vehicle {
             return Mode::Stopped;
         }
         match (self.orders.restraint(), motion) {
-            (Restraint::MotorsCut(_), Motion::Resting | Motion::Turning | Motion::Driving) => Mode::MotorsCut,
-            (Restraint::Free | Restraint::Held | Restraint::Landing(_), Motion::Driving) => Mode::Driving,
-            (Restraint::Free | Restraint::Held | Restraint::Landing(_), Motion::Turning) => Mode::Turning,
+            (Restraint::MotorsCut(_), Motion::Resting | Motion::Turning | Motion::Driving) => {
+                Mode::MotorsCut
+            }
+            (Restraint::Free | Restraint::Held | Restraint::Landing(_), Motion::Driving) => {
+                Mode::Driving
+            }
+            (Restraint::Free | Restraint::Held | Restraint::Landing(_), Motion::Turning) => {
+                Mode::Turning
+            }
             (Restraint::Held | Restraint::Landing(_), Motion::Resting) => Mode::Held,
-            (Restraint::Free, Motion::Resting) if self.reports.mission_holds.is_some() => Mode::Held,
+            (Restraint::Free, Motion::Resting) if self.reports.mission_holds.is_some() => {
+                Mode::Held
+            }
             (Restraint::Free, Motion::Resting) if self.movement.is_halted() => Mode::Halted,
             (Restraint::Free, Motion::Resting) => Mode::Idle,
         }

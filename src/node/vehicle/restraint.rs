@@ -71,8 +71,13 @@ mod tests {
     use super::*;
     use crate::node::tests_support::variant_of;
 
-    const KINDS: [OrderKind; 5] =
-        [OrderKind::Start, OrderKind::Hold, OrderKind::Return, OrderKind::Land, OrderKind::CutMotors];
+    const KINDS: [OrderKind; 5] = [
+        OrderKind::Start,
+        OrderKind::Hold,
+        OrderKind::Return,
+        OrderKind::Land,
+        OrderKind::CutMotors,
+    ];
 
     fn after(orders: &[OrderKind]) -> Restraint {
         let mut restraint = Restraint::default();
@@ -103,8 +108,12 @@ mod tests {
                 let motors = restraint.obey(Time::ZERO, kind);
                 let expected = match kind {
                     OrderKind::CutMotors => Some(Fly::Disarm),
-                    OrderKind::Start | OrderKind::Return if restraint == Restraint::Free => Some(Fly::Arm),
-                    OrderKind::Start | OrderKind::Return | OrderKind::Hold | OrderKind::Land => None,
+                    OrderKind::Start | OrderKind::Return if restraint == Restraint::Free => {
+                        Some(Fly::Arm)
+                    }
+                    OrderKind::Start | OrderKind::Return | OrderKind::Hold | OrderKind::Land => {
+                        None
+                    }
                 };
                 assert_eq!(motors, expected, "{kind:?} after {before:?}");
             }
@@ -115,9 +124,19 @@ mod tests {
     fn what_stands_is_named_when_a_command_is_refused() {
         assert_eq!(after(&[]).refusal(), None);
         assert_eq!(after(&[OrderKind::Hold]).refusal(), Some(Refusal::Held));
-        assert_eq!(after(&[OrderKind::Land]).refusal(), Some(Refusal::Held), "it is armed still");
-        assert_eq!(Restraint::Landing(Disarming::told(Time::ZERO)).refusal(), Some(Refusal::Disarmed));
-        assert_eq!(after(&[OrderKind::CutMotors]).refusal(), Some(Refusal::Disarmed));
+        assert_eq!(
+            after(&[OrderKind::Land]).refusal(),
+            Some(Refusal::Held),
+            "it is armed still"
+        );
+        assert_eq!(
+            Restraint::Landing(Disarming::told(Time::ZERO)).refusal(),
+            Some(Refusal::Disarmed)
+        );
+        assert_eq!(
+            after(&[OrderKind::CutMotors]).refusal(),
+            Some(Refusal::Disarmed)
+        );
     }
 
     #[test]
@@ -125,7 +144,13 @@ mod tests {
         let landing = after(&[OrderKind::Land]);
         assert_eq!(after(&[OrderKind::Land, OrderKind::Hold]), landing);
         let cut = variant_of(&after(&[OrderKind::CutMotors]));
-        assert_eq!(variant_of(&after(&[OrderKind::CutMotors, OrderKind::Land])), cut);
-        assert_eq!(variant_of(&after(&[OrderKind::Land, OrderKind::CutMotors])), cut);
+        assert_eq!(
+            variant_of(&after(&[OrderKind::CutMotors, OrderKind::Land])),
+            cut
+        );
+        assert_eq!(
+            variant_of(&after(&[OrderKind::Land, OrderKind::CutMotors])),
+            cut
+        );
     }
 }

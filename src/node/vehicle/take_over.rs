@@ -33,7 +33,9 @@ impl TakeOver {
     pub fn take(&mut self, control: Control) -> bool {
         let before = *self;
         match (before, control) {
-            (TakeOver::NotTaken | TakeOver::ByItself, Control::Remote) => *self = TakeOver::ByRemote,
+            (TakeOver::NotTaken | TakeOver::ByItself, Control::Remote) => {
+                *self = TakeOver::ByRemote
+            }
             (TakeOver::NotTaken, Control::Own) => *self = TakeOver::ByItself,
             (_, Control::Ours) => *self = TakeOver::NotTaken,
             (TakeOver::ByRemote | TakeOver::ByItself, Control::Own)
@@ -50,7 +52,9 @@ impl TakeOver {
 
     /// Returns whether a start may be obeyed.
     pub fn lets_start(self, sender: Sender, order: &Order, vehicle: VehicleId, boot: Boot) -> bool {
-        let names_it = order.ends.contains(&EmergencyName::of_take_over(vehicle, boot));
+        let names_it = order
+            .ends
+            .contains(&EmergencyName::of_take_over(vehicle, boot));
         !self.stands() || names_it && matches!(sender, Sender::Operator(_))
     }
 
@@ -77,7 +81,12 @@ mod tests {
 
     #[test]
     fn who_steers_leads_where_the_drawing_says_and_silence_nowhere() {
-        let controls = [Control::Ours, Control::Remote, Control::Own, Control::Silent];
+        let controls = [
+            Control::Ours,
+            Control::Remote,
+            Control::Own,
+            Control::Silent,
+        ];
         for (from, to) in [
             (NotTaken, [NotTaken, ByRemote, ByItself, NotTaken]),
             (ByRemote, [NotTaken, ByRemote, ByRemote, ByRemote]),
@@ -86,7 +95,11 @@ mod tests {
             for (control, to) in controls.into_iter().zip(to) {
                 let mut take_over = from;
                 let is_new = from != to && to != NotTaken;
-                assert_eq!((take_over.take(control), take_over), (is_new, to), "{from:?} by {control:?}");
+                assert_eq!(
+                    (take_over.take(control), take_over),
+                    (is_new, to),
+                    "{from:?} by {control:?}"
+                );
             }
             let mut take_over = from;
             assert_eq!((take_over.end(), take_over), (from != NotTaken, NotTaken));

@@ -1,7 +1,9 @@
 //! What the vehicle actor refuses, obeys and reports.
 
 use super::super::tests_support::{settings, state};
-use tomoswarm_proto::{Boot, Deviation, Lease, LegReport, Mode, OperatorId, Permille, SeenState, Tilt};
+use tomoswarm_proto::{
+    Boot, Deviation, Lease, LegReport, Mode, OperatorId, Permille, SeenState, Tilt,
+};
 
 use super::*;
 use crate::geom::Angle;
@@ -14,12 +16,29 @@ mod emergencies;
 mod laws;
 mod memory;
 
-const LEASE: Lease = Lease { number: 3, holder: 50 };
+const LEASE: Lease = Lease {
+    number: 3,
+    holder: 50,
+};
 
 fn telemetry(x_m: f64, speed_mps: f64, sd_m: f64) -> In {
-    let pose = Pose { at: Point::new(x_m, 0.0), heading: Angle::default(), sd_m };
-    let motion = if speed_mps > 0.0 { Motion::Driving } else { Motion::Resting };
-    In::Telemetry(Telemetry { pose, speed_mps, battery: 1.0, motion, is_armed: true })
+    let pose = Pose {
+        at: Point::new(x_m, 0.0),
+        heading: Angle::default(),
+        sd_m,
+    };
+    let motion = if speed_mps > 0.0 {
+        Motion::Driving
+    } else {
+        Motion::Resting
+    };
+    In::Telemetry(Telemetry {
+        pose,
+        speed_mps,
+        battery: 1.0,
+        motion,
+        is_armed: true,
+    })
 }
 
 fn at(time_s: f64) -> Time {
@@ -44,15 +63,32 @@ fn told(vehicle: &mut Vehicle, time_s: f64, input: In) -> Vec<Out> {
 /// Lets it handle something, and its disk answer.
 fn handled(vehicle: &mut Vehicle, now: Time, input: In, out: &mut Vec<Out>) {
     vehicle.handle(now, input, out).unwrap();
-    let memory =
-        out.iter().find_map(|out| if let Out::Remember(memory) = out { Some(*memory) } else { None });
+    let memory = out.iter().find_map(|out| {
+        if let Out::Remember(memory) = out {
+            Some(*memory)
+        } else {
+            None
+        }
+    });
     if let Some(memory) = memory {
-        vehicle.handle(now, In::Remembered(Remembered { on_disk: memory, tried: memory }), out).unwrap();
+        vehicle
+            .handle(
+                now,
+                In::Remembered(Remembered {
+                    on_disk: memory,
+                    tried: memory,
+                }),
+                out,
+            )
+            .unwrap();
     }
 }
 
 fn drive(corners: &[(f64, f64)]) -> In {
-    let route = corners.iter().map(|(x_m, y_m)| Point::new(*x_m, *y_m)).collect();
+    let route = corners
+        .iter()
+        .map(|(x_m, y_m)| Point::new(*x_m, *y_m))
+        .collect();
     In::Command(Time::NEVER, Command::Drive { stop: None, route })
 }
 
@@ -63,27 +99,52 @@ fn given(order: Order) -> In {
 
 /// An order that answers a state of this number; 0 = none was heard.
 fn order(kind: OrderKind, lease: Lease, revision: u32, sequence: u64) -> Order {
-    let seen = Some(SeenState { boot: Boot(1), sequence }).filter(|_| sequence > 0);
+    let seen = Some(SeenState {
+        boot: Boot(1),
+        sequence,
+    })
+    .filter(|_| sequence > 0);
     let (vehicle, revision) = (VehicleId(1), Revision(revision));
-    Order { vehicle, lease, run: RunId(1), revision, seen, kind, ends: vec![] }
+    Order {
+        vehicle,
+        lease,
+        run: RunId(1),
+        revision,
+        seen,
+        kind,
+        ends: vec![],
+    }
 }
 
 fn scan(range_m: f64, beam_deg: f64) -> In {
-    let pose = Pose { at: Point::new(0.0, 0.0), heading: Angle::default(), sd_m: 0.05 };
-    In::Scan(Scan { pose, beam: Angle::from_degrees(beam_deg), range_m: Some(range_m), suspect: false })
+    let pose = Pose {
+        at: Point::new(0.0, 0.0),
+        heading: Angle::default(),
+        sd_m: 0.05,
+    };
+    In::Scan(Scan {
+        pose,
+        beam: Angle::from_degrees(beam_deg),
+        range_m: Some(range_m),
+        suspect: false,
+    })
 }
 
 fn refusal(out: &[Out]) -> Option<Refusal> {
     out.iter().find_map(|out| match out {
         Out::Remark(Remark::Refused(refusal)) => Some(*refusal),
-        Out::Remark(_) | Out::Fly(_) | Out::State(_) | Out::Publish(_) | Out::Remember(_) | Out::Order(_) => {
-            None
-        }
+        Out::Remark(_)
+        | Out::Fly(_)
+        | Out::State(_)
+        | Out::Publish(_)
+        | Out::Remember(_)
+        | Out::Order(_) => None,
     })
 }
 
 fn flies(out: &[Out]) -> bool {
-    out.iter().any(|out| matches!(out, Out::Fly(Fly::Drive { .. } | Fly::Turn(_))))
+    out.iter()
+        .any(|out| matches!(out, Out::Fly(Fly::Drive { .. } | Fly::Turn(_))))
 }
 
 fn stops(out: &[Out]) -> bool {
@@ -108,18 +169,27 @@ fn a_route_out_of_the_envelope_is_refused() {
     check(&[(0.0, 0.0), (0.0, 30.0), (0.0, 5.0)], Some(Refusal::Fence));
     check(&[(3.0, 0.0), (0.0, 5.0)], Some(Refusal::NotHere));
     check(&[(0.0, 0.0), (2.9, 0.0)], None);
-    check(&[(0.0, 0.0), (3.2, 0.0)], Some(Refusal::Separation(VehicleId(2))));
+    check(
+        &[(0.0, 0.0), (3.2, 0.0)],
+        Some(Refusal::Separation(VehicleId(2))),
+    );
 }
 
 #[test]
 fn a_peers_route_is_kept_clear_of_and_only_left() {
     let mut peer = state(2, 5.0, 5.0);
-    peer.leg = Some(LegReport { route: vec![Point::new(0.5, 5.0).into(), Point::new(0.5, 0.5).into()] });
+    peer.leg = Some(LegReport {
+        route: vec![Point::new(0.5, 5.0).into(), Point::new(0.5, 0.5).into()],
+    });
     let mut vehicle = vehicle();
     told(&mut vehicle, 1.0, In::Peer(peer));
     let across = told(&mut vehicle, 1.1, drive(&[(0.0, 0.0), (2.0, 2.0)]));
     assert_eq!(refusal(&across), Some(Refusal::Separation(VehicleId(2))));
-    assert!(flies(&told(&mut vehicle, 1.1, drive(&[(0.0, 0.0), (-2.0, -2.0)]))));
+    assert!(flies(&told(
+        &mut vehicle,
+        1.1,
+        drive(&[(0.0, 0.0), (-2.0, -2.0)])
+    )));
 }
 
 #[test]
@@ -131,13 +201,21 @@ fn who_does_not_know_where_it_is_does_not_drive() {
     let out = told(&mut vehicle, 4.0, drive(&[(0.0, 0.0), (1.0, 0.0)]));
     assert_eq!(refusal(&out), Some(Refusal::NoPose), "three seconds old");
     told(&mut vehicle, 5.0, telemetry(0.0, 0.0, 0.6));
-    for command in
-        [drive(&[(0.0, 0.0), (1.0, 0.0)]), In::Command(Time::NEVER, Command::Turn(Angle::default()))]
-    {
-        assert_eq!(refusal(&told(&mut vehicle, 5.0, command)), Some(Refusal::PoseUncertain));
+    for command in [
+        drive(&[(0.0, 0.0), (1.0, 0.0)]),
+        In::Command(Time::NEVER, Command::Turn(Angle::default())),
+    ] {
+        assert_eq!(
+            refusal(&told(&mut vehicle, 5.0, command)),
+            Some(Refusal::PoseUncertain)
+        );
     }
     assert!(
-        stops(&told(&mut vehicle, 5.0, In::Command(Time::NEVER, Command::Hold))),
+        stops(&told(
+            &mut vehicle,
+            5.0,
+            In::Command(Time::NEVER, Command::Hold)
+        )),
         "holding is always allowed"
     );
 }
@@ -154,9 +232,15 @@ fn the_reflex_halts_for_what_is_near_ahead_and_then_keeps_clear_of_it() {
         told(&mut vehicle, 2.0, telemetry(0.0, 0.0, 0.05));
         let again = told(&mut vehicle, 2.0, drive(&[(0.0, 0.0), (3.0, 0.0)]));
         assert_eq!(refusal(&again), halts.then_some(Refusal::Bump));
-        assert!(flies(&told(&mut vehicle, 2.0, drive(&[(0.0, 0.0), (-3.0, 0.0)]))), "away from it");
+        assert!(
+            flies(&told(&mut vehicle, 2.0, drive(&[(0.0, 0.0), (-3.0, 0.0)]))),
+            "away from it"
+        );
         told(&mut vehicle, 70.0, telemetry(0.0, 0.0, 0.05));
-        assert!(flies(&told(&mut vehicle, 70.0, drive(&[(0.0, 0.0), (3.0, 0.0)]))), "forgotten by then");
+        assert!(
+            flies(&told(&mut vehicle, 70.0, drive(&[(0.0, 0.0), (3.0, 0.0)]))),
+            "forgotten by then"
+        );
     }
 }
 
@@ -177,17 +261,53 @@ fn a_silent_autopilot_is_reported_once() {
 fn higher_leases_and_revisions_win_and_old_orders_are_not_obeyed() {
     let check = |lease, revision, expected: bool| {
         let mut vehicle = vehicle();
-        assert!(obeyed(&told(&mut vehicle, 1.0, given(order(OrderKind::Hold, LEASE, 5, 1)))));
-        let out = told(&mut vehicle, 1.1, given(order(OrderKind::Start, lease, revision, 1)));
+        assert!(obeyed(&told(
+            &mut vehicle,
+            1.0,
+            given(order(OrderKind::Hold, LEASE, 5, 1))
+        )));
+        let out = told(
+            &mut vehicle,
+            1.1,
+            given(order(OrderKind::Start, lease, revision, 1)),
+        );
         assert_eq!(obeyed(&out), expected, "{lease:?} {revision}");
     };
     check(LEASE, 6, true);
     check(LEASE, 5, false);
     check(LEASE, 4, false);
-    check(Lease { number: 4, holder: 99 }, 1, true);
-    check(Lease { number: 2, holder: 1 }, 9, false);
-    check(Lease { number: 3, holder: 49 }, 1, true);
-    check(Lease { number: 3, holder: 51 }, 9, false);
+    check(
+        Lease {
+            number: 4,
+            holder: 99,
+        },
+        1,
+        true,
+    );
+    check(
+        Lease {
+            number: 2,
+            holder: 1,
+        },
+        9,
+        false,
+    );
+    check(
+        Lease {
+            number: 3,
+            holder: 49,
+        },
+        1,
+        true,
+    );
+    check(
+        Lease {
+            number: 3,
+            holder: 51,
+        },
+        9,
+        false,
+    );
 }
 
 #[test]
@@ -195,23 +315,62 @@ fn a_start_that_answers_an_old_state_is_too_late_but_a_hold_never_is() {
     let mut vehicle = vehicle();
     told(&mut vehicle, 30.0, telemetry(0.0, 0.0, 0.05));
     for kind in [OrderKind::Start, OrderKind::Return] {
-        assert!(!obeyed(&told(&mut vehicle, 30.0, given(order(kind, LEASE, 1, 1)))), "29 s old");
-        assert!(!obeyed(&told(&mut vehicle, 30.0, given(order(kind, LEASE, 1, 77)))), "never made");
+        assert!(
+            !obeyed(&told(&mut vehicle, 30.0, given(order(kind, LEASE, 1, 1)))),
+            "29 s old"
+        );
+        assert!(
+            !obeyed(&told(&mut vehicle, 30.0, given(order(kind, LEASE, 1, 77)))),
+            "never made"
+        );
     }
-    assert!(obeyed(&told(&mut vehicle, 30.0, given(order(OrderKind::Hold, LEASE, 1, 1)))));
-    assert!(obeyed(&told(&mut vehicle, 30.0, given(order(OrderKind::Start, LEASE, 2, 2)))));
+    assert!(obeyed(&told(
+        &mut vehicle,
+        30.0,
+        given(order(OrderKind::Hold, LEASE, 1, 1))
+    )));
+    assert!(obeyed(&told(
+        &mut vehicle,
+        30.0,
+        given(order(OrderKind::Start, LEASE, 2, 2))
+    )));
 }
 
 #[test]
 fn unread_orders_join_to_the_stronger_and_the_newer_revision() {
-    let check =
-        |unread: Order, newer: Order, expected: Order| assert_eq!(join_orders(unread, newer), expected);
+    let check = |unread: Order, newer: Order, expected: Order| {
+        assert_eq!(join_orders(unread, newer), expected)
+    };
     let of = |kind, revision| order(kind, LEASE, revision, 1);
-    check(of(OrderKind::Hold, 1), of(OrderKind::Start, 2), of(OrderKind::Hold, 2));
-    check(of(OrderKind::Start, 2), of(OrderKind::Land, 1), of(OrderKind::Land, 2));
-    check(of(OrderKind::Return, 3), of(OrderKind::Land, 4), of(OrderKind::Land, 4));
-    let taken_over = order(OrderKind::Start, Lease { number: 4, holder: 9 }, 1, 1);
-    check(of(OrderKind::Land, 1), taken_over.clone(), taken_over.clone());
+    check(
+        of(OrderKind::Hold, 1),
+        of(OrderKind::Start, 2),
+        of(OrderKind::Hold, 2),
+    );
+    check(
+        of(OrderKind::Start, 2),
+        of(OrderKind::Land, 1),
+        of(OrderKind::Land, 2),
+    );
+    check(
+        of(OrderKind::Return, 3),
+        of(OrderKind::Land, 4),
+        of(OrderKind::Land, 4),
+    );
+    let taken_over = order(
+        OrderKind::Start,
+        Lease {
+            number: 4,
+            holder: 9,
+        },
+        1,
+        1,
+    );
+    check(
+        of(OrderKind::Land, 1),
+        taken_over.clone(),
+        taken_over.clone(),
+    );
     check(taken_over.clone(), of(OrderKind::Land, 1), taken_over);
 }
 
@@ -225,9 +384,18 @@ fn an_unread_emergency_is_not_lost_to_an_order_for_another_vehicle_or_run() {
         seat.act(at(1.1), |said| out.push(said)).unwrap();
         assert!(stops(&out), "{newer:?}");
     };
-    check(Order { vehicle: VehicleId(2), ..order(OrderKind::Start, LEASE, 2, 1) });
-    check(Order { run: RunId(0), ..order(OrderKind::Start, LEASE, 2, 1) });
-    check(Order { run: RunId(7), ..order(OrderKind::Hold, LEASE, 2, 1) });
+    check(Order {
+        vehicle: VehicleId(2),
+        ..order(OrderKind::Start, LEASE, 2, 1)
+    });
+    check(Order {
+        run: RunId(0),
+        ..order(OrderKind::Start, LEASE, 2, 1)
+    });
+    check(Order {
+        run: RunId(7),
+        ..order(OrderKind::Hold, LEASE, 2, 1)
+    });
 }
 
 #[test]
@@ -241,7 +409,10 @@ fn a_drive_without_a_way_never_reaches_the_autopilot() {
     ];
     for route in routes {
         let out = told(&mut vehicle(), 1.1, drive(route));
-        assert!(out.iter().all(|out| !matches!(out, Out::Fly(_))), "{route:?}: {out:?}");
+        assert!(
+            out.iter().all(|out| !matches!(out, Out::Fly(_))),
+            "{route:?}: {out:?}"
+        );
         assert!(refusal(&out).is_some(), "{route:?}");
     }
 }
@@ -253,7 +424,11 @@ fn a_held_vehicle_says_so_until_it_is_started_or_sent_home() {
         out.iter()
             .find_map(|out| match out {
                 Out::State(state) => Some(state.mode),
-                Out::Remark(_) | Out::Fly(_) | Out::Publish(_) | Out::Remember(_) | Out::Order(_) => None,
+                Out::Remark(_)
+                | Out::Fly(_)
+                | Out::Publish(_)
+                | Out::Remember(_)
+                | Out::Order(_) => None,
             })
             .unwrap()
     };
@@ -273,10 +448,28 @@ fn a_held_vehicle_says_so_until_it_is_started_or_sent_home() {
 fn an_order_is_judged_by_the_age_of_its_state_however_often_states_are_made() {
     let mut vehicle = vehicle();
     for tick in 0..1000 {
-        told(&mut vehicle, 2.0 + 0.01 * f64::from(tick), telemetry(0.0, 0.0, 0.05));
+        told(
+            &mut vehicle,
+            2.0 + 0.01 * f64::from(tick),
+            telemetry(0.0, 0.0, 0.05),
+        );
     }
-    assert!(obeyed(&told(&mut vehicle, 12.0, given(order(OrderKind::Start, LEASE, 1, 2)))), "10 s old");
-    assert!(!obeyed(&told(&mut vehicle, 18.0, given(order(OrderKind::Start, LEASE, 2, 2)))), "16 s old");
+    assert!(
+        obeyed(&told(
+            &mut vehicle,
+            12.0,
+            given(order(OrderKind::Start, LEASE, 1, 2))
+        )),
+        "10 s old"
+    );
+    assert!(
+        !obeyed(&told(
+            &mut vehicle,
+            18.0,
+            given(order(OrderKind::Start, LEASE, 2, 2))
+        )),
+        "16 s old"
+    );
 }
 
 fn flown(out: &[Out]) -> Vec<Fly> {
@@ -295,25 +488,44 @@ fn a_command_decided_long_ago_is_refused_and_a_late_hold_obeyed() {
     let out = told(&mut vehicle, 2.5, In::Command(at(1.4), drive.clone()));
     assert_eq!(refusal(&out), Some(Refusal::Old));
     assert!(flies(&told(&mut vehicle, 2.5, In::Command(at(1.6), drive))));
-    assert!(stops(&told(&mut vehicle, 2.6, In::Command(at(1.0), Command::Hold))));
+    assert!(stops(&told(
+        &mut vehicle,
+        2.6,
+        In::Command(at(1.0), Command::Hold)
+    )));
 }
 
 #[test]
 fn cutting_the_motors_disarms_at_once_and_nothing_is_driven_until_a_start() {
     let lease = Lease::default();
     let mut vehicle = vehicle();
-    let out = told(&mut vehicle, 1.0, given(order(OrderKind::CutMotors, lease, 1, 1)));
+    let out = told(
+        &mut vehicle,
+        1.0,
+        given(order(OrderKind::CutMotors, lease, 1, 1)),
+    );
     assert_eq!(flown(&out), [Fly::Stop, Fly::Disarm]);
     let land = given(order(OrderKind::Start, lease, 2, 1));
     told(&mut vehicle, 1.1, land);
-    assert!(flies(&told(&mut vehicle, 1.2, drive(&[(0.0, 0.0), (3.0, 0.0)]))));
+    assert!(flies(&told(
+        &mut vehicle,
+        1.2,
+        drive(&[(0.0, 0.0), (3.0, 0.0)])
+    )));
 }
 
 #[test]
 fn a_landed_rover_holds_is_disarmed_and_refuses_to_drive() {
     let mut vehicle = vehicle();
-    told(&mut vehicle, 1.0, given(order(OrderKind::Land, Lease::default(), 1, 1)));
-    assert_eq!(flown(&told(&mut vehicle, 1.5, telemetry(0.0, 0.0, 0.05))), [Fly::Disarm]);
+    told(
+        &mut vehicle,
+        1.0,
+        given(order(OrderKind::Land, Lease::default(), 1, 1)),
+    );
+    assert_eq!(
+        flown(&told(&mut vehicle, 1.5, telemetry(0.0, 0.0, 0.05))),
+        [Fly::Disarm]
+    );
     let out = told(&mut vehicle, 1.6, drive(&[(0.0, 0.0), (3.0, 0.0)]));
     assert_eq!(refusal(&out), Some(Refusal::Disarmed));
 }
@@ -323,12 +535,23 @@ fn off_plan_a_vehicle_stops_for_a_peer_that_drives_into_its_way_and_on_plan_it_d
     for (stop, yields) in [(None, true), (Some(tomoswarm_proto::StopId(4)), false)] {
         let mut vehicle = vehicle();
         let route = vec![Point::new(0.0, 0.0), Point::new(6.0, 0.0)];
-        told(&mut vehicle, 1.0, In::Command(at(1.0), Command::Drive { stop, route }));
+        told(
+            &mut vehicle,
+            1.0,
+            In::Command(at(1.0), Command::Drive { stop, route }),
+        );
         let resting = super::super::tests_support::state(2, 4.0, 3.0);
         assert!(!stops(&told(&mut vehicle, 1.2, In::Peer(resting.clone()))));
         let corners = [(4.0, 3.0), (4.0, 0.0)].map(|(x, y)| Point::new(x, y).into());
-        let leg = Some(LegReport { route: corners.to_vec() });
-        let driving = State { sequence: 2, mode: Mode::Driving, leg, ..resting };
+        let leg = Some(LegReport {
+            route: corners.to_vec(),
+        });
+        let driving = State {
+            sequence: 2,
+            mode: Mode::Driving,
+            leg,
+            ..resting
+        };
         let out = told(&mut vehicle, 1.4, In::Peer(driving));
         assert_eq!(stops(&out), yields);
         let separation = Some(Refusal::Separation(VehicleId(2)));
@@ -338,7 +561,10 @@ fn off_plan_a_vehicle_stops_for_a_peer_that_drives_into_its_way_and_on_plan_it_d
 
 fn moving(x_m: f64, speed_mps: f64, is_armed: bool) -> In {
     match telemetry(x_m, speed_mps, 0.05) {
-        In::Telemetry(telemetry) => In::Telemetry(Telemetry { is_armed, ..telemetry }),
+        In::Telemetry(telemetry) => In::Telemetry(Telemetry {
+            is_armed,
+            ..telemetry
+        }),
         other => other,
     }
 }
@@ -358,11 +584,29 @@ fn an_order_to_stop_brakes_at_once_and_what_was_decided_before_it_is_not_driven(
         told(&mut vehicle, 1.0, drive(&[(0.0, 0.0), (3.0, 0.0)]));
         told(&mut vehicle, 2.0, telemetry(0.5, 0.5, 0.05));
         let out = told(&mut vehicle, 2.1, given(order(kind, LEASE, 1, 1)));
-        assert!(stops(&out) && obeyed(&out), "{kind:?}: without a word of the mission");
-        assert_eq!(refusal(&told(&mut vehicle, 2.2, decided(2.0))), Some(before), "{kind:?}");
-        assert_eq!(refusal(&told(&mut vehicle, 2.3, decided(2.2))), after, "{kind:?}");
-        told(&mut vehicle, 2.4, given(order(OrderKind::Start, LEASE, 2, 1)));
-        assert!(flies(&told(&mut vehicle, 2.5, decided(2.45))), "{kind:?}, then a start");
+        assert!(
+            stops(&out) && obeyed(&out),
+            "{kind:?}: without a word of the mission"
+        );
+        assert_eq!(
+            refusal(&told(&mut vehicle, 2.2, decided(2.0))),
+            Some(before),
+            "{kind:?}"
+        );
+        assert_eq!(
+            refusal(&told(&mut vehicle, 2.3, decided(2.2))),
+            after,
+            "{kind:?}"
+        );
+        told(
+            &mut vehicle,
+            2.4,
+            given(order(OrderKind::Start, LEASE, 2, 1)),
+        );
+        assert!(
+            flies(&told(&mut vehicle, 2.5, decided(2.45))),
+            "{kind:?}, then a start"
+        );
     }
 }
 
@@ -373,27 +617,59 @@ fn a_stop_that_was_lost_is_said_again_until_the_vehicle_rests() {
         told(&mut vehicle, 1.0, drive(&[(0.0, 0.0), (9.0, 0.0)]));
         told(&mut vehicle, 2.0, given(order(kind, LEASE, 1, 1)));
         let said = |vehicle: &mut Vehicle, tenth: u32, speed_mps: f64| {
-            stops(&told(vehicle, 2.0 + 0.1 * f64::from(tenth), moving(0.5, speed_mps, true)))
+            stops(&told(
+                vehicle,
+                2.0 + 0.1 * f64::from(tenth),
+                moving(0.5, speed_mps, true),
+            ))
         };
-        let again: Vec<u32> = (1..=10).filter(|tenth| said(&mut vehicle, *tenth, 0.5)).collect();
-        assert!((3..=4).contains(&again.len()), "a few times a second: {again:?}");
-        assert!(!(11..=20).any(|tenth| said(&mut vehicle, tenth, 0.0)), "it rests");
+        let again: Vec<u32> = (1..=10)
+            .filter(|tenth| said(&mut vehicle, *tenth, 0.5))
+            .collect();
+        assert!(
+            (3..=4).contains(&again.len()),
+            "a few times a second: {again:?}"
+        );
+        assert!(
+            !(11..=20).any(|tenth| said(&mut vehicle, tenth, 0.0)),
+            "it rests"
+        );
     }
 }
 
 #[test]
 fn a_disarming_that_was_lost_is_said_again_until_telemetry_shows_it() {
     let mut vehicle = vehicle();
-    told(&mut vehicle, 2.0, given(order(OrderKind::CutMotors, LEASE, 1, 1)));
+    told(
+        &mut vehicle,
+        2.0,
+        given(order(OrderKind::CutMotors, LEASE, 1, 1)),
+    );
     let said = |vehicle: &mut Vehicle, tenth: u32, is_armed: bool| {
-        let out = told(vehicle, 2.0 + 0.1 * f64::from(tenth), moving(0.0, 0.0, is_armed));
+        let out = told(
+            vehicle,
+            2.0 + 0.1 * f64::from(tenth),
+            moving(0.0, 0.0, is_armed),
+        );
         flown(&out).contains(&Fly::Disarm)
     };
-    let again: Vec<u32> = (1..=10).filter(|tenth| said(&mut vehicle, *tenth, true)).collect();
+    let again: Vec<u32> = (1..=10)
+        .filter(|tenth| said(&mut vehicle, *tenth, true))
+        .collect();
     assert!((3..=4).contains(&again.len()), "{again:?}");
-    assert!(!(11..=20).any(|tenth| said(&mut vehicle, tenth, false)), "it is disarmed");
-    told(&mut vehicle, 4.1, given(order(OrderKind::Start, LEASE, 2, 11)));
-    assert!(!(22..=30).any(|tenth| said(&mut vehicle, tenth, true)), "it was armed again");
+    assert!(
+        !(11..=20).any(|tenth| said(&mut vehicle, tenth, false)),
+        "it is disarmed"
+    );
+    told(
+        &mut vehicle,
+        4.1,
+        given(order(OrderKind::Start, LEASE, 2, 11)),
+    );
+    assert!(
+        !(22..=30).any(|tenth| said(&mut vehicle, tenth, true)),
+        "it was armed again"
+    );
 }
 
 #[test]
@@ -409,31 +685,52 @@ fn what_is_nearer_than_the_closeness_halts_it_however_slow_it_is() {
         let is_halted = stops(&told(&mut vehicle, 1.2, scan(range_m, beam_deg)));
         told(&mut vehicle, 2.0, telemetry(0.0, 0.0, 0.05));
         let again = refusal(&told(&mut vehicle, 2.0, drive(&[(0.0, 0.0), (3.0, 0.0)])));
-        assert_eq!(again, is_halted.then_some(Refusal::Bump), "and is not driven at again");
-        assert!(flies(&told(&mut vehicle, 2.1, drive(&[(0.0, 0.0), (-3.0, 0.0)]))), "but can be left");
+        assert_eq!(
+            again,
+            is_halted.then_some(Refusal::Bump),
+            "and is not driven at again"
+        );
+        assert!(
+            flies(&told(&mut vehicle, 2.1, drive(&[(0.0, 0.0), (-3.0, 0.0)]))),
+            "but can be left"
+        );
         is_halted
     };
     assert!(!halts(0.0, 0.6, 0.0));
     assert!(halts(0.7, 0.6, 0.0) && !halts(0.7, 0.8, 0.0));
-    assert!(!halts(0.7, 0.6, 70.0), "what is beside the way does not count");
+    assert!(
+        !halts(0.7, 0.6, 70.0),
+        "what is beside the way does not count"
+    );
 }
 
 #[test]
 fn who_loses_its_place_on_the_way_stops_once_and_drives_again_when_it_has_it_back() {
     let mut vehicle = vehicle();
     told(&mut vehicle, 1.1, drive(&[(0.0, 0.0), (9.0, 0.0)]));
-    assert!(!stops(&told(&mut vehicle, 1.2, telemetry(0.1, 0.5, 0.4))), "0.5 m are allowed");
+    assert!(
+        !stops(&told(&mut vehicle, 1.2, telemetry(0.1, 0.5, 0.4))),
+        "0.5 m are allowed"
+    );
     let out = told(&mut vehicle, 1.3, telemetry(0.1, 0.5, 0.6));
     assert!(stops(&out));
     assert_eq!(refusal(&out), Some(Refusal::PoseUncertain));
-    assert_eq!(refusal(&told(&mut vehicle, 1.4, telemetry(0.2, 0.4, 0.7))), None, "said once");
+    assert_eq!(
+        refusal(&told(&mut vehicle, 1.4, telemetry(0.2, 0.4, 0.7))),
+        None,
+        "said once"
+    );
     told(&mut vehicle, 2.0, telemetry(0.2, 0.0, 0.8));
     assert_eq!(
         refusal(&told(&mut vehicle, 2.1, drive(&[(0.2, 0.0), (9.0, 0.0)]))),
         Some(Refusal::PoseUncertain)
     );
     told(&mut vehicle, 2.2, telemetry(0.2, 0.0, 0.05));
-    assert!(flies(&told(&mut vehicle, 2.3, drive(&[(0.2, 0.0), (9.0, 0.0)]))));
+    assert!(flies(&told(
+        &mut vehicle,
+        2.3,
+        drive(&[(0.2, 0.0), (9.0, 0.0)])
+    )));
 }
 
 #[test]
@@ -441,42 +738,87 @@ fn a_pause_keeps_the_vehicle_where_it_is_and_a_start_lets_it_go_on() {
     let mut vehicle = vehicle();
     told(&mut vehicle, 1.1, drive(&[(0.0, 0.0), (9.0, 0.0)]));
     told(&mut vehicle, 2.0, telemetry(0.4, 0.5, 0.05));
-    assert!(stops(&told(&mut vehicle, 2.0, given(order(OrderKind::Hold, LEASE, 1, 1)))));
+    assert!(stops(&told(
+        &mut vehicle,
+        2.0,
+        given(order(OrderKind::Hold, LEASE, 1, 1))
+    )));
     for second in 3..60 {
         let now_s = f64::from(second);
         told(&mut vehicle, now_s, telemetry(0.5, 0.0, 0.05));
         let out = told(&mut vehicle, now_s, drive(&[(0.5, 0.0), (9.0, 0.0)]));
-        assert_eq!((flies(&out), refusal(&out)), (false, Some(Refusal::Held)), "after {second} s");
+        assert_eq!(
+            (flies(&out), refusal(&out)),
+            (false, Some(Refusal::Held)),
+            "after {second} s"
+        );
     }
     let resume = order(OrderKind::Start, LEASE, 2, vehicle.reports.sequence());
     told(&mut vehicle, 60.0, given(resume));
-    assert!(flies(&told(&mut vehicle, 60.1, drive(&[(0.5, 0.0), (9.0, 0.0)]))));
+    assert!(flies(&told(
+        &mut vehicle,
+        60.1,
+        drive(&[(0.5, 0.0), (9.0, 0.0)])
+    )));
 }
 
 /// Returns the state that is published, and the one that the other actors are told.
 fn states(out: &[Out]) -> (Option<State>, Option<crate::node::OwnState>) {
-    let published =
-        out.iter().find_map(|out| if let Out::Publish(state) = out { Some(state.clone()) } else { None });
-    let told =
-        out.iter().find_map(|out| if let Out::State(state) = out { Some(state.clone()) } else { None });
+    let published = out.iter().find_map(|out| {
+        if let Out::Publish(state) = out {
+            Some(state.clone())
+        } else {
+            None
+        }
+    });
+    let told = out.iter().find_map(|out| {
+        if let Out::State(state) = out {
+            Some(state.clone())
+        } else {
+            None
+        }
+    });
     (published, told)
 }
 
 #[test]
 fn what_travels_is_rounded_and_what_the_other_actors_are_told_is_not() {
     let mut vehicle = vehicle();
-    let pose = Pose { at: Point::new(1.234_56, -0.000_4), heading: Angle::from_degrees(90.0), sd_m: 0.0512 };
-    let told_of =
-        Telemetry { pose, speed_mps: 0.456_7, battery: 0.876_54, motion: Motion::Driving, is_armed: true };
+    let pose = Pose {
+        at: Point::new(1.234_56, -0.000_4),
+        heading: Angle::from_degrees(90.0),
+        sd_m: 0.0512,
+    };
+    let told_of = Telemetry {
+        pose,
+        speed_mps: 0.456_7,
+        battery: 0.876_54,
+        motion: Motion::Driving,
+        is_armed: true,
+    };
     let (Some(state), Some(own)) = states(&told(&mut vehicle, 2.0, In::Telemetry(told_of))) else {
         panic!("it says both")
     };
-    assert_eq!((own.pose, own.speed_mps, own.battery), (pose, 0.456_7, 0.876_54));
+    assert_eq!(
+        (own.pose, own.speed_mps, own.battery),
+        (pose, 0.456_7, 0.876_54)
+    );
     let report = state.pose.unwrap();
     assert_eq!((report.at.x_mm, report.at.y_mm, report.sd.0), (1235, 0, 51));
-    assert_eq!((report.heading.0, state.velocity.x_mmps, state.velocity.y_mmps), (15_708, 0, 457));
+    assert_eq!(
+        (
+            report.heading.0,
+            state.velocity.x_mmps,
+            state.velocity.y_mmps
+        ),
+        (15_708, 0, 457)
+    );
     assert_eq!(state.battery, Some(Permille(877)));
-    assert_eq!((state.roll, state.pitch), (Tilt::UNKNOWN, Tilt::UNKNOWN), "telemetry tells neither");
+    assert_eq!(
+        (state.roll, state.pitch),
+        (Tilt::UNKNOWN, Tilt::UNKNOWN),
+        "telemetry tells neither"
+    );
     assert!(state.is_armed && state.is_landed && !state.is_at_rest);
 }
 
@@ -490,7 +832,11 @@ fn a_state_says_why_the_vehicle_does_not_go_on() {
     };
     assert_eq!(stands_under(scan(3.0, 0.0)), None);
     for kind in [OrderKind::Hold, OrderKind::Land, OrderKind::CutMotors] {
-        assert_eq!(stands_under(given(order(kind, LEASE, 1, 1))), Some(StandReason::Held), "{kind:?}");
+        assert_eq!(
+            stands_under(given(order(kind, LEASE, 1, 1))),
+            Some(StandReason::Held),
+            "{kind:?}"
+        );
     }
     for reason in [StandReason::Alone, StandReason::Battery] {
         assert_eq!(stands_under(In::Holds(Some(reason))), Some(reason));
@@ -506,9 +852,19 @@ fn a_state_says_why_the_vehicle_does_not_go_on() {
 fn an_order_that_answers_a_state_of_another_start_moves_nobody() {
     for (boot, moves) in [(1, true), (2, false)] {
         let mut vehicle = vehicle();
-        let seen = Some(SeenState { boot: Boot(boot), sequence: 1 });
-        let start = Order { seen, ..order(OrderKind::Start, LEASE, 1, 1) };
+        let seen = Some(SeenState {
+            boot: Boot(boot),
+            sequence: 1,
+        });
+        let start = Order {
+            seen,
+            ..order(OrderKind::Start, LEASE, 1, 1)
+        };
         let out = told(&mut vehicle, 1.1, given(start));
-        assert_eq!(out.iter().any(|out| matches!(out, Out::Order(_))), moves, "boot {boot}");
+        assert_eq!(
+            out.iter().any(|out| matches!(out, Out::Order(_))),
+            moves,
+            "boot {boot}"
+        );
     }
 }

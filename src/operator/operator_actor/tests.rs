@@ -1,8 +1,8 @@
 //! The operator in virtual time, against vehicles that obey what is above their echo.
 
 use tomoswarm_proto::{
-    Boot, Lease, Mission, MissionPhase, OperatorId, Order, OrderKind as Kind, Report, RunId, RunReport,
-    Sender, StationPhase, Task,
+    Boot, Lease, Mission, MissionPhase, OperatorId, Order, OrderKind as Kind, Report, RunId,
+    RunReport, Sender, StationPhase, Task,
 };
 
 use super::super::outcome::{Refusal, VehicleOutcome};
@@ -20,20 +20,38 @@ const TICK: Duration = Duration::from_millis(20);
 
 fn settings(greets: bool) -> OperatorSettings {
     let asking = Hello::asking(Sender::Operator(OperatorId(1)), Boot(0), 5, 1);
-    let hello = Hello { is_member: true, software: "0.1.0".to_owned(), ..asking };
-    OperatorSettings { hello, greets, holder: OWN, expected: BTreeSet::new() }
+    let hello = Hello {
+        is_member: true,
+        software: "0.1.0".to_owned(),
+        ..asking
+    };
+    OperatorSettings {
+        hello,
+        greets,
+        holder: OWN,
+        expected: BTreeSet::new(),
+    }
 }
 
 fn want(kind: Kind) -> Want {
-    Want { begins: true, ..Want::new(kind, BTreeSet::new(), Duration::from_secs(5)) }
+    Want {
+        begins: true,
+        ..Want::new(kind, BTreeSet::new(), Duration::from_secs(5))
+    }
 }
 
 fn one_present() -> Present {
-    Present { vehicles: [VehicleId(1)].into(), lost_after: Duration::from_secs(30) }
+    Present {
+        vehicles: [VehicleId(1)].into(),
+        lost_after: Duration::from_secs(30),
+    }
 }
 
 fn only(kind: Kind, vehicle: u8) -> Want {
-    Want { vehicles: BTreeSet::from([VehicleId(vehicle)]), ..want(kind) }
+    Want {
+        vehicles: BTreeSet::from([VehicleId(vehicle)]),
+        ..want(kind)
+    }
 }
 
 /// A small world: what is said arrives within a tick of 20 ms; states come every 200 ms, a report every second.
@@ -104,7 +122,8 @@ impl World {
             }
         }
         if let Some(report) = self.report.as_ref().filter(|_| tick.is_multiple_of(50)) {
-            self.operator.push(In::Bus(heard(Message::Report(report.clone()))));
+            self.operator
+                .push(In::Bus(heard(Message::Report(report.clone()))));
         }
     }
 
@@ -116,25 +135,43 @@ impl World {
     }
 
     fn kinds(&self) -> Vec<Option<Kind>> {
-        self.rovers.iter().map(|rover| rover.state.ordered.kind).collect()
+        self.rovers
+            .iter()
+            .map(|rover| rover.state.ordered.kind)
+            .collect()
     }
 
     fn given(&self) -> Vec<EmergencyStop> {
-        let given = |out: &Out| if let Out::Give(stops) = out { stops.clone() } else { vec![] };
+        let given = |out: &Out| {
+            if let Out::Give(stops) = out {
+                stops.clone()
+            } else {
+                vec![]
+            }
+        };
         self.said.iter().flat_map(given).collect()
     }
 
     fn ended(&self) -> Vec<(WantId, &Outcome)> {
         let ended = |out: &Out| matches!(out, Out::Ended(..));
         let all = self.said.iter().filter(|out| ended(out));
-        all.filter_map(|out| if let Out::Ended(id, outcome) = out { Some((*id, outcome)) } else { None })
-            .collect()
+        all.filter_map(|out| {
+            if let Out::Ended(id, outcome) = out {
+                Some((*id, outcome))
+            } else {
+                None
+            }
+        })
+        .collect()
     }
 }
 
 /// A report of an idle ground station that knows vehicle 1 only.
 fn of_one() -> Report {
-    Report { members: vec![VehicleId(1)], ..report() }
+    Report {
+        members: vec![VehicleId(1)],
+        ..report()
+    }
 }
 
 fn follow(world: &mut World, steps: &[Step]) {
@@ -148,11 +185,18 @@ fn a_want_by_hand_ends_when_every_state_shows_it_and_then_nothing_is_sent() {
     world.tell(In::Want(3, want(Kind::Hold)));
     world.run(3.0);
     let ended = world.ended();
-    assert!(ended.len() == 1 && ended[0].0 == WantId::Hand(3) && ended[0].1.is_done(), "{:?}", world.said);
+    assert!(
+        ended.len() == 1 && ended[0].0 == WantId::Hand(3) && ended[0].1.is_done(),
+        "{:?}",
+        world.said
+    );
     let sent = world.orders.len();
     world.rovers[0].restart();
     world.run(5.0);
-    assert_eq!((world.orders.len(), world.kinds()), (sent, vec![None, Some(Kind::Hold)]));
+    assert_eq!(
+        (world.orders.len(), world.kinds()),
+        (sent, vec![None, Some(Kind::Hold)])
+    );
 }
 
 #[test]
@@ -161,7 +205,10 @@ fn a_want_of_a_script_stands_and_whoever_restarts_is_told_again() {
     follow(&mut world, &[Step::Want(want(Kind::Start))]);
     world.run(4.0);
     assert!(
-        matches!(world.said[..], [Out::ScriptEnded(_), Out::InForce(WantId::Script(0), _)]),
+        matches!(
+            world.said[..],
+            [Out::ScriptEnded(_), Out::InForce(WantId::Script(0), _)]
+        ),
         "{:?}",
         world.said
     );
@@ -177,7 +224,16 @@ fn a_want_of_a_script_stands_and_whoever_restarts_is_told_again() {
 
 #[test]
 fn what_somebody_else_has_ordered_since_is_neither_fought_nor_undone_by_a_restart() {
-    for lease in [Lease { number: 1, holder: OWN }, Lease { number: 2, holder: 99 }] {
+    for lease in [
+        Lease {
+            number: 1,
+            holder: OWN,
+        },
+        Lease {
+            number: 2,
+            holder: 99,
+        },
+    ] {
         let mut world = World::new(vec![Rover::new(1), Rover::new(2)]);
         follow(&mut world, &[Step::Want(want(Kind::Start))]);
         world.run(4.0);
@@ -186,7 +242,11 @@ fn what_somebody_else_has_ordered_since_is_neither_fought_nor_undone_by_a_restar
         world.run(1.0);
         world.rovers[0].restart();
         world.run(5.0);
-        assert_eq!((world.kinds(), world.orders.len()), (vec![None, Some(Kind::Start)], sent), "{lease:?}");
+        assert_eq!(
+            (world.kinds(), world.orders.len()),
+            (vec![None, Some(Kind::Start)], sent),
+            "{lease:?}"
+        );
     }
 }
 
@@ -195,7 +255,10 @@ fn after_a_take_over_the_former_operator_tells_nobody_who_restarts() {
     let mut world = World::new(vec![Rover::new(1), Rover::new(2)]);
     follow(&mut world, &[Step::Want(want(Kind::Start))]);
     world.run(4.0);
-    let other = Lease { number: 2, holder: 99 };
+    let other = Lease {
+        number: 2,
+        holder: 99,
+    };
     world.rovers[0].state.ordered = Rover::ordered(1, other, 1, Kind::Start).state.ordered;
     world.run(1.0);
     world.rovers[1].restart();
@@ -212,7 +275,11 @@ fn the_grounds_own_orders_after_a_start_do_not_end_it() {
     world.run(2.0);
     let lease = world.rovers[0].state.ordered.lease;
     assert_eq!(lease, of_one().lease);
-    world.report = Some(Report { phase: StationPhase::Stopping, run: RunId(1), ..of_one() });
+    world.report = Some(Report {
+        phase: StationPhase::Stopping,
+        run: RunId(1),
+        ..of_one()
+    });
     world.rovers[0].state.ordered = Rover::ordered(1, lease, 5, Kind::Hold).state.ordered;
     world.run(6.0);
     assert_eq!(world.ended(), []);
@@ -220,7 +287,10 @@ fn the_grounds_own_orders_after_a_start_do_not_end_it() {
     world.run(1.0);
     assert_eq!(world.kinds(), [Some(Kind::Start)]);
     // What an operator has ordered stands, by the report.
-    world.report = Some(Report { in_force: Some(Kind::Hold), ..of_one() });
+    world.report = Some(Report {
+        in_force: Some(Kind::Hold),
+        ..of_one()
+    });
     world.rovers[0].state.ordered = Rover::ordered(1, lease, 9, Kind::Hold).state.ordered;
     world.run(6.0);
     assert_eq!(world.ended().len(), 1, "nobody is left for whom it stands");
@@ -239,38 +309,78 @@ fn a_later_want_takes_the_place_of_an_earlier_one_on_the_vehicles_that_both_name
     assert_eq!(world.kinds(), [Some(Kind::Start), None]);
     world.tell(In::Want(2, want(Kind::Return)));
     world.run(1.0);
-    assert!(world.ended().iter().any(|(id, _)| *id == WantId::Script(0)), "nothing is left of it");
+    assert!(
+        world.ended().iter().any(|(id, _)| *id == WantId::Script(0)),
+        "nothing is left of it"
+    );
 }
 
 #[test]
 fn a_start_of_another_run_is_refused_by_hand_and_awaited_by_a_script() {
-    let under_way = Report { phase: StationPhase::Running, run: RunId(1), ..of_one() };
-    let of_seven = Want { run: Some(RunId(7)), ..want(Kind::Start) };
+    let under_way = Report {
+        phase: StationPhase::Running,
+        run: RunId(1),
+        ..of_one()
+    };
+    let of_seven = Want {
+        run: Some(RunId(7)),
+        ..want(Kind::Start)
+    };
     let mut world = World::new(vec![Rover::new(1)]);
     world.report = Some(under_way.clone());
     world.tell(In::Want(0, of_seven.clone()));
     world.run(3.0);
-    let refused = Refusal::UnderWay { under_way: RunId(1), asked: RunId(7) };
+    let refused = Refusal::UnderWay {
+        under_way: RunId(1),
+        asked: RunId(7),
+    };
     assert_eq!(world.ended()[0].1.refused, Some(refused));
-    assert_eq!((world.orders.len(), world.ended()[0].1.is_done()), (0, false));
+    assert_eq!(
+        (world.orders.len(), world.ended()[0].1.is_done()),
+        (0, false)
+    );
     // The run that is under way may be told again, and what stops is never refused.
-    world.tell(In::Want(1, Want { run: Some(RunId(1)), ..want(Kind::Start) }));
+    world.tell(In::Want(
+        1,
+        Want {
+            run: Some(RunId(1)),
+            ..want(Kind::Start)
+        },
+    ));
     world.run(1.0);
-    world.tell(In::Want(2, Want { run: Some(RunId(7)), ..want(Kind::Hold) }));
+    world.tell(In::Want(
+        2,
+        Want {
+            run: Some(RunId(7)),
+            ..want(Kind::Hold)
+        },
+    ));
     world.run(1.0);
-    assert!(world.ended()[1..].iter().all(|(_, outcome)| outcome.is_done()), "{:?}", world.said);
+    assert!(
+        world.ended()[1..]
+            .iter()
+            .all(|(_, outcome)| outcome.is_done()),
+        "{:?}",
+        world.said
+    );
     let sent = world.orders.len();
     follow(&mut world, &[Step::Want(of_seven)]);
     world.run(2.0);
     assert_eq!(world.orders.len(), sent);
-    world.report = Some(Report { phase: StationPhase::Idle, ..under_way });
+    world.report = Some(Report {
+        phase: StationPhase::Idle,
+        ..under_way
+    });
     world.run(2.0);
     assert_eq!(world.rovers[0].state.ordered.run, RunId(7));
 }
 
 fn stop_wish(vehicles: &[u8]) -> StopWish {
     let vehicles = vehicles.iter().map(|id| VehicleId(*id)).collect();
-    StopWish { vehicles, within: Duration::from_secs(3) }
+    StopWish {
+        vehicles,
+        within: Duration::from_secs(3),
+    }
 }
 
 #[test]
@@ -302,17 +412,38 @@ fn who_does_not_show_a_stop_in_time_is_named() {
     let mut world = World::new(vec![Rover::new(1)]);
     world.tell(In::Stop(0, stop_wish(&[1, 3])));
     world.run(3.5);
-    let expected = [(VehicleId(1), VehicleOutcome::Ignored), (VehicleId(3), VehicleOutcome::Unheard)];
+    let expected = [
+        (VehicleId(1), VehicleOutcome::Ignored),
+        (VehicleId(3), VehicleOutcome::Unheard),
+    ];
     assert_eq!(world.ended()[0].1.vehicles, expected.into());
 }
 
 #[test]
 fn with_take_over_the_lease_in_force_is_outbid_once_and_without_it_it_is_joined() {
-    let theirs = Lease { number: 4, holder: 44 };
-    for (take_over, lease) in [(false, theirs), (true, Lease { number: 5, holder: OWN })] {
+    let theirs = Lease {
+        number: 4,
+        holder: 44,
+    };
+    for (take_over, lease) in [
+        (false, theirs),
+        (
+            true,
+            Lease {
+                number: 5,
+                holder: OWN,
+            },
+        ),
+    ] {
         let mut world = World::new(vec![Rover::ordered(1, theirs, 3, Kind::Start)]);
         for number in 0..3 {
-            world.tell(In::Want(number, Want { take_over, ..want(Kind::Hold) }));
+            world.tell(In::Want(
+                number,
+                Want {
+                    take_over,
+                    ..want(Kind::Hold)
+                },
+            ));
             world.run(2.0);
             assert_eq!(world.rovers[0].state.ordered.lease, lease);
         }
@@ -342,23 +473,47 @@ fn a_want_that_is_withdrawn_is_over_at_once() {
     world.run(1.0);
     world.tell(In::Withdraw(0));
     world.run(0.1);
-    assert_eq!(world.ended()[0].1.vehicles, [(VehicleId(1), VehicleOutcome::Unheard)].into());
+    assert_eq!(
+        world.ended()[0].1.vehicles,
+        [(VehicleId(1), VehicleOutcome::Unheard)].into()
+    );
 }
 
 #[test]
 fn a_script_goes_on_as_the_fleet_shows_it_and_as_its_cues_are_done() {
     let within = Duration::from_secs(10);
-    let expected = Expected { vehicles: [VehicleId(1)].into(), ground: true };
-    let run_one = Want { run: Some(RunId(1)), ..want(Kind::Start) };
+    let expected = Expected {
+        vehicles: [VehicleId(1)].into(),
+        ground: true,
+    };
+    let run_one = Want {
+        run: Some(RunId(1)),
+        ..want(Kind::Start)
+    };
     let steps = [
-        Step::Wait { until: Condition::Heard(expected), within },
+        Step::Wait {
+            until: Condition::Heard(expected),
+            within,
+        },
         Step::Delay(Duration::from_secs(2)),
         Step::Want(run_one),
-        Step::Wait { until: Condition::InForce, within },
-        Step::Wait { until: Condition::Driven(RunId(1)), within },
-        Step::Cue { name: "enter".to_owned(), within },
+        Step::Wait {
+            until: Condition::InForce,
+            within,
+        },
+        Step::Wait {
+            until: Condition::Driven(RunId(1)),
+            within,
+        },
+        Step::Cue {
+            name: "enter".to_owned(),
+            within,
+        },
         Step::Want(want(Kind::Return)),
-        Step::Wait { until: Condition::Home(one_present()), within },
+        Step::Wait {
+            until: Condition::Home(one_present()),
+            within,
+        },
     ];
     let mut world = World::new(vec![Rover::new(1)]);
     follow(&mut world, &steps);
@@ -368,21 +523,50 @@ fn a_script_goes_on_as_the_fleet_shows_it_and_as_its_cues_are_done() {
     assert_eq!(world.orders, [], "it lets two seconds pass");
     world.run(3.0);
     assert_eq!(world.kinds(), [Some(Kind::Start)]);
-    let runs = vec![RunReport { run: RunId(1), ..RunReport::default() }];
-    world.report = Some(Report { run: RunId(1), laps: 3, laps_done: 3, runs, ..of_one() });
+    let runs = vec![RunReport {
+        run: RunId(1),
+        ..RunReport::default()
+    }];
+    world.report = Some(Report {
+        run: RunId(1),
+        laps: 3,
+        laps_done: 3,
+        runs,
+        ..of_one()
+    });
     world.run(2.0);
     assert_eq!(world.said.last(), Some(&Out::Cue("enter".to_owned())));
     world.run(1.0);
-    assert_eq!(world.kinds(), [Some(Kind::Start)], "the cue is not done yet");
+    assert_eq!(
+        world.kinds(),
+        [Some(Kind::Start)],
+        "the cue is not done yet"
+    );
     world.tell(In::CueDone);
     world.run(2.0);
     assert_eq!(world.kinds(), [Some(Kind::Return)]);
-    assert!(!world.said.iter().any(|out| matches!(out, Out::ScriptEnded(_))), "it is not home yet");
+    assert!(
+        !world
+            .said
+            .iter()
+            .any(|out| matches!(out, Out::ScriptEnded(_))),
+        "it is not home yet"
+    );
     let (vehicle, phase, is_at_home) = (VehicleId(1), MissionPhase::Over, true);
-    let home = Mission { vehicle, boot: Boot(1), phase, is_at_home, ..Mission::default() };
+    let home = Mission {
+        vehicle,
+        boot: Boot(1),
+        phase,
+        is_at_home,
+        ..Mission::default()
+    };
     world.tell(In::Bus(heard(Message::Mission(home))));
     world.run(0.1);
-    assert!(world.said.contains(&Out::ScriptEnded(ScriptEnd::Done)), "{:?}", world.said);
+    assert!(
+        world.said.contains(&Out::ScriptEnded(ScriptEnd::Done)),
+        "{:?}",
+        world.said
+    );
 }
 
 #[test]
@@ -390,33 +574,78 @@ fn a_script_that_waits_for_what_never_comes_ends_with_a_reason_after_its_limit()
     let within = Duration::from_secs(4);
     let never = |step: Step, why: &str| {
         let mut world = World::new(vec![Rover::new(1)]);
-        follow(&mut world, &[Step::Delay(Duration::from_secs(1)), step, Step::Want(want(Kind::Hold))]);
+        follow(
+            &mut world,
+            &[
+                Step::Delay(Duration::from_secs(1)),
+                step,
+                Step::Want(want(Kind::Hold)),
+            ],
+        );
         world.run(4.9);
-        assert_eq!(world.said.iter().filter(|out| matches!(out, Out::ScriptEnded(_))).count(), 0, "{why}");
+        assert_eq!(
+            world
+                .said
+                .iter()
+                .filter(|out| matches!(out, Out::ScriptEnded(_)))
+                .count(),
+            0,
+            "{why}"
+        );
         world.run(0.2);
-        let end = ScriptEnd::GaveUp { step: 1, why: why.to_owned() };
+        let end = ScriptEnd::GaveUp {
+            step: 1,
+            why: why.to_owned(),
+        };
         assert_eq!(world.said.last(), Some(&Out::ScriptEnded(end)));
         world.run(10.0);
         assert_eq!(world.orders, [], "what comes after it is not wanted");
     };
-    let expected = Expected { vehicles: [VehicleId(1), VehicleId(2)].into(), ground: true };
+    let expected = Expected {
+        vehicles: [VehicleId(1), VehicleId(2)].into(),
+        ground: true,
+    };
     let wait = |until| Step::Wait { until, within };
     let silent = "not heard: vehicle 2, the ground station, within 4.0 s";
     never(wait(Condition::Heard(expected)), silent);
-    never(wait(Condition::Driven(RunId(1))), "not shown: run 1 is driven to its end, within 4.0 s");
-    never(wait(Condition::InForce), "not shown: every vehicle shows the order, within 4.0 s");
-    never(wait(Condition::Home(one_present())), "not at home: vehicle 1, within 4.0 s");
-    never(Step::Cue { name: "enter".to_owned(), within }, "\"enter\" was not done within 4.0 s");
+    never(
+        wait(Condition::Driven(RunId(1))),
+        "not shown: run 1 is driven to its end, within 4.0 s",
+    );
+    never(
+        wait(Condition::InForce),
+        "not shown: every vehicle shows the order, within 4.0 s",
+    );
+    never(
+        wait(Condition::Home(one_present())),
+        "not at home: vehicle 1, within 4.0 s",
+    );
+    never(
+        Step::Cue {
+            name: "enter".to_owned(),
+            within,
+        },
+        "\"enter\" was not done within 4.0 s",
+    );
 }
 
 #[test]
 fn a_script_whose_want_fails_ends_with_the_reason() {
     let mut world = World::new(vec![Rover::new(1)]);
     let until = Condition::InForce;
-    let steps = [Step::Want(only(Kind::Hold, 2)), Step::Wait { until, within: Duration::from_secs(60) }];
+    let steps = [
+        Step::Want(only(Kind::Hold, 2)),
+        Step::Wait {
+            until,
+            within: Duration::from_secs(60),
+        },
+    ];
     follow(&mut world, &steps);
     world.run(5.1);
-    let end = ScriptEnd::GaveUp { step: 1, why: "vehicle 2 is not heard".to_owned() };
+    let end = ScriptEnd::GaveUp {
+        step: 1,
+        why: "vehicle 2 is not heard".to_owned(),
+    };
     assert_eq!(world.said.last(), Some(&Out::ScriptEnded(end)));
 }
 

@@ -54,15 +54,23 @@ impl Delivery {
     /// Begins anew with a vehicle that was started anew, unless somebody else has the say since.
     pub fn forget(&mut self, in_force: Lease) {
         let is_outbid = self.issued.is_some_and(|issued| in_force > issued.lease);
-        let by_lease = is_outbid.then_some(Ordered { lease: in_force, ..Ordered::default() });
-        self.overruled = self.overruled.or(self.doubted.map(|(_, echo)| echo)).or(by_lease);
+        let by_lease = is_outbid.then_some(Ordered {
+            lease: in_force,
+            ..Ordered::default()
+        });
+        self.overruled = self
+            .overruled
+            .or(self.doubted.map(|(_, echo)| echo))
+            .or(by_lease);
         (self.issued, self.sent_at, self.doubted) = (None, None, None);
     }
 
     /// Takes the echo of a vehicle that obeys nothing of what was sent: one that was started anew shows what it remembers,
     /// and obeys nothing lower.
     pub fn look_at_memory(&mut self, echo: Ordered) {
-        let Some(issued) = self.issued.filter(|issued| echo.edition() > (issued.lease, issued.revision))
+        let Some(issued) = self
+            .issued
+            .filter(|issued| echo.edition() > (issued.lease, issued.revision))
         else {
             return;
         };
@@ -94,9 +102,10 @@ impl Delivery {
     /// Returns how it ended, or stands.
     pub fn outcome(&self, is_heard: bool) -> VehicleOutcome {
         match (self.obeyed, self.overruled) {
-            (Some((at, by_ground)), _) => {
-                VehicleOutcome::Obeyed { after: at.since(self.first_at.unwrap_or(at)), by_ground }
-            }
+            (Some((at, by_ground)), _) => VehicleOutcome::Obeyed {
+                after: at.since(self.first_at.unwrap_or(at)),
+                by_ground,
+            },
             (None, Some(echo)) => VehicleOutcome::Overruled(echo),
             (None, None) if is_heard => VehicleOutcome::Ignored,
             (None, None) => VehicleOutcome::Unheard,

@@ -13,19 +13,35 @@ impl Ordering {
         if is_linked {
             self.linked.get_or_insert(now);
         }
-        let mission = self.instruction.mission.clone().filter(|_| !self.is_task_given)?;
+        let mission = self
+            .instruction
+            .mission
+            .clone()
+            .filter(|_| !self.is_task_given)?;
         let knows_all = !self.instruction.vehicles.is_empty() || self.has_listened(now);
-        if self.linked.is_none() || !knows_all || !self.knows_ground(now) || self.refusal(now).is_some() {
+        if self.linked.is_none()
+            || !knows_all
+            || !self.knows_ground(now)
+            || self.refusal(now).is_some()
+        {
             return None;
         }
-        let members: Vec<VehicleId> =
-            self.targets(now).into_iter().filter(|id| self.misfit(*id).is_none()).collect();
+        let members: Vec<VehicleId> = self
+            .targets(now)
+            .into_iter()
+            .filter(|id| self.misfit(*id).is_none())
+            .collect();
         if members.is_empty() {
             return None;
         }
         let run = self.next_run(now);
         (self.is_task_given, self.run) = (true, Some(run));
-        Some(TaskWish { run, members, compare_with: mission.compare_with, kind: mission.kind })
+        Some(TaskWish {
+            run,
+            members,
+            compare_with: mission.compare_with,
+            kind: mission.kind,
+        })
     }
 
     /// Returns whether its mission is still to be given as a task, before anybody is started.
@@ -43,14 +59,20 @@ impl Ordering {
         let is_idle = report.is_some_and(|report| report.phase == StationPhase::Idle);
         let is_left_to_vehicles = report.is_some_and(|report| is_open_mission(report, newest));
         let is_new = self.instruction.begins && is_idle && !is_left_to_vehicles;
-        let run = self.instruction.run.unwrap_or(if is_new { self.next_run(now) } else { newest });
+        let run = self
+            .instruction
+            .run
+            .unwrap_or(if is_new { self.next_run(now) } else { newest });
         self.run = Some(run);
         run
     }
 
     /// Returns the newest run that anybody was started in.
     fn newest_run(&self, now: Time) -> RunId {
-        let states = self.view.vehicles().filter_map(|(_, seen)| seen.state.as_ref());
+        let states = self
+            .view
+            .vehicles()
+            .filter_map(|(_, seen)| seen.state.as_ref());
         let driven = states.map(|state| state.value.accepted.0.max(state.value.ordered.run));
         let report = self.view.ground(now).map(|report| report.value.run);
         driven.chain(report).max().unwrap_or_default()
@@ -59,18 +81,29 @@ impl Ordering {
     /// Returns the next run: above all that were started, and above those that were only given as a task.
     pub(super) fn next_run(&self, now: Time) -> RunId {
         let report = self.view.ground(now).map(|report| &report.value);
-        let given = report.and_then(|report| report.runs.last()).map(|run| run.run);
+        let given = report
+            .and_then(|report| report.runs.last())
+            .map(|run| run.run);
         let newest = self.newest_run(now).max(given.unwrap_or_default());
         RunId(newest.0.saturating_add(1).min(LAST_REVISION))
     }
 
     /// Returns what became of a vehicle that has obeyed the start of a mission, when there is more to say than that.
-    pub(super) fn mission_outcome(&self, id: VehicleId, outcome: VehicleOutcome) -> Option<VehicleOutcome> {
-        let (wish, VehicleOutcome::Obeyed { .. }) = (self.instruction.mission.as_ref()?, outcome) else {
+    pub(super) fn mission_outcome(
+        &self,
+        id: VehicleId,
+        outcome: VehicleOutcome,
+    ) -> Option<VehicleOutcome> {
+        let (wish, VehicleOutcome::Obeyed { .. }) = (self.instruction.mission.as_ref()?, outcome)
+        else {
             return None;
         };
         let kind = MissionKind::from(&wish.kind);
-        let said = self.view.vehicle(id).and_then(|seen| seen.mission.as_ref()).map(|said| said.value);
+        let said = self
+            .view
+            .vehicle(id)
+            .and_then(|seen| seen.mission.as_ref())
+            .map(|said| said.value);
         let said = said.filter(|said| said.kind == kind);
         match said {
             // The ground station makes its plans first.
@@ -78,7 +111,10 @@ impl Ordering {
             Some(said) if Some(said.progress.run) == self.run => match said.end {
                 Some(MissionEnd::Refused(why)) => Some(VehicleOutcome::Refused(why)),
                 Some(
-                    MissionEnd::Done | MissionEnd::Stopped | MissionEnd::NoWay(_) | MissionEnd::GaveUp(_),
+                    MissionEnd::Done
+                    | MissionEnd::Stopped
+                    | MissionEnd::NoWay(_)
+                    | MissionEnd::GaveUp(_),
                 )
                 | None => None,
             },

@@ -6,7 +6,10 @@ use tomoswarm_proto::{Boot, Control, Hello, Message, OrderKind as Kind, Standing
 use super::super::tests_support::{Rover, at, heard, report};
 use super::*;
 
-const GROUNDS: Lease = Lease { number: 4, holder: 44 };
+const GROUNDS: Lease = Lease {
+    number: 4,
+    holder: 44,
+};
 const OWN: u64 = 7;
 
 fn want(kind: Kind) -> Instruction {
@@ -27,7 +30,10 @@ fn want(kind: Kind) -> Instruction {
 }
 
 fn only_one(kind: Kind) -> Instruction {
-    Instruction { vehicles: BTreeSet::from([VehicleId(1)]), ..want(kind) }
+    Instruction {
+        vehicles: BTreeSet::from([VehicleId(1)]),
+        ..want(kind)
+    }
 }
 
 /// A small world: what is said arrives within a tick of 20 ms unless it is lost.
@@ -82,7 +88,8 @@ impl World {
             }
         }
         if let Some(report) = self.report.as_ref().filter(|_| tick.is_multiple_of(50)) {
-            self.ordering.hear(self.now, &heard(Message::Report(report.clone())));
+            self.ordering
+                .hear(self.now, &heard(Message::Report(report.clone())));
         }
         self.ordering.outcome(self.now)
     }
@@ -115,8 +122,16 @@ fn a_start_uses_the_grounds_lease_and_ends_when_all_states_show_it() {
     let mut world = World::new(want(Kind::Start), vec![Rover::new(1), Rover::new(2)]).with_ground();
     let outcome = world.run();
     assert!(outcome.is_done(), "{outcome:?}");
-    assert_eq!((outcome.lease, outcome.run), (Some(GROUNDS), Some(RunId(1))));
-    assert!(world.sent.iter().all(|(_, order)| order.revision == Revision(1) && order.seen.is_some()));
+    assert_eq!(
+        (outcome.lease, outcome.run),
+        (Some(GROUNDS), Some(RunId(1)))
+    );
+    assert!(
+        world
+            .sent
+            .iter()
+            .all(|(_, order)| order.revision == Revision(1) && order.seen.is_some())
+    );
     assert_eq!(world.rovers[1].state.ordered.kind, Some(Kind::Start));
 }
 
@@ -124,7 +139,13 @@ fn a_start_uses_the_grounds_lease_and_ends_when_all_states_show_it() {
 fn where_nobody_holds_a_lease_an_own_one_begins() {
     let outcome = World::new(want(Kind::Start), vec![Rover::new(1)]).run();
     assert!(outcome.is_done());
-    assert_eq!(outcome.lease, Some(Lease { number: 1, holder: OWN }));
+    assert_eq!(
+        outcome.lease,
+        Some(Lease {
+            number: 1,
+            holder: OWN
+        })
+    );
 }
 
 #[test]
@@ -132,7 +153,15 @@ fn the_revision_is_above_each_vehicles_own_echo() {
     let rovers = vec![Rover::ordered(1, GROUNDS, 9, Kind::Start), Rover::new(2)];
     let mut world = World::new(want(Kind::Hold), rovers);
     assert!(world.run().is_done());
-    let of = |id| world.sent.iter().find(|(_, order)| order.vehicle == VehicleId(id)).unwrap().1.clone();
+    let of = |id| {
+        world
+            .sent
+            .iter()
+            .find(|(_, order)| order.vehicle == VehicleId(id))
+            .unwrap()
+            .1
+            .clone()
+    };
     assert_eq!((of(1).lease, of(1).revision), (GROUNDS, Revision(10)));
     assert_eq!((of(2).lease, of(2).revision), (GROUNDS, Revision(1)));
 }
@@ -142,10 +171,20 @@ fn lost_orders_are_sent_again_every_100_ms() {
     let mut world = World::new(want(Kind::Hold), vec![Rover::new(1)]);
     world.loses = |number| number < 8;
     let outcome = world.run();
-    let times: Vec<u64> = world.sent.iter().map(|(at, _)| at.as_nanos() / 1_000_000).collect();
-    assert!(times.windows(2).all(|pair| pair[1] - pair[0] == 100), "{times:?}");
+    let times: Vec<u64> = world
+        .sent
+        .iter()
+        .map(|(at, _)| at.as_nanos() / 1_000_000)
+        .collect();
+    assert!(
+        times.windows(2).all(|pair| pair[1] - pair[0] == 100),
+        "{times:?}"
+    );
     let after = obeyed_ms(&outcome)[0];
-    assert!((800..=1000).contains(&after), "{after} ms: eight are lost, a state comes every 200 ms");
+    assert!(
+        (800..=1000).contains(&after),
+        "{after} ms: eight are lost, a state comes every 200 ms"
+    );
 }
 
 #[test]
@@ -154,15 +193,23 @@ fn what_stops_waits_for_no_ground_and_what_starts_does() {
         let mut world = World::new(want(kind), vec![Rover::new(1)]);
         world.run();
         let first = world.sent[0].0;
-        assert!((at(from_s)..=at(to_s)).contains(&first), "{kind:?} at {first}");
+        assert!(
+            (at(from_s)..=at(to_s)).contains(&first),
+            "{kind:?} at {first}"
+        );
     }
 }
 
 #[test]
 fn late_states_are_waited_for_and_nobody_counts_as_missing_who_then_comes() {
     let two = BTreeSet::from([VehicleId(1), VehicleId(2)]);
-    let mut world =
-        World::new(Instruction { vehicles: two, ..want(Kind::Hold) }, vec![Rover::new(1), Rover::new(2)]);
+    let mut world = World::new(
+        Instruction {
+            vehicles: two,
+            ..want(Kind::Hold)
+        },
+        vec![Rover::new(1), Rover::new(2)],
+    );
     world.states_from = at(3.0);
     world.run_until(2.9);
     assert_eq!(world.sent, vec![]);
@@ -172,10 +219,19 @@ fn late_states_are_waited_for_and_nobody_counts_as_missing_who_then_comes() {
 #[test]
 fn who_is_not_heard_is_named_when_the_time_is_up() {
     let two = BTreeSet::from([VehicleId(1), VehicleId(2)]);
-    let mut world = World::new(Instruction { vehicles: two, ..want(Kind::Hold) }, vec![Rover::new(2)]);
+    let mut world = World::new(
+        Instruction {
+            vehicles: two,
+            ..want(Kind::Hold)
+        },
+        vec![Rover::new(2)],
+    );
     let outcome = world.run();
     assert!(
-        matches!(outcomes(&outcome)[..], [VehicleOutcome::Unheard, VehicleOutcome::Obeyed { .. }]),
+        matches!(
+            outcomes(&outcome)[..],
+            [VehicleOutcome::Unheard, VehicleOutcome::Obeyed { .. }]
+        ),
         "{outcome:?}"
     );
     assert!(!outcome.is_done() && world.now == at(5.0));
@@ -194,7 +250,10 @@ fn who_hears_nothing_is_said_to_have_ignored_it() {
 fn a_vehicle_started_anew_in_between_is_told_again() {
     let both = BTreeSet::from([VehicleId(1), VehicleId(2)]);
     let mut world = World::new(
-        Instruction { vehicles: both, ..want(Kind::Hold) },
+        Instruction {
+            vehicles: both,
+            ..want(Kind::Hold)
+        },
         vec![Rover::ordered(1, GROUNDS, 5, Kind::Start)],
     );
     world.run_until(1.0);
@@ -202,7 +261,10 @@ fn a_vehicle_started_anew_in_between_is_told_again() {
     world.rovers[0].restart();
     world.rovers.push(Rover::new(2));
     world.run_until(1.15);
-    assert_eq!(world.rovers[0].state.ordered.kind, None, "its new state has not come yet");
+    assert_eq!(
+        world.rovers[0].state.ordered.kind, None,
+        "its new state has not come yet"
+    );
     assert!(world.run().is_done());
     assert_eq!(world.rovers[0].state.ordered.kind, Some(Kind::Hold));
 }
@@ -212,7 +274,10 @@ fn a_higher_order_of_another_lease_overrules_and_is_named() {
     let mut world = World::new(only_one(Kind::Start), vec![Rover::new(1)]).with_ground();
     world.loses = |_| true;
     world.run_until(1.2);
-    let lease = Lease { number: 9, holder: 1 };
+    let lease = Lease {
+        number: 9,
+        holder: 1,
+    };
     let other = Rover::ordered(1, lease, 1, Kind::Hold).state.ordered;
     world.rovers[0].state.ordered = other;
     assert_eq!(outcomes(&world.run()), [VehicleOutcome::Overruled(other)]);
@@ -221,7 +286,10 @@ fn a_higher_order_of_another_lease_overrules_and_is_named() {
 
 #[test]
 fn a_hold_goes_above_a_start_of_the_same_lease_and_not_the_other_way_round() {
-    for (ours, theirs, wins) in [(Kind::Hold, Kind::Start, true), (Kind::Start, Kind::Hold, false)] {
+    for (ours, theirs, wins) in [
+        (Kind::Hold, Kind::Start, true),
+        (Kind::Start, Kind::Hold, false),
+    ] {
         let mut world = World::new(want(ours), vec![Rover::ordered(1, GROUNDS, 5, Kind::Start)]);
         world.loses = |number| number < 10;
         while world.sent.is_empty() {
@@ -242,8 +310,12 @@ fn a_start_that_the_ground_brings_about_by_a_hold_is_obeyed_unless_something_sta
         }
         // It was obeyed between two states, and the ground has ordered to hold in the same run.
         world.rovers[0].state.ordered = Rover::ordered(1, GROUNDS, 2, Kind::Hold).state.ordered;
-        world.report =
-            Some(Report { phase: StationPhase::Stopping, run: RunId(1), in_force: standing, ..report() });
+        world.report = Some(Report {
+            phase: StationPhase::Stopping,
+            run: RunId(1),
+            in_force: standing,
+            ..report()
+        });
         let outcome = world.run();
         assert_eq!(outcome.is_done(), is_done, "{outcome:?}");
     }
@@ -251,7 +323,12 @@ fn a_start_that_the_ground_brings_about_by_a_hold_is_obeyed_unless_something_sta
 
 #[test]
 fn a_start_that_never_came_is_not_taken_for_one_that_the_ground_brings_about() {
-    for (revision, theirs) in [(1, Kind::Hold), (1, Kind::Land), (2, Kind::Land), (2, Kind::Return)] {
+    for (revision, theirs) in [
+        (1, Kind::Hold),
+        (1, Kind::Land),
+        (2, Kind::Land),
+        (2, Kind::Return),
+    ] {
         let mut world = World::new(only_one(Kind::Start), vec![Rover::new(1)]).with_ground();
         world.loses = |_| true;
         while world.sent.is_empty() {
@@ -259,7 +336,11 @@ fn a_start_that_never_came_is_not_taken_for_one_that_the_ground_brings_about() {
         }
         // Somebody else has ordered it at the same time; the ground station has not heard of that yet.
         world.rovers[0].state.ordered = Rover::ordered(1, GROUNDS, revision, theirs).state.ordered;
-        world.report = Some(Report { phase: StationPhase::Stopping, run: RunId(1), ..report() });
+        world.report = Some(Report {
+            phase: StationPhase::Stopping,
+            run: RunId(1),
+            ..report()
+        });
         let outcome = world.run();
         assert!(!outcome.is_done(), "{revision} {theirs:?}: {outcome:?}");
     }
@@ -268,38 +349,78 @@ fn a_start_that_never_came_is_not_taken_for_one_that_the_ground_brings_about() {
 #[test]
 fn a_lease_is_taken_over_with_the_next_number_and_an_own_holder() {
     let rovers = vec![Rover::ordered(1, GROUNDS, 9, Kind::Start), Rover::new(2)];
-    let outcome =
-        World::new(Instruction { take_over: true, ..want(Kind::Start) }, rovers).with_ground().run();
+    let outcome = World::new(
+        Instruction {
+            take_over: true,
+            ..want(Kind::Start)
+        },
+        rovers,
+    )
+    .with_ground()
+    .run();
     assert!(outcome.is_done());
-    assert_eq!(outcome.lease, Some(Lease { number: 5, holder: OWN }));
+    assert_eq!(
+        outcome.lease,
+        Some(Lease {
+            number: 5,
+            holder: OWN
+        })
+    );
 }
 
 #[test]
 fn a_start_of_an_idle_ground_begins_the_next_run_and_otherwise_goes_on() {
     let run_of = |begins, phase, run| {
-        let mut world = World::new(Instruction { begins, run, ..want(Kind::Start) }, vec![Rover::new(1)]);
-        world.report = Some(Report { phase, run: RunId(6), ..report() });
+        let mut world = World::new(
+            Instruction {
+                begins,
+                run,
+                ..want(Kind::Start)
+            },
+            vec![Rover::new(1)],
+        );
+        world.report = Some(Report {
+            phase,
+            run: RunId(6),
+            ..report()
+        });
         world.run().run
     };
     assert_eq!(run_of(true, StationPhase::Idle, None), Some(RunId(7)));
     assert_eq!(run_of(true, StationPhase::Running, None), Some(RunId(6)));
     assert_eq!(run_of(false, StationPhase::Idle, None), Some(RunId(6)));
-    assert_eq!(run_of(true, StationPhase::Idle, Some(RunId(12))), Some(RunId(12)));
+    assert_eq!(
+        run_of(true, StationPhase::Idle, Some(RunId(12))),
+        Some(RunId(12))
+    );
 }
 
 /// A greeting of a vehicle with this version and venue file.
 fn greets(vehicle: u8, version: u8, venue_hash: u64) -> Heard {
     let (node, boot) = (Sender::Vehicle(VehicleId(vehicle)), Boot(1));
-    let hello = Hello { is_member: true, member_for_s: 9, ..Hello::asking(node, boot, venue_hash, 1) };
+    let hello = Hello {
+        is_member: true,
+        member_for_s: 9,
+        ..Hello::asking(node, boot, venue_hash, 1)
+    };
     let hello = (version == codec::VERSION).then_some(hello);
-    Heard::Greeting(Greeting { version, node, boot, venue_hash }, hello)
+    Heard::Greeting(
+        Greeting {
+            version,
+            node,
+            boot,
+            venue_hash,
+        },
+        hello,
+    )
 }
 
 #[test]
 fn who_has_another_venue_file_or_version_is_named_at_once_and_not_ordered() {
-    for (version, venue_hash, misfit) in
-        [(codec::VERSION, 6, Misfit::Venue(6)), (codec::VERSION + 1, 5, Misfit::Version(codec::VERSION + 1))]
-    {
+    for (version, venue_hash, misfit) in [
+        (codec::VERSION, 6, Misfit::Venue(6)),
+        (codec::VERSION + 1, 5, Misfit::Version(codec::VERSION + 1)),
+    ] {
         let mut ordering = Ordering::new(Time::ZERO, only_one(Kind::Hold));
         ordering.hear(at(0.1), &Rover::new(1).say());
         ordering.hear(at(0.1), &greets(1, version, venue_hash));
@@ -316,7 +437,10 @@ fn who_has_another_venue_file_or_version_is_named_at_once_and_not_ordered() {
 #[test]
 fn a_vehicle_that_remembers_is_told_again_above_what_it_remembers() {
     for revisions_missed in 0..3 {
-        let mut world = World::new(only_one(Kind::Hold), vec![Rover::ordered(1, GROUNDS, 5, Kind::Start)]);
+        let mut world = World::new(
+            only_one(Kind::Hold),
+            vec![Rover::ordered(1, GROUNDS, 5, Kind::Start)],
+        );
         world.loses = |_| true;
         world.run_until(0.5);
         // It has obeyed what nobody has seen, and others' orders of this lease.
@@ -332,23 +456,39 @@ fn a_vehicle_that_remembers_is_told_again_above_what_it_remembers() {
 
 #[test]
 fn what_a_vehicle_remembers_of_a_greater_lease_overrules() {
-    let mut world = World::new(only_one(Kind::Hold), vec![Rover::ordered(1, GROUNDS, 5, Kind::Start)]);
+    let mut world = World::new(
+        only_one(Kind::Hold),
+        vec![Rover::ordered(1, GROUNDS, 5, Kind::Start)],
+    );
     world.loses = |_| true;
     world.run_until(0.5);
     world.rovers[0].state.ordered.lease.number += 1;
     world.rovers[0].restart_remembering();
     let remembered = world.rovers[0].state.ordered;
     world.loses = |_| false;
-    assert_eq!(outcomes(&world.run()), [VehicleOutcome::Overruled(remembered)]);
+    assert_eq!(
+        outcomes(&world.run()),
+        [VehicleOutcome::Overruled(remembered)]
+    );
 }
 
 fn stop(name: u32) -> EmergencyStop {
-    EmergencyStop { name: EmergencyName(name), scope: StopScope::All, by: tomoswarm_proto::OperatorId(1) }
+    EmergencyStop {
+        name: EmergencyName(name),
+        scope: StopScope::All,
+        by: tomoswarm_proto::OperatorId(1),
+    }
 }
 
 fn tells(vehicle: u8, open: &[u32]) -> Heard {
-    let standing = Standing { open: open.iter().copied().map(stop).collect(), lifted: vec![] };
-    Heard::Message(Sender::Vehicle(VehicleId(vehicle)), Message::Standing(standing))
+    let standing = Standing {
+        open: open.iter().copied().map(stop).collect(),
+        lifted: vec![],
+    };
+    Heard::Message(
+        Sender::Vehicle(VehicleId(vehicle)),
+        Message::Standing(standing),
+    )
 }
 
 /// An order to two vehicles; the second one has been heard last so long ago. Both have told which stops are open.
@@ -367,27 +507,53 @@ const STOPS: [u32; 2] = [0x1_0001, 0x1_0002];
 
 #[test]
 fn a_start_names_the_stops_that_are_open_when_it_is_first_sent_and_no_later_one() {
-    let both = Instruction { vehicles: [VehicleId(1), VehicleId(2)].into(), ..want(Kind::Start) };
+    let both = Instruction {
+        vehicles: [VehicleId(1), VehicleId(2)].into(),
+        ..want(Kind::Start)
+    };
     let (mut ordering, sent) = under_stops(both.clone(), &STOPS, Duration::ZERO);
     assert_eq!(sent.len(), 2);
-    assert!(sent.iter().all(|order| order.ends == STOPS.map(EmergencyName)), "{sent:?}");
+    assert!(
+        sent.iter()
+            .all(|order| order.ends == STOPS.map(EmergencyName)),
+        "{sent:?}"
+    );
     ordering.hear(at(5.1), &tells(1, &[STOPS[0], STOPS[1], 0x1_0003]));
-    assert!(ordering.act(at(5.2), true).iter().all(|order| order.ends == STOPS.map(EmergencyName)));
+    assert!(
+        ordering
+            .act(at(5.2), true)
+            .iter()
+            .all(|order| order.ends == STOPS.map(EmergencyName))
+    );
     let mut state = Rover::new(1).state;
     (state.sequence, state.stands_under) = (9, Some(StandReason::Stop(EmergencyName(0x1_0003))));
     ordering.hear(at(5.3), &heard(Message::State(state)));
     let of_one = ordering.outcome_so_far(at(5.3)).vehicles[&VehicleId(1)];
     assert_eq!(of_one, VehicleOutcome::UnderStop(EmergencyName(0x1_0003)));
-    let (_, sent) = under_stops(Instruction { kind: Kind::Hold, ..both }, &STOPS, Duration::ZERO);
+    let (_, sent) = under_stops(
+        Instruction {
+            kind: Kind::Hold,
+            ..both
+        },
+        &STOPS,
+        Duration::ZERO,
+    );
     assert!(sent.iter().all(|order| order.ends.is_empty()));
 }
 
 #[test]
 fn a_start_names_the_take_over_that_a_vehicle_shows_when_it_is_first_sent_and_no_later_one() {
-    let both = Instruction { vehicles: [VehicleId(1), VehicleId(2)].into(), ..want(Kind::Start) };
+    let both = Instruction {
+        vehicles: [VehicleId(1), VehicleId(2)].into(),
+        ..want(Kind::Start)
+    };
     let stop = EmergencyName(STOPS[0]);
     let steered = |vehicle: u8, control: Control, sequence: u64| {
-        let state = State { control, sequence, ..Rover::new(vehicle).state };
+        let state = State {
+            control,
+            sequence,
+            ..Rover::new(vehicle).state
+        };
         heard(Message::State(state))
     };
     let name = EmergencyName::of_take_over(VehicleId(1), Rover::new(1).state.boot);
@@ -398,7 +564,13 @@ fn a_start_names_the_take_over_that_a_vehicle_shows_when_it_is_first_sent_and_no
         (Kind::Start, Control::Ours, false),
         (Kind::Hold, Control::Remote, false),
     ] {
-        let mut ordering = Ordering::new(Time::ZERO, Instruction { kind, ..both.clone() });
+        let mut ordering = Ordering::new(
+            Time::ZERO,
+            Instruction {
+                kind,
+                ..both.clone()
+            },
+        );
         ordering.act(Time::ZERO, true);
         ordering.hear(at(5.0), &steered(1, control, 1));
         ordering.hear(at(5.0), &steered(2, Control::Ours, 1));
@@ -418,30 +590,59 @@ fn a_start_names_the_take_over_that_a_vehicle_shows_when_it_is_first_sent_and_no
     }
     let full = ended(&[EmergencyName(0x1_0001); 1], Some(stop));
     assert_eq!(full, [stop], "each once");
-    let eight: Vec<EmergencyName> = (1..=8).map(|number| EmergencyName(0x2_0000 + number)).collect();
-    assert_eq!(ended(&eight, Some(stop)).len(), 8, "as many as an order carries");
+    let eight: Vec<EmergencyName> = (1..=8)
+        .map(|number| EmergencyName(0x2_0000 + number))
+        .collect();
+    assert_eq!(
+        ended(&eight, Some(stop)).len(),
+        8,
+        "as many as an order carries"
+    );
 }
 
 #[test]
 fn stops_are_not_lifted_while_somebody_is_not_heard_unless_it_is_named() {
     let two = VehicleId(2);
-    let both = Instruction { vehicles: [VehicleId(1), two].into(), ..want(Kind::Start) };
+    let both = Instruction {
+        vehicles: [VehicleId(1), two].into(),
+        ..want(Kind::Start)
+    };
     let silent = Duration::from_millis(2500);
     let (ordering, sent) = under_stops(both.clone(), &STOPS, silent);
-    assert_eq!((sent, ordering.outcome(at(5.0)).unwrap().refused), (vec![], Some(Refusal::Unheard(two))));
+    assert_eq!(
+        (sent, ordering.outcome(at(5.0)).unwrap().refused),
+        (vec![], Some(Refusal::Unheard(two)))
+    );
     let (_, sent) = under_stops(both.clone(), &[], silent);
     assert!(!sent.is_empty(), "nothing is to be lifted");
-    let (_, sent) = under_stops(Instruction { although_unheard: [two].into(), ..both }, &STOPS, silent);
+    let (_, sent) = under_stops(
+        Instruction {
+            although_unheard: [two].into(),
+            ..both
+        },
+        &STOPS,
+        silent,
+    );
     assert!(!sent.is_empty());
 }
 
 #[test]
 fn what_stands_for_many_is_lifted_only_when_that_is_asked_for() {
-    let both = Instruction { vehicles: [VehicleId(1), VehicleId(2)].into(), ..want(Kind::Start) };
+    let both = Instruction {
+        vehicles: [VehicleId(1), VehicleId(2)].into(),
+        ..want(Kind::Start)
+    };
     let open = [0x42, STOPS[0]];
     let (_, sent) = under_stops(both.clone(), &open, Duration::ZERO);
     assert_eq!(sent[0].ends, [EmergencyName(STOPS[0])]);
-    let (_, sent) = under_stops(Instruction { lifts_many: true, ..both }, &open, Duration::ZERO);
+    let (_, sent) = under_stops(
+        Instruction {
+            lifts_many: true,
+            ..both
+        },
+        &open,
+        Duration::ZERO,
+    );
     assert_eq!(sent[0].ends, open.map(EmergencyName));
 }
 
@@ -449,5 +650,8 @@ fn what_stands_for_many_is_lifted_only_when_that_is_asked_for() {
 fn nobody_is_called_home_while_a_stop_is_open() {
     let (ordering, sent) = under_stops(want(Kind::Return), &STOPS, Duration::ZERO);
     let refused = ordering.outcome(at(5.0)).unwrap().refused;
-    assert_eq!((sent, refused), (vec![], Some(Refusal::StopOpen(EmergencyName(STOPS[0])))));
+    assert_eq!(
+        (sent, refused),
+        (vec![], Some(Refusal::StopOpen(EmergencyName(STOPS[0]))))
+    );
 }

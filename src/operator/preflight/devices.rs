@@ -7,22 +7,39 @@ use super::{Check, Light, check};
 
 /// Checks the devices of a vehicle. One that names none is not refused: it has not said what it has.
 pub(super) fn devices(hello: Option<&Hello>, health: Option<&Health>) -> Check {
-    let capabilities = hello.map(|hello| hello.capabilities.as_slice()).unwrap_or_default();
+    let capabilities = hello
+        .map(|hello| hello.capabilities.as_slice())
+        .unwrap_or_default();
     if capabilities.is_empty() {
-        return Check { what: "devices", light: Light::Unknown, found: "not reported".to_owned() };
+        return Check {
+            what: "devices",
+            light: Light::Unknown,
+            found: "not reported".to_owned(),
+        };
     }
     let has = |is_it: fn(&Capability) -> bool| capabilities.iter().any(is_it);
     let needed = [
-        ("no autopilot", has(|one| matches!(one, Capability::Autopilot(..)))),
+        (
+            "no autopilot",
+            has(|one| matches!(one, Capability::Autopilot(..))),
+        ),
         (
             "no range sensor: it sees nothing, and is not driven",
             has(|one| matches!(one, Capability::RangeSensor(_))),
         ),
-        ("no radio: it measures nothing", has(|one| matches!(one, Capability::Radio(_)))),
+        (
+            "no radio: it measures nothing",
+            has(|one| matches!(one, Capability::Radio(_))),
+        ),
     ];
-    let missing = needed.iter().filter(|(_, is_there)| !is_there).map(|(words, _)| (*words).to_owned());
+    let missing = needed
+        .iter()
+        .filter(|(_, is_there)| !is_there)
+        .map(|(words, _)| (*words).to_owned());
     let is_right = needed.iter().all(|(_, is_there)| *is_there);
-    let mut found: Vec<String> = missing.chain(capabilities.iter().map(|one| in_words(*one))).collect();
+    let mut found: Vec<String> = missing
+        .chain(capabilities.iter().map(|one| in_words(*one)))
+        .collect();
     let range = health.and_then(|health| health.range);
     found.extend(range.map(|RangeHealth { glitches, faults }| {
         format!("range: {glitches} glitches, {faults} pings without an answer")

@@ -2,8 +2,8 @@
 
 use tomoswarm_proto::codec::{Greeting, VERSION};
 use tomoswarm_proto::{
-    AutopilotFamily, AutopilotHealth, BodyKind, Boot, Capability, Deviation, Message, OrderKind, Permille,
-    RadioKind, RangeHealth, RangeSensorKind, Sender, ServoKind, State,
+    AutopilotFamily, AutopilotHealth, BodyKind, Boot, Capability, Deviation, Message, OrderKind,
+    Permille, RadioKind, RangeHealth, RangeSensorKind, Sender, ServoKind, State,
 };
 
 use super::super::Heard;
@@ -69,15 +69,29 @@ impl Swarm {
         let mut view = FleetView::default();
         let soon = at(NOW_S - 0.5);
         for hello in self.hellos {
-            let Hello { node, boot, venue_hash, .. } = hello;
-            let greeting = Greeting { version: VERSION, node, boot, venue_hash };
+            let Hello {
+                node,
+                boot,
+                venue_hash,
+                ..
+            } = hello;
+            let greeting = Greeting {
+                version: VERSION,
+                node,
+                boot,
+                venue_hash,
+            };
             view.hear(soon, &Heard::Greeting(greeting, Some(hello)));
         }
         for (at_s, state) in self.states {
             view.hear(at(at_s), &heard(Message::State(state)));
         }
-        self.healths.into_iter().for_each(|health| view.hear(soon, &heard(Message::Health(health))));
-        self.reports.into_iter().for_each(|report| view.hear(soon, &heard(Message::Report(report))));
+        self.healths
+            .into_iter()
+            .for_each(|health| view.hear(soon, &heard(Message::Health(health))));
+        self.reports
+            .into_iter()
+            .for_each(|report| view.hear(soon, &heard(Message::Report(report))));
         view
     }
 }
@@ -98,8 +112,13 @@ fn needs() -> Needs {
 fn refusals(swarm: Swarm, needs: &Needs) -> Vec<String> {
     let nodes = inspect(&swarm.view(), needs, at(NOW_S));
     let refusing = |node: &Node| -> Vec<String> {
-        let checks = node.checks.iter().filter(|check| check.light == Light::NoGo);
-        checks.map(|check| format!("{}: {}", node.node, check.what)).collect()
+        let checks = node
+            .checks
+            .iter()
+            .filter(|check| check.light == Light::NoGo);
+        checks
+            .map(|check| format!("{}: {}", node.node, check.what))
+            .collect()
     };
     let refusals: Vec<String> = nodes.iter().flat_map(refusing).collect();
     assert_eq!(is_go(&nodes), refusals.is_empty());
@@ -121,27 +140,90 @@ fn a_sound_swarm_is_go() {
 #[test]
 fn each_check_of_a_vehicle_can_refuse() {
     wrong(|swarm| swarm.states[0].0 = 8.9, &["vehicle 1: bus"]);
-    wrong(|swarm| swarm.hellos[1].software = "0.2.0".to_owned(), &["vehicle 2: software"]);
-    wrong(|swarm| swarm.hellos[1].venue_hash = 6, &["vehicle 2: venue"]);
-    wrong(|swarm| swarm.pose_of_1().sd = Deviation(510), &["vehicle 1: pose"]);
-    wrong(|swarm| swarm.pose_of_1().at.y_mm = 4000, &["vehicle 1: home"]);
-    wrong(|swarm| swarm.pose_of_1().at.y_mm = 10_000, &["vehicle 1: fence", "vehicle 1: home"]);
-    wrong(|swarm| swarm.pose_of_1().sd = Deviation::UNKNOWN, &["vehicle 1: pose"]);
-    wrong(|swarm| swarm.states[0].1.pose = None, &["vehicle 1: pose", "vehicle 1: fence", "vehicle 1: home"]);
-    wrong(|swarm| swarm.states[1].1.battery = None, &["vehicle 2: battery"]);
-    wrong(|swarm| swarm.states[1].1.battery = Some(Permille(500)), &["vehicle 2: battery"]);
-    wrong(|swarm| swarm.states[1].1.mode = Mode::Held, &["vehicle 2: mode"]);
-    wrong(|swarm| swarm.states[1].1.mode = Mode::MotorsCut, &["vehicle 2: mode"]);
-    wrong(|swarm| swarm.states[1].1.control = Control::Remote, &["vehicle 2: control"]);
-    wrong(|swarm| swarm.states[1].1.control = Control::Own, &["vehicle 2: control"]);
-    wrong(|swarm| swarm.states[1].1.control = Control::Silent, &["vehicle 2: control"]);
-    wrong(|swarm| swarm.healths[0].hears.clear(), &["vehicle 1: radio"]);
-    wrong(|swarm| swarm.healths[0].disk_free_mb = Some(200), &["vehicle 1: disk"]);
-    wrong(|swarm| swarm.healths[0].samples_lost = 1, &["vehicle 1: samples"]);
-    wrong(|swarm| swarm.healths[0].troubles.push("radio: silent".to_owned()), &["vehicle 1: troubles"]);
-    let failsafes = Failsafes { companion: FailsafeAction::Off, ..Failsafes::default() };
-    let off = AutopilotHealth { failsafes, ..AutopilotHealth::default() };
-    wrong(|swarm| swarm.healths[0].autopilot = Some(off), &["vehicle 1: failsafes"]);
+    wrong(
+        |swarm| swarm.hellos[1].software = "0.2.0".to_owned(),
+        &["vehicle 2: software"],
+    );
+    wrong(
+        |swarm| swarm.hellos[1].venue_hash = 6,
+        &["vehicle 2: venue"],
+    );
+    wrong(
+        |swarm| swarm.pose_of_1().sd = Deviation(510),
+        &["vehicle 1: pose"],
+    );
+    wrong(
+        |swarm| swarm.pose_of_1().at.y_mm = 4000,
+        &["vehicle 1: home"],
+    );
+    wrong(
+        |swarm| swarm.pose_of_1().at.y_mm = 10_000,
+        &["vehicle 1: fence", "vehicle 1: home"],
+    );
+    wrong(
+        |swarm| swarm.pose_of_1().sd = Deviation::UNKNOWN,
+        &["vehicle 1: pose"],
+    );
+    wrong(
+        |swarm| swarm.states[0].1.pose = None,
+        &["vehicle 1: pose", "vehicle 1: fence", "vehicle 1: home"],
+    );
+    wrong(
+        |swarm| swarm.states[1].1.battery = None,
+        &["vehicle 2: battery"],
+    );
+    wrong(
+        |swarm| swarm.states[1].1.battery = Some(Permille(500)),
+        &["vehicle 2: battery"],
+    );
+    wrong(
+        |swarm| swarm.states[1].1.mode = Mode::Held,
+        &["vehicle 2: mode"],
+    );
+    wrong(
+        |swarm| swarm.states[1].1.mode = Mode::MotorsCut,
+        &["vehicle 2: mode"],
+    );
+    wrong(
+        |swarm| swarm.states[1].1.control = Control::Remote,
+        &["vehicle 2: control"],
+    );
+    wrong(
+        |swarm| swarm.states[1].1.control = Control::Own,
+        &["vehicle 2: control"],
+    );
+    wrong(
+        |swarm| swarm.states[1].1.control = Control::Silent,
+        &["vehicle 2: control"],
+    );
+    wrong(
+        |swarm| swarm.healths[0].hears.clear(),
+        &["vehicle 1: radio"],
+    );
+    wrong(
+        |swarm| swarm.healths[0].disk_free_mb = Some(200),
+        &["vehicle 1: disk"],
+    );
+    wrong(
+        |swarm| swarm.healths[0].samples_lost = 1,
+        &["vehicle 1: samples"],
+    );
+    wrong(
+        |swarm| swarm.healths[0].troubles.push("radio: silent".to_owned()),
+        &["vehicle 1: troubles"],
+    );
+    let failsafes = Failsafes {
+        companion: FailsafeAction::Off,
+        ..Failsafes::default()
+    };
+    let off = AutopilotHealth {
+        failsafes,
+        ..AutopilotHealth::default()
+    };
+    wrong(
+        |swarm| swarm.healths[0].autopilot = Some(off),
+        &["vehicle 1: failsafes"],
+    );
 }
 
 #[test]
@@ -150,12 +232,22 @@ fn a_vehicle_names_its_devices_and_one_that_a_run_needs_is_missed() {
         let mut swarm = Swarm::sound();
         change(&mut swarm);
         let nodes = inspect(&swarm.view(), &needs(), at(NOW_S));
-        let devices = nodes[0].checks.iter().find(|check| check.what == "devices").unwrap();
+        let devices = nodes[0]
+            .checks
+            .iter()
+            .find(|check| check.what == "devices")
+            .unwrap();
         (devices.light, devices.found.clone())
     };
-    let all = "autopilot Simulated (Rover); range sensor SerialText; servo Simulated; radio Simulated";
+    let all =
+        "autopilot Simulated (Rover); range sensor SerialText; servo Simulated; radio Simulated";
     assert_eq!(found(&|_| {}), (Light::Go, all.to_owned()));
-    let counted = |swarm: &mut Swarm| swarm.healths[0].range = Some(RangeHealth { glitches: 3, faults: 4 });
+    let counted = |swarm: &mut Swarm| {
+        swarm.healths[0].range = Some(RangeHealth {
+            glitches: 3,
+            faults: 4,
+        })
+    };
     let counts = format!("{all}; range: 3 glitches, 4 pings without an answer");
     assert_eq!(found(&counted), (Light::Go, counts));
     let has = |without: usize| {
@@ -164,30 +256,76 @@ fn a_vehicle_names_its_devices_and_one_that_a_run_needs_is_missed() {
         }
     };
     assert_eq!(found(&has(2)).0, Light::Go, "a range sensor may be fixed");
-    for (without, missed) in [(0, "no autopilot"), (1, "no range sensor: it sees nothing"), (3, "no radio")] {
+    for (without, missed) in [
+        (0, "no autopilot"),
+        (1, "no range sensor: it sees nothing"),
+        (3, "no radio"),
+    ] {
         let (light, found) = found(&has(without));
         assert!(light == Light::NoGo && found.starts_with(missed), "{found}");
         wrong(has(without), &["vehicle 1: devices"]);
     }
     let says_nothing = |swarm: &mut Swarm| swarm.hellos[0].capabilities.clear();
-    assert_eq!(found(&says_nothing), (Light::Unknown, "not reported".to_owned()));
+    assert_eq!(
+        found(&says_nothing),
+        (Light::Unknown, "not reported".to_owned())
+    );
 }
 
 #[test]
 fn each_check_of_the_ground_can_refuse() {
     wrong(
-        |swarm| swarm.reports.push(Report { store: 2, ..Swarm::sound().reports[0].clone() }),
+        |swarm| {
+            swarm.reports.push(Report {
+                store: 2,
+                ..Swarm::sound().reports[0].clone()
+            })
+        },
         &["ground: bus"],
     );
-    wrong(|swarm| swarm.hellos[2].software = "9".to_owned(), &["ground: software"]);
+    wrong(
+        |swarm| swarm.hellos[2].software = "9".to_owned(),
+        &["ground: software"],
+    );
     wrong(|swarm| swarm.hellos[2].venue_hash = 6, &["ground: venue"]);
-    wrong(|swarm| swarm.reports[0].lease = Lease::default(), &["ground: lease"]);
-    wrong(|swarm| swarm.reports[0].phase = StationPhase::Running, &["ground: phase"]);
-    wrong(|swarm| swarm.reports[0].in_force = Some(OrderKind::Hold), &["ground: standing"]);
-    wrong(|swarm| swarm.reports[0].members = vec![VehicleId(1)], &["ground: vehicles"]);
-    wrong(|swarm| swarm.reports[0].troubles.push("store: disk full".to_owned()), &["ground: store"]);
-    let higher = Rover::ordered(1, Lease { number: 5, holder: 1 }, 1, OrderKind::Start).state;
-    wrong(|swarm| swarm.states[0].1.ordered = higher.ordered, &["ground: lease"]);
+    wrong(
+        |swarm| swarm.reports[0].lease = Lease::default(),
+        &["ground: lease"],
+    );
+    wrong(
+        |swarm| swarm.reports[0].phase = StationPhase::Running,
+        &["ground: phase"],
+    );
+    wrong(
+        |swarm| swarm.reports[0].in_force = Some(OrderKind::Hold),
+        &["ground: standing"],
+    );
+    wrong(
+        |swarm| swarm.reports[0].members = vec![VehicleId(1)],
+        &["ground: vehicles"],
+    );
+    wrong(
+        |swarm| {
+            swarm.reports[0]
+                .troubles
+                .push("store: disk full".to_owned())
+        },
+        &["ground: store"],
+    );
+    let higher = Rover::ordered(
+        1,
+        Lease {
+            number: 5,
+            holder: 1,
+        },
+        1,
+        OrderKind::Start,
+    )
+    .state;
+    wrong(
+        |swarm| swarm.states[0].1.ordered = higher.ordered,
+        &["ground: lease"],
+    );
 }
 
 #[test]
@@ -196,7 +334,12 @@ fn who_says_nothing_is_refused_but_for_what_need_not_be_known() {
     swarm.states.pop();
     swarm.healths[0].disk_free_mb = None;
     let refused = refusals(swarm, &needs());
-    assert!(refused.iter().all(|refusal| refusal.starts_with("vehicle 2: ")), "{refused:?}");
+    assert!(
+        refused
+            .iter()
+            .all(|refusal| refusal.starts_with("vehicle 2: ")),
+        "{refused:?}"
+    );
     assert!(refused.contains(&"vehicle 2: bus".to_owned()));
     let mut silent = Swarm::sound();
     silent.reports.clear();
@@ -205,25 +348,48 @@ fn who_says_nothing_is_refused_but_for_what_need_not_be_known() {
 
 #[test]
 fn the_limit_of_the_pose_is_that_of_the_file_or_said_to_be_assumed() {
-    let strict = Needs { pose_sd_max_m: Some(0.04), ..needs() };
-    assert_eq!(refusals(Swarm::sound(), &strict), ["vehicle 1: pose", "vehicle 2: pose"]);
+    let strict = Needs {
+        pose_sd_max_m: Some(0.04),
+        ..needs()
+    };
+    assert_eq!(
+        refusals(Swarm::sound(), &strict),
+        ["vehicle 1: pose", "vehicle 2: pose"]
+    );
     let nodes = inspect(&Swarm::sound().view(), &needs(), at(NOW_S));
-    let assumed = &nodes[0].checks.iter().find(|check| check.what == "pose").unwrap().found;
+    let assumed = &nodes[0]
+        .checks
+        .iter()
+        .find(|check| check.what == "pose")
+        .unwrap()
+        .found;
     assert!(assumed.contains("at most 0.50 m (assumed"), "{assumed}");
 }
 
 #[test]
 fn nobody_is_no_swarm() {
-    let nobody = Needs { vehicles: BTreeSet::new(), ..needs() };
+    let nobody = Needs {
+        vehicles: BTreeSet::new(),
+        ..needs()
+    };
     assert!(!is_go(&inspect(&Swarm::sound().view(), &nobody, at(NOW_S))));
 }
 
 #[test]
 fn a_vehicle_that_names_as_many_as_a_beacon_does_may_hear_more() {
     let all: Vec<VehicleId> = (1..=20).map(VehicleId).collect();
-    let needs = Needs { vehicles: all.iter().copied().collect(), ..needs() };
-    let hears = |count: usize| Health { hears: all[1..=count].to_vec(), ..health(1, 2) };
+    let needs = Needs {
+        vehicles: all.iter().copied().collect(),
+        ..needs()
+    };
+    let hears = |count: usize| Health {
+        hears: all[1..=count].to_vec(),
+        ..health(1, 2)
+    };
     let is_go = |count: usize| super::radio(VehicleId(1), &hears(count), &needs).0;
     assert!(is_go(BEACON_MEMBERS_MAX) && is_go(19));
-    assert!(!is_go(BEACON_MEMBERS_MAX - 1), "with room for one more it would have been named");
+    assert!(
+        !is_go(BEACON_MEMBERS_MAX - 1),
+        "with room for one more it would have been named"
+    );
 }

@@ -22,17 +22,25 @@ fn relaxed_length(
     to: (i32, i32),
     rules: &Rules,
 ) -> Option<f64> {
-    let open = |x: i32, y: i32| (0..SIDE).contains(&x) && (0..SIDE).contains(&y) && !solid.contains(&(x, y));
+    let open = |x: i32, y: i32| {
+        (0..SIDE).contains(&x) && (0..SIDE).contains(&y) && !solid.contains(&(x, y))
+    };
     let place = |x: i32, y: i32| (y * SIDE + x) as usize;
     let mut lengths = vec![f64::INFINITY; (SIDE * SIDE) as usize];
     lengths[place(from.0, from.1)] = 0.0;
     loop {
         let mut changed = false;
-        for (x, y) in (0..SIDE).flat_map(|x| (0..SIDE).map(move |y| (x, y))).filter(|(x, y)| open(*x, *y)) {
+        for (x, y) in (0..SIDE)
+            .flat_map(|x| (0..SIDE).map(move |y| (x, y)))
+            .filter(|(x, y)| open(*x, *y))
+        {
             for (dx, dy) in (-1..=1).flat_map(|dx| (-1..=1).map(move |dy| (dx, dy))) {
                 let slanted = dx != 0 && dy != 0;
                 let corner = slanted && !(open(x + dx, y) && open(x, y + dy));
-                if !open(x + dx, y + dy) || (slanted && !rules.diagonal) || (corner && !rules.cut_corners) {
+                if !open(x + dx, y + dy)
+                    || (slanted && !rules.diagonal)
+                    || (corner && !rules.cut_corners)
+                {
                     continue;
                 }
                 let length = lengths[place(x + dx, y + dy)] + f64::from(dx * dx + dy * dy).sqrt();
@@ -111,7 +119,8 @@ fn obstacles(kind: &str, side: i32, from: [i32; 2], to: [i32; 2]) -> BTreeSet<[i
             };
             while (solid.len() as i32) < side * side / 200 {
                 let place = [next(), next()];
-                let far = |end: [i32; 2]| (place[0] - end[0]).abs().max((place[1] - end[1]).abs()) > 5;
+                let far =
+                    |end: [i32; 2]| (place[0] - end[0]).abs().max((place[1] - end[1]).abs()) > 5;
                 if far(from) && far(to) {
                     solid.insert(place);
                 }
@@ -120,7 +129,11 @@ fn obstacles(kind: &str, side: i32, from: [i32; 2], to: [i32; 2]) -> BTreeSet<[i
         "walls" => {
             let gap = (side / 10).max(4);
             for wall in 1..=4 {
-                let rows = if wall % 2 == 1 { 0..side - gap } else { gap..side };
+                let rows = if wall % 2 == 1 {
+                    0..side - gap
+                } else {
+                    gap..side
+                };
                 solid.extend(rows.map(|row| [row, wall * side / 5]));
             }
         }
@@ -136,7 +149,11 @@ fn facts() -> Option<Vec<Value>> {
         return None;
     };
     let all: Vec<Value> = serde_json::from_str(&text).unwrap();
-    Some(all.into_iter().filter(|fact| fact["area"] == "astar").collect())
+    Some(
+        all.into_iter()
+            .filter(|fact| fact["area"] == "astar")
+            .collect(),
+    )
 }
 
 #[test]
@@ -146,28 +163,55 @@ fn costs_agree_with_the_recorded_facts() {
     for fact in facts.iter().filter(|fact| fact["inputs"]["cells"].is_i64()) {
         let (inputs, id) = (&fact["inputs"], fact["id"].as_str().unwrap());
         let end = |name: &str| [0, 1].map(|axis| inputs[name][axis].as_i64().unwrap() as i32);
-        let (side, resolution) =
-            (inputs["cells"].as_i64().unwrap() as i32, inputs["resolution"].as_f64().unwrap());
-        let solid = obstacles(inputs["obstacles"].as_str().unwrap(), side, end("start"), end("goal"));
-        assert_eq!(solid.len() as i64, inputs["obstacle_count"].as_i64().unwrap(), "{id}");
-        let grid = grid(side, 1.0 / resolution, inputs["closeness_m"].as_f64().unwrap(), |c| {
-            solid.contains(&[c.y, c.x])
-        });
+        let (side, resolution) = (
+            inputs["cells"].as_i64().unwrap() as i32,
+            inputs["resolution"].as_f64().unwrap(),
+        );
+        let solid = obstacles(
+            inputs["obstacles"].as_str().unwrap(),
+            side,
+            end("start"),
+            end("goal"),
+        );
+        assert_eq!(
+            solid.len() as i64,
+            inputs["obstacle_count"].as_i64().unwrap(),
+            "{id}"
+        );
+        let grid = grid(
+            side,
+            1.0 / resolution,
+            inputs["closeness_m"].as_f64().unwrap(),
+            |c| solid.contains(&[c.y, c.x]),
+        );
         let cell = |[row, column]: [i32; 2]| Cell::new(column, row);
         let cost = |cut_corners: bool| {
-            let rules = Rules { cut_corners, ..Rules::default() };
-            shortest_cells(&grid, cell(end("start")), cell(end("goal")), &rules).unwrap().length_cells
+            let rules = Rules {
+                cut_corners,
+                ..Rules::default()
+            };
+            shortest_cells(&grid, cell(end("start")), cell(end("goal")), &rules)
+                .unwrap()
+                .length_cells
                 / resolution
         };
         let expected = fact["expected"]["cost"].as_f64().unwrap();
-        assert!((cost(true) - expected).abs() < 1e-6, "{id}: {} or {expected}", cost(true));
+        assert!(
+            (cost(true) - expected).abs() < 1e-6,
+            "{id}: {} or {expected}",
+            cost(true)
+        );
         let uncut = match id {
             "astar-009" => 90.619,
             "astar-013" => 452.891,
             "astar-015" => 175.251,
             _ => expected,
         };
-        assert!((cost(false) - uncut).abs() < 6e-4, "{id} without cut corners: {}", cost(false));
+        assert!(
+            (cost(false) - uncut).abs() < 6e-4,
+            "{id} without cut corners: {}",
+            cost(false)
+        );
         checked += 1;
     }
     assert!(checked >= 6);
@@ -176,19 +220,32 @@ fn costs_agree_with_the_recorded_facts() {
 #[test]
 fn a_four_connected_way_round_the_border_and_a_full_wall() {
     let Some(facts) = facts() else { return };
-    let rules = Rules { diagonal: false, ..Rules::default() };
+    let rules = Rules {
+        diagonal: false,
+        ..Rules::default()
+    };
     let interior = |cell: Cell| (1..=8).contains(&cell.x) && (1..=8).contains(&cell.y);
-    let round = grid(10, 1.0, 0.0, |cell| interior(cell) || (cell.y, cell.x) == (9, 0));
+    let round = grid(10, 1.0, 0.0, |cell| {
+        interior(cell) || (cell.y, cell.x) == (9, 0)
+    });
     let found = shortest_cells(&round, Cell::new(0, 0), Cell::new(9, 9), &rules).unwrap();
     let fact = facts.iter().find(|fact| fact["id"] == "astar-001").unwrap();
     let expected = &fact["expected"]["path"];
-    let way: Vec<Value> = found.cells[1..].iter().map(|cell| serde_json::json!([cell.y, cell.x])).collect();
+    let way: Vec<Value> = found.cells[1..]
+        .iter()
+        .map(|cell| serde_json::json!([cell.y, cell.x]))
+        .collect();
     assert_eq!(&Value::Array(way), expected);
     let turning = Turning {
         cost_m_per_rad: fact["inputs"]["turning_cost_per_rad"].as_f64().unwrap(),
-        heading: Some(Bearing::from_degrees(fact["inputs"]["start_bearing_deg"].as_f64().unwrap()).angle()),
+        heading: Some(
+            Bearing::from_degrees(fact["inputs"]["start_bearing_deg"].as_f64().unwrap()).angle(),
+        ),
     };
-    let turns = Rules { turning: Some(turning), ..rules };
+    let turns = Rules {
+        turning: Some(turning),
+        ..rules
+    };
     let turned = shortest_cells(&round, Cell::new(0, 0), Cell::new(9, 9), &turns).unwrap();
     assert_eq!(turned.cells, found.cells);
     assert!((turned.cost_cells - fact["expected"]["cost"].as_f64().unwrap()).abs() < 1e-9);

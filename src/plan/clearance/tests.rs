@@ -21,7 +21,10 @@ fn write(
     corners: [(usize, usize); 2],
     value: i8,
 ) -> CellRect {
-    let layer = LayerId { vehicle: VehicleId(1), boot: Boot(1) };
+    let layer = LayerId {
+        vehicle: VehicleId(1),
+        boot: Boot(1),
+    };
     let address = TileAddress { slice: 0, x, y };
     let old = map.layer(layer).and_then(|layer| layer.tile(address));
     let mut cells: [i8; TILE_CELLS] = old.map_or([0; TILE_CELLS], |tile| *tile.cells);
@@ -29,8 +32,17 @@ fn write(
     for row in a.1.min(b.1)..=a.1.max(b.1) {
         cells[row * 32 + a.0.min(b.0)..=row * 32 + a.0.max(b.0)].fill(value);
     }
-    map.join(&TileReport { layer, address, revision, cells: Arc::new(cells) }).unwrap();
-    CellRect::new(Cell::new(32 * x, 32 * y), Cell::new(32 * x + 31, 32 * y + 31))
+    map.join(&TileReport {
+        layer,
+        address,
+        revision,
+        cells: Arc::new(cells),
+    })
+    .unwrap();
+    CellRect::new(
+        Cell::new(32 * x, 32 * y),
+        Cell::new(32 * x + 31, 32 * y + 31),
+    )
 }
 
 fn is_solid(map: &Merged, cell: Cell, unknown_is_solid: bool) -> bool {
@@ -48,14 +60,19 @@ fn brute(map: &Merged, cell: Cell, reach: i32, unknown_is_solid: bool) -> Option
         let other = Cell::new(cell.x + dx, cell.y + dy);
         bounds().contains(other) && is_solid(map, other, unknown_is_solid)
     });
-    near.map(|(dx, dy)| dx * dx + dy * dy).min().filter(|square| *square <= reach * reach)
+    near.map(|(dx, dy)| dx * dx + dy * dy)
+        .min()
+        .filter(|square| *square <= reach * reach)
 }
 
 type Write = ((i32, i32), [(usize, usize); 2], usize);
 
 fn writes() -> impl Strategy<Value = Vec<Write>> {
     let corner = || (0..32usize, 0..32usize);
-    proptest::collection::vec(((-1..2i32, -1..2i32), [corner(), corner()], 0..5usize), 1..8)
+    proptest::collection::vec(
+        ((-1..2i32, -1..2i32), [corner(), corner()], 0..5usize),
+        1..8,
+    )
 }
 
 fn value(kind: usize) -> i8 {

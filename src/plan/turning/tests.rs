@@ -26,13 +26,18 @@ struct Ground {
 
 impl Ground {
     fn distance_cells(&self, at: Place) -> f64 {
-        let squares = self.stones.iter().map(|(x, y)| f64::from((x - at.0).pow(2) + (y - at.1).pow(2)));
+        let squares = self
+            .stones
+            .iter()
+            .map(|(x, y)| f64::from((x - at.0).pow(2) + (y - at.1).pow(2)));
         squares.fold(f64::INFINITY, f64::min).sqrt()
     }
 
     fn is_open(&self, at: Place) -> bool {
         let inside = (0..SIDE).contains(&at.0) && (0..SIDE).contains(&at.1);
-        inside && !self.stones.contains(&at) && self.distance_cells(at) >= self.clearance_cells - 1e-9
+        inside
+            && !self.stones.contains(&at)
+            && self.distance_cells(at) >= self.clearance_cells - 1e-9
     }
 
     fn is_only_near(&self, at: Place) -> bool {
@@ -44,7 +49,9 @@ impl Ground {
 
     /// What a step into a cell costs, as a multiple of its length.
     fn times(&self, at: Place) -> f64 {
-        let Some((wished_cells, extra)) = self.wish else { return 1.0 };
+        let Some((wished_cells, extra)) = self.wish else {
+            return 1.0;
+        };
         let times = 1.0 + extra * (1.0 - self.distance_cells(at) / wished_cells).max(0.0);
         (times * 8.0).round() / 8.0
     }
@@ -53,25 +60,33 @@ impl Ground {
 /// Returns the least cost in cells.
 fn dijkstra(ground: &Ground, from: Place, to: Place, rules: &Rules) -> Option<f64> {
     let escape = ground.is_only_near(from) && rules.escape_m > 0.0;
-    let near_start = |at: Place| f64::from((at.0 - from.0).pow(2) + (at.1 - from.1).pow(2)).sqrt() * CELL_M;
-    let escapes = |at: Place| escape && ground.is_only_near(at) && near_start(at) <= rules.escape_m + 1e-12;
+    let near_start =
+        |at: Place| f64::from((at.0 - from.0).pow(2) + (at.1 - from.1).pow(2)).sqrt() * CELL_M;
+    let escapes =
+        |at: Place| escape && ground.is_only_near(at) && near_start(at) <= rules.escape_m + 1e-12;
     let enterable = |at: Place| ground.is_open(at) || escapes(at);
     if !enterable(from) || !ground.is_open(to) {
         return None;
     }
-    let cells_per_rad = rules.turning.map_or(0.0, |turning| turning.cost_m_per_rad / CELL_M);
+    let cells_per_rad = rules
+        .turning
+        .map_or(0.0, |turning| turning.cost_m_per_rad / CELL_M);
     // Directions in degrees; 999 = none yet.
     let mut known: BTreeMap<(Place, i32), f64> = BTreeMap::from([((from, 999), 0.0)]);
     let mut done: BTreeSet<(Place, i32)> = BTreeSet::new();
     loop {
         let open = known.iter().filter(|(state, _)| !done.contains(state));
-        let ((at, heading), cost) =
-            open.min_by(|a, b| a.1.total_cmp(b.1)).map(|(state, cost)| (*state, *cost))?;
+        let ((at, heading), cost) = open
+            .min_by(|a, b| a.1.total_cmp(b.1))
+            .map(|(state, cost)| (*state, *cost))?;
         if at == to {
             return Some(cost);
         }
         done.insert((at, heading));
-        for (dx, dy) in (-1..=1).flat_map(|dx| (-1..=1).map(move |dy| (dx, dy))).filter(|d| *d != (0, 0)) {
+        for (dx, dy) in (-1..=1)
+            .flat_map(|dx| (-1..=1).map(move |dy| (dx, dy)))
+            .filter(|d| *d != (0, 0))
+        {
             let next = (at.0 + dx, at.1 + dy);
             let slanted = dx != 0 && dy != 0;
             let corner = slanted && !(enterable((at.0 + dx, at.1)) && enterable((at.0, at.1 + dy)));
@@ -86,10 +101,18 @@ fn dijkstra(ground: &Ground, from: Place, to: Place, rules: &Rules) -> Option<f6
             };
             let turn = (direction - before).abs() % 360.0;
             let turn_rad = turn.min(360.0 - turn) / 180.0 * PI;
-            let times = if ground.is_open(next) { ground.times(next) } else { 4.0 };
+            let times = if ground.is_open(next) {
+                ground.times(next)
+            } else {
+                4.0
+            };
             let new = cost + f64::from(dx * dx + dy * dy).sqrt() * times + turn_rad * cells_per_rad;
             // Without a price for turns all headings are one.
-            let heading = if rules.turning.is_some() { direction.round() as i32 } else { 0 };
+            let heading = if rules.turning.is_some() {
+                direction.round() as i32
+            } else {
+                0
+            };
             let best = known.entry((next, heading)).or_insert(f64::INFINITY);
             *best = best.min(new);
         }
@@ -99,11 +122,26 @@ fn dijkstra(ground: &Ground, from: Place, to: Place, rules: &Rules) -> Option<f6
 /// A map in which everything is free but the stones.
 fn map_of(stones: &BTreeSet<Place>) -> Merged {
     let mut cells = [-17; TILE_CELLS];
-    stones.iter().for_each(|(x, y)| cells[(y * 32 + x) as usize] = 17);
+    stones
+        .iter()
+        .for_each(|(x, y)| cells[(y * 32 + x) as usize] = 17);
     let mut map = Merged::new(Lattice::new(CELL_M), None);
-    let layer = LayerId { vehicle: VehicleId(1), boot: Boot(1) };
-    let address = TileAddress { slice: 0, x: 0, y: 0 };
-    map.join(&TileReport { layer, address, revision: 1, cells: Arc::new(cells) }).unwrap();
+    let layer = LayerId {
+        vehicle: VehicleId(1),
+        boot: Boot(1),
+    };
+    let address = TileAddress {
+        slice: 0,
+        x: 0,
+        y: 0,
+    };
+    map.join(&TileReport {
+        layer,
+        address,
+        revision: 1,
+        cells: Arc::new(cells),
+    })
+    .unwrap();
     map
 }
 
@@ -165,12 +203,24 @@ proptest! {
 
 #[test]
 fn who_pays_for_turns_drives_a_detour_with_fewer() {
-    let stones = [(2, 2), (3, 4), (5, 3), (6, 5), (7, 2)].into_iter().collect();
-    let ground = Ground { stones, clearance_cells: 0.0, wish: None };
+    let stones = [(2, 2), (3, 4), (5, 3), (6, 5), (7, 2)]
+        .into_iter()
+        .collect();
+    let ground = Ground {
+        stones,
+        clearance_cells: 0.0,
+        wish: None,
+    };
     let grid = grid_of(&ground);
     let go = |cost_m_per_rad: f64| {
-        let turning = Turning { cost_m_per_rad, heading: Some(Angle::from_degrees(0.0)) };
-        let rules = Rules { turning: Some(turning), ..Rules::default() };
+        let turning = Turning {
+            cost_m_per_rad,
+            heading: Some(Angle::from_degrees(0.0)),
+        };
+        let rules = Rules {
+            turning: Some(turning),
+            ..Rules::default()
+        };
         shortest_cells(&grid, Cell::new(0, 3), Cell::new(10, 3), &rules).unwrap()
     };
     let (cheap, dear) = (go(0.0), go(1.0));
@@ -183,8 +233,14 @@ fn who_pays_for_turns_drives_a_detour_with_fewer() {
 fn too_large_a_grid_is_not_searched_with_headings() {
     let area = CellRect::new(Cell::new(0, 0), Cell::new(1999, 999));
     let grid = Grid::of_cells(Lattice::new(CELL_M), area, 0.0, |_| false).unwrap();
-    let turning = Some(Turning { cost_m_per_rad: 0.1, heading: None });
-    let rules = Rules { turning, ..Rules::default() };
+    let turning = Some(Turning {
+        cost_m_per_rad: 0.1,
+        heading: None,
+    });
+    let rules = Rules {
+        turning,
+        ..Rules::default()
+    };
     let found = shortest_cells(&grid, Cell::new(0, 0), Cell::new(5, 5), &rules);
     assert!(matches!(found, Err(NoRoute::TooLargeToTurn { .. })));
 }

@@ -106,7 +106,11 @@ impl Hearing {
             self.damages += 1;
             return Some(WhyAnew::Damage);
         }
-        let silent = self.linked.keys().copied().find(|sender| self.is_silent(now, *sender))?;
+        let silent = self
+            .linked
+            .keys()
+            .copied()
+            .find(|sender| self.is_silent(now, *sender))?;
         *self.in_vain.entry(silent).or_default() += 1;
         Some(WhyAnew::Silent(silent))
     }
@@ -125,7 +129,8 @@ impl Hearing {
             }
             return false;
         };
-        now.since(damaged) > IN_ORDER_FOR && now.since(self.opened) > doubled(DAMAGED_AFTER, self.damages)
+        now.since(damaged) > IN_ORDER_FOR
+            && now.since(self.opened) > doubled(DAMAGED_AFTER, self.damages)
     }
 
     /// Operators' tools may say nothing at all.
@@ -133,8 +138,16 @@ impl Hearing {
         if let Sender::Operator(_) = sender {
             return false;
         }
-        let last = self.linked.get(&sender).into_iter().chain(self.heard.get(&sender)).max();
-        let patience = doubled(SILENT_FOR, self.in_vain.get(&sender).copied().unwrap_or_default());
+        let last = self
+            .linked
+            .get(&sender)
+            .into_iter()
+            .chain(self.heard.get(&sender))
+            .max();
+        let patience = doubled(
+            SILENT_FOR,
+            self.in_vain.get(&sender).copied().unwrap_or_default(),
+        );
         last.is_some_and(|last| now.since(*last) > patience)
     }
 }
@@ -176,7 +189,15 @@ mod tests {
     #[test]
     fn who_hears_all_to_whom_it_has_links_stays() {
         let mut hearing = Hearing::new(Time::default());
-        assert_eq!(opened(&mut hearing, 0..1000, &[TWO, THREE, TOOL], &[TWO, THREE, Sender::Ground]), []);
+        assert_eq!(
+            opened(
+                &mut hearing,
+                0..1000,
+                &[TWO, THREE, TOOL],
+                &[TWO, THREE, Sender::Ground]
+            ),
+            []
+        );
         // A node that was switched off has no link any more.
         assert_eq!(opened(&mut hearing, 1000..2000, &[TWO, TOOL], &[TWO]), []);
     }
@@ -184,9 +205,15 @@ mod tests {
     #[test]
     fn who_hears_nobody_begins_anew_sooner_when_it_heard_somebody() {
         let mut hearing = Hearing::new(Time::default());
-        assert_eq!(opened(&mut hearing, 0..70, &[], &[]), [(61, WhyAnew::Nobody)]);
+        assert_eq!(
+            opened(&mut hearing, 0..70, &[], &[]),
+            [(61, WhyAnew::Nobody)]
+        );
         assert_eq!(opened(&mut hearing, 70..71, &[], &[TWO]), []);
-        assert_eq!(opened(&mut hearing, 71..100, &[], &[]), [(86, WhyAnew::Nobody)]);
+        assert_eq!(
+            opened(&mut hearing, 71..100, &[], &[]),
+            [(86, WhyAnew::Nobody)]
+        );
     }
 
     #[test]
@@ -200,7 +227,10 @@ mod tests {
             [silent(16), silent(48), silent(110), silent(232)]
         );
         assert_eq!(opened(&mut hearing, 240..300, &links, &[TWO, THREE]), []);
-        assert_eq!(opened(&mut hearing, 300..320, &links, &[THREE]), [silent(315)]);
+        assert_eq!(
+            opened(&mut hearing, 300..320, &links, &[THREE]),
+            [silent(315)]
+        );
     }
 
     #[test]
@@ -215,7 +245,10 @@ mod tests {
             all
         };
         assert_eq!(damaged(1..20), []);
-        assert_eq!(opened(&mut hearing, 20..60, &[TWO], &[TWO]), [(23, WhyAnew::Damage)]);
+        assert_eq!(
+            opened(&mut hearing, 20..60, &[TWO], &[TWO]),
+            [(23, WhyAnew::Damage)]
+        );
         // Damage that comes now and then does not keep the node busy with new sessions.
         let mut often = 0;
         for second in 60..1060 {
@@ -227,6 +260,9 @@ mod tests {
         assert!((4..=12).contains(&often), "{often}");
         assert_eq!(opened(&mut hearing, 1060..1400, &[TWO], &[TWO]).len(), 1);
         hearing.damage(Time::from_nanos(1_400_000_000_000));
-        assert_eq!(opened(&mut hearing, 1400..1500, &[TWO], &[TWO]), [(1404, WhyAnew::Damage)]);
+        assert_eq!(
+            opened(&mut hearing, 1400..1500, &[TWO], &[TWO]),
+            [(1404, WhyAnew::Damage)]
+        );
     }
 }

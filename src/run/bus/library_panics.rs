@@ -59,7 +59,10 @@ pub(super) struct PanicsSeen {
 impl Default for PanicsSeen {
     /// What was before this session concerns another one.
     fn default() -> PanicsSeen {
-        PanicsSeen { count: count(), answered: None }
+        PanicsSeen {
+            count: count(),
+            answered: None,
+        }
     }
 }
 
@@ -76,15 +79,19 @@ impl PanicsSeen {
             return false;
         }
         (self.count, self.answered) = (count, Some(now));
-        troubles
-            .raise(LIBRARY, format!("a thread of it panicked ({count} so far): the session is opened anew"));
+        troubles.raise(
+            LIBRARY,
+            format!("a thread of it panicked ({count} so far): the session is opened anew"),
+        );
         true
     }
 }
 
 fn is_of_library(thread: &str) -> bool {
     let number = THREADS.iter().find_map(|name| thread.strip_prefix(name));
-    number.is_some_and(|number| !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit()))
+    number.is_some_and(|number| {
+        !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit())
+    })
 }
 
 #[cfg(test)]
@@ -96,13 +103,22 @@ mod tests {
         watch();
         let panic_in = |name: &str| {
             let thread = std::thread::Builder::new().name(name.to_owned());
-            assert!(thread.spawn(|| panic!("as it shall")).unwrap().join().is_err());
+            assert!(
+                thread
+                    .spawn(|| panic!("as it shall"))
+                    .unwrap()
+                    .join()
+                    .is_err()
+            );
             count()
         };
         let before = count();
         assert_eq!(panic_in("rx-0"), before + 1);
         assert_eq!((guarded(|| 5), count()), (Some(5), before + 1));
-        assert_eq!((guarded(|| panic!("as it shall")), count()), (None::<()>, before + 2));
+        assert_eq!(
+            (guarded(|| panic!("as it shall")), count()),
+            (None::<()>, before + 2)
+        );
         let before = before + 1;
         for ours in ["bus", "vehicle", "rx-", "rx-x", "app"] {
             assert_eq!(panic_in(ours), before + 1, "{ours}");

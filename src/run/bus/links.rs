@@ -24,9 +24,14 @@ impl Links {
     ///
     /// # Errors
     /// The machine has no thread to give.
-    pub(super) fn watch(mut look: impl FnMut() -> Option<usize> + Send + 'static) -> std::io::Result<Links> {
+    pub(super) fn watch(
+        mut look: impl FnMut() -> Option<usize> + Send + 'static,
+    ) -> std::io::Result<Links> {
         let (questions, asked) = channel::<SyncSender<usize>>();
-        let links = Links { questions, last: Arc::default() };
+        let links = Links {
+            questions,
+            last: Arc::default(),
+        };
         let last = links.last.clone();
         let watch = move || {
             loop {
@@ -41,10 +46,14 @@ impl Links {
                 let Some(count) = look() else { return };
                 last.store(count, Ordering::Relaxed);
                 // Some have gone on meanwhile.
-                questions.iter().for_each(|answer| answer.try_send(count).unwrap_or_default());
+                questions
+                    .iter()
+                    .for_each(|answer| answer.try_send(count).unwrap_or_default());
             }
         };
-        std::thread::Builder::new().name("bus-links".to_owned()).spawn(watch)?;
+        std::thread::Builder::new()
+            .name("bus-links".to_owned())
+            .spawn(watch)?;
         Ok(links)
     }
 
@@ -53,7 +62,9 @@ impl Links {
         let (answer, answered) = sync_channel(1);
         // Nobody answers once the bus is closed.
         self.questions.send(answer).unwrap_or_default();
-        answered.recv_timeout(ANSWERS_WITHIN).unwrap_or_else(|_| self.last.load(Ordering::Relaxed))
+        answered
+            .recv_timeout(ANSWERS_WITHIN)
+            .unwrap_or_else(|_| self.last.load(Ordering::Relaxed))
     }
 }
 
@@ -95,7 +106,10 @@ mod tests {
         let began = Instant::now();
         let second = links.count();
         assert_eq!(links.count(), second);
-        assert!(second <= first + 1 && began.elapsed() < Duration::from_millis(500), "{first} {second}");
+        assert!(
+            second <= first + 1 && began.elapsed() < Duration::from_millis(500),
+            "{first} {second}"
+        );
         holds.store(false, Ordering::Relaxed);
         let is_counting = (0..100).any(|_| links.count() > second);
         assert!(is_counting);

@@ -52,9 +52,16 @@ mod tests {
 
     #[test]
     fn a_name_says_whose_session_it_is_and_is_never_used_again() {
-        let nodes = [Sender::Ground, Sender::Vehicle(VehicleId(1)), Sender::Operator(OperatorId(1))];
+        let nodes = [
+            Sender::Ground,
+            Sender::Vehicle(VehicleId(1)),
+            Sender::Operator(OperatorId(1)),
+        ];
         for node in nodes {
-            let (one, other) = (random(node, "tomoswarm/here"), random(node, "tomoswarm/here"));
+            let (one, other) = (
+                random(node, "tomoswarm/here"),
+                random(node, "tomoswarm/here"),
+            );
             assert_eq!(node_of(one, "tomoswarm/here"), Some(node));
             assert_eq!(node_of(one, "tomoswarm/there"), None);
             assert_ne!(one, other);

@@ -9,7 +9,12 @@ use super::*;
 const ONE: Sender = Sender::Vehicle(VehicleId(1));
 const TWO: Sender = Sender::Vehicle(VehicleId(2));
 
-fn settings(node: Sender, topology: Topology, listen: &[String], connect: &[String]) -> BusSettings {
+fn settings(
+    node: Sender,
+    topology: Topology,
+    listen: &[String],
+    connect: &[String],
+) -> BusSettings {
     BusSettings {
         node,
         prefix: "tomoswarm/test".to_owned(),
@@ -38,8 +43,15 @@ fn open(settings: BusSettings) -> (Bus, Receiver<Heard>) {
 }
 
 fn progress(of: u8, run: u32) -> Message {
-    let progress = Progress { run: RunId(run), ..Progress::default() };
-    Message::Mission(Mission { vehicle: VehicleId(of), progress, ..Mission::default() })
+    let progress = Progress {
+        run: RunId(run),
+        ..Progress::default()
+    };
+    Message::Mission(Mission {
+        vehicle: VehicleId(of),
+        progress,
+        ..Mission::default()
+    })
 }
 
 /// Publishes again and again until it is heard; links take a moment.
@@ -53,7 +65,12 @@ fn until_heard(publisher: &Publisher, message: &Message, heard: &Receiver<Heard>
 #[test]
 fn peers_hear_each_other_and_nobody_hears_itself() {
     let (here, there) = (free_endpoint(), free_endpoint());
-    let (one, by_one) = open(settings(ONE, Topology::Mesh, std::slice::from_ref(&here), &[]));
+    let (one, by_one) = open(settings(
+        ONE,
+        Topology::Mesh,
+        std::slice::from_ref(&here),
+        &[],
+    ));
     let (two, by_two) = open(settings(TWO, Topology::Mesh, &[there], &[here]));
     assert_eq!(
         until_heard(&two.publisher(), &progress(2, 1), &by_one),
@@ -63,15 +80,29 @@ fn peers_hear_each_other_and_nobody_hears_itself() {
         until_heard(&one.publisher(), &progress(1, 1), &by_two),
         Some(Heard::Message(ONE, progress(1, 1)))
     );
-    assert!(by_two.try_iter().all(|heard| matches!(heard, Heard::Message(ONE, _))));
+    assert!(
+        by_two
+            .try_iter()
+            .all(|heard| matches!(heard, Heard::Message(ONE, _)))
+    );
     assert_eq!(one.publisher().links(), 1);
 }
 
 #[test]
 fn clients_hear_each_other_through_the_ground_also_when_it_comes_later() {
     let hub = free_endpoint();
-    let (one, _by_one) = open(settings(ONE, Topology::Star, &[], std::slice::from_ref(&hub)));
-    let (two, by_two) = open(settings(TWO, Topology::Star, &[], std::slice::from_ref(&hub)));
+    let (one, _by_one) = open(settings(
+        ONE,
+        Topology::Star,
+        &[],
+        std::slice::from_ref(&hub),
+    ));
+    let (two, by_two) = open(settings(
+        TWO,
+        Topology::Star,
+        &[],
+        std::slice::from_ref(&hub),
+    ));
     assert_eq!(two.publisher().links(), 0);
     let (_ground, _) = open(settings(Sender::Ground, Topology::Star, &[hub], &[]));
     assert_eq!(
@@ -83,7 +114,12 @@ fn clients_hear_each_other_through_the_ground_also_when_it_comes_later() {
 #[test]
 fn a_peer_finds_its_neighbour_also_when_that_one_comes_later() {
     let (here, there) = (free_endpoint(), free_endpoint());
-    let (one, _by_one) = open(settings(ONE, Topology::Mesh, &[here], std::slice::from_ref(&there)));
+    let (one, _by_one) = open(settings(
+        ONE,
+        Topology::Mesh,
+        &[here],
+        std::slice::from_ref(&there),
+    ));
     std::thread::sleep(Duration::from_secs(1));
     let (_two, by_two) = open(settings(TWO, Topology::Mesh, &[there], &[]));
     assert_eq!(
@@ -95,7 +131,12 @@ fn a_peer_finds_its_neighbour_also_when_that_one_comes_later() {
 #[test]
 fn what_is_not_the_senders_to_say_is_not_heard() {
     let (here, there) = (free_endpoint(), free_endpoint());
-    let (one, by_one) = open(settings(ONE, Topology::Mesh, std::slice::from_ref(&here), &[]));
+    let (one, by_one) = open(settings(
+        ONE,
+        Topology::Mesh,
+        std::slice::from_ref(&here),
+        &[],
+    ));
     let (two, _) = open(settings(TWO, Topology::Mesh, &[there], &[here]));
     until_heard(&two.publisher(), &progress(2, 1), &by_one).unwrap();
     // Progress of vehicle 1 under the key of vehicle 2.
@@ -105,13 +146,22 @@ fn what_is_not_the_senders_to_say_is_not_heard() {
         one.publisher().traffic().refused > 0
     });
     assert!(refused);
-    assert!(by_one.try_iter().all(|heard| heard == Heard::Message(TWO, progress(2, 1))));
+    assert!(
+        by_one
+            .try_iter()
+            .all(|heard| heard == Heard::Message(TWO, progress(2, 1)))
+    );
 }
 
 #[test]
 fn a_port_in_use_is_refused_in_words() {
     let here = free_endpoint();
-    let (_one, _) = open(settings(ONE, Topology::Mesh, std::slice::from_ref(&here), &[]));
+    let (_one, _) = open(settings(
+        ONE,
+        Topology::Mesh,
+        std::slice::from_ref(&here),
+        &[],
+    ));
     let again = Bus::open(
         settings(TWO, Topology::Mesh, std::slice::from_ref(&here), &[]),
         Clock::start(),
@@ -125,8 +175,12 @@ fn a_port_in_use_is_refused_in_words() {
 #[test]
 fn a_message_of_an_unknown_kind_is_counted_and_its_sender_is_heard_as_before() {
     let (here, there) = (free_endpoint(), free_endpoint());
-    let (ground, by_ground) =
-        open(settings(Sender::Ground, Topology::Mesh, std::slice::from_ref(&here), &[]));
+    let (ground, by_ground) = open(settings(
+        Sender::Ground,
+        Topology::Mesh,
+        std::slice::from_ref(&here),
+        &[],
+    ));
     let (two, _) = open(settings(TWO, Topology::Mesh, &[there], &[here]));
     until_heard(&two.publisher(), &progress(2, 1), &by_ground).unwrap();
     let mut unknown = OutboundFrame::of(&progress(2, 2)).unwrap();
@@ -138,7 +192,11 @@ fn a_message_of_an_unknown_kind_is_counted_and_its_sender_is_heard_as_before() {
     });
     assert!(is_counted);
     assert_eq!(ground.publisher().traffic().refused, 0);
-    assert!(by_ground.try_iter().all(|heard| heard == Heard::Message(TWO, progress(2, 1))));
+    assert!(
+        by_ground
+            .try_iter()
+            .all(|heard| heard == Heard::Message(TWO, progress(2, 1)))
+    );
     assert_eq!(
         until_heard(&two.publisher(), &progress(2, 3), &by_ground),
         Some(Heard::Message(TWO, progress(2, 3)))

@@ -17,7 +17,11 @@ pub fn session(settings: &BusSettings, is_hub: bool) -> Value {
         (Topology::Star, true) => "router",
         (Topology::Star, false) => "client",
     };
-    let listen = if mode == "client" { Vec::new() } else { endpoints(&settings.listen) };
+    let listen = if mode == "client" {
+        Vec::new()
+    } else {
+        endpoints(&settings.listen)
+    };
     let mut session = json!({
         "id": session_id::random(settings.node, &settings.prefix),
         "mode": mode,
@@ -119,7 +123,9 @@ fn access(trust: &Trust, prefix: &str) -> Value {
             "key_exprs": &allowed.writes,
         }));
         subjects.push(json!({ "id": name, "cert_common_names": [name] }));
-        policies.push(json!({ "rules": ["listen", "send", format!("write-{name}")], "subjects": [name] }));
+        policies.push(
+            json!({ "rules": ["listen", "send", format!("write-{name}")], "subjects": [name] }),
+        );
     }
     json!({
         "enabled": true,

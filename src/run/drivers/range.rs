@@ -57,14 +57,23 @@ impl Range {
     ///
     /// # Errors
     /// No thread can be started, or the driver is not built in.
-    pub fn start(driver: &RangeDriver, look: &Look, clock: Clock, told: &Told) -> io::Result<Range> {
+    pub fn start(
+        driver: &RangeDriver,
+        look: &Look,
+        clock: Clock,
+        told: &Told,
+    ) -> io::Result<Range> {
         let pings = SharedPings::default();
         let reader = match driver {
             RangeDriver::Simulated => Reader::World,
             #[cfg(feature = "hw")]
-            RangeDriver::Serial(sensor) => {
-                Reader::Serial(SerialReader::start(sensor, look, clock, pings.clone(), told.clone())?)
-            }
+            RangeDriver::Serial(sensor) => Reader::Serial(SerialReader::start(
+                sensor,
+                look,
+                clock,
+                pings.clone(),
+                told.clone(),
+            )?),
             #[cfg(not(feature = "hw"))]
             RangeDriver::Serial(_) => {
                 // Its name was refused when the file was read.
@@ -73,7 +82,11 @@ impl Range {
             }
             RangeDriver::None => Reader::None,
         };
-        Ok(Range { pings, clock, reader })
+        Ok(Range {
+            pings,
+            clock,
+            reader,
+        })
     }
 
     /// Returns its pings, for who answers them.
@@ -115,9 +128,15 @@ impl Range {
         match &self.reader {
             Reader::None => None,
             // What the world answers wrongly cannot be told from what it answers rightly.
-            Reader::World => Some(RangeHealth { glitches: 0, faults }),
+            Reader::World => Some(RangeHealth {
+                glitches: 0,
+                faults,
+            }),
             #[cfg(feature = "hw")]
-            Reader::Serial(reader) => Some(RangeHealth { glitches: reader.dropped().total(), faults }),
+            Reader::Serial(reader) => Some(RangeHealth {
+                glitches: reader.dropped().total(),
+                faults,
+            }),
         }
     }
 }

@@ -19,15 +19,27 @@ use crate::run::link::{FromWorld, ToWorld, Welcome, decode, encode, read_frame, 
 fn devices(range: &str) -> (Devices, Receiver<Event>, World) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let text = file(range, listener.local_addr().unwrap());
-    let file = config::read_vehicle("configs/v.toml", &text, &mut |path| bundled::load(path)).unwrap();
+    let file =
+        config::read_vehicle("configs/v.toml", &text, &mut |path| bundled::load(path)).unwrap();
     let (sender, events) = channel();
     let told: Told = Arc::new(move |event| sender.send(event).unwrap());
     let devices = Devices::start(&file, Boot(1), Clock::start(), &told).unwrap();
     let stream = listener.accept().unwrap().0;
-    stream.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
+    stream
+        .set_read_timeout(Some(Duration::from_secs(10)))
+        .unwrap();
     let mut world = World(stream);
-    assert!(matches!(world.hear(), ToWorld::Join { vehicle: VehicleId(1), .. }));
-    world.say(&FromWorld::Welcome(Welcome { now_ns: 0, start: None }));
+    assert!(matches!(
+        world.hear(),
+        ToWorld::Join {
+            vehicle: VehicleId(1),
+            ..
+        }
+    ));
+    world.say(&FromWorld::Welcome(Welcome {
+        now_ns: 0,
+        start: None,
+    }));
     let troubles = Troubles::default();
     loop {
         devices.watch(&troubles);
@@ -75,9 +87,15 @@ fn a_ping_goes_to_the_world_only_where_that_has_the_range_sensor() {
             "{range}: the world hears that its companion lives"
         );
         if has_ping {
-            assert!(matches!(world.hear(), ToWorld::Ping(Ping { number: 7 })), "{range}");
+            assert!(
+                matches!(world.hear(), ToWorld::Ping(Ping { number: 7 })),
+                "{range}"
+            );
         }
-        let stop = NumberedCommand { number: 0, command: Command::Stop };
+        let stop = NumberedCommand {
+            number: 0,
+            command: Command::Stop,
+        };
         assert_eq!(world.hear(), ToWorld::Autopilot(stop), "{range}");
     }
 }
@@ -87,18 +105,40 @@ fn an_echo_of_the_world_is_no_echo_of_a_real_sensor() {
     for (range, has_echo) in [("sim", true), ("none", false)] {
         let (devices, events, mut world) = devices(range);
         measure(&devices);
-        world.say(&FromWorld::Echo(Echo { number: 7, range_m: None }));
+        world.say(&FromWorld::Echo(Echo {
+            number: 7,
+            range_m: None,
+        }));
         world.say(&FromWorld::Autopilot(resting_report()));
-        world.say(&FromWorld::Ack(Ack { number: 9, result: CommandAck::Accepted, arm_refusal: None }));
+        world.say(&FromWorld::Ack(Ack {
+            number: 9,
+            result: CommandAck::Accepted,
+            arm_refusal: None,
+        }));
         world.say(&FromWorld::Unsent(3));
         let hear = || events.recv_timeout(Duration::from_secs(10)).unwrap();
         if has_echo {
-            assert!(matches!(hear(), Event::Echo(Echo { number: 7, range_m: None })), "{range}");
+            assert!(
+                matches!(
+                    hear(),
+                    Event::Echo(Echo {
+                        number: 7,
+                        range_m: None
+                    })
+                ),
+                "{range}"
+            );
         }
         assert!(matches!(hear(), Event::Report(_)), "{range}");
-        assert!(matches!(hear(), Event::Ack(Ack { number: 9, .. })), "{range}");
+        assert!(
+            matches!(hear(), Event::Ack(Ack { number: 9, .. })),
+            "{range}"
+        );
         assert!(matches!(hear(), Event::Unsent(3)), "{range}");
-        assert_eq!(devices.range_health().map(|health| health.faults), has_echo.then_some(0));
+        assert_eq!(
+            devices.range_health().map(|health| health.faults),
+            has_echo.then_some(0)
+        );
     }
 }
 
@@ -107,7 +147,11 @@ fn a_world_that_is_away_is_a_trouble_and_its_pings_are_counted() {
     let (devices, _events, world) = devices("sim");
     drop(world);
     let troubles = Troubles::default();
-    while !troubles.list().iter().any(|trouble| trouble.starts_with("world: ")) {
+    while !troubles
+        .list()
+        .iter()
+        .any(|trouble| trouble.starts_with("world: "))
+    {
         devices.watch(&troubles);
         std::thread::sleep(Duration::from_millis(5));
     }

@@ -5,7 +5,9 @@
 use std::collections::BTreeMap;
 use std::sync::Mutex;
 
-use tomoswarm_proto::{Boot, LayerId, Plan, Revision, RunId, Samples, TileAddress, TileReport, VehicleId};
+use tomoswarm_proto::{
+    Boot, LayerId, Plan, Revision, RunId, Samples, TileAddress, TileReport, VehicleId,
+};
 
 use super::super::mailbox::{Troubles, lock};
 use crate::ground::imager::{Picture, Subject};
@@ -57,8 +59,15 @@ struct Story {
 
 impl Archive {
     pub(super) fn new(store: GroundStore, troubles: Troubles) -> Archive {
-        let disk = Mutex::new(Disk { store, memory: None });
-        Archive { disk, waiting: Mutex::default(), troubles }
+        let disk = Mutex::new(Disk {
+            store,
+            memory: None,
+        });
+        Archive {
+            disk,
+            waiting: Mutex::default(),
+            troubles,
+        }
     }
 
     /// Stores a memory before it gives back; one that cannot be stored is kept.
@@ -80,7 +89,9 @@ impl Archive {
 
     pub(super) fn hold_picture(&self, picture: Picture) {
         let mut waiting = lock(&self.waiting);
-        waiting.pictures.insert((picture.run, picture.laps, picture.subject), picture);
+        waiting
+            .pictures
+            .insert((picture.run, picture.laps, picture.subject), picture);
         cut(&mut waiting.pictures, PICTURES_MOST);
     }
 
@@ -103,7 +114,11 @@ impl Archive {
         }
         let mut waiting = lock(&self.waiting);
         let key = (tile.layer, tile.address);
-        if waiting.tiles.get(&key).is_none_or(|known| known.revision <= tile.revision) {
+        if waiting
+            .tiles
+            .get(&key)
+            .is_none_or(|known| known.revision <= tile.revision)
+        {
             waiting.tiles.insert(key, tile);
             cut(&mut waiting.tiles, TILES_MOST);
         }
@@ -112,8 +127,9 @@ impl Archive {
     /// Notes a vehicle's software, when it is not known of this start yet.
     pub(super) fn hold_software(&self, vehicle: VehicleId, boot: Boot, software: String) {
         let mut waiting = lock(&self.waiting);
-        let is_known =
-            |known: &(Boot, String, bool)| boot < known.0 || (boot, &software) == (known.0, &known.1);
+        let is_known = |known: &(Boot, String, bool)| {
+            boot < known.0 || (boot, &software) == (known.0, &known.1)
+        };
         if !waiting.software.get(&vehicle).is_some_and(is_known) {
             waiting.software.insert(vehicle, (boot, software, false));
         }
@@ -149,7 +165,9 @@ impl Archive {
     fn keep_memory(&self) -> bool {
         let mut disk = lock(&self.disk);
         let Disk { store, memory } = &mut *disk;
-        let Some(bytes) = memory.as_ref() else { return true };
+        let Some(bytes) = memory.as_ref() else {
+            return true;
+        };
         let stored = store.remember(bytes);
         let is_well = stored.is_ok();
         if is_well {
@@ -167,7 +185,11 @@ impl Archive {
         let is_well = self.write("plans", |store| store.keep_plans(plans.values()));
         let mut waiting = lock(&self.waiting);
         if is_well {
-            waiting.stored.extend(plans.into_keys().map(|(edition, vehicle)| (vehicle, edition)));
+            waiting.stored.extend(
+                plans
+                    .into_keys()
+                    .map(|(edition, vehicle)| (vehicle, edition)),
+            );
         } else {
             give_back(&mut waiting.plans, plans, PLANS_MOST);
         }
@@ -191,7 +213,11 @@ impl Archive {
         while let Some((run, Story { began, is_closed })) = runs.pop_first() {
             let write = |store: &mut GroundStore| {
                 began.map_or(Ok(()), |empty| store.note_run(run, empty))?;
-                if is_closed { store.close_run(run) } else { Ok(()) }
+                if is_closed {
+                    store.close_run(run)
+                } else {
+                    Ok(())
+                }
             };
             if !self.write("runs", write) {
                 let mut waiting = lock(&self.waiting);
@@ -208,17 +234,26 @@ impl Archive {
     }
 
     fn keep_software(&self) -> bool {
-        let is_new = |(vehicle, (boot, software, is_stored)): (&VehicleId, &(Boot, String, bool))| {
-            (!is_stored).then(|| (*vehicle, *boot, software.clone()))
-        };
-        let new: Vec<_> = lock(&self.waiting).software.iter().filter_map(is_new).collect();
+        let is_new =
+            |(vehicle, (boot, software, is_stored)): (&VehicleId, &(Boot, String, bool))| {
+                (!is_stored).then(|| (*vehicle, *boot, software.clone()))
+            };
+        let new: Vec<_> = lock(&self.waiting)
+            .software
+            .iter()
+            .filter_map(is_new)
+            .collect();
         for (vehicle, boot, software) in new {
-            if !self.write("software", |store| store.note_vehicle(vehicle, boot, Some(&software), None)) {
+            if !self.write("software", |store| {
+                store.note_vehicle(vehicle, boot, Some(&software), None)
+            }) {
                 return false;
             }
             let mut waiting = lock(&self.waiting);
-            let same =
-                waiting.software.get_mut(&vehicle).filter(|held| (held.0, &held.1) == (boot, &software));
+            let same = waiting
+                .software
+                .get_mut(&vehicle)
+                .filter(|held| (held.0, &held.1) == (boot, &software));
             same.into_iter().for_each(|held| held.2 = true);
         }
         true
@@ -227,7 +262,9 @@ impl Archive {
     fn keep_clocks(&self) -> bool {
         let mut clocks = std::mem::take(&mut lock(&self.waiting).clocks);
         while let Some((vehicle, (boot, clock))) = clocks.pop_first() {
-            if !self.write("clocks", |store| store.note_vehicle(vehicle, boot, None, Some(clock))) {
+            if !self.write("clocks", |store| {
+                store.note_vehicle(vehicle, boot, None, Some(clock))
+            }) {
                 clocks.insert(vehicle, (boot, clock));
                 give_back(&mut lock(&self.waiting).clocks, clocks, usize::MAX);
                 return false;
@@ -248,7 +285,11 @@ impl Archive {
         is_well
     }
 
-    fn write(&self, kind: &str, write: impl FnOnce(&mut GroundStore) -> Result<(), StoreError>) -> bool {
+    fn write(
+        &self,
+        kind: &str,
+        write: impl FnOnce(&mut GroundStore) -> Result<(), StoreError>,
+    ) -> bool {
         let written = write(&mut lock(&self.disk).store);
         let is_well = written.is_ok();
         self.say(kind, written);

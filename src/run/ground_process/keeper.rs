@@ -37,15 +37,24 @@ pub(super) fn keeper(
 ) -> std::io::Result<JoinHandle<()>> {
     let keep = move || {
         let began = Instant::now();
-        let mut keeper =
-            Keeper { archive, tell, began, tried: began, is_well: true, clocks: Clocks::default() };
+        let mut keeper = Keeper {
+            archive,
+            tell,
+            began,
+            tried: began,
+            is_well: true,
+            clocks: Clocks::default(),
+        };
         loop {
             let first = match wanted.recv_timeout(GROUP) {
                 Ok(first) => Some(first),
                 Err(RecvTimeoutError::Timeout) => None,
                 Err(RecvTimeoutError::Disconnected) => break,
             };
-            let group: Vec<Wanted> = first.into_iter().chain(wanted.try_iter().take(GROUP_MOST)).collect();
+            let group: Vec<Wanted> = first
+                .into_iter()
+                .chain(wanted.try_iter().take(GROUP_MOST))
+                .collect();
             let is_end = group.iter().any(|wanted| matches!(wanted, Wanted::End));
             keeper.keep(group);
             if is_end {
@@ -54,7 +63,9 @@ pub(super) fn keeper(
         }
         keeper.archive.keep(true);
     };
-    std::thread::Builder::new().name("store".to_owned()).spawn(keep)
+    std::thread::Builder::new()
+        .name("store".to_owned())
+        .spawn(keep)
 }
 
 struct Keeper<T> {
@@ -107,8 +118,13 @@ impl<T: Fn(Samples)> Keeper<T> {
     }
 
     fn set_clock(&mut self, batch: &Samples) {
-        let Ok(utc) = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH) else { return };
-        if let Some(clock) = self.clocks.take(self.began.elapsed(), utc.as_secs_f64(), batch) {
+        let Ok(utc) = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH) else {
+            return;
+        };
+        if let Some(clock) = self
+            .clocks
+            .take(self.began.elapsed(), utc.as_secs_f64(), batch)
+        {
             self.archive.hold_clock(batch.vehicle, batch.boot, clock);
         }
     }

@@ -7,13 +7,20 @@ use super::*;
 const VENUE: u64 = 5;
 
 fn store(folder: &Path) -> GroundStore {
-    let start = Start { venue_hash: VENUE, new_id: 7, ..Start::default() };
+    let start = Start {
+        venue_hash: VENUE,
+        new_id: 7,
+        ..Start::default()
+    };
     GroundStore::open(&folder.join("ground.sqlite"), &start).unwrap()
 }
 
 #[test]
 fn what_is_wrong_with_the_process_is_said_beside_what_the_station_says() {
-    let report = Report { troubles: vec!["not heard yet: vehicle 3".to_owned()], ..Report::default() };
+    let report = Report {
+        troubles: vec!["not heard yet: vehicle 3".to_owned()],
+        ..Report::default()
+    };
     let said = with_troubles(report, vec!["samples: no room".to_owned()]).troubles;
     assert_eq!(said, ["not heard yet: vehicle 3", "samples: no room"]);
 }
@@ -30,8 +37,16 @@ fn what_could_not_be_stored_is_stored_later_and_each_trouble_ends_by_itself() {
         );
         reader.execute_batch(&no).unwrap();
     };
-    let go = |table: &str| reader.execute_batch(&format!("DROP TRIGGER no_{table}")).unwrap();
-    let count = |query: &str| reader.query_row(query, [], |row| row.get::<_, i64>(0)).unwrap();
+    let go = |table: &str| {
+        reader
+            .execute_batch(&format!("DROP TRIGGER no_{table}"))
+            .unwrap()
+    };
+    let count = |query: &str| {
+        reader
+            .query_row(query, [], |row| row.get::<_, i64>(0))
+            .unwrap()
+    };
     ["memory", "plans", "runs"].into_iter().for_each(stop);
     let plan = |vehicle| Plan {
         vehicle: VehicleId(vehicle),
@@ -49,13 +64,21 @@ fn what_could_not_be_stored_is_stored_later_and_each_trouble_ends_by_itself() {
     assert_eq!(troubles.list().len(), 3, "{:?}", troubles.list());
     go("plans");
     assert!(!archive.keep(true));
-    assert_eq!((troubles.list().len(), count("SELECT count(*) FROM plans")), (2, 2), "{:?}", troubles.list());
+    assert_eq!(
+        (troubles.list().len(), count("SELECT count(*) FROM plans")),
+        (2, 2),
+        "{:?}",
+        troubles.list()
+    );
     go("memory");
     go("runs");
     assert!(archive.keep(true));
     assert!(troubles.list().is_empty());
     assert_eq!(count("SELECT length(blob) FROM memory"), 2, "the newest");
-    assert_eq!(count("SELECT count(*) FROM runs WHERE closed_utc_s IS NOT NULL"), 1);
+    assert_eq!(
+        count("SELECT count(*) FROM runs WHERE closed_utc_s IS NOT NULL"),
+        1
+    );
     // A plan that is stored is not written again.
     stop("plans");
     archive.hold_plan(&plan(1));
@@ -73,7 +96,9 @@ fn software_is_noted_once_and_never_of_an_older_start() {
     };
     assert!(say(4, "0.1.0"));
     reader
-        .execute_batch("CREATE TRIGGER no BEFORE INSERT ON vehicles BEGIN SELECT raise(ABORT, 'no'); END")
+        .execute_batch(
+            "CREATE TRIGGER no BEFORE INSERT ON vehicles BEGIN SELECT raise(ABORT, 'no'); END",
+        )
         .unwrap();
     assert!(say(4, "0.1.0") && say(3, "0.1.0"), "nothing is written");
     assert!(!say(5, "0.1.0"), "that is new");
@@ -112,8 +137,14 @@ fn what_strangers_have_sent_before_is_passed_over_after_a_restart() {
         samples: vec![sample],
         lost: vec![],
     };
-    let restored = Restored { samples: vec![batch(1), batch(2)], ..Restored::default() };
+    let restored = Restored {
+        samples: vec![batch(1), batch(2)],
+        ..Restored::default()
+    };
     let station = resume(settings, restored, &BTreeSet::from([VehicleId(1)]));
     assert_eq!(station.samples().count(RunId(1)), 1);
-    assert_eq!(station.samples().have(&BTreeSet::new(), 0).watermarks.len(), 1);
+    assert_eq!(
+        station.samples().have(&BTreeSet::new(), 0).watermarks.len(),
+        1
+    );
 }

@@ -77,12 +77,26 @@ impl WorldLink {
         settings: LinkSettings,
         told: impl FnMut(Event) + Send + 'static,
     ) -> io::Result<WorldLink> {
-        let now = Now { stream: None, state: LinkState::Connecting(None), is_ended: false };
+        let now = Now {
+            stream: None,
+            state: LinkState::Connecting(None),
+            is_ended: false,
+        };
         let (told, now) = (Mutex::new(Box::new(told) as Told), Mutex::new(now));
-        let shared = Arc::new(Shared { settings, told, now, ended: Condvar::new() });
+        let shared = Arc::new(Shared {
+            settings,
+            told,
+            now,
+            ended: Condvar::new(),
+        });
         let own = shared.clone();
-        let thread = std::thread::Builder::new().name("world link".to_owned()).spawn(move || own.run())?;
-        Ok(WorldLink { shared, thread: Some(thread) })
+        let thread = std::thread::Builder::new()
+            .name("world link".to_owned())
+            .spawn(move || own.run())?;
+        Ok(WorldLink {
+            shared,
+            thread: Some(thread),
+        })
     }
 
     /// Carries what concerns the simulated devices to the world, from any thread; the rest is not for the world. Returns
@@ -120,9 +134,9 @@ fn word(effect: &Effect) -> Option<ToWorld> {
         Effect::Command(command) => Some(ToWorld::Autopilot(command.clone())),
         Effect::Steer(beam) => Some(ToWorld::Steer(*beam)),
         Effect::Ping(ping) => Some(ToWorld::Ping(*ping)),
-        Effect::Transmit(beacon) => {
-            codec::encode(&Message::Beacon(beacon.clone())).ok().map(ToWorld::Transmit)
-        }
+        Effect::Transmit(beacon) => codec::encode(&Message::Beacon(beacon.clone()))
+            .ok()
+            .map(ToWorld::Transmit),
         Effect::Publish(_)
         | Effect::Keep(..)
         | Effect::Forget { .. }
@@ -141,11 +155,16 @@ fn event(word: FromWorld) -> Option<Event> {
         FromWorld::Ack(ack) => Some(Event::Ack(ack)),
         FromWorld::Echo(echo) => Some(Event::Echo(echo)),
         FromWorld::Heard { frame, rssi_dbm } => match codec::decode(&frame) {
-            Ok(Decoded::Message(Message::Beacon(beacon))) => Some(Event::Heard(Heard { beacon, rssi_dbm })),
+            Ok(Decoded::Message(Message::Beacon(beacon))) => {
+                Some(Event::Heard(Heard { beacon, rssi_dbm }))
+            }
             Ok(_) | Err(_) => None,
         },
         FromWorld::Unsent(sequence) => Some(Event::Unsent(sequence)),
-        FromWorld::Welcome(_) | FromWorld::Refused(_) | FromWorld::Status(_) | FromWorld::Places(_) => None,
+        FromWorld::Welcome(_)
+        | FromWorld::Refused(_)
+        | FromWorld::Status(_)
+        | FromWorld::Places(_) => None,
     }
 }
 
@@ -170,7 +189,10 @@ impl Shared {
             now.state = state;
             let is_over = |now: &mut Now| !now.is_ended;
             let waited = self.ended.wait_timeout_while(now, RETRY, is_over);
-            if waited.map_or_else(|broken| broken.into_inner().0.is_ended, |(now, _)| now.is_ended) {
+            if waited.map_or_else(
+                |broken| broken.into_inner().0.is_ended,
+                |(now, _)| now.is_ended,
+            ) {
                 return;
             }
         }
@@ -178,12 +200,16 @@ impl Shared {
 
     /// One connection from its beginning to its end; returns why the world refused it, or what went wrong.
     fn session(&self) -> Result<Refused, String> {
-        let mut stream = self.open().map_err(|error| format!("{}: {error}", self.settings.address))?;
+        let mut stream = self
+            .open()
+            .map_err(|error| format!("{}: {error}", self.settings.address))?;
         loop {
             let frame = read_frame(&mut stream).map_err(|error| error.to_string())?;
             match decode(&frame).map_err(|error| error.to_string())? {
                 FromWorld::Refused(refused) => return Ok(refused),
-                FromWorld::Welcome(welcome) => self.welcome(&stream, welcome).map_err(|e| e.to_string())?,
+                FromWorld::Welcome(welcome) => {
+                    self.welcome(&stream, welcome).map_err(|e| e.to_string())?
+                }
                 word => {
                     if let Some(event) = event(word) {
                         self.tell(event);
@@ -194,12 +220,21 @@ impl Shared {
     }
 
     fn open(&self) -> io::Result<TcpStream> {
-        let LinkSettings { address, token, vehicle, boot } = &self.settings;
+        let LinkSettings {
+            address,
+            token,
+            vehicle,
+            boot,
+        } = &self.settings;
         let mut stream = TcpStream::connect_timeout(address, CONNECT_WITHIN)?;
         stream.set_nodelay(true)?;
         stream.set_write_timeout(Some(WRITE_WITHIN))?;
         stream.set_read_timeout(Some(CONNECT_WITHIN))?;
-        let join = ToWorld::Join { vehicle: *vehicle, boot: *boot, token: token.clone().into_bytes() };
+        let join = ToWorld::Join {
+            vehicle: *vehicle,
+            boot: *boot,
+            token: token.clone().into_bytes(),
+        };
         write_frame(&mut stream, &encode(&join).map_err(io::Error::other)?)?;
         Ok(stream)
     }
@@ -218,7 +253,9 @@ impl Shared {
 
     fn write(&self, frame: &[u8]) -> bool {
         let mut now = self.lock();
-        let Some(stream) = &mut now.stream else { return false };
+        let Some(stream) = &mut now.stream else {
+            return false;
+        };
         if write_frame(stream, frame).is_ok() {
             return true;
         }

@@ -8,8 +8,8 @@ use std::time::Duration;
 use tomoswarm_proto::VehicleId;
 
 use super::{
-    FrameError, FromWorld, PLACES_LIMIT, Refused, Status, ToWorld, WordError, decode, encode, read_frame,
-    write_frame,
+    FrameError, FromWorld, PLACES_LIMIT, Refused, Status, ToWorld, WordError, decode, encode,
+    read_frame, write_frame,
 };
 use crate::geom::Point;
 
@@ -53,7 +53,9 @@ impl WorldControl {
         stream.set_read_timeout(Some(ANSWERS_WITHIN))?;
         stream.set_write_timeout(Some(ANSWERS_WITHIN))?;
         let mut control = WorldControl { stream };
-        match control.ask(&ToWorld::Control { token: token.as_bytes().to_vec() })? {
+        match control.ask(&ToWorld::Control {
+            token: token.as_bytes().to_vec(),
+        })? {
             FromWorld::Welcome(_) => Ok(control),
             _other => Err(ControlError::Unexpected),
         }

@@ -31,7 +31,9 @@ pub fn read_frame(stream: &mut impl Read) -> Result<Vec<u8>, FrameError> {
     match stream.read(&mut length[..1]) {
         Ok(0) => return Err(FrameError::Gone),
         Ok(_) => stream.read_exact(&mut length[1..])?,
-        Err(error) if error.kind() == io::ErrorKind::Interrupted => stream.read_exact(&mut length)?,
+        Err(error) if error.kind() == io::ErrorKind::Interrupted => {
+            stream.read_exact(&mut length)?
+        }
         Err(error) => return Err(error.into()),
     }
     let length = usize::try_from(u32::from_le_bytes(length)).unwrap_or(usize::MAX);
@@ -48,8 +50,12 @@ pub fn read_frame(stream: &mut impl Read) -> Result<Vec<u8>, FrameError> {
 /// # Errors
 /// It is too long, or the stream fails; nothing more can be written then.
 pub fn write_frame(stream: &mut impl Write, frame: &[u8]) -> io::Result<()> {
-    let length = u32::try_from(frame.len()).ok().filter(|_| frame.len() <= LIMIT);
-    let Some(length) = length else { return Err(io::ErrorKind::InvalidInput.into()) };
+    let length = u32::try_from(frame.len())
+        .ok()
+        .filter(|_| frame.len() <= LIMIT);
+    let Some(length) = length else {
+        return Err(io::ErrorKind::InvalidInput.into());
+    };
     let mut bytes = Vec::with_capacity(4 + frame.len());
     bytes.extend_from_slice(&length.to_le_bytes());
     bytes.extend_from_slice(frame);
@@ -64,7 +70,12 @@ mod tests {
     #[test]
     fn a_frame_that_is_too_long_is_refused_before_it_is_read() {
         let mut bytes: &[u8] = &[0xff, 0xff, 0xff, 0xff, 1, 2, 3];
-        assert!(matches!(read_frame(&mut bytes), Err(FrameError::TooLong { length: 0xffff_ffff })));
+        assert!(matches!(
+            read_frame(&mut bytes),
+            Err(FrameError::TooLong {
+                length: 0xffff_ffff
+            })
+        ));
         assert!(write_frame(&mut Vec::new(), &vec![0; LIMIT + 1]).is_err());
     }
 
@@ -76,7 +87,10 @@ mod tests {
         assert_eq!(read_frame(&mut stream).unwrap(), b"one");
         assert!(matches!(read_frame(&mut stream), Err(FrameError::Gone)));
         for cut in 1..bytes.len() {
-            assert!(matches!(read_frame(&mut &bytes[..cut]), Err(FrameError::Broken(_))), "cut at {cut}");
+            assert!(
+                matches!(read_frame(&mut &bytes[..cut]), Err(FrameError::Broken(_))),
+                "cut at {cut}"
+            );
         }
     }
 

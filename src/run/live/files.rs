@@ -6,8 +6,8 @@ use std::net::SocketAddr;
 use tomoswarm_proto::{RunId, VehicleId};
 
 use crate::config::{
-    self, BusFile, Config, Drivers, Endpoint, GroundFile, Mission, OperatorFile, PoseFile, Protocol, Record,
-    Sim, Topology, VehicleFile, World,
+    self, BusFile, Config, Drivers, Endpoint, GroundFile, Mission, OperatorFile, PoseFile,
+    Protocol, Record, Sim, Topology, VehicleFile, World,
 };
 
 /// What recordings of one node may take, megabytes.
@@ -72,8 +72,13 @@ impl Places {
             body: sim.vehicles.body,
             look: sim.range.look.clone(),
             radio: sim.radio.own,
-            pose: PoseFile { expected_sd_m: sim.vehicles.pose_sd_m },
-            world: World { connect: self.world, token: self.token.clone() },
+            pose: PoseFile {
+                expected_sd_m: sim.vehicles.pose_sd_m,
+            },
+            world: World {
+                connect: self.world,
+                token: self.token.clone(),
+            },
             safety: sim.safety,
             bus: self.bus(sim, own, &self.vehicle_ports[..index]),
             record: RECORD,
@@ -107,21 +112,37 @@ impl Places {
         let (topology, here) = (self.topology, |port: &u16| here(*port));
         let listen = listen.iter().map(here).collect();
         let (connect, egress_kb_per_s) = (connect.map(here).collect(), sim.bus.egress_kb_per_s);
-        BusFile { topology, listen, connect, lease_s, egress_kb_per_s, ..BusFile::unsaid() }
+        BusFile {
+            topology,
+            listen,
+            connect,
+            lease_s,
+            egress_kb_per_s,
+            ..BusFile::unsaid()
+        }
     }
 }
 
 /// The recordings of a node.
-const RECORD: Record = Record { limit_mb: RECORD_MB };
+const RECORD: Record = Record {
+    limit_mb: RECORD_MB,
+};
 
 /// Returns an endpoint of this machine.
 fn here(port: u16) -> Endpoint {
-    Endpoint { protocol: Protocol::Tcp, host: "127.0.0.1".to_owned(), port }
+    Endpoint {
+        protocol: Protocol::Tcp,
+        host: "127.0.0.1".to_owned(),
+        port,
+    }
 }
 
 /// Returns the text of a file, every key included.
 fn text(config: Config) -> String {
-    format!("# Written by tomoswarm sim --live.\n{}", config::written(&config))
+    format!(
+        "# Written by tomoswarm sim --live.\n{}",
+        config::written(&config)
+    )
 }
 
 #[cfg(test)]
@@ -143,7 +164,10 @@ mod tests {
             sensitivity_dbm = -95\n[sweep]\npositions = 60\nlaps = 7\n[imaging]\npixels = [30, 31]\nbin_m = 0.4\n\
             min_link_m = 2.5\nrim_m = 1.1\npeaks = 4\npeak_separation_m = 2.5\nsolver = \"tikhonov\"\nweights = \"line\"\n\
             [imaging.prior]\nsigma_db_per_m = 0.7\n[imaging.structure_prior]\ncorrelation_length_m = 1.3\n";
-        config::read_sim("configs/a.toml", text, None, &mut |path| bundled::load(path)).unwrap()
+        config::read_sim("configs/a.toml", text, None, &mut |path| {
+            bundled::load(path)
+        })
+        .unwrap()
     }
 
     fn places(topology: Topology) -> Places {
@@ -163,9 +187,10 @@ mod tests {
         for topology in [Topology::Mesh, Topology::Star] {
             for id in sim.vehicle_ids() {
                 let text = places(topology).vehicle(&sim, id);
-                let file =
-                    config::read_vehicle("configs/v.toml", &text, &mut |_| Ok(places(topology).venue(&sim)))
-                        .unwrap();
+                let file = config::read_vehicle("configs/v.toml", &text, &mut |_| {
+                    Ok(places(topology).venue(&sim))
+                })
+                .unwrap();
                 assert_eq!((file.id, Some(file.home)), (id, sim.home(id)));
                 assert_eq!(file.safety, sim.safety);
                 assert_eq!(file.pose.expected_sd_m, sim.vehicles.pose_sd_m);
@@ -177,15 +202,33 @@ mod tests {
                     (told.body, told.radio, told.safety),
                     (expected.body, expected.radio, expected.safety)
                 );
-                assert_eq!((told.fence, told.lattice), (expected.fence, expected.lattice));
-                assert_eq!((&file.look, file.venue.hash()), (&sim.range.look, sim.venue.hash()));
+                assert_eq!(
+                    (told.fence, told.lattice),
+                    (expected.fence, expected.lattice)
+                );
+                assert_eq!(
+                    (&file.look, file.venue.hash()),
+                    (&sim.range.look, sim.venue.hash())
+                );
                 let (found, wanted) = (&told.look, &expected.look);
                 let near = |a: Angle, b: Angle| (a.radians() - b.radians()).abs() < 1e-9;
                 assert_eq!(found.beams.len(), 3);
-                assert!(found.beams.iter().zip(&wanted.beams).all(|(a, b)| near(*a, *b)));
+                assert!(
+                    found
+                        .beams
+                        .iter()
+                        .zip(&wanted.beams)
+                        .all(|(a, b)| near(*a, *b))
+                );
                 assert!(near(found.half_angle, wanted.half_angle));
                 assert_eq!(
-                    (found.min_range_m, found.max_range_m, found.sure_range_m, found.period, found.settle),
+                    (
+                        found.min_range_m,
+                        found.max_range_m,
+                        found.sure_range_m,
+                        found.period,
+                        found.settle
+                    ),
                     (
                         wanted.min_range_m,
                         wanted.max_range_m,
@@ -203,38 +246,71 @@ mod tests {
         let sim = sim();
         for topology in [Topology::Mesh, Topology::Star] {
             let text = places(topology).ground(&sim, Some(RunId(1)));
-            let file =
-                config::read_ground("configs/g.toml", &text, &mut |_| Ok(places(topology).venue(&sim)))
-                    .unwrap();
+            let file = config::read_ground("configs/g.toml", &text, &mut |_| {
+                Ok(places(topology).venue(&sim))
+            })
+            .unwrap();
             assert_eq!(file.vehicles, sim.vehicle_ids().collect::<Vec<_>>());
             assert_eq!((&file.sweep, &file.imaging), (&sim.sweep, &sim.imaging));
-            assert_eq!((file.reception.sensitivity_dbm, file.compare_with), (-95.0, Some(RunId(1))));
+            assert_eq!(
+                (file.reception.sensitivity_dbm, file.compare_with),
+                (-95.0, Some(RunId(1)))
+            );
             let text = places(topology).operator(&sim);
-            config::read_operator("configs/o.toml", &text, &mut |_| Ok(places(topology).venue(&sim)))
-                .unwrap();
+            config::read_operator("configs/o.toml", &text, &mut |_| {
+                Ok(places(topology).venue(&sim))
+            })
+            .unwrap();
         }
     }
 
     #[test]
-    fn in_a_mesh_everyone_is_reached_without_the_ground_and_in_a_star_nobody_listens_but_the_ground() {
+    fn in_a_mesh_everyone_is_reached_without_the_ground_and_in_a_star_nobody_listens_but_the_ground()
+     {
         let sim = sim();
         let bus = |topology, id: u8| {
             let text = places(topology).vehicle(&sim, VehicleId(id));
-            config::read_vehicle("configs/v.toml", &text, &mut |_| Ok(places(topology).venue(&sim)))
-                .unwrap()
-                .bus
+            config::read_vehicle("configs/v.toml", &text, &mut |_| {
+                Ok(places(topology).venue(&sim))
+            })
+            .unwrap()
+            .bus
         };
         let mesh = bus(Topology::Mesh, 3);
-        assert_eq!(mesh.listen.iter().map(|endpoint| endpoint.port).collect::<Vec<_>>(), [7603]);
-        assert_eq!(mesh.connect.iter().map(|endpoint| endpoint.port).collect::<Vec<_>>(), [7600, 7601, 7602]);
+        assert_eq!(
+            mesh.listen
+                .iter()
+                .map(|endpoint| endpoint.port)
+                .collect::<Vec<_>>(),
+            [7603]
+        );
+        assert_eq!(
+            mesh.connect
+                .iter()
+                .map(|endpoint| endpoint.port)
+                .collect::<Vec<_>>(),
+            [7600, 7601, 7602]
+        );
         let star = bus(Topology::Star, 3);
         assert!(star.listen.is_empty());
-        assert_eq!(star.connect.iter().map(|endpoint| endpoint.port).collect::<Vec<_>>(), [7600]);
+        assert_eq!(
+            star.connect
+                .iter()
+                .map(|endpoint| endpoint.port)
+                .collect::<Vec<_>>(),
+            [7600]
+        );
         let operator = |topology| {
             let text = places(topology).operator(&sim);
-            let file =
-                config::read_operator("configs/o.toml", &text, &mut |_| Ok(places(topology).venue(&sim)));
-            file.unwrap().bus.connect.iter().map(|endpoint| endpoint.port).collect::<Vec<_>>()
+            let file = config::read_operator("configs/o.toml", &text, &mut |_| {
+                Ok(places(topology).venue(&sim))
+            });
+            file.unwrap()
+                .bus
+                .connect
+                .iter()
+                .map(|endpoint| endpoint.port)
+                .collect::<Vec<_>>()
         };
         assert_eq!(operator(Topology::Mesh), (7600..=7608).collect::<Vec<_>>());
         assert_eq!(operator(Topology::Star), [7600]);

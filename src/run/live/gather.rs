@@ -51,7 +51,15 @@ pub fn outcome(
         Err(_) if failure.is_some() => Stored::nothing(scenario),
         read => read?,
     };
-    let RunLog { log, bytes, messages, world, is_done, missions, home } = run_log;
+    let RunLog {
+        log,
+        bytes,
+        messages,
+        world,
+        is_done,
+        missions,
+        home,
+    } = run_log;
     let finished = is_done && failure.is_none();
     Ok(Outcome {
         finished,
@@ -95,7 +103,14 @@ fn unended(scenario: &Scenario) -> &'static str {
 impl Stored {
     fn nothing(scenario: &Scenario) -> Stored {
         let map = Merged::new(Lattice::new(scenario.sim().venue.cell_m), None);
-        Stored { samples: 0, links: Vec::new(), empty_links: Vec::new(), change: None, structure: None, map }
+        Stored {
+            samples: 0,
+            links: Vec::new(),
+            empty_links: Vec::new(),
+            change: None,
+            structure: None,
+            map,
+        }
     }
 }
 
@@ -120,17 +135,32 @@ fn read(scenario: &Scenario, store: &Path) -> Result<Stored, StoreError> {
     Ok(stored)
 }
 
-fn links_of_empty(scenario: &Scenario, store: &GroundStore) -> Result<(u64, Vec<Link>), StoreError> {
-    if scenario.sim().empty_sweep { links(scenario, store, EMPTY_RUN) } else { Ok((0, Vec::new())) }
+fn links_of_empty(
+    scenario: &Scenario,
+    store: &GroundStore,
+) -> Result<(u64, Vec<Link>), StoreError> {
+    if scenario.sim().empty_sweep {
+        links(scenario, store, EMPTY_RUN)
+    } else {
+        Ok((0, Vec::new()))
+    }
 }
 
 /// Returns how many samples a run has, and its links, in the bins in which the ground station pools them.
-fn links(scenario: &Scenario, store: &GroundStore, run: RunId) -> Result<(u64, Vec<Link>), StoreError> {
+fn links(
+    scenario: &Scenario,
+    store: &GroundStore,
+    run: RunId,
+) -> Result<(u64, Vec<Link>), StoreError> {
     let mut bins = LinkBins::new(scenario.sim().imaging.bin_m, SPOT_M);
     let mut count = 0;
     store.each_sample(Some(run), |stored| {
         let sample = stored.sample;
-        bins.record(sample.transmitter_pose.at.into(), sample.receiver_pose.at.into(), sample.rssi_dbm);
+        bins.record(
+            sample.transmitter_pose.at.into(),
+            sample.receiver_pose.at.into(),
+            sample.rssi_dbm,
+        );
         count += 1;
     })?;
     Ok((count, bins.links()))
@@ -149,6 +179,16 @@ fn picture(stored: &StoredImage) -> Reconstruction {
 }
 
 fn collision(contact: &Contact) -> Collision {
-    let Contact { at_ns, vehicle, with, place } = *contact;
-    Collision { at: Time::from_nanos(at_ns), vehicle, with, place }
+    let Contact {
+        at_ns,
+        vehicle,
+        with,
+        place,
+    } = *contact;
+    Collision {
+        at: Time::from_nanos(at_ns),
+        vehicle,
+        with,
+        place,
+    }
 }

@@ -115,7 +115,11 @@ pub struct Processes {
 impl Processes {
     /// Makes an empty list; logs are written into a folder.
     pub fn new(folder: &Path) -> Processes {
-        Processes { folder: folder.to_owned(), list: Vec::new(), within: ENDS_WITHIN }
+        Processes {
+            folder: folder.to_owned(),
+            list: Vec::new(),
+            within: ENDS_WITHIN,
+        }
     }
 
     /// Starts a process; what it says goes to its log, `NAME.log`.
@@ -132,13 +136,21 @@ impl Processes {
     /// It cannot be started, or says something else.
     pub fn start_world(&mut self, command: Command) -> io::Result<(SocketAddr, String)> {
         let child = self.spawn("world", Rank::World, command, true)?;
-        let output = child.stdout.take().ok_or_else(|| io::Error::other("the world has no output"))?;
+        let output = child
+            .stdout
+            .take()
+            .ok_or_else(|| io::Error::other("the world has no output"))?;
         let (say, said) = channel();
         // It goes on reading, so that the world never waits for us.
         let reader = move || {
-            BufReader::new(output).lines().map_while(Result::ok).for_each(|line| drop(say.send(line)))
+            BufReader::new(output)
+                .lines()
+                .map_while(Result::ok)
+                .for_each(|line| drop(say.send(line)))
         };
-        std::thread::Builder::new().name("world's words".to_owned()).spawn(reader)?;
+        std::thread::Builder::new()
+            .name("world's words".to_owned())
+            .spawn(reader)?;
         let first = said.recv_timeout(WORLD_WITHIN).unwrap_or_default();
         let words: Vec<&str> = first.split_whitespace().collect();
         match words[..] {
@@ -147,7 +159,11 @@ impl Processes {
                 Ok((address, token.to_owned()))
             }
             _ => {
-                let last = self.list.last().map(|process| last_lines(&process.log)).unwrap_or_default();
+                let last = self
+                    .list
+                    .last()
+                    .map(|process| last_lines(&process.log))
+                    .unwrap_or_default();
                 Err(io::Error::other(format!("the world has not begun: {last}")))
             }
         }
@@ -163,8 +179,16 @@ impl Processes {
         fs::create_dir_all(&self.folder)?;
         let log = self.folder.join(format!("{name}.log"));
         let file = File::create(&log)?;
-        let output = if keeps_output { Stdio::piped() } else { Stdio::from(file.try_clone()?) };
-        command.stdin(Stdio::piped()).stdout(output).stderr(file).process_group(0);
+        let output = if keeps_output {
+            Stdio::piped()
+        } else {
+            Stdio::from(file.try_clone()?)
+        };
+        command
+            .stdin(Stdio::piped())
+            .stdout(output)
+            .stderr(file)
+            .process_group(0);
         let child = command.spawn()?;
         self.list.push(Process {
             name: name.to_owned(),
@@ -184,13 +208,19 @@ impl Processes {
 
     /// Looks after all of them: starts again who has died and may be. Returns what has happened since.
     pub fn look_after(&mut self, now: Time) -> Vec<News> {
-        self.list.iter_mut().filter_map(|process| process.look_after(now)).collect()
+        self.list
+            .iter_mut()
+            .filter_map(|process| process.look_after(now))
+            .collect()
     }
 
     /// Ends all of them in order: who is asked gets [`ENDS_WITHIN`] and is killed then.
     pub fn stop(&mut self) -> Vec<Ended> {
         let ranks = [Rank::Vehicle, Rank::Ground, Rank::World];
-        ranks.into_iter().flat_map(|rank| self.stop_those(rank)).collect()
+        ranks
+            .into_iter()
+            .flat_map(|rank| self.stop_those(rank))
+            .collect()
     }
 
     /// Ends those of a rank in the same way.
@@ -214,12 +244,19 @@ impl Process {
             Stage::Runs => {
                 let status = self.look()?;
                 let dead = self.dead(status.to_string());
-                let is_final = self.rank == Rank::World || status.success() || status.code() == Some(REFUSED);
-                let again_after = if is_final { None } else { self.restarts.failed(now) };
+                let is_final =
+                    self.rank == Rank::World || status.success() || status.code() == Some(REFUSED);
+                let again_after = if is_final {
+                    None
+                } else {
+                    self.restarts.failed(now)
+                };
                 self.stage = again_after.map_or(Stage::Dead, |wait| Stage::Waits(now + wait));
                 Some(
-                    again_after
-                        .map_or(News::Dead(dead.clone()), |again_after| News::Died { dead, again_after }),
+                    again_after.map_or(News::Dead(dead.clone()), |again_after| News::Died {
+                        dead,
+                        again_after,
+                    }),
                 )
             }
             // What it says goes on in the same log.
@@ -230,7 +267,9 @@ impl Process {
                 }
                 Err(error) => {
                     self.stage = Stage::Dead;
-                    Some(News::Dead(self.dead(format!("it cannot be started again: {error}"))))
+                    Some(News::Dead(
+                        self.dead(format!("it cannot be started again: {error}")),
+                    ))
                 }
             },
             Stage::Waits(_) | Stage::Dead => None,
@@ -238,7 +277,11 @@ impl Process {
     }
 
     fn dead(&self, how: String) -> Dead {
-        Dead { name: self.name.clone(), how, last_words: last_lines(&self.log) }
+        Dead {
+            name: self.name.clone(),
+            how,
+            last_words: last_lines(&self.log),
+        }
     }
 
     /// Returns how it ended, if it has.
@@ -286,7 +329,10 @@ fn end(group: &mut [&mut Process], within: Duration) -> Vec<Ended> {
         if was_killed {
             process.kill();
         }
-        Ended { name: process.name.clone(), was_killed }
+        Ended {
+            name: process.name.clone(),
+            was_killed,
+        }
     });
     each.collect()
 }
@@ -298,7 +344,11 @@ fn end(group: &mut [&mut Process], within: Duration) -> Vec<Ended> {
 pub fn free_ports(count: usize) -> io::Result<Vec<u16>> {
     // Below those that the system gives to outgoing connections; another start begins elsewhere.
     let first = 20_000 + u16::try_from(std::process::id() % 100).unwrap_or(0) * 100;
-    let open = |port: u16| TcpListener::bind(("127.0.0.1", port)).ok().map(|listener| (port, listener));
+    let open = |port: u16| {
+        TcpListener::bind(("127.0.0.1", port))
+            .ok()
+            .map(|listener| (port, listener))
+    };
     // All are held until the last is found, so that none comes twice.
     let held: Vec<(u16, TcpListener)> = (first..32_700).filter_map(open).take(count).collect();
     if held.len() < count {
@@ -344,21 +394,47 @@ mod tests {
         let order = root.path().join("order");
         let polite = |name: &str| {
             let path = order.display();
-            format!("trap 'echo {name} >> {path}; exit 0' TERM; echo ready; while :; do sleep 0.02; done")
+            format!(
+                "trap 'echo {name} >> {path}; exit 0' TERM; echo ready; while :; do sleep 0.02; done"
+            )
         };
-        processes.start("world", Rank::World, shell(&polite("world"))).unwrap();
-        processes.start("ground", Rank::Ground, shell(&polite("ground"))).unwrap();
-        processes.start("vehicle-1", Rank::Vehicle, shell(&polite("vehicle"))).unwrap();
+        processes
+            .start("world", Rank::World, shell(&polite("world")))
+            .unwrap();
+        processes
+            .start("ground", Rank::Ground, shell(&polite("ground")))
+            .unwrap();
+        processes
+            .start("vehicle-1", Rank::Vehicle, shell(&polite("vehicle")))
+            .unwrap();
         let deaf = "trap '' TERM; echo ready; while :; do sleep 0.02; done";
-        processes.start("vehicle-2", Rank::Vehicle, shell(deaf)).unwrap();
-        let logs: Vec<PathBuf> = processes.list.iter().map(|process| process.log.clone()).collect();
-        wait_for("all have begun", || logs.iter().all(|log| last_lines(log) == "ready"));
-        let pids: Vec<u32> = processes.list.iter().map(|process| process.child.id()).collect();
+        processes
+            .start("vehicle-2", Rank::Vehicle, shell(deaf))
+            .unwrap();
+        let logs: Vec<PathBuf> = processes
+            .list
+            .iter()
+            .map(|process| process.log.clone())
+            .collect();
+        wait_for("all have begun", || {
+            logs.iter().all(|log| last_lines(log) == "ready")
+        });
+        let pids: Vec<u32> = processes
+            .list
+            .iter()
+            .map(|process| process.child.id())
+            .collect();
         let ended = processes.stop();
-        let killed: Vec<&str> =
-            ended.iter().filter(|ended| ended.was_killed).map(|ended| ended.name.as_str()).collect();
+        let killed: Vec<&str> = ended
+            .iter()
+            .filter(|ended| ended.was_killed)
+            .map(|ended| ended.name.as_str())
+            .collect();
         assert_eq!(killed, ["vehicle-2"]);
-        assert_eq!(fs::read_to_string(&order).unwrap(), "vehicle\nground\nworld\n");
+        assert_eq!(
+            fs::read_to_string(&order).unwrap(),
+            "vehicle\nground\nworld\n"
+        );
         assert!(!pids.iter().any(|pid| is_alive(*pid)));
     }
 
@@ -376,23 +452,39 @@ mod tests {
     fn who_dies_is_started_again_after_growing_waits_and_not_a_fourth_time_within_a_minute() {
         let root = tempfile::tempdir().unwrap();
         let mut processes = Processes::new(root.path());
-        processes.start("ground", Rank::Ground, shell("sleep 60")).unwrap();
+        processes
+            .start("ground", Rank::Ground, shell("sleep 60"))
+            .unwrap();
         assert_eq!(processes.look_after(Time::ZERO), []);
-        processes.start("vehicle-1", Rank::Vehicle, shell("seq 1 9 >&2; kill -9 $$")).unwrap();
+        processes
+            .start("vehicle-1", Rank::Vehicle, shell("seq 1 9 >&2; kill -9 $$"))
+            .unwrap();
         let mut now_s = 0.0;
         for wait_s in [1, 2, 4] {
             let News::Died { dead, again_after } = first(&mut processes, now_s) else {
                 panic!("it is final")
             };
-            assert_eq!((dead.name.as_str(), again_after), ("vehicle-1", Duration::from_secs(wait_s)));
+            assert_eq!(
+                (dead.name.as_str(), again_after),
+                ("vehicle-1", Duration::from_secs(wait_s))
+            );
             assert!(dead.how.contains("signal: 9"), "{}", dead.how);
             assert_eq!(dead.last_words, "5\n6\n7\n8\n9");
             now_s += wait_s as f64;
             assert_eq!(processes.look_after(Time::from_secs_f64(now_s - 0.1)), []);
-            assert_eq!(first(&mut processes, now_s), News::Started("vehicle-1".to_owned()));
+            assert_eq!(
+                first(&mut processes, now_s),
+                News::Started("vehicle-1".to_owned())
+            );
         }
-        assert!(matches!(first(&mut processes, now_s), News::Dead(dead) if dead.name == "vehicle-1"));
-        assert_eq!(processes.look_after(Time::from_secs_f64(1e6)), [], "that is said once");
+        assert!(
+            matches!(first(&mut processes, now_s), News::Dead(dead) if dead.name == "vehicle-1")
+        );
+        assert_eq!(
+            processes.look_after(Time::from_secs_f64(1e6)),
+            [],
+            "that is said once"
+        );
         let log = fs::read_to_string(root.path().join("vehicle-1.log")).unwrap();
         assert_eq!(log.lines().count(), 4 * 9, "every start's words are kept");
     }
@@ -407,7 +499,10 @@ mod tests {
             let root = tempfile::tempdir().unwrap();
             let mut processes = Processes::new(root.path());
             processes.start("node", rank, shell(script)).unwrap();
-            assert!(matches!(first(&mut processes, 0.0), News::Dead(_)), "{script}");
+            assert!(
+                matches!(first(&mut processes, 0.0), News::Dead(_)),
+                "{script}"
+            );
         }
     }
 
@@ -415,17 +510,27 @@ mod tests {
     fn who_waits_to_be_started_again_needs_no_end() {
         let root = tempfile::tempdir().unwrap();
         let mut processes = Processes::new(root.path());
-        processes.start("vehicle-1", Rank::Vehicle, shell("exit 1")).unwrap();
+        processes
+            .start("vehicle-1", Rank::Vehicle, shell("exit 1"))
+            .unwrap();
         assert!(matches!(first(&mut processes, 0.0), News::Died { .. }));
         let ended = processes.stop();
-        assert_eq!(ended, [Ended { name: "vehicle-1".to_owned(), was_killed: false }]);
+        assert_eq!(
+            ended,
+            [Ended {
+                name: "vehicle-1".to_owned(),
+                was_killed: false
+            }]
+        );
     }
 
     #[test]
     fn whoever_is_dropped_takes_its_processes_along() {
         let root = tempfile::tempdir().unwrap();
         let mut processes = Processes::new(root.path());
-        processes.start("vehicle-1", Rank::Vehicle, shell("exec sleep 60")).unwrap();
+        processes
+            .start("vehicle-1", Rank::Vehicle, shell("exec sleep 60"))
+            .unwrap();
         let pid = processes.list[0].child.id();
         drop(processes);
         assert!(!is_alive(pid));
@@ -435,10 +540,13 @@ mod tests {
     fn a_world_that_does_not_begin_is_a_reason_with_its_words() {
         let root = tempfile::tempdir().unwrap();
         let mut processes = Processes::new(root.path());
-        let error = processes.start_world(shell("echo no such file >&2")).unwrap_err();
+        let error = processes
+            .start_world(shell("echo no such file >&2"))
+            .unwrap_err();
         assert!(error.to_string().contains("no such file"), "{error}");
-        let (address, token) =
-            processes.start_world(shell("echo world 127.0.0.1:7500 token abc; sleep 60")).unwrap();
+        let (address, token) = processes
+            .start_world(shell("echo world 127.0.0.1:7500 token abc; sleep 60"))
+            .unwrap();
         assert_eq!((address.port(), token.as_str()), (7500, "abc"));
     }
 }

@@ -5,7 +5,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use tomoswarm_proto::{MissionEnd, MissionKind, Report, RunEnd, RunId, RunReport, Sender, VehicleId, codec};
+use tomoswarm_proto::{
+    MissionEnd, MissionKind, Report, RunEnd, RunId, RunReport, Sender, VehicleId, codec,
+};
 
 use crate::geom::Point;
 use crate::node::mission::End;
@@ -61,9 +63,16 @@ pub struct RunLog {
 
 impl RunLog {
     fn hear(&mut self, heard: &Heard) {
-        let Heard::Message(sender, message) = heard else { return };
+        let Heard::Message(sender, message) = heard else {
+            return;
+        };
         let bytes = codec::encode(message).map_or(0, |frame| frame.len() as u64);
-        *self.bytes.entry(*sender).or_default().entry(message.word()).or_default() += bytes;
+        *self
+            .bytes
+            .entry(*sender)
+            .or_default()
+            .entry(message.word())
+            .or_default() += bytes;
         self.messages += 1;
     }
 }
@@ -90,11 +99,21 @@ pub struct ScenarioRunner {
 impl ScenarioRunner {
     /// Takes a seat on the bus and at the world's ear, and begins: everybody is waited for, and then the scenario is
     /// followed.
-    pub fn new(scenario: &Scenario, mut operator: LiveOperator, control: WorldControl) -> ScenarioRunner {
+    pub fn new(
+        scenario: &Scenario,
+        mut operator: LiveOperator,
+        control: WorldControl,
+    ) -> ScenarioRunner {
         let sim = scenario.sim();
         let vehicles: Vec<VehicleId> = sim.vehicle_ids().collect();
-        let all = Expected { vehicles: vehicles.iter().copied().collect(), ground: true };
-        let mut steps = vec![Step::Wait { until: Condition::Heard(all), within: THERE_WITHIN }];
+        let all = Expected {
+            vehicles: vehicles.iter().copied().collect(),
+            ground: true,
+        };
+        let mut steps = vec![Step::Wait {
+            until: Condition::Heard(all),
+            within: THERE_WITHIN,
+        }];
         steps.extend(scenario.operator_steps());
         operator.tell(In::Follow(steps));
         ScenarioRunner {
@@ -115,7 +134,10 @@ impl ScenarioRunner {
     /// Goes on for a moment.
     pub fn go(&mut self) -> Going {
         let run_log = &mut self.run_log;
-        let said = match self.operator.go_on(self.operator.now() + WAIT, |_, heard| run_log.hear(heard)) {
+        let said = match self
+            .operator
+            .go_on(self.operator.now() + WAIT, |_, heard| run_log.hear(heard))
+        {
             Ok(said) => said,
             Err(fault) => return Going::Failed(fault.to_string()),
         };
@@ -143,7 +165,10 @@ impl ScenarioRunner {
             self.run_log.world = status;
         }
         let control = &mut self.control;
-        self.vehicles.iter().map(|id| (*id, control.track(*id).unwrap_or_default())).collect()
+        self.vehicles
+            .iter()
+            .map(|id| (*id, control.track(*id).unwrap_or_default()))
+            .collect()
     }
 
     /// Writes a line into the log.
@@ -156,20 +181,35 @@ impl ScenarioRunner {
     pub fn leave(mut self) -> RunLog {
         self.watch_fleet(self.operator.now());
         let is_done = match self.is_swept {
-            true => self.runs.get(&RUN).is_some_and(|run| run.end == Some(RunEnd::Done)),
+            true => self
+                .runs
+                .get(&RUN)
+                .is_some_and(|run| run.end == Some(RunEnd::Done)),
             false => self.are_missions_ended(),
         };
         let mission = |id: &VehicleId| (*id, self.ended.get(id).cloned());
-        let missions = self.vehicles.iter().filter(|_| !self.is_swept).map(mission).collect();
+        let missions = self
+            .vehicles
+            .iter()
+            .filter(|_| !self.is_swept)
+            .map(mission)
+            .collect();
         self.operator.close();
-        RunLog { is_done, missions, home: self.home.len(), ..self.run_log }
+        RunLog {
+            is_done,
+            missions,
+            home: self.home.len(),
+            ..self.run_log
+        }
     }
 
     /// Returns whether every vehicle that is there has ended its mission, as the script waits for it.
     fn are_missions_ended(&self) -> bool {
         let (view, now) = (self.operator.view(), self.operator.now());
-        let is_there =
-            |id: &&VehicleId| view.state(**id).is_some_and(|state| state.age(now) <= self.lost_after);
+        let is_there = |id: &&VehicleId| {
+            view.state(**id)
+                .is_some_and(|state| state.age(now) <= self.lost_after)
+        };
         let mut there = self.vehicles.iter().filter(is_there).peekable();
         there.peek().is_some() && there.all(|id| self.ended.contains_key(id))
     }
@@ -178,32 +218,54 @@ impl ScenarioRunner {
         if self.is_swept {
             return "the sweep did not end in time".to_owned();
         }
-        let open = self.vehicles.iter().filter(|id| !self.ended.contains_key(id));
+        let open = self
+            .vehicles
+            .iter()
+            .filter(|id| !self.ended.contains_key(id));
         let ids: Vec<String> = open.map(VehicleId::to_string).collect();
-        format!("the missions of vehicles {} did not end in time", ids.join(", "))
+        format!(
+            "the missions of vehicles {} did not end in time",
+            ids.join(", ")
+        )
     }
 
     /// Says in one line how it stands.
     pub fn line(&self) -> String {
         let now = self.operator.now();
-        let ground =
-            self.operator.view().ground(now).map_or("the ground station is not heard".to_owned(), |report| {
-                let Report { phase, run, laps_done, laps, samples, .. } = &report.value;
+        let ground = self.operator.view().ground(now).map_or(
+            "the ground station is not heard".to_owned(),
+            |report| {
+                let Report {
+                    phase,
+                    run,
+                    laps_done,
+                    laps,
+                    samples,
+                    ..
+                } = &report.value;
                 let phase = format!("{phase:?}").to_lowercase();
                 match self.is_swept {
-                    true => format!("{phase}, sweep {run}, lap {laps_done}/{laps}, {samples} samples"),
+                    true => {
+                        format!("{phase}, sweep {run}, lap {laps_done}/{laps}, {samples} samples")
+                    }
                     false => format!("run {run}, {} missions ended", self.ended.len()),
                 }
-            });
+            },
+        );
         let mode = |id: &VehicleId| {
             let state = self.operator.view().state(*id);
             format!(
                 "{id} {}",
-                state.map_or("-".to_owned(), |state| names::mode(state.value.mode).to_lowercase())
+                state.map_or("-".to_owned(), |state| names::mode(state.value.mode)
+                    .to_lowercase())
             )
         };
         let modes: Vec<String> = self.vehicles.iter().map(mode).collect();
-        format!("{:>4.0} s  {ground}; {}", now.as_secs_f64(), modes.join(", "))
+        format!(
+            "{:>4.0} s  {ground}; {}",
+            now.as_secs_f64(),
+            modes.join(", ")
+        )
     }
 
     /// Carries out what the operator says beside its messages.
@@ -235,20 +297,39 @@ impl ScenarioRunner {
     /// Notes which runs have ended, and who has come home.
     fn watch_fleet(&mut self, now: Time) {
         let view = self.operator.view();
-        let reported = view.ground(now).map(|report| report.value.runs.clone()).unwrap_or_default();
+        let reported = view
+            .ground(now)
+            .map(|report| report.value.runs.clone())
+            .unwrap_or_default();
         let is_there = |id: &VehicleId| {
-            view.vehicle(*id).and_then(|seen| seen.mission.as_ref()).is_some_and(|said| is_home(&said.value))
+            view.vehicle(*id)
+                .and_then(|seen| seen.mission.as_ref())
+                .is_some_and(|said| is_home(&said.value))
         };
         let home: BTreeSet<VehicleId> = self.vehicles.iter().copied().filter(is_there).collect();
         for run in reported {
             let known = self.runs.insert(run.run, run);
-            if let Some(end) = run.end.filter(|_| known.and_then(|known| known.end) != run.end) {
-                let RunReport { run, samples, images, .. } = run;
+            if let Some(end) = run
+                .end
+                .filter(|_| known.and_then(|known| known.end) != run.end)
+            {
+                let RunReport {
+                    run,
+                    samples,
+                    images,
+                    ..
+                } = run;
                 let end = format!("{end:?}").to_lowercase();
-                self.note("ground", &format!("run {run} is {end}: {samples} samples, {images} images"));
+                self.note(
+                    "ground",
+                    &format!("run {run} is {end}: {samples} samples, {images} images"),
+                );
             }
         }
-        let ended = self.vehicles.iter().filter_map(|id| Some((*id, self.ending(*id)?)));
+        let ended = self
+            .vehicles
+            .iter()
+            .filter_map(|id| Some((*id, self.ending(*id)?)));
         for (id, end) in ended.collect::<Vec<(VehicleId, Option<(MissionEnd, End)>)>>() {
             self.take_end(now, id, end);
         }
@@ -276,7 +357,10 @@ impl ScenarioRunner {
         match (end, self.ended.contains_key(&id)) {
             (Some((said, end)), false) => {
                 self.ended.insert(id, (now, end));
-                self.note(&format!("vehicle {id}"), &format!("its mission has ended: {said}"));
+                self.note(
+                    &format!("vehicle {id}"),
+                    &format!("its mission has ended: {said}"),
+                );
             }
             (None, true) => {
                 self.ended.remove(&id);
@@ -287,7 +371,9 @@ impl ScenarioRunner {
 
     fn watch_world(&mut self) {
         // A world that is gone is noticed by who started it.
-        let Ok(status) = self.control.report() else { return };
+        let Ok(status) = self.control.report() else {
+            return;
+        };
         let known = self.run_log.world.collision_count;
         let world = std::mem::replace(&mut self.run_log.world, status);
         let new: Vec<String> = self
@@ -297,9 +383,14 @@ impl ScenarioRunner {
             .iter()
             .skip(world.collisions.len())
             .map(|contact| {
-                let with = contact.with.map_or("the scene".to_owned(), |peer| format!("vehicle {peer}"));
+                let with = contact
+                    .with
+                    .map_or("the scene".to_owned(), |peer| format!("vehicle {peer}"));
                 let (place, vehicle) = (contact.place, contact.vehicle);
-                format!("vehicle {vehicle} touches {with} at {:.2}, {:.2} m", place.x_m, place.y_m)
+                format!(
+                    "vehicle {vehicle} touches {with} at {:.2}, {:.2} m",
+                    place.x_m, place.y_m
+                )
             })
             .collect();
         for words in new {

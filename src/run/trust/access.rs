@@ -34,7 +34,15 @@ pub fn access_rules(roster: &Roster, venue: &str, topology: Topology) -> Vec<Acc
                 own.map(|key| format!("tomoswarm/{venue}/{key}")).collect()
             }
         };
-        AccessRule { common_name: name.to_string(), writes, reads: vec![all.clone()] }
+        AccessRule {
+            common_name: name.to_string(),
+            writes,
+            reads: vec![all.clone()],
+        }
     };
-    roster.allowed.iter().map(|entry| rule(entry.name)).collect()
+    roster
+        .allowed
+        .iter()
+        .map(|entry| rule(entry.name))
+        .collect()
 }

@@ -4,8 +4,9 @@
 use std::net::IpAddr;
 
 use rcgen::{
-    BasicConstraints, CertificateParams, DistinguishedName, DnType, ExtendedKeyUsagePurpose, IsCa, Issuer,
-    KeyPair, KeyUsagePurpose, PKCS_ECDSA_P256_SHA256, SanType, SerialNumber, SigningKey, date_time_ymd,
+    BasicConstraints, CertificateParams, DistinguishedName, DnType, ExtendedKeyUsagePurpose, IsCa,
+    Issuer, KeyPair, KeyUsagePurpose, PKCS_ECDSA_P256_SHA256, SanType, SerialNumber, SigningKey,
+    date_time_ymd,
 };
 use ring::rand::{SecureRandom, SystemRandom};
 
@@ -59,7 +60,10 @@ impl Authority {
     pub fn create() -> Result<Authority, AuthorityError> {
         let key = KeyPair::generate_for(&PKCS_ECDSA_P256_SHA256)?;
         let serial = random_serial()?;
-        let mut params = params(&format!("tomoswarm authority {}", hex(&serial[..4])), &serial);
+        let mut params = params(
+            &format!("tomoswarm authority {}", hex(&serial[..4])),
+            &serial,
+        );
         params.is_ca = IsCa::Ca(BasicConstraints::Constrained(0));
         params.key_usages = vec![KeyUsagePurpose::KeyCertSign, KeyUsagePurpose::CrlSign];
         let certificate_pem = params.self_signed(&key)?.pem();
@@ -80,7 +84,11 @@ impl Authority {
             return Err(AuthorityError::OtherKey);
         }
         let issuer = Issuer::from_ca_cert_pem(certificate_pem, key)?;
-        Ok(Authority { certificate, certificate_pem: certificate_pem.to_owned(), issuer })
+        Ok(Authority {
+            certificate,
+            certificate_pem: certificate_pem.to_owned(),
+            issuer,
+        })
     }
 
     /// Returns its certificate.
@@ -106,14 +114,28 @@ impl Authority {
         let key = KeyPair::generate_for(&PKCS_ECDSA_P256_SHA256)?;
         let mut params = params(&name.to_string(), &random_serial()?);
         params.key_usages = vec![KeyUsagePurpose::DigitalSignature];
-        params.extended_key_usages =
-            vec![ExtendedKeyUsagePurpose::ServerAuth, ExtendedKeyUsagePurpose::ClientAuth];
+        params.extended_key_usages = vec![
+            ExtendedKeyUsagePurpose::ServerAuth,
+            ExtendedKeyUsagePurpose::ClientAuth,
+        ];
         params.use_authority_key_identifier_extension = true;
         params.subject_alt_names = alternative_names(hosts)?;
         let certificate_pem = params.signed_by(&key, &self.issuer)?.pem();
-        let Certificate { serial, fingerprint, .. } = Certificate::from_pem(&certificate_pem)?;
-        let entry = Entry { name, serial, fingerprint };
-        Ok(Issued { entry, certificate_pem, key_pem: key.serialize_pem() })
+        let Certificate {
+            serial,
+            fingerprint,
+            ..
+        } = Certificate::from_pem(&certificate_pem)?;
+        let entry = Entry {
+            name,
+            serial,
+            fingerprint,
+        };
+        Ok(Issued {
+            entry,
+            certificate_pem,
+            key_pem: key.serialize_pem(),
+        })
     }
 
     /// Returns a roster as text, signed.
@@ -134,7 +156,10 @@ pub fn is_host(text: &str) -> bool {
 
 fn alternative_names(hosts: &[String]) -> Result<Vec<SanType>, AuthorityError> {
     let mut names = Vec::new();
-    for host in ["127.0.0.1", "::1", "localhost"].into_iter().chain(hosts.iter().map(String::as_str)) {
+    for host in ["127.0.0.1", "::1", "localhost"]
+        .into_iter()
+        .chain(hosts.iter().map(String::as_str))
+    {
         let refused = || AuthorityError::Host(host.to_owned());
         if !is_host(host) {
             return Err(refused());
@@ -165,7 +190,9 @@ fn params(common_name: &str, serial: &[u8]) -> CertificateParams {
 /// Returns a random serial number: positive, and never shorter than it looks.
 fn random_serial() -> Result<[u8; 16], AuthorityError> {
     let mut serial = [0; 16];
-    SystemRandom::new().fill(&mut serial).map_err(|_| AuthorityError::Random)?;
+    SystemRandom::new()
+        .fill(&mut serial)
+        .map_err(|_| AuthorityError::Random)?;
     serial[0] = serial[0] & 0x7f | 0x40;
     Ok(serial)
 }

@@ -87,7 +87,10 @@ impl Certificate {
             return Err(CertificateError::Form);
         }
         let mut names = parsed.subject().iter_common_name();
-        let common_name = names.next().and_then(|name| name.as_str().ok()).unwrap_or_default();
+        let common_name = names
+            .next()
+            .and_then(|name| name.as_str().ok())
+            .unwrap_or_default();
         Ok(Certificate {
             common_name: common_name.to_owned(),
             serial: to_hex(parsed.raw_serial()),
@@ -116,7 +119,9 @@ impl Certificate {
 
     /// Returns whether the owner of this certificate has signed a text.
     pub fn has_signed(&self, text: &[u8], signature: &[u8]) -> bool {
-        UnparsedPublicKey::new(&ECDSA_P256_SHA256_ASN1, &self.public_key).verify(text, signature).is_ok()
+        UnparsedPublicKey::new(&ECDSA_P256_SHA256_ASN1, &self.public_key)
+            .verify(text, signature)
+            .is_ok()
     }
 }
 
@@ -134,16 +139,23 @@ pub(super) fn to_hex(bytes: &[u8]) -> String {
 
 /// Reads bytes from lower-case hexadecimal digits; `None` for anything else.
 pub(super) fn from_hex(text: &str) -> Option<Vec<u8>> {
-    let is_plain = text.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'));
+    let is_plain = text
+        .bytes()
+        .all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'));
     if !is_plain || !text.len().is_multiple_of(2) {
         return None;
     }
-    (0..text.len()).step_by(2).map(|at| u8::from_str_radix(text.get(at..at + 2)?, 16).ok()).collect()
+    (0..text.len())
+        .step_by(2)
+        .map(|at| u8::from_str_radix(text.get(at..at + 2)?, 16).ok())
+        .collect()
 }
 
 /// Returns the alternative names that are hosts; others are passed over.
 fn hosts_of(certificate: &X509Certificate<'_>) -> Vec<String> {
-    let Ok(Some(names)) = certificate.subject_alternative_name() else { return Vec::new() };
+    let Ok(Some(names)) = certificate.subject_alternative_name() else {
+        return Vec::new();
+    };
     let host = |name: &GeneralName<'_>| match name {
         GeneralName::DNSName(name) => Some((*name).to_owned()),
         GeneralName::IPAddress(bytes) => {

@@ -25,12 +25,20 @@ pub struct NewFile {
 impl NewFile {
     /// Makes a file that all may read.
     pub fn open(name: &'static str, text: impl Into<String>) -> NewFile {
-        NewFile { name, text: text.into(), is_private: false }
+        NewFile {
+            name,
+            text: text.into(),
+            is_private: false,
+        }
     }
 
     /// Makes a file that only its owner may read (mode 0600).
     pub fn private(name: &'static str, text: impl Into<String>) -> NewFile {
-        NewFile { name, text: text.into(), is_private: true }
+        NewFile {
+            name,
+            text: text.into(),
+            is_private: true,
+        }
     }
 }
 
@@ -40,7 +48,9 @@ impl NewFile {
 /// It cannot be read, is larger, or is no UTF-8.
 pub fn read_limited(path: &Path) -> io::Result<String> {
     let mut text = String::new();
-    File::open(path)?.take(LIMIT_BYTES + 1).read_to_string(&mut text)?;
+    File::open(path)?
+        .take(LIMIT_BYTES + 1)
+        .read_to_string(&mut text)?;
     if text.len() as u64 > LIMIT_BYTES {
         return Err(io::Error::new(io::ErrorKind::FileTooLarge, "over 4 MiB"));
     }
@@ -58,7 +68,9 @@ pub fn write_new_folder(folder: &Path, files: &[NewFile]) -> io::Result<()> {
         fs::remove_dir_all(&new)?;
     }
     DirBuilder::new().recursive(true).mode(0o700).create(&new)?;
-    let written = files.iter().try_for_each(|file| write_file(&new.join(file.name), file));
+    let written = files
+        .iter()
+        .try_for_each(|file| write_file(&new.join(file.name), file));
     let renamed = written.and_then(|()| fs::rename(&new, folder));
     if renamed.is_err() {
         // What is half written must not stay; the first error is the one to tell.
@@ -99,8 +111,12 @@ impl Lock {
     /// Another process has it, or the file cannot be opened.
     pub fn take(path: &Path) -> io::Result<Lock> {
         let file = File::open(path)?;
-        rustix::fs::flock(&file, FlockOperation::NonBlockingLockExclusive)
-            .map_err(|_| io::Error::new(io::ErrorKind::WouldBlock, "another process is working on it"))?;
+        rustix::fs::flock(&file, FlockOperation::NonBlockingLockExclusive).map_err(|_| {
+            io::Error::new(
+                io::ErrorKind::WouldBlock,
+                "another process is working on it",
+            )
+        })?;
         Ok(Lock { _file: file })
     }
 }
@@ -112,7 +128,11 @@ pub(super) fn is_open_to_others(path: &Path) -> io::Result<bool> {
 
 fn write_file(path: &Path, file: &NewFile) -> io::Result<()> {
     let mode = if file.is_private { 0o600 } else { 0o644 };
-    let mut written = OpenOptions::new().write(true).create_new(true).mode(mode).open(path)?;
+    let mut written = OpenOptions::new()
+        .write(true)
+        .create_new(true)
+        .mode(mode)
+        .open(path)?;
     written.write_all(file.text.as_bytes())?;
     written.sync_all()
 }
@@ -127,6 +147,9 @@ fn beside(path: &Path) -> io::Result<PathBuf> {
 }
 
 fn sync_parent(path: &Path) -> io::Result<()> {
-    let parent = path.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."));
+    let parent = path
+        .parent()
+        .filter(|parent| *parent != Path::new(""))
+        .unwrap_or(Path::new("."));
     File::open(parent)?.sync_all()
 }

@@ -29,7 +29,9 @@ impl CommonName {
         let plain = |number| plain_number(number).and_then(|number| u8::try_from(number).ok());
         match name.split_once('-') {
             None => (name == "ground").then_some(Sender::Ground),
-            Some(("operator", number)) => plain(number).map(|number| Sender::Operator(OperatorId(number))),
+            Some(("operator", number)) => {
+                plain(number).map(|number| Sender::Operator(OperatorId(number)))
+            }
             Some(("vehicle", number)) => {
                 let number = plain(number).filter(|number| (1..=250).contains(number))?;
                 Some(Sender::Vehicle(VehicleId(number)))
@@ -58,7 +60,9 @@ impl FromStr for CommonName {
 
 /// Reads a number that is spelled in the one way in which it is written, so that a name has one spelling.
 fn plain_number(text: &str) -> Option<u32> {
-    text.parse::<u32>().ok().filter(|number| number.to_string() == text)
+    text.parse::<u32>()
+        .ok()
+        .filter(|number| number.to_string() == text)
 }
 
 #[cfg(test)]

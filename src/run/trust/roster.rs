@@ -48,7 +48,9 @@ pub enum RosterError {
         expected: &'static str,
     },
     /// A newer one was in force here.
-    #[error("the roster is issue {found}, but issue {seen} was in force here already: copy the newest one")]
+    #[error(
+        "the roster is issue {found}, but issue {seen} was in force here already: copy the newest one"
+    )]
     Old {
         /// Its issue.
         found: u64,
@@ -56,7 +58,9 @@ pub enum RosterError {
         seen: u64,
     },
     /// A node has a certificate already.
-    #[error("{name} is enrolled already; give --replace for a new certificate, which ends the old one")]
+    #[error(
+        "{name} is enrolled already; give --replace for a new certificate, which ends the old one"
+    )]
     Duplicate {
         /// The certificate that it has.
         name: CommonName,
@@ -82,7 +86,9 @@ impl Roster {
     pub fn verify(text: &str, authority: &Certificate) -> Result<Roster, RosterError> {
         let at = text.rfind(SIGNATURE).ok_or(RosterError::Signature)?;
         let (signed, last) = text.split_at(at);
-        let signature = last.strip_prefix(SIGNATURE).and_then(|rest| rest.strip_suffix('\n'));
+        let signature = last
+            .strip_prefix(SIGNATURE)
+            .and_then(|rest| rest.strip_suffix('\n'));
         let signature = signature.and_then(from_hex).ok_or(RosterError::Signature)?;
         if !authority.has_signed(signed.as_bytes(), &signature) {
             return Err(RosterError::Signature);
@@ -96,7 +102,10 @@ impl Roster {
     /// A newer one was.
     pub fn check_not_older(&self, seen: Option<u64>) -> Result<(), RosterError> {
         match seen {
-            Some(seen) if self.issue < seen => Err(RosterError::Old { found: self.issue, seen }),
+            Some(seen) if self.issue < seen => Err(RosterError::Old {
+                found: self.issue,
+                seen,
+            }),
             Some(_) | None => Ok(()),
         }
     }
@@ -114,9 +123,19 @@ impl Roster {
         if let Some(entry) = self.of(node).filter(|_| !is_replaced) {
             return Err(RosterError::Duplicate { name: entry.name });
         }
-        let known = self.allowed.iter().map(|entry| entry.name).chain(self.revoked.iter().copied());
-        let highest = known.filter(|name| name.node == node).map(|name| name.issue).max();
-        let issue = highest.unwrap_or(0).checked_add(1).ok_or(RosterError::Full)?;
+        let known = self
+            .allowed
+            .iter()
+            .map(|entry| entry.name)
+            .chain(self.revoked.iter().copied());
+        let highest = known
+            .filter(|name| name.node == node)
+            .map(|name| name.issue)
+            .max();
+        let issue = highest
+            .unwrap_or(0)
+            .checked_add(1)
+            .ok_or(RosterError::Full)?;
         Ok(CommonName { node, issue })
     }
 
@@ -142,16 +161,29 @@ impl Roster {
         if self.of(node).is_some() {
             return self.without(node);
         }
-        let names: Vec<String> =
-            self.allowed.iter().map(|entry| CommonName::node_name(entry.name.node)).collect();
-        let enrolled = if names.is_empty() { "nobody".to_owned() } else { names.join(", ") };
-        Err(RosterError::Unknown { node: CommonName::node_name(node), enrolled })
+        let names: Vec<String> = self
+            .allowed
+            .iter()
+            .map(|entry| CommonName::node_name(entry.name.node))
+            .collect();
+        let enrolled = if names.is_empty() {
+            "nobody".to_owned()
+        } else {
+            names.join(", ")
+        };
+        Err(RosterError::Unknown {
+            node: CommonName::node_name(node),
+            enrolled,
+        })
     }
 
     fn without(&self, node: Sender) -> Result<Roster, RosterError> {
         let mut next = self.clone();
         next.issue = self.issue.checked_add(1).ok_or(RosterError::Full)?;
-        let (gone, kept) = next.allowed.into_iter().partition(|entry| entry.name.node == node);
+        let (gone, kept) = next
+            .allowed
+            .into_iter()
+            .partition(|entry| entry.name.node == node);
         next.allowed = kept;
         let gone: Vec<Entry> = gone;
         next.revoked.extend(gone.iter().map(|entry| entry.name));
@@ -162,7 +194,12 @@ impl Roster {
     /// Returns its text without a signature; what is signed.
     pub(super) fn unsigned_text(&self) -> String {
         let mut text = format!("{TITLE}\nissue {}\n", self.issue);
-        for Entry { name, serial, fingerprint } in &self.allowed {
+        for Entry {
+            name,
+            serial,
+            fingerprint,
+        } in &self.allowed
+        {
             text += &format!("allow {name} {serial} {fingerprint}\n");
         }
         for name in &self.revoked {
@@ -183,9 +220,14 @@ fn parse(text: &str) -> Result<Roster, RosterError> {
     if lines.next() != Some((TITLE, 1)) {
         return Err(wrong(1, TITLE));
     }
-    let issue = lines.next().and_then(|(line, _)| line.strip_prefix("issue ")?.parse().ok());
+    let issue = lines
+        .next()
+        .and_then(|(line, _)| line.strip_prefix("issue ")?.parse().ok());
     let issue = issue.ok_or(wrong(2, "issue NUMBER"))?;
-    let mut roster = Roster { issue, ..Roster::default() };
+    let mut roster = Roster {
+        issue,
+        ..Roster::default()
+    };
     for (line, number) in lines.take(MOST_ENTRIES + 1) {
         let words: Vec<&str> = line.split(' ').collect();
         let understood = match words[..] {
@@ -197,7 +239,10 @@ fn parse(text: &str) -> Result<Roster, RosterError> {
             ["revoked", name] => name_of(name).map(|name| roster.revoked.push(name)),
             _ => None,
         };
-        understood.ok_or(wrong(number, "allow NAME SERIAL FINGERPRINT, one of a node, or revoked NAME"))?;
+        understood.ok_or(wrong(
+            number,
+            "allow NAME SERIAL FINGERPRINT, one of a node, or revoked NAME",
+        ))?;
     }
     Ok(roster)
 }
@@ -205,7 +250,11 @@ fn parse(text: &str) -> Result<Roster, RosterError> {
 fn entry_of(name: &str, serial: &str, fingerprint: &str) -> Option<Entry> {
     from_hex(serial).filter(|bytes| !bytes.is_empty())?;
     let fingerprint = Fingerprint::from_hex(fingerprint)?;
-    Some(Entry { name: name_of(name)?, serial: serial.to_owned(), fingerprint })
+    Some(Entry {
+        name: name_of(name)?,
+        serial: serial.to_owned(),
+        fingerprint,
+    })
 }
 
 /// Reads a name. An operator that was enrolled before operators had numbers is operator 1: the swarm is read, and the
@@ -225,10 +274,17 @@ mod tests {
     #[test]
     fn an_operator_enrolled_before_operators_had_numbers_is_the_first() {
         let fingerprint = "ab".repeat(32);
-        let text = format!("{TITLE}\nissue 4\nallow operator.2 0102 {fingerprint}\nrevoked operator.1\n");
+        let text =
+            format!("{TITLE}\nissue 4\nallow operator.2 0102 {fingerprint}\nrevoked operator.1\n");
         let roster = parse(&text).unwrap();
-        assert_eq!(roster.of(OPERATOR).unwrap().name.to_string(), "operator-1.2");
+        assert_eq!(
+            roster.of(OPERATOR).unwrap().name.to_string(),
+            "operator-1.2"
+        );
         assert_eq!(roster.revoked[0].to_string(), "operator-1.1");
-        assert_eq!(roster.next_name(OPERATOR, true).unwrap().to_string(), "operator-1.3");
+        assert_eq!(
+            roster.next_name(OPERATOR, true).unwrap().to_string(),
+            "operator-1.3"
+        );
     }
 }

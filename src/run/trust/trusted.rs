@@ -103,22 +103,37 @@ impl Trusted {
     ///
     /// # Errors
     /// Any of them is not what it should be.
-    pub fn read(identity: &Identity, node: Sender, seen: Option<u64>) -> Result<Trusted, TrustError> {
+    pub fn read(
+        identity: &Identity,
+        node: Sender,
+        seen: Option<u64>,
+    ) -> Result<Trusted, TrustError> {
         let authority = read_certificate(&identity.ca)?;
         if !authority.is_authority {
             let source = CertificateError::NoAuthority;
-            return Err(TrustError::Certificate { path: identity.ca.clone().into(), source });
+            return Err(TrustError::Certificate {
+                path: identity.ca.clone().into(),
+                source,
+            });
         }
         let roster = read_roster(&identity.roster, &authority, seen)?;
         let path = PathBuf::from(&identity.certificate);
         let certificate = read_certificate(&identity.certificate)?;
-        let refused = |source| TrustError::Certificate { path: path.clone(), source };
+        let refused = |source| TrustError::Certificate {
+            path: path.clone(),
+            source,
+        };
         certificate.check_signed_by(&authority).map_err(refused)?;
         let own = own_name(&path, &certificate, node)?;
-        let is_allowed =
-            |entry: &super::Entry| entry.name == own && entry.fingerprint == certificate.fingerprint;
+        let is_allowed = |entry: &super::Entry| {
+            entry.name == own && entry.fingerprint == certificate.fingerprint
+        };
         if !roster.of(node).is_some_and(is_allowed) {
-            return Err(TrustError::NotAllowed { path, name: own, issue: roster.issue });
+            return Err(TrustError::NotAllowed {
+                path,
+                name: own,
+                issue: roster.issue,
+            });
         }
         check_key(Path::new(&identity.key), &certificate)?;
         Ok(Trusted { own, roster })
@@ -126,37 +141,66 @@ impl Trusted {
 }
 
 fn read_text(path: &str) -> Result<String, TrustError> {
-    read_limited(Path::new(path)).map_err(|source| TrustError::Read { path: path.into(), source })
+    read_limited(Path::new(path)).map_err(|source| TrustError::Read {
+        path: path.into(),
+        source,
+    })
 }
 
 fn read_certificate(path: &str) -> Result<Certificate, TrustError> {
-    let refused = |source| TrustError::Certificate { path: path.into(), source };
+    let refused = |source| TrustError::Certificate {
+        path: path.into(),
+        source,
+    };
     Certificate::from_pem(&read_text(path)?).map_err(refused)
 }
 
-fn read_roster(path: &str, authority: &Certificate, seen: Option<u64>) -> Result<Roster, TrustError> {
-    let refused = |source| TrustError::Roster { path: path.into(), source };
+fn read_roster(
+    path: &str,
+    authority: &Certificate,
+    seen: Option<u64>,
+) -> Result<Roster, TrustError> {
+    let refused = |source| TrustError::Roster {
+        path: path.into(),
+        source,
+    };
     let roster = Roster::verify(&read_text(path)?, authority).map_err(refused)?;
     roster.check_not_older(seen).map_err(refused)?;
     Ok(roster)
 }
 
-fn own_name(path: &Path, certificate: &Certificate, node: Sender) -> Result<CommonName, TrustError> {
+fn own_name(
+    path: &Path,
+    certificate: &Certificate,
+    node: Sender,
+) -> Result<CommonName, TrustError> {
     let name: Option<CommonName> = certificate.common_name.parse().ok();
-    name.filter(|name| name.node == node).ok_or_else(|| TrustError::OtherNode {
-        path: path.to_owned(),
-        found: certificate.common_name.clone(),
-        expected: CommonName::node_name(node),
-    })
+    name.filter(|name| name.node == node)
+        .ok_or_else(|| TrustError::OtherNode {
+            path: path.to_owned(),
+            found: certificate.common_name.clone(),
+            expected: CommonName::node_name(node),
+        })
 }
 
 fn check_key(path: &Path, certificate: &Certificate) -> Result<(), TrustError> {
-    let unreadable = |source| TrustError::Read { path: path.to_owned(), source };
+    let unreadable = |source| TrustError::Read {
+        path: path.to_owned(),
+        source,
+    };
     if is_open_to_others(path).map_err(unreadable)? {
-        return Err(TrustError::OpenKey { path: path.to_owned() });
+        return Err(TrustError::OpenKey {
+            path: path.to_owned(),
+        });
     }
     let text = read_limited(path).map_err(unreadable)?;
     let key = KeyPair::from_pem(&text).ok();
     let fits = key.is_some_and(|key| key.public_key_raw() == certificate.public_key);
-    if fits { Ok(()) } else { Err(TrustError::Key { path: path.to_owned() }) }
+    if fits {
+        Ok(())
+    } else {
+        Err(TrustError::Key {
+            path: path.to_owned(),
+        })
+    }
 }

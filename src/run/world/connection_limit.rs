@@ -15,7 +15,11 @@ pub struct ConnectionLimit {
 impl ConnectionLimit {
     /// Makes a limit of so many connections.
     pub fn new(most: usize) -> ConnectionLimit {
-        ConnectionLimit { most, count: Mutex::new(0), changed: Condvar::new() }
+        ConnectionLimit {
+            most,
+            count: Mutex::new(0),
+            changed: Condvar::new(),
+        }
     }
 
     fn lock(&self) -> MutexGuard<'_, usize> {
@@ -30,7 +34,9 @@ impl ConnectionLimit {
     /// Waits until all have ended, but no longer than this.
     pub fn wait_for_end(&self, longest: Duration) {
         // Whoever is still there then is left behind: the process ends anyway.
-        let _ = self.changed.wait_timeout_while(self.lock(), longest, |count| *count > 0);
+        let _ = self
+            .changed
+            .wait_timeout_while(self.lock(), longest, |count| *count > 0);
     }
 }
 

@@ -45,7 +45,12 @@ impl Listener {
         words: SyncSender<Inbound>,
         is_ended: Arc<AtomicBool>,
     ) -> Listener {
-        Listener { token: token.to_vec(), limit, words, is_ended }
+        Listener {
+            token: token.to_vec(),
+            limit,
+            words,
+            is_ended,
+        }
     }
 
     /// Takes connections until the world has ended.
@@ -77,7 +82,9 @@ impl Listener {
         if self.limit.is_exceeded() {
             refuse(&outgoing, Refused::Full);
             // A few bytes always fit into the buffer of a new connection; whether they arrive does not matter.
-            let _ = stream.set_nonblocking(true).and_then(|()| pour(&outgoing, stream));
+            let _ = stream
+                .set_nonblocking(true)
+                .and_then(|()| pour(&outgoing, stream));
             return;
         }
         let named = std::thread::Builder::new().name(format!("world connection {number}"));
@@ -101,7 +108,9 @@ impl Connection {
         let Ok(other) = prepare(&stream) else { return };
         let outgoing = self.outgoing.clone();
         let writer = std::thread::Builder::new().name(format!("world writer {}", self.number));
-        let Ok(writer) = writer.spawn(move || pour(&outgoing, other)) else { return };
+        let Ok(writer) = writer.spawn(move || pour(&outgoing, other)) else {
+            return;
+        };
         match self.greet(&mut stream) {
             Err(refused) => refuse(&self.outgoing, refused),
             Ok(inbound) => {
@@ -110,7 +119,9 @@ impl Connection {
                 if let Some(refused) = self.listen(&mut stream) {
                     refuse(&self.outgoing, refused);
                 }
-                let _ = self.words.send(Inbound::Gone { connection: self.number });
+                let _ = self.words.send(Inbound::Gone {
+                    connection: self.number,
+                });
             }
         }
         self.outgoing.close();
@@ -123,18 +134,33 @@ impl Connection {
         let until = Instant::now() + GREETS_WITHIN;
         let frame = read_frame(&mut Hurried { stream, until }).map_err(|_| Refused::NoGreeting)?;
         let word = decode(&frame).map_err(|error| match error {
-            WordError::Version { found } => Refused::Version { expected: VERSION, found },
+            WordError::Version { found } => Refused::Version {
+                expected: VERSION,
+                found,
+            },
             WordError::Body { .. } => Refused::NoGreeting,
         })?;
         // From now on it may be silent for as long as it likes.
-        stream.set_read_timeout(None).map_err(|_| Refused::NoGreeting)?;
+        stream
+            .set_read_timeout(None)
+            .map_err(|_| Refused::NoGreeting)?;
         let (connection, outgoing) = (self.number, self.outgoing.clone());
         match word {
-            ToWorld::Join { token, .. } | ToWorld::Control { token } if !is_same(&token, &self.token) => {
+            ToWorld::Join { token, .. } | ToWorld::Control { token }
+                if !is_same(&token, &self.token) =>
+            {
                 Err(Refused::Token)
             }
-            ToWorld::Join { vehicle, boot, .. } => Ok(Inbound::Join { connection, vehicle, boot, outgoing }),
-            ToWorld::Control { .. } => Ok(Inbound::Control { connection, outgoing }),
+            ToWorld::Join { vehicle, boot, .. } => Ok(Inbound::Join {
+                connection,
+                vehicle,
+                boot,
+                outgoing,
+            }),
+            ToWorld::Control { .. } => Ok(Inbound::Control {
+                connection,
+                outgoing,
+            }),
             ToWorld::Autopilot(_)
             | ToWorld::Steer(_)
             | ToWorld::Ping(_)
@@ -154,8 +180,15 @@ impl Connection {
                 Err(crate::run::link::FrameError::TooLong { .. }) => return Some(Refused::Garbage),
                 Err(_gone) => return None,
             };
-            let Ok(word) = decode(&frame) else { return Some(Refused::Garbage) };
-            self.words.send(Inbound::Word { connection: self.number, word }).ok()?;
+            let Ok(word) = decode(&frame) else {
+                return Some(Refused::Garbage);
+            };
+            self.words
+                .send(Inbound::Word {
+                    connection: self.number,
+                    word,
+                })
+                .ok()?;
         }
     }
 }

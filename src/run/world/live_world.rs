@@ -8,7 +8,8 @@ use tomoswarm_proto::{Boot, Message, VehicleId};
 
 use crate::geom::{Angle, Point};
 use crate::run::link::{
-    COLLISIONS_LIMIT, Contact, FromWorld, PLACES_LIMIT, Refused, Status, ToWorld, VehicleStatus, Welcome,
+    COLLISIONS_LIMIT, Contact, FromWorld, PLACES_LIMIT, Refused, Status, ToWorld, VehicleStatus,
+    Welcome,
 };
 use crate::sim::environment::{DeviceCommand, Environment, WorldEvent};
 use crate::sim::{Collision, Scenario, ScenarioError};
@@ -60,8 +61,16 @@ impl LiveWorld {
         };
         let vehicles = (0..world.vehicles()).map(vehicle).collect();
         let persons = scenario.persons().iter().map(|person| person.at).collect();
-        let status = Status { persons, ..Status::default() };
-        Ok(LiveWorld { now: Time::ZERO, environment, vehicles, status })
+        let status = Status {
+            persons,
+            ..Status::default()
+        };
+        Ok(LiveWorld {
+            now: Time::ZERO,
+            environment,
+            vehicles,
+            status,
+        })
     }
 
     /// Returns how many vehicles there are; their ids are 1 to this.
@@ -77,7 +86,9 @@ impl LiveWorld {
 
     /// Returns when something happens by itself next.
     pub fn next_at(&self) -> Time {
-        self.environment.deadline().map_or(Time::NEVER, |deadline| deadline.at)
+        self.environment
+            .deadline()
+            .map_or(Time::NEVER, |deadline| deadline.at)
     }
 
     /// Lets everything happen up to a moment, each at its own time.
@@ -85,35 +96,60 @@ impl LiveWorld {
         let mut happened = Vec::new();
         self.environment.wake(now, &mut happened);
         self.now = self.now.max(now);
-        happened.into_iter().for_each(|event| self.report(event, said));
+        happened
+            .into_iter()
+            .for_each(|event| self.report(event, said));
     }
 
     /// Hands on what has happened, and writes down what is asked for later.
     fn report(&mut self, event: WorldEvent, said: &mut Vec<VehicleWord>) {
         match event {
-            WorldEvent::Report { vehicle, report } => said.push((vehicle, FromWorld::Autopilot(report))),
+            WorldEvent::Report { vehicle, report } => {
+                said.push((vehicle, FromWorld::Autopilot(report)))
+            }
             WorldEvent::Ack { vehicle, ack } => said.push((vehicle, FromWorld::Ack(ack))),
             WorldEvent::Echo { vehicle, echo } => said.push((vehicle, FromWorld::Echo(echo))),
             WorldEvent::Heard { frame, receivers } => {
                 for (vehicle, rssi_dbm) in receivers {
-                    said.push((vehicle, FromWorld::Heard { frame: frame.to_vec(), rssi_dbm }));
+                    said.push((
+                        vehicle,
+                        FromWorld::Heard {
+                            frame: frame.to_vec(),
+                            rssi_dbm,
+                        },
+                    ));
                 }
             }
-            WorldEvent::Unsent { vehicle, sequence } => said.push((vehicle, FromWorld::Unsent(sequence))),
+            WorldEvent::Unsent { vehicle, sequence } => {
+                said.push((vehicle, FromWorld::Unsent(sequence)))
+            }
             WorldEvent::Contact(collision) => self.write_down(&collision),
             WorldEvent::Track(states) => {
                 let places = states.iter().map(|state| state.at);
-                self.vehicles.iter_mut().zip(places).for_each(|(vehicle, at)| vehicle.track(at));
+                self.vehicles
+                    .iter_mut()
+                    .zip(places)
+                    .for_each(|(vehicle, at)| vehicle.track(at));
             }
             WorldEvent::Scheduled(_) | WorldEvent::Charged { .. } => {}
         }
     }
 
     fn write_down(&mut self, collision: &Collision) {
-        let Collision { at, vehicle, with, place } = *collision;
+        let Collision {
+            at,
+            vehicle,
+            with,
+            place,
+        } = *collision;
         self.status.collision_count += 1;
         if self.status.collisions.len() < COLLISIONS_LIMIT {
-            self.status.collisions.push(Contact { at_ns: at.as_nanos(), vehicle, with, place });
+            self.status.collisions.push(Contact {
+                at_ns: at.as_nanos(),
+                vehicle,
+                with,
+                place,
+            });
         }
     }
 
@@ -122,19 +158,40 @@ impl LiveWorld {
     /// # Errors
     /// There is no such vehicle, or a start of its software that is as high drives it already.
     pub fn join(&mut self, vehicle: VehicleId, boot: Boot) -> Result<(usize, Welcome), Refused> {
-        let unknown = Refused::Unknown { vehicle, count: self.vehicles() };
-        let index = self.vehicles.iter().position(|known| known.id == vehicle).ok_or(unknown)?;
+        let unknown = Refused::Unknown {
+            vehicle,
+            count: self.vehicles(),
+        };
+        let index = self
+            .vehicles
+            .iter()
+            .position(|known| known.id == vehicle)
+            .ok_or(unknown)?;
         let known = &mut self.vehicles[index];
         if let Some(present) = known.driver.filter(|present| *present >= boot) {
-            return Err(Refused::Taken { vehicle, present, found: boot });
+            return Err(Refused::Taken {
+                vehicle,
+                present,
+                found: boot,
+            });
         }
         if let Some(present) = known.highest.filter(|present| *present > boot) {
-            return Err(Refused::Outdated { vehicle, present, found: boot });
+            return Err(Refused::Outdated {
+                vehicle,
+                present,
+                found: boot,
+            });
         }
         (known.driver, known.highest) = (Some(boot), Some(boot));
         self.environment.attach(self.now, index);
         let start = self.environment.known(index, self.now).pose;
-        Ok((index, Welcome { now_ns: self.now.as_nanos(), start: Some(start) }))
+        Ok((
+            index,
+            Welcome {
+                now_ns: self.now.as_nanos(),
+                start: Some(start),
+            },
+        ))
     }
 
     /// Nobody drives a vehicle any more; its autopilot brakes after a while.
@@ -150,13 +207,17 @@ impl LiveWorld {
             return;
         };
         let mut happened = Vec::new();
-        self.environment.obey(self.now, index, command, &mut happened);
-        happened.into_iter().for_each(|event| self.report(event, said));
+        self.environment
+            .obey(self.now, index, command, &mut happened);
+        happened
+            .into_iter()
+            .for_each(|event| self.report(event, said));
     }
 
     /// Lets the persons enter, unless they are in.
     pub fn enter(&mut self) {
-        self.environment.let_persons_enter(self.now, &mut Vec::new());
+        self.environment
+            .let_persons_enter(self.now, &mut Vec::new());
     }
 
     /// Returns how it is going.
@@ -190,9 +251,17 @@ impl LiveWorld {
 
     /// Returns a piece of a vehicle's track; empty behind its end and for a vehicle that is not there.
     pub fn places(&self, vehicle: VehicleId, from: u32) -> Vec<Point> {
-        let Some(known) = self.vehicles.iter().find(|known| known.id == vehicle) else { return Vec::new() };
+        let Some(known) = self.vehicles.iter().find(|known| known.id == vehicle) else {
+            return Vec::new();
+        };
         let from = usize::try_from(from).unwrap_or(usize::MAX);
-        known.track.iter().skip(from).take(PLACES_LIMIT).copied().collect()
+        known
+            .track
+            .iter()
+            .skip(from)
+            .take(PLACES_LIMIT)
+            .copied()
+            .collect()
     }
 }
 
@@ -218,7 +287,11 @@ fn command(word: ToWorld) -> Option<DeviceCommand> {
 
 impl DrivenVehicle {
     fn track(&mut self, place: Point) {
-        if self.track.last().is_some_and(|last| last.distance_to(place) <= TRACK_STEP_M) {
+        if self
+            .track
+            .last()
+            .is_some_and(|last| last.distance_to(place) <= TRACK_STEP_M)
+        {
             return;
         }
         if self.track.len() >= TRACK_LIMIT {

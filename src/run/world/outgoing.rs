@@ -42,7 +42,11 @@ impl Outgoing {
             return;
         }
         if waiting.frames.len() >= FRAMES_WAITING {
-            let oldest = waiting.frames.iter().position(|(worth, _)| *worth == Worth::Report).unwrap_or(0);
+            let oldest = waiting
+                .frames
+                .iter()
+                .position(|(worth, _)| *worth == Worth::Report)
+                .unwrap_or(0);
             waiting.frames.remove(oldest);
             waiting.dropped += 1;
         }
@@ -66,7 +70,10 @@ impl Outgoing {
             if waiting.is_closed {
                 return None;
             }
-            waiting = self.changed.wait(waiting).unwrap_or_else(PoisonError::into_inner);
+            waiting = self
+                .changed
+                .wait(waiting)
+                .unwrap_or_else(PoisonError::into_inner);
         }
     }
 
@@ -90,11 +97,18 @@ mod tests {
     fn a_full_queue_loses_its_oldest_telemetry_and_keeps_the_words() {
         let outgoing = Outgoing::default();
         for number in 0..100u8 {
-            let worth = if number % 10 == 0 { Worth::Word } else { Worth::Report };
+            let worth = if number % 10 == 0 {
+                Worth::Word
+            } else {
+                Worth::Report
+            };
             outgoing.push(worth, vec![number]);
         }
         let kept: Vec<u8> = drain(&outgoing).into_iter().flatten().collect();
-        assert_eq!((kept.len(), outgoing.dropped()), (FRAMES_WAITING, 100 - FRAMES_WAITING as u64));
+        assert_eq!(
+            (kept.len(), outgoing.dropped()),
+            (FRAMES_WAITING, 100 - FRAMES_WAITING as u64)
+        );
         assert!((0..10).all(|word| kept.contains(&(word * 10))), "{kept:?}");
         assert!(kept.is_sorted() && kept.ends_with(&[98, 99]), "{kept:?}");
     }
@@ -104,6 +118,9 @@ mod tests {
         let outgoing = Outgoing::default();
         (0..=255u8).for_each(|number| outgoing.push(Worth::Word, vec![number]));
         let kept = drain(&outgoing);
-        assert_eq!((kept.len(), kept.last()), (FRAMES_WAITING, Some(&vec![255])));
+        assert_eq!(
+            (kept.len(), kept.last()),
+            (FRAMES_WAITING, Some(&vec![255]))
+        );
     }
 }

@@ -21,10 +21,12 @@ const PERSON_M: f64 = 1.7;
 /// Free space from vehicle 1 to vehicle 2: −40 − 20 log10(9.55 m) = −59.6 dBm.
 const HEARD_DBM: std::ops::RangeInclusive<i16> = -61..=-58;
 
-const SIM: &str = "kind = \"sim\"\nvenue = \"venue.toml\"\nscene = \"scene.toml\"\nempty_sweep = true\n
+const SIM: &str =
+    "kind = \"sim\"\nvenue = \"venue.toml\"\nscene = \"scene.toml\"\nempty_sweep = true\n
 [vehicles]\nmax_speed_mps = 1.0\nacceleration_mps2 = 5.0\nbraking_mps2 = 5.0\npose_sd_m = 0.0
 [range]\nbeams_deg = [0.0]\n[radio]\nrician_k = 1e6\npacket_sd_db = 0.0\n[sweep]\npositions = 40\n";
-const VENUE: &str = "kind = \"venue\"\narea_m = [0.0, 0.0, 10.0, 10.0]\nhomes_m = [[-1.5, 5.0], [5.0, -2.0]]
+const VENUE: &str =
+    "kind = \"venue\"\narea_m = [0.0, 0.0, 10.0, 10.0]\nhomes_m = [[-1.5, 5.0], [5.0, -2.0]]
 fence_m = [[-4.0, -4.0], [14.0, -4.0], [14.0, 14.0], [-4.0, 14.0]]
 [datum]\nlatitude_deg = 52.0\nlongitude_deg = 4.0\n";
 const SCENE: &str = "kind = \"scene\"
@@ -37,7 +39,8 @@ fn scenario() -> Scenario {
         "scene.toml" => Ok(SCENE.to_owned()),
         other => Err(format!("no file {other}")),
     };
-    let sim = config::read_sim("test.toml", SIM, None, &mut loader).unwrap_or_else(|wrong| panic!("{wrong}"));
+    let sim = config::read_sim("test.toml", SIM, None, &mut loader)
+        .unwrap_or_else(|wrong| panic!("{wrong}"));
     Scenario::new(sim, Vec::new(), 1).unwrap()
 }
 
@@ -46,7 +49,11 @@ fn drive(x_m: f64, y_m: f64) -> ToWorld {
 }
 
 fn route(corners: Vec<Point>) -> ToWorld {
-    command(Command::Route { corners, altitude_m: None, speed_mps: Some(1.0) })
+    command(Command::Route {
+        corners,
+        altitude_m: None,
+        speed_mps: Some(1.0),
+    })
 }
 
 /// A command to the autopilot, by the number 9.

@@ -97,7 +97,9 @@ impl WorldThread {
                 self.hand_out();
             }
         }
-        self.connections.values().for_each(|(_, outgoing)| outgoing.close());
+        self.connections
+            .values()
+            .for_each(|(_, outgoing)| outgoing.close());
         self.world.status()
     }
 
@@ -108,7 +110,10 @@ impl WorldThread {
     fn hand_out(&mut self) {
         for (index, word) in self.said.drain(..) {
             let role = Role::Drives(index);
-            let driver = self.connections.values().find(|(drives, _)| *drives == role);
+            let driver = self
+                .connections
+                .values()
+                .find(|(drives, _)| *drives == role);
             if let Some((_, outgoing)) = driver {
                 say(outgoing, &word);
             }
@@ -117,13 +122,28 @@ impl WorldThread {
 
     fn take(&mut self, inbound: Inbound) {
         match inbound {
-            Inbound::Join { connection, vehicle, boot, outgoing } => {
+            Inbound::Join {
+                connection,
+                vehicle,
+                boot,
+                outgoing,
+            } => {
                 self.join(connection, vehicle, boot, outgoing);
             }
-            Inbound::Control { connection, outgoing } => {
+            Inbound::Control {
+                connection,
+                outgoing,
+            } => {
                 let now_ns = self.now().as_nanos();
-                say(&outgoing, &FromWorld::Welcome(Welcome { now_ns, start: None }));
-                self.connections.insert(connection, (Role::Directs, outgoing));
+                say(
+                    &outgoing,
+                    &FromWorld::Welcome(Welcome {
+                        now_ns,
+                        start: None,
+                    }),
+                );
+                self.connections
+                    .insert(connection, (Role::Directs, outgoing));
             }
             Inbound::Word { connection, word } => match self.connections.get(&connection) {
                 Some((Role::Drives(index), _)) => self.world.obey(*index, word, &mut self.said),
@@ -152,8 +172,12 @@ impl WorldThread {
             }
         };
         let role = Role::Drives(index);
-        let replaced: Vec<u64> =
-            self.connections.iter().filter(|(_, (other, _))| *other == role).map(|(key, _)| *key).collect();
+        let replaced: Vec<u64> = self
+            .connections
+            .iter()
+            .filter(|(_, (other, _))| *other == role)
+            .map(|(key, _)| *key)
+            .collect();
         for key in replaced {
             if let Some((_, old)) = self.connections.remove(&key) {
                 refuse(&old, Refused::Replaced { vehicle, by: boot });

@@ -14,16 +14,28 @@ fn fine_m(a: Point, b: Point, polygons: &[Polygon], steps: usize) -> f64 {
     let along = (b - a) * (1.0 / d);
     let local: Vec<Vec<(f64, f64)>> = polygons
         .iter()
-        .map(|polygon| polygon.corners().iter().map(|c| (along.dot(*c - a), along.cross(*c - a))).collect())
+        .map(|polygon| {
+            polygon
+                .corners()
+                .iter()
+                .map(|c| (along.dot(*c - a), along.cross(*c - a)))
+                .collect()
+        })
         .collect();
     let below = |h: f64, r: f64| libm::erfc(-h / r / std::f64::consts::SQRT_2) / 2.0;
     // The cuts jump at the corners only, so the steps are laid between them; s = d/2 (1 − cos θ) puts more
     // steps near the ends, where the zone is thin.
     let theta_of = |s: f64| (1.0 - 2.0 * s / d).acos();
-    let mut marks: Vec<f64> = local.iter().flatten().map(|corner| corner.0.clamp(0.0, d)).collect();
+    let mut marks: Vec<f64> = local
+        .iter()
+        .flatten()
+        .map(|corner| corner.0.clamp(0.0, d))
+        .collect();
     marks.extend([0.0, d]);
     marks.sort_by(f64::total_cmp);
-    let spans = marks.windows(2).map(|pair| (theta_of(pair[0]), theta_of(pair[1])));
+    let spans = marks
+        .windows(2)
+        .map(|pair| (theta_of(pair[0]), theta_of(pair[1])));
     let thetas = spans.filter(|span| span.1 > span.0).flat_map(|(from, to)| {
         let width = (to - from) / steps as f64;
         (0..steps).map(move |step| (from + (step as f64 + 0.5) * width, width))
@@ -33,7 +45,10 @@ fn fine_m(a: Point, b: Point, polygons: &[Polygon], steps: usize) -> f64 {
         let s = d / 2.0 * (1.0 - theta.cos());
         let weight = d / 2.0 * theta.sin() * width;
         let r = 0.5 * (WAVELENGTH_M * s * (d - s) / d).max(1e-18).sqrt();
-        let mut cuts: Vec<(f64, f64)> = local.iter().filter_map(|corners| cut_across(corners, s)).collect();
+        let mut cuts: Vec<(f64, f64)> = local
+            .iter()
+            .filter_map(|corners| cut_across(corners, s))
+            .collect();
         cuts.sort_by(|x, y| x.0.total_cmp(&y.0));
         let mut reached = f64::NEG_INFINITY;
         for (low, high) in cuts {
@@ -50,8 +65,13 @@ fn fine_m(a: Point, b: Point, polygons: &[Polygon], steps: usize) -> f64 {
 /// Where the line at s crosses a convex polygon.
 fn cut_across(corners: &[(f64, f64)], s: f64) -> Option<(f64, f64)> {
     let next = corners.iter().cycle().skip(1);
-    let crossed = corners.iter().zip(next).filter(|(p, q)| (p.0 > s) != (q.0 > s));
-    let heights: Vec<f64> = crossed.map(|(p, q)| p.1 + (s - p.0) / (q.0 - p.0) * (q.1 - p.1)).collect();
+    let crossed = corners
+        .iter()
+        .zip(next)
+        .filter(|(p, q)| (p.0 > s) != (q.0 > s));
+    let heights: Vec<f64> = crossed
+        .map(|(p, q)| p.1 + (s - p.0) / (q.0 - p.0) * (q.1 - p.1))
+        .collect();
     let low = heights.iter().copied().min_by(f64::total_cmp)?;
     let high = heights.iter().copied().max_by(f64::total_cmp)?;
     Some((low, high))
@@ -73,32 +93,66 @@ fn border(numbers: &mut Sequence) -> Point {
 
 fn check(attenuation: &Attenuation, a: Point, b: Point, expected_db: f64, tolerance_db: f64) {
     let got = attenuation.between(a, b);
-    assert!((got - expected_db).abs() < tolerance_db, "{a:?} {b:?}: {got} dB, expected {expected_db} dB");
-    assert_eq!(attenuation.between(b, a).to_bits(), got.to_bits(), "not reciprocal");
+    assert!(
+        (got - expected_db).abs() < tolerance_db,
+        "{a:?} {b:?}: {got} dB, expected {expected_db} dB"
+    );
+    assert_eq!(
+        attenuation.between(b, a).to_bits(),
+        got.to_bits(),
+        "not reciprocal"
+    );
 }
 
 #[test]
 fn an_l_wall_agrees_with_a_fine_integral() {
-    let attenuation = Attenuation::new(&scene_of(courtyard(), 20.0, &[]), 0.5, WAVELENGTH_M, LIMIT_DB);
-    let arm = |x0, y0, x1, y1| crate::geom::Rect::new(Point::new(x0, y0), Point::new(x1, y1)).polygon();
+    let attenuation = Attenuation::new(
+        &scene_of(courtyard(), 20.0, &[]),
+        0.5,
+        WAVELENGTH_M,
+        LIMIT_DB,
+    );
+    let arm =
+        |x0, y0, x1, y1| crate::geom::Rect::new(Point::new(x0, y0), Point::new(x1, y1)).polygon();
     let wall = [arm(6.0, 5.0, 6.3, 13.0), arm(6.0, 5.0, 13.0, 5.3)];
     let mut numbers = Sequence(2);
     for _ in 0..150 {
         let (a, b) = (border(&mut numbers), border(&mut numbers));
-        check(&attenuation, a, b, saturated(20.0 * fine_m(a, b, &wall, 600)), 0.003);
+        check(
+            &attenuation,
+            a,
+            b,
+            saturated(20.0 * fine_m(a, b, &wall, 600)),
+            0.003,
+        );
     }
 }
 
 #[test]
 fn grazing_links_agree_with_a_fine_integral() {
-    let attenuation = Attenuation::new(&scene_of(courtyard(), 1.0, &[]), 0.5, WAVELENGTH_M, LIMIT_DB);
-    let arm = |x0, y0, x1, y1| crate::geom::Rect::new(Point::new(x0, y0), Point::new(x1, y1)).polygon();
+    let attenuation = Attenuation::new(
+        &scene_of(courtyard(), 1.0, &[]),
+        0.5,
+        WAVELENGTH_M,
+        LIMIT_DB,
+    );
+    let arm =
+        |x0, y0, x1, y1| crate::geom::Rect::new(Point::new(x0, y0), Point::new(x1, y1)).polygon();
     let wall = [arm(6.0, 5.0, 6.3, 13.0), arm(6.0, 5.0, 13.0, 5.3)];
     for offset in [-0.6, -0.1, -0.01, 0.0, 0.001, 0.1, 0.3, 0.31, 0.5, 2.0] {
         for tilt in [0.0, 1e-6, 0.01, 0.3] {
             for (from, to) in [(0.0, 20.0), (4.9999, 13.0), (8.0, 9.0), (5.0, 20.0)] {
-                let (a, b) = (Point::new(6.0 + offset, from), Point::new(6.0 + offset + tilt, to));
-                check(&attenuation, a, b, saturated(fine_m(a, b, &wall, 4000)), 0.003);
+                let (a, b) = (
+                    Point::new(6.0 + offset, from),
+                    Point::new(6.0 + offset + tilt, to),
+                );
+                check(
+                    &attenuation,
+                    a,
+                    b,
+                    saturated(fine_m(a, b, &wall, 4000)),
+                    0.003,
+                );
             }
         }
     }
@@ -112,20 +166,31 @@ fn random_heaps_of_boxes_agree_with_a_fine_integral() {
         let mut boxes = Vec::new();
         for _ in 0..5 {
             let (x, y) = (numbers.within(6.0, 14.0), numbers.within(6.0, 14.0));
-            let (w, h, turn) = (numbers.within(0.1, 4.0), numbers.within(0.1, 2.0), numbers.within(0.0, 3.0));
+            let (w, h, turn) = (
+                numbers.within(0.1, 4.0),
+                numbers.within(0.1, 2.0),
+                numbers.within(0.0, 3.0),
+            );
             body += &format!(
                 "Transform {{ translation {x} {y} 0 rotation 0 0 1 {turn} children Shape {{ geometry Box {{ size {w} {h} 2 }} }} }}\n"
             );
             let corner = |(u, v): &(f64, f64)| {
                 let (u, v) = (u * w / 2.0, v * h / 2.0);
-                Point::new(x + u * turn.cos() - v * turn.sin(), y + u * turn.sin() + v * turn.cos())
+                Point::new(
+                    x + u * turn.cos() - v * turn.sin(),
+                    y + u * turn.sin() + v * turn.cos(),
+                )
             };
             boxes.push(Polygon::new(
-                [(-1., -1.), (1., -1.), (1., 1.), (-1., 1.)].iter().map(corner).collect(),
+                [(-1., -1.), (1., -1.), (1., 1.), (-1., 1.)]
+                    .iter()
+                    .map(corner)
+                    .collect(),
             ));
         }
         // Weak, so that separate heaps do not saturate and may be summed here.
-        let attenuation = Attenuation::new(&scene_of(&body, 0.01, &[]), 0.5, WAVELENGTH_M, LIMIT_DB);
+        let attenuation =
+            Attenuation::new(&scene_of(&body, 0.01, &[]), 0.5, WAVELENGTH_M, LIMIT_DB);
         for _ in 0..15 {
             let (a, b) = (border(&mut numbers), border(&mut numbers));
             let expected_m = fine_m(a, b, &boxes, 300);
@@ -151,20 +216,28 @@ fn the_zone_means_what_it_says() {
             let r = 0.5 * (WAVELENGTH_M * s * (20.0 - s) / 20.0).sqrt();
             for j in 0..steps {
                 let u = (f64::from(j) + 0.5) * 10.0 / f64::from(steps) - 5.0;
-                let weight = (-u * u / 2.0).exp() / std::f64::consts::TAU.sqrt() * 10.0 / f64::from(steps);
+                let weight =
+                    (-u * u / 2.0).exp() / std::f64::consts::TAU.sqrt() * 10.0 / f64::from(steps);
                 if (s - 10.0).abs() < 0.4 && outline.contains(Point::new(s, y + u * r)) {
                     inside += weight * 20.0 / f64::from(steps * 10);
                 }
             }
         }
-        check(&attenuation, Point::new(0.0, y), Point::new(20.0, y), saturated(10.0 * inside), 0.02);
+        check(
+            &attenuation,
+            Point::new(0.0, y),
+            Point::new(20.0, y),
+            saturated(10.0 * inside),
+            0.02,
+        );
     }
 }
 
 #[test]
 fn a_wall_across_the_middle_takes_its_thickness() {
     let wall = |db_per_m| {
-        let body = "Transform { translation 10 10 1 children Shape { geometry Box { size 0.3 18 2 } } }";
+        let body =
+            "Transform { translation 10 10 1 children Shape { geometry Box { size 0.3 18 2 } } }";
         Attenuation::new(&scene_of(body, db_per_m, &[]), 0.5, WAVELENGTH_M, LIMIT_DB)
     };
     let (a, b) = (Point::new(0.0, 10.0), Point::new(20.0, 10.0));
@@ -177,12 +250,15 @@ fn a_wall_across_the_middle_takes_its_thickness() {
 
 #[test]
 fn each_object_saturates_by_itself_and_corners_count_once() {
-    let two = "Transform { translation 5 10 0 children DEF B Shape { geometry Box { size 0.3 18 2 } } }
+    let two =
+        "Transform { translation 5 10 0 children DEF B Shape { geometry Box { size 0.3 18 2 } } }
         Transform { translation 15 10 0 children USE B }";
-    let crossed = "Transform { translation 5 10 0 children DEF B Shape { geometry Box { size 0.3 18 2 } } }
+    let crossed =
+        "Transform { translation 5 10 0 children DEF B Shape { geometry Box { size 0.3 18 2 } } }
         Transform { translation 5.1 10 0 children USE B }";
     let (a, b) = (Point::new(0.0, 10.0), Point::new(20.0, 10.0));
-    let of = |body: &str| Attenuation::new(&scene_of(body, 300.0, &[]), 0.5, WAVELENGTH_M, LIMIT_DB);
+    let of =
+        |body: &str| Attenuation::new(&scene_of(body, 300.0, &[]), 0.5, WAVELENGTH_M, LIMIT_DB);
     check(&of(two), a, b, 60.0, 1e-3);
     check(&of(crossed), a, b, 30.0, 1e-3);
     let crossed = Attenuation::new(&scene_of(crossed, 20.0, &[]), 0.5, WAVELENGTH_M, LIMIT_DB);
@@ -191,10 +267,14 @@ fn each_object_saturates_by_itself_and_corners_count_once() {
 
 #[test]
 fn height_decides_what_stands_in_the_way() {
-    let persons = [Person { height_m: 1.0, ..person(10.0, 10.0) }];
+    let persons = [Person {
+        height_m: 1.0,
+        ..person(10.0, 10.0)
+    }];
     let scene = scene_of(courtyard(), 20.0, &persons);
     let (a, b) = (Point::new(0.0, 10.0), Point::new(20.0, 10.0));
-    let at = |height_m: f64| Attenuation::new(&scene, height_m, WAVELENGTH_M, LIMIT_DB).between(a, b);
+    let at =
+        |height_m: f64| Attenuation::new(&scene, height_m, WAVELENGTH_M, LIMIT_DB).between(a, b);
     assert!(at(0.5) > at(1.5) + 2.0 && at(1.5) > 5.0);
     assert_eq!(at(2.0), 0.0);
 }
@@ -224,7 +304,13 @@ fn a_hollow_mesh_takes_only_its_shell() {
         -1 -1 -1, 1 -1 -1, 1 1 -1, -1 1 -1, -1 -1 1, 1 -1 1, 1 1 1, -1 1 1 ] }
         coordIndex [ 3 2 1 0 -1 4 5 6 7 -1 0 1 5 4 -1 1 2 6 5 -1 2 3 7 6 -1 3 0 4 7 -1 ] } }";
     let attenuation = Attenuation::new(&scene_of(shell, 1.0, &[]), 0.0, WAVELENGTH_M, LIMIT_DB);
-    check(&attenuation, Point::new(-9.0, 0.0), Point::new(9.0, 0.0), saturated(4.0), 1e-3);
+    check(
+        &attenuation,
+        Point::new(-9.0, 0.0),
+        Point::new(9.0, 0.0),
+        saturated(4.0),
+        1e-3,
+    );
 }
 
 #[test]
@@ -233,11 +319,35 @@ fn an_open_sheet_counts_by_the_crossing() {
         "Shape { geometry IndexedFaceSet { coord Coordinate { point [ 10 0 0, 10 20 0, 10 20 2, 10 0 2 ] }
         coordIndex [ 0 1 2 3 -1 ] } }";
     let attenuation = Attenuation::new(&scene_of(sheet, 20.0, &[]), 0.5, WAVELENGTH_M, LIMIT_DB);
-    check(&attenuation, Point::new(0.0, 10.0), Point::new(20.0, 10.0), saturated(6.0), 1e-3);
-    check(&attenuation, Point::new(0.0, 3.0), Point::new(20.0, 17.0), saturated(6.0), 1e-3);
-    check(&attenuation, Point::new(0.0, 10.0), Point::new(9.0, 10.0), 0.0, 1e-9);
+    check(
+        &attenuation,
+        Point::new(0.0, 10.0),
+        Point::new(20.0, 10.0),
+        saturated(6.0),
+        1e-3,
+    );
+    check(
+        &attenuation,
+        Point::new(0.0, 3.0),
+        Point::new(20.0, 17.0),
+        saturated(6.0),
+        1e-3,
+    );
+    check(
+        &attenuation,
+        Point::new(0.0, 10.0),
+        Point::new(9.0, 10.0),
+        0.0,
+        1e-9,
+    );
     // Through the very end of the sheet: half of the zone meets it.
-    check(&attenuation, Point::new(0.0, 20.0), Point::new(20.0, 20.0), saturated(3.0), 1e-3);
+    check(
+        &attenuation,
+        Point::new(0.0, 20.0),
+        Point::new(20.0, 20.0),
+        saturated(3.0),
+        1e-3,
+    );
 }
 
 #[test]
@@ -245,8 +355,21 @@ fn odd_links_give_numbers() {
     let scene = scene_of(courtyard(), 20.0, &[person(10.0, 10.0)]);
     let attenuation = Attenuation::new(&scene, 0.5, WAVELENGTH_M, LIMIT_DB);
     let mut numbers = Sequence(6);
-    let places =
-        [0.0, 5.0, 5.3, 6.0, 6.3, 13.0, 1e-300, 1e-12, 6.3 + 1e-15, 1e6, -1e150, 1e300, f64::INFINITY];
+    let places = [
+        0.0,
+        5.0,
+        5.3,
+        6.0,
+        6.3,
+        13.0,
+        1e-300,
+        1e-12,
+        6.3 + 1e-15,
+        1e6,
+        -1e150,
+        1e300,
+        f64::INFINITY,
+    ];
     for _ in 0..20_000 {
         let mut place = || {
             let mut pick = || places[numbers.below(places.len())];

@@ -11,14 +11,23 @@ const TWO: &str = "DEF Yard Group { children [
 
 fn build(materials: &[(&str, f64)], persons: &[Person]) -> Result<Scene, SceneError> {
     let read = read(TWO).unwrap();
-    let materials = materials
-        .iter()
-        .map(|(name, db_per_m)| (name.to_string(), Material { db_per_m: *db_per_m, db_per_crossing: 0.0 }));
+    let materials = materials.iter().map(|(name, db_per_m)| {
+        (
+            name.to_string(),
+            Material {
+                db_per_m: *db_per_m,
+                db_per_crossing: 0.0,
+            },
+        )
+    });
     Scene::build(&SceneParts {
         shapes: &read.shapes,
         offset_m: [100.0, 0.0, 0.5],
         materials: &materials.collect(),
-        default_material: Material { db_per_m: 1.0, db_per_crossing: 0.0 },
+        default_material: Material {
+            db_per_m: 1.0,
+            db_per_crossing: 0.0,
+        },
         posts: &[],
         persons,
     })
@@ -26,37 +35,72 @@ fn build(materials: &[(&str, f64)], persons: &[Person]) -> Result<Scene, SceneEr
 
 #[test]
 fn the_innermost_named_material_counts() {
-    let scene = build(&[("Yard", 2.0), ("House", 3.0), ("Door", 4.0)], &[person(1.0, 2.0)]).unwrap();
-    let objects: Vec<(&str, f64)> =
-        scene.objects().iter().map(|object| (object.name.as_str(), object.material.db_per_m)).collect();
-    assert_eq!(objects, [("Door", 4.0), ("Yard", 2.0), ("Yard", 2.0), ("shape 4", 1.0), ("someone", 10.0)]);
+    let scene = build(
+        &[("Yard", 2.0), ("House", 3.0), ("Door", 4.0)],
+        &[person(1.0, 2.0)],
+    )
+    .unwrap();
+    let objects: Vec<(&str, f64)> = scene
+        .objects()
+        .iter()
+        .map(|object| (object.name.as_str(), object.material.db_per_m))
+        .collect();
+    assert_eq!(
+        objects,
+        [
+            ("Door", 4.0),
+            ("Yard", 2.0),
+            ("Yard", 2.0),
+            ("shape 4", 1.0),
+            ("someone", 10.0)
+        ]
+    );
 }
 
 #[test]
 fn the_offset_moves_shapes_and_no_persons() {
     let scene = build(&[], &[person(1.0, 2.0)]).unwrap();
-    let Shape::Prism { footprint, low_m, high_m } = &scene.objects()[0].shape else {
+    let Shape::Prism {
+        footprint,
+        low_m,
+        high_m,
+    } = &scene.objects()[0].shape
+    else {
         panic!("a box is a prism")
     };
-    assert!(footprint.contains(Point::new(105.9, 5.9)) && !footprint.contains(Point::new(106.1, 5.9)));
+    assert!(
+        footprint.contains(Point::new(105.9, 5.9)) && !footprint.contains(Point::new(106.1, 5.9))
+    );
     assert_eq!((*low_m, *high_m), (0.5, 2.5));
     let outline = scene.outlines(0.1).pop().unwrap();
     assert!(outline.name == "someone" && outline.contains(Point::new(1.0, 2.29)));
     assert!(!outline.contains(Point::new(1.0, 2.31)));
     let area_m2 = std::f64::consts::PI * 0.09;
-    assert!((outline.polygon.area_m2() - area_m2).abs() < 1e-12, "a person has a circle's area");
+    assert!(
+        (outline.polygon.area_m2() - area_m2).abs() < 1e-12,
+        "a person has a circle's area"
+    );
 }
 
 #[test]
 fn mistakes_are_refused_by_name() {
     let message = |built: Result<Scene, SceneError>| built.err().unwrap().to_string();
     let unknown = message(build(&[("House", 3.0), ("Huose", 3.0)], &[]));
-    assert!(unknown.contains("`Huose`") && unknown.ends_with("it has: Door, House, Shed, Yard"), "{unknown}");
+    assert!(
+        unknown.contains("`Huose`") && unknown.ends_with("it has: Door, House, Shed, Yard"),
+        "{unknown}"
+    );
     for bad in [-1.0, f64::NAN, f64::INFINITY] {
         assert!(message(build(&[("House", bad)], &[])).contains("db_per_m of `House`"));
-        let radius = Person { radius_m: bad, ..person(1.0, 1.0) };
+        let radius = Person {
+            radius_m: bad,
+            ..person(1.0, 1.0)
+        };
         assert!(message(build(&[], &[radius])).contains("radius_m of `someone`"));
-        let height = Person { height_m: bad, ..person(1.0, 1.0) };
+        let height = Person {
+            height_m: bad,
+            ..person(1.0, 1.0)
+        };
         assert!(message(build(&[], &[height])).contains("height_m of `someone`"));
     }
     assert!(message(build(&[], &[person(f64::NAN, 1.0)])).contains("1000 km"));
@@ -83,7 +127,14 @@ fn a_courtyard_seen_from_above_has_a_hole() {
 #[test]
 fn a_body_need_not_be_convex() {
     // An L of 3 m²; its corners run either way.
-    let mut corners = [(0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (1.0, 1.0), (1.0, 2.0), (0.0, 2.0)];
+    let mut corners = [
+        (0.0, 0.0),
+        (2.0, 0.0),
+        (2.0, 1.0),
+        (1.0, 1.0),
+        (1.0, 2.0),
+        (0.0, 2.0),
+    ];
     for _ in 0..2 {
         let outline = Polygon::new(corners.iter().map(|(x, y)| Point::new(*x, *y)).collect());
         let post = Post {
@@ -91,7 +142,10 @@ fn a_body_need_not_be_convex() {
             footprint: Footprint::Corners(outline),
             low_m: 0.0,
             high_m: 1.5,
-            material: Material { db_per_m: 5.0, db_per_crossing: 0.0 },
+            material: Material {
+                db_per_m: 5.0,
+                db_per_crossing: 0.0,
+            },
         };
         let parts = SceneParts {
             shapes: &[],
@@ -109,8 +163,15 @@ fn a_body_need_not_be_convex() {
         assert!((scene.clearance_m(Point::new(1.5, 1.4), 0.02, 0.3) - 0.4).abs() < 1e-9);
         assert_eq!(scene.clearance_m(Point::new(0.5, 1.5), 0.02, 0.3), 0.0);
         // Into the notch from above: the lower arm's top is at 1.5 m, the notch has none.
-        let down = |x: f64, y: f64| scene.cast([x, y, 9.0], [0.0, 0.0, -1.0], 20.0).map(|hit| hit.distance_m);
-        assert_eq!((down(1.5, 0.5), down(0.5, 1.5), down(1.5, 1.5)), (Some(7.5), Some(7.5), None));
+        let down = |x: f64, y: f64| {
+            scene
+                .cast([x, y, 9.0], [0.0, 0.0, -1.0], 20.0)
+                .map(|hit| hit.distance_m)
+        };
+        assert_eq!(
+            (down(1.5, 0.5), down(0.5, 1.5), down(1.5, 1.5)),
+            (Some(7.5), Some(7.5), None)
+        );
         assert_eq!(scene.extent(), Some(([0.0; 3], [2.0, 2.0, 1.5])));
         corners.reverse();
     }

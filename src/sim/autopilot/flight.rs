@@ -28,7 +28,12 @@ pub struct Climb {
 impl Climb {
     /// Returns an altitude that does not change.
     pub fn level(altitude_m: f64) -> Climb {
-        Climb { since: Time::ZERO, from_m: altitude_m, to_m: altitude_m, rate_mps: 1.0 }
+        Climb {
+            since: Time::ZERO,
+            from_m: altitude_m,
+            to_m: altitude_m,
+            rate_mps: 1.0,
+        }
     }
 
     /// Returns when it is over.
@@ -40,7 +45,11 @@ impl Climb {
     pub fn altitude_m(&self, at: Time) -> f64 {
         let way_m = at.since(self.since).as_secs_f64() * self.rate_mps;
         let whole_m = self.to_m - self.from_m;
-        if way_m >= whole_m.abs() { self.to_m } else { self.from_m + way_m.copysign(whole_m) }
+        if way_m >= whole_m.abs() {
+            self.to_m
+        } else {
+            self.from_m + way_m.copysign(whole_m)
+        }
     }
 
     /// Returns when an altitude between its ends is passed.

@@ -49,18 +49,32 @@ impl Autopilot {
             Kind::Copter => altitude_m.max(0.0),
         };
         let stages = match item {
-            Item::Waypoint { at, altitude_m, delay: time } | Item::Loiter { at, altitude_m, time } => {
+            Item::Waypoint {
+                at,
+                altitude_m,
+                delay: time,
+            }
+            | Item::Loiter {
+                at,
+                altitude_m,
+                time,
+            } => {
                 let mut stages = self.way_to(vec![at], level_m(altitude_m), self.speed_mps);
                 stages.extend((!time.is_zero()).then_some(Stage::Stand(time)));
                 stages
             }
             Item::Takeoff { altitude_m } => {
                 let higher_m = altitude_m.max(here_m);
-                vec![Stage::Climb { to_m: higher_m, rate_mps: self.settings.climb_mps }]
+                vec![Stage::Climb {
+                    to_m: higher_m,
+                    rate_mps: self.settings.climb_mps,
+                }]
             }
             Item::Delay(time) => vec![Stage::Stand(time)],
             Item::Land { at } => {
-                let mut stages = at.map_or(Vec::new(), |at| self.way_to(vec![at], here_m, self.speed_mps));
+                let mut stages = at.map_or(Vec::new(), |at| {
+                    self.way_to(vec![at], here_m, self.speed_mps)
+                });
                 stages.extend(self.way_down(here_m));
                 stages
             }

@@ -34,18 +34,34 @@ impl Navigation {
     /// Makes the navigation of a vehicle: the deviation of each coordinate, metres, and the time over which its error
     /// drifts.
     pub fn new(noise: Noise, id: u64, sd_m: f64, drift: Duration) -> Navigation {
-        Navigation { noise, id, sd_m, drift, outages: Vec::new(), growth_mps: 0.0 }
+        Navigation {
+            noise,
+            id,
+            sd_m,
+            drift,
+            outages: Vec::new(),
+            growth_mps: 0.0,
+        }
     }
 
     /// Adds times without satellites, in which the deviation grows by `growth_mps`, metres a second.
     pub fn with_outages(self, outages: Vec<Outage>, growth_mps: f64) -> Navigation {
-        Navigation { outages, growth_mps, ..self }
+        Navigation {
+            outages,
+            growth_mps,
+            ..self
+        }
     }
 
     /// Returns the standard deviation of each coordinate, metres.
     pub fn sd_m(&self, now: Time) -> f64 {
-        let lost = self.outages.iter().filter(|outage| outage.from <= now && now < outage.until);
-        let longest_s = lost.map(|outage| now.since(outage.from).as_secs_f64()).fold(0.0, f64::max);
+        let lost = self
+            .outages
+            .iter()
+            .filter(|outage| outage.from <= now && now < outage.until);
+        let longest_s = lost
+            .map(|outage| now.since(outage.from).as_secs_f64())
+            .fold(0.0, f64::max);
         self.sd_m + self.growth_mps * longest_s
     }
 
@@ -83,11 +99,23 @@ mod tests {
 
     #[test]
     fn the_deviation_grows_while_no_satellite_is_heard_and_not_longer() {
-        let outage = Outage { from: secs(100.0), until: secs(130.0) };
+        let outage = Outage {
+            from: secs(100.0),
+            until: secs(130.0),
+        };
         let plain = Navigation::new(Noise::new(3), 1, 0.1, Duration::from_secs(20));
         let navigation = plain.clone().with_outages(vec![outage], 0.05);
-        for (now_s, expected_m) in [(99.9, 0.1), (100.0, 0.1), (110.0, 0.6), (129.0, 1.55), (130.0, 0.1)] {
-            assert!((navigation.sd_m(secs(now_s)) - expected_m).abs() < 1e-9, "{now_s} s");
+        for (now_s, expected_m) in [
+            (99.9, 0.1),
+            (100.0, 0.1),
+            (110.0, 0.6),
+            (129.0, 1.55),
+            (130.0, 0.1),
+        ] {
+            assert!(
+                (navigation.sd_m(secs(now_s)) - expected_m).abs() < 1e-9,
+                "{now_s} s"
+            );
         }
         assert_eq!(navigation.lost_at(Time::ZERO, 0.6), Some(secs(110.0)));
         assert_eq!(navigation.lost_at(secs(110.0), 0.6), None);
@@ -97,7 +125,8 @@ mod tests {
         let (now, ratio) = (secs(110.0), 6.0);
         let (with, without) = (navigation.error(now), plain.error(now));
         assert!(
-            (with.x_m - ratio * without.x_m).abs() < 1e-9 && (with.y_m - ratio * without.y_m).abs() < 1e-9
+            (with.x_m - ratio * without.x_m).abs() < 1e-9
+                && (with.y_m - ratio * without.y_m).abs() < 1e-9
         );
     }
 }

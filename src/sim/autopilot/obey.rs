@@ -27,7 +27,11 @@ impl Autopilot {
                 CommandAck::Accepted
             }
             Command::Takeoff { altitude_m } => self.take_off(altitude_m),
-            Command::Route { corners, altitude_m, speed_mps } => self.go(corners, altitude_m, speed_mps),
+            Command::Route {
+                corners,
+                altitude_m,
+                speed_mps,
+            } => self.go(corners, altitude_m, speed_mps),
             Command::Velocity(velocity) => self.move_on(velocity),
             Command::Yaw(heading) if !heading.radians().is_finite() => CommandAck::Denied,
             Command::Yaw(heading) => self.guided([Stage::Turn(heading)]),
@@ -47,7 +51,9 @@ impl Autopilot {
                 self.speed_mps = speed_mps;
                 CommandAck::Accepted
             }
-            Command::Servo { channel, pulse_us } if !is_output(channel, pulse_us) => CommandAck::Denied,
+            Command::Servo { channel, pulse_us } if !is_output(channel, pulse_us) => {
+                CommandAck::Denied
+            }
             Command::Servo { channel, pulse_us } => {
                 self.servos.insert(channel, pulse_us);
                 CommandAck::Accepted
@@ -114,8 +120,13 @@ impl Autopilot {
 
     /// Returns whether there is a mission that could be flown from here: from the ground a copter must take off first.
     fn can_begin(&self) -> bool {
-        let first = self.items.iter().skip(self.item.max(1)).find(|item| item.takes_time());
-        let stands = self.settings.kind == Kind::Copter && self.is_armed && self.is_landed(self.now);
+        let first = self
+            .items
+            .iter()
+            .skip(self.item.max(1))
+            .find(|item| item.takes_time());
+        let stands =
+            self.settings.kind == Kind::Copter && self.is_armed && self.is_landed(self.now);
         match first {
             None => false,
             Some(first) => !stands || matches!(first, Item::Takeoff { .. }),
@@ -175,12 +186,21 @@ impl Autopilot {
         if !self.is_landed(self.now) || self.ends().is_some() {
             return CommandAck::Failed;
         }
-        self.guided([Stage::Climb { to_m: altitude_m, rate_mps: self.settings.climb_mps }])
+        self.guided([Stage::Climb {
+            to_m: altitude_m,
+            rate_mps: self.settings.climb_mps,
+        }])
     }
 
-    fn go(&mut self, corners: Vec<Point>, altitude_m: Option<f64>, speed_mps: Option<f64>) -> CommandAck {
+    fn go(
+        &mut self,
+        corners: Vec<Point>,
+        altitude_m: Option<f64>,
+        speed_mps: Option<f64>,
+    ) -> CommandAck {
         let speed_mps = speed_mps.unwrap_or(self.speed_mps);
-        let are_sound = corners.iter().all(|corner| is_place(*corner)) && altitude_m.is_none_or(is_altitude);
+        let are_sound =
+            corners.iter().all(|corner| is_place(*corner)) && altitude_m.is_none_or(is_altitude);
         if !are_sound || speed_mps.is_nan() || speed_mps < STANDING_MPS {
             return CommandAck::Denied;
         }

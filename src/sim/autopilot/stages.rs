@@ -50,10 +50,15 @@ impl Autopilot {
 
     fn begin_stage(&mut self) {
         self.stage_ends = None;
-        let Some(stage) = self.stages.pop_front() else { return };
+        let Some(stage) = self.stages.pop_front() else {
+            return;
+        };
         self.motions += 1;
         let is_moving = self.body.pose_at(self.now).speed_mps > 0.0;
-        let rests = matches!(stage, Stage::Climb { .. } | Stage::Stand(_) | Stage::Touchdown);
+        let rests = matches!(
+            stage,
+            Stage::Climb { .. } | Stage::Stand(_) | Stage::Touchdown
+        );
         if rests && is_moving {
             // What is done on the spot waits until it stands.
             self.stages.push_front(stage);
@@ -69,7 +74,12 @@ impl Autopilot {
             }
             Stage::Climb { to_m, rate_mps } => {
                 let from_m = self.climb.altitude_m(self.now);
-                self.climb = Climb { since: self.now, from_m, to_m, rate_mps };
+                self.climb = Climb {
+                    since: self.now,
+                    from_m,
+                    to_m,
+                    rate_mps,
+                };
                 self.stage_ends = Some(self.climb.until());
             }
             Stage::Stand(time) => self.stage_ends = Some(self.now + time),
@@ -80,9 +90,15 @@ impl Autopilot {
 
     /// A climb that is given up ends where it is.
     fn halt_climb(&mut self) {
-        let altitude_m =
-            if self.now >= self.climb.until() { self.climb.to_m } else { self.climb.altitude_m(self.now) };
-        self.climb = Climb { since: self.now, ..Climb::level(altitude_m) };
+        let altitude_m = if self.now >= self.climb.until() {
+            self.climb.to_m
+        } else {
+            self.climb.altitude_m(self.now)
+        };
+        self.climb = Climb {
+            since: self.now,
+            ..Climb::level(altitude_m)
+        };
     }
 
     fn brake(&mut self) {
@@ -100,7 +116,10 @@ impl Autopilot {
         let error = self.place_error(self.now);
         let truly: Vec<Point> = match self.settings.kind {
             Kind::Rover => corners.iter().map(|corner| *corner - error).collect(),
-            Kind::Copter => corners.iter().map(|corner| *corner - error + self.carried()).collect(),
+            Kind::Copter => corners
+                .iter()
+                .map(|corner| *corner - error + self.carried())
+                .collect(),
         };
         // An impossible command leaves the motion as it was.
         let _ = self.body.drive(self.now, &truly, speed_mps);
@@ -112,7 +131,10 @@ impl Autopilot {
     }
 
     fn touch_down(&mut self) {
-        self.climb = Climb { since: self.now, ..Climb::level(0.0) };
+        self.climb = Climb {
+            since: self.now,
+            ..Climb::level(0.0)
+        };
         // A mission says first that it was reached; then it goes on, or is over.
         if !(self.mode == Mode::Auto && self.is_mission_running) {
             self.disarm();
@@ -129,7 +151,12 @@ impl Autopilot {
     }
 
     /// The way to a place and an altitude: up before the way, down after it.
-    pub(super) fn way_to(&self, corners: Vec<Point>, altitude_m: f64, speed_mps: f64) -> Vec<Stage> {
+    pub(super) fn way_to(
+        &self,
+        corners: Vec<Point>,
+        altitude_m: f64,
+        speed_mps: f64,
+    ) -> Vec<Stage> {
         let drive = Stage::Drive { corners, speed_mps };
         match self.change_of_altitude(altitude_m) {
             None => vec![drive],
@@ -140,7 +167,11 @@ impl Autopilot {
 
     fn change_of_altitude(&self, to_m: f64) -> Option<Stage> {
         let (from_m, settings) = (self.climb.altitude_m(self.now), &self.settings);
-        let rate_mps = if to_m > from_m { settings.climb_mps } else { settings.descent_mps };
+        let rate_mps = if to_m > from_m {
+            settings.climb_mps
+        } else {
+            settings.descent_mps
+        };
         let changes = settings.kind == Kind::Copter && (to_m - from_m).abs() > 1e-6;
         changes.then_some(Stage::Climb { to_m, rate_mps })
     }
@@ -148,9 +179,14 @@ impl Autopilot {
     /// Down to the ground, slowly at last.
     pub(super) fn way_down(&self, from_m: f64) -> Vec<Stage> {
         let (descent_mps, landing_mps) = (self.settings.descent_mps, self.settings.landing_mps);
-        let fast =
-            (from_m > SLOW_BELOW_M).then_some(Stage::Climb { to_m: SLOW_BELOW_M, rate_mps: descent_mps });
-        let slow = Stage::Climb { to_m: 0.0, rate_mps: landing_mps };
+        let fast = (from_m > SLOW_BELOW_M).then_some(Stage::Climb {
+            to_m: SLOW_BELOW_M,
+            rate_mps: descent_mps,
+        });
+        let slow = Stage::Climb {
+            to_m: 0.0,
+            rate_mps: landing_mps,
+        };
         fast.into_iter().chain([slow, Stage::Touchdown]).collect()
     }
 

@@ -8,8 +8,12 @@ use super::super::motion::Limits;
 use super::super::noise::Noise;
 use super::*;
 
-const LIMITS: Limits =
-    Limits { speed_mps: 2.0, acceleration_mps2: 1.0, braking_mps2: 1.0, turn_rate_radps: 1.0 };
+const LIMITS: Limits = Limits {
+    speed_mps: 2.0,
+    acceleration_mps2: 1.0,
+    braking_mps2: 1.0,
+    turn_rate_radps: 1.0,
+};
 
 fn secs(seconds_s: f64) -> Time {
     Time::from_secs_f64(seconds_s)
@@ -24,7 +28,13 @@ fn sure(sd_m: f64) -> Navigation {
 }
 
 fn autopilot(kind: Kind) -> Autopilot {
-    Autopilot::new(Settings::new(kind, LIMITS), sure(0.0), Point::default(), Angle::default()).unwrap()
+    Autopilot::new(
+        Settings::new(kind, LIMITS),
+        sure(0.0),
+        Point::default(),
+        Angle::default(),
+    )
+    .unwrap()
 }
 
 /// Switched on a minute ago, armed, in GUIDED.
@@ -37,13 +47,20 @@ fn ready(kind: Kind) -> Autopilot {
 }
 
 fn go(x_m: f64, y_m: f64) -> Command {
-    Command::Route { corners: vec![point(x_m, y_m)], altitude_m: None, speed_mps: None }
+    Command::Route {
+        corners: vec![point(x_m, y_m)],
+        altitude_m: None,
+        speed_mps: None,
+    }
 }
 
 /// Lets it go on until nothing more happens by itself but what the battery does; returns when that was.
 fn settle(autopilot: &mut Autopilot, from: Time) -> Time {
     let mut now = from;
-    while let Some(next) = autopilot.next_change().filter(|next| *next < from + Duration::from_secs(900)) {
+    while let Some(next) = autopilot
+        .next_change()
+        .filter(|next| *next < from + Duration::from_secs(900))
+    {
         now = next;
         autopilot.advance(now);
     }
@@ -64,7 +81,11 @@ fn check_near(got: (f64, f64, f64), expected: (f64, f64, f64)) {
 }
 
 fn waypoint(x_m: f64, y_m: f64, altitude_m: f64) -> Item {
-    Item::Waypoint { at: point(x_m, y_m), altitude_m, delay: Duration::ZERO }
+    Item::Waypoint {
+        at: point(x_m, y_m),
+        altitude_m,
+        delay: Duration::ZERO,
+    }
 }
 
 fn reached(notices: &[DatedText]) -> Vec<usize> {
@@ -86,18 +107,32 @@ fn it_is_armed_after_22_s_and_where_a_place_is_needed_after_42_s() {
     let arms = |now_s: f64, mode: Mode| {
         let mut autopilot = autopilot(Kind::Copter);
         let changed = autopilot.command(secs(now_s), Command::Mode(mode));
-        (changed, autopilot.command(secs(now_s), Command::Arm { force: false }))
+        (
+            changed,
+            autopilot.command(secs(now_s), Command::Arm { force: false }),
+        )
     };
     use CommandAck::{Accepted, Failed};
     assert_eq!(arms(21.0, Mode::Manual).1, Failed);
     assert_eq!(arms(22.0, Mode::Manual).1, Accepted);
     assert_eq!(arms(41.0, Mode::Guided).0, Failed);
     assert_eq!(arms(42.0, Mode::Guided), (Accepted, Accepted));
-    assert_eq!(arms(60.0, Mode::Return), (Accepted, Failed), "nobody is armed in RTL");
+    assert_eq!(
+        arms(60.0, Mode::Return),
+        (Accepted, Failed),
+        "nobody is armed in RTL"
+    );
     assert_eq!(arms(60.0, Mode::Land), (Accepted, Failed));
-    assert_eq!(arms(60.0, Mode::Hold), (Failed, Accepted), "no copter has it");
+    assert_eq!(
+        arms(60.0, Mode::Hold),
+        (Failed, Accepted),
+        "no copter has it"
+    );
     let mut forced = autopilot(Kind::Copter);
-    assert_eq!(forced.command(secs(1.0), Command::Arm { force: true }), Accepted);
+    assert_eq!(
+        forced.command(secs(1.0), Command::Arm { force: true }),
+        Accepted
+    );
 }
 
 #[test]
@@ -106,7 +141,10 @@ fn who_is_not_armed_or_not_in_guided_goes_nowhere() {
     rover.command(secs(60.0), Command::Mode(Mode::Guided));
     assert_eq!(rover.command(secs(60.0), go(5.0, 0.0)), CommandAck::Failed);
     let mut rover = ready(Kind::Rover);
-    assert_eq!(rover.command(secs(61.0), Command::Mode(Mode::Loiter)), CommandAck::Accepted);
+    assert_eq!(
+        rover.command(secs(61.0), Command::Mode(Mode::Loiter)),
+        CommandAck::Accepted
+    );
     assert_eq!(rover.command(secs(62.0), go(5.0, 0.0)), CommandAck::Failed);
     assert_eq!(
         ready(Kind::Copter).command(secs(61.0), go(5.0, 0.0)),
@@ -125,19 +163,37 @@ fn what_makes_no_sense_is_denied_and_changes_nothing() {
     let asks = [
         go(nan, 0.0),
         go(0.0, 1e7),
-        Command::Route { corners: vec![point(1.0, 0.0)], altitude_m: Some(nan), speed_mps: None },
-        Command::Route { corners: vec![point(1.0, 0.0)], altitude_m: None, speed_mps: Some(0.0) },
+        Command::Route {
+            corners: vec![point(1.0, 0.0)],
+            altitude_m: Some(nan),
+            speed_mps: None,
+        },
+        Command::Route {
+            corners: vec![point(1.0, 0.0)],
+            altitude_m: None,
+            speed_mps: Some(0.0),
+        },
         Command::Velocity(Vector::new(nan, 0.0)),
         Command::Yaw(Angle::from_radians(nan)),
         Command::Speed(-1.0),
-        Command::Servo { channel: 0, pulse_us: 1500 },
-        Command::Servo { channel: 1, pulse_us: 60_000 },
+        Command::Servo {
+            channel: 0,
+            pulse_us: 1500,
+        },
+        Command::Servo {
+            channel: 1,
+            pulse_us: 60_000,
+        },
         Command::SetHome(point(nan, 0.0)),
         Command::SetCurrent(1),
         Command::Upload(vec![waypoint(0.0, 0.0, 0.0), waypoint(nan, 0.0, 0.0)]),
     ];
     for ask in asks {
-        assert_eq!(rover.command(secs(61.0), ask.clone()), CommandAck::Denied, "{ask:?}");
+        assert_eq!(
+            rover.command(secs(61.0), ask.clone()),
+            CommandAck::Denied,
+            "{ask:?}"
+        );
         assert_eq!(rover.next_change(), ends, "{ask:?}");
     }
     let takes_off = rover.command(secs(61.0), Command::Takeoff { altitude_m: 5.0 });
@@ -153,15 +209,24 @@ fn a_mission_that_cannot_be_flown_is_refused_with_its_item_and_the_stored_one_st
     let home = waypoint(0.0, 0.0, 0.0);
     let check = |kind, items: Vec<Item>, expected: Result<(), (u8, &str)>| {
         let mut autopilot = ready(kind);
-        autopilot.upload(secs(60.0), vec![home, waypoint(1.0, 0.0, 5.0)]).unwrap();
+        autopilot
+            .upload(secs(60.0), vec![home, waypoint(1.0, 0.0, 5.0)])
+            .unwrap();
         let got = autopilot.upload(secs(60.0), items.clone());
         assert_eq!(
             got.map_err(|error| (error.code(), error.to_string())),
             expected.map_err(|(code, text)| (code, text.to_owned()))
         );
-        assert_eq!(autopilot.items().len(), if expected.is_ok() { items.len() } else { 2 });
+        assert_eq!(
+            autopilot.items().len(),
+            if expected.is_ok() { items.len() } else { 2 }
+        );
     };
-    check(Kind::Copter, vec![home, Item::Takeoff { altitude_m: 5.0 }], Ok(()));
+    check(
+        Kind::Copter,
+        vec![home, Item::Takeoff { altitude_m: 5.0 }],
+        Ok(()),
+    );
     check(
         Kind::Rover,
         vec![home, Item::Takeoff { altitude_m: 5.0 }],
@@ -182,8 +247,16 @@ fn a_mission_that_cannot_be_flown_is_refused_with_its_item_and_the_stored_one_st
         vec![home, home, waypoint(0.0, 1e9, 0.0)],
         Err((11, "item 2: y is not finite or too far")),
     );
-    check(Kind::Rover, vec![Item::Return], Err((5, "item 0: a parameter makes no sense")));
-    check(Kind::Rover, vec![home; 719], Err((4, "719 items are more than 718")));
+    check(
+        Kind::Rover,
+        vec![Item::Return],
+        Err((5, "item 0: a parameter makes no sense")),
+    );
+    check(
+        Kind::Rover,
+        vec![home; 719],
+        Err((4, "719 items are more than 718")),
+    );
     check(Kind::Rover, vec![home; 718], Ok(()));
 }
 
@@ -193,21 +266,44 @@ fn a_rover_drives_its_mission_and_holds_after_it() {
     let items = vec![
         waypoint(0.0, 0.0, 0.0),
         Item::Speed(1.0),
-        Item::Waypoint { at: point(10.0, 0.0), altitude_m: 0.0, delay: Duration::from_secs(3) },
-        Item::Servo { channel: 9, pulse_us: 1700 },
+        Item::Waypoint {
+            at: point(10.0, 0.0),
+            altitude_m: 0.0,
+            delay: Duration::from_secs(3),
+        },
+        Item::Servo {
+            channel: 9,
+            pulse_us: 1700,
+        },
         Item::Delay(Duration::from_secs(2)),
         Item::Yaw(Angle::from_degrees(90.0)),
         waypoint(10.0, 5.0, 0.0),
         Item::Return,
     ];
     rover.upload(secs(60.0), items).unwrap();
-    assert_eq!(rover.command(secs(60.0), Command::Mode(Mode::Auto)), CommandAck::Accepted);
+    assert_eq!(
+        rover.command(secs(60.0), Command::Mode(Mode::Auto)),
+        CommandAck::Accepted
+    );
     // 10 m at 1 m/s: 11 s by its trapezoid; then 3 s and 2 s of standing, and 1.57 s for the turn.
     rover.advance(secs(70.9));
-    assert_eq!((rover.report(secs(70.9)).item, rover.report(secs(70.9)).servos.len()), (2, 0));
+    assert_eq!(
+        (
+            rover.report(secs(70.9)).item,
+            rover.report(secs(70.9)).servos.len()
+        ),
+        (2, 0)
+    );
     rover.advance(secs(74.5));
     let report = rover.report(secs(74.5));
-    assert_eq!((report.item, report.servos.get(&9).copied(), report.speed_mps), (4, Some(1700), 0.0));
+    assert_eq!(
+        (
+            report.item,
+            report.servos.get(&9).copied(),
+            report.speed_mps
+        ),
+        (4, Some(1700), 0.0)
+    );
     check_near(place(&rover, secs(74.5)), (10.0, 0.0, 0.0));
     rover.advance(secs(77.58));
     assert_eq!(rover.report(secs(77.58)).item, 6, "the turn is done");
@@ -216,7 +312,10 @@ fn a_rover_drives_its_mission_and_holds_after_it() {
     check_near(place(&rover, end), (0.0, 0.0, 0.0));
     let notices = rover.status_texts();
     assert_eq!(reached(&notices), [2, 4, 5, 6, 7]);
-    assert!(notices.contains(&(end, StatusText::MissionDone)), "{notices:?}");
+    assert!(
+        notices.contains(&(end, StatusText::MissionDone)),
+        "{notices:?}"
+    );
     assert!(rover.status_texts().is_empty(), "said once");
 }
 
@@ -227,11 +326,20 @@ fn a_copter_flies_its_mission_lands_and_is_disarmed() {
         waypoint(0.0, 0.0, 0.0),
         Item::Takeoff { altitude_m: 5.0 },
         waypoint(8.0, 0.0, 5.0),
-        Item::Loiter { at: point(8.0, 6.0), altitude_m: 3.0, time: Duration::from_secs(4) },
-        Item::Land { at: Some(point(0.0, 6.0)) },
+        Item::Loiter {
+            at: point(8.0, 6.0),
+            altitude_m: 3.0,
+            time: Duration::from_secs(4),
+        },
+        Item::Land {
+            at: Some(point(0.0, 6.0)),
+        },
     ];
     copter.upload(secs(60.0), items).unwrap();
-    assert_eq!(copter.command(secs(60.0), Command::Begin), CommandAck::Accepted);
+    assert_eq!(
+        copter.command(secs(60.0), Command::Begin),
+        CommandAck::Accepted
+    );
     copter.advance(secs(61.0));
     check_near(place(&copter, secs(61.0)), (0.0, 0.0, 2.5));
     assert_eq!(copter.report(secs(61.0)).climb_mps, 2.5);
@@ -242,30 +350,62 @@ fn a_copter_flies_its_mission_lands_and_is_disarmed() {
     // The way: 2 s up; 8 m in 6 s; 90° in 1.57 s, 6 m in 5 s, 2 m down at 1.5 m/s, 4 s; 90°, 8 m, 3 m down at 0.5 m/s.
     let turn_s = std::f64::consts::FRAC_PI_2;
     let expected_s = 2.0 + 6.0 + (turn_s + 5.0 + 2.0 / 1.5 + 4.0) + (turn_s + 6.0 + 6.0);
-    assert!((end.as_secs_f64() - 60.0 - expected_s).abs() < 0.01, "{end}");
+    assert!(
+        (end.as_secs_f64() - 60.0 - expected_s).abs() < 0.01,
+        "{end}"
+    );
 }
 
 #[test]
 fn on_the_ground_a_copters_mission_begins_with_a_takeoff_or_not_at_all() {
     let mut copter = ready(Kind::Copter);
-    assert_eq!(copter.command(secs(60.0), Command::Mode(Mode::Auto)), CommandAck::Failed, "there is none");
-    copter.upload(secs(60.0), vec![waypoint(0.0, 0.0, 0.0), waypoint(5.0, 0.0, 5.0)]).unwrap();
-    assert_eq!(copter.command(secs(60.0), Command::Mode(Mode::Auto)), CommandAck::Failed);
-    assert_eq!(copter.command(secs(60.0), Command::Begin), CommandAck::Failed);
+    assert_eq!(
+        copter.command(secs(60.0), Command::Mode(Mode::Auto)),
+        CommandAck::Failed,
+        "there is none"
+    );
+    copter
+        .upload(
+            secs(60.0),
+            vec![waypoint(0.0, 0.0, 0.0), waypoint(5.0, 0.0, 5.0)],
+        )
+        .unwrap();
+    assert_eq!(
+        copter.command(secs(60.0), Command::Mode(Mode::Auto)),
+        CommandAck::Failed
+    );
+    assert_eq!(
+        copter.command(secs(60.0), Command::Begin),
+        CommandAck::Failed
+    );
     copter.command(secs(60.0), Command::Takeoff { altitude_m: 2.0 });
-    assert_eq!(copter.command(secs(62.0), Command::Mode(Mode::Auto)), CommandAck::Accepted);
+    assert_eq!(
+        copter.command(secs(62.0), Command::Mode(Mode::Auto)),
+        CommandAck::Accepted
+    );
     let end = settle(&mut copter, secs(62.0));
     check_near(place(&copter, end), (5.0, 0.0, 5.0));
-    assert_eq!((copter.mode(), copter.is_armed()), (Mode::Auto, true), "it hovers after its mission");
+    assert_eq!(
+        (copter.mode(), copter.is_armed()),
+        (Mode::Auto, true),
+        "it hovers after its mission"
+    );
 }
 
 #[test]
 fn a_mission_is_interrupted_and_goes_on_with_the_item_under_way() {
     let mut rover = ready(Kind::Rover);
-    let items = vec![waypoint(0.0, 0.0, 0.0), waypoint(10.0, 0.0, 0.0), waypoint(10.0, 10.0, 0.0)];
+    let items = vec![
+        waypoint(0.0, 0.0, 0.0),
+        waypoint(10.0, 0.0, 0.0),
+        waypoint(10.0, 10.0, 0.0),
+    ];
     rover.upload(secs(60.0), items).unwrap();
     rover.command(secs(60.0), Command::Mode(Mode::Auto));
-    assert_eq!(rover.command(secs(69.0), Command::Mode(Mode::Hold)), CommandAck::Accepted);
+    assert_eq!(
+        rover.command(secs(69.0), Command::Mode(Mode::Hold)),
+        CommandAck::Accepted
+    );
     let stood = settle(&mut rover, secs(69.0));
     assert_eq!(rover.report(stood).item, 2);
     let before = place(&rover, stood);
@@ -279,12 +419,22 @@ fn a_mission_is_interrupted_and_goes_on_with_the_item_under_way() {
 #[test]
 fn setting_the_current_item_to_one_that_takes_no_time_goes_on_to_the_next_that_does() {
     let mut rover = ready(Kind::Rover);
-    let items =
-        vec![waypoint(0.0, 0.0, 0.0), waypoint(10.0, 0.0, 0.0), Item::Speed(0.5), waypoint(0.0, 4.0, 0.0)];
+    let items = vec![
+        waypoint(0.0, 0.0, 0.0),
+        waypoint(10.0, 0.0, 0.0),
+        Item::Speed(0.5),
+        waypoint(0.0, 4.0, 0.0),
+    ];
     rover.upload(secs(60.0), items).unwrap();
     rover.command(secs(60.0), Command::Mode(Mode::Auto));
-    assert_eq!(rover.command(secs(60.5), Command::SetCurrent(4)), CommandAck::Denied);
-    assert_eq!(rover.command(secs(61.0), Command::SetCurrent(2)), CommandAck::Accepted);
+    assert_eq!(
+        rover.command(secs(60.5), Command::SetCurrent(4)),
+        CommandAck::Denied
+    );
+    assert_eq!(
+        rover.command(secs(61.0), Command::SetCurrent(2)),
+        CommandAck::Accepted
+    );
     assert_eq!(rover.report(secs(61.0)).item, 3);
     let end = settle(&mut rover, secs(61.0));
     check_near(place(&rover, end), (0.0, 4.0, 0.0));
@@ -296,7 +446,10 @@ fn a_copter_returns_at_its_altitude_of_return_and_lands_at_home() {
     copter.command(secs(60.0), Command::Takeoff { altitude_m: 3.0 });
     copter.command(secs(62.0), go(20.0, 0.0));
     let there = settle(&mut copter, secs(62.0));
-    assert_eq!(copter.command(there, Command::Mode(Mode::Return)), CommandAck::Accepted);
+    assert_eq!(
+        copter.command(there, Command::Mode(Mode::Return)),
+        CommandAck::Accepted
+    );
     let (mut highest_m, mut now) = (0.0f64, there);
     while copter.is_armed() {
         now = now + Duration::from_millis(100);
@@ -324,7 +477,10 @@ fn in_the_air_nobody_is_disarmed_but_by_force_and_landing_disarms() {
     let mut copter = ready(Kind::Copter);
     copter.command(secs(60.0), Command::Takeoff { altitude_m: 12.0 });
     let up = settle(&mut copter, secs(60.0));
-    assert_eq!(copter.command(up, Command::Disarm { force: false }), CommandAck::Failed);
+    assert_eq!(
+        copter.command(up, Command::Disarm { force: false }),
+        CommandAck::Failed
+    );
     assert_eq!(copter.report(up).status, SystemStatus::Active);
     copter.command(up, Command::Mode(Mode::Land));
     // 2 m at 1.5 m/s, then 10 m at 0.5 m/s.
@@ -336,7 +492,11 @@ fn in_the_air_nobody_is_disarmed_but_by_force_and_landing_disarms() {
 #[test]
 fn an_armed_copter_that_does_not_take_off_is_disarmed_and_a_rover_is_not() {
     let mut copter = ready(Kind::Copter);
-    assert_eq!(copter.report(secs(60.0)).status, SystemStatus::Standby, "armed on the ground");
+    assert_eq!(
+        copter.report(secs(60.0)).status,
+        SystemStatus::Standby,
+        "armed on the ground"
+    );
     copter.advance(secs(69.9));
     assert!(copter.is_armed());
     copter.advance(secs(70.1));
@@ -366,9 +526,14 @@ fn a_velocity_holds_for_three_seconds_and_then_it_brakes() {
 fn the_battery_lasts_as_long_as_it_should_and_what_follows_is_a_choice() {
     let drive = |on_low_battery: LowBattery| {
         let endurance_driving = Duration::from_secs(100);
-        let settings = Settings { on_low_battery, endurance_driving, ..Settings::new(Kind::Rover, LIMITS) };
-        let mut rover =
-            Autopilot::new(settings, sure(0.0), Point::default(), Angle::default()).unwrap().under_way(0.0);
+        let settings = Settings {
+            on_low_battery,
+            endurance_driving,
+            ..Settings::new(Kind::Rover, LIMITS)
+        };
+        let mut rover = Autopilot::new(settings, sure(0.0), Point::default(), Angle::default())
+            .unwrap()
+            .under_way(0.0);
         rover.command(secs(50.0), go(1000.0, 0.0));
         rover.advance(secs(60.0));
         rover.status_texts();
@@ -376,37 +541,68 @@ fn the_battery_lasts_as_long_as_it_should_and_what_follows_is_a_choice() {
     };
     // 50 s of rest at 36,000 s, then 10 s of driving at 100 s.
     let (left, mut rover) = drive(LowBattery::Warn);
-    assert!((left - (1.0 - 50.0 / 36_000.0 - 0.1)).abs() < 1e-9, "{left}");
+    assert!(
+        (left - (1.0 - 50.0 / 36_000.0 - 0.1)).abs() < 1e-9,
+        "{left}"
+    );
     rover.advance(secs(149.0));
-    let [(low, StatusText::BatteryLow)] = rover.status_texts()[..] else { panic!("it is low") };
-    assert!((low.as_secs_f64() - (50.0 + 100.0 * (0.8 - 50.0 / 36_000.0))).abs() < 1e-6, "{low}");
+    let [(low, StatusText::BatteryLow)] = rover.status_texts()[..] else {
+        panic!("it is low")
+    };
+    assert!(
+        (low.as_secs_f64() - (50.0 + 100.0 * (0.8 - 50.0 / 36_000.0))).abs() < 1e-6,
+        "{low}"
+    );
     assert!(rover.truth(secs(149.0)).speed_mps > 1.9, "it drives on");
     rover.advance(secs(200.0));
     assert_eq!((rover.is_armed(), rover.battery()), (false, 0.0));
     assert_eq!(rover.truth(secs(200.0)).speed_mps, 0.0);
-    assert_eq!(rover.command(secs(201.0), Command::Arm { force: true }), CommandAck::Failed);
-    for (choice, mode) in [(LowBattery::Return, Mode::Return), (LowBattery::Land, Mode::Hold)] {
+    assert_eq!(
+        rover.command(secs(201.0), Command::Arm { force: true }),
+        CommandAck::Failed
+    );
+    for (choice, mode) in [
+        (LowBattery::Return, Mode::Return),
+        (LowBattery::Land, Mode::Hold),
+    ] {
         let (_, mut rover) = drive(choice);
         rover.advance(secs(131.0));
-        assert_eq!((rover.mode(), rover.report(secs(131.0)).status), (mode, SystemStatus::Critical));
+        assert_eq!(
+            (rover.mode(), rover.report(secs(131.0)).status),
+            (mode, SystemStatus::Critical)
+        );
     }
 }
 
 #[test]
 fn who_hears_no_satellites_for_long_stands_or_lands() {
     for (kind, mode) in [(Kind::Rover, Mode::Hold), (Kind::Copter, Mode::Land)] {
-        let outage = Outage { from: secs(100.0), until: secs(200.0) };
+        let outage = Outage {
+            from: secs(100.0),
+            until: secs(200.0),
+        };
         let navigation = sure(0.1).with_outages(vec![outage], 0.1);
-        let settings = Settings { place_sd_max_m: 2.1, ..Settings::new(kind, LIMITS) };
+        let settings = Settings {
+            place_sd_max_m: 2.1,
+            ..Settings::new(kind, LIMITS)
+        };
         let mut autopilot =
-            Autopilot::new(settings, navigation, Point::default(), Angle::default()).unwrap().under_way(5.0);
+            Autopilot::new(settings, navigation, Point::default(), Angle::default())
+                .unwrap()
+                .under_way(5.0);
         autopilot.command(secs(90.0), go(500.0, 0.0));
         autopilot.advance(secs(119.9));
         assert_eq!(autopilot.mode(), Mode::Guided);
         assert!((autopilot.report(secs(119.9)).pose.sd_m - 2.09).abs() < 1e-9);
         autopilot.advance(secs(121.0));
-        assert_eq!((autopilot.mode(), autopilot.report(secs(121.0)).status), (mode, SystemStatus::Critical));
-        assert_eq!(autopilot.command(secs(150.0), Command::Mode(Mode::Guided)), CommandAck::Failed);
+        assert_eq!(
+            (autopilot.mode(), autopilot.report(secs(121.0)).status),
+            (mode, SystemStatus::Critical)
+        );
+        assert_eq!(
+            autopilot.command(secs(150.0), Command::Mode(Mode::Guided)),
+            CommandAck::Failed
+        );
         assert_eq!(
             autopilot.command(secs(200.0), Command::Mode(Mode::Guided)),
             CommandAck::Accepted,
@@ -417,20 +613,36 @@ fn who_hears_no_satellites_for_long_stands_or_lands() {
 
 #[test]
 fn a_copter_is_carried_by_the_wind_and_leans_into_it() {
-    let settings = Settings { wind: Vector::new(0.0, -4.0), ..Settings::new(Kind::Copter, LIMITS) };
-    let mut copter =
-        Autopilot::new(settings, sure(0.0), Point::default(), Angle::default()).unwrap().under_way(5.0);
+    let settings = Settings {
+        wind: Vector::new(0.0, -4.0),
+        ..Settings::new(Kind::Copter, LIMITS)
+    };
+    let mut copter = Autopilot::new(settings, sure(0.0), Point::default(), Angle::default())
+        .unwrap()
+        .under_way(5.0);
     copter.command(secs(1.0), go(20.0, 0.0));
     let end = settle(&mut copter, secs(1.0));
     // Where the wind blows to, beside the place that it was sent to.
     let truth = copter.truth(end);
-    assert!((truth.at.x_m - 20.0).abs() < 1e-9 && (truth.at.y_m + 0.2).abs() < 1e-9, "{truth:?}");
-    assert!((copter.report(end).pose.at.y_m + 0.2).abs() < 1e-9, "it knows that it is not there");
+    assert!(
+        (truth.at.x_m - 20.0).abs() < 1e-9 && (truth.at.y_m + 0.2).abs() < 1e-9,
+        "{truth:?}"
+    );
+    assert!(
+        (copter.report(end).pose.at.y_m + 0.2).abs() < 1e-9,
+        "it knows that it is not there"
+    );
     // It faces nearly east, and the wind comes from the left: the left side is low.
     let still = copter.attitude(end);
-    assert!((still.roll.radians() + libm::atan(4.0 * 0.3 / 9.80665)).abs() < 1e-3, "{still:?}");
+    assert!(
+        (still.roll.radians() + libm::atan(4.0 * 0.3 / 9.80665)).abs() < 1e-3,
+        "{still:?}"
+    );
     let flying = copter.attitude(secs(6.0));
-    assert!(flying.pitch.radians() < -0.04, "nose down against its own speed: {flying:?}");
+    assert!(
+        flying.pitch.radians() < -0.04,
+        "nose down against its own speed: {flying:?}"
+    );
     assert_eq!(ready(Kind::Rover).attitude(secs(60.0)).roll, Angle::ZERO);
 }
 
@@ -458,7 +670,14 @@ fn asks() -> impl Strategy<Value = Vec<(f64, Command)>> {
         Item::Delay(Duration::from_secs(3)),
         Item::Return,
     ];
-    let modes = [Mode::Manual, Mode::Loiter, Mode::Guided, Mode::Auto, Mode::Return, Mode::Land];
+    let modes = [
+        Mode::Manual,
+        Mode::Loiter,
+        Mode::Guided,
+        Mode::Auto,
+        Mode::Return,
+        Mode::Land,
+    ];
     let ask = prop_oneof![
         3 => (place(), prop::option::of(0.5..9.0f64))
             .prop_map(|(at, altitude_m)| Command::Route { corners: vec![at], altitude_m, speed_mps: None }),

@@ -75,12 +75,27 @@ impl Devices {
     /// Returns what the autopilot says of what it knows of itself now: its mode, and whether it is armed, are as old as its
     /// last heartbeat.
     pub fn said(&mut self, known: Report) -> Report {
-        let known_now = Heartbeat { mode: known.mode, is_armed: known.is_armed, status: known.status };
-        let last = self.heartbeat.filter(|_| self.reports < REPORTS_A_HEARTBEAT);
+        let known_now = Heartbeat {
+            mode: known.mode,
+            is_armed: known.is_armed,
+            status: known.status,
+        };
+        let last = self
+            .heartbeat
+            .filter(|_| self.reports < REPORTS_A_HEARTBEAT);
         self.reports = if last.is_some() { self.reports + 1 } else { 1 };
-        let Heartbeat { mode, is_armed, status } = last.unwrap_or(known_now);
+        let Heartbeat {
+            mode,
+            is_armed,
+            status,
+        } = last.unwrap_or(known_now);
         self.heartbeat = Some(last.unwrap_or(known_now));
-        Report { mode, is_armed, status, ..known }
+        Report {
+            mode,
+            is_armed,
+            status,
+            ..known
+        }
     }
 
     /// Returns when its companion will have been silent for too long.

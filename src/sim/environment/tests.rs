@@ -25,13 +25,26 @@ fn begun(world: World, faults: Vec<Fault>) -> Environment {
 }
 
 fn fault(kind: FaultKind, from_s: f64, until_s: f64) -> Fault {
-    Fault { from: secs(from_s), until: secs(until_s), kind, vehicles: vec![ONE], ground: false }
+    Fault {
+        from: secs(from_s),
+        until: secs(until_s),
+        kind,
+        vehicles: vec![ONE],
+        ground: false,
+    }
 }
 
 fn beacon(sender: u8, sequence: u32) -> DeviceCommand {
     let (sender, boot) = (VehicleId(sender), Boot(1));
     let pose = Some(Default::default());
-    DeviceCommand::Transmit(Beacon { sender, boot, sequence, pose, channel: 15, ..Beacon::default() })
+    DeviceCommand::Transmit(Beacon {
+        sender,
+        boot,
+        sequence,
+        pose,
+        channel: 15,
+        ..Beacon::default()
+    })
 }
 
 /// A command to the autopilot of which nobody awaits the answer.
@@ -52,7 +65,15 @@ fn obey(
 ) -> Vec<WorldEvent> {
     let mut said = Vec::new();
     environment.obey(secs(now_s), vehicle, command, &mut said);
-    let is_answer = |event: &WorldEvent| matches!(event, WorldEvent::Ack { ack: Ack { number: 0, .. }, .. });
+    let is_answer = |event: &WorldEvent| {
+        matches!(
+            event,
+            WorldEvent::Ack {
+                ack: Ack { number: 0, .. },
+                ..
+            }
+        )
+    };
     said.retain(|event| !matches!(event, WorldEvent::Scheduled(_)) && !is_answer(event));
     said
 }
@@ -90,23 +111,37 @@ fn hearers(said: &[WorldEvent]) -> Vec<usize> {
 }
 
 fn contacts(said: &[WorldEvent]) -> usize {
-    said.iter().filter(|event| matches!(event, WorldEvent::Contact(_))).count()
+    said.iter()
+        .filter(|event| matches!(event, WorldEvent::Contact(_)))
+        .count()
 }
 
 #[test]
 fn a_ping_before_the_servo_has_turned_hears_what_it_passes() {
     // 60° in 0.6 s; ahead stands a post, to the left nothing.
-    let servo =
-        Mount { zero: Angle::ZERO, from_rad: -1.6, to_rad: 1.6, slew_s_per_rad: 0.6 / 60f64.to_radians() };
-    let world = world(Kind::Rover, 0.0, &[(3.0, 0.0, 1.0)], &[0.0]).with_mounts(Mounts::new(vec![servo]));
+    let servo = Mount {
+        zero: Angle::ZERO,
+        from_rad: -1.6,
+        to_rad: 1.6,
+        slew_s_per_rad: 0.6 / 60f64.to_radians(),
+    };
+    let world =
+        world(Kind::Rover, 0.0, &[(3.0, 0.0, 1.0)], &[0.0]).with_mounts(Mounts::new(vec![servo]));
     let mut environment = begun(world, Vec::new());
     let hears = |environment: &mut Environment, now_s: f64| {
         let heard = echoes(&wake(environment, now_s + 0.09));
-        let [(0, range_m)] = heard[..] else { panic!("{heard:?}") };
+        let [(0, range_m)] = heard[..] else {
+            panic!("{heard:?}")
+        };
         range_m.is_some()
     };
     obey(&mut environment, 1.0, 0, ping(1));
-    obey(&mut environment, 1.0, 0, DeviceCommand::Steer(Angle::from_degrees(90.0)));
+    obey(
+        &mut environment,
+        1.0,
+        0,
+        DeviceCommand::Steer(Angle::from_degrees(90.0)),
+    );
     assert!(hears(&mut environment, 1.0), "it begins at its zero");
     for (now_s, is_heard) in [(1.1, true), (1.5, false), (2.0, false)] {
         obey(&mut environment, now_s, 0, ping(1));
@@ -128,12 +163,22 @@ fn play(by_schedule: bool) -> Vec<WorldEvent> {
     }
     loop {
         for event in fresh.drain(..) {
-            if let WorldEvent::Scheduled(at) = event { scheduled.push(at) } else { said.push(event) }
+            if let WorldEvent::Scheduled(at) = event {
+                scheduled.push(at)
+            } else {
+                said.push(event)
+            }
         }
         scheduled.sort();
         let due = environment.deadline().map(|due| due.at);
-        let next = if by_schedule { (!scheduled.is_empty()).then(|| scheduled.remove(0)) } else { due };
-        let Some(at) = next.filter(|at| *at <= secs(8.0)) else { return said };
+        let next = if by_schedule {
+            (!scheduled.is_empty()).then(|| scheduled.remove(0))
+        } else {
+            due
+        };
+        let Some(at) = next.filter(|at| *at <= secs(8.0)) else {
+            return said;
+        };
         environment.wake(at, &mut fresh);
     }
 }
@@ -142,13 +187,22 @@ fn play(by_schedule: bool) -> Vec<WorldEvent> {
 fn woken_at_what_it_scheduled_it_says_the_same_as_woken_at_its_deadlines() {
     let said = play(false);
     assert_eq!(play(true), said);
-    assert_eq!((echoes(&said).len(), hearers(&said).len(), contacts(&said)), (1, 1, 1));
-    assert!(said.contains(&WorldEvent::Charged { vehicle: 0, charge: 0.5 }));
+    assert_eq!(
+        (echoes(&said).len(), hearers(&said).len(), contacts(&said)),
+        (1, 1, 1)
+    );
+    assert!(said.contains(&WorldEvent::Charged {
+        vehicle: 0,
+        charge: 0.5
+    }));
 }
 
 #[test]
 fn a_blind_sensor_and_a_dead_radio_are_silent_and_only_for_as_long_as_they_are() {
-    let faults = vec![fault(FaultKind::Sensor, 1.0, 2.0), fault(FaultKind::Radio, 1.0, 2.0)];
+    let faults = vec![
+        fault(FaultKind::Sensor, 1.0, 2.0),
+        fault(FaultKind::Radio, 1.0, 2.0),
+    ];
     let mut environment = environment(&[(3.0, 0.0, 1.0)], &[0.0, -3.0], faults);
     let mut at = |now_s: f64| {
         obey(&mut environment, now_s, 0, ping(1));
@@ -170,7 +224,10 @@ fn a_long_sleep_is_not_made_up_for() {
     environment.wake(secs(0.1), &mut said);
     said.clear();
     environment.wake(secs(20.1), &mut said);
-    let reports = said.iter().filter(|event| matches!(event, WorldEvent::Report { .. })).count();
+    let reports = said
+        .iter()
+        .filter(|event| matches!(event, WorldEvent::Report { .. }))
+        .count();
     assert!(reports <= 2, "{reports}");
     assert!(environment.deadline().unwrap().at > secs(20.1));
 }
@@ -182,7 +239,14 @@ fn a_contact_that_a_newer_command_prevents_does_not_come() {
     let said = wake(&mut environment, 1.5);
     obey(&mut environment, 1.5, 0, told(Command::Stop));
     assert_eq!(contacts(&said) + contacts(&wake(&mut environment, 20.0)), 0);
-    assert!(environment.world().truth(0, secs(20.0)).at.distance_to(Point::new(0.0, 0.0)) > 0.5);
+    assert!(
+        environment
+            .world()
+            .truth(0, secs(20.0))
+            .at
+            .distance_to(Point::new(0.0, 0.0))
+            > 0.5
+    );
 }
 
 #[test]
@@ -190,16 +254,26 @@ fn a_sensor_that_measures_is_not_asked_twice() {
     let mut environment = environment(&[(3.0, 0.0, 1.0)], &[0.0], Vec::new());
     (1..=5).for_each(|number| assert_eq!(obey(&mut environment, 0.0, 0, ping(number)), []));
     assert_eq!(echoes(&wake(&mut environment, 0.5)).len(), 1);
-    assert_eq!((environment.counts().scans, environment.counts().dropped), (1, 4));
+    assert_eq!(
+        (environment.counts().scans, environment.counts().dropped),
+        (1, 4)
+    );
     obey(&mut environment, 0.5, 0, ping(6));
-    assert_eq!(echoes(&wake(&mut environment, 1.0)).len(), 1, "it is free again");
+    assert_eq!(
+        echoes(&wake(&mut environment, 1.0)).len(),
+        1,
+        "it is free again"
+    );
 }
 
 #[test]
 fn a_beacon_while_the_radio_speaks_comes_back_and_the_first_one_is_heard() {
     let mut environment = environment(&[], &[0.0, -3.0], Vec::new());
     assert_eq!(obey(&mut environment, 0.0, 0, beacon(1, 7)), []);
-    let unsent = WorldEvent::Unsent { vehicle: 0, sequence: 8 };
+    let unsent = WorldEvent::Unsent {
+        vehicle: 0,
+        sequence: 8,
+    };
     assert_eq!(obey(&mut environment, 0.0, 0, beacon(1, 8)), [unsent]);
     assert_eq!(hearers(&wake(&mut environment, 0.1)), [1]);
     assert_eq!(obey(&mut environment, 0.1, 0, beacon(1, 8)), []);
@@ -209,18 +283,27 @@ fn a_beacon_while_the_radio_speaks_comes_back_and_the_first_one_is_heard() {
 #[test]
 fn a_beacon_in_anothers_name_or_for_no_frame_comes_back_and_nobody_hears_it() {
     let mut environment = environment(&[], &[0.0, -3.0], Vec::new());
-    let unsent = [WorldEvent::Unsent { vehicle: 0, sequence: 3 }];
+    let unsent = [WorldEvent::Unsent {
+        vehicle: 0,
+        sequence: 3,
+    }];
     assert_eq!(obey(&mut environment, 0.0, 0, beacon(2, 3)), unsent);
-    let DeviceCommand::Transmit(mut long) = beacon(1, 3) else { panic!("a beacon") };
+    let DeviceCommand::Transmit(mut long) = beacon(1, 3) else {
+        panic!("a beacon")
+    };
     long.members = vec![VehicleId(1); 300_000];
-    assert_eq!(obey(&mut environment, 0.0, 0, DeviceCommand::Transmit(long)), unsent);
+    assert_eq!(
+        obey(&mut environment, 0.0, 0, DeviceCommand::Transmit(long)),
+        unsent
+    );
     assert!(hearers(&wake(&mut environment, 0.1)).is_empty());
 }
 
 #[test]
 fn a_dead_radio_does_not_say_that_it_has_not_sent() {
     let mut environment = environment(&[], &[0.0, -3.0], vec![fault(FaultKind::Radio, 0.0, 1.0)]);
-    (1..=2).for_each(|sequence| assert_eq!(obey(&mut environment, 0.0, 0, beacon(1, sequence)), []));
+    (1..=2)
+        .for_each(|sequence| assert_eq!(obey(&mut environment, 0.0, 0, beacon(1, sequence)), []));
     assert!(hearers(&wake(&mut environment, 0.5)).is_empty());
 }
 
@@ -232,13 +315,20 @@ fn an_autopilot_brakes_two_seconds_after_the_last_word_of_its_companion() {
         wake(&mut environment, 3.0);
         let stood_m = environment.world().truth(0, secs(9.0)).at.x_m;
         // 1 m in 2 s, and 0.5 m to brake.
-        assert!((stood_m - 1.5).abs() < 0.02, "a word at the beginning is not enough: {stood_m}");
+        assert!(
+            (stood_m - 1.5).abs() < 0.02,
+            "a word at the beginning is not enough: {stood_m}"
+        );
         obey(&mut environment, 9.0, 0, told(drive(90.0)));
         for half in 1..20 {
             wake(&mut environment, 9.0 + 0.5 * f64::from(half));
             obey(&mut environment, 9.0 + 0.5 * f64::from(half), 0, ping(1));
         }
-        assert_eq!(environment.world().truth(0, secs(18.5)).speed_mps, 1.0, "any word keeps it driving");
+        assert_eq!(
+            environment.world().truth(0, secs(18.5)).speed_mps,
+            1.0,
+            "any word keeps it driving"
+        );
         if leaves {
             environment.detach(secs(18.5), 0);
         }
@@ -262,16 +352,32 @@ fn modes_and_arming_show_as_late_as_a_heartbeat_and_places_do_not() {
     let mut environment = environment(&[], &[0.0], Vec::new());
     wake(&mut environment, 1.45);
     obey(&mut environment, 1.45, 0, told(Command::Mode(Mode::Hold)));
-    obey(&mut environment, 1.45, 0, told(Command::Disarm { force: false }));
+    obey(
+        &mut environment,
+        1.45,
+        0,
+        told(Command::Disarm { force: false }),
+    );
     let said = reports(&wake(&mut environment, 3.0));
     let shown = |report: &&Report| report.mode == Mode::Hold && !report.is_armed;
-    let old = said.iter().filter(|report| report.mode == Mode::Guided && report.is_armed).count();
-    assert_eq!(old + said.iter().filter(shown).count(), said.len(), "both come with one heartbeat");
+    let old = said
+        .iter()
+        .filter(|report| report.mode == Mode::Guided && report.is_armed)
+        .count();
+    assert_eq!(
+        old + said.iter().filter(shown).count(),
+        said.len(),
+        "both come with one heartbeat"
+    );
     assert!((1..10).contains(&old), "{old} of {}", said.len());
     environment.detach(secs(3.0), 0);
     obey(&mut environment, 3.0, 0, told(Command::Mode(Mode::Guided)));
     environment.attach(secs(3.0), 0);
-    assert_eq!(reports(&wake(&mut environment, 3.1))[0].mode, Mode::Guided, "who joins hears one at once");
+    assert_eq!(
+        reports(&wake(&mut environment, 3.1))[0].mode,
+        Mode::Guided,
+        "who joins hears one at once"
+    );
 }
 
 #[test]
@@ -286,10 +392,18 @@ fn an_autopilot_answers_by_the_number_and_says_why_it_does_not_arm() {
             ref other => panic!("{other:?}"),
         }
     };
-    let accepted = Ack { number: 4, result: CommandAck::Accepted, arm_refusal: None };
+    let accepted = Ack {
+        number: 4,
+        result: CommandAck::Accepted,
+        arm_refusal: None,
+    };
     assert_eq!(answer(0.1, 4, drive(1.0)), accepted);
     let arm = Command::Arm { force: false };
-    let refused = Ack { number: 5, result: CommandAck::Failed, arm_refusal: Some(ArmRefusal::BatteryEmpty) };
+    let refused = Ack {
+        number: 5,
+        result: CommandAck::Failed,
+        arm_refusal: Some(ArmRefusal::BatteryEmpty),
+    };
     assert_eq!(answer(1.0, 5, arm), refused);
 }
 
@@ -329,8 +443,17 @@ fn a_wreck_obeys_no_more_and_others_may_meet_it() {
 fn a_flood_of_commands_leaves_nothing_behind() {
     let mut environment = environment(&[(5.0, 0.0, 1.0)], &[0.0, -3.0], Vec::new());
     for number in 0..20_000 {
-        obey(&mut environment, 0.0, 0, told(drive(4.0 + (number % 7) as f64)));
+        obey(
+            &mut environment,
+            0.0,
+            0,
+            told(drive(4.0 + (number % 7) as f64)),
+        );
         obey(&mut environment, 0.0, 0, ping(number));
     }
-    assert!(environment.pending() < 20, "{} things are to happen", environment.pending());
+    assert!(
+        environment.pending() < 20,
+        "{} things are to happen",
+        environment.pending()
+    );
 }

@@ -44,11 +44,20 @@ impl NodeExchange {
     pub fn listening(node: NodeId, egress_bytes_per_s: u32) -> NodeExchange {
         let mut exchange = Exchange::new(egress_bytes_per_s, Presence::listening());
         exchange.speak();
-        NodeExchange { exchange: Some(exchange), ..NodeExchange::silent(node, None) }
+        NodeExchange {
+            exchange: Some(exchange),
+            ..NodeExchange::silent(node, None)
+        }
     }
 
     fn silent(node: NodeId, greeting: Option<Hello>) -> NodeExchange {
-        NodeExchange { node, greeting, exchange: None, alarm: Alarm::default(), is_member: false }
+        NodeExchange {
+            node,
+            greeting,
+            exchange: None,
+            alarm: Alarm::default(),
+            is_member: false,
+        }
     }
 }
 
@@ -57,10 +66,16 @@ impl Kernel {
     pub(super) fn join(&mut self, index: usize, boot: Boot) {
         let (noise, budget) = (self.noise, self.egress_bytes_per_s);
         let of_node = &mut self.exchanges[index];
-        let Some(greeting) = &of_node.greeting else { return };
+        let Some(greeting) = &of_node.greeting else {
+            return;
+        };
         // A process draws it anew at every start.
         let instance = noise.hash(Purpose::Instance, &[index as u64, u64::from(boot.0)]);
-        let own = Hello { boot, instance, ..greeting.clone() };
+        let own = Hello {
+            boot,
+            instance,
+            ..greeting.clone()
+        };
         of_node.exchange = Some(Exchange::new(budget, Presence::asking(self.now, own)));
         of_node.is_member = false;
         self.set_exchange_alarm(index);
@@ -75,12 +90,17 @@ impl Kernel {
     pub(super) fn leave(&mut self, index: usize) {
         let of_node = &mut self.exchanges[index];
         of_node.exchange = None;
-        of_node.alarm = Alarm { at: None, generation: of_node.alarm.generation + 1 };
+        of_node.alarm = Alarm {
+            at: None,
+            generation: of_node.alarm.generation + 1,
+        };
     }
 
     /// Lets a node say something: it goes out at once, or when it is its turn.
     pub(super) fn publish(&mut self, index: usize, message: &Message) {
-        let Some(exchange) = &mut self.exchanges[index].exchange else { return };
+        let Some(exchange) = &mut self.exchanges[index].exchange else {
+            return;
+        };
         // A message too long for a frame is dropped here as a live bus would drop it.
         let ready = exchange.say(self.now, message).ok().flatten();
         ready.into_iter().for_each(|frame| self.send(index, &frame));
@@ -94,7 +114,9 @@ impl Kernel {
         self.exchanges[index].alarm.at = None;
         let is_linked = self.exchanges[index].is_member || self.is_linked(index);
         let of_node = &mut self.exchanges[index];
-        let Some(exchange) = &mut of_node.exchange else { return };
+        let Some(exchange) = &mut of_node.exchange else {
+            return;
+        };
         if is_linked {
             exchange.meet(self.now);
         }
@@ -114,19 +136,27 @@ impl Kernel {
     pub(super) fn hear_frame(&mut self, index: usize, frame: &Frame) -> Option<Heard> {
         let exchange = self.exchanges[index].exchange.as_mut()?;
         let (now, sender) = (self.now, frame.sender());
-        let heard = exchange.admit(now, sender, frame.bytes()).and_then(|()| frame.read().clone());
+        let heard = exchange
+            .admit(now, sender, frame.bytes())
+            .and_then(|()| frame.read().clone());
         let reception = match heard.and_then(|heard| exchange.accept(now, frame.bytes(), heard)) {
             Ok(reception) => reception,
             Err(refusal) => {
                 if let Some(count) = exchange.refuse(Some(sender), &refusal) {
                     let what = refusal.what();
                     let who = self.name_of(index);
-                    self.log(&who, format_args!("refused {what} of {sender} ({count} so far): {refusal}"));
+                    self.log(
+                        &who,
+                        format_args!("refused {what} of {sender} ({count} so far): {refusal}"),
+                    );
                 }
                 return None;
             }
         };
-        reception.reply.into_iter().for_each(|frame| self.send(index, &frame));
+        reception
+            .reply
+            .into_iter()
+            .for_each(|frame| self.send(index, &frame));
         self.set_exchange_alarm(index);
         match reception.verdict {
             JoinVerdict::Fine => reception.heard,
@@ -149,7 +179,9 @@ impl Kernel {
             NodeId::Vehicle(vehicle) => self.die(vehicle),
             NodeId::Ground => {
                 self.leave(index);
-                self.follow(Verdict::Failed(format!("the ground station may not take part: {reason}")));
+                self.follow(Verdict::Failed(format!(
+                    "the ground station may not take part: {reason}"
+                )));
             }
             // Operators ask nobody.
             NodeId::Operator(_) => {}
@@ -159,33 +191,64 @@ impl Kernel {
     /// Returns whether anybody can hear a node.
     fn is_linked(&self, index: usize) -> bool {
         let own = self.exchanges[index].node;
-        let mut others = self.exchanges.iter().enumerate().filter(|(other, _)| *other != index);
-        others.any(|(_, other)| other.exchange.is_some() && self.bus.joins(self.now, own, other.node))
+        let mut others = self
+            .exchanges
+            .iter()
+            .enumerate()
+            .filter(|(other, _)| *other != index);
+        others
+            .any(|(_, other)| other.exchange.is_some() && self.bus.joins(self.now, own, other.node))
     }
 
     /// Puts a frame on the bus.
     fn send(&mut self, index: usize, outbound: &OutboundFrame) {
         let sender = self.exchanges[index].node;
         let topic = outbound.topic;
-        let operators = self.operators.iter().map(|operator| (operator.id, &operator.interest[..]));
+        let operators = self
+            .operators
+            .iter()
+            .map(|operator| (operator.id, &operator.interest[..]));
         let operators = operators_that_hear(sender, topic.kind, operators);
-        let mut receivers = receivers(sender, topic, self.vehicles.iter().map(|vehicle| vehicle.id()));
+        let mut receivers = receivers(
+            sender,
+            topic,
+            self.vehicles.iter().map(|vehicle| vehicle.id()),
+        );
         receivers.extend(operators);
         for delivery in self.bus.send(self.now, sender, outbound, &receivers) {
-            self.queue.push(delivery.at, Event::Deliver { to: delivery.to, frame: delivery.frame });
+            self.queue.push(
+                delivery.at,
+                Event::Deliver {
+                    to: delivery.to,
+                    frame: delivery.frame,
+                },
+            );
         }
     }
 
     /// Queues when a node's exchange has something again, unless that is queued already.
     fn set_exchange_alarm(&mut self, index: usize) {
         let of_node = &mut self.exchanges[index];
-        let at = of_node.exchange.as_ref().and_then(Exchange::deadline).map(|at| at.max(self.now));
+        let at = of_node
+            .exchange
+            .as_ref()
+            .and_then(Exchange::deadline)
+            .map(|at| at.max(self.now));
         if of_node.alarm.at == at {
             return;
         }
-        of_node.alarm = Alarm { at, generation: of_node.alarm.generation + 1 };
+        of_node.alarm = Alarm {
+            at,
+            generation: of_node.alarm.generation + 1,
+        };
         if let Some(at) = at {
-            self.queue.push(at, Event::Exchange { index, generation: of_node.alarm.generation });
+            self.queue.push(
+                at,
+                Event::Exchange {
+                    index,
+                    generation: of_node.alarm.generation,
+                },
+            );
         }
     }
 

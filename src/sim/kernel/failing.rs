@@ -27,17 +27,27 @@ impl Kernel {
 
     /// Ends a vehicle's software; without it the autopilot brakes after a while.
     pub(super) fn die(&mut self, vehicle: VehicleId) {
-        let Some(index) = self.index_of(vehicle) else { return };
-        self.log(&format!("vehicle {vehicle}"), format_args!("its software ends"));
+        let Some(index) = self.index_of(vehicle) else {
+            return;
+        };
+        self.log(
+            &format!("vehicle {vehicle}"),
+            format_args!("its software ends"),
+        );
         self.is_dead[index] = true;
-        self.alarms[index] = Alarm { at: None, generation: self.alarms[index].generation + 1 };
+        self.alarms[index] = Alarm {
+            at: None,
+            generation: self.alarms[index].generation + 1,
+        };
         self.leave(index);
         self.environment.detach(self.now, index);
     }
 
     /// Starts a vehicle's software anew, with what its disk holds.
     fn restart(&mut self, vehicle: VehicleId) {
-        let Some(index) = self.index_of(vehicle).filter(|index| self.is_dead[*index]) else { return };
+        let Some(index) = self.index_of(vehicle).filter(|index| self.is_dead[*index]) else {
+            return;
+        };
         let settings = &mut self.settings[index];
         settings.boot = Boot(settings.boot.0.saturating_add(1));
         settings.memory = self.disks[index].memory();
@@ -46,7 +56,10 @@ impl Kernel {
         self.vehicles[index].restart(settings);
         self.is_dead[index] = false;
         self.environment.attach(self.now, index);
-        self.log(&format!("vehicle {vehicle}"), format_args!("its software starts, boot {boot}"));
+        self.log(
+            &format!("vehicle {vehicle}"),
+            format_args!("its software starts, boot {boot}"),
+        );
         self.join(index, boot);
         self.set_alarm(index);
         self.begun_anew.push(NodeId::Vehicle(vehicle));
@@ -56,7 +69,10 @@ impl Kernel {
     fn end_ground(&mut self) {
         let index = self.vehicles.len();
         self.log("ground", format_args!("its software ends"));
-        self.alarms[index] = Alarm { at: None, generation: self.alarms[index].generation + 1 };
+        self.alarms[index] = Alarm {
+            at: None,
+            generation: self.alarms[index].generation + 1,
+        };
         self.leave(index);
     }
 
@@ -70,9 +86,18 @@ impl Kernel {
         let settings = &mut self.ground_parts.station;
         settings.boot = Boot(settings.boot.0.saturating_add(1));
         let boot = settings.boot;
-        let holder = self.noise.hash(Purpose::Start, &[u64::MAX, u64::from(boot.0)]);
-        let station = StationSettings { lease: None, holder, ..settings.clone() };
-        self.ground.restart(self.ground_disk.source(GroundParts { station, ..self.ground_parts.clone() }));
+        let holder = self
+            .noise
+            .hash(Purpose::Start, &[u64::MAX, u64::from(boot.0)]);
+        let station = StationSettings {
+            lease: None,
+            holder,
+            ..settings.clone()
+        };
+        self.ground.restart(self.ground_disk.source(GroundParts {
+            station,
+            ..self.ground_parts.clone()
+        }));
         self.log("ground", format_args!("its software starts, boot {boot}"));
         self.join(index, boot);
         self.set_alarm(index);
@@ -86,10 +111,15 @@ impl Kernel {
             let is_so = |index: &usize| {
                 // Who has come home may still roll a hand's breadth.
                 let rests = self.environment.world().truth(*index, self.now).speed_mps == 0.0;
-                (rests || wanted == MissionStatus::Home) && self.vehicles[*index].mission().status() == wanted
+                (rests || wanted == MissionStatus::Home)
+                    && self.vehicles[*index].mission().status() == wanted
             };
             alive().filter(is_so).count()
         };
-        (alive().count(), count(MissionStatus::Home), count(MissionStatus::Held))
+        (
+            alive().count(),
+            count(MissionStatus::Home),
+            count(MissionStatus::Held),
+        )
     }
 }

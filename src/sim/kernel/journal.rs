@@ -22,7 +22,9 @@ impl Kernel {
             format_args!(
                 "collision of {} with {} at {:.3},{:.3}",
                 collision.vehicle,
-                collision.with.map_or("the scene".to_owned(), |peer| peer.to_string()),
+                collision
+                    .with
+                    .map_or("the scene".to_owned(), |peer| peer.to_string()),
                 place.x_m,
                 place.y_m
             ),
@@ -33,28 +35,53 @@ impl Kernel {
     pub(super) fn log_holdings(&mut self) {
         for vehicle in 0..self.vehicles.len() {
             let node = &mut self.vehicles[vehicle];
-            let (who, map) = (format!("vehicle {}", node.id()), map_hash(&node.map().digest()));
+            let (who, map) = (
+                format!("vehicle {}", node.id()),
+                map_hash(&node.map().digest()),
+            );
             let (samples, dropped) = (node.samples_made(RUN), node.dropped());
-            let waits = node.mission().waits_for().map_or("drives on".to_owned(), |waits| waits.to_string());
-            let what =
-                format!("holds map {map:016x}, made {samples} samples, dropped {dropped} inputs, {waits}");
+            let waits = node
+                .mission()
+                .waits_for()
+                .map_or("drives on".to_owned(), |waits| waits.to_string());
+            let what = format!(
+                "holds map {map:016x}, made {samples} samples, dropped {dropped} inputs, {waits}"
+            );
             self.log(&who, format_args!("{what}"));
         }
         let station = self.ground.station();
-        let (map, samples) = (map_hash(&station.map().digest()), station.samples().count(RUN));
-        self.log("ground", format_args!("holds map {map:016x}, stored {samples} samples"));
+        let (map, samples) = (
+            map_hash(&station.map().digest()),
+            station.samples().count(RUN),
+        );
+        self.log(
+            "ground",
+            format_args!("holds map {map:016x}, stored {samples} samples"),
+        );
     }
 
     /// Returns what is to be seen of the run now.
     pub(super) fn shown(&mut self) -> Shown<'_> {
         self.status.now = self.now;
         let one = |vehicle: usize| {
-            let (state, node) = (self.environment.world().truth(vehicle, self.now), &self.vehicles[vehicle]);
+            let (state, node) = (
+                self.environment.world().truth(vehicle, self.now),
+                &self.vehicles[vehicle],
+            );
             let status = (!self.is_dead[vehicle]).then(|| node.mission().status());
-            ShownVehicle { id: node.id(), at: state.at, heading: state.heading, status }
+            ShownVehicle {
+                id: node.id(),
+                at: state.at,
+                heading: state.heading,
+                status,
+            }
         };
         let vehicles = (0..self.vehicles.len()).map(one).collect();
-        Shown { status: self.status, map: self.ground.station().map(), vehicles }
+        Shown {
+            status: self.status,
+            map: self.ground.station().map(),
+            vehicles,
+        }
     }
 
     /// Writes down where everybody truly is, and every tenth time into the log.
@@ -85,7 +112,10 @@ impl Kernel {
 /// Returns a hash of what a node holds of every layer of the map.
 fn map_hash(digest: &Digest) -> u64 {
     let words = digest.layers.iter().flat_map(|layer| {
-        let (vehicle, boot) = (u64::from(layer.layer.vehicle.0), u64::from(layer.layer.boot.0));
+        let (vehicle, boot) = (
+            u64::from(layer.layer.vehicle.0),
+            u64::from(layer.layer.boot.0),
+        );
         [vehicle, boot, u64::from(layer.tiles), layer.hash]
     });
     hash(words)

@@ -25,10 +25,21 @@ pub(in crate::sim) struct SimulatedOperator {
 
 impl SimulatedOperator {
     /// Makes an operator that hears of the fleet, and follows a script if that has steps.
-    pub fn new(id: OperatorId, mut settings: OperatorSettings, script: Vec<Step>) -> SimulatedOperator {
+    pub fn new(
+        id: OperatorId,
+        mut settings: OperatorSettings,
+        script: Vec<Step>,
+    ) -> SimulatedOperator {
         let interest = settings.hello.interest.clone();
         let (node, effects) = (OperatorNode::new(&mut settings), Vec::new());
-        SimulatedOperator { id, node, interest, script, ended: None, effects }
+        SimulatedOperator {
+            id,
+            node,
+            interest,
+            script,
+            ended: None,
+            effects,
+        }
     }
 }
 
@@ -45,7 +56,11 @@ impl Kernel {
         Ok(())
     }
 
-    pub(super) fn deliver_to_operator(&mut self, id: OperatorId, heard: Heard) -> Result<(), Fault> {
+    pub(super) fn deliver_to_operator(
+        &mut self,
+        id: OperatorId,
+        heard: Heard,
+    ) -> Result<(), Fault> {
         match self.operators.iter().position(|operator| operator.id == id) {
             Some(index) => self.tell_operator(index, In::Bus(heard)),
             None => Ok(()),
@@ -99,7 +114,9 @@ impl Kernel {
         self.schedule(&mut said);
         self.log("scenario", format_args!("the persons enter"));
         let operator = &mut self.operators[index];
-        operator.node.tell(self.now, In::CueDone, &mut operator.effects)
+        operator
+            .node
+            .tell(self.now, In::CueDone, &mut operator.effects)
     }
 
     /// The script of the scenario's operator is what the run is about.

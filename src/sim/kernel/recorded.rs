@@ -17,7 +17,11 @@ pub(in crate::sim) struct Recording<'a> {
 impl<'a> Recording<'a> {
     /// Makes a recording that goes where `record` says; a new segment begins `every` so often.
     pub fn to(record: &'a mut dyn FnMut(Entry), every: Duration) -> Recording<'a> {
-        Recording { record, every, next_at: Time::ZERO }
+        Recording {
+            record,
+            every,
+            next_at: Time::ZERO,
+        }
     }
 }
 
@@ -26,13 +30,17 @@ impl Kernel {
     pub(super) fn watch_actors(&mut self) {
         self.vehicles.iter_mut().for_each(VehicleNode::watch);
         self.ground.watch();
-        self.operators.iter_mut().for_each(|operator| operator.node.watch());
+        self.operators
+            .iter_mut()
+            .for_each(|operator| operator.node.watch());
     }
 
     /// Hands out what the actors have done since the last time.
     pub(super) fn hand_out(&mut self, recording: &mut Recording<'_>) -> Result<(), Fault> {
         let mut hand_out = |node: NodeId, steps: Vec<ActorStep>| {
-            steps.into_iter().for_each(|step| (recording.record)(Entry::Step(node, step)));
+            steps
+                .into_iter()
+                .for_each(|step| (recording.record)(Entry::Step(node, step)));
         };
         for vehicle in &mut self.vehicles {
             hand_out(NodeId::Vehicle(vehicle.id()), vehicle.steps());
@@ -56,17 +64,40 @@ impl Kernel {
             reason: error.to_string(),
         };
         let now = self.now;
-        for vehicle in self.vehicles.iter_mut().filter(|vehicle| begins(&NodeId::Vehicle(vehicle.id()))) {
-            let (node, snapshots) = (NodeId::Vehicle(vehicle.id()), vehicle.snapshots().map_err(unwritable)?);
-            (recording.record)(Entry::Segment { node, now, snapshots });
+        for vehicle in self
+            .vehicles
+            .iter_mut()
+            .filter(|vehicle| begins(&NodeId::Vehicle(vehicle.id())))
+        {
+            let (node, snapshots) = (
+                NodeId::Vehicle(vehicle.id()),
+                vehicle.snapshots().map_err(unwritable)?,
+            );
+            (recording.record)(Entry::Segment {
+                node,
+                now,
+                snapshots,
+            });
         }
         if begins(&NodeId::Ground) {
             let (node, snapshots) = (NodeId::Ground, self.ground.snapshots().map_err(unwritable)?);
-            (recording.record)(Entry::Segment { node, now, snapshots });
+            (recording.record)(Entry::Segment {
+                node,
+                now,
+                snapshots,
+            });
         }
-        for operator in self.operators.iter_mut().filter(|operator| begins(&NodeId::Operator(operator.id))) {
+        for operator in self
+            .operators
+            .iter_mut()
+            .filter(|operator| begins(&NodeId::Operator(operator.id)))
+        {
             let snapshots = operator.node.snapshots().map_err(unwritable)?;
-            (recording.record)(Entry::Segment { node: NodeId::Operator(operator.id), now, snapshots });
+            (recording.record)(Entry::Segment {
+                node: NodeId::Operator(operator.id),
+                now,
+                snapshots,
+            });
         }
         Ok(())
     }

@@ -4,8 +4,8 @@
 use std::time::Duration;
 
 use tomoswarm_proto::{
-    Boot, Have, Lease, Message, Order, OrderKind, Plan, Position, Revision, RunId, SeenState, Sender, Stop,
-    StopId, VehicleId,
+    Boot, Have, Lease, Message, Order, OrderKind, Plan, Position, Revision, RunId, SeenState,
+    Sender, Stop, StopId, VehicleId,
 };
 
 use super::super::body::Limits;
@@ -34,8 +34,14 @@ fn stage(blocks: &[(f64, f64, f64, f64)]) -> Stage {
         let shape = format!("Shape {{ geometry Box {{ size {width} {depth} 1 }} }}");
         format!("Transform {{ translation {x} {y} 0.5 children {shape} }}\n")
     };
-    let text = blocks.iter().fold("#VRML V2.0 utf8\n".to_owned(), |text, block| text + &shape(block));
-    let shapes = read_vrml(&text, "rig.wrl", Up::Z, &mut |_| Err("none".to_owned())).unwrap().shapes;
+    let text = blocks
+        .iter()
+        .fold("#VRML V2.0 utf8\n".to_owned(), |text, block| {
+            text + &shape(block)
+        });
+    let shapes = read_vrml(&text, "rig.wrl", Up::Z, &mut |_| Err("none".to_owned()))
+        .unwrap()
+        .shapes;
     let materials = Default::default();
     let scene = Scene::build(&SceneParts {
         shapes: &shapes,
@@ -62,7 +68,11 @@ fn settings() -> Settings {
         home: Point::new(0.0, 0.0),
         lattice: Lattice::new(0.2),
         slice: 0,
-        body: BodySettings { radius_m: RADIUS_M, speed_mps: 0.5, braking_mps2: 1.0 },
+        body: BodySettings {
+            radius_m: RADIUS_M,
+            speed_mps: 0.5,
+            braking_mps2: 1.0,
+        },
         look: LookSettings {
             is_blind: false,
             beams: degrees.map(Angle::from_degrees).to_vec(),
@@ -74,8 +84,15 @@ fn settings() -> Settings {
             settle: Duration::from_millis(30),
             mounts: crate::plan::Mounts::default(),
         },
-        radio: RadioSettings { channel: 15, power_dbm: 0, slot: Duration::from_millis(50) },
-        safety: crate::config::Safety { padding_m: 0.1, ..Default::default() },
+        radio: RadioSettings {
+            channel: 15,
+            power_dbm: 0,
+            slot: Duration::from_millis(50),
+        },
+        safety: crate::config::Safety {
+            padding_m: 0.1,
+            ..Default::default()
+        },
         swarm: crate::config::Swarm::default(),
         task: None,
         path_time: Duration::from_millis(50),
@@ -128,8 +145,17 @@ impl Rig {
         let noise = Noise::new(seed);
         let field = RadioField::new(noise, RadioConstants::default());
         let fence = settings().fence;
-        let mut world = World::new(stage(blocks), build, fence, noise, field, RangeSensor::new(range));
-        world.place(VehicleId(1), Point::new(0.0, 0.0), Angle::default()).unwrap();
+        let mut world = World::new(
+            stage(blocks),
+            build,
+            fence,
+            noise,
+            field,
+            RangeSensor::new(range),
+        );
+        world
+            .place(VehicleId(1), Point::new(0.0, 0.0), Angle::default())
+            .unwrap();
         Rig {
             now: Time::ZERO,
             world,
@@ -150,14 +176,20 @@ impl Rig {
             let plan = plan(revision, stops);
             self.tell(Event::Bus(Sender::Ground, Message::Plan(plan)));
         }
-        let lease = Lease { number: 1, holder: 1 };
+        let lease = Lease {
+            number: 1,
+            holder: 1,
+        };
         let (vehicle, run, revision) = (VehicleId(1), RunId(1), Revision(1));
         let order = Order {
             vehicle,
             lease,
             run,
             revision,
-            seen: Some(SeenState { boot: Boot(1), sequence: 1 }),
+            seen: Some(SeenState {
+                boot: Boot(1),
+                sequence: 1,
+            }),
             kind: OrderKind::Start,
             ends: vec![],
         };
@@ -172,7 +204,11 @@ impl Rig {
     fn run_until_x(&mut self, x_m: f64) {
         while self.place().x_m < x_m {
             self.step();
-            assert!(self.now < Time::from_secs_f64(120.0), "never comes so far: {:?}", self.place());
+            assert!(
+                self.now < Time::from_secs_f64(120.0),
+                "never comes so far: {:?}",
+                self.place()
+            );
         }
     }
 
@@ -187,7 +223,10 @@ impl Rig {
 
     fn step(&mut self) {
         self.now = self.now + STEP;
-        let due: Vec<PredictedContact> = self.touches.extract_if(.., |touch| touch.at <= self.now).collect();
+        let due: Vec<PredictedContact> = self
+            .touches
+            .extract_if(.., |touch| touch.at <= self.now)
+            .collect();
         for touch in due {
             self.world.touch(&touch);
         }
@@ -196,7 +235,10 @@ impl Rig {
             self.tell(Event::Report(report));
             self.tell(Event::Bus(Sender::Ground, Message::Have(Have::default())));
         }
-        let due: Vec<_> = self.echoes.extract_if(.., |(at, _)| *at <= self.now).collect();
+        let due: Vec<_> = self
+            .echoes
+            .extract_if(.., |(at, _)| *at <= self.now)
+            .collect();
         for (_, echo) in due {
             self.tell(Event::Echo(echo));
         }
@@ -219,19 +261,36 @@ impl Rig {
                         self.known = self.node.map().clone();
                         self.drives += 1;
                     }
-                    let Obeyed { result, arm_refusal, contacts } = self.world.command(0, self.now, &command);
+                    let Obeyed {
+                        result,
+                        arm_refusal,
+                        contacts,
+                    } = self.world.command(0, self.now, &command);
                     self.touches.extend(contacts);
-                    self.tell(Event::Ack(Ack { number, result, arm_refusal }));
+                    self.tell(Event::Ack(Ack {
+                        number,
+                        result,
+                        arm_refusal,
+                    }));
                 }
                 Effect::Steer(beam) => self.beam = beam,
                 Effect::Ping(ping) => {
                     let range_m = self.world.range_m(0, self.now, self.beam, ping.number);
-                    self.echoes.push((self.now + STEP, Echo { number: ping.number, range_m }));
+                    self.echoes.push((
+                        self.now + STEP,
+                        Echo {
+                            number: ping.number,
+                            range_m,
+                        },
+                    ));
                 }
                 Effect::Note(note) => self.notes.push(note),
                 Effect::Transmit(_) | Effect::Publish(_) => {}
                 Effect::Remember(memory) => {
-                    self.tell(Event::Remembered(Remembered { on_disk: memory, tried: memory }));
+                    self.tell(Event::Remembered(Remembered {
+                        on_disk: memory,
+                        tried: memory,
+                    }));
                 }
                 Effect::Keep(..)
                 | Effect::KeepStops(_)
@@ -247,14 +306,18 @@ impl Rig {
     }
 
     fn halts(&self) -> usize {
-        self.notes.iter().filter(|note| matches!(note, Note::Vehicle(Remark::Halted { .. }))).count()
+        self.notes
+            .iter()
+            .filter(|note| matches!(note, Note::Vehicle(Remark::Halted { .. })))
+            .count()
     }
 
     /// The cells under the true body, by their middles.
     fn under(&self) -> impl Iterator<Item = Cell> {
         let (at, lattice) = (self.place(), Lattice::new(0.2));
         let middle = lattice.cell_at(at);
-        let around = (-2..=2).flat_map(move |x| (-2..=2).map(move |y| Cell::new(middle.x + x, middle.y + y)));
+        let around = (-2..=2)
+            .flat_map(move |x| (-2..=2).map(move |y| Cell::new(middle.x + x, middle.y + y)));
         around.filter(move |cell| lattice.centre(*cell).distance_to(at) <= RADIUS_M)
     }
 }
@@ -271,7 +334,14 @@ fn plan(revision: u32, stops: &[(f64, f64)]) -> Plan {
     };
     let (vehicle, run, revision) = (VehicleId(1), RunId(1), Revision(revision));
     let stops = stops.iter().enumerate().map(stop).collect();
-    Plan { vehicle, run, revision, members: vec![vehicle], stops, ..Plan::default() }
+    Plan {
+        vehicle,
+        run,
+        revision,
+        members: vec![vehicle],
+        stops,
+        ..Plan::default()
+    }
 }
 
 #[test]
@@ -281,10 +351,17 @@ fn no_cell_is_entered_that_was_not_known_free_when_the_drive_was_commanded() {
         rig.sweep(&[(3.0, 0.0), (6.0, 0.0), (9.0, 0.0), (9.0, 3.0)]);
         let start: Vec<Cell> = rig.under().collect();
         rig.watch(Duration::from_secs(240), |rig| {
-            let unknown =
-                |cell: &Cell| rig.known.occupancy(0, *cell) != Occupancy::Free && !start.contains(cell);
+            let unknown = |cell: &Cell| {
+                rig.known.occupancy(0, *cell) != Occupancy::Free && !start.contains(cell)
+            };
             let entered = rig.under().find(unknown);
-            assert_eq!(entered, None, "seed {seed}: at {:?}, {}", rig.place(), rig.now);
+            assert_eq!(
+                entered,
+                None,
+                "seed {seed}: at {:?}, {}",
+                rig.place(),
+                rig.now
+            );
         });
         assert!(
             rig.place().distance_to(Point::new(9.0, 3.0)) < 0.7,
@@ -305,10 +382,19 @@ fn what_appears_beyond_the_stopping_distance_is_never_touched_and_then_driven_ar
         rig.run_until_x(1.5);
         rig.run(Duration::from_millis(130 * tenth));
         let face_m = rig.place().x_m + RADIUS_M + room_m;
-        assert!((1.0..6.0).contains(&face_m), "{:?} at {}", rig.place(), rig.now);
+        assert!(
+            (1.0..6.0).contains(&face_m),
+            "{:?} at {}",
+            rig.place(),
+            rig.now
+        );
         rig.set_stage(&[(face_m + 0.2, 0.0, 0.4, 1.0)]);
         rig.watch(Duration::from_secs(5), |rig| {
-            assert!(rig.place().x_m + RADIUS_M < face_m, "touched at {}", rig.now);
+            assert!(
+                rig.place().x_m + RADIUS_M < face_m,
+                "touched at {}",
+                rig.now
+            );
         });
         assert!(rig.halts() > 0 || rig.place().x_m < face_m - RADIUS_M);
         rig.run(Duration::from_secs(150));

@@ -27,7 +27,8 @@ const SIM: &str = "kind = \"sim\"\nvenue = \"venue.toml\"\nscene = \"scene.toml\
 [vehicles]\nmax_speed_mps = 1.0\nacceleration_mps2 = 5.0\nbraking_mps2 = 5.0
 [range]\nbeams_deg = [0.0]\n[sweep]\npositions = 40
 [[fault]]\nkind = \"sensor\"\nat_s = 0.0\n";
-const VENUE: &str = "kind = \"venue\"\narea_m = [0.0, 0.0, 10.0, 10.0]\nhomes_m = [[-1.5, 5.0], [5.0, -2.0]]
+const VENUE: &str =
+    "kind = \"venue\"\narea_m = [0.0, 0.0, 10.0, 10.0]\nhomes_m = [[-1.5, 5.0], [5.0, -2.0]]
 fence_m = [[-4.0, -4.0], [14.0, -4.0], [14.0, 14.0], [-4.0, 14.0]]
 [datum]\nlatitude_deg = 52.0\nlongitude_deg = 4.0\n";
 const SCENE: &str = "kind = \"scene\"
@@ -40,14 +41,21 @@ fn scenario(more: &str) -> Scenario {
         other => Err(format!("no file {other}")),
     };
     let text = format!("{SIM}{more}");
-    let sim =
-        config::read_sim("test.toml", &text, None, &mut loader).unwrap_or_else(|wrong| panic!("{wrong}"));
+    let sim = config::read_sim("test.toml", &text, None, &mut loader)
+        .unwrap_or_else(|wrong| panic!("{wrong}"));
     Scenario::new(sim, Vec::new(), 1).unwrap()
 }
 
 fn drive(kernel: &mut Kernel, vehicle: usize, to: Point) {
-    let command = Command::Route { corners: vec![to], altitude_m: None, speed_mps: Some(1.0) };
-    kernel.command(vehicle, DeviceCommand::Autopilot(NumberedCommand { number: 0, command }));
+    let command = Command::Route {
+        corners: vec![to],
+        altitude_m: None,
+        speed_mps: Some(1.0),
+    };
+    kernel.command(
+        vehicle,
+        DeviceCommand::Autopilot(NumberedCommand { number: 0, command }),
+    );
 }
 
 /// Runs until a second, or to the end.
@@ -65,9 +73,18 @@ fn a_contact_ends_the_run_unless_the_scenario_says_otherwise() {
         drive(&mut kernel, 0, Point::new(3.0, 5.0));
         run(&mut kernel, 3.5);
         assert_eq!(kernel.ended.is_some(), ends_at_contact);
-        assert!(kernel.record.failure.as_ref().is_some_and(|why| why.contains("touched the scene")));
+        assert!(
+            kernel
+                .record
+                .failure
+                .as_ref()
+                .is_some_and(|why| why.contains("touched the scene"))
+        );
         let wreck = kernel.environment.world().truth(0, kernel.now);
-        assert!((wreck.at.x_m + 0.25).abs() < 0.01 && wreck.speed_mps == 0.0, "{wreck:?}");
+        assert!(
+            (wreck.at.x_m + 0.25).abs() < 0.01 && wreck.speed_mps == 0.0,
+            "{wreck:?}"
+        );
         assert_eq!(kernel.environment.world().collisions().len(), 1);
     }
 }
@@ -90,27 +107,53 @@ fn a_rover_whose_software_has_died_stops_two_seconds_later() {
 #[test]
 fn a_person_who_takes_over_by_remote_control_is_left_alone_until_a_start() {
     let scenario = scenario("");
-    let starts = vec![operator_script::Step::Delay(Duration::from_secs(7)), want(OrderKind::Start, true)];
+    let starts = vec![
+        operator_script::Step::Delay(Duration::from_secs(7)),
+        want(OrderKind::Start, true),
+    ];
     let mut parts = scenario.parts().unwrap();
     parts.operators.push(operator(&scenario, 3, starts));
     let mut kernel = Kernel::new(parts);
     run(&mut kernel, 3.0);
     let shown = |kernel: &mut Kernel| {
-        let state = view(&kernel.operators[1]).state(VehicleId(2)).unwrap().value.clone();
-        (state.control, state.stands_under, kernel.environment.known(1, kernel.now).mode)
+        let state = view(&kernel.operators[1])
+            .state(VehicleId(2))
+            .unwrap()
+            .value
+            .clone();
+        (
+            state.control,
+            state.stands_under,
+            kernel.environment.known(1, kernel.now).mode,
+        )
     };
     assert_eq!(shown(&mut kernel), (Control::Ours, None, Mode::Guided));
     let (now, manual) = (kernel.now, Command::Mode(Mode::Manual));
-    kernel.environment.command_by_remote_control(now, 1, &manual, &mut Vec::new());
+    kernel
+        .environment
+        .command_by_remote_control(now, 1, &manual, &mut Vec::new());
     run(&mut kernel, 6.5);
-    assert_eq!(shown(&mut kernel), (Control::Remote, Some(StandReason::Remote), Mode::Manual));
-    assert!(kernel.record.log.text().contains("vehicle 2 autopilot: TakenOver(Manual)"));
+    assert_eq!(
+        shown(&mut kernel),
+        (Control::Remote, Some(StandReason::Remote), Mode::Manual)
+    );
+    assert!(
+        kernel
+            .record
+            .log
+            .text()
+            .contains("vehicle 2 autopilot: TakenOver(Manual)")
+    );
     run(&mut kernel, 9.0);
     assert_eq!(shown(&mut kernel), (Control::Ours, None, Mode::Guided));
 }
 
 /// An operator of this number, and what it does; without steps it only looks.
-fn operator(scenario: &Scenario, number: u8, steps: Vec<operator_script::Step>) -> SimulatedOperator {
+fn operator(
+    scenario: &Scenario,
+    number: u8,
+    steps: Vec<operator_script::Step>,
+) -> SimulatedOperator {
     let (id, greets) = (OperatorId(number), !steps.is_empty());
     let settings = crate::sim::operator_script::settings(scenario.sim(), id, u64::from(number) + 7);
     SimulatedOperator::new(id, OperatorSettings { greets, ..settings }, steps)
@@ -118,7 +161,10 @@ fn operator(scenario: &Scenario, number: u8, steps: Vec<operator_script::Step>) 
 
 fn want(kind: OrderKind, take_over: bool) -> operator_script::Step {
     let (vehicles, within) = (BTreeSet::new(), Duration::from_secs(60));
-    operator_script::Step::Want(Want { take_over, ..Want::new(kind, vehicles, within) })
+    operator_script::Step::Want(Want {
+        take_over,
+        ..Want::new(kind, vehicles, within)
+    })
 }
 
 #[test]
@@ -126,18 +172,32 @@ fn who_only_looks_changes_no_byte_of_the_run() {
     let scenario = scenario("");
     let log = |viewers: u8| {
         let mut parts = scenario.parts().unwrap();
-        parts.operators.extend((1..=viewers).map(|number| operator(&scenario, number, Vec::new())));
+        parts
+            .operators
+            .extend((1..=viewers).map(|number| operator(&scenario, number, Vec::new())));
         let mut kernel = Kernel::new(parts);
         run(&mut kernel, 3.5);
         let seen: Vec<usize> = kernel.operators[1..].iter().map(vehicles_seen).collect();
         let (record, .., bus, end, _) = kernel.into_parts();
         let is_operator = |node: &&NodeId| matches!(node, NodeId::Operator(_));
-        let said: Vec<NodeId> = bus.sent_by_kind().keys().filter(is_operator).copied().collect();
-        (seen, (record.log.text().to_owned(), record.counts, end, said))
+        let said: Vec<NodeId> = bus
+            .sent_by_kind()
+            .keys()
+            .filter(is_operator)
+            .copied()
+            .collect();
+        (
+            seen,
+            (record.log.text().to_owned(), record.counts, end, said),
+        )
     };
     let (alone, watched) = (log(0), log(2));
     assert_eq!(watched.0, [2, 2], "they have heard every vehicle");
-    assert_eq!(watched.1.3, [NodeId::Operator(SCENARIO_OPERATOR)], "only who plays says anything");
+    assert_eq!(
+        watched.1.3,
+        [NodeId::Operator(SCENARIO_OPERATOR)],
+        "only who plays says anything"
+    );
     assert!(alone.1 == watched.1);
 }
 
@@ -150,25 +210,43 @@ fn view(operator: &SimulatedOperator) -> &FleetView {
 }
 
 fn wait(until: Condition) -> operator_script::Step {
-    operator_script::Step::Wait { until, within: Duration::from_secs(60) }
+    operator_script::Step::Wait {
+        until,
+        within: Duration::from_secs(60),
+    }
 }
 
 #[test]
 fn an_operator_on_the_simulated_bus_takes_over_and_is_obeyed() {
     let scenario = scenario("");
-    let heard =
-        Condition::Heard(crate::operator::status::Expected { vehicles: BTreeSet::new(), ground: true });
-    let steps = vec![wait(heard), want(OrderKind::Hold, true), wait(Condition::InForce)];
+    let heard = Condition::Heard(crate::operator::status::Expected {
+        vehicles: BTreeSet::new(),
+        ground: true,
+    });
+    let steps = vec![
+        wait(heard),
+        want(OrderKind::Hold, true),
+        wait(Condition::InForce),
+    ];
     let mut parts = scenario.parts().unwrap();
     parts.operators.push(operator(&scenario, 3, steps));
     let mut kernel = Kernel::new(parts);
     run(&mut kernel, 3.5);
     let operator = &kernel.operators[1];
-    assert_eq!(operator.ended, Some(operator_script::ScriptEnd::Done), "State shows the order");
+    assert_eq!(
+        operator.ended,
+        Some(operator_script::ScriptEnd::Done),
+        "State shows the order"
+    );
     let lease = view(operator).lease(kernel.now);
     assert_eq!((lease.number, lease.holder), (2, 10));
-    let report = view(operator).ground(kernel.now).expect("the ground station is heard");
-    assert_eq!(report.value.lease, lease, "the ground station plans under it");
+    let report = view(operator)
+        .ground(kernel.now)
+        .expect("the ground station is heard");
+    assert_eq!(
+        report.value.lease, lease,
+        "the ground station plans under it"
+    );
 }
 
 /// A whole mission with two small rovers, and what else operators do in it.
@@ -203,28 +281,49 @@ fn another_operator_takes_over_in_the_middle_of_a_sweep_and_the_mission_ends_as_
     let disturbed = small(|scenario| vec![operator(scenario, 3, steps.clone())]);
     for outcome in [&whole, &disturbed] {
         assert!(outcome.finished, "{:?}", outcome.failure);
-        assert!(outcome.log.contains("operator 0 its script has ended: done"));
+        assert!(
+            outcome
+                .log
+                .contains("operator 0 its script has ended: done")
+        );
     }
-    assert!(disturbed.log.contains("operator 3 its script has ended: done"));
+    assert!(
+        disturbed
+            .log
+            .contains("operator 3 its script has ended: done")
+    );
     let longer_s = disturbed.simulated.as_secs_f64() - whole.simulated.as_secs_f64();
     // After the hold the rest is driven in another order of crossings, which may save some seconds.
-    assert!((6.0..20.0).contains(&longer_s), "{longer_s} s longer: everyone stood for {held_for:?}");
+    assert!(
+        (6.0..20.0).contains(&longer_s),
+        "{longer_s} s longer: everyone stood for {held_for:?}"
+    );
     assert_eq!(disturbed.found().len(), whole.found().len());
 }
 
 #[test]
 fn what_another_operator_has_stopped_neither_ground_nor_the_first_operator_starts() {
-    let steps = vec![operator_script::Step::Delay(Duration::from_secs(20)), want(OrderKind::Hold, true)];
+    let steps = vec![
+        operator_script::Step::Delay(Duration::from_secs(20)),
+        want(OrderKind::Hold, true),
+    ];
     let stopped = small(|scenario| vec![operator(scenario, 3, steps.clone())]);
-    assert_eq!(stopped.failure.as_deref(), Some("the sweep did not end in time"));
+    assert_eq!(
+        stopped.failure.as_deref(),
+        Some("the sweep did not end in time")
+    );
     assert_eq!(stopped.held, 2, "they stand");
     assert!(stopped.simulated >= Time::from_secs_f64(590.0));
 }
 
 #[test]
 fn a_vehicle_that_is_started_anew_obeys_nothing_below_what_its_disk_has() {
-    let scenario = scenario("[[fault]]\nkind = \"restart\"\nat_s = 5.0\nuntil_s = 6.0\nvehicles = [2]\n");
-    let steps = vec![operator_script::Step::Delay(Duration::from_secs(3)), want(OrderKind::Hold, true)];
+    let scenario =
+        scenario("[[fault]]\nkind = \"restart\"\nat_s = 5.0\nuntil_s = 6.0\nvehicles = [2]\n");
+    let steps = vec![
+        operator_script::Step::Delay(Duration::from_secs(3)),
+        want(OrderKind::Hold, true),
+    ];
     let mut parts = scenario.parts().unwrap();
     parts.operators.push(operator(&scenario, 3, steps));
     let mut kernel = Kernel::new(parts);
@@ -235,7 +334,10 @@ fn a_vehicle_that_is_started_anew_obeys_nothing_below_what_its_disk_has() {
     assert_eq!(kernel.vehicles[1].boot(), Boot(2));
     let low = Order {
         vehicle: VehicleId(2),
-        lease: Lease { number: 1, holder: 0 },
+        lease: Lease {
+            number: 1,
+            holder: 0,
+        },
         run: RunId(1),
         revision: Revision(1000),
         seen: None,
@@ -243,15 +345,36 @@ fn a_vehicle_that_is_started_anew_obeys_nothing_below_what_its_disk_has() {
         ends: Vec::new(),
     };
     let from = Sender::Operator(OperatorId(3));
-    kernel.tell(1, node::Event::Bus(from, Message::Order(low.clone()))).unwrap();
+    kernel
+        .tell(1, node::Event::Bus(from, Message::Order(low.clone())))
+        .unwrap();
     run(&mut kernel, 7.5);
     let mode = |kernel: &Kernel| {
-        let state = &view(&kernel.operators[1]).state(VehicleId(2)).expect("it is heard").value;
-        (state.boot, state.mode == StateMode::MotorsCut, state.ordered.lease >= kept.ordered.lease)
+        let state = &view(&kernel.operators[1])
+            .state(VehicleId(2))
+            .expect("it is heard")
+            .value;
+        (
+            state.boot,
+            state.mode == StateMode::MotorsCut,
+            state.ordered.lease >= kept.ordered.lease,
+        )
     };
     assert_eq!(mode(&kernel), (Boot(2), false, true));
-    let high = Order { lease: Lease { number: 9, holder: 0 }, ..low };
-    kernel.tell(1, node::Event::Bus(from, Message::Order(high))).unwrap();
+    let high = Order {
+        lease: Lease {
+            number: 9,
+            holder: 0,
+        },
+        ..low
+    };
+    kernel
+        .tell(1, node::Event::Bus(from, Message::Order(high)))
+        .unwrap();
     run(&mut kernel, 8.5);
-    assert_eq!(mode(&kernel), (Boot(2), true, true), "a higher one is obeyed");
+    assert_eq!(
+        mode(&kernel),
+        (Boot(2), true, true),
+        "a higher one is obeyed"
+    );
 }

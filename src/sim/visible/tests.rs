@@ -13,7 +13,9 @@ const CELL_M: f64 = 0.2;
 fn block(x0_m: f64, y0_m: f64, x1_m: f64, y1_m: f64) -> Post {
     Post {
         name: "block".to_owned(),
-        footprint: Footprint::Corners(Rect::new(Point::new(x0_m, y0_m), Point::new(x1_m, y1_m)).polygon()),
+        footprint: Footprint::Corners(
+            Rect::new(Point::new(x0_m, y0_m), Point::new(x1_m, y1_m)).polygon(),
+        ),
         low_m: 0.0,
         high_m: 2.0,
         material: Material::default(),
@@ -48,19 +50,35 @@ fn fence(x0_m: f64, y0_m: f64, x1_m: f64, y1_m: f64) -> Polygon {
 }
 
 fn keeping(keep_m: f64) -> Room {
-    Room { keep_m, low_m: 0.02, high_m: 0.3 }
+    Room {
+        keep_m,
+        low_m: 0.02,
+        high_m: 0.3,
+    }
 }
 
 /// A sensor whose cone is a ray.
 fn ray(max_m: f64) -> Sight {
     let incidence_max_rad = 60f64.to_radians();
-    Sight { height_m: 0.3, half_angle_rad: 0.0, min_m: 0.02, max_m, incidence_max_rad }
+    Sight {
+        height_m: 0.3,
+        half_angle_rad: 0.0,
+        min_m: 0.02,
+        max_m,
+        incidence_max_rad,
+    }
 }
 
 fn find(posts: &[Post], keep_m: f64, sight: Sight) -> Visible {
     let home = [Point::new(1.0, 1.0)];
     let around = fence(-20.0, -20.0, 20.0, 20.0);
-    Visible::find(&scene(posts), Lattice::new(CELL_M), (&around, &home), &keeping(keep_m), &sight)
+    Visible::find(
+        &scene(posts),
+        Lattice::new(CELL_M),
+        (&around, &home),
+        &keeping(keep_m),
+        &sight,
+    )
 }
 
 #[test]
@@ -71,7 +89,12 @@ fn in_a_room_with_a_box_all_inner_sides_are_seen_and_the_outer_corners_are_not()
     // Walls: 4 × 30 cells and 4 corners. Box: a ring of 5 × 5 cells without the 3 × 3 inside.
     assert_eq!(seen.surface.len(), 124 + 16);
     assert_eq!(seen.cells.len(), 120 + 16);
-    for corner in [Cell::new(-1, -1), Cell::new(30, -1), Cell::new(-1, 30), Cell::new(30, 30)] {
+    for corner in [
+        Cell::new(-1, -1),
+        Cell::new(30, -1),
+        Cell::new(-1, 30),
+        Cell::new(30, 30),
+    ] {
         assert!(seen.surface.cells().any(|cell| cell == corner) && !seen.cells.contains(&corner));
     }
 }
@@ -84,7 +107,12 @@ fn what_is_seen_ends_with_the_range() {
     // 0.86 to 5.14 m, of the cells 4 to 25.
     let seen = find(&posts, 0.95, ray(1.01));
     assert_eq!(seen.cells.len(), 4 * 22 + 16);
-    let west: Vec<i32> = seen.cells.iter().filter(|cell| cell.x == -1).map(|cell| cell.y).collect();
+    let west: Vec<i32> = seen
+        .cells
+        .iter()
+        .filter(|cell| cell.x == -1)
+        .map(|cell| cell.y)
+        .collect();
     assert_eq!(west, (4..=25).collect::<Vec<_>>());
     assert_eq!(find(&posts, 0.95, ray(0.9)).cells.len(), 0);
 }
@@ -106,7 +134,10 @@ fn a_gap_is_passed_by_whom_it_lets_through() {
     let (narrow, wide) = (find(&posts, 0.45, ray(1.0)), find(&posts, 0.55, ray(1.0)));
     let beyond = |seen: &Visible| seen.cells.iter().any(|cell| cell.y == 30);
     assert!(beyond(&narrow) && !beyond(&wide));
-    assert!(!beyond(&find(&posts, 0.5, ray(1.0))), "rounding opens no gap");
+    assert!(
+        !beyond(&find(&posts, 0.5, ray(1.0))),
+        "rounding opens no gap"
+    );
 }
 
 #[test]
@@ -128,19 +159,34 @@ fn a_surface_behind_something_nearer_in_every_cone_is_not_heard() {
         let post = |degrees: &f64| {
             let (sin, cos) = degrees.to_radians().sin_cos();
             let centre = Point::new(cos, sin);
-            Post { footprint: Footprint::Round { centre, radius_m: 0.05 }, ..block(0.0, 0.0, 1.0, 1.0) }
+            Post {
+                footprint: Footprint::Round {
+                    centre,
+                    radius_m: 0.05,
+                },
+                ..block(0.0, 0.0, 1.0, 1.0)
+            }
         };
         // A wall 3 m ahead, just where the point is straight ahead.
         let mut posts = vec![block(3.0, -0.1, 3.2, 0.1)];
         posts.extend(beside.iter().map(post));
-        let (scene, wide) = (scene(&posts), Sight { half_angle_rad: 15f64.to_radians(), ..ray(4.0) });
+        let (scene, wide) = (
+            scene(&posts),
+            Sight {
+                half_angle_rad: 15f64.to_radians(),
+                ..ray(4.0)
+            },
+        );
         let surface = Surface::of(&scene, 0.3, Lattice::new(CELL_M));
         let places = Places::along([&[Point::default()][..]].into_iter());
         let seen = surface.seen_from(&scene, &wide, &places, &surface.cells().collect());
         seen.iter().any(|cell| cell.x == 15)
     };
     assert!(heard(&[]) && heard(&[10.0]) && heard(&[-10.0]) && heard(&[25.0, -25.0]));
-    assert!(!heard(&[10.0, -10.0]), "every cone of 30° holds one of them");
+    assert!(
+        !heard(&[10.0, -10.0]),
+        "every cone of 30° holds one of them"
+    );
 }
 
 #[test]
@@ -152,15 +198,30 @@ fn solids_that_touch_have_no_surface_between_them() {
     );
     // The ring of 10 × 5 cells.
     assert_eq!(surface.len(), 10 * 5 - 8 * 3);
-    assert!(Surface::of(&scene(&[block(0.0, 0.0, 1.0, 1.0)]), 2.5, Lattice::new(CELL_M)).is_empty());
+    assert!(
+        Surface::of(
+            &scene(&[block(0.0, 0.0, 1.0, 1.0)]),
+            2.5,
+            Lattice::new(CELL_M)
+        )
+        .is_empty()
+    );
 }
 
 fn map(occupied: &[usize]) -> Merged {
     let mut cells = [0; TILE_CELLS];
     occupied.iter().for_each(|index| cells[*index] = 9);
     let mut map = Merged::new(Lattice::new(CELL_M), None);
-    let layer = LayerId { vehicle: VehicleId(1), boot: Boot(1) };
-    let report = TileReport { layer, address: TileAddress::default(), revision: 1, cells: Arc::new(cells) };
+    let layer = LayerId {
+        vehicle: VehicleId(1),
+        boot: Boot(1),
+    };
+    let report = TileReport {
+        layer,
+        address: TileAddress::default(),
+        revision: 1,
+        cells: Arc::new(cells),
+    };
     map.join(&report).unwrap();
     map
 }
@@ -173,18 +234,34 @@ fn a_cell_is_detected_within_one_cell() {
         let cells: BTreeSet<Cell> = cells.iter().map(|(x, y)| Cell::new(*x, *y)).collect();
         detected(&map, 0, &cells)
     };
-    assert_eq!(wanted(&[(5, 3), (6, 4), (4, 2), (7, 3), (5, 5), (-1, -1)]), 3);
+    assert_eq!(
+        wanted(&[(5, 3), (6, 4), (4, 2), (7, 3), (5, 5), (-1, -1)]),
+        3
+    );
     assert_eq!(occupied(&map, 0), 2);
-    assert_eq!((occupied(&map, 1), detected(&map, 1, &BTreeSet::from([Cell::new(5, 3)]))), (0, 0));
+    assert_eq!(
+        (
+            occupied(&map, 1),
+            detected(&map, 1, &BTreeSet::from([Cell::new(5, 3)]))
+        ),
+        (0, 0)
+    );
 }
 
 #[test]
 fn clearance_is_the_least_along_all_tracks_from_the_bodys_side() {
     let scene = scene(&[block(2.0, 2.0, 3.0, 3.0)]);
-    let track: Vec<Point> = (0..=100).map(|step| Point::new(f64::from(step) * 0.05, 1.5)).collect();
+    let track: Vec<Point> = (0..=100)
+        .map(|step| Point::new(f64::from(step) * 0.05, 1.5))
+        .collect();
     let far = [Point::new(2.5, 10.0)];
     let least_m = |others: &dyn Fn(Point) -> f64| {
-        least_clearance_m(&scene, (0.25, 0.02, 0.3), [&far[..], &track[..]].into_iter(), others)
+        least_clearance_m(
+            &scene,
+            (0.25, 0.02, 0.3),
+            [&far[..], &track[..]].into_iter(),
+            others,
+        )
     };
     let nobody = |_: Point| f64::INFINITY;
     assert!((least_m(&nobody).unwrap() - 0.25).abs() < 1e-9);
@@ -195,7 +272,11 @@ fn clearance_is_the_least_along_all_tracks_from_the_bodys_side() {
 
 #[test]
 fn a_track_leaves_no_gap() {
-    let corners = [Point::new(0.0, 0.0), Point::new(2.0, 0.0), Point::new(2.0, 1.0)];
+    let corners = [
+        Point::new(0.0, 0.0),
+        Point::new(2.0, 0.0),
+        Point::new(2.0, 1.0),
+    ];
     let places = Places::along([&corners[..]].into_iter());
     assert_eq!(places.len(), 31);
     assert_eq!(Places::along([&[][..]].into_iter()).len(), 0);

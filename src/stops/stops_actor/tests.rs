@@ -11,7 +11,11 @@ fn name(number: u32) -> EmergencyName {
 }
 
 fn stop(number: u32) -> EmergencyStop {
-    EmergencyStop { name: name(number), scope: StopScope::All, by: OperatorId(1) }
+    EmergencyStop {
+        name: name(number),
+        scope: StopScope::All,
+        by: OperatorId(1),
+    }
 }
 
 fn standing(open: &[u32], lifted: &[u32]) -> Standing {
@@ -59,7 +63,11 @@ fn open(out: &[Out]) -> Option<Vec<EmergencyName>> {
 fn a_stop_is_told_the_node_first_then_everyone_then_the_disk() {
     let mut stops = Stops::new(&StopsSettings::default());
     stops.state = State::Calm;
-    let out = tell(&mut stops, at(1.0), In::Standing(OPERATOR, standing(&[1], &[])));
+    let out = tell(
+        &mut stops,
+        at(1.0),
+        In::Standing(OPERATOR, standing(&[1], &[])),
+    );
     let known = standing(&[1], &[]);
     assert_eq!(
         out,
@@ -71,9 +79,17 @@ fn a_stop_is_told_the_node_first_then_everyone_then_the_disk() {
             Out::Remark(Remark::Opened(stop(1), OPERATOR)),
         ]
     );
-    assert_eq!(tell(&mut stops, at(1.1), In::Standing(OPERATOR, known)), [], "no news");
     assert_eq!(
-        open(&tell(&mut stops, at(1.2), In::Beacon(VehicleId(2), stop(2)))),
+        tell(&mut stops, at(1.1), In::Standing(OPERATOR, known)),
+        [],
+        "no news"
+    );
+    assert_eq!(
+        open(&tell(
+            &mut stops,
+            at(1.2),
+            In::Beacon(VehicleId(2), stop(2))
+        )),
         Some(vec![name(1), name(2)])
     );
 }
@@ -97,20 +113,40 @@ fn what_is_new_is_said_every_25_ms_for_half_a_second_and_then_once_a_second() {
 #[test]
 fn what_the_disk_has_kept_is_open_from_the_beginning() {
     let kept = standing(&[3], &[1]);
-    let mut stops = Stops::new(&StopsSettings { kept, lease: lease(4), is_silent: false });
+    let mut stops = Stops::new(&StopsSettings {
+        kept,
+        lease: lease(4),
+        is_silent: false,
+    });
     let mut out = Vec::new();
     stops.wake(Time::ZERO, &mut out).unwrap();
     assert_eq!(open(&out), Some(vec![name(3)]));
-    assert_eq!(open(&tell(&mut stops, at(1.0), In::Beacon(VehicleId(2), stop(1)))), None, "it was lifted");
+    assert_eq!(
+        open(&tell(
+            &mut stops,
+            at(1.0),
+            In::Beacon(VehicleId(2), stop(1))
+        )),
+        None,
+        "it was lifted"
+    );
     let out = tell(&mut stops, at(1.0), In::Order(OPERATOR, start(3, &[3])));
-    assert_eq!(out, [Out::Remark(Remark::LowerLease(lease(4)))], "it has followed a higher lease");
+    assert_eq!(
+        out,
+        [Out::Remark(Remark::LowerLease(lease(4)))],
+        "it has followed a higher lease"
+    );
 }
 
 #[test]
 fn only_an_operators_start_in_a_lease_not_below_the_highest_lifts_what_it_names() {
     let after = |input: In| {
         let mut stops = Stops::new(&StopsSettings::default());
-        tell(&mut stops, at(1.0), In::Standing(OPERATOR, standing(&[1, 2], &[])));
+        tell(
+            &mut stops,
+            at(1.0),
+            In::Standing(OPERATOR, standing(&[1, 2], &[])),
+        );
         tell(&mut stops, at(1.0), In::Lease(lease(5)));
         tell(&mut stops, at(1.0), input);
         stops.set().open().map(|stop| stop.name).collect::<Vec<_>>()
@@ -118,23 +154,59 @@ fn only_an_operators_start_in_a_lease_not_below_the_highest_lifts_what_it_names(
     let both = vec![name(1), name(2)];
     assert_eq!(after(In::Order(OPERATOR, start(5, &[1]))), [name(2)]);
     assert_eq!(after(In::Order(OPERATOR, start(6, &[1, 2]))), []);
-    assert_eq!(after(In::Order(OPERATOR, start(4, &[1]))), both, "an old lease");
-    assert_eq!(after(In::Order(Sender::Ground, start(5, &[1]))), both, "a ground station");
-    assert_eq!(after(In::Order(OPERATOR, start(5, &[9]))), both, "a stop that nobody knows");
+    assert_eq!(
+        after(In::Order(OPERATOR, start(4, &[1]))),
+        both,
+        "an old lease"
+    );
+    assert_eq!(
+        after(In::Order(Sender::Ground, start(5, &[1]))),
+        both,
+        "a ground station"
+    );
+    assert_eq!(
+        after(In::Order(OPERATOR, start(5, &[9]))),
+        both,
+        "a stop that nobody knows"
+    );
     assert_eq!(after(In::Order(OPERATOR, start(5, &[]))), both);
-    let hold = Order { kind: OrderKind::Hold, ..start(5, &[1]) };
+    let hold = Order {
+        kind: OrderKind::Hold,
+        ..start(5, &[1])
+    };
     assert_eq!(after(In::Order(OPERATOR, hold)), both);
-    assert_eq!(after(In::Beacon(VehicleId(2), stop(1))), both, "a beacon cannot lift");
-    assert_eq!(after(In::Standing(Sender::Vehicle(VehicleId(2)), standing(&[], &[1]))), [name(2)]);
+    assert_eq!(
+        after(In::Beacon(VehicleId(2), stop(1))),
+        both,
+        "a beacon cannot lift"
+    );
+    assert_eq!(
+        after(In::Standing(
+            Sender::Vehicle(VehicleId(2)),
+            standing(&[], &[1])
+        )),
+        [name(2)]
+    );
 }
 
 #[test]
 fn a_lease_far_above_the_highest_heard_does_not_keep_stops_from_being_lifted() {
     let mut stops = Stops::new(&StopsSettings::default());
-    tell(&mut stops, at(1.0), In::Standing(OPERATOR, standing(&[1], &[])));
+    tell(
+        &mut stops,
+        at(1.0),
+        In::Standing(OPERATOR, standing(&[1], &[])),
+    );
     let forged = tell(&mut stops, at(1.0), In::Lease(lease(u32::MAX)));
     assert_eq!(forged, [Out::Remark(Remark::LeaseTooHigh(lease(u32::MAX)))]);
-    assert_eq!(open(&tell(&mut stops, at(1.0), In::Order(OPERATOR, start(1, &[1])))), Some(vec![]));
+    assert_eq!(
+        open(&tell(
+            &mut stops,
+            at(1.0),
+            In::Order(OPERATOR, start(1, &[1]))
+        )),
+        Some(vec![])
+    );
 }
 
 #[test]
@@ -144,21 +216,36 @@ fn more_than_eight_new_names_a_minute_of_one_sender_stand_for_many() {
     for number in 0..100 {
         let now = at(1.0 + f64::from(number) * 0.1);
         // Each is lifted at once: nine are never open together.
-        tell(&mut stops, now, In::Standing(forger, standing(&[number], &[])));
+        tell(
+            &mut stops,
+            now,
+            In::Standing(forger, standing(&[number], &[])),
+        );
         tell(&mut stops, now, In::Order(OPERATOR, start(1, &[number])));
     }
     let many: Vec<EmergencyName> = stops.set().open().map(|stop| stop.name).collect();
     assert!(matches!(many[..], [name] if name.is_many()), "{many:?}");
     // Another one may still, and the same one after a minute.
-    tell(&mut stops, at(12.0), In::Standing(OPERATOR, standing(&[200], &[])));
-    tell(&mut stops, at(80.0), In::Standing(forger, standing(&[300], &[])));
+    tell(
+        &mut stops,
+        at(12.0),
+        In::Standing(OPERATOR, standing(&[200], &[])),
+    );
+    tell(
+        &mut stops,
+        at(80.0),
+        In::Standing(forger, standing(&[300], &[])),
+    );
     assert!(stops.set().named(name(200)).is_some() && stops.set().named(name(300)).is_some());
 }
 
 #[test]
 fn unread_words_of_one_sender_are_joined() {
     let (first, second) = (standing(&[1], &[]), standing(&[2], &[1]));
-    let joined = In::join(In::Standing(OPERATOR, first), In::Standing(OPERATOR, second));
+    let joined = In::join(
+        In::Standing(OPERATOR, first),
+        In::Standing(OPERATOR, second),
+    );
     assert_eq!(joined, In::Standing(OPERATOR, standing(&[2], &[1])));
     let (low, high) = (In::Lease(lease(2)), In::Lease(lease(3)));
     assert_eq!(In::join(high.clone(), low), high);
@@ -166,18 +253,33 @@ fn unread_words_of_one_sender_are_joined() {
 
 #[test]
 fn the_drawing_shows_the_states() {
-    assert_eq!(drawn(include_str!("../stops_actor.rs")), variants::<State>());
+    assert_eq!(
+        drawn(include_str!("../stops_actor.rs")),
+        variants::<State>()
+    );
 }
 
 #[test]
 fn who_does_not_know_an_open_stop_is_told_at_once() {
     let mut stops = Stops::new(&StopsSettings::default());
-    tell(&mut stops, at(1.0), In::Standing(OPERATOR, standing(&[1, 2], &[])));
+    tell(
+        &mut stops,
+        at(1.0),
+        In::Standing(OPERATOR, standing(&[1, 2], &[])),
+    );
     stops.state = State::Calm;
     let other = Sender::Vehicle(VehicleId(2));
-    let knows_all = tell(&mut stops, at(5.0), In::Standing(other, standing(&[1, 2], &[])));
+    let knows_all = tell(
+        &mut stops,
+        at(5.0),
+        In::Standing(other, standing(&[1, 2], &[])),
+    );
     assert_eq!(knows_all, [Out::Heard(other)]);
-    let knows_one = tell(&mut stops, at(6.0), In::Standing(other, standing(&[2], &[])));
+    let knows_one = tell(
+        &mut stops,
+        at(6.0),
+        In::Standing(other, standing(&[2], &[])),
+    );
     assert_eq!(knows_one, [Out::Publish(standing(&[1, 2], &[]))]);
     assert_eq!(stops.deadline().unwrap().at, at(6.025));
 }

@@ -118,7 +118,10 @@ impl GroundStore {
     pub fn resume(&self) -> Result<Restored, StoreError> {
         let memory: Option<(String, Vec<u8>)> = self.read(|store| {
             let query = "SELECT version, blob FROM memory";
-            store.connection.query_row(query, [], |row| Ok((row.get(0)?, row.get(1)?))).optional()
+            store
+                .connection
+                .query_row(query, [], |row| Ok((row.get(0)?, row.get(1)?)))
+                .optional()
         })?;
         let (memory, foreign_memory) = match memory {
             Some((version, blob)) if version == MEMORY => (Some(blob), None),
@@ -127,21 +130,44 @@ impl GroundStore {
         };
         let mut samples: Vec<Samples> = Vec::new();
         self.each_sample(None, |stored| {
-            let StoredSample { vehicle, boot, run, sample, utc_s: _ } = stored;
+            let StoredSample {
+                vehicle,
+                boot,
+                run,
+                sample,
+                utc_s: _,
+            } = stored;
             let fits = |batch: &Samples| {
-                (batch.vehicle, batch.boot, batch.run) == (vehicle, boot, run) && batch.samples.len() < BATCH
+                (batch.vehicle, batch.boot, batch.run) == (vehicle, boot, run)
+                    && batch.samples.len() < BATCH
             };
             if !samples.last().is_some_and(fits) {
-                samples.push(Samples { vehicle, boot, run, ..Samples::default() });
+                samples.push(Samples {
+                    vehicle,
+                    boot,
+                    run,
+                    ..Samples::default()
+                });
             }
             if let Some(batch) = samples.last_mut() {
                 batch.samples.push(sample);
             }
         })?;
-        let pictures = self
-            .read(|store| store.connection.query_row("SELECT count(*) FROM images", [], |row| row.get(0)))?;
+        let pictures = self.read(|store| {
+            store
+                .connection
+                .query_row("SELECT count(*) FROM images", [], |row| row.get(0))
+        })?;
         let (tiles, runs) = (self.tiles()?, self.runs()?);
-        Ok(Restored { store: self.id, memory, foreign_memory, samples, tiles, pictures, runs })
+        Ok(Restored {
+            store: self.id,
+            memory,
+            foreign_memory,
+            samples,
+            tiles,
+            pictures,
+            runs,
+        })
     }
 
     /// Returns what the station remembered, if this version can read it.
@@ -151,7 +177,10 @@ impl GroundStore {
     pub fn memory(&self) -> Result<Option<Vec<u8>>, StoreError> {
         self.read(|store| {
             let query = "SELECT blob FROM memory WHERE version = ?";
-            store.connection.query_row(query, [MEMORY], |row| row.get(0)).optional()
+            store
+                .connection
+                .query_row(query, [MEMORY], |row| row.get(0))
+                .optional()
         })
     }
 
@@ -235,7 +264,9 @@ impl GroundStore {
             )?;
             statement.query_map(params![run.0], image)?.collect()
         })?;
-        rows.into_iter().map(|(image, peaks, data)| self.whole(image, &peaks, &data)).collect()
+        rows.into_iter()
+            .map(|(image, peaks, data)| self.whole(image, &peaks, &data))
+            .collect()
     }
 
     /// Returns how the store came about, the newest start first.
@@ -265,7 +296,9 @@ impl GroundStore {
     pub(super) fn identity(&self) -> Result<(u64, u64), StoreError> {
         let (id, hash): (String, String) = self.read(|store| {
             let query = "SELECT id, venue_hash FROM store";
-            store.connection.query_row(query, [], |row| Ok((row.get(0)?, row.get(1)?)))
+            store
+                .connection
+                .query_row(query, [], |row| Ok((row.get(0)?, row.get(1)?)))
         })?;
         let number = |text: &str| {
             let reason = format!("{text:?} where 16 hexadecimal digits are expected");
@@ -283,35 +316,62 @@ impl GroundStore {
                  WHERE utc_offset_s IS NOT NULL AND utc_error_s IS NOT NULL",
             )?;
             let rows = statement.query_map([], |row| {
-                let clock = UtcOffset { offset_s: row.get(2)?, error_s: row.get(3)? };
+                let clock = UtcOffset {
+                    offset_s: row.get(2)?,
+                    error_s: row.get(3)?,
+                };
                 Ok(((VehicleId(row.get(0)?), Boot(row.get(1)?)), clock))
             })?;
             rows.collect()
         })
     }
 
-    fn read<T>(&self, work: impl FnOnce(&GroundStore) -> rusqlite::Result<T>) -> Result<T, StoreError> {
+    fn read<T>(
+        &self,
+        work: impl FnOnce(&GroundStore) -> rusqlite::Result<T>,
+    ) -> Result<T, StoreError> {
         work(self).map_err(|source| StoreError::of(&self.path, source))
     }
 
     /// Puts values and peaks into a picture.
-    fn whole(&self, mut image: StoredImage, peaks: &str, data: &[u8]) -> Result<StoredImage, StoreError> {
-        let damaged = |reason: String| StoreError::Damaged { path: self.path.clone(), reason };
+    fn whole(
+        &self,
+        mut image: StoredImage,
+        peaks: &str,
+        data: &[u8],
+    ) -> Result<StoredImage, StoreError> {
+        let damaged = |reason: String| StoreError::Damaged {
+            path: self.path.clone(),
+            reason,
+        };
         let (numbers, rest) = data.as_chunks::<4>();
         let pixels = image.image.grid.columns.checked_mul(image.image.grid.rows);
         if pixels != Some(numbers.len()) || !rest.is_empty() {
-            return Err(damaged(format!("an image has {} bytes of values", data.len())));
+            return Err(damaged(format!(
+                "an image has {} bytes of values",
+                data.len()
+            )));
         }
-        image.image.values = numbers.iter().map(|bytes| f64::from(f32::from_le_bytes(*bytes))).collect();
-        let rows: Vec<PeakRow> =
-            serde_json::from_str(peaks).map_err(|error| damaged(format!("peaks of an image: {error}")))?;
+        image.image.values = numbers
+            .iter()
+            .map(|bytes| f64::from(f32::from_le_bytes(*bytes)))
+            .collect();
+        let rows: Vec<PeakRow> = serde_json::from_str(peaks)
+            .map_err(|error| damaged(format!("peaks of an image: {error}")))?;
         image.peaks = rows
             .into_iter()
-            .map(|PeakRow { x_m, y_m, strength, significance }| Peak {
-                at: Point::new(x_m, y_m),
-                strength,
-                significance,
-            })
+            .map(
+                |PeakRow {
+                     x_m,
+                     y_m,
+                     strength,
+                     significance,
+                 }| Peak {
+                    at: Point::new(x_m, y_m),
+                    strength,
+                    significance,
+                },
+            )
             .collect();
         Ok(image)
     }
@@ -322,22 +382,36 @@ fn tile(row: &Row) -> rusqlite::Result<TileReport> {
     // The query takes only tiles of the right length.
     let cells = std::array::from_fn(|index| bytes.get(index).map_or(0, |byte| byte.cast_signed()));
     Ok(TileReport {
-        layer: LayerId { vehicle: VehicleId(row.get(0)?), boot: Boot(row.get(1)?) },
-        address: TileAddress { slice: row.get(2)?, x: row.get(3)?, y: row.get(4)? },
+        layer: LayerId {
+            vehicle: VehicleId(row.get(0)?),
+            boot: Boot(row.get(1)?),
+        },
+        address: TileAddress {
+            slice: row.get(2)?,
+            x: row.get(3)?,
+            y: row.get(4)?,
+        },
         revision: row.get(5)?,
         cells: Arc::new(cells),
     })
 }
 
 fn image(row: &Row) -> rusqlite::Result<(StoredImage, String, Vec<u8>)> {
-    let corner = |x: usize, y: usize| Ok::<_, rusqlite::Error>(Point::new(row.get(x)?, row.get(y)?));
+    let corner =
+        |x: usize, y: usize| Ok::<_, rusqlite::Error>(Point::new(row.get(x)?, row.get(y)?));
     let count = |index: usize| row.get::<_, u32>(index).map(|count| count as usize);
-    let grid =
-        PixelGrid { area: Rect::new(corner(4, 5)?, corner(6, 7)?), columns: count(3)?, rows: count(2)? };
+    let grid = PixelGrid {
+        area: Rect::new(corner(4, 5)?, corner(6, 7)?),
+        columns: count(3)?,
+        rows: count(2)?,
+    };
     let image = StoredImage {
         laps: row.get(0)?,
         kind: row.get(1)?,
-        image: Image { grid, values: Vec::new() },
+        image: Image {
+            grid,
+            values: Vec::new(),
+        },
         peaks: Vec::new(),
         links: count(8)?,
         made_utc_s: row.get(10)?,

@@ -55,16 +55,27 @@ pub(super) fn is_empty(connection: &Connection, path: &Path) -> Result<bool, Sto
 /// Refuses what is not a sound store of a known version.
 pub(super) fn check(connection: &Connection, path: &Path) -> Result<(), StoreError> {
     if number(connection, path, "application_id")? != APPLICATION {
-        return Err(StoreError::NoStore { path: path.to_owned(), found: "another database" });
+        return Err(StoreError::NoStore {
+            path: path.to_owned(),
+            found: "another database",
+        });
     }
     let found = number(connection, path, "user_version")?;
     if found > VERSION {
-        return Err(StoreError::Newer { path: path.to_owned(), found, known: VERSION });
+        return Err(StoreError::Newer {
+            path: path.to_owned(),
+            found,
+            known: VERSION,
+        });
     }
-    let sound: rusqlite::Result<String> = connection.query_row("PRAGMA quick_check(1)", [], |row| row.get(0));
+    let sound: rusqlite::Result<String> =
+        connection.query_row("PRAGMA quick_check(1)", [], |row| row.get(0));
     match sound.map_err(|source| StoreError::of(path, source))? {
         sound if sound == "ok" => Ok(()),
-        reason => Err(StoreError::Damaged { path: path.to_owned(), reason }),
+        reason => Err(StoreError::Damaged {
+            path: path.to_owned(),
+            reason,
+        }),
     }
 }
 

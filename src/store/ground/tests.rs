@@ -20,7 +20,11 @@ const START: Start = Start {
 
 fn sample(sequence: u64) -> Sample {
     let receiver_pose = tomoswarm_proto::PoseReport {
-        at: tomoswarm_proto::Position { x_mm: 100, y_mm: -7, z_mm: 0 },
+        at: tomoswarm_proto::Position {
+            x_mm: 100,
+            y_mm: -7,
+            z_mm: 0,
+        },
         heading: tomoswarm_proto::Heading(32_832),
         sd: tomoswarm_proto::Deviation(50),
     };
@@ -38,7 +42,13 @@ fn sample(sequence: u64) -> Sample {
 
 fn batch(vehicle: u8, run: u32, sequences: impl Iterator<Item = u64>) -> Samples {
     let samples = sequences.map(sample).collect();
-    Samples { vehicle: VehicleId(vehicle), boot: Boot(4), run: RunId(run), samples, lost: vec![] }
+    Samples {
+        vehicle: VehicleId(vehicle),
+        boot: Boot(4),
+        run: RunId(run),
+        samples,
+        lost: vec![],
+    }
 }
 
 fn path_in(folder: &tempfile::TempDir) -> PathBuf {
@@ -55,24 +65,40 @@ fn count(store: &GroundStore) -> usize {
 fn samples_are_stored_once_and_come_back_in_a_fixed_order() {
     let folder = tempfile::tempdir().unwrap();
     let mut store = GroundStore::open(&path_in(&folder), &START).unwrap();
-    assert_eq!(store.take(&[batch(2, 1, 5..9), batch(1, 1, 0..3)]).unwrap(), 7);
+    assert_eq!(
+        store.take(&[batch(2, 1, 5..9), batch(1, 1, 0..3)]).unwrap(),
+        7
+    );
     assert_eq!(store.take(&[batch(2, 1, (0..10).rev())]).unwrap(), 6);
     drop(store);
     let store = GroundStore::open(&path_in(&folder), &START).unwrap();
     assert_eq!(store.id(), START.new_id);
     let restored = store.resume().unwrap();
     assert_eq!(restored.samples, [batch(1, 1, 0..3), batch(2, 1, 0..10)]);
-    assert_eq!((restored.store, restored.memory, restored.pictures), (START.new_id, None, 0));
+    assert_eq!(
+        (restored.store, restored.memory, restored.pictures),
+        (START.new_id, None, 0)
+    );
     let starts = store.provenance().unwrap();
     assert_eq!(starts.len(), 2);
-    assert_eq!((starts[0].seed, starts[0].note.as_deref()), (START.seed, START.note));
+    assert_eq!(
+        (starts[0].seed, starts[0].note.as_deref()),
+        (START.seed, START.note)
+    );
 }
 
 #[test]
 fn a_store_keeps_the_id_it_was_made_with() {
     let folder = tempfile::tempdir().unwrap();
     drop(GroundStore::open(&path_in(&folder), &START).unwrap());
-    let store = GroundStore::open(&path_in(&folder), &Start { new_id: 99, ..START }).unwrap();
+    let store = GroundStore::open(
+        &path_in(&folder),
+        &Start {
+            new_id: 99,
+            ..START
+        },
+    )
+    .unwrap();
     assert_eq!(store.id(), START.new_id);
 }
 
@@ -81,26 +107,52 @@ fn of_a_tile_the_highest_revision_is_kept_whatever_the_order() {
     let folder = tempfile::tempdir().unwrap();
     let mut store = GroundStore::open(&path_in(&folder), &START).unwrap();
     let tile = |x, revision, value: i8| TileReport {
-        layer: LayerId { vehicle: VehicleId(1), boot: Boot(1) },
-        address: TileAddress { slice: -1, x, y: i32::MIN },
+        layer: LayerId {
+            vehicle: VehicleId(1),
+            boot: Boot(1),
+        },
+        address: TileAddress {
+            slice: -1,
+            x,
+            y: i32::MIN,
+        },
         revision,
         cells: std::sync::Arc::new([value; TILE_CELLS]),
     };
-    store.keep_tiles(&[tile(3, 7, -17), tile(-3, 1, 9)]).unwrap();
-    store.keep_tiles(&[tile(3, 6, 1), tile(-3, u32::MAX, 17)]).unwrap();
-    assert_eq!(store.resume().unwrap().tiles, [tile(-3, u32::MAX, 17), tile(3, 7, -17)]);
+    store
+        .keep_tiles(&[tile(3, 7, -17), tile(-3, 1, 9)])
+        .unwrap();
+    store
+        .keep_tiles(&[tile(3, 6, 1), tile(-3, u32::MAX, 17)])
+        .unwrap();
+    assert_eq!(
+        store.resume().unwrap().tiles,
+        [tile(-3, u32::MAX, 17), tile(3, 7, -17)]
+    );
 }
 
 #[test]
 fn plans_runs_clocks_memory_and_pictures_come_back() {
     let folder = tempfile::tempdir().unwrap();
     let mut store = GroundStore::open(&path_in(&folder), &START).unwrap();
-    let clock = UtcOffset { offset_s: 1.7e9, error_s: 0.02 };
-    store.note_vehicle(VehicleId(1), Boot(4), Some("0.1.0"), Some(clock)).unwrap();
+    let clock = UtcOffset {
+        offset_s: 1.7e9,
+        error_s: 0.02,
+    };
+    store
+        .note_vehicle(VehicleId(1), Boot(4), Some("0.1.0"), Some(clock))
+        .unwrap();
     store.note_run(RunId(2), Some(RunId(1))).unwrap();
     store.take(&[batch(1, 2, 0..2)]).unwrap();
     store.close_run(RunId(2)).unwrap();
-    let plan = Plan { run: RunId(2), lease: Lease { number: 1, holder: u64::MAX }, ..Plan::default() };
+    let plan = Plan {
+        run: RunId(2),
+        lease: Lease {
+            number: 1,
+            holder: u64::MAX,
+        },
+        ..Plan::default()
+    };
     store.keep_plans([&plan, &plan]).unwrap();
     store.keep_plans([&plan]).unwrap();
     store.remember(b"first").unwrap();
@@ -111,9 +163,15 @@ fn plans_runs_clocks_memory_and_pictures_come_back() {
     drop(store);
     let mut store = GroundStore::open(&path_in(&folder), &START).unwrap();
     let restored = store.resume().unwrap();
-    assert_eq!((restored.memory.as_deref(), restored.pictures), (Some(&b"second"[..]), 2));
+    assert_eq!(
+        (restored.memory.as_deref(), restored.pictures),
+        (Some(&b"second"[..]), 2)
+    );
     let run = restored.runs[0];
-    assert_eq!((run.run, run.empty, run.closed_utc_s.is_some()), (RunId(2), Some(RunId(1)), true));
+    assert_eq!(
+        (run.run, run.empty, run.closed_utc_s.is_some()),
+        (RunId(2), Some(RunId(1)), true)
+    );
     store.take(&[batch(1, 2, 2..3)]).unwrap();
     store
         .each_sample(None, |stored| {
@@ -123,14 +181,23 @@ fn plans_runs_clocks_memory_and_pictures_come_back() {
         })
         .unwrap();
     let images = store.newest_images(RunId(2)).unwrap();
-    assert_eq!((images.len(), images[0].laps, images[0].kind.as_str()), (1, 2, "change"));
+    assert_eq!(
+        (images.len(), images[0].laps, images[0].kind.as_str()),
+        (1, 2, "change")
+    );
     assert_eq!(images[0].image, picture(2).result.unwrap().image);
     assert_eq!(images[0].peaks, picture(2).result.unwrap().peaks);
     // A memory of another version is not taken for one of this; nor one of this version under the wire before.
     for version in ["0.0.0", "0.1.0"] {
-        store.connection.execute("UPDATE memory SET version = ?", [version]).unwrap();
+        store
+            .connection
+            .execute("UPDATE memory SET version = ?", [version])
+            .unwrap();
         let restored = store.resume().unwrap();
-        assert_eq!((restored.memory, restored.foreign_memory.as_deref()), (None, Some(version)));
+        assert_eq!(
+            (restored.memory, restored.foreign_memory.as_deref()),
+            (None, Some(version))
+        );
     }
 }
 
@@ -143,16 +210,33 @@ fn samples_that_were_stored_with_more_digits_are_read_rounded() {
     store.connection.execute(finer, []).unwrap();
     let restored = store.resume().unwrap();
     let sample = restored.samples[0].samples[0];
-    assert_eq!((sample.receiver_pose.at.x_mm, sample.receiver_pose.sd.0), (123, 51));
+    assert_eq!(
+        (sample.receiver_pose.at.x_mm, sample.receiver_pose.sd.0),
+        (123, 51)
+    );
     assert_eq!(sample.receiver_pose.heading.0, 32_832);
-    assert_eq!(sample.transmitter_pose.sd, tomoswarm_proto::Deviation::UNKNOWN);
+    assert_eq!(
+        sample.transmitter_pose.sd,
+        tomoswarm_proto::Deviation::UNKNOWN
+    );
 }
 
 fn picture(laps: usize) -> Picture {
     let area = Rect::new(Point::new(-1.0, 0.0), Point::new(2.0, 2.0));
     let values = vec![0.5, -0.25, laps as f64, 0.0, 1.0, 2.0];
-    let image = Image { grid: PixelGrid { area, columns: 3, rows: 2 }, values };
-    let peaks = vec![Peak { at: Point::new(0.3, 1.1), strength: 2.0, significance: 8.0 }];
+    let image = Image {
+        grid: PixelGrid {
+            area,
+            columns: 3,
+            rows: 2,
+        },
+        values,
+    };
+    let peaks = vec![Peak {
+        at: Point::new(0.3, 1.1),
+        strength: 2.0,
+        significance: 8.0,
+    }];
     let result = Reconstruction {
         image,
         peaks,
@@ -162,7 +246,12 @@ fn picture(laps: usize) -> Picture {
         path_loss: None,
         by_empty_sweep: true,
     };
-    Picture { run: RunId(2), laps, subject: Subject::Change, result: Ok(result) }
+    Picture {
+        run: RunId(2),
+        laps,
+        subject: Subject::Change,
+        result: Ok(result),
+    }
 }
 
 fn check_refused(content: impl FnOnce(&Path), start: &Start, words: &str) {
@@ -171,8 +260,15 @@ fn check_refused(content: impl FnOnce(&Path), start: &Start, words: &str) {
     content(&path);
     let before = std::fs::read(&path).unwrap();
     let error = GroundStore::open(&path, start).unwrap_err().to_string();
-    assert!(error.contains(words) && error.contains("swarm.db"), "{error}");
-    assert_eq!(std::fs::read(&path).unwrap(), before, "a refused file is not touched");
+    assert!(
+        error.contains(words) && error.contains("swarm.db"),
+        "{error}"
+    );
+    assert_eq!(
+        std::fs::read(&path).unwrap(),
+        before,
+        "a refused file is not touched"
+    );
 }
 
 fn make(path: &Path) -> GroundStore {
@@ -183,15 +279,37 @@ fn make(path: &Path) -> GroundStore {
 
 #[test]
 fn what_is_no_store_of_this_venue_and_version_is_refused_untouched() {
-    check_refused(|path| std::fs::write(path, "garbage ".repeat(999)).unwrap(), &START, "no database");
+    check_refused(
+        |path| std::fs::write(path, "garbage ".repeat(999)).unwrap(),
+        &START,
+        "no database",
+    );
     let foreign = |path: &Path| {
         let connection = Connection::open(path).unwrap();
-        connection.execute_batch("CREATE TABLE phones (number TEXT)").unwrap();
+        connection
+            .execute_batch("CREATE TABLE phones (number TEXT)")
+            .unwrap();
     };
     check_refused(foreign, &START, "another database");
-    check_refused(|path| drop(make(path)), &Start { venue_hash: 1, ..START }, "another venue");
-    let newer = |path: &Path| make(path).connection.pragma_update(None, "user_version", 99).unwrap();
-    check_refused(newer, &START, "newer tomoswarm (store version 99, this one knows 1)");
+    check_refused(
+        |path| drop(make(path)),
+        &Start {
+            venue_hash: 1,
+            ..START
+        },
+        "another venue",
+    );
+    let newer = |path: &Path| {
+        make(path)
+            .connection
+            .pragma_update(None, "user_version", 99)
+            .unwrap()
+    };
+    check_refused(
+        newer,
+        &START,
+        "newer tomoswarm (store version 99, this one knows 1)",
+    );
     let damaged = |path: &Path| {
         drop(make(path));
         let mut bytes = std::fs::read(path).unwrap();
@@ -211,7 +329,9 @@ fn an_empty_file_becomes_a_store_but_holds_nothing_to_read() {
     assert!(error.contains("found an empty file"), "{error}");
     drop(make(&path));
     assert_eq!(count(&GroundStore::open_to_read(&path).unwrap()), 2000);
-    let error = GroundStore::open_to_read(folder.path()).unwrap_err().to_string();
+    let error = GroundStore::open_to_read(folder.path())
+        .unwrap_err()
+        .to_string();
     assert!(error.contains("no file"), "{error}");
 }
 
@@ -230,7 +350,10 @@ fn a_second_ground_station_is_kept_out_and_readers_are_not() {
 fn another_program_that_holds_the_file_delays_and_spoils_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let mut store = make(&path_in(&folder));
-    store.connection.busy_timeout(Duration::from_millis(20)).unwrap();
+    store
+        .connection
+        .busy_timeout(Duration::from_millis(20))
+        .unwrap();
     let other = Connection::open(path_in(&folder)).unwrap();
     other.execute_batch("BEGIN IMMEDIATE").unwrap();
     let error = store.take(&[batch(1, 1, 1990..2010)]).unwrap_err();
@@ -245,7 +368,10 @@ fn a_full_disk_stores_nothing_by_halves_and_later_everything() {
     let mut store = make(&path_in(&folder));
     // As a full disk does: no page more than there are.
     let set = |store: &GroundStore, pages: i64| {
-        store.connection.query_row(&format!("PRAGMA max_page_count = {pages}"), [], |_| Ok(())).unwrap();
+        store
+            .connection
+            .query_row(&format!("PRAGMA max_page_count = {pages}"), [], |_| Ok(()))
+            .unwrap();
     };
     set(&store, 1);
     let both = [batch(1, 1, 2000..2003), batch(7, 3, 0..20_000)];
@@ -256,17 +382,26 @@ fn a_full_disk_stores_nothing_by_halves_and_later_everything() {
     set(&store, 1 << 30);
     assert_eq!(store.take(&both).unwrap(), 20_003);
     store.remember(b"all is well").unwrap();
-    assert_eq!(store.memory().unwrap().as_deref(), Some(&b"all is well"[..]));
+    assert_eq!(
+        store.memory().unwrap().as_deref(),
+        Some(&b"all is well"[..])
+    );
 }
 
 #[test]
 fn a_disk_that_turns_read_only_stores_nothing_and_later_everything() {
     let folder = tempfile::tempdir().unwrap();
     let mut store = make(&path_in(&folder));
-    store.connection.pragma_update(None, "query_only", true).unwrap();
+    store
+        .connection
+        .pragma_update(None, "query_only", true)
+        .unwrap();
     let error = store.take(&[batch(1, 1, 2000..2010)]).unwrap_err();
     assert!(matches!(error, StoreError::ReadOnly { .. }), "{error}");
-    store.connection.pragma_update(None, "query_only", false).unwrap();
+    store
+        .connection
+        .pragma_update(None, "query_only", false)
+        .unwrap();
     assert_eq!(store.take(&[batch(1, 1, 2000..2010)]).unwrap(), 10);
 }
 
@@ -276,7 +411,9 @@ const CHILD: &str = "TOMOSWARM_TEST_STORE";
 /// The child's part: stores sample after sample in small groups, and says how far it is after each.
 #[test]
 fn child_that_is_killed() {
-    let Ok(path) = std::env::var(CHILD) else { return };
+    let Ok(path) = std::env::var(CHILD) else {
+        return;
+    };
     let mut store = GroundStore::open(Path::new(&path), &START).unwrap();
     let mut next = count(&store) as u64;
     let mut out = std::io::stdout();
@@ -296,21 +433,28 @@ fn a_process_that_is_killed_has_lost_and_doubled_nothing_that_it_had_acknowledge
     let mut acknowledged = 0;
     for round in 0..6 {
         let mut child = Command::new(std::env::current_exe().unwrap())
-            .args(["--exact", "store::ground::tests::child_that_is_killed", "--nocapture"])
+            .args([
+                "--exact",
+                "store::ground::tests::child_that_is_killed",
+                "--nocapture",
+            ])
             .env(CHILD, &path)
             .stdout(Stdio::piped())
             .spawn()
             .unwrap();
         let lines = BufReader::new(child.stdout.take().unwrap()).lines();
-        let stored =
-            lines.map_while(Result::ok).filter_map(|line| line.strip_prefix("stored ")?.parse().ok());
+        let stored = lines
+            .map_while(Result::ok)
+            .filter_map(|line| line.strip_prefix("stored ")?.parse().ok());
         // Killed at another moment each time, and without waiting for the next commit.
         acknowledged = stored.take(3 + 7 * round).last().unwrap_or(acknowledged);
         child.kill().unwrap();
         child.wait().unwrap();
         let store = GroundStore::open(&path, &START).unwrap();
-        let sound: String =
-            store.connection.query_row("PRAGMA integrity_check", [], |row| row.get(0)).unwrap();
+        let sound: String = store
+            .connection
+            .query_row("PRAGMA integrity_check", [], |row| row.get(0))
+            .unwrap();
         assert_eq!(sound, "ok");
         let mut expected = 0;
         store
@@ -319,7 +463,10 @@ fn a_process_that_is_killed_has_lost_and_doubled_nothing_that_it_had_acknowledge
                 expected += 1;
             })
             .unwrap();
-        assert!(expected >= acknowledged && expected.is_multiple_of(40), "{expected} of {acknowledged}");
+        assert!(
+            expected >= acknowledged && expected.is_multiple_of(40),
+            "{expected} of {acknowledged}"
+        );
         let memory = store.memory().unwrap().unwrap();
         let remembered = u64::from_le_bytes(memory.try_into().unwrap());
         assert!(remembered + 40 >= acknowledged && remembered < expected);
@@ -330,7 +477,10 @@ fn a_process_that_is_killed_has_lost_and_doubled_nothing_that_it_had_acknowledge
 /// Returns the SQL examples of the documentation.
 fn documented_queries() -> Vec<String> {
     let page = include_str!("../../../docs/store.md");
-    let blocks = page.split("```sql\n").skip(1).map(|rest| rest.split("```").next().unwrap().to_owned());
+    let blocks = page
+        .split("```sql\n")
+        .skip(1)
+        .map(|rest| rest.split("```").next().unwrap().to_owned());
     blocks.collect()
 }
 
@@ -347,15 +497,28 @@ fn the_documented_queries_run() {
             let columns = statement.column_count();
             let cell = |row: &rusqlite::Row, index| format!("{:?}", row.get_ref(index).unwrap());
             let line = |row: &rusqlite::Row| {
-                Ok((0..columns).map(|index| cell(row, index)).collect::<Vec<_>>().join(" "))
+                Ok((0..columns)
+                    .map(|index| cell(row, index))
+                    .collect::<Vec<_>>()
+                    .join(" "))
             };
-            statement.query_map([], line).unwrap().map(Result::unwrap).collect()
+            statement
+                .query_map([], line)
+                .unwrap()
+                .map(Result::unwrap)
+                .collect()
         })
         .collect();
     assert_eq!(answers.len(), 4);
     assert_eq!(answers[0].len(), 2);
-    assert!(answers[0][0].starts_with("Integer(1) Integer(1) Integer(2000) Integer(667) Real(-61.0)"));
+    assert!(
+        answers[0][0].starts_with("Integer(1) Integer(1) Integer(2000) Integer(667) Real(-61.0)")
+    );
     assert_eq!(answers[1], ["Integer(9) Integer(4) Integer(1) Integer(3)"]);
     assert_eq!(answers[2].len(), 1);
-    assert!(answers[3][0].ends_with("Real(0.3) Real(1.1) Real(2.0)"), "{:?}", answers[3]);
+    assert!(
+        answers[3][0].ends_with("Real(0.3) Real(1.1) Real(2.0)"),
+        "{:?}",
+        answers[3]
+    );
 }

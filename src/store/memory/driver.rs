@@ -36,11 +36,24 @@ impl MemoryDriver {
     ) -> io::Result<MemoryDriver> {
         let (sender, receiver) = channel();
         let trouble = Arc::<Mutex<Option<String>>>::default();
-        let state = Remembered { on_disk: known, tried: known };
-        let writer = Writer { file, state, trouble: trouble.clone(), tell };
-        let thread =
-            std::thread::Builder::new().name("memory".to_owned()).spawn(move || writer.run(&receiver))?;
-        Ok(MemoryDriver { wanted: Some(sender), trouble, thread: Some(thread) })
+        let state = Remembered {
+            on_disk: known,
+            tried: known,
+        };
+        let writer = Writer {
+            file,
+            state,
+            trouble: trouble.clone(),
+            tell,
+        };
+        let thread = std::thread::Builder::new()
+            .name("memory".to_owned())
+            .spawn(move || writer.run(&receiver))?;
+        Ok(MemoryDriver {
+            wanted: Some(sender),
+            trouble,
+            thread: Some(thread),
+        })
     }
 
     /// Remembers this as well; how it stands then is told.
@@ -130,7 +143,8 @@ mod tests {
         let file = MemoryFile::at(path.to_owned());
         let known = file.read().unwrap();
         let (sender, receiver) = channel();
-        let driver = MemoryDriver::start(file, known, move |event| drop(sender.send(event))).unwrap();
+        let driver =
+            MemoryDriver::start(file, known, move |event| drop(sender.send(event))).unwrap();
         (driver, receiver)
     }
 
@@ -167,7 +181,10 @@ mod tests {
         let (driver, events) = start(&path);
         driver.remember(memory(5, 7));
         let told = next(&events);
-        assert_eq!((told.on_disk, told.tried), (Memory::default(), memory(5, 7)));
+        assert_eq!(
+            (told.on_disk, told.tried),
+            (Memory::default(), memory(5, 7))
+        );
         let trouble = driver.trouble().unwrap();
         assert!(
             trouble.starts_with(&path.display().to_string()) && trouble.contains("no start"),

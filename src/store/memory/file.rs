@@ -64,7 +64,14 @@ impl MemoryFile {
 }
 
 fn text(memory: &Memory) -> String {
-    let Memory { ordered: OrderEdition { lease, revision, run }, planned } = memory;
+    let Memory {
+        ordered: OrderEdition {
+            lease,
+            revision,
+            run,
+        },
+        planned,
+    } = memory;
     FILE.seal(&format!(
         "ordered lease {} holder {} revision {revision} run {run}\nplanned lease {} holder {}\n",
         lease.number, lease.holder, planned.number, planned.holder
@@ -78,16 +85,27 @@ fn parse(lines: &str) -> Result<Memory, String> {
 /// Reads the lines of version 1.
 fn content(lines: &str) -> Option<Memory> {
     let (ordered, planned) = lines.split_once('\n')?;
-    let [number, holder, revision, run] =
-        numbers(ordered.strip_prefix("ordered ")?, ["lease", "holder", "revision", "run"])?;
+    let [number, holder, revision, run] = numbers(
+        ordered.strip_prefix("ordered ")?,
+        ["lease", "holder", "revision", "run"],
+    )?;
     let order = OrderEdition {
-        lease: Lease { number: u32::try_from(number).ok()?, holder },
+        lease: Lease {
+            number: u32::try_from(number).ok()?,
+            holder,
+        },
         revision: Revision(u32::try_from(revision).ok()?),
         run: RunId(u32::try_from(run).ok()?),
     };
     let [number, holder] = numbers(planned.strip_prefix("planned ")?, ["lease", "holder"])?;
-    let planned = Lease { number: u32::try_from(number).ok()?, holder };
-    Some(Memory { ordered: order, planned })
+    let planned = Lease {
+        number: u32::try_from(number).ok()?,
+        holder,
+    };
+    Some(Memory {
+        ordered: order,
+        planned,
+    })
 }
 
 /// Reads numbers that stand behind their names, all of them and nothing else.
@@ -111,9 +129,22 @@ pub(super) mod tests {
     use proptest::prelude::*;
 
     pub fn memory(number: u32, revision: u32) -> Memory {
-        let lease = Lease { number, holder: 0x0123_4567_89ab_cdef };
-        let ordered = OrderEdition { lease, revision: Revision(revision), run: RunId(2) };
-        Memory { ordered, planned: Lease { number: 4, holder: u64::MAX } }
+        let lease = Lease {
+            number,
+            holder: 0x0123_4567_89ab_cdef,
+        };
+        let ordered = OrderEdition {
+            lease,
+            revision: Revision(revision),
+            run: RunId(2),
+        };
+        Memory {
+            ordered,
+            planned: Lease {
+                number: 4,
+                holder: u64::MAX,
+            },
+        }
     }
 
     fn file() -> (tempfile::TempDir, MemoryFile) {
@@ -154,10 +185,17 @@ pub(super) mod tests {
             for change in 1..=u8::MAX {
                 let mut bytes = whole.clone();
                 bytes[index] ^= change;
-                assert!(!reads(&bytes), "byte {index}: {:?}", String::from_utf8_lossy(&bytes));
+                assert!(
+                    !reads(&bytes),
+                    "byte {index}: {:?}",
+                    String::from_utf8_lossy(&bytes)
+                );
             }
             assert!(!reads(&whole[..index]), "cut after {index}");
-            assert!(!reads(&[&whole[..index], b"0", &whole[index..]].concat()), "more at {index}");
+            assert!(
+                !reads(&[&whole[..index], b"0", &whole[index..]].concat()),
+                "more at {index}"
+            );
         }
         assert!(!reads(&[&whole[..], b"\n"].concat()));
     }
@@ -179,9 +217,15 @@ pub(super) mod tests {
         assert!(said(b"tomoswarm vehicle memory 1\ncheck 0\n").contains("expected `check "));
         let with_check = |body: &str| format!("{body}check {:016x}\n", fnv(body.as_bytes()));
         let newer = said(with_check("tomoswarm vehicle memory 2\nopen 7\n").as_bytes());
-        assert!(newer.ends_with("written by a newer tomoswarm (version 2, this one knows 1)"), "{newer}");
+        assert!(
+            newer.ends_with("written by a newer tomoswarm (version 2, this one knows 1)"),
+            "{newer}"
+        );
         let older = said(with_check("tomoswarm vehicle memory 0\n").as_bytes());
-        assert!(older.contains("expected `tomoswarm vehicle memory 1`"), "{older}");
+        assert!(
+            older.contains("expected `tomoswarm vehicle memory 1`"),
+            "{older}"
+        );
         let other = said(with_check("a shopping list\n").as_bytes());
         assert!(other.contains("found `a shopping list`"), "{other}");
         let lines = said(with_check("tomoswarm vehicle memory 1\nordered lease 1\n").as_bytes());

@@ -91,9 +91,14 @@ impl OutboxDriver {
             health: health.clone(),
             tell: Box::new(tell),
         };
-        let thread =
-            std::thread::Builder::new().name("outbox".to_owned()).spawn(move || writer.run(&receiver))?;
-        Ok(OutboxDriver { wanted: Some(sender), health, thread: Some(thread) })
+        let thread = std::thread::Builder::new()
+            .name("outbox".to_owned())
+            .spawn(move || writer.run(&receiver))?;
+        Ok(OutboxDriver {
+            wanted: Some(sender),
+            health,
+            thread: Some(thread),
+        })
     }
 
     /// Keeps a sample of the present boot; it is told as `Kept`.
@@ -173,7 +178,12 @@ impl Writer {
     }
 
     fn open(&mut self) {
-        let OutboxSettings { path, vehicle, boot: _, most_bytes } = &self.settings;
+        let OutboxSettings {
+            path,
+            vehicle,
+            boot: _,
+            most_bytes,
+        } = &self.settings;
         match OutboxFile::open(path, *vehicle, *most_bytes) {
             Ok(opened) => {
                 self.file = Some(opened.file);
@@ -189,7 +199,14 @@ impl Writer {
     fn keep(&mut self, group: Vec<(RunId, Sample)>) {
         let boot = self.settings.boot;
         for (run, sample) in &group {
-            self.memory.insert(Place { boot, run: *run, sequence: sample.sequence }, *sample);
+            self.memory.insert(
+                Place {
+                    boot,
+                    run: *run,
+                    sequence: sample.sequence,
+                },
+                *sample,
+            );
         }
         self.write();
         for (run, sample) in group {
@@ -207,17 +224,25 @@ impl Writer {
             self.open();
         }
         let Some(file) = &mut self.file else { return };
-        let samples: Vec<(Boot, RunId, Sample)> =
-            self.memory.iter().map(|(place, sample)| (place.boot, place.run, *sample)).collect();
+        let samples: Vec<(Boot, RunId, Sample)> = self
+            .memory
+            .iter()
+            .map(|(place, sample)| (place.boot, place.run, *sample))
+            .collect();
         match file.append(&samples) {
             Ok(dropped) => {
                 self.memory.clear();
                 lock(&self.health).trouble = None;
-                dropped.into_iter().for_each(|dropped| (self.tell)(Event::Dropped(dropped)));
+                dropped
+                    .into_iter()
+                    .for_each(|dropped| (self.tell)(Event::Dropped(dropped)));
             }
             Err(error) => {
                 // A file that went bad under way is opened, and moved aside, anew.
-                if matches!(error, StoreError::Damaged { .. } | StoreError::NoStore { .. }) {
+                if matches!(
+                    error,
+                    StoreError::Damaged { .. } | StoreError::NoStore { .. }
+                ) {
                     self.file = None;
                 }
                 self.trouble(&error);
@@ -233,13 +258,19 @@ impl Writer {
     /// Drops the oldest samples that have no room in memory.
     fn bound(&mut self) {
         while self.memory.len() > MEMORY_MOST {
-            let Some((first, _)) = self.memory.pop_first() else { return };
-            (self.tell)(Event::Dropped(Dropped { first, below: first.sequence.saturating_add(1) }));
+            let Some((first, _)) = self.memory.pop_first() else {
+                return;
+            };
+            (self.tell)(Event::Dropped(Dropped {
+                first,
+                below: first.sequence.saturating_add(1),
+            }));
         }
     }
 
     fn forget(&mut self, boot: Boot, run: RunId, below: u64) {
-        self.memory.retain(|place, _| (place.boot, place.run) != (boot, run) || place.sequence >= below);
+        self.memory
+            .retain(|place, _| (place.boot, place.run) != (boot, run) || place.sequence >= below);
         let Some(file) = &mut self.file else { return };
         if let Err(error) = file.forget(boot, run, below) {
             self.trouble(&error);
@@ -259,14 +290,28 @@ impl Writer {
         };
         let mut all: BTreeMap<Place, Sample> = on_disk
             .into_iter()
-            .map(|(boot, run, sample)| (Place { boot, run, sequence: sample.sequence }, sample))
+            .map(|(boot, run, sample)| {
+                (
+                    Place {
+                        boot,
+                        run,
+                        sequence: sample.sequence,
+                    },
+                    sample,
+                )
+            })
             .collect();
         let is_end = all.len() < CHUNK;
-        let in_memory = self.memory.iter().filter(|(place, _)| after.is_none_or(|after| **place > after));
+        let in_memory = self
+            .memory
+            .iter()
+            .filter(|(place, _)| after.is_none_or(|after| **place > after));
         all.extend(in_memory.map(|(place, sample)| (*place, *sample)));
         let is_end = is_end && all.len() <= CHUNK;
         let chunk = all.into_iter().take(CHUNK);
-        let samples = chunk.map(|(place, sample)| (place.boot, place.run, sample)).collect();
+        let samples = chunk
+            .map(|(place, sample)| (place.boot, place.run, sample))
+            .collect();
         (self.tell)(Event::Recalled(Recalled { samples, is_end }));
     }
 }
@@ -275,7 +320,9 @@ impl Writer {
 fn collect(wanted: &Receiver<Wanted>, group: &mut Vec<(RunId, Sample)>) -> (Option<Wanted>, bool) {
     let mut until = None;
     while group.len() < GROUP_MOST {
-        let wait = until.map_or(RETRY, |until: Instant| until.saturating_duration_since(Instant::now()));
+        let wait = until.map_or(RETRY, |until: Instant| {
+            until.saturating_duration_since(Instant::now())
+        });
         match wanted.recv_timeout(wait) {
             Ok(Wanted::Keep(run, sample)) => group.push((run, sample)),
             Ok(other) => return (Some(other), false),
@@ -319,12 +366,21 @@ mod tests {
         (0..count).map(|_| sequence(next(events))).collect()
     }
 
-    fn recalled(driver: &OutboxDriver, events: &Receiver<Event>, after: Option<Place>) -> (Vec<u64>, bool) {
+    fn recalled(
+        driver: &OutboxDriver,
+        events: &Receiver<Event>,
+        after: Option<Place>,
+    ) -> (Vec<u64>, bool) {
         driver.recall(after);
         match next(events) {
-            Event::Recalled(chunk) => {
-                (chunk.samples.iter().map(|(_, _, sample)| sample.sequence).collect(), chunk.is_end)
-            }
+            Event::Recalled(chunk) => (
+                chunk
+                    .samples
+                    .iter()
+                    .map(|(_, _, sample)| sample.sequence)
+                    .collect(),
+                chunk.is_end,
+            ),
             other => panic!("{other:?}"),
         }
     }
@@ -340,11 +396,21 @@ mod tests {
         let (driver, events) = start(&path);
         let (first, is_end) = recalled(&driver, &events, None);
         assert_eq!((first.len(), is_end), (CHUNK, false));
-        let place = Place { boot: Boot(5), run: RunId(1), sequence: *first.last().unwrap() };
+        let place = Place {
+            boot: Boot(5),
+            run: RunId(1),
+            sequence: *first.last().unwrap(),
+        };
         let (rest, is_end) = recalled(&driver, &events, Some(place));
-        assert_eq!(([first, rest].concat(), is_end), ((0..3000).collect(), true));
+        assert_eq!(
+            ([first, rest].concat(), is_end),
+            ((0..3000).collect(), true)
+        );
         driver.forget(Boot(5), RunId(1), 2990);
-        assert_eq!(recalled(&driver, &events, None), ((2990..3000).collect(), true));
+        assert_eq!(
+            recalled(&driver, &events, None),
+            ((2990..3000).collect(), true)
+        );
     }
 
     #[test]
@@ -363,7 +429,11 @@ mod tests {
         assert_eq!(health.not_durable, 100);
         driver.recall(None);
         driver.keep(RunId(1), sample(100));
-        assert_eq!(kept(&events, 1), [100], "no answer: what memory has is perhaps not all");
+        assert_eq!(
+            kept(&events, 1),
+            [100],
+            "no answer: what memory has is perhaps not all"
+        );
         assert!(health.trouble.unwrap().contains("not on disk"));
         std::fs::create_dir(folder.path().join("later")).unwrap();
         drop(driver);

@@ -47,7 +47,12 @@ impl OutboxFile {
     /// Nothing can be written there.
     pub fn open(path: &Path, vehicle: VehicleId, most_bytes: u64) -> Result<Opened, StoreError> {
         let reason = match OutboxFile::open_sound(path, vehicle, most_bytes) {
-            Ok(file) => return Ok(Opened { file, moved_aside: None }),
+            Ok(file) => {
+                return Ok(Opened {
+                    file,
+                    moved_aside: None,
+                });
+            }
             Err(error) => error,
         };
         match &reason {
@@ -63,15 +68,29 @@ impl OutboxFile {
         }
         let aside = move_aside(path)?;
         let file = OutboxFile::open_sound(path, vehicle, most_bytes)?;
-        let words = format!("{reason}; it was moved to {} and an empty outbox begun", aside.display());
-        Ok(Opened { file, moved_aside: Some(words) })
+        let words = format!(
+            "{reason}; it was moved to {} and an empty outbox begun",
+            aside.display()
+        );
+        Ok(Opened {
+            file,
+            moved_aside: Some(words),
+        })
     }
 
-    fn open_sound(path: &Path, vehicle: VehicleId, most_bytes: u64) -> Result<OutboxFile, StoreError> {
+    fn open_sound(
+        path: &Path,
+        vehicle: VehicleId,
+        most_bytes: u64,
+    ) -> Result<OutboxFile, StoreError> {
         let fail = |source| StoreError::of(path, source);
         let connection = Connection::open(path).map_err(fail)?;
         connection.busy_timeout(BUSY).map_err(fail)?;
-        let file = OutboxFile { connection, path: path.to_owned(), most_bytes };
+        let file = OutboxFile {
+            connection,
+            path: path.to_owned(),
+            most_bytes,
+        };
         file.check(vehicle)?;
         file.prepare(vehicle).map_err(fail)?;
         Ok(file)
@@ -81,28 +100,47 @@ impl OutboxFile {
     fn check(&self, vehicle: VehicleId) -> Result<(), StoreError> {
         let fail = |source| StoreError::of(&self.path, source);
         let number = |name: &str| -> Result<i64, StoreError> {
-            self.connection.pragma_query_value(None, name, |row| row.get(0)).map_err(fail)
+            self.connection
+                .pragma_query_value(None, name, |row| row.get(0))
+                .map_err(fail)
         };
         if number("schema_version")? == 0 {
             return Ok(());
         }
         let path = self.path.clone();
         if number("application_id")? != APPLICATION {
-            return Err(StoreError::NoStore { path, found: "another database" });
+            return Err(StoreError::NoStore {
+                path,
+                found: "another database",
+            });
         }
         let found = number("user_version")?;
         if found > VERSION {
-            return Err(StoreError::Newer { path, found, known: VERSION });
+            return Err(StoreError::Newer {
+                path,
+                found,
+                known: VERSION,
+            });
         }
-        let sound: String =
-            self.connection.query_row("PRAGMA quick_check(1)", [], |row| row.get(0)).map_err(fail)?;
+        let sound: String = self
+            .connection
+            .query_row("PRAGMA quick_check(1)", [], |row| row.get(0))
+            .map_err(fail)?;
         if sound != "ok" {
-            return Err(StoreError::Damaged { path, reason: sound });
+            return Err(StoreError::Damaged {
+                path,
+                reason: sound,
+            });
         }
-        let owner: u8 =
-            self.connection.query_row("SELECT vehicle FROM owner", [], |row| row.get(0)).map_err(fail)?;
+        let owner: u8 = self
+            .connection
+            .query_row("SELECT vehicle FROM owner", [], |row| row.get(0))
+            .map_err(fail)?;
         if owner != vehicle.0 {
-            return Err(StoreError::NoStore { path, found: "the outbox of another vehicle" });
+            return Err(StoreError::NoStore {
+                path,
+                found: "the outbox of another vehicle",
+            });
         }
         Ok(())
     }
@@ -128,7 +166,10 @@ impl OutboxFile {
     ///
     /// # Errors
     /// The disk is full, read-only or held by another program; the file is as before.
-    pub fn append(&mut self, samples: &[(Boot, RunId, Sample)]) -> Result<Vec<Dropped>, StoreError> {
+    pub fn append(
+        &mut self,
+        samples: &[(Boot, RunId, Sample)],
+    ) -> Result<Vec<Dropped>, StoreError> {
         let (path, most_bytes) = (self.path.clone(), self.most_bytes);
         let mut append = || {
             let transaction = self.connection.transaction()?;
@@ -157,7 +198,11 @@ impl OutboxFile {
     ///
     /// # Errors
     /// The file cannot be read.
-    pub fn after(&self, place: Option<Place>, most: usize) -> Result<Vec<(Boot, RunId, Sample)>, StoreError> {
+    pub fn after(
+        &self,
+        place: Option<Place>,
+        most: usize,
+    ) -> Result<Vec<(Boot, RunId, Sample)>, StoreError> {
         let read = || {
             let names = sample_row::NAMES;
             let mut statement = self.connection.prepare_cached(&format!(
@@ -165,10 +210,18 @@ impl OutboxFile {
                  ORDER BY boot, run, sequence LIMIT ?"
             ))?;
             let (boot, run, sequence) = place.map_or((-1, -1, -1), |place| {
-                (i64::from(place.boot.0), i64::from(place.run.0), place.sequence.cast_signed())
+                (
+                    i64::from(place.boot.0),
+                    i64::from(place.run.0),
+                    place.sequence.cast_signed(),
+                )
             });
             let rows = statement.query_map(params![boot, run, sequence, most as i64], |row| {
-                Ok((Boot(row.get(0)?), RunId(row.get(1)?), sample_row::read(row, 2)?))
+                Ok((
+                    Boot(row.get(0)?),
+                    RunId(row.get(1)?),
+                    sample_row::read(row, 2)?,
+                ))
             })?;
             rows.collect::<rusqlite::Result<Vec<_>>>()
         };
@@ -178,14 +231,17 @@ impl OutboxFile {
     /// Lets the file have at most so many pages, as a full disk would.
     #[cfg(test)]
     pub(super) fn limit_pages(&self, pages: i64) {
-        self.connection.query_row(&format!("PRAGMA max_page_count = {pages}"), [], |_| Ok(())).unwrap();
+        self.connection
+            .query_row(&format!("PRAGMA max_page_count = {pages}"), [], |_| Ok(()))
+            .unwrap();
     }
 }
 
 fn insert(transaction: &Transaction, samples: &[(Boot, RunId, Sample)]) -> rusqlite::Result<()> {
     let (names, marks) = (sample_row::NAMES, sample_row::marks(2 + sample_row::COUNT));
-    let mut statement = transaction
-        .prepare_cached(&format!("INSERT OR IGNORE INTO samples (boot, run, {names}) VALUES ({marks})"))?;
+    let mut statement = transaction.prepare_cached(&format!(
+        "INSERT OR IGNORE INTO samples (boot, run, {names}) VALUES ({marks})"
+    ))?;
     for (boot, run, sample) in samples {
         statement.raw_bind_parameter(1, boot.0)?;
         statement.raw_bind_parameter(2, run.0)?;
@@ -206,7 +262,11 @@ fn make_room(transaction: &Transaction, most_bytes: u64) -> rusqlite::Result<Vec
         )?;
         let rows = statement.query_map([ROOM as i64], |row| {
             let sequence = row.get::<_, i64>(2)?.cast_unsigned();
-            Ok(Place { boot: Boot(row.get(0)?), run: RunId(row.get(1)?), sequence })
+            Ok(Place {
+                boot: Boot(row.get(0)?),
+                run: RunId(row.get(1)?),
+                sequence,
+            })
         })?;
         let mut places = rows.collect::<rusqlite::Result<Vec<Place>>>()?;
         if places.is_empty() {
@@ -220,7 +280,10 @@ fn make_room(transaction: &Transaction, most_bytes: u64) -> rusqlite::Result<Vec
             };
             match dropped.last_mut().filter(source) {
                 Some(last) => last.below += 1,
-                None => dropped.push(Dropped { first: place, below: place.sequence.saturating_add(1) }),
+                None => dropped.push(Dropped {
+                    first: place,
+                    below: place.sequence.saturating_add(1),
+                }),
             }
         }
     }
@@ -235,18 +298,31 @@ fn used_bytes(connection: &Connection) -> rusqlite::Result<u64> {
 
 /// Returns a file, with what belongs to it, a name under which it is in nobody's way.
 fn move_aside(path: &Path) -> Result<PathBuf, StoreError> {
-    let now_s = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_secs();
+    let now_s = SystemTime::now()
+        .duration_since(SystemTime::UNIX_EPOCH)
+        .unwrap_or_default()
+        .as_secs();
     let with = |path: &Path, ending: &str| {
         let mut name = path.as_os_str().to_owned();
         name.push(ending);
         PathBuf::from(name)
     };
     let free = (0..1000).map(|count| with(path, &format!(".damaged-{now_s}-{count}")));
-    let aside = free.into_iter().find(|aside| !aside.exists()).unwrap_or(with(path, ".damaged"));
+    let aside = free
+        .into_iter()
+        .find(|aside| !aside.exists())
+        .unwrap_or(with(path, ".damaged"));
     for ending in ["-wal", "-shm", ""] {
         let from = with(path, ending);
-        let moved = if from.exists() { std::fs::rename(&from, with(&aside, ending)) } else { Ok(()) };
-        moved.map_err(|error| StoreError::Unopened { path: from, reason: error.to_string() })?;
+        let moved = if from.exists() {
+            std::fs::rename(&from, with(&aside, ending))
+        } else {
+            Ok(())
+        };
+        moved.map_err(|error| StoreError::Unopened {
+            path: from,
+            reason: error.to_string(),
+        })?;
     }
     Ok(aside)
 }
@@ -259,7 +335,11 @@ pub(super) mod tests {
 
     pub(in super::super) fn sample(sequence: u64) -> Sample {
         let receiver_pose = tomoswarm_proto::PoseReport {
-            at: tomoswarm_proto::Position { x_mm: 100, y_mm: -1, z_mm: 0 },
+            at: tomoswarm_proto::Position {
+                x_mm: 100,
+                y_mm: -1,
+                z_mm: 0,
+            },
             heading: tomoswarm_proto::Heading(30_000),
             sd: tomoswarm_proto::Deviation::UNKNOWN,
         };
@@ -276,7 +356,9 @@ pub(super) mod tests {
     }
 
     fn samples(boot: u32, sequences: std::ops::Range<u64>) -> Vec<(Boot, RunId, Sample)> {
-        sequences.map(|sequence| (Boot(boot), RunId(7), sample(sequence))).collect()
+        sequences
+            .map(|sequence| (Boot(boot), RunId(7), sample(sequence)))
+            .collect()
     }
 
     fn open(path: &Path) -> OutboxFile {
@@ -297,7 +379,11 @@ pub(super) mod tests {
         let mut all = Vec::new();
         loop {
             let last: Option<&(Boot, RunId, Sample)> = all.last();
-            let place = last.map(|(boot, run, s)| Place { boot: *boot, run: *run, sequence: s.sequence });
+            let place = last.map(|(boot, run, s)| Place {
+                boot: *boot,
+                run: *run,
+                sequence: s.sequence,
+            });
             let chunk = file.after(place, 100).unwrap();
             if chunk.is_empty() {
                 break;
@@ -311,10 +397,14 @@ pub(super) mod tests {
     fn only_what_may_be_forgotten_is_forgotten() {
         let folder = tempfile::tempdir().unwrap();
         let mut file = open(&folder.path().join("outbox.db"));
-        file.append(&[samples(1, 0..10), samples(2, 0..10)].concat()).unwrap();
+        file.append(&[samples(1, 0..10), samples(2, 0..10)].concat())
+            .unwrap();
         assert_eq!(file.forget(Boot(1), RunId(7), 8).unwrap(), 8);
         assert_eq!(file.forget(Boot(2), RunId(8), u64::MAX).unwrap(), 0);
-        assert_eq!(file.after(None, 100).unwrap(), [samples(1, 8..10), samples(2, 0..10)].concat());
+        assert_eq!(
+            file.after(None, 100).unwrap(),
+            [samples(1, 8..10), samples(2, 0..10)].concat()
+        );
     }
 
     #[test]
@@ -324,12 +414,18 @@ pub(super) mod tests {
         let mut file = OutboxFile::open(&path, OWN, 400_000).unwrap().file;
         let mut dropped = Vec::new();
         for part in 0..20 {
-            dropped.extend(file.append(&samples(1, part * 1000..(part + 1) * 1000)).unwrap());
+            dropped.extend(
+                file.append(&samples(1, part * 1000..(part + 1) * 1000))
+                    .unwrap(),
+            );
         }
         let rest = file.after(None, 100_000).unwrap();
         let below = rest[0].2.sequence;
         assert_eq!(rest, samples(1, below..20_000), "the newest are all there");
-        let named: u64 = dropped.iter().map(|dropped| dropped.below - dropped.first.sequence).sum();
+        let named: u64 = dropped
+            .iter()
+            .map(|dropped| dropped.below - dropped.first.sequence)
+            .sum();
         assert_eq!((named, dropped.last().unwrap().below), (below, below));
         drop(file);
         assert!(std::fs::metadata(&path).unwrap().len() < 1_000_000);
@@ -355,17 +451,27 @@ pub(super) mod tests {
         content(&path);
         let mut opened = OutboxFile::open(&path, OWN, 1 << 30).unwrap();
         let words = opened.moved_aside.unwrap();
-        assert!(words.contains(expected) && words.contains("outbox.db.damaged-"), "{words}");
+        assert!(
+            words.contains(expected) && words.contains("outbox.db.damaged-"),
+            "{words}"
+        );
         opened.file.append(&samples(1, 0..10)).unwrap();
         drop(opened.file);
         assert_eq!(open(&path).after(None, 99).unwrap().len(), 10);
         let aside = |name: &std::ffi::OsStr| name.to_string_lossy().contains(".damaged-");
-        assert!(std::fs::read_dir(folder.path()).unwrap().any(|entry| aside(&entry.unwrap().file_name())));
+        assert!(
+            std::fs::read_dir(folder.path())
+                .unwrap()
+                .any(|entry| aside(&entry.unwrap().file_name()))
+        );
     }
 
     #[test]
     fn what_cannot_be_used_is_moved_aside_with_a_reason() {
-        check_moved(|path| std::fs::write(path, [7; 9000]).unwrap(), "no database");
+        check_moved(
+            |path| std::fs::write(path, [7; 9000]).unwrap(),
+            "no database",
+        );
         check_moved(
             |path| {
                 open(path).append(&samples(1, 0..2000)).unwrap();
@@ -375,11 +481,16 @@ pub(super) mod tests {
             },
             "damaged",
         );
-        check_moved(|path| drop(OutboxFile::open(path, VehicleId(4), 1 << 30).unwrap()), "another vehicle");
+        check_moved(
+            |path| drop(OutboxFile::open(path, VehicleId(4), 1 << 30).unwrap()),
+            "another vehicle",
+        );
         check_moved(
             |path| {
                 let file = open(path);
-                file.connection.pragma_update(None, "user_version", VERSION + 1).unwrap();
+                file.connection
+                    .pragma_update(None, "user_version", VERSION + 1)
+                    .unwrap();
             },
             "newer",
         );
@@ -388,7 +499,8 @@ pub(super) mod tests {
     #[test]
     fn a_folder_that_is_not_there_is_an_error() {
         let folder = tempfile::tempdir().unwrap();
-        let error = OutboxFile::open(&folder.path().join("no/outbox.db"), OWN, 1 << 30).unwrap_err();
+        let error =
+            OutboxFile::open(&folder.path().join("no/outbox.db"), OWN, 1 << 30).unwrap_err();
         assert!(matches!(error, StoreError::Unopened { .. }), "{error}");
     }
 }

@@ -18,8 +18,16 @@ pub(super) type Outcome = Result<Option<(Time, [String; 3])>, MessageError>;
 pub(super) type Restored = Box<dyn FnMut(&[u8]) -> Outcome>;
 
 /// Returns an actor restored from a packed snapshot; `None` when such a node has no actor of this name.
-pub(super) fn restore(node: &str, actor: &str, packed: &str) -> Option<Result<Restored, MessageError>> {
-    let mut restore = Restore { actor, packed, restored: None };
+pub(super) fn restore(
+    node: &str,
+    actor: &str,
+    packed: &str,
+) -> Option<Result<Restored, MessageError>> {
+    let mut restore = Restore {
+        actor,
+        packed,
+        restored: None,
+    };
     every_actor(node, &mut restore);
     restore.restored
 }
@@ -31,7 +39,9 @@ pub(super) fn restore(node: &str, actor: &str, packed: &str) -> Option<Result<Re
 pub(super) fn json(node: &str, step: &ActorStep) -> Result<String, MessageError> {
     let mut write = Write { step, text: None };
     every_actor(node, &mut write);
-    write.text.unwrap_or_else(|| Err(MessageError::NoActor(format!("{node}/{}", step.actor))))
+    write
+        .text
+        .unwrap_or_else(|| Err(MessageError::NoActor(format!("{node}/{}", step.actor))))
 }
 
 /// Shows every actor of a node to `fill`; none, when there is no such kind of node.
@@ -91,19 +101,29 @@ where
         return Ok(None);
     }
     // Other tools may have written the same with other spaces.
-    let (then, now): (Value, Value) = (serde_json::from_slice(recorded)?, serde_json::from_str(&now)?);
+    let (then, now): (Value, Value) = (
+        serde_json::from_slice(recorded)?,
+        serde_json::from_str(&now)?,
+    );
     if then == now {
         return Ok(None);
     }
-    let told =
-        if then["told"].is_null() { format!("woken: {}", then["woken"]) } else { then["told"].to_string() };
+    let told = if then["told"].is_null() {
+        format!("woken: {}", then["woken"])
+    } else {
+        then["told"].to_string()
+    };
     Ok(Some((step.now, [told, came_of(&then), came_of(&now)])))
 }
 
 /// Returns what came of a step in words: what was said, the fault, and another cause.
 fn came_of(step: &Value) -> String {
     let said = step["said"].to_string();
-    let part = |name: &str| step.get(name).map(|value| format!(" {name}: {value}")).unwrap_or_default();
+    let part = |name: &str| {
+        step.get(name)
+            .map(|value| format!(" {name}: {value}"))
+            .unwrap_or_default()
+    };
     format!("{said}{}{}", part("woken"), part("fault"))
 }
 
@@ -140,13 +160,21 @@ mod tests {
     fn an_actor_with_another_constant_differs_where_it_matters() {
         let recorded = [(1, 0, 6), (2, 3, 12)].map(|(at, input, said)| {
             let now = Time::from_nanos(at);
-            message::of_step(&Step { now, cause: Cause::Told(input), said: vec![said], fault: None }).unwrap()
+            message::of_step(&Step {
+                now,
+                cause: Cause::Told(input),
+                said: vec![said],
+                fault: None,
+            })
+            .unwrap()
         });
         let (mut same, mut other) = (Scales::<2> { sum: 3 }, Scales::<4> { sum: 3 });
         for text in &recorded {
             assert_eq!(take_again(&mut same, text.as_bytes()).unwrap(), None);
         }
-        let (at, [told, then, now]) = take_again(&mut other, recorded[0].as_bytes()).unwrap().unwrap();
+        let (at, [told, then, now]) = take_again(&mut other, recorded[0].as_bytes())
+            .unwrap()
+            .unwrap();
         assert_eq!(
             (at, told.as_str(), then.as_str(), now.as_str()),
             (Time::from_nanos(1), "0", "[6]", "[12]")

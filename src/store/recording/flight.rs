@@ -46,7 +46,11 @@ pub struct Limits {
 impl Default for Limits {
     /// 512 MiB in segments of 32 MiB or 5 minutes.
     fn default() -> Limits {
-        Limits { cap_bytes: 512 << 20, segment_bytes: 32 << 20, segment: Duration::from_secs(300) }
+        Limits {
+            cap_bytes: 512 << 20,
+            segment_bytes: 32 << 20,
+            segment: Duration::from_secs(300),
+        }
     }
 }
 
@@ -65,7 +69,14 @@ impl Flight {
     /// Makes a recording in a folder of its own; segments that are there already count against its size.
     pub fn new(folder: &Path, about: About, limits: Limits) -> Flight {
         let view = View::new(&about.node, about.lattice);
-        Flight { folder: folder.to_owned(), about, limits, view, open: BTreeMap::new(), last: 0 }
+        Flight {
+            folder: folder.to_owned(),
+            about,
+            limits,
+            view,
+            open: BTreeMap::new(),
+            last: 0,
+        }
     }
 
     /// Begins a segment and gives its number; `gap` says what is missing before it.
@@ -77,10 +88,19 @@ impl Flight {
             self.end_oldest()?;
         }
         if let Some(gap) = gap
-            && let Some((_, segment)) = self.open.last_entry().map(|entry| (*entry.key(), entry.into_mut()))
+            && let Some((_, segment)) = self
+                .open
+                .last_entry()
+                .map(|entry| (*entry.key(), entry.into_mut()))
         {
-            let words = [("reason", gap.to_owned()), ("at_ns", now.as_nanos().to_string())];
-            segment.metadata("gap", words.map(|(name, value)| (name.to_owned(), value)).into())?;
+            let words = [
+                ("reason", gap.to_owned()),
+                ("at_ns", now.as_nanos().to_string()),
+            ];
+            segment.metadata(
+                "gap",
+                words.map(|(name, value)| (name.to_owned(), value)).into(),
+            )?;
         }
         let (number, path) = folder::next(&self.folder, self.last)?;
         let segment = Segment::create(&path, now, &self.preface(number))?;
@@ -91,7 +111,10 @@ impl Flight {
     }
 
     fn preface(&self, number: u64) -> [(&'static str, BTreeMap<String, String>); 2] {
-        let utc = self.about.utc_at_zero_ns.map_or("unknown".to_owned(), |nanos| nanos.to_string());
+        let utc = self
+            .about
+            .utc_at_zero_ns
+            .map_or("unknown".to_owned(), |nanos| nanos.to_string());
         let words = [
             ("format", FORMAT.to_owned()),
             ("software", VERSION.to_owned()),
@@ -109,8 +132,15 @@ impl Flight {
     ///
     /// # Errors
     /// The disk is full, or the file went away.
-    pub fn snapshot(&mut self, number: u64, now: Time, snapshot: &Snapshot) -> Result<(), WriteError> {
-        let Some(segment) = self.open.get_mut(&number) else { return Ok(()) };
+    pub fn snapshot(
+        &mut self,
+        number: u64,
+        now: Time,
+        snapshot: &Snapshot,
+    ) -> Result<(), WriteError> {
+        let Some(segment) = self.open.get_mut(&number) else {
+            return Ok(());
+        };
         let text = written(segment, message::of_snapshot(now, snapshot))?;
         let topic = format!("/{}/{}/snapshot", self.about.node, snapshot.actor);
         segment.message(&topic, Schema::Snapshot, now, &text)
@@ -121,11 +151,23 @@ impl Flight {
     /// # Errors
     /// As for [`Flight::snapshot`].
     pub fn step(&mut self, number: u64, step: &ActorStep) -> Result<(), WriteError> {
-        let Some(segment) = self.open.get_mut(&number) else { return Ok(()) };
+        let Some(segment) = self.open.get_mut(&number) else {
+            return Ok(());
+        };
         let (node, now) = (&self.about.node, step.now);
         let text = written(segment, actors::json(node, step))?;
-        segment.message(&format!("/{node}/{}/step", step.actor), Schema::Step, now, &text)?;
-        for Shown { topic, schema, value } in self.view.of(step) {
+        segment.message(
+            &format!("/{node}/{}/step", step.actor),
+            Schema::Step,
+            now,
+            &text,
+        )?;
+        for Shown {
+            topic,
+            schema,
+            value,
+        } in self.view.of(step)
+        {
             segment.message(&topic, schema, now, &value.to_string())?;
         }
         Ok(())
@@ -140,7 +182,8 @@ impl Flight {
         let most = self.limits.segment_bytes.min(self.limits.cap_bytes / 4);
         let mut is_full = false;
         for segment in self.open.values_mut() {
-            is_full = segment.flush()? >= most || now.since(segment.opened()) >= self.limits.segment;
+            is_full =
+                segment.flush()? >= most || now.since(segment.opened()) >= self.limits.segment;
         }
         self.make_room()?;
         Ok(is_full)
@@ -158,7 +201,9 @@ impl Flight {
     }
 
     fn end_oldest(&mut self) -> Result<(), WriteError> {
-        self.open.pop_first().map_or(Ok(()), |(_, segment)| segment.finish())
+        self.open
+            .pop_first()
+            .map_or(Ok(()), |(_, segment)| segment.finish())
     }
 
     fn make_room(&self) -> Result<(), WriteError> {

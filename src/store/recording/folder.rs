@@ -13,15 +13,22 @@ fn name(number: u64) -> String {
 
 /// Returns the number of a segment's file, if it is one.
 fn number(path: &Path) -> Option<u64> {
-    let digits = path.file_name()?.to_str()?.strip_prefix("flight-")?.strip_suffix(".mcap")?;
-    (digits.len() >= 6 && digits.bytes().all(|digit| digit.is_ascii_digit())).then(|| digits.parse().ok())?
+    let digits = path
+        .file_name()?
+        .to_str()?
+        .strip_prefix("flight-")?
+        .strip_suffix(".mcap")?;
+    (digits.len() >= 6 && digits.bytes().all(|digit| digit.is_ascii_digit()))
+        .then(|| digits.parse().ok())?
 }
 
 /// Lists the segments in a folder, oldest first.
 pub(super) fn segments(folder: &Path) -> Result<Vec<(u64, PathBuf)>, WriteError> {
     let entries = fs::read_dir(folder).map_err(|error| WriteError::at(folder, error))?;
     let paths = entries.flatten().map(|entry| entry.path());
-    let mut found: Vec<(u64, PathBuf)> = paths.filter_map(|path| Some((number(&path)?, path))).collect();
+    let mut found: Vec<(u64, PathBuf)> = paths
+        .filter_map(|path| Some((number(&path)?, path)))
+        .collect();
     found.sort();
     Ok(found)
 }
@@ -42,7 +49,10 @@ pub(super) fn make_room(folder: &Path, cap_bytes: u64, kept: &[&Path]) -> Result
     };
     let found: Vec<(PathBuf, u64)> = segments(folder)?.into_iter().map(sized).collect();
     let mut total: u64 = found.iter().map(|(_, bytes)| bytes).sum();
-    for (path, bytes) in found.iter().filter(|(path, _)| !kept.contains(&path.as_path())) {
+    for (path, bytes) in found
+        .iter()
+        .filter(|(path, _)| !kept.contains(&path.as_path()))
+    {
         if total <= cap_bytes {
             break;
         }
@@ -65,13 +75,20 @@ mod tests {
         fs::write(folder.path().join("flight-1.mcap"), [0; 900]).unwrap();
         fs::write(folder.path().join("notes.txt"), [0; 900]).unwrap();
         make_room(folder.path(), 250, &[]).unwrap();
-        let left: Vec<u64> = segments(folder.path()).unwrap().into_iter().map(|(number, _)| number).collect();
+        let left: Vec<u64> = segments(folder.path())
+            .unwrap()
+            .into_iter()
+            .map(|(number, _)| number)
+            .collect();
         assert_eq!(left, [10, 11]);
         let newest = folder.path().join(name(11));
         make_room(folder.path(), 0, &[&newest]).unwrap();
         assert_eq!(segments(folder.path()).unwrap(), [(11, newest)]);
         assert_eq!(next(folder.path(), 3).unwrap().0, 12);
         assert_eq!(next(folder.path(), 30).unwrap().0, 31);
-        assert!(folder.path().join("notes.txt").exists() && folder.path().join("flight-1.mcap").exists());
+        assert!(
+            folder.path().join("notes.txt").exists()
+                && folder.path().join("flight-1.mcap").exists()
+        );
     }
 }

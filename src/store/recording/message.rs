@@ -41,7 +41,8 @@ where
             let told = serde_json::to_string(input)?;
             text += &format!(",\"told\":{told}");
             if told.contains("null") && !is_exact(input, &told) {
-                let packed = codec::pack(input).map_err(|error| MessageError::Packed(error.to_string()))?;
+                let packed =
+                    codec::pack(input).map_err(|error| MessageError::Packed(error.to_string()))?;
                 text += &format!(",\"told_packed\":\"{}\"", base64::encode(&packed));
             }
         }
@@ -91,13 +92,19 @@ pub fn read_step<I: DeserializeOwned>(json: &[u8]) -> Result<Recorded<I>, Messag
     let frame: Frame = serde_json::from_slice(json)?;
     let now = Time::from_nanos(frame.now_ns);
     if let Some(packed) = frame.told_packed {
-        return Ok(Recorded { now, told: Some(unpacked(&packed)?) });
+        return Ok(Recorded {
+            now,
+            told: Some(unpacked(&packed)?),
+        });
     }
     if frame.told.is_none() && frame.woken.is_some() {
         return Ok(Recorded { now, told: None });
     }
     let Told { told } = serde_json::from_slice(json)?;
-    Ok(Recorded { now, told: Some(told) })
+    Ok(Recorded {
+        now,
+        told: Some(told),
+    })
 }
 
 /// Reads packed bytes in base64.
@@ -123,7 +130,10 @@ pub struct Kept {
 /// # Errors
 /// None that is not a mistake of this program.
 pub fn of_snapshot(now: Time, snapshot: &Snapshot) -> Result<String, MessageError> {
-    let kept = Kept { now_ns: now.as_nanos(), packed: base64::encode(&snapshot.bytes) };
+    let kept = Kept {
+        now_ns: now.as_nanos(),
+        packed: base64::encode(&snapshot.bytes),
+    };
     Ok(serde_json::to_string(&kept)?)
 }
 
@@ -135,12 +145,27 @@ mod tests {
     use proptest::prelude::*;
 
     fn telemetry(x_m: f64, speed_mps: f64) -> In {
-        let pose = Pose { at: Point::new(x_m, -0.0), heading: Angle::default(), sd_m: 0.1 };
-        In::Telemetry(Telemetry { pose, speed_mps, battery: 1.0, motion: Motion::Driving, is_armed: true })
+        let pose = Pose {
+            at: Point::new(x_m, -0.0),
+            heading: Angle::default(),
+            sd_m: 0.1,
+        };
+        In::Telemetry(Telemetry {
+            pose,
+            speed_mps,
+            battery: 1.0,
+            motion: Motion::Driving,
+            is_armed: true,
+        })
     }
 
     fn step(cause: Cause<In>) -> Step<In, Out> {
-        Step { now: Time::from_nanos(u64::MAX), cause, said: Vec::new(), fault: None }
+        Step {
+            now: Time::from_nanos(u64::MAX),
+            cause,
+            said: Vec::new(),
+            fault: None,
+        }
     }
 
     proptest! {
@@ -165,7 +190,10 @@ mod tests {
         assert!(!text(telemetry(1.0, 0.5)).contains("packed"));
         for odd in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
             let text = text(telemetry(odd, 0.5));
-            assert!(text.contains("\"x_m\":null") && text.contains("told_packed"), "{text}");
+            assert!(
+                text.contains("\"x_m\":null") && text.contains("told_packed"),
+                "{text}"
+            );
             assert!(read_step::<In>(text.as_bytes()).is_ok());
         }
     }
@@ -173,15 +201,22 @@ mod tests {
     #[test]
     fn a_wake_tells_its_reason_and_reads_as_one() {
         let text = of_step(&step(Cause::Woken("telemetry silent"))).unwrap();
-        assert_eq!(text, "{\"now_ns\":18446744073709551615,\"woken\":\"telemetry silent\",\"said\":[]}");
+        assert_eq!(
+            text,
+            "{\"now_ns\":18446744073709551615,\"woken\":\"telemetry silent\",\"said\":[]}"
+        );
         assert!(read_step::<In>(text.as_bytes()).unwrap().told.is_none());
     }
 
     #[test]
     fn foreign_messages_are_refused() {
-        for text in
-            ["{}", "[]", "{\"now_ns\":1}", "{\"now_ns\":-1,\"woken\":\"a\"}", "{\"now_ns\":1,\"told\":7}"]
-        {
+        for text in [
+            "{}",
+            "[]",
+            "{\"now_ns\":1}",
+            "{\"now_ns\":-1,\"woken\":\"a\"}",
+            "{\"now_ns\":1,\"told\":7}",
+        ] {
             assert!(read_step::<In>(text.as_bytes()).is_err(), "{text}");
         }
         assert!(read_step::<In>(b"{\"now_ns\":1,\"told\":7,\"told_packed\":\"!\"}").is_err());

@@ -78,7 +78,12 @@ impl<R: Read> Reader<R> {
         let options = LinearReaderOptions::default()
             .with_prevalidate_chunk_crcs(true)
             .with_record_length_limit(LARGEST);
-        Reader { source, reader: LinearReader::new_with_options(options), topics: BTreeMap::new(), offset: 0 }
+        Reader {
+            source,
+            reader: LinearReader::new_with_options(options),
+            topics: BTreeMap::new(),
+            offset: 0,
+        }
     }
 
     /// Returns how much of the file has been read, bytes.
@@ -96,7 +101,9 @@ impl<R: Read> Reader<R> {
             let damaged = |reason: String| ReadError::Damaged { offset, reason };
             let record = match self.reader.next_event() {
                 None => return Ok(None),
-                Some(Err(McapError::BadMagic)) if offset <= PIECE as u64 => return Err(ReadError::NotMcap),
+                Some(Err(McapError::BadMagic)) if offset <= PIECE as u64 => {
+                    return Err(ReadError::NotMcap);
+                }
                 Some(Err(McapError::UnexpectedEof)) if offset < mcap::MAGIC.len() as u64 => {
                     return Err(ReadError::NotMcap);
                 }
@@ -134,10 +141,16 @@ impl<R: Read> Reader<R> {
                             header.channel_id
                         )));
                     };
-                    return Ok(Some(Found::Message { topic: topic.clone(), data: data.into_owned() }));
+                    return Ok(Some(Found::Message {
+                        topic: topic.clone(),
+                        data: data.into_owned(),
+                    }));
                 }
                 Record::Metadata(metadata) => {
-                    return Ok(Some(Found::Metadata { name: metadata.name, values: metadata.metadata }));
+                    return Ok(Some(Found::Metadata {
+                        name: metadata.name,
+                        values: metadata.metadata,
+                    }));
                 }
                 _ => {}
             }
@@ -177,7 +190,9 @@ mod tests {
             .disable_seeking(true)
             .create(std::io::Cursor::new(Vec::new()))
             .unwrap();
-        let channel = writer.add_channel(0, "/a", "json", &BTreeMap::new()).unwrap();
+        let channel = writer
+            .add_channel(0, "/a", "json", &BTreeMap::new())
+            .unwrap();
         for number in 0..40u32 {
             let time = u64::from(number);
             let header = mcap::records::MessageHeader {
@@ -186,7 +201,9 @@ mod tests {
                 log_time: time,
                 publish_time: time,
             };
-            writer.write_to_known_channel(&header, b"{\"x\":1}").unwrap();
+            writer
+                .write_to_known_channel(&header, b"{\"x\":1}")
+                .unwrap();
             if number % 10 == 9 {
                 writer.flush().unwrap();
             }
@@ -204,7 +221,11 @@ mod tests {
         for length in 0..file.len() {
             let (count, error) = read_all(&file[..length]);
             let error = error.unwrap();
-            let expected = if length < 8 { "is no MCAP" } else { "ends unfinished" };
+            let expected = if length < 8 {
+                "is no MCAP"
+            } else {
+                "ends unfinished"
+            };
             assert!(error.to_string().starts_with(expected), "{length}: {error}");
             assert!(count >= last && count % 10 == 0);
             last = count;

@@ -75,8 +75,14 @@ impl Recorder {
     fn with_queue(folder: PathBuf, about: About, limits: Limits, queue: usize) -> Recorder {
         let shared = Arc::new(Shared::default());
         let (sender, receiver) = sync_channel(queue);
-        let mut writing =
-            Writing { folder, about, limits, flight: None, now: Time::ZERO, shared: shared.clone() };
+        let mut writing = Writing {
+            folder,
+            about,
+            limits,
+            flight: None,
+            now: Time::ZERO,
+            shared: shared.clone(),
+        };
         // The first segment is open before the first actor acts.
         let retry_at = writing.begin();
         let spawned = std::thread::Builder::new()
@@ -90,17 +96,30 @@ impl Recorder {
                 None
             }
         };
-        Recorder { shared, sender, thread }
+        Recorder {
+            shared,
+            sender,
+            thread,
+        }
     }
 
     /// Returns a scribe for one actor.
     pub fn scribe(&self) -> Scribe {
-        Scribe { shared: self.shared.clone(), sender: self.sender.clone(), segment: NONE, broken: NONE }
+        Scribe {
+            shared: self.shared.clone(),
+            sender: self.sender.clone(),
+            segment: NONE,
+            broken: NONE,
+        }
     }
 
     /// Returns why nothing is recorded at present, if so.
     pub fn trouble(&self) -> Option<String> {
-        self.shared.trouble.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.shared
+            .trouble
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone()
     }
 }
 
@@ -133,7 +152,9 @@ impl Scribe {
         }
         if newest != self.segment {
             // What cannot be packed is a mistake of ours; the steps would be of no use without.
-            let Ok(snapshot) = Snapshot::of(name, actor) else { return false };
+            let Ok(snapshot) = Snapshot::of(name, actor) else {
+                return false;
+            };
             self.segment = newest;
             self.send(Sent::Snapshot(newest, now, snapshot));
         }
@@ -182,7 +203,13 @@ impl Writing {
             }
             let written = waiting.iter().try_for_each(|sent| self.write(sent));
             let now = Instant::now();
-            let kept = written.and_then(|()| if now >= flush_at { self.flush() } else { Ok(()) });
+            let kept = written.and_then(|()| {
+                if now >= flush_at {
+                    self.flush()
+                } else {
+                    Ok(())
+                }
+            });
             if now >= flush_at {
                 flush_at = now + FLUSH_EVERY;
             }
@@ -230,7 +257,9 @@ impl Writing {
             Sent::Step(_, step) => step.now,
         };
         self.now = self.now.max(now);
-        let Some(flight) = &mut self.flight else { return Ok(()) };
+        let Some(flight) = &mut self.flight else {
+            return Ok(());
+        };
         match sent {
             Sent::Snapshot(number, now, snapshot) => flight.snapshot(*number, *now, snapshot),
             Sent::Step(number, step) => flight.step(*number, step),
@@ -238,7 +267,9 @@ impl Writing {
     }
 
     fn flush(&mut self) -> Result<(), WriteError> {
-        let Some(flight) = &mut self.flight else { return Ok(()) };
+        let Some(flight) = &mut self.flight else {
+            return Ok(());
+        };
         let is_full = flight.flush(self.now)?;
         let is_overrun = self.shared.is_overrun.swap(false, Ordering::AcqRel);
         if is_full || is_overrun {
@@ -261,12 +292,22 @@ mod tests {
 
     fn about() -> About {
         let settings = "kind = \"vehicle\"".to_owned();
-        About { node: "vehicle/1".to_owned(), settings, lattice: Lattice::new(0.2), utc_at_zero_ns: None }
+        About {
+            node: "vehicle/1".to_owned(),
+            settings,
+            lattice: Lattice::new(0.2),
+            utc_at_zero_ns: None,
+        }
     }
 
     fn step(number: u64) -> ActorStep {
         let cause = Cause::Told(radio::In::Measure(None));
-        let step = Step { now: Time::from_nanos(number), cause, said: Vec::new(), fault: None };
+        let step = Step {
+            now: Time::from_nanos(number),
+            cause,
+            said: Vec::new(),
+            fault: None,
+        };
         ActorStep::new::<Radio>("radio", step)
     }
 
@@ -303,13 +344,21 @@ mod tests {
         assert!(scribe.prepare(Time::ZERO, "radio", &7_u32));
         (1..=100).for_each(|number| scribe.step(step(number)));
         wait_until(|| read(folder.path(), 1).0.len() == 3 + 100);
-        assert!(matches!(read(folder.path(), 1).1, Some(ReadError::Truncated { .. })), "as after a kill");
+        assert!(
+            matches!(read(folder.path(), 1).1, Some(ReadError::Truncated { .. })),
+            "as after a kill"
+        );
         drop(recorder);
         let (found, end) = read(folder.path(), 1);
         assert!(end.is_none(), "{end:?}");
         assert_eq!(
             found[..4],
-            ["tomoswarm", "settings", "/vehicle/1/radio/snapshot", "/vehicle/1/radio/step"]
+            [
+                "tomoswarm",
+                "settings",
+                "/vehicle/1/radio/snapshot",
+                "/vehicle/1/radio/step"
+            ]
         );
         assert_eq!(found.len(), 3 + 100);
     }
@@ -317,17 +366,24 @@ mod tests {
     #[test]
     fn what_comes_too_fast_ends_the_segment_and_the_next_opens_with_a_snapshot() {
         let folder = tempfile::tempdir().unwrap();
-        let recorder = Recorder::with_queue(folder.path().to_owned(), about(), Limits::default(), 8);
+        let recorder =
+            Recorder::with_queue(folder.path().to_owned(), about(), Limits::default(), 8);
         let mut scribe = recorder.scribe();
         assert!(scribe.prepare(Time::ZERO, "radio", &7_u32));
         (1..=20_000).for_each(|number| scribe.step(step(number)));
-        assert!(!scribe.prepare(Time::ZERO, "radio", &7_u32), "nothing more of it in a broken segment");
+        assert!(
+            !scribe.prepare(Time::ZERO, "radio", &7_u32),
+            "nothing more of it in a broken segment"
+        );
         wait_until(|| scribe.prepare(Time::ZERO, "radio", &8_u32));
         scribe.step(step(20_001));
         drop(recorder);
         let (first, second) = (read(folder.path(), 1).0, read(folder.path(), 2).0);
         assert_eq!(first.last().unwrap(), "gap");
-        assert_eq!(second[2..], ["/vehicle/1/radio/snapshot", "/vehicle/1/radio/step"]);
+        assert_eq!(
+            second[2..],
+            ["/vehicle/1/radio/snapshot", "/vehicle/1/radio/step"]
+        );
     }
 
     #[test]
@@ -343,7 +399,11 @@ mod tests {
     #[test]
     fn the_oldest_segments_go_when_all_are_too_large() {
         let folder = tempfile::tempdir().unwrap();
-        let limits = Limits { cap_bytes: 60_000, segment_bytes: 10_000, segment: Duration::from_secs(300) };
+        let limits = Limits {
+            cap_bytes: 60_000,
+            segment_bytes: 10_000,
+            segment: Duration::from_secs(300),
+        };
         let mut flight = Flight::new(folder.path(), about(), limits);
         let mut segment = flight.begin(Time::ZERO, None).unwrap();
         for number in 0..4000 {
@@ -353,10 +413,14 @@ mod tests {
             }
         }
         flight.end().unwrap();
-        let sizes =
-            std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().metadata().unwrap().len());
+        let sizes = std::fs::read_dir(folder.path())
+            .unwrap()
+            .map(|entry| entry.unwrap().metadata().unwrap().len());
         let total: u64 = sizes.sum();
-        assert!(segment > 6 && (20_000..80_000).contains(&total), "{segment} segments, {total} bytes left");
+        assert!(
+            segment > 6 && (20_000..80_000).contains(&total),
+            "{segment} segments, {total} bytes left"
+        );
         assert!(!folder.path().join("flight-000001.mcap").exists());
     }
 }

@@ -61,10 +61,18 @@ pub struct Replayed {
 /// # Errors
 /// The file cannot be read, or is no recording of this version.
 pub fn replay(path: &Path, only: Option<&str>, replayed: &mut Replayed) -> Result<(), ReplayError> {
-    let refused = |reason: String| ReplayError { path: path.to_owned(), reason };
+    let refused = |reason: String| ReplayError {
+        path: path.to_owned(),
+        reason,
+    };
     let file = File::open(path).map_err(|error| refused(format!("cannot be read: {error}")))?;
     let mut reader = Reader::new(file);
-    let mut segment = Segment { path, only, is_known: false, actors: BTreeMap::new() };
+    let mut segment = Segment {
+        path,
+        only,
+        is_known: false,
+        actors: BTreeMap::new(),
+    };
     loop {
         match reader.next_found() {
             Ok(None) => break,
@@ -74,13 +82,19 @@ pub fn replay(path: &Path, only: Option<&str>, replayed: &mut Replayed) -> Resul
                 segment.take(found, replayed).map_err(at)?;
             }
             Err(error @ ReadError::Truncated { .. }) if segment.is_known => {
-                replayed.notes.push(format!("{}: {error}; replayed up to there", path.display()));
+                replayed
+                    .notes
+                    .push(format!("{}: {error}; replayed up to there", path.display()));
                 break;
             }
             Err(error) => return Err(refused(error.to_string())),
         }
     }
-    if segment.is_known { Ok(()) } else { Err(refused(FOREIGN.to_owned())) }
+    if segment.is_known {
+        Ok(())
+    } else {
+        Err(refused(FOREIGN.to_owned()))
+    }
 }
 
 const FOREIGN: &str = "is no recording of tomoswarm";
@@ -98,7 +112,9 @@ impl Segment<'_> {
     fn take(&mut self, found: Found, replayed: &mut Replayed) -> Result<(), String> {
         match found {
             Found::Metadata { name, values } => self.metadata(&name, &values, replayed),
-            Found::Message { topic, data } if self.is_known => self.message(&topic, &data, replayed),
+            Found::Message { topic, data } if self.is_known => {
+                self.message(&topic, &data, replayed)
+            }
             Found::Message { .. } => Err(FOREIGN.to_owned()),
         }
     }
@@ -121,30 +137,39 @@ impl Segment<'_> {
                 }
                 self.is_known = true;
             }
-            "gap" => {
-                replayed.notes.push(format!("{}: ends with a gap: {}", self.path.display(), value("reason")))
-            }
+            "gap" => replayed.notes.push(format!(
+                "{}: ends with a gap: {}",
+                self.path.display(),
+                value("reason")
+            )),
             _ => {}
         }
         Ok(())
     }
 
     fn message(&mut self, topic: &str, data: &[u8], replayed: &mut Replayed) -> Result<(), String> {
-        let Some((name, kind)) = topic.trim_start_matches('/').rsplit_once('/') else { return Ok(()) };
+        let Some((name, kind)) = topic.trim_start_matches('/').rsplit_once('/') else {
+            return Ok(());
+        };
         let (node, actor) = name.rsplit_once('/').unwrap_or(("", name));
         if self.only.is_some_and(|only| only != actor && only != name) {
             return Ok(());
         }
         match kind {
-            "snapshot" => self.restore(node, actor, data).map_err(|error| format!("{topic} {error}")),
-            "step" => self.step(name, data, replayed).map_err(|error| format!("{topic} {error}")),
+            "snapshot" => self
+                .restore(node, actor, data)
+                .map_err(|error| format!("{topic} {error}")),
+            "step" => self
+                .step(name, data, replayed)
+                .map_err(|error| format!("{topic} {error}")),
             _ => Ok(()),
         }
     }
 
     fn restore(&mut self, node: &str, actor: &str, data: &[u8]) -> Result<(), String> {
         let kept: Kept = serde_json::from_slice(data).map_err(|error| error.to_string())?;
-        let restored = actors::restore(node, actor, &kept.packed).ok_or("is of no actor of this version")?;
+        let restored =
+            actors::restore(node, actor, &kept.packed).ok_or("is of no actor of this version")?;
         let restored = restored.map_err(|error| error.to_string())?;
         let name = format!("{node}/{actor}");
         let steps = self.actors.get(&name).map_or(0, |(_, steps)| *steps);
@@ -166,7 +191,14 @@ impl Segment<'_> {
         if let Some((at, [told, then, now])) = take(data).map_err(|error| error.to_string())? {
             *restored = None;
             let (path, number) = (self.path.to_owned(), *number);
-            verdict.difference = Some(Difference { path, number, at, told, then, now });
+            verdict.difference = Some(Difference {
+                path,
+                number,
+                at,
+                told,
+                then,
+                now,
+            });
         }
         Ok(())
     }
@@ -180,10 +212,19 @@ mod tests {
     fn a_recording_whose_snapshots_have_another_shape_is_refused_by_its_format() {
         let begin = |format: &str| {
             let path = Path::new("flight.mcap");
-            let mut segment = Segment { path, only: None, is_known: false, actors: BTreeMap::new() };
+            let mut segment = Segment {
+                path,
+                only: None,
+                is_known: false,
+                actors: BTreeMap::new(),
+            };
             let words = [("format", format), ("software", VERSION)];
             let words = words.map(|(name, word)| (name.to_owned(), word.to_owned()));
-            segment.metadata("tomoswarm", &BTreeMap::from(words), &mut Replayed::default())
+            segment.metadata(
+                "tomoswarm",
+                &BTreeMap::from(words),
+                &mut Replayed::default(),
+            )
         };
         assert_eq!(begin(FORMAT), Ok(()));
         let reason = begin("1").unwrap_err();

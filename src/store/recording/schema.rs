@@ -39,7 +39,10 @@ impl Schema {
                 r#"{TIME},"level":{{"title":"foxglove.LogLevel","oneOf":[{{"title":"UNKNOWN","const":0}},{{"title":"DEBUG","const":1}},{{"title":"INFO","const":2}},{{"title":"WARNING","const":3}},{{"title":"ERROR","const":4}},{{"title":"FATAL","const":5}}]}},"message":{{"type":"string"}},"name":{{"type":"string"}},"file":{{"type":"string"}},"line":{{"type":"integer","minimum":0}}"#
             ),
         };
-        format!(r#"{{"title":"{}","type":"object","properties":{{{properties}}}}}"#, self.name())
+        format!(
+            r#"{{"title":"{}","type":"object","properties":{{{properties}}}}}"#,
+            self.name()
+        )
     }
 }
 
@@ -49,7 +52,13 @@ mod tests {
 
     #[test]
     fn every_schema_is_json_and_names_itself() {
-        for schema in [Schema::Step, Schema::Snapshot, Schema::Pose, Schema::Grid, Schema::Log] {
+        for schema in [
+            Schema::Step,
+            Schema::Snapshot,
+            Schema::Pose,
+            Schema::Grid,
+            Schema::Log,
+        ] {
             let value: serde_json::Value = serde_json::from_str(&schema.text()).unwrap();
             assert_eq!(value["title"], schema.name());
             assert!(value["properties"].as_object().unwrap().len() >= 2);

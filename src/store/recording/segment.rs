@@ -29,7 +29,10 @@ pub struct WriteError {
 
 impl WriteError {
     pub(super) fn at(path: &Path, reason: impl ToString) -> WriteError {
-        WriteError { path: path.to_owned(), reason: reason.to_string() }
+        WriteError {
+            path: path.to_owned(),
+            reason: reason.to_string(),
+        }
     }
 }
 
@@ -62,8 +65,15 @@ impl Segment {
             .library(concat!("tomoswarm ", env!("CARGO_PKG_VERSION")))
             .chunk_size(Some(CHUNK))
             .disable_seeking(true);
-        let writer = options.create(BufWriter::new(file)).map_err(|error| fail(words(&error)))?;
-        let mut segment = Segment { path: path.to_owned(), writer, channels: BTreeMap::new(), opened };
+        let writer = options
+            .create(BufWriter::new(file))
+            .map_err(|error| fail(words(&error)))?;
+        let mut segment = Segment {
+            path: path.to_owned(),
+            writer,
+            channels: BTreeMap::new(),
+            opened,
+        };
         for (name, values) in about {
             segment.metadata(name, values.clone())?;
         }
@@ -81,32 +91,62 @@ impl Segment {
     }
 
     /// Writes a word about the whole file.
-    pub fn metadata(&mut self, name: &str, metadata: BTreeMap<String, String>) -> Result<(), WriteError> {
-        let metadata = Metadata { name: name.to_owned(), metadata };
-        self.writer.write_metadata(&metadata).map_err(|error| WriteError::at(&self.path, words(&error)))
+    pub fn metadata(
+        &mut self,
+        name: &str,
+        metadata: BTreeMap<String, String>,
+    ) -> Result<(), WriteError> {
+        let metadata = Metadata {
+            name: name.to_owned(),
+            metadata,
+        };
+        self.writer
+            .write_metadata(&metadata)
+            .map_err(|error| WriteError::at(&self.path, words(&error)))
     }
 
     /// Writes a message.
-    pub fn message(&mut self, topic: &str, schema: Schema, now: Time, json: &str) -> Result<(), WriteError> {
-        self.put(topic, schema, now, json).map_err(|error| WriteError::at(&self.path, words(&error)))
+    pub fn message(
+        &mut self,
+        topic: &str,
+        schema: Schema,
+        now: Time,
+        json: &str,
+    ) -> Result<(), WriteError> {
+        self.put(topic, schema, now, json)
+            .map_err(|error| WriteError::at(&self.path, words(&error)))
     }
 
     fn put(&mut self, topic: &str, schema: Schema, now: Time, json: &str) -> mcap::McapResult<()> {
         if !self.channels.contains_key(topic) {
-            let schema = self.writer.add_schema(schema.name(), "jsonschema", schema.text().as_bytes())?;
-            let id = self.writer.add_channel(schema, topic, "json", &BTreeMap::new())?;
-            self.channels.insert(topic.to_owned(), Channel { id, sequence: 0 });
+            let schema =
+                self.writer
+                    .add_schema(schema.name(), "jsonschema", schema.text().as_bytes())?;
+            let id = self
+                .writer
+                .add_channel(schema, topic, "json", &BTreeMap::new())?;
+            self.channels
+                .insert(topic.to_owned(), Channel { id, sequence: 0 });
         }
-        let Some(channel) = self.channels.get_mut(topic) else { return Ok(()) };
+        let Some(channel) = self.channels.get_mut(topic) else {
+            return Ok(());
+        };
         channel.sequence = channel.sequence.wrapping_add(1);
         let (time, channel_id, sequence) = (now.as_nanos(), channel.id, channel.sequence);
-        let header = MessageHeader { channel_id, sequence, log_time: time, publish_time: time };
+        let header = MessageHeader {
+            channel_id,
+            sequence,
+            log_time: time,
+            publish_time: time,
+        };
         self.writer.write_to_known_channel(&header, json.as_bytes())
     }
 
     /// Writes out all that was handed in; returns the size of the file, bytes.
     pub fn flush(&mut self) -> Result<u64, WriteError> {
-        self.writer.flush().map_err(|error| WriteError::at(&self.path, words(&error)))?;
+        self.writer
+            .flush()
+            .map_err(|error| WriteError::at(&self.path, words(&error)))?;
         std::fs::metadata(&self.path)
             .map(|file| file.len())
             .map_err(|error| WriteError::at(&self.path, error))
@@ -115,8 +155,13 @@ impl Segment {
     /// Writes the index and closes the file.
     pub fn finish(mut self) -> Result<(), WriteError> {
         self.flush()?;
-        self.writer.finish().map_err(|error| WriteError::at(&self.path, words(&error)))?;
-        self.writer.into_inner().into_inner().map_err(|error| WriteError::at(&self.path, error.error()))?;
+        self.writer
+            .finish()
+            .map_err(|error| WriteError::at(&self.path, words(&error)))?;
+        self.writer
+            .into_inner()
+            .into_inner()
+            .map_err(|error| WriteError::at(&self.path, error.error()))?;
         Ok(())
     }
 }

@@ -76,7 +76,11 @@ impl View {
         } else if let Some(Step { said, .. }) = step.of::<Imager>() {
             shown.extend(said.iter().filter_map(|picture| self.picture(now, picture)));
         }
-        shown.extend(step.fault.as_ref().map(|fault| self.log(now, ERROR, "fault", fault)));
+        shown.extend(
+            step.fault
+                .as_ref()
+                .map(|fault| self.log(now, ERROR, "fault", fault)),
+        );
         shown
     }
 
@@ -93,7 +97,9 @@ impl View {
     fn vehicle(&self, now: Time, out: &vehicle::Out) -> Option<Shown> {
         match out {
             vehicle::Out::Publish(state) => pose(now, state),
-            vehicle::Out::Remark(remark) => Some(self.log(now, INFO, "vehicle", &format!("{remark:?}"))),
+            vehicle::Out::Remark(remark) => {
+                Some(self.log(now, INFO, "vehicle", &format!("{remark:?}")))
+            }
             vehicle::Out::Fly(_)
             | vehicle::Out::State(_)
             | vehicle::Out::Remember(_)
@@ -103,7 +109,9 @@ impl View {
 
     fn mission(&self, now: Time, out: &mission::Out) -> Option<Shown> {
         match out {
-            mission::Out::Remark(remark) => Some(self.log(now, INFO, "mission", &format!("{remark:?}"))),
+            mission::Out::Remark(remark) => {
+                Some(self.log(now, INFO, "mission", &format!("{remark:?}")))
+            }
             mission::Out::Command(..)
             | mission::Out::Holds(_)
             | mission::Out::Accepted(..)
@@ -159,11 +167,18 @@ impl View {
     }
 
     fn map(&mut self, now: Time) -> Option<Shown> {
-        if !self.is_map_new || self.map_shown_at.is_some_and(|at| now.since(at) < MAP_EVERY) {
+        if !self.is_map_new
+            || self
+                .map_shown_at
+                .is_some_and(|at| now.since(at) < MAP_EVERY)
+        {
             return None;
         }
         let extent = self.map.extent(SLICE)?;
-        let (columns, rows) = (extent.width_cells() as usize, extent.height_cells() as usize);
+        let (columns, rows) = (
+            extent.width_cells() as usize,
+            extent.height_cells() as usize,
+        );
         if columns.saturating_mul(rows) > CELLS {
             return None;
         }
@@ -173,9 +188,17 @@ impl View {
         let byte = |cell: Cell| self.map.value(SLICE, cell).clamp(-127, 127) as i8;
         let bytes: Vec<u8> = cells.map(|cell| byte(cell).cast_unsigned()).collect();
         let cell_m = self.map.lattice().cell_m();
-        let corner = Point::new(f64::from(extent.low.x) * cell_m, f64::from(extent.low.y) * cell_m);
-        let grid =
-            Grid { corner, cell_m: (cell_m, cell_m), columns, field: ("log_odds_tenths", INT8, 1), bytes };
+        let corner = Point::new(
+            f64::from(extent.low.x) * cell_m,
+            f64::from(extent.low.y) * cell_m,
+        );
+        let grid = Grid {
+            corner,
+            cell_m: (cell_m, cell_m),
+            columns,
+            field: ("log_odds_tenths", INT8, 1),
+            bytes,
+        };
         Some(self.shown("map", Schema::Grid, grid.json(now)))
     }
 
@@ -190,10 +213,18 @@ impl View {
         };
         let grid = made.image.grid;
         let values = made.image.values.iter();
-        let bytes = values.flat_map(|value| (*value as f32).to_le_bytes()).collect();
+        let bytes = values
+            .flat_map(|value| (*value as f32).to_le_bytes())
+            .collect();
         let cell_m = (grid.dx_m(), grid.dy_m());
         let (corner, columns) = (grid.area.min, grid.columns);
-        let grid = Grid { corner, cell_m, columns, field: ("db_per_m", FLOAT32, 4), bytes };
+        let grid = Grid {
+            corner,
+            cell_m,
+            columns,
+            field: ("db_per_m", FLOAT32, 4),
+            bytes,
+        };
         Some(self.shown(topic, Schema::Grid, grid.json(now)))
     }
 
@@ -205,7 +236,11 @@ impl View {
     }
 
     fn shown(&self, topic: &str, schema: Schema, value: Value) -> Shown {
-        Shown { topic: format!("/{}/{topic}", self.node), schema, value }
+        Shown {
+            topic: format!("/{}/{topic}", self.node),
+            schema,
+            value,
+        }
     }
 }
 
@@ -245,7 +280,11 @@ fn pose(now: Time, state: &State) -> Option<Shown> {
         "frame_id": FRAME,
         "pose": {"position": position, "orientation": turned(pose.heading.radians())},
     });
-    Some(Shown { topic: format!("/vehicle/{}/pose", state.vehicle), schema: Schema::Pose, value })
+    Some(Shown {
+        topic: format!("/vehicle/{}/pose", state.vehicle),
+        schema: Schema::Pose,
+        value,
+    })
 }
 
 /// A turn about the upward axis, as a quaternion.

@@ -43,7 +43,8 @@ pub fn persons(seed: u64) -> [Point; 2] {
     let place = |person: u64| {
         (0..)
             .map(move |trial| {
-                let axis = |axis: u64| 2.0 + (SIDE_M - 4.0) * uniform(&[seed, person, trial, axis, 77]);
+                let axis =
+                    |axis: u64| 2.0 + (SIDE_M - 4.0) * uniform(&[seed, person, trial, axis, 77]);
                 Point::new(axis(0), axis(1))
             })
             .filter(|at| wall_distance_m(*at) >= 1.5)
@@ -55,17 +56,25 @@ pub fn persons(seed: u64) -> [Point; 2] {
 
 fn wall_distance_m(at: Point) -> f64 {
     let outside = |[x0, y0, x1, y1]: [f64; 4]| {
-        let (dx, dy) = ((x0 - at.x_m).max(at.x_m - x1).max(0.0), (y0 - at.y_m).max(at.y_m - y1).max(0.0));
+        let (dx, dy) = (
+            (x0 - at.x_m).max(at.x_m - x1).max(0.0),
+            (y0 - at.y_m).max(at.y_m - y1).max(0.0),
+        );
         dx.hypot(dy)
     };
     WALL.into_iter().map(outside).fold(f64::INFINITY, f64::min)
 }
 
 /// Returns the share of the wall in a square with the given south-west corner.
-#[allow(dead_code, reason = "the bench that shares this world judges places only")]
+#[allow(
+    dead_code,
+    reason = "the bench that shares this world judges places only"
+)]
 pub fn wall_share(corner: Point, side_m: f64) -> f64 {
-    let within = |low: f64, high: f64, start: f64| (high.min(start + side_m) - low.max(start)).max(0.0);
-    let inside = |[x0, y0, x1, y1]: [f64; 4]| within(x0, x1, corner.x_m) * within(y0, y1, corner.y_m);
+    let within =
+        |low: f64, high: f64, start: f64| (high.min(start + side_m) - low.max(start)).max(0.0);
+    let inside =
+        |[x0, y0, x1, y1]: [f64; 4]| within(x0, x1, corner.x_m) * within(y0, y1, corner.y_m);
     // The two rectangles share a corner of 0.3 m by 0.3 m.
     let twice = inside([6.0, 5.0, 6.3, 5.3]);
     (WALL.into_iter().map(inside).sum::<f64>() - twice) / (side_m * side_m)
@@ -89,13 +98,17 @@ fn drive_lap(bins: &mut LinkBins, [seed, sweep, lap]: [u64; 3], gap: f64, person
         let share = packet as f64 / PACKETS_PER_LAP as f64;
         let sway = 1.4 * (phase + rate * share * std::f64::consts::TAU).sin();
         let start = 9.5 * lap as f64;
-        let (a, b) = (ring(start + 76.0 * share), ring(start + 76.0 * share + gap + sway));
+        let (a, b) = (
+            ring(start + 76.0 * share),
+            ring(start + 76.0 * share + gap + sway),
+        );
         if packet % 4 == 0 {
             blocked_db = attenuation_db(Segment::new(a, b), persons);
         }
         let fade_db = fade_db(seed, sweep, a, b);
         let noise_db = 2.0 * normal_pair(&[seed, sweep, lap, packet, 3, 3]).0;
-        let strength_dbm = -40.0 - 20.0 * a.distance_to(b).log10() - blocked_db + fade_db + noise_db;
+        let strength_dbm =
+            -40.0 - 20.0 * a.distance_to(b).log10() - blocked_db + fade_db + noise_db;
         let heard = (strength_dbm > -95.0).then(|| strength_dbm.round() as i16);
         let block = packet / 150;
         bins.record(
@@ -130,21 +143,33 @@ fn fade_db(seed: u64, sweep: u64, a: Point, b: Point) -> f64 {
     let places = hash(&[spot(a.x_m), spot(a.y_m), spot(b.x_m), spot(b.y_m)]);
     let (re, im) = normal_pair(&[seed, sweep, places, 0, 0, 9]);
     let scattered = (2.0 * (K + 1.0)).sqrt().recip();
-    20.0 * ((K / (K + 1.0)).sqrt() + re * scattered).hypot(im * scattered).max(1e-2).log10()
+    20.0 * ((K / (K + 1.0)).sqrt() + re * scattered)
+        .hypot(im * scattered)
+        .max(1e-2)
+        .log10()
 }
 
 /// Mean over the Fresnel zone (Gauss-Hermite), saturating at 30 dB.
 fn attenuation_db(link: Segment, persons: &[Point]) -> f64 {
-    const OFFSETS: [(f64, f64); 5] =
-        [(-2.857, 0.01126), (-1.3556, 0.22208), (0.0, 0.53333), (1.3556, 0.22208), (2.857, 0.01126)];
-    let through: f64 = OFFSETS.iter().map(|(offset, weight)| weight * chord_db(link, *offset, persons)).sum();
+    const OFFSETS: [(f64, f64); 5] = [
+        (-2.857, 0.01126),
+        (-1.3556, 0.22208),
+        (0.0, 0.53333),
+        (1.3556, 0.22208),
+        (2.857, 0.01126),
+    ];
+    let through: f64 = OFFSETS
+        .iter()
+        .map(|(offset, weight)| weight * chord_db(link, *offset, persons))
+        .sum();
     -10.0 * (10f64.powf(-through / 10.0) + 1e-3).log10()
 }
 
 /// One ray, bent to pass each shape `offset` half Fresnel radii beside the straight path.
 fn chord_db(link: Segment, offset: f64, persons: &[Point]) -> f64 {
     let d_m = link.length_m();
-    let beside_m = |share: f64| 0.5 * (0.125 * d_m * share * (1.0 - share)).max(0.0).sqrt() * offset;
+    let beside_m =
+        |share: f64| 0.5 * (0.125 * d_m * share * (1.0 - share)).max(0.0).sqrt() * offset;
     let shifted = |share: f64| {
         let by = link.vector().left() * (beside_m(share) / d_m);
         Segment::new(link.from + by, link.to + by)
@@ -153,7 +178,8 @@ fn chord_db(link: Segment, offset: f64, persons: &[Point]) -> f64 {
     for person in persons {
         let ray = shifted(link.nearest_share(*person));
         let miss_m = ray.distance_to_point(*person).min(PERSON_RADIUS_M);
-        sum_db += 2.0 * (PERSON_RADIUS_M * PERSON_RADIUS_M - miss_m * miss_m).sqrt() * PERSON_DB_PER_M;
+        sum_db +=
+            2.0 * (PERSON_RADIUS_M * PERSON_RADIUS_M - miss_m * miss_m).sqrt() * PERSON_DB_PER_M;
     }
     for rectangle in WALL {
         let [x0, y0, x1, y1] = rectangle;
@@ -166,7 +192,10 @@ fn chord_db(link: Segment, offset: f64, persons: &[Point]) -> f64 {
 fn chord_m(ray: Segment, [x0, y0, x1, y1]: [f64; 4]) -> f64 {
     let along = ray.vector();
     let (mut enter, mut leave) = (0.0f64, 1.0f64);
-    for (start, step, low, high) in [(ray.from.x_m, along.x_m, x0, x1), (ray.from.y_m, along.y_m, y0, y1)] {
+    for (start, step, low, high) in [
+        (ray.from.x_m, along.x_m, x0, x1),
+        (ray.from.y_m, along.y_m, y0, y1),
+    ] {
         let (a, b) = ((low - start) / step, (high - start) / step);
         enter = enter.max(a.min(b));
         leave = leave.min(a.max(b));

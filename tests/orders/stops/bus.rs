@@ -58,11 +58,18 @@ impl Bus {
             let share = |what| chance.share(what, &[number]);
             let from = at(3.5 + 8.0 * share("cut from"));
             let node = Node::Vehicle(chance.below("cut", &[number], vehicles));
-            let cut = (node, from, from + Duration::from_secs_f64(0.2 + 4.0 * share("cut for")));
+            let cut = (
+                node,
+                from,
+                from + Duration::from_secs_f64(0.2 + 4.0 * share("cut for")),
+            );
             (!by_beacons && share("cuts") < 0.5).then_some(cut)
         };
         Bus {
-            nodes: (0..vehicles).map(Node::Vehicle).chain([Node::Ground, Node::Operator]).collect(),
+            nodes: (0..vehicles)
+                .map(Node::Vehicle)
+                .chain([Node::Ground, Node::Operator])
+                .collect(),
             loss: 0.3 * chance.share("loss", &[]),
             longest: Duration::from_millis(5 + chance.below("longest", &[], 295) as u64),
             cuts: (0..3).filter_map(cut).collect(),
@@ -85,7 +92,13 @@ impl Bus {
             Node::Ground | Node::Operator => None,
         };
         let cuts = self.cuts.iter().filter_map(of_vehicle).collect();
-        Hardships { longest: self.longest, loss: self.loss, cuts, only_by_bus: self.only_by_bus, slot }
+        Hardships {
+            longest: self.longest,
+            loss: self.loss,
+            cuts,
+            only_by_bus: self.only_by_bus,
+            slot,
+        }
     }
 
     /// Returns a number that no frame and nothing else has had.
@@ -101,10 +114,17 @@ impl Bus {
         }
         for to in self.nodes().into_iter().filter(|to| *to != from) {
             let number = self.next_number();
-            let copies = if self.chance.share("doubled", &[number]) < 0.1 { 2 } else { 1 };
+            let copies = if self.chance.share("doubled", &[number]) < 0.1 {
+                2
+            } else {
+                1
+            };
             for copy in 0..copies {
-                if self.chance.share("lost", &[number, copy]) >= self.loss && !self.is_cut(now, to) {
-                    let delay = self.longest.mul_f64(self.chance.share("delay", &[number, copy]));
+                if self.chance.share("lost", &[number, copy]) >= self.loss && !self.is_cut(now, to)
+                {
+                    let delay = self
+                        .longest
+                        .mul_f64(self.chance.share("delay", &[number, copy]));
                     let frame = (to, from.sender(), frame.clone());
                     self.flying.insert((now + delay, 2 * number + copy), frame);
                 }
@@ -119,9 +139,14 @@ impl Bus {
     }
 
     fn is_cut(&self, now: Time, node: Node) -> bool {
-        let is_cut = self.cuts.iter().any(|(cut, from, until)| *cut == node && *from <= now && now < *until);
+        let is_cut = self
+            .cuts
+            .iter()
+            .any(|(cut, from, until)| *cut == node && *from <= now && now < *until);
         let hears_radio_only = match (self.only_by_bus, node) {
-            (Some(only), Node::Vehicle(index)) => only != index && now >= at(STOP_S) && now < at(LIFT_S),
+            (Some(only), Node::Vehicle(index)) => {
+                only != index && now >= at(STOP_S) && now < at(LIFT_S)
+            }
             (Some(_), Node::Ground | Node::Operator) | (None, _) => false,
         };
         is_cut || hears_radio_only

@@ -35,7 +35,11 @@ impl StopsTally {
 
     /// Returns the share of those who heard by beacons alone that did within three turns of the ring.
     pub fn within_three_turns(&self) -> f64 {
-        let within = self.by_beacons.iter().filter(|(turns, _)| *turns <= 3.0).count();
+        let within = self
+            .by_beacons
+            .iter()
+            .filter(|(turns, _)| *turns <= 3.0)
+            .count();
         within as f64 / self.by_beacons.len().max(1) as f64
     }
 }
@@ -88,7 +92,11 @@ pub struct Judge {
 impl Judge {
     /// Makes the judge of a world that is hard in this way.
     pub fn new(hardships: Hardships) -> Judge {
-        Judge { hardships, shown: Vec::new(), tally: StopsTally::default() }
+        Judge {
+            hardships,
+            shown: Vec::new(),
+            tally: StopsTally::default(),
+        }
     }
 
     /// Returns what the world has shown.
@@ -101,7 +109,11 @@ impl Judge {
     /// # Errors
     /// What is not as it must be.
     pub fn look(&mut self, seen: &Seen) -> Result<(), String> {
-        let driving = seen.vehicles.iter().filter(|vehicle| vehicle.is_driving).count();
+        let driving = seen
+            .vehicles
+            .iter()
+            .filter(|vehicle| vehicle.is_driving)
+            .count();
         if seen.now == at(STOP_S) {
             self.tally.driving += driving;
         }
@@ -123,7 +135,11 @@ impl Judge {
                 ));
             }
         }
-        if seen.now == at(LIFT_S - 0.1) { self.judge_reach(seen) } else { Ok(()) }
+        if seen.now == at(LIFT_S - 0.1) {
+            self.judge_reach(seen)
+        } else {
+            Ok(())
+        }
     }
 
     fn note_shown(&mut self, now: Time, index: usize, vehicle: &SeenVehicle) {
@@ -160,24 +176,49 @@ impl Judge {
     }
 
     /// Judges one that hears beacons alone, from when the one that is reached by bus has shown the stop.
-    fn judge_by_beacons(&mut self, vehicle: &SeenVehicle, shown_at: Time, only: usize) -> Result<(), String> {
+    fn judge_by_beacons(
+        &mut self,
+        vehicle: &SeenVehicle,
+        shown_at: Time,
+        only: usize,
+    ) -> Result<(), String> {
         let took = shown_at.since(self.shown[only].1.unwrap_or(at(STOP_S)));
         let turn_s = self.shown.len() as f64 * self.hardships.slot.as_secs_f64();
-        self.tally.by_beacons.push((took.as_secs_f64() / turn_s, took));
+        self.tally
+            .by_beacons
+            .push((took.as_secs_f64() / turn_s, took));
         if took > Duration::from_secs(10) {
-            return Err(format!("vehicle {} heard by beacons after {took:?}", vehicle.id));
+            return Err(format!(
+                "vehicle {} heard by beacons after {took:?}",
+                vehicle.id
+            ));
         }
         Ok(())
     }
 
     /// Judges one that is reached by bus, from when it could be reached without a break.
-    fn judge_by_bus(&mut self, index: usize, vehicle: &SeenVehicle, shown_at: Time) -> Result<(), String> {
-        let Hardships { longest, loss, cuts, .. } = &self.hardships;
+    fn judge_by_bus(
+        &mut self,
+        index: usize,
+        vehicle: &SeenVehicle,
+        shown_at: Time,
+    ) -> Result<(), String> {
+        let Hardships {
+            longest,
+            loss,
+            cuts,
+            ..
+        } = &self.hardships;
         let given = at(STOP_S);
         let bound = Duration::from_millis(300) + *longest;
-        let cuts =
-            cuts.iter().filter(|(cut, from, until)| *cut == index && *from < given + bound && *until > given);
-        let from = cuts.map(|(_, _, until)| *until).chain([given]).max().unwrap_or(given);
+        let cuts = cuts
+            .iter()
+            .filter(|(cut, from, until)| *cut == index && *from < given + bound && *until > given);
+        let from = cuts
+            .map(|(_, _, until)| *until)
+            .chain([given])
+            .max()
+            .unwrap_or(given);
         let is_late_start = vehicle.up_from > given;
         let (from, bound) = match (from > given, is_late_start) {
             // What was cut off learns it from the next word of anyone, said once a second.

@@ -7,7 +7,8 @@ use std::time::Duration;
 
 use tomoswarm_proto::{
     Boot, Have, Mission, MissionEnd, MissionKind, Mode, Order, OrderKind, Ordered, Permille, Plan,
-    PoseReport, Position, Progress, Report, Revision, RunId, Sample, Samples, State, StationPhase, VehicleId,
+    PoseReport, Position, Progress, Report, Revision, RunId, Sample, Samples, State, StationPhase,
+    VehicleId,
 };
 
 use super::super::*;
@@ -20,7 +21,10 @@ mod operators;
 mod sweeps;
 
 const RUN: RunId = RunId(2);
-const LEASE: Lease = Lease { number: 1, holder: 1 };
+const LEASE: Lease = Lease {
+    number: 1,
+    holder: 1,
+};
 
 /// A vehicle that reaches the next stop within a second.
 struct Rover {
@@ -72,7 +76,10 @@ impl Rover {
     }
 
     fn progress(&self) -> VehicleProgress {
-        VehicleProgress { boot: self.boot, ..self.follower.progress() }
+        VehicleProgress {
+            boot: self.boot,
+            ..self.follower.progress()
+        }
     }
 
     /// Drives to the next stop; one at which somebody else stands is given up, as a vehicle does that finds no way.
@@ -82,7 +89,9 @@ impl Rover {
             return;
         }
         self.follower.resume();
-        let Some(stop) = self.follower.next_leg().cloned() else { return };
+        let Some(stop) = self.follower.next_leg().cloned() else {
+            return;
+        };
         self.follower.enter(stop.id).unwrap();
         let place = Point::from(stop.at);
         if others.iter().all(|other| other.distance_to(place) > 1.2) {
@@ -90,9 +99,18 @@ impl Rover {
         }
         self.follower.arrive(now, stop.id, self.at).unwrap();
         let run = self.follower.progress().run;
-        let sequence = self.kept.iter().filter(|kept| (kept.0, kept.1) == (self.boot, run)).count() as u64;
-        let place = |seed: f64| Position::from_metres((seed * 3.7).fract() * 9.0, (seed * 1.3).fract(), 0.0);
-        let pose = |seed: f64| PoseReport { at: place(seed), ..PoseReport::default() };
+        let sequence = self
+            .kept
+            .iter()
+            .filter(|kept| (kept.0, kept.1) == (self.boot, run))
+            .count() as u64;
+        let place = |seed: f64| {
+            Position::from_metres((seed * 3.7).fract() * 9.0, (seed * 1.3).fract(), 0.0)
+        };
+        let pose = |seed: f64| PoseReport {
+            at: place(seed),
+            ..PoseReport::default()
+        };
         let seed = 0.37 * sequence as f64 + f64::from(self.id.0);
         let sample = Sample {
             sequence,
@@ -114,7 +132,10 @@ impl Rover {
             vehicle: self.id,
             boot: self.boot,
             sequence: self.sequence,
-            pose: Some(PoseReport { at: self.at.into(), ..PoseReport::default() }),
+            pose: Some(PoseReport {
+                at: self.at.into(),
+                ..PoseReport::default()
+            }),
             is_at_rest: true,
             mode: Mode::Idle,
             battery: Some(Permille::WHOLE),
@@ -125,21 +146,45 @@ impl Rover {
         };
         let batch = |(boot, run, sample): &(Boot, RunId, Sample)| {
             let (vehicle, boot, run, samples) = (self.id, *boot, *run, vec![*sample]);
-            Message::Samples(Samples { vehicle, boot, run, samples, lost: vec![] })
+            Message::Samples(Samples {
+                vehicle,
+                boot,
+                run,
+                samples,
+                lost: vec![],
+            })
         };
         let mark = |boot: Boot, run: RunId| self.marks.get(&(boot, run)).copied().unwrap_or(0);
-        let open = self.kept.iter().filter(|(boot, run, sample)| sample.sequence >= mark(*boot, *run));
+        let open = self
+            .kept
+            .iter()
+            .filter(|(boot, run, sample)| sample.sequence >= mark(*boot, *run));
         let batches = open.take(20).map(batch);
         let (vehicle, boot) = (self.id, self.boot);
-        let mission = Mission { vehicle, boot, progress: progress.into(), ..Mission::default() };
+        let mission = Mission {
+            vehicle,
+            boot,
+            progress: progress.into(),
+            ..Mission::default()
+        };
         let mission = match self.own {
             Some((kind, end)) => {
-                let progress = Progress { run: self.ordered.run, ..Progress::default() };
-                Mission { progress, kind, end, ..mission }
+                let progress = Progress {
+                    run: self.ordered.run,
+                    ..Progress::default()
+                };
+                Mission {
+                    progress,
+                    kind,
+                    end,
+                    ..mission
+                }
             }
             None => mission,
         };
-        batches.chain([Message::State(state), Message::Mission(mission)]).collect()
+        batches
+            .chain([Message::State(state), Message::Mission(mission)])
+            .collect()
     }
 
     fn hears(&mut self, message: &Message) {
@@ -149,17 +194,32 @@ impl Rover {
             }
             Message::Order(order) => self.obey(order),
             Message::Have(have) => {
-                let own = have.watermarks.iter().filter(|mark| mark.vehicle == self.id);
-                self.marks.extend(own.map(|mark| ((mark.boot, mark.run), mark.below)));
+                let own = have
+                    .watermarks
+                    .iter()
+                    .filter(|mark| mark.vehicle == self.id);
+                self.marks
+                    .extend(own.map(|mark| ((mark.boot, mark.run), mark.below)));
             }
             _ => {}
         }
     }
 
     fn obey(&mut self, order: &Order) {
-        let Order { lease, revision, run, kind, .. } = *order;
+        let Order {
+            lease,
+            revision,
+            run,
+            kind,
+            ..
+        } = *order;
         if order.vehicle == self.id && (lease, revision) > self.ordered.edition() {
-            self.ordered = Ordered { lease, revision, run, kind: Some(kind) };
+            self.ordered = Ordered {
+                lease,
+                revision,
+                run,
+                kind: Some(kind),
+            };
         }
     }
 }
@@ -253,8 +313,11 @@ impl Swarm {
                 Out::Publish(message) => self.publish(&message),
                 Out::Ask(request) => self.ask(request),
                 Out::Reconstruct(job) => {
-                    let Job { run, laps, subject, .. } = job;
-                    self.answers.push(In::Pictured(PictureName { run, laps, subject }));
+                    let Job {
+                        run, laps, subject, ..
+                    } = job;
+                    self.answers
+                        .push(In::Pictured(PictureName { run, laps, subject }));
                     self.jobs.push(job);
                 }
                 Out::Note(note) => self.notes.push(note),
@@ -273,22 +336,35 @@ impl Swarm {
         match message {
             Message::Plan(plan) => {
                 let name = (plan.run, plan.revision, plan.vehicle);
-                let bare = Plan { lease: Lease::default(), seen: None, ..plan.clone() };
+                let bare = Plan {
+                    lease: Lease::default(),
+                    seen: None,
+                    ..plan.clone()
+                };
                 let known = self.plans.insert(name, bare.clone());
-                assert!(known.is_none_or(|known| known == bare), "two plans of one name: {name:?}");
+                assert!(
+                    known.is_none_or(|known| known == bare),
+                    "two plans of one name: {name:?}"
+                );
             }
             Message::Report(report) => self.reports.push(report.clone()),
             Message::Have(have) => self.haves.push(have.clone()),
             _ => {}
         }
-        for rover in self.rovers.iter_mut().filter(|rover| !rover.is_dead && !rover.is_cut) {
+        for rover in self
+            .rovers
+            .iter_mut()
+            .filter(|rover| !rover.is_dead && !rover.is_cut)
+        {
             rover.hears(message);
         }
     }
 
     fn ask(&mut self, request: Request) {
         let mut answers: Vec<Answer> = Vec::new();
-        self.planner.handle(self.up(), request, &mut answers).unwrap();
+        self.planner
+            .handle(self.up(), request, &mut answers)
+            .unwrap();
         self.planner.wake(self.up(), &mut answers).unwrap();
         self.answers.extend(answers.into_iter().map(In::Planned));
     }
@@ -297,14 +373,24 @@ impl Swarm {
     fn second(&mut self, carried: usize) {
         (self.now_s, self.up_s) = (self.now_s + 1, self.up_s + 1);
         let now = Time::ZERO + Duration::from_secs(self.now_s);
-        let heard: Vec<VehicleProgress> =
-            self.rovers.iter().filter(|rover| !rover.is_dead).map(Rover::progress).collect();
+        let heard: Vec<VehicleProgress> = self
+            .rovers
+            .iter()
+            .filter(|rover| !rover.is_dead)
+            .map(Rover::progress)
+            .collect();
         for index in 0..self.rovers.len() {
-            let others = self.rovers.iter().enumerate().filter(|(other, _)| *other != index);
+            let others = self
+                .rovers
+                .iter()
+                .enumerate()
+                .filter(|(other, _)| *other != index);
             let places: Vec<Point> = others.map(|(_, rover)| rover.at).collect();
             let rover = &mut self.rovers[index];
             if !rover.is_dead {
-                heard.iter().for_each(|progress| rover.follower.hear(now, progress));
+                heard
+                    .iter()
+                    .for_each(|progress| rover.follower.hear(now, progress));
                 rover.drive(now, &places);
             }
         }
@@ -312,11 +398,17 @@ impl Swarm {
             self.tell(answer, usize::MAX);
         }
         let is_heard = |rover: &&mut Rover| !rover.is_dead && !rover.is_cut;
-        let said: Vec<Message> = self.rovers.iter_mut().filter(is_heard).flat_map(Rover::says).collect();
+        let said: Vec<Message> = self
+            .rovers
+            .iter_mut()
+            .filter(is_heard)
+            .flat_map(Rover::says)
+            .collect();
         for message in said {
             if let Message::Samples(batch) = &message {
                 let key = |sample: &Sample| (batch.vehicle, batch.boot, batch.run, sample.sequence);
-                self.disk.extend(batch.samples.iter().map(|sample| (key(sample), *sample)));
+                self.disk
+                    .extend(batch.samples.iter().map(|sample| (key(sample), *sample)));
             }
             self.tell(In::Bus(message), usize::MAX);
         }
@@ -333,15 +425,21 @@ impl Swarm {
     /// Starts the station anew from what was stored, samples newest first.
     fn resume(&mut self) {
         (self.up_s, self.answers) = (0, Vec::new());
-        let batch = |((vehicle, boot, run, _), sample): (&(VehicleId, Boot, RunId, u64), &Sample)| Samples {
-            vehicle: *vehicle,
-            boot: *boot,
-            run: *run,
-            samples: vec![*sample],
-            lost: vec![],
-        };
+        let batch =
+            |((vehicle, boot, run, _), sample): (&(VehicleId, Boot, RunId, u64), &Sample)| {
+                Samples {
+                    vehicle: *vehicle,
+                    boot: *boot,
+                    run: *run,
+                    samples: vec![*sample],
+                    lost: vec![],
+                }
+            };
         let samples: Vec<Samples> = self.disk.iter().rev().map(batch).collect();
-        let settings = StationSettings { boot: Boot(2), ..self.settings.clone() };
+        let settings = StationSettings {
+            boot: Boot(2),
+            ..self.settings.clone()
+        };
         let memory = self.memory.clone().expect("something was remembered");
         self.station = Station::resume(settings, memory, samples, []);
     }
@@ -378,7 +476,11 @@ impl Swarm {
 
     /// The last jobs of the run: what its pictures are made of.
     fn last_jobs(&self) -> BTreeSet<String> {
-        self.jobs.iter().filter(|job| job.is_last).map(|job| format!("{job:?}")).collect()
+        self.jobs
+            .iter()
+            .filter(|job| job.is_last)
+            .map(|job| format!("{job:?}"))
+            .collect()
     }
 }
 
@@ -387,6 +489,14 @@ fn order(swarm: &mut Swarm, run: RunId, kind: OrderKind) {
     let lease = swarm.station.leases.own();
     for rover in &mut swarm.rovers {
         let revision = Revision(rover.ordered.revision.0 + 1);
-        rover.obey(&Order { vehicle: rover.id, lease, run, revision, seen: None, kind, ends: vec![] });
+        rover.obey(&Order {
+            vehicle: rover.id,
+            lease,
+            run,
+            revision,
+            seen: None,
+            kind,
+            ends: vec![],
+        });
     }
 }

@@ -24,7 +24,14 @@ fn edition(revision: u32, stops: u32) -> Plan {
     };
     let (vehicle, members) = (VehicleId(1), vec![VehicleId(1)]);
     let stops = (1..=stops).map(stop).collect();
-    Plan { vehicle, run: RUN, revision: Revision(revision), members, stops, ..Plan::default() }
+    Plan {
+        vehicle,
+        run: RUN,
+        revision: Revision(revision),
+        members,
+        stops,
+        ..Plan::default()
+    }
 }
 
 /// A vehicle at the datum that has adopted a plan.
@@ -35,15 +42,26 @@ fn followed(stops: u32) -> GroundPlan {
         assert_eq!(plan.offer(Time::ZERO, &plan_heard), None);
     }
     let news = plan.news();
-    assert!(news.is_adopted && news.progress.is_some_and(|progress| progress.revision == Revision(2)));
+    assert!(
+        news.is_adopted
+            && news
+                .progress
+                .is_some_and(|progress| progress.revision == Revision(2))
+    );
     plan
 }
 
 #[test]
 fn legs_are_entered_as_far_ahead_as_the_way_is_short() {
     let mut plan = followed(4);
-    assert_eq!(plan.enter_next(0.0, false).map(|stop| stop.id), Some(StopId(1)));
-    assert_eq!(plan.enter_next(2.0, false).map(|stop| stop.id), Some(StopId(2)));
+    assert_eq!(
+        plan.enter_next(0.0, false).map(|stop| stop.id),
+        Some(StopId(1))
+    );
+    assert_eq!(
+        plan.enter_next(2.0, false).map(|stop| stop.id),
+        Some(StopId(2))
+    );
     assert_eq!(plan.enter_next(4.0, false), None, "the way is long enough");
     assert_eq!(
         plan.enter_next(4.0, true).map(|stop| stop.id),
@@ -77,13 +95,20 @@ fn a_plan_that_was_left_is_left_until_a_newer_one_is_adopted() {
 
 #[test]
 fn a_revision_that_nobody_gives_any_more_keeps_nobody_from_going_on() {
-    let both = |revision| Plan { members: vec![VehicleId(1), VehicleId(2)], ..edition(revision, 0) };
+    let both = |revision| Plan {
+        members: vec![VehicleId(1), VehicleId(2)],
+        ..edition(revision, 0)
+    };
     for (heard_s, goes_on) in [(14.9, false), (15.0, true)] {
         let mut plan = followed(2);
         plan.offer(at(0.0), &both(900));
         assert!(plan.enter_next(0.0, false).is_none());
         plan.offer(at(heard_s), &edition(2, 2));
-        assert_eq!(plan.enter_next(0.0, false).is_some(), goes_on, "{heard_s} s");
+        assert_eq!(
+            plan.enter_next(0.0, false).is_some(),
+            goes_on,
+            "{heard_s} s"
+        );
         // As long as it is given it counts.
         let mut given = followed(2);
         for second in 0..60_u32 {
@@ -100,8 +125,15 @@ fn a_plan_that_is_not_taken_is_said_once_and_why() {
     let far = edition(3, 20);
     let outside = Remark::Outside(Point::new(26.0, 0.0));
     assert_eq!(plan.refuse(&far, false), Err(Some(outside)));
-    assert_eq!(plan.refuse(&far, false), Err(None), "it is repeated by the ground");
-    assert_eq!(plan.refuse(&edition(4, 1), true), Err(Some(Remark::OldPlan(RUN, Revision(4)))));
+    assert_eq!(
+        plan.refuse(&far, false),
+        Err(None),
+        "it is repeated by the ground"
+    );
+    assert_eq!(
+        plan.refuse(&edition(4, 1), true),
+        Err(Some(Remark::OldPlan(RUN, Revision(4))))
+    );
     assert_eq!(plan.refuse(&edition(4, 1), false), Ok(()));
 }
 
@@ -118,7 +150,9 @@ fn at_the_end_of_a_plan_the_last_stops_may_be_given_up_and_no_more_in_a_row_than
     let mut plan = followed(1);
     plan.enter_next(0.0, false).unwrap();
     assert!(!plan.gives_up_stop(5, |_| false), "too many are left");
-    let given_up = (0..100).filter(|_| plan.gives_up_stop(1, |_| false)).count();
+    let given_up = (0..100)
+        .filter(|_| plan.gives_up_stop(1, |_| false))
+        .count();
     assert_eq!(given_up, 16);
     plan.pass(at(3.0), StopId(1), Point::new(2.0, 0.0));
     assert!(plan.gives_up_stop(1, |_| true), "one was reached meanwhile");

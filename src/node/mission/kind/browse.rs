@@ -34,7 +34,8 @@ mod tests {
     #[test]
     fn it_looks_around_once_and_has_ended() {
         let mut browse = Browse::default();
-        let steps = [Seen::Ready, LOOKED, Seen::Ready].map(|seen| step(&mut browse, seen, (0.0, 0.0)));
+        let steps =
+            [Seen::Ready, LOOKED, Seen::Ready].map(|seen| step(&mut browse, seen, (0.0, 0.0)));
         assert_eq!(steps, [Step::LookAround, Step::Think, Step::End(End::Done)]);
     }
 }

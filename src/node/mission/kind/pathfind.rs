@@ -24,7 +24,12 @@ pub struct Pathfind {
 impl Pathfind {
     /// Makes a mission that visits places in order.
     pub fn to(places: &[Point]) -> Pathfind {
-        Pathfind { is_begun: false, places: places.iter().copied().collect(), no_way: 0, given_up: 0 }
+        Pathfind {
+            is_begun: false,
+            places: places.iter().copied().collect(),
+            no_way: 0,
+            given_up: 0,
+        }
     }
 
     /// Returns how many places are still to be visited.
@@ -80,7 +85,10 @@ mod tests {
     /// A mission to [`PLACES`] that has looked around where it begins.
     fn begun() -> Pathfind {
         let mut pathfind = Pathfind::to(&PLACES);
-        assert_eq!(step(&mut pathfind, Seen::Ready, (0.0, 0.0)), Step::LookAround);
+        assert_eq!(
+            step(&mut pathfind, Seen::Ready, (0.0, 0.0)),
+            Step::LookAround
+        );
         assert_eq!(step(&mut pathfind, LOOKED, (0.0, 0.0)), Step::Think);
         pathfind
     }
@@ -89,17 +97,36 @@ mod tests {
     fn it_looks_around_at_every_place() {
         let mut pathfind = begun();
         for place in PLACES {
-            assert_eq!(step(&mut pathfind, Seen::Ready, (0.0, 0.0)), Step::GoTo(place));
-            assert_eq!(step(&mut pathfind, Seen::Arrived, (place.x_m, place.y_m)), Step::LookAround);
+            assert_eq!(
+                step(&mut pathfind, Seen::Ready, (0.0, 0.0)),
+                Step::GoTo(place)
+            );
+            assert_eq!(
+                step(&mut pathfind, Seen::Arrived, (place.x_m, place.y_m)),
+                Step::LookAround
+            );
         }
-        assert_eq!(step(&mut pathfind, Seen::Ready, (2.0, 3.0)), Step::End(End::Done));
+        assert_eq!(
+            step(&mut pathfind, Seen::Ready, (2.0, 3.0)),
+            Step::End(End::Done)
+        );
     }
 
     #[test]
     fn what_is_in_the_way_is_no_reason_to_pass_a_place_over() {
         let mut pathfind = begun();
-        assert_eq!(step(&mut pathfind, Seen::Blocked(Point::new(1.0, 0.0)), (0.5, 0.0)), Step::TryAgain);
-        assert_eq!(step(&mut pathfind, Seen::Ready, (0.5, 0.0)), Step::GoTo(PLACES[0]));
+        assert_eq!(
+            step(
+                &mut pathfind,
+                Seen::Blocked(Point::new(1.0, 0.0)),
+                (0.5, 0.0)
+            ),
+            Step::TryAgain
+        );
+        assert_eq!(
+            step(&mut pathfind, Seen::Ready, (0.5, 0.0)),
+            Step::GoTo(PLACES[0])
+        );
     }
 
     #[test]
@@ -128,6 +155,10 @@ mod tests {
         assert_eq!(pathfind.give_up(), End::GaveUp(1));
         let mut pathfind = begun();
         pathfind.pass_over(PassedOver::GivenUp);
-        assert_eq!(pathfind.give_up(), End::GaveUp(2), "one of them was given up before");
+        assert_eq!(
+            pathfind.give_up(),
+            End::GaveUp(2),
+            "one of them was given up before"
+        );
     }
 }

@@ -65,7 +65,9 @@ impl Patrol {
     /// Returns the place that comes next, unless the patrol is over.
     fn next_place(&self, now: Time) -> Option<Point> {
         let began = self.began.unwrap_or(now);
-        let is_late = self.duration.is_some_and(|duration| now.since(began) >= duration);
+        let is_late = self
+            .duration
+            .is_some_and(|duration| now.since(began) >= duration);
         let is_barred = self.missed_in_a_row >= self.places.len();
         if is_late || is_barred || self.places_left() == 0 {
             return None;
@@ -81,7 +83,10 @@ impl Patrol {
                 Fate::Untried | Fate::Visited => None,
             })
         };
-        match (missed().count(), missed().any(|why| why == PassedOver::GivenUp)) {
+        match (
+            missed().count(),
+            missed().any(|why| why == PassedOver::GivenUp),
+        ) {
             (0, _) => End::Done,
             (places, false) => End::NoWay(places),
             (places, true) => End::GaveUp(places),
@@ -91,11 +96,22 @@ impl Patrol {
     /// Takes what became of the place that was next.
     fn pass(&mut self, became: Fate) {
         let in_round = self.places.len();
-        if let Some((_, fate)) = self.places.get_mut(self.passed.checked_rem(in_round).unwrap_or(0)) {
-            *fate = if *fate == Fate::Visited { Fate::Visited } else { became };
+        if let Some((_, fate)) = self
+            .places
+            .get_mut(self.passed.checked_rem(in_round).unwrap_or(0))
+        {
+            *fate = if *fate == Fate::Visited {
+                Fate::Visited
+            } else {
+                became
+            };
         }
         self.passed += 1;
-        self.missed_in_a_row = if became == Fate::Visited { 0 } else { self.missed_in_a_row + 1 };
+        self.missed_in_a_row = if became == Fate::Visited {
+            0
+        } else {
+            self.missed_in_a_row + 1
+        };
     }
 }
 
@@ -106,7 +122,9 @@ impl MissionKind for Patrol {
                 self.began = Some(around.now);
                 Step::LookAround
             }
-            Seen::Ready => self.next_place(around.now).map_or_else(|| Step::End(self.end()), Step::GoTo),
+            Seen::Ready => self
+                .next_place(around.now)
+                .map_or_else(|| Step::End(self.end()), Step::GoTo),
             Seen::UnderWay => Step::GoOn,
             Seen::Arrived => {
                 self.pass(Fate::Visited);
@@ -148,7 +166,10 @@ mod tests {
             match step(patrol, Seen::Ready, (0.0, 0.0)) {
                 Step::GoTo(place) => {
                     places.push(place);
-                    assert_eq!(step(patrol, Seen::Arrived, (place.x_m, place.y_m)), Step::LookAround);
+                    assert_eq!(
+                        step(patrol, Seen::Arrived, (place.x_m, place.y_m)),
+                        Step::LookAround
+                    );
                 }
                 Step::End(end) => return (places, Some(end)),
                 other => panic!("{other:?}"),
@@ -176,10 +197,22 @@ mod tests {
     fn when_its_time_is_over_it_ends_at_the_next_place() {
         let mut patrol = begun(None, Some(60));
         let at = |s: u64| Time::from_nanos(s * 1_000_000_000);
-        assert_eq!(step_at(&mut patrol, Seen::Ready, (0.0, 0.0), at(59)), Step::GoTo(A));
-        assert_eq!(step_at(&mut patrol, Seen::UnderWay, (1.0, 0.0), at(61)), Step::GoOn);
-        assert_eq!(step_at(&mut patrol, Seen::Arrived, (2.0, 0.0), at(62)), Step::LookAround);
-        assert_eq!(step_at(&mut patrol, Seen::Ready, (2.0, 0.0), at(70)), Step::End(End::Done));
+        assert_eq!(
+            step_at(&mut patrol, Seen::Ready, (0.0, 0.0), at(59)),
+            Step::GoTo(A)
+        );
+        assert_eq!(
+            step_at(&mut patrol, Seen::UnderWay, (1.0, 0.0), at(61)),
+            Step::GoOn
+        );
+        assert_eq!(
+            step_at(&mut patrol, Seen::Arrived, (2.0, 0.0), at(62)),
+            Step::LookAround
+        );
+        assert_eq!(
+            step_at(&mut patrol, Seen::Ready, (2.0, 0.0), at(70)),
+            Step::End(End::Done)
+        );
     }
 
     #[test]
@@ -198,7 +231,11 @@ mod tests {
         patrol.pass_over(PassedOver::GivenUp);
         assert_eq!(visited(&mut patrol, 1), (vec![B], None));
         patrol.pass_over(PassedOver::NoWay);
-        assert_eq!(visited(&mut patrol, 9), (vec![B], Some(End::NoWay(1))), "the last reason counts");
+        assert_eq!(
+            visited(&mut patrol, 9),
+            (vec![B], Some(End::NoWay(1))),
+            "the last reason counts"
+        );
     }
 
     #[test]
@@ -207,7 +244,11 @@ mod tests {
         assert_eq!(visited(&mut patrol, 1), (vec![A], None));
         patrol.pass_over(PassedOver::NoWay);
         patrol.pass_over(PassedOver::GivenUp);
-        assert_eq!(visited(&mut patrol, 9), (vec![], Some(End::NoWay(1))), "it has been at the other one");
+        assert_eq!(
+            visited(&mut patrol, 9),
+            (vec![], Some(End::NoWay(1))),
+            "it has been at the other one"
+        );
         let mut patrol = begun(None, None);
         patrol.pass_over(PassedOver::NoWay);
         patrol.pass_over(PassedOver::GivenUp);

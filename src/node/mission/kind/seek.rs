@@ -100,7 +100,10 @@ impl MissionKind for Seek {
                 Step::TryAgain
             }
             (Seen::Blocked(_), Stage::Fresh | Stage::Choosing) => Step::TryAgain,
-            (Seen::Looked { from, toward, at }, Stage::Fresh | Stage::Choosing | Stage::Going(_)) => {
+            (
+                Seen::Looked { from, toward, at },
+                Stage::Fresh | Stage::Choosing | Stage::Going(_),
+            ) => {
                 if at.is_some() {
                     self.note_look(around.pilot, from, toward, at);
                 }
@@ -152,7 +155,9 @@ impl Seek {
     /// Chooses the next look, or ends.
     fn choose(&mut self, around: &Surroundings<'_>) -> Step {
         self.stage = Stage::Choosing;
-        let Some(mut grid) = ground(around, &around.claims()) else { return Step::End(End::TooLarge) };
+        let Some(mut grid) = ground(around, &around.claims()) else {
+            return Step::End(End::TooLarge);
+        };
         self.keep_frontiers(around.pilot);
         let candidates = self.rated(around, grid.area());
         for is_narrow in [false, true] {
@@ -163,7 +168,11 @@ impl Seek {
                 return self.go_and_look(around, &grid, &reached, is_narrow, sight);
             }
         }
-        if self.is_barred_by_peers(around) { Step::YieldToPeers } else { Step::End(End::Done) }
+        if self.is_barred_by_peers(around) {
+            Step::YieldToPeers
+        } else {
+            Step::End(End::Done)
+        }
     }
 
     /// Returns where to look from and at what, and the ways to all places.
@@ -176,8 +185,15 @@ impl Seek {
         let (at, lattice) = (around.pose.at, self.settings.lattice);
         let reached = Distances::from_start(grid, lattice.cell_at(at), &RULES).ok()?;
         let view = around.pilot.map().view(self.settings.slice, grid.area());
-        let known = Ground { lattice, view: &view, grid, reached: &reached, looks: &self.looks };
-        let sight = known.best_sight(at, candidates, self.reach(around.pilot.keep_m(around.pose)))?;
+        let known = Ground {
+            lattice,
+            view: &view,
+            grid,
+            reached: &reached,
+            looks: &self.looks,
+        };
+        let sight =
+            known.best_sight(at, candidates, self.reach(around.pilot.keep_m(around.pose)))?;
         Some((sight, reached))
     }
 
@@ -199,7 +215,10 @@ impl Seek {
             return Step::Think;
         };
         self.stage = Stage::Going(sight.at);
-        Step::GoAlong(Course { corners: route.points[1..].to_vec(), is_narrow })
+        Step::GoAlong(Course {
+            corners: route.points[1..].to_vec(),
+            is_narrow,
+        })
     }
 
     /// Returns whether without peers there would be something to look at.
@@ -207,15 +226,21 @@ impl Seek {
         if around.peers.iter().next().is_none() {
             return false;
         }
-        let Some(mut grid) = ground(around, &[]) else { return false };
+        let Some(mut grid) = ground(around, &[]) else {
+            return false;
+        };
         grid.open_along(around.pilot.driven());
-        self.choose_sight(around, &grid, &self.candidates()).is_some()
+        self.choose_sight(around, &grid, &self.candidates())
+            .is_some()
     }
 
     /// Returns from how far away to look: nothing is looked at from where it is not surely seen.
     fn reach(&self, keep_m: f64) -> Reach {
         let far_m = self.settings.look.sure_range_m;
-        Reach { near_m: (keep_m + NEARER_M).min(far_m), far_m }
+        Reach {
+            near_m: (keep_m + NEARER_M).min(far_m),
+            far_m,
+        }
     }
 
     /// Returns all frontier cells that are worth another look.
@@ -223,10 +248,16 @@ impl Seek {
         let lattice = self.settings.lattice;
         let least = (FRONTIER_M / lattice.cell_m()).round().max(1.0) as usize;
         let clusters = self.frontiers.iter().flat_map(Frontiers::clusters);
-        let cells = clusters.filter(|cluster| cluster.size() >= least).flat_map(|cluster| cluster.cells);
+        let cells = clusters
+            .filter(|cluster| cluster.size() >= least)
+            .flat_map(|cluster| cluster.cells);
         cells
             .filter(|cell| !self.looks.is_spent(*cell))
-            .map(|cell| Candidate { cell, at: lattice.centre(cell), penalty_m: 0.0 })
+            .map(|cell| Candidate {
+                cell,
+                at: lattice.centre(cell),
+                penalty_m: 0.0,
+            })
             .collect()
     }
 
@@ -240,9 +271,13 @@ impl Seek {
             }
             return;
         }
-        let Some(area) = CellRect::around(lattice, self.settings.fence.corners(), 0.0) else { return };
+        let Some(area) = CellRect::around(lattice, self.settings.fence.corners(), 0.0) else {
+            return;
+        };
         let inside = |at: Point| self.settings.fence.contains(at);
-        let Ok(mut frontiers) = Frontiers::new(lattice, slice, area, inside) else { return };
+        let Ok(mut frontiers) = Frontiers::new(lattice, slice, area, inside) else {
+            return;
+        };
         frontiers.update(map, area);
         self.frontiers = Some(frontiers);
     }
@@ -250,7 +285,9 @@ impl Seek {
     /// Returns whether a cell is still a frontier.
     fn is_frontier(&mut self, pilot: &Pilot, cell: Cell) -> bool {
         self.keep_frontiers(pilot);
-        self.frontiers.as_ref().is_some_and(|frontiers| frontiers.contains(cell))
+        self.frontiers
+            .as_ref()
+            .is_some_and(|frontiers| frontiers.contains(cell))
     }
 
     /// Returns what is worth a look, and what is rather looked at.
@@ -270,17 +307,25 @@ impl Seek {
     fn is_near_object(&self, view: &View<'_>, cell: Cell) -> bool {
         let reach = (NEAR_OBJECT_M / self.settings.lattice.cell_m()).ceil() as i32;
         let mut near = (-reach..=reach).flat_map(|dy| (-reach..=reach).map(move |dx| (dx, dy)));
-        near.any(|(dx, dy)| view.occupancy(Cell::new(cell.x + dx, cell.y + dy)) == Occupancy::Occupied)
+        near.any(|(dx, dy)| {
+            view.occupancy(Cell::new(cell.x + dx, cell.y + dy)) == Occupancy::Occupied
+        })
     }
 
     /// Notes a look from a place along a heading at everything unknown that it covered, and at one cell surely.
     fn note_look(&mut self, pilot: &Pilot, from: Point, heading: Angle, at: Option<Cell>) {
         let look = &self.settings.look;
-        let widest_rad = look.beams.iter().map(|beam| beam.radians().abs()).fold(0.0, f64::max);
+        let widest_rad = look
+            .beams
+            .iter()
+            .map(|beam| beam.radians().abs())
+            .fold(0.0, f64::max);
         let half_rad = widest_rad + 0.5 * look.half_angle.radians();
         let reach_m = look.sure_range_m;
         let lattice = self.settings.lattice;
-        let Some(area) = CellRect::around(lattice, &[from], reach_m) else { return };
+        let Some(area) = CellRect::around(lattice, &[from], reach_m) else {
+            return;
+        };
         self.keep_frontiers(pilot);
         let view = pilot.map().view(self.settings.slice, area);
         let is_covered = |one: &Candidate| {
@@ -289,7 +334,11 @@ impl Seek {
                 && off.radians().abs() <= half_rad
                 && sees(&view, lattice, from, one.at)
         };
-        let covered = self.candidates().into_iter().filter(is_covered).map(|one| one.cell);
+        let covered = self
+            .candidates()
+            .into_iter()
+            .filter(is_covered)
+            .map(|one| one.cell);
         let cells: Vec<Cell> = covered.chain(at).collect();
         self.looks.note(&cells, from);
     }
@@ -297,14 +346,19 @@ impl Seek {
 
 /// Returns the known free ground where the vehicle may be, clear of what peers claim.
 fn ground(around: &Surroundings<'_>, claims: &[Vec<Point>]) -> Option<Grid> {
-    around.pilot.ground(around.now, around.pose, None, false, claims)
+    around
+        .pilot
+        .ground(around.now, around.pose, None, false, claims)
 }
 
 /// Returns whether a peer is going to see a place anyway.
 fn is_a_peers(around: &Surroundings<'_>, at: Point) -> bool {
     let own_m = around.pose.at.distance_to(at);
     let goes = |moved_at| around.now.since(moved_at) <= PEER_GOES;
-    let ends = around.peers.iter().filter(|(_, peer)| goes(peer.moved_at) && !peer.is_silent(around.now));
+    let ends = around
+        .peers
+        .iter()
+        .filter(|(_, peer)| goes(peer.moved_at) && !peer.is_silent(around.now));
     let mut ends = ends.filter_map(|(_, peer)| peer.claim.last());
     ends.any(|end| end.distance_to(at) < (PEER_SHARE * own_m).min(PEER_M))
 }

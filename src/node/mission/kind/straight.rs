@@ -20,12 +20,18 @@ pub struct Straight {
 impl Straight {
     /// Makes a mission that visits places in order.
     pub fn along(places: &[Point]) -> Straight {
-        Straight { places: places.iter().copied().collect(), ahead_m: None }
+        Straight {
+            places: places.iter().copied().collect(),
+            ahead_m: None,
+        }
     }
 
     /// Makes a mission that goes straight ahead, as the vehicle stands when it begins.
     pub fn ahead(distance_m: f64) -> Straight {
-        Straight { places: VecDeque::new(), ahead_m: Some(distance_m) }
+        Straight {
+            places: VecDeque::new(),
+            ahead_m: Some(distance_m),
+        }
     }
 
     /// Returns how many places are still to be visited.
@@ -35,9 +41,12 @@ impl Straight {
 
     fn next_leg(&mut self, around: &Surroundings<'_>) -> Step {
         if let Some(ahead_m) = self.ahead_m.take() {
-            self.places.push_back(around.pose.at + Vector::polar(around.pose.heading, ahead_m));
+            self.places
+                .push_back(around.pose.at + Vector::polar(around.pose.heading, ahead_m));
         }
-        self.places.front().map_or(Step::End(End::Done), |place| Step::GoStraight(*place))
+        self.places
+            .front()
+            .map_or(Step::End(End::Done), |place| Step::GoStraight(*place))
     }
 }
 
@@ -70,11 +79,20 @@ mod tests {
         let places = [Point::new(2.0, 0.0), Point::new(2.0, 3.0)];
         let mut legs = Straight::along(&places);
         for place in places {
-            assert_eq!(step(&mut legs, Seen::Ready, (0.0, 0.0)), Step::GoStraight(place));
+            assert_eq!(
+                step(&mut legs, Seen::Ready, (0.0, 0.0)),
+                Step::GoStraight(place)
+            );
             assert_eq!(step(&mut legs, Seen::UnderWay, (1.0, 0.0)), Step::GoOn);
-            assert_eq!(step(&mut legs, Seen::Arrived, (place.x_m, place.y_m)), Step::Think);
+            assert_eq!(
+                step(&mut legs, Seen::Arrived, (place.x_m, place.y_m)),
+                Step::Think
+            );
         }
-        assert_eq!(step(&mut legs, Seen::Ready, (2.0, 3.0)), Step::End(End::Done));
+        assert_eq!(
+            step(&mut legs, Seen::Ready, (2.0, 3.0)),
+            Step::End(End::Done)
+        );
     }
 
     #[test]
@@ -86,9 +104,15 @@ mod tests {
 
     #[test]
     fn it_ends_in_front_of_what_stands_in_its_way() {
-        let (mut legs, wall) = (Straight::along(&[Point::new(2.0, 0.0)]), Point::new(1.0, 0.0));
+        let (mut legs, wall) = (
+            Straight::along(&[Point::new(2.0, 0.0)]),
+            Point::new(1.0, 0.0),
+        );
         step(&mut legs, Seen::Ready, (0.0, 0.0));
-        assert_eq!(step(&mut legs, Seen::Blocked(wall), (0.5, 0.0)), Step::End(End::Stopped(wall)));
+        assert_eq!(
+            step(&mut legs, Seen::Blocked(wall), (0.5, 0.0)),
+            Step::End(End::Stopped(wall))
+        );
     }
 
     #[test]
@@ -96,8 +120,15 @@ mod tests {
         let mut ahead = Straight::ahead(3.0);
         let goal = Step::GoStraight(Point::new(4.0, 2.0));
         assert_eq!(step(&mut ahead, Seen::Ready, (1.0, 2.0)), goal);
-        assert_eq!(step(&mut ahead, Seen::Ready, (2.0, 2.0)), goal, "also after an interruption");
+        assert_eq!(
+            step(&mut ahead, Seen::Ready, (2.0, 2.0)),
+            goal,
+            "also after an interruption"
+        );
         step(&mut ahead, Seen::Arrived, (4.0, 2.0));
-        assert_eq!(step(&mut ahead, Seen::Ready, (4.0, 2.0)), Step::End(End::Done));
+        assert_eq!(
+            step(&mut ahead, Seen::Ready, (4.0, 2.0)),
+            Step::End(End::Done)
+        );
     }
 }

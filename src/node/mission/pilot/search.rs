@@ -21,7 +21,12 @@ const FENCE_M: f64 = 0.05;
 const LEAVE_M: f64 = 0.6;
 
 /// How paths are searched.
-pub const RULES: Rules = Rules { diagonal: true, cut_corners: false, escape_m: ESCAPE_M, turning: None };
+pub const RULES: Rules = Rules {
+    diagonal: true,
+    cut_corners: false,
+    escape_m: ESCAPE_M,
+    turning: None,
+};
 
 fn is_small(area: &CellRect) -> bool {
     area.width_cells().saturating_mul(area.height_cells()) <= MAX_GRID_CELLS
@@ -40,15 +45,19 @@ impl Pilot {
         self.is_narrow = false;
         if found.is_none() && self.way.end() == self.settings.home {
             let count = self.way.ahead().count();
-            found =
-                self.driven_path(now, pose, self.settings.home, &self.peers).map(|points| (count, points));
+            found = self
+                .driven_path(now, pose, self.settings.home, &self.peers)
+                .map(|points| (count, points));
             self.is_narrow = found.is_some();
         }
         if found.is_none() && self.failures % 3 == 2 {
             found = self.retreat(self.trail.iter(), now, pose);
         }
         self.retreat_m = None;
-        self.doing = Doing::Planning { ready: now + self.settings.path_time, found };
+        self.doing = Doing::Planning {
+            ready: now + self.settings.path_time,
+            found,
+        };
     }
 
     /// Searches a path to the first corner ahead that can be reached; with it, how many corners it replaces.
@@ -76,7 +85,9 @@ impl Pilot {
     ) -> Option<(usize, Vec<Point>)> {
         places.find_map(|place| {
             let far = place.distance_to(pose.at) >= RETREAT_M;
-            far.then(|| self.path(now, pose, *place, true, &self.peers)).flatten().map(|points| (0, points))
+            far.then(|| self.path(now, pose, *place, true, &self.peers))
+                .flatten()
+                .map(|points| (0, points))
         })
     }
 
@@ -84,12 +95,15 @@ impl Pilot {
     fn is_hemmed_in(&self, now: Time, pose: Pose) -> bool {
         let near_m = 2.0 * self.settings.lattice.cell_m();
         let is_near = |bump: &Bump| bump.at.distance_to(pose.at) < bump.keep_m + near_m;
-        self.bumps.iter().any(|bump| bump.until > now && is_near(bump))
+        self.bumps
+            .iter()
+            .any(|bump| bump.until > now && is_near(bump))
     }
 
     /// Returns whether a place could be reached, as far as is known; unknown cells count as free.
     pub fn can_reach(&self, now: Time, state: &OwnState, place: Point) -> bool {
-        self.path(now, state.pose, place, true, &self.peers).is_some()
+        self.path(now, state.pose, place, true, &self.peers)
+            .is_some()
     }
 
     pub(super) fn path(
@@ -103,7 +117,10 @@ impl Pilot {
         let area = self.area(pose.at, goal)?;
         let grid = self.grid(now, pose, Some(goal), area, unknown_allowed, peers)?;
         let points = shortest_route(&grid, pose.at, goal, &RULES).ok()?.points;
-        peers.iter().all(|claim| self.keeps_clear_of(claim, &points)).then_some(points)
+        peers
+            .iter()
+            .all(|claim| self.keeps_clear_of(claim, &points))
+            .then_some(points)
     }
 
     /// Searches a path over known ground and the places where the vehicle has driven, however near to something these
@@ -118,7 +135,10 @@ impl Pilot {
         let mut grid = self.ground(now, pose, Some(goal), false, peers)?;
         grid.open_along(&self.driven);
         let points = shortest_route(&grid, pose.at, goal, &RULES).ok()?.points;
-        peers.iter().all(|claim| self.keeps_clear_of(claim, &points)).then_some(points)
+        peers
+            .iter()
+            .all(|claim| self.keeps_clear_of(claim, &points))
+            .then_some(points)
     }
 
     /// Returns the places where the vehicle has driven, in order.
@@ -158,11 +178,16 @@ impl Pilot {
 
     /// Returns whether a route keeps its distance from a peer, or leads away from it, as the vehicle actor asks.
     fn keeps_clear_of(&self, claim: &[Point], route: &[Point]) -> bool {
-        let (Some(claim), Some(route)) = (Track::new(claim.to_vec()), Track::new(route.to_vec())) else {
+        let (Some(claim), Some(route)) = (Track::new(claim.to_vec()), Track::new(route.to_vec()))
+        else {
             return true;
         };
-        let (nearest_m, here_m) = (route.distance_to(&claim), claim.distance_to_point(route.start()));
-        let leads_away = nearest_m >= here_m - 1e-3 && claim.distance_to_point(route.end()) > here_m;
+        let (nearest_m, here_m) = (
+            route.distance_to(&claim),
+            claim.distance_to_point(route.start()),
+        );
+        let leads_away =
+            nearest_m >= here_m - 1e-3 && claim.distance_to_point(route.end()) > here_m;
         leads_away || nearest_m >= self.settings.swarm.separation_m
     }
 
@@ -187,17 +212,31 @@ impl Pilot {
 
     /// Closes what the map does not know: the fence, peers that stand, and what made the reflex halt. Where the
     /// vehicle stands, or the goal lies, nearer than wished, that much must do.
-    fn close(&self, grid: &mut Grid, now: Time, pose: Pose, goal: Option<Point>, peers: &[Vec<Point>]) {
+    fn close(
+        &self,
+        grid: &mut Grid,
+        now: Time,
+        pose: Pose,
+        goal: Option<Point>,
+        peers: &[Vec<Point>],
+    ) {
         let cell_m = self.settings.lattice.cell_m();
         let (fence, radius_m) = (&self.settings.fence, self.settings.body.radius_m);
         let edge_m = |at: Point| fence.distance_to_edge(at) - cell_m;
         // A goal may lie near the fence; but nobody comes nearer to it step by step.
         let least_m = radius_m + 3.0 * pose.sd_m + FENCE_M;
         let goal_m = goal.map_or(f64::INFINITY, edge_m);
-        let fence_m = self.half_width_m(pose).min(edge_m(pose.at).max(least_m)).min(goal_m).max(radius_m);
+        let fence_m = self
+            .half_width_m(pose)
+            .min(edge_m(pose.at).max(least_m))
+            .min(goal_m)
+            .max(radius_m);
         grid.close_outside(fence, fence_m);
         for claim in peers {
-            claim.first().iter().for_each(|at| self.keep_from(grid, pose.at, Segment::new(**at, **at)));
+            claim
+                .first()
+                .iter()
+                .for_each(|at| self.keep_from(grid, pose.at, Segment::new(**at, **at)));
             let pieces = claim.windows(2).map(|pair| Segment::new(pair[0], pair[1]));
             pieces.for_each(|piece| self.keep_from(grid, pose.at, piece));
         }
@@ -221,10 +260,14 @@ impl Pilot {
         let leaves = |place: Point| {
             let leads_m = Segment::new(from, place).distance_to(claim);
             let is_beside = place.distance_to(from) <= LEAVE_M;
-            is_beside && claim.distance_to_point(place) >= here_m && leads_m >= here_m.min(separation_m)
+            is_beside
+                && claim.distance_to_point(place) >= here_m
+                && leads_m >= here_m.min(separation_m)
         };
         grid.close_where(|place| {
-            claim.distance_to_point(place) <= keep_m && lattice.cell_at(place) != start && !leaves(place)
+            claim.distance_to_point(place) <= keep_m
+                && lattice.cell_at(place) != start
+                && !leaves(place)
         });
     }
 }

@@ -31,11 +31,16 @@ impl StepRunner {
         unknown_allowed: bool,
         peers: &[Vec<Point>],
     ) -> Result<Course, NoRoute> {
-        let mut grid = self.ground(scene, Some(goal), unknown_allowed, peers).ok_or(NoRoute::GoalOutside)?;
+        let mut grid = self
+            .ground(scene, Some(goal), unknown_allowed, peers)
+            .ok_or(NoRoute::GoalOutside)?;
         let from = scene.pose().at;
         let course = |grid: &Grid, is_narrow: bool| {
             let route = shortest_route(grid, from, goal, &RULES)?;
-            Ok(Course { corners: route.points[1..].to_vec(), is_narrow })
+            Ok(Course {
+                corners: route.points[1..].to_vec(),
+                is_narrow,
+            })
         };
         course(&grid, false).or_else(|_: NoRoute| {
             grid.open_along(scene.pilot.driven());
@@ -52,7 +57,9 @@ impl StepRunner {
         peers: &[Vec<Point>],
     ) -> Option<Grid> {
         let pose = scene.pose();
-        let mut grid = scene.pilot.ground(scene.now, pose, goal, unknown_allowed, peers)?;
+        let mut grid = scene
+            .pilot
+            .ground(scene.now, pose, goal, unknown_allowed, peers)?;
         self.close_barred(&mut grid, scene);
         grid.stand_on(self.settings.lattice.cell_at(pose.at));
         Some(grid)
@@ -64,9 +71,15 @@ impl StepRunner {
             return;
         }
         let (lattice, keep_m) = (self.settings.lattice, scene.pilot.keep_m(scene.pose()));
-        let track = scene.pilot.driven().windows(2).map(|pair| Segment::new(pair[0], pair[1]));
-        let mut driven: Vec<(i32, i32)> =
-            track.flat_map(|piece| lattice.cells_under(piece)).map(|cell| (cell.y, cell.x)).collect();
+        let track = scene
+            .pilot
+            .driven()
+            .windows(2)
+            .map(|pair| Segment::new(pair[0], pair[1]));
+        let mut driven: Vec<(i32, i32)> = track
+            .flat_map(|piece| lattice.cells_under(piece))
+            .map(|cell| (cell.y, cell.x))
+            .collect();
         driven.sort_unstable();
         let is_driven = |place: Point| {
             let cell = lattice.cell_at(place);
@@ -80,7 +93,10 @@ impl StepRunner {
     /// Returns whether that is news; a peer that makes no room is none.
     pub(super) fn note_barred(&mut self, scene: &Scene<'_>, at: Point) -> bool {
         let cell = self.settings.lattice.cell_at(at);
-        let view = scene.pilot.map().view(self.settings.slice, CellRect::new(cell, cell));
+        let view = scene
+            .pilot
+            .map()
+            .view(self.settings.slice, CellRect::new(cell, cell));
         let is_new = view.occupancy(cell) != Occupancy::Free && !self.barred.contains(&at);
         if is_new {
             self.barred.push(at);

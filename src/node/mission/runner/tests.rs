@@ -17,14 +17,23 @@ struct Rig {
 
 impl Rig {
     fn new(task: TaskKind) -> Rig {
-        let settings = Settings { task: Some(task), ..settings(1) };
+        let settings = Settings {
+            task: Some(task),
+            ..settings(1)
+        };
         let mut pilot = Pilot::new(settings.clone());
         for tile in tiles(None) {
             let In::Tile(tile) = tile else { continue };
             pilot.learn(&tile);
         }
         let runner = StepRunner::of(&settings).expect("it is no task of the ground's");
-        Rig { runner, pilot, peers: Peers::new(settings.vehicle), own: own_state(3.0, 0.0), now_s: 1.0 }
+        Rig {
+            runner,
+            pilot,
+            peers: Peers::new(settings.vehicle),
+            own: own_state(3.0, 0.0),
+            now_s: 1.0,
+        }
     }
 
     /// Goes on a tenth of a second later; returns what is said.
@@ -73,11 +82,16 @@ impl Rig {
 #[test]
 fn a_place_that_is_reached_is_said_and_after_the_last_one_the_vehicle_goes_home() {
     let place = Point::new(3.0, 2.0);
-    let mut rig = Rig::new(TaskKind::Legs { places: vec![place.into()] });
+    let mut rig = Rig::new(TaskKind::Legs {
+        places: vec![place.into()],
+    });
     rig.go_on(&[]);
     assert_eq!(rig.pilot.way().end(), place);
     rig.arrive();
-    assert_eq!(rig.run(2), [Remark::Visited(place), Remark::Ended(End::Done)]);
+    assert_eq!(
+        rig.run(2),
+        [Remark::Visited(place), Remark::Ended(End::Done)]
+    );
     rig.run(2);
     assert_eq!(rig.pilot.way().end(), Point::new(0.0, 0.0), "home");
     rig.arrive();
@@ -88,11 +102,16 @@ fn a_place_that_is_reached_is_said_and_after_the_last_one_the_vehicle_goes_home(
 #[test]
 fn a_step_that_was_interrupted_is_begun_again() {
     let place = Point::new(3.0, 2.0);
-    let mut rig = Rig::new(TaskKind::Legs { places: vec![place.into()] });
+    let mut rig = Rig::new(TaskKind::Legs {
+        places: vec![place.into()],
+    });
     rig.go_on(&[]);
     rig.pilot.give_up(Point::new(3.0, 0.0));
     rig.runner.interrupt(at(rig.now_s));
-    assert!(rig.runner.deadline().is_some(), "it wants to be asked again");
+    assert!(
+        rig.runner.deadline().is_some(),
+        "it wants to be asked again"
+    );
     rig.go_on(&[]);
     assert_eq!(rig.pilot.way().end(), place);
 }
@@ -101,7 +120,10 @@ fn a_step_that_was_interrupted_is_begun_again() {
 fn a_look_around_turns_once_around_and_then_the_mission_goes_on() {
     let mut rig = Rig::new(TaskKind::Browse);
     let out = rig.go_on(&[]);
-    assert!(matches!(out[..], [Out::Command(_, Command::Turn(_))]), "{out:?}");
+    assert!(
+        matches!(out[..], [Out::Command(_, Command::Turn(_))]),
+        "{out:?}"
+    );
     assert_eq!(rig.run(10), [], "it takes its time");
     assert_eq!(rig.run(100), [Remark::Ended(End::Done)]);
 }
@@ -112,45 +134,69 @@ fn what_stands_in_the_way_of_a_straight_leg_ends_it_there() {
     rig.go_on(&[]);
     let wall = Point::new(4.0, 0.0);
     let out = rig.go_on(&[Met::Blocked(wall)]);
-    assert!(out.contains(&Out::Remark(Remark::Ended(End::Stopped(wall)))), "{out:?}");
+    assert!(
+        out.contains(&Out::Remark(Remark::Ended(End::Stopped(wall)))),
+        "{out:?}"
+    );
     assert!(rig.pilot.way().is_empty());
 }
 
 #[test]
 fn a_place_to_which_no_way_leads_is_passed_over() {
     let (outside, inside) = (Point::new(30.0, 0.0), Point::new(3.0, 2.0));
-    let mut rig = Rig::new(TaskKind::Pathfind { places: vec![outside.into(), inside.into()] });
+    let mut rig = Rig::new(TaskKind::Pathfind {
+        places: vec![outside.into(), inside.into()],
+    });
     let remarks = rig.run(100);
-    assert!(matches!(remarks[..], [Remark::NoWay(..), Remark::Passed(_)]), "{remarks:?}");
+    assert!(
+        matches!(remarks[..], [Remark::NoWay(..), Remark::Passed(_)]),
+        "{remarks:?}"
+    );
     assert_eq!(rig.pilot.way().end(), inside);
     rig.arrive();
     let remarks = rig.run(100);
-    assert_eq!(remarks, [Remark::Visited(inside), Remark::Ended(End::NoWay(1))]);
+    assert_eq!(
+        remarks,
+        [Remark::Visited(inside), Remark::Ended(End::NoWay(1))]
+    );
 }
 
 #[test]
 fn who_is_stopped_again_and_again_without_moving_gives_the_place_up() {
     let place = Point::new(3.0, 2.0);
-    let mut rig = Rig::new(TaskKind::Pathfind { places: vec![place.into()] });
+    let mut rig = Rig::new(TaskKind::Pathfind {
+        places: vec![place.into()],
+    });
     let mut remarks = Vec::new();
     for _ in 0..100 {
         remarks.extend(rig.run(120));
         rig.go_on(&[Met::Blocked(Point::new(3.0, 1.0))]);
     }
-    assert_eq!(remarks, [Remark::Passed(place), Remark::Ended(End::GaveUp(1))]);
+    assert_eq!(
+        remarks,
+        [Remark::Passed(place), Remark::Ended(End::GaveUp(1))]
+    );
 }
 
 #[test]
 fn peers_that_never_make_room_end_the_mission_at_last() {
     let place = Point::new(3.0, 2.0);
-    let mut rig = Rig::new(TaskKind::Pathfind { places: vec![place.into()] });
+    let mut rig = Rig::new(TaskKind::Pathfind {
+        places: vec![place.into()],
+    });
     let mut remarks = Vec::new();
     for sequence in 1..400 {
-        let peer = State { sequence, ..state(2, place.x_m, place.y_m) };
+        let peer = State {
+            sequence,
+            ..state(2, place.x_m, place.y_m)
+        };
         rig.peers.take(at(rig.now_s), &peer);
         remarks.extend(rig.run(10));
         if !rig.pilot.way().is_empty() {
-            assert!(rig.pilot.way().end().distance_to(place) > 1.0, "aside, or home");
+            assert!(
+                rig.pilot.way().end().distance_to(place) > 1.0,
+                "aside, or home"
+            );
             rig.arrive();
         }
     }
@@ -163,9 +209,16 @@ fn the_highest_id_steps_aside_first_and_patience_has_an_end() {
         let mut peers = Peers::new(VehicleId(own));
         (1..4).for_each(|id| peers.take(at(1.0), &state(id, f64::from(id), 5.0)));
         let mut yields = YieldToPeers::default();
-        (0..90).map(|_| yields.once_more(VehicleId(own), &peers)).collect::<Vec<_>>()
+        (0..90)
+            .map(|_| yields.once_more(VehicleId(own), &peers))
+            .collect::<Vec<_>>()
     };
-    let first = |yields: &[Yield]| yields.iter().position(|one| *one == Yield::StepAside).unwrap();
+    let first = |yields: &[Yield]| {
+        yields
+            .iter()
+            .position(|one| *one == Yield::StepAside)
+            .unwrap()
+    };
     let (low, middle, high) = (asks(1), asks(2), asks(3));
     assert!(first(&high) < first(&middle) && first(&middle) < first(&low));
     for yields in [low, middle, high] {
@@ -176,13 +229,18 @@ fn the_highest_id_steps_aside_first_and_patience_has_an_end() {
 
 #[test]
 fn the_drawing_shows_the_phases() {
-    let drawing: String =
-        include_str!("../runner.rs").lines().take_while(|line| line.starts_with("//!")).collect();
+    let drawing: String = include_str!("../runner.rs")
+        .lines()
+        .take_while(|line| line.starts_with("//!"))
+        .collect();
     let place = Destination::Home;
     let look = LookAround::toward(Default::default(), Time::ZERO);
     let phases = [
         Phase::Choosing { from: Time::ZERO },
-        Phase::Driving { to: place, asked: Time::ZERO },
+        Phase::Driving {
+            to: place,
+            asked: Time::ZERO,
+        },
         Phase::Looking { look, at: None },
         Phase::Over,
     ];

@@ -26,13 +26,19 @@ impl Tries {
     /// next try, none at first.
     pub fn again(&mut self, place: Point) -> u32 {
         let has_moved = self.at.distance_to(place) > MOVED_M;
-        *self = Tries { at: place, count: if has_moved { 1 } else { self.count + 1 } };
+        *self = Tries {
+            at: place,
+            count: if has_moved { 1 } else { self.count + 1 },
+        };
         self.count.saturating_sub(AT_ONCE).min(WAIT_MAX)
     }
 
     /// Counts that something stands so near to the vehicle that no way leads from its place.
     pub fn hemmed_in(&mut self, place: Point) {
-        *self = Tries { at: place, count: self.count + 1 };
+        *self = Tries {
+            at: place,
+            count: self.count + 1,
+        };
     }
 
     /// Returns whether the vehicle has tried so often that it must give up what it is going for.

@@ -75,7 +75,11 @@ pub fn way_aside(grid: &Grid, lattice: Lattice, from: Point, peers: &Peers) -> O
         let way_m = reached.cost_m(cell).filter(|way_m| *way_m <= WAY_M)?;
         Some((room_m(lattice.centre(cell)) - WORTH * way_m, cell))
     };
-    let best = grid.area().cells().filter_map(worth).max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let best = grid
+        .area()
+        .cells()
+        .filter_map(worth)
+        .max_by(|a, b| a.0.total_cmp(&b.0))?;
     let to = lattice.centre(best.1);
     (best.0 > room_m(from) + GAIN_M)
         .then(|| reached.route_to(grid, from, to))

@@ -23,20 +23,42 @@ fn hear(reception: &mut Reception, now_s: f64, beacon: Beacon) -> Vec<Sample> {
 }
 
 fn hear_at(reception: &mut Reception, now_s: f64, beacon: Beacon, y_m: f64) -> Vec<Sample> {
-    let own = Pose { at: Point::new(0.0, y_m), heading: Angle::default(), sd_m: 0.05 };
-    let (now, heard) = (at(now_s), Heard { beacon, rssi_dbm: -61 });
+    let own = Pose {
+        at: Point::new(0.0, y_m),
+        heading: Angle::default(),
+        sd_m: 0.05,
+    };
+    let (now, heard) = (
+        at(now_s),
+        Heard {
+            beacon,
+            rssi_dbm: -61,
+        },
+    );
     let is_news = reception.is_news(now, &heard.beacon);
-    if is_news { reception.take(now, &heard, Some(own), Some(RUN)) } else { Vec::new() }
+    if is_news {
+        reception.take(now, &heard, Some(own), Some(RUN))
+    } else {
+        Vec::new()
+    }
 }
 
 /// Lets it hear beacons of vehicle 2 (start of its software, sequence), each sent from as many metres east as its
 /// sequence; returns of which beacon each sample is, and whether that was heard.
 fn samples(reception: &mut Reception, beacons: &[(u32, u32)]) -> Vec<(u32, bool)> {
     let one = |(boot, sequence): &(u32, u32)| {
-        let beacon = Beacon { boot: Boot(*boot), ..beacon(2, *sequence, f64::from(*sequence), vec![]) };
+        let beacon = Beacon {
+            boot: Boot(*boot),
+            ..beacon(2, *sequence, f64::from(*sequence), vec![])
+        };
         hear(reception, 0.0, beacon)
     };
-    let of = |sample: Sample| (sample.transmitter_pose.at.x_m().round() as u32, sample.rssi_dbm.is_some());
+    let of = |sample: Sample| {
+        (
+            sample.transmitter_pose.at.x_m().round() as u32,
+            sample.rssi_dbm.is_some(),
+        )
+    };
     beacons.iter().flat_map(one).map(of).collect()
 }
 
@@ -47,10 +69,30 @@ fn every_beacon_heard_is_a_sample_and_every_gap_a_miss() {
     let made: Vec<(u64, f64, Option<i16>)> = beacons
         .into_iter()
         .flat_map(|beacon| hear(&mut reception, 0.0, beacon))
-        .map(|sample| (sample.sequence, sample.transmitter_pose.at.x_m(), sample.rssi_dbm))
+        .map(|sample| {
+            (
+                sample.sequence,
+                sample.transmitter_pose.at.x_m(),
+                sample.rssi_dbm,
+            )
+        })
         .collect();
-    assert_eq!(made, [(0, 0.0, Some(-61)), (1, 1.0, None), (2, 2.0, None), (3, 3.0, Some(-61))]);
-    assert_eq!((reception.samples_made(RUN), reception.samples_made(RunId(5))), (4, 0));
+    assert_eq!(
+        made,
+        [
+            (0, 0.0, Some(-61)),
+            (1, 1.0, None),
+            (2, 2.0, None),
+            (3, 3.0, Some(-61))
+        ]
+    );
+    assert_eq!(
+        (
+            reception.samples_made(RUN),
+            reception.samples_made(RunId(5))
+        ),
+        (4, 0)
+    );
 }
 
 #[test]
@@ -69,18 +111,49 @@ fn of_a_miss_both_ends_are_where_they_were_then() {
 #[test]
 fn nothing_is_measured_of_another_run_or_of_a_place_that_is_unknown_or_uncertain() {
     let good = || beacon(2, 1, 0.0, vec![]);
-    let uncertain = PoseReport { at: Position::default(), sd: Deviation(600), ..PoseReport::default() };
+    let uncertain = PoseReport {
+        at: Position::default(),
+        sd: Deviation(600),
+        ..PoseReport::default()
+    };
     for (bad, expected) in [
         (good(), 1),
-        (Beacon { progress: Progress { run: RunId(5), ..Progress::default() }, ..good() }, 0),
-        (Beacon { pose: None, ..good() }, 0),
-        (Beacon { pose: Some(uncertain), ..good() }, 0),
+        (
+            Beacon {
+                progress: Progress {
+                    run: RunId(5),
+                    ..Progress::default()
+                },
+                ..good()
+            },
+            0,
+        ),
+        (
+            Beacon {
+                pose: None,
+                ..good()
+            },
+            0,
+        ),
+        (
+            Beacon {
+                pose: Some(uncertain),
+                ..good()
+            },
+            0,
+        ),
     ] {
         assert_eq!(hear(&mut reception(), 0.0, bad).len(), expected);
     }
-    let heard = Heard { beacon: good(), rssi_dbm: -61 };
+    let heard = Heard {
+        beacon: good(),
+        rssi_dbm: -61,
+    };
     assert_eq!(reception().take(at(0.0), &heard, None, Some(RUN)), []);
-    assert_eq!(reception().take(at(0.0), &heard, Some(Pose::default()), None), []);
+    assert_eq!(
+        reception().take(at(0.0), &heard, Some(Pose::default()), None),
+        []
+    );
 }
 
 #[test]
@@ -88,29 +161,46 @@ fn those_heard_lately_are_the_twelve_that_were_heard_last() {
     let mut reception = reception();
     for id in 2..=20 {
         // The higher the number the longer ago.
-        hear(&mut reception, 3.0 - 0.1 * f64::from(id), beacon(id, 1, 0.0, vec![]));
+        hear(
+            &mut reception,
+            3.0 - 0.1 * f64::from(id),
+            beacon(id, 1, 0.0, vec![]),
+        );
     }
-    assert_eq!(reception.heard_lately(at(3.0)), (2..=13).map(VehicleId).collect::<Vec<_>>());
+    assert_eq!(
+        reception.heard_lately(at(3.0)),
+        (2..=13).map(VehicleId).collect::<Vec<_>>()
+    );
     assert_eq!(reception.heard_lately(at(7.55)), [2, 3, 4].map(VehicleId));
 }
 
 #[test]
 fn a_doubled_beacon_makes_no_second_sample() {
-    let heard = samples(&mut reception(), &[(1, 7), (1, 7), (1, 8), (1, 7), (1, 8), (1, 9)]);
+    let heard = samples(
+        &mut reception(),
+        &[(1, 7), (1, 7), (1, 8), (1, 7), (1, 8), (1, 9)],
+    );
     assert_eq!(heard, [(7, true), (8, true), (9, true)]);
 }
 
 #[test]
 fn a_beacon_that_comes_after_its_successor_makes_no_second_sample_and_no_further_miss() {
     let heard = samples(&mut reception(), &[(1, 6), (1, 8), (1, 7), (1, 9)]);
-    assert_eq!(heard, [(6, true), (7, false), (8, true), (9, true)], "7 was called missed already");
+    assert_eq!(
+        heard,
+        [(6, true), (7, false), (8, true), (9, true)],
+        "7 was called missed already"
+    );
 }
 
 #[test]
 fn a_sequence_does_not_wrap() {
     let mut reception = reception();
     let sequences = [u32::MAX - 1, u32::MAX, 0, 1];
-    let made: usize = sequences.map(|sequence| samples(&mut reception, &[(1, sequence)]).len()).iter().sum();
+    let made: usize = sequences
+        .map(|sequence| samples(&mut reception, &[(1, sequence)]).len())
+        .iter()
+        .sum();
     assert_eq!(made, 2, "after the last one there is none");
 }
 
@@ -123,7 +213,10 @@ fn a_late_beacon_of_an_earlier_start_hides_no_miss() {
 #[test]
 fn a_sender_that_lost_its_count_of_starts_is_heard_again_once_it_has_left_the_ring() {
     let mut reception = reception();
-    let of = |boot, sequence| Beacon { boot: Boot(boot), ..beacon(2, sequence, 0.0, vec![]) };
+    let of = |boot, sequence| Beacon {
+        boot: Boot(boot),
+        ..beacon(2, sequence, 0.0, vec![])
+    };
     hear(&mut reception, 0.0, of(9, 500));
     assert!(!reception.is_news(at(5.0), &of(1, 1)));
     assert!(reception.is_news(at(5.1), &of(1, 2)));

@@ -5,7 +5,10 @@ use tomoswarm_proto::{Control, EmergencyName};
 use super::*;
 
 fn steered(control: Control) -> In {
-    In::Autopilot(Status { control, is_landed: true })
+    In::Autopilot(Status {
+        control,
+        is_landed: true,
+    })
 }
 
 /// Returns what was published last of who steers, why it stands, and whether it claims a way.
@@ -16,30 +19,58 @@ fn published(out: &[Out]) -> Option<(Control, Option<StandReason>, bool)> {
 
 #[test]
 fn what_somebody_else_steers_drives_nothing_claims_nothing_and_says_so_at_once() {
-    for (control, reason) in [(Control::Remote, StandReason::Remote), (Control::Own, StandReason::Autopilot)]
-    {
+    for (control, reason) in [
+        (Control::Remote, StandReason::Remote),
+        (Control::Own, StandReason::Autopilot),
+    ] {
         let mut vehicle = vehicle();
-        assert!(flies(&told(&mut vehicle, 1.1, drive(&[(0.0, 0.0), (3.0, 0.0)]))));
+        assert!(flies(&told(
+            &mut vehicle,
+            1.1,
+            drive(&[(0.0, 0.0), (3.0, 0.0)])
+        )));
         assert_eq!(told(&mut vehicle, 1.15, steered(control)), []);
         let out = told(&mut vehicle, 1.16, moving(0.1, 0.5, true));
-        assert_eq!(published(&out), Some((control, Some(reason), false)), "not 0.2 s after the last one");
+        assert_eq!(
+            published(&out),
+            Some((control, Some(reason), false)),
+            "not 0.2 s after the last one"
+        );
         let out = told(&mut vehicle, 1.2, drive(&[(0.1, 0.0), (3.0, 0.0)]));
-        assert_eq!((flies(&out), refusal(&out)), (false, Some(Refusal::NotInControl)));
+        assert_eq!(
+            (flies(&out), refusal(&out)),
+            (false, Some(Refusal::NotInControl))
+        );
         let start = names_it(start(&vehicle, 1));
-        assert_eq!(flown(&told(&mut vehicle, 1.3, given(start))), [Fly::TakeBack, Fly::Arm]);
+        assert_eq!(
+            flown(&told(&mut vehicle, 1.3, given(start))),
+            [Fly::TakeBack, Fly::Arm]
+        );
         told(&mut vehicle, 1.3, steered(Control::Ours));
-        assert!(flies(&told(&mut vehicle, 1.4, drive(&[(0.1, 0.0), (3.0, 0.0)]))));
+        assert!(flies(&told(
+            &mut vehicle,
+            1.4,
+            drive(&[(0.1, 0.0), (3.0, 0.0)])
+        )));
     }
 }
 
 /// A start that answers the newest state.
 fn start(vehicle: &Vehicle, revision: u32) -> Order {
-    order(OrderKind::Start, LEASE, revision, vehicle.reports.sequence())
+    order(
+        OrderKind::Start,
+        LEASE,
+        revision,
+        vehicle.reports.sequence(),
+    )
 }
 
 /// The same order, which names the take-over.
 fn names_it(order: Order) -> Order {
-    Order { ends: vec![EmergencyName::of_take_over(VehicleId(1), Boot(1))], ..order }
+    Order {
+        ends: vec![EmergencyName::of_take_over(VehicleId(1), Boot(1))],
+        ..order
+    }
 }
 
 #[test]
@@ -51,20 +82,63 @@ fn a_take_over_ends_only_by_an_operators_start_that_names_it_and_answers_a_later
     let after = start(&vehicle, 1);
     let of_another_start = vec![EmergencyName::of_take_over(VehicleId(1), Boot(2))];
     for (sender, order, why) in [
-        (Sender::Operator(OperatorId(1)), before, "it answers a state of before"),
-        (Sender::Operator(OperatorId(1)), after.clone(), "it names nothing"),
-        (Sender::Operator(OperatorId(1)), Order { ends: of_another_start, ..after.clone() }, "another one"),
-        (Sender::Ground, names_it(after.clone()), "the ground ends nothing"),
-        (Sender::Operator(OperatorId(1)), Order { kind: OrderKind::Return, ..after.clone() }, "no start"),
+        (
+            Sender::Operator(OperatorId(1)),
+            before,
+            "it answers a state of before",
+        ),
+        (
+            Sender::Operator(OperatorId(1)),
+            after.clone(),
+            "it names nothing",
+        ),
+        (
+            Sender::Operator(OperatorId(1)),
+            Order {
+                ends: of_another_start,
+                ..after.clone()
+            },
+            "another one",
+        ),
+        (
+            Sender::Ground,
+            names_it(after.clone()),
+            "the ground ends nothing",
+        ),
+        (
+            Sender::Operator(OperatorId(1)),
+            Order {
+                kind: OrderKind::Return,
+                ..after.clone()
+            },
+            "no start",
+        ),
     ] {
-        assert_eq!(told(&mut vehicle, 1.4, In::Order(sender, order)), [], "{why}");
+        assert_eq!(
+            told(&mut vehicle, 1.4, In::Order(sender, order)),
+            [],
+            "{why}"
+        );
     }
     // One that has fallen silent is still taken over.
     told(&mut vehicle, 1.45, steered(Control::Silent));
-    assert_eq!(told(&mut vehicle, 1.5, In::Order(Sender::Ground, after.clone())), []);
-    assert_eq!(flown(&told(&mut vehicle, 1.6, given(names_it(after)))), [Fly::TakeBack, Fly::Arm]);
-    let next = Order { revision: Revision(2), ..start(&vehicle, 2) };
-    assert_eq!(flown(&told(&mut vehicle, 1.7, given(next))), [Fly::Arm], "it is over");
+    assert_eq!(
+        told(&mut vehicle, 1.5, In::Order(Sender::Ground, after.clone())),
+        []
+    );
+    assert_eq!(
+        flown(&told(&mut vehicle, 1.6, given(names_it(after)))),
+        [Fly::TakeBack, Fly::Arm]
+    );
+    let next = Order {
+        revision: Revision(2),
+        ..start(&vehicle, 2)
+    };
+    assert_eq!(
+        flown(&told(&mut vehicle, 1.7, given(next))),
+        [Fly::Arm],
+        "it is over"
+    );
 }
 
 #[test]
@@ -80,21 +154,33 @@ fn what_was_on_its_way_before_it_was_taken_back_does_not_keep_it() {
     for control in [Control::Remote, Control::Ours] {
         told(&mut vehicle, 1.3, steered(control));
     }
-    assert!(flies(&told(&mut vehicle, 1.4, drive(&[(0.0, 0.0), (3.0, 0.0)]))));
+    assert!(flies(&told(
+        &mut vehicle,
+        1.4,
+        drive(&[(0.0, 0.0), (3.0, 0.0)])
+    )));
 }
 
 #[test]
 fn an_autopilot_that_acts_by_itself_is_stopped_where_the_vehicle_is_to_stand() {
     for (control, stops) in [(Control::Own, true), (Control::Remote, false)] {
         let mut vehicle = vehicle();
-        told(&mut vehicle, 1.1, given(order(OrderKind::Hold, LEASE, 1, 1)));
+        told(
+            &mut vehicle,
+            1.1,
+            given(order(OrderKind::Hold, LEASE, 1, 1)),
+        );
         assert_eq!(
             flown(&told(&mut vehicle, 1.2, steered(control))).contains(&Fly::Stop),
             stops,
             "{control:?}"
         );
         let out = told(&mut vehicle, 1.6, moving(0.1, 0.5, true));
-        assert_eq!(flown(&out).contains(&Fly::Stop), stops, "again while it moves");
+        assert_eq!(
+            flown(&out).contains(&Fly::Stop),
+            stops,
+            "again while it moves"
+        );
     }
 }
 
@@ -102,24 +188,52 @@ fn an_autopilot_that_acts_by_itself_is_stopped_where_the_vehicle_is_to_stand() {
 fn an_order_that_stands_is_named_before_somebody_who_steers() {
     let mut vehicle = vehicle();
     told(&mut vehicle, 1.1, steered(Control::Remote));
-    told(&mut vehicle, 1.2, given(order(OrderKind::Hold, LEASE, 1, 1)));
+    told(
+        &mut vehicle,
+        1.2,
+        given(order(OrderKind::Hold, LEASE, 1, 1)),
+    );
     let out = told(&mut vehicle, 1.3, telemetry(0.0, 0.0, 0.05));
-    assert_eq!(published(&out), Some((Control::Remote, Some(StandReason::Held), false)));
+    assert_eq!(
+        published(&out),
+        Some((Control::Remote, Some(StandReason::Held), false))
+    );
 }
 
 #[test]
 fn that_the_autopilot_has_fallen_silent_is_published_without_telemetry() {
     let mut vehicle = vehicle();
     let out = told(&mut vehicle, 3.0, steered(Control::Silent));
-    assert_eq!(published(&out), Some((Control::Silent, Some(StandReason::Autopilot), false)));
-    assert!(states(&out).1.is_none(), "the other actors are told nothing old");
-    assert_eq!(told(&mut Vehicle::new(settings(1)), 3.0, steered(Control::Silent)), [], "never heard");
+    assert_eq!(
+        published(&out),
+        Some((Control::Silent, Some(StandReason::Autopilot), false))
+    );
+    assert!(
+        states(&out).1.is_none(),
+        "the other actors are told nothing old"
+    );
+    assert_eq!(
+        told(
+            &mut Vehicle::new(settings(1)),
+            3.0,
+            steered(Control::Silent)
+        ),
+        [],
+        "never heard"
+    );
 }
 
 #[test]
 fn one_that_flies_is_not_landed() {
     let mut vehicle = vehicle();
-    told(&mut vehicle, 1.1, In::Autopilot(Status { control: Control::Ours, is_landed: false }));
+    told(
+        &mut vehicle,
+        1.1,
+        In::Autopilot(Status {
+            control: Control::Ours,
+            is_landed: false,
+        }),
+    );
     let (state, _) = states(&told(&mut vehicle, 1.2, telemetry(0.0, 0.0, 0.05)));
     assert!(!state.unwrap().is_landed);
 }

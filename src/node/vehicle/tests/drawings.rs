@@ -10,10 +10,19 @@ use crate::node::vehicle::restraint::Restraint;
 
 #[test]
 fn the_drawings_name_the_variants_and_no_others() {
-    let both: BTreeSet<String> = variants::<Movement>().union(&variants::<Restraint>()).cloned().collect();
+    let both: BTreeSet<String> = variants::<Movement>()
+        .union(&variants::<Restraint>())
+        .cloned()
+        .collect();
     assert_eq!(drawn(include_str!("../../vehicle.rs")), both);
-    assert_eq!(drawn(include_str!("../disarming.rs")), variants::<Disarming>());
-    assert_eq!(drawn(include_str!("../last_telemetry.rs")), variants::<LastTelemetry>());
+    assert_eq!(
+        drawn(include_str!("../disarming.rs")),
+        variants::<Disarming>()
+    );
+    assert_eq!(
+        drawn(include_str!("../last_telemetry.rs")),
+        variants::<LastTelemetry>()
+    );
 }
 
 #[test]
@@ -22,5 +31,8 @@ fn a_drawing_that_forgets_a_state_or_makes_one_up_is_noticed() {
     assert_eq!(variants::<Movement>(), BTreeSet::from(known));
     assert_eq!(variant_of(&Movement::default()), "Idle");
     let text = "//! See [Elsewhere].\n//! ```text\n//! [Idle] ──► [Gone]\n//! ```\nenum [Code]";
-    assert_eq!(drawn(text), BTreeSet::from(["Gone", "Idle"].map(str::to_owned)));
+    assert_eq!(
+        drawn(text),
+        BTreeSet::from(["Gone", "Idle"].map(str::to_owned))
+    );
 }

@@ -57,7 +57,11 @@ enum Happening {
 }
 
 fn any_motion() -> impl Strategy<Value = Motion> {
-    prop_oneof![Just(Motion::Resting), Just(Motion::Turning), Just(Motion::Driving)]
+    prop_oneof![
+        Just(Motion::Resting),
+        Just(Motion::Turning),
+        Just(Motion::Driving)
+    ]
 }
 
 fn any_kind() -> impl Strategy<Value = OrderKind> {
@@ -74,29 +78,61 @@ fn any_order() -> impl Strategy<Value = Happening> {
     let lease_step = prop_oneof![6 => Just(0), 1 => Just(1), 1 => Just(-1)];
     let states_ago = prop_oneof![5 => 0..3u64, 1 => 3..80u64];
     let often = || prop::bool::weighted(0.9);
-    (any_kind(), lease_step, 0..3u64, -1..3i32, states_ago, often(), any::<bool>()).prop_map(
-        |(kind, lease_step, holder, revision_step, states_ago, is_ours, names_take_over)| Happening::Order {
-            kind,
-            lease_step,
-            holder,
-            revision_step,
-            states_ago,
-            is_ours,
-            names_take_over,
-        },
+    (
+        any_kind(),
+        lease_step,
+        0..3u64,
+        -1..3i32,
+        states_ago,
+        often(),
+        any::<bool>(),
     )
+        .prop_map(
+            |(kind, lease_step, holder, revision_step, states_ago, is_ours, names_take_over)| {
+                Happening::Order {
+                    kind,
+                    lease_step,
+                    holder,
+                    revision_step,
+                    states_ago,
+                    is_ours,
+                    names_take_over,
+                }
+            },
+        )
 }
 
 fn any_control() -> impl Strategy<Value = Control> {
-    prop_oneof![Just(Control::Ours), Just(Control::Remote), Just(Control::Own), Just(Control::Silent)]
+    prop_oneof![
+        Just(Control::Ours),
+        Just(Control::Remote),
+        Just(Control::Own),
+        Just(Control::Silent)
+    ]
 }
 
 fn any_happening() -> impl Strategy<Value = Happening> {
     let decided_ago = || (0..1300u64).prop_map(Duration::from_millis);
-    let telemetry = (0.0..2.0f64, any_motion(), any::<bool>(), prop::bool::weighted(0.05))
-        .prop_map(|(x_m, motion, is_armed, is_lost)| Happening::Telemetry { x_m, motion, is_armed, is_lost });
-    let drive = (any::<bool>(), -4.0..26.0f64, decided_ago())
-        .prop_map(|(has_stop, to_m, decided_ago)| Happening::Drive { has_stop, to_m, decided_ago });
+    let telemetry = (
+        0.0..2.0f64,
+        any_motion(),
+        any::<bool>(),
+        prop::bool::weighted(0.05),
+    )
+        .prop_map(|(x_m, motion, is_armed, is_lost)| Happening::Telemetry {
+            x_m,
+            motion,
+            is_armed,
+            is_lost,
+        });
+    let drive =
+        (any::<bool>(), -4.0..26.0f64, decided_ago()).prop_map(|(has_stop, to_m, decided_ago)| {
+            Happening::Drive {
+                has_stop,
+                to_m,
+                decided_ago,
+            }
+        });
     prop_oneof![
         12 => telemetry,
         2 => (0.1..4.0f64).prop_map(|range_m| Happening::Scan { range_m }),
@@ -115,7 +151,10 @@ fn any_happening() -> impl Strategy<Value = Happening> {
 /// Happenings, each some time after the one before.
 fn any_sequence() -> impl Strategy<Value = Vec<(Duration, Happening)>> {
     let gap_ms = prop_oneof![8 => 0..250u64, 2 => 250..700u64, 1 => 700..9000u64];
-    prop::collection::vec((gap_ms.prop_map(Duration::from_millis), any_happening()), 1..120)
+    prop::collection::vec(
+        (gap_ms.prop_map(Duration::from_millis), any_happening()),
+        1..120,
+    )
 }
 
 /// What the orders obeyed so far forbid.
@@ -162,7 +201,10 @@ struct Witness {
 impl Witness {
     fn new() -> Witness {
         Witness {
-            vehicle: Vehicle { readiness: Readiness::Ready, ..Vehicle::new(settings(1)) },
+            vehicle: Vehicle {
+                readiness: Readiness::Ready,
+                ..Vehicle::new(settings(1))
+            },
             now: at(1.0),
             sequence: 0,
             here: Point::new(0.0, 0.0),
@@ -188,11 +230,21 @@ impl Witness {
             let mut out = Vec::new();
             self.vehicle.wake(due.at, &mut out).unwrap();
             assert_eq!(out, [Out::Remark(Remark::AutopilotSilent)]);
-            assert!(self.vehicle.deadline().is_none_or(|later| later.at > due.at), "woken in vain");
-            assert!(!std::mem::replace(&mut self.has_reported_silence, true), "silence is reported once");
+            assert!(
+                self.vehicle
+                    .deadline()
+                    .is_none_or(|later| later.at > due.at),
+                "woken in vain"
+            );
+            assert!(
+                !std::mem::replace(&mut self.has_reported_silence, true),
+                "silence is reported once"
+            );
         }
         self.now = next;
-        let Some(input) = self.input(happening) else { return };
+        let Some(input) = self.input(happening) else {
+            return;
+        };
         let mut out = Vec::new();
         handled(&mut self.vehicle, self.now, input.clone(), &mut out);
         if let In::Stops(open) = &input {
@@ -213,16 +265,39 @@ impl Witness {
     fn input(&mut self, happening: &Happening) -> Option<In> {
         let decided = |ago: Duration| self.now - ago;
         Some(match *happening {
-            Happening::Telemetry { x_m, motion, is_armed, is_lost } => {
+            Happening::Telemetry {
+                x_m,
+                motion,
+                is_armed,
+                is_lost,
+            } => {
                 (self.here, self.has_reported_silence) = (Point::new(x_m, 0.0), false);
                 let sd_m = if is_lost { 0.9 } else { 0.05 };
-                let pose = Pose { at: self.here, heading: Angle::default(), sd_m };
+                let pose = Pose {
+                    at: self.here,
+                    heading: Angle::default(),
+                    sd_m,
+                };
                 let speed_mps = if motion == Motion::Driving { 0.5 } else { 0.0 };
-                In::Telemetry(Telemetry { pose, speed_mps, battery: 1.0, motion, is_armed })
+                In::Telemetry(Telemetry {
+                    pose,
+                    speed_mps,
+                    battery: 1.0,
+                    motion,
+                    is_armed,
+                })
             }
             Happening::Scan { range_m } => scan(range_m, 0.0),
-            Happening::Drive { has_stop, to_m, decided_ago } => {
-                let route = vec![self.here, Point::new(1.0, to_m / 2.0), Point::new(0.0, to_m)];
+            Happening::Drive {
+                has_stop,
+                to_m,
+                decided_ago,
+            } => {
+                let route = vec![
+                    self.here,
+                    Point::new(1.0, to_m / 2.0),
+                    Point::new(0.0, to_m),
+                ];
                 let stop = has_stop.then_some(StopId(4));
                 In::Command(decided(decided_ago), Command::Drive { stop, route })
             }
@@ -242,7 +317,11 @@ impl Witness {
                 let (number, Reverse(known_holder), revision) = self.highest;
                 let lease = Lease {
                     number: number.saturating_add_signed(lease_step),
-                    holder: if lease_step == 0 { known_holder } else { holder },
+                    holder: if lease_step == 0 {
+                        known_holder
+                    } else {
+                        holder
+                    },
                 };
                 let revision = revision.saturating_add_signed(revision_step);
                 let seen_state = self.sequence.saturating_sub(states_ago);
@@ -250,23 +329,41 @@ impl Witness {
                 let names = names_take_over && kind == OrderKind::Start;
                 let name = EmergencyName::of_take_over(VehicleId(1), Boot(1));
                 let ends = names.then_some(name).into_iter().collect();
-                given(Order { vehicle, ends, ..order(kind, lease, revision, seen_state) })
+                given(Order {
+                    vehicle,
+                    ends,
+                    ..order(kind, lease, revision, seen_state)
+                })
             }
             Happening::Peer { y_m, drives } => {
                 self.peer_sequence += 1;
-                let to = [Point::new(1.0, y_m), Point::new(1.0, 1.0)].map(Into::into).to_vec();
+                let to = [Point::new(1.0, y_m), Point::new(1.0, 1.0)]
+                    .map(Into::into)
+                    .to_vec();
                 let leg = drives.then_some(LegReport { route: to });
                 let mode = if drives { Mode::Driving } else { Mode::Idle };
                 let peer = crate::node::tests_support::state(2, 1.0, y_m);
-                In::Peer(State { sequence: self.peer_sequence, mode, leg, ..peer })
+                In::Peer(State {
+                    sequence: self.peer_sequence,
+                    mode,
+                    leg,
+                    ..peer
+                })
             }
             Happening::MissionHolds(holds) => In::Holds(holds.then_some(StandReason::Alone)),
             Happening::Stops(is_open) => {
                 let name = EmergencyName(EmergencyName::LOWEST_DRAWN);
-                let stop = EmergencyStop { name, scope: StopScope::All, by: OperatorId(1) };
+                let stop = EmergencyStop {
+                    name,
+                    scope: StopScope::All,
+                    by: OperatorId(1),
+                };
                 In::Stops(is_open.then_some(stop).into_iter().collect())
             }
-            Happening::Steered(control) => In::Autopilot(Status { control, is_landed: true }),
+            Happening::Steered(control) => In::Autopilot(Status {
+                control,
+                is_landed: true,
+            }),
             Happening::Nothing => return None,
         })
     }
@@ -277,8 +374,16 @@ impl Witness {
             match fly {
                 Fly::Drive { .. } | Fly::Turn(_) => {
                     assert!(matches!(input, In::Command(..)), "it moves by itself");
-                    assert_eq!(self.ban, Ban::None, "it moves although it was stopped by an order");
-                    assert_eq!(self.stopped, Stopped::No, "it moves under an emergency stop");
+                    assert_eq!(
+                        self.ban,
+                        Ban::None,
+                        "it moves although it was stopped by an order"
+                    );
+                    assert_eq!(
+                        self.stopped,
+                        Stopped::No,
+                        "it moves under an emergency stop"
+                    );
                     assert_eq!(self.disarm_said, None, "it moves without motors");
                     assert!(!self.is_taken, "it moves although somebody else steers");
                 }
@@ -298,13 +403,20 @@ impl Witness {
                     let may = self.disarm_said.is_some()
                         || self.may_disarm
                         || obeyed_kind(out) == Some(OrderKind::CutMotors);
-                    let rests = matches!(input, In::Telemetry(told) if told.motion == Motion::Resting);
-                    assert!(may || (self.disarm_owed.is_some() && rests), "braking needs the motors");
+                    let rests =
+                        matches!(input, In::Telemetry(told) if told.motion == Motion::Resting);
+                    assert!(
+                        may || (self.disarm_owed.is_some() && rests),
+                        "braking needs the motors"
+                    );
                 }
                 Fly::Stop => {
                     let is_lost = |told: &Telemetry| told.pose.sd_m > 0.5;
                     let is_due = |told| self.stop_said.is_some() || is_lost(told);
-                    assert!(!matches!(input, In::Telemetry(told) if !is_due(told)), "it stops for nothing");
+                    assert!(
+                        !matches!(input, In::Telemetry(told) if !is_due(told)),
+                        "it stops for nothing"
+                    );
                 }
             }
         }
@@ -321,23 +433,38 @@ impl Witness {
         };
         let is_higher = edition(order) > self.highest;
         let is_ours = order.vehicle == VehicleId(1);
-        assert!(!obeyed(out) || (is_higher && is_ours), "obeyed {order:?} after {:?}", self.highest);
+        assert!(
+            !obeyed(out) || (is_higher && is_ours),
+            "obeyed {order:?} after {:?}",
+            self.highest
+        );
         let stopping = !matches!(order.kind, OrderKind::Start | OrderKind::Return);
-        assert!(obeyed(out) || !(is_higher && is_ours && stopping), "not stopped by {order:?}");
+        assert!(
+            obeyed(out) || !(is_higher && is_ours && stopping),
+            "not stopped by {order:?}"
+        );
         let seen = order.seen.map_or(0, |seen| seen.sequence);
         let may_begin = match (order.kind, self.stopped) {
-            (OrderKind::Start, Stopped::Open) | (OrderKind::Return, Stopped::Open | Stopped::Lifted) => false,
+            (OrderKind::Start, Stopped::Open)
+            | (OrderKind::Return, Stopped::Open | Stopped::Lifted) => false,
             (OrderKind::Start | OrderKind::Return, _) => seen > self.answers_from,
             (OrderKind::Hold | OrderKind::Land | OrderKind::CutMotors, _) => true,
         };
-        assert!(!obeyed(out) || may_begin, "an emergency stop forbids {order:?}");
+        assert!(
+            !obeyed(out) || may_begin,
+            "an emergency stop forbids {order:?}"
+        );
         let names_it = order.kind == OrderKind::Start && !order.ends.is_empty();
         let sends_out = matches!(order.kind, OrderKind::Start | OrderKind::Return);
         let may_end = !self.is_taken || !sends_out || names_it;
         assert!(!obeyed(out) || may_end, "a take-over forbids {order:?}");
         if obeyed(out) {
             assert_eq!(stops(out), order.kind != OrderKind::Start, "{order:?}");
-            assert_eq!(flown(out).contains(&Fly::Disarm), order.kind == OrderKind::CutMotors, "{order:?}");
+            assert_eq!(
+                flown(out).contains(&Fly::Disarm),
+                order.kind == OrderKind::CutMotors,
+                "{order:?}"
+            );
             let armed = match order.kind {
                 OrderKind::Start => true,
                 OrderKind::Return => self.ban != Ban::UntilStart,
@@ -357,7 +484,9 @@ impl Witness {
                     (self.disarm_said, self.disarm_owed, self.may_disarm) = (None, None, false);
                 }
                 Out::Fly(Fly::TakeBack) => self.is_taken = false,
-                Out::Fly(Fly::Disarm) => (self.disarm_said, self.disarm_owed) = (Some(self.now), None),
+                Out::Fly(Fly::Disarm) => {
+                    (self.disarm_said, self.disarm_owed) = (Some(self.now), None)
+                }
                 Out::Order(order) => self.note_order(order),
                 Out::State(state) => self.sequence = state.sequence,
                 Out::Publish(_) | Out::Remember(_) | Out::Remark(_) => {}
@@ -390,7 +519,11 @@ impl Witness {
     /// the vehicle is to stand.
     fn check_steered(&mut self, control: Control, out: &[Out]) {
         let is_banned = self.ban != Ban::None || self.stopped != Stopped::No;
-        assert_eq!(stops(out), control == Control::Own && is_banned, "{control:?}");
+        assert_eq!(
+            stops(out),
+            control == Control::Own && is_banned,
+            "{control:?}"
+        );
         // The link says so only when it was told to take it back.
         self.is_taken &= control != Control::Ours;
         if matches!(control, Control::Remote | Control::Own) {
@@ -425,9 +558,17 @@ impl Witness {
         let again = Duration::from_millis(300);
         let moves = telemetry.motion != Motion::Resting;
         let is_older = |said: Option<Time>| said.is_some_and(|said| self.now.since(said) >= again);
-        assert!(!(moves && is_older(self.stop_said)), "it moves and is not told to stop again");
-        assert!(!(telemetry.is_armed && is_older(self.disarm_said)), "armed, and not told to disarm again");
-        let is_late = self.disarm_owed.is_some_and(|since| self.now.since(since) > again);
+        assert!(
+            !(moves && is_older(self.stop_said)),
+            "it moves and is not told to stop again"
+        );
+        assert!(
+            !(telemetry.is_armed && is_older(self.disarm_said)),
+            "armed, and not told to disarm again"
+        );
+        let is_late = self
+            .disarm_owed
+            .is_some_and(|since| self.now.since(since) > again);
         assert!(moves || !is_late, "it rests and is not disarmed");
     }
 
@@ -435,21 +576,35 @@ impl Witness {
     fn check_state(&self, out: &[Out]) {
         let state = out.iter().find_map(|out| match out {
             Out::State(state) => Some(state),
-            Out::Publish(_) | Out::Fly(_) | Out::Remember(_) | Out::Order(_) | Out::Remark(_) => None,
+            Out::Publish(_) | Out::Fly(_) | Out::Remember(_) | Out::Order(_) | Out::Remark(_) => {
+                None
+            }
         });
         let state = state.expect("every telemetry makes a state");
-        let Ordered { lease, revision, .. } = state.ordered;
-        assert_eq!((lease.number, Reverse(lease.holder), revision.0), self.highest);
+        let Ordered {
+            lease, revision, ..
+        } = state.ordered;
+        assert_eq!(
+            (lease.number, Reverse(lease.holder), revision.0),
+            self.highest
+        );
         assert_eq!(state.mode == Mode::Stopped, self.stopped == Stopped::Open);
         let is_cut = self.ban == Ban::UntilStart && self.stopped != Stopped::Open;
         assert_eq!(state.mode == Mode::MotorsCut, is_cut);
-        assert!(state.mode != Mode::Idle || self.ban == Ban::None, "a vehicle that is held says so");
+        assert!(
+            state.mode != Mode::Idle || self.ban == Ban::None,
+            "a vehicle that is held says so"
+        );
     }
 }
 
 /// What orders are compared by, in the words of this file: the higher lease, of two the lower holder, then the revision.
 fn edition(order: &Order) -> (u32, Reverse<u64>, u32) {
-    (order.lease.number, Reverse(order.lease.holder), order.revision.0)
+    (
+        order.lease.number,
+        Reverse(order.lease.holder),
+        order.revision.0,
+    )
 }
 
 fn obeyed_kind(out: &[Out]) -> Option<OrderKind> {
@@ -474,7 +629,8 @@ proptest! {
 #[test]
 fn the_sequences_reach_every_state_and_move_and_stop_in_all_of_them() {
     let mut runner = TestRunner::deterministic();
-    let (mut moved, mut restrained, mut disarmed) = (BTreeSet::new(), BTreeSet::new(), BTreeSet::new());
+    let (mut moved, mut restrained, mut disarmed) =
+        (BTreeSet::new(), BTreeSet::new(), BTreeSet::new());
     for _ in 0..200 {
         let mut witness = Witness::new();
         for (gap, happening) in any_sequence().new_tree(&mut runner).unwrap().current() {

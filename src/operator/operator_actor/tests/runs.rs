@@ -1,7 +1,8 @@
 //! Tasks, leases that are held, and scripts that wait for runs and missions.
 
 use tomoswarm_proto::{
-    Mission, MissionEnd, MissionKind, MissionPhase, MissionRefusal, Progress, RunEnd, RunReport, TaskKind,
+    Mission, MissionEnd, MissionKind, MissionPhase, MissionRefusal, Progress, RunEnd, RunReport,
+    TaskKind,
 };
 
 use super::super::super::given_tasks::TaskWish;
@@ -14,11 +15,19 @@ const RUN: RunId = RunId(3);
 
 fn task() -> Step {
     let (members, kind) = (vec![VehicleId(1)], TaskKind::Browse);
-    Step::Task(TaskWish { run: RUN, members, compare_with: Some(RunId(2)), kind })
+    Step::Task(TaskWish {
+        run: RUN,
+        members,
+        compare_with: Some(RunId(2)),
+        kind,
+    })
 }
 
 fn wait(until: Condition) -> Step {
-    Step::Wait { until, within: Duration::from_secs(60) }
+    Step::Wait {
+        until,
+        within: Duration::from_secs(60),
+    }
 }
 
 /// A report of a run that has so ended; the ground station is idle.
@@ -31,11 +40,24 @@ fn run_ended(end: Option<RunEnd>, troubles: &[&str]) -> Report {
         ..RunReport::default()
     };
     let troubles = troubles.iter().map(|words| (*words).to_owned()).collect();
-    Report { run: RUN, laps: 4, laps_done: 4, runs: vec![of_run], troubles, ..of_one() }
+    Report {
+        run: RUN,
+        laps: 4,
+        laps_done: 4,
+        runs: vec![of_run],
+        troubles,
+        ..of_one()
+    }
 }
 
 fn script_end(world: &World) -> Option<&ScriptEnd> {
-    world.said.iter().find_map(|out| if let Out::ScriptEnded(end) = out { Some(end) } else { None })
+    world.said.iter().find_map(|out| {
+        if let Out::ScriptEnded(end) = out {
+            Some(end)
+        } else {
+            None
+        }
+    })
 }
 
 #[test]
@@ -43,9 +65,21 @@ fn a_task_is_said_before_the_start_that_follows_it_and_again_until_it_is_shown()
     let mut world = World::new(vec![Rover::new(1)]);
     world.report = Some(of_one());
     world.run(2.0);
-    follow(&mut world, &[task(), Step::Want(Want { run: Some(RUN), ..want(Kind::Start) })]);
+    follow(
+        &mut world,
+        &[
+            task(),
+            Step::Want(Want {
+                run: Some(RUN),
+                ..want(Kind::Start)
+            }),
+        ],
+    );
     world.run(4.0);
-    assert_eq!((world.tasks.len(), world.tasks[0].1.lease), (1, of_one().lease));
+    assert_eq!(
+        (world.tasks.len(), world.tasks[0].1.lease),
+        (1, of_one().lease)
+    );
     assert!(world.tasks[0].0 <= world.orders[0].0);
     world.run(2.0);
     assert_eq!(world.tasks.len(), 2, "no report has shown it for 5 s");
@@ -59,34 +93,79 @@ fn a_task_is_said_before_the_start_that_follows_it_and_again_until_it_is_shown()
 
 /// A vehicle says that it is out to browse in a run.
 fn out_for(world: &mut World, vehicle: u8, run: RunId, end: Option<MissionEnd>) {
-    let progress = Progress { run, ..Progress::default() };
+    let progress = Progress {
+        run,
+        ..Progress::default()
+    };
     let (vehicle, kind, boot) = (VehicleId(vehicle), MissionKind::Browse, Boot(1));
-    let mission = Mission { vehicle, boot, progress, kind, end, ..Mission::default() };
+    let mission = Mission {
+        vehicle,
+        boot,
+        progress,
+        kind,
+        end,
+        ..Mission::default()
+    };
     world.tell(In::Bus(heard(Message::Mission(mission))));
 }
 
 /// A start that begins to browse.
 fn browse() -> Want {
-    let mission = MissionWish { kind: TaskKind::Browse, compare_with: None };
-    Want { mission: Some(mission), ..want(Kind::Start) }
+    let mission = MissionWish {
+        kind: TaskKind::Browse,
+        compare_with: None,
+    };
+    Want {
+        mission: Some(mission),
+        ..want(Kind::Start)
+    }
 }
 
 #[test]
 fn a_start_that_begins_a_mission_gives_its_task_first_in_a_run_above_all_that_are_known() {
     for given in [None, Some(RunId(7))] {
-        let mut world = World::new(vec![Rover::new(1), Rover::ordered(2, of_one().lease, 3, Kind::Hold)]);
-        let runs = given.map(|run| RunReport { run, kind: MissionKind::Search, ..RunReport::default() });
-        world.report = Some(Report { runs: runs.into_iter().collect(), ..of_one() });
+        let mut world = World::new(vec![
+            Rover::new(1),
+            Rover::ordered(2, of_one().lease, 3, Kind::Hold),
+        ]);
+        let runs = given.map(|run| RunReport {
+            run,
+            kind: MissionKind::Search,
+            ..RunReport::default()
+        });
+        world.report = Some(Report {
+            runs: runs.into_iter().collect(),
+            ..of_one()
+        });
         world.tell(In::Want(1, browse()));
         world.run(3.0);
         let run = RunId(given.map_or(2, |run| run.0 + 1));
         let (at, task) = &world.tasks[0];
-        assert_eq!((task.run, &task.members[..]), (run, &[1, 2].map(VehicleId)[..]));
-        assert_eq!((task.lease, &task.kind, task.compare_with), (of_one().lease, &TaskKind::Browse, None));
-        assert!(world.orders.iter().all(|(sent, order)| sent >= at && order.run == run));
-        assert!(world.ended().is_empty(), "nobody shows that it is out for it");
+        assert_eq!(
+            (task.run, &task.members[..]),
+            (run, &[1, 2].map(VehicleId)[..])
+        );
+        assert_eq!(
+            (task.lease, &task.kind, task.compare_with),
+            (of_one().lease, &TaskKind::Browse, None)
+        );
+        assert!(
+            world
+                .orders
+                .iter()
+                .all(|(sent, order)| sent >= at && order.run == run)
+        );
+        assert!(
+            world.ended().is_empty(),
+            "nobody shows that it is out for it"
+        );
         out_for(&mut world, 1, run, None);
-        out_for(&mut world, 2, run, Some(MissionEnd::Refused(MissionRefusal::OutsideFence)));
+        out_for(
+            &mut world,
+            2,
+            run,
+            Some(MissionEnd::Refused(MissionRefusal::OutsideFence)),
+        );
         world.run(0.2);
         let outcome = &world.ended()[0].1;
         assert!(outcome.vehicles[&VehicleId(1)].is_done() && !outcome.is_done());
@@ -102,16 +181,26 @@ fn who_obeys_the_start_of_a_mission_and_does_not_show_it_is_named_in_the_end() {
     world.tell(In::Want(1, browse()));
     out_for(&mut world, 1, RunId(0), None);
     world.run(6.0);
-    assert_eq!(world.ended()[0].1.undone(), "vehicle 1 does not show the mission");
+    assert_eq!(
+        world.ended()[0].1.undone(),
+        "vehicle 1 does not show the mission"
+    );
 }
 
 #[test]
 fn a_mission_is_not_begun_while_the_ground_station_drives_a_sweep_and_no_task_is_given() {
     let mut world = World::new(vec![Rover::new(1)]);
-    world.report = Some(Report { phase: StationPhase::Running, run: RunId(4), ..of_one() });
+    world.report = Some(Report {
+        phase: StationPhase::Running,
+        run: RunId(4),
+        ..of_one()
+    });
     world.tell(In::Want(1, browse()));
     world.run(3.0);
-    let refused = Refusal::UnderWay { under_way: RunId(4), asked: RunId(5) };
+    let refused = Refusal::UnderWay {
+        under_way: RunId(4),
+        asked: RunId(5),
+    };
     assert_eq!(world.ended()[0].1.refused, Some(refused));
     assert!(world.tasks.is_empty() && world.orders.is_empty());
 }
@@ -120,8 +209,17 @@ fn a_mission_is_not_begun_while_the_ground_station_drives_a_sweep_and_no_task_is
 fn a_start_goes_on_with_a_mission_that_is_open_and_begins_a_run_after_one_that_has_ended() {
     for (end, run) in [(None, RunId(1)), (Some(RunEnd::Done), RunId(2))] {
         let mut world = World::new(vec![Rover::ordered(1, of_one().lease, 3, Kind::Hold)]);
-        let of_run = RunReport { run: RunId(1), kind: MissionKind::Browse, end, ..RunReport::default() };
-        world.report = Some(Report { run: RunId(1), runs: vec![of_run], ..of_one() });
+        let of_run = RunReport {
+            run: RunId(1),
+            kind: MissionKind::Browse,
+            end,
+            ..RunReport::default()
+        };
+        world.report = Some(Report {
+            run: RunId(1),
+            runs: vec![of_run],
+            ..of_one()
+        });
         world.tell(In::Want(1, want(Kind::Start)));
         world.run(3.0);
         assert_eq!(world.orders[0].1.run, run);
@@ -134,21 +232,49 @@ fn who_holds_a_lease_names_it_at_once_and_every_second_until_it_is_displaced() {
     world.report = Some(of_one());
     world.run(3.0);
     assert!(world.hellos.iter().all(|(_, lease)| lease.is_none()));
-    world.tell(In::Want(1, Want { take_over: true, ..want(Kind::Hold) }));
+    world.tell(In::Want(
+        1,
+        Want {
+            take_over: true,
+            ..want(Kind::Hold)
+        },
+    ));
     world.tick();
-    let own = Lease { number: 5, holder: OWN };
-    assert_eq!(world.hellos.last(), Some(&(world.orders[0].0, Some(own))), "before its first order");
+    let own = Lease {
+        number: 5,
+        holder: OWN,
+    };
+    assert_eq!(
+        world.hellos.last(),
+        Some(&(world.orders[0].0, Some(own))),
+        "before its first order"
+    );
     world.hellos.clear();
     world.run(10.0);
-    assert!((10..=11).contains(&world.hellos.len()), "{:?}", world.hellos);
-    world.report = Some(Report { lease: Lease { number: 6, holder: 2 }, ..of_one() });
+    assert!(
+        (10..=11).contains(&world.hellos.len()),
+        "{:?}",
+        world.hellos
+    );
+    world.report = Some(Report {
+        lease: Lease {
+            number: 6,
+            holder: 2,
+        },
+        ..of_one()
+    });
     world.run(3.0);
     assert_eq!(world.hellos.last().map(|(_, lease)| *lease), Some(None));
 }
 
 #[test]
 fn a_run_is_driven_before_it_is_done_and_one_that_failed_ends_the_script_with_its_reason() {
-    let gave_up = |why: &str| Some(ScriptEnd::GaveUp { step: 0, why: why.to_owned() });
+    let gave_up = |why: &str| {
+        Some(ScriptEnd::GaveUp {
+            step: 0,
+            why: why.to_owned(),
+        })
+    };
     let check = |until: Condition, report: Report, end: Option<ScriptEnd>| {
         let mut world = World::new(vec![Rover::new(1)]);
         world.report = Some(report);
@@ -158,12 +284,34 @@ fn a_run_is_driven_before_it_is_done_and_one_that_failed_ends_the_script_with_it
     };
     let open = run_ended(None, &[]);
     check(Condition::Driven(RUN), open.clone(), Some(ScriptEnd::Done));
-    check(Condition::Driven(RUN), Report { phase: StationPhase::Closing, ..open.clone() }, None);
+    check(
+        Condition::Driven(RUN),
+        Report {
+            phase: StationPhase::Closing,
+            ..open.clone()
+        },
+        None,
+    );
     check(Condition::Done(RUN), open, None);
-    check(Condition::Done(RUN), run_ended(Some(RunEnd::Done), &[]), Some(ScriptEnd::Done));
-    let failed = run_ended(Some(RunEnd::Failed), &["too hot", "run 3 has failed: no vehicle gets on"]);
-    check(Condition::Done(RUN), failed.clone(), gave_up("run 3 has failed: no vehicle gets on"));
-    check(Condition::Driven(RUN), run_ended(Some(RunEnd::Stopped), &[]), gave_up("run 3 was given up"));
+    check(
+        Condition::Done(RUN),
+        run_ended(Some(RunEnd::Done), &[]),
+        Some(ScriptEnd::Done),
+    );
+    let failed = run_ended(
+        Some(RunEnd::Failed),
+        &["too hot", "run 3 has failed: no vehicle gets on"],
+    );
+    check(
+        Condition::Done(RUN),
+        failed.clone(),
+        gave_up("run 3 has failed: no vehicle gets on"),
+    );
+    check(
+        Condition::Driven(RUN),
+        run_ended(Some(RunEnd::Stopped), &[]),
+        gave_up("run 3 was given up"),
+    );
     let or_else = Condition::Any(vec![Condition::Done(RUN), Condition::InForce]);
     check(or_else, failed, None);
 }
@@ -171,7 +319,10 @@ fn a_run_is_driven_before_it_is_done_and_one_that_failed_ends_the_script_with_it
 #[test]
 fn missions_and_ways_home_are_awaited_of_those_who_are_there() {
     let vehicles: BTreeSet<VehicleId> = [1, 2].map(VehicleId).into();
-    let present = Present { vehicles, lost_after: Duration::from_secs(3) };
+    let present = Present {
+        vehicles,
+        lost_after: Duration::from_secs(3),
+    };
     let mut world = World::new(vec![Rover::new(1), Rover::new(2)]);
     let steps = [
         Step::EndIf(Condition::Home(present.clone())),
@@ -182,13 +333,25 @@ fn missions_and_ways_home_are_awaited_of_those_who_are_there() {
     let say = |world: &mut World, vehicle: u8, phase: MissionPhase, end: Option<MissionEnd>| {
         let kind = MissionKind::Browse;
         let (vehicle, is_at_home) = (VehicleId(vehicle), true);
-        let mission = Mission { vehicle, boot: Boot(1), kind, phase, end, is_at_home, ..Mission::default() };
+        let mission = Mission {
+            vehicle,
+            boot: Boot(1),
+            kind,
+            phase,
+            end,
+            is_at_home,
+            ..Mission::default()
+        };
         world.tell(In::Bus(heard(Message::Mission(mission))));
         world.run(1.0);
     };
     say(&mut world, 1, MissionPhase::Waiting, Some(MissionEnd::Done));
     say(&mut world, 1, MissionPhase::Over, Some(MissionEnd::Done));
-    assert_eq!(script_end(&world), None, "vehicle 2 is there, and not at home");
+    assert_eq!(
+        script_end(&world),
+        None,
+        "vehicle 2 is there, and not at home"
+    );
     // It falls silent, and is not waited for any more.
     world.rovers.truncate(1);
     world.run(4.0);

@@ -80,9 +80,21 @@ impl SerialReader {
         let shared = Arc::<Shared>::default();
         lock(&shared.state).trouble = Some(format!("{}: not open yet", sensor.port));
         let decoder = RangeDecoder::new(&sensor.protocol, look);
-        let mut work = Work { sensor: sensor.clone(), decoder, clock, pings, told, shared: shared.clone() };
-        let thread = std::thread::Builder::new().name("range sensor".to_owned()).spawn(move || work.run())?;
-        Ok(SerialReader { shared, thread: Some(thread) })
+        let mut work = Work {
+            sensor: sensor.clone(),
+            decoder,
+            clock,
+            pings,
+            told,
+            shared: shared.clone(),
+        };
+        let thread = std::thread::Builder::new()
+            .name("range sensor".to_owned())
+            .spawn(move || work.run())?;
+        Ok(SerialReader {
+            shared,
+            thread: Some(thread),
+        })
     }
 
     /// Returns why the port is closed; `None` while it is open.
@@ -132,7 +144,10 @@ impl Work {
             1 => format!("{port}: {trouble}; opened once before"),
             opened => format!("{port}: {trouble}; opened {opened} times before"),
         });
-        let waited = self.shared.ended.wait_timeout_while(state, wait, |state| !state.is_ended);
+        let waited = self
+            .shared
+            .ended
+            .wait_timeout_while(state, wait, |state| !state.is_ended);
         waited.unwrap_or_else(PoisonError::into_inner).0.is_ended
     }
 
@@ -157,7 +172,9 @@ impl Work {
                     }
                 }
                 // All that time nothing was there.
-                Err(error) if error.kind() == io::ErrorKind::TimedOut => queue_empty_at = began + LOOKS_EVERY,
+                Err(error) if error.kind() == io::ErrorKind::TimedOut => {
+                    queue_empty_at = began + LOOKS_EVERY
+                }
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
                 Err(error) => return Err((error, has_read)),
             }
@@ -169,7 +186,9 @@ impl Work {
         let mut readings = Vec::new();
         self.decoder.take(since, bytes, &mut readings);
         lock(&self.shared.state).dropped = self.decoder.dropped();
-        let Some(newest) = readings.last() else { return };
+        let Some(newest) = readings.last() else {
+            return;
+        };
         let echo = lock(&self.pings.0).answer(*newest);
         if let Some(echo) = echo {
             (self.told)(Event::Echo(echo));
@@ -199,12 +218,16 @@ fn open(sensor: &SerialSensor) -> io::Result<SerialPort> {
 /// Returns why a port is closed.
 fn in_words(error: &io::Error) -> String {
     match error.kind() {
-        io::ErrorKind::WouldBlock | io::ErrorKind::ResourceBusy => "another program uses it".to_owned(),
+        io::ErrorKind::WouldBlock | io::ErrorKind::ResourceBusy => {
+            "another program uses it".to_owned()
+        }
         io::ErrorKind::UnexpectedEof => "it has gone".to_owned(),
         _ if error.raw_os_error() == Some(rustix::io::Errno::NOTTY.raw_os_error()) => {
             "it is no serial port".to_owned()
         }
-        _ if error.raw_os_error() == Some(rustix::io::Errno::IO.raw_os_error()) => "it has gone".to_owned(),
+        _ if error.raw_os_error() == Some(rustix::io::Errno::IO.raw_os_error()) => {
+            "it has gone".to_owned()
+        }
         _ => error.to_string(),
     }
 }

@@ -30,7 +30,10 @@ impl Sensor {
         grantpt(&line).unwrap();
         unlockpt(&line).unwrap();
         let terminal = PathBuf::from(ptsname(&line, Vec::new()).unwrap().into_string().unwrap());
-        let sensor = Sensor { line: File::from(line), terminal };
+        let sensor = Sensor {
+            line: File::from(line),
+            terminal,
+        };
         sensor.link(path);
         sensor
     }
@@ -70,9 +73,17 @@ impl Driver {
             Event::Echo(echo) => heard.lock().unwrap().push(echo),
             other => panic!("{other:?}"),
         });
-        let look = Look { min_range_m: 0.3, max_range_m: 4.0, ..Look::default() };
+        let look = Look {
+            min_range_m: 0.3,
+            max_range_m: 4.0,
+            ..Look::default()
+        };
         let range = Range::start(driver, &look, Clock::start(), &told).unwrap();
-        Driver { range, echoes, pings: 0 }
+        Driver {
+            range,
+            echoes,
+            pings: 0,
+        }
     }
 
     fn ping(&mut self) {
@@ -96,7 +107,11 @@ impl Driver {
             if let Some(echo) = echo.filter(|echo| echo.number == self.pings) {
                 return echo.range_m;
             }
-            assert!(began.elapsed() < SOON, "no answer: {:?}", self.range.trouble());
+            assert!(
+                began.elapsed() < SOON,
+                "no answer: {:?}",
+                self.range.trouble()
+            );
         }
     }
 
@@ -132,10 +147,17 @@ fn a_reading_answers_the_ping_before_it_and_the_farthest_one_says_that_nothing_i
     assert_eq!(driver.measure(&mut sensor, b"R1234\r"), Some(1.234));
     assert_eq!(driver.measure(&mut sensor, b"R0500\r"), Some(0.5));
     assert_eq!(driver.measure(&mut sensor, b"R5000\r"), None);
-    assert_eq!(driver.measure(&mut sensor, b"R0300\rR0750\r"), Some(0.75), "the newest counts");
+    assert_eq!(
+        driver.measure(&mut sensor, b"R0300\rR0750\r"),
+        Some(0.75),
+        "the newest counts"
+    );
     let answered = driver.echoes().len() as u64;
     let health = driver.range.health().unwrap();
-    assert_eq!((health.glitches, health.faults), (0, driver.pings - answered));
+    assert_eq!(
+        (health.glitches, health.faults),
+        (0, driver.pings - answered)
+    );
 }
 
 #[test]
@@ -151,7 +173,11 @@ fn what_was_said_before_the_ping_never_answers_it() {
         driver.ping();
         std::thread::sleep(Duration::from_millis(15));
         let began = Instant::now();
-        while driver.echoes().last().is_none_or(|echo| echo.number != driver.pings) {
+        while driver
+            .echoes()
+            .last()
+            .is_none_or(|echo| echo.number != driver.pings)
+        {
             sensor.say(b"R1000\r");
             std::thread::sleep(Duration::from_millis(2));
             assert!(began.elapsed() < SOON, "no answer");
@@ -159,7 +185,11 @@ fn what_was_said_before_the_ping_never_answers_it() {
     }
     // The kernel hands bytes from one end of a pseudo-terminal to the other by a worker of its own, on a busy machine at
     // times after the ping; who takes old readings takes nearly all.
-    let old = driver.echoes().iter().filter(|echo| echo.range_m == Some(2.0)).count();
+    let old = driver
+        .echoes()
+        .iter()
+        .filter(|echo| echo.range_m == Some(2.0))
+        .count();
     assert!(old <= 4, "{old} of 40");
 }
 
@@ -174,7 +204,11 @@ fn a_sensor_is_pulled_out_and_plugged_in_again() {
         let gone = driver.until_trouble(|trouble| trouble.is_some());
         assert!(gone < Duration::from_secs(3), "{gone:?}");
         let trouble = driver.range.trouble().unwrap();
-        let opened = if round == 1 { "once".to_owned() } else { format!("{round} times") };
+        let opened = if round == 1 {
+            "once".to_owned()
+        } else {
+            format!("{round} times")
+        };
         assert!(
             trouble.contains("sensor: ") && trouble.ends_with(&format!("opened {opened} before")),
             "{trouble}"
@@ -199,7 +233,8 @@ fn a_port_that_is_not_there_or_none_is_named_and_found_when_it_comes() {
     let mut driver = Driver::start(&port);
     let named = port.to_str().unwrap().to_owned();
     driver.until_trouble(|trouble| {
-        trouble.is_some_and(|trouble| trouble.starts_with(&named) && trouble.contains("No such file"))
+        trouble
+            .is_some_and(|trouble| trouble.starts_with(&named) && trouble.contains("No such file"))
     });
     let mut sensor = Sensor::plug(&port);
     driver.until_open();
@@ -222,8 +257,9 @@ fn a_port_has_one_reader_and_the_next_one_gets_it_when_that_has_ended() {
     let mut first = Driver::start(&port);
     first.measure(&mut sensor, b"R1000\r");
     let mut second = Driver::start(&port);
-    second
-        .until_trouble(|trouble| trouble.is_some_and(|trouble| trouble.contains("another program uses it")));
+    second.until_trouble(|trouble| {
+        trouble.is_some_and(|trouble| trouble.contains("another program uses it"))
+    });
     second.ping();
     assert_eq!(first.measure(&mut sensor, b"R1500\r"), Some(1.5));
     assert_eq!(second.echoes(), []);
@@ -240,7 +276,12 @@ fn rubbish_is_counted_and_the_next_reading_comes_through() {
     driver.measure(&mut sensor, b"R1000\r");
     let mut rubbish = vec![b'7'; 10_000];
     rubbish.extend(b"\r-1\rNaN\rR12\rR0001\r99999999999999999999\r\xff\xfe\x00\x7f\r");
-    rubbish.extend((0..=255).filter(|byte| !matches!(byte, b'\r' | b'\n')).cycle().take(120));
+    rubbish.extend(
+        (0..=255)
+            .filter(|byte| !matches!(byte, b'\r' | b'\n'))
+            .cycle()
+            .take(120),
+    );
     rubbish.extend(b"\r");
     driver.ping();
     std::thread::sleep(Duration::from_millis(30));
@@ -267,8 +308,14 @@ fn a_sensor_that_says_nothing_is_silent_and_no_echo_is_made_of_it() {
         std::thread::sleep(Duration::from_millis(50));
     }
     let trouble = driver.range.trouble().unwrap();
-    assert!(trouble.starts_with("it answers nothing; ") && trouble.contains("1 unreadable"), "{trouble}");
-    assert_eq!((driver.range.health().unwrap().faults, driver.echoes()), (driver.pings - 1, vec![]));
+    assert!(
+        trouble.starts_with("it answers nothing; ") && trouble.contains("1 unreadable"),
+        "{trouble}"
+    );
+    assert_eq!(
+        (driver.range.health().unwrap().faults, driver.echoes()),
+        (driver.pings - 1, vec![])
+    );
     driver.measure(&mut sensor, b"R1000\r");
     assert_eq!(driver.range.trouble(), None);
 }
@@ -277,5 +324,12 @@ fn a_sensor_that_says_nothing_is_silent_and_no_echo_is_made_of_it() {
 fn a_vehicle_without_a_range_sensor_answers_nothing_and_misses_nothing() {
     let mut driver = Driver::of(&RangeDriver::None);
     driver.ping();
-    assert_eq!((driver.range.health(), driver.range.trouble(), driver.echoes()), (None, None, vec![]));
+    assert_eq!(
+        (
+            driver.range.health(),
+            driver.range.trouble(),
+            driver.echoes()
+        ),
+        (None, None, vec![])
+    );
 }

@@ -13,8 +13,8 @@ use crate::node::route::Note;
 use crate::node::sensor::Ping;
 use crate::node::{Effect, Event, mission};
 use crate::run::link::{
-    ControlError, FromWorld, LIMIT, LinkSettings, LinkState, Refused, Status, VERSION, WorldControl,
-    WorldLink, decode, encode, read_frame, write_frame,
+    ControlError, FromWorld, LIMIT, LinkSettings, LinkState, Refused, Status, VERSION,
+    WorldControl, WorldLink, decode, encode, read_frame, write_frame,
 };
 
 const TOKEN: &str = "sesame";
@@ -30,13 +30,19 @@ impl Fake {
     fn open(address: SocketAddr) -> Fake {
         let stream = TcpStream::connect(address).unwrap();
         stream.set_nodelay(true).unwrap();
-        stream.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
+        stream
+            .set_read_timeout(Some(Duration::from_secs(5)))
+            .unwrap();
         Fake(stream)
     }
 
     fn join(address: SocketAddr, vehicle: VehicleId, boot: u32) -> Result<Fake, Refused> {
         let mut fake = Fake::open(address);
-        fake.say(&ToWorld::Join { vehicle, boot: Boot(boot), token: TOKEN.into() });
+        fake.say(&ToWorld::Join {
+            vehicle,
+            boot: Boot(boot),
+            token: TOKEN.into(),
+        });
         match fake.hear().unwrap() {
             FromWorld::Welcome(_) => Ok(fake),
             FromWorld::Refused(refused) => Err(refused),
@@ -50,17 +56,27 @@ impl Fake {
 
     /// The next word, or `None` when the connection has ended.
     fn hear(&mut self) -> Option<FromWorld> {
-        read_frame(&mut self.0).ok().map(|frame| decode(&frame).unwrap())
+        read_frame(&mut self.0)
+            .ok()
+            .map(|frame| decode(&frame).unwrap())
     }
 
     /// The first word that is looked for.
     fn wait_for<T>(&mut self, wanted: impl Fn(FromWorld) -> Option<T>) -> T {
-        std::iter::from_fn(|| self.hear()).find_map(wanted).expect("it is said before the connection ends")
+        std::iter::from_fn(|| self.hear())
+            .find_map(wanted)
+            .expect("it is said before the connection ends")
     }
 
     /// Why the world ends the connection.
     fn why_refused(&mut self) -> Refused {
-        let why = self.wait_for(|word| if let FromWorld::Refused(why) = word { Some(why) } else { None });
+        let why = self.wait_for(|word| {
+            if let FromWorld::Refused(why) = word {
+                Some(why)
+            } else {
+                None
+            }
+        });
         assert!(self.hear().is_none(), "nothing follows");
         why
     }
@@ -89,7 +105,13 @@ fn a_vehicle_drives_and_sees_and_hears_another_one() {
     let mut one = Fake::join(server.address(), ONE, 1).unwrap();
     let mut two = Fake::join(server.address(), TWO, 1).unwrap();
     one.say(&ToWorld::Ping(Ping { number: 7 }));
-    let echo = one.wait_for(|word| if let FromWorld::Echo(echo) = word { Some(echo) } else { None });
+    let echo = one.wait_for(|word| {
+        if let FromWorld::Echo(echo) = word {
+            Some(echo)
+        } else {
+            None
+        }
+    });
     assert_eq!(echo.number, 7);
     assert!((echo.range_m.unwrap() - WALL_M).abs() < 0.05, "{echo:?}");
     one.say(&beacon(ONE, 3));
@@ -124,15 +146,32 @@ fn strangers_are_told_why_and_do_no_harm() {
         write_frame(&mut bytes, frame).unwrap();
         bytes
     };
-    let join = encode(&ToWorld::Join { vehicle: ONE, boot: Boot(9), token: b"wrong".to_vec() }).unwrap();
+    let join = encode(&ToWorld::Join {
+        vehicle: ONE,
+        boot: Boot(9),
+        token: b"wrong".to_vec(),
+    })
+    .unwrap();
     assert_eq!(said(&framed(&join)).why_refused(), Refused::Token);
     let mut other = join.clone();
     other[0] = VERSION + 1;
-    let version = Refused::Version { expected: VERSION, found: VERSION + 1 };
+    let version = Refused::Version {
+        expected: VERSION,
+        found: VERSION + 1,
+    };
     assert_eq!(said(&framed(&other)).why_refused(), version);
-    assert_eq!(said(&framed(&encode(&ToWorld::Stop).unwrap())).why_refused(), Refused::NoGreeting);
-    assert_eq!(said(b"GET / HTTP/1.1\r\n\r\n").why_refused(), Refused::NoGreeting);
-    assert_eq!(said(&framed(&[VERSION; 500])).why_refused(), Refused::NoGreeting);
+    assert_eq!(
+        said(&framed(&encode(&ToWorld::Stop).unwrap())).why_refused(),
+        Refused::NoGreeting
+    );
+    assert_eq!(
+        said(b"GET / HTTP/1.1\r\n\r\n").why_refused(),
+        Refused::NoGreeting
+    );
+    assert_eq!(
+        said(&framed(&[VERSION; 500])).why_refused(),
+        Refused::NoGreeting
+    );
     // A length of 4 GB is not believed, and half a frame is not waited for.
     assert_eq!(said(&[0xff; 40]).why_refused(), Refused::NoGreeting);
     let mut half = said(&framed(&join)[..10]);
@@ -141,18 +180,27 @@ fn strangers_are_told_why_and_do_no_harm() {
         WorldControl::connect(server.address(), "open"),
         Err(ControlError::Refused(Refused::Token))
     ));
-    assert!(Fake::join(server.address(), ONE, 1).is_ok(), "nobody has taken the place");
+    assert!(
+        Fake::join(server.address(), ONE, 1).is_ok(),
+        "nobody has taken the place"
+    );
 }
 
 #[test]
 fn a_driver_that_talks_garbage_is_ended_and_may_come_back() {
     let server = begin("127.0.0.1:0");
     let oversized = u32::try_from(LIMIT + 1).unwrap().to_le_bytes();
-    for garbage in [&[3, 0, 0, 0, VERSION, 99, 99][..], &oversized[..], &[1, 0, 0, 0, VERSION + 1]] {
+    for garbage in [
+        &[3, 0, 0, 0, VERSION, 99, 99][..],
+        &oversized[..],
+        &[1, 0, 0, 0, VERSION + 1],
+    ] {
         let mut one = Fake::join(server.address(), ONE, 1).unwrap();
         one.0.write_all(garbage).unwrap();
         assert_eq!(one.why_refused(), Refused::Garbage);
-        until(&mut control(server.address()), |status| status.vehicles[0].driver.is_none());
+        until(&mut control(server.address()), |status| {
+            status.vehicles[0].driver.is_none()
+        });
     }
 }
 
@@ -168,7 +216,13 @@ fn the_body_of_a_vehicle_that_is_gone_stops() {
     let status = until(&mut control, |status| status.vehicles[1].speed_mps == 0.0);
     assert!(status.vehicles[1].at.y_m < 1.0, "{:?}", status.vehicles[1]);
     let mut again = Fake::join(server.address(), TWO, 2).unwrap();
-    let told = again.wait_for(|word| if let FromWorld::Autopilot(told) = word { Some(told) } else { None });
+    let told = again.wait_for(|word| {
+        if let FromWorld::Autopilot(told) = word {
+            Some(told)
+        } else {
+            None
+        }
+    });
     assert!(told.pose.at.distance_to(status.vehicles[1].at) < 1e-6);
 }
 
@@ -180,53 +234,95 @@ fn a_contact_and_the_persons_show_in_the_status() {
     one.say(&drive(0.5, 5.0));
     assert!(control.enter().unwrap().entered);
     let status = until(&mut control, |status| status.collision_count > 0);
-    assert_eq!((status.collisions[0].vehicle, status.persons.len()), (ONE, 1));
+    assert_eq!(
+        (status.collisions[0].vehicle, status.persons.len()),
+        (ONE, 1)
+    );
     assert!(!control.track(ONE).unwrap().is_empty());
     assert_eq!(control.stop().unwrap().collision_count, 1);
     assert_eq!(server.wait().collision_count, 1);
-    assert!(one.hear().is_none() || std::iter::from_fn(|| one.hear()).count() < 100, "the world has ended");
+    assert!(
+        one.hear().is_none() || std::iter::from_fn(|| one.hear()).count() < 100,
+        "the world has ended"
+    );
 }
 
 #[test]
 fn the_later_start_of_a_vehicle_takes_over() {
     let server = begin("127.0.0.1:0");
     let mut old = Fake::join(server.address(), ONE, 3).unwrap();
-    let taken = |found| Refused::Taken { vehicle: ONE, present: Boot(3), found: Boot(found) };
+    let taken = |found| Refused::Taken {
+        vehicle: ONE,
+        present: Boot(3),
+        found: Boot(found),
+    };
     assert_eq!(Fake::join(server.address(), ONE, 3).err(), Some(taken(3)));
     assert_eq!(Fake::join(server.address(), ONE, 2).err(), Some(taken(2)));
     let mut new = Fake::join(server.address(), ONE, 4).unwrap();
-    assert_eq!(old.why_refused(), Refused::Replaced { vehicle: ONE, by: Boot(4) });
+    assert_eq!(
+        old.why_refused(),
+        Refused::Replaced {
+            vehicle: ONE,
+            by: Boot(4)
+        }
+    );
     new.say(&ToWorld::Ping(Ping { number: 1 }));
-    new.wait_for(|word| if let FromWorld::Echo(_) = word { Some(()) } else { None });
-    assert_eq!(control(server.address()).report().unwrap().vehicles[0].driver, Some(Boot(4)));
+    new.wait_for(|word| {
+        if let FromWorld::Echo(_) = word {
+            Some(())
+        } else {
+            None
+        }
+    });
+    assert_eq!(
+        control(server.address()).report().unwrap().vehicles[0].driver,
+        Some(Boot(4))
+    );
 }
 
 #[test]
 fn one_that_never_reads_does_not_stop_the_others() {
     let server = begin("127.0.0.1:0");
     let mut deaf = Fake::open(server.address());
-    deaf.say(&ToWorld::Control { token: TOKEN.into() });
+    deaf.say(&ToWorld::Control {
+        token: TOKEN.into(),
+    });
     let ask = encode(&ToWorld::Report).unwrap();
     let mut asked = Vec::new();
     (0..50_000).for_each(|_| write_frame(&mut asked, &ask).unwrap());
     deaf.0.write_all(&asked).unwrap();
     let mut one = Fake::join(server.address(), ONE, 1).unwrap();
     one.say(&ToWorld::Ping(Ping { number: 1 }));
-    one.wait_for(|word| if let FromWorld::Echo(_) = word { Some(()) } else { None });
+    one.wait_for(|word| {
+        if let FromWorld::Echo(_) = word {
+            Some(())
+        } else {
+            None
+        }
+    });
 }
 
 #[test]
 fn only_this_machine_may_connect() {
     for address in ["0.0.0.0:0", "192.0.2.1:0", "[::]:0"] {
         let refused = WorldServer::start(&scenario(), address.parse().unwrap(), TOKEN).err();
-        assert!(matches!(refused, Some(WorldError::NotLoopback { .. })), "{address}: {refused:?}");
+        assert!(
+            matches!(refused, Some(WorldError::NotLoopback { .. })),
+            "{address}: {refused:?}"
+        );
     }
 }
 
 fn link(address: SocketAddr, token: &str) -> (WorldLink, Receiver<Event>) {
     let (tell, told) = channel();
-    let settings = LinkSettings { address, token: token.to_owned(), vehicle: ONE, boot: Boot(1) };
-    let link = WorldLink::connect(settings, move |event| tell.send(event).unwrap_or_default()).unwrap();
+    let settings = LinkSettings {
+        address,
+        token: token.to_owned(),
+        vehicle: ONE,
+        boot: Boot(1),
+    };
+    let link =
+        WorldLink::connect(settings, move |event| tell.send(event).unwrap_or_default()).unwrap();
     (link, told)
 }
 
@@ -257,26 +353,48 @@ fn the_link_comes_back_when_the_world_does() {
     wait_for_state(&link, |state| matches!(state, LinkState::Joined(_)));
     let took = echo_of(&link, &told, 1);
     assert!(took < Duration::from_millis(200), "{took:?}");
-    assert!(!link.send(&Effect::Note(Note::Mission(mission::Remark::Home))), "not for the world");
+    assert!(
+        !link.send(&Effect::Note(Note::Mission(mission::Remark::Home))),
+        "not for the world"
+    );
     drop(server);
-    wait_for_state(&link, |state| matches!(state, LinkState::Connecting(Some(_))));
-    assert!(!link.send(&Effect::Ping(Ping { number: 2 })), "what nobody can take is dropped");
+    wait_for_state(&link, |state| {
+        matches!(state, LinkState::Connecting(Some(_)))
+    });
+    assert!(
+        !link.send(&Effect::Ping(Ping { number: 2 })),
+        "what nobody can take is dropped"
+    );
     let _server = begin(&address.to_string());
     wait_for_state(&link, |state| matches!(state, LinkState::Joined(_)));
     echo_of(&link, &told, 3);
     drop(link);
-    assert!(std::iter::from_fn(|| told.recv_timeout(Duration::from_millis(500)).ok()).count() < 1000);
+    assert!(
+        std::iter::from_fn(|| told.recv_timeout(Duration::from_millis(500)).ok()).count() < 1000
+    );
 }
 
 fn transmit(sequence: u32) -> Effect {
-    let ToWorld::Transmit(frame) = beacon(ONE, sequence) else { panic!("a beacon") };
-    let Ok(Decoded::Message(Message::Beacon(beacon))) = codec::decode(&frame) else { panic!("a beacon") };
+    let ToWorld::Transmit(frame) = beacon(ONE, sequence) else {
+        panic!("a beacon")
+    };
+    let Ok(Decoded::Message(Message::Beacon(beacon))) = codec::decode(&frame) else {
+        panic!("a beacon")
+    };
     Effect::Transmit(beacon)
 }
 
 fn unsent(told: &Receiver<Event>) -> u32 {
-    let of = |event| if let Event::Unsent(sequence) = event { Some(sequence) } else { None };
-    std::iter::from_fn(|| told.recv_timeout(Duration::from_secs(2)).ok()).find_map(of).expect("it comes back")
+    let of = |event| {
+        if let Event::Unsent(sequence) = event {
+            Some(sequence)
+        } else {
+            None
+        }
+    };
+    std::iter::from_fn(|| told.recv_timeout(Duration::from_secs(2)).ok())
+        .find_map(of)
+        .expect("it comes back")
 }
 
 #[test]
@@ -288,7 +406,9 @@ fn a_beacon_that_was_not_sent_comes_back_from_a_busy_radio_and_from_a_link_that_
     (1..=50).for_each(|sequence| assert!(link.send(&transmit(sequence))));
     assert!((2..=50).contains(&unsent(&told)));
     drop(server);
-    wait_for_state(&link, |state| matches!(state, LinkState::Connecting(Some(_))));
+    wait_for_state(&link, |state| {
+        matches!(state, LinkState::Connecting(Some(_)))
+    });
     told.try_iter().for_each(drop);
     assert!(!link.send(&transmit(51)));
     assert_eq!(unsent(&told), 51);

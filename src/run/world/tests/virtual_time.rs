@@ -65,13 +65,20 @@ fn telemetry_comes_ten_times_a_second_to_those_who_drive() {
     let said = advance(&mut world, 10.0);
     assert_eq!(telemetry(&said, 0).len(), 100);
     assert_eq!(telemetry(&said, 1).len(), 0, "nobody drives vehicle 2");
-    assert!(telemetry(&said, 0).iter().all(|told| told.pose.at.distance_to(Point::new(-1.5, 5.0)) < 1e-9));
+    assert!(
+        telemetry(&said, 0)
+            .iter()
+            .all(|told| told.pose.at.distance_to(Point::new(-1.5, 5.0)) < 1e-9)
+    );
 }
 
 #[test]
 fn a_world_that_stood_still_does_not_say_everything_at_once() {
     let mut world = joined();
-    assert!(advance(&mut world, 20.0).len() >= 200, "it goes on in steps of 0.1 s");
+    assert!(
+        advance(&mut world, 20.0).len() >= 200,
+        "it goes on in steps of 0.1 s"
+    );
     let mut world = joined();
     let mut said = Vec::new();
     world.advance(Time::from_secs_f64(0.1), &mut said);
@@ -86,7 +93,9 @@ fn the_wall_is_as_far_as_it_is_and_a_busy_sensor_is_not_asked_twice() {
     let mut world = joined();
     (1..=5).for_each(|number| assert!(obey(&mut world, 0, ping(number)).is_empty()));
     let heard = ranges(&advance(&mut world, 0.5));
-    let [(0, Some(range_m))] = heard[..] else { panic!("{heard:?}") };
+    let [(0, Some(range_m))] = heard[..] else {
+        panic!("{heard:?}")
+    };
     assert!((range_m - WALL_M).abs() < 0.05, "{range_m}");
     assert_eq!(world.status().dropped, 4);
 }
@@ -101,7 +110,9 @@ fn the_persons_are_seen_once_they_have_entered() {
     world.enter();
     obey(&mut world, 0, ping(2));
     let heard = ranges(&advance(&mut world, 1.0));
-    let [(0, Some(range_m))] = heard[..] else { panic!("{heard:?}") };
+    let [(0, Some(range_m))] = heard[..] else {
+        panic!("{heard:?}")
+    };
     assert!((range_m - PERSON_M).abs() < 0.05, "{range_m}");
     assert!(world.status().entered);
 }
@@ -117,9 +128,14 @@ fn a_beacon_is_heard_after_its_airtime_and_two_at_once_are_lost() {
     };
     let mut world = joined();
     obey(&mut world, 0, beacon(ONE, 1));
-    assert_eq!(obey(&mut world, 0, beacon(ONE, 2)), [(0, FromWorld::Unsent(2))]);
+    assert_eq!(
+        obey(&mut world, 0, beacon(ONE, 2)),
+        [(0, FromWorld::Unsent(2))]
+    );
     assert!(heard(&advance(&mut world, 0.003)).is_empty());
-    let [(1, rssi_dbm)] = heard(&advance(&mut world, 0.01))[..] else { panic!("one beacon, one hearer") };
+    let [(1, rssi_dbm)] = heard(&advance(&mut world, 0.01))[..] else {
+        panic!("one beacon, one hearer")
+    };
     assert!(HEARD_DBM.contains(&rssi_dbm), "{rssi_dbm} dBm");
     assert_eq!(world.status().dropped, 1, "it was speaking still");
     obey(&mut world, 0, beacon(ONE, 3));
@@ -127,7 +143,10 @@ fn a_beacon_is_heard_after_its_airtime_and_two_at_once_are_lost() {
     assert!(heard(&advance(&mut world, 0.1)).is_empty());
     assert_eq!(world.status().collided_beacons, 2);
     obey(&mut world, 1, beacon(ONE, 4));
-    assert!(heard(&advance(&mut world, 0.2)).is_empty(), "nobody speaks in another's name");
+    assert!(
+        heard(&advance(&mut world, 0.2)).is_empty(),
+        "nobody speaks in another's name"
+    );
 }
 
 #[test]
@@ -166,15 +185,26 @@ fn any_word_of_the_companion_keeps_it_driving() {
 fn of_two_processes_the_later_one_drives() {
     let mut world = world();
     world.join(ONE, Boot(5)).unwrap();
-    let taken = |found| Refused::Taken { vehicle: ONE, present: Boot(5), found };
+    let taken = |found| Refused::Taken {
+        vehicle: ONE,
+        present: Boot(5),
+        found,
+    };
     assert_eq!(world.join(ONE, Boot(5)), Err(taken(Boot(5))));
     assert_eq!(world.join(ONE, Boot(4)), Err(taken(Boot(4))));
     world.join(ONE, Boot(6)).unwrap();
     world.leave(0);
-    let outdated = Refused::Outdated { vehicle: ONE, present: Boot(6), found: Boot(5) };
+    let outdated = Refused::Outdated {
+        vehicle: ONE,
+        present: Boot(6),
+        found: Boot(5),
+    };
     assert_eq!(world.join(ONE, Boot(5)), Err(outdated));
     world.join(ONE, Boot(6)).unwrap();
-    let unknown = Refused::Unknown { vehicle: VehicleId(3), count: 2 };
+    let unknown = Refused::Unknown {
+        vehicle: VehicleId(3),
+        count: 2,
+    };
     assert_eq!(world.join(VehicleId(3), Boot(1)), Err(unknown));
 }
 
@@ -187,7 +217,10 @@ fn who_comes_back_stands_where_it_stood() {
     advance(&mut world, 8.0);
     let (index, welcome) = world.join(TWO, Boot(2)).unwrap();
     assert_eq!(index, 1);
-    assert!(welcome.start.unwrap().at.distance_to(Point::new(5.0, -1.0)) < 1e-6, "{welcome:?}");
+    assert!(
+        welcome.start.unwrap().at.distance_to(Point::new(5.0, -1.0)) < 1e-6,
+        "{welcome:?}"
+    );
 }
 
 #[test]
@@ -214,7 +247,11 @@ fn a_contact_with_one_that_was_stopped_by_another_contact_is_foreseen() {
     // Vehicle 2 comes around the wall to the place where vehicle 1 will have stopped.
     obey(&mut world, 0, drive(0.5, 5.0));
     advance(&mut world, 0.5);
-    let corners = vec![Point::new(5.0, 2.0), Point::new(-0.25, 2.0), Point::new(-0.25, 9.0)];
+    let corners = vec![
+        Point::new(5.0, 2.0),
+        Point::new(-0.25, 2.0),
+        Point::new(-0.25, 9.0),
+    ];
     obey(&mut world, 1, route(corners));
     for second in 1..30 {
         advance(&mut world, f64::from(second));
@@ -224,7 +261,10 @@ fn a_contact_with_one_that_was_stopped_by_another_contact_is_foreseen() {
     assert_eq!(status.collision_count, 2, "{:?}", status.collisions);
     let second = status.collisions[1];
     assert_eq!(
-        (second.vehicle.min(second.with.unwrap()), second.vehicle.max(second.with.unwrap())),
+        (
+            second.vehicle.min(second.with.unwrap()),
+            second.vehicle.max(second.with.unwrap())
+        ),
         (ONE, TWO)
     );
     assert!((status.min_separation_m.unwrap() - 0.5).abs() < 0.01);
@@ -236,7 +276,11 @@ fn an_impossible_command_changes_nothing_and_hides_no_contact() {
     obey(&mut world, 0, drive(0.5, 5.0));
     advance(&mut world, 0.2);
     obey(&mut world, 0, drive(f64::NAN, 5.0));
-    obey(&mut world, 0, command(Command::Yaw(Angle::from_radians(f64::INFINITY))));
+    obey(
+        &mut world,
+        0,
+        command(Command::Yaw(Angle::from_radians(f64::INFINITY))),
+    );
     obey(&mut world, 0, ToWorld::Steer(Angle::from_radians(f64::NAN)));
     obey(&mut world, 0, ToWorld::Transmit(vec![1, 2, 3]));
     obey(&mut world, 0, ToWorld::Stop);
@@ -247,10 +291,15 @@ fn an_impossible_command_changes_nothing_and_hides_no_contact() {
 #[test]
 fn an_autopilot_answers_who_commands_it() {
     let mut world = joined();
-    for (word, result) in
-        [(drive(-1.0, 5.0), CommandAck::Accepted), (drive(f64::NAN, 5.0), CommandAck::Denied)]
-    {
-        let ack = Ack { number: 9, result, arm_refusal: None };
+    for (word, result) in [
+        (drive(-1.0, 5.0), CommandAck::Accepted),
+        (drive(f64::NAN, 5.0), CommandAck::Denied),
+    ] {
+        let ack = Ack {
+            number: 9,
+            result,
+            arm_refusal: None,
+        };
         assert_eq!(obey(&mut world, 0, word), [(0, FromWorld::Ack(ack))]);
     }
 }
@@ -263,7 +312,11 @@ fn a_flood_of_words_leaves_nothing_behind() {
         obey(&mut world, 0, ping(u64::from(number as u32)));
         obey(&mut world, 0, beacon(ONE, number as u32));
     }
-    assert!(world.pending() < 20, "{} things are to happen", world.pending());
+    assert!(
+        world.pending() < 20,
+        "{} things are to happen",
+        world.pending()
+    );
 }
 
 #[test]

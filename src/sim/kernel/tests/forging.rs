@@ -4,10 +4,10 @@
 use std::sync::Arc;
 
 use tomoswarm_proto::{
-    Digest, EmergencyName, EmergencyStop, Have, HeardFrom, Hello, LayerDigest, LayerId, Message, Mission,
-    MissionEnd, Ordered, Plan, PoseReport, Position, Progress, Report, RunEnd, Sample, Samples, SeenState,
-    Standing, State, StationPhase, StopId, StopScope, TILE_CELLS, Task, TaskKind, TileAddress, TileReport,
-    codec,
+    Digest, EmergencyName, EmergencyStop, Have, HeardFrom, Hello, LayerDigest, LayerId, Message,
+    Mission, MissionEnd, Ordered, Plan, PoseReport, Position, Progress, Report, RunEnd, Sample,
+    Samples, SeenState, Standing, State, StationPhase, StopId, StopScope, TILE_CELLS, Task,
+    TaskKind, TileAddress, TileReport, codec,
 };
 
 use super::*;
@@ -42,11 +42,17 @@ struct Known {
 
 impl Known {
     fn higher_lease(&self, by: u32) -> Lease {
-        Lease { number: self.lease.number + by, holder: 99 }
+        Lease {
+            number: self.lease.number + by,
+            holder: 99,
+        }
     }
 }
 
-const HIGHEST: Lease = Lease { number: u32::MAX, holder: u64::MAX };
+const HIGHEST: Lease = Lease {
+    number: u32::MAX,
+    holder: u64::MAX,
+};
 
 fn vehicles() -> [VehicleId; 2] {
     [VehicleId(1), VehicleId(2)]
@@ -54,33 +60,79 @@ fn vehicles() -> [VehicleId; 2] {
 
 fn state(vehicle: VehicleId) -> State {
     let at = Position::from_metres(-3.0, 9.0, 0.0);
-    let pose = Some(PoseReport { at, ..PoseReport::default() });
-    State { vehicle, boot: Boot(1), sequence: u64::MAX, pose, is_at_rest: true, ..State::default() }
+    let pose = Some(PoseReport {
+        at,
+        ..PoseReport::default()
+    });
+    State {
+        vehicle,
+        boot: Boot(1),
+        sequence: u64::MAX,
+        pose,
+        is_at_rest: true,
+        ..State::default()
+    }
 }
 
 fn mission(vehicle: VehicleId, run: u32, revision: u32) -> Mission {
     let done = Some(StopId(MOST));
-    let progress = Progress { run: RunId(run), revision: Revision(revision), done, leg: None };
-    Mission { vehicle, boot: Boot(1), progress, end: Some(MissionEnd::Done), ..Mission::default() }
+    let progress = Progress {
+        run: RunId(run),
+        revision: Revision(revision),
+        done,
+        leg: None,
+    };
+    Mission {
+        vehicle,
+        boot: Boot(1),
+        progress,
+        end: Some(MissionEnd::Done),
+        ..Mission::default()
+    }
 }
 
 fn plan(vehicle: VehicleId, lease: Lease, run: u32, revision: u32) -> Plan {
     let (run, revision, members) = (RunId(run), Revision(revision), vehicles().to_vec());
-    Plan { vehicle, lease, run, revision, members, ..Plan::default() }
+    Plan {
+        vehicle,
+        lease,
+        run,
+        revision,
+        members,
+        ..Plan::default()
+    }
 }
 
 fn hold(vehicle: VehicleId, lease: Lease, run: u32, revision: u32) -> Order {
     let (run, revision, kind) = (RunId(run), Revision(revision), OrderKind::Hold);
     let seen: Option<SeenState> = None;
-    Order { vehicle, lease, run, revision, seen, kind, ends: Vec::new() }
+    Order {
+        vehicle,
+        lease,
+        run,
+        revision,
+        seen,
+        kind,
+        ends: Vec::new(),
+    }
 }
 
 fn tiles(vehicle: VehicleId, revision: u32) -> Vec<Message> {
-    let layer = LayerId { vehicle, boot: Boot(1) };
+    let layer = LayerId {
+        vehicle,
+        boot: Boot(1),
+    };
     let places = (-2..4).flat_map(|x| (-2..4).map(move |y| TileAddress { slice: 0, x, y }));
     let cells = Arc::new([127; TILE_CELLS]);
     places
-        .map(|address| Message::Tile(TileReport { layer, address, revision, cells: cells.clone() }))
+        .map(|address| {
+            Message::Tile(TileReport {
+                layer,
+                address,
+                revision,
+                cells: cells.clone(),
+            })
+        })
         .collect()
 }
 
@@ -96,23 +148,55 @@ fn samples(vehicle: VehicleId, sequence: u64) -> Samples {
         rssi_dbm: Some(-50),
     };
     let samples = vec![sample];
-    Samples { vehicle, boot: Boot(1), run: RunId(1), samples, lost: Vec::new() }
+    Samples {
+        vehicle,
+        boot: Boot(1),
+        run: RunId(1),
+        samples,
+        lost: Vec::new(),
+    }
 }
 
 fn have(store: u64) -> Have {
-    let mark = |vehicle| HeardFrom { vehicle, boot: Boot(1), run: RunId(1), below: u64::MAX };
-    Have { store, watermarks: vehicles().map(mark).to_vec(), closed: vec![RunId(1)] }
+    let mark = |vehicle| HeardFrom {
+        vehicle,
+        boot: Boot(1),
+        run: RunId(1),
+        below: u64::MAX,
+    };
+    Have {
+        store,
+        watermarks: vehicles().map(mark).to_vec(),
+        closed: vec![RunId(1)],
+    }
 }
 
 fn digest() -> Digest {
-    let layer = |vehicle| LayerId { vehicle: VehicleId(vehicle), boot: Boot(1) };
-    let all = |vehicle| LayerDigest { layer: layer(vehicle), tiles: u32::MAX, revisions: u64::MAX, hash: 7 };
-    Digest { layers: (0..=255).map(all).collect() }
+    let layer = |vehicle| LayerId {
+        vehicle: VehicleId(vehicle),
+        boot: Boot(1),
+    };
+    let all = |vehicle| LayerDigest {
+        layer: layer(vehicle),
+        tiles: u32::MAX,
+        revisions: u64::MAX,
+        hash: 7,
+    };
+    Digest {
+        layers: (0..=255).map(all).collect(),
+    }
 }
 
 fn report(store: u64, lease: Lease) -> Report {
     let members = vehicles().to_vec();
-    Report { lease, store, phase: StationPhase::Running, run: RunId(MOST), members, ..Report::default() }
+    Report {
+        lease,
+        store,
+        phase: StationPhase::Running,
+        run: RunId(MOST),
+        members,
+        ..Report::default()
+    }
 }
 
 fn greeting(node: Sender, lease: Option<Lease>, venue_hash: u64) -> Hello {
@@ -135,7 +219,9 @@ fn greeting(node: Sender, lease: Option<Lease>, venue_hash: u64) -> Hello {
 type Forgery = (&'static str, fn(Known) -> Vec<(Sender, Message)>);
 
 fn of_vehicles(said: impl Fn(VehicleId) -> Message) -> Vec<(Sender, Message)> {
-    vehicles().map(|id| (Sender::Vehicle(id), said(id))).to_vec()
+    vehicles()
+        .map(|id| (Sender::Vehicle(id), said(id)))
+        .to_vec()
 }
 
 fn of_ground(said: impl Fn(VehicleId) -> Message) -> Vec<(Sender, Message)> {
@@ -144,9 +230,16 @@ fn of_ground(said: impl Fn(VehicleId) -> Message) -> Vec<(Sender, Message)> {
 
 const FORGERIES: &[Forgery] = &[
     ("nothing", |_| vec![]),
-    ("states of the last number", |_| of_vehicles(|id| Message::State(state(id)))),
+    ("states of the last number", |_| {
+        of_vehicles(|id| Message::State(state(id)))
+    }),
     ("states of the last start", |_| {
-        of_vehicles(|id| Message::State(State { boot: Boot(u32::MAX), ..state(id) }))
+        of_vehicles(|id| {
+            Message::State(State {
+                boot: Boot(u32::MAX),
+                ..state(id)
+            })
+        })
     }),
     ("states that show the highest of all", |known| {
         let ordered = Ordered {
@@ -157,119 +250,250 @@ const FORGERIES: &[Forgery] = &[
         };
         let accepted = (RunId(MOST), Revision(MOST));
         let sequence = u64::MAX / 2 + known.turn;
-        of_vehicles(|id| Message::State(State { ordered, accepted, sequence, ..state(id) }))
+        of_vehicles(|id| {
+            Message::State(State {
+                ordered,
+                accepted,
+                sequence,
+                ..state(id)
+            })
+        })
     }),
     ("states that show a stop under a higher lease", |known| {
         let lease = known.higher_lease(900);
-        let ordered = Ordered { lease, revision: Revision(9), run: RunId(1), kind: Some(OrderKind::Hold) };
+        let ordered = Ordered {
+            lease,
+            revision: Revision(9),
+            run: RunId(1),
+            kind: Some(OrderKind::Hold),
+        };
         let sequence = u64::MAX / 2 + known.turn;
-        of_vehicles(|id| Message::State(State { ordered, sequence, ..state(id) }))
+        of_vehicles(|id| {
+            Message::State(State {
+                ordered,
+                sequence,
+                ..state(id)
+            })
+        })
     }),
     ("missions of the highest plan", |_| {
-        of_vehicles(|id| Message::Mission(Mission { lease_number: u32::MAX, ..mission(id, MOST, MOST) }))
+        of_vehicles(|id| {
+            Message::Mission(Mission {
+                lease_number: u32::MAX,
+                ..mission(id, MOST, MOST)
+            })
+        })
     }),
     ("missions that are done", |known| {
         of_vehicles(|id| Message::Mission(mission(id, known.run.0, known.revision.0)))
     }),
-    ("missions of a later plan", |_| of_vehicles(|id| Message::Mission(mission(id, 1, 900)))),
+    ("missions of a later plan", |_| {
+        of_vehicles(|id| Message::Mission(mission(id, 1, 900)))
+    }),
     ("missions of the last start", |_| {
-        of_vehicles(|id| Message::Mission(Mission { boot: Boot(u32::MAX), ..mission(id, 1, 900) }))
+        of_vehicles(|id| {
+            Message::Mission(Mission {
+                boot: Boot(u32::MAX),
+                ..mission(id, 1, 900)
+            })
+        })
     }),
     ("a plan of the highest lease", |_| {
-        vec![(Sender::Ground, Message::Plan(plan(VehicleId(1), HIGHEST, MOST, MOST)))]
+        vec![(
+            Sender::Ground,
+            Message::Plan(plan(VehicleId(1), HIGHEST, MOST, MOST)),
+        )]
     }),
     ("a later plan of the lease in force", |known| {
-        vec![(Sender::Ground, Message::Plan(plan(VehicleId(1), known.lease, 1, 900)))]
+        vec![(
+            Sender::Ground,
+            Message::Plan(plan(VehicleId(1), known.lease, 1, 900)),
+        )]
     }),
     ("a later plan of a higher lease", |known| {
-        vec![(Sender::Ground, Message::Plan(plan(VehicleId(1), known.higher_lease(900), 1, 900)))]
+        vec![(
+            Sender::Ground,
+            Message::Plan(plan(VehicleId(1), known.higher_lease(900), 1, 900)),
+        )]
     }),
-    ("whole plans of the next run", |known| of_ground(|id| Message::Plan(plan(id, known.lease, 2, 1)))),
+    ("whole plans of the next run", |known| {
+        of_ground(|id| Message::Plan(plan(id, known.lease, 2, 1)))
+    }),
     ("whole plans of the highest run", |known| {
         of_ground(|id| Message::Plan(plan(id, known.lease, MOST, MOST)))
     }),
-    ("orders of the highest lease", |_| of_ground(|id| Message::Order(hold(id, HIGHEST, MOST, MOST)))),
-    ("orders of the last revision", |known| of_ground(|id| Message::Order(hold(id, known.lease, 1, MOST)))),
+    ("orders of the highest lease", |_| {
+        of_ground(|id| Message::Order(hold(id, HIGHEST, MOST, MOST)))
+    }),
+    ("orders of the last revision", |known| {
+        of_ground(|id| Message::Order(hold(id, known.lease, 1, MOST)))
+    }),
     ("orders of an operator", |known| {
         let said = |id| Message::Order(hold(id, known.higher_lease(900), 1, 1));
-        vehicles().map(|id| (Sender::Operator(OperatorId(1)), said(id))).to_vec()
+        vehicles()
+            .map(|id| (Sender::Operator(OperatorId(1)), said(id)))
+            .to_vec()
     }),
-    ("everything is stored", |known| vec![(Sender::Ground, Message::Have(have(known.store)))]),
-    ("another store has everything", |_| vec![(Sender::Ground, Message::Have(have(1)))]),
+    ("everything is stored", |known| {
+        vec![(Sender::Ground, Message::Have(have(known.store)))]
+    }),
+    ("another store has everything", |_| {
+        vec![(Sender::Ground, Message::Have(have(1)))]
+    }),
     ("samples far ahead", |known| {
         let said = |id| Message::Samples(samples(id, u64::MAX - 1 - known.turn));
         of_vehicles(said)
     }),
-    ("digests of everything", |_| of_vehicles(|_| Message::Digest(digest()))),
+    ("digests of everything", |_| {
+        of_vehicles(|_| Message::Digest(digest()))
+    }),
     ("tiles of the last revision", |_| {
-        let of = |id| tiles(id, u32::MAX).into_iter().map(move |tile| (Sender::Vehicle(id), tile));
+        let of = |id| {
+            tiles(id, u32::MAX)
+                .into_iter()
+                .map(move |tile| (Sender::Vehicle(id), tile))
+        };
         vehicles().into_iter().flat_map(of).collect()
     }),
-    ("reports of the highest lease", |_| vec![(Sender::Ground, Message::Report(report(1, HIGHEST)))]),
-    ("reports of an elder ground", |known| vec![(Sender::Ground, Message::Report(report(1, known.lease)))]),
+    ("reports of the highest lease", |_| {
+        vec![(Sender::Ground, Message::Report(report(1, HIGHEST)))]
+    }),
+    ("reports of an elder ground", |known| {
+        vec![(Sender::Ground, Message::Report(report(1, known.lease)))]
+    }),
     ("an operator of the highest lease", |known| {
         let node = Sender::Operator(OperatorId(1));
-        vec![(node, Message::Hello(greeting(node, Some(HIGHEST), known.venue_hash)))]
+        vec![(
+            node,
+            Message::Hello(greeting(node, Some(HIGHEST), known.venue_hash)),
+        )]
     }),
     ("an operator of a higher lease", |known| {
         let node = Sender::Operator(OperatorId(1));
         let lease = Some(known.higher_lease(900));
-        vec![(node, Message::Hello(greeting(node, lease, known.venue_hash)))]
+        vec![(
+            node,
+            Message::Hello(greeting(node, lease, known.venue_hash)),
+        )]
     }),
     ("greetings of another venue", |_| {
-        let all = vehicles().map(Sender::Vehicle).into_iter().chain([Sender::Ground]);
-        all.map(|node| (node, Message::Hello(greeting(node, None, 1)))).collect()
+        let all = vehicles()
+            .map(Sender::Vehicle)
+            .into_iter()
+            .chain([Sender::Ground]);
+        all.map(|node| (node, Message::Hello(greeting(node, None, 1))))
+            .collect()
     }),
     ("stops of invented names", |known| {
         let name = EmergencyName(EmergencyName::LOWEST_DRAWN + u32::try_from(known.turn).unwrap());
-        let stop = EmergencyStop { name, scope: StopScope::All, by: OperatorId(1) };
-        of_vehicles(|_| Message::Standing(Standing { open: vec![stop], lifted: vec![] }))
+        let stop = EmergencyStop {
+            name,
+            scope: StopScope::All,
+            by: OperatorId(1),
+        };
+        of_vehicles(|_| {
+            Message::Standing(Standing {
+                open: vec![stop],
+                lifted: vec![],
+            })
+        })
     }),
     ("a vehicle that is not there", |known| {
         let at = Position::from_metres(0.0, f64::from(known.turn as u32) / 20.0, 0.0);
-        let pose = Some(PoseReport { at, ..PoseReport::default() });
+        let pose = Some(PoseReport {
+            at,
+            ..PoseReport::default()
+        });
         let id = VehicleId(20 + known.turn as u8);
-        vec![(Sender::Vehicle(id), Message::State(State { pose, ..state(id) }))]
+        vec![(
+            Sender::Vehicle(id),
+            Message::State(State { pose, ..state(id) }),
+        )]
     }),
     ("states that show high numbers", |known| {
         let lease = known.higher_lease(900);
-        let ordered =
-            Ordered { lease, revision: Revision(HIGH), run: RunId(HIGH), kind: Some(OrderKind::Start) };
+        let ordered = Ordered {
+            lease,
+            revision: Revision(HIGH),
+            run: RunId(HIGH),
+            kind: Some(OrderKind::Start),
+        };
         let sequence = u64::MAX / 2 + known.turn;
         let accepted = (RunId(HIGH), Revision(HIGH));
-        of_vehicles(|id| Message::State(State { ordered, accepted, sequence, ..state(id) }))
+        of_vehicles(|id| {
+            Message::State(State {
+                ordered,
+                accepted,
+                sequence,
+                ..state(id)
+            })
+        })
     }),
     ("missions of a high plan", |known| {
         let lease_number = known.lease.number + 900;
-        of_vehicles(|id| Message::Mission(Mission { lease_number, ..mission(id, HIGH, HIGH) }))
+        of_vehicles(|id| {
+            Message::Mission(Mission {
+                lease_number,
+                ..mission(id, HIGH, HIGH)
+            })
+        })
     }),
     ("a plan of a high run", |known| {
-        vec![(Sender::Ground, Message::Plan(plan(VehicleId(1), known.higher_lease(900), HIGH, HIGH)))]
+        vec![(
+            Sender::Ground,
+            Message::Plan(plan(VehicleId(1), known.higher_lease(900), HIGH, HIGH)),
+        )]
     }),
-    ("whole plans of a high run", |known| of_ground(|id| Message::Plan(plan(id, known.lease, HIGH, HIGH)))),
-    ("orders of a high revision", |known| of_ground(|id| Message::Order(hold(id, known.lease, HIGH, HIGH)))),
+    ("whole plans of a high run", |known| {
+        of_ground(|id| Message::Plan(plan(id, known.lease, HIGH, HIGH)))
+    }),
+    ("orders of a high revision", |known| {
+        of_ground(|id| Message::Order(hold(id, known.lease, HIGH, HIGH)))
+    }),
     ("leases that rise step by step", |known| {
         let lease = known.higher_lease(u32::try_from(known.turn).unwrap() * 1000);
         of_ground(|id| Message::Order(hold(id, lease, 1, 1)))
     }),
     ("tiles of a later revision", |_| {
-        let of = |id| tiles(id, 5000).into_iter().map(move |tile| (Sender::Vehicle(id), tile));
+        let of = |id| {
+            tiles(id, 5000)
+                .into_iter()
+                .map(move |tile| (Sender::Vehicle(id), tile))
+        };
         vehicles().into_iter().flat_map(of).collect()
     }),
     ("a task of a high run", |known| {
         let (lease, members) = (known.lease, vehicles().to_vec());
         let kind = TaskKind::Explore;
-        let task = Task { lease, run: RunId(HIGH), members, compare_with: None, kind };
+        let task = Task {
+            lease,
+            run: RunId(HIGH),
+            members,
+            compare_with: None,
+            kind,
+        };
         vec![(Sender::Operator(OperatorId(1)), Message::Task(task))]
     }),
     ("a task of the run under way", |known| {
         let (lease, members) = (known.lease, vehicles().to_vec());
-        let task = Task { lease, run: RunId(1), members, compare_with: None, kind: TaskKind::Browse };
+        let task = Task {
+            lease,
+            run: RunId(1),
+            members,
+            compare_with: None,
+            kind: TaskKind::Browse,
+        };
         vec![(Sender::Operator(OperatorId(1)), Message::Task(task))]
     }),
     ("a task of the highest run", |known| {
         let (lease, members) = (known.lease, vehicles().to_vec());
-        let task = Task { lease, run: RunId(MOST), members, compare_with: None, kind: TaskKind::Explore };
+        let task = Task {
+            lease,
+            run: RunId(MOST),
+            members,
+            compare_with: None,
+            kind: TaskKind::Explore,
+        };
         vec![(Sender::Operator(OperatorId(1)), Message::Task(task))]
     }),
 ];
@@ -296,23 +520,49 @@ fn kernel(again_s: f64) -> (Kernel, u64) {
     };
     let delay = operator_script::Step::Delay;
     let stays = Duration::from_secs(3000);
-    let first = vec![delay(Duration::from_secs(2)), begins(Some(RunId(1))), delay(stays)];
-    let at = |at_s: f64| vec![delay(Duration::from_secs_f64(at_s)), begins(None), delay(stays)];
+    let first = vec![
+        delay(Duration::from_secs(2)),
+        begins(Some(RunId(1))),
+        delay(stays),
+    ];
+    let at = |at_s: f64| {
+        vec![
+            delay(Duration::from_secs_f64(at_s)),
+            begins(None),
+            delay(stays),
+        ]
+    };
     // A start lifts eight stops; what stands for the others is left to another one.
-    let again =
-        [(3, 0.0), (4, 6.0)].map(|(number, after_s)| operator(&scenario, number, at(again_s + after_s)));
-    parts.operators = [operator(&scenario, 0, first)].into_iter().chain(again).collect();
+    let again = [(3, 0.0), (4, 6.0)]
+        .map(|(number, after_s)| operator(&scenario, number, at(again_s + after_s)));
+    parts.operators = [operator(&scenario, 0, first)]
+        .into_iter()
+        .chain(again)
+        .collect();
     (Kernel::new(parts), scenario.sim().venue.hash())
 }
 
 /// Says a frame in the name of somebody to everyone, whoever that is.
 fn say(kernel: &mut Kernel, sender: Sender, message: &Message) {
     let frame = Arc::new(Frame::of_bytes(sender, &codec::encode(message).unwrap()));
-    let operators = kernel.operators.iter().map(|operator| NodeId::Operator(operator.id));
-    let to: Vec<NodeId> =
-        vehicles().map(NodeId::Vehicle).into_iter().chain([NodeId::Ground]).chain(operators).collect();
+    let operators = kernel
+        .operators
+        .iter()
+        .map(|operator| NodeId::Operator(operator.id));
+    let to: Vec<NodeId> = vehicles()
+        .map(NodeId::Vehicle)
+        .into_iter()
+        .chain([NodeId::Ground])
+        .chain(operators)
+        .collect();
     for to in to {
-        kernel.queue.push(kernel.now, Event::Deliver { to, frame: frame.clone() });
+        kernel.queue.push(
+            kernel.now,
+            Event::Deliver {
+                to,
+                frame: frame.clone(),
+            },
+        );
     }
 }
 
@@ -339,22 +589,40 @@ fn what_stays(from_s: f64, forge: &dyn Fn(Known) -> Vec<(Sender, Message)>) -> V
             return amiss(&mut kernel, run);
         }
     }
-    vec![format!("no sweep has ended {LIMIT_S} s after it was started")]
+    vec![format!(
+        "no sweep has ended {LIMIT_S} s after it was started"
+    )]
 }
 
 fn known(kernel: &Kernel, venue_hash: u64) -> Known {
     let heard = view(&kernel.operators[0]);
     let report = &heard.ground(kernel.now).expect("it is heard").value;
-    let mission = heard.vehicle(VehicleId(1)).and_then(|seen| seen.mission.as_ref());
-    let Progress { run, revision, .. } = mission.map(|mission| mission.value.progress).unwrap_or_default();
-    Known { lease: report.lease, store: report.store, venue_hash, run, revision, turn: 0 }
+    let mission = heard
+        .vehicle(VehicleId(1))
+        .and_then(|seen| seen.mission.as_ref());
+    let Progress { run, revision, .. } = mission
+        .map(|mission| mission.value.progress)
+        .unwrap_or_default();
+    Known {
+        lease: report.lease,
+        store: report.store,
+        venue_hash,
+        run,
+        revision,
+        turn: 0,
+    }
 }
 
 /// Returns the runs that the ground station says to be done.
 fn done(kernel: &Kernel) -> Vec<RunId> {
-    let report = view(&kernel.operators[1]).ground(kernel.now).map(|report| report.value.clone());
+    let report = view(&kernel.operators[1])
+        .ground(kernel.now)
+        .map(|report| report.value.clone());
     let runs = report.map(|report| report.runs).unwrap_or_default();
-    runs.into_iter().filter(|run| run.end == Some(RunEnd::Done)).map(|run| run.run).collect()
+    runs.into_iter()
+        .filter(|run| run.end == Some(RunEnd::Done))
+        .map(|run| run.run)
+        .collect()
 }
 
 /// Returns what is amiss a while after a sweep's end: samples that are not stored, maps that are not the same.
@@ -363,7 +631,11 @@ fn amiss(kernel: &mut Kernel, swept: RunId) -> Vec<String> {
     run(kernel, later_s);
     let mut amiss = Vec::new();
     for of in [RunId(1), swept] {
-        let made: u64 = kernel.vehicles.iter().map(|vehicle| vehicle.samples_made(of)).sum();
+        let made: u64 = kernel
+            .vehicles
+            .iter()
+            .map(|vehicle| vehicle.samples_made(of))
+            .sum();
         let stored = kernel.ground.station().samples().count(of);
         if stored < made || (of == swept && made < FEWEST_SAMPLES) {
             amiss.push(format!("of {made} samples of run {of} {stored} are stored"));
@@ -383,11 +655,18 @@ fn amiss(kernel: &mut Kernel, swept: RunId) -> Vec<String> {
 /// Returns whether everybody holds every vehicle's layer as that vehicle has written it.
 fn have_all_maps(kernel: &Kernel) -> bool {
     let vehicles = &kernel.vehicles;
-    let maps: Vec<&Merged> =
-        vehicles.iter().map(VehicleNode::map).chain([kernel.ground.station().map()]).collect();
+    let maps: Vec<&Merged> = vehicles
+        .iter()
+        .map(VehicleNode::map)
+        .chain([kernel.ground.station().map()])
+        .collect();
     vehicles.iter().all(|writer| {
-        let layer = LayerId { vehicle: writer.id(), boot: writer.boot() };
-        maps.iter().all(|map| map.layer(layer) == writer.map().layer(layer))
+        let layer = LayerId {
+            vehicle: writer.id(),
+            boot: writer.boot(),
+        };
+        maps.iter()
+            .all(|map| map.layer(layer) == writer.map().layer(layer))
     })
 }
 
@@ -418,7 +697,12 @@ fn nothing_stays_of_what_was_forged_while_everybody_waits() {
 
 #[test]
 fn nothing_stays_of_everything_at_once() {
-    let all = |known: Known| FORGERIES.iter().flat_map(|(_, forge)| forge(known)).collect();
+    let all = |known: Known| {
+        FORGERIES
+            .iter()
+            .flat_map(|(_, forge)| forge(known))
+            .collect()
+    };
     for from_s in [3.0, 10.0, 45.0] {
         let amiss = what_stays(from_s, &all);
         assert!(amiss.is_empty(), "{from_s} s: {amiss:?}");

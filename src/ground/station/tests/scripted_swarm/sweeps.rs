@@ -10,11 +10,22 @@ fn a_sweep_is_driven_and_closed_and_every_sample_is_stored_once() {
     assert_eq!(swarm.laps(), 2);
     assert_eq!(swarm.station.samples().count(RUN), swarm.measured() as u64);
     let report = swarm.report();
-    assert_eq!((report.phase, report.run, report.laps_done), (StationPhase::Idle, RUN, 2));
-    assert_eq!((report.images, report.samples), (1, swarm.measured() as u64));
+    assert_eq!(
+        (report.phase, report.run, report.laps_done),
+        (StationPhase::Idle, RUN, 2)
+    );
+    assert_eq!(
+        (report.images, report.samples),
+        (1, swarm.measured() as u64)
+    );
     assert_eq!(swarm.haves.last().unwrap().closed, [RUN]);
     assert_eq!(report.troubles, [""; 0]);
-    assert!(swarm.remembered < 30, "remembered {} times in {} s", swarm.remembered, swarm.now_s);
+    assert!(
+        swarm.remembered < 30,
+        "remembered {} times in {} s",
+        swarm.remembered,
+        swarm.now_s
+    );
 }
 
 #[test]
@@ -37,12 +48,26 @@ fn killed_anywhere_the_station_goes_on_to_the_same_end_by_the_same_plans() {
         });
         assert!(ended, "killed after {killed_s} s: {:?}", swarm.notes);
         swarm.seconds(30);
-        assert_eq!(swarm.count(|note| matches!(note, Note::Replans(_))), 0, "killed after {killed_s} s");
+        assert_eq!(
+            swarm.count(|note| matches!(note, Note::Replans(_))),
+            0,
+            "killed after {killed_s} s"
+        );
         assert_eq!(swarm.plans, whole.plans, "killed after {killed_s} s");
-        assert_eq!(swarm.last_jobs(), whole.last_jobs(), "killed after {killed_s} s");
-        assert_eq!(swarm.station.samples().count(RUN), whole.station.samples().count(RUN));
+        assert_eq!(
+            swarm.last_jobs(),
+            whole.last_jobs(),
+            "killed after {killed_s} s"
+        );
+        assert_eq!(
+            swarm.station.samples().count(RUN),
+            whole.station.samples().count(RUN)
+        );
         let (report, expected) = (swarm.report(), whole.report());
-        assert_eq!((report.laps_done, report.samples), (expected.laps_done, expected.samples));
+        assert_eq!(
+            (report.laps_done, report.samples),
+            (expected.laps_done, expected.samples)
+        );
         assert_eq!(report.images, expected.images, "killed after {killed_s} s");
         assert_eq!(report.phase, StationPhase::Idle);
     }
@@ -69,12 +94,22 @@ fn the_others_take_over_a_lost_vehicles_work_and_back_it_works_again() {
     let plans_known = swarm.plans.len();
     assert!(swarm.until(60, |note| *note == Note::Lost(lost)));
     swarm.seconds(2);
-    assert_eq!((swarm.report().phase, &swarm.report().lost[..]), (StationPhase::Stopping, &[lost][..]));
-    assert!(swarm.plans.len() > plans_known, "an empty revision for the others");
+    assert_eq!(
+        (swarm.report().phase, &swarm.report().lost[..]),
+        (StationPhase::Stopping, &[lost][..])
+    );
+    assert!(
+        swarm.plans.len() > plans_known,
+        "an empty revision for the others"
+    );
     while swarm.report().phase != StationPhase::Running {
         swarm.second(usize::MAX);
     }
-    assert!(swarm.now_s - lost_s >= 65, "planned after {} s: it may still drive", swarm.now_s - lost_s);
+    assert!(
+        swarm.now_s - lost_s >= 65,
+        "planned after {} s: it may still drive",
+        swarm.now_s - lost_s
+    );
     assert_eq!(swarm.report().members, [1, 2, 4].map(VehicleId));
     swarm.seconds(10);
     swarm.rovers[2].is_dead = false;
@@ -95,13 +130,20 @@ fn one_that_lost_only_the_bus_stands_before_others_are_planned_for() {
     swarm.seconds(30);
     swarm.rovers[1].is_cut = true;
     let mut stood_at = swarm.rovers[1].at;
-    while swarm.plans.values().all(|plan| plan.stops.is_empty() || plan.members.len() == 4) {
+    while swarm
+        .plans
+        .values()
+        .all(|plan| plan.stops.is_empty() || plan.members.len() == 4)
+    {
         stood_at = swarm.rovers[1].at;
         swarm.second(usize::MAX);
         assert!(swarm.now_s < 300, "{:?}", swarm.notes);
     }
     assert!(swarm.is_closed(600), "{:?}", swarm.notes);
-    assert_eq!(swarm.rovers[1].at, stood_at, "it has not moved since the others were planned for");
+    assert_eq!(
+        swarm.rovers[1].at, stood_at,
+        "it has not moved since the others were planned for"
+    );
 }
 
 #[test]
@@ -109,10 +151,22 @@ fn with_one_vehicle_left_the_sweep_waits_until_another_is_back() {
     let mut swarm = Swarm::sweeping(2);
     swarm.seconds(20);
     swarm.rovers[0].is_dead = true;
-    assert!(swarm.until(60, |note| *note == Note::Waits(RUN)), "{:?}", swarm.notes);
+    assert!(
+        swarm.until(60, |note| *note == Note::Waits(RUN)),
+        "{:?}",
+        swarm.notes
+    );
     swarm.seconds(1000);
-    assert_eq!(swarm.count(|note| matches!(note, Note::NoPlan(_) | Note::Stalled(_))), 0);
-    assert_eq!(swarm.report().troubles.len(), 2, "{:?}", swarm.report().troubles);
+    assert_eq!(
+        swarm.count(|note| matches!(note, Note::NoPlan(_) | Note::Stalled(_))),
+        0
+    );
+    assert_eq!(
+        swarm.report().troubles.len(),
+        2,
+        "{:?}",
+        swarm.report().troubles
+    );
     swarm.rovers[0].is_dead = false;
     assert!(swarm.is_closed(400), "{:?}", swarm.notes);
     assert_eq!(swarm.count(|note| matches!(note, Note::Waits(_))), 1);
@@ -122,11 +176,20 @@ fn with_one_vehicle_left_the_sweep_waits_until_another_is_back() {
 fn when_the_ground_hears_nobody_nobody_is_lost() {
     let mut swarm = Swarm::sweeping(3);
     swarm.seconds(20);
-    swarm.rovers.iter_mut().for_each(|rover| rover.is_cut = true);
+    swarm
+        .rovers
+        .iter_mut()
+        .for_each(|rover| rover.is_cut = true);
     swarm.seconds(100);
-    swarm.rovers.iter_mut().for_each(|rover| rover.is_cut = false);
+    swarm
+        .rovers
+        .iter_mut()
+        .for_each(|rover| rover.is_cut = false);
     assert!(swarm.is_closed(400), "{:?}", swarm.notes);
-    assert_eq!(swarm.count(|note| matches!(note, Note::Lost(_) | Note::Replans(_))), 0);
+    assert_eq!(
+        swarm.count(|note| matches!(note, Note::Lost(_) | Note::Replans(_))),
+        0
+    );
 }
 
 #[test]
@@ -139,8 +202,9 @@ fn a_restarted_vehicle_is_planned_for_anew_and_laps_done_stay_done() {
     assert_eq!(swarm.count(|note| *note == Note::Replans(RUN)), 1);
     let revisions = |swarm: &Swarm| swarm.plans.keys().map(|name| name.1).max();
     let empty = revisions(&swarm).unwrap();
-    let is_empty =
-        |(name, plan): (&(RunId, Revision, VehicleId), &Plan)| name.1 != empty || plan.stops.is_empty();
+    let is_empty = |(name, plan): (&(RunId, Revision, VehicleId), &Plan)| {
+        name.1 != empty || plan.stops.is_empty()
+    };
     assert!(swarm.plans.iter().all(is_empty), "first an empty revision");
     assert!(swarm.is_closed(400), "{:?}", swarm.notes);
     assert_eq!(swarm.laps(), 2);
@@ -176,7 +240,14 @@ fn an_operator_stops_and_starts_everyone_without_a_fight() {
     assert_eq!(swarm.report().in_force, Some(OrderKind::Hold));
     let places: Vec<Point> = swarm.rovers.iter().map(|rover| rover.at).collect();
     swarm.seconds(1000);
-    assert_eq!(swarm.rovers.iter().map(|rover| rover.at).collect::<Vec<_>>(), places);
+    assert_eq!(
+        swarm
+            .rovers
+            .iter()
+            .map(|rover| rover.at)
+            .collect::<Vec<_>>(),
+        places
+    );
     order(&mut swarm, RUN, OrderKind::Start);
     assert!(swarm.is_closed(400), "{:?}", swarm.notes);
     assert_eq!(swarm.report().in_force, None);
@@ -185,20 +256,38 @@ fn an_operator_stops_and_starts_everyone_without_a_fight() {
 
 #[test]
 fn an_operators_start_begins_the_run_that_it_names() {
-    let settings = StationSettings { lease: None, compare_with: Some(RunId(1)), ..settings(3) };
+    let settings = StationSettings {
+        lease: None,
+        compare_with: Some(RunId(1)),
+        ..settings(3)
+    };
     let mut swarm = Swarm::new(3, settings);
     swarm.seconds(10);
-    assert_eq!(swarm.station.leases.own(), Lease { number: 1, holder: 1 });
+    assert_eq!(
+        swarm.station.leases.own(),
+        Lease {
+            number: 1,
+            holder: 1
+        }
+    );
     order(&mut swarm, RunId(1), OrderKind::Start);
     assert!(swarm.is_closed(400), "{:?}", swarm.notes);
     swarm.notes.clear();
     order(&mut swarm, RunId(1), OrderKind::Start);
     swarm.seconds(20);
-    assert!(swarm.notes.is_empty(), "that run was driven: {:?}", swarm.notes);
+    assert!(
+        swarm.notes.is_empty(),
+        "that run was driven: {:?}",
+        swarm.notes
+    );
     order(&mut swarm, RunId(2), OrderKind::Start);
     assert!(swarm.is_closed(400), "{:?}", swarm.notes);
     let change = swarm.jobs.last().unwrap();
-    let compared = swarm.jobs.iter().rfind(|job| !job.empty.is_empty()).expect("a picture of changes");
+    let compared = swarm
+        .jobs
+        .iter()
+        .rfind(|job| !job.empty.is_empty())
+        .expect("a picture of changes");
     assert_eq!((compared.run, change.run), (RunId(2), RunId(2)));
 }
 
@@ -206,19 +295,44 @@ fn an_operators_start_begins_the_run_that_it_names() {
 fn of_two_grounds_one_leads_and_the_other_takes_over_when_it_is_gone() {
     let mut swarm = Swarm::sweeping(3);
     swarm.seconds(30);
-    let other = Report { lease: Lease { number: 9, holder: 5 }, ..Report::default() };
+    let other = Report {
+        lease: Lease {
+            number: 9,
+            holder: 5,
+        },
+        ..Report::default()
+    };
     for _ in 0..20 {
         swarm.tell(In::Bus(Message::Report(other.clone())), usize::MAX);
         let (plans, haves) = (swarm.plans.len(), swarm.haves.len());
         swarm.second(usize::MAX);
-        assert_eq!((swarm.plans.len(), swarm.haves.len()), (plans, haves), "who stands by is silent");
+        assert_eq!(
+            (swarm.plans.len(), swarm.haves.len()),
+            (plans, haves),
+            "who stands by is silent"
+        );
         assert_eq!(swarm.report().lease.number, 0);
-        assert_eq!(swarm.report().troubles.len(), 1, "{:?}", swarm.report().troubles);
+        assert_eq!(
+            swarm.report().troubles.len(),
+            1,
+            "{:?}",
+            swarm.report().troubles
+        );
     }
     assert_eq!(swarm.count(|note| matches!(note, Note::StandsBy(_))), 1);
     assert!(swarm.is_closed(400), "{:?}", swarm.notes);
-    assert_eq!(swarm.station.leases.own(), Lease { number: 10, holder: 1 });
-    assert_eq!(swarm.count(|note| matches!(note, Note::Replans(_))), 0, "nobody has given other plans");
+    assert_eq!(
+        swarm.station.leases.own(),
+        Lease {
+            number: 10,
+            holder: 1
+        }
+    );
+    assert_eq!(
+        swarm.count(|note| matches!(note, Note::Replans(_))),
+        0,
+        "nobody has given other plans"
+    );
 }
 
 #[test]
@@ -229,7 +343,13 @@ fn a_resumed_station_leads_above_every_echo() {
     swarm.seconds(2);
     assert_eq!(swarm.report().lease, Lease::default(), "it listens first");
     swarm.seconds(3);
-    assert_eq!(swarm.report().lease, Lease { number: 2, holder: 1 });
+    assert_eq!(
+        swarm.report().lease,
+        Lease {
+            number: 2,
+            holder: 1
+        }
+    );
 }
 
 #[test]
@@ -238,7 +358,11 @@ fn a_vehicle_that_is_never_heard_does_not_keep_the_others_waiting() {
     swarm.rovers[2].is_dead = true;
     swarm.seconds(29);
     assert_eq!(swarm.report().phase, StationPhase::Waiting);
-    assert!(swarm.until(10, |note| *note == Note::Lost(VehicleId(3))), "{:?}", swarm.notes);
+    assert!(
+        swarm.until(10, |note| *note == Note::Lost(VehicleId(3))),
+        "{:?}",
+        swarm.notes
+    );
     swarm.seconds(60);
     assert_eq!(swarm.report().members, [1, 2].map(VehicleId));
     swarm.rovers[2].switch_on();
@@ -248,7 +372,11 @@ fn a_vehicle_that_is_never_heard_does_not_keep_the_others_waiting() {
     alone.rovers[1].is_dead = true;
     alone.rovers[2].is_dead = true;
     alone.seconds(200);
-    assert_eq!(alone.report().phase, StationPhase::Waiting, "one alone measures nothing");
+    assert_eq!(
+        alone.report().phase,
+        StationPhase::Waiting,
+        "one alone measures nothing"
+    );
 }
 
 #[test]
@@ -257,12 +385,28 @@ fn a_lost_vehicle_that_was_stopped_comes_back_stopped() {
     swarm.seconds(30);
     let revision = Revision(swarm.rovers[1].ordered.revision.0 + 1);
     let (vehicle, lease, kind) = (VehicleId(2), LEASE, OrderKind::Land);
-    swarm.rovers[1].obey(&Order { vehicle, lease, run: RUN, revision, seen: None, kind, ends: vec![] });
+    swarm.rovers[1].obey(&Order {
+        vehicle,
+        lease,
+        run: RUN,
+        revision,
+        seen: None,
+        kind,
+        ends: vec![],
+    });
     swarm.seconds(2);
     swarm.rovers[1].is_cut = true;
-    assert!(swarm.until(60, |note| *note == Note::Lost(vehicle)), "{:?}", swarm.notes);
+    assert!(
+        swarm.until(60, |note| *note == Note::Lost(vehicle)),
+        "{:?}",
+        swarm.notes
+    );
     swarm.seconds(60);
-    assert_eq!((swarm.report().in_force, swarm.report().members.len()), (None, 3), "the others go on");
+    assert_eq!(
+        (swarm.report().in_force, swarm.report().members.len()),
+        (None, 3),
+        "the others go on"
+    );
     swarm.rovers[1].is_cut = false;
     swarm.seconds(20);
     assert_eq!(swarm.rovers[1].ordered.kind, Some(OrderKind::Land));
@@ -277,21 +421,42 @@ fn plans_and_pictures_that_get_lost_are_asked_for_again() {
     }
     swarm.answers.clear();
     swarm.seconds(32);
-    assert!(swarm.until(5, |note| matches!(note, Note::Planned { .. })), "{:?}", swarm.notes);
+    assert!(
+        swarm.until(5, |note| matches!(note, Note::Planned { .. })),
+        "{:?}",
+        swarm.notes
+    );
     assert!(swarm.is_closed(400), "{:?}", swarm.notes);
-    assert_eq!((swarm.answers.len(), swarm.count(|note| matches!(note, Note::Replans(_)))), (1, 0));
+    assert_eq!(
+        (
+            swarm.answers.len(),
+            swarm.count(|note| matches!(note, Note::Replans(_)))
+        ),
+        (1, 0)
+    );
     swarm.answers.clear();
     swarm.seconds(119);
     assert_eq!(swarm.jobs.len(), 1);
     swarm.seconds(5);
-    assert_eq!((swarm.jobs.len(), swarm.last_jobs().len(), swarm.report().images), (2, 1, 1));
+    assert_eq!(
+        (
+            swarm.jobs.len(),
+            swarm.last_jobs().len(),
+            swarm.report().images
+        ),
+        (2, 1, 1)
+    );
     swarm.seconds(200);
     assert_eq!(swarm.jobs.len(), 2, "it was made");
 }
 
 #[test]
 fn a_ground_with_an_empty_disk_begins_no_sweep_that_was_driven_long_ago() {
-    let fresh = StationSettings { lease: None, holder: 5, ..settings(3) };
+    let fresh = StationSettings {
+        lease: None,
+        holder: 5,
+        ..settings(3)
+    };
     for is_known in [false, true] {
         let mut swarm = Swarm::sweeping(3);
         assert!(swarm.is_closed(400));
@@ -306,15 +471,25 @@ fn a_ground_with_an_empty_disk_begins_no_sweep_that_was_driven_long_ago() {
         }
         (swarm.up_s, swarm.notes) = (0, Vec::new());
         swarm.seconds(60);
-        assert_eq!((swarm.report().phase, swarm.report().run), (StationPhase::Idle, RunId::default()));
-        assert!(swarm.rovers.iter().all(|rover| rover.ordered.lease == lease), "nobody was ordered anything");
+        assert_eq!(
+            (swarm.report().phase, swarm.report().run),
+            (StationPhase::Idle, RunId::default())
+        );
+        assert!(
+            swarm
+                .rovers
+                .iter()
+                .all(|rover| rover.ordered.lease == lease),
+            "nobody was ordered anything"
+        );
     }
 }
 
 /// A pure draw below `limit`.
 fn draw(seed: u64, second: u64, purpose: u64, limit: u64) -> u64 {
-    let mut state =
-        seed ^ second.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ purpose.wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let mut state = seed
+        ^ second.wrapping_mul(0x9e37_79b9_7f4a_7c15)
+        ^ purpose.wrapping_mul(0xbf58_476d_1ce4_e5b9);
     for _ in 0..3 {
         state = (state ^ (state >> 30)).wrapping_mul(0x94d0_49bb_1331_11eb);
     }
@@ -359,9 +534,18 @@ fn whatever_goes_wrong_afterwards_the_sweep_ends_and_no_sample_is_lost_or_double
             swarm.second(usize::MAX);
             is_closed(&swarm)
         });
-        assert!(ended, "seed {seed}: {:?}, {:?}", swarm.report(), swarm.notes);
+        assert!(
+            ended,
+            "seed {seed}: {:?}, {:?}",
+            swarm.report(),
+            swarm.notes
+        );
         swarm.seconds(60);
-        assert_eq!(swarm.station.samples().count(RUN), swarm.measured() as u64, "seed {seed}");
+        assert_eq!(
+            swarm.station.samples().count(RUN),
+            swarm.measured() as u64,
+            "seed {seed}"
+        );
         assert!(swarm.report().laps_done >= 2, "seed {seed}");
     }
 }

@@ -25,7 +25,10 @@ impl Looks {
     /// Makes the table of a map on which nothing was looked at.
     pub fn new(lattice: Lattice) -> Looks {
         let side_cells = ((PART_M / lattice.cell_m()).round() as i32).max(1);
-        Looks { side_cells, from: Vec::new() }
+        Looks {
+            side_cells,
+            from: Vec::new(),
+        }
     }
 
     /// Notes a look at cells from a place; each part that holds some of them was looked at once.
@@ -48,16 +51,23 @@ impl Looks {
 
     /// Returns whether a look at a cell from a place would tell something new.
     pub fn is_new(&self, cell: Cell, from: Point) -> bool {
-        self.of(cell).iter().all(|place| place.distance_to(from) >= APART_M)
+        self.of(cell)
+            .iter()
+            .all(|place| place.distance_to(from) >= APART_M)
     }
 
     fn of(&self, cell: Cell) -> &[Point] {
-        let found = self.from.binary_search_by_key(&self.part(cell), |(known, _)| *known);
+        let found = self
+            .from
+            .binary_search_by_key(&self.part(cell), |(known, _)| *known);
         found.map_or(&[], |index| &self.from[index].1)
     }
 
     fn part(&self, cell: Cell) -> (i32, i32) {
-        (cell.y.div_euclid(self.side_cells), cell.x.div_euclid(self.side_cells))
+        (
+            cell.y.div_euclid(self.side_cells),
+            cell.x.div_euclid(self.side_cells),
+        )
     }
 }
 

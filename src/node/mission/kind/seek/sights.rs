@@ -57,23 +57,42 @@ pub struct Ground<'a> {
 
 impl Ground<'_> {
     /// Returns the best look from a place at one of the candidates; `None` when nothing of them can be seen from anywhere.
-    pub fn best_sight(&self, start: Point, candidates: &[Candidate], reach: Reach) -> Option<Sight> {
+    pub fn best_sight(
+        &self,
+        start: Point,
+        candidates: &[Candidate],
+        reach: Reach,
+    ) -> Option<Sight> {
         let squares = Squares::new(self.lattice, self.grid.area(), candidates);
         let start_cell = self.lattice.cell_at(start);
-        let least_m = candidates.iter().map(|one| one.penalty_m).fold(f64::INFINITY, f64::min);
+        let least_m = candidates
+            .iter()
+            .map(|one| one.penalty_m)
+            .fold(f64::INFINITY, f64::min);
         let (mut best, mut best_m) = (None, f64::INFINITY);
         for (cost_m, cell) in by_cost(self.grid, self.reached) {
             if cost_m + least_m >= best_m {
                 break;
             }
-            let from = if cell == start_cell { start } else { self.lattice.centre(cell) };
+            let from = if cell == start_cell {
+                start
+            } else {
+                self.lattice.centre(cell)
+            };
             for one in squares.near(from, reach.far_m) {
                 let away_m = one.at.distance_to(from);
-                let score_m = cost_m + one.penalty_m + AWAY_FACTOR * (away_m - reach.near_m).max(0.0);
+                let score_m =
+                    cost_m + one.penalty_m + AWAY_FACTOR * (away_m - reach.near_m).max(0.0);
                 let is_better =
                     away_m <= reach.far_m && score_m < best_m && self.looks.is_new(one.cell, from);
                 if is_better && sees(self.view, self.lattice, from, one.at) {
-                    (best, best_m) = (Some(Sight { from: cell, at: one.cell }), score_m);
+                    (best, best_m) = (
+                        Some(Sight {
+                            from: cell,
+                            at: one.cell,
+                        }),
+                        score_m,
+                    );
                 }
             }
         }
@@ -83,14 +102,18 @@ impl Ground<'_> {
 
 /// Returns whether only free ground lies between a place and a free cell.
 pub fn sees(view: &View<'_>, lattice: Lattice, from: Point, to: Point) -> bool {
-    lattice.cells_under(Segment::new(from, to)).all(|cell| view.occupancy(cell) == Occupancy::Free)
+    lattice
+        .cells_under(Segment::new(from, to))
+        .all(|cell| view.occupancy(cell) == Occupancy::Free)
 }
 
 /// Returns what can be reached with its cost in metres, the nearest first (in steps of [`COST_STEP_M`]).
 fn by_cost(grid: &Grid, reached: &Distances) -> impl Iterator<Item = (f64, Cell)> {
     let mut steps: Vec<Vec<Cell>> = Vec::new();
     for cell in grid.area().cells() {
-        let Some(cost_m) = reached.cost_m(cell) else { continue };
+        let Some(cost_m) = reached.cost_m(cell) else {
+            continue;
+        };
         let step = (cost_m / COST_STEP_M) as usize;
         if step >= steps.len() {
             steps.resize_with(step + 1, Vec::new);
@@ -98,7 +121,9 @@ fn by_cost(grid: &Grid, reached: &Distances) -> impl Iterator<Item = (f64, Cell)
         steps[step].push(cell);
     }
     let step_m = |(step, cells): (usize, Vec<Cell>)| {
-        cells.into_iter().map(move |cell| (step as f64 * COST_STEP_M, cell))
+        cells
+            .into_iter()
+            .map(move |cell| (step as f64 * COST_STEP_M, cell))
     };
     steps.into_iter().enumerate().flat_map(step_m)
 }
@@ -116,10 +141,18 @@ impl Squares {
         let (low, high) = (lattice.centre(area.low), lattice.centre(area.high));
         let count = |from_m: f64, to_m: f64| ((to_m - from_m) / SQUARE_M).floor() as usize + 1;
         let (columns, rows) = (count(low.x_m, high.x_m), count(low.y_m, high.y_m));
-        let mut squares = Squares { low, columns, rows, of: vec![Vec::new(); columns * rows] };
+        let mut squares = Squares {
+            low,
+            columns,
+            rows,
+            of: vec![Vec::new(); columns * rows],
+        };
         for one in candidates {
             let (column, row) = squares.place(one.at);
-            let (column, row) = (column.clamp(0, columns as i64 - 1), row.clamp(0, rows as i64 - 1));
+            let (column, row) = (
+                column.clamp(0, columns as i64 - 1),
+                row.clamp(0, rows as i64 - 1),
+            );
             squares.of[row as usize * columns + column as usize].push(*one);
         }
         squares

@@ -26,13 +26,27 @@ impl World {
             pilot.learn(&tile);
         }
         let peers = Peers::new(settings.vehicle);
-        World { seek: Seek::new(&settings, prefers), pilot, peers, at: Point::default() }
+        World {
+            seek: Seek::new(&settings, prefers),
+            pilot,
+            peers,
+            at: Point::default(),
+        }
     }
 
     fn tell(&mut self, seen: Seen) -> Step {
-        let pose = Pose { at: self.at, heading: Angle::default(), sd_m: 0.05 };
+        let pose = Pose {
+            at: self.at,
+            heading: Angle::default(),
+            sd_m: 0.05,
+        };
         let now = Time::from_secs_f64(1.0);
-        let around = Surroundings { now, pose, pilot: &self.pilot, peers: &self.peers };
+        let around = Surroundings {
+            now,
+            pose,
+            pilot: &self.pilot,
+            peers: &self.peers,
+        };
         self.seek.watch_peers(&around);
         self.seek.next(seen, &around)
     }
@@ -40,7 +54,11 @@ impl World {
     /// Looks around where it begins; returns the first step after that.
     fn begin(&mut self) -> Step {
         assert_eq!(self.tell(Seen::Ready), Step::LookAround);
-        let looked = Seen::Looked { from: self.at, toward: Angle::default(), at: None };
+        let looked = Seen::Looked {
+            from: self.at,
+            toward: Angle::default(),
+            at: None,
+        };
         assert_eq!(self.tell(looked), Step::Think);
         self.tell(Seen::Ready)
     }
@@ -58,7 +76,11 @@ impl World {
                 Step::LookAt(cell) => {
                     looks += 1;
                     let toward = self.at.angle_to(self.pilot.map().lattice().centre(cell));
-                    self.tell(Seen::Looked { from: self.at, toward, at: Some(cell) })
+                    self.tell(Seen::Looked {
+                        from: self.at,
+                        toward,
+                        at: Some(cell),
+                    })
                 }
                 Step::Think | Step::TryAgain => self.tell(Seen::Ready),
                 step @ (Step::GoOn
@@ -85,16 +107,28 @@ fn what_stays_unknown_after_some_looks_is_left_and_the_search_ends() {
 fn what_cannot_be_searched_at_all_is_said() {
     let mut world = World::new(Preference::NearObjects);
     let far = Rect::new(Point::new(-9e4, -9e4), Point::new(9e4, 9e4)).polygon();
-    let settings = Settings { fence: far, ..settings(1) };
-    (world.pilot, world.seek) = (Pilot::new(settings.clone()), Seek::new(&settings, Preference::NearObjects));
+    let settings = Settings {
+        fence: far,
+        ..settings(1)
+    };
+    (world.pilot, world.seek) = (
+        Pilot::new(settings.clone()),
+        Seek::new(&settings, Preference::NearObjects),
+    );
     assert_eq!(world.begin(), Step::End(End::TooLarge));
-    assert_eq!(world.seek.give_up(), End::NoRoom, "it has no places to give up");
+    assert_eq!(
+        world.seek.give_up(),
+        End::NoRoom,
+        "it has no places to give up"
+    );
 }
 
 #[test]
 fn it_goes_on_to_what_it_wants_to_see_as_long_as_that_is_unknown() {
     let mut world = World::new(Preference::NearObjects);
-    let Step::GoAlong(course) = world.begin() else { panic!("a frontier is 6 m away") };
+    let Step::GoAlong(course) = world.begin() else {
+        panic!("a frontier is 6 m away")
+    };
     assert!(!course.is_narrow && !course.corners.is_empty());
     assert_eq!(world.tell(Seen::UnderWay), Step::GoOn);
     assert!(matches!(world.tell(Seen::Arrived), Step::LookAt(_)));
@@ -111,7 +145,10 @@ fn what_cannot_be_got_at_is_looked_at_from_elsewhere_and_then_left() {
         assert_eq!(world.tell(Seen::Blocked(world.at)), Step::TryAgain);
         step = world.tell(Seen::Ready);
     }
-    assert!(tried > 4 && matches!(step, Step::LookAt(_) | Step::End(End::Done)), "{step:?}");
+    assert!(
+        tried > 4 && matches!(step, Step::LookAt(_) | Step::End(End::Done)),
+        "{step:?}"
+    );
 }
 
 #[test]
@@ -119,16 +156,30 @@ fn an_explorer_leaves_to_a_peer_what_the_peer_is_near_to_and_a_search_does_not()
     let ends = |prefers: Preference| {
         let mut world = World::new(prefers);
         let alone = world.begin();
-        let Step::GoAlong(alone) = alone else { panic!("{alone:?}") };
+        let Step::GoAlong(alone) = alone else {
+            panic!("{alone:?}")
+        };
         let alone = *alone.corners.last().unwrap();
         let mut world = World::new(prefers);
-        let beyond = Point::default().toward(alone, 1.0 + 2.5 / alone.distance_to(Point::default()));
-        let peer = State { mode: Mode::Driving, ..state(2, beyond.x_m, beyond.y_m) };
+        let beyond =
+            Point::default().toward(alone, 1.0 + 2.5 / alone.distance_to(Point::default()));
+        let peer = State {
+            mode: Mode::Driving,
+            ..state(2, beyond.x_m, beyond.y_m)
+        };
         world.peers.take(Time::from_secs_f64(1.0), &peer);
         let beside = world.begin();
-        let Step::GoAlong(beside) = beside else { panic!("{beside:?}") };
+        let Step::GoAlong(beside) = beside else {
+            panic!("{beside:?}")
+        };
         beside.corners.last().unwrap().distance_to(alone)
     };
-    let (search_m, explore_m) = (ends(Preference::NearObjects), ends(Preference::FarFromPeers));
-    assert!(explore_m > search_m && explore_m > 2.0, "{search_m} m, {explore_m} m");
+    let (search_m, explore_m) = (
+        ends(Preference::NearObjects),
+        ends(Preference::FarFromPeers),
+    );
+    assert!(
+        explore_m > search_m && explore_m > 2.0,
+        "{search_m} m, {explore_m} m"
+    );
 }
