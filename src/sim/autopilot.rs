@@ -27,14 +27,16 @@ mod tests;
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
-use super::body::{Body, BodyState, Refusal};
+use super::body::{Body, BodyState, MotionRefusal};
 use crate::autopilot::item::ItemError;
-use crate::autopilot::{ArmRefusal, Command, CommandAck, Item, Kind, Mode, SystemStatus};
+use crate::autopilot::{
+    ArmRefusal, Command, CommandAck, FlightMode, Item, SystemStatus, VehicleKind,
+};
 use crate::geom::{Angle, Attitude, Point, Pose, Vector};
 use crate::time::Time;
 
 pub use flight::Climb;
-pub use messages::{DatedText, LowBattery, Readout, Settings, StatusText};
+pub use messages::{AutopilotSettings, DatedText, LowBattery, Readout, StatusText};
 pub use navigation::{Navigation, Outage};
 use stages::Stage;
 
@@ -46,11 +48,11 @@ const LANDED_M: f64 = 0.05;
 /// A vehicle with its autopilot.
 #[derive(Clone, Debug)]
 pub struct Autopilot {
-    settings: Settings,
+    settings: AutopilotSettings,
     navigation: Navigation,
     body: Body,
     climb: Climb,
-    mode: Mode,
+    mode: FlightMode,
     is_armed: bool,
     home: Option<Point>,
     /// Speed at which it travels unless it is told otherwise, m/s.
@@ -97,15 +99,15 @@ impl Autopilot {
     /// # Errors
     /// The place, the heading or the drive are impossible.
     pub fn new(
-        settings: Settings,
+        settings: AutopilotSettings,
         navigation: Navigation,
         at: Point,
         heading: Angle,
-    ) -> Result<Autopilot, Refusal> {
+    ) -> Result<Autopilot, MotionRefusal> {
         Ok(Autopilot {
             body: Body::at_rest(at, heading, settings.limits)?,
             climb: Climb::level(0.0),
-            mode: Mode::Manual,
+            mode: FlightMode::Manual,
             is_armed: false,
             home: None,
             speed_mps: settings.limits.speed_mps,
@@ -128,14 +130,14 @@ impl Autopilot {
 
     /// Returns the same vehicle under way: armed, in GUIDED, home where it is, a copter hovering at this altitude, metres.
     pub fn under_way(self, altitude_m: f64) -> Autopilot {
-        let altitude_m = if self.settings.kind == Kind::Copter {
+        let altitude_m = if self.settings.kind == VehicleKind::Copter {
             altitude_m
         } else {
             0.0
         };
         Autopilot {
             climb: Climb::level(altitude_m),
-            mode: Mode::Guided,
+            mode: FlightMode::Guided,
             is_armed: true,
             home: Some(self.body.pose_at(self.now).at),
             ..self
@@ -187,9 +189,9 @@ impl Autopilot {
     pub fn attitude(&self, at: Time) -> Attitude {
         let state = self.truth(at);
         match self.settings.kind {
-            Kind::Rover => Attitude::level(state.heading),
-            Kind::Copter if self.is_landed(at) => Attitude::level(state.heading),
-            Kind::Copter => flight::leaning(&self.body, state, at, self.settings.wind),
+            VehicleKind::Rover => Attitude::level(state.heading),
+            VehicleKind::Copter if self.is_landed(at) => Attitude::level(state.heading),
+            VehicleKind::Copter => flight::leaning(&self.body, state, at, self.settings.wind),
         }
     }
 
@@ -215,16 +217,16 @@ impl Autopilot {
 
     /// Returns whether it stands on the ground.
     pub fn is_landed(&self, at: Time) -> bool {
-        self.settings.kind == Kind::Rover || self.climb.altitude_m(at) <= LANDED_M
+        self.settings.kind == VehicleKind::Rover || self.climb.altitude_m(at) <= LANDED_M
     }
 
     /// Returns what it steers.
-    pub fn kind(&self) -> Kind {
+    pub fn kind(&self) -> VehicleKind {
         self.settings.kind
     }
 
     /// Returns its mode.
-    pub fn mode(&self) -> Mode {
+    pub fn mode(&self) -> FlightMode {
         self.mode
     }
 
@@ -290,7 +292,9 @@ impl Autopilot {
             SystemStatus::Booting
         } else if self.failsafe.is_lost || self.failsafe.is_battery_low {
             SystemStatus::Critical
-        } else if self.is_armed && (self.settings.kind == Kind::Rover || !self.is_landed(now)) {
+        } else if self.is_armed
+            && (self.settings.kind == VehicleKind::Rover || !self.is_landed(now))
+        {
             SystemStatus::Active
         } else {
             SystemStatus::Standby
@@ -311,7 +315,7 @@ impl Autopilot {
     }
 
     fn next_due(&self) -> Option<(Time, Due)> {
-        let is_idle = self.settings.kind == Kind::Copter
+        let is_idle = self.settings.kind == VehicleKind::Copter
             && self.is_armed
             && self.stage_ends.is_none()
             && self.is_landed(self.now);
@@ -361,9 +365,13 @@ impl Autopilot {
         }
         match (self.settings.on_low_battery, self.settings.kind) {
             (LowBattery::Warn, _) => {}
-            (LowBattery::Return, _) if self.has_place() => self.enter(Mode::Return),
-            (LowBattery::Return | LowBattery::Land, Kind::Copter) => self.enter(Mode::Land),
-            (LowBattery::Return | LowBattery::Land, Kind::Rover) => self.enter(Mode::Hold),
+            (LowBattery::Return, _) if self.has_place() => self.enter(FlightMode::Return),
+            (LowBattery::Return | LowBattery::Land, VehicleKind::Copter) => {
+                self.enter(FlightMode::Land)
+            }
+            (LowBattery::Return | LowBattery::Land, VehicleKind::Rover) => {
+                self.enter(FlightMode::Hold)
+            }
         }
     }
 
@@ -373,8 +381,8 @@ impl Autopilot {
         self.say(StatusText::PlaceLost);
         if self.is_armed && self.mode.needs_place() {
             self.enter(match self.settings.kind {
-                Kind::Rover => Mode::Hold,
-                Kind::Copter => Mode::Land,
+                VehicleKind::Rover => FlightMode::Hold,
+                VehicleKind::Copter => FlightMode::Land,
             });
         }
     }
@@ -382,9 +390,9 @@ impl Autopilot {
     /// Without current a rover brakes; a copter sinks with what is left.
     fn stop_for_good(&mut self) {
         match self.settings.kind {
-            Kind::Rover => self.disarm(),
-            Kind::Copter if self.is_landed(self.now) => self.disarm(),
-            Kind::Copter => self.enter(Mode::Land),
+            VehicleKind::Rover => self.disarm(),
+            VehicleKind::Copter if self.is_landed(self.now) => self.disarm(),
+            VehicleKind::Copter => self.enter(FlightMode::Land),
         }
     }
 
@@ -414,7 +422,7 @@ impl Autopilot {
             .arrival()
             .unwrap_or(Time::ZERO)
             .max(self.climb.until());
-        let flies = self.settings.kind == Kind::Copter
+        let flies = self.settings.kind == VehicleKind::Copter
             && self.is_armed
             && (!self.is_landed(self.now) || self.climb.to_m > LANDED_M);
         if flies {

@@ -26,24 +26,24 @@ use tomoswarm_proto::{Boot, Hello, Message, VehicleId};
 use self::exchanges::NodeExchange;
 pub(super) use self::operators::SimulatedOperator;
 pub(super) use self::recorded::Recording;
-use super::bus::{Bus, Frame, NodeId};
+use super::bus::{BusFrame, NodeId, SimulatedBus};
 use super::disk::Disk;
 use super::environment::{DeviceCommand, Environment, WorldEvent};
-use super::faults::{Faults, Turn};
+use super::faults::{FaultTurn, Faults};
 use super::ground_disk::GroundDisk;
-use super::judge::{Judge, Verdict};
+use super::judge::{Judge, RunVerdict};
 use super::noise::Noise;
-use super::outcome::Recorder;
+use super::outcome::RunRecord;
 use super::queue::EventQueue;
-use super::shown::{Shown, Shows};
+use super::run_view::{RunView, Shows};
 use crate::actor::Fault;
-use crate::exchange::ingress::Heard;
+use crate::exchange::ingress::HeardMessage;
 use crate::ground::from_config::GroundParts;
-use crate::ground::station::Note as GroundNote;
+use crate::ground::station::StationEvent as GroundNote;
 use crate::ground::{self, GroundNode};
-use crate::node::mission::Remark as MissionRemark;
+use crate::node::mission::MissionEvent as MissionRemark;
 use crate::node::radio;
-use crate::node::route::Note as VehicleNote;
+use crate::node::route::VehicleEvent as VehicleNote;
 use crate::node::{self, VehicleNode};
 use crate::time::Time;
 
@@ -64,9 +64,9 @@ enum Event {
     Environment,
     Deliver {
         to: NodeId,
-        frame: Arc<Frame>,
+        frame: Arc<BusFrame>,
     },
-    Fault(Turn),
+    Fault(FaultTurn),
     /// The operators join the bus.
     OperatorsBegin,
 }
@@ -99,7 +99,7 @@ struct Alarm {
 
 /// How a run goes on, for a progress line.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Status {
+pub struct RunProgress {
     /// Virtual time.
     pub now: Time,
     /// Laps done by all vehicles, over all sweeps.
@@ -114,14 +114,14 @@ pub struct Status {
 pub(super) struct Parts {
     pub noise: Noise,
     pub environment: Environment,
-    pub bus: Bus,
+    pub bus: SimulatedBus,
     /// How the vehicles greet, in their order, and then the ground station.
     pub greetings: Vec<Hello>,
     /// What every node may send.
     pub egress_bytes_per_s: u32,
     pub vehicles: Vec<VehicleNode>,
     /// What each of them was told, to be told again when it restarts.
-    pub settings: Vec<node::Settings>,
+    pub settings: Vec<node::VehicleSettings>,
     pub faults: Faults,
     /// What the ground station is made of, also when it restarts.
     pub ground: GroundParts,
@@ -141,12 +141,12 @@ pub(super) struct Kernel {
     noise: Noise,
     queue: EventQueue<Event>,
     environment: Environment,
-    bus: Bus,
+    bus: SimulatedBus,
     /// By the same numbers as alarms.
     exchanges: Vec<NodeExchange>,
     egress_bytes_per_s: u32,
     vehicles: Vec<VehicleNode>,
-    settings: Vec<node::Settings>,
+    settings: Vec<node::VehicleSettings>,
     faults: Faults,
     is_dead: Vec<bool>,
     disks: Vec<Disk>,
@@ -159,8 +159,8 @@ pub(super) struct Kernel {
     until: Time,
     ends_at_contact: bool,
     shows: Shows,
-    record: Recorder,
-    status: Status,
+    record: RunRecord,
+    status: RunProgress,
     ended: Option<Time>,
     vehicle_effects: Vec<node::Effect>,
     ground_effects: Vec<ground::Effect>,
@@ -179,7 +179,8 @@ impl Kernel {
         let operators = operators.map(|operator| {
             NodeExchange::listening(NodeId::Operator(operator.id), egress_bytes_per_s)
         });
-        let starts_anew = |(_, turn): &(Time, Turn)| *turn == Turn::Starts(NodeId::Ground);
+        let starts_anew =
+            |(_, turn): &(Time, FaultTurn)| *turn == FaultTurn::Starts(NodeId::Ground);
         let ground_disk = GroundDisk::new(parts.faults.turns().iter().any(starts_anew));
         let exchanges = parts
             .greetings
@@ -209,8 +210,8 @@ impl Kernel {
             until: parts.until,
             ends_at_contact: parts.ends_at_contact,
             shows: Shows::every(parts.shown_every),
-            record: Recorder::new(&ids),
-            status: Status {
+            record: RunRecord::new(&ids),
+            status: RunProgress {
                 now: Time::ZERO,
                 laps_done: 0,
                 laps: 0,
@@ -251,7 +252,7 @@ impl Kernel {
     /// Runs to the end, or until `watch` says that it is enough.
     pub fn run(
         &mut self,
-        watch: &mut dyn FnMut(&Shown<'_>) -> bool,
+        watch: &mut dyn FnMut(&RunView<'_>) -> bool,
         mut recording: Option<Recording<'_>>,
     ) -> Result<(), Fault> {
         if let Some(recording) = &mut recording {
@@ -278,7 +279,17 @@ impl Kernel {
     }
 
     /// Takes the run apart.
-    pub fn into_parts(mut self) -> (Recorder, Judge, Environment, GroundNode, Bus, Time, f64) {
+    pub fn into_parts(
+        mut self,
+    ) -> (
+        RunRecord,
+        Judge,
+        Environment,
+        GroundNode,
+        SimulatedBus,
+        Time,
+        f64,
+    ) {
         self.log_holdings();
         (self.record.alive, self.record.home, self.record.held) = self.muster();
         let counts = self.environment.counts();
@@ -300,14 +311,14 @@ impl Kernel {
     }
 
     /// Does what follows from a judgement; of several the first counts.
-    fn follow(&mut self, verdict: Verdict) {
+    fn follow(&mut self, verdict: RunVerdict) {
         if self.ended.is_some() {
             return;
         }
         match verdict {
-            Verdict::GoesOn => {}
-            Verdict::Over => self.end(),
-            Verdict::Failed(reason) => {
+            RunVerdict::GoesOn => {}
+            RunVerdict::Over => self.end(),
+            RunVerdict::Failed(reason) => {
                 self.record.failure.get_or_insert(reason);
                 self.end();
             }
@@ -437,11 +448,11 @@ impl Kernel {
                 return self.command(vehicle, DeviceCommand::Transmit(beacon));
             }
             node::Effect::Publish(message) => self.publish(vehicle, &message),
-            node::Effect::Note(note) => self.note(vehicle, &note),
+            node::Effect::VehicleEvent(note) => self.note(vehicle, &note),
             node::Effect::Keep(run, sample) => {
                 let boot = self.vehicles[vehicle].boot();
                 self.disks[vehicle].keep(boot, run, sample);
-                return Some(node::Event::Kept(boot, run, sample));
+                return Some(node::Event::SampleStored(boot, run, sample));
             }
             node::Effect::Recall { after } => {
                 return Some(node::Event::Recalled(self.disks[vehicle].recall(after)));
@@ -537,7 +548,7 @@ impl Kernel {
             return Ok(());
         };
         for (to, rssi_dbm) in receivers {
-            let heard = radio::Heard {
+            let heard = radio::HeardBeacon {
                 beacon: beacon.clone(),
                 rssi_dbm: *rssi_dbm,
             };
@@ -546,7 +557,7 @@ impl Kernel {
         Ok(())
     }
 
-    fn deliver(&mut self, to: NodeId, frame: &Frame) -> Result<(), Fault> {
+    fn deliver(&mut self, to: NodeId, frame: &BusFrame) -> Result<(), Fault> {
         let Some(index) = self.number_of(to) else {
             return Ok(());
         };
@@ -556,16 +567,17 @@ impl Kernel {
         self.record.counts.messages += u64::from(!matches!(to, NodeId::Operator(_)));
         match (to, heard) {
             (NodeId::Operator(id), heard) => self.deliver_to_operator(id, heard),
-            (NodeId::Ground, Heard::Message(sender, message)) => {
+            (NodeId::Ground, HeardMessage::Message(sender, message)) => {
                 self.tell_ground(ground::Event::Bus(sender, message))
             }
-            (NodeId::Vehicle(_), Heard::Message(sender, message)) => {
+            (NodeId::Vehicle(_), HeardMessage::Message(sender, message)) => {
                 self.tell(index, node::Event::Bus(sender, message))
             }
             // Of greetings nodes are told the message.
-            (NodeId::Ground | NodeId::Vehicle(_), Heard::Greeting(..) | Heard::Unknown(_)) => {
-                Ok(())
-            }
+            (
+                NodeId::Ground | NodeId::Vehicle(_),
+                HeardMessage::Greeting(..) | HeardMessage::Unknown(_),
+            ) => Ok(()),
         }
     }
 
@@ -616,7 +628,7 @@ impl Kernel {
                 // What was measured is not told from run to run here.
                 ground::Effect::BeginRun { .. } | ground::Effect::EndRun(_) => {}
                 ground::Effect::StopsNote(remark) => self.log("ground", format_args!("{remark}")),
-                ground::Effect::Note(note) => self.ground_note(&note),
+                ground::Effect::StationEvent(note) => self.ground_note(&note),
             }
         }
         self.ground_effects = effects;

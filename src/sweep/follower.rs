@@ -46,7 +46,7 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Boot, Plan, Revision, RunId, Stop, StopId, VehicleId};
 
 use super::{
-    FollowError, LOWER_BOOT_AFTER, Refusal, VOID_AFTER, VehicleProgress, Verdict, WaitsFor,
+    FollowError, LOWER_BOOT_AFTER, PlanRefusal, PlanVerdict, VOID_AFTER, VehicleProgress, WaitsFor,
     validate,
 };
 use crate::geom::Point;
@@ -103,7 +103,7 @@ pub struct Follower {
     rest: Option<Point>,
     adopted: Option<Adopted>,
     pending: BTreeMap<VehicleId, Plan>,
-    refusal: Option<Refusal>,
+    refusal: Option<PlanRefusal>,
     peers: BTreeMap<VehicleId, Peer>,
 }
 
@@ -123,7 +123,7 @@ impl Follower {
     }
 
     /// Takes a plan heard, own or a peer's; plans may come in any order and any number of times.
-    pub fn offer(&mut self, plan: &Plan) -> Verdict {
+    pub fn offer(&mut self, plan: &Plan) -> PlanVerdict {
         let edition = edition_of(plan);
         // What a lower right has given and nobody here follows yet is void, whatever its revision. Two grounds may also give
         // one edition to different plans: those of the higher right are kept, never mixed.
@@ -136,10 +136,10 @@ impl Follower {
             .adopted_edition()
             .is_some_and(|adopted| adopted >= edition);
         if known || newest.is_some_and(|newest| newest > edition) {
-            return Verdict::Old;
+            return PlanVerdict::Old;
         }
         if newest == Some(edition) && lease.is_some_and(|lease| lease > plan.lease) {
-            return Verdict::Old;
+            return PlanVerdict::Old;
         }
         if newest != Some(edition) {
             self.give_up_pending();
@@ -224,7 +224,7 @@ impl Follower {
     /// before the vehicle moves again, and does nothing when the leg was given up meanwhile.
     pub fn hold(&mut self, at: Point) -> bool {
         self.rest = Some(at);
-        self.try_adopting() == Verdict::Adopted
+        self.try_adopting() == PlanVerdict::Adopted
     }
 
     /// Tells that a held vehicle goes on with the legs that it had entered.
@@ -457,7 +457,7 @@ impl Follower {
     }
 
     /// Returns why the newest revision is not followed, if it was refused.
-    pub fn refusal(&self) -> Option<&Refusal> {
+    pub fn refusal(&self) -> Option<&PlanRefusal> {
         self.refusal.as_ref()
     }
 
@@ -475,54 +475,54 @@ impl Follower {
     }
 
     /// Adopts the pending revision when it is complete, fits, and the vehicle rests.
-    fn try_adopting(&mut self) -> Verdict {
+    fn try_adopting(&mut self) -> PlanVerdict {
         let Some(sample) = self.pending.values().next() else {
-            return Verdict::Old;
+            return PlanVerdict::Old;
         };
         let members = sample.members.clone();
         if !members.contains(&self.vehicle) {
-            return self.refuse(Refusal::NotMember {
+            return self.refuse(PlanRefusal::NotMember {
                 revision: sample.revision,
             });
         }
-        if let Some(refusal @ Refusal::Invalid { .. }) = &self.refusal {
-            return Verdict::Refused(refusal.clone());
+        if let Some(refusal @ PlanRefusal::Invalid { .. }) = &self.refusal {
+            return PlanVerdict::Refused(refusal.clone());
         }
         let complete = members
             .iter()
             .all(|member| self.pending.contains_key(member));
         let (Some(rest), true) = (self.rest, complete) else {
-            return Verdict::Kept;
+            return PlanVerdict::Unchanged;
         };
         let Some(own) = self.pending.get(&self.vehicle) else {
-            return Verdict::Kept;
+            return PlanVerdict::Unchanged;
         };
         let (edition, revision) = (edition_of(own), own.revision);
         let distance_m = rest.distance_to(own.start.into());
         // A vehicle without stops of its own is in the way of the others all the same.
         let all_stop = self.pending.values().all(|plan| plan.stops.is_empty());
         if !all_stop && self.adopted.is_none() {
-            return self.refuse(Refusal::NotStopped { revision });
+            return self.refuse(PlanRefusal::NotStopped { revision });
         }
         if !all_stop && distance_m > self.tolerance_m {
-            return self.refuse(Refusal::Elsewhere {
+            return self.refuse(PlanRefusal::Elsewhere {
                 revision,
                 distance_m,
             });
         }
         let plans: Vec<Plan> = self.pending.values().cloned().collect();
         if let Err(error) = validate(&plans) {
-            return self.refuse(Refusal::Invalid { revision, error });
+            return self.refuse(PlanRefusal::Invalid { revision, error });
         }
         self.pending.clear();
         self.refusal = None;
         self.adopted = Some(Adopted::new(plans, self.vehicle, edition, &self.peers));
-        Verdict::Adopted
+        PlanVerdict::Adopted
     }
 
-    fn refuse(&mut self, refusal: Refusal) -> Verdict {
+    fn refuse(&mut self, refusal: PlanRefusal) -> PlanVerdict {
         self.refusal = Some(refusal.clone());
-        Verdict::Refused(refusal)
+        PlanVerdict::Refused(refusal)
     }
 }
 
@@ -641,8 +641,8 @@ mod tests {
     /// A follower of vehicle 1 that has adopted the empty revision 1.
     fn stopped() -> Follower {
         let mut follower = Follower::new(ONE, at(0.0), 0.3);
-        assert_eq!(follower.offer(&plan(ONE, 1, 0)), Verdict::Kept);
-        assert_eq!(follower.offer(&plan(TWO, 1, 0)), Verdict::Adopted);
+        assert_eq!(follower.offer(&plan(ONE, 1, 0)), PlanVerdict::Unchanged);
+        assert_eq!(follower.offer(&plan(TWO, 1, 0)), PlanVerdict::Adopted);
         follower
     }
 
@@ -650,7 +650,7 @@ mod tests {
     fn following(own: &Plan) -> Follower {
         let mut follower = stopped();
         follower.offer(&plan(TWO, 2, 5));
-        assert_eq!(follower.offer(own), Verdict::Adopted);
+        assert_eq!(follower.offer(own), PlanVerdict::Adopted);
         follower
     }
 
@@ -719,12 +719,12 @@ mod tests {
         let mut follower = following(&plan(ONE, 2, 3));
         follower.hear(second(1.0), &peer(2, None, None));
         follower.enter(StopId(1)).unwrap();
-        assert_eq!(follower.offer(&plan(TWO, 3, 0)), Verdict::Kept);
+        assert_eq!(follower.offer(&plan(TWO, 3, 0)), PlanVerdict::Unchanged);
         assert!(
             follower.next_leg().is_none(),
             "half a revision heard is enough to stop"
         );
-        assert_eq!(follower.offer(&plan(ONE, 3, 0)), Verdict::Kept);
+        assert_eq!(follower.offer(&plan(ONE, 3, 0)), PlanVerdict::Unchanged);
         assert_eq!(follower.progress().revision, Revision(2));
         follower.arrive(second(2.0), StopId(1), at(1.0)).unwrap();
         assert_eq!(
@@ -735,7 +735,7 @@ mod tests {
             }
         );
         assert!(follower.finished());
-        assert_eq!(follower.offer(&plan(ONE, 2, 3)), Verdict::Old);
+        assert_eq!(follower.offer(&plan(ONE, 2, 3)), PlanVerdict::Old);
     }
 
     #[test]
@@ -752,7 +752,7 @@ mod tests {
         let mut next = plan(ONE, 4, 1);
         next.start = Position::from_metres(0.8, 5.0, 0.0);
         follower.offer(&plan(TWO, 4, 1));
-        assert_eq!(follower.offer(&next), Verdict::Adopted);
+        assert_eq!(follower.offer(&next), PlanVerdict::Adopted);
     }
 
     #[test]
@@ -764,7 +764,7 @@ mod tests {
         follower.offer(&next);
         let verdict = follower.offer(&plan(TWO, 3, 4));
         assert!(
-            matches!(verdict, Verdict::Refused(Refusal::Elsewhere { .. })),
+            matches!(verdict, PlanVerdict::Refused(PlanRefusal::Elsewhere { .. })),
             "{verdict:?}"
         );
         assert!(follower.next_leg().is_none());
@@ -781,17 +781,17 @@ mod tests {
         follower.offer(&circle);
         assert!(matches!(
             follower.offer(&other),
-            Verdict::Refused(Refusal::Invalid { .. })
+            PlanVerdict::Refused(PlanRefusal::Invalid { .. })
         ));
         let mut without = plan(TWO, 4, 2);
         without.members = vec![TWO];
         assert!(matches!(
             follower.offer(&without),
-            Verdict::Refused(Refusal::NotMember { .. })
+            PlanVerdict::Refused(PlanRefusal::NotMember { .. })
         ));
         assert_eq!(follower.progress().revision, Revision(1));
         follower.offer(&plan(TWO, 5, 2));
-        assert_eq!(follower.offer(&plan(ONE, 5, 2)), Verdict::Adopted);
+        assert_eq!(follower.offer(&plan(ONE, 5, 2)), PlanVerdict::Adopted);
     }
 
     #[test]
@@ -800,7 +800,10 @@ mod tests {
         follower.offer(&plan(TWO, 7, 2));
         let verdict = follower.offer(&plan(ONE, 7, 2));
         assert!(
-            matches!(verdict, Verdict::Refused(Refusal::NotStopped { .. })),
+            matches!(
+                verdict,
+                PlanVerdict::Refused(PlanRefusal::NotStopped { .. })
+            ),
             "{verdict:?}"
         );
         assert_eq!(
@@ -852,14 +855,20 @@ mod tests {
             ..plan
         };
         let mut follower = stopped();
-        assert_eq!(follower.offer(&of(plan(ONE, 2, 3), 1)), Verdict::Kept);
+        assert_eq!(
+            follower.offer(&of(plan(ONE, 2, 3), 1)),
+            PlanVerdict::Unchanged
+        );
         assert_eq!(
             follower.offer(&of(plan(TWO, 2, 5), 2)),
-            Verdict::Kept,
+            PlanVerdict::Unchanged,
             "the own one is of the lower right"
         );
-        assert_eq!(follower.offer(&of(plan(ONE, 2, 3), 1)), Verdict::Old);
-        assert_eq!(follower.offer(&of(plan(ONE, 2, 4), 2)), Verdict::Adopted);
+        assert_eq!(follower.offer(&of(plan(ONE, 2, 3), 1)), PlanVerdict::Old);
+        assert_eq!(
+            follower.offer(&of(plan(ONE, 2, 4), 2)),
+            PlanVerdict::Adopted
+        );
         assert!(follower.plans().iter().all(|plan| plan.lease.number == 2));
     }
 
@@ -871,18 +880,24 @@ mod tests {
         };
         let mut follower = following(&plan(ONE, 2, 3));
         follower.hear(second(1.0), &peer(2, None, None));
-        assert_eq!(follower.offer(&of(plan(ONE, 900, 0), 1)), Verdict::Kept);
+        assert_eq!(
+            follower.offer(&of(plan(ONE, 900, 0), 1)),
+            PlanVerdict::Unchanged
+        );
         assert!(follower.next_leg().is_none());
-        assert_eq!(follower.offer(&of(plan(ONE, 3, 0), 2)), Verdict::Kept);
+        assert_eq!(
+            follower.offer(&of(plan(ONE, 3, 0), 2)),
+            PlanVerdict::Unchanged
+        );
         assert_eq!(follower.pending_edition(), Some((RunId(1), Revision(3))));
         assert_eq!(
             follower.offer(&of(plan(TWO, 900, 0), 1)),
-            Verdict::Kept,
+            PlanVerdict::Unchanged,
             "a later one is collected"
         );
         assert_eq!(
             follower.offer(&of(plan(ONE, 2, 3), 3)),
-            Verdict::Old,
+            PlanVerdict::Old,
             "it is followed already"
         );
         assert_eq!(

@@ -2,7 +2,7 @@
 
 use super::messages::StatusText;
 use super::stages::Stage;
-use super::{Autopilot, Item, Kind, Mode};
+use super::{Autopilot, FlightMode, Item, VehicleKind};
 
 impl Autopilot {
     /// Begins the mission at its first item after home, or goes on with the one that was under way.
@@ -45,8 +45,8 @@ impl Autopilot {
     fn lay_item(&mut self, item: Item) {
         let here_m = self.climb.altitude_m(self.now);
         let level_m = |altitude_m: f64| match self.settings.kind {
-            Kind::Rover => 0.0,
-            Kind::Copter => altitude_m.max(0.0),
+            VehicleKind::Rover => 0.0,
+            VehicleKind::Copter => altitude_m.max(0.0),
         };
         let stages = match item {
             Item::Waypoint {
@@ -95,9 +95,9 @@ impl Autopilot {
         self.item = self.items.len().saturating_sub(1);
         self.say(StatusText::MissionDone);
         match self.settings.kind {
-            Kind::Rover => self.enter(Mode::Hold),
-            Kind::Copter if self.is_landed(self.now) => self.disarm(),
-            Kind::Copter => {}
+            VehicleKind::Rover => self.enter(FlightMode::Hold),
+            VehicleKind::Copter if self.is_landed(self.now) => self.disarm(),
+            VehicleKind::Copter => {}
         }
     }
 }

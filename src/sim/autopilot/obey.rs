@@ -2,7 +2,7 @@
 
 use super::messages::StatusText;
 use super::stages::Stage;
-use super::{ArmRefusal, Autopilot, Command, CommandAck, Item, ItemError, Kind, Mode};
+use super::{ArmRefusal, Autopilot, Command, CommandAck, FlightMode, Item, ItemError, VehicleKind};
 use crate::autopilot::item::{check_items, is_altitude, is_output, is_place, is_speed};
 use crate::geom::{Point, Vector};
 use crate::time::Time;
@@ -87,7 +87,7 @@ impl Autopilot {
     }
 
     /// Changes the mode by itself.
-    pub(super) fn enter(&mut self, mode: Mode) {
+    pub(super) fn enter(&mut self, mode: FlightMode) {
         if mode != self.mode {
             self.mode = mode;
             self.say(StatusText::Mode(mode));
@@ -98,17 +98,19 @@ impl Autopilot {
         }
         let home = self.home.unwrap_or_else(|| self.body.pose_at(self.now).at);
         match mode {
-            Mode::Manual | Mode::Hold | Mode::Loiter | Mode::Guided => self.lay([Stage::Brake]),
-            Mode::Auto => self.run_mission(),
-            Mode::Return => self.lay(self.way_home(home)),
-            Mode::Land => self.lay(self.way_down(self.climb.altitude_m(self.now))),
+            FlightMode::Manual | FlightMode::Hold | FlightMode::Loiter | FlightMode::Guided => {
+                self.lay([Stage::Brake])
+            }
+            FlightMode::Auto => self.run_mission(),
+            FlightMode::Return => self.lay(self.way_home(home)),
+            FlightMode::Land => self.lay(self.way_down(self.climb.altitude_m(self.now))),
         }
     }
 
-    fn change_mode(&mut self, mode: Mode) -> CommandAck {
+    fn change_mode(&mut self, mode: FlightMode) -> CommandAck {
         let is_missing = !mode.is_of(self.settings.kind);
         let is_blind = mode.needs_place() && !self.has_place();
-        if is_missing || is_blind || (mode == Mode::Auto && !self.can_begin()) {
+        if is_missing || is_blind || (mode == FlightMode::Auto && !self.can_begin()) {
             return CommandAck::Failed;
         }
         // Said again it changes nothing: a mission goes on.
@@ -126,7 +128,7 @@ impl Autopilot {
             .skip(self.item.max(1))
             .find(|item| item.takes_time());
         let stands =
-            self.settings.kind == Kind::Copter && self.is_armed && self.is_landed(self.now);
+            self.settings.kind == VehicleKind::Copter && self.is_armed && self.is_landed(self.now);
         match first {
             None => false,
             Some(first) => !stands || matches!(first, Item::Takeoff { .. }),
@@ -144,7 +146,7 @@ impl Autopilot {
         self.say(StatusText::Armed(true));
         let here = self.body.pose_at(self.now).at + self.place_error(self.now);
         self.home.get_or_insert(here);
-        if self.mode == Mode::Auto {
+        if self.mode == FlightMode::Auto {
             (self.item, self.is_mission_running) = (0, false);
             self.run_mission();
         }
@@ -166,9 +168,9 @@ impl Autopilot {
             return Some(ArmRefusal::NotReady);
         }
         let arms = match self.mode {
-            Mode::Return | Mode::Land => false,
-            Mode::Auto => self.settings.kind == Kind::Rover,
-            Mode::Manual | Mode::Hold | Mode::Loiter | Mode::Guided => true,
+            FlightMode::Return | FlightMode::Land => false,
+            FlightMode::Auto => self.settings.kind == VehicleKind::Rover,
+            FlightMode::Manual | FlightMode::Hold | FlightMode::Loiter | FlightMode::Guided => true,
         };
         if !arms {
             return Some(ArmRefusal::Mode(self.mode));
@@ -177,7 +179,7 @@ impl Autopilot {
     }
 
     fn take_off(&mut self, altitude_m: f64) -> CommandAck {
-        if self.settings.kind == Kind::Rover {
+        if self.settings.kind == VehicleKind::Rover {
             return CommandAck::Unsupported;
         }
         if !(altitude_m > 0.0 && is_altitude(altitude_m)) {
@@ -204,7 +206,7 @@ impl Autopilot {
         if !are_sound || speed_mps.is_nan() || speed_mps < STANDING_MPS {
             return CommandAck::Denied;
         }
-        if self.settings.kind == Kind::Copter && self.is_landed(self.now) {
+        if self.settings.kind == VehicleKind::Copter && self.is_landed(self.now) {
             return CommandAck::Failed;
         }
         let altitude_m = altitude_m.unwrap_or_else(|| self.climb.altitude_m(self.now));
@@ -229,7 +231,7 @@ impl Autopilot {
     }
 
     fn guided(&mut self, stages: impl IntoIterator<Item = Stage>) -> CommandAck {
-        if self.mode != Mode::Guided || !self.is_armed {
+        if self.mode != FlightMode::Guided || !self.is_armed {
             return CommandAck::Failed;
         }
         self.lay(stages);
@@ -240,8 +242,8 @@ impl Autopilot {
         if !self.is_armed || !self.has_place() || !self.can_begin() {
             return CommandAck::Failed;
         }
-        if self.mode != Mode::Auto {
-            self.enter(Mode::Auto);
+        if self.mode != FlightMode::Auto {
+            self.enter(FlightMode::Auto);
         } else if !self.is_mission_running {
             self.item = 0;
             self.run_mission();
@@ -254,7 +256,7 @@ impl Autopilot {
             return CommandAck::Denied;
         }
         self.item = item;
-        if self.mode == Mode::Auto && self.is_armed {
+        if self.mode == FlightMode::Auto && self.is_armed {
             self.is_mission_running = true;
             self.begin_from(item.max(1));
         }

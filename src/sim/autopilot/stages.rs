@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use super::flight::Climb;
 use super::messages::StatusText;
-use super::{Autopilot, Kind, LANDED_M, Mode};
+use super::{Autopilot, FlightMode, LANDED_M, VehicleKind};
 use crate::geom::{Angle, Point, Vector};
 use crate::time::Time;
 
@@ -115,8 +115,8 @@ impl Autopilot {
     fn drive(&mut self, corners: &[Point], speed_mps: f64) {
         let error = self.place_error(self.now);
         let truly: Vec<Point> = match self.settings.kind {
-            Kind::Rover => corners.iter().map(|corner| *corner - error).collect(),
-            Kind::Copter => corners
+            VehicleKind::Rover => corners.iter().map(|corner| *corner - error).collect(),
+            VehicleKind::Copter => corners
                 .iter()
                 .map(|corner| *corner - error + self.carried())
                 .collect(),
@@ -136,7 +136,7 @@ impl Autopilot {
             ..Climb::level(0.0)
         };
         // A mission says first that it was reached; then it goes on, or is over.
-        if !(self.mode == Mode::Auto && self.is_mission_running) {
+        if !(self.mode == FlightMode::Auto && self.is_mission_running) {
             self.disarm();
         }
         self.stage_ends = Some(self.now);
@@ -144,7 +144,7 @@ impl Autopilot {
 
     /// All stages are over: the mission goes on, or it stays where it is.
     fn stages_over(&mut self) {
-        if self.mode == Mode::Auto && self.is_mission_running {
+        if self.mode == FlightMode::Auto && self.is_mission_running {
             self.say(StatusText::Reached(self.item));
             self.next_item();
         }
@@ -172,7 +172,7 @@ impl Autopilot {
         } else {
             settings.descent_mps
         };
-        let changes = settings.kind == Kind::Copter && (to_m - from_m).abs() > 1e-6;
+        let changes = settings.kind == VehicleKind::Copter && (to_m - from_m).abs() > 1e-6;
         changes.then_some(Stage::Climb { to_m, rate_mps })
     }
 
@@ -195,9 +195,9 @@ impl Autopilot {
         let here_m = self.climb.altitude_m(self.now);
         let home_at_speed = |altitude_m| self.way_to(vec![home], altitude_m, self.speed_mps);
         match self.settings.kind {
-            Kind::Rover => home_at_speed(0.0),
-            Kind::Copter if here_m <= LANDED_M => vec![Stage::Touchdown],
-            Kind::Copter => {
+            VehicleKind::Rover => home_at_speed(0.0),
+            VehicleKind::Copter if here_m <= LANDED_M => vec![Stage::Touchdown],
+            VehicleKind::Copter => {
                 let high_m = here_m.max(self.settings.return_m);
                 let mut stages = home_at_speed(high_m);
                 stages.push(Stage::Stand(HOVERS));

@@ -14,11 +14,11 @@ use tomoswarm_proto::{Boot, Hello, Message};
 use super::{Alarm, Event, Kernel};
 use crate::exchange::Exchange;
 use crate::exchange::egress::OutboundFrame;
-use crate::exchange::ingress::Heard;
-use crate::exchange::joining::Verdict as JoinVerdict;
+use crate::exchange::ingress::HeardMessage;
+use crate::exchange::joining::GreetingVerdict as JoinVerdict;
 use crate::exchange::presence::Presence;
-use crate::sim::bus::{Frame, NodeId, operators_that_hear, receivers};
-use crate::sim::judge::Verdict;
+use crate::sim::bus::{BusFrame, NodeId, operators_that_hear, receivers};
+use crate::sim::judge::RunVerdict;
 use crate::sim::noise::Purpose;
 
 /// A node's side of the bus.
@@ -133,7 +133,7 @@ impl Kernel {
     }
 
     /// Hands a frame to a node's exchange; returns what the node is to be told.
-    pub(super) fn hear_frame(&mut self, index: usize, frame: &Frame) -> Option<Heard> {
+    pub(super) fn hear_frame(&mut self, index: usize, frame: &BusFrame) -> Option<HeardMessage> {
         let exchange = self.exchanges[index].exchange.as_mut()?;
         let (now, sender) = (self.now, frame.sender());
         let heard = exchange
@@ -179,7 +179,7 @@ impl Kernel {
             NodeId::Vehicle(vehicle) => self.die(vehicle),
             NodeId::Ground => {
                 self.leave(index);
-                self.follow(Verdict::Failed(format!(
+                self.follow(RunVerdict::Failed(format!(
                     "the ground station may not take part: {reason}"
                 )));
             }

@@ -6,18 +6,18 @@ use super::{Alarm, Kernel, NodeId};
 use crate::ground::from_config::GroundParts;
 use crate::ground::station::StationSettings;
 use crate::node::mission::MissionStatus;
-use crate::sim::faults::Turn;
+use crate::sim::faults::FaultTurn;
 use crate::sim::noise::Purpose;
 
 impl Kernel {
-    pub(super) fn fail(&mut self, turn: Turn) {
+    pub(super) fn fail(&mut self, turn: FaultTurn) {
         match turn {
-            Turn::Ends(NodeId::Vehicle(vehicle)) => self.die(vehicle),
-            Turn::Ends(NodeId::Ground) => self.end_ground(),
-            Turn::Starts(NodeId::Vehicle(vehicle)) => self.restart(vehicle),
-            Turn::Starts(NodeId::Ground) => self.restart_ground(),
+            FaultTurn::Ends(NodeId::Vehicle(vehicle)) => self.die(vehicle),
+            FaultTurn::Ends(NodeId::Ground) => self.end_ground(),
+            FaultTurn::Starts(NodeId::Vehicle(vehicle)) => self.restart(vehicle),
+            FaultTurn::Starts(NodeId::Ground) => self.restart_ground(),
             // An operator's end is not what a file can say.
-            Turn::Ends(NodeId::Operator(_)) | Turn::Starts(NodeId::Operator(_)) => {}
+            FaultTurn::Ends(NodeId::Operator(_)) | FaultTurn::Starts(NodeId::Operator(_)) => {}
         }
     }
 

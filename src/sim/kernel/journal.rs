@@ -7,7 +7,7 @@ use super::Kernel;
 use crate::sim::body::BodyState;
 use crate::sim::log::hash;
 use crate::sim::operator_script::RUN;
-use crate::sim::shown::{Shown, ShownVehicle};
+use crate::sim::run_view::{RunView, ShownVehicle};
 use crate::sim::world::Collision;
 
 impl Kernel {
@@ -61,7 +61,7 @@ impl Kernel {
     }
 
     /// Returns what is to be seen of the run now.
-    pub(super) fn shown(&mut self) -> Shown<'_> {
+    pub(super) fn shown(&mut self) -> RunView<'_> {
         self.status.now = self.now;
         let one = |vehicle: usize| {
             let (state, node) = (
@@ -77,7 +77,7 @@ impl Kernel {
             }
         };
         let vehicles = (0..self.vehicles.len()).map(one).collect();
-        Shown {
+        RunView {
             status: self.status,
             map: self.ground.station().map(),
             vehicles,

@@ -5,10 +5,10 @@ use tomoswarm_proto::{Interest, OperatorId};
 
 use super::Kernel;
 use crate::actor::Fault;
-use crate::exchange::ingress::Heard;
+use crate::exchange::ingress::HeardMessage;
 use crate::operator::OperatorNode;
 use crate::operator::operator_actor::{In, OperatorSettings, Out};
-use crate::operator::script::{ScriptEnd, Step};
+use crate::operator::script::{ScriptEnd, ScriptStep};
 use crate::sim::operator_script::{PERSONS_ENTER, SCENARIO_OPERATOR};
 
 /// An operator in the simulation.
@@ -17,7 +17,7 @@ pub(in crate::sim) struct SimulatedOperator {
     pub node: OperatorNode,
     pub interest: Vec<Interest>,
     /// What it is to do by itself; empty for one that only listens.
-    pub script: Vec<Step>,
+    pub script: Vec<ScriptStep>,
     /// How its script ended.
     pub ended: Option<ScriptEnd>,
     effects: Vec<Out>,
@@ -28,7 +28,7 @@ impl SimulatedOperator {
     pub fn new(
         id: OperatorId,
         mut settings: OperatorSettings,
-        script: Vec<Step>,
+        script: Vec<ScriptStep>,
     ) -> SimulatedOperator {
         let interest = settings.hello.interest.clone();
         let (node, effects) = (OperatorNode::new(&mut settings), Vec::new());
@@ -59,7 +59,7 @@ impl Kernel {
     pub(super) fn deliver_to_operator(
         &mut self,
         id: OperatorId,
-        heard: Heard,
+        heard: HeardMessage,
     ) -> Result<(), Fault> {
         match self.operators.iter().position(|operator| operator.id == id) {
             Some(index) => self.tell_operator(index, In::Bus(heard)),
@@ -97,7 +97,7 @@ impl Kernel {
         }
         match said {
             Out::Publish(message) => self.publish(self.vehicles.len() + 1 + index, &message),
-            Out::Cue(name) => return self.cue(index, &name),
+            Out::Announce(name) => return self.cue(index, &name),
             Out::ScriptEnded(end) => self.script_ended(index, end),
             Out::InForce(..) | Out::Ended(..) | Out::Give(_) | Out::StopsNote(_) => {}
         }

@@ -5,18 +5,18 @@ use std::time::Duration;
 use super::{Kernel, NodeId, Time};
 use crate::actor::{ActorStep, Fault};
 use crate::node::VehicleNode;
-use crate::sim::entry::Entry;
+use crate::sim::entry::SampleFile;
 
 /// Where a recording goes, and when its next segment begins.
 pub(in crate::sim) struct Recording<'a> {
-    record: &'a mut dyn FnMut(Entry),
+    record: &'a mut dyn FnMut(SampleFile),
     every: Duration,
     next_at: Time,
 }
 
 impl<'a> Recording<'a> {
     /// Makes a recording that goes where `record` says; a new segment begins `every` so often.
-    pub fn to(record: &'a mut dyn FnMut(Entry), every: Duration) -> Recording<'a> {
+    pub fn to(record: &'a mut dyn FnMut(SampleFile), every: Duration) -> Recording<'a> {
         Recording {
             record,
             every,
@@ -40,7 +40,7 @@ impl Kernel {
         let mut hand_out = |node: NodeId, steps: Vec<ActorStep>| {
             steps
                 .into_iter()
-                .for_each(|step| (recording.record)(Entry::Step(node, step)));
+                .for_each(|step| (recording.record)(SampleFile::Step(node, step)));
         };
         for vehicle in &mut self.vehicles {
             hand_out(NodeId::Vehicle(vehicle.id()), vehicle.steps());
@@ -73,7 +73,7 @@ impl Kernel {
                 NodeId::Vehicle(vehicle.id()),
                 vehicle.snapshots().map_err(unwritable)?,
             );
-            (recording.record)(Entry::Segment {
+            (recording.record)(SampleFile::Segment {
                 node,
                 now,
                 snapshots,
@@ -81,7 +81,7 @@ impl Kernel {
         }
         if begins(&NodeId::Ground) {
             let (node, snapshots) = (NodeId::Ground, self.ground.snapshots().map_err(unwritable)?);
-            (recording.record)(Entry::Segment {
+            (recording.record)(SampleFile::Segment {
                 node,
                 now,
                 snapshots,
@@ -93,7 +93,7 @@ impl Kernel {
             .filter(|operator| begins(&NodeId::Operator(operator.id)))
         {
             let snapshots = operator.node.snapshots().map_err(unwritable)?;
-            (recording.record)(Entry::Segment {
+            (recording.record)(SampleFile::Segment {
                 node: NodeId::Operator(operator.id),
                 now,
                 snapshots,
