@@ -1,5 +1,12 @@
 //! Measures searches over 400 × 400 cells. Run: `cargo bench --bench astar`.
-#![allow(clippy::disallowed_methods, reason = "a benchmark reads the clock")]
+
+#![allow(
+    clippy::disallowed_methods,
+    clippy::disallowed_types,
+    clippy::restriction,
+    unreachable_pub,
+    reason = "no product code"
+)]
 
 use std::hint::black_box;
 use std::time::Instant;

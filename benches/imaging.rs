@@ -3,6 +3,14 @@
 //! `cargo bench --bench imaging -- SEEDS [FIRST]`: share of seeds with both persons within 1 m, the worst seeds,
 //! and the median times of a cold and of a warm reconstruction and of binning a packet.
 
+#![allow(
+    clippy::disallowed_methods,
+    clippy::disallowed_types,
+    clippy::restriction,
+    unreachable_pub,
+    reason = "no product code"
+)]
+
 #[path = "../tests/image/world/mod.rs"]
 mod image_world;
 

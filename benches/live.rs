@@ -7,7 +7,10 @@
 
 #![allow(
     clippy::disallowed_methods,
-    reason = "a benchmark reads the clock and waits"
+    clippy::disallowed_types,
+    clippy::restriction,
+    unreachable_pub,
+    reason = "no product code"
 )]
 
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -1,5 +1,12 @@
 //! Measures what a scan costs the map, and a tile the wire. Run: `cargo bench --bench map`.
-#![allow(clippy::disallowed_methods, reason = "a benchmark reads the clock")]
+
+#![allow(
+    clippy::disallowed_methods,
+    clippy::disallowed_types,
+    clippy::restriction,
+    unreachable_pub,
+    reason = "no product code"
+)]
 
 use std::hint::black_box;
 use std::sync::Arc;

@@ -1,7 +1,14 @@
 //! Orders under faults in many more worlds than the tests take: `cargo bench --bench orders -- 2000`, and from a seed on
 //! with a second number; emergency stops under faults with the word `stops` before the numbers, joining with the word `joins`.
 //! Prints every world that is not as it must be, and ends with 1 when there is one.
-#![allow(clippy::disallowed_methods, reason = "a benchmark reads the clock")]
+
+#![allow(
+    clippy::disallowed_methods,
+    clippy::disallowed_types,
+    clippy::restriction,
+    unreachable_pub,
+    reason = "no product code"
+)]
 
 #[path = "../tests/orders/chance.rs"]
 mod chance;

@@ -1,7 +1,13 @@
 //! Costs of the leaf parts of the simulation, nanoseconds a call: `cargo bench --bench radio`.
 //! Prints one line each and judges nothing.
 
-#![allow(clippy::disallowed_methods, reason = "a bench reads the clock")]
+#![allow(
+    clippy::disallowed_methods,
+    clippy::disallowed_types,
+    clippy::restriction,
+    unreachable_pub,
+    reason = "no product code"
+)]
 
 use std::hint::black_box;
 use std::time::{Duration, Instant};

@@ -4,6 +4,14 @@
 //! the range sensor casts them, and rays in all directions from where a vehicle may be. Rates are those of one core that does
 //! nothing else, where the system tells how long the bench had one; wall time elsewhere.
 
+#![allow(
+    clippy::disallowed_methods,
+    clippy::disallowed_types,
+    clippy::restriction,
+    unreachable_pub,
+    reason = "no product code"
+)]
+
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Instant;

@@ -1,6 +1,13 @@
 //! Measures how many samples a second the ground's store takes, durably as it does live: groups of batches, each group
 //! one transaction that is on disk when it returns. Run: `cargo bench --bench store`.
-#![allow(clippy::disallowed_methods, reason = "a benchmark reads the clock")]
+
+#![allow(
+    clippy::disallowed_methods,
+    clippy::disallowed_types,
+    clippy::restriction,
+    unreachable_pub,
+    reason = "no product code"
+)]
 
 #[cfg(feature = "net")]
 fn main() {

@@ -9,7 +9,10 @@
 
 #![allow(
     clippy::disallowed_methods,
-    reason = "a benchmark reads the clock and waits"
+    clippy::disallowed_types,
+    clippy::restriction,
+    unreachable_pub,
+    reason = "no product code"
 )]
 
 #[path = "../tests/net/relay.rs"]

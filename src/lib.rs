@@ -11,10 +11,26 @@
 //! | L3 | `run`, `store` (feature `net`) | live processes over zenoh, and what outlives them |
 //! | top | [`cli`] | files, terminal, assembly |
 
-#![warn(missing_docs)]
+#![cfg_attr(
+    test,
+    allow(
+        clippy::disallowed_methods,
+        clippy::disallowed_types,
+        clippy::restriction,
+        unreachable_pub,
+        reason = "tests may; the same code is checked without them"
+    )
+)]
 
 pub mod actor;
 pub mod autopilot;
+#[allow(
+    clippy::disallowed_methods,
+    clippy::disallowed_types,
+    clippy::print_stderr,
+    clippy::print_stdout,
+    reason = "the shell touches files, sockets, clocks and the terminal"
+)]
 pub mod cli;
 pub mod config;
 pub mod draw;
@@ -27,11 +43,25 @@ pub mod node;
 pub mod operator;
 pub mod plan;
 #[cfg(feature = "net")]
+#[allow(
+    clippy::disallowed_methods,
+    clippy::disallowed_types,
+    clippy::print_stderr,
+    clippy::print_stdout,
+    reason = "the shell touches files, sockets, clocks and the terminal"
+)]
 pub mod run;
 pub mod scene;
 pub mod sim;
 pub mod stops;
 #[cfg(feature = "net")]
+#[allow(
+    clippy::disallowed_methods,
+    clippy::disallowed_types,
+    clippy::print_stderr,
+    clippy::print_stdout,
+    reason = "the shell touches files, sockets, clocks and the terminal"
+)]
 pub mod store;
 pub mod sweep;
 pub mod time;

@@ -3,11 +3,6 @@
 //! It decides nothing: what is safe, planned or measured is said by the actors. `bus.rs` is the only file that names
 //! zenoh. Everything here is the imperative shell, so clocks, threads, files and sockets are allowed.
 
-#![allow(
-    clippy::disallowed_methods,
-    reason = "the shell reads clocks, starts threads and waits"
-)]
-
 pub mod bus;
 pub mod clock;
 pub mod drivers;

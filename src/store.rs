@@ -3,11 +3,6 @@
 //!
 //! Nothing here decides; it writes what it is handed, and gives it back after a restart.
 
-#![allow(
-    clippy::disallowed_methods,
-    reason = "the shell reads clocks and writes files"
-)]
-
 mod checked_file;
 mod durable;
 mod error;

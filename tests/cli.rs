@@ -1,6 +1,14 @@
 //! The built program as its users meet it: what it refuses and how it says so, what it leaves on the disk,
 //! and how it ends when it is asked to. Says nothing about how good images are.
 
+#![allow(
+    clippy::disallowed_methods,
+    clippy::disallowed_types,
+    clippy::restriction,
+    unreachable_pub,
+    reason = "no product code"
+)]
+
 mod cli {
     mod bad_configs;
     mod bad_outputs;

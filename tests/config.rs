@@ -1,5 +1,13 @@
 //! Configuration files from outside: what is bundled, what holds for all of them, and what is refused.
 
+#![allow(
+    clippy::disallowed_methods,
+    clippy::disallowed_types,
+    clippy::restriction,
+    unreachable_pub,
+    reason = "no product code"
+)]
+
 mod config {
     mod bundled;
     mod bus;

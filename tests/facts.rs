@@ -5,6 +5,14 @@
 //! its facts of the same areas run through the same dispatcher. A fact of an unknown area, one that asks in an unknown
 //! way, and one with a key that nobody read all fail.
 
+#![allow(
+    clippy::disallowed_methods,
+    clippy::disallowed_types,
+    clippy::restriction,
+    unreachable_pub,
+    reason = "no product code"
+)]
+
 mod facts {
     mod astar;
     mod fact;

@@ -1,6 +1,13 @@
 //! A whole live mission as one command: `sim --live` with real processes, in real time.
+
+#![allow(
+    clippy::disallowed_methods,
+    clippy::disallowed_types,
+    clippy::restriction,
+    unreachable_pub,
+    reason = "no product code"
+)]
 #![cfg(feature = "net")]
-#![allow(clippy::disallowed_methods, reason = "processes live in real time")]
 
 use std::path::Path;
 use std::process::{Command, Stdio};

@@ -1,6 +1,14 @@
 //! The merge of the maps over a network that loses, doubles, reorders and cuts: whatever happened, soon after it is
 //! over everybody holds the same map. The map actors and the station are the real ones, on virtual time.
 
+#![allow(
+    clippy::disallowed_methods,
+    clippy::disallowed_types,
+    clippy::restriction,
+    unreachable_pub,
+    reason = "no product code"
+)]
+
 #[path = "merge/network.rs"]
 mod network;
 

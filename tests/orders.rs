@@ -3,6 +3,14 @@
 //! under faults, and joining under faults. More seeds: `cargo bench --bench orders -- 2000`, and with the word `stops` or
 //! `joins` before the number.
 
+#![allow(
+    clippy::disallowed_methods,
+    clippy::disallowed_types,
+    clippy::restriction,
+    unreachable_pub,
+    reason = "no product code"
+)]
+
 #[path = "orders/chance.rs"]
 mod chance;
 #[path = "orders/ground.rs"]

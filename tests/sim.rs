@@ -1,6 +1,14 @@
 //! Whole simulated missions: a scene, a fault, a claim. Every run here is checked by the referee of the simulated
 //! world: nobody touches anything, nobody leaves the fence, nobody comes too near to another.
 
+#![allow(
+    clippy::disallowed_methods,
+    clippy::disallowed_types,
+    clippy::restriction,
+    unreachable_pub,
+    reason = "no product code"
+)]
+
 #[path = "sim/bus.rs"]
 mod bus;
 #[path = "sim/environments.rs"]

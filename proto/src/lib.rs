@@ -6,7 +6,10 @@
 //! sender's own clock, which decide nothing on another machine. Floating-point numbers are not on the wire; `units`
 //! says how they become whole ones.
 
-#![warn(missing_docs)]
+#![cfg_attr(
+    test,
+    allow(clippy::restriction, unreachable_pub, reason = "tests may")
+)]
 
 mod cells;
 mod check;

@@ -1,5 +1,13 @@
 //! What the codec promises: every message survives the way there and back, and nothing else is let in.
 
+#![allow(
+    clippy::disallowed_methods,
+    clippy::disallowed_types,
+    clippy::restriction,
+    unreachable_pub,
+    reason = "no product code"
+)]
+
 mod any;
 mod examples;
 

@@ -1,6 +1,14 @@
 //! The bytes of the wire, one folder a version. The files are never edited: when one of these tests fails, other
 //! versions of the software in the field cannot read this one any more.
 
+#![allow(
+    clippy::disallowed_methods,
+    clippy::disallowed_types,
+    clippy::restriction,
+    unreachable_pub,
+    reason = "no product code"
+)]
+
 mod examples;
 
 use std::path::{Path, PathBuf};

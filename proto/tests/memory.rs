@@ -1,6 +1,15 @@
 //! What reading takes of the memory, whatever a frame claims to hold. A test binary of its own, since it counts every
 //! allocation of the process.
 
+#![allow(
+    clippy::disallowed_methods,
+    clippy::disallowed_types,
+    clippy::restriction,
+    unreachable_pub,
+    unsafe_code,
+    reason = "no product code; it counts what is allocated"
+)]
+
 mod examples;
 
 use std::alloc::{GlobalAlloc, Layout, System};

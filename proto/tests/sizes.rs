@@ -1,6 +1,14 @@
 //! How long frames are. The table in README.md names the bytes of every example and of the longest message that may be;
 //! the figures that the design counts on are asserted here. Run with `--nocapture` to see what was measured.
 
+#![allow(
+    clippy::disallowed_methods,
+    clippy::disallowed_types,
+    clippy::restriction,
+    unreachable_pub,
+    reason = "no product code"
+)]
+
 mod any;
 mod examples;
 mod extremes;

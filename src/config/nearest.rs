@@ -9,7 +9,7 @@ pub(super) fn nearest<'a>(word: &str, known: &[&'a str]) -> Option<&'a str> {
     }
     let best = known
         .iter()
-        .map(|candidate| (distance(&short, candidate), *candidate))
+        .map(|candidate| (strsim::osa_distance(&short, candidate), *candidate))
         .min()?;
     let near_enough = best.0 <= 2.max(short.chars().count() / 3);
     let is_part = known.iter().copied().find(|name| is_stem(&short, name));
@@ -19,34 +19,6 @@ pub(super) fn nearest<'a>(word: &str, known: &[&'a str]) -> Option<&'a str> {
 /// Returns whether one word is the other with more written behind it ("radius" and "radius_m").
 fn is_stem(word: &str, known: &str) -> bool {
     word.len() >= 3 && (known.starts_with(word) || word.starts_with(known))
-}
-
-/// Counts the insertions, deletions, replacements and swaps of neighbours between two words.
-fn distance(a: &str, b: &str) -> usize {
-    let (a, b): (Vec<char>, Vec<char>) = (a.chars().collect(), b.chars().collect());
-    let width = b.len() + 1;
-    let mut cost = vec![0; (a.len() + 1) * width];
-    for i in 0..=a.len() {
-        for j in 0..=b.len() {
-            cost[i * width + j] = match (i, j) {
-                (0, j) => j,
-                (i, 0) => i,
-                (i, j) => {
-                    let at =
-                        |back_i: usize, back_j: usize| cost[(i - back_i) * width + (j - back_j)];
-                    let replaced = at(1, 1) + usize::from(a[i - 1] != b[j - 1]);
-                    let edited = replaced.min(at(1, 0) + 1).min(at(0, 1) + 1);
-                    let can_swap = i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1];
-                    if can_swap {
-                        edited.min(at(2, 2) + 1)
-                    } else {
-                        edited
-                    }
-                }
-            };
-        }
-    }
-    cost[cost.len() - 1]
 }
 
 #[cfg(test)]

@@ -22,7 +22,6 @@
 //! Log and publish times are the node's: nanoseconds since it started. Snapshots are read by the same version only.
 
 mod actors;
-mod base64;
 mod flight;
 mod folder;
 pub mod message;

@@ -77,8 +77,10 @@ impl PathLoss {
         let mut fitted = weighted_fit(&points, &weights, prior, residual_db);
         for _ in 0..REWEIGHTINGS {
             let count = points.len() as f64;
-            let square =
-                |(point, weight): (&(f64, f64), &f64)| weight * fitted.residual_db(*point).powi(2);
+            let square = |(point, weight): (&(f64, f64), &f64)| {
+                let residual_db = fitted.residual_db(*point);
+                weight * (residual_db * residual_db)
+            };
             residual_db = (points.iter().zip(&weights).map(square).sum::<f64>() / count)
                 .sqrt()
                 .max(0.1);
@@ -139,7 +141,8 @@ fn weighted_fit(
     let noise = residual_db * residual_db;
     // A sliver of prior keeps links of one length solvable.
     let prior_precision = 1.0 / (prior.sd * prior.sd) + 1e-9;
-    let precision = sum(&|spread, _| (spread - centre_db).powi(2)) / noise + prior_precision;
+    let squares = sum(&|spread, _| (spread - centre_db) * (spread - centre_db));
+    let precision = squares / noise + prior_precision;
     let slope = -sum(&|spread, strength| (spread - centre_db) * (strength - level_dbm)) / noise;
     let exponent = (slope + prior.mean * prior_precision) / precision;
     let (level_sd_db, exponent_sd) = ((noise / total).sqrt(), 1.0 / precision.sqrt());

@@ -2,9 +2,13 @@
 //! strangers who try to get in. One binary, since each that links the bus takes long to build.
 //!
 //! Scenarios mostly wait, four at a time at most: `cargo test --test net -- --test-threads 6` is quickest.
+
 #![allow(
     clippy::disallowed_methods,
-    reason = "processes and sockets live in real time"
+    clippy::disallowed_types,
+    clippy::restriction,
+    unreachable_pub,
+    reason = "no product code"
 )]
 
 mod certificates;

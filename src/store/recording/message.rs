@@ -4,11 +4,11 @@
 //! when the actor could not go on. JSON has no numbers that are infinite or none at all: an input with such numbers
 //! shows `null` in their place and comes whole in `told_packed` (base64 of [`codec::pack`]).
 
+use base64::prelude::{BASE64_STANDARD, Engine};
 use serde::de::{DeserializeOwned, IgnoredAny};
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::codec;
 
-use super::base64;
 use crate::actor::{RecordedStep, Snapshot, StepCause};
 use crate::time::Time;
 
@@ -43,7 +43,7 @@ where
             if told.contains("null") && !is_exact(input, &told) {
                 let packed =
                     codec::pack(input).map_err(|error| MessageError::Packed(error.to_string()))?;
-                text += &format!(",\"told_packed\":\"{}\"", base64::encode(&packed));
+                text += &format!(",\"told_packed\":\"{}\"", BASE64_STANDARD.encode(&packed));
             }
         }
         StepCause::Woken(why) => text += &format!(",\"woken\":{}", serde_json::to_string(why)?),
@@ -112,7 +112,9 @@ pub fn read_step<I: DeserializeOwned>(json: &[u8]) -> Result<Recorded<I>, Messag
 /// # Errors
 /// They are none, or of another version.
 pub fn unpacked<T: DeserializeOwned>(text: &str) -> Result<T, MessageError> {
-    let bytes = base64::decode(text).ok_or_else(|| MessageError::Packed("no base64".to_owned()))?;
+    let bytes = BASE64_STANDARD
+        .decode(text)
+        .map_err(|error| MessageError::Packed(error.to_string()))?;
     codec::unpack(&bytes).map_err(|error| MessageError::Packed(error.to_string()))
 }
 
@@ -132,7 +134,7 @@ pub struct SnapshotMessage {
 pub fn of_snapshot(now: Time, snapshot: &Snapshot) -> Result<String, MessageError> {
     let kept = SnapshotMessage {
         now_ns: now.as_nanos(),
-        packed: base64::encode(&snapshot.bytes),
+        packed: BASE64_STANDARD.encode(&snapshot.bytes),
     };
     Ok(serde_json::to_string(&kept)?)
 }

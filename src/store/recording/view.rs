@@ -1,13 +1,13 @@
 //! What people look at in a recording: poses, the map, pictures and remarks, as Foxglove's own messages. It is all
 //! taken from the steps; a replay ignores it.
 
+use base64::prelude::{BASE64_STANDARD, Engine};
 use std::collections::BTreeMap;
 use std::time::Duration;
 
 use serde_json::{Value, json};
 use tomoswarm_proto::{Message, State, TileReport, VehicleId};
 
-use super::base64;
 use super::schema::Schema;
 use crate::actor::{ActorStep, RecordedStep, StepCause};
 use crate::geom::{Cell, Lattice, Point};
@@ -266,7 +266,7 @@ impl Grid {
             "row_stride": self.columns * size,
             "cell_stride": size,
             "fields": [{"name": name, "offset": 0, "type": kind}],
-            "data": base64::encode(&self.bytes),
+            "data": BASE64_STANDARD.encode(&self.bytes),
         })
     }
 }
