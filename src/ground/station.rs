@@ -56,13 +56,13 @@ use self::fleet_map::FleetMap;
 use self::leases::{Change, Leases};
 use self::lost_vehicles::{SilenceLimits, are_enough_heard};
 pub use self::memory::Memory;
-use self::memory::{Remembered, StoredState};
+use self::memory::{PartsToRemember, StoredState};
 pub use self::messages::{In, Key, Note, Out, StationSettings};
 use self::order_in_force::OrderInForce;
 use self::own_missions::OwnMissions;
 pub use self::pictures::PictureName;
 use self::pictures::{Pictures, job_between_laps};
-use self::report::Reported;
+use self::report::PartsToReport;
 use self::run_book::RunBook;
 use self::ticks::Ticks;
 use super::fleet::{Fleet, Shown};
@@ -127,7 +127,7 @@ impl Station {
             strangers: 0,
             stored: None,
         };
-        station.stored = Some(StoredState::of(station.remembered()));
+        station.stored = Some(StoredState::of(station.parts_to_remember()));
         station
     }
 
@@ -164,7 +164,7 @@ impl Station {
         for tile in tiles {
             station.map.join(Time::ZERO, &tile);
         }
-        station.stored = Some(StoredState::of(station.remembered()));
+        station.stored = Some(StoredState::of(station.parts_to_remember()));
         station
     }
 
@@ -322,7 +322,9 @@ impl Station {
         if self.leases.holds() {
             self.lead(now, out);
         }
-        out.push(Out::Publish(Message::Report(self.reported().report())));
+        out.push(Out::Publish(Message::Report(
+            self.parts_to_report().report(),
+        )));
     }
 
     /// Does what only the holder of the lease does.
@@ -463,14 +465,14 @@ impl Station {
             let own = out.split_off(first);
             out.extend(own.into_iter().filter(Out::is_said_without_lease));
         }
-        if let Some(memory) = Memory::of_changes(self.stored.as_ref(), self.remembered()) {
+        if let Some(memory) = Memory::of_changes(self.stored.as_ref(), self.parts_to_remember()) {
             self.stored = Some(memory.state().clone());
             out.insert(first, Out::Remember(Box::new(memory)));
         }
     }
 
-    fn remembered(&self) -> Remembered<'_> {
-        Remembered {
+    fn parts_to_remember(&self) -> PartsToRemember<'_> {
+        PartsToRemember {
             store: self.samples.store(),
             lease: self.leases.own(),
             fleet: &self.fleet,
@@ -481,8 +483,8 @@ impl Station {
         }
     }
 
-    fn reported(&self) -> Reported<'_> {
-        Reported {
+    fn parts_to_report(&self) -> PartsToReport<'_> {
+        PartsToReport {
             boot: self.constants.boot,
             leases: &self.leases,
             fleet: &self.fleet,

@@ -7,18 +7,18 @@
 //! keeps no samples, and does not choose which sweep comes next.
 
 mod completion;
+mod next_step;
 mod phase;
 mod published_plans;
-mod step;
 mod sweep;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Lease, OrderKind, Plan, RunEnd, RunId, VehicleId};
 
 use self::completion::{close, count_laps};
+use self::next_step::{NextStep, must_rest};
 pub use self::phase::Phase;
 pub use self::published_plans::PublishedPlans;
-use self::step::{Step, must_rest};
 pub use self::sweep::Sweep;
 use super::Note;
 use super::lost_vehicles::{SilenceLimits, is_too_few};
@@ -203,12 +203,12 @@ impl SweepExecution {
 
     /// Does what is due: repeats plans or has new ones made, counts laps, and closes the run.
     pub fn advance(&mut self, at: &Conditions<'_>, out: &mut Vec<SweepOutput>) {
-        match Step::next(&self.phase, &self.plans, at) {
-            Step::Wait => {}
-            Step::Repeat => self.publish(at, out),
-            Step::Replan => self.replan(at, out),
-            Step::Retry => self.retry(at, out),
-            Step::Ask => self.ask(at, out),
+        match NextStep::of(&self.phase, &self.plans, at) {
+            NextStep::Wait => {}
+            NextStep::Repeat => self.publish(at, out),
+            NextStep::Replan => self.replan(at, out),
+            NextStep::Retry => self.retry(at, out),
+            NextStep::Ask => self.ask(at, out),
         }
         out.extend(count_laps(&mut self.phase, &self.plans, at));
         out.extend(close(&mut self.phase, at));

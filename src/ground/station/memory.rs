@@ -20,9 +20,9 @@ use super::run_book::RunBook;
 use crate::ground::fleet::{Dealings, Fleet};
 use crate::sweep::Succession;
 
-/// What is remembered of the station's parts, to be compared with them as they are.
+/// The parts of which something is remembered, as they are now.
 #[derive(Clone, Copy, Debug)]
-pub struct Remembered<'a> {
+pub struct PartsToRemember<'a> {
     /// The id of the sample store.
     pub store: u64,
     pub lease: Lease,
@@ -70,7 +70,7 @@ impl Memory {
     /// Returns what is to be remembered, if that is another thing than what is stored.
     pub(super) fn of_changes(
         stored: Option<&StoredState>,
-        parts: Remembered<'_>,
+        parts: PartsToRemember<'_>,
     ) -> Option<Memory> {
         let is_known = stored.is_some_and(|stored| stored.is_of(parts));
         (!is_known).then(|| Memory {
@@ -120,7 +120,7 @@ impl Memory {
 
 impl StoredState {
     /// Takes a copy of the parts as they are.
-    pub fn of(parts: Remembered<'_>) -> StoredState {
+    pub fn of(parts: PartsToRemember<'_>) -> StoredState {
         let edition = edition_of(parts.execution);
         StoredState {
             store: parts.store,
@@ -136,7 +136,7 @@ impl StoredState {
 
     /// Returns whether it is a copy of the parts as they are, whatever their times. It is asked after every step, so nothing
     /// is copied.
-    fn is_of(&self, parts: Remembered<'_>) -> bool {
+    fn is_of(&self, parts: PartsToRemember<'_>) -> bool {
         // Taken apart, so that none can be forgotten.
         let StoredState {
             store,
@@ -203,8 +203,8 @@ mod tests {
             }
         }
 
-        fn remembered(&self) -> Remembered<'_> {
-            Remembered {
+        fn parts_to_remember(&self) -> PartsToRemember<'_> {
+            PartsToRemember {
                 store: 7,
                 lease: self.lease,
                 fleet: &self.fleet,
@@ -219,13 +219,13 @@ mod tests {
     /// Returns whether something is remembered after a change; if so, only once.
     fn is_remembered_after(change: impl FnOnce(&mut Parts)) -> bool {
         let mut parts = Parts::new();
-        let stored = StoredState::of(parts.remembered());
-        let nothing = Memory::of_changes(Some(&stored), parts.remembered());
+        let stored = StoredState::of(parts.parts_to_remember());
+        let nothing = Memory::of_changes(Some(&stored), parts.parts_to_remember());
         assert_eq!(nothing, None, "nothing has changed");
         change(&mut parts);
-        let memory = Memory::of_changes(Some(&stored), parts.remembered());
+        let memory = Memory::of_changes(Some(&stored), parts.parts_to_remember());
         if let Some(memory) = &memory {
-            let again = Memory::of_changes(Some(memory.state()), parts.remembered());
+            let again = Memory::of_changes(Some(memory.state()), parts.parts_to_remember());
             assert_eq!(again, None);
         }
         memory.is_some()
@@ -279,7 +279,7 @@ mod tests {
         parts.runs.close(RunId(1));
         parts.lease.number = 4;
         parts.fleet.lose_unheard(Time::ZERO);
-        let memory = Memory::of_changes(None, parts.remembered()).unwrap();
+        let memory = Memory::of_changes(None, parts.parts_to_remember()).unwrap();
         assert_eq!(
             (memory.store(), memory.lease(), memory.run()),
             (7, parts.lease, None)
@@ -295,6 +295,6 @@ mod tests {
             pictures: restored.pictures,
             ..parts
         };
-        assert!(state.is_of(again.remembered()));
+        assert!(state.is_of(again.parts_to_remember()));
     }
 }

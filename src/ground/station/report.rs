@@ -15,9 +15,9 @@ use crate::ground::samples::SampleStore;
 /// Vehicles named in one trouble at most.
 const NAMED: usize = 12;
 
-/// All that is reported.
+/// The parts of which something is reported, as they are now.
 #[derive(Clone, Copy, Debug)]
-pub struct Reported<'a> {
+pub struct PartsToReport<'a> {
     pub boot: Boot,
     pub leases: &'a Leases,
     pub fleet: &'a Fleet,
@@ -30,7 +30,7 @@ pub struct Reported<'a> {
     pub strangers: u64,
 }
 
-impl Reported<'_> {
+impl PartsToReport<'_> {
     /// Returns the report.
     pub fn report(self) -> Report {
         let of_run = self.run_under_way();

@@ -15,7 +15,7 @@ const STALLED_AFTER: Duration = Duration::from_secs(420);
 
 /// What is to be done next about the plans.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Step {
+pub enum NextStep {
     /// Nothing.
     Wait,
     /// The plans are published again.
@@ -28,53 +28,53 @@ pub enum Step {
     Ask,
 }
 
-impl Step {
+impl NextStep {
     /// Returns the next step.
-    pub fn next(phase: &Phase, plans: &PublishedPlans, at: &Conditions<'_>) -> Step {
+    pub fn of(phase: &Phase, plans: &PublishedPlans, at: &Conditions<'_>) -> NextStep {
         if at.is_held {
-            return Step::while_held(phase, plans, at.now);
+            return NextStep::while_held(phase, plans, at.now);
         }
         let is_over = |since: Time, limit: Duration| at.now.since(since) > limit;
         match *phase {
-            Phase::Idle { .. } | Phase::Closing { .. } => Step::Wait,
+            Phase::Idle { .. } | Phase::Closing { .. } => NextStep::Wait,
             Phase::Stopping { .. } | Phase::Planning { .. } | Phase::Running { .. }
                 if must_rest(phase, plans, at) =>
             {
-                Step::Replan
+                NextStep::Replan
             }
-            Phase::Stopping { .. } if may_plan(plans, at) => Step::Ask,
+            Phase::Stopping { .. } if may_plan(plans, at) => NextStep::Ask,
             Phase::Stopping { since, .. }
                 if is_over(since, STALLED_AFTER) && !is_too_few(at.fleet) =>
             {
-                Step::Retry
+                NextStep::Retry
             }
             // The request or the answer was lost.
-            Phase::Planning { since, .. } if is_over(since, ANSWERED_WITHIN) => Step::Ask,
-            Phase::Planning { .. } => Step::Wait,
+            Phase::Planning { since, .. } if is_over(since, ANSWERED_WITHIN) => NextStep::Ask,
+            Phase::Planning { .. } => NextStep::Wait,
             Phase::Running { since, .. }
                 if is_over(since, ADOPTED_WITHIN) && !plans.are_shown() =>
             {
-                Step::Replan
+                NextStep::Replan
             }
             Phase::Running { progress_at, .. } if is_over(progress_at, STALLED_AFTER) => {
-                Step::Retry
+                NextStep::Retry
             }
-            Phase::Stopping { .. } | Phase::Running { .. } => Step::repeat(plans, at.now),
+            Phase::Stopping { .. } | Phase::Running { .. } => NextStep::repeat(plans, at.now),
         }
     }
 
     /// Returns the next step while an order other than Start is in force: nothing is planned or timed.
-    fn while_held(phase: &Phase, plans: &PublishedPlans, now: Time) -> Step {
+    fn while_held(phase: &Phase, plans: &PublishedPlans, now: Time) -> NextStep {
         match phase {
-            Phase::Stopping { .. } | Phase::Running { .. } => Step::repeat(plans, now),
-            Phase::Idle { .. } | Phase::Planning { .. } | Phase::Closing { .. } => Step::Wait,
+            Phase::Stopping { .. } | Phase::Running { .. } => NextStep::repeat(plans, now),
+            Phase::Idle { .. } | Phase::Planning { .. } | Phase::Closing { .. } => NextStep::Wait,
         }
     }
 
-    fn repeat(plans: &PublishedPlans, now: Time) -> Step {
+    fn repeat(plans: &PublishedPlans, now: Time) -> NextStep {
         match plans.is_repeat_due(now) {
-            true => Step::Repeat,
-            false => Step::Wait,
+            true => NextStep::Repeat,
+            false => NextStep::Wait,
         }
     }
 }
