@@ -172,8 +172,8 @@ impl Fleet {
             .map(|state| state.accepted)
     }
 
-    /// Returns what stands for any vehicle that is not lost: ordered by anyone and not ended by a Start; the strongest.
-    pub fn standing(&self) -> Option<OrderKind> {
+    /// Returns the order in force for any vehicle that is not lost: given by anyone and not ended by a Start; the strongest.
+    pub fn order_in_force(&self) -> Option<OrderKind> {
         let present = self
             .members
             .values()
@@ -340,7 +340,10 @@ mod tests {
         before.order_all(RunId(1), OrderKind::Hold);
         let mut fleet = Fleet::new(&[ONE], LEASE);
         fleet.recall(&before.dealings());
-        assert_eq!((fleet.standing(), fleet.len()), (Some(OrderKind::Hold), 1));
+        assert_eq!(
+            (fleet.order_in_force(), fleet.len()),
+            (Some(OrderKind::Hold), 1)
+        );
         let next = Lease { number: 2, ..LEASE };
         fleet.set_lease(next);
         heard(&mut fleet, 2, 4, OrderKind::Start);
@@ -427,7 +430,7 @@ mod tests {
         assert_eq!(progress(&fleet), Some(of(900, 9)), "it may be late");
         fleet.heard_progress(at(11.1), of(2, 6));
         assert_eq!(progress(&fleet), Some(of(2, 6)));
-        assert!(fleet.heard_progress(at(11.2), of(2, 7)).got_on);
+        assert!(fleet.heard_progress(at(11.2), of(2, 7)).made_progress);
         fleet.heard_progress(at(11.3), of(2, 5));
         assert_eq!(progress(&fleet), Some(of(2, 7)));
     }
@@ -489,7 +492,7 @@ mod tests {
             fleet.lose(later, Duration::from_secs(30), Duration::from_secs(2)),
             [ONE]
         );
-        assert_eq!(fleet.standing(), None, "who is lost stops nobody");
+        assert_eq!(fleet.order_in_force(), None, "who is lost stops nobody");
         fleet.start_all(RunId(1));
         let ordered = |fleet: &Fleet| {
             fleet
@@ -501,11 +504,11 @@ mod tests {
         assert_eq!(ordered(&fleet), [two]);
         assert!(heard(&mut fleet, 2, 1, OrderKind::Land).found);
         assert_eq!(
-            (fleet.standing(), ordered(&fleet)),
+            (fleet.order_in_force(), ordered(&fleet)),
             (Some(OrderKind::Land), vec![two])
         );
         heard(&mut fleet, 3, 2, OrderKind::Start);
-        assert_eq!(fleet.standing(), None);
+        assert_eq!(fleet.order_in_force(), None);
     }
 
     #[test]
@@ -528,7 +531,7 @@ mod tests {
                 ..started.clone()
             },
         );
-        assert_eq!(fleet.standing(), Some(OrderKind::Hold));
+        assert_eq!(fleet.order_in_force(), Some(OrderKind::Hold));
         fleet.stop(&[]);
         let held = State {
             sequence: 4,
@@ -537,12 +540,12 @@ mod tests {
         };
         fleet.heard_state(Time::ZERO, held);
         assert_eq!(
-            fleet.standing(),
+            fleet.order_in_force(),
             Some(OrderKind::Hold),
             "it was lifted, and moves nobody"
         );
         heard(&mut fleet, 5, 3, OrderKind::Start);
-        assert_eq!(fleet.standing(), None);
+        assert_eq!(fleet.order_in_force(), None);
         // One that knew nothing of the stop, such as a ground station that was started anew, sees it all the same.
         let mut other = Fleet::new(&[ONE], LEASE);
         other.heard_state(
@@ -552,6 +555,6 @@ mod tests {
                 ..started
             },
         );
-        assert_eq!(other.standing(), Some(OrderKind::Hold));
+        assert_eq!(other.order_in_force(), Some(OrderKind::Hold));
     }
 }

@@ -1,161 +1,104 @@
-//! The station actor: keeps the fleet table, the merged map and the samples, and brings one sweep after
-//! another from its start to its links.
+//! The station actor: routes what it is told to its parts, and what follows from them to each other and to the outside. It
+//! solves nothing and plans nothing itself, and each part keeps its own state.
 //!
 //! It is told messages of vehicles, operators and other grounds, plans, and pictures made; it says plans, orders,
 //! watermarks, reports and map repairs for the bus, requests for the planner, jobs for the imager, notes, and what must be
-//! remembered. It solves nothing and plans nothing itself.
+//! remembered.
 //!
-//! ```text
-//!   Idle ─Start seen, all heard*──► Stopping ─all at rest─► Planning ─plans─► Running ─every stop done─► Closing
-//!    ▲                                 ▲ │ ▲                   │                 │                         │
-//!    │                   too few: waits└─┘ └───────────────────┴─────────────────┘                         │
-//!    │                                      a vehicle is lost, is back, was restarted,                     │
-//!    │                                      cannot begin, or nobody gets on                                │
-//!    └────────────────────────────────────────────── samples in ───────────────────────────────────────────┘
-//! ```
+//! | part | what it keeps |
+//! | --- | --- |
+//! | `Leases` | who may speak for the ground |
+//! | `Fleet` | what the vehicles say, and what they were ordered |
+//! | `FleetMap` | the merged map, and its repair |
+//! | `SampleStore` | the samples of all runs |
+//! | `OrderInForce` | the order that holds everything up until the next Start |
+//! | `RunBook` | which sweep is requested, and what became of runs |
+//! | `SweepExecution` | how far the sweep under way is (`execution/phase.rs` draws its states), and its plans |
+//! | `Pictures` | which pictures are due |
+//! | `Ticks` | when everything is looked at and repeated |
 //!
-//! (* or lost: who is not heard at all for long enough, when two are.)
+//! `lost_vehicles` says when silence means something, `own_missions` reads what vehicles say of runs that no ground plans,
+//! `memory` says what is stored for a station that is started anew, and `report` what is reported. No part holds another
+//! one: it is given what it needs as an argument, and returns what follows.
 //!
-//! An order other than Start *stands* until the next Start, whoever gave it (the station sees in State what a vehicle
+//! An order other than Start is *in force* until the next Start, whoever gave it (the station sees in State what a vehicle
 //! was ordered): meanwhile whatever the phase, nothing is begun, planned or timed, and no Start is given. A Start seen
 //! in State that names a run higher than any before begins that run. An operator's Task says what the run is: with which
 //! one it is compared, how it is swept, or that no ground station plans it. It may come before the Start or after it.
 //!
-//! Only who holds the lease, or plans under that of an operator, speaks (`leases`): a station that listens or stands by
-//! says its Report, and keeps what it hears. `phases` brings a sweep on, `missions` watches runs that it does not plan, `lost` says what happens when vehicles come and
-//! go, `runs` what became of each run, `memory` how a station is started anew, `report` what it says of itself.
+//! Only the station that holds the lease, or plans under an operator's, speaks: one that listens or stands by says its
+//! Report, and keeps what it hears.
 //!
 //! Deadlines: `repeat` (state is published and repeated, nobody asks and waits), `ask for or send missing tiles`.
 
+mod execution;
+mod fleet_map;
 pub mod leases;
-mod lost;
+mod lost_vehicles;
 mod memory;
 mod messages;
-mod missions;
-mod phases;
+mod order_in_force;
+mod own_missions;
+mod pictures;
 mod report;
+mod run_book;
 mod runs;
-
-use std::collections::BTreeSet;
-use std::time::Duration;
+mod ticks;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    Boot, Hello, Lease, Message, MissionProgress, OrderKind, RunEnd, RunId, Samples, Sender, State,
-    StopId, Task, TileReport, VehicleId,
+    Boot, Lease, Message, MissionKind, MissionProgress, OrderKind, RunEnd, RunId, Samples, State,
+    Task, TileReport, VehicleId,
 };
 
+use self::execution::{Conditions, Sweep, SweepExecution, SweepOutput};
+use self::fleet_map::FleetMap;
 use self::leases::{Change, Leases};
-use self::memory::Brief;
-pub use self::memory::{PictureName, StationMemory};
+use self::lost_vehicles::{SilenceLimits, are_enough_heard};
+pub use self::memory::StationMemory;
+use self::memory::{PartsToRemember, StoredState};
 pub use self::messages::{In, Key, Out, StationEvent, StationSettings};
-use self::runs::Runs;
-use super::fleet::Fleet;
+use self::order_in_force::OrderInForce;
+use self::own_missions::OwnMissions;
+pub use self::pictures::PictureName;
+use self::pictures::{Pictures, job_between_laps};
+use self::report::PartsToReport;
+use self::run_book::RunBook;
+use self::ticks::Ticks;
+use super::fleet::{Fleet, FleetChange};
+use super::planner::Request;
 use super::samples::SampleStore;
 use crate::actor::{Actor, Fault};
-use crate::map::{Merged, Repair};
-use crate::sweep::{Succession, VehicleProgress};
+use crate::map::Merged;
+use crate::sweep::VehicleProgress;
 use crate::time::{Deadline, Time};
 
-/// Everything is looked at and repeated this often.
-const TICK: Duration = Duration::from_secs(1);
-
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-enum Phase {
-    Idle,
-    Planning(Sweep),
-    Running(Sweep, Laps),
-    /// Everyone is brought to rest, to be planned for anew.
-    Stopping(Sweep),
-    Closing {
-        sweep: Sweep,
-        since: Time,
-    },
+/// What the station is made with, and never changes.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+struct Constants {
+    boot: Boot,
+    /// The run with which runs are compared that have no task.
+    compare_with: Option<RunId>,
+    silence: SilenceLimits,
 }
-
-impl Phase {
-    fn sweep(&self) -> Option<&Sweep> {
-        match self {
-            Phase::Idle => None,
-            Phase::Planning(sweep)
-            | Phase::Running(sweep, _)
-            | Phase::Stopping(sweep)
-            | Phase::Closing { sweep, .. } => Some(sweep),
-        }
-    }
-
-    fn sweep_mut(&mut self) -> Option<&mut Sweep> {
-        match self {
-            Phase::Idle => None,
-            Phase::Planning(sweep)
-            | Phase::Running(sweep, _)
-            | Phase::Stopping(sweep)
-            | Phase::Closing { sweep, .. } => Some(sweep),
-        }
-    }
-}
-
-/// Per lap still to be driven, the last stop of each vehicle.
-type Laps = Vec<Vec<(VehicleId, StopId)>>;
-
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
-struct Sweep {
-    run: RunId,
-    empty: Option<RunId>,
-    /// Laps done before the present plans were made.
-    laps_before: usize,
-    laps_done: usize,
-}
-
-/// A sweep to be begun: its run, and the run that it is compared with.
-type Wished = (RunId, Option<RunId>);
 
 /// The station actor.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Station {
-    boot: Boot,
-    compare_with: Option<RunId>,
-    lost_after: Duration,
-    autonomy: Duration,
+    constants: Constants,
     leases: Leases,
     fleet: Fleet,
-    map: Merged,
-    repair: Repair,
+    map: FleetMap,
     samples: SampleStore,
-    phase: Phase,
-    succession: Option<Succession>,
-    wished: Option<Wished>,
-    /// Since when the wished sweep waits for those who have not been heard.
-    wished_at: Time,
-    /// The highest run that was ever wished.
-    newest_run: RunId,
-    /// What was ordered and not ended by a Start; the strongest since nothing stood.
-    standing: Option<OrderKind>,
-    /// Runs that are closed.
-    closed: BTreeSet<RunId>,
-    /// The sweep that was closed or given up last.
-    last: Option<Sweep>,
-    runs: Runs,
-    planned_at: Time,
-    /// When a vehicle was last heard to have got on with its plan.
-    got_on_at: Time,
-    /// Whether plans were made anew because nobody got on, since a lap was done.
-    stalled: bool,
-    /// Whether a vehicle has come or was started anew since everyone was brought to rest.
-    disturbed: bool,
-    plans_at: Time,
-    tick_at: Time,
-    /// Counts the ticks.
-    turn: u64,
-    /// Pictures made.
-    pictures: u32,
-    /// Last pictures of runs that are not made yet, and the run that each is compared with.
-    due: Vec<(PictureName, Option<RunId>)>,
-    /// When they were asked for last; `None` = the station was started anew since.
-    due_asked_at: Option<Time>,
+    order: OrderInForce,
+    runs: RunBook,
+    execution: SweepExecution,
+    pictures: Pictures,
+    ticks: Ticks,
     /// Messages of vehicles that are not expected.
     strangers: u64,
-    remembered: Option<Brief>,
+    /// What was remembered last.
+    stored: Option<StoredState>,
 }
 
 impl Station {
@@ -167,56 +110,88 @@ impl Station {
         };
         let listening = Leases::listening(none, settings.take_over);
         let mut station = Station {
-            boot: settings.boot,
-            compare_with: settings.compare_with,
-            lost_after: settings.lost_after,
-            autonomy: settings.autonomy,
+            constants: Constants {
+                boot: settings.boot,
+                compare_with: settings.compare_with,
+                silence: SilenceLimits::new(settings.lost_after, settings.autonomy),
+            },
             leases: settings.lease.map_or(listening, Leases::held),
             fleet: Fleet::new(&settings.vehicles, settings.lease.unwrap_or(none)),
-            map: Merged::new(settings.lattice, None),
-            repair: Repair::new(None),
+            map: FleetMap::new(settings.lattice),
             samples: SampleStore::new(settings.store, settings.bin_m, settings.spot_m),
-            phase: Phase::Idle,
-            succession: None,
-            wished: None,
-            wished_at: Time::ZERO,
-            newest_run: RunId::default(),
-            standing: None,
-            closed: BTreeSet::new(),
-            last: None,
-            runs: Runs::default(),
-            planned_at: Time::ZERO,
-            got_on_at: Time::ZERO,
-            stalled: false,
-            disturbed: false,
-            plans_at: Time::ZERO,
-            tick_at: Time::ZERO + TICK,
-            turn: 0,
-            pictures: 0,
-            due: Vec::new(),
-            due_asked_at: None,
+            order: OrderInForce::default(),
+            runs: RunBook::default(),
+            execution: SweepExecution::default(),
+            pictures: Pictures::default(),
+            ticks: Ticks::default(),
             strangers: 0,
-            remembered: None,
+            stored: None,
         };
-        station.remembered = Some(station.brief());
+        station.stored = Some(StoredState::of(station.parts_to_remember()));
+        station
+    }
+
+    /// Makes a station that goes on where an earlier one was, with what was stored of samples and tiles, in any order.
+    ///
+    /// Of the settings, `lease` and `store` are not used: it listens, and its store is the one remembered.
+    pub fn resume(
+        settings: StationSettings,
+        memory: StationMemory,
+        samples: impl IntoIterator<Item = Samples>,
+        tiles: impl IntoIterator<Item = TileReport>,
+    ) -> Station {
+        let parts = memory.restore();
+        let last = Lease {
+            number: parts.lease.number,
+            holder: settings.holder,
+        };
+        let mut station = Station {
+            leases: Leases::listening(last, settings.take_over),
+            order: parts.order,
+            runs: parts.runs,
+            execution: parts.execution,
+            pictures: parts.pictures,
+            ..Station::new(StationSettings {
+                store: parts.store,
+                ..settings
+            })
+        };
+        station.fleet.set_lease(last);
+        station.fleet.recall(&parts.dealings);
+        for batch in samples {
+            station.samples.take(&batch);
+        }
+        for tile in tiles {
+            station.map.join(Time::ZERO, &tile);
+        }
+        station.stored = Some(StoredState::of(station.parts_to_remember()));
+        station
+    }
+
+    /// Makes a station that is started anew, with what was stored of samples and tiles, in any order: it goes on where an
+    /// earlier one was, as far as that is remembered. Otherwise it begins, and no run counts as begun.
+    pub fn restored(
+        settings: StationSettings,
+        memory: Option<StationMemory>,
+        samples: impl IntoIterator<Item = Samples>,
+        tiles: impl IntoIterator<Item = TileReport>,
+    ) -> Station {
+        if let Some(memory) = memory {
+            return Station::resume(settings, memory, samples, tiles);
+        }
+        let mut station = Station::new(settings);
+        let samples = samples.into_iter().map(Message::Samples);
+        for message in samples.chain(tiles.into_iter().map(Message::Tile)) {
+            // Nothing that is stored can stop a station, and nothing that it says of it is news.
+            let _ = station.handle(Time::ZERO, In::Bus(message), &mut Vec::new());
+        }
         station
     }
 
     /// Takes up which runs there were, when nothing else is remembered: none of them is begun again by an old order.
     pub fn recall_runs(&mut self, runs: impl IntoIterator<Item = (RunId, bool)>) {
         for (run, is_closed) in runs {
-            self.newest_run = self.newest_run.max(run);
-            if is_closed {
-                self.closed.insert(run);
-            }
-            self.runs.recall(
-                run,
-                if is_closed {
-                    RunEnd::Done
-                } else {
-                    RunEnd::Stopped
-                },
-            );
+            self.runs.recall(run, is_closed);
         }
     }
 
@@ -227,7 +202,7 @@ impl Station {
 
     /// Returns the merged map.
     pub fn map(&self) -> &Merged {
-        &self.map
+        self.map.merged()
     }
 
     /// Returns the stored samples.
@@ -236,31 +211,29 @@ impl Station {
     }
 
     fn hear(&mut self, now: Time, message: Message, out: &mut Vec<Out>) {
+        if messages::expected_author(&message).is_some_and(|vehicle| !self.fleet.expects(vehicle)) {
+            self.strangers = self.strangers.saturating_add(1);
+            return;
+        }
+        let mut change = None;
         match message {
             Message::State(state) => self.hear_state(now, state, out),
             Message::Mission(mission) => self.hear_mission(now, &mission, out),
-            Message::Samples(batch) => self.store(&batch),
-            Message::Tile(report) => self.join(now, &report),
-            Message::Digest(digest) => self.repair.hear_digest(now, &self.map, &digest),
+            Message::Samples(batch) => {
+                self.samples.take(&batch);
+            }
+            Message::Tile(report) => self.map.join(now, &report),
+            Message::Digest(digest) => self.map.hear_digest(now, &digest),
             Message::Want(want) => {
-                self.repair.hear_want(now, &self.map, &want);
-                self.mend(now, out);
+                self.map.hear_want(now, &want);
+                out.extend(self.map.mend(now).map(Out::Publish));
             }
-            Message::Report(report) => {
-                let change = match report.store < self.samples.store() {
-                    true => self.leases.heard_elder(now, report.lease),
-                    false => self.leases.heard_report(now, report.lease),
-                };
-                self.lease_changed(now, change, out);
+            Message::Report(report) if report.store < self.samples.store() => {
+                change = self.leases.heard_elder(now, report.lease);
             }
-            Message::Plan(plan) => {
-                let change = self.leases.heard(now, plan.lease);
-                self.lease_changed(now, change, out);
-            }
-            Message::Hello(hello) => {
-                let change = self.hear_operator(now, &hello);
-                self.lease_changed(now, change, out);
-            }
+            Message::Report(report) => change = self.leases.heard_report(now, report.lease),
+            Message::Plan(plan) => change = self.leases.heard(now, plan.lease),
+            Message::Hello(hello) => change = self.leases.heard_hello(now, &hello),
             Message::Task(task) => self.take_task(&task),
             // What an operator orders shows in State, which stops are open comes from their keeper; the rest is said by
             // grounds, or the bus's and the radio's business.
@@ -271,231 +244,261 @@ impl Station {
             | Message::Standing(_)
             | Message::Image(_) => {}
         }
-    }
-
-    fn hear_operator(&mut self, now: Time, hello: &Hello) -> Option<Change> {
-        match hello.node {
-            Sender::Operator(_) => self.leases.heard_operator(now, hello.lease?),
-            Sender::Ground | Sender::Vehicle(_) => None,
-        }
+        self.lease_changed(now, change, out);
     }
 
     fn hear_state(&mut self, now: Time, state: State, out: &mut Vec<Out>) {
-        if !self.knows(state.vehicle) {
-            return;
-        }
         let (vehicle, lease) = (state.vehicle, state.ordered.lease);
         let shown = self.fleet.heard_state(now, state);
-        self.shown(vehicle, shown, out);
-        if let Some(run) = shown.started.filter(|run| *run > self.newest_run) {
-            self.started(now, run);
+        out.extend(notes_of(vehicle, shown));
+        self.execution.hear(now, shown);
+        if let Some(run) = shown.started {
+            self.runs.start(now, run, self.constants.compare_with);
         }
         let change = self.leases.heard(now, lease);
         self.lease_changed(now, change, out);
-        self.look_after_standing(now, out);
+        self.update_order(now, out);
     }
 
     fn hear_mission(&mut self, now: Time, mission: &MissionProgress, out: &mut Vec<Out>) {
-        if !self.knows(mission.vehicle) {
-            return;
-        }
         self.fleet.heard_mission(mission);
-        self.look_after_kind(now, mission);
-        self.hear_progress(now, mission.into(), out);
+        let run = mission.progress.run;
+        if mission.kind != MissionKind::Sweep
+            && self.runs.runs().is_sweep_without_task(run)
+            && let Some(members) =
+                OwnMissions::new(now, &self.fleet, self.constants.silence).members_of(run)
+        {
+            self.runs.leave_to(run, mission.kind, members);
+            self.execution.leave_to_vehicles(run);
+        }
+        let progress = VehicleProgress::from(mission);
+        let shown = self.fleet.heard_progress(now, progress);
+        out.extend(notes_of(mission.vehicle, shown));
+        self.execution.hear(now, shown);
+        if self.fleet.is_current(&progress) {
+            self.execution.hear_progress(&progress);
+        }
         let change = self.leases.heard(now, Lease::lowest(mission.lease_number));
         self.lease_changed(now, change, out);
     }
 
-    fn hear_progress(&mut self, now: Time, progress: VehicleProgress, out: &mut Vec<Out>) {
-        let shown = self.fleet.heard_progress(now, progress);
-        self.shown(progress.vehicle, shown, out);
-        if shown.got_on {
-            self.got_on_at = now;
-        }
-        let is_current = self.fleet.is_current(&progress);
-        if let Some(succession) = self.succession.as_mut().filter(|_| is_current) {
-            succession.hear(&progress);
-        }
-    }
-
-    /// Returns whether a vehicle is expected; counts it otherwise.
-    fn knows(&mut self, vehicle: VehicleId) -> bool {
-        let is_known = self.fleet.expects(vehicle);
-        self.strangers = self.strangers.saturating_add(u64::from(!is_known));
-        is_known
-    }
-
-    fn store(&mut self, batch: &Samples) {
-        if self.knows(batch.vehicle) {
-            self.samples.take(batch);
-        }
-    }
-
-    fn join(&mut self, now: Time, report: &TileReport) {
-        // A tile that cannot be joined changes nothing; its sender keeps it, and repeats it.
-        let _ = self.map.join(report);
-        self.repair.pass(now, &self.map, report);
-    }
-
-    /// Asks for what is missing of the map, and sends what others miss.
-    fn mend(&mut self, now: Time, out: &mut Vec<Out>) {
-        let mut messages = Vec::new();
-        self.repair.wake(now, &self.map, &mut messages);
-        out.extend(messages.into_iter().map(Out::Publish));
-    }
-
-    fn want(&mut self, now: Time, run: RunId, empty: Option<RunId>) {
-        (self.wished, self.wished_at) = (Some((run, empty)), now);
-        self.open(run, empty);
-    }
-
-    /// An operator has started a run that is higher than any before.
-    fn started(&mut self, now: Time, run: RunId) {
-        let by_file = self.compare_with.filter(|empty| *empty != run);
-        let empty = self.runs.task_compares_with(run).unwrap_or(by_file);
-        match self.runs.is_swept(run) {
-            true => self.want(now, run, empty),
-            // The vehicles know by themselves what to do.
-            false => self.open(run, empty),
-        }
-    }
-
-    fn open(&mut self, run: RunId, empty: Option<RunId>) {
-        let Station { runs, closed, .. } = self;
-        runs.open(run, empty, |earlier| closed.contains(&earlier));
-        self.newest_run = self.newest_run.max(run);
-    }
-
-    /// An operator says what a run is, before it is started or after. One that it has no right to any more is passed over.
+    /// Takes what an operator says that a run is; one that has no right to it any more is passed over.
     fn take_task(&mut self, task: &Task) {
-        if task.lease < self.leases.highest() || task.run < self.newest_run {
+        if task.lease < self.leases.highest() || !self.runs.take_task(task) {
             return;
         }
-        self.runs.take(task);
-        let (run, empty) = (task.run, task.compare_with);
-        if let Some(wished) = self.wished.as_mut().filter(|wished| wished.0 == run) {
-            wished.1 = empty;
+        self.execution.compare_with(task.run, task.compare_with);
+        if !self.runs.runs().is_swept(task.run) {
+            self.execution.leave_to_vehicles(task.run);
         }
-        if let Some(sweep) = self.phase.sweep_mut().filter(|sweep| sweep.run == run) {
-            sweep.empty = empty;
-        }
-        if !self.runs.is_swept(run) {
-            self.leave_to_vehicles(run);
-        }
-    }
-
-    /// A run that was begun as a sweep is none: its task came after its start.
-    fn leave_to_vehicles(&mut self, run: RunId) {
-        self.wished = self.wished.filter(|wished| wished.0 != run);
-        if let Some(sweep) = self.phase.sweep().copied().filter(|sweep| sweep.run == run) {
-            (self.last, self.phase) = (Some(sweep), Phase::Idle);
-        }
-    }
-
-    /// What was ordered by anyone stands, and is lifted when every vehicle has been started since.
-    fn look_after_standing(&mut self, now: Time, out: &mut Vec<Out>) {
-        if !self.leases.holds() {
-            return;
-        }
-        let stands = self.fleet.standing();
-        match self.standing {
-            Some(_) if stands.is_none() => self.go_on(now, out),
-            Some(_) | None => self.stands_now(stands),
-        }
-    }
-
-    /// What is ordered stands, if it is stronger than what does already.
-    fn stands_now(&mut self, kind: Option<OrderKind>) {
-        self.standing = self
-            .standing
-            .into_iter()
-            .chain(kind)
-            .reduce(OrderKind::stronger);
-    }
-
-    fn publish_plans(&mut self, now: Time, out: &mut Vec<Out>) {
-        let lease = self.leases.own();
-        for plan in self.succession.iter().flat_map(Succession::plans) {
-            let seen = self.fleet.newest_state(plan.vehicle);
-            out.push(Out::Publish(Message::Plan(tomoswarm_proto::Plan {
-                lease,
-                seen,
-                ..plan.clone()
-            })));
-        }
-        self.plans_at = now;
-    }
-
-    fn publish_orders(&mut self, out: &mut Vec<Out>) {
-        out.extend(
-            self.fleet
-                .open_orders()
-                .into_iter()
-                .map(|order| Out::Publish(Message::Order(order))),
-        );
-        self.fleet.note_said();
     }
 
     fn lease_changed(&mut self, now: Time, change: Option<Change>, out: &mut Vec<Out>) {
-        match change {
-            None => {}
+        let lease = match change {
+            None => return,
             Some(Change::StoodDown(lease)) => {
-                out.push(Out::StationEvent(StationEvent::StandsBy(lease)))
+                return out.push(Out::StationEvent(StationEvent::StandsBy(lease)));
             }
-            Some(Change::Renewed(lease)) => {
-                out.push(Out::StationEvent(StationEvent::Leads(lease)));
-                self.fleet.set_lease(lease);
-                self.publish_plans(now, out);
-            }
-            Some(Change::Taken(lease)) => {
-                out.push(Out::StationEvent(StationEvent::Leads(lease)));
-                self.fleet.set_lease(lease);
-                self.count_from(now);
-                self.publish_plans(now, out);
-            }
+            Some(Change::Renewed(lease) | Change::Taken(lease)) => lease,
+        };
+        out.push(Out::StationEvent(StationEvent::Leads(lease)));
+        self.fleet.set_lease(lease);
+        if let Some(Change::Taken(_)) = change {
+            // Nothing was heard or driven wrongly while there was no lease.
+            self.runs.count_from(now);
+            self.execution.count_from(now);
+            self.fleet.count_silence_from(now);
         }
+        self.execute(now, SweepExecution::publish, out);
     }
 
     fn tick(&mut self, now: Time, out: &mut Vec<Out>) {
-        self.turn += 1;
         let change = self.leases.tick(now);
         self.lease_changed(now, change, out);
-        self.look_after_missions(now);
+        let missions = OwnMissions::new(now, &self.fleet, self.constants.silence);
+        for (run, members) in self.runs.runs().left_to_vehicles() {
+            if let Some((end, why)) = missions.end_of(run, &members) {
+                self.runs.end(run, end, why);
+            }
+        }
         if self.leases.holds() {
             self.lead(now, out);
         }
-        out.push(self.report());
-    }
-
-    /// What only the holder of the lease does.
-    fn lead(&mut self, now: Time, out: &mut Vec<Out>) {
-        self.look_after_standing(now, out);
-        self.look_after_lost(now, out);
-        self.look_after_others_plans(out);
-        self.begin(now, out);
-        self.publish_orders(out);
-        out.push(Out::Publish(Message::Have(
-            self.samples.have(&self.closed, self.turn),
+        out.push(Out::Publish(Message::Report(
+            self.parts_to_report().report(),
         )));
-        out.push(Out::Publish(Message::Digest(self.map.digest())));
-        self.look_after_plans(now, out);
-        self.look_after_laps(now, out);
-        self.close(now, out);
-        self.ask_again_for_pictures(now, out);
     }
 
-    /// Who does not hold the lease says nothing but its report, and what it remembers and notes.
-    fn be_silent(&self, first: usize, out: &mut Vec<Out>) {
-        if self.leases.holds() {
+    /// Does what only the holder of the lease does.
+    fn lead(&mut self, now: Time, out: &mut Vec<Out>) {
+        self.update_order(now, out);
+        let lost = self.constants.silence.lose(now, &mut self.fleet);
+        out.extend(lost.into_iter().map(note_lost));
+        self.execute(now, SweepExecution::outnumber_others, out);
+        self.begin_requested(now, out);
+        publish_orders(&mut self.fleet, out);
+        let have = self.samples.have(self.runs.closed(), self.ticks.count());
+        out.push(Out::Publish(Message::Have(have)));
+        out.push(Out::Publish(Message::Digest(self.map.merged().digest())));
+        self.execute(now, SweepExecution::advance, out);
+        let jobs = self.pictures.ask_again(now, &self.samples);
+        out.extend(jobs.into_iter().map(Out::Reconstruct));
+    }
+
+    /// Takes what the vehicles show to be in force; once that is lifted, what was held goes on.
+    fn update_order(&mut self, now: Time, out: &mut Vec<Out>) {
+        if !self.leases.holds() {
             return;
         }
-        let is_said = |said: &Out| match said {
-            Out::Publish(message) => matches!(message, Message::Report(_)),
-            Out::Ask(_) | Out::Reconstruct(_) => false,
-            Out::StationEvent(_) | Out::BeginRun { .. } | Out::EndRun(_) | Out::Remember(_) => true,
+        if let Some(lifted) = self.order.update(self.fleet.order_in_force()) {
+            let go_on = |it: &mut SweepExecution, at: &Conditions<'_>, said: &mut Vec<_>| {
+                it.go_on(lifted, at, said);
+            };
+            self.execute(now, go_on, out);
+            self.begin_requested(now, out);
+        }
+    }
+
+    /// Begins the requested sweep once it is known where every vehicle is and no other sweep is under way. A vehicle that was
+    /// not heard at all for long counts as lost, if enough others are there.
+    fn begin_requested(&mut self, now: Time, out: &mut Vec<Out>) {
+        let is_free = self.execution.phase().sweep().is_none() && !self.order.is_any();
+        let Some((requested, since)) = self.runs.requested().filter(|_| is_free) else {
+            return;
         };
-        let own = out.split_off(first.min(out.len()));
-        out.extend(own.into_iter().filter(is_said));
+        if self.constants.silence.is_lost(now.since(since)) && are_enough_heard(&self.fleet) {
+            let lost = self.fleet.lose_unheard(since);
+            out.extend(lost.into_iter().map(note_lost));
+        }
+        if self.fleet.are_placed() {
+            self.runs.begin_requested();
+            let begin = |it: &mut SweepExecution, at: &Conditions<'_>, said: &mut Vec<_>| {
+                it.begin(requested, at, said);
+            };
+            self.execute(now, begin, out);
+        }
+    }
+
+    /// Lets the execution of the sweep take a step, and does what follows from it.
+    fn execute(
+        &mut self,
+        now: Time,
+        step: impl FnOnce(&mut SweepExecution, &Conditions<'_>, &mut Vec<SweepOutput>),
+        out: &mut Vec<Out>,
+    ) {
+        let at = Conditions {
+            now,
+            fleet: &self.fleet,
+            samples: &self.samples,
+            silence: self.constants.silence,
+            lease: self.leases.own(),
+            is_held: self.order.is_any(),
+        };
+        let mut outputs = Vec::new();
+        step(&mut self.execution, &at, &mut outputs);
+        for output in outputs {
+            self.carry_out(now, output, out);
+        }
+    }
+
+    fn carry_out(&mut self, now: Time, output: SweepOutput, out: &mut Vec<Out>) {
+        match output {
+            SweepOutput::StationEvent(note) => out.push(Out::StationEvent(note)),
+            SweepOutput::Plans(plans) => {
+                out.extend(plans.into_iter().map(Message::Plan).map(Out::Publish));
+            }
+            SweepOutput::Begun(sweep) => out.push(Out::BeginRun {
+                run: sweep.run(),
+                compared_with: sweep.compared_with(),
+            }),
+            SweepOutput::StartAll(run) => {
+                self.fleet.start_all(run);
+                publish_orders(&mut self.fleet, out);
+            }
+            SweepOutput::HoldAll(run) => {
+                self.fleet.order_all(run, OrderKind::Hold);
+                publish_orders(&mut self.fleet, out);
+            }
+            SweepOutput::PlansNeeded(request) => {
+                let task = self.runs.runs().sweep(request.run);
+                out.push(Out::Ask(Request { task, ..request }));
+            }
+            SweepOutput::LapDone { sweep, is_last } => self.finish_lap(sweep, is_last, out),
+            SweepOutput::Closed(sweep) => self.close_run(now, sweep, out),
+            SweepOutput::GivenUp { run, end, why } => self.runs.end(run, end, why),
+        }
+    }
+
+    fn finish_lap(&self, sweep: Sweep, is_last: bool, out: &mut Vec<Out>) {
+        let (run, laps) = (sweep.run(), sweep.laps_done());
+        out.push(Out::StationEvent(StationEvent::LapDone {
+            run,
+            laps,
+            links: self.samples.links(run).len(),
+            samples: self.samples.count(run),
+        }));
+        let compared_with = sweep.compared_with().filter(|_| !is_last);
+        let job = |empty| job_between_laps(run, laps, empty, &self.samples);
+        out.extend(compared_with.map(job).map(Out::Reconstruct));
+    }
+
+    fn close_run(&mut self, now: Time, sweep: Sweep, out: &mut Vec<Out>) {
+        let run = sweep.run();
+        out.push(Out::StationEvent(StationEvent::RunClosed {
+            run,
+            links: self.samples.links(run).len(),
+            samples: self.samples.count(run),
+        }));
+        out.push(Out::EndRun(run));
+        let (laps, compared_with) = (sweep.laps_done(), sweep.compared_with());
+        let jobs = self
+            .pictures
+            .close(now, run, laps, compared_with, &self.samples);
+        out.extend(jobs.into_iter().map(Out::Reconstruct));
+        self.runs.close(run);
+        self.begin_requested(now, out);
+    }
+
+    /// Ends a step in which all from `first` on was said: without the lease most of it is dropped, and what has changed is
+    /// remembered ahead of it.
+    fn finish_step(&mut self, first: usize, out: &mut Vec<Out>) {
+        let first = first.min(out.len());
+        if !self.leases.holds() {
+            let own = out.split_off(first);
+            out.extend(own.into_iter().filter(Out::is_said_without_lease));
+        }
+        if let Some(memory) =
+            StationMemory::of_changes(self.stored.as_ref(), self.parts_to_remember())
+        {
+            self.stored = Some(memory.state().clone());
+            out.insert(first, Out::Remember(Box::new(memory)));
+        }
+    }
+
+    fn parts_to_remember(&self) -> PartsToRemember<'_> {
+        PartsToRemember {
+            store: self.samples.store(),
+            lease: self.leases.own(),
+            fleet: &self.fleet,
+            order: self.order,
+            runs: &self.runs,
+            execution: &self.execution,
+            pictures: &self.pictures,
+        }
+    }
+
+    fn parts_to_report(&self) -> PartsToReport<'_> {
+        PartsToReport {
+            boot: self.constants.boot,
+            leases: &self.leases,
+            fleet: &self.fleet,
+            samples: &self.samples,
+            order: self.order,
+            runs: &self.runs,
+            execution: &self.execution,
+            pictures: &self.pictures,
+            strangers: self.strangers,
+        }
     }
 }
 
@@ -507,24 +510,34 @@ impl Actor for Station {
         let first = out.len();
         match input {
             In::Bus(message) => self.hear(now, message, out),
-            In::Planned(answer) => self.planned(now, answer, out),
+            In::Planned(answer) if self.leases.holds() => {
+                let take = |it: &mut SweepExecution, at: &Conditions<'_>, said: &mut Vec<_>| {
+                    it.take_answer(answer, at, said);
+                };
+                self.execute(now, take, out);
+            }
+            In::Planned(_) => {}
             In::Stops(open) => {
                 self.fleet.stop(&open);
-                self.look_after_standing(now, out);
+                self.update_order(now, out);
             }
-            In::Pictured(name) => self.pictured(name),
+            In::Pictured(name) => {
+                self.runs.count_picture(name.run);
+                if self.pictures.take(name) {
+                    self.runs.end(name.run, RunEnd::Done, "");
+                }
+            }
         }
-        self.be_silent(first, out);
-        self.remember(first, out);
+        self.finish_step(first, out);
         Ok(())
     }
 
     fn deadline(&self) -> Option<Deadline> {
         let tick = Deadline {
-            at: self.tick_at,
+            at: self.ticks.next_at(),
             why: "repeat",
         };
-        let repair = self.repair.deadline().map(|at| Deadline {
+        let repair = self.map.deadline().map(|at| Deadline {
             at,
             why: "ask for or send missing tiles",
         });
@@ -533,15 +546,29 @@ impl Actor for Station {
 
     fn wake(&mut self, now: Time, out: &mut Vec<Out>) -> Result<(), Fault> {
         let first = out.len();
-        if self.tick_at <= now {
-            self.tick_at = now + TICK;
+        if self.ticks.take_due(now) {
             self.tick(now, out);
         }
-        self.mend(now, out);
-        self.be_silent(first, out);
-        self.remember(first, out);
+        out.extend(self.map.mend(now).map(Out::Publish));
+        self.finish_step(first, out);
         Ok(())
     }
+}
+
+fn notes_of(vehicle: VehicleId, shown: FleetChange) -> impl Iterator<Item = Out> {
+    let found = shown.found.then_some(StationEvent::Found(vehicle));
+    let restarted = shown.restarted.then_some(StationEvent::Restarted(vehicle));
+    found.into_iter().chain(restarted).map(Out::StationEvent)
+}
+
+fn note_lost(vehicle: VehicleId) -> Out {
+    Out::StationEvent(StationEvent::Lost(vehicle))
+}
+
+fn publish_orders(fleet: &mut Fleet, out: &mut Vec<Out>) {
+    let orders = fleet.open_orders().into_iter().map(Message::Order);
+    out.extend(orders.map(Out::Publish));
+    fleet.note_said();
 }
 
 #[cfg(test)]

@@ -31,8 +31,8 @@ pub struct FleetChange {
     pub restarted: bool,
     /// It was lost, and is back.
     pub found: bool,
-    /// It has got on with its plan.
-    pub got_on: bool,
+    /// It has made progress with its plan.
+    pub made_progress: bool,
     /// Somebody else has ordered it to begin this run.
     pub started: Option<RunId>,
 }
@@ -122,7 +122,7 @@ impl FleetMember {
         FleetChange {
             restarted,
             found,
-            got_on: false,
+            made_progress: false,
             started,
         }
     }
@@ -142,7 +142,7 @@ impl FleetMember {
         }
         FleetChange {
             restarted,
-            got_on: before < Some(key(&progress)),
+            made_progress: before < Some(key(&progress)),
             ..FleetChange::default()
         }
     }
@@ -320,7 +320,7 @@ mod tests {
             member.hear_progress(Time::ZERO, progress(1)),
             FleetChange::default()
         );
-        assert!(member.hear_progress(Time::ZERO, progress(2)).got_on);
+        assert!(member.hear_progress(Time::ZERO, progress(2)).made_progress);
         assert!(member.hear_progress(Time::ZERO, progress(3)).restarted);
         let mission = |boot| MissionProgress {
             vehicle: VehicleId(1),
@@ -344,7 +344,10 @@ mod tests {
         );
         assert!(!member.is_current(Boot(1)));
         assert!(hear(&mut member, 31, 1, 8).restarted);
-        assert!(member.is_current(Boot(1)) && member.hear_progress(Time::ZERO, progress(1)).got_on);
+        assert!(
+            member.is_current(Boot(1))
+                && member.hear_progress(Time::ZERO, progress(1)).made_progress
+        );
         assert!(
             !hear(&mut member, 32, 1, 9).restarted,
             "it is heard by its own count now"

@@ -19,7 +19,7 @@
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::Lease;
+use tomoswarm_proto::{Hello, Lease, Sender};
 
 use crate::time::Time;
 
@@ -137,6 +137,14 @@ impl Leases {
         }
         (self.other, self.right) = (Some((now, lease)), Right::StandingBy(now));
         Some(Change::StoodDown(lease))
+    }
+
+    /// Takes a greeting: an operator names the lease that it holds.
+    pub fn heard_hello(&mut self, now: Time, hello: &Hello) -> Option<Change> {
+        match hello.node {
+            Sender::Operator(_) => self.heard_operator(now, hello.lease?),
+            Sender::Ground | Sender::Vehicle(_) => None,
+        }
     }
 
     /// Takes the lease that an operator says to hold; one that is displaced already counts for nothing.

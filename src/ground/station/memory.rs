@@ -1,266 +1,300 @@
-//! What a station that is started anew needs to go on where it was, and how it does so.
+//! What a station that is started anew needs to go on where it was.
 //!
-//! The station says [`Out::Remember`] *before* everything else that it says in the same step, whenever something in it
-//! has changed; the edge stores it before it publishes what follows. So no vehicle ever follows a revision or obeys an
+//! The station says [`super::Out::Remember`] *before* everything else that it says in the same step, whenever something in
+//! it has changed; the edge stores it before it publishes what follows. So no vehicle ever follows a revision or obeys an
 //! order that a resumed station does not know, and a revision is never given twice. What can be heard again is not
-//! kept: states, progress, who reports a revision. Samples and tiles come from their own tables.
+//! kept: states, progress, who reports a revision. Samples and tiles come from their own tables. Times are kept but count
+//! for nothing: the next start of the station has another clock.
 //!
 //! A resumed station listens first and takes a lease above the highest echo; the same plans go out under the new lease.
 //! It plans anew only when something is wrong: a vehicle was restarted or lost meanwhile, or shows a revision that it
 //! has not given. Plans that were being made are asked for again, and pictures that were due are made again.
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Lease, Message, OrderKind, Revision, RunId, Samples, TileReport, VehicleId};
+use tomoswarm_proto::{Lease, Revision, RunId, VehicleId};
 
-use super::super::fleet::Dealings;
-use super::super::imager::{Picture, Subject};
-use super::leases::Leases;
-use super::runs::Runs;
-use super::{In, Out, Phase, Station, StationSettings, Sweep, Wished};
-use crate::actor::Actor;
+use super::execution::{Phase, Sweep, SweepExecution};
+use super::order_in_force::OrderInForce;
+use super::pictures::Pictures;
+use super::run_book::RunBook;
+use crate::ground::fleet::{Dealings, Fleet};
 use crate::sweep::Succession;
-use crate::time::Time;
 
-/// What a picture is named by.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub struct PictureName {
-    /// Of which run.
-    pub run: RunId,
-    /// After how many laps.
-    pub laps: usize,
-    /// What is seen in it.
-    pub subject: Subject,
+/// The parts of which something is remembered, as they are now.
+#[derive(Clone, Copy, Debug)]
+pub struct PartsToRemember<'a> {
+    /// The id of the sample store.
+    pub store: u64,
+    pub lease: Lease,
+    pub fleet: &'a Fleet,
+    pub order: OrderInForce,
+    pub runs: &'a RunBook,
+    pub execution: &'a SweepExecution,
+    pub pictures: &'a Pictures,
 }
 
-impl PictureName {
-    /// Names a picture that was made.
-    pub fn of(picture: &Picture) -> PictureName {
-        PictureName {
-            run: picture.run,
-            laps: picture.laps,
-            subject: picture.subject,
-        }
-    }
-}
-
-/// All but the plans, which change only with the revision.
+/// All that is remembered but the plans, which change only with their revision.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-pub(super) struct Brief {
+pub struct StoredState {
     store: u64,
     lease: Lease,
-    phase: Phase,
-    succession: Option<(RunId, Revision, Vec<VehicleId>)>,
     dealings: Vec<(VehicleId, Dealings)>,
-    wished: Option<Wished>,
-    newest_run: RunId,
-    standing: Option<OrderKind>,
-    closed: Vec<RunId>,
-    last: Option<Sweep>,
-    runs: Runs,
-    stalled: bool,
-    disturbed: bool,
-    pictures: u32,
-    due: Vec<(PictureName, Option<RunId>)>,
+    order: OrderInForce,
+    runs: RunBook,
+    phase: Phase,
+    /// Which plans there are, and for whom.
+    edition: Option<(RunId, Revision, Vec<VehicleId>)>,
+    pictures: Pictures,
 }
 
 /// What a station that is started anew needs; only for the version of the program that wrote it.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct StationMemory {
-    brief: Brief,
+    state: StoredState,
     plans: Option<Succession>,
 }
 
+/// The parts of a station that goes on where an earlier one was.
+#[derive(Debug)]
+pub struct RestoredParts {
+    pub store: u64,
+    pub lease: Lease,
+    pub dealings: Vec<(VehicleId, Dealings)>,
+    pub order: OrderInForce,
+    pub runs: RunBook,
+    pub execution: SweepExecution,
+    pub pictures: Pictures,
+}
+
 impl StationMemory {
+    /// Returns what is to be remembered, if that is another thing than what is stored.
+    pub(super) fn of_changes(
+        stored: Option<&StoredState>,
+        parts: PartsToRemember<'_>,
+    ) -> Option<StationMemory> {
+        let is_known = stored.is_some_and(|stored| stored.is_of(parts));
+        (!is_known).then(|| StationMemory {
+            state: StoredState::of(parts),
+            plans: parts.execution.plans().succession().cloned(),
+        })
+    }
+
+    pub(super) fn state(&self) -> &StoredState {
+        &self.state
+    }
+
+    /// Makes the parts of a station that goes on.
+    pub(super) fn restore(self) -> RestoredParts {
+        let StationMemory { state, plans } = self;
+        RestoredParts {
+            store: state.store,
+            lease: state.lease,
+            dealings: state.dealings,
+            order: state.order,
+            runs: state.runs,
+            execution: SweepExecution::restored(state.phase, plans),
+            pictures: state.pictures.restored(),
+        }
+    }
+
     /// Returns the id of the store that it belongs to.
     pub fn store(&self) -> u64 {
-        self.brief.store
+        self.state.store
     }
 
     /// Returns the run that is under way, if any.
     pub fn run(&self) -> Option<RunId> {
-        self.brief.phase.sweep().map(|sweep| sweep.run)
+        self.state.phase.sweep().map(Sweep::run)
     }
 
     /// Returns the runs that are closed, ascending.
-    pub fn closed(&self) -> &[RunId] {
-        &self.brief.closed
+    pub fn closed(&self) -> impl Iterator<Item = RunId> {
+        self.state.runs.closed().iter().copied()
     }
 
     /// Returns the lease that was held last.
     pub fn lease(&self) -> Lease {
-        self.brief.lease
+        self.state.lease
     }
 }
 
-impl Brief {
-    /// Returns whether it is the brief of a station as it is now. It is asked after every step, so nothing is copied.
-    fn is_of(&self, station: &Station) -> bool {
+impl StoredState {
+    /// Takes a copy of the parts as they are.
+    pub fn of(parts: PartsToRemember<'_>) -> StoredState {
+        let edition = edition_of(parts.execution);
+        StoredState {
+            store: parts.store,
+            lease: parts.lease,
+            dealings: parts.fleet.dealings(),
+            order: parts.order,
+            runs: parts.runs.clone(),
+            phase: parts.execution.phase().clone(),
+            edition: edition.map(|(run, revision, members)| (run, revision, members.to_vec())),
+            pictures: parts.pictures.clone(),
+        }
+    }
+
+    /// Returns whether it is a copy of the parts as they are, whatever their times. It is asked after every step, so nothing
+    /// is copied.
+    fn is_of(&self, parts: PartsToRemember<'_>) -> bool {
         // Taken apart, so that none can be forgotten.
-        let Brief {
+        let StoredState {
             store,
             lease,
-            phase,
-            succession,
             dealings,
-            wished,
-            newest_run,
-            standing,
-            closed,
-            last,
+            order,
             runs,
-            stalled,
-            disturbed,
+            phase,
+            edition,
             pictures,
-            due,
         } = self;
-        let edition = succession
+        let edition = edition
             .as_ref()
             .map(|(run, revision, members)| (*run, *revision, &members[..]));
         let dealings = dealings.iter().map(|(id, dealings)| (*id, dealings));
-        *store == station.samples.store()
-            && *lease == station.leases.own()
-            && *phase == station.phase
-            && edition == station.succession.as_ref().map(edition_of)
-            && station
-                .fleet
-                .members()
+        let members = parts.fleet.members();
+        *store == parts.store
+            && *lease == parts.lease
+            && *order == parts.order
+            && edition == edition_of(parts.execution)
+            && phase.is_same_but_for_times(parts.execution.phase())
+            && members
                 .map(|(id, member)| (id, member.dealings()))
                 .eq(dealings)
-            && *wished == station.wished
-            && *newest_run == station.newest_run
-            && *standing == station.standing
-            && closed.iter().eq(&station.closed)
-            && *last == station.last
-            && *runs == station.runs
-            && (*stalled, *disturbed) == (station.stalled, station.disturbed)
-            && *pictures == station.pictures
-            && *due == station.due
+            && runs.is_same_but_for_times(parts.runs)
+            && pictures.is_same_but_for_times(parts.pictures)
     }
 }
 
-/// Returns which plans a succession gives, and to whom.
-fn edition_of(succession: &Succession) -> (RunId, Revision, &[VehicleId]) {
-    (
-        succession.run(),
-        succession.revision(),
-        succession.members(),
-    )
+/// Returns which plans there are, and for whom.
+fn edition_of(execution: &SweepExecution) -> Option<(RunId, Revision, &[VehicleId])> {
+    let plans = execution.plans().succession()?;
+    Some((plans.run(), plans.revision(), plans.members()))
 }
 
-impl Station {
-    /// Makes a station that goes on where an earlier one was, with what was stored of samples and tiles, in any order.
-    ///
-    /// Of the settings, `lease` and `store` are not used: it listens, and its store is the one remembered.
-    pub fn resume(
-        settings: StationSettings,
-        memory: StationMemory,
-        samples: impl IntoIterator<Item = Samples>,
-        tiles: impl IntoIterator<Item = TileReport>,
-    ) -> Station {
-        let StationMemory { brief, plans } = memory;
-        let last = Lease {
-            number: brief.lease.number,
-            holder: settings.holder,
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ground::imager::Subject;
+    use crate::ground::station::pictures::PictureName;
+    use crate::ground::station::run_book::RequestedSweep;
+    use crate::time::Time;
+    use tomoswarm_proto::OrderKind;
+
+    /// The parts of a station that was just made, with one vehicle.
+    struct Parts {
+        lease: Lease,
+        fleet: Fleet,
+        order: OrderInForce,
+        runs: RunBook,
+        execution: SweepExecution,
+        pictures: Pictures,
+    }
+
+    impl Parts {
+        fn new() -> Parts {
+            Parts {
+                lease: Lease::default(),
+                fleet: Fleet::new(&[VehicleId(1)], Lease::default()),
+                order: OrderInForce::default(),
+                runs: RunBook::default(),
+                execution: SweepExecution::default(),
+                pictures: Pictures::default(),
+            }
+        }
+
+        fn parts_to_remember(&self) -> PartsToRemember<'_> {
+            PartsToRemember {
+                store: 7,
+                lease: self.lease,
+                fleet: &self.fleet,
+                order: self.order,
+                runs: &self.runs,
+                execution: &self.execution,
+                pictures: &self.pictures,
+            }
+        }
+    }
+
+    /// Returns whether something is remembered after a change; if so, only once.
+    fn is_remembered_after(change: impl FnOnce(&mut Parts)) -> bool {
+        let mut parts = Parts::new();
+        let stored = StoredState::of(parts.parts_to_remember());
+        let nothing = StationMemory::of_changes(Some(&stored), parts.parts_to_remember());
+        assert_eq!(nothing, None, "nothing has changed");
+        change(&mut parts);
+        let memory = StationMemory::of_changes(Some(&stored), parts.parts_to_remember());
+        if let Some(memory) = &memory {
+            let again = StationMemory::of_changes(Some(memory.state()), parts.parts_to_remember());
+            assert_eq!(again, None);
+        }
+        memory.is_some()
+    }
+
+    #[test]
+    fn whatever_changes_is_remembered_once() {
+        let picture = PictureName {
+            run: RunId(1),
+            laps: 1,
+            subject: Subject::Change,
         };
-        let leases = Leases::listening(last, settings.take_over);
-        let mut station = Station::new(StationSettings {
-            store: brief.store,
-            ..settings
-        });
-        station.leases = leases;
-        station.fleet.set_lease(last);
-        station.fleet.recall(&brief.dealings);
-        station.phase = brief.phase;
-        station.succession = plans;
-        station
-            .succession
-            .iter_mut()
-            .for_each(Succession::forget_reports);
-        (station.wished, station.newest_run) = (brief.wished, brief.newest_run);
-        station.standing = brief.standing;
-        station.closed = brief.closed.into_iter().collect();
-        (station.last, station.stalled, station.disturbed) =
-            (brief.last, brief.stalled, brief.disturbed);
-        station.runs = brief.runs;
-        (station.pictures, station.due) = (brief.pictures, brief.due);
-        samples.into_iter().for_each(|batch| {
-            station.samples.take(&batch);
-        });
-        tiles
-            .into_iter()
-            .for_each(|tile| station.join(Time::ZERO, &tile));
-        station.remembered = Some(station.brief());
-        station
+        let plans = Succession::new(RunId(1), &[], Revision(3));
+        let begun = Phase::Stopping {
+            sweep: Sweep::new(RequestedSweep {
+                run: RunId(1),
+                compared_with: None,
+            }),
+            since: Time::ZERO,
+        };
+        assert!(is_remembered_after(|it| it.lease.number = 4));
+        assert!(is_remembered_after(|it| {
+            it.fleet.lose_unheard(Time::ZERO);
+        }));
+        assert!(is_remembered_after(|it| {
+            it.order.update(Some(OrderKind::Hold));
+        }));
+        assert!(is_remembered_after(|it| it.runs.close(RunId(1))));
+        assert!(is_remembered_after(|it| {
+            it.execution = SweepExecution::restored(begun, None);
+        }));
+        assert!(is_remembered_after(|it| {
+            it.execution = SweepExecution::restored(Phase::default(), Some(plans));
+        }));
+        assert!(is_remembered_after(|it| {
+            it.pictures.take(picture);
+        }));
     }
 
-    /// Makes a station that is started anew, with what was stored of samples and tiles, in any order: it goes on where an
-    /// earlier one was, as far as that is remembered. Otherwise it begins, and no run counts as begun.
-    pub fn restored(
-        settings: StationSettings,
-        memory: Option<StationMemory>,
-        samples: impl IntoIterator<Item = Samples>,
-        tiles: impl IntoIterator<Item = TileReport>,
-    ) -> Station {
-        if let Some(memory) = memory {
-            return Station::resume(settings, memory, samples, tiles);
-        }
-        let mut station = Station::new(settings);
-        let samples = samples.into_iter().map(Message::Samples);
-        for message in samples.chain(tiles.into_iter().map(Message::Tile)) {
-            // Nothing that is stored can stop a station, and nothing that it says of it is news.
-            let _ = station.handle(Time::ZERO, In::Bus(message), &mut Vec::new());
-        }
-        station
+    #[test]
+    fn times_are_nothing_to_remember() {
+        assert!(!is_remembered_after(|it| {
+            it.runs.count_from(Time::from_secs_f64(9.0));
+            it.execution.count_from(Time::from_secs_f64(9.0));
+        }));
     }
 
-    pub(super) fn brief(&self) -> Brief {
-        let edition = self.succession.as_ref().map(edition_of);
-        Brief {
-            store: self.samples.store(),
-            lease: self.leases.own(),
-            phase: self.phase.clone(),
-            succession: edition.map(|(run, revision, members)| (run, revision, members.to_vec())),
-            dealings: self.fleet.dealings(),
-            wished: self.wished,
-            newest_run: self.newest_run,
-            standing: self.standing,
-            closed: self.closed.iter().copied().collect(),
-            last: self.last,
-            runs: self.runs.clone(),
-            stalled: self.stalled,
-            disturbed: self.disturbed,
-            pictures: self.pictures,
-            due: self.due.clone(),
-        }
-    }
-
-    /// Remembers what a step has changed, ahead of all that it said from `first` on.
-    pub(super) fn remember(&mut self, first: usize, out: &mut Vec<Out>) {
-        let is_known = self
-            .remembered
-            .as_ref()
-            .is_some_and(|brief| brief.is_of(self));
-        debug_assert_eq!(is_known, self.remembered.as_ref() == Some(&self.brief()));
-        if !is_known {
-            let brief = self.brief();
-            self.remembered = Some(brief.clone());
-            let memory = StationMemory {
-                brief,
-                plans: self.succession.clone(),
-            };
-            out.insert(first.min(out.len()), Out::Remember(Box::new(memory)));
-        }
-    }
-
-    /// Goes on after a time without a lease, or after a restart: nothing was heard or driven wrongly meanwhile.
-    pub(super) fn count_from(&mut self, now: Time) {
-        (self.planned_at, self.got_on_at, self.wished_at) = (now, now, now);
-        self.fleet.count_silence_from(now);
-        match &mut self.phase {
-            // The answer was not heard, or came too late.
-            Phase::Planning(sweep) => self.phase = Phase::Stopping(*sweep),
-            Phase::Closing { since, .. } => *since = now,
-            Phase::Idle | Phase::Running(..) | Phase::Stopping(_) => {}
-        }
+    #[test]
+    fn what_is_restored_is_what_was_remembered() {
+        let mut parts = Parts::new();
+        parts.runs.close(RunId(1));
+        parts.lease.number = 4;
+        parts.fleet.lose_unheard(Time::ZERO);
+        let memory = StationMemory::of_changes(None, parts.parts_to_remember()).unwrap();
+        assert_eq!(
+            (memory.store(), memory.lease(), memory.run()),
+            (7, parts.lease, None)
+        );
+        let state = memory.state().clone();
+        let restored = memory.restore();
+        assert_eq!(restored.dealings, parts.fleet.dealings());
+        let again = Parts {
+            lease: restored.lease,
+            order: restored.order,
+            runs: restored.runs,
+            execution: restored.execution,
+            pictures: restored.pictures,
+            ..parts
+        };
+        assert!(state.is_of(again.parts_to_remember()));
     }
 }

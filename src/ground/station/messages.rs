@@ -1,4 +1,5 @@
-//! What the station is told and says, and who it is: messages only, no decisions.
+//! What the station is told and says, and who it is: messages, which of them count from whom, and which are said without the
+//! lease. What follows from a message is decided elsewhere.
 
 use std::time::Duration;
 
@@ -9,7 +10,8 @@ use tomoswarm_proto::{
 
 use super::super::imager::Job;
 use super::super::planner::{PlannerAnswer, Request};
-use super::memory::{PictureName, StationMemory};
+use super::memory::StationMemory;
+use super::pictures::PictureName;
 use crate::actor::{Input, InputClass};
 use crate::geom::Lattice;
 
@@ -48,6 +50,39 @@ pub enum Out {
     EndRun(RunId),
     /// To be stored before anything that follows is published: what a station that is started anew needs.
     Remember(Box<StationMemory>),
+}
+
+impl Out {
+    /// Returns whether it is said without the lease all the same: the report, and what is remembered and noted.
+    pub(super) fn is_said_without_lease(&self) -> bool {
+        match self {
+            Out::Publish(message) => matches!(message, Message::Report(_)),
+            Out::Ask(_) | Out::Reconstruct(_) => false,
+            Out::StationEvent(_) | Out::BeginRun { .. } | Out::EndRun(_) | Out::Remember(_) => true,
+        }
+    }
+}
+
+/// Returns the vehicle that says a message, if that counts only from one that is expected; `None` = it counts from any.
+pub(super) fn expected_author(message: &Message) -> Option<VehicleId> {
+    match message {
+        Message::State(state) => Some(state.vehicle),
+        Message::Mission(mission) => Some(mission.vehicle),
+        Message::Samples(batch) => Some(batch.vehicle),
+        Message::Tile(_)
+        | Message::Digest(_)
+        | Message::Want(_)
+        | Message::Report(_)
+        | Message::Plan(_)
+        | Message::Hello(_)
+        | Message::Task(_)
+        | Message::Order(_)
+        | Message::Have(_)
+        | Message::Health(_)
+        | Message::Beacon(_)
+        | Message::Standing(_)
+        | Message::Image(_) => None,
+    }
 }
 
 /// What happened, for log and operator.

@@ -1,136 +1,239 @@
-//! What the station says of itself once a second, for operators and other grounds.
+//! What the station says of itself once a second, for operators and other grounds. It reads what the parts say of
+//! themselves, and changes nothing.
 
-use tomoswarm_proto::{GroundReport, Message, OrderKind, StationPhase, VehicleId};
+use tomoswarm_proto::{Boot, GroundReport, Lease, RunId, StationPhase, VehicleId};
 
-use super::{Out, Phase, Station};
-use crate::sweep::Succession;
+use super::execution::{Phase, Sweep, SweepExecution};
+use super::leases::Leases;
+use super::lost_vehicles::is_too_few;
+use super::order_in_force::OrderInForce;
+use super::pictures::Pictures;
+use super::run_book::RunBook;
+use crate::ground::fleet::Fleet;
+use crate::ground::samples::SampleStore;
 
 /// Vehicles named in one trouble at most.
 const NAMED: usize = 12;
 
-impl Station {
-    pub(super) fn report(&self) -> Out {
-        let sweep = self.phase.sweep().copied().or(self.last);
-        let mission = self.newest_mission(sweep.map(|sweep| sweep.run));
-        let sweep = sweep.filter(|_| mission.is_none() || self.phase != Phase::Idle);
-        let mission = mission.filter(|_| sweep.is_none());
-        let run = sweep.map(|sweep| sweep.run).or(mission).unwrap_or_default();
-        let laps_done = sweep.map_or(0, |sweep| sweep.laps_done);
-        let laps = match &self.phase {
-            Phase::Running(sweep, laps) => sweep.laps_before + laps.len(),
-            Phase::Idle | Phase::Planning(_) | Phase::Stopping(_) | Phase::Closing { .. } => {
-                laps_done
-            }
+/// The parts of which something is reported, as they are now.
+#[derive(Clone, Copy, Debug)]
+pub struct PartsToReport<'a> {
+    pub boot: Boot,
+    pub leases: &'a Leases,
+    pub fleet: &'a Fleet,
+    pub samples: &'a SampleStore,
+    pub order: OrderInForce,
+    pub runs: &'a RunBook,
+    pub execution: &'a SweepExecution,
+    pub pictures: &'a Pictures,
+    /// Messages of vehicles that are not expected.
+    pub strangers: u64,
+}
+
+impl PartsToReport<'_> {
+    /// Returns the report.
+    pub fn report(self) -> GroundReport {
+        let of_run = self.run_under_way();
+        let lease = match self.leases.holds() {
+            true => self.leases.own(),
+            false => Lease::default(),
         };
-        let count = |number: usize| u32::try_from(number).unwrap_or(u32::MAX);
-        let planned_for = self
-            .succession
-            .as_ref()
-            .filter(|_| self.phase.sweep().is_some());
-        Out::Publish(Message::Report(GroundReport {
+        let phase = self.execution.phase();
+        let planned_for = self.execution.plans().members();
+        let planned_for = planned_for.filter(|_| phase.sweep().is_some());
+        GroundReport {
             boot: self.boot,
-            lease: if self.leases.holds() {
-                self.leases.own()
-            } else {
-                Default::default()
-            },
+            lease,
             store: self.samples.store(),
-            phase: self.station_phase(),
-            run,
-            laps_done: count(laps_done),
-            laps: count(laps),
-            samples: self.samples.count(run),
-            images: self.pictures,
+            phase: station_phase(phase, self.runs.requested().is_some()),
+            run: of_run.run,
+            laps_done: count(of_run.laps_done),
+            laps: count(of_run.laps),
+            samples: self.samples.count(of_run.run),
+            images: self.pictures.made(),
             expected: self.fleet.members().map(|(id, _)| id).collect(),
-            members: planned_for
-                .map_or_else(|| self.fleet.present(), |known| known.members().to_vec()),
+            members: planned_for.map_or_else(|| self.fleet.present(), <[VehicleId]>::to_vec),
             lost: self.fleet.lost(),
             // Also while another ground station is obeyed, which alone brings that to an end.
-            in_force: self
-                .standing
-                .into_iter()
-                .chain(self.fleet.standing())
-                .reduce(OrderKind::stronger),
-            runs: self.runs.reports(|run| self.samples.count(run)),
-            troubles: self.troubles(),
-        }))
-    }
-
-    fn station_phase(&self) -> StationPhase {
-        match self.phase {
-            Phase::Idle if self.wished.is_some() => StationPhase::Waiting,
-            Phase::Idle => StationPhase::Idle,
-            Phase::Planning(_) => StationPhase::Planning,
-            Phase::Running(..) => StationPhase::Running,
-            Phase::Stopping(_) => StationPhase::Stopping,
-            Phase::Closing { .. } => StationPhase::Closing,
+            in_force: self.order.strongest_with(self.fleet.order_in_force()),
+            runs: self.runs.runs().reports(|run| self.samples.count(run)),
+            troubles: self.troubles().in_words(),
         }
     }
 
-    fn troubles(&self) -> Vec<String> {
-        let mut troubles = Vec::new();
-        let mut say = |is_so: bool, words: String| {
-            if is_so {
-                troubles.push(words);
-            }
+    /// Returns which run is reported: the sweep that is under way, or else the newest one, a sweep or one that is left to
+    /// the vehicles.
+    fn run_under_way(self) -> RunUnderWay {
+        let phase = self.execution.phase();
+        let sweep = phase.newest_sweep();
+        let newest = sweep.map(Sweep::run);
+        let of_vehicles = self.runs.runs().newest_left_to_vehicles();
+        let of_vehicles = of_vehicles.filter(|run| Some(*run) > newest);
+        match (phase.sweep().is_some(), sweep, of_vehicles) {
+            (false, _, Some(run)) => RunUnderWay {
+                run,
+                ..RunUnderWay::default()
+            },
+            (_, Some(sweep), _) => RunUnderWay {
+                run: sweep.run(),
+                laps_done: sweep.laps_done(),
+                laps: match phase {
+                    Phase::Running { laps, .. } => laps.total(),
+                    Phase::Idle { .. }
+                    | Phase::Stopping { .. }
+                    | Phase::Planning { .. }
+                    | Phase::Closing { .. } => sweep.laps_done(),
+                },
+            },
+            (_, None, _) => RunUnderWay::default(),
+        }
+    }
+
+    fn troubles(self) -> Troubles {
+        let phase = self.execution.phase();
+        let is_waiting = self.runs.requested().is_some() || phase.sweep().is_some();
+        let is_under_way = match phase {
+            Phase::Stopping { .. } | Phase::Running { .. } => true,
+            Phase::Idle { .. } | Phase::Planning { .. } | Phase::Closing { .. } => false,
         };
-        let holder = self.leases.highest();
-        say(
-            self.leases.stands_by(),
-            format!(
-                "stands by: ground {:016x} holds lease {}",
-                holder.holder, holder.number
-            ),
-        );
-        let (lost, unheard) = (self.fleet.lost(), self.fleet.unheard());
-        say(
-            !lost.is_empty(),
-            format!("not heard any more: {}", named(&lost)),
-        );
-        let is_waiting = self.wished.is_some() || self.phase.sweep().is_some();
-        say(
-            is_waiting && !unheard.is_empty(),
-            format!("not heard yet: {}", named(&unheard)),
-        );
-        say(
-            self.waits_for_more(),
-            "waits until enough vehicles are back".to_owned(),
-        );
-        let missing: Vec<VehicleId> = self
-            .succession
-            .iter()
-            .flat_map(Succession::missing)
-            .collect();
-        let is_under_way = matches!(self.phase, Phase::Stopping(_) | Phase::Running(..));
-        say(
-            is_under_way && !missing.is_empty(),
-            format!("do not follow their plan yet: {}", named(&missing)),
-        );
-        say(
-            self.strangers > 0,
-            format!("{} messages of strangers were passed over", self.strangers),
-        );
-        let refused = self.samples.refused();
-        say(
-            refused > 0,
-            format!("{refused} samples were not stored, for want of room"),
-        );
-        troubles.extend(self.runs.trouble());
-        troubles
+        let missing = self.execution.plans().missing();
+        Troubles {
+            obeyed: self.leases.stands_by().then(|| self.leases.highest()),
+            lost: self.fleet.lost(),
+            unheard: self
+                .fleet
+                .unheard()
+                .into_iter()
+                .filter(|_| is_waiting)
+                .collect(),
+            waits_for_more: matches!(phase, Phase::Stopping { .. }) && is_too_few(self.fleet),
+            without_plan: missing.filter(|_| is_under_way).collect(),
+            strangers: self.strangers,
+            refused: self.samples.refused(),
+            of_run: self.runs.runs().trouble(),
+        }
     }
 }
 
-fn named(vehicles: &[VehicleId]) -> String {
+/// The run that is reported; run 0 = none.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+struct RunUnderWay {
+    run: RunId,
+    laps_done: usize,
+    laps: usize,
+}
+
+/// What keeps the station from doing what is wanted.
+#[derive(Clone, PartialEq, Debug, Default)]
+struct Troubles {
+    /// The lease of another ground that is stood by for.
+    obeyed: Option<Lease>,
+    lost: Vec<VehicleId>,
+    /// Vehicles that are waited for and were not heard yet.
+    unheard: Vec<VehicleId>,
+    waits_for_more: bool,
+    /// Vehicles that do not show their plans yet.
+    without_plan: Vec<VehicleId>,
+    /// Messages of vehicles that are not expected.
+    strangers: u64,
+    /// Samples for which there was no room.
+    refused: u64,
+    of_run: Option<String>,
+}
+
+impl Troubles {
+    fn in_words(&self) -> Vec<String> {
+        let obeyed = self.obeyed.map(|lease| {
+            let Lease { number, holder } = lease;
+            format!("stands by: ground {holder:016x} holds lease {number}")
+        });
+        let waits = "waits until enough vehicles are back".to_owned();
+        let (strangers, refused) = (self.strangers, self.refused);
+        let strangers = format!("{strangers} messages of strangers were passed over");
+        let refused = format!("{refused} samples were not stored, for want of room");
+        let words = [
+            obeyed,
+            named("not heard any more", &self.lost),
+            named("not heard yet", &self.unheard),
+            self.waits_for_more.then_some(waits),
+            named("do not follow their plan yet", &self.without_plan),
+            (self.strangers > 0).then_some(strangers),
+            (self.refused > 0).then_some(refused),
+            self.of_run.clone(),
+        ];
+        words.into_iter().flatten().collect()
+    }
+}
+
+fn station_phase(phase: &Phase, is_requested: bool) -> StationPhase {
+    match phase {
+        Phase::Idle { .. } if is_requested => StationPhase::Waiting,
+        Phase::Idle { .. } => StationPhase::Idle,
+        Phase::Stopping { .. } => StationPhase::Stopping,
+        Phase::Planning { .. } => StationPhase::Planning,
+        Phase::Running { .. } => StationPhase::Running,
+        Phase::Closing { .. } => StationPhase::Closing,
+    }
+}
+
+fn count(number: usize) -> u32 {
+    u32::try_from(number).unwrap_or(u32::MAX)
+}
+
+/// Says something of vehicles; of none there is nothing to say.
+fn named(what: &str, vehicles: &[VehicleId]) -> Option<String> {
     let ids: Vec<String> = vehicles
         .iter()
         .take(NAMED)
         .map(VehicleId::to_string)
         .collect();
     let more = vehicles.len().saturating_sub(NAMED);
-    let rest = if more > 0 {
-        format!(" and {more} more")
-    } else {
-        String::new()
+    let rest = match more {
+        0 => String::new(),
+        more => format!(" and {more} more"),
     };
-    format!("vehicle {}{rest}", ids.join(", "))
+    (!ids.is_empty()).then(|| format!("{what}: vehicle {}{rest}", ids.join(", ")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_trouble_is_said_in_words_and_none_when_there_is_none() {
+        assert_eq!(Troubles::default().in_words(), [""; 0]);
+        let troubles = Troubles {
+            obeyed: Some(Lease {
+                number: 4,
+                holder: 0xab,
+            }),
+            lost: vec![VehicleId(3)],
+            unheard: vec![VehicleId(4), VehicleId(5)],
+            waits_for_more: true,
+            without_plan: (1..=14).map(VehicleId).collect(),
+            strangers: 6,
+            refused: 7,
+            of_run: Some("run 2 has failed: no way".to_owned()),
+        };
+        assert_eq!(
+            troubles.in_words(),
+            [
+                "stands by: ground 00000000000000ab holds lease 4",
+                "not heard any more: vehicle 3",
+                "not heard yet: vehicle 4, 5",
+                "waits until enough vehicles are back",
+                "do not follow their plan yet: vehicle 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12 and 2 more",
+                "6 messages of strangers were passed over",
+                "7 samples were not stored, for want of room",
+                "run 2 has failed: no way",
+            ]
+        );
+    }
+
+    #[test]
+    fn a_requested_sweep_is_waited_for_only_while_none_is_under_way() {
+        let idle = Phase::default();
+        assert_eq!(station_phase(&idle, false), StationPhase::Idle);
+        assert_eq!(station_phase(&idle, true), StationPhase::Waiting);
+    }
 }

@@ -21,7 +21,7 @@ const TROUBLE_BYTES_MAX: usize = 200;
 
 /// The last runs.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
-pub(super) struct Runs(BTreeMap<RunId, Run>);
+pub struct Runs(BTreeMap<RunId, Run>);
 
 /// One of them.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
@@ -108,8 +108,8 @@ impl Runs {
         self.forget();
     }
 
-    /// Counts an image of a run.
-    pub fn imaged(&mut self, run: RunId) {
+    /// Counts a picture of a run.
+    pub fn count_picture(&mut self, run: RunId) {
         if let Some(known) = self.0.get_mut(&run) {
             known.images = known.images.saturating_add(1);
         }
@@ -130,7 +130,7 @@ impl Runs {
     }
 
     /// Returns whether a run was begun, nobody has given it as a task, and it counts as a sweep.
-    pub fn is_untold(&self, run: RunId) -> bool {
+    pub fn is_sweep_without_task(&self, run: RunId) -> bool {
         let known = self
             .0
             .get(&run)
@@ -139,7 +139,7 @@ impl Runs {
     }
 
     /// Returns the runs that are left to the vehicles, were begun and have not ended, with their members.
-    pub fn of_vehicles(&self) -> Vec<(RunId, Vec<VehicleId>)> {
+    pub fn left_to_vehicles(&self) -> Vec<(RunId, Vec<VehicleId>)> {
         let is_open = |(_, known): &(&RunId, &Run)| known.is_of_vehicles() && known.end.is_none();
         self.0
             .iter()
@@ -149,7 +149,7 @@ impl Runs {
     }
 
     /// Returns the newest run that is left to the vehicles and was begun.
-    pub fn newest_of_vehicles(&self) -> Option<RunId> {
+    pub fn newest_left_to_vehicles(&self) -> Option<RunId> {
         self.0
             .iter()
             .rev()
@@ -306,9 +306,9 @@ mod tests {
             ends(&runs),
             [(1, Some(RunEnd::Stopped)), (2, None), (3, None)]
         );
-        assert_eq!(runs.newest_of_vehicles(), Some(RunId(3)));
+        assert_eq!(runs.newest_left_to_vehicles(), Some(RunId(3)));
         runs.open(RunId(4), None, |_| false);
-        assert_eq!(runs.of_vehicles(), [], "a sweep is for all");
+        assert_eq!(runs.left_to_vehicles(), [], "a sweep is for all");
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! What operators say to the station, and what it tells them: tasks, leases, and how runs ended.
 
 use tomoswarm_proto::{
-    Hello, MissionEnd, MissionKind, MissionRefusal, OperatorId, RunReport, SweepPlanner, Task,
-    TaskKind,
+    Hello, MissionEnd, MissionKind, MissionRefusal, OperatorId, RunReport, Sender, SweepPlanner,
+    Task, TaskKind,
 };
 
 use super::*;

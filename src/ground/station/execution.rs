@@ -1,0 +1,295 @@
+//! The execution of a sweep: brings everyone to rest, asks for plans, lets the vehicles follow them, counts laps, and waits
+//! for the last samples. It plans anew when the plans no longer suit the vehicles that are there, and gives a sweep up when
+//! they make no progress. How far it is, as a drawing: [`Phase`].
+//!
+//! It is told what is heard, and once a second it looks at the [`Conditions`]. It says what must be done elsewhere
+//! ([`SweepOutput`]): who is ordered what, for whom plans are needed, what has become of the run. It orders nobody itself,
+//! keeps no samples, and does not choose which sweep comes next.
+
+mod completion;
+mod next_step;
+mod phase;
+mod published_plans;
+mod sweep;
+
+use serde::{Deserialize, Serialize};
+use tomoswarm_proto::{Lease, OrderKind, Plan, RunEnd, RunId, VehicleId};
+
+use self::completion::{close, count_laps};
+use self::next_step::{NextStep, must_rest};
+pub use self::phase::Phase;
+pub use self::published_plans::PublishedPlans;
+pub use self::sweep::Sweep;
+use super::StationEvent;
+use super::lost_vehicles::{SilenceLimits, is_too_few};
+use super::run_book::RequestedSweep;
+use crate::ground::fleet::{Fleet, FleetChange, FleetMember};
+use crate::ground::planner::{PlannerAnswer, Request};
+use crate::ground::samples::SampleStore;
+use crate::sweep::{Succession, VehicleProgress};
+use crate::time::Time;
+
+/// What the execution depends on beside its own state.
+#[derive(Clone, Copy, Debug)]
+pub struct Conditions<'a> {
+    pub now: Time,
+    pub fleet: &'a Fleet,
+    pub samples: &'a SampleStore,
+    pub silence: SilenceLimits,
+    /// By which right plans are given.
+    pub lease: Lease,
+    /// Whether an order other than Start is in force: then nothing is begun, planned or timed.
+    pub is_held: bool,
+}
+
+/// What follows from the execution for the other parts of the station.
+#[derive(Clone, PartialEq, Debug)]
+pub enum SweepOutput {
+    /// To be said to log and operator.
+    StationEvent(StationEvent),
+    /// To be published: the plans in force.
+    Plans(Vec<Plan>),
+    /// A run is planned for: it begins, or goes on with new plans.
+    Begun(Sweep),
+    /// Every vehicle is to be started that nobody has stopped.
+    StartAll(RunId),
+    /// Every vehicle is to be held.
+    HoldAll(RunId),
+    /// Plans are needed; how the run is to be swept is not known here.
+    PlansNeeded(Request),
+    /// All vehicles have done a lap.
+    LapDone { sweep: Sweep, is_last: bool },
+    /// Everything is done, and the samples are in.
+    Closed(Sweep),
+    /// It was given up.
+    GivenUp {
+        run: RunId,
+        end: RunEnd,
+        why: String,
+    },
+}
+
+/// The execution of one sweep after another.
+#[derive(Debug, Default, Serialize, Deserialize)]
+pub struct SweepExecution {
+    phase: Phase,
+    plans: PublishedPlans,
+}
+
+impl SweepExecution {
+    /// Goes on where an earlier start of the station was; times are counted from [`SweepExecution::count_from`] on.
+    pub fn restored(phase: Phase, succession: Option<Succession>) -> SweepExecution {
+        SweepExecution {
+            phase,
+            plans: PublishedPlans::restored(succession),
+        }
+    }
+
+    /// Returns how far it is.
+    pub fn phase(&self) -> &Phase {
+        &self.phase
+    }
+
+    /// Returns the plans in force.
+    pub fn plans(&self) -> &PublishedPlans {
+        &self.plans
+    }
+
+    /// Takes what a message of a vehicle has shown: the plans no longer suit one that has forgotten them, or is back.
+    pub fn hear(&mut self, now: Time, shown: FleetChange) {
+        if shown.made_progress {
+            self.phase.note_progress(now);
+        }
+        if shown.restarted || shown.found {
+            self.phase.disturb();
+        }
+    }
+
+    /// Takes the progress of a vehicle, said by the newest start of its software.
+    pub fn hear_progress(&mut self, progress: &VehicleProgress) {
+        self.plans.hear(progress);
+    }
+
+    /// Compares a run with another one from now on, if it is the one that is under way.
+    pub fn compare_with(&mut self, run: RunId, compared_with: Option<RunId>) {
+        if let Some(sweep) = self.phase.sweep_mut().filter(|sweep| sweep.run() == run) {
+            sweep.compare_with(compared_with);
+        }
+    }
+
+    /// Takes that a run is left to the vehicles: if it was begun as a sweep, it is none.
+    pub fn leave_to_vehicles(&mut self, run: RunId) {
+        if self.phase.sweep().is_some_and(|sweep| sweep.run() == run) {
+            self.phase.end();
+        }
+    }
+
+    /// Goes on after a time without a lease, or after a restart: nothing was heard or driven wrongly meanwhile.
+    pub fn count_from(&mut self, now: Time) {
+        self.phase.count_from(now);
+    }
+
+    /// Begins a sweep, if none is under way.
+    pub fn begin(
+        &mut self,
+        requested: RequestedSweep,
+        at: &Conditions<'_>,
+        out: &mut Vec<SweepOutput>,
+    ) {
+        if self.phase.sweep().is_none() {
+            self.plans.begin_run(requested.run, at.fleet);
+            self.phase.begin(at.now, Sweep::new(requested));
+            self.rest(at, out);
+        }
+    }
+
+    /// Goes on after an order that has held everyone up: vehicles that it has sent elsewhere are planned for anew from there.
+    pub fn go_on(&mut self, lifted: OrderKind, at: &Conditions<'_>, out: &mut Vec<SweepOutput>) {
+        self.phase.go_on(at.now);
+        let is_elsewhere = match lifted {
+            OrderKind::Return | OrderKind::Land | OrderKind::CutMotors => true,
+            OrderKind::Start | OrderKind::Hold => false,
+        };
+        if is_elsewhere && matches!(self.phase, Phase::Running { .. }) {
+            self.rest(at, out);
+        }
+    }
+
+    /// Publishes the plans in force.
+    pub fn publish(&mut self, at: &Conditions<'_>, out: &mut Vec<SweepOutput>) {
+        let plans = self.plans.publish(at.now, at.lease, at.fleet);
+        out.push(SweepOutput::Plans(plans));
+    }
+
+    /// Looks for vehicles that follow plans that were not given here: they are outnumbered, or the sweep is given up when
+    /// they belong to a higher run, which vehicles prefer.
+    pub fn outnumber_others(&mut self, at: &Conditions<'_>, out: &mut Vec<SweepOutput>) {
+        let Some(run) = self.phase.driven().map(Sweep::run) else {
+            return;
+        };
+        if at.fleet.highest_run() > run {
+            out.push(SweepOutput::StationEvent(StationEvent::Overtaken(run)));
+            self.give_up(RunEnd::Stopped, "vehicles follow a higher run", out);
+        } else if self.plans.go_above(at.fleet.highest_revision(run)) {
+            self.phase.disturb();
+        }
+    }
+
+    /// Begins plans that were asked for. If a vehicle has come, gone or been restarted meanwhile, they are passed over:
+    /// everyone is stopped first.
+    pub fn take_answer(
+        &mut self,
+        answer: PlannerAnswer,
+        at: &Conditions<'_>,
+        out: &mut Vec<SweepOutput>,
+    ) {
+        let Phase::Planning { sweep, .. } = self.phase else {
+            return;
+        };
+        let run = sweep.run();
+        let is_asked_for = (answer.run, Some(answer.revision)) == (run, self.plans.next_revision());
+        if !is_asked_for || must_rest(&self.phase, &self.plans, at) {
+            return;
+        }
+        match answer.plans.and_then(|plans| self.plans.begin(plans)) {
+            Err(reason) => {
+                out.push(SweepOutput::StationEvent(StationEvent::NoPlan(
+                    reason.clone(),
+                )));
+                self.give_up(RunEnd::Failed, reason, out);
+            }
+            Ok(stops) => {
+                let laps = answer.laps.len();
+                out.push(SweepOutput::StationEvent(StationEvent::Planned {
+                    run,
+                    laps,
+                    stops,
+                }));
+                out.push(SweepOutput::Begun(sweep));
+                self.phase.run(at.now, answer.laps);
+                self.publish(at, out);
+            }
+        }
+    }
+
+    /// Does what is due: repeats plans or has new ones made, counts laps, and closes the run.
+    pub fn advance(&mut self, at: &Conditions<'_>, out: &mut Vec<SweepOutput>) {
+        match NextStep::of(&self.phase, &self.plans, at) {
+            NextStep::Wait => {}
+            NextStep::Repeat => self.publish(at, out),
+            NextStep::Replan => self.replan(at, out),
+            NextStep::Retry => self.retry(at, out),
+            NextStep::Ask => self.ask(at, out),
+        }
+        out.extend(count_laps(&mut self.phase, &self.plans, at));
+        out.extend(close(&mut self.phase, at));
+    }
+
+    /// Brings everyone to rest by an empty revision, before plans are made from where they rest.
+    fn rest(&mut self, at: &Conditions<'_>, out: &mut Vec<SweepOutput>) {
+        self.phase.stop(at.now);
+        let Some(run) = self.phase.driven().map(Sweep::run) else {
+            return;
+        };
+        self.plans.stop(&at.fleet.present());
+        self.publish(at, out);
+        out.push(SweepOutput::StartAll(run));
+        if is_too_few(at.fleet) {
+            out.push(SweepOutput::StationEvent(StationEvent::Waits(run)));
+        }
+    }
+
+    fn replan(&mut self, at: &Conditions<'_>, out: &mut Vec<SweepOutput>) {
+        out.extend(
+            self.phase
+                .driven()
+                .map(|sweep| SweepOutput::StationEvent(StationEvent::Replans(sweep.run()))),
+        );
+        self.rest(at, out);
+    }
+
+    /// No vehicle makes progress: plans everyone anew from where they rest, or gives the sweep up when that was done before.
+    fn retry(&mut self, at: &Conditions<'_>, out: &mut Vec<SweepOutput>) {
+        let Some(sweep) = self.phase.sweep_mut() else {
+            return;
+        };
+        let run = sweep.run();
+        if sweep.retry() {
+            self.replan(at, out);
+        } else {
+            out.push(SweepOutput::StationEvent(StationEvent::Stalled(run)));
+            out.push(SweepOutput::HoldAll(run));
+            let why = "it cannot be ended, no vehicle gets on";
+            self.give_up(RunEnd::Failed, why, out);
+        }
+    }
+
+    /// Asks for plans from where the vehicles rest now.
+    fn ask(&mut self, at: &Conditions<'_>, out: &mut Vec<SweepOutput>) {
+        self.phase.plan(at.now);
+        let Some((sweep, revision)) = self.phase.sweep().zip(self.plans.next_revision()) else {
+            return;
+        };
+        let place = |(id, member): (VehicleId, &FleetMember)| {
+            let place = member.place().filter(|_| !member.dealings().is_lost());
+            Some((id, place?))
+        };
+        out.push(SweepOutput::PlansNeeded(Request {
+            run: sweep.run(),
+            revision,
+            places: at.fleet.members().filter_map(place).collect(),
+            first_lap: sweep.laps_done(),
+            task: None,
+        }));
+    }
+
+    fn give_up(&mut self, end: RunEnd, why: impl Into<String>, out: &mut Vec<SweepOutput>) {
+        let run = self.phase.sweep().map(Sweep::run);
+        let why = why.into();
+        out.extend(run.map(|run| SweepOutput::GivenUp { run, end, why }));
+        self.phase.end();
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,94 @@
+//! What is to be done next about the plans of a sweep. Decides only; the execution does it.
+
+use std::time::Duration;
+
+use super::{Conditions, Phase, PublishedPlans, Sweep};
+use crate::ground::station::lost_vehicles::is_too_few;
+use crate::time::Time;
+
+/// A revision that somebody does not follow after this long is replaced.
+const ADOPTED_WITHIN: Duration = Duration::from_secs(30);
+/// Plans that did not come after so long are asked for again.
+const ANSWERED_WITHIN: Duration = Duration::from_secs(30);
+/// When no vehicle has done a stop for so long, everyone is planned for anew.
+const STALLED_AFTER: Duration = Duration::from_secs(420);
+
+/// What is to be done next about the plans.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum NextStep {
+    /// Nothing.
+    Wait,
+    /// The plans are published again.
+    Repeat,
+    /// Everyone is brought to rest, and planned for anew: the plans do not suit the vehicles.
+    Replan,
+    /// No vehicle makes progress: everyone is planned for anew, or the sweep is given up when that was done before.
+    Retry,
+    /// Plans are asked for.
+    Ask,
+}
+
+impl NextStep {
+    /// Returns the next step.
+    pub fn of(phase: &Phase, plans: &PublishedPlans, at: &Conditions<'_>) -> NextStep {
+        if at.is_held {
+            return NextStep::while_held(phase, plans, at.now);
+        }
+        let is_over = |since: Time, limit: Duration| at.now.since(since) > limit;
+        match *phase {
+            Phase::Idle { .. } | Phase::Closing { .. } => NextStep::Wait,
+            Phase::Stopping { .. } | Phase::Planning { .. } | Phase::Running { .. }
+                if must_rest(phase, plans, at) =>
+            {
+                NextStep::Replan
+            }
+            Phase::Stopping { .. } if may_plan(plans, at) => NextStep::Ask,
+            Phase::Stopping { since, .. }
+                if is_over(since, STALLED_AFTER) && !is_too_few(at.fleet) =>
+            {
+                NextStep::Retry
+            }
+            // The request or the answer was lost.
+            Phase::Planning { since, .. } if is_over(since, ANSWERED_WITHIN) => NextStep::Ask,
+            Phase::Planning { .. } => NextStep::Wait,
+            Phase::Running { since, .. }
+                if is_over(since, ADOPTED_WITHIN) && !plans.are_shown() =>
+            {
+                NextStep::Replan
+            }
+            Phase::Running { progress_at, .. } if is_over(progress_at, STALLED_AFTER) => {
+                NextStep::Retry
+            }
+            Phase::Stopping { .. } | Phase::Running { .. } => NextStep::repeat(plans, at.now),
+        }
+    }
+
+    /// Returns the next step while an order other than Start is in force: nothing is planned or timed.
+    fn while_held(phase: &Phase, plans: &PublishedPlans, now: Time) -> NextStep {
+        match phase {
+            Phase::Stopping { .. } | Phase::Running { .. } => NextStep::repeat(plans, now),
+            Phase::Idle { .. } | Phase::Planning { .. } | Phase::Closing { .. } => NextStep::Wait,
+        }
+    }
+
+    fn repeat(plans: &PublishedPlans, now: Time) -> NextStep {
+        match plans.is_repeat_due(now) {
+            true => NextStep::Repeat,
+            false => NextStep::Wait,
+        }
+    }
+}
+
+/// Returns whether the present plans are for others than those who are there, or somebody has forgotten them.
+pub fn must_rest(phase: &Phase, plans: &PublishedPlans, at: &Conditions<'_>) -> bool {
+    let is_disturbed = phase.sweep().is_some_and(Sweep::is_disturbed);
+    is_disturbed || plans.members() != Some(&at.fleet.present()[..])
+}
+
+/// Returns whether everyone has come to rest and plans may be made.
+fn may_plan(plans: &PublishedPlans, at: &Conditions<'_>) -> bool {
+    plans.are_all_stopped()
+        && !is_too_few(at.fleet)
+        && at.silence.do_lost_ones_rest(at.now, at.fleet)
+        && at.fleet.are_placed()
+}

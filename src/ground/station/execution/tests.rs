@@ -1,0 +1,459 @@
+//! When the execution of a sweep takes which step, told by hand what vehicles show.
+
+use std::time::Duration;
+
+use super::*;
+use tomoswarm_proto::{Boot, Plan, Position, Revision, Sample, Samples, State, Stop, StopId};
+
+const RUN: RunId = RunId(2);
+const ONE: VehicleId = VehicleId(1);
+const TWO: VehicleId = VehicleId(2);
+
+/// An execution and the tables that it looks at.
+struct Ground {
+    execution: SweepExecution,
+    fleet: Fleet,
+    samples: SampleStore,
+    is_held: bool,
+    sequence: u64,
+}
+
+/// Words for what was said, in order.
+type Words = Vec<String>;
+
+impl Ground {
+    /// Two vehicles were heard, and no sweep is under way.
+    fn new() -> Ground {
+        let mut ground = Ground {
+            execution: SweepExecution::default(),
+            fleet: Fleet::new(&[ONE, TWO], Lease::default()),
+            samples: SampleStore::new(7, 0.5, 0.06),
+            is_held: false,
+            sequence: 0,
+        };
+        ground.states(0.0, &[ONE, TWO]);
+        ground
+    }
+
+    /// Two vehicles follow plans of revision 2 with two laps, given at 2 s: the stops are 1 and 2.
+    fn running() -> Ground {
+        let mut ground = Ground::new();
+        ground.begin(0.0);
+        ground.resume(1.0, 1);
+        ground
+    }
+
+    /// Everyone stops under an empty revision, and gets plans of the next one.
+    fn resume(&mut self, now_s: f64, empty: u32) {
+        self.progress(now_s, empty, None);
+        let words = self.advance(now_s);
+        assert!(words.contains(&format!("ask {}", empty + 1)), "{words:?}");
+        self.answer(now_s + 1.0, empty + 1);
+        self.progress(now_s + 1.0, empty + 1, None);
+    }
+
+    fn step(
+        &mut self,
+        now_s: f64,
+        step: impl FnOnce(&mut SweepExecution, &Conditions<'_>, &mut Vec<SweepOutput>),
+    ) -> Words {
+        let at = Conditions {
+            now: Time::from_secs_f64(now_s),
+            fleet: &self.fleet,
+            samples: &self.samples,
+            silence: SilenceLimits::new(Duration::from_secs(30), Duration::from_secs(60)),
+            lease: Lease::default(),
+            is_held: self.is_held,
+        };
+        let mut out = Vec::new();
+        step(&mut self.execution, &at, &mut out);
+        out.iter().map(words_of).collect()
+    }
+
+    fn begin(&mut self, now_s: f64) -> Words {
+        let requested = RequestedSweep {
+            run: RUN,
+            compared_with: Some(RunId(1)),
+        };
+        self.step(now_s, |it, at, out| it.begin(requested, at, out))
+    }
+
+    fn advance(&mut self, now_s: f64) -> Words {
+        self.step(now_s, SweepExecution::advance)
+    }
+
+    fn answer(&mut self, now_s: f64, revision: u32) -> Words {
+        let plan = |vehicle| Plan {
+            vehicle,
+            start: place(vehicle),
+            stops: [1, 2].map(|id| stop(vehicle, id)).to_vec(),
+            ..Plan::default()
+        };
+        let lap = |id| [ONE, TWO].map(|vehicle| (vehicle, StopId(id))).to_vec();
+        let answer = PlannerAnswer {
+            run: RUN,
+            revision: Revision(revision),
+            plans: Ok(vec![plan(ONE), plan(TWO)]),
+            laps: vec![lap(1), lap(2)],
+        };
+        self.step(now_s, |it, at, out| it.take_answer(answer, at, out))
+    }
+
+    fn states(&mut self, now_s: f64, vehicles: &[VehicleId]) {
+        for vehicle in vehicles {
+            self.state(now_s, *vehicle, |_| {});
+        }
+    }
+
+    fn state(&mut self, now_s: f64, vehicle: VehicleId, change: impl FnOnce(&mut State)) {
+        self.sequence += 1;
+        let mut state = State {
+            vehicle,
+            boot: Boot(1),
+            sequence: self.sequence,
+            pose: Some(Default::default()),
+            ..State::default()
+        };
+        change(&mut state);
+        let now = Time::from_secs_f64(now_s);
+        let shown = self.fleet.heard_state(now, state);
+        self.execution.hear(now, shown);
+    }
+
+    fn progress(&mut self, now_s: f64, revision: u32, done: Option<u32>) {
+        for vehicle in [ONE, TWO] {
+            self.progress_of(now_s, vehicle, revision, done);
+        }
+    }
+
+    fn progress_of(&mut self, now_s: f64, vehicle: VehicleId, revision: u32, done: Option<u32>) {
+        let progress = VehicleProgress {
+            vehicle,
+            boot: Boot(1),
+            run: RUN,
+            revision: Revision(revision),
+            done: done.map(StopId),
+            leg: None,
+        };
+        let now = Time::from_secs_f64(now_s);
+        let shown = self.fleet.heard_progress(now, progress);
+        self.execution.hear(now, shown);
+        self.execution.hear_progress(&progress);
+    }
+
+    /// Stores the second of two samples of the run; the first is missing.
+    fn leave_gap(&mut self) {
+        let sample = Sample {
+            sequence: 1,
+            heard_at_ns: 0,
+            transmitter: TWO,
+            transmitter_pose: Default::default(),
+            receiver_pose: Default::default(),
+            channel: 11,
+            power_dbm: 0,
+            rssi_dbm: None,
+        };
+        self.samples.take(&Samples {
+            vehicle: ONE,
+            boot: Boot(1),
+            run: RUN,
+            samples: vec![sample],
+            lost: vec![],
+        });
+    }
+}
+
+fn place(vehicle: VehicleId) -> Position {
+    Position::from_metres(10.0 * f64::from(vehicle.0), 0.0, 0.0)
+}
+
+fn stop(vehicle: VehicleId, id: u32) -> Stop {
+    Stop {
+        id: StopId(id),
+        at: place(vehicle),
+        route: vec![],
+        dwell_ms: 0,
+        dwell_limit_ms: 0,
+        partners: vec![],
+        after: vec![],
+    }
+}
+
+fn words_of(output: &SweepOutput) -> String {
+    match output {
+        SweepOutput::StationEvent(note) => format!("{note:?}"),
+        SweepOutput::Plans(plans) => {
+            let is_empty = plans.iter().all(|plan| plan.stops.is_empty());
+            let what = if is_empty { "stop" } else { "plan" };
+            format!("{what} {}", plans[0].revision.0)
+        }
+        SweepOutput::Begun(sweep) => {
+            let compared_with = sweep.compared_with().map(|run| run.0);
+            format!("begin {} {compared_with:?}", sweep.run().0)
+        }
+        SweepOutput::StartAll(run) => format!("start {}", run.0),
+        SweepOutput::HoldAll(run) => format!("hold {}", run.0),
+        SweepOutput::PlansNeeded(request) => format!("ask {}", request.revision.0),
+        SweepOutput::LapDone { sweep, is_last } => format!("lap {} {is_last}", sweep.laps_done()),
+        SweepOutput::Closed(sweep) => format!("closed {}", sweep.run().0),
+        SweepOutput::GivenUp { run, end, why } => format!("{end:?} {}: {why}", run.0),
+    }
+}
+
+#[test]
+fn a_sweep_begins_with_a_stop_and_is_planned_once_all_have_stopped() {
+    let mut ground = Ground::new();
+    assert_eq!(ground.begin(0.0), ["stop 1", "start 2"]);
+    ground.progress_of(1.0, ONE, 1, None);
+    assert_eq!(ground.advance(1.0), [""; 0], "vehicle 2 has not stopped");
+    ground.progress_of(1.5, TWO, 1, None);
+    assert_eq!(ground.advance(2.0), ["ask 2"]);
+    let planned = ground.answer(3.0, 2);
+    assert_eq!(
+        planned,
+        [
+            "Planned { run: RunId(2), laps: 2, stops: 4 }",
+            "begin 2 Some(1)",
+            "plan 2"
+        ]
+    );
+    assert!(matches!(ground.execution.phase(), Phase::Running { .. }));
+}
+
+#[test]
+fn laps_are_counted_when_all_have_done_them_and_the_run_is_closed_after_the_last() {
+    let mut ground = Ground::running();
+    ground.progress_of(10.0, ONE, 2, Some(2));
+    assert_eq!(ground.advance(10.0), [""; 0], "vehicle 2 has done nothing");
+    ground.progress_of(11.0, TWO, 2, Some(1));
+    assert_eq!(ground.advance(11.0), ["lap 1 false"]);
+    assert_eq!(ground.advance(12.0), [""; 0]);
+    ground.progress_of(20.0, TWO, 2, Some(2));
+    assert_eq!(ground.advance(20.0), ["lap 2 true"]);
+    assert_eq!(ground.advance(22.9), [""; 0]);
+    assert_eq!(ground.advance(23.0), ["closed 2"]);
+    assert!(matches!(ground.execution.phase(), Phase::Idle { .. }));
+}
+
+#[test]
+fn missing_samples_are_waited_for_but_not_for_ever() {
+    let mut ground = Ground::running();
+    ground.leave_gap();
+    ground.progress(20.0, 2, Some(2));
+    assert_eq!(ground.advance(20.0), ["lap 2 true"]);
+    assert_eq!(ground.advance(79.9), [""; 0]);
+    assert_eq!(ground.advance(80.0), ["closed 2"]);
+}
+
+#[test]
+fn plans_that_do_not_come_are_asked_for_again_and_others_are_passed_over() {
+    let mut ground = Ground::new();
+    assert_eq!(ground.answer(0.0, 1), [""; 0], "nobody has asked");
+    ground.begin(0.0);
+    ground.progress(1.0, 1, None);
+    assert_eq!(ground.advance(1.0), ["ask 2"]);
+    assert_eq!(ground.advance(31.0), [""; 0]);
+    ground.states(31.1, &[ONE, TWO]);
+    assert_eq!(ground.advance(31.1), ["ask 2"]);
+    assert_eq!(ground.answer(32.0, 3), [""; 0], "of another revision");
+    ground.state(33.0, TWO, |state| state.boot = Boot(2));
+    assert_eq!(ground.answer(33.0, 2), [""; 0], "vehicle 2 was restarted");
+    assert_eq!(
+        ground.advance(33.0),
+        ["Replans(RunId(2))", "stop 2", "start 2"]
+    );
+}
+
+#[test]
+fn a_sweep_that_cannot_be_planned_is_given_up() {
+    let mut ground = Ground::new();
+    ground.begin(0.0);
+    ground.progress(1.0, 1, None);
+    ground.advance(1.0);
+    let answer = PlannerAnswer {
+        run: RUN,
+        revision: Revision(2),
+        plans: Err("no room".to_owned()),
+        laps: vec![],
+    };
+    assert_eq!(
+        ground.step(2.0, |it, at, out| it.take_answer(answer, at, out)),
+        ["NoPlan(\"no room\")", "Failed 2: no room"]
+    );
+    assert_eq!(ground.execution.phase().sweep(), None);
+}
+
+#[test]
+fn a_plan_that_somebody_does_not_show_within_30_s_is_replaced() {
+    let mut ground = Ground::new();
+    ground.begin(0.0);
+    ground.progress(1.0, 1, None);
+    ground.advance(1.0);
+    ground.answer(2.0, 2);
+    ground.progress_of(3.0, ONE, 2, None);
+    assert_eq!(ground.advance(32.0), ["plan 2"]);
+    assert_eq!(
+        ground.advance(32.1),
+        ["Replans(RunId(2))", "stop 3", "start 2"]
+    );
+}
+
+#[test]
+fn without_progress_plans_are_made_anew_once_for_every_lap_and_then_it_is_given_up() {
+    let stalled = ["Replans(RunId(2))", "stop 3", "start 2"];
+    let mut ground = Ground::running();
+    ground.progress_of(100.0, ONE, 2, Some(1));
+    ground.advance(519.0);
+    assert_eq!(ground.advance(520.0), [""; 0]);
+    assert_eq!(ground.advance(520.1), stalled);
+    ground.resume(530.0, 3);
+    ground.advance(951.0);
+    assert_eq!(
+        ground.advance(951.1),
+        [
+            "Stalled(RunId(2))",
+            "hold 2",
+            "Failed 2: it cannot be ended, no vehicle gets on"
+        ]
+    );
+    assert_eq!(ground.execution.phase().sweep(), None);
+}
+
+#[test]
+fn vehicles_that_never_come_to_rest_are_stopped_anew_once() {
+    let mut ground = Ground::new();
+    ground.begin(0.0);
+    ground.advance(420.0);
+    assert_eq!(
+        ground.advance(420.1),
+        ["Replans(RunId(2))", "stop 2", "start 2"]
+    );
+    ground.advance(840.1);
+    assert_eq!(ground.advance(840.2)[0], "Stalled(RunId(2))");
+}
+
+#[test]
+fn that_an_earlier_sweep_made_no_progress_is_not_held_against_the_next_one() {
+    let mut ground = Ground::running();
+    ground.advance(422.0);
+    assert_eq!(ground.advance(422.1)[0], "Replans(RunId(2))");
+    ground.execution.leave_to_vehicles(RUN);
+    ground.begin(500.0);
+    ground.advance(920.0);
+    assert_eq!(ground.advance(920.1)[0], "Replans(RunId(2))");
+}
+
+#[test]
+fn while_an_order_is_in_force_plans_are_only_repeated() {
+    let mut ground = Ground::running();
+    ground.is_held = true;
+    ground.state(3.0, ONE, |state| state.boot = Boot(2));
+    assert_eq!(ground.advance(1000.0), ["plan 2"]);
+    assert_eq!(ground.advance(1001.0), [""; 0]);
+    ground.is_held = false;
+    assert_eq!(ground.advance(1002.0)[0], "Replans(RunId(2))");
+}
+
+#[test]
+fn after_a_hold_the_plans_go_on_and_after_any_other_order_everyone_is_planned_for_anew() {
+    let words = |lifted| {
+        let mut ground = Ground::running();
+        let words = ground.step(900.0, |it, at, out| it.go_on(lifted, at, out));
+        (words, ground.advance(900.0))
+    };
+    let (held, after) = words(OrderKind::Hold);
+    assert_eq!((held, after), (vec![], vec!["plan 2".to_owned()]));
+    for lifted in [OrderKind::Return, OrderKind::Land, OrderKind::CutMotors] {
+        assert_eq!(words(lifted).0, ["stop 3", "start 2"], "{lifted:?}");
+    }
+}
+
+#[test]
+fn a_lost_vehicle_is_planned_around_once_it_surely_stands_and_with_one_left_the_sweep_waits() {
+    let mut ground = Ground::running();
+    ground.states(40.0, &[ONE]);
+    let now = Time::from_secs_f64(41.0);
+    let limits = SilenceLimits::new(Duration::from_secs(30), Duration::from_secs(60));
+    assert_eq!(limits.lose(now, &mut ground.fleet), [TWO]);
+    assert_eq!(
+        ground.advance(41.0),
+        ["Replans(RunId(2))", "stop 3", "start 2", "Waits(RunId(2))"]
+    );
+    ground.progress_of(42.0, ONE, 3, None);
+    assert_eq!(
+        ground.advance(1000.0),
+        ["stop 3"],
+        "it waits, and is not stalled"
+    );
+    ground.state(1001.0, TWO, |_| {});
+    assert_eq!(
+        ground.advance(1001.0),
+        ["Replans(RunId(2))", "stop 4", "start 2"]
+    );
+}
+
+#[test]
+fn plans_of_others_are_outnumbered_and_those_of_a_higher_run_end_the_sweep() {
+    let outnumber = |ground: &mut Ground, accepted: (RunId, Revision)| {
+        ground.state(3.0, ONE, |state| state.accepted = accepted);
+        let words = ground.step(3.0, SweepExecution::outnumber_others);
+        (words, ground.advance(3.0))
+    };
+    let mut ground = Ground::running();
+    let (words, after) = outnumber(&mut ground, (RUN, Revision(8)));
+    assert_eq!(words, [""; 0]);
+    assert_eq!(after, ["Replans(RunId(2))", "stop 9", "start 2"]);
+    let mut ground = Ground::running();
+    let (words, after) = outnumber(&mut ground, (RunId(3), Revision(1)));
+    assert_eq!(
+        words,
+        [
+            "Overtaken(RunId(2))",
+            "Stopped 2: vehicles follow a higher run"
+        ]
+    );
+    assert_eq!(after, [""; 0]);
+}
+
+#[test]
+fn a_vehicle_that_restarts_disturbs_a_sweep_that_is_driven_and_none_that_only_waits_for_samples() {
+    for (done, is_disturbed) in [(None, true), (Some(2), false)] {
+        let mut ground = Ground::running();
+        ground.progress(10.0, 2, done);
+        ground.advance(10.0);
+        ground.state(11.0, ONE, |state| state.boot = Boot(2));
+        let sweep = ground.execution.phase().sweep().unwrap();
+        assert_eq!(sweep.is_disturbed(), is_disturbed, "{done:?}");
+    }
+}
+
+#[test]
+fn after_a_restart_the_same_plans_are_in_force_and_every_time_begins_anew() {
+    let before = Ground::running();
+    let succession = before.execution.plans().succession().cloned();
+    let mut ground = Ground::new();
+    ground.execution = SweepExecution::restored(before.execution.phase().clone(), succession);
+    ground.execution.count_from(Time::from_secs_f64(5000.0));
+    assert_eq!(
+        ground.step(5000.0, SweepExecution::publish),
+        ["plan 2"],
+        "nothing else is given by this number"
+    );
+    assert_eq!(ground.advance(5030.0), ["plan 2"], "30 s are not over");
+    assert_eq!(ground.advance(5030.1)[0], "Replans(RunId(2))");
+}
+
+#[test]
+fn a_run_is_compared_with_another_one_only_if_it_is_under_way() {
+    let mut ground = Ground::running();
+    let compared_with = |ground: &Ground| {
+        let sweep = ground.execution.phase().sweep();
+        sweep.and_then(Sweep::compared_with)
+    };
+    ground.execution.compare_with(RunId(5), None);
+    assert_eq!(compared_with(&ground), Some(RunId(1)));
+    ground.execution.compare_with(RUN, Some(RunId(7)));
+    assert_eq!(compared_with(&ground), Some(RunId(7)));
+    ground.execution.leave_to_vehicles(RunId(5));
+    assert!(ground.execution.phase().sweep().is_some());
+}
