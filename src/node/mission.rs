@@ -26,6 +26,7 @@ mod report;
 mod returning;
 mod runner;
 mod share;
+mod terrain;
 mod way;
 
 use std::collections::BTreeSet;
@@ -43,9 +44,10 @@ use self::ground_plan::GroundPlan;
 use self::leases::PlanLeases;
 use self::pilot::{Met, Pilot};
 use self::runner::{Scene, StepRunner};
+use self::terrain::Terrain;
 use super::ages::StateAges;
 use super::memory::Remembered;
-use super::peers::{Peer, Peers};
+use super::peers::Peers;
 use super::vehicle::{self, Command};
 use super::{OwnState, Settings};
 use crate::actor::{Actor, Fault};
@@ -71,6 +73,7 @@ pub struct Mission {
     state: Option<OwnState>,
     assignment: Assignment,
     plan: GroundPlan,
+    terrain: Terrain,
     pilot: Pilot,
     /// What it does when the ground station does not plan for it.
     runner: Option<StepRunner>,
@@ -93,6 +96,7 @@ impl Mission {
         let repeat_at =
             Time::ZERO + REPEAT_EVERY + Duration::from_millis(53) * u32::from(settings.vehicle.0);
         Mission {
+            terrain: Terrain::new(settings.clone()),
             pilot: Pilot::new(settings.clone()),
             assignment: Assignment::by_file(&settings),
             runner: StepRunner::of(&settings),
@@ -120,7 +124,7 @@ impl Mission {
     fn state(&mut self, now: Time, state: OwnState, out: &mut Vec<Out>) {
         let place = state.pose.at;
         if self.plan.begin_at(place) {
-            self.pilot.begin_at(place);
+            self.pilot.give_up(place);
         }
         self.ages.note(now, state.sequence);
         self.leases.follow(state.ordered.lease);
@@ -167,6 +171,7 @@ impl Mission {
         let mut scene = Scene {
             now,
             state,
+            terrain: &self.terrain,
             pilot: &mut self.pilot,
             peers: &self.peers,
             out,
@@ -196,16 +201,11 @@ impl Mission {
         let Some(state) = &self.state else {
             return Vec::new();
         };
-        let stands = |peer: &&Peer| peer.resting || peer.is_silent(now);
-        let standing = self
-            .peers
-            .iter()
-            .map(|(_, peer)| peer)
-            .filter(stands)
-            .map(|peer| peer.claim.clone());
-        self.pilot.keep_clear_of(standing.collect());
+        self.terrain
+            .note_standing_peers(self.peers.standing_claims(now));
+        self.terrain.note_place(state.pose.at);
         let mut met = Vec::new();
-        let command = self.pilot.advance(now, state, &mut met);
+        let command = self.pilot.advance(now, state, &self.terrain, &mut met);
         out.extend(command.map(|command| Out::Command(now, command)));
         met
     }
@@ -240,7 +240,7 @@ impl Mission {
         let (Some(state), Goal::Following) = (&self.state, self.goal) else {
             return;
         };
-        let can_reach = |place: Point| self.pilot.can_reach(now, state, place);
+        let can_reach = |place: Point| self.terrain.can_reach(now, state.pose, place);
         if !self
             .plan
             .gives_up_stop(self.pilot.way().stops().count(), can_reach)
@@ -404,7 +404,7 @@ impl Mission {
     fn remark(&mut self, now: Time, remark: &vehicle::Remark) {
         match remark {
             vehicle::Remark::Halted { bump, .. } => {
-                self.pilot.bumped(now, *bump);
+                self.terrain.note_obstacle(now, *bump);
                 self.pilot.halted(now);
             }
             vehicle::Remark::Refused(refusal) => {
@@ -481,7 +481,7 @@ impl Actor for Mission {
             In::State(state) => self.state(now, state, out),
             In::Peer(state) => self.peers.take(now, &state),
             In::Tile(tile) => {
-                self.pilot.learn(&tile);
+                self.terrain.learn(&tile);
                 if let Some(runner) = &mut self.runner {
                     runner.learn(&tile);
                 }

@@ -1,12 +1,41 @@
-//! How near to its home a vehicle is at home: said once, for the vehicle itself and for all who judge it from outside.
+//! How near to its home a vehicle is at home: said once, for the vehicle itself and for all who judge it from outside; and
+//! how the way there looks.
 
 use super::pilot::ARRIVED_M;
+use super::terrain::PathSearch;
 use crate::geom::{Point, Pose};
 
 /// A vehicle that believes to rest this near to its home has come home, metres. It is the distance at which every way
 /// ends: a vehicle drives no nearer on purpose, so a smaller one would never be reached, and a larger one would end
 /// missions in front of their end.
 pub const HOME_M: f64 = ARRIVED_M;
+
+/// How the way home looks, over what is known to be free.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum WayHome {
+    /// It can be driven.
+    Open,
+    /// Only peers that stand are in the way.
+    BehindPeers,
+    /// Nothing known leads home, even without peers.
+    Unknown,
+}
+
+impl WayHome {
+    /// Returns how the way home looks from where a search begins, when peers that stand claim this.
+    pub fn of(search: &PathSearch<'_>, home: Point, peers: &[Vec<Point>]) -> WayHome {
+        let is_open = |peers| {
+            search.path(home, false, peers).is_some() || search.driven_path(home, peers).is_some()
+        };
+        if home.distance_to(search.from()) <= ARRIVED_M || is_open(peers) {
+            WayHome::Open
+        } else if is_open(&[]) {
+            WayHome::BehindPeers
+        } else {
+            WayHome::Unknown
+        }
+    }
+}
 
 /// Returns whether a vehicle that says this pose of itself is at home. It is judged by [`HOME_M`], and twice the deviation
 /// of the place is made allowance for: what a vehicle believes of its place drifts while it rests.

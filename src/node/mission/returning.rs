@@ -7,7 +7,8 @@ use std::time::Duration;
 use tomoswarm_proto::VehicleId;
 
 use super::goal::{Goal, Return, ReturnQueue, ReturnStage};
-use super::pilot::{Unknown, WayHome};
+use super::home::WayHome;
+use super::pilot::Unknown;
 use super::{Cause, Mission, Out, Remark};
 use crate::node::peers::Peer;
 use crate::time::Time;
@@ -61,18 +62,13 @@ impl Mission {
     /// Begins to drive home, or waits for those who bar the way.
     fn take_turn(&mut self, now: Time, home: Return, queue: ReturnQueue) {
         let Some(state) = &self.state else { return };
-        let standing = self
-            .peers
-            .iter()
-            .filter(|(_, peer)| peer.resting || peer.is_silent(now));
-        self.pilot
-            .keep_clear_of(standing.map(|(_, peer)| peer.claim.clone()).collect());
-        let others_move = self
-            .peers
-            .iter()
-            .any(|(_, peer)| !peer.resting && !peer.is_silent(now));
+        self.terrain
+            .note_standing_peers(self.peers.standing_claims(now));
+        let search = self.terrain.search(now, state.pose);
+        let way_home = WayHome::of(&search, self.settings.home, self.terrain.standing_peers());
+        let others_move = self.peers.iter().any(|(_, peer)| !peer.stands(now));
         let presses_on = others_move || self.is_low();
-        let unknown = match self.pilot.way_home(now, state) {
+        let unknown = match way_home {
             _ if presses_on => Unknown::LastResort,
             WayHome::Open if home.tries % TRIES != TRIES - 1 => Unknown::Barred,
             WayHome::BehindPeers if !self.has_waited(now, &queue) => {
@@ -86,7 +82,7 @@ impl Mission {
             }
             WayHome::Open | WayHome::BehindPeers | WayHome::Unknown => Unknown::LastResort,
         };
-        self.pilot.go_home(now, state, unknown);
+        self.pilot.go_home(now, state.pose, &self.terrain, unknown);
         self.plan.leave();
         let bold_since = (unknown == Unknown::LastResort).then_some(now);
         let stage = ReturnStage::UnderWay {
@@ -164,7 +160,7 @@ impl Mission {
             .peers
             .iter()
             .filter(|(id, _)| *id > self.settings.vehicle);
-        let higher_stand = higher.all(|(_, peer)| peer.resting || peer.is_silent(now));
+        let higher_stand = higher.all(|(_, peer)| peer.stands(now));
         let is_later = queue.has_stepped_back && !self.is_low();
         let within = if is_later {
             LATER_HIGHER_WITHIN

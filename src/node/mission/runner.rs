@@ -26,6 +26,7 @@ use super::home::HOME_M;
 use super::kind::{Course, Kind, PassedOver, Seen, Step, Surroundings};
 use super::look_around::{LookAround, Next, dwell};
 use super::pilot::{Met, Pilot};
+use super::terrain::Terrain;
 use super::{End, Out, Remark};
 use crate::geom::{Cell, Point, Pose};
 use crate::node::peers::Peers;
@@ -94,7 +95,9 @@ pub struct Scene<'a> {
     pub now: Time,
     /// The own state.
     pub state: &'a OwnState,
-    /// Who drives, and what is known of the world.
+    /// What is known of the ground.
+    pub terrain: &'a Terrain,
+    /// Drives.
     pub pilot: &'a mut Pilot,
     /// The others.
     pub peers: &'a Peers,
@@ -115,7 +118,7 @@ impl Scene<'_> {
         Surroundings {
             now: self.now,
             pose: self.pose(),
-            pilot: self.pilot,
+            terrain: self.terrain,
             peers: self.peers,
         }
     }

@@ -22,7 +22,7 @@ use super::{Course, MissionKind, Seen, Step, Surroundings};
 use crate::geom::{Angle, Cell, Point};
 use crate::map::{CellRect, Occupancy, View};
 use crate::node::Settings;
-use crate::node::mission::pilot::{Pilot, RULES};
+use crate::node::mission::terrain::{RULES, Terrain};
 use crate::node::mission::{End, look_around};
 use crate::plan::{Distances, Frontiers, Grid};
 use crate::time::Time;
@@ -89,7 +89,7 @@ impl MissionKind for Seek {
                 Step::LookAround
             }
             (Seen::Ready, Stage::Choosing | Stage::Going(_)) => self.choose(around),
-            (Seen::UnderWay, Stage::Going(cell)) if !self.is_frontier(around.pilot, cell) => {
+            (Seen::UnderWay, Stage::Going(cell)) if !self.is_frontier(around.terrain, cell) => {
                 self.choose(around)
             }
             (Seen::UnderWay, Stage::Fresh | Stage::Choosing | Stage::Going(_)) => Step::GoOn,
@@ -105,7 +105,7 @@ impl MissionKind for Seek {
                 Stage::Fresh | Stage::Choosing | Stage::Going(_),
             ) => {
                 if at.is_some() {
-                    self.note_look(around.pilot, from, toward, at);
+                    self.note_look(around.terrain, from, toward, at);
                 }
                 Step::Think
             }
@@ -132,7 +132,7 @@ impl MissionKind for Seek {
             let has_looked = peer.resting && around.now.since(peer.moved_at) >= dwell;
             if has_looked && self.peers_looked.get(&id) != Some(&peer.moved_at) {
                 self.peers_looked.insert(id, peer.moved_at);
-                self.note_look(around.pilot, peer.at, peer.heading, None);
+                self.note_look(around.terrain, peer.at, peer.heading, None);
             }
         }
     }
@@ -158,11 +158,11 @@ impl Seek {
         let Some(mut grid) = ground(around, &around.claims()) else {
             return Step::End(End::TooLarge);
         };
-        self.keep_frontiers(around.pilot);
+        self.keep_frontiers(around.terrain);
         let candidates = self.rated(around, grid.area());
         for is_narrow in [false, true] {
             if is_narrow {
-                grid.open_along(around.pilot.driven());
+                grid.open_along(around.terrain.driven());
             }
             if let Some((sight, reached)) = self.choose_sight(around, &grid, &candidates) {
                 return self.go_and_look(around, &grid, &reached, is_narrow, sight);
@@ -184,7 +184,7 @@ impl Seek {
     ) -> Option<(Sight, Distances)> {
         let (at, lattice) = (around.pose.at, self.settings.lattice);
         let reached = Distances::from_start(grid, lattice.cell_at(at), &RULES).ok()?;
-        let view = around.pilot.map().view(self.settings.slice, grid.area());
+        let view = around.terrain.map().view(self.settings.slice, grid.area());
         let known = Ground {
             lattice,
             view: &view,
@@ -192,8 +192,11 @@ impl Seek {
             reached: &reached,
             looks: &self.looks,
         };
-        let sight =
-            known.best_sight(at, candidates, self.reach(around.pilot.keep_m(around.pose)))?;
+        let sight = known.best_sight(
+            at,
+            candidates,
+            self.reach(around.terrain.keep_m(around.pose)),
+        )?;
         Some((sight, reached))
     }
 
@@ -229,7 +232,7 @@ impl Seek {
         let Some(mut grid) = ground(around, &[]) else {
             return false;
         };
-        grid.open_along(around.pilot.driven());
+        grid.open_along(around.terrain.driven());
         self.choose_sight(around, &grid, &self.candidates())
             .is_some()
     }
@@ -262,9 +265,9 @@ impl Seek {
     }
 
     /// Brings the frontiers up to date.
-    fn keep_frontiers(&mut self, pilot: &Pilot) {
+    fn keep_frontiers(&mut self, terrain: &Terrain) {
         let (slice, lattice) = (self.settings.slice, self.settings.lattice);
-        let map = pilot.map();
+        let map = terrain.map();
         if let Some(frontiers) = &mut self.frontiers {
             for address in std::mem::take(&mut self.changed) {
                 frontiers.update(map, CellRect::of_tile(address));
@@ -283,8 +286,8 @@ impl Seek {
     }
 
     /// Returns whether a cell is still a frontier.
-    fn is_frontier(&mut self, pilot: &Pilot, cell: Cell) -> bool {
-        self.keep_frontiers(pilot);
+    fn is_frontier(&mut self, terrain: &Terrain, cell: Cell) -> bool {
+        self.keep_frontiers(terrain);
         self.frontiers
             .as_ref()
             .is_some_and(|frontiers| frontiers.contains(cell))
@@ -292,7 +295,7 @@ impl Seek {
 
     /// Returns what is worth a look, and what is rather looked at.
     fn rated(&self, around: &Surroundings<'_>, area: CellRect) -> Vec<Candidate> {
-        let view = around.pilot.map().view(self.settings.slice, area);
+        let view = around.terrain.map().view(self.settings.slice, area);
         let mut candidates = self.candidates();
         for one in &mut candidates {
             one.penalty_m = match self.prefers {
@@ -313,7 +316,7 @@ impl Seek {
     }
 
     /// Notes a look from a place along a heading at everything unknown that it covered, and at one cell surely.
-    fn note_look(&mut self, pilot: &Pilot, from: Point, heading: Angle, at: Option<Cell>) {
+    fn note_look(&mut self, terrain: &Terrain, from: Point, heading: Angle, at: Option<Cell>) {
         let look = &self.settings.look;
         let widest_rad = look
             .beams
@@ -326,8 +329,8 @@ impl Seek {
         let Some(area) = CellRect::around(lattice, &[from], reach_m) else {
             return;
         };
-        self.keep_frontiers(pilot);
-        let view = pilot.map().view(self.settings.slice, area);
+        self.keep_frontiers(terrain);
+        let view = terrain.map().view(self.settings.slice, area);
         let is_covered = |one: &Candidate| {
             let off = from.angle_to(one.at) - heading;
             one.at.distance_to(from) <= reach_m
@@ -346,9 +349,8 @@ impl Seek {
 
 /// Returns the known free ground where the vehicle may be, clear of what peers claim.
 fn ground(around: &Surroundings<'_>, claims: &[Vec<Point>]) -> Option<Grid> {
-    around
-        .pilot
-        .ground(around.now, around.pose, None, false, claims)
+    let search = around.terrain.search(around.now, around.pose);
+    search.ground(None, false, claims)
 }
 
 /// Returns whether a peer is going to see a place anyway.

@@ -5,7 +5,7 @@ use super::{Scene, StepRunner};
 use crate::geom::{Point, Segment};
 use crate::map::{CellRect, Occupancy};
 use crate::node::mission::kind::Course;
-use crate::node::mission::pilot::RULES;
+use crate::node::mission::terrain::RULES;
 use crate::plan::{Grid, NoRoute, shortest_route};
 
 impl StepRunner {
@@ -43,7 +43,7 @@ impl StepRunner {
             })
         };
         course(&grid, false).or_else(|_: NoRoute| {
-            grid.open_along(scene.pilot.driven());
+            grid.open_along(scene.terrain.driven());
             course(&grid, true)
         })
     }
@@ -57,9 +57,8 @@ impl StepRunner {
         peers: &[Vec<Point>],
     ) -> Option<Grid> {
         let pose = scene.pose();
-        let mut grid = scene
-            .pilot
-            .ground(scene.now, pose, goal, unknown_allowed, peers)?;
+        let search = scene.terrain.search(scene.now, pose);
+        let mut grid = search.ground(goal, unknown_allowed, peers)?;
         self.close_barred(&mut grid, scene);
         grid.stand_on(self.settings.lattice.cell_at(pose.at));
         Some(grid)
@@ -70,9 +69,9 @@ impl StepRunner {
         if self.barred.is_empty() {
             return;
         }
-        let (lattice, keep_m) = (self.settings.lattice, scene.pilot.keep_m(scene.pose()));
+        let (lattice, keep_m) = (self.settings.lattice, scene.terrain.keep_m(scene.pose()));
         let track = scene
-            .pilot
+            .terrain
             .driven()
             .windows(2)
             .map(|pair| Segment::new(pair[0], pair[1]));
@@ -94,7 +93,7 @@ impl StepRunner {
     pub(super) fn note_barred(&mut self, scene: &Scene<'_>, at: Point) -> bool {
         let cell = self.settings.lattice.cell_at(at);
         let view = scene
-            .pilot
+            .terrain
             .map()
             .view(self.settings.slice, CellRect::new(cell, cell));
         let is_new = view.occupancy(cell) != Occupancy::Free && !self.barred.contains(&at);

@@ -9,6 +9,7 @@ use crate::node::tests_support::{own_state, settings, state};
 
 struct Rig {
     runner: StepRunner,
+    terrain: Terrain,
     pilot: Pilot,
     peers: Peers,
     own: OwnState,
@@ -21,15 +22,16 @@ impl Rig {
             task: Some(task),
             ..settings(1)
         };
-        let mut pilot = Pilot::new(settings.clone());
+        let mut terrain = Terrain::new(settings.clone());
         for tile in tiles(None) {
             let In::Tile(tile) = tile else { continue };
-            pilot.learn(&tile);
+            terrain.learn(&tile);
         }
         let runner = StepRunner::of(&settings).expect("it is no task of the ground's");
         Rig {
             runner,
-            pilot,
+            terrain,
+            pilot: Pilot::new(settings.clone()),
             peers: Peers::new(settings.vehicle),
             own: own_state(3.0, 0.0),
             now_s: 1.0,
@@ -43,6 +45,7 @@ impl Rig {
         let mut scene = Scene {
             now: at(self.now_s),
             state: &self.own,
+            terrain: &self.terrain,
             pilot: &mut self.pilot,
             peers: &self.peers,
             out: &mut out,

@@ -12,7 +12,7 @@ use crate::node::tests_support::{settings, state};
 /// A search with all that it may look at.
 struct World {
     seek: Seek,
-    pilot: Pilot,
+    terrain: Terrain,
     peers: Peers,
     at: Point,
 }
@@ -20,15 +20,15 @@ struct World {
 impl World {
     fn new(prefers: Preference) -> World {
         let settings = settings(1);
-        let mut pilot = Pilot::new(settings.clone());
+        let mut terrain = Terrain::new(settings.clone());
         for tile in tiles(None) {
             let In::Tile(tile) = tile else { continue };
-            pilot.learn(&tile);
+            terrain.learn(&tile);
         }
         let peers = Peers::new(settings.vehicle);
         World {
             seek: Seek::new(&settings, prefers),
-            pilot,
+            terrain,
             peers,
             at: Point::default(),
         }
@@ -44,7 +44,7 @@ impl World {
         let around = Surroundings {
             now,
             pose,
-            pilot: &self.pilot,
+            terrain: &self.terrain,
             peers: &self.peers,
         };
         self.seek.watch_peers(&around);
@@ -75,7 +75,7 @@ impl World {
                 }
                 Step::LookAt(cell) => {
                     looks += 1;
-                    let toward = self.at.angle_to(self.pilot.map().lattice().centre(cell));
+                    let toward = self.at.angle_to(self.terrain.map().lattice().centre(cell));
                     self.tell(Seen::Looked {
                         from: self.at,
                         toward,
@@ -111,8 +111,8 @@ fn what_cannot_be_searched_at_all_is_said() {
         fence: far,
         ..settings(1)
     };
-    (world.pilot, world.seek) = (
-        Pilot::new(settings.clone()),
+    (world.terrain, world.seek) = (
+        Terrain::new(settings.clone()),
         Seek::new(&settings, Preference::NearObjects),
     );
     assert_eq!(world.begin(), Step::End(End::TooLarge));
