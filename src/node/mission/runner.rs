@@ -3,14 +3,19 @@
 //! pilot drives, the vehicle actor has the last word.
 //!
 //! ```text
-//!   Choosing ─a place─► Driving ─arrived─► Looking ─► Choosing ─ended─► (going home) ─► Over
-//!      ▲  ▲                │ blocked, or what was to be seen is seen           │
-//!      │  └────────────────┘                                                   │
-//!      └─ peers are in the way: wait, step aside, the lowest id last ──────────┘
+//!   [Choosing] ─ a place, aside, or home ─► [Driving]
+//!   [Choosing] ─ something to look at ─► [Looking]
+//!   [Choosing] ─ peers are in the way: wait; the lowest id waits longest before it steps aside ─► [Choosing]
+//!   [Driving]  ─ arrived: the mission says whether it looks or thinks ─► [Looking], [Choosing]
+//!   [Driving]  ─ blocked, or what was to be seen is seen ─► [Choosing]
+//!   [Looking]  ─ everything looked at ─► [Choosing]
+//!   [Choosing] ─ the mission has ended, and no way leads home; [Driving] ─ home ─► [Over]
 //! ```
 //!
 //! Deliberately absent: where to go and what to look at, see [`super::kind`].
 
+mod barred_places;
+mod own_mission;
 mod routes;
 mod tries;
 mod yield_to_peers;
@@ -20,6 +25,9 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{MissionPhase, Mode, TileReport};
 
+use self::barred_places::BarredPlaces;
+use self::own_mission::OwnMission;
+use self::routes::Courses;
 use self::tries::Tries;
 use self::yield_to_peers::{Yield, YieldToPeers, way_aside};
 use super::home::HOME_M;
@@ -78,15 +86,12 @@ enum Phase {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct StepRunner {
     settings: Settings,
-    /// What it is out for; `None` = that has ended, and it goes home.
-    kind: Option<Kind>,
+    mission: OwnMission,
     phase: Phase,
-    /// What was looked at on the way to a place and never seen free.
-    barred: Vec<Point>,
+    /// What was in the way to the present place of the mission.
+    barred: BarredPlaces,
     tries: Tries,
     yields: YieldToPeers,
-    /// How it ended.
-    end: Option<End>,
 }
 
 /// What a runner is told and may use.
@@ -133,19 +138,18 @@ impl StepRunner {
     pub fn of(settings: &Settings) -> Option<StepRunner> {
         Some(StepRunner {
             settings: settings.clone(),
-            kind: Some(Kind::of(settings)?),
+            mission: OwnMission::UnderWay(Kind::of(settings)?),
             phase: Phase::Choosing { from: Time::ZERO },
-            barred: Vec::new(),
+            barred: BarredPlaces::default(),
             tries: Tries::default(),
             yields: YieldToPeers::default(),
-            end: None,
         })
     }
 
     /// Notes that a tile of the map has changed.
     pub fn learn(&mut self, tile: &TileReport) {
-        if let Some(kind) = &mut self.kind {
-            kind.mission().tile_changed(tile.address);
+        if let Some(mission) = self.mission.under_way() {
+            mission.tile_changed(tile.address);
         }
     }
 
@@ -164,7 +168,7 @@ impl StepRunner {
     pub fn phase(&self) -> MissionPhase {
         match self.phase {
             Phase::Choosing { .. } if self.yields.in_a_row() > 0 => MissionPhase::Yielding,
-            Phase::Choosing { .. } if self.kind.is_none() => MissionPhase::Returning,
+            Phase::Choosing { .. } if self.end().is_some() => MissionPhase::Returning,
             Phase::Choosing { .. } => MissionPhase::Choosing,
             Phase::Driving {
                 to: Destination::Aside,
@@ -185,12 +189,12 @@ impl StepRunner {
 
     /// Returns how many places of the mission are still to be visited; one that has no list of places has none.
     pub fn places_left(&self) -> usize {
-        self.kind.as_ref().map_or(0, Kind::places_left)
+        self.mission.places_left()
     }
 
     /// Returns how the mission ended; `None` = it has not.
     pub fn end(&self) -> Option<&End> {
-        self.end.as_ref()
+        self.mission.end()
     }
 
     /// Begins to think anew, after the vehicle was stopped or held.
@@ -205,8 +209,8 @@ impl StepRunner {
         if let Some(Met::Blocked(at)) = met.iter().find(|met| matches!(met, Met::Blocked(_))) {
             self.is_blocked(scene, *at);
         }
-        if let Some(kind) = &mut self.kind {
-            kind.mission().watch_peers(&scene.surroundings());
+        if let Some(mission) = self.mission.under_way() {
+            mission.watch_peers(&scene.surroundings());
         }
         match self.phase {
             Phase::Choosing { from } if from <= scene.now => self.tell(scene, Seen::Ready),
@@ -222,10 +226,10 @@ impl StepRunner {
 
     /// Tells the mission what is seen, and does what it says; once it has ended the vehicle goes home.
     fn tell(&mut self, scene: &mut Scene<'_>, seen: Seen) {
-        let Some(kind) = &mut self.kind else {
+        let Some(mission) = self.mission.under_way() else {
             return self.head_home(scene);
         };
-        match kind.mission().next(seen, &scene.surroundings()) {
+        match mission.next(seen, &scene.surroundings()) {
             Step::GoOn => {}
             Step::Think => {
                 self.yields.end();
@@ -352,7 +356,9 @@ impl StepRunner {
         scene.pilot.give_up(place);
         match to {
             // What is barred is news for the next path.
-            Destination::ByPath(_) if self.note_barred(scene, at) => self.think(scene.now),
+            Destination::ByPath(_) if !scene.terrain.is_free(at) && self.barred.note(at) => {
+                self.think(scene.now);
+            }
             Destination::Straight(_) | Destination::ByPath(_) | Destination::Viewpoint => {
                 self.tell(scene, Seen::Blocked(at));
             }
@@ -375,12 +381,13 @@ impl StepRunner {
         if self.tries.are_spent() {
             return self.pass_over(scene, place, PassedOver::GivenUp);
         }
-        match self.course(scene, place, true) {
+        let (courses, claims) = (self.courses(scene), scene.surroundings().claims());
+        match courses.course_to(place, true, &claims) {
             Ok(course) => {
                 self.yields.end();
                 self.drive(scene, &course, Destination::ByPath(place));
             }
-            Err(_) if self.is_open_without_peers(scene, place) => self.yield_to_peers(scene),
+            Err(_) if courses.course_to(place, true, &[]).is_ok() => self.yield_to_peers(scene),
             Err(crate::plan::NoRoute::StartBarred) => {
                 // Something stands too near to where the vehicle is: it looks again, later.
                 self.tries.hemmed_in(scene.pose().at);
@@ -394,8 +401,8 @@ impl StepRunner {
     }
 
     fn pass_over(&mut self, scene: &mut Scene<'_>, place: Point, why: PassedOver) {
-        if let Some(kind) = &mut self.kind {
-            kind.mission().pass_over(why);
+        if let Some(mission) = self.mission.under_way() {
+            mission.pass_over(why);
         }
         self.barred.clear();
         self.tries.clear();
@@ -407,10 +414,10 @@ impl StepRunner {
     fn yield_to_peers(&mut self, scene: &mut Scene<'_>) {
         match (
             self.yields.once_more(self.settings.vehicle, scene.peers),
-            &mut self.kind,
+            self.mission.under_way(),
         ) {
-            (Yield::InVain, Some(kind)) => {
-                let end = kind.mission().give_up();
+            (Yield::InVain, Some(mission)) => {
+                let end = mission.give_up();
                 self.finish(scene, end);
             }
             (Yield::StepAside, _) => match self.course_aside(scene) {
@@ -421,9 +428,17 @@ impl StepRunner {
         }
     }
 
+    fn courses<'a>(&'a self, scene: &Scene<'a>) -> Courses<'a> {
+        Courses {
+            search: scene.terrain.search(scene.now, scene.pose()),
+            barred: &self.barred,
+            lattice: self.settings.lattice,
+        }
+    }
+
     fn course_aside(&self, scene: &Scene<'_>) -> Option<Course> {
         let claims = scene.surroundings().claims();
-        let grid = self.ground(scene, None, false, &claims)?;
+        let grid = self.courses(scene).ground(None, false, &claims)?;
         let corners = way_aside(&grid, self.settings.lattice, scene.pose().at, scene.peers)?;
         Some(Course {
             corners,
@@ -436,8 +451,7 @@ impl StepRunner {
         scene.pilot.give_up(place);
         self.yields.end();
         self.tries.clear();
-        self.kind = None;
-        self.end = Some(end.clone());
+        self.mission = OwnMission::Ended(end.clone());
         scene.remark(Remark::Ended(end));
         self.think(scene.now);
     }
@@ -449,7 +463,8 @@ impl StepRunner {
             self.phase = Phase::Over;
             return;
         }
-        match self.course(scene, home, false) {
+        let claims = scene.surroundings().claims();
+        match self.courses(scene).course_to(home, false, &claims) {
             Ok(course) => self.drive(scene, &course, Destination::Home),
             Err(_) if self.yields.in_a_row() < HOME_WAITS_MAX => self.yield_to_peers(scene),
             Err(_) => self.phase = Phase::Over,

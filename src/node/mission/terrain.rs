@@ -17,7 +17,7 @@ use self::driven_places::DrivenPlaces;
 use self::reflex_obstacles::ReflexObstacles;
 use super::way::Way;
 use crate::geom::{Point, Pose, Rect};
-use crate::map::{CellRect, Merged};
+use crate::map::{CellRect, Merged, Occupancy};
 use crate::node::Settings;
 use crate::node::vehicle::Bump;
 use crate::plan::{Corridor, Release};
@@ -83,6 +83,12 @@ impl Terrain {
     /// Returns the map.
     pub fn map(&self) -> &Merged {
         &self.map
+    }
+
+    /// Returns whether a place is known to be free.
+    pub fn is_free(&self, place: Point) -> bool {
+        let cell = self.settings.lattice.cell_at(place);
+        self.map.occupancy(self.settings.slice, cell) == Occupancy::Free
     }
 
     /// Returns what peers that stand or are silent claim.

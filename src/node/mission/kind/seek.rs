@@ -2,20 +2,24 @@
 //! nearest first. (Frontier-based exploration, Yamauchi 1997; what is near a peer is left to it.)
 //!
 //! ```text
-//!   Fresh ─looked around─► Choosing ─a place to look from─► Going ─arrived, or seen on the way─► Choosing
+//!   [Fresh]    ─ looked around ─► [Choosing]
+//!   [Choosing] ─ a place to look from ─► [Going]
+//!   [Going]    ─ looked, seen on the way, or blocked ─► [Choosing]
 //! ```
 //!
 //! Only ground known to be free is driven over; what stays unknown after some looks, each from nearer by, is left.
 //! Deliberately absent: claims of goals on the wire. Who goes where is judged by the peers' places and ways.
 
+mod known_frontiers;
 mod looks;
 mod sights;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{TileAddress, VehicleId};
 
+use self::known_frontiers::KnownFrontiers;
 use self::looks::Looks;
 use self::sights::{Candidate, Ground, Reach, Sight, sees};
 use super::{Course, MissionKind, Seen, Step, Surroundings};
@@ -24,7 +28,7 @@ use crate::map::{CellRect, Occupancy, View};
 use crate::node::Settings;
 use crate::node::mission::terrain::{RULES, Terrain};
 use crate::node::mission::{End, look_around};
-use crate::plan::{Distances, Frontiers, Grid};
+use crate::plan::{Distances, Grid};
 use crate::time::Time;
 
 /// The vehicle goes this much nearer to what it looks at than it must keep from it, metres; when it cannot, it looks
@@ -71,12 +75,8 @@ pub struct Seek {
     prefers: Preference,
     stage: Stage,
     looks: Looks,
-    /// Where known free ground ends; made anew when it is lost.
     #[serde(skip)]
-    frontiers: Option<Frontiers>,
-    /// Tiles that have changed since the frontiers were kept.
-    #[serde(skip)]
-    changed: BTreeSet<TileAddress>,
+    frontiers: KnownFrontiers,
     /// When each peer last came to rest, as far as its look from there is noted.
     peers_looked: BTreeMap<VehicleId, Time>,
 }
@@ -117,9 +117,7 @@ impl MissionKind for Seek {
     }
 
     fn tile_changed(&mut self, address: TileAddress) {
-        if self.frontiers.is_some() {
-            self.changed.insert(address);
-        }
+        self.frontiers.tile_changed(address);
     }
 
     /// Notes what peers look at, so that it is not looked at by all of them in vain.
@@ -146,8 +144,7 @@ impl Seek {
             prefers,
             stage: Stage::Fresh,
             looks: Looks::new(settings.lattice),
-            frontiers: None,
-            changed: BTreeSet::new(),
+            frontiers: KnownFrontiers::default(),
             peers_looked: BTreeMap::new(),
         }
     }
@@ -158,7 +155,7 @@ impl Seek {
         let Some(mut grid) = ground(around, &around.claims()) else {
             return Step::End(End::TooLarge);
         };
-        self.keep_frontiers(around.terrain);
+        self.frontiers.update(around.terrain.map(), &self.settings);
         let candidates = self.rated(around, grid.area());
         for is_narrow in [false, true] {
             if is_narrow {
@@ -250,11 +247,8 @@ impl Seek {
     fn candidates(&self) -> Vec<Candidate> {
         let lattice = self.settings.lattice;
         let least = (FRONTIER_M / lattice.cell_m()).round().max(1.0) as usize;
-        let clusters = self.frontiers.iter().flat_map(Frontiers::clusters);
-        let cells = clusters
-            .filter(|cluster| cluster.size() >= least)
-            .flat_map(|cluster| cluster.cells);
-        cells
+        self.frontiers
+            .cells(least)
             .filter(|cell| !self.looks.is_spent(*cell))
             .map(|cell| Candidate {
                 cell,
@@ -264,33 +258,10 @@ impl Seek {
             .collect()
     }
 
-    /// Brings the frontiers up to date.
-    fn keep_frontiers(&mut self, terrain: &Terrain) {
-        let (slice, lattice) = (self.settings.slice, self.settings.lattice);
-        let map = terrain.map();
-        if let Some(frontiers) = &mut self.frontiers {
-            for address in std::mem::take(&mut self.changed) {
-                frontiers.update(map, CellRect::of_tile(address));
-            }
-            return;
-        }
-        let Some(area) = CellRect::around(lattice, self.settings.fence.corners(), 0.0) else {
-            return;
-        };
-        let inside = |at: Point| self.settings.fence.contains(at);
-        let Ok(mut frontiers) = Frontiers::new(lattice, slice, area, inside) else {
-            return;
-        };
-        frontiers.update(map, area);
-        self.frontiers = Some(frontiers);
-    }
-
     /// Returns whether a cell is still a frontier.
     fn is_frontier(&mut self, terrain: &Terrain, cell: Cell) -> bool {
-        self.keep_frontiers(terrain);
-        self.frontiers
-            .as_ref()
-            .is_some_and(|frontiers| frontiers.contains(cell))
+        self.frontiers.update(terrain.map(), &self.settings);
+        self.frontiers.contains(cell)
     }
 
     /// Returns what is worth a look, and what is rather looked at.
@@ -329,7 +300,7 @@ impl Seek {
         let Some(area) = CellRect::around(lattice, &[from], reach_m) else {
             return;
         };
-        self.keep_frontiers(terrain);
+        self.frontiers.update(terrain.map(), &self.settings);
         let view = terrain.map().view(self.settings.slice, area);
         let is_covered = |one: &Candidate| {
             let off = from.angle_to(one.at) - heading;

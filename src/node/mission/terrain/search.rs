@@ -56,6 +56,16 @@ impl PathSearch<'_> {
         self.pose.at
     }
 
+    /// Returns how far the middle of the vehicle keeps from what stands there, metres.
+    pub fn keep_m(&self) -> f64 {
+        keep_m(self.settings, self.pose)
+    }
+
+    /// Returns the places where the vehicle has driven, in order.
+    pub fn driven(&self) -> &[Point] {
+        self.driven
+    }
+
     /// Returns whether a place is the vehicle's home.
     pub fn is_home(&self, place: Point) -> bool {
         place == self.settings.home
@@ -153,8 +163,7 @@ impl PathSearch<'_> {
         peers: &[Vec<Point>],
     ) -> Option<Grid> {
         let view = self.map.view(self.settings.slice, area);
-        let keep_m = keep_m(self.settings, self.pose);
-        let mut grid = Grid::of_map(&view, area, keep_m, unknown_allowed).ok()?;
+        let mut grid = Grid::of_map(&view, area, self.keep_m(), unknown_allowed).ok()?;
         // What the map does not know is closed; and wherever the vehicle stands, it can set out from there.
         grid.close_outside(&self.settings.fence, self.fence_m(goal));
         peers
@@ -172,7 +181,7 @@ impl PathSearch<'_> {
         let edge_m = |at: Point| fence.distance_to_edge(at) - self.settings.lattice.cell_m();
         // A goal may lie near the fence; but nobody comes nearer to it step by step.
         let least_m = radius_m + 3.0 * self.pose.sd_m + FENCE_M;
-        keep_m(self.settings, self.pose)
+        self.keep_m()
             .min(edge_m(self.pose.at).max(least_m))
             .min(goal.map_or(f64::INFINITY, edge_m))
             .max(radius_m)

@@ -7,7 +7,7 @@ use crate::geom::{Pose, Rect};
 use crate::node::mission::In;
 use crate::node::mission::tests::tiles;
 use crate::node::peers::Peers;
-use crate::node::tests_support::{settings, state};
+use crate::node::tests_support::{drawn, settings, state, variants};
 
 /// A search with all that it may look at.
 struct World {
@@ -182,4 +182,17 @@ fn an_explorer_leaves_to_a_peer_what_the_peer_is_near_to_and_a_search_does_not()
         explore_m > search_m && explore_m > 2.0,
         "{search_m} m, {explore_m} m"
     );
+}
+
+#[test]
+fn the_drawing_shows_the_stages_and_no_others() {
+    let word = |stage: Stage| match stage {
+        Stage::Fresh => "Fresh",
+        Stage::Choosing => "Choosing",
+        Stage::Going(_) => "Going",
+    };
+    let stages = [Stage::Fresh, Stage::Choosing, Stage::Going(Cell::new(0, 0))];
+    let shown = drawn(include_str!("../seek.rs"));
+    assert_eq!(shown, variants::<Stage>());
+    assert!(stages.iter().all(|stage| shown.contains(word(*stage))));
 }
