@@ -12,6 +12,7 @@
 //!
 //! Deadlines: `repeat progress`, `the dwell at the stop ends`, `path ready`, `search again`.
 
+mod announcements;
 mod assignment;
 mod autonomy;
 mod goal;
@@ -29,20 +30,18 @@ mod share;
 mod terrain;
 mod way;
 
-use std::collections::BTreeSet;
-use std::time::Duration;
-
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{
-    EmergencyStop, Order, OrderKind, Plan, RunId, SeenState, StandReason, Task, VehicleId,
-};
+use tomoswarm_proto::{EmergencyStop, Order, OrderKind, Plan, RunId, SeenState, Task};
 
+use self::announcements::Announcements;
 use self::assignment::Assignment;
-use self::autonomy::Links;
-use self::goal::{By, Goal, Return, ReturnStage};
+use self::autonomy::{Autonomy, Decision};
+use self::goal::{By, Goal, Return, ReturnQueue, ReturnStage};
 use self::ground_plan::GroundPlan;
+use self::home::WayHome;
 use self::leases::PlanLeases;
 use self::pilot::{Met, Pilot};
+use self::returning::{Returning, Turn};
 use self::runner::{Scene, StepRunner};
 use self::terrain::Terrain;
 use super::ages::StateAges;
@@ -61,8 +60,6 @@ pub use home::{HOME_M, farthest_m as home_farthest_m, is_at_home};
 pub use messages::{End, In, Key, MissionStatus, Out, Remark};
 pub(super) use share::share;
 
-/// Progress is repeated this often.
-const REPEAT_EVERY: Duration = Duration::from_secs(1);
 /// Searches in vain before a stop is given up.
 const FAILURES_MAX: u32 = 3;
 
@@ -78,23 +75,17 @@ pub struct Mission {
     /// What it does when the ground station does not plan for it.
     runner: Option<StepRunner>,
     goal: Goal,
-    links: Links,
-    is_battery_low: bool,
+    autonomy: Autonomy,
     peers: Peers,
-    silent: BTreeSet<VehicleId>,
     ages: StateAges,
     leases: PlanLeases,
-    said_holds: Option<StandReason>,
-    said_measure: Option<RunId>,
-    repeat_at: Time,
+    announcements: Announcements,
 }
 
 impl Mission {
     /// Makes the actor of a vehicle that waits for plans and a start.
     pub fn new(settings: Settings) -> Mission {
         let leases = PlanLeases::remembering(settings.memory);
-        let repeat_at =
-            Time::ZERO + REPEAT_EVERY + Duration::from_millis(53) * u32::from(settings.vehicle.0);
         Mission {
             terrain: Terrain::new(settings.clone()),
             pilot: Pilot::new(settings.clone()),
@@ -102,17 +93,13 @@ impl Mission {
             runner: StepRunner::of(&settings),
             peers: Peers::new(settings.vehicle),
             plan: GroundPlan::new(&settings),
+            announcements: Announcements::new(settings.vehicle),
             settings,
             state: None,
             goal: Goal::Waiting,
-            links: Links::default(),
-            is_battery_low: false,
-            silent: BTreeSet::new(),
+            autonomy: Autonomy::default(),
             ages: StateAges::default(),
             leases,
-            said_holds: None,
-            said_measure: None,
-            repeat_at,
         }
     }
 
@@ -136,7 +123,7 @@ impl Mission {
     fn go_on(&mut self, now: Time, out: &mut Vec<Out>) {
         self.look_after_itself(now, out);
         match self.goal {
-            Goal::Following | Goal::Returning(_) if self.links.is_alone => {}
+            Goal::Following | Goal::Returning(_) if self.autonomy.is_alone() => {}
             Goal::Following => self.follow(now, out),
             Goal::Returning(home) => self.bring_home(now, home, out),
             Goal::Held(_) | Goal::Waiting | Goal::Home(_) => self.stay(),
@@ -144,18 +131,51 @@ impl Mission {
         self.report(out);
     }
 
+    /// Looks at peers, links and battery, before anything else is decided.
+    fn look_after_itself(&mut self, now: Time, out: &mut Vec<Out>) {
+        for decision in self.autonomy.watch_peers(now, &self.peers) {
+            self.carry_out(now, decision, out);
+        }
+        let autonomy = self.settings.swarm.autonomy();
+        for decision in self.autonomy.watch_links(now, autonomy, self.goal) {
+            self.carry_out(now, decision, out);
+        }
+        let Some(state) = &self.state else { return };
+        let safety = &self.settings.safety;
+        let decision = self
+            .autonomy
+            .watch_battery(state.battery, safety, self.goal);
+        if let Some(decision) = decision {
+            self.carry_out(now, decision, out);
+        }
+    }
+
+    /// Does what nobody has ordered.
+    fn carry_out(&mut self, now: Time, decision: Decision, out: &mut Vec<Out>) {
+        let (goal, cause) = match decision {
+            Decision::Say(remark) => return out.push(Out::Remark(remark)),
+            Decision::Stop => return self.stop(now, out),
+            Decision::Hold(cause) => (Goal::Held(By::Itself(cause)), cause),
+            Decision::Return(cause) => (Goal::go_home(now, By::Itself(cause)), cause),
+        };
+        self.goal = goal;
+        self.stop(now, out);
+        out.push(Out::Remark(Remark::Decides(cause, self.status())));
+    }
+
     fn follow(&mut self, now: Time, out: &mut Vec<Out>) {
         if self.runner.is_some() {
             return self.run_steps(now, out);
         }
-        if self.assignment.refusal().is_some() || self.plan.has_left() {
+        if self.is_without_plan() {
             return self.stay();
         }
         self.plan.resume();
         self.enter_legs();
         self.drive(now, out);
         self.plan.wake(now);
-        // Who gets nowhere lets the ground plan anew from here; who is asked to change its plan does so where it rests.
+        // A vehicle that cannot move asks the ground for a new plan from here; one that is asked to change its plan does so
+        // where it rests.
         let commanded = out.iter().any(|said| matches!(said, Out::Command(..)));
         let is_asked = matches!(self.waits_for(), Some(WaitsFor::Revision { .. }));
         if (self.pilot.failures() >= FAILURES_MAX || is_asked) && !commanded {
@@ -179,6 +199,73 @@ impl Mission {
         runner.go_on(&mut scene, &met);
         // What was chosen just now is begun at once.
         self.advance(now, out);
+    }
+
+    /// Goes on with the way home: waits for its turn, or drives.
+    fn bring_home(&mut self, now: Time, home: Return, out: &mut Vec<Out>) {
+        match home.stage {
+            ReturnStage::InQueue(queue) => self.wait_in_queue(now, home, &queue),
+            ReturnStage::UnderWay { .. } => self.drive_home(now, home, out),
+        }
+    }
+
+    fn wait_in_queue(&mut self, now: Time, home: Return, queue: &ReturnQueue) {
+        let Some(state) = self.state.as_ref().filter(|state| state.leg.is_none()) else {
+            return;
+        };
+        let returning = self.returning(now, home);
+        if !returning.is_its_turn(queue) {
+            return;
+        }
+        let peers = self.peers.standing_claims(now);
+        let search = self.terrain.search(now, state.pose);
+        let way_home = WayHome::of(&search, self.settings.home, &peers);
+        let turn = returning.turn(queue, way_home);
+        self.terrain.note_standing_peers(peers);
+        match turn {
+            Turn::Waits(home) => self.goal = Goal::Returning(home),
+            Turn::Drives(home, unknown) => {
+                let pose = state.pose;
+                self.pilot.go_home(now, pose, &self.terrain, unknown);
+                self.plan.leave();
+                self.goal = Goal::Returning(home);
+            }
+        }
+    }
+
+    fn drive_home(&mut self, now: Time, home: Return, out: &mut Vec<Out>) {
+        if self.state.is_none() {
+            return;
+        }
+        self.drive(now, out);
+        if self.pilot.way().is_empty() {
+            self.goal = Goal::Home(home.by);
+            out.push(Out::Remark(Remark::Home));
+            return;
+        }
+        let is_refused = self.pilot.is_refused();
+        self.step_back(now, |returning| {
+            let gives_up = is_refused && !returning.is_battery_low();
+            gives_up.then(|| returning.tried_in_vain())
+        });
+    }
+
+    fn returning(&self, now: Time, home: Return) -> Returning<'_> {
+        Returning {
+            now,
+            own: self.settings.vehicle,
+            peers: &self.peers,
+            home,
+        }
+    }
+
+    /// Lets others have their turn, if it returns and they are to have it.
+    fn step_back(&mut self, now: Time, back: impl FnOnce(Returning<'_>) -> Option<Return>) {
+        if let Goal::Returning(home) = self.goal
+            && let Some(home) = back(self.returning(now, home))
+        {
+            self.goal = Goal::Returning(home);
+        }
     }
 
     /// Enters legs ahead as far as the plans allow.
@@ -211,28 +298,23 @@ impl Mission {
     }
 
     fn meet(&mut self, now: Time, met: Met, out: &mut Vec<Out>) {
-        let remark = match met {
+        match met {
             Met::Stop(stop) => {
-                let place = self
-                    .state
-                    .as_ref()
-                    .map(|state| state.pose.at)
-                    .unwrap_or_default();
-                self.plan.pass(now, stop, place);
-                Remark::Done(stop)
+                let place = self.state.as_ref().map(|state| state.pose.at);
+                self.plan.pass(now, stop, place.unwrap_or_default());
             }
-            Met::Looks(at) => Remark::Looks(at),
-            Met::Blocked(at) => Remark::Blocked(at),
-            Met::Path(length_m) => Remark::Path(length_m),
             Met::NoPath(failures) => {
                 if failures >= FAILURES_MAX {
                     self.give_up_stop(now, out);
                 }
-                self.finds_no_way_home(now, failures);
-                Remark::NoPath(failures)
+                self.step_back(now, |returning| {
+                    let gives_way = returning.gives_way(failures);
+                    gives_way.then(|| returning.tried_in_vain())
+                });
             }
-        };
-        out.push(Out::Remark(remark));
+            Met::Looks(_) | Met::Blocked(_) | Met::Path(_) => {}
+        }
+        out.push(Out::Remark(met.into()));
     }
 
     /// Gives up the stop that comes next when the plan gets on only without it.
@@ -291,6 +373,15 @@ impl Mission {
         plan.seen.is_some_and(is_fresh)
     }
 
+    /// A newer plan of its own takes a vehicle back that acts on its own since it had lost the bus: the ground knows of
+    /// it, and has planned from where it is.
+    fn resume_for(&mut self, now: Time, plan: &Plan, out: &mut Vec<Out>) {
+        if self.plan.is_newer(plan) && self.goal.cause() == Some(Cause::BusLost) {
+            self.goal = Goal::Following;
+            self.stop(now, out);
+        }
+    }
+
     /// A new revision is followed: what was left of the old way is given up.
     fn adopted(&mut self, progress: &VehicleProgress, out: &mut Vec<Out>) {
         if let Some(state) = &self.state {
@@ -303,13 +394,6 @@ impl Mission {
         )));
     }
 
-    /// Whoever is forgotten is neither silent nor heard again.
-    fn forget_strangers(&mut self, now: Time, expected: &[VehicleId]) {
-        self.peers.note_expected(now, expected);
-        self.silent
-            .retain(|vehicle| self.peers.get(*vehicle).is_some());
-    }
-
     fn hear(&mut self, now: Time, progress: &VehicleProgress, out: &mut Vec<Out>) {
         self.plan.hear(now, progress);
         self.report(out);
@@ -317,25 +401,15 @@ impl Mission {
 
     fn order(&mut self, now: Time, order: Order, out: &mut Vec<Out>) {
         self.leases.follow(order.lease);
-        match order.kind {
-            OrderKind::Start if matches!(self.goal, Goal::Home(_)) && self.is_battery_low => {
-                self.goal = Goal::Home(By::Order);
-            }
-            OrderKind::Start => {
-                if self.goal.drives_home() {
-                    self.stop(now, out);
-                }
-                self.goal = Goal::Following;
-                self.start(now, order.run, out);
-            }
-            OrderKind::Hold | OrderKind::Land | OrderKind::CutMotors => {
-                self.goal = Goal::Held(By::Order);
-                self.stop(now, out);
-            }
-            OrderKind::Return => {
-                self.goal = Goal::go_home(now, By::Order);
-                self.stop(now, out);
-            }
+        let (drove_home, is_start) = (self.goal.drives_home(), order.kind == OrderKind::Start);
+        let is_battery_low = self.autonomy.is_battery_low();
+        self.goal = self.goal.ordered(now, order.kind, is_battery_low);
+        let follows = is_start && self.goal == Goal::Following;
+        if !is_start || (follows && drove_home) {
+            self.stop(now, out);
+        }
+        if follows {
+            self.start(now, order.run, out);
         }
         self.go_on(now, out);
     }
@@ -410,7 +484,10 @@ impl Mission {
             vehicle::Remark::Refused(refusal) => {
                 self.pilot.refused(now);
                 if let vehicle::Refusal::Separation(peer) = refusal {
-                    self.yields_to(now, *peer);
+                    self.step_back(now, |returning| {
+                        let yields = returning.yields_to(*peer);
+                        yields.then(|| returning.stepped_back())
+                    });
                 }
             }
             vehicle::Remark::AutopilotSilent => {}
@@ -432,43 +509,29 @@ impl Mission {
         out.extend(news.finished.map(|run| Out::Remark(Remark::Finished(run))));
         let is_planned = self.goal == Goal::Following && !self.assignment.is_own();
         let measure = self.plan.measures_for().filter(|_| is_planned);
-        if measure != self.said_measure {
-            self.said_measure = measure;
-            out.push(Out::Measure(measure));
-        }
-        if self.holds_for() != self.said_holds {
-            self.said_holds = self.holds_for();
-            out.push(Out::Holds(self.said_holds));
+        out.extend(self.announcements.measure(measure));
+        out.extend(self.announcements.holds(self.holds_for()));
+    }
+
+    /// Returns when what is driven, or what is done at a stop, goes on by itself.
+    fn goal_deadline(&self) -> Option<Deadline> {
+        let pilot = self.pilot.deadline();
+        match (self.goal, &self.runner) {
+            _ if self.autonomy.is_alone() => None,
+            (Goal::Following, Some(runner)) => Deadline::earlier(
+                self.plan.deadline(),
+                Deadline::earlier(runner.deadline(), pilot),
+            ),
+            (Goal::Following, None) if self.is_without_plan() => self.plan.deadline(),
+            (Goal::Following, None) => Deadline::earlier(self.plan.deadline(), pilot),
+            (Goal::Returning(home), _) if home.is_under_way() => pilot,
+            (Goal::Returning(_) | Goal::Waiting | Goal::Held(_) | Goal::Home(_), _) => None,
         }
     }
 
-    /// The pilot wants to be woken only while something is being driven.
-    fn pilot_deadline(&self) -> Option<Deadline> {
-        match self.goal {
-            _ if self.links.is_alone => None,
-            Goal::Following if self.runner.is_some() => {
-                let steps = self.runner.as_ref().and_then(StepRunner::deadline);
-                Deadline::earlier(steps, self.pilot.deadline())
-            }
-            Goal::Following if self.assignment.refusal().is_some() || self.plan.has_left() => None,
-            Goal::Following => self.pilot.deadline(),
-            Goal::Returning(Return {
-                stage: ReturnStage::UnderWay { .. },
-                ..
-            }) => self.pilot.deadline(),
-            Goal::Returning(Return {
-                stage: ReturnStage::InQueue(_),
-                ..
-            })
-            | Goal::Waiting
-            | Goal::Held(_)
-            | Goal::Home(_) => None,
-        }
-    }
-
-    fn dwell_deadline(&self) -> Option<Deadline> {
-        let follows = self.goal == Goal::Following && !self.links.is_alone;
-        follows.then(|| self.plan.deadline()).flatten()
+    /// Returns whether it follows no plan: it refuses its task, or has left the plan and waits for a newer one.
+    fn is_without_plan(&self) -> bool {
+        self.assignment.refusal().is_some() || self.plan.has_left()
     }
 }
 
@@ -491,11 +554,14 @@ impl Actor for Mission {
             In::Progress(progress) => self.hear(now, &progress, out),
             In::Sighted(sighting) => {
                 self.peers.sight(now, &sighting);
-                self.links.heard_radio(now);
+                self.autonomy.heard_radio(now);
                 self.hear(now, &sighting.progress, out);
             }
-            In::Expected(vehicles) => self.forget_strangers(now, &vehicles),
-            In::Heard(by) => self.links.heard_bus(now, self.settings.vehicle, by),
+            In::Expected(vehicles) => {
+                self.peers.note_expected(now, &vehicles);
+                self.autonomy.forget_strangers(&self.peers);
+            }
+            In::Heard(by) => self.autonomy.heard_bus(now, self.settings.vehicle, by),
             In::Order(order) => self.order(now, order, out),
             In::Stops(open) => self.emergency(now, &open, out),
             In::Remark(remark) => self.remark(now, &remark),
@@ -509,18 +575,12 @@ impl Actor for Mission {
     }
 
     fn deadline(&self) -> Option<Deadline> {
-        let repeat = Some(Deadline {
-            at: self.repeat_at,
-            why: "repeat progress",
-        });
-        [repeat, self.dwell_deadline(), self.pilot_deadline()]
-            .into_iter()
-            .fold(None, Deadline::earlier)
+        let repeat = Some(self.announcements.deadline());
+        Deadline::earlier(repeat, self.goal_deadline())
     }
 
     fn wake(&mut self, now: Time, out: &mut Vec<Out>) -> Result<(), Fault> {
-        if self.repeat_at <= now {
-            self.repeat_at = now + REPEAT_EVERY;
+        if self.announcements.repeats(now) {
             out.push(Out::Progress(self.on_wire()));
         }
         self.go_on(now, out);

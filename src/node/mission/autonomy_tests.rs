@@ -1,8 +1,8 @@
 //! What a mission does when it hears nobody, has lost the bus, or runs out of battery.
 
 use crate::node::radio::BeaconReport;
-use tomoswarm_proto::Sender;
-use tomoswarm_proto::{Boot, Lease, Mode, Revision};
+use tomoswarm_proto::{Boot, Lease, Mode, Revision, VehicleId};
+use tomoswarm_proto::{Sender, StandReason};
 
 use super::super::tests_support::{own_state, settings, state};
 use super::tests::{at, driven, holds, order, plan, planned, told};

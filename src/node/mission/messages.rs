@@ -7,6 +7,7 @@ use tomoswarm_proto::{
 };
 
 use super::autonomy::Cause;
+use super::pilot::Met;
 use crate::actor::{Class, Input};
 use crate::geom::Point;
 use crate::node::OwnState;
@@ -116,6 +117,18 @@ pub enum Remark {
     BusBack,
     /// It does something that nobody has ordered.
     Decides(Cause, MissionStatus),
+}
+
+impl From<Met> for Remark {
+    fn from(met: Met) -> Remark {
+        match met {
+            Met::Stop(stop) => Remark::Done(stop),
+            Met::Looks(at) => Remark::Looks(at),
+            Met::Blocked(at) => Remark::Blocked(at),
+            Met::Path(length_m) => Remark::Path(length_m),
+            Met::NoPath(failures) => Remark::NoPath(failures),
+        }
+    }
 }
 
 /// How a mission ended.

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use tomoswarm_proto::TileReport;
 
-use tomoswarm_proto::{Mode, State, TileAddress};
+use tomoswarm_proto::{Mode, State, TileAddress, VehicleId};
 
 use super::super::tests_support::{own_state, settings, state};
 use super::tests::{at, order, told};

@@ -1,11 +1,12 @@
 //! What the mission actor does with plans, orders and what is in its way; its map is known free around the datum.
 
 use std::sync::Arc;
+use std::time::Duration;
 use tomoswarm_proto::TileReport;
 
 use tomoswarm_proto::{
     Boot, Lease, MissionEnd, MissionKind, MissionPhase, MissionRefusal, Mode, Position, Revision,
-    State, Stop, StopId, TaskKind, TileAddress,
+    State, Stop, StopId, TaskKind, TileAddress, VehicleId,
 };
 
 use super::super::tests_support::{own_state, settings, state};
