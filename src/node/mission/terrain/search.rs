@@ -4,7 +4,8 @@
 
 use std::f64::consts::FRAC_1_SQRT_2;
 
-use crate::geom::{Point, Pose, Segment, Track};
+use super::peer_clearance::PeerClearance;
+use crate::geom::{Point, Pose, Segment};
 use crate::map::{CellRect, Merged};
 use crate::node::Settings;
 use crate::node::vehicle::Bump;
@@ -16,11 +17,6 @@ const SEARCH_MARGIN_M: f64 = 6.0;
 const ESCAPE_M: f64 = 1.0;
 /// Between body and fence stays this much more than the deviation of the place asks for, metres.
 const FENCE_M: f64 = 0.05;
-/// A vehicle too near to a peer may leave it over places this near, metres.
-const LEAVE_M: f64 = 0.6;
-/// A way that comes nearer to a peer by less than this comes no nearer, metres: rounding.
-const NEARER_M: f64 = 1e-3;
-
 /// How paths are searched.
 pub const RULES: Rules = Rules {
     diagonal: true,
@@ -116,23 +112,19 @@ impl PathSearch<'_> {
             .ok()?
             .points;
         // Cells that were opened for the vehicle to leave a peer must not lead along that peer.
+        let clearance = self.peer_clearance();
         let is_clear = peers
             .iter()
-            .all(|claim| self.keeps_clear_of(claim, &points));
+            .all(|claim| clearance.holds_along(&points, claim));
         is_clear.then_some(points)
     }
 
-    /// Returns whether a route keeps its distance from a peer, or leads away from it, as the vehicle actor asks.
-    fn keeps_clear_of(&self, claim: &[Point], route: &[Point]) -> bool {
-        let (Some(claim), Some(route)) = (Track::new(claim.to_vec()), Track::new(route.to_vec()))
-        else {
-            return true;
-        };
-        let nearest_m = route.distance_to(&claim);
-        let here_m = claim.distance_to_point(route.start());
-        let leads_away =
-            nearest_m >= here_m - NEARER_M && claim.distance_to_point(route.end()) > here_m;
-        leads_away || nearest_m >= self.settings.swarm.separation_m
+    fn peer_clearance(&self) -> PeerClearance {
+        PeerClearance {
+            from: self.pose.at,
+            lattice: self.settings.lattice,
+            separation_m: self.settings.swarm.separation_m,
+        }
     }
 
     /// Returns where to search: around start and goal, and for the way home in all of the fence, since what is known may
@@ -166,9 +158,10 @@ impl PathSearch<'_> {
         let mut grid = Grid::of_map(&view, area, self.keep_m(), unknown_allowed).ok()?;
         // What the map does not know is closed; and wherever the vehicle stands, it can set out from there.
         grid.close_outside(&self.settings.fence, self.fence_m(goal));
+        let clearance = self.peer_clearance();
         peers
             .iter()
-            .for_each(|claim| self.close_peer(&mut grid, claim));
+            .for_each(|claim| clearance.close(&mut grid, claim));
         self.close_obstacles(&mut grid);
         grid.stand_on(self.settings.lattice.cell_at(self.pose.at));
         Some(grid)
@@ -185,42 +178,6 @@ impl PathSearch<'_> {
             .min(edge_m(self.pose.at).max(least_m))
             .min(goal.map_or(f64::INFINITY, edge_m))
             .max(radius_m)
-    }
-
-    /// Closes what lies too near to a peer: to where it is, and to each piece of the way that it claims.
-    fn close_peer(&self, grid: &mut Grid, claim: &[Point]) {
-        // A peer that stands claims a single point.
-        let place = claim.first().map(|at| Segment::new(*at, *at));
-        let pieces = claim.windows(2).map(|pair| Segment::new(pair[0], pair[1]));
-        place
-            .into_iter()
-            .chain(pieces)
-            .for_each(|piece| self.close_piece(grid, piece));
-    }
-
-    /// Closes what lies too near to a piece of a peer's claim. A vehicle that stands too near already may leave: through
-    /// the cells beside it to which a straight line does not lead any nearer.
-    fn close_piece(&self, grid: &mut Grid, claim: Segment) {
-        let (from, lattice) = (self.pose.at, self.settings.lattice);
-        let separation_m = self.settings.swarm.separation_m;
-        let keep_m = separation_m + lattice.cell_m();
-        let here_m = claim.distance_to_point(from);
-        if here_m > keep_m + lattice.cell_m() {
-            return grid.close_within(claim, keep_m);
-        }
-        let start = lattice.cell_at(from);
-        let leaves = |place: Point| {
-            let leads_m = Segment::new(from, place).distance_to(claim);
-            let is_beside = place.distance_to(from) <= LEAVE_M;
-            is_beside
-                && claim.distance_to_point(place) >= here_m
-                && leads_m >= here_m.min(separation_m)
-        };
-        grid.close_where(|place| {
-            claim.distance_to_point(place) <= keep_m
-                && lattice.cell_at(place) != start
-                && !leaves(place)
-        });
     }
 
     /// Closes what lies too near to what made the reflex halt; where the vehicle is nearer already, only what is nearer

@@ -1,6 +1,7 @@
 //! Which paths are found on small maps that are known within 6.4 m around the datum.
 
 use super::*;
+use crate::geom::Track;
 use crate::node::mission::terrain::tests::{obstacle, tiles_of};
 use crate::node::tests_support::{own_state, settings};
 
@@ -105,7 +106,7 @@ fn a_vehicle_too_near_to_a_peer_may_leave_it_and_not_pass_it() {
     let around = world.search().path(past, false, &peer);
     let comes_nearer = around.is_some_and(|path| {
         path.windows(2)
-            .any(|pair| Segment::new(pair[0], pair[1]).distance_to_point(HOME) < 0.9 - NEARER_M)
+            .any(|pair| Segment::new(pair[0], pair[1]).distance_to_point(HOME) < 0.899)
     });
     assert!(!comes_nearer);
 }
