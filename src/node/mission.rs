@@ -243,11 +243,9 @@ impl Mission {
             out.push(Out::Remark(Remark::Home));
             return;
         }
-        let is_refused = self.pilot.is_refused();
-        self.step_back(now, |returning| {
-            let gives_up = is_refused && !returning.is_battery_low();
-            gives_up.then(|| returning.tried_in_vain())
-        });
+        if self.pilot.is_refused() {
+            self.step_back(now, |returning| returning.after_refused_paths());
+        }
     }
 
     fn returning(&self, now: Time, home: Return) -> Returning<'_> {
@@ -307,10 +305,7 @@ impl Mission {
                 if failures >= FAILURES_MAX {
                     self.give_up_stop(now, out);
                 }
-                self.step_back(now, |returning| {
-                    let gives_way = returning.gives_way(failures);
-                    gives_way.then(|| returning.tried_in_vain())
-                });
+                self.step_back(now, |returning| returning.after_failures(failures));
             }
             Met::Looks(_) | Met::Blocked(_) | Met::Path(_) => {}
         }
@@ -484,10 +479,7 @@ impl Mission {
             vehicle::Remark::Refused(refusal) => {
                 self.pilot.refused(now);
                 if let vehicle::Refusal::Separation(peer) = refusal {
-                    self.step_back(now, |returning| {
-                        let yields = returning.yields_to(*peer);
-                        yields.then(|| returning.stepped_back())
-                    });
+                    self.step_back(now, |returning| returning.after_refusal_for(*peer));
                 }
             }
             vehicle::Remark::AutopilotSilent => {}

@@ -109,13 +109,31 @@ impl Returning<'_> {
         home.stepped_back(self.now, self.now + TRY_AGAIN)
     }
 
+    /// Returns the return after a search in vain, or after a path that was blocked at once, when others have their turn by
+    /// that; `failures` = how many there were in a row.
+    pub fn after_failures(&self, failures: u32) -> Option<Return> {
+        self.gives_way(failures).then(|| self.tried_in_vain())
+    }
+
+    /// Returns the return after the vehicle has refused whatever path was found, when others have their turn by that.
+    pub fn after_refused_paths(&self) -> Option<Return> {
+        (!self.is_battery_low()).then(|| self.tried_in_vain())
+    }
+
+    /// Returns the return after a command was refused, or given up, for a peer, when that goes first: a lower id that drives.
+    pub fn after_refusal_for(&self, peer: VehicleId) -> Option<Return> {
+        let drives = self.peers.get(peer).is_some_and(|peer| !peer.resting);
+        let yields = self.home.is_under_way() && drives && peer < self.own;
+        yields.then(|| self.stepped_back())
+    }
+
     /// Returns the return after a vehicle has let the others have their turn.
-    pub fn stepped_back(&self) -> Return {
+    fn stepped_back(&self) -> Return {
         self.home.stepped_back(self.now, self.now + TRY_AGAIN)
     }
 
     /// Returns the return after a try in vain to get home: the others have their turn.
-    pub fn tried_in_vain(&self) -> Return {
+    fn tried_in_vain(&self) -> Return {
         Return {
             tries: self.home.tries + 1,
             ..self.stepped_back()
@@ -124,7 +142,7 @@ impl Returning<'_> {
 
     /// Returns whether a vehicle gives way that has found no path on its way home, or only one that is blocked: others may
     /// have to move first. One that goes through the unknown goes on trying as long as none of them has moved.
-    pub fn gives_way(&self, failures: u32) -> bool {
+    fn gives_way(&self, failures: u32) -> bool {
         let ReturnStage::UnderWay {
             bold_since,
             presses_on,
@@ -136,15 +154,8 @@ impl Returning<'_> {
         failures >= FAILURES_MAX || (!presses_on && bold_since.is_none_or(has_moved))
     }
 
-    /// Returns whether a vehicle on its way home lets a peer go first for whom a command was refused, or given up: a lower id
-    /// that drives.
-    pub fn yields_to(&self, peer: VehicleId) -> bool {
-        let drives = self.peers.get(peer).is_some_and(|peer| !peer.resting);
-        self.home.is_under_way() && drives && peer < self.own
-    }
-
     /// Returns whether the vehicle returns since its battery is low: it waits for nobody longer than it must.
-    pub fn is_battery_low(&self) -> bool {
+    fn is_battery_low(&self) -> bool {
         self.home.by == By::Itself(Cause::BatteryLow)
     }
 

@@ -17,7 +17,7 @@ fn with_bus() -> Autonomy {
 }
 
 #[test]
-fn who_never_joined_a_bus_misses_none_and_its_own_messages_do_not_count() {
+fn a_vehicle_that_never_joined_a_bus_misses_none_and_its_own_messages_do_not_count() {
     let mut autonomy = Autonomy::default();
     autonomy.heard_bus(at(1.0), VehicleId(1), Sender::Vehicle(VehicleId(1)));
     assert_eq!(
@@ -28,7 +28,7 @@ fn who_never_joined_a_bus_misses_none_and_its_own_messages_do_not_count() {
 }
 
 #[test]
-fn who_is_alone_stops_once_and_holds_when_the_bus_is_lost_for_good() {
+fn a_vehicle_that_is_alone_stops_once_and_holds_when_the_bus_is_lost_for_good() {
     let mut autonomy = with_bus();
     assert_eq!(autonomy.watch_links(at(3.0), AUTONOMY, Goal::Following), []);
     let alone = [Decision::Say(Remark::Alone), Decision::Stop];
@@ -56,7 +56,7 @@ fn who_is_alone_stops_once_and_holds_when_the_bus_is_lost_for_good() {
 }
 
 #[test]
-fn who_hears_peers_by_radio_returns_when_the_bus_is_lost_for_good() {
+fn a_vehicle_that_hears_peers_by_radio_returns_when_the_bus_is_lost_for_good() {
     let mut autonomy = with_bus();
     autonomy.heard_radio(at(61.0));
     let lost = [

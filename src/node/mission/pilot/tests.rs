@@ -307,7 +307,7 @@ fn a_vehicle_that_refuses_every_command_of_every_path_is_refused() {
 }
 
 #[test]
-fn who_is_hemmed_in_drives_back_first_and_searches_from_there() {
+fn a_vehicle_that_is_hemmed_in_drives_back_first_and_searches_from_there() {
     let mut rig = Rig::open();
     let now = rig.now();
     rig.terrain.note_obstacle(now, obstacle(3.6, 0.0));

@@ -76,7 +76,7 @@ fn lower_ids_go_first_and_higher_ones_are_waited_for_until_they_stand_or_for_a_w
 }
 
 #[test]
-fn who_has_stepped_back_waits_longer_unless_its_battery_is_low() {
+fn a_vehicle_that_has_stepped_back_waits_longer_unless_its_battery_is_low() {
     let peers = peers(&[(3, 100.0, true)]);
     let queue = ReturnQueue {
         has_stepped_back: true,
@@ -152,9 +152,13 @@ fn while_others_move_it_presses_on_whatever_the_way_looks_like() {
 }
 
 #[test]
-fn who_finds_no_path_gives_way_unless_it_presses_on_or_nobody_has_moved() {
+fn a_vehicle_that_finds_no_path_gives_way_unless_it_presses_on_or_nobody_has_moved() {
     let peers = peers(&[(3, 5.0, false)]);
-    let gives_way = |home, failures| returning(9.0, &peers, home).gives_way(failures);
+    let gives_way = |home, failures| {
+        returning(9.0, &peers, home)
+            .after_failures(failures)
+            .is_some()
+    };
     assert!(
         gives_way(under_way(None, false), 1),
         "others may have to move"
@@ -170,21 +174,27 @@ fn who_finds_no_path_gives_way_unless_it_presses_on_or_nobody_has_moved() {
 #[test]
 fn on_its_way_it_yields_to_a_lower_id_that_drives() {
     let peers = peers(&[(1, 5.0, true), (3, 5.0, true), (4, 5.0, false)]);
-    let yields = |home, id| returning(5.0, &peers, home).yields_to(VehicleId(id));
+    let yields = |home, id| {
+        let refused_for = VehicleId(id);
+        let back = returning(5.0, &peers, home).after_refusal_for(refused_for);
+        back.map(|home| home.tries)
+    };
     let drives = under_way(None, false);
     assert_eq!(
         [1, 3, 4, 9].map(|id| yields(drives, id)),
-        [true, false, false, false]
+        [Some(0), None, None, None]
     );
-    assert!(!yields(ordered(), 1), "it stands in the queue");
+    assert_eq!(yields(ordered(), 1), None, "it stands in the queue");
     let stands = self::peers(&[(1, 5.0, false)]);
-    assert!(!returning(5.0, &stands, drives).yields_to(VehicleId(1)));
+    let back = returning(5.0, &stands, drives).after_refusal_for(VehicleId(1));
+    assert_eq!(back, None);
 }
 
 #[test]
 fn a_try_in_vain_is_counted_and_the_next_one_follows_later() {
     let peers = peers(&[]);
-    let back = returning(9.0, &peers, under_way(None, false)).tried_in_vain();
+    let refused = |home| returning(9.0, &peers, home).after_refused_paths();
+    let back = refused(under_way(None, false)).unwrap();
     let ReturnStage::InQueue(queue) = back.stage else {
         panic!("{back:?}")
     };
@@ -192,10 +202,9 @@ fn a_try_in_vain_is_counted_and_the_next_one_follows_later() {
         (back.tries, queue.since, queue.try_at),
         (1, at(9.0), at(12.0))
     );
-    assert_eq!(
-        returning(9.0, &peers, under_way(None, false))
-            .stepped_back()
-            .tries,
-        0
-    );
+    let low = Return {
+        by: By::Itself(Cause::BatteryLow),
+        ..under_way(None, true)
+    };
+    assert_eq!(refused(low), None, "it has no time to lose");
 }

@@ -84,7 +84,7 @@ fn unknown_ground_is_crossed_at_once_as_a_last_resort_or_not_at_all() {
 }
 
 #[test]
-fn who_is_hemmed_in_backs_off_to_the_nearest_place_before_anything_else() {
+fn a_vehicle_that_is_hemmed_in_backs_off_to_the_nearest_place_before_anything_else() {
     let mut rig = Rig::new([Point::new(4.0, 3.0), Point::new(5.0, 3.0)], |_, _| false);
     let now = Time::from_secs_f64(1.0);
     rig.terrain.note_obstacle(now, obstacle(3.6, 0.0));
