@@ -56,6 +56,9 @@ pub fn farthest_m(pose: Pose) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::node::mission::terrain::tests::terrain_of;
+    use crate::node::tests_support::own_state;
+    use crate::time::Time;
 
     #[test]
     fn a_place_that_is_known_well_is_judged_as_the_vehicle_judges_it() {
@@ -78,6 +81,25 @@ mod tests {
         assert!(
             is_there(0.34, f64::INFINITY) && !is_there(0.36, f64::INFINITY),
             "not known is not everywhere"
+        );
+    }
+
+    #[test]
+    fn the_way_home_is_open_barred_by_peers_that_stand_or_not_known() {
+        let (now, home) = (Time::ZERO, Point::new(0.0, 0.0));
+        let of = |is_wall: fn(f64, f64) -> bool, from_m: f64, peers: &[Vec<Point>]| {
+            let (terrain, pose) = (terrain_of(is_wall), own_state(from_m, 0.0).pose);
+            WayHome::of(&terrain.search(now, pose), home, peers)
+        };
+        let at_home = [vec![home]];
+        assert_eq!(of(|_, _| false, 3.0, &[]), WayHome::Open);
+        assert_eq!(of(|_, _| false, 3.0, &at_home), WayHome::BehindPeers);
+        let is_wall = |x_m: f64, _: f64| (1.0..1.4).contains(&x_m);
+        assert_eq!(of(is_wall, 3.0, &at_home), WayHome::Unknown);
+        assert_eq!(
+            of(|_, _| false, 0.3, &at_home),
+            WayHome::Open,
+            "it is there"
         );
     }
 }
