@@ -1,12 +1,13 @@
 //! The mission actor: decides where the vehicle goes next, as its plan, its operator and its peers let it.
 //!
 //! It is told the own and the peers' states, tiles, plans, tasks, progress, orders, the vehicle's remarks and what the disk
-//! has. It says commands, progress, what it measures for, what is to be remembered, and remarks. How a way is driven is
-//! decided by `pilot`; the last word on safety has the vehicle actor.
+//! has. It says commands, progress, what it measures for, what is to be remembered, and remarks. What is known of the ground
+//! is `terrain`; how a way is driven is decided by `pilot`; the last word on safety has the vehicle actor.
 //!
 //! What is wanted of the vehicle is one state, see `goal`; what it is out for is said by the operator's task or its file
 //! (`assignment`): the ground's plan (`ground_plan`) or a mission of its own (`kind`), whose steps `runner` carries out.
-//! Without an order it holds or returns when it hears nobody, has lost the bus or runs out of battery: see `autonomy`.
+//! Without an order it holds or returns when it hears nobody, has lost the bus or runs out of battery: see `autonomy`. How a
+//! return goes on beside others that return is decided by `returning`. All of these only decide: the goal is changed here.
 //!
 //! A plan by a greater right than any before is taken once that lease is on the vehicle's disk: see `leases`.
 //!

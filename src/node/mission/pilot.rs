@@ -103,7 +103,7 @@ pub struct Pilot {
 }
 
 /// What the pilot sees in one step, and what it meets.
-struct Step<'a> {
+struct Situation<'a> {
     now: Time,
     pose: Pose,
     is_resting: bool,
@@ -160,8 +160,8 @@ impl Pilot {
         self.way.append(route, to, stop);
     }
 
-    /// Takes a route, corners after where the vehicle is, that is driven as it is: what blocks it is said, and whoever
-    /// gave it decides. What is unknown on it is looked at as on every way.
+    /// Takes a route, corners after where the vehicle is, that is driven as it is: what blocks it is said, and the
+    /// giver of the route decides. What is unknown on it is looked at as on every way.
     /// A narrow route leads over places where the vehicle has driven, see [`Terrain::driven`].
     pub fn take_route(&mut self, place: Point, corners: &[Point], is_narrow: bool) {
         let Some((end, corners)) = corners.split_last() else {
@@ -220,46 +220,46 @@ impl Pilot {
         met: &mut Vec<Met>,
     ) -> Option<Command> {
         self.command.watch(state.mode);
-        let mut step = Step {
+        let mut situation = Situation {
             now,
             pose: state.pose,
             is_resting: !moves(state.mode),
             terrain,
             met,
         };
-        self.pass(&mut step);
+        self.pass(&mut situation);
         if self.way.is_empty() {
             self.command.forget_end();
             self.state = State::Driving;
             return None;
         }
         match &self.state {
-            State::Driving => self.drive(&mut step),
-            State::Looking(_) => self.look(&mut step),
+            State::Driving => self.drive(&mut situation),
+            State::Looking(_) => self.look(&mut situation),
             State::Planning { ready, .. } if now < *ready => None,
-            State::Planning { .. } => self.take_path(&mut step),
+            State::Planning { .. } => self.take_path(&mut situation),
             State::Waiting { until } if now < *until => None,
-            State::Waiting { .. } => self.try_again(&mut step),
+            State::Waiting { .. } => self.try_again(&mut situation),
         }
     }
 
     /// Passes corners and stops, and ends the way at its end.
-    fn pass(&mut self, step: &mut Step<'_>) {
-        let place = step.pose.at;
+    fn pass(&mut self, situation: &mut Situation<'_>) {
+        let place = situation.pose.at;
         let mut passed = self.way.pass(place);
-        let is_there = step.is_resting && self.way.end().distance_to(place) <= ARRIVED_M;
-        if is_there && self.command.is_settled(step.now) {
+        let is_there = situation.is_resting && self.way.end().distance_to(place) <= ARRIVED_M;
+        if is_there && self.command.is_settled(situation.now) {
             passed.extend(self.way.arrive());
         }
         if !passed.is_empty() {
             self.attempts.pass_stop();
         }
-        step.met.extend(passed.into_iter().map(Met::Stop));
+        situation.met.extend(passed.into_iter().map(Met::Stop));
     }
 
-    fn release(&self, step: &Step<'_>) -> Release {
-        let keep_m = step.terrain.keep_m(step.pose);
-        let body_m = self.settings.body.radius_m + 2.0 * step.pose.sd_m;
+    fn release(&self, situation: &Situation<'_>) -> Release {
+        let keep_m = situation.terrain.keep_m(situation.pose);
+        let body_m = self.settings.body.radius_m + 2.0 * situation.pose.sd_m;
         let strip = Strip {
             way: &self.way,
             route: self.stretch.route(&self.way),
@@ -268,73 +268,77 @@ impl Pilot {
                 ahead_m: AHEAD_M,
             },
         };
-        step.terrain.release(step.now, step.pose, &strip)
+        situation
+            .terrain
+            .release(situation.now, situation.pose, &strip)
     }
 
-    fn drive(&mut self, step: &mut Step<'_>) -> Option<Command> {
-        let release = self.release(step);
+    fn drive(&mut self, situation: &mut Situation<'_>) -> Option<Command> {
+        let release = self.release(situation);
         let free = FreeWay::of(&release, self.way.length_m());
-        let end_m = self.command.end_m().filter(|_| !step.is_resting);
+        let end_m = self.command.end_m().filter(|_| !situation.is_resting);
         if let Some(end_m) = end_m {
             let left_m = self.way.along_m(end_m) - free.here_m;
             return renewal_m(left_m, &free)
-                .map(|until_m| self.command_to(step, free.here_m, until_m));
+                .map(|until_m| self.command_to(situation, free.here_m, until_m));
         }
-        if !self.command.is_settled(step.now) {
+        if !self.command.is_settled(situation.now) {
             return None;
         }
         let has_retreated = self.stretch.has_retreated(&self.way, free.here_m);
         if self.command.is_path_refused() || has_retreated || self.purpose.needs_path() {
             self.command.give_up_path();
-            self.search_around(step, step.pose.at);
+            self.search_around(situation, situation.pose.at);
             return None;
         }
         if free.is_worth_a_start() {
             self.attempts.drive();
-            return Some(self.command_to(step, free.here_m, free.until_m));
+            return Some(self.command_to(situation, free.here_m, free.until_m));
         }
-        step.is_resting
-            .then(|| self.overcome(step, &release))
+        situation
+            .is_resting
+            .then(|| self.overcome(situation, &release))
             .flatten()
     }
 
     /// Commands the route to a length along the way.
-    fn command_to(&mut self, step: &Step<'_>, here_m: f64, until_m: f64) -> Command {
-        let route = self.way.until(step.pose.at, here_m, until_m);
+    fn command_to(&mut self, situation: &Situation<'_>, here_m: f64, until_m: f64) -> Command {
+        let route = self.way.until(situation.pose.at, here_m, until_m);
         if route.len() < 2 {
-            self.command.stop(step.now);
+            self.command.stop(situation.now);
             return Command::Hold;
         }
-        self.command.drive(step.now, self.way.odometer_m(until_m));
+        self.command
+            .drive(situation.now, self.way.odometer_m(until_m));
         let stop = self.way.stops().next();
         Command::Drive { stop, route }
     }
 
     /// At rest, and nothing is released: looks at what is unknown, or plans around what is in the way.
-    fn overcome(&mut self, step: &mut Step<'_>, release: &Release) -> Option<Command> {
+    fn overcome(&mut self, situation: &mut Situation<'_>, release: &Release) -> Option<Command> {
         let unknown = unknown_first(release);
         if let Some(unknown) = unknown
             && self.attempts.look_once_more()
         {
-            let toward = step.pose.at.angle_to(unknown);
-            return Some(self.look_around(step, toward, unknown));
+            let toward = situation.pose.at.angle_to(unknown);
+            return Some(self.look_around(situation, toward, unknown));
         }
-        let at = release.blocked.or(unknown).unwrap_or(step.pose.at);
+        let at = release.blocked.or(unknown).unwrap_or(situation.pose.at);
         let is_path_blocked = self.attempts.is_blocked_at_once();
         if is_path_blocked && self.purpose.is_replaceable() {
-            step.met.push(Met::Blocked(at));
-            self.fail(step);
+            situation.met.push(Met::Blocked(at));
+            self.fail(situation);
         } else {
-            self.search_around(step, at);
+            self.search_around(situation, at);
         }
         None
     }
 
     /// Says that something is in the way, and searches a path around it if that is the pilot's to do.
-    fn search_around(&mut self, step: &mut Step<'_>, at: Point) {
-        step.met.push(Met::Blocked(at));
+    fn search_around(&mut self, situation: &mut Situation<'_>, at: Point) {
+        situation.met.push(Met::Blocked(at));
         if self.purpose.is_replaceable() {
-            self.search(step.now, step.pose, step.terrain);
+            self.search(situation.now, situation.pose, situation.terrain);
         }
     }
 
@@ -357,27 +361,32 @@ impl Pilot {
     }
 
     /// Begins to look around, first in a direction.
-    fn look_around(&mut self, step: &mut Step<'_>, toward: Angle, at: Point) -> Command {
-        step.met.push(Met::Looks(at));
-        let look = LookAround::toward(toward, step.now);
+    fn look_around(&mut self, situation: &mut Situation<'_>, toward: Angle, at: Point) -> Command {
+        situation.met.push(Met::Looks(at));
+        let look = LookAround::toward(toward, situation.now);
         self.state = State::Looking(look);
-        self.command.turn(step.now);
+        self.command.turn(situation.now);
         Command::Turn(look.heading())
     }
 
-    fn look(&mut self, step: &mut Step<'_>) -> Option<Command> {
-        let is_seen = self.release(step).ahead_m() >= GO_M + BACKOFF_M;
-        if step.is_resting && is_seen && !self.purpose.needs_path() {
+    fn look(&mut self, situation: &mut Situation<'_>) -> Option<Command> {
+        let is_seen = self.release(situation).ahead_m() >= GO_M + BACKOFF_M;
+        if situation.is_resting && is_seen && !self.purpose.needs_path() {
             self.state = State::Driving;
-            return self.drive(step);
+            return self.drive(situation);
         }
         let State::Looking(look) = &mut self.state else {
             return None;
         };
         let dwell = self.settings.look.cycle() * 3;
-        match look.next(step.now, step.pose.heading, step.is_resting, dwell) {
+        match look.next(
+            situation.now,
+            situation.pose.heading,
+            situation.is_resting,
+            dwell,
+        ) {
             Next::Turn(heading) => {
-                self.command.turn(step.now);
+                self.command.turn(situation.now);
                 Some(Command::Turn(heading))
             }
             Next::Stay => None,
@@ -391,20 +400,20 @@ impl Pilot {
     }
 
     /// The search is over: drives along the path from the next step on, if there is one.
-    fn take_path(&mut self, step: &mut Step<'_>) -> Option<Command> {
+    fn take_path(&mut self, situation: &mut Situation<'_>) -> Option<Command> {
         let State::Planning { found, .. } = &mut self.state else {
             return None;
         };
         let Some(path) = found.take() else {
-            self.fail(step);
+            self.fail(situation);
             return None;
         };
         let length_m = path.length_m();
-        step.met.push(Met::Path(length_m));
+        situation.met.push(Met::Path(length_m));
         self.attempts.find_path(path.leads_on());
         self.purpose.path_found();
         self.way
-            .replace(step.pose.at, path.replaces, &path.points[1..]);
+            .replace(situation.pose.at, path.replaces, &path.points[1..]);
         self.stretch = Stretch::of_path(path.found_by, length_m, &self.way);
         self.command.forget_end();
         self.state = State::Driving;
@@ -412,21 +421,21 @@ impl Pilot {
     }
 
     /// Nothing was found, or what was found is blocked at once: waits, each time longer.
-    fn fail(&mut self, step: &mut Step<'_>) {
+    fn fail(&mut self, situation: &mut Situation<'_>) {
         let failures = self.attempts.fail();
         self.purpose.path_failed();
-        step.met.push(Met::NoPath(failures));
+        situation.met.push(Met::NoPath(failures));
         let wait = SEARCH_AGAIN * failures.min(LONGEST_WAIT);
         self.state = State::Waiting {
-            until: step.now + wait,
+            until: situation.now + wait,
         };
     }
 
     /// The wait is over. What was taken for an obstacle is looked at again, in every second try.
-    fn try_again(&mut self, step: &mut Step<'_>) -> Option<Command> {
-        if self.attempts.failures() % 2 == 1 && step.is_resting {
-            let toward = step.pose.at.angle_to(self.way.end());
-            return Some(self.look_around(step, toward, step.pose.at));
+    fn try_again(&mut self, situation: &mut Situation<'_>) -> Option<Command> {
+        if self.attempts.failures() % 2 == 1 && situation.is_resting {
+            let toward = situation.pose.at.angle_to(self.way.end());
+            return Some(self.look_around(situation, toward, situation.pose.at));
         }
         self.state = State::Driving;
         None

@@ -30,7 +30,7 @@ impl Unknown {
 pub(super) enum Purpose {
     /// To pass the stops of the ground's plan: a leg that is blocked is planned around.
     Plan,
-    /// To drive a route as it is: what blocks it is said, and whoever gave it decides.
+    /// To drive a route as it is: what blocks it is said, and the giver of the route decides.
     Route,
     /// To come home.
     Home {

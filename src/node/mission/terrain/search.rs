@@ -83,6 +83,7 @@ impl PathSearch<'_> {
     /// it came through there.
     pub fn driven_path(&self, goal: Point, peers: &[Vec<Point>]) -> Option<Vec<Point>> {
         let mut grid = self.ground(Some(goal), false, peers)?;
+        // Opened last, and only what is too near to something: what is solid, or closed for a peer, stays so.
         grid.open_along(self.driven);
         self.path_over(&grid, goal, peers)
     }
@@ -111,7 +112,7 @@ impl PathSearch<'_> {
         let points = shortest_route(grid, self.pose.at, goal, &RULES)
             .ok()?
             .points;
-        // Cells that were opened for the vehicle to leave a peer must not lead along that peer.
+        // Cells are left open for the vehicle to leave a peer that it is too near to; a path must not go along that peer.
         let clearance = self.peer_clearance();
         let is_clear = peers
             .iter()
@@ -156,13 +157,14 @@ impl PathSearch<'_> {
     ) -> Option<Grid> {
         let view = self.map.view(self.settings.slice, area);
         let mut grid = Grid::of_map(&view, area, self.keep_m(), unknown_allowed).ok()?;
-        // What the map does not know is closed; and wherever the vehicle stands, it can set out from there.
+        // What the map does not show is closed: fence, peers, and what only the reflex has met.
         grid.close_outside(&self.settings.fence, self.fence_m(goal));
         let clearance = self.peer_clearance();
         peers
             .iter()
             .for_each(|claim| clearance.close(&mut grid, claim));
         self.close_obstacles(&mut grid);
+        // Last: whatever was closed, the vehicle stands there and must be able to set out.
         grid.stand_on(self.settings.lattice.cell_at(self.pose.at));
         Some(grid)
     }
