@@ -14,11 +14,13 @@
 //!   [Driving]  ─ at rest, and something unknown is next ─► [Looking]
 //!   [Driving]  ─ at rest, and something is in the way, or looking has not helped ─► [Planning]
 //!   [Driving]  ─ the same, right after a path was found ─► [Waiting]
+//!   [Driving]  ─ every command is refused, the way back out of a dead end was driven, or home is but a wish ─► [Planning]
 //!   [Looking]  ─ seen, or everything looked at ─► [Driving]
 //!   [Planning] ─ path ready ─► [Driving]
 //!   [Planning] ─ nothing found ─► [Waiting]
 //!   [Waiting]  ─ after a while ─► [Driving], every second time [Looking]
 //!   any state  ─ the way is given up, or its end is reached ─► [Driving], at rest
+//!   any state  ─ the way home begins ─► [Planning]
 //! ```
 //!
 //! Deliberately absent: what is known of the world (see `terrain`), plans, and how far peers are.
