@@ -1,17 +1,19 @@
 //! The mission actor: decides where the vehicle goes next, as its plan, its operator and its peers let it.
 //!
 //! It is told the own and the peers' states, tiles, plans, tasks, progress, orders, the vehicle's remarks and what the disk
-//! has. It says commands, progress, what it measures for, what is to be remembered, and remarks. How a way is driven is
-//! decided by `pilot`; the last word on safety has the vehicle actor.
+//! has. It says commands, progress, what it measures for, what is to be remembered, and remarks. What is known of the ground
+//! is `terrain`; how a way is driven is decided by `pilot`; the last word on safety has the vehicle actor.
 //!
 //! What is wanted of the vehicle is one state, see `goal`; what it is out for is said by the operator's task or its file
 //! (`assignment`): the ground's plan (`ground_plan`) or a mission of its own (`kind`), whose steps `runner` carries out.
-//! Without an order it holds or returns when it hears nobody, has lost the bus or runs out of battery: see `autonomy`.
+//! Without an order it holds or returns when it hears nobody, has lost the bus or runs out of battery: see `autonomy`. How a
+//! return goes on beside others that return is decided by `returning`. All of these only decide: the goal is changed here.
 //!
 //! A plan by a greater right than any before is taken once that lease is on the vehicle's disk: see `leases`.
 //!
 //! Deadlines: `repeat progress`, `the dwell at the stop ends`, `path ready`, `search again`.
 
+mod announcements;
 mod assignment;
 mod autonomy;
 mod goal;
@@ -26,25 +28,25 @@ mod report;
 mod returning;
 mod runner;
 mod share;
+mod terrain;
 mod way;
 
-use std::collections::BTreeSet;
-use std::time::Duration;
-
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{
-    EmergencyStop, Order, OrderKind, Plan, RunId, SeenState, StandReason, Task, VehicleId,
-};
+use tomoswarm_proto::{EmergencyStop, Order, OrderKind, Plan, RunId, SeenState, Task};
 
+use self::announcements::Announcements;
 use self::assignment::Assignment;
-use self::autonomy::HeardNodes;
-use self::goal::{Goal, GoalSource, Return, ReturnStage};
+use self::autonomy::{Autonomy, Decision};
+use self::goal::{Goal, GoalSource, Return, ReturnQueue, ReturnStage};
 use self::ground_plan::GroundPlan;
+use self::home::WayHome;
 use self::leases::PlanLeases;
 use self::pilot::{Pilot, WayEvent};
+use self::returning::{Returning, Turn};
 use self::runner::{RunnerContext, StepRunner};
+use self::terrain::Terrain;
 use super::memory::Remembered;
-use super::peers::{Peer, Peers};
+use super::peers::Peers;
 use super::state_ages::StateAges;
 use super::vehicle::{self, MoveCommand};
 use super::{OwnState, VehicleSettings};
@@ -59,8 +61,6 @@ pub use home::{HOME_M, farthest_m as home_farthest_m, is_at_home};
 pub use messages::{EndReason, In, Key, MissionEvent, MissionStatus, Out};
 pub(super) use share::share;
 
-/// Progress is repeated this often.
-const REPEAT_EVERY: Duration = Duration::from_secs(1);
 /// Searches in vain before a stop is given up.
 const FAILURES_MAX: u32 = 3;
 
@@ -71,44 +71,36 @@ pub struct Mission {
     state: Option<OwnState>,
     assignment: Assignment,
     plan: GroundPlan,
+    terrain: Terrain,
     pilot: Pilot,
     /// What it does when the ground station does not plan for it.
     runner: Option<StepRunner>,
     goal: Goal,
-    links: HeardNodes,
-    is_battery_low: bool,
+    autonomy: Autonomy,
     peers: Peers,
-    silent: BTreeSet<VehicleId>,
     ages: StateAges,
     leases: PlanLeases,
-    said_holds: Option<StandReason>,
-    said_measure: Option<RunId>,
-    repeat_at: Time,
+    announcements: Announcements,
 }
 
 impl Mission {
     /// Makes the actor of a vehicle that waits for plans and a start.
     pub fn new(settings: VehicleSettings) -> Mission {
         let leases = PlanLeases::remembering(settings.memory);
-        let repeat_at =
-            Time::ZERO + REPEAT_EVERY + Duration::from_millis(53) * u32::from(settings.vehicle.0);
         Mission {
+            terrain: Terrain::new(settings.clone()),
             pilot: Pilot::new(settings.clone()),
             assignment: Assignment::by_file(&settings),
             runner: StepRunner::of(&settings),
             peers: Peers::new(settings.vehicle),
             plan: GroundPlan::new(&settings),
+            announcements: Announcements::new(settings.vehicle),
             settings,
             state: None,
             goal: Goal::Waiting,
-            links: HeardNodes::default(),
-            is_battery_low: false,
-            silent: BTreeSet::new(),
+            autonomy: Autonomy::default(),
             ages: StateAges::default(),
             leases,
-            said_holds: None,
-            said_measure: None,
-            repeat_at,
         }
     }
 
@@ -120,7 +112,7 @@ impl Mission {
     fn state(&mut self, now: Time, state: OwnState, out: &mut Vec<Out>) {
         let place = state.pose.at;
         if self.plan.begin_at(place) {
-            self.pilot.begin_at(place);
+            self.pilot.give_up(place);
         }
         self.ages.note(now, state.sequence);
         self.leases.follow(state.ordered.lease);
@@ -132,7 +124,7 @@ impl Mission {
     fn go_on(&mut self, now: Time, out: &mut Vec<Out>) {
         self.look_after_itself(now, out);
         match self.goal {
-            Goal::Following | Goal::Returning(_) if self.links.is_alone => {}
+            Goal::Following | Goal::Returning(_) if self.autonomy.is_alone() => {}
             Goal::Following => self.follow(now, out),
             Goal::Returning(home) => self.bring_home(now, home, out),
             Goal::Held(_) | Goal::Waiting | Goal::Home(_) => self.stay(),
@@ -140,18 +132,54 @@ impl Mission {
         self.report(out);
     }
 
+    /// Looks at peers, links and battery, before anything else is decided.
+    fn look_after_itself(&mut self, now: Time, out: &mut Vec<Out>) {
+        for decision in self.autonomy.watch_peers(now, &self.peers) {
+            self.carry_out(now, decision, out);
+        }
+        let autonomy = self.settings.swarm.autonomy();
+        for decision in self.autonomy.watch_links(now, autonomy, self.goal) {
+            self.carry_out(now, decision, out);
+        }
+        let Some(state) = &self.state else { return };
+        let safety = &self.settings.safety;
+        let decision = self
+            .autonomy
+            .watch_battery(state.battery, safety, self.goal);
+        if let Some(decision) = decision {
+            self.carry_out(now, decision, out);
+        }
+    }
+
+    /// Does what nobody has ordered.
+    fn carry_out(&mut self, now: Time, decision: Decision, out: &mut Vec<Out>) {
+        let (goal, cause) = match decision {
+            Decision::Say(remark) => return out.push(Out::MissionEvent(remark)),
+            Decision::Stop => return self.stop(now, out),
+            Decision::Hold(cause) => (Goal::Held(GoalSource::Itself(cause)), cause),
+            Decision::Return(cause) => (Goal::go_home(now, GoalSource::Itself(cause)), cause),
+        };
+        self.goal = goal;
+        self.stop(now, out);
+        out.push(Out::MissionEvent(MissionEvent::Decides(
+            cause,
+            self.status(),
+        )));
+    }
+
     fn follow(&mut self, now: Time, out: &mut Vec<Out>) {
         if self.runner.is_some() {
             return self.run_steps(now, out);
         }
-        if self.assignment.refusal().is_some() || self.plan.has_left() {
+        if self.is_without_plan() {
             return self.stay();
         }
         self.plan.resume();
         self.enter_legs();
         self.drive(now, out);
         self.plan.wake(now);
-        // Who gets nowhere lets the ground plan anew from here; who is asked to change its plan does so where it rests.
+        // A vehicle that cannot move asks the ground for a new plan from here; one that is asked to change its plan does so
+        // where it rests.
         let commanded = out.iter().any(|said| matches!(said, Out::Command(..)));
         let is_asked = matches!(self.waits_for(), Some(WaitsFor::Revision { .. }));
         if (self.pilot.failures() >= FAILURES_MAX || is_asked) && !commanded {
@@ -167,6 +195,7 @@ impl Mission {
         let mut scene = RunnerContext {
             now,
             state,
+            terrain: &self.terrain,
             pilot: &mut self.pilot,
             peers: &self.peers,
             out,
@@ -174,6 +203,71 @@ impl Mission {
         runner.go_on(&mut scene, &met);
         // What was chosen just now is begun at once.
         self.advance(now, out);
+    }
+
+    /// Goes on with the way home: waits for its turn, or drives.
+    fn bring_home(&mut self, now: Time, home: Return, out: &mut Vec<Out>) {
+        match home.stage {
+            ReturnStage::InQueue(queue) => self.wait_in_queue(now, home, &queue),
+            ReturnStage::UnderWay { .. } => self.drive_home(now, home, out),
+        }
+    }
+
+    fn wait_in_queue(&mut self, now: Time, home: Return, queue: &ReturnQueue) {
+        let Some(state) = self.state.as_ref().filter(|state| state.leg.is_none()) else {
+            return;
+        };
+        let returning = self.returning(now, home);
+        if !returning.is_its_turn(queue) {
+            return;
+        }
+        let peers = self.peers.standing_claims(now);
+        let search = self.terrain.search(now, state.pose);
+        let way_home = WayHome::of(&search, self.settings.home, &peers);
+        let turn = returning.turn(queue, way_home);
+        self.terrain.note_standing_peers(peers);
+        match turn {
+            Turn::Waits(home) => self.goal = Goal::Returning(home),
+            Turn::Drives(home, unknown) => {
+                let pose = state.pose;
+                self.pilot.go_home(now, pose, &self.terrain, unknown);
+                self.plan.leave();
+                self.goal = Goal::Returning(home);
+            }
+        }
+    }
+
+    fn drive_home(&mut self, now: Time, home: Return, out: &mut Vec<Out>) {
+        if self.state.is_none() {
+            return;
+        }
+        self.drive(now, out);
+        if self.pilot.way().is_empty() {
+            self.goal = Goal::Home(home.by);
+            out.push(Out::MissionEvent(MissionEvent::Home));
+            return;
+        }
+        if self.pilot.is_refused() {
+            self.step_back(now, |returning| returning.after_refused_paths());
+        }
+    }
+
+    fn returning(&self, now: Time, home: Return) -> Returning<'_> {
+        Returning {
+            now,
+            own: self.settings.vehicle,
+            peers: &self.peers,
+            home,
+        }
+    }
+
+    /// Lets others have their turn, if it returns and they are to have it.
+    fn step_back(&mut self, now: Time, back: impl FnOnce(Returning<'_>) -> Option<Return>) {
+        if let Goal::Returning(home) = self.goal
+            && let Some(home) = back(self.returning(now, home))
+        {
+            self.goal = Goal::Returning(home);
+        }
     }
 
     /// Enters legs ahead as far as the plans allow.
@@ -196,43 +290,30 @@ impl Mission {
         let Some(state) = &self.state else {
             return Vec::new();
         };
-        let stands = |peer: &&Peer| peer.resting || peer.is_silent(now);
-        let standing = self
-            .peers
-            .iter()
-            .map(|(_, peer)| peer)
-            .filter(stands)
-            .map(|peer| peer.claim.clone());
-        self.pilot.keep_clear_of(standing.collect());
+        self.terrain
+            .note_standing_peers(self.peers.standing_claims(now));
+        self.terrain.note_place(state.pose.at);
         let mut met = Vec::new();
-        let command = self.pilot.advance(now, state, &mut met);
+        let command = self.pilot.advance(now, state, &self.terrain, &mut met);
         out.extend(command.map(|command| Out::Command(now, command)));
         met
     }
 
     fn meet(&mut self, now: Time, met: WayEvent, out: &mut Vec<Out>) {
-        let remark = match met {
+        match met {
             WayEvent::Stop(stop) => {
-                let place = self
-                    .state
-                    .as_ref()
-                    .map(|state| state.pose.at)
-                    .unwrap_or_default();
-                self.plan.pass(now, stop, place);
-                MissionEvent::Done(stop)
+                let place = self.state.as_ref().map(|state| state.pose.at);
+                self.plan.pass(now, stop, place.unwrap_or_default());
             }
-            WayEvent::Looks(at) => MissionEvent::Looks(at),
-            WayEvent::Blocked(at) => MissionEvent::Blocked(at),
-            WayEvent::Path(length_m) => MissionEvent::Path(length_m),
             WayEvent::NoPath(failures) => {
                 if failures >= FAILURES_MAX {
                     self.give_up_stop(now, out);
                 }
-                self.finds_no_way_home(now, failures);
-                MissionEvent::NoPath(failures)
+                self.step_back(now, |returning| returning.after_failures(failures));
             }
-        };
-        out.push(Out::MissionEvent(remark));
+            WayEvent::Looks(_) | WayEvent::Blocked(_) | WayEvent::Path(_) => {}
+        }
+        out.push(Out::MissionEvent(met.into()));
     }
 
     /// Gives up the stop that comes next when the plan gets on only without it.
@@ -240,7 +321,7 @@ impl Mission {
         let (Some(state), Goal::Following) = (&self.state, self.goal) else {
             return;
         };
-        let can_reach = |place: Point| self.pilot.can_reach(now, state, place);
+        let can_reach = |place: Point| self.terrain.can_reach(now, state.pose, place);
         if !self
             .plan
             .gives_up_stop(self.pilot.way().stops().count(), can_reach)
@@ -291,6 +372,15 @@ impl Mission {
         plan.seen.is_some_and(is_fresh)
     }
 
+    /// A newer plan of its own takes a vehicle back that acts on its own since it had lost the bus: the ground knows of
+    /// it, and has planned from where it is.
+    fn resume_for(&mut self, now: Time, plan: &Plan, out: &mut Vec<Out>) {
+        if self.plan.is_newer(plan) && self.goal.cause() == Some(AutonomyCause::BusLost) {
+            self.goal = Goal::Following;
+            self.stop(now, out);
+        }
+    }
+
     /// A new revision is followed: what was left of the old way is given up.
     fn adopted(&mut self, progress: &VehicleProgress, out: &mut Vec<Out>) {
         if let Some(state) = &self.state {
@@ -303,13 +393,6 @@ impl Mission {
         )));
     }
 
-    /// Whoever is forgotten is neither silent nor heard again.
-    fn forget_strangers(&mut self, now: Time, expected: &[VehicleId]) {
-        self.peers.note_expected(now, expected);
-        self.silent
-            .retain(|vehicle| self.peers.get(*vehicle).is_some());
-    }
-
     fn hear(&mut self, now: Time, progress: &VehicleProgress, out: &mut Vec<Out>) {
         self.plan.hear(now, progress);
         self.report(out);
@@ -317,25 +400,15 @@ impl Mission {
 
     fn order(&mut self, now: Time, order: Order, out: &mut Vec<Out>) {
         self.leases.follow(order.lease);
-        match order.kind {
-            OrderKind::Start if matches!(self.goal, Goal::Home(_)) && self.is_battery_low => {
-                self.goal = Goal::Home(GoalSource::Order);
-            }
-            OrderKind::Start => {
-                if self.goal.drives_home() {
-                    self.stop(now, out);
-                }
-                self.goal = Goal::Following;
-                self.start(now, order.run, out);
-            }
-            OrderKind::Hold | OrderKind::Land | OrderKind::CutMotors => {
-                self.goal = Goal::Held(GoalSource::Order);
-                self.stop(now, out);
-            }
-            OrderKind::Return => {
-                self.goal = Goal::go_home(now, GoalSource::Order);
-                self.stop(now, out);
-            }
+        let (drove_home, is_start) = (self.goal.drives_home(), order.kind == OrderKind::Start);
+        let is_battery_low = self.autonomy.is_battery_low();
+        self.goal = self.goal.ordered(now, order.kind, is_battery_low);
+        let follows = is_start && self.goal == Goal::Following;
+        if !is_start || (follows && drove_home) {
+            self.stop(now, out);
+        }
+        if follows {
+            self.start(now, order.run, out);
         }
         self.go_on(now, out);
     }
@@ -403,14 +476,14 @@ impl Mission {
 
     fn remark(&mut self, now: Time, remark: &vehicle::SafetyEvent) {
         match remark {
-            vehicle::SafetyEvent::Halted { obstacle: bump, .. } => {
-                self.pilot.bumped(now, *bump);
+            vehicle::SafetyEvent::Halted { obstacle, .. } => {
+                self.terrain.note_obstacle(now, *obstacle);
                 self.pilot.halted(now);
             }
             vehicle::SafetyEvent::Refused(refusal) => {
                 self.pilot.refused(now);
                 if let vehicle::CommandRefusal::Separation(peer) = refusal {
-                    self.yields_to(now, *peer);
+                    self.step_back(now, |returning| returning.after_refusal_for(*peer));
                 }
             }
             vehicle::SafetyEvent::AutopilotSilent => {}
@@ -435,43 +508,29 @@ impl Mission {
         );
         let is_planned = self.goal == Goal::Following && !self.assignment.is_own();
         let measure = self.plan.measures_for().filter(|_| is_planned);
-        if measure != self.said_measure {
-            self.said_measure = measure;
-            out.push(Out::Measure(measure));
-        }
-        if self.holds_for() != self.said_holds {
-            self.said_holds = self.holds_for();
-            out.push(Out::Holds(self.said_holds));
+        out.extend(self.announcements.measure(measure));
+        out.extend(self.announcements.holds(self.holds_for()));
+    }
+
+    /// Returns when what is driven, or what is done at a stop, goes on by itself.
+    fn goal_deadline(&self) -> Option<Deadline> {
+        let pilot = self.pilot.deadline();
+        match (self.goal, &self.runner) {
+            _ if self.autonomy.is_alone() => None,
+            (Goal::Following, Some(runner)) => Deadline::earlier(
+                self.plan.deadline(),
+                Deadline::earlier(runner.deadline(), pilot),
+            ),
+            (Goal::Following, None) if self.is_without_plan() => self.plan.deadline(),
+            (Goal::Following, None) => Deadline::earlier(self.plan.deadline(), pilot),
+            (Goal::Returning(home), _) if home.is_under_way() => pilot,
+            (Goal::Returning(_) | Goal::Waiting | Goal::Held(_) | Goal::Home(_), _) => None,
         }
     }
 
-    /// The pilot wants to be woken only while something is being driven.
-    fn pilot_deadline(&self) -> Option<Deadline> {
-        match self.goal {
-            _ if self.links.is_alone => None,
-            Goal::Following if self.runner.is_some() => {
-                let steps = self.runner.as_ref().and_then(StepRunner::deadline);
-                Deadline::earlier(steps, self.pilot.deadline())
-            }
-            Goal::Following if self.assignment.refusal().is_some() || self.plan.has_left() => None,
-            Goal::Following => self.pilot.deadline(),
-            Goal::Returning(Return {
-                stage: ReturnStage::UnderWay { .. },
-                ..
-            }) => self.pilot.deadline(),
-            Goal::Returning(Return {
-                stage: ReturnStage::InQueue(_),
-                ..
-            })
-            | Goal::Waiting
-            | Goal::Held(_)
-            | Goal::Home(_) => None,
-        }
-    }
-
-    fn dwell_deadline(&self) -> Option<Deadline> {
-        let follows = self.goal == Goal::Following && !self.links.is_alone;
-        follows.then(|| self.plan.deadline()).flatten()
+    /// Returns whether it follows no plan: it refuses its task, or has left the plan and waits for a newer one.
+    fn is_without_plan(&self) -> bool {
+        self.assignment.refusal().is_some() || self.plan.has_left()
     }
 }
 
@@ -484,7 +543,7 @@ impl Actor for Mission {
             In::State(state) => self.state(now, state, out),
             In::Peer(state) => self.peers.take(now, &state),
             In::Tile(tile) => {
-                self.pilot.learn(&tile);
+                self.terrain.learn(&tile);
                 if let Some(runner) = &mut self.runner {
                     runner.learn(&tile);
                 }
@@ -494,11 +553,14 @@ impl Actor for Mission {
             In::Progress(progress) => self.hear(now, &progress, out),
             In::Sighted(sighting) => {
                 self.peers.sight(now, &sighting);
-                self.links.heard_radio(now);
+                self.autonomy.heard_radio(now);
                 self.hear(now, &sighting.progress, out);
             }
-            In::Expected(vehicles) => self.forget_strangers(now, &vehicles),
-            In::Heard(by) => self.links.heard_bus(now, self.settings.vehicle, by),
+            In::Expected(vehicles) => {
+                self.peers.note_expected(now, &vehicles);
+                self.autonomy.forget_strangers(&self.peers);
+            }
+            In::Heard(by) => self.autonomy.heard_bus(now, self.settings.vehicle, by),
             In::Order(order) => self.order(now, order, out),
             In::Stops(open) => self.emergency(now, &open, out),
             In::SafetyEvent(remark) => self.remark(now, &remark),
@@ -512,18 +574,12 @@ impl Actor for Mission {
     }
 
     fn deadline(&self) -> Option<Deadline> {
-        let repeat = Some(Deadline {
-            at: self.repeat_at,
-            why: "repeat progress",
-        });
-        [repeat, self.dwell_deadline(), self.pilot_deadline()]
-            .into_iter()
-            .fold(None, Deadline::earlier)
+        let repeat = Some(self.announcements.deadline());
+        Deadline::earlier(repeat, self.goal_deadline())
     }
 
     fn wake(&mut self, now: Time, out: &mut Vec<Out>) -> Result<(), Fault> {
-        if self.repeat_at <= now {
-            self.repeat_at = now + REPEAT_EVERY;
+        if self.announcements.repeats(now) {
             out.push(Out::Progress(self.on_wire()));
         }
         self.go_on(now, out);

@@ -69,6 +69,11 @@ impl Peer {
         now.since(self.heard_at) > SILENT_AFTER
     }
 
+    /// Returns whether it is an obstacle that does not move: it rests, or nothing is heard of it.
+    pub fn stands(&self, now: Time) -> bool {
+        self.resting || self.is_silent(now)
+    }
+
     /// Returns whether something of a start comes too late: a later one was heard, not long ago.
     fn has_outlived(&self, now: Time, boot: Boot) -> bool {
         boot < self.edition.0 && now.since(self.heard_at) <= LOWER_BOOT_AFTER
@@ -221,6 +226,12 @@ impl Peers {
     /// Returns the others, ascending.
     pub fn iter(&self) -> impl Iterator<Item = (VehicleId, &Peer)> {
         self.newest.iter().map(|(id, peer)| (*id, peer))
+    }
+
+    /// Returns what those claim that stand, ascending by their ids.
+    pub fn standing_claims(&self, now: Time) -> Vec<Vec<Point>> {
+        let standing = self.newest.values().filter(|peer| peer.stands(now));
+        standing.map(|peer| peer.claim.clone()).collect()
     }
 
     /// Returns one of the others, if it was ever heard.

@@ -262,14 +262,11 @@ impl Vehicle {
         let Some(ahead_m) = reflex::halts_for(&self.settings, telemetry, scan) else {
             return;
         };
-        let bump = reflex::obstacle_of(&self.settings, now, scan);
+        let obstacle = reflex::obstacle_of(&self.settings, now, scan);
         self.movement.halt(now, self.braking_end());
-        self.reflex.remember(now, bump);
+        self.reflex.remember(now, obstacle);
         out.push(Out::AutopilotCommand(AutopilotCommand::Stop));
-        out.push(Out::SafetyEvent(SafetyEvent::Halted {
-            ahead_m,
-            obstacle: bump,
-        }));
+        out.push(Out::SafetyEvent(SafetyEvent::Halted { ahead_m, obstacle }));
     }
 
     fn order(&mut self, now: Time, sender: Sender, order: Order, out: &mut Vec<Out>) {

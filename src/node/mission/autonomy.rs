@@ -2,21 +2,26 @@
 //! battery is low, and says who has fallen silent. How it drives home is decided by `returning`.
 //!
 //! ```text
-//!                    nobody on bus or radio               heard again
-//!   Following ──────────────────────────────► standing ───────────────► Following
+//!                    nobody on bus or radio                heard again
+//!   [Following] ───────────────────────────► (it stands) ───────────────► [Following]
 //!       │ bus lost for autonomy_s, radio heard      │ bus lost for autonomy_s
 //!       ▼                                           ▼
-//!   Returning ◄──────── radio heard ────────────── Held          a Start, or a newer plan: Following (ground decides)
+//!   [Returning] ◄─────── radio heard ───────────── [Held]        a Start, or a newer plan: [Following] (ground decides)
 //! ```
+//!
+//! The states are those of [`super::goal`]. Here is only decided; what the vehicle does by it is done in
+//! [`super::Mission`].
 
-use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 use std::time::Duration;
 
-use tomoswarm_proto::{Plan, Sender, VehicleId};
+use serde::{Deserialize, Serialize};
+use tomoswarm_proto::{Sender, VehicleId};
 
+use super::MissionEvent;
 use super::goal::{Goal, GoalSource};
-use super::{Mission, MissionEvent, MissionStatus, Out};
-use crate::node::peers::SILENT_AFTER;
+use crate::config::Safety;
+use crate::node::peers::{Peers, SILENT_AFTER};
 use crate::time::Time;
 
 /// A battery that was low must be charged by this much more before it is not low any more, 0 to 1.
@@ -33,19 +38,35 @@ pub enum AutonomyCause {
     BatteryEmpty,
 }
 
-/// Whom a vehicle hears, and what it makes of that.
-#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
-pub(super) struct HeardNodes {
+/// What a vehicle decides on its own.
+#[derive(Clone, PartialEq, Debug)]
+pub(super) enum Decision {
+    /// It says something.
+    Say(MissionEvent),
+    /// It stops, and goes on as soon as somebody is heard.
+    Stop,
+    /// It holds from now on.
+    Hold(AutonomyCause),
+    /// It returns from now on.
+    Return(AutonomyCause),
+}
+
+/// Whom a vehicle hears, how its battery is, and what it has made of that.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(super) struct Autonomy {
     /// When a message of another node came last; `None` = it has never joined a bus.
     bus_at: Option<Time>,
     /// When a beacon came last.
     radio_at: Option<Time>,
     /// Nobody is heard at all.
-    pub is_alone: bool,
+    is_alone: bool,
     is_bus_lost: bool,
+    is_battery_low: bool,
+    /// Peers that have fallen silent.
+    silent: BTreeSet<VehicleId>,
 }
 
-impl HeardNodes {
+impl Autonomy {
     /// Takes that another node was heard on the bus.
     pub fn heard_bus(&mut self, now: Time, own: VehicleId, by: Sender) {
         if by != Sender::Vehicle(own) {
@@ -57,136 +78,94 @@ impl HeardNodes {
     pub fn heard_radio(&mut self, now: Time) {
         self.radio_at = Some(now);
     }
-}
 
-impl Mission {
-    /// Looks at links and battery, before anything else is decided.
-    pub(super) fn look_after_itself(&mut self, now: Time, out: &mut Vec<Out>) {
-        self.look_at_peers(now, out);
-        self.look_at_links(now, out);
-        self.look_at_battery(now, out);
+    /// Returns whether nobody is heard at all: the vehicle stands.
+    pub fn is_alone(&self) -> bool {
+        self.is_alone
     }
 
-    fn look_at_peers(&mut self, now: Time, out: &mut Vec<Out>) {
-        for (vehicle, peer) in self.peers.iter() {
+    /// Returns whether the battery is low.
+    pub fn is_battery_low(&self) -> bool {
+        self.is_battery_low
+    }
+
+    /// Forgets peers that are not known any more: they are neither silent nor heard again.
+    pub fn forget_strangers(&mut self, peers: &Peers) {
+        self.silent.retain(|vehicle| peers.get(*vehicle).is_some());
+    }
+
+    /// Returns which peers have fallen silent, or are heard again.
+    pub fn watch_peers(&mut self, now: Time, peers: &Peers) -> Vec<Decision> {
+        let mut decisions = Vec::new();
+        for (vehicle, peer) in peers.iter() {
             if peer.is_silent(now) && self.silent.insert(vehicle) {
-                out.push(Out::MissionEvent(MissionEvent::Silent(vehicle)));
+                decisions.push(Decision::Say(MissionEvent::Silent(vehicle)));
             } else if !peer.is_silent(now) && self.silent.remove(&vehicle) {
-                out.push(Out::MissionEvent(MissionEvent::HeardAgain(vehicle)));
+                decisions.push(Decision::Say(MissionEvent::HeardAgain(vehicle)));
             }
         }
+        decisions
     }
 
-    fn look_at_links(&mut self, now: Time, out: &mut Vec<Out>) {
-        let Some(bus_at) = self.links.bus_at else {
-            return;
+    /// Returns what is done about whom the vehicle hears: a bus lost for longer than `autonomy` is lost for good.
+    pub fn watch_links(&mut self, now: Time, autonomy: Duration, goal: Goal) -> Vec<Decision> {
+        let Some(bus_at) = self.bus_at else {
+            return Vec::new();
         };
         let bus_for = now.since(bus_at);
-        let radio_for = self
-            .links
-            .radio_at
-            .map_or(Duration::MAX, |at| now.since(at));
+        let radio_for = self.radio_at.map_or(Duration::MAX, |at| now.since(at));
+        let mut decisions = Vec::new();
         let is_alone = bus_for > SILENT_AFTER && radio_for > SILENT_AFTER;
-        if is_alone != self.links.is_alone {
-            self.links.is_alone = is_alone;
-            out.push(Out::MissionEvent(if is_alone {
-                MissionEvent::Alone
-            } else {
-                MissionEvent::NotAlone
-            }));
-            if is_alone && self.goal.is_under_way() {
-                self.stop(now, out);
-            }
+        if is_alone != std::mem::replace(&mut self.is_alone, is_alone) {
+            let (alone, heard) = (MissionEvent::Alone, MissionEvent::NotAlone);
+            decisions.push(Decision::Say(if is_alone { alone } else { heard }));
+            let stops = is_alone && goal.is_under_way();
+            decisions.extend(stops.then_some(Decision::Stop));
         }
-        let is_bus_lost = bus_for > self.settings.swarm.autonomy();
-        if is_bus_lost != self.links.is_bus_lost {
-            self.links.is_bus_lost = is_bus_lost;
-            out.push(Out::MissionEvent(if is_bus_lost {
-                MissionEvent::BusLost
-            } else {
-                MissionEvent::BusBack
-            }));
+        let is_bus_lost = bus_for > autonomy;
+        if is_bus_lost != std::mem::replace(&mut self.is_bus_lost, is_bus_lost) {
+            let (lost, back) = (MissionEvent::BusLost, MissionEvent::BusBack);
+            decisions.push(Decision::Say(if is_bus_lost { lost } else { back }));
         }
-        let is_held_by_it = self.goal == Goal::Held(GoalSource::Itself(AutonomyCause::BusLost));
-        match (is_bus_lost, self.goal) {
-            (true, Goal::Following) if is_alone => {
-                self.decide(now, AutonomyCause::BusLost, Goal::Held, out)
+        decisions.extend(self.without_bus(goal));
+        decisions
+    }
+
+    /// Without a bus it holds as long as nobody is heard at all, and returns otherwise. What an operator has ordered stays.
+    fn without_bus(&self, goal: Goal) -> Option<Decision> {
+        let is_held_by_it = goal == Goal::Held(GoalSource::Itself(AutonomyCause::BusLost));
+        match (self.is_bus_lost, goal) {
+            (true, Goal::Following) if self.is_alone => {
+                Some(Decision::Hold(AutonomyCause::BusLost))
             }
-            (true, Goal::Following) => self.return_on_its_own(now, AutonomyCause::BusLost, out),
-            (true, Goal::Held(_)) if is_held_by_it && !is_alone => {
-                self.return_on_its_own(now, AutonomyCause::BusLost, out);
+            (true, Goal::Following) => Some(Decision::Return(AutonomyCause::BusLost)),
+            (true, Goal::Held(_)) if is_held_by_it && !self.is_alone => {
+                Some(Decision::Return(AutonomyCause::BusLost))
             }
             (_, Goal::Waiting | Goal::Held(_) | Goal::Returning(_) | Goal::Home(_))
-            | (false, Goal::Following) => {}
+            | (false, Goal::Following) => None,
         }
     }
 
-    fn look_at_battery(&mut self, now: Time, out: &mut Vec<Out>) {
-        let Some(battery) = self.state.as_ref().map(|state| state.battery) else {
-            return;
-        };
-        let safety = self.settings.safety;
-        let enough = if self.is_battery_low {
-            safety.battery_return + CHARGED
-        } else {
-            safety.battery_return
-        };
-        self.is_battery_low = battery < enough;
-        match self.goal {
+    /// Returns what is done about the battery, charged from 0 to 1.
+    pub fn watch_battery(&mut self, battery: f64, safety: &Safety, goal: Goal) -> Option<Decision> {
+        let charge = if self.is_battery_low { CHARGED } else { 0.0 };
+        self.is_battery_low = battery < safety.battery_return + charge;
+        match goal {
             Goal::Following | Goal::Returning(_) if battery < safety.battery_hold => {
-                self.decide(now, AutonomyCause::BatteryEmpty, Goal::Held, out);
+                Some(Decision::Hold(AutonomyCause::BatteryEmpty))
             }
             Goal::Following if self.is_battery_low => {
-                self.return_on_its_own(now, AutonomyCause::BatteryLow, out);
+                Some(Decision::Return(AutonomyCause::BatteryLow))
             }
             Goal::Waiting
             | Goal::Held(_)
             | Goal::Following
             | Goal::Returning(_)
-            | Goal::Home(_) => {}
-        }
-    }
-
-    fn return_on_its_own(&mut self, now: Time, cause: AutonomyCause, out: &mut Vec<Out>) {
-        self.decide(now, cause, |by| Goal::go_home(now, by), out);
-    }
-
-    /// Stops, and does from now on what nobody has ordered.
-    fn decide(
-        &mut self,
-        now: Time,
-        cause: AutonomyCause,
-        goal: impl FnOnce(GoalSource) -> Goal,
-        out: &mut Vec<Out>,
-    ) {
-        self.goal = goal(GoalSource::Itself(cause));
-        self.stop(now, out);
-        out.push(Out::MissionEvent(MissionEvent::Decides(
-            cause,
-            self.status(),
-        )));
-    }
-
-    /// A newer plan of its own takes a vehicle back that acts on its own since it had lost the bus: the ground knows of
-    /// it, and has planned from where it is.
-    pub(super) fn resume_for(&mut self, now: Time, plan: &Plan, out: &mut Vec<Out>) {
-        if self.plan.is_newer(plan) && self.goal.cause() == Some(AutonomyCause::BusLost) {
-            self.goal = Goal::Following;
-            self.stop(now, out);
-        }
-    }
-
-    /// Returns whether it stands and will not go on by itself, however long it takes.
-    pub(super) fn holds(&self) -> bool {
-        matches!(self.goal, Goal::Held(_)) || (self.links.is_alone && self.goal.is_under_way())
-    }
-
-    /// Returns what the vehicle does, for status lines.
-    pub fn status(&self) -> MissionStatus {
-        if self.holds() {
-            MissionStatus::Held
-        } else {
-            self.goal.status()
+            | Goal::Home(_) => None,
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,8 +1,8 @@
 //! What a mission does when it hears nobody, has lost the bus, or runs out of battery.
 
 use crate::node::radio::BeaconReport;
-use tomoswarm_proto::Sender;
-use tomoswarm_proto::{Boot, Lease, Revision, VehicleMode};
+use tomoswarm_proto::{Boot, Lease, Revision, VehicleId, VehicleMode};
+use tomoswarm_proto::{Sender, StandReason};
 
 use super::super::tests_support::{own_state, settings, state};
 use super::tests::{at, driven, holds, order, plan, planned, told};

@@ -2,15 +2,17 @@
 //!
 //! ```text
 //!                  Start                     Hold, emergency stop; battery empty, nobody heard
-//!   Waiting ───────────► Following ◄──────────────────────────────────────────► Held
+//!   [Waiting] ─────────► [Following] ◄────────────────────────────────────────► [Held]
 //!                           │ Return; bus lost, battery low      Start            │ Return
 //!                           ▼                                                     ▼
-//!                       Returning: InQueue (lower ids first) ◄─► UnderWay ─► Home, at rest
+//!                       [Returning]: [InQueue] (lower ids first) ◄─► [UnderWay] ─► [Home], at rest
 //! ```
 //!
-//! What leads from one to another is decided in `mod` (orders), `autonomy` (what nobody has ordered) and `returning`.
+//! What leads from one to another is decided in [`super::Mission`] (orders), `autonomy` (what nobody has ordered) and
+//! `returning`; the goal itself is changed in [`super::Mission`] alone.
 
 use serde::{Deserialize, Serialize};
+use tomoswarm_proto::OrderKind;
 
 use super::{AutonomyCause, MissionStatus};
 use crate::time::Time;
@@ -93,6 +95,18 @@ impl Goal {
         })
     }
 
+    /// Returns the goal after an order. A vehicle that came home with a low battery stays there, and by order from now on.
+    pub fn ordered(self, now: Time, kind: OrderKind, is_battery_low: bool) -> Goal {
+        match (kind, self) {
+            (OrderKind::Start, Goal::Home(_)) if is_battery_low => Goal::Home(GoalSource::Order),
+            (OrderKind::Start, _) => Goal::Following,
+            (OrderKind::Hold | OrderKind::Land | OrderKind::CutMotors, _) => {
+                Goal::Held(GoalSource::Order)
+            }
+            (OrderKind::Return, _) => Goal::go_home(now, GoalSource::Order),
+        }
+    }
+
     /// Returns why the vehicle does something that nobody has ordered.
     pub fn cause(&self) -> Option<AutonomyCause> {
         let by = match self {
@@ -162,50 +176,61 @@ impl Return {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::node::tests_support::{drawn, variants};
+    use std::collections::BTreeSet;
 
     fn at(time_s: f64) -> Time {
         Time::from_secs_f64(time_s)
     }
 
-    /// The name of a variant, as it is written.
-    fn name(variant: &impl std::fmt::Debug) -> String {
-        format!("{variant:?}")
-            .chars()
-            .take_while(|letter| letter.is_alphanumeric())
-            .collect()
+    #[test]
+    fn the_drawings_show_the_goals_and_nothing_else() {
+        let word = |goal: &Goal| match goal {
+            Goal::Waiting => "Waiting",
+            Goal::Following => "Following",
+            Goal::Held(_) => "Held",
+            Goal::Returning(_) => "Returning",
+            Goal::Home(_) => "Home",
+        };
+        let goals = variants::<Goal>();
+        let all: BTreeSet<String> = goals.union(&variants::<ReturnStage>()).cloned().collect();
+        assert_eq!(drawn(include_str!("goal.rs")), all);
+        assert!(drawn(include_str!("autonomy.rs")).is_subset(&goals));
+        let low = GoalSource::Itself(AutonomyCause::BatteryLow);
+        let shown = [
+            Goal::Waiting,
+            Goal::Following,
+            Goal::Held(low),
+            Goal::go_home(at(1.0), low),
+            Goal::Home(low),
+        ];
+        let words: BTreeSet<String> = shown.iter().map(|goal| word(goal).to_owned()).collect();
+        assert_eq!(words, goals);
     }
 
     #[test]
-    fn the_drawing_shows_the_goals_and_nothing_else() {
-        let drawing: Vec<&str> = include_str!("goal.rs")
-            .lines()
-            .skip_while(|line| !line.contains("```text"))
-            .collect();
-        let end = drawing
-            .iter()
-            .skip(1)
-            .position(|line| line.contains("```"))
-            .unwrap();
-        let drawing = drawing[1..=end].join("\n");
-        let Goal::Returning(home) = Goal::go_home(at(1.0), GoalSource::Order) else {
-            panic!("it returns")
-        };
-        let drives = ReturnStage::UnderWay {
-            bold_since: None,
-            presses_on: false,
-        };
-        let goals = [
+    fn an_order_leads_where_the_drawing_says_but_for_a_low_battery_at_home() {
+        let low = GoalSource::Itself(AutonomyCause::BatteryLow);
+        for from in [
             Goal::Waiting,
             Goal::Following,
-            Goal::Held(GoalSource::Order),
-            Goal::Returning(home),
-        ];
-        let names = goals
-            .iter()
-            .chain([&Goal::Home(GoalSource::Order)])
-            .map(name);
-        for name in names.chain([name(&home.stage), name(&drives)]) {
-            assert_eq!(drawing.matches(&name).count(), 1, "{name} in {drawing}");
+            Goal::Held(low),
+            Goal::Home(low),
+        ] {
+            let after = |kind, is_low| from.ordered(at(2.0), kind, is_low);
+            assert_eq!(after(OrderKind::Start, false), Goal::Following);
+            for stop in [OrderKind::Hold, OrderKind::Land, OrderKind::CutMotors] {
+                assert_eq!(after(stop, true), Goal::Held(GoalSource::Order));
+            }
+            let home = Goal::go_home(at(2.0), GoalSource::Order);
+            assert_eq!(after(OrderKind::Return, true), home);
+            let started = match from {
+                Goal::Home(_) => Goal::Home(GoalSource::Order),
+                Goal::Waiting | Goal::Following | Goal::Held(_) | Goal::Returning(_) => {
+                    Goal::Following
+                }
+            };
+            assert_eq!(after(OrderKind::Start, true), started, "from {from:?}");
         }
     }
 

@@ -7,15 +7,21 @@
 //!
 //! Deliberately absent: how a leg is driven, see `pilot`, and whether the vehicle is to follow at all, see `goal`.
 
-use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Boot, MissionPhase, Plan, Revision, RunId, Stop, StopId, VehicleId};
+mod refusals;
+mod told_progress;
 
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+use tomoswarm_proto::{MissionPhase, Plan, RunId, Stop, StopId, VehicleId};
+
+use self::refusals::Refusals;
+use self::told_progress::{PlanNews, ToldProgress};
 use super::MissionEvent;
-use crate::geom::{Point, Polygon};
+use crate::geom::Point;
 use crate::node::VehicleSettings;
 use crate::sweep::{Follower, PlanVerdict, VehicleProgress, WaitsFor};
 use crate::time::{Deadline, Time};
-use std::time::Duration;
 
 /// Legs are entered ahead until the way is this long, metres, so that stops are driven through.
 const ENTER_AHEAD_M: f64 = 3.0;
@@ -37,32 +43,16 @@ const UNHEARD_AFTER: Duration = Duration::from_secs(15);
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct GroundPlan {
     vehicle: VehicleId,
-    boot: Boot,
-    fence: Polygon,
     /// `None` as long as the vehicle does not know where it is.
     follower: Option<Follower>,
     /// The vehicle has left the plan, and goes on only under a newer one.
     has_left: bool,
-    /// It was said that all stops are done.
-    has_said_end: bool,
-    /// The plan last not taken, since it is old or leads out of the fence.
-    not_taken: Option<(RunId, Revision)>,
+    refusals: Refusals,
     /// When a plan of the revision that is not adopted yet was heard last.
     pending_at: Time,
     /// Stops given up since one was reached.
     skips: u32,
-    said: VehicleProgress,
-}
-
-/// What has changed since it was last asked.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub(super) struct PlanNews {
-    /// How far the vehicle is.
-    pub progress: Option<VehicleProgress>,
-    /// That is under another revision than before.
-    pub is_adopted: bool,
-    /// All stops of this run are done.
-    pub finished: Option<RunId>,
+    told: ToldProgress,
 }
 
 impl GroundPlan {
@@ -70,19 +60,16 @@ impl GroundPlan {
     pub fn new(settings: &VehicleSettings) -> GroundPlan {
         GroundPlan {
             vehicle: settings.vehicle,
-            boot: settings.boot,
-            fence: settings.fence.clone(),
             follower: None,
             has_left: false,
-            has_said_end: false,
-            not_taken: None,
+            refusals: Refusals::new(settings.vehicle, settings.fence.clone()),
             pending_at: Time::ZERO,
             skips: 0,
-            said: VehicleProgress {
+            told: ToldProgress::new(VehicleProgress {
                 vehicle: settings.vehicle,
                 boot: settings.boot,
                 ..VehicleProgress::default()
-            },
+            }),
         }
     }
 
@@ -101,7 +88,7 @@ impl GroundPlan {
 
     /// Returns how far the vehicle was when that was last asked.
     pub fn progress(&self) -> VehicleProgress {
-        self.said
+        self.told.progress()
     }
 
     /// Returns how many stops of the plan are done, and how many it has; none of none while there is no plan.
@@ -111,7 +98,7 @@ impl GroundPlan {
 
     /// Returns whether all stops of a plan are done.
     pub fn is_done(&self) -> bool {
-        self.has_said_end
+        self.told.is_end_told()
     }
 
     /// Returns what the vehicle does for the plan while it follows.
@@ -119,7 +106,7 @@ impl GroundPlan {
         match (&self.follower, self.waits_for()) {
             _ if self.has_left => MissionPhase::Waiting,
             (Some(follower), _) if follower.deadline().is_some() => MissionPhase::Dwelling,
-            _ if self.said.leg.is_some() => MissionPhase::Going,
+            _ if self.progress().leg.is_some() => MissionPhase::Going,
             (_, Some(WaitsFor::Plans | WaitsFor::Revision { .. } | WaitsFor::Member { .. })) => {
                 MissionPhase::Waiting
             }
@@ -151,23 +138,7 @@ impl GroundPlan {
     /// Returns why a plan is not taken, the first time that it comes; `is_old` = it answers a state that is too old, or
     /// has a lower right than others.
     pub fn refuse(&mut self, plan: &Plan, is_old: bool) -> Result<(), Option<MissionEvent>> {
-        let edition = (plan.run, plan.revision);
-        let old = is_old.then_some(MissionEvent::OldPlan(plan.run, plan.revision));
-        let Some(remark) = old.or_else(|| self.leads_outside(plan).map(MissionEvent::Outside))
-        else {
-            return Ok(());
-        };
-        let is_news = self.not_taken.replace(edition) != Some(edition);
-        Err(is_news.then_some(remark))
-    }
-
-    /// Returns the first place of the own plan that lies outside the fence.
-    fn leads_outside(&self, plan: &Plan) -> Option<Point> {
-        let own = plan.stops.iter().filter(|_| plan.vehicle == self.vehicle);
-        let mut places = own
-            .flat_map(|stop| stop.route.iter().chain([&stop.at]))
-            .map(|at| Point::from(*at));
-        places.find(|at| !self.fence.contains(*at))
+        self.refusals.judge(plan, is_old)
     }
 
     /// Returns whether a plan is the vehicle's own and newer than the one followed.
@@ -289,23 +260,9 @@ impl GroundPlan {
         let Some(follower) = &self.follower else {
             return PlanNews::default();
         };
-        let progress = VehicleProgress {
-            boot: self.boot,
-            ..follower.progress()
-        };
-        let is_adopted = (progress.run, progress.revision) != (self.said.run, self.said.revision);
-        if is_adopted {
-            (self.has_said_end, self.has_left) = (false, false);
-        }
-        let is_end = follower.finished() && !self.has_said_end && progress.done.is_some();
-        self.has_said_end |= is_end;
-        let changed = (progress != self.said).then_some(progress);
-        self.said = progress;
-        PlanNews {
-            progress: changed,
-            is_adopted,
-            finished: is_end.then_some(progress.run),
-        }
+        let news = self.told.news(follower.progress(), follower.finished());
+        self.has_left &= !news.is_adopted;
+        news
     }
 
     /// Returns the run for which is measured while the plan is followed.

@@ -24,7 +24,7 @@ use self::patrol::Patrol;
 use self::seek::{Preference, Seek};
 use self::straight::Straight;
 use super::EndReason;
-use super::pilot::Pilot;
+use super::terrain::Terrain;
 use crate::geom::{Angle, Cell, Point, Pose};
 use crate::node::VehicleSettings;
 use crate::node::peers::Peers;
@@ -103,7 +103,7 @@ pub struct MissionContext<'a> {
     /// Where the vehicle is.
     pub pose: Pose,
     /// What is known of the world, and where the vehicle may be in it.
-    pub pilot: &'a Pilot,
+    pub terrain: &'a Terrain,
     /// The others.
     pub peers: &'a Peers,
 }
@@ -227,7 +227,7 @@ mod tests_support {
     ) -> MissionStep {
         let settings = settings(1);
         let peers = Peers::new(settings.vehicle);
-        let pilot = Pilot::new(settings);
+        let terrain = Terrain::new(settings);
         let pose = Pose {
             at: Point::new(at.0, at.1),
             heading: Angle::default(),
@@ -238,7 +238,7 @@ mod tests_support {
             &MissionContext {
                 now,
                 pose,
-                pilot: &pilot,
+                terrain: &terrain,
                 peers: &peers,
             },
         )

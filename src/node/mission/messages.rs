@@ -7,6 +7,7 @@ use tomoswarm_proto::{
 };
 
 use super::autonomy::AutonomyCause;
+use super::pilot::WayEvent;
 use crate::actor::{Input, InputClass};
 use crate::geom::Point;
 use crate::node::OwnState;
@@ -116,6 +117,18 @@ pub enum MissionEvent {
     BusBack,
     /// It does something that nobody has ordered.
     Decides(AutonomyCause, MissionStatus),
+}
+
+impl From<WayEvent> for MissionEvent {
+    fn from(met: WayEvent) -> MissionEvent {
+        match met {
+            WayEvent::Stop(stop) => MissionEvent::Done(stop),
+            WayEvent::Looks(at) => MissionEvent::Looks(at),
+            WayEvent::Blocked(at) => MissionEvent::Blocked(at),
+            WayEvent::Path(length_m) => MissionEvent::Path(length_m),
+            WayEvent::NoPath(failures) => MissionEvent::NoPath(failures),
+        }
+    }
 }
 
 /// How a mission ended.

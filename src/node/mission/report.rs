@@ -5,7 +5,7 @@ use tomoswarm_proto::{MissionEnd, MissionPhase, Permille, Position, Progress, St
 
 use super::goal::Goal;
 use super::runner::StepRunner;
-use super::{AutonomyCause, EndReason, Mission, is_at_home};
+use super::{AutonomyCause, EndReason, Mission, MissionStatus, is_at_home};
 
 impl Mission {
     /// Returns how far the vehicle is with its mission.
@@ -35,10 +35,25 @@ impl Mission {
         }
     }
 
+    /// Returns what the vehicle does, for status lines.
+    pub fn status(&self) -> MissionStatus {
+        if self.holds() {
+            MissionStatus::Held
+        } else {
+            self.goal.status()
+        }
+    }
+
+    /// Returns whether it stands and will not go on by itself, however long it takes.
+    fn holds(&self) -> bool {
+        let is_alone = self.autonomy.is_alone() && self.goal.is_under_way();
+        matches!(self.goal, Goal::Held(_)) || is_alone
+    }
+
     /// Returns why it stands and does not go on by itself; `None` = it may.
     pub(super) fn holds_for(&self) -> Option<StandReason> {
         self.holds().then(|| match self.goal.cause() {
-            _ if self.links.is_alone && self.goal.is_under_way() => StandReason::Alone,
+            _ if self.autonomy.is_alone() && self.goal.is_under_way() => StandReason::Alone,
             Some(AutonomyCause::BusLost) => StandReason::Alone,
             Some(AutonomyCause::BatteryLow | AutonomyCause::BatteryEmpty) => StandReason::Battery,
             None => StandReason::Held,

@@ -1,15 +1,19 @@
-//! The way home: one vehicle after the other, lower ids first, as their states or their beacons tell. Who yields to a
-//! lower id on its way steps back into the line, and so does who is barred by peers that stand, or whose vehicle refuses
-//! every path: their turn comes early, and the known way is tried anew after them. Only when nobody moves any more it goes through the unknown.
+//! The way home: one vehicle after the other, lower ids first, as their states or their beacons tell. A vehicle that yields
+//! to a lower id on its way steps back into the line, and so does one that is barred by peers that stand, or that refuses
+//! every path: their turn comes early, and the known way is tried anew after them. Only when nobody moves any more it goes
+//! through the unknown.
+//!
+//! Here is decided what becomes of a return; a vehicle drives, and its goal changes, in [`super::Mission`].
 
 use std::time::Duration;
 
 use tomoswarm_proto::VehicleId;
 
-use super::goal::{Goal, Return, ReturnQueue, ReturnStage};
-use super::pilot::{Unknown, WayHome};
-use super::{AutonomyCause, Mission, MissionEvent, Out};
-use crate::node::peers::Peer;
+use super::AutonomyCause;
+use super::goal::{GoalSource, Return, ReturnQueue, ReturnStage};
+use super::home::WayHome;
+use super::pilot::Unknown;
+use crate::node::peers::{Peer, Peers};
 use crate::time::Time;
 
 /// Before it returns, a vehicle waits until all lower ids have been quiet this long, for each of them.
@@ -30,156 +34,153 @@ const FAILURES_MAX: u32 = 6;
 /// Every so many tries the unknown is a resort, although a known way seems to be open.
 const TRIES: u32 = 3;
 
-impl Mission {
-    pub(super) fn bring_home(&mut self, now: Time, home: Return, out: &mut Vec<Out>) {
-        match home.stage {
-            ReturnStage::InQueue(queue) => self.wait_in_queue(now, home, queue),
-            ReturnStage::UnderWay { .. } => self.drive_home(now, home, out),
-        }
-    }
+/// A return, and what is looked at to decide how it goes on.
+pub(super) struct Returning<'a> {
+    pub now: Time,
+    pub own: VehicleId,
+    pub peers: &'a Peers,
+    pub home: Return,
+}
 
-    fn wait_in_queue(&mut self, now: Time, home: Return, queue: ReturnQueue) {
-        let rests = self.state.as_ref().is_some_and(|state| state.leg.is_none());
-        if rests && queue.try_at <= now && self.is_its_turn(now, &queue) {
-            self.take_turn(now, home, queue);
-        }
-    }
+/// What a vehicle does whose turn it is.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Turn {
+    /// It waits for those who bar its way.
+    Waits(Return),
+    /// It drives.
+    Drives(Return, Unknown),
+}
 
-    fn drive_home(&mut self, now: Time, home: Return, out: &mut Vec<Out>) {
-        if self.state.is_none() {
-            return;
-        }
-        self.drive(now, out);
-        if self.pilot.way().is_empty() {
-            self.goal = Goal::Home(home.by);
-            out.push(Out::MissionEvent(MissionEvent::Home));
-        } else if self.pilot.is_refused() && !self.is_low() {
-            self.try_in_vain(now);
-        }
-    }
-
-    /// Begins to drive home, or waits for those who bar the way.
-    fn take_turn(&mut self, now: Time, home: Return, queue: ReturnQueue) {
-        let Some(state) = &self.state else { return };
-        let standing = self
-            .peers
-            .iter()
-            .filter(|(_, peer)| peer.resting || peer.is_silent(now));
-        self.pilot
-            .keep_clear_of(standing.map(|(_, peer)| peer.claim.clone()).collect());
-        let others_move = self
-            .peers
-            .iter()
-            .any(|(_, peer)| !peer.resting && !peer.is_silent(now));
-        let presses_on = others_move || self.is_low();
-        let unknown = match self.pilot.way_home(now, state) {
-            _ if presses_on => Unknown::LastResort,
-            WayHome::Open if home.tries % TRIES != TRIES - 1 => Unknown::Barred,
-            WayHome::BehindPeers if !self.has_waited(now, &queue) => {
-                let barred_since = queue.barred_since.or(Some(now));
-                let stage = ReturnStage::InQueue(ReturnQueue {
-                    barred_since,
-                    ..queue
-                });
-                self.goal = Goal::Returning(Return { stage, ..home });
-                return self.step_back(now);
-            }
-            WayHome::Open | WayHome::BehindPeers | WayHome::Unknown => Unknown::LastResort,
+impl Returning<'_> {
+    /// Returns whether a vehicle in the queue may drive: all lower ids have been at rest, longer the more there are, and the
+    /// higher ones stand.
+    pub fn is_its_turn(&self, queue: &ReturnQueue) -> bool {
+        let quiet = QUIET * self.lower().count() as u32;
+        let mut higher = self.peers.iter().filter(|(id, _)| *id > self.own);
+        let higher_stand = higher.all(|(_, peer)| peer.stands(self.now));
+        let within = match queue.has_stepped_back && !self.is_battery_low() {
+            true => LATER_HIGHER_WITHIN,
+            false => HIGHER_WITHIN,
         };
-        self.pilot.go_home(now, state, unknown);
-        self.plan.leave();
-        let bold_since = (unknown == Unknown::LastResort).then_some(now);
+        queue.try_at <= self.now
+            && self
+                .lower()
+                .all(|peer| peer.is_quiet(self.now, queue.since, quiet))
+            && (higher_stand || self.now.since(queue.since) > within)
+    }
+
+    /// Returns what a vehicle does whose turn it is, as the way home looks.
+    pub fn turn(&self, queue: &ReturnQueue, way_home: WayHome) -> Turn {
+        let others_move = self.peers.iter().any(|(_, peer)| !peer.stands(self.now));
+        let presses_on = others_move || self.is_battery_low();
+        match way_home {
+            _ if presses_on => self.drives(Unknown::LastResort, presses_on),
+            WayHome::Open if self.home.tries % TRIES != TRIES - 1 => {
+                self.drives(Unknown::Barred, presses_on)
+            }
+            WayHome::BehindPeers if !self.has_waited(queue) => {
+                Turn::Waits(self.waits_behind_peers(queue))
+            }
+            WayHome::Open | WayHome::BehindPeers | WayHome::Unknown => {
+                self.drives(Unknown::LastResort, presses_on)
+            }
+        }
+    }
+
+    fn drives(&self, unknown: Unknown, presses_on: bool) -> Turn {
+        let bold_since = (unknown == Unknown::LastResort).then_some(self.now);
         let stage = ReturnStage::UnderWay {
             bold_since,
             presses_on,
         };
-        self.goal = Goal::Returning(Return { stage, ..home });
+        let home = Return { stage, ..self.home };
+        Turn::Drives(home, unknown)
     }
 
-    /// Lets the others have their turn.
-    fn step_back(&mut self, now: Time) {
-        if let Goal::Returning(home) = &mut self.goal {
-            *home = home.stepped_back(now, now + TRY_AGAIN);
+    fn waits_behind_peers(&self, queue: &ReturnQueue) -> Return {
+        let queue = ReturnQueue {
+            barred_since: queue.barred_since.or(Some(self.now)),
+            ..*queue
+        };
+        let home = Return {
+            stage: ReturnStage::InQueue(queue),
+            ..self.home
+        };
+        home.stepped_back(self.now, self.now + TRY_AGAIN)
+    }
+
+    /// Returns the return after a search in vain, or after a path that was blocked at once, when others have their turn by
+    /// that; `failures` = how many there were in a row.
+    pub fn after_failures(&self, failures: u32) -> Option<Return> {
+        self.gives_way(failures).then(|| self.tried_in_vain())
+    }
+
+    /// Returns the return after the vehicle has refused whatever path was found, when others have their turn by that.
+    pub fn after_refused_paths(&self) -> Option<Return> {
+        (!self.is_battery_low()).then(|| self.tried_in_vain())
+    }
+
+    /// Returns the return after a command was refused, or given up, for a peer, when that goes first: a lower id that drives.
+    pub fn after_refusal_for(&self, peer: VehicleId) -> Option<Return> {
+        let drives = self.peers.get(peer).is_some_and(|peer| !peer.resting);
+        let yields = self.home.is_under_way() && drives && peer < self.own;
+        yields.then(|| self.stepped_back())
+    }
+
+    /// Returns the return after a vehicle has let the others have their turn.
+    fn stepped_back(&self) -> Return {
+        self.home.stepped_back(self.now, self.now + TRY_AGAIN)
+    }
+
+    /// Returns the return after a try in vain to get home: the others have their turn.
+    fn tried_in_vain(&self) -> Return {
+        Return {
+            tries: self.home.tries + 1,
+            ..self.stepped_back()
         }
     }
 
-    /// Counts a try to get home, and lets the others have their turn.
-    fn try_in_vain(&mut self, now: Time) {
-        if let Goal::Returning(home) = &mut self.goal {
-            home.tries += 1;
-        }
-        self.step_back(now);
-    }
-
-    /// On the way home no path was found, or the one found is blocked: others may have to move first. A vehicle that goes
-    /// through the unknown goes on trying as long as none of them has moved.
-    pub(super) fn finds_no_way_home(&mut self, now: Time, failures: u32) {
-        let Goal::Returning(Return {
-            stage:
-                ReturnStage::UnderWay {
-                    bold_since,
-                    presses_on,
-                },
-            ..
-        }) = self.goal
+    /// Returns whether a vehicle gives way that has found no path on its way home, or only one that is blocked: others may
+    /// have to move first. One that goes through the unknown goes on trying as long as none of them has moved.
+    fn gives_way(&self, failures: u32) -> bool {
+        let ReturnStage::UnderWay {
+            bold_since,
+            presses_on,
+        } = self.home.stage
         else {
-            return;
+            return false;
         };
         let has_moved = |since: Time| self.peers.iter().any(|(_, peer)| peer.moved_at > since);
-        let gives_way = !presses_on && bold_since.is_none_or(has_moved);
-        if failures >= FAILURES_MAX || gives_way {
-            self.try_in_vain(now);
-        }
+        failures >= FAILURES_MAX || (!presses_on && bold_since.is_none_or(has_moved))
+    }
+
+    /// Returns whether the vehicle returns since its battery is low: it waits for nobody longer than it must.
+    fn is_battery_low(&self) -> bool {
+        self.home.by == GoalSource::Itself(AutonomyCause::BatteryLow)
     }
 
     /// Returns whether the peers that bar the way have had time enough.
-    fn has_waited(&self, now: Time, queue: &ReturnQueue) -> bool {
+    fn has_waited(&self, queue: &ReturnQueue) -> bool {
         let Some(barred_since) = queue.barred_since else {
             return false;
         };
-        let heard = self.peers.iter().filter(|(_, peer)| !peer.is_silent(now));
+        let heard = self
+            .peers
+            .iter()
+            .filter(|(_, peer)| !peer.is_silent(self.now));
         let moved_at = heard.fold(barred_since, |latest, (_, peer)| latest.max(peer.moved_at));
         let count = self.peers.iter().count() + self.lower().count();
-        now.since(moved_at) >= PATIENCE + QUIET * count as u32
-            || now.since(barred_since) >= PATIENCE_MAX
-    }
-
-    fn is_low(&self) -> bool {
-        self.goal.cause() == Some(AutonomyCause::BatteryLow)
+        self.now.since(moved_at) >= PATIENCE + QUIET * count as u32
+            || self.now.since(barred_since) >= PATIENCE_MAX
     }
 
     fn lower(&self) -> impl Iterator<Item = &Peer> {
         self.peers
             .iter()
-            .take_while(|(id, _)| *id < self.settings.vehicle)
+            .take_while(|(id, _)| *id < self.own)
             .map(|(_, peer)| peer)
     }
-
-    /// Vehicles return one after the other: all lower ids have been at rest, longer the more there are, and the
-    /// higher ones stand.
-    fn is_its_turn(&self, now: Time, queue: &ReturnQueue) -> bool {
-        let since = queue.since;
-        let quiet = QUIET * self.lower().count() as u32;
-        let mut higher = self
-            .peers
-            .iter()
-            .filter(|(id, _)| *id > self.settings.vehicle);
-        let higher_stand = higher.all(|(_, peer)| peer.resting || peer.is_silent(now));
-        let is_later = queue.has_stepped_back && !self.is_low();
-        let within = if is_later {
-            LATER_HIGHER_WITHIN
-        } else {
-            HIGHER_WITHIN
-        };
-        self.lower().all(|peer| peer.is_quiet(now, since, quiet))
-            && (higher_stand || now.since(since) > within)
-    }
-
-    /// A command was refused, or given up, for a peer: when that is a lower id that drives, it goes first.
-    pub(super) fn yields_to(&mut self, now: Time, peer: VehicleId) {
-        let drives = self.peers.get(peer).is_some_and(|peer| !peer.resting);
-        if self.goal.drives_home() && drives && peer < self.settings.vehicle {
-            self.step_back(now);
-        }
-    }
 }
+
+#[cfg(test)]
+mod tests;

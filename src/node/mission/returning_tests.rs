@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use tomoswarm_proto::TileReport;
 
-use tomoswarm_proto::{State, TileAddress, VehicleMode};
+use tomoswarm_proto::{State, TileAddress, VehicleId, VehicleMode};
 
 use super::super::tests_support::{own_state, settings, state};
 use super::tests::{at, order, told};

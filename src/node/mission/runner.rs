@@ -3,14 +3,19 @@
 //! pilot drives, the vehicle actor has the last word.
 //!
 //! ```text
-//!   Choosing ─a place─► Driving ─arrived─► Looking ─► Choosing ─ended─► (going home) ─► Over
-//!      ▲  ▲                │ blocked, or what was to be seen is seen           │
-//!      │  └────────────────┘                                                   │
-//!      └─ peers are in the way: wait, step aside, the lowest id last ──────────┘
+//!   [Choosing] ─ a place, aside, or home ─► [Driving]
+//!   [Choosing] ─ something to look at ─► [Looking]
+//!   [Choosing] ─ peers are in the way: wait; the lowest id waits longest before it steps aside ─► [Choosing]
+//!   [Driving]  ─ arrived: the mission says whether it looks or thinks ─► [Looking], [Choosing]
+//!   [Driving]  ─ blocked, or what was to be seen is seen ─► [Choosing]
+//!   [Looking]  ─ everything looked at ─► [Choosing]
+//!   [Choosing] ─ the mission has ended, and no way leads home; [Driving] ─ home ─► [Over]
 //! ```
 //!
 //! Deliberately absent: where to go and what to look at, see [`super::kind`].
 
+mod barred_places;
+mod own_mission;
 mod routes;
 mod tries;
 mod yield_to_peers;
@@ -20,6 +25,9 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{MissionPhase, TileReport, VehicleMode};
 
+use self::barred_places::BarredPlaces;
+use self::own_mission::OwnMission;
+use self::routes::Courses;
 use self::tries::Tries;
 use self::yield_to_peers::{Yield, YieldToPeers, way_aside};
 use super::home::HOME_M;
@@ -28,6 +36,7 @@ use super::kind::{
 };
 use super::look_around::{LookAround, Next, dwell};
 use super::pilot::{Pilot, WayEvent};
+use super::terrain::Terrain;
 use super::{EndReason, MissionEvent, Out};
 use crate::geom::{Cell, Point, Pose};
 use crate::node::peers::Peers;
@@ -79,15 +88,12 @@ enum Phase {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct StepRunner {
     settings: VehicleSettings,
-    /// What it is out for; `None` = that has ended, and it goes home.
-    kind: Option<AnyBehaviour>,
+    mission: OwnMission,
     phase: Phase,
-    /// What was looked at on the way to a place and never seen free.
-    barred: Vec<Point>,
+    /// What was in the way to the present place of the mission.
+    barred: BarredPlaces,
     tries: Tries,
     yields: YieldToPeers,
-    /// How it ended.
-    end: Option<EndReason>,
 }
 
 /// What a runner is told and may use.
@@ -96,7 +102,9 @@ pub struct RunnerContext<'a> {
     pub now: Time,
     /// The own state.
     pub state: &'a OwnState,
-    /// Who drives, and what is known of the world.
+    /// What is known of the ground.
+    pub terrain: &'a Terrain,
+    /// Drives.
     pub pilot: &'a mut Pilot,
     /// The others.
     pub peers: &'a Peers,
@@ -118,7 +126,7 @@ impl RunnerContext<'_> {
         MissionContext {
             now: self.now,
             pose: self.pose(),
-            pilot: self.pilot,
+            terrain: self.terrain,
             peers: self.peers,
         }
     }
@@ -133,19 +141,18 @@ impl StepRunner {
     pub fn of(settings: &VehicleSettings) -> Option<StepRunner> {
         Some(StepRunner {
             settings: settings.clone(),
-            kind: Some(AnyBehaviour::of(settings)?),
+            mission: OwnMission::UnderWay(AnyBehaviour::of(settings)?),
             phase: Phase::Choosing { from: Time::ZERO },
-            barred: Vec::new(),
+            barred: BarredPlaces::default(),
             tries: Tries::default(),
             yields: YieldToPeers::default(),
-            end: None,
         })
     }
 
     /// Notes that a tile of the map has changed.
     pub fn learn(&mut self, tile: &TileReport) {
-        if let Some(kind) = &mut self.kind {
-            kind.mission().tile_changed(tile.address);
+        if let Some(mission) = self.mission.under_way() {
+            mission.tile_changed(tile.address);
         }
     }
 
@@ -164,7 +171,7 @@ impl StepRunner {
     pub fn phase(&self) -> MissionPhase {
         match self.phase {
             Phase::Choosing { .. } if self.yields.in_a_row() > 0 => MissionPhase::Yielding,
-            Phase::Choosing { .. } if self.kind.is_none() => MissionPhase::Returning,
+            Phase::Choosing { .. } if self.end().is_some() => MissionPhase::Returning,
             Phase::Choosing { .. } => MissionPhase::Choosing,
             Phase::Driving {
                 to: Destination::Aside,
@@ -185,12 +192,12 @@ impl StepRunner {
 
     /// Returns how many places of the mission are still to be visited; one that has no list of places has none.
     pub fn places_left(&self) -> usize {
-        self.kind.as_ref().map_or(0, AnyBehaviour::places_left)
+        self.mission.places_left()
     }
 
     /// Returns how the mission ended; `None` = it has not.
     pub fn end(&self) -> Option<&EndReason> {
-        self.end.as_ref()
+        self.mission.end()
     }
 
     /// Begins to think anew, after the vehicle was stopped or held.
@@ -207,8 +214,8 @@ impl StepRunner {
         {
             self.is_blocked(scene, *at);
         }
-        if let Some(kind) = &mut self.kind {
-            kind.mission().watch_peers(&scene.surroundings());
+        if let Some(mission) = self.mission.under_way() {
+            mission.watch_peers(&scene.surroundings());
         }
         match self.phase {
             Phase::Choosing { from } if from <= scene.now => self.tell(scene, MissionInput::Ready),
@@ -224,10 +231,10 @@ impl StepRunner {
 
     /// Tells the mission what is seen, and does what it says; once it has ended the vehicle goes home.
     fn tell(&mut self, scene: &mut RunnerContext<'_>, seen: MissionInput) {
-        let Some(kind) = &mut self.kind else {
+        let Some(mission) = self.mission.under_way() else {
             return self.head_home(scene);
         };
-        match kind.mission().next(seen, &scene.surroundings()) {
+        match mission.next(seen, &scene.surroundings()) {
             MissionStep::GoOn => {}
             MissionStep::Think => {
                 self.yields.end();
@@ -354,7 +361,9 @@ impl StepRunner {
         scene.pilot.give_up(place);
         match to {
             // What is barred is news for the next path.
-            Destination::ByPath(_) if self.note_barred(scene, at) => self.think(scene.now),
+            Destination::ByPath(_) if !scene.terrain.is_free(at) && self.barred.note(at) => {
+                self.think(scene.now);
+            }
             Destination::Straight(_) | Destination::ByPath(_) | Destination::Viewpoint => {
                 self.tell(scene, MissionInput::Blocked(at));
             }
@@ -377,12 +386,13 @@ impl StepRunner {
         if self.tries.are_spent() {
             return self.pass_over(scene, place, PassedOver::GivenUp);
         }
-        match self.course(scene, place, true) {
+        let (courses, claims) = (self.courses(scene), scene.surroundings().claims());
+        match courses.course_to(place, true, &claims) {
             Ok(course) => {
                 self.yields.end();
                 self.drive(scene, &course, Destination::ByPath(place));
             }
-            Err(_) if self.is_open_without_peers(scene, place) => self.yield_to_peers(scene),
+            Err(_) if courses.course_to(place, true, &[]).is_ok() => self.yield_to_peers(scene),
             Err(crate::plan::NoRoute::StartBarred) => {
                 // Something stands too near to where the vehicle is: it looks again, later.
                 self.tries.hemmed_in(scene.pose().at);
@@ -396,8 +406,8 @@ impl StepRunner {
     }
 
     fn pass_over(&mut self, scene: &mut RunnerContext<'_>, place: Point, why: PassedOver) {
-        if let Some(kind) = &mut self.kind {
-            kind.mission().pass_over(why);
+        if let Some(mission) = self.mission.under_way() {
+            mission.pass_over(why);
         }
         self.barred.clear();
         self.tries.clear();
@@ -409,10 +419,10 @@ impl StepRunner {
     fn yield_to_peers(&mut self, scene: &mut RunnerContext<'_>) {
         match (
             self.yields.once_more(self.settings.vehicle, scene.peers),
-            &mut self.kind,
+            self.mission.under_way(),
         ) {
-            (Yield::InVain, Some(kind)) => {
-                let end = kind.mission().give_up();
+            (Yield::InVain, Some(mission)) => {
+                let end = mission.give_up();
                 self.finish(scene, end);
             }
             (Yield::StepAside, _) => match self.course_aside(scene) {
@@ -423,9 +433,17 @@ impl StepRunner {
         }
     }
 
+    fn courses<'a>(&'a self, scene: &RunnerContext<'a>) -> Courses<'a> {
+        Courses {
+            search: scene.terrain.search(scene.now, scene.pose()),
+            barred: &self.barred,
+            lattice: self.settings.lattice,
+        }
+    }
+
     fn course_aside(&self, scene: &RunnerContext<'_>) -> Option<DriveRoute> {
         let claims = scene.surroundings().claims();
-        let grid = self.ground(scene, None, false, &claims)?;
+        let grid = self.courses(scene).ground(None, false, &claims)?;
         let corners = way_aside(&grid, self.settings.lattice, scene.pose().at, scene.peers)?;
         Some(DriveRoute {
             corners,
@@ -438,8 +456,7 @@ impl StepRunner {
         scene.pilot.give_up(place);
         self.yields.end();
         self.tries.clear();
-        self.kind = None;
-        self.end = Some(end.clone());
+        self.mission = OwnMission::Ended(end.clone());
         scene.remark(MissionEvent::Ended(end));
         self.think(scene.now);
     }
@@ -451,7 +468,8 @@ impl StepRunner {
             self.phase = Phase::Over;
             return;
         }
-        match self.course(scene, home, false) {
+        let claims = scene.surroundings().claims();
+        match self.courses(scene).course_to(home, false, &claims) {
             Ok(course) => self.drive(scene, &course, Destination::Home),
             Err(_) if self.yields.in_a_row() < HOME_WAITS_MAX => self.yield_to_peers(scene),
             Err(_) => self.phase = Phase::Over,

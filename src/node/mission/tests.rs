@@ -1,11 +1,12 @@
 //! What the mission actor does with plans, orders and what is in its way; its map is known free around the datum.
 
 use std::sync::Arc;
+use std::time::Duration;
 use tomoswarm_proto::TileReport;
 
 use tomoswarm_proto::{
     Boot, Lease, MissionEnd, MissionKind, MissionPhase, MissionRefusal, Position, Revision, State,
-    Stop, StopId, TaskKind, TileAddress, VehicleMode,
+    Stop, StopId, TaskKind, TileAddress, VehicleId, VehicleMode,
 };
 
 use super::super::tests_support::{own_state, settings, state};
@@ -348,14 +349,14 @@ fn a_peer_whose_old_state_comes_late_is_still_driving() {
 #[test]
 #[allow(clippy::disallowed_methods, reason = "the work itself is measured")]
 fn a_place_far_away_is_not_searched_for() {
-    let mut pilot = Pilot::new(settings(1));
+    let mut terrain = Terrain::new(settings(1));
     let Some(In::Tile(tile)) = tiles(None).pop() else {
         panic!("a tile")
     };
-    pilot.learn(&tile);
+    terrain.learn(&tile);
     let begin = std::time::Instant::now();
     for _ in 0..500 {
-        assert!(!pilot.can_reach(at(1.0), &own_state(0.0, 0.0), Point::new(9e5, 9e5)));
+        assert!(!terrain.can_reach(at(1.0), own_state(0.0, 0.0).pose, Point::new(9e5, 9e5)));
     }
     assert!(
         begin.elapsed() < Duration::from_secs(1),

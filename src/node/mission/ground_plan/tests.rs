@@ -1,6 +1,6 @@
 //! A plan alone: nothing drives, and nobody orders.
 
-use tomoswarm_proto::Position;
+use tomoswarm_proto::{Position, Revision};
 
 use super::*;
 use crate::node::tests_support::settings;

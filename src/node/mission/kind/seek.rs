@@ -2,29 +2,33 @@
 //! nearest first. (Frontier-based exploration, Yamauchi 1997; what is near a peer is left to it.)
 //!
 //! ```text
-//!   Fresh ─looked around─► Choosing ─a place to look from─► Going ─arrived, or seen on the way─► Choosing
+//!   [Fresh]    ─ looked around ─► [Choosing]
+//!   [Choosing] ─ a place to look from ─► [Going]
+//!   [Going]    ─ looked, seen on the way, or blocked ─► [Choosing]
 //! ```
 //!
 //! Only ground known to be free is driven over; what stays unknown after some looks, each from nearer by, is left.
 //! Deliberately absent: claims of goals on the wire. Who goes where is judged by the peers' places and ways.
 
+mod known_frontiers;
 mod looks;
 mod sights;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{TileAddress, VehicleId};
 
+use self::known_frontiers::KnownFrontiers;
 use self::looks::Looks;
 use self::sights::{Candidate, Ground, LookCandidate, Reach, sees};
 use super::{Behaviour, DriveRoute, MissionContext, MissionInput, MissionStep};
 use crate::geom::{Angle, Cell, Point};
 use crate::map::{CellRect, Occupancy, View};
 use crate::node::VehicleSettings;
-use crate::node::mission::pilot::{Pilot, RULES};
+use crate::node::mission::terrain::{RULES, Terrain};
 use crate::node::mission::{EndReason, look_around};
-use crate::plan::{Distances, Frontiers, SearchGrid};
+use crate::plan::{Distances, SearchGrid};
 use crate::time::Time;
 
 /// The vehicle goes this much nearer to what it looks at than it must keep from it, metres; when it cannot, it looks
@@ -71,12 +75,8 @@ pub struct Seek {
     prefers: Preference,
     stage: Stage,
     looks: Looks,
-    /// Where known free ground ends; made anew when it is lost.
     #[serde(skip)]
-    frontiers: Option<Frontiers>,
-    /// Tiles that have changed since the frontiers were kept.
-    #[serde(skip)]
-    changed: BTreeSet<TileAddress>,
+    frontiers: KnownFrontiers,
     /// When each peer last came to rest, as far as its look from there is noted.
     peers_looked: BTreeMap<VehicleId, Time>,
 }
@@ -90,7 +90,7 @@ impl Behaviour for Seek {
             }
             (MissionInput::Ready, Stage::Choosing | Stage::Going(_)) => self.choose(around),
             (MissionInput::UnderWay, Stage::Going(cell))
-                if !self.is_frontier(around.pilot, cell) =>
+                if !self.is_frontier(around.terrain, cell) =>
             {
                 self.choose(around)
             }
@@ -109,7 +109,7 @@ impl Behaviour for Seek {
                 Stage::Fresh | Stage::Choosing | Stage::Going(_),
             ) => {
                 if at.is_some() {
-                    self.note_look(around.pilot, from, toward, at);
+                    self.note_look(around.terrain, from, toward, at);
                 }
                 MissionStep::Think
             }
@@ -121,9 +121,7 @@ impl Behaviour for Seek {
     }
 
     fn tile_changed(&mut self, address: TileAddress) {
-        if self.frontiers.is_some() {
-            self.changed.insert(address);
-        }
+        self.frontiers.tile_changed(address);
     }
 
     /// Notes what peers look at, so that it is not looked at by all of them in vain.
@@ -136,7 +134,7 @@ impl Behaviour for Seek {
             let has_looked = peer.resting && around.now.since(peer.moved_at) >= dwell;
             if has_looked && self.peers_looked.get(&id) != Some(&peer.moved_at) {
                 self.peers_looked.insert(id, peer.moved_at);
-                self.note_look(around.pilot, peer.at, peer.heading, None);
+                self.note_look(around.terrain, peer.at, peer.heading, None);
             }
         }
     }
@@ -150,8 +148,7 @@ impl Seek {
             prefers,
             stage: Stage::Fresh,
             looks: Looks::new(settings.lattice),
-            frontiers: None,
-            changed: BTreeSet::new(),
+            frontiers: KnownFrontiers::default(),
             peers_looked: BTreeMap::new(),
         }
     }
@@ -162,11 +159,11 @@ impl Seek {
         let Some(mut grid) = ground(around, &around.claims()) else {
             return MissionStep::End(EndReason::TooLarge);
         };
-        self.keep_frontiers(around.pilot);
+        self.frontiers.update(around.terrain.map(), &self.settings);
         let candidates = self.rated(around, grid.area());
         for is_narrow in [false, true] {
             if is_narrow {
-                grid.open_along(around.pilot.driven());
+                grid.open_along(around.terrain.driven());
             }
             if let Some((sight, reached)) = self.choose_sight(around, &grid, &candidates) {
                 return self.go_and_look(around, &grid, &reached, is_narrow, sight);
@@ -188,7 +185,7 @@ impl Seek {
     ) -> Option<(LookCandidate, Distances)> {
         let (at, lattice) = (around.pose.at, self.settings.lattice);
         let reached = Distances::from_start(grid, lattice.cell_at(at), &RULES).ok()?;
-        let view = around.pilot.map().view(self.settings.slice, grid.area());
+        let view = around.terrain.map().view(self.settings.slice, grid.area());
         let known = Ground {
             lattice,
             view: &view,
@@ -196,8 +193,11 @@ impl Seek {
             reached: &reached,
             looks: &self.looks,
         };
-        let sight =
-            known.best_sight(at, candidates, self.reach(around.pilot.keep_m(around.pose)))?;
+        let sight = known.best_sight(
+            at,
+            candidates,
+            self.reach(around.terrain.keep_m(around.pose)),
+        )?;
         Some((sight, reached))
     }
 
@@ -233,7 +233,7 @@ impl Seek {
         let Some(mut grid) = ground(around, &[]) else {
             return false;
         };
-        grid.open_along(around.pilot.driven());
+        grid.open_along(around.terrain.driven());
         self.choose_sight(around, &grid, &self.candidates())
             .is_some()
     }
@@ -251,11 +251,8 @@ impl Seek {
     fn candidates(&self) -> Vec<Candidate> {
         let lattice = self.settings.lattice;
         let least = (FRONTIER_M / lattice.cell_m()).round().max(1.0) as usize;
-        let clusters = self.frontiers.iter().flat_map(Frontiers::clusters);
-        let cells = clusters
-            .filter(|cluster| cluster.size() >= least)
-            .flat_map(|cluster| cluster.cells);
-        cells
+        self.frontiers
+            .cells(least)
             .filter(|cell| !self.looks.is_spent(*cell))
             .map(|cell| Candidate {
                 cell,
@@ -265,38 +262,15 @@ impl Seek {
             .collect()
     }
 
-    /// Brings the frontiers up to date.
-    fn keep_frontiers(&mut self, pilot: &Pilot) {
-        let (slice, lattice) = (self.settings.slice, self.settings.lattice);
-        let map = pilot.map();
-        if let Some(frontiers) = &mut self.frontiers {
-            for address in std::mem::take(&mut self.changed) {
-                frontiers.update(map, CellRect::of_tile(address));
-            }
-            return;
-        }
-        let Some(area) = CellRect::around(lattice, self.settings.fence.corners(), 0.0) else {
-            return;
-        };
-        let inside = |at: Point| self.settings.fence.contains(at);
-        let Ok(mut frontiers) = Frontiers::new(lattice, slice, area, inside) else {
-            return;
-        };
-        frontiers.update(map, area);
-        self.frontiers = Some(frontiers);
-    }
-
     /// Returns whether a cell is still a frontier.
-    fn is_frontier(&mut self, pilot: &Pilot, cell: Cell) -> bool {
-        self.keep_frontiers(pilot);
-        self.frontiers
-            .as_ref()
-            .is_some_and(|frontiers| frontiers.contains(cell))
+    fn is_frontier(&mut self, terrain: &Terrain, cell: Cell) -> bool {
+        self.frontiers.update(terrain.map(), &self.settings);
+        self.frontiers.contains(cell)
     }
 
     /// Returns what is worth a look, and what is rather looked at.
     fn rated(&self, around: &MissionContext<'_>, area: CellRect) -> Vec<Candidate> {
-        let view = around.pilot.map().view(self.settings.slice, area);
+        let view = around.terrain.map().view(self.settings.slice, area);
         let mut candidates = self.candidates();
         for one in &mut candidates {
             one.penalty_m = match self.prefers {
@@ -317,7 +291,7 @@ impl Seek {
     }
 
     /// Notes a look from a place along a heading at everything unknown that it covered, and at one cell surely.
-    fn note_look(&mut self, pilot: &Pilot, from: Point, heading: Angle, at: Option<Cell>) {
+    fn note_look(&mut self, terrain: &Terrain, from: Point, heading: Angle, at: Option<Cell>) {
         let look = &self.settings.look;
         let widest_rad = look
             .beams
@@ -330,8 +304,8 @@ impl Seek {
         let Some(area) = CellRect::around(lattice, &[from], reach_m) else {
             return;
         };
-        self.keep_frontiers(pilot);
-        let view = pilot.map().view(self.settings.slice, area);
+        self.frontiers.update(terrain.map(), &self.settings);
+        let view = terrain.map().view(self.settings.slice, area);
         let is_covered = |one: &Candidate| {
             let off = from.angle_to(one.at) - heading;
             one.at.distance_to(from) <= reach_m
@@ -350,9 +324,8 @@ impl Seek {
 
 /// Returns the known free ground where the vehicle may be, clear of what peers claim.
 fn ground(around: &MissionContext<'_>, claims: &[Vec<Point>]) -> Option<SearchGrid> {
-    around
-        .pilot
-        .ground(around.now, around.pose, None, false, claims)
+    let search = around.terrain.search(around.now, around.pose);
+    search.ground(None, false, claims)
 }
 
 /// Returns whether a peer is going to see a place anyway.

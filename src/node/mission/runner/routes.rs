@@ -1,107 +1,60 @@
 //! Where the vehicle may go: courses around what is seen and what peers claim. What is unknown counts as free until it was
 //! looked at; the pilot looks before it drives.
 
-use super::{RunnerContext, StepRunner};
-use crate::geom::{Point, Segment};
-use crate::map::{CellRect, Occupancy};
+use super::barred_places::BarredPlaces;
+use crate::geom::{Lattice, Point};
 use crate::node::mission::kind::DriveRoute;
-use crate::node::mission::pilot::RULES;
+use crate::node::mission::terrain::{PathSearch, RULES};
 use crate::plan::{NoRoute, SearchGrid, shortest_route};
 
-impl StepRunner {
-    /// Returns a course to a place, clear of peers; unknown ground may be crossed or not.
-    pub(super) fn course(
-        &self,
-        scene: &RunnerContext<'_>,
-        goal: Point,
-        unknown_allowed: bool,
-    ) -> Result<DriveRoute, NoRoute> {
-        self.course_clear_of(scene, goal, unknown_allowed, &scene.surroundings().claims())
-    }
+/// Searches courses from where the vehicle is.
+pub(super) struct Courses<'a> {
+    pub search: PathSearch<'a>,
+    /// What was looked at in vain.
+    pub barred: &'a BarredPlaces,
+    pub lattice: Lattice,
+}
 
-    /// Returns whether without peers a course would lead to a place.
-    pub(super) fn is_open_without_peers(&self, scene: &RunnerContext<'_>, place: Point) -> bool {
-        self.course_clear_of(scene, place, true, &[]).is_ok()
-    }
-
-    fn course_clear_of(
+impl Courses<'_> {
+    /// Returns a course to a place, clear of what peers claim; unknown ground may be crossed or not.
+    ///
+    /// # Errors
+    /// Why there is none.
+    pub fn course_to(
         &self,
-        scene: &RunnerContext<'_>,
         goal: Point,
         unknown_allowed: bool,
         peers: &[Vec<Point>],
     ) -> Result<DriveRoute, NoRoute> {
         let mut grid = self
-            .ground(scene, Some(goal), unknown_allowed, peers)
+            .ground(Some(goal), unknown_allowed, peers)
             .ok_or(NoRoute::GoalOutside)?;
-        let from = scene.pose().at;
         let course = |grid: &SearchGrid, is_narrow: bool| {
-            let route = shortest_route(grid, from, goal, &RULES)?;
+            let route = shortest_route(grid, self.search.from(), goal, &RULES)?;
             Ok(DriveRoute {
                 corners: route.points[1..].to_vec(),
                 is_narrow,
             })
         };
         course(&grid, false).or_else(|_: NoRoute| {
-            grid.open_along(scene.pilot.driven());
+            grid.open_along(self.search.driven());
             course(&grid, true)
         })
     }
 
     /// Returns where the vehicle may be, clear of what peers claim and of what was looked at in vain.
-    pub(super) fn ground(
+    pub fn ground(
         &self,
-        scene: &RunnerContext<'_>,
         goal: Option<Point>,
         unknown_allowed: bool,
         peers: &[Vec<Point>],
     ) -> Option<SearchGrid> {
-        let pose = scene.pose();
-        let mut grid = scene
-            .pilot
-            .ground(scene.now, pose, goal, unknown_allowed, peers)?;
-        self.close_barred(&mut grid, scene);
-        grid.stand_on(self.settings.lattice.cell_at(pose.at));
+        let mut grid = self.search.ground(goal, unknown_allowed, peers)?;
+        let keep_m = self.search.keep_m();
+        self.barred
+            .close(&mut grid, self.lattice, keep_m, self.search.driven());
+        grid.stand_on(self.lattice.cell_at(self.search.from()));
         Some(grid)
-    }
-
-    /// Closes what the pilot did not pass, but not where the vehicle has driven: that is its way back.
-    fn close_barred(&self, grid: &mut SearchGrid, scene: &RunnerContext<'_>) {
-        if self.barred.is_empty() {
-            return;
-        }
-        let (lattice, keep_m) = (self.settings.lattice, scene.pilot.keep_m(scene.pose()));
-        let track = scene
-            .pilot
-            .driven()
-            .windows(2)
-            .map(|pair| Segment::new(pair[0], pair[1]));
-        let mut driven: Vec<(i32, i32)> = track
-            .flat_map(|piece| lattice.cells_under(piece))
-            .map(|cell| (cell.y, cell.x))
-            .collect();
-        driven.sort_unstable();
-        let is_driven = |place: Point| {
-            let cell = lattice.cell_at(place);
-            driven.binary_search(&(cell.y, cell.x)).is_ok()
-        };
-        let is_near = |place: Point| self.barred.iter().any(|at| at.distance_to(place) <= keep_m);
-        grid.close_where(|place| is_near(place) && !is_driven(place));
-    }
-
-    /// What the pilot does not pass is taken for barred: something stands there, or it was looked at and is still unknown.
-    /// Returns whether that is news; a peer that makes no room is none.
-    pub(super) fn note_barred(&mut self, scene: &RunnerContext<'_>, at: Point) -> bool {
-        let cell = self.settings.lattice.cell_at(at);
-        let view = scene
-            .pilot
-            .map()
-            .view(self.settings.slice, CellRect::new(cell, cell));
-        let is_new = view.occupancy(cell) != Occupancy::Free && !self.barred.contains(&at);
-        if is_new {
-            self.barred.push(at);
-        }
-        is_new
     }
 }
 
@@ -114,5 +67,53 @@ pub(super) fn searched(reason: NoRoute) -> usize {
         | NoRoute::GoalOutside
         | NoRoute::StartBarred
         | NoRoute::GoalBarred => 0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::node::mission::terrain::Terrain;
+    use crate::node::mission::terrain::tests::terrain_of;
+    use crate::node::tests_support::own_state;
+    use crate::time::Time;
+
+    const GOAL: Point = Point::new(-1.0, 0.3);
+
+    /// The course of a vehicle that stands at (3, 0.3).
+    fn course(terrain: &Terrain, barred: &BarredPlaces) -> Result<DriveRoute, NoRoute> {
+        let courses = Courses {
+            search: terrain.search(Time::ZERO, own_state(3.0, 0.3).pose),
+            barred,
+            lattice: terrain.map().lattice(),
+        };
+        courses.course_to(GOAL, false, &[])
+    }
+
+    #[test]
+    fn a_course_keeps_away_from_what_was_looked_at_in_vain() {
+        let terrain = terrain_of(|_, _| false);
+        let mut barred = BarredPlaces::default();
+        let straight = course(&terrain, &barred).unwrap();
+        assert_eq!((straight.corners.len(), straight.is_narrow), (1, false));
+        barred.note(Point::new(1.0, 0.3));
+        assert!(course(&terrain, &barred).unwrap().corners.len() > 1);
+        (-6..=6).for_each(|y_m| {
+            barred.note(Point::new(1.0, f64::from(y_m)));
+        });
+        let reason = course(&terrain, &barred).unwrap_err();
+        assert!(searched(reason) > 100, "{reason:?}");
+        assert_eq!(searched(NoRoute::GoalOutside), 0);
+    }
+
+    #[test]
+    fn a_course_that_is_open_only_since_the_vehicle_has_driven_there_is_narrow() {
+        let mut terrain =
+            terrain_of(|x_m, y_m| (1.0..1.4).contains(&x_m) && !(0.0..0.6).contains(&y_m));
+        assert!(course(&terrain, &BarredPlaces::default()).is_err());
+        terrain.note_place(Point::new(0.0, 0.3));
+        terrain.note_place(Point::new(2.6, 0.3));
+        let narrow = course(&terrain, &BarredPlaces::default()).unwrap();
+        assert!(narrow.is_narrow);
     }
 }

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::VehicleId;
 
 use crate::geom::{Cell, Lattice, Point};
-use crate::node::mission::pilot::RULES;
+use crate::node::mission::terrain::RULES;
 use crate::node::peers::Peers;
 use crate::plan::{Distances, SearchGrid};
 

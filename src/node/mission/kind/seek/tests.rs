@@ -7,12 +7,12 @@ use crate::geom::{Pose, Rect};
 use crate::node::mission::In;
 use crate::node::mission::tests::tiles;
 use crate::node::peers::Peers;
-use crate::node::tests_support::{settings, state};
+use crate::node::tests_support::{drawn, settings, state, variants};
 
 /// A search with all that it may look at.
 struct World {
     seek: Seek,
-    pilot: Pilot,
+    terrain: Terrain,
     peers: Peers,
     at: Point,
 }
@@ -20,15 +20,15 @@ struct World {
 impl World {
     fn new(prefers: Preference) -> World {
         let settings = settings(1);
-        let mut pilot = Pilot::new(settings.clone());
+        let mut terrain = Terrain::new(settings.clone());
         for tile in tiles(None) {
             let In::Tile(tile) = tile else { continue };
-            pilot.learn(&tile);
+            terrain.learn(&tile);
         }
         let peers = Peers::new(settings.vehicle);
         World {
             seek: Seek::new(&settings, prefers),
-            pilot,
+            terrain,
             peers,
             at: Point::default(),
         }
@@ -44,7 +44,7 @@ impl World {
         let around = MissionContext {
             now,
             pose,
-            pilot: &self.pilot,
+            terrain: &self.terrain,
             peers: &self.peers,
         };
         self.seek.watch_peers(&around);
@@ -75,7 +75,7 @@ impl World {
                 }
                 MissionStep::LookAt(cell) => {
                     looks += 1;
-                    let toward = self.at.angle_to(self.pilot.map().lattice().centre(cell));
+                    let toward = self.at.angle_to(self.terrain.map().lattice().centre(cell));
                     self.tell(MissionInput::Looked {
                         from: self.at,
                         toward,
@@ -111,8 +111,8 @@ fn what_cannot_be_searched_at_all_is_said() {
         fence: far,
         ..settings(1)
     };
-    (world.pilot, world.seek) = (
-        Pilot::new(settings.clone()),
+    (world.terrain, world.seek) = (
+        Terrain::new(settings.clone()),
         Seek::new(&settings, Preference::NearObjects),
     );
     assert_eq!(world.begin(), MissionStep::End(EndReason::TooLarge));
@@ -192,4 +192,17 @@ fn an_explorer_leaves_to_a_peer_what_the_peer_is_near_to_and_a_search_does_not()
         explore_m > search_m && explore_m > 2.0,
         "{search_m} m, {explore_m} m"
     );
+}
+
+#[test]
+fn the_drawing_shows_the_stages_and_no_others() {
+    let word = |stage: Stage| match stage {
+        Stage::Fresh => "Fresh",
+        Stage::Choosing => "Choosing",
+        Stage::Going(_) => "Going",
+    };
+    let stages = [Stage::Fresh, Stage::Choosing, Stage::Going(Cell::new(0, 0))];
+    let shown = drawn(include_str!("../seek.rs"));
+    assert_eq!(shown, variants::<Stage>());
+    assert!(stages.iter().all(|stage| shown.contains(word(*stage))));
 }

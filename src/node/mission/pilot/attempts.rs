@@ -1,0 +1,132 @@
+//! What was tried in vain to get on: looks at what is unknown, searches, and a path of which nothing has been driven yet.
+//! Pure bookkeeping; what is tried next is decided by [`super::Pilot`].
+
+use serde::{Deserialize, Serialize};
+
+/// Looks at one place before what is unknown counts as barred.
+const LOOKS_MAX: u32 = 4;
+
+/// Attempts to get on.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+pub(super) struct Attempts {
+    /// Looks since the last drive.
+    looks: u32,
+    /// Looking has not helped: unknown cells count as barred in the next search.
+    looked_in_vain: bool,
+    /// A path was found, and nothing of it has been driven.
+    has_untried_path: bool,
+    /// Searches without a result in a row.
+    failures: u32,
+}
+
+impl Attempts {
+    /// Takes that another way begins, which was never looked at.
+    pub fn begin_way(&mut self) {
+        (self.looks, self.looked_in_vain) = (0, false);
+    }
+
+    /// Takes that the way is given up.
+    pub fn give_up_way(&mut self) {
+        self.failures = 0;
+    }
+
+    /// Takes that the vehicle gets on.
+    pub fn drive(&mut self) {
+        self.begin_way();
+        self.has_untried_path = false;
+    }
+
+    /// Takes that a stop was passed.
+    pub fn pass_stop(&mut self) {
+        self.failures = 0;
+    }
+
+    /// Returns whether what is unknown may be looked at once more, and counts that look.
+    pub fn look_once_more(&mut self) -> bool {
+        let may_look = !self.looked_in_vain && self.looks < LOOKS_MAX;
+        self.looks += u32::from(may_look);
+        may_look
+    }
+
+    /// Takes that a look is over; `is_in_vain` = what is unknown on the way was looked at and is unknown still.
+    pub fn end_look(&mut self, is_in_vain: bool) {
+        self.looked_in_vain = is_in_vain;
+    }
+
+    /// Returns whether looking has not helped.
+    pub fn has_looked_in_vain(&self) -> bool {
+        self.looked_in_vain
+    }
+
+    /// Takes that a path was found, on or only back.
+    pub fn find_path(&mut self, leads_on: bool) {
+        self.has_untried_path = true;
+        self.failures += u32::from(!leads_on);
+    }
+
+    /// Takes that the way is blocked; returns whether that is a path of which nothing has been driven.
+    pub fn is_blocked_at_once(&mut self) -> bool {
+        std::mem::take(&mut self.has_untried_path)
+    }
+
+    /// Counts a failure, after which may be looked again; returns how many there are in a row.
+    pub fn fail(&mut self) -> u32 {
+        self.looked_in_vain = false;
+        self.failures += 1;
+        self.failures
+    }
+
+    /// Returns how many searches in a row had no result.
+    pub fn failures(&self) -> u32 {
+        self.failures
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_place_is_looked_at_a_few_times_until_the_vehicle_drives() {
+        let mut attempts = Attempts::default();
+        let looks = (0..9).filter(|_| attempts.look_once_more()).count();
+        assert_eq!(looks, LOOKS_MAX as usize);
+        attempts.drive();
+        assert!(attempts.look_once_more());
+    }
+
+    #[test]
+    fn after_a_look_in_vain_none_follows_until_a_search_has_failed() {
+        let mut attempts = Attempts::default();
+        attempts.end_look(true);
+        assert!(attempts.has_looked_in_vain() && !attempts.look_once_more());
+        assert_eq!(attempts.fail(), 1);
+        assert!(!attempts.has_looked_in_vain() && attempts.look_once_more());
+    }
+
+    #[test]
+    fn a_path_is_untried_until_it_is_driven_or_blocked() {
+        let mut attempts = Attempts::default();
+        attempts.find_path(true);
+        assert!(attempts.is_blocked_at_once() && !attempts.is_blocked_at_once());
+        attempts.find_path(true);
+        attempts.drive();
+        assert!(!attempts.is_blocked_at_once());
+    }
+
+    #[test]
+    fn failures_count_in_a_row_and_a_path_that_only_leads_back_is_one() {
+        let mut attempts = Attempts::default();
+        attempts.find_path(true);
+        assert_eq!(attempts.failures(), 0);
+        attempts.find_path(false);
+        assert_eq!((attempts.failures(), attempts.fail()), (1, 2));
+        attempts.drive();
+        assert_eq!(attempts.failures(), 2, "it has got nowhere yet");
+        attempts.pass_stop();
+        assert_eq!(attempts.failures(), 0);
+        attempts.fail();
+        attempts.give_up_way();
+        assert_eq!(attempts.failures(), 0);
+    }
+}

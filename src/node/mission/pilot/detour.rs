@@ -1,0 +1,141 @@
+//! Which path is searched when the way is blocked, or home is only a wish: to the next corners first, over the places driven
+//! if home lies at the end, and back if nothing else helps. How one path is searched is said by [`PathSearch`].
+
+use serde::{Deserialize, Serialize};
+
+use crate::geom::{Point, Segment};
+use crate::node::mission::terrain::PathSearch;
+use crate::node::mission::way::Way;
+
+/// A place to go back to is at least this far away, metres.
+const BACK_M: f64 = 1.0;
+/// Of so many failures in a row the last one sends the vehicle far back.
+const FAR_BACK_EVERY: u32 = 3;
+
+/// How a path was found.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub(super) enum FoundBy {
+    /// It leads to a corner of the way.
+    GoingOn,
+    /// It leads home, over places where the vehicle has driven, however near to something these are.
+    DrivenPlaces,
+    /// It leads back, to where things look different.
+    BackingOff,
+}
+
+/// A path that was found.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub(super) struct FoundPath {
+    pub found_by: FoundBy,
+    /// How many corners of the way it replaces, from the next one on.
+    pub replaces: usize,
+    /// Its corners, the first where the vehicle is.
+    pub points: Vec<Point>,
+}
+
+/// What a path is searched with.
+pub(super) struct Detour<'a> {
+    pub search: PathSearch<'a>,
+    pub way: &'a Way,
+    /// Whether unknown ground may be crossed on the way on, try by try.
+    pub unknown_tries: &'static [bool],
+    /// What peers that stand claim.
+    pub peers: &'a [Vec<Point>],
+    /// The places that the vehicle has passed lately, oldest first.
+    pub passed: Vec<Point>,
+    /// Searches without a result so far.
+    pub failures: u32,
+}
+
+impl FoundPath {
+    /// Returns its length, metres.
+    pub fn length_m(&self) -> f64 {
+        self.points
+            .windows(2)
+            .map(|pair| Segment::new(pair[0], pair[1]).length_m())
+            .sum()
+    }
+
+    /// Returns whether it leads on, and not only back.
+    pub fn leads_on(&self) -> bool {
+        match self.found_by {
+            FoundBy::GoingOn | FoundBy::DrivenPlaces => true,
+            FoundBy::BackingOff => false,
+        }
+    }
+}
+
+impl Detour<'_> {
+    /// Searches the path that is driven next; `None` when there is none.
+    pub fn find(&self) -> Option<FoundPath> {
+        self.off_an_obstacle()
+            .or_else(|| self.onward())
+            .or_else(|| self.home_over_driven_places())
+            .or_else(|| self.far_back())
+    }
+
+    /// Something that the map may not show is so near that no other path could be begun: the vehicle first backs off.
+    fn off_an_obstacle(&self) -> Option<FoundPath> {
+        self.search
+            .is_hemmed_in()
+            .then(|| self.back_to_one_of(self.passed.iter().rev()))
+            .flatten()
+    }
+
+    /// To the first corner ahead that can be reached: what the way leads through before may be blocked.
+    fn onward(&self) -> Option<FoundPath> {
+        self.unknown_tries
+            .iter()
+            .find_map(|unknown_allowed| self.onward_over(*unknown_allowed))
+    }
+
+    fn onward_over(&self, unknown_allowed: bool) -> Option<FoundPath> {
+        self.way.ahead().enumerate().find_map(|(index, corner)| {
+            let points = self.search.path(corner.at, unknown_allowed, self.peers)?;
+            Some(FoundPath {
+                found_by: FoundBy::GoingOn,
+                replaces: index + 1,
+                points,
+            })
+        })
+    }
+
+    /// The vehicle came through there, although the map may show no room any more: the map is coarse, and places drift.
+    fn home_over_driven_places(&self) -> Option<FoundPath> {
+        let home = self.way.end();
+        if !self.search.is_home(home) {
+            return None;
+        }
+        let points = self.search.driven_path(home, self.peers)?;
+        Some(FoundPath {
+            found_by: FoundBy::DrivenPlaces,
+            replaces: self.way.ahead().count(),
+            points,
+        })
+    }
+
+    /// Again and again nothing was found: from farther back the vehicle may see another way.
+    fn far_back(&self) -> Option<FoundPath> {
+        (self.failures % FAR_BACK_EVERY == FAR_BACK_EVERY - 1)
+            .then(|| self.back_to_one_of(self.passed.iter()))
+            .flatten()
+    }
+
+    /// To the first of these places that is some way off and can be reached.
+    fn back_to_one_of<'p>(&self, mut places: impl Iterator<Item = &'p Point>) -> Option<FoundPath> {
+        let points = places.find_map(|place| {
+            let is_far = place.distance_to(self.search.from()) >= BACK_M;
+            is_far
+                .then(|| self.search.path(*place, true, self.peers))
+                .flatten()
+        })?;
+        Some(FoundPath {
+            found_by: FoundBy::BackingOff,
+            replaces: 0,
+            points,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests;

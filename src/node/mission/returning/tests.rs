@@ -1,0 +1,214 @@
+//! Whose turn it is to return, and what becomes of a return, without a vehicle that drives.
+
+use tomoswarm_proto::{State, VehicleMode};
+
+use super::*;
+use crate::node::mission::goal::Goal;
+use crate::node::tests_support::state;
+
+fn at(time_s: f64) -> Time {
+    Time::from_secs_f64(time_s)
+}
+
+/// Peers of vehicle 2, each heard at a time (s), driving or not.
+fn peers(heard: &[(u8, f64, bool)]) -> Peers {
+    let mut peers = Peers::new(VehicleId(2));
+    for (sequence, (id, heard_s, drives)) in (1..).zip(heard) {
+        let mode = if *drives {
+            VehicleMode::Driving
+        } else {
+            VehicleMode::Idle
+        };
+        let told = State {
+            mode,
+            sequence,
+            ..state(*id, f64::from(*id), 5.0)
+        };
+        peers.take(at(*heard_s), &told);
+    }
+    peers
+}
+
+fn queue_since(since_s: f64) -> ReturnQueue {
+    ReturnQueue {
+        since: at(since_s),
+        try_at: Time::ZERO,
+        barred_since: None,
+        has_stepped_back: false,
+    }
+}
+
+/// A return of vehicle 2 that was ordered at second 1.
+fn ordered() -> Return {
+    let Goal::Returning(home) = Goal::go_home(at(1.0), GoalSource::Order) else {
+        panic!("it returns")
+    };
+    home
+}
+
+/// The same, under way.
+fn under_way(bold_since: Option<f64>, presses_on: bool) -> Return {
+    let stage = ReturnStage::UnderWay {
+        bold_since: bold_since.map(at),
+        presses_on,
+    };
+    Return { stage, ..ordered() }
+}
+
+fn returning(now_s: f64, peers: &Peers, home: Return) -> Returning<'_> {
+    Returning {
+        now: at(now_s),
+        own: VehicleId(2),
+        peers,
+        home,
+    }
+}
+
+#[test]
+fn lower_ids_go_first_and_higher_ones_are_waited_for_until_they_stand_or_for_a_while() {
+    let is_its_turn = |now_s: f64, heard: &[(u8, f64, bool)]| {
+        returning(now_s, &peers(heard), ordered()).is_its_turn(&queue_since(1.0))
+    };
+    assert!(is_its_turn(1.0, &[]), "it is alone");
+    assert!(!is_its_turn(2.9, &[(1, 1.0, false)]) && is_its_turn(3.0, &[(1, 1.0, false)]));
+    assert!(!is_its_turn(9.0, &[(1, 9.0, true)]), "a lower one drives");
+    assert!(
+        !is_its_turn(60.0, &[(3, 60.0, true)]),
+        "a higher one drives"
+    );
+    assert!(is_its_turn(61.1, &[(3, 61.0, true)]) && is_its_turn(2.0, &[(3, 2.0, false)]));
+}
+
+#[test]
+fn a_vehicle_that_has_stepped_back_waits_longer_unless_its_battery_is_low() {
+    let peers = peers(&[(3, 100.0, true)]);
+    let queue = ReturnQueue {
+        has_stepped_back: true,
+        ..queue_since(1.0)
+    };
+    let low = Return {
+        by: GoalSource::Itself(AutonomyCause::BatteryLow),
+        ..ordered()
+    };
+    assert!(!returning(100.0, &peers, ordered()).is_its_turn(&queue));
+    assert!(returning(100.0, &peers, low).is_its_turn(&queue));
+    let later = ReturnQueue {
+        try_at: at(101.0),
+        ..queue
+    };
+    assert!(
+        !returning(100.0, &peers, low).is_its_turn(&later),
+        "not yet"
+    );
+}
+
+#[test]
+fn a_known_way_is_driven_and_every_third_time_the_unknown_is_a_resort() {
+    let peers = peers(&[]);
+    let unknown = |tries: u32| {
+        let home = Return { tries, ..ordered() };
+        match returning(5.0, &peers, home).turn(&queue_since(1.0), WayHome::Open) {
+            Turn::Drives(_, unknown) => unknown,
+            Turn::Waits(home) => panic!("{home:?}"),
+        }
+    };
+    assert_eq!(
+        [0, 1, 2, 3].map(unknown),
+        [
+            Unknown::Barred,
+            Unknown::Barred,
+            Unknown::LastResort,
+            Unknown::Barred
+        ]
+    );
+}
+
+#[test]
+fn behind_peers_it_waits_until_they_have_had_time_enough() {
+    let peers = peers(&[(3, 5.0, false)]);
+    let Turn::Waits(home) =
+        returning(5.0, &peers, ordered()).turn(&queue_since(1.0), WayHome::BehindPeers)
+    else {
+        panic!("it waits")
+    };
+    let ReturnStage::InQueue(queue) = home.stage else {
+        panic!("{home:?}")
+    };
+    assert_eq!((queue.barred_since, queue.try_at), (Some(at(5.0)), at(8.0)));
+    let drives_at = |now_s: f64| {
+        matches!(
+            returning(now_s, &peers, home).turn(&queue, WayHome::BehindPeers),
+            Turn::Drives(_, Unknown::LastResort)
+        )
+    };
+    // 15 s, and 2 s more for the peer.
+    assert!(!drives_at(21.9) && drives_at(22.0));
+}
+
+#[test]
+fn while_others_move_it_presses_on_whatever_the_way_looks_like() {
+    let peers = peers(&[(3, 5.0, true)]);
+    for way_home in [WayHome::Open, WayHome::BehindPeers, WayHome::Unknown] {
+        let turn = returning(5.0, &peers, ordered()).turn(&queue_since(1.0), way_home);
+        let expected = under_way(Some(5.0), true);
+        assert_eq!(turn, Turn::Drives(expected, Unknown::LastResort));
+    }
+}
+
+#[test]
+fn a_vehicle_that_finds_no_path_gives_way_unless_it_presses_on_or_nobody_has_moved() {
+    let peers = peers(&[(3, 5.0, false)]);
+    let gives_way = |home, failures| {
+        returning(9.0, &peers, home)
+            .after_failures(failures)
+            .is_some()
+    };
+    assert!(
+        gives_way(under_way(None, false), 1),
+        "others may have to move"
+    );
+    assert!(gives_way(under_way(Some(4.0), false), 1), "one has moved");
+    assert!(
+        !gives_way(under_way(Some(6.0), false), 5) && gives_way(under_way(Some(6.0), false), 6)
+    );
+    assert!(!gives_way(under_way(None, true), 5) && gives_way(under_way(None, true), 6));
+    assert!(!gives_way(ordered(), 9), "it is in the queue");
+}
+
+#[test]
+fn on_its_way_it_yields_to_a_lower_id_that_drives() {
+    let peers = peers(&[(1, 5.0, true), (3, 5.0, true), (4, 5.0, false)]);
+    let yields = |home, id| {
+        let refused_for = VehicleId(id);
+        let back = returning(5.0, &peers, home).after_refusal_for(refused_for);
+        back.map(|home| home.tries)
+    };
+    let drives = under_way(None, false);
+    assert_eq!(
+        [1, 3, 4, 9].map(|id| yields(drives, id)),
+        [Some(0), None, None, None]
+    );
+    assert_eq!(yields(ordered(), 1), None, "it stands in the queue");
+    let stands = self::peers(&[(1, 5.0, false)]);
+    let back = returning(5.0, &stands, drives).after_refusal_for(VehicleId(1));
+    assert_eq!(back, None);
+}
+
+#[test]
+fn a_try_in_vain_is_counted_and_the_next_one_follows_later() {
+    let peers = peers(&[]);
+    let refused = |home| returning(9.0, &peers, home).after_refused_paths();
+    let back = refused(under_way(None, false)).unwrap();
+    let ReturnStage::InQueue(queue) = back.stage else {
+        panic!("{back:?}")
+    };
+    assert_eq!(
+        (back.tries, queue.since, queue.try_at),
+        (1, at(9.0), at(12.0))
+    );
+    let low = Return {
+        by: GoalSource::Itself(AutonomyCause::BatteryLow),
+        ..under_way(None, true)
+    };
+    assert_eq!(refused(low), None, "it has no time to lose");
+}

@@ -1,0 +1,148 @@
+//! What a vehicle knows of the ground around it: the map, what made its reflex halt, the peers that stand, and where it has
+//! driven itself. Which strip is free, where the vehicle may be and which path leads where follows from these alone.
+//!
+//! Deliberately absent: the way that is driven (see `pilot`), and the ways of peers that drive: a mission that keeps clear
+//! of them hands their claims to its search.
+
+mod driven_places;
+mod peer_clearance;
+mod reflex_obstacles;
+mod search;
+
+use serde::{Deserialize, Serialize};
+use tomoswarm_proto::TileReport;
+
+pub use self::search::{PathSearch, RULES};
+
+use self::driven_places::DrivenPlaces;
+use self::reflex_obstacles::ReflexObstacles;
+use super::way::Way;
+use crate::geom::{Point, Pose, Rect};
+use crate::map::{CellRect, Merged, Occupancy};
+use crate::node::VehicleSettings;
+use crate::node::vehicle::ReflexObstacle;
+use crate::plan::{Corridor, Release};
+use crate::time::Time;
+
+/// The map is looked at this much farther than the strip is judged, metres: the strip has a width.
+const VIEW_MARGIN_M: f64 = 2.0;
+
+/// What is known of the ground.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Terrain {
+    settings: VehicleSettings,
+    map: Merged,
+    reflex_obstacles: ReflexObstacles,
+    /// Peers that stand or are silent, each with the way that it claims: they are planned around.
+    standing_peers: Vec<Vec<Point>>,
+    driven_places: DrivenPlaces,
+}
+
+/// A strip of a way of which a release is wanted.
+pub struct Strip<'a> {
+    /// The way that the strip belongs to.
+    pub way: &'a Way,
+    /// The corners of the strip: the way, or the first part of it.
+    pub route: Vec<Point>,
+    /// How wide it is, and how far ahead it is judged.
+    pub corridor: Corridor,
+}
+
+impl Terrain {
+    /// Makes the terrain of a vehicle that knows nothing of the world.
+    pub fn new(settings: VehicleSettings) -> Terrain {
+        Terrain {
+            map: Merged::new(settings.lattice, None),
+            settings,
+            reflex_obstacles: ReflexObstacles::default(),
+            standing_peers: Vec::new(),
+            driven_places: DrivenPlaces::default(),
+        }
+    }
+
+    /// Takes a tile of the map actor.
+    pub fn learn(&mut self, tile: &TileReport) {
+        // The map actor has checked it; one that is known already changes nothing.
+        let _ = self.map.join(tile);
+    }
+
+    /// Remembers what made the reflex halt.
+    pub fn note_obstacle(&mut self, now: Time, obstacle: ReflexObstacle) {
+        self.reflex_obstacles.note(now, obstacle);
+    }
+
+    /// Takes what peers that stand or are silent claim, to be planned around.
+    pub fn note_standing_peers(&mut self, claims: Vec<Vec<Point>>) {
+        self.standing_peers = claims;
+    }
+
+    /// Remembers where the vehicle is.
+    pub fn note_place(&mut self, place: Point) {
+        self.driven_places.note(place);
+    }
+
+    /// Returns the map.
+    pub fn map(&self) -> &Merged {
+        &self.map
+    }
+
+    /// Returns whether a place is known to be free.
+    pub fn is_free(&self, place: Point) -> bool {
+        let cell = self.settings.lattice.cell_at(place);
+        self.map.occupancy(self.settings.slice, cell) == Occupancy::Free
+    }
+
+    /// Returns what peers that stand or are silent claim.
+    pub fn standing_peers(&self) -> &[Vec<Point>] {
+        &self.standing_peers
+    }
+
+    /// Returns the places where the vehicle has driven, in order.
+    pub fn driven(&self) -> &[Point] {
+        self.driven_places.all()
+    }
+
+    /// Returns the places that the vehicle has passed lately, oldest first: the way back out of a dead end.
+    pub fn passed_lately(&self) -> impl DoubleEndedIterator<Item = Point> {
+        self.driven_places.recent()
+    }
+
+    /// Returns how far the middle of a vehicle at a pose keeps from what stands there, metres.
+    pub fn keep_m(&self, pose: Pose) -> f64 {
+        search::keep_m(&self.settings, pose)
+    }
+
+    /// Returns the search for paths of a vehicle at a pose.
+    pub fn search(&self, now: Time, pose: Pose) -> PathSearch<'_> {
+        PathSearch {
+            settings: &self.settings,
+            map: &self.map,
+            obstacles: self.reflex_obstacles.present(now).copied().collect(),
+            driven: self.driven(),
+            pose,
+        }
+    }
+
+    /// Returns whether a place could be reached, as far as is known; unknown cells count as free.
+    pub fn can_reach(&self, now: Time, pose: Pose, place: Point) -> bool {
+        self.search(now, pose)
+            .path(place, true, &self.standing_peers)
+            .is_some()
+    }
+
+    /// Returns how far a strip may be driven by a vehicle at a pose: as far as the map knows it to be free, and nothing on
+    /// it has made the reflex halt.
+    pub fn release(&self, now: Time, pose: Pose, strip: &Strip<'_>) -> Release {
+        let margin_m = strip.corridor.ahead_m + VIEW_MARGIN_M;
+        let around = Rect::new(pose.at, pose.at).shrunk(-margin_m);
+        let area = CellRect::covering(self.settings.lattice, around);
+        let view = self.map.view(self.settings.slice, area);
+        let mut release = strip.corridor.released(&view, &strip.route, pose.at);
+        self.reflex_obstacles
+            .hold_before(now, pose.at, strip.way, &mut release);
+        release
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests;

@@ -1,0 +1,203 @@
+//! The search for a path: over what, and what is kept clear of. It is a pure function of the map, what made the reflex
+//! halt, the places driven, and peers' claims. When to search, where to, and what becomes of the result is decided by
+//! whoever asks.
+
+use std::f64::consts::FRAC_1_SQRT_2;
+
+use super::peer_clearance::PeerClearance;
+use crate::geom::{Point, Pose, Segment};
+use crate::map::{CellRect, Merged};
+use crate::node::VehicleSettings;
+use crate::node::vehicle::ReflexObstacle;
+use crate::plan::{MAX_GRID_CELLS, Rules, SearchGrid, shortest_route};
+
+/// Paths are searched in a rectangle this much larger than start and goal, metres.
+const SEARCH_MARGIN_M: f64 = 6.0;
+/// A vehicle too near to something may leave it this far, metres.
+const ESCAPE_M: f64 = 1.0;
+/// Between body and fence stays this much more than the deviation of the place asks for, metres.
+const FENCE_M: f64 = 0.05;
+/// How paths are searched.
+pub const RULES: Rules = Rules {
+    diagonal: true,
+    cut_corners: false,
+    escape_m: ESCAPE_M,
+    turning: None,
+};
+
+/// Returns how far the middle of a vehicle at a pose keeps from what stands there, metres. (Cells are judged by their
+/// middle, hence half of a cell's diagonal.)
+pub(super) fn keep_m(settings: &VehicleSettings, pose: Pose) -> f64 {
+    settings.corridor_m(pose.sd_m) + settings.lattice.cell_m() * FRAC_1_SQRT_2
+}
+
+fn is_small(area: &CellRect) -> bool {
+    area.width_cells().saturating_mul(area.height_cells()) <= MAX_GRID_CELLS
+}
+
+/// Searches paths from where a vehicle is.
+pub struct PathSearch<'a> {
+    pub(super) settings: &'a VehicleSettings,
+    pub(super) map: &'a Merged,
+    /// What made the reflex halt and is believed to be there still.
+    pub(super) obstacles: Vec<ReflexObstacle>,
+    /// The places where the vehicle has driven.
+    pub(super) driven: &'a [Point],
+    pub(super) pose: Pose,
+}
+
+impl PathSearch<'_> {
+    /// Returns where the search begins.
+    pub fn from(&self) -> Point {
+        self.pose.at
+    }
+
+    /// Returns how far the middle of the vehicle keeps from what stands there, metres.
+    pub fn keep_m(&self) -> f64 {
+        keep_m(self.settings, self.pose)
+    }
+
+    /// Returns the places where the vehicle has driven, in order.
+    pub fn driven(&self) -> &[Point] {
+        self.driven
+    }
+
+    /// Returns whether a place is the vehicle's home.
+    pub fn is_home(&self, place: Point) -> bool {
+        place == self.settings.home
+    }
+
+    /// Returns a path to a goal, over unknown ground too or not, clear of what peers claim; `None` when there is none.
+    pub fn path(
+        &self,
+        goal: Point,
+        unknown_allowed: bool,
+        peers: &[Vec<Point>],
+    ) -> Option<Vec<Point>> {
+        let area = self.area(goal)?;
+        let grid = self.grid(Some(goal), area, unknown_allowed, peers)?;
+        self.path_over(&grid, goal, peers)
+    }
+
+    /// Returns a path over known ground and the places where the vehicle has driven, however near to something these are:
+    /// it came through there.
+    pub fn driven_path(&self, goal: Point, peers: &[Vec<Point>]) -> Option<Vec<Point>> {
+        let mut grid = self.ground(Some(goal), false, peers)?;
+        // Opened last, and only what is too near to something: what is solid, or closed for a peer, stays so.
+        grid.open_along(self.driven);
+        self.path_over(&grid, goal, peers)
+    }
+
+    /// Returns where the vehicle may be in all of the fence, on its way to a goal if it has one, clear of what peers claim;
+    /// `None` when the fence is too large to search.
+    pub fn ground(
+        &self,
+        goal: Option<Point>,
+        unknown_allowed: bool,
+        peers: &[Vec<Point>],
+    ) -> Option<SearchGrid> {
+        let area = self.fenced(goal.unwrap_or(self.pose.at))?;
+        self.grid(goal, area, unknown_allowed, peers)
+    }
+
+    /// Returns whether what made the reflex halt is so near that the vehicle must first back off from it.
+    pub fn is_hemmed_in(&self) -> bool {
+        let near_m = 2.0 * self.settings.lattice.cell_m();
+        self.obstacles
+            .iter()
+            .any(|obstacle| obstacle.at.distance_to(self.pose.at) < obstacle.keep_m + near_m)
+    }
+
+    fn path_over(
+        &self,
+        grid: &SearchGrid,
+        goal: Point,
+        peers: &[Vec<Point>],
+    ) -> Option<Vec<Point>> {
+        let points = shortest_route(grid, self.pose.at, goal, &RULES)
+            .ok()?
+            .points;
+        // Cells are left open for the vehicle to leave a peer that it is too near to; a path must not go along that peer.
+        let clearance = self.peer_clearance();
+        let is_clear = peers
+            .iter()
+            .all(|claim| clearance.holds_along(&points, claim));
+        is_clear.then_some(points)
+    }
+
+    fn peer_clearance(&self) -> PeerClearance {
+        PeerClearance {
+            from: self.pose.at,
+            lattice: self.settings.lattice,
+            separation_m: self.settings.swarm.separation_m,
+        }
+    }
+
+    /// Returns where to search: around start and goal, and for the way home in all of the fence, since what is known may
+    /// lead the long way round; `None` when that is too large. (Asked before the view is made: that of a far-off place
+    /// would be as large as the way to it.)
+    fn area(&self, goal: Point) -> Option<CellRect> {
+        let ends = [self.pose.at, goal];
+        let near = CellRect::around(self.settings.lattice, &ends, SEARCH_MARGIN_M).filter(is_small);
+        if goal != self.settings.home {
+            return near;
+        }
+        self.fenced(goal).or(near)
+    }
+
+    /// Returns the cells of the fence, and of start and goal; `None` when these are too many.
+    fn fenced(&self, goal: Point) -> Option<CellRect> {
+        let fence = self.settings.fence.corners().iter().copied();
+        let places: Vec<Point> = fence.chain([self.pose.at, goal]).collect();
+        CellRect::around(self.settings.lattice, &places, 0.0).filter(is_small)
+    }
+
+    /// Returns where the vehicle may be within an area, on its way to a goal; `None` when the area is too large.
+    fn grid(
+        &self,
+        goal: Option<Point>,
+        area: CellRect,
+        unknown_allowed: bool,
+        peers: &[Vec<Point>],
+    ) -> Option<SearchGrid> {
+        let view = self.map.view(self.settings.slice, area);
+        let mut grid = SearchGrid::of_map(&view, area, self.keep_m(), unknown_allowed).ok()?;
+        // What the map does not show is closed: fence, peers, and what only the reflex has met.
+        grid.close_outside(&self.settings.fence, self.fence_m(goal));
+        let clearance = self.peer_clearance();
+        peers
+            .iter()
+            .for_each(|claim| clearance.close(&mut grid, claim));
+        self.close_obstacles(&mut grid);
+        // Last: whatever was closed, the vehicle stands there and must be able to set out.
+        grid.stand_on(self.settings.lattice.cell_at(self.pose.at));
+        Some(grid)
+    }
+
+    /// Returns how far to keep from the fence, metres. A vehicle, or its goal, may be nearer to it than wished: then that
+    /// much must do.
+    fn fence_m(&self, goal: Option<Point>) -> f64 {
+        let (fence, radius_m) = (&self.settings.fence, self.settings.body.radius_m);
+        let edge_m = |at: Point| fence.distance_to_edge(at) - self.settings.lattice.cell_m();
+        // A goal may lie near the fence; but nobody comes nearer to it step by step.
+        let least_m = radius_m + 3.0 * self.pose.sd_m + FENCE_M;
+        self.keep_m()
+            .min(edge_m(self.pose.at).max(least_m))
+            .min(goal.map_or(f64::INFINITY, edge_m))
+            .max(radius_m)
+    }
+
+    /// Closes what lies too near to what made the reflex halt; where the vehicle is nearer already, only what is nearer
+    /// still.
+    fn close_obstacles(&self, grid: &mut SearchGrid) {
+        let cell_m = self.settings.lattice.cell_m();
+        for obstacle in &self.obstacles {
+            let away_m = obstacle.at.distance_to(self.pose.at);
+            let keep_m = (obstacle.keep_m + cell_m).min(away_m - cell_m);
+            grid.close_within(Segment::new(obstacle.at, obstacle.at), keep_m);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,147 @@
+//! Which paths are found on small maps that are known within 6.4 m around the datum.
+
+use super::*;
+use crate::geom::Track;
+use crate::node::mission::terrain::tests::{obstacle, tiles_of};
+use crate::node::tests_support::{own_state, settings};
+
+/// All that a search looks at; it begins at (3, 0).
+struct World {
+    settings: VehicleSettings,
+    map: Merged,
+    obstacles: Vec<ReflexObstacle>,
+    driven: Vec<Point>,
+    from: Point,
+}
+
+impl World {
+    fn of(is_solid: impl Fn(f64, f64) -> bool) -> World {
+        let settings = settings(1);
+        let mut map = Merged::new(settings.lattice, None);
+        for tile in tiles_of(is_solid) {
+            map.join(&tile).unwrap();
+        }
+        World {
+            settings,
+            map,
+            obstacles: Vec::new(),
+            driven: Vec::new(),
+            from: Point::new(3.0, 0.0),
+        }
+    }
+
+    fn search(&self) -> PathSearch<'_> {
+        PathSearch {
+            settings: &self.settings,
+            map: &self.map,
+            obstacles: self.obstacles.clone(),
+            driven: &self.driven,
+            pose: own_state(self.from.x_m, self.from.y_m).pose,
+        }
+    }
+}
+
+const HOME: Point = Point::new(0.0, 0.0);
+
+/// A wall across all that is known, between start and home.
+fn is_wall(x_m: f64, _: f64) -> bool {
+    (1.4..1.8).contains(&x_m)
+}
+
+/// The same wall with a gap of 0.6 m, in which there is room for the body and not for its padding.
+fn is_wall_with_gap(x_m: f64, y_m: f64) -> bool {
+    is_wall(x_m, y_m) && !(0.0..0.6).contains(&y_m)
+}
+
+#[test]
+fn only_unknown_ground_leads_around_a_wall_and_the_way_home_may_be_the_long_way_round() {
+    let world = World::of(is_wall);
+    assert_eq!(world.search().path(HOME, false, &[]), None);
+    let around = world.search().path(HOME, true, &[]).unwrap();
+    assert!(around.iter().any(|corner| corner.y_m > 6.4), "{around:?}");
+    let elsewhere = Point::new(0.0, -1.0);
+    assert_eq!(
+        world.search().path(elsewhere, true, &[]),
+        None,
+        "any other way is searched near by"
+    );
+}
+
+#[test]
+fn a_gap_too_narrow_for_the_padding_is_open_to_a_vehicle_that_came_through_it() {
+    let mut world = World::of(is_wall_with_gap);
+    assert_eq!(world.search().path(HOME, false, &[]), None);
+    assert_eq!(world.search().driven_path(HOME, &[]), None);
+    world.driven = vec![Point::new(0.5, 0.3), Point::new(3.0, 0.3)];
+    assert_eq!(world.search().path(HOME, false, &[]), None);
+    assert!(world.search().driven_path(HOME, &[]).is_some());
+    let peer = vec![vec![Point::new(1.6, 0.3)]];
+    assert_eq!(
+        world.search().driven_path(HOME, &peer),
+        None,
+        "a peer is in it"
+    );
+}
+
+#[test]
+fn a_path_keeps_clear_of_a_peer_and_of_all_of_the_way_that_it_claims() {
+    let world = World::of(|_, _| false);
+    let separation_m = world.settings.swarm.separation_m;
+    let claim = [Point::new(1.5, -1.0), Point::new(1.5, 1.0)];
+    let path = world.search().path(HOME, false, &[claim.to_vec()]).unwrap();
+    let (path, claim) = (
+        Track::new(path).unwrap(),
+        Track::new(claim.to_vec()).unwrap(),
+    );
+    assert!(path.distance_to(&claim) >= separation_m);
+}
+
+#[test]
+fn a_vehicle_too_near_to_a_peer_may_leave_it_and_not_pass_it() {
+    let mut world = World::of(|_, _| false);
+    world.from = Point::new(0.9, 0.0);
+    let peer = vec![vec![HOME]];
+    let (away, past) = (Point::new(4.0, 0.0), Point::new(-4.0, 0.0));
+    assert!(world.search().path(away, false, &peer).is_some());
+    let around = world.search().path(past, false, &peer);
+    let comes_nearer = around.is_some_and(|path| {
+        path.windows(2)
+            .any(|pair| Segment::new(pair[0], pair[1]).distance_to_point(HOME) < 0.899)
+    });
+    assert!(!comes_nearer);
+}
+
+#[test]
+fn what_the_reflex_met_is_gone_around_and_hems_in_a_vehicle_that_is_near() {
+    let mut world = World::of(|_, _| false);
+    let straight = world.search().path(HOME, false, &[]).unwrap();
+    world.obstacles = vec![obstacle(1.5, 0.0)];
+    let around = world.search().path(HOME, false, &[]).unwrap();
+    let nearest_m = |path: &[Point]| {
+        let pieces = path.windows(2).map(|pair| Segment::new(pair[0], pair[1]));
+        pieces
+            .map(|piece| piece.distance_to_point(Point::new(1.5, 0.0)))
+            .fold(f64::INFINITY, f64::min)
+    };
+    assert!(nearest_m(&straight) < 0.5 && nearest_m(&around) >= 0.5);
+    assert!(!world.search().is_hemmed_in());
+    world.from = Point::new(2.3, 0.0);
+    assert!(world.search().is_hemmed_in());
+}
+
+#[test]
+fn a_goal_near_the_fence_is_reached_and_nothing_else_comes_that_near() {
+    let mut world = World::of(|_, _| false);
+    // The fence is at −5; so near to it no path leads through on the way elsewhere.
+    let near = Point::new(3.0, -4.5);
+    assert!(world.search().path(near, false, &[]).is_some());
+    assert_eq!(world.search().path(Point::new(3.0, -5.5), false, &[]), None);
+    world.from = near;
+    let out = world.search().path(HOME, false, &[]);
+    assert!(out.is_some(), "it may leave");
+    let deep = own_state(3.0, 0.0);
+    let search = World::of(|_, _| false);
+    let fence_m = |goal| search.search().fence_m(goal);
+    assert!(fence_m(Some(near)) < fence_m(Some(HOME)));
+    assert_eq!(fence_m(None), keep_m(&search.settings, deep.pose));
+}

@@ -1,0 +1,110 @@
+//! What follows from what is known of the ground, on small maps that are known within 6.4 m around the datum.
+
+use std::sync::Arc;
+
+use tomoswarm_proto::TileAddress;
+
+use super::*;
+use crate::node::tests_support::{own_state, settings};
+
+fn at(time_s: f64) -> Time {
+    Time::from_secs_f64(time_s)
+}
+
+fn pose(x_m: f64, y_m: f64) -> Pose {
+    own_state(x_m, y_m).pose
+}
+
+/// Tiles of ground that is solid where the predicate says so, by the middle of a cell in metres, and free elsewhere.
+pub(in crate::node::mission) fn tiles_of(is_solid: impl Fn(f64, f64) -> bool) -> Vec<TileReport> {
+    let middle_m = |tile: i32, cell: usize| (f64::from(tile * 32) + cell as f64 + 0.5) * 0.2;
+    let value = |x: i32, y: i32, index: usize| match is_solid(
+        middle_m(x, index % 32),
+        middle_m(y, index / 32),
+    ) {
+        true => 17,
+        false => -17,
+    };
+    let addresses = (-1..1).flat_map(|x| (-1..1).map(move |y| (x, y)));
+    addresses
+        .map(|(x, y)| TileReport {
+            layer: Default::default(),
+            address: TileAddress { slice: 0, x, y },
+            revision: 1,
+            cells: Arc::new(std::array::from_fn(|index| value(x, y, index))),
+        })
+        .collect()
+}
+
+/// What is known of such ground.
+pub(in crate::node::mission) fn terrain_of(is_solid: impl Fn(f64, f64) -> bool) -> Terrain {
+    let mut terrain = Terrain::new(settings(1));
+    tiles_of(is_solid)
+        .iter()
+        .for_each(|tile| terrain.learn(tile));
+    terrain
+}
+
+/// Something that made the reflex halt, until 9 s.
+pub(in crate::node::mission) fn obstacle(x_m: f64, y_m: f64) -> ReflexObstacle {
+    ReflexObstacle {
+        at: Point::new(x_m, y_m),
+        keep_m: 0.5,
+        until: at(9.0),
+    }
+}
+
+/// How much of a way from the datum along x is released at a time, metres, and what blocks it.
+fn released(terrain: &Terrain, now: Time) -> (f64, Option<Point>) {
+    let mut way = Way::default();
+    way.append([], Point::new(9.0, 0.0), None);
+    let strip = Strip {
+        way: &way,
+        route: way.points(),
+        corridor: Corridor {
+            half_width_m: 0.3,
+            ahead_m: 8.0,
+        },
+    };
+    let release = terrain.release(now, pose(0.0, 0.0), &strip);
+    (release.free_until_m, release.blocked)
+}
+
+#[test]
+fn a_strip_is_released_up_to_what_is_unknown_what_stands_there_and_what_the_reflex_met() {
+    let mut terrain = terrain_of(|_, _| false);
+    let (unknown_m, blocked) = released(&terrain, at(1.0));
+    assert!((6.0..6.4).contains(&unknown_m) && blocked.is_none());
+    terrain.note_obstacle(at(1.0), obstacle(3.0, 0.0));
+    let (held_m, blocked) = released(&terrain, at(1.0));
+    assert!((held_m - 2.5).abs() < 1e-9, "{held_m} m");
+    assert_eq!(blocked, Some(Point::new(3.0, 0.0)));
+    assert_eq!(released(&terrain, at(9.0)), (unknown_m, None), "it is gone");
+    let (wall_m, blocked) = released(&terrain_of(|x_m, _| (2.0..2.4).contains(&x_m)), at(1.0));
+    assert!((1.5..2.0).contains(&wall_m) && blocked.is_some());
+}
+
+#[test]
+fn what_is_noted_counts_in_the_next_search() {
+    let mut terrain = terrain_of(|_, _| false);
+    let goal = Point::new(4.0, 0.0);
+    assert!(terrain.can_reach(at(1.0), pose(0.0, 0.0), goal));
+    terrain.note_standing_peers(vec![vec![goal]]);
+    assert!(!terrain.can_reach(at(1.0), pose(0.0, 0.0), goal), "a peer");
+    terrain.note_standing_peers(Vec::new());
+    terrain.note_obstacle(at(1.0), obstacle(4.0, 0.2));
+    assert!(!terrain.can_reach(at(1.0), pose(0.0, 0.0), goal));
+    assert!(
+        terrain.can_reach(at(9.0), pose(0.0, 0.0), goal),
+        "it is believed no more"
+    );
+}
+
+#[test]
+fn places_are_remembered_in_the_order_in_which_they_were_driven() {
+    let mut terrain = Terrain::new(settings(1));
+    let places = [0.0, 1.0, 2.0].map(|x_m| Point::new(x_m, 0.0));
+    places.iter().for_each(|place| terrain.note_place(*place));
+    assert_eq!(terrain.driven(), places);
+    assert!(terrain.passed_lately().eq(places));
+}
