@@ -23,6 +23,7 @@ mod forms;
 mod given_mission;
 mod ground_file;
 mod keys;
+mod links_file;
 mod mission;
 mod nearest;
 mod outline;
@@ -56,6 +57,7 @@ pub use given_mission::GivenMission;
 pub use ground_file::{GroundFile, OperatorFile};
 #[cfg(feature = "net")]
 pub(crate) use keys::quoted;
+pub use links_file::LinksFile;
 pub use mission::{AfterSweep, Durations, Expect, Imaging, Planner, Prior, Solver, Sweep, Weights};
 pub use problem::{Problem, Problems};
 pub use radio::{Bus, OwnRadio, Partition, PlannedPartition, Radio, Reception};

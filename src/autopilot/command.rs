@@ -1,6 +1,8 @@
 //! What an autopilot is told, and what it answers: words only, no decisions. Positions are in the local frame; what MAVLink
 //! makes of them is not known here.
 
+use std::fmt;
+
 use serde::{Deserialize, Serialize};
 
 use super::item::Item;
@@ -32,6 +34,20 @@ pub enum FlightMode {
     Return,
     /// Comes down where it is; copters only.
     Land,
+}
+
+impl fmt::Display for FlightMode {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            FlightMode::Manual => "manual",
+            FlightMode::Hold => "hold",
+            FlightMode::Loiter => "loiter",
+            FlightMode::Guided => "guided",
+            FlightMode::Auto => "auto",
+            FlightMode::Return => "return",
+            FlightMode::Land => "land",
+        })
+    }
 }
 
 impl FlightMode {
@@ -187,6 +203,17 @@ pub enum CommandAck {
     Unsupported,
     /// Not now.
     Failed,
+}
+
+impl fmt::Display for CommandAck {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            CommandAck::Accepted => "accepted",
+            CommandAck::Denied => "denied",
+            CommandAck::Unsupported => "unsupported",
+            CommandAck::Failed => "not possible now",
+        })
+    }
 }
 
 impl CommandAck {

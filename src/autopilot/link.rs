@@ -20,6 +20,7 @@
 //! (`movement.rs`). Deadlines: `autopilot silent`, `answer late`, `stop not shown`, `disarming not shown`, `arming`, `too
 //! late to set out`.
 
+use std::fmt;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
@@ -81,6 +82,18 @@ pub enum LinkEvent {
     GivenUp(Purpose, Reason),
 }
 
+impl fmt::Display for LinkEvent {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            LinkEvent::TakenOver(mode) => {
+                write!(f, "a person has taken over by remote control, mode {mode}")
+            }
+            LinkEvent::ActsByItself(mode) => write!(f, "it has taken mode {mode} by itself"),
+            LinkEvent::GivenUp(purpose, why) => write!(f, "{purpose} is given up: {why}"),
+        }
+    }
+}
+
 /// What a command that waits for its answer is for.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub enum Purpose {
@@ -92,11 +105,21 @@ pub enum Purpose {
     Move,
 }
 
+impl fmt::Display for Purpose {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Purpose::ChangeMode => "the change of its mode",
+            Purpose::Arm => "arming",
+            Purpose::Move => "a movement",
+        })
+    }
+}
+
 /// Why something was given up.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, thiserror::Error)]
 pub enum Reason {
     /// The autopilot has refused it.
-    #[error("the autopilot has refused it: {0:?}")]
+    #[error("the autopilot says that it is {0}")]
     Refused(CommandAck),
     /// It has refused to arm, and said why.
     #[error("{0}")]

@@ -285,7 +285,7 @@ mod tests {
             "venue courtyard",
             "scene courtyard",
             "2 random persons",
-            "slot 50ms",
+            "slot 0.05 s",
         ] {
             assert!(text.contains(part), "{part} is missing in:\n{text}");
         }

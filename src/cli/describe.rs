@@ -72,8 +72,14 @@ fn sim_lines(sim: &Sim) -> Vec<Line> {
     list.push(("scene", format!("scene {}", sim.scene.name)));
     list.push(("vehicles", format!("{} vehicles", sim.vehicles.count)));
     let look = &sim.range.look;
-    list.push(("looks", format!("one round takes {:?}", look.cycle())));
-    list.push(("beacons", format!("slot {:?}", sim.venue.swarm.slot())));
+    list.push((
+        "looks",
+        format!("one round takes {} s", look.cycle().as_secs_f64()),
+    ));
+    list.push((
+        "beacons",
+        format!("slot {} s", sim.venue.swarm.slot().as_secs_f64()),
+    ));
     let persons = sim
         .scene
         .random_persons
@@ -89,7 +95,10 @@ fn vehicle_lines(file: &VehicleFile) -> Vec<Line> {
     );
     let mut list = vec![
         ("vehicle", home),
-        ("looks", format!("one round takes {:?}", file.look.cycle())),
+        (
+            "looks",
+            format!("one round takes {} s", file.look.cycle().as_secs_f64()),
+        ),
     ];
     list.push(("drivers", file.drivers.in_words()));
     if file.drivers.range == RangeDriver::None {

@@ -196,7 +196,7 @@ fn write_run(
     folder.write(&format!("run-{run}-samples.csv"), text.as_bytes())?;
     folder.write(
         &format!("run-{run}-links.csv"),
-        links_csv(&bins.links()).as_bytes(),
+        links_csv(&bins.links(), None).as_bytes(),
     )?;
     for ((vehicle, boot), points) in driven {
         features.track(

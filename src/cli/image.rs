@@ -5,9 +5,11 @@
 use std::path::{Path, PathBuf};
 
 use crate::geom::{PixelGrid, Point, Rect};
+use crate::ground::from_config::image_settings;
+use crate::ground::imager::Subject;
 use crate::tomo::{
-    ImagingSettings, Link, LinkBins, MOST_PIXELS, Reconstruction, SPOT_M, TomoError, WeightModel,
-    reconstruct,
+    ImagingSettings, Link, LinkBins, MOST_PIXELS, Reconstruction, SPOT_M, Solver, TomoError,
+    WeightModel, reconstruct,
 };
 use clap::{Args, ValueEnum};
 
@@ -31,13 +33,13 @@ pub struct ImageCommand {
     /// A recording of the same area while nobody was inside; may be given several times
     #[arg(long, value_name = "FILE")]
     pub empty: Vec<PathBuf>,
-    /// How the image is found
-    #[arg(long, value_enum, default_value_t = SolverName::Map)]
-    pub solver: SolverName,
-    /// How pixels weigh in links [default: inverse-area for map, line for tikhonov]
+    /// How the image is found [default: as the recording says, else map]
+    #[arg(long, value_enum)]
+    pub solver: Option<SolverName>,
+    /// How pixels weigh in links [default: as the recording says, else inverse-area for map, line for tikhonov]
     #[arg(long, value_enum)]
     pub weights: Option<WeightsName>,
-    /// Pixels from west to east and from south to north [default: 40 along the longer side]
+    /// Pixels from west to east and from south to north [default: as the recording says, else 40 along the longer side]
     #[arg(long, value_name = "WxH", value_parser = parse_pixels)]
     pub pixels: Option<(usize, usize)>,
     /// What is imaged, in the units of the input [default: what the recording names, else what the positions enclose]
@@ -52,14 +54,9 @@ pub struct ImageCommand {
     /// Writes peaks, residual, links used and dropped, and settings
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
-    /// Most peaks that are listed
-    #[arg(
-        long,
-        value_name = "N",
-        default_value_t = 5,
-        allow_negative_numbers = true
-    )]
-    pub peaks: usize,
+    /// Most peaks that are listed [default: as the recording says, else 5]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub peaks: Option<usize>,
 }
 
 const AFTER_HELP: &str = "\
@@ -159,15 +156,13 @@ impl ImageCommand {
     /// Files that cannot be read or written, [`ImageError`]; nothing is written then.
     pub fn run(&self, out: &mut dyn std::io::Write) -> Result<(), CliError> {
         self.check_files()?;
-        let Recording {
-            links: now,
-            unit,
-            area,
-        } = read_files(&self.files, None)?;
-        let empty = read_files(&self.empty, Some(unit))?.links;
-        let settings = self.settings(now.iter().chain(&empty), area);
-        let now = binned(&now, settings.pairing_m);
-        let empty = binned(&empty, settings.pairing_m);
+        let now = read_files(&self.files, None)?;
+        let empty = read_files(&self.empty, Some(now.unit))?;
+        let unit = now.unit;
+        let settings = self.settings(now.links.iter().chain(&empty.links), &now);
+        let count = now.links.len();
+        let now = pooled(now, self.files.len(), settings.pairing_m);
+        let empty = pooled(empty, self.empty.len(), settings.pairing_m);
         let empty = (!self.empty.is_empty()).then_some(empty.as_slice());
         let result =
             reconstruct(&now, empty, &settings).map_err(|problem| ImageError::NoImage {
@@ -178,7 +173,7 @@ impl ImageCommand {
         let _stop = StopFlag::listen();
         Outputs::open(self)?.write(&result, &settings, unit)?;
         let written = out
-            .write_all(summary(&result, unit).as_bytes())
+            .write_all(summary(&result, (count, now.len()), unit).as_bytes())
             .and_then(|()| out.flush());
         written.map_err(|source| CliError::Write {
             path: "standard output".into(),
@@ -214,20 +209,31 @@ impl ImageCommand {
             .map_err(CliError::from)
     }
 
-    /// The area is the one asked for, else the one that the recordings name, else what the ends of the links enclose.
+    /// Returns how the image is made: as the options say, else as the recordings say, else as usual for what the ends of
+    /// the links enclose.
     fn settings<'a>(
         &self,
         links: impl Iterator<Item = &'a Link>,
-        named: Option<Rect>,
+        recording: &Recording,
     ) -> ImagingSettings {
+        let said = recording.imaging.as_ref().filter(|_| self.area.is_none());
         let ring = bounds(links);
-        let area = self.area.or(named).unwrap_or(ring);
-        let mut settings = if self.empty.is_empty() {
-            ImagingSettings::for_area(area)
+        let area = self.area.or(recording.area).unwrap_or(ring);
+        let subject = if self.empty.is_empty() {
+            Subject::Structure
         } else {
-            ImagingSettings::for_change(area)
+            Subject::Change
         };
-        settings.ring = ring;
+        let mut settings = match (said, subject) {
+            (Some(said), subject) => {
+                image_settings(&said.imaging, area, said.reception.sensitivity_dbm, subject)
+            }
+            (None, Subject::Structure) => ImagingSettings::for_area(area),
+            (None, Subject::Change) => ImagingSettings::for_change(area),
+        };
+        if said.is_none() {
+            settings.ring = ring;
+        }
         if let Some((columns, rows)) = self.pixels {
             settings.grid = PixelGrid {
                 area,
@@ -235,16 +241,26 @@ impl ImageCommand {
                 rows,
             };
         }
-        let (solver, usual) = match self.solver {
-            SolverName::Map => (settings.solver, WeightsName::InverseArea),
-            SolverName::Tikhonov => (ImagingSettings::tikhonov_for(area), WeightsName::Line),
-        };
-        settings.solver = solver;
-        settings.weights = self
-            .weights
-            .unwrap_or(usual)
-            .model(area.width_m().max(area.height_m()));
-        settings.peaks.limit = self.peaks;
+        let extent = area.width_m().max(area.height_m());
+        match self.solver {
+            None => {}
+            Some(SolverName::Map) => {
+                if !matches!(settings.solver, Solver::Map(..)) {
+                    let usual = ImagingSettings::for_area(area);
+                    (settings.solver, settings.weights) = (usual.solver, usual.weights);
+                }
+            }
+            Some(SolverName::Tikhonov) => {
+                settings.solver = ImagingSettings::tikhonov_for(area);
+                settings.weights = WeightsName::Line.model(extent);
+            }
+        }
+        if let Some(weights) = self.weights {
+            settings.weights = weights.model(extent);
+        }
+        if let Some(limit) = self.peaks {
+            settings.peaks.limit = limit;
+        }
         settings
     }
 }
@@ -314,7 +330,7 @@ fn is_same_file(one: &Path, other: &Path) -> bool {
 /// Reads files that must all have one unit: the given one, else that of the first. The area is that of the first file
 /// that names one.
 fn read_files(paths: &[PathBuf], expected: Option<LengthUnit>) -> Result<Recording, CliError> {
-    let (mut links, mut unit, mut area) = (Vec::new(), expected, None);
+    let (mut links, mut unit, mut area, mut imaging) = (Vec::new(), expected, None, None);
     for path in paths {
         let recording = read_file(path)?;
         let expected = *unit.get_or_insert(recording.unit);
@@ -329,11 +345,13 @@ fn read_files(paths: &[PathBuf], expected: Option<LengthUnit>) -> Result<Recordi
         }
         links.extend(recording.links);
         area = area.or(recording.area);
+        imaging = imaging.or(recording.imaging);
     }
     Ok(Recording {
         links,
         unit: unit.unwrap_or(LengthUnit::Metre),
         area,
+        imaging,
     })
 }
 
@@ -351,20 +369,28 @@ pub(super) fn bounds<'a>(links: impl Iterator<Item = &'a Link>) -> Rect {
         .unwrap_or(Rect::new(Point::default(), Point::default()))
 }
 
-/// Pools what lies in the same bins.
-fn binned(links: &[Link], bin_m: f64) -> Vec<Link> {
-    if bin_m <= 0.0 {
-        return links.to_vec();
+/// Pools what lies in the same bins; one file that tomoswarm has written holds pooled links already.
+fn pooled(recording: Recording, files: usize, bin_m: f64) -> Vec<Link> {
+    let Recording { links, imaging, .. } = recording;
+    let is_pooled = files == 1 && imaging.is_some_and(|said| said.imaging.bin_m == bin_m);
+    if is_pooled || bin_m <= 0.0 {
+        return links;
     }
     let mut bins = LinkBins::new(bin_m, SPOT_M.min(bin_m / 8.0));
     links.iter().for_each(|link| bins.record_link(link));
     bins.links()
 }
 
-fn summary(result: &Reconstruction, unit: LengthUnit) -> String {
+/// Returns the summary; `counts` are the links of the files and what is left of them when they are pooled. Those used
+/// and those dropped are as many as the latter.
+fn summary(result: &Reconstruction, counts: (usize, usize), unit: LengthUnit) -> String {
     let unit = unit.word();
+    let of = match counts {
+        (read, pooled) if read == pooled => format!("{read}"),
+        (read, pooled) => format!("{read} pooled to {pooled}"),
+    };
     let mut text = format!(
-        "links: {} used, residual {:.2} dB\n",
+        "links: {of}, {} used, residual {:.2} dB\n",
         result.used, result.residual_rms_db
     );
     for (reason, count) in &result.dropped {

@@ -12,7 +12,7 @@ use super::error::CliError;
 use super::image::{ImageCommand, ImageError};
 use super::recording::LengthUnit;
 use crate::draw::{HeatMap, Overlay, Picture};
-use crate::tomo::{Image, ImagingSettings, Peak, Reconstruction, Solver, npy_bytes};
+use crate::tomo::{Image, ImagingSettings, Peak, Reconstruction, Solver, WeightModel, npy_bytes};
 
 /// The files to be written, open under temporary names.
 #[derive(Default)]
@@ -187,12 +187,19 @@ fn settings_json(settings: &ImagingSettings, unit: LengthUnit, by_empty_sweep: b
         }
         Solver::Tikhonov { alpha_m2 } => json!({"name": "tikhonov", "alpha": alpha_m2}),
     };
+    let weights = match settings.weights {
+        WeightModel::Line => json!({"name": "line"}),
+        WeightModel::Ellipse { width_m } => json!({"name": "ellipse", "width": width_m}),
+        WeightModel::InverseArea { width_m } => json!({"name": "inverse-area", "width": width_m}),
+        WeightModel::Gaussian { sd_m } => json!({"name": "gaussian", "sd": sd_m}),
+        WeightModel::Exponential { decay_m } => json!({"name": "exponential", "decay": decay_m}),
+    };
     json!({
         "unit": unit.word(),
         "area": [area.min.x_m, area.min.y_m, area.max.x_m, area.max.y_m],
         "pixels": [settings.grid.columns, settings.grid.rows],
         "solver": solver,
-        "weights": format!("{:?}", settings.weights),
+        "weights": weights,
         "empty_sweep": by_empty_sweep,
         "shortest_link": settings.shortest_link_m,
         "rim": settings.peaks.rim_m,

@@ -8,6 +8,7 @@ use std::fmt::Write as _;
 use serde::Deserialize;
 use serde_json::Value;
 
+use crate::config::LinksFile;
 use crate::geom::{Point, Rect};
 use crate::tomo::Link;
 
@@ -83,6 +84,8 @@ pub struct Recording {
     pub unit: LengthUnit,
     /// The area that the recording itself names.
     pub area: Option<Rect>,
+    /// How the links are to be imaged, as the recording itself says it; they are pooled already then.
+    pub imaging: Option<LinksFile>,
 }
 
 /// Reads a recording.
@@ -109,9 +112,17 @@ pub fn read_recording(bytes: &[u8]) -> Result<Recording, RecordingError> {
     }
 }
 
-/// Returns a links file: one line per link, an empty `rssi_dbm` where no packet was heard.
-pub fn links_csv(links: &[Link]) -> String {
-    let mut text = format!("{LINKS_HEADER}\n");
+/// Returns a links file: how it is to be imaged as comments, if that is known, then one line per link, with an empty
+/// `rssi_dbm` where no packet was heard. Every number is written to its last digit, so that the links read are the links
+/// written.
+pub fn links_csv(links: &[Link], imaging: Option<&LinksFile>) -> String {
+    let mut text: String = imaging
+        .map(LinksFile::written)
+        .unwrap_or_default()
+        .lines()
+        .map(|line| format!("{COMMENT} {line}").trim_end().to_owned() + "\n")
+        .collect();
+    text += &format!("{LINKS_HEADER}\n");
     for link in links {
         let Link {
             from,
@@ -123,18 +134,44 @@ pub fn links_csv(links: &[Link]) -> String {
             spread_db,
         } = link;
         let rssi = if *packets > 0 {
-            format!("{mean_dbm:.3}")
+            mean_dbm.to_string()
         } else {
             String::new()
         };
         // Writing to a String cannot fail.
         let _ = writeln!(
             text,
-            "{:.4},{:.4},{:.4},{:.4},{packets},{rssi},{spots},{misses},{spread_db:.3}",
+            "{},{},{},{},{packets},{rssi},{spots},{misses},{spread_db}",
             from.x_m, from.y_m, to.x_m, to.y_m
         );
     }
     text
+}
+
+/// What begins a line of a CSV file that holds no link.
+const COMMENT: char = '#';
+
+/// Reads how links are to be imaged from the comments that a file begins with; `None` when they say nothing of it.
+fn read_comments(text: &str) -> Result<Option<LinksFile>, RecordingError> {
+    let comments: Vec<&str> = text
+        .lines()
+        .map_while(|line| line.strip_prefix(COMMENT))
+        .collect();
+    let toml: String = comments
+        .iter()
+        .map(|line| format!("{}\n", line.strip_prefix(' ').unwrap_or(line)))
+        .collect();
+    if !LinksFile::begins(&toml) {
+        return Ok(None);
+    }
+    LinksFile::read("", &toml).map(Some).map_err(|problems| {
+        let first = problems.list().first();
+        let (line, found, expected) = first.map_or((1, String::new(), String::new()), |first| {
+            let found = format!("{} = {}: {}", first.key, first.value, first.wrong);
+            (first.line, found, first.allowed.clone())
+        });
+        wrong(format!("{line}: "), found, expected)
+    })
 }
 
 /// Which column of a CSV file holds what.
@@ -153,7 +190,9 @@ fn read_csv(text: &str) -> Result<Recording, RecordingError> {
     let mut lines = text
         .lines()
         .enumerate()
-        .map(|(index, line)| (index + 1, line.trim_end()));
+        .map(|(index, line)| (index + 1, line.trim_end()))
+        .filter(|(_, line)| !line.starts_with(COMMENT));
+    let imaging = read_comments(text)?;
     let columns = match lines.find(|(_, line)| !line.trim().is_empty()) {
         Some((number, header)) => read_header(number, header)?,
         None => return Err(wrong("1: ".into(), "an empty file", CSV_HEADER)),
@@ -172,7 +211,8 @@ fn read_csv(text: &str) -> Result<Recording, RecordingError> {
     Ok(Recording {
         links,
         unit: LengthUnit::Metre,
-        area: None,
+        area: imaging.as_ref().map(|imaging| imaging.area),
+        imaging,
     })
 }
 
@@ -326,6 +366,7 @@ fn read_json(text: &str) -> Result<Recording, RecordingError> {
         links: pairs.values().map(Pair::link).collect(),
         unit: LengthUnit::Cell,
         area,
+        imaging: None,
     })
 }
 

@@ -8,6 +8,7 @@ use super::error::CliError;
 use super::folder::OutputFolder;
 use super::recording::links_csv;
 use super::tracks::write_tracks;
+use crate::config::LinksFile;
 use crate::geom::Point;
 use crate::ground::imager::Subject;
 use crate::node::mission::EndReason;
@@ -318,9 +319,16 @@ pub fn write_data(
     scenario: &Scenario,
     outcome: &RunOutcome,
 ) -> Result<(), CliError> {
-    folder.write("links.csv", links_csv(&outcome.links).as_bytes())?;
-    if scenario.sim().empty_sweep {
-        folder.write("empty.csv", links_csv(&outcome.empty_links).as_bytes())?;
+    let sim = scenario.sim();
+    let imaging = LinksFile {
+        area: sim.venue.area,
+        reception: sim.radio.reception,
+        imaging: sim.imaging,
+    };
+    let links = |links| links_csv(links, Some(&imaging));
+    folder.write("links.csv", links(&outcome.links).as_bytes())?;
+    if sim.empty_sweep {
+        folder.write("empty.csv", links(&outcome.empty_links).as_bytes())?;
     }
     let images = [
         ("image", &outcome.change),
@@ -350,19 +358,7 @@ fn ended(end: Option<&(Time, EndReason)>) -> String {
     let Some((at, end)) = end else {
         return "did not end".to_owned();
     };
-    let how = match end {
-        EndReason::Done => "did everything".to_owned(),
-        EndReason::Stopped(at) => format!(
-            "stopped in front of something at {:.1}, {:.1} m",
-            at.x_m, at.y_m
-        ),
-        EndReason::NoWay(places) => format!("found that no way leads to {places} of its places"),
-        EndReason::GaveUp(places) => format!("gave up {places} of its places"),
-        EndReason::NoRoom => "gave up (its peers never made room)".to_owned(),
-        EndReason::TooLarge => "gave up (its ground is too large to be searched)".to_owned(),
-        EndReason::Refused(why) => format!("was refused: {why}"),
-    };
-    format!("{how} after {:.1} min", at.as_secs_f64() / 60.0)
+    format!("{end} after {:.1} min", at.as_secs_f64() / 60.0)
 }
 
 #[cfg(test)]

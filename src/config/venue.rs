@@ -313,7 +313,7 @@ impl Keyed for Datum {
 }
 
 /// The rectangle that is imaged.
-struct Area<'a>(&'a mut Rect);
+pub(super) struct Area<'a>(pub(super) &'a mut Rect);
 
 impl Form for Area<'_> {
     fn written(&self) -> Option<String> {

@@ -1,5 +1,7 @@
 //! Points and vectors of the plane, metres, local frame.
 
+use std::fmt;
+
 use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 
 use serde::{Deserialize, Serialize};
@@ -14,6 +16,13 @@ pub struct Point {
     pub x_m: f64,
     /// Metres along the venue's y axis.
     pub y_m: f64,
+}
+
+/// To the millimetre, as files have places: `[1.250, -0.500]`.
+impl fmt::Display for Point {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "[{:.3}, {:.3}]", self.x_m, self.y_m)
+    }
 }
 
 impl Point {

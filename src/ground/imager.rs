@@ -6,6 +6,7 @@
 //!
 //! Deadline: `picture ready`.
 
+use std::fmt;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
@@ -22,6 +23,15 @@ pub enum Subject {
     Change,
     /// What stands there, from a fitted path loss.
     Structure,
+}
+
+impl fmt::Display for Subject {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Subject::Change => "image of the change",
+            Subject::Structure => "image of the structure",
+        })
+    }
 }
 
 /// A picture to be made.

@@ -107,10 +107,10 @@ pub enum VehicleEvent {
 impl fmt::Display for VehicleEvent {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            VehicleEvent::Autopilot(remark) => write!(f, "autopilot: {remark:?}"),
-            VehicleEvent::Vehicle(remark) => write!(f, "{remark:?}"),
-            VehicleEvent::Mission(remark) => write!(f, "{remark:?}"),
-            VehicleEvent::Stops(remark) => write!(f, "{remark}"),
+            VehicleEvent::Autopilot(remark) => write!(f, "autopilot: {remark}"),
+            VehicleEvent::Vehicle(remark) => remark.fmt(f),
+            VehicleEvent::Mission(remark) => remark.fmt(f),
+            VehicleEvent::Stops(remark) => remark.fmt(f),
         }
     }
 }

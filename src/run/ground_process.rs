@@ -228,8 +228,10 @@ fn resume(
     if let Some(memory) = &memory {
         let stored = restored.samples.len();
         tracing::info!(
-            "goes on with run {:?}; {stored} batches of samples stored",
-            memory.run()
+            "goes on with {}; {stored} batches of samples stored",
+            memory
+                .run()
+                .map_or("no run".to_owned(), |run| format!("run {run}"))
         );
     }
     let mut station = Station::restored(settings, memory, restored.samples, restored.tiles);
@@ -335,11 +337,7 @@ impl Edge {
             },
             Effect::Picture(picture) => {
                 if let Err(reason) = &picture.result {
-                    tracing::warn!(
-                        "no {:?} picture of run {}: {reason}",
-                        picture.subject,
-                        picture.run
-                    );
+                    tracing::warn!("no {} of run {}: {reason}", picture.subject, picture.run);
                 }
                 self.archive.hold_picture(picture);
             }
@@ -347,7 +345,7 @@ impl Edge {
             Effect::EndRun(run) => self.archive.hold_end(run),
             Effect::KeepStops(standing) => self.stops.keep(&standing),
             Effect::StopsNote(remark) => tracing::info!("{remark}"),
-            Effect::StationEvent(note) => tracing::info!("{note:?}"),
+            Effect::StationEvent(note) => tracing::info!("{note}"),
         }
     }
 

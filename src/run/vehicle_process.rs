@@ -157,7 +157,7 @@ impl Edge {
                 if let VehicleEvent::Autopilot(LinkEvent::GivenUp(Purpose::Arm, reason)) = note {
                     lock(&self.last).not_armed = Some(reason.to_string());
                 }
-                tracing::info!("{note:?}");
+                tracing::info!("{note}");
             }
             Effect::Keep(run, sample) => self.outbox.keep(*run, *sample),
             Effect::Forget { boot, run, below } => self.outbox.forget(*boot, *run, *below),

@@ -635,7 +635,7 @@ impl Kernel {
     }
 
     fn ground_note(&mut self, note: &GroundNote) {
-        self.log("ground", format_args!("{note:?}"));
+        self.log("ground", format_args!("{note}"));
         match note {
             GroundNote::Planned { laps, .. } => {
                 self.status.laps = self.status.laps_done + laps * self.sweeps_left();

@@ -79,16 +79,15 @@ impl RunRecord {
     /// Keeps a picture in place of an earlier one of its kind, and logs it with values in steps.
     pub fn picture(&mut self, now: Time, picture: Picture) {
         match &picture.result {
-            Err(reason) => self.log.line(
-                now,
-                "imager",
-                format_args!("{:?}: {reason}", picture.subject),
-            ),
+            Err(reason) => {
+                self.log
+                    .line(now, "imager", format_args!("{}: {reason}", picture.subject))
+            }
             Ok(made) => self.log.line(
                 now,
                 "imager",
                 format_args!(
-                    "{:?} of run {} after {} laps: {} links, hash {:016x}, peaks {}",
+                    "{} of run {} after {} laps: {} links, hash {:016x}, peaks {}",
                     picture.subject,
                     picture.run,
                     picture.laps,

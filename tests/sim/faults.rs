@@ -25,7 +25,10 @@ fn all_that_lose_the_bus_come_home_and_none_moves_without_the_radio_too() {
     assert_eq!(
         (
             outcome.home,
-            outcome.log.matches("Decides(BusLost, Returning)").count()
+            outcome
+                .log
+                .matches("returns by itself: the bus is lost")
+                .count()
         ),
         (4, 4)
     );
@@ -53,7 +56,7 @@ fn a_sweep_goes_on_when_the_bus_is_back() {
         fault("bus", "until_s = 250.0")
     );
     let outcome = place(3, "until_s = 3000.0", &faults).run_to_the_end();
-    assert!(outcome.log.contains("Decides(BusLost, Returning)"));
+    assert!(outcome.log.contains("returns by itself: the bus is lost"));
     assert_settled(&outcome);
 }
 
@@ -83,7 +86,7 @@ fn a_ground_station_that_restarts_goes_on_with_its_run_and_no_sample_is_lost() {
             "{}",
             crate::place::tail(log)
         );
-        assert_eq!(log.matches("ground RunClosed").count(), 1);
+        assert_eq!(log.matches("ground closes run").count(), 1);
         assert_settled(&outcome);
     }
 }
@@ -118,7 +121,7 @@ fn the_others_end_the_sweep_of_a_vehicle_that_is_lost() {
             .seed(seed)
             .run_safely();
         assert!(
-            outcome.log.contains("Lost(VehicleId(2))"),
+            outcome.log.contains("ground has lost vehicle 2"),
             "{}",
             crate::place::tail(&outcome.log)
         );
@@ -141,7 +144,7 @@ fn a_vehicle_that_comes_back_gets_work_again() {
     .run_to_the_end();
     let log = &outcome.log;
     assert!(
-        log.contains("Lost(VehicleId(2))") && log.contains("Found(VehicleId(2))"),
+        log.contains("ground has lost vehicle 2") && log.contains("ground hears vehicle 2 again"),
         "{}",
         crate::place::tail(log)
     );
@@ -149,14 +152,17 @@ fn a_vehicle_that_comes_back_gets_work_again() {
         .split("its software starts, boot 2")
         .nth(1)
         .unwrap_or_default();
-    assert!(back.contains("vehicle 2 Done("), "it does stops again");
+    assert!(
+        back.contains("vehicle 2 has done stop "),
+        "it does stops again"
+    );
     assert_settled(&outcome);
 }
 
 #[test]
 fn nobody_touches_a_vehicle_that_is_dead_blind_or_goes_home_with_an_empty_battery() {
     let dead = place(3, "until_s = 400.0", &fault("dead", "vehicles = [2]")).run_safely();
-    assert!(dead.log.contains("Silent(VehicleId(2))"));
+    assert!(dead.log.contains("does not hear vehicle 2: "));
     place(3, "until_s = 400.0", &fault("sensor", "vehicles = [1]")).run_safely();
     let low = place(
         3,
@@ -165,7 +171,7 @@ fn nobody_touches_a_vehicle_that_is_dead_blind_or_goes_home_with_an_empty_batter
     )
     .run_safely();
     assert!(
-        low.log.contains("vehicle 1 Home"),
+        low.log.contains("vehicle 1 is home"),
         "{}",
         crate::place::tail(&low.log)
     );
@@ -175,8 +181,12 @@ fn nobody_touches_a_vehicle_that_is_dead_blind_or_goes_home_with_an_empty_batter
         &fault("battery", "charge = 0.04\nvehicles = [1]"),
     )
     .run_safely();
-    assert!(empty.log.contains("vehicle 1 Decides(BatteryEmpty, Held)"));
-    assert!(!empty.log.contains("vehicle 1 Home"));
+    assert!(
+        empty
+            .log
+            .contains("vehicle 1 holds by itself: the battery is nearly empty")
+    );
+    assert!(!empty.log.contains("vehicle 1 is home"));
 }
 
 #[test]

@@ -12,7 +12,7 @@ fn two_to_eight_vehicles_sweep_the_courtyard_and_all_come_home() {
         let outcome = place
             .root("end = \"return\"\nuntil_s = 3000.0")
             .run_to_the_end();
-        assert_eq!(outcome.log.matches(" Home\n").count(), vehicles);
+        assert_eq!(outcome.log.matches(" is home\n").count(), vehicles);
         for (_, track) in &outcome.tracks {
             let home_m = track[0].distance_to(track[track.len() - 1]);
             assert!(
@@ -52,7 +52,7 @@ fn the_fan_ends_too() {
 #[test]
 fn all_gaps_of_a_sweep_are_driven() {
     let outcome = Place::new(12.0, 12.0).sweep("laps = 3").run_to_the_end();
-    assert_eq!(outcome.log.matches("LapDone").count(), 3);
+    assert_eq!(outcome.log.matches("ground sees lap ").count(), 3);
     assert!(
         outcome.min_separation_m > Some(4.0),
         "gaps of at least 16 of 48 steps"

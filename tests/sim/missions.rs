@@ -131,7 +131,7 @@ fn pathfind_proves_that_no_way_leads_into_a_closed_room_and_visits_the_rest() {
         .run_to_the_end();
     assert_eq!(end_of(&outcome, 1), &EndReason::NoWay(1));
     assert!(nearest_m(&outcome, 1, (7.0, 7.5)) < 0.4);
-    assert!(outcome.log.contains("NoWay("));
+    assert!(outcome.log.contains("has found no way to "));
 }
 
 #[test]
@@ -190,11 +190,11 @@ fn patrol_ends_when_its_time_is_over_or_its_battery_low() {
     let fault = "[[fault]]\nkind = \"battery\"\nat_s = 300.0\ncharge = 0.15\nvehicles = [1]";
     let low = yard(places).with(fault).run_safely();
     assert!(
-        visits(&low, 1) > 4 && low.log.contains("BatteryLow"),
+        visits(&low, 1) > 4 && low.log.contains("the battery is low"),
         "{}",
         tail(&low.log)
     );
-    assert!(low.log.contains("vehicle 1 Home"), "{}", tail(&low.log));
+    assert!(low.log.contains("vehicle 1 is home"), "{}", tail(&low.log));
 }
 
 /// Cells of the yard, fence included, that a rover could see and does not know.

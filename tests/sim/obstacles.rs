@@ -108,7 +108,7 @@ fn a_ring_that_is_closed_off_from_fence_to_fence_ends_in_words() {
             .root("end = \"hold\"\nuntil_s = 6000.0")
             .run_safely();
         assert!(
-            !outcome.finished && outcome.log.contains("NoPath"),
+            !outcome.finished && outcome.log.contains("has found no path"),
             "{}",
             tail(&outcome.log)
         );

@@ -1,6 +1,7 @@
 //! What the station is told and says, and who it is: messages, which of them count from whom, and which are said without the
 //! lease. What follows from a message is decided elsewhere.
 
+use std::fmt;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
@@ -137,6 +138,51 @@ pub enum StationEvent {
         /// Samples stored.
         samples: u64,
     },
+}
+
+impl fmt::Display for StationEvent {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            StationEvent::Planned { run, laps, stops } => {
+                write!(f, "has planned run {run}: {laps} laps, {stops} stops")
+            }
+            StationEvent::NoPlan(why) => write!(f, "has no plan: {why}"),
+            StationEvent::Replans(run) => write!(f, "plans run {run} anew"),
+            StationEvent::Waits(run) => {
+                write!(f, "waits with run {run}: too few vehicles are left")
+            }
+            StationEvent::Lost(vehicle) => write!(f, "has lost vehicle {vehicle}"),
+            StationEvent::Found(vehicle) => write!(f, "hears vehicle {vehicle} again"),
+            StationEvent::Restarted(vehicle) => {
+                write!(f, "sees that vehicle {vehicle} was started anew")
+            }
+            StationEvent::Leads(lease) => write!(f, "leads by lease {}", lease.number),
+            StationEvent::StandsBy(lease) => {
+                write!(f, "stands by: another leads by lease {}", lease.number)
+            }
+            StationEvent::Overtaken(run) => {
+                write!(
+                    f,
+                    "gives up its sweep: vehicles follow run {run} of another"
+                )
+            }
+            StationEvent::Stalled(run) => write!(f, "cannot end run {run}: nobody gets on"),
+            StationEvent::LapDone {
+                run,
+                laps,
+                links,
+                samples,
+            } => write!(
+                f,
+                "sees lap {laps} of run {run} done: {links} links, {samples} samples"
+            ),
+            StationEvent::RunClosed {
+                run,
+                links,
+                samples,
+            } => write!(f, "closes run {run}: {links} links, {samples} samples"),
+        }
+    }
 }
 
 /// Who the station is, and for whom it is there.

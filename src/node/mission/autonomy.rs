@@ -13,6 +13,7 @@
 //! [`super::Mission`].
 
 use std::collections::BTreeSet;
+use std::fmt;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
@@ -36,6 +37,16 @@ pub enum AutonomyCause {
     BatteryLow,
     /// The battery is below `battery_hold`.
     BatteryEmpty,
+}
+
+impl fmt::Display for AutonomyCause {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            AutonomyCause::BusLost => "the bus is lost",
+            AutonomyCause::BatteryLow => "the battery is low",
+            AutonomyCause::BatteryEmpty => "the battery is nearly empty",
+        })
+    }
 }
 
 /// What a vehicle decides on its own.

@@ -1,5 +1,7 @@
 //! What the mission actor is told and says, and which of it joins.
 
+use std::fmt;
+
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
     EmergencyStop, LayerId, MissionProgress, MissionRefusal, Order, Plan, Revision, RunId, Sender,
@@ -131,6 +133,45 @@ impl From<WayEvent> for MissionEvent {
     }
 }
 
+impl fmt::Display for MissionEvent {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            MissionEvent::Done(stop) => write!(f, "has done stop {stop}"),
+            MissionEvent::Adopted(run, revision) => {
+                write!(f, "follows run {run}, revision {revision}")
+            }
+            MissionEvent::Refused(why) => write!(f, "follows no plan: {why}"),
+            MissionEvent::Outside(at) => write!(f, "follows no plan: it leaves the fence at {at}"),
+            MissionEvent::OldPlan(run, revision) => write!(
+                f,
+                "does not follow run {run}, revision {revision}: it answers an old state, or others have a higher lease"
+            ),
+            MissionEvent::Looks(at) => write!(f, "looks at {at}"),
+            MissionEvent::Blocked(at) => write!(f, "is blocked at {at}"),
+            MissionEvent::Path(length_m) => write!(f, "has found a path of {length_m:.3} m"),
+            MissionEvent::NoPath(tries) => write!(f, "has found no path, {tries} in a row"),
+            MissionEvent::Skipped(stop) => write!(f, "gives up stop {stop}"),
+            MissionEvent::Finished(run) => write!(f, "has done all stops of run {run}"),
+            MissionEvent::Visited(at) => write!(f, "has visited {at}"),
+            MissionEvent::Passed(at) => write!(f, "passes over {at}"),
+            MissionEvent::NoWay(at, cells) => {
+                write!(f, "has found no way to {at}, {cells} cells searched")
+            }
+            MissionEvent::Ended(how) => write!(f, "has ended its mission: {how}"),
+            MissionEvent::Home => f.write_str("is home"),
+            MissionEvent::Silent(peer) => {
+                write!(f, "does not hear vehicle {peer}: an obstacle from now on")
+            }
+            MissionEvent::HeardAgain(peer) => write!(f, "hears vehicle {peer} again"),
+            MissionEvent::Alone => f.write_str("hears nobody, and stands"),
+            MissionEvent::NotAlone => f.write_str("hears somebody again"),
+            MissionEvent::BusLost => f.write_str("has lost the bus"),
+            MissionEvent::BusBack => f.write_str("has the bus again"),
+            MissionEvent::Decides(cause, status) => write!(f, "{status} by itself: {cause}"),
+        }
+    }
+}
+
 /// How a mission ended.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum EndReason {
@@ -150,6 +191,22 @@ pub enum EndReason {
     Refused(MissionRefusal),
 }
 
+impl fmt::Display for EndReason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            EndReason::Done => f.write_str("did everything"),
+            EndReason::Stopped(at) => write!(f, "stopped in front of something at {at}"),
+            EndReason::NoWay(places) => {
+                write!(f, "found that no way leads to {places} of its places")
+            }
+            EndReason::GaveUp(places) => write!(f, "gave up {places} of its places"),
+            EndReason::NoRoom => f.write_str("gave up (its peers never made room)"),
+            EndReason::TooLarge => f.write_str("gave up (its ground is too large to be searched)"),
+            EndReason::Refused(why) => write!(f, "was refused: {why}"),
+        }
+    }
+}
+
 /// What a vehicle does, as a whole.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub enum MissionStatus {
@@ -163,6 +220,18 @@ pub enum MissionStatus {
     Returning,
     /// It came home.
     Home,
+}
+
+impl fmt::Display for MissionStatus {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            MissionStatus::Waiting => "waits",
+            MissionStatus::Following => "follows its plan",
+            MissionStatus::Held => "holds",
+            MissionStatus::Returning => "returns",
+            MissionStatus::Home => "is home",
+        })
+    }
 }
 
 /// Which inputs replace unread ones.

@@ -1,5 +1,7 @@
 //! What the vehicle actor hears of its autopilot and its mission, and what it answers: messages only, no decisions.
 
+use std::fmt;
+
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{StopId, VehicleId};
 
@@ -37,6 +39,20 @@ pub enum SafetyEvent {
     Refused(CommandRefusal),
     /// The autopilot says nothing any more.
     AutopilotSilent,
+}
+
+impl fmt::Display for SafetyEvent {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            SafetyEvent::Halted { ahead_m, obstacle } => write!(
+                f,
+                "halts {ahead_m:.3} m before an obstacle at {}, kept clear of by {:.3} m until {} s",
+                obstacle.at, obstacle.keep_m, obstacle.until
+            ),
+            SafetyEvent::Refused(why) => write!(f, "does not drive: {why}"),
+            SafetyEvent::AutopilotSilent => f.write_str("hears its autopilot no more"),
+        }
+    }
 }
 
 /// Something that made the reflex halt: an echo from somewhere in the beam's cone.
@@ -86,4 +102,34 @@ pub enum CommandRefusal {
     Blind,
     /// A person steers by remote control, or the autopilot by itself, until an operator's start that names it.
     NotInControl,
+}
+
+impl fmt::Display for CommandRefusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            CommandRefusal::NoPose => f.write_str("it does not know where it is"),
+            CommandRefusal::PoseUncertain => f.write_str("its pose is too uncertain"),
+            CommandRefusal::NoRoute => f.write_str("the route is none"),
+            CommandRefusal::NotHere => f.write_str("the route does not begin where it is"),
+            CommandRefusal::Fence => f.write_str("the route leaves the fence"),
+            CommandRefusal::Separation(peer) => {
+                write!(f, "the route comes too near to vehicle {peer}")
+            }
+            CommandRefusal::ReflexObstacle => {
+                f.write_str("the route leads to what the reflex halted for")
+            }
+            CommandRefusal::Emergency => {
+                f.write_str("an emergency stop is open, or no start has come since")
+            }
+            CommandRefusal::Disarmed => f.write_str("its motors are cut until a start"),
+            CommandRefusal::Old => {
+                f.write_str("the command is old, or of before an order that stopped it")
+            }
+            CommandRefusal::Held => f.write_str("an order to hold or to land stands"),
+            CommandRefusal::Blind => f.write_str("it has no range sensor"),
+            CommandRefusal::NotInControl => {
+                f.write_str("somebody else steers until a start names the take-over")
+            }
+        }
+    }
 }

@@ -98,7 +98,7 @@ impl RecordingView {
         match out {
             vehicle::Out::Publish(state) => pose(now, state),
             vehicle::Out::SafetyEvent(remark) => {
-                Some(self.log(now, INFO, "vehicle", &format!("{remark:?}")))
+                Some(self.log(now, INFO, "vehicle", &remark.to_string()))
             }
             vehicle::Out::AutopilotCommand(_)
             | vehicle::Out::State(_)
@@ -110,7 +110,7 @@ impl RecordingView {
     fn mission(&self, now: Time, out: &mission::Out) -> Option<MessageLine> {
         match out {
             mission::Out::MissionEvent(remark) => {
-                Some(self.log(now, INFO, "mission", &format!("{remark:?}")))
+                Some(self.log(now, INFO, "mission", &remark.to_string()))
             }
             mission::Out::Command(..)
             | mission::Out::Holds(_)
@@ -147,7 +147,7 @@ impl RecordingView {
         }
         for out in &step.said {
             if let station::Out::StationEvent(note) = out {
-                shown.push(self.log(step.now, INFO, "station", &format!("{note:?}")));
+                shown.push(self.log(step.now, INFO, "station", &note.to_string()));
             }
         }
         shown.extend(self.map(step.now));
