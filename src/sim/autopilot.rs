@@ -30,8 +30,7 @@ mod tests;
 mod vehicle_control;
 
 use super::body::{Body, BodyState, Refusal};
-use crate::autopilot::item::{ItemError, check_items};
-use crate::autopilot::{ArmRefusal, Command, CommandAck, Item, Kind, SystemStatus};
+use crate::autopilot::{ArmRefusal, Command, CommandAck, Kind, SystemStatus};
 use crate::geom::{Angle, Attitude, Point, Pose};
 use crate::time::Time;
 
@@ -134,17 +133,6 @@ impl Autopilot {
         }
     }
 
-    /// Takes a mission in place of the stored one; one under way is given up where it is.
-    ///
-    /// # Errors
-    /// [`ItemError`]; the stored mission stays.
-    pub fn upload(&mut self, now: Time, items: Vec<Item>) -> Result<(), ItemError> {
-        self.advance(now);
-        check_items(&items, self.settings.kind)?;
-        self.act(Action::StoreMission(items));
-        Ok(())
-    }
-
     /// Returns why it would not arm now; `None` when it would, or is armed. An empty battery cannot be forced.
     pub fn arm_refusal(&self, force: bool) -> Option<ArmRefusal> {
         self.situation().arm_refusal(force)
@@ -176,7 +164,8 @@ impl Autopilot {
     }
 
     /// Returns the stored mission.
-    pub fn items(&self) -> &[Item] {
+    #[cfg(test)]
+    pub fn items(&self) -> &[crate::autopilot::Item] {
         self.control.mission().items()
     }
 

@@ -7,7 +7,7 @@
 //!     └───────────── environment, network ◄─────────────────────────────────────────────────────────────┘
 //! ```
 //!
-//! It holds no state of a node and none of the bus ([`nodes`], [`network`]), and judges nothing: when a run is over says the judge.
+//! It holds no state of a node and none of the bus ([`nodes`], [`network`]), and judges nothing: when a run is over the judge says.
 
 mod alarm;
 mod network;
@@ -25,7 +25,7 @@ use tomoswarm_proto::codec::{self, Decoded};
 use tomoswarm_proto::{Boot, Message};
 
 use self::network::Network;
-use self::nodes::{Nodes, name_of};
+use self::nodes::{NodePlace, Nodes, name_of};
 use self::progress::Progress;
 use self::run_record::RunRecord;
 use self::schedule::{Event, Schedule};
@@ -48,7 +48,6 @@ use crate::operator::operator_actor::{In, Out};
 use crate::time::Time;
 
 pub(super) use self::network::Greetings;
-use self::nodes::NodePlace;
 pub(super) use self::nodes::{SimulatedGround, SimulatedOperator, SimulatedVehicle};
 pub(super) use self::parts::{FinishedRun, Parts};
 pub use self::progress::Status;
@@ -76,6 +75,7 @@ struct Scratch {
 }
 
 impl Kernel {
+    /// Makes the kernel of a run that has not begun.
     pub fn new(parts: Parts) -> Kernel {
         let noise = parts.noise;
         let turns = parts.faults.turns();
@@ -104,6 +104,7 @@ impl Kernel {
         kernel
     }
 
+    /// Queues what happens by itself from the beginning.
     fn prime(&mut self, turns: Vec<(Time, Turn)>) {
         for (at, turn) in turns {
             self.schedule.push(at, Event::Fault(turn));
@@ -276,10 +277,8 @@ impl Kernel {
     }
 
     fn carry_out_one(&mut self, vehicle: usize, effect: node::Effect) -> Option<node::Event> {
-        let (is_over, place) = (
-            self.schedule.ended_at().is_some(),
-            NodePlace::Vehicle(vehicle),
-        );
+        let place = NodePlace::Vehicle(vehicle);
+        let is_over = self.schedule.ended_at().is_some();
         let mut obey = |command| self.environment.obey(vehicle, command, &mut self.schedule);
         match effect {
             // After the end nothing sets out any more; what moves comes to rest.
@@ -462,26 +461,18 @@ impl Kernel {
         let Some(heard) = hearing.heard else {
             return Ok(());
         };
-        match (place, heard) {
-            (NodePlace::Operator(operator), heard) => {
-                return self.tell_operator(operator, In::Bus(heard));
-            }
-            (NodePlace::Ground, Heard::Message(sender, message)) => {
-                self.record.count_message();
-                self.tell_ground(ground::Event::Bus(sender, message))
-            }
-            (NodePlace::Vehicle(vehicle), Heard::Message(sender, message)) => {
-                self.record.count_message();
-                self.tell(vehicle, node::Event::Bus(sender, message))
-            }
-            // Of greetings nodes are told the message.
-            (
-                NodePlace::Ground | NodePlace::Vehicle(_),
-                Heard::Greeting(..) | Heard::Unknown(_),
-            ) => {
-                self.record.count_message();
-                Ok(())
-            }
+        if let NodePlace::Operator(operator) = place {
+            return self.tell_operator(operator, In::Bus(heard));
+        }
+        self.record.count_message();
+        // Of greetings vehicles and ground station are told nothing else.
+        let Heard::Message(sender, message) = heard else {
+            return Ok(());
+        };
+        match place {
+            NodePlace::Vehicle(vehicle) => self.tell(vehicle, node::Event::Bus(sender, message)),
+            NodePlace::Ground => self.tell_ground(ground::Event::Bus(sender, message)),
+            NodePlace::Operator(_) => Ok(()),
         }
     }
 

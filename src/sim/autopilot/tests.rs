@@ -7,7 +7,8 @@ use proptest::prelude::*;
 use super::super::motion::Limits;
 use super::super::noise::Noise;
 use super::*;
-use crate::autopilot::Mode;
+use crate::autopilot::item::{ItemError, check_items};
+use crate::autopilot::{Item, Mode};
 use crate::geom::Vector;
 
 const LIMITS: Limits = Limits {
@@ -104,6 +105,17 @@ fn waypoint(x_m: f64, y_m: f64, altitude_m: f64) -> Item {
         altitude_m,
         delay: Duration::ZERO,
     }
+}
+
+/// Takes a mission in place of the stored one, or tells why it is none.
+fn upload(autopilot: &mut Autopilot, now: Time, items: Vec<Item>) -> Result<(), ItemError> {
+    let sound = check_items(&items, autopilot.kind());
+    let expected = match sound {
+        Ok(()) => CommandAck::Accepted,
+        Err(_) => CommandAck::Denied,
+    };
+    assert_eq!(autopilot.command(now, Command::Upload(items)), expected);
+    sound
 }
 
 fn reached(notices: &[DatedText]) -> Vec<usize> {
@@ -227,10 +239,13 @@ fn a_mission_that_cannot_be_flown_is_refused_with_its_item_and_the_stored_one_st
     let home = waypoint(0.0, 0.0, 0.0);
     let check = |kind, items: Vec<Item>, expected: Result<(), (u8, &str)>| {
         let mut autopilot = ready(kind);
-        autopilot
-            .upload(secs(60.0), vec![home, waypoint(1.0, 0.0, 5.0)])
-            .unwrap();
-        let got = autopilot.upload(secs(60.0), items.clone());
+        upload(
+            &mut autopilot,
+            secs(60.0),
+            vec![home, waypoint(1.0, 0.0, 5.0)],
+        )
+        .unwrap();
+        let got = upload(&mut autopilot, secs(60.0), items.clone());
         assert_eq!(
             got.map_err(|error| (error.code(), error.to_string())),
             expected.map_err(|(code, text)| (code, text.to_owned()))
@@ -298,7 +313,7 @@ fn a_rover_drives_its_mission_and_holds_after_it() {
         waypoint(10.0, 5.0, 0.0),
         Item::Return,
     ];
-    rover.upload(secs(60.0), items).unwrap();
+    upload(&mut rover, secs(60.0), items).unwrap();
     assert_eq!(
         rover.command(secs(60.0), Command::Mode(Mode::Auto)),
         CommandAck::Accepted
@@ -353,7 +368,7 @@ fn a_copter_flies_its_mission_lands_and_is_disarmed() {
             at: Some(point(0.0, 6.0)),
         },
     ];
-    copter.upload(secs(60.0), items).unwrap();
+    upload(&mut copter, secs(60.0), items).unwrap();
     assert_eq!(
         copter.command(secs(60.0), Command::Begin),
         CommandAck::Accepted
@@ -382,12 +397,12 @@ fn on_the_ground_a_copters_mission_begins_with_a_takeoff_or_not_at_all() {
         CommandAck::Failed,
         "there is none"
     );
-    copter
-        .upload(
-            secs(60.0),
-            vec![waypoint(0.0, 0.0, 0.0), waypoint(5.0, 0.0, 5.0)],
-        )
-        .unwrap();
+    upload(
+        &mut copter,
+        secs(60.0),
+        vec![waypoint(0.0, 0.0, 0.0), waypoint(5.0, 0.0, 5.0)],
+    )
+    .unwrap();
     assert_eq!(
         copter.command(secs(60.0), Command::Mode(Mode::Auto)),
         CommandAck::Failed
@@ -418,7 +433,7 @@ fn a_mission_is_interrupted_and_goes_on_with_the_item_under_way() {
         waypoint(10.0, 0.0, 0.0),
         waypoint(10.0, 10.0, 0.0),
     ];
-    rover.upload(secs(60.0), items).unwrap();
+    upload(&mut rover, secs(60.0), items).unwrap();
     rover.command(secs(60.0), Command::Mode(Mode::Auto));
     assert_eq!(
         rover.command(secs(69.0), Command::Mode(Mode::Hold)),
@@ -443,7 +458,7 @@ fn setting_the_current_item_to_one_that_takes_no_time_goes_on_to_the_next_that_d
         Item::Speed(0.5),
         waypoint(0.0, 4.0, 0.0),
     ];
-    rover.upload(secs(60.0), items).unwrap();
+    upload(&mut rover, secs(60.0), items).unwrap();
     rover.command(secs(60.0), Command::Mode(Mode::Auto));
     assert_eq!(
         rover.command(secs(60.5), Command::SetCurrent(4)),
@@ -669,7 +684,7 @@ fn uploading_and_clearing_stop_a_mission_under_way() {
     let items = vec![waypoint(0.0, 0.0, 0.0), waypoint(50.0, 0.0, 0.0)];
     for ask in [Command::Clear, Command::Upload(items.clone())] {
         let mut rover = ready(Kind::Rover);
-        rover.upload(secs(60.0), items.clone()).unwrap();
+        upload(&mut rover, secs(60.0), items.clone()).unwrap();
         rover.command(secs(60.0), Command::Begin);
         assert_eq!(rover.command(secs(65.0), ask), CommandAck::Accepted);
         let end = settle(&mut rover, secs(65.0));

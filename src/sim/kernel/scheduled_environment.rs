@@ -126,7 +126,8 @@ fn answer(event: &WorldEvent) -> Option<node::Event> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::node::sensor::Ping;
+    use crate::autopilot::{Command, NumberedCommand};
+    use crate::geom::Point;
     use crate::sim::kernel::tests::scenario;
 
     fn begun() -> (ScheduledEnvironment, Schedule) {
@@ -151,13 +152,20 @@ mod tests {
     }
 
     #[test]
-    fn what_a_command_leads_to_later_is_queued_and_nothing_is_left_in_the_list() {
+    fn a_command_is_answered_at_once_and_what_it_leads_to_later_is_queued() {
         let (mut environment, mut schedule) = begun();
-        let before = queued(&mut schedule).len();
-        let ping = DeviceCommand::Ping(Ping { number: 1 });
-        assert!(environment.obey(0, ping, &mut schedule).is_none());
+        queued(&mut schedule);
+        let command = Command::Route {
+            corners: vec![Point::new(3.0, 5.0)],
+            altitude_m: None,
+            speed_mps: None,
+        };
+        let command = DeviceCommand::Autopilot(NumberedCommand { number: 4, command });
+        let answer = environment.obey(0, command, &mut schedule);
+        assert!(matches!(answer, Some(node::Event::Ack(ack)) if ack.number == 4));
+        // The companion's silence, and the wall that it drives against.
+        assert_eq!(queued(&mut schedule).len(), 2);
         assert!(environment.said.is_empty());
-        assert!(before > 0 && queued(&mut schedule).len() <= 1);
     }
 
     #[test]
