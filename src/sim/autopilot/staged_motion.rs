@@ -265,7 +265,7 @@ mod tests {
         let aside = |corners: &mut [Point]| {
             corners
                 .iter_mut()
-                .for_each(|corner| *corner = *corner + Vector::new(1.0, 0.0))
+                .for_each(|corner| *corner += Vector::new(1.0, 0.0))
         };
         motion.begin_next(secs(0.0), aside);
         assert!((motion.pose_at(secs(60.0)).at.x_m - 5.0).abs() < 1e-9);
@@ -285,8 +285,8 @@ mod tests {
 
     #[test]
     fn without_current_it_brakes_and_a_wreck_stands_at_once() {
-        let (cut, wreck): (fn(&mut StagedMotion, Time), fn(&mut StagedMotion, Time)) =
-            (StagedMotion::cut, StagedMotion::wreck);
+        type GiveUp = fn(&mut StagedMotion, Time);
+        let (cut, wreck): (GiveUp, GiveUp) = (StagedMotion::cut, StagedMotion::wreck);
         for (give_up, rests_s) in [(cut, 12.0), (wreck, 10.0)] {
             let mut motion = motion(0.0);
             begin(&mut motion, 0.0, vec![drive(50.0), drive(0.0)]);

@@ -39,12 +39,18 @@ fn place_of(node: NodeId) -> NodePlace {
     }
 }
 
-/// Carries frames until a second, and lets those leave that are expelled; returns who took part from when, and what came of frames, with whom it came to.
+/// Who takes part, from when on.
+type Join = (NodePlace, Time);
+
+/// What came of a frame, with whom it came to.
+type HeardBy = (NodePlace, Hearing);
+
+/// Carries frames until a second, and lets those leave that are expelled; returns who has joined, and what came of frames.
 fn carry(
     network: &mut Network,
     schedule: &mut Schedule,
     until_s: f64,
-) -> (Vec<(NodePlace, Time)>, Vec<(NodePlace, Hearing)>) {
+) -> (Vec<Join>, Vec<HeardBy>) {
     let (mut joined, mut hearings) = (Vec::new(), Vec::new());
     schedule.push(Time::from_secs_f64(until_s), Event::Environment);
     loop {
@@ -85,8 +91,8 @@ fn progress() -> Message {
     })
 }
 
-fn heard_by(hearings: &[(NodePlace, Hearing)], kind: Kind) -> Vec<NodePlace> {
-    let is_it = |(to, hearing): &(NodePlace, Hearing)| match &hearing.heard {
+fn heard_by(hearings: &[HeardBy], kind: Kind) -> Vec<NodePlace> {
+    let is_it = |(to, hearing): &HeardBy| match &hearing.heard {
         Some(Heard::Message(_, message)) => (message.kind() == kind).then_some(*to),
         Some(Heard::Greeting(..) | Heard::Unknown(_)) | None => None,
     };
@@ -147,7 +153,7 @@ fn one_of_another_venue_is_expelled_and_the_others_say_why() {
         .iter()
         .filter(|(_, hearing)| hearing.expelled.is_some());
     assert!(expelled.clone().all(|(to, _)| *to == TWO) && expelled.count() > 0);
-    let says = |(to, hearing): &(NodePlace, Hearing)| *to == ONE && hearing.line.is_some();
+    let says = |(to, hearing): &HeardBy| *to == ONE && hearing.line.is_some();
     assert!(hearings.iter().any(says));
 }
 
