@@ -154,10 +154,10 @@ impl Kernel {
         for vehicle in 0..self.nodes.vehicles().len() {
             let vehicle = self.nodes.vehicle_mut(vehicle);
             let (who, what) = (name_of(NodeId::Vehicle(vehicle.id())), vehicle.holdings());
-            self.record.log(now, &who, format_args!("{what}"));
+            self.record.line(now, &who, format_args!("{what}"));
         }
         let what = self.nodes.ground().holdings();
-        self.record.log(now, "ground", format_args!("{what}"));
+        self.record.line(now, "ground", format_args!("{what}"));
         let rests = |vehicle| self.environment.truth(vehicle, now).speed_mps == 0.0;
         let muster = self.nodes.muster(rests);
         let mut environment = self.environment.into_environment();
@@ -370,7 +370,7 @@ impl Kernel {
                     Out::Cue(name) if name == PERSONS_ENTER => {
                         self.environment.let_persons_enter(&mut self.schedule);
                         self.record
-                            .log(now, "scenario", format_args!("the persons enter"));
+                            .line(now, "scenario", format_args!("the persons enter"));
                         let told = self.nodes.operator_mut(operator);
                         told.tell(now, In::CueDone, &mut effects)?;
                     }
@@ -553,7 +553,7 @@ impl Kernel {
 
     fn log(&mut self, node: NodePlace, what: std::fmt::Arguments<'_>) {
         let who = name_of(self.nodes.id_of(node));
-        self.record.log(self.schedule.now(), &who, what);
+        self.record.line(self.schedule.now(), &who, what);
     }
 
     /// Returns what is to be seen of the run now.

@@ -103,23 +103,17 @@ impl Battery {
 mod tests {
     use std::collections::BTreeSet;
 
+    use super::super::tests::LIMITS;
     use super::*;
     use crate::actor::tests_support::drawn;
     use crate::autopilot::Kind;
-    use crate::sim::motion::Limits;
 
     fn settings() -> Settings {
-        let limits = Limits {
-            speed_mps: 2.0,
-            acceleration_mps2: 1.0,
-            braking_mps2: 1.0,
-            turn_rate_radps: 1.0,
-        };
         Settings {
             endurance_driving: Duration::from_secs(100),
             endurance_resting: Duration::from_secs(1000),
             low_battery: 0.25,
-            ..Settings::new(Kind::Rover, limits)
+            ..Settings::new(Kind::Rover, LIMITS)
         }
     }
 

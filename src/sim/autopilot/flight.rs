@@ -110,11 +110,8 @@ pub fn leaning(body: &Body, state: BodyState, at: Time, wind: Vector) -> Attitud
 
 #[cfg(test)]
 mod tests {
+    use super::super::tests::{LIMITS, secs};
     use super::*;
-
-    fn secs(seconds_s: f64) -> Time {
-        Time::from_secs_f64(seconds_s)
-    }
 
     #[test]
     fn a_climb_goes_on_evenly_and_is_given_up_where_it_is() {
@@ -140,13 +137,7 @@ mod tests {
 
     #[test]
     fn a_copter_at_rest_lies_level_without_wind_and_leans_against_it() {
-        let limits = crate::sim::motion::Limits {
-            speed_mps: 2.0,
-            acceleration_mps2: 1.0,
-            braking_mps2: 1.0,
-            turn_rate_radps: 1.0,
-        };
-        let body = Body::at_rest(Default::default(), Angle::ZERO, limits).unwrap();
+        let body = Body::at_rest(Default::default(), Angle::ZERO, LIMITS).unwrap();
         let lies = |wind| leaning(&body, body.pose_at(Time::ZERO), Time::ZERO, wind);
         let calm = lies(Vector::default());
         assert_eq!(

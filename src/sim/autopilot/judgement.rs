@@ -274,16 +274,10 @@ fn stays_down(kind: Kind) -> Mode {
 mod tests {
     use CommandAck::{Denied, Failed, Unsupported};
 
+    use super::super::tests::LIMITS;
     use super::*;
     use crate::geom::Angle;
-    use crate::sim::motion::Limits;
 
-    const LIMITS: Limits = Limits {
-        speed_mps: 2.0,
-        acceleration_mps2: 1.0,
-        braking_mps2: 1.0,
-        turn_rate_radps: 1.0,
-    };
     const TAKEOFF: Item = Item::Takeoff { altitude_m: 3.0 };
 
     fn settings(kind: Kind) -> Settings {

@@ -75,25 +75,15 @@ mod tests {
     use std::time::Duration;
 
     use super::super::navigation::Outage;
+    use super::super::tests::{LIMITS, secs};
     use super::*;
     use crate::autopilot::Kind;
-    use crate::sim::motion::Limits;
     use crate::sim::noise::Noise;
 
-    fn secs(seconds_s: f64) -> Time {
-        Time::from_secs_f64(seconds_s)
-    }
-
     fn settings() -> Settings {
-        let limits = Limits {
-            speed_mps: 2.0,
-            acceleration_mps2: 1.0,
-            braking_mps2: 1.0,
-            turn_rate_radps: 1.0,
-        };
         Settings {
             place_sd_max_m: 2.1,
-            ..Settings::new(Kind::Rover, limits)
+            ..Settings::new(Kind::Rover, LIMITS)
         }
     }
 

@@ -164,20 +164,9 @@ impl StagedMotion {
 mod tests {
     use std::time::Duration;
 
+    use super::super::tests::{LIMITS, secs};
     use super::*;
     use crate::geom::{Angle, Vector};
-    use crate::sim::motion::Limits;
-
-    const LIMITS: Limits = Limits {
-        speed_mps: 2.0,
-        acceleration_mps2: 1.0,
-        braking_mps2: 1.0,
-        turn_rate_radps: 1.0,
-    };
-
-    fn secs(seconds_s: f64) -> Time {
-        Time::from_secs_f64(seconds_s)
-    }
 
     fn motion(altitude_m: f64) -> StagedMotion {
         let body = Body::at_rest(Point::default(), Angle::ZERO, LIMITS).unwrap();

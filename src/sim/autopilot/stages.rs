@@ -148,15 +148,8 @@ impl StagePlanner<'_> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::tests::LIMITS;
     use super::*;
-    use crate::sim::motion::Limits;
-
-    const LIMITS: Limits = Limits {
-        speed_mps: 2.0,
-        acceleration_mps2: 1.0,
-        braking_mps2: 1.0,
-        turn_rate_radps: 1.0,
-    };
 
     fn planned(
         kind: Kind,

@@ -11,14 +11,15 @@ use crate::autopilot::item::{ItemError, check_items};
 use crate::autopilot::{Item, Mode};
 use crate::geom::Vector;
 
-const LIMITS: Limits = Limits {
+/// What the vehicles of these tests can do.
+pub(super) const LIMITS: Limits = Limits {
     speed_mps: 2.0,
     acceleration_mps2: 1.0,
     braking_mps2: 1.0,
     turn_rate_radps: 1.0,
 };
 
-fn secs(seconds_s: f64) -> Time {
+pub(super) fn secs(seconds_s: f64) -> Time {
     Time::from_secs_f64(seconds_s)
 }
 

@@ -9,8 +9,8 @@
 //!   [Land]                     down where it is
 //! ```
 //!
-//! From each mode to each by a command or a failsafe. Nothing moves without current: who is armed in a mode begins anew what it
-//! stands for, and a touchdown ends with cut motors, unless a mission has a say in it.
+//! Any mode may follow any other, by a command or a failsafe. Without current nothing moves. After a touchdown the motors are cut,
+//! unless a mission has a say in it.
 
 use std::collections::BTreeMap;
 
@@ -322,22 +322,11 @@ mod tests {
 
     use super::super::messages::DatedText;
     use super::super::navigation::Navigation;
+    use super::super::tests::{LIMITS, secs};
     use super::*;
     use crate::actor::tests_support::drawn;
     use crate::geom::Angle;
-    use crate::sim::motion::Limits;
     use crate::sim::noise::Noise;
-
-    const LIMITS: Limits = Limits {
-        speed_mps: 2.0,
-        acceleration_mps2: 1.0,
-        braking_mps2: 1.0,
-        turn_rate_radps: 1.0,
-    };
-
-    fn secs(seconds_s: f64) -> Time {
-        Time::from_secs_f64(seconds_s)
-    }
 
     /// Armed in GUIDED at an altitude.
     fn control(altitude_m: f64) -> VehicleControl {

@@ -38,7 +38,7 @@ impl RunRecord {
     }
 
     /// Writes a line into the log.
-    pub fn log(&mut self, now: Time, who: &str, what: std::fmt::Arguments<'_>) {
+    pub fn line(&mut self, now: Time, who: &str, what: std::fmt::Arguments<'_>) {
         self.log.line(now, who, what);
     }
 

@@ -69,7 +69,9 @@ fn carry(
                 hearings.push((to, hearing));
             }
             Event::Environment => return (joined, hearings),
-            Event::Wake { .. } | Event::Fault(_) | Event::OperatorsBegin => unreachable!(),
+            Event::Wake { .. } | Event::Fault(_) | Event::OperatorsBegin => {
+                panic!("there is no node here")
+            }
         }
     }
 }
