@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use tomoswarm::geom::{Angle, Cell, Lattice};
 use tomoswarm::map::CellRect;
-use tomoswarm::plan::{Grid, Rules, Turning, shortest_cells, shortest_route};
+use tomoswarm::plan::{Rules, SearchGrid, TurningCost, shortest_cells, shortest_route};
 
 const SIDE: i32 = 400;
 
@@ -20,7 +20,7 @@ fn main() {
         "serpentine: median {:.2} ms, {expanded} cells expanded",
         percentile(&mut times, 0.5)
     );
-    let grids: Vec<Grid> = (0..101)
+    let grids: Vec<SearchGrid> = (0..101)
         .map(|seed| grid(|cell| mix(seed, cell) % 100 < 22 && !is_end(cell)))
         .collect();
     let mut times: Vec<f64> = grids.iter().map(|grid| search_ms(grid, &rules).0).collect();
@@ -47,7 +47,7 @@ fn main() {
         "  with straightening: median {:.2} ms",
         percentile(&mut times, 0.5)
     );
-    let turning = Turning {
+    let turning = TurningCost {
         cost_m_per_rad: 0.1,
         heading: Some(Angle::from_degrees(90.0)),
     };
@@ -79,8 +79,8 @@ fn main() {
     );
 }
 
-fn grid(solid: impl Fn(Cell) -> bool) -> Grid {
-    Grid::of_cells(Lattice::new(0.2), area(), 0.0, solid).expect("the area is small")
+fn grid(solid: impl Fn(Cell) -> bool) -> SearchGrid {
+    SearchGrid::of_cells(Lattice::new(0.2), area(), 0.0, solid).expect("the area is small")
 }
 
 fn area() -> CellRect {
@@ -92,7 +92,7 @@ fn is_end(cell: Cell) -> bool {
     cell.x + cell.y <= 2 || cell.x + cell.y >= 2 * SIDE - 4
 }
 
-fn search_ms(grid: &Grid, rules: &Rules) -> (f64, usize) {
+fn search_ms(grid: &SearchGrid, rules: &Rules) -> (f64, usize) {
     let start = Instant::now();
     let found = black_box(shortest_cells(
         grid,
@@ -106,7 +106,7 @@ fn search_ms(grid: &Grid, rules: &Rules) -> (f64, usize) {
     )
 }
 
-fn route_ms(grid: &Grid, rules: &Rules) -> f64 {
+fn route_ms(grid: &SearchGrid, rules: &Rules) -> f64 {
     let (from, to) = (
         grid.lattice().centre(Cell::new(0, 0)),
         grid.lattice().centre(Cell::new(SIDE - 2, SIDE - 1)),
@@ -118,9 +118,12 @@ fn route_ms(grid: &Grid, rules: &Rules) -> f64 {
 
 fn inflate_ms(seed: u64) -> f64 {
     let start = Instant::now();
-    let _ = black_box(Grid::of_cells(Lattice::new(0.2), area(), 0.6, |cell| {
-        mix(seed, cell) % 100 < 22
-    }));
+    let _ = black_box(SearchGrid::of_cells(
+        Lattice::new(0.2),
+        area(),
+        0.6,
+        |cell| mix(seed, cell) % 100 < 22,
+    ));
     start.elapsed().as_secs_f64() * 1e3
 }
 

@@ -10,7 +10,7 @@ use std::time::Instant;
 
 use image_world::{SIDE_M, persons, sweep, worst_error_m};
 use tomoswarm::geom::{Point, Rect};
-use tomoswarm::tomo::{Imager, Link, LinkBins, Settings};
+use tomoswarm::tomo::{Imager, ImagingSettings, Link, LinkBins};
 
 #[expect(clippy::disallowed_methods, reason = "a bench measures time")]
 fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
@@ -32,7 +32,7 @@ fn main() {
     let seeds = numbers.first().copied().unwrap_or(20);
     let first = numbers.get(1).copied().unwrap_or(0);
     let settings =
-        Settings::for_change(Rect::new(Point::new(0.0, 0.0), Point::new(SIDE_M, SIDE_M)));
+        ImagingSettings::for_change(Rect::new(Point::new(0.0, 0.0), Point::new(SIDE_M, SIDE_M)));
     let (mut cold_ms, mut warm_ms, mut links, mut missed) =
         (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let mut errors_m = Vec::new();

@@ -19,12 +19,12 @@ use tomoswarm::actor::RestartPolicy;
 use tomoswarm::config::{self, bundled};
 use tomoswarm::geom::{Angle, Cell, Lattice, Pose};
 use tomoswarm::map::CellRect;
-use tomoswarm::node::Settings;
+use tomoswarm::node::VehicleSettings;
 use tomoswarm::node::map::{self, Map};
 use tomoswarm::node::sensor::Scan;
-use tomoswarm::node::vehicle::{self, Command, Fly, Motion, Telemetry, Vehicle};
-use tomoswarm::plan::{Grid, Rules, shortest_cells};
-use tomoswarm::run::bus::{Bus, BusSettings, Heard, Topology};
+use tomoswarm::node::vehicle::{self, AutopilotCommand, Motion, MoveCommand, Telemetry, Vehicle};
+use tomoswarm::plan::{Rules, SearchGrid, shortest_cells};
+use tomoswarm::run::bus::{BusSession, BusSettings, HeardMessage, SessionTopology};
 use tomoswarm::run::clock::Clock;
 use tomoswarm::run::mailbox::{Ending, Mailbox, RuntimeContext, Troubles, start_actor};
 use tomoswarm_proto::{Boot, LayerId, Message, Sender, TileAddress, TileReport, VehicleId, codec};
@@ -53,12 +53,12 @@ fn bus(
     id: u8,
     listen: &str,
     connect: &[String],
-    hear: impl Fn(Heard) + Send + Sync + 'static,
-) -> Bus {
+    hear: impl Fn(HeardMessage) + Send + Sync + 'static,
+) -> BusSession {
     let settings = BusSettings {
         node: Sender::Vehicle(VehicleId(id)),
         prefix: "tomoswarm/bench".to_owned(),
-        topology: Topology::Mesh,
+        topology: SessionTopology::Mesh,
         listen: vec![listen.to_owned()],
         connect: connect.to_vec(),
         trust: None,
@@ -66,7 +66,7 @@ fn bus(
         egress_bytes_per_s: 100_000_000,
         gossip: true,
     };
-    let bus = Bus::open(settings, Clock::start(), Troubles::default(), hear).unwrap();
+    let bus = BusSession::open(settings, Clock::start(), Troubles::default(), hear).unwrap();
     bus.publisher().speak();
     bus
 }
@@ -95,12 +95,12 @@ fn sender<T: Send>(channel: Channel<T>) -> impl Fn(T) + Send + Sync {
 }
 
 /// A vehicle of the bundled simulation.
-fn settings(id: u8) -> Settings {
+fn settings(id: u8) -> VehicleSettings {
     let mut loader = |name: &str| bundled::load(name);
     let text = loader(bundled::COURTYARD).unwrap();
     let sim = config::read_sim(bundled::COURTYARD, &text, None, &mut loader).unwrap();
     let home = sim.home(VehicleId(id)).unwrap();
-    Settings::from_config(&sim, VehicleId(id), Boot(1), home)
+    VehicleSettings::from_config(&sim, VehicleId(id), Boot(1), home)
 }
 
 fn tile(revision: u32) -> Message {
@@ -159,7 +159,7 @@ fn tile_latency() {
     .unwrap();
     let to_map = mailbox.clone();
     let _two = bus(2, &here, &[], move |heard| {
-        if let Heard::Message(_, Message::Tile(report)) = heard {
+        if let HeardMessage::Message(_, Message::Tile(report)) = heard {
             to_map.tell(map::In::Tile(report));
         }
     });
@@ -228,7 +228,7 @@ fn halt_latency() {
     let mailbox: Mailbox<vehicle::In> = Mailbox::new("vehicle");
     let (stopped, by_driver) = channel();
     let say = move |out| {
-        if let vehicle::Out::Fly(Fly::Stop) = out {
+        if let vehicle::Out::AutopilotCommand(AutopilotCommand::Stop) = out {
             stopped.send(Instant::now()).unwrap_or_default();
         }
     };
@@ -265,7 +265,7 @@ fn halt_latency() {
         mailbox.tell(telemetry(0.0, Motion::Resting));
         mailbox.tell(vehicle::In::Command(
             context.clock.now(),
-            Command::Turn(Angle::from_degrees(f64::from(round))),
+            MoveCommand::Turn(Angle::from_degrees(f64::from(round))),
         ));
         mailbox.tell(telemetry(0.5, Motion::Driving));
         std::thread::sleep(Duration::from_millis(20));
@@ -303,7 +303,7 @@ fn halt_latency() {
 /// gives how many searches and tiles it did.
 fn keep_busy(
     context: &RuntimeContext,
-    settings: &Settings,
+    settings: &VehicleSettings,
     is_over: &Arc<AtomicBool>,
 ) -> Vec<std::thread::JoinHandle<(u64, u64)>> {
     let over = is_over.clone();
@@ -311,7 +311,7 @@ fn keep_busy(
         let area = CellRect::new(Cell::new(0, 0), Cell::new(SIDE - 1, SIDE - 1));
         let solid =
             |cell: Cell| cell.y % 4 == 2 && cell.x != if cell.y % 8 == 2 { 0 } else { SIDE - 1 };
-        let grid = Grid::of_cells(Lattice::new(0.2), area, 0.0, solid).unwrap();
+        let grid = SearchGrid::of_cells(Lattice::new(0.2), area, 0.0, solid).unwrap();
         let mut searches = 0;
         while !over.load(Ordering::Relaxed) {
             let goal = Cell::new(SIDE - 2, SIDE - 1);

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use tomoswarm::geom::{Angle, Lattice, Point, Segment};
-use tomoswarm::map::{Body, CellRect, Mapper, Merged, PeerBody, ScanReading};
+use tomoswarm::map::{CellRect, Mapper, Merged, OwnDisc, PeerBody, ScanReading};
 use tomoswarm::plan::Corridor;
 use tomoswarm_proto::{Boot, LayerId, Message, TileReport, VehicleId, codec};
 
@@ -96,7 +96,7 @@ fn drive(mut ask: impl FnMut(&Merged, f64) -> f64) -> (f64, f64, Merged) {
             radius_m: 0.4,
         }];
         let start = Instant::now();
-        black_box(mapper.record(&mut map, &scan, Body { at, radius_m: 0.25 }, &peers));
+        black_box(mapper.record(&mut map, &scan, OwnDisc { at, radius_m: 0.25 }, &peers));
         scan_us += start.elapsed().as_secs_f64() * 1e6;
         if count % 20 == 0 {
             asked.push(ask(&map, turn_rad));

@@ -7,7 +7,9 @@ use std::time::Instant;
 
 use tomoswarm::geom::{Cell, Lattice, Point, Polygon};
 use tomoswarm::map::{CellRect, Merged};
-use tomoswarm::plan::{Clearance, Distances, Frontiers, Grid, Rules, route_along, shortest_cells};
+use tomoswarm::plan::{
+    Clearance, Distances, Frontiers, Rules, SearchGrid, route_along, shortest_cells,
+};
 use tomoswarm_proto::{Boot, LayerId, TILE_CELLS, TileAddress, TileReport, VehicleId};
 
 /// Tiles along each side of the ground.
@@ -63,7 +65,7 @@ fn kept(map: &mut Merged, area: CellRect) {
     let mut grids: Vec<f64> = (0..21)
         .map(|_| {
             ms(|| {
-                drop(black_box(Grid::of_clearance(
+                drop(black_box(SearchGrid::of_clearance(
                     &clearance,
                     area,
                     HALF_WIDTH_M,
@@ -77,7 +79,16 @@ fn kept(map: &mut Merged, area: CellRect) {
 fn from_scratch(map: &Merged, area: CellRect) {
     let view = map.view(0, area);
     let mut grids: Vec<f64> = (0..21)
-        .map(|_| ms(|| drop(black_box(Grid::of_map(&view, area, HALF_WIDTH_M, false)))))
+        .map(|_| {
+            ms(|| {
+                drop(black_box(SearchGrid::of_map(
+                    &view,
+                    area,
+                    HALF_WIDTH_M,
+                    false,
+                )))
+            })
+        })
         .collect();
     println!("a grid of the map, inflated: {:.2} ms", median(&mut grids));
     let mut clearance: Vec<f64> = (0..9)
@@ -110,7 +121,8 @@ fn from_scratch(map: &Merged, area: CellRect) {
             .map(|(x_m, y_m)| Point::new(x_m, y_m))
             .collect(),
     );
-    let empty = Grid::of_cells(map.lattice(), area, 0.0, |_| false).expect("the area is small");
+    let empty =
+        SearchGrid::of_cells(map.lattice(), area, 0.0, |_| false).expect("the area is small");
     let mut asked: Vec<f64> = (0..9)
         .map(|_| {
             let mut grid = empty.clone();
@@ -131,7 +143,7 @@ fn from_scratch(map: &Merged, area: CellRect) {
 }
 
 fn many_goals(map: &Merged, area: CellRect) {
-    let grid = Grid::of_map(&map.view(0, area), area, 0.1, false).expect("the area is small");
+    let grid = SearchGrid::of_map(&map.view(0, area), area, 0.1, false).expect("the area is small");
     let rules = Rules::default();
     let reached =
         |start: Cell| Distances::from_start(&grid, start, &rules).map_or(0, |all| all.reached());

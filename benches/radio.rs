@@ -8,15 +8,15 @@ use std::time::{Duration, Instant};
 
 use tomoswarm::exchange::egress::OutboundFrame;
 use tomoswarm::geom::{Angle, Point};
-use tomoswarm::sim::body::{Body, Limits};
-use tomoswarm::sim::bus::{Bus, BusModel, NodeId};
+use tomoswarm::sim::body::{Body, DriveLimits};
+use tomoswarm::sim::bus::{BusModel, NodeId, SimulatedBus};
 use tomoswarm::sim::contact::{closest_approach, first_contact_of};
 use tomoswarm::sim::noise::{Noise, Purpose};
 use tomoswarm::sim::queue::EventQueue;
 use tomoswarm::sim::radio_field::{RadioConstants, RadioField, Transmission};
-use tomoswarm::sim::range::{Disc, RangeModel, RangeSensor, Surroundings};
+use tomoswarm::sim::range::{Disc, RangeModel, RangeSensor, SensorSurroundings};
 use tomoswarm::time::Time;
-use tomoswarm_proto::{Message, Mission, VehicleId};
+use tomoswarm_proto::{Message, MissionProgress, VehicleId};
 
 /// Best of seven rounds.
 fn measure(name: &str, calls: u64, mut work: impl FnMut(u64)) {
@@ -67,7 +67,7 @@ fn noise_and_radio() {
 }
 
 fn rover(x_m: f64, goal: Point) -> Body {
-    let limits = Limits {
+    let limits = DriveLimits {
         speed_mps: 0.5,
         acceleration_mps2: 0.5,
         braking_mps2: 1.0,
@@ -122,7 +122,7 @@ fn range() {
         low_m: 0.0,
         high_m: 1.8,
     }];
-    let around = Surroundings {
+    let around = SensorSurroundings {
         cast: &wall,
         discs: &discs,
     };
@@ -132,13 +132,13 @@ fn range() {
 }
 
 fn bus_and_queue() {
-    let mission = Mission {
+    let mission = MissionProgress {
         vehicle: VehicleId(1),
-        ..Mission::default()
+        ..MissionProgress::default()
     };
     let outbound = OutboundFrame::of(&Message::Mission(mission)).expect("a Mission is short");
     let nodes = [1, 2, 3].map(|id| NodeId::Vehicle(VehicleId(id)));
-    let mut bus = Bus::new(Noise::new(1), BusModel::default());
+    let mut bus = SimulatedBus::new(Noise::new(1), BusModel::default());
     measure("bus: send a Mission to 2, read both", 100_000, |_| {
         let sent = bus.send(Time::ZERO, nodes[0], &outbound, &nodes);
         sent.iter()

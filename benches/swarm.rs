@@ -29,10 +29,10 @@ use relay::Relay;
 use tomoswarm::actor::RestartPolicy;
 use tomoswarm::config::{self, bundled};
 use tomoswarm::geom::{Angle, Point, Pose};
-use tomoswarm::node::Settings;
+use tomoswarm::node::VehicleSettings;
 use tomoswarm::node::map::{self, Map};
 use tomoswarm::node::sensor::Scan;
-use tomoswarm::run::bus::{Bus, BusSettings, Heard, Publisher, Topology};
+use tomoswarm::run::bus::{BusSession, BusSettings, HeardMessage, Publisher, SessionTopology};
 use tomoswarm::run::clock::Clock;
 use tomoswarm::run::mailbox::{Mailbox, RuntimeContext, Troubles, start_actor};
 use tomoswarm_proto::{
@@ -84,13 +84,13 @@ fn free_address() -> SocketAddr {
 
 struct Join {
     node: Sender,
-    topology: Topology,
+    topology: SessionTopology,
     listen: Vec<SocketAddr>,
     connect: Vec<SocketAddr>,
     egress_bytes_per_s: u32,
 }
 
-fn bus(join: Join, hear: impl Fn(Heard) + Send + Sync + 'static) -> Bus {
+fn bus(join: Join, hear: impl Fn(HeardMessage) + Send + Sync + 'static) -> BusSession {
     let endpoints = |all: Vec<SocketAddr>| all.into_iter().map(|at| format!("tcp/{at}")).collect();
     let settings = BusSettings {
         node: join.node,
@@ -103,7 +103,7 @@ fn bus(join: Join, hear: impl Fn(Heard) + Send + Sync + 'static) -> Bus {
         lease: Duration::from_secs(3),
         egress_bytes_per_s: join.egress_bytes_per_s,
     };
-    let bus = Bus::open(settings, Clock::start(), Troubles::default(), hear).unwrap();
+    let bus = BusSession::open(settings, Clock::start(), Troubles::default(), hear).unwrap();
     bus.publisher().speak();
     bus
 }
@@ -138,7 +138,7 @@ fn emergency(egress_bytes_per_s: u32, what: &str) {
     let ground = bus(
         Join {
             node: Sender::Ground,
-            topology: Topology::Star,
+            topology: SessionTopology::Star,
             listen: vec![hub],
             connect: vec![],
             egress_bytes_per_s: 1_000_000,
@@ -154,7 +154,7 @@ fn emergency(egress_bytes_per_s: u32, what: &str) {
         let (heard, by_vehicle) = channel();
         let heard = Mutex::new(heard);
         let hear = move |what| {
-            if let Heard::Message(_, Message::Order(order)) = what {
+            if let HeardMessage::Message(_, Message::Order(order)) = what {
                 heard
                     .lock()
                     .unwrap_or_else(PoisonError::into_inner)
@@ -167,7 +167,7 @@ fn emergency(egress_bytes_per_s: u32, what: &str) {
         let bus = bus(
             Join {
                 node,
-                topology: Topology::Star,
+                topology: SessionTopology::Star,
                 listen: vec![],
                 connect,
                 egress_bytes_per_s,
@@ -243,7 +243,7 @@ fn ordered(
 /// A map actor on the bus, that tells how many of the other's tiles it holds at their newest.
 struct Mapper {
     mailbox: Mailbox<map::In>,
-    _bus: Bus,
+    _bus: BusSession,
     held: Arc<Mutex<BTreeMap<TileAddress, u32>>>,
 }
 
@@ -251,15 +251,15 @@ fn mapper(id: u8, listen: SocketAddr, connect: Vec<SocketAddr>) -> Mapper {
     let mailbox: Mailbox<map::In> = Mailbox::shared("map");
     let to_map = mailbox.clone();
     let hear = move |heard| match heard {
-        Heard::Message(_, Message::Tile(report)) => to_map.tell(map::In::Tile(report)),
-        Heard::Message(_, Message::Digest(digest)) => to_map.tell(map::In::Digest(digest)),
-        Heard::Message(_, Message::Want(want)) => to_map.tell(map::In::Want(want)),
-        Heard::Message(..) | Heard::Greeting(..) | Heard::Unknown(_) => {}
+        HeardMessage::Message(_, Message::Tile(report)) => to_map.tell(map::In::Tile(report)),
+        HeardMessage::Message(_, Message::Digest(digest)) => to_map.tell(map::In::Digest(digest)),
+        HeardMessage::Message(_, Message::Want(want)) => to_map.tell(map::In::Want(want)),
+        HeardMessage::Message(..) | HeardMessage::Greeting(..) | HeardMessage::Unknown(_) => {}
     };
     let node = Sender::Vehicle(VehicleId(id));
     let join = Join {
         node,
-        topology: Topology::Mesh,
+        topology: SessionTopology::Mesh,
         listen: vec![listen],
         connect,
         egress_bytes_per_s: 64_000,
@@ -299,12 +299,12 @@ fn mapper(id: u8, listen: SocketAddr, connect: Vec<SocketAddr>) -> Mapper {
 }
 
 /// A vehicle of the bundled simulation.
-fn settings(id: u8) -> Settings {
+fn settings(id: u8) -> VehicleSettings {
     let mut loader = |name: &str| bundled::load(name);
     let text = loader(bundled::COURTYARD).unwrap();
     let sim = config::read_sim(bundled::COURTYARD, &text, None, &mut loader).unwrap();
     let home = sim.home(VehicleId(id)).unwrap();
-    Settings::from_config(&sim, VehicleId(id), Boot(1), home)
+    VehicleSettings::from_config(&sim, VehicleId(id), Boot(1), home)
 }
 
 const APART: Duration = Duration::from_secs(60);
@@ -487,18 +487,18 @@ fn files(count: u8, topology: &str) -> Files {
 /// When each vehicle's newest State was heard.
 type LastHeard = Arc<Mutex<BTreeMap<u8, (Boot, Instant)>>>;
 
-fn listen(files: &Files, topology: Topology) -> (Bus, LastHeard) {
+fn listen(files: &Files, topology: SessionTopology) -> (BusSession, LastHeard) {
     let heard: LastHeard = Arc::default();
     let of_bus = heard.clone();
     let hear = move |what| {
-        if let Heard::Message(_, Message::State(state)) = what {
+        if let HeardMessage::Message(_, Message::State(state)) = what {
             of_bus
                 .lock()
                 .unwrap()
                 .insert(state.vehicle.0, (state.boot, Instant::now()));
         }
     };
-    let listen = if topology == Topology::Mesh {
+    let listen = if topology == SessionTopology::Mesh {
         vec![free_address()]
     } else {
         vec![]
@@ -515,7 +515,7 @@ fn listen(files: &Files, topology: Topology) -> (Bus, LastHeard) {
         egress_bytes_per_s: 64_000,
     };
     (
-        Bus::open(settings, Clock::start(), Troubles::default(), hear).unwrap(),
+        BusSession::open(settings, Clock::start(), Troubles::default(), hear).unwrap(),
         heard,
     )
 }
@@ -543,7 +543,7 @@ fn start() {
     let files = files(8, "mesh");
     let mut processes = Processes(BTreeMap::new());
     begin(&files, &mut processes);
-    let (_bus, heard) = listen(&files, Topology::Mesh);
+    let (_bus, heard) = listen(&files, SessionTopology::Mesh);
     let mut spans = Vec::new();
     let folder = files.folder.path().to_owned();
     let start = |id: u8, processes: &mut Processes| {
@@ -657,7 +657,7 @@ fn star(seconds: u64) {
     let files = files(50, "star");
     let mut processes = Processes(BTreeMap::new());
     begin(&files, &mut processes);
-    let (_bus, heard) = listen(&files, Topology::Star);
+    let (_bus, heard) = listen(&files, SessionTopology::Star);
     for id in files.vehicles.keys() {
         processes.start(
             files.folder.path(),

@@ -24,10 +24,10 @@ mod wiring;
 
 pub use actor_cell::ActorCell;
 pub use actor_step::ActorStep;
-pub use inbox::{Class, Inbox, Input};
+pub use inbox::{Inbox, Input, InputClass};
 pub use local_node::{Cells, LocalNode};
 pub use snapshot::Snapshot;
-pub use step::{Cause, NOT_DUE, Step, again};
+pub use step::{NOT_DUE, RecordedStep, StepCause, again};
 pub use wiring::{
     ActingTime, Fill, Names, NodeActor, Place, Recipient, RestartPolicy, Visitor, Wire, Wired,
     Wiring,

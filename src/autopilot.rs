@@ -1,14 +1,14 @@
 //! The autopilot link: an actor between a vehicle and any autopilot ([`link`]), and the terms that both speak.
 //!
-//! The vehicle says what it wants ([`Fly`]); the link makes of it commands in an autopilot's terms ([`Command`]), one at a
-//! time, and sees them through. What an autopilot says of itself ([`Report`], [`Ack`]) becomes the vehicle's telemetry
-//! ([`Telemetry`]) and what has changed ([`Status`]).
+//! The vehicle says what it wants ([`AutopilotCommand`]); the link makes of it commands in an autopilot's terms ([`Command`]), one at a
+//! time, and sees them through. What an autopilot says of itself ([`AutopilotReport`], [`Ack`]) becomes the vehicle's telemetry
+//! ([`Telemetry`]) and what has changed ([`ControlStatus`]).
 //!
 //! The terms are those that ArduPilot has behind MAVLink, in local metres: the simulated autopilot (`sim/autopilot`) serves
 //! exactly these, a driver only translates them to bytes. Nothing here knows a device, a world or an order of an operator.
 
+mod autopilot_command;
 mod command;
-mod fly;
 pub mod item;
 pub mod link;
 mod motors;
@@ -20,28 +20,28 @@ mod tests;
 #[cfg(test)]
 pub(crate) mod tests_support;
 
-pub use command::{Ack, ArmRefusal, Command, CommandAck, Kind, Mode, NumberedCommand};
-pub use fly::Fly;
+pub use autopilot_command::AutopilotCommand;
+pub use command::{Ack, ArmRefusal, Command, CommandAck, FlightMode, NumberedCommand, VehicleKind};
 pub use item::Item;
-pub use link::{AutopilotLink, Purpose, Reason, Remark};
-pub use report::{Motion, Report, Status, SystemStatus, Telemetry};
+pub use link::{AutopilotLink, LinkEvent, Purpose, Reason};
+pub use report::{AutopilotReport, ControlStatus, Motion, SystemStatus, Telemetry};
 
 use serde::{Deserialize, Serialize};
 
 /// What a link is told about its vehicle before it starts.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
-pub struct Settings {
+pub struct AutopilotLinkSettings {
     /// What the autopilot moves.
-    pub kind: Kind,
+    pub kind: VehicleKind,
     /// Altitude above home at which a copter flies, metres; no effect on rovers.
     pub altitude_m: f64,
 }
 
-impl Default for Settings {
+impl Default for AutopilotLinkSettings {
     /// A rover.
-    fn default() -> Settings {
-        Settings {
-            kind: Kind::Rover,
+    fn default() -> AutopilotLinkSettings {
+        AutopilotLinkSettings {
+            kind: VehicleKind::Rover,
             altitude_m: 0.0,
         }
     }

@@ -3,7 +3,6 @@
 //! [`run`] parses the command line, runs the command, prints what went wrong and gives the exit code: 0 done,
 //! 1 fault or mission failed, 2 bad usage, config or scene.
 
-mod answer;
 pub mod check;
 mod describe;
 #[cfg(feature = "net")]
@@ -46,6 +45,7 @@ mod scene_pictures;
 mod scene_text;
 mod screen;
 pub mod sim;
+mod standard_output;
 #[cfg(feature = "net")]
 pub mod status;
 pub mod status_text;
@@ -65,8 +65,8 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use self::answer::{Answer, complain};
 use self::error::CliError;
+use self::standard_output::{StandardOutput, complain};
 
 /// Turns a few small rovers into one moving radio-tomography instrument.
 ///
@@ -126,7 +126,7 @@ pub fn run() -> ExitCode {
             return ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2));
         }
     };
-    let mut answer = Answer::on_stdout();
+    let mut answer = StandardOutput::on_stdout();
     let result = match command {
         Command::Sim(sim) => sim.run(&mut answer),
         Command::Image(image) => image.run(&mut answer),

@@ -43,7 +43,7 @@ mod venue;
 mod waypoint_file;
 mod written;
 
-use overlay::{Joined, Layer, Overlay};
+use overlay::{Layer, OverlaidText, Overlay};
 use section::Section;
 use source::Source;
 
@@ -56,22 +56,22 @@ pub use given_mission::GivenMission;
 pub use ground_file::{GroundFile, OperatorFile};
 #[cfg(feature = "net")]
 pub(crate) use keys::quoted;
-pub use mission::{Durations, End, Expect, Imaging, Planner, Prior, Solver, Sweep, Weights};
+pub use mission::{AfterSweep, Durations, Expect, Imaging, Planner, Prior, Solver, Sweep, Weights};
 pub use problem::{Problem, Problems};
 pub use radio::{Bus, OwnRadio, Partition, PlannedPartition, Radio, Reception};
-pub use range::{Lobe, Look, RangeSensor, SensorMount};
+pub use range::{Lobe, RangeSensor, SensorCoverage, SensorMount};
 pub use range_driver::{
     LengthUnit, RangeDriver, SerialProtocol, SerialSensor, SerialText, TextFormat,
 };
 pub use scene::{Material, Object, Outline, Person, RandomPersons, SceneFile, Up};
 pub use sim::Sim;
 pub use swarm::Swarm;
-pub use task::Mission;
+pub use task::MissionTable;
 pub use vehicle::{Body, Craft, Flight, Safety, Vehicles};
-pub use vehicle_file::{PoseFile, Record, VehicleFile, World};
+pub use vehicle_file::{PoseFile, Record, VehicleFile, WorldEndpoint};
 pub use venue::{Datum, Venue};
 pub use waypoint_file::{
-    Above, MOST_ITEMS, MOST_WAYPOINT_BYTES, MissionItem, SpeedOf, Spot, Target, Turning,
+    Above, MOST_ITEMS, MOST_WAYPOINT_BYTES, MissionItem, SpeedOf, Spot, Target, TurnDirection,
     WaypointFile,
 };
 
@@ -285,7 +285,7 @@ fn read_root_over<T>(
     over: Option<(&Overlay, &Layer)>,
     read: impl FnOnce(&Section) -> Option<T>,
 ) -> Result<T, Problems> {
-    let joined = over.map(|(_, layer)| Joined::new(text, layer));
+    let joined = over.map(|(_, layer)| OverlaidText::new(text, layer));
     let source = match (&joined, over) {
         (Some(joined), Some((overlay, _))) => Source::over(file_name, joined, overlay),
         (Some(_) | None, _) => Source::new(file_name, text),

@@ -33,8 +33,8 @@ use tomoswarm_proto::codec::EncodeError;
 use tomoswarm_proto::{Hello, Message, Sender};
 
 use self::egress::{Egress, OutboundFrame};
-use self::ingress::{Heard, Ingress, Refusal, read};
-use self::joining::Verdict;
+use self::ingress::{FrameRefusal, HeardMessage, Ingress, read};
+use self::joining::GreetingVerdict;
 use self::plausibility::Plausibility;
 use self::presence::{Judgement, Presence};
 use crate::time::Time;
@@ -51,18 +51,18 @@ pub struct Exchange {
 
 /// What comes of a frame that was not refused.
 #[derive(Clone, PartialEq, Debug)]
-pub struct Reception {
+pub struct ReceivedFrame {
     /// What the node is to be told.
-    pub heard: Option<Heard>,
+    pub heard: Option<HeardMessage>,
     /// What follows for taking part.
-    pub verdict: Verdict,
+    pub verdict: GreetingVerdict,
     /// A frame that answers it, to be sent now.
     pub reply: Option<OutboundFrame>,
 }
 
 /// What an exchange has carried so far.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub struct Counts {
+pub struct ExchangeCounts {
     /// Frames taken.
     pub taken: u64,
     /// Their bytes.
@@ -95,7 +95,12 @@ impl Exchange {
     ///
     /// # Errors
     /// The frame is refused, and counted.
-    pub fn hear(&mut self, now: Time, sender: Sender, frame: &[u8]) -> Result<Reception, Refusal> {
+    pub fn hear(
+        &mut self,
+        now: Time,
+        sender: Sender,
+        frame: &[u8],
+    ) -> Result<ReceivedFrame, FrameRefusal> {
         let heard = self
             .admit(now, sender, frame.len())
             .and_then(|()| read(sender, frame));
@@ -109,7 +114,7 @@ impl Exchange {
     ///
     /// # Errors
     /// Nothing of its share is left.
-    pub fn admit(&mut self, now: Time, sender: Sender, bytes: usize) -> Result<(), Refusal> {
+    pub fn admit(&mut self, now: Time, sender: Sender, bytes: usize) -> Result<(), FrameRefusal> {
         self.ingress.admit(now, sender, bytes)
     }
 
@@ -117,12 +122,17 @@ impl Exchange {
     ///
     /// # Errors
     /// What it says is not plausible; to be counted by [`Exchange::refuse`].
-    pub fn accept(&mut self, now: Time, bytes: usize, heard: Heard) -> Result<Reception, Refusal> {
-        if let Heard::Unknown(_) = heard {
+    pub fn accept(
+        &mut self,
+        now: Time,
+        bytes: usize,
+        heard: HeardMessage,
+    ) -> Result<ReceivedFrame, FrameRefusal> {
+        if let HeardMessage::Unknown(_) = heard {
             self.ingress.drop_unknown();
-            return Ok(Reception {
+            return Ok(ReceivedFrame {
                 heard: None,
-                verdict: Verdict::Fine,
+                verdict: GreetingVerdict::Fine,
                 reply: None,
             });
         }
@@ -136,7 +146,7 @@ impl Exchange {
             answer,
         } = self.presence.hear(now, heard);
         let reply = answer.and_then(|hello| self.offer_greeting(now, hello));
-        Ok(Reception {
+        Ok(ReceivedFrame {
             heard,
             verdict,
             reply,
@@ -144,7 +154,7 @@ impl Exchange {
     }
 
     /// Counts a refusal; returns how many of its sort there were when that is worth a line.
-    pub fn refuse(&mut self, sender: Option<Sender>, refusal: &Refusal) -> Option<u64> {
+    pub fn refuse(&mut self, sender: Option<Sender>, refusal: &FrameRefusal) -> Option<u64> {
         self.ingress.refuse(sender, refusal)
     }
 
@@ -214,9 +224,9 @@ impl Exchange {
     }
 
     /// Returns what was carried so far.
-    pub fn counts(&self) -> Counts {
+    pub fn counts(&self) -> ExchangeCounts {
         let (taken, taken_bytes) = self.ingress.taken();
-        Counts {
+        ExchangeCounts {
             taken,
             taken_bytes,
             refused: self.ingress.refused(),

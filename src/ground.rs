@@ -17,7 +17,7 @@ mod samples;
 pub mod station;
 
 use self::from_config::GroundParts;
-use self::imager::Imager;
+use self::imager::ImagerActor;
 use self::planner::Planner;
 use self::route::{Destination, Output, route};
 use self::station::Station;
@@ -38,12 +38,12 @@ pub struct Actors<P: Place<GroundWiring>> {
     pub(crate) stops: P::Of<Stops>,
     pub(crate) station: P::Of<Station>,
     pub(crate) planner: P::Of<Planner>,
-    pub(crate) imager: P::Of<Imager>,
+    pub(crate) imager: P::Of<ImagerActor>,
 }
 
 /// What the actors are made from.
 #[derive(Debug)]
-pub struct Source {
+pub struct ActorSettings {
     /// What a station, a planner and an imager that begin are made from.
     pub parts: GroundParts,
     /// A station that goes on where an earlier one was; it is taken for the first one.
@@ -52,7 +52,7 @@ pub struct Source {
     pub stops: StopsSettings,
 }
 
-impl Source {
+impl ActorSettings {
     fn station(&mut self) -> Station {
         self.resumed
             .take()
@@ -62,7 +62,7 @@ impl Source {
 
 impl Wiring for GroundWiring {
     const KIND: &'static str = "ground";
-    type Source = Source;
+    type Source = ActorSettings;
     type Event = Event;
     type Effect = Effect;
     type Output = Output;
@@ -82,7 +82,7 @@ impl Wiring for GroundWiring {
                 name: "station",
                 restart: RestartPolicy::StopNode,
                 acting: ActingTime::Short,
-                make: Source::station,
+                make: ActorSettings::station,
                 output: Output::Station,
             }),
             planner: fill.actor(Wire {
@@ -113,7 +113,7 @@ impl Wiring for GroundWiring {
         visitor.actor::<Stops>(stops);
         visitor.actor::<Station>(station);
         visitor.actor::<Planner>(planner);
-        visitor.actor::<Imager>(imager);
+        visitor.actor::<ImagerActor>(imager);
     }
 
     fn event(event: Event) -> Output {
@@ -133,7 +133,7 @@ impl Wiring for GroundWiring {
             Destination::Stops(input) => P::tell::<Stops>(&mut actors.stops, input),
             Destination::Station(input) => P::tell::<Station>(&mut actors.station, input),
             Destination::Planner(input) => P::tell::<Planner>(&mut actors.planner, input),
-            Destination::Imager(input) => P::tell::<Imager>(&mut actors.imager, input),
+            Destination::Imager(input) => P::tell::<ImagerActor>(&mut actors.imager, input),
             Destination::Edge(effect) => carry_out(effect),
         }
     }

@@ -13,12 +13,12 @@ use std::fmt;
 pub use pings::Pings;
 
 use self::serial_text::TextDecoder;
-use crate::config::{Look, SerialProtocol};
+use crate::config::{SensorCoverage, SerialProtocol};
 use crate::time::Time;
 
 /// What a range sensor has measured.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub enum Reading {
+pub enum RangeReading {
     /// Something gives an echo, so far away, metres.
     Range(f64),
     /// The sensor says that it has measured and heard nothing within its range. A sensor that is silent says no such thing.
@@ -31,12 +31,12 @@ pub struct TimedReading {
     /// It was measured at this time or later, as far as its bytes show.
     pub measured: Time,
     /// What was measured.
-    pub reading: Reading,
+    pub reading: RangeReading,
 }
 
 /// What was dropped of what a range sensor said.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub struct Dropped {
+pub struct DroppedReadings {
     /// Lines or frames that are longer than any is.
     pub too_long: u64,
     /// Lines or frames that are no reading.
@@ -45,16 +45,16 @@ pub struct Dropped {
     pub out_of_range: u64,
 }
 
-impl Dropped {
+impl DroppedReadings {
     /// Returns how much was dropped.
     pub fn total(self) -> u64 {
         self.too_long + self.unreadable + self.out_of_range
     }
 }
 
-impl fmt::Display for Dropped {
+impl fmt::Display for DroppedReadings {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Dropped {
+        let DroppedReadings {
             too_long,
             unreadable,
             out_of_range,
@@ -75,7 +75,7 @@ pub enum RangeDecoder {
 
 impl RangeDecoder {
     /// Makes the decoder of a protocol, for a sensor that looks so far.
-    pub fn new(protocol: &SerialProtocol, look: &Look) -> RangeDecoder {
+    pub fn new(protocol: &SerialProtocol, look: &SensorCoverage) -> RangeDecoder {
         match protocol {
             SerialProtocol::Text(text) => RangeDecoder::Text(TextDecoder::new(text, look)),
         }
@@ -96,7 +96,7 @@ impl RangeDecoder {
     }
 
     /// Returns what was dropped so far.
-    pub fn dropped(&self) -> Dropped {
+    pub fn dropped(&self) -> DroppedReadings {
         match self {
             RangeDecoder::Text(decoder) => decoder.dropped(),
         }

@@ -5,16 +5,16 @@
 //! What the network lost is asked for and sent again by [`Repair`]. Nothing here knows a bus, a clock or a route.
 
 mod evidence;
-mod kept;
 mod layer;
+mod map_snapshot;
 mod merged;
 mod repair;
 mod tile;
 mod window;
 
-pub use evidence::{Body, Changes, Mapper, PeerBody, ScanReading};
+pub use evidence::{Changes, Mapper, OwnDisc, PeerBody, ScanReading};
 pub use layer::Layer;
-pub use merged::{ANY_REVISION_UNTIL, Joined, MAX_LAYERS, MAX_TILES, Merged, Refused};
+pub use merged::{ANY_REVISION_UNTIL, JoinResult, MAX_LAYERS, MAX_TILES, Merged, TileRefusal};
 pub use repair::Repair;
 pub use tile::{
     FREE_TO, LAYER_CLAMP, MERGED_CLAMP, OCCUPIED_FROM, Occupancy, REACH_TILES, Tile, TileError,

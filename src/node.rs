@@ -6,21 +6,21 @@
 //! Nothing here knows a device or a network. What reaches a vehicle from outside is an [`Event`],
 //! what it wants done outside is an [`Effect`]; drivers and the bus at the edge turn them into real things.
 
-mod ages;
 pub mod echo;
 mod from_config;
+mod last_pose;
 pub mod map;
 pub mod memory;
 pub mod mission;
 pub mod outbox;
 mod own_state;
 mod peers;
-mod place;
 pub mod radio;
 pub mod route;
 pub mod sensor;
 pub mod servo;
 mod settings;
+mod state_ages;
 #[cfg(test)]
 mod tests_support;
 pub mod vehicle;
@@ -36,10 +36,10 @@ use self::vehicle::Vehicle;
 use crate::actor::{ActingTime, Fill, Place, Recipient, RestartPolicy, Visitor, Wire, Wiring};
 use crate::autopilot::AutopilotLink;
 use crate::stops::{Stops, StopsSettings};
-pub use memory::{Memory, Remembered};
+pub use memory::{Remembered, VehicleMemory};
 pub use own_state::OwnState;
 pub use route::{Effect, Event};
-pub use settings::{BodySettings, LookSettings, RadioSettings, Settings};
+pub use settings::{BodySettings, LookSettings, RadioSettings, VehicleSettings};
 pub use vehicle_node::VehicleNode;
 
 /// How a vehicle is wired.
@@ -61,7 +61,7 @@ pub struct Actors<P: Place<VehicleWiring>> {
 
 impl Wiring for VehicleWiring {
     const KIND: &'static str = "vehicle";
-    type Source = Settings;
+    type Source = VehicleSettings;
     type Event = Event;
     type Effect = Effect;
     type Output = Output;

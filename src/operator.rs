@@ -13,6 +13,7 @@ pub mod fleet_view;
 pub mod given_tasks;
 pub mod names;
 pub mod operator_actor;
+pub mod order_goal;
 pub mod ordering;
 pub mod outcome;
 pub mod preflight;
@@ -22,14 +23,13 @@ pub mod status;
 pub mod stopping;
 #[cfg(test)]
 pub(crate) mod tests_support;
-pub mod want;
 
 use self::operator_actor::{In, Operator, OperatorSettings, Out};
 use self::route::{Destination, Output, route};
 use crate::actor::{
     ActingTime, Fill, LocalNode, Place, Recipient, RestartPolicy, Visitor, Wire, Wiring,
 };
-pub use crate::exchange::ingress::Heard;
+pub use crate::exchange::ingress::HeardMessage;
 use crate::stops::{Stops, StopsSettings};
 
 /// An operator's actor on one thread, as the simulator runs it.

@@ -1,8 +1,8 @@
 //! Routes on the map: A*, corridors, and what is released to be driven.
 //!
-//! Three questions, each with its file: where could one drive ([`Grid`] and its search), how much of that is
+//! Three questions, each with its file: where could one drive ([`SearchGrid`] and its search), how much of that is
 //! known to be free right now ([`Corridor`], *look before you drive*), and how fast may one go so that the last
-//! look still leaves room to stop ([`Sight`]). Peers, plans and time are not known here.
+//! look still leaves room to stop ([`SensingLimits`]). Peers, plans and time are not known here.
 
 mod astar;
 mod buckets;
@@ -21,12 +21,12 @@ mod swath;
 mod terrain;
 mod turning;
 
-pub use astar::{Found, NoRoute, Rules, Turning, shortest_cells};
+pub use astar::{GridPath, NoRoute, Rules, TurningCost, shortest_cells};
 pub use clearance::Clearance;
 pub use corridor::{Corridor, Release};
 pub use distance::Distances;
 pub use frontier::{Cluster, FrontierError, Frontiers};
-pub use grid::{Grid, GridError, MAX_GRID_CELLS, swept_clearance_m};
-pub use mounts::{Aim, Choice, Mount, Mounts, Pointing};
+pub use grid::{GridError, MAX_GRID_CELLS, SearchGrid, swept_clearance_m};
+pub use mounts::{Aim, Mount, MountChoice, Mounts, Pointing};
 pub use smooth::{Route, route_along, shortest_route};
-pub use speed::{Sight, SpeedError, stopping_distance_m};
+pub use speed::{SensingLimits, SpeedError, stopping_distance_m};

@@ -29,5 +29,7 @@ pub use build::{Footprint, Material, Object, Person, Post, Scene, SceneError, Sc
 pub use cast::Hit;
 pub use mesh::Mesh;
 pub use outline::Outline;
-pub use view::{Camera, Seen, Viewpoint};
-pub use vrml::{Loader, MAX_BYTES, MAX_LEVELS, Up, VrmlError, VrmlScene, VrmlShape, read_vrml};
+pub use view::{Camera, RayHit, Viewpoint};
+pub use vrml::{
+    InlineLoader, MAX_BYTES, MAX_LEVELS, Up, VrmlError, VrmlScene, VrmlShape, read_vrml,
+};

@@ -13,4 +13,4 @@ mod stop_set;
 mod stops_actor;
 
 pub use stop_set::{OPEN_BY_NAME, StopSet, first_that_stops};
-pub use stops_actor::{In, Out, Remark, Stops, StopsSettings};
+pub use stops_actor::{In, Out, StopEvent, Stops, StopsSettings};

@@ -45,7 +45,7 @@ pub use separation::check_separation;
 pub use snap::snap_to_boundary;
 pub use succession::{Phase, Succession};
 pub use vehicle_progress::VehicleProgress;
-pub use verdict::{FollowError, Refusal, Verdict, WaitsFor};
+pub use verdict::{FollowError, PlanRefusal, PlanVerdict, WaitsFor};
 
 /// After so long a silence of a vehicle a lower count of its starts is believed: its disk is a new one, and it counts from
 /// the beginning. Nothing that an earlier start has said is under way for so long, so nothing old is taken for new; and a

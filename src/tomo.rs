@@ -19,7 +19,9 @@ mod tikhonov;
 mod weights;
 
 pub use bins::{BIN_M, LinkBins, SPOT_M};
-pub use calibrate::{Calibrated, DropReason, Dropped, Observation, calibrate, runs_along_a_side};
+pub use calibrate::{
+    Calibrated, DropReason, DroppedLinks, Observation, calibrate, runs_along_a_side,
+};
 pub use image::Image;
 pub use imager::{Imager, MOST_PIXELS, Reconstruction, TomoError, reconstruct};
 pub use link::Link;
@@ -28,6 +30,6 @@ pub use npy::npy_bytes;
 pub use path_loss::{ExponentPrior, PathLoss};
 pub use peaks::{Peak, PeakSettings, peaks};
 pub use prior::{Covariance, Prior, Workspace};
-pub use settings::{NoiseModel, Settings, Solver};
+pub use settings::{ImagingSettings, NoiseModel, Solver};
 pub use tikhonov::tikhonov;
 pub use weights::{WeightModel, WeightRows};

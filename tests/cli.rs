@@ -7,10 +7,10 @@ mod cli {
     mod bad_recordings;
     mod bad_scenes;
     mod bad_usage;
-    mod desk;
     mod good_runs;
     #[cfg(unix)]
     mod names;
+    mod program_runner;
     #[cfg(feature = "net")]
     mod replays;
     #[cfg(unix)]

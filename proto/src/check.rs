@@ -2,10 +2,10 @@
 //! to anyone before [`Message::check`]; whether its sender may say it is not judged here.
 
 use crate::{
-    AutopilotHealth, BEACON_MEMBERS_MAX, Beacon, EmergencyName, EmergencyStop, Find, Have, Heading,
-    Health, Hello, IMAGE_PART_PIXELS, IMAGE_SIDE_MAX, Image, LostSamples, Message, Mission,
-    MissionEnd, Order, OrderKind, Permille, Plan, PoseReport, Position, Progress, Report,
-    RunReport, Sample, Samples, Standing, State, Stop, Task, Tilt, VehicleId, Velocity,
+    AutopilotHealth, BEACON_MEMBERS_MAX, Beacon, EmergencyName, EmergencyStop, Find, GroundReport,
+    Have, Heading, Health, Hello, IMAGE_PART_PIXELS, IMAGE_SIDE_MAX, Image, LostSamples, Message,
+    MissionEnd, MissionProgress, OpenStops, Order, OrderKind, Permille, Plan, PoseReport, Position,
+    Progress, RunReport, Sample, Samples, State, Stop, Task, Tilt, VehicleId, Velocity,
 };
 
 /// A coordinate is at most so far from the datum, millimetres.
@@ -45,7 +45,7 @@ const RUNS_MAX: usize = 16;
 const FINDS_MAX: usize = 32;
 
 /// Why something is impossible, if it is.
-pub(crate) type Verdict = Result<(), &'static str>;
+pub(crate) type CheckResult = Result<(), &'static str>;
 
 impl Message {
     /// Names what makes a message impossible; `Ok` when it may be handed to an actor.
@@ -80,12 +80,12 @@ impl Message {
     }
 }
 
-pub(crate) fn require(holds: bool, expected: &'static str) -> Verdict {
+pub(crate) fn require(holds: bool, expected: &'static str) -> CheckResult {
     if holds { Ok(()) } else { Err(expected) }
 }
 
 /// Checks a number that others count on from: the last one is never given.
-fn number(number: u32) -> Verdict {
+fn number(number: u32) -> CheckResult {
     require(
         number < u32::MAX,
         "a run, revision or stop is under 4294967295",
@@ -93,7 +93,7 @@ fn number(number: u32) -> Verdict {
 }
 
 /// Checks what is wrong, in words.
-fn troubles(troubles: &[String]) -> Verdict {
+fn troubles(troubles: &[String]) -> CheckResult {
     let is_short = |trouble: &String| trouble.len() <= TROUBLE_BYTES_MAX;
     require(
         troubles.len() <= TROUBLES_MAX && troubles.iter().all(is_short),
@@ -102,23 +102,23 @@ fn troubles(troubles: &[String]) -> Verdict {
 }
 
 /// Checks members: each named once, ascending.
-fn ascending(members: &[VehicleId]) -> Verdict {
+fn ascending(members: &[VehicleId]) -> CheckResult {
     require(
         members.is_sorted_by(|a, b| a < b),
         "members are ascending, each named once",
     )
 }
 
-fn share(share: Option<Permille>, expected: &'static str) -> Verdict {
+fn share(share: Option<Permille>, expected: &'static str) -> CheckResult {
     require(share.is_none_or(|share| share <= Permille::WHOLE), expected)
 }
 
-fn route(route: &[Position]) -> Verdict {
+fn route(route: &[Position]) -> CheckResult {
     require(route.len() <= LIST_MAX, "a route has at most 1024 corners")?;
     route.iter().try_for_each(Position::check)
 }
 
-fn names(names: &[EmergencyName], most: usize) -> Verdict {
+fn names(names: &[EmergencyName], most: usize) -> CheckResult {
     let mut sorted = names.to_vec();
     sorted.sort_unstable();
     let is_once = sorted.is_sorted_by(|a, b| a < b);
@@ -129,7 +129,7 @@ fn names(names: &[EmergencyName], most: usize) -> Verdict {
 }
 
 impl Position {
-    pub(crate) fn check(&self) -> Verdict {
+    pub(crate) fn check(&self) -> CheckResult {
         let is_near =
             |coordinate_mm: i32| coordinate_mm.unsigned_abs() < COORDINATE_MAX_MM.unsigned_abs();
         require(
@@ -140,7 +140,7 @@ impl Position {
 }
 
 impl PoseReport {
-    fn check(&self) -> Verdict {
+    fn check(&self) -> CheckResult {
         self.at.check()?;
         require(
             self.heading <= Heading::LAST,
@@ -150,7 +150,7 @@ impl PoseReport {
 }
 
 impl Velocity {
-    fn check(&self) -> Verdict {
+    fn check(&self) -> CheckResult {
         let is_slow = |mmps: i32| mmps.unsigned_abs() <= VELOCITY_MAX_MMPS.unsigned_abs();
         require(
             [self.x_mmps, self.y_mmps, self.z_mmps]
@@ -162,7 +162,7 @@ impl Velocity {
 }
 
 impl Tilt {
-    fn check(&self) -> Verdict {
+    fn check(&self) -> CheckResult {
         require(
             *self == Tilt::UNKNOWN || self.0.unsigned_abs() <= Tilt::LAST.0.unsigned_abs(),
             "a tilt is at most half a turn, or unknown",
@@ -171,7 +171,7 @@ impl Tilt {
 }
 
 impl State {
-    fn check(&self) -> Verdict {
+    fn check(&self) -> CheckResult {
         self.pose.iter().try_for_each(PoseReport::check)?;
         self.roll.check().and(self.pitch.check())?;
         self.velocity.check()?;
@@ -183,7 +183,7 @@ impl State {
 }
 
 impl Plan {
-    fn check(&self) -> Verdict {
+    fn check(&self) -> CheckResult {
         self.start.check()?;
         require(
             self.members.contains(&self.vehicle),
@@ -200,7 +200,7 @@ impl Plan {
 }
 
 impl Stop {
-    fn check(&self) -> Verdict {
+    fn check(&self) -> CheckResult {
         require(
             self.partners.len() <= LIST_MAX && self.after.len() <= LIST_MAX,
             "a stop has at most 1024 partners and 1024 stops to wait for",
@@ -213,7 +213,7 @@ impl Stop {
 }
 
 impl Progress {
-    fn check(&self) -> Verdict {
+    fn check(&self) -> CheckResult {
         number(self.run.0).and(number(self.revision.0))?;
         self.done
             .iter()
@@ -222,8 +222,8 @@ impl Progress {
     }
 }
 
-impl Mission {
-    fn check(&self) -> Verdict {
+impl MissionProgress {
+    fn check(&self) -> CheckResult {
         self.progress.check()?;
         share(self.share, "a share is from 0 to 1000 thousandths")?;
         self.goal.iter().try_for_each(Position::check)?;
@@ -244,7 +244,7 @@ impl Mission {
 }
 
 impl Beacon {
-    fn check(&self) -> Verdict {
+    fn check(&self) -> CheckResult {
         self.pose.iter().try_for_each(PoseReport::check)?;
         self.progress.check()?;
         require(
@@ -256,7 +256,7 @@ impl Beacon {
 }
 
 impl Hello {
-    fn check(&self) -> Verdict {
+    fn check(&self) -> CheckResult {
         require(self.name.len() <= NAME_MAX, "a name has at most 32 bytes")?;
         require(
             self.software.len() <= SOFTWARE_MAX,
@@ -274,7 +274,7 @@ impl Hello {
 }
 
 impl Order {
-    fn check(&self) -> Verdict {
+    fn check(&self) -> CheckResult {
         number(self.run.0).and(number(self.revision.0))?;
         names(&self.ends, ENDS_MAX)?;
         require(
@@ -288,8 +288,8 @@ impl Order {
     }
 }
 
-impl Standing {
-    fn check(&self) -> Verdict {
+impl OpenStops {
+    fn check(&self) -> CheckResult {
         let by_name = |a: &EmergencyStop, b: &EmergencyStop| a.name < b.name;
         require(
             self.open.len() <= OPEN_MAX && self.open.is_sorted_by(by_name),
@@ -300,7 +300,7 @@ impl Standing {
 }
 
 impl Task {
-    fn check(&self) -> Verdict {
+    fn check(&self) -> CheckResult {
         number(self.run.0)?;
         ascending(&self.members)?;
         require(!self.members.is_empty(), "a task has members")?;
@@ -314,7 +314,7 @@ impl Task {
 }
 
 impl Have {
-    fn check(&self) -> Verdict {
+    fn check(&self) -> CheckResult {
         require(
             self.watermarks.len() <= MARKS_MAX && self.closed.len() <= LIST_MAX,
             "a store speaks of at most 4096 watermarks and 1024 closed runs",
@@ -327,7 +327,7 @@ impl Have {
 }
 
 impl Health {
-    fn check(&self) -> Verdict {
+    fn check(&self) -> CheckResult {
         ascending(&self.hears)?;
         self.autopilot.iter().try_for_each(AutopilotHealth::check)?;
         troubles(&self.troubles)
@@ -335,7 +335,7 @@ impl Health {
 }
 
 impl AutopilotHealth {
-    fn check(&self) -> Verdict {
+    fn check(&self) -> CheckResult {
         require(
             self.firmware.len() <= NAME_MAX,
             "a firmware has at most 32 bytes",
@@ -343,8 +343,8 @@ impl AutopilotHealth {
     }
 }
 
-impl Report {
-    fn check(&self) -> Verdict {
+impl GroundReport {
+    fn check(&self) -> CheckResult {
         number(self.run.0)?;
         ascending(&self.expected)
             .and(ascending(&self.members))
@@ -360,14 +360,14 @@ impl Report {
 }
 
 impl RunReport {
-    fn check(&self) -> Verdict {
+    fn check(&self) -> CheckResult {
         number(self.run.0)?;
         self.compared_with.iter().try_for_each(|run| number(run.0))
     }
 }
 
 impl Samples {
-    fn check(&self) -> Verdict {
+    fn check(&self) -> CheckResult {
         number(self.run.0)?;
         require(
             self.samples.len() <= SAMPLES_MAX,
@@ -389,7 +389,7 @@ impl Samples {
 }
 
 impl Sample {
-    fn check(&self) -> Verdict {
+    fn check(&self) -> CheckResult {
         self.transmitter_pose.check()?;
         self.receiver_pose.check()?;
         require(
@@ -401,7 +401,7 @@ impl Sample {
 }
 
 impl Image {
-    fn check(&self) -> Verdict {
+    fn check(&self) -> CheckResult {
         number(self.run.0)?;
         let (least, greatest) = (self.area.least, self.area.greatest);
         least.check().and(greatest.check())?;
@@ -422,7 +422,7 @@ impl Image {
         self.finds.iter().try_for_each(Find::check)
     }
 
-    fn check_part(&self) -> Verdict {
+    fn check_part(&self) -> CheckResult {
         let pixels = usize::from(self.columns) * usize::from(self.rows);
         let before = usize::from(self.part) * IMAGE_PART_PIXELS;
         let here = pixels.saturating_sub(before).min(IMAGE_PART_PIXELS);
@@ -438,7 +438,7 @@ impl Image {
 }
 
 impl Find {
-    fn check(&self) -> Verdict {
+    fn check(&self) -> CheckResult {
         self.at.check()?;
         share(
             self.probability,

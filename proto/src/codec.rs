@@ -11,7 +11,7 @@ use bincode::config::{Configuration, Limit, LittleEndian, Varint};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use crate::{Boot, Hello, Kind, Message, OperatorId, Sender, VehicleId};
+use crate::{Boot, Hello, Message, MessageKind, OperatorId, Sender, VehicleId};
 
 /// First bytes of every frame.
 pub const MAGIC: [u8; 2] = *b"tS";
@@ -139,7 +139,7 @@ pub fn decode(frame: &[u8]) -> Result<Decoded, DecodeError> {
     if header[2] != VERSION {
         return Err(DecodeError::Version { found: header[2] });
     }
-    let Some(kind) = Kind::from_number(header[3]) else {
+    let Some(kind) = MessageKind::from_number(header[3]) else {
         return Ok(Decoded::Unknown(header[3]));
     };
     let message = read_body(kind, body)?;
@@ -177,24 +177,24 @@ fn write_body(message: &Message, frame: &mut Vec<u8>) -> Result<(), EncodeError>
     }
 }
 
-fn read_body(kind: Kind, body: &[u8]) -> Result<Message, DecodeError> {
+fn read_body(kind: MessageKind, body: &[u8]) -> Result<Message, DecodeError> {
     match kind {
-        Kind::Hello => read(body.get(GREETING..).unwrap_or_default()).map(Message::Hello),
-        Kind::State => read(body).map(Message::State),
-        Kind::Tile => read(body).map(Message::Tile),
-        Kind::Digest => read(body).map(Message::Digest),
-        Kind::Want => read(body).map(Message::Want),
-        Kind::Plan => read(body).map(Message::Plan),
-        Kind::Mission => read(body).map(Message::Mission),
-        Kind::Order => read(body).map(Message::Order),
-        Kind::Samples => read(body).map(Message::Samples),
-        Kind::Have => read(body).map(Message::Have),
-        Kind::Beacon => read(body).map(Message::Beacon),
-        Kind::Health => read(body).map(Message::Health),
-        Kind::Report => read(body).map(Message::Report),
-        Kind::Standing => read(body).map(Message::Standing),
-        Kind::Task => read(body).map(Message::Task),
-        Kind::Image => read(body).map(Message::Image),
+        MessageKind::Hello => read(body.get(GREETING..).unwrap_or_default()).map(Message::Hello),
+        MessageKind::State => read(body).map(Message::State),
+        MessageKind::Tile => read(body).map(Message::Tile),
+        MessageKind::Digest => read(body).map(Message::Digest),
+        MessageKind::Want => read(body).map(Message::Want),
+        MessageKind::Plan => read(body).map(Message::Plan),
+        MessageKind::Mission => read(body).map(Message::Mission),
+        MessageKind::Order => read(body).map(Message::Order),
+        MessageKind::Samples => read(body).map(Message::Samples),
+        MessageKind::Have => read(body).map(Message::Have),
+        MessageKind::Beacon => read(body).map(Message::Beacon),
+        MessageKind::Health => read(body).map(Message::Health),
+        MessageKind::Report => read(body).map(Message::Report),
+        MessageKind::Standing => read(body).map(Message::Standing),
+        MessageKind::Task => read(body).map(Message::Task),
+        MessageKind::Image => read(body).map(Message::Image),
     }
 }
 
@@ -231,7 +231,7 @@ pub fn greeting(frame: &[u8]) -> Result<Greeting, DecodeError> {
     let (header, rest) = split(frame)?;
     let Some(bytes) = rest
         .first_chunk::<GREETING>()
-        .filter(|_| header[3] == Kind::Hello.number())
+        .filter(|_| header[3] == MessageKind::Hello.number())
     else {
         return Err(DecodeError::NotOurs);
     };

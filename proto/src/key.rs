@@ -7,7 +7,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Kind, LayerId, Message, OperatorId, RunId, TileAddress, VehicleId};
+use crate::{LayerId, Message, MessageKind, OperatorId, RunId, TileAddress, VehicleId};
 
 /// Who publishes.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Serialize, Deserialize)]
@@ -52,7 +52,7 @@ impl fmt::Display for Prefix {
 
 /// What a message is about, as far as messages of one kind and sender do not replace each other.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
-pub enum About {
+pub enum MessageSubject {
     /// The sender itself, or everything that it knows: the newest message replaces all before.
     Whole,
     /// A vehicle.
@@ -71,21 +71,21 @@ pub enum About {
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
 pub struct Topic {
     /// The kind of message.
-    pub kind: Kind,
+    pub kind: MessageKind,
     /// What it is about.
-    pub about: About,
+    pub about: MessageSubject,
 }
 
 impl Topic {
     /// Returns the topic of a message.
     pub fn of(message: &Message) -> Topic {
         let about = match message {
-            Message::Tile(tile) => About::Tile(tile.layer, tile.address),
-            Message::Want(want) => About::Layer(want.layer),
-            Message::Plan(plan) => About::Vehicle(plan.vehicle),
-            Message::Order(order) => About::Vehicle(order.vehicle),
-            Message::Task(task) => About::Run(task.run),
-            Message::Image(image) => About::Part(image.run, image.part),
+            Message::Tile(tile) => MessageSubject::Tile(tile.layer, tile.address),
+            Message::Want(want) => MessageSubject::Layer(want.layer),
+            Message::Plan(plan) => MessageSubject::Vehicle(plan.vehicle),
+            Message::Order(order) => MessageSubject::Vehicle(order.vehicle),
+            Message::Task(task) => MessageSubject::Run(task.run),
+            Message::Image(image) => MessageSubject::Part(image.run, image.part),
             Message::Hello(_)
             | Message::State(_)
             | Message::Digest(_)
@@ -95,7 +95,7 @@ impl Topic {
             | Message::Beacon(_)
             | Message::Health(_)
             | Message::Report(_)
-            | Message::Standing(_) => About::Whole,
+            | Message::Standing(_) => MessageSubject::Whole,
         };
         Topic {
             kind: message.kind(),
@@ -108,18 +108,18 @@ impl fmt::Display for Topic {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let kind = self.kind;
         match self.about {
-            About::Whole => write!(f, "{kind}"),
-            About::Vehicle(vehicle) => write!(f, "{kind}/{vehicle}"),
-            About::Run(run) => write!(f, "{kind}/{run}"),
-            About::Layer(layer) => write!(f, "{kind}/{}/{}", layer.vehicle, layer.boot),
-            About::Tile(layer, at) => {
+            MessageSubject::Whole => write!(f, "{kind}"),
+            MessageSubject::Vehicle(vehicle) => write!(f, "{kind}/{vehicle}"),
+            MessageSubject::Run(run) => write!(f, "{kind}/{run}"),
+            MessageSubject::Layer(layer) => write!(f, "{kind}/{}/{}", layer.vehicle, layer.boot),
+            MessageSubject::Tile(layer, at) => {
                 write!(
                     f,
                     "{kind}/{}/{}/{}/{}/{}",
                     layer.vehicle, layer.boot, at.slice, at.x, at.y
                 )
             }
-            About::Part(run, part) => write!(f, "{kind}/{run}/{part}"),
+            MessageSubject::Part(run, part) => write!(f, "{kind}/{run}/{part}"),
         }
     }
 }
@@ -173,13 +173,13 @@ fn number(text: &str) -> Option<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Boot, Digest, Mission};
+    use crate::{Boot, Digest, MissionProgress};
 
     #[test]
     fn a_vehicle_writes_only_under_its_own_number() {
         let key = Key::of(
             Sender::Vehicle(VehicleId(3)),
-            &Message::Mission(Mission::default()),
+            &Message::Mission(MissionProgress::default()),
         );
         assert_eq!(key.to_string(), "vehicle/3/mission");
         let digest = Message::Digest(Digest::default());
@@ -247,11 +247,27 @@ mod tests {
         };
         let check =
             |kind, about, expected: &str| assert_eq!(Topic { kind, about }.to_string(), expected);
-        check(Kind::Tile, About::Tile(layer, at), "tile/2/70000/-1/-300/4");
-        check(Kind::Want, About::Layer(layer), "want/2/70000");
-        check(Kind::Order, About::Vehicle(VehicleId(3)), "order/3");
-        check(Kind::Task, About::Run(RunId(9)), "task/9");
-        check(Kind::Image, About::Part(RunId(9), 12), "image/9/12");
-        check(Kind::Standing, About::Whole, "standing");
+        check(
+            MessageKind::Tile,
+            MessageSubject::Tile(layer, at),
+            "tile/2/70000/-1/-300/4",
+        );
+        check(
+            MessageKind::Want,
+            MessageSubject::Layer(layer),
+            "want/2/70000",
+        );
+        check(
+            MessageKind::Order,
+            MessageSubject::Vehicle(VehicleId(3)),
+            "order/3",
+        );
+        check(MessageKind::Task, MessageSubject::Run(RunId(9)), "task/9");
+        check(
+            MessageKind::Image,
+            MessageSubject::Part(RunId(9), 12),
+            "image/9/12",
+        );
+        check(MessageKind::Standing, MessageSubject::Whole, "standing");
     }
 }

@@ -7,7 +7,7 @@ use std::fmt;
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
 #[repr(u8)]
 #[allow(missing_docs, reason = "each variant is named as the message is")]
-pub enum Kind {
+pub enum MessageKind {
     Hello = 0,
     State = 1,
     Tile = 2,
@@ -26,25 +26,25 @@ pub enum Kind {
     Image = 15,
 }
 
-impl Kind {
+impl MessageKind {
     /// All kinds, in the order of their numbers.
-    pub const ALL: [Kind; 16] = [
-        Kind::Hello,
-        Kind::State,
-        Kind::Tile,
-        Kind::Digest,
-        Kind::Want,
-        Kind::Plan,
-        Kind::Mission,
-        Kind::Order,
-        Kind::Samples,
-        Kind::Have,
-        Kind::Beacon,
-        Kind::Health,
-        Kind::Report,
-        Kind::Standing,
-        Kind::Task,
-        Kind::Image,
+    pub const ALL: [MessageKind; 16] = [
+        MessageKind::Hello,
+        MessageKind::State,
+        MessageKind::Tile,
+        MessageKind::Digest,
+        MessageKind::Want,
+        MessageKind::Plan,
+        MessageKind::Mission,
+        MessageKind::Order,
+        MessageKind::Samples,
+        MessageKind::Have,
+        MessageKind::Beacon,
+        MessageKind::Health,
+        MessageKind::Report,
+        MessageKind::Standing,
+        MessageKind::Task,
+        MessageKind::Image,
     ];
 
     /// Returns the number in a frame's header.
@@ -53,34 +53,34 @@ impl Kind {
     }
 
     /// Returns the kind of a number; `None` when this version does not know it.
-    pub fn from_number(number: u8) -> Option<Kind> {
-        Kind::ALL.get(usize::from(number)).copied()
+    pub fn from_number(number: u8) -> Option<MessageKind> {
+        MessageKind::ALL.get(usize::from(number)).copied()
     }
 
     /// Returns the word that keys, files and tables name it by.
     pub fn word(self) -> &'static str {
         match self {
-            Kind::Hello => "hello",
-            Kind::State => "state",
-            Kind::Tile => "tile",
-            Kind::Digest => "digest",
-            Kind::Want => "want",
-            Kind::Plan => "plan",
-            Kind::Mission => "mission",
-            Kind::Order => "order",
-            Kind::Samples => "samples",
-            Kind::Have => "have",
-            Kind::Beacon => "beacon",
-            Kind::Health => "health",
-            Kind::Report => "report",
-            Kind::Standing => "standing",
-            Kind::Task => "task",
-            Kind::Image => "image",
+            MessageKind::Hello => "hello",
+            MessageKind::State => "state",
+            MessageKind::Tile => "tile",
+            MessageKind::Digest => "digest",
+            MessageKind::Want => "want",
+            MessageKind::Plan => "plan",
+            MessageKind::Mission => "mission",
+            MessageKind::Order => "order",
+            MessageKind::Samples => "samples",
+            MessageKind::Have => "have",
+            MessageKind::Beacon => "beacon",
+            MessageKind::Health => "health",
+            MessageKind::Report => "report",
+            MessageKind::Standing => "standing",
+            MessageKind::Task => "task",
+            MessageKind::Image => "image",
         }
     }
 }
 
-impl fmt::Display for Kind {
+impl fmt::Display for MessageKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.word())
     }
@@ -93,10 +93,10 @@ mod tests {
     #[test]
     fn a_kind_is_found_by_its_number_and_no_other_number_is_one() {
         for number in 0..=u8::MAX {
-            let kind = Kind::from_number(number);
+            let kind = MessageKind::from_number(number);
             assert_eq!(
                 kind.is_some(),
-                usize::from(number) < Kind::ALL.len(),
+                usize::from(number) < MessageKind::ALL.len(),
                 "{number}"
             );
             assert!(kind.is_none_or(|kind| kind.number() == number), "{number}");

@@ -18,18 +18,18 @@ mod message;
 mod units;
 
 pub use id::{Boot, EmergencyName, LayerId, Lease, OperatorId, Revision, RunId, StopId, VehicleId};
-pub use key::{About, Key, Sender, Topic};
-pub use kind::Kind;
+pub use key::{Key, MessageSubject, Sender, Topic};
+pub use kind::MessageKind;
 pub use message::{
     AutopilotFamily, AutopilotHealth, BEACON_BYTES_MAX, BEACON_MEMBERS_MAX, Beacon, BeaconTag,
     BodyKind, Capability, Control, Covariance, Digest, EmergencyStop, Estimator, FailsafeAction,
-    Failsafes, Find, Fix, Have, Health, HeardFrom, Hello, IMAGE_PART_PIXELS, IMAGE_SIDE_MAX, Image,
-    ImageSubject, Interest, LayerDigest, LegReport, LostSamples, Message, Mission, MissionEnd,
-    MissionKind, MissionPhase, MissionRefusal, Mode, Order, OrderKind, Ordered, PlaceSharing, Plan,
-    Power, Progress, RadioHealth, RadioKind, RangeHealth, RangeSensorKind, RecordingHealth,
-    Rectangle, Report, RunEnd, RunReport, Sample, Samples, SeenState, ServoKind, StandReason,
-    Standing, State, StationPhase, Stop, StopScope, SweepPlanner, TASK_PLACES_MAX, TILE_CELLS,
-    TILE_SIDE, Task, TaskKind, TaskNumber, TaskParameter, TaskUnit, TileAddress, TileReport,
-    WATERMARKS_ALWAYS, Want,
+    Failsafes, Find, Fix, GroundReport, Have, Health, HeardFrom, Hello, IMAGE_PART_PIXELS,
+    IMAGE_SIDE_MAX, Image, ImageSubject, Interest, LayerDigest, LegReport, LostSamples, Message,
+    MissionEnd, MissionKind, MissionPhase, MissionProgress, MissionRefusal, OpenStops, Order,
+    OrderKind, Ordered, PlaceSharing, Plan, Power, Progress, RadioHealth, RadioKind, RangeHealth,
+    RangeSensorKind, RecordingHealth, Rectangle, RunEnd, RunReport, Sample, Samples, SeenState,
+    ServoKind, StandReason, State, StationPhase, Stop, StopScope, SweepPlanner, TASK_PLACES_MAX,
+    TILE_CELLS, TILE_SIDE, Task, TaskKind, TaskNumber, TaskParameter, TaskUnit, TileAddress,
+    TileReport, TileRequest, VehicleMode, WATERMARKS_ALWAYS,
 };
 pub use units::{Deviation, Heading, Permille, PoseReport, Position, Tilt, Velocity};

@@ -24,20 +24,20 @@ pub use hello::{Capability, Hello, Interest, RadioKind, RangeSensorKind, ServoKi
 pub use image::{
     Covariance, Find, IMAGE_PART_PIXELS, IMAGE_SIDE_MAX, Image, ImageSubject, Rectangle,
 };
-pub use map::{Digest, LayerDigest, TILE_CELLS, TILE_SIDE, TileAddress, TileReport, Want};
-pub use order::{EmergencyStop, Order, OrderKind, Standing, StopScope};
+pub use map::{Digest, LayerDigest, TILE_CELLS, TILE_SIDE, TileAddress, TileReport, TileRequest};
+pub use order::{EmergencyStop, OpenStops, Order, OrderKind, StopScope};
 pub use plan::{
-    Mission, MissionEnd, MissionPhase, MissionRefusal, Plan, Progress, SeenState, Stop,
+    MissionEnd, MissionPhase, MissionProgress, MissionRefusal, Plan, Progress, SeenState, Stop,
 };
-pub use report::{Report, RunEnd, RunReport, StationPhase};
+pub use report::{GroundReport, RunEnd, RunReport, StationPhase};
 pub use samples::{Have, HeardFrom, LostSamples, Sample, Samples, WATERMARKS_ALWAYS};
-pub use state::{Control, LegReport, Mode, Ordered, StandReason, State};
+pub use state::{Control, LegReport, Ordered, StandReason, State, VehicleMode};
 pub use task::{
     MissionKind, PlaceSharing, SweepPlanner, TASK_PLACES_MAX, Task, TaskKind, TaskNumber,
     TaskParameter, TaskUnit,
 };
 
-use crate::{Kind, Sender};
+use crate::{MessageKind, Sender};
 
 /// Everything that travels on the bus or by radio.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
@@ -47,40 +47,40 @@ pub enum Message {
     State(State),
     Tile(TileReport),
     Digest(Digest),
-    Want(Want),
+    Want(TileRequest),
     Plan(Plan),
-    Mission(Mission),
+    Mission(MissionProgress),
     Order(Order),
     Samples(Samples),
     Have(Have),
     Beacon(Beacon),
     Health(Health),
-    Report(Report),
-    Standing(Standing),
+    Report(GroundReport),
+    Standing(OpenStops),
     Task(Task),
     Image(Image),
 }
 
 impl Message {
     /// Returns which kind of message it is.
-    pub fn kind(&self) -> Kind {
+    pub fn kind(&self) -> MessageKind {
         match self {
-            Message::Hello(_) => Kind::Hello,
-            Message::State(_) => Kind::State,
-            Message::Tile(_) => Kind::Tile,
-            Message::Digest(_) => Kind::Digest,
-            Message::Want(_) => Kind::Want,
-            Message::Plan(_) => Kind::Plan,
-            Message::Mission(_) => Kind::Mission,
-            Message::Order(_) => Kind::Order,
-            Message::Samples(_) => Kind::Samples,
-            Message::Have(_) => Kind::Have,
-            Message::Beacon(_) => Kind::Beacon,
-            Message::Health(_) => Kind::Health,
-            Message::Report(_) => Kind::Report,
-            Message::Standing(_) => Kind::Standing,
-            Message::Task(_) => Kind::Task,
-            Message::Image(_) => Kind::Image,
+            Message::Hello(_) => MessageKind::Hello,
+            Message::State(_) => MessageKind::State,
+            Message::Tile(_) => MessageKind::Tile,
+            Message::Digest(_) => MessageKind::Digest,
+            Message::Want(_) => MessageKind::Want,
+            Message::Plan(_) => MessageKind::Plan,
+            Message::Mission(_) => MessageKind::Mission,
+            Message::Order(_) => MessageKind::Order,
+            Message::Samples(_) => MessageKind::Samples,
+            Message::Have(_) => MessageKind::Have,
+            Message::Beacon(_) => MessageKind::Beacon,
+            Message::Health(_) => MessageKind::Health,
+            Message::Report(_) => MessageKind::Report,
+            Message::Standing(_) => MessageKind::Standing,
+            Message::Task(_) => MessageKind::Task,
+            Message::Image(_) => MessageKind::Image,
         }
     }
 

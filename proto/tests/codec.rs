@@ -285,7 +285,7 @@ fn the_last_number_is_refused_everywhere() {
     };
     task(|task| task.run = RunId(u32::MAX));
     task(|task| task.compare_with = Some(RunId(u32::MAX)));
-    let report = |change: fn(&mut Report)| {
+    let report = |change: fn(&mut GroundReport)| {
         let pick = |message| {
             if let Message::Report(report) = message {
                 Some(report)
@@ -374,7 +374,7 @@ fn lists_are_bounded_and_in_order() {
     );
     let known = vec![(TileAddress::default(), 1); 4097];
     refused(
-        &Message::Want(Want {
+        &Message::Want(TileRequest {
             layer: LayerId::default(),
             known,
         }),
@@ -471,7 +471,7 @@ fn lists_of_version_2_are_bounded_and_in_order() {
         "firmware",
     );
 
-    let report = |change: fn(&mut Report), expected: &str| {
+    let report = |change: fn(&mut GroundReport), expected: &str| {
         let pick = |message| {
             if let Message::Report(report) = message {
                 Some(report)
@@ -505,7 +505,7 @@ fn lists_of_version_2_are_bounded_and_in_order() {
 
 #[test]
 fn impossible_missions_orders_and_stops_are_refused() {
-    let mission = |change: fn(&mut Mission), expected: &str| {
+    let mission = |change: fn(&mut MissionProgress), expected: &str| {
         let pick = |message| {
             if let Message::Mission(mission) = message {
                 Some(mission)
@@ -558,7 +558,7 @@ fn impossible_missions_orders_and_stops_are_refused() {
     let standing = |open: &[u32], lifted: &[u32], expected: &str| {
         let open = open.iter().copied().map(stop).collect();
         let lifted = lifted.iter().copied().map(EmergencyName).collect();
-        refused(&Message::Standing(Standing { open, lifted }), expected);
+        refused(&Message::Standing(OpenStops { open, lifted }), expected);
     };
     standing(&[2, 1], &[], "ascending by name");
     standing(&[1, 1], &[], "ascending by name");

@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 use examples::{examples, variants};
 use tomoswarm_proto::codec::{DecodeError, Decoded, Greeting, decode, encode, greeting};
 use tomoswarm_proto::{
-    Boot, Kind, Message, Mission, MissionKind, MissionPhase, Position, Progress, Revision, RunId,
-    Sender, StopId, VehicleId,
+    Boot, Message, MessageKind, MissionKind, MissionPhase, MissionProgress, Position, Progress,
+    Revision, RunId, Sender, StopId, VehicleId,
 };
 
 fn hex(bytes: &[u8]) -> String {
@@ -111,11 +111,11 @@ fn both_versions_greet_with_the_same_bytes() {
 
 #[test]
 fn every_kind_has_an_example() {
-    let kinds: Vec<Kind> = examples()
+    let kinds: Vec<MessageKind> = examples()
         .iter()
         .map(|(_, message)| message.kind())
         .collect();
-    assert_eq!(kinds, Kind::ALL);
+    assert_eq!(kinds, MessageKind::ALL);
     for (name, message) in examples() {
         assert_eq!(name, message.word());
     }
@@ -123,7 +123,7 @@ fn every_kind_has_an_example() {
 
 #[test]
 fn a_frame_is_laid_out_as_documented() {
-    let mission = Mission {
+    let mission = MissionProgress {
         vehicle: VehicleId(3),
         boot: Boot(4),
         progress: Progress {

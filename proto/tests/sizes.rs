@@ -27,7 +27,7 @@ fn named(name: &str) -> usize {
     length
 }
 
-fn extreme(kind: Kind) -> usize {
+fn extreme(kind: MessageKind) -> usize {
     let message = extremes()
         .into_iter()
         .find(|message| message.kind() == kind)
@@ -40,8 +40,8 @@ fn extreme(kind: Kind) -> usize {
 #[test]
 fn the_longest_messages_may_be_handed_to_an_actor() {
     let messages = extremes();
-    let kinds: Vec<Kind> = messages.iter().map(Message::kind).collect();
-    assert_eq!(kinds, Kind::ALL);
+    let kinds: Vec<MessageKind> = messages.iter().map(Message::kind).collect();
+    assert_eq!(kinds, MessageKind::ALL);
     for message in messages {
         let kind = message.kind();
         let frame = encode(&message).unwrap();
@@ -53,10 +53,10 @@ fn the_longest_messages_may_be_handed_to_an_actor() {
 }
 
 /// The bytes of every example and of the longest message of its kind, as the table has them.
-fn measured() -> Vec<(&'static str, Kind, String)> {
+fn measured() -> Vec<(&'static str, MessageKind, String)> {
     let measure = |((name, message), longest): ((&'static str, Message), Message)| {
         // A plan that has all it may have is longer than a frame.
-        let longest = if message.kind() == Kind::Plan {
+        let longest = if message.kind() == MessageKind::Plan {
             LIMIT
         } else {
             bytes(&longest)
@@ -126,7 +126,11 @@ fn the_table_of_parts_says_what_is_measured() {
     let full = bytes(&Message::Beacon(full_beacon()));
     check(
         "a beacon",
-        format!("{}; {full}; {}", named("beacon"), extreme(Kind::Beacon)),
+        format!(
+            "{}; {full}; {}",
+            named("beacon"),
+            extreme(MessageKind::Beacon)
+        ),
     );
     check(
         "a state",
@@ -273,7 +277,7 @@ fn a_beacon_fits_into_a_packet_at_its_extremes() {
     // An encrypted packet of the smallest module carries 95.
     const ENCRYPTED_MAX: usize = 95;
     const { assert!(ENCRYPTED_MAX <= BEACON_BYTES_MAX) };
-    assert!(extreme(Kind::Beacon) <= ENCRYPTED_MAX);
+    assert!(extreme(MessageKind::Beacon) <= ENCRYPTED_MAX);
 }
 
 proptest! {
@@ -303,7 +307,7 @@ fn a_state_has_70_bytes_and_95_on_a_leg() {
 fn a_mission_has_30_bytes_and_an_order_25() {
     assert!(named("mission") <= 35);
     assert!(named("order") <= 25);
-    assert!(extreme(Kind::Mission) <= 100);
+    assert!(extreme(MessageKind::Mission) <= 100);
 }
 
 #[test]
@@ -316,11 +320,11 @@ fn health_and_report_have_at_most_300_bytes() {
         images: 12,
         ..RunReport::default()
     });
-    let full = Report {
+    let full = GroundReport {
         members: (1..=25).map(VehicleId).collect(),
         expected: (1..=25).map(VehicleId).collect(),
         runs: runs.collect(),
-        ..Report::default()
+        ..GroundReport::default()
     };
     let length = bytes(&Message::Report(full));
     println!("a report of 25 vehicles and 16 runs: {length} bytes");
@@ -329,11 +333,11 @@ fn health_and_report_have_at_most_300_bytes() {
 
 #[test]
 fn what_stands_has_7_bytes_and_more_by_its_stops() {
-    let none = bytes(&Message::Standing(Standing::default()));
+    let none = bytes(&Message::Standing(OpenStops::default()));
     println!("a standing of nothing: {none} bytes");
     assert!(none <= 7);
     assert!(named("standing") <= 150);
-    assert!(extreme(Kind::Standing) <= 500);
+    assert!(extreme(MessageKind::Standing) <= 500);
 }
 
 #[test]
@@ -351,5 +355,5 @@ fn a_task_of_1000_places_in_a_yard_has_under_9_kb() {
 fn a_part_of_an_image_has_at_most_8_kb() {
     let length = named("image");
     assert!((3200..=3400).contains(&length));
-    assert!(extreme(Kind::Image) <= 8 * 1024);
+    assert!(extreme(MessageKind::Image) <= 8 * 1024);
 }

@@ -1,6 +1,6 @@
 //! An actor with its inbox: how a single-threaded runtime keeps the contract.
 
-use super::step::{self, Cause, Step};
+use super::step::{self, RecordedStep, StepCause};
 use super::{Actor, Fault, Inbox, Input};
 use crate::time::{Deadline, Time};
 
@@ -65,7 +65,7 @@ where
         A::In: Clone,
         A::Out: Clone,
     {
-        self.act_watched(now, None::<fn(Step<A::In, A::Out>)>, hand_on)
+        self.act_watched(now, None::<fn(RecordedStep<A::In, A::Out>)>, hand_on)
     }
 
     /// Acts as [`ActorCell::act`] does, and shows every step before what was said in it is handed on; the step that ended
@@ -77,7 +77,7 @@ where
     pub fn act_watched(
         &mut self,
         now: Time,
-        watch: Option<impl FnMut(Step<A::In, A::Out>)>,
+        watch: Option<impl FnMut(RecordedStep<A::In, A::Out>)>,
         hand_on: impl FnMut(A::Out),
     ) -> Result<(), Fault>
     where
@@ -108,7 +108,7 @@ where
     fn take_steps(
         &mut self,
         now: Time,
-        mut watch: Option<impl FnMut(Step<A::In, A::Out>)>,
+        mut watch: Option<impl FnMut(RecordedStep<A::In, A::Out>)>,
         mut hand_on: impl FnMut(A::Out),
     ) -> Result<(), Fault>
     where
@@ -124,14 +124,14 @@ where
             };
             let cause = match (&due, &input) {
                 (None, None) => return Ok(()),
-                (Some(deadline), _) => Some(Cause::Woken(deadline.why)),
-                (None, Some(input)) => watch.is_some().then(|| Cause::Told(input.clone())),
+                (Some(deadline), _) => Some(StepCause::Woken(deadline.why)),
+                (None, Some(input)) => watch.is_some().then(|| StepCause::Told(input.clone())),
             };
             let taken = step::take(&mut self.actor, now, input, &mut self.said);
             self.deadline = self.actor.deadline();
             if let (Some(watch), Some(cause)) = (&mut watch, cause) {
                 let fault = taken.as_ref().err().map(Fault::to_string);
-                watch(Step {
+                watch(RecordedStep {
                     now,
                     cause,
                     said: self.said.clone(),
@@ -147,7 +147,7 @@ where
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::actor::Class;
+    use crate::actor::InputClass;
     use std::time::Duration;
 
     /// Repeats what it is told, and ticks once a second.
@@ -155,8 +155,8 @@ mod tests {
 
     impl Input for u32 {
         type Key = ();
-        fn class(&self) -> Class<()> {
-            Class::Queue
+        fn class(&self) -> InputClass<()> {
+            InputClass::Queue
         }
     }
 
@@ -272,7 +272,7 @@ mod tests {
         let mut cell = ActorCell::new(Clock(Time::from_secs_f64(1.0)));
         cell.push(7);
         let order = std::cell::RefCell::new(Vec::new());
-        let watch = |step: Step<u32, String>| {
+        let watch = |step: RecordedStep<u32, String>| {
             order
                 .borrow_mut()
                 .push(format!("{:?} {:?}", step.cause, step.said))
@@ -296,7 +296,7 @@ mod tests {
         let mut seen = Vec::new();
         cell.act_watched(
             Time::from_secs_f64(2.0),
-            Some(|step: Step<u32, ()>| seen.push(step)),
+            Some(|step: RecordedStep<u32, ()>| seen.push(step)),
             |()| {},
         )
         .unwrap_err();
@@ -310,11 +310,11 @@ mod tests {
         assert_eq!(step::again(&mut clock, at(0.5), Some(3)).said, ["told 3"]);
         assert_eq!(
             step::again(&mut clock, at(0.6), None).cause,
-            Cause::Woken(step::NOT_DUE)
+            StepCause::Woken(step::NOT_DUE)
         );
         assert_eq!(
             step::again(&mut clock, at(1.5), Some(4)).cause,
-            Cause::Woken("tick"),
+            StepCause::Woken("tick"),
             "what is due goes first"
         );
     }

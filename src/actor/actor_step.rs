@@ -3,7 +3,7 @@
 use std::any::Any;
 use std::sync::Arc;
 
-use super::{NodeActor, Step};
+use super::{NodeActor, RecordedStep};
 use crate::time::Time;
 
 /// A step of an actor, whichever it is. A copy is cheap.
@@ -20,7 +20,7 @@ pub struct ActorStep {
 
 impl ActorStep {
     /// Makes it of a step of the actor of this name.
-    pub fn new<A: NodeActor>(actor: &'static str, step: Step<A::In, A::Out>) -> ActorStep {
+    pub fn new<A: NodeActor>(actor: &'static str, step: RecordedStep<A::In, A::Out>) -> ActorStep {
         let (now, fault) = (step.now, step.fault.clone());
         ActorStep {
             actor,
@@ -31,7 +31,7 @@ impl ActorStep {
     }
 
     /// Returns the step, if it is one of an actor of this type.
-    pub fn of<A: NodeActor>(&self) -> Option<&Step<A::In, A::Out>> {
+    pub fn of<A: NodeActor>(&self) -> Option<&RecordedStep<A::In, A::Out>> {
         self.step.downcast_ref()
     }
 }

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 
 /// How an unread input is treated when more arrive.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Class<K> {
+pub enum InputClass<K> {
     /// Only the newest per key is kept; it takes the place of the one it replaces.
     Latest(K),
     /// Kept in order; the oldest of the queue is dropped, and counted, when there are too many.
@@ -18,7 +18,7 @@ pub trait Input: Sized {
     type Key: PartialEq;
 
     /// Returns the class.
-    fn class(&self) -> Class<Self::Key>;
+    fn class(&self) -> InputClass<Self::Key>;
 
     /// Joins two unread inputs of one key; the newer one, unless the input knows better.
     fn join(_unread: Self, newer: Self) -> Self {
@@ -49,15 +49,15 @@ impl<I: Input> Inbox<I> {
     /// Puts an input in.
     pub fn push(&mut self, input: I) {
         match input.class() {
-            Class::Latest(key) => self.replace(key, input),
-            Class::Queue => self.append(input),
+            InputClass::Latest(key) => self.replace(key, input),
+            InputClass::Queue => self.append(input),
         }
     }
 
     /// Takes the oldest input out.
     pub fn pop(&mut self) -> Option<I> {
         let input = self.unread.pop_front()?;
-        if matches!(input.class(), Class::Queue) {
+        if matches!(input.class(), InputClass::Queue) {
             self.queued -= 1;
         }
         Some(input)
@@ -75,8 +75,8 @@ impl<I: Input> Inbox<I> {
 
     fn replace(&mut self, key: I::Key, input: I) {
         let same = |unread: &I| match unread.class() {
-            Class::Latest(other) => other == key,
-            Class::Queue => false,
+            InputClass::Latest(other) => other == key,
+            InputClass::Queue => false,
         };
         let Some(place) = self.unread.iter().position(same) else {
             self.unread.push_back(input);
@@ -93,7 +93,7 @@ impl<I: Input> Inbox<I> {
             let oldest = self
                 .unread
                 .iter()
-                .position(|unread| matches!(unread.class(), Class::Queue));
+                .position(|unread| matches!(unread.class(), InputClass::Queue));
             if let Some(place) = oldest {
                 self.unread.remove(place);
                 self.queued -= 1;
@@ -119,11 +119,11 @@ mod tests {
 
     impl Input for Told {
         type Key = u8;
-        fn class(&self) -> Class<u8> {
+        fn class(&self) -> InputClass<u8> {
             match self {
-                Told::State { of, .. } => Class::Latest(*of),
-                Told::Scan(_) => Class::Queue,
-                Told::Order(_) => Class::Latest(255),
+                Told::State { of, .. } => InputClass::Latest(*of),
+                Told::Scan(_) => InputClass::Queue,
+                Told::Order(_) => InputClass::Latest(255),
             }
         }
         fn join(unread: Told, newer: Told) -> Told {

@@ -208,7 +208,7 @@ impl<W: Wiring> Visitor<W, Cells> for Snapshots {
 mod tests {
     use super::*;
     use crate::actor::tests_support::{Adding, Doubler, Number, Summer};
-    use crate::actor::{Cause, RestartPolicy};
+    use crate::actor::{RestartPolicy, StepCause};
 
     fn told(node: &mut LocalNode<Adding>, numbers: &[u32]) -> Result<Vec<u32>, Fault> {
         let mut sums = Vec::new();
@@ -265,7 +265,7 @@ mod tests {
         let step = steps[1].of::<Summer>().unwrap();
         assert_eq!(
             (&step.cause, &step.said[..]),
-            (&Cause::Told(Number(10)), &[(18,)][..])
+            (&StepCause::Told(Number(10)), &[(18,)][..])
         );
         assert!(steps[1].of::<Doubler>().is_none());
         let names = |node: &mut LocalNode<Adding>| -> Vec<_> {

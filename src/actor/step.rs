@@ -6,11 +6,11 @@ use crate::time::Time;
 
 /// One step of an actor.
 #[derive(Clone, PartialEq, Debug)]
-pub struct Step<I, O> {
+pub struct RecordedStep<I, O> {
     /// When.
     pub now: Time,
     /// What made it act.
-    pub cause: Cause<I>,
+    pub cause: StepCause<I>,
     /// What it said, in order.
     pub said: Vec<O>,
     /// Why it could not go on; nothing that it said was handed on then.
@@ -19,7 +19,7 @@ pub struct Step<I, O> {
 
 /// What makes an actor act.
 #[derive(Clone, PartialEq, Debug)]
-pub enum Cause<I> {
+pub enum StepCause<I> {
     /// An input from its inbox.
     Told(I),
     /// Its deadline, with the reason that the actor gave for it.
@@ -62,18 +62,18 @@ pub(super) fn fault<A>(reason: String) -> Fault {
 
 /// Lets an actor take a recorded step again: what it was `told` at `now`, or a wake. Gives what it does this time,
 /// by the rules of every runtime: a due deadline goes before an input, and nobody is woken before it.
-pub fn again<A: Actor>(actor: &mut A, now: Time, told: Option<A::In>) -> Step<A::In, A::Out>
+pub fn again<A: Actor>(actor: &mut A, now: Time, told: Option<A::In>) -> RecordedStep<A::In, A::Out>
 where
     A::In: Clone,
 {
     let due = actor.deadline().filter(|deadline| deadline.at <= now);
     let (cause, input) = match (due, told) {
-        (Some(deadline), _) => (Cause::Woken(deadline.why), None),
-        (None, Some(input)) => (Cause::Told(input.clone()), Some(input)),
+        (Some(deadline), _) => (StepCause::Woken(deadline.why), None),
+        (None, Some(input)) => (StepCause::Told(input.clone()), Some(input)),
         (None, None) => {
-            return Step {
+            return RecordedStep {
                 now,
-                cause: Cause::Woken(NOT_DUE),
+                cause: StepCause::Woken(NOT_DUE),
                 said: Vec::new(),
                 fault: None,
             };
@@ -83,7 +83,7 @@ where
     let fault = take(actor, now, input, &mut said)
         .err()
         .map(|fault| fault.to_string());
-    Step {
+    RecordedStep {
         now,
         cause,
         said,

@@ -8,8 +8,8 @@ use serde::de::value::{Error, StrDeserializer};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    ActingTime, Actor, Class, Fault, Fill, Input, Place, Recipient, RestartPolicy, Visitor, Wire,
-    Wiring,
+    ActingTime, Actor, Fault, Fill, Input, InputClass, Place, Recipient, RestartPolicy, Visitor,
+    Wire, Wiring,
 };
 use crate::time::{Deadline, Time};
 
@@ -27,8 +27,8 @@ pub struct Number(pub u32);
 
 impl Input for Number {
     type Key = ();
-    fn class(&self) -> Class<()> {
-        Class::Queue
+    fn class(&self) -> InputClass<()> {
+        InputClass::Queue
     }
 }
 

@@ -8,7 +8,7 @@ use crate::geom::{Angle, Point, Vector};
 
 /// What kind of vehicle an autopilot steers.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub enum Kind {
+pub enum VehicleKind {
     /// On the ground: turns on the spot and drives.
     Rover,
     /// In the air: climbs, turns, then flies level.
@@ -17,7 +17,7 @@ pub enum Kind {
 
 /// What an autopilot does by itself.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub enum Mode {
+pub enum FlightMode {
     /// As it boots (MANUAL, STABILIZE): it does what the remote control says; without one it stays where it is.
     Manual,
     /// Stands still; rovers only.
@@ -34,21 +34,25 @@ pub enum Mode {
     Land,
 }
 
-impl Mode {
+impl FlightMode {
     /// Returns whether a kind of vehicle has it.
-    pub fn is_of(self, kind: Kind) -> bool {
+    pub fn is_of(self, kind: VehicleKind) -> bool {
         match self {
-            Mode::Hold => kind == Kind::Rover,
-            Mode::Land => kind == Kind::Copter,
-            Mode::Manual | Mode::Loiter | Mode::Guided | Mode::Auto | Mode::Return => true,
+            FlightMode::Hold => kind == VehicleKind::Rover,
+            FlightMode::Land => kind == VehicleKind::Copter,
+            FlightMode::Manual
+            | FlightMode::Loiter
+            | FlightMode::Guided
+            | FlightMode::Auto
+            | FlightMode::Return => true,
         }
     }
 
     /// Returns whether it is of no use to one that does not know its place.
     pub fn needs_place(self) -> bool {
         match self {
-            Mode::Loiter | Mode::Guided | Mode::Auto | Mode::Return => true,
-            Mode::Manual | Mode::Hold | Mode::Land => false,
+            FlightMode::Loiter | FlightMode::Guided | FlightMode::Auto | FlightMode::Return => true,
+            FlightMode::Manual | FlightMode::Hold | FlightMode::Land => false,
         }
     }
 }
@@ -57,7 +61,7 @@ impl Mode {
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum Command {
     /// Change the mode.
-    Mode(Mode),
+    Mode(FlightMode),
     /// Let the motors turn; `force` skips the checks. The link never forces.
     Arm {
         /// With the magic number.
@@ -119,8 +123,14 @@ impl Command {
             | Command::Yaw(_)
             | Command::Begin
             | Command::SetCurrent(_)
-            | Command::Mode(Mode::Auto | Mode::Return) => true,
-            Command::Mode(Mode::Manual | Mode::Hold | Mode::Loiter | Mode::Guided | Mode::Land)
+            | Command::Mode(FlightMode::Auto | FlightMode::Return) => true,
+            Command::Mode(
+                FlightMode::Manual
+                | FlightMode::Hold
+                | FlightMode::Loiter
+                | FlightMode::Guided
+                | FlightMode::Land,
+            )
             | Command::Arm { .. }
             | Command::Disarm { .. }
             | Command::Stop
@@ -137,14 +147,16 @@ impl Command {
         match self {
             Command::Stop
             | Command::Disarm { .. }
-            | Command::Mode(Mode::Manual | Mode::Hold | Mode::Loiter | Mode::Guided) => true,
+            | Command::Mode(
+                FlightMode::Manual | FlightMode::Hold | FlightMode::Loiter | FlightMode::Guided,
+            ) => true,
             Command::Takeoff { .. }
             | Command::Route { .. }
             | Command::Velocity(_)
             | Command::Yaw(_)
             | Command::Begin
             | Command::SetCurrent(_)
-            | Command::Mode(Mode::Auto | Mode::Return | Mode::Land)
+            | Command::Mode(FlightMode::Auto | FlightMode::Return | FlightMode::Land)
             | Command::Arm { .. }
             | Command::Upload(_)
             | Command::Clear
@@ -197,7 +209,7 @@ pub enum ArmRefusal {
     NotReady,
     /// Nobody is armed in this mode.
     #[error("nobody is armed in the mode {0:?}")]
-    Mode(Mode),
+    Mode(FlightMode),
     /// The mode needs a place, and it does not know its own.
     #[error("it does not know where it is, and its mode needs that")]
     NoPlace,

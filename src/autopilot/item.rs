@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use super::command::Kind;
+use super::command::VehicleKind;
 use crate::geom::{Angle, Point};
 
 /// The most items that are stored, home included.
@@ -126,13 +126,13 @@ impl Item {
         }
     }
 
-    fn check(&self, item: usize, kind: Kind) -> Result<(), ItemError> {
+    fn check(&self, item: usize, kind: VehicleKind) -> Result<(), ItemError> {
         match self {
             Item::Waypoint { at, altitude_m, .. } | Item::Loiter { at, altitude_m, .. } => {
                 check_place(item, *at)?;
                 check_number(item, ALTITUDE_M.contains(altitude_m))
             }
-            Item::Takeoff { .. } | Item::Land { .. } if kind == Kind::Rover => {
+            Item::Takeoff { .. } | Item::Land { .. } if kind == VehicleKind::Rover => {
                 Err(ItemError::Unsupported { item })
             }
             Item::Takeoff { altitude_m } => {
@@ -151,7 +151,7 @@ impl Item {
 ///
 /// # Errors
 /// [`ItemError`], of the first item that is not taken.
-pub fn check_items(items: &[Item], kind: Kind) -> Result<(), ItemError> {
+pub fn check_items(items: &[Item], kind: VehicleKind) -> Result<(), ItemError> {
     if items.len() > ITEMS_MAX {
         return Err(ItemError::TooMany { count: items.len() });
     }

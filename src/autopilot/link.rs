@@ -25,14 +25,16 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::Control;
 
-use super::Settings;
-use super::command::{Ack, ArmRefusal, Command, CommandAck, Kind, Mode, NumberedCommand};
-use super::fly::Fly;
+use super::AutopilotLinkSettings;
+use super::autopilot_command::AutopilotCommand;
+use super::command::{
+    Ack, ArmRefusal, Command, CommandAck, FlightMode, NumberedCommand, VehicleKind,
+};
 use super::motors::{ARM_AGAIN, Motors};
-use super::movement::Movement;
-use super::report::{Motion, Report, Status, Telemetry};
-use super::steering::{Hearing, Steering};
-use crate::actor::{Actor, Class, Fault, Input};
+use super::movement::DriveUnderWay;
+use super::report::{AutopilotReport, ControlStatus, Motion, Telemetry};
+use super::steering::{LinkHealth, Steering};
+use crate::actor::{Actor, Fault, Input, InputClass};
 use crate::time::{Deadline, Time};
 
 /// What was not answered, or does not show, is said again after this time.
@@ -48,9 +50,9 @@ pub(super) const TRIES: u8 = 3;
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum In {
     /// What the vehicle wants.
-    Fly(Fly),
+    AutopilotCommand(AutopilotCommand),
     /// What the autopilot says of itself.
-    Report(Report),
+    Report(AutopilotReport),
     /// What it answers to a command.
     Ack(Ack),
 }
@@ -63,18 +65,18 @@ pub enum Out {
     /// To the vehicle, with every report.
     Telemetry(Telemetry),
     /// To the vehicle, when it has changed.
-    Status(Status),
+    Status(ControlStatus),
     /// For people.
-    Remark(Remark),
+    LinkEvent(LinkEvent),
 }
 
 /// What became of commands, and what somebody else has done.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub enum Remark {
+pub enum LinkEvent {
     /// A person has taken over by remote control, and chosen this mode.
-    TakenOver(Mode),
+    TakenOver(FlightMode),
     /// The autopilot has taken this mode by itself.
-    ActsByItself(Mode),
+    ActsByItself(FlightMode),
     /// The autopilot does not do what it was told.
     GivenUp(Purpose, Reason),
 }
@@ -131,48 +133,48 @@ impl Pending {
 /// The link of a vehicle to its autopilot.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct AutopilotLink {
-    settings: Settings,
+    settings: AutopilotLinkSettings,
     /// The number of the last command.
     pub(super) number: u32,
-    hearing: Hearing,
+    hearing: LinkHealth,
     pub(super) steering: Steering,
-    report: Option<Report>,
+    report: Option<AutopilotReport>,
     pub(super) motors: Motors,
-    pub(super) movement: Movement,
+    pub(super) movement: DriveUnderWay,
     pending: Option<Pending>,
     /// What the vehicle knows.
-    status: Status,
+    status: ControlStatus,
     /// The last remark about something that was given up.
-    remarked: Option<(Time, Remark)>,
+    remarked: Option<(Time, LinkEvent)>,
 }
 
 impl AutopilotLink {
     /// Makes the link to an autopilot that has not been heard yet.
-    pub fn new(settings: Settings) -> AutopilotLink {
+    pub fn new(settings: AutopilotLinkSettings) -> AutopilotLink {
         AutopilotLink {
             settings,
             number: 0,
-            hearing: Hearing::default(),
+            hearing: LinkHealth::default(),
             steering: Steering::default(),
             report: None,
             motors: Motors::default(),
-            movement: Movement::default(),
+            movement: DriveUnderWay::default(),
             pending: None,
-            status: Status::default(),
+            status: ControlStatus::default(),
             remarked: None,
         }
     }
 
-    fn want(&mut self, now: Time, fly: Fly) {
+    fn want(&mut self, now: Time, fly: AutopilotCommand) {
         match fly {
-            Fly::Drive { .. } | Fly::Turn(_) => {
+            AutopilotCommand::Drive { .. } | AutopilotCommand::Turn(_) => {
                 if self.may_steer() && !self.motors.is_disarming() {
                     self.drop_pending_move();
                     self.motors.go_on();
                     self.movement.wait(now, fly);
                 }
             }
-            Fly::Stop => {
+            AutopilotCommand::Stop => {
                 self.pending
                     .take_if(|pending| pending.purpose != Purpose::ChangeMode);
                 self.motors.postpone();
@@ -181,16 +183,16 @@ impl AutopilotLink {
                     Steering::Remote => self.movement.give_up_waiting(),
                 }
             }
-            Fly::TakeBack => self.steering.take_back(self.shown_mode()),
+            AutopilotCommand::TakeBack => self.steering.take_back(self.shown_mode()),
             // Nobody is armed against who steers: the vehicle may not know yet of one who has taken over just now.
-            Fly::Arm if !self.steering.is_ours() => {}
-            Fly::Arm => {
+            AutopilotCommand::Arm if !self.steering.is_ours() => {}
+            AutopilotCommand::Arm => {
                 // A change of mode that waits for its answer serves the start as well.
                 self.pending
                     .take_if(|pending| pending.purpose != Purpose::ChangeMode);
                 self.motors.start(now);
             }
-            Fly::Disarm => {
+            AutopilotCommand::Disarm => {
                 self.drop_pending();
                 self.movement.give_up_waiting();
                 self.motors.disarm();
@@ -198,9 +200,9 @@ impl AutopilotLink {
         }
     }
 
-    fn report(&mut self, now: Time, report: Report, out: &mut Vec<Out>) {
+    fn report(&mut self, now: Time, report: AutopilotReport, out: &mut Vec<Out>) {
         let was_silent = self.report.is_some() && !self.hearing.is_heard();
-        self.hearing = Hearing::Heard { at: now };
+        self.hearing = LinkHealth::Heard { at: now };
         self.report = Some(report);
         if self
             .steering
@@ -215,13 +217,13 @@ impl AutopilotLink {
     }
 
     /// Somebody else has taken over: what was wanted is not wanted any more, but for a disarming.
-    fn let_go(&mut self, mode: Mode, out: &mut Vec<Out>) {
+    fn let_go(&mut self, mode: FlightMode, out: &mut Vec<Out>) {
         self.drop_pending();
-        self.movement = Movement::Idle;
+        self.movement = DriveUnderWay::Idle;
         self.motors.let_go();
-        out.push(Out::Remark(match self.steering {
-            Steering::Own => Remark::ActsByItself(mode),
-            Steering::Ours(_) | Steering::Remote => Remark::TakenOver(mode),
+        out.push(Out::LinkEvent(match self.steering {
+            Steering::Own => LinkEvent::ActsByItself(mode),
+            Steering::Ours(_) | Steering::Remote => LinkEvent::TakenOver(mode),
         }));
     }
 
@@ -283,8 +285,8 @@ impl AutopilotLink {
     /// being taken over by somebody, which its next heartbeat will tell.
     fn stop_command(&self) -> Option<Command> {
         let stay = match self.settings.kind {
-            Kind::Rover => Mode::Hold,
-            Kind::Copter => Mode::Loiter,
+            VehicleKind::Rover => FlightMode::Hold,
+            VehicleKind::Copter => FlightMode::Loiter,
         };
         let mode = match self.steering {
             Steering::Ours(_) => self.steering.own_mode(),
@@ -292,9 +294,9 @@ impl AutopilotLink {
             Steering::Remote => return None,
         };
         match (mode, self.settings.kind) {
-            (Some(Mode::Land), _) => None,
-            (Some(Mode::Return), Kind::Copter) if !self.steering.is_ours() => None,
-            (Some(Mode::Guided) | None, _) => Some(Command::Stop),
+            (Some(FlightMode::Land), _) => None,
+            (Some(FlightMode::Return), VehicleKind::Copter) if !self.steering.is_ours() => None,
+            (Some(FlightMode::Guided) | None, _) => Some(Command::Stop),
             (Some(mode), _) => {
                 (mode != stay || self.shown_mode() != Some(stay)).then_some(Command::Mode(stay))
             }
@@ -316,10 +318,12 @@ impl AutopilotLink {
         match (is_landed, &self.steering) {
             (true, _) => Some(Command::Disarm { force: false }),
             (false, Steering::Remote) => None,
-            (false, Steering::Ours(_) | Steering::Own) if self.shown_mode() == Some(Mode::Land) => {
+            (false, Steering::Ours(_) | Steering::Own)
+                if self.shown_mode() == Some(FlightMode::Land) =>
+            {
                 None
             }
-            (false, Steering::Ours(_) | Steering::Own) => Some(Command::Mode(Mode::Land)),
+            (false, Steering::Ours(_) | Steering::Own) => Some(Command::Mode(FlightMode::Land)),
         }
     }
 
@@ -355,12 +359,12 @@ impl AutopilotLink {
             }
         }
         self.give_up_when_late(now, out);
-        let Movement::Waiting { fly, .. } = &self.movement else {
+        let DriveUnderWay::Waiting { fly, .. } = &self.movement else {
             return;
         };
         if !self.has_current() {
             self.give_up(now, Purpose::Move, Reason::NotArmed, out);
-        } else if self.steering.own_mode() != Some(Mode::Guided) {
+        } else if self.steering.own_mode() != Some(FlightMode::Guided) {
             self.change_mode(now, out);
         } else {
             let command = self.move_command(fly);
@@ -373,7 +377,7 @@ impl AutopilotLink {
         if let Some(reason) = self.motors.is_given_up(now) {
             let reason = reason.map_or(Reason::NotDone, Reason::WillNotArm);
             self.give_up(now, Purpose::Arm, reason, out);
-        } else if self.steering.own_mode() != Some(Mode::Guided) {
+        } else if self.steering.own_mode() != Some(FlightMode::Guided) {
             self.change_mode(now, out);
         } else {
             self.motors
@@ -401,26 +405,34 @@ impl AutopilotLink {
     }
 
     fn change_mode(&mut self, now: Time, out: &mut Vec<Out>) {
-        self.begin(now, Purpose::ChangeMode, Command::Mode(Mode::Guided), out);
+        self.begin(
+            now,
+            Purpose::ChangeMode,
+            Command::Mode(FlightMode::Guided),
+            out,
+        );
     }
 
-    fn move_command(&self, fly: &Fly) -> Command {
-        let is_copter = self.settings.kind == Kind::Copter;
+    fn move_command(&self, fly: &AutopilotCommand) -> Command {
+        let is_copter = self.settings.kind == VehicleKind::Copter;
         let altitude_m = self.settings.altitude_m;
         match fly {
-            Fly::Drive { .. }
+            AutopilotCommand::Drive { .. }
                 if is_copter && self.report.is_some_and(|report| report.is_landed) =>
             {
                 Command::Takeoff { altitude_m }
             }
             // One that is sent on while it climbs goes on to its altitude.
-            Fly::Drive { corners, speed_mps } => Command::Route {
+            AutopilotCommand::Drive { corners, speed_mps } => Command::Route {
                 corners: corners.clone(),
                 altitude_m: is_copter.then_some(altitude_m),
                 speed_mps: Some(*speed_mps),
             },
-            Fly::Turn(heading) => Command::Yaw(*heading),
-            Fly::Stop | Fly::Arm | Fly::TakeBack | Fly::Disarm => Command::Stop,
+            AutopilotCommand::Turn(heading) => Command::Yaw(*heading),
+            AutopilotCommand::Stop
+            | AutopilotCommand::Arm
+            | AutopilotCommand::TakeBack
+            | AutopilotCommand::Disarm => Command::Stop,
         }
     }
 
@@ -437,11 +449,11 @@ impl AutopilotLink {
             Purpose::Move => self.movement.give_up_waiting(),
         }
         // A vehicle that may not move tries again and again.
-        let remark = Remark::GivenUp(purpose, reason);
+        let remark = LinkEvent::GivenUp(purpose, reason);
         let was_said = |(at, said)| said == remark && now.since(at) < REMARK_AGAIN;
         if purpose != Purpose::Move || !self.remarked.is_some_and(was_said) {
             self.remarked = Some((now, remark));
-            out.push(Out::Remark(remark));
+            out.push(Out::LinkEvent(remark));
         }
     }
 
@@ -511,7 +523,7 @@ impl AutopilotLink {
             Steering::Remote => Control::Remote,
             Steering::Own => Control::Own,
         };
-        let status = Status {
+        let status = ControlStatus {
             control,
             is_landed: self.report.is_none_or(|report| report.is_landed),
         };
@@ -539,7 +551,7 @@ impl AutopilotLink {
         }
     }
 
-    fn shown_mode(&self) -> Option<Mode> {
+    fn shown_mode(&self) -> Option<FlightMode> {
         self.report.map(|report| report.mode)
     }
 
@@ -571,7 +583,7 @@ impl Actor for AutopilotLink {
 
     fn handle(&mut self, now: Time, input: In, out: &mut Vec<Out>) -> Result<(), Fault> {
         match input {
-            In::Fly(fly) => {
+            In::AutopilotCommand(fly) => {
                 self.want(now, fly);
                 self.say_status(out);
             }
@@ -623,10 +635,10 @@ pub enum Key {
 impl Input for In {
     type Key = Key;
 
-    fn class(&self) -> Class<Key> {
+    fn class(&self) -> InputClass<Key> {
         match self {
-            In::Report(_) => Class::Latest(Key::Report),
-            In::Fly(_) | In::Ack(_) => Class::Queue,
+            In::Report(_) => InputClass::Latest(Key::Report),
+            In::AutopilotCommand(_) | In::Ack(_) => InputClass::Queue,
         }
     }
 }

@@ -51,7 +51,7 @@ pub(super) enum Motors {
     /// It did not arm.
     GivenUp,
     /// They are to have no current.
-    Disarming(Disarming),
+    Disarming(DisarmTries),
 }
 
 /// An arming under way.
@@ -70,7 +70,7 @@ pub(super) struct Arming {
 
 /// A disarming under way.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
-pub(super) struct Disarming {
+pub(super) struct DisarmTries {
     /// When it was said last, and by which number.
     said: Option<(Time, u32)>,
     is_accepted: bool,
@@ -80,7 +80,7 @@ impl Motors {
     /// Takes a start: they are to get current.
     pub fn start(&mut self, now: Time) {
         let believed_from = match self {
-            Motors::Disarming(Disarming {
+            Motors::Disarming(DisarmTries {
                 said: Some((said, _)),
                 ..
             }) => *said + SHOWS_WITHIN,
@@ -90,7 +90,7 @@ impl Motors {
             | Motors::Accepted { .. }
             | Motors::Armed
             | Motors::GivenUp
-            | Motors::Disarming(Disarming { said: None, .. }) => now,
+            | Motors::Disarming(DisarmTries { said: None, .. }) => now,
         };
         *self = Motors::Arming(Arming {
             tries: 0,
@@ -110,7 +110,7 @@ impl Motors {
             | Motors::Postponed(_)
             | Motors::Accepted { .. }
             | Motors::Armed
-            | Motors::GivenUp => *self = Motors::Disarming(Disarming::default()),
+            | Motors::GivenUp => *self = Motors::Disarming(DisarmTries::default()),
         }
     }
 
@@ -192,7 +192,7 @@ impl Motors {
     /// Takes note that a disarming, or what leads to one, is said now, by this number.
     pub fn disarm_said(&mut self, now: Time, number: u32) {
         if let Motors::Disarming(disarming) = self {
-            *disarming = Disarming {
+            *disarming = DisarmTries {
                 said: Some((now, number)),
                 is_accepted: false,
             };
@@ -231,8 +231,8 @@ impl Motors {
     /// one that was not said yet.
     pub fn disarm_due(&self, is_armed: bool, again: Duration) -> Option<Time> {
         match self {
-            Motors::Disarming(Disarming { said: None, .. }) => Some(Time::ZERO),
-            Motors::Disarming(Disarming {
+            Motors::Disarming(DisarmTries { said: None, .. }) => Some(Time::ZERO),
+            Motors::Disarming(DisarmTries {
                 said: Some((said, _)),
                 is_accepted,
             }) => {

@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use super::fly::Fly;
+use super::autopilot_command::AutopilotCommand;
 use crate::time::Time;
 
 /// What could not be begun within this time is not begun any more: the vehicle decides anew.
@@ -19,43 +19,43 @@ pub(super) const BEGINS_WITHIN: Duration = Duration::from_secs(1);
 
 /// What the autopilot is to do about moving.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
-pub(super) enum Movement {
+pub(super) enum DriveUnderWay {
     /// Nothing more than what it was told.
     #[default]
     Idle,
     /// To set out.
     Waiting {
         /// A drive or a turn.
-        fly: Fly,
+        fly: AutopilotCommand,
         /// Since when the vehicle wants that.
         since: Time,
     },
     /// To stand.
-    Stopping(Stopping),
+    Stopping(StopUnderWay),
 }
 
 /// A stop under way.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
-pub(super) struct Stopping {
+pub(super) struct StopUnderWay {
     /// When it was said last.
     pub said: Option<Time>,
     /// Whether telemetry has shown rest since.
     pub is_shown: bool,
 }
 
-impl Movement {
+impl DriveUnderWay {
     /// Sets out.
-    pub fn wait(&mut self, now: Time, fly: Fly) {
-        *self = Movement::Waiting { fly, since: now };
+    pub fn wait(&mut self, now: Time, fly: AutopilotCommand) {
+        *self = DriveUnderWay::Waiting { fly, since: now };
     }
 
     /// Stops. Wanted again, it is said again unless that was just done.
     pub fn stop(&mut self, now: Time, again: Duration) {
         match self {
-            Movement::Stopping(stopping)
+            DriveUnderWay::Stopping(stopping)
                 if stopping.said.is_some_and(|said| now.since(said) < again) => {}
-            Movement::Idle | Movement::Waiting { .. } | Movement::Stopping(_) => {
-                *self = Movement::Stopping(Stopping::default());
+            DriveUnderWay::Idle | DriveUnderWay::Waiting { .. } | DriveUnderWay::Stopping(_) => {
+                *self = DriveUnderWay::Stopping(StopUnderWay::default());
             }
         }
     }
@@ -63,21 +63,21 @@ impl Movement {
     /// Ends a drive or a turn that waits; a stop goes on.
     pub fn give_up_waiting(&mut self) {
         match self {
-            Movement::Waiting { .. } => *self = Movement::Idle,
-            Movement::Idle | Movement::Stopping(_) => {}
+            DriveUnderWay::Waiting { .. } => *self = DriveUnderWay::Idle,
+            DriveUnderWay::Idle | DriveUnderWay::Stopping(_) => {}
         }
     }
 
     /// Takes whether telemetry shows rest.
     pub fn take(&mut self, rests: bool) {
-        if let Movement::Stopping(stopping) = self {
+        if let DriveUnderWay::Stopping(stopping) = self {
             stopping.is_shown = rests;
         }
     }
 
     /// Takes note that a stop is said now.
     pub fn stop_said(&mut self, now: Time) {
-        if let Movement::Stopping(stopping) = self {
+        if let DriveUnderWay::Stopping(stopping) = self {
             (stopping.said, stopping.is_shown) = (Some(now), false);
         }
     }
@@ -85,23 +85,25 @@ impl Movement {
     /// Returns when a stop is to be said: at once, or again as long as telemetry shows no rest.
     pub fn stop_due(&self, again: Duration) -> Option<Time> {
         match self {
-            Movement::Stopping(Stopping {
+            DriveUnderWay::Stopping(StopUnderWay {
                 said: None,
                 is_shown: false,
             }) => Some(Time::ZERO),
-            Movement::Stopping(Stopping {
+            DriveUnderWay::Stopping(StopUnderWay {
                 said: Some(said),
                 is_shown: false,
             }) => Some(*said + again),
-            Movement::Idle | Movement::Waiting { .. } | Movement::Stopping(_) => None,
+            DriveUnderWay::Idle | DriveUnderWay::Waiting { .. } | DriveUnderWay::Stopping(_) => {
+                None
+            }
         }
     }
 
     /// Returns when what waits is too old.
     pub fn waits_until(&self) -> Option<Time> {
         match self {
-            Movement::Waiting { since, .. } => Some(*since + BEGINS_WITHIN),
-            Movement::Idle | Movement::Stopping(_) => None,
+            DriveUnderWay::Waiting { since, .. } => Some(*since + BEGINS_WITHIN),
+            DriveUnderWay::Idle | DriveUnderWay::Stopping(_) => None,
         }
     }
 }

@@ -3,13 +3,13 @@
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::Control;
 
-use super::command::Mode;
+use super::command::FlightMode;
 use crate::geom::Pose;
 
 /// What an autopilot has said of itself by now, ten times a second. Its mode, whether it is armed, and how it is as a whole
 /// come with its heartbeat: they may be a second old.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
-pub struct Report {
+pub struct AutopilotReport {
     /// Where it believes to be, facing where, and how sure it is of that.
     pub pose: Pose,
     /// Altitude above home, metres.
@@ -23,7 +23,7 @@ pub struct Report {
     /// Whether it stands on the ground; always for what drives.
     pub is_landed: bool,
     /// What it does.
-    pub mode: Mode,
+    pub mode: FlightMode,
     /// Whether the motors have current.
     pub is_armed: bool,
     /// How it is, as a whole.
@@ -71,27 +71,27 @@ pub struct Telemetry {
 
 /// What the vehicle is told when it changes.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub struct Status {
+pub struct ControlStatus {
     /// Who steers.
     pub control: Control,
     /// Whether the vehicle stands on the ground; always for what drives.
     pub is_landed: bool,
 }
 
-impl Default for Status {
+impl Default for ControlStatus {
     /// On the ground, and nobody else steers, as far as is known before the autopilot was heard.
-    fn default() -> Status {
-        Status {
+    fn default() -> ControlStatus {
+        ControlStatus {
             control: Control::Ours,
             is_landed: true,
         }
     }
 }
 
-impl Report {
+impl AutopilotReport {
     /// Returns what of it the vehicle is told every time.
     pub fn telemetry(&self) -> Telemetry {
-        let Report {
+        let AutopilotReport {
             pose,
             speed_mps,
             battery,

@@ -17,7 +17,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use super::command::Mode;
+use super::command::FlightMode;
 use super::report::SystemStatus;
 use crate::time::{Deadline, Time};
 
@@ -28,7 +28,7 @@ pub(super) const OLD_MODE_SHOWS: Duration = Duration::from_secs(3);
 
 /// Whether the autopilot is heard.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
-pub(super) enum Hearing {
+pub(super) enum LinkHealth {
     /// It has not been heard yet.
     #[default]
     NeverHeard,
@@ -41,12 +41,12 @@ pub(super) enum Hearing {
     Silent,
 }
 
-impl Hearing {
+impl LinkHealth {
     /// Returns when it will be silent; `None` when it is, or was never heard.
     pub fn deadline(self) -> Option<Deadline> {
         match self {
-            Hearing::NeverHeard | Hearing::Silent => None,
-            Hearing::Heard { at } => Some(Deadline {
+            LinkHealth::NeverHeard | LinkHealth::Silent => None,
+            LinkHealth::Heard { at } => Some(Deadline {
                 at: at + SILENT_AFTER,
                 why: "autopilot silent",
             }),
@@ -56,15 +56,15 @@ impl Hearing {
     /// Takes note that it is silent, if it has become so by now.
     pub fn look(&mut self, now: Time) {
         if self.deadline().is_some_and(|due| due.at <= now) {
-            *self = Hearing::Silent;
+            *self = LinkHealth::Silent;
         }
     }
 
     /// Returns whether it is heard.
     pub fn is_heard(self) -> bool {
         match self {
-            Hearing::Heard { at: _ } => true,
-            Hearing::NeverHeard | Hearing::Silent => false,
+            LinkHealth::Heard { at: _ } => true,
+            LinkHealth::NeverHeard | LinkHealth::Silent => false,
         }
     }
 }
@@ -84,13 +84,13 @@ pub(super) enum Steering {
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub(super) struct OwnModes {
     /// The mode that it is in, or was told to take; `None` before it was heard.
-    expected: Option<Mode>,
+    expected: Option<FlightMode>,
     /// When it was told last to change its mode.
     changed: Option<Time>,
     /// What became of that.
     change: ChangeOfMode,
     /// The modes that it was in before, or told to take, since modes change.
-    before: Vec<Mode>,
+    before: Vec<FlightMode>,
 }
 
 /// What became of the last change of mode.
@@ -114,7 +114,13 @@ impl Default for Steering {
 impl Steering {
     /// Takes what a report tells; `was_silent` when there was none for a while before it. Returns whether somebody else has
     /// taken over just now.
-    pub fn take(&mut self, now: Time, mode: Mode, status: SystemStatus, was_silent: bool) -> bool {
+    pub fn take(
+        &mut self,
+        now: Time,
+        mode: FlightMode,
+        status: SystemStatus,
+        was_silent: bool,
+    ) -> bool {
         let Steering::Ours(modes) = self else {
             return false;
         };
@@ -130,7 +136,7 @@ impl Steering {
     }
 
     /// Gives it back to this software, from the mode that shows: an operator's start has named the take-over.
-    pub fn take_back(&mut self, shown: Option<Mode>) {
+    pub fn take_back(&mut self, shown: Option<FlightMode>) {
         match self {
             Steering::Ours(_) => {}
             Steering::Remote | Steering::Own => {
@@ -143,7 +149,7 @@ impl Steering {
     }
 
     /// Takes note that the autopilot is told now to change its mode.
-    pub fn change(&mut self, now: Time, to: Mode) {
+    pub fn change(&mut self, now: Time, to: FlightMode) {
         match self {
             Steering::Ours(modes) => modes.change(now, to),
             Steering::Remote | Steering::Own => {}
@@ -159,7 +165,7 @@ impl Steering {
     }
 
     /// Takes note that the change was given up: the mode is the one that shows.
-    pub fn change_given_up(&mut self, shown: Option<Mode>) {
+    pub fn change_given_up(&mut self, shown: Option<FlightMode>) {
         match self {
             Steering::Ours(modes) => {
                 modes.remember_expected();
@@ -171,7 +177,7 @@ impl Steering {
 
     /// Returns the mode that the autopilot is in, as far as this software is concerned: the one that it was told last, or
     /// the one that shows. `None` while somebody else steers, or before it was heard.
-    pub fn own_mode(&self) -> Option<Mode> {
+    pub fn own_mode(&self) -> Option<FlightMode> {
         match self {
             Steering::Ours(modes) => modes.expected,
             Steering::Remote | Steering::Own => None,
@@ -189,16 +195,16 @@ impl Steering {
 
 /// Returns whether a vehicle that is in this mode when it is heard first waits for its companion. In any other one
 /// somebody else has begun something.
-fn stands(mode: Mode) -> bool {
+fn stands(mode: FlightMode) -> bool {
     match mode {
-        Mode::Hold | Mode::Guided | Mode::Land => true,
-        Mode::Manual | Mode::Loiter | Mode::Auto | Mode::Return => false,
+        FlightMode::Hold | FlightMode::Guided | FlightMode::Land => true,
+        FlightMode::Manual | FlightMode::Loiter | FlightMode::Auto | FlightMode::Return => false,
     }
 }
 
 impl OwnModes {
     /// Returns whether a mode that shows is explained by what was said here.
-    fn explain(&mut self, now: Time, shown: Mode) -> bool {
+    fn explain(&mut self, now: Time, shown: FlightMode) -> bool {
         let Some(expected) = self.expected else {
             self.expected = Some(shown);
             return stands(shown);
@@ -233,7 +239,7 @@ impl OwnModes {
         }
     }
 
-    fn change(&mut self, now: Time, to: Mode) {
+    fn change(&mut self, now: Time, to: FlightMode) {
         let is_long_ago = self.changed.is_none_or(|at| now.since(at) > OLD_MODE_SHOWS);
         self.changed = Some(now);
         if self.expected == Some(to) {

@@ -6,15 +6,18 @@ mod stories;
 use std::collections::BTreeSet;
 
 use super::motors::Motors;
-use super::movement::Movement;
-use super::steering::{Hearing, Steering};
+use super::movement::DriveUnderWay;
+use super::steering::{LinkHealth, Steering};
 use crate::actor::tests_support::{drawn, variants};
 
 #[test]
 fn the_drawings_name_the_variants_and_no_others() {
     assert_eq!(drawn(include_str!("motors.rs")), variants::<Motors>());
-    assert_eq!(drawn(include_str!("movement.rs")), variants::<Movement>());
-    let both: BTreeSet<String> = variants::<Hearing>()
+    assert_eq!(
+        drawn(include_str!("movement.rs")),
+        variants::<DriveUnderWay>()
+    );
+    let both: BTreeSet<String> = variants::<LinkHealth>()
         .union(&variants::<Steering>())
         .cloned()
         .collect();

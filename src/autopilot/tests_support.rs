@@ -1,11 +1,11 @@
 //! What tests use that let an autopilot say something of itself.
 
-use super::{Mode, Motion, Report, SystemStatus};
+use super::{AutopilotReport, FlightMode, Motion, SystemStatus};
 use crate::geom::{Angle, Point, Pose};
 
 /// A report of an autopilot at the datum: at rest on the ground, armed, in GUIDED.
-pub(crate) fn resting_report() -> Report {
-    Report {
+pub(crate) fn resting_report() -> AutopilotReport {
+    AutopilotReport {
         pose: Pose {
             at: Point::default(),
             heading: Angle::default(),
@@ -16,7 +16,7 @@ pub(crate) fn resting_report() -> Report {
         battery: 1.0,
         motion: Motion::Resting,
         is_landed: true,
-        mode: Mode::Guided,
+        mode: FlightMode::Guided,
         is_armed: true,
         status: SystemStatus::Active,
     }

@@ -141,7 +141,11 @@ fn understand_config(path: &Path, text: &str) -> Result<String, CliError> {
         Config::Sim(sim) => {
             let shapes = load::shapes_of(&sim.scene, loader)?;
             shapes_said = shapes_lines(&shapes);
-            load::scenario(load::Loaded::new(*sim.clone(), shapes), Some(path), None)?;
+            load::scenario(
+                load::LoadedSimulation::new(*sim.clone(), shapes),
+                Some(path),
+                None,
+            )?;
         }
         Config::Scene(scene) => {
             let shapes = load::shapes_of(scene, loader)?;

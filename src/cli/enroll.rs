@@ -15,8 +15,8 @@ use super::read;
 use crate::config::{self, Config, Endpoint, Protocol, Topology, Venue};
 use crate::run::membership::OPERATOR;
 use crate::run::trust::{
-    Authority, Certificate, CommonName, Issued, Lock, NewFile, Roster, is_host, read_limited,
-    replace_file, write_new_folder,
+    Authority, Certificate, CommonName, IssuedCertificate, Lock, NewFile, Roster, is_host,
+    read_limited, replace_file, write_new_folder,
 };
 
 const CA: &str = "ca.pem";
@@ -41,7 +41,7 @@ pub struct EnrollArgs {
         required_unless_present = "revoke",
         conflicts_with = "revoke"
     )]
-    pub node: Option<Node>,
+    pub node: Option<EnrolledNode>,
     /// Number of the vehicle, 1 to 250
     #[arg(value_name = "N", value_parser = clap::value_parser!(u8).range(1..=250))]
     pub number: Option<u8>,
@@ -59,7 +59,7 @@ pub struct EnrollArgs {
     pub port: u16,
     /// How the swarm is joined; the same for all nodes
     #[arg(long, value_enum, default_value = "mesh")]
-    pub topology: Shape,
+    pub topology: EnrolledTopology,
     /// Folder on the node for what outlives it [default: /var/lib/tomoswarm/NODE]
     #[arg(long, value_name = "DIR")]
     pub state_dir: Option<String>,
@@ -84,7 +84,7 @@ Exit codes: 0 done; 2 bad usage or files, or the node is enrolled already.";
 
 /// Which node is enrolled.
 #[derive(clap::ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Node {
+pub enum EnrolledNode {
     /// The ground station.
     Ground,
     /// A vehicle; its number follows.
@@ -95,7 +95,7 @@ pub enum Node {
 
 /// How the swarm is joined.
 #[derive(clap::ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Shape {
+pub enum EnrolledTopology {
     /// Everyone with everyone.
     Mesh,
     /// Everyone with the ground station.
@@ -185,15 +185,15 @@ impl EnrollArgs {
 
     fn wanted(&self) -> Result<Sender, CliError> {
         match (self.node, self.number) {
-            (Some(Node::Ground), None) => Ok(Sender::Ground),
-            (Some(Node::Operator), None) => Ok(OPERATOR),
-            (Some(Node::Vehicle), Some(number)) => Ok(Sender::Vehicle(VehicleId(number))),
-            (Some(Node::Vehicle), None) => Err(CliError::Usage(
+            (Some(EnrolledNode::Ground), None) => Ok(Sender::Ground),
+            (Some(EnrolledNode::Operator), None) => Ok(OPERATOR),
+            (Some(EnrolledNode::Vehicle), Some(number)) => Ok(Sender::Vehicle(VehicleId(number))),
+            (Some(EnrolledNode::Vehicle), None) => Err(CliError::Usage(
                 "vehicle: its number is missing; vehicle N is expected, 1 to 250".to_owned(),
             )),
-            (Some(Node::Ground | Node::Operator), Some(number)) => Err(CliError::Usage(format!(
-                "{number}: only vehicles have numbers"
-            ))),
+            (Some(EnrolledNode::Ground | EnrolledNode::Operator), Some(number)) => Err(
+                CliError::Usage(format!("{number}: only vehicles have numbers")),
+            ),
             (None, _) => Err(CliError::Usage(
                 "ground, vehicle N or operator is expected".to_owned(),
             )),
@@ -226,7 +226,7 @@ impl EnrollArgs {
         &self,
         swarm: &Swarm,
         next: &Roster,
-        issued: &Issued,
+        issued: &IssuedCertificate,
         venue: &str,
     ) -> Result<Vec<NewFile>, CliError> {
         let node = issued.entry.name.node;
@@ -251,8 +251,8 @@ impl EnrollArgs {
         NodeConfig {
             node,
             topology: match self.topology {
-                Shape::Mesh => Topology::Mesh,
-                Shape::Star => Topology::Star,
+                EnrolledTopology::Mesh => Topology::Mesh,
+                EnrolledTopology::Star => Topology::Star,
             },
             ground_host: self.ground_host.clone(),
             port: self.port,

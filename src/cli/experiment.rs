@@ -17,14 +17,14 @@ use std::path::{Path, PathBuf};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use self::grid::Grid;
-use self::journal::{Header, Journal, Mode};
-use self::row::{End, Row, csv};
+use self::grid::ExperimentGrid;
+use self::journal::{Header, Journal, JournalMode};
+use self::row::{RowEnd, RunRow, csv};
 use super::error::CliError;
 use super::folder::OutputFolder;
 use super::report::FAMILY;
 use super::sim;
-use super::stop::Stop;
+use super::stop::StopFlag;
 use crate::config::{Axis, Experiment};
 
 /// Run a grid of simulations on all cores, and make a table of them.
@@ -100,7 +100,7 @@ impl ExperimentArgs {
     /// # Errors
     /// Bad files or cells, a folder that cannot be used, a fault, or a request to stop.
     pub fn run(&self, out: &mut dyn Write) -> Result<(), CliError> {
-        let grid = Grid::load(&self.config)?;
+        let grid = ExperimentGrid::load(&self.config)?;
         if let Some(run) = self.only {
             return self.run_only(&grid, run, out);
         }
@@ -112,7 +112,7 @@ impl ExperimentArgs {
             .unwrap_or_else(|| Path::new("out").join(experiment.name()));
         let header = Header::new(grid.hash(), experiment.runs());
         let (mut journal, mut rows) = Journal::open(&folder, &header, self.mode())?;
-        let stop = Stop::listen();
+        let stop = StopFlag::listen();
         let bar = progress_bar(experiment.runs(), rows.len());
         let threads = self.threads.map_or_else(cores, usize::from);
         work::run_rest(&grid, threads, &stop, &mut rows, &mut |row, rows| {
@@ -130,7 +130,12 @@ impl ExperimentArgs {
     }
 
     /// Simulates one run of the grid, with pictures and a log.
-    fn run_only(&self, grid: &Grid, run: usize, out: &mut dyn Write) -> Result<(), CliError> {
+    fn run_only(
+        &self,
+        grid: &ExperimentGrid,
+        run: usize,
+        out: &mut dyn Write,
+    ) -> Result<(), CliError> {
         let experiment = grid.experiment();
         if run >= experiment.runs() {
             let last = experiment.runs() - 1;
@@ -144,7 +149,7 @@ impl ExperimentArgs {
             .out
             .clone()
             .unwrap_or_else(|| Path::new("out").join(name));
-        let (stop, folder) = (Stop::listen(), OutputFolder::prepare(&target, FAMILY)?);
+        let (stop, folder) = (StopFlag::listen(), OutputFolder::prepare(&target, FAMILY)?);
         let started = sim::started();
         let outcome = sim::watched(&stop, started, None, |watch| scenario.run(watch))?;
         let said = writeln!(out, "run {run}: {}", experiment.key(run, true));
@@ -160,11 +165,11 @@ impl ExperimentArgs {
         )
     }
 
-    fn mode(&self) -> Mode {
+    fn mode(&self) -> JournalMode {
         match (self.fresh, self.resume) {
-            (true, _) => Mode::Fresh,
-            (false, true) => Mode::Resume,
-            (false, false) => Mode::Any,
+            (true, _) => JournalMode::Fresh,
+            (false, true) => JournalMode::Resume,
+            (false, false) => JournalMode::Any,
         }
     }
 }
@@ -174,17 +179,17 @@ impl ExperimentArgs {
 /// # Errors
 /// Everything that is wrong, and where.
 pub(super) fn check(config: &Path, text: &str) -> Result<(), CliError> {
-    Grid::read(config, text.to_owned())?.check()
+    ExperimentGrid::read(config, text.to_owned())?.check()
 }
 
 fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-fn message(rows: &[Row]) -> String {
-    let count = |is: fn(&Row) -> bool| rows.iter().filter(|row| is(row)).count();
+fn message(rows: &[RunRow]) -> String {
+    let count = |is: fn(&RunRow) -> bool| rows.iter().filter(|row| is(row)).count();
     let (failed, collided) = (
-        count(|row| row.end != End::Finished),
+        count(|row| row.end != RowEnd::Finished),
         count(|row| row.collisions > 0),
     );
     format!("{failed} did not finish, {collided} collided")
@@ -207,7 +212,7 @@ fn progress_bar(runs: usize, done: usize) -> ProgressBar {
 fn write_tables(
     folder: &Path,
     experiment: &Experiment,
-    rows: &[Row],
+    rows: &[RunRow],
     by: &[Axis],
 ) -> Result<String, CliError> {
     let text = table::text(experiment, rows, by);
@@ -226,14 +231,14 @@ fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
     })
 }
 
-fn judge(experiment: &Experiment, rows: &[Row]) -> Result<(), CliError> {
+fn judge(experiment: &Experiment, rows: &[RunRow]) -> Result<(), CliError> {
     let (done, runs) = (rows.len(), experiment.runs());
     if done < runs {
         return Err(CliError::Mission(format!(
             "it was asked to stop after {done} of {runs} runs; the same command goes on"
         )));
     }
-    match rows.iter().find(|row| row.end == End::Fault) {
+    match rows.iter().find(|row| row.end == RowEnd::Fault) {
         Some(row) => Err(CliError::Fault(format!(
             "{}: {}",
             experiment.key(row.run, true),

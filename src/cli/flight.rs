@@ -7,9 +7,9 @@ use std::time::Duration;
 use super::error::CliError;
 use crate::config::Sim;
 use crate::geom::Lattice;
-use crate::sim::Entry;
+use crate::sim::SampleFile;
 use crate::sim::bus::NodeId;
-use crate::store::recording::{About, Flight, Limits, WriteError};
+use crate::store::recording::{OpenRecording, RecordingLimits, RecordingSubject, WriteError};
 
 /// A new segment begins after this much virtual time.
 pub(super) const SEGMENT: Duration = Duration::from_secs(300);
@@ -21,7 +21,7 @@ pub(super) struct Flights {
     folder: PathBuf,
     settings: String,
     lattice: Lattice,
-    nodes: BTreeMap<String, (Flight, u64)>,
+    nodes: BTreeMap<String, (OpenRecording, u64)>,
     trouble: Option<WriteError>,
 }
 
@@ -39,7 +39,7 @@ impl Flights {
     }
 
     /// Takes what a run hands out; after the first trouble nothing more is written.
-    pub fn take(&mut self, entry: &Entry) {
+    pub fn take(&mut self, entry: &SampleFile) {
         if self.trouble.is_none() {
             self.trouble = self.write(entry).err();
         }
@@ -50,9 +50,9 @@ impl Flights {
         self.trouble.is_some()
     }
 
-    fn write(&mut self, entry: &Entry) -> Result<(), WriteError> {
+    fn write(&mut self, entry: &SampleFile) -> Result<(), WriteError> {
         match entry {
-            Entry::Segment {
+            SampleFile::Segment {
                 node,
                 now,
                 snapshots,
@@ -63,29 +63,29 @@ impl Flights {
                     .iter()
                     .try_for_each(|snapshot| flight.snapshot(*segment, *now, snapshot))
             }
-            Entry::Step(node, step) => {
+            SampleFile::Step(node, step) => {
                 let (flight, segment) = self.flight(&name(*node));
                 flight.step(*segment, step)
             }
         }
     }
 
-    fn flight(&mut self, node: &str) -> &mut (Flight, u64) {
+    fn flight(&mut self, node: &str) -> &mut (OpenRecording, u64) {
         self.nodes.entry(node.to_owned()).or_insert_with(|| {
             let (settings, lattice) = (self.settings.clone(), self.lattice);
-            let about = About {
+            let about = RecordingSubject {
                 node: node.to_owned(),
                 settings,
                 lattice,
                 utc_at_zero_ns: None,
             };
-            let limits = Limits {
+            let limits = RecordingLimits {
                 cap_bytes: CAP,
                 segment_bytes: CAP,
                 segment: SEGMENT,
             };
             (
-                Flight::new(&self.folder.join(folder_of(node)), about, limits),
+                OpenRecording::new(&self.folder.join(folder_of(node)), about, limits),
                 0,
             )
         })

@@ -78,7 +78,7 @@ pub(super) struct Drawn {
 
 /// A picture of one moment.
 #[derive(Clone, PartialEq, Debug)]
-pub(super) struct Frame {
+pub(super) struct RunFrame {
     /// Pixels in a row, and letters.
     columns: usize,
     /// Row-major from the top; two rows to a line of text.
@@ -138,7 +138,7 @@ impl Scale {
     }
 }
 
-impl Frame {
+impl RunFrame {
     /// Draws a moment; `None` when the terminal is too small for a picture.
     pub(super) fn new(
         venue: &Venue,
@@ -146,7 +146,7 @@ impl Frame {
         vehicles: &[Drawn],
         first_line: String,
         size: Size,
-    ) -> Option<Frame> {
+    ) -> Option<RunFrame> {
         if size.columns < LEAST.columns || size.rows < LEAST.rows {
             return None;
         }
@@ -160,7 +160,7 @@ impl Frame {
             .collect();
         let text =
             [first_line, doings(vehicles)].map(|line| line.chars().take(size.columns).collect());
-        let mut frame = Frame {
+        let mut frame = RunFrame {
             columns: scale.columns,
             pixels,
             letters: Vec::new(),

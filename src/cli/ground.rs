@@ -5,13 +5,13 @@ use std::path::PathBuf;
 
 use super::describe::describe;
 use super::error::CliError;
-use super::stop::Stop;
+use super::stop::StopFlag;
 use super::vehicle::{
     answer, bus_is_passing, folder_is_passing, kept_is_passing, trust_is_passing, unready,
 };
 use super::{logging, read};
 use crate::config::{self, Config, GroundFile};
-use crate::run::ground_process::{self, GroundError, Status};
+use crate::run::ground_process::{self, GroundError, GroundStatus};
 use crate::store::StoreError;
 
 /// Run the ground station: it gathers the data, plans the sweeps, and makes the images.
@@ -74,12 +74,12 @@ impl GroundArgs {
             return out.write_all(text.as_bytes()).map_err(CliError::stdout);
         }
         logging::begin(self.verbose);
-        let stop = Stop::listen();
+        let stop = StopFlag::listen();
         if self.tied {
             stop.end_with_input(|| {});
         }
         let is_terminal = std::io::stderr().is_terminal();
-        let mut status = |status: &Status| {
+        let mut status = |status: &GroundStatus| {
             if is_terminal {
                 line(status);
             }
@@ -113,7 +113,7 @@ fn is_passing(error: &GroundError) -> bool {
     }
 }
 
-fn line(status: &Status) {
+fn line(status: &GroundStatus) {
     let doing = status
         .report
         .as_ref()

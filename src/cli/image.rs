@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use crate::geom::{PixelGrid, Point, Rect};
 use crate::tomo::{
-    Link, LinkBins, MOST_PIXELS, Reconstruction, SPOT_M, Settings, TomoError, WeightModel,
+    ImagingSettings, Link, LinkBins, MOST_PIXELS, Reconstruction, SPOT_M, TomoError, WeightModel,
     reconstruct,
 };
 use clap::{Args, ValueEnum};
@@ -15,7 +15,7 @@ use super::error::CliError;
 use super::outputs::{Outputs, PendingFile, is_device};
 use super::read;
 use super::recording::{LengthUnit, Recording, RecordingError, read_recording};
-use super::stop::Stop;
+use super::stop::StopFlag;
 
 /// Reconstructs an image from recorded links.
 ///
@@ -175,7 +175,7 @@ impl ImageCommand {
                 problem,
             })?;
         // Until here Ctrl-C ends the program at once and leaves nothing; what is begun now is ended.
-        let _stop = Stop::listen();
+        let _stop = StopFlag::listen();
         Outputs::open(self)?.write(&result, &settings, unit)?;
         let written = out
             .write_all(summary(&result, unit).as_bytes())
@@ -215,13 +215,17 @@ impl ImageCommand {
     }
 
     /// The area is the one asked for, else the one that the recordings name, else what the ends of the links enclose.
-    fn settings<'a>(&self, links: impl Iterator<Item = &'a Link>, named: Option<Rect>) -> Settings {
+    fn settings<'a>(
+        &self,
+        links: impl Iterator<Item = &'a Link>,
+        named: Option<Rect>,
+    ) -> ImagingSettings {
         let ring = bounds(links);
         let area = self.area.or(named).unwrap_or(ring);
         let mut settings = if self.empty.is_empty() {
-            Settings::for_area(area)
+            ImagingSettings::for_area(area)
         } else {
-            Settings::for_change(area)
+            ImagingSettings::for_change(area)
         };
         settings.ring = ring;
         if let Some((columns, rows)) = self.pixels {
@@ -233,7 +237,7 @@ impl ImageCommand {
         }
         let (solver, usual) = match self.solver {
             SolverName::Map => (settings.solver, WeightsName::InverseArea),
-            SolverName::Tikhonov => (Settings::tikhonov_for(area), WeightsName::Line),
+            SolverName::Tikhonov => (ImagingSettings::tikhonov_for(area), WeightsName::Line),
         };
         settings.solver = solver;
         settings.weights = self

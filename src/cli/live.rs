@@ -11,22 +11,22 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 use tomoswarm_proto::{RunId, VehicleId};
 
-use super::answer::complain;
 use super::error::CliError;
 use super::folder::OutputFolder;
 use super::load;
 use super::operator::OperatorContext;
 use super::report::FAMILY;
 use super::sim::{SimArgs, default_folder, started};
-use super::stop::Stop;
+use super::standard_output::complain;
+use super::stop::StopFlag;
 use crate::config::{Expect, Topology};
 use crate::geom::Point;
 use crate::run::link::WorldControl;
-use crate::run::live::files::Places;
+use crate::run::live::files::LiveAddresses;
 use crate::run::live::gather;
-use crate::run::live::processes::{Dead, Ended, News, Processes, Rank, free_ports};
+use crate::run::live::processes::{Dead, Ended, ProcessEvent, Processes, Rank, free_ports};
 use crate::run::live::scenario_runner::{Going, RunLog, ScenarioRunner};
-use crate::sim::{EMPTY_RUN, Outcome, Scenario};
+use crate::sim::{EMPTY_RUN, RunOutcome, Scenario};
 use crate::time::Time;
 
 /// The state is shown this often.
@@ -40,7 +40,7 @@ const STORE: &str = "state/ground/ground.sqlite";
 
 /// How the processes are joined.
 #[derive(clap::ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Shape {
+pub enum LiveTopology {
     /// Everyone with everyone
     Mesh,
     /// Everyone with the ground station
@@ -64,7 +64,7 @@ pub fn run(args: &SimArgs, out: &mut dyn Write) -> Result<(), CliError> {
         .out
         .clone()
         .unwrap_or_else(|| default_folder(&scenario, seed));
-    let stop = Stop::listen();
+    let stop = StopFlag::listen();
     let folder = OutputFolder::prepare(&target, FAMILY)?;
     let started = started();
     let live = folder.live()?;
@@ -101,10 +101,10 @@ impl Swarm {
         world.args(["--seed", &seed.to_string()]);
         let (address, token) = processes.start_world(world).map_err(fault)?;
         let mut ports = free_ports(sim.vehicles.count + 1).map_err(fault)?;
-        let places = Places {
+        let places = LiveAddresses {
             topology: match args.topology {
-                Shape::Mesh => Topology::Mesh,
-                Shape::Star => Topology::Star,
+                LiveTopology::Mesh => Topology::Mesh,
+                LiveTopology::Star => Topology::Star,
             },
             venue: VENUE.to_owned(),
             world: address,
@@ -144,7 +144,7 @@ impl Swarm {
     }
 
     /// Plays the script to its end; returns why it failed, if it did.
-    fn play(&mut self, stop: &Stop, started: Instant) -> Option<String> {
+    fn play(&mut self, stop: &StopFlag, started: Instant) -> Option<String> {
         let bar = progress_bar();
         let mut shown = Duration::ZERO;
         let failure = loop {
@@ -179,20 +179,20 @@ impl Swarm {
     }
 
     /// Returns what has happened to a process; returns one without which the mission has failed.
-    fn told_of(&mut self, news: News, bar: &ProgressBar) -> Option<Dead> {
+    fn told_of(&mut self, news: ProcessEvent, bar: &ProgressBar) -> Option<Dead> {
         match news {
-            News::Died { dead, again_after } => {
+            ProcessEvent::Died { dead, again_after } => {
                 let again = format!("it is started again in {} s", again_after.as_secs());
                 let words = format!("has ended: {}; {again}", dead.how);
                 self.scenario_runner.note(&dead.name, &words);
                 bar.suspend(|| complain(&format_args!("warning: {} {words}", dead.name)));
                 None
             }
-            News::Started(name) => {
+            ProcessEvent::Started(name) => {
                 self.scenario_runner.note(&name, "is started again");
                 None
             }
-            News::Dead(dead) => {
+            ProcessEvent::Dead(dead) => {
                 self.scenario_runner
                     .note(&dead.name, &format!("has ended: {}", dead.how));
                 Some(dead)
@@ -201,7 +201,7 @@ impl Swarm {
     }
 
     /// Ends everybody in order, and gathers what is left.
-    fn end(self, scenario: &Scenario, failure: Option<String>) -> Result<Outcome, CliError> {
+    fn end(self, scenario: &Scenario, failure: Option<String>) -> Result<RunOutcome, CliError> {
         let Swarm {
             mut processes,
             mut scenario_runner,

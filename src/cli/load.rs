@@ -11,17 +11,17 @@ use crate::scene::{self, VrmlScene};
 use crate::sim::Scenario;
 
 /// A simulation as read, with what its scene file warned about.
-pub struct Loaded {
+pub struct LoadedSimulation {
     /// The simulation.
     pub sim: Sim,
     /// Its shapes.
     pub shapes: VrmlScene,
 }
 
-impl Loaded {
+impl LoadedSimulation {
     /// Puts together a simulation and its shapes that were read elsewhere.
-    pub fn new(sim: Sim, shapes: VrmlScene) -> Loaded {
-        Loaded { sim, shapes }
+    pub fn new(sim: Sim, shapes: VrmlScene) -> LoadedSimulation {
+        LoadedSimulation { sim, shapes }
     }
 }
 
@@ -55,7 +55,7 @@ pub fn text(file: Option<&Path>) -> Result<String, CliError> {
 ///
 /// # Errors
 /// Everything that is wrong with the files.
-pub fn load(file: Option<&Path>, vehicles: Option<usize>) -> Result<Loaded, CliError> {
+pub fn load(file: Option<&Path>, vehicles: Option<usize>) -> Result<LoadedSimulation, CliError> {
     load_as(config::read_sim, file, vehicles)
 }
 
@@ -64,7 +64,10 @@ pub fn load(file: Option<&Path>, vehicles: Option<usize>) -> Result<Loaded, CliE
 /// # Errors
 /// Everything that is wrong with the files.
 #[cfg(feature = "net")]
-pub fn load_world(file: Option<&Path>, vehicles: Option<usize>) -> Result<Loaded, CliError> {
+pub fn load_world(
+    file: Option<&Path>,
+    vehicles: Option<usize>,
+) -> Result<LoadedSimulation, CliError> {
     load_as(config::read_world, file, vehicles)
 }
 
@@ -72,7 +75,7 @@ fn load_as(
     read_sim: Read,
     file: Option<&Path>,
     vehicles: Option<usize>,
-) -> Result<Loaded, CliError> {
+) -> Result<LoadedSimulation, CliError> {
     if let Some(example) = bundled_one(file) {
         return load_with(read_sim, example, vehicles, &mut |name| bundled::load(name));
     }
@@ -99,7 +102,7 @@ fn load_with(
     name: &str,
     vehicles: Option<usize>,
     loader: &mut config::Loader<'_>,
-) -> Result<Loaded, CliError> {
+) -> Result<LoadedSimulation, CliError> {
     let unreadable = |reason| CliError::Input {
         path: name.into(),
         reason,
@@ -107,7 +110,7 @@ fn load_with(
     let text = loader(name).map_err(unreadable)?;
     let sim = read_sim(name, &text, vehicles, loader)?;
     let shapes = shapes_of(&sim.scene, loader)?;
-    Ok(Loaded { sim, shapes })
+    Ok(LoadedSimulation { sim, shapes })
 }
 
 /// Reads the shapes that a scene names; none when it names no file.
@@ -157,7 +160,7 @@ pub fn read_shapes(
 /// # Errors
 /// What the files alone could not tell, e.g. a vehicle that starts inside a wall, or a ring too small for the sweep.
 pub fn scenario(
-    loaded: Loaded,
+    loaded: LoadedSimulation,
     file: Option<&Path>,
     seed: Option<u64>,
 ) -> Result<Scenario, CliError> {
@@ -179,7 +182,11 @@ pub fn scenario(
 /// # Errors
 /// What the files alone could not tell, e.g. a vehicle that starts inside a wall.
 #[cfg(feature = "net")]
-pub fn world(loaded: Loaded, file: Option<&Path>, seed: Option<u64>) -> Result<Scenario, CliError> {
+pub fn world(
+    loaded: LoadedSimulation,
+    file: Option<&Path>,
+    seed: Option<u64>,
+) -> Result<Scenario, CliError> {
     let seed = seed.unwrap_or(loaded.sim.seed);
     let path = file.map_or_else(|| bundled::COURTYARD.into(), Path::to_owned);
     Scenario::new(loaded.sim, loaded.shapes.shapes, seed).map_err(|error| CliError::Input {

@@ -12,15 +12,15 @@ use tomoswarm_proto::{OrderKind, RunId, VehicleId};
 use super::error::CliError;
 use super::operator::{OperatorContext, fault, seconds};
 use super::read;
-use super::stop::Stop;
+use super::stop::StopFlag;
 use crate::config::{GivenMission, Venue};
 use crate::operator::fleet_view::Misfit;
 use crate::operator::given_tasks::task_kind;
 use crate::operator::names::{kind_name, ordered};
 use crate::operator::operator_actor::{In, Out};
-use crate::operator::outcome::{Outcome, VehicleOutcome};
-use crate::operator::want::{MissionWish, StopWish, Want};
-use crate::run::bus::Topology;
+use crate::operator::order_goal::{MissionWish, OrderGoal, StopWish};
+use crate::operator::outcome::{OrderOutcome, VehicleOutcome};
+use crate::run::bus::SessionTopology;
 use crate::run::live_operator::LiveOperator;
 use crate::time::Time;
 
@@ -178,8 +178,8 @@ impl OrderArgs {
         }
         let context = OperatorContext::read(&self.config)?;
         let mission = self.mission(&context.venue)?;
-        let stop = Stop::listen();
-        let is_star = context.settings.topology == Topology::Star;
+        let stop = StopFlag::listen();
+        let is_star = context.settings.topology == SessionTopology::Star;
         let mut operator = context.open()?;
         operator.tell(self.wish(mission));
         let outcome = until_over(&mut operator, &stop, is_star)?;
@@ -224,14 +224,14 @@ impl OrderArgs {
             None => In::Stop(ONE, StopWish { vehicles, within }),
             Some(kind) => In::Want(
                 ONE,
-                Want {
+                OrderGoal {
                     run: self.run.map(RunId),
                     begins: self.what == What::Start,
                     mission,
                     take_over: self.take_over,
                     although_unheard: ids(&self.although_unheard),
                     lifts_many: self.lift_all,
-                    ..Want::new(kind, vehicles, within)
+                    ..OrderGoal::new(kind, vehicles, within)
                 },
             ),
         }
@@ -241,9 +241,9 @@ impl OrderArgs {
 /// Waits until the want is over, or the command shall end. In a star without its ground station nobody is ever heard.
 fn until_over(
     operator: &mut LiveOperator,
-    stop: &Stop,
+    stop: &StopFlag,
     is_star: bool,
-) -> Result<Outcome, CliError> {
+) -> Result<OrderOutcome, CliError> {
     let mut was_linked = false;
     loop {
         was_linked |= operator.session().is_linked();
@@ -263,7 +263,7 @@ fn until_over(
             | Out::Give(_)
             | Out::StopsNote(_)
             | Out::InForce(..)
-            | Out::Cue(_)
+            | Out::Announce(_)
             | Out::ScriptEnded(_) => None,
         });
         if let Some(outcome) = over {
@@ -272,7 +272,7 @@ fn until_over(
     }
 }
 
-fn told(name: &str, venue_hash: u64, outcome: &Outcome) -> String {
+fn told(name: &str, venue_hash: u64, outcome: &OrderOutcome) -> String {
     let line = |(id, of): (&VehicleId, &VehicleOutcome)| match of {
         VehicleOutcome::Obeyed { after, by_ground } => {
             let by_ground = if *by_ground {
@@ -321,7 +321,7 @@ fn told(name: &str, venue_hash: u64, outcome: &Outcome) -> String {
     outcome.vehicles.iter().map(line).collect()
 }
 
-fn undone(name: &str, outcome: &Outcome, troubles: &[String]) -> CliError {
+fn undone(name: &str, outcome: &OrderOutcome, troubles: &[String]) -> CliError {
     let undone: BTreeSet<&VehicleId> = outcome
         .vehicles
         .iter()

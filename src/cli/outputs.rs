@@ -12,7 +12,7 @@ use super::error::CliError;
 use super::image::{ImageCommand, ImageError};
 use super::recording::LengthUnit;
 use crate::draw::{HeatMap, Overlay, Picture};
-use crate::tomo::{Image, Peak, Reconstruction, Settings, Solver, npy_bytes};
+use crate::tomo::{Image, ImagingSettings, Peak, Reconstruction, Solver, npy_bytes};
 
 /// The files to be written, open under temporary names.
 #[derive(Default)]
@@ -43,7 +43,7 @@ impl Outputs {
     pub(super) fn write(
         mut self,
         result: &Reconstruction,
-        settings: &Settings,
+        settings: &ImagingSettings,
         unit: LengthUnit,
     ) -> Result<(), CliError> {
         let fill = |file: &mut Option<PendingFile>, bytes: &dyn Fn() -> Vec<u8>| match file {
@@ -156,7 +156,7 @@ fn picture(result: &Reconstruction, unit: LengthUnit) -> Result<Vec<u8>, CliErro
 }
 
 /// Returns the content of the JSON output.
-fn report(result: &Reconstruction, settings: &Settings, unit: LengthUnit) -> Value {
+fn report(result: &Reconstruction, settings: &ImagingSettings, unit: LengthUnit) -> Value {
     let peak = |peak: &Peak| {
         let significance = peak.significance.min(1e9);
         json!({"x": peak.at.x_m, "y": peak.at.y_m, "strength": peak.strength, "significance": significance})
@@ -179,7 +179,7 @@ fn report(result: &Reconstruction, settings: &Settings, unit: LengthUnit) -> Val
 }
 
 /// Returns the settings as the JSON output shows them.
-fn settings_json(settings: &Settings, unit: LengthUnit, by_empty_sweep: bool) -> Value {
+fn settings_json(settings: &ImagingSettings, unit: LengthUnit, by_empty_sweep: bool) -> Value {
     let area = settings.grid.area;
     let solver = match settings.solver {
         Solver::Map(prior, _) => {

@@ -6,7 +6,7 @@ use crate::config::Venue;
 use crate::draw::{CellState, HeatMap, OccupancyMap, Overlay, Picture};
 use crate::geom::{Cell, Point};
 use crate::map::{CellRect, Merged, Occupancy};
-use crate::sim::{Outcome, Scenario};
+use crate::sim::{RunOutcome, Scenario};
 use crate::tomo::{Image, Reconstruction};
 
 /// Draws a run: what changed, what stands there, and the map.
@@ -16,7 +16,7 @@ use crate::tomo::{Image, Reconstruction};
 pub fn write_pictures(
     folder: &mut OutputFolder,
     scenario: &Scenario,
-    outcome: &Outcome,
+    outcome: &RunOutcome,
 ) -> Result<(), CliError> {
     if let Some(change) = &outcome.change {
         let title = "What changed since the empty sweep";
@@ -52,7 +52,7 @@ fn heat(title: &str, made: &Reconstruction, overlays: Vec<Overlay>) -> Result<Ve
 }
 
 /// The truth and what was found, to be drawn over an image.
-fn truth(outcome: &Outcome, with_finds: bool) -> Vec<Overlay> {
+fn truth(outcome: &RunOutcome, with_finds: bool) -> Vec<Overlay> {
     let mut overlays = tracks(outcome);
     overlays.extend(outcome.outlines.iter().map(|outline| Overlay::Outline {
         polygon: outline.polygon.clone(),
@@ -72,7 +72,7 @@ fn truth(outcome: &Outcome, with_finds: bool) -> Vec<Overlay> {
     overlays
 }
 
-fn tracks(outcome: &Outcome) -> Vec<Overlay> {
+fn tracks(outcome: &RunOutcome) -> Vec<Overlay> {
     let tracks = outcome.tracks.iter().enumerate();
     tracks
         .map(|(colour, (vehicle, points))| Overlay::Track {
@@ -130,7 +130,7 @@ pub(super) fn shown_cells(map: &Merged, venue: &Venue) -> ShownCells {
     }
 }
 
-fn map(scenario: &Scenario, outcome: &Outcome) -> Result<Vec<u8>, CliError> {
+fn map(scenario: &Scenario, outcome: &RunOutcome) -> Result<Vec<u8>, CliError> {
     let venue = &scenario.sim().venue;
     let cell_m = outcome.map.lattice().cell_m();
     let ShownCells {

@@ -12,7 +12,7 @@ use super::operator::{OperatorContext, seconds};
 use super::preflight_text::{json, text};
 use super::screen;
 use super::status::listen;
-use super::stop::Stop;
+use super::stop::StopFlag;
 use crate::operator::fleet_view::FleetView;
 use crate::operator::preflight::{Needs, inspect, is_go};
 use crate::operator::status::Expected;
@@ -73,7 +73,7 @@ impl PreflightArgs {
         } else {
             asked
         };
-        let stop = Stop::listen();
+        let stop = StopFlag::listen();
         let mut operator = context.open()?;
         let is_enough = |view: &FleetView, now: Time| {
             !named.is_empty()

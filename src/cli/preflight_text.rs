@@ -3,10 +3,10 @@
 use serde_json::{Value, json};
 
 use super::table::table;
-use crate::operator::preflight::{Light, Node, is_go};
+use crate::operator::preflight::{Light, NodeChecks, is_go};
 
 /// Returns the checks as a table, what refuses in capitals; `columns` is how wide the terminal is, if there is one.
-pub fn text(nodes: &[Node], columns: Option<usize>) -> String {
+pub fn text(nodes: &[NodeChecks], columns: Option<usize>) -> String {
     let rows: Vec<Vec<String>> = nodes
         .iter()
         .flat_map(|node| node.checks.iter().map(|check| (&node.node, check)))
@@ -37,7 +37,7 @@ pub fn text(nodes: &[Node], columns: Option<usize>) -> String {
 }
 
 /// Returns the checks as one object.
-pub fn json(nodes: &[Node]) -> Value {
+pub fn json(nodes: &[NodeChecks]) -> Value {
     json!({"go": is_go(nodes), "nodes": nodes})
 }
 
@@ -46,8 +46,8 @@ mod tests {
     use super::*;
     use crate::operator::preflight::Check;
 
-    fn node(node: &str, light: Light) -> Node {
-        Node {
+    fn node(node: &str, light: Light) -> NodeChecks {
+        NodeChecks {
             node: node.to_owned(),
             checks: vec![Check {
                 what: "bus",

@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use super::answer::complain;
 use super::error::CliError;
-use crate::store::recording::{Difference, Replayed, Verdict, replay};
+use super::standard_output::complain;
+use crate::store::recording::{Difference, ReplayVerdict, Replayed, replay};
 
 /// Folders in folders are looked through so deep.
 const DEPTH: usize = 4;
@@ -134,7 +134,7 @@ fn collect(path: &Path, depth: usize, files: &mut Vec<PathBuf>) -> Result<(), Cl
 fn in_words(replayed: &Replayed) -> String {
     let width = replayed.actors.keys().map(String::len).max().unwrap_or(0);
     let mut text = String::new();
-    for (actor, Verdict { steps, difference }) in &replayed.actors {
+    for (actor, ReplayVerdict { steps, difference }) in &replayed.actors {
         let verdict = if difference.is_some() {
             "differs"
         } else {
@@ -185,7 +185,7 @@ fn in_json(replayed: &Replayed) -> Value {
             "says_now": difference.now,
         })
     };
-    let actor = |(name, verdict): (&String, &Verdict)| {
+    let actor = |(name, verdict): (&String, &ReplayVerdict)| {
         let first = verdict.difference.as_ref().map(difference);
         json!({"actor": name, "steps": verdict.steps, "identical": first.is_none(), "first_difference": first})
     };

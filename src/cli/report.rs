@@ -10,9 +10,9 @@ use super::recording::links_csv;
 use super::tracks::write_tracks;
 use crate::geom::Point;
 use crate::ground::imager::Subject;
-use crate::node::mission::End;
+use crate::node::mission::EndReason;
 use crate::sim::bus::BytesByKind;
-use crate::sim::{Found, Mission, Outcome, Scenario, ScenarioError, Seen};
+use crate::sim::{EndedMission, FoundObject, RunOutcome, Scenario, ScenarioError, VisibleScene};
 use crate::time::Time;
 use crate::tomo::{Link, WeightRows, npy_bytes, runs_along_a_side};
 
@@ -46,7 +46,7 @@ struct SeenCells {
 
 /// The figures of a run.
 #[derive(Debug)]
-pub struct Report {
+pub struct RunFigures {
     seed: u64,
     scene: String,
     vehicles: usize,
@@ -66,28 +66,28 @@ pub struct Report {
     messages: u64,
     bus_bytes_by_kind: BytesByKind,
     bus_bytes_per_vehicle_s: f64,
-    found: Vec<Found>,
+    found: Vec<FoundObject>,
     persons: Vec<(String, Point)>,
     /// How the mission of each vehicle ended; empty for a sweep.
-    missions: Vec<Mission>,
+    missions: Vec<EndedMission>,
     /// Of the cells of surfaces that can be seen, how many the map has found; `None` for a sweep.
     seen: Option<SeenCells>,
     /// Images that could not be made, with the reason.
     not_made: Vec<String>,
 }
 
-impl Report {
+impl RunFigures {
     /// Gathers the figures of an outcome.
     ///
     /// # Errors
     /// The scene cannot be built.
     pub fn new(
         scenario: &Scenario,
-        outcome: &Outcome,
+        outcome: &RunOutcome,
         seed: u64,
         wall: Duration,
-    ) -> Result<Report, ScenarioError> {
-        Ok(Report {
+    ) -> Result<RunFigures, ScenarioError> {
+        Ok(RunFigures {
             seed,
             scene: scenario.sim().scene.name.clone(),
             vehicles: scenario.sim().vehicles.count,
@@ -169,7 +169,7 @@ impl Report {
                 100.0 * self.coverage
             );
         }
-        let line = |(vehicle, end): &Mission| {
+        let line = |(vehicle, end): &EndedMission| {
             format!(
                 "mission           vehicle {vehicle} {}\n",
                 ended(end.as_ref())
@@ -226,10 +226,10 @@ impl Report {
 
     /// Returns the figures for a program.
     pub fn json(&self) -> Value {
-        let found = |find: &Found| json!({ "x_m": find.at.x_m, "y_m": find.at.y_m, "strength": find.strength, "error_m": find.error_m });
+        let found = |find: &FoundObject| json!({ "x_m": find.at.x_m, "y_m": find.at.y_m, "strength": find.strength, "error_m": find.error_m });
         let person =
             |(name, at): &(String, Point)| json!({ "name": name, "x_m": at.x_m, "y_m": at.y_m });
-        let mission = |(vehicle, end): &Mission| {
+        let mission = |(vehicle, end): &EndedMission| {
             let at_s = end.as_ref().map(|(at, _)| at.as_secs_f64());
             json!({ "vehicle": vehicle.0, "ended_s": at_s, "how": ended(end.as_ref()) })
         };
@@ -266,11 +266,11 @@ impl Report {
 }
 
 /// Returns how much of what can be seen vehicles have found that are not out for a sweep.
-fn seen(scenario: &Scenario, outcome: &Outcome) -> Result<Option<SeenCells>, ScenarioError> {
+fn seen(scenario: &Scenario, outcome: &RunOutcome) -> Result<Option<SeenCells>, ScenarioError> {
     if scenario.sim().is_planned_by_ground() {
         return Ok(None);
     }
-    let seen = Seen::find(scenario)?;
+    let seen = VisibleScene::find(scenario)?;
     Ok(Some(SeenCells {
         found: seen.detected(outcome),
         of: seen.visible.cells.len(),
@@ -278,7 +278,7 @@ fn seen(scenario: &Scenario, outcome: &Outcome) -> Result<Option<SeenCells>, Sce
 }
 
 /// Returns which images there are none of, and why.
-fn not_made(scenario: &Scenario, outcome: &Outcome) -> Vec<String> {
+fn not_made(scenario: &Scenario, outcome: &RunOutcome) -> Vec<String> {
     let mut list = Vec::new();
     if !scenario.sim().is_planned_by_ground() {
         return list;
@@ -316,7 +316,7 @@ fn coverage(scenario: &Scenario, links: &[Link]) -> f64 {
 pub fn write_data(
     folder: &mut OutputFolder,
     scenario: &Scenario,
-    outcome: &Outcome,
+    outcome: &RunOutcome,
 ) -> Result<(), CliError> {
     folder.write("links.csv", links_csv(&outcome.links).as_bytes())?;
     if scenario.sim().empty_sweep {
@@ -337,7 +337,7 @@ pub fn write_data(
 }
 
 /// Returns how the missions ended, where vehicles have their own.
-fn missions(scenario: &Scenario, outcome: &Outcome) -> Vec<Mission> {
+fn missions(scenario: &Scenario, outcome: &RunOutcome) -> Vec<EndedMission> {
     if scenario.sim().is_planned_by_ground() {
         Vec::new()
     } else {
@@ -346,21 +346,21 @@ fn missions(scenario: &Scenario, outcome: &Outcome) -> Vec<Mission> {
 }
 
 /// Returns how a mission ended.
-fn ended(end: Option<&(Time, End)>) -> String {
+fn ended(end: Option<&(Time, EndReason)>) -> String {
     let Some((at, end)) = end else {
         return "did not end".to_owned();
     };
     let how = match end {
-        End::Done => "did everything".to_owned(),
-        End::Stopped(at) => format!(
+        EndReason::Done => "did everything".to_owned(),
+        EndReason::Stopped(at) => format!(
             "stopped in front of something at {:.1}, {:.1} m",
             at.x_m, at.y_m
         ),
-        End::NoWay(places) => format!("found that no way leads to {places} of its places"),
-        End::GaveUp(places) => format!("gave up {places} of its places"),
-        End::NoRoom => "gave up (its peers never made room)".to_owned(),
-        End::TooLarge => "gave up (its ground is too large to be searched)".to_owned(),
-        End::Refused(why) => format!("was refused: {why}"),
+        EndReason::NoWay(places) => format!("found that no way leads to {places} of its places"),
+        EndReason::GaveUp(places) => format!("gave up {places} of its places"),
+        EndReason::NoRoom => "gave up (its peers never made room)".to_owned(),
+        EndReason::TooLarge => "gave up (its ground is too large to be searched)".to_owned(),
+        EndReason::Refused(why) => format!("was refused: {why}"),
     };
     format!("{how} after {:.1} min", at.as_secs_f64() / 60.0)
 }
@@ -371,17 +371,17 @@ mod tests {
 
     #[test]
     fn a_mission_without_places_does_not_give_up_some_of_them() {
-        let said = |end: End| ended(Some(&(Time::from_secs_f64(90.0), end)));
+        let said = |end: EndReason| ended(Some(&(Time::from_secs_f64(90.0), end)));
         assert_eq!(
-            said(End::NoRoom),
+            said(EndReason::NoRoom),
             "gave up (its peers never made room) after 1.5 min"
         );
         assert_eq!(
-            said(End::TooLarge),
+            said(EndReason::TooLarge),
             "gave up (its ground is too large to be searched) after 1.5 min"
         );
         assert_eq!(
-            said(End::GaveUp(2)),
+            said(EndReason::GaveUp(2)),
             "gave up 2 of its places after 1.5 min"
         );
     }

@@ -4,13 +4,13 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use super::answer::complain;
 use super::error::CliError;
 use super::folder::OutputFolder;
 use super::load;
 use super::read;
-use super::scene_pictures::{Look, draw_plan, draw_view};
+use super::scene_pictures::{SceneView, draw_plan, draw_view};
 use super::scene_text::describe;
+use super::standard_output::complain;
 use crate::config::{self, Config, SceneFile, Sim};
 use crate::geom::Angle;
 use crate::scene::{Person, Scene, Viewpoint, VrmlScene};
@@ -121,9 +121,9 @@ impl SceneArgs {
             .map_err(CliError::stdout)
     }
 
-    fn look(&self, depicted: &Depicted) -> Look {
+    fn look(&self, depicted: &Depicted) -> SceneView {
         let sensor_m = depicted.sim.as_ref().map(|sim| sim.range.height_m);
-        Look {
+        SceneView {
             pose: self.pose,
             size_px: self.size,
             field_rad: self.field.to_radians(),

@@ -7,7 +7,7 @@ use super::pictures::drawn;
 use super::scene::Depicted;
 use crate::draw::{COLOURS, FloorPlan, FloorShape, Overlay, Picture};
 use crate::geom::{Angle, Point, Rect};
-use crate::scene::{Camera, Scene, Seen, Viewpoint};
+use crate::scene::{Camera, RayHit, Scene, Viewpoint};
 
 /// Heights above the plan's at which it is looked for what hangs or rises there.
 const CUTS_ABOVE: usize = 12;
@@ -26,7 +26,7 @@ const LINE_M: f64 = 0.015;
 const LINES_TO_M: f64 = 40.0;
 
 /// How a scene is looked at.
-pub(super) struct Look {
+pub(super) struct SceneView {
     /// The pose asked for; `None`: one from which everything is seen.
     pub(super) pose: Option<Viewpoint>,
     /// Width and height of the view.
@@ -37,7 +37,7 @@ pub(super) struct Look {
     pub(super) height_m: f64,
 }
 
-impl Look {
+impl SceneView {
     /// Returns where the view is from: the pose asked for, or one above the south-west that shows everything.
     pub(super) fn viewpoint(&self, depicted: &Depicted) -> Viewpoint {
         if let Some(pose) = self.pose {
@@ -141,7 +141,7 @@ fn around(corners: &[Point]) -> Rect {
 ///
 /// # Errors
 /// The picture cannot be made.
-pub(super) fn draw_plan(depicted: &Depicted, look: &Look) -> Result<Vec<u8>, CliError> {
+pub(super) fn draw_plan(depicted: &Depicted, look: &SceneView) -> Result<Vec<u8>, CliError> {
     let kinds = Kinds::new(depicted);
     let top_m = depicted.scene.extent().map_or(0.0, |(_, high)| high[2]);
     let step_m = (top_m - look.height_m) / (CUTS_ABOVE as f64 + 0.5);
@@ -182,7 +182,7 @@ pub(super) fn draw_plan(depicted: &Depicted, look: &Look) -> Result<Vec<u8>, Cli
     drawn(Picture::floor(&plan))
 }
 
-fn overlays(depicted: &Depicted, look: &Look) -> Vec<Overlay> {
+fn overlays(depicted: &Depicted, look: &SceneView) -> Vec<Overlay> {
     let mut overlays = Vec::new();
     if let Some(sim) = &depicted.sim {
         overlays.push(Overlay::Fence {
@@ -216,7 +216,7 @@ fn overlays(depicted: &Depicted, look: &Look) -> Vec<Overlay> {
 ///
 /// # Errors
 /// The picture cannot be made.
-pub(super) fn draw_view(depicted: &Depicted, look: &Look) -> Result<Vec<u8>, CliError> {
+pub(super) fn draw_view(depicted: &Depicted, look: &SceneView) -> Result<Vec<u8>, CliError> {
     let (columns, rows) = look.size_px;
     let camera = Camera::new(&look.viewpoint(depicted), columns, rows, look.field_rad);
     let kinds = Kinds::new(depicted);
@@ -273,9 +273,9 @@ impl Eye<'_> {
 
     fn colour(&self, direction: [f64; 3]) -> [f64; 3] {
         match self.scene.seen(self.camera.from(), direction) {
-            Seen::Sky { rise } => mix(HORIZON, ZENITH, rise.clamp(0.0, 1.0).sqrt()),
-            Seen::Ground { at, light } => self.hazy(GROUND, at, light * self.lines(at)),
-            Seen::Surface {
+            RayHit::Sky { rise } => mix(HORIZON, ZENITH, rise.clamp(0.0, 1.0).sqrt()),
+            RayHit::Ground { at, light } => self.hazy(GROUND, at, light * self.lines(at)),
+            RayHit::Surface {
                 object,
                 at,
                 is_level,

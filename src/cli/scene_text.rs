@@ -1,7 +1,7 @@
 //! What `tomoswarm scene` says of a scene, in a few lines for a person.
 
 use super::scene::Depicted;
-use super::scene_pictures::Look;
+use super::scene_pictures::SceneView;
 use crate::config::Material;
 use crate::config::Up;
 use crate::geom::Point;
@@ -13,7 +13,7 @@ const NAMES_SHOWN: usize = 12;
 const LINES_SHOWN: usize = 50;
 
 /// Describes a scene; begins with its name and ends in a line break.
-pub(super) fn describe(depicted: &Depicted, look: &Look) -> String {
+pub(super) fn describe(depicted: &Depicted, look: &SceneView) -> String {
     let mut lines = vec![
         shapes_line(depicted),
         bodies_line(depicted),

@@ -8,18 +8,18 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::answer::complain;
 use super::error::CliError;
 #[cfg(feature = "net")]
 use super::flight::{Flights, SEGMENT};
 use super::folder::OutputFolder;
-use super::load::{self, Loaded};
+use super::load::{self, LoadedSimulation};
 use super::pictures::write_pictures;
-use super::report::{FAMILY, Report, write_data};
-use super::stop::Stop;
+use super::report::{FAMILY, RunFigures, write_data};
+use super::standard_output::complain;
+use super::stop::StopFlag;
 use super::trials;
 use super::watch::{self, Watching};
-use crate::sim::{Outcome, RunError, Scenario, Shown, Status};
+use crate::sim::{RunError, RunOutcome, RunProgress, RunView, Scenario};
 
 /// Simulate a swarm: rovers sweep an area, and the image of what stands in it is drawn.
 ///
@@ -67,7 +67,7 @@ pub struct SimArgs {
         default_value = "mesh",
         requires = "live"
     )]
-    pub topology: super::live::Shape,
+    pub topology: super::live::LiveTopology,
     /// Draw the map and the vehicles in the terminal while the simulation runs
     #[arg(long, conflicts_with = "trials")]
     pub watch: bool,
@@ -140,7 +140,7 @@ impl SimArgs {
     /// Bad files, a folder that cannot be written, a mission that failed.
     pub fn run(&self, out: &mut (dyn Write + Send)) -> Result<(), CliError> {
         if let Some(count) = self.trials {
-            return trials::run(self, count, &Stop::listen(), out);
+            return trials::run(self, count, &StopFlag::listen(), out);
         }
         #[cfg(feature = "net")]
         if self.live {
@@ -158,7 +158,7 @@ impl SimArgs {
             .out
             .clone()
             .unwrap_or_else(|| default_folder(&scenario, seed));
-        let stop = Stop::listen();
+        let stop = StopFlag::listen();
         let folder = OutputFolder::prepare(&target, FAMILY)?;
         let started = started();
         let outcome = self.outcome(&scenario, &folder, &stop, started)?;
@@ -173,7 +173,7 @@ impl SimArgs {
         &self,
         folder: OutputFolder,
         scenario: &Scenario,
-        outcome: &Outcome,
+        outcome: &RunOutcome,
         took: (u64, Duration),
         out: &mut dyn Write,
     ) -> Result<(), CliError> {
@@ -185,9 +185,9 @@ impl SimArgs {
         &self,
         scenario: &Scenario,
         _folder: &OutputFolder,
-        stop: &Stop,
+        stop: &StopFlag,
         started: Instant,
-    ) -> Result<Outcome, CliError> {
+    ) -> Result<RunOutcome, CliError> {
         watched(stop, started, self.watching(scenario), |watch| {
             scenario.run(watch)
         })
@@ -199,9 +199,9 @@ impl SimArgs {
         &self,
         scenario: &Scenario,
         folder: &OutputFolder,
-        stop: &Stop,
+        stop: &StopFlag,
         started: Instant,
-    ) -> Result<Outcome, CliError> {
+    ) -> Result<RunOutcome, CliError> {
         if !self.record {
             return watched(stop, started, self.watching(scenario), |watch| {
                 scenario.run(watch)
@@ -210,7 +210,7 @@ impl SimArgs {
         let settings = load::text(self.config.as_deref())?;
         let flights = RefCell::new(Flights::new(folder.recordings()?, settings, scenario.sim()));
         let outcome = watched(stop, started, self.watching(scenario), |watch| {
-            let mut watch = |shown: &Shown<'_>| watch(shown) && !flights.borrow().is_in_trouble();
+            let mut watch = |shown: &RunView<'_>| watch(shown) && !flights.borrow().is_in_trouble();
             scenario.run_recorded(&mut watch, SEGMENT, &mut |entry| {
                 flights.borrow_mut().take(&entry)
             })
@@ -237,8 +237,8 @@ impl SimArgs {
     ///
     /// # Errors
     /// Everything that is wrong with them.
-    pub(super) fn loaded(&self) -> Result<Loaded, CliError> {
-        let mut loaded: Loaded = load::load(self.config.as_deref(), self.vehicles)?;
+    pub(super) fn loaded(&self) -> Result<LoadedSimulation, CliError> {
+        let mut loaded: LoadedSimulation = load::load(self.config.as_deref(), self.vehicles)?;
         for warning in &loaded.shapes.warnings {
             complain(&format_args!("warning: {warning}"));
         }
@@ -256,7 +256,7 @@ impl SimArgs {
 pub(super) fn publish(
     mut folder: OutputFolder,
     scenario: &Scenario,
-    outcome: &Outcome,
+    outcome: &RunOutcome,
     with_pictures: bool,
     (seed, wall): (u64, Duration),
     out: &mut dyn Write,
@@ -265,7 +265,7 @@ pub(super) fn publish(
     if with_pictures {
         write_pictures(&mut folder, scenario, outcome)?;
     }
-    let report = Report::new(scenario, outcome, seed, wall)
+    let report = RunFigures::new(scenario, outcome, seed, wall)
         .map_err(|error| CliError::Fault(error.to_string()))?;
     report.write(&mut folder)?;
     let target = folder.publish()?;
@@ -320,18 +320,18 @@ pub(super) fn started() -> Instant {
 /// # Errors
 /// The scenario is impossible, or the program is at fault.
 pub(super) fn watched(
-    stop: &Stop,
+    stop: &StopFlag,
     started: Instant,
     mut watching: Option<Watching<'_>>,
-    run: impl FnOnce(&mut dyn FnMut(&Shown<'_>) -> bool) -> Result<Outcome, RunError>,
-) -> Result<Outcome, CliError> {
+    run: impl FnOnce(&mut dyn FnMut(&RunView<'_>) -> bool) -> Result<RunOutcome, RunError>,
+) -> Result<RunOutcome, CliError> {
     let bar = if watching.is_some() {
         ProgressBar::hidden()
     } else {
         progress_bar()
     };
     let mut is_stopped = false;
-    let mut watch = |shown: &Shown<'_>| {
+    let mut watch = |shown: &RunView<'_>| {
         let status = &shown.status;
         match &mut watching {
             Some(watching) => watching.show(shown, stop),
@@ -368,7 +368,7 @@ fn progress_bar() -> ProgressBar {
 }
 
 /// How a run gets on, for who watches it: the lap as well, where there are laps.
-pub(super) fn progress(status: &Status, wall: Duration) -> String {
+pub(super) fn progress(status: &RunProgress, wall: Duration) -> String {
     let line = line(status, wall);
     match (status.laps_done, status.laps) {
         (_, 0) => line.trim_start().to_owned(),
@@ -376,7 +376,7 @@ pub(super) fn progress(status: &Status, wall: Duration) -> String {
     }
 }
 
-fn line(status: &Status, wall: Duration) -> String {
+fn line(status: &RunProgress, wall: Duration) -> String {
     let simulated_s = status.now.as_secs_f64();
     let factor = simulated_s / wall.as_secs_f64().max(1e-3);
     format!(
@@ -405,7 +405,7 @@ mod tests {
 
     #[test]
     fn who_watches_a_run_without_laps_reads_of_none() {
-        let status = |laps| Status {
+        let status = |laps| RunProgress {
             now: Time::from_secs_f64(90.0),
             laps_done: 1,
             laps,

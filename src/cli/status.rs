@@ -6,12 +6,12 @@ use std::time::Duration;
 
 use tomoswarm_proto::VehicleId;
 
-use super::answer::Answer;
 use super::error::CliError;
 use super::operator::{OperatorContext, fault, seconds};
 use super::screen;
+use super::standard_output::StandardOutput;
 use super::status_text::{json, text};
-use super::stop::Stop;
+use super::stop::StopFlag;
 use crate::operator::fleet_view::FleetView;
 use crate::operator::status::Expected;
 use crate::run::live_operator::LiveOperator;
@@ -60,13 +60,13 @@ impl StatusArgs {
     ///
     /// # Errors
     /// A bad file, or somebody who was not heard.
-    pub fn run(&self, out: &mut Answer) -> Result<(), CliError> {
+    pub fn run(&self, out: &mut StandardOutput) -> Result<(), CliError> {
         let context = OperatorContext::read(&self.config)?;
         let expected = Expected {
             vehicles: context.vehicles.clone(),
             ground: true,
         };
-        let stop = Stop::listen();
+        let stop = StopFlag::listen();
         let mut operator = context.open()?;
         let is_done = |view: &FleetView, now: Time| {
             // Without a list it is only known at the end who is there.
@@ -94,7 +94,7 @@ impl StatusArgs {
 
     fn show(
         &self,
-        out: &mut Answer,
+        out: &mut StandardOutput,
         operator: &LiveOperator,
         expected: &Expected,
     ) -> Result<(), CliError> {
@@ -122,7 +122,7 @@ impl StatusArgs {
 pub(super) fn listen(
     operator: &mut LiveOperator,
     span: Duration,
-    stop: &Stop,
+    stop: &StopFlag,
     is_enough: impl Fn(&FleetView, Time) -> bool,
 ) -> Result<(), CliError> {
     let end = operator.now() + span;

@@ -3,8 +3,8 @@
 use serde_json::{Value, json};
 use tomoswarm_proto::codec::VERSION;
 use tomoswarm_proto::{
-    Control, Mission, MissionKind, OperatorId, PoseReport, Progress, Report, RunReport, State,
-    StopId, VehicleId,
+    Control, GroundReport, MissionKind, MissionProgress, OperatorId, PoseReport, Progress,
+    RunReport, State, StopId, VehicleId,
 };
 
 use super::table::table;
@@ -126,7 +126,7 @@ fn run(state: &State, seen: &VehicleView) -> String {
 }
 
 /// Returns what a vehicle is out for, and how far it is or how it has ended.
-fn how_far(said: &Mission) -> String {
+fn how_far(said: &MissionProgress) -> String {
     let mut text = format!("{} {}", said.kind.word(), mission_phase(said.phase));
     if let Some(end) = said.end {
         return text + &format!(", {end}");
@@ -149,8 +149,8 @@ fn place(pose: PoseReport) -> String {
     format!("{:.2},{:.2} ± {sd}", pose.at.x_m(), pose.at.y_m())
 }
 
-fn ground_lines(report: &Fresh<Report>, now: Time) -> String {
-    let Report {
+fn ground_lines(report: &Fresh<GroundReport>, now: Time) -> String {
+    let GroundReport {
         phase: at,
         run,
         laps_done,
@@ -215,7 +215,7 @@ pub fn json(view: &FleetView, expected: &Expected, now: Time) -> Value {
         })
     };
     let vehicles = expected.vehicles(view, now);
-    let ground = |report: &Fresh<Report>| json!({"age_s": report.age(now).as_secs_f64(), "report": report.value});
+    let ground = |report: &Fresh<GroundReport>| json!({"age_s": report.age(now).as_secs_f64(), "report": report.value});
     let foreign: Vec<Value> = view
         .foreign()
         .map(|greeting| json!({"node": greeting.node.prefix(), "wire_version": greeting.version}))
@@ -236,8 +236,8 @@ mod tests {
     use super::*;
     use crate::operator::tests_support::{Rover, at, heard, report, state};
     use tomoswarm_proto::{
-        Boot, Health, Lease, Message, MissionEnd, MissionPhase, MissionRefusal, Mode, OrderKind,
-        Permille, Revision, RunEnd, RunId, StationPhase,
+        Boot, Health, Lease, Message, MissionEnd, MissionPhase, MissionRefusal, OrderKind,
+        Permille, Revision, RunEnd, RunId, StationPhase, VehicleMode,
     };
 
     fn view(messages: Vec<Message>) -> FleetView {
@@ -267,7 +267,7 @@ mod tests {
             OrderKind::Start,
         )
         .state;
-        (driving.mode, driving.accepted) = (Mode::Driving, (RunId(6), Revision(2)));
+        (driving.mode, driving.accepted) = (VehicleMode::Driving, (RunId(6), Revision(2)));
         let progress = Progress {
             done: Some(StopId(12)),
             leg: Some(StopId(13)),
@@ -275,14 +275,14 @@ mod tests {
         };
         let (vehicle, boot) = (VehicleId(1), driving.boot);
         let (phase, share) = (MissionPhase::Going, Some(Permille(450)));
-        let mission = Mission {
+        let mission = MissionProgress {
             vehicle,
             boot,
             progress,
             phase,
             share,
             places_left: 7,
-            ..Mission::default()
+            ..MissionProgress::default()
         };
         let health = Health {
             vehicle: VehicleId(1),
@@ -329,12 +329,12 @@ mod tests {
 
     #[test]
     fn a_mission_of_its_own_is_said_with_its_run_and_how_it_ended() {
-        let check = |mission: Mission, wanted: &str| {
+        let check = |mission: MissionProgress, wanted: &str| {
             let progress = Progress {
                 run: RunId(5),
                 ..Progress::default()
             };
-            let mission = Mission {
+            let mission = MissionProgress {
                 vehicle: VehicleId(1),
                 boot: Boot(1),
                 progress,
@@ -351,19 +351,19 @@ mod tests {
             assert!(words.contains(&format!("5/- {wanted} - - -")), "{words}");
         };
         let (kind, over) = (MissionKind::Pathfind, MissionPhase::Over);
-        let said = Mission {
+        let said = MissionProgress {
             kind,
-            ..Mission::default()
+            ..MissionProgress::default()
         };
         check(
-            Mission {
+            MissionProgress {
                 phase: MissionPhase::Looking,
                 places_left: 3,
                 ..said
             },
             "pathfind looking, 3 left",
         );
-        let ended = |end| Mission {
+        let ended = |end| MissionProgress {
             phase: over,
             end: Some(end),
             ..said
@@ -393,7 +393,7 @@ mod tests {
             kind: MissionKind::Explore,
             ..RunReport::default()
         };
-        let said = Report {
+        let said = GroundReport {
             runs: vec![swept, explored],
             ..report()
         };
@@ -409,7 +409,7 @@ mod tests {
 
     #[test]
     fn the_ground_says_what_it_does_and_by_which_right() {
-        let said = Report {
+        let said = GroundReport {
             phase: StationPhase::Running,
             run: RunId(6),
             laps_done: 2,

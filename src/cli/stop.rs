@@ -20,19 +20,19 @@ const ORPHAN_ENDS_WITHIN: Duration = Duration::from_secs(8);
 
 /// A flag that a request to end raises, and nothing lowers.
 #[derive(Clone, Debug, Default)]
-pub struct Stop {
+pub struct StopFlag {
     is_asked: Arc<AtomicBool>,
 }
 
-impl Stop {
+impl StopFlag {
     /// Listens to requests from now on.
-    pub fn listen() -> Stop {
-        Stop::listen_with(|| {})
+    pub fn listen() -> StopFlag {
+        StopFlag::listen_with(|| {})
     }
 
     /// Calls `ask` at the first request, on a thread of its own, for a command that waits for something else.
-    pub fn listen_with(ask: impl Fn() + Send + 'static) -> Stop {
-        let stop = Stop::default();
+    pub fn listen_with(ask: impl Fn() + Send + 'static) -> StopFlag {
+        let stop = StopFlag::default();
         let flag = stop.is_asked.clone();
         // Where no handler can be set a request ends the program at once; the next run then cleans up.
         let _ = ctrlc::set_handler(move || {

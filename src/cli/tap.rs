@@ -7,10 +7,10 @@ use std::time::Duration;
 use clap::builder::PossibleValuesParser;
 use tomoswarm_proto::VehicleId;
 
-use super::answer::{Answer, complain};
 use super::error::CliError;
 use super::operator::{OperatorContext, fault, seconds};
-use super::stop::Stop;
+use super::standard_output::{StandardOutput, complain};
+use super::stop::StopFlag;
 use crate::run::tap::{Tapping, kinds};
 use crate::time::Time;
 
@@ -57,14 +57,14 @@ impl TapArgs {
     ///
     /// # Errors
     /// A bad file, or lines that cannot be written.
-    pub fn run(&self, out: &mut Answer) -> Result<(), CliError> {
+    pub fn run(&self, out: &mut StandardOutput) -> Result<(), CliError> {
         let context = OperatorContext::read(&self.config)?;
         let tapping = Tapping {
             kinds: self.kinds.iter().cloned().collect(),
             vehicles: self.vehicles.iter().map(|id| VehicleId(*id)).collect(),
             with_cells: self.cells,
         };
-        let stop = Stop::listen();
+        let stop = StopFlag::listen();
         let mut operator = context.open()?;
         let end = self
             .listen

@@ -10,9 +10,9 @@ use std::thread::ScopedJoinHandle;
 
 use super::error::CliError;
 use super::sim::SimArgs;
-use super::stop::Stop;
+use super::stop::StopFlag;
 use crate::config::Expect;
-use crate::sim::{Outcome, Shown};
+use crate::sim::{RunOutcome, RunView};
 
 /// Persons count as found within this distance, metres.
 const FOUND_WITHIN_M: f64 = 1.0;
@@ -36,7 +36,7 @@ struct Trial {
 }
 
 impl Trial {
-    fn of(outcome: &Outcome) -> Trial {
+    fn of(outcome: &RunOutcome) -> Trial {
         let found = outcome.found();
         let error_m = |at| {
             found
@@ -103,7 +103,7 @@ impl Trial {
 pub(super) fn run(
     args: &SimArgs,
     count: u64,
-    stop: &Stop,
+    stop: &StopFlag,
     out: &mut (dyn Write + Send),
 ) -> Result<(), CliError> {
     let scenario = args.scenario(None)?;
@@ -210,7 +210,7 @@ fn run_all(
     args: &SimArgs,
     seeds: RangeInclusive<u64>,
     word: &'static str,
-    stop: &Stop,
+    stop: &StopFlag,
     out: &mut (dyn Write + Send),
 ) -> Result<BTreeMap<u64, Trial>, CliError> {
     let table = Mutex::new(Table {
@@ -241,7 +241,7 @@ fn run_all(
 fn work(
     args: &SimArgs,
     left: &Mutex<RangeInclusive<u64>>,
-    stop: &Stop,
+    stop: &StopFlag,
     table: &Mutex<Table<'_>>,
 ) -> Result<(), CliError> {
     loop {
@@ -257,10 +257,10 @@ fn work(
 }
 
 /// Runs one seed; `None` when it was asked to stop before the end.
-fn run_one(args: &SimArgs, seed: u64, stop: &Stop) -> Result<Option<Trial>, CliError> {
+fn run_one(args: &SimArgs, seed: u64, stop: &StopFlag) -> Result<Option<Trial>, CliError> {
     let scenario = args.scenario(Some(seed))?;
     let mut is_stopped = false;
-    let mut watch = |_: &Shown<'_>| {
+    let mut watch = |_: &RunView<'_>| {
         is_stopped = stop.is_asked();
         !is_stopped
     };

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use super::describe::describe;
 use super::error::CliError;
-use super::stop::Stop;
+use super::stop::StopFlag;
 use super::{logging, read};
 use crate::config::{self, Config, VehicleFile};
 use crate::run::bus::BusError;
@@ -13,7 +13,7 @@ use crate::run::mailbox::Ending;
 use crate::run::process::Finish;
 use crate::run::state_dir::StateDirError;
 use crate::run::trust::TrustError;
-use crate::run::vehicle_process::{self, Status, VehicleError};
+use crate::run::vehicle_process::{self, NodeStatus, VehicleError};
 use crate::store::CheckedFileError;
 
 /// Drive one vehicle: its actors, its drivers, its part of the bus.
@@ -63,12 +63,12 @@ impl VehicleArgs {
             return out.write_all(text.as_bytes()).map_err(CliError::stdout);
         }
         logging::begin(self.verbose);
-        let stop = Stop::listen();
+        let stop = StopFlag::listen();
         if self.tied {
             stop.end_with_input(|| {});
         }
         let is_terminal = std::io::stderr().is_terminal();
-        let mut status = |status: &Status| {
+        let mut status = |status: &NodeStatus| {
             if is_terminal {
                 line(status);
             }
@@ -156,7 +156,7 @@ pub(super) fn trust_is_passing(error: &TrustError) -> bool {
     }
 }
 
-fn line(status: &Status) {
+fn line(status: &NodeStatus) {
     let place = match &status.state {
         None => "the autopilot is silent".to_owned(),
         Some(state) => {

@@ -5,13 +5,13 @@ use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 use super::error::CliError;
-use super::frame::{Drawn, Frame};
+use super::frame::{Drawn, RunFrame};
 use super::screen::{Screen, Size};
 use super::sim::progress;
-use super::stop::Stop;
+use super::stop::StopFlag;
 use crate::config::Venue;
 use crate::geom::Point;
-use crate::sim::{Shown, ShownVehicle};
+use crate::sim::{RunView, ShownVehicle};
 
 /// Pictures follow each other no faster than this.
 const DRAW_EVERY: Duration = Duration::from_millis(100);
@@ -69,7 +69,7 @@ impl<'a> Watching<'a> {
     }
 
     /// Takes a moment of the run: draws it when a picture is due, and waits until the time for it has come.
-    pub(super) fn show(&mut self, shown: &Shown<'_>, stop: &Stop) {
+    pub(super) fn show(&mut self, shown: &RunView<'_>, stop: &StopFlag) {
         self.follow(&shown.vehicles);
         if self.drawn_at.is_none_or(|at| at.elapsed() >= DRAW_EVERY) {
             self.drawn_at = Some(super::sim::started());
@@ -83,10 +83,10 @@ impl<'a> Watching<'a> {
         }
     }
 
-    fn draw(&mut self, shown: &Shown<'_>) {
+    fn draw(&mut self, shown: &RunView<'_>) {
         let size = self.screen.size();
         let line = progress(&shown.status, self.began.elapsed());
-        let frame = Frame::new(self.venue, shown.map, &self.vehicles, line.clone(), size);
+        let frame = RunFrame::new(self.venue, shown.map, &self.vehicles, line.clone(), size);
         let lines = frame.map_or_else(|| too_small(line, size), |frame| frame.lines());
         self.screen.draw(size, &lines);
     }

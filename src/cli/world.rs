@@ -4,14 +4,14 @@ use std::io::Write;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
-use super::answer::complain;
 use super::describe::describe;
 use super::error::CliError;
 use super::load;
 use super::read;
-use super::stop::Stop;
+use super::standard_output::complain;
+use super::stop::StopFlag;
 use crate::config::{Config, bundled};
-use crate::run::link::Status;
+use crate::run::link::WorldStatus;
 use crate::run::world::{WorldError, WorldServer};
 use crate::sim::Scenario;
 
@@ -70,7 +70,7 @@ impl WorldArgs {
         let server = WorldServer::start(&scenario, self.listen, &token).map_err(refused)?;
         let stopper = server.stopper();
         let by_input = stopper.clone();
-        let stop = Stop::listen_with(move || stopper.stop());
+        let stop = StopFlag::listen_with(move || stopper.stop());
         if self.tied {
             stop.end_with_input(move || by_input.stop());
         }
@@ -134,7 +134,7 @@ fn draw_token() -> Result<String, CliError> {
     Ok(format!("{drawn:016x}"))
 }
 
-fn summary(status: &Status) -> String {
+fn summary(status: &WorldStatus) -> String {
     let separation = status
         .min_separation_m
         .map_or("none".to_owned(), |separation_m| {

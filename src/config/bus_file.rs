@@ -6,7 +6,8 @@ use std::time::Duration;
 use super::endpoint::{Endpoint, Protocol};
 use super::forms::FileName;
 use super::keys::{
-    Choice, Entry, Flag, Form, Keyed, Keys, Number, Words, quoted, read_defaults, written_list,
+    Flag, Form, KeyEntry, Keyed, Keys, Number, WordChoice, Words, quoted, read_defaults,
+    written_list,
 };
 use super::section::Section;
 use super::source::Source;
@@ -99,7 +100,7 @@ impl BusFile {
     }
 }
 
-impl Choice for Topology {
+impl WordChoice for Topology {
     const WORDS: &'static [(&'static str, Topology)] =
         &[("mesh", Topology::Mesh), ("star", Topology::Star)];
 }
@@ -151,7 +152,7 @@ impl Keyed for BusFileTable<'_> {
                 list: listen,
                 default,
             },
-            Entry {
+            KeyEntry {
                 name: "listen",
                 left_out,
                 means,
@@ -164,7 +165,7 @@ impl Keyed for BusFileTable<'_> {
                 list: connect,
                 default,
             },
-            Entry {
+            KeyEntry {
                 name: "connect",
                 left_out: "",
                 means,
@@ -225,7 +226,7 @@ fn identity_keys(identity: &mut Option<Identity>, to: &mut dyn Keys) -> bool {
     for ((name, file), means) in IDENTITY_KEYS.into_iter().zip(files).zip(means) {
         to.form(
             &mut IdentityFile(file),
-            Entry {
+            KeyEntry {
                 name,
                 left_out: "",
                 means,

@@ -3,8 +3,8 @@
 
 use tomoswarm_proto::{AutopilotFamily, BodyKind, Capability, RadioKind, ServoKind};
 
-use super::keys::{Entry, Form, Keyed, Keys, quoted};
-use super::range::Look;
+use super::keys::{Form, KeyEntry, Keyed, Keys, quoted};
+use super::range::SensorCoverage;
 use super::range_driver::RangeDriver;
 use super::section::Section;
 use super::source::Source;
@@ -112,7 +112,7 @@ impl Drivers {
     }
 
     /// Checks the choices together, and with where the range sensors look.
-    pub(super) fn check(&self, source: &Source<'_>, look: &Look) {
+    pub(super) fn check(&self, source: &Source<'_>, look: &SensorCoverage) {
         let is_simulated = self.servo == ServoDriver::Simulated && source.is_sound(&["servo"]);
         if self.range.is_real() && is_simulated {
             let wrong = "turns no real range sensor: its readings would be taken for beams that it does not look along";
@@ -210,7 +210,7 @@ impl<D: DriverChoice> DriverKey<'_, D> {
     pub(super) fn show(&mut self, to: &mut dyn Keys) {
         to.form(
             self,
-            Entry {
+            KeyEntry {
                 name: "driver",
                 left_out: "needed",
                 means: "what speaks with it",

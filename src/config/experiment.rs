@@ -12,7 +12,7 @@ mod file;
 use file::{ExperimentFile, Given, SceneRow, Seeds, Variant, stem};
 
 use super::keys::{Keyed, Keys, read_table, read_values};
-use super::overlay::{Joined, Layer, Overlay};
+use super::overlay::{Layer, OverlaidText, Overlay};
 use super::section::Section;
 use super::source::Source;
 use super::vehicle::Body;
@@ -409,7 +409,7 @@ impl Laid {
 
     /// Looks up something in the simulation file as it is so far; what is wrong with it is said later.
     fn look<T>(&self, loader: &mut Loader, read: impl FnOnce(&Section) -> T) -> Option<T> {
-        let joined = Joined::new(&self.text(loader).ok()?, &self.overlay.sim);
+        let joined = OverlaidText::new(&self.text(loader).ok()?, &self.overlay.sim);
         let source = Source::over(&self.sim, &joined, &self.overlay);
         let tree = source.parse();
         Some(read(&Section::root(&source, &tree)))

@@ -3,7 +3,9 @@
 use toml::de::DeValue;
 use tomoswarm_proto::VehicleId;
 
-use super::keys::{Bounds, Choice, Entry, Flag, Form, Keys, Number, Words, written_list};
+use super::keys::{
+    Flag, Form, KeyEntry, Keys, Number, NumberBounds, WordChoice, Words, written_list,
+};
 use super::section::{Section, whole_of};
 use super::source::Source;
 use crate::time::Time;
@@ -72,7 +74,7 @@ pub enum FaultWord {
     Battery,
 }
 
-impl Choice for FaultWord {
+impl WordChoice for FaultWord {
     const WORDS: &'static [(&'static str, FaultWord)] = &[
         ("bus", FaultWord::Bus),
         ("radio", FaultWord::Radio),
@@ -158,7 +160,7 @@ impl PlannedFault {
             );
         }
         // A restart at the last moment is still over.
-        let moment = |name, left_out, means, most| Bounds {
+        let moment = |name, left_out, means, most| NumberBounds {
             name,
             left_out,
             allowed: 0.0..=most,
@@ -192,7 +194,7 @@ impl PlannedFault {
         };
         to.form(
             whom,
-            Entry {
+            KeyEntry {
                 name: "vehicles",
                 left_out: "all",
                 means,

@@ -61,9 +61,9 @@ impl Form for FileName<'_> {
 }
 
 /// A file that was loaded before the keys are read: its name is known already.
-pub(super) struct Loaded<'a>(pub(super) &'a str);
+pub(super) struct LoadedFile<'a>(pub(super) &'a str);
 
-impl Form for Loaded<'_> {
+impl Form for LoadedFile<'_> {
     fn written(&self) -> Option<String> {
         Some(quoted(self.0))
     }
@@ -72,9 +72,9 @@ impl Form for Loaded<'_> {
 }
 
 /// A place that must be there.
-pub(super) struct Place<'a>(pub(super) &'a mut Point);
+pub(super) struct RequiredPlace<'a>(pub(super) &'a mut Point);
 
-impl Form for Place<'_> {
+impl Form for RequiredPlace<'_> {
     fn written(&self) -> Option<String> {
         Some(place(self.0))
     }
@@ -99,14 +99,14 @@ impl Form for MaybePlace<'_> {
 }
 
 /// A list of places that must be there.
-pub(super) struct Places<'a> {
+pub(super) struct RequiredPlaces<'a> {
     /// The places.
     pub(super) places: &'a mut Vec<Point>,
     /// How many there may be.
     pub(super) count: RangeInclusive<usize>,
 }
 
-impl Form for Places<'_> {
+impl Form for RequiredPlaces<'_> {
     fn written(&self) -> Option<String> {
         Some(places(self.places))
     }

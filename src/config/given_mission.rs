@@ -5,13 +5,13 @@
 use tomoswarm_proto::TaskKind;
 
 use super::Loader;
-use super::keys::{Entry, Keyed, Keys, quoted, read_table};
+use super::keys::{KeyEntry, Keyed, Keys, quoted, read_table};
 use super::mission::{Sweep, SweepTable, check_sweep};
 use super::problem::{Problem, Problems};
 use super::section::Section;
 use super::sim::check_task;
 use super::source::Source;
-use super::task::Mission;
+use super::task::MissionTable;
 use super::vehicle::SWARM;
 use super::venue::Venue;
 
@@ -32,7 +32,7 @@ pub struct GivenMission {
 impl GivenMission {
     /// Returns the words for the kinds of missions, in the order in which they are told.
     pub fn kinds() -> impl Iterator<Item = &'static str> {
-        Mission::each().map(|(word, _)| word)
+        MissionTable::each().map(|(word, _)| word)
     }
 
     /// Reads a mission of a kind with its keys, each `KEY=VALUE`, for so many vehicles of a venue; `None` = for all,
@@ -46,8 +46,8 @@ impl GivenMission {
         (venue, vehicles): (&Venue, Option<usize>),
         loader: &mut Loader,
     ) -> Result<GivenMission, Problems> {
-        let is_planned =
-            Mission::each().any(|(word, mission)| word == kind && mission.is_planned_by_ground());
+        let is_planned = MissionTable::each()
+            .any(|(word, mission)| word == kind && mission.is_planned_by_ground());
         let table = if is_planned { "sweep" } else { "mission" };
         let mut text = format!("mission.kind = {}\n", quoted(kind));
         for given in set {
@@ -62,14 +62,14 @@ impl GivenMission {
 /// The two tables that a mission may be given by.
 #[derive(Default)]
 struct Tables {
-    mission: Mission,
+    mission: MissionTable,
     sweep: Sweep,
 }
 
 impl Keyed for Tables {
     fn keys(&mut self, to: &mut dyn Keys) {
         let Tables { mission, sweep } = self;
-        let table = |name| Entry {
+        let table = |name| KeyEntry {
             name,
             left_out: "",
             means: "",

@@ -4,8 +4,8 @@ use tomoswarm_proto::{RunId, VehicleId};
 
 use super::Loader;
 use super::bus_file::{BusFile, BusFileTable, Role};
-use super::forms::{Loaded, Text};
-use super::keys::{Bounds, Entry, Flag, Form, Keyed, Keys, read_table, written_list};
+use super::forms::{LoadedFile, Text};
+use super::keys::{Flag, Form, KeyEntry, Keyed, Keys, NumberBounds, read_table, written_list};
 use super::mission::{Imaging, Sweep, SweepTable, check_sweep};
 use super::radio::Reception;
 use super::section::{Section, whole_of};
@@ -101,7 +101,7 @@ impl Keyed for GroundFile {
             record,
             operators_note,
         } = self;
-        let table = |name, means| Entry {
+        let table = |name, means| KeyEntry {
             name,
             left_out: "",
             means,
@@ -109,8 +109,8 @@ impl Keyed for GroundFile {
         let left_out = "needed";
         let means = "file of the place, the same on every node";
         to.form(
-            &mut Loaded(venue_file),
-            Entry {
+            &mut LoadedFile(venue_file),
+            KeyEntry {
                 name: "venue",
                 left_out,
                 means,
@@ -119,7 +119,7 @@ impl Keyed for GroundFile {
         let means = "the vehicles of the swarm, such as [1, 2, 3]; sweeps are planned for 2 to 8";
         to.form(
             &mut Vehicles(vehicles),
-            Entry {
+            KeyEntry {
                 name: "vehicles",
                 left_out,
                 means,
@@ -137,7 +137,7 @@ impl Keyed for GroundFile {
         let mut run = compare_with.and_then(|run| usize::try_from(run.0).ok());
         to.maybe_whole(
             &mut run,
-            Bounds {
+            NumberBounds {
                 name: "compare_with",
                 left_out: "none",
                 // The highest number is kept free: others count on from it.
@@ -165,7 +165,7 @@ impl Keyed for GroundFile {
         let means = "text that is kept with the data";
         to.form(
             &mut Text(&mut note),
-            Entry {
+            KeyEntry {
                 name: "operators_note",
                 left_out: "",
                 means,
@@ -238,8 +238,8 @@ impl Keyed for OperatorFile {
         } = self;
         let means = "file of the place, the same on every node";
         to.form(
-            &mut Loaded(venue_file),
-            Entry {
+            &mut LoadedFile(venue_file),
+            KeyEntry {
                 name: "venue",
                 left_out: "needed",
                 means,
@@ -251,7 +251,7 @@ impl Keyed for OperatorFile {
         };
         to.table(
             &mut joined,
-            Entry {
+            KeyEntry {
                 name: "bus",
                 left_out: "",
                 means: "how the commands join the bus",

@@ -41,13 +41,13 @@ pub(super) trait Keys {
     /// A number that has a default.
     fn number(&mut self, value: &mut f64, key: Number);
     /// A number that may be left out.
-    fn maybe_number(&mut self, value: &mut Option<f64>, key: Bounds<f64>);
+    fn maybe_number(&mut self, value: &mut Option<f64>, key: NumberBounds<f64>);
     /// A number that must be there.
-    fn needed_number(&mut self, value: &mut f64, key: Bounds<f64>);
+    fn needed_number(&mut self, value: &mut f64, key: NumberBounds<f64>);
     /// A whole number that has a default.
     fn whole(&mut self, value: &mut usize, key: Whole);
     /// A whole number that may be left out.
-    fn maybe_whole(&mut self, value: &mut Option<usize>, key: Bounds<usize>);
+    fn maybe_whole(&mut self, value: &mut Option<usize>, key: NumberBounds<usize>);
     /// A yes or no.
     fn flag(&mut self, value: &mut bool, key: Flag);
     /// One of several words.
@@ -55,17 +55,17 @@ pub(super) trait Keys {
     /// A list of numbers that has a default.
     fn numbers(&mut self, value: &mut Vec<f64>, key: Numbers);
     /// A value with a form of its own, such as a place or a file.
-    fn form(&mut self, value: &mut dyn Form, key: Entry);
+    fn form(&mut self, value: &mut dyn Form, key: KeyEntry);
     /// A key that has moved: said to whoever still gives it here.
     fn moved(&mut self, name: &'static str, place: &'static str);
     /// A table within this one.
-    fn table(&mut self, value: &mut dyn Keyed, key: Entry);
+    fn table(&mut self, value: &mut dyn Keyed, key: KeyEntry);
     /// A table within this one that may be left out.
-    fn maybe_table(&mut self, value: &mut dyn MaybeTable, key: Entry);
+    fn maybe_table(&mut self, value: &mut dyn MaybeTable, key: KeyEntry);
     /// A list of tables.
     fn rows(&mut self, value: &mut dyn Rows, key: Rowed);
     /// Tables within a table, under free names.
-    fn named_tables(&mut self, value: &mut dyn NamedTables, key: Entry);
+    fn named_tables(&mut self, value: &mut dyn NamedTables, key: KeyEntry);
     /// All other keys of the table and the tables in it: they are another file's, and are checked there.
     fn others(&mut self, value: &mut Layer, key: Others);
 }
@@ -81,7 +81,7 @@ pub(super) struct Number {
 
 /// A number without a default.
 #[derive(Clone, Debug)]
-pub(super) struct Bounds<T> {
+pub(super) struct NumberBounds<T> {
     pub(super) name: &'static str,
     /// What it is when it is left out, for the documentation.
     pub(super) left_out: &'static str,
@@ -127,7 +127,7 @@ pub(super) struct Numbers {
 
 /// A table, or a value with a form of its own.
 #[derive(Clone, Debug)]
-pub(super) struct Entry {
+pub(super) struct KeyEntry {
     pub(super) name: &'static str,
     /// What it is when it is left out, for the documentation.
     pub(super) left_out: &'static str,
@@ -152,7 +152,7 @@ pub(super) struct Others {
 }
 
 /// A value that is written as one of several words.
-pub(super) trait Choice: Copy + PartialEq + 'static {
+pub(super) trait WordChoice: Copy + PartialEq + 'static {
     /// The words and what they stand for.
     const WORDS: &'static [(&'static str, Self)];
 
@@ -175,7 +175,7 @@ pub(super) trait Word {
     fn choose(&mut self, word: &str);
 }
 
-impl<T: Choice> Word for T {
+impl<T: WordChoice> Word for T {
     fn words(&self) -> Vec<&'static str> {
         T::WORDS.iter().map(|(word, _)| *word).collect()
     }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::keys::{Bounds, Choice, Entry, Form, Keyed, Keys, Number, Whole, Words};
+use super::keys::{Form, KeyEntry, Keyed, Keys, Number, NumberBounds, Whole, WordChoice, Words};
 use super::section::{Section, whole_of};
 use super::source::Source;
 use super::vehicle::seconds;
@@ -38,7 +38,7 @@ pub struct Sweep {
     pub dwell_limit_s: f64,
 }
 
-impl Choice for Planner {
+impl WordChoice for Planner {
     const WORDS: &'static [(&'static str, Planner)] = &[
         ("rotating-gap", Planner::RotatingGap),
         ("fan", Planner::Fan),
@@ -98,7 +98,7 @@ impl Keyed for SweepTable<'_> {
         );
         to.maybe_whole(
             laps,
-            Bounds {
+            NumberBounds {
                 name: "laps",
                 left_out: "the planner's own number",
                 allowed: 1..=most_laps(*planner, *positions),
@@ -261,7 +261,7 @@ pub struct Imaging {
     pub peaks: usize,
 }
 
-impl Choice for Weights {
+impl WordChoice for Weights {
     const WORDS: &'static [(&'static str, Weights)] = &[
         ("line", Weights::Line),
         ("ellipse", Weights::Ellipse),
@@ -269,7 +269,7 @@ impl Choice for Weights {
     ];
 }
 
-impl Choice for Solver {
+impl WordChoice for Solver {
     const WORDS: &'static [(&'static str, Solver)] =
         &[("map", Solver::Map), ("tikhonov", Solver::Tikhonov)];
 }
@@ -293,7 +293,7 @@ impl Keyed for Imaging {
         let means = "columns and rows of the image, 2 to 400 each";
         to.form(
             &mut Pixels { columns, rows },
-            Entry {
+            KeyEntry {
                 name: "pixels",
                 left_out: "[40, 40]",
                 means,
@@ -346,7 +346,7 @@ impl Keyed for Imaging {
         };
         to.table(
             &mut table,
-            Entry {
+            KeyEntry {
                 name: "prior",
                 left_out,
                 means,
@@ -360,7 +360,7 @@ impl Keyed for Imaging {
         };
         to.table(
             &mut table,
-            Entry {
+            KeyEntry {
                 name: "structure_prior",
                 left_out,
                 means,
@@ -553,7 +553,7 @@ pub enum Expect {
 
 /// What vehicles do when the sweep is done.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub enum End {
+pub enum AfterSweep {
     /// They stay where they are.
     Hold,
     /// They drive home.
@@ -561,7 +561,7 @@ pub enum End {
     Return,
 }
 
-impl Choice for Expect {
+impl WordChoice for Expect {
     const WORDS: &'static [(&'static str, Expect)] = &[
         ("finished", Expect::Finished),
         ("home", Expect::Home),
@@ -569,6 +569,7 @@ impl Choice for Expect {
     ];
 }
 
-impl Choice for End {
-    const WORDS: &'static [(&'static str, End)] = &[("hold", End::Hold), ("return", End::Return)];
+impl WordChoice for AfterSweep {
+    const WORDS: &'static [(&'static str, AfterSweep)] =
+        &[("hold", AfterSweep::Hold), ("return", AfterSweep::Return)];
 }

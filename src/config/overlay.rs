@@ -151,7 +151,7 @@ impl Overlay {
 }
 
 /// A file's text with a layer below it, so that every value has one place in one text.
-pub(super) struct Joined {
+pub(super) struct OverlaidText {
     /// The text of the file, a line break, the layer.
     pub(super) text: String,
     /// The layer where it stands in `text`, with blanks before it.
@@ -164,12 +164,12 @@ pub(super) struct Joined {
     pub(super) cleared: Vec<&'static str>,
 }
 
-impl Joined {
+impl OverlaidText {
     /// Puts a layer below a text.
-    pub(super) fn new(text: &str, layer: &Layer) -> Joined {
+    pub(super) fn new(text: &str, layer: &Layer) -> OverlaidText {
         let (below, lines) = layer.text();
         let from = text.len() + 1;
-        Joined {
+        OverlaidText {
             text: format!("{text}\n{below}"),
             layer: format!("{}{below}", " ".repeat(from)),
             from,

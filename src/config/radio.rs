@@ -6,7 +6,7 @@ use toml::de::DeValue;
 use tomoswarm_proto::{Sender, VehicleId};
 
 use super::bus_file::EGRESS;
-use super::keys::{Bounds, Entry, Form, Keyed, Keys, List, Number, Rowed, written_list};
+use super::keys::{Form, KeyEntry, Keyed, Keys, List, Number, NumberBounds, Rowed, written_list};
 use super::section::{Section, whole_of};
 use super::source::Source;
 use super::swarm::Swarm;
@@ -70,7 +70,7 @@ impl Keyed for OwnRadio {
         let means = "transmit power, a whole number; beacons report it";
         to.form(
             &mut Power(power_dbm),
-            Entry {
+            KeyEntry {
                 name: "power_dbm",
                 left_out: "0",
                 means,
@@ -230,7 +230,7 @@ impl PlannedPartition {
             until_s,
             sides,
         } = self;
-        let moment = |name, means| Bounds {
+        let moment = |name, means| NumberBounds {
             name,
             left_out: "needed",
             allowed: 0.0..=1e6,
@@ -240,7 +240,7 @@ impl PlannedPartition {
         to.needed_number(until_s, moment("until_s", "when it is over"));
         to.form(
             &mut Sides { sides, vehicles },
-            Entry {
+            KeyEntry {
                 name: "sides",
                 left_out: "needed",
                 means: "lists of nodes such as `[[\"ground\"], [1, 2]]`; nodes on no side are one more side",

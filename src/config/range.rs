@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use super::keys::{Bounds, Choice, Keyed, Keys, List, Number, Numbers, Rowed, Words};
+use super::keys::{Keyed, Keys, List, Number, NumberBounds, Numbers, Rowed, WordChoice, Words};
 use super::source::Source;
 use super::vehicle::seconds;
 use crate::geom::Angle;
@@ -13,7 +13,7 @@ use crate::plan::{Mount, Mounts};
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct RangeSensor {
     /// What the vehicle itself knows of it.
-    pub look: Look,
+    pub look: SensorCoverage,
     /// Height above the ground, metres.
     pub height_m: f64,
     /// Angle between beam and the surface's normal beyond which no echo returns, degrees.
@@ -38,7 +38,7 @@ pub enum Lobe {
     Cone,
 }
 
-impl Choice for Lobe {
+impl WordChoice for Lobe {
     const WORDS: &'static [(&'static str, Lobe)] = &[
         ("fan", Lobe::Fan),
         ("beam", Lobe::Beam),
@@ -115,7 +115,7 @@ impl Keyed for RangeSensor {
 
 /// What a vehicle knows of its own range sensor, simulated or real: where it looks and how far.
 #[derive(Clone, PartialEq, Debug, Default)]
-pub struct Look {
+pub struct SensorCoverage {
     /// Directions of the beams against the vehicle's heading, in the order in which they are looked along, degrees.
     pub beams_deg: Vec<f64>,
     /// Half the opening of the cone, degrees.
@@ -154,7 +154,7 @@ const SENSORS: usize = 8;
 /// Speed of sound, m/s.
 const SOUND_MPS: f64 = 343.0;
 
-impl Look {
+impl SensorCoverage {
     /// Returns the directions of the beams against the heading, in their order.
     pub fn beams(&self) -> Vec<Angle> {
         self.beams_deg
@@ -274,13 +274,13 @@ impl Look {
     }
 }
 
-impl Keyed for Look {
+impl Keyed for SensorCoverage {
     fn keys(&mut self, to: &mut dyn Keys) {
         self.show(&[0.0, 25.0, -25.0, 50.0, -50.0], to);
     }
 }
 
-impl Look {
+impl SensorCoverage {
     /// Shows the keys of sensors that nothing turns: what is left out looks straight ahead.
     pub(super) fn fixed_keys(&mut self, to: &mut dyn Keys) {
         self.show(&[0.0], to);
@@ -306,7 +306,7 @@ impl Look {
     }
 
     fn show(&mut self, default_beams_deg: &'static [f64], to: &mut dyn Keys) {
-        let Look {
+        let SensorCoverage {
             beams_deg,
             half_angle_deg,
             min_range_m,
@@ -362,7 +362,7 @@ impl Look {
         let mut farness = Some(*farness_m);
         to.maybe_number(
             &mut farness,
-            Bounds {
+            NumberBounds {
                 name: "farness_m",
                 left_out: "max_range_m",
                 allowed: 0.1..=200.0,

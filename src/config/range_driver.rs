@@ -9,9 +9,9 @@ use tomoswarm_proto::RangeSensorKind;
 
 use super::drivers::{DriverChoice, Known, always};
 use super::keys::{
-    Bounds, Choice, Entry, Form, Keyed, Keys, MaybeTable, Number, Whole, Words, quoted,
+    Form, KeyEntry, Keyed, Keys, MaybeTable, Number, NumberBounds, Whole, WordChoice, Words, quoted,
 };
-use super::range::Look;
+use super::range::SensorCoverage;
 use super::section::Section;
 use super::source::Source;
 use super::vehicle::seconds;
@@ -80,7 +80,7 @@ pub enum TextFormat {
     Number,
 }
 
-impl Choice for TextFormat {
+impl WordChoice for TextFormat {
     const WORDS: &'static [(&'static str, TextFormat)] = &[
         ("maxbotix", TextFormat::MaxBotix),
         ("number", TextFormat::Number),
@@ -100,7 +100,7 @@ pub enum LengthUnit {
     Inches,
 }
 
-impl Choice for LengthUnit {
+impl WordChoice for LengthUnit {
     const WORDS: &'static [(&'static str, LengthUnit)] = &[
         ("mm", LengthUnit::Millimetres),
         ("cm", LengthUnit::Centimetres),
@@ -127,7 +127,7 @@ const MAXBOTIX_FARTHEST_M: f64 = 9.999;
 impl SerialText {
     /// Returns from where on a reading says that nothing was heard, metres; `None` = none says so. A MaxBotix that hears
     /// nothing says its farthest reading, which depends on its model: all beyond `max_range_m` counts as that.
-    pub fn nothing_from_m(&self, look: &Look) -> Option<f64> {
+    pub fn nothing_from_m(&self, look: &SensorCoverage) -> Option<f64> {
         match (self.nothing_from, self.format) {
             (Some(nothing_from), _) => Some(nothing_from * self.unit.metres()),
             (None, TextFormat::MaxBotix) => Some(look.max_range_m),
@@ -141,7 +141,7 @@ impl SerialText {
     }
 
     /// Checks its keys together with where the sensor looks; `table` is its own.
-    fn check(&self, source: &Source<'_>, table: &str, look: &Look) {
+    fn check(&self, source: &Source<'_>, table: &str, look: &SensorCoverage) {
         if self.format == TextFormat::MaxBotix && self.unit != LengthUnit::Millimetres {
             let wrong = "is not what a line such as R1234 counts";
             source.refuse(
@@ -203,7 +203,7 @@ impl SerialProtocol {
         }
     }
 
-    fn check(&self, source: &Source<'_>, table: &str, look: &Look) {
+    fn check(&self, source: &Source<'_>, table: &str, look: &SensorCoverage) {
         match self {
             SerialProtocol::Text(text) => text.check(source, table, look),
         }
@@ -262,7 +262,7 @@ impl RangeDriver {
     }
 
     /// Checks its settings together with where the sensors look.
-    pub(super) fn check(&self, source: &Source<'_>, look: &Look) {
+    pub(super) fn check(&self, source: &Source<'_>, look: &SensorCoverage) {
         let RangeDriver::Serial(sensor) = self else {
             return;
         };
@@ -298,7 +298,7 @@ impl RangeDriver {
                         driver: self,
                         unused,
                     },
-                    Entry {
+                    KeyEntry {
                         name,
                         left_out: "",
                         means,
@@ -353,7 +353,7 @@ impl Keyed for SerialSensor {
             "the port, a file of the machine; names under `/dev/serial/by-id` outlast replugging";
         to.form(
             &mut Port(port),
-            Entry {
+            KeyEntry {
                 name: "port",
                 left_out: "needed",
                 means,
@@ -406,7 +406,7 @@ impl Keyed for SerialText {
         let allowed = 0.0..=1e6;
         to.maybe_number(
             nothing_from,
-            Bounds {
+            NumberBounds {
                 name: "nothing_from",
                 left_out,
                 allowed,

@@ -4,10 +4,10 @@
 
 use std::collections::BTreeMap;
 
-use super::forms::{FileName, MaybePlace, Name, Place, places};
+use super::forms::{FileName, MaybePlace, Name, RequiredPlace, places};
 use super::keys::{
-    Bounds, Choice, Entry, Form, Keyed, Keys, List, Number, Numbers, Rowed, Whole, Words, quoted,
-    read_table,
+    Form, KeyEntry, Keyed, Keys, List, Number, NumberBounds, Numbers, Rowed, Whole, WordChoice,
+    Words, quoted, read_table,
 };
 use super::outline::{CORNERS, simple_polygon};
 use super::section::{COORDINATE_M, Section};
@@ -171,7 +171,7 @@ impl SceneFile {
     }
 }
 
-impl Choice for Up {
+impl WordChoice for Up {
     const WORDS: &'static [(&'static str, Up)] = &[("y", Up::Y), ("z", Up::Z)];
 }
 
@@ -195,7 +195,7 @@ impl Keyed for SceneFile {
         };
         to.form(
             &mut plain,
-            Entry {
+            KeyEntry {
                 name: "name",
                 left_out: "scene",
                 means,
@@ -208,7 +208,7 @@ impl Keyed for SceneFile {
         };
         to.form(
             &mut file,
-            Entry {
+            KeyEntry {
                 name: "wrl",
                 left_out: "",
                 means,
@@ -239,7 +239,7 @@ impl Keyed for SceneFile {
         let means = "for shapes under `DEF NAME`";
         to.named_tables(
             materials,
-            Entry {
+            KeyEntry {
                 name: "material",
                 left_out,
                 means,
@@ -252,7 +252,7 @@ impl Keyed for SceneFile {
         };
         to.table(
             &mut table,
-            Entry {
+            KeyEntry {
                 name: "default_material",
                 left_out,
                 means,
@@ -287,7 +287,7 @@ impl Keyed for SceneFile {
         let means = "drawn from the seed";
         to.maybe_table(
             random_persons,
-            Entry {
+            KeyEntry {
                 name: "random_persons",
                 left_out: "none",
                 means,
@@ -331,7 +331,7 @@ impl Keyed for MaterialTable<'_> {
         let means = "`\"#rrggbb\"`, in the pictures of `tomoswarm scene`";
         to.form(
             &mut Colour(colour),
-            Entry {
+            KeyEntry {
                 name: "colour",
                 left_out,
                 means,
@@ -424,7 +424,7 @@ impl Person {
         let left_out = "person-N";
         to.form(
             &mut plain,
-            Entry {
+            KeyEntry {
                 name: "name",
                 left_out,
                 means: "a plain name",
@@ -432,8 +432,8 @@ impl Person {
         );
         let means = "where the axis stands, `[x, y]`";
         to.form(
-            &mut Place(at),
-            Entry {
+            &mut RequiredPlace(at),
+            KeyEntry {
                 name: "at_m",
                 left_out: "needed",
                 means,
@@ -512,7 +512,7 @@ impl Object {
         let left_out = "object-N";
         to.form(
             &mut plain,
-            Entry {
+            KeyEntry {
                 name: "name",
                 left_out,
                 means: "a plain name",
@@ -555,7 +555,7 @@ impl Keyed for Outline {
         let (left_out, means) = ("", "middle of a circle, `[x, y]`");
         to.form(
             &mut MaybePlace(&mut centre),
-            Entry {
+            KeyEntry {
                 name: "centre_m",
                 left_out,
                 means,
@@ -564,7 +564,7 @@ impl Keyed for Outline {
         let (allowed, means) = (0.01..=500.0, "radius of a circle");
         to.maybe_number(
             &mut radius,
-            Bounds {
+            NumberBounds {
                 name: "radius_m",
                 left_out: "none",
                 allowed,
@@ -577,7 +577,7 @@ impl Keyed for Outline {
         let means = "3 to 500 corners around a simple outline, convex or not";
         to.form(
             &mut Footprint(self),
-            Entry {
+            KeyEntry {
                 name: "outline_m",
                 left_out: "",
                 means,

@@ -13,7 +13,7 @@ use super::beside;
 use super::keys::quoted;
 use super::nearest::nearest;
 use super::overlay::{FILES, Laid, Layer};
-use super::source::{Class, Source};
+use super::source::{ProblemClass, Source};
 use crate::geom::Point;
 
 /// The range of a coordinate of the local frame, metres.
@@ -436,7 +436,7 @@ impl<'s> Section<'s> {
     pub(super) fn require(&self, key: &'static str, rule: &str) {
         if !self.has(key) {
             self.source.note(
-                Class::Keys,
+                ProblemClass::Keys,
                 self.line,
                 &self.full(key),
                 "",
@@ -483,7 +483,7 @@ impl<'s> Section<'s> {
             let shown: String = name.chars().filter(|c| !c.is_control()).take(64).collect();
             let line = self.source.line_of(key.span());
             self.source.note(
-                Class::Keys,
+                ProblemClass::Keys,
                 line,
                 &self.full(&shown),
                 "",
@@ -530,8 +530,14 @@ impl<'s> Section<'s> {
 
     fn refuse_value(&self, key: &str, value: Value<'s>, wrong: &str, rule: &str) {
         let (line, shown) = (self.source.line_of(value.span()), self.source.shown(value));
-        self.source
-            .note(Class::Value, line, &self.full(key), &shown, wrong, rule);
+        self.source.note(
+            ProblemClass::Value,
+            line,
+            &self.full(key),
+            &shown,
+            wrong,
+            rule,
+        );
     }
 }
 

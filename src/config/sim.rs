@@ -7,25 +7,25 @@ use std::time::Duration;
 use tomoswarm_proto::{TaskKind, VehicleId};
 
 use super::fault::PlannedFault;
-use super::forms::Loaded;
-use super::keys::Choice;
-use super::keys::{Entry, Flag, Keyed, Keys, List, Number, Rowed, Whole, Words, read_table};
+use super::forms::LoadedFile;
+use super::keys::WordChoice;
+use super::keys::{Flag, KeyEntry, Keyed, Keys, List, Number, Rowed, Whole, Words, read_table};
 use super::mission::{
-    Durations, End, Expect, Imaging, Planner, SMALLEST_GAP, Sweep, SweepTable, check_sweep,
+    AfterSweep, Durations, Expect, Imaging, Planner, SMALLEST_GAP, Sweep, SweepTable, check_sweep,
 };
 use super::radio::{Bus, BusTable, Radio, RadioTable};
 use super::range::RangeSensor;
 use super::scene::{SceneFile, Up};
 use super::section::Section;
 use super::swarm::Swarm;
-use super::task::Mission;
+use super::task::MissionTable;
 use super::vehicle::{
     PARTY, SWARM, Safety, Vehicles, VehiclesTable, check_ceiling, seconds, sight,
 };
 use super::venue::Venue;
 use super::{Loader, beside, read_kind_over};
 use crate::geom::{Point, Segment};
-use crate::plan::{Sight, SpeedError};
+use crate::plan::{SensingLimits, SpeedError};
 
 /// A simulation as its file describes it, checked; a run needs nothing else but a seed.
 #[derive(Clone, PartialEq, Debug)]
@@ -49,7 +49,7 @@ pub struct Sim {
     /// The bus.
     pub bus: Bus,
     /// What the vehicles are out for, as it is written.
-    pub mission: Mission,
+    pub mission: MissionTable,
     /// What the vehicles are out for; `None` = they follow the plans of the ground station.
     pub task: Option<TaskKind>,
     /// How the sweep is driven.
@@ -63,7 +63,7 @@ pub struct Sim {
     /// When the run is given up, seconds of virtual time.
     pub until_s: f64,
     /// What vehicles do at the end.
-    pub end: End,
+    pub end: AfterSweep,
     /// What the run is to end with.
     pub expect: Expect,
     /// What goes wrong on the way.
@@ -89,7 +89,7 @@ impl Sim {
     }
 
     /// Returns what a vehicle surely sees and how it stops, the one rule for its speed.
-    pub fn sight(&self) -> Sight {
+    pub fn sight(&self) -> SensingLimits {
         let Sim {
             vehicles,
             range,
@@ -127,14 +127,14 @@ impl Sim {
             safety: Safety::default(),
             radio: Radio::default(),
             bus: Bus::default(),
-            mission: Mission::default(),
+            mission: MissionTable::default(),
             task: None,
             sweep: Sweep::default(),
             empty_sweep: false,
             imaging: Imaging::default(),
             durations: Durations::default(),
             until_s: 0.0,
-            end: End::default(),
+            end: AfterSweep::default(),
             expect: Expect::default(),
             faults: Vec::new(),
             seed: 0,
@@ -240,19 +240,22 @@ impl Keyed for SimTable<'_> {
             faults,
             seed,
         } = &mut *self.sim;
-        let table = |name, means| Entry {
+        let table = |name, means| KeyEntry {
             name,
             left_out: "",
             means,
         };
-        let file = |name, means| Entry {
+        let file = |name, means| KeyEntry {
             name,
             left_out: "needed",
             means,
         };
-        to.form(&mut Loaded(venue_file), file("venue", "file of the place"));
         to.form(
-            &mut Loaded(scene_file),
+            &mut LoadedFile(venue_file),
+            file("venue", "file of the place"),
+        );
+        to.form(
+            &mut LoadedFile(scene_file),
             file("scene", "file of the simulated world"),
         );
         to.table(
@@ -330,7 +333,7 @@ impl Keyed for SimTable<'_> {
             end,
             Words {
                 name: "end",
-                default: End::Return.word(),
+                default: AfterSweep::Return.word(),
                 means: "after the sweep",
             },
         );
@@ -423,7 +426,7 @@ fn check_look_before_you_drive(root: &Section, sim: &Sim) {
 }
 
 /// Refuses a speed at which a vehicle could not stop within what it surely sees; `key` names the speed.
-pub(super) fn refuse_blind_speed(root: &Section, sight: &Sight, speed_mps: f64, key: &str) {
+pub(super) fn refuse_blind_speed(root: &Section, sight: &SensingLimits, speed_mps: f64, key: &str) {
     let Err(error) = sight.allow(speed_mps) else {
         return;
     };

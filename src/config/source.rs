@@ -9,7 +9,7 @@ use std::ops::Range;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::overlay::{Joined, Overlay, merge};
+use super::overlay::{OverlaidText, Overlay, merge};
 use super::{Problem, Problems};
 
 /// The longest text that is read, bytes; a hand-written file is far below.
@@ -19,7 +19,7 @@ const SHOWN_CHARS: usize = 40;
 
 /// Why a problem was noted; decides what is still worth saying when the syntax is broken.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(super) enum Class {
+pub(super) enum ProblemClass {
     /// The text is no TOML here.
     Syntax,
     /// A key is missing or not known: a consequence, perhaps, of broken syntax elsewhere.
@@ -38,7 +38,7 @@ struct Place {
 /// What is laid over a file.
 struct Over<'t> {
     overlay: &'t Overlay,
-    joined: &'t Joined,
+    joined: &'t OverlaidText,
     /// The number of the first line of the layer, counted as those of the text are.
     first_line: usize,
 }
@@ -49,7 +49,7 @@ pub(super) struct Source<'t> {
     text: &'t str,
     line_starts: Vec<usize>,
     over: Option<Over<'t>>,
-    found: RefCell<Vec<(Class, Problem)>>,
+    found: RefCell<Vec<(ProblemClass, Problem)>>,
     places: RefCell<BTreeMap<String, Place>>,
 }
 
@@ -72,7 +72,7 @@ impl<'t> Source<'t> {
     }
 
     /// Begins to read a text with what is laid over it.
-    pub(super) fn over(file: &str, joined: &'t Joined, overlay: &'t Overlay) -> Source<'t> {
+    pub(super) fn over(file: &str, joined: &'t OverlaidText, overlay: &'t Overlay) -> Source<'t> {
         let mut source = Source::new(file, &joined.text);
         let first_line = source.line_of(joined.from..joined.from);
         source.over = Some(Over {
@@ -113,7 +113,7 @@ impl<'t> Source<'t> {
         if self.text.len() > LIMIT_BYTES {
             let wrong = format!("the file has {} bytes", self.text.len());
             self.note(
-                Class::Syntax,
+                ProblemClass::Syntax,
                 1,
                 "",
                 "",
@@ -146,7 +146,7 @@ impl<'t> Source<'t> {
             last_line = line;
             let message = error.message().lines().collect::<Vec<_>>().join(", ");
             self.note(
-                Class::Syntax,
+                ProblemClass::Syntax,
                 line,
                 "",
                 "",
@@ -167,7 +167,7 @@ impl<'t> Source<'t> {
     /// Notes a problem.
     pub(super) fn note(
         &self,
-        class: Class,
+        class: ProblemClass,
         line: usize,
         key: &str,
         value: &str,
@@ -209,7 +209,7 @@ impl<'t> Source<'t> {
             line: 1,
             value: String::new(),
         });
-        self.note(Class::Value, line, key, &value, wrong, allowed);
+        self.note(ProblemClass::Value, line, key, &value, wrong, allowed);
     }
 
     /// Notes that a key must be there, by its full name.
@@ -220,7 +220,7 @@ impl<'t> Source<'t> {
             .borrow()
             .get(table)
             .map_or(1, |place| place.line);
-        self.note(Class::Keys, line, key, "", "is missing", rule);
+        self.note(ProblemClass::Keys, line, key, "", "is missing", rule);
     }
 
     /// Returns whether a key was read so far: given or left out.
@@ -246,7 +246,7 @@ impl<'t> Source<'t> {
         let others = problems
             .into_list()
             .into_iter()
-            .map(|problem| (Class::Value, problem));
+            .map(|problem| (ProblemClass::Value, problem));
         self.found.borrow_mut().extend(others);
     }
 
@@ -255,13 +255,13 @@ impl<'t> Source<'t> {
         let found = self.found.take();
         let broken: Vec<usize> = found
             .iter()
-            .filter(|(class, _)| *class == Class::Syntax)
+            .filter(|(class, _)| *class == ProblemClass::Syntax)
             .map(|(_, p)| p.line)
             .collect();
-        let is_worth_saying = |class: Class, problem: &Problem| match class {
-            Class::Syntax => true,
-            Class::Keys => broken.is_empty(),
-            Class::Value => problem.file != self.file || !broken.contains(&problem.line),
+        let is_worth_saying = |class: ProblemClass, problem: &Problem| match class {
+            ProblemClass::Syntax => true,
+            ProblemClass::Keys => broken.is_empty(),
+            ProblemClass::Value => problem.file != self.file || !broken.contains(&problem.line),
         };
         let kept: Vec<Problem> = found
             .into_iter()

@@ -9,7 +9,7 @@ use tomoswarm_proto::{
 
 use super::Loader;
 use super::forms::{FileName, MaybePlace, places};
-use super::keys::{Bounds, Entry, Form, Keyed, Keys, Number, Whole, Word, Words};
+use super::keys::{Form, KeyEntry, Keyed, Keys, Number, NumberBounds, Whole, Word, Words};
 use super::mission::Planner;
 use super::problem::Problems;
 use super::section::Section;
@@ -77,29 +77,29 @@ impl Word for WrittenKind {
 
 /// The table `[mission]` as it is written; a [`TaskKind`] is what follows from it.
 #[derive(Clone, PartialEq, Debug)]
-pub struct Mission {
+pub struct MissionTable {
     kind: WrittenKind,
     places: WrittenPlaces,
 }
 
-impl Default for Mission {
+impl Default for MissionTable {
     /// Returns a sweep.
-    fn default() -> Mission {
-        Mission::of(WrittenKind::Sweep(None))
+    fn default() -> MissionTable {
+        MissionTable::of(WrittenKind::Sweep(None))
     }
 }
 
-impl Mission {
-    fn of(kind: WrittenKind) -> Mission {
-        Mission {
+impl MissionTable {
+    fn of(kind: WrittenKind) -> MissionTable {
+        MissionTable {
             kind,
             places: WrittenPlaces::default(),
         }
     }
 
     /// Returns a mission of every kind with its word, in the order in which people are told them.
-    pub(super) fn each() -> impl Iterator<Item = (&'static str, Mission)> {
-        WrittenKind::all().map(|(word, kind)| (word, Mission::of(kind)))
+    pub(super) fn each() -> impl Iterator<Item = (&'static str, MissionTable)> {
+        WrittenKind::all().map(|(word, kind)| (word, MissionTable::of(kind)))
     }
 
     /// Returns whether the ground station plans it.
@@ -126,7 +126,7 @@ impl Mission {
         venue: Option<&Venue>,
         loader: &mut Loader,
     ) -> Option<TaskKind> {
-        let Mission { kind, places } = self;
+        let MissionTable { kind, places } = self;
         let positions = |points: Vec<Point>| points.into_iter().map(Position::from).collect();
         match kind {
             WrittenKind::Sweep(_) => None,
@@ -152,9 +152,9 @@ impl Mission {
     }
 }
 
-impl Keyed for Mission {
+impl Keyed for MissionTable {
     fn keys(&mut self, to: &mut dyn Keys) {
-        let Mission { kind, places } = self;
+        let MissionTable { kind, places } = self;
         let means = "what the vehicles are out for, see below";
         to.word(
             kind,
@@ -310,7 +310,7 @@ impl WrittenPlaces {
         let (left_out, means) = ("the shorter side of the area", "side of the square");
         to.maybe_number(
             size_m,
-            Bounds {
+            NumberBounds {
                 name: "size_m",
                 left_out,
                 allowed: 0.1..=10_000.0,
@@ -320,7 +320,7 @@ impl WrittenPlaces {
         let (left_out, means) = ("the area's middle", "middle of the square");
         to.form(
             &mut MaybePlace(centre_m),
-            Entry {
+            KeyEntry {
                 name: "centre_m",
                 left_out,
                 means,
@@ -342,7 +342,7 @@ impl WrittenPlaces {
                 name: file,
                 needed: None,
             },
-            Entry {
+            KeyEntry {
                 name: "file",
                 left_out: "",
                 means,
@@ -357,7 +357,7 @@ impl WrittenPlaces {
         let means = "the places, `[[x, y], …]`, unless a file says them";
         to.form(
             &mut waypoints,
-            Entry {
+            KeyEntry {
                 name: "waypoints_m",
                 left_out: "",
                 means,

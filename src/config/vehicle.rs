@@ -5,12 +5,12 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use super::keys::{Choice, Keyed, Keys, Number, Whole, Words, read_defaults};
-use super::range::Look;
+use super::keys::{Keyed, Keys, Number, Whole, WordChoice, Words, read_defaults};
+use super::range::SensorCoverage;
 use super::section::Section;
 use super::source::Source;
 use crate::geom::{Angle, Bearing, Vector};
-use crate::plan::Sight;
+use crate::plan::SensingLimits;
 use crate::time::Time;
 
 /// How many vehicles a simulation may have: as many as the planners can keep apart on one ring.
@@ -147,7 +147,7 @@ pub enum Craft {
     Copter,
 }
 
-impl Choice for Craft {
+impl WordChoice for Craft {
     const WORDS: &'static [(&'static str, Craft)] =
         &[("rover", Craft::Rover), ("copter", Craft::Copter)];
 }
@@ -420,13 +420,13 @@ impl Keyed for Safety {
 /// the brakes are told. `pose_sd_m` is the deviation of its place, metres.
 pub(super) fn sight(
     body: &Body,
-    look: &Look,
+    look: &SensorCoverage,
     safety: &Safety,
     cell_m: f64,
     pose_sd_m: f64,
-) -> Sight {
+) -> SensingLimits {
     let corridor_m = body.radius_m + safety.padding_m + 2.0 * pose_sd_m;
-    Sight {
+    SensingLimits {
         range_m: look.sure_range_m,
         margin_m: corridor_m + cell_m * std::f64::consts::FRAC_1_SQRT_2,
         scan_period_s: look.cycle().as_secs_f64(),

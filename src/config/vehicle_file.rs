@@ -8,15 +8,15 @@ use tomoswarm_proto::{TaskKind, VehicleId};
 use super::Loader;
 use super::bus_file::{BusFile, BusFileTable, Role};
 use super::drivers::{DriverKey, Drivers, RadioDriver, ServoDriver};
-use super::forms::{FileName, Loaded};
-use super::keys::{Entry, Form, Keyed, Keys, MaybeTable, Number, Whole, quoted, read_table};
+use super::forms::{FileName, LoadedFile};
+use super::keys::{Form, KeyEntry, Keyed, Keys, MaybeTable, Number, Whole, quoted, read_table};
 use super::radio::OwnRadio;
-use super::range::Look;
+use super::range::SensorCoverage;
 use super::range_driver::RangeDriver;
 use super::section::Section;
 use super::sim::{check_border, check_task, load, refuse_blind_speed};
 use super::swarm::Swarm;
-use super::task::Mission;
+use super::task::MissionTable;
 use super::vehicle::{Body, Safety, sight};
 use super::venue::Venue;
 use crate::geom::Point;
@@ -40,7 +40,7 @@ pub struct VehicleFile {
     /// The folder in which its boot count, outbox and recordings are kept.
     pub state_dir: String,
     /// What it is out for, as it is written.
-    pub mission: Mission,
+    pub mission: MissionTable,
     /// What it is out for; `None` = it follows the plans of the ground station.
     pub task: Option<TaskKind>,
     /// What speaks with its devices.
@@ -48,13 +48,13 @@ pub struct VehicleFile {
     /// Its body.
     pub body: Body,
     /// Its range sensor.
-    pub look: Look,
+    pub look: SensorCoverage,
     /// Its radio.
     pub radio: OwnRadio,
     /// How well its place is known.
     pub pose: PoseFile,
     /// The simulated world that its drivers speak with.
-    pub world: World,
+    pub world: WorldEndpoint,
     /// The margins that it keeps.
     pub safety: Safety,
     /// How it joins the bus.
@@ -65,7 +65,7 @@ pub struct VehicleFile {
 
 /// The door of the process that simulates the world.
 #[derive(Clone, PartialEq, Eq, Debug)]
-pub struct World {
+pub struct WorldEndpoint {
     /// Where it listens; always on this machine.
     pub connect: SocketAddr,
     /// What a driver says to be let in.
@@ -115,7 +115,7 @@ impl Keyed for PoseFile {
         let means = "who says where it is; today only `\"autopilot\"`";
         to.form(
             &mut PoseSource,
-            Entry {
+            KeyEntry {
                 name: "source",
                 left_out: "autopilot",
                 means,
@@ -155,7 +155,7 @@ impl Form for PoseSource {
 struct RangeTable<'a> {
     driver: &'a mut RangeDriver,
     servo: ServoDriver,
-    look: &'a mut Look,
+    look: &'a mut SensorCoverage,
 }
 
 impl Keyed for RangeTable<'_> {
@@ -202,14 +202,14 @@ impl VehicleFile {
             id: VehicleId(0),
             home: Point::default(),
             state_dir: String::new(),
-            mission: Mission::default(),
+            mission: MissionTable::default(),
             task: None,
             drivers: Drivers::default(),
             body: Body::default(),
-            look: Look::default(),
+            look: SensorCoverage::default(),
             radio: OwnRadio::default(),
             pose: PoseFile::default(),
-            world: World {
+            world: WorldEndpoint {
                 connect: NOWHERE,
                 token: String::new(),
             },
@@ -279,15 +279,15 @@ impl Keyed for VehicleFile {
             range,
             radio: radio_driver,
         } = drivers;
-        let table = |name, means| Entry {
+        let table = |name, means| KeyEntry {
             name,
             left_out: "",
             means,
         };
         let means = "file of the place, the same on every node";
         to.form(
-            &mut Loaded(venue_file),
-            Entry {
+            &mut LoadedFile(venue_file),
+            KeyEntry {
                 name: "venue",
                 left_out: "needed",
                 means,
@@ -296,7 +296,7 @@ impl Keyed for VehicleFile {
         let means = "1 to 250; vehicle N has the N-th home";
         to.form(
             &mut Number1To250(id),
-            Entry {
+            KeyEntry {
                 name: "id",
                 left_out: "needed",
                 means,
@@ -362,7 +362,7 @@ pub(super) fn state_dir_key(state_dir: &mut String, to: &mut dyn Keys) {
     };
     to.form(
         &mut name,
-        Entry {
+        KeyEntry {
             name: "state_dir",
             left_out: "needed",
             means,
@@ -395,7 +395,7 @@ const NOWHERE: SocketAddr = SocketAddr::V4(core::net::SocketAddrV4::new(
 
 /// The simulated world, which must be named when a driver is simulated.
 struct WorldTable<'a> {
-    world: &'a mut World,
+    world: &'a mut WorldEndpoint,
     is_needed: bool,
 }
 
@@ -409,14 +409,14 @@ impl MaybeTable for WorldTable<'_> {
     }
 }
 
-impl Keyed for World {
+impl Keyed for WorldEndpoint {
     fn keys(&mut self, to: &mut dyn Keys) {
-        let World { connect, token } = self;
+        let WorldEndpoint { connect, token } = self;
         let left_out = "needed";
         let means = "where it listens, an address of this machine";
         to.form(
             &mut WorldAddress(connect),
-            Entry {
+            KeyEntry {
                 name: "connect",
                 left_out,
                 means,
@@ -425,7 +425,7 @@ impl Keyed for World {
         let means = "what a driver says to be let in, the world's own word: 8 to 128 letters, digits, `-`, `_`";
         to.form(
             &mut Token(token),
-            Entry {
+            KeyEntry {
                 name: "token",
                 left_out,
                 means,

@@ -6,9 +6,10 @@ use std::hash::Hasher;
 use fnv::FnvHasher;
 use tomoswarm_proto::TILE_SIDE;
 
-use super::forms::{Name, Places, places};
+use super::forms::{Name, RequiredPlaces, places};
 use super::keys::{
-    Bounds, Entry, Form, Keyed, Keys, MaybeTable, Number, Numbers, number, read_table, written_list,
+    Form, KeyEntry, Keyed, Keys, MaybeTable, Number, NumberBounds, Numbers, number, read_table,
+    written_list,
 };
 use super::outline::{CORNERS, simple_polygon};
 use super::section::{COORDINATE_M, Section};
@@ -171,7 +172,7 @@ impl Keyed for Venue {
         };
         to.form(
             &mut plain,
-            Entry {
+            KeyEntry {
                 name: "name",
                 left_out: "venue",
                 means,
@@ -179,7 +180,7 @@ impl Keyed for Venue {
         );
         to.maybe_table(
             &mut DatumTable(datum),
-            Entry {
+            KeyEntry {
                 name: "datum",
                 left_out: "needed",
                 means: "where (0, 0) lies on the earth",
@@ -195,7 +196,7 @@ impl Keyed for Venue {
         let means = "`[x0, y0, x1, y1]`: what is imaged; vehicles drive along its border";
         to.form(
             &mut Area(area),
-            Entry {
+            KeyEntry {
                 name: "area_m",
                 left_out,
                 means,
@@ -204,20 +205,20 @@ impl Keyed for Venue {
         let means = "corners `[[x, y], …]` around where vehicles may be";
         to.form(
             &mut Fence(fence),
-            Entry {
+            KeyEntry {
                 name: "fence_m",
                 left_out,
                 means,
             },
         );
         let means = "where vehicles start and return to, one each; vehicle 1 has the first";
-        let mut all = Places {
+        let mut all = RequiredPlaces {
             places: homes,
             count: 1..=MOST_HOMES,
         };
         to.form(
             &mut all,
-            Entry {
+            KeyEntry {
                 name: "homes_m",
                 left_out,
                 means,
@@ -254,7 +255,7 @@ impl Keyed for Venue {
                      laid over its venue; the files of nodes may not";
         to.table(
             swarm,
-            Entry {
+            KeyEntry {
                 name: "swarm",
                 left_out: "",
                 means,
@@ -283,7 +284,7 @@ impl Keyed for Datum {
             longitude_deg,
             altitude_m,
         } = self;
-        let needed = |name, allowed, means| Bounds {
+        let needed = |name, allowed, means| NumberBounds {
             name,
             left_out: "needed",
             allowed,

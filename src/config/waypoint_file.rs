@@ -67,7 +67,7 @@ pub enum SpeedOf {
 
 /// Which way round a vehicle turns.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Turning {
+pub enum TurnDirection {
     /// The shorter way.
     Shortest,
     /// To the right.
@@ -124,7 +124,7 @@ pub enum MissionItem {
         /// How fast, degrees per second; 0 = the autopilot's own.
         rate_dps: f64,
         /// Which way round.
-        turning: Turning,
+        turning: TurnDirection,
         /// Whether the angle is counted from where the vehicle looks.
         is_relative: bool,
     },

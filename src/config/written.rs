@@ -2,7 +2,7 @@
 
 use super::keys::{Tables, Writer};
 use super::sim::{Sim, SimTable};
-use super::task::Mission;
+use super::task::MissionTable;
 use super::vehicle::SWARM;
 use super::{Config, Experiment, GroundFile, OperatorFile, SceneFile, Up, VehicleFile, Venue};
 
@@ -35,7 +35,7 @@ pub fn key_tables() -> Vec<(&'static str, String)> {
         ("venue", Tables::of(&mut [&mut Venue::blank()])),
         ("scene", Tables::of(&mut [&mut SceneFile::of_shapes(Up::Y)])),
         ("sim", Tables::of(&mut [&mut sim_table(&mut Sim::blank())])),
-        ("mission", Tables::of_kinds(Mission::each())),
+        ("mission", Tables::of_kinds(MissionTable::each())),
         ("experiment", Tables::of(&mut [&mut Experiment::blank()])),
         ("vehicle", Tables::of(&mut [&mut VehicleFile::blank()])),
         ("ground", Tables::of(&mut [&mut GroundFile::blank()])),

@@ -13,7 +13,7 @@ use crate::geom::{Polygon, Rect};
 use super::colour::{INK, LIGHT, PAPER, mix};
 use super::heat::nothing;
 use super::layout::Layout;
-use super::legend::{Entry, Legend, Sample};
+use super::legend::{Legend, LegendEntry, LegendSample};
 use super::overlay::Overlay;
 use super::raster::Picture;
 use super::stroke::{At, Pen, Sheet};
@@ -119,8 +119,8 @@ fn legend(plan: &FloorPlan<'_>) -> Legend {
                     false => (full, name.clone()),
                     true => (mix(PAPER, full, FAINT), format!("{name} (above)")),
                 };
-                fills.push(Entry {
-                    sample: Sample::Fill(colour),
+                fills.push(LegendEntry {
+                    sample: LegendSample::Fill(colour),
                     text,
                 });
             }

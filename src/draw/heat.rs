@@ -12,7 +12,7 @@ use crate::geom::PixelGrid;
 use super::bar::Bar;
 use super::colour::{ColourMap, DARK, INK, NOT_FINITE, PAPER};
 use super::layout::Layout;
-use super::legend::{Entry, Legend, Sample};
+use super::legend::{Legend, LegendEntry, LegendSample};
 use super::overlay::Overlay;
 use super::raster::Picture;
 use super::text::{SMALL, width_px, write};
@@ -109,10 +109,10 @@ impl Picture {
     }
 }
 
-fn not_finite_entry(values: &[f64]) -> Vec<Entry> {
+fn not_finite_entry(values: &[f64]) -> Vec<LegendEntry> {
     let text = "no value (not a finite number)".to_string();
-    let entry = Entry {
-        sample: Sample::Fill(NOT_FINITE),
+    let entry = LegendEntry {
+        sample: LegendSample::Fill(NOT_FINITE),
         text,
     };
     if values.iter().all(|value| value.is_finite()) {

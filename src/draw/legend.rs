@@ -18,7 +18,7 @@ const TRACKS_MOST: usize = 8;
 
 /// A sample as the legend shows it.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub(super) enum Sample {
+pub(super) enum LegendSample {
     /// A mark on the plot's ground.
     Mark(Mark),
     /// A colour of the plot.
@@ -27,20 +27,20 @@ pub(super) enum Sample {
 
 /// One line of the legend.
 #[derive(Clone, PartialEq, Debug)]
-pub(super) struct Entry {
-    pub(super) sample: Sample,
+pub(super) struct LegendEntry {
+    pub(super) sample: LegendSample,
     pub(super) text: String,
 }
 
 /// The legend; empty when there is nothing to explain.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Legend {
-    entries: Vec<Entry>,
+    entries: Vec<LegendEntry>,
 }
 
 impl Legend {
     /// Makes the legend from colours to explain and from the overlays used, each kind once, each named track once.
-    pub(super) fn new(fills: Vec<Entry>, overlays: &[Overlay]) -> Legend {
+    pub(super) fn new(fills: Vec<LegendEntry>, overlays: &[Overlay]) -> Legend {
         let mut marks: Vec<(Mark, String)> = overlays
             .iter()
             .map(|overlay| (overlay.mark(), short(&overlay.legend_text(), 32)))
@@ -55,8 +55,8 @@ impl Legend {
                 "vehicle tracks, one colour each".to_string(),
             ));
         }
-        let marks = marks.into_iter().map(|(mark, text)| Entry {
-            sample: Sample::Mark(mark),
+        let marks = marks.into_iter().map(|(mark, text)| LegendEntry {
+            sample: LegendSample::Mark(mark),
             text,
         });
         Legend {
@@ -76,8 +76,8 @@ impl Legend {
         for (entry, corner) in self.entries.iter().zip(self.corners(width_px)) {
             let tile = Rectangle::new(at + corner + Point::new(1, 3), TILE);
             match entry.sample {
-                Sample::Mark(mark) => sample(picture, theme, mark, tile),
-                Sample::Fill(colour) => picture.fill(tile, colour),
+                LegendSample::Mark(mark) => sample(picture, theme, mark, tile),
+                LegendSample::Fill(colour) => picture.fill(tile, colour),
             }
             frame(picture, tile);
             let text_at = tile.top_left + Point::new(TILE.width as i32 + 8, 2);

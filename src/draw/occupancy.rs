@@ -13,7 +13,7 @@ use crate::geom::{Point, Rect};
 use super::colour::{LIGHT, PAPER};
 use super::heat::nothing;
 use super::layout::Layout;
-use super::legend::{Entry, Legend, Sample};
+use super::legend::{Legend, LegendEntry, LegendSample};
 use super::overlay::Overlay;
 use super::raster::Picture;
 use super::{DrawError, Placement, axes, paint};
@@ -83,8 +83,8 @@ impl OccupancyMap<'_> {
 
     fn legend(&self) -> Legend {
         let states = [CellState::Free, CellState::Unknown, CellState::Occupied];
-        let entry = |state: CellState| Entry {
-            sample: Sample::Fill(state.colour()),
+        let entry = |state: CellState| LegendEntry {
+            sample: LegendSample::Fill(state.colour()),
             text: state.legend_text().to_string(),
         };
         Legend::new(states.map(entry).to_vec(), &self.overlays)

@@ -10,7 +10,7 @@ use tomoswarm_proto::codec::{EncodeError, encode};
 use tomoswarm_proto::{Message, Topic};
 
 use super::plausibility::Numbers;
-use super::table::{Class, row};
+use super::table::{Urgency, row};
 use super::token_bucket::TokenBucket;
 use crate::time::Time;
 
@@ -23,7 +23,7 @@ const BATCHES: usize = 2;
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct OutboundFrame {
     /// How much it presses.
-    pub class: Class,
+    pub class: Urgency,
     /// Of which kind and what about: with the sender, the key under which it is published.
     pub topic: Topic,
     /// Whether a later frame of its topic takes its place.
@@ -57,7 +57,7 @@ impl OutboundFrame {
 #[derive(Debug)]
 pub struct Egress {
     budget: TokenBucket,
-    waiting: BTreeMap<Class, VecDeque<OutboundFrame>>,
+    waiting: BTreeMap<Urgency, VecDeque<OutboundFrame>>,
     bytes: usize,
     dropped: u64,
 }
@@ -77,7 +77,7 @@ impl Egress {
 
     /// Takes a frame: returns it when it may go at once, otherwise keeps it.
     pub fn offer(&mut self, now: Time, offered: OutboundFrame) -> Option<OutboundFrame> {
-        if offered.class == Class::Urgent {
+        if offered.class == Urgency::Urgent {
             self.budget.owe(now, offered.frame.len());
             return Some(offered);
         }
@@ -118,7 +118,7 @@ impl Egress {
 
     fn keep(&mut self, offered: OutboundFrame) {
         let waiting = self.waiting.entry(offered.class).or_default();
-        let is_batch = |frame: &OutboundFrame| frame.class == Class::Low && !frame.is_replaced;
+        let is_batch = |frame: &OutboundFrame| frame.class == Urgency::Low && !frame.is_replaced;
         if is_batch(&offered)
             && waiting.iter().filter(|waiting| is_batch(waiting)).count() >= BATCHES
         {
@@ -154,7 +154,7 @@ impl Egress {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use tomoswarm_proto::{About, Kind, LayerId, TileAddress, VehicleId};
+    use tomoswarm_proto::{LayerId, MessageKind, MessageSubject, TileAddress, VehicleId};
 
     /// The names of topics below, apart from tiles.
     const NAMES: [&str; 6] = ["first", "second", "order", "state", "samples", "tile"];
@@ -167,29 +167,32 @@ mod tests {
                     x: number.parse().unwrap(),
                     ..TileAddress::default()
                 };
-                About::Tile(LayerId::default(), address)
+                MessageSubject::Tile(LayerId::default(), address)
             }
-            None => About::Vehicle(VehicleId(
+            None => MessageSubject::Vehicle(VehicleId(
                 NAMES.iter().position(|known| *known == name).unwrap() as u8,
             )),
         };
         Topic {
-            kind: Kind::Tile,
+            kind: MessageKind::Tile,
             about,
         }
     }
 
     fn name(topic: Topic) -> String {
         match topic.about {
-            About::Tile(_, address) => format!("tile/{}", address.x),
-            About::Vehicle(number) => NAMES[usize::from(number.0)].to_owned(),
-            About::Whole | About::Layer(_) | About::Run(_) | About::Part(..) => {
+            MessageSubject::Tile(_, address) => format!("tile/{}", address.x),
+            MessageSubject::Vehicle(number) => NAMES[usize::from(number.0)].to_owned(),
+            MessageSubject::Whole
+            | MessageSubject::Layer(_)
+            | MessageSubject::Run(_)
+            | MessageSubject::Part(..) => {
                 panic!("{topic:?} has no name here")
             }
         }
     }
 
-    fn frame(class: Class, name: &str, bytes: usize) -> OutboundFrame {
+    fn frame(class: Urgency, name: &str, bytes: usize) -> OutboundFrame {
         let (topic, numbers) = (topic(name), Numbers::default());
         OutboundFrame {
             class,
@@ -205,12 +208,12 @@ mod tests {
         let mut egress = Egress::new(1000);
         assert!(
             egress
-                .offer(Time::ZERO, frame(Class::Low, "first", 1000))
+                .offer(Time::ZERO, frame(Urgency::Low, "first", 1000))
                 .is_some()
         );
         assert!(
             egress
-                .offer(Time::ZERO, frame(Class::Low, "second", 10))
+                .offer(Time::ZERO, frame(Urgency::Low, "second", 10))
                 .is_none()
         );
         egress
@@ -227,12 +230,12 @@ mod tests {
         let mut egress = spent();
         assert!(
             egress
-                .offer(Time::ZERO, frame(Class::Urgent, "order", 100))
+                .offer(Time::ZERO, frame(Urgency::Urgent, "order", 100))
                 .is_some()
         );
         assert!(
             egress
-                .offer(Time::ZERO, frame(Class::High, "state", 100))
+                .offer(Time::ZERO, frame(Urgency::High, "state", 100))
                 .is_none()
         );
     }
@@ -241,10 +244,10 @@ mod tests {
     fn the_higher_class_goes_first_and_of_a_key_only_the_newest() {
         let mut egress = spent();
         for (class, key, bytes) in [
-            (Class::Normal, "tile/1", 5),
-            (Class::Normal, "tile/2", 5),
-            (Class::High, "state", 5),
-            (Class::Normal, "tile/1", 7),
+            (Urgency::Normal, "tile/1", 5),
+            (Urgency::Normal, "tile/2", 5),
+            (Urgency::High, "state", 5),
+            (Urgency::Normal, "tile/1", 7),
         ] {
             assert!(egress.offer(Time::ZERO, frame(class, key, bytes)).is_none());
         }
@@ -261,13 +264,13 @@ mod tests {
         for number in 1..=5 {
             let batch = OutboundFrame {
                 is_replaced: false,
-                ..frame(Class::Low, "samples", number)
+                ..frame(Urgency::Low, "samples", number)
             };
             assert!(egress.offer(Time::ZERO, batch).is_none());
         }
         assert!(
             egress
-                .offer(Time::ZERO, frame(Class::Normal, "tile", 5))
+                .offer(Time::ZERO, frame(Urgency::Normal, "tile", 5))
                 .is_none()
         );
         assert_eq!(egress.dropped(), 3);
@@ -279,14 +282,14 @@ mod tests {
 
     #[test]
     fn what_others_decide_by_goes_before_samples() {
-        let samples = Class::of(&Message::Samples(tomoswarm_proto::Samples::default()));
+        let samples = Urgency::of(&Message::Samples(tomoswarm_proto::Samples::default()));
         for message in [
-            Message::Report(tomoswarm_proto::Report::default()),
+            Message::Report(tomoswarm_proto::GroundReport::default()),
             Message::Have(tomoswarm_proto::Have::default()),
             Message::Digest(tomoswarm_proto::Digest::default()),
             Message::Health(tomoswarm_proto::Health::default()),
         ] {
-            assert!(Class::of(&message) < samples, "{}", message.word());
+            assert!(Urgency::of(&message) < samples, "{}", message.word());
         }
     }
 
@@ -296,14 +299,14 @@ mod tests {
         for number in 0..3000 {
             egress.offer(
                 Time::ZERO,
-                frame(Class::Normal, &format!("tile/{number}"), 1000),
+                frame(Urgency::Normal, &format!("tile/{number}"), 1000),
             );
         }
         assert!(egress.bytes <= WAITING);
         assert!(egress.dropped() > 1900);
         assert!(
             egress
-                .offer(Time::ZERO, frame(Class::High, "state", 1000))
+                .offer(Time::ZERO, frame(Urgency::High, "state", 1000))
                 .is_none()
         );
         assert_eq!(all_due(&mut egress)[0], "state");

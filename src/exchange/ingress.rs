@@ -20,7 +20,7 @@ const SAVED_S: f64 = 4.0;
 
 /// What came over the bus.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-pub enum Heard {
+pub enum HeardMessage {
     /// A message that its sender may say.
     Message(Sender, Message),
     /// A greeting, of whatever version; with the whole Hello when it is of this one.
@@ -30,11 +30,11 @@ pub enum Heard {
     Unknown(u8),
 }
 
-impl Heard {
+impl HeardMessage {
     /// Returns a message as it is heard where greetings of other versions do not come.
-    pub fn of(sender: Sender, message: Message) -> Heard {
+    pub fn of(sender: Sender, message: Message) -> HeardMessage {
         let Message::Hello(hello) = message else {
-            return Heard::Message(sender, message);
+            return HeardMessage::Message(sender, message);
         };
         let Hello {
             node,
@@ -42,7 +42,7 @@ impl Heard {
             venue_hash,
             ..
         } = hello;
-        Heard::Greeting(
+        HeardMessage::Greeting(
             Greeting {
                 version: codec::VERSION,
                 node,
@@ -56,7 +56,7 @@ impl Heard {
 
 /// Why a frame is not heard.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
-pub enum Refusal {
+pub enum FrameRefusal {
     /// It came under a key that belongs to no sender.
     #[error("nobody has such a key")]
     NoSender,
@@ -96,22 +96,22 @@ pub enum Refusal {
     },
 }
 
-impl Refusal {
+impl FrameRefusal {
     /// Returns what was refused, in words under which refusals are counted.
     pub fn what(&self) -> &'static str {
         match self {
-            Refusal::NoSender => "a key of no sender",
-            Refusal::OverShare => "more than its share of the bus",
-            Refusal::Leaps { .. } => "a number far above all others",
-            Refusal::Damaged
-            | Refusal::Unreadable { .. }
-            | Refusal::ForeignGreeting { .. }
-            | Refusal::NotItsToSay { .. } => "a frame",
+            FrameRefusal::NoSender => "a key of no sender",
+            FrameRefusal::OverShare => "more than its share of the bus",
+            FrameRefusal::Leaps { .. } => "a number far above all others",
+            FrameRefusal::Damaged
+            | FrameRefusal::Unreadable { .. }
+            | FrameRefusal::ForeignGreeting { .. }
+            | FrameRefusal::NotItsToSay { .. } => "a frame",
         }
     }
 
-    fn unreadable(error: &DecodeError) -> Refusal {
-        Refusal::Unreadable {
+    fn unreadable(error: &DecodeError) -> FrameRefusal {
+        FrameRefusal::Unreadable {
             reason: error.to_string(),
         }
     }
@@ -148,13 +148,13 @@ impl Ingress {
     ///
     /// # Errors
     /// Nothing of its share is left.
-    pub fn admit(&mut self, now: Time, sender: Sender, bytes: usize) -> Result<(), Refusal> {
+    pub fn admit(&mut self, now: Time, sender: Sender, bytes: usize) -> Result<(), FrameRefusal> {
         let fresh = || TokenBucket::new(self.per_s, SAVED_S * self.per_s);
         let share = self.shares.entry(sender).or_insert_with(fresh);
         if share.spend(now, bytes) {
             Ok(())
         } else {
-            Err(Refusal::OverShare)
+            Err(FrameRefusal::OverShare)
         }
     }
 
@@ -171,7 +171,7 @@ impl Ingress {
 
     /// Counts a frame that is refused; returns how many of its sort there were when that is worth a line: at every power of
     /// ten.
-    pub fn refuse(&mut self, sender: Option<Sender>, refusal: &Refusal) -> Option<u64> {
+    pub fn refuse(&mut self, sender: Option<Sender>, refusal: &FrameRefusal) -> Option<u64> {
         self.refused += 1;
         let count = self.refused_by.entry((sender, refusal.what())).or_default();
         *count += 1;
@@ -198,38 +198,44 @@ impl Ingress {
 ///
 /// # Errors
 /// It is no frame of this version and no greeting of any, or the sender may not say it.
-pub fn read(sender: Sender, frame: &[u8]) -> Result<Heard, Refusal> {
+pub fn read(sender: Sender, frame: &[u8]) -> Result<HeardMessage, FrameRefusal> {
     if frame.len() > LIMIT {
-        return Err(Refusal::unreadable(&DecodeError::TooLong {
+        return Err(FrameRefusal::unreadable(&DecodeError::TooLong {
             length: frame.len(),
         }));
     }
     if let Ok(greeting) = codec::greeting(frame) {
         return read_greeting(sender, greeting, frame);
     }
-    let message = match codec::decode(frame).map_err(|error| Refusal::unreadable(&error))? {
+    let message = match codec::decode(frame).map_err(|error| FrameRefusal::unreadable(&error))? {
         Decoded::Message(message) => message,
-        Decoded::Unknown(kind) => return Ok(Heard::Unknown(kind)),
+        Decoded::Unknown(kind) => return Ok(HeardMessage::Unknown(kind)),
     };
     match may_say(sender, &message) {
-        true => Ok(Heard::Message(sender, message)),
-        false => Err(Refusal::NotItsToSay { sender }),
+        true => Ok(HeardMessage::Message(sender, message)),
+        false => Err(FrameRefusal::NotItsToSay { sender }),
     }
 }
 
-fn read_greeting(sender: Sender, greeting: Greeting, frame: &[u8]) -> Result<Heard, Refusal> {
+fn read_greeting(
+    sender: Sender,
+    greeting: Greeting,
+    frame: &[u8],
+) -> Result<HeardMessage, FrameRefusal> {
     if greeting.node != sender {
-        return Err(Refusal::ForeignGreeting {
+        return Err(FrameRefusal::ForeignGreeting {
             node: greeting.node,
         });
     }
     match codec::decode(frame) {
-        Ok(Decoded::Message(Message::Hello(hello))) => Ok(Heard::Greeting(greeting, Some(hello))),
-        Err(DecodeError::Version { .. }) => Ok(Heard::Greeting(greeting, None)),
+        Ok(Decoded::Message(Message::Hello(hello))) => {
+            Ok(HeardMessage::Greeting(greeting, Some(hello)))
+        }
+        Err(DecodeError::Version { .. }) => Ok(HeardMessage::Greeting(greeting, None)),
         // A greeting has the kind of one in every version.
-        Ok(Decoded::Message(_) | Decoded::Unknown(_)) => Err(Refusal::Unreadable {
+        Ok(Decoded::Message(_) | Decoded::Unknown(_)) => Err(FrameRefusal::Unreadable {
             reason: "another message that begins as a greeting".to_owned(),
         }),
-        Err(error) => Err(Refusal::unreadable(&error)),
+        Err(error) => Err(FrameRefusal::unreadable(&error)),
     }
 }

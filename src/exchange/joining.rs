@@ -52,7 +52,7 @@ const MISFITS_MAX: usize = 4;
 
 /// What follows from a greeting.
 #[derive(Clone, PartialEq, Eq, Debug)]
-pub enum Verdict {
+pub enum GreetingVerdict {
     /// Nothing.
     Fine,
     /// The other one does not fit: what it says is not listened to, unless one of its name fits. Said once.
@@ -159,7 +159,12 @@ impl Joining {
     }
 
     /// Takes a greeting of another node; of one of another wire version only the greeting can be read.
-    pub fn hear(&mut self, now: Time, greeting: &Greeting, hello: Option<&Hello>) -> Verdict {
+    pub fn hear(
+        &mut self,
+        now: Time,
+        greeting: &Greeting,
+        hello: Option<&Hello>,
+    ) -> GreetingVerdict {
         self.meet(now);
         if let Some(misfit) = self.misfit(greeting) {
             return self.object(now, greeting, hello, &misfit);
@@ -170,7 +175,7 @@ impl Joining {
             Some(hello) if hello.node == self.own.node && hello.instance != self.own.instance => {
                 self.compete(now, hello)
             }
-            Some(_) | None => Verdict::Fine,
+            Some(_) | None => GreetingVerdict::Fine,
         }
     }
 
@@ -216,9 +221,9 @@ impl Joining {
     }
 
     /// Decides between this node and another one of its name, so that exactly one of them goes.
-    fn compete(&mut self, now: Time, theirs: &Hello) -> Verdict {
+    fn compete(&mut self, now: Time, theirs: &Hello) -> GreetingVerdict {
         let Sender::Vehicle(_) = theirs.node else {
-            return Verdict::Fine;
+            return GreetingVerdict::Fine;
         };
         let is_new = !self.twins.contains_key(&theirs.instance);
         if is_new && self.twins.len() >= TWINS_MAX {
@@ -243,7 +248,7 @@ impl Joining {
         let name = theirs.node;
         let confirms_for = if hesitates { HESITATES } else { CONFIRMS_FOR };
         if !stays && heard_for >= confirms_for {
-            return Verdict::Refused(format!(
+            return GreetingVerdict::Refused(format!(
                 "{name} is on the bus already: another node runs under this id"
             ));
         }
@@ -258,11 +263,11 @@ impl Joining {
         self.owes = true;
         if is_new && stays {
             let age = format!("here for {ours_s} s, there for {} s", theirs.member_for_s);
-            return Verdict::Stays(format!(
+            return GreetingVerdict::Stays(format!(
                 "another node runs as {name} and has to leave ({age})"
             ));
         }
-        Verdict::Fine
+        GreetingVerdict::Fine
     }
 
     /// The newcomer gives way: who asks leaves, who takes part goes on and does not listen.
@@ -272,18 +277,18 @@ impl Joining {
         greeting: &Greeting,
         hello: Option<&Hello>,
         misfit: &str,
-    ) -> Verdict {
+    ) -> GreetingVerdict {
         let they_ask = hello.is_some_and(|hello| !hello.is_member);
         if !self.own.is_member && !they_ask && !matches!(greeting.node, Sender::Operator(_)) {
-            return Verdict::Refused(format!("{} has {misfit}", greeting.node));
+            return GreetingVerdict::Refused(format!("{} has {misfit}", greeting.node));
         }
         let known = self.known.entry(greeting.node).or_default();
         known.is_silenced = known.fitted.is_none_or(|at| now.since(at) >= FORGOTTEN);
         let (is_new, is_answered) = known.misfit(now, greeting);
         self.owes |= is_answered;
         match is_new {
-            true => Verdict::Foreign(format!("{} is refused: {misfit}", greeting.node)),
-            false => Verdict::Fine,
+            true => GreetingVerdict::Foreign(format!("{} is refused: {misfit}", greeting.node)),
+            false => GreetingVerdict::Fine,
         }
     }
 }
@@ -348,11 +353,11 @@ mod tests {
     }
 
     /// Hears a greeting two seconds after the start.
-    fn hear(joining: &mut Joining, hello: &Hello) -> Verdict {
+    fn hear(joining: &mut Joining, hello: &Hello) -> GreetingVerdict {
         hear_at(joining, 2.0, hello)
     }
 
-    fn hear_at(joining: &mut Joining, at_s: f64, hello: &Hello) -> Verdict {
+    fn hear_at(joining: &mut Joining, at_s: f64, hello: &Hello) -> GreetingVerdict {
         let greeting = Greeting {
             version: VERSION,
             node: hello.node,
@@ -386,10 +391,10 @@ mod tests {
     }
 
     /// Hears a node for as long as it takes to believe it.
-    fn hear_for_long(joining: &mut Joining, hello: &Hello) -> Verdict {
+    fn hear_for_long(joining: &mut Joining, hello: &Hello) -> GreetingVerdict {
         let first = hear_at(joining, 2.0, hello);
         match hear_at(joining, 2.5, hello) {
-            Verdict::Fine => first,
+            GreetingVerdict::Fine => first,
             later => later,
         }
     }
@@ -405,14 +410,14 @@ mod tests {
         };
         assert_eq!(
             hear_at(&mut late, 1.2, &member),
-            Verdict::Fine,
+            GreetingVerdict::Fine,
             "it may be gone since"
         );
         late.greet(at(1.6));
         assert!(!late.is_member(), "nor does it take part");
         assert!(matches!(
             hear_at(&mut late, 1.7, &member),
-            Verdict::Refused(_)
+            GreetingVerdict::Refused(_)
         ));
         assert!(!late.is_member());
     }
@@ -425,11 +430,11 @@ mod tests {
             member_for_s: 100,
             ..hello(TWO, 9)
         };
-        assert_eq!(hear_at(&mut anew, 0.1, &before), Verdict::Fine);
+        assert_eq!(hear_at(&mut anew, 0.1, &before), GreetingVerdict::Fine);
         assert!(!anew.greet(at(2.5)).unwrap().is_member, "it may be there");
         assert!(anew.greet(at(2.61)).unwrap().is_member, "it is gone");
         // A member that is not heard any more is not one that was heard for long.
-        assert_eq!(hear_at(&mut anew, 60.0, &before), Verdict::Fine);
+        assert_eq!(hear_at(&mut anew, 60.0, &before), GreetingVerdict::Fine);
     }
 
     #[test]
@@ -440,23 +445,26 @@ mod tests {
         };
         assert!(matches!(
             hear_for_long(&mut joining(TWO, 1, false), &member),
-            Verdict::Refused(_)
+            GreetingVerdict::Refused(_)
         ));
         let mut first = joining(TWO, 1, true);
         assert!(matches!(
             hear(&mut first, &hello(TWO, 9)),
-            Verdict::Stays(_)
+            GreetingVerdict::Stays(_)
         ));
         assert_eq!(
             hear(&mut first, &hello(TWO, 9)),
-            Verdict::Fine,
+            GreetingVerdict::Fine,
             "it is said once"
         );
         let other = Hello {
             is_member: true,
             ..hello(THREE, 9)
         };
-        assert_eq!(hear(&mut joining(TWO, 1, false), &other), Verdict::Fine);
+        assert_eq!(
+            hear(&mut joining(TWO, 1, false), &other),
+            GreetingVerdict::Fine
+        );
     }
 
     #[test]
@@ -471,7 +479,10 @@ mod tests {
                 hear_for_long(&mut joining(TWO, 9, is_member), &said(1)),
             ];
             assert!(
-                matches!(verdicts, [Verdict::Stays(_), Verdict::Refused(_)]),
+                matches!(
+                    verdicts,
+                    [GreetingVerdict::Stays(_), GreetingVerdict::Refused(_)]
+                ),
                 "{verdicts:?}"
             );
         }
@@ -493,12 +504,15 @@ mod tests {
         };
         assert!(matches!(
             hear_at(&mut elder, 60.0, &of_younger),
-            Verdict::Stays(_)
+            GreetingVerdict::Stays(_)
         ));
-        assert_eq!(hear_at(&mut younger, 20.0, &of_elder), Verdict::Fine);
+        assert_eq!(
+            hear_at(&mut younger, 20.0, &of_elder),
+            GreetingVerdict::Fine
+        );
         assert!(matches!(
             hear_at(&mut younger, 20.5, &of_elder),
-            Verdict::Refused(_)
+            GreetingVerdict::Refused(_)
         ));
     }
 
@@ -525,7 +539,7 @@ mod tests {
                         }
                         let said = pair[other].greeting(clock(other, said_ms));
                         let now = clock(which, now_ms);
-                        if let Verdict::Refused(_) =
+                        if let GreetingVerdict::Refused(_) =
                             hear_at(&mut pair[which], now.as_secs_f64(), &said)
                         {
                             gone[which] = Some(now_ms);
@@ -551,11 +565,14 @@ mod tests {
             ..hello(THREE, 9)
         };
         let mut member = joining(TWO, 1, true);
-        assert!(matches!(hear(&mut member, &elsewhere), Verdict::Foreign(_)));
+        assert!(matches!(
+            hear(&mut member, &elsewhere),
+            GreetingVerdict::Foreign(_)
+        ));
         assert!(!member.listens_to(THREE));
         assert_eq!(
             hear(&mut member, &elsewhere),
-            Verdict::Fine,
+            GreetingVerdict::Fine,
             "it is said once"
         );
         let established = Hello {
@@ -564,7 +581,7 @@ mod tests {
         };
         assert!(matches!(
             hear(&mut joining(TWO, 1, false), &established),
-            Verdict::Refused(_)
+            GreetingVerdict::Refused(_)
         ));
     }
 
@@ -581,7 +598,7 @@ mod tests {
         hear_at(&mut member, 10.0, &right);
         assert!(matches!(
             hear_at(&mut member, 12.0, &stranger),
-            Verdict::Foreign(_)
+            GreetingVerdict::Foreign(_)
         ));
         assert!(member.listens_to(THREE));
         hear_at(&mut member, 15.1, &stranger);
@@ -622,13 +639,15 @@ mod tests {
             boot: Boot(1),
             venue_hash: 5,
         };
-        let Verdict::Refused(reason) = joining(TWO, 1, false).hear(at(0.1), &greeting, None) else {
+        let GreetingVerdict::Refused(reason) =
+            joining(TWO, 1, false).hear(at(0.1), &greeting, None)
+        else {
             panic!()
         };
         assert!(reason.contains("wire version 9"), "{reason}");
         assert!(matches!(
             joining(TWO, 1, true).hear(at(2.0), &greeting, None),
-            Verdict::Foreign(_)
+            GreetingVerdict::Foreign(_)
         ));
     }
 
@@ -640,7 +659,7 @@ mod tests {
         };
         assert_eq!(
             hear(&mut joining(Sender::Ground, 1, false), &other),
-            Verdict::Fine
+            GreetingVerdict::Fine
         );
     }
 }

@@ -13,9 +13,9 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use tomoswarm_proto::{Hello, Kind, Message, Mission, Sender, State};
+use tomoswarm_proto::{Hello, Message, MessageKind, MissionProgress, Sender, State};
 
-use super::ingress::{Heard, Refusal};
+use super::ingress::{FrameRefusal, HeardMessage};
 use crate::time::Time;
 
 /// A number may be so far above the highest heard.
@@ -53,7 +53,7 @@ struct Highest {
 pub struct Plausibility {
     highest: [Highest; 4],
     /// Since when a sender says nothing else in messages of a kind; bounded, since names are numbers under 256.
-    leaping: BTreeMap<(Sender, Kind), Time>,
+    leaping: BTreeMap<(Sender, MessageKind), Time>,
 }
 
 impl Plausibility {
@@ -61,13 +61,17 @@ impl Plausibility {
     ///
     /// # Errors
     /// A number in it is too far above all that were heard.
-    pub fn judge(&mut self, now: Time, heard: &Heard) -> Result<(), Refusal> {
+    pub fn judge(&mut self, now: Time, heard: &HeardMessage) -> Result<(), FrameRefusal> {
         let (sender, kind, numbers) = match heard {
-            Heard::Message(sender, message) => (*sender, message.kind(), Numbers::of(message)),
-            Heard::Greeting(greeting, Some(hello)) => {
-                (greeting.node, Kind::Hello, Numbers::of_greeting(hello))
+            HeardMessage::Message(sender, message) => {
+                (*sender, message.kind(), Numbers::of(message))
             }
-            Heard::Greeting(_, None) | Heard::Unknown(_) => return Ok(()),
+            HeardMessage::Greeting(greeting, Some(hello)) => (
+                greeting.node,
+                MessageKind::Hello,
+                Numbers::of_greeting(hello),
+            ),
+            HeardMessage::Greeting(_, None) | HeardMessage::Unknown(_) => return Ok(()),
         };
         if numbers == Numbers::default() {
             return Ok(());
@@ -92,7 +96,7 @@ impl Plausibility {
     }
 
     /// Returns the first number that is too high, as a reason to refuse it.
-    fn leap(&self, now: Time, numbers: Numbers) -> Option<Refusal> {
+    fn leap(&self, now: Time, numbers: Numbers) -> Option<FrameRefusal> {
         let all = numbers
             .0
             .into_iter()
@@ -101,7 +105,7 @@ impl Plausibility {
         let mut leaps =
             all.filter(|((number, highest), (_, any))| *number > highest.limit(now).max(*any));
         let ((number, highest), (what, _)) = leaps.next()?;
-        Some(Refusal::Leaps {
+        Some(FrameRefusal::Leaps {
             what,
             number,
             highest: highest.number,
@@ -162,7 +166,7 @@ impl Numbers {
                 revision.0,
                 ordered.revision.0,
             ],
-            Message::Mission(Mission {
+            Message::Mission(MissionProgress {
                 lease_number,
                 progress,
                 ..
@@ -213,11 +217,11 @@ mod tests {
             revision: Revision(1),
             ..Progress::default()
         };
-        Message::Mission(Mission {
+        Message::Mission(MissionProgress {
             vehicle,
             lease_number,
             progress,
-            ..Mission::default()
+            ..MissionProgress::default()
         })
     }
 
@@ -228,7 +232,7 @@ mod tests {
         lease: u32,
         run: u32,
     ) -> bool {
-        let heard = Heard::Message(Sender::Vehicle(vehicle), mission(vehicle, lease, run));
+        let heard = HeardMessage::Message(Sender::Vehicle(vehicle), mission(vehicle, lease, run));
         known.judge(at(at_s), &heard).is_ok()
     }
 

@@ -1,10 +1,10 @@
 //! Whether a node takes part in the bus: who of the others is heard, what may be said, and when it greets. The rules of
 //! joining are [`Joining`]'s; an operator's tool, which joins nothing, listens to everyone.
 
-use tomoswarm_proto::{Hello, Kind, Message, Standing};
+use tomoswarm_proto::{Hello, Message, MessageKind, OpenStops};
 
-use super::ingress::Heard;
-use super::joining::{Joining, Verdict};
+use super::ingress::HeardMessage;
+use super::joining::{GreetingVerdict, Joining};
 use crate::time::Time;
 
 /// How a node is present.
@@ -23,9 +23,9 @@ pub enum Presence {
 #[derive(Clone, PartialEq, Debug)]
 pub struct Judgement {
     /// What the node is to be told; of a node's greetings only the message, and only of those that fit.
-    pub heard: Option<Heard>,
+    pub heard: Option<HeardMessage>,
     /// What follows for taking part.
-    pub verdict: Verdict,
+    pub verdict: GreetingVerdict,
     /// What the node answers at once.
     pub answer: Option<Hello>,
 }
@@ -50,30 +50,31 @@ impl Presence {
     }
 
     /// Judges what was heard.
-    pub fn hear(&mut self, now: Time, heard: Heard) -> Judgement {
+    pub fn hear(&mut self, now: Time, heard: HeardMessage) -> Judgement {
         let fine = |heard| Judgement {
             heard,
-            verdict: Verdict::Fine,
+            verdict: GreetingVerdict::Fine,
             answer: None,
         };
         let Presence::Node(joining) = self else {
             return fine(Some(heard));
         };
         match heard {
-            Heard::Message(sender, message) => {
+            HeardMessage::Message(sender, message) => {
                 let heard = if joining.listens_to(sender) {
                     Some(message)
                 } else {
                     of_stranger(message)
                 };
-                fine(heard.map(|message| Heard::Message(sender, message)))
+                fine(heard.map(|message| HeardMessage::Message(sender, message)))
             }
-            Heard::Unknown(_) => fine(None),
-            Heard::Greeting(greeting, hello) => {
+            HeardMessage::Unknown(_) => fine(None),
+            HeardMessage::Greeting(greeting, hello) => {
                 let verdict = joining.hear(now, &greeting, hello.as_ref());
-                let fits = verdict == Verdict::Fine;
+                let fits = verdict == GreetingVerdict::Fine;
                 let hello = hello.filter(|hello| fits && joining.listens_to(hello.node));
-                let heard = hello.map(|hello| Heard::Message(hello.node, Message::Hello(hello)));
+                let heard =
+                    hello.map(|hello| HeardMessage::Message(hello.node, Message::Hello(hello)));
                 // Whoever asks and does not fit learns it at once.
                 Judgement {
                     heard,
@@ -125,8 +126,8 @@ impl Presence {
     }
 
     /// Returns whether messages of a kind may be said: greetings, and which emergency stops are open, always are.
-    pub fn may_say(&self, kind: Kind) -> bool {
-        matches!(kind, Kind::Hello | Kind::Standing) || self.is_member()
+    pub fn may_say(&self, kind: MessageKind) -> bool {
+        matches!(kind, MessageKind::Hello | MessageKind::Standing) || self.is_member()
     }
 }
 
@@ -134,7 +135,7 @@ impl Presence {
 /// open is heard, that they were lifted is not.
 fn of_stranger(message: Message) -> Option<Message> {
     match message {
-        Message::Standing(Standing { open, lifted: _ }) => Some(Message::Standing(Standing {
+        Message::Standing(OpenStops { open, lifted: _ }) => Some(Message::Standing(OpenStops {
             open,
             lifted: Vec::new(),
         })),

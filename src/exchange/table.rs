@@ -5,11 +5,11 @@
 //! It says nothing about what is in a message. Kinds, what messages are about and their keys are the wire's own
 //! ([`tomoswarm_proto::Topic`]).
 
-use tomoswarm_proto::{About, Interest, Kind, Message, Sender};
+use tomoswarm_proto::{Interest, Message, MessageKind, MessageSubject, Sender};
 
 /// How much a message presses; the lower goes first.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
-pub enum Class {
+pub enum Urgency {
     /// Orders, greetings and emergency stops: never waits.
     Urgent,
     /// Where somebody is and how far, and what others decide by when it is missing.
@@ -22,7 +22,7 @@ pub enum Class {
 
 /// Which vehicles hear something.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Vehicles {
+pub enum VehicleSet {
     /// None of them.
     None,
     /// The one that it is about.
@@ -35,7 +35,7 @@ pub enum Vehicles {
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Audience {
     /// Which vehicles.
-    pub vehicles: Vehicles,
+    pub vehicles: VehicleSet,
     /// Whether ground stations do.
     pub ground: bool,
     /// Whether operators do.
@@ -44,9 +44,9 @@ pub struct Audience {
 
 /// What holds for all messages of one kind.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub struct Row {
+pub struct MessageRule {
     /// The kind.
-    pub kind: Kind,
+    pub kind: MessageKind,
     /// Who hears it from a vehicle; `None` = a vehicle may not say it.
     pub of_vehicle: Option<Audience>,
     /// Who hears it from a ground station; `None` = it may not say it.
@@ -54,178 +54,178 @@ pub struct Row {
     /// Who hears it from an operator; `None` = they may not say it.
     pub of_operator: Option<Audience>,
     /// How much it presses.
-    pub class: Class,
+    pub class: Urgency,
     /// Whether a later one of the same sender and topic takes the place of one that was not sent yet.
     pub is_replaced: bool,
 }
 
 const ALL: Option<Audience> = Some(Audience {
-    vehicles: Vehicles::All,
+    vehicles: VehicleSet::All,
     ground: true,
     operators: true,
 });
 const VEHICLES: Option<Audience> = Some(Audience {
-    vehicles: Vehicles::All,
+    vehicles: VehicleSet::All,
     ground: false,
     operators: true,
 });
 const ADDRESSED: Option<Audience> = Some(Audience {
-    vehicles: Vehicles::Addressed,
+    vehicles: VehicleSet::Addressed,
     ground: false,
     operators: true,
 });
 const GROUND: Option<Audience> = Some(Audience {
-    vehicles: Vehicles::None,
+    vehicles: VehicleSet::None,
     ground: true,
     operators: true,
 });
 const OPERATORS: Option<Audience> = Some(Audience {
-    vehicles: Vehicles::None,
+    vehicles: VehicleSet::None,
     ground: false,
     operators: true,
 });
 /// It may be said, but not on the bus.
 const BY_RADIO: Option<Audience> = Some(Audience {
-    vehicles: Vehicles::None,
+    vehicles: VehicleSet::None,
     ground: false,
     operators: false,
 });
 
-/// The table, in the order of [`Kind`].
-pub const TABLE: [Row; Kind::ALL.len()] = [
-    Row {
-        kind: Kind::Hello,
+/// The table, in the order of [`MessageKind`].
+pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
+    MessageRule {
+        kind: MessageKind::Hello,
         of_vehicle: ALL,
         of_ground: ALL,
         of_operator: ALL,
-        class: Class::Urgent,
+        class: Urgency::Urgent,
         is_replaced: true,
     },
-    Row {
-        kind: Kind::State,
+    MessageRule {
+        kind: MessageKind::State,
         of_vehicle: ALL,
         of_ground: None,
         of_operator: None,
-        class: Class::High,
+        class: Urgency::High,
         is_replaced: true,
     },
     // Whoever holds a map may say tiles, digests and wants. Of two ground stations neither hears the other's: they learn
     // from the vehicles. What an operator says of a map only other operators would hear.
-    Row {
-        kind: Kind::Tile,
+    MessageRule {
+        kind: MessageKind::Tile,
         of_vehicle: ALL,
         of_ground: VEHICLES,
         of_operator: OPERATORS,
-        class: Class::Normal,
+        class: Urgency::Normal,
         is_replaced: true,
     },
-    Row {
-        kind: Kind::Digest,
+    MessageRule {
+        kind: MessageKind::Digest,
         of_vehicle: ALL,
         of_ground: VEHICLES,
         of_operator: OPERATORS,
-        class: Class::High,
+        class: Urgency::High,
         is_replaced: true,
     },
     // Two wants of one layer may ask for different tiles.
-    Row {
-        kind: Kind::Want,
+    MessageRule {
+        kind: MessageKind::Want,
         of_vehicle: ALL,
         of_ground: VEHICLES,
         of_operator: OPERATORS,
-        class: Class::Normal,
+        class: Urgency::Normal,
         is_replaced: false,
     },
     // A plan counts only together with those of all members, so every vehicle hears all.
-    Row {
-        kind: Kind::Plan,
+    MessageRule {
+        kind: MessageKind::Plan,
         of_vehicle: None,
         of_ground: VEHICLES,
         of_operator: None,
-        class: Class::High,
+        class: Urgency::High,
         is_replaced: true,
     },
-    Row {
-        kind: Kind::Mission,
+    MessageRule {
+        kind: MessageKind::Mission,
         of_vehicle: ALL,
         of_ground: None,
         of_operator: None,
-        class: Class::High,
+        class: Urgency::High,
         is_replaced: true,
     },
-    Row {
-        kind: Kind::Order,
+    MessageRule {
+        kind: MessageKind::Order,
         of_vehicle: None,
         of_ground: ADDRESSED,
         of_operator: ADDRESSED,
-        class: Class::Urgent,
+        class: Urgency::Urgent,
         is_replaced: true,
     },
-    Row {
-        kind: Kind::Samples,
+    MessageRule {
+        kind: MessageKind::Samples,
         of_vehicle: GROUND,
         of_ground: None,
         of_operator: None,
-        class: Class::Low,
+        class: Urgency::Low,
         is_replaced: false,
     },
-    Row {
-        kind: Kind::Have,
+    MessageRule {
+        kind: MessageKind::Have,
         of_vehicle: None,
         of_ground: VEHICLES,
         of_operator: None,
-        class: Class::High,
+        class: Urgency::High,
         is_replaced: true,
     },
-    Row {
-        kind: Kind::Beacon,
+    MessageRule {
+        kind: MessageKind::Beacon,
         of_vehicle: BY_RADIO,
         of_ground: None,
         of_operator: None,
-        class: Class::Low,
+        class: Urgency::Low,
         is_replaced: true,
     },
     // Vehicles do not decide by how another one fares.
-    Row {
-        kind: Kind::Health,
+    MessageRule {
+        kind: MessageKind::Health,
         of_vehicle: GROUND,
         of_ground: None,
         of_operator: None,
-        class: Class::Normal,
+        class: Urgency::Normal,
         is_replaced: true,
     },
     // The other ground's report says who holds the lease.
-    Row {
-        kind: Kind::Report,
+    MessageRule {
+        kind: MessageKind::Report,
         of_vehicle: None,
         of_ground: ALL,
         of_operator: None,
-        class: Class::High,
+        class: Urgency::High,
         is_replaced: true,
     },
     // Every node says on which stops are open: no cut in the network may keep them from anyone.
-    Row {
-        kind: Kind::Standing,
+    MessageRule {
+        kind: MessageKind::Standing,
         of_vehicle: ALL,
         of_ground: ALL,
         of_operator: ALL,
-        class: Class::Urgent,
+        class: Urgency::Urgent,
         is_replaced: true,
     },
-    Row {
-        kind: Kind::Task,
+    MessageRule {
+        kind: MessageKind::Task,
         of_vehicle: None,
         of_ground: None,
         of_operator: ALL,
-        class: Class::High,
+        class: Urgency::High,
         is_replaced: true,
     },
-    Row {
-        kind: Kind::Image,
+    MessageRule {
+        kind: MessageKind::Image,
         of_vehicle: None,
         of_ground: OPERATORS,
         of_operator: None,
-        class: Class::Low,
+        class: Urgency::Low,
         is_replaced: true,
     },
 ];
@@ -239,32 +239,37 @@ const _: () = {
     }
 };
 
-impl Class {
+impl Urgency {
     /// Returns the class of a message.
-    pub fn of(message: &Message) -> Class {
+    pub fn of(message: &Message) -> Urgency {
         row(message.kind()).class
     }
 }
 
 /// Returns what an operator must be interested in to be told messages of a kind; `None` = it is told in any case.
-pub fn interest(kind: Kind) -> Option<Interest> {
+pub fn interest(kind: MessageKind) -> Option<Interest> {
     match kind {
-        Kind::State | Kind::Mission | Kind::Health | Kind::Plan => Some(Interest::Fleet),
-        Kind::Tile | Kind::Digest | Kind::Want => Some(Interest::Map),
-        Kind::Samples | Kind::Have => Some(Interest::Samples),
-        Kind::Image => Some(Interest::Images),
-        Kind::Hello | Kind::Order | Kind::Beacon | Kind::Report | Kind::Standing | Kind::Task => {
-            None
+        MessageKind::State | MessageKind::Mission | MessageKind::Health | MessageKind::Plan => {
+            Some(Interest::Fleet)
         }
+        MessageKind::Tile | MessageKind::Digest | MessageKind::Want => Some(Interest::Map),
+        MessageKind::Samples | MessageKind::Have => Some(Interest::Samples),
+        MessageKind::Image => Some(Interest::Images),
+        MessageKind::Hello
+        | MessageKind::Order
+        | MessageKind::Beacon
+        | MessageKind::Report
+        | MessageKind::Standing
+        | MessageKind::Task => None,
     }
 }
 
 /// Returns what holds for the messages of a kind.
-pub fn row(kind: Kind) -> &'static Row {
+pub fn row(kind: MessageKind) -> &'static MessageRule {
     &TABLE[kind as usize]
 }
 
-impl Row {
+impl MessageRule {
     /// Returns who hears a message of this kind from a sender; `None` = the sender may not say it.
     pub fn audience(&self, sender: Sender) -> Option<Audience> {
         match sender {
@@ -278,17 +283,19 @@ impl Row {
 impl Audience {
     /// Returns whether nobody on the bus hears it.
     pub fn is_nobody(self) -> bool {
-        self.vehicles == Vehicles::None && !self.ground && !self.operators
+        self.vehicles == VehicleSet::None && !self.ground && !self.operators
     }
 
     /// Returns whether a node is among those who hear what is about something.
-    pub fn includes(self, node: Sender, about: About) -> bool {
+    pub fn includes(self, node: Sender, about: MessageSubject) -> bool {
         match (node, self.vehicles) {
             (Sender::Ground, _) => self.ground,
             (Sender::Operator(_), _) => self.operators,
-            (Sender::Vehicle(_), Vehicles::All) => true,
-            (Sender::Vehicle(_), Vehicles::None) => false,
-            (Sender::Vehicle(vehicle), Vehicles::Addressed) => about == About::Vehicle(vehicle),
+            (Sender::Vehicle(_), VehicleSet::All) => true,
+            (Sender::Vehicle(_), VehicleSet::None) => false,
+            (Sender::Vehicle(vehicle), VehicleSet::Addressed) => {
+                about == MessageSubject::Vehicle(vehicle)
+            }
         }
     }
 }

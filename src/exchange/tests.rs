@@ -6,9 +6,9 @@ use std::time::Duration;
 
 use tomoswarm_proto::codec::{VERSION, encode};
 use tomoswarm_proto::{
-    Boot, EmergencyName, EmergencyStop, Kind, LayerId, Lease, Mission, OperatorId, Order,
-    OrderKind, Progress, Revision, RunId, SeenState, Standing, StopScope, TileAddress, Topic,
-    VehicleId, Want,
+    Boot, EmergencyName, EmergencyStop, LayerId, Lease, MessageKind, MissionProgress, OpenStops,
+    OperatorId, Order, OrderKind, Progress, Revision, RunId, SeenState, StopScope, TileAddress,
+    TileRequest, Topic, VehicleId,
 };
 
 use super::*;
@@ -26,14 +26,14 @@ struct Node {
     exchange: Exchange,
     heard: Vec<Message>,
     /// Those that say something.
-    verdicts: Vec<Verdict>,
+    verdicts: Vec<GreetingVerdict>,
 }
 
 impl Node {
     fn is_refused(&self) -> bool {
         self.verdicts
             .iter()
-            .any(|verdict| matches!(verdict, Verdict::Refused(_)))
+            .any(|verdict| matches!(verdict, GreetingVerdict::Refused(_)))
     }
 
     fn has_heard(&self, message: &Message) -> bool {
@@ -132,7 +132,7 @@ impl Swarm {
     fn deliver(&mut self, from: usize, sender: Sender, frame: &[u8]) {
         for to in self.present().into_iter().filter(|to| *to != from) {
             let node = &mut self.nodes[to];
-            let Ok(Reception {
+            let Ok(ReceivedFrame {
                 heard,
                 verdict,
                 reply,
@@ -141,13 +141,13 @@ impl Swarm {
                 continue;
             };
             match heard {
-                Some(Heard::Message(_, message)) => node.heard.push(message),
-                Some(Heard::Greeting(..) | Heard::Unknown(_)) => {
+                Some(HeardMessage::Message(_, message)) => node.heard.push(message),
+                Some(HeardMessage::Greeting(..) | HeardMessage::Unknown(_)) => {
                     panic!("a node is told messages only")
                 }
                 None => {}
             }
-            if verdict != Verdict::Fine {
+            if verdict != GreetingVerdict::Fine {
                 node.verdicts.push(verdict);
             }
             reply
@@ -162,10 +162,10 @@ fn progress(vehicle: u8, run: u32) -> Message {
         run: RunId(run),
         ..Progress::default()
     };
-    Message::Mission(Mission {
+    Message::Mission(MissionProgress {
         vehicle: VehicleId(vehicle),
         progress,
-        ..Mission::default()
+        ..MissionProgress::default()
     })
 }
 
@@ -232,7 +232,7 @@ fn of_two_nodes_of_one_name_the_newcomer_leaves_and_the_other_goes_on() {
             swarm.nodes[first]
                 .verdicts
                 .iter()
-                .any(|verdict| matches!(verdict, Verdict::Stays(_)))
+                .any(|verdict| matches!(verdict, GreetingVerdict::Stays(_)))
         );
         swarm.say(first, &progress(2, 1));
         swarm.run(seconds(0.1));
@@ -255,7 +255,7 @@ fn a_node_of_another_venue_is_refused_and_not_listened_to_but_which_stops_it_kno
         swarm.nodes[two]
             .verdicts
             .iter()
-            .any(|verdict| matches!(verdict, Verdict::Foreign(_)))
+            .any(|verdict| matches!(verdict, GreetingVerdict::Foreign(_)))
     );
     // One that goes on all the same.
     let stop = EmergencyStop {
@@ -265,7 +265,7 @@ fn a_node_of_another_venue_is_refused_and_not_listened_to_but_which_stops_it_kno
     };
     let standing = |lifted: &[u32]| {
         let lifted = lifted.iter().copied().map(EmergencyName).collect();
-        Message::Standing(Standing {
+        Message::Standing(OpenStops {
             open: vec![stop],
             lifted,
         })
@@ -299,7 +299,7 @@ fn a_node_of_another_wire_version_is_refused_by_name_and_its_messages_are_counte
     swarm.put(three, another(hello));
     swarm.put(three, another(encode(&progress(3, 1)).unwrap()));
     swarm.deliver_all();
-    let Some(Verdict::Foreign(reason)) = swarm.nodes[two].verdicts.last() else {
+    let Some(GreetingVerdict::Foreign(reason)) = swarm.nodes[two].verdicts.last() else {
         panic!("it fits?")
     };
     assert!(reason.contains("wire version"), "{reason}");
@@ -319,7 +319,7 @@ fn a_flood_costs_its_sender_its_share_and_nobody_else_theirs() {
     let known = (0..1000)
         .map(|x| (TileAddress { slice: 0, x, y: 0 }, 1))
         .collect();
-    let frame = encode(&Message::Want(Want {
+    let frame = encode(&Message::Want(TileRequest {
         layer: LayerId::default(),
         known,
     }))
@@ -387,13 +387,16 @@ fn when_the_budget_is_spent_orders_go_at_once_and_of_states_the_newest_goes_late
 #[test]
 fn refusals_are_worth_a_line_at_powers_of_ten_for_each_sender_and_sort() {
     let mut exchange = Exchange::new(BYTES_PER_S, Presence::listening());
-    let refusal = Refusal::NotItsToSay { sender: TWO };
+    let refusal = FrameRefusal::NotItsToSay { sender: TWO };
     let lines: Vec<u64> = (0..1000)
         .filter_map(|_| exchange.refuse(Some(TWO), &refusal))
         .collect();
     assert_eq!(lines, [1, 10, 100, 1000]);
     assert_eq!(exchange.refuse(Some(THREE), &refusal), Some(1));
-    assert_eq!(exchange.refuse(Some(TWO), &Refusal::OverShare), Some(1));
+    assert_eq!(
+        exchange.refuse(Some(TWO), &FrameRefusal::OverShare),
+        Some(1)
+    );
     assert_eq!(exchange.counts().refused, 1002);
 }
 
@@ -410,19 +413,22 @@ fn a_listener_hears_everyone_and_greetings_of_every_version() {
     let mut frame = swarm.nodes[two].exchange.due(Time::ZERO).remove(0).frame;
     let heard = listener.hear(Time::ZERO, TWO, &frame).unwrap().heard;
     assert!(
-        matches!(heard, Some(Heard::Greeting(_, Some(_)))),
+        matches!(heard, Some(HeardMessage::Greeting(_, Some(_)))),
         "{heard:?}"
     );
     frame[2] = VERSION + 1;
     let heard = listener.hear(Time::ZERO, TWO, &frame).unwrap().heard;
-    assert!(matches!(heard, Some(Heard::Greeting(_, None))), "{heard:?}");
+    assert!(
+        matches!(heard, Some(HeardMessage::Greeting(_, None))),
+        "{heard:?}"
+    );
     assert_eq!(
         listener.hear(Time::ZERO, THREE, &frame),
-        Err(Refusal::ForeignGreeting { node: TWO })
+        Err(FrameRefusal::ForeignGreeting { node: TWO })
     );
     assert_eq!(
         listener.counts(),
-        Counts {
+        ExchangeCounts {
             taken: 2,
             taken_bytes: 2 * frame.len() as u64,
             refused: 1,
@@ -439,7 +445,7 @@ fn a_message_of_an_unknown_kind_is_counted_and_nothing_else_comes_of_it() {
     swarm.run(seconds(3.0));
     let heard = swarm.nodes[two].heard.len();
     let verdicts = swarm.nodes[two].verdicts.len();
-    for kind in [Kind::ALL.len() as u8, u8::MAX] {
+    for kind in [MessageKind::ALL.len() as u8, u8::MAX] {
         let mut frame = encode(&progress(3, 1)).unwrap();
         frame[3] = kind;
         frame.extend(b"whatever it says");
@@ -447,7 +453,7 @@ fn a_message_of_an_unknown_kind_is_counted_and_nothing_else_comes_of_it() {
     }
     swarm.deliver_all();
     let node = &swarm.nodes[two];
-    let Counts {
+    let ExchangeCounts {
         refused, unknown, ..
     } = node.exchange.counts();
     assert_eq!((refused, unknown, node.heard.len()), (0, 2, heard));
@@ -468,7 +474,7 @@ fn what_stands_is_heard_whatever_the_venue_and_a_task_is_not() {
     swarm.run(seconds(3.0));
     let operator = swarm.join(Sender::Operator(OperatorId(7)), 9, VENUE + 1);
     swarm.run(seconds(1.0));
-    let standing = Message::Standing(Standing::default());
+    let standing = Message::Standing(OpenStops::default());
     let (_, task) = examples::examples()
         .into_iter()
         .find(|(word, _)| *word == "task")
@@ -485,10 +491,10 @@ fn a_number_far_above_all_others_is_refused_by_nodes_and_shown_by_tools() {
     let mut swarm = Swarm::default();
     swarm.join(TWO, 1, VENUE);
     let mission = |lease_number: u32| {
-        Message::Mission(Mission {
+        Message::Mission(MissionProgress {
             vehicle: VehicleId(3),
             lease_number,
-            ..Mission::default()
+            ..MissionProgress::default()
         })
     };
     let hear = |exchange: &mut Exchange, lease_number: u32| {
@@ -498,8 +504,11 @@ fn a_number_far_above_all_others_is_refused_by_nodes_and_shown_by_tools() {
             .map(|reception| reception.heard)
     };
     let node = &mut swarm.nodes[0].exchange;
-    assert_eq!(hear(node, 5), Ok(Some(Heard::Message(THREE, mission(5)))));
-    let refusal = Refusal::Leaps {
+    assert_eq!(
+        hear(node, 5),
+        Ok(Some(HeardMessage::Message(THREE, mission(5))))
+    );
+    let refusal = FrameRefusal::Leaps {
         what: "lease",
         number: u32::MAX,
         highest: 5,
@@ -520,10 +529,10 @@ fn what_a_node_says_itself_is_not_too_far_above_what_it_has_heard() {
     let two = swarm.join(TWO, 1, VENUE);
     swarm.run(Duration::from_secs(2));
     let of = |vehicle: u8, lease_number: u32| {
-        Message::Mission(Mission {
+        Message::Mission(MissionProgress {
             vehicle: VehicleId(vehicle),
             lease_number,
-            ..Mission::default()
+            ..MissionProgress::default()
         })
     };
     let now = swarm.now;

@@ -1,5 +1,5 @@
 //! The vehicles that the ground expects: who is there, who is lost, and what is asked of or ordered to all of them. What one
-//! of them has said is a [`Member`], what it was ordered and by whom are its [`Dealings`]. What follows from that is the
+//! of them has said is a [`FleetMember`], what it was ordered and by whom are its [`Dealings`]. What follows from that is the
 //! station's business.
 
 mod dealings;
@@ -10,11 +10,12 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    EmergencyStop, Lease, Mission, Order, OrderKind, Revision, RunId, SeenState, State, VehicleId,
+    EmergencyStop, Lease, MissionProgress, Order, OrderKind, Revision, RunId, SeenState, State,
+    VehicleId,
 };
 
 pub use self::dealings::Dealings;
-pub use self::member::{Member, Shown};
+pub use self::member::{FleetChange, FleetMember};
 use crate::stops::first_that_stops;
 use crate::sweep::VehicleProgress;
 use crate::time::Time;
@@ -22,7 +23,7 @@ use crate::time::Time;
 /// All vehicles that the ground expects.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Fleet {
-    members: BTreeMap<VehicleId, Member>,
+    members: BTreeMap<VehicleId, FleetMember>,
     lease: Lease,
 }
 
@@ -30,7 +31,10 @@ impl Fleet {
     /// Makes a fleet of vehicles that have not been heard yet.
     pub fn new(expected: &[VehicleId], lease: Lease) -> Fleet {
         Fleet {
-            members: expected.iter().map(|id| (*id, Member::default())).collect(),
+            members: expected
+                .iter()
+                .map(|id| (*id, FleetMember::default()))
+                .collect(),
             lease,
         }
     }
@@ -45,7 +49,7 @@ impl Fleet {
     }
 
     /// Returns the vehicles, ascending.
-    pub fn members(&self) -> impl Iterator<Item = (VehicleId, &Member)> {
+    pub fn members(&self) -> impl Iterator<Item = (VehicleId, &FleetMember)> {
         self.members.iter().map(|(id, member)| (*id, member))
     }
 
@@ -97,31 +101,31 @@ impl Fleet {
 
     /// Takes a state; those of strangers change nothing, older ones only when they go on and nothing newer comes, and those
     /// of an earlier start only after a long silence.
-    pub fn heard_state(&mut self, now: Time, state: State) -> Shown {
+    pub fn heard_state(&mut self, now: Time, state: State) -> FleetChange {
         match self.members.get_mut(&state.vehicle) {
             Some(member) => member.hear_state(now, state, self.lease),
-            None => Shown::default(),
+            None => FleetChange::default(),
         }
     }
 
     /// Takes a progress; one of an older start of the software changes nothing, nor does one behind what was said not long
     /// ago.
-    pub fn heard_progress(&mut self, now: Time, progress: VehicleProgress) -> Shown {
+    pub fn heard_progress(&mut self, now: Time, progress: VehicleProgress) -> FleetChange {
         match self.members.get_mut(&progress.vehicle) {
             Some(member) => member.hear_progress(now, progress),
-            None => Shown::default(),
+            None => FleetChange::default(),
         }
     }
 
     /// Takes what a vehicle says of its mission, unless an earlier start of its software has said it.
-    pub fn heard_mission(&mut self, mission: &Mission) {
+    pub fn heard_mission(&mut self, mission: &MissionProgress) {
         if let Some(member) = self.members.get_mut(&mission.vehicle) {
             member.hear_mission(mission);
         }
     }
 
     /// Returns what a vehicle has said of its mission last.
-    pub fn mission(&self, vehicle: VehicleId) -> Option<&Mission> {
+    pub fn mission(&self, vehicle: VehicleId) -> Option<&MissionProgress> {
         self.members.get(&vehicle)?.mission()
     }
 
@@ -164,7 +168,7 @@ impl Fleet {
     fn accepted(&self) -> impl Iterator<Item = (RunId, Revision)> {
         self.members
             .values()
-            .filter_map(Member::state)
+            .filter_map(FleetMember::state)
             .map(|state| state.accepted)
     }
 
@@ -216,24 +220,24 @@ impl Fleet {
     pub fn open_orders(&self) -> Vec<Order> {
         self.members
             .values()
-            .filter_map(Member::open_order)
+            .filter_map(FleetMember::open_order)
             .collect()
     }
 
     /// Takes the open orders for said.
     pub fn note_said(&mut self) {
-        self.members.values_mut().for_each(Member::note_said);
+        self.members.values_mut().for_each(FleetMember::note_said);
     }
 
     /// Returns who has not said its state for `after`, although another vehicle was heard within `others`; they are lost from
     /// now on.
     pub fn lose(&mut self, now: Time, after: Duration, others: Duration) -> Vec<VehicleId> {
         let within =
-            |member: &Member, span| member.heard_at().is_some_and(|at| now.since(at) <= span);
+            |member: &FleetMember, span| member.heard_at().is_some_and(|at| now.since(at) <= span);
         if !self.members.values().any(|member| within(member, others)) {
             return Vec::new();
         }
-        let is_gone = |member: &Member| {
+        let is_gone = |member: &FleetMember| {
             !member.dealings().is_lost() && member.heard_at().is_some() && !within(member, after)
         };
         let lost: Vec<VehicleId> = self
@@ -297,7 +301,7 @@ mod tests {
         }
     }
 
-    fn heard(fleet: &mut Fleet, sequence: u64, revision: u32, kind: OrderKind) -> Shown {
+    fn heard(fleet: &mut Fleet, sequence: u64, revision: u32, kind: OrderKind) -> FleetChange {
         fleet.heard_state(Time::ZERO, state(sequence, revision, Some(kind)))
     }
 
@@ -313,13 +317,16 @@ mod tests {
                     ..state(1, 0, None)
                 }
             ),
-            Shown::default()
+            FleetChange::default()
         );
         let progress = VehicleProgress {
             vehicle: stranger,
             ..VehicleProgress::default()
         };
-        assert_eq!(fleet.heard_progress(Time::ZERO, progress), Shown::default());
+        assert_eq!(
+            fleet.heard_progress(Time::ZERO, progress),
+            FleetChange::default()
+        );
         assert_eq!(
             (fleet.unheard(), fleet.newest_state(stranger), fleet.len()),
             (vec![ONE], None, 1)

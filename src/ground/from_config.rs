@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use tomoswarm_proto::{Boot, Lease, RunId, VehicleId};
 
-use super::imager::{Imager, Subject};
+use super::imager::{ImagerActor, Subject};
 use super::planner::{Method, Planner};
 use super::station::StationSettings;
 use crate::config::{
@@ -13,7 +13,7 @@ use crate::config::{
 use crate::geom::{Lattice, PixelGrid, Rect};
 use crate::sweep::{PatternKind, Ring, SweepError};
 use crate::tomo::{
-    MapSettings, Prior, SPOT_M, Settings as ImageSettings, Solver, TomoError, WeightModel,
+    ImagingSettings as ImageSettings, MapSettings, Prior, SPOT_M, Solver, TomoError, WeightModel,
 };
 
 /// What a ground station is made of, before it begins.
@@ -24,7 +24,7 @@ pub struct GroundParts {
     /// The planner of its sweeps.
     pub planner: Planner,
     /// The maker of its images.
-    pub imager: Imager,
+    pub imager: ImagerActor,
 }
 
 /// Why a ground station cannot be made of its file.
@@ -49,7 +49,7 @@ pub fn simulated_ground(
     lease: Lease,
     store: u64,
 ) -> Result<GroundParts, TomoError> {
-    let told = Told {
+    let told = StationInputs {
         venue: &sim.venue,
         vehicles: sim.vehicle_ids().collect(),
         sweep: &sim.sweep,
@@ -57,7 +57,7 @@ pub fn simulated_ground(
         sensitivity_dbm: sim.radio.reception.sensitivity_dbm,
         planner_time: sim.durations.planner(),
         imager_time: sim.durations.imager(),
-        office: Office {
+        office: StationIdentity {
             lease: Some(lease),
             holder: lease.holder,
             take_over: false,
@@ -80,7 +80,7 @@ pub fn ground_parts(
     holder: u64,
     store: u64,
 ) -> Result<GroundParts, PartsError> {
-    let told = Told {
+    let told = StationInputs {
         venue: &file.venue,
         vehicles: file.vehicles.clone(),
         sweep: &file.sweep,
@@ -88,7 +88,7 @@ pub fn ground_parts(
         sensitivity_dbm: file.reception.sensitivity_dbm,
         planner_time: Duration::ZERO,
         imager_time: Duration::ZERO,
-        office: Office {
+        office: StationIdentity {
             lease: None,
             holder,
             take_over: file.take_over,
@@ -102,7 +102,7 @@ pub fn ground_parts(
 }
 
 /// What both kinds of files say.
-struct Told<'f> {
+struct StationInputs<'f> {
     venue: &'f Venue,
     vehicles: Vec<VehicleId>,
     sweep: &'f Sweep,
@@ -110,11 +110,11 @@ struct Told<'f> {
     sensitivity_dbm: f64,
     planner_time: Duration,
     imager_time: Duration,
-    office: Office,
+    office: StationIdentity,
 }
 
 /// Who a station is, and by which right it speaks.
-struct Office {
+struct StationIdentity {
     lease: Option<Lease>,
     holder: u64,
     take_over: bool,
@@ -123,12 +123,12 @@ struct Office {
     store: u64,
 }
 
-impl Told<'_> {
+impl StationInputs<'_> {
     fn parts(self, ring: Ring) -> Result<GroundParts, TomoError> {
         let swarm = &self.venue.swarm;
         let image =
             |subject| image_settings(self.imaging, self.venue.area, self.sensitivity_dbm, subject);
-        let imager = Imager::new(
+        let imager = ImagerActor::new(
             image(Subject::Change),
             image(Subject::Structure),
             self.imager_time,

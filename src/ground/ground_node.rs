@@ -5,7 +5,7 @@ use tomoswarm_proto::codec::EncodeError;
 use super::from_config::GroundParts;
 use super::route::{Effect, Event};
 use super::station::Station;
-use super::{GroundWiring, Source};
+use super::{ActorSettings, GroundWiring};
 use crate::actor::{ActorStep, Fault, LocalNode, Snapshot};
 use crate::stops::StopsSettings;
 use crate::time::{Deadline, Time};
@@ -20,7 +20,7 @@ impl GroundNode {
     /// Makes the actors of a ground station, and wires them.
     pub fn new(parts: GroundParts) -> GroundNode {
         GroundNode {
-            node: LocalNode::new(&mut Source {
+            node: LocalNode::new(&mut ActorSettings {
                 parts,
                 resumed: None,
                 stops: StopsSettings::default(),
@@ -29,7 +29,7 @@ impl GroundNode {
     }
 
     /// Starts anew, with what its disk has kept.
-    pub fn restart(&mut self, mut source: Source) {
+    pub fn restart(&mut self, mut source: ActorSettings) {
         let mut before = std::mem::replace(&mut self.node, LocalNode::new(&mut source));
         self.node.go_on_from(&mut before);
     }

@@ -11,9 +11,9 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::RunId;
 
-use crate::actor::{Actor, Class, Fault, Input};
+use crate::actor::{Actor, Fault, Input, InputClass};
 use crate::time::{Deadline, Time};
-use crate::tomo::{Imager as Solver, Link, Reconstruction, Settings, TomoError};
+use crate::tomo::{Imager as Solver, ImagingSettings, Link, Reconstruction, TomoError};
 
 /// What is to be seen in a picture.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
@@ -56,7 +56,7 @@ pub struct Picture {
 
 /// The imager actor.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Imager {
+pub struct ImagerActor {
     change: Solver,
     structure: Solver,
     takes: Duration,
@@ -64,19 +64,19 @@ pub struct Imager {
     working: Option<(Time, Picture)>,
 }
 
-impl Imager {
+impl ImagerActor {
     /// Makes an imager whose pictures take `takes` to make, with settings for each subject.
     ///
     /// # Errors
     /// The settings name an impossible grid.
     pub fn new(
-        change: Settings,
-        structure: Settings,
+        change: ImagingSettings,
+        structure: ImagingSettings,
         takes: Duration,
-    ) -> Result<Imager, TomoError> {
+    ) -> Result<ImagerActor, TomoError> {
         let takes = takes.max(Duration::from_nanos(1));
         let (change, structure) = (Solver::new(change)?, Solver::new(structure)?);
-        Ok(Imager {
+        Ok(ImagerActor {
             change,
             structure,
             takes,
@@ -111,7 +111,7 @@ impl Imager {
     }
 }
 
-impl Actor for Imager {
+impl Actor for ImagerActor {
     type In = Job;
     type Out = Picture;
 
@@ -141,7 +141,7 @@ impl Actor for Imager {
 impl Input for Job {
     type Key = (RunId, Subject);
 
-    fn class(&self) -> Class<(RunId, Subject)> {
-        Class::Latest((self.run, self.subject))
+    fn class(&self) -> InputClass<(RunId, Subject)> {
+        InputClass::Latest((self.run, self.subject))
     }
 }

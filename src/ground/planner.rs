@@ -10,7 +10,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Plan, Revision, RunId, StopId, SweepPlanner, TaskKind, VehicleId};
 
-use crate::actor::{Actor, Class, Fault, Input};
+use crate::actor::{Actor, Fault, Input, InputClass};
 use crate::geom::Point;
 use crate::sweep::{
     self, FanRequest, GapRequest, Pattern, PatternKind, PatternRequest, Ring, Sweep, SweepError,
@@ -112,7 +112,7 @@ pub struct Request {
 
 /// Plans, or why there are none.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-pub struct Answer {
+pub struct PlannerAnswer {
     /// Of which run.
     pub run: RunId,
     /// The revision that was asked for.
@@ -130,7 +130,7 @@ pub struct Planner {
     method: Method,
     separation_m: f64,
     takes: Duration,
-    ready: Option<(Time, Answer)>,
+    ready: Option<(Time, PlannerAnswer)>,
 }
 
 impl Planner {
@@ -233,7 +233,7 @@ pub fn plan(
     }
 }
 
-fn answer(run: RunId, revision: Revision, planned: Result<Sweep, SweepError>) -> Answer {
+fn answer(run: RunId, revision: Revision, planned: Result<Sweep, SweepError>) -> PlannerAnswer {
     match planned {
         Ok(Sweep { plans, schedule }) => {
             let last = |lap: &sweep::Lap| {
@@ -242,14 +242,14 @@ fn answer(run: RunId, revision: Revision, planned: Result<Sweep, SweepError>) ->
                     .map(|(vehicle, _, last)| (*vehicle, *last))
                     .collect()
             };
-            Answer {
+            PlannerAnswer {
                 run,
                 revision,
                 plans: Ok(plans),
                 laps: schedule.laps.iter().map(last).collect(),
             }
         }
-        Err(error) => Answer {
+        Err(error) => PlannerAnswer {
             run,
             revision,
             plans: Err(error.to_string()),
@@ -260,10 +260,15 @@ fn answer(run: RunId, revision: Revision, planned: Result<Sweep, SweepError>) ->
 
 impl Actor for Planner {
     type In = Request;
-    type Out = Answer;
+    type Out = PlannerAnswer;
 
-    fn handle(&mut self, now: Time, request: Request, _out: &mut Vec<Answer>) -> Result<(), Fault> {
-        let is_asked_again = |(_, answer): &(Time, Answer)| {
+    fn handle(
+        &mut self,
+        now: Time,
+        request: Request,
+        _out: &mut Vec<PlannerAnswer>,
+    ) -> Result<(), Fault> {
+        let is_asked_again = |(_, answer): &(Time, PlannerAnswer)| {
             (answer.run, answer.revision) == (request.run, request.revision)
         };
         if self.ready.as_ref().is_some_and(is_asked_again) {
@@ -285,7 +290,7 @@ impl Actor for Planner {
         })
     }
 
-    fn wake(&mut self, _now: Time, out: &mut Vec<Answer>) -> Result<(), Fault> {
+    fn wake(&mut self, _now: Time, out: &mut Vec<PlannerAnswer>) -> Result<(), Fault> {
         out.extend(self.ready.take().map(|(_, answer)| answer));
         Ok(())
     }
@@ -294,7 +299,7 @@ impl Actor for Planner {
 impl Input for Request {
     type Key = ();
 
-    fn class(&self) -> Class<()> {
-        Class::Latest(())
+    fn class(&self) -> InputClass<()> {
+        InputClass::Latest(())
     }
 }

@@ -8,7 +8,7 @@
 //!   bus ──Standing, leases──► stops ──which stops are open──► station      stops ──Standing──► bus, edge (disk)
 //! ```
 
-use tomoswarm_proto::{Message, RunId, Sender, Standing};
+use tomoswarm_proto::{Message, OpenStops, RunId, Sender};
 
 use super::{imager, planner, station};
 use crate::stops;
@@ -29,7 +29,7 @@ pub enum Effect {
     /// A picture was made; to be stored in place of an earlier one of its run, laps and subject.
     Picture(imager::Picture),
     /// What a station that is started anew needs; to be stored in place of what it remembered before.
-    Remember(Box<station::Memory>),
+    Remember(Box<station::StationMemory>),
     /// The store shall open a run, or keep it open.
     BeginRun {
         /// Which run.
@@ -40,11 +40,11 @@ pub enum Effect {
     /// The store shall close a run.
     EndRun(RunId),
     /// These emergency stops shall outlive the software, in place of those that did before.
-    KeepStops(Standing),
+    KeepStops(OpenStops),
     /// Emergency stops were opened or lifted: worth a line in the log.
-    StopsNote(stops::Remark),
+    StopsNote(stops::StopEvent),
     /// Something worth a line in the log.
-    Note(station::Note),
+    StationEvent(station::StationEvent),
 }
 
 /// Whatever is said inside the ground station or at its edge.
@@ -57,7 +57,7 @@ pub enum Output {
     /// By the station.
     Station(station::Out),
     /// By the planner.
-    Planner(planner::Answer),
+    Planner(planner::PlannerAnswer),
     /// By the imager.
     Imager(imager::Picture),
 }
@@ -91,7 +91,9 @@ pub(crate) fn route(output: Output, to: &mut Vec<Destination>) {
             Destination::Edge(Effect::BeginRun { run, compared_with })
         }
         Output::Station(station::Out::EndRun(run)) => Destination::Edge(Effect::EndRun(run)),
-        Output::Station(station::Out::Note(note)) => Destination::Edge(Effect::Note(note)),
+        Output::Station(station::Out::StationEvent(note)) => {
+            Destination::Edge(Effect::StationEvent(note))
+        }
         Output::Planner(answer) => Destination::Station(station::In::Planned(answer)),
         Output::Station(station::Out::Remember(memory)) => {
             Destination::Edge(Effect::Remember(memory))
@@ -143,6 +145,6 @@ fn route_stops(out: stops::Out, to: &mut Vec<Destination>) {
             Destination::Edge(Effect::Publish(Message::Standing(standing)))
         }
         stops::Out::Remember(standing) => Destination::Edge(Effect::KeepStops(standing)),
-        stops::Out::Remark(remark) => Destination::Edge(Effect::StopsNote(remark)),
+        stops::Out::StopEvent(remark) => Destination::Edge(Effect::StopsNote(remark)),
     });
 }

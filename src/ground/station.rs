@@ -41,14 +41,14 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    Boot, Hello, Lease, Message, Mission, OrderKind, RunEnd, RunId, Samples, Sender, State, StopId,
-    Task, TileReport, VehicleId,
+    Boot, Hello, Lease, Message, MissionProgress, OrderKind, RunEnd, RunId, Samples, Sender, State,
+    StopId, Task, TileReport, VehicleId,
 };
 
 use self::leases::{Change, Leases};
 use self::memory::Brief;
-pub use self::memory::{Memory, PictureName};
-pub use self::messages::{In, Key, Note, Out, StationSettings};
+pub use self::memory::{PictureName, StationMemory};
+pub use self::messages::{In, Key, Out, StationEvent, StationSettings};
 use self::runs::Runs;
 use super::fleet::Fleet;
 use super::samples::SampleStore;
@@ -295,7 +295,7 @@ impl Station {
         self.look_after_standing(now, out);
     }
 
-    fn hear_mission(&mut self, now: Time, mission: &Mission, out: &mut Vec<Out>) {
+    fn hear_mission(&mut self, now: Time, mission: &MissionProgress, out: &mut Vec<Out>) {
         if !self.knows(mission.vehicle) {
             return;
         }
@@ -439,14 +439,16 @@ impl Station {
     fn lease_changed(&mut self, now: Time, change: Option<Change>, out: &mut Vec<Out>) {
         match change {
             None => {}
-            Some(Change::StoodDown(lease)) => out.push(Out::Note(Note::StandsBy(lease))),
+            Some(Change::StoodDown(lease)) => {
+                out.push(Out::StationEvent(StationEvent::StandsBy(lease)))
+            }
             Some(Change::Renewed(lease)) => {
-                out.push(Out::Note(Note::Leads(lease)));
+                out.push(Out::StationEvent(StationEvent::Leads(lease)));
                 self.fleet.set_lease(lease);
                 self.publish_plans(now, out);
             }
             Some(Change::Taken(lease)) => {
-                out.push(Out::Note(Note::Leads(lease)));
+                out.push(Out::StationEvent(StationEvent::Leads(lease)));
                 self.fleet.set_lease(lease);
                 self.count_from(now);
                 self.publish_plans(now, out);
@@ -490,7 +492,7 @@ impl Station {
         let is_said = |said: &Out| match said {
             Out::Publish(message) => matches!(message, Message::Report(_)),
             Out::Ask(_) | Out::Reconstruct(_) => false,
-            Out::Note(_) | Out::BeginRun { .. } | Out::EndRun(_) | Out::Remember(_) => true,
+            Out::StationEvent(_) | Out::BeginRun { .. } | Out::EndRun(_) | Out::Remember(_) => true,
         };
         let own = out.split_off(first.min(out.len()));
         out.extend(own.into_iter().filter(is_said));

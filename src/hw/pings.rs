@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use super::{Reading, TimedReading};
+use super::{RangeReading, TimedReading};
 use crate::node::sensor::{Echo, Ping};
 use crate::time::Time;
 
@@ -41,8 +41,8 @@ impl Pings {
         let (ping, _) = self.awaited.take_if(|(_, said)| *said <= timed.measured)?;
         self.unanswered = None;
         let range_m = match timed.reading {
-            Reading::Range(range_m) => Some(range_m),
-            Reading::Nothing => None,
+            RangeReading::Range(range_m) => Some(range_m),
+            RangeReading::Nothing => None,
         };
         Some(Echo {
             number: ping.number,
@@ -72,7 +72,7 @@ mod tests {
     fn range(measured_s: f64, range_m: f64) -> TimedReading {
         TimedReading {
             measured: at(measured_s),
-            reading: Reading::Range(range_m),
+            reading: RangeReading::Range(range_m),
         }
     }
 
@@ -97,7 +97,7 @@ mod tests {
         pings.ping(at(2.0), Ping { number: 8 });
         let nothing = TimedReading {
             measured: at(2.1),
-            reading: Reading::Nothing,
+            reading: RangeReading::Nothing,
         };
         assert_eq!(
             pings.answer(nothing),

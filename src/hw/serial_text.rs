@@ -4,8 +4,8 @@
 use std::time::Duration;
 
 use super::lines::Lines;
-use super::{Dropped, Reading, TimedReading};
-use crate::config::{Look, SerialText, TextFormat};
+use super::{DroppedReadings, RangeReading, TimedReading};
+use crate::config::{SensorCoverage, SerialText, TextFormat};
 use crate::time::Time;
 
 /// No number is longer, bytes.
@@ -30,7 +30,7 @@ pub struct TextDecoder {
 
 impl TextDecoder {
     /// Makes the decoder of a sensor that looks so far.
-    pub fn new(text: &SerialText, look: &Look) -> TextDecoder {
+    pub fn new(text: &SerialText, look: &SensorCoverage) -> TextDecoder {
         TextDecoder {
             format: text.format,
             unit_m: text.unit.metres(),
@@ -77,14 +77,14 @@ impl TextDecoder {
     }
 
     /// Returns what was dropped so far.
-    pub fn dropped(&self) -> Dropped {
+    pub fn dropped(&self) -> DroppedReadings {
         let TextDecoder {
             lines,
             unreadable,
             out_of_range,
             ..
         } = self;
-        Dropped {
+        DroppedReadings {
             too_long: lines.too_long(),
             unreadable: *unreadable,
             out_of_range: *out_of_range,
@@ -93,13 +93,13 @@ impl TextDecoder {
 }
 
 /// Returns what a distance says; `None` for one that the sensor cannot have measured.
-fn judged(range_m: f64, (min_m, max_m, nothing_from_m): (f64, f64, f64)) -> Option<Reading> {
+fn judged(range_m: f64, (min_m, max_m, nothing_from_m): (f64, f64, f64)) -> Option<RangeReading> {
     if range_m >= nothing_from_m {
-        return Some(Reading::Nothing);
+        return Some(RangeReading::Nothing);
     }
     (min_m..=max_m)
         .contains(&range_m)
-        .then_some(Reading::Range(range_m))
+        .then_some(RangeReading::Range(range_m))
 }
 
 /// Returns the number that a line says, finite; `None` when it says none.
@@ -132,10 +132,10 @@ mod tests {
 
     /// A sensor that hears from 0.3 m to 4 m.
     fn decoder(text: SerialText) -> TextDecoder {
-        let look = Look {
+        let look = SensorCoverage {
             min_range_m: 0.3,
             max_range_m: 4.0,
-            ..Look::default()
+            ..SensorCoverage::default()
         };
         let mut decoder = TextDecoder::new(&text, &look);
         decoder.take(Time::ZERO, b"\r", &mut Vec::new());
@@ -155,16 +155,16 @@ mod tests {
         })
     }
 
-    fn read(decoder: &mut TextDecoder, bytes: &[u8]) -> Vec<Reading> {
+    fn read(decoder: &mut TextDecoder, bytes: &[u8]) -> Vec<RangeReading> {
         let mut readings = Vec::new();
         decoder.take(Time::ZERO, bytes, &mut readings);
         readings.into_iter().map(|timed| timed.reading).collect()
     }
 
-    fn check(mut decoder: TextDecoder, line: &str, expected: Option<Reading>) {
+    fn check(mut decoder: TextDecoder, line: &str, expected: Option<RangeReading>) {
         let found = read(&mut decoder, format!("{line}\r").as_bytes());
         match (found.as_slice(), expected) {
-            ([Reading::Range(found_m)], Some(Reading::Range(m))) => {
+            ([RangeReading::Range(found_m)], Some(RangeReading::Range(m))) => {
                 assert!((found_m - m).abs() < 1e-9, "{line}: {found_m}");
             }
             (found, expected) => assert_eq!(found, expected.as_slice(), "{line}"),
@@ -178,8 +178,8 @@ mod tests {
 
     #[test]
     fn a_line_of_a_maxbotix_is_millimetres_and_its_farthest_is_nothing() {
-        let range = |range_m| Some(Reading::Range(range_m));
-        let nothing = Some(Reading::Nothing);
+        let range = |range_m| Some(RangeReading::Range(range_m));
+        let nothing = Some(RangeReading::Nothing);
         for (line, expected) in [
             ("R1234", range(1.234)),
             (" R0300 ", range(0.3)),
@@ -206,7 +206,7 @@ mod tests {
 
     #[test]
     fn a_number_counts_in_its_unit_and_beyond_the_range_it_is_no_emptiness() {
-        let range = |range_m| Some(Reading::Range(range_m));
+        let range = |range_m| Some(RangeReading::Range(range_m));
         for (unit, line, expected) in [
             (LengthUnit::Millimetres, "1234", range(1.234)),
             (LengthUnit::Centimetres, "123.4", range(1.234)),
@@ -233,7 +233,7 @@ mod tests {
         check(
             numbers(LengthUnit::Centimetres, Some(1200.0)),
             "1200",
-            Some(Reading::Nothing),
+            Some(RangeReading::Nothing),
         );
         check(numbers(LengthUnit::Centimetres, Some(1200.0)), "1199", None);
         check(
@@ -254,11 +254,11 @@ mod tests {
         .concat();
         assert_eq!(
             read(&mut decoder, &bytes),
-            [Reading::Range(1.0), Reading::Range(2.0)]
+            [RangeReading::Range(1.0), RangeReading::Range(2.0)]
         );
         assert_eq!(
             decoder.dropped(),
-            Dropped {
+            DroppedReadings {
                 too_long: 1,
                 unreadable: 2,
                 out_of_range: 1
@@ -293,8 +293,8 @@ mod tests {
             for chunk in &chunks {
                 for reading in read(&mut decoder, chunk) {
                     match reading {
-                        Reading::Range(range_m) => prop_assert!((0.3..=4.0).contains(&range_m)),
-                        Reading::Nothing => prop_assert!(!is_number),
+                        RangeReading::Range(range_m) => prop_assert!((0.3..=4.0).contains(&range_m)),
+                        RangeReading::Nothing => prop_assert!(!is_number),
                     }
                 }
             }

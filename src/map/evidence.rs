@@ -60,7 +60,7 @@ pub struct ScanReading {
 
 /// The disc that the own vehicle covers.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Body {
+pub struct OwnDisc {
     /// Its middle.
     pub at: Point,
     /// Its radius, metres.
@@ -153,7 +153,7 @@ impl Mapper {
         &mut self,
         map: &mut Merged,
         scan: &ScanReading,
-        body: Body,
+        body: OwnDisc,
         peers: &[PeerBody<'_>],
     ) -> Changes {
         let Some(cone) = Cone::of(scan, map.lattice()) else {
@@ -291,16 +291,16 @@ impl Mapper {
     }
 }
 
-impl Body {
+impl OwnDisc {
     /// Returns the body, or one of no size when it is impossibly large or far from the sensor.
-    fn within_reach(self, cone: &Cone) -> Body {
+    fn within_reach(self, cone: &Cone) -> OwnDisc {
         let reach_m = REACH_CELLS * cone.lattice.cell_m();
         let near =
             self.at.distance_to(cone.origin) <= reach_m && (0.0..=reach_m).contains(&self.radius_m);
         if near {
             self
         } else {
-            Body {
+            OwnDisc {
                 at: cone.origin,
                 radius_m: 0.0,
             }
@@ -317,8 +317,8 @@ struct Footprint {
 }
 
 impl Footprint {
-    fn of(body: Body, lattice: Lattice) -> Footprint {
-        let Body { at, radius_m } = body;
+    fn of(body: OwnDisc, lattice: Lattice) -> Footprint {
+        let OwnDisc { at, radius_m } = body;
         Footprint {
             at,
             cell: lattice.cell_at(at),
@@ -416,7 +416,7 @@ impl Cone {
 
     /// Returns cells around all that can be judged: the cone lies within the hull of its tip, its edges and the
     /// tangents at half of its half-width.
-    fn area(&self, body: Body) -> CellRect {
+    fn area(&self, body: OwnDisc) -> CellRect {
         let (ahead, aside) = (self.axis * self.reach_m, self.axis.left() * self.reach_m);
         let edge = |side: f64| ahead * self.cos + aside * (self.sin * side);
         let tangent = |side: f64| ahead + aside * (self.tan_half * side);

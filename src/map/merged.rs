@@ -7,9 +7,11 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
-use tomoswarm_proto::{Digest, LayerDigest, LayerId, TILE_CELLS, TileAddress, TileReport, Want};
+use tomoswarm_proto::{
+    Digest, LayerDigest, LayerId, TILE_CELLS, TileAddress, TileReport, TileRequest,
+};
 
-use super::kept::Kept;
+use super::map_snapshot::MapSnapshot;
 use super::tile::{MERGED_CLAMP, Occupancy, Tile, TileError, address_of, index_in_tile};
 use super::window::{CellRect, Sums, View};
 use super::{Layer, OCCUPIED_FROM};
@@ -32,7 +34,7 @@ const WANT_TILES: usize = 4096;
 
 /// What a report did to the map.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Joined {
+pub enum JoinResult {
     /// Nothing: the same or a newer tile was known.
     Known,
     /// The tile was taken.
@@ -44,7 +46,7 @@ pub enum Joined {
 
 /// Why a report is refused.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Error)]
-pub enum Refused {
+pub enum TileRefusal {
     /// The tile itself is impossible.
     #[error(transparent)]
     Tile(#[from] TileError),
@@ -66,7 +68,7 @@ pub enum Refused {
 
 /// The map of one node: all layers, and the sum over them.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-#[serde(try_from = "Kept", into = "Kept")]
+#[serde(try_from = "MapSnapshot", into = "MapSnapshot")]
 pub struct Merged {
     lattice: Lattice,
     own: Option<LayerId>,
@@ -119,11 +121,11 @@ impl Merged {
     /// Takes a tile from elsewhere when it is newer than what is known.
     ///
     /// # Errors
-    /// [`Refused`] when the tile is impossible, of the own layer, its revision leaps, or the map is full; nothing changes
+    /// [`TileRefusal`] when the tile is impossible, of the own layer, its revision leaps, or the map is full; nothing changes
     /// then.
-    pub fn join(&mut self, report: &TileReport) -> Result<Joined, Refused> {
+    pub fn join(&mut self, report: &TileReport) -> Result<JoinResult, TileRefusal> {
         if self.own == Some(report.layer) {
-            return Err(Refused::Own);
+            return Err(TileRefusal::Own);
         }
         let tile = Tile::from_report(report)?;
         let old = self
@@ -133,16 +135,16 @@ impl Merged {
             .cloned();
         check_revision(report, old.as_ref())?;
         if old.as_ref().is_some_and(|old| !tile.replaces(old)) {
-            return Ok(Joined::Known);
+            return Ok(JoinResult::Known);
         }
         let new_layer = !self.layers.contains_key(&report.layer);
         if (new_layer && self.layers.len() >= MAX_LAYERS)
             || (old.is_none() && self.tiles >= MAX_TILES)
         {
-            return Err(Refused::Full);
+            return Err(TileRefusal::Full);
         }
         let newly_occupied = self.put(report.layer, report.address, tile);
-        Ok(Joined::Newer { newly_occupied })
+        Ok(JoinResult::Newer { newly_occupied })
     }
 
     /// Takes what somebody else says of the own layer: where that would count more than what this node has written, the own
@@ -324,17 +326,17 @@ impl Merged {
     }
 
     /// Returns what to ask for to complete a layer.
-    pub fn want(&self, layer: LayerId) -> Want {
+    pub fn want(&self, layer: LayerId) -> TileRequest {
         let tiles = self.layers.get(&layer).into_iter().flat_map(Layer::tiles);
         let known = tiles
             .map(|(address, tile)| (address, tile.revision))
             .take(WANT_TILES)
             .collect();
-        Want { layer, known }
+        TileRequest { layer, known }
     }
 
     /// Returns the tiles newer than those known to who asks, ascending.
-    pub fn newer(&self, want: &Want) -> Vec<TileAddress> {
+    pub fn newer(&self, want: &TileRequest) -> Vec<TileAddress> {
         let known: BTreeMap<TileAddress, u32> = want.known.iter().copied().collect();
         let held = self
             .layers
@@ -351,10 +353,10 @@ impl Merged {
 }
 
 /// Checks that a revision can be that of the tile that is held.
-fn check_revision(report: &TileReport, held: Option<&Tile>) -> Result<(), Refused> {
+fn check_revision(report: &TileReport, held: Option<&Tile>) -> Result<(), TileRefusal> {
     let (revision, held) = (report.revision, held.map_or(0, |held| held.revision));
     match revision > ANY_REVISION_UNTIL.max(held.saturating_add(REVISION_STEP)) {
-        true => Err(Refused::Leaps { revision, held }),
+        true => Err(TileRefusal::Leaps { revision, held }),
         false => Ok(()),
     }
 }
@@ -525,13 +527,13 @@ mod tests {
             revision: 1,
             cells: Arc::new([17; TILE_CELLS]),
         };
-        assert_eq!(map.join(&report), Err(Refused::Own));
+        assert_eq!(map.join(&report), Err(TileRefusal::Own));
         for boot in 0..MAX_LAYERS as u32 {
             report.layer = layer(2, boot);
             assert!(map.join(&report).is_ok());
         }
         report.layer = layer(3, 0);
-        assert_eq!(map.join(&report), Err(Refused::Full));
+        assert_eq!(map.join(&report), Err(TileRefusal::Full));
         assert_eq!(map.value(0, Cell::new(0, 0)), MERGED_CLAMP);
     }
 
@@ -564,7 +566,10 @@ mod tests {
             assert!(writer.disown(&forged), "{revision}");
             let put_right = writer.report(own, address).unwrap();
             assert!(!writer.disown(&put_right), "its own word comes back to it");
-            assert!(matches!(other.join(&put_right), Ok(Joined::Newer { .. })));
+            assert!(matches!(
+                other.join(&put_right),
+                Ok(JoinResult::Newer { .. })
+            ));
             assert_eq!(
                 other.layer(own).unwrap().tile(address),
                 writer.layer(own).unwrap().tile(address)
@@ -592,7 +597,7 @@ mod tests {
         };
         assert_eq!(
             map.join(&report),
-            Err(Refused::Leaps {
+            Err(TileRefusal::Leaps {
                 revision: u32::MAX,
                 held: 0
             })
@@ -602,7 +607,7 @@ mod tests {
             assert!(map.join(&report).is_ok());
         }
         report.revision += REVISION_STEP + 1;
-        assert!(matches!(map.join(&report), Err(Refused::Leaps { .. })));
+        assert!(matches!(map.join(&report), Err(TileRefusal::Leaps { .. })));
     }
 
     #[test]
@@ -613,11 +618,11 @@ mod tests {
         let report = before.report(layer(1, 4), TileAddress::default()).unwrap();
         assert_eq!(
             map.join(&report),
-            Ok(Joined::Newer {
+            Ok(JoinResult::Newer {
                 newly_occupied: true
             })
         );
-        assert_eq!(map.join(&report), Ok(Joined::Known));
+        assert_eq!(map.join(&report), Ok(JoinResult::Known));
         assert_eq!(map.occupancy(0, Cell::new(7, 0)), Occupancy::Occupied);
         assert_eq!(map.occupancy(1, Cell::new(7, 0)), Occupancy::Unknown);
     }

@@ -11,7 +11,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Digest, LayerDigest, LayerId, Message, TileAddress, TileReport, Want};
+use tomoswarm_proto::{
+    Digest, LayerDigest, LayerId, Message, TileAddress, TileReport, TileRequest,
+};
 
 use super::Merged;
 use crate::time::Time;
@@ -106,7 +108,7 @@ impl Repair {
     }
 
     /// Takes what another node asks for.
-    pub fn hear_want(&mut self, now: Time, map: &Merged, want: &Want) {
+    pub fn hear_want(&mut self, now: Time, map: &Merged, want: &TileRequest) {
         let room = OWED_MAX.saturating_sub(self.debts.values().map(|debt| debt.tiles.len()).sum());
         let is_missing =
             |address: &TileAddress| !self.has_just_passed(now, map, want.layer, *address);

@@ -3,14 +3,14 @@
 
 use std::time::Duration;
 
-use tomoswarm_proto::{Boot, Standing, TaskKind, VehicleId};
+use tomoswarm_proto::{Boot, OpenStops, TaskKind, VehicleId};
 
-use super::memory::Memory;
+use super::memory::VehicleMemory;
 use super::mission::share;
-use super::settings::{BodySettings, LookSettings, RadioSettings, Settings};
-use crate::autopilot::{self, Kind};
+use super::settings::{BodySettings, LookSettings, RadioSettings, VehicleSettings};
+use crate::autopilot::{self, VehicleKind};
 use crate::config::{
-    Body, Craft, Flight, Look, OwnRadio, RangeDriver, Safety, Sim, VehicleFile, Venue,
+    Body, Craft, Flight, OwnRadio, RangeDriver, Safety, SensorCoverage, Sim, VehicleFile, Venue,
 };
 use crate::geom::{Angle, Lattice, Point};
 
@@ -19,11 +19,11 @@ const PATH_TIME: Duration = Duration::from_millis(1);
 /// A vehicle that was started listens so long before it may be started out.
 const LISTENS_FOR: Duration = Duration::from_secs(2);
 
-impl Settings {
+impl VehicleSettings {
     /// Returns what a vehicle is told by a simulation's file, but for its mission, which the operator gives; `boot`
     /// counts the starts of its software. It remembers nothing.
-    pub fn from_config(sim: &Sim, vehicle: VehicleId, boot: Boot, home: Point) -> Settings {
-        Told {
+    pub fn from_config(sim: &Sim, vehicle: VehicleId, boot: Boot, home: Point) -> VehicleSettings {
+        VehicleInputs {
             venue: &sim.venue,
             body: sim.vehicles.body,
             look: &sim.range.look,
@@ -39,8 +39,8 @@ impl Settings {
 
     /// Returns what a vehicle is told by the file of its own node; `boot` counts the starts of its software. It
     /// remembers nothing.
-    pub fn from_vehicle_file(file: &VehicleFile, boot: Boot) -> Settings {
-        let told = Told {
+    pub fn from_vehicle_file(file: &VehicleFile, boot: Boot) -> VehicleSettings {
+        let told = VehicleInputs {
             venue: &file.venue,
             body: file.body,
             look: &file.look,
@@ -53,7 +53,7 @@ impl Settings {
                 .as_ref()
                 .map(|task| share(task, usize::from(file.id.0.saturating_sub(1)), 1)),
             // Vehicles of their own files drive, until the file says otherwise.
-            autopilot: autopilot::Settings::default(),
+            autopilot: autopilot::AutopilotLinkSettings::default(),
         };
         let mut settings = told.settings(file.id, boot, file.home);
         settings.look.is_blind = file.drivers.range == RangeDriver::None;
@@ -62,24 +62,24 @@ impl Settings {
 }
 
 /// What both kinds of files say.
-struct Told<'f> {
+struct VehicleInputs<'f> {
     venue: &'f Venue,
     body: Body,
-    look: &'f Look,
+    look: &'f SensorCoverage,
     radio: OwnRadio,
     safety: Safety,
     path_time: Duration,
     task: Option<TaskKind>,
-    autopilot: autopilot::Settings,
+    autopilot: autopilot::AutopilotLinkSettings,
 }
 
-impl Told<'_> {
-    fn settings(&self, vehicle: VehicleId, boot: Boot, home: Point) -> Settings {
-        Settings {
+impl VehicleInputs<'_> {
+    fn settings(&self, vehicle: VehicleId, boot: Boot, home: Point) -> VehicleSettings {
+        VehicleSettings {
             vehicle,
             boot,
-            memory: Memory::default(),
-            stops: Standing::default(),
+            memory: VehicleMemory::default(),
+            stops: OpenStops::default(),
             listens_for: LISTENS_FOR,
             fence: self.venue.fence.clone(),
             home,
@@ -101,11 +101,11 @@ impl Told<'_> {
     }
 }
 
-fn autopilot_settings(flight: &Flight) -> autopilot::Settings {
+fn autopilot_settings(flight: &Flight) -> autopilot::AutopilotLinkSettings {
     match flight.craft {
-        Craft::Rover => autopilot::Settings::default(),
-        Craft::Copter => autopilot::Settings {
-            kind: Kind::Copter,
+        Craft::Rover => autopilot::AutopilotLinkSettings::default(),
+        Craft::Copter => autopilot::AutopilotLinkSettings {
+            kind: VehicleKind::Copter,
             altitude_m: flight.altitude_m,
         },
     }
@@ -119,7 +119,7 @@ fn body_settings(body: &Body) -> BodySettings {
     }
 }
 
-fn look_settings(look: &Look) -> LookSettings {
+fn look_settings(look: &SensorCoverage) -> LookSettings {
     LookSettings {
         is_blind: false,
         beams: look.beams(),

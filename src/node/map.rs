@@ -11,14 +11,18 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Digest, LayerId, Message, State, TileAddress, TileReport, VehicleId, Want};
+use tomoswarm_proto::{
+    Digest, LayerId, Message, State, TileAddress, TileReport, TileRequest, VehicleId,
+};
 
-use super::Settings;
+use super::VehicleSettings;
 use super::peers::{Peer, Peers, join_states};
 use super::sensor::Scan;
-use crate::actor::{Actor, Class, Fault, Input};
+use crate::actor::{Actor, Fault, Input, InputClass};
 use crate::geom::Pose;
-use crate::map::{Body, Changes, Joined, Mapper, Merged, PeerBody, Refused, Repair, ScanReading};
+use crate::map::{
+    Changes, JoinResult, Mapper, Merged, OwnDisc, PeerBody, Repair, ScanReading, TileRefusal,
+};
 use crate::time::{Deadline, Time};
 
 /// Changed tiles and the digest are published this often.
@@ -42,7 +46,7 @@ pub enum In {
     /// What another node holds.
     Digest(Digest),
     /// What another node asks for.
-    Want(Want),
+    Want(TileRequest),
 }
 
 /// What the map actor can say.
@@ -61,7 +65,7 @@ pub enum Out {
 /// The map actor.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Map {
-    settings: Settings,
+    settings: VehicleSettings,
     own: LayerId,
     merged: Merged,
     mapper: Mapper,
@@ -81,7 +85,7 @@ pub struct Map {
 
 impl Map {
     /// Makes the actor with an empty map.
-    pub fn new(settings: Settings) -> Map {
+    pub fn new(settings: VehicleSettings) -> Map {
         let own = LayerId {
             vehicle: settings.vehicle,
             boot: settings.boot,
@@ -128,7 +132,7 @@ impl Map {
     }
 
     fn record(&mut self, reading: &ScanReading, pose: Pose) -> Changes {
-        let body = Body {
+        let body = OwnDisc {
             at: pose.at,
             radius_m: self.settings.body.radius_m,
         };
@@ -184,14 +188,14 @@ impl Map {
 
     fn tile(&mut self, now: Time, report: TileReport, out: &mut Vec<Out>) {
         let joined = self.merged.join(&report);
-        if joined == Err(Refused::Own) && self.merged.disown(&report) {
+        if joined == Err(TileRefusal::Own) && self.merged.disown(&report) {
             self.unshared.insert(report.address);
         }
         self.repair.pass(now, &self.merged, &report);
         match joined {
-            Ok(Joined::Newer { .. }) => out.push(Out::Tiles(vec![report])),
+            Ok(JoinResult::Newer { .. }) => out.push(Out::Tiles(vec![report])),
             // A known tile is nothing new; an impossible one is its sender's business.
-            Ok(Joined::Known) | Err(_) => {}
+            Ok(JoinResult::Known) | Err(_) => {}
         }
     }
 
@@ -306,12 +310,12 @@ pub enum Key {
 impl Input for In {
     type Key = Key;
 
-    fn class(&self) -> Class<Key> {
+    fn class(&self) -> InputClass<Key> {
         match self {
-            In::Peer(state) => Class::Latest(Key::Peer(state.vehicle)),
-            In::Expected(_) => Class::Latest(Key::Expected),
-            In::Tile(report) => Class::Latest(Key::Tile(report.layer, report.address)),
-            In::Scan(_) | In::Digest(_) | In::Want(_) => Class::Queue,
+            In::Peer(state) => InputClass::Latest(Key::Peer(state.vehicle)),
+            In::Expected(_) => InputClass::Latest(Key::Expected),
+            In::Tile(report) => InputClass::Latest(Key::Tile(report.layer, report.address)),
+            In::Scan(_) | In::Digest(_) | In::Want(_) => InputClass::Queue,
         }
     }
 

@@ -11,7 +11,7 @@ use tomoswarm_proto::{Lease, Ordered, Revision, RunId};
 
 /// The highest order and the greatest lease that a vehicle has followed, over all starts of its software.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
-pub struct Memory {
+pub struct VehicleMemory {
     /// The highest order.
     pub ordered: OrderEdition,
     /// The greatest lease of a plan.
@@ -51,31 +51,31 @@ impl OrderEdition {
     }
 }
 
-impl Memory {
+impl VehicleMemory {
     /// Returns the memory of an order alone.
-    pub fn of_order(ordered: OrderEdition) -> Memory {
-        Memory {
+    pub fn of_order(ordered: OrderEdition) -> VehicleMemory {
+        VehicleMemory {
             ordered,
-            ..Memory::default()
+            ..VehicleMemory::default()
         }
     }
 
     /// Returns the memory of a plan's lease alone.
-    pub fn of_plan(planned: Lease) -> Memory {
-        Memory {
+    pub fn of_plan(planned: Lease) -> VehicleMemory {
+        VehicleMemory {
             planned,
-            ..Memory::default()
+            ..VehicleMemory::default()
         }
     }
 
     /// Returns what both are: the higher of each.
-    pub fn join(self, other: Memory) -> Memory {
+    pub fn join(self, other: VehicleMemory) -> VehicleMemory {
         let ordered = if other.ordered.key() > self.ordered.key() {
             other.ordered
         } else {
             self.ordered
         };
-        Memory {
+        VehicleMemory {
             ordered,
             planned: self.planned.max(other.planned),
         }
@@ -91,9 +91,9 @@ impl Memory {
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 pub struct Remembered {
     /// What outlives a power cut from now on.
-    pub on_disk: Memory,
+    pub on_disk: VehicleMemory,
     /// What was to be remembered; more than what is on disk while that cannot be written.
-    pub tried: Memory,
+    pub tried: VehicleMemory,
 }
 
 #[cfg(test)]
@@ -104,27 +104,34 @@ mod tests {
     fn a_memory_only_grows_and_orders_and_plans_do_not_mix() {
         let order = |number, revision| {
             let lease = Lease { number, holder: 7 };
-            Memory::of_order(OrderEdition {
+            VehicleMemory::of_order(OrderEdition {
                 lease,
                 revision: Revision(revision),
                 run: RunId(1),
             })
         };
-        let plan = |number| Memory::of_plan(Lease { number, holder: 7 });
-        let check = |all: &[Memory], ordered: Memory, planned: Memory| {
-            let joined = all.iter().copied().fold(Memory::default(), Memory::join);
+        let plan = |number| VehicleMemory::of_plan(Lease { number, holder: 7 });
+        let check = |all: &[VehicleMemory], ordered: VehicleMemory, planned: VehicleMemory| {
+            let joined = all
+                .iter()
+                .copied()
+                .fold(VehicleMemory::default(), VehicleMemory::join);
             let turned = all
                 .iter()
                 .rev()
                 .copied()
-                .fold(Memory::default(), Memory::join);
+                .fold(VehicleMemory::default(), VehicleMemory::join);
             assert_eq!(
                 (joined.ordered, joined.planned),
                 (ordered.ordered, planned.planned)
             );
             assert_eq!((turned, joined.join(joined)), (joined, joined));
         };
-        check(&[order(3, 9), order(4, 1)], order(4, 1), Memory::default());
+        check(
+            &[order(3, 9), order(4, 1)],
+            order(4, 1),
+            VehicleMemory::default(),
+        );
         check(&[order(3, 9), order(3, 8), plan(2)], order(3, 9), plan(2));
         check(&[plan(5), order(3, 9), plan(4)], order(3, 9), plan(5));
         assert_eq!(order(3, 9).join(plan(5)).lease().number, 5);

@@ -37,26 +37,26 @@ use tomoswarm_proto::{
 };
 
 use self::assignment::Assignment;
-use self::autonomy::Links;
-use self::goal::{By, Goal, Return, ReturnStage};
+use self::autonomy::HeardNodes;
+use self::goal::{Goal, GoalSource, Return, ReturnStage};
 use self::ground_plan::GroundPlan;
 use self::leases::PlanLeases;
-use self::pilot::{Met, Pilot};
-use self::runner::{Scene, StepRunner};
-use super::ages::StateAges;
+use self::pilot::{Pilot, WayEvent};
+use self::runner::{RunnerContext, StepRunner};
 use super::memory::Remembered;
 use super::peers::{Peer, Peers};
-use super::vehicle::{self, Command};
-use super::{OwnState, Settings};
+use super::state_ages::StateAges;
+use super::vehicle::{self, MoveCommand};
+use super::{OwnState, VehicleSettings};
 use crate::actor::{Actor, Fault};
 use crate::geom::Point;
 use crate::stops::first_that_stops;
 use crate::sweep::{VehicleProgress, WaitsFor};
 use crate::time::{Deadline, Time};
 
-pub use autonomy::Cause;
+pub use autonomy::AutonomyCause;
 pub use home::{HOME_M, farthest_m as home_farthest_m, is_at_home};
-pub use messages::{End, In, Key, MissionStatus, Out, Remark};
+pub use messages::{EndReason, In, Key, MissionEvent, MissionStatus, Out};
 pub(super) use share::share;
 
 /// Progress is repeated this often.
@@ -67,7 +67,7 @@ const FAILURES_MAX: u32 = 3;
 /// The mission actor.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Mission {
-    settings: Settings,
+    settings: VehicleSettings,
     state: Option<OwnState>,
     assignment: Assignment,
     plan: GroundPlan,
@@ -75,7 +75,7 @@ pub struct Mission {
     /// What it does when the ground station does not plan for it.
     runner: Option<StepRunner>,
     goal: Goal,
-    links: Links,
+    links: HeardNodes,
     is_battery_low: bool,
     peers: Peers,
     silent: BTreeSet<VehicleId>,
@@ -88,7 +88,7 @@ pub struct Mission {
 
 impl Mission {
     /// Makes the actor of a vehicle that waits for plans and a start.
-    pub fn new(settings: Settings) -> Mission {
+    pub fn new(settings: VehicleSettings) -> Mission {
         let leases = PlanLeases::remembering(settings.memory);
         let repeat_at =
             Time::ZERO + REPEAT_EVERY + Duration::from_millis(53) * u32::from(settings.vehicle.0);
@@ -101,7 +101,7 @@ impl Mission {
             settings,
             state: None,
             goal: Goal::Waiting,
-            links: Links::default(),
+            links: HeardNodes::default(),
             is_battery_low: false,
             silent: BTreeSet::new(),
             ages: StateAges::default(),
@@ -164,7 +164,7 @@ impl Mission {
         let (Some(state), Some(runner)) = (&self.state, &mut self.runner) else {
             return;
         };
-        let mut scene = Scene {
+        let mut scene = RunnerContext {
             now,
             state,
             pilot: &mut self.pilot,
@@ -192,7 +192,7 @@ impl Mission {
     }
 
     /// Lets the pilot go on; returns what it met.
-    fn advance(&mut self, now: Time, out: &mut Vec<Out>) -> Vec<Met> {
+    fn advance(&mut self, now: Time, out: &mut Vec<Out>) -> Vec<WayEvent> {
         let Some(state) = &self.state else {
             return Vec::new();
         };
@@ -210,29 +210,29 @@ impl Mission {
         met
     }
 
-    fn meet(&mut self, now: Time, met: Met, out: &mut Vec<Out>) {
+    fn meet(&mut self, now: Time, met: WayEvent, out: &mut Vec<Out>) {
         let remark = match met {
-            Met::Stop(stop) => {
+            WayEvent::Stop(stop) => {
                 let place = self
                     .state
                     .as_ref()
                     .map(|state| state.pose.at)
                     .unwrap_or_default();
                 self.plan.pass(now, stop, place);
-                Remark::Done(stop)
+                MissionEvent::Done(stop)
             }
-            Met::Looks(at) => Remark::Looks(at),
-            Met::Blocked(at) => Remark::Blocked(at),
-            Met::Path(length_m) => Remark::Path(length_m),
-            Met::NoPath(failures) => {
+            WayEvent::Looks(at) => MissionEvent::Looks(at),
+            WayEvent::Blocked(at) => MissionEvent::Blocked(at),
+            WayEvent::Path(length_m) => MissionEvent::Path(length_m),
+            WayEvent::NoPath(failures) => {
                 if failures >= FAILURES_MAX {
                     self.give_up_stop(now, out);
                 }
                 self.finds_no_way_home(now, failures);
-                Remark::NoPath(failures)
+                MissionEvent::NoPath(failures)
             }
         };
-        out.push(Out::Remark(remark));
+        out.push(Out::MissionEvent(remark));
     }
 
     /// Gives up the stop that comes next when the plan gets on only without it.
@@ -249,7 +249,7 @@ impl Mission {
         }
         let place = state.pose.at;
         for stop in self.pilot.skip(place) {
-            out.push(Out::Remark(Remark::Skipped(stop)));
+            out.push(Out::MissionEvent(MissionEvent::Skipped(stop)));
             self.plan.skip(now, stop, place);
         }
     }
@@ -266,13 +266,13 @@ impl Mission {
     fn take_plan(&mut self, now: Time, plan: &Plan, out: &mut Vec<Out>) {
         let is_old = self.is_old(now, plan);
         if let Err(remark) = self.plan.refuse(plan, is_old) {
-            return out.extend(remark.map(Out::Remark));
+            return out.extend(remark.map(Out::MissionEvent));
         }
         if self.leases.is_greater(plan.lease) {
             return out.extend(self.leases.wait_with(plan).map(Out::Remember));
         }
         self.resume_for(now, plan, out);
-        out.extend(self.plan.offer(now, plan).map(Out::Remark));
+        out.extend(self.plan.offer(now, plan).map(Out::MissionEvent));
         self.report(out);
     }
 
@@ -297,7 +297,7 @@ impl Mission {
             self.pilot.give_up(state.pose.at);
         }
         out.push(Out::Accepted(progress.run, progress.revision));
-        out.push(Out::Remark(Remark::Adopted(
+        out.push(Out::MissionEvent(MissionEvent::Adopted(
             progress.run,
             progress.revision,
         )));
@@ -319,7 +319,7 @@ impl Mission {
         self.leases.follow(order.lease);
         match order.kind {
             OrderKind::Start if matches!(self.goal, Goal::Home(_)) && self.is_battery_low => {
-                self.goal = Goal::Home(By::Order);
+                self.goal = Goal::Home(GoalSource::Order);
             }
             OrderKind::Start => {
                 if self.goal.drives_home() {
@@ -329,11 +329,11 @@ impl Mission {
                 self.start(now, order.run, out);
             }
             OrderKind::Hold | OrderKind::Land | OrderKind::CutMotors => {
-                self.goal = Goal::Held(By::Order);
+                self.goal = Goal::Held(GoalSource::Order);
                 self.stop(now, out);
             }
             OrderKind::Return => {
-                self.goal = Goal::go_home(now, By::Order);
+                self.goal = Goal::go_home(now, GoalSource::Order);
                 self.stop(now, out);
             }
         }
@@ -378,8 +378,8 @@ impl Mission {
         let refusal = self
             .assignment
             .refusal()
-            .map(|why| Remark::Ended(End::Refused(why)));
-        out.extend(refusal.map(Out::Remark));
+            .map(|why| MissionEvent::Ended(EndReason::Refused(why)));
+        out.extend(refusal.map(Out::MissionEvent));
         out.push(Out::Progress(self.on_wire()));
     }
 
@@ -388,7 +388,7 @@ impl Mission {
         if first_that_stops(open, self.settings.vehicle).is_none() {
             return;
         }
-        self.goal = Goal::Held(By::Order);
+        self.goal = Goal::Held(GoalSource::Order);
         self.stop(now, out);
         self.go_on(now, out);
     }
@@ -398,22 +398,22 @@ impl Mission {
             runner.interrupt(now);
         }
         self.pilot.halted(now);
-        out.push(Out::Command(now, Command::Hold));
+        out.push(Out::Command(now, MoveCommand::Hold));
     }
 
-    fn remark(&mut self, now: Time, remark: &vehicle::Remark) {
+    fn remark(&mut self, now: Time, remark: &vehicle::SafetyEvent) {
         match remark {
-            vehicle::Remark::Halted { bump, .. } => {
+            vehicle::SafetyEvent::Halted { obstacle: bump, .. } => {
                 self.pilot.bumped(now, *bump);
                 self.pilot.halted(now);
             }
-            vehicle::Remark::Refused(refusal) => {
+            vehicle::SafetyEvent::Refused(refusal) => {
                 self.pilot.refused(now);
-                if let vehicle::Refusal::Separation(peer) = refusal {
+                if let vehicle::CommandRefusal::Separation(peer) = refusal {
                     self.yields_to(now, *peer);
                 }
             }
-            vehicle::Remark::AutopilotSilent => {}
+            vehicle::SafetyEvent::AutopilotSilent => {}
         }
     }
 
@@ -429,7 +429,10 @@ impl Mission {
             }
             out.push(Out::Progress(self.on_wire()));
         }
-        out.extend(news.finished.map(|run| Out::Remark(Remark::Finished(run))));
+        out.extend(
+            news.finished
+                .map(|run| Out::MissionEvent(MissionEvent::Finished(run))),
+        );
         let is_planned = self.goal == Goal::Following && !self.assignment.is_own();
         let measure = self.plan.measures_for().filter(|_| is_planned);
         if measure != self.said_measure {
@@ -498,7 +501,7 @@ impl Actor for Mission {
             In::Heard(by) => self.links.heard_bus(now, self.settings.vehicle, by),
             In::Order(order) => self.order(now, order, out),
             In::Stops(open) => self.emergency(now, &open, out),
-            In::Remark(remark) => self.remark(now, &remark),
+            In::SafetyEvent(remark) => self.remark(now, &remark),
             In::Remembered(Remembered { on_disk, .. }) => {
                 for plan in self.leases.remembered(on_disk) {
                     self.take_plan(now, &plan, out);

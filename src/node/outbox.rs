@@ -21,7 +21,7 @@ use tomoswarm_proto::{
     Boot, Have, HeardFrom, RunId, Sample, Samples, VehicleId, WATERMARKS_ALWAYS,
 };
 
-use crate::actor::{Actor, Class, Fault, Input};
+use crate::actor::{Actor, Fault, Input, InputClass};
 use crate::sweep::VOID_AFTER;
 use crate::time::{Deadline, Time};
 
@@ -53,7 +53,7 @@ const FORGET_AGAIN: Duration = Duration::from_secs(60);
 
 /// Where a sample stands among all of its vehicle: in the order of boots, runs and sequences.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
-pub struct Place {
+pub struct SampleKey {
     /// Start of the software that made it.
     pub boot: Boot,
     /// In which run.
@@ -73,9 +73,9 @@ pub struct Recalled {
 
 /// Samples that the edge no longer keeps although nobody let it forget them: there was no room.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub struct Dropped {
+pub struct DroppedSamples {
     /// The first of them.
-    pub first: Place,
+    pub first: SampleKey,
     /// Every sequence of the same boot and run from the first up to here, exclusive.
     pub below: u64,
 }
@@ -84,11 +84,11 @@ pub struct Dropped {
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum In {
     /// A new sample that is kept at the edge.
-    Kept((Boot, RunId, Sample)),
+    SampleStored((Boot, RunId, Sample)),
     /// A part of what was kept before.
     Recalled(Recalled),
     /// The edge had no room.
-    Dropped(Dropped),
+    Dropped(DroppedSamples),
     /// What the ground has.
     Have(Have),
 }
@@ -110,7 +110,7 @@ pub enum Out {
     /// The edge shall tell again what it keeps: the next [`CHUNK`] samples after a place, or the first ones.
     Recall {
         /// The place; `None` = from the beginning.
-        after: Option<Place>,
+        after: Option<SampleKey>,
     },
     /// How many samples wait and how many were lost, when that has changed.
     Tally(Tally),
@@ -150,7 +150,7 @@ struct Mark {
 /// A reading of what is kept at the edge, from its beginning to its end.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct Reading {
-    after: Option<Place>,
+    after: Option<SampleKey>,
     asked: Option<Time>,
 }
 
@@ -159,8 +159,8 @@ struct Reading {
 pub struct Outbox {
     vehicle: VehicleId,
     /// Never sent.
-    fresh: BTreeMap<Place, Sample>,
-    sent: BTreeMap<Place, Sent>,
+    fresh: BTreeMap<SampleKey, Sample>,
+    sent: BTreeMap<SampleKey, Sent>,
     /// The ground's store and when it was last heard.
     store: Option<(u64, Time)>,
     /// What that store has.
@@ -231,7 +231,7 @@ impl Outbox {
     }
 
     fn hold(&mut self, boot: Boot, run: RunId, sample: Sample) {
-        let place = Place {
+        let place = SampleKey {
             boot,
             run,
             sequence: sample.sequence,
@@ -252,7 +252,7 @@ impl Outbox {
     }
 
     /// Returns whether the ground has a sample.
-    fn has(&self, place: Place) -> bool {
+    fn has(&self, place: SampleKey) -> bool {
         self.below((place.boot, place.run))
             .is_some_and(|below| place.sequence < below)
     }
@@ -264,7 +264,7 @@ impl Outbox {
         if reading.asked.take().is_none() {
             return; // an answer that came too late, to a question that was asked again
         }
-        let last = chunk.samples.last().map(|(boot, run, sample)| Place {
+        let last = chunk.samples.last().map(|(boot, run, sample)| SampleKey {
             boot: *boot,
             run: *run,
             sequence: sample.sequence,
@@ -278,10 +278,10 @@ impl Outbox {
         }
     }
 
-    fn dropped(&mut self, dropped: Dropped) {
-        let Dropped {
+    fn dropped(&mut self, dropped: DroppedSamples) {
+        let DroppedSamples {
             first:
-                Place {
+                SampleKey {
                     boot,
                     run,
                     sequence,
@@ -289,13 +289,13 @@ impl Outbox {
             below,
         } = dropped;
         let from = sequence.max(self.below((boot, run)).unwrap_or(0));
-        let end = Place {
+        let end = SampleKey {
             boot,
             run,
             sequence: below,
         };
         let held = if from < below {
-            let first = Place {
+            let first = SampleKey {
                 boot,
                 run,
                 sequence: from,
@@ -420,7 +420,7 @@ impl Outbox {
 
     /// Takes the next batch of what was never sent.
     fn fresh_batch(&mut self, now: Time) -> Option<Samples> {
-        let (Place { boot, run, .. }, _) = self.fresh.first_key_value()?;
+        let (SampleKey { boot, run, .. }, _) = self.fresh.first_key_value()?;
         let (boot, run) = (*boot, *run);
         let mut samples = Vec::with_capacity(BATCH);
         while samples.len() < BATCH {
@@ -454,7 +454,7 @@ impl Outbox {
     fn due_batches(&mut self, now: Time, most: usize) -> Vec<Samples> {
         let mut batches: Vec<Samples> = Vec::new();
         for (place, sent) in self.sent.iter_mut().filter(|(_, sent)| sent.due <= now) {
-            let Place {
+            let SampleKey {
                 boot,
                 run,
                 sequence: _,
@@ -500,8 +500,8 @@ impl Outbox {
         }
         reading.asked = Some(now);
         // What the ground has need not be read.
-        let beyond = |place: Place| match marks.get(&(place.boot, place.run)) {
-            Some(mark) => Place {
+        let beyond = |place: SampleKey| match marks.get(&(place.boot, place.run)) {
+            Some(mark) => SampleKey {
                 sequence: place.sequence.max(mark.below.saturating_sub(1)),
                 ..place
             },
@@ -518,11 +518,11 @@ impl Outbox {
 }
 
 /// Drops what a watermark covers.
-fn drop_below<T>(places: &mut BTreeMap<Place, T>, mark: &HeardFrom) {
-    let is_covered = |place: &Place| {
+fn drop_below<T>(places: &mut BTreeMap<SampleKey, T>, mark: &HeardFrom) {
+    let is_covered = |place: &SampleKey| {
         (place.boot, place.run) == (mark.boot, mark.run) && place.sequence < mark.below
     };
-    let first = Place {
+    let first = SampleKey {
         boot: mark.boot,
         run: mark.run,
         sequence: 0,
@@ -543,7 +543,7 @@ impl Actor for Outbox {
 
     fn handle(&mut self, now: Time, input: In, out: &mut Vec<Out>) -> Result<(), Fault> {
         match input {
-            In::Kept((boot, run, sample)) => self.kept(boot, run, sample),
+            In::SampleStored((boot, run, sample)) => self.kept(boot, run, sample),
             In::Recalled(chunk) => self.recalled(chunk),
             In::Dropped(dropped) => self.dropped(dropped),
             In::Have(have) => {
@@ -583,10 +583,10 @@ impl Actor for Outbox {
 impl Input for In {
     type Key = ();
 
-    fn class(&self) -> Class<()> {
+    fn class(&self) -> InputClass<()> {
         match self {
-            In::Kept(_) | In::Recalled(_) | In::Dropped(_) => Class::Queue,
-            In::Have(_) => Class::Latest(()),
+            In::SampleStored(_) | In::Recalled(_) | In::Dropped(_) => InputClass::Queue,
+            In::Have(_) => InputClass::Latest(()),
         }
     }
 }

@@ -2,7 +2,7 @@
 //! numbers are not rounded: what travels is made of it in `vehicle/report.rs` and nowhere else.
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Mode, Ordered, Revision, RunId};
+use tomoswarm_proto::{Ordered, Revision, RunId, VehicleMode};
 
 use crate::geom::{Point, Pose};
 
@@ -16,7 +16,7 @@ pub struct OwnState {
     /// Speed over ground, m/s.
     pub speed_mps: f64,
     /// What it is doing.
-    pub mode: Mode,
+    pub mode: VehicleMode,
     /// Whether it has come to rest.
     pub is_at_rest: bool,
     /// Whether the motors have current.

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Boot, Mode, State, VehicleId};
+use tomoswarm_proto::{Boot, State, VehicleId, VehicleMode};
 
 use super::radio::BeaconReport;
 use crate::geom::{Angle, Point, Pose, Vector};
@@ -110,7 +110,8 @@ impl Peers {
             return;
         }
         let known = self.newest.get(&state.vehicle);
-        let resting = state.leg.is_none() && !matches!(state.mode, Mode::Driving | Mode::Turning);
+        let resting = state.leg.is_none()
+            && !matches!(state.mode, VehicleMode::Driving | VehicleMode::Turning);
         let moved_at = known
             .filter(|_| resting)
             .map_or(now, |known| known.moved_at);
@@ -284,7 +285,7 @@ mod tests {
     fn a_state_that_was_overtaken_changes_nothing() {
         let mut peers = Peers::new(VehicleId(1));
         let driving = State {
-            mode: Mode::Driving,
+            mode: VehicleMode::Driving,
             sequence: 6,
             ..state(2, 3.0, 0.0)
         };
@@ -326,7 +327,7 @@ mod tests {
     fn a_beacon_tells_the_place_once_states_do_not_come() {
         let mut peers = Peers::new(VehicleId(1));
         let driving = State {
-            mode: Mode::Driving,
+            mode: VehicleMode::Driving,
             ..state(2, 3.0, 0.0)
         };
         peers.take(at(1.0), &driving);

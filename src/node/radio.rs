@@ -25,16 +25,16 @@ use tomoswarm_proto::{Beacon, EmergencyStop, PoseReport, Progress, RunId, Sample
 
 use self::numbering::BeaconNumbers;
 use self::reception::Reception;
-use self::ring::Ring;
-use super::place::Place;
-use super::{OwnState, Settings};
-use crate::actor::{Actor, Class, Fault, Input};
+use self::ring::BeaconRing;
+use super::last_pose::LastPose;
+use super::{OwnState, VehicleSettings};
+use crate::actor::{Actor, Fault, Input, InputClass};
 use crate::sweep::VehicleProgress;
 use crate::time::{Deadline, Time};
 
 /// A beacon that came in.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-pub struct Heard {
+pub struct HeardBeacon {
     /// What it said.
     pub beacon: Beacon,
     /// Received signal strength, dBm.
@@ -45,7 +45,7 @@ pub struct Heard {
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum In {
     /// A beacon came in.
-    Heard(Heard),
+    Heard(HeardBeacon),
     /// The beacon of this sequence never went on the air.
     Unsent(u32),
     /// Where the vehicle is.
@@ -83,8 +83,8 @@ pub struct BeaconReport {
 /// The radio actor.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Radio {
-    settings: Settings,
-    place: Place,
+    settings: VehicleSettings,
+    place: LastPose,
     /// Whether the vehicle was at rest, and whether its motors had current, when it was heard of last.
     is_at_rest: bool,
     is_armed: bool,
@@ -92,22 +92,22 @@ pub struct Radio {
     measures: Option<RunId>,
     /// The emergency stops that are open; each beacon names one of them.
     stops: Vec<EmergencyStop>,
-    ring: Ring,
+    ring: BeaconRing,
     numbers: BeaconNumbers,
     reception: Reception,
 }
 
 impl Radio {
     /// Makes the actor; it speaks for the first time after its own share of the first round.
-    pub fn new(settings: Settings) -> Radio {
+    pub fn new(settings: VehicleSettings) -> Radio {
         Radio {
-            place: Place::unknown(settings.swarm.pose_sd_max_m),
+            place: LastPose::unknown(settings.swarm.pose_sd_max_m),
             stops: settings.stops.open.clone(),
             is_at_rest: false,
             is_armed: false,
             progress: Progress::default(),
             measures: None,
-            ring: Ring::new(settings.vehicle, settings.boot, settings.radio.slot),
+            ring: BeaconRing::new(settings.vehicle, settings.boot, settings.radio.slot),
             numbers: BeaconNumbers::default(),
             reception: Reception::new(settings.swarm.pose_sd_max_m),
             settings,
@@ -119,7 +119,7 @@ impl Radio {
         self.reception.samples_made(run)
     }
 
-    fn hear(&mut self, now: Time, heard: &Heard, out: &mut Vec<Out>) {
+    fn hear(&mut self, now: Time, heard: &HeardBeacon, out: &mut Vec<Out>) {
         let beacon = &heard.beacon;
         if beacon.sender == self.settings.vehicle || !self.reception.is_news(now, beacon) {
             return;
@@ -200,13 +200,13 @@ impl Actor for Radio {
 impl Input for In {
     type Key = u8;
 
-    fn class(&self) -> Class<u8> {
+    fn class(&self) -> InputClass<u8> {
         match self {
-            In::Heard(_) | In::Unsent(_) => Class::Queue,
-            In::State(_) => Class::Latest(0),
-            In::Progress(_) => Class::Latest(1),
-            In::Measure(_) => Class::Latest(2),
-            In::Stops(_) => Class::Latest(3),
+            In::Heard(_) | In::Unsent(_) => InputClass::Queue,
+            In::State(_) => InputClass::Latest(0),
+            In::Progress(_) => InputClass::Latest(1),
+            In::Measure(_) => InputClass::Latest(2),
+            In::Stops(_) => InputClass::Latest(3),
         }
     }
 }

@@ -18,11 +18,11 @@
 
 use std::fmt;
 
-use tomoswarm_proto::{Beacon, Boot, Message, RunId, Sample, Sender, Standing};
+use tomoswarm_proto::{Beacon, Boot, Message, OpenStops, RunId, Sample, Sender};
 
-use super::memory::{Memory, Remembered};
+use super::memory::{Remembered, VehicleMemory};
 use super::{map, mission, outbox, radio, sensor, vehicle};
-use crate::autopilot::{self, Ack, NumberedCommand, Report, link};
+use crate::autopilot::{self, Ack, AutopilotReport, NumberedCommand, link};
 use crate::geom::Angle;
 use crate::stops;
 
@@ -30,23 +30,23 @@ use crate::stops;
 #[derive(Clone, Debug)]
 pub enum Event {
     /// The autopilot driver reports what the autopilot says of itself.
-    Report(Report),
+    Report(AutopilotReport),
     /// The autopilot driver has the answer to a command.
     Ack(Ack),
     /// The range driver answers a ping.
     Echo(sensor::Echo),
     /// The radio driver heard a beacon.
-    Heard(radio::Heard),
+    Heard(radio::HeardBeacon),
     /// The radio driver has not sent the beacon of this sequence: it never went on the air.
     Unsent(u32),
     /// The bus delivered a message that another node said.
     Bus(Sender, Message),
     /// A sample is kept: it will be told again when it is recalled, also after a restart.
-    Kept(Boot, RunId, Sample),
+    SampleStored(Boot, RunId, Sample),
     /// A chunk of what was kept before, as recalled.
     Recalled(outbox::Recalled),
     /// There was no room for what was kept.
-    Dropped(outbox::Dropped),
+    Dropped(outbox::DroppedSamples),
     /// How it stands with what was to be remembered.
     Remembered(Remembered),
 }
@@ -64,7 +64,7 @@ pub enum Effect {
     Transmit(Beacon),
     /// The bus shall carry a message to the other nodes.
     Publish(Message),
-    /// A sample shall be kept, on disk where there is one; it comes back as [`Event::Kept`].
+    /// A sample shall be kept, on disk where there is one; it comes back as [`Event::SampleStored`].
     Keep(RunId, Sample),
     /// What was kept may be forgotten for good: the ground has it and its run is closed.
     Forget {
@@ -79,38 +79,38 @@ pub enum Effect {
     /// come back as one [`Event::Recalled`].
     Recall {
         /// The place; `None` = from the beginning.
-        after: Option<outbox::Place>,
+        after: Option<outbox::SampleKey>,
     },
     /// How the outbox fares, for the operator.
     Tally(outbox::Tally),
     /// This shall outlive the software, joined with what does already; the answer is an [`Event::Remembered`].
-    Remember(Memory),
+    Remember(VehicleMemory),
     /// These emergency stops shall outlive the software, in place of those that did before.
-    KeepStops(Standing),
+    KeepStops(OpenStops),
     /// Something worth a line in the log.
-    Note(Note),
+    VehicleEvent(VehicleEvent),
 }
 
 /// What a vehicle did or met, for logs and the operator.
 #[derive(Clone, PartialEq, Debug)]
-pub enum Note {
+pub enum VehicleEvent {
     /// The autopilot does not obey, or somebody else steers.
-    Autopilot(autopilot::Remark),
+    Autopilot(autopilot::LinkEvent),
     /// The reflex or the envelope of the vehicle spoke.
-    Vehicle(vehicle::Remark),
+    Vehicle(vehicle::SafetyEvent),
     /// The mission changed what it does.
-    Mission(mission::Remark),
+    Mission(mission::MissionEvent),
     /// Emergency stops were opened or lifted.
-    Stops(stops::Remark),
+    Stops(stops::StopEvent),
 }
 
-impl fmt::Display for Note {
+impl fmt::Display for VehicleEvent {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Note::Autopilot(remark) => write!(f, "autopilot: {remark:?}"),
-            Note::Vehicle(remark) => write!(f, "{remark:?}"),
-            Note::Mission(remark) => write!(f, "{remark:?}"),
-            Note::Stops(remark) => write!(f, "{remark}"),
+            VehicleEvent::Autopilot(remark) => write!(f, "autopilot: {remark:?}"),
+            VehicleEvent::Vehicle(remark) => write!(f, "{remark:?}"),
+            VehicleEvent::Mission(remark) => write!(f, "{remark:?}"),
+            VehicleEvent::Stops(remark) => write!(f, "{remark}"),
         }
     }
 }
@@ -174,7 +174,9 @@ pub(crate) fn route(output: Output, to: &mut Vec<Destination>) {
                 Destination::Vehicle(vehicle::In::Telemetry(telemetry))
             }
             link::Out::Status(status) => Destination::Vehicle(vehicle::In::Autopilot(status)),
-            link::Out::Remark(remark) => Destination::Edge(Effect::Note(Note::Autopilot(remark))),
+            link::Out::LinkEvent(remark) => {
+                Destination::Edge(Effect::VehicleEvent(VehicleEvent::Autopilot(remark)))
+            }
         }),
         Output::Edge(Event::Echo(echo)) => to.push(Destination::Sensor(sensor::In::Echo(echo))),
         Output::Edge(Event::Heard(heard)) => to.push(Destination::Radio(radio::In::Heard(heard))),
@@ -182,8 +184,10 @@ pub(crate) fn route(output: Output, to: &mut Vec<Destination>) {
             to.push(Destination::Radio(radio::In::Unsent(sequence)))
         }
         Output::Edge(Event::Bus(sender, message)) => route_message(sender, message, to),
-        Output::Edge(Event::Kept(boot, run, sample)) => {
-            to.push(Destination::Outbox(outbox::In::Kept((boot, run, sample))));
+        Output::Edge(Event::SampleStored(boot, run, sample)) => {
+            to.push(Destination::Outbox(outbox::In::SampleStored((
+                boot, run, sample,
+            ))));
         }
         Output::Edge(Event::Recalled(chunk)) => {
             to.push(Destination::Outbox(outbox::In::Recalled(chunk)))
@@ -303,13 +307,17 @@ fn route_stops(out: stops::Out, to: &mut Vec<Destination>) {
             ))));
         }
         stops::Out::Remember(standing) => to.push(Destination::Edge(Effect::KeepStops(standing))),
-        stops::Out::Remark(remark) => to.push(Destination::Edge(Effect::Note(Note::Stops(remark)))),
+        stops::Out::StopEvent(remark) => to.push(Destination::Edge(Effect::VehicleEvent(
+            VehicleEvent::Stops(remark),
+        ))),
     }
 }
 
 fn route_vehicle(out: vehicle::Out, to: &mut Vec<Destination>) {
     match out {
-        vehicle::Out::Fly(fly) => to.push(Destination::Autopilot(link::In::Fly(fly))),
+        vehicle::Out::AutopilotCommand(fly) => {
+            to.push(Destination::Autopilot(link::In::AutopilotCommand(fly)))
+        }
         vehicle::Out::State(state) => {
             to.push(Destination::Sensor(sensor::In::State(state.clone())));
             to.push(Destination::Radio(radio::In::State(state.clone())));
@@ -320,9 +328,13 @@ fn route_vehicle(out: vehicle::Out, to: &mut Vec<Destination>) {
         vehicle::Out::Publish(state) => {
             to.push(Destination::Edge(Effect::Publish(Message::State(state))))
         }
-        vehicle::Out::Remark(remark) => {
-            to.push(Destination::Mission(mission::In::Remark(remark.clone())));
-            to.push(Destination::Edge(Effect::Note(Note::Vehicle(remark))));
+        vehicle::Out::SafetyEvent(remark) => {
+            to.push(Destination::Mission(mission::In::SafetyEvent(
+                remark.clone(),
+            )));
+            to.push(Destination::Edge(Effect::VehicleEvent(
+                VehicleEvent::Vehicle(remark),
+            )));
         }
     }
 }
@@ -344,16 +356,16 @@ fn route_mission(out: mission::Out, to: &mut Vec<Destination>) {
         }
         mission::Out::Remember(memory) => to.push(Destination::Edge(Effect::Remember(memory))),
         mission::Out::Measure(run) => to.push(Destination::Radio(radio::In::Measure(run))),
-        mission::Out::Remark(remark) => {
-            to.push(Destination::Edge(Effect::Note(Note::Mission(remark))))
-        }
+        mission::Out::MissionEvent(remark) => to.push(Destination::Edge(Effect::VehicleEvent(
+            VehicleEvent::Mission(remark),
+        ))),
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use tomoswarm_proto::{Digest, OperatorId, VehicleId, Want};
+    use tomoswarm_proto::{Digest, OperatorId, TileRequest, VehicleId};
 
     /// Returns of whom a mission hears when a sender says a message.
     fn heard(sender: Sender, message: Message) -> Vec<Sender> {
@@ -374,7 +386,7 @@ mod tests {
             Sender::Operator(OperatorId(1)),
         ] {
             assert_eq!(heard(sender, Message::Digest(Digest::default())), [sender]);
-            let want = Want {
+            let want = TileRequest {
                 layer: Default::default(),
                 known: vec![],
             };

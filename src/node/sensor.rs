@@ -18,9 +18,9 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use super::place::Place;
+use super::last_pose::LastPose;
 use super::{LookSettings, OwnState};
-use crate::actor::{Actor, Class, Fault, Input};
+use crate::actor::{Actor, Fault, Input, InputClass};
 use crate::geom::{Angle, Pose};
 use crate::plan::Pointing;
 use crate::time::{Deadline, Time};
@@ -81,7 +81,7 @@ pub enum Out {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Sensor {
     look: LookSettings,
-    place: Place,
+    place: LastPose,
     beam: usize,
     phase: Phase,
     pings: u64,
@@ -121,7 +121,7 @@ impl Sensor {
             next: Time::ZERO + look.period,
         };
         let (place, pointing) = (
-            Place::unknown(pose_sd_max_m),
+            LastPose::unknown(pose_sd_max_m),
             Pointing::new(look.mounts.clone()),
         );
         Sensor {
@@ -234,10 +234,10 @@ impl Actor for Sensor {
 impl Input for In {
     type Key = ();
 
-    fn class(&self) -> Class<()> {
+    fn class(&self) -> InputClass<()> {
         match self {
-            In::Echo(_) => Class::Queue,
-            In::State(_) => Class::Latest(()),
+            In::Echo(_) => InputClass::Queue,
+            In::State(_) => InputClass::Latest(()),
         }
     }
 }

@@ -3,9 +3,9 @@
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Boot, Standing, TaskKind, VehicleId};
+use tomoswarm_proto::{Boot, OpenStops, TaskKind, VehicleId};
 
-use super::memory::Memory;
+use super::memory::VehicleMemory;
 use crate::autopilot;
 use crate::config::{Safety, Swarm};
 use crate::geom::{Angle, Lattice, Point, Polygon};
@@ -13,15 +13,15 @@ use crate::plan::Mounts;
 
 /// Everything that the actors of one vehicle need to know.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-pub struct Settings {
+pub struct VehicleSettings {
     /// Which vehicle this is.
     pub vehicle: VehicleId,
     /// Which start of its software.
     pub boot: Boot,
     /// What its earlier starts have left.
-    pub memory: Memory,
+    pub memory: VehicleMemory,
     /// The emergency stops that they knew.
-    pub stops: Standing,
+    pub stops: OpenStops,
     /// How long it listens before it may be started.
     pub listens_for: Duration,
     /// Where vehicles may be.
@@ -48,7 +48,7 @@ pub struct Settings {
     /// How long a search for a path takes before its result may be used.
     pub path_time: Duration,
     /// Its autopilot.
-    pub autopilot: autopilot::Settings,
+    pub autopilot: autopilot::AutopilotLinkSettings,
 }
 
 /// Size and motion of the body.
@@ -104,7 +104,7 @@ pub struct RadioSettings {
     pub slot: Duration,
 }
 
-impl Settings {
+impl VehicleSettings {
     /// Returns half the width of the corridor that must be free for a pose deviation, metres.
     pub fn corridor_m(&self, pose_sd_m: f64) -> f64 {
         self.body.radius_m + self.safety.padding_m + 2.0 * pose_sd_m

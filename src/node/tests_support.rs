@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
-use tomoswarm_proto::{Beacon, Boot, Mode, Permille, Progress, RunId, State, VehicleId};
+use tomoswarm_proto::{Beacon, Boot, Permille, Progress, RunId, State, VehicleId, VehicleMode};
 
-use super::{BodySettings, LookSettings, OwnState, RadioSettings, Settings};
+use super::{BodySettings, LookSettings, OwnState, RadioSettings, VehicleSettings};
 pub use crate::actor::tests_support::{drawn, variant_of, variants};
 use crate::geom::{Angle, Lattice, Point, Pose, Rect};
 
@@ -18,7 +18,7 @@ pub fn own_state(x_m: f64, y_m: f64) -> OwnState {
             sd_m: 0.05,
         },
         speed_mps: 0.0,
-        mode: Mode::Idle,
+        mode: VehicleMode::Idle,
         is_at_rest: true,
         is_armed: true,
         battery: 1.0,
@@ -37,7 +37,7 @@ pub fn state(vehicle: u8, x_m: f64, y_m: f64) -> State {
         pose: Some(own_state(x_m, y_m).pose.into()),
         is_at_rest: true,
         is_landed: true,
-        mode: Mode::Idle,
+        mode: VehicleMode::Idle,
         battery: Some(Permille::WHOLE),
         leg: None,
         accepted: Default::default(),
@@ -65,8 +65,8 @@ pub fn beacon(sender: u8, sequence: u32, x_m: f64, members: Vec<VehicleId>) -> B
 }
 
 /// Settings of a small rover in a fence from (−5, −5) to (25, 25).
-pub fn settings(vehicle: u8) -> Settings {
-    Settings {
+pub fn settings(vehicle: u8) -> VehicleSettings {
+    VehicleSettings {
         vehicle: VehicleId(vehicle),
         boot: Boot(1),
         memory: Default::default(),
@@ -108,6 +108,6 @@ pub fn settings(vehicle: u8) -> Settings {
         swarm: crate::config::Swarm::default(),
         task: None,
         path_time: Duration::from_millis(20),
-        autopilot: crate::autopilot::Settings::default(),
+        autopilot: crate::autopilot::AutopilotLinkSettings::default(),
     }
 }

@@ -71,24 +71,26 @@ use tomoswarm_proto::{
 
 use self::emergency::Emergency;
 use self::last_telemetry::LastTelemetry;
-use self::movement::Movement;
+use self::movement::MovementOrder;
 use self::orders::{Accepted, Orders};
 use self::readiness::Readiness;
 use self::reflex::Reflex;
 use self::report::Reports;
 use self::take_over::TakeOver;
-use super::memory::{Memory, Remembered};
+use super::memory::{Remembered, VehicleMemory};
 use super::peers::{Peers, join_states};
 use super::radio::BeaconReport;
 use super::sensor::Scan;
-use super::{OwnState, Settings};
-use crate::actor::{Actor, Class, Fault, Input};
-use crate::autopilot::Status;
+use super::{OwnState, VehicleSettings};
+use crate::actor::{Actor, Fault, Input, InputClass};
+use crate::autopilot::ControlStatus;
 use crate::geom::{Point, Vector};
 use crate::stops::first_that_stops;
 use crate::time::{Deadline, Time};
 
-pub use messages::{Bump, Command, Fly, Motion, Refusal, Remark, Telemetry};
+pub use messages::{
+    AutopilotCommand, CommandRefusal, Motion, MoveCommand, ReflexObstacle, SafetyEvent, Telemetry,
+};
 pub use orders::join_orders;
 
 /// After this long a resting autopilot has ended the drive that it was told.
@@ -102,11 +104,11 @@ pub enum In {
     /// Pose and motion.
     Telemetry(Telemetry),
     /// Who steers, and whether it is on the ground; told when it changes.
-    Autopilot(Status),
+    Autopilot(ControlStatus),
     /// A range reading.
     Scan(Scan),
     /// What the mission wants, and when it decided that.
-    Command(Time, Command),
+    Command(Time, MoveCommand),
     /// Why the mission stands still on its own until something changes, if it does.
     Holds(Option<StandReason>),
     /// What an operator or the ground station wants.
@@ -131,26 +133,26 @@ pub enum In {
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum Out {
     /// To the autopilot.
-    Fly(Fly),
+    AutopilotCommand(AutopilotCommand),
     /// To the other actors of this vehicle, with every telemetry.
     State(OwnState),
     /// To the other nodes, less often, as it travels.
     Publish(State),
     /// This is to be remembered. What follows from it is said when it is.
-    Remember(Memory),
+    Remember(VehicleMemory),
     /// An order that is to be obeyed.
     Order(Order),
     /// Something that mission and operator should know.
-    Remark(Remark),
+    SafetyEvent(SafetyEvent),
 }
 
 /// The vehicle actor.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Vehicle {
-    settings: Settings,
+    settings: VehicleSettings,
     telemetry: LastTelemetry,
-    autopilot: Status,
-    movement: Movement,
+    autopilot: ControlStatus,
+    movement: MovementOrder,
     orders: Orders,
     emergency: Emergency,
     take_over: TakeOver,
@@ -162,7 +164,7 @@ pub struct Vehicle {
 
 impl Vehicle {
     /// Makes the actor of a vehicle that has not yet heard its autopilot.
-    pub fn new(settings: Settings) -> Vehicle {
+    pub fn new(settings: VehicleSettings) -> Vehicle {
         let mut emergency = Emergency::default();
         emergency.take(
             Time::ZERO,
@@ -176,8 +178,8 @@ impl Vehicle {
             readiness: Readiness::default(),
             settings,
             telemetry: LastTelemetry::default(),
-            autopilot: Status::default(),
-            movement: Movement::default(),
+            autopilot: ControlStatus::default(),
+            movement: MovementOrder::default(),
             reflex: Reflex::default(),
             reports: Reports::default(),
         }
@@ -194,14 +196,14 @@ impl Vehicle {
         let disarms = self
             .emergency
             .disarms(now, &telemetry)
-            .then_some(Fly::Disarm);
-        out.extend(motors.or(disarms).map(Out::Fly));
+            .then_some(AutopilotCommand::Disarm);
+        out.extend(motors.or(disarms).map(Out::AutopilotCommand));
         self.report(now, &telemetry, out);
     }
 
     /// Takes who steers. Of a way that somebody else has ended nothing is claimed any more, and what answers a state of
     /// before sends the vehicle out no more.
-    fn autopilot(&mut self, now: Time, status: Status, out: &mut Vec<Out>) {
+    fn autopilot(&mut self, now: Time, status: ControlStatus, out: &mut Vec<Out>) {
         self.autopilot = status;
         if self.take_over.take(status.control) {
             self.orders.answer_from(now);
@@ -222,29 +224,31 @@ impl Vehicle {
         let is_lost = telemetry.pose.sd_m > self.settings.swarm.pose_sd_max_m;
         if is_lost && telemetry.motion == Motion::Driving && !self.movement.is_stop() {
             self.stop(now, out);
-            out.push(Out::Remark(Remark::Refused(Refusal::PoseUncertain)));
+            out.push(Out::SafetyEvent(SafetyEvent::Refused(
+                CommandRefusal::PoseUncertain,
+            )));
         }
     }
 
-    fn command(&mut self, now: Time, decided: Time, command: Command, out: &mut Vec<Out>) {
+    fn command(&mut self, now: Time, decided: Time, command: MoveCommand, out: &mut Vec<Out>) {
         if let Err(refusal) = self.check(now, decided, &command) {
-            out.push(Out::Remark(Remark::Refused(refusal)));
+            out.push(Out::SafetyEvent(SafetyEvent::Refused(refusal)));
             return;
         }
         match command {
-            Command::Drive { stop, route } => {
+            MoveCommand::Drive { stop, route } => {
                 let corners: Vec<Point> = route.into_iter().skip(1).collect();
                 self.movement.drive(now, stop.is_none(), &corners);
-                out.push(Out::Fly(Fly::Drive {
+                out.push(Out::AutopilotCommand(AutopilotCommand::Drive {
                     corners,
                     speed_mps: self.settings.body.speed_mps,
                 }));
             }
-            Command::Turn(heading) => {
+            MoveCommand::Turn(heading) => {
                 self.movement.turn(now);
-                out.push(Out::Fly(Fly::Turn(heading)));
+                out.push(Out::AutopilotCommand(AutopilotCommand::Turn(heading)));
             }
-            Command::Hold => self.stop(now, out),
+            MoveCommand::Hold => self.stop(now, out),
         }
     }
 
@@ -261,8 +265,11 @@ impl Vehicle {
         let bump = reflex::obstacle_of(&self.settings, now, scan);
         self.movement.halt(now, self.braking_end());
         self.reflex.remember(now, bump);
-        out.push(Out::Fly(Fly::Stop));
-        out.push(Out::Remark(Remark::Halted { ahead_m, bump }));
+        out.push(Out::AutopilotCommand(AutopilotCommand::Stop));
+        out.push(Out::SafetyEvent(SafetyEvent::Halted {
+            ahead_m,
+            obstacle: bump,
+        }));
     }
 
     fn order(&mut self, now: Time, sender: Sender, order: Order, out: &mut Vec<Out>) {
@@ -286,7 +293,7 @@ impl Vehicle {
             self.stop(now, out);
         }
         let Accepted { motors, memory } = self.orders.accept(now, order);
-        out.extend(motors.map(Out::Fly));
+        out.extend(motors.map(Out::AutopilotCommand));
         out.extend(memory.map(Out::Remember));
         self.obey(now, out);
     }
@@ -304,9 +311,13 @@ impl Vehicle {
         };
         if order.kind == OrderKind::Start {
             self.emergency.start();
-            out.extend(self.take_over.end().then_some(Out::Fly(Fly::TakeBack)));
+            out.extend(
+                self.take_over
+                    .end()
+                    .then_some(Out::AutopilotCommand(AutopilotCommand::TakeBack)),
+            );
         }
-        out.extend(motors.map(Out::Fly));
+        out.extend(motors.map(Out::AutopilotCommand));
         out.push(Out::Order(order));
     }
 
@@ -324,7 +335,7 @@ impl Vehicle {
             }
             OrderKind::Start => {
                 let is_of_operator = matches!(sender, Sender::Operator(_));
-                let Settings { vehicle, boot, .. } = self.settings;
+                let VehicleSettings { vehicle, boot, .. } = self.settings;
                 self.emergency.lets_start(is_of_operator)
                     && self.take_over.lets_start(sender, order, vehicle, boot)
                     && self
@@ -355,7 +366,7 @@ impl Vehicle {
 
     fn stop(&mut self, now: Time, out: &mut Vec<Out>) {
         self.movement.stop(now, self.braking_end());
-        out.push(Out::Fly(Fly::Stop));
+        out.push(Out::AutopilotCommand(AutopilotCommand::Stop));
     }
 
     /// Returns where the vehicle comes to rest if it brakes now; `None` as long as nobody knows where it is.
@@ -413,7 +424,7 @@ impl Actor for Vehicle {
 
     fn wake(&mut self, _now: Time, out: &mut Vec<Out>) -> Result<(), Fault> {
         self.telemetry.fall_silent();
-        out.push(Out::Remark(Remark::AutopilotSilent));
+        out.push(Out::SafetyEvent(SafetyEvent::AutopilotSilent));
         Ok(())
     }
 }
@@ -446,20 +457,20 @@ pub enum Key {
 impl Input for In {
     type Key = Key;
 
-    fn class(&self) -> Class<Key> {
+    fn class(&self) -> InputClass<Key> {
         match self {
-            In::Telemetry(_) => Class::Latest(Key::Telemetry),
-            In::Autopilot(_) => Class::Latest(Key::Autopilot),
-            In::Scan(_) => Class::Queue,
-            In::Command(..) => Class::Latest(Key::Command),
-            In::Holds(_) => Class::Latest(Key::Holds),
-            In::Order(_, order) => Class::Latest(Key::Order(order.vehicle)),
-            In::Stops(_) | In::Told(_) => Class::Queue,
-            In::Peer(state) => Class::Latest(Key::Peer(state.vehicle)),
-            In::Sighted(sighting) => Class::Latest(Key::Sighted(sighting.progress.vehicle)),
-            In::Expected(_) => Class::Latest(Key::Expected),
-            In::Accepted(..) => Class::Latest(Key::Accepted),
-            In::Remembered(_) => Class::Latest(Key::Remembered),
+            In::Telemetry(_) => InputClass::Latest(Key::Telemetry),
+            In::Autopilot(_) => InputClass::Latest(Key::Autopilot),
+            In::Scan(_) => InputClass::Queue,
+            In::Command(..) => InputClass::Latest(Key::Command),
+            In::Holds(_) => InputClass::Latest(Key::Holds),
+            In::Order(_, order) => InputClass::Latest(Key::Order(order.vehicle)),
+            In::Stops(_) | In::Told(_) => InputClass::Queue,
+            In::Peer(state) => InputClass::Latest(Key::Peer(state.vehicle)),
+            In::Sighted(sighting) => InputClass::Latest(Key::Sighted(sighting.progress.vehicle)),
+            In::Expected(_) => InputClass::Latest(Key::Expected),
+            In::Accepted(..) => InputClass::Latest(Key::Accepted),
+            In::Remembered(_) => InputClass::Latest(Key::Remembered),
         }
     }
 

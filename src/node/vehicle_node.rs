@@ -9,7 +9,7 @@ use tomoswarm_proto::{Boot, RunId, VehicleId};
 use super::mission::Mission;
 use super::radio::Radio;
 use super::route::{Effect, Event};
-use super::{Settings, VehicleWiring};
+use super::{VehicleSettings, VehicleWiring};
 use crate::actor::{ActorStep, Fault, LocalNode, Snapshot};
 use crate::map::Merged;
 use crate::time::{Deadline, Time};
@@ -26,7 +26,7 @@ pub struct VehicleNode {
 
 impl VehicleNode {
     /// Makes a vehicle that has not heard anything yet.
-    pub fn new(settings: &Settings) -> VehicleNode {
+    pub fn new(settings: &VehicleSettings) -> VehicleNode {
         VehicleNode {
             id: settings.vehicle,
             boot: settings.boot,
@@ -36,7 +36,7 @@ impl VehicleNode {
     }
 
     /// Starts anew, with settings of a higher boot; what was measured is kept at the edge.
-    pub fn restart(&mut self, settings: &Settings) {
+    pub fn restart(&mut self, settings: &VehicleSettings) {
         let mut before = std::mem::replace(self, VehicleNode::new(settings));
         self.node.go_on_from(&mut before.node);
         before.radios.push(before.radio().clone());

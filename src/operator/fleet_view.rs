@@ -8,11 +8,11 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::codec::{Greeting, VERSION};
 use tomoswarm_proto::{
-    Boot, EmergencyName, EmergencyStop, Health, Hello, Lease, Message, Mission, OperatorId, Report,
-    Sender, StandReason, Standing, State, StopScope, VehicleId,
+    Boot, EmergencyName, EmergencyStop, GroundReport, Health, Hello, Lease, Message,
+    MissionProgress, OpenStops, OperatorId, Sender, StandReason, State, StopScope, VehicleId,
 };
 
-use super::Heard;
+use super::HeardMessage;
 use super::names::listed;
 use crate::stops::StopSet;
 use crate::sweep::LOWER_BOOT_AFTER;
@@ -49,7 +49,7 @@ pub struct VehicleView {
     /// Newest state, by boot and sequence.
     pub state: Option<Fresh<State>>,
     /// Newest of how far it is with its mission, of the newest boot.
-    pub mission: Option<Fresh<Mission>>,
+    pub mission: Option<Fresh<MissionProgress>>,
     /// Newest health of the newest boot.
     pub health: Option<Fresh<Health>>,
     /// Newest greeting.
@@ -70,31 +70,31 @@ pub enum Misfit {
 pub struct FleetView {
     vehicles: BTreeMap<VehicleId, VehicleView>,
     /// By store: two grounds never write the same one.
-    grounds: BTreeMap<u64, Fresh<Report>>,
+    grounds: BTreeMap<u64, Fresh<GroundReport>>,
     ground_hello: Option<Fresh<Hello>>,
     foreign: BTreeMap<Sender, Greeting>,
     /// Operators by number and instance: when each greeted first, and last.
     operators: BTreeMap<OperatorId, BTreeMap<u64, (Time, Time)>>,
     /// Which emergency stops every node says that it knows.
-    standing: BTreeMap<Sender, Fresh<Standing>>,
+    standing: BTreeMap<Sender, Fresh<OpenStops>>,
     /// All of them, joined.
     stops: StopSet,
 }
 
 impl FleetView {
     /// Takes what came over the bus.
-    pub fn hear(&mut self, now: Time, heard: &Heard) {
+    pub fn hear(&mut self, now: Time, heard: &HeardMessage) {
         match heard {
-            Heard::Greeting(greeting, hello) => self.greeting(now, greeting, hello.as_ref()),
-            Heard::Message(sender, message) => self.message(now, *sender, message),
-            Heard::Unknown(_) => {}
+            HeardMessage::Greeting(greeting, hello) => self.greeting(now, greeting, hello.as_ref()),
+            HeardMessage::Message(sender, message) => self.message(now, *sender, message),
+            HeardMessage::Unknown(_) => {}
         }
     }
 
     /// Returns whether something shows more than that a vehicle is where it is: a State that shows the same start of its
     /// software and the same order as the one before does not.
-    pub fn is_news(&self, heard: &Heard) -> bool {
-        let Heard::Message(_, Message::State(state)) = heard else {
+    pub fn is_news(&self, heard: &HeardMessage) -> bool {
+        let HeardMessage::Message(_, Message::State(state)) = heard else {
             return true;
         };
         let key = |state: &State| {
@@ -126,12 +126,12 @@ impl FleetView {
     }
 
     /// Returns the reports of all ground stations heard, by store.
-    pub fn grounds(&self) -> impl Iterator<Item = &Fresh<Report>> {
+    pub fn grounds(&self) -> impl Iterator<Item = &Fresh<GroundReport>> {
         self.grounds.values()
     }
 
     /// Returns the report of the live ground station with the greatest lease.
-    pub fn ground(&self, now: Time) -> Option<&Fresh<Report>> {
+    pub fn ground(&self, now: Time) -> Option<&Fresh<GroundReport>> {
         let live = self
             .grounds
             .values()
@@ -244,7 +244,7 @@ impl FleetView {
     /// Returns whether a vehicle shows that it stands under a stop, in its state or by saying that it knows it.
     pub fn shows_stop(&self, id: VehicleId, name: EmergencyName) -> bool {
         let is_shown =
-            |standing: &Fresh<Standing>| standing.value.open.iter().any(|stop| stop.name == name);
+            |standing: &Fresh<OpenStops>| standing.value.open.iter().any(|stop| stop.name == name);
         let is_in_state = self
             .state(id)
             .is_some_and(|state| state.value.stands_under == Some(StandReason::Stop(name)));
@@ -333,7 +333,7 @@ impl FleetView {
         }
     }
 
-    fn report(&mut self, now: Time, report: &Report) {
+    fn report(&mut self, now: Time, report: &GroundReport) {
         self.grounds.insert(
             report.store,
             Fresh {
@@ -435,7 +435,7 @@ mod tests {
     fn of_two_grounds_the_live_one_with_the_greatest_lease_counts() {
         let mut view = FleetView::default();
         let of = |store, number| {
-            Message::Report(Report {
+            Message::Report(GroundReport {
                 store,
                 lease: Lease {
                     number,
@@ -484,10 +484,10 @@ mod tests {
         ordered.ordered.lease = lease(1);
         hear(&mut view, 0.0, Message::State(ordered));
         assert_eq!(view.lease(at(0.0)), lease(1));
-        let planned = Mission {
+        let planned = MissionProgress {
             vehicle: VehicleId(3),
             lease_number: 2,
-            ..Mission::default()
+            ..MissionProgress::default()
         };
         hear(&mut view, 0.0, Message::Mission(planned));
         assert_eq!(
@@ -498,7 +498,7 @@ mod tests {
         hear(
             &mut view,
             60.0,
-            Message::Report(Report {
+            Message::Report(GroundReport {
                 lease: lease(5),
                 ..report()
             }),
@@ -529,7 +529,7 @@ mod tests {
                 venue_hash: 5,
             };
             let hello = operator_hello(node, instance);
-            view.hear(at(at_s), &Heard::Greeting(greeting, Some(hello)));
+            view.hear(at(at_s), &HeardMessage::Greeting(greeting, Some(hello)));
             view.shared_operators(at(at_s)).collect::<Vec<OperatorId>>()
         };
         assert_eq!(greet(0.0, 1, 7), []);
@@ -556,7 +556,7 @@ mod tests {
             hear(
                 &mut view,
                 at_s,
-                Message::Report(Report { store, ..report() }),
+                Message::Report(GroundReport { store, ..report() }),
             );
             hear(&mut view, at_s, Message::State(state((store % 256) as u8)));
         }
@@ -580,9 +580,9 @@ mod tests {
             boot: Boot(1),
             venue_hash: 5,
         };
-        view.hear(at(0.0), &Heard::Greeting(greeting(9), None));
+        view.hear(at(0.0), &HeardMessage::Greeting(greeting(9), None));
         assert_eq!(view.foreign().count(), 1);
-        view.hear(at(0.1), &Heard::Greeting(greeting(VERSION), None));
+        view.hear(at(0.1), &HeardMessage::Greeting(greeting(VERSION), None));
         assert_eq!(view.foreign().count(), 0);
     }
 }

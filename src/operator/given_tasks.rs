@@ -158,10 +158,10 @@ fn sweep_kind(sweep: &Sweep) -> TaskKind {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Heard;
+    use super::super::HeardMessage;
     use super::super::tests_support::{at, heard, report};
     use super::*;
-    use tomoswarm_proto::{Boot, Message, Mission, Progress, Report};
+    use tomoswarm_proto::{Boot, GroundReport, Message, MissionProgress, Progress};
 
     fn lease(number: u32) -> Lease {
         Lease { number, holder: 9 }
@@ -176,31 +176,31 @@ mod tests {
         }
     }
 
-    fn reported(kind: MissionKind, compared_with: Option<RunId>) -> Heard {
+    fn reported(kind: MissionKind, compared_with: Option<RunId>) -> HeardMessage {
         let run = RunReport {
             run: RunId(2),
             kind,
             compared_with,
             ..RunReport::default()
         };
-        heard(Message::Report(Report {
+        heard(Message::Report(GroundReport {
             runs: vec![run],
             ..report()
         }))
     }
 
-    fn mission(boot: u32, run: u32, kind: MissionKind) -> Heard {
+    fn mission(boot: u32, run: u32, kind: MissionKind) -> HeardMessage {
         let progress = Progress {
             run: RunId(run),
             ..Progress::default()
         };
         let vehicle = VehicleId(1);
-        heard(Message::Mission(Mission {
+        heard(Message::Mission(MissionProgress {
             vehicle,
             boot: Boot(boot),
             progress,
             kind,
-            ..Mission::default()
+            ..MissionProgress::default()
         }))
     }
 
@@ -239,7 +239,7 @@ mod tests {
     {
         let (mut tasks, mut view) = (GivenTasks::default(), FleetView::default());
         tasks.give(wish(TaskKind::Explore));
-        let mut count = |at_s: f64, news: Option<Heard>| {
+        let mut count = |at_s: f64, news: Option<HeardMessage>| {
             news.into_iter().for_each(|news| view.hear(at(at_s), &news));
             (tasks.due(at(at_s), &view, lease(1)).len(), tasks.next())
         };

@@ -1,6 +1,8 @@
 //! Orders, modes, phases, who steers, missions and ends of runs in words, as they are typed and shown.
 
-use tomoswarm_proto::{Control, MissionPhase, Mode, OrderKind, Ordered, RunEnd, StationPhase};
+use tomoswarm_proto::{
+    Control, MissionPhase, OrderKind, Ordered, RunEnd, StationPhase, VehicleMode,
+};
 
 /// Returns what a vehicle was ordered last, and by whose right.
 pub fn ordered(ordered: Ordered) -> String {
@@ -37,18 +39,18 @@ pub fn control(control: Control) -> &'static str {
 }
 
 /// Returns a mode in a word.
-pub fn mode(mode: Mode) -> &'static str {
+pub fn mode(mode: VehicleMode) -> &'static str {
     match mode {
-        Mode::Idle => "idle",
-        Mode::Driving => "driving",
-        Mode::Turning => "turning",
-        Mode::Halted => "halted",
-        Mode::Held => "held",
-        Mode::TakingOff => "taking off",
-        Mode::Climbing => "climbing",
-        Mode::Landing => "landing",
-        Mode::Stopped => "STOPPED",
-        Mode::MotorsCut => "MOTORS CUT",
+        VehicleMode::Idle => "idle",
+        VehicleMode::Driving => "driving",
+        VehicleMode::Turning => "turning",
+        VehicleMode::Halted => "halted",
+        VehicleMode::Held => "held",
+        VehicleMode::TakingOff => "taking off",
+        VehicleMode::Climbing => "climbing",
+        VehicleMode::Landing => "landing",
+        VehicleMode::Stopped => "STOPPED",
+        VehicleMode::MotorsCut => "MOTORS CUT",
     }
 }
 

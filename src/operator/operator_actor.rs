@@ -30,15 +30,15 @@ use tomoswarm_proto::{
     EmergencyName, EmergencyStop, Hello, Lease, Message, OperatorId, Sender, StopScope, VehicleId,
 };
 
-use super::Heard;
+use super::HeardMessage;
 use super::fleet_view::FleetView;
 use super::given_tasks::GivenTasks;
+use super::order_goal::{OrderGoal, StopWish, WantId};
 use super::ordering::{Instruction, Ordering};
-use super::outcome::Outcome;
-use super::script::{LastWant, ScriptDue, ScriptEnd, ScriptOut, ScriptRun, Sight, Step};
-use super::stopping::Stopping;
-use super::want::{StopWish, Want, WantId};
-use crate::actor::{Actor, Class, Fault, Input};
+use super::outcome::OrderOutcome;
+use super::script::{LastWant, ScriptDue, ScriptEnd, ScriptOut, ScriptRun, ScriptStep, ScriptView};
+use super::stopping::StopBatch;
+use crate::actor::{Actor, Fault, Input, InputClass};
 use crate::stops;
 use crate::time::{Deadline, Time};
 
@@ -68,17 +68,17 @@ pub struct OperatorSettings {
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum In {
     /// What came over the bus.
-    Bus(Heard),
+    Bus(HeardMessage),
     /// Whether anyone can be reached.
     Linked(bool),
     /// What is wanted by hand, under a number of its own.
-    Want(u32, Want),
+    Want(u32, OrderGoal),
     /// An emergency stop that is wanted by hand, under a number of its own.
     Stop(u32, StopWish),
     /// What is not wanted by hand any more.
     Withdraw(u32),
     /// A script to follow from now on; one that is followed already ends.
-    Follow(Vec<Step>),
+    Follow(Vec<ScriptStep>),
     /// What the last cue asked for is done.
     CueDone,
 }
@@ -91,13 +91,13 @@ pub enum Out {
     /// To the keeper of the emergency stops: these are given.
     Give(Vec<EmergencyStop>),
     /// Emergency stops were opened or lifted: worth a line.
-    StopsNote(stops::Remark),
+    StopsNote(stops::StopEvent),
     /// Every vehicle shows a want of the script, which goes on standing.
-    InForce(WantId, Outcome),
+    InForce(WantId, OrderOutcome),
     /// A want is over.
-    Ended(WantId, Outcome),
+    Ended(WantId, OrderOutcome),
     /// The script asks for something outside the bus; [`In::CueDone`] says that it is done.
-    Cue(String),
+    Announce(String),
     /// The script is over.
     ScriptEnded(ScriptEnd),
 }
@@ -106,7 +106,7 @@ impl Out {
     /// Returns a line for people of what was brought about; `None` of what is for somebody else.
     pub fn in_words(&self) -> Option<String> {
         match self {
-            Out::Publish(_) | Out::Cue(_) | Out::Give(_) => None,
+            Out::Publish(_) | Out::Announce(_) | Out::Give(_) => None,
             Out::StopsNote(remark) => Some(remark.to_string()),
             Out::InForce(want, outcome) => Some(format!(
                 "{want}, run {}, is in force",
@@ -134,7 +134,7 @@ pub struct Operator {
     /// When it greeted last, and the lease that it named.
     greeted: Option<(Time, Option<Lease>)>,
     wants: BTreeMap<WantId, Pursuit>,
-    stops: BTreeMap<WantId, Stopping>,
+    stops: BTreeMap<WantId, StopBatch>,
     /// Names of emergency stops drawn so far.
     names: u32,
     tasks: GivenTasks,
@@ -149,7 +149,7 @@ pub struct Operator {
 /// A want that is brought about, or stands.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Pursuit {
-    want: Want,
+    want: OrderGoal,
     ordering: Ordering,
     is_in_force: bool,
 }
@@ -166,8 +166,8 @@ enum Due {
 /// What there is to say of a pursuit.
 enum Turn {
     GoesOn,
-    InForce(Outcome),
-    Ended(Outcome),
+    InForce(OrderOutcome),
+    Ended(OrderOutcome),
 }
 
 impl Operator {
@@ -196,7 +196,7 @@ impl Operator {
     }
 
     /// Takes what came over the bus; returns whether anything may follow from it.
-    fn hear(&mut self, now: Time, heard: &Heard) -> bool {
+    fn hear(&mut self, now: Time, heard: &HeardMessage) -> bool {
         let was_looked_at = self.settled.is_some_and(|at| now.since(at) < LOOKS_EVERY);
         let matters = !was_looked_at || self.view.is_news(heard);
         self.view.hear(now, heard);
@@ -210,7 +210,7 @@ impl Operator {
     }
 
     /// Takes up a want; what it wants of vehicles counts more than what was wanted of them before.
-    fn take_up(&mut self, now: Time, id: WantId, want: Want, out: &mut Vec<Out>) {
+    fn take_up(&mut self, now: Time, id: WantId, want: OrderGoal, out: &mut Vec<Out>) {
         for pursuit in self.wants.values_mut() {
             let is_same = (pursuit.want.kind, pursuit.want.run) == (want.kind, want.run);
             if !is_same {
@@ -235,8 +235,8 @@ impl Operator {
         );
     }
 
-    fn instruction(&self, want: &Want) -> Instruction {
-        let Want {
+    fn instruction(&self, want: &OrderGoal) -> Instruction {
+        let OrderGoal {
             kind,
             vehicles,
             run,
@@ -292,7 +292,7 @@ impl Operator {
         let has_listened = self.linked.is_some_and(|since| now.since(since) >= LISTEN);
         let expected = self.settings.expected.clone();
         self.stops
-            .insert(id, Stopping::new(now, stops, wish, expected, has_listened));
+            .insert(id, StopBatch::new(now, stops, wish, expected, has_listened));
     }
 
     /// Returns a stop with a name that nobody else draws (SplitMix64 over the holder's id).
@@ -349,7 +349,7 @@ impl Operator {
         }
     }
 
-    fn end(&mut self, id: WantId, outcome: Outcome, out: &mut Vec<Out>) {
+    fn end(&mut self, id: WantId, outcome: OrderOutcome, out: &mut Vec<Out>) {
         if self.is_last_of_script(id) && self.last_want == LastWant::Open {
             self.last_want = LastWant::Failed(outcome.undone());
         }
@@ -388,7 +388,7 @@ impl Operator {
                     self.take_up(now, id, want, out);
                     self.pursue(now, out);
                 }
-                ScriptOut::Cue(name) => out.push(Out::Cue(name)),
+                ScriptOut::Announce(name) => out.push(Out::Announce(name)),
                 ScriptOut::Ended(end) => {
                     self.script = None;
                     out.push(Out::ScriptEnded(end));
@@ -434,7 +434,7 @@ impl Operator {
     }
 
     fn go_on(&mut self, now: Time) -> Option<ScriptOut> {
-        let sight = Sight {
+        let sight = ScriptView {
             view: &self.view,
             last_want: &self.last_want,
         };
@@ -635,20 +635,22 @@ pub enum Key {
 impl Input for In {
     type Key = Key;
 
-    fn class(&self) -> Class<Key> {
+    fn class(&self) -> InputClass<Key> {
         match self {
-            In::Bus(Heard::Message(_, Message::State(state))) => {
-                Class::Latest(Key::State(state.vehicle))
+            In::Bus(HeardMessage::Message(_, Message::State(state))) => {
+                InputClass::Latest(Key::State(state.vehicle))
             }
-            In::Bus(Heard::Message(_, Message::Report(report))) => {
-                Class::Latest(Key::Report(report.store))
+            In::Bus(HeardMessage::Message(_, Message::Report(report))) => {
+                InputClass::Latest(Key::Report(report.store))
             }
-            In::Bus(Heard::Message(..) | Heard::Greeting(..) | Heard::Unknown(_)) => Class::Queue,
-            In::Linked(_) => Class::Latest(Key::Linked),
-            In::Want(number, _) | In::Stop(number, _) => Class::Latest(Key::Want(*number)),
-            In::Withdraw(number) => Class::Latest(Key::Withdraw(*number)),
-            In::Follow(_) => Class::Latest(Key::Follow),
-            In::CueDone => Class::Latest(Key::CueDone),
+            In::Bus(
+                HeardMessage::Message(..) | HeardMessage::Greeting(..) | HeardMessage::Unknown(_),
+            ) => InputClass::Queue,
+            In::Linked(_) => InputClass::Latest(Key::Linked),
+            In::Want(number, _) | In::Stop(number, _) => InputClass::Latest(Key::Want(*number)),
+            In::Withdraw(number) => InputClass::Latest(Key::Withdraw(*number)),
+            In::Follow(_) => InputClass::Latest(Key::Follow),
+            In::CueDone => InputClass::Latest(Key::CueDone),
         }
     }
 
@@ -656,7 +658,9 @@ impl Input for In {
     /// judged by who has heard both.
     fn join(unread: In, newer: In) -> In {
         let state = |input: &In| match input {
-            In::Bus(Heard::Message(_, Message::State(state))) => Some((state.boot, state.sequence)),
+            In::Bus(HeardMessage::Message(_, Message::State(state))) => {
+                Some((state.boot, state.sequence))
+            }
             In::Bus(_)
             | In::Linked(_)
             | In::Want(..)

@@ -49,15 +49,15 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    EmergencyName, EmergencyStop, Lease, Order, OrderKind, Report, Revision, RunId, SeenState,
-    Sender, StandReason, State, StationPhase, StopScope, VehicleId,
+    EmergencyName, EmergencyStop, GroundReport, Lease, Order, OrderKind, Revision, RunId,
+    SeenState, Sender, StandReason, State, StationPhase, StopScope, VehicleId,
 };
 
-use self::delivery::{CONTEST, Delivery, Issued, take_over_of};
-use super::Heard;
+use self::delivery::{CONTEST, OrderRight, VehicleDelivery, take_over_of};
+use super::HeardMessage;
 use super::fleet_view::{FleetView, Fresh, Misfit};
-use super::outcome::{Outcome, Refusal, VehicleOutcome};
-use super::want::MissionWish;
+use super::order_goal::MissionWish;
+use super::outcome::{OrderOutcome, OrderRefusal, VehicleOutcome};
 use crate::time::Time;
 
 /// An order is repeated this often.
@@ -112,13 +112,13 @@ pub struct Ordering {
     /// Everyone who is there has been listened for before.
     has_listened: bool,
     view: FleetView,
-    deliveries: BTreeMap<VehicleId, Delivery>,
+    deliveries: BTreeMap<VehicleId, VehicleDelivery>,
     run: Option<RunId>,
     /// Its mission was given as a task.
     is_task_given: bool,
     /// The emergency stops that it lifts, known when it was first sent.
     ends: Option<Vec<EmergencyName>>,
-    refused: Option<Refusal>,
+    refused: Option<OrderRefusal>,
     stands: bool,
     withdrawn: BTreeSet<VehicleId>,
 }
@@ -207,12 +207,12 @@ impl Ordering {
     }
 
     /// Takes what came over the bus and is no news, while everything is settled.
-    pub fn look(&mut self, now: Time, heard: &Heard) {
+    pub fn look(&mut self, now: Time, heard: &HeardMessage) {
         self.view.hear(now, heard);
     }
 
     /// Takes what came over the bus.
-    pub fn hear(&mut self, now: Time, heard: &Heard) {
+    pub fn hear(&mut self, now: Time, heard: &HeardMessage) {
         self.view.hear(now, heard);
         let ids: Vec<VehicleId> = self.deliveries.keys().copied().collect();
         ids.into_iter().for_each(|id| self.judge(now, id));
@@ -263,7 +263,7 @@ impl Ordering {
     }
 
     /// Returns what became of it once it is over.
-    pub fn outcome(&self, now: Time) -> Option<Outcome> {
+    pub fn outcome(&self, now: Time) -> Option<OrderOutcome> {
         let outcomes = self.outcomes(now);
         let is_open = |outcome: &VehicleOutcome| match outcome {
             VehicleOutcome::Ignored | VehicleOutcome::Unheard | VehicleOutcome::NotOut => true,
@@ -296,14 +296,14 @@ impl Ordering {
     }
 
     /// Returns what became of it so far.
-    pub fn outcome_so_far(&self, now: Time) -> Outcome {
+    pub fn outcome_so_far(&self, now: Time) -> OrderOutcome {
         let lease = self.lease();
         let vehicles = if self.refused.is_some() {
             BTreeMap::new()
         } else {
             self.outcomes(now)
         };
-        Outcome {
+        OrderOutcome {
             vehicles,
             lease,
             run: self.run,
@@ -312,23 +312,23 @@ impl Ordering {
     }
 
     /// Decides whether something is asked for that cannot be; before anything is sent.
-    fn refusal(&self, now: Time) -> Option<Refusal> {
+    fn refusal(&self, now: Time) -> Option<OrderRefusal> {
         match self.instruction.kind {
             OrderKind::Start => self
                 .run_under_way(now)
                 .or_else(|| self.unheard_under_stop(now)),
-            OrderKind::Return => self.under_stop().map(Refusal::StopOpen),
+            OrderKind::Return => self.under_stop().map(OrderRefusal::StopOpen),
             OrderKind::Hold | OrderKind::Land | OrderKind::CutMotors => None,
         }
     }
 
-    fn run_under_way(&self, now: Time) -> Option<Refusal> {
+    fn run_under_way(&self, now: Time) -> Option<OrderRefusal> {
         let is_own = self.instruction.mission.is_some();
         let asked = self
             .instruction
             .run
             .or_else(|| is_own.then(|| self.next_run(now)))?;
-        let Report {
+        let GroundReport {
             phase,
             run: under_way,
             ..
@@ -338,11 +338,11 @@ impl Ordering {
             StationPhase::Stopping | StationPhase::Planning | StationPhase::Running => true,
             StationPhase::Idle | StationPhase::Waiting | StationPhase::Closing => false,
         };
-        (is_driven && under_way != asked).then_some(Refusal::UnderWay { under_way, asked })
+        (is_driven && under_way != asked).then_some(OrderRefusal::UnderWay { under_way, asked })
     }
 
     /// Returns who was not heard for too long while a stop is open that would be lifted.
-    fn unheard_under_stop(&self, now: Time) -> Option<Refusal> {
+    fn unheard_under_stop(&self, now: Time) -> Option<OrderRefusal> {
         if !self.has_listened(now) || self.stops_to_end().is_empty() {
             return None;
         }
@@ -353,7 +353,7 @@ impl Ordering {
         };
         let mut unheard = self.targets(now);
         unheard.retain(|id| is_unheard(id) && !self.instruction.although_unheard.contains(id));
-        unheard.first().map(|id| Refusal::Unheard(*id))
+        unheard.first().map(|id| OrderRefusal::Unheard(*id))
     }
 
     /// Returns an open stop that a vehicle stands under for which the order is.
@@ -401,7 +401,7 @@ impl Ordering {
     }
 
     fn outcomes(&self, now: Time) -> BTreeMap<VehicleId, VehicleOutcome> {
-        let nothing = Delivery::default();
+        let nothing = VehicleDelivery::default();
         let of = |id| {
             let delivery = self.deliveries.get(&id).unwrap_or(&nothing);
             let outcome = delivery.outcome(self.view.state(id).is_some());
@@ -534,7 +534,7 @@ impl Ordering {
         let Some((since, echo)) = delivery.contested.filter(|_| !delivery.is_over()) else {
             return;
         };
-        let brings_about = |report: &Fresh<Report>| {
+        let brings_about = |report: &Fresh<GroundReport>| {
             report.at >= since
                 && report.value.in_force.is_none()
                 && report.value.phase != StationPhase::Idle
@@ -566,7 +566,7 @@ impl Ordering {
         delivery.issued = Some(issued);
         delivery.sent_at = Some(now);
         delivery.first_at.get_or_insert(now);
-        let Issued { lease, revision } = issued;
+        let OrderRight { lease, revision } = issued;
         let seen = state.map(|state| SeenState {
             boot: state.boot,
             sequence: state.sequence,
@@ -584,7 +584,7 @@ impl Ordering {
     }
 
     /// Chooses the lease and the revision that are above a vehicle's echo; `None` while nothing may be sent yet.
-    fn issue(&self, now: Time, id: VehicleId) -> Option<Issued> {
+    fn issue(&self, now: Time, id: VehicleId) -> Option<OrderRight> {
         let state = self.view.state(id).filter(|_| self.knows_ground(now))?;
         Some(self.above(now, &state.value))
     }
@@ -599,7 +599,7 @@ impl Ordering {
         self.has_listened || self.linked.is_some_and(|since| now.since(since) >= LISTEN)
     }
 
-    fn above(&self, now: Time, state: &State) -> Issued {
+    fn above(&self, now: Time, state: &State) -> OrderRight {
         let highest = self.view.lease(now);
         let own = |number| Lease {
             number,
@@ -613,7 +613,7 @@ impl Ordering {
         };
         let echo = state.ordered;
         if echo.lease != lease {
-            return Issued {
+            return OrderRight {
                 lease,
                 revision: Revision(1),
             };
@@ -624,14 +624,14 @@ impl Ordering {
             .checked_add(1)
             .filter(|next| *next <= LAST_REVISION)
         {
-            Some(next) => Issued {
+            Some(next) => OrderRight {
                 lease,
                 revision: Revision(next),
             },
             // This lease is used up.
             None => {
                 let lease = own(lease.number.saturating_add(1));
-                Issued {
+                OrderRight {
                     lease,
                     revision: Revision(1),
                 }

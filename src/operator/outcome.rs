@@ -55,7 +55,7 @@ impl VehicleOutcome {
 
 /// Why an order is not sent at all.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error, Serialize, Deserialize)]
-pub enum Refusal {
+pub enum OrderRefusal {
     /// The ground station drives another run than the one that is to be started.
     #[error("run {under_way} is under way: let it end before run {asked} begins")]
     UnderWay {
@@ -76,7 +76,7 @@ pub enum Refusal {
 
 /// What became of an order.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub struct Outcome {
+pub struct OrderOutcome {
     /// By vehicle, ascending.
     pub vehicles: BTreeMap<VehicleId, VehicleOutcome>,
     /// The lease of the orders to those that were heard; `None` when nothing was sent.
@@ -84,10 +84,10 @@ pub struct Outcome {
     /// Their run.
     pub run: Option<RunId>,
     /// Why nothing was sent, if it was refused.
-    pub refused: Option<Refusal>,
+    pub refused: Option<OrderRefusal>,
 }
 
-impl Outcome {
+impl OrderOutcome {
     /// Returns whether every vehicle has obeyed, and there is one.
     pub fn is_done(&self) -> bool {
         !self.vehicles.is_empty() && self.vehicles.values().all(|outcome| outcome.is_done())

@@ -8,8 +8,8 @@ use std::time::Duration;
 
 use serde::Serialize;
 use tomoswarm_proto::{
-    BEACON_MEMBERS_MAX, Control, FailsafeAction, Failsafes, Health, Hello, Lease, Mode, PoseReport,
-    Report, StationPhase, VehicleId,
+    BEACON_MEMBERS_MAX, Control, FailsafeAction, Failsafes, GroundReport, Health, Hello, Lease,
+    PoseReport, StationPhase, VehicleId, VehicleMode,
 };
 
 use super::fleet_view::{FleetView, GROUND_LIVES, VehicleView};
@@ -69,7 +69,7 @@ pub struct Check {
 
 /// All checks of one node.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize)]
-pub struct Node {
+pub struct NodeChecks {
     /// `vehicle 3`, `ground`, or `swarm` for what is one for all.
     pub node: String,
     /// Its checks, always the same ones in the same order.
@@ -77,18 +77,18 @@ pub struct Node {
 }
 
 /// Looks at everyone.
-pub fn inspect(view: &FleetView, needs: &Needs, now: Time) -> Vec<Node> {
+pub fn inspect(view: &FleetView, needs: &Needs, now: Time) -> Vec<NodeChecks> {
     let nothing = VehicleView::default();
-    let vehicle = |id: &VehicleId| Node {
+    let vehicle = |id: &VehicleId| NodeChecks {
         node: format!("vehicle {id}"),
         checks: of_vehicle(*id, view.vehicle(*id).unwrap_or(&nothing), needs, now),
     };
-    let mut nodes: Vec<Node> = needs.vehicles.iter().map(vehicle).collect();
-    nodes.push(Node {
+    let mut nodes: Vec<NodeChecks> = needs.vehicles.iter().map(vehicle).collect();
+    nodes.push(NodeChecks {
         node: "ground".to_owned(),
         checks: of_ground(view, needs, now),
     });
-    nodes.push(Node {
+    nodes.push(NodeChecks {
         node: "swarm".to_owned(),
         checks: vec![stops(view, needs)],
     });
@@ -96,7 +96,7 @@ pub fn inspect(view: &FleetView, needs: &Needs, now: Time) -> Vec<Node> {
 }
 
 /// Returns whether a run may begin.
-pub fn is_go(nodes: &[Node]) -> bool {
+pub fn is_go(nodes: &[NodeChecks]) -> bool {
     // The ground station alone is no swarm.
     nodes.iter().any(|node| node.node.starts_with("vehicle"))
         && nodes
@@ -172,7 +172,10 @@ fn of_vehicle(id: VehicleId, seen: &VehicleView, needs: &Needs, now: Time) -> Ve
     }));
     checks.push(reported("mode", state, no_go, |state| {
         (
-            !matches!(state.mode, Mode::Held | Mode::Stopped | Mode::MotorsCut),
+            !matches!(
+                state.mode,
+                VehicleMode::Held | VehicleMode::Stopped | VehicleMode::MotorsCut
+            ),
             names::mode(state.mode).to_owned(),
         )
     }));
@@ -347,7 +350,7 @@ fn of_ground(view: &FleetView, needs: &Needs, now: Time) -> Vec<Check> {
         view.ground_hello().map(|hello| &hello.value),
         needs,
     ));
-    let lease = |report: &Report| {
+    let lease = |report: &GroundReport| {
         let Lease { number, holder } = report.lease;
         let highest = view.lease(now);
         let found = match report.lease == highest {

@@ -2,7 +2,7 @@
 
 use tomoswarm_proto::Message;
 
-use super::Heard;
+use super::HeardMessage;
 use super::operator_actor::{In, Out};
 use crate::stops;
 
@@ -38,7 +38,7 @@ pub(super) fn route(output: Output, to: &mut Vec<Destination>) {
         Output::Stops(stops::Out::Publish(standing)) => {
             to.push(Destination::Edge(Out::Publish(Message::Standing(standing))));
         }
-        Output::Stops(stops::Out::Remark(remark)) => {
+        Output::Stops(stops::Out::StopEvent(remark)) => {
             to.push(Destination::Edge(Out::StopsNote(remark)))
         }
         // The operator hears for itself who knows which stops.
@@ -51,7 +51,7 @@ pub(super) fn route(output: Output, to: &mut Vec<Destination>) {
 /// Returns what the keeper of the emergency stops is told of what comes from outside.
 fn for_stops(event: &In) -> Option<stops::In> {
     match event {
-        In::Bus(Heard::Message(sender, Message::Standing(standing))) => {
+        In::Bus(HeardMessage::Message(sender, Message::Standing(standing))) => {
             Some(stops::In::Standing(*sender, standing.clone()))
         }
         In::Linked(true) => Some(stops::In::Linked),

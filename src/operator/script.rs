@@ -15,13 +15,14 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    Mission, MissionKind, MissionPhase, Report, RunEnd, RunId, RunReport, StationPhase, VehicleId,
+    GroundReport, MissionKind, MissionPhase, MissionProgress, RunEnd, RunId, RunReport,
+    StationPhase, VehicleId,
 };
 
 use super::fleet_view::FleetView;
 use super::given_tasks::TaskWish;
+use super::order_goal::OrderGoal;
 use super::status::Expected;
-use super::want::Want;
 use crate::time::Time;
 
 /// What is waited for.
@@ -54,7 +55,7 @@ pub struct Present {
 
 /// One step.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-pub enum Step {
+pub enum ScriptStep {
     /// Waits until the fleet shows something; gives up after `within`.
     Wait {
         /// What is waited for.
@@ -67,11 +68,11 @@ pub enum Step {
     /// Gives a task; it is repeated until it is shown.
     Task(TaskWish),
     /// Wants something of the fleet; it stands.
-    Want(Want),
+    Want(OrderGoal),
     /// Ends the script if the fleet shows this now.
     EndIf(Condition),
     /// Asks for something that is not the fleet's to do, and waits until it is said to be done.
-    Cue {
+    Announce {
         /// What is asked for.
         name: String,
         /// For so long at most.
@@ -108,9 +109,9 @@ pub(super) enum ScriptOut {
     /// This run is to be as it says.
     Task(TaskWish),
     /// This is wanted.
-    Want(Want),
+    Want(OrderGoal),
     /// This is to be done.
-    Cue(String),
+    Announce(String),
     /// It is over.
     Ended(ScriptEnd),
 }
@@ -149,7 +150,7 @@ impl ScriptDue {
 }
 
 /// What a script can look at.
-pub(super) struct Sight<'a> {
+pub(super) struct ScriptView<'a> {
     /// What is known of the fleet.
     pub view: &'a FleetView,
     /// How it stands with what it wanted last.
@@ -159,7 +160,7 @@ pub(super) struct Sight<'a> {
 /// A script on its way.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct ScriptRun {
-    steps: Vec<Step>,
+    steps: Vec<ScriptStep>,
     at: usize,
     /// Since when it is at this step.
     since: Time,
@@ -169,7 +170,7 @@ pub(super) struct ScriptRun {
 
 impl ScriptRun {
     /// Begins.
-    pub fn new(now: Time, steps: Vec<Step>) -> ScriptRun {
+    pub fn new(now: Time, steps: Vec<ScriptStep>) -> ScriptRun {
         ScriptRun {
             steps,
             at: 0,
@@ -186,45 +187,45 @@ impl ScriptRun {
 
     /// Goes on as far as it gets without saying anything; returns what it says. After [`ScriptOut::Ended`] it is not
     /// asked again.
-    pub fn go_on(&mut self, now: Time, sight: &Sight) -> Option<ScriptOut> {
+    pub fn go_on(&mut self, now: Time, sight: &ScriptView) -> Option<ScriptOut> {
         if let LastWant::Failed(why) = sight.last_want {
             return Some(self.give_up(why.clone()));
         }
         while let Some(step) = self.steps.get(self.at) {
             let waited = now.since(self.since);
             match step {
-                Step::Want(want) => {
+                ScriptStep::Want(want) => {
                     let want = want.clone();
                     self.next(now);
                     return Some(ScriptOut::Want(want));
                 }
-                Step::Task(wish) => {
+                ScriptStep::Task(wish) => {
                     let wish = wish.clone();
                     self.next(now);
                     return Some(ScriptOut::Task(wish));
                 }
-                Step::EndIf(shown) if shown.is_shown(now, sight) => break,
-                Step::EndIf(_) => self.next(now),
-                Step::Cue { name, .. } if !self.is_cue_said => {
+                ScriptStep::EndIf(shown) if shown.is_shown(now, sight) => break,
+                ScriptStep::EndIf(_) => self.next(now),
+                ScriptStep::Announce { name, .. } if !self.is_cue_said => {
                     self.is_cue_said = true;
-                    return Some(ScriptOut::Cue(name.clone()));
+                    return Some(ScriptOut::Announce(name.clone()));
                 }
-                Step::Cue { .. } if self.is_cue_done => self.next(now),
-                Step::Cue { name, within } => {
+                ScriptStep::Announce { .. } if self.is_cue_done => self.next(now),
+                ScriptStep::Announce { name, within } => {
                     let why =
                         || format!("{name:?} was not done within {:.1} s", within.as_secs_f64());
                     return (waited >= *within).then(|| self.give_up(why()));
                 }
-                Step::Wait { until, .. } if until.is_shown(now, sight) => self.next(now),
-                Step::Wait { until, within } => {
+                ScriptStep::Wait { until, .. } if until.is_shown(now, sight) => self.next(now),
+                ScriptStep::Wait { until, within } => {
                     if let Some(why) = until.is_hopeless(now, sight) {
                         return Some(self.give_up(why));
                     }
                     let why = || until.missed(now, sight, *within);
                     return (waited >= *within).then(|| self.give_up(why()));
                 }
-                Step::Delay(span) if waited >= *span => self.next(now),
-                Step::Delay(_) => return None,
+                ScriptStep::Delay(span) if waited >= *span => self.next(now),
+                ScriptStep::Delay(_) => return None,
             }
         }
         Some(ScriptOut::Ended(ScriptEnd::Done))
@@ -233,10 +234,12 @@ impl ScriptRun {
     /// Returns when the present step is over at the latest, and why.
     pub fn deadline(&self) -> Option<(Time, ScriptDue)> {
         match self.steps.get(self.at)? {
-            Step::Wait { within, .. } => Some((self.since + *within, ScriptDue::GivesUp)),
-            Step::Cue { within, .. } => Some((self.since + *within, ScriptDue::CueNotDone)),
-            Step::Delay(span) => Some((self.since + *span, ScriptDue::GoesOn)),
-            Step::Task(_) | Step::Want(_) | Step::EndIf(_) => None,
+            ScriptStep::Wait { within, .. } => Some((self.since + *within, ScriptDue::GivesUp)),
+            ScriptStep::Announce { within, .. } => {
+                Some((self.since + *within, ScriptDue::CueNotDone))
+            }
+            ScriptStep::Delay(span) => Some((self.since + *span, ScriptDue::GoesOn)),
+            ScriptStep::Task(_) | ScriptStep::Want(_) | ScriptStep::EndIf(_) => None,
         }
     }
 
@@ -251,7 +254,7 @@ impl ScriptRun {
 }
 
 impl Condition {
-    fn is_shown(&self, now: Time, sight: &Sight) -> bool {
+    fn is_shown(&self, now: Time, sight: &ScriptView) -> bool {
         match self {
             Condition::Heard(expected) => expected.all_heard(sight.view, now),
             Condition::InForce => *sight.last_want == LastWant::InForce,
@@ -268,7 +271,7 @@ impl Condition {
     }
 
     /// Returns why it cannot come to be shown any more; `None` = it can.
-    fn is_hopeless(&self, now: Time, sight: &Sight) -> Option<String> {
+    fn is_hopeless(&self, now: Time, sight: &ScriptView) -> Option<String> {
         match self {
             Condition::Driven(run) | Condition::Done(run) => {
                 let end = sight.run(now, *run)?.end?;
@@ -300,7 +303,7 @@ impl Condition {
     }
 
     /// Returns what was waited for in vain.
-    fn missed(&self, now: Time, sight: &Sight, within: Duration) -> String {
+    fn missed(&self, now: Time, sight: &ScriptView, within: Duration) -> String {
         let missing = match self {
             Condition::Heard(expected) => {
                 format!(
@@ -343,8 +346,8 @@ impl fmt::Display for Condition {
     }
 }
 
-impl Sight<'_> {
-    fn report(&self, now: Time) -> Option<&Report> {
+impl ScriptView<'_> {
+    fn report(&self, now: Time) -> Option<&GroundReport> {
         self.view.ground(now).map(|report| &report.value)
     }
 
@@ -358,12 +361,17 @@ impl Sight<'_> {
 
 impl Present {
     /// Returns whether that is so of all who are there, and somebody is.
-    fn all(&self, now: Time, view: &FleetView, is_so: fn(&Mission) -> bool) -> bool {
+    fn all(&self, now: Time, view: &FleetView, is_so: fn(&MissionProgress) -> bool) -> bool {
         self.there(now, view).next().is_some() && self.without(now, view, is_so).is_empty()
     }
 
     /// Returns of whom of those who are there that is not so.
-    fn without(&self, now: Time, view: &FleetView, is_so: fn(&Mission) -> bool) -> Vec<VehicleId> {
+    fn without(
+        &self,
+        now: Time,
+        view: &FleetView,
+        is_so: fn(&MissionProgress) -> bool,
+    ) -> Vec<VehicleId> {
         let mission = |id: &VehicleId| view.vehicle(*id).and_then(|seen| seen.mission.as_ref());
         let is_open = |id: &VehicleId| !mission(id).is_some_and(|mission| is_so(&mission.value));
         self.there(now, view).filter(is_open).collect()
@@ -378,7 +386,7 @@ impl Present {
     }
 }
 
-fn is_driven(report: &Report, run: RunId) -> bool {
+fn is_driven(report: &GroundReport, run: RunId) -> bool {
     let of_run = report.runs.iter().find(|report| report.run == run);
     of_run.is_some_and(|of_run| match of_run.end {
         None => report.run == run && report.phase == StationPhase::Idle && report.laps > 0,
@@ -387,11 +395,11 @@ fn is_driven(report: &Report, run: RunId) -> bool {
     })
 }
 
-fn has_ended(mission: &Mission) -> bool {
+fn has_ended(mission: &MissionProgress) -> bool {
     mission.kind != MissionKind::Sweep && mission.end.is_some()
 }
 
 /// Returns whether a vehicle has come home and stays there.
-pub fn is_home(mission: &Mission) -> bool {
+pub fn is_home(mission: &MissionProgress) -> bool {
     mission.is_at_home && mission.phase == MissionPhase::Over
 }

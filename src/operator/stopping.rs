@@ -11,8 +11,8 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{EmergencyStop, StandReason, StopScope, VehicleId};
 
 use super::fleet_view::FleetView;
-use super::outcome::{Outcome, VehicleOutcome};
-use super::want::StopWish;
+use super::order_goal::StopWish;
+use super::outcome::{OrderOutcome, VehicleOutcome};
 use crate::time::Time;
 
 /// For so long everyone who is there is listened for.
@@ -22,7 +22,7 @@ const LOOKS_EVERY: Duration = Duration::from_millis(50);
 
 /// Emergency stops that were given by one command.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Stopping {
+pub struct StopBatch {
     stops: Vec<EmergencyStop>,
     wish: StopWish,
     /// Who is known to be there without being heard.
@@ -35,7 +35,7 @@ pub struct Stopping {
     shown: BTreeMap<VehicleId, Time>,
 }
 
-impl Stopping {
+impl StopBatch {
     /// Begins; `has_listened` tells whether everyone who is there is known.
     pub fn new(
         now: Time,
@@ -43,8 +43,8 @@ impl Stopping {
         wish: StopWish,
         expected: BTreeSet<VehicleId>,
         has_listened: bool,
-    ) -> Stopping {
-        Stopping {
+    ) -> StopBatch {
+        StopBatch {
             stops,
             wish,
             expected,
@@ -68,7 +68,7 @@ impl Stopping {
     }
 
     /// Returns what became of it once it is over.
-    pub fn outcome(&self, now: Time, view: &FleetView) -> Option<Outcome> {
+    pub fn outcome(&self, now: Time, view: &FleetView) -> Option<OrderOutcome> {
         let so_far = self.outcome_so_far(now, view);
         let knows_all = self.has_listened
             || !self.wish.vehicles.is_empty()
@@ -88,7 +88,7 @@ impl Stopping {
     }
 
     /// Returns what became of it so far.
-    pub fn outcome_so_far(&self, now: Time, view: &FleetView) -> Outcome {
+    pub fn outcome_so_far(&self, now: Time, view: &FleetView) -> OrderOutcome {
         let from = self.linked.unwrap_or(self.began);
         let of = |id: VehicleId| {
             let state = view.state(id).filter(|state| state.at >= self.began);
@@ -104,7 +104,7 @@ impl Stopping {
             (id, outcome)
         };
         let vehicles = self.targets(now, view).into_iter().map(of).collect();
-        Outcome {
+        OrderOutcome {
             vehicles,
             lease: None,
             run: None,

@@ -1,12 +1,12 @@
 //! What the door's tests say in the name of vehicles and of the ground.
 
 use tomoswarm_proto::{
-    Boot, Deviation, Heading, Lease, Message, Mode, Order, OrderKind, Ordered, Permille,
-    PoseReport, Position, Report, Revision, RunId, Sender, Standing, State, StationPhase,
-    VehicleId,
+    Boot, Deviation, GroundReport, Heading, Lease, Message, OpenStops, Order, OrderKind, Ordered,
+    Permille, PoseReport, Position, Revision, RunId, Sender, State, StationPhase, VehicleId,
+    VehicleMode,
 };
 
-use super::Heard;
+use super::HeardMessage;
 use crate::time::Time;
 
 /// A moment, in seconds.
@@ -15,9 +15,9 @@ pub fn at(at_s: f64) -> Time {
 }
 
 /// A message as the bus hands it on.
-pub fn heard(message: Message) -> Heard {
+pub fn heard(message: Message) -> HeardMessage {
     let sender = message.author().unwrap_or(Sender::Ground);
-    Heard::Message(sender, message)
+    HeardMessage::Message(sender, message)
 }
 
 /// A sound state of a vehicle that stands at (its number, 1).
@@ -33,7 +33,7 @@ pub fn state(vehicle: u8) -> State {
             sd: Deviation(50),
         }),
         is_at_rest: true,
-        mode: Mode::Idle,
+        mode: VehicleMode::Idle,
         battery: Some(Permille(900)),
         leg: None,
         accepted: (RunId(0), Revision(0)),
@@ -43,8 +43,8 @@ pub fn state(vehicle: u8) -> State {
 }
 
 /// A report of an idle ground station that holds lease 4.
-pub fn report() -> Report {
-    Report {
+pub fn report() -> GroundReport {
+    GroundReport {
         boot: Boot(1),
         lease: Lease {
             number: 4,
@@ -53,7 +53,7 @@ pub fn report() -> Report {
         store: 1,
         phase: StationPhase::Idle,
         members: vec![VehicleId(1), VehicleId(2)],
-        ..Report::default()
+        ..GroundReport::default()
     }
 }
 
@@ -65,10 +65,10 @@ pub struct Rover {
 
 impl Rover {
     /// Says that it knows of no emergency stop.
-    pub fn say_stops(&self) -> Heard {
-        Heard::Message(
+    pub fn say_stops(&self) -> HeardMessage {
+        HeardMessage::Message(
             Sender::Vehicle(self.state.vehicle),
-            Message::Standing(Standing::default()),
+            Message::Standing(OpenStops::default()),
         )
     }
 
@@ -114,7 +114,7 @@ impl Rover {
     }
 
     /// Says its state.
-    pub fn say(&mut self) -> Heard {
+    pub fn say(&mut self) -> HeardMessage {
         self.state.sequence += 1;
         heard(Message::State(self.state.clone()))
     }

@@ -9,7 +9,7 @@ use std::f64::consts::{PI, SQRT_2};
 
 use thiserror::Error;
 
-use super::Grid;
+use super::SearchGrid;
 use super::buckets::Buckets;
 use super::steps::{
     Choices, DIAGONAL, HIGHEST_LEVEL, NO_STEP, STEPS, STRAIGHT, least_cost, price, steps_to_look_at,
@@ -32,7 +32,7 @@ pub struct Rules {
     /// metres; 0 = refused.
     pub escape_m: f64,
     /// What turning costs; `None`: nothing.
-    pub turning: Option<Turning>,
+    pub turning: Option<TurningCost>,
 }
 
 impl Default for Rules {
@@ -48,7 +48,7 @@ impl Default for Rules {
 
 /// What turning costs, beside the length of the way. It makes a search several times dearer.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Turning {
+pub struct TurningCost {
     /// Cost of a turn, metres of way per radian: from 0 to 64 cells; more counts as 64, less or not a number as 0.
     pub cost_m_per_rad: f64,
     /// Where the vehicle heads at the start; `None`: the first step costs no turn. At the goal any heading will do.
@@ -88,7 +88,7 @@ pub enum NoRoute {
 
 /// A shortest way over cells.
 #[derive(Clone, PartialEq, Debug)]
-pub struct Found {
+pub struct GridPath {
     /// All cells from start to goal, both included.
     pub cells: Vec<Cell>,
     /// Length, in sides of a cell (steps of 1 and √2).
@@ -107,11 +107,11 @@ pub struct Found {
 /// # Errors
 /// [`NoRoute`]; `Unreachable` is a proof, not a surrender.
 pub fn shortest_cells(
-    grid: &Grid,
+    grid: &SearchGrid,
     start: Cell,
     goal: Cell,
     rules: &Rules,
-) -> Result<Found, NoRoute> {
+) -> Result<GridPath, NoRoute> {
     let terrain = entered(grid, start, Some(goal), rules)?;
     if let Some(turning) = rules.turning {
         return turning::cheapest_cells(
@@ -132,7 +132,7 @@ pub(super) fn shortest_over(
     start: Cell,
     goal: Cell,
     rules: &Rules,
-) -> Result<Found, NoRoute> {
+) -> Result<GridPath, NoRoute> {
     let mut search = Search::new(terrain, rules);
     if search.run(terrain, start, Some(goal)) {
         return Ok(search.found(terrain, terrain.place(goal), rules));
@@ -146,13 +146,13 @@ pub(super) fn shortest_over(
 #[derive(Clone, Debug)]
 pub(super) struct Flood {
     terrain: Terrain,
-    nodes: Vec<Node>,
+    nodes: Vec<SearchCell>,
     /// How many cells were reached.
     pub(super) reached: usize,
 }
 
 /// Finds the least costs from one cell to all others (Dijkstra 1959); turning costs nothing.
-pub(super) fn flood(grid: &Grid, start: Cell, rules: &Rules) -> Result<Flood, NoRoute> {
+pub(super) fn flood(grid: &SearchGrid, start: Cell, rules: &Rules) -> Result<Flood, NoRoute> {
     let terrain = entered(grid, start, None, rules)?;
     let mut search = Search::new(&terrain, rules);
     search.run(&terrain, start, None);
@@ -184,7 +184,7 @@ impl Flood {
 }
 
 /// Finds the least costs from all cells to one.
-pub(super) fn flood_back(terrain: &Terrain, goal: Cell, rules: &Rules) -> Vec<Node> {
+pub(super) fn flood_back(terrain: &Terrain, goal: Cell, rules: &Rules) -> Vec<SearchCell> {
     let mut search = Search {
         backward: true,
         ..Search::new(terrain, rules)
@@ -195,7 +195,7 @@ pub(super) fn flood_back(terrain: &Terrain, goal: Cell, rules: &Rules) -> Vec<No
 
 /// Checks the ends and reads the grid.
 fn entered(
-    grid: &Grid,
+    grid: &SearchGrid,
     start: Cell,
     goal: Option<Cell>,
     rules: &Rules,
@@ -224,14 +224,14 @@ fn entered(
 /// What is known of a cell: the least cost so far (upper 59 bits), whether it was expanded with it, and one more than
 /// the step that led there. Zero = not reached yet, so that fresh memory need not be written.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Node(u64);
+pub(super) struct SearchCell(u64);
 
 const EXPANDED: u64 = 16;
 
-impl Node {
+impl SearchCell {
     #[inline]
-    fn reached(cost: u64, step: usize) -> Node {
-        Node(cost << 5 | (step as u64 + 1))
+    fn reached(cost: u64, step: usize) -> SearchCell {
+        SearchCell(cost << 5 | (step as u64 + 1))
     }
 
     /// Returns the least cost so far; greater than any where none is known.
@@ -251,7 +251,7 @@ impl Node {
 }
 
 struct Search {
-    nodes: Vec<Node>,
+    nodes: Vec<SearchCell>,
     queue: Buckets,
     /// What each step costs, by the level of the cell that it leads to.
     prices: [[u64; HIGHEST_LEVEL as usize + 1]; 2],
@@ -268,7 +268,7 @@ impl Search {
         let uniform = terrain.levels().is_none();
         let most = price(1, if uniform { 0 } else { HIGHEST_LEVEL });
         Search {
-            nodes: vec![Node(0); terrain.len()],
+            nodes: vec![SearchCell(0); terrain.len()],
             // A step raises the estimate at most by its cost and by one step away from the goal.
             queue: Buckets::new(most + DIAGONAL, BUCKET),
             prices: [0, 1].map(|step| std::array::from_fn(|level| price(step, level as u8))),
@@ -285,7 +285,7 @@ impl Search {
     fn run(&mut self, terrain: &Terrain, start: Cell, goal: Option<Cell>) -> bool {
         let start = terrain.place(start);
         let goal_place = goal.map_or(usize::MAX, |goal| terrain.place(goal));
-        self.nodes[start] = Node::reached(0, NO_STEP);
+        self.nodes[start] = SearchCell::reached(0, NO_STEP);
         self.queue.push(0, start as u32);
         let mut best = u64::MAX;
         while let Some(place) = self.queue.pop() {
@@ -301,7 +301,7 @@ impl Search {
             if best != u64::MAX && node.bound() + self.remaining(cell, goal) >= best {
                 continue;
             }
-            self.nodes[place] = Node(node.0 | EXPANDED);
+            self.nodes[place] = SearchCell(node.0 | EXPANDED);
             self.expanded += 1;
             self.expand(terrain, place, node, cell, goal);
         }
@@ -313,7 +313,7 @@ impl Search {
         &mut self,
         terrain: &Terrain,
         place: usize,
-        node: Node,
+        node: SearchCell,
         cell: Cell,
         goal: Option<Cell>,
     ) {
@@ -326,7 +326,7 @@ impl Search {
             let level = terrain.levels().map_or(0, |levels| levels[entered]);
             let cost = node.bound() + self.prices[step & 1][usize::from(level)];
             if cost < self.nodes[to].bound() {
-                self.nodes[to] = Node::reached(cost, step);
+                self.nodes[to] = SearchCell::reached(cost, step);
                 let (dx, dy) = STEPS[step];
                 let beside = Cell::new(cell.x + dx, cell.y + dy);
                 self.queue
@@ -347,14 +347,14 @@ impl Search {
         })
     }
 
-    fn found(&self, terrain: &Terrain, goal: usize, rules: &Rules) -> Found {
+    fn found(&self, terrain: &Terrain, goal: usize, rules: &Rules) -> GridPath {
         let cells = walk_back(terrain, &self.nodes, goal);
-        Found::of_cells(cells, self.nodes[goal].bound(), self.expanded, rules)
+        GridPath::of_cells(cells, self.nodes[goal].bound(), self.expanded, rules)
     }
 }
 
 /// Returns the way that led to a place, from its start on.
-fn walk_back(terrain: &Terrain, nodes: &[Node], goal: usize) -> Vec<Cell> {
+fn walk_back(terrain: &Terrain, nodes: &[SearchCell], goal: usize) -> Vec<Cell> {
     let (mut cells, mut place, offsets) = (vec![terrain.cell(goal)], goal, terrain.offsets());
     while let Some(offset) = offsets.get(nodes[place].came_by()) {
         place = place.wrapping_add_signed(-offset);
@@ -364,9 +364,14 @@ fn walk_back(terrain: &Terrain, nodes: &[Node], goal: usize) -> Vec<Cell> {
     cells
 }
 
-impl Found {
+impl GridPath {
     /// Counts steps and turns of a way over cells.
-    pub(super) fn of_cells(cells: Vec<Cell>, cost: u64, expanded: usize, rules: &Rules) -> Found {
+    pub(super) fn of_cells(
+        cells: Vec<Cell>,
+        cost: u64,
+        expanded: usize,
+        rules: &Rules,
+    ) -> GridPath {
         let (mut straights, mut diagonals, mut eighths, mut before, mut turned_rad) =
             (0, 0, 0, None, 0.0);
         for pair in cells.windows(2) {
@@ -389,7 +394,7 @@ impl Found {
         turned_rad += eighths as f64 * PI / 4.0;
         let length_cells = f64::from(straights) + f64::from(diagonals) * SQRT_2;
         let cost_cells = cost as f64 / STRAIGHT as f64;
-        Found {
+        GridPath {
             cells,
             length_cells,
             turned_rad,
@@ -399,7 +404,7 @@ impl Found {
     }
 }
 
-impl Turning {
+impl TurningCost {
     /// Returns the turn before a first step, radians.
     pub(super) fn first_turn_rad(&self, step: usize) -> f64 {
         let direction = Angle::from_degrees(45.0 * step as f64);

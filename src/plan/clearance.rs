@@ -1,7 +1,7 @@
 //! How far it is from every cell to the nearest one that bars the way, kept up to date around what changed.
 //!
 //! Distances are exact, between cell middles, up to a reach; beyond it they are only known to be greater. From it a
-//! [`super::Grid`] for any clearance up to the reach is made by comparing, without looking at the map.
+//! [`super::SearchGrid`] for any clearance up to the reach is made by comparing, without looking at the map.
 
 use super::grid::{GridError, MAX_GRID_CELLS};
 use crate::geom::{Cell, Lattice};

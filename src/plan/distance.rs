@@ -3,7 +3,7 @@
 //! Who chooses among goals (frontiers, vantage points, ways home) asks here once instead of searching for each.
 //! It is a picture of the grid it was made of: what changes later is not seen.
 
-use super::Grid;
+use super::SearchGrid;
 use super::astar::{Flood, NoRoute, Rules, flood};
 use super::smooth::{Route, route_along};
 use crate::geom::{Cell, Lattice, Point};
@@ -22,7 +22,7 @@ impl Distances {
     ///
     /// # Errors
     /// [`NoRoute::StartOutside`] and [`NoRoute::StartBarred`].
-    pub fn from_start(grid: &Grid, start: Cell, rules: &Rules) -> Result<Distances, NoRoute> {
+    pub fn from_start(grid: &SearchGrid, start: Cell, rules: &Rules) -> Result<Distances, NoRoute> {
         let flood = flood(grid, start, rules)?;
         Ok(Distances {
             lattice: grid.lattice(),
@@ -52,7 +52,7 @@ impl Distances {
 
     /// Returns the straightened route to a point; `start` must lie in the start's cell and `grid` be the one that was
     /// searched. `None` where no way leads, or the goal's own place in its cell is too near to something.
-    pub fn route_to(&self, grid: &Grid, start: Point, goal: Point) -> Option<Route> {
+    pub fn route_to(&self, grid: &SearchGrid, start: Point, goal: Point) -> Option<Route> {
         if !start.is_finite() || !goal.is_finite() {
             return None;
         }
@@ -74,9 +74,9 @@ mod tests {
 
     const SIDE: i32 = 20;
 
-    fn grid(stones: &[(i32, i32)], clearance_m: f64) -> Grid {
+    fn grid(stones: &[(i32, i32)], clearance_m: f64) -> SearchGrid {
         let area = CellRect::new(Cell::new(-3, -5), Cell::new(SIDE - 4, SIDE - 6));
-        Grid::of_cells(Lattice::new(0.2), area, clearance_m, |cell| {
+        SearchGrid::of_cells(Lattice::new(0.2), area, clearance_m, |cell| {
             stones.contains(&(cell.x, cell.y))
         })
         .unwrap()

@@ -1,7 +1,7 @@
 //! The ground of a search: a rectangle of cells, each with the reasons why a vehicle's middle may not be there.
 //!
 //! Occupied cells are inflated once, when the grid is made; the search then reads one byte a cell. Peers, fences
-//! and the like are added by [`Grid::close_within`] and [`Grid::close_where`].
+//! and the like are added by [`SearchGrid::close_within`] and [`SearchGrid::close_where`].
 
 use thiserror::Error;
 
@@ -47,7 +47,7 @@ pub fn swept_clearance_m(half_width_m: f64, lattice: Lattice) -> f64 {
 
 /// A rectangle of cells to search in.
 #[derive(Clone, Debug)]
-pub struct Grid {
+pub struct SearchGrid {
     lattice: Lattice,
     area: CellRect,
     width: usize,
@@ -60,7 +60,7 @@ pub struct Grid {
     levels: Option<Vec<u8>>,
 }
 
-impl Grid {
+impl SearchGrid {
     /// Copies a rectangle of the map for a vehicle that sweeps `half_width_m` (radius + padding + pose
     /// deviation). Without `unknown_allowed`, unknown cells are as solid as occupied ones, and routes are released
     /// by a [`super::Corridor`] of that half-width as far as they go; with it (as the ground plans), they are never
@@ -73,7 +73,7 @@ impl Grid {
         area: CellRect,
         half_width_m: f64,
         unknown_allowed: bool,
-    ) -> Result<Grid, GridError> {
+    ) -> Result<SearchGrid, GridError> {
         let lattice = view.lattice();
         let clearance_m = swept_clearance_m(half_width_m, lattice);
         let solid = |cell| match view.occupancy(cell) {
@@ -81,7 +81,7 @@ impl Grid {
             Occupancy::Unknown => !unknown_allowed,
             Occupancy::Occupied => true,
         };
-        let mut grid = Grid::of_cells(lattice, area, clearance_m, solid)?;
+        let mut grid = SearchGrid::of_cells(lattice, area, clearance_m, solid)?;
         grid.half_width_m = half_width_m;
         Ok(grid)
     }
@@ -96,7 +96,7 @@ impl Grid {
         area: CellRect,
         clearance_m: f64,
         solid: impl Fn(Cell) -> bool,
-    ) -> Result<Grid, GridError> {
+    ) -> Result<SearchGrid, GridError> {
         let cells = area.width_cells().saturating_mul(area.height_cells());
         if cells > MAX_GRID_CELLS {
             return Err(GridError::TooLarge { cells });
@@ -114,7 +114,7 @@ impl Grid {
         let half_width_m = (square(clearance_m) - square(lattice.cell_m()) / 2.0)
             .max(0.0)
             .sqrt();
-        let mut grid = Grid {
+        let mut grid = SearchGrid {
             lattice,
             area,
             width,
@@ -128,7 +128,7 @@ impl Grid {
     }
 
     /// Makes a grid from distances that are kept, for a vehicle that sweeps `half_width_m`: the same as
-    /// [`Grid::of_map`] where the map is known, but obstacles just outside the rectangle count too, and what lies
+    /// [`SearchGrid::of_map`] where the map is known, but obstacles just outside the rectangle count too, and what lies
     /// outside the bounds of the distances is closed. It takes less time, since nothing is inflated.
     ///
     /// # Errors
@@ -137,11 +137,11 @@ impl Grid {
         clearance: &Clearance,
         area: CellRect,
         half_width_m: f64,
-    ) -> Result<Grid, GridError> {
+    ) -> Result<SearchGrid, GridError> {
         let lattice = clearance.lattice();
         let clearance_m = swept_clearance_m(half_width_m, lattice);
         let clearance_cells = clearance_m / lattice.cell_m();
-        let mut grid = Grid::of_cells(lattice, area, 0.0, |_| false)?;
+        let mut grid = SearchGrid::of_cells(lattice, area, 0.0, |_| false)?;
         if !(0.0..=f64::from(clearance.reach_cells())).contains(&clearance_cells) {
             return Err(GridError::Clearance { clearance_m });
         }
@@ -217,7 +217,7 @@ impl Grid {
     }
 
     /// Closes all cells in which a disc around the middle is not wholly inside a polygon, e.g. the fence: the same as
-    /// [`Grid::close_where`] with [`Polygon::contains_disc`], but it looks closely only along the edges.
+    /// [`SearchGrid::close_where`] with [`Polygon::contains_disc`], but it looks closely only along the edges.
     pub fn close_outside(&mut self, fence: &Polygon, radius_m: f64) {
         // Between neighbouring middles that lie this far from all edges there is no edge.
         let apart_m = radius_m.max(self.lattice.cell_m());

@@ -3,7 +3,7 @@
 
 use super::{Corridor, Release};
 use crate::geom::{Angle, Lattice, Point, Segment, Vector};
-use crate::map::{Body, CellRect, Mapper, Merged, ScanReading};
+use crate::map::{CellRect, Mapper, Merged, OwnDisc, ScanReading};
 use tomoswarm_proto::{Boot, LayerId, VehicleId};
 
 const OWN: LayerId = LayerId {
@@ -64,7 +64,7 @@ fn drive(walls: &[Segment], seconds: i32) -> (f64, Release) {
         mapper.record(
             &mut map,
             &scan,
-            Body {
+            OwnDisc {
                 at,
                 radius_m: BODY_M,
             },

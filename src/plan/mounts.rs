@@ -88,7 +88,7 @@ pub struct Aim {
 
 /// How to look along a direction.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub enum Choice {
+pub enum MountChoice {
     /// A servo reaches it.
     Servo(Aim),
     /// The vehicle turns by this much, the smallest turn that lets a servo reach it.
@@ -141,9 +141,9 @@ impl Mounts {
     }
 
     /// Returns how to look along a direction (against the heading).
-    pub fn choose(&self, wanted: Angle) -> Choice {
+    pub fn choose(&self, wanted: Angle) -> MountChoice {
         if let Some(aim) = self.aim(wanted) {
-            return Choice::Servo(aim);
+            return MountChoice::Servo(aim);
         }
         let turns = self.0.iter().enumerate().flat_map(|(sensor, mount)| {
             [mount.from_rad, mount.to_rad]
@@ -154,7 +154,10 @@ impl Mounts {
             sensor: 0,
             offset_rad: 0.0,
         };
-        least.map_or(Choice::Servo(aim), |(by, aim)| Choice::Turn { by, aim })
+        least.map_or(MountChoice::Servo(aim), |(by, aim)| MountChoice::Turn {
+            by,
+            aim,
+        })
     }
 
     /// Returns the time that servos turn while every beam is looked along once, in a round that is repeated.
@@ -265,7 +268,7 @@ mod tests {
             (-150.0, 1, 30.0),
             (90.0, 2, 0.0),
         ] {
-            let Choice::Servo(aim) = mounts().choose(Angle::from_degrees(beam_deg)) else {
+            let MountChoice::Servo(aim) = mounts().choose(Angle::from_degrees(beam_deg)) else {
                 panic!("{beam_deg}° is not reached")
             };
             assert_eq!(aim.sensor, sensor, "{beam_deg}°");
@@ -284,7 +287,8 @@ mod tests {
             (-100.0, 35.0, 1),
             (80.0, -10.0, 2),
         ] {
-            let Choice::Turn { by, aim } = mounts().choose(Angle::from_degrees(beam_deg)) else {
+            let MountChoice::Turn { by, aim } = mounts().choose(Angle::from_degrees(beam_deg))
+            else {
                 panic!("{beam_deg}° is reached")
             };
             assert!((by.degrees() - by_deg).abs() < 1e-9, "{beam_deg}°: {by:?}");
@@ -359,8 +363,8 @@ mod tests {
             let mounts = Mounts::new(zeros.iter().map(|(zero, from, to)| mount(*zero, *from, *to)).collect());
             let wanted = Angle::from_degrees(wanted_deg);
             let (turned, aim) = match mounts.choose(wanted) {
-                Choice::Servo(aim) => (Angle::default(), aim),
-                Choice::Turn { by, aim } => (by, aim),
+                MountChoice::Servo(aim) => (Angle::default(), aim),
+                MountChoice::Turn { by, aim } => (by, aim),
             };
             let used = mounts.all()[aim.sensor];
             prop_assert!((used.from_rad..=used.to_rad).contains(&aim.offset_rad));

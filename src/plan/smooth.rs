@@ -2,7 +2,7 @@
 //! stays clear.
 
 use super::astar::{NoRoute, Rules, shortest_cells};
-use super::grid::Grid;
+use super::grid::SearchGrid;
 use crate::geom::{Cell, Point, Segment};
 
 /// A route over the plane.
@@ -22,7 +22,7 @@ pub struct Route {
 /// # Errors
 /// [`NoRoute`]; `GoalBarred` also when the goal's own place in its cell is too near to something.
 pub fn shortest_route(
-    grid: &Grid,
+    grid: &SearchGrid,
     start: Point,
     goal: Point,
     rules: &Rules,
@@ -44,7 +44,7 @@ pub fn shortest_route(
 /// # Errors
 /// [`NoRoute::GoalBarred`] when the goal's own place in its cell is too near to something, or there are no cells.
 pub fn route_along(
-    grid: &Grid,
+    grid: &SearchGrid,
     start: Point,
     cells: &[Cell],
     goal: Point,
@@ -81,7 +81,7 @@ pub fn route_along(
 
 /// Leaves out every corner that can be passed in a straight line from the last corner kept. Where some cells are dearer
 /// than others a line may lead through none that is dearer than all those it replaces.
-fn pulled_straight(grid: &Grid, points: &[Point]) -> Vec<Point> {
+fn pulled_straight(grid: &SearchGrid, points: &[Point]) -> Vec<Point> {
     let level_at = |point: Point| grid.level(grid.lattice().cell_at(point));
     let mut kept = vec![points[0]];
     let mut at = 0;
@@ -141,9 +141,9 @@ mod tests {
         map
     }
 
-    fn grid(solid: impl Fn(Cell) -> bool) -> Grid {
+    fn grid(solid: impl Fn(Cell) -> bool) -> SearchGrid {
         let area = CellRect::new(Cell::new(-20, -20), Cell::new(19, 19));
-        Grid::of_cells(Lattice::new(0.2), area, CLEARANCE_M, solid).unwrap()
+        SearchGrid::of_cells(Lattice::new(0.2), area, CLEARANCE_M, solid).unwrap()
     }
 
     #[test]
@@ -241,7 +241,7 @@ mod tests {
         ) {
             let lattice = Lattice::new(0.2);
             let area = CellRect::new(Cell::new(0, 0), Cell::new(31, 31));
-            let mut grid = Grid::of_cells(lattice, area, 0.2, |cell| stones.contains(&(cell.x, cell.y))).unwrap();
+            let mut grid = SearchGrid::of_cells(lattice, area, 0.2, |cell| stones.contains(&(cell.x, cell.y))).unwrap();
             let is_closed = |cell: Cell| closed.contains(&(cell.x, cell.y));
             grid.close_where(|place| is_closed(lattice.cell_at(place)));
             if let Some(wished_m) = wished_m {

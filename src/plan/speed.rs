@@ -6,7 +6,7 @@ use thiserror::Error;
 
 /// What a vehicle sees, how often, and how it stops.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Sight {
+pub struct SensingLimits {
     /// Up to here free space is known for sure, metres: the sensor's sure range, not its maximum.
     pub range_m: f64,
     /// What must be left between the vehicle and the end of what is known, metres, measured like the range.
@@ -65,7 +65,7 @@ pub fn stopping_distance_m(speed_mps: f64, delay_s: f64, braking_mps2: f64) -> f
     speed_mps * delay_s + speed_mps * speed_mps / (2.0 * braking_mps2)
 }
 
-impl Sight {
+impl SensingLimits {
     /// Returns the highest speed from which the vehicle stops within what it has seen, m/s.
     ///
     /// # Errors
@@ -103,7 +103,7 @@ impl Sight {
     }
 
     /// Returns the speed from which the vehicle stops within `room_m`, looks and latency included, m/s; 0 without
-    /// room. For values that [`Sight::highest_speed_mps`] has accepted.
+    /// room. For values that [`SensingLimits::highest_speed_mps`] has accepted.
     pub fn speed_within_mps(&self, room_m: f64) -> f64 {
         let (delay_s, braking_mps2) = (self.delay_s(), self.braking_mps2);
         let root_s = (delay_s * delay_s + 2.0 * room_m.max(0.0) / braking_mps2).sqrt();
@@ -166,7 +166,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const SIGHT: Sight = Sight {
+    const SIGHT: SensingLimits = SensingLimits {
         range_m: 2.0,
         margin_m: 0.5,
         scan_period_s: 0.5,
@@ -175,7 +175,7 @@ mod tests {
     };
 
     /// Drives in small steps: until the next look is obeyed at full speed, then braking.
-    fn driven_m(speed_mps: f64, sight: Sight) -> f64 {
+    fn driven_m(speed_mps: f64, sight: SensingLimits) -> f64 {
         let (step_s, mut speed, mut way_m, mut time_s) = (1e-4, speed_mps, 0.0, 0.0);
         while speed > 0.0 {
             way_m += speed * step_s;
@@ -195,7 +195,7 @@ mod tests {
             SIGHT.allow(highest * 1.01),
             Err(SpeedError::TooFast { .. })
         ));
-        let blind = Sight {
+        let blind = SensingLimits {
             range_m: 0.4,
             ..SIGHT
         };
@@ -206,7 +206,7 @@ mod tests {
                 margin_m: 0.5
             })
         );
-        let loose = Sight {
+        let loose = SensingLimits {
             braking_mps2: 0.0,
             ..SIGHT
         };
@@ -229,7 +229,7 @@ mod tests {
         fn the_highest_speed_stops_just_within_the_range(
             range_m in 0.6..5.0f64, scan_period_s in 0.0..2.0f64, braking_mps2 in 0.2..3.0f64,
         ) {
-            let sight = Sight { range_m, scan_period_s, braking_mps2, ..SIGHT };
+            let sight = SensingLimits { range_m, scan_period_s, braking_mps2, ..SIGHT };
             let way_m = driven_m(sight.highest_speed_mps().unwrap(), sight);
             prop_assert!((way_m - (range_m - 0.5)).abs() < 0.01, "{way_m}");
         }

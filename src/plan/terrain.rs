@@ -1,7 +1,7 @@
 //! A grid as a search reads it: with a border all round, so that no step leaves it, and one byte a cell that tells
 //! which of the eight cells around it are open.
 
-use super::Grid;
+use super::SearchGrid;
 use super::steps::{HIGHEST_LEVEL, STEPS};
 use crate::geom::Cell;
 use crate::map::CellRect;
@@ -26,7 +26,7 @@ pub(super) struct Terrain {
 
 impl Terrain {
     /// Reads a grid; with an escape also the cells that it opens.
-    pub(super) fn of_grid(grid: &Grid, escape: Option<Escape>) -> Terrain {
+    pub(super) fn of_grid(grid: &SearchGrid, escape: Option<Escape>) -> Terrain {
         let (width, height) = grid.size();
         let stride = width + 2;
         let mut open = vec![0_u8; stride * (height + 2)];
@@ -120,7 +120,7 @@ fn open_around(open: &[u8], stride: usize, row: usize, around: &mut [u8]) {
 
 impl Escape {
     /// Opens the cells near to something within reach, at the highest price.
-    fn open(self, grid: &Grid, stride: usize, open: &mut [u8], levels: &mut [u8]) {
+    fn open(self, grid: &SearchGrid, stride: usize, open: &mut [u8], levels: &mut [u8]) {
         let (width, height) = grid.size();
         for index in (0..width * height).filter(|index| grid.only_near(*index)) {
             if self.reaches(grid.cell(index)) {

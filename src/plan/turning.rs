@@ -7,7 +7,7 @@
 
 use std::f64::consts::FRAC_PI_4;
 
-use super::astar::{Found, NoRoute, Node, Rules, Turning, flood_back, shortest_over};
+use super::astar::{GridPath, NoRoute, Rules, SearchCell, TurningCost, flood_back, shortest_over};
 use super::buckets::Buckets;
 use super::steps::{Choices, HIGHEST_LEVEL, NO_STEP, STRAIGHT, price, steps_to_look_at};
 use super::terrain::Terrain;
@@ -33,9 +33,9 @@ pub(super) fn cheapest_cells(
     start: Cell,
     goal: Cell,
     rules: &Rules,
-    turning: Turning,
+    turning: TurningCost,
     cell_m: f64,
-) -> Result<Found, NoRoute> {
+) -> Result<GridPath, NoRoute> {
     if terrain.len() > MAX_CELLS {
         return Err(NoRoute::TooLargeToTurn {
             cells: terrain.len(),
@@ -57,7 +57,7 @@ pub(super) fn cheapest_cells(
     match search.run(terrain.place(goal)) {
         Some(state) => {
             let (cells, cost) = (search.walk_back(state), search.states[state].bound());
-            Ok(Found::of_cells(cells, cost, search.expanded, rules))
+            Ok(GridPath::of_cells(cells, cost, search.expanded, rules))
         }
         // Turns bar no way: without them none leads there either.
         None => shortest_over(terrain, start, goal, rules),
@@ -84,7 +84,7 @@ impl State {
 struct Search<'a> {
     terrain: &'a Terrain,
     /// Least cost from each place to the goal, turns not counted.
-    left: Vec<Node>,
+    left: Vec<SearchCell>,
     /// By place × 8 + heading.
     states: Vec<State>,
     queue: Buckets,
@@ -101,7 +101,12 @@ struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    fn new(terrain: &'a Terrain, rules: &Rules, left: Vec<Node>, cells_per_rad: f64) -> Search<'a> {
+    fn new(
+        terrain: &'a Terrain,
+        rules: &Rules,
+        left: Vec<SearchCell>,
+        cells_per_rad: f64,
+    ) -> Search<'a> {
         let most = price(
             1,
             if terrain.levels().is_none() {
@@ -130,7 +135,7 @@ impl<'a> Search<'a> {
     }
 
     /// Enters the start with every heading, at the price of turning there.
-    fn begin(&mut self, start: usize, turning: &Turning, cells_per_rad: f64) {
+    fn begin(&mut self, start: usize, turning: &TurningCost, cells_per_rad: f64) {
         for heading in (0..8).step_by(self.turn) {
             let cost = cost_of(cells_per_rad * turning.first_turn_rad(heading));
             self.reach(start * 8 + heading, cost, START);

@@ -32,20 +32,20 @@ use zenoh::Wait;
 use zenoh::qos::{CongestionControl, Priority};
 use zenoh::sample::Locality;
 
-use self::hearing::{Hearing, WhyAnew};
+use self::hearing::{SessionHearing, WhyAnew};
 use self::library_panics::{PanicsSeen, guarded};
-use self::links::Links;
+use self::links::LinkCounter;
 use super::clock::Clock;
 use super::mailbox::{Troubles, lock};
 use super::subjects;
 use super::trust::AccessRule;
 use crate::exchange::egress::OutboundFrame;
-pub use crate::exchange::ingress::Heard;
-use crate::exchange::ingress::{Refusal, read};
-use crate::exchange::joining::Verdict;
+pub use crate::exchange::ingress::HeardMessage;
+use crate::exchange::ingress::{FrameRefusal, read};
+use crate::exchange::joining::GreetingVerdict;
 use crate::exchange::presence::Presence;
-use crate::exchange::table::Class;
-use crate::exchange::{Exchange, Reception};
+use crate::exchange::table::Urgency;
+use crate::exchange::{Exchange, ReceivedFrame};
 use crate::time::Time;
 
 /// Between two tries to open a session.
@@ -57,7 +57,7 @@ const CLOSES_WITHIN: Duration = Duration::from_secs(1);
 
 /// How nodes are joined.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Topology {
+pub enum SessionTopology {
     /// Everyone with everyone; goes on without the ground station. Up to about 25 nodes.
     Mesh,
     /// All through the ground station.
@@ -85,7 +85,7 @@ pub struct BusSettings {
     /// Before every key: `tomoswarm/<venue>`.
     pub prefix: String,
     /// How nodes are joined.
-    pub topology: Topology,
+    pub topology: SessionTopology,
     /// Where it listens, such as `tcp/127.0.0.1:7447`.
     pub listen: Vec<String>,
     /// Whom it connects to.
@@ -102,7 +102,7 @@ pub struct BusSettings {
 
 /// What the bus has carried and refused.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub struct Traffic {
+pub struct BusTraffic {
     /// Frames published.
     pub sent: u64,
     /// Their bytes.
@@ -145,12 +145,12 @@ pub enum BusError {
 }
 
 /// Takes what a node is to be told, and what follows for taking part.
-type Subscriber = dyn Fn(Option<Heard>, Verdict) + Send + Sync;
+type Subscriber = dyn Fn(Option<HeardMessage>, GreetingVerdict) + Send + Sync;
 
 /// A node's part of the bus.
-pub struct Bus {
+pub struct BusSession {
     shared: Arc<Shared>,
-    links: Links,
+    links: LinkCounter,
     keeper: Option<JoinHandle<()>>,
 }
 
@@ -165,7 +165,7 @@ struct Shared {
     /// Whether a message could not be encoded since the start.
     has_failed: AtomicBool,
     subscriber: Box<Subscriber>,
-    hearing: Mutex<Hearing>,
+    hearing: Mutex<SessionHearing>,
     sent: AtomicU64,
     sent_bytes: AtomicU64,
     /// The library has panicked in a call of this session: it is not used any more.
@@ -174,7 +174,7 @@ struct Shared {
     panics: AtomicU64,
 }
 
-impl Bus {
+impl BusSession {
     /// Listens to the bus as a tool does, which asks nobody; `hear` is called from the bus's threads for everything that
     /// comes, and must not wait.
     ///
@@ -186,24 +186,24 @@ impl Bus {
         settings: BusSettings,
         clock: Clock,
         troubles: Troubles,
-        hear: impl Fn(Heard) + Send + Sync + 'static,
-    ) -> Result<Bus, BusError> {
-        let hear_all = move |heard: Option<Heard>, _| heard.into_iter().for_each(&hear);
-        Bus::join(settings, Presence::listening(), clock, troubles, hear_all)
+        hear: impl Fn(HeardMessage) + Send + Sync + 'static,
+    ) -> Result<BusSession, BusError> {
+        let hear_all = move |heard: Option<HeardMessage>, _| heard.into_iter().for_each(&hear);
+        BusSession::join(settings, Presence::listening(), clock, troubles, hear_all)
     }
 
     /// Goes on the bus; `hear` is called from the bus's threads for what the node is to be told and for what follows for
     /// taking part, and must not wait.
     ///
     /// # Errors
-    /// As [`Bus::open`].
+    /// As [`BusSession::open`].
     pub fn join(
         settings: BusSettings,
         presence: Presence,
         clock: Clock,
         troubles: Troubles,
-        hear: impl Fn(Option<Heard>, Verdict) + Send + Sync + 'static,
-    ) -> Result<Bus, BusError> {
+        hear: impl Fn(Option<HeardMessage>, GreetingVerdict) + Send + Sync + 'static,
+    ) -> Result<BusSession, BusError> {
         library_panics::watch();
         let exchange = Exchange::new(settings.egress_bytes_per_s, presence);
         let shared = Arc::new(Shared {
@@ -216,7 +216,7 @@ impl Bus {
             is_closing: AtomicBool::new(false),
             has_failed: AtomicBool::new(false),
             subscriber: Box::new(hear),
-            hearing: Mutex::new(Hearing::new(clock.now())),
+            hearing: Mutex::new(SessionHearing::new(clock.now())),
             sent: AtomicU64::new(0),
             sent_bytes: AtomicU64::new(0),
             is_broken: AtomicBool::new(false),
@@ -227,12 +227,12 @@ impl Bus {
             shared.open_session()?;
         }
         let weak = Arc::downgrade(&shared);
-        let links = Links::watch(move || weak.upgrade()?.look())?;
+        let links = LinkCounter::watch(move || weak.upgrade()?.look())?;
         let of_keeper = shared.clone();
         let keeper = std::thread::Builder::new()
             .name("bus".to_owned())
             .spawn(move || of_keeper.keep_on())?;
-        Ok(Bus {
+        Ok(BusSession {
             shared,
             links,
             keeper: Some(keeper),
@@ -264,7 +264,7 @@ impl Bus {
     }
 }
 
-impl Drop for Bus {
+impl Drop for BusSession {
     fn drop(&mut self) {
         self.end();
     }
@@ -275,7 +275,7 @@ impl Drop for Bus {
 #[derive(Clone)]
 pub struct Publisher {
     shared: Arc<Shared>,
-    links: Links,
+    links: LinkCounter,
 }
 
 impl Publisher {
@@ -318,9 +318,9 @@ impl Publisher {
     }
 
     /// Returns what was carried so far.
-    pub fn traffic(&self) -> Traffic {
+    pub fn traffic(&self) -> BusTraffic {
         let counts = lock(&self.shared.exchange).counts();
-        Traffic {
+        BusTraffic {
             sent: self.shared.sent.load(Ordering::Relaxed),
             sent_bytes: self.shared.sent_bytes.load(Ordering::Relaxed),
             taken: counts.taken,
@@ -342,8 +342,8 @@ impl Shared {
     /// Returns whether the node listens for others.
     fn is_hub(&self) -> bool {
         match self.settings.topology {
-            Topology::Mesh => true,
-            Topology::Star => self.settings.node == Sender::Ground,
+            SessionTopology::Mesh => true,
+            SessionTopology::Star => self.settings.node == Sender::Ground,
         }
     }
 
@@ -544,10 +544,10 @@ impl Shared {
         self.sent_bytes
             .fetch_add(frame.frame.len() as u64, Ordering::Relaxed);
         let (priority, is_express) = match frame.class {
-            Class::Urgent => (Priority::RealTime, true),
-            Class::High => (Priority::InteractiveHigh, false),
-            Class::Normal => (Priority::Data, false),
-            Class::Low => (Priority::Background, false),
+            Urgency::Urgent => (Priority::RealTime, true),
+            Urgency::High => (Priority::InteractiveHigh, false),
+            Urgency::Normal => (Priority::Data, false),
+            Urgency::Low => (Priority::Background, false),
         };
         let key = format!(
             "{}/{}",
@@ -582,7 +582,7 @@ impl Shared {
             .strip_prefix(&self.settings.prefix)
             .and_then(|key| key.strip_prefix('/'));
         let Some((key, sender)) = key.and_then(|key| Some((key, Key::sender(key)?))) else {
-            return self.refuse(None, full_key, &Refusal::NoSender);
+            return self.refuse(None, full_key, &FrameRefusal::NoSender);
         };
         let admitted = lock(&self.exchange).admit(now, sender, bytes.len());
         let whole = admitted.and_then(|()| whole(bytes, check));
@@ -592,7 +592,7 @@ impl Shared {
         let heard = match heard {
             Ok(heard) => heard,
             Err(refusal) => {
-                if let Refusal::Damaged = refusal {
+                if let FrameRefusal::Damaged = refusal {
                     lock(&self.hearing).damage(now);
                 }
                 return self.refuse(Some(sender), key, &refusal);
@@ -600,7 +600,7 @@ impl Shared {
         };
         lock(&self.hearing).hear(now, sender);
         let reception = lock(&self.exchange).accept(now, bytes.len(), heard);
-        let Reception {
+        let ReceivedFrame {
             heard,
             verdict,
             reply,
@@ -613,7 +613,7 @@ impl Shared {
     }
 
     /// Counts what is refused, and logs it when its number is a power of ten.
-    fn refuse(&self, sender: Option<Sender>, key: &str, refusal: &Refusal) {
+    fn refuse(&self, sender: Option<Sender>, key: &str, refusal: &FrameRefusal) {
         let worth_a_line = lock(&self.exchange).refuse(sender, refusal);
         if let Some(count) = worth_a_line {
             let (what, who) = (
@@ -626,20 +626,22 @@ impl Shared {
 }
 
 /// Lets a frame pass that is what was sent, as far as it says so.
-fn whole(bytes: &[u8], check: Option<&[u8]>) -> Result<(), Refusal> {
+fn whole(bytes: &[u8], check: Option<&[u8]>) -> Result<(), FrameRefusal> {
     match check.is_none_or(|check| check == crc32fast::hash(bytes).to_le_bytes()) {
         true => Ok(()),
-        false => Err(Refusal::Damaged),
+        false => Err(FrameRefusal::Damaged),
     }
 }
 
 /// Lets a message pass that came under the key that belongs to it; greetings are looked at wherever they come.
-fn under_its_key(heard: Heard, key: &str) -> Result<Heard, Refusal> {
+fn under_its_key(heard: HeardMessage, key: &str) -> Result<HeardMessage, FrameRefusal> {
     match &heard {
-        Heard::Message(sender, message) if Key::of(*sender, message).to_string() != key => {
-            Err(Refusal::NotItsToSay { sender: *sender })
+        HeardMessage::Message(sender, message) if Key::of(*sender, message).to_string() != key => {
+            Err(FrameRefusal::NotItsToSay { sender: *sender })
         }
-        Heard::Message(..) | Heard::Greeting(..) | Heard::Unknown(_) => Ok(heard),
+        HeardMessage::Message(..) | HeardMessage::Greeting(..) | HeardMessage::Unknown(_) => {
+            Ok(heard)
+        }
     }
 }
 

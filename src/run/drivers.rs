@@ -21,28 +21,33 @@ use tomoswarm_proto::{Boot, RangeHealth};
 
 use self::range::Range;
 use super::clock::Clock;
-use super::link::{LinkSettings, LinkState, WorldLink};
+use super::link::{LinkState, WorldLink, WorldLinkSettings};
 use super::mailbox::Troubles;
 use crate::autopilot::{Command, NumberedCommand};
 use crate::config::{AutopilotDriver, Drivers, RadioDriver, RangeDriver, VehicleFile};
 use crate::node::{Effect, Event};
 
 /// Hears what devices say.
-pub type Told = Arc<dyn Fn(Event) + Send + Sync>;
+pub type EventSink = Arc<dyn Fn(Event) + Send + Sync>;
 
 /// The devices of a vehicle; dropping them ends their drivers.
-pub struct Devices {
+pub struct VehicleDevices {
     drivers: Drivers,
     world: Option<WorldLink>,
     range: Range,
 }
 
-impl Devices {
+impl VehicleDevices {
     /// Starts the drivers that a vehicle's file names. A device that is not there is no error: it is looked for for ever.
     ///
     /// # Errors
     /// No thread can be started.
-    pub fn start(file: &VehicleFile, boot: Boot, clock: Clock, told: &Told) -> io::Result<Devices> {
+    pub fn start(
+        file: &VehicleFile,
+        boot: Boot,
+        clock: Clock,
+        told: &EventSink,
+    ) -> io::Result<VehicleDevices> {
         let drivers = file.drivers.clone();
         tracing::info!("drivers: {}", drivers.in_words());
         if drivers.range == RangeDriver::None {
@@ -55,7 +60,7 @@ impl Devices {
             .has_simulated()
             .then(|| link(file, boot, &range, told))
             .transpose()?;
-        Ok(Devices {
+        Ok(VehicleDevices {
             drivers,
             world,
             range,
@@ -87,7 +92,7 @@ impl Devices {
             | Effect::Tally(_)
             | Effect::Remember(_)
             | Effect::KeepStops(_)
-            | Effect::Note(_) => {}
+            | Effect::VehicleEvent(_) => {}
         }
     }
 
@@ -132,8 +137,8 @@ impl Devices {
 }
 
 /// Begins to connect to the world; what it says is told when a simulated device says it.
-fn link(file: &VehicleFile, boot: Boot, range: &Range, told: &Told) -> io::Result<WorldLink> {
-    let settings = LinkSettings {
+fn link(file: &VehicleFile, boot: Boot, range: &Range, told: &EventSink) -> io::Result<WorldLink> {
+    let settings = WorldLinkSettings {
         address: file.world.connect,
         token: file.world.token.clone(),
         vehicle: file.id,
@@ -157,7 +162,7 @@ fn is_of_simulated(drivers: &Drivers, event: &Event) -> bool {
         Event::Echo(_) => drivers.range == RangeDriver::Simulated,
         Event::Heard(_) | Event::Unsent(_) => drivers.radio == RadioDriver::Simulated,
         Event::Bus(..)
-        | Event::Kept(..)
+        | Event::SampleStored(..)
         | Event::Recalled(_)
         | Event::Dropped(_)
         | Event::Remembered(_) => false,

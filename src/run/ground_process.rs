@@ -14,13 +14,13 @@ use std::path::Path;
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::sync::{Arc, Mutex};
 
-use tomoswarm_proto::{Boot, Message, Report, Sender, VehicleId, codec};
+use tomoswarm_proto::{Boot, GroundReport, Message, Sender, VehicleId, codec};
 
 use self::archive::Archive;
-use self::keeper::{Wanted, keeper};
+use self::keeper::{StoreJob, keeper};
 use super::bus::{BusError, Publisher};
 use super::mailbox::{Troubles, lock};
-use super::member::Member;
+use super::member::BusMember;
 use super::membership::{self, NoChance};
 use super::node_threads::LiveNode;
 use super::process::{Finish, Process};
@@ -28,14 +28,14 @@ use super::state_dir::{StateDir, StateDirError};
 use super::trust::TrustError;
 use super::vehicle_process::{recorder, short, watch_recorder, watch_stops};
 use crate::config::GroundFile;
-use crate::ground::Source;
+use crate::ground::ActorSettings;
 use crate::ground::from_config::{PartsError, ground_parts};
-use crate::ground::station::{self, Memory, Station};
+use crate::ground::station::{self, Station, StationMemory};
 use crate::ground::{Effect, Event, GroundWiring};
 use crate::stops::StopsSettings;
 use crate::store::CheckedFileError;
 use crate::store::StoreError;
-use crate::store::ground::{GroundStore, Restored, Start};
+use crate::store::ground::{GroundStore, RestoredStore, Start};
 use crate::store::stops::{StopsDriver, StopsFile};
 use crate::time::Time;
 
@@ -73,9 +73,9 @@ pub enum GroundError {
 
 /// How the ground station fares, for its status line.
 #[derive(Clone, PartialEq, Debug)]
-pub struct Status {
+pub struct GroundStatus {
     /// What it said of itself last.
-    pub report: Option<Report>,
+    pub report: Option<GroundReport>,
     /// Links to other nodes.
     pub links: usize,
     /// What is wrong.
@@ -92,7 +92,7 @@ pub fn run(
     text: &str,
     venue_text: &str,
     is_stopped: &dyn Fn() -> bool,
-    status: &mut dyn FnMut(&Status),
+    status: &mut dyn FnMut(&GroundStatus),
 ) -> Result<Finish, GroundError> {
     let mut process = Process::begin();
     let state_dir = StateDir::open(Path::new(&file.state_dir))?;
@@ -109,7 +109,7 @@ pub fn run(
     let store = GroundStore::open(&state_dir.join("ground.sqlite"), &start)?;
     let holder = membership::draw()?;
     let stops_file = StopsFile::at(state_dir.join("stops"));
-    let source = Source {
+    let source = ActorSettings {
         stops: kept_stops(&stops_file)?,
         ..source(file, state_dir.boot(), holder, &store)?
     };
@@ -146,11 +146,11 @@ pub fn run(
     let of_actors = edge.clone();
     let carry_out = move |effect| of_actors.carry_out(effect);
     let threads = node.start(process.context(), source, recorder.as_ref(), carry_out)?;
-    let mut tick = |_: Time, _: &Member, troubles: &Troubles| {
+    let mut tick = |_: Time, _: &BusMember, troubles: &Troubles| {
         watch_recorder(recorder.as_ref(), troubles);
         watch_stops(&edge.stops, troubles);
         let report = lock(&edge.report).clone();
-        status(&Status {
+        status(&GroundStatus {
             report,
             links: edge.publisher.links(),
             troubles: troubles.list(),
@@ -166,7 +166,7 @@ pub fn run(
     member.close();
     threads.join();
     // The bus's subscriber lives as long as anyone holds its publisher, so the queue never ends by itself.
-    to_store.send(Wanted::End).unwrap_or_default();
+    to_store.send(StoreJob::End).unwrap_or_default();
     let _ = keeper.join();
     Ok(finish)
 }
@@ -177,10 +177,10 @@ fn source(
     boot: Boot,
     holder: u64,
     store: &GroundStore,
-) -> Result<Source, GroundError> {
+) -> Result<ActorSettings, GroundError> {
     let parts = ground_parts(file, boot, holder, store.id())?;
     let resumed = resume(parts.station.clone(), store.resume()?, &expected(file));
-    Ok(Source {
+    Ok(ActorSettings {
         parts,
         resumed: Some(resumed),
         stops: StopsSettings::default(),
@@ -201,7 +201,7 @@ fn expected(file: &GroundFile) -> BTreeSet<VehicleId> {
 /// What was stored of vehicles that are not expected any more stays in the store, and is passed over.
 fn resume(
     settings: station::StationSettings,
-    mut restored: Restored,
+    mut restored: RestoredStore,
     expected: &BTreeSet<VehicleId>,
 ) -> Station {
     restored
@@ -215,7 +215,7 @@ fn resume(
             "the run was left by version {version}: it is not gone on with, its data are kept"
         );
     }
-    let memory = restored.memory.as_deref().and_then(|bytes| match codec::unpack::<Memory>(bytes) {
+    let memory = restored.memory.as_deref().and_then(|bytes| match codec::unpack::<StationMemory>(bytes) {
         Ok(memory) => Some(memory),
         Err(error) => {
             tracing::warn!(
@@ -249,7 +249,7 @@ type LiveGround = LiveNode<GroundWiring>;
 /// Takes what the bus delivers.
 struct Subscriber {
     node: LiveGround,
-    store: SyncSender<Wanted>,
+    store: SyncSender<StoreJob>,
     expected: BTreeSet<VehicleId>,
 }
 
@@ -279,11 +279,11 @@ impl Subscriber {
         }
         match message {
             // When the store cannot keep pace a batch is dropped: its vehicle repeats it.
-            Message::Samples(batch) => drop(self.store.try_send(Wanted::Samples(batch))),
+            Message::Samples(batch) => drop(self.store.try_send(StoreJob::Samples(batch))),
             Message::Hello(hello) => {
                 match sender {
                     Sender::Vehicle(vehicle) => {
-                        drop(self.store.try_send(Wanted::Software(
+                        drop(self.store.try_send(StoreJob::Software(
                             vehicle,
                             hello.boot,
                             hello.software,
@@ -297,7 +297,7 @@ impl Subscriber {
                 }
             }
             Message::Tile(report) => {
-                drop(self.store.try_send(Wanted::Tile(report.clone())));
+                drop(self.store.try_send(StoreJob::Tile(report.clone())));
                 self.node.tell(Event::Bus(sender, Message::Tile(report)));
             }
             Message::State(_)
@@ -321,7 +321,7 @@ struct Edge {
     publisher: Publisher,
     archive: Arc<Archive>,
     troubles: Troubles,
-    report: Mutex<Option<Report>>,
+    report: Mutex<Option<GroundReport>>,
     stops: StopsDriver,
 }
 
@@ -347,7 +347,7 @@ impl Edge {
             Effect::EndRun(run) => self.archive.hold_end(run),
             Effect::KeepStops(standing) => self.stops.keep(&standing),
             Effect::StopsNote(remark) => tracing::info!("{remark}"),
-            Effect::Note(note) => tracing::info!("{note:?}"),
+            Effect::StationEvent(note) => tracing::info!("{note:?}"),
         }
     }
 
@@ -381,9 +381,9 @@ impl Edge {
 }
 
 /// Adds what is wrong with the process to what the station says of itself.
-fn with_troubles(report: Report, of_process: Vec<String>) -> Report {
+fn with_troubles(report: GroundReport, of_process: Vec<String>) -> GroundReport {
     let troubles = short(report.troubles.iter().cloned().chain(of_process).collect());
-    Report { troubles, ..report }
+    GroundReport { troubles, ..report }
 }
 
 #[cfg(test)]

@@ -19,11 +19,11 @@ mod frame;
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Boot, VehicleId, codec};
 
-use crate::autopilot::{Ack, NumberedCommand, Report};
+use crate::autopilot::{Ack, AutopilotReport, NumberedCommand};
 use crate::geom::{Angle, Point, Pose};
 use crate::node::sensor::{Echo, Ping};
 
-pub use client::{LinkSettings, LinkState, WorldLink};
+pub use client::{LinkState, WorldLink, WorldLinkSettings};
 pub use control::{ControlError, WorldControl};
 pub use frame::{FrameError, LIMIT, read_frame, write_frame};
 
@@ -82,9 +82,9 @@ pub enum FromWorld {
     /// The connection is accepted.
     Welcome(Welcome),
     /// It is not, or is not any longer; nothing follows.
-    Refused(Refused),
+    Refused(LinkRefusal),
     /// What the autopilot says of itself, ten times a second.
-    Autopilot(Report),
+    Autopilot(AutopilotReport),
     /// The autopilot's answer to a command.
     Ack(Ack),
     /// The range sensor has its reading.
@@ -99,7 +99,7 @@ pub enum FromWorld {
     /// The radio has not sent the beacon of this sequence: it was speaking, or the beacon is none that it could send.
     Unsent(u32),
     /// How it is going.
-    Status(Status),
+    Status(WorldStatus),
     /// Places of a track; fewer than [`PLACES_LIMIT`] are its end.
     Places(Vec<Point>),
 }
@@ -115,7 +115,7 @@ pub struct Welcome {
 
 /// Why the world does not listen to somebody.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, thiserror::Error)]
-pub enum Refused {
+pub enum LinkRefusal {
     /// The protocol is another one.
     #[error("the world speaks version {expected} of the link, this program version {found}")]
     Version {
@@ -176,7 +176,7 @@ pub enum Refused {
 
 /// How it is going in the world; true places, as the referee sees them.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
-pub struct Status {
+pub struct WorldStatus {
     /// Nanoseconds since the world began.
     pub now_ns: u64,
     /// Whether the persons have entered.
@@ -310,11 +310,11 @@ mod tests {
             speed_mps: 1.0,
             places: u32::MAX,
         };
-        check(FromWorld::Status(Status {
+        check(FromWorld::Status(WorldStatus {
             vehicles: vec![vehicle; 256],
             collisions: vec![contact; COLLISIONS_LIMIT],
             persons: vec![place; 256],
-            ..Status::default()
+            ..WorldStatus::default()
         }));
     }
 

@@ -1,7 +1,7 @@
 //! The operator on the real bus: a thin loop that feeds its actors with what is heard and with the time, and publishes what
 //! they say. It decides nothing, and shows nothing.
 
-use super::bus::Heard;
+use super::bus::HeardMessage;
 use super::operator_session::Session;
 use crate::actor::Fault;
 use crate::operator::OperatorNode;
@@ -64,7 +64,7 @@ impl LiveOperator {
     pub fn go_on(
         &mut self,
         until: Time,
-        mut observe: impl FnMut(Time, &Heard),
+        mut observe: impl FnMut(Time, &HeardMessage),
     ) -> Result<Vec<Out>, Fault> {
         let is_linked = self.session.is_linked();
         if is_linked != self.is_linked {
@@ -116,7 +116,7 @@ impl LiveOperator {
                 Out::Give(_) => {}
                 Out::InForce(..)
                 | Out::Ended(..)
-                | Out::Cue(_)
+                | Out::Announce(_)
                 | Out::ScriptEnded(_)
                 | Out::StopsNote(_) => {
                     said.push(out);

@@ -452,7 +452,7 @@ pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::actor::Class;
+    use crate::actor::InputClass;
     use crate::time::Deadline;
     use serde::{Deserialize, Serialize};
     use std::sync::mpsc::{Receiver, channel};
@@ -469,8 +469,8 @@ mod tests {
 
     impl Input for Told {
         type Key = ();
-        fn class(&self) -> Class<()> {
-            Class::Queue
+        fn class(&self) -> InputClass<()> {
+            InputClass::Queue
         }
     }
 

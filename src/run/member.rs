@@ -5,19 +5,19 @@ use std::sync::Mutex;
 
 use tomoswarm_proto::{Hello, Message, Sender};
 
-use super::bus::{Bus, BusError, BusSettings, Heard, Publisher};
+use super::bus::{BusError, BusSession, BusSettings, HeardMessage, Publisher};
 use super::mailbox::{Ending, RuntimeContext, lock};
-use crate::exchange::joining::Verdict;
+use crate::exchange::joining::GreetingVerdict;
 use crate::exchange::presence::Presence;
 use crate::time::Time;
 
 /// A node on the bus.
-pub struct Member {
-    bus: Bus,
+pub struct BusMember {
+    bus: BusSession,
     is_speaking: bool,
 }
 
-impl Member {
+impl BusMember {
     /// Goes on the bus and begins to ask; `hear` gets every message of nodes that fit.
     ///
     /// # Errors
@@ -27,31 +27,33 @@ impl Member {
         own: Hello,
         context: &RuntimeContext,
         hear: impl Fn(Sender, Message) + Send + Sync + 'static,
-    ) -> Result<Member, BusError> {
+    ) -> Result<BusMember, BusError> {
         let endings = Mutex::new(context.endings.clone());
         let presence = Presence::asking(context.clock.now(), own);
-        let take = move |heard: Option<Heard>, verdict| {
-            if let Some(Heard::Message(sender, message)) = heard {
+        let take = move |heard: Option<HeardMessage>, verdict| {
+            if let Some(HeardMessage::Message(sender, message)) = heard {
                 hear(sender, message);
             }
             match verdict {
-                Verdict::Fine => {}
-                Verdict::Foreign(reason) | Verdict::Stays(reason) => tracing::warn!("{reason}"),
-                Verdict::Refused(reason) => {
+                GreetingVerdict::Fine => {}
+                GreetingVerdict::Foreign(reason) | GreetingVerdict::Stays(reason) => {
+                    tracing::warn!("{reason}")
+                }
+                GreetingVerdict::Refused(reason) => {
                     lock(&endings)
                         .send(Ending::Refused(reason))
                         .unwrap_or_default();
                 }
             }
         };
-        let bus = Bus::join(
+        let bus = BusSession::join(
             settings,
             presence,
             context.clock,
             context.troubles.clone(),
             take,
         )?;
-        Ok(Member {
+        Ok(BusMember {
             bus,
             is_speaking: false,
         })

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use tomoswarm_proto::{Boot, Capability, Hello, OperatorId, Sender};
 
-use super::bus::{BusSettings, Topology, Trust};
+use super::bus::{BusSettings, SessionTopology, Trust};
 use super::state_dir::StateDir;
 use super::trust::{self, AccessRule, TrustError, Trusted};
 use crate::config::{BusFile, Endpoint, Topology as Named, Venue};
@@ -48,8 +48,8 @@ pub fn bus_settings(
         node,
         prefix: format!("tomoswarm/{}", venue.name),
         topology: match file.topology {
-            Named::Mesh => Topology::Mesh,
-            Named::Star => Topology::Star,
+            Named::Mesh => SessionTopology::Mesh,
+            Named::Star => SessionTopology::Star,
         },
         listen: text(&file.listen),
         connect: text(&file.connect),

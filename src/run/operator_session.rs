@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use super::bus::{Bus, BusError, BusSettings, Heard, Publisher};
+use super::bus::{BusError, BusSession, BusSettings, HeardMessage, Publisher};
 use super::clock::Clock;
 use super::mailbox::Troubles;
 use crate::time::Time;
@@ -16,9 +16,9 @@ const WAITING: usize = 8192;
 
 /// A tool's part of the bus.
 pub struct Session {
-    bus: Bus,
+    bus: BusSession,
     publisher: Publisher,
-    heard: Receiver<(Time, Heard)>,
+    heard: Receiver<(Time, HeardMessage)>,
     clock: Clock,
     /// This machine's date when the clock was started, seconds since 1970.
     began_utc_s: f64,
@@ -48,7 +48,7 @@ impl Session {
                 of_ear.fetch_add(1, Ordering::Relaxed);
             }
         };
-        let bus = Bus::open(settings, clock, troubles.clone(), hear)?;
+        let bus = BusSession::open(settings, clock, troubles.clone(), hear)?;
         let publisher = bus.publisher();
         publisher.speak();
         Ok(Session {
@@ -73,7 +73,7 @@ impl Session {
     }
 
     /// Waits for the next message until a moment.
-    pub fn hear(&self, until: Time) -> Option<(Time, Heard)> {
+    pub fn hear(&self, until: Time) -> Option<(Time, HeardMessage)> {
         let wait = until.since(self.now());
         match self.heard.recv_timeout(wait) {
             Ok(heard) => Some(heard),

@@ -15,7 +15,7 @@ use tomoswarm_proto::Message;
 use super::bus::{BusError, BusSettings};
 use super::clock::Clock;
 use super::mailbox::{Ending, RuntimeContext, Troubles};
-use super::member::Member;
+use super::member::BusMember;
 use crate::time::Time;
 use tomoswarm_proto::{Hello, Sender};
 
@@ -73,12 +73,12 @@ impl Process {
         settings: BusSettings,
         own: Hello,
         hear: impl Fn(Sender, Message) + Send + Sync + 'static,
-    ) -> Result<Member, BusError> {
-        Member::open(settings, own, &self.context, hear)
+    ) -> Result<BusMember, BusError> {
+        BusMember::open(settings, own, &self.context, hear)
     }
 
     /// Asks whether it may take part, until it does; returns how it ended if it may not, or was asked to stop meanwhile.
-    pub fn ask(&mut self, member: &mut Member, is_stopped: &dyn Fn() -> bool) -> Option<Finish> {
+    pub fn ask(&mut self, member: &mut BusMember, is_stopped: &dyn Fn() -> bool) -> Option<Finish> {
         loop {
             let next = member.greet(self.context.clock.now());
             if is_stopped() {
@@ -98,10 +98,10 @@ impl Process {
     /// actor has been acting; `tick` is called once a second.
     pub fn keep(
         &mut self,
-        member: &mut Member,
+        member: &mut BusMember,
         is_stopped: &dyn Fn() -> bool,
         busy_for: &dyn Fn(Time) -> Duration,
-        tick: &mut dyn FnMut(Time, &Member, &Troubles),
+        tick: &mut dyn FnMut(Time, &BusMember, &Troubles),
     ) -> Finish {
         let mut is_ready = false;
         loop {

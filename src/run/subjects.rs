@@ -4,12 +4,12 @@
 //!
 //! In key expressions `*` is one part, `**` any number.
 
-use tomoswarm_proto::{Kind, Sender, VehicleId};
+use tomoswarm_proto::{MessageKind, Sender, VehicleId};
 
-use crate::exchange::table::{Audience, Row, TABLE, Vehicles};
+use crate::exchange::table::{Audience, MessageRule, TABLE, VehicleSet};
 
 /// Returns who hears a kind of message from one role.
-type Hearers = fn(&Row) -> Option<Audience>;
+type Hearers = fn(&MessageRule) -> Option<Audience>;
 
 /// Those who say something, as patterns of keys.
 const ROLES: [(&str, Hearers); 3] = [
@@ -44,7 +44,7 @@ fn heard_of(node: Sender, role: &str, audience: Hearers) -> Vec<String> {
     let on_the_bus: Vec<_> = on_the_bus
         .filter(|(_, audience)| !audience.is_nobody())
         .collect();
-    let pattern = |(row, audience): &(&Row, Audience)| match node {
+    let pattern = |(row, audience): &(&MessageRule, Audience)| match node {
         Sender::Vehicle(id) => heard_by_vehicle(id, role, row, audience.vehicles),
         Sender::Ground => audience.ground.then(|| about_anything(role, row)),
         Sender::Operator(_) => audience.operators.then(|| about_anything(role, row)),
@@ -63,28 +63,33 @@ fn everything_of(role: &str) -> String {
     format!("{}/**", role.trim_end_matches("/*"))
 }
 
-fn heard_by_vehicle(id: VehicleId, role: &str, row: &Row, vehicles: Vehicles) -> Option<String> {
+fn heard_by_vehicle(
+    id: VehicleId,
+    role: &str,
+    row: &MessageRule,
+    vehicles: VehicleSet,
+) -> Option<String> {
     match vehicles {
-        Vehicles::None => None,
-        Vehicles::Addressed => Some(format!("{role}/{}/{id}", row.kind)),
-        Vehicles::All => Some(about_anything(role, row)),
+        VehicleSet::None => None,
+        VehicleSet::Addressed => Some(format!("{role}/{}/{id}", row.kind)),
+        VehicleSet::All => Some(about_anything(role, row)),
     }
 }
 
-fn about_anything(role: &str, row: &Row) -> String {
+fn about_anything(role: &str, row: &MessageRule) -> String {
     let tail = match row.kind {
-        Kind::Hello
-        | Kind::State
-        | Kind::Digest
-        | Kind::Mission
-        | Kind::Samples
-        | Kind::Have
-        | Kind::Beacon
-        | Kind::Health
-        | Kind::Report
-        | Kind::Standing => "",
-        Kind::Plan | Kind::Order | Kind::Task => "/*",
-        Kind::Tile | Kind::Want | Kind::Image => "/**",
+        MessageKind::Hello
+        | MessageKind::State
+        | MessageKind::Digest
+        | MessageKind::Mission
+        | MessageKind::Samples
+        | MessageKind::Have
+        | MessageKind::Beacon
+        | MessageKind::Health
+        | MessageKind::Report
+        | MessageKind::Standing => "",
+        MessageKind::Plan | MessageKind::Order | MessageKind::Task => "/*",
+        MessageKind::Tile | MessageKind::Want | MessageKind::Image => "/**",
     };
     format!("{role}/{}{tail}", row.kind)
 }

@@ -5,13 +5,13 @@ use std::collections::BTreeSet;
 
 use serde_json::{Value, json};
 use tomoswarm_proto::codec::Greeting;
-use tomoswarm_proto::{Kind, Message, Sender, VehicleId};
+use tomoswarm_proto::{Message, MessageKind, Sender, VehicleId};
 
-use super::bus::Heard;
+use super::bus::HeardMessage;
 
 /// Returns the kinds of messages as they are named on the command line and in the lines.
-pub fn kinds() -> [&'static str; Kind::ALL.len()] {
-    Kind::ALL.map(Kind::word)
+pub fn kinds() -> [&'static str; MessageKind::ALL.len()] {
+    MessageKind::ALL.map(MessageKind::word)
 }
 
 /// What is wanted of all that is heard.
@@ -28,16 +28,18 @@ pub struct Tapping {
 impl Tapping {
     /// Returns what was heard as an object if it is wanted; `received_s` counts from the tool's start, `utc_s` from 1970 by
     /// the clock of this machine.
-    pub fn line(&self, received_s: f64, utc_s: f64, heard: &Heard) -> Option<Value> {
+    pub fn line(&self, received_s: f64, utc_s: f64, heard: &HeardMessage) -> Option<Value> {
         let (sender, kind, message) = match heard {
-            Heard::Message(sender, message) => (*sender, message.word(), self.written(message)),
-            Heard::Greeting(greeting, Some(hello)) => (
+            HeardMessage::Message(sender, message) => {
+                (*sender, message.word(), self.written(message))
+            }
+            HeardMessage::Greeting(greeting, Some(hello)) => (
                 greeting.node,
                 "hello",
                 written(&Message::Hello(hello.clone())),
             ),
-            Heard::Greeting(greeting, None) => (greeting.node, "hello", foreign(greeting)),
-            Heard::Unknown(_) => return None,
+            HeardMessage::Greeting(greeting, None) => (greeting.node, "hello", foreign(greeting)),
+            HeardMessage::Unknown(_) => return None,
         };
         let is_kind = self.kinds.is_empty() || self.kinds.contains(kind);
         let concerned = [of_sender(sender), addressee(heard)];
@@ -101,11 +103,11 @@ fn of_sender(sender: Sender) -> Option<VehicleId> {
 }
 
 /// Returns for which vehicle a message is.
-fn addressee(heard: &Heard) -> Option<VehicleId> {
+fn addressee(heard: &HeardMessage) -> Option<VehicleId> {
     match heard {
-        Heard::Message(_, Message::Order(order)) => Some(order.vehicle),
-        Heard::Message(_, Message::Plan(plan)) => Some(plan.vehicle),
-        Heard::Message(..) | Heard::Greeting(..) | Heard::Unknown(_) => None,
+        HeardMessage::Message(_, Message::Order(order)) => Some(order.vehicle),
+        HeardMessage::Message(_, Message::Plan(plan)) => Some(plan.vehicle),
+        HeardMessage::Message(..) | HeardMessage::Greeting(..) | HeardMessage::Unknown(_) => None,
     }
 }
 
@@ -118,7 +120,7 @@ mod tests {
     use super::*;
     use crate::operator::tests_support::{heard, report, state};
     use tomoswarm_proto::{
-        Boot, LayerId, Order, OrderKind, Report, TILE_CELLS, TileAddress, TileReport,
+        Boot, GroundReport, LayerId, Order, OrderKind, TILE_CELLS, TileAddress, TileReport,
     };
 
     fn line(tapping: &Tapping, message: Message) -> Option<Value> {
@@ -169,7 +171,7 @@ mod tests {
             line(&of_two, Message::State(state(2))).is_some() && line(&of_two, order).is_some()
         );
         assert!(line(&of_two, Message::State(state(1))).is_none());
-        assert!(line(&of_two, Message::Report(Report { ..report() })).is_none());
+        assert!(line(&of_two, Message::Report(GroundReport { ..report() })).is_none());
     }
 
     #[test]
@@ -216,7 +218,7 @@ mod tests {
             venue_hash: 5,
         };
         let line = Tapping::default()
-            .line(0.0, 0.0, &Heard::Greeting(greeting, None))
+            .line(0.0, 0.0, &HeardMessage::Greeting(greeting, None))
             .unwrap();
         assert_eq!(
             (&line["kind"], &line["message"]["wire_version"]),

@@ -18,9 +18,9 @@ mod roster;
 mod trusted;
 
 pub use access::{AccessRule, access_rules};
-pub use authority::{Authority, AuthorityError, Issued, is_host};
+pub use authority::{Authority, AuthorityError, IssuedCertificate, is_host};
 pub use certificate::{Certificate, CertificateError, Fingerprint};
 pub use folder::{Lock, NewFile, read_limited, replace_file, write_new_folder};
 pub use name::CommonName;
-pub use roster::{Entry, Roster, RosterError};
+pub use roster::{Roster, RosterEntry, RosterError};
 pub use trusted::{TrustError, Trusted};

@@ -12,28 +12,28 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, SystemTime};
 
-use tomoswarm_proto::{AutopilotHealth, Health, Message, Mode, Sender, State, VehicleId};
+use tomoswarm_proto::{AutopilotHealth, Health, Message, Sender, State, VehicleId, VehicleMode};
 
 use super::bus::{BusError, Publisher};
 use super::clock::Clock;
-use super::drivers::{Devices, Told};
+use super::drivers::{EventSink, VehicleDevices};
 use super::mailbox::{Troubles, lock};
-use super::member::Member;
+use super::member::BusMember;
 use super::membership::{self, NoChance};
 use super::node_threads::{LiveNode, Threads};
 use super::process::{Finish, Process};
 use super::state_dir::{StateDir, StateDirError};
 use super::trust::TrustError;
-use crate::autopilot::{Fly, Purpose, Remark, link};
+use crate::autopilot::{AutopilotCommand, LinkEvent, Purpose, link};
 use crate::config::{Record, VehicleFile};
 use crate::geom::Lattice;
 use crate::node::outbox::Tally;
-use crate::node::route::Note;
-use crate::node::{Effect, Event, Settings, VehicleWiring};
+use crate::node::route::VehicleEvent;
+use crate::node::{Effect, Event, VehicleSettings, VehicleWiring};
 use crate::store::CheckedFileError;
 use crate::store::memory::{MemoryDriver, MemoryFile};
 use crate::store::outbox::{OutboxDriver, OutboxSettings};
-use crate::store::recording::{About, Limits, Recorder};
+use crate::store::recording::{Recorder, RecordingLimits, RecordingSubject};
 use crate::store::stops::{StopsDriver, StopsFile};
 use crate::time::Time;
 
@@ -77,7 +77,7 @@ pub enum VehicleError {
 
 /// How a vehicle fares, for its status line.
 #[derive(Clone, PartialEq, Debug)]
-pub struct Status {
+pub struct NodeStatus {
     /// Its newest state, once its autopilot was heard.
     pub state: Option<State>,
     /// Links to other nodes.
@@ -118,7 +118,7 @@ impl Last {
     fn is_moving(&self) -> bool {
         self.state
             .as_ref()
-            .is_some_and(|state| matches!(state.mode, Mode::Driving | Mode::Turning))
+            .is_some_and(|state| matches!(state.mode, VehicleMode::Driving | VehicleMode::Turning))
     }
 }
 
@@ -126,7 +126,7 @@ type LiveVehicle = LiveNode<VehicleWiring>;
 
 struct Edge {
     publisher: Publisher,
-    devices: Devices,
+    devices: VehicleDevices,
     outbox: OutboxDriver,
     memory: MemoryDriver,
     stops: StopsDriver,
@@ -153,8 +153,8 @@ impl Edge {
                 }
                 self.publisher.publish(message);
             }
-            Effect::Note(note) => {
-                if let Note::Autopilot(Remark::GivenUp(Purpose::Arm, reason)) = note {
+            Effect::VehicleEvent(note) => {
+                if let VehicleEvent::Autopilot(LinkEvent::GivenUp(Purpose::Arm, reason)) = note {
                     lock(&self.last).not_armed = Some(reason.to_string());
                 }
                 tracing::info!("{note:?}");
@@ -177,7 +177,7 @@ pub fn run(
     file: &VehicleFile,
     text: &str,
     is_stopped: &dyn Fn() -> bool,
-    status: &mut dyn FnMut(&Status),
+    status: &mut dyn FnMut(&NodeStatus),
 ) -> Result<Finish, VehicleError> {
     let mut process = Process::begin();
     let state_dir = StateDir::open(Path::new(&file.state_dir))?;
@@ -185,10 +185,10 @@ pub fn run(
     let remembered = memory_file.read()?;
     let stops_file = StopsFile::at(state_dir.join("stops"));
     let stops = stops_file.read()?;
-    let settings = Settings {
+    let settings = VehicleSettings {
         memory: remembered,
         stops,
-        ..Settings::from_vehicle_file(file, state_dir.boot())
+        ..VehicleSettings::from_vehicle_file(file, state_dir.boot())
     };
     let sender = Sender::Vehicle(file.id);
     let hello = membership::greeting(
@@ -212,8 +212,8 @@ pub fn run(
     let last = Arc::new(Mutex::<Last>::default());
     let clock = process.context().clock;
     let told = node.clone();
-    let told: Told = Arc::new(move |event| told.tell(event));
-    let devices = Devices::start(file, state_dir.boot(), clock, &told)?;
+    let told: EventSink = Arc::new(move |event| told.tell(event));
+    let devices = VehicleDevices::start(file, state_dir.boot(), clock, &told)?;
     let outbox = outbox(file, &state_dir, node.clone())?;
     let told = node.clone();
     let memory = MemoryDriver::start(memory_file, remembered, move |event| told.tell(event))?;
@@ -244,7 +244,7 @@ pub fn run(
         carry_out,
     )?;
     let mut said_at = Time::ZERO;
-    let mut tick = |now: Time, member: &Member, troubles: &Troubles| {
+    let mut tick = |now: Time, member: &BusMember, troubles: &Troubles| {
         edge.watch_devices(troubles);
         edge.watch_disk(troubles);
         watch_recorder(recorder.as_ref(), troubles);
@@ -255,7 +255,7 @@ pub fn run(
             ));
         }
         let state = lock(&edge.last).state.clone();
-        status(&Status {
+        status(&NodeStatus {
             state,
             links: edge.publisher.links(),
             is_member: member.is_member(),
@@ -290,15 +290,15 @@ pub(super) fn recorder(
     let utc = SystemTime::now()
         .duration_since(SystemTime::UNIX_EPOCH)
         .ok();
-    let about = About {
+    let about = RecordingSubject {
         node: node.to_owned(),
         settings: text.to_owned(),
         lattice,
         utc_at_zero_ns: utc.and_then(|utc| u64::try_from(utc.as_nanos()).ok()),
     };
-    let defaults = Limits::default();
+    let defaults = RecordingLimits::default();
     let segment_bytes = defaults.segment_bytes.min(cap_bytes / 8);
-    let limits = Limits {
+    let limits = RecordingLimits {
         cap_bytes,
         segment_bytes,
         ..defaults
@@ -369,7 +369,12 @@ impl Edge {
         watch_stops(&self.stops, troubles);
     }
 
-    fn health(&self, settings: &Settings, state_dir: &StateDir, troubles: &Troubles) -> Health {
+    fn health(
+        &self,
+        settings: &VehicleSettings,
+        state_dir: &StateDir,
+        troubles: &Troubles,
+    ) -> Health {
         let last = lock(&self.last);
         let (tally, hears, is_heard) = (
             last.tally,
@@ -406,7 +411,7 @@ impl Edge {
                 .actors()
                 .autopilot
                 .place
-                .tell(link::In::Fly(Fly::Stop));
+                .tell(link::In::AutopilotCommand(AutopilotCommand::Stop));
             let now = self.clock.now();
             if threads.has_ended(mission.wire.name) {
                 ended.get_or_insert(now);

@@ -27,7 +27,7 @@ use std::sync::mpsc::{SyncSender, sync_channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use super::link::{Status, TOKEN_LIMIT};
+use super::link::{TOKEN_LIMIT, WorldStatus};
 use crate::sim::{Scenario, ScenarioError};
 
 use connection_limit::ConnectionLimit;
@@ -72,7 +72,7 @@ pub enum WorldError {
 pub struct WorldServer {
     address: SocketAddr,
     stopper: WorldStopper,
-    world: Option<JoinHandle<Status>>,
+    world: Option<JoinHandle<WorldStatus>>,
     listener: Option<JoinHandle<()>>,
     connections: Arc<ConnectionLimit>,
     is_ended: Arc<AtomicBool>,
@@ -156,11 +156,11 @@ impl WorldServer {
     }
 
     /// Waits until it is ended, by its stopper or by a word of control; returns how it went.
-    pub fn wait(mut self) -> Status {
+    pub fn wait(mut self) -> WorldStatus {
         self.join()
     }
 
-    fn join(&mut self) -> Status {
+    fn join(&mut self) -> WorldStatus {
         let status = self
             .world
             .take()

@@ -167,13 +167,13 @@ pub enum SceneError {
 #[derive(Clone, Debug)]
 pub struct Scene {
     objects: Vec<Object>,
-    bounds: Vec<Bounds>,
+    bounds: Vec<BoundingBox>,
     pub(super) surface: Surface,
 }
 
 /// The upright box around an object.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub(super) struct Bounds {
+pub(super) struct BoundingBox {
     pub(super) plan: Rect,
     pub(super) low_m: f64,
     pub(super) high_m: f64,
@@ -217,7 +217,7 @@ impl Scene {
     /// Returns the lowest and the highest coordinates of all that stands there, metres; `None` when nothing does.
     pub fn extent(&self) -> Option<([f64; 3], [f64; 3])> {
         let mut boxes = self.bounds.iter().map(
-            |Bounds {
+            |BoundingBox {
                  plan,
                  low_m,
                  high_m,
@@ -238,7 +238,7 @@ impl Scene {
     }
 
     /// Returns all objects with the boxes around them.
-    pub(super) fn bounded(&self) -> impl Iterator<Item = (&Object, &Bounds)> {
+    pub(super) fn bounded(&self) -> impl Iterator<Item = (&Object, &BoundingBox)> {
         self.objects.iter().zip(&self.bounds)
     }
 }
@@ -263,7 +263,7 @@ impl Shape {
         }
     }
 
-    fn bounds(&self) -> Bounds {
+    fn bounds(&self) -> BoundingBox {
         let surface = self.surface();
         let mut low = [f64::INFINITY; 3];
         let mut high = [f64::NEG_INFINITY; 3];
@@ -277,7 +277,7 @@ impl Shape {
             min: Point::new(low[0], low[1]),
             max: Point::new(high[0], high[1]),
         };
-        Bounds {
+        BoundingBox {
             plan,
             low_m: low[2],
             high_m: high[2],

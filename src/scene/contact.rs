@@ -2,7 +2,7 @@
 //!
 //! Time, speed and other vehicles are not known here.
 
-use super::build::{Bounds, Object, Scene, Shape};
+use super::build::{BoundingBox, Object, Scene, Shape};
 use super::mesh::Mesh;
 use crate::geom::{Point, Rect, Segment};
 
@@ -68,7 +68,7 @@ impl Scene {
     }
 }
 
-impl Bounds {
+impl BoundingBox {
     fn meets(&self, plan: Rect, band: Band) -> bool {
         let apart = self.plan.min.x_m > plan.max.x_m
             || self.plan.max.x_m < plan.min.x_m
@@ -81,7 +81,7 @@ impl Bounds {
 impl Object {
     /// Returns whether a place lies inside a closed mesh at the middle of the heights that both share; the
     /// surface itself is looked at piece by piece.
-    fn holds(&self, at: Point, bounds: &Bounds, band: Band) -> bool {
+    fn holds(&self, at: Point, bounds: &BoundingBox, band: Band) -> bool {
         match &self.shape {
             Shape::Prism { .. } => false,
             Shape::Mesh(mesh) => {

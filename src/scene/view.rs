@@ -42,7 +42,7 @@ pub struct Camera {
 
 /// What a ray meets.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub enum Seen {
+pub enum RayHit {
     /// Nothing; `rise` is 0 at the horizon and 1 straight up.
     Sky {
         /// Sine of the height above the horizon, −1 to 1.
@@ -108,12 +108,12 @@ impl Camera {
 
 impl Scene {
     /// Returns what a ray meets first, with the light on it; `direction` is a unit vector.
-    pub fn seen(&self, from: [f64; 3], direction: [f64; 3]) -> Seen {
+    pub fn seen(&self, from: [f64; 3], direction: [f64; 3]) -> RayHit {
         let place = |distance_m: f64| add(from, direction.map(|part| part * distance_m));
         if let Some(hit) = self.cast(from, direction, FARTHEST_M) {
             let at = place(hit.distance_m);
             let light = self.light(at, hit.normal);
-            return Seen::Surface {
+            return RayHit::Surface {
                 object: hit.object,
                 at,
                 is_level: hit.normal[2] > 0.95,
@@ -123,12 +123,12 @@ impl Scene {
         let distance_m = -from[2] / direction[2];
         if from[2] > 0.0 && (0.0..FARTHEST_M).contains(&distance_m) {
             let at = place(distance_m);
-            return Seen::Ground {
+            return RayHit::Ground {
                 at,
                 light: self.light(at, [0.0, 0.0, 1.0]),
             };
         }
-        Seen::Sky { rise: direction[2] }
+        RayHit::Sky { rise: direction[2] }
     }
 
     /// Returns the light on a surface: from everywhere, a little more from above, and from the sun where it shines.
@@ -198,7 +198,7 @@ mod tests {
     #[test]
     fn a_wall_is_seen_before_the_ground_and_the_sky_above_both() {
         let (scene, eye) = (wall(), [0.0, 0.0, 0.3]);
-        let Seen::Surface {
+        let RayHit::Surface {
             object: 0,
             at,
             is_level: false,
@@ -208,15 +208,15 @@ mod tests {
             panic!("no wall")
         };
         assert!((at[0] - 5.0).abs() < 1e-9 && (at[2] - 0.3).abs() < 1e-9);
-        assert_eq!(scene.seen(eye, [0.0, 0.0, 1.0]), Seen::Sky { rise: 1.0 });
+        assert_eq!(scene.seen(eye, [0.0, 0.0, 1.0]), RayHit::Sky { rise: 1.0 });
         let down = scene.seen(eye, [0.6, 0.0, -0.8]);
         assert!(
-            matches!(down, Seen::Ground { at, .. } if (at[0] - 0.225).abs() < 1e-9 && at[2].abs() < 1e-9)
+            matches!(down, RayHit::Ground { at, .. } if (at[0] - 0.225).abs() < 1e-9 && at[2].abs() < 1e-9)
         );
         // From under the ground there is no ground.
         assert!(matches!(
             scene.seen([0.0, 0.0, -1.0], [0.6, 0.0, -0.8]),
-            Seen::Sky { .. }
+            RayHit::Sky { .. }
         ));
     }
 
@@ -224,8 +224,8 @@ mod tests {
     fn the_side_away_from_the_sun_and_its_shadow_are_darker() {
         let scene = wall();
         let light = |from: Xyz, direction: Xyz| match scene.seen(from, direction) {
-            Seen::Surface { light, .. } | Seen::Ground { light, .. } => light,
-            Seen::Sky { .. } => panic!("nothing is there"),
+            RayHit::Surface { light, .. } | RayHit::Ground { light, .. } => light,
+            RayHit::Sky { .. } => panic!("nothing is there"),
         };
         let (lit, dark) = (
             light([0.0, 0.0, 1.0], [1.0, 0.0, 0.0]),

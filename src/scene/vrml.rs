@@ -79,7 +79,7 @@ pub struct VrmlError {
 }
 
 /// Gives an Inline's text for its address, which is relative to the folder of the main file.
-pub type Loader<'a> = dyn FnMut(&str) -> Result<String, String> + 'a;
+pub type InlineLoader<'a> = dyn FnMut(&str) -> Result<String, String> + 'a;
 
 /// Reads a VRML97 text.
 ///
@@ -91,10 +91,10 @@ pub fn read_vrml(
     text: &str,
     file: &str,
     up: Up,
-    loader: &mut Loader<'_>,
+    loader: &mut InlineLoader<'_>,
 ) -> Result<VrmlScene, VrmlError> {
     let name = file.rsplit(['/', '\\']).next().unwrap_or(file);
-    let mut reading = Reading::new(loader);
+    let mut reading = VrmlReader::new(loader);
     let roots = reading
         .file(text, file, name, 0)
         .map_err(|refusal| refusal.into_error(file))?;
@@ -107,16 +107,16 @@ pub fn read_vrml(
 
 /// Something refused at a line; the file is filled in by whoever knows it.
 #[derive(Clone, PartialEq, Debug)]
-pub(super) struct Refusal {
+pub(super) struct VrmlRefusal {
     pub(super) file: Option<String>,
     pub(super) line: usize,
     pub(super) reason: String,
 }
 
-impl Refusal {
+impl VrmlRefusal {
     /// Makes a refusal at a line of the file being read.
-    pub(super) fn at(line: usize, reason: impl Into<String>) -> Refusal {
-        Refusal {
+    pub(super) fn at(line: usize, reason: impl Into<String>) -> VrmlRefusal {
+        VrmlRefusal {
             file: None,
             line,
             reason: reason.into(),
@@ -134,7 +134,7 @@ impl Refusal {
 }
 
 /// What the parsers of a scene's files share.
-pub(super) struct Reading<'l> {
+pub(super) struct VrmlReader<'l> {
     pub(super) tree: Tree,
     warnings: Vec<String>,
     warned: BTreeSet<String>,
@@ -145,9 +145,9 @@ pub(super) struct Reading<'l> {
     files: usize,
 }
 
-impl<'l> Reading<'l> {
-    fn new(loader: &'l mut Loader<'l>) -> Reading<'l> {
-        Reading {
+impl<'l> VrmlReader<'l> {
+    fn new(loader: &'l mut InlineLoader<'l>) -> VrmlReader<'l> {
+        VrmlReader {
             tree: Tree::default(),
             warnings: Vec::new(),
             warned: BTreeSet::new(),
@@ -165,8 +165,8 @@ impl<'l> Reading<'l> {
         file: &str,
         address: &str,
         level: usize,
-    ) -> Result<Vec<usize>, Refusal> {
-        let fill = |refusal: Refusal| Refusal {
+    ) -> Result<Vec<usize>, VrmlRefusal> {
+        let fill = |refusal: VrmlRefusal| VrmlRefusal {
             file: refusal.file.or(Some(file.to_string())),
             ..refusal
         };
@@ -176,7 +176,7 @@ impl<'l> Reading<'l> {
                 "the scene's text is over {} MiB; expected less",
                 MAX_BYTES >> 20
             );
-            return Err(fill(Refusal::at(1, reason)));
+            return Err(fill(VrmlRefusal::at(1, reason)));
         }
         self.open.push(address.to_string());
         let roots = check_header(text).and_then(|()| Parser::new(text, file, level, self).roots());
@@ -190,22 +190,22 @@ impl<'l> Reading<'l> {
         urls: &[&str],
         line: usize,
         level: usize,
-    ) -> Result<Vec<usize>, Refusal> {
-        let mut last = Refusal::at(
+    ) -> Result<Vec<usize>, VrmlRefusal> {
+        let mut last = VrmlRefusal::at(
             line,
             "this Inline has no url; expected the address of a VRML file",
         );
         for url in urls {
             self.files += 1;
             if self.files > MAX_FILES {
-                return Err(Refusal::at(
+                return Err(VrmlRefusal::at(
                     line,
                     format!("over {MAX_FILES} files are asked for by Inline"),
                 ));
             }
             let address = self.resolve(url);
             if self.open.contains(&address) {
-                return Err(Refusal::at(
+                return Err(VrmlRefusal::at(
                     line,
                     format!("Inline of `{address}` inside itself, without end"),
                 ));
@@ -213,7 +213,7 @@ impl<'l> Reading<'l> {
             match (self.loader)(&address) {
                 Ok(text) => return self.file(&text, &address, &address, level),
                 Err(reason) => {
-                    last = Refusal::at(
+                    last = VrmlRefusal::at(
                         line,
                         format!("Inline of `{address}` cannot be read: {reason}"),
                     );
@@ -263,11 +263,11 @@ impl<'l> Reading<'l> {
     }
 }
 
-fn check_header(text: &str) -> Result<(), Refusal> {
+fn check_header(text: &str) -> Result<(), VrmlRefusal> {
     const EXPECTED: &str = "expected the first line `#VRML V2.0 utf8`";
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     if text.trim().is_empty() {
-        return Err(Refusal::at(1, format!("the file is empty; {EXPECTED}")));
+        return Err(VrmlRefusal::at(1, format!("the file is empty; {EXPECTED}")));
     }
     let line = text.lines().next().unwrap_or_default();
     let mut words = line.split_whitespace();
@@ -275,7 +275,7 @@ fn check_header(text: &str) -> Result<(), Refusal> {
         return Ok(());
     }
     let shown: String = line.chars().take(40).collect();
-    Err(Refusal::at(1, format!("found `{shown}`; {EXPECTED}")))
+    Err(VrmlRefusal::at(1, format!("found `{shown}`; {EXPECTED}")))
 }
 
 /// Returns a vertex if it lies within the world that is worked with (1000 km around the origin).

@@ -7,7 +7,7 @@ use super::affine::{Affine, Xyz, add, cross, dot, sub};
 use super::ears::ears;
 use super::mesh::Mesh;
 use super::primitive::{self, Parts, Solid};
-use super::vrml::Refusal;
+use super::vrml::VrmlRefusal;
 use super::vrml_parse::Parser;
 use crate::geom::{Point, Polygon};
 
@@ -37,7 +37,7 @@ struct Axes {
 
 impl Parser<'_, '_, '_> {
     /// Reads an Extrusion's body.
-    pub(super) fn extrusion(&mut self) -> Result<Solid, Refusal> {
+    pub(super) fn extrusion(&mut self) -> Result<Solid, VrmlRefusal> {
         let line = self.tokens.line();
         let mut body = Body {
             section: vec![
@@ -74,14 +74,14 @@ impl Parser<'_, '_, '_> {
         })?;
         body.check()
             .and_then(|()| body.solid())
-            .map_err(|reason| Refusal::at(line, reason))
+            .map_err(|reason| VrmlRefusal::at(line, reason))
     }
 
-    fn pair(&mut self, field: &str) -> Result<[f64; 2], Refusal> {
+    fn pair(&mut self, field: &str) -> Result<[f64; 2], VrmlRefusal> {
         Ok([self.number(field)?, self.number(field)?])
     }
 
-    fn shares(&mut self, field: &str) -> Result<[f64; 2], Refusal> {
+    fn shares(&mut self, field: &str) -> Result<[f64; 2], VrmlRefusal> {
         let pair = self.pair(field)?;
         match pair.iter().find(|share| **share < 0.0) {
             Some(share) => Err(self.refuse(format!("{share} for {field}; expected 0 or more"))),

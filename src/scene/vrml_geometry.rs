@@ -8,17 +8,17 @@ use std::rc::Rc;
 use super::affine::Xyz;
 use super::mesh::Mesh;
 use super::primitive::{self, Parts, Solid};
-use super::vrml::Refusal;
+use super::vrml::VrmlRefusal;
 use super::vrml_parse::{Named, Parser};
 use super::vrml_token::Token;
-use super::vrml_tree::Kind;
+use super::vrml_tree::NodeKind;
 
 /// Numbers in one list.
 const MAX_NUMBERS: usize = 6_000_000;
 
 impl<'a> Parser<'a, '_, '_> {
     /// Reads a Shape's body; `None` when it has no geometry that we know.
-    pub(super) fn shape(&mut self) -> Result<Option<Kind>, Refusal> {
+    pub(super) fn shape(&mut self) -> Result<Option<NodeKind>, VrmlRefusal> {
         let mut solid = None;
         self.body("Shape", |parser, field| {
             let known = field == "geometry";
@@ -27,10 +27,10 @@ impl<'a> Parser<'a, '_, '_> {
             }
             Ok(known)
         })?;
-        Ok(solid.map(|solid| Kind::Shape { solid }))
+        Ok(solid.map(|solid| NodeKind::Shape { solid }))
     }
 
-    fn geometry(&mut self) -> Result<Option<Rc<Solid>>, Refusal> {
+    fn geometry(&mut self) -> Result<Option<Rc<Solid>>, VrmlRefusal> {
         match self.word("a geometry")? {
             "NULL" => Ok(None),
             "USE" => {
@@ -55,7 +55,7 @@ impl<'a> Parser<'a, '_, '_> {
         }
     }
 
-    fn geometry_node(&mut self, node_type: &str) -> Result<Option<Rc<Solid>>, Refusal> {
+    fn geometry_node(&mut self, node_type: &str) -> Result<Option<Rc<Solid>>, VrmlRefusal> {
         let solid = match node_type {
             "IndexedFaceSet" => self.face_set()?,
             "Box" => self.block()?,
@@ -73,7 +73,7 @@ impl<'a> Parser<'a, '_, '_> {
         Ok(Some(Rc::new(solid)))
     }
 
-    fn block(&mut self) -> Result<Solid, Refusal> {
+    fn block(&mut self) -> Result<Solid, VrmlRefusal> {
         let mut size = [2.0; 3];
         self.body("Box", |parser, field| {
             let known = field == "size";
@@ -94,7 +94,7 @@ impl<'a> Parser<'a, '_, '_> {
         what: &str,
         radius_field: &str,
         make: fn(f64, f64, Parts) -> Solid,
-    ) -> Result<Solid, Refusal> {
+    ) -> Result<Solid, VrmlRefusal> {
         let (mut radius_m, mut height_m, mut parts) = (1.0, 2.0, Parts::ALL);
         self.body(what, |parser, field| {
             match field {
@@ -110,7 +110,7 @@ impl<'a> Parser<'a, '_, '_> {
         Ok(make(radius_m, height_m, parts))
     }
 
-    fn sphere(&mut self) -> Result<Solid, Refusal> {
+    fn sphere(&mut self) -> Result<Solid, VrmlRefusal> {
         let mut radius_m = 1.0;
         self.body("Sphere", |parser, field| {
             let known = field == "radius";
@@ -122,7 +122,7 @@ impl<'a> Parser<'a, '_, '_> {
         Ok(primitive::sphere(radius_m))
     }
 
-    fn face_set(&mut self) -> Result<Solid, Refusal> {
+    fn face_set(&mut self) -> Result<Solid, VrmlRefusal> {
         let line = self.tokens.line();
         let mut points = Rc::new(Vec::new());
         let mut corners: Vec<(i64, usize)> = Vec::new();
@@ -149,7 +149,7 @@ impl<'a> Parser<'a, '_, '_> {
         })
     }
 
-    fn coordinates(&mut self) -> Result<Rc<Vec<Xyz>>, Refusal> {
+    fn coordinates(&mut self) -> Result<Rc<Vec<Xyz>>, VrmlRefusal> {
         match self.word("a Coordinate node")? {
             "NULL" => Ok(Rc::default()),
             "USE" => {
@@ -173,7 +173,7 @@ impl<'a> Parser<'a, '_, '_> {
         }
     }
 
-    fn coordinate_node(&mut self, node_type: &str) -> Result<Rc<Vec<Xyz>>, Refusal> {
+    fn coordinate_node(&mut self, node_type: &str) -> Result<Rc<Vec<Xyz>>, VrmlRefusal> {
         if node_type != "Coordinate" {
             return Err(self.refuse(format!("found `{node_type}`; expected a Coordinate node")));
         }
@@ -188,14 +188,14 @@ impl<'a> Parser<'a, '_, '_> {
         Ok(Rc::new(points))
     }
 
-    fn indices(&mut self) -> Result<Vec<(i64, usize)>, Refusal> {
+    fn indices(&mut self) -> Result<Vec<(i64, usize)>, VrmlRefusal> {
         self.list("coordIndex", |parser| {
             Ok((parser.whole("coordIndex")?, parser.tokens.line()))
         })
     }
 
     /// Reads one whole number.
-    pub(super) fn whole(&mut self, field: &str) -> Result<i64, Refusal> {
+    pub(super) fn whole(&mut self, field: &str) -> Result<i64, VrmlRefusal> {
         let word = self.word(&format!("a whole number for {field}"))?;
         word.parse::<i64>().map_err(|_| {
             self.refuse(format!(
@@ -209,8 +209,8 @@ impl<'a> Parser<'a, '_, '_> {
     pub(super) fn list<T>(
         &mut self,
         field: &str,
-        mut value: impl FnMut(&mut Self) -> Result<T, Refusal>,
-    ) -> Result<Vec<T>, Refusal> {
+        mut value: impl FnMut(&mut Self) -> Result<T, VrmlRefusal>,
+    ) -> Result<Vec<T>, VrmlRefusal> {
         if self.tokens.peek()? != Token::OpenBracket {
             return Ok(vec![value(self)?]);
         }
@@ -228,7 +228,7 @@ impl<'a> Parser<'a, '_, '_> {
         Ok(values)
     }
 
-    pub(super) fn length(&mut self, field: &str) -> Result<f64, Refusal> {
+    pub(super) fn length(&mut self, field: &str) -> Result<f64, VrmlRefusal> {
         let length = self.number(field)?;
         if length > 0.0 {
             return Ok(length);
@@ -236,7 +236,7 @@ impl<'a> Parser<'a, '_, '_> {
         Err(self.refuse(format!("{length} for {field}; expected a number above 0")))
     }
 
-    pub(super) fn truth(&mut self, field: &str) -> Result<bool, Refusal> {
+    pub(super) fn truth(&mut self, field: &str) -> Result<bool, VrmlRefusal> {
         match self.word(&format!("TRUE or FALSE for {field}"))? {
             "TRUE" => Ok(true),
             "FALSE" => Ok(false),
@@ -250,7 +250,10 @@ impl<'a> Parser<'a, '_, '_> {
 
 /// Cuts faces, given as indices with their lines and ended by −1, into fans of triangles. Gives the triangles,
 /// the number of faces, and whether some face had too few corners to be one.
-fn fans(corners: &[(i64, usize)], points: usize) -> Result<(Vec<[u32; 3]>, usize, bool), Refusal> {
+fn fans(
+    corners: &[(i64, usize)],
+    points: usize,
+) -> Result<(Vec<[u32; 3]>, usize, bool), VrmlRefusal> {
     let (mut triangles, mut faces, mut odd) = (Vec::new(), 0, false);
     for face in corners.split(|(index, _)| *index == -1) {
         let mut fan = Vec::with_capacity(face.len());
@@ -261,7 +264,7 @@ fn fans(corners: &[(i64, usize)], points: usize) -> Result<(Vec<[u32; 3]>, usize
                     let reason = format!(
                         "coordIndex {index}; expected −1 or one of the {points} points from 0"
                     );
-                    return Err(Refusal::at(*line, reason));
+                    return Err(VrmlRefusal::at(*line, reason));
                 }
             }
         }

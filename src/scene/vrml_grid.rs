@@ -6,7 +6,7 @@
 use super::affine::Xyz;
 use super::mesh::Mesh;
 use super::primitive::Solid;
-use super::vrml::Refusal;
+use super::vrml::VrmlRefusal;
 use super::vrml_parse::Parser;
 
 /// Points of one grid; more than a scene may have triangles for.
@@ -22,7 +22,7 @@ struct Grid {
 
 impl Parser<'_, '_, '_> {
     /// Reads an ElevationGrid's body.
-    pub(super) fn elevation_grid(&mut self) -> Result<Solid, Refusal> {
+    pub(super) fn elevation_grid(&mut self) -> Result<Solid, VrmlRefusal> {
         let line = self.tokens.line();
         let mut grid = Grid {
             columns: 0,
@@ -41,11 +41,12 @@ impl Parser<'_, '_, '_> {
             }
             Ok(true)
         })?;
-        grid.check().map_err(|reason| Refusal::at(line, reason))?;
+        grid.check()
+            .map_err(|reason| VrmlRefusal::at(line, reason))?;
         Ok(grid.solid())
     }
 
-    fn dimension(&mut self, field: &str) -> Result<usize, Refusal> {
+    fn dimension(&mut self, field: &str) -> Result<usize, VrmlRefusal> {
         let count = self.whole(field)?;
         usize::try_from(count)
             .ok()

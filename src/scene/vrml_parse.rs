@@ -8,9 +8,9 @@ use std::sync::Arc;
 
 use super::affine::{Affine, Xyz};
 use super::primitive::Solid;
-use super::vrml::{MAX_LEVELS, Reading, Refusal};
+use super::vrml::{MAX_LEVELS, VrmlReader, VrmlRefusal};
 use super::vrml_token::{Token, Tokens};
-use super::vrml_tree::Kind;
+use super::vrml_tree::NodeKind;
 
 /// What a DEF name stands for.
 #[derive(Clone)]
@@ -31,7 +31,7 @@ pub(super) enum Named {
 pub(super) struct Parser<'a, 'r, 'l> {
     pub(super) tokens: Tokens<'a>,
     pub(super) file: Arc<str>,
-    pub(super) reading: &'r mut Reading<'l>,
+    pub(super) reading: &'r mut VrmlReader<'l>,
     names: BTreeMap<&'a str, Named>,
     level: usize,
 }
@@ -42,7 +42,7 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
         text: &'a str,
         file: &str,
         level: usize,
-        reading: &'r mut Reading<'l>,
+        reading: &'r mut VrmlReader<'l>,
     ) -> Self {
         Parser {
             tokens: Tokens::new(text),
@@ -54,7 +54,7 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
     }
 
     /// Reads the whole file and gives its root nodes.
-    pub(super) fn roots(mut self) -> Result<Vec<usize>, Refusal> {
+    pub(super) fn roots(mut self) -> Result<Vec<usize>, VrmlRefusal> {
         let mut roots = Vec::new();
         while self.tokens.peek()? != Token::End {
             roots.extend(self.statement()?);
@@ -64,7 +64,7 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
     }
 
     /// Reads a node or another statement; `None` when it is nothing to us.
-    fn statement(&mut self) -> Result<Option<usize>, Refusal> {
+    fn statement(&mut self) -> Result<Option<usize>, VrmlRefusal> {
         let word = self.word("a node")?;
         if self.other_statement(word)? {
             return Ok(None);
@@ -86,7 +86,7 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
     }
 
     /// Skips PROTO, EXTERNPROTO and ROUTE statements; returns whether the word began one.
-    pub(super) fn other_statement(&mut self, word: &str) -> Result<bool, Refusal> {
+    pub(super) fn other_statement(&mut self, word: &str) -> Result<bool, VrmlRefusal> {
         if !matches!(word, "PROTO" | "EXTERNPROTO" | "ROUTE") {
             return Ok(false);
         }
@@ -111,7 +111,7 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
         Ok(true)
     }
 
-    fn used_node(&mut self) -> Result<Option<usize>, Refusal> {
+    fn used_node(&mut self) -> Result<Option<usize>, VrmlRefusal> {
         let name = self.word("a name after USE")?;
         match self.named(name)? {
             Named::Node(node) => Ok(Some(node)),
@@ -123,7 +123,7 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
     }
 
     /// Returns what a name stands for; refuses unknown names and names inside their own DEF.
-    pub(super) fn named(&self, name: &str) -> Result<Named, Refusal> {
+    pub(super) fn named(&self, name: &str) -> Result<Named, VrmlRefusal> {
         match self.names.get(name) {
             Some(Named::Open) => {
                 Err(self.refuse(format!("USE of `{name}` inside its own DEF, without end")))
@@ -144,7 +144,7 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
         &mut self,
         node_type: &'a str,
         name: Option<&'a str>,
-    ) -> Result<Option<usize>, Refusal> {
+    ) -> Result<Option<usize>, VrmlRefusal> {
         let line = self.tokens.line();
         self.level += 1;
         if self.level > MAX_LEVELS {
@@ -169,7 +169,7 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
             .transpose()
     }
 
-    fn group(&mut self) -> Result<Kind, Refusal> {
+    fn group(&mut self) -> Result<NodeKind, VrmlRefusal> {
         let mut children = Vec::new();
         self.body("a group", |parser, field| {
             let known = field == "children";
@@ -178,13 +178,13 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
             }
             Ok(known)
         })?;
-        Ok(Kind::Group {
+        Ok(NodeKind::Group {
             map: Affine::IDENTITY,
             children,
         })
     }
 
-    fn transform(&mut self) -> Result<Kind, Refusal> {
+    fn transform(&mut self) -> Result<NodeKind, VrmlRefusal> {
         let mut children = Vec::new();
         let (mut translation, mut center, mut scale) = ([0.0; 3], [0.0; 3], [1.0; 3]);
         let (mut rotation, mut scale_axes) = (Affine::IDENTITY, [Affine::IDENTITY; 2]);
@@ -214,10 +214,10 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
             .fold(Affine::translation(translation), |map, step| {
                 map.after(step)
             });
-        Ok(Kind::Group { map, children })
+        Ok(NodeKind::Group { map, children })
     }
 
-    fn scale(&mut self) -> Result<Xyz, Refusal> {
+    fn scale(&mut self) -> Result<Xyz, VrmlRefusal> {
         let scale = self.vector("scale")?;
         if scale.contains(&0.0) {
             return Err(self.refuse("a scale of 0; expected three numbers other than 0"));
@@ -225,7 +225,7 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
         Ok(scale)
     }
 
-    fn inline(&mut self) -> Result<Kind, Refusal> {
+    fn inline(&mut self) -> Result<NodeKind, VrmlRefusal> {
         let line = self.tokens.line();
         let mut urls = Vec::new();
         self.body("Inline", |parser, field| {
@@ -236,7 +236,7 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
             Ok(known)
         })?;
         let children = self.reading.inline(&urls, line, self.level)?;
-        Ok(Kind::Group {
+        Ok(NodeKind::Group {
             map: Affine::IDENTITY,
             children,
         })
@@ -246,8 +246,8 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
     pub(super) fn body(
         &mut self,
         what: &str,
-        mut field: impl FnMut(&mut Self, &'a str) -> Result<bool, Refusal>,
-    ) -> Result<(), Refusal> {
+        mut field: impl FnMut(&mut Self, &'a str) -> Result<bool, VrmlRefusal>,
+    ) -> Result<(), VrmlRefusal> {
         self.expect(Token::OpenBrace)?;
         let opened = self.tokens.line();
         loop {
@@ -268,7 +268,7 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
         }
     }
 
-    fn children(&mut self) -> Result<Vec<usize>, Refusal> {
+    fn children(&mut self) -> Result<Vec<usize>, VrmlRefusal> {
         if self.tokens.peek()? != Token::OpenBracket {
             return Ok(self.statement()?.into_iter().collect());
         }
@@ -290,7 +290,7 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
     }
 
     /// Reads an axis and an angle; returns the rotation and its inverse.
-    pub(super) fn rotation(&mut self, field: &str) -> Result<[Affine; 2], Refusal> {
+    pub(super) fn rotation(&mut self, field: &str) -> Result<[Affine; 2], VrmlRefusal> {
         let axis = self.vector(field)?;
         let angle_rad = self.number(field)?;
         Ok([
@@ -300,7 +300,7 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
     }
 
     /// Reads one number.
-    pub(super) fn number(&mut self, field: &str) -> Result<f64, Refusal> {
+    pub(super) fn number(&mut self, field: &str) -> Result<f64, VrmlRefusal> {
         let word = self.word(&format!("a number for {field}"))?;
         match word.parse::<f64>() {
             Ok(number) if number.is_finite() => Ok(number),
@@ -313,7 +313,7 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
     }
 
     /// Reads three numbers.
-    pub(super) fn vector(&mut self, field: &str) -> Result<Xyz, Refusal> {
+    pub(super) fn vector(&mut self, field: &str) -> Result<Xyz, VrmlRefusal> {
         Ok([
             self.number(field)?,
             self.number(field)?,
@@ -322,7 +322,7 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
     }
 
     /// Reads one string, or several between brackets.
-    fn texts(&mut self) -> Result<Vec<&'a str>, Refusal> {
+    fn texts(&mut self) -> Result<Vec<&'a str>, VrmlRefusal> {
         let mut texts = Vec::new();
         let mut in_list = false;
         loop {
@@ -343,7 +343,7 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
     }
 
     /// Reads a word; `what` says what it was to be.
-    pub(super) fn word(&mut self, what: &str) -> Result<&'a str, Refusal> {
+    pub(super) fn word(&mut self, what: &str) -> Result<&'a str, VrmlRefusal> {
         match self.tokens.next()? {
             Token::Word(word) => Ok(word),
             found => Err(self.refuse(format!("found {found}; expected {what}"))),
@@ -351,7 +351,7 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
     }
 
     /// Steps over one token that must be there.
-    pub(super) fn expect(&mut self, expected: Token<'_>) -> Result<(), Refusal> {
+    pub(super) fn expect(&mut self, expected: Token<'_>) -> Result<(), VrmlRefusal> {
         match self.tokens.next()? {
             found if found == expected => Ok(()),
             found => Err(self.refuse(format!("found {found}; expected {expected}"))),
@@ -359,7 +359,7 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
     }
 
     /// Steps over a field's value, whatever it is.
-    pub(super) fn skip_value(&mut self, field: &str) -> Result<(), Refusal> {
+    pub(super) fn skip_value(&mut self, field: &str) -> Result<(), VrmlRefusal> {
         match self.tokens.peek()? {
             Token::OpenBracket => self.skip_block(Token::OpenBracket),
             Token::Text(_) => self.tokens.next().map(drop),
@@ -384,7 +384,7 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
     }
 
     /// Steps over everything from an opening bracket to the one that closes it.
-    pub(super) fn skip_block(&mut self, opening: Token<'a>) -> Result<(), Refusal> {
+    pub(super) fn skip_block(&mut self, opening: Token<'a>) -> Result<(), VrmlRefusal> {
         self.expect(opening)?;
         let opened = self.tokens.line();
         let mut closings = vec![closing_of(opening)];
@@ -421,11 +421,11 @@ impl<'a, 'r, 'l> Parser<'a, 'r, 'l> {
     }
 
     /// Makes a refusal at the line of the token read last.
-    pub(super) fn refuse(&self, reason: impl Into<String>) -> Refusal {
-        Refusal::at(self.tokens.line(), reason)
+    pub(super) fn refuse(&self, reason: impl Into<String>) -> VrmlRefusal {
+        VrmlRefusal::at(self.tokens.line(), reason)
     }
 
-    fn refuse_end(&self, what: &str, opened: usize, expected: Token<'_>) -> Refusal {
+    fn refuse_end(&self, what: &str, opened: usize, expected: Token<'_>) -> VrmlRefusal {
         self.refuse(format!(
             "the file ends inside {what}, opened in line {opened}; expected {expected}"
         ))

@@ -2,7 +2,7 @@
 //!
 //! Knows no node and no field: numbers and names are both words here.
 
-use super::vrml::Refusal;
+use super::vrml::VrmlRefusal;
 
 /// One token.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -71,7 +71,7 @@ impl<'a> Tokens<'a> {
     }
 
     /// Returns the next token and steps over it.
-    pub(super) fn next(&mut self) -> Result<Token<'a>, Refusal> {
+    pub(super) fn next(&mut self) -> Result<Token<'a>, VrmlRefusal> {
         let (token, line) = match self.ahead.take() {
             Some(ahead) => ahead,
             None => self.read()?,
@@ -81,14 +81,14 @@ impl<'a> Tokens<'a> {
     }
 
     /// Returns the next token without stepping over it.
-    pub(super) fn peek(&mut self) -> Result<Token<'a>, Refusal> {
+    pub(super) fn peek(&mut self) -> Result<Token<'a>, VrmlRefusal> {
         if self.ahead.is_none() {
             self.ahead = Some(self.read()?);
         }
         Ok(self.ahead.map_or(Token::End, |(token, _)| token))
     }
 
-    fn read(&mut self) -> Result<(Token<'a>, usize), Refusal> {
+    fn read(&mut self) -> Result<(Token<'a>, usize), VrmlRefusal> {
         self.skip_blanks();
         let (start, line) = (self.at, self.line_at);
         let Some(first) = self.text.as_bytes().get(start) else {
@@ -133,7 +133,7 @@ impl<'a> Tokens<'a> {
         }
     }
 
-    fn string(&mut self) -> Result<Token<'a>, Refusal> {
+    fn string(&mut self) -> Result<Token<'a>, VrmlRefusal> {
         let (start, opened) = (self.at, self.line_at);
         let bytes = self.text.as_bytes();
         while let Some(byte) = bytes.get(self.at) {
@@ -149,7 +149,7 @@ impl<'a> Tokens<'a> {
             }
             self.at += 1;
         }
-        Err(Refusal::at(
+        Err(VrmlRefusal::at(
             opened,
             "a string opens here and never ends; expected a closing quote",
         ))

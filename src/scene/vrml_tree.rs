@@ -9,7 +9,7 @@ use std::sync::Arc;
 use super::Shape;
 use super::affine::{Affine, Xyz, add};
 use super::primitive::{Extrusion, Solid};
-use super::vrml::{MAX_LEVELS, Refusal, VrmlError, VrmlShape, within_world};
+use super::vrml::{MAX_LEVELS, VrmlError, VrmlRefusal, VrmlShape, within_world};
 use crate::geom::{Point, Polygon};
 
 /// Shapes of a scene, USE counted each time.
@@ -22,22 +22,22 @@ const MAX_NODES: usize = 1_000_000;
 /// All nodes read so far.
 #[derive(Default)]
 pub(super) struct Tree {
-    nodes: Vec<Node>,
+    nodes: Vec<SceneNode>,
 }
 
 /// One node that can stand among children.
-pub(super) struct Node {
+pub(super) struct SceneNode {
     /// Its DEF name.
     pub(super) name: Option<Arc<str>>,
     /// Where it stands.
     pub(super) file: Arc<str>,
     pub(super) line: usize,
-    pub(super) kind: Kind,
+    pub(super) kind: NodeKind,
     unfolded: Unfolded,
 }
 
 /// What a node is.
-pub(super) enum Kind {
+pub(super) enum NodeKind {
     /// A grouping node: children, placed by a map.
     Group { map: Affine, children: Vec<usize> },
     /// A shape with its geometry.
@@ -63,7 +63,7 @@ impl Unfolded {
         }
     }
 
-    fn check(self, line: usize) -> Result<(), Refusal> {
+    fn check(self, line: usize) -> Result<(), VrmlRefusal> {
         let limits = [
             (self.levels, MAX_LEVELS, "levels of nodes"),
             (self.nodes, MAX_NODES, "nodes"),
@@ -71,7 +71,7 @@ impl Unfolded {
             (self.triangles, MAX_TRIANGLES, "triangles"),
         ];
         match limits.iter().find(|(count, limit, _)| count > limit) {
-            Some((_, limit, what)) => Err(Refusal::at(
+            Some((_, limit, what)) => Err(VrmlRefusal::at(
                 line,
                 format!("the scene has over {limit} {what}, with every USE counted"),
             )),
@@ -94,17 +94,17 @@ impl Tree {
         name: Option<Arc<str>>,
         file: &Arc<str>,
         line: usize,
-        kind: Kind,
-    ) -> Result<usize, Refusal> {
+        kind: NodeKind,
+    ) -> Result<usize, VrmlRefusal> {
         let unfolded = self.unfold(&kind);
         unfolded.check(line)?;
         if self.nodes.len() >= MAX_NODES {
-            return Err(Refusal::at(
+            return Err(VrmlRefusal::at(
                 line,
                 format!("the scene has over {MAX_NODES} nodes"),
             ));
         }
-        self.nodes.push(Node {
+        self.nodes.push(SceneNode {
             name,
             file: file.clone(),
             line,
@@ -115,14 +115,14 @@ impl Tree {
     }
 
     /// Refuses roots that together unfold to too much.
-    pub(super) fn check_roots(&self, roots: &[usize], line: usize) -> Result<(), Refusal> {
+    pub(super) fn check_roots(&self, roots: &[usize], line: usize) -> Result<(), VrmlRefusal> {
         self.unfold_all(roots).check(line)
     }
 
-    fn unfold(&self, kind: &Kind) -> Unfolded {
+    fn unfold(&self, kind: &NodeKind) -> Unfolded {
         match kind {
-            Kind::Group { children, .. } => self.unfold_all(children),
-            Kind::Shape { solid } => {
+            NodeKind::Group { children, .. } => self.unfold_all(children),
+            NodeKind::Shape { solid } => {
                 let triangles = solid.mesh.triangles().len();
                 Unfolded {
                     levels: 1,
@@ -168,7 +168,7 @@ impl Tree {
             let node = &self.nodes[node];
             names.extend(node.name.clone());
             match &node.kind {
-                Kind::Group {
+                NodeKind::Group {
                     map: inner,
                     children,
                 } => {
@@ -181,7 +181,7 @@ impl Tree {
                     let useful = |child: &&usize| self.nodes[**child].unfolded.shapes > 0;
                     open.extend(children.iter().rev().filter(useful).map(below));
                 }
-                Kind::Shape { solid } => {
+                NodeKind::Shape { solid } => {
                     let shape = placed(solid, &map).ok_or_else(|| VrmlError {
                         file: node.file.to_string(),
                         line: node.line,

@@ -29,13 +29,13 @@ mod stored_mission;
 mod tests;
 mod vehicle_control;
 
-use super::body::{Body, BodyState, Refusal};
-use crate::autopilot::{ArmRefusal, Command, CommandAck, Kind, SystemStatus};
+use super::body::{Body, BodyState, MotionRefusal};
+use crate::autopilot::{ArmRefusal, Command, CommandAck, SystemStatus, VehicleKind};
 use crate::geom::{Angle, Attitude, Point, Pose};
 use crate::time::Time;
 
 pub use flight::Climb;
-pub use messages::{DatedText, LowBattery, Readout, Settings, StatusText};
+pub use messages::{AutopilotSettings, DatedText, LowBattery, Readout, StatusText};
 pub use navigation::{Navigation, Outage};
 pub use staged_motion::StagedMotion;
 
@@ -48,7 +48,7 @@ use vehicle_control::{Moment, VehicleControl};
 /// A vehicle with its autopilot.
 #[derive(Clone, Debug)]
 pub struct Autopilot {
-    settings: Settings,
+    settings: AutopilotSettings,
     place: PlaceEstimate,
     battery: Battery,
     control: VehicleControl,
@@ -72,11 +72,11 @@ impl Autopilot {
     /// # Errors
     /// The place, the heading or the drive are impossible.
     pub fn new(
-        settings: Settings,
+        settings: AutopilotSettings,
         navigation: Navigation,
         at: Point,
         heading: Angle,
-    ) -> Result<Autopilot, Refusal> {
+    ) -> Result<Autopilot, MotionRefusal> {
         let body = Body::at_rest(at, heading, settings.limits)?;
         Ok(Autopilot {
             place: PlaceEstimate::new(navigation),
@@ -91,8 +91,8 @@ impl Autopilot {
     /// Returns the same vehicle under way: armed, in GUIDED, home where it is, a copter hovering at this altitude, metres.
     pub fn under_way(self, altitude_m: f64) -> Autopilot {
         let altitude_m = match self.settings.kind {
-            Kind::Rover => 0.0,
-            Kind::Copter => altitude_m,
+            VehicleKind::Rover => 0.0,
+            VehicleKind::Copter => altitude_m,
         };
         Autopilot {
             control: self.control.under_way(altitude_m, self.now),
@@ -139,7 +139,7 @@ impl Autopilot {
     }
 
     /// Returns what it steers.
-    pub fn kind(&self) -> Kind {
+    pub fn kind(&self) -> VehicleKind {
         self.settings.kind
     }
 
@@ -156,7 +156,7 @@ impl Autopilot {
     /// Returns how it lies.
     pub fn attitude(&self, at: Time) -> Attitude {
         let (state, motion) = (self.truth(at), self.motion());
-        if self.settings.kind == Kind::Rover || self.is_landed(at) {
+        if self.settings.kind == VehicleKind::Rover || self.is_landed(at) {
             Attitude::level(state.heading)
         } else {
             flight::leaning(motion.body(), state, at, self.settings.wind)
@@ -216,7 +216,7 @@ impl Autopilot {
         if self.place.is_lost() || self.battery.level() != ChargeLevel::Enough {
             return SystemStatus::Critical;
         }
-        let is_grounded = self.settings.kind == Kind::Copter && self.is_landed(now);
+        let is_grounded = self.settings.kind == VehicleKind::Copter && self.is_landed(now);
         if self.control.is_armed() && !is_grounded {
             SystemStatus::Active
         } else {

@@ -8,11 +8,11 @@
 
 use std::time::Duration;
 
-use super::motion::{Course, Phase, Piece, trapezoid};
+use super::motion::{Phase, PhaseBuilder, Piece, trapezoid};
 use crate::geom::{Angle, Point, Vector};
 use crate::time::Time;
 
-pub use super::motion::Limits;
+pub use super::motion::DriveLimits;
 
 /// A corner that bends less than this is passed without slowing, radians (15°).
 pub const GENTLE_BEND_RAD: f64 = std::f64::consts::PI / 12.0;
@@ -21,7 +21,7 @@ pub const SAME_PLACE_M: f64 = 1e-6;
 
 /// Why a command is refused; the body then goes on as before.
 #[derive(Clone, Copy, PartialEq, Debug, thiserror::Error)]
-pub enum Refusal {
+pub enum MotionRefusal {
     /// A place is not finite or further than 1000 km.
     #[error("a place is finite and under 1000 km, got ({}, {})", at.x_m, at.y_m)]
     Place {
@@ -56,7 +56,7 @@ pub struct BodyState {
 /// A body with the motion of its last command.
 #[derive(Clone, Debug)]
 pub struct Body {
-    limits: Limits,
+    limits: DriveLimits,
     since: Time,
     phases: Vec<Phase>,
     rest: BodyState,
@@ -67,11 +67,11 @@ impl Body {
     ///
     /// # Errors
     /// The place, the heading or the limits are impossible.
-    pub fn at_rest(at: Point, heading: Angle, limits: Limits) -> Result<Body, Refusal> {
+    pub fn at_rest(at: Point, heading: Angle, limits: DriveLimits) -> Result<Body, MotionRefusal> {
         check_place(at)?;
         check_heading(heading)?;
         if !limits.are_possible() {
-            return Err(Refusal::Limits);
+            return Err(MotionRefusal::Limits);
         }
         let rest = BodyState {
             at,
@@ -100,10 +100,10 @@ impl Body {
         now: Time,
         corners: &[Point],
         speed_limit_mps: f64,
-    ) -> Result<(), Refusal> {
+    ) -> Result<(), MotionRefusal> {
         corners.iter().try_for_each(|corner| check_place(*corner))?;
         if speed_limit_mps.is_nan() || speed_limit_mps < 0.001 {
-            return Err(Refusal::Speed {
+            return Err(MotionRefusal::Speed {
                 speed_mps: speed_limit_mps,
             });
         }
@@ -111,7 +111,7 @@ impl Body {
         let state = self.pose_at(now);
         let goes_on = state.speed_mps > 0.0 && self.can_go_on(state, &pieces(state.at, corners));
         let mut course = if goes_on {
-            Course::new(state.at, state.heading)
+            PhaseBuilder::new(state.at, state.heading)
         } else {
             self.braking(now, state)
         };
@@ -135,7 +135,7 @@ impl Body {
     ///
     /// # Errors
     /// The heading is not finite.
-    pub fn turn(&mut self, now: Time, heading: Angle) -> Result<(), Refusal> {
+    pub fn turn(&mut self, now: Time, heading: Angle) -> Result<(), MotionRefusal> {
         check_heading(heading)?;
         let mut course = self.braking(now, self.pose_at(now));
         course.turn(heading, self.limits.turn_rate_radps);
@@ -152,7 +152,7 @@ impl Body {
     /// Comes to rest at once, against all limits: it has hit something.
     pub fn halt(&mut self, now: Time) {
         let state = self.pose_at(now);
-        self.follow(now, Course::new(state.at, state.heading));
+        self.follow(now, PhaseBuilder::new(state.at, state.heading));
     }
 
     /// Returns place, heading and speed at a moment; before the last command, those at the command.
@@ -203,7 +203,7 @@ impl Body {
     }
 
     /// Returns the limits of the drive.
-    pub fn limits(&self) -> &Limits {
+    pub fn limits(&self) -> &DriveLimits {
         &self.limits
     }
 
@@ -218,8 +218,8 @@ impl Body {
     }
 
     /// The course of braking to rest along the path already laid; empty at rest or in a turn.
-    fn braking(&self, now: Time, state: BodyState) -> Course {
-        let mut course = Course::new(state.at, state.heading);
+    fn braking(&self, now: Time, state: BodyState) -> PhaseBuilder {
+        let mut course = PhaseBuilder::new(state.at, state.heading);
         if state.speed_mps > 0.0 {
             let path = self.path_ahead(now, self.limits.stopping_distance_m(state.speed_mps));
             let law = trapezoid(
@@ -269,7 +269,7 @@ impl Body {
         path
     }
 
-    fn follow(&mut self, now: Time, course: Course) {
+    fn follow(&mut self, now: Time, course: PhaseBuilder) {
         self.since = now;
         self.rest = BodyState {
             at: course.at,
@@ -320,19 +320,19 @@ impl Body {
     }
 }
 
-fn check_place(at: Point) -> Result<(), Refusal> {
+fn check_place(at: Point) -> Result<(), MotionRefusal> {
     if at.x_m.abs() < 1e6 && at.y_m.abs() < 1e6 {
         Ok(())
     } else {
-        Err(Refusal::Place { at })
+        Err(MotionRefusal::Place { at })
     }
 }
 
-fn check_heading(heading: Angle) -> Result<(), Refusal> {
+fn check_heading(heading: Angle) -> Result<(), MotionRefusal> {
     if heading.radians().is_finite() {
         Ok(())
     } else {
-        Err(Refusal::Heading)
+        Err(MotionRefusal::Heading)
     }
 }
 
@@ -367,7 +367,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const LIMITS: Limits = Limits {
+    const LIMITS: DriveLimits = DriveLimits {
         speed_mps: 0.5,
         acceleration_mps2: 0.4,
         braking_mps2: 0.8,
@@ -538,32 +538,32 @@ mod tests {
         let nowhere = point(f64::NAN, 0.0);
         assert!(matches!(
             body.drive(secs(1.0), &[nowhere], 0.5),
-            Err(Refusal::Place { .. })
+            Err(MotionRefusal::Place { .. })
         ));
         assert!(matches!(
             body.drive(secs(1.0), &[point(1e9, 0.0)], 0.5),
-            Err(Refusal::Place { .. })
+            Err(MotionRefusal::Place { .. })
         ));
         for speed_mps in [f64::NAN, 0.0, -1.0] {
             let refusal = body.drive(secs(1.0), &[], speed_mps);
-            assert!(matches!(refusal, Err(Refusal::Speed { .. })));
+            assert!(matches!(refusal, Err(MotionRefusal::Speed { .. })));
         }
         assert_eq!(
             body.turn(secs(1.0), Angle::from_radians(f64::NAN)),
-            Err(Refusal::Heading)
+            Err(MotionRefusal::Heading)
         );
         assert_eq!(body.arrival(), before);
-        let weak = Limits {
+        let weak = DriveLimits {
             braking_mps2: 0.0,
             ..LIMITS
         };
         assert!(matches!(
             Body::at_rest(nowhere, Angle::default(), LIMITS),
-            Err(Refusal::Place { .. })
+            Err(MotionRefusal::Place { .. })
         ));
         assert!(matches!(
             Body::at_rest(Point::default(), Angle::default(), weak),
-            Err(Refusal::Limits)
+            Err(MotionRefusal::Limits)
         ));
     }
 

@@ -8,13 +8,13 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-use tomoswarm_proto::{About, Interest, Kind, OperatorId, Topic, VehicleId};
+use tomoswarm_proto::{Interest, MessageKind, MessageSubject, OperatorId, Topic, VehicleId};
 
 use super::noise::{Noise, Purpose};
 use crate::config::Partition;
 use crate::exchange::egress::OutboundFrame;
-use crate::exchange::ingress::{Heard, Refusal, read};
-use crate::exchange::table::{Vehicles, interest, row};
+use crate::exchange::ingress::{FrameRefusal, HeardMessage, read};
+use crate::exchange::table::{VehicleSet, interest, row};
 use crate::time::Time;
 
 /// A node of the swarm: the ground station or a vehicle.
@@ -53,17 +53,17 @@ impl Default for BusModel {
 
 /// A frame as it travels: what its receivers read, with the length of its bytes.
 #[derive(PartialEq, Debug)]
-pub struct Frame {
+pub struct BusFrame {
     sender: NodeId,
     bytes: usize,
     /// What reading the bytes gave; the same for every receiver.
-    read: Result<Heard, Refusal>,
+    read: Result<HeardMessage, FrameRefusal>,
 }
 
-impl Frame {
+impl BusFrame {
     /// Reads bytes as their receivers will, whatever they hold.
-    pub fn of_bytes(sender: NodeId, bytes: &[u8]) -> Frame {
-        Frame {
+    pub fn of_bytes(sender: NodeId, bytes: &[u8]) -> BusFrame {
+        BusFrame {
             sender,
             bytes: bytes.len(),
             read: read(sender, bytes),
@@ -84,25 +84,25 @@ impl Frame {
     ///
     /// # Errors
     /// They refuse it.
-    pub fn read(&self) -> &Result<Heard, Refusal> {
+    pub fn read(&self) -> &Result<HeardMessage, FrameRefusal> {
         &self.read
     }
 }
 
 /// A frame that reaches a node.
 #[derive(Clone, PartialEq, Debug)]
-pub struct Delivery {
+pub struct BusDelivery {
     /// When.
     pub at: Time,
     /// Whom.
     pub to: NodeId,
     /// What arrives.
-    pub frame: Arc<Frame>,
+    pub frame: Arc<BusFrame>,
 }
 
 /// What a node has sent and was sent.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub struct Traffic {
+pub struct NodeTraffic {
     /// Messages it has sent, each counted once.
     pub sent_messages: u64,
     /// Their bytes.
@@ -120,17 +120,17 @@ pub type BytesByKind = BTreeMap<&'static str, u64>;
 
 /// The bus.
 #[derive(Clone, Debug)]
-pub struct Bus {
+pub struct SimulatedBus {
     noise: Noise,
     model: BusModel,
-    traffic: BTreeMap<NodeId, Traffic>,
+    traffic: BTreeMap<NodeId, NodeTraffic>,
     sent_by_kind: BTreeMap<NodeId, BytesByKind>,
 }
 
-impl Bus {
+impl SimulatedBus {
     /// Makes a bus over which nothing was sent yet.
-    pub fn new(noise: Noise, model: BusModel) -> Bus {
-        Bus {
+    pub fn new(noise: Noise, model: BusModel) -> SimulatedBus {
+        SimulatedBus {
             noise,
             model,
             traffic: BTreeMap::new(),
@@ -145,14 +145,14 @@ impl Bus {
         sender: NodeId,
         outbound: &OutboundFrame,
         receivers: &[NodeId],
-    ) -> Vec<Delivery> {
-        let frame = Frame::of_bytes(sender, &outbound.frame);
+    ) -> Vec<BusDelivery> {
+        let frame = BusFrame::of_bytes(sender, &outbound.frame);
         let of_sender = self.sent_by_kind.entry(sender).or_default();
         *of_sender.entry(outbound.topic.kind.word()).or_default() += frame.bytes() as u64;
         self.carry(now, frame, receivers)
     }
 
-    fn carry(&mut self, now: Time, frame: Frame, receivers: &[NodeId]) -> Vec<Delivery> {
+    fn carry(&mut self, now: Time, frame: BusFrame, receivers: &[NodeId]) -> Vec<BusDelivery> {
         let (sender, bytes, frame) = (frame.sender, frame.bytes() as u64, Arc::new(frame));
         let traffic = self.traffic.entry(sender).or_default();
         let count = traffic.sent_messages;
@@ -167,7 +167,7 @@ impl Bus {
             traffic.lost_messages += u64::from(copies == 0);
             deliveries.extend((0..copies).map(|copy| {
                 let at = now + self.delay(&[number(sender), count, number(to), copy]);
-                Delivery {
+                BusDelivery {
                     at,
                     to,
                     frame: frame.clone(),
@@ -189,7 +189,7 @@ impl Bus {
     }
 
     /// Returns what every node has sent and was sent, ascending.
-    pub fn traffic(&self) -> &BTreeMap<NodeId, Traffic> {
+    pub fn traffic(&self) -> &BTreeMap<NodeId, NodeTraffic> {
         &self.traffic
     }
 
@@ -220,7 +220,7 @@ impl Bus {
 /// Returns who of the operators hears what a sender says; each is named with what it is interested in.
 pub fn operators_that_hear<'a>(
     sender: NodeId,
-    kind: Kind,
+    kind: MessageKind,
     operators: impl Iterator<Item = (OperatorId, &'a [Interest])>,
 ) -> Vec<NodeId> {
     let is_told = row(kind)
@@ -253,17 +253,21 @@ pub fn receivers(
     };
     let ground = audience.ground.then_some(NodeId::Ground);
     match (audience.vehicles, topic.about) {
-        (Vehicles::All, _) => vehicles.map(NodeId::Vehicle).chain(ground).collect(),
+        (VehicleSet::All, _) => vehicles.map(NodeId::Vehicle).chain(ground).collect(),
         // An order for a vehicle that is not there is lost as any other can be.
-        (Vehicles::Addressed, About::Vehicle(vehicle)) => [NodeId::Vehicle(vehicle)]
+        (VehicleSet::Addressed, MessageSubject::Vehicle(vehicle)) => [NodeId::Vehicle(vehicle)]
             .into_iter()
             .chain(ground)
             .collect(),
         (
-            Vehicles::Addressed,
-            About::Whole | About::Run(_) | About::Layer(_) | About::Tile(..) | About::Part(..),
+            VehicleSet::Addressed,
+            MessageSubject::Whole
+            | MessageSubject::Run(_)
+            | MessageSubject::Layer(_)
+            | MessageSubject::Tile(..)
+            | MessageSubject::Part(..),
         )
-        | (Vehicles::None, _) => ground.into_iter().collect(),
+        | (VehicleSet::None, _) => ground.into_iter().collect(),
     }
 }
 
@@ -280,7 +284,7 @@ mod tests {
     use super::*;
     use crate::exchange::examples::examples;
     use crate::exchange::table::may_say;
-    use tomoswarm_proto::{Message, Mission, Progress, RunId};
+    use tomoswarm_proto::{Message, MissionProgress, Progress, RunId};
 
     const A: NodeId = NodeId::Vehicle(VehicleId(1));
     const B: NodeId = NodeId::Vehicle(VehicleId(2));
@@ -291,10 +295,10 @@ mod tests {
             run: RunId(run),
             ..Progress::default()
         };
-        Message::Mission(Mission {
+        Message::Mission(MissionProgress {
             vehicle: VehicleId(1),
             progress,
-            ..Mission::default()
+            ..MissionProgress::default()
         })
     }
 
@@ -303,8 +307,8 @@ mod tests {
         OutboundFrame::of(&message(run)).unwrap()
     }
 
-    fn send_many(model: BusModel, count: u32) -> (Bus, Vec<Delivery>) {
-        let mut bus = Bus::new(Noise::new(1), model);
+    fn send_many(model: BusModel, count: u32) -> (SimulatedBus, Vec<BusDelivery>) {
+        let mut bus = SimulatedBus::new(Noise::new(1), model);
         let sent = (0..count)
             .flat_map(|run| bus.send(Time::ZERO, A, &outbound(run), &ALL))
             .collect();
@@ -316,7 +320,7 @@ mod tests {
         let (_, sent) = send_many(BusModel::default(), 200);
         for (index, delivery) in sent.iter().enumerate() {
             assert_eq!(delivery.to, [NodeId::Ground, B][index % 2]);
-            let read = Ok(Heard::Message(A, message(index as u32 / 2)));
+            let read = Ok(HeardMessage::Message(A, message(index as u32 / 2)));
             assert_eq!(*delivery.frame.read(), read);
             let bounds = Duration::from_millis(5)..=Duration::from_millis(15);
             assert!(bounds.contains(&delivery.at.since(Time::ZERO)));
@@ -373,7 +377,7 @@ mod tests {
             until,
             sides: vec![vec![A]],
         }];
-        let bus = Bus::new(
+        let bus = SimulatedBus::new(
             Noise::new(1),
             BusModel {
                 partitions,
@@ -401,13 +405,13 @@ mod tests {
             ..BusModel::default()
         };
         let (_, alone) = send_many(model.clone(), 100);
-        let mut bus = Bus::new(Noise::new(1), model);
+        let mut bus = SimulatedBus::new(Noise::new(1), model);
         let mut among_others = Vec::new();
         for run in 0..100 {
             bus.send(Time::ZERO, B, &outbound(run), &ALL);
             among_others.extend(bus.send(Time::ZERO, A, &outbound(run), &[B, NodeId::Ground]));
         }
-        let sorted = |mut deliveries: Vec<Delivery>| {
+        let sorted = |mut deliveries: Vec<BusDelivery>| {
             deliveries.sort_by_key(|delivery| (delivery.at, delivery.to));
             deliveries
         };
@@ -461,7 +465,7 @@ mod tests {
             (OperatorId(2), &map[..]),
             (OperatorId(3), &[]),
         ];
-        let mut heard: BTreeMap<NodeId, Vec<Kind>> = BTreeMap::new();
+        let mut heard: BTreeMap<NodeId, Vec<MessageKind>> = BTreeMap::new();
         for (_, message) in examples() {
             for sender in ALL.into_iter().filter(|sender| may_say(*sender, &message)) {
                 for to in operators_that_hear(sender, message.kind(), operators.into_iter()) {
@@ -469,22 +473,41 @@ mod tests {
                 }
             }
         }
-        let kinds = |number: u8, of: &[Kind]| {
+        let kinds = |number: u8, of: &[MessageKind]| {
             let heard = &heard[&NodeId::Operator(OperatorId(number))];
             of.iter()
                 .map(|kind| heard.contains(kind))
                 .collect::<Vec<bool>>()
         };
         assert_eq!(
-            kinds(1, &[Kind::State, Kind::Mission, Kind::Report, Kind::Tile]),
+            kinds(
+                1,
+                &[
+                    MessageKind::State,
+                    MessageKind::Mission,
+                    MessageKind::Report,
+                    MessageKind::Tile
+                ]
+            ),
             [true, true, true, false]
         );
         assert_eq!(
-            kinds(2, &[Kind::State, Kind::Tile, Kind::Report]),
+            kinds(
+                2,
+                &[MessageKind::State, MessageKind::Tile, MessageKind::Report]
+            ),
             [false, true, true]
         );
         assert_eq!(
-            kinds(3, &[Kind::State, Kind::Samples, Kind::Image, Kind::Report]),
+            kinds(
+                3,
+                &[
+                    MessageKind::State,
+                    MessageKind::Samples,
+                    MessageKind::Image,
+                    MessageKind::Report
+                ]
+            ),
             [false, false, false, true]
         );
     }
@@ -502,12 +525,12 @@ mod tests {
 
     #[test]
     fn what_its_sender_may_not_say_is_carried_and_read_as_a_refusal() {
-        let mut bus = Bus::new(Noise::new(1), BusModel::default());
+        let mut bus = SimulatedBus::new(Noise::new(1), BusModel::default());
         let sent = bus.send(Time::ZERO, B, &outbound(1), &ALL);
         assert_eq!(sent.len(), 2);
         assert_eq!(
             *sent[0].frame.read(),
-            Err(Refusal::NotItsToSay { sender: B })
+            Err(FrameRefusal::NotItsToSay { sender: B })
         );
     }
 }

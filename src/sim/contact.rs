@@ -345,12 +345,12 @@ fn entry_share(chord: Segment, radius_m: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::body::Limits;
+    use super::super::body::DriveLimits;
     use super::*;
     use crate::geom::Angle;
     use proptest::prelude::*;
 
-    const LIMITS: Limits = Limits {
+    const LIMITS: DriveLimits = DriveLimits {
         speed_mps: 0.5,
         acceleration_mps2: 0.4,
         braking_mps2: 0.8,

@@ -3,22 +3,22 @@
 
 use std::collections::BTreeMap;
 
-use tomoswarm_proto::{Boot, RunId, Sample, Standing};
+use tomoswarm_proto::{Boot, OpenStops, RunId, Sample};
 
-use crate::node::outbox::{CHUNK, Place, Recalled};
-use crate::node::{Memory, Remembered};
+use crate::node::outbox::{CHUNK, Recalled, SampleKey};
+use crate::node::{Remembered, VehicleMemory};
 
 /// Samples by their places, and what must not be forgotten.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Disk {
-    kept: BTreeMap<Place, Sample>,
-    memory: Memory,
-    stops: Standing,
+    kept: BTreeMap<SampleKey, Sample>,
+    memory: VehicleMemory,
+    stops: OpenStops,
 }
 
 impl Disk {
     /// Remembers this as well; returns how it stands then.
-    pub fn remember(&mut self, memory: Memory) -> Remembered {
+    pub fn remember(&mut self, memory: VehicleMemory) -> Remembered {
         self.memory = self.memory.join(memory);
         Remembered {
             on_disk: self.memory,
@@ -27,24 +27,24 @@ impl Disk {
     }
 
     /// Returns all that was remembered.
-    pub fn memory(&self) -> Memory {
+    pub fn memory(&self) -> VehicleMemory {
         self.memory
     }
 
     /// Keeps what emergency stops the vehicle knows.
-    pub fn keep_stops(&mut self, stops: Standing) {
+    pub fn keep_stops(&mut self, stops: OpenStops) {
         self.stops = stops;
     }
 
     /// Returns them.
-    pub fn stops(&self) -> Standing {
+    pub fn stops(&self) -> OpenStops {
         self.stops.clone()
     }
 
     /// Keeps a sample.
     pub fn keep(&mut self, boot: Boot, run: RunId, sample: Sample) {
         self.kept.insert(
-            Place {
+            SampleKey {
                 boot,
                 run,
                 sequence: sample.sequence,
@@ -55,15 +55,15 @@ impl Disk {
 
     /// Forgets the samples of a boot and run below a sequence.
     pub fn forget(&mut self, boot: Boot, run: RunId, below: u64) {
-        let from = Place {
+        let from = SampleKey {
             boot,
             run,
             sequence: 0,
         };
-        let gone: Vec<Place> = self
+        let gone: Vec<SampleKey> = self
             .kept
             .range(
-                from..Place {
+                from..SampleKey {
                     boot,
                     run,
                     sequence: below,
@@ -77,15 +77,15 @@ impl Disk {
     }
 
     /// Returns what is kept after a place.
-    pub fn recall(&self, after: Option<Place>) -> Recalled {
-        let beyond = |place: &Place| after.is_none_or(|after| *place > after);
-        let from = after.unwrap_or(Place {
+    pub fn recall(&self, after: Option<SampleKey>) -> Recalled {
+        let beyond = |place: &SampleKey| after.is_none_or(|after| *place > after);
+        let from = after.unwrap_or(SampleKey {
             boot: Boot(0),
             run: RunId(0),
             sequence: 0,
         });
         let mut left = self.kept.range(from..).filter(|(place, _)| beyond(place));
-        let sample = |(place, sample): (&Place, &Sample)| (place.boot, place.run, *sample);
+        let sample = |(place, sample): (&SampleKey, &Sample)| (place.boot, place.run, *sample);
         let samples = left.by_ref().take(CHUNK).map(sample).collect();
         Recalled {
             samples,

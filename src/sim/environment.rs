@@ -30,14 +30,14 @@ use tomoswarm_proto::{Beacon, VehicleId};
 pub use self::devices::COMPANION_SILENT;
 pub use self::event::{DeviceCommand, DeviceCounts, WorldEvent};
 
-use self::devices::Devices;
+use self::devices::SimulatedDevices;
 use self::event::PendingEvent;
 use super::air::{Air, Fate, Sent};
 use super::faults::Faults;
 use super::noise::{Noise, Purpose};
 use super::queue::EventQueue;
-use super::world::{Obeyed, PredictedContact, Stage, World};
-use crate::autopilot::{Ack, Command, CommandAck, NumberedCommand, Report};
+use super::world::{Obeyed, PredictedContact, World, WorldContents};
+use crate::autopilot::{Ack, AutopilotReport, Command, CommandAck, NumberedCommand};
 use crate::geom::Angle;
 use crate::node::sensor::{Echo, Ping};
 use crate::time::{Deadline, Time};
@@ -54,20 +54,20 @@ pub struct Environment {
     world: World,
     air: Air,
     faults: Faults,
-    devices: Vec<Devices>,
+    devices: Vec<SimulatedDevices>,
     pending: EventQueue<PendingEvent>,
     /// Contacts that the present motion leads to.
     contacts: Vec<PredictedContact>,
     counts: DeviceCounts,
     /// What stands there once the persons have entered; `None` = they have.
-    outside: Option<Box<Stage>>,
+    outside: Option<Box<WorldContents>>,
 }
 
 impl Environment {
     /// Takes a world with all its vehicles in place, and the faults of their devices; nobody's software runs. With `ties`
     /// what happens at one moment comes in an order drawn from it.
     pub fn new(world: World, noise: Noise, faults: Faults, ties: Option<Noise>) -> Environment {
-        let devices = vec![Devices::new(world.mounts().clone()); world.vehicles()];
+        let devices = vec![SimulatedDevices::new(world.mounts().clone()); world.vehicles()];
         Environment {
             now: Time::ZERO,
             noise,
@@ -83,7 +83,7 @@ impl Environment {
     }
 
     /// Lets the persons wait outside; with them in it the world is as this stage.
-    pub fn with_persons_outside(self, entered: Option<Stage>) -> Environment {
+    pub fn with_persons_outside(self, entered: Option<WorldContents>) -> Environment {
         Environment {
             outside: entered.map(Box::new),
             ..self
@@ -127,7 +127,7 @@ impl Environment {
     }
 
     /// Returns what the autopilot of a vehicle knows of itself at a moment.
-    pub fn known(&mut self, vehicle: usize, now: Time) -> Report {
+    pub fn known(&mut self, vehicle: usize, now: Time) -> AutopilotReport {
         self.world.report(vehicle, now)
     }
 

@@ -15,7 +15,7 @@ pub struct Faults {
 
 /// What a fault of software does at the moment of its beginning or end.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub enum Turn {
+pub enum FaultTurn {
     /// The software of a node ends.
     Ends(Sender),
     /// The software of a node starts.
@@ -70,7 +70,7 @@ impl Faults {
     }
 
     /// Returns what happens to the software of nodes, and when.
-    pub fn turns(&self) -> Vec<(Time, Turn)> {
+    pub fn turns(&self) -> Vec<(Time, FaultTurn)> {
         self.list
             .iter()
             .flat_map(turns_of)
@@ -120,12 +120,13 @@ fn whom(fault: &Fault) -> impl Iterator<Item = Sender> + '_ {
         .chain(ground)
 }
 
-fn turns_of(fault: &Fault) -> Vec<(Time, Turn)> {
-    let each = |at: Time, turn: fn(Sender) -> Turn| whom(fault).map(move |node| (at, turn(node)));
+fn turns_of(fault: &Fault) -> Vec<(Time, FaultTurn)> {
+    let each =
+        |at: Time, turn: fn(Sender) -> FaultTurn| whom(fault).map(move |node| (at, turn(node)));
     match fault.kind {
-        FaultKind::Dead => each(fault.from, Turn::Ends).collect(),
-        FaultKind::Restart => each(fault.from, Turn::Ends)
-            .chain(each(fault.until, Turn::Starts))
+        FaultKind::Dead => each(fault.from, FaultTurn::Ends).collect(),
+        FaultKind::Restart => each(fault.from, FaultTurn::Ends)
+            .chain(each(fault.until, FaultTurn::Starts))
             .collect(),
         FaultKind::Bus
         | FaultKind::Radio
@@ -167,7 +168,7 @@ mod tests {
         assert_eq!(turns.len(), 4);
         assert!(turns.contains(&(
             Time::from_secs_f64(9.0),
-            Turn::Starts(Sender::Vehicle(VehicleId(3)))
+            FaultTurn::Starts(Sender::Vehicle(VehicleId(3)))
         )));
         let turns = Faults::new(vec![fault(FaultKind::Dead)]).turns();
         assert_eq!(turns.len(), 2);
@@ -177,8 +178,8 @@ mod tests {
             ..fault(FaultKind::Restart)
         };
         let turns = [
-            (5.0, Turn::Ends(Sender::Ground)),
-            (9.0, Turn::Starts(Sender::Ground)),
+            (5.0, FaultTurn::Ends(Sender::Ground)),
+            (9.0, FaultTurn::Starts(Sender::Ground)),
         ];
         let turns = turns.map(|(at_s, turn)| (Time::from_secs_f64(at_s), turn));
         assert_eq!(Faults::new(vec![of_ground]).turns(), turns);

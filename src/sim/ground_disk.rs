@@ -3,11 +3,11 @@
 
 use std::collections::BTreeMap;
 
-use tomoswarm_proto::{LayerId, Message, Samples, Standing, TileAddress, TileReport};
+use tomoswarm_proto::{LayerId, Message, OpenStops, Samples, TileAddress, TileReport};
 
-use crate::ground::Source;
+use crate::ground::ActorSettings;
 use crate::ground::from_config::GroundParts;
-use crate::ground::station::{Memory, Station};
+use crate::ground::station::{Station, StationMemory};
 use crate::stops::StopsSettings;
 
 /// What a ground station that is started anew goes on from.
@@ -15,8 +15,8 @@ use crate::stops::StopsSettings;
 pub(super) struct GroundDisk {
     /// Nothing is kept that nobody will read.
     is_read: bool,
-    memory: Option<Box<Memory>>,
-    stops: Standing,
+    memory: Option<Box<StationMemory>>,
+    stops: OpenStops,
     samples: Vec<Samples>,
     tiles: BTreeMap<(LayerId, TileAddress), TileReport>,
 }
@@ -31,12 +31,12 @@ impl GroundDisk {
     }
 
     /// Keeps what the station needs, in place of what it needed before.
-    pub fn remember(&mut self, memory: Box<Memory>) {
+    pub fn remember(&mut self, memory: Box<StationMemory>) {
         self.memory = self.is_read.then_some(memory);
     }
 
     /// Keeps what emergency stops the ground station knows.
-    pub fn keep_stops(&mut self, stops: Standing) {
+    pub fn keep_stops(&mut self, stops: OpenStops) {
         self.stops = stops;
     }
 
@@ -60,7 +60,7 @@ impl GroundDisk {
     }
 
     /// Returns what a ground station begins with that is started anew.
-    pub fn source(&self, parts: GroundParts) -> Source {
+    pub fn source(&self, parts: GroundParts) -> ActorSettings {
         let memory = self.memory.as_deref().cloned();
         let (samples, tiles) = (self.samples.iter().cloned(), self.tiles.values().cloned());
         let resumed = Station::restored(parts.station.clone(), memory, samples, tiles);
@@ -68,7 +68,7 @@ impl GroundDisk {
             kept: self.stops.clone(),
             ..StopsSettings::default()
         };
-        Source {
+        ActorSettings {
             parts,
             resumed: Some(resumed),
             stops,

@@ -4,16 +4,16 @@
 use tomoswarm_proto::VehicleId;
 
 use super::operator_script::RUN;
-use super::outcome::Mission;
+use super::outcome::EndedMission;
 use crate::config::Expect;
-use crate::ground::station::Note as GroundNote;
-use crate::node::mission::End;
+use crate::ground::station::StationEvent as GroundNote;
+use crate::node::mission::EndReason;
 use crate::operator::script::ScriptEnd;
 use crate::time::Time;
 
 /// What follows for the run.
 #[derive(Clone, PartialEq, Eq, Debug)]
-pub(super) enum Verdict {
+pub(super) enum RunVerdict {
     /// Nothing.
     GoesOn,
     /// It is over.
@@ -29,7 +29,7 @@ pub(super) struct Judge {
     is_swept: bool,
     expect: Expect,
     /// When and how the mission of each vehicle ended.
-    missions: Vec<Mission>,
+    missions: Vec<EndedMission>,
     is_done: bool,
 }
 
@@ -51,7 +51,7 @@ impl Judge {
     }
 
     /// Returns when and how the mission of each vehicle ended.
-    pub fn missions(&self) -> &[Mission] {
+    pub fn missions(&self) -> &[EndedMission] {
         &self.missions
     }
 
@@ -65,7 +65,7 @@ impl Judge {
         &mut self,
         now: Time,
         vehicle: usize,
-        end: End,
+        end: EndReason,
         are_dead: impl Iterator<Item = bool>,
     ) {
         self.missions[vehicle].1 = Some((now, end));
@@ -79,19 +79,19 @@ impl Judge {
 
     /// Takes that a vehicle came home, of which so many are home now and so many could be. Where all are expected there,
     /// whatever an operator can hear of them, this is the end.
-    pub fn came_home(&self, home: usize, alive: usize) -> Verdict {
+    pub fn came_home(&self, home: usize, alive: usize) -> RunVerdict {
         if self.expect == Expect::Home && home == alive {
-            Verdict::Over
+            RunVerdict::Over
         } else {
-            Verdict::GoesOn
+            RunVerdict::GoesOn
         }
     }
 
     /// Takes how the operator's script ended.
-    pub fn script_ended(&self, end: &ScriptEnd) -> Verdict {
+    pub fn script_ended(&self, end: &ScriptEnd) -> RunVerdict {
         match end {
-            ScriptEnd::Done => Verdict::Over,
-            ScriptEnd::GaveUp { why, .. } => Verdict::Failed(why.clone()),
+            ScriptEnd::Done => RunVerdict::Over,
+            ScriptEnd::GaveUp { why, .. } => RunVerdict::Failed(why.clone()),
         }
     }
 }
@@ -130,35 +130,38 @@ mod tests {
     fn missions_are_done_when_all_that_are_alive_have_ended_theirs() {
         let mut judge = judge(false, Expect::Finished);
         let dead = [false, true, false];
-        judge.mission_ended(Time::ZERO, 0, End::Done, dead.into_iter());
+        judge.mission_ended(Time::ZERO, 0, EndReason::Done, dead.into_iter());
         assert!(!judge.is_done());
-        judge.mission_ended(Time::ZERO, 2, End::NoRoom, dead.into_iter());
+        judge.mission_ended(Time::ZERO, 2, EndReason::NoRoom, dead.into_iter());
         assert!(judge.is_done());
         assert_eq!(judge.missions()[1], (VehicleId(2), None));
-        assert_eq!(judge.missions()[2].1, Some((Time::ZERO, End::NoRoom)));
+        assert_eq!(judge.missions()[2].1, Some((Time::ZERO, EndReason::NoRoom)));
     }
 
     #[test]
     fn who_comes_home_ends_a_run_only_where_all_are_expected_there() {
-        assert_eq!(judge(true, Expect::Home).came_home(3, 3), Verdict::Over);
-        assert_eq!(judge(true, Expect::Home).came_home(2, 3), Verdict::GoesOn);
+        assert_eq!(judge(true, Expect::Home).came_home(3, 3), RunVerdict::Over);
+        assert_eq!(
+            judge(true, Expect::Home).came_home(2, 3),
+            RunVerdict::GoesOn
+        );
         assert_eq!(
             judge(true, Expect::Finished).came_home(3, 3),
-            Verdict::GoesOn
+            RunVerdict::GoesOn
         );
     }
 
     #[test]
     fn an_operator_that_gives_up_has_failed_with_its_reason() {
         let judge = judge(true, Expect::Finished);
-        assert_eq!(judge.script_ended(&ScriptEnd::Done), Verdict::Over);
+        assert_eq!(judge.script_ended(&ScriptEnd::Done), RunVerdict::Over);
         let gave_up = ScriptEnd::GaveUp {
             step: 3,
             why: "nobody came".to_owned(),
         };
         assert_eq!(
             judge.script_ended(&gave_up),
-            Verdict::Failed("nobody came".to_owned())
+            RunVerdict::Failed("nobody came".to_owned())
         );
     }
 }

@@ -26,31 +26,31 @@ use tomoswarm_proto::{Boot, Message};
 
 use self::network::Network;
 use self::nodes::{NodePlace, Nodes, name_of};
-use self::progress::Progress;
+use self::progress::ProgressMeter;
 use self::run_record::RunRecord;
 use self::schedule::{Event, Schedule};
 use self::scheduled_environment::ScheduledEnvironment;
-use super::bus::{Frame, NodeId};
+use super::bus::{BusFrame, NodeId};
 use super::environment::{DeviceCommand, WorldEvent};
-use super::faults::Turn;
-use super::judge::{Judge, Verdict};
+use super::faults::FaultTurn;
+use super::judge::{Judge, RunVerdict};
 use super::noise::Noise;
 use super::operator_script::{PERSONS_ENTER, SCENARIO_OPERATOR};
-use super::shown::{Shown, ShownVehicle};
+use super::run_view::{RunView, ShownVehicle};
 use crate::actor::Fault;
-use crate::exchange::ingress::Heard;
+use crate::exchange::ingress::HeardMessage;
 use crate::ground;
 use crate::node;
-use crate::node::mission::Remark as MissionRemark;
+use crate::node::mission::MissionEvent as MissionRemark;
 use crate::node::radio;
-use crate::node::route::Note as VehicleNote;
+use crate::node::route::VehicleEvent as VehicleNote;
 use crate::operator::operator_actor::{In, Out};
 use crate::time::Time;
 
 pub(super) use self::network::Greetings;
 pub(super) use self::nodes::{SimulatedGround, SimulatedOperator, SimulatedVehicle};
 pub(super) use self::parts::{FinishedRun, Parts};
-pub use self::progress::Status;
+pub use self::progress::RunProgress;
 pub(super) use self::recording::Recording;
 
 /// The kernel of one run.
@@ -61,7 +61,7 @@ pub(super) struct Kernel {
     nodes: Nodes,
     judge: Judge,
     record: RunRecord,
-    progress: Progress,
+    progress: ProgressMeter,
     noise: Noise,
     ends_at_contact: bool,
     scratch: Scratch,
@@ -79,7 +79,7 @@ impl Kernel {
     pub fn new(parts: Parts) -> Kernel {
         let noise = parts.noise;
         let turns = parts.faults.turns();
-        let restarts = |(_, turn): &(_, Turn)| *turn == Turn::Starts(NodeId::Ground);
+        let restarts = |(_, turn): &(_, FaultTurn)| *turn == FaultTurn::Starts(NodeId::Ground);
         let ground = SimulatedGround::new(parts.ground, turns.iter().any(restarts));
         let operators = parts.operators.iter();
         let operators = operators.map(|operator| (operator.id(), operator.interest().to_vec()));
@@ -95,7 +95,7 @@ impl Kernel {
             record: RunRecord::new(parts.vehicles.iter().map(SimulatedVehicle::id)),
             nodes: Nodes::new(parts.vehicles, ground, parts.operators),
             judge: parts.judge,
-            progress: Progress::shown_every(parts.shown_every),
+            progress: ProgressMeter::shown_every(parts.shown_every),
             noise,
             ends_at_contact: parts.ends_at_contact,
             scratch: Scratch::default(),
@@ -105,7 +105,7 @@ impl Kernel {
     }
 
     /// Queues what happens by itself from the beginning.
-    fn prime(&mut self, turns: Vec<(Time, Turn)>) {
+    fn prime(&mut self, turns: Vec<(Time, FaultTurn)>) {
         for (at, turn) in turns {
             self.schedule.push(at, Event::Fault(turn));
         }
@@ -126,7 +126,7 @@ impl Kernel {
     /// Runs to the end, or until `watch` says that it is enough.
     pub fn run(
         &mut self,
-        watch: &mut dyn FnMut(&Shown<'_>) -> bool,
+        watch: &mut dyn FnMut(&RunView<'_>) -> bool,
         mut recording: Option<Recording<'_>>,
     ) -> Result<(), Fault> {
         if let Some(recording) = &mut recording {
@@ -292,7 +292,7 @@ impl Kernel {
                 self.network.publish(place, &message, &mut self.schedule);
                 None
             }
-            node::Effect::Note(note) => {
+            node::Effect::VehicleEvent(note) => {
                 self.log(place, format_args!("{note}"));
                 if let VehicleNote::Mission(remark) = &note {
                     self.heed(vehicle, remark);
@@ -339,7 +339,7 @@ impl Kernel {
                 // What was measured is not told from run to run here.
                 ground::Effect::BeginRun { .. } | ground::Effect::EndRun(_) => {}
                 ground::Effect::StopsNote(remark) => self.log(place, format_args!("{remark}")),
-                ground::Effect::Note(note) => {
+                ground::Effect::StationEvent(note) => {
                     self.log(place, format_args!("{note:?}"));
                     self.progress.hear(&note, self.environment.sweeps_left());
                     self.judge.hear(&note);
@@ -367,7 +367,7 @@ impl Kernel {
                         self.network.publish(place, &message, &mut self.schedule);
                     }
                     // What is not known here is not done, and the operator gives up.
-                    Out::Cue(name) if name == PERSONS_ENTER => {
+                    Out::Announce(name) if name == PERSONS_ENTER => {
                         self.environment.let_persons_enter(&mut self.schedule);
                         self.record
                             .line(now, "scenario", format_args!("the persons enter"));
@@ -381,7 +381,7 @@ impl Kernel {
                         }
                         self.nodes.operator_mut(operator).end_script(end);
                     }
-                    Out::Cue(_)
+                    Out::Announce(_)
                     | Out::InForce(..)
                     | Out::Ended(..)
                     | Out::Give(_)
@@ -438,7 +438,7 @@ impl Kernel {
             return Ok(());
         };
         for (to, rssi_dbm) in receivers {
-            let heard = radio::Heard {
+            let heard = radio::HeardBeacon {
                 beacon: beacon.clone(),
                 rssi_dbm: *rssi_dbm,
             };
@@ -447,7 +447,7 @@ impl Kernel {
         Ok(())
     }
 
-    fn deliver(&mut self, to: NodeId, frame: &Frame) -> Result<(), Fault> {
+    fn deliver(&mut self, to: NodeId, frame: &BusFrame) -> Result<(), Fault> {
         let Some(place) = self.nodes.place_of(to) else {
             return Ok(());
         };
@@ -466,7 +466,7 @@ impl Kernel {
         }
         self.record.count_message();
         // Of greetings vehicles and ground station are told nothing else.
-        let Heard::Message(sender, message) = heard else {
+        let HeardMessage::Message(sender, message) = heard else {
             return Ok(());
         };
         match place {
@@ -483,7 +483,7 @@ impl Kernel {
             NodePlace::Vehicle(_) => self.end_node(node),
             NodePlace::Ground => {
                 self.network.leave(node);
-                self.follow(Verdict::Failed(format!(
+                self.follow(RunVerdict::Failed(format!(
                     "the ground station may not take part: {reason}"
                 )));
             }
@@ -493,16 +493,16 @@ impl Kernel {
     }
 
     /// Lets a fault of software begin or end.
-    fn turn(&mut self, turn: Turn) {
+    fn turn(&mut self, turn: FaultTurn) {
         match turn {
             // An operator's end is not what a file can say.
-            Turn::Ends(NodeId::Operator(_)) | Turn::Starts(NodeId::Operator(_)) => {}
-            Turn::Ends(node) => {
+            FaultTurn::Ends(NodeId::Operator(_)) | FaultTurn::Starts(NodeId::Operator(_)) => {}
+            FaultTurn::Ends(node) => {
                 if let Some(place) = self.nodes.place_of(node) {
                     self.end_node(place);
                 }
             }
-            Turn::Starts(node) => {
+            FaultTurn::Starts(node) => {
                 if let Some(place) = self.nodes.place_of(node) {
                     self.start_node(place);
                 }
@@ -537,14 +537,14 @@ impl Kernel {
     }
 
     /// Does what follows from a judgement; of several the first counts.
-    fn follow(&mut self, verdict: Verdict) {
+    fn follow(&mut self, verdict: RunVerdict) {
         if self.schedule.ended_at().is_some() {
             return;
         }
         match verdict {
-            Verdict::GoesOn => {}
-            Verdict::Over => self.schedule.end(),
-            Verdict::Failed(reason) => {
+            RunVerdict::GoesOn => {}
+            RunVerdict::Over => self.schedule.end(),
+            RunVerdict::Failed(reason) => {
                 self.record.fail(reason);
                 self.schedule.end();
             }
@@ -557,7 +557,7 @@ impl Kernel {
     }
 
     /// Returns what is to be seen of the run now.
-    fn shown(&self) -> Shown<'_> {
+    fn shown(&self) -> RunView<'_> {
         let now = self.schedule.now();
         let one = |(index, vehicle): (usize, &SimulatedVehicle)| {
             let (state, node) = (self.environment.truth(index, now), vehicle.node());
@@ -568,7 +568,7 @@ impl Kernel {
                 status: (!vehicle.is_dead()).then(|| node.mission().status()),
             }
         };
-        Shown {
+        RunView {
             status: self.progress.status(now),
             map: self.nodes.ground().node().station().map(),
             vehicles: self.nodes.vehicles().iter().enumerate().map(one).collect(),

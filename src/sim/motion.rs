@@ -7,7 +7,7 @@ use crate::plan::stopping_distance_m;
 
 /// What a vehicle's drive can do.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Limits {
+pub struct DriveLimits {
     /// Highest speed, m/s.
     pub speed_mps: f64,
     /// Speeding up, m/s².
@@ -18,7 +18,7 @@ pub struct Limits {
     pub turn_rate_radps: f64,
 }
 
-impl Limits {
+impl DriveLimits {
     /// Returns whether all limits are finite and at least 0.001 of their unit.
     pub fn are_possible(&self) -> bool {
         [
@@ -96,7 +96,12 @@ impl Law {
 
 /// Trapezoidal speed over `length_m` from a speed to rest, never above `top_mps` for longer than
 /// braking to it takes. The stopping distance must fit into the length.
-pub(super) fn trapezoid(length_m: f64, first_mps: f64, top_mps: f64, limits: &Limits) -> Vec<Law> {
+pub(super) fn trapezoid(
+    length_m: f64,
+    first_mps: f64,
+    top_mps: f64,
+    limits: &DriveLimits,
+) -> Vec<Law> {
     let (a, b) = (limits.acceleration_mps2, limits.braking_mps2);
     let reachable = (2.0 * a * b * length_m + b * first_mps * first_mps) / (a + b);
     let peak_mps = reachable.sqrt().max(first_mps).min(top_mps);
@@ -139,12 +144,12 @@ pub(super) struct Phase {
     pub from: Point,
     pub to: Point,
     pub heading: Angle,
-    pub kind: Kind,
+    pub kind: PhaseKind,
 }
 
 /// How a phase moves.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub(super) enum Kind {
+pub(super) enum PhaseKind {
     /// On the spot, from the phase's heading at this signed rate.
     Turn { rate_radps: f64 },
     /// Along a unit vector.
@@ -162,15 +167,15 @@ impl Phase {
     }
 
     pub fn is_straight(&self) -> bool {
-        matches!(self.kind, Kind::Straight { .. })
+        matches!(self.kind, PhaseKind::Straight { .. })
     }
 
     /// Way covered since the start of the phase, metres, never beyond its end.
     pub fn way_m(&self, time_s: f64) -> f64 {
         let t = (time_s - self.start_s).clamp(0.0, self.duration_s);
         match self.kind {
-            Kind::Turn { .. } => 0.0,
-            Kind::Straight {
+            PhaseKind::Turn { .. } => 0.0,
+            PhaseKind::Straight {
                 length_m,
                 speed_mps,
                 acceleration_mps2,
@@ -181,25 +186,25 @@ impl Phase {
 
     pub fn at(&self, time_s: f64) -> Point {
         match self.kind {
-            Kind::Turn { .. } => self.from,
-            Kind::Straight { along, .. } => self.from + along * self.way_m(time_s),
+            PhaseKind::Turn { .. } => self.from,
+            PhaseKind::Straight { along, .. } => self.from + along * self.way_m(time_s),
         }
     }
 
     pub fn heading(&self, time_s: f64) -> Angle {
         match self.kind {
-            Kind::Turn { rate_radps } => {
+            PhaseKind::Turn { rate_radps } => {
                 let t = (time_s - self.start_s).clamp(0.0, self.duration_s);
                 Angle::from_radians(self.heading.radians() + rate_radps * t)
             }
-            Kind::Straight { .. } => self.heading,
+            PhaseKind::Straight { .. } => self.heading,
         }
     }
 
     pub fn speed_mps(&self, time_s: f64) -> f64 {
         match self.kind {
-            Kind::Turn { .. } => 0.0,
-            Kind::Straight {
+            PhaseKind::Turn { .. } => 0.0,
+            PhaseKind::Straight {
                 speed_mps,
                 acceleration_mps2,
                 ..
@@ -212,8 +217,8 @@ impl Phase {
 
     pub fn acceleration(&self) -> Vector {
         match self.kind {
-            Kind::Turn { .. } => Vector::default(),
-            Kind::Straight {
+            PhaseKind::Turn { .. } => Vector::default(),
+            PhaseKind::Straight {
                 along,
                 acceleration_mps2,
                 ..
@@ -224,8 +229,8 @@ impl Phase {
     /// When a way since the start of the phase is covered, seconds since the command.
     pub fn time_at_s(&self, way_m: f64) -> f64 {
         match self.kind {
-            Kind::Turn { .. } => self.start_s,
-            Kind::Straight {
+            PhaseKind::Turn { .. } => self.start_s,
+            PhaseKind::Straight {
                 speed_mps,
                 acceleration_mps2,
                 ..
@@ -243,16 +248,16 @@ impl Phase {
 
 /// Phases in the making: where the body is at the end of them.
 #[derive(Clone, Debug)]
-pub(super) struct Course {
+pub(super) struct PhaseBuilder {
     pub phases: Vec<Phase>,
     pub at: Point,
     pub heading: Angle,
     clock_s: f64,
 }
 
-impl Course {
-    pub fn new(at: Point, heading: Angle) -> Course {
-        Course {
+impl PhaseBuilder {
+    pub fn new(at: Point, heading: Angle) -> PhaseBuilder {
+        PhaseBuilder {
             phases: Vec::new(),
             at,
             heading,
@@ -264,7 +269,7 @@ impl Course {
     pub fn turn(&mut self, heading: Angle, turn_rate_radps: f64) {
         let by_rad = (heading - self.heading).radians();
         if by_rad.abs() > 1e-9 {
-            let kind = Kind::Turn {
+            let kind = PhaseKind::Turn {
                 rate_radps: turn_rate_radps.copysign(by_rad),
             };
             self.push(by_rad.abs() / turn_rate_radps, self.at, self.heading, kind);
@@ -306,7 +311,7 @@ impl Course {
     fn straight(&mut self, piece: &Piece, to: Point, law: Law) {
         let (length_m, sum_mps) = (law.distance_m, law.first_mps + law.last_mps);
         if length_m > 0.0 && sum_mps > 0.0 {
-            let kind = Kind::Straight {
+            let kind = PhaseKind::Straight {
                 along: piece.unit(),
                 length_m,
                 speed_mps: law.first_mps,
@@ -317,7 +322,7 @@ impl Course {
         (self.at, self.heading) = (to, piece.heading);
     }
 
-    fn push(&mut self, duration_s: f64, to: Point, heading: Angle, kind: Kind) {
+    fn push(&mut self, duration_s: f64, to: Point, heading: Angle, kind: PhaseKind) {
         self.phases.push(Phase {
             start_s: self.clock_s,
             duration_s,

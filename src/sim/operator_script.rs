@@ -12,11 +12,11 @@ use std::time::Duration;
 
 use tomoswarm_proto::{Boot, Hello, Interest, OperatorId, OrderKind, RunId, Sender, VehicleId};
 
-use crate::config::{End, Expect, Sim};
+use crate::config::{AfterSweep, Expect, Sim};
 use crate::operator::given_tasks::{TaskWish, task_kind};
 use crate::operator::operator_actor::OperatorSettings;
-use crate::operator::script::{Condition, Present, Step};
-use crate::operator::want::Want;
+use crate::operator::order_goal::OrderGoal;
+use crate::operator::script::{Condition, Present, ScriptStep};
 
 /// The first sweep of a scenario, with nobody inside; without an empty sweep it is not driven.
 pub const EMPTY_RUN: RunId = RunId(1);
@@ -51,9 +51,9 @@ pub(super) fn settings(sim: &Sim, id: OperatorId, holder: u64) -> OperatorSettin
 }
 
 /// Returns what the operator of a simulation does.
-pub(super) fn steps(sim: &Sim) -> Vec<Step> {
+pub(super) fn steps(sim: &Sim) -> Vec<ScriptStep> {
     let scenario = ScenarioScript { sim };
-    let mut steps = vec![Step::Delay(BEGIN_AT)];
+    let mut steps = vec![ScriptStep::Delay(BEGIN_AT)];
     match sim.is_planned_by_ground() {
         true => scenario.sweeps(&mut steps),
         false => steps.extend([
@@ -63,13 +63,13 @@ pub(super) fn steps(sim: &Sim) -> Vec<Step> {
         ]),
     }
     if sim.expect == Expect::Home {
-        steps.push(Step::EndIf(scenario.home()));
+        steps.push(ScriptStep::EndIf(scenario.home()));
     }
     match sim.end {
-        End::Hold => {}
-        End::Return => steps.extend([
+        AfterSweep::Hold => {}
+        AfterSweep::Return => steps.extend([
             scenario.want(OrderKind::Return, None),
-            Step::Wait {
+            ScriptStep::Wait {
                 until: scenario.home(),
                 within: HOME_WITHIN,
             },
@@ -83,7 +83,7 @@ struct ScenarioScript<'a> {
 }
 
 impl ScenarioScript<'_> {
-    fn sweeps(&self, steps: &mut Vec<Step>) {
+    fn sweeps(&self, steps: &mut Vec<ScriptStep>) {
         let compare_with = self.sim.empty_sweep.then_some(EMPTY_RUN);
         if self.sim.empty_sweep {
             let name = PERSONS_ENTER.to_owned();
@@ -91,12 +91,12 @@ impl ScenarioScript<'_> {
                 self.task(EMPTY_RUN, None),
                 self.want(OrderKind::Start, Some(EMPTY_RUN)),
                 self.wait(Condition::Driven(EMPTY_RUN)),
-                Step::Delay(ENTER_TAKES),
-                Step::Cue {
+                ScriptStep::Delay(ENTER_TAKES),
+                ScriptStep::Announce {
                     name,
                     within: ENTER_TAKES,
                 },
-                Step::Delay(ENTER_TAKES),
+                ScriptStep::Delay(ENTER_TAKES),
             ]);
         }
         steps.extend([
@@ -106,18 +106,18 @@ impl ScenarioScript<'_> {
         ]);
     }
 
-    fn wait_for_missions(&self) -> Step {
+    fn wait_for_missions(&self) -> ScriptStep {
         self.wait(Condition::MissionsEnded(self.present()))
     }
 
     /// Waits as long as the simulation lasts. Where something else is expected of the vehicles a sweep need not end, and
     /// they may come home by themselves.
-    fn wait(&self, shown: Condition) -> Step {
+    fn wait(&self, shown: Condition) -> ScriptStep {
         let until = match self.sim.expect {
             Expect::Finished => shown,
             Expect::Home | Expect::Held => Condition::Any(vec![shown, self.home()]),
         };
-        Step::Wait {
+        ScriptStep::Wait {
             until,
             within: self.sim.until(),
         }
@@ -134,9 +134,9 @@ impl ScenarioScript<'_> {
         }
     }
 
-    fn task(&self, run: RunId, compare_with: Option<RunId>) -> Step {
+    fn task(&self, run: RunId, compare_with: Option<RunId>) -> ScriptStep {
         let members: Vec<VehicleId> = self.sim.vehicle_ids().collect();
-        Step::Task(TaskWish {
+        ScriptStep::Task(TaskWish {
             run,
             members,
             compare_with,
@@ -144,12 +144,12 @@ impl ScenarioScript<'_> {
         })
     }
 
-    fn want(&self, kind: OrderKind, run: Option<RunId>) -> Step {
+    fn want(&self, kind: OrderKind, run: Option<RunId>) -> ScriptStep {
         let within = self.sim.until();
         let vehicles = BTreeSet::new();
-        Step::Want(Want {
+        ScriptStep::Want(OrderGoal {
             run,
-            ..Want::new(kind, vehicles, within)
+            ..OrderGoal::new(kind, vehicles, within)
         })
     }
 }

@@ -11,7 +11,7 @@ use super::world::Collision;
 use crate::geom::Point;
 use crate::ground::imager::{Picture, Subject};
 use crate::map::Merged;
-use crate::node::mission::End;
+use crate::node::mission::EndReason;
 use crate::scene::{Outline, Person};
 use crate::time::Time;
 use crate::tomo::{Link, Peak, Reconstruction};
@@ -24,7 +24,7 @@ const SIGNIFICANT: f64 = 4.2;
 
 /// How often things happened.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub struct Counts {
+pub struct RunCounts {
     /// Events of the kernel, but for those of operators: looking costs nothing.
     pub events: u64,
     /// Range readings.
@@ -40,12 +40,12 @@ pub struct Counts {
 }
 
 /// A vehicle, and when and how its own mission ended.
-pub type Mission = (VehicleId, Option<(Time, End)>);
+pub type EndedMission = (VehicleId, Option<(Time, EndReason)>);
 
 /// What was written down while a run went on.
 pub(super) struct Recorded {
     pub log: Log,
-    pub counts: Counts,
+    pub counts: RunCounts,
     pub tracks: Vec<(VehicleId, Vec<Point>)>,
     pub pictures: Vec<Picture>,
     pub failure: Option<String>,
@@ -61,7 +61,7 @@ pub(super) struct Muster {
 
 /// An object found in the picture of changes.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Found {
+pub struct FoundObject {
     /// Where.
     pub at: Point,
     /// How strong, dB/m.
@@ -71,7 +71,7 @@ pub struct Found {
 }
 
 /// Everything that a run leaves behind.
-pub struct Outcome {
+pub struct RunOutcome {
     /// Whether it ended as its file expects; by that, all sweeps were driven to their end.
     pub finished: bool,
     /// Why not, if not.
@@ -103,20 +103,20 @@ pub struct Outcome {
     /// Where each vehicle truly was, 0.05 m and more apart, at the times of its telemetry.
     pub tracks: Vec<(VehicleId, Vec<Point>)>,
     /// When and how the own mission of each vehicle ended; none ends in a sweep.
-    pub missions: Vec<Mission>,
+    pub missions: Vec<EndedMission>,
     /// Who stood in the scene.
     pub persons: Vec<Person>,
     /// What stood in the scene at antenna height, without the persons.
     pub outlines: Vec<Outline>,
     /// How often things happened.
-    pub counts: Counts,
+    pub counts: RunCounts,
     /// Bytes that every node sent over the bus, by kind of message.
     pub bus_bytes: BTreeMap<NodeId, BytesByKind>,
     /// The deterministic log.
     pub log: String,
 }
 
-impl Outcome {
+impl RunOutcome {
     /// Takes the last picture of a subject of the main run out of those recorded.
     pub(super) fn take(pictures: &mut Vec<Picture>, subject: Subject) -> Option<Reconstruction> {
         let index = pictures
@@ -146,7 +146,7 @@ impl Outcome {
     }
 
     /// Returns the objects found in the picture of changes, strongest first.
-    pub fn found(&self) -> Vec<Found> {
+    pub fn found(&self) -> Vec<FoundObject> {
         let Some(change) = &self.change else {
             return Vec::new();
         };
@@ -164,12 +164,12 @@ impl Outcome {
             .collect()
     }
 
-    fn find(&self, peak: &Peak) -> Found {
+    fn find(&self, peak: &Peak) -> FoundObject {
         let distances = self
             .persons
             .iter()
             .map(|person| person.at.distance_to(peak.at));
-        Found {
+        FoundObject {
             at: peak.at,
             strength: peak.strength,
             error_m: distances.min_by(f64::total_cmp),

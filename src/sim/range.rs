@@ -91,7 +91,7 @@ pub type RayCast<'a> = &'a dyn Fn([f64; 3], [f64; 3], f64) -> Option<(f64, [f64;
 
 /// What a sensor can hear.
 #[derive(Clone, Copy)]
-pub struct Surroundings<'a> {
+pub struct SensorSurroundings<'a> {
     /// What stands.
     pub cast: RayCast<'a>,
     /// Other vehicles and persons, where they are now.
@@ -143,7 +143,7 @@ impl RangeSensor {
         &self,
         origin: [f64; 3],
         beam: Angle,
-        around: Surroundings<'_>,
+        around: SensorSurroundings<'_>,
         noise: &Noise,
         ids: &[u64],
     ) -> Option<f64> {
@@ -160,7 +160,7 @@ impl RangeSensor {
     pub fn echo_at(
         &self,
         eye: &Eye,
-        around: Surroundings<'_>,
+        around: SensorSurroundings<'_>,
         noise: &Noise,
         ids: &[u64],
     ) -> Option<f64> {
@@ -178,7 +178,7 @@ impl RangeSensor {
     }
 
     /// Distance to the nearest surface that returns an echo, without noise and blind zone.
-    fn nearest_m(&self, eye: &Eye, around: Surroundings<'_>) -> Option<f64> {
+    fn nearest_m(&self, eye: &Eye, around: SensorSurroundings<'_>) -> Option<f64> {
         let axes = Axes::of(eye.attitude, eye.beam);
         let mut best_m = None;
         for ray in &self.rays {
@@ -354,7 +354,7 @@ mod tests {
     }
 
     fn read(model: RangeModel, cast: RayCast<'_>, discs: &[Disc]) -> Option<f64> {
-        let around = Surroundings { cast, discs };
+        let around = SensorSurroundings { cast, discs };
         RangeSensor::new(model).echo([0.0; 3], Angle::default(), around, &Noise::new(1), &[1])
     }
 
@@ -419,7 +419,7 @@ mod tests {
             ..model()
         });
         let (noise, wall_ahead) = (Noise::new(1), wall(2.0, 0.0));
-        let around = Surroundings {
+        let around = SensorSurroundings {
             cast: &wall_ahead,
             discs: &[],
         };
@@ -433,7 +433,7 @@ mod tests {
             .sum::<f64>()
             / 10_000.0;
         assert!((mean - 2.0).abs() < 0.002 && (square.sqrt() - 0.05).abs() < 0.002);
-        let close = Surroundings {
+        let close = SensorSurroundings {
             cast: &wall(0.021, 0.0),
             discs: &[],
         };
@@ -452,7 +452,12 @@ mod tests {
     }
 
     fn read_at(model: RangeModel, eye: Eye, cast: RayCast<'_>, discs: &[Disc]) -> Option<f64> {
-        RangeSensor::new(model).echo_at(&eye, Surroundings { cast, discs }, &Noise::new(1), &[1])
+        RangeSensor::new(model).echo_at(
+            &eye,
+            SensorSurroundings { cast, discs },
+            &Noise::new(1),
+            &[1],
+        )
     }
 
     fn leaning(roll_deg: f64, pitch_deg: f64, height_m: f64, beam_deg: f64) -> Eye {
@@ -579,7 +584,7 @@ mod tests {
             glitch_share: 0.1,
             ..model()
         });
-        let around = Surroundings {
+        let around = SensorSurroundings {
             cast: &nothing,
             discs: &[],
         };

@@ -4,9 +4,9 @@ use std::time::Duration;
 
 use tomoswarm_proto::{Boot, Hello, Lease, Sender, VehicleId};
 
-use super::body::Limits;
-use super::bus::{Bus, BusModel};
-use super::entry::Entry;
+use super::body::DriveLimits;
+use super::bus::{BusModel, SimulatedBus};
+use super::entry::SampleFile;
 use super::environment::{Environment, TRACK_EVERY};
 use super::faults::Faults;
 use super::judge::Judge;
@@ -15,25 +15,25 @@ use super::kernel::{
 };
 use super::noise::{Noise, Purpose};
 use super::operator_script::{self, EMPTY_RUN, RUN};
-use super::outcome::{Muster, Outcome};
+use super::outcome::{Muster, RunOutcome};
 use super::radio_field::{RadioConstants, RadioField};
 use super::range::{Lobe, RangeModel, RangeSensor};
-use super::shown::Shown;
+use super::run_view::RunView;
 use super::staging;
-use super::world::{Build, Flying, GROUND_CLEARANCE_M, Stage, World};
+use super::world::{Build, Flying, GROUND_CLEARANCE_M, World, WorldContents};
 use crate::actor::Fault;
-use crate::autopilot::Kind;
+use crate::autopilot::VehicleKind;
 use crate::config::{self, Craft, Drivers, Expect, PlannedFault, PlannedPartition, Sim};
 use crate::geom::Point;
 use crate::ground::from_config::{self, GroundParts};
 use crate::ground::imager::Subject;
 use crate::ground::planner::Method;
-use crate::node::Settings as NodeSettings;
-use crate::operator::script::Step;
+use crate::node::VehicleSettings as NodeSettings;
+use crate::operator::script::ScriptStep;
 use crate::scene::{Attenuation, Outline, Person, Scene, SceneError, VrmlShape};
 use crate::sweep::{Ring, SweepError};
 use crate::time::Time;
-use crate::tomo::{Settings as ImageSettings, TomoError};
+use crate::tomo::{ImagingSettings as ImageSettings, TomoError};
 
 /// Tries to place a person before the scene is held to be too full.
 const PLACING_TRIES: u64 = 10_000;
@@ -151,7 +151,7 @@ impl Scenario {
     }
 
     /// Returns what the operator of this scenario does.
-    pub fn operator_steps(&self) -> Vec<Step> {
+    pub fn operator_steps(&self) -> Vec<ScriptStep> {
         operator_script::steps(&self.sim)
     }
 
@@ -169,7 +169,7 @@ impl Scenario {
         staging::build(&self.sim.scene, &self.shapes, persons)
     }
 
-    fn stage(&self, persons: &[Person]) -> Result<Stage, SceneError> {
+    fn stage(&self, persons: &[Person]) -> Result<WorldContents, SceneError> {
         let scene = self.scene(persons)?;
         let height_m = self.sim.vehicles.body.antenna_height_m;
         let radio = &self.sim.radio;
@@ -179,7 +179,7 @@ impl Scenario {
             radio.wavelength_m(),
             radio.object_limit_db,
         );
-        Ok(Stage { scene, attenuation })
+        Ok(WorldContents { scene, attenuation })
     }
 
     fn place_persons(&self, structure: &Scene) -> Result<Vec<Person>, ScenarioError> {
@@ -256,7 +256,7 @@ impl Scenario {
     ///
     /// # Errors
     /// The scenario is impossible, or an actor cannot go on.
-    pub fn run(&self, watch: &mut dyn FnMut(&Shown<'_>) -> bool) -> Result<Outcome, RunError> {
+    pub fn run(&self, watch: &mut dyn FnMut(&RunView<'_>) -> bool) -> Result<RunOutcome, RunError> {
         let mut kernel = Kernel::new(self.parts()?);
         kernel.run(watch, None)?;
         Ok(self.outcome(kernel)?)
@@ -269,10 +269,10 @@ impl Scenario {
     /// As for [`Scenario::run`].
     pub fn run_recorded(
         &self,
-        watch: &mut dyn FnMut(&Shown<'_>) -> bool,
+        watch: &mut dyn FnMut(&RunView<'_>) -> bool,
         segment: Duration,
-        record: &mut dyn FnMut(Entry),
-    ) -> Result<Outcome, RunError> {
+        record: &mut dyn FnMut(SampleFile),
+    ) -> Result<RunOutcome, RunError> {
         let mut kernel = Kernel::new(self.parts()?);
         kernel.run(watch, Some(Recording::to(record, segment)))?;
         Ok(self.outcome(kernel)?)
@@ -301,7 +301,7 @@ impl Scenario {
         Ok(Parts {
             noise,
             environment,
-            bus: Bus::new(noise, self.bus()),
+            bus: SimulatedBus::new(noise, self.bus()),
             greetings: self.greetings(),
             egress_bytes_per_s: sim.bus.egress_bytes_per_s(),
             vehicles: vehicles.map(SimulatedVehicle::new).collect(),
@@ -349,7 +349,7 @@ impl Scenario {
         Ok(Environment::new(world, self.noise, faults, ties).with_persons_outside(entered))
     }
 
-    fn world(&self) -> Result<(World, Option<Stage>), ScenarioError> {
+    fn world(&self) -> Result<(World, Option<WorldContents>), ScenarioError> {
         let (sim, noise) = (&self.sim, self.noise);
         let populated = self.stage(&self.persons)?;
         let (first, second) = if sim.empty_sweep {
@@ -383,8 +383,8 @@ impl Scenario {
     fn flying(&self) -> Flying {
         let flight = &self.sim.vehicles.flight;
         let kind = match flight.craft {
-            Craft::Rover => Kind::Rover,
-            Craft::Copter => Kind::Copter,
+            Craft::Rover => VehicleKind::Rover,
+            Craft::Copter => VehicleKind::Copter,
         };
         let (altitude_m, climb_mps) = (flight.altitude_m, flight.climb_mps);
         Flying {
@@ -401,7 +401,7 @@ impl Scenario {
             radius_m: vehicles.body.radius_m,
             height_m: vehicles.body.height_m,
             sensor_m: self.sim.range.height_m,
-            limits: Limits {
+            limits: DriveLimits {
                 speed_mps: vehicles.body.max_speed_mps,
                 acceleration_mps2: vehicles.body.acceleration_mps2,
                 braking_mps2: vehicles.body.braking_mps2,
@@ -499,7 +499,7 @@ impl Scenario {
         )
     }
 
-    pub(super) fn outcome(&self, kernel: Kernel) -> Result<Outcome, ScenarioError> {
+    pub(super) fn outcome(&self, kernel: Kernel) -> Result<RunOutcome, ScenarioError> {
         let FinishedRun {
             mut record,
             muster,
@@ -515,7 +515,7 @@ impl Scenario {
         let unmet = self.unmet(muster, &judge);
         let finished = unmet.is_none() && record.failure.is_none();
         let failure = record.failure.or(unmet);
-        Ok(Outcome {
+        Ok(RunOutcome {
             finished,
             failure,
             home: muster.home,
@@ -527,8 +527,8 @@ impl Scenario {
             samples: station.samples().count(RUN),
             links: station.samples().links(RUN),
             empty_links: station.samples().links(EMPTY_RUN),
-            change: Outcome::take(&mut record.pictures, Subject::Change),
-            structure: Outcome::take(&mut record.pictures, Subject::Structure),
+            change: RunOutcome::take(&mut record.pictures, Subject::Change),
+            structure: RunOutcome::take(&mut record.pictures, Subject::Structure),
             map: station.map().clone(),
             tracks: record.tracks,
             missions: judge.missions().to_vec(),

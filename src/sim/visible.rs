@@ -40,7 +40,7 @@ const MOST_STEPS: f64 = 1e5;
 
 /// How a range sensor sees.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Sight {
+pub struct SensorView {
     /// Height above z = 0, metres.
     pub height_m: f64,
     /// Half of the cone's opening, radians.
@@ -73,13 +73,13 @@ struct Point2 {
 
 /// The surface of a scene at a height, by cells.
 #[derive(Clone, Debug)]
-pub struct Surface {
+pub struct VisibleSurface {
     cells: BTreeMap<Cell, Vec<Point2>>,
 }
 
-impl Surface {
+impl VisibleSurface {
     /// Finds the surface of all that stands at a height.
-    pub fn of(scene: &Scene, height_m: f64, lattice: Lattice) -> Surface {
+    pub fn of(scene: &Scene, height_m: f64, lattice: Lattice) -> VisibleSurface {
         let outlines = scene.outlines(height_m);
         let solids: Vec<(Rect, &Outline)> = outlines
             .iter()
@@ -90,7 +90,7 @@ impl Surface {
                 .iter()
                 .any(|(bounds, outline)| bounds.contains(point) && outline.contains(point))
         };
-        let mut surface = Surface {
+        let mut surface = VisibleSurface {
             cells: BTreeMap::new(),
         };
         for outline in &outlines {
@@ -158,8 +158,8 @@ impl Surface {
     pub fn seen_from(
         &self,
         scene: &Scene,
-        sight: &Sight,
-        places: &Places,
+        sight: &SensorView,
+        places: &PlaceIndex,
         among: &BTreeSet<Cell>,
     ) -> BTreeSet<Cell> {
         let eye = Eye::new(scene, *sight);
@@ -185,14 +185,14 @@ fn bounds(corners: &[Point]) -> Option<Rect> {
 
 /// Places on a lattice of [`PITCH_M`], sorted into squares.
 #[derive(Clone, Debug, Default)]
-pub struct Places {
+pub struct PlaceIndex {
     buckets: BTreeMap<Cell, Vec<Point>>,
     count: usize,
 }
 
-impl Places {
+impl PlaceIndex {
     /// Takes the places of the lattice that are nearest to points of tracks; steps of at most [`PITCH_M`] leave no gap.
-    pub fn along<'a>(tracks: impl Iterator<Item = &'a [Point]>) -> Places {
+    pub fn along<'a>(tracks: impl Iterator<Item = &'a [Point]>) -> PlaceIndex {
         let mut steps = BTreeSet::new();
         for track in tracks {
             steps.extend(track.first().and_then(|at| step_at(*at)));
@@ -204,12 +204,12 @@ impl Places {
                 steps.extend(between.filter_map(step_at));
             }
         }
-        Places::at(steps.iter().map(|step| place_of(*step)))
+        PlaceIndex::at(steps.iter().map(|step| place_of(*step)))
     }
 
     /// Finds every place that a vehicle can get to from its home without coming too near to anything. The home
     /// itself always counts.
-    pub fn reachable(scene: &Scene, fence: &Polygon, homes: &[Point], room: &Room) -> Places {
+    pub fn reachable(scene: &Scene, fence: &Polygon, homes: &[Point], room: &Room) -> PlaceIndex {
         let mut flood = Flood {
             scene,
             fence,
@@ -231,7 +231,7 @@ impl Places {
                 }
             }
         }
-        Places::at(
+        PlaceIndex::at(
             reached
                 .into_iter()
                 .map(place_of)
@@ -239,9 +239,9 @@ impl Places {
         )
     }
 
-    fn at(places: impl Iterator<Item = Point>) -> Places {
+    fn at(places: impl Iterator<Item = Point>) -> PlaceIndex {
         let squares = Lattice::new(BUCKET_M);
-        let mut sorted = Places::default();
+        let mut sorted = PlaceIndex::default();
         for place in places {
             sorted
                 .buckets
@@ -341,14 +341,14 @@ impl Flood<'_> {
 /// A sensor that may look anywhere.
 struct Eye<'a> {
     scene: &'a Scene,
-    sight: Sight,
+    sight: SensorView,
     facing: f64,
     /// Directions beside that of a point, a ray's distance apart, from far right to far left without the middle.
     beside: Vec<(i32, Vector)>,
 }
 
 impl<'a> Eye<'a> {
-    fn new(scene: &'a Scene, sight: Sight) -> Eye<'a> {
+    fn new(scene: &'a Scene, sight: SensorView) -> Eye<'a> {
         let steps = CONE_RAYS as i32 - 1;
         let apart_rad = 2.0 * sight.half_angle_rad / f64::from(steps);
         let turned = |index: i32| {
@@ -367,7 +367,7 @@ impl<'a> Eye<'a> {
         }
     }
 
-    fn sees_from_any(&self, point: &Point2, places: &Places) -> bool {
+    fn sees_from_any(&self, point: &Point2, places: &PlaceIndex) -> bool {
         places
             .near(point.at, self.sight.max_m)
             .any(|place| self.sees(place, point))
@@ -425,7 +425,7 @@ impl<'a> Eye<'a> {
 #[derive(Clone, Debug)]
 pub struct Visible {
     /// The surface.
-    pub surface: Surface,
+    pub surface: VisibleSurface,
     /// The cells that can be seen from where a vehicle can get to.
     pub cells: BTreeSet<Cell>,
     /// How many places a vehicle can get to.
@@ -439,10 +439,10 @@ impl Visible {
         lattice: Lattice,
         (fence, homes): (&Polygon, &[Point]),
         room: &Room,
-        sight: &Sight,
+        sight: &SensorView,
     ) -> Visible {
-        let surface = Surface::of(scene, sight.height_m, lattice);
-        let places = Places::reachable(scene, fence, homes, room);
+        let surface = VisibleSurface::of(scene, sight.height_m, lattice);
+        let places = PlaceIndex::reachable(scene, fence, homes, room);
         let all = surface.cells().collect();
         let cells = surface.seen_from(scene, sight, &places, &all);
         Visible {
@@ -456,11 +456,11 @@ impl Visible {
     pub fn along<'a>(
         &self,
         scene: &Scene,
-        sight: &Sight,
+        sight: &SensorView,
         tracks: impl Iterator<Item = &'a [Point]>,
     ) -> BTreeSet<Cell> {
         self.surface
-            .seen_from(scene, sight, &Places::along(tracks), &self.cells)
+            .seen_from(scene, sight, &PlaceIndex::along(tracks), &self.cells)
     }
 }
 

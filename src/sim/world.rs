@@ -11,12 +11,12 @@ use tomoswarm_proto::VehicleId;
 
 use super::air::Sent;
 use super::autopilot::{self, Autopilot, LowBattery, Navigation, Outage};
-use super::body::{BodyState, Limits};
+use super::body::{BodyState, DriveLimits};
 use super::contact::{climb_contact, closest_approach, first_contact_of, overlaps};
 use super::noise::Noise;
 use super::radio_field::{RadioField, Transmission};
-use super::range::{Disc, Eye, RangeSensor, Surroundings};
-use crate::autopilot::{ArmRefusal, Command, CommandAck, Kind, Motion, Report};
+use super::range::{Disc, Eye, RangeSensor, SensorSurroundings};
+use crate::autopilot::{ArmRefusal, AutopilotReport, Command, CommandAck, Motion, VehicleKind};
 use crate::geom::{Angle, Point, Polygon, Segment, Vector};
 use crate::plan::Mounts;
 use crate::scene::{Attenuation, Scene};
@@ -26,7 +26,7 @@ use crate::time::Time;
 pub(super) const GROUND_CLEARANCE_M: f64 = 0.02;
 
 /// What stands in the world, and what it does to radio.
-pub struct Stage {
+pub struct WorldContents {
     /// What stands there.
     pub scene: Scene,
     /// How it attenuates links at antenna height.
@@ -43,7 +43,7 @@ pub struct Build {
     /// Height of the range sensor, metres.
     pub sensor_m: f64,
     /// What the drive can do.
-    pub limits: Limits,
+    pub limits: DriveLimits,
     /// Standard deviation of each believed coordinate, metres.
     pub pose_sd_m: f64,
     /// Time over which the error of the believed place drifts.
@@ -58,7 +58,7 @@ pub struct Build {
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Flying {
     /// What they are.
-    pub kind: Kind,
+    pub kind: VehicleKind,
     /// Altitude above the ground at which copters begin, metres.
     pub altitude_m: f64,
     /// Climbing and sinking, m/s.
@@ -71,7 +71,7 @@ impl Default for Flying {
     /// Rovers.
     fn default() -> Flying {
         Flying {
-            kind: Kind::Rover,
+            kind: VehicleKind::Rover,
             altitude_m: 0.0,
             climb_mps: 1.0,
             wind: Vector::default(),
@@ -146,7 +146,7 @@ struct Craft {
 
 /// Bodies in a scene.
 pub struct World {
-    stage: Stage,
+    stage: WorldContents,
     build: Build,
     fence: Polygon,
     crafts: Vec<Craft>,
@@ -170,7 +170,7 @@ pub struct World {
 impl World {
     /// Makes a world without vehicles.
     pub fn new(
-        stage: Stage,
+        stage: WorldContents,
         build: Build,
         fence: Polygon,
         noise: Noise,
@@ -253,9 +253,9 @@ impl World {
     }
 
     /// The companion decides about batteries and lost places: it knows a safer way home than a straight line.
-    fn autopilot_settings(&self) -> autopilot::Settings {
+    fn autopilot_settings(&self) -> autopilot::AutopilotSettings {
         let (build, flying) = (&self.build, &self.flying);
-        autopilot::Settings {
+        autopilot::AutopilotSettings {
             climb_mps: flying.climb_mps,
             descent_mps: flying.climb_mps,
             endurance_driving: build.endurance_driving,
@@ -266,12 +266,12 @@ impl World {
             place_after: Duration::ZERO,
             disarm_after: Duration::from_secs(1_000_000_000),
             wind: flying.wind,
-            ..autopilot::Settings::new(flying.kind, build.limits)
+            ..autopilot::AutopilotSettings::new(flying.kind, build.limits)
         }
     }
 
     /// Changes what stands in the world; returns the contacts that motion under way now leads to.
-    pub fn set_stage(&mut self, stage: Stage, now: Time) -> Vec<PredictedContact> {
+    pub fn set_stage(&mut self, stage: WorldContents, now: Time) -> Vec<PredictedContact> {
         self.stage = stage;
         // The motion stays, but contacts foreseen with the old stage are void.
         self.crafts.iter_mut().for_each(|craft| craft.commands += 1);
@@ -306,7 +306,7 @@ impl World {
     }
 
     /// Returns what the autopilot knows of itself at a moment.
-    pub fn report(&mut self, vehicle: usize, now: Time) -> Report {
+    pub fn report(&mut self, vehicle: usize, now: Time) -> AutopilotReport {
         self.advance(vehicle, now);
         let autopilot = &self.crafts[vehicle].autopilot;
         let readout = autopilot.report(now);
@@ -315,7 +315,7 @@ impl World {
             (false, true) => Motion::Resting,
             (false, false) => Motion::Turning,
         };
-        Report {
+        AutopilotReport {
             pose: readout.pose,
             altitude_m: readout.altitude_m,
             speed_mps: readout.speed_mps,
@@ -335,7 +335,7 @@ impl World {
             autopilot.now(),
             autopilot.next_change().is_some_and(|at| at <= now),
         );
-        if changes && autopilot.kind() == Kind::Copter {
+        if changes && autopilot.kind() == VehicleKind::Copter {
             self.judge(vehicle, now);
         }
         let craft = &mut self.crafts[vehicle];
@@ -528,7 +528,7 @@ impl World {
         let above_ground_m = craft.autopilot.motion().altitude_m(now) + self.build.sensor_m;
         let origin = [truth.at.x_m, truth.at.y_m, above_ground_m];
         let ids = [u64::from(craft.id.0), number];
-        let around = Surroundings {
+        let around = SensorSurroundings {
             cast: &cast,
             discs: &discs,
         };

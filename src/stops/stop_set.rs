@@ -8,7 +8,7 @@
 use std::collections::{BTreeMap, VecDeque};
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{EmergencyName, EmergencyStop, Standing, StopScope, VehicleId};
+use tomoswarm_proto::{EmergencyName, EmergencyStop, OpenStops, StopScope, VehicleId};
 
 /// Open stops that are told apart.
 pub const OPEN_BY_NAME: usize = 8;
@@ -28,15 +28,15 @@ pub struct StopSet {
 
 impl StopSet {
     /// Returns the set that a message or a disk tells; what goes beyond its limits stands for many.
-    pub fn of(standing: &Standing) -> StopSet {
+    pub fn of(standing: &OpenStops) -> StopSet {
         let mut set = StopSet::default();
         set.join(standing);
         set
     }
 
     /// Returns it as it is told.
-    pub fn standing(&self) -> Standing {
-        Standing {
+    pub fn standing(&self) -> OpenStops {
+        OpenStops {
             open: self.open.values().copied().collect(),
             lifted: self.lifted.iter().copied().collect(),
         }
@@ -108,7 +108,7 @@ impl StopSet {
     }
 
     /// Joins what another node knows; returns whether other stops are open now.
-    pub fn join(&mut self, other: &Standing) -> bool {
+    pub fn join(&mut self, other: &OpenStops) -> bool {
         let mut is_changed = false;
         let earlier = other.lifted.len().saturating_sub(LATEST);
         for (index, name) in other.lifted.iter().enumerate() {

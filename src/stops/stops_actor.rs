@@ -26,11 +26,11 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    EmergencyName, EmergencyStop, Lease, Order, OrderKind, Sender, Standing, StopScope, VehicleId,
+    EmergencyName, EmergencyStop, Lease, OpenStops, Order, OrderKind, Sender, StopScope, VehicleId,
 };
 
 use super::stop_set::{OPEN_BY_NAME, StopSet};
-use crate::actor::{Actor, Class, Fault, Input};
+use crate::actor::{Actor, Fault, Input, InputClass};
 use crate::time::{Deadline, Time};
 
 /// What is new is said again so often, and for so long.
@@ -49,7 +49,7 @@ const LEASE_STEP: u32 = 1000;
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct StopsSettings {
     /// What the node's disk has kept.
-    pub kept: Standing,
+    pub kept: OpenStops,
     /// The greatest lease that the node has followed.
     pub lease: Lease,
     /// Whether it only listens, as whoever looks at a simulation does.
@@ -60,7 +60,7 @@ pub struct StopsSettings {
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum In {
     /// Another node says which stops stand.
-    Standing(Sender, Standing),
+    Standing(Sender, OpenStops),
     /// A vehicle's beacon names a stop.
     Beacon(VehicleId, EmergencyStop),
     /// Somebody orders; an operator's Start may lift.
@@ -81,16 +81,16 @@ pub enum Out {
     /// Another node has said for the first time which stops it knows.
     Heard(Sender),
     /// To everyone.
-    Publish(Standing),
+    Publish(OpenStops),
     /// This shall outlive the software, in place of what it kept before.
-    Remember(Standing),
+    Remember(OpenStops),
     /// Something worth a line.
-    Remark(Remark),
+    StopEvent(StopEvent),
 }
 
 /// What became of stops, for logs and people.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub enum Remark {
+pub enum StopEvent {
     /// A stop is open now; who told it.
     Opened(EmergencyStop, Sender),
     /// A stop is open no longer; who told that it was lifted.
@@ -101,10 +101,10 @@ pub enum Remark {
     LeaseTooHigh(Lease),
 }
 
-impl fmt::Display for Remark {
+impl fmt::Display for StopEvent {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Remark::Opened(EmergencyStop { name, scope, by }, told_by) => {
+            StopEvent::Opened(EmergencyStop { name, scope, by }, told_by) => {
                 let whom = match scope {
                     StopScope::All => "all vehicles".to_owned(),
                     StopScope::One(vehicle) => format!("vehicle {vehicle}"),
@@ -114,17 +114,17 @@ impl fmt::Display for Remark {
                     "emergency stop {name} for {whom}, by operator {by}, is open: told by {told_by}"
                 )
             }
-            Remark::Lifted(name, told_by) => {
+            StopEvent::Lifted(name, told_by) => {
                 write!(f, "emergency stop {name} is lifted: told by {told_by}")
             }
-            Remark::LowerLease(highest) => {
+            StopEvent::LowerLease(highest) => {
                 write!(
                     f,
                     "a start of a lease below {} was to lift emergency stops: they stay",
                     highest.number
                 )
             }
-            Remark::LeaseTooHigh(lease) => {
+            StopEvent::LeaseTooHigh(lease) => {
                 write!(
                     f,
                     "lease {} is too far above all that were heard: it does not count",
@@ -184,9 +184,9 @@ impl Stops {
     }
 
     /// Joins what a node says, or what a beacon tells.
-    fn join(&mut self, now: Time, sender: Sender, heard: &Standing, out: &mut Vec<Out>) {
+    fn join(&mut self, now: Time, sender: Sender, heard: &OpenStops, out: &mut Vec<Out>) {
         let before = self.set.clone();
-        self.set.join(&Standing {
+        self.set.join(&OpenStops {
             open: Vec::new(),
             lifted: heard.lifted.clone(),
         });
@@ -204,7 +204,7 @@ impl Stops {
     }
 
     /// Tells a node what it does not know yet.
-    fn answer(&mut self, now: Time, heard: &Standing, out: &mut Vec<Out>) {
+    fn answer(&mut self, now: Time, heard: &OpenStops, out: &mut Vec<Out>) {
         let is_told = |stop: &EmergencyStop| heard.open.iter().any(|known| known.name == stop.name);
         if self.state == State::Calm && !self.set.open().all(is_told) {
             self.state = State::Spreading {
@@ -229,7 +229,7 @@ impl Stops {
 
     fn lease(&mut self, lease: Lease, out: &mut Vec<Out>) {
         if lease.number > self.highest.number.saturating_add(LEASE_STEP) {
-            out.push(Out::Remark(Remark::LeaseTooHigh(lease)));
+            out.push(Out::StopEvent(StopEvent::LeaseTooHigh(lease)));
         } else {
             self.highest = self.highest.max(lease);
         }
@@ -247,7 +247,7 @@ impl Stops {
             return;
         }
         if order.lease < self.highest {
-            out.push(Out::Remark(Remark::LowerLease(self.highest)));
+            out.push(Out::StopEvent(StopEvent::LowerLease(self.highest)));
             return;
         }
         let before = self.set.clone();
@@ -279,8 +279,8 @@ impl Stops {
         let lifted = before
             .open()
             .filter(|stop| self.set.named(stop.name).is_none());
-        let opened = opened.map(|stop| Out::Remark(Remark::Opened(*stop, sender)));
-        let lifted = lifted.map(|stop| Out::Remark(Remark::Lifted(stop.name, sender)));
+        let opened = opened.map(|stop| Out::StopEvent(StopEvent::Opened(*stop, sender)));
+        let lifted = lifted.map(|stop| Out::StopEvent(StopEvent::Lifted(stop.name, sender)));
         let remarks: Vec<Out> = opened.chain(lifted).collect();
         if !remarks.is_empty() {
             out.push(Out::Open(self.set.open().copied().collect()));
@@ -333,7 +333,7 @@ impl Actor for Stops {
                 self.answer(now, &standing, out);
             }
             In::Beacon(vehicle, stop) => {
-                let told = Standing {
+                let told = OpenStops {
                     open: vec![stop],
                     lifted: Vec::new(),
                 };
@@ -385,11 +385,11 @@ pub enum Key {
 impl Input for In {
     type Key = Key;
 
-    fn class(&self) -> Class<Key> {
+    fn class(&self) -> InputClass<Key> {
         match self {
-            In::Standing(sender, _) => Class::Latest(Key::Standing(*sender)),
-            In::Lease(_) => Class::Latest(Key::Lease),
-            In::Beacon(..) | In::Order(..) | In::Give(_) | In::Linked => Class::Queue,
+            In::Standing(sender, _) => InputClass::Latest(Key::Standing(*sender)),
+            In::Lease(_) => InputClass::Latest(Key::Lease),
+            In::Beacon(..) | In::Order(..) | In::Give(_) | In::Linked => InputClass::Queue,
         }
     }
 

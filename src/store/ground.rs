@@ -25,7 +25,7 @@ use super::{StoreError, sample_row};
 use crate::ground::imager::{Picture, Subject};
 use crate::tomo::{Image, Peak};
 
-pub use reading::{Provenance, Restored, StoredImage, StoredRun, StoredSample};
+pub use reading::{Provenance, RestoredStore, StoredImage, StoredRun, StoredSample};
 
 /// How long another program may hold the file.
 const BUSY: Duration = Duration::from_secs(3);

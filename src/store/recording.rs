@@ -33,10 +33,10 @@ mod schema;
 mod segment;
 mod view;
 
-pub use flight::{About, Flight, Limits};
-pub use reader::{Found, ReadError, Reader};
+pub use flight::{OpenRecording, RecordingLimits, RecordingSubject};
+pub use reader::{ReadError, Reader, RecordingContents};
 pub use recorder::{Recorder, Scribe};
-pub use replay::{Difference, ReplayError, Replayed, Verdict, replay};
+pub use replay::{Difference, ReplayError, ReplayVerdict, Replayed, replay};
 pub use segment::WriteError;
 
 /// The version of what is written here: another one whenever an actor's snapshot takes another shape, since packed bytes

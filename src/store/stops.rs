@@ -21,7 +21,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use tomoswarm_proto::{
-    EmergencyName, EmergencyStop, Message, OperatorId, Standing, StopScope, VehicleId,
+    EmergencyName, EmergencyStop, Message, OpenStops, OperatorId, StopScope, VehicleId,
 };
 
 use super::checked_file::{CheckedFile, CheckedFileError};
@@ -54,7 +54,7 @@ impl StopsFile {
     ///
     /// # Errors
     /// It cannot be read, or is not what was written.
-    pub fn read(&self) -> Result<Standing, CheckedFileError> {
+    pub fn read(&self) -> Result<OpenStops, CheckedFileError> {
         Ok(FILE.read(&self.path, parse)?.unwrap_or_default())
     }
 
@@ -62,12 +62,12 @@ impl StopsFile {
     ///
     /// # Errors
     /// The system does not let it be written.
-    pub fn write(&self, standing: &Standing) -> io::Result<()> {
+    pub fn write(&self, standing: &OpenStops) -> io::Result<()> {
         replace(&self.path, &text(standing))
     }
 }
 
-fn text(standing: &Standing) -> String {
+fn text(standing: &OpenStops) -> String {
     let open = |stop: &EmergencyStop| {
         let scope = match stop.scope {
             StopScope::All => "all".to_owned(),
@@ -84,8 +84,8 @@ fn text(standing: &Standing) -> String {
     FILE.seal(&lines.collect::<String>())
 }
 
-fn parse(lines: &str) -> Result<Standing, String> {
-    let mut standing = Standing::default();
+fn parse(lines: &str) -> Result<OpenStops, String> {
+    let mut standing = OpenStops::default();
     for line in lines.lines() {
         let wrong = || format!("`{line}` is no line of version {}", FILE.version);
         let words: Vec<&str> = line.split(' ').collect();
@@ -124,7 +124,7 @@ fn parse(lines: &str) -> Result<Standing, String> {
 /// The stops of a node on a thread of its own; it ends, and tries a last time to write what it has, when it is dropped.
 #[derive(Debug)]
 pub struct StopsDriver {
-    wanted: Option<Sender<Standing>>,
+    wanted: Option<Sender<OpenStops>>,
     trouble: Arc<Mutex<Option<String>>>,
     thread: Option<JoinHandle<()>>,
 }
@@ -149,7 +149,7 @@ impl StopsDriver {
     }
 
     /// Keeps these in place of what was kept before.
-    pub fn keep(&self, standing: &Standing) {
+    pub fn keep(&self, standing: &OpenStops) {
         // The thread lives as long as this, unless it panicked: then what is open is still kept by every other node.
         let _ = self
             .wanted
@@ -176,8 +176,8 @@ fn lock(trouble: &Mutex<Option<String>>) -> MutexGuard<'_, Option<String>> {
 }
 
 /// Writes whatever is wanted, the newest of what waits, until nobody wants anything any more.
-fn keep(file: &StopsFile, wanted: &Receiver<Standing>, trouble: &Mutex<Option<String>>) {
-    let mut unwritten: Option<Standing> = None;
+fn keep(file: &StopsFile, wanted: &Receiver<OpenStops>, trouble: &Mutex<Option<String>>) {
+    let mut unwritten: Option<OpenStops> = None;
     loop {
         let received = match unwritten {
             Some(_) => wanted.recv_timeout(RETRY),
@@ -209,13 +209,13 @@ mod tests {
 
     use super::*;
 
-    fn known() -> Standing {
+    fn known() -> OpenStops {
         let stop = |name, scope| EmergencyStop {
             name: EmergencyName(name),
             scope,
             by: OperatorId(1),
         };
-        Standing {
+        OpenStops {
             open: vec![
                 stop(0x42, StopScope::All),
                 stop(0x3f2a_9c01, StopScope::One(VehicleId(3))),
@@ -228,8 +228,8 @@ mod tests {
     fn what_is_written_is_read_and_a_folder_without_it_knows_nothing() {
         let folder = tempfile::tempdir().unwrap();
         let file = StopsFile::at(folder.path().join("stops"));
-        assert_eq!(file.read().unwrap(), Standing::default());
-        for standing in [known(), Standing::default()] {
+        assert_eq!(file.read().unwrap(), OpenStops::default());
+        for standing in [known(), OpenStops::default()] {
             file.write(&standing).unwrap();
             assert_eq!(file.read().unwrap(), standing);
         }
@@ -279,7 +279,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = StopsFile::at(folder.path().join("later/stops"));
         let driver = StopsDriver::start(file.clone()).unwrap();
-        driver.keep(&Standing::default());
+        driver.keep(&OpenStops::default());
         driver.keep(&known());
         let began = std::time::Instant::now();
         while driver.trouble().is_none() && began.elapsed() < Duration::from_secs(20) {
@@ -291,8 +291,8 @@ mod tests {
             std::thread::sleep(Duration::from_millis(20));
         }
         assert_eq!((driver.trouble(), file.read().unwrap()), (None, known()));
-        driver.keep(&Standing::default());
+        driver.keep(&OpenStops::default());
         drop(driver);
-        assert_eq!(file.read().unwrap(), Standing::default());
+        assert_eq!(file.read().unwrap(), OpenStops::default());
     }
 }

@@ -67,7 +67,7 @@ pub(super) fn index_on(ring: &Ring, unrolled: i64) -> usize {
 
 /// Who drives where from, and under which name.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Fleet<'a> {
+pub(super) struct ApproachFleet<'a> {
     pub(super) vehicles: &'a [(VehicleId, Point)],
     pub(super) run: RunId,
     pub(super) revision: Revision,
@@ -75,7 +75,7 @@ pub(super) struct Fleet<'a> {
 }
 
 /// Checks what every planner asks of a fleet on a ring.
-pub(super) fn check_fleet(ring: &Ring, fleet: Fleet<'_>) -> Result<(), SweepError> {
+pub(super) fn check_fleet(ring: &Ring, fleet: ApproachFleet<'_>) -> Result<(), SweepError> {
     let vehicles = fleet.vehicles.len();
     if !(2..=8).contains(&vehicles) {
         return Err(SweepError::Vehicles { vehicles });
@@ -110,7 +110,7 @@ pub(super) fn check_fleet(ring: &Ring, fleet: Fleet<'_>) -> Result<(), SweepErro
 /// one with the shortest longest travel is taken.
 pub(super) fn approach(
     ring: &Ring,
-    fleet: Fleet<'_>,
+    fleet: ApproachFleet<'_>,
     offsets: &[i64],
 ) -> Result<Vec<Walk>, SweepError> {
     let ways = shortest_ways(ring, fleet.vehicles, offsets).ok_or(SweepError::NoApproach)?;
@@ -132,7 +132,7 @@ pub(super) fn approach(
     Ok(walks)
 }
 
-fn walk_to_slot(ring: &Ring, way: &Way, fleet: Fleet<'_>, members: &[VehicleId]) -> Walk {
+fn walk_to_slot(ring: &Ring, way: &Way, fleet: ApproachFleet<'_>, members: &[VehicleId]) -> Walk {
     let plan = Plan {
         vehicle: way.vehicle,
         run: fleet.run,

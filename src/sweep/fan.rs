@@ -7,7 +7,7 @@
 
 use tomoswarm_proto::{Plan, Revision, RunId, StopId, VehicleId};
 
-use super::approach::{Fleet, MIN_GAP, Walk, approach, check_fleet};
+use super::approach::{ApproachFleet, MIN_GAP, Walk, approach, check_fleet};
 use super::{Lap, Ring, Schedule, Sweep, SweepError, check_separation, order_legs};
 use crate::geom::Point;
 
@@ -36,7 +36,7 @@ pub struct FanRequest {
 /// Too few or too many vehicles, too small a ring, no rounds, or a place or area in which it cannot be
 /// driven safely.
 pub fn fan(ring: &Ring, request: &FanRequest) -> Result<Sweep, SweepError> {
-    let fleet = Fleet {
+    let fleet = ApproachFleet {
         vehicles: &request.vehicles,
         run: request.run,
         revision: request.revision,

@@ -51,7 +51,7 @@ use tomoswarm_proto::{Plan, Revision, RunId, Stop, StopId, VehicleId};
 use self::adopted::Adopted;
 use self::peers::Peers;
 use self::pending::{Candidate, PendingRevision};
-use super::{FollowError, Refusal, VehicleProgress, Verdict, WaitsFor};
+use super::{FollowError, PlanRefusal, PlanVerdict, VehicleProgress, WaitsFor};
 use crate::geom::Point;
 use crate::time::{Deadline, Time};
 
@@ -88,11 +88,11 @@ impl Follower {
     }
 
     /// Takes a plan heard, own or a peer's; plans may come in any order and any number of times.
-    pub fn offer(&mut self, plan: &Plan) -> Verdict {
+    pub fn offer(&mut self, plan: &Plan) -> PlanVerdict {
         if self.pending.collect(plan, self.adopted_edition()) {
             self.try_adopting()
         } else {
-            Verdict::Old
+            PlanVerdict::Old
         }
     }
 
@@ -126,7 +126,7 @@ impl Follower {
     /// before the vehicle moves again, and does nothing when the leg was given up meanwhile.
     pub fn hold(&mut self, at: Point) -> bool {
         self.rest = Some(at);
-        self.try_adopting() == Verdict::Adopted
+        self.try_adopting() == PlanVerdict::Adopted
     }
 
     /// Tells that a held vehicle goes on with the legs that it had entered.
@@ -252,7 +252,7 @@ impl Follower {
     }
 
     /// Returns why the newest revision is not followed, if it was refused.
-    pub fn refusal(&self) -> Option<&Refusal> {
+    pub fn refusal(&self) -> Option<&PlanRefusal> {
         self.pending.refusal()
     }
 
@@ -266,7 +266,7 @@ impl Follower {
     }
 
     /// Adopts the pending revision when it is complete, fits, and the vehicle rests.
-    fn try_adopting(&mut self) -> Verdict {
+    fn try_adopting(&mut self) -> PlanVerdict {
         let plans = self.pending.adopt(Candidate {
             vehicle: self.vehicle,
             rest: self.rest,
@@ -279,6 +279,6 @@ impl Follower {
         };
         let follows = |vehicle, edition| self.peers.follows(vehicle, edition);
         self.adopted = Some(Adopted::new(plans, self.vehicle, follows));
-        Verdict::Adopted
+        PlanVerdict::Adopted
     }
 }

@@ -15,7 +15,7 @@
 
 use tomoswarm_proto::{Revision, RunId, StopId, VehicleId};
 
-use super::approach::{Fleet, MIN_GAP, Walk, approach, check_fleet};
+use super::approach::{ApproachFleet, MIN_GAP, Walk, approach, check_fleet};
 use super::{Lap, Ring, Schedule, Sweep, SweepError, check_separation};
 use crate::geom::Point;
 
@@ -80,7 +80,7 @@ fn offsets(positions: usize, vehicles: usize, lap: usize) -> Vec<i64> {
 /// Too few or too many vehicles, too small a ring, no laps, or a place or area in which it cannot be
 /// driven safely.
 pub fn rotating_gap(ring: &Ring, request: &GapRequest) -> Result<Sweep, SweepError> {
-    let fleet = Fleet {
+    let fleet = ApproachFleet {
         vehicles: &request.vehicles,
         run: request.run,
         revision: request.revision,

@@ -2,7 +2,7 @@
 //! with its name and the start of its software, which the wire says once for a whole message.
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Boot, Mission, Progress, Revision, RunId, StopId, VehicleId};
+use tomoswarm_proto::{Boot, MissionProgress, Progress, Revision, RunId, StopId, VehicleId};
 
 /// How far one vehicle is with its plan.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
@@ -41,8 +41,8 @@ impl VehicleProgress {
     }
 }
 
-impl From<&Mission> for VehicleProgress {
-    fn from(mission: &Mission) -> VehicleProgress {
+impl From<&MissionProgress> for VehicleProgress {
+    fn from(mission: &MissionProgress) -> VehicleProgress {
         VehicleProgress::of(mission.vehicle, mission.boot, mission.progress)
     }
 }

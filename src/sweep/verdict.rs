@@ -9,7 +9,7 @@ use super::PlanError;
 
 /// Why a complete newer revision was not adopted; the vehicle rests until a newer one fits.
 #[derive(Clone, PartialEq, Debug, thiserror::Error, Serialize, Deserialize)]
-pub enum Refusal {
+pub enum PlanRefusal {
     /// The plans are not valid together.
     #[error("the plans of revision {revision} are not valid: {error}")]
     Invalid {
@@ -44,15 +44,15 @@ pub enum Refusal {
 
 /// What became of an offered plan.
 #[derive(Clone, PartialEq, Debug)]
-pub enum Verdict {
+pub enum PlanVerdict {
     /// Of a revision that is older than, or the same as, the one followed: ignored.
     Old,
     /// Kept; the revision is not complete, or this vehicle does not rest yet.
-    Kept,
+    Unchanged,
     /// The revision is followed from now on.
     Adopted,
     /// The revision is complete but does not fit.
-    Refused(Refusal),
+    Refused(PlanRefusal),
 }
 
 /// A call that the state does not allow; nothing was changed.
@@ -76,7 +76,7 @@ pub enum WaitsFor {
         /// Which one.
         revision: Revision,
         /// Why it was refused, if it was.
-        refusal: Option<Refusal>,
+        refusal: Option<PlanRefusal>,
     },
     /// This vehicle has not been heard to follow the same revision.
     Member {
@@ -138,7 +138,7 @@ mod tests {
             "waits for stop 160 of vehicle 2",
         );
         let revision = Revision(3);
-        let refusal = Some(Refusal::Elsewhere {
+        let refusal = Some(PlanRefusal::Elsewhere {
             revision,
             distance_m: 1.25,
         });

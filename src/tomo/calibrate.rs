@@ -11,7 +11,7 @@ use crate::geom::{Point, Rect};
 use super::Link;
 use super::bins::BinKey;
 use super::path_loss::{ExponentPrior, PathLoss, spread_db};
-use super::settings::{NoiseModel, Settings};
+use super::settings::{ImagingSettings, NoiseModel};
 
 /// Why a link is not in the image.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
@@ -42,7 +42,7 @@ impl DropReason {
 }
 
 /// How many links were dropped, by reason.
-pub type Dropped = BTreeMap<DropReason, usize>;
+pub type DroppedLinks = BTreeMap<DropReason, usize>;
 
 /// One calibrated link.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -63,7 +63,7 @@ pub struct Calibrated {
     /// In the order of the links given.
     pub observations: Vec<Observation>,
     /// What was left out.
-    pub dropped: Dropped,
+    pub dropped: DroppedLinks,
     /// The law that was fitted: on the sweep itself, or on the empty one where there is one.
     pub path_loss: Option<PathLoss>,
     /// Whether the attenuations rest on an empty sweep.
@@ -71,12 +71,12 @@ pub struct Calibrated {
 }
 
 /// Calibrates the links `now` by an empty sweep, or without one by the path loss of the sweep itself.
-pub fn calibrate(now: &[Link], empty: Option<&[Link]>, settings: &Settings) -> Calibrated {
+pub fn calibrate(now: &[Link], empty: Option<&[Link]>, settings: &ImagingSettings) -> Calibrated {
     let path_loss = fit_path_loss(empty.unwrap_or(now), settings);
     let sweep = empty.map(|links| EmptySweep::new(links, settings, path_loss));
     let mut calibrated = Calibrated {
         observations: Vec::new(),
-        dropped: Dropped::new(),
+        dropped: DroppedLinks::new(),
         path_loss,
         by_empty_sweep: sweep.is_some(),
     };
@@ -93,7 +93,7 @@ fn observe(
     link: &Link,
     sweep: Option<&EmptySweep>,
     path_loss: Option<PathLoss>,
-    settings: &Settings,
+    settings: &ImagingSettings,
 ) -> Result<Observation, DropReason> {
     let length_m = link.length_m();
     if length_m < settings.shortest_link_m || length_m <= 0.0 {
@@ -203,7 +203,7 @@ pub fn runs_along_a_side(link: &Link, ring: Rect, tolerance_m: f64) -> bool {
 /// Otherwise on all that are long enough, and then only the level: many of these cross the same wall, so their errors go
 /// together and the fit would be sure of nonsense (n = 3.5). The exponent stays at its prior, and what the
 /// fit leaves open is found with the image.
-fn fit_path_loss(links: &[Link], settings: &Settings) -> Option<PathLoss> {
+fn fit_path_loss(links: &[Link], settings: &ImagingSettings) -> Option<PathLoss> {
     const FEWEST_FREE: usize = 8;
     let (free, rest): (Vec<Link>, Vec<Link>) = links
         .iter()
@@ -241,7 +241,7 @@ struct EmptySweep {
 }
 
 impl EmptySweep {
-    fn new(links: &[Link], settings: &Settings, path_loss: Option<PathLoss>) -> EmptySweep {
+    fn new(links: &[Link], settings: &ImagingSettings, path_loss: Option<PathLoss>) -> EmptySweep {
         let mut sweep = EmptySweep {
             pairing_m: settings.pairing_m,
             entries: BTreeMap::new(),
@@ -341,8 +341,8 @@ fn neighbours(key: BinKey) -> impl Iterator<Item = BinKey> {
 mod tests {
     use super::*;
 
-    fn settings() -> Settings {
-        Settings::for_change(Rect::new(Point::new(0.0, 0.0), Point::new(20.0, 20.0)))
+    fn settings() -> ImagingSettings {
+        ImagingSettings::for_change(Rect::new(Point::new(0.0, 0.0), Point::new(20.0, 20.0)))
     }
 
     fn link(x0: f64, y0: f64, x1: f64, y1: f64, mean_dbm: f64) -> Link {
@@ -366,7 +366,7 @@ mod tests {
             (DropReason::SameSide, 1),
             (DropReason::NoEmptyPartner, 1),
         ];
-        assert_eq!(got.dropped, Dropped::from(expected));
+        assert_eq!(got.dropped, DroppedLinks::from(expected));
     }
 
     #[test]
@@ -434,7 +434,10 @@ mod tests {
         });
         let links: Vec<Link> = free.chain(blocked).collect();
         let got = calibrate(&links, None, &settings());
-        assert_eq!(got.dropped, Dropped::from([(DropReason::SameSide, 12)]));
+        assert_eq!(
+            got.dropped,
+            DroppedLinks::from([(DropReason::SameSide, 12)])
+        );
         assert!(
             got.observations
                 .iter()

@@ -9,12 +9,12 @@ use serde::{Deserialize, Serialize};
 use crate::geom::{Point, Segment};
 
 use super::bins::BinKey;
-use super::calibrate::{Calibrated, DropReason, Dropped, Observation, calibrate};
+use super::calibrate::{Calibrated, DropReason, DroppedLinks, Observation, calibrate};
 use super::map_solver::{MapProblem, MapSettings, MapSolution, Nuisance};
 use super::path_loss::{PathLoss, spread_db};
 use super::peaks::{Peak, peaks};
 use super::prior::Covariance;
-use super::settings::{Settings, Solver};
+use super::settings::{ImagingSettings, Solver};
 use super::tikhonov::tikhonov;
 use super::weights::WeightRows;
 use super::{Image, Link};
@@ -65,7 +65,7 @@ pub struct Reconstruction {
     /// Links in the image.
     pub used: usize,
     /// Links left out.
-    pub dropped: Dropped,
+    pub dropped: DroppedLinks,
     /// The law that was fitted, if any.
     pub path_loss: Option<PathLoss>,
     /// Whether an empty sweep was subtracted.
@@ -79,25 +79,25 @@ pub struct Reconstruction {
 pub fn reconstruct(
     now: &[Link],
     empty: Option<&[Link]>,
-    settings: &Settings,
+    settings: &ImagingSettings,
 ) -> Result<Reconstruction, TomoError> {
     Imager::new(*settings)?.update(now, empty)
 }
 
 /// Reconstructs again and again while links are added; each time starts from the last solution.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(try_from = "Kept", into = "Kept")]
+#[serde(try_from = "ImagerSnapshot", into = "ImagerSnapshot")]
 pub struct Imager {
-    settings: Settings,
+    settings: ImagingSettings,
     covariance: Covariance,
     /// Dual variable and trust of each link of the last solution.
     last: BTreeMap<BinKey, (f64, f64)>,
-    standing: Option<Standing>,
+    standing: Option<EmptyScene>,
 }
 
 /// What stood there in the empty sweep, and how much room it leaves for a change.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-struct Standing {
+struct EmptyScene {
     empty: Vec<Link>,
     /// Per pixel, the factor on the standard deviation of a change: 1 = free, near 0 = solid.
     room: Vec<f64>,
@@ -105,13 +105,13 @@ struct Standing {
 
 /// What a snapshot keeps of an imager; the covariance follows from the settings.
 #[derive(Serialize, Deserialize)]
-struct Kept {
-    settings: Settings,
+struct ImagerSnapshot {
+    settings: ImagingSettings,
     last: BTreeMap<BinKey, (f64, f64)>,
-    standing: Option<Standing>,
+    standing: Option<EmptyScene>,
 }
 
-impl From<Imager> for Kept {
+impl From<Imager> for ImagerSnapshot {
     fn from(
         Imager {
             settings,
@@ -119,8 +119,8 @@ impl From<Imager> for Kept {
             last,
             standing,
         }: Imager,
-    ) -> Kept {
-        Kept {
+    ) -> ImagerSnapshot {
+        ImagerSnapshot {
             settings,
             last,
             standing,
@@ -128,15 +128,15 @@ impl From<Imager> for Kept {
     }
 }
 
-impl TryFrom<Kept> for Imager {
+impl TryFrom<ImagerSnapshot> for Imager {
     type Error = TomoError;
 
     fn try_from(
-        Kept {
+        ImagerSnapshot {
             settings,
             last,
             standing,
-        }: Kept,
+        }: ImagerSnapshot,
     ) -> Result<Imager, TomoError> {
         Ok(Imager {
             last,
@@ -151,7 +151,7 @@ impl Imager {
     ///
     /// # Errors
     /// [`TomoError::BadGrid`].
-    pub fn new(settings: Settings) -> Result<Imager, TomoError> {
+    pub fn new(settings: ImagingSettings) -> Result<Imager, TomoError> {
         let (grid, area) = (settings.grid, settings.grid.area);
         let (width, height) = (area.width_m(), area.height_m());
         let is_sized = width.is_finite() && height.is_finite() && width > 0.0 && height > 0.0;
@@ -168,7 +168,7 @@ impl Imager {
         }
         let prior = match settings.solver {
             Solver::Map(prior, _) => prior,
-            Solver::Tikhonov { .. } => Settings::prior_for(area),
+            Solver::Tikhonov { .. } => ImagingSettings::prior_for(area),
         };
         let covariance = Covariance::new(&grid, prior);
         Ok(Imager {
@@ -180,7 +180,7 @@ impl Imager {
     }
 
     /// Returns the settings.
-    pub fn settings(&self) -> &Settings {
+    pub fn settings(&self) -> &ImagingSettings {
         &self.settings
     }
 
@@ -244,8 +244,8 @@ impl Imager {
         {
             return standing.room.clone();
         }
-        let prior = Settings::prior_for(self.settings.grid.area);
-        let settings = Settings {
+        let prior = ImagingSettings::prior_for(self.settings.grid.area);
+        let settings = ImagingSettings {
             solver: Solver::Map(prior, MapSettings::default()),
             ..self.settings
         };
@@ -259,7 +259,7 @@ impl Imager {
         let room: Vec<f64> = structure
             .map(|made| made.image.values.iter().map(room_of).collect())
             .unwrap_or_default();
-        self.standing = Some(Standing {
+        self.standing = Some(EmptyScene {
             empty: empty.to_vec(),
             room: room.clone(),
         });
@@ -379,7 +379,7 @@ fn path_loss_columns(calibrated: &Calibrated) -> Vec<Nuisance> {
 }
 
 /// Returns reasons and counts in words.
-fn words(dropped: &Dropped) -> String {
+fn words(dropped: &DroppedLinks) -> String {
     if dropped.is_empty() {
         return "none".to_owned();
     }

@@ -59,7 +59,7 @@ impl Default for NoiseModel {
 
 /// Everything that a reconstruction is told besides the links.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
-pub struct Settings {
+pub struct ImagingSettings {
     /// The pixels.
     pub grid: PixelGrid,
     /// The ring on which the links end; links along one of its sides see nothing and calibrate the path loss.
@@ -82,12 +82,12 @@ pub struct Settings {
     pub peaks: PeakSettings,
 }
 
-impl Settings {
+impl ImagingSettings {
     /// Returns the defaults for an area: 40 pixels along its longer side.
     ///
     /// Lengths are those that work for 20 m (pixel 0.5 m, correlation 1 m, excess path 0.3 m, links over 3 m),
     /// scaled with the area; the rim (1.5 m) and the separation of peaks (3 m) do not grow beyond those values.
-    pub fn for_area(area: Rect) -> Settings {
+    pub fn for_area(area: Rect) -> ImagingSettings {
         const PIXELS: f64 = 40.0;
         let extent_m = area.width_m().max(area.height_m());
         let scale = extent_m / 20.0;
@@ -97,13 +97,13 @@ impl Settings {
             columns: count(area.width_m()),
             rows: count(area.height_m()),
         };
-        Settings {
+        ImagingSettings {
             grid,
             ring: area,
             weights: WeightModel::InverseArea {
                 width_m: 0.3 * scale,
             },
-            solver: Solver::Map(Settings::prior_for(area), MapSettings::default()),
+            solver: Solver::Map(ImagingSettings::prior_for(area), MapSettings::default()),
             noise: NoiseModel::default(),
             exponent: ExponentPrior::NEAR_FREE_SPACE,
             shortest_link_m: 3.0 * scale,
@@ -119,15 +119,15 @@ impl Settings {
 
     /// Returns the defaults for an image of what changed since an empty sweep: persons are smaller than walls, so
     /// neighbouring pixels are less alike (σ² = 0.2 (dB/m)², δ = 0.5 m for 20 m).
-    pub fn for_change(area: Rect) -> Settings {
+    pub fn for_change(area: Rect) -> ImagingSettings {
         let scale = area.width_m().max(area.height_m()) / 20.0;
         let prior = Prior {
             variance: 0.2 / (scale * scale),
             length_m: 0.5 * scale,
         };
-        Settings {
+        ImagingSettings {
             solver: Solver::Map(prior, MapSettings::default()),
-            ..Settings::for_area(area)
+            ..ImagingSettings::for_area(area)
         }
     }
 

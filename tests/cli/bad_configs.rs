@@ -1,18 +1,18 @@
 //! Configurations with mistakes: all are listed at once, with file, line, key, value and what is allowed.
 
-use super::desk::{Desk, SIM, VENUE};
+use super::program_runner::{ProgramRunner, SIM, VENUE};
 
 #[test]
 fn all_mistakes_of_all_files_are_listed_at_once() {
-    let desk = Desk::new();
-    desk.change("small.sim.toml", "until_s = 600.0", "until_s = -5\nsed = 3");
-    desk.change("small.sim.toml", "laps = 1", "laps = 1.5");
-    desk.change(
+    let runner = ProgramRunner::new();
+    runner.change("small.sim.toml", "until_s = 600.0", "until_s = -5\nsed = 3");
+    runner.change("small.sim.toml", "laps = 1", "laps = 1.5");
+    runner.change(
         "small.venue.toml",
         "[0.0, 0.0, 8.0, 8.0]",
         "[0.0, 0.0, -8.0, 8.0]",
     );
-    desk.change("small.scene.toml", "up = \"z\"", "up = \"w\"");
+    runner.change("small.scene.toml", "up = \"z\"", "up = \"w\"");
     let mistakes = [
         "small.sim.toml:5: until_s = -5: is out of range; a number from 1 to",
         "small.sim.toml:6: sed: is not known; did you mean seed?",
@@ -21,20 +21,20 @@ fn all_mistakes_of_all_files_are_listed_at_once() {
         "small.scene.toml:4: up = \"w\": is no choice; \"y\" or \"z\" is allowed",
     ];
     for command in ["check", "sim", "plan"] {
-        let err = desk.refused(&[command, "small.sim.toml"], &mistakes);
+        let err = runner.refused(&[command, "small.sim.toml"], &mistakes);
         assert_eq!(err.lines().count(), mistakes.len(), "{err}");
     }
 }
 
 #[test]
 fn values_that_are_no_numbers_are_refused() {
-    let desk = Desk::new();
+    let runner = ProgramRunner::new();
     for value in ["nan", "inf", "\"fast\"", "[]", "true", "1e400", "0"] {
-        desk.write(
+        runner.write(
             "small.sim.toml",
             format!("{SIM}\n[vehicles]\nmax_speed_mps = {value}\n"),
         );
-        desk.refused(
+        runner.refused(
             &["sim", "small.sim.toml"],
             &["small.sim.toml:12: vehicles.max_speed_mps", "a number from"],
         );
@@ -43,7 +43,7 @@ fn values_that_are_no_numbers_are_refused() {
 
 #[test]
 fn broken_and_deep_toml_is_refused() {
-    let desk = Desk::new();
+    let runner = ProgramRunner::new();
     let deep = 100_000;
     for (text, part) in [
         (String::new(), "small.sim.toml:1: kind: is missing"),
@@ -64,12 +64,12 @@ fn broken_and_deep_toml_is_refused() {
         ("\0".repeat(1000), "no valid TOML"),
         ("x".repeat(2 << 20), "the file has 2097152 bytes; at most"),
     ] {
-        desk.write("small.sim.toml", text);
-        desk.refused(&["check", "small.sim.toml"], &[part]);
-        desk.refused(&["sim", "small.sim.toml"], &[part]);
+        runner.write("small.sim.toml", text);
+        runner.refused(&["check", "small.sim.toml"], &[part]);
+        runner.refused(&["sim", "small.sim.toml"], &[part]);
     }
-    desk.write("small.sim.toml", b"kind = \"sim\"\n# \xff\xfe");
-    desk.refused(
+    runner.write("small.sim.toml", b"kind = \"sim\"\n# \xff\xfe");
+    runner.refused(
         &["sim", "small.sim.toml"],
         &["small.sim.toml:2: ", "UTF-8 is expected"],
     );
@@ -77,19 +77,19 @@ fn broken_and_deep_toml_is_refused() {
 
 #[test]
 fn files_that_are_missing_folders_or_of_another_kind_are_named() {
-    let desk = Desk::new();
+    let runner = ProgramRunner::new();
     for command in ["check", "sim", "plan"] {
-        desk.refused(
+        runner.refused(
             &[command, "gone.toml"],
             &["gone.toml: cannot be read: No such file"],
         );
-        desk.refused(&[command, "."], &[".: cannot be read: is a directory"]);
-        desk.refused(
+        runner.refused(&[command, "."], &[".: cannot be read: is a directory"]);
+        runner.refused(
             &[command, "small.sim.toml/x.toml"],
             &["small.sim.toml/x.toml: cannot be read"],
         );
     }
-    desk.refused(
+    runner.refused(
         &["sim", "small.venue.toml"],
         &[
             "small.venue.toml:1: kind = \"venue\"",
@@ -102,19 +102,19 @@ fn files_that_are_missing_folders_or_of_another_kind_are_named() {
         ("small.sim.toml", "kind = \"venue\" is needed here"),
         ("small.wrl", "no valid TOML"),
     ] {
-        desk.write("small.sim.toml", SIM.replace("small.venue.toml", name));
-        desk.refused(&["sim", "small.sim.toml"], &[part]);
+        runner.write("small.sim.toml", SIM.replace("small.venue.toml", name));
+        runner.refused(&["sim", "small.sim.toml"], &[part]);
     }
 }
 
 #[test]
 fn homes_must_lie_inside_the_fence_and_apart() {
-    let desk = Desk::new();
-    desk.write(
+    let runner = ProgramRunner::new();
+    runner.write(
         "small.venue.toml",
         VENUE.replace("[-0.85, -0.85]", "[-30.0, -0.85]"),
     );
-    desk.refused(
+    runner.refused(
         &["sim", "small.sim.toml"],
         &[
             "small.venue.toml:5: homes_m",
@@ -122,19 +122,19 @@ fn homes_must_lie_inside_the_fence_and_apart() {
             "outside",
         ],
     );
-    desk.write(
+    runner.write(
         "small.venue.toml",
         VENUE.replace("[8.85, 8.85]", "[-0.85, -0.8]"),
     );
-    desk.refused(
+    runner.refused(
         &["sim", "small.sim.toml"],
         &["small.venue.toml:5: homes_m", "homes 1 and 2 are too near"],
     );
-    desk.write(
+    runner.write(
         "small.venue.toml",
         VENUE.replace("[11.0, 11.0], [-3.0, 11.0]", "[-3.0, 11.0], [11.0, 11.0]"),
     );
-    desk.refused(
+    runner.refused(
         &["sim", "small.sim.toml"],
         &["small.venue.toml:4: fence_m", "corners in order"],
     );
@@ -142,10 +142,10 @@ fn homes_must_lie_inside_the_fence_and_apart() {
 
 #[test]
 fn a_sweep_that_cannot_be_planned_is_refused_before_it_begins() {
-    let desk = Desk::new();
-    desk.change("small.sim.toml", "positions = 24", "positions = 8");
+    let runner = ProgramRunner::new();
+    runner.change("small.sim.toml", "positions = 24", "positions = 8");
     for command in ["check", "sim", "plan"] {
-        desk.refused(
+        runner.refused(
             &[command, "small.sim.toml"],
             &["small.sim.toml: no sweep can be planned", "at least 10"],
         );
@@ -154,8 +154,8 @@ fn a_sweep_that_cannot_be_planned_is_refused_before_it_begins() {
 
 #[test]
 fn every_file_is_looked_at_although_one_is_wrong() {
-    let desk = Desk::new();
-    let said = desk.run(&[
+    let runner = ProgramRunner::new();
+    let said = runner.run(&[
         "check",
         "gone.csv",
         "small.sim.toml",

@@ -1,46 +1,46 @@
 //! Places that cannot be written: refused before the work where it can be known, and without a trace in any case.
 
-use super::desk::Desk;
+use super::program_runner::ProgramRunner;
 #[cfg(unix)]
-use super::desk::said;
+use super::program_runner::said;
 
 const RUN: [&str; 3] = ["sim", "small.sim.toml", "--out"];
 
-fn sim_into(desk: &Desk, folder: &str, parts: &[&str]) {
-    desk.refused(&[&RUN[..], &[folder]].concat(), parts);
+fn sim_into(runner: &ProgramRunner, folder: &str, parts: &[&str]) {
+    runner.refused(&[&RUN[..], &[folder]].concat(), parts);
 }
 
 #[test]
 fn a_file_in_the_way_is_refused() {
-    let desk = Desk::new();
-    desk.write("taken", "mine");
+    let runner = ProgramRunner::new();
+    runner.write("taken", "mine");
     sim_into(
-        &desk,
+        &runner,
         "taken",
         &["taken: cannot be written", "a folder is expected"],
     );
-    sim_into(&desk, "taken/below", &["taken/below: cannot be written"]);
+    sim_into(&runner, "taken/below", &["taken/below: cannot be written"]);
     sim_into(
-        &desk,
+        &runner,
         "taken/far/below",
         &["taken/far/below: cannot be written"],
     );
-    sim_into(&desk, &"x".repeat(300), &["cannot be written"]);
+    sim_into(&runner, &"x".repeat(300), &["cannot be written"]);
 }
 
 #[test]
 #[cfg(target_os = "linux")]
 fn a_folder_that_takes_no_files_is_refused() {
-    let desk = Desk::new();
+    let runner = ProgramRunner::new();
     for folder in ["/proc", "/proc/run", "/dev/full", "/dev/null/run"] {
-        sim_into(&desk, folder, &[folder, "cannot be written"]);
+        sim_into(&runner, folder, &[folder, "cannot be written"]);
     }
-    desk.write(
+    runner.write(
         "a.csv",
         "tx_x_m,tx_y_m,rx_x_m,rx_y_m,rssi_dbm\n0,0,8,8,-50\n",
     );
     for file in ["/proc/i.png", "gone/i.png", "small.wrl/i.png", ".", "/"] {
-        desk.refused(&["image", "a.csv", "--png", file], &[file]);
+        runner.refused(&["image", "a.csv", "--png", file], &[file]);
     }
 }
 
@@ -48,8 +48,8 @@ fn a_folder_that_takes_no_files_is_refused() {
 #[cfg(unix)]
 fn a_folder_without_permission_is_refused() {
     use std::os::unix::fs::PermissionsExt;
-    let desk = Desk::new();
-    let folder = desk.path("mine");
+    let runner = ProgramRunner::new();
+    let folder = runner.path("mine");
     std::fs::create_dir(&folder).unwrap();
     std::fs::set_permissions(&folder, std::fs::Permissions::from_mode(0o555)).unwrap();
     if std::fs::write(folder.join("trial"), "").is_ok() {
@@ -57,12 +57,12 @@ fn a_folder_without_permission_is_refused() {
         return;
     }
     sim_into(
-        &desk,
+        &runner,
         "mine",
         &["mine: cannot be written", "ermission denied"],
     );
     sim_into(
-        &desk,
+        &runner,
         "mine/below",
         &["mine/below: cannot be written", "ermission denied"],
     );
@@ -71,12 +71,14 @@ fn a_folder_without_permission_is_refused() {
 #[test]
 #[cfg(unix)]
 fn a_disk_that_gets_full_leaves_the_earlier_run_as_it_was() {
-    let desk = Desk::new();
+    let runner = ProgramRunner::new();
     assert_eq!(
-        desk.run(&[&RUN[..], &["run", "--seed", "1"]].concat()).code,
+        runner
+            .run(&[&RUN[..], &["run", "--seed", "1"]].concat())
+            .code,
         0
     );
-    let before = desk.files();
+    let before = runner.files();
     // A limit on the size of files stands for a full disk: 1 block is enough for some files, not for all.
     let mut shell = std::process::Command::new("sh");
     shell.args([
@@ -85,36 +87,37 @@ fn a_disk_that_gets_full_leaves_the_earlier_run_as_it_was() {
     ]);
     shell
         .arg(env!("CARGO_BIN_EXE_tomoswarm"))
-        .current_dir(desk.path("."));
+        .current_dir(runner.path("."));
     let said = said(shell);
     assert_eq!(said.code, 2, "{said:?}");
     assert!(
         said.err.contains("run/") && said.err.contains("cannot be written"),
         "{said:?}"
     );
-    assert_eq!(desk.files(), before);
+    assert_eq!(runner.files(), before);
 }
 
 #[test]
 fn a_refused_run_leaves_the_earlier_one_as_it_was() {
-    let desk = Desk::new();
+    let runner = ProgramRunner::new();
     let run = [&RUN[..], &["run"]].concat();
-    assert_eq!(desk.run(&run).code, 0);
-    desk.change("small.sim.toml", "laps = 1", "laps = 0");
-    desk.refused(&run, &["small.sim.toml:9: sweep.laps = 0"]);
+    assert_eq!(runner.run(&run).code, 0);
+    runner.change("small.sim.toml", "laps = 1", "laps = 0");
+    runner.refused(&run, &["small.sim.toml:9: sweep.laps = 0"]);
 }
 
 #[test]
 fn a_run_takes_the_place_of_an_earlier_one_and_nothing_else() {
-    let desk = Desk::new();
+    let runner = ProgramRunner::new();
     let run = [&RUN[..], &["run"]].concat();
-    assert_eq!(desk.run(&run).code, 0);
-    desk.write("run/notes.txt", "mine");
-    let all = desk.names_in("run");
+    assert_eq!(runner.run(&run).code, 0);
+    runner.write("run/notes.txt", "mine");
+    let all = runner.names_in("run");
     assert!(all.contains(&"image.png".to_owned()), "{all:?}");
     // Pictures of the earlier run would not belong to the figures of this one.
     assert_eq!(
-        desk.run(&[&run[..], &["--no-pictures", "--seed", "2"]].concat())
+        runner
+            .run(&[&run[..], &["--no-pictures", "--seed", "2"]].concat())
             .code,
         0
     );
@@ -122,16 +125,16 @@ fn a_run_takes_the_place_of_an_earlier_one_and_nothing_else() {
         .into_iter()
         .filter(|name| !name.ends_with(".png"))
         .collect();
-    assert_eq!(desk.names_in("run"), left);
-    assert_eq!(desk.read("run/notes.txt"), b"mine");
+    assert_eq!(runner.names_in("run"), left);
+    assert_eq!(runner.read("run/notes.txt"), b"mine");
 }
 
 #[test]
 fn a_run_may_be_written_into_the_folder_where_it_stands() {
-    let desk = Desk::new();
-    let before: Vec<String> = desk.names_in(".");
-    assert_eq!(desk.run(&[&RUN[..], &["."]].concat()).code, 0);
-    let new = desk
+    let runner = ProgramRunner::new();
+    let before: Vec<String> = runner.names_in(".");
+    assert_eq!(runner.run(&[&RUN[..], &["."]].concat()).code, 0);
+    let new = runner
         .names_in(".")
         .into_iter()
         .filter(|name| !before.contains(name));

@@ -1,16 +1,16 @@
 //! Recordings with broken lines, impossible values, or nothing to make an image of.
 
-use super::desk::Desk;
+use super::program_runner::ProgramRunner;
 
 const HEADER: &str = "tx_x_m,tx_y_m,rx_x_m,rx_y_m,packets,rssi_dbm\n";
 const GOOD: &str = "0,0,8,8,3,-50\n";
 
 /// A recording is refused by `check` and by `image`, as the sweep and as the empty sweep.
 fn check(name: &str, content: impl AsRef<[u8]>, parts: &[&str]) {
-    let desk = Desk::new();
-    desk.write(name, content);
-    desk.write("good.csv", format!("{HEADER}{GOOD}"));
-    desk.write("i.png", "of an earlier run");
+    let runner = ProgramRunner::new();
+    runner.write(name, content);
+    runner.write("good.csv", format!("{HEADER}{GOOD}"));
+    runner.write("i.png", "of an earlier run");
     let outputs = ["--png", "i.png", "--npy", "i.npy", "--json", "i.json"];
     for arguments in [
         vec!["check", name],
@@ -19,7 +19,7 @@ fn check(name: &str, content: impl AsRef<[u8]>, parts: &[&str]) {
     ] {
         let is_image = arguments[0] == "image";
         let arguments = [arguments, if is_image { outputs.to_vec() } else { vec![] }].concat();
-        let err = desk.refused(&arguments, parts);
+        let err = runner.refused(&arguments, parts);
         assert!(err.contains(&format!("{name}:")), "{err}");
     }
 }
@@ -115,26 +115,26 @@ fn garbage_is_refused() {
 
 #[test]
 fn a_missing_file_and_a_folder_are_named() {
-    let desk = Desk::new();
+    let runner = ProgramRunner::new();
     for command in ["image", "check"] {
-        desk.refused(&[command, "gone.csv"], &["gone.csv: ", "No such file"]);
-        desk.refused(&[command, "."], &[".: ", "irectory"]);
+        runner.refused(&[command, "gone.csv"], &["gone.csv: ", "No such file"]);
+        runner.refused(&[command, "."], &[".: ", "irectory"]);
     }
 }
 
 #[test]
 fn links_in_one_place_or_on_one_line_make_no_image() {
-    let desk = Desk::new();
-    desk.write("a.csv", format!("{HEADER}{}", "5,5,5,5,3,-50\n".repeat(50)));
-    desk.refused(
+    let runner = ProgramRunner::new();
+    runner.write("a.csv", format!("{HEADER}{}", "5,5,5,5,3,-50\n".repeat(50)));
+    runner.refused(
         &["image", "a.csv", "--png", "i.png"],
         &["a.csv: ", "an area of positive size"],
     );
     let line: String = (0..50)
         .map(|n| format!("{n},0,{},0,3,-50\n", n + 5))
         .collect();
-    desk.write("a.csv", format!("{HEADER}{line}"));
-    desk.refused(
+    runner.write("a.csv", format!("{HEADER}{line}"));
+    runner.refused(
         &["image", "a.csv", "--png", "i.png"],
         &["a.csv: ", "an area of positive size"],
     );

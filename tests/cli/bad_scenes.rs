@@ -1,20 +1,20 @@
 //! Scenes that are broken, endless, or not what they are said to be.
 
-use super::desk::{Desk, SCENE, SHAPES, VENUE};
+use super::program_runner::{ProgramRunner, SCENE, SHAPES, VENUE};
 
 const HEADER: &str = "#VRML V2.0 utf8\n";
 
 /// A scene file with these shapes is refused by `check`, by `sim` and by `plan`, with the same reason.
 fn check(shapes: impl AsRef<[u8]>, parts: &[&str]) {
-    let desk = Desk::new();
-    desk.write("small.wrl", shapes);
+    let runner = ProgramRunner::new();
+    runner.write("small.wrl", shapes);
     for arguments in [
         &["check", "small.wrl"][..],
         &["check", "small.scene.toml"],
         &["plan", "small.sim.toml"],
         &["sim", "small.sim.toml"],
     ] {
-        let err = desk.refused(arguments, parts);
+        let err = runner.refused(arguments, parts);
         assert!(err.contains("small.wrl:"), "{err}");
     }
 }
@@ -94,16 +94,16 @@ fn a_scene_that_contains_itself_is_refused() {
 
 #[test]
 fn files_that_contain_each_other_are_refused() {
-    let desk = Desk::new();
-    desk.write(
+    let runner = ProgramRunner::new();
+    runner.write(
         "small.wrl",
         format!("{HEADER}Inline {{ url \"other.wrl\" }}"),
     );
-    desk.write(
+    runner.write(
         "other.wrl",
         format!("{HEADER}\nInline {{ url \"small.wrl\" }}"),
     );
-    desk.refused(
+    runner.refused(
         &["sim", "small.sim.toml"],
         &["other.wrl:3: ", "`small.wrl`", "without end"],
     );
@@ -123,19 +123,19 @@ fn a_scene_that_multiplies_itself_is_refused() {
 
 #[test]
 fn a_huge_scene_is_refused_without_being_read_whole() {
-    let desk = Desk::new();
+    let runner = ProgramRunner::new();
     // A file with a hole: huge, but it takes no room.
-    let file = std::fs::File::create(desk.path("small.wrl")).unwrap();
+    let file = std::fs::File::create(runner.path("small.wrl")).unwrap();
     file.set_len(3 << 30).unwrap();
     for arguments in [["check", "small.wrl"], ["sim", "small.sim.toml"]] {
-        let said = desk.run(&arguments);
+        let said = runner.run(&arguments);
         assert_eq!(said.code, 2, "{said:?}");
         assert!(
             said.err.contains("small.wrl:") && said.err.contains("too large; at most"),
             "{said:?}"
         );
     }
-    assert!(!desk.path("out").exists());
+    assert!(!runner.path("out").exists());
 }
 
 #[test]
@@ -162,17 +162,17 @@ fn impossible_numbers_are_refused() {
 
 #[test]
 fn missing_shapes_are_named() {
-    let desk = Desk::new();
-    std::fs::remove_file(desk.path("small.wrl")).unwrap();
-    desk.refused(
+    let runner = ProgramRunner::new();
+    std::fs::remove_file(runner.path("small.wrl")).unwrap();
+    runner.refused(
         &["sim", "small.sim.toml"],
         &["small.wrl: cannot be read", "No such file"],
     );
-    desk.write(
+    runner.write(
         "small.wrl",
         format!("{HEADER}Inline {{ url \"gone.wrl\" }}"),
     );
-    desk.refused(
+    runner.refused(
         &["check", "small.scene.toml"],
         &["small.wrl:2: ", "`gone.wrl`", "No such file"],
     );
@@ -180,33 +180,33 @@ fn missing_shapes_are_named() {
 
 #[test]
 fn a_material_for_nothing_is_refused() {
-    let desk = Desk::new();
-    desk.write(
+    let runner = ProgramRunner::new();
+    runner.write(
         "small.scene.toml",
         SCENE.replace("material.Wall", "material.Walll"),
     );
     for file in ["small.scene.toml", "small.sim.toml"] {
-        desk.refused(&["check", file], &[file, "Walll", "Wall\n"]);
+        runner.refused(&["check", file], &[file, "Walll", "Wall\n"]);
     }
-    desk.refused(&["sim", "small.sim.toml"], &["small.sim.toml", "Walll"]);
+    runner.refused(&["sim", "small.sim.toml"], &["small.sim.toml", "Walll"]);
 }
 
 #[test]
 fn persons_who_do_not_fit_are_refused() {
-    let desk = Desk::new();
-    desk.write(
+    let runner = ProgramRunner::new();
+    runner.write(
         "small.scene.toml",
         SCENE.replace("count = 1", "count = 100"),
     );
-    desk.refused(
+    runner.refused(
         &["sim", "small.sim.toml"],
         &["small.sim.toml:3", "scene", "100 random persons do not fit"],
     );
-    desk.write(
+    runner.write(
         "small.scene.toml",
         SCENE.replace("keep_from_objects_m = 0.5", "keep_from_objects_m = 20.0"),
     );
-    desk.refused(
+    runner.refused(
         &["sim", "small.sim.toml"],
         &["small.sim.toml", "no room for person 1", "[random_persons]"],
     );
@@ -214,21 +214,21 @@ fn persons_who_do_not_fit_are_refused() {
 
 #[test]
 fn a_home_inside_a_wall_or_a_person_is_refused() {
-    let desk = Desk::new();
-    desk.write(
+    let runner = ProgramRunner::new();
+    runner.write(
         "small.wrl",
         SHAPES.replace("translation 3 3 1", "translation 8.85 8.85 1"),
     );
-    desk.refused(
+    runner.refused(
         &["sim", "small.sim.toml"],
         &["small.sim.toml", "vehicle 2 starts", "from an object"],
     );
-    let desk = Desk::new();
-    desk.write(
+    let runner = ProgramRunner::new();
+    runner.write(
         "small.scene.toml",
         format!("{SCENE}\n[[person]]\nname = \"anna\"\nat_m = [-0.9, -0.9]\n"),
     );
-    desk.refused(
+    runner.refused(
         &["sim", "small.sim.toml"],
         &["small.sim.toml:3", "anna", "vehicle 1", "home"],
     );
@@ -236,8 +236,8 @@ fn a_home_inside_a_wall_or_a_person_is_refused() {
 
 #[test]
 fn a_scene_that_lies_under_the_ground_is_refused() {
-    let desk = Desk::new();
-    desk.write(
+    let runner = ProgramRunner::new();
+    runner.write(
         "small.scene.toml",
         SCENE.replace("up = \"z\"", "up = \"z\"\noffset_m = [0, 0, -6]"),
     );
@@ -249,7 +249,7 @@ fn a_scene_that_lies_under_the_ground_is_refused() {
         &["plan", "small.sim.toml"],
         &["sim", "small.sim.toml"],
     ] {
-        desk.refused(
+        runner.refused(
             arguments,
             &[
                 arguments[1],
@@ -263,7 +263,7 @@ fn a_scene_that_lies_under_the_ground_is_refused() {
 
 #[test]
 fn ground_that_rises_over_the_wheels_at_a_home_is_refused() {
-    let desk = Desk::new();
+    let runner = ProgramRunner::new();
     let ground = |height_m: f64| {
         let heights = format!("{height_m} ").repeat(4);
         format!(
@@ -271,8 +271,8 @@ fn ground_that_rises_over_the_wheels_at_a_home_is_refused() {
                 geometry ElevationGrid {{ xDimension 2 zDimension 2 xSpacing 2 zSpacing 2 height [ {heights}] }} }} }}"
         )
     };
-    desk.write("small.wrl", ground(0.1));
-    desk.refused(
+    runner.write("small.wrl", ground(0.1));
+    runner.refused(
         &["sim", "small.sim.toml"],
         &[
             "homes_m",
@@ -280,8 +280,8 @@ fn ground_that_rises_over_the_wheels_at_a_home_is_refused() {
             "0.25 m",
         ],
     );
-    desk.write("small.wrl", ground(0.015));
-    let said = desk.run(&["sim", "small.sim.toml", "--no-pictures"]);
+    runner.write("small.wrl", ground(0.015));
+    let said = runner.run(&["sim", "small.sim.toml", "--no-pictures"]);
     assert_eq!(said.code, 0, "{said:?}");
 }
 
@@ -311,7 +311,7 @@ fn grids_of_a_billion_cells_are_refused() {
             "`NaN` for height; expected a finite number",
         ],
     );
-    let desk = Desk::new();
+    let runner = ProgramRunner::new();
     let fence = "fence_m = [[-3, -3], [1597, -3], [1597, 1597], [-3, 1597]]\ncell_m = 0.05\n";
     let venue: String = VENUE
         .lines()
@@ -323,9 +323,9 @@ fn grids_of_a_billion_cells_are_refused() {
             }
         })
         .collect();
-    desk.write("small.venue.toml", venue);
+    runner.write("small.venue.toml", venue);
     for command in ["sim", "plan", "scene"] {
-        desk.refused(
+        runner.refused(
             &[command, "small.sim.toml"],
             &[
                 "small.venue.toml:4: fence_m",
@@ -338,7 +338,7 @@ fn grids_of_a_billion_cells_are_refused() {
 
 #[test]
 fn a_view_from_nowhere_is_refused() {
-    let desk = Desk::new();
+    let runner = ProgramRunner::new();
     for (option, value) in [
         ("--pose", "1,2,3"),
         ("--pose", "1,2,nan,0"),
@@ -346,12 +346,12 @@ fn a_view_from_nowhere_is_refused() {
         ("--size", "100000x100000"),
         ("--up", "w"),
     ] {
-        desk.refused(
+        runner.refused(
             &["scene", "small.wrl", option, value],
             &[value, option, "expected"],
         );
     }
-    desk.refused(
+    runner.refused(
         &["scene", "small.venue.toml"],
         &["small.venue.toml: is a venue", "expected a scene"],
     );
@@ -359,10 +359,10 @@ fn a_view_from_nowhere_is_refused() {
 
 #[test]
 fn bodies_of_the_scene_file_are_refused_with_key_and_line() {
-    let desk = Desk::new();
+    let runner = ProgramRunner::new();
     let bodies = "[[object]]\nname = \"hut\"\noutline_m = [[0, 0], [2, 2], [2, 0], [0, 2]]\n\
                   [[object]]\ncentre_m = [1, 1]\nradius_m = -1\ntop_m = -5\ncolour = \"mud\"\n";
-    desk.write("small.scene.toml", format!("{SCENE}{bodies}"));
+    runner.write("small.scene.toml", format!("{SCENE}{bodies}"));
     for command in ["scene", "check"] {
         let parts = [
             "object[0].outline_m",
@@ -371,7 +371,7 @@ fn bodies_of_the_scene_file_are_refused_with_key_and_line() {
             "object[1].top_m",
             "object[1].colour",
         ];
-        let err = desk.refused(&[command, "small.scene.toml"], &parts);
+        let err = runner.refused(&[command, "small.scene.toml"], &parts);
         assert_eq!(
             err.lines()
                 .filter(|line| line.contains("small.scene.toml:"))

@@ -1,9 +1,9 @@
 //! Command lines that make no sense.
 
-use super::desk::Desk;
+use super::program_runner::ProgramRunner;
 
 fn check(arguments: &[&str], parts: &[&str]) {
-    Desk::new().refused(arguments, parts);
+    ProgramRunner::new().refused(arguments, parts);
 }
 
 #[test]
@@ -73,8 +73,8 @@ fn seeds_times_and_trials_out_of_range_are_refused() {
 
 #[test]
 fn sizes_and_areas_out_of_range_are_refused() {
-    let desk = Desk::new();
-    desk.write(
+    let runner = ProgramRunner::new();
+    runner.write(
         "a.csv",
         "tx_x_m,tx_y_m,rx_x_m,rx_y_m,rssi_dbm\n0,0,8,8,-50\n",
     );
@@ -89,7 +89,7 @@ fn sizes_and_areas_out_of_range_are_refused() {
         "99999999999999999999x1",
     ] {
         let option = format!("--pixels={pixels}");
-        desk.refused(
+        runner.refused(
             &["image", "a.csv", &option, "--png", "i.png"],
             &[pixels, "expected WIDTHxHEIGHT"],
         );
@@ -105,27 +105,27 @@ fn sizes_and_areas_out_of_range_are_refused() {
         "-1e308,0,1e308,8",
     ] {
         let option = format!("--area={area}");
-        desk.refused(
+        runner.refused(
             &["image", "a.csv", &option, "--png", "i.png"],
             &[area, "expected X0,Y0,X1,Y1"],
         );
     }
     let same = ["image", "a.csv", "--npy", "./a.csv"];
-    desk.refused(&same, &["a.csv: is to be written, but is an input"]);
-    desk.refused(
+    runner.refused(&same, &["a.csv: is to be written, but is an input"]);
+    runner.refused(
         &["image", "a.csv", "--npy", "i", "--png", "./i"],
         &["i: is to be written", "another output"],
     );
-    desk.refused(
+    runner.refused(
         &["image", "a.csv", "--solver", "magic"],
         &["'magic'", "map", "tikhonov"],
     );
-    desk.refused(&["image", "a.csv", "--peaks", "-1"], &["'-1'", "--peaks"]);
+    runner.refused(&["image", "a.csv", "--peaks", "-1"], &["'-1'", "--peaks"]);
 }
 
 #[test]
 fn help_teaches_every_command() {
-    let desk = Desk::new();
+    let runner = ProgramRunner::new();
     for (command, parts) in [
         (
             "sim",
@@ -157,7 +157,7 @@ fn help_teaches_every_command() {
             ],
         ),
     ] {
-        let said = desk.run(&[command, "--help"]);
+        let said = runner.run(&[command, "--help"]);
         assert_eq!(said.code, 0);
         for part in parts {
             assert!(

@@ -3,47 +3,47 @@
 
 use serde_json::Value;
 
-use super::desk::{Desk, SCENE, SHAPES, SIM, Said, VENUE};
+use super::program_runner::{ProgramOutput, ProgramRunner, SCENE, SHAPES, SIM, VENUE};
 
-fn sim(desk: &Desk, more: &[&str]) -> Said {
-    desk.run(&[&["sim", "small.sim.toml"], more].concat())
+fn sim(runner: &ProgramRunner, more: &[&str]) -> ProgramOutput {
+    runner.run(&[&["sim", "small.sim.toml"], more].concat())
 }
 
-fn summary(desk: &Desk, folder: &str) -> Value {
-    serde_json::from_slice(&desk.read(&format!("{folder}/summary.json"))).unwrap()
+fn summary(runner: &ProgramRunner, folder: &str) -> Value {
+    serde_json::from_slice(&runner.read(&format!("{folder}/summary.json"))).unwrap()
 }
 
 #[test]
 fn the_same_seed_gives_the_same_bytes_in_two_processes() {
-    let desk = Desk::new();
+    let runner = ProgramRunner::new();
     for folder in ["one", "some/where/else"] {
-        assert_eq!(sim(&desk, &["--seed", "5", "--out", folder]).code, 0);
+        assert_eq!(sim(&runner, &["--seed", "5", "--out", folder]).code, 0);
     }
-    assert_eq!(sim(&desk, &["--seed", "6", "--out", "other"]).code, 0);
-    let names = desk.names_in("one");
-    assert_eq!(names, desk.names_in("some/where/else"));
+    assert_eq!(sim(&runner, &["--seed", "6", "--out", "other"]).code, 0);
+    let names = runner.names_in("one");
+    assert_eq!(names, runner.names_in("some/where/else"));
     for name in names.iter().filter(|name| *name != "summary.json") {
         assert_eq!(
-            desk.read(&format!("one/{name}")),
-            desk.read(&format!("some/where/else/{name}")),
+            runner.read(&format!("one/{name}")),
+            runner.read(&format!("some/where/else/{name}")),
             "{name}"
         );
     }
     let without_wall = |folder: &str| {
-        let mut summary = summary(&desk, folder);
+        let mut summary = summary(&runner, folder);
         let figures = summary.as_object_mut().unwrap();
         assert!(figures.remove("wall_s").is_some() && figures.remove("speed_factor").is_some());
         summary
     };
     assert_eq!(without_wall("one"), without_wall("some/where/else"));
-    assert_ne!(desk.read("one/run.log"), desk.read("other/run.log"));
+    assert_ne!(runner.read("one/run.log"), runner.read("other/run.log"));
 }
 
 #[test]
 fn the_bundled_example_is_the_same_in_two_processes() {
-    let desk = Desk::new();
+    let runner = ProgramRunner::new();
     for folder in ["one", "two"] {
-        let said = desk.run(&["sim", "--until", "60", "--out", folder]);
+        let said = runner.run(&["sim", "--until", "60", "--out", folder]);
         assert_eq!(said.code, 1, "{said:?}");
         assert!(
             said.err
@@ -53,22 +53,22 @@ fn the_bundled_example_is_the_same_in_two_processes() {
     }
     for name in ["run.log", "empty.csv", "links.csv", "map.png"] {
         assert_eq!(
-            desk.read(&format!("one/{name}")),
-            desk.read(&format!("two/{name}")),
+            runner.read(&format!("one/{name}")),
+            runner.read(&format!("two/{name}")),
             "{name}"
         );
     }
-    assert_eq!(summary(&desk, "one")["finished"], false);
+    assert_eq!(summary(&runner, "one")["finished"], false);
 }
 
 #[test]
 fn a_summary_holds_what_was_promised() {
-    let desk = Desk::new();
-    desk.change("small.sim.toml", "laps = 1", "laps = 6");
-    desk.change("small.sim.toml", "until_s = 600.0", "until_s = 3600.0");
-    let said = sim(&desk, &["--out", "run"]);
+    let runner = ProgramRunner::new();
+    runner.change("small.sim.toml", "laps = 1", "laps = 6");
+    runner.change("small.sim.toml", "until_s = 600.0", "until_s = 3600.0");
+    let said = sim(&runner, &["--out", "run"]);
     assert_eq!((said.code, said.err.as_str()), (0, ""));
-    let summary = summary(&desk, "run");
+    let summary = summary(&runner, "run");
     assert_eq!(summary["finished"], true);
     for key in ["simulated_s", "wall_s", "speed_factor", "min_separation_m"] {
         assert!(
@@ -91,7 +91,7 @@ fn a_summary_holds_what_was_promised() {
             assert!(find[key].is_f64(), "{key} in {find}");
         }
     }
-    let names = desk.names_in("run");
+    let names = runner.names_in("run");
     let expected = [
         "empty.csv",
         "image.npy",
@@ -110,21 +110,21 @@ fn a_summary_holds_what_was_promised() {
 
 #[test]
 fn without_an_empty_sweep_no_change_is_shown_and_the_summary_says_why() {
-    let desk = Desk::new();
-    desk.change(
+    let runner = ProgramRunner::new();
+    runner.change(
         "small.sim.toml",
         "empty_sweep = true",
         "empty_sweep = false",
     );
     let persons = &SCENE[SCENE.find("[random_persons]").unwrap()..];
-    desk.change("small.scene.toml", persons, "");
-    let said = sim(&desk, &["--out", "run"]);
+    runner.change("small.scene.toml", persons, "");
+    let said = sim(&runner, &["--out", "run"]);
     assert_eq!(said.code, 0, "{said:?}");
     assert!(
         said.out.contains("not made          image: ") && said.out.contains("empty_sweep"),
         "{said:?}"
     );
-    let names = desk.names_in("run");
+    let names = runner.names_in("run");
     assert!(
         names
             .iter()
@@ -135,81 +135,81 @@ fn without_an_empty_sweep_no_change_is_shown_and_the_summary_says_why() {
         names.iter().any(|name| name == "structure.png"),
         "{names:?}"
     );
-    assert_eq!(summary(&desk, "run")["found"], Value::Array(Vec::new()));
+    assert_eq!(summary(&runner, "run")["found"], Value::Array(Vec::new()));
 }
 
 #[test]
 fn line_endings_and_byte_order_marks_of_other_systems_change_nothing() {
-    let expected = Desk::new();
+    let expected = ProgramRunner::new();
     assert_eq!(sim(&expected, &["--out", "run"]).code, 0);
-    let desk = Desk::new();
+    let runner = ProgramRunner::new();
     for (name, text) in [
         ("small.sim.toml", SIM),
         ("small.venue.toml", VENUE),
         ("small.scene.toml", SCENE),
         ("small.wrl", SHAPES),
     ] {
-        desk.write(name, format!("\u{feff}{}", text.replace('\n', "\r\n")));
+        runner.write(name, format!("\u{feff}{}", text.replace('\n', "\r\n")));
     }
-    let said = sim(&desk, &["--out", "run"]);
+    let said = sim(&runner, &["--out", "run"]);
     assert_eq!(said.code, 0, "{said:?}");
-    assert_eq!(desk.read("run/run.log"), expected.read("run/run.log"));
-    let links = String::from_utf8(desk.read("run/links.csv")).unwrap();
+    assert_eq!(runner.read("run/run.log"), expected.read("run/run.log"));
+    let links = String::from_utf8(runner.read("run/links.csv")).unwrap();
     let foreign = format!("\u{feff}{}", links.replace('\n', "\r\n"));
-    desk.write("foreign.csv", foreign);
+    runner.write("foreign.csv", foreign);
     for (links, npy) in [("run/links.csv", "a.npy"), ("foreign.csv", "b.npy")] {
-        assert_eq!(desk.run(&["image", links, "--npy", npy]).code, 0);
+        assert_eq!(runner.run(&["image", links, "--npy", npy]).code, 0);
     }
-    assert_eq!(desk.read("a.npy"), desk.read("b.npy"));
+    assert_eq!(runner.read("a.npy"), runner.read("b.npy"));
 }
 
 #[test]
 fn a_configuration_is_found_from_any_folder() {
-    let desk = Desk::new();
-    assert_eq!(sim(&desk, &["--out", "run"]).code, 0);
-    std::fs::create_dir(desk.path("away")).unwrap();
-    let absolute = desk.path("small.sim.toml");
+    let runner = ProgramRunner::new();
+    assert_eq!(sim(&runner, &["--out", "run"]).code, 0);
+    std::fs::create_dir(runner.path("away")).unwrap();
+    let absolute = runner.path("small.sim.toml");
     for (file, out) in [
         (absolute.to_str().unwrap(), "a"),
         ("../small.sim.toml", "b"),
         ("./../away/../small.sim.toml", "c"),
     ] {
-        let mut program = desk.program(&["sim", file, "--out", out]);
-        program.current_dir(desk.path("away"));
-        let said = super::desk::said(program);
+        let mut program = runner.program(&["sim", file, "--out", out]);
+        program.current_dir(runner.path("away"));
+        let said = super::program_runner::said(program);
         assert_eq!(said.code, 0, "{said:?}");
         assert_eq!(
-            desk.read("run/run.log"),
-            desk.read(&format!("away/{out}/run.log"))
+            runner.read("run/run.log"),
+            runner.read(&format!("away/{out}/run.log"))
         );
     }
-    desk.write(
+    runner.write(
         "small.sim.toml",
         SIM.replace(
             "small.venue.toml",
-            desk.path("small.venue.toml").to_str().unwrap(),
+            runner.path("small.venue.toml").to_str().unwrap(),
         ),
     );
-    assert_eq!(sim(&desk, &["--out", "run2"]).code, 0);
-    assert_eq!(desk.read("run/run.log"), desk.read("run2/run.log"));
+    assert_eq!(sim(&runner, &["--out", "run2"]).code, 0);
+    assert_eq!(runner.read("run/run.log"), runner.read("run2/run.log"));
 }
 
 #[test]
 fn the_default_folder_tells_scene_and_seed() {
-    let desk = Desk::new();
-    assert_eq!(sim(&desk, &["--seed", "9", "--no-pictures"]).code, 0);
-    assert_eq!(summary(&desk, "out/small-9")["seed"], 9);
-    assert_eq!(desk.names_in("out"), ["small-9"]);
+    let runner = ProgramRunner::new();
+    assert_eq!(sim(&runner, &["--seed", "9", "--no-pictures"]).code, 0);
+    assert_eq!(summary(&runner, "out/small-9")["seed"], 9);
+    assert_eq!(runner.names_in("out"), ["small-9"]);
 }
 
 #[test]
 fn plans_for_two_to_eight_vehicles_can_be_read_by_a_program() {
-    let desk = Desk::new();
+    let runner = ProgramRunner::new();
     for count in 2..=8_usize {
-        let said = desk.run(&["plan", "--vehicles", &count.to_string(), "--stops"]);
+        let said = runner.run(&["plan", "--vehicles", &count.to_string(), "--stops"]);
         assert_eq!((said.code, said.err.as_str()), (0, ""));
         check_stops(&said.out, count);
-        let said = desk.run(&["plan", "--vehicles", &count.to_string()]);
+        let said = runner.run(&["plan", "--vehicles", &count.to_string()]);
         let lines_of = |word: &str| {
             said.out
                 .lines()
@@ -275,10 +275,10 @@ fn check_stops(text: &str, vehicles: usize) {
 
 #[test]
 fn a_scene_is_described_and_drawn_the_same_twice() {
-    let desk = Desk::new();
+    let runner = ProgramRunner::new();
     let pose = ["--pose", "3,-1,0.3,90", "--size", "120x80"];
     for folder in ["one", "two"] {
-        let said = desk.run(&[&["scene", "small.sim.toml", "--out", folder], &pose[..]].concat());
+        let said = runner.run(&[&["scene", "small.sim.toml", "--out", folder], &pose[..]].concat());
         assert_eq!((said.code, said.err.as_str()), (0, ""), "{said:?}");
         for part in [
             "scene small",
@@ -290,17 +290,17 @@ fn a_scene_is_described_and_drawn_the_same_twice() {
         ] {
             assert!(said.out.contains(part), "{part} is missing in {}", said.out);
         }
-        assert_eq!(desk.names_in(folder), ["plan.png", "view.png"]);
+        assert_eq!(runner.names_in(folder), ["plan.png", "view.png"]);
     }
     for name in ["plan.png", "view.png"] {
         assert_eq!(
-            desk.read(&format!("one/{name}")),
-            desk.read(&format!("two/{name}")),
+            runner.read(&format!("one/{name}")),
+            runner.read(&format!("two/{name}")),
             "{name}"
         );
     }
     let rgb = |path: &str| {
-        let mut reader = png::Decoder::new(std::io::Cursor::new(desk.read(path)))
+        let mut reader = png::Decoder::new(std::io::Cursor::new(runner.read(path)))
             .read_info()
             .unwrap();
         let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
@@ -319,8 +319,8 @@ fn a_scene_is_described_and_drawn_the_same_twice() {
     };
     assert!(differ((60, 38), (36, 2)) < 4 && differ((60, 38), (84, 30)) < 4);
     assert!(differ((60, 38), (30, 38)) > 20 && differ((60, 38), (90, 38)) > 20);
-    let other = desk.run(&["scene", "small.wrl", "--out", "one"]);
+    let other = runner.run(&["scene", "small.wrl", "--out", "one"]);
     assert_eq!(other.code, 0, "{other:?}");
-    assert_ne!(desk.read("one/view.png"), desk.read("two/view.png"));
-    assert_eq!(desk.names_in("one"), ["plan.png", "view.png"]);
+    assert_ne!(runner.read("one/view.png"), runner.read("two/view.png"));
+    assert_eq!(runner.names_in("one"), ["plan.png", "view.png"]);
 }

@@ -3,7 +3,7 @@
 use std::ffi::{OsStr, OsString};
 use std::os::unix::ffi::OsStrExt;
 
-use super::desk::Desk;
+use super::program_runner::ProgramRunner;
 
 fn name(ending: &str) -> OsString {
     let mut name = OsStr::from_bytes(b"odd\xff\xfe").to_owned();
@@ -17,35 +17,39 @@ fn arguments<'a>(list: &[&'a dyn AsRef<OsStr>]) -> Vec<&'a OsStr> {
 
 #[test]
 fn a_configuration_may_have_a_name_that_is_no_text() {
-    let desk = Desk::new();
-    std::fs::rename(desk.path("small.sim.toml"), desk.path(name(".sim.toml"))).unwrap();
+    let runner = ProgramRunner::new();
+    std::fs::rename(
+        runner.path("small.sim.toml"),
+        runner.path(name(".sim.toml")),
+    )
+    .unwrap();
     for command in ["check", "plan"] {
         assert_eq!(
-            desk.run(&arguments(&[&command, &name(".sim.toml")])).code,
+            runner.run(&arguments(&[&command, &name(".sim.toml")])).code,
             0
         );
     }
-    let said = desk.run(&arguments(&[
+    let said = runner.run(&arguments(&[
         &"sim",
         &name(".sim.toml"),
         &"--out",
         &name(""),
     ]));
     assert_eq!(said.code, 0, "{said:?}");
-    assert!(desk.path(name("")).join("summary.json").exists());
+    assert!(runner.path(name("")).join("summary.json").exists());
 }
 
 #[test]
 fn a_folder_may_have_a_name_that_is_no_text() {
-    let desk = Desk::new();
-    let folder = desk.path(name(""));
+    let runner = ProgramRunner::new();
+    let folder = runner.path(name(""));
     std::fs::create_dir(&folder).unwrap();
-    for file in desk
+    for file in runner
         .names_in(".")
         .iter()
         .filter(|file| file.starts_with("small"))
     {
-        std::fs::rename(desk.path(file), folder.join(file)).unwrap();
+        std::fs::rename(runner.path(file), folder.join(file)).unwrap();
     }
     for file in [
         "small.sim.toml",
@@ -53,28 +57,28 @@ fn a_folder_may_have_a_name_that_is_no_text() {
         "small.venue.toml",
         "small.wrl",
     ] {
-        let said = desk.run(&arguments(&[&"check", &folder.join(file)]));
+        let said = runner.run(&arguments(&[&"check", &folder.join(file)]));
         assert_eq!(said.code, 0, "{said:?}");
     }
-    let mut from_inside = desk.program(&["plan", "small.sim.toml"]);
+    let mut from_inside = runner.program(&["plan", "small.sim.toml"]);
     from_inside.current_dir(&folder);
-    assert_eq!(super::desk::said(from_inside).code, 0);
+    assert_eq!(super::program_runner::said(from_inside).code, 0);
 }
 
 #[test]
 fn a_missing_file_without_a_text_name_is_named() {
-    let desk = Desk::new();
+    let runner = ProgramRunner::new();
     for command in ["check", "plan", "sim"] {
-        desk.refused(
+        runner.refused(
             &arguments(&[&command, &name(".toml")]),
             &["odd", ".toml: cannot be read: No such file"],
         );
     }
-    desk.refused(
+    runner.refused(
         &arguments(&[&"image", &name(".csv")]),
         &["odd", ".csv: ", "No such file"],
     );
-    desk.refused(
+    runner.refused(
         &arguments(&[&OsStr::from_bytes(b"\xff")]),
         &["unrecognized subcommand"],
     );

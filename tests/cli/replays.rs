@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::desk::{Desk, Said};
+use super::program_runner::{ProgramOutput, ProgramRunner};
 
 const RECORD: [&str; 6] = [
     "sim",
@@ -16,11 +16,11 @@ const RECORD: [&str; 6] = [
 ];
 const ROVER: &str = "run/flight/vehicle-1/flight-000001.mcap";
 
-fn recorded() -> Desk {
-    let desk = Desk::new();
-    let said = desk.run(&RECORD);
+fn recorded() -> ProgramRunner {
+    let runner = ProgramRunner::new();
+    let said = runner.run(&RECORD);
     assert_eq!(said.code, 0, "{said:?}");
-    desk
+    runner
 }
 
 /// A message of a file, as it may be changed: topic and text.
@@ -77,14 +77,14 @@ fn renamed<'a>(channel: &mcap::Channel<'a>, topic: String) -> Arc<mcap::Channel<
     })
 }
 
-fn replay(desk: &Desk, path: &str) -> Said {
-    desk.run(&["replay", path])
+fn replay(runner: &ProgramRunner, path: &str) -> ProgramOutput {
+    runner.run(&["replay", path])
 }
 
 #[test]
 fn a_recorded_run_replays_identically_and_is_the_same_bytes_again() {
-    let desk = recorded();
-    let said = replay(&desk, "run/flight");
+    let runner = recorded();
+    let said = replay(&runner, "run/flight");
     assert_eq!((said.code, said.err.as_str()), (0, ""), "{}", said.out);
     assert_eq!(said.out.lines().count(), 2 * 8 + 4 + 2, "{}", said.out);
     assert!(
@@ -94,9 +94,9 @@ fn a_recorded_run_replays_identically_and_is_the_same_bytes_again() {
         "{}",
         said.out
     );
-    let first = desk.files();
-    assert_eq!(desk.run(&RECORD).code, 0);
-    let again = desk.files();
+    let first = runner.files();
+    assert_eq!(runner.run(&RECORD).code, 0);
+    let again = runner.files();
     let recordings = |files: &BTreeMap<_, Vec<u8>>| {
         files
             .iter()
@@ -115,22 +115,23 @@ fn a_recorded_run_replays_identically_and_is_the_same_bytes_again() {
 
 #[test]
 fn a_run_without_a_recording_takes_an_older_one_away() {
-    let desk = recorded();
-    assert!(desk.path(ROVER).exists());
+    let runner = recorded();
+    assert!(runner.path(ROVER).exists());
     assert_eq!(
-        desk.run(&["sim", "small.sim.toml", "--no-pictures", "--out", "run"])
+        runner
+            .run(&["sim", "small.sim.toml", "--no-pictures", "--out", "run"])
             .code,
         0
     );
-    assert!(!desk.path("run/flight").exists());
+    assert!(!runner.path("run/flight").exists());
 }
 
 #[test]
 fn a_changed_input_is_named_with_what_came_of_it() {
-    let desk = recorded();
+    let runner = recorded();
     let mut which = 0;
     rewrite(
-        &desk.path(ROVER),
+        &runner.path(ROVER),
         |_| {},
         |number, (topic, text)| {
             if topic == "/vehicle/1/vehicle/step"
@@ -148,7 +149,7 @@ fn a_changed_input_is_named_with_what_came_of_it() {
             true
         },
     );
-    let said = replay(&desk, "run/flight");
+    let said = replay(&runner, "run/flight");
     assert_eq!(said.code, 1, "{said:?}");
     assert!(
         said.err.contains("the replay differs: 1 of 22 actors"),
@@ -172,9 +173,9 @@ fn a_changed_input_is_named_with_what_came_of_it() {
     assert!(
         lines[first + 4].contains("says now") && !lines[first + 3].contains("\"battery\":0.125")
     );
-    let only = desk.run(&["replay", "run/flight", "--actor", "mission"]);
+    let only = runner.run(&["replay", "run/flight", "--actor", "mission"]);
     assert_eq!((only.code, only.out.lines().count()), (0, 2), "{only:?}");
-    let json = desk.run(&["replay", ROVER, "--json"]);
+    let json = runner.run(&["replay", ROVER, "--json"]);
     let value: serde_json::Value = serde_json::from_str(&json.out).unwrap();
     let vehicle = value["actors"]
         .as_array()
@@ -191,10 +192,10 @@ fn a_changed_input_is_named_with_what_came_of_it() {
 
 #[test]
 fn a_file_that_was_cut_off_is_replayed_up_to_there() {
-    let desk = recorded();
-    let bytes = desk.read(ROVER);
-    desk.write(ROVER, &bytes[..bytes.len() * 2 / 3]);
-    let said = replay(&desk, ROVER);
+    let runner = recorded();
+    let bytes = runner.read(ROVER);
+    runner.write(ROVER, &bytes[..bytes.len() * 2 / 3]);
+    let said = replay(&runner, ROVER);
     assert_eq!(said.code, 0, "{said:?}");
     assert!(
         said.err.contains("ends unfinished at byte") && said.err.contains("replayed up to there"),
@@ -221,57 +222,57 @@ fn middle_of_a_chunk(bytes: &[u8]) -> usize {
 
 #[test]
 fn what_is_no_recording_of_this_version_is_refused() {
-    let desk = recorded();
-    desk.write("text.mcap", "no recording");
-    desk.refused(&["replay", "text.mcap"], &["text.mcap", "is no MCAP file"]);
-    desk.write("empty.mcap", "");
-    desk.refused(
+    let runner = recorded();
+    runner.write("text.mcap", "no recording");
+    runner.refused(&["replay", "text.mcap"], &["text.mcap", "is no MCAP file"]);
+    runner.write("empty.mcap", "");
+    runner.refused(
         &["replay", "empty.mcap"],
         &["empty.mcap", "is no MCAP file"],
     );
-    desk.refused(&["replay", "gone.mcap"], &["gone.mcap", "cannot be read"]);
-    std::fs::create_dir(desk.path("nothing")).unwrap();
-    desk.refused(&["replay", "nothing"], &["nothing", "holds no recording"]);
-    let mut damaged = desk.read(ROVER);
+    runner.refused(&["replay", "gone.mcap"], &["gone.mcap", "cannot be read"]);
+    std::fs::create_dir(runner.path("nothing")).unwrap();
+    runner.refused(&["replay", "nothing"], &["nothing", "holds no recording"]);
+    let mut damaged = runner.read(ROVER);
     let middle = middle_of_a_chunk(&damaged);
     damaged[middle] ^= 0x55;
-    desk.write("damaged.mcap", damaged);
-    let said = replay(&desk, "damaged.mcap");
+    runner.write("damaged.mcap", damaged);
+    let said = replay(&runner, "damaged.mcap");
     assert_eq!(said.code, 2, "{said:?}");
     assert!(
         said.err.contains("damaged.mcap: is damaged before byte"),
         "{}",
         said.err
     );
-    let copy = |name: &str| desk.write(name, desk.read(ROVER));
+    let copy = |name: &str| runner.write(name, runner.read(ROVER));
     copy("old.mcap");
     let older = |words: &mut BTreeMap<String, String>| {
         if let Some(version) = words.get_mut("software") {
             "0.0.9".clone_into(version);
         }
     };
-    rewrite(&desk.path("old.mcap"), older, |_, _| true);
-    desk.refused(
+    rewrite(&runner.path("old.mcap"), older, |_, _| true);
+    runner.refused(
         &["replay", "old.mcap"],
         &["recorded by tomoswarm 0.0.9", "same version"],
     );
     copy("foreign.mcap");
     rewrite(
-        &desk.path("foreign.mcap"),
+        &runner.path("foreign.mcap"),
         |words| words.clear(),
         |_, _| true,
     );
-    desk.refused(
+    runner.refused(
         &["replay", "foreign.mcap"],
         &["foreign.mcap", "recorded by tomoswarm unknown"],
     );
     copy("torn.mcap");
     rewrite(
-        &desk.path("torn.mcap"),
+        &runner.path("torn.mcap"),
         |_| {},
         |_, (topic, _)| topic != "/vehicle/1/map/snapshot",
     );
-    let said = replay(&desk, "torn.mcap");
+    let said = replay(&runner, "torn.mcap");
     assert_eq!(said.code, 2);
     assert!(
         said.err
@@ -281,7 +282,7 @@ fn what_is_no_recording_of_this_version_is_refused() {
     );
     copy("json.mcap");
     rewrite(
-        &desk.path("json.mcap"),
+        &runner.path("json.mcap"),
         |_| {},
         |number, (topic, text)| {
             if topic == "/vehicle/1/radio/step" && number == 3 {
@@ -290,7 +291,7 @@ fn what_is_no_recording_of_this_version_is_refused() {
             true
         },
     );
-    let said = replay(&desk, "json.mcap");
+    let said = replay(&runner, "json.mcap");
     assert_eq!(said.code, 2);
     assert!(
         said.err
@@ -302,11 +303,11 @@ fn what_is_no_recording_of_this_version_is_refused() {
 
 #[test]
 fn an_actor_that_is_unknown_of_another_kind_or_of_an_older_shape_is_refused_by_name() {
-    let desk = recorded();
+    let runner = recorded();
     let rename = |name: &str, to: &'static str| {
-        desk.write(name, desk.read(ROVER));
+        runner.write(name, runner.read(ROVER));
         rewrite(
-            &desk.path(name),
+            &runner.path(name),
             |_| {},
             |_, (topic, _)| {
                 if topic == "/vehicle/1/map/snapshot" {
@@ -317,23 +318,23 @@ fn an_actor_that_is_unknown_of_another_kind_or_of_an_older_shape_is_refused_by_n
         );
     };
     rename("unknown.mcap", "/vehicle/1/compass/snapshot");
-    desk.refused(
+    runner.refused(
         &["replay", "unknown.mcap"],
         &["unknown.mcap", "/vehicle/1/compass/snapshot is of no actor"],
     );
     rename("ground.mcap", "/vehicle/1/station/snapshot");
-    desk.refused(
+    runner.refused(
         &["replay", "ground.mcap"],
         &["ground.mcap", "/vehicle/1/station/snapshot is of no actor"],
     );
     rename("kind.mcap", "/balloon/1/map/snapshot");
-    desk.refused(
+    runner.refused(
         &["replay", "kind.mcap"],
         &["kind.mcap", "/balloon/1/map/snapshot is of no actor"],
     );
-    desk.write("older.mcap", desk.read(ROVER));
+    runner.write("older.mcap", runner.read(ROVER));
     rewrite(
-        &desk.path("older.mcap"),
+        &runner.path("older.mcap"),
         |_| {},
         |_, (topic, text)| {
             if topic == "/vehicle/1/radio/snapshot" {
@@ -348,5 +349,5 @@ fn an_actor_that_is_unknown_of_another_kind_or_of_an_older_shape_is_refused_by_n
         "older.mcap",
         "/vehicle/1/radio/snapshot packed bytes cannot be read by this version",
     ];
-    desk.refused(&["replay", "older.mcap"], &expected);
+    runner.refused(&["replay", "older.mcap"], &expected);
 }

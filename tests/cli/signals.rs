@@ -3,24 +3,24 @@
 use std::process::{Child, Command, Output, Stdio};
 use std::time::Duration;
 
-use super::desk::Desk;
+use super::program_runner::ProgramRunner;
 
 /// A mission that takes long enough to be ended in the middle, and whether it was.
 const LONG: [&str; 5] = ["sim", "small.sim.toml", "--no-pictures", "--out", "run"];
 
-fn long_world() -> Desk {
-    let desk = Desk::new();
-    desk.change(
+fn long_world() -> ProgramRunner {
+    let runner = ProgramRunner::new();
+    runner.change(
         "small.sim.toml",
         "laps = 1",
         "laps = 64\ndwell_s = 100.0\ndwell_limit_s = 3000.0",
     );
-    desk.change("small.sim.toml", "until_s = 600.0", "until_s = 1000000.0");
-    desk
+    runner.change("small.sim.toml", "until_s = 600.0", "until_s = 1000000.0");
+    runner
 }
 
-fn start(desk: &Desk, arguments: &[&str]) -> Child {
-    let mut program = desk.program(arguments);
+fn start(runner: &ProgramRunner, arguments: &[&str]) -> Child {
+    let mut program = runner.program(arguments);
     program
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
@@ -37,9 +37,10 @@ fn pause() {
 }
 
 /// Waits until the run has opened its hidden folder, and a little more.
-fn wait_for_stage(desk: &Desk) {
+fn wait_for_stage(runner: &ProgramRunner) {
     let has_stage = || {
-        desk.names_in(".")
+        runner
+            .names_in(".")
             .iter()
             .any(|name| name.contains(".partial"))
     };
@@ -67,8 +68,9 @@ fn end(child: Child) -> Output {
     child.wait_with_output().unwrap()
 }
 
-fn hidden(desk: &Desk) -> Vec<String> {
-    desk.names_in(".")
+fn hidden(runner: &ProgramRunner) -> Vec<String> {
+    runner
+        .names_in(".")
         .into_iter()
         .filter(|name| name.starts_with('.'))
         .collect()
@@ -77,9 +79,9 @@ fn hidden(desk: &Desk) -> Vec<String> {
 #[test]
 fn a_run_that_is_asked_to_end_writes_what_it_has() {
     for name in ["-INT", "-TERM", "-HUP"] {
-        let desk = long_world();
-        let child = start(&desk, &LONG);
-        wait_for_stage(&desk);
+        let runner = long_world();
+        let child = start(&runner, &LONG);
+        wait_for_stage(&runner);
         signal(&child, name);
         let Output {
             status,
@@ -95,58 +97,60 @@ fn a_run_that_is_asked_to_end_writes_what_it_has() {
                 .contains("NOT finished: it was asked to stop")
         );
         let summary: serde_json::Value =
-            serde_json::from_slice(&desk.read("run/summary.json")).unwrap();
+            serde_json::from_slice(&runner.read("run/summary.json")).unwrap();
         assert_eq!(summary["finished"], false);
-        assert!(desk.path("run/run.log").exists() && hidden(&desk).is_empty());
+        assert!(runner.path("run/run.log").exists() && hidden(&runner).is_empty());
     }
 }
 
 #[test]
 fn a_killed_run_leaves_only_a_hidden_folder_and_the_next_run_removes_it() {
-    let desk = long_world();
-    let child = start(&desk, &LONG);
-    wait_for_stage(&desk);
+    let runner = long_world();
+    let child = start(&runner, &LONG);
+    wait_for_stage(&runner);
     signal(&child, "-KILL");
     end(child);
-    assert!(!desk.path("run").exists());
-    assert_eq!(hidden(&desk).len(), 1, "{:?}", hidden(&desk));
+    assert!(!runner.path("run").exists());
+    assert_eq!(hidden(&runner).len(), 1, "{:?}", hidden(&runner));
     assert_eq!(
-        desk.run(&["sim", "small.sim.toml", "--until", "5", "--out", "run"])
+        runner
+            .run(&["sim", "small.sim.toml", "--until", "5", "--out", "run"])
             .code,
         1
     );
-    assert!(hidden(&desk).is_empty(), "{:?}", hidden(&desk));
+    assert!(hidden(&runner).is_empty(), "{:?}", hidden(&runner));
 }
 
 #[test]
 fn two_runs_side_by_side_do_not_disturb_each_other() {
-    let desk = long_world();
-    let child = start(&desk, &LONG);
-    wait_for_stage(&desk);
+    let runner = long_world();
+    let child = start(&runner, &LONG);
+    wait_for_stage(&runner);
     assert_eq!(
-        desk.run(&["sim", "small.sim.toml", "--until", "5", "--out", "other"])
+        runner
+            .run(&["sim", "small.sim.toml", "--until", "5", "--out", "other"])
             .code,
         1
     );
     signal(&child, "-INT");
     assert_eq!(end(child).status.code(), Some(1));
-    assert!(desk.path("run/summary.json").exists() && desk.path("other/summary.json").exists());
-    assert!(hidden(&desk).is_empty(), "{:?}", hidden(&desk));
+    assert!(runner.path("run/summary.json").exists() && runner.path("other/summary.json").exists());
+    assert!(hidden(&runner).is_empty(), "{:?}", hidden(&runner));
 }
 
 #[test]
 fn an_image_that_is_ended_leaves_nothing() {
-    let desk = Desk::new();
+    let runner = ProgramRunner::new();
     let line = |n: u32| format!("{}.{:03},0,{}.5,20,-5{}\n", n % 20, n % 997, n % 19, n % 7);
     let lines: String = (0..20_000).map(line).collect();
-    desk.write(
+    runner.write(
         "a.csv",
         format!("tx_x_m,tx_y_m,rx_x_m,rx_y_m,rssi_dbm\n{lines}"),
     );
-    desk.write("i.png", "of an earlier run");
-    let before = desk.files();
+    runner.write("i.png", "of an earlier run");
+    let before = runner.files();
     let child = start(
-        &desk,
+        &runner,
         &[
             "image", "a.csv", "--pixels", "300x300", "--png", "i.png", "--json", "i.json",
         ],
@@ -158,14 +162,14 @@ fn an_image_that_is_ended_leaves_nothing() {
         None,
         "it was over before it was ended"
     );
-    assert_eq!(desk.files(), before);
+    assert_eq!(runner.files(), before);
 }
 
 #[test]
 fn trials_that_are_asked_to_end_say_how_many_were_run() {
-    let desk = long_world();
-    let before = desk.files();
-    let child = start(&desk, &["sim", "small.sim.toml", "--trials", "1000000"]);
+    let runner = long_world();
+    let before = runner.files();
+    let child = start(&runner, &["sim", "small.sim.toml", "--trials", "1000000"]);
     (0..25).for_each(|_| pause());
     signal(&child, "-INT");
     let Output {
@@ -184,5 +188,5 @@ fn trials_that_are_asked_to_end_say_how_many_were_run() {
             .unwrap()
             .starts_with("  seed  end")
     );
-    assert_eq!(desk.files(), before);
+    assert_eq!(runner.files(), before);
 }

@@ -3,7 +3,7 @@
 use std::fs::File;
 use std::process::{Command, Stdio};
 
-use super::desk::{Desk, Said, said};
+use super::program_runner::{ProgramOutput, ProgramRunner, said};
 
 const RECORDING: &str = "tx_x_m,tx_y_m,rx_x_m,rx_y_m,rssi_dbm\n0,0,8,8,-50\n0,8,8,0,-51\n";
 
@@ -18,14 +18,14 @@ const ANSWERS: [&[&str]; 7] = [
     &["sim", "--help"],
 ];
 
-fn desk() -> Desk {
-    let desk = Desk::new();
-    desk.write("a.csv", RECORDING);
-    desk
+fn runner() -> ProgramRunner {
+    let runner = ProgramRunner::new();
+    runner.write("a.csv", RECORDING);
+    runner
 }
 
 /// Runs the program through a shell, with the given words after its own command line.
-fn in_shell(desk: &Desk, arguments: &[&str], rest: &str) -> Said {
+fn in_shell(runner: &ProgramRunner, arguments: &[&str], rest: &str) -> ProgramOutput {
     let mut shell = Command::new("sh");
     shell.args([
         "-c",
@@ -34,32 +34,32 @@ fn in_shell(desk: &Desk, arguments: &[&str], rest: &str) -> Said {
     ]);
     shell
         .args(arguments)
-        .current_dir(desk.path("."))
+        .current_dir(runner.path("."))
         .stdin(Stdio::null());
     said(shell)
 }
 
 #[test]
 fn a_reader_who_leaves_changes_nothing() {
-    let desk = desk();
+    let runner = runner();
     for arguments in ANSWERS {
-        let Said { code, err, .. } = desk.run(arguments);
-        let said = in_shell(&desk, arguments, "| true");
+        let ProgramOutput { code, err, .. } = runner.run(arguments);
+        let said = in_shell(&runner, arguments, "| true");
         assert_eq!(said.err, err, "{arguments:?}");
-        let mut program = desk.program(arguments);
+        let mut program = runner.program(arguments);
         let (reader, writer) = std::io::pipe().unwrap();
         drop(reader);
         program.stdout(writer);
-        let said = super::desk::said(program);
+        let said = super::program_runner::said(program);
         assert_eq!((said.code, said.err), (code, err), "{arguments:?}");
     }
 }
 
 #[test]
 fn what_check_prints_is_checked_again_from_any_folder_with_the_same_values() {
-    let desk = desk();
-    std::fs::create_dir(desk.path("below")).unwrap();
-    let values = |said: &Said| -> Vec<String> {
+    let runner = runner();
+    std::fs::create_dir(runner.path("below")).unwrap();
+    let values = |said: &ProgramOutput| -> Vec<String> {
         assert_eq!(said.code, 0, "{said:?}");
         said.out
             .lines()
@@ -68,10 +68,10 @@ fn what_check_prints_is_checked_again_from_any_folder_with_the_same_values() {
             .collect()
     };
     for file in ["small.sim.toml", "small.scene.toml", "small.venue.toml"] {
-        let once = values(&desk.run(&["check", file]));
+        let once = values(&runner.run(&["check", file]));
         assert!(once.len() > 5, "{once:?}");
         assert_eq!(
-            values(&in_shell(&desk, &["check", file], "| \"$0\" check -")),
+            values(&in_shell(&runner, &["check", file], "| \"$0\" check -")),
             once,
             "{file}"
         );
@@ -79,7 +79,7 @@ fn what_check_prints_is_checked_again_from_any_folder_with_the_same_values() {
         let piped = format!("\"$0\" check ../{file} | \"$0\" check -");
         from_below
             .args(["-c", &piped, env!("CARGO_BIN_EXE_tomoswarm")])
-            .current_dir(desk.path("below"));
+            .current_dir(runner.path("below"));
         assert_eq!(values(&said(from_below)).len(), once.len(), "{file}");
     }
 }
@@ -87,9 +87,9 @@ fn what_check_prints_is_checked_again_from_any_folder_with_the_same_values() {
 #[test]
 #[cfg(target_os = "linux")]
 fn an_answer_that_cannot_be_written_is_reported() {
-    let desk = desk();
+    let runner = runner();
     for arguments in &ANSWERS[..6] {
-        let mut program = desk.program(arguments);
+        let mut program = runner.program(arguments);
         program.stdout(File::options().write(true).open("/dev/full").unwrap());
         let output = program.stderr(Stdio::piped()).output().unwrap();
         let err = String::from_utf8(output.stderr).unwrap();
@@ -104,7 +104,7 @@ fn an_answer_that_cannot_be_written_is_reported() {
 #[test]
 #[cfg(target_os = "linux")]
 fn a_complaint_that_cannot_be_written_keeps_its_exit_code() {
-    let desk = desk();
+    let runner = runner();
     for rest in ["2>/dev/full", "2>&-", ">&- 2>&- <&-"] {
         for arguments in [
             &["sim", "gone.toml"][..],
@@ -113,7 +113,7 @@ fn a_complaint_that_cannot_be_written_keeps_its_exit_code() {
             &["fly"],
         ] {
             assert_eq!(
-                in_shell(&desk, arguments, rest).code,
+                in_shell(&runner, arguments, rest).code,
                 2,
                 "{arguments:?} {rest}"
             );
@@ -121,21 +121,21 @@ fn a_complaint_that_cannot_be_written_keeps_its_exit_code() {
     }
     assert_eq!(
         in_shell(
-            &desk,
+            &runner,
             &["sim", "small.sim.toml", "--out", "run"],
             ">&- 2>&- <&-"
         )
         .code,
         0
     );
-    assert!(desk.path("run/summary.json").exists());
+    assert!(runner.path("run/summary.json").exists());
 }
 
 #[test]
 #[cfg(target_os = "linux")]
 fn a_device_is_written_and_not_replaced() {
-    let desk = desk();
-    let fifo = desk.path("pipe");
+    let runner = runner();
+    let fifo = runner.path("pipe");
     if !Command::new("mkfifo")
         .arg(&fifo)
         .status()
@@ -145,26 +145,31 @@ fn a_device_is_written_and_not_replaced() {
         return;
     }
     let reader = std::thread::spawn(move || std::fs::read(fifo).unwrap());
-    let said = desk.run(&["image", "a.csv", "--npy", "/dev/null", "--json", "pipe"]);
+    let said = runner.run(&["image", "a.csv", "--npy", "/dev/null", "--json", "pipe"]);
     assert_eq!(said.code, 0, "{said:?}");
     let report: serde_json::Value = serde_json::from_slice(&reader.join().unwrap()).unwrap();
     assert!(report["peaks"].is_array());
     assert!(!std::fs::metadata("/dev/null").unwrap().is_file());
-    assert!(desk.names_in(".").iter().all(|name| !name.starts_with('.')));
+    assert!(
+        runner
+            .names_in(".")
+            .iter()
+            .all(|name| !name.starts_with('.'))
+    );
 }
 
 /// Runs a line on a terminal of 60 by 20 letters, `$PROGRAM` being the program; returns what the terminal was told, `None`
 /// where no terminal can be made.
-fn on_terminal(desk: &Desk, line: &str) -> Option<String> {
+fn on_terminal(runner: &ProgramRunner, line: &str) -> Option<String> {
     let line = line.replace("$PROGRAM", env!("CARGO_BIN_EXE_tomoswarm"));
     let line = format!("stty rows 20 cols 60; touch begun; {line}; echo code $?");
     let mut script = Command::new("script");
     script
         .args(["-qec", &line, "/dev/null"])
-        .current_dir(desk.path("."))
+        .current_dir(runner.path("."))
         .stdin(Stdio::null());
     let output = script.env("TERM", "xterm-256color").output().ok();
-    if output.is_none() || !desk.path("begun").exists() {
+    if output.is_none() || !runner.path("begun").exists() {
         println!("skipped: there is no `script` to make a terminal, or it is another one");
         return None;
     }
@@ -184,13 +189,15 @@ fn drawn(text: &str) -> (&str, &str, &str) {
 
 #[test]
 fn a_watched_run_draws_gives_the_terminal_back_and_changes_no_byte() {
-    let desk = desk();
+    let runner = runner();
     assert_eq!(
-        desk.run(&["sim", "small.sim.toml", "--out", "quiet"]).code,
+        runner
+            .run(&["sim", "small.sim.toml", "--out", "quiet"])
+            .code,
         0
     );
     let Some(text) = on_terminal(
-        &desk,
+        &runner,
         "$PROGRAM sim small.sim.toml --watch --pace 500 --out shown",
     ) else {
         return;
@@ -220,8 +227,8 @@ fn a_watched_run_draws_gives_the_terminal_back_and_changes_no_byte() {
         "map.png",
     ] {
         assert_eq!(
-            desk.read(&format!("quiet/{name}")),
-            desk.read(&format!("shown/{name}")),
+            runner.read(&format!("quiet/{name}")),
+            runner.read(&format!("shown/{name}")),
             "{name}"
         );
     }
@@ -233,10 +240,10 @@ fn a_watched_run_draws_gives_the_terminal_back_and_changes_no_byte() {
     reason = "the pace of another process is one of real time"
 )]
 fn a_watched_run_keeps_its_pace_and_draws_ten_times_a_second_at_most() {
-    let desk = desk();
+    let runner = runner();
     let begun = std::time::Instant::now();
     let line = "$PROGRAM sim small.sim.toml --until 4 --no-pictures --watch --pace 2 --out shown";
-    let Some(text) = on_terminal(&desk, line) else {
+    let Some(text) = on_terminal(&runner, line) else {
         return;
     };
     let took_s = begun.elapsed().as_secs_f64();
@@ -251,10 +258,10 @@ fn a_watched_run_keeps_its_pace_and_draws_ten_times_a_second_at_most() {
 
 #[test]
 fn a_watched_run_that_is_asked_to_end_gives_the_terminal_back_and_writes_what_it_has() {
-    let desk = desk();
+    let runner = runner();
     let line =
         "timeout --foreground -s INT 2 $PROGRAM sim small.sim.toml --watch --pace 0.1 --out shown";
-    let Some(text) = on_terminal(&desk, line) else {
+    let Some(text) = on_terminal(&runner, line) else {
         return;
     };
     let (_, _, after) = drawn(&text);
@@ -262,29 +269,29 @@ fn a_watched_run_that_is_asked_to_end_gives_the_terminal_back_and_writes_what_it
         !after.contains('\u{1b}') && after.contains("NOT finished: it was asked to stop"),
         "{text}"
     );
-    assert!(desk.path("shown/summary.json").exists());
+    assert!(runner.path("shown/summary.json").exists());
 }
 
 #[test]
 fn what_cannot_be_watched_is_refused_before_anything_is_run() {
-    let desk = desk();
-    desk.refused(
+    let runner = runner();
+    runner.refused(
         &["sim", "small.sim.toml", "--watch"],
         &["--watch", "standard error is no terminal"],
     );
-    desk.refused(
+    runner.refused(
         &["sim", "small.sim.toml", "--watch", "--trials", "2"],
         &["--watch", "--trials"],
     );
-    desk.refused(&["sim", "small.sim.toml", "--pace", "2"], &["--watch"]);
+    runner.refused(&["sim", "small.sim.toml", "--pace", "2"], &["--watch"]);
     for pace in ["0", "-1", "nan", "inf", "1e9", "fast"] {
-        desk.refused(
+        runner.refused(
             &["sim", "small.sim.toml", "--watch", "--pace", pace],
             &["--pace", pace],
         );
     }
     let line = "TERM=dumb $PROGRAM sim small.sim.toml --watch --out shown";
-    let Some(text) = on_terminal(&desk, line) else {
+    let Some(text) = on_terminal(&runner, line) else {
         return;
     };
     assert!(
@@ -292,21 +299,21 @@ fn what_cannot_be_watched_is_refused_before_anything_is_run() {
         "{text}"
     );
     assert!(
-        !text.contains('\u{1b}') && !desk.path("shown").exists(),
+        !text.contains('\u{1b}') && !runner.path("shown").exists(),
         "{text}"
     );
 }
 
 #[test]
 fn progress_is_shown_on_a_terminal_only_and_changes_no_byte() {
-    let desk = desk();
-    let quiet = desk.run(&["sim", "small.sim.toml", "--out", "quiet"]);
+    let runner = runner();
+    let quiet = runner.run(&["sim", "small.sim.toml", "--out", "quiet"]);
     assert_eq!((quiet.code, quiet.err.as_str()), (0, ""));
     assert!(
         !quiet.out.contains('\u{1b}') && !quiet.out.contains('\r'),
         "{quiet:?}"
     );
-    let Some(output) = on_terminal(&desk, "$PROGRAM sim small.sim.toml --out shown") else {
+    let Some(output) = on_terminal(&runner, "$PROGRAM sim small.sim.toml --out shown") else {
         return;
     };
     assert!(
@@ -322,8 +329,8 @@ fn progress_is_shown_on_a_terminal_only_and_changes_no_byte() {
         "map.png",
     ] {
         assert_eq!(
-            desk.read(&format!("quiet/{name}")),
-            desk.read(&format!("shown/{name}")),
+            runner.read(&format!("quiet/{name}")),
+            runner.read(&format!("shown/{name}")),
             "{name}"
         );
     }

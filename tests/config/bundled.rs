@@ -1,6 +1,6 @@
 //! The bundled example is what the documentation says it is.
 
-use tomoswarm::config::{self, Config, End, Planner, bundled};
+use tomoswarm::config::{self, AfterSweep, Config, Planner, bundled};
 use tomoswarm::geom::{Point, Rect};
 
 fn courtyard(vehicles: Option<usize>) -> config::Sim {
@@ -16,7 +16,7 @@ fn the_bundled_courtyard_has_the_constants_of_the_phantoms() {
     let sim = courtyard(None);
     assert_eq!(sim.vehicles.count, 2);
     assert!(sim.empty_sweep);
-    assert_eq!(sim.end, End::Return);
+    assert_eq!(sim.end, AfterSweep::Return);
     assert_eq!(
         (sim.sweep.planner, sim.sweep.positions),
         (Planner::RotatingGap, 76)

@@ -9,7 +9,7 @@ use tomoswarm::config::{
 };
 use tomoswarm::geom::Angle;
 use tomoswarm::ground::from_config::ground_parts;
-use tomoswarm::node::Settings;
+use tomoswarm::node::VehicleSettings;
 use tomoswarm_proto::{
     AutopilotFamily, BodyKind, Boot, Capability, RadioKind, RangeSensorKind, RunId, ServoKind,
     VehicleId,
@@ -118,10 +118,10 @@ fn a_vehicle_is_told_the_same_by_its_own_file_as_by_a_simulation() {
     let text = bundled::load(bundled::COURTYARD).unwrap();
     let sim = config::read_sim(bundled::COURTYARD, &text, Some(3), &mut loaded).unwrap();
     let home = sim.home(VehicleId(3)).unwrap();
-    let simulated = Settings::from_config(&sim, VehicleId(3), Boot(7), home);
-    let live = Settings::from_vehicle_file(&vehicle(VEHICLE), Boot(7));
+    let simulated = VehicleSettings::from_config(&sim, VehicleId(3), Boot(7), home);
+    let live = VehicleSettings::from_vehicle_file(&vehicle(VEHICLE), Boot(7));
     assert_eq!(
-        Settings {
+        VehicleSettings {
             path_time: simulated.path_time,
             ..live.clone()
         },
@@ -159,7 +159,7 @@ pose_sd_max_m = 0.4
         &format!("{VEHICLE}{lines}"),
         &mut in_venue(swarm),
     );
-    let told = Settings::from_vehicle_file(&file.unwrap(), Boot(1));
+    let told = VehicleSettings::from_vehicle_file(&file.unwrap(), Boot(1));
     assert_eq!(
         (
             told.body.radius_m,
@@ -496,9 +496,13 @@ fn a_vehicle_says_what_its_drivers_have() {
     let text = VEHICLE.replace("range.driver = \"sim\"", "range.driver = \"none\"");
     let text = text.replace("servo.driver = \"sim\"", "servo.driver = \"none\"");
     let blind = vehicle(&text);
-    assert!(Settings::from_vehicle_file(&blind, Boot(1)).look.is_blind);
     assert!(
-        !Settings::from_vehicle_file(&vehicle(VEHICLE), Boot(1))
+        VehicleSettings::from_vehicle_file(&blind, Boot(1))
+            .look
+            .is_blind
+    );
+    assert!(
+        !VehicleSettings::from_vehicle_file(&vehicle(VEHICLE), Boot(1))
             .look
             .is_blind
     );

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use serde_json::{Value, json};
 use tomoswarm::geom::{Bearing, Cell, Lattice, Vector};
 use tomoswarm::map::CellRect;
-use tomoswarm::plan::{Grid, NoRoute, Rules, Turning, shortest_cells};
+use tomoswarm::plan::{NoRoute, Rules, SearchGrid, TurningCost, shortest_cells};
 
 use super::fact::{Checked, Fact};
 
@@ -23,9 +23,9 @@ fn grid(
     cell_m: f64,
     clearance_m: f64,
     solid: impl Fn(Cell) -> bool,
-) -> Result<Grid, String> {
+) -> Result<SearchGrid, String> {
     let area = CellRect::new(Cell::new(0, 0), Cell::new(side - 1, side - 1));
-    Grid::of_cells(Lattice::new(cell_m), area, clearance_m, solid)
+    SearchGrid::of_cells(Lattice::new(cell_m), area, clearance_m, solid)
         .map_err(|error| error.to_string())
 }
 
@@ -73,7 +73,7 @@ fn with_turns(fact: &Fact) -> Checked {
     })?;
     let heading = Some(Bearing::from_degrees(fact.number("start_bearing_deg")?).angle());
     // Cells are a metre wide.
-    let turning = Turning {
+    let turning = TurningCost {
         cost_m_per_rad: fact.number("turning_cost_per_rad")?,
         heading,
     };

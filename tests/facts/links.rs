@@ -5,7 +5,7 @@ use tomoswarm::geom::{PixelGrid, Point, Rect, Segment};
 use tomoswarm::sweep::{
     LinkSetQuality, hypervolume_contributions, non_dominated_layers, snap_to_boundary,
 };
-use tomoswarm::tomo::{Link, Settings, WeightModel, WeightRows, calibrate};
+use tomoswarm::tomo::{ImagingSettings, Link, WeightModel, WeightRows, calibrate};
 
 use super::fact::{Checked, Fact, numbers, table, written};
 
@@ -185,7 +185,8 @@ pub fn check_dataset(fact: &Fact) -> Checked {
         };
         means.iter().enumerate().map(link).collect()
     };
-    let settings = Settings::for_area(Rect::new(Point::new(0.0, 0.0), Point::new(20.0, 20.0)));
+    let settings =
+        ImagingSettings::for_area(Rect::new(Point::new(0.0, 0.0), Point::new(20.0, 20.0)));
     let calibrated = calibrate(&links(&measured), Some(&links(&empty)), &settings);
     let found: Vec<f64> = calibrated
         .observations

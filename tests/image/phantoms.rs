@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use super::score::{relative_error, structural_similarity};
 use tomoswarm::cli::recording::read_recording;
 use tomoswarm::geom::{Point, Rect};
-use tomoswarm::tomo::{Link, Settings, reconstruct};
+use tomoswarm::tomo::{ImagingSettings, Link, reconstruct};
 
 fn phantoms() -> Option<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/phantoms");
@@ -28,9 +28,14 @@ fn image_of(folder: &Path, case: &str) -> tomoswarm::tomo::Reconstruction {
     let empty = folder.join(format!("{case}.empty.csv"));
     let now = links(&folder.join(format!("{case}.links.csv")));
     if empty.exists() {
-        return reconstruct(&now, Some(&links(&empty)), &Settings::for_change(area)).unwrap();
+        return reconstruct(
+            &now,
+            Some(&links(&empty)),
+            &ImagingSettings::for_change(area),
+        )
+        .unwrap();
     }
-    reconstruct(&now, None, &Settings::for_area(area)).unwrap()
+    reconstruct(&now, None, &ImagingSettings::for_area(area)).unwrap()
 }
 
 /// The 1600 values of a truth file: little-endian f32 after the header.

@@ -3,7 +3,7 @@
 use super::score::{correlation, structural_similarity};
 use super::world::{SIDE_M, persons, sweep, wall_share, worst_error_m};
 use tomoswarm::geom::{Point, Rect};
-use tomoswarm::tomo::{Settings, reconstruct};
+use tomoswarm::tomo::{ImagingSettings, reconstruct};
 
 fn area() -> Rect {
     Rect::new(Point::new(0.0, 0.0), Point::new(SIDE_M, SIDE_M))
@@ -20,7 +20,8 @@ fn two_persons_behind_a_wall_are_the_two_strongest_peaks() {
                 sweep(seed, 0, &[], 8).links(),
                 sweep(seed, 1, &truth, 8).links(),
             );
-            let result = reconstruct(&now, Some(&empty), &Settings::for_change(area())).unwrap();
+            let result =
+                reconstruct(&now, Some(&empty), &ImagingSettings::for_change(area())).unwrap();
             let places: Vec<Point> = result.peaks.iter().take(2).map(|peak| peak.at).collect();
             worst_error_m(&places, truth)
         })
@@ -32,7 +33,7 @@ fn two_persons_behind_a_wall_are_the_two_strongest_peaks() {
 #[test]
 fn without_the_empty_sweep_the_wall_is_what_is_seen() {
     let now = sweep(3, 0, &[], 8).links();
-    let result = reconstruct(&now, None, &Settings::for_area(area())).unwrap();
+    let result = reconstruct(&now, None, &ImagingSettings::for_area(area())).unwrap();
     let law = result.path_loss.unwrap();
     assert!((law.exponent - 2.0).abs() < 0.3, "{law:?}");
     assert!(
@@ -73,7 +74,7 @@ fn the_image_of_the_structure_looks_like_the_wall() {
     let truth = wall();
     for seed in [3, 4, 5] {
         let now = sweep(seed, 0, &[], 8).links();
-        let image = reconstruct(&now, None, &Settings::for_area(area()))
+        let image = reconstruct(&now, None, &ImagingSettings::for_area(area()))
             .unwrap()
             .image;
         let (alike, similar) = (

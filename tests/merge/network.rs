@@ -9,7 +9,7 @@ use tomoswarm::ground::station::{self, Station, StationSettings};
 use tomoswarm::map::{Layer, Merged};
 use tomoswarm::node::map::{self, Map};
 use tomoswarm::node::sensor::Scan;
-use tomoswarm::node::{BodySettings, LookSettings, RadioSettings, Settings};
+use tomoswarm::node::{BodySettings, LookSettings, RadioSettings, VehicleSettings};
 use tomoswarm::time::Time;
 use tomoswarm_proto::codec::{self, Decoded};
 use tomoswarm_proto::{Boot, LayerId, Lease, Message, VehicleId};
@@ -442,8 +442,8 @@ impl Network {
     }
 }
 
-fn settings(vehicle: u8, boot: u32) -> Settings {
-    Settings {
+fn settings(vehicle: u8, boot: u32) -> VehicleSettings {
+    VehicleSettings {
         vehicle: VehicleId(vehicle),
         boot: Boot(boot),
         memory: Default::default(),
@@ -481,6 +481,6 @@ fn settings(vehicle: u8, boot: u32) -> Settings {
         swarm: tomoswarm::config::Swarm::default(),
         task: None,
         path_time: Duration::from_millis(20),
-        autopilot: tomoswarm::autopilot::Settings::default(),
+        autopilot: tomoswarm::autopilot::AutopilotLinkSettings::default(),
     }
 }

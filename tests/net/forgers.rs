@@ -6,10 +6,10 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use tomoswarm_proto::{
-    Boot, Digest, Have, HeardFrom, Key, LayerDigest, LayerId, Lease, Message, Mission, OperatorId,
-    Order, OrderKind, Ordered, Plan, PoseReport, Position, Progress, Report, Revision, RunEnd,
-    RunId, Samples, Sender, State, StationPhase, StopId, TILE_CELLS, TileAddress, TileReport,
-    VehicleId, codec,
+    Boot, Digest, GroundReport, Have, HeardFrom, Key, LayerDigest, LayerId, Lease, Message,
+    MissionProgress, OperatorId, Order, OrderKind, Ordered, Plan, PoseReport, Position, Progress,
+    Revision, RunEnd, RunId, Samples, Sender, State, StationPhase, StopId, TILE_CELLS, TileAddress,
+    TileReport, VehicleId, codec,
 };
 
 use crate::member::within;
@@ -74,17 +74,17 @@ fn of_vehicle(id: VehicleId, turn: u64) -> Vec<Message> {
         done,
         leg: None,
     };
-    let later_plan = Mission {
+    let later_plan = MissionProgress {
         vehicle: id,
         boot,
         progress,
-        ..Mission::default()
+        ..MissionProgress::default()
     };
-    let highest_plan = Mission {
+    let highest_plan = MissionProgress {
         lease_number: u32::MAX,
         ..later_plan
     };
-    let progress_of_last_start = Mission {
+    let progress_of_last_start = MissionProgress {
         boot: Boot(u32::MAX),
         ..later_plan
     };
@@ -129,7 +129,7 @@ fn of_vehicle(id: VehicleId, turn: u64) -> Vec<Message> {
 }
 
 /// What the ground station, which says this report of itself, is said to say.
-fn of_ground(real: &Report) -> Vec<Message> {
+fn of_ground(real: &GroundReport) -> Vec<Message> {
     let members = vec![VehicleId(1), VehicleId(2)];
     let (run, revision) = (RunId(1), Revision(900));
     let vehicle = VehicleId(1);
@@ -159,7 +159,7 @@ fn of_ground(real: &Report) -> Vec<Message> {
         closed: vec![run],
     };
     let phase = StationPhase::Closing;
-    let report = Report {
+    let report = GroundReport {
         lease: HIGHEST,
         store: NO_STORE,
         phase,
@@ -174,7 +174,7 @@ fn of_ground(real: &Report) -> Vec<Message> {
             ..have.clone()
         }),
         Message::Have(have),
-        Message::Report(Report {
+        Message::Report(GroundReport {
             lease: real.lease,
             run,
             ..report.clone()
@@ -204,7 +204,7 @@ fn orders(id: VehicleId, lease: Lease) -> [Message; 2] {
     [Message::Order(order), Message::Order(highest)]
 }
 
-fn forge(stranger: &Stranger, real: &Report, turn: u64) {
+fn forge(stranger: &Stranger, real: &GroundReport, turn: u64) {
     let say = |sender: Sender, message: &Message| {
         let bytes = codec::encode(message).unwrap();
         stranger.say(&format!("{PREFIX}/{}", Key::of(sender, message)), &bytes);

@@ -5,17 +5,17 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use tomoswarm::config::{self, BusFile, Config, Venue};
-use tomoswarm::run::bus::{Bus, BusSettings, Heard, Publisher};
+use tomoswarm::run::bus::{BusSession, BusSettings, HeardMessage, Publisher};
 use tomoswarm::run::clock::Clock;
 use tomoswarm::run::mailbox::Troubles;
 use tomoswarm::run::membership;
-use tomoswarm_proto::{Message, Mission, Progress, RunId, Sender, VehicleId};
+use tomoswarm_proto::{Message, MissionProgress, Progress, RunId, Sender, VehicleId};
 
 /// A node's part of the bus.
 pub struct Member {
     pub publisher: Publisher,
-    heard: Arc<Mutex<Vec<Heard>>>,
-    _bus: Bus,
+    heard: Arc<Mutex<Vec<HeardMessage>>>,
+    _bus: BusSession,
 }
 
 impl Member {
@@ -24,7 +24,7 @@ impl Member {
         let heard = Arc::new(Mutex::new(Vec::new()));
         let writes = heard.clone();
         let hear = move |what| writes.lock().unwrap().push(what);
-        let bus = Bus::open(settings, Clock::start(), Troubles::default(), hear).unwrap();
+        let bus = BusSession::open(settings, Clock::start(), Troubles::default(), hear).unwrap();
         let publisher = bus.publisher();
         publisher.speak();
         Member {
@@ -35,11 +35,11 @@ impl Member {
     }
 
     /// Returns all that it heard of a node so far.
-    pub fn heard_of(&self, node: Sender) -> Vec<Heard> {
-        let is_its = |heard: &&Heard| match heard {
-            Heard::Message(sender, _) => *sender == node,
-            Heard::Greeting(greeting, _) => greeting.node == node,
-            Heard::Unknown(_) => false,
+    pub fn heard_of(&self, node: Sender) -> Vec<HeardMessage> {
+        let is_its = |heard: &&HeardMessage| match heard {
+            HeardMessage::Message(sender, _) => *sender == node,
+            HeardMessage::Greeting(greeting, _) => greeting.node == node,
+            HeardMessage::Unknown(_) => false,
         };
         self.heard
             .lock()
@@ -84,10 +84,10 @@ pub fn progress(vehicle: u8, run: u32) -> Message {
         run: RunId(run),
         ..Progress::default()
     };
-    Message::Mission(Mission {
+    Message::Mission(MissionProgress {
         vehicle: VehicleId(vehicle),
         progress,
-        ..Mission::default()
+        ..MissionProgress::default()
     })
 }
 

@@ -2,7 +2,9 @@
 
 use std::time::Duration;
 
-use tomoswarm_proto::{Mission, MissionEnd, MissionKind, MissionPhase, RunEnd, RunId, VehicleId};
+use tomoswarm_proto::{
+    MissionEnd, MissionKind, MissionPhase, MissionProgress, RunEnd, RunId, VehicleId,
+};
 
 use crate::swarm::{Size, Swarm, Watch, vehicle};
 
@@ -20,7 +22,7 @@ fn two() -> Swarm {
     swarm
 }
 
-fn shown(watch: &Watch, id: u8) -> Option<Mission> {
+fn shown(watch: &Watch, id: u8) -> Option<MissionProgress> {
     watch
         .view
         .vehicle(VehicleId(id))?

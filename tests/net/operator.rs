@@ -9,13 +9,13 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use tomoswarm::config::{self, Config, Venue};
-use tomoswarm::run::bus::{Bus, BusSettings, Heard, Topology};
+use tomoswarm::run::bus::{BusSession, BusSettings, HeardMessage, SessionTopology};
 use tomoswarm::run::clock::Clock;
 use tomoswarm::run::mailbox::Troubles;
 use tomoswarm_proto::{
-    Boot, Deviation, Heading, Health, Hello, Lease, Message, Mode, Order, OrderKind, Ordered,
-    Permille, PoseReport, Position, Report, RunId, Sender, StandReason, Standing, State,
-    StationPhase, VehicleId,
+    Boot, Deviation, GroundReport, Heading, Health, Hello, Lease, Message, OpenStops, Order,
+    OrderKind, Ordered, Permille, PoseReport, Position, RunId, Sender, StandReason, State,
+    StationPhase, VehicleId, VehicleMode,
 };
 
 const GROUNDS: Lease = Lease {
@@ -55,13 +55,13 @@ fn play(
     node: Sender,
     listen: &str,
     connect: &[String],
-    hear: impl Fn(Heard) + Send + Sync + 'static,
+    hear: impl Fn(HeardMessage) + Send + Sync + 'static,
     mut say: impl FnMut(u32) -> Vec<Message> + Send + 'static,
 ) -> Player {
     let settings = BusSettings {
         node,
         prefix: format!("tomoswarm/{}", venue().name),
-        topology: Topology::Mesh,
+        topology: SessionTopology::Mesh,
         listen: vec![listen.to_owned()],
         connect: connect.to_vec(),
         trust: None,
@@ -69,7 +69,7 @@ fn play(
         egress_bytes_per_s: 64_000,
         gossip: true,
     };
-    let bus = Bus::open(settings, Clock::start(), Troubles::default(), hear).unwrap();
+    let bus = BusSession::open(settings, Clock::start(), Troubles::default(), hear).unwrap();
     bus.publisher().speak();
     let is_over = Arc::new(AtomicBool::new(false));
     let seen = is_over.clone();
@@ -103,16 +103,16 @@ fn hello(node: Sender) -> Message {
 fn ground(listen: &str) -> Player {
     ground_that(
         listen,
-        Report {
+        GroundReport {
             members: vec![VehicleId(1), VehicleId(2)],
-            ..Report::default()
+            ..GroundReport::default()
         },
     )
 }
 
 /// Plays the ground station, which holds its lease and says this of itself.
-fn ground_that(listen: &str, report: Report) -> Player {
-    let report = Report {
+fn ground_that(listen: &str, report: GroundReport) -> Player {
+    let report = GroundReport {
         lease: GROUNDS,
         store: 1,
         ..report
@@ -126,15 +126,15 @@ fn vehicle(id: u8, others: &[u8], ground: &str) -> (Player, Arc<Mutex<Ordered>>)
     let home = venue().homes[usize::from(id) - 1];
     let ordered = Arc::new(Mutex::new(Ordered::default()));
     let (obeyed, echoed) = (ordered.clone(), ordered.clone());
-    let stopped = Arc::new(Mutex::new(Standing::default()));
+    let stopped = Arc::new(Mutex::new(OpenStops::default()));
     let knows = stopped.clone();
     let hear = move |heard| {
-        if let Heard::Message(_, Message::Standing(standing)) = &heard
+        if let HeardMessage::Message(_, Message::Standing(standing)) = &heard
             && !standing.open.is_empty()
         {
             knows.lock().unwrap().open.clone_from(&standing.open);
         }
-        if let Heard::Message(
+        if let HeardMessage::Message(
             _,
             Message::Order(Order {
                 vehicle,
@@ -174,7 +174,7 @@ fn vehicle(id: u8, others: &[u8], ground: &str) -> (Player, Arc<Mutex<Ordered>>)
                 sd: Deviation(50),
             }),
             is_at_rest: true,
-            mode: Mode::Idle,
+            mode: VehicleMode::Idle,
             battery: Some(Permille(900)),
             leg: None,
             accepted: Default::default(),
@@ -335,11 +335,11 @@ fn a_start_of_another_run_is_refused_while_one_is_driven() {
     let hub = free_endpoint();
     let config = operator_file(folder.path(), &hub);
     let members = vec![VehicleId(1)];
-    let report = Report {
+    let report = GroundReport {
         phase: StationPhase::Running,
         run: RunId(1),
         members,
-        ..Report::default()
+        ..GroundReport::default()
     };
     let _ground = ground_that(&hub, report);
     let (_one, by_one) = vehicle(1, &[], &hub);

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use tomoswarm::run::bus::{BusSettings, Heard, Topology};
+use tomoswarm::run::bus::{BusSettings, HeardMessage, SessionTopology};
 use tomoswarm_proto::{LayerId, Message, Sender};
 
 use crate::member::{Member, progress, within};
@@ -149,7 +149,7 @@ fn two_members() -> (Member, Member, Relay) {
     let of = |node, listen: SocketAddr, connect: Vec<String>| BusSettings {
         node,
         prefix: "tomoswarm/courtyard".to_owned(),
-        topology: Topology::Mesh,
+        topology: SessionTopology::Mesh,
         listen: vec![format!("tcp/{listen}")],
         connect,
         trust: None,
@@ -239,7 +239,7 @@ fn a_panic_of_the_bus_library_is_counted_and_its_session_opened_anew() {
         "after {} panics nothing is heard",
         panics()
     );
-    let is_known = |heard: &Heard| matches!(heard, Heard::Message(_, message) if *message == progress(1, run_of(message)));
+    let is_known = |heard: &HeardMessage| matches!(heard, HeardMessage::Message(_, message) if *message == progress(1, run_of(message)));
     assert!(
         ground.heard_of(vehicle(1)).iter().all(is_known),
         "what was damaged is not heard"

@@ -5,8 +5,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use tomoswarm_proto::{
-    Boot, Deviation, Heading, Hello, LayerId, Message, Mode, Permille, PoseReport, Position,
-    Sample, Samples, Sender, State, TILE_CELLS, TileAddress, TileReport, VehicleId, codec,
+    Boot, Deviation, Heading, Hello, LayerId, Message, Permille, PoseReport, Position, Sample,
+    Samples, Sender, State, TILE_CELLS, TileAddress, TileReport, VehicleId, VehicleMode, codec,
 };
 
 use crate::raw::{Shows, Stranger};
@@ -43,7 +43,7 @@ fn state(id: u8, boot: u32, sequence: u64) -> Message {
             sd: Deviation(50),
         }),
         is_at_rest: true,
-        mode: Mode::Idle,
+        mode: VehicleMode::Idle,
         battery: Some(Permille::WHOLE),
         leg: None,
         accepted: Default::default(),

@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
 use tomoswarm::operator::fleet_view::FleetView;
-use tomoswarm::run::bus::{Bus, Heard};
+use tomoswarm::run::bus::{BusSession, HeardMessage};
 use tomoswarm::run::clock::Clock;
 use tomoswarm::run::link::WorldControl;
 use tomoswarm::run::mailbox::Troubles;
@@ -22,7 +22,7 @@ use tomoswarm::run::membership;
 use tomoswarm::run::trust::CommonName;
 use tomoswarm::store::ground::GroundStore;
 use tomoswarm_proto::{
-    Boot, Digest, Message, Report, RunId, Sample, Sender, StationPhase, VehicleId,
+    Boot, Digest, GroundReport, Message, RunId, Sample, Sender, StationPhase, VehicleId,
 };
 
 use crate::forgers::FORGED_FROM;
@@ -95,9 +95,9 @@ pub struct Watch {
 }
 
 impl Watch {
-    fn hear(&mut self, clock: Clock, heard: &Heard) {
+    fn hear(&mut self, clock: Clock, heard: &HeardMessage) {
         self.view.hear(clock.now(), heard);
-        let Heard::Message(sender, message) = heard else {
+        let HeardMessage::Message(sender, message) = heard else {
             return;
         };
         match message {
@@ -122,7 +122,7 @@ impl Watch {
     }
 
     /// Returns the newest report of the ground station with the greatest lease.
-    pub fn report(&self) -> Report {
+    pub fn report(&self) -> GroundReport {
         let all = self.view.grounds().map(|report| &report.value);
         all.max_by_key(|report| report.lease)
             .cloned()
@@ -136,7 +136,7 @@ impl Watch {
     }
 
     /// Returns whether by a report a run was driven to its end and closed.
-    pub fn ends(&self, report: &Report) -> bool {
+    pub fn ends(&self, report: &GroundReport) -> bool {
         report.phase == StationPhase::Idle && report.laps > 0 && report.laps_done == report.laps
     }
 
@@ -228,7 +228,7 @@ pub struct Swarm {
     relays: BTreeMap<(Sender, Sender), Relay>,
     processes: BTreeMap<String, Node>,
     watch: Arc<Mutex<Watch>>,
-    operator: Option<Bus>,
+    operator: Option<BusSession>,
     preloads: BTreeMap<String, PathBuf>,
     began: Instant,
     _place: Place,
@@ -281,9 +281,9 @@ impl Swarm {
             self.spawn_node(node);
         }
         let (watch, clock) = (self.watch.clone(), Clock::start());
-        let hear = move |heard: Heard| watch.lock().unwrap().hear(clock, &heard);
+        let hear = move |heard: HeardMessage| watch.lock().unwrap().hear(clock, &heard);
         let operator = settings(&self.path("operator.toml"));
-        self.operator = Some(Bus::open(operator, clock, Troubles::default(), hear).unwrap());
+        self.operator = Some(BusSession::open(operator, clock, Troubles::default(), hear).unwrap());
     }
 
     /// Gives every node its certificate; from then on all endpoints are TLS.

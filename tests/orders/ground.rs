@@ -7,8 +7,8 @@ use std::time::Duration;
 
 use tomoswarm::actor::Actor;
 use tomoswarm::geom::{Lattice, Point, Rect};
-use tomoswarm::ground::planner::{Answer, Method, Planner};
-use tomoswarm::ground::station::{In, Memory, Out, PictureName, Station, StationSettings};
+use tomoswarm::ground::planner::{Method, Planner, PlannerAnswer};
+use tomoswarm::ground::station::{In, Out, PictureName, Station, StationMemory, StationSettings};
 use tomoswarm::sweep::Ring;
 use tomoswarm::time::Time;
 use tomoswarm_proto::{
@@ -121,8 +121,8 @@ pub struct Ground {
     starts: u64,
     store: u64,
     /// What is on its disk, and what the station knew then.
-    disk: Option<(Memory, Knowledge)>,
-    writing: Option<(Time, Memory, Knowledge)>,
+    disk: Option<(StationMemory, Knowledge)>,
+    writing: Option<(Time, StationMemory, Knowledge)>,
     unread: VecDeque<In>,
     unsaid: VecDeque<Out>,
     known: Knowledge,
@@ -258,7 +258,7 @@ impl Ground {
                 };
                 self.unread.push_back(In::Pictured(made));
             }
-            Out::Note(_) | Out::BeginRun { .. } | Out::EndRun(_) => {}
+            Out::StationEvent(_) | Out::BeginRun { .. } | Out::EndRun(_) => {}
         }
         Turn::Acted
     }
@@ -275,7 +275,7 @@ impl Ground {
             .deadline()
             .is_some_and(|deadline| deadline.at <= clock)
         {
-            let mut answers: Vec<Answer> = Vec::new();
+            let mut answers: Vec<PlannerAnswer> = Vec::new();
             self.planner.wake(clock, &mut answers).unwrap();
             self.unread.extend(answers.into_iter().map(In::Planned));
         }

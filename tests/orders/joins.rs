@@ -11,12 +11,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use tomoswarm::exchange::Exchange;
-use tomoswarm::exchange::ingress::Heard;
-use tomoswarm::exchange::joining::Verdict;
+use tomoswarm::exchange::ingress::HeardMessage;
+use tomoswarm::exchange::joining::GreetingVerdict;
 use tomoswarm::exchange::presence::Presence;
 use tomoswarm::time::Time;
 use tomoswarm_proto::codec::{VERSION, encode};
-use tomoswarm_proto::{Boot, Hello, LayerId, Message, Sender, VehicleId, Want};
+use tomoswarm_proto::{Boot, Hello, LayerId, Message, Sender, TileRequest, VehicleId};
 
 use super::chance::Chance;
 
@@ -148,7 +148,7 @@ fn mark(name: Sender, number: usize) -> Message {
         Sender::Vehicle(vehicle) => vehicle,
         Sender::Ground | Sender::Operator(_) => VehicleId(0),
     };
-    Message::Want(Want {
+    Message::Want(TileRequest {
         layer: LayerId {
             vehicle,
             boot: Boot(number as u32),
@@ -359,14 +359,14 @@ impl World {
         let Ok(reception) = exchange.hear(now, sender, &seen) else {
             return;
         };
-        if let Some(Heard::Message(_, Message::Want(want))) = reception.heard {
+        if let Some(HeardMessage::Message(_, Message::Want(want))) = reception.heard {
             self.nodes[*to].heard.insert(want.layer.boot.0 as usize);
         }
         reception
             .reply
             .into_iter()
             .for_each(|outbound| self.send(*to, outbound.frame));
-        if let Verdict::Refused(why) = reception.verdict {
+        if let GreetingVerdict::Refused(why) = reception.verdict {
             self.leave(*to, *from, &why);
         }
     }

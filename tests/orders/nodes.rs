@@ -6,14 +6,15 @@ use std::time::Duration;
 
 use tomoswarm::actor::ActorCell;
 use tomoswarm::geom::Point;
-use tomoswarm::node::Memory;
+use tomoswarm::node::VehicleMemory;
 use tomoswarm::node::vehicle::Vehicle;
 use tomoswarm::operator::operator_actor::{In, Operator, OperatorSettings};
-use tomoswarm::operator::want::{Want, WantId};
+use tomoswarm::operator::order_goal::{OrderGoal, WantId};
 use tomoswarm::sweep::Follower;
 use tomoswarm::time::Time;
 use tomoswarm_proto::{
-    Boot, Hello, Lease, Mission, OperatorId, Order, Ordered, Plan, Revision, Sender, VehicleId,
+    Boot, Hello, Lease, MissionProgress, OperatorId, Order, Ordered, Plan, Revision, Sender,
+    VehicleId,
 };
 
 /// Vehicles of a world.
@@ -43,9 +44,9 @@ pub struct Rover {
 #[derive(Default)]
 pub struct Disk {
     /// What is on it.
-    pub memory: Memory,
+    pub memory: VehicleMemory,
     /// What is being written, and when that is done.
-    pub writes: Vec<(Time, Memory)>,
+    pub writes: Vec<(Time, VehicleMemory)>,
     /// The highest edition that was ever on it, as orders are sent.
     pub highest: (Lease, Revision),
 }
@@ -54,7 +55,7 @@ pub struct Disk {
 pub struct Hand {
     pub actor: ActorCell<Operator>,
     pub holder: u64,
-    pub wants: BTreeMap<WantId, (Time, Want)>,
+    pub wants: BTreeMap<WantId, (Time, OrderGoal)>,
     pub next: u32,
     /// It follows a script, and wants nothing by hand.
     pub is_scripted: bool,
@@ -100,7 +101,7 @@ impl Hand {
 
     /// Returns which want an order is of: the newest one of this kind for this vehicle.
     pub fn want_of(&self, order: &Order) -> Option<WantId> {
-        let is_of = |want: &Want| {
+        let is_of = |want: &OrderGoal| {
             want.kind == order.kind
                 && (want.vehicles.is_empty() || want.vehicles.contains(&order.vehicle))
         };
@@ -141,7 +142,7 @@ impl Rover {
 
     /// Takes a plan as a vehicle does that stands; one by a greater right than any before waits for the disk. Returns
     /// what is to be remembered.
-    pub fn hear_plan(&mut self, plan: &Plan) -> Option<Memory> {
+    pub fn hear_plan(&mut self, plan: &Plan) -> Option<VehicleMemory> {
         let greatest = self.in_force.lease.max(self.disk.memory.planned);
         if plan.lease < greatest {
             return None;
@@ -151,7 +152,7 @@ impl Rover {
             return None;
         }
         self.plans.push(plan.clone());
-        Some(Memory::of_plan(plan.lease))
+        Some(VehicleMemory::of_plan(plan.lease))
     }
 
     /// Follows the plans that need not wait for the disk any more.
@@ -172,15 +173,15 @@ impl Rover {
     }
 
     /// Returns how far it says to be; `ordered` is the greatest lease of an order on its disk.
-    pub fn mission(&self, ordered: Lease) -> Mission {
+    pub fn mission(&self, ordered: Lease) -> MissionProgress {
         let progress = self.follower.progress();
         let lease_number = ordered.max(self.disk.memory.planned).number;
-        Mission {
+        MissionProgress {
             vehicle: self.id,
             boot: self.boot,
             progress: progress.into(),
             lease_number,
-            ..Mission::default()
+            ..MissionProgress::default()
         }
     }
 

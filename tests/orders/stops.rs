@@ -7,13 +7,13 @@ use std::time::Duration;
 use tomoswarm::actor::Actor;
 use tomoswarm::config::{self, Config, Sim, bundled};
 use tomoswarm::geom::{Angle, Point, Pose};
-use tomoswarm::node::vehicle::{self, Command, Fly, Motion, Telemetry, Vehicle};
-use tomoswarm::node::{Remembered, Settings, radio};
+use tomoswarm::node::vehicle::{self, AutopilotCommand, Motion, MoveCommand, Telemetry, Vehicle};
+use tomoswarm::node::{Remembered, VehicleSettings, radio};
 use tomoswarm::stops::{self, Stops, StopsSettings};
 use tomoswarm::time::Time;
 use tomoswarm_proto::{
-    Beacon, Boot, EmergencyName, EmergencyStop, Lease, OperatorId, Order, OrderKind, Revision,
-    RunId, SeenState, Sender, Standing, State, StopScope, VehicleId,
+    Beacon, Boot, EmergencyName, EmergencyStop, Lease, OpenStops, OperatorId, Order, OrderKind,
+    Revision, RunId, SeenState, Sender, State, StopScope, VehicleId,
 };
 
 use super::chance::Chance;
@@ -61,7 +61,7 @@ struct Rover {
     radio: radio::Radio,
     boot: Boot,
     /// What its disk keeps.
-    kept: Standing,
+    kept: OpenStops,
     memory: Remembered,
     x_m: f64,
     speed_mps: f64,
@@ -124,14 +124,14 @@ fn sim() -> Sim {
 
 impl Rover {
     fn new(sim: &Sim, id: VehicleId) -> Rover {
-        let settings = settings(sim, id, Boot(1), Standing::default());
+        let settings = settings(sim, id, Boot(1), OpenStops::default());
         Rover {
             id,
             stops: Stops::new(&StopsSettings::default()),
             vehicle: Vehicle::new(settings.clone()),
             radio: radio::Radio::new(settings),
             boot: Boot(1),
-            kept: Standing::default(),
+            kept: OpenStops::default(),
             memory: Remembered::default(),
             x_m: 0.0,
             speed_mps: 0.0,
@@ -145,11 +145,11 @@ impl Rover {
 }
 
 /// The settings of a vehicle whose lane is its own: nobody is in anybody's way.
-fn settings(sim: &Sim, id: VehicleId, boot: Boot, stops: Standing) -> Settings {
+fn settings(sim: &Sim, id: VehicleId, boot: Boot, stops: OpenStops) -> VehicleSettings {
     let home = lane(id, 0.0);
-    Settings {
+    VehicleSettings {
         stops,
-        ..Settings::from_config(sim, id, boot, home)
+        ..VehicleSettings::from_config(sim, id, boot, home)
     }
 }
 
@@ -234,7 +234,7 @@ impl World {
             rover.boot = Boot(rover.boot.0 + 1);
             rover.up_from = self.now + down;
             let kept = rover.kept.clone();
-            let settings = Settings {
+            let settings = VehicleSettings {
                 memory: rover.memory.on_disk,
                 ..settings(&self.sim, rover.id, rover.boot, kept.clone())
             };
@@ -357,15 +357,21 @@ impl World {
 
     fn carry_out(&mut self, index: usize, said: vehicle::Out) {
         match said {
-            vehicle::Out::Fly(Fly::Drive { .. }) => {
+            vehicle::Out::AutopilotCommand(AutopilotCommand::Drive { .. }) => {
                 self.rovers[index].is_driving = self.rovers[index].is_armed
             }
-            vehicle::Out::Fly(Fly::Stop) => self.rovers[index].is_driving = false,
-            vehicle::Out::Fly(Fly::Arm) => self.rovers[index].is_armed = true,
-            vehicle::Out::Fly(Fly::Disarm) => {
+            vehicle::Out::AutopilotCommand(AutopilotCommand::Stop) => {
+                self.rovers[index].is_driving = false
+            }
+            vehicle::Out::AutopilotCommand(AutopilotCommand::Arm) => {
+                self.rovers[index].is_armed = true
+            }
+            vehicle::Out::AutopilotCommand(AutopilotCommand::Disarm) => {
                 (self.rovers[index].is_armed, self.rovers[index].is_driving) = (false, false);
             }
-            vehicle::Out::Fly(Fly::Turn(_) | Fly::TakeBack) => {}
+            vehicle::Out::AutopilotCommand(
+                AutopilotCommand::Turn(_) | AutopilotCommand::TakeBack,
+            ) => {}
             vehicle::Out::State(state) => self.tell_radio(index, radio::In::State(state)),
             vehicle::Out::Publish(state) => {
                 self.rovers[index].state = Some(state.clone());
@@ -380,7 +386,7 @@ impl World {
                 self.rovers[index].memory = remembered;
                 self.tell_vehicle(index, vehicle::In::Remembered(remembered));
             }
-            vehicle::Out::Order(_) | vehicle::Out::Remark(_) => {}
+            vehicle::Out::Order(_) | vehicle::Out::SafetyEvent(_) => {}
         }
     }
 
@@ -467,7 +473,7 @@ impl World {
             let ahead = Point::new(pose.at.x_m + 1.0, pose.at.y_m);
             let route = vec![pose.at, ahead];
             self.tell_vehicle(index, vehicle::In::Telemetry(telemetry));
-            let command = Command::Drive { stop: None, route };
+            let command = MoveCommand::Drive { stop: None, route };
             self.tell_vehicle(index, vehicle::In::Command(self.now, command));
         }
     }
@@ -499,7 +505,7 @@ impl World {
         for to in (0..self.rovers.len()).filter(|to| to != by) {
             let is_lost = self.chance.share("air", &[self.bus.next_number()]) < 0.1;
             if !is_lost && self.is_up(to) {
-                let heard = radio::Heard {
+                let heard = radio::HeardBeacon {
                     beacon: beacon.clone(),
                     rssi_dbm: -60,
                 };

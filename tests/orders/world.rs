@@ -13,12 +13,12 @@ use tomoswarm::actor::Actor;
 use tomoswarm::config::{self, Config, Sim, bundled};
 use tomoswarm::geom::{Angle, Pose};
 use tomoswarm::node::vehicle::{self, Motion, Telemetry, Vehicle};
-use tomoswarm::node::{Memory, Remembered, Settings};
-use tomoswarm::operator::Heard;
+use tomoswarm::node::{Remembered, VehicleMemory, VehicleSettings};
+use tomoswarm::operator::HeardMessage;
 use tomoswarm::operator::operator_actor::{In, Out};
-use tomoswarm::operator::outcome::{Outcome, VehicleOutcome};
-use tomoswarm::operator::script::Step;
-use tomoswarm::operator::want::{Want, WantId};
+use tomoswarm::operator::order_goal::{OrderGoal, WantId};
+use tomoswarm::operator::outcome::{OrderOutcome, VehicleOutcome};
+use tomoswarm::operator::script::ScriptStep;
 use tomoswarm::time::Time;
 use tomoswarm_proto::{
     Boot, Lease, Message, OperatorId, Order, OrderKind, Ordered, Plan, RunId, Sender, State,
@@ -72,7 +72,7 @@ struct World {
     given: Given,
     cuts: Vec<Cut>,
     restarts: Vec<(Time, Node)>,
-    flying: BTreeMap<(Time, u64), (Node, Heard)>,
+    flying: BTreeMap<(Time, u64), (Node, HeardMessage)>,
     frames: u64,
     mistake: Option<Mistake>,
     tally: Tally,
@@ -109,9 +109,9 @@ fn sim() -> Sim {
     }
 }
 
-fn rover(sim: &Sim, id: VehicleId, boot: Boot, memory: Memory) -> Vehicle {
-    let settings = Settings::from_config(sim, id, boot, place_of(id));
-    Vehicle::new(Settings { memory, ..settings })
+fn rover(sim: &Sim, id: VehicleId, boot: Boot, memory: VehicleMemory) -> Vehicle {
+    let settings = VehicleSettings::from_config(sim, id, boot, place_of(id));
+    Vehicle::new(VehicleSettings { memory, ..settings })
 }
 
 impl World {
@@ -119,7 +119,7 @@ impl World {
         let (chance, sim) = (Chance::new(seed), sim());
         let rovers = (1..=VEHICLES)
             .map(VehicleId)
-            .map(|id| Rover::new(id, rover(&sim, id, Boot(1), Memory::default())));
+            .map(|id| Rover::new(id, rover(&sim, id, Boot(1), VehicleMemory::default())));
         let rovers = rovers.collect();
         let mut world = World {
             chance,
@@ -181,19 +181,19 @@ impl World {
         let first = self.chance.below("script kind", &[], kinds.len());
         let mut steps = Vec::new();
         for number in 0..3 {
-            steps.push(Step::Delay(Duration::from_secs_f64(
+            steps.push(ScriptStep::Delay(Duration::from_secs_f64(
                 8.0 * self.chance.share("delay", &[number]),
             )));
             // No two of a kind, so that an order tells of which want it is.
             let kind = kinds[(first + number as usize) % kinds.len()];
-            steps.push(Step::Want(Want {
+            steps.push(ScriptStep::Want(OrderGoal {
                 kind,
                 ..self.draw_want(1, 100 + number)
             }));
         }
         let began = self.now;
         for step in &steps {
-            if let Step::Want(want) = step {
+            if let ScriptStep::Want(want) = step {
                 let number = u32::try_from(self.hands[1].wants.len()).unwrap();
                 self.hands[1]
                     .wants
@@ -204,7 +204,7 @@ impl World {
         self.hands[1].actor.push(In::Follow(steps));
     }
 
-    fn draw_want(&self, hand: usize, number: u64) -> Want {
+    fn draw_want(&self, hand: usize, number: u64) -> OrderGoal {
         let ids = [hand as u64, number];
         let kinds = [
             OrderKind::Start,
@@ -225,10 +225,10 @@ impl World {
             .collect();
         let kind = kinds[self.chance.below("kind", &ids, kinds.len())];
         let take_over = self.chance.share("take over", &ids) < 0.4;
-        Want {
+        OrderGoal {
             begins: true,
             take_over,
-            ..Want::new(kind, some, WITHIN)
+            ..OrderGoal::new(kind, some, WITHIN)
         }
     }
 
@@ -259,7 +259,7 @@ impl World {
                     let of = &mut self.rovers[index];
                     of.restart(now, down);
                     let memory = if is_lost {
-                        Memory::default()
+                        VehicleMemory::default()
                     } else {
                         of.disk.memory
                     };
@@ -275,7 +275,7 @@ impl World {
     }
 
     /// Puts a message on the bus, for everyone but its sender.
-    fn send(&mut self, from: Node, heard: &Heard) {
+    fn send(&mut self, from: Node, heard: &HeardMessage) {
         let all = (0..self.rovers.len()).map(Node::Vehicle);
         let all = all
             .chain((0..self.hands.len()).map(Node::Operator))
@@ -319,8 +319,8 @@ impl World {
         }
     }
 
-    fn tell_vehicle(&mut self, index: usize, heard: &Heard) {
-        let Heard::Message(sender, message) = heard else {
+    fn tell_vehicle(&mut self, index: usize, heard: &HeardMessage) {
+        let HeardMessage::Message(sender, message) = heard else {
             return;
         };
         if self.now < self.rovers[index].up_from {
@@ -369,10 +369,10 @@ impl World {
         self.step_vehicle(index, vehicle::In::Order(sender, order));
     }
 
-    fn tell_operator(&mut self, index: usize, mut heard: Heard) {
+    fn tell_operator(&mut self, index: usize, mut heard: HeardMessage) {
         let hand = &mut self.hands[index];
         if self.mistake == Some(Mistake::OldStateCounts)
-            && let Heard::Message(
+            && let HeardMessage::Message(
                 _,
                 Message::State(State {
                     vehicle, ordered, ..
@@ -388,16 +388,16 @@ impl World {
         hand.actor.push(In::Bus(heard));
     }
 
-    fn tell_ground(&mut self, heard: &Heard) {
+    fn tell_ground(&mut self, heard: &HeardMessage) {
         match heard {
-            Heard::Message(
+            HeardMessage::Message(
                 _,
                 message @ (Message::State(_)
                 | Message::Mission(_)
                 | Message::Hello(_)
                 | Message::Task(_)),
             ) => self.ground.hear(self.now, message.clone()),
-            Heard::Message(..) | Heard::Greeting(..) | Heard::Unknown(_) => {}
+            HeardMessage::Message(..) | HeardMessage::Greeting(..) | HeardMessage::Unknown(_) => {}
         }
     }
 
@@ -436,7 +436,7 @@ impl World {
         let sender = Sender::Vehicle(rover.id);
         self.send(
             Node::Vehicle(index),
-            &Heard::Message(sender, Message::Mission(mission)),
+            &HeardMessage::Message(sender, Message::Mission(mission)),
         );
     }
 
@@ -451,13 +451,15 @@ impl World {
                 vehicle::Out::Publish(state) => self.publish_state(index, state),
                 vehicle::Out::Order(order) => self.obey(index, order),
                 vehicle::Out::Remember(memory) => self.begin_to_write(index, memory),
-                vehicle::Out::Fly(_) | vehicle::Out::State(_) | vehicle::Out::Remark(_) => {}
+                vehicle::Out::AutopilotCommand(_)
+                | vehicle::Out::State(_)
+                | vehicle::Out::SafetyEvent(_) => {}
             }
         }
     }
 
     /// Lets a disk begin to write, which takes up to 60 ms.
-    fn begin_to_write(&mut self, index: usize, memory: Memory) {
+    fn begin_to_write(&mut self, index: usize, memory: VehicleMemory) {
         let ids = [index as u64, self.now.as_nanos()];
         let takes = Duration::from_millis(1)
             + Duration::from_millis(60).mul_f64(self.chance.share("write", &ids));
@@ -474,7 +476,7 @@ impl World {
     fn write(&mut self) {
         for index in 0..self.rovers.len() {
             let now = self.now;
-            let due: Vec<(Time, Memory)> = self.rovers[index]
+            let due: Vec<(Time, VehicleMemory)> = self.rovers[index]
                 .disk
                 .writes
                 .extract_if(.., |(at, _)| *at <= now)
@@ -497,7 +499,7 @@ impl World {
         }
     }
 
-    fn tell_disk(&mut self, index: usize, memory: Memory) {
+    fn tell_disk(&mut self, index: usize, memory: VehicleMemory) {
         let told = Remembered {
             on_disk: memory,
             tried: memory,
@@ -525,7 +527,7 @@ impl World {
         let sender = Sender::Vehicle(state.vehicle);
         self.send(
             Node::Vehicle(index),
-            &Heard::Message(sender, Message::State(state)),
+            &HeardMessage::Message(sender, Message::State(state)),
         );
     }
 
@@ -590,8 +592,8 @@ impl World {
         }
         if self.now == at(LAST_WANT_S) {
             let take_over = self.chance.share("last", &[]) < 0.5;
-            let hold = Want::new(OrderKind::Hold, BTreeSet::new(), LAST_WITHIN);
-            let want = Want {
+            let hold = OrderGoal::new(OrderKind::Hold, BTreeSet::new(), LAST_WITHIN);
+            let want = OrderGoal {
                 run: Some(RunId(1)),
                 take_over,
                 ..hold
@@ -600,7 +602,7 @@ impl World {
         }
     }
 
-    fn give(&mut self, index: usize, number: u32, want: Want) {
+    fn give(&mut self, index: usize, number: u32, want: OrderGoal) {
         let hand = &mut self.hands[index];
         hand.next += 1;
         hand.wants
@@ -624,7 +626,7 @@ impl World {
                         self.hands[index].wants.remove(&id);
                     }
                     // Nobody gives an emergency stop in this world.
-                    Out::Cue(_) | Out::ScriptEnded(_) | Out::Give(_) | Out::StopsNote(_) => {}
+                    Out::Announce(_) | Out::ScriptEnded(_) | Out::Give(_) | Out::StopsNote(_) => {}
                 }
             }
         }
@@ -653,13 +655,13 @@ impl World {
         let number = OperatorId(u8::try_from(index + 1).unwrap());
         self.send(
             Node::Operator(index),
-            &Heard::Message(Sender::Operator(number), message),
+            &HeardMessage::Message(Sender::Operator(number), message),
         );
     }
 
     /// Judges what an operator says of a want: whom it calls obedient, on that vehicle the order was in force not longer
     /// ago than the bus takes.
-    fn judge(&mut self, index: usize, id: WantId, outcome: &Outcome) {
+    fn judge(&mut self, index: usize, id: WantId, outcome: &OrderOutcome) {
         for (vehicle, of) in &outcome.vehicles {
             let VehicleOutcome::Obeyed { after, .. } = of else {
                 self.tally.not_obeyed += 1;
@@ -749,7 +751,10 @@ impl World {
             message,
             Message::Order(_) | Message::Plan(_) | Message::Report(_)
         ) {
-            self.send(Node::Ground, &Heard::Message(Sender::Ground, message));
+            self.send(
+                Node::Ground,
+                &HeardMessage::Message(Sender::Ground, message),
+            );
         }
     }
 }

@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use tomoswarm::geom::{Cell, Point};
 use tomoswarm::map::Occupancy;
-use tomoswarm::node::mission::End;
-use tomoswarm::sim::Outcome;
+use tomoswarm::node::mission::EndReason;
+use tomoswarm::sim::RunOutcome;
 use tomoswarm::time::Time;
 
 use super::place::{Place, tail};
@@ -19,13 +19,13 @@ fn yard(mission: &str) -> Place {
         .with(&format!("[mission]\n{mission}"))
 }
 
-fn end_of(outcome: &Outcome, vehicle: usize) -> &End {
+fn end_of(outcome: &RunOutcome, vehicle: usize) -> &EndReason {
     let (_, end) = &outcome.missions[vehicle - 1];
     &end.as_ref().expect("every mission ends").1
 }
 
 /// How near the true track of a vehicle comes to a place, metres.
-fn nearest_m(outcome: &Outcome, vehicle: usize, place: (f64, f64)) -> f64 {
+fn nearest_m(outcome: &RunOutcome, vehicle: usize, place: (f64, f64)) -> f64 {
     let place = Point::new(place.0, place.1);
     outcome.tracks[vehicle - 1]
         .1
@@ -34,7 +34,7 @@ fn nearest_m(outcome: &Outcome, vehicle: usize, place: (f64, f64)) -> f64 {
         .fold(f64::INFINITY, f64::min)
 }
 
-fn occupancy(outcome: &Outcome, at: (f64, f64)) -> Occupancy {
+fn occupancy(outcome: &RunOutcome, at: (f64, f64)) -> Occupancy {
     outcome
         .map
         .occupancy(0, outcome.map.lattice().cell_at(Point::new(at.0, at.1)))
@@ -43,7 +43,7 @@ fn occupancy(outcome: &Outcome, at: (f64, f64)) -> Occupancy {
 #[test]
 fn a_square_over_open_ground_is_driven_to_its_end() {
     let outcome = yard("kind = \"square\"\nsize_m = 6.0").run_to_the_end();
-    assert_eq!(end_of(&outcome, 1), &End::Done);
+    assert_eq!(end_of(&outcome, 1), &EndReason::Done);
     for corner in [(1.0, 7.0), (7.0, 7.0), (7.0, 1.0), (1.0, 1.0)] {
         assert!(nearest_m(&outcome, 1, corner) < 0.4, "{corner:?}");
     }
@@ -55,7 +55,7 @@ fn a_square_ends_in_front_of_what_stands_on_it_and_not_in_it() {
     let outcome = yard("kind = \"square\"\nsize_m = 6.0")
         .block((4.0, 7.0, 1.0, 1.0))
         .run_to_the_end();
-    let End::Stopped(at) = end_of(&outcome, 1) else {
+    let EndReason::Stopped(at) = end_of(&outcome, 1) else {
         panic!("{:?}", end_of(&outcome, 1))
     };
     assert!(
@@ -73,13 +73,13 @@ fn a_square_ends_in_front_of_what_stands_on_it_and_not_in_it() {
 fn forward_goes_as_far_as_it_is_told_or_until_something_stands_there() {
     let heading = std::f64::consts::FRAC_1_SQRT_2;
     let free = yard("kind = \"forward\"\ndistance_m = 4.0").run_to_the_end();
-    assert_eq!(end_of(&free, 1), &End::Done);
+    assert_eq!(end_of(&free, 1), &EndReason::Done);
     let goal = (-1.0 + 4.0 * heading, -1.0 + 4.0 * heading);
     assert!(nearest_m(&free, 1, goal) < 0.4);
     let barred = yard("kind = \"forward\"\ndistance_m = 4.0")
         .block((2.0, 2.0, 1.5, 1.5))
         .run_to_the_end();
-    assert!(matches!(end_of(&barred, 1), End::Stopped(_)));
+    assert!(matches!(end_of(&barred, 1), EndReason::Stopped(_)));
     assert!(nearest_m(&barred, 1, goal) > 0.5);
 }
 
@@ -89,7 +89,7 @@ fn browse_sees_all_around_without_leaving_its_place() {
         .home(1, (4.0, 4.0))
         .block((6.0, 4.0, 0.4, 2.0))
         .run_to_the_end();
-    assert_eq!(end_of(&outcome, 1), &End::Done);
+    assert_eq!(end_of(&outcome, 1), &EndReason::Done);
     assert!(
         outcome.tracks[0]
             .1
@@ -112,7 +112,7 @@ fn browse_sees_all_around_without_leaving_its_place() {
 fn pathfind_visits_places_behind_a_wall() {
     let places = "kind = \"pathfind\"\nwaypoints_m = [[4.0, 6.5], [7.0, 1.0]]";
     let outcome = yard(places).block((4.0, 4.0, 7.0, 0.4)).run_to_the_end();
-    assert_eq!(end_of(&outcome, 1), &End::Done);
+    assert_eq!(end_of(&outcome, 1), &EndReason::Done);
     assert!(nearest_m(&outcome, 1, (4.0, 6.5)) < 0.4 && nearest_m(&outcome, 1, (7.0, 1.0)) < 0.4);
 }
 
@@ -129,7 +129,7 @@ fn pathfind_proves_that_no_way_leads_into_a_closed_room_and_visits_the_rest() {
         .into_iter()
         .fold(yard(places), Place::block)
         .run_to_the_end();
-    assert_eq!(end_of(&outcome, 1), &End::NoWay(1));
+    assert_eq!(end_of(&outcome, 1), &EndReason::NoWay(1));
     assert!(nearest_m(&outcome, 1, (7.0, 7.5)) < 0.4);
     assert!(outcome.log.contains("NoWay("));
 }
@@ -143,7 +143,7 @@ fn what_vehicles_visit_is_shared_among_them() {
     assert_eq!(outcome.home, 2);
 }
 
-fn visits(outcome: &Outcome, vehicle: usize) -> usize {
+fn visits(outcome: &RunOutcome, vehicle: usize) -> usize {
     let who = format!("vehicle {vehicle} Visited");
     outcome
         .log
@@ -158,7 +158,7 @@ fn patrol_goes_round_behind_a_wall_as_often_as_it_is_told() {
     let outcome = yard(places).block((4.0, 4.0, 7.0, 0.4)).run_to_the_end();
     assert_eq!(
         (end_of(&outcome, 1), visits(&outcome, 1), outcome.home),
-        (&End::Done, 6, 1)
+        (&EndReason::Done, 6, 1)
     );
 }
 
@@ -172,7 +172,7 @@ fn patrol_of_two_begins_at_different_places_and_each_goes_to_all() {
     );
     assert_eq!(
         (end_of(&outcome, 1), end_of(&outcome, 2)),
-        (&End::Done, &End::Done)
+        (&EndReason::Done, &EndReason::Done)
     );
 }
 
@@ -180,7 +180,7 @@ fn patrol_of_two_begins_at_different_places_and_each_goes_to_all() {
 fn patrol_ends_when_its_time_is_over_or_its_battery_low() {
     let places = "kind = \"patrol\"\nrounds = 0\nwaypoints_m = [[2, 2], [6, 6]]";
     let timed = yard(&format!("{places}\nduration_s = 300")).run_to_the_end();
-    assert_eq!((end_of(&timed, 1), timed.home), (&End::Done, 1));
+    assert_eq!((end_of(&timed, 1), timed.home), (&EndReason::Done, 1));
     let took = timed.simulated.since(Time::ZERO);
     assert!(
         visits(&timed, 1) > 4 && took < Duration::from_secs(420),
@@ -198,7 +198,7 @@ fn patrol_ends_when_its_time_is_over_or_its_battery_low() {
 }
 
 /// Cells of the yard, fence included, that a rover could see and does not know.
-fn unknown_share(outcome: &Outcome, is_hidden: impl Fn(Point) -> bool) -> f64 {
+fn unknown_share(outcome: &RunOutcome, is_hidden: impl Fn(Point) -> bool) -> f64 {
     let lattice = outcome.map.lattice();
     let cells = (-11..51).flat_map(|y| (-11..51).map(move |x| Cell::new(x, y)));
     let seen: Vec<Cell> = cells
@@ -218,7 +218,7 @@ fn explore_and_search_know_everything_that_can_be_reached() {
         let outcome = yard(&format!("kind = \"{mission}\""))
             .block((4.0, 4.0, 2.0, 2.0))
             .run_to_the_end();
-        assert_eq!(end_of(&outcome, 1), &End::Done, "{mission}");
+        assert_eq!(end_of(&outcome, 1), &EndReason::Done, "{mission}");
         let unknown = unknown_share(&outcome, is_hidden);
         assert!(unknown < 0.03, "{mission}: {unknown}");
         let along = (0..10).map(|step| 3.1 + 0.2 * f64::from(step));
@@ -286,7 +286,7 @@ fn who_is_started_anew_under_way_is_told_its_mission_again_and_ends_it() {
     let mission = "kind = \"pathfind\"\nwaypoints_m = [[2, 2], [6, 6], [2, 6], [6, 2]]";
     let outcome = yard(mission).vehicles(2).with(fault).run_to_the_end();
     for (vehicle, places) in [(1, [(2.0, 2.0), (2.0, 6.0)]), (2, [(6.0, 6.0), (6.0, 2.0)])] {
-        assert_eq!(end_of(&outcome, vehicle), &End::Done);
+        assert_eq!(end_of(&outcome, vehicle), &EndReason::Done);
         assert!(
             places
                 .iter()

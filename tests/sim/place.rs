@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 use tomoswarm::config;
 use tomoswarm::scene::{self, Up};
-use tomoswarm::sim::{Outcome, Scenario};
+use tomoswarm::sim::{RunOutcome, Scenario};
 
 /// What stands in the world: middle and size of a box, metres; 1 m high.
 pub type Block = (f64, f64, f64, f64);
@@ -115,7 +115,7 @@ impl Place {
     }
 
     /// Runs to the end.
-    pub fn run(&self) -> Outcome {
+    pub fn run(&self) -> RunOutcome {
         let mut scenario = self.scenario();
         scenario.shuffle_ties = self.shuffled;
         scenario
@@ -124,14 +124,14 @@ impl Place {
     }
 
     /// Runs to the end and claims that it was safe, for vehicles of 0.25 m radius and 1 m of separation.
-    pub fn run_safely(&self) -> Outcome {
+    pub fn run_safely(&self) -> RunOutcome {
         let outcome = self.run();
         assert_safe(&outcome);
         outcome
     }
 
     /// Runs to the end and claims that it was safe and that the sweep ended.
-    pub fn run_to_the_end(&self) -> Outcome {
+    pub fn run_to_the_end(&self) -> RunOutcome {
         let outcome = self.run_safely();
         assert!(
             outcome.finished,
@@ -201,7 +201,7 @@ impl Place {
 
 /// Nobody touched anything, nobody left the fence, and nobody came nearer than the separation less what the pose
 /// errors (at most 3 deviations of 5 cm in each coordinate of both vehicles) can hide.
-pub fn assert_safe(outcome: &Outcome) {
+pub fn assert_safe(outcome: &RunOutcome) {
     assert!(
         outcome.collisions.is_empty(),
         "{:?}\n{}",
@@ -218,7 +218,7 @@ pub fn assert_safe(outcome: &Outcome) {
 }
 
 /// At the end all nodes hold the same map, and the ground has stored exactly the samples that were made.
-pub fn assert_settled(outcome: &Outcome) {
+pub fn assert_settled(outcome: &RunOutcome) {
     let holdings: Vec<&str> = outcome
         .log
         .lines()

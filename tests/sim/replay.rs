@@ -4,9 +4,9 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use tomoswarm::actor::{ActorStep, Cause, NodeActor, Snapshot, again};
+use tomoswarm::actor::{ActorStep, NodeActor, Snapshot, StepCause, again};
 use tomoswarm::autopilot::AutopilotLink;
-use tomoswarm::ground::{imager::Imager, planner::Planner, station::Station};
+use tomoswarm::ground::{imager::ImagerActor, planner::Planner, station::Station};
 use tomoswarm::node::map::Map;
 use tomoswarm::node::mission::Mission;
 use tomoswarm::node::outbox::Outbox;
@@ -14,7 +14,7 @@ use tomoswarm::node::radio::Radio;
 use tomoswarm::node::sensor::Sensor;
 use tomoswarm::node::vehicle::Vehicle;
 use tomoswarm::operator::operator_actor::Operator;
-use tomoswarm::sim::Entry;
+use tomoswarm::sim::SampleFile;
 use tomoswarm::sim::bus::NodeId;
 use tomoswarm::stops::Stops;
 use tomoswarm_proto::VehicleId;
@@ -55,8 +55,8 @@ impl<A: NodeActor> Again<A> {
     fn take(&mut self, step: &ActorStep) {
         let step = step.of::<A>().unwrap();
         let told = match step.cause.clone() {
-            Cause::Told(input) => Some(input),
-            Cause::Woken(_) => None,
+            StepCause::Told(input) => Some(input),
+            StepCause::Woken(_) => None,
         };
         let now = again(self.actor.as_mut().unwrap(), step.now, told);
         assert_eq!(
@@ -117,7 +117,7 @@ struct Ground {
     stops: Again<Stops>,
     station: Again<Station>,
     planner: Again<Planner>,
-    imager: Again<Imager>,
+    imager: Again<ImagerActor>,
 }
 
 impl Ground {
@@ -176,8 +176,8 @@ fn an_actor_restored_at_any_moment_goes_on_as_the_original() {
         let place = place.root("end = \"return\"\nempty_sweep = true\nuntil_s = 2000.0");
         let (mut rovers, mut ground) = (BTreeMap::<_, Rover>::new(), Ground::default());
         let mut person = Person::default();
-        let mut record = |entry: Entry| match entry {
-            Entry::Segment {
+        let mut record = |entry: SampleFile| match entry {
+            SampleFile::Segment {
                 node: NodeId::Vehicle(id),
                 snapshots,
                 ..
@@ -186,23 +186,25 @@ fn an_actor_restored_at_any_moment_goes_on_as_the_original() {
                     .iter()
                     .for_each(|snapshot| rovers.entry(id).or_default().restore(snapshot));
             }
-            Entry::Segment {
+            SampleFile::Segment {
                 node: NodeId::Ground,
                 snapshots,
                 ..
             } => snapshots
                 .iter()
                 .for_each(|snapshot| ground.restore(snapshot)),
-            Entry::Segment {
+            SampleFile::Segment {
                 node: NodeId::Operator(_),
                 snapshots,
                 ..
             } => snapshots
                 .iter()
                 .for_each(|snapshot| person.restore(snapshot)),
-            Entry::Step(NodeId::Vehicle(id), step) => rovers.entry(id).or_default().take(&step),
-            Entry::Step(NodeId::Ground, step) => ground.take(&step),
-            Entry::Step(NodeId::Operator(_), step) => person.take(&step),
+            SampleFile::Step(NodeId::Vehicle(id), step) => {
+                rovers.entry(id).or_default().take(&step)
+            }
+            SampleFile::Step(NodeId::Ground, step) => ground.take(&step),
+            SampleFile::Step(NodeId::Operator(_), step) => person.take(&step),
         };
         let recorded = place.scenario().run_recorded(
             &mut |_| true,
@@ -238,8 +240,8 @@ fn who_is_started_anew_is_recorded_from_there() {
     let place = Place::new(8.0, 8.0).root("until_s = 60.0").with(restart);
     let (mut rovers, mut ground) = (BTreeMap::<_, Rover>::new(), Ground::default());
     let mut segments = Vec::new();
-    let mut record = |entry: Entry| match entry {
-        Entry::Segment {
+    let mut record = |entry: SampleFile| match entry {
+        SampleFile::Segment {
             node: node @ NodeId::Vehicle(id),
             now,
             snapshots,
@@ -250,7 +252,7 @@ fn who_is_started_anew_is_recorded_from_there() {
                 .iter()
                 .for_each(|snapshot| rovers.entry(id).or_default().restore(snapshot));
         }
-        Entry::Segment {
+        SampleFile::Segment {
             node: NodeId::Ground,
             now,
             snapshots,
@@ -261,13 +263,13 @@ fn who_is_started_anew_is_recorded_from_there() {
                 .iter()
                 .for_each(|snapshot| ground.restore(snapshot))
         }
-        Entry::Step(NodeId::Vehicle(id), step) => rovers.entry(id).or_default().take(&step),
-        Entry::Step(NodeId::Ground, step) => ground.take(&step),
-        Entry::Segment {
+        SampleFile::Step(NodeId::Vehicle(id), step) => rovers.entry(id).or_default().take(&step),
+        SampleFile::Step(NodeId::Ground, step) => ground.take(&step),
+        SampleFile::Segment {
             node: NodeId::Operator(_),
             ..
         }
-        | Entry::Step(NodeId::Operator(_), _) => {}
+        | SampleFile::Step(NodeId::Operator(_), _) => {}
     };
     let long = Duration::from_secs(1000);
     place

@@ -60,7 +60,7 @@ pub struct Digest {
 
 /// Asks for the tiles of a layer that are newer than those known.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub struct Want {
+pub struct TileRequest {
     /// Which layer.
     pub layer: LayerId,
     /// Revisions already held, ascending by address.

@@ -85,7 +85,7 @@ pub struct EmergencyStop {
 
 /// The emergency stops that a node knows. Nodes join what they hear by union, and lifted wins.
 #[derive(Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
-pub struct Standing {
+pub struct OpenStops {
     /// Those in force, ascending by name, each once.
     pub open: Vec<EmergencyStop>,
     /// The names lifted last, the latest at the end, each once.

@@ -152,7 +152,7 @@ impl fmt::Display for MissionEnd {
 
 /// How far a vehicle is with its mission.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
-pub struct Mission {
+pub struct MissionProgress {
     /// Who speaks.
     pub vehicle: VehicleId,
     /// Start of its software.

@@ -53,7 +53,7 @@ pub struct RunReport {
 
 /// What the ground station says of itself, once a second.
 #[derive(Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
-pub struct Report {
+pub struct GroundReport {
     /// Start of its software.
     pub boot: Boot,
     /// By which right it gives orders and plans.

@@ -11,7 +11,7 @@ use crate::{
 
 /// What a vehicle is doing.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Default, Serialize, Deserialize)]
-pub enum Mode {
+pub enum VehicleMode {
     /// Standing, ready for a command.
     #[default]
     Idle,
@@ -115,7 +115,7 @@ pub struct State {
     /// How it moves.
     pub velocity: Velocity,
     /// What it is doing.
-    pub mode: Mode,
+    pub mode: VehicleMode,
     /// Why it does not go on by itself; `None` = it may.
     pub stands_under: Option<StandReason>,
     /// Whether it has come to rest.

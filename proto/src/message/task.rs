@@ -8,7 +8,7 @@ use std::ops::RangeInclusive;
 
 use serde::{Deserialize, Serialize};
 
-use crate::check::{COORDINATE_MAX_MM, Verdict, require};
+use crate::check::{COORDINATE_MAX_MM, CheckResult, require};
 use crate::{Lease, Position, RunId, VehicleId};
 
 /// Places of a task at most; there is at least one.
@@ -229,7 +229,7 @@ impl TaskKind {
     }
 
     /// Returns why it is impossible, if it is.
-    pub(crate) fn check(&self) -> Verdict {
+    pub(crate) fn check(&self) -> CheckResult {
         if let TaskKind::Sweep {
             dwell_ms,
             dwell_limit_ms,
@@ -254,7 +254,7 @@ pub enum TaskParameter<'a> {
 
 impl TaskParameter<'_> {
     /// Returns why it is impossible, if it is. What files allow of a number may change without a new wire.
-    fn check(&self) -> Verdict {
+    fn check(&self) -> CheckResult {
         match self {
             TaskParameter::Number(
                 number,

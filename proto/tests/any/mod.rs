@@ -239,16 +239,16 @@ fn stand_reason() -> impl Strategy<Value = Option<StandReason>> {
 
 fn state() -> impl Strategy<Value = State> {
     let mode = select(vec![
-        Mode::Idle,
-        Mode::Driving,
-        Mode::Turning,
-        Mode::Halted,
-        Mode::Held,
-        Mode::TakingOff,
-        Mode::Climbing,
-        Mode::Landing,
-        Mode::Stopped,
-        Mode::MotorsCut,
+        VehicleMode::Idle,
+        VehicleMode::Driving,
+        VehicleMode::Turning,
+        VehicleMode::Halted,
+        VehicleMode::Held,
+        VehicleMode::TakingOff,
+        VehicleMode::Climbing,
+        VehicleMode::Landing,
+        VehicleMode::Stopped,
+        VehicleMode::MotorsCut,
     ]);
     let control = select(vec![
         Control::Ours,
@@ -346,8 +346,9 @@ fn digest() -> impl Strategy<Value = Digest> {
     vec(entry, 0..6).prop_map(|layers| Digest { layers })
 }
 
-fn want() -> impl Strategy<Value = Want> {
-    (layer(), vec((address(), any::<u32>()), 0..6)).prop_map(|(layer, known)| Want { layer, known })
+fn want() -> impl Strategy<Value = TileRequest> {
+    (layer(), vec((address(), any::<u32>()), 0..6))
+        .prop_map(|(layer, known)| TileRequest { layer, known })
 }
 
 fn stop() -> impl Strategy<Value = Stop> {
@@ -401,7 +402,7 @@ fn plan() -> impl Strategy<Value = Plan> {
         )
 }
 
-fn mission() -> impl Strategy<Value = Mission> {
+fn mission() -> impl Strategy<Value = MissionProgress> {
     let phase = select(vec![
         MissionPhase::Waiting,
         MissionPhase::Choosing,
@@ -437,7 +438,7 @@ fn mission() -> impl Strategy<Value = Mission> {
         any::<u32>(),
     );
     (vehicle(), boot(), progress(), does, goes).prop_map(|(vehicle, boot, progress, does, goes)| {
-        Mission {
+        MissionProgress {
             vehicle,
             boot,
             progress,
@@ -750,7 +751,7 @@ fn run_report() -> impl Strategy<Value = RunReport> {
         )
 }
 
-fn report() -> impl Strategy<Value = Report> {
+fn report() -> impl Strategy<Value = GroundReport> {
     let phase = select(vec![
         StationPhase::Idle,
         StationPhase::Waiting,
@@ -775,7 +776,7 @@ fn report() -> impl Strategy<Value = Report> {
         )| {
             runs.sort_by_key(|report| report.run);
             runs.dedup_by_key(|report| report.run);
-            Report {
+            GroundReport {
                 boot,
                 lease,
                 store,
@@ -796,12 +797,12 @@ fn report() -> impl Strategy<Value = Report> {
     )
 }
 
-fn standing() -> impl Strategy<Value = Standing> {
+fn standing() -> impl Strategy<Value = OpenStops> {
     (vec(emergency(), 0..9), emergency_names(0..=64)).prop_map(|(mut open, mut lifted)| {
         open.sort();
         open.dedup_by_key(|stop| stop.name);
         lifted.reverse();
-        Standing { open, lifted }
+        OpenStops { open, lifted }
     })
 }
 

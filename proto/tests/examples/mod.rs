@@ -105,7 +105,7 @@ fn state() -> State {
             y_mmps: 331,
             z_mmps: 0,
         },
-        mode: Mode::Driving,
+        mode: VehicleMode::Driving,
         stands_under: None,
         is_at_rest: false,
         control: Control::Ours,
@@ -145,8 +145,8 @@ fn plan() -> Plan {
     }
 }
 
-fn mission() -> Mission {
-    Mission {
+fn mission() -> MissionProgress {
+    MissionProgress {
         vehicle: VehicleId(2),
         boot: Boot(5),
         progress: progress(),
@@ -274,7 +274,7 @@ fn health() -> Health {
     }
 }
 
-fn report() -> Report {
+fn report() -> GroundReport {
     let run = |run, kind, compared_with, end| RunReport {
         run: RunId(run),
         kind,
@@ -283,7 +283,7 @@ fn report() -> Report {
         samples: 70_000,
         images: 2,
     };
-    Report {
+    GroundReport {
         boot: Boot(4),
         lease: lease(),
         store: 1 << 63,
@@ -306,9 +306,9 @@ fn report() -> Report {
     }
 }
 
-fn standing() -> Standing {
+fn standing() -> OpenStops {
     let lifted = vec![EmergencyName(0xdead_beef), EmergencyName(0x0bad_cafe)];
-    Standing {
+    OpenStops {
         open: vec![emergency()],
         lifted,
     }
@@ -407,7 +407,7 @@ pub fn examples() -> Vec<(&'static str, Message)> {
         ),
         (
             "want",
-            Message::Want(Want {
+            Message::Want(TileRequest {
                 layer: layer(),
                 known: vec![(address(), 6)],
             }),
@@ -461,7 +461,7 @@ pub fn variants() -> Vec<(&'static str, Message)> {
         roll: Tilt::UNKNOWN,
         pitch: Tilt::UNKNOWN,
         velocity: Velocity::default(),
-        mode: Mode::Stopped,
+        mode: VehicleMode::Stopped,
         stands_under: Some(StandReason::Stop(emergency().name)),
         is_at_rest: true,
         control: Control::Silent,
@@ -469,7 +469,7 @@ pub fn variants() -> Vec<(&'static str, Message)> {
         battery: None,
         ..state()
     };
-    let refused = Mission {
+    let refused = MissionProgress {
         progress: Progress {
             done: None,
             leg: None,
@@ -484,7 +484,7 @@ pub fn variants() -> Vec<(&'static str, Message)> {
         is_at_home: true,
         ..mission()
     };
-    let gave_up = Mission {
+    let gave_up = MissionProgress {
         end: Some(MissionEnd::GaveUp(300)),
         ..refused
     };

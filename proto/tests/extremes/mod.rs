@@ -109,7 +109,7 @@ fn state() -> State {
             y_mmps: mmps,
             z_mmps: mmps,
         },
-        mode: Mode::MotorsCut,
+        mode: VehicleMode::MotorsCut,
         stands_under: Some(StandReason::Stop(EmergencyName(u32::MAX))),
         is_at_rest: true,
         control: Control::Silent,
@@ -172,8 +172,8 @@ pub fn samples(count: u64) -> Samples {
     }
 }
 
-fn mission() -> Mission {
-    Mission {
+fn mission() -> MissionProgress {
+    MissionProgress {
         vehicle: VehicleId(255),
         boot: Boot(u32::MAX),
         progress: progress(),
@@ -247,7 +247,7 @@ fn health() -> Health {
     }
 }
 
-fn report() -> Report {
+fn report() -> GroundReport {
     let run = |back| RunReport {
         run: RunId(NUMBER - back),
         kind: MissionKind::Explore,
@@ -256,7 +256,7 @@ fn report() -> Report {
         samples: u64::MAX,
         images: u32::MAX,
     };
-    Report {
+    GroundReport {
         boot: Boot(u32::MAX),
         lease: lease(),
         store: u64::MAX,
@@ -389,7 +389,7 @@ pub fn extremes() -> Vec<Message> {
         Message::Digest(Digest {
             layers: vec![digest; 256],
         }),
-        Message::Want(Want {
+        Message::Want(TileRequest {
             layer,
             known: vec![(address, u32::MAX); 4096],
         }),
@@ -405,7 +405,7 @@ pub fn extremes() -> Vec<Message> {
         Message::Beacon(beacon()),
         Message::Health(health()),
         Message::Report(report()),
-        Message::Standing(Standing {
+        Message::Standing(OpenStops {
             open,
             lifted: names(64),
         }),

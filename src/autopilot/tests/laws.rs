@@ -12,8 +12,8 @@ use tomoswarm_proto::Control;
 
 use super::super::link::{AutopilotLink, In, Out};
 use super::super::{
-    Ack, ArmRefusal, Command, CommandAck, Fly, Mode, Motion, NumberedCommand, Report, Settings,
-    SystemStatus,
+    Ack, ArmRefusal, AutopilotCommand, AutopilotLinkSettings, AutopilotReport, Command, CommandAck,
+    FlightMode, Motion, NumberedCommand, SystemStatus,
 };
 use crate::actor::Actor;
 use crate::geom::{Angle, Point, Pose};
@@ -26,7 +26,7 @@ const AGAIN: Duration = Duration::from_millis(300);
 /// What happens next.
 #[derive(Clone, Debug)]
 enum Happening {
-    Want(Fly),
+    Want(AutopilotCommand),
     /// From now on so many of ten commands, and of ten answers, are lost; answers take so long, and come twice.
     Line {
         commands_lost: u8,
@@ -37,7 +37,7 @@ enum Happening {
     /// From now on it refuses to arm.
     RefusesToArm(bool),
     /// A person chooses a mode.
-    Person(Mode),
+    Person(FlightMode),
     /// A person takes the current away.
     DisarmedByHand,
     /// The autopilot goes home by itself.
@@ -47,8 +47,8 @@ enum Happening {
     Nothing,
 }
 
-fn drive() -> Fly {
-    Fly::Drive {
+fn drive() -> AutopilotCommand {
+    AutopilotCommand::Drive {
         corners: vec![Point::new(3.0, 1.0)],
         speed_mps: 0.5,
     }
@@ -57,11 +57,11 @@ fn drive() -> Fly {
 fn any_want() -> impl Strategy<Value = Happening> {
     prop_oneof![
         4 => Just(drive()),
-        2 => Just(Fly::Turn(Angle::default())),
-        3 => Just(Fly::Stop),
-        3 => Just(Fly::Arm),
-        3 => Just(Fly::TakeBack),
-        2 => Just(Fly::Disarm),
+        2 => Just(AutopilotCommand::Turn(Angle::default())),
+        3 => Just(AutopilotCommand::Stop),
+        3 => Just(AutopilotCommand::Arm),
+        3 => Just(AutopilotCommand::TakeBack),
+        2 => Just(AutopilotCommand::Disarm),
     ]
     .prop_map(Happening::Want)
 }
@@ -79,11 +79,11 @@ fn any_line() -> impl Strategy<Value = Happening> {
 
 fn any_happening(with_others: bool) -> impl Strategy<Value = Happening> {
     let modes = [
-        Mode::Manual,
-        Mode::Hold,
-        Mode::Loiter,
-        Mode::Auto,
-        Mode::Return,
+        FlightMode::Manual,
+        FlightMode::Hold,
+        FlightMode::Loiter,
+        FlightMode::Auto,
+        FlightMode::Return,
     ];
     let others = prop_oneof![
         3 => prop::sample::select(modes.to_vec()).prop_map(Happening::Person),
@@ -114,25 +114,25 @@ fn any_sequence(with_others: bool) -> impl Strategy<Value = Vec<(Duration, Happe
 
 /// A rover's autopilot, as far as the link can notice.
 struct Model {
-    mode: Mode,
+    mode: FlightMode,
     is_armed: bool,
     moves_until: Time,
     is_critical: bool,
     refuses_to_arm: bool,
     /// Mode, armed, status as the last heartbeat said.
-    heartbeat: (Mode, bool, SystemStatus),
+    heartbeat: (FlightMode, bool, SystemStatus),
     heartbeat_due: Time,
 }
 
 impl Model {
     fn new() -> Model {
         Model {
-            mode: Mode::Hold,
+            mode: FlightMode::Hold,
             is_armed: false,
             moves_until: Time::ZERO,
             is_critical: false,
             refuses_to_arm: false,
-            heartbeat: (Mode::Hold, false, SystemStatus::Standby),
+            heartbeat: (FlightMode::Hold, false, SystemStatus::Standby),
             heartbeat_due: Time::ZERO,
         }
     }
@@ -142,7 +142,7 @@ impl Model {
     }
 
     fn obey(&mut self, now: Time, command: &Command) -> (CommandAck, Option<ArmRefusal>) {
-        let may_move = self.mode == Mode::Guided && self.is_armed;
+        let may_move = self.mode == FlightMode::Guided && self.is_armed;
         let result = match command {
             Command::Mode(mode) => {
                 (self.mode, self.is_critical) = (*mode, false);
@@ -174,7 +174,7 @@ impl Model {
         (result, None)
     }
 
-    fn report(&mut self, now: Time) -> Report {
+    fn report(&mut self, now: Time) -> AutopilotReport {
         if now >= self.heartbeat_due {
             let status = if self.is_critical {
                 SystemStatus::Critical
@@ -186,7 +186,7 @@ impl Model {
         }
         let (mode, is_armed, status) = self.heartbeat;
         let moves = now < self.moves_until;
-        Report {
+        AutopilotReport {
             pose: Pose {
                 at: Point::default(),
                 heading: Angle::default(),
@@ -253,7 +253,7 @@ struct Witness {
     is_remote: bool,
     /// Somebody else steers, heard or not.
     is_taken: bool,
-    last_report: Option<Report>,
+    last_report: Option<AutopilotReport>,
     /// The vehicle wants to move since then, and has not stopped since.
     wants_to_move: Option<Time>,
     wants_to_stop: bool,
@@ -280,7 +280,7 @@ struct Witness {
 impl Witness {
     fn new(mistake: Option<Mistake>) -> Witness {
         Witness {
-            link: AutopilotLink::new(Settings::default()),
+            link: AutopilotLink::new(AutopilotLinkSettings::default()),
             model: Model::new(),
             now: Time::ZERO,
             mistake,
@@ -341,7 +341,7 @@ impl Witness {
                 self.model.brake(self.now);
             }
             Happening::Failsafe => {
-                (self.model.mode, self.model.is_critical) = (Mode::Return, true);
+                (self.model.mode, self.model.is_critical) = (FlightMode::Return, true);
                 self.model.moves_until = self.now + Duration::from_secs(3);
             }
             Happening::Silence(span) => self.silent_until = self.now + *span,
@@ -406,24 +406,24 @@ impl Witness {
         self.check_owed(&report);
     }
 
-    fn want(&mut self, fly: Fly) {
+    fn want(&mut self, fly: AutopilotCommand) {
         match fly {
-            Fly::Drive { .. } | Fly::Turn(_) => {
+            AutopilotCommand::Drive { .. } | AutopilotCommand::Turn(_) => {
                 (self.wants_to_move, self.wants_to_stop) = (Some(self.now), false);
                 self.arming_waits = false;
             }
-            Fly::Stop => {
+            AutopilotCommand::Stop => {
                 (self.wants_to_move, self.wants_to_stop) = (None, true);
                 (self.may_stop, self.arming_waits) = (true, true);
             }
             // It is for nobody who has been taken over.
-            Fly::Arm if self.is_taken => {}
-            Fly::Arm => {
+            AutopilotCommand::Arm if self.is_taken => {}
+            AutopilotCommand::Arm => {
                 (self.wants_to_disarm, self.wants_to_arm) = (None, true);
                 (self.arm_tries, self.was_armed, self.arming_waits) = (0, false, false);
                 self.arm_numbers.clear();
             }
-            Fly::TakeBack => {
+            AutopilotCommand::TakeBack => {
                 if self.is_taken && self.control != Control::Silent {
                     self.control = Control::Ours;
                 }
@@ -431,20 +431,20 @@ impl Witness {
                 self.wants_to_stop &= !self.is_taken;
                 (self.is_remote, self.is_taken) = (false, false);
             }
-            Fly::Disarm => {
+            AutopilotCommand::Disarm => {
                 (self.wants_to_move, self.wants_to_arm) = (None, false);
                 self.wants_to_disarm.get_or_insert(None);
             }
         }
         let before = self.stops;
         self.ordinary = None;
-        self.tell(In::Fly(fly.clone()), false);
-        if fly == Fly::Stop && !self.is_remote {
+        self.tell(In::AutopilotCommand(fly.clone()), false);
+        if fly == AutopilotCommand::Stop && !self.is_remote {
             let is_recent = self.stop_said.is_some_and(|at| self.now.since(at) < AGAIN);
             // One that shows the mode in which it stands need not be told.
             let stands = self
                 .last_report
-                .is_some_and(|report| report.mode == Mode::Hold);
+                .is_some_and(|report| report.mode == FlightMode::Hold);
             let is_on_its_way = self.stops > before || is_recent || stands;
             assert!(is_on_its_way, "a stop that was wanted is not on its way");
         }
@@ -480,7 +480,7 @@ impl Witness {
                     }
                     self.control = status.control;
                 }
-                Out::Telemetry(_) | Out::Remark(_) => {}
+                Out::Telemetry(_) | Out::LinkEvent(_) => {}
             }
         }
     }
@@ -558,13 +558,13 @@ impl Witness {
                 self.last_drive = Some(numbered.clone());
                 (self.may_stop, self.stop_said) = (false, None);
             }
-            Command::Stop | Command::Mode(Mode::Hold) => {
+            Command::Stop | Command::Mode(FlightMode::Hold) => {
                 assert!(self.may_stop, "it stops for nothing");
                 self.stops += 1;
                 self.stop_said = Some(self.now);
                 return;
             }
-            Command::Mode(Mode::Guided) => {}
+            Command::Mode(FlightMode::Guided) => {}
             other => panic!("{other:?} was never wanted"),
         }
         self.check_one_at_a_time(numbered);
@@ -594,12 +594,12 @@ impl Witness {
     }
 
     /// What a report does not show was said again by now.
-    fn check_owed(&self, report: &Report) {
+    fn check_owed(&self, report: &AutopilotReport) {
         let is_older = |said: Option<Time>| said.is_none_or(|said| self.now.since(said) >= AGAIN);
         if self.wants_to_stop
             && !self.is_remote
             && report.motion != Motion::Resting
-            && report.mode != Mode::Hold
+            && report.mode != FlightMode::Hold
         {
             assert!(
                 !is_older(self.stop_said),
@@ -619,8 +619,9 @@ impl Witness {
     fn tamper(&mut self, out: &mut Vec<Out>, is_report: bool) {
         let Some(mistake) = self.mistake else { return };
         let is_stop = |out: &Out| {
-            let stops =
-                |command: &Command| matches!(command, Command::Stop | Command::Mode(Mode::Hold));
+            let stops = |command: &Command| {
+                matches!(command, Command::Stop | Command::Mode(FlightMode::Hold))
+            };
             matches!(out, Out::Command(NumberedCommand { command, .. }) if stops(command))
         };
         let say = |number: u32, command: Command| Out::Command(NumberedCommand { number, command });
@@ -655,13 +656,13 @@ impl Witness {
                 out.push(say(9999, Command::Arm { force: false }));
             }
             Mistake::FightsTakeOver if self.is_remote => {
-                out.push(say(9999, Command::Mode(Mode::Guided)));
+                out.push(say(9999, Command::Mode(FlightMode::Guided)));
             }
             Mistake::OldModeIsTakeOver => {
                 let shown = self.last_report.map(|report| report.mode);
                 let expected = self.link.steering.own_mode();
                 if shown != expected && expected.is_some() {
-                    let status = super::super::Status {
+                    let status = super::super::ControlStatus {
                         control: Control::Remote,
                         is_landed: true,
                     };
@@ -721,7 +722,7 @@ proptest! {
     #[test]
     fn who_takes_over_is_noticed_and_left_alone(
         sequence in any_sequence(false),
-        mode in prop::sample::select(vec![Mode::Manual, Mode::Loiter, Mode::Auto]),
+        mode in prop::sample::select(vec![FlightMode::Manual, FlightMode::Loiter, FlightMode::Auto]),
     ) {
         let mut witness = watch(None, &sequence);
         // These modes are never its own.
@@ -729,18 +730,18 @@ proptest! {
         witness.go_on_until(witness.now + Duration::from_millis(1200));
         prop_assert_eq!(witness.control, Control::Remote);
         let stops = witness.stops;
-        witness.see(Duration::from_millis(100), &Happening::Want(Fly::Stop));
+        witness.see(Duration::from_millis(100), &Happening::Want(AutopilotCommand::Stop));
         witness.see(Duration::from_millis(100), &Happening::Want(drive()));
         witness.go_on_until(witness.now + Duration::from_secs(5));
         prop_assert_eq!((witness.model.mode, witness.stops), (mode, stops));
         witness.line = (0, 0, Duration::ZERO, false);
-        witness.see(Duration::from_millis(100), &Happening::Want(Fly::Arm));
+        witness.see(Duration::from_millis(100), &Happening::Want(AutopilotCommand::Arm));
         witness.go_on_until(witness.now + Duration::from_secs(5));
         prop_assert_eq!((witness.model.mode, witness.control), (mode, Control::Remote));
-        witness.see(Duration::from_millis(100), &Happening::Want(Fly::TakeBack));
-        witness.see(Duration::ZERO, &Happening::Want(Fly::Arm));
+        witness.see(Duration::from_millis(100), &Happening::Want(AutopilotCommand::TakeBack));
+        witness.see(Duration::ZERO, &Happening::Want(AutopilotCommand::Arm));
         witness.go_on_until(witness.now + Duration::from_secs(5));
-        prop_assert_eq!((witness.model.mode, witness.control), (Mode::Guided, Control::Ours));
+        prop_assert_eq!((witness.model.mode, witness.control), (FlightMode::Guided, Control::Ours));
     }
 }
 

@@ -2,11 +2,11 @@
 
 use tomoswarm_proto::Control;
 
-use super::super::link::{AutopilotLink, In, Out, Reason, Remark};
+use super::super::link::{AutopilotLink, In, LinkEvent, Out, Reason};
 use super::super::tests_support::resting_report;
 use super::super::{
-    Ack, ArmRefusal, Command, CommandAck, Fly, Kind, Mode, Motion, Purpose, Report, Settings,
-    Status, SystemStatus,
+    Ack, ArmRefusal, AutopilotCommand, AutopilotLinkSettings, AutopilotReport, Command, CommandAck,
+    ControlStatus, FlightMode, Motion, Purpose, SystemStatus, VehicleKind,
 };
 use crate::actor::Actor;
 use crate::geom::{Angle, Point};
@@ -17,8 +17,8 @@ fn at(time_s: f64) -> Time {
 }
 
 /// A link that has heard a report of a vehicle, at 1 s.
-fn link(kind: Kind, heard: Report) -> AutopilotLink {
-    let mut link = AutopilotLink::new(Settings {
+fn link(kind: VehicleKind, heard: AutopilotReport) -> AutopilotLink {
+    let mut link = AutopilotLink::new(AutopilotLinkSettings {
         kind,
         altitude_m: 2.0,
     });
@@ -49,8 +49,8 @@ fn commands(out: &[Out]) -> Vec<Command> {
 }
 
 /// Tells it a want; returns what it commands.
-fn wanted(link: &mut AutopilotLink, time_s: f64, fly: Fly) -> Vec<Command> {
-    commands(&told(link, time_s, In::Fly(fly)))
+fn wanted(link: &mut AutopilotLink, time_s: f64, fly: AutopilotCommand) -> Vec<Command> {
+    commands(&told(link, time_s, In::AutopilotCommand(fly)))
 }
 
 /// Answers the last command; returns what it says then.
@@ -68,16 +68,16 @@ fn answered(link: &mut AutopilotLink, time_s: f64, result: CommandAck) -> Vec<Ou
     )
 }
 
-fn drive() -> Fly {
-    Fly::Drive {
+fn drive() -> AutopilotCommand {
+    AutopilotCommand::Drive {
         corners: vec![Point::new(3.0, 0.0)],
         speed_mps: 0.5,
     }
 }
 
-fn remark(out: &[Out]) -> Option<Remark> {
+fn remark(out: &[Out]) -> Option<LinkEvent> {
     out.iter().find_map(|out| {
-        if let Out::Remark(remark) = out {
+        if let Out::LinkEvent(remark) = out {
             Some(*remark)
         } else {
             None
@@ -96,19 +96,19 @@ fn control(out: &[Out]) -> Option<Control> {
 }
 
 const ARM: Command = Command::Arm { force: false };
-const GUIDED: Command = Command::Mode(Mode::Guided);
+const GUIDED: Command = Command::Mode(FlightMode::Guided);
 
 #[test]
 fn a_start_brings_the_mode_then_the_motors_then_the_drive_that_waits() {
     let mut rover = link(
-        Kind::Rover,
-        Report {
-            mode: Mode::Hold,
+        VehicleKind::Rover,
+        AutopilotReport {
+            mode: FlightMode::Hold,
             is_armed: false,
             ..resting_report()
         },
     );
-    assert_eq!(wanted(&mut rover, 1.1, Fly::Arm), [GUIDED]);
+    assert_eq!(wanted(&mut rover, 1.1, AutopilotCommand::Arm), [GUIDED]);
     assert_eq!(wanted(&mut rover, 1.15, drive()), [], "one after the other");
     assert_eq!(
         commands(&answered(&mut rover, 1.2, CommandAck::Accepted)),
@@ -130,28 +130,28 @@ fn a_start_brings_the_mode_then_the_motors_then_the_drive_that_waits() {
 
 #[test]
 fn one_that_is_armed_already_in_its_mode_is_told_nothing_by_a_start() {
-    let mut rover = link(Kind::Rover, resting_report());
-    assert_eq!(wanted(&mut rover, 1.1, Fly::Arm), []);
+    let mut rover = link(VehicleKind::Rover, resting_report());
+    assert_eq!(wanted(&mut rover, 1.1, AutopilotCommand::Arm), []);
     assert_eq!(wanted(&mut rover, 1.2, drive()).len(), 1);
 }
 
 #[test]
 fn arming_is_tried_three_times_and_given_up_with_its_reason() {
     let mut rover = link(
-        Kind::Rover,
-        Report {
+        VehicleKind::Rover,
+        AutopilotReport {
             is_armed: false,
             ..resting_report()
         },
     );
-    let mut out = told(&mut rover, 1.1, In::Fly(Fly::Arm));
+    let mut out = told(&mut rover, 1.1, In::AutopilotCommand(AutopilotCommand::Arm));
     for tenth in 12..60 {
         let now_s = f64::from(tenth) * 0.1;
         out.extend(answered(&mut rover, now_s, CommandAck::Failed));
         out.extend(told(
             &mut rover,
             now_s,
-            In::Report(Report {
+            In::Report(AutopilotReport {
                 is_armed: false,
                 ..resting_report()
             }),
@@ -159,29 +159,40 @@ fn arming_is_tried_three_times_and_given_up_with_its_reason() {
     }
     assert_eq!(commands(&out), [ARM, ARM, ARM]);
     let reason = Reason::WillNotArm(ArmRefusal::NoPlace);
-    assert_eq!(remark(&out), Some(Remark::GivenUp(Purpose::Arm, reason)));
-    let out = told(&mut rover, 6.1, In::Fly(drive()));
+    assert_eq!(remark(&out), Some(LinkEvent::GivenUp(Purpose::Arm, reason)));
+    let out = told(&mut rover, 6.1, In::AutopilotCommand(drive()));
     assert_eq!(
         out,
-        [Out::Remark(Remark::GivenUp(
+        [Out::LinkEvent(LinkEvent::GivenUp(
             Purpose::Move,
             Reason::NotArmed
         ))]
     );
-    assert_eq!(told(&mut rover, 6.15, In::Fly(drive())), [], "said once");
-    assert_eq!(wanted(&mut rover, 6.2, Fly::Arm), [ARM], "another start");
+    assert_eq!(
+        told(&mut rover, 6.15, In::AutopilotCommand(drive())),
+        [],
+        "said once"
+    );
+    assert_eq!(
+        wanted(&mut rover, 6.2, AutopilotCommand::Arm),
+        [ARM],
+        "another start"
+    );
 }
 
 #[test]
 fn a_stop_cancels_an_arming_until_the_vehicle_wants_to_move_again() {
-    let off = Report {
+    let off = AutopilotReport {
         is_armed: false,
         ..resting_report()
     };
-    let mut rover = link(Kind::Rover, off);
-    assert_eq!(wanted(&mut rover, 1.1, Fly::Arm), [ARM]);
+    let mut rover = link(VehicleKind::Rover, off);
+    assert_eq!(wanted(&mut rover, 1.1, AutopilotCommand::Arm), [ARM]);
     assert_eq!(commands(&answered(&mut rover, 1.2, CommandAck::Failed)), []);
-    assert_eq!(wanted(&mut rover, 1.3, Fly::Stop), [Command::Stop]);
+    assert_eq!(
+        wanted(&mut rover, 1.3, AutopilotCommand::Stop),
+        [Command::Stop]
+    );
     for tenth in 14..60 {
         assert_eq!(
             commands(&told(&mut rover, f64::from(tenth) * 0.1, In::Report(off))),
@@ -204,10 +215,10 @@ fn a_stop_cancels_an_arming_until_the_vehicle_wants_to_move_again() {
 
 #[test]
 fn whoever_disarms_by_hand_is_not_overruled() {
-    let mut rover = link(Kind::Rover, resting_report());
-    wanted(&mut rover, 1.1, Fly::Arm);
+    let mut rover = link(VehicleKind::Rover, resting_report());
+    wanted(&mut rover, 1.1, AutopilotCommand::Arm);
     for tenth in 12..80 {
-        let off = Report {
+        let off = AutopilotReport {
             is_armed: false,
             ..resting_report()
         };
@@ -221,15 +232,19 @@ fn whoever_disarms_by_hand_is_not_overruled() {
 
 #[test]
 fn a_stop_goes_past_what_waits_and_is_said_again_while_it_moves() {
-    let mut rover = link(Kind::Rover, resting_report());
+    let mut rover = link(VehicleKind::Rover, resting_report());
     assert_eq!(wanted(&mut rover, 1.1, drive()).len(), 1);
     assert_eq!(
-        wanted(&mut rover, 1.15, Fly::Stop),
+        wanted(&mut rover, 1.15, AutopilotCommand::Stop),
         [Command::Stop],
         "the drive is not answered yet"
     );
-    assert_eq!(wanted(&mut rover, 1.2, Fly::Stop), [], "it was just said");
-    let moves = Report {
+    assert_eq!(
+        wanted(&mut rover, 1.2, AutopilotCommand::Stop),
+        [],
+        "it was just said"
+    );
+    let moves = AutopilotReport {
         motion: Motion::Driving,
         speed_mps: 0.5,
         ..resting_report()
@@ -263,13 +278,13 @@ fn a_stop_goes_past_what_waits_and_is_said_again_while_it_moves() {
 #[test]
 fn one_that_stands_in_its_mode_is_not_told_to_stand_and_changes_it_to_drive() {
     let mut rover = link(
-        Kind::Rover,
-        Report {
-            mode: Mode::Hold,
+        VehicleKind::Rover,
+        AutopilotReport {
+            mode: FlightMode::Hold,
             ..resting_report()
         },
     );
-    assert_eq!(wanted(&mut rover, 1.1, Fly::Stop), []);
+    assert_eq!(wanted(&mut rover, 1.1, AutopilotCommand::Stop), []);
     assert_eq!(
         rover.deadline().map(|due| due.why),
         Some("autopilot silent")
@@ -281,17 +296,17 @@ fn one_that_stands_in_its_mode_is_not_told_to_stand_and_changes_it_to_drive() {
 #[test]
 fn one_that_somebody_steers_when_it_is_first_heard_is_left_alone_until_it_is_taken_back() {
     for (mode, status, expected) in [
-        (Mode::Manual, SystemStatus::Active, Control::Remote),
-        (Mode::Auto, SystemStatus::Active, Control::Remote),
-        (Mode::Manual, SystemStatus::Booting, Control::Own),
-        (Mode::Return, SystemStatus::Critical, Control::Own),
+        (FlightMode::Manual, SystemStatus::Active, Control::Remote),
+        (FlightMode::Auto, SystemStatus::Active, Control::Remote),
+        (FlightMode::Manual, SystemStatus::Booting, Control::Own),
+        (FlightMode::Return, SystemStatus::Critical, Control::Own),
     ] {
-        let mut rover = AutopilotLink::new(Settings::default());
+        let mut rover = AutopilotLink::new(AutopilotLinkSettings::default());
         assert_eq!(
             control(&told(
                 &mut rover,
                 1.0,
-                In::Report(Report {
+                In::Report(AutopilotReport {
                     mode,
                     status,
                     ..resting_report()
@@ -300,45 +315,61 @@ fn one_that_somebody_steers_when_it_is_first_heard_is_left_alone_until_it_is_tak
             Some(expected)
         );
         assert_eq!(wanted(&mut rover, 1.1, drive()), []);
-        assert_eq!(wanted(&mut rover, 1.2, Fly::Arm), []);
-        assert_eq!(wanted(&mut rover, 1.3, Fly::TakeBack), []);
-        assert_eq!(wanted(&mut rover, 1.3, Fly::Arm), [GUIDED]);
+        assert_eq!(wanted(&mut rover, 1.2, AutopilotCommand::Arm), []);
+        assert_eq!(wanted(&mut rover, 1.3, AutopilotCommand::TakeBack), []);
+        assert_eq!(wanted(&mut rover, 1.3, AutopilotCommand::Arm), [GUIDED]);
     }
 }
 
 #[test]
 fn a_person_who_takes_over_is_left_alone_until_that_is_taken_back() {
-    let mut rover = link(Kind::Rover, resting_report());
+    let mut rover = link(VehicleKind::Rover, resting_report());
     wanted(&mut rover, 1.1, drive());
-    let manual = Report {
-        mode: Mode::Manual,
+    let manual = AutopilotReport {
+        mode: FlightMode::Manual,
         motion: Motion::Driving,
         ..resting_report()
     };
     let out = told(&mut rover, 1.2, In::Report(manual));
     assert_eq!(
         (control(&out), remark(&out)),
-        (Some(Control::Remote), Some(Remark::TakenOver(Mode::Manual)))
+        (
+            Some(Control::Remote),
+            Some(LinkEvent::TakenOver(FlightMode::Manual))
+        )
     );
-    for fly in [Fly::Stop, drive(), Fly::Turn(Angle::default()), Fly::Stop] {
+    for fly in [
+        AutopilotCommand::Stop,
+        drive(),
+        AutopilotCommand::Turn(Angle::default()),
+        AutopilotCommand::Stop,
+    ] {
         assert_eq!(wanted(&mut rover, 1.3, fly), []);
     }
     assert_eq!(commands(&told(&mut rover, 2.0, In::Report(manual))), []);
     assert_eq!(
-        wanted(&mut rover, 2.1, Fly::Disarm),
+        wanted(&mut rover, 2.1, AutopilotCommand::Disarm),
         [Command::Disarm { force: false }],
         "the motors alone"
     );
     assert_eq!(
-        told(&mut rover, 2.15, In::Fly(Fly::Arm)),
+        told(
+            &mut rover,
+            2.15,
+            In::AutopilotCommand(AutopilotCommand::Arm)
+        ),
         [],
         "a start that does not name it"
     );
     assert_eq!(
-        told(&mut rover, 2.2, In::Fly(Fly::TakeBack)),
-        [Out::Status(Status::default())]
+        told(
+            &mut rover,
+            2.2,
+            In::AutopilotCommand(AutopilotCommand::TakeBack)
+        ),
+        [Out::Status(ControlStatus::default())]
     );
-    assert_eq!(wanted(&mut rover, 2.2, Fly::Arm), [GUIDED]);
+    assert_eq!(wanted(&mut rover, 2.2, AutopilotCommand::Arm), [GUIDED]);
     let out = told(&mut rover, 2.3, In::Report(resting_report()));
     assert_eq!(control(&out), None);
 }
@@ -346,12 +377,12 @@ fn a_person_who_takes_over_is_left_alone_until_that_is_taken_back() {
 #[test]
 fn an_old_mode_is_no_take_over_for_three_seconds_and_one_after_that() {
     let start = |gap_s: f64| {
-        let old = Report {
-            mode: Mode::Hold,
+        let old = AutopilotReport {
+            mode: FlightMode::Hold,
             ..resting_report()
         };
-        let mut rover = link(Kind::Rover, old);
-        assert_eq!(wanted(&mut rover, 2.0, Fly::Arm), [GUIDED]);
+        let mut rover = link(VehicleKind::Rover, old);
+        assert_eq!(wanted(&mut rover, 2.0, AutopilotCommand::Arm), [GUIDED]);
         answered(&mut rover, 2.0, CommandAck::Accepted);
         for time_s in [2.1, 3.0, 4.0] {
             told(&mut rover, time_s, In::Report(resting_report()));
@@ -365,33 +396,36 @@ fn an_old_mode_is_no_take_over_for_three_seconds_and_one_after_that() {
 
 #[test]
 fn a_failsafe_is_the_autopilots_own_and_a_rover_is_stopped_under_it() {
-    let mut rover = link(Kind::Rover, resting_report());
-    let critical = Report {
-        mode: Mode::Return,
+    let mut rover = link(VehicleKind::Rover, resting_report());
+    let critical = AutopilotReport {
+        mode: FlightMode::Return,
         status: SystemStatus::Critical,
         ..resting_report()
     };
     let out = told(
         &mut rover,
         1.2,
-        In::Report(Report {
+        In::Report(AutopilotReport {
             motion: Motion::Driving,
             ..critical
         }),
     );
     assert_eq!(
         (control(&out), remark(&out)),
-        (Some(Control::Own), Some(Remark::ActsByItself(Mode::Return)))
+        (
+            Some(Control::Own),
+            Some(LinkEvent::ActsByItself(FlightMode::Return))
+        )
     );
     assert_eq!(wanted(&mut rover, 1.3, drive()), []);
     assert_eq!(
-        wanted(&mut rover, 1.4, Fly::Stop),
-        [Command::Mode(Mode::Hold)],
+        wanted(&mut rover, 1.4, AutopilotCommand::Stop),
+        [Command::Mode(FlightMode::Hold)],
         "straight home is no way"
     );
     let mut copter = link(
-        Kind::Copter,
-        Report {
+        VehicleKind::Copter,
+        AutopilotReport {
             is_landed: false,
             ..resting_report()
         },
@@ -399,13 +433,13 @@ fn a_failsafe_is_the_autopilots_own_and_a_rover_is_stopped_under_it() {
     told(
         &mut copter,
         1.2,
-        In::Report(Report {
+        In::Report(AutopilotReport {
             is_landed: false,
             ..critical
         }),
     );
     assert_eq!(
-        wanted(&mut copter, 1.4, Fly::Stop),
+        wanted(&mut copter, 1.4, AutopilotCommand::Stop),
         [],
         "it comes down by itself"
     );
@@ -413,22 +447,25 @@ fn a_failsafe_is_the_autopilots_own_and_a_rover_is_stopped_under_it() {
 
 #[test]
 fn silence_is_said_and_a_stop_is_said_into_it() {
-    let mut rover = link(Kind::Rover, resting_report());
+    let mut rover = link(VehicleKind::Rover, resting_report());
     let due = rover.deadline().unwrap();
     assert_eq!((due.at, due.why), (at(3.0), "autopilot silent"));
     let mut out = Vec::new();
     rover.wake(due.at, &mut out).unwrap();
     assert_eq!(control(&out), Some(Control::Silent));
     assert_eq!(wanted(&mut rover, 4.0, drive()), []);
-    assert_eq!(wanted(&mut rover, 4.1, Fly::Stop), [Command::Stop]);
+    assert_eq!(
+        wanted(&mut rover, 4.1, AutopilotCommand::Stop),
+        [Command::Stop]
+    );
     let due = rover.deadline().unwrap();
     assert_eq!((due.at, due.why), (at(5.1), "stop not shown"));
     assert_eq!(
         control(&told(&mut rover, 5.0, In::Report(resting_report()))),
         Some(Control::Ours)
     );
-    let rebooted = Report {
-        mode: Mode::Manual,
+    let rebooted = AutopilotReport {
+        mode: FlightMode::Manual,
         status: SystemStatus::Booting,
         ..resting_report()
     };
@@ -440,13 +477,13 @@ fn silence_is_said_and_a_stop_is_said_into_it() {
 
 #[test]
 fn a_copter_takes_off_before_it_flies_and_lands_before_it_is_disarmed() {
-    let mut copter = link(Kind::Copter, resting_report());
+    let mut copter = link(VehicleKind::Copter, resting_report());
     assert_eq!(
         wanted(&mut copter, 1.1, drive()),
         [Command::Takeoff { altitude_m: 2.0 }]
     );
     answered(&mut copter, 1.2, CommandAck::Accepted);
-    let flies = Report {
+    let flies = AutopilotReport {
         is_landed: false,
         altitude_m: 1.0,
         ..resting_report()
@@ -462,12 +499,12 @@ fn a_copter_takes_off_before_it_flies_and_lands_before_it_is_disarmed() {
         panic!("it goes on to its altitude")
     };
     assert_eq!(
-        wanted(&mut copter, 1.5, Fly::Disarm),
-        [Command::Mode(Mode::Land)]
+        wanted(&mut copter, 1.5, AutopilotCommand::Disarm),
+        [Command::Mode(FlightMode::Land)]
     );
     assert_eq!(wanted(&mut copter, 1.6, drive()), [], "until a start");
-    let lands = Report {
-        mode: Mode::Land,
+    let lands = AutopilotReport {
+        mode: FlightMode::Land,
         ..flies
     };
     assert_eq!(
@@ -475,8 +512,8 @@ fn a_copter_takes_off_before_it_flies_and_lands_before_it_is_disarmed() {
         None,
         "its own mode"
     );
-    let down = Report {
-        mode: Mode::Land,
+    let down = AutopilotReport {
+        mode: FlightMode::Land,
         ..resting_report()
     };
     assert_eq!(
@@ -484,12 +521,12 @@ fn a_copter_takes_off_before_it_flies_and_lands_before_it_is_disarmed() {
         [Command::Disarm { force: false }]
     );
     answered(&mut copter, 6.1, CommandAck::Accepted);
-    let off = Report {
+    let off = AutopilotReport {
         is_armed: false,
         ..down
     };
     assert_eq!(commands(&told(&mut copter, 6.5, In::Report(off))), []);
-    assert_eq!(wanted(&mut copter, 7.0, Fly::Arm), [GUIDED]);
+    assert_eq!(wanted(&mut copter, 7.0, AutopilotCommand::Arm), [GUIDED]);
     assert_eq!(
         commands(&answered(&mut copter, 7.1, CommandAck::Accepted)),
         [ARM]
@@ -498,25 +535,25 @@ fn a_copter_takes_off_before_it_flies_and_lands_before_it_is_disarmed() {
 
 #[test]
 fn a_disarming_that_shows_late_is_not_taken_for_current_by_a_start_after_it() {
-    let mut rover = link(Kind::Rover, resting_report());
+    let mut rover = link(VehicleKind::Rover, resting_report());
     assert_eq!(
-        wanted(&mut rover, 1.1, Fly::Disarm),
+        wanted(&mut rover, 1.1, AutopilotCommand::Disarm),
         [Command::Disarm { force: false }]
     );
     answered(&mut rover, 1.2, CommandAck::Accepted);
     told(&mut rover, 1.3, In::Report(resting_report()));
-    assert_eq!(wanted(&mut rover, 1.4, Fly::Arm), [ARM]);
+    assert_eq!(wanted(&mut rover, 1.4, AutopilotCommand::Arm), [ARM]);
 }
 
 #[test]
 fn a_change_of_mode_that_a_silence_has_cut_off_is_said_anew_before_it_is_armed() {
-    let held = Report {
-        mode: Mode::Hold,
+    let held = AutopilotReport {
+        mode: FlightMode::Hold,
         is_armed: false,
         ..resting_report()
     };
-    let mut rover = link(Kind::Rover, held);
-    assert_eq!(wanted(&mut rover, 2.9, Fly::Arm), [GUIDED]);
+    let mut rover = link(VehicleKind::Rover, held);
+    assert_eq!(wanted(&mut rover, 2.9, AutopilotCommand::Arm), [GUIDED]);
     let out = told(&mut rover, 4.0, In::Report(held));
     assert_eq!(
         control(&out),

@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use fnv::FnvHasher;
 
 use crate::cli::error::CliError;
-use crate::cli::load::{self, Loaded};
+use crate::cli::load::{self, LoadedSimulation};
 use crate::cli::read;
 use crate::config::{self, Experiment, Problems, Sim};
 use crate::scene::VrmlScene;
@@ -51,26 +51,26 @@ impl Files {
 }
 
 /// An experiment, ready to be checked and run.
-pub(super) struct Grid {
+pub(super) struct ExperimentGrid {
     config: PathBuf,
     experiment: Experiment,
     files: Mutex<Files>,
 }
 
-impl Grid {
+impl ExperimentGrid {
     /// Reads an experiment's file.
     ///
     /// # Errors
-    /// Everything that is wrong with it; the simulations are checked by [`Grid::check`].
-    pub(super) fn load(config: &Path) -> Result<Grid, CliError> {
-        Grid::read(config, read::text(config)?)
+    /// Everything that is wrong with it; the simulations are checked by [`ExperimentGrid::check`].
+    pub(super) fn load(config: &Path) -> Result<ExperimentGrid, CliError> {
+        ExperimentGrid::read(config, read::text(config)?)
     }
 
     /// Does the same with its text.
     ///
     /// # Errors
-    /// As for [`Grid::load`].
-    pub(super) fn read(config: &Path, text: String) -> Result<Grid, CliError> {
+    /// As for [`ExperimentGrid::load`].
+    pub(super) fn read(config: &Path, text: String) -> Result<ExperimentGrid, CliError> {
         let name = read::shown(config);
         let experiment = config::read_experiment(&name, &text)?;
         let texts = BTreeMap::from([(name, Ok(text))]);
@@ -80,7 +80,7 @@ impl Grid {
             shapes: BTreeMap::new(),
             load,
         });
-        Ok(Grid {
+        Ok(ExperimentGrid {
             config: config.to_owned(),
             experiment,
             files,
@@ -163,9 +163,9 @@ impl Grid {
         Ok((sim, shapes))
     }
 
-    fn loaded(&self, cell: usize) -> Result<Loaded, CliError> {
+    fn loaded(&self, cell: usize) -> Result<LoadedSimulation, CliError> {
         let (sim, shapes) = self.sim(cell)?;
-        Ok(Loaded::new(sim, VrmlScene::clone(&shapes)))
+        Ok(LoadedSimulation::new(sim, VrmlScene::clone(&shapes)))
     }
 
     /// Makes the scenario of a run.

@@ -9,14 +9,14 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::row::Row;
+use super::row::RunRow;
 use super::{JOURNAL, RUNS, TABLE};
 use crate::cli::error::CliError;
 use crate::cli::read::LIMIT_BYTES;
 
 /// What is done with an earlier run.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(super) enum Mode {
+pub(super) enum JournalMode {
     /// It goes on if there is one.
     Any,
     /// It must be there, and goes on.
@@ -85,10 +85,10 @@ impl Journal {
     pub(super) fn open(
         folder: &Path,
         header: &Header,
-        mode: Mode,
-    ) -> Result<(Journal, Vec<Row>), CliError> {
+        mode: JournalMode,
+    ) -> Result<(Journal, Vec<RunRow>), CliError> {
         let path = folder.join(JOURNAL);
-        if mode == Mode::Resume && !path.is_file() {
+        if mode == JournalMode::Resume && !path.is_file() {
             let reason =
                 "there is no run to go on with; leave out --resume to begin one".to_owned();
             return Err(CliError::Input { path, reason });
@@ -113,7 +113,7 @@ impl Journal {
                 .to_owned();
             return Err(CliError::Input { path, reason });
         }
-        if mode == Mode::Fresh {
+        if mode == JournalMode::Fresh {
             file.set_len(0).map_err(fail)?;
             for name in [RUNS, TABLE] {
                 // They may not be there.
@@ -140,7 +140,7 @@ impl Journal {
     ///
     /// # Errors
     /// The disk is full, or the folder went away.
-    pub(super) fn record(&mut self, row: &Row) -> Result<(), CliError> {
+    pub(super) fn record(&mut self, row: &RunRow) -> Result<(), CliError> {
         self.write(row)
     }
 
@@ -164,7 +164,7 @@ fn read_all(file: &mut File) -> io::Result<Vec<u8>> {
 }
 
 /// Reads whole lines: the header, which must be this one, and the runs, each once.
-fn rows_of(path: &Path, bytes: &[u8], header: &Header) -> Result<Vec<Row>, CliError> {
+fn rows_of(path: &Path, bytes: &[u8], header: &Header) -> Result<Vec<RunRow>, CliError> {
     let bad = |line: usize, reason: &str| CliError::Line {
         path: path.to_owned(),
         line,
@@ -184,10 +184,10 @@ fn rows_of(path: &Path, bytes: &[u8], header: &Header) -> Result<Vec<Row>, CliEr
             &format!("{difference}, and {finished} runs are finished"),
         ));
     }
-    let mut rows: Vec<Row> = Vec::new();
+    let mut rows: Vec<RunRow> = Vec::new();
     let mut is_known = vec![false; header.runs];
     for (index, line) in lines {
-        let row: Row = serde_json::from_str(line)
+        let row: RunRow = serde_json::from_str(line)
             .map_err(|error| bad(index + 1, &format!("is damaged ({error})")))?;
         match is_known.get_mut(row.run) {
             Some(known) if !*known => {
@@ -204,35 +204,39 @@ fn rows_of(path: &Path, bytes: &[u8], header: &Header) -> Result<Vec<Row>, CliEr
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::experiment::row::End;
+    use crate::cli::experiment::row::RowEnd;
 
-    fn row(run: usize) -> Row {
-        Row {
+    fn row(run: usize) -> RunRow {
+        RunRow {
             simulated_s: 0.1 + run as f64,
-            ..Row::without_figures(run, End::Finished, String::new())
+            ..RunRow::without_figures(run, RowEnd::Finished, String::new())
         }
     }
 
-    fn open(folder: &Path, hash: u64, mode: Mode) -> Result<(Journal, Vec<Row>), CliError> {
+    fn open(
+        folder: &Path,
+        hash: u64,
+        mode: JournalMode,
+    ) -> Result<(Journal, Vec<RunRow>), CliError> {
         Journal::open(folder, &Header::new(hash, 10), mode)
     }
 
     #[test]
     fn finished_runs_come_back_and_a_half_written_line_does_not() {
         let folder = tempfile::tempdir().unwrap();
-        let (mut journal, rows) = open(folder.path(), 7, Mode::Any).unwrap();
+        let (mut journal, rows) = open(folder.path(), 7, JournalMode::Any).unwrap();
         assert!(rows.is_empty());
         for run in [3, 1, 3] {
             journal.record(&row(run)).unwrap();
         }
         journal.file.write_all(br#"{"run":5,"end":"fin"#).unwrap();
         drop(journal);
-        let (mut journal, rows) = open(folder.path(), 7, Mode::Resume).unwrap();
+        let (mut journal, rows) = open(folder.path(), 7, JournalMode::Resume).unwrap();
         assert_eq!(rows, [row(3), row(1)]);
         journal.record(&row(6)).unwrap();
         drop(journal);
         assert_eq!(
-            open(folder.path(), 7, Mode::Any).unwrap().1,
+            open(folder.path(), 7, JournalMode::Any).unwrap().1,
             [row(3), row(1), row(6)]
         );
     }
@@ -240,12 +244,12 @@ mod tests {
     #[test]
     fn another_experiment_is_refused_with_what_to_do_and_fresh_throws_it_away() {
         let folder = tempfile::tempdir().unwrap();
-        open(folder.path(), 7, Mode::Any)
+        open(folder.path(), 7, JournalMode::Any)
             .unwrap()
             .0
             .record(&row(2))
             .unwrap();
-        let error = open(folder.path(), 8, Mode::Any).unwrap_err();
+        let error = open(folder.path(), 8, JournalMode::Any).unwrap_err();
         let text = error.to_string();
         assert_eq!(error.exit_code(), 2);
         assert!(
@@ -254,20 +258,33 @@ mod tests {
                 && text.contains("--fresh"),
             "{text}"
         );
-        assert!(open(folder.path(), 8, Mode::Fresh).unwrap().1.is_empty());
-        assert!(open(folder.path(), 8, Mode::Resume).unwrap().1.is_empty());
+        assert!(
+            open(folder.path(), 8, JournalMode::Fresh)
+                .unwrap()
+                .1
+                .is_empty()
+        );
+        assert!(
+            open(folder.path(), 8, JournalMode::Resume)
+                .unwrap()
+                .1
+                .is_empty()
+        );
     }
 
     #[test]
     fn a_journal_killed_in_its_first_line_begins_anew() {
         let folder = tempfile::tempdir().unwrap();
         fs::write(folder.path().join(JOURNAL), b"{\"experiment_jour").unwrap();
-        open(folder.path(), 7, Mode::Any)
+        open(folder.path(), 7, JournalMode::Any)
             .unwrap()
             .0
             .record(&row(4))
             .unwrap();
-        assert_eq!(open(folder.path(), 7, Mode::Any).unwrap().1, [row(4)]);
+        assert_eq!(
+            open(folder.path(), 7, JournalMode::Any).unwrap().1,
+            [row(4)]
+        );
     }
 
     #[test]
@@ -277,14 +294,14 @@ mod tests {
         for content in ["my diary\n", "\u{0}\u{1}\n"] {
             fs::write(&path, content).unwrap();
             assert!(
-                open(folder.path(), 7, Mode::Any)
+                open(folder.path(), 7, JournalMode::Any)
                     .unwrap_err()
                     .to_string()
                     .contains("is no journal")
             );
             assert_eq!(fs::read_to_string(&path).unwrap(), content);
         }
-        let resumed = open(&folder.path().join("none"), 7, Mode::Resume).unwrap_err();
+        let resumed = open(&folder.path().join("none"), 7, JournalMode::Resume).unwrap_err();
         assert!(
             resumed.to_string().contains("leave out --resume"),
             "{resumed}"
@@ -295,20 +312,20 @@ mod tests {
     #[test]
     fn a_damaged_line_is_named() {
         let folder = tempfile::tempdir().unwrap();
-        let (mut journal, _) = open(folder.path(), 7, Mode::Any).unwrap();
+        let (mut journal, _) = open(folder.path(), 7, JournalMode::Any).unwrap();
         journal.file.write_all(b"{\"run\":\n").unwrap();
         drop(journal);
         assert!(
-            open(folder.path(), 7, Mode::Any)
+            open(folder.path(), 7, JournalMode::Any)
                 .unwrap_err()
                 .to_string()
                 .contains(":2: is damaged")
         );
-        let (mut journal, _) = open(folder.path(), 7, Mode::Fresh).unwrap();
+        let (mut journal, _) = open(folder.path(), 7, JournalMode::Fresh).unwrap();
         journal.record(&row(10)).unwrap();
         drop(journal);
         assert!(
-            open(folder.path(), 7, Mode::Any)
+            open(folder.path(), 7, JournalMode::Any)
                 .unwrap_err()
                 .to_string()
                 .contains("does not have")
@@ -318,9 +335,9 @@ mod tests {
     #[test]
     fn two_at_a_time_are_refused() {
         let folder = tempfile::tempdir().unwrap();
-        let held = open(folder.path(), 7, Mode::Any).unwrap();
+        let held = open(folder.path(), 7, JournalMode::Any).unwrap();
         assert!(
-            open(folder.path(), 7, Mode::Fresh)
+            open(folder.path(), 7, JournalMode::Fresh)
                 .unwrap_err()
                 .to_string()
                 .contains("another program")

@@ -9,12 +9,12 @@ use crate::geom::Point;
 use crate::node::mission;
 use crate::scene::Person;
 use crate::sim::visible;
-use crate::sim::{Mission, Outcome, SLICE, Seen, log};
+use crate::sim::{EndedMission, RunOutcome, SLICE, VisibleScene, log};
 
 /// How a run ended.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub(super) enum End {
+pub(super) enum RowEnd {
     /// As its file expects.
     Finished,
     /// In another way.
@@ -25,25 +25,25 @@ pub(super) enum End {
     Fault,
 }
 
-impl End {
+impl RowEnd {
     /// Returns the word for it.
     pub(super) fn word(self) -> &'static str {
         match self {
-            End::Finished => "finished",
-            End::Failed => "failed",
-            End::Refused => "refused",
-            End::Fault => "fault",
+            RowEnd::Finished => "finished",
+            RowEnd::Failed => "failed",
+            RowEnd::Refused => "refused",
+            RowEnd::Fault => "fault",
         }
     }
 }
 
 /// What a run gave.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-pub(super) struct Row {
+pub(super) struct RunRow {
     /// Its number in the grid, from 0.
     pub(super) run: usize,
     /// How it ended.
-    pub(super) end: End,
+    pub(super) end: RowEnd,
     /// Why it did not finish; empty when it did.
     pub(super) why: String,
     /// How the mission ended, of the vehicle with the worst end; empty for a sweep.
@@ -74,10 +74,10 @@ pub(super) struct Row {
     pub(super) log_hash: String,
 }
 
-impl Row {
+impl RunRow {
     /// Makes the row of a run that came to no outcome.
-    pub(super) fn without_figures(run: usize, end: End, why: String) -> Row {
-        Row {
+    pub(super) fn without_figures(run: usize, end: RowEnd, why: String) -> RunRow {
+        RunRow {
             run,
             end,
             why,
@@ -98,15 +98,15 @@ impl Row {
     }
 
     /// Takes the figures of an outcome.
-    pub(super) fn of(run: usize, outcome: &Outcome, seen: &Seen) -> Row {
+    pub(super) fn of(run: usize, outcome: &RunOutcome, seen: &VisibleScene) -> RunRow {
         let tracks = || outcome.tracks.iter().map(|(_, track)| track.as_slice());
         let route = seen.visible.along(&seen.scene, &seen.sight, tracks());
-        Row {
+        RunRow {
             run,
             end: if outcome.finished {
-                End::Finished
+                RowEnd::Finished
             } else {
-                End::Failed
+                RowEnd::Failed
             },
             why: outcome.failure.clone().unwrap_or_default(),
             mission: worst_of(&outcome.missions),
@@ -196,13 +196,17 @@ pub(super) const ENDS: [&str; 6] = [
 ];
 
 /// Returns the word for the worst end of all vehicles' missions; nothing when none has ended.
-fn worst_of(missions: &[Mission]) -> String {
-    let rank = |(_, end): &Mission| match end.as_ref().map(|(_, end)| end) {
-        Some(mission::End::Done) => 0,
-        Some(mission::End::Stopped(_)) => 1,
-        Some(mission::End::NoWay(_)) => 2,
-        Some(mission::End::GaveUp(_) | mission::End::NoRoom | mission::End::TooLarge) => 3,
-        Some(mission::End::Refused(_)) => 4,
+fn worst_of(missions: &[EndedMission]) -> String {
+    let rank = |(_, end): &EndedMission| match end.as_ref().map(|(_, end)| end) {
+        Some(mission::EndReason::Done) => 0,
+        Some(mission::EndReason::Stopped(_)) => 1,
+        Some(mission::EndReason::NoWay(_)) => 2,
+        Some(
+            mission::EndReason::GaveUp(_)
+            | mission::EndReason::NoRoom
+            | mission::EndReason::TooLarge,
+        ) => 3,
+        Some(mission::EndReason::Refused(_)) => 4,
         None => 5,
     };
     if missions.iter().all(|(_, end)| end.is_none()) {
@@ -212,7 +216,7 @@ fn worst_of(missions: &[Mission]) -> String {
     ENDS.get(worst).copied().unwrap_or_default().to_owned()
 }
 
-fn last_of(missions: &[Mission]) -> f64 {
+fn last_of(missions: &[EndedMission]) -> f64 {
     missions
         .iter()
         .filter_map(|(_, end)| Some(end.as_ref()?.0.as_secs_f64()))
@@ -248,7 +252,7 @@ fn quoted(text: &str) -> String {
 }
 
 /// Returns all runs as CSV, a row each; `rows` are in grid order.
-pub(super) fn csv(experiment: &Experiment, rows: &[Row]) -> String {
+pub(super) fn csv(experiment: &Experiment, rows: &[RunRow]) -> String {
     let axes = Axis::ALL.map(Axis::word).join(",");
     let mut text = format!("run,{axes},{}\n", FIELDS.join(","));
     for row in rows {

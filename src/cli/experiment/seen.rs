@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use crate::config::{Axis, Experiment};
-use crate::sim::{Scenario, ScenarioError, Seen};
+use crate::sim::{Scenario, ScenarioError, VisibleScene};
 
-type Kept = Arc<OnceLock<Result<Arc<Seen>, ScenarioError>>>;
+type Kept = Arc<OnceLock<Result<Arc<VisibleScene>, ScenarioError>>>;
 
 /// What has been found so far, by the values of all axes that it depends on.
 #[derive(Default)]
@@ -24,7 +24,7 @@ impl Cache {
         experiment: &Experiment,
         run: usize,
         scenario: &Scenario,
-    ) -> Result<Arc<Seen>, ScenarioError> {
+    ) -> Result<Arc<VisibleScene>, ScenarioError> {
         let matters = |axis: &Axis| !matches!(axis, Axis::Mission | Axis::Seed);
         let key = Axis::ALL
             .iter()
@@ -37,7 +37,7 @@ impl Cache {
             .entry(key.collect())
             .or_default()
             .clone();
-        kept.get_or_init(|| Seen::find(scenario).map(Arc::new))
+        kept.get_or_init(|| VisibleScene::find(scenario).map(Arc::new))
             .clone()
     }
 }

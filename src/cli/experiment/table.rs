@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use super::row::{ENDS, End, Row};
+use super::row::{ENDS, RowEnd, RunRow};
 use crate::config::{Axis, Experiment};
 
 /// Reasons that are shown of a group.
@@ -35,7 +35,7 @@ contact, with a command over the fence.
 ";
 
 /// Returns the table of some runs in grid order, grouped by axes.
-pub(super) fn text(experiment: &Experiment, rows: &[Row], by: &[Axis]) -> String {
+pub(super) fn text(experiment: &Experiment, rows: &[RunRow], by: &[Axis]) -> String {
     let groups = grouped(experiment, rows, by);
     let head: Vec<String> = by
         .iter()
@@ -68,10 +68,10 @@ pub(super) fn text(experiment: &Experiment, rows: &[Row], by: &[Axis]) -> String
 /// Sorts runs into groups, in the order in which they come in the grid.
 fn grouped<'a>(
     experiment: &Experiment,
-    rows: &'a [Row],
+    rows: &'a [RunRow],
     by: &[Axis],
-) -> Vec<(Vec<String>, Vec<&'a Row>)> {
-    let mut groups: BTreeMap<Vec<usize>, (Vec<String>, Vec<&Row>)> = BTreeMap::new();
+) -> Vec<(Vec<String>, Vec<&'a RunRow>)> {
+    let mut groups: BTreeMap<Vec<usize>, (Vec<String>, Vec<&RunRow>)> = BTreeMap::new();
     for row in rows {
         let names: Vec<String> = by
             .iter()
@@ -97,23 +97,24 @@ fn grouped<'a>(
     groups.into_values().collect()
 }
 
-fn line(names: &[String], rows: &[&Row]) -> Vec<String> {
-    let count = |is: fn(&Row) -> bool| rows.iter().filter(|row| is(row)).count().to_string();
-    let figures: Vec<&Row> = rows
+fn line(names: &[String], rows: &[&RunRow]) -> Vec<String> {
+    let count = |is: fn(&RunRow) -> bool| rows.iter().filter(|row| is(row)).count().to_string();
+    let figures: Vec<&RunRow> = rows
         .iter()
         .copied()
         .filter(|row| has_figures(row))
         .collect();
-    let all = |value: fn(&Row) -> Option<f64>| figures.iter().filter_map(move |row| value(row));
-    let mean = |value: fn(&Row) -> Option<f64>, digits: usize| shown(mean_of(all(value)), digits);
-    let least = |value: fn(&Row) -> Option<f64>, digits: usize| {
+    let all = |value: fn(&RunRow) -> Option<f64>| figures.iter().filter_map(move |row| value(row));
+    let mean =
+        |value: fn(&RunRow) -> Option<f64>, digits: usize| shown(mean_of(all(value)), digits);
+    let least = |value: fn(&RunRow) -> Option<f64>, digits: usize| {
         shown(all(value).min_by(f64::total_cmp), digits)
     };
-    let seen = |row: &Row| row.share().map(|share| 100.0 * share);
-    let route = |row: &Row| row.route_share().map(|share| 100.0 * share);
+    let seen = |row: &RunRow| row.share().map(|share| 100.0 * share);
+    let route = |row: &RunRow| row.route_share().map(|share| 100.0 * share);
     let rest = [
         rows.len().to_string(),
-        count(|row| row.end == End::Finished),
+        count(|row| row.end == RowEnd::Finished),
         ends(rows),
         count(|row| row.collisions > 0),
         mean(|row| Some(row.simulated_s), 0),
@@ -131,7 +132,7 @@ fn line(names: &[String], rows: &[&Row]) -> Vec<String> {
 }
 
 /// Counts how missions ended, best first: "4 done + 1 no way".
-fn ends(rows: &[&Row]) -> String {
+fn ends(rows: &[&RunRow]) -> String {
     let count = |word: &str| rows.iter().filter(|row| row.mission == word).count();
     let counted = ENDS
         .iter()
@@ -147,10 +148,10 @@ fn ends(rows: &[&Row]) -> String {
     }
 }
 
-fn has_figures(row: &Row) -> bool {
+fn has_figures(row: &RunRow) -> bool {
     match row.end {
-        End::Finished | End::Failed => true,
-        End::Refused | End::Fault => false,
+        RowEnd::Finished | RowEnd::Failed => true,
+        RowEnd::Refused | RowEnd::Fault => false,
     }
 }
 
@@ -166,7 +167,7 @@ fn shown(value: Option<f64>, digits: usize) -> String {
 }
 
 /// Counts why runs did not finish, the most frequent reasons first.
-fn reasons<'a>(rows: &[&'a Row]) -> Vec<(&'a str, usize)> {
+fn reasons<'a>(rows: &[&'a RunRow]) -> Vec<(&'a str, usize)> {
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     for row in rows.iter().filter(|row| !row.why.is_empty()) {
         *counts.entry(&row.why).or_default() += 1;
@@ -216,13 +217,13 @@ mod tests {
     const GRID: &str = "kind = \"experiment\"\nname = \"trial\"\nsim = \"a.sim.toml\"\nseeds = 2\n\
         [[mission]]\nname = \"zoo\"\nkind = \"search\"\n[[mission]]\nname = \"ant\"\nkind = \"square\"\n";
 
-    fn row(run: usize, simulated_s: f64, why: &str) -> Row {
+    fn row(run: usize, simulated_s: f64, why: &str) -> RunRow {
         let end = if why.is_empty() {
-            End::Finished
+            RowEnd::Finished
         } else {
-            End::Failed
+            RowEnd::Failed
         };
-        let mut row = Row::without_figures(run, end, why.to_owned());
+        let mut row = RunRow::without_figures(run, end, why.to_owned());
         (row.simulated_s, row.visible_cells, row.detected_cells) = (simulated_s, 10, 5 + run);
         row
     }
@@ -261,7 +262,7 @@ mod tests {
         let experiment = read_experiment("e.toml", GRID).unwrap();
         let rows = [
             row(0, 10.0, ""),
-            Row::without_figures(1, End::Refused, "no room".to_owned()),
+            RunRow::without_figures(1, RowEnd::Refused, "no room".to_owned()),
         ];
         let text = text(&experiment, &rows, &[Axis::Mission, Axis::Seed]);
         let whole = self::text(&experiment, &rows, &[Axis::Mission]);

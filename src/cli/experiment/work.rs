@@ -6,23 +6,23 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::{Sender, channel};
 
-use super::grid::Grid;
-use super::row::{End, Row};
+use super::grid::ExperimentGrid;
+use super::row::{RowEnd, RunRow};
 use super::seen::Cache;
 use crate::cli::error::CliError;
-use crate::cli::stop::Stop;
-use crate::sim::{RunError, Shown};
+use crate::cli::stop::StopFlag;
+use crate::sim::{RunError, RunView};
 
 /// Keeps a row, of all rows so far the last.
-pub(super) type Keep<'a> = dyn FnMut(&Row, &[Row]) -> Result<(), CliError> + 'a;
+pub(super) type Keep<'a> = dyn FnMut(&RunRow, &[RunRow]) -> Result<(), CliError> + 'a;
 
 /// What all threads share.
 struct Shared<'a> {
-    grid: &'a Grid,
+    grid: &'a ExperimentGrid,
     left: &'a [usize],
     next: AtomicUsize,
     seen: Cache,
-    stop: &'a Stop,
+    stop: &'a StopFlag,
     /// Results cannot be kept any more.
     halt: AtomicBool,
 }
@@ -33,10 +33,10 @@ struct Shared<'a> {
 /// # Errors
 /// What `keep` says.
 pub(super) fn run_rest(
-    grid: &Grid,
+    grid: &ExperimentGrid,
     threads: usize,
-    stop: &Stop,
-    rows: &mut Vec<Row>,
+    stop: &StopFlag,
+    rows: &mut Vec<RunRow>,
     keep: &mut Keep<'_>,
 ) -> Result<(), CliError> {
     let done: BTreeSet<usize> = rows.iter().map(|row| row.run).collect();
@@ -69,16 +69,16 @@ pub(super) fn run_rest(
 }
 
 /// Takes one run after the other.
-fn work(shared: &Shared<'_>, sender: &Sender<Row>) {
+fn work(shared: &Shared<'_>, sender: &Sender<RunRow>) {
     while let Some(run) = shared.left.get(shared.next.fetch_add(1, Ordering::Relaxed)) {
         if shared.is_over() {
             return;
         }
         let row = catch_unwind(AssertUnwindSafe(|| shared.run_one(*run)));
         let row = row.unwrap_or_else(|_| {
-            Some(Row::without_figures(
+            Some(RunRow::without_figures(
                 *run,
-                End::Fault,
+                RowEnd::Fault,
                 "the program panicked".to_owned(),
             ))
         });
@@ -96,8 +96,8 @@ impl Shared<'_> {
     }
 
     /// Runs one; `None` when it was asked to stop before the end.
-    fn run_one(&self, run: usize) -> Option<Row> {
-        let refused = |reason: String| Some(Row::without_figures(run, End::Refused, reason));
+    fn run_one(&self, run: usize) -> Option<RunRow> {
+        let refused = |reason: String| Some(RunRow::without_figures(run, RowEnd::Refused, reason));
         let scenario = match self.grid.scenario(run) {
             Ok(scenario) => scenario,
             Err(error) => return refused(error.to_string()),
@@ -107,7 +107,7 @@ impl Shared<'_> {
             Err(error) => return refused(error.to_string()),
         };
         let mut is_stopped = false;
-        let mut watch = |_: &Shown<'_>| {
+        let mut watch = |_: &RunView<'_>| {
             is_stopped = self.is_over();
             !is_stopped
         };
@@ -116,11 +116,13 @@ impl Shared<'_> {
             return None;
         }
         Some(match outcome {
-            Ok(outcome) => Row::of(run, &outcome, &seen),
+            Ok(outcome) => RunRow::of(run, &outcome, &seen),
             Err(RunError::Scenario(error)) => {
-                Row::without_figures(run, End::Refused, error.to_string())
+                RunRow::without_figures(run, RowEnd::Refused, error.to_string())
             }
-            Err(RunError::Fault(fault)) => Row::without_figures(run, End::Fault, fault.to_string()),
+            Err(RunError::Fault(fault)) => {
+                RunRow::without_figures(run, RowEnd::Fault, fault.to_string())
+            }
         })
     }
 }

@@ -90,13 +90,13 @@ fn vehicles() -> Vec<Drawn> {
     ]
 }
 
-fn frame(columns: usize, rows: usize) -> Option<Frame> {
+fn frame(columns: usize, rows: usize) -> Option<RunFrame> {
     let line = "lap 1/2  3.0 min simulated".to_owned();
-    Frame::new(&venue(), &map(), &vehicles(), line, Size { columns, rows })
+    RunFrame::new(&venue(), &map(), &vehicles(), line, Size { columns, rows })
 }
 
 /// The pixels, and the letters of the vehicles in the upper of their two.
-fn drawn(frame: &Frame) -> Vec<String> {
+fn drawn(frame: &RunFrame) -> Vec<String> {
     let letter = |index: usize, pixel: &Pixel| {
         let (row, column) = (index / frame.columns, index % frame.columns);
         let vehicle = frame

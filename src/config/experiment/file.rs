@@ -6,10 +6,10 @@ use std::ops::RangeInclusive;
 use toml::de::DeValue;
 
 use crate::config::forms::{FileName, Name};
-use crate::config::keys::{Entry, Form, Keyed, Keys, List, Others, Rowed, quoted, written_list};
+use crate::config::keys::{Form, KeyEntry, Keyed, Keys, List, Others, Rowed, quoted, written_list};
 use crate::config::overlay::Layer;
 use crate::config::section::{Section, number_of, whole_of};
-use crate::config::source::Class;
+use crate::config::source::ProblemClass;
 use crate::config::vehicle::PARTY;
 
 use super::{CELLS, MOST_RUNS, SAFETY, SIZES};
@@ -94,7 +94,7 @@ impl ExperimentFile {
             if self.sim_of(row).is_none() {
                 let rule = "the name of a simulation file is needed, here or for all";
                 root.source.note(
-                    Class::Keys,
+                    ProblemClass::Keys,
                     row.line,
                     &format!("scene[{index}].sim"),
                     "",
@@ -156,7 +156,7 @@ impl Keyed for ExperimentFile {
         };
         to.form(
             &mut plain,
-            Entry {
+            KeyEntry {
                 name: "name",
                 left_out: "experiment",
                 means,
@@ -171,7 +171,7 @@ impl Keyed for ExperimentFile {
                 name: sim,
                 needed: None,
             },
-            Entry {
+            KeyEntry {
                 name: "sim",
                 left_out,
                 means,
@@ -180,7 +180,7 @@ impl Keyed for ExperimentFile {
         let mut numbers = |values, name, allowed, left_out, means| {
             to.form(
                 &mut Values { values, allowed },
-                Entry {
+                KeyEntry {
                     name,
                     left_out,
                     means,
@@ -207,7 +207,7 @@ impl Keyed for ExperimentFile {
         let means = "axis: `vehicles.count`";
         to.form(
             &mut counts,
-            Entry {
+            KeyEntry {
                 name: "vehicles",
                 left_out: "the file's",
                 means,
@@ -216,7 +216,7 @@ impl Keyed for ExperimentFile {
         let means = "axis: a number n (seeds 1 to n) or a list";
         to.form(
             seeds,
-            Entry {
+            KeyEntry {
                 name: "seeds",
                 left_out: "the file's",
                 means,
@@ -225,7 +225,7 @@ impl Keyed for ExperimentFile {
         let means = "laid over every simulation";
         to.table(
             with,
-            Entry {
+            KeyEntry {
                 name: "with",
                 left_out: "",
                 means,
@@ -302,7 +302,7 @@ impl Variant {
         };
         to.form(
             &mut named,
-            Entry {
+            KeyEntry {
                 name: "name",
                 left_out,
                 means: "a plain name",
@@ -340,7 +340,7 @@ impl SceneRow {
         let left_out = "the file's, up to the first dot";
         to.form(
             &mut named,
-            Entry {
+            KeyEntry {
                 name: "name",
                 left_out,
                 means: "a plain name",
@@ -353,7 +353,7 @@ impl SceneRow {
                 name: sim,
                 needed: None,
             },
-            Entry {
+            KeyEntry {
                 name: "sim",
                 left_out,
                 means,
@@ -362,7 +362,7 @@ impl SceneRow {
         let means = "a scene in place of the simulation's";
         to.form(
             &mut OtherFile(scene),
-            Entry {
+            KeyEntry {
                 name: "scene",
                 left_out: "",
                 means,
@@ -371,7 +371,7 @@ impl SceneRow {
         let means = "a venue in place of the simulation's";
         to.form(
             &mut OtherFile(venue),
-            Entry {
+            KeyEntry {
                 name: "venue",
                 left_out: "",
                 means,
@@ -379,7 +379,7 @@ impl SceneRow {
         );
         to.table(
             with,
-            Entry {
+            KeyEntry {
                 name: "with",
                 left_out: "",
                 means: "laid over this simulation",
@@ -388,7 +388,7 @@ impl SceneRow {
         let means = "laid over `[mission]` for the mission of this name only";
         to.named_tables(
             missions,
-            Entry {
+            KeyEntry {
                 name: "mission",
                 left_out: "",
                 means,
@@ -554,7 +554,7 @@ fn read_values<T: Value>(
         match T::of(entry.get_ref()).filter(|value| allowed.contains(value)) {
             Some(value) => values.push(Given { value, line }),
             None => source.note(
-                Class::Value,
+                ProblemClass::Value,
                 line,
                 key,
                 &source.shown(entry),

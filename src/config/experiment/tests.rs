@@ -8,12 +8,12 @@ use tomoswarm_proto::TaskKind;
 
 use super::*;
 use crate::config::keys::{
-    Bounds, Entry, Flag, Form, MaybeTable, NamedTables, Number, Numbers, Others, Rowed, Rows,
-    Whole, Word, Words,
+    Flag, Form, KeyEntry, MaybeTable, NamedTables, Number, NumberBounds, Numbers, Others, Rowed,
+    Rows, Whole, Word, Words,
 };
 use crate::config::overlay::FILES;
 use crate::config::sim::SimTable;
-use crate::config::task::Mission;
+use crate::config::task::MissionTable;
 use crate::config::vehicle::SWARM;
 use crate::config::{Config, bundled, read_experiment};
 use crate::geom::Point;
@@ -321,13 +321,13 @@ struct Files(BTreeSet<&'static str>);
 impl Keys for Files {
     fn number(&mut self, _: &mut f64, _: Number) {}
 
-    fn maybe_number(&mut self, _: &mut Option<f64>, _: Bounds<f64>) {}
+    fn maybe_number(&mut self, _: &mut Option<f64>, _: NumberBounds<f64>) {}
 
-    fn needed_number(&mut self, _: &mut f64, _: Bounds<f64>) {}
+    fn needed_number(&mut self, _: &mut f64, _: NumberBounds<f64>) {}
 
     fn whole(&mut self, _: &mut usize, _: Whole) {}
 
-    fn maybe_whole(&mut self, _: &mut Option<usize>, _: Bounds<usize>) {}
+    fn maybe_whole(&mut self, _: &mut Option<usize>, _: NumberBounds<usize>) {}
 
     fn flag(&mut self, _: &mut bool, _: Flag) {}
 
@@ -335,7 +335,7 @@ impl Keys for Files {
 
     fn numbers(&mut self, _: &mut Vec<f64>, _: Numbers) {}
 
-    fn form(&mut self, value: &mut dyn Form, key: Entry) {
+    fn form(&mut self, value: &mut dyn Form, key: KeyEntry) {
         let text = format!("{} = \"named\"", key.name);
         let source = Source::new("folder/file", &text);
         let tree = source.parse();
@@ -347,17 +347,17 @@ impl Keys for Files {
 
     fn moved(&mut self, _: &'static str, _: &'static str) {}
 
-    fn table(&mut self, value: &mut dyn Keyed, _: Entry) {
+    fn table(&mut self, value: &mut dyn Keyed, _: KeyEntry) {
         value.keys(self);
     }
 
-    fn maybe_table(&mut self, value: &mut dyn MaybeTable, _: Entry) {
+    fn maybe_table(&mut self, value: &mut dyn MaybeTable, _: KeyEntry) {
         value.fill().keys(self);
     }
 
     fn rows(&mut self, _: &mut dyn Rows, _: Rowed) {}
 
-    fn named_tables(&mut self, _: &mut dyn NamedTables, _: Entry) {}
+    fn named_tables(&mut self, _: &mut dyn NamedTables, _: KeyEntry) {}
 
     fn others(&mut self, _: &mut Layer, _: Others) {}
 }
@@ -372,7 +372,7 @@ fn the_files_that_may_be_laid_over_are_those_that_the_keys_declare() {
         asked: None,
     }
     .keys(&mut files);
-    Mission::each().for_each(|(_, mut mission)| mission.keys(&mut files));
+    MissionTable::each().for_each(|(_, mut mission)| mission.keys(&mut files));
     // A simulation opens its venue and its scene before it shows its keys.
     files.0.extend(["venue", "scene"]);
     assert_eq!(files.0, FILES.iter().copied().collect());

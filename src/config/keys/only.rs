@@ -3,8 +3,8 @@
 
 use super::super::overlay::Layer;
 use super::{
-    Bounds, Entry, Flag, Form, Keyed, Keys, MaybeTable, NamedTables, Number, Numbers, Others,
-    Rowed, Rows, Whole, Word, Words,
+    Flag, Form, KeyEntry, Keyed, Keys, MaybeTable, NamedTables, Number, NumberBounds, Numbers,
+    Others, Rowed, Rows, Whole, Word, Words,
 };
 
 /// Passes on the keys of some names, each with its present value as its default.
@@ -29,7 +29,7 @@ impl Keys for Only<'_> {
         }
     }
 
-    fn maybe_number(&mut self, value: &mut Option<f64>, key: Bounds<f64>) {
+    fn maybe_number(&mut self, value: &mut Option<f64>, key: NumberBounds<f64>) {
         if self.has(key.name) {
             let before = *value;
             self.to.maybe_number(value, key);
@@ -37,9 +37,9 @@ impl Keys for Only<'_> {
         }
     }
 
-    fn needed_number(&mut self, value: &mut f64, key: Bounds<f64>) {
+    fn needed_number(&mut self, value: &mut f64, key: NumberBounds<f64>) {
         if self.has(key.name) {
-            let Bounds {
+            let NumberBounds {
                 name,
                 left_out: _,
                 allowed,
@@ -65,7 +65,7 @@ impl Keys for Only<'_> {
         }
     }
 
-    fn maybe_whole(&mut self, value: &mut Option<usize>, key: Bounds<usize>) {
+    fn maybe_whole(&mut self, value: &mut Option<usize>, key: NumberBounds<usize>) {
         if self.has(key.name) {
             let before = *value;
             self.to.maybe_whole(value, key);
@@ -89,17 +89,17 @@ impl Keys for Only<'_> {
 
     fn numbers(&mut self, _: &mut Vec<f64>, _: Numbers) {}
 
-    fn form(&mut self, _: &mut dyn Form, _: Entry) {}
+    fn form(&mut self, _: &mut dyn Form, _: KeyEntry) {}
 
     fn moved(&mut self, _: &'static str, _: &'static str) {}
 
-    fn table(&mut self, _: &mut dyn Keyed, _: Entry) {}
+    fn table(&mut self, _: &mut dyn Keyed, _: KeyEntry) {}
 
-    fn maybe_table(&mut self, _: &mut dyn MaybeTable, _: Entry) {}
+    fn maybe_table(&mut self, _: &mut dyn MaybeTable, _: KeyEntry) {}
 
     fn rows(&mut self, _: &mut dyn Rows, _: Rowed) {}
 
-    fn named_tables(&mut self, _: &mut dyn NamedTables, _: Entry) {}
+    fn named_tables(&mut self, _: &mut dyn NamedTables, _: KeyEntry) {}
 
     fn others(&mut self, _: &mut Layer, _: Others) {}
 }

@@ -5,8 +5,8 @@ use super::super::overlay::Layer;
 use super::super::section::Section;
 use super::super::source::Source;
 use super::{
-    Bounds, Entry, Flag, Form, Keyed, Keys, MaybeTable, NamedTables, Number, Numbers, Others,
-    Rowed, Rows, Whole, Word, Words,
+    Flag, Form, KeyEntry, Keyed, Keys, MaybeTable, NamedTables, Number, NumberBounds, Numbers,
+    Others, Rowed, Rows, Whole, Word, Words,
 };
 
 /// Reads a whole table: a key that was not shown is refused.
@@ -37,11 +37,11 @@ impl Keys for Reader<'_, '_> {
         *value = self.section.number(key.name, key.default, key.allowed);
     }
 
-    fn maybe_number(&mut self, value: &mut Option<f64>, key: Bounds<f64>) {
+    fn maybe_number(&mut self, value: &mut Option<f64>, key: NumberBounds<f64>) {
         *value = self.section.optional_number(key.name, key.allowed);
     }
 
-    fn needed_number(&mut self, value: &mut f64, key: Bounds<f64>) {
+    fn needed_number(&mut self, value: &mut f64, key: NumberBounds<f64>) {
         *value = self.section.required_number(key.name, key.allowed);
     }
 
@@ -49,7 +49,7 @@ impl Keys for Reader<'_, '_> {
         *value = self.section.whole(key.name, key.default, key.allowed);
     }
 
-    fn maybe_whole(&mut self, value: &mut Option<usize>, key: Bounds<usize>) {
+    fn maybe_whole(&mut self, value: &mut Option<usize>, key: NumberBounds<usize>) {
         let least = *key.allowed.start();
         let is_given = self.section.has(key.name);
         *value = is_given.then(|| self.section.whole(key.name, least, key.allowed));
@@ -82,7 +82,7 @@ impl Keys for Reader<'_, '_> {
             .numbers(key.name, key.default, key.count, key.allowed);
     }
 
-    fn form(&mut self, value: &mut dyn Form, key: Entry) {
+    fn form(&mut self, value: &mut dyn Form, key: KeyEntry) {
         value.read(self.section, key.name);
     }
 
@@ -90,11 +90,11 @@ impl Keys for Reader<'_, '_> {
         self.section.refuse_moved(name, place);
     }
 
-    fn table(&mut self, value: &mut dyn Keyed, key: Entry) {
+    fn table(&mut self, value: &mut dyn Keyed, key: KeyEntry) {
         read_table(value, &self.section.section(key.name));
     }
 
-    fn maybe_table(&mut self, value: &mut dyn MaybeTable, key: Entry) {
+    fn maybe_table(&mut self, value: &mut dyn MaybeTable, key: KeyEntry) {
         if let Some(section) = self.section.optional_section(key.name) {
             read_table(value.fill(), &section);
         }
@@ -109,7 +109,7 @@ impl Keys for Reader<'_, '_> {
         }
     }
 
-    fn named_tables(&mut self, value: &mut dyn NamedTables, key: Entry) {
+    fn named_tables(&mut self, value: &mut dyn NamedTables, key: KeyEntry) {
         for (name, section) in self.section.entries(key.name) {
             read_table(value.named(&name), &section);
         }

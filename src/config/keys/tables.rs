@@ -4,8 +4,8 @@ use super::super::overlay::Layer;
 use super::unit::unit;
 use super::writer::{list, number};
 use super::{
-    Bounds, Entry, Flag, Form, Keyed, Keys, MaybeTable, NamedTables, Number, Numbers, Others,
-    Rowed, Rows, Whole, Word, Words,
+    Flag, Form, KeyEntry, Keyed, Keys, MaybeTable, NamedTables, Number, NumberBounds, Numbers,
+    Others, Rowed, Rows, Whole, Word, Words,
 };
 
 const HEAD: &str = "| key | default | allowed | meaning |\n| --- | --- | --- | --- |\n";
@@ -155,12 +155,12 @@ impl Keys for Tables {
         self.span(key.name, &short(key.default), span, key.means);
     }
 
-    fn maybe_number(&mut self, _: &mut Option<f64>, key: Bounds<f64>) {
+    fn maybe_number(&mut self, _: &mut Option<f64>, key: NumberBounds<f64>) {
         let span = (short(*key.allowed.start()), short(*key.allowed.end()));
         self.span(key.name, key.left_out, span, key.means);
     }
 
-    fn needed_number(&mut self, _: &mut f64, key: Bounds<f64>) {
+    fn needed_number(&mut self, _: &mut f64, key: NumberBounds<f64>) {
         let span = (short(*key.allowed.start()), short(*key.allowed.end()));
         self.span(key.name, key.left_out, span, key.means);
     }
@@ -173,7 +173,7 @@ impl Keys for Tables {
         self.span(key.name, &key.default.to_string(), span, key.means);
     }
 
-    fn maybe_whole(&mut self, _: &mut Option<usize>, key: Bounds<usize>) {
+    fn maybe_whole(&mut self, _: &mut Option<usize>, key: NumberBounds<usize>) {
         let span = (
             key.allowed.start().to_string(),
             key.allowed.end().to_string(),
@@ -211,13 +211,13 @@ impl Keys for Tables {
         );
     }
 
-    fn form(&mut self, value: &mut dyn Form, key: Entry) {
+    fn form(&mut self, value: &mut dyn Form, key: KeyEntry) {
         self.row(key.name, key.left_out, &value.allowed(), key.means);
     }
 
     fn moved(&mut self, _: &'static str, _: &'static str) {}
 
-    fn table(&mut self, value: &mut dyn Keyed, key: Entry) {
+    fn table(&mut self, value: &mut dyn Keyed, key: KeyEntry) {
         let name = format!("{}{}", self.prefix, key.name);
         let about = (key.left_out, key.means);
         self.under(&name, &format!("[{name}]"), about, &mut |inner| {
@@ -225,7 +225,7 @@ impl Keys for Tables {
         });
     }
 
-    fn maybe_table(&mut self, value: &mut dyn MaybeTable, key: Entry) {
+    fn maybe_table(&mut self, value: &mut dyn MaybeTable, key: KeyEntry) {
         self.table(value.fill(), key);
     }
 
@@ -242,7 +242,7 @@ impl Keys for Tables {
         );
     }
 
-    fn named_tables(&mut self, value: &mut dyn NamedTables, key: Entry) {
+    fn named_tables(&mut self, value: &mut dyn NamedTables, key: KeyEntry) {
         let (left_out, means) = (key.left_out, key.means);
         let name = format!("{}{}.NAME", self.prefix, key.name);
         let table = value.named("NAME");

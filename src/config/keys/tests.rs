@@ -82,13 +82,13 @@ impl Keys for Draw {
         }
     }
 
-    fn maybe_number(&mut self, value: &mut Option<f64>, key: Bounds<f64>) {
+    fn maybe_number(&mut self, value: &mut Option<f64>, key: NumberBounds<f64>) {
         if value.is_some() && self.takes(key.name) {
             *value = value.map(|value| self.within(value, &key.allowed));
         }
     }
 
-    fn needed_number(&mut self, value: &mut f64, key: Bounds<f64>) {
+    fn needed_number(&mut self, value: &mut f64, key: NumberBounds<f64>) {
         if self.takes(key.name) {
             *value = self.within(*value, &key.allowed);
         }
@@ -100,7 +100,7 @@ impl Keys for Draw {
         }
     }
 
-    fn maybe_whole(&mut self, value: &mut Option<usize>, key: Bounds<usize>) {
+    fn maybe_whole(&mut self, value: &mut Option<usize>, key: NumberBounds<usize>) {
         if self.takes(key.name) {
             let whole = self.whole_within(&key.allowed);
             *value = self.next().is_multiple_of(2).then_some(whole);
@@ -128,15 +128,15 @@ impl Keys for Draw {
         }
     }
 
-    fn form(&mut self, _: &mut dyn Form, _: Entry) {}
+    fn form(&mut self, _: &mut dyn Form, _: KeyEntry) {}
 
     fn moved(&mut self, _: &'static str, _: &'static str) {}
 
-    fn table(&mut self, value: &mut dyn Keyed, key: Entry) {
+    fn table(&mut self, value: &mut dyn Keyed, key: KeyEntry) {
         self.inside(key.name, &mut |inner| value.keys(inner));
     }
 
-    fn maybe_table(&mut self, value: &mut dyn MaybeTable, key: Entry) {
+    fn maybe_table(&mut self, value: &mut dyn MaybeTable, key: KeyEntry) {
         if let Some(table) = value.get() {
             self.inside(key.name, &mut |inner| table.keys(inner));
         }
@@ -148,7 +148,7 @@ impl Keys for Draw {
         }
     }
 
-    fn named_tables(&mut self, value: &mut dyn NamedTables, key: Entry) {
+    fn named_tables(&mut self, value: &mut dyn NamedTables, key: KeyEntry) {
         for name in value.names() {
             self.inside(key.name, &mut |inner| value.named(&name).keys(inner));
         }

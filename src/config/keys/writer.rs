@@ -4,8 +4,8 @@
 use super::super::overlay::Layer;
 use super::unit::unit;
 use super::{
-    Bounds, Entry, Flag, Form, Keyed, Keys, MaybeTable, NamedTables, Number, Numbers, Others,
-    Rowed, Rows, Whole, Word, Words,
+    Flag, Form, KeyEntry, Keyed, Keys, MaybeTable, NamedTables, Number, NumberBounds, Numbers,
+    Others, Rowed, Rows, Whole, Word, Words,
 };
 
 /// A text that grows with every key that is shown.
@@ -70,13 +70,13 @@ impl Keys for Writer {
         self.line(key.name, &number(*value), key.means);
     }
 
-    fn maybe_number(&mut self, value: &mut Option<f64>, key: Bounds<f64>) {
+    fn maybe_number(&mut self, value: &mut Option<f64>, key: NumberBounds<f64>) {
         if let Some(value) = value {
             self.line(key.name, &number(*value), key.means);
         }
     }
 
-    fn needed_number(&mut self, value: &mut f64, key: Bounds<f64>) {
+    fn needed_number(&mut self, value: &mut f64, key: NumberBounds<f64>) {
         self.line(key.name, &number(*value), key.means);
     }
 
@@ -84,7 +84,7 @@ impl Keys for Writer {
         self.line(key.name, &value.to_string(), key.means);
     }
 
-    fn maybe_whole(&mut self, value: &mut Option<usize>, key: Bounds<usize>) {
+    fn maybe_whole(&mut self, value: &mut Option<usize>, key: NumberBounds<usize>) {
         if let Some(value) = value {
             self.line(key.name, &value.to_string(), key.means);
         }
@@ -106,7 +106,7 @@ impl Keys for Writer {
         );
     }
 
-    fn form(&mut self, value: &mut dyn Form, key: Entry) {
+    fn form(&mut self, value: &mut dyn Form, key: KeyEntry) {
         if let Some(written) = value.written() {
             self.line(key.name, &written, key.means);
         }
@@ -114,11 +114,11 @@ impl Keys for Writer {
 
     fn moved(&mut self, _: &'static str, _: &'static str) {}
 
-    fn table(&mut self, value: &mut dyn Keyed, key: Entry) {
+    fn table(&mut self, value: &mut dyn Keyed, key: KeyEntry) {
         self.inner(key.name, value);
     }
 
-    fn maybe_table(&mut self, value: &mut dyn MaybeTable, key: Entry) {
+    fn maybe_table(&mut self, value: &mut dyn MaybeTable, key: KeyEntry) {
         if let Some(table) = value.get() {
             self.inner(key.name, table);
         }
@@ -133,7 +133,7 @@ impl Keys for Writer {
         }
     }
 
-    fn named_tables(&mut self, value: &mut dyn NamedTables, key: Entry) {
+    fn named_tables(&mut self, value: &mut dyn NamedTables, key: KeyEntry) {
         for name in value.names() {
             let table = format!("{}.{}", key.name, quoted(&name));
             self.inner(&table, value.named(&name));

@@ -4,7 +4,7 @@
 
 use std::ops::RangeInclusive;
 
-use super::{Above, MissionItem, Notes, Origin, SpeedOf, Spot, Target, Turning};
+use super::{Above, MissionItem, Notes, Origin, SpeedOf, Spot, Target, TurnDirection};
 use crate::geom::Geodetic;
 
 const LATITUDE_DEG: RangeInclusive<f64> = -90.0..=90.0;
@@ -186,9 +186,9 @@ impl RawItem {
         let angle_deg = self.number(0, 0.0..=360.0, "degrees", notes);
         let rate_dps = self.number(1, 0.0..=360.0, "degrees/s", notes);
         let turning = match self.whole(2, -1.0..=1.0, notes) {
-            Some(-1) => Some(Turning::CounterClockwise),
-            Some(0) => Some(Turning::Shortest),
-            Some(_) => Some(Turning::Clockwise),
+            Some(-1) => Some(TurnDirection::CounterClockwise),
+            Some(0) => Some(TurnDirection::Shortest),
+            Some(_) => Some(TurnDirection::Clockwise),
             None => None,
         };
         let is_relative = self
@@ -385,9 +385,9 @@ pub(super) fn numbers(item: &MissionItem) -> (u32, u32, [f64; 7]) {
             is_relative,
         } => {
             let turning = match turning {
-                Turning::CounterClockwise => -1.0,
-                Turning::Shortest => 0.0,
-                Turning::Clockwise => 1.0,
+                TurnDirection::CounterClockwise => -1.0,
+                TurnDirection::Shortest => 0.0,
+                TurnDirection::Clockwise => 1.0,
             };
             plain(
                 115,

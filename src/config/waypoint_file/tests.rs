@@ -104,7 +104,7 @@ fn every_command_of_a_text_file_gets_its_meaning() {
         MissionItem::Yaw {
             angle_deg: 90.0,
             rate_dps: 20.0,
-            turning: Turning::CounterClockwise,
+            turning: TurnDirection::CounterClockwise,
             is_relative: true,
         },
         MissionItem::Delay { time_s: 4.0 },
@@ -420,9 +420,9 @@ fn any_item() -> impl Strategy<Value = MissionItem> {
         Just(SpeedOf::Descent)
     ];
     let turning = prop_oneof![
-        Just(Turning::Shortest),
-        Just(Turning::Clockwise),
-        Just(Turning::CounterClockwise)
+        Just(TurnDirection::Shortest),
+        Just(TurnDirection::Clockwise),
+        Just(TurnDirection::CounterClockwise)
     ];
     prop_oneof![
         (any_target(true), 0.0..100.0f64, 0.0..50.0f64).prop_map(|(to, hold_s, radius_m)| {

@@ -1,6 +1,6 @@
 //! The table against the messages themselves and against what proto/README.md promises to others.
 
-use tomoswarm_proto::{Mission, OperatorId, Order, OrderKind, Topic, VehicleId};
+use tomoswarm_proto::{MissionProgress, OperatorId, Order, OrderKind, Topic, VehicleId};
 
 use super::super::examples::examples;
 use super::*;
@@ -11,15 +11,15 @@ const ROLES: [Sender; 3] = [Sender::Vehicle(VehicleId(2)), Sender::Ground, OPERA
 
 #[test]
 fn every_message_has_its_row_under_its_own_word() {
-    assert_eq!(Kind::ALL, TABLE.map(|row| row.kind));
+    assert_eq!(MessageKind::ALL, TABLE.map(|row| row.kind));
     for (word, message) in examples() {
         let (topic, row) = (Topic::of(&message), row(message.kind()));
         assert_eq!((row.kind, row.kind.word()), (message.kind(), word));
         let addresses = [row.of_vehicle, row.of_ground, row.of_operator]
             .into_iter()
             .flatten()
-            .any(|audience| audience.vehicles == Vehicles::Addressed);
-        let names_one = matches!(topic.about, About::Vehicle(_));
+            .any(|audience| audience.vehicles == VehicleSet::Addressed);
+        let names_one = matches!(topic.about, MessageSubject::Vehicle(_));
         assert!(
             !addresses || names_one,
             "{word} is for a vehicle that it does not name"
@@ -44,9 +44,9 @@ fn a_sender_may_say_what_its_row_allows_and_only_in_its_own_name() {
         };
         assert_eq!(allowed, expected, "{word}");
     }
-    let of_three = Message::Mission(Mission {
+    let of_three = Message::Mission(MissionProgress {
         vehicle: VehicleId(3),
-        ..Mission::default()
+        ..MissionProgress::default()
     });
     assert!(ROLES.iter().all(|role| !may_say(*role, &of_three)));
 }
@@ -76,7 +76,7 @@ fn an_order_is_heard_by_its_vehicle_alone_and_by_operators() {
         ends: vec![],
     }))
     .about;
-    let audience = row(Kind::Order).audience(Sender::Ground).unwrap();
+    let audience = row(MessageKind::Order).audience(Sender::Ground).unwrap();
     let hears = |node| audience.includes(node, about);
     assert!(hears(Sender::Vehicle(VehicleId(3))) && hears(OPERATOR));
     assert!(!hears(Sender::Vehicle(VehicleId(2))) && !hears(Sender::Ground));
@@ -84,7 +84,10 @@ fn an_order_is_heard_by_its_vehicle_alone_and_by_operators() {
 
 #[test]
 fn what_can_be_said_on_the_bus_is_heard_by_operators() {
-    for row in TABLE.into_iter().filter(|row| row.kind != Kind::Beacon) {
+    for row in TABLE
+        .into_iter()
+        .filter(|row| row.kind != MessageKind::Beacon)
+    {
         for audience in ROLES.into_iter().filter_map(|role| row.audience(role)) {
             assert!(audience.operators, "{}", row.kind);
         }
@@ -105,25 +108,25 @@ fn senders(cell: &str) -> Vec<Sender> {
 
 /// Returns which vehicles, and whether ground stations, hear what a cell of the README's table names. Operators hear
 /// everything on the bus.
-fn receivers(cell: &str) -> (Vehicles, bool) {
+fn receivers(cell: &str) -> (VehicleSet, bool) {
     match cell {
         "all" | "all, whatever their venue" | "ground, vehicles and operators" => {
-            (Vehicles::All, true)
+            (VehicleSet::All, true)
         }
-        "vehicles" | "vehicles and operators" => (Vehicles::All, false),
-        "the vehicle" => (Vehicles::Addressed, false),
-        "ground" | "ground and operators" => (Vehicles::None, true),
-        "whoever hears it" | "operators" => (Vehicles::None, false),
+        "vehicles" | "vehicles and operators" => (VehicleSet::All, false),
+        "the vehicle" => (VehicleSet::Addressed, false),
+        "ground" | "ground and operators" => (VehicleSet::None, true),
+        "whoever hears it" | "operators" => (VehicleSet::None, false),
         other => panic!("{other} hears something?"),
     }
 }
 
-fn priority(cell: &str) -> Option<Class> {
+fn priority(cell: &str) -> Option<Urgency> {
     match cell {
-        "real-time, express" => Some(Class::Urgent),
-        "high" => Some(Class::High),
-        "normal" => Some(Class::Normal),
-        "low" => Some(Class::Low),
+        "real-time, express" => Some(Urgency::Urgent),
+        "high" => Some(Urgency::High),
+        "normal" => Some(Urgency::Normal),
+        "low" => Some(Urgency::Low),
         "none" => None,
         other => panic!("{other} is no priority"),
     }
@@ -164,8 +167,8 @@ fn the_readme_of_the_wire_says_the_same() {
         }
         assert_eq!(says, senders(from), "{line}");
         let heard = says.iter().filter_map(|role| row.audience(*role));
-        let widest = heard.fold((Vehicles::None, false), |(vehicles, ground), audience| {
-            let wider = if audience.vehicles == Vehicles::None {
+        let widest = heard.fold((VehicleSet::None, false), |(vehicles, ground), audience| {
+            let wider = if audience.vehicles == VehicleSet::None {
                 vehicles
             } else {
                 audience.vehicles
@@ -174,7 +177,7 @@ fn the_readme_of_the_wire_says_the_same() {
         });
         assert_eq!(widest, receivers(to), "{line}");
         assert_eq!(
-            priority(cells[6]).unwrap_or(Class::Low),
+            priority(cells[6]).unwrap_or(Urgency::Low),
             row.class,
             "{line}"
         );

@@ -2,7 +2,7 @@
 //! nothing about orders (`fleet/dealings.rs`).
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Boot, Lease, Mission, Order, RunId, SeenState, StandReason, State};
+use tomoswarm_proto::{Boot, Lease, MissionProgress, Order, RunId, SeenState, StandReason, State};
 
 use super::dealings::Dealings;
 use crate::geom::Point;
@@ -11,7 +11,7 @@ use crate::time::Time;
 
 /// One vehicle as the ground sees it.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct Member {
+pub struct FleetMember {
     /// Its newest state, and when it came.
     state: Option<(Time, State)>,
     /// States that came behind the newest one since.
@@ -19,14 +19,14 @@ pub struct Member {
     progress: Option<VehicleProgress>,
     /// When that, or a later one, was said last.
     progress_at: Option<Time>,
-    mission: Option<Mission>,
+    mission: Option<MissionProgress>,
     heard_at: Option<Time>,
     dealings: Dealings,
 }
 
 /// What a message of a vehicle has shown.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub struct Shown {
+pub struct FleetChange {
     /// Its software has been started anew.
     pub restarted: bool,
     /// It was lost, and is back.
@@ -37,7 +37,7 @@ pub struct Shown {
     pub started: Option<RunId>,
 }
 
-impl Member {
+impl FleetMember {
     /// Returns its newest state.
     pub fn state(&self) -> Option<&State> {
         self.state.as_ref().map(|(_, state)| state)
@@ -62,7 +62,7 @@ impl Member {
     }
 
     /// Returns what the newest start of its software has said of its mission last.
-    pub fn mission(&self) -> Option<&Mission> {
+    pub fn mission(&self) -> Option<&MissionProgress> {
         self.mission.as_ref()
     }
 
@@ -93,7 +93,7 @@ impl Member {
 
     /// Takes a state, from a station that orders by `lease`; an older one changes nothing, unless older ones go on and nothing
     /// newer comes, and one of an earlier start only after a long silence.
-    pub fn hear_state(&mut self, now: Time, state: State, lease: Lease) -> Shown {
+    pub fn hear_state(&mut self, now: Time, state: State, lease: Lease) -> FleetChange {
         let key = |state: &State| (state.boot, state.sequence);
         let is_believed = match self.state().map(key) {
             _ if !self.is_current(state.boot) => self.counts_anew(now, state.boot),
@@ -104,7 +104,7 @@ impl Member {
             None => true,
         };
         if !is_believed {
-            return Shown::default();
+            return FleetChange::default();
         }
         self.lower = LowerNumbers::default();
         let restarted = self.dealings.hear(state.boot);
@@ -119,7 +119,7 @@ impl Member {
             self.dealings.be_stopped(state.vehicle, lease);
         }
         self.state = Some((now, state));
-        Shown {
+        FleetChange {
             restarted,
             found,
             got_on: false,
@@ -129,9 +129,9 @@ impl Member {
 
     /// Takes a progress; one of an older start of the software changes nothing, nor does one behind what was said not long
     /// ago.
-    pub fn hear_progress(&mut self, now: Time, progress: VehicleProgress) -> Shown {
+    pub fn hear_progress(&mut self, now: Time, progress: VehicleProgress) -> FleetChange {
         if !self.is_current(progress.boot) {
-            return Shown::default();
+            return FleetChange::default();
         }
         let restarted = self.dealings.hear(progress.boot);
         let key = |progress: &VehicleProgress| (progress.run, progress.revision, progress.done);
@@ -140,15 +140,15 @@ impl Member {
         if before <= Some(key(&progress)) || is_void {
             (self.progress, self.progress_at) = (Some(progress), Some(now));
         }
-        Shown {
+        FleetChange {
             restarted,
             got_on: before < Some(key(&progress)),
-            ..Shown::default()
+            ..FleetChange::default()
         }
     }
 
     /// Takes what it says of its mission, unless an earlier start of its software has said it.
-    pub fn hear_mission(&mut self, mission: &Mission) {
+    pub fn hear_mission(&mut self, mission: &MissionProgress) {
         if self.is_current(mission.boot) {
             self.mission = Some(*mission);
         }
@@ -225,16 +225,16 @@ mod tests {
         }
     }
 
-    fn hear(member: &mut Member, now_s: u32, boot: u32, sequence: u64) -> Shown {
+    fn hear(member: &mut FleetMember, now_s: u32, boot: u32, sequence: u64) -> FleetChange {
         member.hear_state(at(now_s), state(boot, sequence), LEASE)
     }
 
     #[test]
     fn old_states_change_nothing() {
-        let mut member = Member::default();
+        let mut member = FleetMember::default();
         assert!(member.is_unheard() && member.place().is_none());
         hear(&mut member, 0, 1, 9);
-        assert_eq!(hear(&mut member, 1, 1, 4), Shown::default());
+        assert_eq!(hear(&mut member, 1, 1, 4), FleetChange::default());
         let newest = SeenState {
             boot: Boot(1),
             sequence: 9,
@@ -248,7 +248,7 @@ mod tests {
 
     #[test]
     fn an_order_waits_until_it_is_heard_and_answers_the_newest_state() {
-        let mut member = Member::default();
+        let mut member = FleetMember::default();
         member.dealings_mut().start(VehicleId(1), LEASE, RUN);
         assert_eq!(member.open_order(), None);
         hear(&mut member, 0, 1, 5);
@@ -283,7 +283,7 @@ mod tests {
             kind: Some(OrderKind::Start),
         };
         let accepted = (RUN, Revision(3));
-        let mut member = Member::default();
+        let mut member = FleetMember::default();
         let rests = State {
             ordered,
             accepted,
@@ -313,19 +313,19 @@ mod tests {
 
     #[test]
     fn a_restart_is_seen_and_what_was_said_before_it_counts_no_more() {
-        let mut member = Member::default();
+        let mut member = FleetMember::default();
         assert!(!hear(&mut member, 0, 1, 100).restarted);
         assert!(hear(&mut member, 0, 2, 1).restarted);
         assert_eq!(
             member.hear_progress(Time::ZERO, progress(1)),
-            Shown::default()
+            FleetChange::default()
         );
         assert!(member.hear_progress(Time::ZERO, progress(2)).got_on);
         assert!(member.hear_progress(Time::ZERO, progress(3)).restarted);
-        let mission = |boot| Mission {
+        let mission = |boot| MissionProgress {
             vehicle: VehicleId(1),
             boot: Boot(boot),
-            ..Mission::default()
+            ..MissionProgress::default()
         };
         member.hear_mission(&mission(2));
         assert_eq!(member.mission(), None);
@@ -335,11 +335,11 @@ mod tests {
 
     #[test]
     fn a_vehicle_with_a_new_disk_is_believed_after_a_long_silence_and_has_restarted() {
-        let mut member = Member::default();
+        let mut member = FleetMember::default();
         hear(&mut member, 0, 9, 100);
         assert_eq!(
             hear(&mut member, 30, 1, 7),
-            Shown::default(),
+            FleetChange::default(),
             "30 s are not long enough"
         );
         assert!(!member.is_current(Boot(1)));
@@ -353,7 +353,7 @@ mod tests {
 
     #[test]
     fn who_was_lost_is_found_by_a_newer_state_alone() {
-        let mut member = Member::default();
+        let mut member = FleetMember::default();
         hear(&mut member, 0, 1, 5);
         member.dealings_mut().lose();
         assert!(

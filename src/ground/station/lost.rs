@@ -28,8 +28,8 @@ use std::time::Duration;
 
 use tomoswarm_proto::VehicleId;
 
-use super::super::fleet::{Member, Shown};
-use super::{Note, Out, Phase, Station};
+use super::super::fleet::{FleetChange, FleetMember};
+use super::{Out, Phase, Station, StationEvent};
 use crate::sweep::{self, Succession};
 use crate::time::Time;
 
@@ -44,7 +44,7 @@ impl Station {
     /// Looks for vehicles that have fallen silent.
     pub(super) fn look_after_lost(&mut self, now: Time, out: &mut Vec<Out>) {
         for vehicle in self.fleet.lose(now, self.lost_after, OTHERS_WITHIN) {
-            out.push(Out::Note(Note::Lost(vehicle)));
+            out.push(Out::StationEvent(StationEvent::Lost(vehicle)));
         }
     }
 
@@ -72,7 +72,7 @@ impl Station {
     /// Returns whether whoever was dropped surely stands still; see the module's page.
     fn lost_ones_rest(&self, now: Time) -> bool {
         let rests_after = self.lost_after.max(self.autonomy + ENDS_LEG);
-        let rests = |member: &Member| {
+        let rests = |member: &FleetMember| {
             member
                 .heard_at()
                 .is_none_or(|at| now.since(at) >= rests_after)
@@ -84,16 +84,16 @@ impl Station {
     }
 
     /// Says and remembers what a vehicle's message has shown; the sweep is planned anew at the next look.
-    pub(super) fn shown(&mut self, vehicle: VehicleId, shown: Shown, out: &mut Vec<Out>) {
+    pub(super) fn shown(&mut self, vehicle: VehicleId, shown: FleetChange, out: &mut Vec<Out>) {
         if shown.found {
-            out.push(Out::Note(Note::Found(vehicle)));
+            out.push(Out::StationEvent(StationEvent::Found(vehicle)));
         }
         let is_driven = matches!(
             self.phase,
             Phase::Planning(_) | Phase::Running(..) | Phase::Stopping(_)
         );
         if shown.restarted {
-            out.push(Out::Note(Note::Restarted(vehicle)));
+            out.push(Out::StationEvent(StationEvent::Restarted(vehicle)));
             self.disturbed |= is_driven;
         }
         self.disturbed |= shown.found && is_driven;

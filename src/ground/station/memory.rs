@@ -65,12 +65,12 @@ pub(super) struct Brief {
 
 /// What a station that is started anew needs; only for the version of the program that wrote it.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-pub struct Memory {
+pub struct StationMemory {
     brief: Brief,
     plans: Option<Succession>,
 }
 
-impl Memory {
+impl StationMemory {
     /// Returns the id of the store that it belongs to.
     pub fn store(&self) -> u64 {
         self.brief.store
@@ -153,11 +153,11 @@ impl Station {
     /// Of the settings, `lease` and `store` are not used: it listens, and its store is the one remembered.
     pub fn resume(
         settings: StationSettings,
-        memory: Memory,
+        memory: StationMemory,
         samples: impl IntoIterator<Item = Samples>,
         tiles: impl IntoIterator<Item = TileReport>,
     ) -> Station {
-        let Memory { brief, plans } = memory;
+        let StationMemory { brief, plans } = memory;
         let last = Lease {
             number: brief.lease.number,
             holder: settings.holder,
@@ -197,7 +197,7 @@ impl Station {
     /// earlier one was, as far as that is remembered. Otherwise it begins, and no run counts as begun.
     pub fn restored(
         settings: StationSettings,
-        memory: Option<Memory>,
+        memory: Option<StationMemory>,
         samples: impl IntoIterator<Item = Samples>,
         tiles: impl IntoIterator<Item = TileReport>,
     ) -> Station {
@@ -244,7 +244,7 @@ impl Station {
         if !is_known {
             let brief = self.brief();
             self.remembered = Some(brief.clone());
-            let memory = Memory {
+            let memory = StationMemory {
                 brief,
                 plans: self.succession.clone(),
             };

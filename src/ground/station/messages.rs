@@ -8,9 +8,9 @@ use tomoswarm_proto::{
 };
 
 use super::super::imager::Job;
-use super::super::planner::{Answer, Request};
-use super::memory::{Memory, PictureName};
-use crate::actor::{Class, Input};
+use super::super::planner::{PlannerAnswer, Request};
+use super::memory::{PictureName, StationMemory};
+use crate::actor::{Input, InputClass};
 use crate::geom::Lattice;
 
 /// What the station can be told.
@@ -19,7 +19,7 @@ pub enum In {
     /// A message of a vehicle, an operator, or another ground.
     Bus(Message),
     /// Plans, or why there are none.
-    Planned(Answer),
+    Planned(PlannerAnswer),
     /// A picture was made.
     Pictured(PictureName),
     /// Which emergency stops are open.
@@ -36,7 +36,7 @@ pub enum Out {
     /// To the imager.
     Reconstruct(Job),
     /// To log and operator.
-    Note(Note),
+    StationEvent(StationEvent),
     /// A run is planned for: it begins, or goes on with new plans.
     BeginRun {
         /// Which run.
@@ -47,12 +47,12 @@ pub enum Out {
     /// A run is closed: everything is done, and all its samples are in.
     EndRun(RunId),
     /// To be stored before anything that follows is published: what a station that is started anew needs.
-    Remember(Box<Memory>),
+    Remember(Box<StationMemory>),
 }
 
 /// What happened, for log and operator.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-pub enum Note {
+pub enum StationEvent {
     /// Plans were made.
     Planned {
         /// Of which run.
@@ -151,16 +151,18 @@ pub enum Key {
 impl Input for In {
     type Key = Key;
 
-    fn class(&self) -> Class<Key> {
+    fn class(&self) -> InputClass<Key> {
         match self {
-            In::Bus(Message::State(state)) => Class::Latest(Key::State(state.vehicle)),
-            In::Bus(Message::Mission(mission)) => Class::Latest(Key::Progress(mission.vehicle)),
-            In::Bus(Message::Tile(report)) => {
-                Class::Latest(Key::Tile(report.layer, report.address))
+            In::Bus(Message::State(state)) => InputClass::Latest(Key::State(state.vehicle)),
+            In::Bus(Message::Mission(mission)) => {
+                InputClass::Latest(Key::Progress(mission.vehicle))
             }
-            In::Planned(_) => Class::Latest(Key::Planned),
-            In::Pictured(name) => Class::Latest(Key::Pictured(*name)),
-            In::Bus(_) | In::Stops(_) => Class::Queue,
+            In::Bus(Message::Tile(report)) => {
+                InputClass::Latest(Key::Tile(report.layer, report.address))
+            }
+            In::Planned(_) => InputClass::Latest(Key::Planned),
+            In::Pictured(name) => InputClass::Latest(Key::Pictured(*name)),
+            In::Bus(_) | In::Stops(_) => InputClass::Queue,
         }
     }
 

@@ -4,14 +4,14 @@
 //! A run is one of these by its task. Without a task it is one when every vehicle that is there says that it is out for a
 //! mission of its own in it, as its file says; until then it counts as a sweep.
 
-use tomoswarm_proto::{Mission, MissionEnd, MissionKind, RunEnd, RunId, VehicleId};
+use tomoswarm_proto::{MissionEnd, MissionKind, MissionProgress, RunEnd, RunId, VehicleId};
 
 use super::Station;
 use crate::time::Time;
 
 impl Station {
     /// Takes that vehicles are out for missions of their own in a run that nobody has given as a task.
-    pub(super) fn look_after_kind(&mut self, now: Time, mission: &Mission) {
+    pub(super) fn look_after_kind(&mut self, now: Time, mission: &MissionProgress) {
         let run = mission.progress.run;
         if mission.kind == MissionKind::Sweep || !self.runs.is_untold(run) {
             return;

@@ -5,10 +5,10 @@ use std::time::Duration;
 
 use tomoswarm_proto::{OrderKind, RunEnd, RunId, StopId, VehicleId};
 
-use super::super::fleet::Member;
+use super::super::fleet::FleetMember;
 use super::super::imager::{Job, Subject};
-use super::super::planner::{Answer, Request};
-use super::{Note, Out, Phase, PictureName, Station, Sweep};
+use super::super::planner::{PlannerAnswer, Request};
+use super::{Out, Phase, PictureName, Station, StationEvent, Sweep};
 use crate::sweep::Succession;
 use crate::time::Time;
 
@@ -42,7 +42,7 @@ impl Station {
             let lost = self.fleet.lose_unheard(self.wished_at);
             out.extend(
                 lost.into_iter()
-                    .map(|vehicle| Out::Note(Note::Lost(vehicle))),
+                    .map(|vehicle| Out::StationEvent(StationEvent::Lost(vehicle))),
             );
         }
         if !self.fleet.are_placed() {
@@ -97,7 +97,7 @@ impl Station {
         self.publish_plans(now, out);
         self.publish_orders(out);
         if self.waits_for_more() {
-            out.push(Out::Note(Note::Waits(sweep.run)));
+            out.push(Out::StationEvent(StationEvent::Waits(sweep.run)));
         }
     }
 
@@ -112,7 +112,7 @@ impl Station {
             return;
         };
         if self.fleet.highest_run() > sweep.run {
-            out.push(Out::Note(Note::Overtaken(sweep.run)));
+            out.push(Out::StationEvent(StationEvent::Overtaken(sweep.run)));
             self.runs
                 .end(sweep.run, RunEnd::Stopped, "vehicles follow a higher run");
             self.last = Some(sweep);
@@ -135,8 +135,8 @@ impl Station {
         let Some(succession) = &self.succession else {
             return;
         };
-        let place = |(id, member): (VehicleId, &Member)| Some((id, member.place()?));
-        let present = |(_, member): &(VehicleId, &Member)| !member.dealings().is_lost();
+        let place = |(id, member): (VehicleId, &FleetMember)| Some((id, member.place()?));
+        let present = |(_, member): &(VehicleId, &FleetMember)| !member.dealings().is_lost();
         let places = self
             .fleet
             .members()
@@ -159,7 +159,7 @@ impl Station {
         self.planned_at = now;
     }
 
-    pub(super) fn planned(&mut self, now: Time, answer: Answer, out: &mut Vec<Out>) {
+    pub(super) fn planned(&mut self, now: Time, answer: PlannerAnswer, out: &mut Vec<Out>) {
         // Somebody may have come, gone or been restarted meanwhile; then everyone is stopped first.
         let is_wanted = self.leases.holds() && !self.must_rest();
         let (Phase::Planning(sweep), Some(succession)) = (&self.phase, &mut self.succession) else {
@@ -179,13 +179,13 @@ impl Station {
         match begun {
             Err(reason) => {
                 self.runs.end(sweep.run, RunEnd::Failed, reason.clone());
-                out.push(Out::Note(Note::NoPlan(reason)));
+                out.push(Out::StationEvent(StationEvent::NoPlan(reason)));
                 self.last = Some(sweep);
                 self.phase = Phase::Idle;
             }
             Ok(stops) => {
                 let laps = answer.laps.len();
-                out.push(Out::Note(Note::Planned {
+                out.push(Out::StationEvent(StationEvent::Planned {
                     run: sweep.run,
                     laps,
                     stops,
@@ -213,14 +213,14 @@ impl Station {
                 if is_free && self.must_rest() =>
             {
                 let sweep = *sweep;
-                out.push(Out::Note(Note::Replans(sweep.run)));
+                out.push(Out::StationEvent(StationEvent::Replans(sweep.run)));
                 self.rest(now, sweep, out);
             }
             Phase::Running(sweep, _)
                 if is_free && !shown && now.since(self.planned_at) > ADOPTED_WITHIN =>
             {
                 let sweep = *sweep;
-                out.push(Out::Note(Note::Replans(sweep.run)));
+                out.push(Out::StationEvent(StationEvent::Replans(sweep.run)));
                 self.rest(now, sweep, out);
             }
             Phase::Running(sweep, _)
@@ -260,12 +260,12 @@ impl Station {
     fn stall(&mut self, now: Time, sweep: Sweep, out: &mut Vec<Out>) {
         if !self.stalled {
             self.stalled = true;
-            out.push(Out::Note(Note::Replans(sweep.run)));
+            out.push(Out::StationEvent(StationEvent::Replans(sweep.run)));
             self.rest(now, sweep, out);
             return;
         }
         self.stalled = false;
-        out.push(Out::Note(Note::Stalled(sweep.run)));
+        out.push(Out::StationEvent(StationEvent::Stalled(sweep.run)));
         self.runs.end(
             sweep.run,
             RunEnd::Failed,
@@ -295,7 +295,7 @@ impl Station {
             self.stalled = false;
             let links = self.samples.links(sweep.run);
             let (run, laps, samples) = (sweep.run, sweep.laps_done, self.samples.count(sweep.run));
-            out.push(Out::Note(Note::LapDone {
+            out.push(Out::StationEvent(StationEvent::LapDone {
                 run,
                 laps,
                 links: links.len(),
@@ -358,7 +358,7 @@ impl Station {
         }
         let links = self.samples.links(sweep.run).len();
         let (run, samples, laps) = (sweep.run, self.samples.count(sweep.run), sweep.laps_done);
-        out.push(Out::Note(Note::RunClosed {
+        out.push(Out::StationEvent(StationEvent::RunClosed {
             run,
             links,
             samples,

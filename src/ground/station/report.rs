@@ -1,6 +1,6 @@
 //! What the station says of itself once a second, for operators and other grounds.
 
-use tomoswarm_proto::{Message, OrderKind, Report, StationPhase, VehicleId};
+use tomoswarm_proto::{GroundReport, Message, OrderKind, StationPhase, VehicleId};
 
 use super::{Out, Phase, Station};
 use crate::sweep::Succession;
@@ -27,7 +27,7 @@ impl Station {
             .succession
             .as_ref()
             .filter(|_| self.phase.sweep().is_some());
-        Out::Publish(Message::Report(Report {
+        Out::Publish(Message::Report(GroundReport {
             boot: self.boot,
             lease: if self.leases.holds() {
                 self.leases.own()

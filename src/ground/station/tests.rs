@@ -5,11 +5,11 @@ mod scripted_swarm;
 use std::time::Duration;
 
 use tomoswarm_proto::{
-    Boot, Mode, Ordered, Permille, Plan, Position, Progress, Revision, State, Stop, TaskKind,
+    Boot, Ordered, Permille, Plan, Position, Progress, Revision, State, Stop, TaskKind, VehicleMode,
 };
 
 use super::*;
-use crate::ground::planner::Answer;
+use crate::ground::planner::PlannerAnswer;
 
 const RUN: RunId = RunId(2);
 const ONE: VehicleId = VehicleId(1);
@@ -45,7 +45,7 @@ fn state() -> In {
         sequence: 1,
         pose: Some(Default::default()),
         is_at_rest: true,
-        mode: Mode::Idle,
+        mode: VehicleMode::Idle,
         battery: Some(Permille::WHOLE),
         leg: None,
         accepted: Default::default(),
@@ -93,11 +93,11 @@ fn progress(revision: u32, done: Option<u32>) -> In {
         done,
         leg: None,
     };
-    In::Bus(Message::Mission(Mission {
+    In::Bus(Message::Mission(MissionProgress {
         vehicle: ONE,
         boot,
         progress,
-        ..Mission::default()
+        ..MissionProgress::default()
     }))
 }
 
@@ -123,7 +123,7 @@ fn answer(revision: u32) -> In {
         ..Plan::default()
     };
     let (revision, laps) = (Revision(revision), vec![vec![(ONE, StopId(2))]]);
-    In::Planned(Answer {
+    In::Planned(PlannerAnswer {
         run: RUN,
         revision,
         plans: Ok(vec![plan]),
@@ -132,13 +132,13 @@ fn answer(revision: u32) -> In {
 }
 
 /// Ticks until something is noted; when, and what.
-fn next_note(station: &mut Station, within_s: f64) -> Option<Note> {
+fn next_note(station: &mut Station, within_s: f64) -> Option<StationEvent> {
     let mut out = Vec::new();
     let until = station.deadline()?.at + Duration::from_secs_f64(within_s);
     while let Some(deadline) = station.deadline().filter(|deadline| deadline.at < until) {
         station.wake(deadline.at, &mut out).unwrap();
         let note = out.drain(..).find_map(|out| match out {
-            Out::Note(note) => Some(note),
+            Out::StationEvent(note) => Some(note),
             Out::Publish(_) | Out::Ask(_) | Out::Reconstruct(_) | Out::Remember(_) => None,
             Out::BeginRun { .. } | Out::EndRun(_) => None,
         });
@@ -216,20 +216,26 @@ fn a_lap_is_done_when_all_have_done_its_last_stop_and_then_the_run_is_closed() {
     told(&mut station, 70.0, progress(2, Some(2)));
     assert!(matches!(
         next_note(&mut station, 60.0),
-        Some(Note::LapDone { laps: 1, .. })
+        Some(StationEvent::LapDone { laps: 1, .. })
     ));
     assert!(matches!(
         next_note(&mut station, 60.0),
-        Some(Note::RunClosed { .. })
+        Some(StationEvent::RunClosed { .. })
     ));
 }
 
 #[test]
 fn when_nobody_gets_on_plans_are_made_anew_once_and_then_it_is_said() {
     let mut station = running();
-    assert_eq!(next_note(&mut station, 1000.0), Some(Note::Replans(RUN)));
+    assert_eq!(
+        next_note(&mut station, 1000.0),
+        Some(StationEvent::Replans(RUN))
+    );
     begin(&mut station, 3);
-    assert_eq!(next_note(&mut station, 1000.0), Some(Note::Stalled(RUN)));
+    assert_eq!(
+        next_note(&mut station, 1000.0),
+        Some(StationEvent::Stalled(RUN))
+    );
 }
 
 #[test]
@@ -238,10 +244,13 @@ fn who_never_comes_to_rest_does_not_hold_up_the_end_for_ever() {
     told(&mut station, 0.5, state());
     shows(&mut station, 1.0, RunId(1), OrderKind::Start);
     // Nobody ever reports the empty revision.
-    let notes: Vec<Option<Note>> = (0..2).map(|_| next_note(&mut station, 600.0)).collect();
+    let notes: Vec<Option<StationEvent>> = (0..2).map(|_| next_note(&mut station, 600.0)).collect();
     assert_eq!(
         notes,
-        [Some(Note::Replans(RunId(1))), Some(Note::Stalled(RunId(1)))]
+        [
+            Some(StationEvent::Replans(RunId(1))),
+            Some(StationEvent::Stalled(RunId(1)))
+        ]
     );
 }
 
@@ -252,7 +261,10 @@ fn who_does_not_follow_its_plan_is_planned_for_anew() {
     begin(&mut station, 1);
     let mut silent = station;
     silent.succession.as_mut().unwrap().stop();
-    assert_eq!(next_note(&mut silent, 60.0), Some(Note::Replans(RUN)));
+    assert_eq!(
+        next_note(&mut silent, 60.0),
+        Some(StationEvent::Replans(RUN))
+    );
 }
 
 fn starts(out: &[Out]) -> bool {
@@ -297,7 +309,7 @@ fn what_the_operator_has_stopped_only_the_operator_starts() {
         assert!(!starts(&out), "{kind:?}");
         assert!(
             !out.iter()
-                .any(|out| matches!(out, Out::Note(_) | Out::Ask(_))),
+                .any(|out| matches!(out, Out::StationEvent(_) | Out::Ask(_))),
             "{kind:?}"
         );
         assert_eq!(station.standing, Some(kind));
@@ -353,11 +365,11 @@ fn a_new_ground_takes_a_lease_above_that_of_the_plans_in_force() {
         ..settings()
     });
     told(&mut station, 0.1, state());
-    let mission = Mission {
+    let mission = MissionProgress {
         vehicle: ONE,
         boot: Boot(1),
         lease_number: 2,
-        ..Mission::default()
+        ..MissionProgress::default()
     };
     told(&mut station, 0.2, In::Bus(Message::Mission(mission)));
     for second in 1..=4 {
@@ -373,11 +385,11 @@ fn a_new_ground_takes_a_lease_above_that_of_the_plans_in_force() {
         }
     );
     // Nobody who is not expected displaces it.
-    let mission = Mission {
+    let mission = MissionProgress {
         vehicle: VehicleId(9),
         boot: Boot(1),
         lease_number: 8,
-        ..Mission::default()
+        ..MissionProgress::default()
     };
     told(&mut station, 5.0, In::Bus(Message::Mission(mission)));
     assert!(station.leases.holds());

@@ -79,7 +79,7 @@ impl Room {
         self.mapper.record(
             &mut self.map,
             &scan,
-            Body {
+            OwnDisc {
                 at,
                 radius_m: BODY_M,
             },
@@ -167,7 +167,7 @@ fn one_echo_of_a_narrow_beam_makes_one_cell_occupied() {
         room.mapper.record(
             &mut room.map,
             &scan,
-            Body {
+            OwnDisc {
                 at,
                 radius_m: BODY_M,
             },
@@ -288,11 +288,11 @@ fn a_body_of_impossible_size_hides_no_wall() {
     let mut map = Merged::new(Lattice::new(CELL_M), Some(OWN));
     let at = Point::new(0.05, 0.05);
     for body in [
-        Body {
+        OwnDisc {
             at,
             radius_m: f64::INFINITY,
         },
-        Body {
+        OwnDisc {
             at: Point::new(1e5, 0.0),
             radius_m: 0.3,
         },
@@ -313,7 +313,7 @@ fn readings_that_are_no_numbers_change_nothing() {
     let mut map = Merged::new(Lattice::new(CELL_M), Some(OWN));
     let mut mapper = Mapper::new(OWN, 0);
     let here = Point::new(0.0, 0.0);
-    let body = Body {
+    let body = OwnDisc {
         at: here,
         radius_m: BODY_M,
     };
@@ -334,7 +334,7 @@ fn readings_that_are_no_numbers_change_nothing() {
                 .record(
                     &mut map,
                     &scan,
-                    Body {
+                    OwnDisc {
                         at,
                         radius_m: 1e300
                     },

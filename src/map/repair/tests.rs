@@ -68,7 +68,7 @@ impl Node {
         }
     }
 
-    fn wants(&self) -> Vec<(Time, Want)> {
+    fn wants(&self) -> Vec<(Time, TileRequest)> {
         let want = |(now, message): &(Time, Message)| match message {
             Message::Want(want) => Some((*now, want.clone())),
             _ => None,
@@ -107,7 +107,7 @@ fn what_is_on_its_way_is_not_asked_for_and_what_was_lost_is() {
         deaf.wants(),
         [(
             at(150),
-            Want {
+            TileRequest {
                 layer: layer(1),
                 known
             }
@@ -134,7 +134,7 @@ fn the_writer_answers_at_once_and_a_few_tiles_at_a_time() {
     writer.repair.hear_want(
         at(0),
         &writer.map,
-        &Want {
+        &TileRequest {
             layer: layer(1),
             known: vec![],
         },
@@ -157,7 +157,7 @@ fn the_writer_answers_at_once_and_a_few_tiles_at_a_time() {
 #[test]
 fn who_sees_another_answer_stays_silent_and_goes_on_when_it_falls_silent() {
     let tiles: Vec<TileReport> = (0..4).map(|x| tile(1, x, 1)).collect();
-    let want = Want {
+    let want = TileRequest {
         layer: layer(1),
         known: vec![],
     };
@@ -186,7 +186,7 @@ fn an_older_tile_that_goes_by_answers_nothing() {
     holder.repair.hear_want(
         at(0),
         &holder.map,
-        &Want {
+        &TileRequest {
             layer: layer(1),
             known: vec![],
         },
@@ -199,7 +199,7 @@ fn an_older_tile_that_goes_by_answers_nothing() {
 #[test]
 fn several_who_ask_for_the_same_are_answered_once_and_who_missed_it_is_answered_again() {
     let mut writer = Node::new(Some(layer(1)), &[tile(1, 0, 1)]);
-    let want = Want {
+    let want = TileRequest {
         layer: layer(1),
         known: vec![],
     };
@@ -240,7 +240,7 @@ fn others_cannot_make_it_remember_without_bound() {
         node.repair.hear_want(
             at(0),
             &node.map,
-            &Want {
+            &TileRequest {
                 layer,
                 known: vec![],
             },

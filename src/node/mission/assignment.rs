@@ -17,7 +17,7 @@ use tomoswarm_proto::{MissionKind, MissionRefusal, RunId, Task, TaskKind, Vehicl
 
 use super::share::share;
 use crate::geom::{Point, Polygon};
-use crate::node::Settings;
+use crate::node::VehicleSettings;
 
 /// Tasks of so many runs are kept: the present one's, and the highest.
 const RUNS_MAX: usize = 4;
@@ -40,7 +40,7 @@ pub(super) struct Assignment {
 
 impl Assignment {
     /// Makes the assignment of a vehicle that no operator has told anything.
-    pub fn by_file(settings: &Settings) -> Assignment {
+    pub fn by_file(settings: &VehicleSettings) -> Assignment {
         Assignment {
             vehicle: settings.vehicle,
             is_blind: settings.look.is_blind,
@@ -268,7 +268,7 @@ mod tests {
 
     #[test]
     fn another_run_begins_anew_and_without_a_task_as_the_file_says() {
-        let by_file = Settings {
+        let by_file = VehicleSettings {
             task: Some(TaskKind::Search),
             ..settings(1)
         };

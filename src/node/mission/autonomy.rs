@@ -14,8 +14,8 @@ use std::time::Duration;
 
 use tomoswarm_proto::{Plan, Sender, VehicleId};
 
-use super::goal::{By, Goal};
-use super::{Mission, MissionStatus, Out, Remark};
+use super::goal::{Goal, GoalSource};
+use super::{Mission, MissionEvent, MissionStatus, Out};
 use crate::node::peers::SILENT_AFTER;
 use crate::time::Time;
 
@@ -24,7 +24,7 @@ const CHARGED: f64 = 0.05;
 
 /// Why a vehicle does something that nobody has ordered.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub enum Cause {
+pub enum AutonomyCause {
     /// Nobody was heard on the bus for `autonomy_s`.
     BusLost,
     /// The battery is below `battery_return`.
@@ -35,7 +35,7 @@ pub enum Cause {
 
 /// Whom a vehicle hears, and what it makes of that.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
-pub(super) struct Links {
+pub(super) struct HeardNodes {
     /// When a message of another node came last; `None` = it has never joined a bus.
     bus_at: Option<Time>,
     /// When a beacon came last.
@@ -45,7 +45,7 @@ pub(super) struct Links {
     is_bus_lost: bool,
 }
 
-impl Links {
+impl HeardNodes {
     /// Takes that another node was heard on the bus.
     pub fn heard_bus(&mut self, now: Time, own: VehicleId, by: Sender) {
         if by != Sender::Vehicle(own) {
@@ -70,9 +70,9 @@ impl Mission {
     fn look_at_peers(&mut self, now: Time, out: &mut Vec<Out>) {
         for (vehicle, peer) in self.peers.iter() {
             if peer.is_silent(now) && self.silent.insert(vehicle) {
-                out.push(Out::Remark(Remark::Silent(vehicle)));
+                out.push(Out::MissionEvent(MissionEvent::Silent(vehicle)));
             } else if !peer.is_silent(now) && self.silent.remove(&vehicle) {
-                out.push(Out::Remark(Remark::HeardAgain(vehicle)));
+                out.push(Out::MissionEvent(MissionEvent::HeardAgain(vehicle)));
             }
         }
     }
@@ -89,10 +89,10 @@ impl Mission {
         let is_alone = bus_for > SILENT_AFTER && radio_for > SILENT_AFTER;
         if is_alone != self.links.is_alone {
             self.links.is_alone = is_alone;
-            out.push(Out::Remark(if is_alone {
-                Remark::Alone
+            out.push(Out::MissionEvent(if is_alone {
+                MissionEvent::Alone
             } else {
-                Remark::NotAlone
+                MissionEvent::NotAlone
             }));
             if is_alone && self.goal.is_under_way() {
                 self.stop(now, out);
@@ -101,20 +101,20 @@ impl Mission {
         let is_bus_lost = bus_for > self.settings.swarm.autonomy();
         if is_bus_lost != self.links.is_bus_lost {
             self.links.is_bus_lost = is_bus_lost;
-            out.push(Out::Remark(if is_bus_lost {
-                Remark::BusLost
+            out.push(Out::MissionEvent(if is_bus_lost {
+                MissionEvent::BusLost
             } else {
-                Remark::BusBack
+                MissionEvent::BusBack
             }));
         }
-        let is_held_by_it = self.goal == Goal::Held(By::Itself(Cause::BusLost));
+        let is_held_by_it = self.goal == Goal::Held(GoalSource::Itself(AutonomyCause::BusLost));
         match (is_bus_lost, self.goal) {
             (true, Goal::Following) if is_alone => {
-                self.decide(now, Cause::BusLost, Goal::Held, out)
+                self.decide(now, AutonomyCause::BusLost, Goal::Held, out)
             }
-            (true, Goal::Following) => self.return_on_its_own(now, Cause::BusLost, out),
+            (true, Goal::Following) => self.return_on_its_own(now, AutonomyCause::BusLost, out),
             (true, Goal::Held(_)) if is_held_by_it && !is_alone => {
-                self.return_on_its_own(now, Cause::BusLost, out);
+                self.return_on_its_own(now, AutonomyCause::BusLost, out);
             }
             (_, Goal::Waiting | Goal::Held(_) | Goal::Returning(_) | Goal::Home(_))
             | (false, Goal::Following) => {}
@@ -134,10 +134,10 @@ impl Mission {
         self.is_battery_low = battery < enough;
         match self.goal {
             Goal::Following | Goal::Returning(_) if battery < safety.battery_hold => {
-                self.decide(now, Cause::BatteryEmpty, Goal::Held, out);
+                self.decide(now, AutonomyCause::BatteryEmpty, Goal::Held, out);
             }
             Goal::Following if self.is_battery_low => {
-                self.return_on_its_own(now, Cause::BatteryLow, out);
+                self.return_on_its_own(now, AutonomyCause::BatteryLow, out);
             }
             Goal::Waiting
             | Goal::Held(_)
@@ -147,7 +147,7 @@ impl Mission {
         }
     }
 
-    fn return_on_its_own(&mut self, now: Time, cause: Cause, out: &mut Vec<Out>) {
+    fn return_on_its_own(&mut self, now: Time, cause: AutonomyCause, out: &mut Vec<Out>) {
         self.decide(now, cause, |by| Goal::go_home(now, by), out);
     }
 
@@ -155,19 +155,22 @@ impl Mission {
     fn decide(
         &mut self,
         now: Time,
-        cause: Cause,
-        goal: impl FnOnce(By) -> Goal,
+        cause: AutonomyCause,
+        goal: impl FnOnce(GoalSource) -> Goal,
         out: &mut Vec<Out>,
     ) {
-        self.goal = goal(By::Itself(cause));
+        self.goal = goal(GoalSource::Itself(cause));
         self.stop(now, out);
-        out.push(Out::Remark(Remark::Decides(cause, self.status())));
+        out.push(Out::MissionEvent(MissionEvent::Decides(
+            cause,
+            self.status(),
+        )));
     }
 
     /// A newer plan of its own takes a vehicle back that acts on its own since it had lost the bus: the ground knows of
     /// it, and has planned from where it is.
     pub(super) fn resume_for(&mut self, now: Time, plan: &Plan, out: &mut Vec<Out>) {
-        if self.plan.is_newer(plan) && self.goal.cause() == Some(Cause::BusLost) {
+        if self.plan.is_newer(plan) && self.goal.cause() == Some(AutonomyCause::BusLost) {
             self.goal = Goal::Following;
             self.stop(now, out);
         }

@@ -2,7 +2,7 @@
 
 use crate::node::radio::BeaconReport;
 use tomoswarm_proto::Sender;
-use tomoswarm_proto::{Boot, Lease, Mode, Revision};
+use tomoswarm_proto::{Boot, Lease, Revision, VehicleMode};
 
 use super::super::tests_support::{own_state, settings, state};
 use super::tests::{at, driven, holds, order, plan, planned, told};
@@ -58,8 +58,8 @@ fn under_way() -> Mission {
     mission
 }
 
-fn has(out: &[Out], remark: Remark) -> bool {
-    out.contains(&Out::Remark(remark))
+fn has(out: &[Out], remark: MissionEvent) -> bool {
+    out.contains(&Out::MissionEvent(remark))
 }
 
 #[test]
@@ -74,7 +74,7 @@ fn who_hears_nobody_stands_and_goes_on_as_soon_as_somebody_is_heard() {
     let mut mission = under_way();
     let out = pass(&mut mission, 10..13, 0.0, &[]);
     assert!(
-        has(&out, Remark::Alone)
+        has(&out, MissionEvent::Alone)
             && holds(&out)
             && out.contains(&Out::Holds(Some(StandReason::Alone))),
         "{out:?}"
@@ -97,18 +97,18 @@ fn who_hears_peers_by_radio_carries_on_for_a_minute_and_then_returns() {
     assert!(
         has(
             &out,
-            Remark::Decides(Cause::BusLost, MissionStatus::Returning)
+            MissionEvent::Decides(AutonomyCause::BusLost, MissionStatus::Returning)
         ),
         "{out:?}"
     );
-    let drives = out.rsplit(|said| !matches!(said, Out::Command(_, Command::Drive { .. })));
+    let drives = out.rsplit(|said| !matches!(said, Out::Command(_, MoveCommand::Drive { .. })));
     let last = drives
         .filter_map(driven)
         .next()
         .and_then(|route| route.last().copied());
     assert_eq!(last, Some(settings(1).home), "{out:?}");
     let out = pass(&mut mission, 80..85, 0.0, &[sighting(2, 20.0)]);
-    assert!(has(&out, Remark::Home), "{out:?}");
+    assert!(has(&out, MissionEvent::Home), "{out:?}");
     assert_eq!(mission.status(), MissionStatus::Home);
 }
 
@@ -186,13 +186,13 @@ fn a_low_battery_sends_home_and_an_empty_one_holds() {
     let out = told(&mut mission, 10.0, battery(0.21, 1.0));
     assert!(!has(
         &out,
-        Remark::Decides(Cause::BatteryLow, MissionStatus::Returning)
+        MissionEvent::Decides(AutonomyCause::BatteryLow, MissionStatus::Returning)
     ));
     let out = told(&mut mission, 10.1, battery(0.19, 1.0));
     assert!(
         has(
             &out,
-            Remark::Decides(Cause::BatteryLow, MissionStatus::Returning)
+            MissionEvent::Decides(AutonomyCause::BatteryLow, MissionStatus::Returning)
         ),
         "{out:?}"
     );
@@ -206,7 +206,7 @@ fn a_low_battery_sends_home_and_an_empty_one_holds() {
     assert!(
         has(
             &out,
-            Remark::Decides(Cause::BatteryEmpty, MissionStatus::Held)
+            MissionEvent::Decides(AutonomyCause::BatteryEmpty, MissionStatus::Held)
         ),
         "{out:?}"
     );
@@ -218,14 +218,14 @@ fn a_silent_peer_is_said_once_and_said_again_when_it_speaks() {
     let mut mission = under_way();
     told(&mut mission, 10.0, sighting(2, 20.0));
     let out = pass(&mut mission, 10..20, 0.0, &[GROUND]);
-    let said = |out: &[Out], remark: fn(VehicleId) -> Remark| {
+    let said = |out: &[Out], remark: fn(VehicleId) -> MissionEvent| {
         out.iter()
-            .filter(|said| **said == Out::Remark(remark(VehicleId(2))))
+            .filter(|said| **said == Out::MissionEvent(remark(VehicleId(2))))
             .count()
     };
-    assert_eq!(said(&out, Remark::Silent), 1);
+    assert_eq!(said(&out, MissionEvent::Silent), 1);
     let out = pass(&mut mission, 20..22, 0.0, &[GROUND, sighting(2, 20.0)]);
-    assert_eq!(said(&out, Remark::HeardAgain), 1);
+    assert_eq!(said(&out, MissionEvent::HeardAgain), 1);
 }
 
 #[test]
@@ -271,7 +271,7 @@ fn plans_of_a_lower_right_and_old_ones_are_not_taken() {
     let lease = |number| Lease { number, holder: 7 };
     let edition = |out: &[Out]| {
         out.iter()
-            .any(|out| matches!(out, Out::Remark(Remark::OldPlan(..))))
+            .any(|out| matches!(out, Out::MissionEvent(MissionEvent::OldPlan(..))))
     };
     let with = |number, sequence, revision| match plan(revision, &[]) {
         In::Plan(plan) => {
@@ -316,7 +316,7 @@ fn plans_of_a_lower_right_and_old_ones_are_not_taken() {
     assert_eq!(mission.plan.progress().revision, Revision(5));
     let mut own = OwnState {
         sequence: 211,
-        mode: Mode::Idle,
+        mode: VehicleMode::Idle,
         ..own_state(0.0, 0.0)
     };
     own.ordered.lease = lease(9);

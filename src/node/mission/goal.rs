@@ -12,7 +12,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Cause, MissionStatus};
+use super::{AutonomyCause, MissionStatus};
 use crate::time::Time;
 
 /// What is wanted of a vehicle.
@@ -23,27 +23,27 @@ pub(super) enum Goal {
     /// It is out for its mission: the ground's plan, or one of its own.
     Following,
     /// It stands.
-    Held(By),
+    Held(GoalSource),
     /// It goes home.
     Returning(Return),
     /// It came home.
-    Home(By),
+    Home(GoalSource),
 }
 
 /// Who wants it.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub(super) enum By {
+pub(super) enum GoalSource {
     /// An operator.
     Order,
     /// The vehicle itself, and why.
-    Itself(Cause),
+    Itself(AutonomyCause),
 }
 
 /// A return, and how it gets on.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub(super) struct Return {
     /// Who wants it.
-    pub by: By,
+    pub by: GoalSource,
     /// Tries in vain.
     pub tries: u32,
     /// How far it is.
@@ -79,7 +79,7 @@ pub(super) struct ReturnQueue {
 
 impl Goal {
     /// Returns the goal of a vehicle that is to return from now on.
-    pub fn go_home(now: Time, by: By) -> Goal {
+    pub fn go_home(now: Time, by: GoalSource) -> Goal {
         let queue = ReturnQueue {
             since: now,
             try_at: Time::ZERO,
@@ -94,15 +94,15 @@ impl Goal {
     }
 
     /// Returns why the vehicle does something that nobody has ordered.
-    pub fn cause(&self) -> Option<Cause> {
+    pub fn cause(&self) -> Option<AutonomyCause> {
         let by = match self {
             Goal::Waiting | Goal::Following => return None,
             Goal::Held(by) | Goal::Home(by) => by,
             Goal::Returning(home) => &home.by,
         };
         match by {
-            By::Order => None,
-            By::Itself(cause) => Some(*cause),
+            GoalSource::Order => None,
+            GoalSource::Itself(cause) => Some(*cause),
         }
     }
 
@@ -187,7 +187,7 @@ mod tests {
             .position(|line| line.contains("```"))
             .unwrap();
         let drawing = drawing[1..=end].join("\n");
-        let Goal::Returning(home) = Goal::go_home(at(1.0), By::Order) else {
+        let Goal::Returning(home) = Goal::go_home(at(1.0), GoalSource::Order) else {
             panic!("it returns")
         };
         let drives = ReturnStage::UnderWay {
@@ -197,10 +197,13 @@ mod tests {
         let goals = [
             Goal::Waiting,
             Goal::Following,
-            Goal::Held(By::Order),
+            Goal::Held(GoalSource::Order),
             Goal::Returning(home),
         ];
-        let names = goals.iter().chain([&Goal::Home(By::Order)]).map(name);
+        let names = goals
+            .iter()
+            .chain([&Goal::Home(GoalSource::Order)])
+            .map(name);
         for name in names.chain([name(&home.stage), name(&drives)]) {
             assert_eq!(drawing.matches(&name).count(), 1, "{name} in {drawing}");
         }
@@ -208,14 +211,17 @@ mod tests {
 
     #[test]
     fn only_what_a_vehicle_decides_has_a_cause() {
-        let low = By::Itself(Cause::BatteryLow);
-        assert_eq!(Goal::go_home(at(1.0), low).cause(), Some(Cause::BatteryLow));
-        assert_eq!(Goal::Held(low).cause(), Some(Cause::BatteryLow));
+        let low = GoalSource::Itself(AutonomyCause::BatteryLow);
+        assert_eq!(
+            Goal::go_home(at(1.0), low).cause(),
+            Some(AutonomyCause::BatteryLow)
+        );
+        assert_eq!(Goal::Held(low).cause(), Some(AutonomyCause::BatteryLow));
         for goal in [
             Goal::Waiting,
             Goal::Following,
-            Goal::Home(By::Order),
-            Goal::go_home(at(1.0), By::Order),
+            Goal::Home(GoalSource::Order),
+            Goal::go_home(at(1.0), GoalSource::Order),
         ] {
             assert_eq!(goal.cause(), None, "{goal:?}");
         }
@@ -223,7 +229,7 @@ mod tests {
 
     #[test]
     fn who_steps_back_keeps_who_wants_it_and_its_tries() {
-        let Goal::Returning(home) = Goal::go_home(at(1.0), By::Order) else {
+        let Goal::Returning(home) = Goal::go_home(at(1.0), GoalSource::Order) else {
             panic!("it returns")
         };
         let stage = ReturnStage::UnderWay {
@@ -238,7 +244,7 @@ mod tests {
         .stepped_back(at(5.0), at(8.0));
         assert_eq!(
             (back.by, back.tries, back.is_under_way()),
-            (By::Order, 3, false)
+            (GoalSource::Order, 3, false)
         );
         let ReturnStage::InQueue(queue) = back.stage else {
             panic!("{back:?}")
@@ -249,7 +255,7 @@ mod tests {
 
     #[test]
     fn who_waits_behind_peers_does_not_forget_since_when() {
-        let Goal::Returning(mut home) = Goal::go_home(at(1.0), By::Order) else {
+        let Goal::Returning(mut home) = Goal::go_home(at(1.0), GoalSource::Order) else {
             panic!("it returns")
         };
         if let ReturnStage::InQueue(queue) = &mut home.stage {

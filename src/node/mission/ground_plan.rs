@@ -10,10 +10,10 @@
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Boot, MissionPhase, Plan, Revision, RunId, Stop, StopId, VehicleId};
 
-use super::Remark;
+use super::MissionEvent;
 use crate::geom::{Point, Polygon};
-use crate::node::Settings;
-use crate::sweep::{Follower, VehicleProgress, Verdict, WaitsFor};
+use crate::node::VehicleSettings;
+use crate::sweep::{Follower, PlanVerdict, VehicleProgress, WaitsFor};
 use crate::time::{Deadline, Time};
 use std::time::Duration;
 
@@ -56,7 +56,7 @@ pub(super) struct GroundPlan {
 
 /// What has changed since it was last asked.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub(super) struct News {
+pub(super) struct PlanNews {
     /// How far the vehicle is.
     pub progress: Option<VehicleProgress>,
     /// That is under another revision than before.
@@ -67,7 +67,7 @@ pub(super) struct News {
 
 impl GroundPlan {
     /// Makes the plan of a vehicle that has heard of none.
-    pub fn new(settings: &Settings) -> GroundPlan {
+    pub fn new(settings: &VehicleSettings) -> GroundPlan {
         GroundPlan {
             vehicle: settings.vehicle,
             boot: settings.boot,
@@ -150,10 +150,11 @@ impl GroundPlan {
 
     /// Returns why a plan is not taken, the first time that it comes; `is_old` = it answers a state that is too old, or
     /// has a lower right than others.
-    pub fn refuse(&mut self, plan: &Plan, is_old: bool) -> Result<(), Option<Remark>> {
+    pub fn refuse(&mut self, plan: &Plan, is_old: bool) -> Result<(), Option<MissionEvent>> {
         let edition = (plan.run, plan.revision);
-        let old = is_old.then_some(Remark::OldPlan(plan.run, plan.revision));
-        let Some(remark) = old.or_else(|| self.leads_outside(plan).map(Remark::Outside)) else {
+        let old = is_old.then_some(MissionEvent::OldPlan(plan.run, plan.revision));
+        let Some(remark) = old.or_else(|| self.leads_outside(plan).map(MissionEvent::Outside))
+        else {
             return Ok(());
         };
         let is_news = self.not_taken.replace(edition) != Some(edition);
@@ -178,7 +179,7 @@ impl GroundPlan {
     }
 
     /// Takes a plan, own or a peer's; returns why the revision does not fit, when that is news.
-    pub fn offer(&mut self, now: Time, plan: &Plan) -> Option<Remark> {
+    pub fn offer(&mut self, now: Time, plan: &Plan) -> Option<MissionEvent> {
         let follower = self.follower.as_mut()?;
         let edition = (plan.run, plan.revision);
         match follower.pending_edition() {
@@ -192,10 +193,10 @@ impl GroundPlan {
         }
         let before = follower.refusal().cloned();
         match follower.offer(plan) {
-            Verdict::Refused(refusal) => {
-                (before.as_ref() != Some(&refusal)).then_some(Remark::Refused(refusal))
+            PlanVerdict::Refused(refusal) => {
+                (before.as_ref() != Some(&refusal)).then_some(MissionEvent::Refused(refusal))
             }
-            Verdict::Adopted | Verdict::Old | Verdict::Kept => None,
+            PlanVerdict::Adopted | PlanVerdict::Old | PlanVerdict::Unchanged => None,
         }
     }
 
@@ -284,9 +285,9 @@ impl GroundPlan {
     }
 
     /// Returns what has changed since it was last asked.
-    pub fn news(&mut self) -> News {
+    pub fn news(&mut self) -> PlanNews {
         let Some(follower) = &self.follower else {
-            return News::default();
+            return PlanNews::default();
         };
         let progress = VehicleProgress {
             boot: self.boot,
@@ -300,7 +301,7 @@ impl GroundPlan {
         self.has_said_end |= is_end;
         let changed = (progress != self.said).then_some(progress);
         self.said = progress;
-        News {
+        PlanNews {
             progress: changed,
             is_adopted,
             finished: is_end.then_some(progress.run),

@@ -23,16 +23,16 @@ use self::pathfind::Pathfind;
 use self::patrol::Patrol;
 use self::seek::{Preference, Seek};
 use self::straight::Straight;
-use super::End;
+use super::EndReason;
 use super::pilot::Pilot;
 use crate::geom::{Angle, Cell, Point, Pose};
-use crate::node::Settings;
+use crate::node::VehicleSettings;
 use crate::node::peers::Peers;
 use crate::time::Time;
 
 /// What a mission is told.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub enum Seen {
+pub enum MissionInput {
     /// Nothing is being done: the last step is over, or was interrupted.
     Ready,
     /// It is under way to where it said; told about once a second.
@@ -54,7 +54,7 @@ pub enum Seen {
 
 /// What a mission wants done next.
 #[derive(Clone, PartialEq, Debug)]
-pub enum Step {
+pub enum MissionStep {
     /// What is being done goes on.
     GoOn,
     /// Nothing yet: it says a step when it has thought.
@@ -62,10 +62,10 @@ pub enum Step {
     /// Go straight to a place of the mission.
     GoStraight(Point),
     /// Go to a place of the mission on a path around what is seen; what is unknown may be crossed. A place to which no
-    /// way leads is passed over, see [`MissionKind::pass_over`].
+    /// way leads is passed over, see [`Behaviour::pass_over`].
     GoTo(Point),
     /// Go along a course, to where something can be looked at.
-    GoAlong(Course),
+    GoAlong(DriveRoute),
     /// Look all around.
     LookAround,
     /// Look at one cell.
@@ -75,12 +75,12 @@ pub enum Step {
     /// Only peers are in the way: make room, or wait until they do, and be ready then.
     YieldToPeers,
     /// The mission has ended: go home.
-    End(End),
+    End(EndReason),
 }
 
 /// A way to drive as it is.
 #[derive(Clone, PartialEq, Debug)]
-pub struct Course {
+pub struct DriveRoute {
     /// Its corners after where the vehicle is.
     pub corners: Vec<Point>,
     /// It leads over places that count as open only since the vehicle has driven there.
@@ -97,7 +97,7 @@ pub enum PassedOver {
 }
 
 /// What a mission may look at when it decides.
-pub struct Surroundings<'a> {
+pub struct MissionContext<'a> {
     /// Now.
     pub now: Time,
     /// Where the vehicle is.
@@ -108,7 +108,7 @@ pub struct Surroundings<'a> {
     pub peers: &'a Peers,
 }
 
-impl Surroundings<'_> {
+impl MissionContext<'_> {
     /// Returns what peers claim, whether they move or not.
     pub fn claims(&self) -> Vec<Vec<Point>> {
         self.peers
@@ -119,12 +119,12 @@ impl Surroundings<'_> {
 }
 
 /// A kind of mission: told what is seen, it says the next step. Every mission ends: a look is counted, a wait has a limit.
-pub trait MissionKind {
+pub trait Behaviour {
     /// Returns the next step.
-    fn next(&mut self, seen: Seen, around: &Surroundings<'_>) -> Step;
+    fn next(&mut self, seen: MissionInput, around: &MissionContext<'_>) -> MissionStep;
 
     /// Returns how the mission ends now that its peers have not made room for very long.
-    fn give_up(&self) -> End;
+    fn give_up(&self) -> EndReason;
 
     /// Takes that the place to which it wanted to go is passed over.
     fn pass_over(&mut self, _why: PassedOver) {}
@@ -133,12 +133,12 @@ pub trait MissionKind {
     fn tile_changed(&mut self, _address: TileAddress) {}
 
     /// Takes where the peers are, before anything else is decided.
-    fn watch_peers(&mut self, _around: &Surroundings<'_>) {}
+    fn watch_peers(&mut self, _around: &MissionContext<'_>) {}
 }
 
 /// The list of all kinds.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub enum Kind {
+pub enum AnyBehaviour {
     /// Straight legs.
     Straight(Straight),
     /// A look around.
@@ -151,23 +151,25 @@ pub enum Kind {
     Patrol(Patrol),
 }
 
-impl Kind {
+impl AnyBehaviour {
     /// Makes the mission of a task; `None` when the ground station plans.
-    pub fn of(settings: &Settings) -> Option<Kind> {
+    pub fn of(settings: &VehicleSettings) -> Option<AnyBehaviour> {
         let points =
             |places: &[Position]| places.iter().map(|at| Point::from(*at)).collect::<Vec<_>>();
         let metres = |length_mm: u32| f64::from(length_mm) / 1000.0;
         Some(match settings.task.as_ref()? {
             TaskKind::Sweep { .. } => return None,
-            TaskKind::Legs { places } => Kind::Straight(Straight::along(&points(places))),
+            TaskKind::Legs { places } => AnyBehaviour::Straight(Straight::along(&points(places))),
             TaskKind::Forward { distance_mm } => {
-                Kind::Straight(Straight::ahead(metres(*distance_mm)))
+                AnyBehaviour::Straight(Straight::ahead(metres(*distance_mm)))
             }
-            TaskKind::Browse => Kind::Browse(Browse::default()),
-            TaskKind::Pathfind { places } => Kind::Pathfind(Pathfind::to(&points(places))),
-            TaskKind::Search => Kind::Seek(Box::new(Seek::new(settings, Preference::NearObjects))),
+            TaskKind::Browse => AnyBehaviour::Browse(Browse::default()),
+            TaskKind::Pathfind { places } => AnyBehaviour::Pathfind(Pathfind::to(&points(places))),
+            TaskKind::Search => {
+                AnyBehaviour::Seek(Box::new(Seek::new(settings, Preference::NearObjects)))
+            }
             TaskKind::Explore => {
-                Kind::Seek(Box::new(Seek::new(settings, Preference::FarFromPeers)))
+                AnyBehaviour::Seek(Box::new(Seek::new(settings, Preference::FarFromPeers)))
             }
             TaskKind::Patrol {
                 places,
@@ -177,7 +179,7 @@ impl Kind {
                 let rounds = (*rounds > 0).then_some(*rounds as usize);
                 let duration =
                     (*duration_ms > 0).then(|| Duration::from_millis(u64::from(*duration_ms)));
-                Kind::Patrol(Patrol::over(&points(places), rounds, duration))
+                AnyBehaviour::Patrol(Patrol::over(&points(places), rounds, duration))
             }
         })
     }
@@ -185,21 +187,21 @@ impl Kind {
     /// Returns how many places are still to be visited; a search has no list of places.
     pub fn places_left(&self) -> usize {
         match self {
-            Kind::Straight(straight) => straight.places_left(),
-            Kind::Pathfind(pathfind) => pathfind.places_left(),
-            Kind::Patrol(patrol) => patrol.places_left(),
-            Kind::Browse(_) | Kind::Seek(_) => 0,
+            AnyBehaviour::Straight(straight) => straight.places_left(),
+            AnyBehaviour::Pathfind(pathfind) => pathfind.places_left(),
+            AnyBehaviour::Patrol(patrol) => patrol.places_left(),
+            AnyBehaviour::Browse(_) | AnyBehaviour::Seek(_) => 0,
         }
     }
 
     /// Returns the mission, of whatever kind.
-    pub fn mission(&mut self) -> &mut dyn MissionKind {
+    pub fn mission(&mut self) -> &mut dyn Behaviour {
         match self {
-            Kind::Straight(straight) => straight,
-            Kind::Browse(browse) => browse,
-            Kind::Pathfind(pathfind) => pathfind,
-            Kind::Seek(seek) => seek.as_mut(),
-            Kind::Patrol(patrol) => patrol,
+            AnyBehaviour::Straight(straight) => straight,
+            AnyBehaviour::Browse(browse) => browse,
+            AnyBehaviour::Pathfind(pathfind) => pathfind,
+            AnyBehaviour::Seek(seek) => seek.as_mut(),
+            AnyBehaviour::Patrol(patrol) => patrol,
         }
     }
 }
@@ -212,12 +214,17 @@ mod tests_support {
     use crate::node::tests_support::settings;
 
     /// Tells a mission of a vehicle at a place, facing along x, that knows nothing of the world; returns the next step.
-    pub fn step(mission: &mut dyn MissionKind, seen: Seen, at: (f64, f64)) -> Step {
+    pub fn step(mission: &mut dyn Behaviour, seen: MissionInput, at: (f64, f64)) -> MissionStep {
         step_at(mission, seen, at, Time::ZERO)
     }
 
     /// The same at a time.
-    pub fn step_at(mission: &mut dyn MissionKind, seen: Seen, at: (f64, f64), now: Time) -> Step {
+    pub fn step_at(
+        mission: &mut dyn Behaviour,
+        seen: MissionInput,
+        at: (f64, f64),
+        now: Time,
+    ) -> MissionStep {
         let settings = settings(1);
         let peers = Peers::new(settings.vehicle);
         let pilot = Pilot::new(settings);
@@ -228,7 +235,7 @@ mod tests_support {
         };
         mission.next(
             seen,
-            &Surroundings {
+            &MissionContext {
                 now,
                 pose,
                 pilot: &pilot,
@@ -238,7 +245,7 @@ mod tests_support {
     }
 
     /// The end of a look all around.
-    pub const LOOKED: Seen = Seen::Looked {
+    pub const LOOKED: MissionInput = MissionInput::Looked {
         from: Point { x_m: 0.0, y_m: 0.0 },
         toward: Angle::ZERO,
         at: None,

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Lease, Plan, VehicleId};
 
-use crate::node::memory::Memory;
+use crate::node::memory::VehicleMemory;
 
 /// The greatest lease followed, and plans that wait to be.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -20,7 +20,7 @@ pub(super) struct PlanLeases {
 
 impl PlanLeases {
     /// Makes the leases of a vehicle whose earlier starts have left this.
-    pub fn remembering(memory: Memory) -> PlanLeases {
+    pub fn remembering(memory: VehicleMemory) -> PlanLeases {
         PlanLeases {
             greatest: memory.lease(),
             asked: memory.lease(),
@@ -49,7 +49,7 @@ impl PlanLeases {
     }
 
     /// Keeps a plan until the disk has its lease; returns what is to be remembered, unless that was asked for before.
-    pub fn wait_with(&mut self, plan: &Plan) -> Option<Memory> {
+    pub fn wait_with(&mut self, plan: &Plan) -> Option<VehicleMemory> {
         let edition = |plan: &Plan| (plan.lease, plan.run, plan.revision);
         let known = self.waiting.get(&plan.vehicle);
         if known.is_none_or(|known| edition(known) <= edition(plan)) {
@@ -57,11 +57,11 @@ impl PlanLeases {
         }
         let is_news = plan.lease > self.asked;
         self.asked = self.asked.max(plan.lease);
-        is_news.then(|| Memory::of_plan(plan.lease))
+        is_news.then(|| VehicleMemory::of_plan(plan.lease))
     }
 
     /// Takes what is on disk; returns the plans that need not wait any more.
-    pub fn remembered(&mut self, on_disk: Memory) -> Vec<Plan> {
+    pub fn remembered(&mut self, on_disk: VehicleMemory) -> Vec<Plan> {
         self.follow(on_disk.lease());
         let greatest = self.greatest;
         let all = std::mem::take(&mut self.waiting);
@@ -93,7 +93,7 @@ mod tests {
 
     #[test]
     fn a_plan_by_a_greater_right_waits_for_the_disk_and_is_asked_for_once() {
-        let mut leases = PlanLeases::remembering(Memory::of_plan(lease(3)));
+        let mut leases = PlanLeases::remembering(VehicleMemory::of_plan(lease(3)));
         assert!(
             leases.are_above(lease(2))
                 && !leases.are_above(lease(3))
@@ -102,7 +102,7 @@ mod tests {
         assert!(leases.is_greater(lease(4)));
         assert_eq!(
             leases.wait_with(&plan(1, 4, 2)),
-            Some(Memory::of_plan(lease(4)))
+            Some(VehicleMemory::of_plan(lease(4)))
         );
         assert_eq!(leases.wait_with(&plan(2, 4, 2)), None);
         assert_eq!(leases.wait_with(&plan(1, 4, 1)), None, "it came late");
@@ -111,9 +111,9 @@ mod tests {
             "what is about to be on disk counts"
         );
         assert_eq!(leases.greatest(), lease(3), "and is not shown");
-        assert_eq!(leases.remembered(Memory::of_plan(lease(3))), []);
+        assert_eq!(leases.remembered(VehicleMemory::of_plan(lease(3))), []);
         assert_eq!(
-            leases.remembered(Memory::of_plan(lease(4))),
+            leases.remembered(VehicleMemory::of_plan(lease(4))),
             [plan(1, 4, 2), plan(2, 4, 2)]
         );
         assert_eq!((leases.greatest(), leases.waiting.len()), (lease(4), 0));

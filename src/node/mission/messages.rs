@@ -2,19 +2,19 @@
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    EmergencyStop, LayerId, Mission, MissionRefusal, Order, Plan, Revision, RunId, Sender,
+    EmergencyStop, LayerId, MissionProgress, MissionRefusal, Order, Plan, Revision, RunId, Sender,
     StandReason, State, StopId, Task, TileAddress, TileReport, VehicleId,
 };
 
-use super::autonomy::Cause;
-use crate::actor::{Class, Input};
+use super::autonomy::AutonomyCause;
+use crate::actor::{Input, InputClass};
 use crate::geom::Point;
 use crate::node::OwnState;
-use crate::node::memory::{Memory, Remembered};
+use crate::node::memory::{Remembered, VehicleMemory};
 use crate::node::peers::join_states;
 use crate::node::radio::BeaconReport;
-use crate::node::vehicle::{self, Command};
-use crate::sweep::{Refusal, VehicleProgress};
+use crate::node::vehicle::{self, MoveCommand};
+use crate::sweep::{PlanRefusal, VehicleProgress};
 use crate::time::Time;
 
 /// What the mission actor can be told.
@@ -43,7 +43,7 @@ pub enum In {
     /// Which emergency stops are open.
     Stops(Vec<EmergencyStop>),
     /// What the vehicle's envelope or reflex decided.
-    Remark(vehicle::Remark),
+    SafetyEvent(vehicle::SafetyEvent),
     /// How it stands with what was to be remembered.
     Remembered(Remembered),
 }
@@ -52,30 +52,30 @@ pub enum In {
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum Out {
     /// To the vehicle, and when it was decided.
-    Command(Time, Command),
+    Command(Time, MoveCommand),
     /// Why it stands and does not go on by itself; `None` = it may.
     Holds(Option<StandReason>),
     /// The plan that is followed from now on.
     Accepted(RunId, Revision),
     /// How far it is with its mission, as it travels.
-    Progress(Mission),
+    Progress(MissionProgress),
     /// This is to be remembered. What follows from it is said when it is.
-    Remember(Memory),
+    Remember(VehicleMemory),
     /// What is heard by radio belongs to this run from now on; `None` = to none.
     Measure(Option<RunId>),
     /// For log and operator.
-    Remark(Remark),
+    MissionEvent(MissionEvent),
 }
 
 /// What the mission did or met.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-pub enum Remark {
+pub enum MissionEvent {
     /// A stop was done.
     Done(StopId),
     /// A new revision is followed.
     Adopted(RunId, Revision),
     /// A new revision does not fit.
-    Refused(Refusal),
+    Refused(PlanRefusal),
     /// The own plan leads out of the fence, here: it is not taken.
     Outside(Point),
     /// A plan answers a state that is too old, or has a lower right than others: it is not taken.
@@ -99,7 +99,7 @@ pub enum Remark {
     /// No way leads to a place of the mission: so many cells that can be reached were searched.
     NoWay(Point, usize),
     /// The mission has ended.
-    Ended(End),
+    Ended(EndReason),
     /// The vehicle is back home.
     Home,
     /// This vehicle is heard neither by bus nor by radio: an obstacle until it is.
@@ -115,12 +115,12 @@ pub enum Remark {
     /// Somebody is heard on the bus again.
     BusBack,
     /// It does something that nobody has ordered.
-    Decides(Cause, MissionStatus),
+    Decides(AutonomyCause, MissionStatus),
 }
 
 /// How a mission ended.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-pub enum End {
+pub enum EndReason {
     /// Everything was done.
     Done,
     /// It stopped in front of something.
@@ -182,20 +182,20 @@ pub enum Key {
 impl Input for In {
     type Key = Key;
 
-    fn class(&self) -> Class<Key> {
+    fn class(&self) -> InputClass<Key> {
         match self {
-            In::State(_) => Class::Latest(Key::State),
-            In::Peer(state) => Class::Latest(Key::Peer(state.vehicle)),
-            In::Plan(plan) => Class::Latest(Key::Plan(plan.vehicle)),
-            In::Task(task) => Class::Latest(Key::Task(task.run)),
-            In::Tile(tile) => Class::Latest(Key::Tile(tile.layer, tile.address)),
-            In::Progress(progress) => Class::Latest(Key::Progress(progress.vehicle)),
-            In::Sighted(sighting) => Class::Latest(Key::Sighted(sighting.progress.vehicle)),
-            In::Expected(_) => Class::Latest(Key::Expected),
-            In::Heard(by) => Class::Latest(Key::Heard(*by)),
-            In::Order(_) => Class::Latest(Key::Order),
-            In::Remembered(_) => Class::Latest(Key::Remembered),
-            In::Remark(_) | In::Stops(_) => Class::Queue,
+            In::State(_) => InputClass::Latest(Key::State),
+            In::Peer(state) => InputClass::Latest(Key::Peer(state.vehicle)),
+            In::Plan(plan) => InputClass::Latest(Key::Plan(plan.vehicle)),
+            In::Task(task) => InputClass::Latest(Key::Task(task.run)),
+            In::Tile(tile) => InputClass::Latest(Key::Tile(tile.layer, tile.address)),
+            In::Progress(progress) => InputClass::Latest(Key::Progress(progress.vehicle)),
+            In::Sighted(sighting) => InputClass::Latest(Key::Sighted(sighting.progress.vehicle)),
+            In::Expected(_) => InputClass::Latest(Key::Expected),
+            In::Heard(by) => InputClass::Latest(Key::Heard(*by)),
+            In::Order(_) => InputClass::Latest(Key::Order),
+            In::Remembered(_) => InputClass::Latest(Key::Remembered),
+            In::SafetyEvent(_) | In::Stops(_) => InputClass::Queue,
         }
     }
 

@@ -17,10 +17,10 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Mode, StopId, TileReport};
+use tomoswarm_proto::{StopId, TileReport, VehicleMode};
 
-use super::super::vehicle::{Bump, Command};
-use super::super::{OwnState, Settings};
+use super::super::vehicle::{MoveCommand, ReflexObstacle};
+use super::super::{OwnState, VehicleSettings};
 use super::look_around::{LookAround, Next};
 use super::way::Way;
 use crate::geom::{Angle, Point, Pose, Rect, Segment};
@@ -63,7 +63,7 @@ const STEP_M: f64 = 0.1;
 
 /// What the pilot met.
 #[derive(Clone, PartialEq, Debug)]
-pub enum Met {
+pub enum WayEvent {
     /// A stop was passed or reached.
     Stop(StopId),
     /// The way is looked at, since something on it is unknown.
@@ -115,7 +115,7 @@ pub enum WayHome {
 /// Drives along a way.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Pilot {
-    settings: Settings,
+    settings: VehicleSettings,
     map: Merged,
     way: Way,
     doing: Doing,
@@ -129,7 +129,7 @@ pub struct Pilot {
     /// Peers that stand or are silent, each with the way that it claims: they are planned around.
     peers: Vec<Vec<Point>>,
     /// What made the reflex halt lately, whether the map shows it or not.
-    bumps: Vec<Bump>,
+    bumps: Vec<ReflexObstacle>,
     /// The way is only a wish: nothing of it is driven before a path is found.
     needs_path: bool,
     /// A path was found, and nothing of it has been driven.
@@ -157,7 +157,7 @@ pub struct Pilot {
 
 impl Pilot {
     /// Makes a pilot that knows nothing of the world.
-    pub fn new(settings: Settings) -> Pilot {
+    pub fn new(settings: VehicleSettings) -> Pilot {
         Pilot {
             map: Merged::new(settings.lattice, None),
             settings,
@@ -254,7 +254,7 @@ impl Pilot {
     }
 
     /// Remembers what made the reflex halt.
-    pub fn bumped(&mut self, now: Time, bump: Bump) {
+    pub fn bumped(&mut self, now: Time, bump: ReflexObstacle) {
         self.bumps.retain(|known| known.until > now);
         self.bumps.push(bump);
     }
@@ -324,14 +324,19 @@ impl Pilot {
     }
 
     /// Goes on with what the vehicle says of itself; returns a command, if one is due.
-    pub fn advance(&mut self, now: Time, state: &OwnState, met: &mut Vec<Met>) -> Option<Command> {
+    pub fn advance(
+        &mut self,
+        now: Time,
+        state: &OwnState,
+        met: &mut Vec<WayEvent>,
+    ) -> Option<MoveCommand> {
         let pose = state.pose;
-        let resting = !matches!(state.mode, Mode::Driving | Mode::Turning);
+        let resting = !matches!(state.mode, VehicleMode::Driving | VehicleMode::Turning);
         self.remember(pose.at);
         if !resting {
             self.refusals = 0;
         }
-        if state.mode == Mode::Driving {
+        if state.mode == VehicleMode::Driving {
             self.refused_paths = 0;
         }
         self.pass(now, pose, resting, met);
@@ -356,7 +361,7 @@ impl Pilot {
         }
     }
 
-    fn pass(&mut self, now: Time, pose: Pose, resting: bool, met: &mut Vec<Met>) {
+    fn pass(&mut self, now: Time, pose: Pose, resting: bool, met: &mut Vec<WayEvent>) {
         let mut passed = self.way.pass(pose.at);
         if resting && self.way.end().distance_to(pose.at) <= ARRIVED_M && self.is_settled(now) {
             passed.extend(self.way.arrive());
@@ -364,7 +369,7 @@ impl Pilot {
         if !passed.is_empty() {
             self.failures = 0;
         }
-        met.extend(passed.into_iter().map(Met::Stop));
+        met.extend(passed.into_iter().map(WayEvent::Stop));
     }
 
     /// Returns whether the last command has had time to show in the state.
@@ -397,7 +402,7 @@ impl Pilot {
     }
 
     /// Ends a release where the way would lead to what made the reflex halt.
-    fn hold_before(&self, bump: &Bump, pose: Pose, release: &mut Release) {
+    fn hold_before(&self, bump: &ReflexObstacle, pose: Pose, release: &mut Release) {
         let (here_m, bump_m) = (release.here_m, bump.at.distance_to(pose.at));
         let steps = (release.ahead_m() / STEP_M).ceil() as usize;
         let leads_there = |step: &usize| {
@@ -431,8 +436,8 @@ impl Pilot {
         now: Time,
         pose: Pose,
         resting: bool,
-        met: &mut Vec<Met>,
-    ) -> Option<Command> {
+        met: &mut Vec<WayEvent>,
+    ) -> Option<MoveCommand> {
         let release = self.release(now, pose);
         let whole_m = self.way.length_m();
         let ends_way = release.free_until_m >= whole_m - 1e-6;
@@ -462,7 +467,7 @@ impl Pilot {
             self.refused_paths += u32::from(self.refusals >= REFUSALS_MAX);
             self.refusals = 0;
             self.retreat_m = None;
-            met.push(Met::Blocked(pose.at));
+            met.push(WayEvent::Blocked(pose.at));
             if !self.is_strict {
                 self.search(now, pose);
             }
@@ -480,19 +485,19 @@ impl Pilot {
     }
 
     /// Commands the route to a length along the way.
-    fn command(&mut self, now: Time, pose: Pose, here_m: f64, until_m: f64) -> Option<Command> {
+    fn command(&mut self, now: Time, pose: Pose, here_m: f64, until_m: f64) -> Option<MoveCommand> {
         let route = self.way.until(pose.at, here_m, until_m);
         self.commanded_at = now;
         if route.len() < 2 {
             self.commanded_m = None;
-            return Some(Command::Hold);
+            return Some(MoveCommand::Hold);
         }
         self.commanded_m = Some(self.way.odometer_m(until_m));
         let stop = self
             .way
             .ahead()
             .find_map(|corner| corner.stops.first().copied());
-        Some(Command::Drive { stop, route })
+        Some(MoveCommand::Drive { stop, route })
     }
 
     /// At rest, and nothing is released: looks at what is unknown, or plans around what is in the way.
@@ -501,8 +506,8 @@ impl Pilot {
         now: Time,
         pose: Pose,
         release: &Release,
-        met: &mut Vec<Met>,
-    ) -> Option<Command> {
+        met: &mut Vec<WayEvent>,
+    ) -> Option<MoveCommand> {
         let blocked_m = release.blocked_at_m.unwrap_or(f64::INFINITY);
         match release
             .unknown
@@ -513,7 +518,9 @@ impl Pilot {
                 Some(self.look_around(now, pose.at.angle_to(unknown), unknown, met))
             }
             unknown => {
-                met.push(Met::Blocked(release.blocked.or(unknown).unwrap_or(pose.at)));
+                met.push(WayEvent::Blocked(
+                    release.blocked.or(unknown).unwrap_or(pose.at),
+                ));
                 match (self.is_strict, self.path_is_fresh) {
                     (true, _) => {}
                     (false, true) => self.fail(now, met),
@@ -526,12 +533,18 @@ impl Pilot {
     }
 
     /// Begins to look around, first in a direction.
-    fn look_around(&mut self, now: Time, toward: Angle, at: Point, met: &mut Vec<Met>) -> Command {
-        met.push(Met::Looks(at));
+    fn look_around(
+        &mut self,
+        now: Time,
+        toward: Angle,
+        at: Point,
+        met: &mut Vec<WayEvent>,
+    ) -> MoveCommand {
+        met.push(WayEvent::Looks(at));
         let look = LookAround::toward(toward, now);
         self.doing = Doing::Looking(look);
         self.commanded_at = now;
-        Command::Turn(look.heading())
+        MoveCommand::Turn(look.heading())
     }
 
     fn look(
@@ -539,8 +552,8 @@ impl Pilot {
         now: Time,
         pose: Pose,
         resting: bool,
-        met: &mut Vec<Met>,
-    ) -> Option<Command> {
+        met: &mut Vec<WayEvent>,
+    ) -> Option<MoveCommand> {
         let release = self.release(now, pose);
         let Doing::Looking(look) = &mut self.doing else {
             return None;
@@ -553,7 +566,7 @@ impl Pilot {
         match look.next(now, pose.heading, resting, cycle * 3) {
             Next::Turn(heading) => {
                 self.commanded_at = now;
-                Some(Command::Turn(heading))
+                Some(MoveCommand::Turn(heading))
             }
             Next::Stay => None,
             Next::Over => {
@@ -596,7 +609,7 @@ impl Pilot {
         }
     }
 
-    fn take_path(&mut self, now: Time, pose: Pose, met: &mut Vec<Met>) -> Option<Command> {
+    fn take_path(&mut self, now: Time, pose: Pose, met: &mut Vec<WayEvent>) -> Option<MoveCommand> {
         let Doing::Planning { ready, found } = &mut self.doing else {
             return None;
         };
@@ -615,7 +628,7 @@ impl Pilot {
             .windows(2)
             .map(|pair| Segment::new(pair[0], pair[1]).length_m())
             .sum();
-        met.push(Met::Path(length_m));
+        met.push(WayEvent::Path(length_m));
         self.way.replace(pose.at, count, &points[1..]);
         self.retreat_m = (count == 0).then(|| self.way.odometer_m(length_m));
         self.commanded_m = None;
@@ -624,10 +637,10 @@ impl Pilot {
     }
 
     /// Nothing was found, or what was found is blocked at once: waits, each time longer.
-    fn fail(&mut self, now: Time, met: &mut Vec<Met>) {
+    fn fail(&mut self, now: Time, met: &mut Vec<WayEvent>) {
         (self.looked, self.needs_path) = (false, self.unknown != Unknown::Free);
         self.failures += 1;
-        met.push(Met::NoPath(self.failures));
+        met.push(WayEvent::NoPath(self.failures));
         let wait = SEARCH_AGAIN * self.failures.min(LONGEST_WAIT);
         self.doing = Doing::Waiting { until: now + wait };
     }

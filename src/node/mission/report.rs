@@ -5,11 +5,11 @@ use tomoswarm_proto::{MissionEnd, MissionPhase, Permille, Position, Progress, St
 
 use super::goal::Goal;
 use super::runner::StepRunner;
-use super::{Cause, End, Mission, is_at_home};
+use super::{AutonomyCause, EndReason, Mission, is_at_home};
 
 impl Mission {
     /// Returns how far the vehicle is with its mission.
-    pub(super) fn on_wire(&self) -> tomoswarm_proto::Mission {
+    pub(super) fn on_wire(&self) -> tomoswarm_proto::MissionProgress {
         let (done, stops) = self.plan.stops_done();
         let left = match (&self.runner, self.assignment.refusal()) {
             (Some(runner), _) => runner.places_left(),
@@ -19,7 +19,7 @@ impl Mission {
         let is_home = |state: &super::OwnState| {
             state.is_at_rest && is_at_home(state.pose, self.settings.home)
         };
-        tomoswarm_proto::Mission {
+        tomoswarm_proto::MissionProgress {
             vehicle: self.settings.vehicle,
             boot: self.settings.boot,
             progress: self.progress(),
@@ -39,8 +39,8 @@ impl Mission {
     pub(super) fn holds_for(&self) -> Option<StandReason> {
         self.holds().then(|| match self.goal.cause() {
             _ if self.links.is_alone && self.goal.is_under_way() => StandReason::Alone,
-            Some(Cause::BusLost) => StandReason::Alone,
-            Some(Cause::BatteryLow | Cause::BatteryEmpty) => StandReason::Battery,
+            Some(AutonomyCause::BusLost) => StandReason::Alone,
+            Some(AutonomyCause::BatteryLow | AutonomyCause::BatteryEmpty) => StandReason::Battery,
             None => StandReason::Held,
         })
     }
@@ -96,16 +96,16 @@ impl Mission {
     }
 }
 
-fn end_on_wire(end: &End) -> MissionEnd {
+fn end_on_wire(end: &EndReason) -> MissionEnd {
     // Whoever missed something missed one place at least.
     let places = |count: usize| u16::try_from(count).unwrap_or(u16::MAX).max(1);
     match end {
-        End::Done => MissionEnd::Done,
-        End::Stopped(_) => MissionEnd::Stopped,
-        End::NoWay(count) => MissionEnd::NoWay(places(*count)),
-        End::GaveUp(count) => MissionEnd::GaveUp(places(*count)),
-        End::NoRoom | End::TooLarge => MissionEnd::GaveUp(1),
-        End::Refused(why) => MissionEnd::Refused(*why),
+        EndReason::Done => MissionEnd::Done,
+        EndReason::Stopped(_) => MissionEnd::Stopped,
+        EndReason::NoWay(count) => MissionEnd::NoWay(places(*count)),
+        EndReason::GaveUp(count) => MissionEnd::GaveUp(places(*count)),
+        EndReason::NoRoom | EndReason::TooLarge => MissionEnd::GaveUp(1),
+        EndReason::Refused(why) => MissionEnd::Refused(*why),
     }
 }
 
@@ -201,7 +201,7 @@ mod tests {
     fn a_mission_of_its_own_has_places_left_and_no_share() {
         let places = vec![Point::new(2.0, 0.0).into(), Point::new(2.0, 2.0).into()];
         let task = Some(TaskKind::Pathfind { places });
-        let mut mission = Mission::new(crate::node::Settings {
+        let mut mission = Mission::new(crate::node::VehicleSettings {
             task,
             ..settings(1)
         });
@@ -220,13 +220,13 @@ mod tests {
     fn every_end_can_be_said() {
         let place = Point::new(1.0, 1.0);
         for (end, on_wire) in [
-            (End::Done, MissionEnd::Done),
-            (End::Stopped(place), MissionEnd::Stopped),
-            (End::NoWay(3), MissionEnd::NoWay(3)),
-            (End::GaveUp(70_000), MissionEnd::GaveUp(u16::MAX)),
-            (End::NoRoom, MissionEnd::GaveUp(1)),
+            (EndReason::Done, MissionEnd::Done),
+            (EndReason::Stopped(place), MissionEnd::Stopped),
+            (EndReason::NoWay(3), MissionEnd::NoWay(3)),
+            (EndReason::GaveUp(70_000), MissionEnd::GaveUp(u16::MAX)),
+            (EndReason::NoRoom, MissionEnd::GaveUp(1)),
             (
-                End::Refused(MissionRefusal::NoPlace),
+                EndReason::Refused(MissionRefusal::NoPlace),
                 MissionEnd::Refused(MissionRefusal::NoPlace),
             ),
         ] {

@@ -8,7 +8,7 @@ use tomoswarm_proto::VehicleId;
 
 use super::goal::{Goal, Return, ReturnQueue, ReturnStage};
 use super::pilot::{Unknown, WayHome};
-use super::{Cause, Mission, Out, Remark};
+use super::{AutonomyCause, Mission, MissionEvent, Out};
 use crate::node::peers::Peer;
 use crate::time::Time;
 
@@ -52,7 +52,7 @@ impl Mission {
         self.drive(now, out);
         if self.pilot.way().is_empty() {
             self.goal = Goal::Home(home.by);
-            out.push(Out::Remark(Remark::Home));
+            out.push(Out::MissionEvent(MissionEvent::Home));
         } else if self.pilot.is_refused() && !self.is_low() {
             self.try_in_vain(now);
         }
@@ -145,7 +145,7 @@ impl Mission {
     }
 
     fn is_low(&self) -> bool {
-        self.goal.cause() == Some(Cause::BatteryLow)
+        self.goal.cause() == Some(AutonomyCause::BatteryLow)
     }
 
     fn lower(&self) -> impl Iterator<Item = &Peer> {

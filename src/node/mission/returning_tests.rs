@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use tomoswarm_proto::TileReport;
 
-use tomoswarm_proto::{Mode, State, TileAddress};
+use tomoswarm_proto::{State, TileAddress, VehicleMode};
 
 use super::super::tests_support::{own_state, settings, state};
 use super::tests::{at, order, told};
@@ -98,7 +98,7 @@ struct Ring {
 impl Ring {
     fn new(peers: &[Point]) -> Ring {
         let home = Point::new(10.0, SIDE_M);
-        let mut mission = Mission::new(Settings {
+        let mut mission = Mission::new(VehicleSettings {
             home,
             ..settings(1)
         });
@@ -132,9 +132,9 @@ impl Ring {
     /// Drives on at 2 m/s, hears of everybody, and takes commands.
     fn step(&mut self, now_s: f64) {
         let mode = if self.route.is_empty() {
-            Mode::Idle
+            VehicleMode::Idle
         } else {
-            Mode::Driving
+            VehicleMode::Driving
         };
         if let Some(next) = self.route.front().copied() {
             let left_m = self.at.distance_to(next);
@@ -171,11 +171,11 @@ impl Ring {
         out.extend(told(&mut self.mission, now_s, In::State(own)));
         for said in out {
             match said {
-                Out::Command(_, Command::Drive { route, .. }) => self.drive(now_s, route),
-                Out::Command(_, Command::Turn(heading)) => self.heading = heading,
-                Out::Command(_, Command::Hold) => self.route.clear(),
+                Out::Command(_, MoveCommand::Drive { route, .. }) => self.drive(now_s, route),
+                Out::Command(_, MoveCommand::Turn(heading)) => self.heading = heading,
+                Out::Command(_, MoveCommand::Hold) => self.route.clear(),
                 Out::Holds(_) | Out::Accepted(..) | Out::Progress(_) | Out::Measure(_) => {}
-                Out::Remember(_) | Out::Remark(_) => {}
+                Out::Remember(_) | Out::MissionEvent(_) => {}
             }
         }
     }
@@ -185,11 +185,11 @@ impl Ring {
         let near = |peer: &&Point| passes_m(&route, **peer) < 0.99;
         if self.refuses || self.peers.iter().find(near).is_some() {
             self.refused += 1;
-            let refusal = vehicle::Refusal::Separation(VehicleId(2));
+            let refusal = vehicle::CommandRefusal::Separation(VehicleId(2));
             told(
                 &mut self.mission,
                 now_s,
-                In::Remark(vehicle::Remark::Refused(refusal)),
+                In::SafetyEvent(vehicle::SafetyEvent::Refused(refusal)),
             );
             return;
         }

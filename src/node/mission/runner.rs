@@ -18,19 +18,21 @@ mod yield_to_peers;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{MissionPhase, Mode, TileReport};
+use tomoswarm_proto::{MissionPhase, TileReport, VehicleMode};
 
 use self::tries::Tries;
 use self::yield_to_peers::{Yield, YieldToPeers, way_aside};
 use super::home::HOME_M;
-use super::kind::{Course, Kind, PassedOver, Seen, Step, Surroundings};
+use super::kind::{
+    AnyBehaviour, DriveRoute, MissionContext, MissionInput, MissionStep, PassedOver,
+};
 use super::look_around::{LookAround, Next, dwell};
-use super::pilot::{Met, Pilot};
-use super::{End, Out, Remark};
+use super::pilot::{Pilot, WayEvent};
+use super::{EndReason, MissionEvent, Out};
 use crate::geom::{Cell, Point, Pose};
 use crate::node::peers::Peers;
-use crate::node::vehicle::Command;
-use crate::node::{OwnState, Settings};
+use crate::node::vehicle::MoveCommand;
+use crate::node::{OwnState, VehicleSettings};
 use crate::time::{Deadline, Time};
 
 /// While driving, the mission is asked this often whether to go on.
@@ -76,20 +78,20 @@ enum Phase {
 /// A mission under way.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct StepRunner {
-    settings: Settings,
+    settings: VehicleSettings,
     /// What it is out for; `None` = that has ended, and it goes home.
-    kind: Option<Kind>,
+    kind: Option<AnyBehaviour>,
     phase: Phase,
     /// What was looked at on the way to a place and never seen free.
     barred: Vec<Point>,
     tries: Tries,
     yields: YieldToPeers,
     /// How it ended.
-    end: Option<End>,
+    end: Option<EndReason>,
 }
 
 /// What a runner is told and may use.
-pub struct Scene<'a> {
+pub struct RunnerContext<'a> {
     /// Now.
     pub now: Time,
     /// The own state.
@@ -102,17 +104,18 @@ pub struct Scene<'a> {
     pub out: &'a mut Vec<Out>,
 }
 
-impl Scene<'_> {
+impl RunnerContext<'_> {
     fn pose(&self) -> Pose {
         self.state.pose
     }
 
     fn rests(&self) -> bool {
-        self.state.leg.is_none() && !matches!(self.state.mode, Mode::Driving | Mode::Turning)
+        self.state.leg.is_none()
+            && !matches!(self.state.mode, VehicleMode::Driving | VehicleMode::Turning)
     }
 
-    fn surroundings(&self) -> Surroundings<'_> {
-        Surroundings {
+    fn surroundings(&self) -> MissionContext<'_> {
+        MissionContext {
             now: self.now,
             pose: self.pose(),
             pilot: self.pilot,
@@ -120,17 +123,17 @@ impl Scene<'_> {
         }
     }
 
-    fn remark(&mut self, remark: Remark) {
-        self.out.push(Out::Remark(remark));
+    fn remark(&mut self, remark: MissionEvent) {
+        self.out.push(Out::MissionEvent(remark));
     }
 }
 
 impl StepRunner {
     /// Makes the runner of the mission that a vehicle is out for; `None` when the ground station plans.
-    pub fn of(settings: &Settings) -> Option<StepRunner> {
+    pub fn of(settings: &VehicleSettings) -> Option<StepRunner> {
         Some(StepRunner {
             settings: settings.clone(),
-            kind: Some(Kind::of(settings)?),
+            kind: Some(AnyBehaviour::of(settings)?),
             phase: Phase::Choosing { from: Time::ZERO },
             barred: Vec::new(),
             tries: Tries::default(),
@@ -182,11 +185,11 @@ impl StepRunner {
 
     /// Returns how many places of the mission are still to be visited; one that has no list of places has none.
     pub fn places_left(&self) -> usize {
-        self.kind.as_ref().map_or(0, Kind::places_left)
+        self.kind.as_ref().map_or(0, AnyBehaviour::places_left)
     }
 
     /// Returns how the mission ended; `None` = it has not.
-    pub fn end(&self) -> Option<&End> {
+    pub fn end(&self) -> Option<&EndReason> {
         self.end.as_ref()
     }
 
@@ -198,15 +201,17 @@ impl StepRunner {
     }
 
     /// Goes on; `met` is what the pilot met.
-    pub fn go_on(&mut self, scene: &mut Scene<'_>, met: &[Met]) {
-        if let Some(Met::Blocked(at)) = met.iter().find(|met| matches!(met, Met::Blocked(_))) {
+    pub fn go_on(&mut self, scene: &mut RunnerContext<'_>, met: &[WayEvent]) {
+        if let Some(WayEvent::Blocked(at)) =
+            met.iter().find(|met| matches!(met, WayEvent::Blocked(_)))
+        {
             self.is_blocked(scene, *at);
         }
         if let Some(kind) = &mut self.kind {
             kind.mission().watch_peers(&scene.surroundings());
         }
         match self.phase {
-            Phase::Choosing { from } if from <= scene.now => self.tell(scene, Seen::Ready),
+            Phase::Choosing { from } if from <= scene.now => self.tell(scene, MissionInput::Ready),
             Phase::Choosing { .. } | Phase::Over => {}
             Phase::Driving { to, .. } if scene.pilot.way().is_empty() => self.arrive(scene, to),
             Phase::Driving { to, asked } if scene.now.since(asked) >= ASK_EVERY => {
@@ -218,34 +223,34 @@ impl StepRunner {
     }
 
     /// Tells the mission what is seen, and does what it says; once it has ended the vehicle goes home.
-    fn tell(&mut self, scene: &mut Scene<'_>, seen: Seen) {
+    fn tell(&mut self, scene: &mut RunnerContext<'_>, seen: MissionInput) {
         let Some(kind) = &mut self.kind else {
             return self.head_home(scene);
         };
         match kind.mission().next(seen, &scene.surroundings()) {
-            Step::GoOn => {}
-            Step::Think => {
+            MissionStep::GoOn => {}
+            MissionStep::Think => {
                 self.yields.end();
                 self.think(scene.now);
             }
-            Step::GoStraight(place) => self.drive_straight(scene, place),
-            Step::GoTo(place) => self.go_to(scene, place),
-            Step::GoAlong(course) => {
+            MissionStep::GoStraight(place) => self.drive_straight(scene, place),
+            MissionStep::GoTo(place) => self.go_to(scene, place),
+            MissionStep::GoAlong(course) => {
                 self.yields.end();
                 self.drive(scene, &course, Destination::Viewpoint);
             }
-            Step::LookAround => {
+            MissionStep::LookAround => {
                 let toward = scene.pose().heading;
                 self.begin_look(scene, LookAround::toward(toward, scene.now), None);
             }
-            Step::LookAt(cell) => {
+            MissionStep::LookAt(cell) => {
                 self.yields.end();
                 let toward = scene.pose().at.angle_to(self.settings.lattice.centre(cell));
                 self.begin_look(scene, LookAround::once(toward, scene.now), Some(cell));
             }
-            Step::TryAgain => self.try_again(scene),
-            Step::YieldToPeers => self.yield_to_peers(scene),
-            Step::End(end) => self.finish(scene, end),
+            MissionStep::TryAgain => self.try_again(scene),
+            MissionStep::YieldToPeers => self.yield_to_peers(scene),
+            MissionStep::End(end) => self.finish(scene, end),
         }
     }
 
@@ -258,7 +263,7 @@ impl StepRunner {
     }
 
     /// Drives along a course.
-    fn drive(&mut self, scene: &mut Scene<'_>, course: &Course, to: Destination) {
+    fn drive(&mut self, scene: &mut RunnerContext<'_>, course: &DriveRoute, to: Destination) {
         scene
             .pilot
             .take_route(scene.pose().at, &course.corners, course.is_narrow);
@@ -268,51 +273,51 @@ impl StepRunner {
         };
     }
 
-    fn drive_straight(&mut self, scene: &mut Scene<'_>, place: Point) {
-        let course = Course {
+    fn drive_straight(&mut self, scene: &mut RunnerContext<'_>, place: Point) {
+        let course = DriveRoute {
             corners: vec![place],
             is_narrow: false,
         };
         self.drive(scene, &course, Destination::Straight(place));
     }
 
-    fn arrive(&mut self, scene: &mut Scene<'_>, to: Destination) {
+    fn arrive(&mut self, scene: &mut RunnerContext<'_>, to: Destination) {
         match to {
             Destination::Straight(place) | Destination::ByPath(place) => {
                 self.barred.clear();
-                scene.remark(Remark::Visited(place));
-                self.tell(scene, Seen::Arrived);
+                scene.remark(MissionEvent::Visited(place));
+                self.tell(scene, MissionInput::Arrived);
             }
-            Destination::Viewpoint => self.tell(scene, Seen::Arrived),
+            Destination::Viewpoint => self.tell(scene, MissionInput::Arrived),
             Destination::Aside => self.choose_at(scene.now + WAIT),
             Destination::Home => self.phase = Phase::Over,
         }
     }
 
     /// Asks the mission, on the way to where it wants to be, whether to go on.
-    fn ask(&mut self, scene: &mut Scene<'_>, to: Destination) {
+    fn ask(&mut self, scene: &mut RunnerContext<'_>, to: Destination) {
         self.phase = Phase::Driving {
             to,
             asked: scene.now,
         };
         match to {
             Destination::Straight(_) | Destination::ByPath(_) | Destination::Viewpoint => {
-                self.tell(scene, Seen::UnderWay);
+                self.tell(scene, MissionInput::UnderWay);
             }
             Destination::Aside | Destination::Home => {}
         }
     }
 
-    fn begin_look(&mut self, scene: &mut Scene<'_>, look: LookAround, at: Option<Cell>) {
+    fn begin_look(&mut self, scene: &mut RunnerContext<'_>, look: LookAround, at: Option<Cell>) {
         let place = scene.pose().at;
         scene.pilot.give_up(place);
         scene
             .out
-            .push(Out::Command(scene.now, Command::Turn(look.heading())));
+            .push(Out::Command(scene.now, MoveCommand::Turn(look.heading())));
         self.phase = Phase::Looking { look, at };
     }
 
-    fn look(&mut self, scene: &mut Scene<'_>, mut look: LookAround, at: Option<Cell>) {
+    fn look(&mut self, scene: &mut RunnerContext<'_>, mut look: LookAround, at: Option<Cell>) {
         let pose = scene.pose();
         match look.next(
             scene.now,
@@ -324,13 +329,13 @@ impl StepRunner {
             Next::Turn(heading) => {
                 scene
                     .out
-                    .push(Out::Command(scene.now, Command::Turn(heading)));
+                    .push(Out::Command(scene.now, MoveCommand::Turn(heading)));
                 self.phase = Phase::Looking { look, at };
             }
             Next::Over => {
                 self.tell(
                     scene,
-                    Seen::Looked {
+                    MissionInput::Looked {
                         from: pose.at,
                         toward: look.toward_heading(),
                         at,
@@ -341,7 +346,7 @@ impl StepRunner {
     }
 
     /// Something is in the way.
-    fn is_blocked(&mut self, scene: &mut Scene<'_>, at: Point) {
+    fn is_blocked(&mut self, scene: &mut RunnerContext<'_>, at: Point) {
         let Phase::Driving { to, .. } = self.phase else {
             return;
         };
@@ -351,13 +356,13 @@ impl StepRunner {
             // What is barred is news for the next path.
             Destination::ByPath(_) if self.note_barred(scene, at) => self.think(scene.now),
             Destination::Straight(_) | Destination::ByPath(_) | Destination::Viewpoint => {
-                self.tell(scene, Seen::Blocked(at));
+                self.tell(scene, MissionInput::Blocked(at));
             }
             Destination::Aside | Destination::Home => self.try_again(scene),
         }
     }
 
-    fn try_again(&mut self, scene: &Scene<'_>) {
+    fn try_again(&mut self, scene: &RunnerContext<'_>) {
         let waits = self.tries.again(scene.pose().at);
         let wait = if waits > 0 {
             WAIT * waits
@@ -368,7 +373,7 @@ impl StepRunner {
     }
 
     /// Goes to a place of the mission, or passes it over.
-    fn go_to(&mut self, scene: &mut Scene<'_>, place: Point) {
+    fn go_to(&mut self, scene: &mut RunnerContext<'_>, place: Point) {
         if self.tries.are_spent() {
             return self.pass_over(scene, place, PassedOver::GivenUp);
         }
@@ -384,24 +389,24 @@ impl StepRunner {
                 self.choose_at(scene.now + WAIT);
             }
             Err(reason) => {
-                scene.remark(Remark::NoWay(place, routes::searched(reason)));
+                scene.remark(MissionEvent::NoWay(place, routes::searched(reason)));
                 self.pass_over(scene, place, PassedOver::NoWay);
             }
         }
     }
 
-    fn pass_over(&mut self, scene: &mut Scene<'_>, place: Point, why: PassedOver) {
+    fn pass_over(&mut self, scene: &mut RunnerContext<'_>, place: Point, why: PassedOver) {
         if let Some(kind) = &mut self.kind {
             kind.mission().pass_over(why);
         }
         self.barred.clear();
         self.tries.clear();
-        scene.remark(Remark::Passed(place));
+        scene.remark(MissionEvent::Passed(place));
         self.think(scene.now);
     }
 
     /// Waits for peers to make room; steps aside when that takes long, and gives up when it takes too long.
-    fn yield_to_peers(&mut self, scene: &mut Scene<'_>) {
+    fn yield_to_peers(&mut self, scene: &mut RunnerContext<'_>) {
         match (
             self.yields.once_more(self.settings.vehicle, scene.peers),
             &mut self.kind,
@@ -418,29 +423,29 @@ impl StepRunner {
         }
     }
 
-    fn course_aside(&self, scene: &Scene<'_>) -> Option<Course> {
+    fn course_aside(&self, scene: &RunnerContext<'_>) -> Option<DriveRoute> {
         let claims = scene.surroundings().claims();
         let grid = self.ground(scene, None, false, &claims)?;
         let corners = way_aside(&grid, self.settings.lattice, scene.pose().at, scene.peers)?;
-        Some(Course {
+        Some(DriveRoute {
             corners,
             is_narrow: false,
         })
     }
 
-    fn finish(&mut self, scene: &mut Scene<'_>, end: End) {
+    fn finish(&mut self, scene: &mut RunnerContext<'_>, end: EndReason) {
         let place = scene.pose().at;
         scene.pilot.give_up(place);
         self.yields.end();
         self.tries.clear();
         self.kind = None;
         self.end = Some(end.clone());
-        scene.remark(Remark::Ended(end));
+        scene.remark(MissionEvent::Ended(end));
         self.think(scene.now);
     }
 
     /// The mission has ended: the vehicle goes home over what is known, if it can; otherwise it stays until it is sent.
-    fn head_home(&mut self, scene: &mut Scene<'_>) {
+    fn head_home(&mut self, scene: &mut RunnerContext<'_>) {
         let (pose, home) = (scene.pose(), self.settings.home);
         if home.distance_to(pose.at) <= HOME_M || self.tries.are_spent() {
             self.phase = Phase::Over;

@@ -4,8 +4,8 @@ use std::sync::Arc;
 use tomoswarm_proto::TileReport;
 
 use tomoswarm_proto::{
-    Boot, Lease, MissionEnd, MissionKind, MissionPhase, MissionRefusal, Mode, Position, Revision,
-    State, Stop, StopId, TaskKind, TileAddress,
+    Boot, Lease, MissionEnd, MissionKind, MissionPhase, MissionRefusal, Position, Revision, State,
+    Stop, StopId, TaskKind, TileAddress, VehicleMode,
 };
 
 use super::super::tests_support::{own_state, settings, state};
@@ -119,20 +119,20 @@ pub(super) fn planned(wall: Option<(f64, f64)>) -> Mission {
 
 pub(super) fn driven(out: &[Out]) -> Option<Vec<Point>> {
     out.iter().find_map(|out| match out {
-        Out::Command(_, Command::Drive { route, .. }) => Some(route.clone()),
+        Out::Command(_, MoveCommand::Drive { route, .. }) => Some(route.clone()),
         Out::Command(..)
         | Out::Holds(_)
         | Out::Accepted(..)
         | Out::Progress(_)
         | Out::Measure(_)
         | Out::Remember(_)
-        | Out::Remark(_) => None,
+        | Out::MissionEvent(_) => None,
     })
 }
 
 pub(super) fn holds(out: &[Out]) -> bool {
     out.iter()
-        .any(|out| matches!(out, Out::Command(_, Command::Hold)))
+        .any(|out| matches!(out, Out::Command(_, MoveCommand::Hold)))
 }
 
 /// Repeats a state until the mission says something that counts, or a minute is over.
@@ -193,7 +193,7 @@ fn a_hold_stops_and_a_start_goes_on() {
     assert!(
         until(&mut mission, 70.0, 1.0, |out| matches!(
             out,
-            Out::Command(_, Command::Drive { .. })
+            Out::Command(_, MoveCommand::Drive { .. })
         ))
         .is_some()
     );
@@ -222,7 +222,7 @@ fn a_blocked_route_is_planned_anew_and_a_closed_one_is_said() {
     let mut mission = planned(Some((1.4, 1.8)));
     told(&mut mission, 2.0, order(OrderKind::Start));
     let looks = until(&mut mission, 2.0, 0.6, |out| {
-        matches!(out, Out::Remark(Remark::Blocked(_)))
+        matches!(out, Out::MissionEvent(MissionEvent::Blocked(_)))
     });
     assert!(looks.is_some(), "the wall is met");
     assert_eq!(
@@ -243,19 +243,19 @@ fn the_way_home_waits_until_lower_ids_are_quiet() {
         &mut mission,
         1.0,
         In::Peer(State {
-            mode: Mode::Driving,
+            mode: VehicleMode::Driving,
             ..state(1, 5.0, 5.0)
         }),
     );
     told(&mut mission, 2.0, order(OrderKind::Return));
-    let drives = |out: &Out| matches!(out, Out::Command(_, Command::Drive { .. }));
+    let drives = |out: &Out| matches!(out, Out::Command(_, MoveCommand::Drive { .. }));
     for second in 2..22 {
         let (now_s, sequence) = (f64::from(second), u64::from(second as u32));
         told(
             &mut mission,
             now_s,
             In::Peer(State {
-                mode: Mode::Driving,
+                mode: VehicleMode::Driving,
                 sequence,
                 ..state(1, 5.0, 5.0)
             }),
@@ -300,7 +300,12 @@ fn neither_an_order_nor_a_tile_is_lost_to_a_slow_mission() {
 fn a_plan_out_of_the_fence_is_refused_once_and_the_old_one_followed() {
     let mut mission = planned(None);
     let out = told(&mut mission, 1.5, plan(3, &[(2.0, 0.0), (26.0, 0.0)]));
-    assert_eq!(out, [Out::Remark(Remark::Outside(Point::new(26.0, 0.0)))]);
+    assert_eq!(
+        out,
+        [Out::MissionEvent(MissionEvent::Outside(Point::new(
+            26.0, 0.0
+        )))]
+    );
     assert_eq!(
         told(&mut mission, 6.5, plan(3, &[(2.0, 0.0), (26.0, 0.0)])),
         [],
@@ -320,7 +325,7 @@ fn a_peer_whose_old_state_comes_late_is_still_driving() {
         &mut mission,
         1.0,
         In::Peer(State {
-            mode: Mode::Driving,
+            mode: VehicleMode::Driving,
             sequence: 9,
             ..state(1, 5.0, 5.0)
         }),
@@ -334,7 +339,7 @@ fn a_peer_whose_old_state_comes_late_is_still_driving() {
         }),
     );
     told(&mut mission, 2.0, order(OrderKind::Return));
-    let drives = |out: &Out| matches!(out, Out::Command(_, Command::Drive { .. }));
+    let drives = |out: &Out| matches!(out, Out::Command(_, MoveCommand::Drive { .. }));
     let began_s = until(&mut mission, 4.0, 2.0, drives)
         .expect("what has fallen silent is not waited for forever");
     assert!(began_s > 20.0, "after {began_s} s");
@@ -475,8 +480,10 @@ fn who_refuses_its_task_stands_says_why_and_is_free_for_the_next_one() {
         task(Lease::default(), RunId(2), &[2, 3], TaskKind::Explore),
     );
     let out = start(&mut mission, 2.0, 2, Lease::default());
-    let refused = End::Refused(MissionRefusal::NoPlace);
-    assert!(out.contains(&Out::Remark(Remark::Ended(refused))) && driven(&out).is_none());
+    let refused = EndReason::Refused(MissionRefusal::NoPlace);
+    assert!(
+        out.contains(&Out::MissionEvent(MissionEvent::Ended(refused))) && driven(&out).is_none()
+    );
     let end = Some(MissionEnd::Refused(MissionRefusal::NoPlace));
     assert_eq!(
         shown(&mission),

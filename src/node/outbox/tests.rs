@@ -22,7 +22,7 @@ fn sample(sequence: u64) -> Sample {
 }
 
 fn kept(boot: u32, run: u32, sequence: u64) -> In {
-    In::Kept((Boot(boot), RunId(run), sample(sequence)))
+    In::SampleStored((Boot(boot), RunId(run), sample(sequence)))
 }
 
 fn have(store: u64, marks: &[(u32, u32, u64)], closed: &[u32]) -> In {
@@ -44,7 +44,7 @@ fn have(store: u64, marks: &[(u32, u32, u64)], closed: &[u32]) -> In {
 struct Rig {
     outbox: Outbox,
     now: Time,
-    disk: BTreeMap<Place, Sample>,
+    disk: BTreeMap<SampleKey, Sample>,
     forgets: Vec<(u32, u32, u64)>,
     tally: Tally,
 }
@@ -71,7 +71,7 @@ impl Rig {
 
     fn on_disk(&mut self, boot: u32, run: u32, sequence: u64) {
         self.disk.insert(
-            Place {
+            SampleKey {
                 boot: Boot(boot),
                 run: RunId(run),
                 sequence,
@@ -105,7 +105,7 @@ impl Rig {
         published
     }
 
-    fn answer(&mut self, after: Option<Place>) {
+    fn answer(&mut self, after: Option<SampleKey>) {
         let all = self
             .disk
             .iter()
@@ -358,11 +358,11 @@ fn what_the_edge_had_no_room_for_counts_as_lost_unless_it_is_held_or_confirmed()
     let mut rig = Rig::new();
     rig.keep(10..20);
     rig.tell(have(1, &[(1, 1, 5)], &[]));
-    let first = Place {
+    let first = SampleKey {
         boot: Boot(1),
         run: RunId(1),
         sequence: 0,
     };
-    rig.tell(In::Dropped(Dropped { first, below: 15 }));
+    rig.tell(In::Dropped(DroppedSamples { first, below: 15 }));
     assert_eq!(rig.outbox.lost(), 5);
 }

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{BEACON_MEMBERS_MAX, Beacon, Boot, PoseReport, RunId, Sample, VehicleId};
 
-use super::Heard;
+use super::HeardBeacon;
 use super::ring::MEMBER_FOR;
 use crate::geom::Pose;
 use crate::time::Time;
@@ -82,7 +82,7 @@ impl Reception {
     pub fn take(
         &mut self,
         now: Time,
-        heard: &Heard,
+        heard: &HeardBeacon,
         receiver: Option<Pose>,
         measures: Option<RunId>,
     ) -> Vec<Sample> {
@@ -114,8 +114,8 @@ impl Reception {
         made
     }
 
-    fn measure(&mut self, now: Time, heard: &Heard, receiver: Pose) -> Vec<Sample> {
-        let Heard { beacon, rssi_dbm } = heard;
+    fn measure(&mut self, now: Time, heard: &HeardBeacon, receiver: Pose) -> Vec<Sample> {
+        let HeardBeacon { beacon, rssi_dbm } = heard;
         let Some(transmitter) = beacon.pose else {
             return Vec::new();
         };

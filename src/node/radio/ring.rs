@@ -20,7 +20,7 @@ const JOIN_UNTIL: f64 = 0.85;
 
 /// The ring as one of its members knows it.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct Ring {
+pub(super) struct BeaconRing {
     own: VehicleId,
     boot: Boot,
     slot: Duration,
@@ -32,11 +32,11 @@ pub(super) struct Ring {
     slot_at: Time,
 }
 
-impl Ring {
+impl BeaconRing {
     /// Makes a ring of nobody else; its member speaks for the first time after its own share of the first round.
-    pub fn new(own: VehicleId, boot: Boot, slot: Duration) -> Ring {
+    pub fn new(own: VehicleId, boot: Boot, slot: Duration) -> BeaconRing {
         let slot_at = Time::ZERO + slot * (1 + u32::from(own.0));
-        Ring {
+        BeaconRing {
             own,
             boot,
             slot,
@@ -145,12 +145,12 @@ mod tests {
         ids.iter().copied().map(VehicleId).collect()
     }
 
-    fn ring(own: u8) -> Ring {
-        Ring::new(VehicleId(own), Boot(1), SLOT)
+    fn ring(own: u8) -> BeaconRing {
+        BeaconRing::new(VehicleId(own), Boot(1), SLOT)
     }
 
     /// How many slots it is until the own one, without the jitter.
-    fn slots(ring: &Ring, now: Time) -> u32 {
+    fn slots(ring: &BeaconRing, now: Time) -> u32 {
         let wait = ring.slot_at().since(now);
         let slots = wait.as_nanos() / SLOT.as_nanos();
         assert!(
@@ -197,7 +197,7 @@ mod tests {
         let mut ring = ring(1);
         let everyone: Vec<VehicleId> = (0..=255).map(VehicleId).collect();
         ring.hear(at(0.1), VehicleId(9), &everyone);
-        let silence = |ring: &mut Ring, now: Time| {
+        let silence = |ring: &mut BeaconRing, now: Time| {
             ring.speak(now);
             let wait = ring.slot_at().since(now);
             wait.as_secs_f64() / SLOT.as_secs_f64()

@@ -44,7 +44,7 @@ fn talk(ids: &[u8], until: Time) -> Vec<(Time, u8, Vec<Out>)> {
             .enumerate()
             .filter(|(index, _)| *index != who)
         {
-            let heard = Heard {
+            let heard = HeardBeacon {
                 beacon: beacon.clone(),
                 rssi_dbm: -50,
             };
@@ -101,7 +101,7 @@ fn talk_on_air(ids: &[u8], seconds: usize) -> Vec<BTreeMap<u8, usize>> {
                     .zip(ids)
                     .filter(|(_, id)| **id != ids[who])
                 {
-                    let heard = Heard {
+                    let heard = HeardBeacon {
                         beacon: beacon.clone(),
                         rssi_dbm: -50,
                     };
@@ -183,7 +183,7 @@ fn a_lone_radio_keeps_speaking() {
 
 fn hear(radio: &mut Radio, now_s: f64, beacon: Beacon) -> Vec<Out> {
     let mut out = Vec::new();
-    let heard = Heard {
+    let heard = HeardBeacon {
         beacon,
         rssi_dbm: -61,
     };

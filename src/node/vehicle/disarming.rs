@@ -14,7 +14,7 @@ use crate::time::Time;
 
 /// How far the disarming of a vehicle has come.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
-pub(super) enum Disarming {
+pub(super) enum DisarmingState {
     /// It is to be disarmed as soon as it rests.
     AtRest {
         /// When that was ordered.
@@ -29,28 +29,28 @@ pub(super) enum Disarming {
     },
 }
 
-impl Disarming {
+impl DisarmingState {
     /// Begins with the order: it is disarmed at rest.
-    pub fn at_rest(now: Time) -> Disarming {
-        Disarming::AtRest { since: now }
+    pub fn at_rest(now: Time) -> DisarmingState {
+        DisarmingState::AtRest { since: now }
     }
 
     /// Begins with the autopilot being told now.
-    pub fn told(now: Time) -> Disarming {
-        Disarming::Told {
+    pub fn told(now: Time) -> DisarmingState {
+        DisarmingState::Told {
             at: now,
             ordered_again: None,
         }
     }
 
     /// Returns what becomes of it by another order to disarm at rest.
-    pub fn again(self, now: Time) -> Disarming {
+    pub fn again(self, now: Time) -> DisarmingState {
         match self {
-            Disarming::AtRest { since: _ } => Disarming::AtRest { since: now },
-            Disarming::Told {
+            DisarmingState::AtRest { since: _ } => DisarmingState::AtRest { since: now },
+            DisarmingState::Told {
                 at,
                 ordered_again: _,
-            } => Disarming::Told {
+            } => DisarmingState::Told {
                 at,
                 ordered_again: Some(now),
             },
@@ -62,14 +62,14 @@ impl Disarming {
         let has_come_to_rest =
             |since: Time| telemetry.motion == Motion::Resting && now.since(since) > REST_GRACE;
         let is_due = match *self {
-            Disarming::AtRest { since } => has_come_to_rest(since),
-            Disarming::Told { at, ordered_again } => {
+            DisarmingState::AtRest { since } => has_come_to_rest(since),
+            DisarmingState::Told { at, ordered_again } => {
                 let was_lost = telemetry.is_armed && now.since(at) >= SAY_AGAIN;
                 was_lost || ordered_again.is_some_and(has_come_to_rest)
             }
         };
         if is_due {
-            *self = Disarming::told(now);
+            *self = DisarmingState::told(now);
         }
         is_due
     }
@@ -81,7 +81,7 @@ mod tests {
     use crate::geom::{Angle, Point, Pose};
 
     /// Returns the tenths of a second at which the autopilot is told.
-    fn told(mut disarming: Disarming, motion: Motion, is_armed: bool) -> Vec<u32> {
+    fn told(mut disarming: DisarmingState, motion: Motion, is_armed: bool) -> Vec<u32> {
         let pose = Pose {
             at: Point::new(0.0, 0.0),
             heading: Angle::default(),
@@ -102,7 +102,7 @@ mod tests {
 
     #[test]
     fn it_waits_for_rest_and_then_for_telemetry() {
-        let ordered = Disarming::at_rest(Time::ZERO);
+        let ordered = DisarmingState::at_rest(Time::ZERO);
         assert!(
             told(ordered, Motion::Driving, true).is_empty(),
             "braking needs the motors"
@@ -115,19 +115,19 @@ mod tests {
             "until telemetry shows it"
         );
         assert_eq!(
-            told(Disarming::told(Time::ZERO), Motion::Driving, true),
+            told(DisarmingState::told(Time::ZERO), Motion::Driving, true),
             [3, 6, 9],
             "motors cut on the way"
         );
-        assert!(told(Disarming::told(Time::ZERO), Motion::Driving, false).is_empty());
+        assert!(told(DisarmingState::told(Time::ZERO), Motion::Driving, false).is_empty());
     }
 
     #[test]
     fn ordered_again_it_is_told_again_at_rest() {
-        let again = Disarming::told(Time::ZERO).again(Time::ZERO);
+        let again = DisarmingState::told(Time::ZERO).again(Time::ZERO);
         assert_eq!(told(again, Motion::Resting, false), [4]);
         assert!(told(again, Motion::Driving, false).is_empty());
-        let later = Disarming::at_rest(Time::ZERO).again(Time::from_secs_f64(0.5));
+        let later = DisarmingState::at_rest(Time::ZERO).again(Time::from_secs_f64(0.5));
         assert_eq!(told(later, Motion::Resting, false), [9]);
     }
 }

@@ -10,7 +10,7 @@
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::EmergencyName;
 
-use super::disarming::Disarming;
+use super::disarming::DisarmingState;
 use super::messages::Telemetry;
 use crate::time::Time;
 
@@ -25,7 +25,7 @@ pub(super) enum Emergency {
         /// Which; of several the one that State names.
         name: EmergencyName,
         /// How far the disarming has come.
-        disarming: Disarming,
+        disarming: DisarmingState,
     },
     /// No stop is open any more; it stands.
     Lifted,
@@ -40,7 +40,7 @@ impl Emergency {
             (Emergency::Clear | Emergency::Lifted, Some(name)) => (
                 Emergency::Stopped {
                     name,
-                    disarming: Disarming::at_rest(now),
+                    disarming: DisarmingState::at_rest(now),
                 },
                 true,
             ),
@@ -101,7 +101,7 @@ mod tests {
     fn every_word_leads_from_every_state_where_the_drawing_says() {
         let stopped = Emergency::Stopped {
             name: NAME,
-            disarming: Disarming::at_rest(Time::ZERO),
+            disarming: DisarmingState::at_rest(Time::ZERO),
         };
         for (from, open, start, clear) in [
             (Emergency::Clear, "Stopped", "Clear", "Clear"),

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use tomoswarm_proto::VehicleId;
 
-use super::messages::{Command, Refusal, Remark};
+use super::messages::{CommandRefusal, MoveCommand, SafetyEvent};
 use super::{Out, Vehicle};
 use crate::geom::{Point, Pose, Track};
 use crate::node::peers::Peer;
@@ -21,56 +21,63 @@ impl Vehicle {
     ///
     /// # Errors
     /// Why it is not obeyed.
-    pub(super) fn check(&self, now: Time, decided: Time, command: &Command) -> Result<(), Refusal> {
+    pub(super) fn check(
+        &self,
+        now: Time,
+        decided: Time,
+        command: &MoveCommand,
+    ) -> Result<(), CommandRefusal> {
         let route = match command {
-            Command::Hold => return Ok(()),
-            Command::Turn(heading) if !heading.radians().is_finite() => {
-                return Err(Refusal::NoRoute);
+            MoveCommand::Hold => return Ok(()),
+            MoveCommand::Turn(heading) if !heading.radians().is_finite() => {
+                return Err(CommandRefusal::NoRoute);
             }
-            Command::Turn(_) => None,
-            Command::Drive { route, .. } => Some(track_of(route).ok_or(Refusal::NoRoute)?),
+            MoveCommand::Turn(_) => None,
+            MoveCommand::Drive { route, .. } => {
+                Some(track_of(route).ok_or(CommandRefusal::NoRoute)?)
+            }
         };
         if now.since(decided) > COMMAND_AGE || self.orders.have_overtaken(decided) {
-            return Err(Refusal::Old);
+            return Err(CommandRefusal::Old);
         }
         if self.emergency.stands() {
-            return Err(Refusal::Emergency);
+            return Err(CommandRefusal::Emergency);
         }
         if let Some(refusal) = self.orders.restraint().refusal() {
             return Err(refusal);
         }
         if route.is_some() && self.settings.look.is_blind {
-            return Err(Refusal::Blind);
+            return Err(CommandRefusal::Blind);
         }
         if self.take_over.stands() {
-            return Err(Refusal::NotInControl);
+            return Err(CommandRefusal::NotInControl);
         }
-        let telemetry = self.telemetry.fresh(now).ok_or(Refusal::NoPose)?;
+        let telemetry = self.telemetry.fresh(now).ok_or(CommandRefusal::NoPose)?;
         if telemetry.pose.sd_m > self.settings.swarm.pose_sd_max_m {
-            return Err(Refusal::PoseUncertain);
+            return Err(CommandRefusal::PoseUncertain);
         }
         route.map_or(Ok(()), |route| {
             self.check_route(now, &route, telemetry.pose)
         })
     }
 
-    fn check_route(&self, now: Time, route: &Track, pose: Pose) -> Result<(), Refusal> {
+    fn check_route(&self, now: Time, route: &Track, pose: Pose) -> Result<(), CommandRefusal> {
         if route.start().distance_to(pose.at) > ROUTE_START_M {
-            return Err(Refusal::NotHere);
+            return Err(CommandRefusal::NotHere);
         }
         let radius_m = self.settings.body.radius_m;
         if !route
             .segments()
             .all(|piece| self.settings.fence.contains_corridor(piece, radius_m))
         {
-            return Err(Refusal::Fence);
+            return Err(CommandRefusal::Fence);
         }
         if self.reflex.is_in_the_way(now, route, pose.at) {
-            return Err(Refusal::Bump);
+            return Err(CommandRefusal::ReflexObstacle);
         }
         for (vehicle, peer) in self.peers.iter() {
             if !self.keeps_clear_of(route, pose, peer) {
-                return Err(Refusal::Separation(vehicle));
+                return Err(CommandRefusal::Separation(vehicle));
             }
         }
         Ok(())
@@ -103,7 +110,9 @@ impl Vehicle {
             .and_then(Track::new);
         if route.is_some_and(|route| !self.keeps_clear_of(&route, pose, peer)) {
             self.stop(now, out);
-            out.push(Out::Remark(Remark::Refused(Refusal::Separation(vehicle))));
+            out.push(Out::SafetyEvent(SafetyEvent::Refused(
+                CommandRefusal::Separation(vehicle),
+            )));
         }
     }
 }

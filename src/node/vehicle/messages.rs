@@ -3,13 +3,13 @@
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{StopId, VehicleId};
 
-pub use crate::autopilot::{Fly, Motion, Telemetry};
+pub use crate::autopilot::{AutopilotCommand, Motion, Telemetry};
 use crate::geom::{Angle, Point, Segment};
 use crate::time::Time;
 
 /// What the mission wants done.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-pub enum Command {
+pub enum MoveCommand {
     /// Drive along a route to its end; a later one replaces it at once.
     Drive {
         /// The stop that the route leads to, for the log.
@@ -25,23 +25,23 @@ pub enum Command {
 
 /// What the envelope or the reflex decided.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-pub enum Remark {
+pub enum SafetyEvent {
     /// The reflex stopped the vehicle: something is this near ahead, metres.
     Halted {
         /// Distance from the body to the object, metres.
         ahead_m: f64,
         /// What is kept clear of for a while.
-        bump: Bump,
+        obstacle: ReflexObstacle,
     },
     /// A command was not obeyed.
-    Refused(Refusal),
+    Refused(CommandRefusal),
     /// The autopilot says nothing any more.
     AutopilotSilent,
 }
 
 /// Something that made the reflex halt: an echo from somewhere in the beam's cone.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
-pub struct Bump {
+pub struct ReflexObstacle {
     /// Where the echo came from, on the beam's axis.
     pub at: Point,
     /// How near the vehicle's middle may come, metres.
@@ -50,7 +50,7 @@ pub struct Bump {
     pub until: Time,
 }
 
-impl Bump {
+impl ReflexObstacle {
     /// Returns whether a way keeps clear, or at least never comes nearer than `here_m`, metres.
     pub fn is_passed_by(&self, way: Segment, here_m: f64) -> bool {
         way.distance_to_point(self.at) >= self.keep_m.min(here_m) - 1e-3
@@ -59,7 +59,7 @@ impl Bump {
 
 /// Why a command was not obeyed.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub enum Refusal {
+pub enum CommandRefusal {
     /// No telemetry yet, or too old.
     NoPose,
     /// The pose deviation is too large.
@@ -73,7 +73,7 @@ pub enum Refusal {
     /// The route comes too near to another vehicle or its route.
     Separation(VehicleId),
     /// The route leads to what made the reflex halt.
-    Bump,
+    ReflexObstacle,
     /// An emergency stop is open, or was lifted and no start has come since.
     Emergency,
     /// The motors are cut, until a start.

@@ -12,7 +12,7 @@ use crate::time::Time;
 
 /// What the vehicle was told last about moving.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
-pub(super) enum Movement {
+pub(super) enum MovementOrder {
     /// Nothing yet, or what it was told has ended.
     #[default]
     Idle,
@@ -26,9 +26,9 @@ pub(super) enum Movement {
         leg: Option<Leg>,
     },
     /// To stop; it stands until it is told to move.
-    Stopped(Stop),
+    Stopped(RepeatedStop),
     /// To stop, by the reflex.
-    Halted(Stop),
+    Halted(RepeatedStop),
 }
 
 /// A way that is being driven.
@@ -43,18 +43,18 @@ pub(super) struct Leg {
 
 /// A stop, said again until telemetry shows rest.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
-pub(super) struct Stop {
+pub(super) struct RepeatedStop {
     /// When it was said last.
     said: Time,
     /// Where the braking on a leg ends; `None` once it has ended, and where there was no leg.
     braking_end: Option<Point>,
 }
 
-impl Movement {
+impl MovementOrder {
     /// Drives along corners, the first of which lies ahead, from now on.
     pub fn drive(&mut self, now: Time, is_off_plan: bool, corners: &[Point]) {
         let corners = corners.iter().copied().collect();
-        *self = Movement::Driving(Leg {
+        *self = MovementOrder::Driving(Leg {
             since: now,
             is_off_plan,
             corners,
@@ -64,32 +64,32 @@ impl Movement {
     /// Turns on the spot from now on.
     pub fn turn(&mut self, now: Time) {
         let leg = match std::mem::take(self) {
-            Movement::Idle => None,
-            Movement::Driving(leg) => Some(leg),
-            Movement::Turning { since: _, leg } => leg,
-            Movement::Stopped(stop) | Movement::Halted(stop) => stop.leg(),
+            MovementOrder::Idle => None,
+            MovementOrder::Driving(leg) => Some(leg),
+            MovementOrder::Turning { since: _, leg } => leg,
+            MovementOrder::Stopped(stop) | MovementOrder::Halted(stop) => stop.leg(),
         };
-        *self = Movement::Turning { since: now, leg };
+        *self = MovementOrder::Turning { since: now, leg };
     }
 
     /// Stops, or says so again; on a leg it claims the way to where its braking ends.
     pub fn stop(&mut self, now: Time, braking_end: Option<Point>) {
-        let stop = Stop {
+        let stop = RepeatedStop {
             said: now,
             braking_end: braking_end.filter(|_| self.claims_a_way()),
         };
         *self = match self {
-            Movement::Halted(_) => Movement::Halted(stop),
-            Movement::Idle
-            | Movement::Driving(_)
-            | Movement::Turning { .. }
-            | Movement::Stopped(_) => Movement::Stopped(stop),
+            MovementOrder::Halted(_) => MovementOrder::Halted(stop),
+            MovementOrder::Idle
+            | MovementOrder::Driving(_)
+            | MovementOrder::Turning { .. }
+            | MovementOrder::Stopped(_) => MovementOrder::Stopped(stop),
         };
     }
 
     /// Stops by the reflex.
     pub fn halt(&mut self, now: Time, braking_end: Option<Point>) {
-        *self = Movement::Halted(Stop {
+        *self = MovementOrder::Halted(RepeatedStop {
             said: now,
             braking_end: braking_end.filter(|_| self.claims_a_way()),
         });
@@ -97,7 +97,7 @@ impl Movement {
 
     /// Somebody else moves the vehicle: nothing is claimed but its place.
     pub fn let_go(&mut self) {
-        *self = Movement::Idle;
+        *self = MovementOrder::Idle;
     }
 
     /// Takes what telemetry shows: drops what was driven, and ends what has come to rest.
@@ -105,23 +105,23 @@ impl Movement {
         let has_ended =
             |since: Time| telemetry.motion == Motion::Resting && now.since(since) > REST_GRACE;
         match self {
-            Movement::Idle => {}
-            Movement::Driving(leg) => {
+            MovementOrder::Idle => {}
+            MovementOrder::Driving(leg) => {
                 leg.pass(telemetry.pose.at);
                 if has_ended(leg.since) {
-                    *self = Movement::Idle;
+                    *self = MovementOrder::Idle;
                 }
             }
-            Movement::Turning { since, leg } => {
+            MovementOrder::Turning { since, leg } => {
                 if let Some(leg) = leg {
                     leg.pass(telemetry.pose.at);
                 }
                 leg.take_if(|leg| has_ended(leg.since));
                 if has_ended(*since) {
-                    *self = Movement::Idle;
+                    *self = MovementOrder::Idle;
                 }
             }
-            Movement::Stopped(stop) | Movement::Halted(stop) => {
+            MovementOrder::Stopped(stop) | MovementOrder::Halted(stop) => {
                 stop.braking_end.take_if(|_| has_ended(stop.said));
             }
         }
@@ -130,40 +130,44 @@ impl Movement {
     /// Returns whether the last word was to stop.
     pub fn is_stop(&self) -> bool {
         match self {
-            Movement::Stopped(_) | Movement::Halted(_) => true,
-            Movement::Idle | Movement::Driving(_) | Movement::Turning { .. } => false,
+            MovementOrder::Stopped(_) | MovementOrder::Halted(_) => true,
+            MovementOrder::Idle | MovementOrder::Driving(_) | MovementOrder::Turning { .. } => {
+                false
+            }
         }
     }
 
     /// Returns whether the reflex has stopped it.
     pub fn is_halted(&self) -> bool {
         match self {
-            Movement::Halted(_) => true,
-            Movement::Idle
-            | Movement::Driving(_)
-            | Movement::Turning { .. }
-            | Movement::Stopped(_) => false,
+            MovementOrder::Halted(_) => true,
+            MovementOrder::Idle
+            | MovementOrder::Driving(_)
+            | MovementOrder::Turning { .. }
+            | MovementOrder::Stopped(_) => false,
         }
     }
 
     /// Returns whether a stop must be said again: a while ago it was said, and telemetry shows no rest.
     pub fn is_stop_due_again(&self, now: Time, motion: Motion) -> bool {
         match self {
-            Movement::Stopped(stop) | Movement::Halted(stop) => {
+            MovementOrder::Stopped(stop) | MovementOrder::Halted(stop) => {
                 motion != Motion::Resting && now.since(stop.said) >= SAY_AGAIN
             }
-            Movement::Idle | Movement::Driving(_) | Movement::Turning { .. } => false,
+            MovementOrder::Idle | MovementOrder::Driving(_) | MovementOrder::Turning { .. } => {
+                false
+            }
         }
     }
 
     /// Returns the way that it claims from where it is: on a leg or braking; `None` when it claims no more than its place.
     pub fn way_from(&self, at: Point) -> Option<Vec<Point>> {
         match self {
-            Movement::Idle | Movement::Turning { leg: None, .. } => None,
-            Movement::Driving(leg) | Movement::Turning { leg: Some(leg), .. } => {
+            MovementOrder::Idle | MovementOrder::Turning { leg: None, .. } => None,
+            MovementOrder::Driving(leg) | MovementOrder::Turning { leg: Some(leg), .. } => {
                 Some(leg.way_from(at))
             }
-            Movement::Stopped(stop) | Movement::Halted(stop) => {
+            MovementOrder::Stopped(stop) | MovementOrder::Halted(stop) => {
                 stop.braking_end.map(|end| vec![at, end])
             }
         }
@@ -172,22 +176,24 @@ impl Movement {
     /// Returns the same for a leg on which nobody's plan says who goes first; `None` for any other.
     pub fn way_off_plan_from(&self, at: Point) -> Option<Vec<Point>> {
         match self {
-            Movement::Driving(leg) | Movement::Turning { leg: Some(leg), .. } => {
+            MovementOrder::Driving(leg) | MovementOrder::Turning { leg: Some(leg), .. } => {
                 leg.is_off_plan.then(|| leg.way_from(at))
             }
-            Movement::Idle
-            | Movement::Turning { leg: None, .. }
-            | Movement::Stopped(_)
-            | Movement::Halted(_) => None,
+            MovementOrder::Idle
+            | MovementOrder::Turning { leg: None, .. }
+            | MovementOrder::Stopped(_)
+            | MovementOrder::Halted(_) => None,
         }
     }
 
     fn claims_a_way(&self) -> bool {
         match self {
-            Movement::Idle => false,
-            Movement::Driving(_) => true,
-            Movement::Turning { since: _, leg } => leg.is_some(),
-            Movement::Stopped(stop) | Movement::Halted(stop) => stop.braking_end.is_some(),
+            MovementOrder::Idle => false,
+            MovementOrder::Driving(_) => true,
+            MovementOrder::Turning { since: _, leg } => leg.is_some(),
+            MovementOrder::Stopped(stop) | MovementOrder::Halted(stop) => {
+                stop.braking_end.is_some()
+            }
         }
     }
 }
@@ -211,7 +217,7 @@ impl Leg {
     }
 }
 
-impl Stop {
+impl RepeatedStop {
     /// Returns what is left of its braking, as a leg.
     fn leg(self) -> Option<Leg> {
         let corners = VecDeque::from([self.braking_end?]);
@@ -253,14 +259,14 @@ mod tests {
     }
 
     /// One movement of each kind, with its name; all were told at 1 s.
-    fn every_kind() -> [(&'static str, Movement); 7] {
-        let told = |tell: &dyn Fn(&mut Movement)| {
-            let mut movement = Movement::default();
+    fn every_kind() -> [(&'static str, MovementOrder); 7] {
+        let told = |tell: &dyn Fn(&mut MovementOrder)| {
+            let mut movement = MovementOrder::default();
             tell(&mut movement);
             movement
         };
         let drive =
-            |movement: &mut Movement| movement.drive(at(1.0), true, &[point(2.0), point(4.0)]);
+            |movement: &mut MovementOrder| movement.drive(at(1.0), true, &[point(2.0), point(4.0)]);
         [
             ("Idle", told(&|_| {})),
             ("Driving", told(&drive)),
@@ -284,7 +290,7 @@ mod tests {
     #[test]
     fn every_word_leads_from_every_state_where_the_drawing_says() {
         for (from, before) in every_kind() {
-            let after = |tell: &dyn Fn(&mut Movement)| {
+            let after = |tell: &dyn Fn(&mut MovementOrder)| {
                 let mut movement = before.clone();
                 tell(&mut movement);
                 variant_of(&movement)
@@ -348,7 +354,7 @@ mod tests {
 
     #[test]
     fn only_a_leg_off_plan_yields_and_no_longer_once_it_brakes() {
-        let mut movement = Movement::default();
+        let mut movement = MovementOrder::default();
         movement.drive(at(1.0), false, &[point(2.0)]);
         assert_eq!(
             movement.way_off_plan_from(point(0.0)),
@@ -387,7 +393,7 @@ mod tests {
                 "{kind}"
             );
         }
-        let mut movement = Movement::default();
+        let mut movement = MovementOrder::default();
         movement.stop(at(1.0), Some(point(1.0)));
         assert_eq!(
             movement.way_from(point(0.0)),

@@ -17,9 +17,9 @@
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Lease, Order, OrderKind, Ordered, Revision};
 
-use super::messages::{Fly, Telemetry};
+use super::messages::{AutopilotCommand, Telemetry};
 use super::restraint::Restraint;
-use crate::node::memory::{Memory, OrderEdition, Remembered};
+use crate::node::memory::{OrderEdition, Remembered, VehicleMemory};
 use crate::time::Time;
 
 /// The highest order obeyed, one that waits for the disk, and what all of them leave standing.
@@ -45,14 +45,14 @@ pub(super) struct Orders {
 #[derive(Clone, PartialEq, Debug)]
 pub(super) struct Accepted {
     /// What the motors are told.
-    pub motors: Option<Fly>,
+    pub motors: Option<AutopilotCommand>,
     /// What is to be remembered, unless that was asked for before.
-    pub memory: Option<Memory>,
+    pub memory: Option<VehicleMemory>,
 }
 
 impl Orders {
     /// Makes the orders of a vehicle whose earlier starts have left this.
-    pub fn remembering(memory: Memory) -> Orders {
+    pub fn remembering(memory: VehicleMemory) -> Orders {
         Orders {
             highest: memory.ordered.forgotten(),
             asked: memory.ordered.key(),
@@ -113,7 +113,7 @@ impl Orders {
         self.waiting = Some(order);
         Accepted {
             motors,
-            memory: is_news.then(|| Memory::of_order(edition)),
+            memory: is_news.then(|| VehicleMemory::of_order(edition)),
         }
     }
 
@@ -146,7 +146,7 @@ impl Orders {
         &mut self,
         now: Time,
         is_answer: impl Fn(&Order) -> bool,
-    ) -> Option<(Order, Option<Fly>)> {
+    ) -> Option<(Order, Option<AutopilotCommand>)> {
         let due = self
             .waiting
             .take_if(|order| may_be_obeyed(order, &self.disk));
@@ -188,7 +188,7 @@ impl Orders {
     }
 
     /// Takes what telemetry shows; returns what the motors are told.
-    pub fn take(&mut self, now: Time, telemetry: &Telemetry) -> Option<Fly> {
+    pub fn take(&mut self, now: Time, telemetry: &Telemetry) -> Option<AutopilotCommand> {
         self.restraint.take(now, telemetry)
     }
 
@@ -274,7 +274,7 @@ mod tests {
     use tomoswarm_proto::{Lease, Revision, RunId, VehicleId};
 
     /// Obeys an order, with a disk that takes no time.
-    fn obey(orders: &mut Orders, now: Time, order: Order) -> Option<Fly> {
+    fn obey(orders: &mut Orders, now: Time, order: Order) -> Option<AutopilotCommand> {
         let Accepted { motors, memory } = orders.accept(now, order);
         let tried = memory.unwrap_or_default().join(orders.disk.on_disk);
         orders.remembered(Remembered {
@@ -342,7 +342,7 @@ mod tests {
                 Time::from_secs_f64(3.0),
                 order(OrderKind::Start, 1, 2)
             ),
-            Some(Fly::Arm)
+            Some(AutopilotCommand::Arm)
         );
         assert!(orders.have_overtaken(Time::from_secs_f64(1.9)));
         assert!(!orders.have_overtaken(Time::from_secs_f64(2.0)));

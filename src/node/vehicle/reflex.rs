@@ -5,9 +5,9 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use super::messages::{Bump, Telemetry};
+use super::messages::{ReflexObstacle, Telemetry};
 use crate::geom::{Point, Track, Vector};
-use crate::node::Settings;
+use crate::node::VehicleSettings;
 use crate::node::sensor::Scan;
 use crate::time::Time;
 
@@ -21,19 +21,19 @@ const KEEP_FOR: Duration = Duration::from_secs(60);
 /// What made the reflex halt of late.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Reflex {
-    obstacles: Vec<Bump>,
+    obstacles: Vec<ReflexObstacle>,
 }
 
 impl Reflex {
     /// Remembers what made it halt, and forgets what is believed to be there no longer.
-    pub fn remember(&mut self, now: Time, obstacle: Bump) {
+    pub fn remember(&mut self, now: Time, obstacle: ReflexObstacle) {
         self.obstacles.retain(|known| known.until > now);
         self.obstacles.push(obstacle);
     }
 
     /// Returns whether a route from `here` comes too near to something that made it halt.
     pub fn is_in_the_way(&self, now: Time, route: &Track, here: Point) -> bool {
-        let is_clear = |obstacle: &Bump| {
+        let is_clear = |obstacle: &ReflexObstacle| {
             let here_m = obstacle.at.distance_to(here);
             route
                 .segments()
@@ -49,7 +49,11 @@ impl Reflex {
 
 /// Returns how far ahead of the body a reading lies that a vehicle that drives must halt for, metres: in the driven strip,
 /// and nearer than it can stop or than the closeness that it was given.
-pub(super) fn halts_for(settings: &Settings, telemetry: &Telemetry, scan: &Scan) -> Option<f64> {
+pub(super) fn halts_for(
+    settings: &VehicleSettings,
+    telemetry: &Telemetry,
+    scan: &Scan,
+) -> Option<f64> {
     let ahead_m = ahead_m(settings, scan)?;
     let speed = telemetry.speed_mps;
     let needs_m = speed * REACTION_S + speed * speed / (2.0 * settings.body.braking_mps2);
@@ -60,12 +64,12 @@ pub(super) fn halts_for(settings: &Settings, telemetry: &Telemetry, scan: &Scan)
 }
 
 /// Returns what a reading stands for: an echo from somewhere in the beam's cone, believed for a while.
-pub(super) fn obstacle_of(settings: &Settings, now: Time, scan: &Scan) -> Bump {
+pub(super) fn obstacle_of(settings: &VehicleSettings, now: Time, scan: &Scan) -> ReflexObstacle {
     let range_m = scan.range_m.unwrap_or_default();
     let at = scan.pose.at + Vector::polar(scan.pose.heading + scan.beam, range_m);
     let spread_m = range_m * libm::sin(settings.look.half_angle.radians());
     let keep_m = settings.body.radius_m + MARGIN_M + spread_m;
-    Bump {
+    ReflexObstacle {
         at,
         keep_m,
         until: now + KEEP_FOR,
@@ -73,7 +77,7 @@ pub(super) fn obstacle_of(settings: &Settings, now: Time, scan: &Scan) -> Bump {
 }
 
 /// Returns how far ahead of the body an echo may come from; `None` when it lies beside the strip.
-fn ahead_m(settings: &Settings, scan: &Scan) -> Option<f64> {
+fn ahead_m(settings: &VehicleSettings, scan: &Scan) -> Option<f64> {
     let range_m = scan.range_m?;
     let off_axis_rad = (scan.beam.radians().abs() - settings.look.half_angle.radians()).max(0.0);
     let (sin, cos) = libm::sincos(off_axis_rad);

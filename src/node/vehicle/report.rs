@@ -5,7 +5,8 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    Boot, Control, LegReport, Mode, Permille, Revision, RunId, SeenState, StandReason, State, Tilt,
+    Boot, Control, LegReport, Permille, Revision, RunId, SeenState, StandReason, State, Tilt,
+    VehicleMode,
 };
 
 use super::messages::{Motion, Telemetry};
@@ -13,7 +14,7 @@ use super::restraint::Restraint;
 use super::{Out, Vehicle};
 use crate::geom::{Point, Vector};
 use crate::node::OwnState;
-use crate::node::ages::StateAges;
+use crate::node::state_ages::StateAges;
 use crate::time::Time;
 
 /// States are published this often while the mode stays the same.
@@ -25,7 +26,7 @@ pub(super) struct Reports {
     sequence: u64,
     /// When recent states were made, to judge the age of orders by.
     made: StateAges,
-    published: Option<(Time, Mode)>,
+    published: Option<(Time, VehicleMode)>,
     accepted: (RunId, Revision),
     /// Why the mission stands still on its own, if it does.
     mission_holds: Option<StandReason>,
@@ -73,7 +74,7 @@ impl Reports {
     }
 
     /// Returns whether a state is to be published now, and takes it for published.
-    fn publishes(&mut self, now: Time, mode: Mode) -> bool {
+    fn publishes(&mut self, now: Time, mode: VehicleMode) -> bool {
         let is_due = |(at, last)| mode != last || now.since(at) >= PUBLISH_EVERY;
         let is_due = self.published.is_none_or(is_due);
         if is_due {
@@ -167,26 +168,26 @@ impl Vehicle {
         }
     }
 
-    fn mode(&self, motion: Motion) -> Mode {
+    fn mode(&self, motion: Motion) -> VehicleMode {
         if self.emergency.stop().is_some() {
-            return Mode::Stopped;
+            return VehicleMode::Stopped;
         }
         match (self.orders.restraint(), motion) {
             (Restraint::MotorsCut(_), Motion::Resting | Motion::Turning | Motion::Driving) => {
-                Mode::MotorsCut
+                VehicleMode::MotorsCut
             }
             (Restraint::Free | Restraint::Held | Restraint::Landing(_), Motion::Driving) => {
-                Mode::Driving
+                VehicleMode::Driving
             }
             (Restraint::Free | Restraint::Held | Restraint::Landing(_), Motion::Turning) => {
-                Mode::Turning
+                VehicleMode::Turning
             }
-            (Restraint::Held | Restraint::Landing(_), Motion::Resting) => Mode::Held,
+            (Restraint::Held | Restraint::Landing(_), Motion::Resting) => VehicleMode::Held,
             (Restraint::Free, Motion::Resting) if self.reports.mission_holds.is_some() => {
-                Mode::Held
+                VehicleMode::Held
             }
-            (Restraint::Free, Motion::Resting) if self.movement.is_halted() => Mode::Halted,
-            (Restraint::Free, Motion::Resting) => Mode::Idle,
+            (Restraint::Free, Motion::Resting) if self.movement.is_halted() => VehicleMode::Halted,
+            (Restraint::Free, Motion::Resting) => VehicleMode::Idle,
         }
     }
 }

@@ -5,8 +5,8 @@
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::OrderKind;
 
-use super::disarming::Disarming;
-use super::messages::{Fly, Refusal, Telemetry};
+use super::disarming::DisarmingState;
+use super::messages::{AutopilotCommand, CommandRefusal, Telemetry};
 use crate::time::Time;
 
 /// How far orders hold the vehicle back. One that may move, or only holds, has its motors; one that has landed, or
@@ -19,49 +19,54 @@ pub(super) enum Restraint {
     /// It stands, armed, until a start or a return.
     Held,
     /// It stands and is disarmed, until a start or a return.
-    Landing(Disarming),
+    Landing(DisarmingState),
     /// Its motors were cut, and it stands until a start.
-    MotorsCut(Disarming),
+    MotorsCut(DisarmingState),
 }
 
 impl Restraint {
     /// Takes an order that is obeyed; returns what the motors are told at once.
-    pub fn obey(&mut self, now: Time, kind: OrderKind) -> Option<Fly> {
+    pub fn obey(&mut self, now: Time, kind: OrderKind) -> Option<AutopilotCommand> {
         use Restraint::{Free, Held, Landing, MotorsCut};
         let (next, motors) = match (*self, kind) {
-            (Free | Held | Landing(_) | MotorsCut(_), OrderKind::Start) => (Free, Some(Fly::Arm)),
-            (Free | Held | Landing(_), OrderKind::Return) => (Free, Some(Fly::Arm)),
+            (Free | Held | Landing(_) | MotorsCut(_), OrderKind::Start) => {
+                (Free, Some(AutopilotCommand::Arm))
+            }
+            (Free | Held | Landing(_), OrderKind::Return) => (Free, Some(AutopilotCommand::Arm)),
             (Free | Held, OrderKind::Hold) => (Held, None),
             (same @ (Landing(_) | MotorsCut(_)), OrderKind::Hold) => (same, None),
             (same @ MotorsCut(_), OrderKind::Return) => (same, None),
-            (Free | Held, OrderKind::Land) => (Landing(Disarming::at_rest(now)), None),
+            (Free | Held, OrderKind::Land) => (Landing(DisarmingState::at_rest(now)), None),
             (Landing(disarming), OrderKind::Land) => (Landing(disarming.again(now)), None),
             (MotorsCut(disarming), OrderKind::Land) => (MotorsCut(disarming.again(now)), None),
-            (Free | Held | Landing(_) | MotorsCut(_), OrderKind::CutMotors) => {
-                (MotorsCut(Disarming::told(now)), Some(Fly::Disarm))
-            }
+            (Free | Held | Landing(_) | MotorsCut(_), OrderKind::CutMotors) => (
+                MotorsCut(DisarmingState::told(now)),
+                Some(AutopilotCommand::Disarm),
+            ),
         };
         *self = next;
         motors
     }
 
     /// Takes what telemetry shows; returns what the motors are told.
-    pub fn take(&mut self, now: Time, telemetry: &Telemetry) -> Option<Fly> {
+    pub fn take(&mut self, now: Time, telemetry: &Telemetry) -> Option<AutopilotCommand> {
         match self {
             Restraint::Free | Restraint::Held => None,
-            Restraint::Landing(disarming) | Restraint::MotorsCut(disarming) => {
-                disarming.take(now, telemetry).then_some(Fly::Disarm)
-            }
+            Restraint::Landing(disarming) | Restraint::MotorsCut(disarming) => disarming
+                .take(now, telemetry)
+                .then_some(AutopilotCommand::Disarm),
         }
     }
 
     /// Returns why nothing is driven; `None` while it is free.
-    pub fn refusal(&self) -> Option<Refusal> {
+    pub fn refusal(&self) -> Option<CommandRefusal> {
         match self {
             Restraint::Free => None,
-            Restraint::Held | Restraint::Landing(Disarming::AtRest { .. }) => Some(Refusal::Held),
-            Restraint::Landing(Disarming::Told { .. }) => Some(Refusal::Disarmed),
-            Restraint::MotorsCut(_) => Some(Refusal::Disarmed),
+            Restraint::Held | Restraint::Landing(DisarmingState::AtRest { .. }) => {
+                Some(CommandRefusal::Held)
+            }
+            Restraint::Landing(DisarmingState::Told { .. }) => Some(CommandRefusal::Disarmed),
+            Restraint::MotorsCut(_) => Some(CommandRefusal::Disarmed),
         }
     }
 }
@@ -107,9 +112,9 @@ mod tests {
                 let mut restraint = after(&[before]);
                 let motors = restraint.obey(Time::ZERO, kind);
                 let expected = match kind {
-                    OrderKind::CutMotors => Some(Fly::Disarm),
+                    OrderKind::CutMotors => Some(AutopilotCommand::Disarm),
                     OrderKind::Start | OrderKind::Return if restraint == Restraint::Free => {
-                        Some(Fly::Arm)
+                        Some(AutopilotCommand::Arm)
                     }
                     OrderKind::Start | OrderKind::Return | OrderKind::Hold | OrderKind::Land => {
                         None
@@ -123,19 +128,22 @@ mod tests {
     #[test]
     fn what_stands_is_named_when_a_command_is_refused() {
         assert_eq!(after(&[]).refusal(), None);
-        assert_eq!(after(&[OrderKind::Hold]).refusal(), Some(Refusal::Held));
+        assert_eq!(
+            after(&[OrderKind::Hold]).refusal(),
+            Some(CommandRefusal::Held)
+        );
         assert_eq!(
             after(&[OrderKind::Land]).refusal(),
-            Some(Refusal::Held),
+            Some(CommandRefusal::Held),
             "it is armed still"
         );
         assert_eq!(
-            Restraint::Landing(Disarming::told(Time::ZERO)).refusal(),
-            Some(Refusal::Disarmed)
+            Restraint::Landing(DisarmingState::told(Time::ZERO)).refusal(),
+            Some(CommandRefusal::Disarmed)
         );
         assert_eq!(
             after(&[OrderKind::CutMotors]).refusal(),
-            Some(Refusal::Disarmed)
+            Some(CommandRefusal::Disarmed)
         );
     }
 

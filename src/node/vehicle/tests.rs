@@ -2,7 +2,7 @@
 
 use super::super::tests_support::{settings, state};
 use tomoswarm_proto::{
-    Boot, Deviation, Lease, LegReport, Mode, OperatorId, Permille, SeenState, Tilt,
+    Boot, Deviation, Lease, LegReport, OperatorId, Permille, SeenState, Tilt, VehicleMode,
 };
 
 use super::*;
@@ -89,7 +89,7 @@ fn drive(corners: &[(f64, f64)]) -> In {
         .iter()
         .map(|(x_m, y_m)| Point::new(*x_m, *y_m))
         .collect();
-    In::Command(Time::NEVER, Command::Drive { stop: None, route })
+    In::Command(Time::NEVER, MoveCommand::Drive { stop: None, route })
 }
 
 /// What an operator orders.
@@ -130,11 +130,11 @@ fn scan(range_m: f64, beam_deg: f64) -> In {
     })
 }
 
-fn refusal(out: &[Out]) -> Option<Refusal> {
+fn refusal(out: &[Out]) -> Option<CommandRefusal> {
     out.iter().find_map(|out| match out {
-        Out::Remark(Remark::Refused(refusal)) => Some(*refusal),
-        Out::Remark(_)
-        | Out::Fly(_)
+        Out::SafetyEvent(SafetyEvent::Refused(refusal)) => Some(*refusal),
+        Out::SafetyEvent(_)
+        | Out::AutopilotCommand(_)
         | Out::State(_)
         | Out::Publish(_)
         | Out::Remember(_)
@@ -143,12 +143,17 @@ fn refusal(out: &[Out]) -> Option<Refusal> {
 }
 
 fn flies(out: &[Out]) -> bool {
-    out.iter()
-        .any(|out| matches!(out, Out::Fly(Fly::Drive { .. } | Fly::Turn(_))))
+    out.iter().any(|out| {
+        matches!(
+            out,
+            Out::AutopilotCommand(AutopilotCommand::Drive { .. } | AutopilotCommand::Turn(_))
+        )
+    })
 }
 
 fn stops(out: &[Out]) -> bool {
-    out.iter().any(|out| matches!(out, Out::Fly(Fly::Stop)))
+    out.iter()
+        .any(|out| matches!(out, Out::AutopilotCommand(AutopilotCommand::Stop)))
 }
 
 fn obeyed(out: &[Out]) -> bool {
@@ -157,7 +162,7 @@ fn obeyed(out: &[Out]) -> bool {
 
 #[test]
 fn a_route_out_of_the_envelope_is_refused() {
-    let check = |corners: &[(f64, f64)], expected: Option<Refusal>| {
+    let check = |corners: &[(f64, f64)], expected: Option<CommandRefusal>| {
         let mut vehicle = vehicle();
         told(&mut vehicle, 1.0, In::Peer(state(2, 4.0, 0.0)));
         let out = told(&mut vehicle, 1.1, drive(corners));
@@ -165,13 +170,16 @@ fn a_route_out_of_the_envelope_is_refused() {
         assert_eq!(flies(&out), expected.is_none(), "{corners:?}");
     };
     check(&[(0.0, 0.0), (0.0, 5.0)], None);
-    check(&[(0.0, 0.0), (0.0, 24.8)], Some(Refusal::Fence));
-    check(&[(0.0, 0.0), (0.0, 30.0), (0.0, 5.0)], Some(Refusal::Fence));
-    check(&[(3.0, 0.0), (0.0, 5.0)], Some(Refusal::NotHere));
+    check(&[(0.0, 0.0), (0.0, 24.8)], Some(CommandRefusal::Fence));
+    check(
+        &[(0.0, 0.0), (0.0, 30.0), (0.0, 5.0)],
+        Some(CommandRefusal::Fence),
+    );
+    check(&[(3.0, 0.0), (0.0, 5.0)], Some(CommandRefusal::NotHere));
     check(&[(0.0, 0.0), (2.9, 0.0)], None);
     check(
         &[(0.0, 0.0), (3.2, 0.0)],
-        Some(Refusal::Separation(VehicleId(2))),
+        Some(CommandRefusal::Separation(VehicleId(2))),
     );
 }
 
@@ -184,7 +192,10 @@ fn a_peers_route_is_kept_clear_of_and_only_left() {
     let mut vehicle = vehicle();
     told(&mut vehicle, 1.0, In::Peer(peer));
     let across = told(&mut vehicle, 1.1, drive(&[(0.0, 0.0), (2.0, 2.0)]));
-    assert_eq!(refusal(&across), Some(Refusal::Separation(VehicleId(2))));
+    assert_eq!(
+        refusal(&across),
+        Some(CommandRefusal::Separation(VehicleId(2)))
+    );
     assert!(flies(&told(
         &mut vehicle,
         1.1,
@@ -196,25 +207,29 @@ fn a_peers_route_is_kept_clear_of_and_only_left() {
 fn who_does_not_know_where_it_is_does_not_drive() {
     let mut silent = Vehicle::new(settings(1));
     let out = told(&mut silent, 1.0, drive(&[(0.0, 0.0), (1.0, 0.0)]));
-    assert_eq!(refusal(&out), Some(Refusal::NoPose));
+    assert_eq!(refusal(&out), Some(CommandRefusal::NoPose));
     let mut vehicle = vehicle();
     let out = told(&mut vehicle, 4.0, drive(&[(0.0, 0.0), (1.0, 0.0)]));
-    assert_eq!(refusal(&out), Some(Refusal::NoPose), "three seconds old");
+    assert_eq!(
+        refusal(&out),
+        Some(CommandRefusal::NoPose),
+        "three seconds old"
+    );
     told(&mut vehicle, 5.0, telemetry(0.0, 0.0, 0.6));
     for command in [
         drive(&[(0.0, 0.0), (1.0, 0.0)]),
-        In::Command(Time::NEVER, Command::Turn(Angle::default())),
+        In::Command(Time::NEVER, MoveCommand::Turn(Angle::default())),
     ] {
         assert_eq!(
             refusal(&told(&mut vehicle, 5.0, command)),
-            Some(Refusal::PoseUncertain)
+            Some(CommandRefusal::PoseUncertain)
         );
     }
     assert!(
         stops(&told(
             &mut vehicle,
             5.0,
-            In::Command(Time::NEVER, Command::Hold)
+            In::Command(Time::NEVER, MoveCommand::Hold)
         )),
         "holding is always allowed"
     );
@@ -231,7 +246,10 @@ fn the_reflex_halts_for_what_is_near_ahead_and_then_keeps_clear_of_it() {
         assert_eq!(stops(&out), halts, "{range_m} m at {beam_deg}°");
         told(&mut vehicle, 2.0, telemetry(0.0, 0.0, 0.05));
         let again = told(&mut vehicle, 2.0, drive(&[(0.0, 0.0), (3.0, 0.0)]));
-        assert_eq!(refusal(&again), halts.then_some(Refusal::Bump));
+        assert_eq!(
+            refusal(&again),
+            halts.then_some(CommandRefusal::ReflexObstacle)
+        );
         assert!(
             flies(&told(&mut vehicle, 2.0, drive(&[(0.0, 0.0), (-3.0, 0.0)]))),
             "away from it"
@@ -251,7 +269,7 @@ fn a_silent_autopilot_is_reported_once() {
     assert_eq!((deadline.at, deadline.why), (at(3.0), "telemetry silent"));
     let mut out = Vec::new();
     vehicle.wake(at(3.0), &mut out).unwrap();
-    assert_eq!(out, [Out::Remark(Remark::AutopilotSilent)]);
+    assert_eq!(out, [Out::SafetyEvent(SafetyEvent::AutopilotSilent)]);
     assert_eq!(vehicle.deadline(), None);
     told(&mut vehicle, 9.0, telemetry(0.0, 0.0, 0.05));
     assert!(vehicle.deadline().is_some(), "it is heard again");
@@ -410,7 +428,8 @@ fn a_drive_without_a_way_never_reaches_the_autopilot() {
     for route in routes {
         let out = told(&mut vehicle(), 1.1, drive(route));
         assert!(
-            out.iter().all(|out| !matches!(out, Out::Fly(_))),
+            out.iter()
+                .all(|out| !matches!(out, Out::AutopilotCommand(_))),
             "{route:?}: {out:?}"
         );
         assert!(refusal(&out).is_some(), "{route:?}");
@@ -424,8 +443,8 @@ fn a_held_vehicle_says_so_until_it_is_started_or_sent_home() {
         out.iter()
             .find_map(|out| match out {
                 Out::State(state) => Some(state.mode),
-                Out::Remark(_)
-                | Out::Fly(_)
+                Out::SafetyEvent(_)
+                | Out::AutopilotCommand(_)
                 | Out::Publish(_)
                 | Out::Remember(_)
                 | Out::Order(_) => None,
@@ -436,10 +455,14 @@ fn a_held_vehicle_says_so_until_it_is_started_or_sent_home() {
         for freed in [OrderKind::Start, OrderKind::Return] {
             let mut vehicle = vehicle();
             told(&mut vehicle, 1.1, given(order(held, LEASE, 1, 1)));
-            assert_eq!(mode(&mut vehicle, 0.3), Mode::Driving, "it still brakes");
-            assert_eq!(mode(&mut vehicle, 0.0), Mode::Held);
+            assert_eq!(
+                mode(&mut vehicle, 0.3),
+                VehicleMode::Driving,
+                "it still brakes"
+            );
+            assert_eq!(mode(&mut vehicle, 0.0), VehicleMode::Held);
             told(&mut vehicle, 1.2, given(order(freed, LEASE, 2, 1)));
-            assert_eq!(mode(&mut vehicle, 0.0), Mode::Idle);
+            assert_eq!(mode(&mut vehicle, 0.0), VehicleMode::Idle);
         }
     }
 }
@@ -472,10 +495,14 @@ fn an_order_is_judged_by_the_age_of_its_state_however_often_states_are_made() {
     );
 }
 
-fn flown(out: &[Out]) -> Vec<Fly> {
+fn flown(out: &[Out]) -> Vec<AutopilotCommand> {
     let fly = |out: &Out| match out {
-        Out::Fly(fly) => Some(fly.clone()),
-        Out::Remark(_) | Out::State(_) | Out::Publish(_) | Out::Remember(_) | Out::Order(_) => None,
+        Out::AutopilotCommand(fly) => Some(fly.clone()),
+        Out::SafetyEvent(_)
+        | Out::State(_)
+        | Out::Publish(_)
+        | Out::Remember(_)
+        | Out::Order(_) => None,
     };
     out.iter().filter_map(fly).collect()
 }
@@ -483,15 +510,15 @@ fn flown(out: &[Out]) -> Vec<Fly> {
 #[test]
 fn a_command_decided_long_ago_is_refused_and_a_late_hold_obeyed() {
     let route = vec![Point::new(0.0, 0.0), Point::new(2.0, 0.0)];
-    let drive = Command::Drive { stop: None, route };
+    let drive = MoveCommand::Drive { stop: None, route };
     let mut vehicle = vehicle();
     let out = told(&mut vehicle, 2.5, In::Command(at(1.4), drive.clone()));
-    assert_eq!(refusal(&out), Some(Refusal::Old));
+    assert_eq!(refusal(&out), Some(CommandRefusal::Old));
     assert!(flies(&told(&mut vehicle, 2.5, In::Command(at(1.6), drive))));
     assert!(stops(&told(
         &mut vehicle,
         2.6,
-        In::Command(at(1.0), Command::Hold)
+        In::Command(at(1.0), MoveCommand::Hold)
     )));
 }
 
@@ -504,7 +531,10 @@ fn cutting_the_motors_disarms_at_once_and_nothing_is_driven_until_a_start() {
         1.0,
         given(order(OrderKind::CutMotors, lease, 1, 1)),
     );
-    assert_eq!(flown(&out), [Fly::Stop, Fly::Disarm]);
+    assert_eq!(
+        flown(&out),
+        [AutopilotCommand::Stop, AutopilotCommand::Disarm]
+    );
     let land = given(order(OrderKind::Start, lease, 2, 1));
     told(&mut vehicle, 1.1, land);
     assert!(flies(&told(
@@ -524,10 +554,10 @@ fn a_landed_rover_holds_is_disarmed_and_refuses_to_drive() {
     );
     assert_eq!(
         flown(&told(&mut vehicle, 1.5, telemetry(0.0, 0.0, 0.05))),
-        [Fly::Disarm]
+        [AutopilotCommand::Disarm]
     );
     let out = told(&mut vehicle, 1.6, drive(&[(0.0, 0.0), (3.0, 0.0)]));
-    assert_eq!(refusal(&out), Some(Refusal::Disarmed));
+    assert_eq!(refusal(&out), Some(CommandRefusal::Disarmed));
 }
 
 #[test]
@@ -538,7 +568,7 @@ fn off_plan_a_vehicle_stops_for_a_peer_that_drives_into_its_way_and_on_plan_it_d
         told(
             &mut vehicle,
             1.0,
-            In::Command(at(1.0), Command::Drive { stop, route }),
+            In::Command(at(1.0), MoveCommand::Drive { stop, route }),
         );
         let resting = super::super::tests_support::state(2, 4.0, 3.0);
         assert!(!stops(&told(&mut vehicle, 1.2, In::Peer(resting.clone()))));
@@ -548,13 +578,13 @@ fn off_plan_a_vehicle_stops_for_a_peer_that_drives_into_its_way_and_on_plan_it_d
         });
         let driving = State {
             sequence: 2,
-            mode: Mode::Driving,
+            mode: VehicleMode::Driving,
             leg,
             ..resting
         };
         let out = told(&mut vehicle, 1.4, In::Peer(driving));
         assert_eq!(stops(&out), yields);
-        let separation = Some(Refusal::Separation(VehicleId(2)));
+        let separation = Some(CommandRefusal::Separation(VehicleId(2)));
         assert_eq!(refusal(&out), separation.filter(|_| yields));
     }
 }
@@ -576,9 +606,17 @@ fn an_order_to_stop_brakes_at_once_and_what_was_decided_before_it_is_not_driven(
         other => other,
     };
     for (kind, before, after) in [
-        (OrderKind::Hold, Refusal::Old, Some(Refusal::Held)),
-        (OrderKind::Land, Refusal::Old, Some(Refusal::Held)),
-        (OrderKind::Return, Refusal::Old, None),
+        (
+            OrderKind::Hold,
+            CommandRefusal::Old,
+            Some(CommandRefusal::Held),
+        ),
+        (
+            OrderKind::Land,
+            CommandRefusal::Old,
+            Some(CommandRefusal::Held),
+        ),
+        (OrderKind::Return, CommandRefusal::Old, None),
     ] {
         let mut vehicle = vehicle();
         told(&mut vehicle, 1.0, drive(&[(0.0, 0.0), (3.0, 0.0)]));
@@ -651,7 +689,7 @@ fn a_disarming_that_was_lost_is_said_again_until_telemetry_shows_it() {
             2.0 + 0.1 * f64::from(tenth),
             moving(0.0, 0.0, is_armed),
         );
-        flown(&out).contains(&Fly::Disarm)
+        flown(&out).contains(&AutopilotCommand::Disarm)
     };
     let again: Vec<u32> = (1..=10)
         .filter(|tenth| said(&mut vehicle, *tenth, true))
@@ -687,7 +725,7 @@ fn what_is_nearer_than_the_closeness_halts_it_however_slow_it_is() {
         let again = refusal(&told(&mut vehicle, 2.0, drive(&[(0.0, 0.0), (3.0, 0.0)])));
         assert_eq!(
             again,
-            is_halted.then_some(Refusal::Bump),
+            is_halted.then_some(CommandRefusal::ReflexObstacle),
             "and is not driven at again"
         );
         assert!(
@@ -714,7 +752,7 @@ fn who_loses_its_place_on_the_way_stops_once_and_drives_again_when_it_has_it_bac
     );
     let out = told(&mut vehicle, 1.3, telemetry(0.1, 0.5, 0.6));
     assert!(stops(&out));
-    assert_eq!(refusal(&out), Some(Refusal::PoseUncertain));
+    assert_eq!(refusal(&out), Some(CommandRefusal::PoseUncertain));
     assert_eq!(
         refusal(&told(&mut vehicle, 1.4, telemetry(0.2, 0.4, 0.7))),
         None,
@@ -723,7 +761,7 @@ fn who_loses_its_place_on_the_way_stops_once_and_drives_again_when_it_has_it_bac
     told(&mut vehicle, 2.0, telemetry(0.2, 0.0, 0.8));
     assert_eq!(
         refusal(&told(&mut vehicle, 2.1, drive(&[(0.2, 0.0), (9.0, 0.0)]))),
-        Some(Refusal::PoseUncertain)
+        Some(CommandRefusal::PoseUncertain)
     );
     told(&mut vehicle, 2.2, telemetry(0.2, 0.0, 0.05));
     assert!(flies(&told(
@@ -749,7 +787,7 @@ fn a_pause_keeps_the_vehicle_where_it_is_and_a_start_lets_it_go_on() {
         let out = told(&mut vehicle, now_s, drive(&[(0.5, 0.0), (9.0, 0.0)]));
         assert_eq!(
             (flies(&out), refusal(&out)),
-            (false, Some(Refusal::Held)),
+            (false, Some(CommandRefusal::Held)),
             "after {second} s"
         );
     }

@@ -1,11 +1,11 @@
 //! The operator in virtual time, against vehicles that obey what is above their echo.
 
 use tomoswarm_proto::{
-    Boot, Lease, Mission, MissionPhase, OperatorId, Order, OrderKind as Kind, Report, RunId,
-    RunReport, Sender, StationPhase, Task,
+    Boot, GroundReport, Lease, MissionPhase, MissionProgress, OperatorId, Order, OrderKind as Kind,
+    RunId, RunReport, Sender, StationPhase, Task,
 };
 
-use super::super::outcome::{Refusal, VehicleOutcome};
+use super::super::outcome::{OrderRefusal, VehicleOutcome};
 use super::super::script::{Condition, Present};
 use super::super::status::Expected;
 use super::super::tests_support::{Rover, at, heard, report};
@@ -33,10 +33,10 @@ fn settings(greets: bool) -> OperatorSettings {
     }
 }
 
-fn want(kind: Kind) -> Want {
-    Want {
+fn want(kind: Kind) -> OrderGoal {
+    OrderGoal {
         begins: true,
-        ..Want::new(kind, BTreeSet::new(), Duration::from_secs(5))
+        ..OrderGoal::new(kind, BTreeSet::new(), Duration::from_secs(5))
     }
 }
 
@@ -47,8 +47,8 @@ fn one_present() -> Present {
     }
 }
 
-fn only(kind: Kind, vehicle: u8) -> Want {
-    Want {
+fn only(kind: Kind, vehicle: u8) -> OrderGoal {
+    OrderGoal {
         vehicles: BTreeSet::from([VehicleId(vehicle)]),
         ..want(kind)
     }
@@ -59,7 +59,7 @@ struct World {
     now: Time,
     operator: ActorCell<Operator>,
     rovers: Vec<Rover>,
-    report: Option<Report>,
+    report: Option<GroundReport>,
     orders: Vec<(Time, Order)>,
     greetings: usize,
     /// When it greeted, and the lease that it named.
@@ -152,7 +152,7 @@ impl World {
         self.said.iter().flat_map(given).collect()
     }
 
-    fn ended(&self) -> Vec<(WantId, &Outcome)> {
+    fn ended(&self) -> Vec<(WantId, &OrderOutcome)> {
         let ended = |out: &Out| matches!(out, Out::Ended(..));
         let all = self.said.iter().filter(|out| ended(out));
         all.filter_map(|out| {
@@ -167,14 +167,14 @@ impl World {
 }
 
 /// A report of an idle ground station that knows vehicle 1 only.
-fn of_one() -> Report {
-    Report {
+fn of_one() -> GroundReport {
+    GroundReport {
         members: vec![VehicleId(1)],
         ..report()
     }
 }
 
-fn follow(world: &mut World, steps: &[Step]) {
+fn follow(world: &mut World, steps: &[ScriptStep]) {
     world.tell(In::Follow(steps.to_vec()));
 }
 
@@ -202,7 +202,7 @@ fn a_want_by_hand_ends_when_every_state_shows_it_and_then_nothing_is_sent() {
 #[test]
 fn a_want_of_a_script_stands_and_whoever_restarts_is_told_again() {
     let mut world = World::new(vec![Rover::new(1), Rover::new(2)]);
-    follow(&mut world, &[Step::Want(want(Kind::Start))]);
+    follow(&mut world, &[ScriptStep::Want(want(Kind::Start))]);
     world.run(4.0);
     assert!(
         matches!(
@@ -235,7 +235,7 @@ fn what_somebody_else_has_ordered_since_is_neither_fought_nor_undone_by_a_restar
         },
     ] {
         let mut world = World::new(vec![Rover::new(1), Rover::new(2)]);
-        follow(&mut world, &[Step::Want(want(Kind::Start))]);
+        follow(&mut world, &[ScriptStep::Want(want(Kind::Start))]);
         world.run(4.0);
         let sent = world.orders.len();
         world.rovers[0].state.ordered = Rover::ordered(1, lease, 9, Kind::Hold).state.ordered;
@@ -253,7 +253,7 @@ fn what_somebody_else_has_ordered_since_is_neither_fought_nor_undone_by_a_restar
 #[test]
 fn after_a_take_over_the_former_operator_tells_nobody_who_restarts() {
     let mut world = World::new(vec![Rover::new(1), Rover::new(2)]);
-    follow(&mut world, &[Step::Want(want(Kind::Start))]);
+    follow(&mut world, &[ScriptStep::Want(want(Kind::Start))]);
     world.run(4.0);
     let other = Lease {
         number: 2,
@@ -271,11 +271,11 @@ fn the_grounds_own_orders_after_a_start_do_not_end_it() {
     let mut world = World::new(vec![Rover::new(1)]);
     world.report = Some(of_one());
     world.run(1.5);
-    follow(&mut world, &[Step::Want(want(Kind::Start))]);
+    follow(&mut world, &[ScriptStep::Want(want(Kind::Start))]);
     world.run(2.0);
     let lease = world.rovers[0].state.ordered.lease;
     assert_eq!(lease, of_one().lease);
-    world.report = Some(Report {
+    world.report = Some(GroundReport {
         phase: StationPhase::Stopping,
         run: RunId(1),
         ..of_one()
@@ -287,7 +287,7 @@ fn the_grounds_own_orders_after_a_start_do_not_end_it() {
     world.run(1.0);
     assert_eq!(world.kinds(), [Some(Kind::Start)]);
     // What an operator has ordered stands, by the report.
-    world.report = Some(Report {
+    world.report = Some(GroundReport {
         in_force: Some(Kind::Hold),
         ..of_one()
     });
@@ -299,7 +299,7 @@ fn the_grounds_own_orders_after_a_start_do_not_end_it() {
 #[test]
 fn a_later_want_takes_the_place_of_an_earlier_one_on_the_vehicles_that_both_name() {
     let mut world = World::new(vec![Rover::new(1), Rover::new(2)]);
-    follow(&mut world, &[Step::Want(want(Kind::Start))]);
+    follow(&mut world, &[ScriptStep::Want(want(Kind::Start))]);
     world.run(4.0);
     world.tell(In::Want(1, only(Kind::Hold, 2)));
     world.run(1.0);
@@ -317,12 +317,12 @@ fn a_later_want_takes_the_place_of_an_earlier_one_on_the_vehicles_that_both_name
 
 #[test]
 fn a_start_of_another_run_is_refused_by_hand_and_awaited_by_a_script() {
-    let under_way = Report {
+    let under_way = GroundReport {
         phase: StationPhase::Running,
         run: RunId(1),
         ..of_one()
     };
-    let of_seven = Want {
+    let of_seven = OrderGoal {
         run: Some(RunId(7)),
         ..want(Kind::Start)
     };
@@ -330,7 +330,7 @@ fn a_start_of_another_run_is_refused_by_hand_and_awaited_by_a_script() {
     world.report = Some(under_way.clone());
     world.tell(In::Want(0, of_seven.clone()));
     world.run(3.0);
-    let refused = Refusal::UnderWay {
+    let refused = OrderRefusal::UnderWay {
         under_way: RunId(1),
         asked: RunId(7),
     };
@@ -342,7 +342,7 @@ fn a_start_of_another_run_is_refused_by_hand_and_awaited_by_a_script() {
     // The run that is under way may be told again, and what stops is never refused.
     world.tell(In::Want(
         1,
-        Want {
+        OrderGoal {
             run: Some(RunId(1)),
             ..want(Kind::Start)
         },
@@ -350,7 +350,7 @@ fn a_start_of_another_run_is_refused_by_hand_and_awaited_by_a_script() {
     world.run(1.0);
     world.tell(In::Want(
         2,
-        Want {
+        OrderGoal {
             run: Some(RunId(7)),
             ..want(Kind::Hold)
         },
@@ -364,10 +364,10 @@ fn a_start_of_another_run_is_refused_by_hand_and_awaited_by_a_script() {
         world.said
     );
     let sent = world.orders.len();
-    follow(&mut world, &[Step::Want(of_seven)]);
+    follow(&mut world, &[ScriptStep::Want(of_seven)]);
     world.run(2.0);
     assert_eq!(world.orders.len(), sent);
-    world.report = Some(Report {
+    world.report = Some(GroundReport {
         phase: StationPhase::Idle,
         ..under_way
     });
@@ -439,7 +439,7 @@ fn with_take_over_the_lease_in_force_is_outbid_once_and_without_it_it_is_joined(
         for number in 0..3 {
             world.tell(In::Want(
                 number,
-                Want {
+                OrderGoal {
                     take_over,
                     ..want(Kind::Hold)
                 },
@@ -486,31 +486,31 @@ fn a_script_goes_on_as_the_fleet_shows_it_and_as_its_cues_are_done() {
         vehicles: [VehicleId(1)].into(),
         ground: true,
     };
-    let run_one = Want {
+    let run_one = OrderGoal {
         run: Some(RunId(1)),
         ..want(Kind::Start)
     };
     let steps = [
-        Step::Wait {
+        ScriptStep::Wait {
             until: Condition::Heard(expected),
             within,
         },
-        Step::Delay(Duration::from_secs(2)),
-        Step::Want(run_one),
-        Step::Wait {
+        ScriptStep::Delay(Duration::from_secs(2)),
+        ScriptStep::Want(run_one),
+        ScriptStep::Wait {
             until: Condition::InForce,
             within,
         },
-        Step::Wait {
+        ScriptStep::Wait {
             until: Condition::Driven(RunId(1)),
             within,
         },
-        Step::Cue {
+        ScriptStep::Announce {
             name: "enter".to_owned(),
             within,
         },
-        Step::Want(want(Kind::Return)),
-        Step::Wait {
+        ScriptStep::Want(want(Kind::Return)),
+        ScriptStep::Wait {
             until: Condition::Home(one_present()),
             within,
         },
@@ -527,7 +527,7 @@ fn a_script_goes_on_as_the_fleet_shows_it_and_as_its_cues_are_done() {
         run: RunId(1),
         ..RunReport::default()
     }];
-    world.report = Some(Report {
+    world.report = Some(GroundReport {
         run: RunId(1),
         laps: 3,
         laps_done: 3,
@@ -535,7 +535,7 @@ fn a_script_goes_on_as_the_fleet_shows_it_and_as_its_cues_are_done() {
         ..of_one()
     });
     world.run(2.0);
-    assert_eq!(world.said.last(), Some(&Out::Cue("enter".to_owned())));
+    assert_eq!(world.said.last(), Some(&Out::Announce("enter".to_owned())));
     world.run(1.0);
     assert_eq!(
         world.kinds(),
@@ -553,12 +553,12 @@ fn a_script_goes_on_as_the_fleet_shows_it_and_as_its_cues_are_done() {
         "it is not home yet"
     );
     let (vehicle, phase, is_at_home) = (VehicleId(1), MissionPhase::Over, true);
-    let home = Mission {
+    let home = MissionProgress {
         vehicle,
         boot: Boot(1),
         phase,
         is_at_home,
-        ..Mission::default()
+        ..MissionProgress::default()
     };
     world.tell(In::Bus(heard(Message::Mission(home))));
     world.run(0.1);
@@ -572,14 +572,14 @@ fn a_script_goes_on_as_the_fleet_shows_it_and_as_its_cues_are_done() {
 #[test]
 fn a_script_that_waits_for_what_never_comes_ends_with_a_reason_after_its_limit() {
     let within = Duration::from_secs(4);
-    let never = |step: Step, why: &str| {
+    let never = |step: ScriptStep, why: &str| {
         let mut world = World::new(vec![Rover::new(1)]);
         follow(
             &mut world,
             &[
-                Step::Delay(Duration::from_secs(1)),
+                ScriptStep::Delay(Duration::from_secs(1)),
                 step,
-                Step::Want(want(Kind::Hold)),
+                ScriptStep::Want(want(Kind::Hold)),
             ],
         );
         world.run(4.9);
@@ -605,7 +605,7 @@ fn a_script_that_waits_for_what_never_comes_ends_with_a_reason_after_its_limit()
         vehicles: [VehicleId(1), VehicleId(2)].into(),
         ground: true,
     };
-    let wait = |until| Step::Wait { until, within };
+    let wait = |until| ScriptStep::Wait { until, within };
     let silent = "not heard: vehicle 2, the ground station, within 4.0 s";
     never(wait(Condition::Heard(expected)), silent);
     never(
@@ -621,7 +621,7 @@ fn a_script_that_waits_for_what_never_comes_ends_with_a_reason_after_its_limit()
         "not at home: vehicle 1, within 4.0 s",
     );
     never(
-        Step::Cue {
+        ScriptStep::Announce {
             name: "enter".to_owned(),
             within,
         },
@@ -634,8 +634,8 @@ fn a_script_whose_want_fails_ends_with_the_reason() {
     let mut world = World::new(vec![Rover::new(1)]);
     let until = Condition::InForce;
     let steps = [
-        Step::Want(only(Kind::Hold, 2)),
-        Step::Wait {
+        ScriptStep::Want(only(Kind::Hold, 2)),
+        ScriptStep::Wait {
             until,
             within: Duration::from_secs(60),
         },

@@ -13,9 +13,9 @@ pub(super) const CONTEST: Duration = Duration::from_millis(2500);
 
 /// How far it is with one vehicle.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub(super) struct Delivery {
+pub(super) struct VehicleDelivery {
     /// The order that is sent to it.
-    pub issued: Option<Issued>,
+    pub issued: Option<OrderRight>,
     /// When it was sent an order first, and last.
     pub first_at: Option<Time>,
     pub sent_at: Option<Time>,
@@ -45,12 +45,12 @@ pub(super) fn take_over_of(state: &State) -> Option<EmergencyName> {
 
 /// By which right an order is sent.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub(super) struct Issued {
+pub(super) struct OrderRight {
     pub lease: Lease,
     pub revision: Revision,
 }
 
-impl Delivery {
+impl VehicleDelivery {
     /// Begins anew with a vehicle that was started anew, unless somebody else has the say since.
     pub fn forget(&mut self, in_force: Lease) {
         let is_outbid = self.issued.is_some_and(|issued| in_force > issued.lease);

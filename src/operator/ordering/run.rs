@@ -1,6 +1,6 @@
 //! Which run an order belongs to, and what that run is: the present one, the next one, or one that a mission begins.
 
-use tomoswarm_proto::{MissionEnd, MissionKind, Report, RunId, StationPhase, VehicleId};
+use tomoswarm_proto::{GroundReport, MissionEnd, MissionKind, RunId, StationPhase, VehicleId};
 
 use super::{LAST_REVISION, Ordering};
 use crate::operator::given_tasks::TaskWish;
@@ -124,7 +124,7 @@ impl Ordering {
 }
 
 /// Returns whether a run was begun, is none that a ground station plans, and has not ended.
-fn is_open_mission(report: &Report, run: RunId) -> bool {
+fn is_open_mission(report: &GroundReport, run: RunId) -> bool {
     let of_run = report.runs.iter().find(|known| known.run == run);
     of_run.is_some_and(|known| known.kind != MissionKind::Sweep && known.end.is_none())
 }

@@ -1,7 +1,7 @@
 //! Orders in virtual time, against vehicles that obey what is above their echo.
 
 use tomoswarm_proto::codec::{self, Greeting};
-use tomoswarm_proto::{Boot, Control, Hello, Message, OrderKind as Kind, Standing};
+use tomoswarm_proto::{Boot, Control, Hello, Message, OpenStops, OrderKind as Kind};
 
 use super::super::tests_support::{Rover, at, heard, report};
 use super::*;
@@ -41,7 +41,7 @@ struct World {
     now: Time,
     ordering: Ordering,
     rovers: Vec<Rover>,
-    report: Option<Report>,
+    report: Option<GroundReport>,
     sent: Vec<(Time, Order)>,
     /// Returns whether an order with this running number is lost.
     loses: fn(usize) -> bool,
@@ -72,7 +72,7 @@ impl World {
     }
 
     /// Goes on by one tick.
-    fn tick(&mut self) -> Option<Outcome> {
+    fn tick(&mut self) -> Option<OrderOutcome> {
         for order in self.ordering.act(self.now, true) {
             if !(self.loses)(self.sent.len()) {
                 self.rovers.iter_mut().for_each(|rover| rover.obey(&order));
@@ -94,7 +94,7 @@ impl World {
         self.ordering.outcome(self.now)
     }
 
-    fn run(&mut self) -> Outcome {
+    fn run(&mut self) -> OrderOutcome {
         (0..1000).find_map(|_| self.tick()).unwrap()
     }
 
@@ -105,11 +105,11 @@ impl World {
     }
 }
 
-fn outcomes(outcome: &Outcome) -> Vec<VehicleOutcome> {
+fn outcomes(outcome: &OrderOutcome) -> Vec<VehicleOutcome> {
     outcome.vehicles.values().copied().collect()
 }
 
-fn obeyed_ms(outcome: &Outcome) -> Vec<u128> {
+fn obeyed_ms(outcome: &OrderOutcome) -> Vec<u128> {
     let after = |outcome: &VehicleOutcome| match outcome {
         VehicleOutcome::Obeyed { after, .. } => after.as_millis(),
         other => panic!("{other:?}"),
@@ -310,7 +310,7 @@ fn a_start_that_the_ground_brings_about_by_a_hold_is_obeyed_unless_something_sta
         }
         // It was obeyed between two states, and the ground has ordered to hold in the same run.
         world.rovers[0].state.ordered = Rover::ordered(1, GROUNDS, 2, Kind::Hold).state.ordered;
-        world.report = Some(Report {
+        world.report = Some(GroundReport {
             phase: StationPhase::Stopping,
             run: RunId(1),
             in_force: standing,
@@ -336,7 +336,7 @@ fn a_start_that_never_came_is_not_taken_for_one_that_the_ground_brings_about() {
         }
         // Somebody else has ordered it at the same time; the ground station has not heard of that yet.
         world.rovers[0].state.ordered = Rover::ordered(1, GROUNDS, revision, theirs).state.ordered;
-        world.report = Some(Report {
+        world.report = Some(GroundReport {
             phase: StationPhase::Stopping,
             run: RunId(1),
             ..report()
@@ -379,7 +379,7 @@ fn a_start_of_an_idle_ground_begins_the_next_run_and_otherwise_goes_on() {
             },
             vec![Rover::new(1)],
         );
-        world.report = Some(Report {
+        world.report = Some(GroundReport {
             phase,
             run: RunId(6),
             ..report()
@@ -396,7 +396,7 @@ fn a_start_of_an_idle_ground_begins_the_next_run_and_otherwise_goes_on() {
 }
 
 /// A greeting of a vehicle with this version and venue file.
-fn greets(vehicle: u8, version: u8, venue_hash: u64) -> Heard {
+fn greets(vehicle: u8, version: u8, venue_hash: u64) -> HeardMessage {
     let (node, boot) = (Sender::Vehicle(VehicleId(vehicle)), Boot(1));
     let hello = Hello {
         is_member: true,
@@ -404,7 +404,7 @@ fn greets(vehicle: u8, version: u8, venue_hash: u64) -> Heard {
         ..Hello::asking(node, boot, venue_hash, 1)
     };
     let hello = (version == codec::VERSION).then_some(hello);
-    Heard::Greeting(
+    HeardMessage::Greeting(
         Greeting {
             version,
             node,
@@ -480,12 +480,12 @@ fn stop(name: u32) -> EmergencyStop {
     }
 }
 
-fn tells(vehicle: u8, open: &[u32]) -> Heard {
-    let standing = Standing {
+fn tells(vehicle: u8, open: &[u32]) -> HeardMessage {
+    let standing = OpenStops {
         open: open.iter().copied().map(stop).collect(),
         lifted: vec![],
     };
-    Heard::Message(
+    HeardMessage::Message(
         Sender::Vehicle(VehicleId(vehicle)),
         Message::Standing(standing),
     )
@@ -611,7 +611,7 @@ fn stops_are_not_lifted_while_somebody_is_not_heard_unless_it_is_named() {
     let (ordering, sent) = under_stops(both.clone(), &STOPS, silent);
     assert_eq!(
         (sent, ordering.outcome(at(5.0)).unwrap().refused),
-        (vec![], Some(Refusal::Unheard(two)))
+        (vec![], Some(OrderRefusal::Unheard(two)))
     );
     let (_, sent) = under_stops(both.clone(), &[], silent);
     assert!(!sent.is_empty(), "nothing is to be lifted");
@@ -652,6 +652,9 @@ fn nobody_is_called_home_while_a_stop_is_open() {
     let refused = ordering.outcome(at(5.0)).unwrap().refused;
     assert_eq!(
         (sent, refused),
-        (vec![], Some(Refusal::StopOpen(EmergencyName(STOPS[0]))))
+        (
+            vec![],
+            Some(OrderRefusal::StopOpen(EmergencyName(STOPS[0])))
+        )
     );
 }

@@ -6,7 +6,7 @@ use tomoswarm_proto::{
     Permille, RadioKind, RangeHealth, RangeSensorKind, Sender, ServoKind, State,
 };
 
-use super::super::Heard;
+use super::super::HeardMessage;
 use super::super::tests_support::{Rover, at, heard, report, state};
 use super::*;
 
@@ -17,7 +17,7 @@ struct Swarm {
     states: Vec<(f64, State)>,
     healths: Vec<Health>,
     hellos: Vec<Hello>,
-    reports: Vec<Report>,
+    reports: Vec<GroundReport>,
 }
 
 /// What a vehicle has.
@@ -81,7 +81,7 @@ impl Swarm {
                 boot,
                 venue_hash,
             };
-            view.hear(soon, &Heard::Greeting(greeting, Some(hello)));
+            view.hear(soon, &HeardMessage::Greeting(greeting, Some(hello)));
         }
         for (at_s, state) in self.states {
             view.hear(at(at_s), &heard(Message::State(state)));
@@ -111,7 +111,7 @@ fn needs() -> Needs {
 /// Names what refuses: node and check.
 fn refusals(swarm: Swarm, needs: &Needs) -> Vec<String> {
     let nodes = inspect(&swarm.view(), needs, at(NOW_S));
-    let refusing = |node: &Node| -> Vec<String> {
+    let refusing = |node: &NodeChecks| -> Vec<String> {
         let checks = node
             .checks
             .iter()
@@ -177,11 +177,11 @@ fn each_check_of_a_vehicle_can_refuse() {
         &["vehicle 2: battery"],
     );
     wrong(
-        |swarm| swarm.states[1].1.mode = Mode::Held,
+        |swarm| swarm.states[1].1.mode = VehicleMode::Held,
         &["vehicle 2: mode"],
     );
     wrong(
-        |swarm| swarm.states[1].1.mode = Mode::MotorsCut,
+        |swarm| swarm.states[1].1.mode = VehicleMode::MotorsCut,
         &["vehicle 2: mode"],
     );
     wrong(
@@ -276,7 +276,7 @@ fn a_vehicle_names_its_devices_and_one_that_a_run_needs_is_missed() {
 fn each_check_of_the_ground_can_refuse() {
     wrong(
         |swarm| {
-            swarm.reports.push(Report {
+            swarm.reports.push(GroundReport {
                 store: 2,
                 ..Swarm::sound().reports[0].clone()
             })

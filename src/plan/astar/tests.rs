@@ -10,9 +10,9 @@ use std::path::Path;
 
 const SIDE: i32 = 24;
 
-fn grid(side: i32, cell_m: f64, clearance_m: f64, solid: impl Fn(Cell) -> bool) -> Grid {
+fn grid(side: i32, cell_m: f64, clearance_m: f64, solid: impl Fn(Cell) -> bool) -> SearchGrid {
     let area = CellRect::new(Cell::new(0, 0), Cell::new(side - 1, side - 1));
-    Grid::of_cells(Lattice::new(cell_m), area, clearance_m, solid).unwrap()
+    SearchGrid::of_cells(Lattice::new(cell_m), area, clearance_m, solid).unwrap()
 }
 
 /// Dijkstra by repeated relaxation over all cells until nothing changes: slow and simple.
@@ -101,10 +101,10 @@ proptest! {
 #[test]
 fn too_large_a_grid_is_refused() {
     let area = CellRect::new(Cell::new(i32::MIN, i32::MIN), Cell::new(i32::MAX, i32::MAX));
-    assert!(Grid::of_cells(Lattice::new(0.2), area, 0.5, |_| false).is_err());
+    assert!(SearchGrid::of_cells(Lattice::new(0.2), area, 0.5, |_| false).is_err());
     let small = CellRect::new(Cell::new(0, 0), Cell::new(9, 9));
-    assert!(Grid::of_cells(Lattice::new(0.2), small, f64::NAN, |_| false).is_err());
-    assert!(Grid::of_cells(Lattice::new(0.2), small, 1e9, |_| false).is_err());
+    assert!(SearchGrid::of_cells(Lattice::new(0.2), small, f64::NAN, |_| false).is_err());
+    assert!(SearchGrid::of_cells(Lattice::new(0.2), small, 1e9, |_| false).is_err());
 }
 
 /// The obstacles that a fact describes in words, as (column, row) in the fact's own order (row index first).
@@ -236,7 +236,7 @@ fn a_four_connected_way_round_the_border_and_a_full_wall() {
         .map(|cell| serde_json::json!([cell.y, cell.x]))
         .collect();
     assert_eq!(&Value::Array(way), expected);
-    let turning = Turning {
+    let turning = TurningCost {
         cost_m_per_rad: fact["inputs"]["turning_cost_per_rad"].as_f64().unwrap(),
         heading: Some(
             Bearing::from_degrees(fact["inputs"]["start_bearing_deg"].as_f64().unwrap()).angle(),

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::geom::{Point, Polygon};
-use crate::plan::Grid;
+use crate::plan::SearchGrid;
 use proptest::prelude::*;
 use std::sync::Arc;
 use tomoswarm_proto::{Boot, LayerId, TILE_CELLS, TileAddress, TileReport, VehicleId};
@@ -111,8 +111,8 @@ proptest! {
             clearance.update(&map, changed);
         }
         let area = bounds();
-        let kept = Grid::of_clearance(&clearance, area, half_width_m).unwrap();
-        let fresh = Grid::of_map(&map.view(0, area), area, half_width_m, !unknown_is_solid).unwrap();
+        let kept = SearchGrid::of_clearance(&clearance, area, half_width_m).unwrap();
+        let fresh = SearchGrid::of_map(&map.view(0, area), area, half_width_m, !unknown_is_solid).unwrap();
         for (x, y) in (area.low.y..=area.high.y).flat_map(|y| (area.low.x..=area.high.x).map(move |x| (x, y))) {
             let cell = Cell::new(x, y);
             let (kept_index, fresh_index) = (kept.index(cell).unwrap(), fresh.index(cell).unwrap());
@@ -127,7 +127,7 @@ proptest! {
     ) {
         let fence = Polygon::new(corners.into_iter().map(|(x_m, y_m)| Point::new(x_m, y_m)).collect());
         let area = bounds();
-        let mut swept = Grid::of_cells(Lattice::new(CELL_M), area, 0.0, |_| false).unwrap();
+        let mut swept = SearchGrid::of_cells(Lattice::new(CELL_M), area, 0.0, |_| false).unwrap();
         let mut asked = swept.clone();
         swept.close_outside(&fence, radius_m);
         asked.close_where(|place| !fence.contains_disc(place, radius_m));
@@ -146,8 +146,8 @@ fn what_is_impossible_is_refused() {
     assert!(Clearance::new(lattice, 0, bounds(), f64::NAN, true).is_err());
     assert!(Clearance::new(lattice, 0, bounds(), 51.0, true).is_err());
     let mut clearance = Clearance::new(lattice, 0, bounds(), 1.0, true).unwrap();
-    assert!(Grid::of_clearance(&clearance, bounds(), 0.4).is_ok());
-    assert!(Grid::of_clearance(&clearance, bounds(), 1.0).is_err());
+    assert!(SearchGrid::of_clearance(&clearance, bounds(), 0.4).is_ok());
+    assert!(SearchGrid::of_clearance(&clearance, bounds(), 1.0).is_err());
     let everywhere = CellRect::new(Cell::new(i32::MIN, i32::MIN), Cell::new(i32::MAX, i32::MAX));
     clearance.update(&Merged::new(lattice, None), everywhere);
     assert_eq!(clearance.distance_m(Cell::new(0, 0)), Some(0.0));

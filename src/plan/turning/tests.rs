@@ -4,7 +4,7 @@
 use super::*;
 use crate::geom::{Angle, Lattice};
 use crate::map::{CellRect, Merged};
-use crate::plan::{Clearance, Grid, NoRoute, Rules, Turning, shortest_cells};
+use crate::plan::{Clearance, NoRoute, Rules, SearchGrid, TurningCost, shortest_cells};
 use proptest::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::PI;
@@ -145,11 +145,12 @@ fn map_of(stones: &BTreeSet<Place>) -> Merged {
     map
 }
 
-fn grid_of(ground: &Ground) -> Grid {
+fn grid_of(ground: &Ground) -> SearchGrid {
     let area = CellRect::new(Cell::new(0, 0), Cell::new(SIDE - 1, SIDE - 1));
     let lattice = Lattice::new(CELL_M);
     let solid = |cell: Cell| ground.stones.contains(&(cell.x, cell.y));
-    let mut grid = Grid::of_cells(lattice, area, ground.clearance_cells * CELL_M, solid).unwrap();
+    let mut grid =
+        SearchGrid::of_cells(lattice, area, ground.clearance_cells * CELL_M, solid).unwrap();
     if let Some((wished_cells, extra)) = ground.wish {
         let mut clearance = Clearance::new(lattice, 0, area, 8.0 * CELL_M, false).unwrap();
         clearance.update(&map_of(&ground.stones), area);
@@ -171,7 +172,7 @@ proptest! {
         from in (0..SIDE, 0..SIDE), to in (0..SIDE, 0..SIDE),
     ) {
         let ground = Ground { stones, clearance_cells, wish };
-        let turning = turning.map(|(cost_m_per_rad, heading)| Turning {
+        let turning = turning.map(|(cost_m_per_rad, heading)| TurningCost {
             cost_m_per_rad,
             heading: heading.map(Angle::from_degrees),
         });
@@ -213,7 +214,7 @@ fn who_pays_for_turns_drives_a_detour_with_fewer() {
     };
     let grid = grid_of(&ground);
     let go = |cost_m_per_rad: f64| {
-        let turning = Turning {
+        let turning = TurningCost {
             cost_m_per_rad,
             heading: Some(Angle::from_degrees(0.0)),
         };
@@ -232,8 +233,8 @@ fn who_pays_for_turns_drives_a_detour_with_fewer() {
 #[test]
 fn too_large_a_grid_is_not_searched_with_headings() {
     let area = CellRect::new(Cell::new(0, 0), Cell::new(1999, 999));
-    let grid = Grid::of_cells(Lattice::new(CELL_M), area, 0.0, |_| false).unwrap();
-    let turning = Some(Turning {
+    let grid = SearchGrid::of_cells(Lattice::new(CELL_M), area, 0.0, |_| false).unwrap();
+    let turning = Some(TurningCost {
         cost_m_per_rad: 0.1,
         heading: None,
     });

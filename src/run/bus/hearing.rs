@@ -43,7 +43,7 @@ pub(super) enum WhyAnew {
 
 /// What one node hears of the others, session by session.
 #[derive(Debug)]
-pub(super) struct Hearing {
+pub(super) struct SessionHearing {
     opened: Time,
     /// When each was heard last in this session.
     heard: BTreeMap<Sender, Time>,
@@ -57,10 +57,10 @@ pub(super) struct Hearing {
     in_vain: BTreeMap<Sender, u32>,
 }
 
-impl Hearing {
+impl SessionHearing {
     /// Begins with a session that is opened now.
-    pub(super) fn new(now: Time) -> Hearing {
-        Hearing {
+    pub(super) fn new(now: Time) -> SessionHearing {
+        SessionHearing {
             opened: now,
             heard: BTreeMap::new(),
             linked: BTreeMap::new(),
@@ -168,7 +168,7 @@ mod tests {
 
     /// Looks every second, with the same links, while some are heard; returns when and why sessions were opened anew.
     fn opened(
-        hearing: &mut Hearing,
+        hearing: &mut SessionHearing,
         seconds: std::ops::Range<u64>,
         links: &[Sender],
         heard: &[Sender],
@@ -188,7 +188,7 @@ mod tests {
 
     #[test]
     fn who_hears_all_to_whom_it_has_links_stays() {
-        let mut hearing = Hearing::new(Time::default());
+        let mut hearing = SessionHearing::new(Time::default());
         assert_eq!(
             opened(
                 &mut hearing,
@@ -204,7 +204,7 @@ mod tests {
 
     #[test]
     fn who_hears_nobody_begins_anew_sooner_when_it_heard_somebody() {
-        let mut hearing = Hearing::new(Time::default());
+        let mut hearing = SessionHearing::new(Time::default());
         assert_eq!(
             opened(&mut hearing, 0..70, &[], &[]),
             [(61, WhyAnew::Nobody)]
@@ -218,7 +218,7 @@ mod tests {
 
     #[test]
     fn silence_on_a_link_that_stands_opens_the_session_anew_and_ever_less_often() {
-        let mut hearing = Hearing::new(Time::default());
+        let mut hearing = SessionHearing::new(Time::default());
         let silent = |second| (second, WhyAnew::Silent(TWO));
         let links = [TWO, THREE];
         assert_eq!(
@@ -235,7 +235,7 @@ mod tests {
 
     #[test]
     fn damage_opens_the_session_anew_when_it_is_over() {
-        let mut hearing = Hearing::new(Time::default());
+        let mut hearing = SessionHearing::new(Time::default());
         let mut damaged = |seconds: std::ops::Range<u64>| {
             let mut all = Vec::new();
             for second in seconds {

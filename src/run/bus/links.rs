@@ -14,21 +14,21 @@ const ANSWERS_WITHIN: Duration = Duration::from_millis(20);
 
 /// Counts links; cheap to clone. It counts on until the last one is dropped.
 #[derive(Clone, Debug)]
-pub(super) struct Links {
+pub(super) struct LinkCounter {
     questions: Sender<SyncSender<usize>>,
     last: Arc<AtomicUsize>,
 }
 
-impl Links {
+impl LinkCounter {
     /// Begins to count by calling `look`, every second and when asked, until that gives `None`.
     ///
     /// # Errors
     /// The machine has no thread to give.
     pub(super) fn watch(
         mut look: impl FnMut() -> Option<usize> + Send + 'static,
-    ) -> std::io::Result<Links> {
+    ) -> std::io::Result<LinkCounter> {
         let (questions, asked) = channel::<SyncSender<usize>>();
-        let links = Links {
+        let links = LinkCounter {
             questions,
             last: Arc::default(),
         };
@@ -76,7 +76,7 @@ mod tests {
     use super::*;
 
     /// Counts one more at each look, which takes until it is let go.
-    fn counting() -> (Links, Arc<AtomicBool>) {
+    fn counting() -> (LinkCounter, Arc<AtomicBool>) {
         let holds = Arc::new(AtomicBool::new(false));
         let (held, mut count) = (holds.clone(), 0);
         let look = move || {
@@ -86,7 +86,7 @@ mod tests {
             count += 1;
             Some(count)
         };
-        (Links::watch(look).unwrap(), holds)
+        (LinkCounter::watch(look).unwrap(), holds)
     }
 
     #[test]
@@ -122,7 +122,7 @@ mod tests {
             left -= 1;
             (left > 0).then_some(7)
         };
-        let links = Links::watch(look).unwrap();
+        let links = LinkCounter::watch(look).unwrap();
         assert!((0..100).any(|_| links.count() == 7));
         assert_eq!([links.count(), links.count()], [7, 7]);
     }

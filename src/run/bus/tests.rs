@@ -2,7 +2,7 @@
 
 use std::sync::mpsc::{Receiver, channel};
 
-use tomoswarm_proto::{Mission, Progress, RunId, VehicleId};
+use tomoswarm_proto::{MissionProgress, Progress, RunId, VehicleId};
 
 use super::*;
 
@@ -11,7 +11,7 @@ const TWO: Sender = Sender::Vehicle(VehicleId(2));
 
 fn settings(
     node: Sender,
-    topology: Topology,
+    topology: SessionTopology,
     listen: &[String],
     connect: &[String],
 ) -> BusSettings {
@@ -33,11 +33,11 @@ fn free_endpoint() -> String {
     format!("tcp/{}", socket.local_addr().unwrap())
 }
 
-fn open(settings: BusSettings) -> (Bus, Receiver<Heard>) {
+fn open(settings: BusSettings) -> (BusSession, Receiver<HeardMessage>) {
     let (said, heard) = channel();
     let ear = Mutex::new(said);
     let hear = move |what| lock(&ear).send(what).unwrap_or_default();
-    let bus = Bus::open(settings, Clock::start(), Troubles::default(), hear).unwrap();
+    let bus = BusSession::open(settings, Clock::start(), Troubles::default(), hear).unwrap();
     bus.publisher().speak();
     (bus, heard)
 }
@@ -47,15 +47,19 @@ fn progress(of: u8, run: u32) -> Message {
         run: RunId(run),
         ..Progress::default()
     };
-    Message::Mission(Mission {
+    Message::Mission(MissionProgress {
         vehicle: VehicleId(of),
         progress,
-        ..Mission::default()
+        ..MissionProgress::default()
     })
 }
 
 /// Publishes again and again until it is heard; links take a moment.
-fn until_heard(publisher: &Publisher, message: &Message, heard: &Receiver<Heard>) -> Option<Heard> {
+fn until_heard(
+    publisher: &Publisher,
+    message: &Message,
+    heard: &Receiver<HeardMessage>,
+) -> Option<HeardMessage> {
     (0..100).find_map(|_| {
         publisher.publish(message);
         heard.recv_timeout(Duration::from_millis(100)).ok()
@@ -67,23 +71,23 @@ fn peers_hear_each_other_and_nobody_hears_itself() {
     let (here, there) = (free_endpoint(), free_endpoint());
     let (one, by_one) = open(settings(
         ONE,
-        Topology::Mesh,
+        SessionTopology::Mesh,
         std::slice::from_ref(&here),
         &[],
     ));
-    let (two, by_two) = open(settings(TWO, Topology::Mesh, &[there], &[here]));
+    let (two, by_two) = open(settings(TWO, SessionTopology::Mesh, &[there], &[here]));
     assert_eq!(
         until_heard(&two.publisher(), &progress(2, 1), &by_one),
-        Some(Heard::Message(TWO, progress(2, 1)))
+        Some(HeardMessage::Message(TWO, progress(2, 1)))
     );
     assert_eq!(
         until_heard(&one.publisher(), &progress(1, 1), &by_two),
-        Some(Heard::Message(ONE, progress(1, 1)))
+        Some(HeardMessage::Message(ONE, progress(1, 1)))
     );
     assert!(
         by_two
             .try_iter()
-            .all(|heard| matches!(heard, Heard::Message(ONE, _)))
+            .all(|heard| matches!(heard, HeardMessage::Message(ONE, _)))
     );
     assert_eq!(one.publisher().links(), 1);
 }
@@ -93,21 +97,21 @@ fn clients_hear_each_other_through_the_ground_also_when_it_comes_later() {
     let hub = free_endpoint();
     let (one, _by_one) = open(settings(
         ONE,
-        Topology::Star,
+        SessionTopology::Star,
         &[],
         std::slice::from_ref(&hub),
     ));
     let (two, by_two) = open(settings(
         TWO,
-        Topology::Star,
+        SessionTopology::Star,
         &[],
         std::slice::from_ref(&hub),
     ));
     assert_eq!(two.publisher().links(), 0);
-    let (_ground, _) = open(settings(Sender::Ground, Topology::Star, &[hub], &[]));
+    let (_ground, _) = open(settings(Sender::Ground, SessionTopology::Star, &[hub], &[]));
     assert_eq!(
         until_heard(&one.publisher(), &progress(1, 7), &by_two),
-        Some(Heard::Message(ONE, progress(1, 7)))
+        Some(HeardMessage::Message(ONE, progress(1, 7)))
     );
 }
 
@@ -116,15 +120,15 @@ fn a_peer_finds_its_neighbour_also_when_that_one_comes_later() {
     let (here, there) = (free_endpoint(), free_endpoint());
     let (one, _by_one) = open(settings(
         ONE,
-        Topology::Mesh,
+        SessionTopology::Mesh,
         &[here],
         std::slice::from_ref(&there),
     ));
     std::thread::sleep(Duration::from_secs(1));
-    let (_two, by_two) = open(settings(TWO, Topology::Mesh, &[there], &[]));
+    let (_two, by_two) = open(settings(TWO, SessionTopology::Mesh, &[there], &[]));
     assert_eq!(
         until_heard(&one.publisher(), &progress(1, 7), &by_two),
-        Some(Heard::Message(ONE, progress(1, 7)))
+        Some(HeardMessage::Message(ONE, progress(1, 7)))
     );
 }
 
@@ -133,11 +137,11 @@ fn what_is_not_the_senders_to_say_is_not_heard() {
     let (here, there) = (free_endpoint(), free_endpoint());
     let (one, by_one) = open(settings(
         ONE,
-        Topology::Mesh,
+        SessionTopology::Mesh,
         std::slice::from_ref(&here),
         &[],
     ));
-    let (two, _) = open(settings(TWO, Topology::Mesh, &[there], &[here]));
+    let (two, _) = open(settings(TWO, SessionTopology::Mesh, &[there], &[here]));
     until_heard(&two.publisher(), &progress(2, 1), &by_one).unwrap();
     // Progress of vehicle 1 under the key of vehicle 2.
     let refused = (0..100).any(|_| {
@@ -149,7 +153,7 @@ fn what_is_not_the_senders_to_say_is_not_heard() {
     assert!(
         by_one
             .try_iter()
-            .all(|heard| heard == Heard::Message(TWO, progress(2, 1)))
+            .all(|heard| heard == HeardMessage::Message(TWO, progress(2, 1)))
     );
 }
 
@@ -158,12 +162,12 @@ fn a_port_in_use_is_refused_in_words() {
     let here = free_endpoint();
     let (_one, _) = open(settings(
         ONE,
-        Topology::Mesh,
+        SessionTopology::Mesh,
         std::slice::from_ref(&here),
         &[],
     ));
-    let again = Bus::open(
-        settings(TWO, Topology::Mesh, std::slice::from_ref(&here), &[]),
+    let again = BusSession::open(
+        settings(TWO, SessionTopology::Mesh, std::slice::from_ref(&here), &[]),
         Clock::start(),
         Troubles::default(),
         |_| {},
@@ -177,11 +181,11 @@ fn a_message_of_an_unknown_kind_is_counted_and_its_sender_is_heard_as_before() {
     let (here, there) = (free_endpoint(), free_endpoint());
     let (ground, by_ground) = open(settings(
         Sender::Ground,
-        Topology::Mesh,
+        SessionTopology::Mesh,
         std::slice::from_ref(&here),
         &[],
     ));
-    let (two, _) = open(settings(TWO, Topology::Mesh, &[there], &[here]));
+    let (two, _) = open(settings(TWO, SessionTopology::Mesh, &[there], &[here]));
     until_heard(&two.publisher(), &progress(2, 1), &by_ground).unwrap();
     let mut unknown = OutboundFrame::of(&progress(2, 2)).unwrap();
     unknown.frame[3] = u8::MAX;
@@ -195,10 +199,10 @@ fn a_message_of_an_unknown_kind_is_counted_and_its_sender_is_heard_as_before() {
     assert!(
         by_ground
             .try_iter()
-            .all(|heard| heard == Heard::Message(TWO, progress(2, 1)))
+            .all(|heard| heard == HeardMessage::Message(TWO, progress(2, 1)))
     );
     assert_eq!(
         until_heard(&two.publisher(), &progress(2, 3), &by_ground),
-        Some(Heard::Message(TWO, progress(2, 3)))
+        Some(HeardMessage::Message(TWO, progress(2, 3)))
     );
 }

@@ -3,7 +3,7 @@
 
 use serde_json::{Value, json};
 
-use super::{BusSettings, Topology, Trust, session_id};
+use super::{BusSettings, SessionTopology, Trust, session_id};
 
 /// Longest message that is taken from a link, bytes.
 const MESSAGE_MAX: usize = 1 << 20;
@@ -13,9 +13,9 @@ const SOCKET_BUFFER: usize = 32 << 10;
 /// Returns the settings as JSON.
 pub fn session(settings: &BusSettings, is_hub: bool) -> Value {
     let mode = match (settings.topology, is_hub) {
-        (Topology::Mesh, _) => "peer",
-        (Topology::Star, true) => "router",
-        (Topology::Star, false) => "client",
+        (SessionTopology::Mesh, _) => "peer",
+        (SessionTopology::Star, true) => "router",
+        (SessionTopology::Star, false) => "client",
     };
     let listen = if mode == "client" {
         Vec::new()

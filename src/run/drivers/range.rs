@@ -16,9 +16,9 @@ use tomoswarm_proto::RangeHealth;
 
 #[cfg(feature = "hw")]
 use self::serial::SerialReader;
-use super::Told;
-use crate::config::{Look, RangeDriver};
-use crate::hw::{Dropped, Pings};
+use super::EventSink;
+use crate::config::{RangeDriver, SensorCoverage};
+use crate::hw::{DroppedReadings, Pings};
 use crate::node::sensor::Ping;
 use crate::run::clock::Clock;
 use crate::run::mailbox::lock;
@@ -59,9 +59,9 @@ impl Range {
     /// No thread can be started, or the driver is not built in.
     pub fn start(
         driver: &RangeDriver,
-        look: &Look,
+        look: &SensorCoverage,
         clock: Clock,
-        told: &Told,
+        told: &EventSink,
     ) -> io::Result<Range> {
         let pings = SharedPings::default();
         let reader = match driver {
@@ -110,7 +110,7 @@ impl Range {
     pub fn trouble(&self) -> Option<String> {
         let (dropped, is_closed) = match &self.reader {
             Reader::None => return None,
-            Reader::World => (Dropped::default(), None),
+            Reader::World => (DroppedReadings::default(), None),
             #[cfg(feature = "hw")]
             Reader::Serial(reader) => (reader.dropped(), reader.trouble()),
         };

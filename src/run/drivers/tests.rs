@@ -16,14 +16,14 @@ use crate::node::sensor::{Echo, Ping};
 use crate::run::link::{FromWorld, ToWorld, Welcome, decode, encode, read_frame, write_frame};
 
 /// The devices of a vehicle of the bundled place, with a range sensor by this driver, and the world that it found.
-fn devices(range: &str) -> (Devices, Receiver<Event>, World) {
+fn devices(range: &str) -> (VehicleDevices, Receiver<Event>, World) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let text = file(range, listener.local_addr().unwrap());
     let file =
         config::read_vehicle("configs/v.toml", &text, &mut |path| bundled::load(path)).unwrap();
     let (sender, events) = channel();
-    let told: Told = Arc::new(move |event| sender.send(event).unwrap());
-    let devices = Devices::start(&file, Boot(1), Clock::start(), &told).unwrap();
+    let told: EventSink = Arc::new(move |event| sender.send(event).unwrap());
+    let devices = VehicleDevices::start(&file, Boot(1), Clock::start(), &told).unwrap();
     let stream = listener.accept().unwrap().0;
     stream
         .set_read_timeout(Some(Duration::from_secs(10)))
@@ -71,7 +71,7 @@ impl World {
 }
 
 /// A ping, a turn of the servo, and a stop at the end.
-fn measure(devices: &Devices) {
+fn measure(devices: &VehicleDevices) {
     devices.carry_out(&Effect::Steer(Angle::ZERO));
     devices.carry_out(&Effect::Ping(Ping { number: 7 }));
     devices.stop();

@@ -21,7 +21,7 @@ const SAMPLES_MOST: usize = 2000;
 const EVERY: Duration = Duration::from_secs(2);
 
 /// What waits for the store.
-pub(super) enum Wanted {
+pub(super) enum StoreJob {
     Samples(Samples),
     Tile(TileReport),
     Software(VehicleId, Boot, String),
@@ -32,7 +32,7 @@ pub(super) enum Wanted {
 /// Starts the thread; `tell` reaches the station with what its vehicle has said and is stored.
 pub(super) fn keeper(
     archive: Arc<Archive>,
-    wanted: Receiver<Wanted>,
+    wanted: Receiver<StoreJob>,
     tell: impl Fn(Samples) + Send + 'static,
 ) -> std::io::Result<JoinHandle<()>> {
     let keep = move || {
@@ -51,11 +51,11 @@ pub(super) fn keeper(
                 Err(RecvTimeoutError::Timeout) => None,
                 Err(RecvTimeoutError::Disconnected) => break,
             };
-            let group: Vec<Wanted> = first
+            let group: Vec<StoreJob> = first
                 .into_iter()
                 .chain(wanted.try_iter().take(GROUP_MOST))
                 .collect();
-            let is_end = group.iter().any(|wanted| matches!(wanted, Wanted::End));
+            let is_end = group.iter().any(|wanted| matches!(wanted, StoreJob::End));
             keeper.keep(group);
             if is_end {
                 break;
@@ -79,11 +79,11 @@ struct Keeper<T> {
 }
 
 impl<T: Fn(Samples)> Keeper<T> {
-    fn keep(&mut self, group: Vec<Wanted>) {
+    fn keep(&mut self, group: Vec<StoreJob>) {
         let mut batches: Vec<Samples> = Vec::new();
         for wanted in group {
             match wanted {
-                Wanted::Samples(batch) => {
+                StoreJob::Samples(batch) => {
                     self.set_clock(&batch);
                     let count: usize = batches.iter().map(|batch| batch.samples.len()).sum();
                     if count + batch.samples.len() > SAMPLES_MOST {
@@ -91,12 +91,12 @@ impl<T: Fn(Samples)> Keeper<T> {
                     }
                     batches.push(batch);
                 }
-                Wanted::Tile(tile) => self.archive.hold_tile(tile),
-                Wanted::Software(vehicle, boot, software) => {
+                StoreJob::Tile(tile) => self.archive.hold_tile(tile),
+                StoreJob::Software(vehicle, boot, software) => {
                     self.clocks.hear(vehicle, boot);
                     self.archive.hold_software(vehicle, boot, software);
                 }
-                Wanted::End => {}
+                StoreJob::End => {}
             }
         }
         self.keep_samples(batches);

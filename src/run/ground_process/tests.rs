@@ -17,9 +17,9 @@ fn store(folder: &Path) -> GroundStore {
 
 #[test]
 fn what_is_wrong_with_the_process_is_said_beside_what_the_station_says() {
-    let report = Report {
+    let report = GroundReport {
         troubles: vec!["not heard yet: vehicle 3".to_owned()],
-        ..Report::default()
+        ..GroundReport::default()
     };
     let said = with_troubles(report, vec!["samples: no room".to_owned()]).troubles;
     assert_eq!(said, ["not heard yet: vehicle 3", "samples: no room"]);
@@ -137,9 +137,9 @@ fn what_strangers_have_sent_before_is_passed_over_after_a_restart() {
         samples: vec![sample],
         lost: vec![],
     };
-    let restored = Restored {
+    let restored = RestoredStore {
         samples: vec![batch(1), batch(2)],
-        ..Restored::default()
+        ..RestoredStore::default()
     };
     let station = resume(settings, restored, &BTreeSet::from([VehicleId(1)]));
     assert_eq!(station.samples().count(RunId(1)), 1);

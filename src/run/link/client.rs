@@ -10,8 +10,8 @@ use std::time::Duration;
 use tomoswarm_proto::codec::{self, Decoded};
 use tomoswarm_proto::{Boot, Message, VehicleId};
 
-use super::{FromWorld, Refused, ToWorld, Welcome, decode, encode, read_frame, write_frame};
-use crate::node::radio::Heard;
+use super::{FromWorld, LinkRefusal, ToWorld, Welcome, decode, encode, read_frame, write_frame};
+use crate::node::radio::HeardBeacon;
 use crate::node::{Effect, Event};
 
 /// Between two tries to connect.
@@ -23,7 +23,7 @@ const WRITE_WITHIN: Duration = Duration::from_millis(100);
 
 /// Where the world is, and who wants to move a body in it.
 #[derive(Clone, PartialEq, Eq, Debug)]
-pub struct LinkSettings {
+pub struct WorldLinkSettings {
     /// Where the world listens.
     pub address: SocketAddr,
     /// Its token.
@@ -42,7 +42,7 @@ pub enum LinkState {
     /// The world listens.
     Joined(Welcome),
     /// The world does not want this vehicle now; it is asked again and again all the same.
-    Refused(Refused),
+    Refused(LinkRefusal),
 }
 
 /// A vehicle's link to the world; dropping it ends it.
@@ -52,11 +52,11 @@ pub struct WorldLink {
 }
 
 /// Gets what the devices say.
-type Told = Box<dyn FnMut(Event) + Send>;
+type EventCallback = Box<dyn FnMut(Event) + Send>;
 
 struct Shared {
-    settings: LinkSettings,
-    told: Mutex<Told>,
+    settings: WorldLinkSettings,
+    told: Mutex<EventCallback>,
     now: Mutex<Now>,
     ended: Condvar,
 }
@@ -74,7 +74,7 @@ impl WorldLink {
     /// # Errors
     /// No thread can be started.
     pub fn connect(
-        settings: LinkSettings,
+        settings: WorldLinkSettings,
         told: impl FnMut(Event) + Send + 'static,
     ) -> io::Result<WorldLink> {
         let now = Now {
@@ -82,7 +82,7 @@ impl WorldLink {
             state: LinkState::Connecting(None),
             is_ended: false,
         };
-        let (told, now) = (Mutex::new(Box::new(told) as Told), Mutex::new(now));
+        let (told, now) = (Mutex::new(Box::new(told) as EventCallback), Mutex::new(now));
         let shared = Arc::new(Shared {
             settings,
             told,
@@ -144,7 +144,7 @@ fn word(effect: &Effect) -> Option<ToWorld> {
         | Effect::Tally(_)
         | Effect::Remember(_)
         | Effect::KeepStops(_)
-        | Effect::Note(_) => None,
+        | Effect::VehicleEvent(_) => None,
     }
 }
 
@@ -156,7 +156,7 @@ fn event(word: FromWorld) -> Option<Event> {
         FromWorld::Echo(echo) => Some(Event::Echo(echo)),
         FromWorld::Heard { frame, rssi_dbm } => match codec::decode(&frame) {
             Ok(Decoded::Message(Message::Beacon(beacon))) => {
-                Some(Event::Heard(Heard { beacon, rssi_dbm }))
+                Some(Event::Heard(HeardBeacon { beacon, rssi_dbm }))
             }
             Ok(_) | Err(_) => None,
         },
@@ -199,7 +199,7 @@ impl Shared {
     }
 
     /// One connection from its beginning to its end; returns why the world refused it, or what went wrong.
-    fn session(&self) -> Result<Refused, String> {
+    fn session(&self) -> Result<LinkRefusal, String> {
         let mut stream = self
             .open()
             .map_err(|error| format!("{}: {error}", self.settings.address))?;
@@ -220,7 +220,7 @@ impl Shared {
     }
 
     fn open(&self) -> io::Result<TcpStream> {
-        let LinkSettings {
+        let WorldLinkSettings {
             address,
             token,
             vehicle,

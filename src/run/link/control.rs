@@ -8,8 +8,8 @@ use std::time::Duration;
 use tomoswarm_proto::VehicleId;
 
 use super::{
-    FrameError, FromWorld, PLACES_LIMIT, Refused, Status, ToWorld, WordError, decode, encode,
-    read_frame, write_frame,
+    FrameError, FromWorld, LinkRefusal, PLACES_LIMIT, ToWorld, WordError, WorldStatus, decode,
+    encode, read_frame, write_frame,
 };
 use crate::geom::Point;
 
@@ -27,7 +27,7 @@ pub enum ControlError {
     Gone(#[from] FrameError),
     /// The world does not listen.
     #[error("{0}")]
-    Refused(Refused),
+    Refused(LinkRefusal),
     /// The answer makes no sense.
     #[error("{0}")]
     Word(#[from] WordError),
@@ -65,7 +65,7 @@ impl WorldControl {
     ///
     /// # Errors
     /// There is no answer.
-    pub fn enter(&mut self) -> Result<Status, ControlError> {
+    pub fn enter(&mut self) -> Result<WorldStatus, ControlError> {
         self.status(&ToWorld::Enter)
     }
 
@@ -73,7 +73,7 @@ impl WorldControl {
     ///
     /// # Errors
     /// There is no answer.
-    pub fn report(&mut self) -> Result<Status, ControlError> {
+    pub fn report(&mut self) -> Result<WorldStatus, ControlError> {
         self.status(&ToWorld::Report)
     }
 
@@ -81,7 +81,7 @@ impl WorldControl {
     ///
     /// # Errors
     /// There is no answer.
-    pub fn stop(&mut self) -> Result<Status, ControlError> {
+    pub fn stop(&mut self) -> Result<WorldStatus, ControlError> {
         self.status(&ToWorld::Stop)
     }
 
@@ -106,7 +106,7 @@ impl WorldControl {
         }
     }
 
-    fn status(&mut self, word: &ToWorld) -> Result<Status, ControlError> {
+    fn status(&mut self, word: &ToWorld) -> Result<WorldStatus, ControlError> {
         match self.ask(word)? {
             FromWorld::Status(status) => Ok(status),
             _other => Err(ControlError::Unexpected),

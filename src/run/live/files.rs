@@ -6,8 +6,8 @@ use std::net::SocketAddr;
 use tomoswarm_proto::{RunId, VehicleId};
 
 use crate::config::{
-    self, BusFile, Config, Drivers, Endpoint, GroundFile, Mission, OperatorFile, PoseFile,
-    Protocol, Record, Sim, Topology, VehicleFile, World,
+    self, BusFile, Config, Drivers, Endpoint, GroundFile, MissionTable, OperatorFile, PoseFile,
+    Protocol, Record, Sim, Topology, VehicleFile, WorldEndpoint,
 };
 
 /// What recordings of one node may take, megabytes.
@@ -17,7 +17,7 @@ const LEASE_S: (f64, f64) = (3.0, 1.0);
 
 /// Where everybody is to be found.
 #[derive(Clone, PartialEq, Debug)]
-pub struct Places {
+pub struct LiveAddresses {
     /// The shape in which the nodes are joined.
     pub topology: Topology,
     /// The venue's file, relative to those of the nodes.
@@ -32,7 +32,7 @@ pub struct Places {
     pub vehicle_ports: Vec<u16>,
 }
 
-impl Places {
+impl LiveAddresses {
     /// Returns the text of the venue's file: what the simulation says of the swarm's contract is in it.
     pub fn venue(&self, sim: &Sim) -> String {
         text(Config::Venue(sim.venue.clone()))
@@ -66,7 +66,7 @@ impl Places {
             id,
             home: sim.home(id).unwrap_or_default(),
             state_dir: format!("state/vehicle-{id}"),
-            mission: Mission::default(),
+            mission: MissionTable::default(),
             task: None,
             drivers: Drivers::SIMULATED,
             body: sim.vehicles.body,
@@ -75,7 +75,7 @@ impl Places {
             pose: PoseFile {
                 expected_sd_m: sim.vehicles.pose_sd_m,
             },
-            world: World {
+            world: WorldEndpoint {
                 connect: self.world,
                 token: self.token.clone(),
             },
@@ -150,7 +150,7 @@ mod tests {
     use super::*;
     use crate::config::bundled;
     use crate::geom::Angle;
-    use crate::node::Settings;
+    use crate::node::VehicleSettings;
     use tomoswarm_proto::Boot;
 
     /// The bundled place, with everything that a node's file carries away from its default.
@@ -170,8 +170,8 @@ mod tests {
         .unwrap()
     }
 
-    fn places(topology: Topology) -> Places {
-        Places {
+    fn places(topology: Topology) -> LiveAddresses {
+        LiveAddresses {
             topology,
             venue: "courtyard.venue.toml".to_owned(),
             world: "127.0.0.1:7500".parse().unwrap(),
@@ -195,8 +195,8 @@ mod tests {
                 assert_eq!(file.safety, sim.safety);
                 assert_eq!(file.pose.expected_sd_m, sim.vehicles.pose_sd_m);
                 let (told, expected) = (
-                    Settings::from_vehicle_file(&file, Boot(1)),
-                    Settings::from_config(&sim, id, Boot(1), file.home),
+                    VehicleSettings::from_vehicle_file(&file, Boot(1)),
+                    VehicleSettings::from_config(&sim, id, Boot(1), file.home),
                 );
                 assert_eq!(
                     (told.body, told.radio, told.safety),

@@ -9,7 +9,7 @@ use super::scenario_runner::RunLog;
 use crate::geom::{Lattice, Point};
 use crate::map::Merged;
 use crate::run::link::Contact;
-use crate::sim::{Collision, Counts, EMPTY_RUN, Outcome, RUN, Scenario, ScenarioError};
+use crate::sim::{Collision, EMPTY_RUN, RUN, RunCounts, RunOutcome, Scenario, ScenarioError};
 use crate::store::StoreError;
 use crate::store::ground::{GroundStore, StoredImage};
 use crate::time::Time;
@@ -46,7 +46,7 @@ pub fn outcome(
     run_log: RunLog,
     tracks: Vec<(VehicleId, Vec<Point>)>,
     failure: Option<String>,
-) -> Result<Outcome, GatherError> {
+) -> Result<RunOutcome, GatherError> {
     let stored = match read(scenario, store) {
         Err(_) if failure.is_some() => Stored::nothing(scenario),
         read => read?,
@@ -61,7 +61,7 @@ pub fn outcome(
         home,
     } = run_log;
     let finished = is_done && failure.is_none();
-    Ok(Outcome {
+    Ok(RunOutcome {
         finished,
         home,
         held: 0,
@@ -80,7 +80,7 @@ pub fn outcome(
         missions,
         persons: scenario.persons().to_vec(),
         outlines: scenario.outlines()?,
-        counts: Counts {
+        counts: RunCounts {
             events: 0,
             scans: world.scans,
             beacons_heard: world.beacons_heard,

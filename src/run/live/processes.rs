@@ -70,7 +70,7 @@ enum Stage {
 
 /// What has happened to a process.
 #[derive(Clone, PartialEq, Eq, Debug)]
-pub enum News {
+pub enum ProcessEvent {
     /// It has died, and is started again after a while.
     Died {
         /// Which one, how, and what it said last.
@@ -207,7 +207,7 @@ impl Processes {
     }
 
     /// Looks after all of them: starts again who has died and may be. Returns what has happened since.
-    pub fn look_after(&mut self, now: Time) -> Vec<News> {
+    pub fn look_after(&mut self, now: Time) -> Vec<ProcessEvent> {
         self.list
             .iter_mut()
             .filter_map(|process| process.look_after(now))
@@ -239,7 +239,7 @@ impl Drop for Processes {
 }
 
 impl Process {
-    fn look_after(&mut self, now: Time) -> Option<News> {
+    fn look_after(&mut self, now: Time) -> Option<ProcessEvent> {
         match self.stage {
             Stage::Runs => {
                 let status = self.look()?;
@@ -253,9 +253,8 @@ impl Process {
                 };
                 self.stage = again_after.map_or(Stage::Dead, |wait| Stage::Waits(now + wait));
                 Some(
-                    again_after.map_or(News::Dead(dead.clone()), |again_after| News::Died {
-                        dead,
-                        again_after,
+                    again_after.map_or(ProcessEvent::Dead(dead.clone()), |again_after| {
+                        ProcessEvent::Died { dead, again_after }
                     }),
                 )
             }
@@ -263,11 +262,11 @@ impl Process {
             Stage::Waits(at) if now >= at => match self.command.spawn() {
                 Ok(child) => {
                     (self.child, self.ended, self.stage) = (child, None, Stage::Runs);
-                    Some(News::Started(self.name.clone()))
+                    Some(ProcessEvent::Started(self.name.clone()))
                 }
                 Err(error) => {
                     self.stage = Stage::Dead;
-                    Some(News::Dead(
+                    Some(ProcessEvent::Dead(
                         self.dead(format!("it cannot be started again: {error}")),
                     ))
                 }
@@ -439,7 +438,7 @@ mod tests {
     }
 
     /// What happens first; the time is that of whoever looks.
-    fn first(processes: &mut Processes, now_s: f64) -> News {
+    fn first(processes: &mut Processes, now_s: f64) -> ProcessEvent {
         let now = Time::from_secs_f64(now_s);
         let news = std::iter::repeat_with(|| {
             std::thread::sleep(LOOK);
@@ -461,7 +460,7 @@ mod tests {
             .unwrap();
         let mut now_s = 0.0;
         for wait_s in [1, 2, 4] {
-            let News::Died { dead, again_after } = first(&mut processes, now_s) else {
+            let ProcessEvent::Died { dead, again_after } = first(&mut processes, now_s) else {
                 panic!("it is final")
             };
             assert_eq!(
@@ -474,11 +473,11 @@ mod tests {
             assert_eq!(processes.look_after(Time::from_secs_f64(now_s - 0.1)), []);
             assert_eq!(
                 first(&mut processes, now_s),
-                News::Started("vehicle-1".to_owned())
+                ProcessEvent::Started("vehicle-1".to_owned())
             );
         }
         assert!(
-            matches!(first(&mut processes, now_s), News::Dead(dead) if dead.name == "vehicle-1")
+            matches!(first(&mut processes, now_s), ProcessEvent::Dead(dead) if dead.name == "vehicle-1")
         );
         assert_eq!(
             processes.look_after(Time::from_secs_f64(1e6)),
@@ -500,7 +499,7 @@ mod tests {
             let mut processes = Processes::new(root.path());
             processes.start("node", rank, shell(script)).unwrap();
             assert!(
-                matches!(first(&mut processes, 0.0), News::Dead(_)),
+                matches!(first(&mut processes, 0.0), ProcessEvent::Dead(_)),
                 "{script}"
             );
         }
@@ -513,7 +512,10 @@ mod tests {
         processes
             .start("vehicle-1", Rank::Vehicle, shell("exit 1"))
             .unwrap();
-        assert!(matches!(first(&mut processes, 0.0), News::Died { .. }));
+        assert!(matches!(
+            first(&mut processes, 0.0),
+            ProcessEvent::Died { .. }
+        ));
         let ended = processes.stop();
         assert_eq!(
             ended,

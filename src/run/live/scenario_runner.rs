@@ -6,22 +6,22 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use tomoswarm_proto::{
-    MissionEnd, MissionKind, Report, RunEnd, RunId, RunReport, Sender, VehicleId, codec,
+    GroundReport, MissionEnd, MissionKind, RunEnd, RunId, RunReport, Sender, VehicleId, codec,
 };
 
 use crate::geom::Point;
-use crate::node::mission::End;
+use crate::node::mission::EndReason;
 use crate::operator::names;
 use crate::operator::operator_actor::{In, Out};
-use crate::operator::script::{Condition, ScriptEnd, Step, is_home};
+use crate::operator::script::{Condition, ScriptEnd, ScriptStep, is_home};
 use crate::operator::status::Expected;
-use crate::run::bus::Heard;
-use crate::run::link::{Status, WorldControl};
+use crate::run::bus::HeardMessage;
+use crate::run::link::{WorldControl, WorldStatus};
 use crate::run::live_operator::LiveOperator;
 use crate::sim::bus::BytesByKind;
 use crate::sim::log::Log;
 use crate::sim::operator_script::PERSONS_ENTER;
-use crate::sim::{Mission, RUN, Scenario};
+use crate::sim::{EndedMission, RUN, Scenario};
 use crate::time::Time;
 
 /// Everybody is there within this time.
@@ -52,18 +52,18 @@ pub struct RunLog {
     /// Messages heard.
     pub messages: u64,
     /// What the world said last.
-    pub world: Status,
+    pub world: WorldStatus,
     /// Whether the sweep that is wanted was driven to its end, or every mission has ended.
     pub is_done: bool,
     /// When and how the mission of each vehicle ended, where they have missions of their own.
-    pub missions: Vec<Mission>,
+    pub missions: Vec<EndedMission>,
     /// Vehicles that came home at the end.
     pub home: usize,
 }
 
 impl RunLog {
-    fn hear(&mut self, heard: &Heard) {
-        let Heard::Message(sender, message) = heard else {
+    fn hear(&mut self, heard: &HeardMessage) {
+        let HeardMessage::Message(sender, message) = heard else {
             return;
         };
         let bytes = codec::encode(message).map_or(0, |frame| frame.len() as u64);
@@ -92,7 +92,7 @@ pub struct ScenarioRunner {
     /// Whether the ground station plans for all.
     is_swept: bool,
     /// When and how missions ended.
-    ended: BTreeMap<VehicleId, (Time, End)>,
+    ended: BTreeMap<VehicleId, (Time, EndReason)>,
     run_log: RunLog,
 }
 
@@ -110,7 +110,7 @@ impl ScenarioRunner {
             vehicles: vehicles.iter().copied().collect(),
             ground: true,
         };
-        let mut steps = vec![Step::Wait {
+        let mut steps = vec![ScriptStep::Wait {
             until: Condition::Heard(all),
             within: THERE_WITHIN,
         }];
@@ -235,7 +235,7 @@ impl ScenarioRunner {
         let ground = self.operator.view().ground(now).map_or(
             "the ground station is not heard".to_owned(),
             |report| {
-                let Report {
+                let GroundReport {
                     phase,
                     run,
                     laps_done,
@@ -274,7 +274,7 @@ impl ScenarioRunner {
             self.note("operator", &words);
         }
         match out {
-            Out::Cue(name) if name == PERSONS_ENTER => {
+            Out::Announce(name) if name == PERSONS_ENTER => {
                 self.note("scenario", "the persons enter");
                 if let Err(error) = self.control.enter() {
                     return Going::Failed(format!("the persons cannot enter: {error}"));
@@ -285,7 +285,7 @@ impl ScenarioRunner {
             Out::ScriptEnded(ScriptEnd::Done) => Going::Over,
             Out::ScriptEnded(ScriptEnd::GaveUp { why, .. }) => Going::Failed(why),
             // What is not known here is not done, and the script gives up.
-            Out::Cue(_)
+            Out::Announce(_)
             | Out::Publish(_)
             | Out::Give(_)
             | Out::StopsNote(_)
@@ -330,7 +330,7 @@ impl ScenarioRunner {
             .vehicles
             .iter()
             .filter_map(|id| Some((*id, self.ending(*id)?)));
-        for (id, end) in ended.collect::<Vec<(VehicleId, Option<(MissionEnd, End)>)>>() {
+        for (id, end) in ended.collect::<Vec<(VehicleId, Option<(MissionEnd, EndReason)>)>>() {
             self.take_end(now, id, end);
         }
         for id in home.difference(&self.home.clone()) {
@@ -341,7 +341,7 @@ impl ScenarioRunner {
 
     /// Returns how a vehicle says that its own mission has ended, `Some(None)` when it says that it has not; `None` when it
     /// says nothing of one.
-    fn ending(&self, id: VehicleId) -> Option<Option<(MissionEnd, End)>> {
+    fn ending(&self, id: VehicleId) -> Option<Option<(MissionEnd, EndReason)>> {
         let view = self.operator.view();
         let said = view.vehicle(id)?.mission.as_ref().map(|said| said.value)?;
         if said.kind == MissionKind::Sweep {
@@ -353,7 +353,7 @@ impl ScenarioRunner {
     }
 
     /// Notes how a mission has ended, once; one that was begun anew has not.
-    fn take_end(&mut self, now: Time, id: VehicleId, end: Option<(MissionEnd, End)>) {
+    fn take_end(&mut self, now: Time, id: VehicleId, end: Option<(MissionEnd, EndReason)>) {
         match (end, self.ended.contains_key(&id)) {
             (Some((said, end)), false) => {
                 self.ended.insert(id, (now, end));
@@ -404,12 +404,12 @@ impl ScenarioRunner {
 }
 
 /// Returns an end as a simulation writes it down; `place` is where the vehicle stands.
-fn end_of(end: MissionEnd, place: Point) -> End {
+fn end_of(end: MissionEnd, place: Point) -> EndReason {
     match end {
-        MissionEnd::Done => End::Done,
-        MissionEnd::Stopped => End::Stopped(place),
-        MissionEnd::NoWay(places) => End::NoWay(places.into()),
-        MissionEnd::GaveUp(places) => End::GaveUp(places.into()),
-        MissionEnd::Refused(why) => End::Refused(why),
+        MissionEnd::Done => EndReason::Done,
+        MissionEnd::Stopped => EndReason::Stopped(place),
+        MissionEnd::NoWay(places) => EndReason::NoWay(places.into()),
+        MissionEnd::GaveUp(places) => EndReason::GaveUp(places.into()),
+        MissionEnd::Refused(why) => EndReason::Refused(why),
     }
 }

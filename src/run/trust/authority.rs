@@ -12,7 +12,7 @@ use ring::rand::{SecureRandom, SystemRandom};
 
 use super::certificate::{Certificate, CertificateError};
 use super::name::CommonName;
-use super::roster::{Entry, Roster};
+use super::roster::{Roster, RosterEntry};
 
 /// Why an authority cannot do what it is asked.
 #[derive(Debug, thiserror::Error)]
@@ -36,9 +36,9 @@ pub enum AuthorityError {
 
 /// A certificate for a node, with its private key.
 #[derive(Clone, PartialEq, Eq, Debug)]
-pub struct Issued {
+pub struct IssuedCertificate {
     /// How the roster names it.
-    pub entry: Entry,
+    pub entry: RosterEntry,
     /// The certificate (PEM).
     pub certificate_pem: String,
     /// The private key (PKCS #8, PEM).
@@ -110,7 +110,11 @@ impl Authority {
     ///
     /// # Errors
     /// A host is none; no key can be made.
-    pub fn issue(&self, name: CommonName, hosts: &[String]) -> Result<Issued, AuthorityError> {
+    pub fn issue(
+        &self,
+        name: CommonName,
+        hosts: &[String],
+    ) -> Result<IssuedCertificate, AuthorityError> {
         let key = KeyPair::generate_for(&PKCS_ECDSA_P256_SHA256)?;
         let mut params = params(&name.to_string(), &random_serial()?);
         params.key_usages = vec![KeyUsagePurpose::DigitalSignature];
@@ -126,12 +130,12 @@ impl Authority {
             fingerprint,
             ..
         } = Certificate::from_pem(&certificate_pem)?;
-        let entry = Entry {
+        let entry = RosterEntry {
             name,
             serial,
             fingerprint,
         };
-        Ok(Issued {
+        Ok(IssuedCertificate {
             entry,
             certificate_pem,
             key_pem: key.serialize_pem(),

@@ -13,7 +13,7 @@ const MOST_ENTRIES: usize = 10_000;
 
 /// A certificate that is allowed.
 #[derive(Clone, PartialEq, Eq, Debug)]
-pub struct Entry {
+pub struct RosterEntry {
     /// The name in it.
     pub name: CommonName,
     /// Its serial number, hexadecimal.
@@ -28,7 +28,7 @@ pub struct Roster {
     /// Which issue of the roster this is; the highest counts.
     pub issue: u64,
     /// Those that are allowed, at most one of a node, ascending by name.
-    pub allowed: Vec<Entry>,
+    pub allowed: Vec<RosterEntry>,
     /// Those that were allowed once, ascending; their names are never given again.
     pub revoked: Vec<CommonName>,
 }
@@ -111,7 +111,7 @@ impl Roster {
     }
 
     /// Returns the certificate of a node that is allowed.
-    pub fn of(&self, node: Sender) -> Option<&Entry> {
+    pub fn of(&self, node: Sender) -> Option<&RosterEntry> {
         self.allowed.iter().find(|entry| entry.name.node == node)
     }
 
@@ -143,7 +143,7 @@ impl Roster {
     ///
     /// # Errors
     /// The roster is full.
-    pub fn admitting(&self, entry: Entry) -> Result<Roster, RosterError> {
+    pub fn admitting(&self, entry: RosterEntry) -> Result<Roster, RosterError> {
         let mut next = self.without(entry.name.node)?;
         next.allowed.push(entry);
         next.allowed.sort_by_key(|entry| entry.name);
@@ -185,7 +185,7 @@ impl Roster {
             .into_iter()
             .partition(|entry| entry.name.node == node);
         next.allowed = kept;
-        let gone: Vec<Entry> = gone;
+        let gone: Vec<RosterEntry> = gone;
         next.revoked.extend(gone.iter().map(|entry| entry.name));
         next.revoked.sort();
         Ok(next)
@@ -194,7 +194,7 @@ impl Roster {
     /// Returns its text without a signature; what is signed.
     pub(super) fn unsigned_text(&self) -> String {
         let mut text = format!("{TITLE}\nissue {}\n", self.issue);
-        for Entry {
+        for RosterEntry {
             name,
             serial,
             fingerprint,
@@ -247,10 +247,10 @@ fn parse(text: &str) -> Result<Roster, RosterError> {
     Ok(roster)
 }
 
-fn entry_of(name: &str, serial: &str, fingerprint: &str) -> Option<Entry> {
+fn entry_of(name: &str, serial: &str, fingerprint: &str) -> Option<RosterEntry> {
     from_hex(serial).filter(|bytes| !bytes.is_empty())?;
     let fingerprint = Fingerprint::from_hex(fingerprint)?;
-    Some(Entry {
+    Some(RosterEntry {
         name: name_of(name)?,
         serial: serial.to_owned(),
         fingerprint,

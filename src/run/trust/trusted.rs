@@ -125,7 +125,7 @@ impl Trusted {
         };
         certificate.check_signed_by(&authority).map_err(refused)?;
         let own = own_name(&path, &certificate, node)?;
-        let is_allowed = |entry: &super::Entry| {
+        let is_allowed = |entry: &super::RosterEntry| {
             entry.name == own && entry.fingerprint == certificate.fingerprint
         };
         if !roster.of(node).is_some_and(is_allowed) {

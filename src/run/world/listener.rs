@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 use super::connection_limit::{ConnectionLimit, CountedConnection};
 use super::outgoing::Outgoing;
 use super::world_thread::{Inbound, refuse};
-use crate::run::link::{Refused, ToWorld, VERSION, WordError, decode, read_frame, write_frame};
+use crate::run::link::{LinkRefusal, ToWorld, VERSION, WordError, decode, read_frame, write_frame};
 
 /// A connection says who it is within this time.
 const GREETS_WITHIN: Duration = Duration::from_secs(2);
@@ -80,7 +80,7 @@ impl Listener {
             _counted: counted,
         };
         if self.limit.is_exceeded() {
-            refuse(&outgoing, Refused::Full);
+            refuse(&outgoing, LinkRefusal::Full);
             // A few bytes always fit into the buffer of a new connection; whether they arrive does not matter.
             let _ = stream
                 .set_nonblocking(true)
@@ -130,26 +130,27 @@ impl Connection {
     }
 
     /// Reads the first word, and tells what it asks the world for.
-    fn greet(&self, stream: &mut TcpStream) -> Result<Inbound, Refused> {
+    fn greet(&self, stream: &mut TcpStream) -> Result<Inbound, LinkRefusal> {
         let until = Instant::now() + GREETS_WITHIN;
-        let frame = read_frame(&mut Hurried { stream, until }).map_err(|_| Refused::NoGreeting)?;
+        let frame =
+            read_frame(&mut Hurried { stream, until }).map_err(|_| LinkRefusal::NoGreeting)?;
         let word = decode(&frame).map_err(|error| match error {
-            WordError::Version { found } => Refused::Version {
+            WordError::Version { found } => LinkRefusal::Version {
                 expected: VERSION,
                 found,
             },
-            WordError::Body { .. } => Refused::NoGreeting,
+            WordError::Body { .. } => LinkRefusal::NoGreeting,
         })?;
         // From now on it may be silent for as long as it likes.
         stream
             .set_read_timeout(None)
-            .map_err(|_| Refused::NoGreeting)?;
+            .map_err(|_| LinkRefusal::NoGreeting)?;
         let (connection, outgoing) = (self.number, self.outgoing.clone());
         match word {
             ToWorld::Join { token, .. } | ToWorld::Control { token }
                 if !is_same(&token, &self.token) =>
             {
-                Err(Refused::Token)
+                Err(LinkRefusal::Token)
             }
             ToWorld::Join { vehicle, boot, .. } => Ok(Inbound::Join {
                 connection,
@@ -168,20 +169,22 @@ impl Connection {
             | ToWorld::Enter
             | ToWorld::Report
             | ToWorld::Track { .. }
-            | ToWorld::Stop => Err(Refused::NoGreeting),
+            | ToWorld::Stop => Err(LinkRefusal::NoGreeting),
         }
     }
 
     /// Hands on what is said until the connection ends; returns what it is told if that was its own fault.
-    fn listen(&self, stream: &mut TcpStream) -> Option<Refused> {
+    fn listen(&self, stream: &mut TcpStream) -> Option<LinkRefusal> {
         loop {
             let frame = match read_frame(stream) {
                 Ok(frame) => frame,
-                Err(crate::run::link::FrameError::TooLong { .. }) => return Some(Refused::Garbage),
+                Err(crate::run::link::FrameError::TooLong { .. }) => {
+                    return Some(LinkRefusal::Garbage);
+                }
                 Err(_gone) => return None,
             };
             let Ok(word) = decode(&frame) else {
-                return Some(Refused::Garbage);
+                return Some(LinkRefusal::Garbage);
             };
             self.words
                 .send(Inbound::Word {

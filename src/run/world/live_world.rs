@@ -8,8 +8,8 @@ use tomoswarm_proto::{Boot, Message, VehicleId};
 
 use crate::geom::{Angle, Point};
 use crate::run::link::{
-    COLLISIONS_LIMIT, Contact, FromWorld, PLACES_LIMIT, Refused, Status, ToWorld, VehicleStatus,
-    Welcome,
+    COLLISIONS_LIMIT, Contact, FromWorld, LinkRefusal, PLACES_LIMIT, ToWorld, VehicleStatus,
+    Welcome, WorldStatus,
 };
 use crate::sim::environment::{DeviceCommand, Environment, WorldEvent};
 use crate::sim::{Collision, Scenario, ScenarioError};
@@ -29,7 +29,7 @@ pub struct LiveWorld {
     environment: Environment,
     vehicles: Vec<DrivenVehicle>,
     /// What is counted here; the rest is filled in when it is asked for.
-    status: Status,
+    status: WorldStatus,
 }
 
 /// Whose software drives a vehicle, and where that has been.
@@ -61,9 +61,9 @@ impl LiveWorld {
         };
         let vehicles = (0..world.vehicles()).map(vehicle).collect();
         let persons = scenario.persons().iter().map(|person| person.at).collect();
-        let status = Status {
+        let status = WorldStatus {
             persons,
-            ..Status::default()
+            ..WorldStatus::default()
         };
         Ok(LiveWorld {
             now: Time::ZERO,
@@ -157,8 +157,12 @@ impl LiveWorld {
     ///
     /// # Errors
     /// There is no such vehicle, or a start of its software that is as high drives it already.
-    pub fn join(&mut self, vehicle: VehicleId, boot: Boot) -> Result<(usize, Welcome), Refused> {
-        let unknown = Refused::Unknown {
+    pub fn join(
+        &mut self,
+        vehicle: VehicleId,
+        boot: Boot,
+    ) -> Result<(usize, Welcome), LinkRefusal> {
+        let unknown = LinkRefusal::Unknown {
             vehicle,
             count: self.vehicles(),
         };
@@ -169,14 +173,14 @@ impl LiveWorld {
             .ok_or(unknown)?;
         let known = &mut self.vehicles[index];
         if let Some(present) = known.driver.filter(|present| *present >= boot) {
-            return Err(Refused::Taken {
+            return Err(LinkRefusal::Taken {
                 vehicle,
                 present,
                 found: boot,
             });
         }
         if let Some(present) = known.highest.filter(|present| *present > boot) {
-            return Err(Refused::Outdated {
+            return Err(LinkRefusal::Outdated {
                 vehicle,
                 present,
                 found: boot,
@@ -221,7 +225,7 @@ impl LiveWorld {
     }
 
     /// Returns how it is going.
-    pub fn status(&mut self) -> Status {
+    pub fn status(&mut self) -> WorldStatus {
         let separation_m = self.environment.min_separation_m(self.now);
         let (world, counts) = (self.environment.world(), self.environment.counts());
         let vehicle = |(index, vehicle): (usize, &DrivenVehicle)| {
@@ -235,7 +239,7 @@ impl LiveWorld {
                 places: u32::try_from(vehicle.track.len()).unwrap_or(u32::MAX),
             }
         };
-        Status {
+        WorldStatus {
             now_ns: self.now.as_nanos(),
             entered: self.environment.persons_are_in(),
             vehicles: self.vehicles.iter().enumerate().map(vehicle).collect(),

@@ -10,7 +10,7 @@ use tomoswarm_proto::{Boot, VehicleId};
 
 use super::live_world::{LiveWorld, VehicleWord};
 use super::outgoing::{Outgoing, Worth};
-use crate::run::link::{FromWorld, Refused, Status, ToWorld, Welcome, encode};
+use crate::run::link::{FromWorld, LinkRefusal, ToWorld, Welcome, WorldStatus, encode};
 use crate::time::Time;
 
 /// Something for the world's thread.
@@ -81,7 +81,7 @@ impl WorldThread {
     }
 
     /// Runs the world until it is ended; returns how it went.
-    pub fn run(mut self, inbox: &Receiver<Inbound>) -> Status {
+    pub fn run(mut self, inbox: &Receiver<Inbound>) -> WorldStatus {
         while !self.is_ended {
             let wait = self.world.next_at().since(self.now());
             let inbound = match inbox.recv_timeout(wait.min(Duration::from_secs(3600))) {
@@ -180,7 +180,7 @@ impl WorldThread {
             .collect();
         for key in replaced {
             if let Some((_, old)) = self.connections.remove(&key) {
-                refuse(&old, Refused::Replaced { vehicle, by: boot });
+                refuse(&old, LinkRefusal::Replaced { vehicle, by: boot });
             }
         }
         say(&outgoing, &FromWorld::Welcome(welcome));
@@ -204,7 +204,7 @@ impl WorldThread {
             | ToWorld::Autopilot(_)
             | ToWorld::Steer(_)
             | ToWorld::Ping(_)
-            | ToWorld::Transmit(_) => FromWorld::Refused(Refused::Garbage),
+            | ToWorld::Transmit(_) => FromWorld::Refused(LinkRefusal::Garbage),
         };
         say(outgoing, &answer);
     }
@@ -229,7 +229,7 @@ fn say(outgoing: &Outgoing, word: &FromWorld) {
 }
 
 /// Says why a connection is ended; it ends when that is written.
-pub fn refuse(outgoing: &Outgoing, refused: Refused) {
+pub fn refuse(outgoing: &Outgoing, refused: LinkRefusal) {
     say(outgoing, &FromWorld::Refused(refused));
     outgoing.close();
 }

@@ -8,7 +8,7 @@
 
 use std::time::Duration;
 
-use super::messages::Settings;
+use super::messages::AutopilotSettings;
 use crate::time::Time;
 
 /// A battery.
@@ -46,7 +46,7 @@ impl Battery {
     }
 
     /// Gives it a charge, 0 to 1. That it sinks by this is noticed later ([`Battery::sinks_at`]).
-    pub fn set(&mut self, charge: f64, settings: &Settings) {
+    pub fn set(&mut self, charge: f64, settings: &AutopilotSettings) {
         self.charge = charge.clamp(0.0, 1.0);
         self.level = match self.level {
             ChargeLevel::Low | ChargeLevel::Empty if self.charge > settings.low_battery => {
@@ -58,7 +58,7 @@ impl Battery {
     }
 
     /// Uses what a time takes in which the vehicle moves for so long, and then rests.
-    pub fn spend(&mut self, moves: Duration, whole: Duration, settings: &Settings) {
+    pub fn spend(&mut self, moves: Duration, whole: Duration, settings: &AutopilotSettings) {
         let (moves_s, all_s) = (moves.as_secs_f64(), whole.as_secs_f64());
         let used = moves_s / settings.endurance_driving.as_secs_f64()
             + (all_s - moves_s).max(0.0) / settings.endurance_resting.as_secs_f64();
@@ -67,7 +67,12 @@ impl Battery {
 
     /// Returns when it will have sunk to the next level, if the vehicle moves for so long from now on and then rests; `None` =
     /// it is empty, or that never comes.
-    pub fn sinks_at(&self, now: Time, moves: Duration, settings: &Settings) -> Option<Time> {
+    pub fn sinks_at(
+        &self,
+        now: Time,
+        moves: Duration,
+        settings: &AutopilotSettings,
+    ) -> Option<Time> {
         let level = match self.level {
             ChargeLevel::Enough => settings.low_battery,
             ChargeLevel::Low => 0.0,
@@ -106,14 +111,14 @@ mod tests {
     use super::super::tests::LIMITS;
     use super::*;
     use crate::actor::tests_support::drawn;
-    use crate::autopilot::Kind;
+    use crate::autopilot::VehicleKind;
 
-    fn settings() -> Settings {
-        Settings {
+    fn settings() -> AutopilotSettings {
+        AutopilotSettings {
             endurance_driving: Duration::from_secs(100),
             endurance_resting: Duration::from_secs(1000),
             low_battery: 0.25,
-            ..Settings::new(Kind::Rover, LIMITS)
+            ..AutopilotSettings::new(VehicleKind::Rover, LIMITS)
         }
     }
 

@@ -1,10 +1,10 @@
 //! Which command is taken, and when an autopilot says no; what it does when a failsafe trips. It judges by what is so at a moment
 //! and says what is to be done; it does nothing itself.
 
-use super::messages::{LowBattery, Settings};
+use super::messages::{AutopilotSettings, LowBattery};
 use super::stages::{Stage, StagePlanner};
 use crate::autopilot::item::{check_items, is_altitude, is_output, is_place, is_speed};
-use crate::autopilot::{ArmRefusal, Command, CommandAck, Item, Kind, Mode};
+use crate::autopilot::{ArmRefusal, Command, CommandAck, FlightMode, Item, VehicleKind};
 use crate::geom::{Point, Vector};
 
 /// A velocity holds for this long after it was said last, seconds.
@@ -16,7 +16,7 @@ const STANDING_MPS: f64 = 0.001;
 #[derive(Clone, PartialEq, Debug)]
 pub(super) enum Action {
     Nothing,
-    Enter(Mode),
+    Enter(FlightMode),
     Arm,
     Disarm,
     /// Give up what is under way for these stages.
@@ -44,8 +44,8 @@ pub(super) enum Failsafe {
 /// What is so at the moment of a command or a failsafe.
 #[derive(Clone, Debug)]
 pub(super) struct Situation<'a> {
-    pub settings: &'a Settings,
-    pub mode: Mode,
+    pub settings: &'a AutopilotSettings,
+    pub mode: FlightMode,
     pub is_armed: bool,
     pub is_landed: bool,
     /// Whether a stage is under way.
@@ -131,9 +131,9 @@ impl Situation<'_> {
             return Some(ArmRefusal::NotReady);
         }
         let arms = match self.mode {
-            Mode::Return | Mode::Land => false,
-            Mode::Auto => self.settings.kind == Kind::Rover,
-            Mode::Manual | Mode::Hold | Mode::Loiter | Mode::Guided => true,
+            FlightMode::Return | FlightMode::Land => false,
+            FlightMode::Auto => self.settings.kind == VehicleKind::Rover,
+            FlightMode::Manual | FlightMode::Hold | FlightMode::Loiter | FlightMode::Guided => true,
         };
         if !arms {
             return Some(ArmRefusal::Mode(self.mode));
@@ -148,12 +148,12 @@ impl Situation<'_> {
             Failsafe::BatteryLow if !self.is_armed => Action::Nothing,
             Failsafe::BatteryLow => match (self.settings.on_low_battery, kind) {
                 (LowBattery::Warn, _) => Action::Nothing,
-                (LowBattery::Return, _) if self.has_place => Action::Enter(Mode::Return),
+                (LowBattery::Return, _) if self.has_place => Action::Enter(FlightMode::Return),
                 (LowBattery::Return | LowBattery::Land, _) => Action::Enter(stays_down(kind)),
             },
             // Without current a rover brakes; a copter sinks with what is left.
             Failsafe::BatteryEmpty if self.is_landed => Action::Disarm,
-            Failsafe::BatteryEmpty => Action::Enter(Mode::Land),
+            Failsafe::BatteryEmpty => Action::Enter(FlightMode::Land),
             // Who does not know its place any more stands, or comes down where it is.
             Failsafe::PlaceLost if self.is_armed && self.mode.needs_place() => {
                 Action::Enter(stays_down(kind))
@@ -162,10 +162,10 @@ impl Situation<'_> {
         }
     }
 
-    fn change_of_mode(&self, mode: Mode) -> Result<Action, CommandAck> {
+    fn change_of_mode(&self, mode: FlightMode) -> Result<Action, CommandAck> {
         let is_missing = !mode.is_of(self.settings.kind);
         let is_blind = mode.needs_place() && !self.has_place;
-        if is_missing || is_blind || (mode == Mode::Auto && !self.can_begin()) {
+        if is_missing || is_blind || (mode == FlightMode::Auto && !self.can_begin()) {
             return Err(CommandAck::Failed);
         }
         // Said again it changes nothing: a mission goes on.
@@ -178,7 +178,7 @@ impl Situation<'_> {
 
     /// Returns whether there is a mission that could be flown from here: from the ground a copter must take off first.
     fn can_begin(&self) -> bool {
-        let stands = self.settings.kind == Kind::Copter && self.is_armed && self.is_landed;
+        let stands = self.settings.kind == VehicleKind::Copter && self.is_armed && self.is_landed;
         match self.mission.next_lasting_item {
             None => false,
             Some(first) => !stands || matches!(first, Item::Takeoff { .. }),
@@ -190,16 +190,19 @@ impl Situation<'_> {
             return Err(CommandAck::Failed);
         }
         Ok(match self.mode {
-            Mode::Auto if self.mission.is_running => Action::Nothing,
-            Mode::Auto => Action::BeginMission,
-            Mode::Manual | Mode::Hold | Mode::Loiter | Mode::Guided | Mode::Return | Mode::Land => {
-                Action::Enter(Mode::Auto)
-            }
+            FlightMode::Auto if self.mission.is_running => Action::Nothing,
+            FlightMode::Auto => Action::BeginMission,
+            FlightMode::Manual
+            | FlightMode::Hold
+            | FlightMode::Loiter
+            | FlightMode::Guided
+            | FlightMode::Return
+            | FlightMode::Land => Action::Enter(FlightMode::Auto),
         })
     }
 
     fn takeoff(&self, altitude_m: f64) -> Result<Action, CommandAck> {
-        if self.settings.kind == Kind::Rover {
+        if self.settings.kind == VehicleKind::Rover {
             return Err(CommandAck::Unsupported);
         }
         if !(altitude_m > 0.0 && is_altitude(altitude_m)) {
@@ -223,7 +226,7 @@ impl Situation<'_> {
         if !are_sound || speed_mps.is_nan() || speed_mps < STANDING_MPS {
             return Err(CommandAck::Denied);
         }
-        if self.settings.kind == Kind::Copter && self.is_landed {
+        if self.settings.kind == VehicleKind::Copter && self.is_landed {
             return Err(CommandAck::Failed);
         }
         let altitude_m = altitude_m.unwrap_or(self.altitude_m);
@@ -247,7 +250,7 @@ impl Situation<'_> {
     }
 
     fn guided(&self, stages: impl FnOnce() -> Vec<Stage>) -> Result<Action, CommandAck> {
-        if self.mode != Mode::Guided || !self.is_armed {
+        if self.mode != FlightMode::Guided || !self.is_armed {
             return Err(CommandAck::Failed);
         }
         Ok(Action::Lay(stages()))
@@ -263,10 +266,10 @@ impl Situation<'_> {
 }
 
 /// Returns the mode in which a kind of vehicle neither needs a place nor goes anywhere.
-fn stays_down(kind: Kind) -> Mode {
+fn stays_down(kind: VehicleKind) -> FlightMode {
     match kind {
-        Kind::Rover => Mode::Hold,
-        Kind::Copter => Mode::Land,
+        VehicleKind::Rover => FlightMode::Hold,
+        VehicleKind::Copter => FlightMode::Land,
     }
 }
 
@@ -280,23 +283,23 @@ mod tests {
 
     const TAKEOFF: Item = Item::Takeoff { altitude_m: 3.0 };
 
-    fn settings(kind: Kind) -> Settings {
-        Settings::new(kind, LIMITS)
+    fn settings(kind: VehicleKind) -> AutopilotSettings {
+        AutopilotSettings::new(kind, LIMITS)
     }
 
     /// Armed in GUIDED, in the air if it flies, without a mission.
-    fn guided(settings: &Settings) -> Situation<'_> {
+    fn guided(settings: &AutopilotSettings) -> Situation<'_> {
         Situation {
             settings,
-            mode: Mode::Guided,
+            mode: FlightMode::Guided,
             is_armed: true,
-            is_landed: settings.kind == Kind::Rover,
+            is_landed: settings.kind == VehicleKind::Rover,
             is_under_way: false,
             is_ready: true,
             has_place: true,
             is_battery_empty: false,
             at: Point::new(1.0, 2.0),
-            altitude_m: if settings.kind == Kind::Rover {
+            altitude_m: if settings.kind == VehicleKind::Rover {
                 0.0
             } else {
                 5.0
@@ -332,14 +335,14 @@ mod tests {
 
     #[test]
     fn only_who_is_armed_in_guided_goes_where_it_is_told() {
-        let settings = settings(Kind::Rover);
+        let settings = settings(VehicleKind::Rover);
         let armed = guided(&settings);
         let disarmed = Situation {
             is_armed: false,
             ..guided(&settings)
         };
         let holding = Situation {
-            mode: Mode::Hold,
+            mode: FlightMode::Hold,
             ..guided(&settings)
         };
         let corner = Point::new(3.0, 0.0);
@@ -364,7 +367,7 @@ mod tests {
 
     #[test]
     fn a_velocity_leads_as_far_as_three_seconds_and_braking_need_and_no_faster_than_it_can() {
-        let settings = settings(Kind::Rover);
+        let settings = settings(VehicleKind::Rover);
         let judged = guided(&settings).judge(Command::Velocity(Vector::new(0.0, 4.0)));
         let Ok(Action::Lay(stages)) = judged else {
             panic!("{judged:?}")
@@ -380,7 +383,7 @@ mod tests {
 
     #[test]
     fn a_copter_takes_off_from_the_ground_and_goes_nowhere_before() {
-        let settings = settings(Kind::Copter);
+        let settings = settings(VehicleKind::Copter);
         let takeoff = Command::Takeoff { altitude_m: 4.0 };
         let landed = Situation {
             is_landed: true,
@@ -415,16 +418,19 @@ mod tests {
 
     #[test]
     fn a_mode_is_taken_once_and_where_it_can_be() {
-        let (rover, copter) = (settings(Kind::Rover), settings(Kind::Copter));
+        let (rover, copter) = (settings(VehicleKind::Rover), settings(VehicleKind::Copter));
         let mode = |situation: Situation<'_>, mode| situation.judge(Command::Mode(mode));
-        assert_eq!(mode(guided(&rover), Mode::Guided), Ok(Action::Nothing));
         assert_eq!(
-            mode(guided(&rover), Mode::Hold),
-            Ok(Action::Enter(Mode::Hold))
+            mode(guided(&rover), FlightMode::Guided),
+            Ok(Action::Nothing)
         );
-        assert_eq!(mode(guided(&copter), Mode::Hold), Err(Failed));
         assert_eq!(
-            mode(guided(&rover), Mode::Auto),
+            mode(guided(&rover), FlightMode::Hold),
+            Ok(Action::Enter(FlightMode::Hold))
+        );
+        assert_eq!(mode(guided(&copter), FlightMode::Hold), Err(Failed));
+        assert_eq!(
+            mode(guided(&rover), FlightMode::Auto),
             Err(Failed),
             "there is no mission"
         );
@@ -432,41 +438,50 @@ mod tests {
             has_place: false,
             ..guided(&rover)
         };
-        assert_eq!(mode(lost.clone(), Mode::Return), Err(Failed));
-        assert_eq!(mode(lost, Mode::Manual), Ok(Action::Enter(Mode::Manual)));
+        assert_eq!(mode(lost.clone(), FlightMode::Return), Err(Failed));
+        assert_eq!(
+            mode(lost, FlightMode::Manual),
+            Ok(Action::Enter(FlightMode::Manual))
+        );
         let landed = Situation {
             is_landed: true,
             ..guided(&copter)
         };
-        let auto = Ok(Action::Enter(Mode::Auto));
+        let auto = Ok(Action::Enter(FlightMode::Auto));
         assert_eq!(
-            mode(with_mission(landed.clone(), Item::Return), Mode::Auto),
+            mode(with_mission(landed.clone(), Item::Return), FlightMode::Auto),
             Err(Failed)
         );
-        assert_eq!(mode(with_mission(landed, TAKEOFF), Mode::Auto), auto);
+        assert_eq!(mode(with_mission(landed, TAKEOFF), FlightMode::Auto), auto);
         assert_eq!(
-            mode(with_mission(guided(&copter), Item::Return), Mode::Auto),
+            mode(
+                with_mission(guided(&copter), Item::Return),
+                FlightMode::Auto
+            ),
             auto
         );
     }
 
     #[test]
     fn a_mission_is_begun_once() {
-        let settings = settings(Kind::Rover);
+        let settings = settings(VehicleKind::Rover);
         let begin = |mode, is_running| {
             let mut situation = with_mission(guided(&settings), Item::Return);
             (situation.mode, situation.mission.is_running) = (mode, is_running);
             situation.judge(Command::Begin)
         };
-        assert_eq!(begin(Mode::Guided, false), Ok(Action::Enter(Mode::Auto)));
-        assert_eq!(begin(Mode::Auto, false), Ok(Action::BeginMission));
-        assert_eq!(begin(Mode::Auto, true), Ok(Action::Nothing));
+        assert_eq!(
+            begin(FlightMode::Guided, false),
+            Ok(Action::Enter(FlightMode::Auto))
+        );
+        assert_eq!(begin(FlightMode::Auto, false), Ok(Action::BeginMission));
+        assert_eq!(begin(FlightMode::Auto, true), Ok(Action::Nothing));
         assert_eq!(guided(&settings).judge(Command::Begin), Err(Failed));
     }
 
     #[test]
     fn what_makes_no_sense_is_denied() {
-        let settings = settings(Kind::Rover);
+        let settings = settings(VehicleKind::Rover);
         let situation = with_mission(guided(&settings), Item::Return);
         let servo = |channel, pulse_us| situation.judge(Command::Servo { channel, pulse_us });
         assert_eq!(
@@ -496,7 +511,7 @@ mod tests {
 
     #[test]
     fn it_is_armed_unless_something_is_in_the_way() {
-        let (rover, copter) = (settings(Kind::Rover), settings(Kind::Copter));
+        let (rover, copter) = (settings(VehicleKind::Rover), settings(VehicleKind::Copter));
         let disarmed = |settings| Situation {
             is_armed: false,
             ..guided(settings)
@@ -520,13 +535,13 @@ mod tests {
         };
         assert_eq!(lost.arm_refusal(false), Some(ArmRefusal::NoPlace));
         let auto = |settings| Situation {
-            mode: Mode::Auto,
+            mode: FlightMode::Auto,
             ..disarmed(settings)
         };
         assert_eq!(auto(&rover).arm_refusal(false), None);
         assert_eq!(
             auto(&copter).arm_refusal(false),
-            Some(ArmRefusal::Mode(Mode::Auto))
+            Some(ArmRefusal::Mode(FlightMode::Auto))
         );
         assert_eq!(
             guided(&rover).judge(Command::Arm { force: false }),
@@ -536,10 +551,13 @@ mod tests {
 
     #[test]
     fn a_failsafe_lets_a_rover_stand_and_a_copter_come_down() {
-        for (kind, down) in [(Kind::Rover, Mode::Hold), (Kind::Copter, Mode::Land)] {
+        for (kind, down) in [
+            (VehicleKind::Rover, FlightMode::Hold),
+            (VehicleKind::Copter, FlightMode::Land),
+        ] {
             let plain = settings(kind);
             let react = |on_low_battery, has_place, failsafe| {
-                let settings = Settings {
+                let settings = AutopilotSettings {
                     on_low_battery,
                     ..plain
                 };
@@ -551,21 +569,24 @@ mod tests {
             };
             let low = |choice, has_place| react(choice, has_place, Failsafe::BatteryLow);
             assert_eq!(low(LowBattery::Warn, true), Action::Nothing);
-            assert_eq!(low(LowBattery::Return, true), Action::Enter(Mode::Return));
+            assert_eq!(
+                low(LowBattery::Return, true),
+                Action::Enter(FlightMode::Return)
+            );
             assert_eq!(low(LowBattery::Return, false), Action::Enter(down));
             assert_eq!(low(LowBattery::Land, true), Action::Enter(down));
             let lost = react(LowBattery::Warn, false, Failsafe::PlaceLost);
             assert_eq!(lost, Action::Enter(down));
             let needs_none = Situation {
-                mode: Mode::Manual,
+                mode: FlightMode::Manual,
                 ..guided(&plain)
             };
             assert_eq!(needs_none.reaction(Failsafe::PlaceLost), Action::Nothing);
             let empty = react(LowBattery::Warn, true, Failsafe::BatteryEmpty);
-            let expected = if kind == Kind::Rover {
+            let expected = if kind == VehicleKind::Rover {
                 Action::Disarm
             } else {
-                Action::Enter(Mode::Land)
+                Action::Enter(FlightMode::Land)
             };
             assert_eq!(empty, expected);
         }

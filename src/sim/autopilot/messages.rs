@@ -4,8 +4,8 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use super::super::motion::Limits;
-use crate::autopilot::{Kind, Mode, SystemStatus};
+use super::super::motion::DriveLimits;
+use crate::autopilot::{FlightMode, SystemStatus, VehicleKind};
 use crate::geom::{Attitude, Point, Pose, Vector};
 use crate::time::Time;
 
@@ -13,7 +13,7 @@ use crate::time::Time;
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum StatusText {
     /// The mode has changed, by whatever cause.
-    Mode(Mode),
+    Mode(FlightMode),
     /// The motors have current, or have it no more.
     Armed(bool),
     /// An item of the mission was begun.
@@ -46,7 +46,7 @@ pub struct Readout {
     /// Charge left, 0 to 1.
     pub battery: f64,
     /// What it does.
-    pub mode: Mode,
+    pub mode: FlightMode,
     /// Whether the motors have current.
     pub is_armed: bool,
     /// Whether it stands on the ground.
@@ -74,11 +74,11 @@ pub enum LowBattery {
 
 /// What the vehicle can do, and when its autopilot acts on its own.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Settings {
+pub struct AutopilotSettings {
     /// What it is.
-    pub kind: Kind,
+    pub kind: VehicleKind,
     /// Motion in the plane.
-    pub limits: Limits,
+    pub limits: DriveLimits,
     /// Climbing, m/s.
     pub climb_mps: f64,
     /// Sinking, m/s.
@@ -107,10 +107,10 @@ pub struct Settings {
     pub wind: Vector,
 }
 
-impl Settings {
+impl AutopilotSettings {
     /// Returns what ArduPilot 4.5 does by default, for a vehicle with this drive.
-    pub fn new(kind: Kind, limits: Limits) -> Settings {
-        Settings {
+    pub fn new(kind: VehicleKind, limits: DriveLimits) -> AutopilotSettings {
+        AutopilotSettings {
             kind,
             limits,
             climb_mps: 2.5,

@@ -1,6 +1,6 @@
 //! What an autopilot knows of its own place, and whether it has lost it. What it does without one is not known here.
 
-use super::messages::Settings;
+use super::messages::AutopilotSettings;
 use super::navigation::Navigation;
 use crate::geom::{Point, Vector};
 use crate::time::Time;
@@ -32,7 +32,7 @@ impl PlaceEstimate {
     }
 
     /// Returns whether the place is known: for so long after it was switched on, and well enough.
-    pub fn is_known(&self, now: Time, settings: &Settings) -> bool {
+    pub fn is_known(&self, now: Time, settings: &AutopilotSettings) -> bool {
         self.is_near_enough(now, settings) && now >= Time::ZERO + settings.place_after
     }
 
@@ -42,7 +42,7 @@ impl PlaceEstimate {
     }
 
     /// Returns when it loses its place next.
-    pub fn lost_at(&self, now: Time, settings: &Settings) -> Option<Time> {
+    pub fn lost_at(&self, now: Time, settings: &AutopilotSettings) -> Option<Time> {
         self.navigation.lost_at(now, settings.place_sd_max_m)
     }
 
@@ -52,7 +52,7 @@ impl PlaceEstimate {
     }
 
     /// Finds its place again, if it is known well enough.
-    pub fn refresh(&mut self, now: Time, settings: &Settings) {
+    pub fn refresh(&mut self, now: Time, settings: &AutopilotSettings) {
         self.is_lost &= !self.is_near_enough(now, settings);
     }
 
@@ -65,7 +65,7 @@ impl PlaceEstimate {
         }
     }
 
-    fn is_near_enough(&self, now: Time, settings: &Settings) -> bool {
+    fn is_near_enough(&self, now: Time, settings: &AutopilotSettings) -> bool {
         self.navigation.sd_m(now) <= settings.place_sd_max_m
     }
 }
@@ -77,13 +77,13 @@ mod tests {
     use super::super::navigation::Outage;
     use super::super::tests::{LIMITS, secs};
     use super::*;
-    use crate::autopilot::Kind;
+    use crate::autopilot::VehicleKind;
     use crate::sim::noise::Noise;
 
-    fn settings() -> Settings {
-        Settings {
+    fn settings() -> AutopilotSettings {
+        AutopilotSettings {
             place_sd_max_m: 2.1,
-            ..Settings::new(Kind::Rover, LIMITS)
+            ..AutopilotSettings::new(VehicleKind::Rover, LIMITS)
         }
     }
 

@@ -4,8 +4,8 @@
 use std::time::Duration;
 
 use super::flight::LANDED_M;
-use super::messages::Settings;
-use crate::autopilot::{Item, Kind};
+use super::messages::AutopilotSettings;
+use crate::autopilot::{Item, VehicleKind};
 use crate::geom::{Angle, Point};
 
 /// Where a landing becomes slow, metres.
@@ -43,7 +43,7 @@ impl Stage {
 /// Lays ways as stages, for a vehicle at an altitude.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct StagePlanner<'a> {
-    pub settings: &'a Settings,
+    pub settings: &'a AutopilotSettings,
     /// Where it is now, metres above home.
     pub altitude_m: f64,
     /// How fast it travels, m/s.
@@ -69,7 +69,7 @@ impl StagePlanner<'_> {
         } else {
             settings.descent_mps
         };
-        let changes = settings.kind == Kind::Copter && (to_m - from_m).abs() > 1e-6;
+        let changes = settings.kind == VehicleKind::Copter && (to_m - from_m).abs() > 1e-6;
         changes.then_some(Stage::Climb { to_m, rate_mps })
     }
 
@@ -98,9 +98,9 @@ impl StagePlanner<'_> {
     /// Returns the way straight home; a copter flies it not below the altitude of its return, and comes down there.
     pub fn way_home(&self, home: Point) -> Vec<Stage> {
         match self.settings.kind {
-            Kind::Rover => self.route(vec![home], 0.0),
-            Kind::Copter if self.altitude_m <= LANDED_M => vec![Stage::Touchdown],
-            Kind::Copter => {
+            VehicleKind::Rover => self.route(vec![home], 0.0),
+            VehicleKind::Copter if self.altitude_m <= LANDED_M => vec![Stage::Touchdown],
+            VehicleKind::Copter => {
                 let high_m = self.altitude_m.max(self.settings.return_m);
                 let mut stages = self.route(vec![home], high_m);
                 stages.push(Stage::Stand(HOVERS));
@@ -114,8 +114,8 @@ impl StagePlanner<'_> {
     pub fn item(&self, item: Item, home: Option<Point>) -> Vec<Stage> {
         let here_m = self.altitude_m;
         let level_m = |altitude_m: f64| match self.settings.kind {
-            Kind::Rover => 0.0,
-            Kind::Copter => altitude_m.max(0.0),
+            VehicleKind::Rover => 0.0,
+            VehicleKind::Copter => altitude_m.max(0.0),
         };
         match item {
             Item::Waypoint {
@@ -152,11 +152,11 @@ mod tests {
     use super::*;
 
     fn planned(
-        kind: Kind,
+        kind: VehicleKind,
         altitude_m: f64,
         plan: impl Fn(&StagePlanner<'_>) -> Vec<Stage>,
     ) -> String {
-        let settings = Settings::new(kind, LIMITS);
+        let settings = AutopilotSettings::new(kind, LIMITS);
         let stages = plan(&StagePlanner {
             settings: &settings,
             altitude_m,
@@ -175,7 +175,7 @@ mod tests {
         stages.iter().map(word).collect::<Vec<_>>().join(", ")
     }
 
-    fn check(kind: Kind, altitude_m: f64, item: Item, expected: &str) {
+    fn check(kind: VehicleKind, altitude_m: f64, item: Item, expected: &str) {
         let home = Some(Point::new(1.0, 1.0));
         let got = planned(kind, altitude_m, |planner| planner.item(item, home));
         assert_eq!(got, expected, "{item:?} from {altitude_m} m");
@@ -191,7 +191,7 @@ mod tests {
 
     #[test]
     fn a_copter_climbs_before_its_way_and_sinks_after_it_and_a_rover_does_neither() {
-        let (rover, copter) = (Kind::Rover, Kind::Copter);
+        let (rover, copter) = (VehicleKind::Rover, VehicleKind::Copter);
         check(
             copter,
             3.0,
@@ -217,33 +217,35 @@ mod tests {
     fn a_landing_becomes_slow_below_ten_metres_and_ends_on_the_ground() {
         let land = Item::Land { at: None };
         check(
-            Kind::Copter,
+            VehicleKind::Copter,
             12.0,
             land,
             "climb 10 at 1.5, climb 0 at 0.5, touchdown",
         );
-        check(Kind::Copter, 10.0, land, "climb 0 at 0.5, touchdown");
+        check(VehicleKind::Copter, 10.0, land, "climb 0 at 0.5, touchdown");
     }
 
     #[test]
     fn who_returns_does_so_in_its_way_and_only_with_a_home() {
         let home =
             "climb 15 at 2.5, drive 1 at 1.5, stand 5, climb 10 at 1.5, climb 0 at 0.5, touchdown";
-        check(Kind::Copter, 3.0, Item::Return, home);
-        check(Kind::Copter, LANDED_M, Item::Return, "touchdown");
-        check(Kind::Rover, 0.0, Item::Return, "drive 1 at 1.5");
-        let homeless = planned(Kind::Rover, 0.0, |planner| planner.item(Item::Return, None));
+        check(VehicleKind::Copter, 3.0, Item::Return, home);
+        check(VehicleKind::Copter, LANDED_M, Item::Return, "touchdown");
+        check(VehicleKind::Rover, 0.0, Item::Return, "drive 1 at 1.5");
+        let homeless = planned(VehicleKind::Rover, 0.0, |planner| {
+            planner.item(Item::Return, None)
+        });
         assert_eq!(homeless, "brake");
     }
 
     #[test]
     fn a_takeoff_never_sinks_and_what_takes_no_time_has_no_stages() {
         let takeoff = Item::Takeoff { altitude_m: 5.0 };
-        check(Kind::Copter, 7.0, takeoff, "climb 7 at 2.5");
-        check(Kind::Copter, 0.0, takeoff, "climb 5 at 2.5");
-        check(Kind::Copter, 0.0, Item::Speed(2.0), "");
+        check(VehicleKind::Copter, 7.0, takeoff, "climb 7 at 2.5");
+        check(VehicleKind::Copter, 0.0, takeoff, "climb 5 at 2.5");
+        check(VehicleKind::Copter, 0.0, Item::Speed(2.0), "");
         check(
-            Kind::Rover,
+            VehicleKind::Rover,
             0.0,
             Item::Yaw(Angle::from_degrees(90.0)),
             "turn 90",

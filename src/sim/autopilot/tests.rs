@@ -4,15 +4,15 @@ use std::time::Duration;
 
 use proptest::prelude::*;
 
-use super::super::motion::Limits;
+use super::super::motion::DriveLimits;
 use super::super::noise::Noise;
 use super::*;
 use crate::autopilot::item::{ItemError, check_items};
-use crate::autopilot::{Item, Mode};
+use crate::autopilot::{FlightMode, Item};
 use crate::geom::Vector;
 
 /// What the vehicles of these tests can do.
-pub(super) const LIMITS: Limits = Limits {
+pub(super) const LIMITS: DriveLimits = DriveLimits {
     speed_mps: 2.0,
     acceleration_mps2: 1.0,
     braking_mps2: 1.0,
@@ -31,9 +31,9 @@ fn sure(sd_m: f64) -> Navigation {
     Navigation::new(Noise::new(1), 1, sd_m, Duration::from_secs(20))
 }
 
-fn autopilot(kind: Kind) -> Autopilot {
+fn autopilot(kind: VehicleKind) -> Autopilot {
     Autopilot::new(
-        Settings::new(kind, LIMITS),
+        AutopilotSettings::new(kind, LIMITS),
         sure(0.0),
         Point::default(),
         Angle::default(),
@@ -42,9 +42,12 @@ fn autopilot(kind: Kind) -> Autopilot {
 }
 
 /// Switched on a minute ago, armed, in GUIDED.
-fn ready(kind: Kind) -> Autopilot {
+fn ready(kind: VehicleKind) -> Autopilot {
     let mut autopilot = autopilot(kind);
-    for ask in [Command::Mode(Mode::Guided), Command::Arm { force: false }] {
+    for ask in [
+        Command::Mode(FlightMode::Guided),
+        Command::Arm { force: false },
+    ] {
         assert_eq!(autopilot.command(secs(60.0), ask), CommandAck::Accepted);
     }
     autopilot
@@ -80,7 +83,7 @@ fn place(autopilot: &Autopilot, at: Time) -> (f64, f64, f64) {
     )
 }
 
-fn mode_of(autopilot: &Autopilot) -> Mode {
+fn mode_of(autopilot: &Autopilot) -> FlightMode {
     autopilot.report(autopilot.now()).mode
 }
 
@@ -135,8 +138,8 @@ fn reached(notices: &[DatedText]) -> Vec<usize> {
 
 #[test]
 fn it_is_armed_after_22_s_and_where_a_place_is_needed_after_42_s() {
-    let arms = |now_s: f64, mode: Mode| {
-        let mut autopilot = autopilot(Kind::Copter);
+    let arms = |now_s: f64, mode: FlightMode| {
+        let mut autopilot = autopilot(VehicleKind::Copter);
         let changed = autopilot.command(secs(now_s), Command::Mode(mode));
         (
             changed,
@@ -144,22 +147,22 @@ fn it_is_armed_after_22_s_and_where_a_place_is_needed_after_42_s() {
         )
     };
     use CommandAck::{Accepted, Failed};
-    assert_eq!(arms(21.0, Mode::Manual).1, Failed);
-    assert_eq!(arms(22.0, Mode::Manual).1, Accepted);
-    assert_eq!(arms(41.0, Mode::Guided).0, Failed);
-    assert_eq!(arms(42.0, Mode::Guided), (Accepted, Accepted));
+    assert_eq!(arms(21.0, FlightMode::Manual).1, Failed);
+    assert_eq!(arms(22.0, FlightMode::Manual).1, Accepted);
+    assert_eq!(arms(41.0, FlightMode::Guided).0, Failed);
+    assert_eq!(arms(42.0, FlightMode::Guided), (Accepted, Accepted));
     assert_eq!(
-        arms(60.0, Mode::Return),
+        arms(60.0, FlightMode::Return),
         (Accepted, Failed),
         "nobody is armed in RTL"
     );
-    assert_eq!(arms(60.0, Mode::Land), (Accepted, Failed));
+    assert_eq!(arms(60.0, FlightMode::Land), (Accepted, Failed));
     assert_eq!(
-        arms(60.0, Mode::Hold),
+        arms(60.0, FlightMode::Hold),
         (Failed, Accepted),
         "no copter has it"
     );
-    let mut forced = autopilot(Kind::Copter);
+    let mut forced = autopilot(VehicleKind::Copter);
     assert_eq!(
         forced.command(secs(1.0), Command::Arm { force: true }),
         Accepted
@@ -168,17 +171,17 @@ fn it_is_armed_after_22_s_and_where_a_place_is_needed_after_42_s() {
 
 #[test]
 fn who_is_not_armed_or_not_in_guided_goes_nowhere() {
-    let mut rover = autopilot(Kind::Rover);
-    rover.command(secs(60.0), Command::Mode(Mode::Guided));
+    let mut rover = autopilot(VehicleKind::Rover);
+    rover.command(secs(60.0), Command::Mode(FlightMode::Guided));
     assert_eq!(rover.command(secs(60.0), go(5.0, 0.0)), CommandAck::Failed);
-    let mut rover = ready(Kind::Rover);
+    let mut rover = ready(VehicleKind::Rover);
     assert_eq!(
-        rover.command(secs(61.0), Command::Mode(Mode::Loiter)),
+        rover.command(secs(61.0), Command::Mode(FlightMode::Loiter)),
         CommandAck::Accepted
     );
     assert_eq!(rover.command(secs(62.0), go(5.0, 0.0)), CommandAck::Failed);
     assert_eq!(
-        ready(Kind::Copter).command(secs(61.0), go(5.0, 0.0)),
+        ready(VehicleKind::Copter).command(secs(61.0), go(5.0, 0.0)),
         CommandAck::Failed,
         "it has not taken off"
     );
@@ -187,7 +190,7 @@ fn who_is_not_armed_or_not_in_guided_goes_nowhere() {
 
 #[test]
 fn what_makes_no_sense_is_denied_and_changes_nothing() {
-    let mut rover = ready(Kind::Rover);
+    let mut rover = ready(VehicleKind::Rover);
     rover.command(secs(60.0), go(50.0, 0.0));
     let ends = rover.next_change();
     let nan = f64::NAN;
@@ -257,46 +260,46 @@ fn a_mission_that_cannot_be_flown_is_refused_with_its_item_and_the_stored_one_st
         );
     };
     check(
-        Kind::Copter,
+        VehicleKind::Copter,
         vec![home, Item::Takeoff { altitude_m: 5.0 }],
         Ok(()),
     );
     check(
-        Kind::Rover,
+        VehicleKind::Rover,
         vec![home, Item::Takeoff { altitude_m: 5.0 }],
         Err((3, "item 1 is not for this kind of vehicle")),
     );
     check(
-        Kind::Rover,
+        VehicleKind::Rover,
         vec![home, Item::Land { at: None }],
         Err((3, "item 1 is not for this kind of vehicle")),
     );
     check(
-        Kind::Rover,
+        VehicleKind::Rover,
         vec![home, waypoint(f64::INFINITY, 0.0, 0.0)],
         Err((10, "item 1: x is not finite or too far")),
     );
     check(
-        Kind::Rover,
+        VehicleKind::Rover,
         vec![home, home, waypoint(0.0, 1e9, 0.0)],
         Err((11, "item 2: y is not finite or too far")),
     );
     check(
-        Kind::Rover,
+        VehicleKind::Rover,
         vec![Item::Return],
         Err((5, "item 0: a parameter makes no sense")),
     );
     check(
-        Kind::Rover,
+        VehicleKind::Rover,
         vec![home; 719],
         Err((4, "719 items are more than 718")),
     );
-    check(Kind::Rover, vec![home; 718], Ok(()));
+    check(VehicleKind::Rover, vec![home; 718], Ok(()));
 }
 
 #[test]
 fn a_rover_drives_its_mission_and_holds_after_it() {
-    let mut rover = ready(Kind::Rover);
+    let mut rover = ready(VehicleKind::Rover);
     let items = vec![
         waypoint(0.0, 0.0, 0.0),
         Item::Speed(1.0),
@@ -316,7 +319,7 @@ fn a_rover_drives_its_mission_and_holds_after_it() {
     ];
     upload(&mut rover, secs(60.0), items).unwrap();
     assert_eq!(
-        rover.command(secs(60.0), Command::Mode(Mode::Auto)),
+        rover.command(secs(60.0), Command::Mode(FlightMode::Auto)),
         CommandAck::Accepted
     );
     // 10 m at 1 m/s: 11 s by its trapezoid; then 3 s and 2 s of standing, and 1.57 s for the turn.
@@ -342,7 +345,10 @@ fn a_rover_drives_its_mission_and_holds_after_it() {
     rover.advance(secs(77.58));
     assert_eq!(rover.report(secs(77.58)).item, 6, "the turn is done");
     let end = settle(&mut rover, secs(77.58));
-    assert_eq!((mode_of(&rover), is_armed(&rover)), (Mode::Hold, true));
+    assert_eq!(
+        (mode_of(&rover), is_armed(&rover)),
+        (FlightMode::Hold, true)
+    );
     check_near(place(&rover, end), (0.0, 0.0, 0.0));
     let notices = rover.status_texts();
     assert_eq!(reached(&notices), [2, 4, 5, 6, 7]);
@@ -355,7 +361,7 @@ fn a_rover_drives_its_mission_and_holds_after_it() {
 
 #[test]
 fn a_copter_flies_its_mission_lands_and_is_disarmed() {
-    let mut copter = ready(Kind::Copter);
+    let mut copter = ready(VehicleKind::Copter);
     let items = vec![
         waypoint(0.0, 0.0, 0.0),
         Item::Takeoff { altitude_m: 5.0 },
@@ -392,9 +398,9 @@ fn a_copter_flies_its_mission_lands_and_is_disarmed() {
 
 #[test]
 fn on_the_ground_a_copters_mission_begins_with_a_takeoff_or_not_at_all() {
-    let mut copter = ready(Kind::Copter);
+    let mut copter = ready(VehicleKind::Copter);
     assert_eq!(
-        copter.command(secs(60.0), Command::Mode(Mode::Auto)),
+        copter.command(secs(60.0), Command::Mode(FlightMode::Auto)),
         CommandAck::Failed,
         "there is none"
     );
@@ -405,7 +411,7 @@ fn on_the_ground_a_copters_mission_begins_with_a_takeoff_or_not_at_all() {
     )
     .unwrap();
     assert_eq!(
-        copter.command(secs(60.0), Command::Mode(Mode::Auto)),
+        copter.command(secs(60.0), Command::Mode(FlightMode::Auto)),
         CommandAck::Failed
     );
     assert_eq!(
@@ -414,37 +420,37 @@ fn on_the_ground_a_copters_mission_begins_with_a_takeoff_or_not_at_all() {
     );
     copter.command(secs(60.0), Command::Takeoff { altitude_m: 2.0 });
     assert_eq!(
-        copter.command(secs(62.0), Command::Mode(Mode::Auto)),
+        copter.command(secs(62.0), Command::Mode(FlightMode::Auto)),
         CommandAck::Accepted
     );
     let end = settle(&mut copter, secs(62.0));
     check_near(place(&copter, end), (5.0, 0.0, 5.0));
     assert_eq!(
         (mode_of(&copter), is_armed(&copter)),
-        (Mode::Auto, true),
+        (FlightMode::Auto, true),
         "it hovers after its mission"
     );
 }
 
 #[test]
 fn a_mission_is_interrupted_and_goes_on_with_the_item_under_way() {
-    let mut rover = ready(Kind::Rover);
+    let mut rover = ready(VehicleKind::Rover);
     let items = vec![
         waypoint(0.0, 0.0, 0.0),
         waypoint(10.0, 0.0, 0.0),
         waypoint(10.0, 10.0, 0.0),
     ];
     upload(&mut rover, secs(60.0), items).unwrap();
-    rover.command(secs(60.0), Command::Mode(Mode::Auto));
+    rover.command(secs(60.0), Command::Mode(FlightMode::Auto));
     assert_eq!(
-        rover.command(secs(69.0), Command::Mode(Mode::Hold)),
+        rover.command(secs(69.0), Command::Mode(FlightMode::Hold)),
         CommandAck::Accepted
     );
     let stood = settle(&mut rover, secs(69.0));
     assert_eq!(rover.report(stood).item, 2);
     let before = place(&rover, stood);
     assert_eq!(before, place(&rover, secs(500.0)), "it stays");
-    rover.command(secs(500.0), Command::Mode(Mode::Auto));
+    rover.command(secs(500.0), Command::Mode(FlightMode::Auto));
     let end = settle(&mut rover, secs(500.0));
     check_near(place(&rover, end), (10.0, 10.0, 0.0));
     assert_eq!(reached(&rover.status_texts()), [1, 2]);
@@ -452,7 +458,7 @@ fn a_mission_is_interrupted_and_goes_on_with_the_item_under_way() {
 
 #[test]
 fn setting_the_current_item_to_one_that_takes_no_time_goes_on_to_the_next_that_does() {
-    let mut rover = ready(Kind::Rover);
+    let mut rover = ready(VehicleKind::Rover);
     let items = vec![
         waypoint(0.0, 0.0, 0.0),
         waypoint(10.0, 0.0, 0.0),
@@ -460,7 +466,7 @@ fn setting_the_current_item_to_one_that_takes_no_time_goes_on_to_the_next_that_d
         waypoint(0.0, 4.0, 0.0),
     ];
     upload(&mut rover, secs(60.0), items).unwrap();
-    rover.command(secs(60.0), Command::Mode(Mode::Auto));
+    rover.command(secs(60.0), Command::Mode(FlightMode::Auto));
     assert_eq!(
         rover.command(secs(60.5), Command::SetCurrent(4)),
         CommandAck::Denied
@@ -476,12 +482,12 @@ fn setting_the_current_item_to_one_that_takes_no_time_goes_on_to_the_next_that_d
 
 #[test]
 fn a_copter_returns_at_its_altitude_of_return_and_lands_at_home() {
-    let mut copter = ready(Kind::Copter);
+    let mut copter = ready(VehicleKind::Copter);
     copter.command(secs(60.0), Command::Takeoff { altitude_m: 3.0 });
     copter.command(secs(62.0), go(20.0, 0.0));
     let there = settle(&mut copter, secs(62.0));
     assert_eq!(
-        copter.command(there, Command::Mode(Mode::Return)),
+        copter.command(there, Command::Mode(FlightMode::Return)),
         CommandAck::Accepted
     );
     let (mut highest_m, mut now) = (0.0f64, there);
@@ -497,18 +503,21 @@ fn a_copter_returns_at_its_altitude_of_return_and_lands_at_home() {
 
 #[test]
 fn a_rover_returns_straight_and_stays() {
-    let mut rover = ready(Kind::Rover);
+    let mut rover = ready(VehicleKind::Rover);
     rover.command(secs(60.0), go(6.0, 8.0));
     let there = settle(&mut rover, secs(60.0));
-    rover.command(there, Command::Mode(Mode::Return));
+    rover.command(there, Command::Mode(FlightMode::Return));
     let end = settle(&mut rover, there);
     check_near(place(&rover, end), (0.0, 0.0, 0.0));
-    assert_eq!((mode_of(&rover), is_armed(&rover)), (Mode::Return, true));
+    assert_eq!(
+        (mode_of(&rover), is_armed(&rover)),
+        (FlightMode::Return, true)
+    );
 }
 
 #[test]
 fn in_the_air_nobody_is_disarmed_but_by_force_and_landing_disarms() {
-    let mut copter = ready(Kind::Copter);
+    let mut copter = ready(VehicleKind::Copter);
     copter.command(secs(60.0), Command::Takeoff { altitude_m: 12.0 });
     let up = settle(&mut copter, secs(60.0));
     assert_eq!(
@@ -516,7 +525,7 @@ fn in_the_air_nobody_is_disarmed_but_by_force_and_landing_disarms() {
         CommandAck::Failed
     );
     assert_eq!(copter.report(up).status, SystemStatus::Active);
-    copter.command(up, Command::Mode(Mode::Land));
+    copter.command(up, Command::Mode(FlightMode::Land));
     // 2 m at 1.5 m/s, then 10 m at 0.5 m/s.
     let end = settle(&mut copter, up);
     assert!((end.since(up).as_secs_f64() - 2.0 / 1.5 - 20.0).abs() < 1e-6);
@@ -525,7 +534,7 @@ fn in_the_air_nobody_is_disarmed_but_by_force_and_landing_disarms() {
 
 #[test]
 fn an_armed_copter_that_does_not_take_off_is_disarmed_and_a_rover_is_not() {
-    let mut copter = ready(Kind::Copter);
+    let mut copter = ready(VehicleKind::Copter);
     assert_eq!(
         copter.report(secs(60.0)).status,
         SystemStatus::Standby,
@@ -535,7 +544,7 @@ fn an_armed_copter_that_does_not_take_off_is_disarmed_and_a_rover_is_not() {
     assert!(is_armed(&copter));
     copter.advance(secs(70.1));
     assert!(!is_armed(&copter));
-    let mut rover = ready(Kind::Rover);
+    let mut rover = ready(VehicleKind::Rover);
     rover.advance(secs(500.0));
     assert!(is_armed(&rover));
     assert_eq!(rover.report(secs(500.0)).status, SystemStatus::Active);
@@ -543,7 +552,7 @@ fn an_armed_copter_that_does_not_take_off_is_disarmed_and_a_rover_is_not() {
 
 #[test]
 fn a_velocity_holds_for_three_seconds_and_then_it_brakes() {
-    let mut rover = ready(Kind::Rover);
+    let mut rover = ready(VehicleKind::Rover);
     let ahead = || Command::Velocity(Vector::new(1.0, 0.0));
     rover.command(secs(60.0), ahead());
     rover.advance(secs(62.9));
@@ -560,10 +569,10 @@ fn a_velocity_holds_for_three_seconds_and_then_it_brakes() {
 fn the_battery_lasts_as_long_as_it_should_and_what_follows_is_a_choice() {
     let drive = |on_low_battery: LowBattery| {
         let endurance_driving = Duration::from_secs(100);
-        let settings = Settings {
+        let settings = AutopilotSettings {
             on_low_battery,
             endurance_driving,
-            ..Settings::new(Kind::Rover, LIMITS)
+            ..AutopilotSettings::new(VehicleKind::Rover, LIMITS)
         };
         let mut rover = Autopilot::new(settings, sure(0.0), Point::default(), Angle::default())
             .unwrap()
@@ -596,8 +605,8 @@ fn the_battery_lasts_as_long_as_it_should_and_what_follows_is_a_choice() {
         CommandAck::Failed
     );
     for (choice, mode) in [
-        (LowBattery::Return, Mode::Return),
-        (LowBattery::Land, Mode::Hold),
+        (LowBattery::Return, FlightMode::Return),
+        (LowBattery::Land, FlightMode::Hold),
     ] {
         let (_, mut rover) = drive(choice);
         rover.advance(secs(131.0));
@@ -610,15 +619,18 @@ fn the_battery_lasts_as_long_as_it_should_and_what_follows_is_a_choice() {
 
 #[test]
 fn who_hears_no_satellites_for_long_stands_or_lands() {
-    for (kind, mode) in [(Kind::Rover, Mode::Hold), (Kind::Copter, Mode::Land)] {
+    for (kind, mode) in [
+        (VehicleKind::Rover, FlightMode::Hold),
+        (VehicleKind::Copter, FlightMode::Land),
+    ] {
         let outage = Outage {
             from: secs(100.0),
             until: secs(200.0),
         };
         let navigation = sure(0.1).with_outages(vec![outage], 0.1);
-        let settings = Settings {
+        let settings = AutopilotSettings {
             place_sd_max_m: 2.1,
-            ..Settings::new(kind, LIMITS)
+            ..AutopilotSettings::new(kind, LIMITS)
         };
         let mut autopilot =
             Autopilot::new(settings, navigation, Point::default(), Angle::default())
@@ -626,7 +638,7 @@ fn who_hears_no_satellites_for_long_stands_or_lands() {
                 .under_way(5.0);
         autopilot.command(secs(90.0), go(500.0, 0.0));
         autopilot.advance(secs(119.9));
-        assert_eq!(mode_of(&autopilot), Mode::Guided);
+        assert_eq!(mode_of(&autopilot), FlightMode::Guided);
         assert!((autopilot.report(secs(119.9)).pose.sd_m - 2.09).abs() < 1e-9);
         autopilot.advance(secs(121.0));
         assert_eq!(
@@ -634,11 +646,11 @@ fn who_hears_no_satellites_for_long_stands_or_lands() {
             (mode, SystemStatus::Critical)
         );
         assert_eq!(
-            autopilot.command(secs(150.0), Command::Mode(Mode::Guided)),
+            autopilot.command(secs(150.0), Command::Mode(FlightMode::Guided)),
             CommandAck::Failed
         );
         assert_eq!(
-            autopilot.command(secs(200.0), Command::Mode(Mode::Guided)),
+            autopilot.command(secs(200.0), Command::Mode(FlightMode::Guided)),
             CommandAck::Accepted,
             "heard again"
         );
@@ -647,9 +659,9 @@ fn who_hears_no_satellites_for_long_stands_or_lands() {
 
 #[test]
 fn a_copter_is_carried_by_the_wind_and_leans_into_it() {
-    let settings = Settings {
+    let settings = AutopilotSettings {
         wind: Vector::new(0.0, -4.0),
-        ..Settings::new(Kind::Copter, LIMITS)
+        ..AutopilotSettings::new(VehicleKind::Copter, LIMITS)
     };
     let mut copter = Autopilot::new(settings, sure(0.0), Point::default(), Angle::default())
         .unwrap()
@@ -677,14 +689,17 @@ fn a_copter_is_carried_by_the_wind_and_leans_into_it() {
         flying.pitch.radians() < -0.04,
         "nose down against its own speed: {flying:?}"
     );
-    assert_eq!(ready(Kind::Rover).attitude(secs(60.0)).roll, Angle::ZERO);
+    assert_eq!(
+        ready(VehicleKind::Rover).attitude(secs(60.0)).roll,
+        Angle::ZERO
+    );
 }
 
 #[test]
 fn uploading_and_clearing_stop_a_mission_under_way() {
     let items = vec![waypoint(0.0, 0.0, 0.0), waypoint(50.0, 0.0, 0.0)];
     for ask in [Command::Clear, Command::Upload(items.clone())] {
-        let mut rover = ready(Kind::Rover);
+        let mut rover = ready(VehicleKind::Rover);
         upload(&mut rover, secs(60.0), items.clone()).unwrap();
         rover.command(secs(60.0), Command::Begin);
         assert_eq!(rover.command(secs(65.0), ask), CommandAck::Accepted);
@@ -705,12 +720,12 @@ fn asks() -> impl Strategy<Value = Vec<(f64, Command)>> {
         Item::Return,
     ];
     let modes = [
-        Mode::Manual,
-        Mode::Loiter,
-        Mode::Guided,
-        Mode::Auto,
-        Mode::Return,
-        Mode::Land,
+        FlightMode::Manual,
+        FlightMode::Loiter,
+        FlightMode::Guided,
+        FlightMode::Auto,
+        FlightMode::Return,
+        FlightMode::Land,
     ];
     let ask = prop_oneof![
         3 => (place(), prop::option::of(0.5..9.0f64))
@@ -732,10 +747,10 @@ fn asks() -> impl Strategy<Value = Vec<(f64, Command)>> {
 proptest! {
     #[test]
     fn it_does_the_same_whether_it_is_looked_at_often_or_seldom(asks in asks(), sd_m in 0.0..0.3f64) {
-        let settings = Settings {
+        let settings = AutopilotSettings {
             endurance_driving: Duration::from_secs(90),
             on_low_battery: LowBattery::Return,
-            ..Settings::new(Kind::Copter, LIMITS)
+            ..AutopilotSettings::new(VehicleKind::Copter, LIMITS)
         };
         let seldom = Autopilot::new(settings, sure(sd_m), Point::default(), Angle::default()).unwrap();
         let (mut seldom, mut often) = (seldom.clone(), seldom);
@@ -760,7 +775,7 @@ proptest! {
 
     #[test]
     fn it_never_jumps_nor_goes_below_the_ground(asks in asks()) {
-        let settings = Settings::new(Kind::Copter, LIMITS);
+        let settings = AutopilotSettings::new(VehicleKind::Copter, LIMITS);
         let mut copter = Autopilot::new(settings, sure(0.0), Point::default(), Angle::default()).unwrap();
         let mut now = secs(50.0);
         let mut before = place(&copter, now);

@@ -17,13 +17,13 @@ use std::collections::BTreeMap;
 use super::super::body::Body;
 use super::flight::LANDED_M;
 use super::judgement::{Action, MissionSituation};
-use super::messages::{Settings, StatusText};
+use super::messages::{AutopilotSettings, StatusText};
 use super::place_estimate::PlaceEstimate;
 use super::staged_motion::StagedMotion;
 use super::stages::{Stage, StagePlanner};
 use super::status_texts::StatusTexts;
 use super::stored_mission::StoredMission;
-use crate::autopilot::{Item, Kind, Mode};
+use crate::autopilot::{FlightMode, Item, VehicleKind};
 use crate::geom::Point;
 use crate::time::Time;
 
@@ -33,7 +33,7 @@ const CARRIED_S: f64 = 0.05;
 /// A vehicle under control.
 #[derive(Clone, Debug)]
 pub(super) struct VehicleControl {
-    mode: Mode,
+    mode: FlightMode,
     /// Since when the motors have current; `None` = they have none.
     armed_since: Option<Time>,
     home: Option<Point>,
@@ -47,7 +47,7 @@ pub(super) struct VehicleControl {
 /// What it must know of the moment in which it acts, and where it says what it does.
 pub(super) struct Moment<'a> {
     pub now: Time,
-    pub settings: &'a Settings,
+    pub settings: &'a AutopilotSettings,
     pub place: &'a PlaceEstimate,
     pub texts: &'a mut StatusTexts,
 }
@@ -62,7 +62,7 @@ impl VehicleControl {
     /// Takes a body that stands on the ground, disarmed.
     pub fn switched_on(body: Body) -> VehicleControl {
         VehicleControl {
-            mode: Mode::Manual,
+            mode: FlightMode::Manual,
             armed_since: None,
             home: None,
             speed_mps: body.limits().speed_mps,
@@ -75,7 +75,7 @@ impl VehicleControl {
     /// Returns the same vehicle as it stands or hovers at an altitude, metres: armed in GUIDED, home where it is.
     pub fn under_way(self, altitude_m: f64, now: Time) -> VehicleControl {
         VehicleControl {
-            mode: Mode::Guided,
+            mode: FlightMode::Guided,
             armed_since: Some(Time::ZERO),
             home: Some(self.motion.pose_at(now).at),
             motion: StagedMotion::at_rest(self.motion.body().clone(), altitude_m),
@@ -84,7 +84,7 @@ impl VehicleControl {
     }
 
     /// Returns its mode.
-    pub fn mode(&self) -> Mode {
+    pub fn mode(&self) -> FlightMode {
         self.mode
     }
 
@@ -128,13 +128,13 @@ impl VehicleControl {
     }
 
     /// Returns whether it stands on the ground.
-    pub fn is_landed(&self, kind: Kind, at: Time) -> bool {
-        kind == Kind::Rover || self.motion.altitude_m(at) <= LANDED_M
+    pub fn is_landed(&self, kind: VehicleKind, at: Time) -> bool {
+        kind == VehicleKind::Rover || self.motion.altitude_m(at) <= LANDED_M
     }
 
     /// Returns until when it uses what motion takes; a copter in the air always does, as long as its motors turn.
-    pub fn works_until(&self, kind: Kind, now: Time) -> Time {
-        let flies = kind == Kind::Copter
+    pub fn works_until(&self, kind: VehicleKind, now: Time) -> Time {
+        let flies = kind == VehicleKind::Copter
             && self.is_armed()
             && (!self.is_landed(kind, now) || self.motion.climb().to_m > LANDED_M);
         if flies {
@@ -145,8 +145,8 @@ impl VehicleControl {
     }
 
     /// Returns when it is disarmed because it was armed and has not taken off; `None` = it has, or needs not.
-    pub fn idle_until(&self, settings: &Settings, now: Time) -> Option<Time> {
-        let is_idle = settings.kind == Kind::Copter
+    pub fn idle_until(&self, settings: &AutopilotSettings, now: Time) -> Option<Time> {
+        let is_idle = settings.kind == VehicleKind::Copter
             && self.motion.stage_ends().is_none()
             && self.is_landed(settings.kind, now);
         let since = self.armed_since.filter(|_| is_idle)?;
@@ -172,7 +172,7 @@ impl VehicleControl {
             }
             Action::SetItem(item) => {
                 self.mission.set_item(item);
-                if self.mode == Mode::Auto && self.is_armed() {
+                if self.mode == FlightMode::Auto && self.is_armed() {
                     self.run_mission(moment);
                 }
             }
@@ -201,7 +201,7 @@ impl VehicleControl {
         self.mission.stop();
     }
 
-    fn enter(&mut self, mode: Mode, moment: &mut Moment<'_>) {
+    fn enter(&mut self, mode: FlightMode, moment: &mut Moment<'_>) {
         if mode != self.mode {
             self.mode = mode;
             moment.say(StatusText::Mode(mode));
@@ -212,13 +212,15 @@ impl VehicleControl {
         }
         let planner = self.planner(moment);
         let stages = match mode {
-            Mode::Manual | Mode::Hold | Mode::Loiter | Mode::Guided => vec![Stage::Brake],
-            Mode::Auto => return self.run_mission(moment),
-            Mode::Return => {
+            FlightMode::Manual | FlightMode::Hold | FlightMode::Loiter | FlightMode::Guided => {
+                vec![Stage::Brake]
+            }
+            FlightMode::Auto => return self.run_mission(moment),
+            FlightMode::Return => {
                 let here = self.motion.pose_at(moment.now).at;
                 planner.way_home(self.home.unwrap_or(here))
             }
-            Mode::Land => planner.landing(planner.altitude_m),
+            FlightMode::Land => planner.landing(planner.altitude_m),
         };
         self.lay(stages, moment);
     }
@@ -228,7 +230,7 @@ impl VehicleControl {
         moment.say(StatusText::Armed(true));
         let here = self.motion.pose_at(moment.now).at + moment.place.error(moment.now);
         self.home.get_or_insert(here);
-        if self.mode == Mode::Auto {
+        if self.mode == FlightMode::Auto {
             self.mission.rewind();
             self.run_mission(moment);
         }
@@ -251,7 +253,7 @@ impl VehicleControl {
 
     fn begin_stage(&mut self, moment: &mut Moment<'_>) {
         let (now, place, settings) = (moment.now, moment.place, moment.settings);
-        let carried = (settings.kind == Kind::Copter).then(|| settings.wind * CARRIED_S);
+        let carried = (settings.kind == VehicleKind::Copter).then(|| settings.wind * CARRIED_S);
         let steer = |corners: &mut [Point]| place.turn_to_true(now, corners, carried);
         if self.motion.begin_next(now, steer) {
             // A mission says first that it was reached; then it goes on, or is over.
@@ -308,9 +310,11 @@ impl VehicleControl {
         self.mission.end();
         moment.say(StatusText::MissionDone);
         match moment.settings.kind {
-            Kind::Rover => self.enter(Mode::Hold, moment),
-            Kind::Copter if self.is_landed(Kind::Copter, moment.now) => self.disarm(moment),
-            Kind::Copter => {}
+            VehicleKind::Rover => self.enter(FlightMode::Hold, moment),
+            VehicleKind::Copter if self.is_landed(VehicleKind::Copter, moment.now) => {
+                self.disarm(moment)
+            }
+            VehicleKind::Copter => {}
         }
     }
 }
@@ -335,12 +339,12 @@ mod tests {
     }
 
     /// Does something to it at a moment; returns what it said.
-    fn at(kind: Kind, now_s: f64, act: impl FnOnce(&mut Moment<'_>)) -> Vec<StatusText> {
+    fn at(kind: VehicleKind, now_s: f64, act: impl FnOnce(&mut Moment<'_>)) -> Vec<StatusText> {
         let navigation = Navigation::new(Noise::new(1), 1, 0.0, Duration::from_secs(20));
         let (place, mut texts) = (PlaceEstimate::new(navigation), StatusTexts::default());
         act(&mut Moment {
             now: secs(now_s),
-            settings: &Settings::new(kind, LIMITS),
+            settings: &AutopilotSettings::new(kind, LIMITS),
             place: &place,
             texts: &mut texts,
         });
@@ -348,28 +352,28 @@ mod tests {
         texts.take().into_iter().map(text).collect()
     }
 
-    fn word(mode: Mode) -> &'static str {
+    fn word(mode: FlightMode) -> &'static str {
         match mode {
-            Mode::Manual => "Manual",
-            Mode::Hold => "Hold",
-            Mode::Loiter => "Loiter",
-            Mode::Guided => "Guided",
-            Mode::Auto => "Auto",
-            Mode::Return => "Return",
-            Mode::Land => "Land",
+            FlightMode::Manual => "Manual",
+            FlightMode::Hold => "Hold",
+            FlightMode::Loiter => "Loiter",
+            FlightMode::Guided => "Guided",
+            FlightMode::Auto => "Auto",
+            FlightMode::Return => "Return",
+            FlightMode::Land => "Land",
         }
     }
 
     #[test]
     fn the_drawing_has_the_modes_that_there_are() {
         let modes = [
-            Mode::Manual,
-            Mode::Hold,
-            Mode::Loiter,
-            Mode::Guided,
-            Mode::Auto,
-            Mode::Return,
-            Mode::Land,
+            FlightMode::Manual,
+            FlightMode::Hold,
+            FlightMode::Loiter,
+            FlightMode::Guided,
+            FlightMode::Auto,
+            FlightMode::Return,
+            FlightMode::Land,
         ];
         let words: BTreeSet<String> = modes.map(|mode| word(mode).to_owned()).into();
         assert_eq!(drawn(include_str!("vehicle_control.rs")), words);
@@ -378,14 +382,14 @@ mod tests {
     #[test]
     fn a_mode_is_entered_without_current_and_nothing_moves() {
         let mut control = control(5.0);
-        at(Kind::Copter, 1.0, |moment| {
+        at(VehicleKind::Copter, 1.0, |moment| {
             control.act(Action::Disarm, moment)
         });
         let changes = control.motion().changes();
-        let said = at(Kind::Copter, 2.0, |moment| {
-            control.act(Action::Enter(Mode::Return), moment)
+        let said = at(VehicleKind::Copter, 2.0, |moment| {
+            control.act(Action::Enter(FlightMode::Return), moment)
         });
-        assert_eq!(said, [StatusText::Mode(Mode::Return)]);
+        assert_eq!(said, [StatusText::Mode(FlightMode::Return)]);
         assert_eq!(
             (control.motion().changes(), control.motion().stage_ends()),
             (changes, None)
@@ -406,26 +410,32 @@ mod tests {
             pulse_us: 1700,
         };
         let items = vec![home, Item::Speed(0.5), servo, wait];
-        at(Kind::Rover, 1.0, |moment| {
+        at(VehicleKind::Rover, 1.0, |moment| {
             control.act(Action::StoreMission(items), moment)
         });
-        let said = at(Kind::Rover, 2.0, |moment| {
-            control.act(Action::Enter(Mode::Auto), moment)
+        let said = at(VehicleKind::Rover, 2.0, |moment| {
+            control.act(Action::Enter(FlightMode::Auto), moment)
         });
         let begun = [1, 2, 3].map(StatusText::Begun);
-        assert_eq!(said, [&[StatusText::Mode(Mode::Auto)], &begun[..]].concat());
+        assert_eq!(
+            said,
+            [&[StatusText::Mode(FlightMode::Auto)], &begun[..]].concat()
+        );
         assert_eq!(
             (control.speed_mps(), control.servos().get(&9)),
             (0.5, Some(&1700))
         );
         assert_eq!(control.motion().stage_ends(), Some(secs(6.0)));
-        let said = at(Kind::Rover, 6.0, |moment| control.end_stage(moment));
+        let said = at(VehicleKind::Rover, 6.0, |moment| control.end_stage(moment));
         let expected = [
             StatusText::Reached(3),
             StatusText::MissionDone,
-            StatusText::Mode(Mode::Hold),
+            StatusText::Mode(FlightMode::Hold),
         ];
-        assert_eq!((said, control.mode()), (expected.to_vec(), Mode::Hold));
+        assert_eq!(
+            (said, control.mode()),
+            (expected.to_vec(), FlightMode::Hold)
+        );
     }
 
     #[test]
@@ -434,13 +444,15 @@ mod tests {
             let mut control = control(0.0);
             if running {
                 let items = vec![Item::Delay(Duration::ZERO); 3];
-                at(Kind::Copter, 1.0, |moment| {
+                at(VehicleKind::Copter, 1.0, |moment| {
                     control.act(Action::StoreMission(items), moment);
-                    control.act(Action::Enter(Mode::Auto), moment);
+                    control.act(Action::Enter(FlightMode::Auto), moment);
                 });
             }
             let touchdown = Action::Lay(vec![Stage::Touchdown]);
-            let said = at(Kind::Copter, 2.0, |moment| control.act(touchdown, moment));
+            let said = at(VehicleKind::Copter, 2.0, |moment| {
+                control.act(touchdown, moment)
+            });
             assert_eq!(control.is_armed(), armed, "{said:?}");
             assert_eq!(control.motion().stage_ends(), Some(secs(2.0)));
         }
@@ -448,13 +460,19 @@ mod tests {
 
     #[test]
     fn an_armed_copter_on_the_ground_is_idle_and_one_in_the_air_works() {
-        let settings = Settings::new(Kind::Copter, LIMITS);
+        let settings = AutopilotSettings::new(VehicleKind::Copter, LIMITS);
         let (landed, flying) = (control(0.0), control(5.0));
         assert_eq!(landed.idle_until(&settings, secs(1.0)), Some(secs(10.0)));
         assert_eq!(flying.idle_until(&settings, secs(1.0)), None);
-        assert_eq!(landed.works_until(Kind::Copter, secs(1.0)), secs(1.0));
-        assert_eq!(flying.works_until(Kind::Copter, secs(1.0)), Time::NEVER);
-        let rover = Settings::new(Kind::Rover, LIMITS);
+        assert_eq!(
+            landed.works_until(VehicleKind::Copter, secs(1.0)),
+            secs(1.0)
+        );
+        assert_eq!(
+            flying.works_until(VehicleKind::Copter, secs(1.0)),
+            Time::NEVER
+        );
+        let rover = AutopilotSettings::new(VehicleKind::Rover, LIMITS);
         assert_eq!(landed.idle_until(&rover, secs(1.0)), None);
     }
 }

@@ -8,7 +8,7 @@
 
 use std::time::Duration;
 
-use crate::autopilot::{Mode, Report, SystemStatus};
+use crate::autopilot::{AutopilotReport, FlightMode, SystemStatus};
 use crate::plan::{Mounts, Pointing};
 use crate::time::Time;
 
@@ -19,7 +19,7 @@ const REPORTS_A_HEARTBEAT: u8 = 10;
 
 /// The devices of one vehicle.
 #[derive(Clone, Debug)]
-pub(super) struct Devices {
+pub(super) struct SimulatedDevices {
     /// Where its range sensors are pointed.
     pub servos: Pointing,
     /// Until when the range sensor is measuring.
@@ -45,15 +45,15 @@ pub(super) struct Devices {
 /// What an autopilot says with its heartbeat only.
 #[derive(Clone, Copy, Debug)]
 struct Heartbeat {
-    mode: Mode,
+    mode: FlightMode,
     is_armed: bool,
     status: SystemStatus,
 }
 
-impl Devices {
+impl SimulatedDevices {
     /// Makes the devices of a vehicle that stands and whose software does not run.
-    pub fn new(mounts: Mounts) -> Devices {
-        Devices {
+    pub fn new(mounts: Mounts) -> SimulatedDevices {
+        SimulatedDevices {
             servos: Pointing::new(mounts),
             measures_until: Time::ZERO,
             speaks_until: Time::ZERO,
@@ -74,7 +74,7 @@ impl Devices {
 
     /// Returns what the autopilot says of what it knows of itself now: its mode, and whether it is armed, are as old as its
     /// last heartbeat.
-    pub fn said(&mut self, known: Report) -> Report {
+    pub fn said(&mut self, known: AutopilotReport) -> AutopilotReport {
         let known_now = Heartbeat {
             mode: known.mode,
             is_armed: known.is_armed,
@@ -90,7 +90,7 @@ impl Devices {
             status,
         } = last.unwrap_or(known_now);
         self.heartbeat = Some(last.unwrap_or(known_now));
-        Report {
+        AutopilotReport {
             mode,
             is_armed,
             status,

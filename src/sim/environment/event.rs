@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use tomoswarm_proto::{Beacon, VehicleId};
 
-use crate::autopilot::{Ack, NumberedCommand, Report};
+use crate::autopilot::{Ack, AutopilotReport, NumberedCommand};
 use crate::geom::Angle;
 use crate::node::sensor::{Echo, Ping};
 use crate::sim::body::BodyState;
@@ -54,7 +54,7 @@ pub enum WorldEvent {
         /// Of which vehicle.
         vehicle: usize,
         /// The report.
-        report: Report,
+        report: AutopilotReport,
     },
     /// The autopilot of a vehicle answers to a command.
     Ack {

@@ -3,7 +3,7 @@
 use tomoswarm_proto::Boot;
 
 use super::*;
-use crate::autopilot::{ArmRefusal, Kind, Mode};
+use crate::autopilot::{ArmRefusal, FlightMode, VehicleKind};
 use crate::config::{Fault, FaultKind};
 use crate::geom::Point;
 use crate::plan::{Mount, Mounts};
@@ -13,7 +13,7 @@ const ONE: VehicleId = VehicleId(1);
 
 /// Rovers at places on the x axis that face along it, their software running, with posts of 0.5 m radius ahead (their x, and their two ends).
 fn environment(posts: &[(f64, f64, f64)], places_m: &[f64], faults: Vec<Fault>) -> Environment {
-    let world = world(Kind::Rover, 0.0, posts, places_m);
+    let world = world(VehicleKind::Rover, 0.0, posts, places_m);
     begun(world, faults)
 }
 
@@ -125,8 +125,8 @@ fn a_ping_before_the_servo_has_turned_hears_what_it_passes() {
         to_rad: 1.6,
         slew_s_per_rad: 0.6 / 60f64.to_radians(),
     };
-    let world =
-        world(Kind::Rover, 0.0, &[(3.0, 0.0, 1.0)], &[0.0]).with_mounts(Mounts::new(vec![servo]));
+    let world = world(VehicleKind::Rover, 0.0, &[(3.0, 0.0, 1.0)], &[0.0])
+        .with_mounts(Mounts::new(vec![servo]));
     let mut environment = begun(world, Vec::new());
     let hears = |environment: &mut Environment, now_s: f64| {
         let heard = echoes(&wake(environment, now_s + 0.09));
@@ -152,7 +152,7 @@ fn a_ping_before_the_servo_has_turned_hears_what_it_passes() {
 /// Plays a drive against a post, a ping, a beacon and a fault of a battery, either waking the environment at its deadlines
 /// or at what it has scheduled; returns what it says.
 fn play(by_schedule: bool) -> Vec<WorldEvent> {
-    let world = world(Kind::Rover, 0.0, &[(1.5, 0.0, 1.0)], &[0.0, -3.0]);
+    let world = world(VehicleKind::Rover, 0.0, &[(1.5, 0.0, 1.0)], &[0.0, -3.0]);
     let charge = Faults::new(vec![fault(FaultKind::Battery(0.5), 2.0, 3.0)]);
     let mut environment = Environment::new(world, Noise::new(1), charge, None);
     let (mut said, mut fresh, mut scheduled) = (Vec::new(), Vec::new(), Vec::new());
@@ -339,7 +339,7 @@ fn an_autopilot_brakes_two_seconds_after_the_last_word_of_its_companion() {
     }
 }
 
-fn reports(said: &[WorldEvent]) -> Vec<Report> {
+fn reports(said: &[WorldEvent]) -> Vec<AutopilotReport> {
     let of = |event: &WorldEvent| match event {
         WorldEvent::Report { report, .. } => Some(*report),
         _other => None,
@@ -351,7 +351,12 @@ fn reports(said: &[WorldEvent]) -> Vec<Report> {
 fn modes_and_arming_show_as_late_as_a_heartbeat_and_places_do_not() {
     let mut environment = environment(&[], &[0.0], Vec::new());
     wake(&mut environment, 1.45);
-    obey(&mut environment, 1.45, 0, told(Command::Mode(Mode::Hold)));
+    obey(
+        &mut environment,
+        1.45,
+        0,
+        told(Command::Mode(FlightMode::Hold)),
+    );
     obey(
         &mut environment,
         1.45,
@@ -359,10 +364,10 @@ fn modes_and_arming_show_as_late_as_a_heartbeat_and_places_do_not() {
         told(Command::Disarm { force: false }),
     );
     let said = reports(&wake(&mut environment, 3.0));
-    let shown = |report: &&Report| report.mode == Mode::Hold && !report.is_armed;
+    let shown = |report: &&AutopilotReport| report.mode == FlightMode::Hold && !report.is_armed;
     let old = said
         .iter()
-        .filter(|report| report.mode == Mode::Guided && report.is_armed)
+        .filter(|report| report.mode == FlightMode::Guided && report.is_armed)
         .count();
     assert_eq!(
         old + said.iter().filter(shown).count(),
@@ -371,11 +376,16 @@ fn modes_and_arming_show_as_late_as_a_heartbeat_and_places_do_not() {
     );
     assert!((1..10).contains(&old), "{old} of {}", said.len());
     environment.detach(secs(3.0), 0);
-    obey(&mut environment, 3.0, 0, told(Command::Mode(Mode::Guided)));
+    obey(
+        &mut environment,
+        3.0,
+        0,
+        told(Command::Mode(FlightMode::Guided)),
+    );
     environment.attach(secs(3.0), 0);
     assert_eq!(
         reports(&wake(&mut environment, 3.1))[0].mode,
-        Mode::Guided,
+        FlightMode::Guided,
         "who joins hears one at once"
     );
 }

@@ -20,17 +20,17 @@ use tomoswarm_proto::{Boot, Hello, Interest, Message, OperatorId, VehicleId};
 use self::node_exchange::NodeExchange;
 use super::nodes::NodePlace;
 use super::schedule::{Event, Schedule};
-use crate::exchange::Reception;
+use crate::exchange::ReceivedFrame;
 use crate::exchange::egress::OutboundFrame;
-use crate::exchange::ingress::Heard;
-use crate::exchange::joining::Verdict;
-use crate::sim::bus::{Bus, Frame, NodeId, operators_that_hear, receivers};
+use crate::exchange::ingress::HeardMessage;
+use crate::exchange::joining::GreetingVerdict;
+use crate::sim::bus::{BusFrame, NodeId, SimulatedBus, operators_that_hear, receivers};
 use crate::sim::noise::{Noise, Purpose};
 use crate::time::Time;
 
 /// The bus with all nodes at it.
 pub(super) struct Network {
-    bus: Bus,
+    bus: SimulatedBus,
     noise: Noise,
     vehicles: Vec<NodeExchange>,
     ground: NodeExchange,
@@ -48,7 +48,7 @@ pub(in crate::sim) struct Greetings {
 #[derive(Debug, Default)]
 pub(super) struct Hearing {
     /// What the node is to be told.
-    pub heard: Option<Heard>,
+    pub heard: Option<HeardMessage>,
     /// Worth a line in the log.
     pub line: Option<String>,
     /// Why the node may not take part in the bus, if that is so.
@@ -59,7 +59,7 @@ impl Network {
     /// Joins nodes to a bus, each of which may send so many bytes a second. Vehicles and ground station do not take part before
     /// they join ([`Network::join`]); operators, named with what they are interested in, do at once.
     pub fn new(
-        bus: Bus,
+        bus: SimulatedBus,
         noise: Noise,
         egress_bytes_per_s: u32,
         greetings: Greetings,
@@ -132,8 +132,8 @@ impl Network {
     }
 
     /// Hands a frame to a node's exchange; returns what comes of it.
-    pub fn hear(&mut self, node: NodePlace, frame: &Frame, schedule: &mut Schedule) -> Hearing {
-        let Reception {
+    pub fn hear(&mut self, node: NodePlace, frame: &BusFrame, schedule: &mut Schedule) -> Hearing {
+        let ReceivedFrame {
             heard,
             verdict,
             reply,
@@ -151,9 +151,11 @@ impl Network {
         }
         self.set_alarm(node, schedule);
         let (heard, line, expelled) = match verdict {
-            Verdict::Fine => (heard, None, None),
-            Verdict::Foreign(reason) | Verdict::Stays(reason) => (heard, Some(reason), None),
-            Verdict::Refused(reason) => (None, None, Some(reason)),
+            GreetingVerdict::Fine => (heard, None, None),
+            GreetingVerdict::Foreign(reason) | GreetingVerdict::Stays(reason) => {
+                (heard, Some(reason), None)
+            }
+            GreetingVerdict::Refused(reason) => (None, None, Some(reason)),
         };
         Hearing {
             heard,
@@ -163,13 +165,13 @@ impl Network {
     }
 
     /// Returns the bus.
-    pub fn into_bus(self) -> Bus {
+    pub fn into_bus(self) -> SimulatedBus {
         self.bus
     }
 
     /// Returns the bus.
     #[cfg(test)]
-    pub fn bus(&self) -> &Bus {
+    pub fn bus(&self) -> &SimulatedBus {
         &self.bus
     }
 

@@ -6,7 +6,7 @@ use super::network::Greetings;
 use super::nodes::{SimulatedOperator, SimulatedVehicle};
 use crate::ground::GroundNode;
 use crate::ground::from_config::GroundParts;
-use crate::sim::bus::Bus;
+use crate::sim::bus::SimulatedBus;
 use crate::sim::environment::Environment;
 use crate::sim::faults::Faults;
 use crate::sim::judge::Judge;
@@ -18,7 +18,7 @@ use crate::time::Time;
 pub(in crate::sim) struct Parts {
     pub noise: Noise,
     pub environment: Environment,
-    pub bus: Bus,
+    pub bus: SimulatedBus,
     pub greetings: Greetings,
     /// What every node may send.
     pub egress_bytes_per_s: u32,
@@ -43,7 +43,7 @@ pub(in crate::sim) struct FinishedRun {
     pub judge: Judge,
     pub environment: Environment,
     pub ground: GroundNode,
-    pub bus: Bus,
+    pub bus: SimulatedBus,
     /// When it has ended.
     pub ended_at: Time,
     /// Smallest distance between the middles of two vehicles, metres; infinite for one alone.

@@ -2,13 +2,13 @@
 
 use std::time::Duration;
 
-use crate::ground::station::Note as GroundNote;
-use crate::sim::shown::Shows;
+use crate::ground::station::StationEvent as GroundNote;
+use crate::sim::run_view::Shows;
 use crate::time::Time;
 
 /// How a run goes on, for a progress line.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Status {
+pub struct RunProgress {
     /// Virtual time.
     pub now: Time,
     /// Laps done by all vehicles, over all sweeps.
@@ -20,17 +20,17 @@ pub struct Status {
 }
 
 /// The progress of a run.
-pub(super) struct Progress {
+pub(super) struct ProgressMeter {
     laps_done: usize,
     laps: usize,
     samples: u64,
     shows: Shows,
 }
 
-impl Progress {
+impl ProgressMeter {
     /// Begins at nothing; it is shown every so often, in virtual time.
-    pub fn shown_every(every: Duration) -> Progress {
-        Progress {
+    pub fn shown_every(every: Duration) -> ProgressMeter {
+        ProgressMeter {
             laps_done: 0,
             laps: 0,
             samples: 0,
@@ -68,8 +68,8 @@ impl Progress {
     }
 
     /// Returns how far the run is.
-    pub fn status(&self, now: Time) -> Status {
-        Status {
+    pub fn status(&self, now: Time) -> RunProgress {
+        RunProgress {
             now,
             laps_done: self.laps_done,
             laps: self.laps,
@@ -86,7 +86,7 @@ mod tests {
 
     #[test]
     fn laps_are_those_of_all_sweeps_that_are_still_to_be_driven() {
-        let mut progress = Progress::shown_every(Duration::from_secs(1));
+        let mut progress = ProgressMeter::shown_every(Duration::from_secs(1));
         let planned = |laps| GroundNote::Planned {
             run: RunId(1),
             laps,
@@ -99,7 +99,7 @@ mod tests {
             samples,
         };
         let now = Time::from_secs_f64(4.0);
-        let seen = |progress: &Progress| {
+        let seen = |progress: &ProgressMeter| {
             let status = progress.status(now);
             (status.laps_done, status.laps, status.samples)
         };

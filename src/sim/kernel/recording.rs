@@ -4,19 +4,19 @@ use std::time::Duration;
 
 use super::nodes::Nodes;
 use crate::actor::Fault;
-use crate::sim::entry::Entry;
+use crate::sim::entry::SampleFile;
 use crate::time::Time;
 
 /// Where a recording goes, and when its next segment begins.
 pub(in crate::sim) struct Recording<'a> {
-    record: &'a mut dyn FnMut(Entry),
+    record: &'a mut dyn FnMut(SampleFile),
     every: Duration,
     next_at: Time,
 }
 
 impl<'a> Recording<'a> {
     /// Makes a recording that goes where `record` says; a new segment begins `every` so often.
-    pub fn to(record: &'a mut dyn FnMut(Entry), every: Duration) -> Recording<'a> {
+    pub fn to(record: &'a mut dyn FnMut(SampleFile), every: Duration) -> Recording<'a> {
         Recording {
             record,
             every,
@@ -40,7 +40,7 @@ impl<'a> Recording<'a> {
     /// As for [`Recording::begin`].
     pub(super) fn hand_out(&mut self, now: Time, nodes: &mut Nodes) -> Result<(), Fault> {
         nodes.steps(|node, steps| {
-            let entries = steps.into_iter().map(|step| Entry::Step(node, step));
+            let entries = steps.into_iter().map(|step| SampleFile::Step(node, step));
             entries.for_each(&mut *self.record);
         });
         let is_due = now >= self.next_at;
@@ -48,7 +48,7 @@ impl<'a> Recording<'a> {
             self.next_at = now + self.every;
         }
         let written = nodes.snapshots(is_due, |node, snapshots| {
-            (self.record)(Entry::Segment {
+            (self.record)(SampleFile::Segment {
                 node,
                 now,
                 snapshots,

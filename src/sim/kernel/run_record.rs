@@ -8,7 +8,7 @@ use crate::ground::imager::Picture;
 use crate::sim::body::BodyState;
 use crate::sim::environment::DeviceCounts;
 use crate::sim::log::{Log, image_hash};
-use crate::sim::outcome::{Counts, Recorded};
+use crate::sim::outcome::{Recorded, RunCounts};
 use crate::sim::world::Collision;
 use crate::time::Time;
 use crate::tomo::Peak;
@@ -19,7 +19,7 @@ const TRACK_STEP_M: f64 = 0.05;
 /// The record of a run.
 pub(super) struct RunRecord {
     log: Log,
-    counts: Counts,
+    counts: RunCounts,
     tracks: Vec<(VehicleId, Vec<Point>)>,
     pictures: Vec<Picture>,
     failure: Option<String>,
@@ -30,7 +30,7 @@ impl RunRecord {
     pub fn new(vehicles: impl Iterator<Item = VehicleId>) -> RunRecord {
         RunRecord {
             log: Log::default(),
-            counts: Counts::default(),
+            counts: RunCounts::default(),
             tracks: vehicles.map(|id| (id, Vec::new())).collect(),
             pictures: Vec::new(),
             failure: None,
@@ -135,7 +135,7 @@ impl RunRecord {
     pub fn close(self, devices: DeviceCounts) -> Recorded {
         Recorded {
             log: self.log,
-            counts: Counts {
+            counts: RunCounts {
                 scans: devices.scans,
                 beacons_heard: devices.beacons_heard,
                 collided_beacons: devices.collided_beacons,

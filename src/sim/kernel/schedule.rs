@@ -5,8 +5,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use super::nodes::NodePlace;
-use crate::sim::bus::{Frame, NodeId};
-use crate::sim::faults::Turn;
+use crate::sim::bus::{BusFrame, NodeId};
+use crate::sim::faults::FaultTurn;
 use crate::sim::noise::Noise;
 use crate::sim::queue::EventQueue;
 use crate::time::Time;
@@ -29,9 +29,9 @@ pub(super) enum Event {
     Environment,
     Deliver {
         to: NodeId,
-        frame: Arc<Frame>,
+        frame: Arc<BusFrame>,
     },
-    Fault(Turn),
+    Fault(FaultTurn),
     /// The operators join the bus.
     OperatorsBegin,
 }
@@ -144,7 +144,7 @@ mod tests {
 
     #[test]
     fn what_concerns_an_operator_alone_is_known() {
-        let frame = Arc::new(Frame::of_bytes(NodeId::Ground, &[]));
+        let frame = Arc::new(BusFrame::of_bytes(NodeId::Ground, &[]));
         let operator = NodeId::Operator(tomoswarm_proto::OperatorId(1));
         for (to, expected) in [(operator, true), (NodeId::Ground, false)] {
             let frame = frame.clone();

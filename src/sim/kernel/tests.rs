@@ -9,21 +9,21 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use tomoswarm_proto::{
-    Control, Lease, Mode as StateMode, OperatorId, Order, OrderKind, Revision, RunId, Sender,
-    StandReason, VehicleId,
+    Control, Lease, OperatorId, Order, OrderKind, Revision, RunId, Sender, StandReason, VehicleId,
+    VehicleMode as StateMode,
 };
 
 use super::*;
-use crate::autopilot::{Command, Mode, NumberedCommand};
+use crate::autopilot::{Command, FlightMode, NumberedCommand};
 use crate::config;
 use crate::geom::Point;
 use crate::operator::fleet_view::FleetView;
 use crate::operator::operator_actor::OperatorSettings;
+use crate::operator::order_goal::OrderGoal;
 use crate::operator::script as operator_script;
 use crate::operator::script::Condition;
-use crate::operator::want::Want;
 use crate::sim::operator_script::SCENARIO_OPERATOR;
-use crate::sim::{Outcome, Scenario};
+use crate::sim::{RunOutcome, Scenario};
 
 const SIM: &str = "kind = \"sim\"\nvenue = \"venue.toml\"\nscene = \"scene.toml\"\nuntil_s = 12.0
 [vehicles]\nmax_speed_mps = 1.0\nacceleration_mps2 = 5.0\nbraking_mps2 = 5.0
@@ -61,7 +61,7 @@ fn drive(kernel: &mut Kernel, vehicle: usize, to: Point) {
 
 /// Runs until a second, or to the end.
 fn run(kernel: &mut Kernel, until_s: f64) {
-    let mut watch = |shown: &Shown<'_>| shown.status.now.as_secs_f64() < until_s;
+    let mut watch = |shown: &RunView<'_>| shown.status.now.as_secs_f64() < until_s;
     kernel.run(&mut watch, None).unwrap();
 }
 
@@ -111,7 +111,7 @@ fn a_rover_whose_software_has_died_stops_two_seconds_later() {
 fn a_person_who_takes_over_by_remote_control_is_left_alone_until_a_start() {
     let scenario = scenario("");
     let starts = vec![
-        operator_script::Step::Delay(Duration::from_secs(7)),
+        operator_script::ScriptStep::Delay(Duration::from_secs(7)),
         want(OrderKind::Start, true),
     ];
     let mut parts = scenario.parts().unwrap();
@@ -128,8 +128,11 @@ fn a_person_who_takes_over_by_remote_control_is_left_alone_until_a_start() {
         let known = kernel.environment.environment().known(1, now);
         (state.control, state.stands_under, known.mode)
     };
-    assert_eq!(shown(&mut kernel), (Control::Ours, None, Mode::Guided));
-    let (now, manual) = (kernel.schedule.now(), Command::Mode(Mode::Manual));
+    assert_eq!(
+        shown(&mut kernel),
+        (Control::Ours, None, FlightMode::Guided)
+    );
+    let (now, manual) = (kernel.schedule.now(), Command::Mode(FlightMode::Manual));
     kernel
         .environment
         .environment()
@@ -137,7 +140,11 @@ fn a_person_who_takes_over_by_remote_control_is_left_alone_until_a_start() {
     run(&mut kernel, 6.5);
     assert_eq!(
         shown(&mut kernel),
-        (Control::Remote, Some(StandReason::Remote), Mode::Manual)
+        (
+            Control::Remote,
+            Some(StandReason::Remote),
+            FlightMode::Manual
+        )
     );
     assert!(
         kernel
@@ -146,25 +153,28 @@ fn a_person_who_takes_over_by_remote_control_is_left_alone_until_a_start() {
             .contains("vehicle 2 autopilot: TakenOver(Manual)")
     );
     run(&mut kernel, 9.0);
-    assert_eq!(shown(&mut kernel), (Control::Ours, None, Mode::Guided));
+    assert_eq!(
+        shown(&mut kernel),
+        (Control::Ours, None, FlightMode::Guided)
+    );
 }
 
 /// An operator of this number, and what it does; without steps it only looks.
 fn operator(
     scenario: &Scenario,
     number: u8,
-    steps: Vec<operator_script::Step>,
+    steps: Vec<operator_script::ScriptStep>,
 ) -> SimulatedOperator {
     let (id, greets) = (OperatorId(number), !steps.is_empty());
     let settings = crate::sim::operator_script::settings(scenario.sim(), id, u64::from(number) + 7);
     SimulatedOperator::new(id, OperatorSettings { greets, ..settings }, steps)
 }
 
-fn want(kind: OrderKind, take_over: bool) -> operator_script::Step {
+fn want(kind: OrderKind, take_over: bool) -> operator_script::ScriptStep {
     let (vehicles, within) = (BTreeSet::new(), Duration::from_secs(60));
-    operator_script::Step::Want(Want {
+    operator_script::ScriptStep::Want(OrderGoal {
         take_over,
-        ..Want::new(kind, vehicles, within)
+        ..OrderGoal::new(kind, vehicles, within)
     })
 }
 
@@ -219,8 +229,8 @@ fn view(operator: &SimulatedOperator) -> &FleetView {
     operator.node().actors().operator.place.actor().view()
 }
 
-fn wait(until: Condition) -> operator_script::Step {
-    operator_script::Step::Wait {
+fn wait(until: Condition) -> operator_script::ScriptStep {
+    operator_script::ScriptStep::Wait {
         until,
         within: Duration::from_secs(60),
     }
@@ -260,7 +270,7 @@ fn an_operator_on_the_simulated_bus_takes_over_and_is_obeyed() {
 }
 
 /// A whole mission with two small rovers, and what else operators do in it.
-fn small(others: impl Fn(&Scenario) -> Vec<SimulatedOperator>) -> Outcome {
+fn small(others: impl Fn(&Scenario) -> Vec<SimulatedOperator>) -> RunOutcome {
     let mut read = |name: &str| {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(name);
         std::fs::read_to_string(path).map_err(|error| error.to_string())
@@ -281,10 +291,10 @@ fn another_operator_takes_over_in_the_middle_of_a_sweep_and_the_mission_ends_as_
     let whole = small(|_| Vec::new());
     let held_for = Duration::from_secs(10);
     let steps = vec![
-        operator_script::Step::Delay(Duration::from_secs(20)),
+        operator_script::ScriptStep::Delay(Duration::from_secs(20)),
         want(OrderKind::Hold, true),
         wait(Condition::InForce),
-        operator_script::Step::Delay(held_for),
+        operator_script::ScriptStep::Delay(held_for),
         want(OrderKind::Start, false),
         wait(Condition::InForce),
     ];
@@ -314,7 +324,7 @@ fn another_operator_takes_over_in_the_middle_of_a_sweep_and_the_mission_ends_as_
 #[test]
 fn what_another_operator_has_stopped_neither_ground_nor_the_first_operator_starts() {
     let steps = vec![
-        operator_script::Step::Delay(Duration::from_secs(20)),
+        operator_script::ScriptStep::Delay(Duration::from_secs(20)),
         want(OrderKind::Hold, true),
     ];
     let stopped = small(|scenario| vec![operator(scenario, 3, steps.clone())]);
@@ -331,7 +341,7 @@ fn a_vehicle_that_is_started_anew_obeys_nothing_below_what_its_disk_has() {
     let scenario =
         scenario("[[fault]]\nkind = \"restart\"\nat_s = 5.0\nuntil_s = 6.0\nvehicles = [2]\n");
     let steps = vec![
-        operator_script::Step::Delay(Duration::from_secs(3)),
+        operator_script::ScriptStep::Delay(Duration::from_secs(3)),
         want(OrderKind::Hold, true),
     ];
     let mut parts = scenario.parts().unwrap();

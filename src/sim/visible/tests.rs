@@ -58,9 +58,9 @@ fn keeping(keep_m: f64) -> Room {
 }
 
 /// A sensor whose cone is a ray.
-fn ray(max_m: f64) -> Sight {
+fn ray(max_m: f64) -> SensorView {
     let incidence_max_rad = 60f64.to_radians();
-    Sight {
+    SensorView {
         height_m: 0.3,
         half_angle_rad: 0.0,
         min_m: 0.02,
@@ -69,7 +69,7 @@ fn ray(max_m: f64) -> Sight {
     }
 }
 
-fn find(posts: &[Post], keep_m: f64, sight: Sight) -> Visible {
+fn find(posts: &[Post], keep_m: f64, sight: SensorView) -> Visible {
     let home = [Point::new(1.0, 1.0)];
     let around = fence(-20.0, -20.0, 20.0, 20.0);
     Visible::find(
@@ -122,7 +122,7 @@ fn places_are_counted_as_far_as_the_body_fits() {
     // 1.0, 1.1, … 5.0 m in both directions, and the home itself.
     assert_eq!(find(&room(), 0.95, ray(1.0)).places, 41 * 41 + 1);
     let (around, home) = (fence(0.0, 0.0, 4.0, 3.0), [Point::new(1.0, 1.0)]);
-    let fenced = Places::reachable(&scene(&[]), &around, &home, &keeping(0.95));
+    let fenced = PlaceIndex::reachable(&scene(&[]), &around, &home, &keeping(0.95));
     assert_eq!(fenced.len(), 21 * 11 + 1);
 }
 
@@ -143,9 +143,9 @@ fn a_gap_is_passed_by_whom_it_lets_through() {
 #[test]
 fn nothing_is_seen_through_a_wall_or_at_a_grazing_angle() {
     let posts = [block(3.0, -5.0, 3.2, 10.0), block(4.0, 0.0, 5.0, 1.0)];
-    let places = Places::along([&[Point::new(1.0, 0.5)][..]].into_iter());
+    let places = PlaceIndex::along([&[Point::new(1.0, 0.5)][..]].into_iter());
     let (scene, sight) = (scene(&posts), ray(20.0));
-    let surface = Surface::of(&scene, 0.3, Lattice::new(CELL_M));
+    let surface = VisibleSurface::of(&scene, 0.3, Lattice::new(CELL_M));
     let seen = surface.seen_from(&scene, &sight, &places, &surface.cells().collect());
     assert!(seen.iter().all(|cell| cell.x == 15), "{seen:?}");
     // 60° off the normal from 2 m: 3.46 m to either side of 0.5 m, points from −2.96 to 3.96 m.
@@ -172,13 +172,13 @@ fn a_surface_behind_something_nearer_in_every_cone_is_not_heard() {
         posts.extend(beside.iter().map(post));
         let (scene, wide) = (
             scene(&posts),
-            Sight {
+            SensorView {
                 half_angle_rad: 15f64.to_radians(),
                 ..ray(4.0)
             },
         );
-        let surface = Surface::of(&scene, 0.3, Lattice::new(CELL_M));
-        let places = Places::along([&[Point::default()][..]].into_iter());
+        let surface = VisibleSurface::of(&scene, 0.3, Lattice::new(CELL_M));
+        let places = PlaceIndex::along([&[Point::default()][..]].into_iter());
         let seen = surface.seen_from(&scene, &wide, &places, &surface.cells().collect());
         seen.iter().any(|cell| cell.x == 15)
     };
@@ -191,7 +191,7 @@ fn a_surface_behind_something_nearer_in_every_cone_is_not_heard() {
 
 #[test]
 fn solids_that_touch_have_no_surface_between_them() {
-    let surface = Surface::of(
+    let surface = VisibleSurface::of(
         &scene(&[block(0.0, 0.0, 1.0, 1.0), block(1.0, 0.0, 2.0, 1.0)]),
         0.3,
         Lattice::new(CELL_M),
@@ -199,7 +199,7 @@ fn solids_that_touch_have_no_surface_between_them() {
     // The ring of 10 × 5 cells.
     assert_eq!(surface.len(), 10 * 5 - 8 * 3);
     assert!(
-        Surface::of(
+        VisibleSurface::of(
             &scene(&[block(0.0, 0.0, 1.0, 1.0)]),
             2.5,
             Lattice::new(CELL_M)
@@ -277,7 +277,7 @@ fn a_track_leaves_no_gap() {
         Point::new(2.0, 0.0),
         Point::new(2.0, 1.0),
     ];
-    let places = Places::along([&corners[..]].into_iter());
+    let places = PlaceIndex::along([&corners[..]].into_iter());
     assert_eq!(places.len(), 31);
-    assert_eq!(Places::along([&[][..]].into_iter()).len(), 0);
+    assert_eq!(PlaceIndex::along([&[][..]].into_iter()).len(), 0);
 }

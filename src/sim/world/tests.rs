@@ -2,12 +2,12 @@
 
 use super::super::range::RangeModel;
 use super::*;
-use crate::autopilot::Mode;
+use crate::autopilot::FlightMode;
 use crate::geom::Rect;
 use crate::scene::{Footprint, Material, Post, SceneParts};
 use crate::sim::radio_field::RadioConstants;
 
-const LIMITS: Limits = Limits {
+const LIMITS: DriveLimits = DriveLimits {
     speed_mps: 1.0,
     acceleration_mps2: 0.5,
     braking_mps2: 1.0,
@@ -19,7 +19,7 @@ pub fn secs(seconds_s: f64) -> Time {
 }
 
 /// A stage with posts of 0.5 m radius, by x and their two ends, on the x axis.
-fn stage(posts: &[(f64, f64, f64)]) -> Stage {
+fn stage(posts: &[(f64, f64, f64)]) -> WorldContents {
     let post = |(x_m, low_m, high_m): &(f64, f64, f64)| Post {
         name: "post".to_owned(),
         footprint: Footprint::Round {
@@ -41,11 +41,16 @@ fn stage(posts: &[(f64, f64, f64)]) -> Stage {
     });
     let scene = scene.unwrap();
     let attenuation = Attenuation::new(&scene, 0.5, 0.125, 30.0);
-    Stage { scene, attenuation }
+    WorldContents { scene, attenuation }
 }
 
 /// Vehicles of 0.25 m radius and 0.3 m height at places on the x axis, facing along it.
-pub fn world(kind: Kind, altitude_m: f64, posts: &[(f64, f64, f64)], places_m: &[f64]) -> World {
+pub fn world(
+    kind: VehicleKind,
+    altitude_m: f64,
+    posts: &[(f64, f64, f64)],
+    places_m: &[f64],
+) -> World {
     let build = Build {
         radius_m: 0.25,
         height_m: 0.3,
@@ -92,7 +97,7 @@ pub fn drive(x_m: f64) -> Command {
     }
 }
 
-const LANDS: Command = Command::Mode(Mode::Land);
+const LANDS: Command = Command::Mode(FlightMode::Land);
 
 /// Lets a vehicle obey; returns the contacts that it leads to.
 fn obeys(world: &mut World, vehicle: usize, now: Time, command: &Command) -> Vec<PredictedContact> {
@@ -127,7 +132,7 @@ fn run(
 #[test]
 fn who_flies_over_a_post_does_not_touch_it_and_who_flies_lower_does() {
     for (altitude_m, touches) in [(1.5, false), (0.99, false), (0.97, true), (0.5, true)] {
-        let mut world = world(Kind::Copter, altitude_m, &[(5.0, 0.0, 1.0)], &[0.0]);
+        let mut world = world(VehicleKind::Copter, altitude_m, &[(5.0, 0.0, 1.0)], &[0.0]);
         let foreseen = obeys(&mut world, 0, Time::ZERO, &drive(10.0));
         let collision = run(&mut world, foreseen, Time::ZERO, secs(20.0));
         assert_eq!(collision.is_some(), touches, "at {altitude_m} m");
@@ -153,7 +158,7 @@ fn who_flies_over_a_post_does_not_touch_it_and_who_flies_lower_does() {
 
 #[test]
 fn who_flies_under_something_does_not_touch_it() {
-    let mut world = world(Kind::Copter, 0.5, &[(5.0, 0.81, 2.0)], &[0.0]);
+    let mut world = world(VehicleKind::Copter, 0.5, &[(5.0, 0.81, 2.0)], &[0.0]);
     let foreseen = obeys(&mut world, 0, Time::ZERO, &drive(10.0));
     assert_eq!(run(&mut world, foreseen, Time::ZERO, secs(20.0)), None);
 }
@@ -161,7 +166,7 @@ fn who_flies_under_something_does_not_touch_it() {
 #[test]
 fn who_comes_down_on_something_touches_it_even_after_a_stage_that_nobody_commanded() {
     // From 12 m it sinks to 10 m at 1 m/s, and from there at 0.5 m/s onto a post of 1 m; its foot is 2 cm higher.
-    let mut world = world(Kind::Copter, 12.0, &[(0.0, 0.0, 1.0)], &[0.0]);
+    let mut world = world(VehicleKind::Copter, 12.0, &[(0.0, 0.0, 1.0)], &[0.0]);
     let foreseen = obeys(&mut world, 0, secs(1.0), &LANDS);
     assert_eq!(foreseen, [], "the slow part has not begun");
     let collision = run(&mut world, foreseen, secs(1.0), secs(60.0)).unwrap();
@@ -174,12 +179,15 @@ fn who_comes_down_on_something_touches_it_even_after_a_stage_that_nobody_command
 
 #[test]
 fn a_copter_that_has_landed_is_disarmed_and_takes_off_before_it_flies_again() {
-    let mut world = world(Kind::Copter, 2.0, &[], &[0.0]);
+    let mut world = world(VehicleKind::Copter, 2.0, &[], &[0.0]);
     obeys(&mut world, 0, secs(1.0), &LANDS);
     assert_eq!(run(&mut world, Vec::new(), secs(1.0), secs(8.0)), None);
     let down = world.report(0, secs(8.0));
     assert_eq!((down.is_armed, down.motion), (false, Motion::Resting));
-    for command in [Command::Mode(Mode::Guided), Command::Arm { force: false }] {
+    for command in [
+        Command::Mode(FlightMode::Guided),
+        Command::Arm { force: false },
+    ] {
         obeys(&mut world, 0, secs(9.0), &command);
     }
     assert_eq!(
@@ -228,7 +236,7 @@ fn a_copter_that_has_landed_is_disarmed_and_takes_off_before_it_flies_again() {
 
 #[test]
 fn two_copters_meet_at_one_altitude_and_one_passes_over_another_that_has_landed() {
-    let mut both = world(Kind::Copter, 2.0, &[], &[0.0, 6.0]);
+    let mut both = world(VehicleKind::Copter, 2.0, &[], &[0.0, 6.0]);
     let foreseen = obeys(&mut both, 0, secs(1.0), &drive(12.0));
     let collision = run(&mut both, foreseen, secs(1.0), secs(20.0)).unwrap();
     assert_eq!(
@@ -236,7 +244,7 @@ fn two_copters_meet_at_one_altitude_and_one_passes_over_another_that_has_landed(
         (VehicleId(1), Some(VehicleId(2)))
     );
     assert!((collision.place.x_m - 5.5).abs() < 2e-3, "{collision:?}");
-    let mut over = world(Kind::Copter, 2.0, &[], &[0.0, 6.0]);
+    let mut over = world(VehicleKind::Copter, 2.0, &[], &[0.0, 6.0]);
     obeys(&mut over, 1, secs(1.0), &LANDS);
     run(&mut over, Vec::new(), secs(1.0), secs(8.0));
     let foreseen = obeys(&mut over, 0, secs(8.0), &drive(12.0));
@@ -256,7 +264,7 @@ fn two_copters_meet_at_one_altitude_and_one_passes_over_another_that_has_landed(
 
 #[test]
 fn rovers_touch_as_they_always_did() {
-    let mut world = world(Kind::Rover, 5.0, &[(5.0, 0.1, 1.0)], &[0.0, 20.0]);
+    let mut world = world(VehicleKind::Rover, 5.0, &[(5.0, 0.1, 1.0)], &[0.0, 20.0]);
     let foreseen = obeys(&mut world, 0, Time::ZERO, &drive(10.0));
     let [touch] = foreseen[..] else {
         panic!("{foreseen:?}")
@@ -270,7 +278,7 @@ fn rovers_touch_as_they_always_did() {
 #[test]
 fn a_sensor_in_the_air_looks_over_what_is_low() {
     let range_m = |altitude_m: f64| {
-        world(Kind::Copter, altitude_m, &[(3.0, 0.0, 1.0)], &[0.0]).range_m(
+        world(VehicleKind::Copter, altitude_m, &[(3.0, 0.0, 1.0)], &[0.0]).range_m(
             0,
             secs(1.0),
             Angle::default(),
@@ -287,7 +295,7 @@ fn without_satellites_the_believed_place_strays_and_its_deviation_says_so() {
         from: secs(10.0),
         until: secs(40.0),
     };
-    let mut world = world(Kind::Rover, 0.0, &[], &[]);
+    let mut world = world(VehicleKind::Rover, 0.0, &[], &[]);
     world.build.pose_sd_m = 0.05;
     let mut world = world.with_outages(vec![(VehicleId(2), outage)], 0.1);
     for (id, x_m) in [(1, 0.0), (2, 5.0)] {

@@ -18,8 +18,8 @@ fn stop(number: u32) -> EmergencyStop {
     }
 }
 
-fn standing(open: &[u32], lifted: &[u32]) -> Standing {
-    Standing {
+fn standing(open: &[u32], lifted: &[u32]) -> OpenStops {
+    OpenStops {
         open: open.iter().map(|number| stop(*number)).collect(),
         lifted: lifted.iter().map(|number| name(*number)).collect(),
     }
@@ -76,7 +76,7 @@ fn a_stop_is_told_the_node_first_then_everyone_then_the_disk() {
             Out::Open(known.open.clone()),
             Out::Publish(known.clone()),
             Out::Remember(known.clone()),
-            Out::Remark(Remark::Opened(stop(1), OPERATOR)),
+            Out::StopEvent(StopEvent::Opened(stop(1), OPERATOR)),
         ]
     );
     assert_eq!(
@@ -133,7 +133,7 @@ fn what_the_disk_has_kept_is_open_from_the_beginning() {
     let out = tell(&mut stops, at(1.0), In::Order(OPERATOR, start(3, &[3])));
     assert_eq!(
         out,
-        [Out::Remark(Remark::LowerLease(lease(4)))],
+        [Out::StopEvent(StopEvent::LowerLease(lease(4)))],
         "it has followed a higher lease"
     );
 }
@@ -198,7 +198,10 @@ fn a_lease_far_above_the_highest_heard_does_not_keep_stops_from_being_lifted() {
         In::Standing(OPERATOR, standing(&[1], &[])),
     );
     let forged = tell(&mut stops, at(1.0), In::Lease(lease(u32::MAX)));
-    assert_eq!(forged, [Out::Remark(Remark::LeaseTooHigh(lease(u32::MAX)))]);
+    assert_eq!(
+        forged,
+        [Out::StopEvent(StopEvent::LeaseTooHigh(lease(u32::MAX)))]
+    );
     assert_eq!(
         open(&tell(
             &mut stops,

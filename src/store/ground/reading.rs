@@ -20,7 +20,7 @@ const BATCH: usize = 4096;
 
 /// All that a ground station needs to go on where it was.
 #[derive(Clone, PartialEq, Debug, Default)]
-pub struct Restored {
+pub struct RestoredStore {
     /// The store's id.
     pub store: u64,
     /// What the station remembered; `None` when there is nothing, or nothing that this version can read.
@@ -115,7 +115,7 @@ impl GroundStore {
     ///
     /// # Errors
     /// The file cannot be read.
-    pub fn resume(&self) -> Result<Restored, StoreError> {
+    pub fn resume(&self) -> Result<RestoredStore, StoreError> {
         let memory: Option<(String, Vec<u8>)> = self.read(|store| {
             let query = "SELECT version, blob FROM memory";
             store
@@ -159,7 +159,7 @@ impl GroundStore {
                 .query_row("SELECT count(*) FROM images", [], |row| row.get(0))
         })?;
         let (tiles, runs) = (self.tiles()?, self.runs()?);
-        Ok(Restored {
+        Ok(RestoredStore {
             store: self.id,
             memory,
             foreign_memory,

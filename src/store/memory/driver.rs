@@ -11,7 +11,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use super::file::MemoryFile;
-use crate::node::{Event, Memory, Remembered};
+use crate::node::{Event, Remembered, VehicleMemory};
 
 /// A disk in trouble is tried again this often.
 const RETRY: Duration = Duration::from_secs(1);
@@ -19,7 +19,7 @@ const RETRY: Duration = Duration::from_secs(1);
 /// A vehicle's memory on a thread of its own; it ends, and tries a last time to write what it has, when it is dropped.
 #[derive(Debug)]
 pub struct MemoryDriver {
-    wanted: Option<Sender<Memory>>,
+    wanted: Option<Sender<VehicleMemory>>,
     trouble: Arc<Mutex<Option<String>>>,
     thread: Option<JoinHandle<()>>,
 }
@@ -31,7 +31,7 @@ impl MemoryDriver {
     /// No thread can be started.
     pub fn start(
         file: MemoryFile,
-        known: Memory,
+        known: VehicleMemory,
         tell: impl FnMut(Event) + Send + 'static,
     ) -> io::Result<MemoryDriver> {
         let (sender, receiver) = channel();
@@ -57,7 +57,7 @@ impl MemoryDriver {
     }
 
     /// Remembers this as well; how it stands then is told.
-    pub fn remember(&self, memory: Memory) {
+    pub fn remember(&self, memory: VehicleMemory) {
         // The thread lives as long as this, unless it panicked: then nothing is told, and no start is obeyed.
         let _ = self.wanted.as_ref().map(|wanted| wanted.send(memory));
     }
@@ -89,11 +89,11 @@ struct Writer<T> {
 }
 
 impl<T: FnMut(Event)> Writer<T> {
-    fn run(mut self, wanted: &Receiver<Memory>) {
+    fn run(mut self, wanted: &Receiver<VehicleMemory>) {
         loop {
             match wanted.recv_timeout(RETRY) {
                 Ok(memory) => {
-                    let more = wanted.try_iter().fold(memory, Memory::join);
+                    let more = wanted.try_iter().fold(memory, VehicleMemory::join);
                     self.state.tried = self.state.tried.join(more);
                     self.write();
                     (self.tell)(Event::Remembered(self.state));
@@ -183,7 +183,7 @@ mod tests {
         let told = next(&events);
         assert_eq!(
             (told.on_disk, told.tried),
-            (Memory::default(), memory(5, 7))
+            (VehicleMemory::default(), memory(5, 7))
         );
         let trouble = driver.trouble().unwrap();
         assert!(

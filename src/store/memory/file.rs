@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 
 use tomoswarm_proto::{Lease, Revision, RunId};
 
-use crate::node::Memory;
+use crate::node::VehicleMemory;
 use crate::node::memory::OrderEdition;
 use crate::store::checked_file::{CheckedFile, CheckedFileError};
 use crate::store::replace;
@@ -50,7 +50,7 @@ impl MemoryFile {
     ///
     /// # Errors
     /// It cannot be read, or is not what was written.
-    pub fn read(&self) -> Result<Memory, CheckedFileError> {
+    pub fn read(&self) -> Result<VehicleMemory, CheckedFileError> {
         Ok(FILE.read(&self.path, parse)?.unwrap_or_default())
     }
 
@@ -58,13 +58,13 @@ impl MemoryFile {
     ///
     /// # Errors
     /// The system does not let it be written.
-    pub fn write(&self, memory: &Memory) -> io::Result<()> {
+    pub fn write(&self, memory: &VehicleMemory) -> io::Result<()> {
         replace(&self.path, &text(memory))
     }
 }
 
-fn text(memory: &Memory) -> String {
-    let Memory {
+fn text(memory: &VehicleMemory) -> String {
+    let VehicleMemory {
         ordered: OrderEdition {
             lease,
             revision,
@@ -78,12 +78,12 @@ fn text(memory: &Memory) -> String {
     ))
 }
 
-fn parse(lines: &str) -> Result<Memory, String> {
+fn parse(lines: &str) -> Result<VehicleMemory, String> {
     content(lines).ok_or_else(|| "its lines are not those of version 1".to_owned())
 }
 
 /// Reads the lines of version 1.
-fn content(lines: &str) -> Option<Memory> {
+fn content(lines: &str) -> Option<VehicleMemory> {
     let (ordered, planned) = lines.split_once('\n')?;
     let [number, holder, revision, run] = numbers(
         ordered.strip_prefix("ordered ")?,
@@ -102,7 +102,7 @@ fn content(lines: &str) -> Option<Memory> {
         number: u32::try_from(number).ok()?,
         holder,
     };
-    Some(Memory {
+    Some(VehicleMemory {
         ordered: order,
         planned,
     })
@@ -128,7 +128,7 @@ pub(super) mod tests {
     use crate::store::durable::beside;
     use proptest::prelude::*;
 
-    pub fn memory(number: u32, revision: u32) -> Memory {
+    pub fn memory(number: u32, revision: u32) -> VehicleMemory {
         let lease = Lease {
             number,
             holder: 0x0123_4567_89ab_cdef,
@@ -138,7 +138,7 @@ pub(super) mod tests {
             revision: Revision(revision),
             run: RunId(2),
         };
-        Memory {
+        VehicleMemory {
             ordered,
             planned: Lease {
                 number: 4,
@@ -156,7 +156,7 @@ pub(super) mod tests {
     #[test]
     fn a_folder_of_before_has_obeyed_nothing_and_what_is_written_is_read() {
         let (_folder, file) = file();
-        assert_eq!(file.read().unwrap(), Memory::default());
+        assert_eq!(file.read().unwrap(), VehicleMemory::default());
         for (number, revision) in [(5, 7), (5, 8), (u32::MAX, u32::MAX)] {
             file.write(&memory(number, revision)).unwrap();
             assert_eq!(file.read().unwrap(), memory(number, revision));
@@ -171,7 +171,7 @@ pub(super) mod tests {
         ) {
             let lease = Lease { number: ordered.0, holder: ordered.1 };
             let ordered = OrderEdition { lease, revision: Revision(ordered.2), run: RunId(ordered.3) };
-            let memory = Memory { ordered, planned: Lease { number: planned.0, holder: planned.1 } };
+            let memory = VehicleMemory { ordered, planned: Lease { number: planned.0, holder: planned.1 } };
             prop_assert_eq!(FILE.open(text(&memory).as_bytes()).map(parse), Ok(Ok(memory)));
         }
     }

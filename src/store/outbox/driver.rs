@@ -16,7 +16,7 @@ use tomoswarm_proto::{Boot, RunId, Sample, VehicleId};
 
 use super::file::OutboxFile;
 use crate::node::Event;
-use crate::node::outbox::{CHUNK, Dropped, Place, Recalled};
+use crate::node::outbox::{CHUNK, DroppedSamples, Recalled, SampleKey};
 use crate::store::StoreError;
 
 /// Samples are written at least this often.
@@ -58,16 +58,16 @@ pub struct OutboxHealth {
 
 /// What the thread is asked for.
 #[derive(Debug)]
-enum Wanted {
+enum OutboxJob {
     Keep(RunId, Sample),
     Forget(Boot, RunId, u64),
-    Recall(Option<Place>),
+    Recall(Option<SampleKey>),
 }
 
 /// A vehicle's outbox on a thread of its own; it ends, and writes what it has, when it is dropped.
 #[derive(Debug)]
 pub struct OutboxDriver {
-    wanted: Option<SyncSender<Wanted>>,
+    wanted: Option<SyncSender<OutboxJob>>,
     health: Arc<Mutex<OutboxHealth>>,
     thread: Option<JoinHandle<()>>,
 }
@@ -103,17 +103,17 @@ impl OutboxDriver {
 
     /// Keeps a sample of the present boot; it is told as `Kept`.
     pub fn keep(&self, run: RunId, sample: Sample) {
-        self.want(Wanted::Keep(run, sample));
+        self.want(OutboxJob::Keep(run, sample));
     }
 
     /// Forgets what the ground has of a closed run.
     pub fn forget(&self, boot: Boot, run: RunId, below: u64) {
-        self.want(Wanted::Forget(boot, run, below));
+        self.want(OutboxJob::Forget(boot, run, below));
     }
 
     /// Tells what is kept after a place, or the first of it, as one `Recalled`.
-    pub fn recall(&self, after: Option<Place>) {
-        self.want(Wanted::Recall(after));
+    pub fn recall(&self, after: Option<SampleKey>) {
+        self.want(OutboxJob::Recall(after));
     }
 
     /// Returns how it fares.
@@ -121,13 +121,13 @@ impl OutboxDriver {
         lock(&self.health).clone()
     }
 
-    fn want(&self, wanted: Wanted) {
+    fn want(&self, wanted: OutboxJob) {
         let Some(sender) = &self.wanted else { return };
         match sender.try_send(wanted) {
             Ok(()) => {}
             // The actors ask again for what was not answered; only a sample is gone.
             Err(TrySendError::Full(wanted) | TrySendError::Disconnected(wanted)) => {
-                lock(&self.health).overrun += u64::from(matches!(wanted, Wanted::Keep(..)));
+                lock(&self.health).overrun += u64::from(matches!(wanted, OutboxJob::Keep(..)));
             }
         }
     }
@@ -150,23 +150,23 @@ struct Writer {
     settings: OutboxSettings,
     file: Option<OutboxFile>,
     /// What is not on disk yet.
-    memory: BTreeMap<Place, Sample>,
+    memory: BTreeMap<SampleKey, Sample>,
     retry_at: Instant,
     health: Arc<Mutex<OutboxHealth>>,
     tell: Box<dyn FnMut(Event) + Send>,
 }
 
 impl Writer {
-    fn run(mut self, wanted: &Receiver<Wanted>) {
+    fn run(mut self, wanted: &Receiver<OutboxJob>) {
         self.open();
         loop {
             let mut group = Vec::new();
             let (other, is_over) = collect(wanted, &mut group);
             self.keep(group);
             match other {
-                Some(Wanted::Keep(run, sample)) => self.keep(vec![(run, sample)]),
-                Some(Wanted::Forget(boot, run, below)) => self.forget(boot, run, below),
-                Some(Wanted::Recall(after)) => self.recall(after),
+                Some(OutboxJob::Keep(run, sample)) => self.keep(vec![(run, sample)]),
+                Some(OutboxJob::Forget(boot, run, below)) => self.forget(boot, run, below),
+                Some(OutboxJob::Recall(after)) => self.recall(after),
                 None => {}
             }
             if is_over {
@@ -200,7 +200,7 @@ impl Writer {
         let boot = self.settings.boot;
         for (run, sample) in &group {
             self.memory.insert(
-                Place {
+                SampleKey {
                     boot,
                     run: *run,
                     sequence: sample.sequence,
@@ -210,7 +210,7 @@ impl Writer {
         }
         self.write();
         for (run, sample) in group {
-            (self.tell)(Event::Kept(boot, run, sample));
+            (self.tell)(Event::SampleStored(boot, run, sample));
         }
         self.bound();
         lock(&self.health).not_durable = self.memory.len() as u64;
@@ -261,7 +261,7 @@ impl Writer {
             let Some((first, _)) = self.memory.pop_first() else {
                 return;
             };
-            (self.tell)(Event::Dropped(Dropped {
+            (self.tell)(Event::Dropped(DroppedSamples {
                 first,
                 below: first.sequence.saturating_add(1),
             }));
@@ -279,7 +279,7 @@ impl Writer {
 
     /// Tells what is kept after a place, on disk and in memory; when the disk cannot be read there is no answer, and it
     /// is asked again: what is in memory is not all.
-    fn recall(&mut self, after: Option<Place>) {
+    fn recall(&mut self, after: Option<SampleKey>) {
         if self.file.is_none() && Instant::now() >= self.retry_at {
             self.open();
         }
@@ -288,11 +288,11 @@ impl Writer {
             Ok(samples) => samples,
             Err(error) => return self.trouble(&error),
         };
-        let mut all: BTreeMap<Place, Sample> = on_disk
+        let mut all: BTreeMap<SampleKey, Sample> = on_disk
             .into_iter()
             .map(|(boot, run, sample)| {
                 (
-                    Place {
+                    SampleKey {
                         boot,
                         run,
                         sequence: sample.sequence,
@@ -317,14 +317,17 @@ impl Writer {
 }
 
 /// Waits for a group of samples; returns what else was wanted, and whether nobody wants anything any more.
-fn collect(wanted: &Receiver<Wanted>, group: &mut Vec<(RunId, Sample)>) -> (Option<Wanted>, bool) {
+fn collect(
+    wanted: &Receiver<OutboxJob>,
+    group: &mut Vec<(RunId, Sample)>,
+) -> (Option<OutboxJob>, bool) {
     let mut until = None;
     while group.len() < GROUP_MOST {
         let wait = until.map_or(RETRY, |until: Instant| {
             until.saturating_duration_since(Instant::now())
         });
         match wanted.recv_timeout(wait) {
-            Ok(Wanted::Keep(run, sample)) => group.push((run, sample)),
+            Ok(OutboxJob::Keep(run, sample)) => group.push((run, sample)),
             Ok(other) => return (Some(other), false),
             Err(RecvTimeoutError::Timeout) => break,
             Err(RecvTimeoutError::Disconnected) => return (None, true),
@@ -360,7 +363,7 @@ mod tests {
     /// Returns the sequences of the next so many samples kept.
     fn kept(events: &Receiver<Event>, count: usize) -> Vec<u64> {
         let sequence = |event| match event {
-            Event::Kept(Boot(5), RunId(1), sample) => sample.sequence,
+            Event::SampleStored(Boot(5), RunId(1), sample) => sample.sequence,
             other => panic!("{other:?}"),
         };
         (0..count).map(|_| sequence(next(events))).collect()
@@ -369,7 +372,7 @@ mod tests {
     fn recalled(
         driver: &OutboxDriver,
         events: &Receiver<Event>,
-        after: Option<Place>,
+        after: Option<SampleKey>,
     ) -> (Vec<u64>, bool) {
         driver.recall(after);
         match next(events) {
@@ -396,7 +399,7 @@ mod tests {
         let (driver, events) = start(&path);
         let (first, is_end) = recalled(&driver, &events, None);
         assert_eq!((first.len(), is_end), (CHUNK, false));
-        let place = Place {
+        let place = SampleKey {
             boot: Boot(5),
             run: RunId(1),
             sequence: *first.last().unwrap(),
@@ -453,7 +456,7 @@ mod tests {
             if sequence % 1000 == 999 {
                 while told < sequence + 1 {
                     match next(&events) {
-                        Event::Kept(..) => told += 1,
+                        Event::SampleStored(..) => told += 1,
                         Event::Dropped(range) => dropped += range.below - range.first.sequence,
                         other => panic!("{other:?}"),
                     }

@@ -10,7 +10,7 @@ use std::time::{Duration, SystemTime};
 use rusqlite::{Connection, Transaction, params};
 use tomoswarm_proto::{Boot, RunId, Sample, VehicleId};
 
-use crate::node::outbox::{Dropped, Place};
+use crate::node::outbox::{DroppedSamples, SampleKey};
 use crate::store::{StoreError, sample_row};
 
 /// Marks the file as an outbox ("tSob").
@@ -169,7 +169,7 @@ impl OutboxFile {
     pub fn append(
         &mut self,
         samples: &[(Boot, RunId, Sample)],
-    ) -> Result<Vec<Dropped>, StoreError> {
+    ) -> Result<Vec<DroppedSamples>, StoreError> {
         let (path, most_bytes) = (self.path.clone(), self.most_bytes);
         let mut append = || {
             let transaction = self.connection.transaction()?;
@@ -200,7 +200,7 @@ impl OutboxFile {
     /// The file cannot be read.
     pub fn after(
         &self,
-        place: Option<Place>,
+        place: Option<SampleKey>,
         most: usize,
     ) -> Result<Vec<(Boot, RunId, Sample)>, StoreError> {
         let read = || {
@@ -252,8 +252,8 @@ fn insert(transaction: &Transaction, samples: &[(Boot, RunId, Sample)]) -> rusql
 }
 
 /// Deletes the oldest samples while the file is over its cap; returns which.
-fn make_room(transaction: &Transaction, most_bytes: u64) -> rusqlite::Result<Vec<Dropped>> {
-    let mut dropped: Vec<Dropped> = Vec::new();
+fn make_room(transaction: &Transaction, most_bytes: u64) -> rusqlite::Result<Vec<DroppedSamples>> {
+    let mut dropped: Vec<DroppedSamples> = Vec::new();
     while used_bytes(transaction)? > most_bytes {
         let mut statement = transaction.prepare_cached(
             "DELETE FROM samples WHERE (boot, run, sequence) IN
@@ -262,25 +262,25 @@ fn make_room(transaction: &Transaction, most_bytes: u64) -> rusqlite::Result<Vec
         )?;
         let rows = statement.query_map([ROOM as i64], |row| {
             let sequence = row.get::<_, i64>(2)?.cast_unsigned();
-            Ok(Place {
+            Ok(SampleKey {
                 boot: Boot(row.get(0)?),
                 run: RunId(row.get(1)?),
                 sequence,
             })
         })?;
-        let mut places = rows.collect::<rusqlite::Result<Vec<Place>>>()?;
+        let mut places = rows.collect::<rusqlite::Result<Vec<SampleKey>>>()?;
         if places.is_empty() {
             break;
         }
         places.sort_unstable();
         for place in places {
-            let source = |dropped: &&mut Dropped| {
+            let source = |dropped: &&mut DroppedSamples| {
                 (dropped.first.boot, dropped.first.run) == (place.boot, place.run)
                     && dropped.below == place.sequence
             };
             match dropped.last_mut().filter(source) {
                 Some(last) => last.below += 1,
-                None => dropped.push(Dropped {
+                None => dropped.push(DroppedSamples {
                     first: place,
                     below: place.sequence.saturating_add(1),
                 }),
@@ -379,7 +379,7 @@ pub(super) mod tests {
         let mut all = Vec::new();
         loop {
             let last: Option<&(Boot, RunId, Sample)> = all.last();
-            let place = last.map(|(boot, run, s)| Place {
+            let place = last.map(|(boot, run, s)| SampleKey {
                 boot: *boot,
                 run: *run,
                 sequence: s.sequence,

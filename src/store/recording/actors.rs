@@ -13,16 +13,16 @@ use crate::operator::OperatorWiring;
 use crate::time::Time;
 
 /// What one step came out as; `None` when as recorded.
-pub(super) type Outcome = Result<Option<(Time, [String; 3])>, MessageError>;
+pub(super) type StepOutcome = Result<Option<(Time, [String; 3])>, MessageError>;
 /// A restored actor, which takes a recorded step again.
-pub(super) type Restored = Box<dyn FnMut(&[u8]) -> Outcome>;
+pub(super) type RestoredActor = Box<dyn FnMut(&[u8]) -> StepOutcome>;
 
 /// Returns an actor restored from a packed snapshot; `None` when such a node has no actor of this name.
 pub(super) fn restore(
     node: &str,
     actor: &str,
     packed: &str,
-) -> Option<Result<Restored, MessageError>> {
+) -> Option<Result<RestoredActor, MessageError>> {
     let mut restore = Restore {
         actor,
         packed,
@@ -60,7 +60,7 @@ where
 struct Restore<'a> {
     actor: &'a str,
     packed: &'a str,
-    restored: Option<Result<Restored, MessageError>>,
+    restored: Option<Result<RestoredActor, MessageError>>,
 }
 
 impl<W: Wiring> Fill<W, Names> for Restore<'_> {
@@ -71,7 +71,7 @@ impl<W: Wiring> Fill<W, Names> for Restore<'_> {
     }
 }
 
-fn restored<A: NodeActor>(packed: &str) -> Result<Restored, MessageError> {
+fn restored<A: NodeActor>(packed: &str) -> Result<RestoredActor, MessageError> {
     let mut actor: A = message::unpacked(packed)?;
     Ok(Box::new(move |recorded| take_again(&mut actor, recorded)))
 }
@@ -89,7 +89,7 @@ impl<W: Wiring> Fill<W, Names> for Write<'_> {
     }
 }
 
-fn take_again<A>(actor: &mut A, recorded: &[u8]) -> Outcome
+fn take_again<A>(actor: &mut A, recorded: &[u8]) -> StepOutcome
 where
     A: Actor,
     A::In: Clone + Serialize + DeserializeOwned,
@@ -130,7 +130,7 @@ fn came_of(step: &Value) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::actor::{Cause, Fault, Step};
+    use crate::actor::{Fault, RecordedStep, StepCause};
     use crate::time::Deadline;
     use serde::Deserialize;
 
@@ -160,9 +160,9 @@ mod tests {
     fn an_actor_with_another_constant_differs_where_it_matters() {
         let recorded = [(1, 0, 6), (2, 3, 12)].map(|(at, input, said)| {
             let now = Time::from_nanos(at);
-            message::of_step(&Step {
+            message::of_step(&RecordedStep {
                 now,
-                cause: Cause::Told(input),
+                cause: StepCause::Told(input),
                 said: vec![said],
                 fault: None,
             })

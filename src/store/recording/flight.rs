@@ -13,7 +13,7 @@ use super::folder;
 use super::message::{self, MessageError};
 use super::schema::Schema;
 use super::segment::{Segment, WriteError};
-use super::view::{Shown, View};
+use super::view::{MessageLine, RecordingView};
 use super::{FORMAT, VERSION};
 use crate::actor::{ActorStep, Snapshot};
 use crate::geom::Lattice;
@@ -21,7 +21,7 @@ use crate::time::Time;
 
 /// What a recording is of.
 #[derive(Clone, Debug)]
-pub struct About {
+pub struct RecordingSubject {
     /// The node as its channels name it: `vehicle/3`, `ground`.
     pub node: String,
     /// The text of its config.
@@ -34,7 +34,7 @@ pub struct About {
 
 /// How large a recording may be.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub struct Limits {
+pub struct RecordingLimits {
     /// All segments together, bytes.
     pub cap_bytes: u64,
     /// One segment, bytes; a quarter of the cap at most.
@@ -43,10 +43,10 @@ pub struct Limits {
     pub segment: Duration,
 }
 
-impl Default for Limits {
+impl Default for RecordingLimits {
     /// 512 MiB in segments of 32 MiB or 5 minutes.
-    fn default() -> Limits {
-        Limits {
+    fn default() -> RecordingLimits {
+        RecordingLimits {
             cap_bytes: 512 << 20,
             segment_bytes: 32 << 20,
             segment: Duration::from_secs(300),
@@ -55,21 +55,21 @@ impl Default for Limits {
 }
 
 /// A recording that is being written.
-pub struct Flight {
+pub struct OpenRecording {
     folder: PathBuf,
-    about: About,
-    limits: Limits,
-    view: View,
+    about: RecordingSubject,
+    limits: RecordingLimits,
+    view: RecordingView,
     /// The newest segment and the one before, by number.
     open: BTreeMap<u64, Segment>,
     last: u64,
 }
 
-impl Flight {
+impl OpenRecording {
     /// Makes a recording in a folder of its own; segments that are there already count against its size.
-    pub fn new(folder: &Path, about: About, limits: Limits) -> Flight {
-        let view = View::new(&about.node, about.lattice);
-        Flight {
+    pub fn new(folder: &Path, about: RecordingSubject, limits: RecordingLimits) -> OpenRecording {
+        let view = RecordingView::new(&about.node, about.lattice);
+        OpenRecording {
             folder: folder.to_owned(),
             about,
             limits,
@@ -149,7 +149,7 @@ impl Flight {
     /// Writes what an actor did, and what people want to see of it.
     ///
     /// # Errors
-    /// As for [`Flight::snapshot`].
+    /// As for [`OpenRecording::snapshot`].
     pub fn step(&mut self, number: u64, step: &ActorStep) -> Result<(), WriteError> {
         let Some(segment) = self.open.get_mut(&number) else {
             return Ok(());
@@ -162,7 +162,7 @@ impl Flight {
             now,
             &text,
         )?;
-        for Shown {
+        for MessageLine {
             topic,
             schema,
             value,
@@ -177,7 +177,7 @@ impl Flight {
     /// is large or old enough for the next one.
     ///
     /// # Errors
-    /// As for [`Flight::snapshot`].
+    /// As for [`OpenRecording::snapshot`].
     pub fn flush(&mut self, now: Time) -> Result<bool, WriteError> {
         let most = self.limits.segment_bytes.min(self.limits.cap_bytes / 4);
         let mut is_full = false;
@@ -192,7 +192,7 @@ impl Flight {
     /// Ends all segments in order.
     ///
     /// # Errors
-    /// As for [`Flight::snapshot`].
+    /// As for [`OpenRecording::snapshot`].
     pub fn end(mut self) -> Result<(), WriteError> {
         while !self.open.is_empty() {
             self.end_oldest()?;

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::codec;
 
 use super::base64;
-use crate::actor::{Cause, Snapshot, Step};
+use crate::actor::{RecordedStep, Snapshot, StepCause};
 use crate::time::Time;
 
 /// Why a message is none.
@@ -30,14 +30,14 @@ pub enum MessageError {
 ///
 /// # Errors
 /// A value that JSON cannot hold, which is a mistake of this program.
-pub fn of_step<I, O>(step: &Step<I, O>) -> Result<String, MessageError>
+pub fn of_step<I, O>(step: &RecordedStep<I, O>) -> Result<String, MessageError>
 where
     I: Serialize + DeserializeOwned,
     O: Serialize,
 {
     let mut text = format!("{{\"now_ns\":{}", step.now.as_nanos());
     match &step.cause {
-        Cause::Told(input) => {
+        StepCause::Told(input) => {
             let told = serde_json::to_string(input)?;
             text += &format!(",\"told\":{told}");
             if told.contains("null") && !is_exact(input, &told) {
@@ -46,7 +46,7 @@ where
                 text += &format!(",\"told_packed\":\"{}\"", base64::encode(&packed));
             }
         }
-        Cause::Woken(why) => text += &format!(",\"woken\":{}", serde_json::to_string(why)?),
+        StepCause::Woken(why) => text += &format!(",\"woken\":{}", serde_json::to_string(why)?),
     }
     text += &format!(",\"said\":{}", serde_json::to_string(&step.said)?);
     if let Some(fault) = &step.fault {
@@ -80,7 +80,7 @@ struct Frame {
 }
 
 #[derive(Deserialize)]
-struct Told<I> {
+struct RecordedInput<I> {
     told: I,
 }
 
@@ -100,7 +100,7 @@ pub fn read_step<I: DeserializeOwned>(json: &[u8]) -> Result<Recorded<I>, Messag
     if frame.told.is_none() && frame.woken.is_some() {
         return Ok(Recorded { now, told: None });
     }
-    let Told { told } = serde_json::from_slice(json)?;
+    let RecordedInput { told } = serde_json::from_slice(json)?;
     Ok(Recorded {
         now,
         told: Some(told),
@@ -118,7 +118,7 @@ pub fn unpacked<T: DeserializeOwned>(text: &str) -> Result<T, MessageError> {
 
 /// A snapshot as JSON.
 #[derive(Serialize, Deserialize)]
-pub struct Kept {
+pub struct SnapshotMessage {
     /// When it was taken.
     pub now_ns: u64,
     /// What [`codec::pack`] made of the actor, in base64.
@@ -130,7 +130,7 @@ pub struct Kept {
 /// # Errors
 /// None that is not a mistake of this program.
 pub fn of_snapshot(now: Time, snapshot: &Snapshot) -> Result<String, MessageError> {
-    let kept = Kept {
+    let kept = SnapshotMessage {
         now_ns: now.as_nanos(),
         packed: base64::encode(&snapshot.bytes),
     };
@@ -159,8 +159,8 @@ mod tests {
         })
     }
 
-    fn step(cause: Cause<In>) -> Step<In, Out> {
-        Step {
+    fn step(cause: StepCause<In>) -> RecordedStep<In, Out> {
+        RecordedStep {
             now: Time::from_nanos(u64::MAX),
             cause,
             said: Vec::new(),
@@ -172,7 +172,7 @@ mod tests {
         #[test]
         fn every_number_comes_back_to_the_last_bit(bits in any::<u64>(), more in any::<u64>()) {
             let input = telemetry(f64::from_bits(bits), f64::from_bits(more));
-            let text = of_step(&step(Cause::Told(input.clone()))).unwrap();
+            let text = of_step(&step(StepCause::Told(input.clone()))).unwrap();
             let read = read_step::<In>(text.as_bytes()).unwrap();
             prop_assert_eq!(read.now, Time::from_nanos(u64::MAX));
             prop_assert_eq!(codec::pack(&read.told.unwrap()).unwrap(), codec::pack(&input).unwrap());
@@ -186,7 +186,7 @@ mod tests {
 
     #[test]
     fn numbers_that_json_lacks_are_packed_and_others_are_not() {
-        let text = |input| of_step(&step(Cause::Told(input))).unwrap();
+        let text = |input| of_step(&step(StepCause::Told(input))).unwrap();
         assert!(!text(telemetry(1.0, 0.5)).contains("packed"));
         for odd in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
             let text = text(telemetry(odd, 0.5));
@@ -200,7 +200,7 @@ mod tests {
 
     #[test]
     fn a_wake_tells_its_reason_and_reads_as_one() {
-        let text = of_step(&step(Cause::Woken("telemetry silent"))).unwrap();
+        let text = of_step(&step(StepCause::Woken("telemetry silent"))).unwrap();
         assert_eq!(
             text,
             "{\"now_ns\":18446744073709551615,\"woken\":\"telemetry silent\",\"said\":[]}"

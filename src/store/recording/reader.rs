@@ -47,7 +47,7 @@ pub enum ReadError {
 
 /// What stands in a file.
 #[derive(Debug)]
-pub enum Found {
+pub enum RecordingContents {
     /// A word about the whole file.
     Metadata {
         /// Its name.
@@ -95,7 +95,7 @@ impl<R: Read> Reader<R> {
     ///
     /// # Errors
     /// The file cannot be read on.
-    pub fn next_found(&mut self) -> Result<Option<Found>, ReadError> {
+    pub fn next_found(&mut self) -> Result<Option<RecordingContents>, ReadError> {
         loop {
             let offset = self.offset;
             let damaged = |reason: String| ReadError::Damaged { offset, reason };
@@ -141,13 +141,13 @@ impl<R: Read> Reader<R> {
                             header.channel_id
                         )));
                     };
-                    return Ok(Some(Found::Message {
+                    return Ok(Some(RecordingContents::Message {
                         topic: topic.clone(),
                         data: data.into_owned(),
                     }));
                 }
                 Record::Metadata(metadata) => {
-                    return Ok(Some(Found::Metadata {
+                    return Ok(Some(RecordingContents::Metadata {
                         name: metadata.name,
                         values: metadata.metadata,
                     }));

@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
-use super::flight::{About, Flight, Limits};
+use super::flight::{OpenRecording, RecordingLimits, RecordingSubject};
 use super::segment::WriteError;
 use crate::actor::{ActorStep, Snapshot};
 use crate::time::Time;
@@ -68,11 +68,16 @@ pub struct Recorder {
 
 impl Recorder {
     /// Begins to record into a folder. A folder that cannot be written is a [`Recorder::trouble`] and no error.
-    pub fn start(folder: PathBuf, about: About, limits: Limits) -> Recorder {
+    pub fn start(folder: PathBuf, about: RecordingSubject, limits: RecordingLimits) -> Recorder {
         Recorder::with_queue(folder, about, limits, QUEUE)
     }
 
-    fn with_queue(folder: PathBuf, about: About, limits: Limits, queue: usize) -> Recorder {
+    fn with_queue(
+        folder: PathBuf,
+        about: RecordingSubject,
+        limits: RecordingLimits,
+        queue: usize,
+    ) -> Recorder {
         let shared = Arc::new(Shared::default());
         let (sender, receiver) = sync_channel(queue);
         let mut writing = Writing {
@@ -184,9 +189,9 @@ impl Scribe {
 /// The writing thread.
 struct Writing {
     folder: PathBuf,
-    about: About,
-    limits: Limits,
-    flight: Option<Flight>,
+    about: RecordingSubject,
+    limits: RecordingLimits,
+    flight: Option<OpenRecording>,
     /// The latest moment that was handed in.
     now: Time,
     shared: Arc<Shared>,
@@ -224,14 +229,14 @@ impl Writing {
                 std::thread::sleep(LOOK_EVERY);
             }
         }
-        if let Some(Err(error)) = self.flight.take().map(Flight::end) {
+        if let Some(Err(error)) = self.flight.take().map(OpenRecording::end) {
             self.shared.set_trouble(Some(error.to_string()));
         }
     }
 
     /// Opens the first segment; returns when to try again when that fails.
     fn begin(&mut self) -> Option<Instant> {
-        let mut flight = Flight::new(&self.folder, self.about.clone(), self.limits);
+        let mut flight = OpenRecording::new(&self.folder, self.about.clone(), self.limits);
         match flight.begin(self.now, None) {
             Ok(number) => {
                 self.flight = Some(flight);
@@ -283,16 +288,16 @@ impl Writing {
 
 #[cfg(test)]
 mod tests {
-    use super::super::reader::{Found, ReadError, Reader};
+    use super::super::reader::{ReadError, Reader, RecordingContents};
     use super::*;
-    use crate::actor::{Cause, Step};
+    use crate::actor::{RecordedStep, StepCause};
     use crate::geom::Lattice;
     use crate::node::radio::{self, Radio};
     use std::path::Path;
 
-    fn about() -> About {
+    fn about() -> RecordingSubject {
         let settings = "kind = \"vehicle\"".to_owned();
-        About {
+        RecordingSubject {
             node: "vehicle/1".to_owned(),
             settings,
             lattice: Lattice::new(0.2),
@@ -301,8 +306,8 @@ mod tests {
     }
 
     fn step(number: u64) -> ActorStep {
-        let cause = Cause::Told(radio::In::Measure(None));
-        let step = Step {
+        let cause = StepCause::Told(radio::In::Measure(None));
+        let step = RecordedStep {
             now: Time::from_nanos(number),
             cause,
             said: Vec::new(),
@@ -319,8 +324,8 @@ mod tests {
         loop {
             match reader.next_found() {
                 Ok(None) => return (found, None),
-                Ok(Some(Found::Metadata { name, .. })) => found.push(name),
-                Ok(Some(Found::Message { topic, .. })) => found.push(topic),
+                Ok(Some(RecordingContents::Metadata { name, .. })) => found.push(name),
+                Ok(Some(RecordingContents::Message { topic, .. })) => found.push(topic),
                 Err(error) => return (found, Some(error)),
             }
         }
@@ -339,7 +344,11 @@ mod tests {
     #[test]
     fn a_segment_is_readable_while_it_is_written_and_whole_in_the_end() {
         let folder = tempfile::tempdir().unwrap();
-        let recorder = Recorder::start(folder.path().to_owned(), about(), Limits::default());
+        let recorder = Recorder::start(
+            folder.path().to_owned(),
+            about(),
+            RecordingLimits::default(),
+        );
         let mut scribe = recorder.scribe();
         assert!(scribe.prepare(Time::ZERO, "radio", &7_u32));
         (1..=100).for_each(|number| scribe.step(step(number)));
@@ -366,8 +375,12 @@ mod tests {
     #[test]
     fn what_comes_too_fast_ends_the_segment_and_the_next_opens_with_a_snapshot() {
         let folder = tempfile::tempdir().unwrap();
-        let recorder =
-            Recorder::with_queue(folder.path().to_owned(), about(), Limits::default(), 8);
+        let recorder = Recorder::with_queue(
+            folder.path().to_owned(),
+            about(),
+            RecordingLimits::default(),
+            8,
+        );
         let mut scribe = recorder.scribe();
         assert!(scribe.prepare(Time::ZERO, "radio", &7_u32));
         (1..=20_000).for_each(|number| scribe.step(step(number)));
@@ -391,7 +404,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("file");
         std::fs::write(&path, "in the way").unwrap();
-        let recorder = Recorder::start(path, about(), Limits::default());
+        let recorder = Recorder::start(path, about(), RecordingLimits::default());
         assert!(recorder.trouble().unwrap().contains("cannot be written"));
         assert!(!recorder.scribe().prepare(Time::ZERO, "radio", &7_u32));
     }
@@ -399,12 +412,12 @@ mod tests {
     #[test]
     fn the_oldest_segments_go_when_all_are_too_large() {
         let folder = tempfile::tempdir().unwrap();
-        let limits = Limits {
+        let limits = RecordingLimits {
             cap_bytes: 60_000,
             segment_bytes: 10_000,
             segment: Duration::from_secs(300),
         };
-        let mut flight = Flight::new(folder.path(), about(), limits);
+        let mut flight = OpenRecording::new(folder.path(), about(), limits);
         let mut segment = flight.begin(Time::ZERO, None).unwrap();
         for number in 0..4000 {
             flight.step(segment, &step(number)).unwrap();

@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-use super::actors::{self, Restored};
-use super::message::Kept;
-use super::reader::{Found, ReadError, Reader};
+use super::actors::{self, RestoredActor};
+use super::message::SnapshotMessage;
+use super::reader::{ReadError, Reader, RecordingContents};
 use super::{FORMAT, VERSION};
 use crate::time::Time;
 
@@ -23,7 +23,7 @@ pub struct ReplayError {
 
 /// What became of the steps of one actor.
 #[derive(Clone, PartialEq, Debug, Default)]
-pub struct Verdict {
+pub struct ReplayVerdict {
     /// Steps that were taken again, up to the first difference.
     pub steps: u64,
     /// The first difference.
@@ -51,7 +51,7 @@ pub struct Difference {
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Replayed {
     /// By node and actor: `vehicle/1/mission`.
-    pub actors: BTreeMap<String, Verdict>,
+    pub actors: BTreeMap<String, ReplayVerdict>,
     /// Files that end unfinished, or with a gap; in words.
     pub notes: Vec<String>,
 }
@@ -105,17 +105,17 @@ struct Segment<'a> {
     only: Option<&'a str>,
     is_known: bool,
     /// Restored actors and how many steps they have taken; `None` once they have differed.
-    actors: BTreeMap<String, (Option<Restored>, u64)>,
+    actors: BTreeMap<String, (Option<RestoredActor>, u64)>,
 }
 
 impl Segment<'_> {
-    fn take(&mut self, found: Found, replayed: &mut Replayed) -> Result<(), String> {
+    fn take(&mut self, found: RecordingContents, replayed: &mut Replayed) -> Result<(), String> {
         match found {
-            Found::Metadata { name, values } => self.metadata(&name, &values, replayed),
-            Found::Message { topic, data } if self.is_known => {
+            RecordingContents::Metadata { name, values } => self.metadata(&name, &values, replayed),
+            RecordingContents::Message { topic, data } if self.is_known => {
                 self.message(&topic, &data, replayed)
             }
-            Found::Message { .. } => Err(FOREIGN.to_owned()),
+            RecordingContents::Message { .. } => Err(FOREIGN.to_owned()),
         }
     }
 
@@ -167,7 +167,8 @@ impl Segment<'_> {
     }
 
     fn restore(&mut self, node: &str, actor: &str, data: &[u8]) -> Result<(), String> {
-        let kept: Kept = serde_json::from_slice(data).map_err(|error| error.to_string())?;
+        let kept: SnapshotMessage =
+            serde_json::from_slice(data).map_err(|error| error.to_string())?;
         let restored =
             actors::restore(node, actor, &kept.packed).ok_or("is of no actor of this version")?;
         let restored = restored.map_err(|error| error.to_string())?;

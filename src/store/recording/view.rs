@@ -9,9 +9,9 @@ use tomoswarm_proto::{Message, State, TileReport, VehicleId};
 
 use super::base64;
 use super::schema::Schema;
-use crate::actor::{ActorStep, Cause, Step};
+use crate::actor::{ActorStep, RecordedStep, StepCause};
 use crate::geom::{Cell, Lattice, Point};
-use crate::ground::imager::{Imager, Picture, Subject};
+use crate::ground::imager::{ImagerActor, Picture, Subject};
 use crate::ground::station::{self, Station};
 use crate::map::Merged;
 use crate::node::map::{self, Map};
@@ -34,14 +34,14 @@ const INFO: u8 = 2;
 const ERROR: u8 = 4;
 
 /// A message for people.
-pub(super) struct Shown {
+pub(super) struct MessageLine {
     pub topic: String,
     pub schema: Schema,
     pub value: Value,
 }
 
 /// What has been seen so far.
-pub(super) struct View {
+pub(super) struct RecordingView {
     node: String,
     map: Merged,
     is_map_new: bool,
@@ -49,10 +49,10 @@ pub(super) struct View {
     pose_shown_at: BTreeMap<VehicleId, u64>,
 }
 
-impl View {
+impl RecordingView {
     /// Makes the view of a node.
-    pub fn new(node: &str, lattice: Lattice) -> View {
-        View {
+    pub fn new(node: &str, lattice: Lattice) -> RecordingView {
+        RecordingView {
             node: node.to_owned(),
             map: Merged::new(lattice, None),
             is_map_new: false,
@@ -62,18 +62,18 @@ impl View {
     }
 
     /// Returns what is to be seen of a step of an actor; of most there is nothing but a fault.
-    pub fn of(&mut self, step: &ActorStep) -> Vec<Shown> {
+    pub fn of(&mut self, step: &ActorStep) -> Vec<MessageLine> {
         let now = step.now;
         let mut shown = Vec::new();
-        if let Some(Step { said, .. }) = step.of::<Vehicle>() {
+        if let Some(RecordedStep { said, .. }) = step.of::<Vehicle>() {
             shown.extend(said.iter().filter_map(|out| self.vehicle(now, out)));
-        } else if let Some(Step { said, .. }) = step.of::<Mission>() {
+        } else if let Some(RecordedStep { said, .. }) = step.of::<Mission>() {
             shown.extend(said.iter().filter_map(|out| self.mission(now, out)));
-        } else if let Some(Step { said, .. }) = step.of::<Map>() {
+        } else if let Some(RecordedStep { said, .. }) = step.of::<Map>() {
             shown.extend(self.tiles(now, said));
         } else if let Some(step) = step.of::<Station>() {
             shown.extend(self.station(step));
-        } else if let Some(Step { said, .. }) = step.of::<Imager>() {
+        } else if let Some(RecordedStep { said, .. }) = step.of::<ImagerActor>() {
             shown.extend(said.iter().filter_map(|picture| self.picture(now, picture)));
         }
         shown.extend(
@@ -84,7 +84,7 @@ impl View {
         shown
     }
 
-    fn tiles(&mut self, now: Time, said: &[map::Out]) -> Option<Shown> {
+    fn tiles(&mut self, now: Time, said: &[map::Out]) -> Option<MessageLine> {
         for out in said {
             match out {
                 map::Out::Tiles(tiles) => tiles.iter().for_each(|tile| self.learn(tile)),
@@ -94,22 +94,22 @@ impl View {
         self.map(now)
     }
 
-    fn vehicle(&self, now: Time, out: &vehicle::Out) -> Option<Shown> {
+    fn vehicle(&self, now: Time, out: &vehicle::Out) -> Option<MessageLine> {
         match out {
             vehicle::Out::Publish(state) => pose(now, state),
-            vehicle::Out::Remark(remark) => {
+            vehicle::Out::SafetyEvent(remark) => {
                 Some(self.log(now, INFO, "vehicle", &format!("{remark:?}")))
             }
-            vehicle::Out::Fly(_)
+            vehicle::Out::AutopilotCommand(_)
             | vehicle::Out::State(_)
             | vehicle::Out::Remember(_)
             | vehicle::Out::Order(_) => None,
         }
     }
 
-    fn mission(&self, now: Time, out: &mission::Out) -> Option<Shown> {
+    fn mission(&self, now: Time, out: &mission::Out) -> Option<MessageLine> {
         match out {
-            mission::Out::Remark(remark) => {
+            mission::Out::MissionEvent(remark) => {
                 Some(self.log(now, INFO, "mission", &format!("{remark:?}")))
             }
             mission::Out::Command(..)
@@ -121,9 +121,9 @@ impl View {
         }
     }
 
-    fn station(&mut self, step: &Step<station::In, station::Out>) -> Vec<Shown> {
+    fn station(&mut self, step: &RecordedStep<station::In, station::Out>) -> Vec<MessageLine> {
         let mut shown = Vec::new();
-        if let Cause::Told(station::In::Bus(message)) = &step.cause {
+        if let StepCause::Told(station::In::Bus(message)) = &step.cause {
             match message {
                 Message::State(state) => {
                     shown.extend(self.newer(state).then(|| pose(step.now, state)).flatten())
@@ -146,7 +146,7 @@ impl View {
             }
         }
         for out in &step.said {
-            if let station::Out::Note(note) = out {
+            if let station::Out::StationEvent(note) = out {
                 shown.push(self.log(step.now, INFO, "station", &format!("{note:?}")));
             }
         }
@@ -166,7 +166,7 @@ impl View {
         self.is_map_new |= self.map.join(tile).is_ok();
     }
 
-    fn map(&mut self, now: Time) -> Option<Shown> {
+    fn map(&mut self, now: Time) -> Option<MessageLine> {
         if !self.is_map_new
             || self
                 .map_shown_at
@@ -202,7 +202,7 @@ impl View {
         Some(self.shown("map", Schema::Grid, grid.json(now)))
     }
 
-    fn picture(&self, now: Time, picture: &Picture) -> Option<Shown> {
+    fn picture(&self, now: Time, picture: &Picture) -> Option<MessageLine> {
         let topic = match picture.subject {
             Subject::Change => "image",
             Subject::Structure => "structure",
@@ -228,15 +228,15 @@ impl View {
         Some(self.shown(topic, Schema::Grid, grid.json(now)))
     }
 
-    fn log(&self, now: Time, level: u8, name: &str, message: &str) -> Shown {
+    fn log(&self, now: Time, level: u8, name: &str, message: &str) -> MessageLine {
         let value = json!({
             "timestamp": timestamp(now), "level": level, "message": message, "name": name, "file": "", "line": 0,
         });
         self.shown("log", Schema::Log, value)
     }
 
-    fn shown(&self, topic: &str, schema: Schema, value: Value) -> Shown {
-        Shown {
+    fn shown(&self, topic: &str, schema: Schema, value: Value) -> MessageLine {
+        MessageLine {
             topic: format!("/{}/{topic}", self.node),
             schema,
             value,
@@ -272,7 +272,7 @@ impl Grid {
 }
 
 /// Returns where a vehicle is; `None` when it does not know.
-fn pose(now: Time, state: &State) -> Option<Shown> {
+fn pose(now: Time, state: &State) -> Option<MessageLine> {
     let pose = state.pose?;
     let position = json!({"x": pose.at.x_m(), "y": pose.at.y_m(), "z": pose.at.z_m()});
     let value = json!({
@@ -280,7 +280,7 @@ fn pose(now: Time, state: &State) -> Option<Shown> {
         "frame_id": FRAME,
         "pose": {"position": position, "orientation": turned(pose.heading.radians())},
     });
-    Some(Shown {
+    Some(MessageLine {
         topic: format!("/vehicle/{}/pose", state.vehicle),
         schema: Schema::Pose,
         value,

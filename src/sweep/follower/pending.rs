@@ -8,13 +8,13 @@ use tomoswarm_proto::{Lease, Plan, Revision, VehicleId};
 
 use super::{Edition, edition_of};
 use crate::geom::Point;
-use crate::sweep::{Refusal, Verdict, validate};
+use crate::sweep::{PlanRefusal, PlanVerdict, validate};
 
 /// The plans of a revision, collected.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct PendingRevision {
     plans: BTreeMap<VehicleId, Plan>,
-    refusal: Option<Refusal>,
+    refusal: Option<PlanRefusal>,
 }
 
 /// The vehicle that would follow a revision, as it is now.
@@ -41,7 +41,7 @@ impl PendingRevision {
     }
 
     /// Returns why it is not followed, if it was refused.
-    pub fn refusal(&self) -> Option<&Refusal> {
+    pub fn refusal(&self) -> Option<&PlanRefusal> {
         self.refusal.as_ref()
     }
 
@@ -85,45 +85,45 @@ impl PendingRevision {
     ///
     /// # Errors
     /// The verdict that it is not so.
-    pub fn adopt(&mut self, candidate: Candidate) -> Result<Vec<Plan>, Verdict> {
+    pub fn adopt(&mut self, candidate: Candidate) -> Result<Vec<Plan>, PlanVerdict> {
         let Some(sample) = self.plans.values().next() else {
-            return Err(Verdict::Old);
+            return Err(PlanVerdict::Old);
         };
         let (members, revision) = (&sample.members, sample.revision);
         if !members.contains(&candidate.vehicle) {
-            return Err(self.refuse(Refusal::NotMember { revision }));
+            return Err(self.refuse(PlanRefusal::NotMember { revision }));
         }
-        if let Some(refusal @ Refusal::Invalid { .. }) = &self.refusal {
-            return Err(Verdict::Refused(refusal.clone()));
+        if let Some(refusal @ PlanRefusal::Invalid { .. }) = &self.refusal {
+            return Err(PlanVerdict::Refused(refusal.clone()));
         }
         let is_complete = members.iter().all(|member| self.plans.contains_key(member));
         let own = self.plans.get(&candidate.vehicle).filter(|_| is_complete);
         let (Some(rest), Some(own)) = (candidate.rest, own) else {
-            return Err(Verdict::Kept);
+            return Err(PlanVerdict::Unchanged);
         };
         let distance_m = rest.distance_to(own.start.into());
         // A vehicle without stops of its own is in the way of the others all the same.
         let all_stop = self.plans.values().all(|plan| plan.stops.is_empty());
         if !all_stop && !candidate.follows {
-            return Err(self.refuse(Refusal::NotStopped { revision }));
+            return Err(self.refuse(PlanRefusal::NotStopped { revision }));
         }
         if !all_stop && distance_m > candidate.tolerance_m {
-            return Err(self.refuse(Refusal::Elsewhere {
+            return Err(self.refuse(PlanRefusal::Elsewhere {
                 revision,
                 distance_m,
             }));
         }
         let plans: Vec<Plan> = self.plans.values().cloned().collect();
         if let Err(error) = validate(&plans) {
-            return Err(self.refuse(Refusal::Invalid { revision, error }));
+            return Err(self.refuse(PlanRefusal::Invalid { revision, error }));
         }
         self.give_up();
         Ok(plans)
     }
 
-    fn refuse(&mut self, refusal: Refusal) -> Verdict {
+    fn refuse(&mut self, refusal: PlanRefusal) -> PlanVerdict {
         self.refusal = Some(refusal.clone());
-        Verdict::Refused(refusal)
+        PlanVerdict::Refused(refusal)
     }
 }
 
@@ -191,7 +191,7 @@ mod tests {
         assert_eq!(pending.revision(), Some(Revision(4)));
         assert_eq!(
             pending.adopt(candidate()),
-            Err(Verdict::Kept),
+            Err(PlanVerdict::Unchanged),
             "one plan is missing"
         );
     }
@@ -214,12 +214,12 @@ mod tests {
             rest: None,
             ..candidate()
         };
-        assert_eq!(pending.adopt(moving), Err(Verdict::Kept));
+        assert_eq!(pending.adopt(moving), Err(PlanVerdict::Unchanged));
         let plans = pending.adopt(candidate()).unwrap();
         assert_eq!([plans[0].vehicle, plans[1].vehicle], [ONE, TWO]);
         assert_eq!(
             pending.adopt(candidate()),
-            Err(Verdict::Old),
+            Err(PlanVerdict::Old),
             "nothing is pending"
         );
     }
@@ -238,7 +238,7 @@ mod tests {
         };
         assert!(matches!(
             refusal(stranger),
-            (true, Some(Refusal::NotMember { .. }))
+            (true, Some(PlanRefusal::NotMember { .. }))
         ));
         let restarted = Candidate {
             follows: false,
@@ -246,7 +246,7 @@ mod tests {
         };
         assert!(matches!(
             refusal(restarted),
-            (true, Some(Refusal::NotStopped { .. }))
+            (true, Some(PlanRefusal::NotStopped { .. }))
         ));
         let elsewhere = Candidate {
             rest: Some(Point::new(0.4, 5.0)),
@@ -254,7 +254,7 @@ mod tests {
         };
         assert!(matches!(
             refusal(elsewhere),
-            (true, Some(Refusal::Elsewhere { .. }))
+            (true, Some(PlanRefusal::Elsewhere { .. }))
         ));
         let mut empty = collected(&[plan(ONE, 3, 1, 0), plan(TWO, 3, 1, 0)]);
         assert!(empty.adopt(elsewhere).is_ok(), "nobody goes anywhere");

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use tomoswarm::time::Time;
-use tomoswarm_proto::{Order, Sender, Standing, State, VehicleId};
+use tomoswarm_proto::{OpenStops, Order, Sender, State, VehicleId};
 
 use super::judge::Hardships;
 use super::{LIFT_S, OPERATOR, STOP_S, at};
@@ -14,7 +14,7 @@ use crate::chance::Chance;
 /// What is on its way by bus.
 #[derive(Clone, Debug)]
 pub enum Frame {
-    Standing(Standing),
+    Standing(OpenStops),
     State(State),
     Order(Order),
 }

@@ -6,15 +6,15 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use tomoswarm_proto::{
-    Boot, Have, Mission, MissionEnd, MissionKind, Mode, Order, OrderKind, Ordered, Permille, Plan,
-    PoseReport, Position, Progress, Report, Revision, RunId, Sample, Samples, State, StationPhase,
-    VehicleId,
+    Boot, GroundReport, Have, MissionEnd, MissionKind, MissionProgress, Order, OrderKind, Ordered,
+    Permille, Plan, PoseReport, Position, Progress, Revision, RunId, Sample, Samples, State,
+    StationPhase, VehicleId, VehicleMode,
 };
 
 use super::super::*;
 use crate::geom::{Lattice, Point, Rect};
 use crate::ground::imager::Job;
-use crate::ground::planner::{Answer, Method, Planner, Request};
+use crate::ground::planner::{Method, Planner, PlannerAnswer, Request};
 use crate::sweep::{Follower, Ring};
 
 mod operators;
@@ -137,7 +137,7 @@ impl Rover {
                 ..PoseReport::default()
             }),
             is_at_rest: true,
-            mode: Mode::Idle,
+            mode: VehicleMode::Idle,
             battery: Some(Permille::WHOLE),
             leg: None,
             accepted: (progress.run, progress.revision),
@@ -161,11 +161,11 @@ impl Rover {
             .filter(|(boot, run, sample)| sample.sequence >= mark(*boot, *run));
         let batches = open.take(20).map(batch);
         let (vehicle, boot) = (self.id, self.boot);
-        let mission = Mission {
+        let mission = MissionProgress {
             vehicle,
             boot,
             progress: progress.into(),
-            ..Mission::default()
+            ..MissionProgress::default()
         };
         let mission = match self.own {
             Some((kind, end)) => {
@@ -173,7 +173,7 @@ impl Rover {
                     run: self.ordered.run,
                     ..Progress::default()
                 };
-                Mission {
+                MissionProgress {
                     progress,
                     kind,
                     end,
@@ -233,15 +233,15 @@ struct Swarm {
     /// Seconds since the beginning, and since the station was started.
     now_s: u64,
     up_s: u64,
-    memory: Option<Memory>,
+    memory: Option<StationMemory>,
     remembered: usize,
     disk: BTreeMap<(VehicleId, Boot, RunId, u64), Sample>,
     answers: Vec<In>,
-    notes: Vec<Note>,
+    notes: Vec<StationEvent>,
     /// The runs that were begun, and what each is compared with.
     begun: Vec<(RunId, Option<RunId>)>,
     jobs: Vec<Job>,
-    reports: Vec<Report>,
+    reports: Vec<GroundReport>,
     haves: Vec<Have>,
     /// Every plan that was ever published; two of one name must be the same.
     plans: BTreeMap<(RunId, Revision, VehicleId), Plan>,
@@ -320,7 +320,7 @@ impl Swarm {
                         .push(In::Pictured(PictureName { run, laps, subject }));
                     self.jobs.push(job);
                 }
-                Out::Note(note) => self.notes.push(note),
+                Out::StationEvent(note) => self.notes.push(note),
                 Out::BeginRun { run, compared_with } => self.begun.push((run, compared_with)),
                 Out::EndRun(_) => {}
                 Out::Remember(memory) => {
@@ -361,7 +361,7 @@ impl Swarm {
     }
 
     fn ask(&mut self, request: Request) {
-        let mut answers: Vec<Answer> = Vec::new();
+        let mut answers: Vec<PlannerAnswer> = Vec::new();
         self.planner
             .handle(self.up(), request, &mut answers)
             .unwrap();
@@ -444,7 +444,7 @@ impl Swarm {
         self.station = Station::resume(settings, memory, samples, []);
     }
 
-    fn until(&mut self, within_s: u64, is_so: impl Fn(&Note) -> bool) -> bool {
+    fn until(&mut self, within_s: u64, is_so: impl Fn(&StationEvent) -> bool) -> bool {
         for _ in 0..within_s {
             if self.notes.iter().any(&is_so) {
                 return true;
@@ -455,22 +455,24 @@ impl Swarm {
     }
 
     fn is_closed(&mut self, within_s: u64) -> bool {
-        self.until(within_s, |note| matches!(note, Note::RunClosed { .. }))
+        self.until(within_s, |note| {
+            matches!(note, StationEvent::RunClosed { .. })
+        })
     }
 
-    fn count(&self, is_so: impl Fn(&Note) -> bool) -> usize {
+    fn count(&self, is_so: impl Fn(&StationEvent) -> bool) -> usize {
         self.notes.iter().filter(|note| is_so(note)).count()
     }
 
     fn laps(&self) -> usize {
-        self.count(|note| matches!(note, Note::LapDone { .. }))
+        self.count(|note| matches!(note, StationEvent::LapDone { .. }))
     }
 
     fn measured(&self) -> usize {
         self.rovers.iter().map(|rover| rover.kept.len()).sum()
     }
 
-    fn report(&self) -> &Report {
+    fn report(&self) -> &GroundReport {
         self.reports.last().expect("a report a second")
     }
 

@@ -78,7 +78,7 @@ fn the_end_of_a_plan_is_news_once() {
     plan.pass(at(3.0), StopId(1), Point::new(2.0, 0.0));
     let news = plan.news();
     assert_eq!((news.finished, news.is_adopted), (Some(RUN), false));
-    assert_eq!(plan.news(), News::default());
+    assert_eq!(plan.news(), PlanNews::default());
     assert_eq!(plan.measures_for(), None);
 }
 
@@ -123,7 +123,7 @@ fn a_revision_that_nobody_gives_any_more_keeps_nobody_from_going_on() {
 fn a_plan_that_is_not_taken_is_said_once_and_why() {
     let mut plan = followed(1);
     let far = edition(3, 20);
-    let outside = Remark::Outside(Point::new(26.0, 0.0));
+    let outside = MissionEvent::Outside(Point::new(26.0, 0.0));
     assert_eq!(plan.refuse(&far, false), Err(Some(outside)));
     assert_eq!(
         plan.refuse(&far, false),
@@ -132,7 +132,7 @@ fn a_plan_that_is_not_taken_is_said_once_and_why() {
     );
     assert_eq!(
         plan.refuse(&edition(4, 1), true),
-        Err(Some(Remark::OldPlan(RUN, Revision(4))))
+        Err(Some(MissionEvent::OldPlan(RUN, Revision(4))))
     );
     assert_eq!(plan.refuse(&edition(4, 1), false), Ok(()));
 }

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{MissionKind, Seen, Step, Surroundings};
-use crate::node::mission::End;
+use super::{Behaviour, MissionContext, MissionInput, MissionStep};
+use crate::node::mission::EndReason;
 
 /// A mission that looks around once.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -11,18 +11,22 @@ pub struct Browse {
     is_begun: bool,
 }
 
-impl MissionKind for Browse {
-    fn next(&mut self, seen: Seen, _around: &Surroundings<'_>) -> Step {
+impl Behaviour for Browse {
+    fn next(&mut self, seen: MissionInput, _around: &MissionContext<'_>) -> MissionStep {
         match seen {
-            Seen::Ready if !std::mem::replace(&mut self.is_begun, true) => Step::LookAround,
-            Seen::Ready => Step::End(End::Done),
-            Seen::UnderWay => Step::GoOn,
-            Seen::Arrived | Seen::Blocked(_) | Seen::Looked { .. } => Step::Think,
+            MissionInput::Ready if !std::mem::replace(&mut self.is_begun, true) => {
+                MissionStep::LookAround
+            }
+            MissionInput::Ready => MissionStep::End(EndReason::Done),
+            MissionInput::UnderWay => MissionStep::GoOn,
+            MissionInput::Arrived | MissionInput::Blocked(_) | MissionInput::Looked { .. } => {
+                MissionStep::Think
+            }
         }
     }
 
-    fn give_up(&self) -> End {
-        End::NoRoom
+    fn give_up(&self) -> EndReason {
+        EndReason::NoRoom
     }
 }
 
@@ -34,8 +38,15 @@ mod tests {
     #[test]
     fn it_looks_around_once_and_has_ended() {
         let mut browse = Browse::default();
-        let steps =
-            [Seen::Ready, LOOKED, Seen::Ready].map(|seen| step(&mut browse, seen, (0.0, 0.0)));
-        assert_eq!(steps, [Step::LookAround, Step::Think, Step::End(End::Done)]);
+        let steps = [MissionInput::Ready, LOOKED, MissionInput::Ready]
+            .map(|seen| step(&mut browse, seen, (0.0, 0.0)));
+        assert_eq!(
+            steps,
+            [
+                MissionStep::LookAround,
+                MissionStep::Think,
+                MissionStep::End(EndReason::Done)
+            ]
+        );
     }
 }

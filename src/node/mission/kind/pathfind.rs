@@ -5,9 +5,9 @@ use std::collections::VecDeque;
 
 use serde::{Deserialize, Serialize};
 
-use super::{MissionKind, PassedOver, Seen, Step, Surroundings};
+use super::{Behaviour, MissionContext, MissionInput, MissionStep, PassedOver};
 use crate::geom::Point;
-use crate::node::mission::End;
+use crate::node::mission::EndReason;
 
 /// A mission that visits places.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -37,33 +37,35 @@ impl Pathfind {
         self.places.len()
     }
 
-    fn next_place(&self) -> Step {
+    fn next_place(&self) -> MissionStep {
         match (self.places.front(), self.given_up, self.no_way) {
-            (Some(place), ..) => Step::GoTo(*place),
-            (None, 0, 0) => Step::End(End::Done),
-            (None, 0, places) => Step::End(End::NoWay(places)),
-            (None, places, _) => Step::End(End::GaveUp(places)),
+            (Some(place), ..) => MissionStep::GoTo(*place),
+            (None, 0, 0) => MissionStep::End(EndReason::Done),
+            (None, 0, places) => MissionStep::End(EndReason::NoWay(places)),
+            (None, places, _) => MissionStep::End(EndReason::GaveUp(places)),
         }
     }
 }
 
-impl MissionKind for Pathfind {
-    fn next(&mut self, seen: Seen, _around: &Surroundings<'_>) -> Step {
+impl Behaviour for Pathfind {
+    fn next(&mut self, seen: MissionInput, _around: &MissionContext<'_>) -> MissionStep {
         match seen {
-            Seen::Ready if !std::mem::replace(&mut self.is_begun, true) => Step::LookAround,
-            Seen::Ready => self.next_place(),
-            Seen::UnderWay => Step::GoOn,
-            Seen::Arrived => {
-                self.places.pop_front();
-                Step::LookAround
+            MissionInput::Ready if !std::mem::replace(&mut self.is_begun, true) => {
+                MissionStep::LookAround
             }
-            Seen::Blocked(_) => Step::TryAgain,
-            Seen::Looked { .. } => Step::Think,
+            MissionInput::Ready => self.next_place(),
+            MissionInput::UnderWay => MissionStep::GoOn,
+            MissionInput::Arrived => {
+                self.places.pop_front();
+                MissionStep::LookAround
+            }
+            MissionInput::Blocked(_) => MissionStep::TryAgain,
+            MissionInput::Looked { .. } => MissionStep::Think,
         }
     }
 
-    fn give_up(&self) -> End {
-        End::GaveUp(self.given_up + self.places.len())
+    fn give_up(&self) -> EndReason {
+        EndReason::GaveUp(self.given_up + self.places.len())
     }
 
     fn pass_over(&mut self, why: PassedOver) {
@@ -86,10 +88,10 @@ mod tests {
     fn begun() -> Pathfind {
         let mut pathfind = Pathfind::to(&PLACES);
         assert_eq!(
-            step(&mut pathfind, Seen::Ready, (0.0, 0.0)),
-            Step::LookAround
+            step(&mut pathfind, MissionInput::Ready, (0.0, 0.0)),
+            MissionStep::LookAround
         );
-        assert_eq!(step(&mut pathfind, LOOKED, (0.0, 0.0)), Step::Think);
+        assert_eq!(step(&mut pathfind, LOOKED, (0.0, 0.0)), MissionStep::Think);
         pathfind
     }
 
@@ -98,17 +100,17 @@ mod tests {
         let mut pathfind = begun();
         for place in PLACES {
             assert_eq!(
-                step(&mut pathfind, Seen::Ready, (0.0, 0.0)),
-                Step::GoTo(place)
+                step(&mut pathfind, MissionInput::Ready, (0.0, 0.0)),
+                MissionStep::GoTo(place)
             );
             assert_eq!(
-                step(&mut pathfind, Seen::Arrived, (place.x_m, place.y_m)),
-                Step::LookAround
+                step(&mut pathfind, MissionInput::Arrived, (place.x_m, place.y_m)),
+                MissionStep::LookAround
             );
         }
         assert_eq!(
-            step(&mut pathfind, Seen::Ready, (2.0, 3.0)),
-            Step::End(End::Done)
+            step(&mut pathfind, MissionInput::Ready, (2.0, 3.0)),
+            MissionStep::End(EndReason::Done)
         );
     }
 
@@ -118,14 +120,14 @@ mod tests {
         assert_eq!(
             step(
                 &mut pathfind,
-                Seen::Blocked(Point::new(1.0, 0.0)),
+                MissionInput::Blocked(Point::new(1.0, 0.0)),
                 (0.5, 0.0)
             ),
-            Step::TryAgain
+            MissionStep::TryAgain
         );
         assert_eq!(
-            step(&mut pathfind, Seen::Ready, (0.5, 0.0)),
-            Step::GoTo(PLACES[0])
+            step(&mut pathfind, MissionInput::Ready, (0.5, 0.0)),
+            MissionStep::GoTo(PLACES[0])
         );
     }
 
@@ -137,27 +139,39 @@ mod tests {
             for why in passed {
                 match why {
                     Some(why) => pathfind.pass_over(why),
-                    None => drop(step(&mut pathfind, Seen::Arrived, (0.0, 0.0))),
+                    None => drop(step(&mut pathfind, MissionInput::Arrived, (0.0, 0.0))),
                 }
             }
-            step(&mut pathfind, Seen::Ready, (0.0, 0.0))
+            step(&mut pathfind, MissionInput::Ready, (0.0, 0.0))
         };
-        assert_eq!(end([None, Some(NoWay)]), Step::End(End::NoWay(1)));
-        assert_eq!(end([Some(NoWay), Some(NoWay)]), Step::End(End::NoWay(2)));
-        assert_eq!(end([Some(GivenUp), None]), Step::End(End::GaveUp(1)));
-        assert_eq!(end([Some(GivenUp), Some(NoWay)]), Step::End(End::GaveUp(1)));
+        assert_eq!(
+            end([None, Some(NoWay)]),
+            MissionStep::End(EndReason::NoWay(1))
+        );
+        assert_eq!(
+            end([Some(NoWay), Some(NoWay)]),
+            MissionStep::End(EndReason::NoWay(2))
+        );
+        assert_eq!(
+            end([Some(GivenUp), None]),
+            MissionStep::End(EndReason::GaveUp(1))
+        );
+        assert_eq!(
+            end([Some(GivenUp), Some(NoWay)]),
+            MissionStep::End(EndReason::GaveUp(1))
+        );
     }
 
     #[test]
     fn who_gives_up_says_how_many_places_it_has_given_up() {
         let mut pathfind = begun();
-        step(&mut pathfind, Seen::Arrived, (2.0, 0.0));
-        assert_eq!(pathfind.give_up(), End::GaveUp(1));
+        step(&mut pathfind, MissionInput::Arrived, (2.0, 0.0));
+        assert_eq!(pathfind.give_up(), EndReason::GaveUp(1));
         let mut pathfind = begun();
         pathfind.pass_over(PassedOver::GivenUp);
         assert_eq!(
             pathfind.give_up(),
-            End::GaveUp(2),
+            EndReason::GaveUp(2),
             "one of them was given up before"
         );
     }

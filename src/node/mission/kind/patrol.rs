@@ -6,9 +6,9 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use super::{MissionKind, PassedOver, Seen, Step, Surroundings};
+use super::{Behaviour, MissionContext, MissionInput, MissionStep, PassedOver};
 use crate::geom::Point;
-use crate::node::mission::End;
+use crate::node::mission::EndReason;
 use crate::time::Time;
 
 /// A mission that goes round.
@@ -76,7 +76,7 @@ impl Patrol {
     }
 
     /// Returns how it ends: well, unless it never came to a place that it tried.
-    fn end(&self) -> End {
+    fn end(&self) -> EndReason {
         let missed = || {
             self.places.iter().filter_map(|(_, fate)| match fate {
                 Fate::Missed(why) => Some(*why),
@@ -87,9 +87,9 @@ impl Patrol {
             missed().count(),
             missed().any(|why| why == PassedOver::GivenUp),
         ) {
-            (0, _) => End::Done,
-            (places, false) => End::NoWay(places),
-            (places, true) => End::GaveUp(places),
+            (0, _) => EndReason::Done,
+            (places, false) => EndReason::NoWay(places),
+            (places, true) => EndReason::GaveUp(places),
         }
     }
 
@@ -115,28 +115,28 @@ impl Patrol {
     }
 }
 
-impl MissionKind for Patrol {
-    fn next(&mut self, seen: Seen, around: &Surroundings<'_>) -> Step {
+impl Behaviour for Patrol {
+    fn next(&mut self, seen: MissionInput, around: &MissionContext<'_>) -> MissionStep {
         match seen {
-            Seen::Ready if self.began.is_none() => {
+            MissionInput::Ready if self.began.is_none() => {
                 self.began = Some(around.now);
-                Step::LookAround
+                MissionStep::LookAround
             }
-            Seen::Ready => self
+            MissionInput::Ready => self
                 .next_place(around.now)
-                .map_or_else(|| Step::End(self.end()), Step::GoTo),
-            Seen::UnderWay => Step::GoOn,
-            Seen::Arrived => {
+                .map_or_else(|| MissionStep::End(self.end()), MissionStep::GoTo),
+            MissionInput::UnderWay => MissionStep::GoOn,
+            MissionInput::Arrived => {
                 self.pass(Fate::Visited);
-                Step::LookAround
+                MissionStep::LookAround
             }
-            Seen::Blocked(_) => Step::TryAgain,
-            Seen::Looked { .. } => Step::Think,
+            MissionInput::Blocked(_) => MissionStep::TryAgain,
+            MissionInput::Looked { .. } => MissionStep::Think,
         }
     }
 
-    fn give_up(&self) -> End {
-        End::GaveUp(self.places_left().clamp(1, self.places.len().max(1)))
+    fn give_up(&self) -> EndReason {
+        EndReason::GaveUp(self.places_left().clamp(1, self.places.len().max(1)))
     }
 
     fn pass_over(&mut self, why: PassedOver) {
@@ -154,24 +154,27 @@ mod tests {
 
     fn begun(rounds: Option<usize>, duration_s: Option<u64>) -> Patrol {
         let mut patrol = Patrol::over(&[A, B], rounds, duration_s.map(Duration::from_secs));
-        assert_eq!(step(&mut patrol, Seen::Ready, (0.0, 0.0)), Step::LookAround);
-        assert_eq!(step(&mut patrol, LOOKED, (0.0, 0.0)), Step::Think);
+        assert_eq!(
+            step(&mut patrol, MissionInput::Ready, (0.0, 0.0)),
+            MissionStep::LookAround
+        );
+        assert_eq!(step(&mut patrol, LOOKED, (0.0, 0.0)), MissionStep::Think);
         patrol
     }
 
     /// Lets it choose, and does what it says; returns the places visited until it ends, at most so many, and the end.
-    fn visited(patrol: &mut Patrol, most: usize) -> (Vec<Point>, Option<End>) {
+    fn visited(patrol: &mut Patrol, most: usize) -> (Vec<Point>, Option<EndReason>) {
         let mut places = Vec::new();
         while places.len() < most {
-            match step(patrol, Seen::Ready, (0.0, 0.0)) {
-                Step::GoTo(place) => {
+            match step(patrol, MissionInput::Ready, (0.0, 0.0)) {
+                MissionStep::GoTo(place) => {
                     places.push(place);
                     assert_eq!(
-                        step(patrol, Seen::Arrived, (place.x_m, place.y_m)),
-                        Step::LookAround
+                        step(patrol, MissionInput::Arrived, (place.x_m, place.y_m)),
+                        MissionStep::LookAround
                     );
                 }
-                Step::End(end) => return (places, Some(end)),
+                MissionStep::End(end) => return (places, Some(end)),
                 other => panic!("{other:?}"),
             }
         }
@@ -182,7 +185,10 @@ mod tests {
     fn so_many_rounds_are_driven_and_no_more() {
         let mut patrol = begun(Some(2), None);
         assert_eq!(patrol.places_left(), 4);
-        assert_eq!(visited(&mut patrol, 9), (vec![A, B, A, B], Some(End::Done)));
+        assert_eq!(
+            visited(&mut patrol, 9),
+            (vec![A, B, A, B], Some(EndReason::Done))
+        );
         assert_eq!(patrol.places_left(), 0);
     }
 
@@ -198,42 +204,45 @@ mod tests {
         let mut patrol = begun(None, Some(60));
         let at = |s: u64| Time::from_nanos(s * 1_000_000_000);
         assert_eq!(
-            step_at(&mut patrol, Seen::Ready, (0.0, 0.0), at(59)),
-            Step::GoTo(A)
+            step_at(&mut patrol, MissionInput::Ready, (0.0, 0.0), at(59)),
+            MissionStep::GoTo(A)
         );
         assert_eq!(
-            step_at(&mut patrol, Seen::UnderWay, (1.0, 0.0), at(61)),
-            Step::GoOn
+            step_at(&mut patrol, MissionInput::UnderWay, (1.0, 0.0), at(61)),
+            MissionStep::GoOn
         );
         assert_eq!(
-            step_at(&mut patrol, Seen::Arrived, (2.0, 0.0), at(62)),
-            Step::LookAround
+            step_at(&mut patrol, MissionInput::Arrived, (2.0, 0.0), at(62)),
+            MissionStep::LookAround
         );
         assert_eq!(
-            step_at(&mut patrol, Seen::Ready, (2.0, 0.0), at(70)),
-            Step::End(End::Done)
+            step_at(&mut patrol, MissionInput::Ready, (2.0, 0.0), at(70)),
+            MissionStep::End(EndReason::Done)
         );
     }
 
     #[test]
     fn a_round_that_ends_where_it_began_visits_that_place_once() {
         let mut patrol = Patrol::over(&[A, B, A], Some(1), None);
-        step(&mut patrol, Seen::Ready, (0.0, 0.0));
-        assert_eq!(visited(&mut patrol, 9), (vec![A, B], Some(End::Done)));
+        step(&mut patrol, MissionInput::Ready, (0.0, 0.0));
+        assert_eq!(visited(&mut patrol, 9), (vec![A, B], Some(EndReason::Done)));
     }
 
     #[test]
     fn a_place_that_was_passed_over_is_tried_again_in_the_next_round() {
         let mut patrol = begun(Some(2), None);
         patrol.pass_over(PassedOver::NoWay);
-        assert_eq!(visited(&mut patrol, 9), (vec![B, A, B], Some(End::Done)));
+        assert_eq!(
+            visited(&mut patrol, 9),
+            (vec![B, A, B], Some(EndReason::Done))
+        );
         let mut patrol = begun(Some(2), None);
         patrol.pass_over(PassedOver::GivenUp);
         assert_eq!(visited(&mut patrol, 1), (vec![B], None));
         patrol.pass_over(PassedOver::NoWay);
         assert_eq!(
             visited(&mut patrol, 9),
-            (vec![B], Some(End::NoWay(1))),
+            (vec![B], Some(EndReason::NoWay(1))),
             "the last reason counts"
         );
     }
@@ -246,20 +255,23 @@ mod tests {
         patrol.pass_over(PassedOver::GivenUp);
         assert_eq!(
             visited(&mut patrol, 9),
-            (vec![], Some(End::NoWay(1))),
+            (vec![], Some(EndReason::NoWay(1))),
             "it has been at the other one"
         );
         let mut patrol = begun(None, None);
         patrol.pass_over(PassedOver::NoWay);
         patrol.pass_over(PassedOver::GivenUp);
-        assert_eq!(visited(&mut patrol, 9), (vec![], Some(End::GaveUp(2))));
+        assert_eq!(
+            visited(&mut patrol, 9),
+            (vec![], Some(EndReason::GaveUp(2)))
+        );
     }
 
     #[test]
     fn who_gives_up_names_the_places_of_the_round_that_it_leaves() {
         let mut patrol = begun(None, None);
-        assert_eq!(patrol.give_up(), End::GaveUp(2));
+        assert_eq!(patrol.give_up(), EndReason::GaveUp(2));
         assert_eq!(visited(&mut patrol, 1), (vec![A], None));
-        assert_eq!(patrol.give_up(), End::GaveUp(1));
+        assert_eq!(patrol.give_up(), EndReason::GaveUp(1));
     }
 }

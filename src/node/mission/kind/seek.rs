@@ -17,14 +17,14 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{TileAddress, VehicleId};
 
 use self::looks::Looks;
-use self::sights::{Candidate, Ground, Reach, Sight, sees};
-use super::{Course, MissionKind, Seen, Step, Surroundings};
+use self::sights::{Candidate, Ground, LookCandidate, Reach, sees};
+use super::{Behaviour, DriveRoute, MissionContext, MissionInput, MissionStep};
 use crate::geom::{Angle, Cell, Point};
 use crate::map::{CellRect, Occupancy, View};
-use crate::node::Settings;
+use crate::node::VehicleSettings;
 use crate::node::mission::pilot::{Pilot, RULES};
-use crate::node::mission::{End, look_around};
-use crate::plan::{Distances, Frontiers, Grid};
+use crate::node::mission::{EndReason, look_around};
+use crate::plan::{Distances, Frontiers, SearchGrid};
 use crate::time::Time;
 
 /// The vehicle goes this much nearer to what it looks at than it must keep from it, metres; when it cannot, it looks
@@ -67,7 +67,7 @@ enum Stage {
 /// A search or an exploration.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Seek {
-    settings: Settings,
+    settings: VehicleSettings,
     prefers: Preference,
     stage: Stage,
     looks: Looks,
@@ -81,39 +81,43 @@ pub struct Seek {
     peers_looked: BTreeMap<VehicleId, Time>,
 }
 
-impl MissionKind for Seek {
-    fn next(&mut self, seen: Seen, around: &Surroundings<'_>) -> Step {
+impl Behaviour for Seek {
+    fn next(&mut self, seen: MissionInput, around: &MissionContext<'_>) -> MissionStep {
         match (seen, self.stage) {
-            (Seen::Ready, Stage::Fresh) => {
+            (MissionInput::Ready, Stage::Fresh) => {
                 self.stage = Stage::Choosing;
-                Step::LookAround
+                MissionStep::LookAround
             }
-            (Seen::Ready, Stage::Choosing | Stage::Going(_)) => self.choose(around),
-            (Seen::UnderWay, Stage::Going(cell)) if !self.is_frontier(around.pilot, cell) => {
+            (MissionInput::Ready, Stage::Choosing | Stage::Going(_)) => self.choose(around),
+            (MissionInput::UnderWay, Stage::Going(cell))
+                if !self.is_frontier(around.pilot, cell) =>
+            {
                 self.choose(around)
             }
-            (Seen::UnderWay, Stage::Fresh | Stage::Choosing | Stage::Going(_)) => Step::GoOn,
-            (Seen::Arrived, Stage::Going(cell)) => Step::LookAt(cell),
-            (Seen::Arrived, Stage::Fresh | Stage::Choosing) => Step::Think,
-            (Seen::Blocked(_), Stage::Going(cell)) => {
-                self.looks.note(&[cell], around.pose.at);
-                Step::TryAgain
+            (MissionInput::UnderWay, Stage::Fresh | Stage::Choosing | Stage::Going(_)) => {
+                MissionStep::GoOn
             }
-            (Seen::Blocked(_), Stage::Fresh | Stage::Choosing) => Step::TryAgain,
+            (MissionInput::Arrived, Stage::Going(cell)) => MissionStep::LookAt(cell),
+            (MissionInput::Arrived, Stage::Fresh | Stage::Choosing) => MissionStep::Think,
+            (MissionInput::Blocked(_), Stage::Going(cell)) => {
+                self.looks.note(&[cell], around.pose.at);
+                MissionStep::TryAgain
+            }
+            (MissionInput::Blocked(_), Stage::Fresh | Stage::Choosing) => MissionStep::TryAgain,
             (
-                Seen::Looked { from, toward, at },
+                MissionInput::Looked { from, toward, at },
                 Stage::Fresh | Stage::Choosing | Stage::Going(_),
             ) => {
                 if at.is_some() {
                     self.note_look(around.pilot, from, toward, at);
                 }
-                Step::Think
+                MissionStep::Think
             }
         }
     }
 
-    fn give_up(&self) -> End {
-        End::NoRoom
+    fn give_up(&self) -> EndReason {
+        EndReason::NoRoom
     }
 
     fn tile_changed(&mut self, address: TileAddress) {
@@ -123,7 +127,7 @@ impl MissionKind for Seek {
     }
 
     /// Notes what peers look at, so that it is not looked at by all of them in vain.
-    fn watch_peers(&mut self, around: &Surroundings<'_>) {
+    fn watch_peers(&mut self, around: &MissionContext<'_>) {
         if self.prefers != Preference::FarFromPeers {
             return;
         }
@@ -140,7 +144,7 @@ impl MissionKind for Seek {
 
 impl Seek {
     /// Makes a mission that has seen nothing.
-    pub fn new(settings: &Settings, prefers: Preference) -> Seek {
+    pub fn new(settings: &VehicleSettings, prefers: Preference) -> Seek {
         Seek {
             settings: settings.clone(),
             prefers,
@@ -153,10 +157,10 @@ impl Seek {
     }
 
     /// Chooses the next look, or ends.
-    fn choose(&mut self, around: &Surroundings<'_>) -> Step {
+    fn choose(&mut self, around: &MissionContext<'_>) -> MissionStep {
         self.stage = Stage::Choosing;
         let Some(mut grid) = ground(around, &around.claims()) else {
-            return Step::End(End::TooLarge);
+            return MissionStep::End(EndReason::TooLarge);
         };
         self.keep_frontiers(around.pilot);
         let candidates = self.rated(around, grid.area());
@@ -169,19 +173,19 @@ impl Seek {
             }
         }
         if self.is_barred_by_peers(around) {
-            Step::YieldToPeers
+            MissionStep::YieldToPeers
         } else {
-            Step::End(End::Done)
+            MissionStep::End(EndReason::Done)
         }
     }
 
     /// Returns where to look from and at what, and the ways to all places.
     fn choose_sight(
         &self,
-        around: &Surroundings<'_>,
-        grid: &Grid,
+        around: &MissionContext<'_>,
+        grid: &SearchGrid,
         candidates: &[Candidate],
-    ) -> Option<(Sight, Distances)> {
+    ) -> Option<(LookCandidate, Distances)> {
         let (at, lattice) = (around.pose.at, self.settings.lattice);
         let reached = Distances::from_start(grid, lattice.cell_at(at), &RULES).ok()?;
         let view = around.pilot.map().view(self.settings.slice, grid.area());
@@ -199,30 +203,30 @@ impl Seek {
 
     fn go_and_look(
         &mut self,
-        around: &Surroundings<'_>,
-        grid: &Grid,
+        around: &MissionContext<'_>,
+        grid: &SearchGrid,
         reached: &Distances,
         is_narrow: bool,
-        sight: Sight,
-    ) -> Step {
+        sight: LookCandidate,
+    ) -> MissionStep {
         let (from, lattice) = (around.pose.at, self.settings.lattice);
         if sight.from == lattice.cell_at(from) {
-            return Step::LookAt(sight.at);
+            return MissionStep::LookAt(sight.at);
         }
         let to = lattice.centre(sight.from);
         let Some(route) = reached.route_to(grid, from, to) else {
             self.looks.note(&[sight.at], to);
-            return Step::Think;
+            return MissionStep::Think;
         };
         self.stage = Stage::Going(sight.at);
-        Step::GoAlong(Course {
+        MissionStep::GoAlong(DriveRoute {
             corners: route.points[1..].to_vec(),
             is_narrow,
         })
     }
 
     /// Returns whether without peers there would be something to look at.
-    fn is_barred_by_peers(&self, around: &Surroundings<'_>) -> bool {
+    fn is_barred_by_peers(&self, around: &MissionContext<'_>) -> bool {
         if around.peers.iter().next().is_none() {
             return false;
         }
@@ -291,7 +295,7 @@ impl Seek {
     }
 
     /// Returns what is worth a look, and what is rather looked at.
-    fn rated(&self, around: &Surroundings<'_>, area: CellRect) -> Vec<Candidate> {
+    fn rated(&self, around: &MissionContext<'_>, area: CellRect) -> Vec<Candidate> {
         let view = around.pilot.map().view(self.settings.slice, area);
         let mut candidates = self.candidates();
         for one in &mut candidates {
@@ -345,14 +349,14 @@ impl Seek {
 }
 
 /// Returns the known free ground where the vehicle may be, clear of what peers claim.
-fn ground(around: &Surroundings<'_>, claims: &[Vec<Point>]) -> Option<Grid> {
+fn ground(around: &MissionContext<'_>, claims: &[Vec<Point>]) -> Option<SearchGrid> {
     around
         .pilot
         .ground(around.now, around.pose, None, false, claims)
 }
 
 /// Returns whether a peer is going to see a place anyway.
-fn is_a_peers(around: &Surroundings<'_>, at: Point) -> bool {
+fn is_a_peers(around: &MissionContext<'_>, at: Point) -> bool {
     let own_m = around.pose.at.distance_to(at);
     let goes = |moved_at| around.now.since(moved_at) <= PEER_GOES;
     let ends = around

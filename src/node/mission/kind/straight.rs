@@ -4,9 +4,9 @@ use std::collections::VecDeque;
 
 use serde::{Deserialize, Serialize};
 
-use super::{MissionKind, Seen, Step, Surroundings};
+use super::{Behaviour, MissionContext, MissionInput, MissionStep};
 use crate::geom::{Point, Vector};
-use crate::node::mission::End;
+use crate::node::mission::EndReason;
 
 /// A mission of straight legs.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -39,33 +39,35 @@ impl Straight {
         self.places.len() + usize::from(self.ahead_m.is_some())
     }
 
-    fn next_leg(&mut self, around: &Surroundings<'_>) -> Step {
+    fn next_leg(&mut self, around: &MissionContext<'_>) -> MissionStep {
         if let Some(ahead_m) = self.ahead_m.take() {
             self.places
                 .push_back(around.pose.at + Vector::polar(around.pose.heading, ahead_m));
         }
         self.places
             .front()
-            .map_or(Step::End(End::Done), |place| Step::GoStraight(*place))
+            .map_or(MissionStep::End(EndReason::Done), |place| {
+                MissionStep::GoStraight(*place)
+            })
     }
 }
 
-impl MissionKind for Straight {
-    fn next(&mut self, seen: Seen, around: &Surroundings<'_>) -> Step {
+impl Behaviour for Straight {
+    fn next(&mut self, seen: MissionInput, around: &MissionContext<'_>) -> MissionStep {
         match seen {
-            Seen::Ready => self.next_leg(around),
-            Seen::UnderWay => Step::GoOn,
-            Seen::Arrived => {
+            MissionInput::Ready => self.next_leg(around),
+            MissionInput::UnderWay => MissionStep::GoOn,
+            MissionInput::Arrived => {
                 self.places.pop_front();
-                Step::Think
+                MissionStep::Think
             }
-            Seen::Blocked(at) => Step::End(End::Stopped(at)),
-            Seen::Looked { .. } => Step::Think,
+            MissionInput::Blocked(at) => MissionStep::End(EndReason::Stopped(at)),
+            MissionInput::Looked { .. } => MissionStep::Think,
         }
     }
 
-    fn give_up(&self) -> End {
-        End::GaveUp(self.places.len())
+    fn give_up(&self) -> EndReason {
+        EndReason::GaveUp(self.places.len())
     }
 }
 
@@ -80,26 +82,29 @@ mod tests {
         let mut legs = Straight::along(&places);
         for place in places {
             assert_eq!(
-                step(&mut legs, Seen::Ready, (0.0, 0.0)),
-                Step::GoStraight(place)
+                step(&mut legs, MissionInput::Ready, (0.0, 0.0)),
+                MissionStep::GoStraight(place)
             );
-            assert_eq!(step(&mut legs, Seen::UnderWay, (1.0, 0.0)), Step::GoOn);
             assert_eq!(
-                step(&mut legs, Seen::Arrived, (place.x_m, place.y_m)),
-                Step::Think
+                step(&mut legs, MissionInput::UnderWay, (1.0, 0.0)),
+                MissionStep::GoOn
+            );
+            assert_eq!(
+                step(&mut legs, MissionInput::Arrived, (place.x_m, place.y_m)),
+                MissionStep::Think
             );
         }
         assert_eq!(
-            step(&mut legs, Seen::Ready, (2.0, 3.0)),
-            Step::End(End::Done)
+            step(&mut legs, MissionInput::Ready, (2.0, 3.0)),
+            MissionStep::End(EndReason::Done)
         );
     }
 
     #[test]
     fn a_leg_that_was_interrupted_is_gone_on_with() {
         let mut legs = Straight::along(&[Point::new(2.0, 0.0)]);
-        let first = step(&mut legs, Seen::Ready, (0.0, 0.0));
-        assert_eq!(step(&mut legs, Seen::Ready, (1.0, 0.0)), first);
+        let first = step(&mut legs, MissionInput::Ready, (0.0, 0.0));
+        assert_eq!(step(&mut legs, MissionInput::Ready, (1.0, 0.0)), first);
     }
 
     #[test]
@@ -108,27 +113,27 @@ mod tests {
             Straight::along(&[Point::new(2.0, 0.0)]),
             Point::new(1.0, 0.0),
         );
-        step(&mut legs, Seen::Ready, (0.0, 0.0));
+        step(&mut legs, MissionInput::Ready, (0.0, 0.0));
         assert_eq!(
-            step(&mut legs, Seen::Blocked(wall), (0.5, 0.0)),
-            Step::End(End::Stopped(wall))
+            step(&mut legs, MissionInput::Blocked(wall), (0.5, 0.0)),
+            MissionStep::End(EndReason::Stopped(wall))
         );
     }
 
     #[test]
     fn ahead_is_where_it_faced_when_it_began() {
         let mut ahead = Straight::ahead(3.0);
-        let goal = Step::GoStraight(Point::new(4.0, 2.0));
-        assert_eq!(step(&mut ahead, Seen::Ready, (1.0, 2.0)), goal);
+        let goal = MissionStep::GoStraight(Point::new(4.0, 2.0));
+        assert_eq!(step(&mut ahead, MissionInput::Ready, (1.0, 2.0)), goal);
         assert_eq!(
-            step(&mut ahead, Seen::Ready, (2.0, 2.0)),
+            step(&mut ahead, MissionInput::Ready, (2.0, 2.0)),
             goal,
             "also after an interruption"
         );
-        step(&mut ahead, Seen::Arrived, (4.0, 2.0));
+        step(&mut ahead, MissionInput::Arrived, (4.0, 2.0));
         assert_eq!(
-            step(&mut ahead, Seen::Ready, (4.0, 2.0)),
-            Step::End(End::Done)
+            step(&mut ahead, MissionInput::Ready, (4.0, 2.0)),
+            MissionStep::End(EndReason::Done)
         );
     }
 }

@@ -5,8 +5,8 @@ use super::{Doing, Pilot, Unknown};
 use crate::geom::{Point, Pose, Segment, Track};
 use crate::map::CellRect;
 use crate::node::OwnState;
-use crate::node::vehicle::Bump;
-use crate::plan::{Grid, MAX_GRID_CELLS, Rules, shortest_route};
+use crate::node::vehicle::ReflexObstacle;
+use crate::plan::{MAX_GRID_CELLS, Rules, SearchGrid, shortest_route};
 use crate::time::Time;
 
 /// A place to go back to is at least this far away, metres.
@@ -94,7 +94,7 @@ impl Pilot {
     /// Returns whether what made the reflex halt is so near that one must first back off from it.
     fn is_hemmed_in(&self, now: Time, pose: Pose) -> bool {
         let near_m = 2.0 * self.settings.lattice.cell_m();
-        let is_near = |bump: &Bump| bump.at.distance_to(pose.at) < bump.keep_m + near_m;
+        let is_near = |bump: &ReflexObstacle| bump.at.distance_to(pose.at) < bump.keep_m + near_m;
         self.bumps
             .iter()
             .any(|bump| bump.until > now && is_near(bump))
@@ -155,9 +155,10 @@ impl Pilot {
         area: CellRect,
         unknown_allowed: bool,
         peers: &[Vec<Point>],
-    ) -> Option<Grid> {
+    ) -> Option<SearchGrid> {
         let view = self.map.view(self.settings.slice, area);
-        let mut grid = Grid::of_map(&view, area, self.half_width_m(pose), unknown_allowed).ok()?;
+        let mut grid =
+            SearchGrid::of_map(&view, area, self.half_width_m(pose), unknown_allowed).ok()?;
         self.close(&mut grid, now, pose, goal, peers);
         Some(grid)
     }
@@ -171,7 +172,7 @@ impl Pilot {
         goal: Option<Point>,
         unknown_allowed: bool,
         peers: &[Vec<Point>],
-    ) -> Option<Grid> {
+    ) -> Option<SearchGrid> {
         let area = self.fenced(pose.at, goal.unwrap_or(pose.at))?;
         self.grid(now, pose, goal, area, unknown_allowed, peers)
     }
@@ -214,7 +215,7 @@ impl Pilot {
     /// vehicle stands, or the goal lies, nearer than wished, that much must do.
     fn close(
         &self,
-        grid: &mut Grid,
+        grid: &mut SearchGrid,
         now: Time,
         pose: Pose,
         goal: Option<Point>,
@@ -249,7 +250,7 @@ impl Pilot {
 
     /// Closes what lies too near to a peer's claim. Who stands too near already may leave: through the cells beside it
     /// to which a straight line does not lead any nearer.
-    fn keep_from(&self, grid: &mut Grid, from: Point, claim: Segment) {
+    fn keep_from(&self, grid: &mut SearchGrid, from: Point, claim: Segment) {
         let (lattice, separation_m) = (self.settings.lattice, self.settings.swarm.separation_m);
         let keep_m = separation_m + lattice.cell_m();
         let here_m = claim.distance_to_point(from);

@@ -1,43 +1,43 @@
 //! Where the vehicle may go: courses around what is seen and what peers claim. What is unknown counts as free until it was
 //! looked at; the pilot looks before it drives.
 
-use super::{Scene, StepRunner};
+use super::{RunnerContext, StepRunner};
 use crate::geom::{Point, Segment};
 use crate::map::{CellRect, Occupancy};
-use crate::node::mission::kind::Course;
+use crate::node::mission::kind::DriveRoute;
 use crate::node::mission::pilot::RULES;
-use crate::plan::{Grid, NoRoute, shortest_route};
+use crate::plan::{NoRoute, SearchGrid, shortest_route};
 
 impl StepRunner {
     /// Returns a course to a place, clear of peers; unknown ground may be crossed or not.
     pub(super) fn course(
         &self,
-        scene: &Scene<'_>,
+        scene: &RunnerContext<'_>,
         goal: Point,
         unknown_allowed: bool,
-    ) -> Result<Course, NoRoute> {
+    ) -> Result<DriveRoute, NoRoute> {
         self.course_clear_of(scene, goal, unknown_allowed, &scene.surroundings().claims())
     }
 
     /// Returns whether without peers a course would lead to a place.
-    pub(super) fn is_open_without_peers(&self, scene: &Scene<'_>, place: Point) -> bool {
+    pub(super) fn is_open_without_peers(&self, scene: &RunnerContext<'_>, place: Point) -> bool {
         self.course_clear_of(scene, place, true, &[]).is_ok()
     }
 
     fn course_clear_of(
         &self,
-        scene: &Scene<'_>,
+        scene: &RunnerContext<'_>,
         goal: Point,
         unknown_allowed: bool,
         peers: &[Vec<Point>],
-    ) -> Result<Course, NoRoute> {
+    ) -> Result<DriveRoute, NoRoute> {
         let mut grid = self
             .ground(scene, Some(goal), unknown_allowed, peers)
             .ok_or(NoRoute::GoalOutside)?;
         let from = scene.pose().at;
-        let course = |grid: &Grid, is_narrow: bool| {
+        let course = |grid: &SearchGrid, is_narrow: bool| {
             let route = shortest_route(grid, from, goal, &RULES)?;
-            Ok(Course {
+            Ok(DriveRoute {
                 corners: route.points[1..].to_vec(),
                 is_narrow,
             })
@@ -51,11 +51,11 @@ impl StepRunner {
     /// Returns where the vehicle may be, clear of what peers claim and of what was looked at in vain.
     pub(super) fn ground(
         &self,
-        scene: &Scene<'_>,
+        scene: &RunnerContext<'_>,
         goal: Option<Point>,
         unknown_allowed: bool,
         peers: &[Vec<Point>],
-    ) -> Option<Grid> {
+    ) -> Option<SearchGrid> {
         let pose = scene.pose();
         let mut grid = scene
             .pilot
@@ -66,7 +66,7 @@ impl StepRunner {
     }
 
     /// Closes what the pilot did not pass, but not where the vehicle has driven: that is its way back.
-    fn close_barred(&self, grid: &mut Grid, scene: &Scene<'_>) {
+    fn close_barred(&self, grid: &mut SearchGrid, scene: &RunnerContext<'_>) {
         if self.barred.is_empty() {
             return;
         }
@@ -91,7 +91,7 @@ impl StepRunner {
 
     /// What the pilot does not pass is taken for barred: something stands there, or it was looked at and is still unknown.
     /// Returns whether that is news; a peer that makes no room is none.
-    pub(super) fn note_barred(&mut self, scene: &Scene<'_>, at: Point) -> bool {
+    pub(super) fn note_barred(&mut self, scene: &RunnerContext<'_>, at: Point) -> bool {
         let cell = self.settings.lattice.cell_at(at);
         let view = scene
             .pilot

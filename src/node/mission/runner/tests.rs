@@ -17,7 +17,7 @@ struct Rig {
 
 impl Rig {
     fn new(task: TaskKind) -> Rig {
-        let settings = Settings {
+        let settings = VehicleSettings {
             task: Some(task),
             ..settings(1)
         };
@@ -37,10 +37,10 @@ impl Rig {
     }
 
     /// Goes on a tenth of a second later; returns what is said.
-    fn go_on(&mut self, met: &[Met]) -> Vec<Out> {
+    fn go_on(&mut self, met: &[WayEvent]) -> Vec<Out> {
         self.now_s += 0.1;
         let mut out = Vec::new();
-        let mut scene = Scene {
+        let mut scene = RunnerContext {
             now: at(self.now_s),
             state: &self.own,
             pilot: &mut self.pilot,
@@ -59,13 +59,13 @@ impl Rig {
     }
 
     /// Obeys every turn at once, for a while; returns the remarks.
-    fn run(&mut self, tenths: usize) -> Vec<Remark> {
+    fn run(&mut self, tenths: usize) -> Vec<MissionEvent> {
         let mut remarks = Vec::new();
         for _ in 0..tenths {
             for said in self.go_on(&[]) {
                 match said {
-                    Out::Command(_, Command::Turn(heading)) => self.own.pose.heading = heading,
-                    Out::Remark(remark) => remarks.push(remark),
+                    Out::Command(_, MoveCommand::Turn(heading)) => self.own.pose.heading = heading,
+                    Out::MissionEvent(remark) => remarks.push(remark),
                     Out::Command(..)
                     | Out::Holds(_)
                     | Out::Accepted(..)
@@ -90,7 +90,10 @@ fn a_place_that_is_reached_is_said_and_after_the_last_one_the_vehicle_goes_home(
     rig.arrive();
     assert_eq!(
         rig.run(2),
-        [Remark::Visited(place), Remark::Ended(End::Done)]
+        [
+            MissionEvent::Visited(place),
+            MissionEvent::Ended(EndReason::Done)
+        ]
     );
     rig.run(2);
     assert_eq!(rig.pilot.way().end(), Point::new(0.0, 0.0), "home");
@@ -121,11 +124,11 @@ fn a_look_around_turns_once_around_and_then_the_mission_goes_on() {
     let mut rig = Rig::new(TaskKind::Browse);
     let out = rig.go_on(&[]);
     assert!(
-        matches!(out[..], [Out::Command(_, Command::Turn(_))]),
+        matches!(out[..], [Out::Command(_, MoveCommand::Turn(_))]),
         "{out:?}"
     );
     assert_eq!(rig.run(10), [], "it takes its time");
-    assert_eq!(rig.run(100), [Remark::Ended(End::Done)]);
+    assert_eq!(rig.run(100), [MissionEvent::Ended(EndReason::Done)]);
 }
 
 #[test]
@@ -133,9 +136,11 @@ fn what_stands_in_the_way_of_a_straight_leg_ends_it_there() {
     let mut rig = Rig::new(TaskKind::Forward { distance_mm: 2000 });
     rig.go_on(&[]);
     let wall = Point::new(4.0, 0.0);
-    let out = rig.go_on(&[Met::Blocked(wall)]);
+    let out = rig.go_on(&[WayEvent::Blocked(wall)]);
     assert!(
-        out.contains(&Out::Remark(Remark::Ended(End::Stopped(wall)))),
+        out.contains(&Out::MissionEvent(MissionEvent::Ended(EndReason::Stopped(
+            wall
+        )))),
         "{out:?}"
     );
     assert!(rig.pilot.way().is_empty());
@@ -149,7 +154,10 @@ fn a_place_to_which_no_way_leads_is_passed_over() {
     });
     let remarks = rig.run(100);
     assert!(
-        matches!(remarks[..], [Remark::NoWay(..), Remark::Passed(_)]),
+        matches!(
+            remarks[..],
+            [MissionEvent::NoWay(..), MissionEvent::Passed(_)]
+        ),
         "{remarks:?}"
     );
     assert_eq!(rig.pilot.way().end(), inside);
@@ -157,7 +165,10 @@ fn a_place_to_which_no_way_leads_is_passed_over() {
     let remarks = rig.run(100);
     assert_eq!(
         remarks,
-        [Remark::Visited(inside), Remark::Ended(End::NoWay(1))]
+        [
+            MissionEvent::Visited(inside),
+            MissionEvent::Ended(EndReason::NoWay(1))
+        ]
     );
 }
 
@@ -170,11 +181,14 @@ fn who_is_stopped_again_and_again_without_moving_gives_the_place_up() {
     let mut remarks = Vec::new();
     for _ in 0..100 {
         remarks.extend(rig.run(120));
-        rig.go_on(&[Met::Blocked(Point::new(3.0, 1.0))]);
+        rig.go_on(&[WayEvent::Blocked(Point::new(3.0, 1.0))]);
     }
     assert_eq!(
         remarks,
-        [Remark::Passed(place), Remark::Ended(End::GaveUp(1))]
+        [
+            MissionEvent::Passed(place),
+            MissionEvent::Ended(EndReason::GaveUp(1))
+        ]
     );
 }
 
@@ -200,7 +214,7 @@ fn peers_that_never_make_room_end_the_mission_at_last() {
             rig.arrive();
         }
     }
-    assert_eq!(remarks, [Remark::Ended(End::GaveUp(1))]);
+    assert_eq!(remarks, [MissionEvent::Ended(EndReason::GaveUp(1))]);
 }
 
 #[test]

@@ -7,7 +7,7 @@ use tomoswarm_proto::VehicleId;
 use crate::geom::{Cell, Lattice, Point};
 use crate::node::mission::pilot::RULES;
 use crate::node::peers::Peers;
-use crate::plan::{Distances, Grid};
+use crate::plan::{Distances, SearchGrid};
 
 /// After so many waits in a row the mission is given up.
 const WAITS_MAX: u32 = 90;
@@ -65,7 +65,12 @@ impl YieldToPeers {
 
 /// Returns the corners of a way to where the peers are farther away than from here; `None` when there is none near by
 /// that is worth it.
-pub fn way_aside(grid: &Grid, lattice: Lattice, from: Point, peers: &Peers) -> Option<Vec<Point>> {
+pub fn way_aside(
+    grid: &SearchGrid,
+    lattice: Lattice,
+    from: Point,
+    peers: &Peers,
+) -> Option<Vec<Point>> {
     let reached = Distances::from_start(grid, lattice.cell_at(from), &RULES).ok()?;
     let room_m = |at: Point| {
         let distances = peers.iter().map(|(_, peer)| peer.at.distance_to(at));

@@ -30,7 +30,7 @@ fn hear_at(reception: &mut Reception, now_s: f64, beacon: Beacon, y_m: f64) -> V
     };
     let (now, heard) = (
         at(now_s),
-        Heard {
+        HeardBeacon {
             beacon,
             rssi_dbm: -61,
         },
@@ -145,7 +145,7 @@ fn nothing_is_measured_of_another_run_or_of_a_place_that_is_unknown_or_uncertain
     ] {
         assert_eq!(hear(&mut reception(), 0.0, bad).len(), expected);
     }
-    let heard = Heard {
+    let heard = HeardBeacon {
         beacon: good(),
         rssi_dbm: -61,
     };

@@ -13,10 +13,10 @@ fn a_vehicle_without_a_range_sensor_is_refused_every_drive_and_may_turn() {
         let out = told(&mut vehicle, 1.1, drive.clone());
         assert_eq!(
             (flies(&out), refusal(&out)),
-            (!is_blind, is_blind.then_some(Refusal::Blind)),
+            (!is_blind, is_blind.then_some(CommandRefusal::Blind)),
             "{out:?}"
         );
-        let turn = In::Command(Time::NEVER, Command::Turn(Angle::from_degrees(90.0)));
+        let turn = In::Command(Time::NEVER, MoveCommand::Turn(Angle::from_degrees(90.0)));
         assert!(flies(&told(&mut vehicle, 1.2, turn)));
     }
 }

@@ -5,7 +5,7 @@ use tomoswarm_proto::{Control, EmergencyName};
 use super::*;
 
 fn steered(control: Control) -> In {
-    In::Autopilot(Status {
+    In::Autopilot(ControlStatus {
         control,
         is_landed: true,
     })
@@ -39,12 +39,12 @@ fn what_somebody_else_steers_drives_nothing_claims_nothing_and_says_so_at_once()
         let out = told(&mut vehicle, 1.2, drive(&[(0.1, 0.0), (3.0, 0.0)]));
         assert_eq!(
             (flies(&out), refusal(&out)),
-            (false, Some(Refusal::NotInControl))
+            (false, Some(CommandRefusal::NotInControl))
         );
         let start = names_it(start(&vehicle, 1));
         assert_eq!(
             flown(&told(&mut vehicle, 1.3, given(start))),
-            [Fly::TakeBack, Fly::Arm]
+            [AutopilotCommand::TakeBack, AutopilotCommand::Arm]
         );
         told(&mut vehicle, 1.3, steered(Control::Ours));
         assert!(flies(&told(
@@ -128,7 +128,7 @@ fn a_take_over_ends_only_by_an_operators_start_that_names_it_and_answers_a_later
     );
     assert_eq!(
         flown(&told(&mut vehicle, 1.6, given(names_it(after)))),
-        [Fly::TakeBack, Fly::Arm]
+        [AutopilotCommand::TakeBack, AutopilotCommand::Arm]
     );
     let next = Order {
         revision: Revision(2),
@@ -136,7 +136,7 @@ fn a_take_over_ends_only_by_an_operators_start_that_names_it_and_answers_a_later
     };
     assert_eq!(
         flown(&told(&mut vehicle, 1.7, given(next))),
-        [Fly::Arm],
+        [AutopilotCommand::Arm],
         "it is over"
     );
 }
@@ -149,7 +149,7 @@ fn what_was_on_its_way_before_it_was_taken_back_does_not_keep_it() {
     }
     told(&mut vehicle, 1.2, telemetry(0.0, 0.0, 0.05));
     let start = names_it(start(&vehicle, 1));
-    assert!(flown(&told(&mut vehicle, 1.3, given(start))).contains(&Fly::TakeBack));
+    assert!(flown(&told(&mut vehicle, 1.3, given(start))).contains(&AutopilotCommand::TakeBack));
     // The autopilot was heard again just before that, and the link's answer to it comes after.
     for control in [Control::Remote, Control::Ours] {
         told(&mut vehicle, 1.3, steered(control));
@@ -171,13 +171,13 @@ fn an_autopilot_that_acts_by_itself_is_stopped_where_the_vehicle_is_to_stand() {
             given(order(OrderKind::Hold, LEASE, 1, 1)),
         );
         assert_eq!(
-            flown(&told(&mut vehicle, 1.2, steered(control))).contains(&Fly::Stop),
+            flown(&told(&mut vehicle, 1.2, steered(control))).contains(&AutopilotCommand::Stop),
             stops,
             "{control:?}"
         );
         let out = told(&mut vehicle, 1.6, moving(0.1, 0.5, true));
         assert_eq!(
-            flown(&out).contains(&Fly::Stop),
+            flown(&out).contains(&AutopilotCommand::Stop),
             stops,
             "again while it moves"
         );
@@ -229,7 +229,7 @@ fn one_that_flies_is_not_landed() {
     told(
         &mut vehicle,
         1.1,
-        In::Autopilot(Status {
+        In::Autopilot(ControlStatus {
             control: Control::Ours,
             is_landed: false,
         }),

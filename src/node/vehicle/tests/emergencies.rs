@@ -21,7 +21,7 @@ fn all() -> EmergencyStop {
     stop(0, StopScope::All)
 }
 
-fn stands_under(vehicle: &mut Vehicle, time_s: f64) -> (Mode, Option<StandReason>) {
+fn stands_under(vehicle: &mut Vehicle, time_s: f64) -> (VehicleMode, Option<StandReason>) {
     let out = told(vehicle, time_s, telemetry(0.0, 0.0, 0.05));
     let state = |out: &Out| {
         if let Out::Publish(state) = out {
@@ -51,7 +51,7 @@ fn a_stop_brakes_at_once_and_disarms_at_rest() {
     told(&mut vehicle, 2.0, telemetry(0.5, 0.5, 0.05));
     assert_eq!(
         flown(&told(&mut vehicle, 2.0, open(&[all()]))),
-        [Fly::Stop],
+        [AutopilotCommand::Stop],
         "at once"
     );
     assert_eq!(
@@ -68,7 +68,7 @@ fn a_stop_brakes_at_once_and_disarms_at_rest() {
     }
     assert_eq!(
         flown_at,
-        [(4, Fly::Stop), (8, Fly::Disarm)],
+        [(4, AutopilotCommand::Stop), (8, AutopilotCommand::Disarm)],
         "it brakes still after 0.3 s"
     );
 }
@@ -79,7 +79,7 @@ fn under_an_open_stop_nothing_is_driven_and_nobody_starts_or_calls_it_home() {
     told(&mut vehicle, 1.1, open(&[all()]));
     assert_eq!(
         stands_under(&mut vehicle, 1.2),
-        (Mode::Stopped, Some(StandReason::Stop(all().name)))
+        (VehicleMode::Stopped, Some(StandReason::Stop(all().name)))
     );
     for (revision, kind) in [(1, OrderKind::Start), (2, OrderKind::Return)] {
         for sender in [Sender::Ground, Sender::Operator(OperatorId(1))] {
@@ -95,7 +95,7 @@ fn under_an_open_stop_nothing_is_driven_and_nobody_starts_or_calls_it_home() {
     }
     assert_eq!(
         refusal(&told(&mut vehicle, 1.4, drive(&[(0.0, 0.0), (1.0, 0.0)]))),
-        Some(Refusal::Emergency)
+        Some(CommandRefusal::Emergency)
     );
     assert!(
         obeyed(&told(
@@ -117,7 +117,7 @@ fn a_lift_moves_nobody_and_only_an_operators_start_that_answers_a_later_state_do
     let drives = || drive(&[(0.0, 0.0), (1.0, 0.0)]);
     assert_eq!(
         refusal(&told(&mut vehicle, 1.7, drives())),
-        Some(Refusal::Emergency)
+        Some(CommandRefusal::Emergency)
     );
     assert!(
         !obeyed(&told(&mut vehicle, 1.8, given(before))),
@@ -125,7 +125,7 @@ fn a_lift_moves_nobody_and_only_an_operators_start_that_answers_a_later_state_do
     );
     assert_eq!(
         stands_under(&mut vehicle, 1.9),
-        (Mode::Held, Some(StandReason::Held))
+        (VehicleMode::Held, Some(StandReason::Held))
     );
     let after = start(&vehicle, 1);
     assert!(
@@ -141,7 +141,10 @@ fn a_lift_moves_nobody_and_only_an_operators_start_that_answers_a_later_state_do
         ..after.clone()
     };
     assert!(!obeyed(&told(&mut vehicle, 2.0, given(called_home))));
-    assert_eq!(flown(&told(&mut vehicle, 2.1, given(after))), [Fly::Arm]);
+    assert_eq!(
+        flown(&told(&mut vehicle, 2.1, given(after))),
+        [AutopilotCommand::Arm]
+    );
     assert!(flies(&told(&mut vehicle, 2.2, drives())));
 }
 
@@ -184,15 +187,15 @@ fn a_stop_for_another_vehicle_stops_this_one_not_and_what_the_disk_has_stops_it_
         1.2,
         drive(&[(0.0, 0.0), (1.0, 0.0)])
     )));
-    let kept = tomoswarm_proto::Standing {
+    let kept = tomoswarm_proto::OpenStops {
         open: vec![all()],
         lifted: vec![],
     };
-    let mut stopped = Vehicle::new(Settings {
+    let mut stopped = Vehicle::new(VehicleSettings {
         stops: kept,
         ..settings(1)
     });
-    assert_eq!(stands_under(&mut stopped, 1.0).0, Mode::Stopped);
+    assert_eq!(stands_under(&mut stopped, 1.0).0, VehicleMode::Stopped);
 }
 
 #[test]

@@ -11,7 +11,7 @@ use tomoswarm_proto::{EmergencyName, Ordered, StopId, StopScope};
 
 use super::*;
 use crate::node::tests_support::{variant_of, variants};
-use crate::node::vehicle::disarming::Disarming;
+use crate::node::vehicle::disarming::DisarmingState;
 use crate::node::vehicle::restraint::Restraint;
 
 /// What happens next; what refers to something refers to what the witness has seen.
@@ -229,7 +229,7 @@ impl Witness {
             self.now = due.at;
             let mut out = Vec::new();
             self.vehicle.wake(due.at, &mut out).unwrap();
-            assert_eq!(out, [Out::Remark(Remark::AutopilotSilent)]);
+            assert_eq!(out, [Out::SafetyEvent(SafetyEvent::AutopilotSilent)]);
             assert!(
                 self.vehicle
                     .deadline()
@@ -299,12 +299,12 @@ impl Witness {
                     Point::new(0.0, to_m),
                 ];
                 let stop = has_stop.then_some(StopId(4));
-                In::Command(decided(decided_ago), Command::Drive { stop, route })
+                In::Command(decided(decided_ago), MoveCommand::Drive { stop, route })
             }
             Happening::Turn { decided_ago } => {
-                In::Command(decided(decided_ago), Command::Turn(Angle::default()))
+                In::Command(decided(decided_ago), MoveCommand::Turn(Angle::default()))
             }
-            Happening::Stand => In::Command(Time::ZERO, Command::Hold),
+            Happening::Stand => In::Command(Time::ZERO, MoveCommand::Hold),
             Happening::Order {
                 kind,
                 lease_step,
@@ -341,7 +341,11 @@ impl Witness {
                     .map(Into::into)
                     .to_vec();
                 let leg = drives.then_some(LegReport { route: to });
-                let mode = if drives { Mode::Driving } else { Mode::Idle };
+                let mode = if drives {
+                    VehicleMode::Driving
+                } else {
+                    VehicleMode::Idle
+                };
                 let peer = crate::node::tests_support::state(2, 1.0, y_m);
                 In::Peer(State {
                     sequence: self.peer_sequence,
@@ -360,7 +364,7 @@ impl Witness {
                 };
                 In::Stops(is_open.then_some(stop).into_iter().collect())
             }
-            Happening::Steered(control) => In::Autopilot(Status {
+            Happening::Steered(control) => In::Autopilot(ControlStatus {
                 control,
                 is_landed: true,
             }),
@@ -372,7 +376,7 @@ impl Witness {
     fn check_flying(&self, input: &In, out: &[Out]) {
         for fly in flown(out) {
             match fly {
-                Fly::Drive { .. } | Fly::Turn(_) => {
+                AutopilotCommand::Drive { .. } | AutopilotCommand::Turn(_) => {
                     assert!(matches!(input, In::Command(..)), "it moves by itself");
                     assert_eq!(
                         self.ban,
@@ -387,7 +391,7 @@ impl Witness {
                     assert_eq!(self.disarm_said, None, "it moves without motors");
                     assert!(!self.is_taken, "it moves although somebody else steers");
                 }
-                Fly::Arm => {
+                AutopilotCommand::Arm => {
                     let frees = obeyed_kind(out).is_some_and(|kind| match kind {
                         OrderKind::Start => true,
                         OrderKind::Return => self.ban != Ban::UntilStart,
@@ -395,11 +399,11 @@ impl Witness {
                     });
                     assert!(frees, "it is armed by {input:?}");
                 }
-                Fly::TakeBack => {
+                AutopilotCommand::TakeBack => {
                     let is_ended = self.is_taken && obeyed_kind(out) == Some(OrderKind::Start);
                     assert!(is_ended, "it is taken back by {input:?}");
                 }
-                Fly::Disarm => {
+                AutopilotCommand::Disarm => {
                     let may = self.disarm_said.is_some()
                         || self.may_disarm
                         || obeyed_kind(out) == Some(OrderKind::CutMotors);
@@ -410,7 +414,7 @@ impl Witness {
                         "braking needs the motors"
                     );
                 }
-                Fly::Stop => {
+                AutopilotCommand::Stop => {
                     let is_lost = |told: &Telemetry| told.pose.sd_m > 0.5;
                     let is_due = |told| self.stop_said.is_some() || is_lost(told);
                     assert!(
@@ -420,7 +424,7 @@ impl Witness {
                 }
             }
         }
-        if let In::Command(_, Command::Hold) = input {
+        if let In::Command(_, MoveCommand::Hold) = input {
             assert!(stops(out), "standing is always allowed");
         }
     }
@@ -461,7 +465,7 @@ impl Witness {
         if obeyed(out) {
             assert_eq!(stops(out), order.kind != OrderKind::Start, "{order:?}");
             assert_eq!(
-                flown(out).contains(&Fly::Disarm),
+                flown(out).contains(&AutopilotCommand::Disarm),
                 order.kind == OrderKind::CutMotors,
                 "{order:?}"
             );
@@ -470,7 +474,11 @@ impl Witness {
                 OrderKind::Return => self.ban != Ban::UntilStart,
                 OrderKind::Hold | OrderKind::Land | OrderKind::CutMotors => false,
             };
-            assert_eq!(flown(out).contains(&Fly::Arm), armed, "{order:?}");
+            assert_eq!(
+                flown(out).contains(&AutopilotCommand::Arm),
+                armed,
+                "{order:?}"
+            );
         }
     }
 
@@ -478,18 +486,20 @@ impl Witness {
     fn note(&mut self, out: &[Out]) {
         for said in out {
             match said {
-                Out::Fly(Fly::Drive { .. } | Fly::Turn(_)) => self.stop_said = None,
-                Out::Fly(Fly::Stop) => self.stop_said = Some(self.now),
-                Out::Fly(Fly::Arm) => {
+                Out::AutopilotCommand(
+                    AutopilotCommand::Drive { .. } | AutopilotCommand::Turn(_),
+                ) => self.stop_said = None,
+                Out::AutopilotCommand(AutopilotCommand::Stop) => self.stop_said = Some(self.now),
+                Out::AutopilotCommand(AutopilotCommand::Arm) => {
                     (self.disarm_said, self.disarm_owed, self.may_disarm) = (None, None, false);
                 }
-                Out::Fly(Fly::TakeBack) => self.is_taken = false,
-                Out::Fly(Fly::Disarm) => {
+                Out::AutopilotCommand(AutopilotCommand::TakeBack) => self.is_taken = false,
+                Out::AutopilotCommand(AutopilotCommand::Disarm) => {
                     (self.disarm_said, self.disarm_owed) = (Some(self.now), None)
                 }
                 Out::Order(order) => self.note_order(order),
                 Out::State(state) => self.sequence = state.sequence,
-                Out::Publish(_) | Out::Remember(_) | Out::Remark(_) => {}
+                Out::Publish(_) | Out::Remember(_) | Out::SafetyEvent(_) => {}
             }
         }
     }
@@ -498,7 +508,7 @@ impl Witness {
     fn check_stops(&mut self, is_open: bool, out: &[Out]) {
         match (self.stopped, is_open) {
             (Stopped::No | Stopped::Lifted, true) => {
-                assert_eq!(flown(out), [Fly::Stop], "at once");
+                assert_eq!(flown(out), [AutopilotCommand::Stop], "at once");
                 (self.stopped, self.disarm_owed) = (Stopped::Open, Some(self.now));
                 self.answers_from = self.sequence;
                 if self.ban == Ban::None {
@@ -576,9 +586,11 @@ impl Witness {
     fn check_state(&self, out: &[Out]) {
         let state = out.iter().find_map(|out| match out {
             Out::State(state) => Some(state),
-            Out::Publish(_) | Out::Fly(_) | Out::Remember(_) | Out::Order(_) | Out::Remark(_) => {
-                None
-            }
+            Out::Publish(_)
+            | Out::AutopilotCommand(_)
+            | Out::Remember(_)
+            | Out::Order(_)
+            | Out::SafetyEvent(_) => None,
         });
         let state = state.expect("every telemetry makes a state");
         let Ordered {
@@ -588,11 +600,14 @@ impl Witness {
             (lease.number, Reverse(lease.holder), revision.0),
             self.highest
         );
-        assert_eq!(state.mode == Mode::Stopped, self.stopped == Stopped::Open);
+        assert_eq!(
+            state.mode == VehicleMode::Stopped,
+            self.stopped == Stopped::Open
+        );
         let is_cut = self.ban == Ban::UntilStart && self.stopped != Stopped::Open;
-        assert_eq!(state.mode == Mode::MotorsCut, is_cut);
+        assert_eq!(state.mode == VehicleMode::MotorsCut, is_cut);
         assert!(
-            state.mode != Mode::Idle || self.ban == Ban::None,
+            state.mode != VehicleMode::Idle || self.ban == Ban::None,
             "a vehicle that is held says so"
         );
     }
@@ -610,7 +625,11 @@ fn edition(order: &Order) -> (u32, Reverse<u64>, u32) {
 fn obeyed_kind(out: &[Out]) -> Option<OrderKind> {
     out.iter().find_map(|out| match out {
         Out::Order(order) => Some(order.kind),
-        Out::Remark(_) | Out::Fly(_) | Out::Remember(_) | Out::State(_) | Out::Publish(_) => None,
+        Out::SafetyEvent(_)
+        | Out::AutopilotCommand(_)
+        | Out::Remember(_)
+        | Out::State(_)
+        | Out::Publish(_) => None,
     })
 }
 
@@ -643,7 +662,7 @@ fn the_sequences_reach_every_state_and_move_and_stop_in_all_of_them() {
             }
         }
     }
-    assert_eq!(moved, variants::<Movement>());
+    assert_eq!(moved, variants::<MovementOrder>());
     assert_eq!(restrained, variants::<Restraint>());
-    assert_eq!(disarmed, variants::<Disarming>());
+    assert_eq!(disarmed, variants::<DisarmingState>());
 }

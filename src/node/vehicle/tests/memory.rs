@@ -17,13 +17,13 @@ fn lease(number: u32) -> Lease {
     Lease { number, holder: 50 }
 }
 
-fn memory(number: u32, revision: u32) -> Memory {
-    Memory::of_order(edition(number, revision))
+fn memory(number: u32, revision: u32) -> VehicleMemory {
+    VehicleMemory::of_order(edition(number, revision))
 }
 
 /// A vehicle at rest that has heard its autopilot once, at 1 s; its disk answers nothing by itself.
-fn remembering(memory: Memory) -> Vehicle {
-    let mut vehicle = Vehicle::new(Settings {
+fn remembering(memory: VehicleMemory) -> Vehicle {
+    let mut vehicle = Vehicle::new(VehicleSettings {
         memory,
         ..settings(1)
     });
@@ -48,7 +48,7 @@ fn ordered(vehicle: &mut Vehicle, kind: OrderKind, number: u32, revision: u32) -
 }
 
 /// The disk has this.
-fn written(vehicle: &mut Vehicle, time_s: f64, memory: Memory) -> Vec<Out> {
+fn written(vehicle: &mut Vehicle, time_s: f64, memory: VehicleMemory) -> Vec<Out> {
     handle(
         vehicle,
         time_s,
@@ -60,12 +60,12 @@ fn written(vehicle: &mut Vehicle, time_s: f64, memory: Memory) -> Vec<Out> {
 }
 
 /// The disk cannot be written: it has nothing.
-fn not_written(vehicle: &mut Vehicle, memory: Memory) -> Vec<Out> {
+fn not_written(vehicle: &mut Vehicle, memory: VehicleMemory) -> Vec<Out> {
     handle(
         vehicle,
         1.2,
         In::Remembered(Remembered {
-            on_disk: Memory::default(),
+            on_disk: VehicleMemory::default(),
             tried: memory,
         }),
     )
@@ -102,7 +102,7 @@ const NOTHING: (Lease, Revision, Option<OrderKind>) = (
 #[test]
 fn a_start_that_waited_for_the_disk_when_somebody_took_over_is_not_obeyed() {
     for control in [Control::Ours, Control::Remote] {
-        let mut vehicle = remembering(Memory::default());
+        let mut vehicle = remembering(VehicleMemory::default());
         let seen = vehicle.reports.sequence();
         let ends = vec![EmergencyName::of_take_over(VehicleId(1), Boot(1))];
         let start = Order {
@@ -113,7 +113,7 @@ fn a_start_that_waited_for_the_disk_when_somebody_took_over_is_not_obeyed() {
         handle(
             &mut vehicle,
             1.2,
-            In::Autopilot(Status {
+            In::Autopilot(ControlStatus {
                 control,
                 is_landed: true,
             }),
@@ -129,14 +129,14 @@ fn a_start_that_waited_for_the_disk_when_somebody_took_over_is_not_obeyed() {
 
 #[test]
 fn a_start_is_remembered_before_anything_follows_from_it() {
-    let mut vehicle = remembering(Memory::default());
+    let mut vehicle = remembering(VehicleMemory::default());
     assert_eq!(
         ordered(&mut vehicle, OrderKind::Start, 3, 1),
         [Out::Remember(memory(3, 1))]
     );
     assert_eq!(shown(&mut vehicle), NOTHING);
     let out = written(&mut vehicle, 1.3, memory(3, 1));
-    assert_eq!(out[0], Out::Fly(Fly::Arm));
+    assert_eq!(out[0], Out::AutopilotCommand(AutopilotCommand::Arm));
     assert!(obeyed(&out));
     assert_eq!(
         shown(&mut vehicle),
@@ -153,18 +153,21 @@ fn what_stops_does_so_at_once_and_is_written_then_and_shown_at_last() {
         OrderKind::Land,
         OrderKind::CutMotors,
     ] {
-        let mut vehicle = remembering(Memory::default());
+        let mut vehicle = remembering(VehicleMemory::default());
         let out = ordered(&mut vehicle, kind, 3, 1);
         assert_eq!(
             (&out[0], out.last()),
-            (&Out::Fly(Fly::Stop), Some(&Out::Remember(memory(3, 1))))
+            (
+                &Out::AutopilotCommand(AutopilotCommand::Stop),
+                Some(&Out::Remember(memory(3, 1)))
+            )
         );
         assert_eq!(
-            out.contains(&Out::Fly(Fly::Disarm)),
+            out.contains(&Out::AutopilotCommand(AutopilotCommand::Disarm)),
             kind == OrderKind::CutMotors
         );
         assert!(
-            !out.contains(&Out::Fly(Fly::Arm)) && !obeyed(&out),
+            !out.contains(&Out::AutopilotCommand(AutopilotCommand::Arm)) && !obeyed(&out),
             "{kind:?}"
         );
         assert!(
@@ -174,7 +177,7 @@ fn what_stops_does_so_at_once_and_is_written_then_and_shown_at_last() {
         assert_eq!(shown(&mut vehicle), NOTHING, "{kind:?}");
         let out = written(&mut vehicle, 1.4, memory(3, 1));
         assert!(
-            obeyed(&out) && !out.contains(&Out::Fly(Fly::Disarm)),
+            obeyed(&out) && !out.contains(&Out::AutopilotCommand(AutopilotCommand::Disarm)),
             "{kind:?}"
         );
         assert_eq!(shown(&mut vehicle), (lease(3), Revision(1), Some(kind)));
@@ -212,7 +215,7 @@ fn nothing_lower_than_what_was_on_disk_is_obeyed_after_a_restart() {
 
 #[test]
 fn a_disk_that_cannot_be_written_keeps_a_start_back_and_nothing_that_stops() {
-    let mut vehicle = remembering(Memory::default());
+    let mut vehicle = remembering(VehicleMemory::default());
     ordered(&mut vehicle, OrderKind::Start, 3, 1);
     assert_eq!(not_written(&mut vehicle, memory(3, 1)), []);
     assert_eq!(
@@ -237,7 +240,7 @@ fn a_disk_that_cannot_be_written_keeps_a_start_back_and_nothing_that_stops() {
 
 #[test]
 fn a_start_that_has_waited_too_long_is_given_up_and_may_come_again() {
-    let mut vehicle = remembering(Memory::default());
+    let mut vehicle = remembering(VehicleMemory::default());
     ordered(&mut vehicle, OrderKind::Start, 3, 1);
     assert_eq!(written(&mut vehicle, 60.0, memory(3, 1)), []);
     assert_eq!(
@@ -249,12 +252,12 @@ fn a_start_that_has_waited_too_long_is_given_up_and_may_come_again() {
     let seen = vehicle.reports.sequence();
     let again = given(order(OrderKind::Start, lease(3), 1, seen));
     let out = handle(&mut vehicle, 60.2, again);
-    assert!(obeyed(&out) && out.contains(&Out::Fly(Fly::Arm)));
+    assert!(obeyed(&out) && out.contains(&Out::AutopilotCommand(AutopilotCommand::Arm)));
 }
 
 #[test]
 fn an_order_that_is_repeated_while_it_waits_stays_young_and_is_asked_for_once() {
-    let mut vehicle = remembering(Memory::default());
+    let mut vehicle = remembering(VehicleMemory::default());
     ordered(&mut vehicle, OrderKind::Start, 3, 1);
     handle(&mut vehicle, 60.0, telemetry(0.0, 0.0, 0.05));
     let seen = vehicle.reports.sequence();
@@ -271,7 +274,7 @@ fn an_order_that_is_repeated_while_it_waits_stays_young_and_is_asked_for_once() 
 
 #[test]
 fn of_two_that_wait_the_higher_is_obeyed_alone() {
-    let mut vehicle = remembering(Memory::default());
+    let mut vehicle = remembering(VehicleMemory::default());
     ordered(&mut vehicle, OrderKind::Start, 3, 1);
     let out = ordered(&mut vehicle, OrderKind::Hold, 3, 2);
     assert!(stops(&out) && out.contains(&Out::Remember(memory(3, 2))));
@@ -291,7 +294,7 @@ fn of_two_that_wait_the_higher_is_obeyed_alone() {
 
 #[test]
 fn what_was_decided_before_a_stop_that_was_never_told_the_mission_is_not_driven() {
-    let mut vehicle = remembering(Memory::default());
+    let mut vehicle = remembering(VehicleMemory::default());
     ordered(&mut vehicle, OrderKind::Return, 3, 1);
     ordered(&mut vehicle, OrderKind::Start, 3, 2);
     assert!(obeyed(&written(&mut vehicle, 1.2, memory(3, 2))));
@@ -299,7 +302,7 @@ fn what_was_decided_before_a_stop_that_was_never_told_the_mission_is_not_driven(
     let decided = |time_s| {
         In::Command(
             at(time_s),
-            Command::Drive {
+            MoveCommand::Drive {
                 stop: None,
                 route: route.clone(),
             },
@@ -307,7 +310,7 @@ fn what_was_decided_before_a_stop_that_was_never_told_the_mission_is_not_driven(
     };
     assert_eq!(
         refusal(&handle(&mut vehicle, 1.3, decided(1.05))),
-        Some(Refusal::Old)
+        Some(CommandRefusal::Old)
     );
     assert!(flies(&handle(&mut vehicle, 1.3, decided(1.25))));
 }

@@ -1,21 +1,21 @@
 //! Tasks, leases that are held, and scripts that wait for runs and missions.
 
 use tomoswarm_proto::{
-    Mission, MissionEnd, MissionKind, MissionPhase, MissionRefusal, Progress, RunEnd, RunReport,
-    TaskKind,
+    MissionEnd, MissionKind, MissionPhase, MissionProgress, MissionRefusal, Progress, RunEnd,
+    RunReport, TaskKind,
 };
 
 use super::super::super::given_tasks::TaskWish;
-use super::super::super::outcome::Refusal;
+use super::super::super::order_goal::MissionWish;
+use super::super::super::outcome::OrderRefusal;
 use super::super::super::script::Present;
-use super::super::super::want::MissionWish;
 use super::*;
 
 const RUN: RunId = RunId(3);
 
-fn task() -> Step {
+fn task() -> ScriptStep {
     let (members, kind) = (vec![VehicleId(1)], TaskKind::Browse);
-    Step::Task(TaskWish {
+    ScriptStep::Task(TaskWish {
         run: RUN,
         members,
         compare_with: Some(RunId(2)),
@@ -23,15 +23,15 @@ fn task() -> Step {
     })
 }
 
-fn wait(until: Condition) -> Step {
-    Step::Wait {
+fn wait(until: Condition) -> ScriptStep {
+    ScriptStep::Wait {
         until,
         within: Duration::from_secs(60),
     }
 }
 
 /// A report of a run that has so ended; the ground station is idle.
-fn run_ended(end: Option<RunEnd>, troubles: &[&str]) -> Report {
+fn run_ended(end: Option<RunEnd>, troubles: &[&str]) -> GroundReport {
     let of_run = RunReport {
         run: RUN,
         kind: MissionKind::Browse,
@@ -40,7 +40,7 @@ fn run_ended(end: Option<RunEnd>, troubles: &[&str]) -> Report {
         ..RunReport::default()
     };
     let troubles = troubles.iter().map(|words| (*words).to_owned()).collect();
-    Report {
+    GroundReport {
         run: RUN,
         laps: 4,
         laps_done: 4,
@@ -69,7 +69,7 @@ fn a_task_is_said_before_the_start_that_follows_it_and_again_until_it_is_shown()
         &mut world,
         &[
             task(),
-            Step::Want(Want {
+            ScriptStep::Want(OrderGoal {
                 run: Some(RUN),
                 ..want(Kind::Start)
             }),
@@ -98,24 +98,24 @@ fn out_for(world: &mut World, vehicle: u8, run: RunId, end: Option<MissionEnd>) 
         ..Progress::default()
     };
     let (vehicle, kind, boot) = (VehicleId(vehicle), MissionKind::Browse, Boot(1));
-    let mission = Mission {
+    let mission = MissionProgress {
         vehicle,
         boot,
         progress,
         kind,
         end,
-        ..Mission::default()
+        ..MissionProgress::default()
     };
     world.tell(In::Bus(heard(Message::Mission(mission))));
 }
 
 /// A start that begins to browse.
-fn browse() -> Want {
+fn browse() -> OrderGoal {
     let mission = MissionWish {
         kind: TaskKind::Browse,
         compare_with: None,
     };
-    Want {
+    OrderGoal {
         mission: Some(mission),
         ..want(Kind::Start)
     }
@@ -133,7 +133,7 @@ fn a_start_that_begins_a_mission_gives_its_task_first_in_a_run_above_all_that_ar
             kind: MissionKind::Search,
             ..RunReport::default()
         });
-        world.report = Some(Report {
+        world.report = Some(GroundReport {
             runs: runs.into_iter().collect(),
             ..of_one()
         });
@@ -190,14 +190,14 @@ fn who_obeys_the_start_of_a_mission_and_does_not_show_it_is_named_in_the_end() {
 #[test]
 fn a_mission_is_not_begun_while_the_ground_station_drives_a_sweep_and_no_task_is_given() {
     let mut world = World::new(vec![Rover::new(1)]);
-    world.report = Some(Report {
+    world.report = Some(GroundReport {
         phase: StationPhase::Running,
         run: RunId(4),
         ..of_one()
     });
     world.tell(In::Want(1, browse()));
     world.run(3.0);
-    let refused = Refusal::UnderWay {
+    let refused = OrderRefusal::UnderWay {
         under_way: RunId(4),
         asked: RunId(5),
     };
@@ -215,7 +215,7 @@ fn a_start_goes_on_with_a_mission_that_is_open_and_begins_a_run_after_one_that_h
             end,
             ..RunReport::default()
         };
-        world.report = Some(Report {
+        world.report = Some(GroundReport {
             run: RunId(1),
             runs: vec![of_run],
             ..of_one()
@@ -234,7 +234,7 @@ fn who_holds_a_lease_names_it_at_once_and_every_second_until_it_is_displaced() {
     assert!(world.hellos.iter().all(|(_, lease)| lease.is_none()));
     world.tell(In::Want(
         1,
-        Want {
+        OrderGoal {
             take_over: true,
             ..want(Kind::Hold)
         },
@@ -256,7 +256,7 @@ fn who_holds_a_lease_names_it_at_once_and_every_second_until_it_is_displaced() {
         "{:?}",
         world.hellos
     );
-    world.report = Some(Report {
+    world.report = Some(GroundReport {
         lease: Lease {
             number: 6,
             holder: 2,
@@ -275,7 +275,7 @@ fn a_run_is_driven_before_it_is_done_and_one_that_failed_ends_the_script_with_it
             why: why.to_owned(),
         })
     };
-    let check = |until: Condition, report: Report, end: Option<ScriptEnd>| {
+    let check = |until: Condition, report: GroundReport, end: Option<ScriptEnd>| {
         let mut world = World::new(vec![Rover::new(1)]);
         world.report = Some(report);
         follow(&mut world, &[wait(until)]);
@@ -286,7 +286,7 @@ fn a_run_is_driven_before_it_is_done_and_one_that_failed_ends_the_script_with_it
     check(Condition::Driven(RUN), open.clone(), Some(ScriptEnd::Done));
     check(
         Condition::Driven(RUN),
-        Report {
+        GroundReport {
             phase: StationPhase::Closing,
             ..open.clone()
         },
@@ -325,7 +325,7 @@ fn missions_and_ways_home_are_awaited_of_those_who_are_there() {
     };
     let mut world = World::new(vec![Rover::new(1), Rover::new(2)]);
     let steps = [
-        Step::EndIf(Condition::Home(present.clone())),
+        ScriptStep::EndIf(Condition::Home(present.clone())),
         wait(Condition::MissionsEnded(present.clone())),
         wait(Condition::Home(present)),
     ];
@@ -333,14 +333,14 @@ fn missions_and_ways_home_are_awaited_of_those_who_are_there() {
     let say = |world: &mut World, vehicle: u8, phase: MissionPhase, end: Option<MissionEnd>| {
         let kind = MissionKind::Browse;
         let (vehicle, is_at_home) = (VehicleId(vehicle), true);
-        let mission = Mission {
+        let mission = MissionProgress {
             vehicle,
             boot: Boot(1),
             kind,
             phase,
             end,
             is_at_home,
-            ..Mission::default()
+            ..MissionProgress::default()
         };
         world.tell(In::Bus(heard(Message::Mission(mission))));
         world.run(1.0);

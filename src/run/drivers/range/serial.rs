@@ -18,9 +18,9 @@ use std::time::Duration;
 use rustix::fs::{FlockOperation, Mode, OFlags};
 use serial2::SerialPort;
 
-use super::{SharedPings, Told};
-use crate::config::{Look, SerialSensor};
-use crate::hw::{Dropped, RangeDecoder};
+use super::{EventSink, SharedPings};
+use crate::config::{SensorCoverage, SerialSensor};
+use crate::hw::{DroppedReadings, RangeDecoder};
 use crate::node::Event;
 use crate::run::clock::Clock;
 use crate::run::mailbox::lock;
@@ -52,7 +52,7 @@ struct State {
     trouble: Option<String>,
     /// How often it was opened.
     opened: u64,
-    dropped: Dropped,
+    dropped: DroppedReadings,
 }
 
 /// What the thread has.
@@ -61,7 +61,7 @@ struct Work {
     decoder: RangeDecoder,
     clock: Clock,
     pings: SharedPings,
-    told: Told,
+    told: EventSink,
     shared: Arc<Shared>,
 }
 
@@ -72,10 +72,10 @@ impl SerialReader {
     /// No thread can be started.
     pub fn start(
         sensor: &SerialSensor,
-        look: &Look,
+        look: &SensorCoverage,
         clock: Clock,
         pings: SharedPings,
-        told: Told,
+        told: EventSink,
     ) -> io::Result<SerialReader> {
         let shared = Arc::<Shared>::default();
         lock(&shared.state).trouble = Some(format!("{}: not open yet", sensor.port));
@@ -103,7 +103,7 @@ impl SerialReader {
     }
 
     /// Returns what was dropped of what the sensor said.
-    pub fn dropped(&self) -> Dropped {
+    pub fn dropped(&self) -> DroppedReadings {
         lock(&self.shared.state).dropped
     }
 }

@@ -69,14 +69,14 @@ impl Driver {
     fn of(driver: &RangeDriver) -> Driver {
         let echoes = Arc::<Mutex<Vec<Echo>>>::default();
         let heard = echoes.clone();
-        let told: Told = Arc::new(move |event| match event {
+        let told: EventSink = Arc::new(move |event| match event {
             Event::Echo(echo) => heard.lock().unwrap().push(echo),
             other => panic!("{other:?}"),
         });
-        let look = Look {
+        let look = SensorCoverage {
             min_range_m: 0.3,
             max_range_m: 4.0,
-            ..Look::default()
+            ..SensorCoverage::default()
         };
         let range = Range::start(driver, &look, Clock::start(), &told).unwrap();
         Driver {

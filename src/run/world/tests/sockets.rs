@@ -9,12 +9,12 @@ use tomoswarm_proto::codec::Decoded;
 
 use super::super::{WorldError, WorldServer};
 use super::*;
-use crate::node::route::Note;
+use crate::node::route::VehicleEvent;
 use crate::node::sensor::Ping;
 use crate::node::{Effect, Event, mission};
 use crate::run::link::{
-    ControlError, FromWorld, LIMIT, LinkSettings, LinkState, Refused, Status, VERSION,
-    WorldControl, WorldLink, decode, encode, read_frame, write_frame,
+    ControlError, FromWorld, LIMIT, LinkRefusal, LinkState, VERSION, WorldControl, WorldLink,
+    WorldLinkSettings, WorldStatus, decode, encode, read_frame, write_frame,
 };
 
 const TOKEN: &str = "sesame";
@@ -36,7 +36,7 @@ impl Fake {
         Fake(stream)
     }
 
-    fn join(address: SocketAddr, vehicle: VehicleId, boot: u32) -> Result<Fake, Refused> {
+    fn join(address: SocketAddr, vehicle: VehicleId, boot: u32) -> Result<Fake, LinkRefusal> {
         let mut fake = Fake::open(address);
         fake.say(&ToWorld::Join {
             vehicle,
@@ -69,7 +69,7 @@ impl Fake {
     }
 
     /// Why the world ends the connection.
-    fn why_refused(&mut self) -> Refused {
+    fn why_refused(&mut self) -> LinkRefusal {
         let why = self.wait_for(|word| {
             if let FromWorld::Refused(why) = word {
                 Some(why)
@@ -87,7 +87,7 @@ fn control(address: SocketAddr) -> WorldControl {
 }
 
 /// Asks until something is true, at most 3 s.
-fn until(control: &mut WorldControl, is_true: impl Fn(&Status) -> bool) -> Status {
+fn until(control: &mut WorldControl, is_true: impl Fn(&WorldStatus) -> bool) -> WorldStatus {
     let until = Instant::now() + Duration::from_secs(3);
     loop {
         let status = control.report().unwrap();
@@ -152,33 +152,33 @@ fn strangers_are_told_why_and_do_no_harm() {
         token: b"wrong".to_vec(),
     })
     .unwrap();
-    assert_eq!(said(&framed(&join)).why_refused(), Refused::Token);
+    assert_eq!(said(&framed(&join)).why_refused(), LinkRefusal::Token);
     let mut other = join.clone();
     other[0] = VERSION + 1;
-    let version = Refused::Version {
+    let version = LinkRefusal::Version {
         expected: VERSION,
         found: VERSION + 1,
     };
     assert_eq!(said(&framed(&other)).why_refused(), version);
     assert_eq!(
         said(&framed(&encode(&ToWorld::Stop).unwrap())).why_refused(),
-        Refused::NoGreeting
+        LinkRefusal::NoGreeting
     );
     assert_eq!(
         said(b"GET / HTTP/1.1\r\n\r\n").why_refused(),
-        Refused::NoGreeting
+        LinkRefusal::NoGreeting
     );
     assert_eq!(
         said(&framed(&[VERSION; 500])).why_refused(),
-        Refused::NoGreeting
+        LinkRefusal::NoGreeting
     );
     // A length of 4 GB is not believed, and half a frame is not waited for.
-    assert_eq!(said(&[0xff; 40]).why_refused(), Refused::NoGreeting);
+    assert_eq!(said(&[0xff; 40]).why_refused(), LinkRefusal::NoGreeting);
     let mut half = said(&framed(&join)[..10]);
-    assert_eq!(half.why_refused(), Refused::NoGreeting);
+    assert_eq!(half.why_refused(), LinkRefusal::NoGreeting);
     assert!(matches!(
         WorldControl::connect(server.address(), "open"),
-        Err(ControlError::Refused(Refused::Token))
+        Err(ControlError::Refused(LinkRefusal::Token))
     ));
     assert!(
         Fake::join(server.address(), ONE, 1).is_ok(),
@@ -197,7 +197,7 @@ fn a_driver_that_talks_garbage_is_ended_and_may_come_back() {
     ] {
         let mut one = Fake::join(server.address(), ONE, 1).unwrap();
         one.0.write_all(garbage).unwrap();
-        assert_eq!(one.why_refused(), Refused::Garbage);
+        assert_eq!(one.why_refused(), LinkRefusal::Garbage);
         until(&mut control(server.address()), |status| {
             status.vehicles[0].driver.is_none()
         });
@@ -251,7 +251,7 @@ fn a_contact_and_the_persons_show_in_the_status() {
 fn the_later_start_of_a_vehicle_takes_over() {
     let server = begin("127.0.0.1:0");
     let mut old = Fake::join(server.address(), ONE, 3).unwrap();
-    let taken = |found| Refused::Taken {
+    let taken = |found| LinkRefusal::Taken {
         vehicle: ONE,
         present: Boot(3),
         found: Boot(found),
@@ -261,7 +261,7 @@ fn the_later_start_of_a_vehicle_takes_over() {
     let mut new = Fake::join(server.address(), ONE, 4).unwrap();
     assert_eq!(
         old.why_refused(),
-        Refused::Replaced {
+        LinkRefusal::Replaced {
             vehicle: ONE,
             by: Boot(4)
         }
@@ -315,7 +315,7 @@ fn only_this_machine_may_connect() {
 
 fn link(address: SocketAddr, token: &str) -> (WorldLink, Receiver<Event>) {
     let (tell, told) = channel();
-    let settings = LinkSettings {
+    let settings = WorldLinkSettings {
         address,
         token: token.to_owned(),
         vehicle: ONE,
@@ -354,7 +354,9 @@ fn the_link_comes_back_when_the_world_does() {
     let took = echo_of(&link, &told, 1);
     assert!(took < Duration::from_millis(200), "{took:?}");
     assert!(
-        !link.send(&Effect::Note(Note::Mission(mission::Remark::Home))),
+        !link.send(&Effect::VehicleEvent(VehicleEvent::Mission(
+            mission::MissionEvent::Home
+        ))),
         "not for the world"
     );
     drop(server);
@@ -418,5 +420,7 @@ fn a_beacon_that_was_not_sent_comes_back_from_a_busy_radio_and_from_a_link_that_
 fn the_link_says_why_it_is_refused() {
     let server = begin("127.0.0.1:0");
     let (link, _told) = link(server.address(), "wrong");
-    wait_for_state(&link, |state| *state == LinkState::Refused(Refused::Token));
+    wait_for_state(&link, |state| {
+        *state == LinkState::Refused(LinkRefusal::Token)
+    });
 }

@@ -4,10 +4,10 @@ use tomoswarm_proto::Boot;
 
 use super::super::live_world::{LiveWorld, VehicleWord};
 use super::*;
-use crate::autopilot::{Ack, CommandAck, Motion, Report};
+use crate::autopilot::{Ack, AutopilotReport, CommandAck, Motion};
 use crate::geom::Angle;
 use crate::node::sensor::Ping;
-use crate::run::link::{FromWorld, Refused};
+use crate::run::link::{FromWorld, LinkRefusal};
 use crate::time::Time;
 
 fn world() -> LiveWorld {
@@ -31,7 +31,7 @@ fn advance(world: &mut LiveWorld, to_s: f64) -> Vec<VehicleWord> {
     said
 }
 
-fn telemetry(said: &[VehicleWord], index: usize) -> Vec<Report> {
+fn telemetry(said: &[VehicleWord], index: usize) -> Vec<AutopilotReport> {
     let of = |(to, word): &VehicleWord| match word {
         FromWorld::Autopilot(report) if *to == index => Some(*report),
         _other => None,
@@ -185,7 +185,7 @@ fn any_word_of_the_companion_keeps_it_driving() {
 fn of_two_processes_the_later_one_drives() {
     let mut world = world();
     world.join(ONE, Boot(5)).unwrap();
-    let taken = |found| Refused::Taken {
+    let taken = |found| LinkRefusal::Taken {
         vehicle: ONE,
         present: Boot(5),
         found,
@@ -194,14 +194,14 @@ fn of_two_processes_the_later_one_drives() {
     assert_eq!(world.join(ONE, Boot(4)), Err(taken(Boot(4))));
     world.join(ONE, Boot(6)).unwrap();
     world.leave(0);
-    let outdated = Refused::Outdated {
+    let outdated = LinkRefusal::Outdated {
         vehicle: ONE,
         present: Boot(6),
         found: Boot(5),
     };
     assert_eq!(world.join(ONE, Boot(5)), Err(outdated));
     world.join(ONE, Boot(6)).unwrap();
-    let unknown = Refused::Unknown {
+    let unknown = LinkRefusal::Unknown {
         vehicle: VehicleId(3),
         count: 2,
     };

@@ -6,8 +6,8 @@ use tomoswarm_proto::{Boot, Hello, Interest, Message, OperatorId};
 use super::super::alarm::Alarm;
 use crate::exchange::egress::OutboundFrame;
 use crate::exchange::presence::Presence;
-use crate::exchange::{Exchange, Reception};
-use crate::sim::bus::{Frame, NodeId};
+use crate::exchange::{Exchange, ReceivedFrame};
+use crate::sim::bus::{BusFrame, NodeId};
 use crate::time::Time;
 
 /// A node's side of the bus.
@@ -131,7 +131,7 @@ impl NodeExchange {
     ///
     /// # Errors
     /// It is refused, or the node does not run; with a line for the log, where it is worth one.
-    pub fn hear(&mut self, now: Time, frame: &Frame) -> Result<Reception, Option<String>> {
+    pub fn hear(&mut self, now: Time, frame: &BusFrame) -> Result<ReceivedFrame, Option<String>> {
         let exchange = self.exchange.as_mut().ok_or(None)?;
         let (sender, bytes) = (frame.sender(), frame.bytes());
         let heard = exchange

@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use tomoswarm_proto::{Have, Kind, Progress, Sender};
+use tomoswarm_proto::{Have, MessageKind, Progress, Sender};
 
 use super::*;
 use crate::sim::bus::BusModel;
@@ -23,7 +23,7 @@ fn network(venue_of_two: u64) -> Network {
     };
     let operators = [(OperatorId(1), vec![Interest::Fleet])];
     let (noise, model) = (Noise::new(1), BusModel::default());
-    let bus = Bus::new(noise, model);
+    let bus = SimulatedBus::new(noise, model);
     Network::new(bus, noise, 1_000_000, greetings, operators.into_iter())
 }
 
@@ -86,17 +86,17 @@ fn joined(venue_of_two: u64) -> (Network, Schedule) {
 }
 
 fn progress() -> Message {
-    Message::Mission(tomoswarm_proto::Mission {
+    Message::Mission(tomoswarm_proto::MissionProgress {
         vehicle: VehicleId(1),
         progress: Progress::default(),
-        ..tomoswarm_proto::Mission::default()
+        ..tomoswarm_proto::MissionProgress::default()
     })
 }
 
-fn heard_by(hearings: &[HeardBy], kind: Kind) -> Vec<NodePlace> {
+fn heard_by(hearings: &[HeardBy], kind: MessageKind) -> Vec<NodePlace> {
     let is_it = |(to, hearing): &HeardBy| match &hearing.heard {
-        Some(Heard::Message(_, message)) => (message.kind() == kind).then_some(*to),
-        Some(Heard::Greeting(..) | Heard::Unknown(_)) | None => None,
+        Some(HeardMessage::Message(_, message)) => (message.kind() == kind).then_some(*to),
+        Some(HeardMessage::Greeting(..) | HeardMessage::Unknown(_)) | None => None,
     };
     hearings.iter().filter_map(is_it).collect()
 }
@@ -110,13 +110,13 @@ fn all_take_part_after_a_while_and_are_heard_from_then_on() {
     who.sort_by_key(|node| format!("{node:?}"));
     assert_eq!(who, [NodePlace::Ground, ONE, TWO]);
     assert_eq!(
-        heard_by(&hearings, Kind::Mission),
+        heard_by(&hearings, MessageKind::Mission),
         [],
         "it did not take part"
     );
     network.publish(ONE, &progress(), &mut schedule);
     let (_, hearings) = carry(&mut network, &mut schedule, 6.0);
-    let mut heard = heard_by(&hearings, Kind::Mission);
+    let mut heard = heard_by(&hearings, MessageKind::Mission);
     heard.sort_by_key(|node| format!("{node:?}"));
     assert_eq!(heard, [NodePlace::Ground, NodePlace::Operator(0), TWO]);
 }
@@ -130,7 +130,7 @@ fn who_has_left_neither_hears_nor_says_anything() {
     network.publish(TWO, &progress(), &mut schedule);
     network.publish(ONE, &progress(), &mut schedule);
     let (_, hearings) = carry(&mut network, &mut schedule, 6.0);
-    let heard = heard_by(&hearings, Kind::Mission);
+    let heard = heard_by(&hearings, MessageKind::Mission);
     assert_eq!(
         heard.len(),
         2,
@@ -163,7 +163,7 @@ fn one_of_another_venue_is_expelled_and_the_others_say_why() {
 fn a_frame_that_says_nothing_is_refused_with_a_line() {
     let (mut network, mut schedule) = joined(7);
     carry(&mut network, &mut schedule, 5.0);
-    let frame = Frame::of_bytes(NodeId::Ground, &[1, 2, 3]);
+    let frame = BusFrame::of_bytes(NodeId::Ground, &[1, 2, 3]);
     let hearing = network.hear(ONE, &frame, &mut schedule);
     assert!(hearing.heard.is_none() && hearing.expelled.is_none());
     assert!(
@@ -173,7 +173,7 @@ fn a_frame_that_says_nothing_is_refused_with_a_line() {
     );
     let have = Message::Have(Have::default());
     let forged = tomoswarm_proto::codec::encode(&have).unwrap();
-    let forged = Frame::of_bytes(NodeId::Vehicle(VehicleId(2)), &forged);
+    let forged = BusFrame::of_bytes(NodeId::Vehicle(VehicleId(2)), &forged);
     let hearing = network.hear(ONE, &forged, &mut schedule);
     assert!(hearing.heard.is_none(), "no vehicle says that");
 }
@@ -190,7 +190,7 @@ fn who_is_cut_off_from_all_others_asks_for_longer() {
         partitions: vec![cut],
         ..BusModel::default()
     };
-    network.bus = Bus::new(Noise::new(1), model);
+    network.bus = SimulatedBus::new(Noise::new(1), model);
     let mut schedule = schedule();
     for node in [ONE, TWO, NodePlace::Ground] {
         network.join(node, Boot(1), &mut schedule);

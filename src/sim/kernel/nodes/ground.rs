@@ -1,11 +1,11 @@
 //! The simulated ground station: its node, what its process was told, and its disk. Its side of the bus is the network's.
 
-use tomoswarm_proto::{Boot, Standing};
+use tomoswarm_proto::{Boot, OpenStops};
 
 use super::Alarm;
 use crate::actor::Fault;
 use crate::ground::from_config::GroundParts;
-use crate::ground::station::{Memory, StationSettings};
+use crate::ground::station::{StationMemory, StationSettings};
 use crate::ground::{self, GroundNode};
 use crate::sim::ground_disk::GroundDisk;
 use crate::sim::noise::{Noise, Purpose};
@@ -83,12 +83,12 @@ impl SimulatedGround {
     }
 
     /// Keeps what the station needs, in place of what it needed before.
-    pub fn remember(&mut self, memory: Box<Memory>) {
+    pub fn remember(&mut self, memory: Box<StationMemory>) {
         self.disk.remember(memory);
     }
 
     /// Keeps what emergency stops it knows.
-    pub fn keep_stops(&mut self, stops: Standing) {
+    pub fn keep_stops(&mut self, stops: OpenStops) {
         self.disk.keep_stops(stops);
     }
 

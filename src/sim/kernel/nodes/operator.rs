@@ -7,7 +7,7 @@ use super::Alarm;
 use crate::actor::Fault;
 use crate::operator::OperatorNode;
 use crate::operator::operator_actor::{In, OperatorSettings, Out};
-use crate::operator::script::{ScriptEnd, Step};
+use crate::operator::script::{ScriptEnd, ScriptStep};
 use crate::time::Time;
 
 /// An operator in the simulation.
@@ -16,7 +16,7 @@ pub(in crate::sim) struct SimulatedOperator {
     node: OperatorNode,
     interest: Vec<Interest>,
     /// What it is to do by itself; empty for one that only listens, and once it does it.
-    script: Vec<Step>,
+    script: Vec<ScriptStep>,
     script_end: Option<ScriptEnd>,
     alarm: Alarm,
 }
@@ -26,7 +26,7 @@ impl SimulatedOperator {
     pub fn new(
         id: OperatorId,
         mut settings: OperatorSettings,
-        script: Vec<Step>,
+        script: Vec<ScriptStep>,
     ) -> SimulatedOperator {
         SimulatedOperator {
             id,

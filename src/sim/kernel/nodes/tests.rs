@@ -59,7 +59,8 @@ fn a_vehicle_that_is_started_anew_goes_on_with_its_disk_and_nothing_else() {
     };
     let vehicle = nodes.vehicle_mut(0);
     let kept = vehicle.store(node::Effect::Keep(RUN, sample));
-    let is_it = |kept| matches!(kept, Some(node::Event::Kept(Boot(1), RUN, it)) if it == sample);
+    let is_it =
+        |kept| matches!(kept, Some(node::Event::SampleStored(Boot(1), RUN, it)) if it == sample);
     assert!(is_it(kept));
     assert!(
         vehicle

@@ -14,7 +14,7 @@ use crate::time::Time;
 pub(in crate::sim) struct SimulatedVehicle {
     node: VehicleNode,
     /// What it was told, to be told again when it restarts.
-    settings: node::Settings,
+    settings: node::VehicleSettings,
     disk: Disk,
     alarm: Alarm,
     /// Its software does not run.
@@ -25,7 +25,7 @@ pub(in crate::sim) struct SimulatedVehicle {
 
 impl SimulatedVehicle {
     /// Starts the software of a vehicle with an empty disk.
-    pub fn new(settings: node::Settings) -> SimulatedVehicle {
+    pub fn new(settings: node::VehicleSettings) -> SimulatedVehicle {
         SimulatedVehicle {
             node: VehicleNode::new(&settings),
             settings,
@@ -53,7 +53,7 @@ impl SimulatedVehicle {
 
     /// Returns what its disk holds of orders and plans.
     #[cfg(test)]
-    pub fn memory(&self) -> node::Memory {
+    pub fn memory(&self) -> node::VehicleMemory {
         self.disk.memory()
     }
 
@@ -98,7 +98,7 @@ impl SimulatedVehicle {
             node::Effect::Keep(run, sample) => {
                 let boot = self.node.boot();
                 self.disk.keep(boot, run, sample);
-                Some(node::Event::Kept(boot, run, sample))
+                Some(node::Event::SampleStored(boot, run, sample))
             }
             node::Effect::Recall { after } => Some(node::Event::Recalled(self.disk.recall(after))),
             node::Effect::Remember(memory) => {
@@ -117,7 +117,7 @@ impl SimulatedVehicle {
             | node::Effect::Ping(_)
             | node::Effect::Transmit(_)
             | node::Effect::Publish(_)
-            | node::Effect::Note(_)
+            | node::Effect::VehicleEvent(_)
             | node::Effect::Tally(_) => None,
         }
     }

@@ -4,16 +4,16 @@
 use std::sync::Arc;
 
 use tomoswarm_proto::{
-    Digest, EmergencyName, EmergencyStop, Have, HeardFrom, Hello, LayerDigest, LayerId, Message,
-    Mission, MissionEnd, Ordered, Plan, PoseReport, Position, Progress, Report, RunEnd, Sample,
-    Samples, SeenState, Standing, State, StationPhase, StopId, StopScope, TILE_CELLS, Task,
-    TaskKind, TileAddress, TileReport, VehicleId, codec,
+    Digest, EmergencyName, EmergencyStop, GroundReport, Have, HeardFrom, Hello, LayerDigest,
+    LayerId, Message, MissionEnd, MissionProgress, OpenStops, Ordered, Plan, PoseReport, Position,
+    Progress, RunEnd, Sample, Samples, SeenState, State, StationPhase, StopId, StopScope,
+    TILE_CELLS, Task, TaskKind, TileAddress, TileReport, VehicleId, codec,
 };
 
 use super::*;
 use crate::map::Merged;
 use crate::node::VehicleNode;
-use crate::sim::bus::Frame;
+use crate::sim::bus::BusFrame;
 
 /// It lasts so long, and something is said so often.
 const FORGES_FOR_S: f64 = 10.0;
@@ -75,7 +75,7 @@ fn state(vehicle: VehicleId) -> State {
     }
 }
 
-fn mission(vehicle: VehicleId, run: u32, revision: u32) -> Mission {
+fn mission(vehicle: VehicleId, run: u32, revision: u32) -> MissionProgress {
     let done = Some(StopId(MOST));
     let progress = Progress {
         run: RunId(run),
@@ -83,12 +83,12 @@ fn mission(vehicle: VehicleId, run: u32, revision: u32) -> Mission {
         done,
         leg: None,
     };
-    Mission {
+    MissionProgress {
         vehicle,
         boot: Boot(1),
         progress,
         end: Some(MissionEnd::Done),
-        ..Mission::default()
+        ..MissionProgress::default()
     }
 }
 
@@ -188,15 +188,15 @@ fn digest() -> Digest {
     }
 }
 
-fn report(store: u64, lease: Lease) -> Report {
+fn report(store: u64, lease: Lease) -> GroundReport {
     let members = vehicles().to_vec();
-    Report {
+    GroundReport {
         lease,
         store,
         phase: StationPhase::Running,
         run: RunId(MOST),
         members,
-        ..Report::default()
+        ..GroundReport::default()
     }
 }
 
@@ -279,7 +279,7 @@ const FORGERIES: &[Forgery] = &[
     }),
     ("missions of the highest plan", |_| {
         of_vehicles(|id| {
-            Message::Mission(Mission {
+            Message::Mission(MissionProgress {
                 lease_number: u32::MAX,
                 ..mission(id, MOST, MOST)
             })
@@ -293,7 +293,7 @@ const FORGERIES: &[Forgery] = &[
     }),
     ("missions of the last start", |_| {
         of_vehicles(|id| {
-            Message::Mission(Mission {
+            Message::Mission(MissionProgress {
                 boot: Boot(u32::MAX),
                 ..mission(id, 1, 900)
             })
@@ -393,7 +393,7 @@ const FORGERIES: &[Forgery] = &[
             by: OperatorId(1),
         };
         of_vehicles(|_| {
-            Message::Standing(Standing {
+            Message::Standing(OpenStops {
                 open: vec![stop],
                 lifted: vec![],
             })
@@ -433,7 +433,7 @@ const FORGERIES: &[Forgery] = &[
     ("missions of a high plan", |known| {
         let lease_number = known.lease.number + 900;
         of_vehicles(|id| {
-            Message::Mission(Mission {
+            Message::Mission(MissionProgress {
                 lease_number,
                 ..mission(id, HIGH, HIGH)
             })
@@ -512,14 +512,14 @@ fn kernel(again_s: f64) -> (Kernel, u64) {
     scenario.shown_every = Duration::from_millis(100);
     let mut parts = scenario.parts().unwrap();
     let begins = |run| {
-        operator_script::Step::Want(Want {
+        operator_script::ScriptStep::Want(OrderGoal {
             run,
             begins: true,
             lifts_many: true,
-            ..Want::new(OrderKind::Start, BTreeSet::new(), Duration::from_secs(5))
+            ..OrderGoal::new(OrderKind::Start, BTreeSet::new(), Duration::from_secs(5))
         })
     };
-    let delay = operator_script::Step::Delay;
+    let delay = operator_script::ScriptStep::Delay;
     let stays = Duration::from_secs(3000);
     let first = vec![
         delay(Duration::from_secs(2)),
@@ -545,7 +545,7 @@ fn kernel(again_s: f64) -> (Kernel, u64) {
 
 /// Says a frame in the name of somebody to everyone, whoever that is.
 fn say(kernel: &mut Kernel, sender: Sender, message: &Message) {
-    let frame = Arc::new(Frame::of_bytes(sender, &codec::encode(message).unwrap()));
+    let frame = Arc::new(BusFrame::of_bytes(sender, &codec::encode(message).unwrap()));
     let operators = kernel
         .nodes
         .operators()

@@ -11,25 +11,26 @@ use tomoswarm_proto::{
 use crate::autopilot::{Ack, Command, NumberedCommand};
 use crate::geom::{Angle, Cell, Lattice, Point, Rect};
 use crate::map::{Merged, Occupancy};
-use crate::node::route::Note;
+use crate::node::route::VehicleEvent;
 use crate::node::sensor::Echo;
-use crate::node::vehicle::Remark;
+use crate::node::vehicle::SafetyEvent;
 use crate::node::{
-    BodySettings, Effect, Event, LookSettings, RadioSettings, Remembered, Settings, VehicleNode,
+    BodySettings, Effect, Event, LookSettings, RadioSettings, Remembered, VehicleNode,
+    VehicleSettings,
 };
 use crate::scene::{Attenuation, Scene, SceneParts, Up, read_vrml};
-use crate::sim::body::Limits;
+use crate::sim::body::DriveLimits;
 use crate::sim::noise::Noise;
 use crate::sim::radio_field::{RadioConstants, RadioField};
 use crate::sim::range::{RangeModel, RangeSensor};
-use crate::sim::world::{Build, Obeyed, PredictedContact, Stage, World};
+use crate::sim::world::{Build, Obeyed, PredictedContact, World, WorldContents};
 use crate::time::Time;
 
 const RADIUS_M: f64 = 0.25;
 const STEP: Duration = Duration::from_millis(10);
 
 /// Boxes by middle and size, 1 m high.
-fn stage(blocks: &[(f64, f64, f64, f64)]) -> Stage {
+fn stage(blocks: &[(f64, f64, f64, f64)]) -> WorldContents {
     let shape = |(x, y, width, depth): &(f64, f64, f64, f64)| {
         let shape = format!("Shape {{ geometry Box {{ size {width} {depth} 1 }} }}");
         format!("Transform {{ translation {x} {y} 0.5 children {shape} }}\n")
@@ -53,12 +54,12 @@ fn stage(blocks: &[(f64, f64, f64, f64)]) -> Stage {
     });
     let scene = scene.unwrap();
     let attenuation = Attenuation::new(&scene, 0.5, 0.125, 30.0);
-    Stage { scene, attenuation }
+    WorldContents { scene, attenuation }
 }
 
-fn settings() -> Settings {
+fn settings() -> VehicleSettings {
     let degrees = [0.0, 25.0, -25.0, 50.0, -50.0];
-    Settings {
+    VehicleSettings {
         vehicle: VehicleId(1),
         boot: Boot(1),
         memory: Default::default(),
@@ -96,7 +97,7 @@ fn settings() -> Settings {
         swarm: crate::config::Swarm::default(),
         task: None,
         path_time: Duration::from_millis(50),
-        autopilot: crate::autopilot::Settings::default(),
+        autopilot: crate::autopilot::AutopilotLinkSettings::default(),
     }
 }
 
@@ -110,7 +111,7 @@ struct SingleVehicle {
     /// What the vehicle knew when it was last commanded to drive.
     known: Merged,
     drives: usize,
-    notes: Vec<Note>,
+    notes: Vec<VehicleEvent>,
 }
 
 impl SingleVehicle {
@@ -126,7 +127,7 @@ impl SingleVehicle {
             radius_m: RADIUS_M,
             height_m: 0.3,
             sensor_m: 0.3,
-            limits: Limits {
+            limits: DriveLimits {
                 speed_mps: 0.5,
                 acceleration_mps2: 0.5,
                 braking_mps2: 1.0,
@@ -284,7 +285,7 @@ impl SingleVehicle {
                         },
                     ));
                 }
-                Effect::Note(note) => self.notes.push(note),
+                Effect::VehicleEvent(note) => self.notes.push(note),
                 Effect::Transmit(_) | Effect::Publish(_) => {}
                 Effect::Remember(memory) => {
                     self.tell(Event::Remembered(Remembered {
@@ -308,7 +309,7 @@ impl SingleVehicle {
     fn halts(&self) -> usize {
         self.notes
             .iter()
-            .filter(|note| matches!(note, Note::Vehicle(Remark::Halted { .. })))
+            .filter(|note| matches!(note, VehicleEvent::Vehicle(SafetyEvent::Halted { .. })))
             .count()
     }
 

@@ -273,7 +273,7 @@ fn a_run_that_cannot_be_planned_has_failed_and_its_reason_is_a_trouble() {
     swarm.tell(task(RUN, None, impossible), usize::MAX);
     order(&mut swarm, RUN, OrderKind::Start);
     assert!(
-        swarm.until(60, |note| matches!(note, Note::NoPlan(_))),
+        swarm.until(60, |note| matches!(note, StationEvent::NoPlan(_))),
         "{:?}",
         swarm.notes
     );
@@ -311,7 +311,10 @@ fn a_take_over_between_operators_does_not_kill_the_sweep() {
         );
     }
     assert!(swarm.is_closed(400), "{:?}", swarm.notes);
-    assert_eq!(swarm.count(|note| matches!(note, Note::Replans(_))), 0);
+    assert_eq!(
+        swarm.count(|note| matches!(note, StationEvent::Replans(_))),
+        0
+    );
     assert!(
         swarm.now_s <= undisturbed.now_s + 2,
         "{} s, {} s",

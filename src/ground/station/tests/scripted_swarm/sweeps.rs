@@ -49,7 +49,7 @@ fn killed_anywhere_the_station_goes_on_to_the_same_end_by_the_same_plans() {
         assert!(ended, "killed after {killed_s} s: {:?}", swarm.notes);
         swarm.seconds(30);
         assert_eq!(
-            swarm.count(|note| matches!(note, Note::Replans(_))),
+            swarm.count(|note| matches!(note, StationEvent::Replans(_))),
             0,
             "killed after {killed_s} s"
         );
@@ -92,7 +92,7 @@ fn the_others_take_over_a_lost_vehicles_work_and_back_it_works_again() {
     swarm.rovers[2].is_dead = true;
     let (lost, lost_s) = (VehicleId(3), swarm.now_s);
     let plans_known = swarm.plans.len();
-    assert!(swarm.until(60, |note| *note == Note::Lost(lost)));
+    assert!(swarm.until(60, |note| *note == StationEvent::Lost(lost)));
     swarm.seconds(2);
     assert_eq!(
         (swarm.report().phase, &swarm.report().lost[..]),
@@ -114,7 +114,7 @@ fn the_others_take_over_a_lost_vehicles_work_and_back_it_works_again() {
     swarm.seconds(10);
     swarm.rovers[2].is_dead = false;
     swarm.rovers[2].restart();
-    assert!(swarm.until(5, |note| *note == Note::Found(lost)));
+    assert!(swarm.until(5, |note| *note == StationEvent::Found(lost)));
     swarm.seconds(10);
     assert_eq!(swarm.report().members, [1, 2, 3, 4].map(VehicleId));
     let before = swarm.rovers[2].kept.len();
@@ -152,13 +152,13 @@ fn with_one_vehicle_left_the_sweep_waits_until_another_is_back() {
     swarm.seconds(20);
     swarm.rovers[0].is_dead = true;
     assert!(
-        swarm.until(60, |note| *note == Note::Waits(RUN)),
+        swarm.until(60, |note| *note == StationEvent::Waits(RUN)),
         "{:?}",
         swarm.notes
     );
     swarm.seconds(1000);
     assert_eq!(
-        swarm.count(|note| matches!(note, Note::NoPlan(_) | Note::Stalled(_))),
+        swarm.count(|note| matches!(note, StationEvent::NoPlan(_) | StationEvent::Stalled(_))),
         0
     );
     assert_eq!(
@@ -169,7 +169,10 @@ fn with_one_vehicle_left_the_sweep_waits_until_another_is_back() {
     );
     swarm.rovers[0].is_dead = false;
     assert!(swarm.is_closed(400), "{:?}", swarm.notes);
-    assert_eq!(swarm.count(|note| matches!(note, Note::Waits(_))), 1);
+    assert_eq!(
+        swarm.count(|note| matches!(note, StationEvent::Waits(_))),
+        1
+    );
 }
 
 #[test]
@@ -187,7 +190,7 @@ fn when_the_ground_hears_nobody_nobody_is_lost() {
         .for_each(|rover| rover.is_cut = false);
     assert!(swarm.is_closed(400), "{:?}", swarm.notes);
     assert_eq!(
-        swarm.count(|note| matches!(note, Note::Lost(_) | Note::Replans(_))),
+        swarm.count(|note| matches!(note, StationEvent::Lost(_) | StationEvent::Replans(_))),
         0
     );
 }
@@ -195,11 +198,14 @@ fn when_the_ground_hears_nobody_nobody_is_lost() {
 #[test]
 fn a_restarted_vehicle_is_planned_for_anew_and_laps_done_stay_done() {
     let mut swarm = Swarm::sweeping(3);
-    assert!(swarm.until(200, |note| matches!(note, Note::LapDone { laps: 1, .. })));
+    assert!(swarm.until(200, |note| matches!(
+        note,
+        StationEvent::LapDone { laps: 1, .. }
+    )));
     swarm.seconds(10);
     swarm.rovers[1].restart();
     swarm.seconds(2);
-    assert_eq!(swarm.count(|note| *note == Note::Replans(RUN)), 1);
+    assert_eq!(swarm.count(|note| *note == StationEvent::Replans(RUN)), 1);
     let revisions = |swarm: &Swarm| swarm.plans.keys().map(|name| name.1).max();
     let empty = revisions(&swarm).unwrap();
     let is_empty = |(name, plan): (&(RunId, Revision, VehicleId), &Plan)| {
@@ -218,7 +224,7 @@ fn a_vehicle_that_restarts_while_the_ground_is_down_is_planned_for_anew() {
     swarm.rovers[1].restart();
     swarm.resume();
     assert!(swarm.is_closed(400), "{:?}", swarm.notes);
-    assert_eq!(swarm.count(|note| *note == Note::Replans(RUN)), 1);
+    assert_eq!(swarm.count(|note| *note == StationEvent::Replans(RUN)), 1);
 }
 
 #[test]
@@ -228,7 +234,10 @@ fn a_vehicle_that_died_while_the_ground_was_down_is_lost() {
     swarm.rovers[1].is_dead = true;
     swarm.resume();
     assert!(swarm.is_closed(600), "{:?}", swarm.notes);
-    assert_eq!(swarm.count(|note| *note == Note::Lost(VehicleId(2))), 1);
+    assert_eq!(
+        swarm.count(|note| *note == StationEvent::Lost(VehicleId(2))),
+        1
+    );
 }
 
 #[test]
@@ -251,7 +260,10 @@ fn an_operator_stops_and_starts_everyone_without_a_fight() {
     order(&mut swarm, RUN, OrderKind::Start);
     assert!(swarm.is_closed(400), "{:?}", swarm.notes);
     assert_eq!(swarm.report().in_force, None);
-    assert_eq!(swarm.count(|note| matches!(note, Note::Replans(_))), 0);
+    assert_eq!(
+        swarm.count(|note| matches!(note, StationEvent::Replans(_))),
+        0
+    );
 }
 
 #[test]
@@ -295,12 +307,12 @@ fn an_operators_start_begins_the_run_that_it_names() {
 fn of_two_grounds_one_leads_and_the_other_takes_over_when_it_is_gone() {
     let mut swarm = Swarm::sweeping(3);
     swarm.seconds(30);
-    let other = Report {
+    let other = GroundReport {
         lease: Lease {
             number: 9,
             holder: 5,
         },
-        ..Report::default()
+        ..GroundReport::default()
     };
     for _ in 0..20 {
         swarm.tell(In::Bus(Message::Report(other.clone())), usize::MAX);
@@ -319,7 +331,10 @@ fn of_two_grounds_one_leads_and_the_other_takes_over_when_it_is_gone() {
             swarm.report().troubles
         );
     }
-    assert_eq!(swarm.count(|note| matches!(note, Note::StandsBy(_))), 1);
+    assert_eq!(
+        swarm.count(|note| matches!(note, StationEvent::StandsBy(_))),
+        1
+    );
     assert!(swarm.is_closed(400), "{:?}", swarm.notes);
     assert_eq!(
         swarm.station.leases.own(),
@@ -329,7 +344,7 @@ fn of_two_grounds_one_leads_and_the_other_takes_over_when_it_is_gone() {
         }
     );
     assert_eq!(
-        swarm.count(|note| matches!(note, Note::Replans(_))),
+        swarm.count(|note| matches!(note, StationEvent::Replans(_))),
         0,
         "nobody has given other plans"
     );
@@ -359,7 +374,7 @@ fn a_vehicle_that_is_never_heard_does_not_keep_the_others_waiting() {
     swarm.seconds(29);
     assert_eq!(swarm.report().phase, StationPhase::Waiting);
     assert!(
-        swarm.until(10, |note| *note == Note::Lost(VehicleId(3))),
+        swarm.until(10, |note| *note == StationEvent::Lost(VehicleId(3))),
         "{:?}",
         swarm.notes
     );
@@ -397,7 +412,7 @@ fn a_lost_vehicle_that_was_stopped_comes_back_stopped() {
     swarm.seconds(2);
     swarm.rovers[1].is_cut = true;
     assert!(
-        swarm.until(60, |note| *note == Note::Lost(vehicle)),
+        swarm.until(60, |note| *note == StationEvent::Lost(vehicle)),
         "{:?}",
         swarm.notes
     );
@@ -422,7 +437,7 @@ fn plans_and_pictures_that_get_lost_are_asked_for_again() {
     swarm.answers.clear();
     swarm.seconds(32);
     assert!(
-        swarm.until(5, |note| matches!(note, Note::Planned { .. })),
+        swarm.until(5, |note| matches!(note, StationEvent::Planned { .. })),
         "{:?}",
         swarm.notes
     );
@@ -430,7 +445,7 @@ fn plans_and_pictures_that_get_lost_are_asked_for_again() {
     assert_eq!(
         (
             swarm.answers.len(),
-            swarm.count(|note| matches!(note, Note::Replans(_)))
+            swarm.count(|note| matches!(note, StationEvent::Replans(_)))
         ),
         (1, 0)
     );

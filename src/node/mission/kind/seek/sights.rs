@@ -2,7 +2,7 @@
 
 use crate::geom::{Cell, Lattice, Point, Segment};
 use crate::map::{CellRect, Occupancy, View};
-use crate::plan::{Distances, Grid};
+use crate::plan::{Distances, SearchGrid};
 
 use super::looks::Looks;
 
@@ -25,7 +25,7 @@ pub struct Candidate {
 }
 
 /// Where to look from, and at what.
-pub struct Sight {
+pub struct LookCandidate {
     /// The cell to stand in.
     pub from: Cell,
     /// The cell to look at.
@@ -48,7 +48,7 @@ pub struct Ground<'a> {
     /// What stands where.
     pub view: &'a View<'a>,
     /// Where the vehicle may be.
-    pub grid: &'a Grid,
+    pub grid: &'a SearchGrid,
     /// The ways to all places that can be reached.
     pub reached: &'a Distances,
     /// From where things were looked at already.
@@ -62,7 +62,7 @@ impl Ground<'_> {
         start: Point,
         candidates: &[Candidate],
         reach: Reach,
-    ) -> Option<Sight> {
+    ) -> Option<LookCandidate> {
         let squares = Squares::new(self.lattice, self.grid.area(), candidates);
         let start_cell = self.lattice.cell_at(start);
         let least_m = candidates
@@ -87,7 +87,7 @@ impl Ground<'_> {
                     away_m <= reach.far_m && score_m < best_m && self.looks.is_new(one.cell, from);
                 if is_better && sees(self.view, self.lattice, from, one.at) {
                     (best, best_m) = (
-                        Some(Sight {
+                        Some(LookCandidate {
                             from: cell,
                             at: one.cell,
                         }),
@@ -108,7 +108,7 @@ pub fn sees(view: &View<'_>, lattice: Lattice, from: Point, to: Point) -> bool {
 }
 
 /// Returns what can be reached with its cost in metres, the nearest first (in steps of [`COST_STEP_M`]).
-fn by_cost(grid: &Grid, reached: &Distances) -> impl Iterator<Item = (f64, Cell)> {
+fn by_cost(grid: &SearchGrid, reached: &Distances) -> impl Iterator<Item = (f64, Cell)> {
     let mut steps: Vec<Vec<Cell>> = Vec::new();
     for cell in grid.area().cells() {
         let Some(cost_m) = reached.cost_m(cell) else {

@@ -1,6 +1,6 @@
 //! What a search says, on ground that is free for 6 m around the datum and unknown beyond; nothing new is ever seen.
 
-use tomoswarm_proto::{Mode, State};
+use tomoswarm_proto::{State, VehicleMode};
 
 use super::*;
 use crate::geom::{Pose, Rect};
@@ -34,14 +34,14 @@ impl World {
         }
     }
 
-    fn tell(&mut self, seen: Seen) -> Step {
+    fn tell(&mut self, seen: MissionInput) -> MissionStep {
         let pose = Pose {
             at: self.at,
             heading: Angle::default(),
             sd_m: 0.05,
         };
         let now = Time::from_secs_f64(1.0);
-        let around = Surroundings {
+        let around = MissionContext {
             now,
             pose,
             pilot: &self.pilot,
@@ -52,42 +52,42 @@ impl World {
     }
 
     /// Looks around where it begins; returns the first step after that.
-    fn begin(&mut self) -> Step {
-        assert_eq!(self.tell(Seen::Ready), Step::LookAround);
-        let looked = Seen::Looked {
+    fn begin(&mut self) -> MissionStep {
+        assert_eq!(self.tell(MissionInput::Ready), MissionStep::LookAround);
+        let looked = MissionInput::Looked {
             from: self.at,
             toward: Angle::default(),
             at: None,
         };
-        assert_eq!(self.tell(looked), Step::Think);
-        self.tell(Seen::Ready)
+        assert_eq!(self.tell(looked), MissionStep::Think);
+        self.tell(MissionInput::Ready)
     }
 
     /// Does what the search says until it ends; returns the end and how many looks it took.
-    fn run(&mut self) -> (End, usize) {
+    fn run(&mut self) -> (EndReason, usize) {
         let (mut step, mut looks) = (self.begin(), 0);
         for _ in 0..2000 {
             step = match step {
-                Step::End(end) => return (end, looks),
-                Step::GoAlong(course) => {
+                MissionStep::End(end) => return (end, looks),
+                MissionStep::GoAlong(course) => {
                     self.at = *course.corners.last().unwrap();
-                    self.tell(Seen::Arrived)
+                    self.tell(MissionInput::Arrived)
                 }
-                Step::LookAt(cell) => {
+                MissionStep::LookAt(cell) => {
                     looks += 1;
                     let toward = self.at.angle_to(self.pilot.map().lattice().centre(cell));
-                    self.tell(Seen::Looked {
+                    self.tell(MissionInput::Looked {
                         from: self.at,
                         toward,
                         at: Some(cell),
                     })
                 }
-                Step::Think | Step::TryAgain => self.tell(Seen::Ready),
-                step @ (Step::GoOn
-                | Step::GoStraight(_)
-                | Step::GoTo(_)
-                | Step::LookAround
-                | Step::YieldToPeers) => panic!("{step:?}"),
+                MissionStep::Think | MissionStep::TryAgain => self.tell(MissionInput::Ready),
+                step @ (MissionStep::GoOn
+                | MissionStep::GoStraight(_)
+                | MissionStep::GoTo(_)
+                | MissionStep::LookAround
+                | MissionStep::YieldToPeers) => panic!("{step:?}"),
             };
         }
         panic!("it never ends");
@@ -98,7 +98,7 @@ impl World {
 fn what_stays_unknown_after_some_looks_is_left_and_the_search_ends() {
     for prefers in [Preference::NearObjects, Preference::FarFromPeers] {
         let (end, looks) = World::new(prefers).run();
-        assert_eq!(end, End::Done);
+        assert_eq!(end, EndReason::Done);
         assert!((20..500).contains(&looks), "{looks} looks");
     }
 }
@@ -107,7 +107,7 @@ fn what_stays_unknown_after_some_looks_is_left_and_the_search_ends() {
 fn what_cannot_be_searched_at_all_is_said() {
     let mut world = World::new(Preference::NearObjects);
     let far = Rect::new(Point::new(-9e4, -9e4), Point::new(9e4, 9e4)).polygon();
-    let settings = Settings {
+    let settings = VehicleSettings {
         fence: far,
         ..settings(1)
     };
@@ -115,10 +115,10 @@ fn what_cannot_be_searched_at_all_is_said() {
         Pilot::new(settings.clone()),
         Seek::new(&settings, Preference::NearObjects),
     );
-    assert_eq!(world.begin(), Step::End(End::TooLarge));
+    assert_eq!(world.begin(), MissionStep::End(EndReason::TooLarge));
     assert_eq!(
         world.seek.give_up(),
-        End::NoRoom,
+        EndReason::NoRoom,
         "it has no places to give up"
     );
 }
@@ -126,12 +126,15 @@ fn what_cannot_be_searched_at_all_is_said() {
 #[test]
 fn it_goes_on_to_what_it_wants_to_see_as_long_as_that_is_unknown() {
     let mut world = World::new(Preference::NearObjects);
-    let Step::GoAlong(course) = world.begin() else {
+    let MissionStep::GoAlong(course) = world.begin() else {
         panic!("a frontier is 6 m away")
     };
     assert!(!course.is_narrow && !course.corners.is_empty());
-    assert_eq!(world.tell(Seen::UnderWay), Step::GoOn);
-    assert!(matches!(world.tell(Seen::Arrived), Step::LookAt(_)));
+    assert_eq!(world.tell(MissionInput::UnderWay), MissionStep::GoOn);
+    assert!(matches!(
+        world.tell(MissionInput::Arrived),
+        MissionStep::LookAt(_)
+    ));
 }
 
 #[test]
@@ -139,14 +142,21 @@ fn what_cannot_be_got_at_is_looked_at_from_elsewhere_and_then_left() {
     let mut world = World::new(Preference::NearObjects);
     let mut step = world.begin();
     let mut tried = 0;
-    while let Step::GoAlong(_) = step {
+    while let MissionStep::GoAlong(_) = step {
         tried += 1;
         assert!(tried < 2000, "it never ends");
-        assert_eq!(world.tell(Seen::Blocked(world.at)), Step::TryAgain);
-        step = world.tell(Seen::Ready);
+        assert_eq!(
+            world.tell(MissionInput::Blocked(world.at)),
+            MissionStep::TryAgain
+        );
+        step = world.tell(MissionInput::Ready);
     }
     assert!(
-        tried > 4 && matches!(step, Step::LookAt(_) | Step::End(End::Done)),
+        tried > 4
+            && matches!(
+                step,
+                MissionStep::LookAt(_) | MissionStep::End(EndReason::Done)
+            ),
         "{step:?}"
     );
 }
@@ -156,7 +166,7 @@ fn an_explorer_leaves_to_a_peer_what_the_peer_is_near_to_and_a_search_does_not()
     let ends = |prefers: Preference| {
         let mut world = World::new(prefers);
         let alone = world.begin();
-        let Step::GoAlong(alone) = alone else {
+        let MissionStep::GoAlong(alone) = alone else {
             panic!("{alone:?}")
         };
         let alone = *alone.corners.last().unwrap();
@@ -164,12 +174,12 @@ fn an_explorer_leaves_to_a_peer_what_the_peer_is_near_to_and_a_search_does_not()
         let beyond =
             Point::default().toward(alone, 1.0 + 2.5 / alone.distance_to(Point::default()));
         let peer = State {
-            mode: Mode::Driving,
+            mode: VehicleMode::Driving,
             ..state(2, beyond.x_m, beyond.y_m)
         };
         world.peers.take(Time::from_secs_f64(1.0), &peer);
         let beside = world.begin();
-        let Step::GoAlong(beside) = beside else {
+        let MissionStep::GoAlong(beside) = beside else {
             panic!("{beside:?}")
         };
         beside.corners.last().unwrap().distance_to(alone)

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use tomoswarm_proto::VehicleId;
 
-use super::kernel::Status;
+use super::kernel::RunProgress;
 use crate::geom::{Angle, Point};
 use crate::map::Merged;
 use crate::node::mission::MissionStatus;
@@ -13,9 +13,9 @@ use crate::time::Time;
 
 /// A run at one moment.
 #[derive(Clone, Debug)]
-pub struct Shown<'a> {
+pub struct RunView<'a> {
     /// How far it is.
-    pub status: Status,
+    pub status: RunProgress,
     /// The map that the ground station holds.
     pub map: &'a Merged,
     /// Everybody, in the order of their ids.

@@ -55,7 +55,7 @@ DEF Wall Transform { translation 3 3 1 children Shape { geometry Box { size 2 0.
 
 /// What the program said and how it ended.
 #[derive(Debug)]
-pub struct Said {
+pub struct ProgramOutput {
     /// The exit code.
     pub code: i32,
     /// Standard output.
@@ -65,21 +65,21 @@ pub struct Said {
 }
 
 /// A folder with the small world.
-pub struct Desk {
+pub struct ProgramRunner {
     folder: TempDir,
 }
 
-impl Desk {
+impl ProgramRunner {
     /// Lays the small world out.
-    pub fn new() -> Desk {
-        let desk = Desk {
+    pub fn new() -> ProgramRunner {
+        let runner = ProgramRunner {
             folder: tempfile::tempdir().unwrap(),
         };
-        desk.write("small.sim.toml", SIM);
-        desk.write("small.venue.toml", VENUE);
-        desk.write("small.scene.toml", SCENE);
-        desk.write("small.wrl", SHAPES);
-        desk
+        runner.write("small.sim.toml", SIM);
+        runner.write("small.venue.toml", VENUE);
+        runner.write("small.scene.toml", SCENE);
+        runner.write("small.wrl", SHAPES);
+        runner
     }
 
     /// Returns the path of a file.
@@ -110,7 +110,7 @@ impl Desk {
     }
 
     /// Runs the program to its end; it must not panic.
-    pub fn run<S: AsRef<OsStr>>(&self, arguments: &[S]) -> Said {
+    pub fn run<S: AsRef<OsStr>>(&self, arguments: &[S]) -> ProgramOutput {
         said(self.program(arguments))
     }
 
@@ -118,7 +118,7 @@ impl Desk {
     /// complained of, which must name every one of `parts`.
     pub fn refused<S: AsRef<OsStr>>(&self, arguments: &[S], parts: &[&str]) -> String {
         let before = self.files();
-        let Said { code, out, err } = self.run(arguments);
+        let ProgramOutput { code, out, err } = self.run(arguments);
         assert_eq!((code, out.as_str()), (2, ""), "{err}");
         for part in parts {
             assert!(err.contains(part), "`{part}` is missing in: {err}");
@@ -164,10 +164,10 @@ fn collect(folder: &Path, files: &mut BTreeMap<PathBuf, Vec<u8>>) {
 }
 
 /// Runs a command to its end; it must not panic.
-pub fn said(mut command: Command) -> Said {
+pub fn said(mut command: Command) -> ProgramOutput {
     let output = command.output().unwrap();
     let text = |bytes: Vec<u8>| String::from_utf8_lossy(&bytes).into_owned();
-    let said = Said {
+    let said = ProgramOutput {
         code: output.status.code().unwrap_or(-1),
         out: text(output.stdout),
         err: text(output.stderr),

@@ -13,15 +13,15 @@ const POSE_AGE_MAX: Duration = Duration::from_millis(500);
 
 /// The last known place of the own vehicle.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-pub(super) struct Place {
+pub(super) struct LastPose {
     pose_sd_max_m: f64,
     last: Option<(Time, Pose, f64)>,
 }
 
-impl Place {
+impl LastPose {
     /// Makes a place that is not known yet; poses with a larger deviation than `pose_sd_max_m` never are.
-    pub fn unknown(pose_sd_max_m: f64) -> Place {
-        Place {
+    pub fn unknown(pose_sd_max_m: f64) -> LastPose {
+        LastPose {
             pose_sd_max_m,
             last: None,
         }
@@ -52,7 +52,7 @@ mod tests {
 
     #[test]
     fn a_place_is_carried_on_for_half_a_second_and_then_unknown() {
-        let mut place = Place::unknown(0.5);
+        let mut place = LastPose::unknown(0.5);
         assert_eq!(place.pose(Time::ZERO), None);
         let mut moving = own_state(2.0, 0.0);
         moving.speed_mps = 0.5;
@@ -64,7 +64,7 @@ mod tests {
 
     #[test]
     fn an_uncertain_pose_is_no_place() {
-        let mut place = Place::unknown(0.5);
+        let mut place = LastPose::unknown(0.5);
         let mut lost = own_state(2.0, 0.0);
         lost.pose.sd_m = 0.6;
         place.take(Time::ZERO, &lost);

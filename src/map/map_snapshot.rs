@@ -9,20 +9,20 @@ use crate::geom::Lattice;
 
 /// What is kept of a [`Merged`].
 #[derive(Serialize, Deserialize)]
-pub(super) struct Kept {
+pub(super) struct MapSnapshot {
     lattice: Lattice,
     own: Option<LayerId>,
     tiles: Vec<TileReport>,
 }
 
-impl From<Merged> for Kept {
-    fn from(map: Merged) -> Kept {
+impl From<Merged> for MapSnapshot {
+    fn from(map: Merged) -> MapSnapshot {
         let tiles = map.layers().flat_map(|(id, layer)| {
             layer
                 .tiles()
                 .map(move |(address, tile)| tile.report(id, address))
         });
-        Kept {
+        MapSnapshot {
             lattice: map.lattice(),
             own: map.own(),
             tiles: tiles.collect(),
@@ -30,10 +30,10 @@ impl From<Merged> for Kept {
     }
 }
 
-impl TryFrom<Kept> for Merged {
+impl TryFrom<MapSnapshot> for Merged {
     type Error = TileError;
 
-    fn try_from(kept: Kept) -> Result<Merged, TileError> {
+    fn try_from(kept: MapSnapshot) -> Result<Merged, TileError> {
         let mut map = Merged::new(kept.lattice, kept.own);
         for report in &kept.tiles {
             map.put(report.layer, report.address, Tile::from_report(report)?);
@@ -47,7 +47,7 @@ mod tests {
     use super::super::Mapper;
     use super::*;
     use crate::geom::{Angle, Point};
-    use crate::map::{Body, ScanReading};
+    use crate::map::{OwnDisc, ScanReading};
     use tomoswarm_proto::{Boot, TILE_CELLS, TileAddress, VehicleId, codec};
 
     fn layer(vehicle: u8) -> LayerId {
@@ -70,7 +70,7 @@ mod tests {
         mapper.record(
             map,
             &reading,
-            Body {
+            OwnDisc {
                 at: reading.origin,
                 radius_m: 0.2,
             },

@@ -8,15 +8,15 @@ use std::io::{self, Stdout, Write};
 
 /// Standard output, until nobody listens any more.
 #[derive(Debug)]
-pub struct Answer<W: Write = Stdout> {
+pub struct StandardOutput<W: Write = Stdout> {
     out: W,
     is_closed: bool,
 }
 
-impl Answer {
+impl StandardOutput {
     /// Answers on standard output.
-    pub fn on_stdout() -> Answer {
-        Answer {
+    pub fn on_stdout() -> StandardOutput {
+        StandardOutput {
             out: io::stdout(),
             is_closed: false,
         }
@@ -29,7 +29,7 @@ impl Answer {
     }
 }
 
-impl<W: Write> Answer<W> {
+impl<W: Write> StandardOutput<W> {
     /// Takes a closed pipe for the end of all interest.
     fn unless_closed<T>(&mut self, result: io::Result<T>, otherwise: T) -> io::Result<T> {
         match result {
@@ -42,7 +42,7 @@ impl<W: Write> Answer<W> {
     }
 }
 
-impl<W: Write> Write for Answer<W> {
+impl<W: Write> Write for StandardOutput<W> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         if self.is_closed {
             return Ok(bytes.len());
@@ -100,7 +100,7 @@ mod tests {
             then: io::ErrorKind::BrokenPipe,
             asked: 0,
         };
-        let mut answer = Answer {
+        let mut answer = StandardOutput {
             out,
             is_closed: false,
         };
@@ -116,7 +116,7 @@ mod tests {
             then: io::ErrorKind::StorageFull,
             asked: 0,
         };
-        let error = Answer {
+        let error = StandardOutput {
             out,
             is_closed: false,
         }

@@ -6,7 +6,7 @@ use crate::geom::{Angle, Point};
 
 /// What the autopilot shall do.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-pub enum Fly {
+pub enum AutopilotCommand {
     /// Drive through the corners and stop at the last. A copter on the ground takes off first, and is to be told again.
     Drive {
         /// Corners, without the present place.

@@ -27,7 +27,7 @@ impl fmt::Display for WantId {
 
 /// What is wanted of vehicles.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub struct Want {
+pub struct OrderGoal {
     /// What they shall do.
     pub kind: OrderKind,
     /// Which vehicles; empty = all.
@@ -48,10 +48,10 @@ pub struct Want {
     pub within: Duration,
 }
 
-impl Want {
+impl OrderGoal {
     /// Returns what is wanted of some vehicles, or of all if none is named, in the present run, joining the lease in force.
-    pub fn new(kind: OrderKind, vehicles: BTreeSet<VehicleId>, within: Duration) -> Want {
-        Want {
+    pub fn new(kind: OrderKind, vehicles: BTreeSet<VehicleId>, within: Duration) -> OrderGoal {
+        OrderGoal {
             kind,
             vehicles,
             run: None,

@@ -1,8 +1,8 @@
 //! What of a run's scene can be seen, by what its file says of bodies, sensors and the place. What a map has found of it says
 //! [`detected`].
 
-use super::visible::{Room, Sight, Visible, detected};
-use super::{Outcome, Scenario, ScenarioError};
+use super::visible::{Room, SensorView, Visible, detected};
+use super::{RunOutcome, Scenario, ScenarioError};
 use crate::config::{Lobe, Sim};
 use crate::geom::Lattice;
 use crate::scene::Scene;
@@ -14,23 +14,23 @@ const LOW_M: f64 = 0.02;
 
 /// A scene without persons, and what can be seen of it.
 #[derive(Debug)]
-pub struct Seen {
+pub struct VisibleScene {
     /// What stands there.
     pub scene: Scene,
     /// The sensor.
-    pub sight: Sight,
+    pub sight: SensorView,
     /// Radius of a vehicle's body, and the heights between which it can touch, metres.
     pub body: (f64, f64, f64),
     /// What can be seen.
     pub visible: Visible,
 }
 
-impl Seen {
+impl VisibleScene {
     /// Finds it for a scenario.
     ///
     /// # Errors
     /// The scene cannot be built.
-    pub fn find(scenario: &Scenario) -> Result<Seen, ScenarioError> {
+    pub fn find(scenario: &Scenario) -> Result<VisibleScene, ScenarioError> {
         let (sim, scene) = (scenario.sim(), scenario.structure()?);
         let (room, sight) = (room(sim), sight(sim));
         let homes: Vec<_> = sim
@@ -39,7 +39,7 @@ impl Seen {
             .collect();
         let lattice = Lattice::new(sim.venue.cell_m);
         let visible = Visible::find(&scene, lattice, (&sim.venue.fence, &homes), &room, &sight);
-        Ok(Seen {
+        Ok(VisibleScene {
             scene,
             sight,
             body: (
@@ -52,7 +52,7 @@ impl Seen {
     }
 
     /// Returns how many of the cells that can be seen the map of an outcome has found.
-    pub fn detected(&self, outcome: &Outcome) -> usize {
+    pub fn detected(&self, outcome: &RunOutcome) -> usize {
         detected(&outcome.map, SLICE, &self.visible.cells)
     }
 }
@@ -66,9 +66,9 @@ fn room(sim: &Sim) -> Room {
     }
 }
 
-fn sight(sim: &Sim) -> Sight {
+fn sight(sim: &Sim) -> SensorView {
     let range = &sim.range;
-    Sight {
+    SensorView {
         height_m: range.height_m,
         half_angle_rad: match range.lobe {
             Lobe::Beam => 0.0,
