@@ -16,14 +16,14 @@ mod pareto;
 mod pattern;
 mod pattern_plan;
 mod precedence;
-#[cfg(test)]
-mod random_worlds;
 mod ring;
 mod rotating_gap;
 mod schedule;
 mod separation;
 mod snap;
 mod succession;
+#[cfg(test)]
+mod tests;
 mod vehicle_progress;
 mod verdict;
 

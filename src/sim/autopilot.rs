@@ -7,88 +7,61 @@
 //! or seldom ([`Autopilot::advance`]), and everything happens at its own moment all the same.
 //!
 //! ```text
-//!   Command ──► obey ──► stages ──► body, climb          Manual, Hold, Loiter: stay     Guided: what is asked
-//!             ▲         │ over                       Auto: the next item            Return, Land: stages laid at once
-//!             └─────────┴── next item, failsafe
+//!   Command ──► judgement ──► action ──► vehicle control ──► stages ──► body, climb
+//!                   ▲                      ▲      │  over
+//!   battery, place ─┴─ failsafe            └──────┴─ next item of the stored mission
 //! ```
 //!
 //! Deliberately simple: it climbs, turns and flies one after the other (ArduCopter flies diagonally and turns on the way);
 //! gusts are not known, a steady wind carries a copter aside and makes it lean. It speaks no MAVLink and knows no obstacles.
 
+mod battery;
 mod flight;
+mod judgement;
 mod messages;
-mod mission;
 mod navigation;
-mod obey;
+mod place_estimate;
+mod staged_motion;
 mod stages;
+mod status_texts;
+mod stored_mission;
 #[cfg(test)]
 mod tests;
-
-use std::collections::{BTreeMap, VecDeque};
-use std::time::Duration;
+mod vehicle_control;
 
 use super::body::{Body, BodyState, MotionRefusal};
-use crate::autopilot::item::ItemError;
-use crate::autopilot::{
-    ArmRefusal, Command, CommandAck, FlightMode, Item, SystemStatus, VehicleKind,
-};
-use crate::geom::{Angle, Attitude, Point, Pose, Vector};
+use crate::autopilot::{ArmRefusal, Command, CommandAck, SystemStatus, VehicleKind};
+use crate::geom::{Angle, Attitude, Point, Pose};
 use crate::time::Time;
 
 pub use flight::Climb;
 pub use messages::{AutopilotSettings, DatedText, LowBattery, Readout, StatusText};
 pub use navigation::{Navigation, Outage};
-use stages::Stage;
+pub use staged_motion::StagedMotion;
 
-/// Status texts that nobody takes are dropped, the oldest first, beyond this many.
-const NOTICES: usize = 256;
-/// A copter counts as landed at or below this altitude, metres.
-const LANDED_M: f64 = 0.05;
+use battery::{Battery, ChargeLevel};
+use judgement::{Action, Failsafe, Situation};
+use place_estimate::PlaceEstimate;
+use status_texts::StatusTexts;
+use vehicle_control::{Moment, VehicleControl};
 
 /// A vehicle with its autopilot.
 #[derive(Clone, Debug)]
 pub struct Autopilot {
     settings: AutopilotSettings,
-    navigation: Navigation,
-    body: Body,
-    climb: Climb,
-    mode: FlightMode,
-    is_armed: bool,
-    home: Option<Point>,
-    /// Speed at which it travels unless it is told otherwise, m/s.
-    speed_mps: f64,
-    stages: VecDeque<Stage>,
-    /// When the stage under way is over; `None` = none is under way.
-    stage_ends: Option<Time>,
-    items: Vec<Item>,
-    /// The item under way, or begun last; 0 = none.
-    item: usize,
-    is_mission_running: bool,
-    servos: BTreeMap<u8, u16>,
-    charge: f64,
-    failsafe: Failsafe,
-    /// Since when a copter is armed and has not taken off.
-    idle_since: Time,
+    place: PlaceEstimate,
+    battery: Battery,
+    control: VehicleControl,
+    texts: StatusTexts,
     /// Up to here everything that was due has happened.
     now: Time,
-    notices: VecDeque<DatedText>,
-    /// Counts the changes of its motion.
-    motions: u64,
-}
-
-#[derive(Clone, Copy, Debug, Default)]
-struct Failsafe {
-    is_battery_low: bool,
-    is_battery_empty: bool,
-    is_lost: bool,
 }
 
 /// What becomes due by itself.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 enum Due {
     StageOver,
-    BatteryLow,
-    BatteryEmpty,
+    BatterySinks,
     PlaceLost,
     Idle,
 }
@@ -104,42 +77,25 @@ impl Autopilot {
         at: Point,
         heading: Angle,
     ) -> Result<Autopilot, MotionRefusal> {
+        let body = Body::at_rest(at, heading, settings.limits)?;
         Ok(Autopilot {
-            body: Body::at_rest(at, heading, settings.limits)?,
-            climb: Climb::level(0.0),
-            mode: FlightMode::Manual,
-            is_armed: false,
-            home: None,
-            speed_mps: settings.limits.speed_mps,
-            stages: VecDeque::new(),
-            stage_ends: None,
-            items: Vec::new(),
-            item: 0,
-            is_mission_running: false,
-            servos: BTreeMap::new(),
-            charge: 1.0,
-            failsafe: Failsafe::default(),
-            idle_since: Time::ZERO,
+            place: PlaceEstimate::new(navigation),
+            battery: Battery::full(),
+            control: VehicleControl::switched_on(body),
+            texts: StatusTexts::default(),
             now: Time::ZERO,
-            notices: VecDeque::new(),
-            motions: 0,
             settings,
-            navigation,
         })
     }
 
     /// Returns the same vehicle under way: armed, in GUIDED, home where it is, a copter hovering at this altitude, metres.
     pub fn under_way(self, altitude_m: f64) -> Autopilot {
-        let altitude_m = if self.settings.kind == VehicleKind::Copter {
-            altitude_m
-        } else {
-            0.0
+        let altitude_m = match self.settings.kind {
+            VehicleKind::Rover => 0.0,
+            VehicleKind::Copter => altitude_m,
         };
         Autopilot {
-            climb: Climb::level(altitude_m),
-            mode: FlightMode::Guided,
-            is_armed: true,
-            home: Some(self.body.pose_at(self.now).at),
+            control: self.control.under_way(altitude_m, self.now),
             ..self
         }
     }
@@ -147,11 +103,11 @@ impl Autopilot {
     /// Lets everything happen that is due by now, each at its own moment.
     pub fn advance(&mut self, now: Time) {
         while let Some((at, due)) = self.next_due().filter(|(at, _)| *at <= now) {
-            self.spend(at);
+            self.pass_time(at);
             self.happen(due);
         }
         if now > self.now {
-            self.spend(now);
+            self.pass_time(now);
         }
     }
 
@@ -165,59 +121,21 @@ impl Autopilot {
         self.now
     }
 
-    /// Returns where it truly is at a moment, as far as its stage goes.
-    pub fn truth(&self, at: Time) -> BodyState {
-        self.body.pose_at(at)
-    }
-
-    /// Returns its body, as it moves in the plane.
-    pub fn body(&self) -> &Body {
-        &self.body
-    }
-
-    /// Returns its change of altitude.
-    pub fn climb(&self) -> &Climb {
-        &self.climb
-    }
-
-    /// Returns its altitude above the ground at its start, metres.
-    pub fn altitude_m(&self, at: Time) -> f64 {
-        self.climb.altitude_m(at)
-    }
-
-    /// Returns how it lies.
-    pub fn attitude(&self, at: Time) -> Attitude {
-        let state = self.truth(at);
-        match self.settings.kind {
-            VehicleKind::Rover => Attitude::level(state.heading),
-            VehicleKind::Copter if self.is_landed(at) => Attitude::level(state.heading),
-            VehicleKind::Copter => flight::leaning(&self.body, state, at, self.settings.wind),
+    /// Takes a command, now; returns the answer. What was due before has happened then.
+    pub fn command(&mut self, now: Time, command: Command) -> CommandAck {
+        self.advance(now);
+        match self.situation().judge(command) {
+            Ok(action) => {
+                self.act(action);
+                CommandAck::Accepted
+            }
+            Err(refusal) => refusal,
         }
     }
 
-    /// Returns the believed place less the true one.
-    pub fn place_error(&self, at: Time) -> Vector {
-        self.navigation.error(at)
-    }
-
-    /// Returns a number that changes whenever its motion does.
-    pub fn motions(&self) -> u64 {
-        self.motions
-    }
-
-    /// Returns whether it neither moves nor turns nor climbs.
-    pub fn is_at_rest(&self, at: Time) -> bool {
-        self.body.is_done(at) && self.climb.until() <= at
-    }
-
-    /// Returns whether the motors have current.
-    pub fn is_armed(&self) -> bool {
-        self.is_armed
-    }
-
-    /// Returns whether it stands on the ground.
-    pub fn is_landed(&self, at: Time) -> bool {
-        self.settings.kind == VehicleKind::Rover || self.climb.altitude_m(at) <= LANDED_M
+    /// Returns why it would not arm now; `None` when it would, or is armed. An empty battery cannot be forced.
+    pub fn arm_refusal(&self, force: bool) -> Option<ArmRefusal> {
+        self.situation().arm_refusal(force)
     }
 
     /// Returns what it steers.
@@ -225,229 +143,175 @@ impl Autopilot {
         self.settings.kind
     }
 
-    /// Returns its mode.
-    pub fn mode(&self) -> FlightMode {
-        self.mode
+    /// Returns how it moves: its body in the plane, and its altitude.
+    pub fn motion(&self) -> &StagedMotion {
+        self.control.motion()
+    }
+
+    /// Returns where it truly is at a moment, as far as its stage goes.
+    pub fn truth(&self, at: Time) -> BodyState {
+        self.motion().pose_at(at)
+    }
+
+    /// Returns how it lies.
+    pub fn attitude(&self, at: Time) -> Attitude {
+        let (state, motion) = (self.truth(at), self.motion());
+        if self.settings.kind == VehicleKind::Rover || self.is_landed(at) {
+            Attitude::level(state.heading)
+        } else {
+            flight::leaning(motion.body(), state, at, self.settings.wind)
+        }
     }
 
     /// Returns the stored mission.
-    pub fn items(&self) -> &[Item] {
-        &self.items
-    }
-
-    /// Returns the charge left, 0 to 1.
-    pub fn battery(&self) -> f64 {
-        self.charge
+    #[cfg(test)]
+    pub fn items(&self) -> &[crate::autopilot::Item] {
+        self.control.mission().items()
     }
 
     /// Gives the battery a charge, 0 to 1.
     pub fn set_battery(&mut self, now: Time, charge: f64) {
         self.advance(now);
-        self.charge = charge.clamp(0.0, 1.0);
-        self.failsafe.is_battery_low &= self.charge <= self.settings.low_battery;
-        self.failsafe.is_battery_empty &= self.charge <= 0.0;
+        self.battery.set(charge, &self.settings);
     }
 
     /// Returns what it has said since the last call, in order.
     pub fn status_texts(&mut self) -> Vec<DatedText> {
-        self.notices.drain(..).collect()
+        self.texts.take()
     }
 
     /// Comes to rest at once, against all limits: it has hit something. Nothing moves it any more.
     pub fn wreck(&mut self, at: Time) {
-        self.body.halt(at);
-        self.climb = Climb::level(self.climb.altitude_m(at));
-        self.stages.clear();
-        (self.stage_ends, self.is_mission_running) = (None, false);
-        self.motions += 1;
+        self.control.wreck(at);
     }
 
     /// Returns what it reports at a moment; call [`Autopilot::advance`] first.
     pub fn report(&self, now: Time) -> Readout {
-        let truth = self.truth(now);
-        let at = truth.at + self.place_error(now);
+        let (control, motion, truth) = (&self.control, self.motion(), self.truth(now));
         Readout {
             pose: Pose {
-                at,
+                at: truth.at + self.place.error(now),
                 heading: truth.heading,
-                sd_m: self.navigation.sd_m(now),
+                sd_m: self.place.sd_m(now),
             },
-            altitude_m: self.altitude_m(now),
+            altitude_m: motion.altitude_m(now),
             attitude: self.attitude(now),
             speed_mps: truth.speed_mps,
-            climb_mps: self.climb.climb_mps(now),
-            battery: self.charge,
-            mode: self.mode,
-            is_armed: self.is_armed,
+            climb_mps: motion.climb().climb_mps(now),
+            battery: self.battery.charge(),
+            mode: control.mode(),
+            is_armed: control.is_armed(),
             is_landed: self.is_landed(now),
             status: self.status(now),
-            item: self.item,
-            home: self.home,
-            servos: self.servos.clone(),
+            item: control.mission().item(),
+            home: control.home(),
+            servos: control.servos().clone(),
         }
     }
 
     fn status(&self, now: Time) -> SystemStatus {
         if now < Time::ZERO + self.settings.ready_after {
-            SystemStatus::Booting
-        } else if self.failsafe.is_lost || self.failsafe.is_battery_low {
-            SystemStatus::Critical
-        } else if self.is_armed
-            && (self.settings.kind == VehicleKind::Rover || !self.is_landed(now))
-        {
+            return SystemStatus::Booting;
+        }
+        if self.place.is_lost() || self.battery.level() != ChargeLevel::Enough {
+            return SystemStatus::Critical;
+        }
+        let is_grounded = self.settings.kind == VehicleKind::Copter && self.is_landed(now);
+        if self.control.is_armed() && !is_grounded {
             SystemStatus::Active
         } else {
             SystemStatus::Standby
         }
     }
 
-    /// Returns whether it knows its place.
-    fn has_place(&self) -> bool {
-        let is_known = self.navigation.sd_m(self.now) <= self.settings.place_sd_max_m;
-        is_known && self.now >= Time::ZERO + self.settings.place_after
-    }
-
-    fn say(&mut self, notice: StatusText) {
-        if self.notices.len() >= NOTICES {
-            self.notices.pop_front();
-        }
-        self.notices.push_back((self.now, notice));
+    fn is_landed(&self, at: Time) -> bool {
+        self.control.is_landed(self.settings.kind, at)
     }
 
     fn next_due(&self) -> Option<(Time, Due)> {
-        let is_idle = self.settings.kind == VehicleKind::Copter
-            && self.is_armed
-            && self.stage_ends.is_none()
-            && self.is_landed(self.now);
+        let (now, settings) = (self.now, &self.settings);
+        let works = self.control.works_until(settings.kind, now).since(now);
         [
-            self.stage_ends.map(|at| (at, Due::StageOver)),
-            self.charge_reached(self.settings.low_battery)
-                .filter(|_| !self.failsafe.is_battery_low)
-                .map(|at| (at, Due::BatteryLow)),
-            self.charge_reached(0.0)
-                .filter(|_| !self.failsafe.is_battery_empty)
-                .map(|at| (at, Due::BatteryEmpty)),
-            self.place_lost_at().map(|at| (at, Due::PlaceLost)),
-            is_idle.then(|| (self.idle_since + self.settings.disarm_after, Due::Idle)),
+            (self.motion().stage_ends(), Due::StageOver),
+            (
+                self.battery.sinks_at(now, works, settings),
+                Due::BatterySinks,
+            ),
+            (self.place.lost_at(now, settings), Due::PlaceLost),
+            (self.control.idle_until(settings, now), Due::Idle),
         ]
         .into_iter()
-        .flatten()
-        .map(|(at, due)| (at.max(self.now), due))
+        .filter_map(|(at, due)| Some((at?.max(now), due)))
         .min()
-    }
-
-    fn place_lost_at(&self) -> Option<Time> {
-        self.navigation
-            .lost_at(self.now, self.settings.place_sd_max_m)
     }
 
     fn happen(&mut self, due: Due) {
         match due {
-            Due::StageOver => self.end_stage(),
-            Due::BatteryLow => {
-                self.failsafe.is_battery_low = true;
-                self.say(StatusText::BatteryLow);
-                self.act_on_low_battery();
+            Due::StageOver => {
+                let (control, mut moment) = self.parts();
+                control.end_stage(&mut moment);
             }
-            Due::BatteryEmpty => {
-                self.failsafe.is_battery_empty = true;
-                self.say(StatusText::BatteryEmpty);
-                self.stop_for_good();
+            Due::BatterySinks => match self.battery.sink() {
+                ChargeLevel::Enough | ChargeLevel::Low => {
+                    self.trip(Failsafe::BatteryLow, StatusText::BatteryLow);
+                }
+                ChargeLevel::Empty => self.trip(Failsafe::BatteryEmpty, StatusText::BatteryEmpty),
+            },
+            Due::PlaceLost => {
+                self.place.lose();
+                self.trip(Failsafe::PlaceLost, StatusText::PlaceLost);
             }
-            Due::PlaceLost => self.lose_place(),
-            Due::Idle => self.disarm(),
+            Due::Idle => self.act(Action::Disarm),
         }
     }
 
-    fn act_on_low_battery(&mut self) {
-        if !self.is_armed {
-            return;
-        }
-        match (self.settings.on_low_battery, self.settings.kind) {
-            (LowBattery::Warn, _) => {}
-            (LowBattery::Return, _) if self.has_place() => self.enter(FlightMode::Return),
-            (LowBattery::Return | LowBattery::Land, VehicleKind::Copter) => {
-                self.enter(FlightMode::Land)
-            }
-            (LowBattery::Return | LowBattery::Land, VehicleKind::Rover) => {
-                self.enter(FlightMode::Hold)
-            }
-        }
+    fn trip(&mut self, failsafe: Failsafe, text: StatusText) {
+        self.texts.say(self.now, text);
+        let action = self.situation().reaction(failsafe);
+        self.act(action);
     }
 
-    /// Who does not know its place any more stands, or comes down where it is.
-    fn lose_place(&mut self) {
-        self.failsafe.is_lost = true;
-        self.say(StatusText::PlaceLost);
-        if self.is_armed && self.mode.needs_place() {
-            self.enter(match self.settings.kind {
-                VehicleKind::Rover => FlightMode::Hold,
-                VehicleKind::Copter => FlightMode::Land,
-            });
-        }
+    fn act(&mut self, action: Action) {
+        let (control, mut moment) = self.parts();
+        control.act(action, &mut moment);
     }
 
-    /// Without current a rover brakes; a copter sinks with what is left.
-    fn stop_for_good(&mut self) {
-        match self.settings.kind {
-            VehicleKind::Rover => self.disarm(),
-            VehicleKind::Copter if self.is_landed(self.now) => self.disarm(),
-            VehicleKind::Copter => self.enter(FlightMode::Land),
-        }
-    }
-
-    /// Takes from the battery what is used until a moment, during which nothing changes by itself.
-    fn spend(&mut self, until: Time) {
-        let used = self.used(until);
-        self.charge = (self.charge - used).max(0.0);
+    /// Lets time pass during which nothing changes by itself.
+    fn pass_time(&mut self, until: Time) {
+        let (from, settings) = (self.now, &self.settings);
+        let works_until = self.control.works_until(settings.kind, from);
+        let works = works_until.min(until).since(from);
+        self.battery.spend(works, until.since(from), settings);
+        self.place.refresh(until, settings);
         self.now = until;
-        self.failsafe.is_lost &= self.navigation.sd_m(until) > self.settings.place_sd_max_m;
     }
 
-    /// The charge used from now until a later moment.
-    fn used(&self, until: Time) -> f64 {
-        let moves_s = self.moves_until().min(until).since(self.now).as_secs_f64();
-        let all_s = until.since(self.now).as_secs_f64();
-        let (driving, resting) = (
-            self.settings.endurance_driving,
-            self.settings.endurance_resting,
-        );
-        moves_s / driving.as_secs_f64() + (all_s - moves_s).max(0.0) / resting.as_secs_f64()
-    }
-
-    /// Until when it uses what motion takes; a copter in the air always does, as long as its motors turn.
-    fn moves_until(&self) -> Time {
-        let arrival = self
-            .body
-            .arrival()
-            .unwrap_or(Time::ZERO)
-            .max(self.climb.until());
-        let flies = self.settings.kind == VehicleKind::Copter
-            && self.is_armed
-            && (!self.is_landed(self.now) || self.climb.to_m > LANDED_M);
-        if flies {
-            Time::NEVER
-        } else {
-            arrival.max(self.now)
+    fn situation(&self) -> Situation<'_> {
+        let (now, settings, control) = (self.now, &self.settings, &self.control);
+        Situation {
+            settings,
+            mode: control.mode(),
+            is_armed: control.is_armed(),
+            is_landed: self.is_landed(now),
+            is_under_way: self.motion().stage_ends().is_some(),
+            is_ready: now >= Time::ZERO + settings.ready_after,
+            has_place: self.place.is_known(now, settings),
+            is_battery_empty: self.battery.level() == ChargeLevel::Empty,
+            at: self.truth(now).at + self.place.error(now),
+            altitude_m: self.motion().altitude_m(now),
+            speed_mps: control.speed_mps(),
+            mission: control.mission_situation(),
         }
     }
 
-    /// When the charge will have sunk to a level, if nothing changes; `None` = it lies below already, or never.
-    fn charge_reached(&self, level: f64) -> Option<Time> {
-        let spare = self.charge - level;
-        if spare < 0.0 || (spare == 0.0 && level > 0.0) {
-            // Given by hand, or there already.
-            return Some(self.now);
-        }
-        let moves_until = self.moves_until();
-        let moving = self.settings.endurance_driving.as_secs_f64() * spare;
-        let moves_s = moves_until.since(self.now).as_secs_f64();
-        let wait_s = if moving <= moves_s {
-            moving
-        } else {
-            let left = spare - moves_s / self.settings.endurance_driving.as_secs_f64();
-            moves_s + left * self.settings.endurance_resting.as_secs_f64()
+    /// Returns what acts, and the moment in which it does.
+    fn parts(&mut self) -> (&mut VehicleControl, Moment<'_>) {
+        let moment = Moment {
+            now: self.now,
+            settings: &self.settings,
+            place: &self.place,
+            texts: &mut self.texts,
         };
-        (wait_s < 1e9).then(|| self.now + Duration::from_nanos(libm::ceil(wait_s * 1e9) as u64))
+        (&mut self.control, moment)
     }
 }

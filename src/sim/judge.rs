@@ -61,13 +61,19 @@ impl Judge {
     }
 
     /// Takes that the mission of a vehicle has ended; who is dead is not waited for.
-    pub fn mission_ended(&mut self, now: Time, vehicle: usize, end: EndReason, is_dead: &[bool]) {
+    pub fn mission_ended(
+        &mut self,
+        now: Time,
+        vehicle: usize,
+        end: EndReason,
+        are_dead: impl Iterator<Item = bool>,
+    ) {
         self.missions[vehicle].1 = Some((now, end));
         let mut alive = self
             .missions
             .iter()
-            .zip(is_dead)
-            .filter(|(_, is_dead)| !**is_dead);
+            .zip(are_dead)
+            .filter(|(_, is_dead)| !is_dead);
         self.is_done |= !self.is_swept && alive.all(|(mission, _)| mission.1.is_some());
     }
 
@@ -124,9 +130,9 @@ mod tests {
     fn missions_are_done_when_all_that_are_alive_have_ended_theirs() {
         let mut judge = judge(false, Expect::Finished);
         let dead = [false, true, false];
-        judge.mission_ended(Time::ZERO, 0, EndReason::Done, &dead);
+        judge.mission_ended(Time::ZERO, 0, EndReason::Done, dead.into_iter());
         assert!(!judge.is_done());
-        judge.mission_ended(Time::ZERO, 2, EndReason::NoRoom, &dead);
+        judge.mission_ended(Time::ZERO, 2, EndReason::NoRoom, dead.into_iter());
         assert!(judge.is_done());
         assert_eq!(judge.missions()[1], (VehicleId(2), None));
         assert_eq!(judge.missions()[2].1, Some((Time::ZERO, EndReason::NoRoom)));

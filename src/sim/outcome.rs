@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use tomoswarm_proto::VehicleId;
 
 use super::bus::{BytesByKind, NodeId};
-use super::log::{Log, image_hash};
+use super::log::Log;
 use super::operator_script::RUN;
 use super::world::Collision;
 use crate::geom::Point;
@@ -42,70 +42,21 @@ pub struct RunCounts {
 /// A vehicle, and when and how its own mission ended.
 pub type EndedMission = (VehicleId, Option<(Time, EndReason)>);
 
-/// What is written down while a run goes on.
-pub(super) struct RunRecord {
+/// What was written down while a run went on.
+pub(super) struct Recorded {
     pub log: Log,
     pub counts: RunCounts,
     pub tracks: Vec<(VehicleId, Vec<Point>)>,
     pub pictures: Vec<Picture>,
     pub failure: Option<String>,
-    /// At the end: whose software runs, who of them is home, and who stands and stays.
+}
+
+/// How many vehicles there are at a moment whose software runs, how many of them are home, and how many stand and stay.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub(super) struct Muster {
     pub alive: usize,
     pub home: usize,
     pub held: usize,
-}
-
-impl RunRecord {
-    pub fn new(ids: &[VehicleId]) -> RunRecord {
-        RunRecord {
-            log: Log::default(),
-            counts: RunCounts::default(),
-            tracks: ids.iter().map(|id| (*id, Vec::new())).collect(),
-            pictures: Vec::new(),
-            failure: None,
-            alive: 0,
-            home: 0,
-            held: 0,
-        }
-    }
-
-    pub fn track(&mut self, vehicle: usize, at: Point) {
-        let track = &mut self.tracks[vehicle].1;
-        if track.last().is_none_or(|last| last.distance_to(at) > 0.05) {
-            track.push(at);
-        }
-    }
-
-    /// Keeps a picture in place of an earlier one of its kind, and logs it with values in steps.
-    pub fn picture(&mut self, now: Time, picture: Picture) {
-        match &picture.result {
-            Err(reason) => {
-                self.log
-                    .line(now, "imager", format_args!("{}: {reason}", picture.subject))
-            }
-            Ok(made) => self.log.line(
-                now,
-                "imager",
-                format_args!(
-                    "{} of run {} after {} laps: {} links, hash {:016x}, peaks {}",
-                    picture.subject,
-                    picture.run,
-                    picture.laps,
-                    made.used,
-                    image_hash(&made.image),
-                    peaks_in_words(&made.peaks)
-                ),
-            ),
-        }
-        self.pictures
-            .retain(|known| (known.run, known.subject) != (picture.run, picture.subject));
-        self.pictures.push(picture);
-    }
-}
-
-fn peaks_in_words(peaks: &[Peak]) -> String {
-    let word = |peak: &Peak| format!("{:.2},{:.2}:{:.2}", peak.at.x_m, peak.at.y_m, peak.strength);
-    peaks.iter().take(4).map(word).collect::<Vec<_>>().join(" ")
 }
 
 /// An object found in the picture of changes.

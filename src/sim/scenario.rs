@@ -10,10 +10,12 @@ use super::entry::SampleFile;
 use super::environment::{Environment, TRACK_EVERY};
 use super::faults::Faults;
 use super::judge::Judge;
-use super::kernel::{Kernel, Parts, Recording, SimulatedOperator};
+use super::kernel::{
+    FinishedRun, Greetings, Kernel, Parts, Recording, SimulatedOperator, SimulatedVehicle,
+};
 use super::noise::{Noise, Purpose};
 use super::operator_script::{self, EMPTY_RUN, RUN};
-use super::outcome::{RunOutcome, RunRecord};
+use super::outcome::{Muster, RunOutcome};
 use super::radio_field::{RadioConstants, RadioField};
 use super::range::{Lobe, RangeModel, RangeSensor};
 use super::run_view::RunView;
@@ -26,7 +28,7 @@ use crate::geom::Point;
 use crate::ground::from_config::{self, GroundParts};
 use crate::ground::imager::Subject;
 use crate::ground::planner::Method;
-use crate::node::{VehicleNode, VehicleSettings as NodeSettings};
+use crate::node::VehicleSettings as NodeSettings;
 use crate::operator::script::ScriptStep;
 use crate::scene::{Attenuation, Outline, Person, Scene, SceneError, VrmlShape};
 use crate::sweep::{Ring, SweepError};
@@ -295,15 +297,14 @@ impl Scenario {
         let environment = self.environment()?;
         let start = |vehicle| Some((vehicle, sim.home(vehicle)?));
         let told = |(vehicle, home)| NodeSettings::from_config(sim, vehicle, Boot(1), home);
-        let settings: Vec<NodeSettings> = sim.vehicle_ids().filter_map(start).map(told).collect();
+        let vehicles = sim.vehicle_ids().filter_map(start).map(told);
         Ok(Parts {
             noise,
             environment,
             bus: SimulatedBus::new(noise, self.bus()),
             greetings: self.greetings(),
             egress_bytes_per_s: sim.bus.egress_bytes_per_s(),
-            vehicles: settings.iter().map(VehicleNode::new).collect(),
-            settings,
+            vehicles: vehicles.map(SimulatedVehicle::new).collect(),
             faults: faults(sim),
             ground: self.ground()?,
             operators: vec![self.operator()],
@@ -315,8 +316,8 @@ impl Scenario {
         })
     }
 
-    /// Returns how the vehicles greet, and then the ground station; who is started says with which boot and instance.
-    fn greetings(&self) -> Vec<Hello> {
+    /// Returns how vehicles and ground station greet; who is started says with which boot and instance.
+    fn greetings(&self) -> Greetings {
         let vehicles = self.sim.vehicle_ids().map(|id| {
             let capabilities = Drivers::SIMULATED.capabilities();
             Hello {
@@ -324,7 +325,10 @@ impl Scenario {
                 ..self.greeting(Sender::Vehicle(id))
             }
         });
-        vehicles.chain([self.greeting(Sender::Ground)]).collect()
+        Greetings {
+            vehicles: vehicles.collect(),
+            ground: self.greeting(Sender::Ground),
+        }
     }
 
     fn greeting(&self, node: Sender) -> Hello {
@@ -470,14 +474,16 @@ impl Scenario {
     }
 
     /// Returns what was expected and is not so at the end.
-    fn unmet(&self, record: &RunRecord, judge: &Judge) -> Option<String> {
-        let alive = record.alive;
+    fn unmet(&self, muster: Muster, judge: &Judge) -> Option<String> {
+        let Muster { alive, home, held } = muster;
         match self.sim.expect {
             Expect::Finished => (!judge.is_done()).then(|| self.unended(judge)),
-            Expect::Home => (record.home < alive)
-                .then(|| format!("only {} of {alive} vehicles are home", record.home)),
-            Expect::Held => (record.held < alive)
-                .then(|| format!("only {} of {alive} vehicles are held", record.held)),
+            Expect::Home => {
+                (home < alive).then(|| format!("only {home} of {alive} vehicles are home"))
+            }
+            Expect::Held => {
+                (held < alive).then(|| format!("only {held} of {alive} vehicles are held"))
+            }
         }
     }
 
@@ -494,22 +500,30 @@ impl Scenario {
     }
 
     pub(super) fn outcome(&self, kernel: Kernel) -> Result<RunOutcome, ScenarioError> {
-        let (mut record, judge, environment, ground, bus, simulated, separation_m) =
-            kernel.into_parts();
+        let FinishedRun {
+            mut record,
+            muster,
+            judge,
+            environment,
+            ground,
+            bus,
+            ended_at,
+            min_separation_m,
+        } = kernel.finish();
         let station = ground.station();
         let outlines = self.outlines()?;
-        let unmet = self.unmet(&record, &judge);
+        let unmet = self.unmet(muster, &judge);
         let finished = unmet.is_none() && record.failure.is_none();
         let failure = record.failure.or(unmet);
         Ok(RunOutcome {
             finished,
             failure,
-            home: record.home,
-            held: record.held,
-            simulated,
+            home: muster.home,
+            held: muster.held,
+            simulated: ended_at,
             collisions: environment.world().collisions().to_vec(),
             fence_breaches: environment.world().fence_breaches(),
-            min_separation_m: separation_m.is_finite().then_some(separation_m),
+            min_separation_m: min_separation_m.is_finite().then_some(min_separation_m),
             samples: station.samples().count(RUN),
             links: station.samples().links(RUN),
             empty_links: station.samples().links(EMPTY_RUN),

@@ -244,7 +244,7 @@ impl World {
             .under_way(self.flying.altitude_m);
         self.crafts.push(Craft {
             id,
-            motions: autopilot.motions(),
+            motions: autopilot.motion().changes(),
             autopilot,
             commands: 0,
         });
@@ -310,7 +310,7 @@ impl World {
         self.advance(vehicle, now);
         let autopilot = &self.crafts[vehicle].autopilot;
         let readout = autopilot.report(now);
-        let motion = match (readout.speed_mps > 0.0, autopilot.is_at_rest(now)) {
+        let motion = match (readout.speed_mps > 0.0, autopilot.motion().is_at_rest(now)) {
             (true, _) => Motion::Driving,
             (false, true) => Motion::Resting,
             (false, false) => Motion::Turning,
@@ -340,8 +340,8 @@ impl World {
         }
         let craft = &mut self.crafts[vehicle];
         craft.autopilot.advance(now);
-        if craft.motions != craft.autopilot.motions() {
-            craft.motions = craft.autopilot.motions();
+        if craft.motions != craft.autopilot.motion().changes() {
+            craft.motions = craft.autopilot.motion().changes();
             craft.commands += 1;
             // What it does by itself has begun since it was looked at last.
             let touches = self.touches(vehicle, from);
@@ -370,7 +370,7 @@ impl World {
         };
         let result = craft.autopilot.command(now, command.clone());
         craft.commands += 1;
-        craft.motions = craft.autopilot.motions();
+        craft.motions = craft.autopilot.motion().changes();
         if result == CommandAck::Accepted {
             self.judge_fence(vehicle, now);
         }
@@ -382,7 +382,7 @@ impl World {
     }
 
     fn judge_fence(&mut self, vehicle: usize, now: Time) {
-        let body = self.crafts[vehicle].autopilot.body();
+        let body = self.crafts[vehicle].autopilot.motion().body();
         let swept = body.swept(now, Time::NEVER);
         let inside = |way: &Segment| self.fence.contains_corridor(*way, self.build.radius_m);
         if !swept.iter().all(|piece| inside(&piece.segment)) {
@@ -421,7 +421,7 @@ impl World {
     fn scene_contact(&self, autopilot: &Autopilot, now: Time) -> Option<Time> {
         let (radius_m, height_m) = (self.build.radius_m, self.build.height_m);
         let scene = &self.stage.scene;
-        let climb = autopilot.climb();
+        let climb = autopilot.motion().climb();
         if climb.until() > now {
             let here = autopilot.truth(now).at;
             let touches = |low_m: f64, high_m: f64| {
@@ -432,17 +432,27 @@ impl World {
             };
             return climb_contact(climb, now, &touches);
         }
-        let altitude_m = autopilot.altitude_m(now);
+        let altitude_m = autopilot.motion().altitude_m(now);
         let (low_m, high_m) = (altitude_m + GROUND_CLEARANCE_M, altitude_m + height_m);
         let cast = |way: Segment| scene.first_contact(way, radius_m, low_m, high_m);
-        autopilot.body().contact_time(now, Time::NEVER, &cast)
+        autopilot
+            .motion()
+            .body()
+            .contact_time(now, Time::NEVER, &cast)
     }
 
     fn pair_contact(&self, one: &Autopilot, other: &Autopilot, now: Time) -> Option<Time> {
         let (radius_m, height_m) = (self.build.radius_m, self.build.height_m);
-        let near =
-            |(from, until)| first_contact_of(one.body(), other.body(), from, until, 2.0 * radius_m);
-        overlaps(one.climb(), other.climb(), now, height_m)
+        let near = |(from, until)| {
+            first_contact_of(
+                one.motion().body(),
+                other.motion().body(),
+                from,
+                until,
+                2.0 * radius_m,
+            )
+        };
+        overlaps(one.motion().climb(), other.motion().climb(), now, height_m)
             .into_iter()
             .find_map(near)
     }
@@ -462,7 +472,7 @@ impl World {
             self.judge(*vehicle, touch.at);
             let craft = &mut self.crafts[*vehicle];
             craft.autopilot.wreck(touch.at);
-            craft.motions = craft.autopilot.motions();
+            craft.motions = craft.autopilot.motion().changes();
             craft.commands += 1;
         }
         let place = self.truth(touch.one.0, touch.at).at;
@@ -482,8 +492,8 @@ impl World {
         for other in (0..self.crafts.len()).filter(|other| *other != vehicle) {
             let pair = vehicle.min(other) * self.crafts.len() + vehicle.max(other);
             let (one, two) = (
-                self.crafts[vehicle].autopilot.body(),
-                self.crafts[other].autopilot.body(),
+                self.crafts[vehicle].autopilot.motion().body(),
+                self.crafts[other].autopilot.motion().body(),
             );
             let (distance_m, _) = closest_approach(one, two, self.judged[pair], now);
             self.min_separation_m = self.min_separation_m.min(distance_m);
@@ -515,7 +525,7 @@ impl World {
             let hit = self.stage.scene.cast(origin, direction, max_m)?;
             Some((hit.distance_m, hit.normal))
         };
-        let above_ground_m = craft.autopilot.altitude_m(now) + self.build.sensor_m;
+        let above_ground_m = craft.autopilot.motion().altitude_m(now) + self.build.sensor_m;
         let origin = [truth.at.x_m, truth.at.y_m, above_ground_m];
         let ids = [u64::from(craft.id.0), number];
         let around = SensorSurroundings {
@@ -538,7 +548,7 @@ impl World {
             sensor_m,
             ..
         } = self.build;
-        let low_m = autopilot.altitude_m(now);
+        let low_m = autopilot.motion().altitude_m(now);
         Disc {
             centre: autopilot.truth(now).at,
             radius_m,

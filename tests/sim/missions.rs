@@ -144,7 +144,7 @@ fn what_vehicles_visit_is_shared_among_them() {
 }
 
 fn visits(outcome: &RunOutcome, vehicle: usize) -> usize {
-    let who = format!("vehicle {vehicle} Visited");
+    let who = format!("vehicle {vehicle} has visited ");
     outcome
         .log
         .lines()

@@ -12,6 +12,9 @@ const GRAVITY_MPS2: f64 = 9.80665;
 /// Drag of a small copter: acceleration for each m/s of air speed, 1/s.
 const DRAG_PER_S: f64 = 0.3;
 
+/// A copter counts as landed at or below this altitude, metres.
+pub(super) const LANDED_M: f64 = 0.05;
+
 /// A change of altitude at an even rate.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Climb {
@@ -33,6 +36,29 @@ impl Climb {
             from_m: altitude_m,
             to_m: altitude_m,
             rate_mps: 1.0,
+        }
+    }
+
+    /// Returns the change from the altitude that it has at a moment to another one, metres, at a rate, m/s.
+    pub fn towards(&self, now: Time, to_m: f64, rate_mps: f64) -> Climb {
+        Climb {
+            since: now,
+            from_m: self.altitude_m(now),
+            to_m,
+            rate_mps,
+        }
+    }
+
+    /// Returns the altitude at which it ends when it is given up at a moment, as a change that is over.
+    pub fn halted(&self, now: Time) -> Climb {
+        let altitude_m = if now >= self.until() {
+            self.to_m
+        } else {
+            self.altitude_m(now)
+        };
+        Climb {
+            since: now,
+            ..Climb::level(altitude_m)
         }
     }
 
@@ -79,5 +105,50 @@ pub fn leaning(body: &Body, state: BodyState, at: Time, wind: Vector) -> Attitud
         roll: -Angle::from_radians(libm::atan2(left, GRAVITY_MPS2)),
         pitch: -Angle::from_radians(libm::atan2(forward, GRAVITY_MPS2)),
         yaw: state.heading,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{LIMITS, secs};
+    use super::*;
+
+    #[test]
+    fn a_climb_goes_on_evenly_and_is_given_up_where_it_is() {
+        let climb = Climb::level(1.0).towards(secs(10.0), 5.0, 2.0);
+        assert_eq!(climb.until(), secs(12.0));
+        assert_eq!(climb.altitude_m(secs(11.0)), 3.0);
+        assert_eq!(
+            (climb.climb_mps(secs(11.0)), climb.climb_mps(secs(12.0))),
+            (2.0, 0.0)
+        );
+        let halted = climb.halted(secs(11.0));
+        assert_eq!(
+            (halted.altitude_m(secs(20.0)), halted.until()),
+            (3.0, secs(11.0))
+        );
+        assert_eq!(climb.halted(secs(30.0)).altitude_m(secs(30.0)), 5.0);
+        let sinking = climb.towards(secs(11.0), 0.0, 1.5);
+        assert_eq!(
+            (sinking.until(), sinking.climb_mps(secs(12.0))),
+            (secs(13.0), -1.5)
+        );
+    }
+
+    #[test]
+    fn a_copter_at_rest_lies_level_without_wind_and_leans_against_it() {
+        let body = Body::at_rest(Default::default(), Angle::ZERO, LIMITS).unwrap();
+        let lies = |wind| leaning(&body, body.pose_at(Time::ZERO), Time::ZERO, wind);
+        let calm = lies(Vector::default());
+        assert_eq!(
+            (calm.roll.radians().abs(), calm.pitch.radians().abs()),
+            (0.0, 0.0)
+        );
+        let head_wind = lies(Vector::new(-4.0, 0.0));
+        let expected_rad = libm::atan(4.0 * DRAG_PER_S / GRAVITY_MPS2);
+        assert!(
+            (head_wind.pitch.radians() + expected_rad).abs() < 1e-9,
+            "nose down: {head_wind:?}"
+        );
     }
 }

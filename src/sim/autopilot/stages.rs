@@ -1,19 +1,17 @@
-//! The stages of motion, one after the other, each with an end that is known when it begins.
+//! The stages of motion (drive, turn, climb, stand), and how ways are laid as stages: to a place, home, down to the ground, and
+//! for an item of a mission. It computes only: what moves, when, and in which mode is not known here.
 
 use std::time::Duration;
 
-use super::flight::Climb;
-use super::messages::StatusText;
-use super::{Autopilot, FlightMode, LANDED_M, VehicleKind};
-use crate::geom::{Angle, Point, Vector};
-use crate::time::Time;
+use super::flight::LANDED_M;
+use super::messages::AutopilotSettings;
+use crate::autopilot::{Item, VehicleKind};
+use crate::geom::{Angle, Point};
 
 /// Where a landing becomes slow, metres.
 const SLOW_BELOW_M: f64 = 10.0;
 /// Time over home before a copter that returns comes down.
 const HOVERS: Duration = Duration::from_secs(5);
-/// How far a steady wind carries a copter from its line, metres for each m/s.
-const CARRIED_S: f64 = 0.05;
 
 /// One stage of motion.
 #[derive(Clone, PartialEq, Debug)]
@@ -32,141 +30,40 @@ pub(super) enum Stage {
     Touchdown,
 }
 
-impl Autopilot {
-    /// Gives up what is under way and lays stages; the first begins now.
-    pub(super) fn lay(&mut self, stages: impl IntoIterator<Item = Stage>) {
-        self.stages = stages.into_iter().collect();
-        self.begin_stage();
-    }
-
-    pub(super) fn end_stage(&mut self) {
-        self.stage_ends = None;
-        if self.stages.is_empty() {
-            self.stages_over();
-        } else {
-            self.begin_stage();
+impl Stage {
+    /// Returns whether it begins only at rest.
+    pub fn is_done_at_rest(&self) -> bool {
+        match self {
+            Stage::Climb { .. } | Stage::Stand(_) | Stage::Touchdown => true,
+            Stage::Drive { .. } | Stage::Turn(_) | Stage::Brake => false,
         }
     }
+}
 
-    fn begin_stage(&mut self) {
-        self.stage_ends = None;
-        let Some(stage) = self.stages.pop_front() else {
-            return;
-        };
-        self.motions += 1;
-        let is_moving = self.body.pose_at(self.now).speed_mps > 0.0;
-        let rests = matches!(
-            stage,
-            Stage::Climb { .. } | Stage::Stand(_) | Stage::Touchdown
-        );
-        if rests && is_moving {
-            // What is done on the spot waits until it stands.
-            self.stages.push_front(stage);
-            return self.brake();
-        }
-        self.halt_climb();
-        match stage {
-            Stage::Drive { corners, speed_mps } => self.drive(&corners, speed_mps),
-            Stage::Turn(heading) => {
-                // Checked when it was asked for; a body refuses nothing else.
-                let _ = self.body.turn(self.now, heading);
-                self.ends_with_motion();
-            }
-            Stage::Climb { to_m, rate_mps } => {
-                let from_m = self.climb.altitude_m(self.now);
-                self.climb = Climb {
-                    since: self.now,
-                    from_m,
-                    to_m,
-                    rate_mps,
-                };
-                self.stage_ends = Some(self.climb.until());
-            }
-            Stage::Stand(time) => self.stage_ends = Some(self.now + time),
-            Stage::Brake => self.brake(),
-            Stage::Touchdown => self.touch_down(),
-        }
-    }
+/// Lays ways as stages, for a vehicle at an altitude.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct StagePlanner<'a> {
+    pub settings: &'a AutopilotSettings,
+    /// Where it is now, metres above home.
+    pub altitude_m: f64,
+    /// How fast it travels, m/s.
+    pub speed_mps: f64,
+}
 
-    /// A climb that is given up ends where it is.
-    fn halt_climb(&mut self) {
-        let altitude_m = if self.now >= self.climb.until() {
-            self.climb.to_m
-        } else {
-            self.climb.altitude_m(self.now)
-        };
-        self.climb = Climb {
-            since: self.now,
-            ..Climb::level(altitude_m)
-        };
-    }
-
-    fn brake(&mut self) {
-        self.body.stop(self.now);
-        self.halt_climb();
-        self.ends_with_motion();
-    }
-
-    fn ends_with_motion(&mut self) {
-        self.stage_ends = Some(self.body.arrival().unwrap_or(self.now).max(self.now));
-    }
-
-    /// Steers so that the believed place goes through the corners; a steady wind carries it aside.
-    fn drive(&mut self, corners: &[Point], speed_mps: f64) {
-        let error = self.place_error(self.now);
-        let truly: Vec<Point> = match self.settings.kind {
-            VehicleKind::Rover => corners.iter().map(|corner| *corner - error).collect(),
-            VehicleKind::Copter => corners
-                .iter()
-                .map(|corner| *corner - error + self.carried())
-                .collect(),
-        };
-        // An impossible command leaves the motion as it was.
-        let _ = self.body.drive(self.now, &truly, speed_mps);
-        self.ends_with_motion();
-    }
-
-    pub(super) fn carried(&self) -> Vector {
-        self.settings.wind * CARRIED_S
-    }
-
-    fn touch_down(&mut self) {
-        self.climb = Climb {
-            since: self.now,
-            ..Climb::level(0.0)
-        };
-        // A mission says first that it was reached; then it goes on, or is over.
-        if !(self.mode == FlightMode::Auto && self.is_mission_running) {
-            self.disarm();
-        }
-        self.stage_ends = Some(self.now);
-    }
-
-    /// All stages are over: the mission goes on, or it stays where it is.
-    fn stages_over(&mut self) {
-        if self.mode == FlightMode::Auto && self.is_mission_running {
-            self.say(StatusText::Reached(self.item));
-            self.next_item();
-        }
-    }
-
-    /// The way to a place and an altitude: up before the way, down after it.
-    pub(super) fn way_to(
-        &self,
-        corners: Vec<Point>,
-        altitude_m: f64,
-        speed_mps: f64,
-    ) -> Vec<Stage> {
+impl StagePlanner<'_> {
+    /// Returns the way through places to an altitude: up before the way, down after it.
+    pub fn route(&self, corners: Vec<Point>, altitude_m: f64) -> Vec<Stage> {
+        let speed_mps = self.speed_mps;
         let drive = Stage::Drive { corners, speed_mps };
         match self.change_of_altitude(altitude_m) {
             None => vec![drive],
-            Some(climb) if altitude_m > self.climb.altitude_m(self.now) => vec![climb, drive],
+            Some(climb) if altitude_m > self.altitude_m => vec![climb, drive],
             Some(sinking) => vec![drive, sinking],
         }
     }
 
     fn change_of_altitude(&self, to_m: f64) -> Option<Stage> {
-        let (from_m, settings) = (self.climb.altitude_m(self.now), &self.settings);
+        let (from_m, settings) = (self.altitude_m, self.settings);
         let rate_mps = if to_m > from_m {
             settings.climb_mps
         } else {
@@ -176,8 +73,16 @@ impl Autopilot {
         changes.then_some(Stage::Climb { to_m, rate_mps })
     }
 
-    /// Down to the ground, slowly at last.
-    pub(super) fn way_down(&self, from_m: f64) -> Vec<Stage> {
+    /// Returns the way up on the spot.
+    pub fn takeoff(&self, to_m: f64) -> Stage {
+        Stage::Climb {
+            to_m,
+            rate_mps: self.settings.climb_mps,
+        }
+    }
+
+    /// Returns the way from an altitude down to the ground, slow at last.
+    pub fn landing(&self, from_m: f64) -> Vec<Stage> {
         let (descent_mps, landing_mps) = (self.settings.descent_mps, self.settings.landing_mps);
         let fast = (from_m > SLOW_BELOW_M).then_some(Stage::Climb {
             to_m: SLOW_BELOW_M,
@@ -190,37 +95,171 @@ impl Autopilot {
         fast.into_iter().chain([slow, Stage::Touchdown]).collect()
     }
 
-    /// Straight home; a copter not below the altitude of its return, and down there.
-    pub(super) fn way_home(&self, home: Point) -> Vec<Stage> {
-        let here_m = self.climb.altitude_m(self.now);
-        let home_at_speed = |altitude_m| self.way_to(vec![home], altitude_m, self.speed_mps);
+    /// Returns the way straight home; a copter flies it not below the altitude of its return, and comes down there.
+    pub fn way_home(&self, home: Point) -> Vec<Stage> {
         match self.settings.kind {
-            VehicleKind::Rover => home_at_speed(0.0),
-            VehicleKind::Copter if here_m <= LANDED_M => vec![Stage::Touchdown],
+            VehicleKind::Rover => self.route(vec![home], 0.0),
+            VehicleKind::Copter if self.altitude_m <= LANDED_M => vec![Stage::Touchdown],
             VehicleKind::Copter => {
-                let high_m = here_m.max(self.settings.return_m);
-                let mut stages = home_at_speed(high_m);
+                let high_m = self.altitude_m.max(self.settings.return_m);
+                let mut stages = self.route(vec![home], high_m);
                 stages.push(Stage::Stand(HOVERS));
-                stages.extend(self.way_down(high_m));
+                stages.extend(self.landing(high_m));
                 stages
             }
         }
     }
 
-    pub(super) fn disarm(&mut self) {
-        self.stages.clear();
-        self.is_mission_running = false;
-        // Motors without current brake.
-        self.body.stop(self.now);
-        self.motions += 1;
-        self.stage_ends = None;
-        if std::mem::take(&mut self.is_armed) {
-            self.say(StatusText::Armed(false));
+    /// Returns the stages of an item of a mission; none of one that takes no time. Without a home a return only brakes.
+    pub fn item(&self, item: Item, home: Option<Point>) -> Vec<Stage> {
+        let here_m = self.altitude_m;
+        let level_m = |altitude_m: f64| match self.settings.kind {
+            VehicleKind::Rover => 0.0,
+            VehicleKind::Copter => altitude_m.max(0.0),
+        };
+        match item {
+            Item::Waypoint {
+                at,
+                altitude_m,
+                delay: time,
+            }
+            | Item::Loiter {
+                at,
+                altitude_m,
+                time,
+            } => {
+                let mut stages = self.route(vec![at], level_m(altitude_m));
+                stages.extend((!time.is_zero()).then_some(Stage::Stand(time)));
+                stages
+            }
+            Item::Takeoff { altitude_m } => vec![self.takeoff(altitude_m.max(here_m))],
+            Item::Delay(time) => vec![Stage::Stand(time)],
+            Item::Land { at } => {
+                let mut stages = at.map_or(Vec::new(), |at| self.route(vec![at], here_m));
+                stages.extend(self.landing(here_m));
+                stages
+            }
+            Item::Return => home.map_or(vec![Stage::Brake], |home| self.way_home(home)),
+            Item::Yaw(heading) => vec![Stage::Turn(heading)],
+            Item::Speed(_) | Item::Servo { .. } => Vec::new(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::LIMITS;
+    use super::*;
+
+    fn planned(
+        kind: VehicleKind,
+        altitude_m: f64,
+        plan: impl Fn(&StagePlanner<'_>) -> Vec<Stage>,
+    ) -> String {
+        let settings = AutopilotSettings::new(kind, LIMITS);
+        let stages = plan(&StagePlanner {
+            settings: &settings,
+            altitude_m,
+            speed_mps: 1.5,
+        });
+        let word = |stage: &Stage| match stage {
+            Stage::Drive { corners, speed_mps } => {
+                format!("drive {} at {speed_mps}", corners.len())
+            }
+            Stage::Turn(heading) => format!("turn {:.0}", heading.degrees()),
+            Stage::Climb { to_m, rate_mps } => format!("climb {to_m} at {rate_mps}"),
+            Stage::Stand(time) => format!("stand {}", time.as_secs()),
+            Stage::Brake => "brake".to_owned(),
+            Stage::Touchdown => "touchdown".to_owned(),
+        };
+        stages.iter().map(word).collect::<Vec<_>>().join(", ")
+    }
+
+    fn check(kind: VehicleKind, altitude_m: f64, item: Item, expected: &str) {
+        let home = Some(Point::new(1.0, 1.0));
+        let got = planned(kind, altitude_m, |planner| planner.item(item, home));
+        assert_eq!(got, expected, "{item:?} from {altitude_m} m");
+    }
+
+    fn waypoint(altitude_m: f64, delay_s: u64) -> Item {
+        Item::Waypoint {
+            at: Point::new(5.0, 0.0),
+            altitude_m,
+            delay: Duration::from_secs(delay_s),
         }
     }
 
-    /// Returns when nothing of what is under way moves any more.
-    pub(super) fn ends(&self) -> Option<Time> {
-        self.stage_ends
+    #[test]
+    fn a_copter_climbs_before_its_way_and_sinks_after_it_and_a_rover_does_neither() {
+        let (rover, copter) = (VehicleKind::Rover, VehicleKind::Copter);
+        check(
+            copter,
+            3.0,
+            waypoint(8.0, 0),
+            "climb 8 at 2.5, drive 1 at 1.5",
+        );
+        check(
+            copter,
+            8.0,
+            waypoint(3.0, 4),
+            "drive 1 at 1.5, climb 3 at 1.5, stand 4",
+        );
+        check(
+            copter,
+            8.0,
+            waypoint(-3.0, 0),
+            "drive 1 at 1.5, climb 0 at 1.5",
+        );
+        check(rover, 0.0, waypoint(8.0, 0), "drive 1 at 1.5");
+    }
+
+    #[test]
+    fn a_landing_becomes_slow_below_ten_metres_and_ends_on_the_ground() {
+        let land = Item::Land { at: None };
+        check(
+            VehicleKind::Copter,
+            12.0,
+            land,
+            "climb 10 at 1.5, climb 0 at 0.5, touchdown",
+        );
+        check(VehicleKind::Copter, 10.0, land, "climb 0 at 0.5, touchdown");
+    }
+
+    #[test]
+    fn who_returns_does_so_in_its_way_and_only_with_a_home() {
+        let home =
+            "climb 15 at 2.5, drive 1 at 1.5, stand 5, climb 10 at 1.5, climb 0 at 0.5, touchdown";
+        check(VehicleKind::Copter, 3.0, Item::Return, home);
+        check(VehicleKind::Copter, LANDED_M, Item::Return, "touchdown");
+        check(VehicleKind::Rover, 0.0, Item::Return, "drive 1 at 1.5");
+        let homeless = planned(VehicleKind::Rover, 0.0, |planner| {
+            planner.item(Item::Return, None)
+        });
+        assert_eq!(homeless, "brake");
+    }
+
+    #[test]
+    fn a_takeoff_never_sinks_and_what_takes_no_time_has_no_stages() {
+        let takeoff = Item::Takeoff { altitude_m: 5.0 };
+        check(VehicleKind::Copter, 7.0, takeoff, "climb 7 at 2.5");
+        check(VehicleKind::Copter, 0.0, takeoff, "climb 5 at 2.5");
+        check(VehicleKind::Copter, 0.0, Item::Speed(2.0), "");
+        check(
+            VehicleKind::Rover,
+            0.0,
+            Item::Yaw(Angle::from_degrees(90.0)),
+            "turn 90",
+        );
+    }
+
+    #[test]
+    fn only_what_leaves_the_place_begins_while_it_moves() {
+        let corners = vec![Point::default()];
+        let drive = Stage::Drive {
+            corners,
+            speed_mps: 1.0,
+        };
+        assert!(!drive.is_done_at_rest() && !Stage::Brake.is_done_at_rest());
+        assert!(Stage::Touchdown.is_done_at_rest() && Stage::Stand(HOVERS).is_done_at_rest());
     }
 }

@@ -7,15 +7,19 @@ use proptest::prelude::*;
 use super::super::motion::DriveLimits;
 use super::super::noise::Noise;
 use super::*;
+use crate::autopilot::item::{ItemError, check_items};
+use crate::autopilot::{FlightMode, Item};
+use crate::geom::Vector;
 
-const LIMITS: DriveLimits = DriveLimits {
+/// What the vehicles of these tests can do.
+pub(super) const LIMITS: DriveLimits = DriveLimits {
     speed_mps: 2.0,
     acceleration_mps2: 1.0,
     braking_mps2: 1.0,
     turn_rate_radps: 1.0,
 };
 
-fn secs(seconds_s: f64) -> Time {
+pub(super) fn secs(seconds_s: f64) -> Time {
     Time::from_secs_f64(seconds_s)
 }
 
@@ -72,7 +76,23 @@ fn settle(autopilot: &mut Autopilot, from: Time) -> Time {
 
 fn place(autopilot: &Autopilot, at: Time) -> (f64, f64, f64) {
     let truth = autopilot.truth(at);
-    (truth.at.x_m, truth.at.y_m, autopilot.altitude_m(at))
+    (
+        truth.at.x_m,
+        truth.at.y_m,
+        autopilot.motion().altitude_m(at),
+    )
+}
+
+fn mode_of(autopilot: &Autopilot) -> FlightMode {
+    autopilot.report(autopilot.now()).mode
+}
+
+fn is_armed(autopilot: &Autopilot) -> bool {
+    autopilot.report(autopilot.now()).is_armed
+}
+
+fn charge_of(autopilot: &Autopilot) -> f64 {
+    autopilot.report(autopilot.now()).battery
 }
 
 fn check_near(got: (f64, f64, f64), expected: (f64, f64, f64)) {
@@ -89,6 +109,17 @@ fn waypoint(x_m: f64, y_m: f64, altitude_m: f64) -> Item {
         altitude_m,
         delay: Duration::ZERO,
     }
+}
+
+/// Takes a mission in place of the stored one, or tells why it is none.
+fn upload(autopilot: &mut Autopilot, now: Time, items: Vec<Item>) -> Result<(), ItemError> {
+    let sound = check_items(&items, autopilot.kind());
+    let expected = match sound {
+        Ok(()) => CommandAck::Accepted,
+        Err(_) => CommandAck::Denied,
+    };
+    assert_eq!(autopilot.command(now, Command::Upload(items)), expected);
+    sound
 }
 
 fn reached(notices: &[DatedText]) -> Vec<usize> {
@@ -212,10 +243,13 @@ fn a_mission_that_cannot_be_flown_is_refused_with_its_item_and_the_stored_one_st
     let home = waypoint(0.0, 0.0, 0.0);
     let check = |kind, items: Vec<Item>, expected: Result<(), (u8, &str)>| {
         let mut autopilot = ready(kind);
-        autopilot
-            .upload(secs(60.0), vec![home, waypoint(1.0, 0.0, 5.0)])
-            .unwrap();
-        let got = autopilot.upload(secs(60.0), items.clone());
+        upload(
+            &mut autopilot,
+            secs(60.0),
+            vec![home, waypoint(1.0, 0.0, 5.0)],
+        )
+        .unwrap();
+        let got = upload(&mut autopilot, secs(60.0), items.clone());
         assert_eq!(
             got.map_err(|error| (error.code(), error.to_string())),
             expected.map_err(|(code, text)| (code, text.to_owned()))
@@ -283,7 +317,7 @@ fn a_rover_drives_its_mission_and_holds_after_it() {
         waypoint(10.0, 5.0, 0.0),
         Item::Return,
     ];
-    rover.upload(secs(60.0), items).unwrap();
+    upload(&mut rover, secs(60.0), items).unwrap();
     assert_eq!(
         rover.command(secs(60.0), Command::Mode(FlightMode::Auto)),
         CommandAck::Accepted
@@ -311,7 +345,10 @@ fn a_rover_drives_its_mission_and_holds_after_it() {
     rover.advance(secs(77.58));
     assert_eq!(rover.report(secs(77.58)).item, 6, "the turn is done");
     let end = settle(&mut rover, secs(77.58));
-    assert_eq!((rover.mode(), rover.is_armed()), (FlightMode::Hold, true));
+    assert_eq!(
+        (mode_of(&rover), is_armed(&rover)),
+        (FlightMode::Hold, true)
+    );
     check_near(place(&rover, end), (0.0, 0.0, 0.0));
     let notices = rover.status_texts();
     assert_eq!(reached(&notices), [2, 4, 5, 6, 7]);
@@ -338,7 +375,7 @@ fn a_copter_flies_its_mission_lands_and_is_disarmed() {
             at: Some(point(0.0, 6.0)),
         },
     ];
-    copter.upload(secs(60.0), items).unwrap();
+    upload(&mut copter, secs(60.0), items).unwrap();
     assert_eq!(
         copter.command(secs(60.0), Command::Begin),
         CommandAck::Accepted
@@ -348,7 +385,7 @@ fn a_copter_flies_its_mission_lands_and_is_disarmed() {
     assert_eq!(copter.report(secs(61.0)).climb_mps, 2.5);
     let end = settle(&mut copter, secs(61.0));
     check_near(place(&copter, end), (0.0, 6.0, 0.0));
-    assert!(!copter.is_armed() && copter.is_landed(end));
+    assert!(!is_armed(&copter) && copter.report(end).is_landed);
     assert_eq!(reached(&copter.status_texts()), [1, 2, 3, 4]);
     // The way: 2 s up; 8 m in 6 s; 90° in 1.57 s, 6 m in 5 s, 2 m down at 1.5 m/s, 4 s; 90°, 8 m, 3 m down at 0.5 m/s.
     let turn_s = std::f64::consts::FRAC_PI_2;
@@ -367,12 +404,12 @@ fn on_the_ground_a_copters_mission_begins_with_a_takeoff_or_not_at_all() {
         CommandAck::Failed,
         "there is none"
     );
-    copter
-        .upload(
-            secs(60.0),
-            vec![waypoint(0.0, 0.0, 0.0), waypoint(5.0, 0.0, 5.0)],
-        )
-        .unwrap();
+    upload(
+        &mut copter,
+        secs(60.0),
+        vec![waypoint(0.0, 0.0, 0.0), waypoint(5.0, 0.0, 5.0)],
+    )
+    .unwrap();
     assert_eq!(
         copter.command(secs(60.0), Command::Mode(FlightMode::Auto)),
         CommandAck::Failed
@@ -389,7 +426,7 @@ fn on_the_ground_a_copters_mission_begins_with_a_takeoff_or_not_at_all() {
     let end = settle(&mut copter, secs(62.0));
     check_near(place(&copter, end), (5.0, 0.0, 5.0));
     assert_eq!(
-        (copter.mode(), copter.is_armed()),
+        (mode_of(&copter), is_armed(&copter)),
         (FlightMode::Auto, true),
         "it hovers after its mission"
     );
@@ -403,7 +440,7 @@ fn a_mission_is_interrupted_and_goes_on_with_the_item_under_way() {
         waypoint(10.0, 0.0, 0.0),
         waypoint(10.0, 10.0, 0.0),
     ];
-    rover.upload(secs(60.0), items).unwrap();
+    upload(&mut rover, secs(60.0), items).unwrap();
     rover.command(secs(60.0), Command::Mode(FlightMode::Auto));
     assert_eq!(
         rover.command(secs(69.0), Command::Mode(FlightMode::Hold)),
@@ -428,7 +465,7 @@ fn setting_the_current_item_to_one_that_takes_no_time_goes_on_to_the_next_that_d
         Item::Speed(0.5),
         waypoint(0.0, 4.0, 0.0),
     ];
-    rover.upload(secs(60.0), items).unwrap();
+    upload(&mut rover, secs(60.0), items).unwrap();
     rover.command(secs(60.0), Command::Mode(FlightMode::Auto));
     assert_eq!(
         rover.command(secs(60.5), Command::SetCurrent(4)),
@@ -454,10 +491,10 @@ fn a_copter_returns_at_its_altitude_of_return_and_lands_at_home() {
         CommandAck::Accepted
     );
     let (mut highest_m, mut now) = (0.0f64, there);
-    while copter.is_armed() {
+    while is_armed(&copter) {
         now = now + Duration::from_millis(100);
         copter.advance(now);
-        highest_m = highest_m.max(copter.altitude_m(now));
+        highest_m = highest_m.max(copter.motion().altitude_m(now));
         assert!(now < there + Duration::from_secs(120));
     }
     assert!((highest_m - 15.0).abs() < 1e-9);
@@ -472,7 +509,10 @@ fn a_rover_returns_straight_and_stays() {
     rover.command(there, Command::Mode(FlightMode::Return));
     let end = settle(&mut rover, there);
     check_near(place(&rover, end), (0.0, 0.0, 0.0));
-    assert_eq!((rover.mode(), rover.is_armed()), (FlightMode::Return, true));
+    assert_eq!(
+        (mode_of(&rover), is_armed(&rover)),
+        (FlightMode::Return, true)
+    );
 }
 
 #[test]
@@ -489,7 +529,7 @@ fn in_the_air_nobody_is_disarmed_but_by_force_and_landing_disarms() {
     // 2 m at 1.5 m/s, then 10 m at 0.5 m/s.
     let end = settle(&mut copter, up);
     assert!((end.since(up).as_secs_f64() - 2.0 / 1.5 - 20.0).abs() < 1e-6);
-    assert!(!copter.is_armed());
+    assert!(!is_armed(&copter));
 }
 
 #[test]
@@ -501,12 +541,12 @@ fn an_armed_copter_that_does_not_take_off_is_disarmed_and_a_rover_is_not() {
         "armed on the ground"
     );
     copter.advance(secs(69.9));
-    assert!(copter.is_armed());
+    assert!(is_armed(&copter));
     copter.advance(secs(70.1));
-    assert!(!copter.is_armed());
+    assert!(!is_armed(&copter));
     let mut rover = ready(VehicleKind::Rover);
     rover.advance(secs(500.0));
-    assert!(rover.is_armed());
+    assert!(is_armed(&rover));
     assert_eq!(rover.report(secs(500.0)).status, SystemStatus::Active);
 }
 
@@ -540,7 +580,7 @@ fn the_battery_lasts_as_long_as_it_should_and_what_follows_is_a_choice() {
         rover.command(secs(50.0), go(1000.0, 0.0));
         rover.advance(secs(60.0));
         rover.status_texts();
-        (rover.battery(), rover)
+        (charge_of(&rover), rover)
     };
     // 50 s of rest at 36,000 s, then 10 s of driving at 100 s.
     let (left, mut rover) = drive(LowBattery::Warn);
@@ -558,7 +598,7 @@ fn the_battery_lasts_as_long_as_it_should_and_what_follows_is_a_choice() {
     );
     assert!(rover.truth(secs(149.0)).speed_mps > 1.9, "it drives on");
     rover.advance(secs(200.0));
-    assert_eq!((rover.is_armed(), rover.battery()), (false, 0.0));
+    assert_eq!((is_armed(&rover), charge_of(&rover)), (false, 0.0));
     assert_eq!(rover.truth(secs(200.0)).speed_mps, 0.0);
     assert_eq!(
         rover.command(secs(201.0), Command::Arm { force: true }),
@@ -571,7 +611,7 @@ fn the_battery_lasts_as_long_as_it_should_and_what_follows_is_a_choice() {
         let (_, mut rover) = drive(choice);
         rover.advance(secs(131.0));
         assert_eq!(
-            (rover.mode(), rover.report(secs(131.0)).status),
+            (mode_of(&rover), rover.report(secs(131.0)).status),
             (mode, SystemStatus::Critical)
         );
     }
@@ -598,11 +638,11 @@ fn who_hears_no_satellites_for_long_stands_or_lands() {
                 .under_way(5.0);
         autopilot.command(secs(90.0), go(500.0, 0.0));
         autopilot.advance(secs(119.9));
-        assert_eq!(autopilot.mode(), FlightMode::Guided);
+        assert_eq!(mode_of(&autopilot), FlightMode::Guided);
         assert!((autopilot.report(secs(119.9)).pose.sd_m - 2.09).abs() < 1e-9);
         autopilot.advance(secs(121.0));
         assert_eq!(
-            (autopilot.mode(), autopilot.report(secs(121.0)).status),
+            (mode_of(&autopilot), autopilot.report(secs(121.0)).status),
             (mode, SystemStatus::Critical)
         );
         assert_eq!(
@@ -660,11 +700,11 @@ fn uploading_and_clearing_stop_a_mission_under_way() {
     let items = vec![waypoint(0.0, 0.0, 0.0), waypoint(50.0, 0.0, 0.0)];
     for ask in [Command::Clear, Command::Upload(items.clone())] {
         let mut rover = ready(VehicleKind::Rover);
-        rover.upload(secs(60.0), items.clone()).unwrap();
+        upload(&mut rover, secs(60.0), items.clone()).unwrap();
         rover.command(secs(60.0), Command::Begin);
         assert_eq!(rover.command(secs(65.0), ask), CommandAck::Accepted);
         let end = settle(&mut rover, secs(65.0));
-        assert!(rover.truth(end).at.x_m < 15.0 && rover.is_at_rest(end));
+        assert!(rover.truth(end).at.x_m < 15.0 && rover.motion().is_at_rest(end));
     }
 }
 

@@ -3,11 +3,13 @@
 
 mod forging;
 mod joining;
+mod single_vehicle;
 
 use std::collections::BTreeSet;
+use std::time::Duration;
 
 use tomoswarm_proto::{
-    Boot, Control, Lease, OperatorId, Order, OrderKind, Revision, RunId, Sender, StandReason,
+    Control, Lease, OperatorId, Order, OrderKind, Revision, RunId, Sender, StandReason, VehicleId,
     VehicleMode as StateMode,
 };
 
@@ -34,7 +36,7 @@ fence_m = [[-4.0, -4.0], [14.0, -4.0], [14.0, 14.0], [-4.0, 14.0]]
 const SCENE: &str = "kind = \"scene\"
 [[object]]\nname = \"wall\"\noutline_m = [[0.0, 4.5], [1.0, 4.5], [1.0, 5.5], [0.0, 5.5]]\n";
 
-fn scenario(more: &str) -> Scenario {
+pub(super) fn scenario(more: &str) -> Scenario {
     let mut loader = |name: &str| match name {
         "venue.toml" => Ok(VENUE.to_owned()),
         "scene.toml" => Ok(SCENE.to_owned()),
@@ -52,10 +54,9 @@ fn drive(kernel: &mut Kernel, vehicle: usize, to: Point) {
         altitude_m: None,
         speed_mps: Some(1.0),
     };
-    kernel.command(
-        vehicle,
-        DeviceCommand::Autopilot(NumberedCommand { number: 0, command }),
-    );
+    let command = DeviceCommand::Autopilot(NumberedCommand { number: 0, command });
+    let (environment, schedule) = (&mut kernel.environment, &mut kernel.schedule);
+    environment.obey(vehicle, command, schedule);
 }
 
 /// Runs until a second, or to the end.
@@ -72,20 +73,22 @@ fn a_contact_ends_the_run_unless_the_scenario_says_otherwise() {
         let mut kernel = Kernel::new(scenario.parts().unwrap());
         drive(&mut kernel, 0, Point::new(3.0, 5.0));
         run(&mut kernel, 3.5);
-        assert_eq!(kernel.ended.is_some(), ends_at_contact);
+        assert_eq!(kernel.schedule.ended_at().is_some(), ends_at_contact);
         assert!(
             kernel
                 .record
-                .failure
-                .as_ref()
+                .failure()
                 .is_some_and(|why| why.contains("touched the scene"))
         );
-        let wreck = kernel.environment.world().truth(0, kernel.now);
+        let wreck = kernel.environment.truth(0, kernel.schedule.now());
         assert!(
             (wreck.at.x_m + 0.25).abs() < 0.01 && wreck.speed_mps == 0.0,
             "{wreck:?}"
         );
-        assert_eq!(kernel.environment.world().collisions().len(), 1);
+        assert_eq!(
+            kernel.environment.environment().world().collisions().len(),
+            1
+        );
     }
 }
 
@@ -94,12 +97,12 @@ fn a_rover_whose_software_has_died_stops_two_seconds_later() {
     let scenario = scenario("[[fault]]\nkind = \"dead\"\nat_s = 1.0\nvehicles = [2]\n");
     let mut kernel = Kernel::new(scenario.parts().unwrap());
     drive(&mut kernel, 1, Point::new(5.0, 9.0));
-    let speed_mps = |kernel: &Kernel| kernel.environment.world().truth(1, kernel.now).speed_mps;
+    let speed_mps = |kernel: &Kernel| kernel.environment.truth(1, kernel.schedule.now()).speed_mps;
     run(&mut kernel, 2.0);
     assert_eq!(speed_mps(&kernel), 1.0, "nobody has told it to stop");
     run(&mut kernel, 4.0);
     assert_eq!(speed_mps(&kernel), 0.0);
-    let y_m = kernel.environment.world().truth(1, kernel.now).at.y_m;
+    let y_m = kernel.environment.truth(1, kernel.schedule.now()).at.y_m;
     // Its last word was a beacon of the second before.
     assert!((-0.6..=1.0).contains(&y_m), "{y_m}");
 }
@@ -116,24 +119,23 @@ fn a_person_who_takes_over_by_remote_control_is_left_alone_until_a_start() {
     let mut kernel = Kernel::new(parts);
     run(&mut kernel, 3.0);
     let shown = |kernel: &mut Kernel| {
-        let state = view(&kernel.operators[1])
+        let state = view(&kernel.nodes.operators()[1])
             .state(VehicleId(2))
             .unwrap()
             .value
             .clone();
-        (
-            state.control,
-            state.stands_under,
-            kernel.environment.known(1, kernel.now).mode,
-        )
+        let now = kernel.schedule.now();
+        let known = kernel.environment.environment().known(1, now);
+        (state.control, state.stands_under, known.mode)
     };
     assert_eq!(
         shown(&mut kernel),
         (Control::Ours, None, FlightMode::Guided)
     );
-    let (now, manual) = (kernel.now, Command::Mode(FlightMode::Manual));
+    let (now, manual) = (kernel.schedule.now(), Command::Mode(FlightMode::Manual));
     kernel
         .environment
+        .environment()
         .command_by_remote_control(now, 1, &manual, &mut Vec::new());
     run(&mut kernel, 6.5);
     assert_eq!(
@@ -145,11 +147,9 @@ fn a_person_who_takes_over_by_remote_control_is_left_alone_until_a_start() {
         )
     );
     assert!(
-        kernel
-            .record
-            .log
-            .text()
-            .contains("vehicle 2 autopilot: TakenOver(Manual)")
+        kernel.record.log_text().contains(
+            "vehicle 2 autopilot: a person has taken over by remote control, mode manual"
+        )
     );
     run(&mut kernel, 9.0);
     assert_eq!(
@@ -187,10 +187,14 @@ fn who_only_looks_changes_no_byte_of_the_run() {
             .extend((1..=viewers).map(|number| operator(&scenario, number, Vec::new())));
         let mut kernel = Kernel::new(parts);
         run(&mut kernel, 3.5);
-        let seen: Vec<usize> = kernel.operators[1..].iter().map(vehicles_seen).collect();
-        let (record, .., bus, end, _) = kernel.into_parts();
+        let seen: Vec<usize> = kernel.nodes.operators()[1..]
+            .iter()
+            .map(vehicles_seen)
+            .collect();
+        let finished = kernel.finish();
         let is_operator = |node: &&NodeId| matches!(node, NodeId::Operator(_));
-        let said: Vec<NodeId> = bus
+        let said: Vec<NodeId> = finished
+            .bus
             .sent_by_kind()
             .keys()
             .filter(is_operator)
@@ -198,7 +202,12 @@ fn who_only_looks_changes_no_byte_of_the_run() {
             .collect();
         (
             seen,
-            (record.log.text().to_owned(), record.counts, end, said),
+            (
+                finished.record.log.into_text(),
+                finished.record.counts,
+                finished.ended_at,
+                said,
+            ),
         )
     };
     let (alone, watched) = (log(0), log(2));
@@ -216,7 +225,7 @@ fn vehicles_seen(operator: &SimulatedOperator) -> usize {
 }
 
 fn view(operator: &SimulatedOperator) -> &FleetView {
-    operator.node.actors().operator.place.actor().view()
+    operator.node().actors().operator.place.actor().view()
 }
 
 fn wait(until: Condition) -> operator_script::ScriptStep {
@@ -242,16 +251,16 @@ fn an_operator_on_the_simulated_bus_takes_over_and_is_obeyed() {
     parts.operators.push(operator(&scenario, 3, steps));
     let mut kernel = Kernel::new(parts);
     run(&mut kernel, 3.5);
-    let operator = &kernel.operators[1];
+    let operator = &kernel.nodes.operators()[1];
     assert_eq!(
-        operator.ended,
-        Some(operator_script::ScriptEnd::Done),
+        operator.script_end(),
+        Some(&operator_script::ScriptEnd::Done),
         "State shows the order"
     );
-    let lease = view(operator).lease(kernel.now);
+    let lease = view(operator).lease(kernel.schedule.now());
     assert_eq!((lease.number, lease.holder), (2, 10));
     let report = view(operator)
-        .ground(kernel.now)
+        .ground(kernel.schedule.now())
         .expect("the ground station is heard");
     assert_eq!(
         report.value.lease, lease,
@@ -338,10 +347,10 @@ fn a_vehicle_that_is_started_anew_obeys_nothing_below_what_its_disk_has() {
     parts.operators.push(operator(&scenario, 3, steps));
     let mut kernel = Kernel::new(parts);
     run(&mut kernel, 5.5);
-    let kept = kernel.disks[1].memory();
+    let kept = kernel.nodes.vehicles()[1].memory();
     assert_eq!(kept.ordered.lease.number, 2, "the operator has taken over");
     run(&mut kernel, 6.3);
-    assert_eq!(kernel.vehicles[1].boot(), Boot(2));
+    assert_eq!(kernel.nodes.vehicles()[1].node().boot(), Boot(2));
     let low = Order {
         vehicle: VehicleId(2),
         lease: Lease {
@@ -360,7 +369,7 @@ fn a_vehicle_that_is_started_anew_obeys_nothing_below_what_its_disk_has() {
         .unwrap();
     run(&mut kernel, 7.5);
     let mode = |kernel: &Kernel| {
-        let state = &view(&kernel.operators[1])
+        let state = &view(&kernel.nodes.operators()[1])
             .state(VehicleId(2))
             .expect("it is heard")
             .value;

@@ -221,7 +221,7 @@ fn a_copter_that_has_landed_is_disarmed_and_takes_off_before_it_flies_again() {
         let end = secs(at_s + 20.0);
         (
             world.truth(0, end).at.x_m,
-            world.crafts[0].autopilot.altitude_m(end),
+            world.crafts[0].autopilot.motion().altitude_m(end),
         )
     };
     // Before the climb is over, and long after it.

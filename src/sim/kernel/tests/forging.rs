@@ -7,11 +7,12 @@ use tomoswarm_proto::{
     Digest, EmergencyName, EmergencyStop, GroundReport, Have, HeardFrom, Hello, LayerDigest,
     LayerId, Message, MissionEnd, MissionProgress, OpenStops, Ordered, Plan, PoseReport, Position,
     Progress, RunEnd, Sample, Samples, SeenState, State, StationPhase, StopId, StopScope,
-    TILE_CELLS, Task, TaskKind, TileAddress, TileReport, codec,
+    TILE_CELLS, Task, TaskKind, TileAddress, TileReport, VehicleId, codec,
 };
 
 use super::*;
 use crate::map::Merged;
+use crate::node::VehicleNode;
 use crate::sim::bus::BusFrame;
 
 /// It lasts so long, and something is said so often.
@@ -546,9 +547,10 @@ fn kernel(again_s: f64) -> (Kernel, u64) {
 fn say(kernel: &mut Kernel, sender: Sender, message: &Message) {
     let frame = Arc::new(BusFrame::of_bytes(sender, &codec::encode(message).unwrap()));
     let operators = kernel
-        .operators
+        .nodes
+        .operators()
         .iter()
-        .map(|operator| NodeId::Operator(operator.id));
+        .map(|operator| NodeId::Operator(operator.id()));
     let to: Vec<NodeId> = vehicles()
         .map(NodeId::Vehicle)
         .into_iter()
@@ -556,8 +558,8 @@ fn say(kernel: &mut Kernel, sender: Sender, message: &Message) {
         .chain(operators)
         .collect();
     for to in to {
-        kernel.queue.push(
-            kernel.now,
+        kernel.schedule.push(
+            kernel.schedule.now(),
             Event::Deliver {
                 to,
                 frame: frame.clone(),
@@ -573,12 +575,12 @@ fn what_stays(from_s: f64, forge: &dyn Fn(Known) -> Vec<(Sender, Message)>) -> V
     let (mut kernel, venue_hash) = kernel(again_s);
     run(&mut kernel, from_s);
     let mut known = known(&kernel, venue_hash);
-    while kernel.now.as_secs_f64() < from_s + FORGES_FOR_S {
+    while kernel.schedule.now().as_secs_f64() < from_s + FORGES_FOR_S {
         for (sender, message) in forge(known) {
             say(&mut kernel, sender, &message);
         }
         known.turn += 1;
-        let next_s = kernel.now.as_secs_f64() + EVERY_S;
+        let next_s = kernel.schedule.now().as_secs_f64() + EVERY_S;
         run(&mut kernel, next_s);
     }
     run(&mut kernel, again_s);
@@ -595,8 +597,11 @@ fn what_stays(from_s: f64, forge: &dyn Fn(Known) -> Vec<(Sender, Message)>) -> V
 }
 
 fn known(kernel: &Kernel, venue_hash: u64) -> Known {
-    let heard = view(&kernel.operators[0]);
-    let report = &heard.ground(kernel.now).expect("it is heard").value;
+    let heard = view(&kernel.nodes.operators()[0]);
+    let report = &heard
+        .ground(kernel.schedule.now())
+        .expect("it is heard")
+        .value;
     let mission = heard
         .vehicle(VehicleId(1))
         .and_then(|seen| seen.mission.as_ref());
@@ -615,8 +620,8 @@ fn known(kernel: &Kernel, venue_hash: u64) -> Known {
 
 /// Returns the runs that the ground station says to be done.
 fn done(kernel: &Kernel) -> Vec<RunId> {
-    let report = view(&kernel.operators[1])
-        .ground(kernel.now)
+    let report = view(&kernel.nodes.operators()[1])
+        .ground(kernel.schedule.now())
         .map(|report| report.value.clone());
     let runs = report.map(|report| report.runs).unwrap_or_default();
     runs.into_iter()
@@ -627,16 +632,17 @@ fn done(kernel: &Kernel) -> Vec<RunId> {
 
 /// Returns what is amiss a while after a sweep's end: samples that are not stored, maps that are not the same.
 fn amiss(kernel: &mut Kernel, swept: RunId) -> Vec<String> {
-    let later_s = kernel.now.as_secs_f64() + 20.0;
+    let later_s = kernel.schedule.now().as_secs_f64() + 20.0;
     run(kernel, later_s);
     let mut amiss = Vec::new();
     for of in [RunId(1), swept] {
         let made: u64 = kernel
-            .vehicles
+            .nodes
+            .vehicles()
             .iter()
-            .map(|vehicle| vehicle.samples_made(of))
+            .map(|vehicle| vehicle.node().samples_made(of))
             .sum();
-        let stored = kernel.ground.station().samples().count(of);
+        let stored = kernel.nodes.ground().node().station().samples().count(of);
         if stored < made || (of == swept && made < FEWEST_SAMPLES) {
             amiss.push(format!("of {made} samples of run {of} {stored} are stored"));
         }
@@ -654,13 +660,13 @@ fn amiss(kernel: &mut Kernel, swept: RunId) -> Vec<String> {
 
 /// Returns whether everybody holds every vehicle's layer as that vehicle has written it.
 fn have_all_maps(kernel: &Kernel) -> bool {
-    let vehicles = &kernel.vehicles;
+    let vehicles = kernel.nodes.vehicles().iter().map(SimulatedVehicle::node);
     let maps: Vec<&Merged> = vehicles
-        .iter()
+        .clone()
         .map(VehicleNode::map)
-        .chain([kernel.ground.station().map()])
+        .chain([kernel.nodes.ground().node().station().map()])
         .collect();
-    vehicles.iter().all(|writer| {
+    vehicles.clone().all(|writer| {
         let layer = LayerId {
             vehicle: writer.id(),
             boot: writer.boot(),

@@ -4,7 +4,7 @@
 use super::*;
 
 fn log_of(kernel: &Kernel) -> &str {
-    kernel.record.log.text()
+    kernel.record.log_text()
 }
 
 fn times(kernel: &Kernel, words: &str) -> usize {
@@ -17,7 +17,7 @@ fn nobody_is_heard_before_it_takes_part() {
     scenario.shown_every = Duration::from_millis(50);
     let mut kernel = Kernel::new(scenario.parts().unwrap());
     let heard = |kernel: &Kernel| {
-        view(&kernel.operators[0])
+        view(&kernel.nodes.operators()[0])
             .vehicles()
             .filter(|(_, seen)| seen.state.is_some())
             .count()
@@ -38,13 +38,15 @@ fn nobody_is_heard_before_it_takes_part() {
 fn a_vehicle_with_another_venue_file_ends_and_the_others_do_not_miss_it() {
     let scenario = scenario("");
     let mut parts = scenario.parts().unwrap();
-    parts.greetings[1].venue_hash += 1;
+    parts.greetings.vehicles[1].venue_hash += 1;
     let mut kernel = Kernel::new(parts);
-    kernel.leave(1);
+    kernel.network.leave(NodePlace::Vehicle(1));
     run(&mut kernel, 1.0);
-    kernel.join(1, Boot(1));
+    kernel
+        .network
+        .join(NodePlace::Vehicle(1), Boot(1), &mut kernel.schedule);
     run(&mut kernel, 3.0);
-    assert!(kernel.is_dead[1] && !kernel.is_dead[0]);
+    assert!(kernel.nodes.vehicles()[1].is_dead() && !kernel.nodes.vehicles()[0].is_dead());
     assert_eq!(
         times(&kernel, "vehicle 2 may not take part"),
         1,
@@ -55,22 +57,32 @@ fn a_vehicle_with_another_venue_file_ends_and_the_others_do_not_miss_it() {
         log_of(&kernel).contains("vehicle 2 is refused: another venue file"),
         "both sides say why"
     );
-    assert!(view(&kernel.operators[0]).state(VehicleId(2)).is_none());
-    assert!(view(&kernel.operators[0]).state(VehicleId(1)).is_some());
+    assert!(
+        view(&kernel.nodes.operators()[0])
+            .state(VehicleId(2))
+            .is_none()
+    );
+    assert!(
+        view(&kernel.nodes.operators()[0])
+            .state(VehicleId(1))
+            .is_some()
+    );
 }
 
 #[test]
 fn without_a_ground_station_that_may_take_part_the_run_has_failed() {
     let scenario = scenario("");
     let mut parts = scenario.parts().unwrap();
-    parts.greetings[2].venue_hash += 1;
+    parts.greetings.ground.venue_hash += 1;
     let mut kernel = Kernel::new(parts);
-    kernel.leave(2);
+    kernel.network.leave(NodePlace::Ground);
     run(&mut kernel, 1.0);
-    kernel.join(2, Boot(1));
+    kernel
+        .network
+        .join(NodePlace::Ground, Boot(1), &mut kernel.schedule);
     run(&mut kernel, 3.0);
-    assert!(kernel.ended.is_some());
-    let why = kernel.record.failure.as_deref().unwrap_or_default();
+    assert!(kernel.schedule.ended_at().is_some());
+    let why = kernel.record.failure().unwrap_or_default();
     assert!(
         why.contains("the ground station may not take part"),
         "{why}"
@@ -87,7 +99,7 @@ fn who_is_started_anew_asks_again() {
     assert_eq!(times(&kernel, "vehicle 2 takes part in the bus"), 1);
     run(&mut kernel, 5.0);
     assert_eq!(times(&kernel, "vehicle 2 takes part in the bus"), 2);
-    let state = view(&kernel.operators[0])
+    let state = view(&kernel.nodes.operators()[0])
         .state(VehicleId(2))
         .expect("it is heard");
     assert_eq!(state.value.boot, Boot(2));
@@ -99,12 +111,12 @@ fn nobody_sends_more_than_its_budget() {
     let sent = |more: &str| {
         let mut kernel = Kernel::new(scenario(more).parts().unwrap());
         run(&mut kernel, span_s);
-        let bytes = kernel.bus.sent_by_kind()[&NodeId::Vehicle(VehicleId(1))]
+        let bytes = kernel.network.bus().sent_by_kind()[&NodeId::Vehicle(VehicleId(1))]
             .values()
             .sum::<u64>();
         (
             bytes,
-            kernel.bus.sent_by_kind()[&NodeId::Vehicle(VehicleId(1))]["state"],
+            kernel.network.bus().sent_by_kind()[&NodeId::Vehicle(VehicleId(1))]["state"],
         )
     };
     let (plenty, states) = sent("");
@@ -120,7 +132,7 @@ fn nobody_sends_more_than_its_budget() {
     };
     let mut kernel = Kernel::new(parts());
     run(&mut kernel, span_s);
-    let by_kind = &kernel.bus.sent_by_kind()[&NodeId::Vehicle(VehicleId(1))];
+    let by_kind = &kernel.network.bus().sent_by_kind()[&NodeId::Vehicle(VehicleId(1))];
     let urgent: u64 = ["hello", "standing"]
         .iter()
         .filter_map(|word| by_kind.get(word))

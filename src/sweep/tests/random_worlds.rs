@@ -7,8 +7,10 @@ use std::collections::BTreeMap;
 
 use tomoswarm_proto::{Plan, Position, Revision, RunId, Stop, StopId, VehicleId};
 
-use super::{Follower, Phase, Succession, VehicleProgress, WaitsFor, check_separation, order_legs};
 use crate::geom::{Point, Track};
+use crate::sweep::{
+    Follower, Phase, Succession, VehicleProgress, WaitsFor, check_separation, order_legs,
+};
 use crate::time::Time;
 
 /// Middle to middle, metres, as planned and as claimed.

@@ -8,11 +8,6 @@ use tomoswarm_proto::{
     Sender, Stop, StopId, VehicleId,
 };
 
-use super::super::body::DriveLimits;
-use super::super::noise::Noise;
-use super::super::radio_field::{RadioConstants, RadioField};
-use super::super::range::{RangeModel, RangeSensor};
-use super::super::world::{Build, Obeyed, PredictedContact, World, WorldContents};
 use crate::autopilot::{Ack, Command, NumberedCommand};
 use crate::geom::{Angle, Cell, Lattice, Point, Rect};
 use crate::map::{Merged, Occupancy};
@@ -24,6 +19,11 @@ use crate::node::{
     VehicleSettings,
 };
 use crate::scene::{Attenuation, Scene, SceneParts, Up, read_vrml};
+use crate::sim::body::DriveLimits;
+use crate::sim::noise::Noise;
+use crate::sim::radio_field::{RadioConstants, RadioField};
+use crate::sim::range::{RangeModel, RangeSensor};
+use crate::sim::world::{Build, Obeyed, PredictedContact, World, WorldContents};
 use crate::time::Time;
 
 const RADIUS_M: f64 = 0.25;
@@ -40,7 +40,7 @@ fn stage(blocks: &[(f64, f64, f64, f64)]) -> WorldContents {
         .fold("#VRML V2.0 utf8\n".to_owned(), |text, block| {
             text + &shape(block)
         });
-    let shapes = read_vrml(&text, "rig.wrl", Up::Z, &mut |_| Err("none".to_owned()))
+    let shapes = read_vrml(&text, "boxes.wrl", Up::Z, &mut |_| Err("none".to_owned()))
         .unwrap()
         .shapes;
     let materials = Default::default();
@@ -101,7 +101,7 @@ fn settings() -> VehicleSettings {
     }
 }
 
-struct Rig {
+struct SingleVehicle {
     now: Time,
     world: World,
     node: VehicleNode,
@@ -114,7 +114,7 @@ struct Rig {
     notes: Vec<VehicleEvent>,
 }
 
-impl Rig {
+impl SingleVehicle {
     /// Changes which boxes stand there.
     fn set_stage(&mut self, boxes: &[(f64, f64, f64, f64)]) {
         let touches = self.world.set_stage(stage(boxes), self.now);
@@ -122,7 +122,7 @@ impl Rig {
     }
 
     /// A vehicle at the origin that faces along x, with boxes around it.
-    fn new(blocks: &[(f64, f64, f64, f64)], seed: u64, pose_sd_m: f64) -> Rig {
+    fn new(blocks: &[(f64, f64, f64, f64)], seed: u64, pose_sd_m: f64) -> SingleVehicle {
         let build = Build {
             radius_m: RADIUS_M,
             height_m: 0.3,
@@ -157,7 +157,7 @@ impl Rig {
         world
             .place(VehicleId(1), Point::new(0.0, 0.0), Angle::default())
             .unwrap();
-        Rig {
+        SingleVehicle {
             now: Time::ZERO,
             world,
             node: VehicleNode::new(&settings()),
@@ -214,7 +214,7 @@ impl Rig {
     }
 
     /// Runs for a while and looks at every hundredth of a second.
-    fn watch(&mut self, span: Duration, mut look: impl FnMut(&Rig)) {
+    fn watch(&mut self, span: Duration, mut look: impl FnMut(&SingleVehicle)) {
         let until = self.now + span;
         while self.now < until {
             self.step();
@@ -348,28 +348,29 @@ fn plan(revision: u32, stops: &[(f64, f64)]) -> Plan {
 #[test]
 fn no_cell_is_entered_that_was_not_known_free_when_the_drive_was_commanded() {
     for seed in 1..6 {
-        let mut rig = Rig::new(&[(4.0, 0.5, 0.4, 3.0), (7.0, -1.0, 0.1, 0.1)], seed, 0.05);
-        rig.sweep(&[(3.0, 0.0), (6.0, 0.0), (9.0, 0.0), (9.0, 3.0)]);
-        let start: Vec<Cell> = rig.under().collect();
-        rig.watch(Duration::from_secs(240), |rig| {
+        let mut vehicle =
+            SingleVehicle::new(&[(4.0, 0.5, 0.4, 3.0), (7.0, -1.0, 0.1, 0.1)], seed, 0.05);
+        vehicle.sweep(&[(3.0, 0.0), (6.0, 0.0), (9.0, 0.0), (9.0, 3.0)]);
+        let start: Vec<Cell> = vehicle.under().collect();
+        vehicle.watch(Duration::from_secs(240), |vehicle| {
             let unknown = |cell: &Cell| {
-                rig.known.occupancy(0, *cell) != Occupancy::Free && !start.contains(cell)
+                vehicle.known.occupancy(0, *cell) != Occupancy::Free && !start.contains(cell)
             };
-            let entered = rig.under().find(unknown);
+            let entered = vehicle.under().find(unknown);
             assert_eq!(
                 entered,
                 None,
                 "seed {seed}: at {:?}, {}",
-                rig.place(),
-                rig.now
+                vehicle.place(),
+                vehicle.now
             );
         });
         assert!(
-            rig.place().distance_to(Point::new(9.0, 3.0)) < 0.7,
+            vehicle.place().distance_to(Point::new(9.0, 3.0)) < 0.7,
             "seed {seed}: ends at {:?}",
-            rig.place()
+            vehicle.place()
         );
-        assert!(rig.world.collisions().is_empty());
+        assert!(vehicle.world.collisions().is_empty());
     }
 }
 
@@ -378,63 +379,63 @@ fn what_appears_beyond_the_stopping_distance_is_never_touched_and_then_driven_ar
     // 0.5 m/s for a cycle of five looks and 0.15 s of reaction, 0.125 m of braking, 0.1 m of margin.
     let room_m = 0.5 * 0.65 + 0.125 + 0.1;
     for tenth in 0..12 {
-        let mut rig = Rig::new(&[], 1, 0.02);
-        rig.sweep(&[(8.0, 0.0)]);
-        rig.run_until_x(1.5);
-        rig.run(Duration::from_millis(130 * tenth));
-        let face_m = rig.place().x_m + RADIUS_M + room_m;
+        let mut vehicle = SingleVehicle::new(&[], 1, 0.02);
+        vehicle.sweep(&[(8.0, 0.0)]);
+        vehicle.run_until_x(1.5);
+        vehicle.run(Duration::from_millis(130 * tenth));
+        let face_m = vehicle.place().x_m + RADIUS_M + room_m;
         assert!(
             (1.0..6.0).contains(&face_m),
             "{:?} at {}",
-            rig.place(),
-            rig.now
+            vehicle.place(),
+            vehicle.now
         );
-        rig.set_stage(&[(face_m + 0.2, 0.0, 0.4, 1.0)]);
-        rig.watch(Duration::from_secs(5), |rig| {
+        vehicle.set_stage(&[(face_m + 0.2, 0.0, 0.4, 1.0)]);
+        vehicle.watch(Duration::from_secs(5), |vehicle| {
             assert!(
-                rig.place().x_m + RADIUS_M < face_m,
+                vehicle.place().x_m + RADIUS_M < face_m,
                 "touched at {}",
-                rig.now
+                vehicle.now
             );
         });
-        assert!(rig.halts() > 0 || rig.place().x_m < face_m - RADIUS_M);
-        rig.run(Duration::from_secs(150));
-        assert!(rig.world.collisions().is_empty());
+        assert!(vehicle.halts() > 0 || vehicle.place().x_m < face_m - RADIUS_M);
+        vehicle.run(Duration::from_secs(150));
+        assert!(vehicle.world.collisions().is_empty());
         assert!(
-            rig.place().distance_to(Point::new(8.0, 0.0)) < 0.5,
+            vehicle.place().distance_to(Point::new(8.0, 0.0)) < 0.5,
             "ends at {:?}: {:#?}",
-            rig.place(),
-            rig.notes
+            vehicle.place(),
+            vehicle.notes
         );
     }
 }
 
 #[test]
 fn when_the_obstacle_is_gone_the_way_is_driven_on() {
-    let mut rig = Rig::new(&[], 2, 0.02);
-    rig.sweep(&[(8.0, 0.0)]);
-    rig.run_until_x(1.5);
-    let face_m = rig.place().x_m + 1.0;
+    let mut vehicle = SingleVehicle::new(&[], 2, 0.02);
+    vehicle.sweep(&[(8.0, 0.0)]);
+    vehicle.run_until_x(1.5);
+    let face_m = vehicle.place().x_m + 1.0;
     // From fence to fence: there is no way around.
-    rig.set_stage(&[(face_m, 0.0, 0.2, 12.0)]);
-    rig.run(Duration::from_secs(40));
-    assert!(rig.place().x_m < face_m - RADIUS_M - 0.1);
-    rig.set_stage(&[]);
-    rig.run(Duration::from_secs(200));
+    vehicle.set_stage(&[(face_m, 0.0, 0.2, 12.0)]);
+    vehicle.run(Duration::from_secs(40));
+    assert!(vehicle.place().x_m < face_m - RADIUS_M - 0.1);
+    vehicle.set_stage(&[]);
+    vehicle.run(Duration::from_secs(200));
     assert!(
-        rig.place().distance_to(Point::new(8.0, 0.0)) < 0.5,
+        vehicle.place().distance_to(Point::new(8.0, 0.0)) < 0.5,
         "ends at {:?}: {:#?}",
-        rig.place(),
-        rig.notes
+        vehicle.place(),
+        vehicle.notes
     );
 }
 
 #[test]
 fn who_does_not_know_where_it_is_drives_and_maps_nothing() {
-    let mut rig = Rig::new(&[(2.0, 0.0, 0.2, 4.0)], 3, 0.6);
-    rig.sweep(&[(1.0, 0.0), (1.0, 2.0)]);
-    rig.run(Duration::from_secs(30));
-    assert_eq!(rig.drives, 0);
-    assert_eq!(rig.node.map().layers().count(), 0);
-    assert_eq!(rig.node.samples_made(RunId(1)), 0);
+    let mut vehicle = SingleVehicle::new(&[(2.0, 0.0, 0.2, 4.0)], 3, 0.6);
+    vehicle.sweep(&[(1.0, 0.0), (1.0, 2.0)]);
+    vehicle.run(Duration::from_secs(30));
+    assert_eq!(vehicle.drives, 0);
+    assert_eq!(vehicle.node.map().layers().count(), 0);
+    assert_eq!(vehicle.node.samples_made(RunId(1)), 0);
 }

@@ -1,0 +1,131 @@
+//! The simulated ground station: its node, what its process was told, and its disk. Its side of the bus is the network's.
+
+use tomoswarm_proto::{Boot, OpenStops};
+
+use super::Alarm;
+use crate::actor::Fault;
+use crate::ground::from_config::GroundParts;
+use crate::ground::station::{StationMemory, StationSettings};
+use crate::ground::{self, GroundNode};
+use crate::sim::ground_disk::GroundDisk;
+use crate::sim::noise::{Noise, Purpose};
+use crate::sim::operator_script::RUN;
+use crate::time::Time;
+
+/// The ground station in the simulation.
+pub(in crate::sim) struct SimulatedGround {
+    node: GroundNode,
+    /// What it is made of, also when it restarts.
+    parts: GroundParts,
+    disk: GroundDisk,
+    alarm: Alarm,
+    /// It was started anew and nobody has noticed yet.
+    has_restarted: bool,
+}
+
+impl SimulatedGround {
+    /// Starts its software with an empty disk; `restarts` = it will be started anew.
+    pub fn new(parts: GroundParts, restarts: bool) -> SimulatedGround {
+        SimulatedGround {
+            node: GroundNode::new(parts.clone()),
+            parts,
+            disk: GroundDisk::new(restarts),
+            alarm: Alarm::default(),
+            has_restarted: false,
+        }
+    }
+
+    /// Returns its node.
+    pub fn node(&self) -> &GroundNode {
+        &self.node
+    }
+
+    /// Returns its node, to be watched.
+    pub fn node_mut(&mut self) -> &mut GroundNode {
+        &mut self.node
+    }
+
+    /// Takes its node out, as it is at the end.
+    pub fn into_node(self) -> GroundNode {
+        self.node
+    }
+
+    pub(super) fn alarm_mut(&mut self) -> &mut Alarm {
+        &mut self.alarm
+    }
+
+    pub(super) fn alarm_and_deadline(&mut self) -> (&mut Alarm, Option<Time>) {
+        let deadline = self.node.deadline();
+        (&mut self.alarm, deadline.map(|deadline| deadline.at))
+    }
+
+    /// Tells its node something; what it must not lose is on its disk before.
+    ///
+    /// # Errors
+    /// An actor cannot go on.
+    pub fn tell(
+        &mut self,
+        now: Time,
+        event: ground::Event,
+        effects: &mut Vec<ground::Effect>,
+    ) -> Result<(), Fault> {
+        let ground::Event::Bus(_, message) = &event;
+        self.disk.keep(message);
+        self.node.tell(now, event, effects)
+    }
+
+    /// Lets its node do what is due.
+    ///
+    /// # Errors
+    /// An actor cannot go on.
+    pub fn wake(&mut self, now: Time, effects: &mut Vec<ground::Effect>) -> Result<(), Fault> {
+        self.node.wake(now, effects)
+    }
+
+    /// Keeps what the station needs, in place of what it needed before.
+    pub fn remember(&mut self, memory: Box<StationMemory>) {
+        self.disk.remember(memory);
+    }
+
+    /// Keeps what emergency stops it knows.
+    pub fn keep_stops(&mut self, stops: OpenStops) {
+        self.disk.keep_stops(stops);
+    }
+
+    /// Ends its software: what it has not kept is gone.
+    pub fn end(&mut self) {
+        self.alarm.cancel();
+    }
+
+    /// Starts its software anew, with what its disk holds; returns the count of its starts. As a live one it listens first, and
+    /// draws a new name for the lease that it may hold.
+    pub fn restart(&mut self, noise: Noise) -> Boot {
+        let boot = Boot(self.parts.station.boot.0.saturating_add(1));
+        self.parts.station.boot = boot;
+        let holder = noise.hash(Purpose::Start, &[u64::MAX, u64::from(boot.0)]);
+        let station = StationSettings {
+            lease: None,
+            holder,
+            ..self.parts.station.clone()
+        };
+        self.node.restart(self.disk.source(GroundParts {
+            station,
+            ..self.parts.clone()
+        }));
+        self.has_restarted = true;
+        boot
+    }
+
+    /// Returns whether it was started anew since the last call.
+    pub fn take_has_restarted(&mut self) -> bool {
+        std::mem::take(&mut self.has_restarted)
+    }
+
+    /// Returns a line about what it holds: its map and its samples.
+    pub fn holdings(&self) -> String {
+        let station = self.node.station();
+        let map = super::map_hash(&station.map().digest());
+        let samples = station.samples().count(RUN);
+        format!("holds map {map:016x}, stored {samples} samples")
+    }
+}

@@ -1,0 +1,3 @@
+//! Tests of sweeps as a whole: plans, followers and successions together.
+
+mod random_worlds;
