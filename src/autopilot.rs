@@ -11,6 +11,7 @@ mod autopilot_command;
 mod command;
 pub mod item;
 pub mod link;
+mod messages;
 mod motors;
 mod movement;
 mod report;

@@ -11,6 +11,7 @@
 
 pub mod fleet_view;
 pub mod given_tasks;
+pub mod messages;
 pub mod names;
 pub mod operator_actor;
 pub mod order_goal;

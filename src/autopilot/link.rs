@@ -20,7 +20,6 @@
 //! (`movement.rs`). Deadlines: `autopilot silent`, `answer late`, `stop not shown`, `disarming not shown`, `arming`, `too
 //! late to set out`.
 
-use std::fmt;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
@@ -28,14 +27,13 @@ use tomoswarm_proto::Control;
 
 use super::AutopilotLinkSettings;
 use super::autopilot_command::AutopilotCommand;
-use super::command::{
-    Ack, ArmRefusal, Command, CommandAck, FlightMode, NumberedCommand, VehicleKind,
-};
+use super::command::{Ack, Command, CommandAck, FlightMode, NumberedCommand, VehicleKind};
+pub use super::messages::{In, LinkEvent, Out, Purpose, Reason};
 use super::motors::{ARM_AGAIN, Motors};
 use super::movement::DriveUnderWay;
-use super::report::{AutopilotReport, ControlStatus, Motion, Telemetry};
+use super::report::{AutopilotReport, ControlStatus, Motion};
 use super::steering::{LinkHealth, Steering};
-use crate::actor::{Actor, Fault, Input, InputClass};
+use crate::actor::{Actor, Fault};
 use crate::time::{Deadline, Time};
 
 /// What was not answered, or does not show, is said again after this time.
@@ -46,94 +44,6 @@ const SAY_AGAIN_INTO_SILENCE: Duration = Duration::from_secs(1);
 const REMARK_AGAIN: Duration = Duration::from_secs(10);
 /// A command is said so often at most.
 pub(super) const TRIES: u8 = 3;
-
-/// What the link can be told.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-pub enum In {
-    /// What the vehicle wants.
-    AutopilotCommand(AutopilotCommand),
-    /// What the autopilot says of itself.
-    Report(AutopilotReport),
-    /// What it answers to a command.
-    Ack(Ack),
-}
-
-/// What the link can say.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-pub enum Out {
-    /// To the autopilot.
-    Command(NumberedCommand),
-    /// To the vehicle, with every report.
-    Telemetry(Telemetry),
-    /// To the vehicle, when it has changed.
-    Status(ControlStatus),
-    /// For people.
-    LinkEvent(LinkEvent),
-}
-
-/// What became of commands, and what somebody else has done.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub enum LinkEvent {
-    /// A person has taken over by remote control, and chosen this mode.
-    TakenOver(FlightMode),
-    /// The autopilot has taken this mode by itself.
-    ActsByItself(FlightMode),
-    /// The autopilot does not do what it was told.
-    GivenUp(Purpose, Reason),
-}
-
-impl fmt::Display for LinkEvent {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            LinkEvent::TakenOver(mode) => {
-                write!(f, "a person has taken over by remote control, mode {mode}")
-            }
-            LinkEvent::ActsByItself(mode) => write!(f, "it has taken mode {mode} by itself"),
-            LinkEvent::GivenUp(purpose, why) => write!(f, "{purpose} is given up: {why}"),
-        }
-    }
-}
-
-/// What a command that waits for its answer is for.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub enum Purpose {
-    /// The mode in which the autopilot goes where it is told.
-    ChangeMode,
-    /// Current for the motors.
-    Arm,
-    /// A drive, a turn, a take-off.
-    Move,
-}
-
-impl fmt::Display for Purpose {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Purpose::ChangeMode => "the change of its mode",
-            Purpose::Arm => "arming",
-            Purpose::Move => "a movement",
-        })
-    }
-}
-
-/// Why something was given up.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, thiserror::Error)]
-pub enum Reason {
-    /// The autopilot has refused it.
-    #[error("the autopilot says that it is {0}")]
-    Refused(CommandAck),
-    /// It has refused to arm, and said why.
-    #[error("{0}")]
-    WillNotArm(ArmRefusal),
-    /// It does not answer, or does not do what it has accepted.
-    #[error("the autopilot does not do it")]
-    NotDone,
-    /// The motors have no current.
-    #[error("the motors have no current")]
-    NotArmed,
-    /// It could not be begun in time.
-    #[error("it could not be begun in time")]
-    TooLate,
-}
 
 /// A command that waits for its answer.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -645,23 +555,5 @@ impl Actor for AutopilotLink {
         self.say_status(out);
         self.act(now, out);
         Ok(())
-    }
-}
-
-/// Which inputs replace unread ones.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Key {
-    /// The autopilot's report.
-    Report,
-}
-
-impl Input for In {
-    type Key = Key;
-
-    fn class(&self) -> InputClass<Key> {
-        match self {
-            In::Report(_) => InputClass::Latest(Key::Report),
-            In::AutopilotCommand(_) | In::Ack(_) => InputClass::Queue,
-        }
     }
 }

@@ -78,7 +78,7 @@ pub(super) struct DisarmTries {
 
 impl Motors {
     /// Takes a start: they are to get current.
-    pub fn start(&mut self, now: Time) {
+    pub(super) fn start(&mut self, now: Time) {
         let believed_from = match self {
             Motors::Disarming(DisarmTries {
                 said: Some((said, _)),
@@ -102,7 +102,7 @@ impl Motors {
     }
 
     /// They are to have no current; said again it changes nothing.
-    pub fn disarm(&mut self) {
+    pub(super) fn disarm(&mut self) {
         match self {
             Motors::Disarming(_) => {}
             Motors::Unasked
@@ -115,21 +115,21 @@ impl Motors {
     }
 
     /// Takes that the vehicle is to stand: an arming under way waits.
-    pub fn postpone(&mut self) {
+    pub(super) fn postpone(&mut self) {
         if let Motors::Arming(arming) = *self {
             *self = Motors::Postponed(arming);
         }
     }
 
     /// Takes that the vehicle is to move: an arming that waits goes on.
-    pub fn go_on(&mut self) {
+    pub(super) fn go_on(&mut self) {
         if let Motors::Postponed(arming) = *self {
             *self = Motors::Arming(arming);
         }
     }
 
     /// Gives an arming up: somebody else has taken over.
-    pub fn let_go(&mut self) {
+    pub(super) fn let_go(&mut self) {
         match self {
             Motors::Arming(_) | Motors::Postponed(_) | Motors::Accepted { .. } => {
                 *self = Motors::Unasked
@@ -139,7 +139,7 @@ impl Motors {
     }
 
     /// Takes whether telemetry shows current.
-    pub fn take(&mut self, now: Time, is_armed: bool) {
+    pub(super) fn take(&mut self, now: Time, is_armed: bool) {
         let is_seen = match self {
             Motors::Arming(arming) | Motors::Postponed(arming) => {
                 is_armed && now >= arming.believed_from
@@ -153,7 +153,7 @@ impl Motors {
     }
 
     /// Takes an answer, if it is one to a try to arm.
-    pub fn arm_answered(&mut self, now: Time, ack: &Ack) {
+    pub(super) fn arm_answered(&mut self, now: Time, ack: &Ack) {
         let (Motors::Arming(arming) | Motors::Postponed(arming)) = self else {
             return;
         };
@@ -169,7 +169,7 @@ impl Motors {
     }
 
     /// Takes an answer to a disarming of this number.
-    pub fn disarm_answered(&mut self, number: u32, result: CommandAck) {
+    pub(super) fn disarm_answered(&mut self, number: u32, result: CommandAck) {
         if let Motors::Disarming(disarming) = self
             && disarming.said.is_some_and(|(_, said)| said == number)
         {
@@ -178,7 +178,7 @@ impl Motors {
     }
 
     /// Takes note of a try to arm; returns its number, which is the `fresh` one if it is the first.
-    pub fn tried(&mut self, now: Time, fresh: u32) -> u32 {
+    pub(super) fn tried(&mut self, now: Time, fresh: u32) -> u32 {
         let Motors::Arming(arming) = self else {
             return fresh;
         };
@@ -190,7 +190,7 @@ impl Motors {
     }
 
     /// Takes note that a disarming, or what leads to one, is said now, by this number.
-    pub fn disarm_said(&mut self, now: Time, number: u32) {
+    pub(super) fn disarm_said(&mut self, now: Time, number: u32) {
         if let Motors::Disarming(disarming) = self {
             *disarming = DisarmTries {
                 said: Some((now, number)),
@@ -200,7 +200,7 @@ impl Motors {
     }
 
     /// Returns when the next step of an arming is due: a try, or to give it up.
-    pub fn arm_due(&self) -> Option<Time> {
+    pub(super) fn arm_due(&self) -> Option<Time> {
         match self {
             Motors::Arming(arming) => Some(arming.next_at),
             Motors::Accepted { since } => Some(*since + SHOWS_WITHIN),
@@ -213,7 +213,7 @@ impl Motors {
     }
 
     /// Returns whether an arming that is due is given up; the reason may be known.
-    pub fn is_given_up(&self, now: Time) -> Option<Option<ArmRefusal>> {
+    pub(super) fn is_given_up(&self, now: Time) -> Option<Option<ArmRefusal>> {
         match self {
             Motors::Arming(arming) => {
                 (arming.tries >= ARM_TRIES && arming.next_at <= now).then_some(arming.refusal)
@@ -229,7 +229,7 @@ impl Motors {
 
     /// Returns when a disarming is to be said: at once, or again as long as telemetry shows current, which is not known of
     /// one that was not said yet.
-    pub fn disarm_due(&self, is_armed: bool, again: Duration) -> Option<Time> {
+    pub(super) fn disarm_due(&self, is_armed: bool, again: Duration) -> Option<Time> {
         match self {
             Motors::Disarming(DisarmTries { said: None, .. }) => Some(Time::ZERO),
             Motors::Disarming(DisarmTries {
@@ -253,7 +253,7 @@ impl Motors {
     }
 
     /// Returns whether they are to have no current.
-    pub fn is_disarming(&self) -> bool {
+    pub(super) fn is_disarming(&self) -> bool {
         matches!(self, Motors::Disarming(_))
     }
 }

@@ -45,12 +45,12 @@ pub(super) struct StopUnderWay {
 
 impl DriveUnderWay {
     /// Sets out.
-    pub fn wait(&mut self, now: Time, fly: AutopilotCommand) {
+    pub(super) fn wait(&mut self, now: Time, fly: AutopilotCommand) {
         *self = DriveUnderWay::Waiting { fly, since: now };
     }
 
     /// Stops. Wanted again, it is said again unless that was just done.
-    pub fn stop(&mut self, now: Time, again: Duration) {
+    pub(super) fn stop(&mut self, now: Time, again: Duration) {
         match self {
             DriveUnderWay::Stopping(stopping)
                 if stopping.said.is_some_and(|said| now.since(said) < again) => {}
@@ -61,7 +61,7 @@ impl DriveUnderWay {
     }
 
     /// Ends a drive or a turn that waits; a stop goes on.
-    pub fn give_up_waiting(&mut self) {
+    pub(super) fn give_up_waiting(&mut self) {
         match self {
             DriveUnderWay::Waiting { .. } => *self = DriveUnderWay::Idle,
             DriveUnderWay::Idle | DriveUnderWay::Stopping(_) => {}
@@ -69,21 +69,21 @@ impl DriveUnderWay {
     }
 
     /// Takes whether telemetry shows rest.
-    pub fn take(&mut self, rests: bool) {
+    pub(super) fn take(&mut self, rests: bool) {
         if let DriveUnderWay::Stopping(stopping) = self {
             stopping.is_shown = rests;
         }
     }
 
     /// Takes note that a stop is said now.
-    pub fn stop_said(&mut self, now: Time) {
+    pub(super) fn stop_said(&mut self, now: Time) {
         if let DriveUnderWay::Stopping(stopping) = self {
             (stopping.said, stopping.is_shown) = (Some(now), false);
         }
     }
 
     /// Returns when a stop is to be said: at once, or again as long as telemetry shows no rest.
-    pub fn stop_due(&self, again: Duration) -> Option<Time> {
+    pub(super) fn stop_due(&self, again: Duration) -> Option<Time> {
         match self {
             DriveUnderWay::Stopping(StopUnderWay {
                 said: None,
@@ -100,7 +100,7 @@ impl DriveUnderWay {
     }
 
     /// Returns when what waits is too old.
-    pub fn waits_until(&self) -> Option<Time> {
+    pub(super) fn waits_until(&self) -> Option<Time> {
         match self {
             DriveUnderWay::Waiting { since, .. } => Some(*since + BEGINS_WITHIN),
             DriveUnderWay::Idle | DriveUnderWay::Stopping(_) => None,

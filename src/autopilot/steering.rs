@@ -43,7 +43,7 @@ pub(super) enum LinkHealth {
 
 impl LinkHealth {
     /// Returns when it will be silent; `None` when it is, or was never heard.
-    pub fn deadline(self) -> Option<Deadline> {
+    pub(super) fn deadline(self) -> Option<Deadline> {
         match self {
             LinkHealth::NeverHeard | LinkHealth::Silent => None,
             LinkHealth::Heard { at } => Some(Deadline {
@@ -54,14 +54,14 @@ impl LinkHealth {
     }
 
     /// Takes note that it is silent, if it has become so by now.
-    pub fn look(&mut self, now: Time) {
+    pub(super) fn look(&mut self, now: Time) {
         if self.deadline().is_some_and(|due| due.at <= now) {
             *self = LinkHealth::Silent;
         }
     }
 
     /// Returns whether it is heard.
-    pub fn is_heard(self) -> bool {
+    pub(super) fn is_heard(self) -> bool {
         match self {
             LinkHealth::Heard { at: _ } => true,
             LinkHealth::NeverHeard | LinkHealth::Silent => false,
@@ -114,7 +114,7 @@ impl Default for Steering {
 impl Steering {
     /// Takes what a report tells; `was_silent` when there was none for a while before it. Returns whether somebody else has
     /// taken over just now.
-    pub fn take(
+    pub(super) fn take(
         &mut self,
         now: Time,
         mode: FlightMode,
@@ -136,7 +136,7 @@ impl Steering {
     }
 
     /// Gives it back to this software, from the mode that shows: an operator's start has named the take-over.
-    pub fn take_back(&mut self, shown: Option<FlightMode>) {
+    pub(super) fn take_back(&mut self, shown: Option<FlightMode>) {
         match self {
             Steering::Ours(_) => {}
             Steering::Remote | Steering::Own => {
@@ -149,7 +149,7 @@ impl Steering {
     }
 
     /// Takes note that the autopilot is told now to change its mode.
-    pub fn change(&mut self, now: Time, to: FlightMode) {
+    pub(super) fn change(&mut self, now: Time, to: FlightMode) {
         match self {
             Steering::Ours(modes) => modes.change(now, to),
             Steering::Remote | Steering::Own => {}
@@ -157,7 +157,7 @@ impl Steering {
     }
 
     /// Takes note that the autopilot has accepted the change.
-    pub fn change_accepted(&mut self) {
+    pub(super) fn change_accepted(&mut self) {
         match self {
             Steering::Ours(modes) => modes.change = ChangeOfMode::Accepted,
             Steering::Remote | Steering::Own => {}
@@ -165,7 +165,7 @@ impl Steering {
     }
 
     /// Takes note that the change was given up: the mode is the one that shows.
-    pub fn change_given_up(&mut self, shown: Option<FlightMode>) {
+    pub(super) fn change_given_up(&mut self, shown: Option<FlightMode>) {
         match self {
             Steering::Ours(modes) => {
                 modes.remember_expected();
@@ -177,7 +177,7 @@ impl Steering {
 
     /// Returns the mode that the autopilot is in, as far as this software is concerned: the one that it was told last, or
     /// the one that shows. `None` while somebody else steers, or before it was heard.
-    pub fn own_mode(&self) -> Option<FlightMode> {
+    pub(super) fn own_mode(&self) -> Option<FlightMode> {
         match self {
             Steering::Ours(modes) => modes.expected,
             Steering::Remote | Steering::Own => None,
@@ -185,7 +185,7 @@ impl Steering {
     }
 
     /// Returns whether nobody else steers.
-    pub fn is_ours(&self) -> bool {
+    pub(super) fn is_ours(&self) -> bool {
         match self {
             Steering::Ours(_) => true,
             Steering::Remote | Steering::Own => false,

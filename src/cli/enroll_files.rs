@@ -6,7 +6,7 @@ use crate::config::{self, Endpoint, Problems, Protocol, Topology, quoted};
 
 /// What the configuration of an enrolled node depends on.
 #[derive(Clone, Debug)]
-pub struct NodeConfig {
+pub(super) struct NodeConfig {
     /// The node.
     pub node: Sender,
     /// How the swarm is joined.
@@ -26,7 +26,7 @@ pub struct NodeConfig {
 }
 
 /// Returns the name of a node's configuration.
-pub fn file_name(node: Sender) -> &'static str {
+pub(super) fn file_name(node: Sender) -> &'static str {
     match node {
         Sender::Ground => "ground.toml",
         Sender::Vehicle(_) => "vehicle.toml",
@@ -35,13 +35,13 @@ pub fn file_name(node: Sender) -> &'static str {
 }
 
 /// Returns vehicles as they stand in a list of a configuration, between its brackets.
-pub fn vehicle_list(vehicles: &[VehicleId]) -> String {
+pub(super) fn vehicle_list(vehicles: &[VehicleId]) -> String {
     let ids: Vec<String> = vehicles.iter().map(ToString::to_string).collect();
     ids.join(", ")
 }
 
 /// Returns endpoints as they stand in a list of a configuration, between its brackets.
-pub fn endpoint_list<'a>(endpoints: impl IntoIterator<Item = &'a Endpoint>) -> String {
+pub(super) fn endpoint_list<'a>(endpoints: impl IntoIterator<Item = &'a Endpoint>) -> String {
     let list: Vec<String> = endpoints
         .into_iter()
         .map(|endpoint| quoted(&endpoint.to_string()))
@@ -51,7 +51,7 @@ pub fn endpoint_list<'a>(endpoints: impl IntoIterator<Item = &'a Endpoint>) -> S
 
 /// Returns a configuration with another list under a key, and all else as it was. `changed` is given what stands between the
 /// brackets. `None` = the key does not stand once with its list on one line, or `changed` makes nothing of it.
-pub fn with_list(
+pub(super) fn with_list(
     text: &str,
     key: &str,
     changed: impl FnOnce(&str) -> Option<String>,
@@ -85,7 +85,7 @@ fn end_of_list(list: &str) -> Option<usize> {
 }
 
 /// Returns a list that ends with these items with others in their place; `None` = it ends otherwise.
-pub fn with_end(list: &str, former: &str, items: &str) -> Option<String> {
+pub(super) fn with_end(list: &str, former: &str, items: &str) -> Option<String> {
     let first = match list.strip_suffix(former)? {
         first if first.is_empty() || former.is_empty() => first,
         first => first.strip_suffix(", ")?,
@@ -102,7 +102,7 @@ impl NodeConfig {
     ///
     /// # Errors
     /// Everything that `tomoswarm check` would refuse.
-    pub fn text(&self, venue: &str) -> Result<String, Problems> {
+    pub(super) fn text(&self, venue: &str) -> Result<String, Problems> {
         let file = config::read(file_name(self.node), &self.given(), &mut |_| {
             Ok(venue.to_owned())
         })?;

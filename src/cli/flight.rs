@@ -27,7 +27,7 @@ pub(super) struct Flights {
 
 impl Flights {
     /// Makes recordings in a folder; `settings` is the text of the simulation's file.
-    pub fn new(folder: PathBuf, settings: String, sim: &Sim) -> Flights {
+    pub(super) fn new(folder: PathBuf, settings: String, sim: &Sim) -> Flights {
         let lattice = Lattice::new(sim.venue.cell_m);
         Flights {
             folder,
@@ -39,14 +39,14 @@ impl Flights {
     }
 
     /// Takes what a run hands out; after the first trouble nothing more is written.
-    pub fn take(&mut self, entry: &SampleFile) {
+    pub(super) fn take(&mut self, entry: &SampleFile) {
         if self.trouble.is_none() {
             self.trouble = self.write(entry).err();
         }
     }
 
     /// Returns whether something could not be written.
-    pub fn is_in_trouble(&self) -> bool {
+    pub(super) fn is_in_trouble(&self) -> bool {
         self.trouble.is_some()
     }
 
@@ -95,7 +95,7 @@ impl Flights {
     ///
     /// # Errors
     /// Something could not be written.
-    pub fn end(self) -> Result<(), CliError> {
+    pub(super) fn end(self) -> Result<(), CliError> {
         let failed = |WriteError { path, reason }: WriteError| CliError::Write {
             path,
             source: std::io::Error::other(reason),

@@ -26,7 +26,7 @@ const LIVE_MARK: &str = ".tomoswarm-live";
 
 /// Files that are to appear in a folder.
 #[derive(Debug)]
-pub struct OutputFolder {
+pub(super) struct OutputFolder {
     target: PathBuf,
     stage: PathBuf,
     /// Folders on the way that did not exist before, deepest first.
@@ -44,7 +44,7 @@ impl OutputFolder {
     ///
     /// # Errors
     /// The folder cannot be made or written.
-    pub fn prepare(
+    pub(super) fn prepare(
         target: &Path,
         family: &'static [&'static str],
     ) -> Result<OutputFolder, CliError> {
@@ -83,7 +83,7 @@ impl OutputFolder {
 
     /// Adds to the names that belong to a run those files in the folder whose names a test tells to be ours.
     #[cfg(feature = "net")]
-    pub fn claim(&mut self, is_ours: impl Fn(&str) -> bool) {
+    pub(super) fn claim(&mut self, is_ours: impl Fn(&str) -> bool) {
         let entries = fs::read_dir(&self.target).into_iter().flatten().flatten();
         let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
         self.family.extend(names.filter(|name| is_ours(name)));
@@ -93,7 +93,7 @@ impl OutputFolder {
     ///
     /// # Errors
     /// The disk is full, or the folder went away.
-    pub fn write(&mut self, name: &str, bytes: &[u8]) -> Result<(), CliError> {
+    pub(super) fn write(&mut self, name: &str, bytes: &[u8]) -> Result<(), CliError> {
         let path = self.stage.join(name);
         fs::write(&path, bytes).map_err(|source| CliError::Write {
             path: self.target.join(name),
@@ -108,7 +108,7 @@ impl OutputFolder {
     /// # Errors
     /// It cannot be made.
     #[cfg(feature = "net")]
-    pub fn recordings(&self) -> Result<PathBuf, CliError> {
+    pub(super) fn recordings(&self) -> Result<PathBuf, CliError> {
         let folder = self.stage.join(FLIGHT);
         fs::create_dir_all(&folder).map_err(|source| CliError::Write {
             path: self.target.join(FLIGHT),
@@ -122,7 +122,7 @@ impl OutputFolder {
     /// # Errors
     /// It cannot be made.
     #[cfg(feature = "net")]
-    pub fn live(&self) -> Result<PathBuf, CliError> {
+    pub(super) fn live(&self) -> Result<PathBuf, CliError> {
         let folder = self.stage.join(LIVE);
         let made =
             fs::create_dir_all(&folder).and_then(|()| fs::write(folder.join(LIVE_MARK), b""));
@@ -138,7 +138,7 @@ impl OutputFolder {
     /// # Errors
     /// The folder cannot be made or written; nothing of an earlier run is gone then, unless the disk fails
     /// half-way.
-    pub fn publish(self) -> Result<PathBuf, CliError> {
+    pub(super) fn publish(self) -> Result<PathBuf, CliError> {
         let fail = |path: &Path, source| CliError::Write {
             path: path.to_owned(),
             source,

@@ -243,13 +243,11 @@ impl ImageCommand {
         }
         let extent = area.width_m().max(area.height_m());
         match self.solver {
-            None => {}
-            Some(SolverName::Map) => {
-                if !matches!(settings.solver, Solver::Map(..)) {
-                    let usual = ImagingSettings::for_area(area);
-                    (settings.solver, settings.weights) = (usual.solver, usual.weights);
-                }
+            Some(SolverName::Map) if !matches!(settings.solver, Solver::Map(..)) => {
+                let usual = ImagingSettings::for_area(area);
+                (settings.solver, settings.weights) = (usual.solver, usual.weights);
             }
+            None | Some(SolverName::Map) => {}
             Some(SolverName::Tikhonov) => {
                 settings.solver = ImagingSettings::tikhonov_for(area);
                 settings.weights = WeightsName::Line.model(extent);

@@ -51,7 +51,7 @@ pub enum LiveTopology {
 ///
 /// # Errors
 /// Bad files, a folder that cannot be written, a mission that failed.
-pub fn run(args: &SimArgs, out: &mut dyn Write) -> Result<(), CliError> {
+pub(super) fn run(args: &SimArgs, out: &mut dyn Write) -> Result<(), CliError> {
     let loaded = args.loaded()?;
     let scenario = load::scenario(loaded, args.config.as_deref(), args.seed)?;
     if scenario.sim().expect != Expect::Finished {

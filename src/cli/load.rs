@@ -11,7 +11,7 @@ use crate::scene::{self, VrmlScene};
 use crate::sim::Scenario;
 
 /// A simulation as read, with what its scene file warned about.
-pub struct LoadedSimulation {
+pub(super) struct LoadedSimulation {
     /// The simulation.
     pub sim: Sim,
     /// Its shapes.
@@ -20,7 +20,7 @@ pub struct LoadedSimulation {
 
 impl LoadedSimulation {
     /// Puts together a simulation and its shapes that were read elsewhere.
-    pub fn new(sim: Sim, shapes: VrmlScene) -> LoadedSimulation {
+    pub(super) fn new(sim: Sim, shapes: VrmlScene) -> LoadedSimulation {
         LoadedSimulation { sim, shapes }
     }
 }
@@ -44,7 +44,7 @@ pub(super) fn bundled_one(file: Option<&Path>) -> Option<&'static str> {
 /// # Errors
 /// The file cannot be read.
 #[cfg(feature = "net")]
-pub fn text(file: Option<&Path>) -> Result<String, CliError> {
+pub(super) fn text(file: Option<&Path>) -> Result<String, CliError> {
     match (bundled_one(file), file) {
         (None, Some(path)) => read::text(path),
         (name, _) => Ok(bundled::load(name.unwrap_or(bundled::COURTYARD)).unwrap_or_default()),
@@ -55,7 +55,10 @@ pub fn text(file: Option<&Path>) -> Result<String, CliError> {
 ///
 /// # Errors
 /// Everything that is wrong with the files.
-pub fn load(file: Option<&Path>, vehicles: Option<usize>) -> Result<LoadedSimulation, CliError> {
+pub(super) fn load(
+    file: Option<&Path>,
+    vehicles: Option<usize>,
+) -> Result<LoadedSimulation, CliError> {
     load_as(config::read_sim, file, vehicles)
 }
 
@@ -64,7 +67,7 @@ pub fn load(file: Option<&Path>, vehicles: Option<usize>) -> Result<LoadedSimula
 /// # Errors
 /// Everything that is wrong with the files.
 #[cfg(feature = "net")]
-pub fn load_world(
+pub(super) fn load_world(
     file: Option<&Path>,
     vehicles: Option<usize>,
 ) -> Result<LoadedSimulation, CliError> {
@@ -117,7 +120,7 @@ fn load_with(
 ///
 /// # Errors
 /// The file cannot be read, or makes no sense.
-pub fn shapes_of(
+pub(super) fn shapes_of(
     scene: &SceneFile,
     loader: &mut config::Loader<'_>,
 ) -> Result<VrmlScene, CliError> {
@@ -131,7 +134,7 @@ pub fn shapes_of(
 ///
 /// # Errors
 /// The file cannot be read, or makes no sense.
-pub fn read_shapes(
+pub(super) fn read_shapes(
     file: &str,
     up: config::Up,
     loader: &mut config::Loader<'_>,
@@ -159,7 +162,7 @@ pub fn read_shapes(
 ///
 /// # Errors
 /// What the files alone could not tell, e.g. a vehicle that starts inside a wall, or a ring too small for the sweep.
-pub fn scenario(
+pub(super) fn scenario(
     loaded: LoadedSimulation,
     file: Option<&Path>,
     seed: Option<u64>,
@@ -182,7 +185,7 @@ pub fn scenario(
 /// # Errors
 /// What the files alone could not tell, e.g. a vehicle that starts inside a wall.
 #[cfg(feature = "net")]
-pub fn world(
+pub(super) fn world(
     loaded: LoadedSimulation,
     file: Option<&Path>,
     seed: Option<u64>,

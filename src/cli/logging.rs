@@ -9,7 +9,7 @@ use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 
 /// Begins to log; what another part of the process has begun already goes on.
-pub fn begin(is_verbose: bool) {
+pub(super) fn begin(is_verbose: bool) {
     let (own, others) = if is_verbose {
         (LevelFilter::DEBUG, LevelFilter::INFO)
     } else {

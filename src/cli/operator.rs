@@ -19,7 +19,7 @@ use crate::run::membership::{self, NoChance, OPERATOR};
 use crate::run::operator_session::Session;
 
 /// What a command knows before it hears anything.
-pub struct OperatorContext {
+pub(super) struct OperatorContext {
     /// How it joins.
     pub settings: BusSettings,
     /// The place.
@@ -33,7 +33,7 @@ impl OperatorContext {
     ///
     /// # Errors
     /// It is wrong, or of another kind.
-    pub fn read(path: &Path) -> Result<OperatorContext, CliError> {
+    pub(super) fn read(path: &Path) -> Result<OperatorContext, CliError> {
         let text = read::text(path)?;
         match config::read(&read::shown(path), &text, &mut read::around(path))? {
             Config::Operator(file) => {
@@ -80,7 +80,7 @@ impl OperatorContext {
     ///
     /// # Errors
     /// The bus does not take the settings, or cannot listen; the system gives no random numbers.
-    pub fn open(&self) -> Result<LiveOperator, CliError> {
+    pub(super) fn open(&self) -> Result<LiveOperator, CliError> {
         let settings = self
             .operator()
             .map_err(|error| CliError::Fault(error.to_string()))?;
@@ -108,7 +108,7 @@ impl OperatorContext {
 }
 
 /// Makes the error of an operator that cannot go on, which is a fault of the program.
-pub fn fault(fault: Fault) -> CliError {
+pub(super) fn fault(fault: Fault) -> CliError {
     CliError::Fault(fault.to_string())
 }
 
@@ -116,7 +116,7 @@ pub fn fault(fault: Fault) -> CliError {
 ///
 /// # Errors
 /// It is no number from 0.1 to 86,400.
-pub fn seconds(text: &str) -> Result<Duration, String> {
+pub(super) fn seconds(text: &str) -> Result<Duration, String> {
     let number: Option<f64> = text.parse().ok();
     let number = number.filter(|seconds_s| (0.1..=86_400.0).contains(seconds_s));
     number

@@ -13,7 +13,7 @@ use crate::tomo::{Image, Reconstruction};
 ///
 /// # Errors
 /// A file cannot be written, or a picture cannot be made.
-pub fn write_pictures(
+pub(super) fn write_pictures(
     folder: &mut OutputFolder,
     scenario: &Scenario,
     outcome: &RunOutcome,

@@ -7,14 +7,14 @@ use std::path::Path;
 use super::error::CliError;
 
 /// The largest file that any command reads, bytes.
-pub const LIMIT_BYTES: u64 = 256 << 20;
+pub(super) const LIMIT_BYTES: u64 = 256 << 20;
 
 /// Returns the text of a file.
 ///
 /// # Errors
 ///
 /// When it cannot be read, is larger than [`LIMIT_BYTES`], or is no UTF-8.
-pub fn text(path: &Path) -> Result<String, CliError> {
+pub(super) fn text(path: &Path) -> Result<String, CliError> {
     let unreadable = |source| CliError::Read {
         path: path.to_owned(),
         source,
@@ -56,13 +56,13 @@ fn text_of(path: &Path, bytes: Vec<u8>) -> Result<String, CliError> {
 }
 
 /// The name that stands for standard input.
-pub const STANDARD_INPUT: &str = "-";
+pub(super) const STANDARD_INPUT: &str = "-";
 
 /// Returns the text that comes from standard input, up to its end.
 ///
 /// # Errors
 /// As for [`text`].
-pub fn standard_input() -> Result<String, CliError> {
+pub(super) fn standard_input() -> Result<String, CliError> {
     let path = Path::new(STANDARD_INPUT);
     let mut bytes = Vec::new();
     let unreadable = |source| CliError::Read {
@@ -80,7 +80,7 @@ pub fn standard_input() -> Result<String, CliError> {
 ///
 /// Configurations name files in UTF-8, but the folder in which they lie may have any name: it is put in the place
 /// of what was shown of it.
-pub fn around(file: &Path) -> impl FnMut(&str) -> Result<String, String> + Send + use<> {
+pub(super) fn around(file: &Path) -> impl FnMut(&str) -> Result<String, String> + Send + use<> {
     let file = file.to_owned();
     let folder = file.parent().unwrap_or(Path::new("")).to_owned();
     let (shown_file, shown_folder) = (shown(&file), format!("{}/", shown(&folder)));
@@ -96,7 +96,7 @@ pub fn around(file: &Path) -> impl FnMut(&str) -> Result<String, String> + Send 
 }
 
 /// Returns the name of a file as it is shown in messages and handed to `config` and `scene`.
-pub fn shown(path: &Path) -> String {
+pub(super) fn shown(path: &Path) -> String {
     path.to_string_lossy().into_owned()
 }
 
@@ -105,7 +105,7 @@ pub fn shown(path: &Path) -> String {
 /// # Errors
 ///
 /// As for [`text`], without the name of the file.
-pub fn named(path: &Path) -> Result<String, String> {
+pub(super) fn named(path: &Path) -> Result<String, String> {
     text(path).map_err(|error| match error {
         CliError::Read { source, .. } => source.to_string(),
         CliError::Input { reason, .. } => reason,

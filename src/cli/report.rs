@@ -18,7 +18,7 @@ use crate::time::Time;
 use crate::tomo::{Link, WeightRows, npy_bytes, runs_along_a_side};
 
 /// The names of all files that a run may leave behind.
-pub const FAMILY: &[&str] = &[
+pub(super) const FAMILY: &[&str] = &[
     "links.csv",
     "empty.csv",
     "image.npy",
@@ -47,7 +47,7 @@ struct SeenCells {
 
 /// The figures of a run.
 #[derive(Debug)]
-pub struct RunFigures {
+pub(super) struct RunFigures {
     seed: u64,
     scene: String,
     vehicles: usize,
@@ -82,7 +82,7 @@ impl RunFigures {
     ///
     /// # Errors
     /// The scene cannot be built.
-    pub fn new(
+    pub(super) fn new(
         scenario: &Scenario,
         outcome: &RunOutcome,
         seed: u64,
@@ -125,7 +125,7 @@ impl RunFigures {
     }
 
     /// Returns the summary for a person.
-    pub fn text(&self) -> String {
+    pub(super) fn text(&self) -> String {
         format!("{}{}", self.figures(), self.finds())
     }
 
@@ -221,12 +221,12 @@ impl RunFigures {
     ///
     /// # Errors
     /// The file cannot be written.
-    pub fn write(&self, folder: &mut OutputFolder) -> Result<(), CliError> {
+    pub(super) fn write(&self, folder: &mut OutputFolder) -> Result<(), CliError> {
         folder.write("summary.json", format!("{:#}\n", self.json()).as_bytes())
     }
 
     /// Returns the figures for a program.
-    pub fn json(&self) -> Value {
+    pub(super) fn json(&self) -> Value {
         let found = |find: &FoundObject| json!({ "x_m": find.at.x_m, "y_m": find.at.y_m, "strength": find.strength, "error_m": find.error_m });
         let person =
             |(name, at): &(String, Point)| json!({ "name": name, "x_m": at.x_m, "y_m": at.y_m });
@@ -314,7 +314,7 @@ fn coverage(scenario: &Scenario, links: &[Link]) -> f64 {
 ///
 /// # Errors
 /// A file cannot be written.
-pub fn write_data(
+pub(super) fn write_data(
     folder: &mut OutputFolder,
     scenario: &Scenario,
     outcome: &RunOutcome,

@@ -8,14 +8,14 @@ use std::io::{self, Stdout, Write};
 
 /// Standard output, until nobody listens any more.
 #[derive(Debug)]
-pub struct StandardOutput<W: Write = Stdout> {
+pub(crate) struct StandardOutput<W: Write = Stdout> {
     out: W,
     is_closed: bool,
 }
 
 impl StandardOutput {
     /// Answers on standard output.
-    pub fn on_stdout() -> StandardOutput {
+    pub(crate) fn on_stdout() -> StandardOutput {
         StandardOutput {
             out: io::stdout(),
             is_closed: false,
@@ -61,7 +61,7 @@ impl<W: Write> Write for StandardOutput<W> {
 }
 
 /// Says something on standard error, as one line that begins with the program's name.
-pub fn complain(what: &dyn Display) {
+pub(super) fn complain(what: &dyn Display) {
     // There is nowhere left to say that standard error is gone; the exit code still tells.
     let _ = writeln!(io::stderr(), "tomoswarm: {what}");
 }

@@ -20,18 +20,18 @@ const ORPHAN_ENDS_WITHIN: Duration = Duration::from_secs(8);
 
 /// A flag that a request to end raises, and nothing lowers.
 #[derive(Clone, Debug, Default)]
-pub struct StopFlag {
+pub(super) struct StopFlag {
     is_asked: Arc<AtomicBool>,
 }
 
 impl StopFlag {
     /// Listens to requests from now on.
-    pub fn listen() -> StopFlag {
+    pub(super) fn listen() -> StopFlag {
         StopFlag::listen_with(|| {})
     }
 
     /// Calls `ask` at the first request, on a thread of its own, for a command that waits for something else.
-    pub fn listen_with(ask: impl Fn() + Send + 'static) -> StopFlag {
+    pub(super) fn listen_with(ask: impl Fn() + Send + 'static) -> StopFlag {
         let stop = StopFlag::default();
         let flag = stop.is_asked.clone();
         // Where no handler can be set a request ends the program at once; the next run then cleans up.
@@ -48,7 +48,7 @@ impl StopFlag {
     /// Asks to end as well when standard input ends: it is a pipe of the program that has started this one, which is
     /// gone then. Who has not ended in order within 8 s is ended at once.
     #[cfg(feature = "net")]
-    pub fn end_with_input(&self, ask: impl Fn() + Send + 'static) {
+    pub(super) fn end_with_input(&self, ask: impl Fn() + Send + 'static) {
         let flag = self.is_asked.clone();
         let watch = move || {
             let mut ignored = [0; 256];
@@ -67,7 +67,7 @@ impl StopFlag {
     }
 
     /// Returns whether the command shall end.
-    pub fn is_asked(&self) -> bool {
+    pub(super) fn is_asked(&self) -> bool {
         self.is_asked.load(Ordering::Relaxed)
     }
 }

@@ -6,7 +6,7 @@ const ROOM: usize = 16;
 
 /// Writes rows below a heading; a row may have fewer cells than the heading. Where there is a terminal, `columns` is how
 /// wide it is, and the last column is wrapped to fit.
-pub fn table(heading: &[&str], rows: &[Vec<String>], columns: Option<usize>) -> String {
+pub(super) fn table(heading: &[&str], rows: &[Vec<String>], columns: Option<usize>) -> String {
     let width = |column: usize, title: &str| {
         let cells = rows
             .iter()

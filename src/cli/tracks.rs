@@ -16,7 +16,7 @@ const PIECE: usize = 200;
 ///
 /// # Errors
 /// A file cannot be written.
-pub fn write_tracks(
+pub(super) fn write_tracks(
     folder: &mut OutputFolder,
     venue: &Venue,
     tracks: &[(VehicleId, Vec<Point>)],

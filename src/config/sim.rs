@@ -1,18 +1,22 @@
 //! A simulated mission: its venue and scene, loaded, and every constant of vehicles, sensors, radio,
 //! bus, sweep and imaging; and the checks that concern several of them together.
 
+mod checks;
+
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
 use tomoswarm_proto::{TaskKind, VehicleId};
 
+pub(in crate::config) use self::checks::{
+    check_border, check_gaps, check_task, refuse_blind_speed,
+};
+use self::checks::{check_look_before_you_drive, check_margins, check_places};
 use super::fault::PlannedFault;
 use super::forms::LoadedFile;
 use super::keys::WordChoice;
 use super::keys::{Flag, KeyEntry, Keyed, Keys, List, Number, Rowed, Whole, Words, read_table};
-use super::mission::{
-    AfterSweep, Durations, Expect, Imaging, Planner, SMALLEST_GAP, Sweep, SweepTable, check_sweep,
-};
+use super::mission::{AfterSweep, Durations, Expect, Imaging, Sweep, SweepTable, check_sweep};
 use super::radio::{Bus, BusTable, Radio, RadioTable};
 use super::range::RangeSensor;
 use super::scene::{SceneFile, Up};
@@ -24,8 +28,8 @@ use super::vehicle::{
 };
 use super::venue::Venue;
 use super::{Loader, beside, read_kind_over};
-use crate::geom::{Point, Segment};
-use crate::plan::{SensingLimits, SpeedError};
+use crate::geom::Point;
+use crate::plan::SensingLimits;
 
 /// A simulation as its file describes it, checked; a run needs nothing else but a seed.
 #[derive(Clone, PartialEq, Debug)]
@@ -410,226 +414,5 @@ pub(super) fn load<T>(
             root.source.absorb(problems);
             None
         }
-    }
-}
-
-/// Refuses a speed at which a vehicle could not stop within what it surely sees.
-fn check_look_before_you_drive(root: &Section, sim: &Sim) {
-    if root.source.is_sound(&["vehicles", "range", "safety"]) {
-        refuse_blind_speed(
-            root,
-            &sim.sight(),
-            sim.vehicles.body.max_speed_mps,
-            "vehicles.max_speed_mps",
-        );
-    }
-}
-
-/// Refuses a speed at which a vehicle could not stop within what it surely sees; `key` names the speed.
-pub(super) fn refuse_blind_speed(root: &Section, sight: &SensingLimits, speed_mps: f64, key: &str) {
-    let Err(error) = sight.allow(speed_mps) else {
-        return;
-    };
-    let (key, allowed) = match error {
-        SpeedError::NoRoom { .. } => (
-            "range.sure_range_m",
-            "see farther, or lower radius_m, padding_m, pose_sd_m or cell_m",
-        ),
-        SpeedError::TooFast { .. } | SpeedError::Value { .. } => (
-            key,
-            "lower max_speed_mps, brake harder, scan faster or with fewer beams, or see farther",
-        ),
-    };
-    root.source.refuse(
-        key,
-        &format!("the vehicle cannot look before it drives: {error}"),
-        allowed,
-    );
-}
-
-fn check_margins(root: &Section<'_>, sim: &Sim) {
-    let (fleet, swarm) = (&sim.vehicles, &sim.venue.swarm);
-    let are_sound = root
-        .source
-        .is_sound(&["vehicles.radius_m", "safety.separation_m"]);
-    if are_sound && swarm.separation_m <= 2.0 * fleet.body.radius_m {
-        let wrong = "lets two vehicles touch: it is measured from middle to middle";
-        root.source.refuse(
-            "safety.separation_m",
-            wrong,
-            "more than two vehicles.radius_m is allowed",
-        );
-    }
-    let are_sound = root
-        .source
-        .is_sound(&["vehicles.pose_sd_m", "safety.pose_sd_max_m"]);
-    if are_sound && fleet.pose_sd_m > swarm.pose_sd_max_m {
-        let wrong = "is above safety.pose_sd_max_m: nothing would ever be measured";
-        root.source.refuse(
-            "vehicles.pose_sd_m",
-            wrong,
-            "at most pose_sd_max_m is allowed",
-        );
-    }
-}
-
-/// Checks the venue and the scene against the vehicles.
-fn check_places(root: &Section, sim: &Sim) {
-    if root.source.is_sound(&["vehicles", "safety", "sweep"]) {
-        check_homes(root, sim);
-        if sim.is_planned_by_ground() {
-            check_ring(root, sim);
-        }
-    }
-    check_task(root, sim.task.as_ref(), &sim.venue);
-    let Some(random) = sim.scene.random_persons else {
-        return;
-    };
-    let inner = sim.venue.area.shrunk(random.keep_from_border_m);
-    let room_m2 = inner.width_m() * inner.height_m();
-    // Discs of half the distance cover at least this share of the room when no more fit (jamming).
-    let taken_m2 =
-        random.count as f64 * random.apart_m * random.apart_m * std::f64::consts::FRAC_PI_4;
-    if random.count > 0
-        && (inner.width_m() <= 0.0 || inner.height_m() <= 0.0 || taken_m2 > 0.5 * room_m2)
-    {
-        let wrong = format!(
-            "{} random persons do not fit into the area of the venue",
-            random.count
-        );
-        root.refuse(
-            "scene",
-            &wrong,
-            "fewer persons or smaller distances are needed in [random_persons]",
-        );
-    }
-}
-
-fn check_homes(root: &Section, sim: &Sim) {
-    let (count, homes) = (sim.vehicles.count, &sim.venue.homes);
-    if homes.len() < count {
-        let wrong = format!("the venue has {} homes for {count} vehicles", homes.len());
-        root.source.refuse(
-            "vehicles.count",
-            &wrong,
-            "at most one vehicle per home is allowed",
-        );
-        return;
-    }
-    let apart_m = sim.venue.swarm.separation_m;
-    let reach_m = sim.vehicles.body.radius_m + sim.safety.padding_m;
-    for (index, home) in homes.iter().take(count).enumerate() {
-        if !sim.venue.fence.contains_disc(*home, reach_m) {
-            let wrong = format!(
-                "home {} is nearer than {reach_m:.2} m to the fence",
-                index + 1
-            );
-            root.refuse(
-                "venue",
-                &wrong,
-                "a vehicle and its padding must fit at home",
-            );
-        }
-        check_nobody_at_home(root, sim, index + 1, *home);
-        let is_near = |other: &&Point| other.distance_to(*home) < apart_m;
-        if homes.iter().take(index).any(|other| is_near(&other)) {
-            let wrong = format!(
-                "home {} is nearer than {apart_m:.2} m to another",
-                index + 1
-            );
-            root.refuse("venue", &wrong, "homes must be separation_m apart");
-        }
-    }
-}
-
-fn check_nobody_at_home(root: &Section, sim: &Sim, number: usize, home: Point) {
-    let room_m = |radius_m: f64| sim.vehicles.body.radius_m + sim.safety.padding_m + radius_m;
-    let is_there = |at: Point, radius_m: f64| at.distance_to(home) < room_m(radius_m);
-    for person in sim
-        .scene
-        .persons
-        .iter()
-        .filter(|person| is_there(person.at, person.radius_m))
-    {
-        let wrong = format!(
-            "{} stands in the way of vehicle {number} at its home",
-            person.name
-        );
-        root.refuse("scene", &wrong, "vehicles and persons must stand apart");
-    }
-}
-
-/// Refuses a mission that leads out of the fence.
-pub(super) fn check_task(root: &Section, task: Option<&TaskKind>, venue: &Venue) {
-    let places = task.map(TaskKind::places).unwrap_or_default();
-    let mut places = places.into_iter().map(Point::from);
-    let Some(outside) = places.find(|place| !venue.fence.contains(*place)) else {
-        return;
-    };
-    let wrong = format!(
-        "leads to ({}, {}), outside the fence of the venue",
-        outside.x_m, outside.y_m
-    );
-    let key = ["mission.waypoints_m", "mission.size_m", "mission"];
-    let key = key
-        .into_iter()
-        .find(|key| root.source.is_known(key))
-        .unwrap_or("mission");
-    root.source
-        .refuse(key, &wrong, "places inside the fence are allowed");
-}
-
-fn check_ring(root: &Section, sim: &Sim) {
-    check_border(
-        root,
-        &sim.venue,
-        sim.vehicles.body.radius_m + sim.safety.padding_m,
-    );
-    check_gaps(
-        root,
-        &sim.venue,
-        &sim.sweep,
-        sim.vehicles.count,
-        sim.venue.swarm.separation_m,
-    );
-}
-
-/// Refuses a fence that leaves less room around the area than a vehicle needs.
-pub(super) fn check_border(root: &Section, venue: &Venue, reach_m: f64) {
-    let corners = venue.area.corners();
-    let mut sides = corners.iter().zip(corners.iter().cycle().skip(1));
-    if !sides.all(|(from, to)| {
-        venue
-            .fence
-            .contains_corridor(Segment::new(*from, *to), reach_m)
-    }) {
-        let wrong = format!("its fence leaves less than {reach_m:.2} m around the area");
-        root.refuse(
-            "venue",
-            &wrong,
-            "vehicles drive along the area's border and need their radius and padding",
-        );
-    }
-}
-
-/// Refuses a ring on which the smallest gap between two vehicles is under their separation.
-pub(super) fn check_gaps(
-    root: &Section,
-    venue: &Venue,
-    sweep: &Sweep,
-    vehicles: usize,
-    apart_m: f64,
-) {
-    let around_m = 2.0 * (venue.area.width_m() + venue.area.height_m());
-    let gap_m = around_m / sweep.positions as f64 * SMALLEST_GAP as f64;
-    if sweep.planner == Planner::RotatingGap && vehicles > 1 && gap_m < apart_m {
-        let wrong = format!(
-            "puts {SMALLEST_GAP} steps into {gap_m:.2} m, under the separation of {apart_m:.2} m"
-        );
-        root.source.refuse(
-            "sweep.positions",
-            &wrong,
-            "fewer positions or a larger area are needed",
-        );
     }
 }

@@ -14,8 +14,8 @@ use tomoswarm_proto::{
     VehicleId,
 };
 
-pub use self::dealings::Dealings;
-pub use self::member::{FleetChange, FleetMember};
+pub(super) use self::dealings::Dealings;
+pub(super) use self::member::{FleetChange, FleetMember};
 use crate::stops::first_that_stops;
 use crate::sweep::VehicleProgress;
 use crate::time::Time;

@@ -35,7 +35,7 @@ enum State {
 
 impl Lines {
     /// Makes it; the first line that it gives is the first one whose beginning was heard.
-    pub fn new() -> Lines {
+    pub(super) fn new() -> Lines {
         Lines {
             state: State::Skipping,
             too_long: 0,
@@ -43,13 +43,13 @@ impl Lines {
     }
 
     /// Drops what was begun; the next line that it gives is the next one whose beginning is heard.
-    pub fn restart(&mut self) {
+    pub(super) fn restart(&mut self) {
         self.state = State::Skipping;
     }
 
     /// Takes bytes that came at `since` or later, and gives each line that they end: when its first byte came at the
     /// earliest, and its bytes. Empty lines are passed over.
-    pub fn take(&mut self, since: Time, bytes: &[u8], mut give: impl FnMut(Time, &[u8])) {
+    pub(super) fn take(&mut self, since: Time, bytes: &[u8], mut give: impl FnMut(Time, &[u8])) {
         for byte in bytes {
             if matches!(byte, b'\r' | b'\n') {
                 match &mut self.state {
@@ -82,7 +82,7 @@ impl Lines {
     }
 
     /// Returns how many lines were too long.
-    pub fn too_long(&self) -> u64 {
+    pub(super) fn too_long(&self) -> u64 {
         self.too_long
     }
 }

@@ -20,7 +20,7 @@ pub(super) struct LastPose {
 
 impl LastPose {
     /// Makes a place that is not known yet; poses with a larger deviation than `pose_sd_max_m` never are.
-    pub fn unknown(pose_sd_max_m: f64) -> LastPose {
+    pub(super) fn unknown(pose_sd_max_m: f64) -> LastPose {
         LastPose {
             pose_sd_max_m,
             last: None,
@@ -28,12 +28,12 @@ impl LastPose {
     }
 
     /// Takes the newest state.
-    pub fn take(&mut self, now: Time, state: &OwnState) {
+    pub(super) fn take(&mut self, now: Time, state: &OwnState) {
         self.last = Some((now, state.pose, state.speed_mps));
     }
 
     /// Returns the pose now, carried on along its heading; `None` when it is unknown, too old or too uncertain.
-    pub fn pose(&self, now: Time) -> Option<Pose> {
+    pub(super) fn pose(&self, now: Time) -> Option<Pose> {
         let (at, pose, speed_mps) = self.last?;
         let age = now.since(at);
         let moved = Vector::polar(pose.heading, speed_mps * age.as_secs_f64());

@@ -65,12 +65,12 @@ pub(super) struct Peer {
 
 impl Peer {
     /// Returns whether it has been heard neither by bus nor by radio lately.
-    pub fn is_silent(&self, now: Time) -> bool {
+    pub(super) fn is_silent(&self, now: Time) -> bool {
         now.since(self.heard_at) > SILENT_AFTER
     }
 
     /// Returns whether it is an obstacle that does not move: it rests, or nothing is heard of it.
-    pub fn stands(&self, now: Time) -> bool {
+    pub(super) fn stands(&self, now: Time) -> bool {
         self.resting || self.is_silent(now)
     }
 
@@ -81,7 +81,7 @@ impl Peer {
 
     /// Returns whether it has rested for a while, since a moment at least. One that drove when it fell silent is waited
     /// for longer: it hears nobody either, and stands by itself, or it is gone.
-    pub fn is_quiet(&self, now: Time, since: Time, quiet: Duration) -> bool {
+    pub(super) fn is_quiet(&self, now: Time, since: Time, quiet: Duration) -> bool {
         let rests = self.resting && now.since(self.moved_at.max(since)) >= quiet;
         rests || (!self.resting && now.since(self.heard_at.max(since)) >= quiet.max(GONE_AFTER))
     }
@@ -96,7 +96,7 @@ pub(super) struct Peers {
 
 impl Peers {
     /// Makes the table of a vehicle that has heard no other yet.
-    pub fn new(own: VehicleId) -> Peers {
+    pub(super) fn new(own: VehicleId) -> Peers {
         Peers {
             own,
             newest: BTreeMap::new(),
@@ -105,7 +105,7 @@ impl Peers {
 
     /// Takes a state; the own one changes nothing, nor does one older than the newest known, unless such go on and nothing
     /// newer comes.
-    pub fn take(&mut self, now: Time, state: &State) {
+    pub(super) fn take(&mut self, now: Time, state: &State) {
         let is_late = |known: &mut Peer| match state.boot == known.edition.0 {
             true if state.sequence < known.edition.1 => !known.lower.go_on(now, state.sequence),
             true => known.edition.1 == state.sequence,
@@ -158,7 +158,7 @@ impl Peers {
     }
 
     /// Takes what a beacon tells; the own one, and one of an earlier start of its sender, changes nothing.
-    pub fn sight(&mut self, now: Time, sighting: &BeaconReport) {
+    pub(super) fn sight(&mut self, now: Time, sighting: &BeaconReport) {
         let (vehicle, boot) = (sighting.progress.vehicle, sighting.progress.boot);
         if vehicle == self.own {
             return;
@@ -212,7 +212,7 @@ impl Peers {
 
     /// Takes whom a ground station expects. A vehicle of the swarm that has fallen silent stays where it was last known to
     /// be, for ever; one that is none and is not heard any more was perhaps never there: it is forgotten.
-    pub fn note_expected(&mut self, now: Time, expected: &[VehicleId]) {
+    pub(super) fn note_expected(&mut self, now: Time, expected: &[VehicleId]) {
         for vehicle in expected {
             if let Some(peer) = self.newest.get_mut(vehicle) {
                 peer.expected_at = Some(now);
@@ -224,18 +224,18 @@ impl Peers {
     }
 
     /// Returns the others, ascending.
-    pub fn iter(&self) -> impl Iterator<Item = (VehicleId, &Peer)> {
+    pub(super) fn iter(&self) -> impl Iterator<Item = (VehicleId, &Peer)> {
         self.newest.iter().map(|(id, peer)| (*id, peer))
     }
 
     /// Returns what those claim that stand, ascending by their ids.
-    pub fn standing_claims(&self, now: Time) -> Vec<Vec<Point>> {
+    pub(super) fn standing_claims(&self, now: Time) -> Vec<Vec<Point>> {
         let standing = self.newest.values().filter(|peer| peer.stands(now));
         standing.map(|peer| peer.claim.clone()).collect()
     }
 
     /// Returns one of the others, if it was ever heard.
-    pub fn get(&self, vehicle: VehicleId) -> Option<&Peer> {
+    pub(super) fn get(&self, vehicle: VehicleId) -> Option<&Peer> {
         self.newest.get(&vehicle)
     }
 }

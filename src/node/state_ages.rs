@@ -17,7 +17,7 @@ pub(super) struct StateAges {
 
 impl StateAges {
     /// Notes that a state was made; numbers ascend, and some may be left out.
-    pub fn note(&mut self, now: Time, sequence: u64) {
+    pub(super) fn note(&mut self, now: Time, sequence: u64) {
         self.made.push_back((sequence, now));
         while self
             .made
@@ -29,13 +29,13 @@ impl StateAges {
     }
 
     /// Returns whether what answers a state is fresh; of a number left out, by the state noted before it.
-    pub fn is_fresh(&self, now: Time, answers: u64) -> bool {
+    pub(super) fn is_fresh(&self, now: Time, answers: u64) -> bool {
         self.made_at(answers)
             .is_some_and(|at| now.since(at) <= ANSWERS_WITHIN)
     }
 
     /// Returns when a state was made, as far as that is remembered; of a number left out, the one noted before it.
-    pub fn made_at(&self, sequence: u64) -> Option<Time> {
+    pub(super) fn made_at(&self, sequence: u64) -> Option<Time> {
         self.made.back().filter(|(newest, _)| *newest >= sequence)?;
         self.made
             .iter()

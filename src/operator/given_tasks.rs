@@ -95,7 +95,7 @@ struct Given {
 
 impl GivenTasks {
     /// Takes a task up, in place of an earlier one of its run, and of those that are shown.
-    pub fn give(&mut self, wish: TaskWish) {
+    pub(super) fn give(&mut self, wish: TaskWish) {
         self.0.retain(|_, given| !given.is_shown);
         self.0.insert(
             wish.run,
@@ -108,7 +108,7 @@ impl GivenTasks {
     }
 
     /// Returns the tasks that are due, by this lease.
-    pub fn due(&mut self, now: Time, view: &FleetView, lease: Lease) -> Vec<Task> {
+    pub(super) fn due(&mut self, now: Time, view: &FleetView, lease: Lease) -> Vec<Task> {
         for given in self.0.values_mut() {
             given.is_shown = given.said.is_some() && given.wish.is_shown(now, view);
         }
@@ -125,7 +125,7 @@ impl GivenTasks {
     }
 
     /// Returns when one is to be said again.
-    pub fn next(&self) -> Option<Time> {
+    pub(super) fn next(&self) -> Option<Time> {
         let open = self.0.values().filter(|given| !given.is_shown);
         open.filter_map(|given| given.said)
             .min()

@@ -42,6 +42,7 @@
 //! sent anything.
 
 mod delivery;
+mod instruction;
 mod run;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -54,9 +55,10 @@ use tomoswarm_proto::{
 };
 
 use self::delivery::{CONTEST, OrderRight, VehicleDelivery, take_over_of};
+pub(crate) use self::instruction::Instruction;
+use self::instruction::{ENDS_MAX, ended, may_be_brought_about};
 use super::HeardMessage;
 use super::fleet_view::{FleetView, Fresh, Misfit};
-use super::order_goal::MissionWish;
 use super::outcome::{OrderOutcome, OrderRefusal, VehicleOutcome};
 use crate::time::Time;
 
@@ -66,41 +68,10 @@ const REPEAT: Duration = Duration::from_millis(100);
 const LISTEN: Duration = Duration::from_millis(1500);
 /// A vehicle whose newest state is older is not known to be there.
 const SILENT_AFTER: Duration = Duration::from_secs(2);
-/// The stops that one start lifts at most.
-const ENDS_MAX: usize = 8;
 /// So often a stronger order goes above a weaker one of the same lease.
 const INSIST: u32 = 3;
 /// The last revision that may be given; one more is refused by everyone.
 const LAST_REVISION: u32 = u32::MAX - 1;
-
-/// What one ordering is to bring about, and what its operator knew before.
-#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub struct Instruction {
-    /// What to do.
-    pub kind: OrderKind,
-    /// Whether a start begins a new run when the ground station is idle (otherwise it goes on with the present one).
-    pub begins: bool,
-    /// The mission that a start begins, as a run of its own; `None` = what the run is already.
-    pub mission: Option<MissionWish>,
-    /// Whom it is for; empty = all.
-    pub vehicles: BTreeSet<VehicleId>,
-    /// When it is for all: who is known to be there without being heard.
-    pub expected: BTreeSet<VehicleId>,
-    /// In which run; `None` = as above.
-    pub run: Option<RunId>,
-    /// Whether a lease is taken from whoever holds it.
-    pub take_over: bool,
-    /// Random id of this operator.
-    pub holder: u64,
-    /// Hash of the operator's venue file: who has another one does not listen to it.
-    pub venue_hash: u64,
-    /// These may be unheard when a start lifts emergency stops.
-    pub although_unheard: BTreeSet<VehicleId>,
-    /// Whether a start also lifts what stands for many stops.
-    pub lifts_many: bool,
-    /// When it is given up.
-    pub timeout: Duration,
-}
 
 /// An order on its way.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -443,26 +414,7 @@ impl Ordering {
 
     /// Returns who must obey.
     fn targets(&self, now: Time) -> BTreeSet<VehicleId> {
-        if !self.instruction.vehicles.is_empty() {
-            return self.instruction.vehicles.clone();
-        }
-        let members = self
-            .view
-            .ground(now)
-            .map(|report| report.value.members.clone())
-            .unwrap_or_default();
-        let heard = self
-            .view
-            .vehicles()
-            .filter(|(_, seen)| seen.state.is_some())
-            .map(|(id, _)| id);
-        self.instruction
-            .expected
-            .iter()
-            .copied()
-            .chain(members)
-            .chain(heard)
-            .collect()
+        self.instruction.targets(&self.view, now)
     }
 
     /// Returns to whom it is sent.
@@ -638,21 +590,6 @@ impl Ordering {
             }
         }
     }
-}
-
-/// Returns the names that a start ends, ascending: emergency stops, and the vehicle's take-over. A list that is full leaves
-/// a stop to the next start.
-fn ended(stops: &[EmergencyName], take_over: Option<EmergencyName>) -> Vec<EmergencyName> {
-    let most = ENDS_MAX - usize::from(take_over.is_some());
-    let names: BTreeSet<EmergencyName> =
-        stops.iter().copied().take(most).chain(take_over).collect();
-    names.into_iter().collect()
-}
-
-/// Returns whether what came above an order may be the ground station bringing that about: it lets everyone hold who was
-/// started.
-fn may_be_brought_about(ours: OrderKind, theirs: OrderKind) -> bool {
-    (ours, theirs) == (OrderKind::Start, OrderKind::Hold)
 }
 
 #[cfg(test)]

@@ -140,7 +140,7 @@ pub(super) enum ScriptDue {
 
 impl ScriptDue {
     /// Returns it in words.
-    pub fn why(self) -> &'static str {
+    pub(super) fn why(self) -> &'static str {
         match self {
             ScriptDue::GivesUp => "script gives up",
             ScriptDue::CueNotDone => "cue not done",
@@ -170,7 +170,7 @@ pub(super) struct ScriptRun {
 
 impl ScriptRun {
     /// Begins.
-    pub fn new(now: Time, steps: Vec<ScriptStep>) -> ScriptRun {
+    pub(super) fn new(now: Time, steps: Vec<ScriptStep>) -> ScriptRun {
         ScriptRun {
             steps,
             at: 0,
@@ -181,13 +181,13 @@ impl ScriptRun {
     }
 
     /// Takes that what a cue asked for is done.
-    pub fn cue_done(&mut self) {
+    pub(super) fn cue_done(&mut self) {
         self.is_cue_done = self.is_cue_said;
     }
 
     /// Goes on as far as it gets without saying anything; returns what it says. After [`ScriptOut::Ended`] it is not
     /// asked again.
-    pub fn go_on(&mut self, now: Time, sight: &ScriptView) -> Option<ScriptOut> {
+    pub(super) fn go_on(&mut self, now: Time, sight: &ScriptView) -> Option<ScriptOut> {
         if let LastWant::Failed(why) = sight.last_want {
             return Some(self.give_up(why.clone()));
         }
@@ -232,7 +232,7 @@ impl ScriptRun {
     }
 
     /// Returns when the present step is over at the latest, and why.
-    pub fn deadline(&self) -> Option<(Time, ScriptDue)> {
+    pub(super) fn deadline(&self) -> Option<(Time, ScriptDue)> {
         match self.steps.get(self.at)? {
             ScriptStep::Wait { within, .. } => Some((self.since + *within, ScriptDue::GivesUp)),
             ScriptStep::Announce { within, .. } => {

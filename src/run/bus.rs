@@ -18,10 +18,10 @@ mod hearing;
 mod library_panics;
 mod links;
 mod session_id;
+mod settings;
 mod zenoh_config;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, PoisonError, RwLock};
 use std::thread::JoinHandle;
@@ -35,10 +35,10 @@ use zenoh::sample::Locality;
 use self::hearing::{SessionHearing, WhyAnew};
 use self::library_panics::{PanicsSeen, guarded};
 use self::links::LinkCounter;
+pub use self::settings::{BusError, BusSettings, BusTraffic, SessionTopology, Trust};
 use super::clock::Clock;
 use super::mailbox::{Troubles, lock};
 use super::subjects;
-use super::trust::AccessRule;
 use crate::exchange::egress::OutboundFrame;
 pub use crate::exchange::ingress::HeardMessage;
 use crate::exchange::ingress::{FrameRefusal, read};
@@ -54,95 +54,6 @@ const RETRY: Duration = Duration::from_millis(300);
 const LOOKS_EVERY: Duration = Duration::from_secs(1);
 /// A session that does not close within this time is left alone.
 const CLOSES_WITHIN: Duration = Duration::from_secs(1);
-
-/// How nodes are joined.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum SessionTopology {
-    /// Everyone with everyone; goes on without the ground station. Up to about 25 nodes.
-    Mesh,
-    /// All through the ground station.
-    Star,
-}
-
-/// The files by which nodes know each other, and what the roster allows.
-#[derive(Clone, PartialEq, Eq, Debug)]
-pub struct Trust {
-    /// Certificate of the authority.
-    pub ca: PathBuf,
-    /// Own certificate.
-    pub certificate: PathBuf,
-    /// Own private key.
-    pub key: PathBuf,
-    /// Who may write what.
-    pub access: Vec<AccessRule>,
-}
-
-/// How a node takes part in the bus.
-#[derive(Clone, PartialEq, Debug)]
-pub struct BusSettings {
-    /// Who this is.
-    pub node: Sender,
-    /// Before every key: `tomoswarm/<venue>`.
-    pub prefix: String,
-    /// How nodes are joined.
-    pub topology: SessionTopology,
-    /// Where it listens, such as `tcp/127.0.0.1:7447`.
-    pub listen: Vec<String>,
-    /// Whom it connects to.
-    pub connect: Vec<String>,
-    /// Certificates; `None` = unprotected.
-    pub trust: Option<Trust>,
-    /// A link on which nothing comes for this long is given up.
-    pub lease: Duration,
-    /// What it may send, bytes per second.
-    pub egress_bytes_per_s: u32,
-    /// Whether the nodes of a mesh tell each other of further ones; otherwise only `connect` joins them.
-    pub gossip: bool,
-}
-
-/// What the bus has carried and refused.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub struct BusTraffic {
-    /// Frames published.
-    pub sent: u64,
-    /// Their bytes.
-    pub sent_bytes: u64,
-    /// Frames taken.
-    pub taken: u64,
-    /// Their bytes.
-    pub taken_bytes: u64,
-    /// Frames refused: not ours, impossible, too much, or not the sender's to say.
-    pub refused: u64,
-    /// Frames of kinds that are not known here, dropped.
-    pub unknown: u64,
-    /// How often the session was opened anew because a thread of the library had panicked.
-    pub panics: u64,
-    /// Frames dropped before they were sent because too much waited, among them batches of samples beyond the second; what
-    /// the network drops under congestion is not known.
-    pub dropped: u64,
-}
-
-/// Why a node cannot take part in the bus.
-#[derive(Debug, thiserror::Error)]
-pub enum BusError {
-    /// The settings are not taken.
-    #[error("the bus cannot be set up: {reason}")]
-    Settings {
-        /// What zenoh says.
-        reason: String,
-    },
-    /// It cannot listen where it should.
-    #[error("the bus cannot listen on {endpoints}: {reason}")]
-    Listen {
-        /// Where.
-        endpoints: String,
-        /// What zenoh says.
-        reason: String,
-    },
-    /// The machine has no thread to give.
-    #[error("the bus has no thread: {0}")]
-    Thread(#[from] std::io::Error),
-}
 
 /// Takes what a node is to be told, and what follows for taking part.
 type Subscriber = dyn Fn(Option<HeardMessage>, GreetingVerdict) + Send + Sync;

@@ -15,7 +15,7 @@ use crate::geom::{Point, Polygon, Rect};
 /// Corners of a person's outline.
 const PERSON_SIDES: usize = 16;
 /// Corners of an upright body's outline.
-pub const MAX_CORNERS: usize = 1000;
+pub(super) const MAX_CORNERS: usize = 1000;
 /// Where persons stand, metres.
 const GROUND_M: f64 = 0.0;
 

@@ -31,7 +31,7 @@ pub struct Sent {
 
 /// What became of a beacon.
 #[derive(Clone, PartialEq, Debug)]
-pub enum Fate {
+pub(super) enum Fate {
     /// It was clear on the air.
     Clear(Sent),
     /// Another one spoke at the same time.
@@ -42,7 +42,7 @@ pub enum Fate {
 
 /// What is on the air.
 #[derive(Clone, Debug, Default)]
-pub struct Air {
+pub(super) struct Air {
     beacons: Vec<OnAir>,
     count: u64,
 }
@@ -57,7 +57,7 @@ struct OnAir {
 impl Air {
     /// Begins to send a beacon; returns its number and when it ends, or `None` when it does not fit into a
     /// frame: then it is not sent, and its sequence shows as a miss.
-    pub fn begin(
+    pub(super) fn begin(
         &mut self,
         now: Time,
         from: usize,
@@ -89,7 +89,7 @@ impl Air {
     }
 
     /// Ends a beacon.
-    pub fn end(&mut self, now: Time, number: u64) -> Fate {
+    pub(super) fn end(&mut self, now: Time, number: u64) -> Fate {
         let Some(index) = self
             .beacons
             .iter()

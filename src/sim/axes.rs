@@ -5,7 +5,7 @@ use crate::geom::{Angle, Attitude, Vector};
 
 /// Three perpendicular unit vectors of the local frame.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Axes {
+pub(super) struct Axes {
     /// Along a beam.
     pub ahead: [f64; 3],
     /// To its left.
@@ -16,7 +16,7 @@ pub struct Axes {
 
 impl Axes {
     /// Returns the axes of a beam that lies in the plane of the vehicle, counter-clockwise from its nose.
-    pub fn of(attitude: Attitude, beam: Angle) -> Axes {
+    pub(super) fn of(attitude: Attitude, beam: Angle) -> Axes {
         if attitude.roll == Angle::ZERO && attitude.pitch == Angle::ZERO {
             let axis = Vector::polar(attitude.yaw + beam, 1.0);
             let (ahead, left) = ([axis.x_m, axis.y_m, 0.0], [-axis.y_m, axis.x_m, 0.0]);
@@ -35,7 +35,7 @@ impl Axes {
     }
 
     /// Returns the direction of a ray that is given against these axes.
-    pub fn along(&self, ray: [f64; 3]) -> [f64; 3] {
+    pub(super) fn along(&self, ray: [f64; 3]) -> [f64; 3] {
         let [ahead, left, up] = ray;
         std::array::from_fn(|axis| {
             ahead * self.ahead[axis] + left * self.left[axis] + up * self.up[axis]

@@ -18,7 +18,7 @@ pub(super) struct Disk {
 
 impl Disk {
     /// Remembers this as well; returns how it stands then.
-    pub fn remember(&mut self, memory: VehicleMemory) -> Remembered {
+    pub(super) fn remember(&mut self, memory: VehicleMemory) -> Remembered {
         self.memory = self.memory.join(memory);
         Remembered {
             on_disk: self.memory,
@@ -27,22 +27,22 @@ impl Disk {
     }
 
     /// Returns all that was remembered.
-    pub fn memory(&self) -> VehicleMemory {
+    pub(super) fn memory(&self) -> VehicleMemory {
         self.memory
     }
 
     /// Keeps what emergency stops the vehicle knows.
-    pub fn keep_stops(&mut self, stops: OpenStops) {
+    pub(super) fn keep_stops(&mut self, stops: OpenStops) {
         self.stops = stops;
     }
 
     /// Returns them.
-    pub fn stops(&self) -> OpenStops {
+    pub(super) fn stops(&self) -> OpenStops {
         self.stops.clone()
     }
 
     /// Keeps a sample.
-    pub fn keep(&mut self, boot: Boot, run: RunId, sample: Sample) {
+    pub(super) fn keep(&mut self, boot: Boot, run: RunId, sample: Sample) {
         self.kept.insert(
             SampleKey {
                 boot,
@@ -54,7 +54,7 @@ impl Disk {
     }
 
     /// Forgets the samples of a boot and run below a sequence.
-    pub fn forget(&mut self, boot: Boot, run: RunId, below: u64) {
+    pub(super) fn forget(&mut self, boot: Boot, run: RunId, below: u64) {
         let from = SampleKey {
             boot,
             run,
@@ -77,7 +77,7 @@ impl Disk {
     }
 
     /// Returns what is kept after a place.
-    pub fn recall(&self, after: Option<SampleKey>) -> Recalled {
+    pub(super) fn recall(&self, after: Option<SampleKey>) -> Recalled {
         let beyond = |place: &SampleKey| after.is_none_or(|after| *place > after);
         let from = after.unwrap_or(SampleKey {
             boot: Boot(0),

@@ -23,7 +23,7 @@ pub(super) struct GroundDisk {
 
 impl GroundDisk {
     /// Makes an empty one; `is_read` = the ground station will be started anew.
-    pub fn new(is_read: bool) -> GroundDisk {
+    pub(super) fn new(is_read: bool) -> GroundDisk {
         GroundDisk {
             is_read,
             ..GroundDisk::default()
@@ -31,17 +31,17 @@ impl GroundDisk {
     }
 
     /// Keeps what the station needs, in place of what it needed before.
-    pub fn remember(&mut self, memory: Box<StationMemory>) {
+    pub(super) fn remember(&mut self, memory: Box<StationMemory>) {
         self.memory = self.is_read.then_some(memory);
     }
 
     /// Keeps what emergency stops the ground station knows.
-    pub fn keep_stops(&mut self, stops: OpenStops) {
+    pub(super) fn keep_stops(&mut self, stops: OpenStops) {
         self.stops = stops;
     }
 
     /// Keeps what a message brings of measurements and of the map.
-    pub fn keep(&mut self, message: &Message) {
+    pub(super) fn keep(&mut self, message: &Message) {
         match message {
             _ if !self.is_read => {}
             Message::Samples(batch) => self.samples.push(batch.clone()),
@@ -60,7 +60,7 @@ impl GroundDisk {
     }
 
     /// Returns what a ground station begins with that is started anew.
-    pub fn source(&self, parts: GroundParts) -> ActorSettings {
+    pub(super) fn source(&self, parts: GroundParts) -> ActorSettings {
         let memory = self.memory.as_deref().cloned();
         let (samples, tiles) = (self.samples.iter().cloned(), self.tiles.values().cloned());
         let resumed = Station::restored(parts.station.clone(), memory, samples, tiles);

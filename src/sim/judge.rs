@@ -35,7 +35,7 @@ pub(super) struct Judge {
 
 impl Judge {
     /// Makes the judge of a run that has not begun.
-    pub fn new(is_swept: bool, expect: Expect, vehicles: &[VehicleId]) -> Judge {
+    pub(super) fn new(is_swept: bool, expect: Expect, vehicles: &[VehicleId]) -> Judge {
         let missions = vehicles.iter().map(|id| (*id, None)).collect();
         Judge {
             is_swept,
@@ -46,22 +46,22 @@ impl Judge {
     }
 
     /// Returns whether the sweep that is wanted was driven to its end, or every mission has ended.
-    pub fn is_done(&self) -> bool {
+    pub(super) fn is_done(&self) -> bool {
         self.is_done
     }
 
     /// Returns when and how the mission of each vehicle ended.
-    pub fn missions(&self) -> &[EndedMission] {
+    pub(super) fn missions(&self) -> &[EndedMission] {
         &self.missions
     }
 
     /// Takes a note of the ground station.
-    pub fn hear(&mut self, note: &GroundNote) {
+    pub(super) fn hear(&mut self, note: &GroundNote) {
         self.is_done |= matches!(note, GroundNote::RunClosed { run, .. } if *run == RUN);
     }
 
     /// Takes that the mission of a vehicle has ended; who is dead is not waited for.
-    pub fn mission_ended(
+    pub(super) fn mission_ended(
         &mut self,
         now: Time,
         vehicle: usize,
@@ -79,7 +79,7 @@ impl Judge {
 
     /// Takes that a vehicle came home, of which so many are home now and so many could be. Where all are expected there,
     /// whatever an operator can hear of them, this is the end.
-    pub fn came_home(&self, home: usize, alive: usize) -> RunVerdict {
+    pub(super) fn came_home(&self, home: usize, alive: usize) -> RunVerdict {
         if self.expect == Expect::Home && home == alive {
             RunVerdict::Over
         } else {
@@ -88,7 +88,7 @@ impl Judge {
     }
 
     /// Takes how the operator's script ended.
-    pub fn script_ended(&self, end: &ScriptEnd) -> RunVerdict {
+    pub(super) fn script_ended(&self, end: &ScriptEnd) -> RunVerdict {
         match end {
             ScriptEnd::Done => RunVerdict::Over,
             ScriptEnd::GaveUp { why, .. } => RunVerdict::Failed(why.clone()),

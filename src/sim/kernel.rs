@@ -76,7 +76,7 @@ struct Scratch {
 
 impl Kernel {
     /// Makes the kernel of a run that has not begun.
-    pub fn new(parts: Parts) -> Kernel {
+    pub(super) fn new(parts: Parts) -> Kernel {
         let noise = parts.noise;
         let turns = parts.faults.turns();
         let restarts = |(_, turn): &(_, FaultTurn)| *turn == FaultTurn::Starts(NodeId::Ground);
@@ -124,7 +124,7 @@ impl Kernel {
     }
 
     /// Runs to the end, or until `watch` says that it is enough.
-    pub fn run(
+    pub(super) fn run(
         &mut self,
         watch: &mut dyn FnMut(&RunView<'_>) -> bool,
         mut recording: Option<Recording<'_>>,
@@ -149,7 +149,7 @@ impl Kernel {
     }
 
     /// Takes the run apart, and logs what every node holds: all maps must be one, and every sample made must be stored.
-    pub fn finish(mut self) -> FinishedRun {
+    pub(super) fn finish(mut self) -> FinishedRun {
         let now = self.schedule.now();
         for vehicle in 0..self.nodes.vehicles().len() {
             let vehicle = self.nodes.vehicle_mut(vehicle);

@@ -47,7 +47,7 @@ pub(super) struct Piece {
 }
 
 impl Piece {
-    pub fn new(from: Point, to: Point) -> Piece {
+    pub(super) fn new(from: Point, to: Point) -> Piece {
         Piece {
             from,
             to,
@@ -162,16 +162,16 @@ pub(super) enum PhaseKind {
 }
 
 impl Phase {
-    pub fn end_s(&self) -> f64 {
+    pub(super) fn end_s(&self) -> f64 {
         self.start_s + self.duration_s
     }
 
-    pub fn is_straight(&self) -> bool {
+    pub(super) fn is_straight(&self) -> bool {
         matches!(self.kind, PhaseKind::Straight { .. })
     }
 
     /// Way covered since the start of the phase, metres, never beyond its end.
-    pub fn way_m(&self, time_s: f64) -> f64 {
+    pub(super) fn way_m(&self, time_s: f64) -> f64 {
         let t = (time_s - self.start_s).clamp(0.0, self.duration_s);
         match self.kind {
             PhaseKind::Turn { .. } => 0.0,
@@ -184,14 +184,14 @@ impl Phase {
         }
     }
 
-    pub fn at(&self, time_s: f64) -> Point {
+    pub(super) fn at(&self, time_s: f64) -> Point {
         match self.kind {
             PhaseKind::Turn { .. } => self.from,
             PhaseKind::Straight { along, .. } => self.from + along * self.way_m(time_s),
         }
     }
 
-    pub fn heading(&self, time_s: f64) -> Angle {
+    pub(super) fn heading(&self, time_s: f64) -> Angle {
         match self.kind {
             PhaseKind::Turn { rate_radps } => {
                 let t = (time_s - self.start_s).clamp(0.0, self.duration_s);
@@ -201,7 +201,7 @@ impl Phase {
         }
     }
 
-    pub fn speed_mps(&self, time_s: f64) -> f64 {
+    pub(super) fn speed_mps(&self, time_s: f64) -> f64 {
         match self.kind {
             PhaseKind::Turn { .. } => 0.0,
             PhaseKind::Straight {
@@ -215,7 +215,7 @@ impl Phase {
         }
     }
 
-    pub fn acceleration(&self) -> Vector {
+    pub(super) fn acceleration(&self) -> Vector {
         match self.kind {
             PhaseKind::Turn { .. } => Vector::default(),
             PhaseKind::Straight {
@@ -227,7 +227,7 @@ impl Phase {
     }
 
     /// When a way since the start of the phase is covered, seconds since the command.
-    pub fn time_at_s(&self, way_m: f64) -> f64 {
+    pub(super) fn time_at_s(&self, way_m: f64) -> f64 {
         match self.kind {
             PhaseKind::Turn { .. } => self.start_s,
             PhaseKind::Straight {
@@ -256,7 +256,7 @@ pub(super) struct PhaseBuilder {
 }
 
 impl PhaseBuilder {
-    pub fn new(at: Point, heading: Angle) -> PhaseBuilder {
+    pub(super) fn new(at: Point, heading: Angle) -> PhaseBuilder {
         PhaseBuilder {
             phases: Vec::new(),
             at,
@@ -266,7 +266,7 @@ impl PhaseBuilder {
     }
 
     /// Adds a turn on the spot, the shorter way round (to the left for half a turn).
-    pub fn turn(&mut self, heading: Angle, turn_rate_radps: f64) {
+    pub(super) fn turn(&mut self, heading: Angle, turn_rate_radps: f64) {
         let by_rad = (heading - self.heading).radians();
         if by_rad.abs() > 1e-9 {
             let kind = PhaseKind::Turn {
@@ -278,7 +278,7 @@ impl PhaseBuilder {
     }
 
     /// Adds the phases of driving a path with the given laws, which cover its length.
-    pub fn drive(&mut self, path: &[Piece], laws: &[Law]) {
+    pub(super) fn drive(&mut self, path: &[Piece], laws: &[Law]) {
         let mut laws = laws.iter().copied();
         let Some(mut law) = laws.next() else { return };
         for piece in path {

@@ -43,7 +43,7 @@ pub(super) struct Shows {
 }
 
 impl Shows {
-    pub fn every(every: Duration) -> Shows {
+    pub(super) fn every(every: Duration) -> Shows {
         let every = every.max(Duration::from_millis(1));
         Shows {
             every,
@@ -52,7 +52,7 @@ impl Shows {
     }
 
     /// Returns whether it is time, and then waits for the next one.
-    pub fn is_due(&mut self, now: Time) -> bool {
+    pub(super) fn is_due(&mut self, now: Time) -> bool {
         let is_due = now >= self.next;
         if is_due {
             let missed = now.since(self.next).as_nanos() / self.every.as_nanos() + 1;

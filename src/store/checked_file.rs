@@ -81,7 +81,7 @@ impl CheckedFile {
     ///
     /// # Errors
     /// It cannot be read, or is not what was written.
-    pub fn read<T>(
+    pub(super) fn read<T>(
         self,
         path: &Path,
         parse: impl FnOnce(&str) -> Result<T, String>,
@@ -131,7 +131,7 @@ impl CheckedFile {
     }
 
     /// Returns the whole text of some lines, each with its end.
-    pub fn seal(self, lines: &str) -> String {
+    pub(super) fn seal(self, lines: &str) -> String {
         let body = format!("{} {}\n{lines}", self.title, self.version);
         format!("{body}check {:016x}\n", fnv(body.as_bytes()))
     }
@@ -140,7 +140,7 @@ impl CheckedFile {
     ///
     /// # Errors
     /// It is not as it was written, or not of this version.
-    pub fn open(self, bytes: &[u8]) -> Result<&str, TextFault> {
+    pub(super) fn open(self, bytes: &[u8]) -> Result<&str, TextFault> {
         let damaged = |reason: &str| TextFault::Damaged(reason.to_owned());
         let text = std::str::from_utf8(bytes).map_err(|_| damaged("expected text"))?;
         if text.is_empty() {

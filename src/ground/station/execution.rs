@@ -17,9 +17,9 @@ use tomoswarm_proto::{Lease, OrderKind, Plan, RunEnd, RunId, VehicleId};
 
 use self::completion::{close, count_laps};
 use self::next_step::{NextStep, must_rest};
-pub use self::phase::Phase;
-pub use self::published_plans::PublishedPlans;
-pub use self::sweep::Sweep;
+pub(super) use self::phase::Phase;
+pub(super) use self::published_plans::PublishedPlans;
+pub(super) use self::sweep::Sweep;
 use super::StationEvent;
 use super::lost_vehicles::{SilenceLimits, is_too_few};
 use super::run_book::RequestedSweep;
@@ -31,7 +31,7 @@ use crate::time::Time;
 
 /// What the execution depends on beside its own state.
 #[derive(Clone, Copy, Debug)]
-pub struct Conditions<'a> {
+pub(super) struct Conditions<'a> {
     pub now: Time,
     pub fleet: &'a Fleet,
     pub samples: &'a SampleStore,
@@ -44,7 +44,7 @@ pub struct Conditions<'a> {
 
 /// What follows from the execution for the other parts of the station.
 #[derive(Clone, PartialEq, Debug)]
-pub enum SweepOutput {
+pub(super) enum SweepOutput {
     /// To be said to log and operator.
     StationEvent(StationEvent),
     /// To be published: the plans in force.
@@ -71,14 +71,14 @@ pub enum SweepOutput {
 
 /// The execution of one sweep after another.
 #[derive(Debug, Default, Serialize, Deserialize)]
-pub struct SweepExecution {
+pub(super) struct SweepExecution {
     phase: Phase,
     plans: PublishedPlans,
 }
 
 impl SweepExecution {
     /// Goes on where an earlier start of the station was; times are counted from [`SweepExecution::count_from`] on.
-    pub fn restored(phase: Phase, succession: Option<Succession>) -> SweepExecution {
+    pub(super) fn restored(phase: Phase, succession: Option<Succession>) -> SweepExecution {
         SweepExecution {
             phase,
             plans: PublishedPlans::restored(succession),
@@ -86,17 +86,17 @@ impl SweepExecution {
     }
 
     /// Returns how far it is.
-    pub fn phase(&self) -> &Phase {
+    pub(super) fn phase(&self) -> &Phase {
         &self.phase
     }
 
     /// Returns the plans in force.
-    pub fn plans(&self) -> &PublishedPlans {
+    pub(super) fn plans(&self) -> &PublishedPlans {
         &self.plans
     }
 
     /// Takes what a message of a vehicle has shown: the plans no longer suit one that has forgotten them, or is back.
-    pub fn hear(&mut self, now: Time, shown: FleetChange) {
+    pub(super) fn hear(&mut self, now: Time, shown: FleetChange) {
         if shown.made_progress {
             self.phase.note_progress(now);
         }
@@ -106,31 +106,31 @@ impl SweepExecution {
     }
 
     /// Takes the progress of a vehicle, said by the newest start of its software.
-    pub fn hear_progress(&mut self, progress: &VehicleProgress) {
+    pub(super) fn hear_progress(&mut self, progress: &VehicleProgress) {
         self.plans.hear(progress);
     }
 
     /// Compares a run with another one from now on, if it is the one that is under way.
-    pub fn compare_with(&mut self, run: RunId, compared_with: Option<RunId>) {
+    pub(super) fn compare_with(&mut self, run: RunId, compared_with: Option<RunId>) {
         if let Some(sweep) = self.phase.sweep_mut().filter(|sweep| sweep.run() == run) {
             sweep.compare_with(compared_with);
         }
     }
 
     /// Takes that a run is left to the vehicles: if it was begun as a sweep, it is none.
-    pub fn leave_to_vehicles(&mut self, run: RunId) {
+    pub(super) fn leave_to_vehicles(&mut self, run: RunId) {
         if self.phase.sweep().is_some_and(|sweep| sweep.run() == run) {
             self.phase.end();
         }
     }
 
     /// Goes on after a time without a lease, or after a restart: nothing was heard or driven wrongly meanwhile.
-    pub fn count_from(&mut self, now: Time) {
+    pub(super) fn count_from(&mut self, now: Time) {
         self.phase.count_from(now);
     }
 
     /// Begins a sweep, if none is under way.
-    pub fn begin(
+    pub(super) fn begin(
         &mut self,
         requested: RequestedSweep,
         at: &Conditions<'_>,
@@ -144,7 +144,12 @@ impl SweepExecution {
     }
 
     /// Goes on after an order that has held everyone up: vehicles that it has sent elsewhere are planned for anew from there.
-    pub fn go_on(&mut self, lifted: OrderKind, at: &Conditions<'_>, out: &mut Vec<SweepOutput>) {
+    pub(super) fn go_on(
+        &mut self,
+        lifted: OrderKind,
+        at: &Conditions<'_>,
+        out: &mut Vec<SweepOutput>,
+    ) {
         self.phase.go_on(at.now);
         let is_elsewhere = match lifted {
             OrderKind::Return | OrderKind::Land | OrderKind::CutMotors => true,
@@ -156,14 +161,14 @@ impl SweepExecution {
     }
 
     /// Publishes the plans in force.
-    pub fn publish(&mut self, at: &Conditions<'_>, out: &mut Vec<SweepOutput>) {
+    pub(super) fn publish(&mut self, at: &Conditions<'_>, out: &mut Vec<SweepOutput>) {
         let plans = self.plans.publish(at.now, at.lease, at.fleet);
         out.push(SweepOutput::Plans(plans));
     }
 
     /// Looks for vehicles that follow plans that were not given here: they are outnumbered, or the sweep is given up when
     /// they belong to a higher run, which vehicles prefer.
-    pub fn outnumber_others(&mut self, at: &Conditions<'_>, out: &mut Vec<SweepOutput>) {
+    pub(super) fn outnumber_others(&mut self, at: &Conditions<'_>, out: &mut Vec<SweepOutput>) {
         let Some(run) = self.phase.driven().map(Sweep::run) else {
             return;
         };
@@ -177,7 +182,7 @@ impl SweepExecution {
 
     /// Begins plans that were asked for. If a vehicle has come, gone or been restarted meanwhile, they are passed over:
     /// everyone is stopped first.
-    pub fn take_answer(
+    pub(super) fn take_answer(
         &mut self,
         answer: PlannerAnswer,
         at: &Conditions<'_>,
@@ -213,7 +218,7 @@ impl SweepExecution {
     }
 
     /// Does what is due: repeats plans or has new ones made, counts laps, and closes the run.
-    pub fn advance(&mut self, at: &Conditions<'_>, out: &mut Vec<SweepOutput>) {
+    pub(super) fn advance(&mut self, at: &Conditions<'_>, out: &mut Vec<SweepOutput>) {
         match NextStep::of(&self.phase, &self.plans, at) {
             NextStep::Wait => {}
             NextStep::Repeat => self.publish(at, out),

@@ -10,14 +10,14 @@ use crate::time::Time;
 
 /// The merged map, kept in repair.
 #[derive(Debug, Serialize, Deserialize)]
-pub struct FleetMap {
+pub(super) struct FleetMap {
     merged: Merged,
     repair: Repair,
 }
 
 impl FleetMap {
     /// Makes an empty map.
-    pub fn new(lattice: Lattice) -> FleetMap {
+    pub(super) fn new(lattice: Lattice) -> FleetMap {
         FleetMap {
             merged: Merged::new(lattice, None),
             repair: Repair::new(None),
@@ -25,35 +25,35 @@ impl FleetMap {
     }
 
     /// Returns the merged map.
-    pub fn merged(&self) -> &Merged {
+    pub(super) fn merged(&self) -> &Merged {
         &self.merged
     }
 
     /// Takes a tile. One that cannot be joined changes nothing; its sender keeps it, and repeats it.
-    pub fn join(&mut self, now: Time, tile: &TileReport) {
+    pub(super) fn join(&mut self, now: Time, tile: &TileReport) {
         let _ = self.merged.join(tile);
         self.repair.pass(now, &self.merged, tile);
     }
 
     /// Takes what another node holds.
-    pub fn hear_digest(&mut self, now: Time, digest: &Digest) {
+    pub(super) fn hear_digest(&mut self, now: Time, digest: &Digest) {
         self.repair.hear_digest(now, &self.merged, digest);
     }
 
     /// Takes what another node asks for.
-    pub fn hear_want(&mut self, now: Time, want: &TileRequest) {
+    pub(super) fn hear_want(&mut self, now: Time, want: &TileRequest) {
         self.repair.hear_want(now, &self.merged, want);
     }
 
     /// Asks for what is missing, and sends what others miss, as far as that is due.
-    pub fn mend(&mut self, now: Time) -> impl Iterator<Item = Message> + use<> {
+    pub(super) fn mend(&mut self, now: Time) -> impl Iterator<Item = Message> + use<> {
         let mut messages = Vec::new();
         self.repair.wake(now, &self.merged, &mut messages);
         messages.into_iter()
     }
 
     /// Returns when something is to be asked for or sent.
-    pub fn deadline(&self) -> Option<Time> {
+    pub(super) fn deadline(&self) -> Option<Time> {
         self.repair.deadline()
     }
 }

@@ -43,14 +43,14 @@ const FEWEST: usize = 2;
 
 /// How long a silence must last until something follows from it.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
-pub struct SilenceLimits {
+pub(super) struct SilenceLimits {
     lost_after: Duration,
     autonomy: Duration,
 }
 
 impl SilenceLimits {
     /// Counts a vehicle as lost after `lost_after`; without a bus it carries on under its plan for `autonomy`.
-    pub fn new(lost_after: Duration, autonomy: Duration) -> SilenceLimits {
+    pub(super) fn new(lost_after: Duration, autonomy: Duration) -> SilenceLimits {
         SilenceLimits {
             lost_after,
             autonomy,
@@ -58,17 +58,17 @@ impl SilenceLimits {
     }
 
     /// Returns whether a silence is long enough that a vehicle counts as lost.
-    pub fn is_lost(self, silence: Duration) -> bool {
+    pub(super) fn is_lost(self, silence: Duration) -> bool {
         silence > self.lost_after
     }
 
     /// Counts those as lost that have fallen silent while others were heard; returns them.
-    pub fn lose(self, now: Time, fleet: &mut Fleet) -> Vec<VehicleId> {
+    pub(super) fn lose(self, now: Time, fleet: &mut Fleet) -> Vec<VehicleId> {
         fleet.lose(now, self.lost_after, OTHERS_WITHIN)
     }
 
     /// Returns the vehicles that have said their state not long ago, ascending.
-    pub fn there(self, now: Time, fleet: &Fleet) -> impl Iterator<Item = VehicleId> {
+    pub(super) fn there(self, now: Time, fleet: &Fleet) -> impl Iterator<Item = VehicleId> {
         let is_there = move |member: &FleetMember| {
             let heard_at = member.heard_at();
             heard_at.is_some_and(|at| !self.is_lost(now.since(at)))
@@ -78,7 +78,7 @@ impl SilenceLimits {
     }
 
     /// Returns whether every vehicle that was dropped surely stands still; see the module's page.
-    pub fn do_lost_ones_rest(self, now: Time, fleet: &Fleet) -> bool {
+    pub(super) fn do_lost_ones_rest(self, now: Time, fleet: &Fleet) -> bool {
         let rests_after = self.lost_after.max(self.autonomy + ENDS_LEG);
         let rests = |member: &FleetMember| {
             let heard_at = member.heard_at();
@@ -92,12 +92,12 @@ impl SilenceLimits {
 }
 
 /// Returns whether too few vehicles are left for a sweep, which then waits until others are back.
-pub fn is_too_few(fleet: &Fleet) -> bool {
+pub(super) fn is_too_few(fleet: &Fleet) -> bool {
     fleet.present().len() < FEWEST.min(fleet.len())
 }
 
 /// Returns whether enough vehicles have been heard that a sweep is worth beginning without the others.
-pub fn are_enough_heard(fleet: &Fleet) -> bool {
+pub(super) fn are_enough_heard(fleet: &Fleet) -> bool {
     let heard = fleet
         .members()
         .filter(|(_, member)| member.state().is_some() && !member.dealings().is_lost());

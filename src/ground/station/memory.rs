@@ -22,7 +22,7 @@ use crate::sweep::Succession;
 
 /// The parts of which something is remembered, as they are now.
 #[derive(Clone, Copy, Debug)]
-pub struct PartsToRemember<'a> {
+pub(super) struct PartsToRemember<'a> {
     /// The id of the sample store.
     pub store: u64,
     pub lease: Lease,
@@ -35,7 +35,7 @@ pub struct PartsToRemember<'a> {
 
 /// All that is remembered but the plans, which change only with their revision.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-pub struct StoredState {
+pub(super) struct StoredState {
     store: u64,
     lease: Lease,
     dealings: Vec<(VehicleId, Dealings)>,
@@ -56,7 +56,7 @@ pub struct StationMemory {
 
 /// The parts of a station that goes on where an earlier one was.
 #[derive(Debug)]
-pub struct RestoredParts {
+pub(super) struct RestoredParts {
     pub store: u64,
     pub lease: Lease,
     pub dealings: Vec<(VehicleId, Dealings)>,
@@ -120,7 +120,7 @@ impl StationMemory {
 
 impl StoredState {
     /// Takes a copy of the parts as they are.
-    pub fn of(parts: PartsToRemember<'_>) -> StoredState {
+    pub(super) fn of(parts: PartsToRemember<'_>) -> StoredState {
         let edition = edition_of(parts.execution);
         StoredState {
             store: parts.store,

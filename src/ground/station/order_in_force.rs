@@ -6,11 +6,11 @@ use tomoswarm_proto::OrderKind;
 
 /// The strongest order since none was in force; none at the beginning.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
-pub struct OrderInForce(Option<OrderKind>);
+pub(super) struct OrderInForce(Option<OrderKind>);
 
 impl OrderInForce {
     /// Takes the strongest order that the vehicles show, `None` = they show none; returns the one that is lifted by that.
-    pub fn update(&mut self, shown: Option<OrderKind>) -> Option<OrderKind> {
+    pub(super) fn update(&mut self, shown: Option<OrderKind>) -> Option<OrderKind> {
         match shown {
             None => self.0.take(),
             Some(_) => {
@@ -21,12 +21,12 @@ impl OrderInForce {
     }
 
     /// Returns whether there is one.
-    pub fn is_any(self) -> bool {
+    pub(super) fn is_any(self) -> bool {
         self.0.is_some()
     }
 
     /// Returns the stronger one of it and another.
-    pub fn strongest_with(self, other: Option<OrderKind>) -> Option<OrderKind> {
+    pub(super) fn strongest_with(self, other: Option<OrderKind>) -> Option<OrderKind> {
         self.0.into_iter().chain(other).reduce(OrderKind::stronger)
     }
 }

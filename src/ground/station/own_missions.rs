@@ -13,7 +13,7 @@ use crate::time::Time;
 
 /// The missions of the vehicles' own, as they say them at one moment.
 #[derive(Clone, Copy, Debug)]
-pub struct OwnMissions<'a> {
+pub(super) struct OwnMissions<'a> {
     now: Time,
     fleet: &'a Fleet,
     silence: SilenceLimits,
@@ -21,7 +21,7 @@ pub struct OwnMissions<'a> {
 
 impl OwnMissions<'_> {
     /// Looks at what the vehicles of a fleet have said last.
-    pub fn new(now: Time, fleet: &Fleet, silence: SilenceLimits) -> OwnMissions<'_> {
+    pub(super) fn new(now: Time, fleet: &Fleet, silence: SilenceLimits) -> OwnMissions<'_> {
         OwnMissions {
             now,
             fleet,
@@ -30,7 +30,7 @@ impl OwnMissions<'_> {
     }
 
     /// Returns the vehicles that are there if all of them are out for missions of their own in a run; `None` = not all are.
-    pub fn members_of(self, run: RunId) -> Option<Vec<VehicleId>> {
+    pub(super) fn members_of(self, run: RunId) -> Option<Vec<VehicleId>> {
         let is_out = |id: &VehicleId| {
             let said = self.fleet.mission(*id);
             said.is_some_and(|said| said.progress.run == run && said.kind != MissionKind::Sweep)
@@ -40,7 +40,7 @@ impl OwnMissions<'_> {
     }
 
     /// Returns how a run of these members has ended, and why in words; `None` = one is under way, or none is there.
-    pub fn end_of(self, run: RunId, members: &[VehicleId]) -> Option<(RunEnd, String)> {
+    pub(super) fn end_of(self, run: RunId, members: &[VehicleId]) -> Option<(RunEnd, String)> {
         let end_of = |id: VehicleId| {
             let said = self.fleet.mission(id);
             let said = said.filter(|said| said.progress.run == run);

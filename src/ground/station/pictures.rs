@@ -53,7 +53,7 @@ impl PictureName {
 }
 
 /// Returns the job for a picture of what has changed, between two laps.
-pub fn job_between_laps(
+pub(super) fn job_between_laps(
     run: RunId,
     laps: usize,
     compared_with: RunId,
@@ -65,7 +65,7 @@ pub fn job_between_laps(
 
 /// The pictures that were made, and those that are due.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
-pub struct Pictures {
+pub(super) struct Pictures {
     made: u32,
     /// Last pictures of runs that are not made yet, and the run that each is compared with.
     due: Vec<(PictureName, Option<RunId>)>,
@@ -75,7 +75,7 @@ pub struct Pictures {
 
 impl Pictures {
     /// Goes on where an earlier start of the station was: what is due is asked for again.
-    pub fn restored(self) -> Pictures {
+    pub(super) fn restored(self) -> Pictures {
         Pictures {
             asked_at: None,
             ..self
@@ -83,7 +83,7 @@ impl Pictures {
     }
 
     /// Returns the jobs for the last pictures of a run that is closed; they are due from now on.
-    pub fn close(
+    pub(super) fn close(
         &mut self,
         now: Time,
         run: RunId,
@@ -101,7 +101,7 @@ impl Pictures {
     }
 
     /// Takes that a picture was made; returns whether it was the last one that was due of its run.
-    pub fn take(&mut self, made: PictureName) -> bool {
+    pub(super) fn take(&mut self, made: PictureName) -> bool {
         self.made = self.made.saturating_add(1);
         let was_due = self.due.len();
         self.due.retain(|(name, _)| *name != made);
@@ -109,7 +109,7 @@ impl Pictures {
     }
 
     /// Returns the jobs for all pictures that are due if they have not come in time, or the station was started anew.
-    pub fn ask_again(&mut self, now: Time, samples: &SampleStore) -> Vec<Job> {
+    pub(super) fn ask_again(&mut self, now: Time, samples: &SampleStore) -> Vec<Job> {
         let is_in_time = |at: Time| now.since(at) <= PICTURED_WITHIN;
         if self.asked_at.is_some_and(is_in_time) {
             return Vec::new();
@@ -119,12 +119,12 @@ impl Pictures {
     }
 
     /// Returns how many were made.
-    pub fn made(&self) -> u32 {
+    pub(super) fn made(&self) -> u32 {
         self.made
     }
 
     /// Returns whether two are the same, whatever their times. Every field is named, so that none is forgotten.
-    pub fn is_same_but_for_times(&self, other: &Pictures) -> bool {
+    pub(super) fn is_same_but_for_times(&self, other: &Pictures) -> bool {
         let Pictures {
             made,
             due,

@@ -17,7 +17,7 @@ const NAMED: usize = 12;
 
 /// The parts of which something is reported, as they are now.
 #[derive(Clone, Copy, Debug)]
-pub struct PartsToReport<'a> {
+pub(super) struct PartsToReport<'a> {
     pub boot: Boot,
     pub leases: &'a Leases,
     pub fleet: &'a Fleet,
@@ -32,7 +32,7 @@ pub struct PartsToReport<'a> {
 
 impl PartsToReport<'_> {
     /// Returns the report.
-    pub fn report(self) -> GroundReport {
+    pub(super) fn report(self) -> GroundReport {
         let of_run = self.run_under_way();
         let lease = match self.leases.holds() {
             true => self.leases.own(),

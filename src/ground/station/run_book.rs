@@ -12,7 +12,7 @@ use crate::time::Time;
 
 /// A sweep to be begun.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub struct RequestedSweep {
+pub(super) struct RequestedSweep {
     /// Its run.
     pub run: RunId,
     /// The run that it is compared with.
@@ -21,7 +21,7 @@ pub struct RequestedSweep {
 
 /// What is known of runs, and asked for.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
-pub struct RunBook {
+pub(super) struct RunBook {
     runs: Runs,
     /// Runs of which everything is done and all samples are in.
     closed: BTreeSet<RunId>,
@@ -35,7 +35,7 @@ pub struct RunBook {
 impl RunBook {
     /// Takes that an operator has started a run; it counts if it is higher than any before. Without a task it is compared
     /// with `default`, and is a sweep.
-    pub fn start(&mut self, now: Time, run: RunId, default: Option<RunId>) {
+    pub(super) fn start(&mut self, now: Time, run: RunId, default: Option<RunId>) {
         if run <= self.newest {
             return;
         }
@@ -54,7 +54,7 @@ impl RunBook {
 
     /// Takes what an operator says that a run is, before it is started or after; returns whether it counts: not of a run
     /// that another one has followed.
-    pub fn take_task(&mut self, task: &Task) -> bool {
+    pub(super) fn take_task(&mut self, task: &Task) -> bool {
         if task.run < self.newest {
             return false;
         }
@@ -71,28 +71,28 @@ impl RunBook {
     }
 
     /// Leaves a run to vehicles that are out for missions of their own in it.
-    pub fn leave_to(&mut self, run: RunId, kind: MissionKind, members: Vec<VehicleId>) {
+    pub(super) fn leave_to(&mut self, run: RunId, kind: MissionKind, members: Vec<VehicleId>) {
         self.runs.leave_to(run, kind, members);
         self.withdraw(run);
     }
 
     /// Takes that a run has ended; `why` may be empty.
-    pub fn end(&mut self, run: RunId, end: RunEnd, why: impl Into<String>) {
+    pub(super) fn end(&mut self, run: RunId, end: RunEnd, why: impl Into<String>) {
         self.runs.end(run, end, why);
     }
 
     /// Takes that everything of a run is done and all its samples are in; its last pictures are still to be made.
-    pub fn close(&mut self, run: RunId) {
+    pub(super) fn close(&mut self, run: RunId) {
         self.closed.insert(run);
     }
 
     /// Counts a picture of a run.
-    pub fn count_picture(&mut self, run: RunId) {
+    pub(super) fn count_picture(&mut self, run: RunId) {
         self.runs.count_picture(run);
     }
 
     /// Takes up a run of before this station had a memory: no old order begins it again.
-    pub fn recall(&mut self, run: RunId, is_closed: bool) {
+    pub(super) fn recall(&mut self, run: RunId, is_closed: bool) {
         self.newest = self.newest.max(run);
         let end = match is_closed {
             true => RunEnd::Done,
@@ -105,35 +105,35 @@ impl RunBook {
     }
 
     /// Returns the sweep that is requested, and since when it waits for vehicles that have not been heard.
-    pub fn requested(&self) -> Option<(RequestedSweep, Time)> {
+    pub(super) fn requested(&self) -> Option<(RequestedSweep, Time)> {
         self.requested
             .map(|requested| (requested, self.waits_since))
     }
 
     /// Takes that the requested sweep is begun.
-    pub fn begin_requested(&mut self) {
+    pub(super) fn begin_requested(&mut self) {
         if let Some(requested) = self.requested.take() {
             self.closed.remove(&requested.run);
         }
     }
 
     /// Waits as long as ever for vehicles that have not been heard, from now on.
-    pub fn count_from(&mut self, now: Time) {
+    pub(super) fn count_from(&mut self, now: Time) {
         self.waits_since = now;
     }
 
     /// Returns the runs that are closed.
-    pub fn closed(&self) -> &BTreeSet<RunId> {
+    pub(super) fn closed(&self) -> &BTreeSet<RunId> {
         &self.closed
     }
 
     /// Returns what became of the last runs.
-    pub fn runs(&self) -> &Runs {
+    pub(super) fn runs(&self) -> &Runs {
         &self.runs
     }
 
     /// Returns whether two are the same, whatever their times. Every field is named, so that none is forgotten.
-    pub fn is_same_but_for_times(&self, other: &RunBook) -> bool {
+    pub(super) fn is_same_but_for_times(&self, other: &RunBook) -> bool {
         let RunBook {
             runs,
             closed,

@@ -21,7 +21,7 @@ const TROUBLE_BYTES_MAX: usize = 200;
 
 /// The last runs.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
-pub struct Runs(BTreeMap<RunId, Run>);
+pub(super) struct Runs(BTreeMap<RunId, Run>);
 
 /// One of them.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
@@ -59,7 +59,7 @@ impl Run {
 
 impl Runs {
     /// Takes what an operator wants a run to be; one that has ended stays what it was.
-    pub fn take(&mut self, task: &Task) {
+    pub(super) fn take(&mut self, task: &Task) {
         let run = self.0.entry(task.run).or_default();
         if run.end.is_none() {
             (run.kind, run.compared_with) = (MissionKind::from(&task.kind), task.compare_with);
@@ -71,7 +71,7 @@ impl Runs {
 
     /// Opens a run that is begun, once more if it has ended before. What was open before it is stopped, unless `goes_on`, or
     /// both are left to other vehicles.
-    pub fn open(
+    pub(super) fn open(
         &mut self,
         run: RunId,
         compared_with: Option<RunId>,
@@ -93,14 +93,14 @@ impl Runs {
     }
 
     /// Ends a run; `why` may be empty.
-    pub fn end(&mut self, run: RunId, end: RunEnd, why: impl Into<String>) {
+    pub(super) fn end(&mut self, run: RunId, end: RunEnd, why: impl Into<String>) {
         if let Some(known) = self.0.get_mut(&run) {
             (known.end, known.why) = (Some(end), why.into());
         }
     }
 
     /// Takes up a run of before this station had a memory.
-    pub fn recall(&mut self, run: RunId, end: RunEnd) {
+    pub(super) fn recall(&mut self, run: RunId, end: RunEnd) {
         self.0.entry(run).or_insert(Run {
             end: Some(end),
             ..Run::default()
@@ -109,28 +109,28 @@ impl Runs {
     }
 
     /// Counts a picture of a run.
-    pub fn count_picture(&mut self, run: RunId) {
+    pub(super) fn count_picture(&mut self, run: RunId) {
         if let Some(known) = self.0.get_mut(&run) {
             known.images = known.images.saturating_add(1);
         }
     }
 
     /// Returns whether the ground station plans a run; of one that nobody has given as a task it does.
-    pub fn is_swept(&self, run: RunId) -> bool {
+    pub(super) fn is_swept(&self, run: RunId) -> bool {
         self.0
             .get(&run)
             .is_none_or(|known| known.kind == MissionKind::Sweep)
     }
 
     /// Takes that vehicles are out for missions of their own in a run that has no task.
-    pub fn leave_to(&mut self, run: RunId, kind: MissionKind, members: Vec<VehicleId>) {
+    pub(super) fn leave_to(&mut self, run: RunId, kind: MissionKind, members: Vec<VehicleId>) {
         if let Some(known) = self.0.get_mut(&run) {
             (known.kind, known.members) = (kind, members);
         }
     }
 
     /// Returns whether a run was begun, nobody has given it as a task, and it counts as a sweep.
-    pub fn is_sweep_without_task(&self, run: RunId) -> bool {
+    pub(super) fn is_sweep_without_task(&self, run: RunId) -> bool {
         let known = self
             .0
             .get(&run)
@@ -139,7 +139,7 @@ impl Runs {
     }
 
     /// Returns the runs that are left to the vehicles, were begun and have not ended, with their members.
-    pub fn left_to_vehicles(&self) -> Vec<(RunId, Vec<VehicleId>)> {
+    pub(super) fn left_to_vehicles(&self) -> Vec<(RunId, Vec<VehicleId>)> {
         let is_open = |(_, known): &(&RunId, &Run)| known.is_of_vehicles() && known.end.is_none();
         self.0
             .iter()
@@ -149,7 +149,7 @@ impl Runs {
     }
 
     /// Returns the newest run that is left to the vehicles and was begun.
-    pub fn newest_left_to_vehicles(&self) -> Option<RunId> {
+    pub(super) fn newest_left_to_vehicles(&self) -> Option<RunId> {
         self.0
             .iter()
             .rev()
@@ -158,7 +158,7 @@ impl Runs {
     }
 
     /// Returns the run that the task of a run compares it with; `None` = it has no task.
-    pub fn task_compares_with(&self, run: RunId) -> Option<Option<RunId>> {
+    pub(super) fn task_compares_with(&self, run: RunId) -> Option<Option<RunId>> {
         self.0
             .get(&run)
             .filter(|known| known.is_task)
@@ -166,12 +166,12 @@ impl Runs {
     }
 
     /// Returns how an operator wants a run to be swept; `None` = as the ground station's file says.
-    pub fn sweep(&self, run: RunId) -> Option<SweepTask> {
+    pub(super) fn sweep(&self, run: RunId) -> Option<SweepTask> {
         self.0.get(&run)?.sweep
     }
 
     /// Returns what there is to say of each run, ascending; `samples` counts those of a run.
-    pub fn reports(&self, samples: impl Fn(RunId) -> u64) -> Vec<RunReport> {
+    pub(super) fn reports(&self, samples: impl Fn(RunId) -> u64) -> Vec<RunReport> {
         let report = |(run, known): (&RunId, &Run)| RunReport {
             run: *run,
             kind: known.kind,
@@ -184,7 +184,7 @@ impl Runs {
     }
 
     /// Returns why the newest run did not come to its end, if it did not.
-    pub fn trouble(&self) -> Option<String> {
+    pub(super) fn trouble(&self) -> Option<String> {
         let (run, known) = self.0.last_key_value()?;
         let how = match known.end.filter(|_| !known.why.is_empty())? {
             RunEnd::Done => return None,

@@ -10,7 +10,7 @@ const EVERY: Duration = Duration::from_secs(1);
 
 /// When the next tick is due, and how many there were.
 #[derive(Debug, Serialize, Deserialize)]
-pub struct Ticks {
+pub(super) struct Ticks {
     next_at: Time,
     count: u64,
 }
@@ -26,7 +26,7 @@ impl Default for Ticks {
 
 impl Ticks {
     /// Returns whether a tick is due now; it is taken then.
-    pub fn take_due(&mut self, now: Time) -> bool {
+    pub(super) fn take_due(&mut self, now: Time) -> bool {
         let is_due = self.next_at <= now;
         if is_due {
             (self.next_at, self.count) = (now + EVERY, self.count + 1);
@@ -35,12 +35,12 @@ impl Ticks {
     }
 
     /// Returns when the next one is due.
-    pub fn next_at(&self) -> Time {
+    pub(super) fn next_at(&self) -> Time {
         self.next_at
     }
 
     /// Returns how many were taken.
-    pub fn count(&self) -> u64 {
+    pub(super) fn count(&self) -> u64 {
         self.count
     }
 }

@@ -24,7 +24,7 @@ pub(super) struct Announcements {
 
 impl Announcements {
     /// Makes those of a vehicle that has told nothing.
-    pub fn new(own: VehicleId) -> Announcements {
+    pub(super) fn new(own: VehicleId) -> Announcements {
         Announcements {
             holds: None,
             measure: None,
@@ -33,19 +33,19 @@ impl Announcements {
     }
 
     /// Tells for which run is measured, if that has changed.
-    pub fn measure(&mut self, run: Option<RunId>) -> Option<Out> {
+    pub(super) fn measure(&mut self, run: Option<RunId>) -> Option<Out> {
         let is_news = run != std::mem::replace(&mut self.measure, run);
         is_news.then_some(Out::Measure(run))
     }
 
     /// Tells why the vehicle stands and does not go on by itself, if that has changed.
-    pub fn holds(&mut self, why: Option<StandReason>) -> Option<Out> {
+    pub(super) fn holds(&mut self, why: Option<StandReason>) -> Option<Out> {
         let is_news = why != std::mem::replace(&mut self.holds, why);
         is_news.then_some(Out::Holds(why))
     }
 
     /// Returns whether progress is to be told again now, and no more until later.
-    pub fn repeats(&mut self, now: Time) -> bool {
+    pub(super) fn repeats(&mut self, now: Time) -> bool {
         let is_due = self.repeat_at <= now;
         if is_due {
             self.repeat_at = now + REPEAT_EVERY;
@@ -54,7 +54,7 @@ impl Announcements {
     }
 
     /// Returns when progress is told again.
-    pub fn deadline(&self) -> Deadline {
+    pub(super) fn deadline(&self) -> Deadline {
         Deadline {
             at: self.repeat_at,
             why: "repeat progress",

@@ -40,7 +40,7 @@ pub(super) struct Assignment {
 
 impl Assignment {
     /// Makes the assignment of a vehicle that no operator has told anything.
-    pub fn by_file(settings: &VehicleSettings) -> Assignment {
+    pub(super) fn by_file(settings: &VehicleSettings) -> Assignment {
         Assignment {
             vehicle: settings.vehicle,
             is_blind: settings.look.is_blind,
@@ -54,12 +54,12 @@ impl Assignment {
     }
 
     /// Returns the run that it was started in last.
-    pub fn run(&self) -> RunId {
+    pub(super) fn run(&self) -> RunId {
         self.run
     }
 
     /// Returns the kind of what it is out for, also of what it refuses.
-    pub fn kind(&self) -> MissionKind {
+    pub(super) fn kind(&self) -> MissionKind {
         self.kind
     }
 
@@ -67,22 +67,22 @@ impl Assignment {
     ///
     /// # Errors
     /// Why it is never begun.
-    pub fn task(&self) -> Result<Option<&TaskKind>, MissionRefusal> {
+    pub(super) fn task(&self) -> Result<Option<&TaskKind>, MissionRefusal> {
         self.task.as_ref().map(Option::as_ref).map_err(|why| *why)
     }
 
     /// Returns why it never begins what it was told to do.
-    pub fn refusal(&self) -> Option<MissionRefusal> {
+    pub(super) fn refusal(&self) -> Option<MissionRefusal> {
         self.task.as_ref().err().copied()
     }
 
     /// Returns whether it does not follow the ground's plan: it has a mission of its own, or refuses its task.
-    pub fn is_own(&self) -> bool {
+    pub(super) fn is_own(&self) -> bool {
         self.task != Ok(None)
     }
 
     /// Takes a task, unless it is of an earlier run; returns whether the vehicle is out for something else from now on.
-    pub fn hear(&mut self, task: &Task) -> bool {
+    pub(super) fn hear(&mut self, task: &Task) -> bool {
         if task.run < self.run {
             return false;
         }
@@ -95,7 +95,7 @@ impl Assignment {
     }
 
     /// Takes that it is started in a run; returns whether it begins something, or something else.
-    pub fn start(&mut self, run: RunId) -> bool {
+    pub(super) fn start(&mut self, run: RunId) -> bool {
         let is_another = run != self.run;
         self.run = run;
         self.tasks.retain(|kept, _| *kept >= run);

@@ -79,34 +79,34 @@ pub(super) struct Autonomy {
 
 impl Autonomy {
     /// Takes that another node was heard on the bus.
-    pub fn heard_bus(&mut self, now: Time, own: VehicleId, by: Sender) {
+    pub(super) fn heard_bus(&mut self, now: Time, own: VehicleId, by: Sender) {
         if by != Sender::Vehicle(own) {
             self.bus_at = Some(now);
         }
     }
 
     /// Takes that another vehicle was heard by radio.
-    pub fn heard_radio(&mut self, now: Time) {
+    pub(super) fn heard_radio(&mut self, now: Time) {
         self.radio_at = Some(now);
     }
 
     /// Returns whether nobody is heard at all: the vehicle stands.
-    pub fn is_alone(&self) -> bool {
+    pub(super) fn is_alone(&self) -> bool {
         self.is_alone
     }
 
     /// Returns whether the battery is low.
-    pub fn is_battery_low(&self) -> bool {
+    pub(super) fn is_battery_low(&self) -> bool {
         self.is_battery_low
     }
 
     /// Forgets peers that are not known any more: they are neither silent nor heard again.
-    pub fn forget_strangers(&mut self, peers: &Peers) {
+    pub(super) fn forget_strangers(&mut self, peers: &Peers) {
         self.silent.retain(|vehicle| peers.get(*vehicle).is_some());
     }
 
     /// Returns which peers have fallen silent, or are heard again.
-    pub fn watch_peers(&mut self, now: Time, peers: &Peers) -> Vec<Decision> {
+    pub(super) fn watch_peers(&mut self, now: Time, peers: &Peers) -> Vec<Decision> {
         let mut decisions = Vec::new();
         for (vehicle, peer) in peers.iter() {
             if peer.is_silent(now) && self.silent.insert(vehicle) {
@@ -119,7 +119,12 @@ impl Autonomy {
     }
 
     /// Returns what is done about whom the vehicle hears: a bus lost for longer than `autonomy` is lost for good.
-    pub fn watch_links(&mut self, now: Time, autonomy: Duration, goal: Goal) -> Vec<Decision> {
+    pub(super) fn watch_links(
+        &mut self,
+        now: Time,
+        autonomy: Duration,
+        goal: Goal,
+    ) -> Vec<Decision> {
         let Some(bus_at) = self.bus_at else {
             return Vec::new();
         };
@@ -159,7 +164,12 @@ impl Autonomy {
     }
 
     /// Returns what is done about the battery, charged from 0 to 1.
-    pub fn watch_battery(&mut self, battery: f64, safety: &Safety, goal: Goal) -> Option<Decision> {
+    pub(super) fn watch_battery(
+        &mut self,
+        battery: f64,
+        safety: &Safety,
+        goal: Goal,
+    ) -> Option<Decision> {
         let charge = if self.is_battery_low { CHARGED } else { 0.0 };
         self.is_battery_low = battery < safety.battery_return + charge;
         match goal {

@@ -81,7 +81,7 @@ pub(super) struct ReturnQueue {
 
 impl Goal {
     /// Returns the goal of a vehicle that is to return from now on.
-    pub fn go_home(now: Time, by: GoalSource) -> Goal {
+    pub(super) fn go_home(now: Time, by: GoalSource) -> Goal {
         let queue = ReturnQueue {
             since: now,
             try_at: Time::ZERO,
@@ -96,7 +96,7 @@ impl Goal {
     }
 
     /// Returns the goal after an order. A vehicle that came home with a low battery stays there, and by order from now on.
-    pub fn ordered(self, now: Time, kind: OrderKind, is_battery_low: bool) -> Goal {
+    pub(super) fn ordered(self, now: Time, kind: OrderKind, is_battery_low: bool) -> Goal {
         match (kind, self) {
             (OrderKind::Start, Goal::Home(_)) if is_battery_low => Goal::Home(GoalSource::Order),
             (OrderKind::Start, _) => Goal::Following,
@@ -108,7 +108,7 @@ impl Goal {
     }
 
     /// Returns why the vehicle does something that nobody has ordered.
-    pub fn cause(&self) -> Option<AutonomyCause> {
+    pub(super) fn cause(&self) -> Option<AutonomyCause> {
         let by = match self {
             Goal::Waiting | Goal::Following => return None,
             Goal::Held(by) | Goal::Home(by) => by,
@@ -121,7 +121,7 @@ impl Goal {
     }
 
     /// Returns whether the vehicle drives, or is about to.
-    pub fn is_under_way(&self) -> bool {
+    pub(super) fn is_under_way(&self) -> bool {
         match self {
             Goal::Following | Goal::Returning(_) => true,
             Goal::Waiting | Goal::Held(_) | Goal::Home(_) => false,
@@ -129,7 +129,7 @@ impl Goal {
     }
 
     /// Returns whether the vehicle drives home.
-    pub fn drives_home(&self) -> bool {
+    pub(super) fn drives_home(&self) -> bool {
         match self {
             Goal::Returning(home) => home.is_under_way(),
             Goal::Waiting | Goal::Following | Goal::Held(_) | Goal::Home(_) => false,
@@ -137,7 +137,7 @@ impl Goal {
     }
 
     /// Returns what the vehicle does, as a whole.
-    pub fn status(&self) -> MissionStatus {
+    pub(super) fn status(&self) -> MissionStatus {
         match self {
             Goal::Waiting => MissionStatus::Waiting,
             Goal::Following => MissionStatus::Following,
@@ -150,12 +150,12 @@ impl Goal {
 
 impl Return {
     /// Returns whether it drives.
-    pub fn is_under_way(&self) -> bool {
+    pub(super) fn is_under_way(&self) -> bool {
         matches!(self.stage, ReturnStage::UnderWay { .. })
     }
 
     /// Returns the same return now that others have their turn; the way home is judged again at `try_at`.
-    pub fn stepped_back(self, now: Time, try_at: Time) -> Return {
+    pub(super) fn stepped_back(self, now: Time, try_at: Time) -> Return {
         let barred_since = match self.stage {
             ReturnStage::InQueue(queue) => queue.barred_since,
             ReturnStage::UnderWay { .. } => None,

@@ -57,7 +57,7 @@ pub(super) struct GroundPlan {
 
 impl GroundPlan {
     /// Makes the plan of a vehicle that has heard of none.
-    pub fn new(settings: &VehicleSettings) -> GroundPlan {
+    pub(super) fn new(settings: &VehicleSettings) -> GroundPlan {
         GroundPlan {
             vehicle: settings.vehicle,
             follower: None,
@@ -74,7 +74,7 @@ impl GroundPlan {
     }
 
     /// Takes where the vehicle is; returns whether that was not known before.
-    pub fn begin_at(&mut self, place: Point) -> bool {
+    pub(super) fn begin_at(&mut self, place: Point) -> bool {
         let is_new = self.follower.is_none();
         self.follower
             .get_or_insert_with(|| Follower::new(self.vehicle, place, START_TOLERANCE_M));
@@ -82,27 +82,27 @@ impl GroundPlan {
     }
 
     /// Returns whether the vehicle knows where it is, so that plans can be followed.
-    pub fn is_begun(&self) -> bool {
+    pub(super) fn is_begun(&self) -> bool {
         self.follower.is_some()
     }
 
     /// Returns how far the vehicle was when that was last asked.
-    pub fn progress(&self) -> VehicleProgress {
+    pub(super) fn progress(&self) -> VehicleProgress {
         self.told.progress()
     }
 
     /// Returns how many stops of the plan are done, and how many it has; none of none while there is no plan.
-    pub fn stops_done(&self) -> (usize, usize) {
+    pub(super) fn stops_done(&self) -> (usize, usize) {
         self.follower.as_ref().map_or((0, 0), Follower::stops_done)
     }
 
     /// Returns whether all stops of a plan are done.
-    pub fn is_done(&self) -> bool {
+    pub(super) fn is_done(&self) -> bool {
         self.told.is_end_told()
     }
 
     /// Returns what the vehicle does for the plan while it follows.
-    pub fn phase(&self) -> MissionPhase {
+    pub(super) fn phase(&self) -> MissionPhase {
         match (&self.follower, self.waits_for()) {
             _ if self.has_left => MissionPhase::Waiting,
             (Some(follower), _) if follower.deadline().is_some() => MissionPhase::Dwelling,
@@ -121,28 +121,28 @@ impl GroundPlan {
     }
 
     /// Returns why no leg may be entered now.
-    pub fn waits_for(&self) -> Option<WaitsFor> {
+    pub(super) fn waits_for(&self) -> Option<WaitsFor> {
         self.follower.as_ref().and_then(Follower::waits_for)
     }
 
     /// Takes that the vehicle leaves its plan.
-    pub fn leave(&mut self) {
+    pub(super) fn leave(&mut self) {
         self.has_left = true;
     }
 
     /// Returns whether the vehicle has left its plan.
-    pub fn has_left(&self) -> bool {
+    pub(super) fn has_left(&self) -> bool {
         self.has_left
     }
 
     /// Returns why a plan is not taken, the first time that it comes; `is_old` = it answers a state that is too old, or
     /// has a lower right than others.
-    pub fn refuse(&mut self, plan: &Plan, is_old: bool) -> Result<(), Option<MissionEvent>> {
+    pub(super) fn refuse(&mut self, plan: &Plan, is_old: bool) -> Result<(), Option<MissionEvent>> {
         self.refusals.judge(plan, is_old)
     }
 
     /// Returns whether a plan is the vehicle's own and newer than the one followed.
-    pub fn is_newer(&self, plan: &Plan) -> bool {
+    pub(super) fn is_newer(&self, plan: &Plan) -> bool {
         let followed = self.follower.as_ref().and_then(Follower::plan);
         let edition = (plan.run, plan.revision);
         plan.vehicle == self.vehicle
@@ -150,7 +150,7 @@ impl GroundPlan {
     }
 
     /// Takes a plan, own or a peer's; returns why the revision does not fit, when that is news.
-    pub fn offer(&mut self, now: Time, plan: &Plan) -> Option<MissionEvent> {
+    pub(super) fn offer(&mut self, now: Time, plan: &Plan) -> Option<MissionEvent> {
         let follower = self.follower.as_mut()?;
         let edition = (plan.run, plan.revision);
         match follower.pending_edition() {
@@ -172,14 +172,14 @@ impl GroundPlan {
     }
 
     /// Takes how far a peer is.
-    pub fn hear(&mut self, now: Time, progress: &VehicleProgress) {
+    pub(super) fn hear(&mut self, now: Time, progress: &VehicleProgress) {
         if let Some(follower) = &mut self.follower {
             follower.hear(now, progress);
         }
     }
 
     /// Takes that a vehicle that was held goes on.
-    pub fn resume(&mut self) {
+    pub(super) fn resume(&mut self) {
         if let Some(follower) = &mut self.follower {
             follower.resume();
         }
@@ -187,7 +187,7 @@ impl GroundPlan {
 
     /// Enters the next leg and returns it: stops without dwell are driven through, so legs are entered ahead of a way that
     /// is still `way_m` long. Farther ahead when there is `no_path` to what was entered.
-    pub fn enter_next(&mut self, way_m: f64, no_path: bool) -> Option<Stop> {
+    pub(super) fn enter_next(&mut self, way_m: f64, no_path: bool) -> Option<Stop> {
         let ahead_m = if no_path { ENTER_FAR_M } else { ENTER_AHEAD_M };
         let follower = self.follower.as_mut().filter(|_| way_m < ahead_m)?;
         let stop = follower.next_leg().cloned()?;
@@ -195,13 +195,13 @@ impl GroundPlan {
     }
 
     /// Takes that a stop was passed or reached.
-    pub fn pass(&mut self, now: Time, stop: StopId, place: Point) {
+    pub(super) fn pass(&mut self, now: Time, stop: StopId, place: Point) {
         self.skips = 0;
         self.done(now, stop, place);
     }
 
     /// Takes that a stop is given up.
-    pub fn skip(&mut self, now: Time, stop: StopId, place: Point) {
+    pub(super) fn skip(&mut self, now: Time, stop: StopId, place: Point) {
         self.done(now, stop, place);
     }
 
@@ -213,14 +213,14 @@ impl GroundPlan {
     }
 
     /// Takes that time goes on while the vehicle follows.
-    pub fn wake(&mut self, now: Time) {
+    pub(super) fn wake(&mut self, now: Time) {
         if let Some(follower) = &mut self.follower {
             follower.wake(now);
         }
     }
 
     /// Takes that the vehicle rests at a place without a way to drive: a newer revision may be adopted from there.
-    pub fn rest_at(&mut self, place: Point) {
+    pub(super) fn rest_at(&mut self, place: Point) {
         if let Some(follower) = &mut self.follower {
             // Whether one was adopted shows in the news.
             follower.hold(place);
@@ -229,7 +229,11 @@ impl GroundPlan {
 
     /// Returns whether the next stop is given up, `ahead` of those entered being left: neither it nor another one that may
     /// be entered can be reached, but one behind them can; the others wait for this vehicle, and it would wait for them.
-    pub fn gives_up_stop(&mut self, ahead: usize, can_reach: impl Fn(Point) -> bool) -> bool {
+    pub(super) fn gives_up_stop(
+        &mut self,
+        ahead: usize,
+        can_reach: impl Fn(Point) -> bool,
+    ) -> bool {
         let behind = self.stops_behind();
         let is_end = behind.is_empty() && ahead <= LAST_STOPS;
         let leads_on = || {
@@ -256,7 +260,7 @@ impl GroundPlan {
     }
 
     /// Returns what has changed since it was last asked.
-    pub fn news(&mut self) -> PlanNews {
+    pub(super) fn news(&mut self) -> PlanNews {
         let Some(follower) = &self.follower else {
             return PlanNews::default();
         };
@@ -266,7 +270,7 @@ impl GroundPlan {
     }
 
     /// Returns the run for which is measured while the plan is followed.
-    pub fn measures_for(&self) -> Option<RunId> {
+    pub(super) fn measures_for(&self) -> Option<RunId> {
         let follower = self
             .follower
             .as_ref()
@@ -275,7 +279,7 @@ impl GroundPlan {
     }
 
     /// Returns when the dwell at a stop ends.
-    pub fn deadline(&self) -> Option<Deadline> {
+    pub(super) fn deadline(&self) -> Option<Deadline> {
         self.follower
             .as_ref()
             .filter(|_| !self.has_left)

@@ -23,7 +23,7 @@ pub(super) enum WayHome {
 
 impl WayHome {
     /// Returns how the way home looks from where a search begins, when peers that stand claim this.
-    pub fn of(search: &PathSearch<'_>, home: Point, peers: &[Vec<Point>]) -> WayHome {
+    pub(super) fn of(search: &PathSearch<'_>, home: Point, peers: &[Vec<Point>]) -> WayHome {
         let is_open = |peers| {
             search.path(home, false, peers).is_some() || search.driven_path(home, peers).is_some()
         };

@@ -32,7 +32,7 @@ use crate::time::Time;
 
 /// What a mission is told.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub enum MissionInput {
+pub(super) enum MissionInput {
     /// Nothing is being done: the last step is over, or was interrupted.
     Ready,
     /// It is under way to where it said; told about once a second.
@@ -54,7 +54,7 @@ pub enum MissionInput {
 
 /// What a mission wants done next.
 #[derive(Clone, PartialEq, Debug)]
-pub enum MissionStep {
+pub(super) enum MissionStep {
     /// What is being done goes on.
     GoOn,
     /// Nothing yet: it says a step when it has thought.
@@ -80,7 +80,7 @@ pub enum MissionStep {
 
 /// A way to drive as it is.
 #[derive(Clone, PartialEq, Debug)]
-pub struct DriveRoute {
+pub(super) struct DriveRoute {
     /// Its corners after where the vehicle is.
     pub corners: Vec<Point>,
     /// It leads over places that count as open only since the vehicle has driven there.
@@ -89,7 +89,7 @@ pub struct DriveRoute {
 
 /// Why a place of a mission is passed over.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub enum PassedOver {
+pub(super) enum PassedOver {
     /// No way leads there: all that can be reached was searched.
     NoWay,
     /// Something was in the way too often, although a way may lead there.
@@ -97,7 +97,7 @@ pub enum PassedOver {
 }
 
 /// What a mission may look at when it decides.
-pub struct MissionContext<'a> {
+pub(super) struct MissionContext<'a> {
     /// Now.
     pub now: Time,
     /// Where the vehicle is.
@@ -110,7 +110,7 @@ pub struct MissionContext<'a> {
 
 impl MissionContext<'_> {
     /// Returns what peers claim, whether they move or not.
-    pub fn claims(&self) -> Vec<Vec<Point>> {
+    pub(super) fn claims(&self) -> Vec<Vec<Point>> {
         self.peers
             .iter()
             .map(|(_, peer)| peer.claim.clone())
@@ -119,7 +119,7 @@ impl MissionContext<'_> {
 }
 
 /// A kind of mission: told what is seen, it says the next step. Every mission ends: a look is counted, a wait has a limit.
-pub trait Behaviour {
+pub(super) trait Behaviour {
     /// Returns the next step.
     fn next(&mut self, seen: MissionInput, around: &MissionContext<'_>) -> MissionStep;
 
@@ -138,7 +138,7 @@ pub trait Behaviour {
 
 /// The list of all kinds.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub enum AnyBehaviour {
+pub(super) enum AnyBehaviour {
     /// Straight legs.
     Straight(Straight),
     /// A look around.
@@ -153,7 +153,7 @@ pub enum AnyBehaviour {
 
 impl AnyBehaviour {
     /// Makes the mission of a task; `None` when the ground station plans.
-    pub fn of(settings: &VehicleSettings) -> Option<AnyBehaviour> {
+    pub(super) fn of(settings: &VehicleSettings) -> Option<AnyBehaviour> {
         let points =
             |places: &[Position]| places.iter().map(|at| Point::from(*at)).collect::<Vec<_>>();
         let metres = |length_mm: u32| f64::from(length_mm) / 1000.0;
@@ -185,7 +185,7 @@ impl AnyBehaviour {
     }
 
     /// Returns how many places are still to be visited; a search has no list of places.
-    pub fn places_left(&self) -> usize {
+    pub(super) fn places_left(&self) -> usize {
         match self {
             AnyBehaviour::Straight(straight) => straight.places_left(),
             AnyBehaviour::Pathfind(pathfind) => pathfind.places_left(),
@@ -195,7 +195,7 @@ impl AnyBehaviour {
     }
 
     /// Returns the mission, of whatever kind.
-    pub fn mission(&mut self) -> &mut dyn Behaviour {
+    pub(super) fn mission(&mut self) -> &mut dyn Behaviour {
         match self {
             AnyBehaviour::Straight(straight) => straight,
             AnyBehaviour::Browse(browse) => browse,

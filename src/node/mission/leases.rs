@@ -20,7 +20,7 @@ pub(super) struct PlanLeases {
 
 impl PlanLeases {
     /// Makes the leases of a vehicle whose earlier starts have left this.
-    pub fn remembering(memory: VehicleMemory) -> PlanLeases {
+    pub(super) fn remembering(memory: VehicleMemory) -> PlanLeases {
         PlanLeases {
             greatest: memory.lease(),
             asked: memory.lease(),
@@ -29,27 +29,27 @@ impl PlanLeases {
     }
 
     /// Returns the greatest lease followed.
-    pub fn greatest(&self) -> Lease {
+    pub(super) fn greatest(&self) -> Lease {
         self.greatest
     }
 
     /// Follows the lease of an order that is obeyed.
-    pub fn follow(&mut self, lease: Lease) {
+    pub(super) fn follow(&mut self, lease: Lease) {
         self.greatest = self.greatest.max(lease);
     }
 
     /// Returns whether a greater lease was followed, or is about to be.
-    pub fn are_above(&self, lease: Lease) -> bool {
+    pub(super) fn are_above(&self, lease: Lease) -> bool {
         lease < self.greatest.max(self.asked)
     }
 
     /// Returns whether a plan by this right has to wait for the disk.
-    pub fn is_greater(&self, lease: Lease) -> bool {
+    pub(super) fn is_greater(&self, lease: Lease) -> bool {
         lease > self.greatest
     }
 
     /// Keeps a plan until the disk has its lease; returns what is to be remembered, unless that was asked for before.
-    pub fn wait_with(&mut self, plan: &Plan) -> Option<VehicleMemory> {
+    pub(super) fn wait_with(&mut self, plan: &Plan) -> Option<VehicleMemory> {
         let edition = |plan: &Plan| (plan.lease, plan.run, plan.revision);
         let known = self.waiting.get(&plan.vehicle);
         if known.is_none_or(|known| edition(known) <= edition(plan)) {
@@ -61,7 +61,7 @@ impl PlanLeases {
     }
 
     /// Takes what is on disk; returns the plans that need not wait any more.
-    pub fn remembered(&mut self, on_disk: VehicleMemory) -> Vec<Plan> {
+    pub(super) fn remembered(&mut self, on_disk: VehicleMemory) -> Vec<Plan> {
         self.follow(on_disk.lease());
         let greatest = self.greatest;
         let all = std::mem::take(&mut self.waiting);

@@ -17,13 +17,13 @@ const REACHED_RAD: f64 = 0.1;
 const TURN_MAX: Duration = Duration::from_secs(12);
 
 /// Returns how long a look takes once its heading is reached: every beam twice.
-pub fn dwell(look: &LookSettings) -> Duration {
+pub(super) fn dwell(look: &LookSettings) -> Duration {
     2 * look.cycle() + look.period
 }
 
 /// One look around.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-pub struct LookAround {
+pub(super) struct LookAround {
     toward: Angle,
     turn: usize,
     turns: usize,
@@ -33,7 +33,7 @@ pub struct LookAround {
 
 /// What to do next.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub enum Next {
+pub(super) enum Next {
     /// Turn to this heading.
     Turn(Angle),
     /// Stay, the sensor is looking.
@@ -44,7 +44,7 @@ pub enum Next {
 
 impl LookAround {
     /// Begins with the heading toward what is unknown.
-    pub fn toward(angle: Angle, now: Time) -> LookAround {
+    pub(super) fn toward(angle: Angle, now: Time) -> LookAround {
         LookAround {
             toward: angle,
             turn: 0,
@@ -55,7 +55,7 @@ impl LookAround {
     }
 
     /// Looks along one heading only.
-    pub fn once(angle: Angle, now: Time) -> LookAround {
+    pub(super) fn once(angle: Angle, now: Time) -> LookAround {
         LookAround {
             turns: 1,
             ..LookAround::toward(angle, now)
@@ -63,17 +63,23 @@ impl LookAround {
     }
 
     /// Returns the heading that it began with.
-    pub fn toward_heading(&self) -> Angle {
+    pub(super) fn toward_heading(&self) -> Angle {
         self.toward
     }
 
     /// Returns the heading looked at now.
-    pub fn heading(&self) -> Angle {
+    pub(super) fn heading(&self) -> Angle {
         self.toward + Angle::from_degrees(OFFSETS_DEG[self.turn.min(OFFSETS_DEG.len() - 1)])
     }
 
     /// Goes on: `dwell` is how long to look once a heading is reached.
-    pub fn next(&mut self, now: Time, heading: Angle, resting: bool, dwell: Duration) -> Next {
+    pub(super) fn next(
+        &mut self,
+        now: Time,
+        heading: Angle,
+        resting: bool,
+        dwell: Duration,
+    ) -> Next {
         let reached = resting && (heading - self.heading()).radians().abs() <= REACHED_RAD;
         if reached && self.seen_from.is_none() {
             self.seen_from = Some(now);

@@ -36,7 +36,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::StopId;
 
-pub use self::purpose::Unknown;
+pub(super) use self::purpose::Unknown;
 
 use self::attempts::Attempts;
 use self::detour::{Detour, FoundPath};
@@ -55,7 +55,7 @@ use crate::time::{Deadline, Time};
 /// How far ahead the strip is judged, metres.
 const AHEAD_M: f64 = 4.0;
 /// At rest this near to the end, the end is reached, metres.
-pub const ARRIVED_M: f64 = 0.35;
+pub(super) const ARRIVED_M: f64 = 0.35;
 /// After a search without a result, wait this long; longer after every further one.
 const SEARCH_AGAIN: Duration = Duration::from_secs(3);
 /// The longest such wait, in shortest ones.
@@ -94,7 +94,7 @@ enum State {
 
 /// Drives along a way.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Pilot {
+pub(super) struct Pilot {
     settings: VehicleSettings,
     state: State,
     way: Way,
@@ -115,7 +115,7 @@ struct Situation<'a> {
 
 impl Pilot {
     /// Makes a pilot that has nowhere to go.
-    pub fn new(settings: VehicleSettings) -> Pilot {
+    pub(super) fn new(settings: VehicleSettings) -> Pilot {
         Pilot {
             settings,
             state: State::Driving,
@@ -128,22 +128,22 @@ impl Pilot {
     }
 
     /// Returns the way ahead.
-    pub fn way(&self) -> &Way {
+    pub(super) fn way(&self) -> &Way {
         &self.way
     }
 
     /// Returns how many searches in a row have found nothing on the way that can be reached.
-    pub fn failures(&self) -> u32 {
+    pub(super) fn failures(&self) -> u32 {
         self.attempts.failures()
     }
 
     /// Returns whether the vehicle refuses whatever path is found.
-    pub fn is_refused(&self) -> bool {
+    pub(super) fn is_refused(&self) -> bool {
         self.command.is_every_path_refused()
     }
 
     /// Returns when to be asked again without any input.
-    pub fn deadline(&self) -> Option<Deadline> {
+    pub(super) fn deadline(&self) -> Option<Deadline> {
         let (at, why) = match &self.state {
             State::Driving | State::Looking(_) => return None,
             State::Planning { ready, .. } => (*ready, "path ready"),
@@ -153,7 +153,7 @@ impl Pilot {
     }
 
     /// Adds a leg at the end of the way.
-    pub fn append(
+    pub(super) fn append(
         &mut self,
         route: impl IntoIterator<Item = Point>,
         to: Point,
@@ -165,7 +165,7 @@ impl Pilot {
     /// Takes a route, corners after where the vehicle is, that is driven as it is: what blocks it is said, and the
     /// giver of the route decides. What is unknown on it is looked at as on every way.
     /// A narrow route leads over places where the vehicle has driven, see [`Terrain::driven`].
-    pub fn take_route(&mut self, place: Point, corners: &[Point], is_narrow: bool) {
+    pub(super) fn take_route(&mut self, place: Point, corners: &[Point], is_narrow: bool) {
         let Some((end, corners)) = corners.split_last() else {
             return;
         };
@@ -179,7 +179,7 @@ impl Pilot {
     }
 
     /// Begins the way home from where the vehicle is.
-    pub fn go_home(&mut self, now: Time, pose: Pose, terrain: &Terrain, unknown: Unknown) {
+    pub(super) fn go_home(&mut self, now: Time, pose: Pose, terrain: &Terrain, unknown: Unknown) {
         self.give_up(pose.at);
         self.way.append([], self.settings.home, None);
         self.purpose = Purpose::home(unknown);
@@ -188,7 +188,7 @@ impl Pilot {
     }
 
     /// Gives up the way, and whatever was being done about it.
-    pub fn give_up(&mut self, place: Point) {
+    pub(super) fn give_up(&mut self, place: Point) {
         self.state = State::Driving;
         self.way.clear(place);
         (self.purpose, self.stretch) = (Purpose::Plan, Stretch::Ordinary);
@@ -197,24 +197,24 @@ impl Pilot {
     }
 
     /// Leaves out the way to the next stop, which cannot be reached; returns the stops at it.
-    pub fn skip(&mut self, place: Point) -> Vec<StopId> {
+    pub(super) fn skip(&mut self, place: Point) -> Vec<StopId> {
         self.command.forget_end();
         self.stretch.end_retreat();
         self.way.skip(place)
     }
 
     /// Forgets the standing command: the vehicle was stopped.
-    pub fn halted(&mut self, now: Time) {
+    pub(super) fn halted(&mut self, now: Time) {
         self.command.stop(now);
     }
 
     /// Forgets the standing command, which was refused.
-    pub fn refused(&mut self, now: Time) {
+    pub(super) fn refused(&mut self, now: Time) {
         self.command.refuse(now);
     }
 
     /// Goes on with what the vehicle says of itself; returns a command, if one is due.
-    pub fn advance(
+    pub(super) fn advance(
         &mut self,
         now: Time,
         state: &OwnState,

@@ -54,7 +54,7 @@ pub(super) enum Turn {
 impl Returning<'_> {
     /// Returns whether a vehicle in the queue may drive: all lower ids have been at rest, longer the more there are, and the
     /// higher ones stand.
-    pub fn is_its_turn(&self, queue: &ReturnQueue) -> bool {
+    pub(super) fn is_its_turn(&self, queue: &ReturnQueue) -> bool {
         let quiet = QUIET * self.lower().count() as u32;
         let mut higher = self.peers.iter().filter(|(id, _)| *id > self.own);
         let higher_stand = higher.all(|(_, peer)| peer.stands(self.now));
@@ -70,7 +70,7 @@ impl Returning<'_> {
     }
 
     /// Returns what a vehicle does whose turn it is, as the way home looks.
-    pub fn turn(&self, queue: &ReturnQueue, way_home: WayHome) -> Turn {
+    pub(super) fn turn(&self, queue: &ReturnQueue, way_home: WayHome) -> Turn {
         let others_move = self.peers.iter().any(|(_, peer)| !peer.stands(self.now));
         let presses_on = others_move || self.is_battery_low();
         match way_home {
@@ -111,17 +111,17 @@ impl Returning<'_> {
 
     /// Returns the return after a search in vain, or after a path that was blocked at once, when others have their turn by
     /// that; `failures` = how many there were in a row.
-    pub fn after_failures(&self, failures: u32) -> Option<Return> {
+    pub(super) fn after_failures(&self, failures: u32) -> Option<Return> {
         self.gives_way(failures).then(|| self.tried_in_vain())
     }
 
     /// Returns the return after the vehicle has refused whatever path was found, when others have their turn by that.
-    pub fn after_refused_paths(&self) -> Option<Return> {
+    pub(super) fn after_refused_paths(&self) -> Option<Return> {
         (!self.is_battery_low()).then(|| self.tried_in_vain())
     }
 
     /// Returns the return after a command was refused, or given up, for a peer, when that goes first: a lower id that drives.
-    pub fn after_refusal_for(&self, peer: VehicleId) -> Option<Return> {
+    pub(super) fn after_refusal_for(&self, peer: VehicleId) -> Option<Return> {
         let drives = self.peers.get(peer).is_some_and(|peer| !peer.resting);
         let yields = self.home.is_under_way() && drives && peer < self.own;
         yields.then(|| self.stepped_back())

@@ -86,7 +86,7 @@ enum Phase {
 
 /// A mission under way.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct StepRunner {
+pub(super) struct StepRunner {
     settings: VehicleSettings,
     mission: OwnMission,
     phase: Phase,
@@ -97,7 +97,7 @@ pub struct StepRunner {
 }
 
 /// What a runner is told and may use.
-pub struct RunnerContext<'a> {
+pub(super) struct RunnerContext<'a> {
     /// Now.
     pub now: Time,
     /// The own state.
@@ -138,7 +138,7 @@ impl RunnerContext<'_> {
 
 impl StepRunner {
     /// Makes the runner of the mission that a vehicle is out for; `None` when the ground station plans.
-    pub fn of(settings: &VehicleSettings) -> Option<StepRunner> {
+    pub(super) fn of(settings: &VehicleSettings) -> Option<StepRunner> {
         Some(StepRunner {
             settings: settings.clone(),
             mission: OwnMission::UnderWay(AnyBehaviour::of(settings)?),
@@ -150,14 +150,14 @@ impl StepRunner {
     }
 
     /// Notes that a tile of the map has changed.
-    pub fn learn(&mut self, tile: &TileReport) {
+    pub(super) fn learn(&mut self, tile: &TileReport) {
         if let Some(mission) = self.mission.under_way() {
             mission.tile_changed(tile.address);
         }
     }
 
     /// Returns when to be asked again without any input.
-    pub fn deadline(&self) -> Option<Deadline> {
+    pub(super) fn deadline(&self) -> Option<Deadline> {
         match self.phase {
             Phase::Choosing { from } => Some(Deadline {
                 at: from,
@@ -168,7 +168,7 @@ impl StepRunner {
     }
 
     /// Returns what the vehicle does for the mission while it follows.
-    pub fn phase(&self) -> MissionPhase {
+    pub(super) fn phase(&self) -> MissionPhase {
         match self.phase {
             Phase::Choosing { .. } if self.yields.in_a_row() > 0 => MissionPhase::Yielding,
             Phase::Choosing { .. } if self.end().is_some() => MissionPhase::Returning,
@@ -191,24 +191,24 @@ impl StepRunner {
     }
 
     /// Returns how many places of the mission are still to be visited; one that has no list of places has none.
-    pub fn places_left(&self) -> usize {
+    pub(super) fn places_left(&self) -> usize {
         self.mission.places_left()
     }
 
     /// Returns how the mission ended; `None` = it has not.
-    pub fn end(&self) -> Option<&EndReason> {
+    pub(super) fn end(&self) -> Option<&EndReason> {
         self.mission.end()
     }
 
     /// Begins to think anew, after the vehicle was stopped or held.
-    pub fn interrupt(&mut self, now: Time) {
+    pub(super) fn interrupt(&mut self, now: Time) {
         if !matches!(self.phase, Phase::Over) {
             self.think(now);
         }
     }
 
     /// Goes on; `met` is what the pilot met.
-    pub fn go_on(&mut self, scene: &mut RunnerContext<'_>, met: &[WayEvent]) {
+    pub(super) fn go_on(&mut self, scene: &mut RunnerContext<'_>, met: &[WayEvent]) {
         if let Some(WayEvent::Blocked(at)) =
             met.iter().find(|met| matches!(met, WayEvent::Blocked(_)))
         {

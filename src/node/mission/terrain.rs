@@ -12,7 +12,7 @@ mod search;
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::TileReport;
 
-pub use self::search::{PathSearch, RULES};
+pub(super) use self::search::{PathSearch, RULES};
 
 use self::driven_places::DrivenPlaces;
 use self::reflex_obstacles::ReflexObstacles;
@@ -29,7 +29,7 @@ const VIEW_MARGIN_M: f64 = 2.0;
 
 /// What is known of the ground.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Terrain {
+pub(super) struct Terrain {
     settings: VehicleSettings,
     map: Merged,
     reflex_obstacles: ReflexObstacles,
@@ -39,7 +39,7 @@ pub struct Terrain {
 }
 
 /// A strip of a way of which a release is wanted.
-pub struct Strip<'a> {
+pub(super) struct Strip<'a> {
     /// The way that the strip belongs to.
     pub way: &'a Way,
     /// The corners of the strip: the way, or the first part of it.
@@ -50,7 +50,7 @@ pub struct Strip<'a> {
 
 impl Terrain {
     /// Makes the terrain of a vehicle that knows nothing of the world.
-    pub fn new(settings: VehicleSettings) -> Terrain {
+    pub(super) fn new(settings: VehicleSettings) -> Terrain {
         Terrain {
             map: Merged::new(settings.lattice, None),
             settings,
@@ -61,59 +61,59 @@ impl Terrain {
     }
 
     /// Takes a tile of the map actor.
-    pub fn learn(&mut self, tile: &TileReport) {
+    pub(super) fn learn(&mut self, tile: &TileReport) {
         // The map actor has checked it; one that is known already changes nothing.
         let _ = self.map.join(tile);
     }
 
     /// Remembers what made the reflex halt.
-    pub fn note_obstacle(&mut self, now: Time, obstacle: ReflexObstacle) {
+    pub(super) fn note_obstacle(&mut self, now: Time, obstacle: ReflexObstacle) {
         self.reflex_obstacles.note(now, obstacle);
     }
 
     /// Takes what peers that stand or are silent claim, to be planned around.
-    pub fn note_standing_peers(&mut self, claims: Vec<Vec<Point>>) {
+    pub(super) fn note_standing_peers(&mut self, claims: Vec<Vec<Point>>) {
         self.standing_peers = claims;
     }
 
     /// Remembers where the vehicle is.
-    pub fn note_place(&mut self, place: Point) {
+    pub(super) fn note_place(&mut self, place: Point) {
         self.driven_places.note(place);
     }
 
     /// Returns the map.
-    pub fn map(&self) -> &Merged {
+    pub(super) fn map(&self) -> &Merged {
         &self.map
     }
 
     /// Returns whether a place is known to be free.
-    pub fn is_free(&self, place: Point) -> bool {
+    pub(super) fn is_free(&self, place: Point) -> bool {
         let cell = self.settings.lattice.cell_at(place);
         self.map.occupancy(self.settings.slice, cell) == Occupancy::Free
     }
 
     /// Returns what peers that stand or are silent claim.
-    pub fn standing_peers(&self) -> &[Vec<Point>] {
+    pub(super) fn standing_peers(&self) -> &[Vec<Point>] {
         &self.standing_peers
     }
 
     /// Returns the places where the vehicle has driven, in order.
-    pub fn driven(&self) -> &[Point] {
+    pub(super) fn driven(&self) -> &[Point] {
         self.driven_places.all()
     }
 
     /// Returns the places that the vehicle has passed lately, oldest first: the way back out of a dead end.
-    pub fn passed_lately(&self) -> impl DoubleEndedIterator<Item = Point> {
+    pub(super) fn passed_lately(&self) -> impl DoubleEndedIterator<Item = Point> {
         self.driven_places.recent()
     }
 
     /// Returns how far the middle of a vehicle at a pose keeps from what stands there, metres.
-    pub fn keep_m(&self, pose: Pose) -> f64 {
+    pub(super) fn keep_m(&self, pose: Pose) -> f64 {
         search::keep_m(&self.settings, pose)
     }
 
     /// Returns the search for paths of a vehicle at a pose.
-    pub fn search(&self, now: Time, pose: Pose) -> PathSearch<'_> {
+    pub(super) fn search(&self, now: Time, pose: Pose) -> PathSearch<'_> {
         PathSearch {
             settings: &self.settings,
             map: &self.map,
@@ -124,7 +124,7 @@ impl Terrain {
     }
 
     /// Returns whether a place could be reached, as far as is known; unknown cells count as free.
-    pub fn can_reach(&self, now: Time, pose: Pose, place: Point) -> bool {
+    pub(super) fn can_reach(&self, now: Time, pose: Pose, place: Point) -> bool {
         self.search(now, pose)
             .path(place, true, &self.standing_peers)
             .is_some()
@@ -132,7 +132,7 @@ impl Terrain {
 
     /// Returns how far a strip may be driven by a vehicle at a pose: as far as the map knows it to be free, and nothing on
     /// it has made the reflex halt.
-    pub fn release(&self, now: Time, pose: Pose, strip: &Strip<'_>) -> Release {
+    pub(super) fn release(&self, now: Time, pose: Pose, strip: &Strip<'_>) -> Release {
         let margin_m = strip.corridor.ahead_m + VIEW_MARGIN_M;
         let around = Rect::new(pose.at, pose.at).shrunk(-margin_m);
         let area = CellRect::covering(self.settings.lattice, around);

@@ -15,7 +15,7 @@ const BESIDE_M: f64 = 0.6;
 
 /// A corner of the way.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-pub struct Corner {
+pub(super) struct Corner {
     /// Where it is.
     pub at: Point,
     /// Stops that are done when it is passed; more than one when a stop before it could not be reached.
@@ -24,7 +24,7 @@ pub struct Corner {
 
 /// The way ahead.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct Way {
+pub(super) struct Way {
     /// The corner passed last: where the present piece begins.
     behind: Point,
     ahead: VecDeque<Corner>,
@@ -34,29 +34,29 @@ pub struct Way {
 
 impl Way {
     /// Returns whether nothing is ahead.
-    pub fn is_empty(&self) -> bool {
+    pub(super) fn is_empty(&self) -> bool {
         self.ahead.is_empty()
     }
 
     /// Returns the corners ahead.
-    pub fn ahead(&self) -> impl Iterator<Item = &Corner> {
+    pub(super) fn ahead(&self) -> impl Iterator<Item = &Corner> {
         self.ahead.iter()
     }
 
     /// Returns the stops ahead.
-    pub fn stops(&self) -> impl Iterator<Item = StopId> {
+    pub(super) fn stops(&self) -> impl Iterator<Item = StopId> {
         self.ahead
             .iter()
             .flat_map(|corner| corner.stops.iter().copied())
     }
 
     /// Returns the end of the way.
-    pub fn end(&self) -> Point {
+    pub(super) fn end(&self) -> Point {
         self.ahead.back().map_or(self.behind, |corner| corner.at)
     }
 
     /// Adds a leg to a stop at the end.
-    pub fn append(
+    pub(super) fn append(
         &mut self,
         route: impl IntoIterator<Item = Point>,
         to: Point,
@@ -74,7 +74,7 @@ impl Way {
 
     /// Replaces the first `count` corners ahead by other ones that lead from `from` to the last of them;
     /// their stops are done at its end.
-    pub fn replace(&mut self, from: Point, count: usize, corners: &[Point]) {
+    pub(super) fn replace(&mut self, from: Point, count: usize, corners: &[Point]) {
         let replaced: Vec<Corner> = self.ahead.drain(..count.min(self.ahead.len())).collect();
         let stops: Vec<StopId> = replaced
             .into_iter()
@@ -89,7 +89,7 @@ impl Way {
     }
 
     /// Leaves out what is ahead up to the next stop, from a place where the vehicle rests; returns the stops there.
-    pub fn skip(&mut self, place: Point) -> Vec<StopId> {
+    pub(super) fn skip(&mut self, place: Point) -> Vec<StopId> {
         self.behind = place;
         while let Some(corner) = self.ahead.pop_front() {
             if !corner.stops.is_empty() {
@@ -100,7 +100,7 @@ impl Way {
     }
 
     /// Forgets everything ahead.
-    pub fn clear(&mut self, place: Point) {
+    pub(super) fn clear(&mut self, place: Point) {
         *self = Way {
             behind: place,
             ahead: VecDeque::new(),
@@ -109,7 +109,7 @@ impl Way {
     }
 
     /// Takes the place where the vehicle is; returns the stops that it has passed by that.
-    pub fn pass(&mut self, place: Point) -> Vec<StopId> {
+    pub(super) fn pass(&mut self, place: Point) -> Vec<StopId> {
         let mut passed = Vec::new();
         while let Some(next) = self.ahead.front() {
             let piece = Segment::new(self.behind, next.at);
@@ -128,7 +128,7 @@ impl Way {
     }
 
     /// Ends the way here: the vehicle rests near enough to the end; returns the stops passed by that.
-    pub fn arrive(&mut self) -> Vec<StopId> {
+    pub(super) fn arrive(&mut self) -> Vec<StopId> {
         let passed = self
             .ahead
             .iter()
@@ -142,7 +142,7 @@ impl Way {
     }
 
     /// Returns the corners from the one passed last to the end.
-    pub fn points(&self) -> Vec<Point> {
+    pub(super) fn points(&self) -> Vec<Point> {
         std::iter::once(self.behind)
             .chain(self.ahead.iter().map(|corner| corner.at))
             .collect()
@@ -157,24 +157,24 @@ impl Way {
     }
 
     /// Returns the odometer at a length along [`Way::points`], metres.
-    pub fn odometer_m(&self, along_m: f64) -> f64 {
+    pub(super) fn odometer_m(&self, along_m: f64) -> f64 {
         self.behind_m + along_m
     }
 
     /// Returns the length along [`Way::points`] at an odometer value, metres.
-    pub fn along_m(&self, odometer_m: f64) -> f64 {
+    pub(super) fn along_m(&self, odometer_m: f64) -> f64 {
         odometer_m - self.behind_m
     }
 
     /// Returns the whole length, metres.
-    pub fn length_m(&self) -> f64 {
+    pub(super) fn length_m(&self) -> f64 {
         self.pieces()
             .map(|piece| piece.from.distance_to(piece.to))
             .sum()
     }
 
     /// Returns the corners from a place on the way to a length along it: a route to command.
-    pub fn until(&self, from: Point, here_m: f64, until_m: f64) -> Vec<Point> {
+    pub(super) fn until(&self, from: Point, here_m: f64, until_m: f64) -> Vec<Point> {
         let mut route = vec![from];
         let mut start_m = 0.0;
         for Segment { from, to } in self.pieces() {

@@ -21,13 +21,13 @@ pub(super) struct BeaconNumbers {
 
 impl BeaconNumbers {
     /// Returns the number of the next beacon, which is said with it.
-    pub fn next_number(&mut self) -> u32 {
+    pub(super) fn next_number(&mut self) -> u32 {
         self.last = self.last.saturating_add(1);
         self.last
     }
 
     /// Takes the number of a beacon back that was not sent, so that peers see no gap.
-    pub fn take_back(&mut self, number: u32) {
+    pub(super) fn take_back(&mut self, number: u32) {
         if number == 0 || number > self.last {
             return;
         }

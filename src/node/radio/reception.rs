@@ -41,7 +41,7 @@ struct Last {
 
 impl Reception {
     /// Makes one that has heard nobody; of transmitters with a larger deviation than `pose_sd_max_m` nothing is measured.
-    pub fn new(pose_sd_max_m: f64) -> Reception {
+    pub(super) fn new(pose_sd_max_m: f64) -> Reception {
         Reception {
             pose_sd_max_m,
             heard: BTreeMap::new(),
@@ -50,13 +50,13 @@ impl Reception {
     }
 
     /// Returns how many samples of a run were made.
-    pub fn samples_made(&self, run: RunId) -> u64 {
+    pub(super) fn samples_made(&self, run: RunId) -> u64 {
         self.samples.get(&run).copied().unwrap_or_default()
     }
 
     /// Returns whether a beacon is newer than all that were heard of its sender. A start of the sender's software that is
     /// lower than the one heard last counts again when that one has left the ring.
-    pub fn is_news(&self, now: Time, beacon: &Beacon) -> bool {
+    pub(super) fn is_news(&self, now: Time, beacon: &Beacon) -> bool {
         self.heard.get(&beacon.sender).is_none_or(|last| {
             let has_left = beacon.boot < last.boot && now.since(last.at) > MEMBER_FOR;
             (beacon.boot, beacon.sequence) > (last.boot, last.sequence) || has_left
@@ -64,7 +64,7 @@ impl Reception {
     }
 
     /// Returns whose own beacons were heard lately, ascending; of more than a beacon names, those heard last.
-    pub fn heard_lately(&self, now: Time) -> Vec<VehicleId> {
+    pub(super) fn heard_lately(&self, now: Time) -> Vec<VehicleId> {
         let lately = self
             .heard
             .iter()
@@ -79,7 +79,7 @@ impl Reception {
 
     /// Takes a beacon that is news, heard at the place `receiver`, if that is known; returns the samples that follow for the
     /// run that is measured.
-    pub fn take(
+    pub(super) fn take(
         &mut self,
         now: Time,
         heard: &HeardBeacon,

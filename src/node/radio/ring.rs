@@ -34,7 +34,7 @@ pub(super) struct BeaconRing {
 
 impl BeaconRing {
     /// Makes a ring of nobody else; its member speaks for the first time after its own share of the first round.
-    pub fn new(own: VehicleId, boot: Boot, slot: Duration) -> BeaconRing {
+    pub(super) fn new(own: VehicleId, boot: Boot, slot: Duration) -> BeaconRing {
         let slot_at = Time::ZERO + slot * (1 + u32::from(own.0));
         BeaconRing {
             own,
@@ -48,12 +48,12 @@ impl BeaconRing {
     }
 
     /// Returns when the own slot is.
-    pub fn slot_at(&self) -> Time {
+    pub(super) fn slot_at(&self) -> Time {
         self.slot_at
     }
 
     /// Takes whom a beacon shows: its speaker, and those that it lists as heard.
-    pub fn hear(&mut self, now: Time, speaker: VehicleId, listed: &[VehicleId]) {
+    pub(super) fn hear(&mut self, now: Time, speaker: VehicleId, listed: &[VehicleId]) {
         for member in listed
             .iter()
             .chain([&speaker])
@@ -68,7 +68,7 @@ impl BeaconRing {
     }
 
     /// Takes that the vehicle itself speaks; it does so again after the longest silence unless it hears somebody before.
-    pub fn speak(&mut self, now: Time) {
+    pub(super) fn speak(&mut self, now: Time) {
         self.forget(now);
         let ring = self.members.len() as u32 + 1;
         let silence = self.slot * (ring + 1);

@@ -31,12 +31,12 @@ pub(super) enum DisarmingState {
 
 impl DisarmingState {
     /// Begins with the order: it is disarmed at rest.
-    pub fn at_rest(now: Time) -> DisarmingState {
+    pub(super) fn at_rest(now: Time) -> DisarmingState {
         DisarmingState::AtRest { since: now }
     }
 
     /// Begins with the autopilot being told now.
-    pub fn told(now: Time) -> DisarmingState {
+    pub(super) fn told(now: Time) -> DisarmingState {
         DisarmingState::Told {
             at: now,
             ordered_again: None,
@@ -44,7 +44,7 @@ impl DisarmingState {
     }
 
     /// Returns what becomes of it by another order to disarm at rest.
-    pub fn again(self, now: Time) -> DisarmingState {
+    pub(super) fn again(self, now: Time) -> DisarmingState {
         match self {
             DisarmingState::AtRest { since: _ } => DisarmingState::AtRest { since: now },
             DisarmingState::Told {
@@ -58,7 +58,7 @@ impl DisarmingState {
     }
 
     /// Takes what telemetry shows; returns whether the autopilot is to be told now.
-    pub fn take(&mut self, now: Time, telemetry: &Telemetry) -> bool {
+    pub(super) fn take(&mut self, now: Time, telemetry: &Telemetry) -> bool {
         let has_come_to_rest =
             |since: Time| telemetry.motion == Motion::Resting && now.since(since) > REST_GRACE;
         let is_due = match *self {

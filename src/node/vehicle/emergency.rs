@@ -33,7 +33,7 @@ pub(super) enum Emergency {
 
 impl Emergency {
     /// Takes which open stop the vehicle stands under; returns whether it must brake now.
-    pub fn take(&mut self, now: Time, open: Option<EmergencyName>) -> bool {
+    pub(super) fn take(&mut self, now: Time, open: Option<EmergencyName>) -> bool {
         let (next, brakes) = match (*self, open) {
             (Emergency::Clear, None) => (Emergency::Clear, false),
             (Emergency::Stopped { .. } | Emergency::Lifted, None) => (Emergency::Lifted, false),
@@ -53,14 +53,14 @@ impl Emergency {
     }
 
     /// Takes a start that is obeyed.
-    pub fn start(&mut self) {
+    pub(super) fn start(&mut self) {
         if *self == Emergency::Lifted {
             *self = Emergency::Clear;
         }
     }
 
     /// Returns whether a start may be obeyed; `is_of_operator` when an operator gave it.
-    pub fn lets_start(&self, is_of_operator: bool) -> bool {
+    pub(super) fn lets_start(&self, is_of_operator: bool) -> bool {
         match self {
             Emergency::Clear => true,
             Emergency::Stopped { .. } => false,
@@ -69,7 +69,7 @@ impl Emergency {
     }
 
     /// Returns the open stop that the vehicle stands under.
-    pub fn stop(&self) -> Option<EmergencyName> {
+    pub(super) fn stop(&self) -> Option<EmergencyName> {
         match self {
             Emergency::Stopped { name, .. } => Some(*name),
             Emergency::Clear | Emergency::Lifted => None,
@@ -77,12 +77,12 @@ impl Emergency {
     }
 
     /// Returns whether the vehicle stands because of a stop, open or lifted.
-    pub fn stands(&self) -> bool {
+    pub(super) fn stands(&self) -> bool {
         *self != Emergency::Clear
     }
 
     /// Takes what telemetry shows; returns whether the autopilot is to be told to disarm.
-    pub fn disarms(&mut self, now: Time, telemetry: &Telemetry) -> bool {
+    pub(super) fn disarms(&mut self, now: Time, telemetry: &Telemetry) -> bool {
         match self {
             Emergency::Stopped { disarming, .. } => disarming.take(now, telemetry),
             Emergency::Clear | Emergency::Lifted => false,

@@ -38,12 +38,12 @@ pub(super) enum LastTelemetry {
 
 impl LastTelemetry {
     /// Takes new telemetry.
-    pub fn take(&mut self, now: Time, telemetry: Telemetry) {
+    pub(super) fn take(&mut self, now: Time, telemetry: Telemetry) {
         *self = LastTelemetry::Heard { at: now, telemetry };
     }
 
     /// Takes note that the autopilot has fallen silent, so that it is reported once.
-    pub fn fall_silent(&mut self) {
+    pub(super) fn fall_silent(&mut self) {
         match *self {
             LastTelemetry::NeverHeard | LastTelemetry::Silent { .. } => {}
             LastTelemetry::Heard { at, telemetry } => {
@@ -53,7 +53,7 @@ impl LastTelemetry {
     }
 
     /// Returns the last telemetry, however old it is.
-    pub fn of_any_age(&self) -> Option<&Telemetry> {
+    pub(super) fn of_any_age(&self) -> Option<&Telemetry> {
         match self {
             LastTelemetry::NeverHeard => None,
             LastTelemetry::Heard { at: _, telemetry }
@@ -62,7 +62,7 @@ impl LastTelemetry {
     }
 
     /// Returns the last telemetry if it is young enough to act on.
-    pub fn fresh(&self, now: Time) -> Option<&Telemetry> {
+    pub(super) fn fresh(&self, now: Time) -> Option<&Telemetry> {
         match self {
             LastTelemetry::NeverHeard => None,
             LastTelemetry::Heard { at, telemetry } | LastTelemetry::Silent { at, telemetry } => {
@@ -72,7 +72,7 @@ impl LastTelemetry {
     }
 
     /// Returns when silence is to be reported; `None` while there is nothing new to report.
-    pub fn deadline(&self) -> Option<Deadline> {
+    pub(super) fn deadline(&self) -> Option<Deadline> {
         match self {
             LastTelemetry::NeverHeard | LastTelemetry::Silent { .. } => None,
             LastTelemetry::Heard { at, telemetry: _ } => Some(Deadline {

@@ -52,7 +52,7 @@ pub(super) struct RepeatedStop {
 
 impl MovementOrder {
     /// Drives along corners, the first of which lies ahead, from now on.
-    pub fn drive(&mut self, now: Time, is_off_plan: bool, corners: &[Point]) {
+    pub(super) fn drive(&mut self, now: Time, is_off_plan: bool, corners: &[Point]) {
         let corners = corners.iter().copied().collect();
         *self = MovementOrder::Driving(Leg {
             since: now,
@@ -62,7 +62,7 @@ impl MovementOrder {
     }
 
     /// Turns on the spot from now on.
-    pub fn turn(&mut self, now: Time) {
+    pub(super) fn turn(&mut self, now: Time) {
         let leg = match std::mem::take(self) {
             MovementOrder::Idle => None,
             MovementOrder::Driving(leg) => Some(leg),
@@ -73,7 +73,7 @@ impl MovementOrder {
     }
 
     /// Stops, or says so again; on a leg it claims the way to where its braking ends.
-    pub fn stop(&mut self, now: Time, braking_end: Option<Point>) {
+    pub(super) fn stop(&mut self, now: Time, braking_end: Option<Point>) {
         let stop = RepeatedStop {
             said: now,
             braking_end: braking_end.filter(|_| self.claims_a_way()),
@@ -88,7 +88,7 @@ impl MovementOrder {
     }
 
     /// Stops by the reflex.
-    pub fn halt(&mut self, now: Time, braking_end: Option<Point>) {
+    pub(super) fn halt(&mut self, now: Time, braking_end: Option<Point>) {
         *self = MovementOrder::Halted(RepeatedStop {
             said: now,
             braking_end: braking_end.filter(|_| self.claims_a_way()),
@@ -96,12 +96,12 @@ impl MovementOrder {
     }
 
     /// Somebody else moves the vehicle: nothing is claimed but its place.
-    pub fn let_go(&mut self) {
+    pub(super) fn let_go(&mut self) {
         *self = MovementOrder::Idle;
     }
 
     /// Takes what telemetry shows: drops what was driven, and ends what has come to rest.
-    pub fn take(&mut self, now: Time, telemetry: &Telemetry) {
+    pub(super) fn take(&mut self, now: Time, telemetry: &Telemetry) {
         let has_ended =
             |since: Time| telemetry.motion == Motion::Resting && now.since(since) > REST_GRACE;
         match self {
@@ -128,7 +128,7 @@ impl MovementOrder {
     }
 
     /// Returns whether the last word was to stop.
-    pub fn is_stop(&self) -> bool {
+    pub(super) fn is_stop(&self) -> bool {
         match self {
             MovementOrder::Stopped(_) | MovementOrder::Halted(_) => true,
             MovementOrder::Idle | MovementOrder::Driving(_) | MovementOrder::Turning { .. } => {
@@ -138,7 +138,7 @@ impl MovementOrder {
     }
 
     /// Returns whether the reflex has stopped it.
-    pub fn is_halted(&self) -> bool {
+    pub(super) fn is_halted(&self) -> bool {
         match self {
             MovementOrder::Halted(_) => true,
             MovementOrder::Idle
@@ -149,7 +149,7 @@ impl MovementOrder {
     }
 
     /// Returns whether a stop must be said again: a while ago it was said, and telemetry shows no rest.
-    pub fn is_stop_due_again(&self, now: Time, motion: Motion) -> bool {
+    pub(super) fn is_stop_due_again(&self, now: Time, motion: Motion) -> bool {
         match self {
             MovementOrder::Stopped(stop) | MovementOrder::Halted(stop) => {
                 motion != Motion::Resting && now.since(stop.said) >= SAY_AGAIN
@@ -161,7 +161,7 @@ impl MovementOrder {
     }
 
     /// Returns the way that it claims from where it is: on a leg or braking; `None` when it claims no more than its place.
-    pub fn way_from(&self, at: Point) -> Option<Vec<Point>> {
+    pub(super) fn way_from(&self, at: Point) -> Option<Vec<Point>> {
         match self {
             MovementOrder::Idle | MovementOrder::Turning { leg: None, .. } => None,
             MovementOrder::Driving(leg) | MovementOrder::Turning { leg: Some(leg), .. } => {
@@ -174,7 +174,7 @@ impl MovementOrder {
     }
 
     /// Returns the same for a leg on which nobody's plan says who goes first; `None` for any other.
-    pub fn way_off_plan_from(&self, at: Point) -> Option<Vec<Point>> {
+    pub(super) fn way_off_plan_from(&self, at: Point) -> Option<Vec<Point>> {
         match self {
             MovementOrder::Driving(leg) | MovementOrder::Turning { leg: Some(leg), .. } => {
                 leg.is_off_plan.then(|| leg.way_from(at))

@@ -52,7 +52,7 @@ pub(super) struct Accepted {
 
 impl Orders {
     /// Makes the orders of a vehicle whose earlier starts have left this.
-    pub fn remembering(memory: VehicleMemory) -> Orders {
+    pub(super) fn remembering(memory: VehicleMemory) -> Orders {
         Orders {
             highest: memory.ordered.forgotten(),
             asked: memory.ordered.key(),
@@ -66,7 +66,7 @@ impl Orders {
 
     /// Returns whether an order to this vehicle is to be obeyed; `is_answer` when it answers a state that was made lately.
     /// To stop is never too late.
-    pub fn accepts(&self, order: &Order, is_answer: bool) -> bool {
+    pub(super) fn accepts(&self, order: &Order, is_answer: bool) -> bool {
         let edition = (order.lease, order.revision);
         let obeyed = self
             .highest
@@ -77,7 +77,7 @@ impl Orders {
     }
 
     /// Returns whether this order waits for the disk already; another one of the same edition is taken for it.
-    pub fn awaits_disk(&self, order: &Order) -> bool {
+    pub(super) fn awaits_disk(&self, order: &Order) -> bool {
         let edition = |order: &Order| (order.lease, order.revision);
         self.waiting
             .as_ref()
@@ -85,7 +85,7 @@ impl Orders {
     }
 
     /// Takes the same order again: it answers a newer state than it did.
-    pub fn renew(&mut self, order: Order) {
+    pub(super) fn renew(&mut self, order: Order) {
         self.waiting = self.waiting.take().map(|waiting| Order {
             seen: order.seen,
             ..waiting
@@ -93,7 +93,7 @@ impl Orders {
     }
 
     /// Takes an order that is accepted. What holds the vehicle back does so at once.
-    pub fn accept(&mut self, now: Time, order: Order) -> Accepted {
+    pub(super) fn accept(&mut self, now: Time, order: Order) -> Accepted {
         let edition = OrderEdition {
             lease: order.lease,
             revision: order.revision,
@@ -119,30 +119,30 @@ impl Orders {
 
     /// Takes that an emergency stop holds the vehicle: an order to set out that waits for the disk is gone, and no earlier
     /// one counts after it.
-    pub fn hold(&mut self, now: Time) {
+    pub(super) fn hold(&mut self, now: Time) {
         self.waiting.take_if(|order| !stays(order.kind));
         self.restraint.obey(now, OrderKind::Hold);
         (self.stopped_at, self.answers_from) = (Some(now), Some(now));
     }
 
     /// Takes that the last emergency stop was lifted, or that somebody else has taken over: only what answers a state from now on sends the vehicle out.
-    pub fn answer_from(&mut self, now: Time) {
+    pub(super) fn answer_from(&mut self, now: Time) {
         self.answers_from = Some(now);
     }
 
     /// Returns after which moment states were made that may be answered by what sends the vehicle out; `None` = any.
-    pub fn answers_from(&self) -> Option<Time> {
+    pub(super) fn answers_from(&self) -> Option<Time> {
         self.answers_from
     }
 
     /// Takes how it stands with the disk.
-    pub fn remembered(&mut self, remembered: Remembered) {
+    pub(super) fn remembered(&mut self, remembered: Remembered) {
         self.disk = remembered;
     }
 
     /// Returns the order that may be obeyed from now on, if one does, and what the motors are told. `is_answer` tells of an
     /// order whether it answers a state that was made lately: one that has waited too long is none any more.
-    pub fn obey(
+    pub(super) fn obey(
         &mut self,
         now: Time,
         is_answer: impl Fn(&Order) -> bool,
@@ -188,22 +188,22 @@ impl Orders {
     }
 
     /// Takes what telemetry shows; returns what the motors are told.
-    pub fn take(&mut self, now: Time, telemetry: &Telemetry) -> Option<AutopilotCommand> {
+    pub(super) fn take(&mut self, now: Time, telemetry: &Telemetry) -> Option<AutopilotCommand> {
         self.restraint.take(now, telemetry)
     }
 
     /// Returns the highest order obeyed; without its kind what is above it and only remembered.
-    pub fn highest(&self) -> Ordered {
+    pub(super) fn highest(&self) -> Ordered {
         self.highest
     }
 
     /// Returns what orders leave standing.
-    pub fn restraint(&self) -> &Restraint {
+    pub(super) fn restraint(&self) -> &Restraint {
         &self.restraint
     }
 
     /// Returns whether something was decided before an order that stopped the vehicle, or without knowing of one.
-    pub fn have_overtaken(&self, decided: Time) -> bool {
+    pub(super) fn have_overtaken(&self, decided: Time) -> bool {
         let waits_to_stop = self.waiting.as_ref().is_some_and(|order| stops(order.kind));
         waits_to_stop
             || self

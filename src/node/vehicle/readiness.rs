@@ -38,7 +38,7 @@ pub(super) enum Readiness {
 
 impl Readiness {
     /// Notes that somebody is heard.
-    pub fn hear(&mut self, now: Time) {
+    pub(super) fn hear(&mut self, now: Time) {
         if *self == Readiness::Alone {
             *self = Readiness::Listening {
                 since: now,
@@ -48,7 +48,7 @@ impl Readiness {
     }
 
     /// Notes that a node has told which stops are open.
-    pub fn note_told(&mut self, now: Time, by: Sender) {
+    pub(super) fn note_told(&mut self, now: Time, by: Sender) {
         self.hear(now);
         if let (Readiness::Listening { told, .. }, Sender::Vehicle(vehicle)) = (self, by) {
             told.insert(vehicle);
@@ -56,7 +56,7 @@ impl Readiness {
     }
 
     /// Looks whether it may be started, after it has listened so long. Peers that have fallen silent are not waited for.
-    pub fn look(&mut self, now: Time, listens_for: Duration, peers: &Peers) -> bool {
+    pub(super) fn look(&mut self, now: Time, listens_for: Duration, peers: &Peers) -> bool {
         if let Readiness::Listening { since, told } = self {
             let heard = peers.iter().filter(|(_, peer)| !peer.is_silent(now));
             let have_told = heard

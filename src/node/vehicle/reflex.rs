@@ -26,13 +26,13 @@ pub(super) struct Reflex {
 
 impl Reflex {
     /// Remembers what made it halt, and forgets what is believed to be there no longer.
-    pub fn remember(&mut self, now: Time, obstacle: ReflexObstacle) {
+    pub(super) fn remember(&mut self, now: Time, obstacle: ReflexObstacle) {
         self.obstacles.retain(|known| known.until > now);
         self.obstacles.push(obstacle);
     }
 
     /// Returns whether a route from `here` comes too near to something that made it halt.
-    pub fn is_in_the_way(&self, now: Time, route: &Track, here: Point) -> bool {
+    pub(super) fn is_in_the_way(&self, now: Time, route: &Track, here: Point) -> bool {
         let is_clear = |obstacle: &ReflexObstacle| {
             let here_m = obstacle.at.distance_to(here);
             route

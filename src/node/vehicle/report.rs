@@ -34,22 +34,22 @@ pub(super) struct Reports {
 
 impl Reports {
     /// Notes which plan the mission follows.
-    pub fn note_accepted(&mut self, run: RunId, revision: Revision) {
+    pub(super) fn note_accepted(&mut self, run: RunId, revision: Revision) {
         self.accepted = (run, revision);
     }
 
     /// Notes why the mission stands still on its own, if it does.
-    pub fn note_mission_holds(&mut self, holds: Option<StandReason>) {
+    pub(super) fn note_mission_holds(&mut self, holds: Option<StandReason>) {
         self.mission_holds = holds;
     }
 
     /// Lets the next state be published at once.
-    pub fn publish_next(&mut self) {
+    pub(super) fn publish_next(&mut self) {
         self.published = None;
     }
 
     /// Returns whether what answers a state of this `boot` was said in time, and answers one of after a moment.
-    pub fn is_answer(
+    pub(super) fn is_answer(
         &self,
         now: Time,
         boot: Boot,

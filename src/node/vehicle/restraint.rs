@@ -26,7 +26,7 @@ pub(super) enum Restraint {
 
 impl Restraint {
     /// Takes an order that is obeyed; returns what the motors are told at once.
-    pub fn obey(&mut self, now: Time, kind: OrderKind) -> Option<AutopilotCommand> {
+    pub(super) fn obey(&mut self, now: Time, kind: OrderKind) -> Option<AutopilotCommand> {
         use Restraint::{Free, Held, Landing, MotorsCut};
         let (next, motors) = match (*self, kind) {
             (Free | Held | Landing(_) | MotorsCut(_), OrderKind::Start) => {
@@ -49,7 +49,7 @@ impl Restraint {
     }
 
     /// Takes what telemetry shows; returns what the motors are told.
-    pub fn take(&mut self, now: Time, telemetry: &Telemetry) -> Option<AutopilotCommand> {
+    pub(super) fn take(&mut self, now: Time, telemetry: &Telemetry) -> Option<AutopilotCommand> {
         match self {
             Restraint::Free | Restraint::Held => None,
             Restraint::Landing(disarming) | Restraint::MotorsCut(disarming) => disarming
@@ -59,7 +59,7 @@ impl Restraint {
     }
 
     /// Returns why nothing is driven; `None` while it is free.
-    pub fn refusal(&self) -> Option<CommandRefusal> {
+    pub(super) fn refusal(&self) -> Option<CommandRefusal> {
         match self {
             Restraint::Free => None,
             Restraint::Held | Restraint::Landing(DisarmingState::AtRest { .. }) => {

@@ -30,7 +30,7 @@ pub(super) enum TakeOver {
 
 impl TakeOver {
     /// Takes who steers; returns whether somebody has just taken over.
-    pub fn take(&mut self, control: Control) -> bool {
+    pub(super) fn take(&mut self, control: Control) -> bool {
         let before = *self;
         match (before, control) {
             (TakeOver::NotTaken | TakeOver::ByItself, Control::Remote) => {
@@ -46,12 +46,18 @@ impl TakeOver {
     }
 
     /// Takes a start that is obeyed; returns whether it ends a take-over.
-    pub fn end(&mut self) -> bool {
+    pub(super) fn end(&mut self) -> bool {
         std::mem::take(self) != TakeOver::NotTaken
     }
 
     /// Returns whether a start may be obeyed.
-    pub fn lets_start(self, sender: Sender, order: &Order, vehicle: VehicleId, boot: Boot) -> bool {
+    pub(super) fn lets_start(
+        self,
+        sender: Sender,
+        order: &Order,
+        vehicle: VehicleId,
+        boot: Boot,
+    ) -> bool {
         let names_it = order
             .ends
             .contains(&EmergencyName::of_take_over(vehicle, boot));
@@ -59,12 +65,12 @@ impl TakeOver {
     }
 
     /// Returns whether somebody has taken over.
-    pub fn stands(self) -> bool {
+    pub(super) fn stands(self) -> bool {
         self != TakeOver::NotTaken
     }
 
     /// Returns why the vehicle stands by it.
-    pub fn reason(self) -> Option<StandReason> {
+    pub(super) fn reason(self) -> Option<StandReason> {
         match self {
             TakeOver::NotTaken => None,
             TakeOver::ByRemote => Some(StandReason::Remote),

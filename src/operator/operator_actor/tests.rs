@@ -1,17 +1,18 @@
 //! The operator in virtual time, against vehicles that obey what is above their echo.
 
+use std::collections::BTreeSet;
+
 use tomoswarm_proto::{
     Boot, GroundReport, Lease, MissionPhase, MissionProgress, OperatorId, Order, OrderKind as Kind,
-    RunId, RunReport, Sender, StationPhase, Task,
+    RunId, RunReport, Sender, StandReason, StationPhase, Task, VehicleId,
 };
 
 use super::super::outcome::{OrderRefusal, VehicleOutcome};
-use super::super::script::{Condition, Present};
+use super::super::script::{Condition, Present, ScriptEnd, ScriptStep};
 use super::super::status::Expected;
 use super::super::tests_support::{Rover, at, heard, report};
 use super::*;
-use crate::actor::ActorCell;
-use tomoswarm_proto::StandReason;
+use crate::actor::{ActorCell, Input};
 
 mod runs;
 

@@ -52,7 +52,7 @@ pub(super) struct OrderRight {
 
 impl VehicleDelivery {
     /// Begins anew with a vehicle that was started anew, unless somebody else has the say since.
-    pub fn forget(&mut self, in_force: Lease) {
+    pub(super) fn forget(&mut self, in_force: Lease) {
         let is_outbid = self.issued.is_some_and(|issued| in_force > issued.lease);
         let by_lease = is_outbid.then_some(Ordered {
             lease: in_force,
@@ -67,7 +67,7 @@ impl VehicleDelivery {
 
     /// Takes the echo of a vehicle that obeys nothing of what was sent: one that was started anew shows what it remembers,
     /// and obeys nothing lower.
-    pub fn look_at_memory(&mut self, echo: Ordered) {
+    pub(super) fn look_at_memory(&mut self, echo: Ordered) {
         let Some(issued) = self
             .issued
             .filter(|issued| echo.edition() > (issued.lease, issued.revision))
@@ -86,7 +86,7 @@ impl VehicleDelivery {
 
     /// Takes what a vehicle shows after it has obeyed an order that stands. What somebody else has ordered ends it there,
     /// but for the ground station, which brings a start about by orders of its own; its report may be late.
-    pub fn doubt(&mut self, now: Time, echo: Ordered, is_explained: bool) {
+    pub(super) fn doubt(&mut self, now: Time, echo: Ordered, is_explained: bool) {
         let since = self.doubted.map_or(now, |(since, _)| since);
         self.doubted = (!is_explained).then_some((since, echo));
         if self.doubted.is_some() && now.since(since) >= CONTEST {
@@ -95,12 +95,12 @@ impl VehicleDelivery {
     }
 
     /// Returns whether there is nothing left to send.
-    pub fn is_over(&self) -> bool {
+    pub(super) fn is_over(&self) -> bool {
         self.obeyed.is_some() || self.overruled.is_some()
     }
 
     /// Returns how it ended, or stands.
-    pub fn outcome(&self, is_heard: bool) -> VehicleOutcome {
+    pub(super) fn outcome(&self, is_heard: bool) -> VehicleOutcome {
         match (self.obeyed, self.overruled) {
             (Some((at, by_ground)), _) => VehicleOutcome::Obeyed {
                 after: at.since(self.first_at.unwrap_or(at)),

@@ -11,7 +11,7 @@ const MESSAGE_MAX: usize = 1 << 20;
 const SOCKET_BUFFER: usize = 32 << 10;
 
 /// Returns the settings as JSON.
-pub fn session(settings: &BusSettings, is_hub: bool) -> Value {
+pub(super) fn session(settings: &BusSettings, is_hub: bool) -> Value {
     let mode = match (settings.topology, is_hub) {
         (SessionTopology::Mesh, _) => "peer",
         (SessionTopology::Star, true) => "router",

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 /// Counts connections against the most that there may be.
 #[derive(Debug)]
-pub struct ConnectionLimit {
+pub(super) struct ConnectionLimit {
     most: usize,
     count: Mutex<usize>,
     changed: Condvar,
@@ -14,7 +14,7 @@ pub struct ConnectionLimit {
 
 impl ConnectionLimit {
     /// Makes a limit of so many connections.
-    pub fn new(most: usize) -> ConnectionLimit {
+    pub(super) fn new(most: usize) -> ConnectionLimit {
         ConnectionLimit {
             most,
             count: Mutex::new(0),
@@ -27,12 +27,12 @@ impl ConnectionLimit {
     }
 
     /// Returns whether there are more than there may be.
-    pub fn is_exceeded(&self) -> bool {
+    pub(super) fn is_exceeded(&self) -> bool {
         *self.lock() > self.most
     }
 
     /// Waits until all have ended, but no longer than this.
-    pub fn wait_for_end(&self, longest: Duration) {
+    pub(super) fn wait_for_end(&self, longest: Duration) {
         // Whoever is still there then is left behind: the process ends anyway.
         let _ = self
             .changed
@@ -42,11 +42,11 @@ impl ConnectionLimit {
 
 /// One connection that is counted, for as long as it lives.
 #[derive(Debug)]
-pub struct CountedConnection(Arc<ConnectionLimit>);
+pub(super) struct CountedConnection(Arc<ConnectionLimit>);
 
 impl CountedConnection {
     /// Counts one more.
-    pub fn begin(limit: &Arc<ConnectionLimit>) -> CountedConnection {
+    pub(super) fn begin(limit: &Arc<ConnectionLimit>) -> CountedConnection {
         *limit.lock() += 1;
         CountedConnection(limit.clone())
     }

@@ -25,7 +25,7 @@ const SPARE_CONNECTIONS: usize = 32;
 const REST: Duration = Duration::from_millis(50);
 
 /// The world's listener.
-pub struct Listener {
+pub(super) struct Listener {
     token: Vec<u8>,
     limit: Arc<ConnectionLimit>,
     words: SyncSender<Inbound>,
@@ -33,13 +33,13 @@ pub struct Listener {
 }
 
 /// Returns the limit of connections of a world with so many vehicles.
-pub fn connection_limit(vehicles: u8) -> ConnectionLimit {
+pub(super) fn connection_limit(vehicles: u8) -> ConnectionLimit {
     ConnectionLimit::new(usize::from(vehicles) + SPARE_CONNECTIONS)
 }
 
 impl Listener {
     /// Makes the listener of a world.
-    pub fn new(
+    pub(super) fn new(
         token: &[u8],
         limit: Arc<ConnectionLimit>,
         words: SyncSender<Inbound>,
@@ -54,7 +54,7 @@ impl Listener {
     }
 
     /// Takes connections until the world has ended.
-    pub fn serve(&self, listener: &TcpListener) {
+    pub(super) fn serve(&self, listener: &TcpListener) {
         for connection in 0.. {
             let stream = listener.accept();
             if self.is_ended.load(Ordering::Acquire) {

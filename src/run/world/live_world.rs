@@ -21,10 +21,10 @@ const TRACK_STEP_M: f64 = 0.05;
 const TRACK_LIMIT: usize = 50_000;
 
 /// Something for one vehicle: its index, and what is said.
-pub type VehicleWord = (usize, FromWorld);
+pub(super) type VehicleWord = (usize, FromWorld);
 
 /// The environment with those who drive in it.
-pub struct LiveWorld {
+pub(super) struct LiveWorld {
     now: Time,
     environment: Environment,
     vehicles: Vec<DrivenVehicle>,
@@ -48,7 +48,7 @@ impl LiveWorld {
     ///
     /// # Errors
     /// The scenario is impossible.
-    pub fn new(scenario: &Scenario) -> Result<LiveWorld, ScenarioError> {
+    pub(super) fn new(scenario: &Scenario) -> Result<LiveWorld, ScenarioError> {
         let mut environment = scenario.environment()?;
         // A live world asks for the deadline.
         environment.begin(&mut Vec::new());
@@ -74,7 +74,7 @@ impl LiveWorld {
     }
 
     /// Returns how many vehicles there are; their ids are 1 to this.
-    pub fn vehicles(&self) -> u8 {
+    pub(super) fn vehicles(&self) -> u8 {
         u8::try_from(self.vehicles.len()).unwrap_or(u8::MAX)
     }
 
@@ -85,14 +85,14 @@ impl LiveWorld {
     }
 
     /// Returns when something happens by itself next.
-    pub fn next_at(&self) -> Time {
+    pub(super) fn next_at(&self) -> Time {
         self.environment
             .deadline()
             .map_or(Time::NEVER, |deadline| deadline.at)
     }
 
     /// Lets everything happen up to a moment, each at its own time.
-    pub fn advance(&mut self, now: Time, said: &mut Vec<VehicleWord>) {
+    pub(super) fn advance(&mut self, now: Time, said: &mut Vec<VehicleWord>) {
         let mut happened = Vec::new();
         self.environment.wake(now, &mut happened);
         self.now = self.now.max(now);
@@ -157,7 +157,7 @@ impl LiveWorld {
     ///
     /// # Errors
     /// There is no such vehicle, or a start of its software that is as high drives it already.
-    pub fn join(
+    pub(super) fn join(
         &mut self,
         vehicle: VehicleId,
         boot: Boot,
@@ -199,13 +199,13 @@ impl LiveWorld {
     }
 
     /// Nobody drives a vehicle any more; its autopilot brakes after a while.
-    pub fn leave(&mut self, index: usize) {
+    pub(super) fn leave(&mut self, index: usize) {
         self.vehicles[index].driver = None;
         self.environment.detach(self.now, index);
     }
 
     /// Lets the devices of a vehicle do what its driver said.
-    pub fn obey(&mut self, index: usize, word: ToWorld, said: &mut Vec<VehicleWord>) {
+    pub(super) fn obey(&mut self, index: usize, word: ToWorld, said: &mut Vec<VehicleWord>) {
         let Some(command) = command(word) else {
             self.status.dropped += 1;
             return;
@@ -219,13 +219,13 @@ impl LiveWorld {
     }
 
     /// Lets the persons enter, unless they are in.
-    pub fn enter(&mut self) {
+    pub(super) fn enter(&mut self) {
         self.environment
             .let_persons_enter(self.now, &mut Vec::new());
     }
 
     /// Returns how it is going.
-    pub fn status(&mut self) -> WorldStatus {
+    pub(super) fn status(&mut self) -> WorldStatus {
         let separation_m = self.environment.min_separation_m(self.now);
         let (world, counts) = (self.environment.world(), self.environment.counts());
         let vehicle = |(index, vehicle): (usize, &DrivenVehicle)| {
@@ -254,7 +254,7 @@ impl LiveWorld {
     }
 
     /// Returns a piece of a vehicle's track; empty behind its end and for a vehicle that is not there.
-    pub fn places(&self, vehicle: VehicleId, from: u32) -> Vec<Point> {
+    pub(super) fn places(&self, vehicle: VehicleId, from: u32) -> Vec<Point> {
         let Some(known) = self.vehicles.iter().find(|known| known.id == vehicle) else {
             return Vec::new();
         };

@@ -9,7 +9,7 @@ const FRAMES_WAITING: usize = 64;
 
 /// What kind of frame waits.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Worth {
+pub(super) enum Worth {
     /// A newer one says it all.
     Report,
     /// Nothing else says it.
@@ -18,7 +18,7 @@ pub enum Worth {
 
 /// Frames on their way to one connection.
 #[derive(Debug, Default)]
-pub struct Outgoing {
+pub(super) struct Outgoing {
     waiting: Mutex<Waiting>,
     changed: Condvar,
 }
@@ -36,7 +36,7 @@ impl Outgoing {
     }
 
     /// Puts a frame in; never waits.
-    pub fn push(&self, worth: Worth, frame: Vec<u8>) {
+    pub(super) fn push(&self, worth: Worth, frame: Vec<u8>) {
         let mut waiting = self.lock();
         if waiting.is_closed {
             return;
@@ -55,13 +55,13 @@ impl Outgoing {
     }
 
     /// Takes no more; what waits is still written.
-    pub fn close(&self) {
+    pub(super) fn close(&self) {
         self.lock().is_closed = true;
         self.changed.notify_all();
     }
 
     /// Waits for the next frame; `None` when it is closed and all is written.
-    pub fn next(&self) -> Option<Vec<u8>> {
+    pub(super) fn next(&self) -> Option<Vec<u8>> {
         let mut waiting = self.lock();
         loop {
             if let Some((_, frame)) = waiting.frames.pop_front() {

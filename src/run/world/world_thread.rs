@@ -15,7 +15,7 @@ use crate::time::Time;
 
 /// Something for the world's thread.
 #[derive(Debug)]
-pub enum Inbound {
+pub(super) enum Inbound {
     /// A connection that has shown the token wants to drive a vehicle.
     Join {
         /// Number of the connection.
@@ -60,7 +60,7 @@ enum Role {
 }
 
 /// The world's thread.
-pub struct WorldThread {
+pub(super) struct WorldThread {
     world: LiveWorld,
     began: Instant,
     connections: BTreeMap<u64, (Role, Arc<Outgoing>)>,
@@ -70,7 +70,7 @@ pub struct WorldThread {
 
 impl WorldThread {
     /// Begins the world's time.
-    pub fn new(world: LiveWorld) -> WorldThread {
+    pub(super) fn new(world: LiveWorld) -> WorldThread {
         WorldThread {
             world,
             began: Instant::now(),
@@ -81,7 +81,7 @@ impl WorldThread {
     }
 
     /// Runs the world until it is ended; returns how it went.
-    pub fn run(mut self, inbox: &Receiver<Inbound>) -> WorldStatus {
+    pub(super) fn run(mut self, inbox: &Receiver<Inbound>) -> WorldStatus {
         while !self.is_ended {
             let wait = self.world.next_at().since(self.now());
             let inbound = match inbox.recv_timeout(wait.min(Duration::from_secs(3600))) {
@@ -229,7 +229,7 @@ fn say(outgoing: &Outgoing, word: &FromWorld) {
 }
 
 /// Says why a connection is ended; it ends when that is written.
-pub fn refuse(outgoing: &Outgoing, refused: LinkRefusal) {
+pub(super) fn refuse(outgoing: &Outgoing, refused: LinkRefusal) {
     say(outgoing, &FromWorld::Refused(refused));
     outgoing.close();
 }

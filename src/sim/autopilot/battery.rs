@@ -28,7 +28,7 @@ pub(super) enum ChargeLevel {
 
 impl Battery {
     /// Makes one that is full.
-    pub fn full() -> Battery {
+    pub(super) fn full() -> Battery {
         Battery {
             charge: 1.0,
             level: ChargeLevel::Enough,
@@ -36,17 +36,17 @@ impl Battery {
     }
 
     /// Returns the charge left, 0 to 1.
-    pub fn charge(&self) -> f64 {
+    pub(super) fn charge(&self) -> f64 {
         self.charge
     }
 
     /// Returns how far it has sunk.
-    pub fn level(&self) -> ChargeLevel {
+    pub(super) fn level(&self) -> ChargeLevel {
         self.level
     }
 
     /// Gives it a charge, 0 to 1. That it sinks by this is noticed later ([`Battery::sinks_at`]).
-    pub fn set(&mut self, charge: f64, settings: &AutopilotSettings) {
+    pub(super) fn set(&mut self, charge: f64, settings: &AutopilotSettings) {
         self.charge = charge.clamp(0.0, 1.0);
         self.level = match self.level {
             ChargeLevel::Low | ChargeLevel::Empty if self.charge > settings.low_battery => {
@@ -58,7 +58,7 @@ impl Battery {
     }
 
     /// Uses what a time takes in which the vehicle moves for so long, and then rests.
-    pub fn spend(&mut self, moves: Duration, whole: Duration, settings: &AutopilotSettings) {
+    pub(super) fn spend(&mut self, moves: Duration, whole: Duration, settings: &AutopilotSettings) {
         let (moves_s, all_s) = (moves.as_secs_f64(), whole.as_secs_f64());
         let used = moves_s / settings.endurance_driving.as_secs_f64()
             + (all_s - moves_s).max(0.0) / settings.endurance_resting.as_secs_f64();
@@ -67,7 +67,7 @@ impl Battery {
 
     /// Returns when it will have sunk to the next level, if the vehicle moves for so long from now on and then rests; `None` =
     /// it is empty, or that never comes.
-    pub fn sinks_at(
+    pub(super) fn sinks_at(
         &self,
         now: Time,
         moves: Duration,
@@ -95,7 +95,7 @@ impl Battery {
     }
 
     /// Sinks to the next level, and returns it.
-    pub fn sink(&mut self) -> ChargeLevel {
+    pub(super) fn sink(&mut self) -> ChargeLevel {
         self.level = match self.level {
             ChargeLevel::Enough => ChargeLevel::Low,
             ChargeLevel::Low | ChargeLevel::Empty => ChargeLevel::Empty,

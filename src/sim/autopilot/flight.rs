@@ -95,7 +95,7 @@ impl Climb {
 
 /// Returns how a copter lies that faces and moves like this in a wind: it leans so that its thrust carries its
 /// acceleration and the drag of its air speed.
-pub fn leaning(body: &Body, state: BodyState, at: Time, wind: Vector) -> Attitude {
+pub(super) fn leaning(body: &Body, state: BodyState, at: Time, wind: Vector) -> Attitude {
     let moves = Vector::polar(state.heading, state.speed_mps);
     let needed = body.acceleration_at(at) + (moves - wind) * DRAG_PER_S;
     let ahead = Vector::polar(state.heading, 1.0);

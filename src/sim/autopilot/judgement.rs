@@ -78,7 +78,7 @@ impl Situation<'_> {
     ///
     /// # Errors
     /// The answer that the command is not taken.
-    pub fn judge(&self, command: Command) -> Result<Action, CommandAck> {
+    pub(super) fn judge(&self, command: Command) -> Result<Action, CommandAck> {
         match command {
             Command::Mode(mode) => self.change_of_mode(mode),
             Command::Arm { .. } if self.is_armed => Ok(Action::Nothing),
@@ -117,7 +117,7 @@ impl Situation<'_> {
     }
 
     /// Returns why it would not arm now; `None` when it would, or is armed. An empty battery cannot be forced.
-    pub fn arm_refusal(&self, force: bool) -> Option<ArmRefusal> {
+    pub(super) fn arm_refusal(&self, force: bool) -> Option<ArmRefusal> {
         if self.is_armed {
             return None;
         }
@@ -142,7 +142,7 @@ impl Situation<'_> {
     }
 
     /// Returns what a failsafe that trips lets it do.
-    pub fn reaction(&self, failsafe: Failsafe) -> Action {
+    pub(super) fn reaction(&self, failsafe: Failsafe) -> Action {
         let kind = self.settings.kind;
         match failsafe {
             Failsafe::BatteryLow if !self.is_armed => Action::Nothing,

@@ -14,7 +14,7 @@ pub(super) struct PlaceEstimate {
 
 impl PlaceEstimate {
     /// Takes how well it knows its place; it is not lost.
-    pub fn new(navigation: Navigation) -> PlaceEstimate {
+    pub(super) fn new(navigation: Navigation) -> PlaceEstimate {
         PlaceEstimate {
             navigation,
             is_lost: false,
@@ -22,42 +22,42 @@ impl PlaceEstimate {
     }
 
     /// Returns the believed place less the true one.
-    pub fn error(&self, now: Time) -> Vector {
+    pub(super) fn error(&self, now: Time) -> Vector {
         self.navigation.error(now)
     }
 
     /// Returns the standard deviation of each coordinate, metres.
-    pub fn sd_m(&self, now: Time) -> f64 {
+    pub(super) fn sd_m(&self, now: Time) -> f64 {
         self.navigation.sd_m(now)
     }
 
     /// Returns whether the place is known: for so long after it was switched on, and well enough.
-    pub fn is_known(&self, now: Time, settings: &AutopilotSettings) -> bool {
+    pub(super) fn is_known(&self, now: Time, settings: &AutopilotSettings) -> bool {
         self.is_near_enough(now, settings) && now >= Time::ZERO + settings.place_after
     }
 
     /// Returns whether it has lost its place.
-    pub fn is_lost(&self) -> bool {
+    pub(super) fn is_lost(&self) -> bool {
         self.is_lost
     }
 
     /// Returns when it loses its place next.
-    pub fn lost_at(&self, now: Time, settings: &AutopilotSettings) -> Option<Time> {
+    pub(super) fn lost_at(&self, now: Time, settings: &AutopilotSettings) -> Option<Time> {
         self.navigation.lost_at(now, settings.place_sd_max_m)
     }
 
     /// Loses its place.
-    pub fn lose(&mut self) {
+    pub(super) fn lose(&mut self) {
         self.is_lost = true;
     }
 
     /// Finds its place again, if it is known well enough.
-    pub fn refresh(&mut self, now: Time, settings: &AutopilotSettings) {
+    pub(super) fn refresh(&mut self, now: Time, settings: &AutopilotSettings) {
         self.is_lost &= !self.is_near_enough(now, settings);
     }
 
     /// Turns believed places into the true ones that are reached when it steers for them, beside which it may be carried.
-    pub fn turn_to_true(&self, now: Time, places: &mut [Point], carried: Option<Vector>) {
+    pub(super) fn turn_to_true(&self, now: Time, places: &mut [Point], carried: Option<Vector>) {
         let error = self.error(now);
         for place in places {
             let steered_for = *place - error;

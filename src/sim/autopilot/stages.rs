@@ -32,7 +32,7 @@ pub(super) enum Stage {
 
 impl Stage {
     /// Returns whether it begins only at rest.
-    pub fn is_done_at_rest(&self) -> bool {
+    pub(super) fn is_done_at_rest(&self) -> bool {
         match self {
             Stage::Climb { .. } | Stage::Stand(_) | Stage::Touchdown => true,
             Stage::Drive { .. } | Stage::Turn(_) | Stage::Brake => false,
@@ -52,7 +52,7 @@ pub(super) struct StagePlanner<'a> {
 
 impl StagePlanner<'_> {
     /// Returns the way through places to an altitude: up before the way, down after it.
-    pub fn route(&self, corners: Vec<Point>, altitude_m: f64) -> Vec<Stage> {
+    pub(super) fn route(&self, corners: Vec<Point>, altitude_m: f64) -> Vec<Stage> {
         let speed_mps = self.speed_mps;
         let drive = Stage::Drive { corners, speed_mps };
         match self.change_of_altitude(altitude_m) {
@@ -74,7 +74,7 @@ impl StagePlanner<'_> {
     }
 
     /// Returns the way up on the spot.
-    pub fn takeoff(&self, to_m: f64) -> Stage {
+    pub(super) fn takeoff(&self, to_m: f64) -> Stage {
         Stage::Climb {
             to_m,
             rate_mps: self.settings.climb_mps,
@@ -82,7 +82,7 @@ impl StagePlanner<'_> {
     }
 
     /// Returns the way from an altitude down to the ground, slow at last.
-    pub fn landing(&self, from_m: f64) -> Vec<Stage> {
+    pub(super) fn landing(&self, from_m: f64) -> Vec<Stage> {
         let (descent_mps, landing_mps) = (self.settings.descent_mps, self.settings.landing_mps);
         let fast = (from_m > SLOW_BELOW_M).then_some(Stage::Climb {
             to_m: SLOW_BELOW_M,
@@ -96,7 +96,7 @@ impl StagePlanner<'_> {
     }
 
     /// Returns the way straight home; a copter flies it not below the altitude of its return, and comes down there.
-    pub fn way_home(&self, home: Point) -> Vec<Stage> {
+    pub(super) fn way_home(&self, home: Point) -> Vec<Stage> {
         match self.settings.kind {
             VehicleKind::Rover => self.route(vec![home], 0.0),
             VehicleKind::Copter if self.altitude_m <= LANDED_M => vec![Stage::Touchdown],
@@ -111,7 +111,7 @@ impl StagePlanner<'_> {
     }
 
     /// Returns the stages of an item of a mission; none of one that takes no time. Without a home a return only brakes.
-    pub fn item(&self, item: Item, home: Option<Point>) -> Vec<Stage> {
+    pub(super) fn item(&self, item: Item, home: Option<Point>) -> Vec<Stage> {
         let here_m = self.altitude_m;
         let level_m = |altitude_m: f64| match self.settings.kind {
             VehicleKind::Rover => 0.0,

@@ -16,7 +16,7 @@ pub(super) struct StatusTexts {
 
 impl StatusTexts {
     /// Says something.
-    pub fn say(&mut self, now: Time, text: StatusText) {
+    pub(super) fn say(&mut self, now: Time, text: StatusText) {
         if self.unread.len() >= MOST {
             self.unread.pop_front();
         }
@@ -24,7 +24,7 @@ impl StatusTexts {
     }
 
     /// Returns what was said since the last call, in order.
-    pub fn take(&mut self) -> Vec<DatedText> {
+    pub(super) fn take(&mut self) -> Vec<DatedText> {
         self.unread.drain(..).collect()
     }
 }

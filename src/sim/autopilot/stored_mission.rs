@@ -14,62 +14,62 @@ pub(super) struct StoredMission {
 
 impl StoredMission {
     /// Returns the items.
-    pub fn items(&self) -> &[Item] {
+    pub(super) fn items(&self) -> &[Item] {
         &self.items
     }
 
     /// Returns the item under way, or begun last; 0 = none.
-    pub fn item(&self) -> usize {
+    pub(super) fn item(&self) -> usize {
         self.item
     }
 
     /// Returns whether it runs.
-    pub fn is_running(&self) -> bool {
+    pub(super) fn is_running(&self) -> bool {
         self.is_running
     }
 
     /// Returns the first item with which it would go on that takes time.
-    pub fn next_lasting_item(&self) -> Option<Item> {
+    pub(super) fn next_lasting_item(&self) -> Option<Item> {
         let left = self.items.iter().skip(self.item.max(1));
         left.copied().find(Item::takes_time)
     }
 
     /// Takes items in place of the stored ones; it does not run then. Returns whether it ran.
-    pub fn store(&mut self, items: Vec<Item>) -> bool {
+    pub(super) fn store(&mut self, items: Vec<Item>) -> bool {
         (self.items, self.item) = (items, 0);
         std::mem::take(&mut self.is_running)
     }
 
     /// Goes back to the beginning, and does not run.
-    pub fn rewind(&mut self) {
+    pub(super) fn rewind(&mut self) {
         (self.item, self.is_running) = (0, false);
     }
 
     /// Is to go on with an item.
-    pub fn set_item(&mut self, item: usize) {
+    pub(super) fn set_item(&mut self, item: usize) {
         self.item = item;
     }
 
     /// Runs; returns the item with which it goes on: the one begun last, or the first after home.
-    pub fn run(&mut self) -> usize {
+    pub(super) fn run(&mut self) -> usize {
         self.is_running = true;
         self.item.max(1)
     }
 
     /// Begins an item; `None` = there is none of that number, and nothing has changed.
-    pub fn begin(&mut self, item: usize) -> Option<Item> {
+    pub(super) fn begin(&mut self, item: usize) -> Option<Item> {
         let begun = self.items.get(item).copied()?;
         self.item = item;
         Some(begun)
     }
 
     /// Runs no more; the item under way is remembered.
-    pub fn stop(&mut self) {
+    pub(super) fn stop(&mut self) {
         self.is_running = false;
     }
 
     /// Is over, after its last item.
-    pub fn end(&mut self) {
+    pub(super) fn end(&mut self) {
         self.is_running = false;
         self.item = self.items.len().saturating_sub(1);
     }

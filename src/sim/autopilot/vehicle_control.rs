@@ -60,7 +60,7 @@ impl Moment<'_> {
 
 impl VehicleControl {
     /// Takes a body that stands on the ground, disarmed.
-    pub fn switched_on(body: Body) -> VehicleControl {
+    pub(super) fn switched_on(body: Body) -> VehicleControl {
         VehicleControl {
             mode: FlightMode::Manual,
             armed_since: None,
@@ -73,7 +73,7 @@ impl VehicleControl {
     }
 
     /// Returns the same vehicle as it stands or hovers at an altitude, metres: armed in GUIDED, home where it is.
-    pub fn under_way(self, altitude_m: f64, now: Time) -> VehicleControl {
+    pub(super) fn under_way(self, altitude_m: f64, now: Time) -> VehicleControl {
         VehicleControl {
             mode: FlightMode::Guided,
             armed_since: Some(Time::ZERO),
@@ -84,37 +84,37 @@ impl VehicleControl {
     }
 
     /// Returns its mode.
-    pub fn mode(&self) -> FlightMode {
+    pub(super) fn mode(&self) -> FlightMode {
         self.mode
     }
 
     /// Returns whether the motors have current.
-    pub fn is_armed(&self) -> bool {
+    pub(super) fn is_armed(&self) -> bool {
         self.armed_since.is_some()
     }
 
     /// Returns where home is, if that is known.
-    pub fn home(&self) -> Option<Point> {
+    pub(super) fn home(&self) -> Option<Point> {
         self.home
     }
 
     /// Returns how fast it travels unless it is told otherwise, m/s.
-    pub fn speed_mps(&self) -> f64 {
+    pub(super) fn speed_mps(&self) -> f64 {
         self.speed_mps
     }
 
     /// Returns how it moves.
-    pub fn motion(&self) -> &StagedMotion {
+    pub(super) fn motion(&self) -> &StagedMotion {
         &self.motion
     }
 
     /// Returns the stored mission.
-    pub fn mission(&self) -> &StoredMission {
+    pub(super) fn mission(&self) -> &StoredMission {
         &self.mission
     }
 
     /// Returns what is so of the stored mission.
-    pub fn mission_situation(&self) -> MissionSituation {
+    pub(super) fn mission_situation(&self) -> MissionSituation {
         MissionSituation {
             items: self.mission.items().len(),
             is_running: self.mission.is_running(),
@@ -123,17 +123,17 @@ impl VehicleControl {
     }
 
     /// Returns the servo outputs that were set, microseconds by output.
-    pub fn servos(&self) -> &BTreeMap<u8, u16> {
+    pub(super) fn servos(&self) -> &BTreeMap<u8, u16> {
         &self.servos
     }
 
     /// Returns whether it stands on the ground.
-    pub fn is_landed(&self, kind: VehicleKind, at: Time) -> bool {
+    pub(super) fn is_landed(&self, kind: VehicleKind, at: Time) -> bool {
         kind == VehicleKind::Rover || self.motion.altitude_m(at) <= LANDED_M
     }
 
     /// Returns until when it uses what motion takes; a copter in the air always does, as long as its motors turn.
-    pub fn works_until(&self, kind: VehicleKind, now: Time) -> Time {
+    pub(super) fn works_until(&self, kind: VehicleKind, now: Time) -> Time {
         let flies = kind == VehicleKind::Copter
             && self.is_armed()
             && (!self.is_landed(kind, now) || self.motion.climb().to_m > LANDED_M);
@@ -145,7 +145,7 @@ impl VehicleControl {
     }
 
     /// Returns when it is disarmed because it was armed and has not taken off; `None` = it has, or needs not.
-    pub fn idle_until(&self, settings: &AutopilotSettings, now: Time) -> Option<Time> {
+    pub(super) fn idle_until(&self, settings: &AutopilotSettings, now: Time) -> Option<Time> {
         let is_idle = settings.kind == VehicleKind::Copter
             && self.motion.stage_ends().is_none()
             && self.is_landed(settings.kind, now);
@@ -154,7 +154,7 @@ impl VehicleControl {
     }
 
     /// Does what was found right to be done.
-    pub fn act(&mut self, action: Action, moment: &mut Moment<'_>) {
+    pub(super) fn act(&mut self, action: Action, moment: &mut Moment<'_>) {
         match action {
             Action::Nothing => {}
             Action::Enter(mode) => self.enter(mode, moment),
@@ -185,7 +185,7 @@ impl VehicleControl {
     }
 
     /// Ends the stage under way; after the last one the mission goes on, or it stays where it is.
-    pub fn end_stage(&mut self, moment: &mut Moment<'_>) {
+    pub(super) fn end_stage(&mut self, moment: &mut Moment<'_>) {
         if !self.motion.end_stage() {
             self.begin_stage(moment);
         } else if self.mission.is_running() {
@@ -196,7 +196,7 @@ impl VehicleControl {
     }
 
     /// Comes to rest at once, against all limits, and gives up everything.
-    pub fn wreck(&mut self, at: Time) {
+    pub(super) fn wreck(&mut self, at: Time) {
         self.motion.wreck(at);
         self.mission.stop();
     }

@@ -52,7 +52,7 @@ struct Heartbeat {
 
 impl SimulatedDevices {
     /// Makes the devices of a vehicle that stands and whose software does not run.
-    pub fn new(mounts: Mounts) -> SimulatedDevices {
+    pub(super) fn new(mounts: Mounts) -> SimulatedDevices {
         SimulatedDevices {
             servos: Pointing::new(mounts),
             measures_until: Time::ZERO,
@@ -68,13 +68,13 @@ impl SimulatedDevices {
     }
 
     /// Its software runs from now on: the autopilot's next report comes with a heartbeat.
-    pub fn attach(&mut self, now: Time) {
+    pub(super) fn attach(&mut self, now: Time) {
         (self.is_attached, self.heard_at, self.heartbeat) = (true, now, None);
     }
 
     /// Returns what the autopilot says of what it knows of itself now: its mode, and whether it is armed, are as old as its
     /// last heartbeat.
-    pub fn said(&mut self, known: AutopilotReport) -> AutopilotReport {
+    pub(super) fn said(&mut self, known: AutopilotReport) -> AutopilotReport {
         let known_now = Heartbeat {
             mode: known.mode,
             is_armed: known.is_armed,
@@ -99,7 +99,7 @@ impl SimulatedDevices {
     }
 
     /// Returns when its companion will have been silent for too long.
-    pub fn silent_at(&self) -> Time {
+    pub(super) fn silent_at(&self) -> Time {
         self.heard_at + COMPANION_SILENT
     }
 }

@@ -12,7 +12,7 @@ pub(super) struct Alarm {
 
 impl Alarm {
     /// Sets it to a moment, but not before now; returns the wake that must be queued, unless that was done already.
-    pub fn set(&mut self, now: Time, at: Option<Time>) -> Option<(Time, u64)> {
+    pub(super) fn set(&mut self, now: Time, at: Option<Time>) -> Option<(Time, u64)> {
         let at = at.map(|at| at.max(now));
         if self.at == at {
             return None;
@@ -23,13 +23,13 @@ impl Alarm {
     }
 
     /// Makes void whatever is queued.
-    pub fn cancel(&mut self) {
+    pub(super) fn cancel(&mut self) {
         self.at = None;
         self.generation += 1;
     }
 
     /// Returns whether a wake counts that comes now; then it is no longer set.
-    pub fn rings(&mut self, generation: u64) -> bool {
+    pub(super) fn rings(&mut self, generation: u64) -> bool {
         let rings = self.generation == generation;
         if rings {
             self.at = None;

@@ -58,7 +58,7 @@ pub(super) struct Hearing {
 impl Network {
     /// Joins nodes to a bus, each of which may send so many bytes a second. Vehicles and ground station do not take part before
     /// they join ([`Network::join`]); operators, named with what they are interested in, do at once.
-    pub fn new(
+    pub(super) fn new(
         bus: SimulatedBus,
         noise: Noise,
         egress_bytes_per_s: u32,
@@ -78,7 +78,7 @@ impl Network {
     }
 
     /// Lets a node begin to ask whether it may take part.
-    pub fn join(&mut self, node: NodePlace, boot: Boot, schedule: &mut Schedule) {
+    pub(super) fn join(&mut self, node: NodePlace, boot: Boot, schedule: &mut Schedule) {
         let number = match node {
             NodePlace::Vehicle(vehicle) => vehicle,
             NodePlace::Ground | NodePlace::Operator(_) => self.vehicles.len(),
@@ -93,17 +93,17 @@ impl Network {
     }
 
     /// Takes a node off the bus.
-    pub fn leave(&mut self, node: NodePlace) {
+    pub(super) fn leave(&mut self, node: NodePlace) {
         self.at(node).leave();
     }
 
     /// Returns whether a node is at the bus, whether or not it may take part.
-    pub fn is_joined(&mut self, node: NodePlace) -> bool {
+    pub(super) fn is_joined(&mut self, node: NodePlace) -> bool {
         self.at(node).is_joined()
     }
 
     /// Lets a node say something: it goes out at once, or when it is its turn.
-    pub fn publish(&mut self, node: NodePlace, message: &Message, schedule: &mut Schedule) {
+    pub(super) fn publish(&mut self, node: NodePlace, message: &Message, schedule: &mut Schedule) {
         let of_node = self.at(node);
         if !of_node.is_joined() {
             return;
@@ -115,7 +115,12 @@ impl Network {
     }
 
     /// Lets a node's exchange do what is due, if the wake counts; returns whether the node takes part from now on.
-    pub fn wake(&mut self, node: NodePlace, generation: u64, schedule: &mut Schedule) -> bool {
+    pub(super) fn wake(
+        &mut self,
+        node: NodePlace,
+        generation: u64,
+        schedule: &mut Schedule,
+    ) -> bool {
         let of_node = self.at(node);
         if !of_node.rings(generation) {
             return false;
@@ -132,7 +137,12 @@ impl Network {
     }
 
     /// Hands a frame to a node's exchange; returns what comes of it.
-    pub fn hear(&mut self, node: NodePlace, frame: &BusFrame, schedule: &mut Schedule) -> Hearing {
+    pub(super) fn hear(
+        &mut self,
+        node: NodePlace,
+        frame: &BusFrame,
+        schedule: &mut Schedule,
+    ) -> Hearing {
         let ReceivedFrame {
             heard,
             verdict,
@@ -165,7 +175,7 @@ impl Network {
     }
 
     /// Returns the bus.
-    pub fn into_bus(self) -> SimulatedBus {
+    pub(super) fn into_bus(self) -> SimulatedBus {
         self.bus
     }
 

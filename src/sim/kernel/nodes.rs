@@ -37,7 +37,7 @@ pub(super) struct Nodes {
 }
 
 impl Nodes {
-    pub fn new(
+    pub(super) fn new(
         vehicles: Vec<SimulatedVehicle>,
         ground: SimulatedGround,
         operators: Vec<SimulatedOperator>,
@@ -50,44 +50,44 @@ impl Nodes {
     }
 
     /// Returns the vehicles, in their order.
-    pub fn vehicles(&self) -> &[SimulatedVehicle] {
+    pub(super) fn vehicles(&self) -> &[SimulatedVehicle] {
         &self.vehicles
     }
 
     /// Returns a vehicle, to be told something.
-    pub fn vehicle_mut(&mut self, vehicle: usize) -> &mut SimulatedVehicle {
+    pub(super) fn vehicle_mut(&mut self, vehicle: usize) -> &mut SimulatedVehicle {
         &mut self.vehicles[vehicle]
     }
 
     /// Returns the ground station.
-    pub fn ground(&self) -> &SimulatedGround {
+    pub(super) fn ground(&self) -> &SimulatedGround {
         &self.ground
     }
 
     /// Returns the ground station, to be told something.
-    pub fn ground_mut(&mut self) -> &mut SimulatedGround {
+    pub(super) fn ground_mut(&mut self) -> &mut SimulatedGround {
         &mut self.ground
     }
 
     /// Returns the operators, in their order.
-    pub fn operators(&self) -> &[SimulatedOperator] {
+    pub(super) fn operators(&self) -> &[SimulatedOperator] {
         &self.operators
     }
 
     /// Returns an operator, to be told something.
-    pub fn operator_mut(&mut self, operator: usize) -> &mut SimulatedOperator {
+    pub(super) fn operator_mut(&mut self, operator: usize) -> &mut SimulatedOperator {
         &mut self.operators[operator]
     }
 
     /// Returns all places: the vehicles, the ground station, the operators.
-    pub fn places(&self) -> impl Iterator<Item = NodePlace> + use<> {
+    pub(super) fn places(&self) -> impl Iterator<Item = NodePlace> + use<> {
         let vehicles = (0..self.vehicles.len()).map(NodePlace::Vehicle);
         let operators = (0..self.operators.len()).map(NodePlace::Operator);
         vehicles.chain([NodePlace::Ground]).chain(operators)
     }
 
     /// Returns the place of a node; `None` = it takes no part in this run.
-    pub fn place_of(&self, node: NodeId) -> Option<NodePlace> {
+    pub(super) fn place_of(&self, node: NodeId) -> Option<NodePlace> {
         match node {
             NodeId::Vehicle(id) => {
                 let place = self.vehicles.iter().position(|vehicle| vehicle.id() == id);
@@ -105,7 +105,7 @@ impl Nodes {
     }
 
     /// Returns a node by its place, as it is named on the bus.
-    pub fn id_of(&self, node: NodePlace) -> NodeId {
+    pub(super) fn id_of(&self, node: NodePlace) -> NodeId {
         match node {
             NodePlace::Vehicle(vehicle) => NodeId::Vehicle(self.vehicles[vehicle].id()),
             NodePlace::Ground => NodeId::Ground,
@@ -114,7 +114,7 @@ impl Nodes {
     }
 
     /// Sets the alarm of a node to its deadline; returns the wake that must be queued, if one must.
-    pub fn set_alarm(&mut self, node: NodePlace, now: Time) -> Option<(Time, u64)> {
+    pub(super) fn set_alarm(&mut self, node: NodePlace, now: Time) -> Option<(Time, u64)> {
         let (alarm, deadline) = match node {
             NodePlace::Vehicle(vehicle) => self.vehicles[vehicle].alarm_and_deadline(),
             NodePlace::Ground => self.ground.alarm_and_deadline(),
@@ -124,7 +124,7 @@ impl Nodes {
     }
 
     /// Returns whether a wake of a node counts.
-    pub fn rings(&mut self, node: NodePlace, generation: u64) -> bool {
+    pub(super) fn rings(&mut self, node: NodePlace, generation: u64) -> bool {
         let alarm: &mut Alarm = match node {
             NodePlace::Vehicle(vehicle) => self.vehicles[vehicle].alarm_mut(),
             NodePlace::Ground => self.ground.alarm_mut(),
@@ -134,7 +134,7 @@ impl Nodes {
     }
 
     /// Ends the software of a vehicle or of the ground station: what it has not on its disk is gone.
-    pub fn end(&mut self, node: NodePlace) {
+    pub(super) fn end(&mut self, node: NodePlace) {
         match node {
             NodePlace::Vehicle(vehicle) => self.vehicles[vehicle].end(),
             NodePlace::Ground => self.ground.end(),
@@ -144,7 +144,7 @@ impl Nodes {
 
     /// Starts the software of a vehicle or of the ground station anew, with what its disk holds; returns the count of its
     /// starts. Operators are not started anew.
-    pub fn restart(&mut self, node: NodePlace, noise: Noise) -> Option<Boot> {
+    pub(super) fn restart(&mut self, node: NodePlace, noise: Noise) -> Option<Boot> {
         match node {
             NodePlace::Vehicle(vehicle) => Some(self.vehicles[vehicle].restart()),
             NodePlace::Ground => Some(self.ground.restart(noise)),
@@ -153,12 +153,12 @@ impl Nodes {
     }
 
     /// Returns which vehicles are dead.
-    pub fn are_dead(&self) -> impl Iterator<Item = bool> + '_ {
+    pub(super) fn are_dead(&self) -> impl Iterator<Item = bool> + '_ {
         self.vehicles.iter().map(SimulatedVehicle::is_dead)
     }
 
     /// Returns how many vehicles are alive, how many of them are home, and how many stand and stay.
-    pub fn muster(&self, is_at_rest: impl Fn(usize) -> bool) -> Muster {
+    pub(super) fn muster(&self, is_at_rest: impl Fn(usize) -> bool) -> Muster {
         let mut muster = Muster::default();
         let vehicles = self.vehicles.iter().enumerate();
         for (index, vehicle) in vehicles.filter(|(_, vehicle)| !vehicle.is_dead()) {
@@ -177,7 +177,7 @@ impl Nodes {
     }
 
     /// Begins to keep what the actors do.
-    pub fn watch(&mut self) {
+    pub(super) fn watch(&mut self) {
         let vehicles = self.vehicles.iter_mut();
         vehicles.for_each(|vehicle| vehicle.node_mut().watch());
         self.ground.node_mut().watch();
@@ -186,7 +186,7 @@ impl Nodes {
     }
 
     /// Hands out what the actors have done since the last time.
-    pub fn steps(&mut self, mut to: impl FnMut(NodeId, Vec<ActorStep>)) {
+    pub(super) fn steps(&mut self, mut to: impl FnMut(NodeId, Vec<ActorStep>)) {
         for vehicle in &mut self.vehicles {
             to(NodeId::Vehicle(vehicle.id()), vehicle.node_mut().steps());
         }
@@ -200,7 +200,7 @@ impl Nodes {
     ///
     /// # Errors
     /// One cannot be written, which is a mistake of this program.
-    pub fn snapshots(
+    pub(super) fn snapshots(
         &mut self,
         of_all: bool,
         mut to: impl FnMut(NodeId, Vec<Snapshot>),
@@ -226,7 +226,7 @@ impl Nodes {
     }
 
     /// Takes the ground station out, as it is at the end.
-    pub fn into_ground(self) -> SimulatedGround {
+    pub(super) fn into_ground(self) -> SimulatedGround {
         self.ground
     }
 }

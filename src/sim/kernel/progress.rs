@@ -29,7 +29,7 @@ pub(super) struct ProgressMeter {
 
 impl ProgressMeter {
     /// Begins at nothing; it is shown every so often, in virtual time.
-    pub fn shown_every(every: Duration) -> ProgressMeter {
+    pub(super) fn shown_every(every: Duration) -> ProgressMeter {
         ProgressMeter {
             laps_done: 0,
             laps: 0,
@@ -39,7 +39,7 @@ impl ProgressMeter {
     }
 
     /// Takes a note of the ground station; so many sweeps are still to be driven, the present one included.
-    pub fn hear(&mut self, note: &GroundNote, sweeps_left: usize) {
+    pub(super) fn hear(&mut self, note: &GroundNote, sweeps_left: usize) {
         match note {
             GroundNote::Planned { laps, .. } => {
                 self.laps = self.laps_done + laps * sweeps_left;
@@ -63,12 +63,12 @@ impl ProgressMeter {
     }
 
     /// Returns whether it is to be shown, and then waits for the next time.
-    pub fn is_shown(&mut self, now: Time) -> bool {
+    pub(super) fn is_shown(&mut self, now: Time) -> bool {
         self.shows.is_due(now)
     }
 
     /// Returns how far the run is.
-    pub fn status(&self, now: Time) -> RunProgress {
+    pub(super) fn status(&self, now: Time) -> RunProgress {
         RunProgress {
             now,
             laps_done: self.laps_done,

@@ -16,7 +16,7 @@ pub(in crate::sim) struct Recording<'a> {
 
 impl<'a> Recording<'a> {
     /// Makes a recording that goes where `record` says; a new segment begins `every` so often.
-    pub fn to(record: &'a mut dyn FnMut(SampleFile), every: Duration) -> Recording<'a> {
+    pub(crate) fn to(record: &'a mut dyn FnMut(SampleFile), every: Duration) -> Recording<'a> {
         Recording {
             record,
             every,

@@ -27,7 +27,7 @@ pub(super) struct RunRecord {
 
 impl RunRecord {
     /// Makes an empty record of a run of these vehicles.
-    pub fn new(vehicles: impl Iterator<Item = VehicleId>) -> RunRecord {
+    pub(super) fn new(vehicles: impl Iterator<Item = VehicleId>) -> RunRecord {
         RunRecord {
             log: Log::default(),
             counts: RunCounts::default(),
@@ -38,22 +38,22 @@ impl RunRecord {
     }
 
     /// Writes a line into the log.
-    pub fn line(&mut self, now: Time, who: &str, what: std::fmt::Arguments<'_>) {
+    pub(super) fn line(&mut self, now: Time, who: &str, what: std::fmt::Arguments<'_>) {
         self.log.line(now, who, what);
     }
 
     /// Counts an event of the kernel.
-    pub fn count_event(&mut self) {
+    pub(super) fn count_event(&mut self) {
         self.counts.events += 1;
     }
 
     /// Counts a message that the bus has delivered to a vehicle or to the ground station.
-    pub fn count_message(&mut self) {
+    pub(super) fn count_message(&mut self) {
         self.counts.messages += 1;
     }
 
     /// Keeps where a vehicle truly is.
-    pub fn track(&mut self, vehicle: usize, at: Point) {
+    pub(super) fn track(&mut self, vehicle: usize, at: Point) {
         let track = &mut self.tracks[vehicle].1;
         let is_new = |last: &Point| last.distance_to(at) > TRACK_STEP_M;
         if track.last().is_none_or(is_new) {
@@ -62,7 +62,7 @@ impl RunRecord {
     }
 
     /// Keeps where everybody truly is, and logs it every tenth time.
-    pub fn track_all(&mut self, now: Time, states: &[BodyState]) {
+    pub(super) fn track_all(&mut self, now: Time, states: &[BodyState]) {
         for (vehicle, state) in states.iter().enumerate() {
             self.track(vehicle, state.at);
         }
@@ -84,7 +84,7 @@ impl RunRecord {
     }
 
     /// Logs a contact; the run has failed by it.
-    pub fn collision(&mut self, now: Time, collision: &Collision) {
+    pub(super) fn collision(&mut self, now: Time, collision: &Collision) {
         let place = collision.place;
         let with = collision.with;
         let with = with.map_or("the scene".to_owned(), |peer| peer.to_string());
@@ -100,7 +100,7 @@ impl RunRecord {
     }
 
     /// Keeps a picture in place of an earlier one of its kind, and logs it with values in steps.
-    pub fn picture(&mut self, now: Time, picture: Picture) {
+    pub(super) fn picture(&mut self, now: Time, picture: Picture) {
         match &picture.result {
             Err(reason) => {
                 self.log
@@ -126,12 +126,12 @@ impl RunRecord {
     }
 
     /// Keeps why the run has failed; of several reasons the first counts.
-    pub fn fail(&mut self, reason: String) {
+    pub(super) fn fail(&mut self, reason: String) {
         self.failure.get_or_insert(reason);
     }
 
     /// Closes the record, with what was counted of devices.
-    pub fn close(self, devices: DeviceCounts) -> Recorded {
+    pub(super) fn close(self, devices: DeviceCounts) -> Recorded {
         Recorded {
             log: self.log,
             counts: RunCounts {

@@ -38,7 +38,7 @@ pub(super) enum Event {
 
 impl Event {
     /// Returns whether it concerns nobody but an operator.
-    pub fn is_of_operator(&self) -> bool {
+    pub(super) fn is_of_operator(&self) -> bool {
         match self {
             Event::Wake { node, .. } | Event::Exchange { node, .. } => match node {
                 NodePlace::Operator(_) => true,
@@ -65,7 +65,7 @@ pub(super) struct Schedule {
 impl Schedule {
     /// Makes one in which nothing is to happen, of a run that lasts so long at most; with `ties` events of one moment come in an
     /// order drawn from it.
-    pub fn new(until: Time, ties: Option<Noise>) -> Schedule {
+    pub(super) fn new(until: Time, ties: Option<Noise>) -> Schedule {
         Schedule {
             queue: EventQueue::new(ties),
             now: Time::ZERO,
@@ -75,17 +75,17 @@ impl Schedule {
     }
 
     /// Returns what time it is.
-    pub fn now(&self) -> Time {
+    pub(super) fn now(&self) -> Time {
         self.now
     }
 
     /// Lets something happen at a moment.
-    pub fn push(&mut self, at: Time, event: Event) {
+    pub(super) fn push(&mut self, at: Time, event: Event) {
         self.queue.push(at, event);
     }
 
     /// Returns what happens next; the time is that of it then. `None` = nothing happens any more.
-    pub fn pop(&mut self) -> Option<Event> {
+    pub(super) fn pop(&mut self) -> Option<Event> {
         let (at, event) = self.queue.pop().filter(|(at, _)| *at <= self.until)?;
         debug_assert!(at >= self.now, "time never goes back");
         self.now = at;
@@ -93,7 +93,7 @@ impl Schedule {
     }
 
     /// Ends the run now, but for what is still on its way.
-    pub fn end(&mut self) {
+    pub(super) fn end(&mut self) {
         if self.ended_at.is_none() {
             self.ended_at = Some(self.now);
             self.until = self.until.min(self.now + SETTLES);
@@ -101,7 +101,7 @@ impl Schedule {
     }
 
     /// Returns when the run has ended, if it has.
-    pub fn ended_at(&self) -> Option<Time> {
+    pub(super) fn ended_at(&self) -> Option<Time> {
         self.ended_at
     }
 }

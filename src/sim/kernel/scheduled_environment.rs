@@ -15,7 +15,7 @@ pub(super) struct ScheduledEnvironment {
 
 impl ScheduledEnvironment {
     /// Lets an environment begin in which the software of so many vehicles runs.
-    pub fn begin(
+    pub(super) fn begin(
         mut environment: Environment,
         vehicles: usize,
         schedule: &mut Schedule,
@@ -34,17 +34,17 @@ impl ScheduledEnvironment {
     }
 
     /// Returns the environment, as it is at the end.
-    pub fn into_environment(self) -> Environment {
+    pub(super) fn into_environment(self) -> Environment {
         self.environment
     }
 
     /// Returns where a vehicle truly is.
-    pub fn truth(&self, vehicle: usize, now: Time) -> BodyState {
+    pub(super) fn truth(&self, vehicle: usize, now: Time) -> BodyState {
         self.environment.world().truth(vehicle, now)
     }
 
     /// Returns how many sweeps are still to be driven, the present one included: one with the persons in it is the last.
-    pub fn sweeps_left(&self) -> usize {
+    pub(super) fn sweeps_left(&self) -> usize {
         if self.environment.persons_are_in() {
             1
         } else {
@@ -53,17 +53,17 @@ impl ScheduledEnvironment {
     }
 
     /// The software of a vehicle runs from now on.
-    pub fn attach(&mut self, now: Time, vehicle: usize) {
+    pub(super) fn attach(&mut self, now: Time, vehicle: usize) {
         self.environment.attach(now, vehicle);
     }
 
     /// The software of a vehicle runs no more.
-    pub fn detach(&mut self, now: Time, vehicle: usize) {
+    pub(super) fn detach(&mut self, now: Time, vehicle: usize) {
         self.environment.detach(now, vehicle);
     }
 
     /// Lets a device of a vehicle obey; returns what it answers at once. The rest comes when its time has come.
-    pub fn obey(
+    pub(super) fn obey(
         &mut self,
         vehicle: usize,
         command: DeviceCommand,
@@ -79,7 +79,7 @@ impl ScheduledEnvironment {
     }
 
     /// Lets the persons enter who wait outside.
-    pub fn let_persons_enter(&mut self, schedule: &mut Schedule) {
+    pub(super) fn let_persons_enter(&mut self, schedule: &mut Schedule) {
         let now = schedule.now();
         self.environment.let_persons_enter(now, &mut self.said);
         put_into(schedule, &mut self.said);
@@ -87,14 +87,14 @@ impl ScheduledEnvironment {
 
     /// Lets happen what is due, and returns it in its order, with the moments of [`WorldEvent::Scheduled`] among it; the list
     /// comes back by [`ScheduledEnvironment::take_back`].
-    pub fn wake(&mut self, now: Time) -> Vec<WorldEvent> {
+    pub(super) fn wake(&mut self, now: Time) -> Vec<WorldEvent> {
         let mut happened = std::mem::take(&mut self.said);
         self.environment.wake(now, &mut happened);
         happened
     }
 
     /// Takes an empty list back for its memory.
-    pub fn take_back(&mut self, list: Vec<WorldEvent>) {
+    pub(super) fn take_back(&mut self, list: Vec<WorldEvent>) {
         self.said = list;
     }
 }

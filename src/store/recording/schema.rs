@@ -16,7 +16,7 @@ const POSE: &str = r#""pose":{"type":"object","title":"foxglove.Pose","propertie
 
 impl Schema {
     /// Returns the name.
-    pub fn name(self) -> &'static str {
+    pub(super) fn name(self) -> &'static str {
         match self {
             Schema::Step => "tomoswarm.Step",
             Schema::Snapshot => "tomoswarm.Snapshot",
@@ -27,7 +27,7 @@ impl Schema {
     }
 
     /// Returns the JSON schema.
-    pub fn text(self) -> String {
+    pub(super) fn text(self) -> String {
         let properties = match self {
             Schema::Step => r#""now_ns":{"type":"integer","description":"nanoseconds since the node started"},"told":{"description":"the input"},"told_packed":{"type":"string","contentEncoding":"base64","description":"the input, when JSON cannot hold it"},"woken":{"type":"string","description":"the reason of the deadline, in place of told"},"said":{"type":"array","description":"the outputs, in order"},"fault":{"type":"string","description":"why the actor could not go on"}"#.to_owned(),
             Schema::Snapshot => r#""now_ns":{"type":"integer","description":"nanoseconds since the node started"},"packed":{"type":"string","contentEncoding":"base64","description":"the actor, for the same version of tomoswarm"}"#.to_owned(),

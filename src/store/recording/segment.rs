@@ -52,7 +52,7 @@ pub(super) struct Segment {
 
 impl Segment {
     /// Creates a file; what it is about comes first.
-    pub fn create(
+    pub(super) fn create(
         path: &Path,
         opened: Time,
         about: &[(&str, BTreeMap<String, String>)],
@@ -81,17 +81,17 @@ impl Segment {
     }
 
     /// Returns when it was begun.
-    pub fn opened(&self) -> Time {
+    pub(super) fn opened(&self) -> Time {
         self.opened
     }
 
     /// Returns the file.
-    pub fn path(&self) -> &Path {
+    pub(super) fn path(&self) -> &Path {
         &self.path
     }
 
     /// Writes a word about the whole file.
-    pub fn metadata(
+    pub(super) fn metadata(
         &mut self,
         name: &str,
         metadata: BTreeMap<String, String>,
@@ -106,7 +106,7 @@ impl Segment {
     }
 
     /// Writes a message.
-    pub fn message(
+    pub(super) fn message(
         &mut self,
         topic: &str,
         schema: Schema,
@@ -143,7 +143,7 @@ impl Segment {
     }
 
     /// Writes out all that was handed in; returns the size of the file, bytes.
-    pub fn flush(&mut self) -> Result<u64, WriteError> {
+    pub(super) fn flush(&mut self) -> Result<u64, WriteError> {
         self.writer
             .flush()
             .map_err(|error| WriteError::at(&self.path, words(&error)))?;
@@ -153,7 +153,7 @@ impl Segment {
     }
 
     /// Writes the index and closes the file.
-    pub fn finish(mut self) -> Result<(), WriteError> {
+    pub(super) fn finish(mut self) -> Result<(), WriteError> {
         self.flush()?;
         self.writer
             .finish()

@@ -51,7 +51,7 @@ pub(super) struct RecordingView {
 
 impl RecordingView {
     /// Makes the view of a node.
-    pub fn new(node: &str, lattice: Lattice) -> RecordingView {
+    pub(super) fn new(node: &str, lattice: Lattice) -> RecordingView {
         RecordingView {
             node: node.to_owned(),
             map: Merged::new(lattice, None),
@@ -62,7 +62,7 @@ impl RecordingView {
     }
 
     /// Returns what is to be seen of a step of an actor; of most there is nothing but a fault.
-    pub fn of(&mut self, step: &ActorStep) -> Vec<MessageLine> {
+    pub(super) fn of(&mut self, step: &ActorStep) -> Vec<MessageLine> {
         let now = step.now;
         let mut shown = Vec::new();
         if let Some(RecordedStep { said, .. }) = step.of::<Vehicle>() {

@@ -39,7 +39,7 @@ struct Dwell {
 impl Adopted {
     /// Begins a revision as one of its members; `follows` says of whom it is known already that it follows
     /// an edition.
-    pub fn new(
+    pub(super) fn new(
         plans: Vec<Plan>,
         vehicle: VehicleId,
         follows: impl Fn(VehicleId, Edition) -> bool,
@@ -66,50 +66,50 @@ impl Adopted {
     }
 
     /// Returns the plans of all members.
-    pub fn plans(&self) -> &[Plan] {
+    pub(super) fn plans(&self) -> &[Plan] {
         &self.plans
     }
 
     /// Returns the own plan.
-    pub fn plan(&self) -> &Plan {
+    pub(super) fn plan(&self) -> &Plan {
         &self.plans[self.own]
     }
 
     /// Returns the stops of the own plan.
-    pub fn stops(&self) -> &[Stop] {
+    pub(super) fn stops(&self) -> &[Stop] {
         &self.plan().stops
     }
 
     /// Returns run and revision.
-    pub fn edition(&self) -> Edition {
+    pub(super) fn edition(&self) -> Edition {
         edition_of(self.plan())
     }
 
     /// Returns how many stops of the own plan are done.
-    pub fn done(&self) -> usize {
+    pub(super) fn done(&self) -> usize {
         self.done
     }
 
     /// Returns whether a leg is entered whose stop is not reached.
-    pub fn is_driving(&self) -> bool {
+    pub(super) fn is_driving(&self) -> bool {
         self.entered > self.done && self.dwell.is_none()
     }
 
     /// Returns the stops whose legs are entered and which are not done.
-    pub fn entered(&self) -> &[Stop] {
+    pub(super) fn entered(&self) -> &[Stop] {
         &self.stops()[self.done..self.entered]
     }
 
     /// Returns the stop of the leg `ahead` legs behind the last one entered, if it and all before it may be entered now, as far
     /// as this revision goes.
-    pub fn may_enter(&self, ahead: usize) -> Option<&Stop> {
+    pub(super) fn may_enter(&self, ahead: usize) -> Option<&Stop> {
         let target = self.entered.checked_add(ahead)?;
         let stop = self.stops().get(target)?;
         self.obstacle_up_to(target).is_none().then_some(stop)
     }
 
     /// Returns why the next leg may not be entered, if that is so.
-    pub fn waits_for(&self) -> Option<WaitsFor> {
+    pub(super) fn waits_for(&self) -> Option<WaitsFor> {
         if self.entered < self.stops().len() {
             return self.obstacle_up_to(self.entered);
         }
@@ -158,7 +158,7 @@ impl Adopted {
     }
 
     /// Takes the progress of a member in this revision; who rests, by its latest start, is not waited for in a dwell.
-    pub fn hear(&mut self, progress: &VehicleProgress, is_latest: bool) {
+    pub(super) fn hear(&mut self, progress: &VehicleProgress, is_latest: bool) {
         if let Some(member) = self.members.get_mut(&progress.vehicle) {
             member.adopted = true;
             let index = progress.done.and_then(|stop| member.order.get(&stop));
@@ -174,7 +174,7 @@ impl Adopted {
     }
 
     /// Enters the next leg.
-    pub fn enter(&mut self) {
+    pub(super) fn enter(&mut self) {
         self.entered += 1;
     }
 
@@ -183,7 +183,7 @@ impl Adopted {
     ///
     /// # Errors
     /// It is not the first stop that is entered and not done.
-    pub fn arrive(
+    pub(super) fn arrive(
         &mut self,
         now: Time,
         stop: StopId,
@@ -205,7 +205,7 @@ impl Adopted {
     }
 
     /// Returns when the dwell ends, if the vehicle dwells.
-    pub fn dwell_ends(&self) -> Option<Time> {
+    pub(super) fn dwell_ends(&self) -> Option<Time> {
         let dwell = self.dwell.as_ref()?;
         let stop = &self.stops()[self.done];
         let stay_ms = if dwell.missing.is_empty() {
@@ -217,7 +217,7 @@ impl Adopted {
     }
 
     /// Ends a dwell whose time is over; returns whether a stop was done by that.
-    pub fn end_dwell(&mut self, now: Time) -> bool {
+    pub(super) fn end_dwell(&mut self, now: Time) -> bool {
         let is_over = self.dwell_ends().is_some_and(|at| at <= now);
         if is_over {
             self.dwell = None;
@@ -227,7 +227,7 @@ impl Adopted {
     }
 
     /// Returns the own progress; its boot is for the caller to fill in.
-    pub fn progress(&self) -> VehicleProgress {
+    pub(super) fn progress(&self) -> VehicleProgress {
         let (run, revision) = self.edition();
         let id = |count: usize| count.checked_sub(1).map(|last| self.stops()[last].id);
         VehicleProgress {

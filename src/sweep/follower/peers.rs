@@ -29,7 +29,7 @@ struct Peer {
 
 impl Peers {
     /// Takes a peer's progress; returns whether it is of its latest start, as far as known.
-    pub fn hear(&mut self, now: Time, progress: &VehicleProgress) -> bool {
+    pub(super) fn hear(&mut self, now: Time, progress: &VehicleProgress) -> bool {
         let newest = (progress.run, progress.revision);
         let (boot, at_rest) = (progress.boot, progress.leg.is_none());
         let heard = Peer {
@@ -52,13 +52,13 @@ impl Peers {
     }
 
     /// Returns whether a peer was heard to follow an edition, and nothing newer since.
-    pub fn follows(&self, vehicle: VehicleId, edition: Edition) -> bool {
+    pub(super) fn follows(&self, vehicle: VehicleId, edition: Edition) -> bool {
         let peer = self.heard.get(&vehicle);
         peer.is_some_and(|peer| peer.newest == edition)
     }
 
     /// Returns whether a peer was heard to rest under an edition, and nothing newer since.
-    pub fn rests_under(&self, vehicle: VehicleId, edition: Edition) -> bool {
+    pub(super) fn rests_under(&self, vehicle: VehicleId, edition: Edition) -> bool {
         let peer = self.heard.get(&vehicle);
         peer.is_some_and(|peer| peer.at_rest && peer.newest == edition)
     }

@@ -31,17 +31,17 @@ pub(super) struct Candidate {
 
 impl PendingRevision {
     /// Returns run and revision, if there is one.
-    pub fn edition(&self) -> Option<Edition> {
+    pub(super) fn edition(&self) -> Option<Edition> {
         self.plans.values().next().map(edition_of)
     }
 
     /// Returns the revision, if there is one.
-    pub fn revision(&self) -> Option<Revision> {
+    pub(super) fn revision(&self) -> Option<Revision> {
         self.edition().map(|(_, revision)| revision)
     }
 
     /// Returns why it is not followed, if it was refused.
-    pub fn refusal(&self) -> Option<&PlanRefusal> {
+    pub(super) fn refusal(&self) -> Option<&PlanRefusal> {
         self.refusal.as_ref()
     }
 
@@ -50,13 +50,13 @@ impl PendingRevision {
     }
 
     /// Forgets all of it.
-    pub fn give_up(&mut self) {
+    pub(super) fn give_up(&mut self) {
         self.plans.clear();
         self.refusal = None;
     }
 
     /// Takes a plan, beside a revision that is followed; returns false of one that is old.
-    pub fn collect(&mut self, plan: &Plan, followed: Option<Edition>) -> bool {
+    pub(super) fn collect(&mut self, plan: &Plan, followed: Option<Edition>) -> bool {
         let edition = edition_of(plan);
         // What a lower right has given and nobody here follows yet is void, whatever its revision. Two grounds may also give
         // one edition to different plans: those of the higher right are kept, never mixed.
@@ -85,7 +85,7 @@ impl PendingRevision {
     ///
     /// # Errors
     /// The verdict that it is not so.
-    pub fn adopt(&mut self, candidate: Candidate) -> Result<Vec<Plan>, PlanVerdict> {
+    pub(super) fn adopt(&mut self, candidate: Candidate) -> Result<Vec<Plan>, PlanVerdict> {
         let Some(sample) = self.plans.values().next() else {
             return Err(PlanVerdict::Old);
         };

@@ -10,7 +10,7 @@ const CLOSING: Duration = Duration::from_secs(3);
 const CLOSING_MAX: Duration = Duration::from_secs(60);
 
 /// Counts the laps that all vehicles have done; after the last one the samples are waited for.
-pub fn count_laps(
+pub(super) fn count_laps(
     phase: &mut Phase,
     plans: &PublishedPlans,
     at: &Conditions<'_>,
@@ -30,7 +30,7 @@ pub fn count_laps(
 }
 
 /// Closes a run whose samples are in; of what is missing no more is expected after a while.
-pub fn close(phase: &mut Phase, at: &Conditions<'_>) -> Option<SweepOutput> {
+pub(super) fn close(phase: &mut Phase, at: &Conditions<'_>) -> Option<SweepOutput> {
     let Phase::Closing { sweep, since } = *phase else {
         return None;
     };

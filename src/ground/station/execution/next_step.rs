@@ -15,7 +15,7 @@ const STALLED_AFTER: Duration = Duration::from_secs(420);
 
 /// What is to be done next about the plans.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum NextStep {
+pub(super) enum NextStep {
     /// Nothing.
     Wait,
     /// The plans are published again.
@@ -30,7 +30,7 @@ pub enum NextStep {
 
 impl NextStep {
     /// Returns the next step.
-    pub fn of(phase: &Phase, plans: &PublishedPlans, at: &Conditions<'_>) -> NextStep {
+    pub(super) fn of(phase: &Phase, plans: &PublishedPlans, at: &Conditions<'_>) -> NextStep {
         if at.is_held {
             return NextStep::while_held(phase, plans, at.now);
         }
@@ -80,7 +80,7 @@ impl NextStep {
 }
 
 /// Returns whether the present plans are for others than those who are there, or somebody has forgotten them.
-pub fn must_rest(phase: &Phase, plans: &PublishedPlans, at: &Conditions<'_>) -> bool {
+pub(super) fn must_rest(phase: &Phase, plans: &PublishedPlans, at: &Conditions<'_>) -> bool {
     let is_disturbed = phase.sweep().is_some_and(Sweep::is_disturbed);
     is_disturbed || plans.members() != Some(&at.fleet.present()[..])
 }

@@ -25,7 +25,7 @@ use crate::time::Time;
 
 /// The state of the execution; `since` = when it was entered, or an order was lifted that had held everyone up in it.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-pub enum Phase {
+pub(crate) enum Phase {
     /// No sweep is under way.
     Idle {
         /// The sweep that was closed or given up last.
@@ -55,7 +55,7 @@ impl Default for Phase {
 
 impl Phase {
     /// Returns the sweep that is under way.
-    pub fn sweep(&self) -> Option<&Sweep> {
+    pub(crate) fn sweep(&self) -> Option<&Sweep> {
         match self {
             Phase::Idle { .. } => None,
             Phase::Stopping { sweep, .. }
@@ -66,7 +66,7 @@ impl Phase {
     }
 
     /// Returns the sweep that is under way, to be changed.
-    pub fn sweep_mut(&mut self) -> Option<&mut Sweep> {
+    pub(crate) fn sweep_mut(&mut self) -> Option<&mut Sweep> {
         match self {
             Phase::Idle { .. } => None,
             Phase::Stopping { sweep, .. }
@@ -77,7 +77,7 @@ impl Phase {
     }
 
     /// Returns the sweep that is under way, or else the last one.
-    pub fn newest_sweep(&self) -> Option<&Sweep> {
+    pub(crate) fn newest_sweep(&self) -> Option<&Sweep> {
         match self {
             Phase::Idle { last } => last.as_ref(),
             Phase::Stopping { .. }
@@ -88,7 +88,7 @@ impl Phase {
     }
 
     /// Returns the sweep for which vehicles follow plans, or are to: neither none nor one that only waits for samples.
-    pub fn driven(&self) -> Option<&Sweep> {
+    pub(crate) fn driven(&self) -> Option<&Sweep> {
         match self {
             Phase::Idle { .. } | Phase::Closing { .. } => None,
             Phase::Stopping { .. } | Phase::Planning { .. } | Phase::Running { .. } => self.sweep(),
@@ -96,14 +96,14 @@ impl Phase {
     }
 
     /// Begins a sweep, if none is under way.
-    pub fn begin(&mut self, now: Time, sweep: Sweep) {
+    pub(crate) fn begin(&mut self, now: Time, sweep: Sweep) {
         if let Phase::Idle { .. } = self {
             *self = Phase::Stopping { sweep, since: now };
         }
     }
 
     /// Brings everyone to rest, if vehicles follow plans or are to.
-    pub fn stop(&mut self, now: Time) {
+    pub(crate) fn stop(&mut self, now: Time) {
         if let Some(mut sweep) = self.driven().copied() {
             sweep.settle();
             *self = Phase::Stopping { sweep, since: now };
@@ -111,14 +111,14 @@ impl Phase {
     }
 
     /// Waits for plans, once all are at rest; the whole time again if it does so already.
-    pub fn plan(&mut self, now: Time) {
+    pub(crate) fn plan(&mut self, now: Time) {
         if let Phase::Stopping { sweep, .. } | Phase::Planning { sweep, .. } = *self {
             *self = Phase::Planning { sweep, since: now };
         }
     }
 
     /// Lets the vehicles follow plans that have come, with the given last stops in each lap.
-    pub fn run(&mut self, now: Time, last_stops: Vec<Vec<(VehicleId, StopId)>>) {
+    pub(crate) fn run(&mut self, now: Time, last_stops: Vec<Vec<(VehicleId, StopId)>>) {
         if let Phase::Planning { sweep, .. } = *self {
             *self = Phase::Running {
                 sweep,
@@ -130,21 +130,21 @@ impl Phase {
     }
 
     /// Waits for the last samples, once every stop is done.
-    pub fn close(&mut self, now: Time) {
+    pub(crate) fn close(&mut self, now: Time) {
         if let Phase::Running { sweep, .. } = *self {
             *self = Phase::Closing { sweep, since: now };
         }
     }
 
     /// Ends the sweep that is under way; it is the last one from now on.
-    pub fn end(&mut self) {
+    pub(crate) fn end(&mut self) {
         if let Some(sweep) = self.sweep().copied() {
             *self = Phase::Idle { last: Some(sweep) };
         }
     }
 
     /// Takes that the plans no longer suit the vehicles, if there are any who follow them.
-    pub fn disturb(&mut self) {
+    pub(crate) fn disturb(&mut self) {
         if self.driven().is_some()
             && let Some(sweep) = self.sweep_mut()
         {
@@ -153,14 +153,14 @@ impl Phase {
     }
 
     /// Takes that a vehicle has made progress with its plan.
-    pub fn note_progress(&mut self, now: Time) {
+    pub(crate) fn note_progress(&mut self, now: Time) {
         if let Phase::Running { progress_at, .. } = self {
             *progress_at = now;
         }
     }
 
     /// Gives everyone the whole time again: an order that had held them up is lifted.
-    pub fn go_on(&mut self, now: Time) {
+    pub(crate) fn go_on(&mut self, now: Time) {
         match self {
             Phase::Idle { .. } | Phase::Closing { .. } => {}
             Phase::Stopping { since, .. } | Phase::Planning { since, .. } => *since = now,
@@ -172,7 +172,7 @@ impl Phase {
 
     /// Goes on after a time in which nothing was decided, as after a restart. Plans that were being made have gone unheard:
     /// they are asked for again.
-    pub fn count_from(&mut self, now: Time) {
+    pub(crate) fn count_from(&mut self, now: Time) {
         self.go_on(now);
         match self {
             Phase::Planning { sweep, .. } => {
@@ -187,7 +187,7 @@ impl Phase {
     }
 
     /// Returns whether two are the same, whatever their times.
-    pub fn is_same_but_for_times(&self, other: &Phase) -> bool {
+    pub(crate) fn is_same_but_for_times(&self, other: &Phase) -> bool {
         self.without_times() == other.without_times()
     }
 

@@ -17,7 +17,7 @@ const REPEAT_SHOWN_EVERY: Duration = Duration::from_secs(60);
 
 /// The plans in force of the newest run.
 #[derive(Debug, Default, Serialize, Deserialize)]
-pub struct PublishedPlans {
+pub(crate) struct PublishedPlans {
     /// `None` = no sweep was ever begun.
     succession: Option<Succession>,
     published_at: Time,
@@ -25,7 +25,7 @@ pub struct PublishedPlans {
 
 impl PublishedPlans {
     /// Goes on with the plans of an earlier start of the station; who follows them is heard again.
-    pub fn restored(mut succession: Option<Succession>) -> PublishedPlans {
+    pub(crate) fn restored(mut succession: Option<Succession>) -> PublishedPlans {
         succession.iter_mut().for_each(Succession::forget_reports);
         PublishedPlans {
             succession,
@@ -34,13 +34,13 @@ impl PublishedPlans {
     }
 
     /// Begins a run, above every revision of it that a vehicle shows. There are no plans until everyone is stopped.
-    pub fn begin_run(&mut self, run: RunId, fleet: &Fleet) {
+    pub(crate) fn begin_run(&mut self, run: RunId, fleet: &Fleet) {
         let highest = fleet.highest_revision(run);
         self.succession = Some(Succession::new(run, &fleet.present(), highest));
     }
 
     /// Stops the vehicles that are there by an empty revision.
-    pub fn stop(&mut self, present: &[VehicleId]) {
+    pub(crate) fn stop(&mut self, present: &[VehicleId]) {
         if let Some(succession) = &mut self.succession {
             succession.set_members(present);
             succession.stop();
@@ -51,7 +51,7 @@ impl PublishedPlans {
     ///
     /// # Errors
     /// The plans cannot be followed, or no sweep was ever begun; nothing is changed.
-    pub fn begin(&mut self, plans: Vec<Plan>) -> Result<usize, String> {
+    pub(crate) fn begin(&mut self, plans: Vec<Plan>) -> Result<usize, String> {
         let succession = self.succession.as_mut().ok_or("no run was begun")?;
         let stops = plans.iter().map(|plan| plan.stops.len()).sum();
         match succession.begin(plans) {
@@ -61,7 +61,7 @@ impl PublishedPlans {
     }
 
     /// Goes on above the highest revision that a vehicle shows; returns whether it is one that was never published here.
-    pub fn go_above(&mut self, highest: Revision) -> bool {
+    pub(crate) fn go_above(&mut self, highest: Revision) -> bool {
         match &mut self.succession {
             Some(succession) if succession.revision() < highest => {
                 succession.skip_to(highest);
@@ -72,14 +72,14 @@ impl PublishedPlans {
     }
 
     /// Takes a vehicle's progress.
-    pub fn hear(&mut self, progress: &VehicleProgress) {
+    pub(crate) fn hear(&mut self, progress: &VehicleProgress) {
         if let Some(succession) = &mut self.succession {
             succession.hear(progress);
         }
     }
 
     /// Returns the plans as they are published, by the right of `lease`, each with the newest state of its vehicle.
-    pub fn publish(&mut self, now: Time, lease: Lease, fleet: &Fleet) -> Vec<Plan> {
+    pub(crate) fn publish(&mut self, now: Time, lease: Lease, fleet: &Fleet) -> Vec<Plan> {
         self.published_at = now;
         let of_vehicle = |plan: &Plan| Plan {
             lease,
@@ -90,7 +90,7 @@ impl PublishedPlans {
     }
 
     /// Returns whether it is time to publish the plans again.
-    pub fn is_repeat_due(&self, now: Time) -> bool {
+    pub(crate) fn is_repeat_due(&self, now: Time) -> bool {
         let every = match self.are_shown() {
             true => REPEAT_SHOWN_EVERY,
             false => REPEAT_EVERY,
@@ -99,33 +99,33 @@ impl PublishedPlans {
     }
 
     /// Returns whether every member shows the present revision.
-    pub fn are_shown(&self) -> bool {
+    pub(crate) fn are_shown(&self) -> bool {
         self.missing().next().is_none()
     }
 
     /// Returns the members that do not show the present revision.
-    pub fn missing(&self) -> impl Iterator<Item = VehicleId> {
+    pub(crate) fn missing(&self) -> impl Iterator<Item = VehicleId> {
         self.succession.iter().flat_map(Succession::missing)
     }
 
     /// Returns whether every member has stopped under an empty revision.
-    pub fn are_all_stopped(&self) -> bool {
+    pub(crate) fn are_all_stopped(&self) -> bool {
         let phase = self.succession.as_ref().map(Succession::phase);
         phase == Some(Phase::Stopped)
     }
 
     /// Returns for whom the plans are, ascending; `None` = no sweep was ever begun.
-    pub fn members(&self) -> Option<&[VehicleId]> {
+    pub(crate) fn members(&self) -> Option<&[VehicleId]> {
         self.succession.as_ref().map(Succession::members)
     }
 
     /// Returns the revision that the next plans will have; `None` = no sweep was ever begun.
-    pub fn next_revision(&self) -> Option<Revision> {
+    pub(crate) fn next_revision(&self) -> Option<Revision> {
         self.succession.as_ref().map(Succession::next_revision)
     }
 
     /// Returns whether every vehicle has done its last stop of a lap, under the present plans.
-    pub fn is_lap_done(&self, fleet: &Fleet, last_stops: &[(VehicleId, StopId)]) -> bool {
+    pub(crate) fn is_lap_done(&self, fleet: &Fleet, last_stops: &[(VehicleId, StopId)]) -> bool {
         let is_done = |(vehicle, stop): &(VehicleId, StopId)| {
             let plan = self.plans().iter().find(|plan| plan.vehicle == *vehicle);
             let member = fleet.members().find(|(id, _)| id == vehicle);
@@ -137,7 +137,7 @@ impl PublishedPlans {
     }
 
     /// Returns the numbered plans, to be stored.
-    pub fn succession(&self) -> Option<&Succession> {
+    pub(crate) fn succession(&self) -> Option<&Succession> {
         self.succession.as_ref()
     }
 

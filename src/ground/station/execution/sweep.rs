@@ -7,7 +7,7 @@ use super::super::run_book::RequestedSweep;
 
 /// A sweep that was begun.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
-pub struct Sweep {
+pub(crate) struct Sweep {
     run: RunId,
     compared_with: Option<RunId>,
     laps_done: usize,
@@ -19,7 +19,7 @@ pub struct Sweep {
 
 impl Sweep {
     /// Begins a sweep.
-    pub fn new(requested: RequestedSweep) -> Sweep {
+    pub(crate) fn new(requested: RequestedSweep) -> Sweep {
         Sweep {
             run: requested.run,
             compared_with: requested.compared_with,
@@ -30,27 +30,27 @@ impl Sweep {
     }
 
     /// Returns its run.
-    pub fn run(&self) -> RunId {
+    pub(crate) fn run(&self) -> RunId {
         self.run
     }
 
     /// Returns the run that it is compared with.
-    pub fn compared_with(&self) -> Option<RunId> {
+    pub(crate) fn compared_with(&self) -> Option<RunId> {
         self.compared_with
     }
 
     /// Compares it with another run from now on.
-    pub fn compare_with(&mut self, compared_with: Option<RunId>) {
+    pub(crate) fn compare_with(&mut self, compared_with: Option<RunId>) {
         self.compared_with = compared_with;
     }
 
     /// Returns how many laps all vehicles have done.
-    pub fn laps_done(&self) -> usize {
+    pub(crate) fn laps_done(&self) -> usize {
         self.laps_done
     }
 
     /// Takes how many laps are done; returns whether these are more than before.
-    pub fn complete_laps(&mut self, laps_done: usize) -> bool {
+    pub(crate) fn complete_laps(&mut self, laps_done: usize) -> bool {
         let is_more = laps_done > self.laps_done;
         if is_more {
             (self.laps_done, self.is_retried) = (laps_done, false);
@@ -59,29 +59,29 @@ impl Sweep {
     }
 
     /// Takes that its plans no longer suit the vehicles: everyone must be brought to rest.
-    pub fn disturb(&mut self) {
+    pub(crate) fn disturb(&mut self) {
         self.is_disturbed = true;
     }
 
     /// Takes that everyone is brought to rest, to be planned for anew.
-    pub fn settle(&mut self) {
+    pub(crate) fn settle(&mut self) {
         self.is_disturbed = false;
     }
 
     /// Returns whether its plans no longer suit the vehicles.
-    pub fn is_disturbed(&self) -> bool {
+    pub(crate) fn is_disturbed(&self) -> bool {
         self.is_disturbed
     }
 
     /// Returns whether it may be planned anew for want of progress: once for every lap.
-    pub fn retry(&mut self) -> bool {
+    pub(crate) fn retry(&mut self) -> bool {
         !std::mem::replace(&mut self.is_retried, true)
     }
 }
 
 /// The laps for which there are plans.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-pub struct Laps {
+pub(crate) struct Laps {
     /// Laps done before the present plans were made.
     done_before: usize,
     /// The last stop of each vehicle, per lap that was still to be driven then.
@@ -90,7 +90,7 @@ pub struct Laps {
 
 impl Laps {
     /// Takes the laps of plans that were made when `done_before` laps were done.
-    pub fn new(done_before: usize, last_stops: Vec<Vec<(VehicleId, StopId)>>) -> Laps {
+    pub(crate) fn new(done_before: usize, last_stops: Vec<Vec<(VehicleId, StopId)>>) -> Laps {
         Laps {
             done_before,
             last_stops,
@@ -98,13 +98,17 @@ impl Laps {
     }
 
     /// Returns how many laps the whole sweep has, those done under earlier plans included.
-    pub fn total(&self) -> usize {
+    pub(crate) fn total(&self) -> usize {
         self.done_before + self.last_stops.len()
     }
 
     /// Returns how many laps of the whole sweep are done, when `known` are known to be; `is_done` says whether all
     /// vehicles have done their last stops of a lap.
-    pub fn done(&self, known: usize, is_done: impl Fn(&[(VehicleId, StopId)]) -> bool) -> usize {
+    pub(crate) fn done(
+        &self,
+        known: usize,
+        is_done: impl Fn(&[(VehicleId, StopId)]) -> bool,
+    ) -> usize {
         let known = known.saturating_sub(self.done_before);
         let further = self.last_stops.iter().skip(known);
         self.done_before + known + further.take_while(|lap| is_done(lap)).count()

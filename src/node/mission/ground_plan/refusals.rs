@@ -18,7 +18,7 @@ pub(super) struct Refusals {
 
 impl Refusals {
     /// Makes those of a vehicle that has refused nothing.
-    pub fn new(own: VehicleId, fence: Polygon) -> Refusals {
+    pub(super) fn new(own: VehicleId, fence: Polygon) -> Refusals {
         Refusals {
             own,
             fence,
@@ -30,7 +30,7 @@ impl Refusals {
     ///
     /// # Errors
     /// Why it is not taken, the first time that it comes; nothing when it comes again.
-    pub fn judge(&mut self, plan: &Plan, is_old: bool) -> Result<(), Option<MissionEvent>> {
+    pub(super) fn judge(&mut self, plan: &Plan, is_old: bool) -> Result<(), Option<MissionEvent>> {
         let edition = (plan.run, plan.revision);
         let old = is_old.then_some(MissionEvent::OldPlan(plan.run, plan.revision));
         let Some(remark) = old.or_else(|| self.leads_outside(plan).map(MissionEvent::Outside))

@@ -26,7 +26,7 @@ pub(in crate::node::mission) struct PlanNews {
 
 impl ToldProgress {
     /// Makes that of a vehicle that has told this, and no end.
-    pub fn new(progress: VehicleProgress) -> ToldProgress {
+    pub(super) fn new(progress: VehicleProgress) -> ToldProgress {
         ToldProgress {
             progress,
             is_end_told: false,
@@ -34,17 +34,17 @@ impl ToldProgress {
     }
 
     /// Returns how far the vehicle was.
-    pub fn progress(&self) -> VehicleProgress {
+    pub(super) fn progress(&self) -> VehicleProgress {
         self.progress
     }
 
     /// Returns whether it was told that all stops of the plan are done.
-    pub fn is_end_told(&self) -> bool {
+    pub(super) fn is_end_told(&self) -> bool {
         self.is_end_told
     }
 
     /// Takes how far the vehicle is, and whether all stops are done; returns what of it is news.
-    pub fn news(&mut self, progress: VehicleProgress, is_finished: bool) -> PlanNews {
+    pub(super) fn news(&mut self, progress: VehicleProgress, is_finished: bool) -> PlanNews {
         let progress = VehicleProgress {
             boot: self.progress.boot,
             ..progress

@@ -7,7 +7,7 @@ use crate::node::mission::EndReason;
 
 /// A mission that looks around once.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct Browse {
+pub(crate) struct Browse {
     is_begun: bool,
 }
 

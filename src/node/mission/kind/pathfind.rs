@@ -11,7 +11,7 @@ use crate::node::mission::EndReason;
 
 /// A mission that visits places.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Pathfind {
+pub(crate) struct Pathfind {
     is_begun: bool,
     /// Places that are still to be visited.
     places: VecDeque<Point>,
@@ -23,7 +23,7 @@ pub struct Pathfind {
 
 impl Pathfind {
     /// Makes a mission that visits places in order.
-    pub fn to(places: &[Point]) -> Pathfind {
+    pub(crate) fn to(places: &[Point]) -> Pathfind {
         Pathfind {
             is_begun: false,
             places: places.iter().copied().collect(),
@@ -33,7 +33,7 @@ impl Pathfind {
     }
 
     /// Returns how many places are still to be visited.
-    pub fn places_left(&self) -> usize {
+    pub(crate) fn places_left(&self) -> usize {
         self.places.len()
     }
 

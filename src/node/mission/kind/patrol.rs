@@ -13,7 +13,7 @@ use crate::time::Time;
 
 /// A mission that goes round.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Patrol {
+pub(crate) struct Patrol {
     /// The places of a round, in order, each with what became of it.
     places: Vec<(Point, Fate)>,
     /// After so many rounds it ends.
@@ -40,7 +40,11 @@ enum Fate {
 
 impl Patrol {
     /// Makes a patrol over places; a round that ends where it began visits that place once. `None` is without a limit.
-    pub fn over(places: &[Point], rounds: Option<usize>, duration: Option<Duration>) -> Patrol {
+    pub(crate) fn over(
+        places: &[Point],
+        rounds: Option<usize>,
+        duration: Option<Duration>,
+    ) -> Patrol {
         let is_closed = places.len() > 1 && places.first() == places.last();
         let open = &places[..places.len() - usize::from(is_closed)];
         Patrol {
@@ -54,7 +58,7 @@ impl Patrol {
     }
 
     /// Returns how many places are still to be visited: of all rounds, or of this one when their number has no limit.
-    pub fn places_left(&self) -> usize {
+    pub(crate) fn places_left(&self) -> usize {
         let in_round = self.places.len();
         match self.rounds {
             Some(rounds) => (rounds * in_round).saturating_sub(self.passed),

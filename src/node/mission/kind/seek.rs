@@ -51,7 +51,7 @@ const PEER_GOES: std::time::Duration = std::time::Duration::from_secs(30);
 
 /// What is rather looked at.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub enum Preference {
+pub(crate) enum Preference {
     /// What is near to objects: a search.
     NearObjects,
     /// What no peer is going to see anyway; what peers look at counts as looked at: an exploration.
@@ -70,7 +70,7 @@ enum Stage {
 
 /// A search or an exploration.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Seek {
+pub(crate) struct Seek {
     settings: VehicleSettings,
     prefers: Preference,
     stage: Stage,
@@ -142,7 +142,7 @@ impl Behaviour for Seek {
 
 impl Seek {
     /// Makes a mission that has seen nothing.
-    pub fn new(settings: &VehicleSettings, prefers: Preference) -> Seek {
+    pub(crate) fn new(settings: &VehicleSettings, prefers: Preference) -> Seek {
         Seek {
             settings: settings.clone(),
             prefers,

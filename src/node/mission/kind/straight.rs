@@ -10,7 +10,7 @@ use crate::node::mission::EndReason;
 
 /// A mission of straight legs.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Straight {
+pub(crate) struct Straight {
     /// Places that are still to be visited.
     places: VecDeque<Point>,
     /// How far ahead of where it begins the only place lies, metres; `None` when the places are known.
@@ -19,7 +19,7 @@ pub struct Straight {
 
 impl Straight {
     /// Makes a mission that visits places in order.
-    pub fn along(places: &[Point]) -> Straight {
+    pub(crate) fn along(places: &[Point]) -> Straight {
         Straight {
             places: places.iter().copied().collect(),
             ahead_m: None,
@@ -27,7 +27,7 @@ impl Straight {
     }
 
     /// Makes a mission that goes straight ahead, as the vehicle stands when it begins.
-    pub fn ahead(distance_m: f64) -> Straight {
+    pub(crate) fn ahead(distance_m: f64) -> Straight {
         Straight {
             places: VecDeque::new(),
             ahead_m: Some(distance_m),
@@ -35,7 +35,7 @@ impl Straight {
     }
 
     /// Returns how many places are still to be visited.
-    pub fn places_left(&self) -> usize {
+    pub(crate) fn places_left(&self) -> usize {
         self.places.len() + usize::from(self.ahead_m.is_some())
     }
 

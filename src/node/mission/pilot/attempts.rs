@@ -21,63 +21,63 @@ pub(super) struct Attempts {
 
 impl Attempts {
     /// Takes that another way begins, which was never looked at.
-    pub fn begin_way(&mut self) {
+    pub(super) fn begin_way(&mut self) {
         (self.looks, self.looked_in_vain) = (0, false);
     }
 
     /// Takes that the way is given up.
-    pub fn give_up_way(&mut self) {
+    pub(super) fn give_up_way(&mut self) {
         self.failures = 0;
     }
 
     /// Takes that the vehicle gets on.
-    pub fn drive(&mut self) {
+    pub(super) fn drive(&mut self) {
         self.begin_way();
         self.has_untried_path = false;
     }
 
     /// Takes that a stop was passed.
-    pub fn pass_stop(&mut self) {
+    pub(super) fn pass_stop(&mut self) {
         self.failures = 0;
     }
 
     /// Returns whether what is unknown may be looked at once more, and counts that look.
-    pub fn look_once_more(&mut self) -> bool {
+    pub(super) fn look_once_more(&mut self) -> bool {
         let may_look = !self.looked_in_vain && self.looks < LOOKS_MAX;
         self.looks += u32::from(may_look);
         may_look
     }
 
     /// Takes that a look is over; `is_in_vain` = what is unknown on the way was looked at and is unknown still.
-    pub fn end_look(&mut self, is_in_vain: bool) {
+    pub(super) fn end_look(&mut self, is_in_vain: bool) {
         self.looked_in_vain = is_in_vain;
     }
 
     /// Returns whether looking has not helped.
-    pub fn has_looked_in_vain(&self) -> bool {
+    pub(super) fn has_looked_in_vain(&self) -> bool {
         self.looked_in_vain
     }
 
     /// Takes that a path was found, on or only back.
-    pub fn find_path(&mut self, leads_on: bool) {
+    pub(super) fn find_path(&mut self, leads_on: bool) {
         self.has_untried_path = true;
         self.failures += u32::from(!leads_on);
     }
 
     /// Takes that the way is blocked; returns whether that is a path of which nothing has been driven.
-    pub fn is_blocked_at_once(&mut self) -> bool {
+    pub(super) fn is_blocked_at_once(&mut self) -> bool {
         std::mem::take(&mut self.has_untried_path)
     }
 
     /// Counts a failure, after which may be looked again; returns how many there are in a row.
-    pub fn fail(&mut self) -> u32 {
+    pub(super) fn fail(&mut self) -> u32 {
         self.looked_in_vain = false;
         self.failures += 1;
         self.failures
     }
 
     /// Returns how many searches in a row had no result.
-    pub fn failures(&self) -> u32 {
+    pub(super) fn failures(&self) -> u32 {
         self.failures
     }
 }

@@ -49,7 +49,7 @@ pub(super) struct Detour<'a> {
 
 impl FoundPath {
     /// Returns its length, metres.
-    pub fn length_m(&self) -> f64 {
+    pub(super) fn length_m(&self) -> f64 {
         self.points
             .windows(2)
             .map(|pair| Segment::new(pair[0], pair[1]).length_m())
@@ -57,7 +57,7 @@ impl FoundPath {
     }
 
     /// Returns whether it leads on, and not only back.
-    pub fn leads_on(&self) -> bool {
+    pub(super) fn leads_on(&self) -> bool {
         match self.found_by {
             FoundBy::GoingOn | FoundBy::DrivenPlaces => true,
             FoundBy::BackingOff => false,
@@ -67,7 +67,7 @@ impl FoundPath {
 
 impl Detour<'_> {
     /// Searches the path that is driven next; `None` when there is none.
-    pub fn find(&self) -> Option<FoundPath> {
+    pub(super) fn find(&self) -> Option<FoundPath> {
         self.off_an_obstacle()
             .or_else(|| self.onward())
             .or_else(|| self.home_over_driven_places())

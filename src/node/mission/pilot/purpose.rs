@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 /// What a search does with unknown cells. Once looking at them has not helped they always count as barred.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub enum Unknown {
+pub(crate) enum Unknown {
     /// They are as good as free: the way is looked at before it is driven.
     Free,
     /// They are crossed only when no path leads around them.
@@ -16,7 +16,7 @@ pub enum Unknown {
 
 impl Unknown {
     /// Returns whether unknown ground may be crossed, try by try; `looked` = looking at it has not helped.
-    pub fn tries(self, looked: bool) -> &'static [bool] {
+    pub(crate) fn tries(self, looked: bool) -> &'static [bool] {
         match self {
             Unknown::Free if !looked => &[true],
             Unknown::LastResort if !looked => &[false, true],
@@ -43,7 +43,7 @@ pub(super) enum Purpose {
 
 impl Purpose {
     /// Returns the purpose of a way home to which a path is searched at once.
-    pub fn home(unknown: Unknown) -> Purpose {
+    pub(super) fn home(unknown: Unknown) -> Purpose {
         Purpose::Home {
             unknown,
             needs_path: false,
@@ -51,7 +51,7 @@ impl Purpose {
     }
 
     /// Returns whether another way may be searched when this one is blocked.
-    pub fn is_replaceable(self) -> bool {
+    pub(super) fn is_replaceable(self) -> bool {
         match self {
             Purpose::Plan | Purpose::Home { .. } => true,
             Purpose::Route => false,
@@ -59,7 +59,7 @@ impl Purpose {
     }
 
     /// Returns what searches do with unknown cells.
-    pub fn unknown(self) -> Unknown {
+    pub(super) fn unknown(self) -> Unknown {
         match self {
             Purpose::Plan | Purpose::Route => Unknown::Free,
             Purpose::Home { unknown, .. } => unknown,
@@ -67,7 +67,7 @@ impl Purpose {
     }
 
     /// Returns whether nothing of the way is driven before a path is found.
-    pub fn needs_path(self) -> bool {
+    pub(super) fn needs_path(self) -> bool {
         matches!(
             self,
             Purpose::Home {
@@ -79,7 +79,7 @@ impl Purpose {
 
     /// Takes that no path was found, or that the one found is blocked. The straight line home is a wish from then on; a
     /// leg of a plan is a way that others know of, and what is unknown on it may turn out to be free.
-    pub fn path_failed(&mut self) {
+    pub(super) fn path_failed(&mut self) {
         if let Purpose::Home {
             unknown,
             needs_path,
@@ -90,7 +90,7 @@ impl Purpose {
     }
 
     /// Takes that a path was found.
-    pub fn path_found(&mut self) {
+    pub(super) fn path_found(&mut self) {
         if let Purpose::Home { needs_path, .. } = self {
             *needs_path = false;
         }

@@ -51,7 +51,7 @@ pub(super) struct FreeWay {
 
 impl FreeWay {
     /// Returns how far a way of this length may be driven when so much of it is released.
-    pub fn of(release: &Release, length_m: f64) -> FreeWay {
+    pub(super) fn of(release: &Release, length_m: f64) -> FreeWay {
         let is_end = release.free_until_m >= length_m - 1e-6;
         let until_m = if is_end {
             length_m
@@ -66,7 +66,7 @@ impl FreeWay {
     }
 
     /// Returns whether a vehicle at rest sets out for so little.
-    pub fn is_worth_a_start(&self) -> bool {
+    pub(super) fn is_worth_a_start(&self) -> bool {
         let goes_m = self.until_m - self.here_m;
         goes_m >= GO_M || (self.is_end && goes_m > 0.0)
     }
@@ -74,34 +74,34 @@ impl FreeWay {
 
 impl StandingCommand {
     /// Takes that a command to drive was given; the odometer will be `end_m` at its end, metres.
-    pub fn drive(&mut self, now: Time, end_m: f64) {
+    pub(super) fn drive(&mut self, now: Time, end_m: f64) {
         (self.end_m, self.given_at) = (Some(end_m), now);
     }
 
     /// Takes that a command to turn was given. (It is given at rest: the end of the last drive is of no use any more, and is
     /// not forgotten.)
-    pub fn turn(&mut self, now: Time) {
+    pub(super) fn turn(&mut self, now: Time) {
         self.given_at = now;
     }
 
     /// Takes that the vehicle was stopped.
-    pub fn stop(&mut self, now: Time) {
+    pub(super) fn stop(&mut self, now: Time) {
         (self.end_m, self.given_at) = (None, now);
     }
 
     /// Takes that the command was refused.
-    pub fn refuse(&mut self, now: Time) {
+    pub(super) fn refuse(&mut self, now: Time) {
         self.refusals += 1;
         self.stop(now);
     }
 
     /// Forgets where the command ends: the way has changed.
-    pub fn forget_end(&mut self) {
+    pub(super) fn forget_end(&mut self) {
         self.end_m = None;
     }
 
     /// Forgets command and refusals: the way is given up.
-    pub fn give_up_way(&mut self) {
+    pub(super) fn give_up_way(&mut self) {
         *self = StandingCommand {
             given_at: self.given_at,
             ..StandingCommand::default()
@@ -109,7 +109,7 @@ impl StandingCommand {
     }
 
     /// Takes what the vehicle does: one that moves refuses nothing.
-    pub fn watch(&mut self, mode: VehicleMode) {
+    pub(super) fn watch(&mut self, mode: VehicleMode) {
         if moves(mode) {
             self.refusals = 0;
         }
@@ -119,28 +119,28 @@ impl StandingCommand {
     }
 
     /// Takes that the path is given up; one of which all commands were refused counts as refused.
-    pub fn give_up_path(&mut self) {
+    pub(super) fn give_up_path(&mut self) {
         self.refused_paths += u32::from(self.is_path_refused());
         self.refusals = 0;
     }
 
     /// Returns the odometer at the end of the command, metres.
-    pub fn end_m(&self) -> Option<f64> {
+    pub(super) fn end_m(&self) -> Option<f64> {
         self.end_m
     }
 
     /// Returns whether the command has had time to show in the state.
-    pub fn is_settled(&self, now: Time) -> bool {
+    pub(super) fn is_settled(&self, now: Time) -> bool {
         now.since(self.given_at) >= RETRY_AFTER
     }
 
     /// Returns whether so many commands in a row were refused that another path is to be searched.
-    pub fn is_path_refused(&self) -> bool {
+    pub(super) fn is_path_refused(&self) -> bool {
         self.refusals >= REFUSALS_MAX
     }
 
     /// Returns whether the vehicle refuses whatever path is found.
-    pub fn is_every_path_refused(&self) -> bool {
+    pub(super) fn is_every_path_refused(&self) -> bool {
         self.refused_paths >= REFUSED_PATHS_MAX
     }
 }

@@ -26,7 +26,7 @@ pub(super) enum Stretch {
 
 impl Stretch {
     /// Returns the stretch of a way whose first `length_m` are a path that was found.
-    pub fn of_path(found_by: FoundBy, length_m: f64, way: &Way) -> Stretch {
+    pub(super) fn of_path(found_by: FoundBy, length_m: f64, way: &Way) -> Stretch {
         match found_by {
             FoundBy::GoingOn => Stretch::Ordinary,
             FoundBy::DrivenPlaces => Stretch::DrivenBefore,
@@ -37,7 +37,7 @@ impl Stretch {
     }
 
     /// Returns half the width that must be free: what the vehicle keeps, or what its body needs, metres.
-    pub fn half_width_m(self, keep_m: f64, body_m: f64) -> f64 {
+    pub(super) fn half_width_m(self, keep_m: f64, body_m: f64) -> f64 {
         match self {
             Stretch::Ordinary | Stretch::Retreat { .. } => keep_m,
             Stretch::DrivenBefore => body_m,
@@ -45,7 +45,7 @@ impl Stretch {
     }
 
     /// Returns the corners of the way as far as the stretch leads.
-    pub fn route(self, way: &Way) -> Vec<Point> {
+    pub(super) fn route(self, way: &Way) -> Vec<Point> {
         let points = way.points();
         match self {
             Stretch::Ordinary | Stretch::DrivenBefore => points,
@@ -55,7 +55,7 @@ impl Stretch {
     }
 
     /// Returns whether the way back out of a dead end has been driven by a vehicle that is `here_m` along the way.
-    pub fn has_retreated(self, way: &Way, here_m: f64) -> bool {
+    pub(super) fn has_retreated(self, way: &Way, here_m: f64) -> bool {
         match self {
             Stretch::Ordinary | Stretch::DrivenBefore => false,
             Stretch::Retreat { end_m } => way.along_m(end_m) - here_m < END_M,
@@ -63,7 +63,7 @@ impl Stretch {
     }
 
     /// Ends a retreat: the way that it led back along is left out.
-    pub fn end_retreat(&mut self) {
+    pub(super) fn end_retreat(&mut self) {
         match self {
             Stretch::Ordinary | Stretch::DrivenBefore => {}
             Stretch::Retreat { .. } => *self = Stretch::Ordinary,

@@ -14,7 +14,7 @@ pub(super) struct BarredPlaces {
 
 impl BarredPlaces {
     /// Takes a place for barred; returns whether that is news.
-    pub fn note(&mut self, at: Point) -> bool {
+    pub(super) fn note(&mut self, at: Point) -> bool {
         let is_new = !self.places.contains(&at);
         if is_new {
             self.places.push(at);
@@ -23,12 +23,18 @@ impl BarredPlaces {
     }
 
     /// Forgets all of them: the vehicle goes for something else.
-    pub fn clear(&mut self) {
+    pub(super) fn clear(&mut self) {
         self.places.clear();
     }
 
     /// Closes what lies within `keep_m` of them, but not where the vehicle has driven: that is its way back.
-    pub fn close(&self, grid: &mut SearchGrid, lattice: Lattice, keep_m: f64, driven: &[Point]) {
+    pub(super) fn close(
+        &self,
+        grid: &mut SearchGrid,
+        lattice: Lattice,
+        keep_m: f64,
+        driven: &[Point],
+    ) {
         if self.places.is_empty() {
             return;
         }

@@ -16,7 +16,7 @@ pub(super) enum OwnMission {
 
 impl OwnMission {
     /// Returns the mission to be told something; `None` once it has ended.
-    pub fn under_way(&mut self) -> Option<&mut dyn Behaviour> {
+    pub(super) fn under_way(&mut self) -> Option<&mut dyn Behaviour> {
         match self {
             OwnMission::UnderWay(kind) => Some(kind.mission()),
             OwnMission::Ended(_) => None,
@@ -24,7 +24,7 @@ impl OwnMission {
     }
 
     /// Returns how it ended.
-    pub fn end(&self) -> Option<&EndReason> {
+    pub(super) fn end(&self) -> Option<&EndReason> {
         match self {
             OwnMission::UnderWay(_) => None,
             OwnMission::Ended(end) => Some(end),
@@ -32,7 +32,7 @@ impl OwnMission {
     }
 
     /// Returns how many of its places are still to be visited; one that has no list of places has none.
-    pub fn places_left(&self) -> usize {
+    pub(super) fn places_left(&self) -> usize {
         match self {
             OwnMission::UnderWay(kind) => kind.places_left(),
             OwnMission::Ended(_) => 0,

@@ -20,7 +20,7 @@ impl Courses<'_> {
     ///
     /// # Errors
     /// Why there is none.
-    pub fn course_to(
+    pub(super) fn course_to(
         &self,
         goal: Point,
         unknown_allowed: bool,
@@ -43,7 +43,7 @@ impl Courses<'_> {
     }
 
     /// Returns where the vehicle may be, clear of what peers claim and of what was looked at in vain.
-    pub fn ground(
+    pub(super) fn ground(
         &self,
         goal: Option<Point>,
         unknown_allowed: bool,

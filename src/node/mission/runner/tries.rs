@@ -16,7 +16,7 @@ const MOVED_M: f64 = 0.5;
 
 /// Tries in vain at one place.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
-pub struct Tries {
+pub(super) struct Tries {
     at: Point,
     count: u32,
 }
@@ -24,7 +24,7 @@ pub struct Tries {
 impl Tries {
     /// Counts that something is in the way of the vehicle at a place; returns how many shortest waits to wait before the
     /// next try, none at first.
-    pub fn again(&mut self, place: Point) -> u32 {
+    pub(super) fn again(&mut self, place: Point) -> u32 {
         let has_moved = self.at.distance_to(place) > MOVED_M;
         *self = Tries {
             at: place,
@@ -34,7 +34,7 @@ impl Tries {
     }
 
     /// Counts that something stands so near to the vehicle that no way leads from its place.
-    pub fn hemmed_in(&mut self, place: Point) {
+    pub(super) fn hemmed_in(&mut self, place: Point) {
         *self = Tries {
             at: place,
             count: self.count + 1,
@@ -42,12 +42,12 @@ impl Tries {
     }
 
     /// Returns whether the vehicle has tried so often that it must give up what it is going for.
-    pub fn are_spent(&self) -> bool {
+    pub(super) fn are_spent(&self) -> bool {
         self.count >= TRIES_MAX
     }
 
     /// Forgets the tries: it goes for something else.
-    pub fn clear(&mut self) {
+    pub(super) fn clear(&mut self) {
         self.count = 0;
     }
 }

@@ -25,7 +25,7 @@ const GAIN_M: f64 = 0.5;
 
 /// What to do about peers that are in the way.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Yield {
+pub(super) enum Yield {
     /// Wait for a while.
     Wait,
     /// Step aside if there is room, otherwise wait.
@@ -36,13 +36,13 @@ pub enum Yield {
 
 /// Waits for peers in a row.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
-pub struct YieldToPeers {
+pub(super) struct YieldToPeers {
     waits: u32,
 }
 
 impl YieldToPeers {
     /// Returns what to do now that peers are in the way of a vehicle once more.
-    pub fn once_more(&mut self, own: VehicleId, peers: &Peers) -> Yield {
+    pub(super) fn once_more(&mut self, own: VehicleId, peers: &Peers) -> Yield {
         self.waits += 1;
         let higher = peers.iter().filter(|(id, _)| *id > own).count() as u32;
         match self.waits {
@@ -53,19 +53,19 @@ impl YieldToPeers {
     }
 
     /// Returns how many waits there were in a row.
-    pub fn in_a_row(&self) -> u32 {
+    pub(super) fn in_a_row(&self) -> u32 {
         self.waits
     }
 
     /// Ends the row: something else is done.
-    pub fn end(&mut self) {
+    pub(super) fn end(&mut self) {
         self.waits = 0;
     }
 }
 
 /// Returns the corners of a way to where the peers are farther away than from here; `None` when there is none near by
 /// that is worth it.
-pub fn way_aside(
+pub(super) fn way_aside(
     grid: &SearchGrid,
     lattice: Lattice,
     from: Point,

@@ -25,18 +25,18 @@ pub(super) struct DrivenPlaces {
 
 impl DrivenPlaces {
     /// Takes where the vehicle is.
-    pub fn note(&mut self, place: Point) {
+    pub(super) fn note(&mut self, place: Point) {
         self.note_recent(place);
         self.note_driven(place);
     }
 
     /// Returns the places that were passed last, oldest first.
-    pub fn recent(&self) -> impl DoubleEndedIterator<Item = Point> {
+    pub(super) fn recent(&self) -> impl DoubleEndedIterator<Item = Point> {
         self.recent.iter().copied()
     }
 
     /// Returns all places, oldest first; the older ones are farther apart.
-    pub fn all(&self) -> &[Point] {
+    pub(super) fn all(&self) -> &[Point] {
         &self.all
     }
 

@@ -19,7 +19,7 @@ pub(super) struct PeerClearance {
 
 impl PeerClearance {
     /// Returns whether a route keeps its distance from a peer's claim, or leads away from it, as the vehicle actor asks.
-    pub fn holds_along(&self, route: &[Point], claim: &[Point]) -> bool {
+    pub(super) fn holds_along(&self, route: &[Point], claim: &[Point]) -> bool {
         let (Some(claim), Some(route)) = (Track::new(claim.to_vec()), Track::new(route.to_vec()))
         else {
             return true;
@@ -32,7 +32,7 @@ impl PeerClearance {
     }
 
     /// Closes what lies too near to a peer: to where it is, and to each piece of the way that it claims.
-    pub fn close(&self, grid: &mut SearchGrid, claim: &[Point]) {
+    pub(super) fn close(&self, grid: &mut SearchGrid, claim: &[Point]) {
         // A peer that stands claims a single point.
         let place = claim.first().map(|at| Segment::new(*at, *at));
         let pieces = claim.windows(2).map(|pair| Segment::new(pair[0], pair[1]));

@@ -20,18 +20,18 @@ pub(super) struct ReflexObstacles {
 
 impl ReflexObstacles {
     /// Remembers what made the reflex halt, and forgets what is not believed any more.
-    pub fn note(&mut self, now: Time, obstacle: ReflexObstacle) {
+    pub(super) fn note(&mut self, now: Time, obstacle: ReflexObstacle) {
         self.known.retain(|known| known.until > now);
         self.known.push(obstacle);
     }
 
     /// Returns the obstacles that are believed to be there.
-    pub fn present(&self, now: Time) -> impl Iterator<Item = &ReflexObstacle> {
+    pub(super) fn present(&self, now: Time) -> impl Iterator<Item = &ReflexObstacle> {
         self.known.iter().filter(move |known| known.until > now)
     }
 
     /// Ends the release of a way, from the place where the vehicle is, before the way leads to an obstacle.
-    pub fn hold_before(&self, now: Time, place: Point, way: &Way, release: &mut Release) {
+    pub(super) fn hold_before(&self, now: Time, place: Point, way: &Way, release: &mut Release) {
         for obstacle in self.present(now) {
             if let Some(at_m) = free_until_m(obstacle, place, way, release) {
                 release.free_until_m = at_m;

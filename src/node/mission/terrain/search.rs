@@ -18,7 +18,7 @@ const ESCAPE_M: f64 = 1.0;
 /// Between body and fence stays this much more than the deviation of the place asks for, metres.
 const FENCE_M: f64 = 0.05;
 /// How paths are searched.
-pub const RULES: Rules = Rules {
+pub(crate) const RULES: Rules = Rules {
     diagonal: true,
     cut_corners: false,
     escape_m: ESCAPE_M,
@@ -36,7 +36,7 @@ fn is_small(area: &CellRect) -> bool {
 }
 
 /// Searches paths from where a vehicle is.
-pub struct PathSearch<'a> {
+pub(crate) struct PathSearch<'a> {
     pub(super) settings: &'a VehicleSettings,
     pub(super) map: &'a Merged,
     /// What made the reflex halt and is believed to be there still.
@@ -48,27 +48,27 @@ pub struct PathSearch<'a> {
 
 impl PathSearch<'_> {
     /// Returns where the search begins.
-    pub fn from(&self) -> Point {
+    pub(crate) fn from(&self) -> Point {
         self.pose.at
     }
 
     /// Returns how far the middle of the vehicle keeps from what stands there, metres.
-    pub fn keep_m(&self) -> f64 {
+    pub(crate) fn keep_m(&self) -> f64 {
         keep_m(self.settings, self.pose)
     }
 
     /// Returns the places where the vehicle has driven, in order.
-    pub fn driven(&self) -> &[Point] {
+    pub(crate) fn driven(&self) -> &[Point] {
         self.driven
     }
 
     /// Returns whether a place is the vehicle's home.
-    pub fn is_home(&self, place: Point) -> bool {
+    pub(crate) fn is_home(&self, place: Point) -> bool {
         place == self.settings.home
     }
 
     /// Returns a path to a goal, over unknown ground too or not, clear of what peers claim; `None` when there is none.
-    pub fn path(
+    pub(crate) fn path(
         &self,
         goal: Point,
         unknown_allowed: bool,
@@ -81,7 +81,7 @@ impl PathSearch<'_> {
 
     /// Returns a path over known ground and the places where the vehicle has driven, however near to something these are:
     /// it came through there.
-    pub fn driven_path(&self, goal: Point, peers: &[Vec<Point>]) -> Option<Vec<Point>> {
+    pub(crate) fn driven_path(&self, goal: Point, peers: &[Vec<Point>]) -> Option<Vec<Point>> {
         let mut grid = self.ground(Some(goal), false, peers)?;
         // Opened last, and only what is too near to something: what is solid, or closed for a peer, stays so.
         grid.open_along(self.driven);
@@ -90,7 +90,7 @@ impl PathSearch<'_> {
 
     /// Returns where the vehicle may be in all of the fence, on its way to a goal if it has one, clear of what peers claim;
     /// `None` when the fence is too large to search.
-    pub fn ground(
+    pub(crate) fn ground(
         &self,
         goal: Option<Point>,
         unknown_allowed: bool,
@@ -101,7 +101,7 @@ impl PathSearch<'_> {
     }
 
     /// Returns whether what made the reflex halt is so near that the vehicle must first back off from it.
-    pub fn is_hemmed_in(&self) -> bool {
+    pub(crate) fn is_hemmed_in(&self) -> bool {
         let near_m = 2.0 * self.settings.lattice.cell_m();
         self.obstacles
             .iter()

@@ -70,7 +70,7 @@ impl SerialReader {
     ///
     /// # Errors
     /// No thread can be started.
-    pub fn start(
+    pub(super) fn start(
         sensor: &SerialSensor,
         look: &SensorCoverage,
         clock: Clock,
@@ -98,12 +98,12 @@ impl SerialReader {
     }
 
     /// Returns why the port is closed; `None` while it is open.
-    pub fn trouble(&self) -> Option<String> {
+    pub(super) fn trouble(&self) -> Option<String> {
         lock(&self.shared.state).trouble.clone()
     }
 
     /// Returns what was dropped of what the sensor said.
-    pub fn dropped(&self) -> DroppedReadings {
+    pub(super) fn dropped(&self) -> DroppedReadings {
         lock(&self.shared.state).dropped
     }
 }

@@ -34,7 +34,7 @@ enum NodeKind {
 
 impl NodeExchange {
     /// A node that greets in this way once it has joined, and may send so many bytes a second.
-    pub fn asking(greeting: Hello, egress_bytes_per_s: u32) -> NodeExchange {
+    pub(super) fn asking(greeting: Hello, egress_bytes_per_s: u32) -> NodeExchange {
         NodeExchange {
             node: greeting.node,
             kind: NodeKind::Asks(greeting),
@@ -46,7 +46,7 @@ impl NodeExchange {
     }
 
     /// An operator, which may send so many bytes a second.
-    pub fn listening(
+    pub(super) fn listening(
         id: OperatorId,
         interest: Vec<Interest>,
         egress_bytes_per_s: u32,
@@ -64,12 +64,12 @@ impl NodeExchange {
     }
 
     /// Returns which node it is.
-    pub fn node(&self) -> NodeId {
+    pub(super) fn node(&self) -> NodeId {
         self.node
     }
 
     /// Returns an operator with what it is interested in; `None` of another node.
-    pub fn operator(&self) -> Option<(OperatorId, &[Interest])> {
+    pub(super) fn operator(&self) -> Option<(OperatorId, &[Interest])> {
         match &self.kind {
             NodeKind::Asks(_) => None,
             NodeKind::Listens(id, interest) => Some((*id, interest)),
@@ -77,7 +77,7 @@ impl NodeExchange {
     }
 
     /// Begins to ask whether the node may take part, as this start of it; returns false of one that need not ask.
-    pub fn join(&mut self, now: Time, boot: Boot, instance: u64) -> bool {
+    pub(super) fn join(&mut self, now: Time, boot: Boot, instance: u64) -> bool {
         let NodeKind::Asks(greeting) = &self.kind else {
             return false;
         };
@@ -93,30 +93,34 @@ impl NodeExchange {
     }
 
     /// Is at the bus no more.
-    pub fn leave(&mut self) {
+    pub(super) fn leave(&mut self) {
         self.exchange = None;
         self.alarm.cancel();
     }
 
     /// Returns whether it is at the bus, whether or not it may take part.
-    pub fn is_joined(&self) -> bool {
+    pub(super) fn is_joined(&self) -> bool {
         self.exchange.is_some()
     }
 
     /// Returns whether it was seen to take part.
-    pub fn is_member(&self) -> bool {
+    pub(super) fn is_member(&self) -> bool {
         self.is_member
     }
 
     /// Takes what the node says; returns what goes out at once.
-    pub fn say(&mut self, now: Time, message: &Message) -> Option<OutboundFrame> {
+    pub(super) fn say(&mut self, now: Time, message: &Message) -> Option<OutboundFrame> {
         let exchange = self.exchange.as_mut()?;
         // A message too long for a frame is dropped here as a live bus would drop it.
         exchange.say(now, message).ok().flatten()
     }
 
     /// Does what is due; returns what goes out, and whether it takes part from now on. `is_linked` = somebody can hear it.
-    pub fn wake(&mut self, now: Time, is_linked: bool) -> Option<(Vec<OutboundFrame>, bool)> {
+    pub(super) fn wake(
+        &mut self,
+        now: Time,
+        is_linked: bool,
+    ) -> Option<(Vec<OutboundFrame>, bool)> {
         let exchange = self.exchange.as_mut()?;
         if is_linked {
             exchange.meet(now);
@@ -131,7 +135,11 @@ impl NodeExchange {
     ///
     /// # Errors
     /// It is refused, or the node does not run; with a line for the log, where it is worth one.
-    pub fn hear(&mut self, now: Time, frame: &BusFrame) -> Result<ReceivedFrame, Option<String>> {
+    pub(super) fn hear(
+        &mut self,
+        now: Time,
+        frame: &BusFrame,
+    ) -> Result<ReceivedFrame, Option<String>> {
         let exchange = self.exchange.as_mut().ok_or(None)?;
         let (sender, bytes) = (frame.sender(), frame.bytes());
         let heard = exchange
@@ -148,13 +156,13 @@ impl NodeExchange {
     }
 
     /// Sets its alarm to when it has something to do again; returns the wake that must be queued, if one must.
-    pub fn set_alarm(&mut self, now: Time) -> Option<(Time, u64)> {
+    pub(super) fn set_alarm(&mut self, now: Time) -> Option<(Time, u64)> {
         let at = self.exchange.as_ref().and_then(Exchange::deadline);
         self.alarm.set(now, at)
     }
 
     /// Returns whether a wake counts.
-    pub fn rings(&mut self, generation: u64) -> bool {
+    pub(super) fn rings(&mut self, generation: u64) -> bool {
         self.alarm.rings(generation)
     }
 }

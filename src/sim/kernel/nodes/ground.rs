@@ -25,7 +25,7 @@ pub(in crate::sim) struct SimulatedGround {
 
 impl SimulatedGround {
     /// Starts its software with an empty disk; `restarts` = it will be started anew.
-    pub fn new(parts: GroundParts, restarts: bool) -> SimulatedGround {
+    pub(crate) fn new(parts: GroundParts, restarts: bool) -> SimulatedGround {
         SimulatedGround {
             node: GroundNode::new(parts.clone()),
             parts,
@@ -36,17 +36,17 @@ impl SimulatedGround {
     }
 
     /// Returns its node.
-    pub fn node(&self) -> &GroundNode {
+    pub(crate) fn node(&self) -> &GroundNode {
         &self.node
     }
 
     /// Returns its node, to be watched.
-    pub fn node_mut(&mut self) -> &mut GroundNode {
+    pub(crate) fn node_mut(&mut self) -> &mut GroundNode {
         &mut self.node
     }
 
     /// Takes its node out, as it is at the end.
-    pub fn into_node(self) -> GroundNode {
+    pub(crate) fn into_node(self) -> GroundNode {
         self.node
     }
 
@@ -63,7 +63,7 @@ impl SimulatedGround {
     ///
     /// # Errors
     /// An actor cannot go on.
-    pub fn tell(
+    pub(crate) fn tell(
         &mut self,
         now: Time,
         event: ground::Event,
@@ -78,28 +78,32 @@ impl SimulatedGround {
     ///
     /// # Errors
     /// An actor cannot go on.
-    pub fn wake(&mut self, now: Time, effects: &mut Vec<ground::Effect>) -> Result<(), Fault> {
+    pub(crate) fn wake(
+        &mut self,
+        now: Time,
+        effects: &mut Vec<ground::Effect>,
+    ) -> Result<(), Fault> {
         self.node.wake(now, effects)
     }
 
     /// Keeps what the station needs, in place of what it needed before.
-    pub fn remember(&mut self, memory: Box<StationMemory>) {
+    pub(crate) fn remember(&mut self, memory: Box<StationMemory>) {
         self.disk.remember(memory);
     }
 
     /// Keeps what emergency stops it knows.
-    pub fn keep_stops(&mut self, stops: OpenStops) {
+    pub(crate) fn keep_stops(&mut self, stops: OpenStops) {
         self.disk.keep_stops(stops);
     }
 
     /// Ends its software: what it has not kept is gone.
-    pub fn end(&mut self) {
+    pub(crate) fn end(&mut self) {
         self.alarm.cancel();
     }
 
     /// Starts its software anew, with what its disk holds; returns the count of its starts. As a live one it listens first, and
     /// draws a new name for the lease that it may hold.
-    pub fn restart(&mut self, noise: Noise) -> Boot {
+    pub(crate) fn restart(&mut self, noise: Noise) -> Boot {
         let boot = Boot(self.parts.station.boot.0.saturating_add(1));
         self.parts.station.boot = boot;
         let holder = noise.hash(Purpose::Start, &[u64::MAX, u64::from(boot.0)]);
@@ -117,12 +121,12 @@ impl SimulatedGround {
     }
 
     /// Returns whether it was started anew since the last call.
-    pub fn take_has_restarted(&mut self) -> bool {
+    pub(crate) fn take_has_restarted(&mut self) -> bool {
         std::mem::take(&mut self.has_restarted)
     }
 
     /// Returns a line about what it holds: its map and its samples.
-    pub fn holdings(&self) -> String {
+    pub(crate) fn holdings(&self) -> String {
         let station = self.node.station();
         let map = super::map_hash(&station.map().digest());
         let samples = station.samples().count(RUN);

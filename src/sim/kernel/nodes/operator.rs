@@ -23,7 +23,7 @@ pub(in crate::sim) struct SimulatedOperator {
 
 impl SimulatedOperator {
     /// Makes an operator that hears of the fleet, and follows a script if that has steps.
-    pub fn new(
+    pub(crate) fn new(
         id: OperatorId,
         mut settings: OperatorSettings,
         script: Vec<ScriptStep>,
@@ -39,12 +39,12 @@ impl SimulatedOperator {
     }
 
     /// Returns which operator it is.
-    pub fn id(&self) -> OperatorId {
+    pub(crate) fn id(&self) -> OperatorId {
         self.id
     }
 
     /// Returns what it is interested in.
-    pub fn interest(&self) -> &[Interest] {
+    pub(crate) fn interest(&self) -> &[Interest] {
         &self.interest
     }
 
@@ -55,7 +55,7 @@ impl SimulatedOperator {
     }
 
     /// Returns its node, to be watched.
-    pub fn node_mut(&mut self) -> &mut OperatorNode {
+    pub(crate) fn node_mut(&mut self) -> &mut OperatorNode {
         &mut self.node
     }
 
@@ -75,7 +75,7 @@ impl SimulatedOperator {
     }
 
     /// Returns what it is told when it joins the bus: that it can hear, and what it is to do.
-    pub fn begin(&mut self) -> impl Iterator<Item = In> + use<> {
+    pub(crate) fn begin(&mut self) -> impl Iterator<Item = In> + use<> {
         let script = std::mem::take(&mut self.script);
         let follow = (!script.is_empty()).then_some(In::Follow(script));
         std::iter::once(In::Linked(true)).chain(follow)
@@ -85,7 +85,12 @@ impl SimulatedOperator {
     ///
     /// # Errors
     /// An actor cannot go on.
-    pub fn tell(&mut self, now: Time, input: In, effects: &mut Vec<Out>) -> Result<(), Fault> {
+    pub(crate) fn tell(
+        &mut self,
+        now: Time,
+        input: In,
+        effects: &mut Vec<Out>,
+    ) -> Result<(), Fault> {
         self.node.tell(now, input, effects)
     }
 
@@ -93,12 +98,12 @@ impl SimulatedOperator {
     ///
     /// # Errors
     /// An actor cannot go on.
-    pub fn wake(&mut self, now: Time, effects: &mut Vec<Out>) -> Result<(), Fault> {
+    pub(crate) fn wake(&mut self, now: Time, effects: &mut Vec<Out>) -> Result<(), Fault> {
         self.node.wake(now, effects)
     }
 
     /// Its script has ended.
-    pub fn end_script(&mut self, end: ScriptEnd) {
+    pub(crate) fn end_script(&mut self, end: ScriptEnd) {
         self.script_end = Some(end);
     }
 }

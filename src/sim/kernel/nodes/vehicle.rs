@@ -25,7 +25,7 @@ pub(in crate::sim) struct SimulatedVehicle {
 
 impl SimulatedVehicle {
     /// Starts the software of a vehicle with an empty disk.
-    pub fn new(settings: node::VehicleSettings) -> SimulatedVehicle {
+    pub(crate) fn new(settings: node::VehicleSettings) -> SimulatedVehicle {
         SimulatedVehicle {
             node: VehicleNode::new(&settings),
             settings,
@@ -37,17 +37,17 @@ impl SimulatedVehicle {
     }
 
     /// Returns which vehicle it is.
-    pub fn id(&self) -> VehicleId {
+    pub(crate) fn id(&self) -> VehicleId {
         self.node.id()
     }
 
     /// Returns its node.
-    pub fn node(&self) -> &VehicleNode {
+    pub(crate) fn node(&self) -> &VehicleNode {
         &self.node
     }
 
     /// Returns its node, to be watched.
-    pub fn node_mut(&mut self) -> &mut VehicleNode {
+    pub(crate) fn node_mut(&mut self) -> &mut VehicleNode {
         &mut self.node
     }
 
@@ -58,7 +58,7 @@ impl SimulatedVehicle {
     }
 
     /// Returns whether its software does not run.
-    pub fn is_dead(&self) -> bool {
+    pub(crate) fn is_dead(&self) -> bool {
         self.is_dead
     }
 
@@ -75,7 +75,7 @@ impl SimulatedVehicle {
     ///
     /// # Errors
     /// An actor cannot go on.
-    pub fn tell(
+    pub(crate) fn tell(
         &mut self,
         now: Time,
         event: node::Event,
@@ -88,12 +88,12 @@ impl SimulatedVehicle {
     ///
     /// # Errors
     /// An actor cannot go on.
-    pub fn wake(&mut self, now: Time, effects: &mut Vec<node::Effect>) -> Result<(), Fault> {
+    pub(crate) fn wake(&mut self, now: Time, effects: &mut Vec<node::Effect>) -> Result<(), Fault> {
         self.node.wake(now, effects)
     }
 
     /// Lets its disk do what it is asked for; returns what that answers. Other effects are not for it.
-    pub fn store(&mut self, effect: node::Effect) -> Option<node::Event> {
+    pub(crate) fn store(&mut self, effect: node::Effect) -> Option<node::Event> {
         match effect {
             node::Effect::Keep(run, sample) => {
                 let boot = self.node.boot();
@@ -123,13 +123,13 @@ impl SimulatedVehicle {
     }
 
     /// Ends its software.
-    pub fn end(&mut self) {
+    pub(crate) fn end(&mut self) {
         self.is_dead = true;
         self.alarm.cancel();
     }
 
     /// Starts its software anew, with what its disk holds; returns the count of its starts.
-    pub fn restart(&mut self) -> Boot {
+    pub(crate) fn restart(&mut self) -> Boot {
         let boot = Boot(self.settings.boot.0.saturating_add(1));
         self.settings.boot = boot;
         self.settings.memory = self.disk.memory();
@@ -140,12 +140,12 @@ impl SimulatedVehicle {
     }
 
     /// Returns whether it was started anew since the last call.
-    pub fn take_has_restarted(&mut self) -> bool {
+    pub(crate) fn take_has_restarted(&mut self) -> bool {
         std::mem::take(&mut self.has_restarted)
     }
 
     /// Returns a line about what it holds: its map, its samples, and what it waits for.
-    pub fn holdings(&mut self) -> String {
+    pub(crate) fn holdings(&mut self) -> String {
         let map = super::map_hash(&self.node.map().digest());
         let (samples, dropped) = (self.node.samples_made(RUN), self.node.dropped());
         let waits = self.node.mission().waits_for();

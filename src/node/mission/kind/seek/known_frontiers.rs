@@ -12,7 +12,7 @@ use crate::plan::Frontiers;
 
 /// The frontiers within the fence.
 #[derive(Clone, Debug, Default)]
-pub struct KnownFrontiers {
+pub(super) struct KnownFrontiers {
     frontiers: Option<Frontiers>,
     /// Tiles that have changed since they were brought up to date.
     changed: BTreeSet<TileAddress>,
@@ -20,14 +20,14 @@ pub struct KnownFrontiers {
 
 impl KnownFrontiers {
     /// Notes that a tile of the map has changed.
-    pub fn tile_changed(&mut self, address: TileAddress) {
+    pub(super) fn tile_changed(&mut self, address: TileAddress) {
         if self.frontiers.is_some() {
             self.changed.insert(address);
         }
     }
 
     /// Brings the frontiers up to date. There are none in a fence that is too large.
-    pub fn update(&mut self, map: &Merged, settings: &VehicleSettings) {
+    pub(super) fn update(&mut self, map: &Merged, settings: &VehicleSettings) {
         match &mut self.frontiers {
             Some(frontiers) => {
                 for address in std::mem::take(&mut self.changed) {
@@ -39,14 +39,14 @@ impl KnownFrontiers {
     }
 
     /// Returns whether a cell is a frontier.
-    pub fn contains(&self, cell: Cell) -> bool {
+    pub(super) fn contains(&self, cell: Cell) -> bool {
         self.frontiers
             .as_ref()
             .is_some_and(|frontiers| frontiers.contains(cell))
     }
 
     /// Returns the cells of all frontiers that have at least so many.
-    pub fn cells(&self, least: usize) -> impl Iterator<Item = Cell> + '_ {
+    pub(super) fn cells(&self, least: usize) -> impl Iterator<Item = Cell> + '_ {
         let clusters = self.frontiers.iter().flat_map(Frontiers::clusters);
         clusters
             .filter(move |cluster| cluster.size() >= least)

@@ -14,7 +14,7 @@ const APART_M: f64 = 0.8;
 
 /// Looks by part of the ground.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Looks {
+pub(super) struct Looks {
     /// Cells along the side of a part.
     side_cells: i32,
     /// Ascending by row and column.
@@ -23,7 +23,7 @@ pub struct Looks {
 
 impl Looks {
     /// Makes the table of a map on which nothing was looked at.
-    pub fn new(lattice: Lattice) -> Looks {
+    pub(super) fn new(lattice: Lattice) -> Looks {
         let side_cells = ((PART_M / lattice.cell_m()).round() as i32).max(1);
         Looks {
             side_cells,
@@ -32,7 +32,7 @@ impl Looks {
     }
 
     /// Notes a look at cells from a place; each part that holds some of them was looked at once.
-    pub fn note(&mut self, cells: &[Cell], from: Point) {
+    pub(super) fn note(&mut self, cells: &[Cell], from: Point) {
         let mut parts: Vec<(i32, i32)> = cells.iter().map(|cell| self.part(*cell)).collect();
         parts.sort_unstable();
         parts.dedup();
@@ -45,12 +45,12 @@ impl Looks {
     }
 
     /// Returns whether a cell was looked at often enough.
-    pub fn is_spent(&self, cell: Cell) -> bool {
+    pub(super) fn is_spent(&self, cell: Cell) -> bool {
         self.of(cell).len() >= LOOKS_MAX
     }
 
     /// Returns whether a look at a cell from a place would tell something new.
-    pub fn is_new(&self, cell: Cell, from: Point) -> bool {
+    pub(super) fn is_new(&self, cell: Cell, from: Point) -> bool {
         self.of(cell)
             .iter()
             .all(|place| place.distance_to(from) >= APART_M)

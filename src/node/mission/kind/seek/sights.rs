@@ -15,7 +15,7 @@ const SQUARE_M: f64 = 1.0;
 
 /// A frontier cell that is worth a look.
 #[derive(Clone, Copy)]
-pub struct Candidate {
+pub(super) struct Candidate {
     /// The cell.
     pub cell: Cell,
     /// Its middle.
@@ -25,7 +25,7 @@ pub struct Candidate {
 }
 
 /// Where to look from, and at what.
-pub struct LookCandidate {
+pub(super) struct LookCandidate {
     /// The cell to stand in.
     pub from: Cell,
     /// The cell to look at.
@@ -34,7 +34,7 @@ pub struct LookCandidate {
 
 /// From how far away things are looked at, metres.
 #[derive(Clone, Copy)]
-pub struct Reach {
+pub(super) struct Reach {
     /// Going nearer than this is worth nothing.
     pub near_m: f64,
     /// From farther away it is not surely seen.
@@ -42,7 +42,7 @@ pub struct Reach {
 }
 
 /// What is known of the ground around where a look is chosen.
-pub struct Ground<'a> {
+pub(super) struct Ground<'a> {
     /// Its cells.
     pub lattice: Lattice,
     /// What stands where.
@@ -57,7 +57,7 @@ pub struct Ground<'a> {
 
 impl Ground<'_> {
     /// Returns the best look from a place at one of the candidates; `None` when nothing of them can be seen from anywhere.
-    pub fn best_sight(
+    pub(super) fn best_sight(
         &self,
         start: Point,
         candidates: &[Candidate],
@@ -101,7 +101,7 @@ impl Ground<'_> {
 }
 
 /// Returns whether only free ground lies between a place and a free cell.
-pub fn sees(view: &View<'_>, lattice: Lattice, from: Point, to: Point) -> bool {
+pub(super) fn sees(view: &View<'_>, lattice: Lattice, from: Point, to: Point) -> bool {
     lattice
         .cells_under(Segment::new(from, to))
         .all(|cell| view.occupancy(cell) == Occupancy::Free)

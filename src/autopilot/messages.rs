@@ -1,0 +1,116 @@
+//! What an autopilot link is told and says, in words for people where they are for people. No decisions.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use super::autopilot_command::AutopilotCommand;
+use super::command::{Ack, ArmRefusal, CommandAck, FlightMode, NumberedCommand};
+use super::report::{AutopilotReport, ControlStatus, Telemetry};
+use crate::actor::{Input, InputClass};
+
+/// What the link can be told.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub enum In {
+    /// What the vehicle wants.
+    AutopilotCommand(AutopilotCommand),
+    /// What the autopilot says of itself.
+    Report(AutopilotReport),
+    /// What it answers to a command.
+    Ack(Ack),
+}
+
+/// What the link can say.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub enum Out {
+    /// To the autopilot.
+    Command(NumberedCommand),
+    /// To the vehicle, with every report.
+    Telemetry(Telemetry),
+    /// To the vehicle, when it has changed.
+    Status(ControlStatus),
+    /// For people.
+    LinkEvent(LinkEvent),
+}
+
+/// What became of commands, and what somebody else has done.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub enum LinkEvent {
+    /// A person has taken over by remote control, and chosen this mode.
+    TakenOver(FlightMode),
+    /// The autopilot has taken this mode by itself.
+    ActsByItself(FlightMode),
+    /// The autopilot does not do what it was told.
+    GivenUp(Purpose, Reason),
+}
+
+impl fmt::Display for LinkEvent {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            LinkEvent::TakenOver(mode) => {
+                write!(f, "a person has taken over by remote control, mode {mode}")
+            }
+            LinkEvent::ActsByItself(mode) => write!(f, "it has taken mode {mode} by itself"),
+            LinkEvent::GivenUp(purpose, why) => write!(f, "{purpose} is given up: {why}"),
+        }
+    }
+}
+
+/// What a command that waits for its answer is for.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub enum Purpose {
+    /// The mode in which the autopilot goes where it is told.
+    ChangeMode,
+    /// Current for the motors.
+    Arm,
+    /// A drive, a turn, a take-off.
+    Move,
+}
+
+impl fmt::Display for Purpose {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Purpose::ChangeMode => "the change of its mode",
+            Purpose::Arm => "arming",
+            Purpose::Move => "a movement",
+        })
+    }
+}
+
+/// Why something was given up.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, thiserror::Error)]
+pub enum Reason {
+    /// The autopilot has refused it.
+    #[error("the autopilot says that it is {0}")]
+    Refused(CommandAck),
+    /// It has refused to arm, and said why.
+    #[error("{0}")]
+    WillNotArm(ArmRefusal),
+    /// It does not answer, or does not do what it has accepted.
+    #[error("the autopilot does not do it")]
+    NotDone,
+    /// The motors have no current.
+    #[error("the motors have no current")]
+    NotArmed,
+    /// It could not be begun in time.
+    #[error("it could not be begun in time")]
+    TooLate,
+}
+
+/// Which inputs replace unread ones.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Key {
+    /// The autopilot's report.
+    Report,
+}
+
+impl Input for In {
+    type Key = Key;
+
+    fn class(&self) -> InputClass<Key> {
+        match self {
+            In::Report(_) => InputClass::Latest(Key::Report),
+            In::AutopilotCommand(_) | In::Ack(_) => InputClass::Queue,
+        }
+    }
+}
