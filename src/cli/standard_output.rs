@@ -24,7 +24,7 @@ impl StandardOutput {
 
     /// Returns whether the reader is known to have left.
     #[cfg(feature = "net")]
-    pub fn is_closed(&self) -> bool {
+    pub(crate) fn is_closed(&self) -> bool {
         self.is_closed
     }
 }

@@ -60,7 +60,7 @@ impl StatusArgs {
     ///
     /// # Errors
     /// A bad file, or somebody who was not heard.
-    pub fn run(&self, out: &mut StandardOutput) -> Result<(), CliError> {
+    pub(crate) fn run(&self, out: &mut StandardOutput) -> Result<(), CliError> {
         let context = OperatorContext::read(&self.config)?;
         let expected = Expected {
             vehicles: context.vehicles.clone(),

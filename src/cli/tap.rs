@@ -57,7 +57,7 @@ impl TapArgs {
     ///
     /// # Errors
     /// A bad file, or lines that cannot be written.
-    pub fn run(&self, out: &mut StandardOutput) -> Result<(), CliError> {
+    pub(crate) fn run(&self, out: &mut StandardOutput) -> Result<(), CliError> {
         let context = OperatorContext::read(&self.config)?;
         let tapping = Tapping {
             kinds: self.kinds.iter().cloned().collect(),
