@@ -195,6 +195,66 @@ fn a_configuration_is_found_from_any_folder() {
 }
 
 #[test]
+fn the_links_of_a_run_give_its_images_again_and_all_are_accounted_for() {
+    let runner = ProgramRunner::new();
+    runner.change("small.sim.toml", "laps = 1", "laps = 6");
+    runner.change("small.sim.toml", "until_s = 600.0", "until_s = 3600.0");
+    assert_eq!(sim(&runner, &["--out", "run"]).code, 0);
+    let image = |more: &[&str]| {
+        let always = [
+            "image",
+            "run/links.csv",
+            "--npy",
+            "again.npy",
+            "--json",
+            "again.json",
+        ];
+        let said = runner.run(&[&always, more].concat());
+        assert_eq!((said.code, said.err.as_str()), (0, ""));
+        let again = std::fs::read(runner.path("again.npy")).unwrap();
+        let json: serde_json::Value = serde_json::from_slice(&runner.read("again.json")).unwrap();
+        let dropped = json["links"]["dropped"].as_array().unwrap().iter();
+        let dropped: u64 = dropped.map(|of| of["links"].as_u64().unwrap()).sum();
+        (again, json["links"]["used"].as_u64().unwrap() + dropped)
+    };
+    let links = summary(&runner, "run")["links"].as_u64().unwrap();
+    let (change, counted) = image(&["--empty", "run/empty.csv"]);
+    assert_eq!(counted, links);
+    assert!(change == std::fs::read(runner.path("run/image.npy")).unwrap());
+    let (structure, _) = image(&[]);
+    assert!(structure == std::fs::read(runner.path("run/structure.npy")).unwrap());
+    assert!(
+        image(&["--pixels", "20x20"]).0 != structure,
+        "an option wins"
+    );
+}
+
+#[test]
+fn what_a_links_file_says_wrongly_of_its_image_is_refused_with_its_line() {
+    let runner = ProgramRunner::new();
+    assert_eq!(sim(&runner, &["--no-pictures", "--out", "run"]).code, 0);
+    let good = String::from_utf8(runner.read("run/links.csv")).unwrap();
+    for (from, to, said) in [
+        ("bin_m = 0.5", "bin_m = -1.0", "bin_m = -1.0"),
+        ("bin_m = 0.5", "bim_m = 0.5", "did you mean bin_m?"),
+        ("# area_m = [", "# area_m = [9.0, ", "area_m"),
+    ] {
+        assert!(good.contains(from), "{from}");
+        runner.write("bad.csv", good.replacen(from, to, 1).as_str());
+        let line = 1 + good[..good.find(from).unwrap()].matches('\n').count();
+        let refused = runner.run(&["image", "bad.csv", "--npy", "bad.npy"]);
+        let place = format!("bad.csv:{line}: ");
+        assert_eq!(refused.code, 2, "{}", refused.err);
+        assert!(
+            refused.err.contains(&place) && refused.err.contains(said),
+            "{}",
+            refused.err
+        );
+        assert!(!runner.path("bad.npy").exists());
+    }
+}
+
+#[test]
 fn the_default_folder_tells_scene_and_seed() {
     let runner = ProgramRunner::new();
     assert_eq!(sim(&runner, &["--seed", "9", "--no-pictures"]).code, 0);
