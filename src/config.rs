@@ -59,6 +59,7 @@ pub use ground_file::{GroundFile, OperatorFile};
 pub(crate) use keys::quoted;
 pub use links_file::LinksFile;
 pub use mission::{AfterSweep, Durations, Expect, Imaging, Planner, Prior, Solver, Sweep, Weights};
+pub(crate) use nearest::nearest;
 pub use problem::{Problem, Problems};
 pub use radio::{Bus, OwnRadio, Partition, PlannedPartition, Radio, Reception};
 pub use range::{Lobe, RangeSensor, SensorCoverage, SensorMount};

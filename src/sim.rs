@@ -35,4 +35,4 @@ pub use outcome::{EndedMission, FoundObject, RunCounts, RunOutcome};
 pub use run_view::{RunView, ShownVehicle};
 pub use scenario::{RunError, Scenario, ScenarioError};
 pub use visible_scene::{SLICE, VisibleScene};
-pub use world::{Collision, WorldContents};
+pub use world::{Collision, FenceBreach, WorldContents};

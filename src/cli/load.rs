@@ -95,8 +95,26 @@ fn load_as(
         // The simulation file itself is named by the user, not by another file.
         CliError::Input {
             path: ref missing, ..
-        } if *missing == Path::new(&read::shown(path)) => read::text(path).err().unwrap_or(error),
+        } if *missing == Path::new(&read::shown(path)) => {
+            no_such_name(path).unwrap_or_else(|| read::text(path).err().unwrap_or(error))
+        }
         other => other,
+    })
+}
+
+/// Returns what is wrong with a plain name that is neither a file's nor a bundled simulation's.
+fn no_such_name(path: &Path) -> Option<CliError> {
+    let is_name = |name: &&str| name.chars().all(|c| c.is_ascii_alphanumeric() || c == '-');
+    let name = path.to_str().filter(is_name).filter(|_| !path.exists())?;
+    let meant = config::nearest(name, bundled::NAMES)
+        .map_or(String::new(), |near| format!("; did you mean {near}?"));
+    let reason = format!(
+        "is neither a file nor a bundled simulation{meant} (bundled are {})",
+        bundled::NAMES.join(", ")
+    );
+    Some(CliError::Input {
+        path: path.to_owned(),
+        reason,
     })
 }
 

@@ -8,7 +8,7 @@ use super::error::CliError;
 use super::folder::OutputFolder;
 use super::recording::links_csv;
 use super::tracks::write_tracks;
-use crate::config::LinksFile;
+use crate::config::{Expect, LinksFile};
 use crate::geom::Point;
 use crate::ground::imager::Subject;
 use crate::node::mission::EndReason;
@@ -61,6 +61,9 @@ pub(super) struct RunFigures {
     coverage: f64,
     collisions: usize,
     fence_breaches: usize,
+    /// Contacts and breaches in words, as far as they are known one by one.
+    mishaps: Vec<String>,
+    has_image: bool,
     min_separation_m: Option<f64>,
     scans: u64,
     events: u64,
@@ -93,7 +96,7 @@ impl RunFigures {
             scene: scenario.sim().scene.name.clone(),
             vehicles: scenario.sim().vehicles.count,
             finished: outcome.finished,
-            failure: outcome.failure.clone(),
+            failure: failure(scenario, outcome),
             simulated_s: outcome.simulated.as_secs_f64(),
             wall_s: wall.as_secs_f64(),
             samples: outcome.samples,
@@ -102,6 +105,8 @@ impl RunFigures {
             coverage: coverage(scenario, &outcome.links),
             collisions: outcome.collisions.len(),
             fence_breaches: outcome.fence_breaches,
+            mishaps: mishaps(outcome),
+            has_image: outcome.change.is_some(),
             min_separation_m: outcome.min_separation_m,
             scans: outcome.counts.scans,
             events: outcome.counts.events,
@@ -134,10 +139,11 @@ impl RunFigures {
         let separation = self
             .min_separation_m
             .map_or("-".to_owned(), |metres| format!("{metres:.2} m"));
-        let outcome = self
-            .failure
-            .as_deref()
-            .map_or("finished".to_owned(), |why| format!("NOT finished: {why}"));
+        let outcome = match (&self.failure, self.finished) {
+            (None, _) => "finished".to_owned(),
+            (Some(why), true) => format!("FAILED: {why}"),
+            (Some(why), false) => format!("NOT finished: {why}"),
+        };
         format!(
             "{} with {} vehicles, seed {}: {outcome}\n\
              mission time      {:.1} min simulated in {:.2} s ({:.0} x real time)\n\
@@ -176,7 +182,10 @@ impl RunFigures {
                 ended(end.as_ref())
             )
         };
+        let done = did_everything(&self.missions);
+        let of = self.missions.len();
         let lines: String = self.missions.iter().map(line).collect();
+        let lines = format!("missions done     {done} of {of}\n{lines}");
         let seen = self.seen.filter(|seen| seen.of > 0).map_or(String::new(), |SeenCells { found, of }| {
             let percent = 100.0 * found as f64 / of as f64;
             format!(
@@ -189,6 +198,9 @@ impl RunFigures {
     /// Returns what was found and what was not in lines.
     fn finds(&self) -> String {
         let mut text = String::new();
+        for mishap in &self.mishaps {
+            text += &format!("mishap            {mishap}\n");
+        }
         for find in &self.found {
             let error = find.error_m.map_or("nobody was there".to_owned(), |error| {
                 format!("{error:.2} m off")
@@ -202,7 +214,8 @@ impl RunFigures {
         for what in &self.not_made {
             text += &format!("not made          {what}\n");
         }
-        let missed = self.missed().filter(|_| self.missions.is_empty());
+        // Without an image nobody was looked for.
+        let missed = self.missed().filter(|_| self.has_image);
         for (name, at) in missed {
             text += &format!(
                 "missed            {name} at {:.2}, {:.2} m\n",
@@ -249,6 +262,7 @@ impl RunFigures {
             "coverage": self.coverage,
             "collisions": self.collisions,
             "fence_breaches": self.fence_breaches,
+            "mishaps": self.mishaps,
             "min_separation_m": self.min_separation_m,
             "scans": self.scans,
             "events": self.events,
@@ -264,6 +278,54 @@ impl RunFigures {
             "version": env!("CARGO_PKG_VERSION"),
         })
     }
+}
+
+/// Returns why a run failed: it did not end, a contract was broken on the way, or no vehicle did what it was asked. `None`
+/// when all is well.
+pub(super) fn failure(scenario: &Scenario, outcome: &RunOutcome) -> Option<String> {
+    let nobody_did_it = || "no vehicle did its mission".to_owned();
+    let ended = outcome.failure.clone().or_else(|| {
+        let missions = missions(scenario, outcome);
+        let is_undone = !missions.is_empty() && did_everything(&missions) == 0;
+        (is_undone && scenario.sim().expect == Expect::Finished).then(nobody_did_it)
+    });
+    why_failed(
+        ended.as_deref(),
+        outcome.collisions.len(),
+        outcome.fence_breaches,
+    )
+}
+
+fn why_failed(failure: Option<&str>, collisions: usize, fence_breaches: usize) -> Option<String> {
+    let counted = |count: usize, what: &str| (count > 0).then(|| format!("{what}: {count}"));
+    let reasons: Vec<String> = [
+        failure.map(str::to_owned),
+        counted(collisions, "collisions"),
+        counted(fence_breaches, "fence breaches"),
+    ]
+    .into_iter()
+    .flatten()
+    .collect();
+    (!reasons.is_empty()).then(|| reasons.join("; "))
+}
+
+/// Returns how many missions were done to the end.
+fn did_everything(missions: &[EndedMission]) -> usize {
+    let is_done = |(_, end): &&EndedMission| matches!(end, Some((_, EndReason::Done)));
+    missions.iter().filter(is_done).count()
+}
+
+/// The most mishaps that a summary names one by one.
+const MISHAPS: usize = 10;
+
+/// Returns the first contacts and breaches of the fence in words.
+fn mishaps(outcome: &RunOutcome) -> Vec<String> {
+    let contacts = outcome.collisions.iter().map(|contact| contact.in_words());
+    let breaches = outcome
+        .breaches
+        .iter()
+        .map(|breach| format!("breach of the fence by {}", breach.in_words()));
+    contacts.chain(breaches).take(MISHAPS).collect()
 }
 
 /// Returns how much of what can be seen vehicles have found that are not out for a sweep.
@@ -364,6 +426,26 @@ fn ended(end: Option<&(Time, EndReason)>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_collision_or_a_breach_fails_a_mission_that_ended() {
+        let check = |failure, collisions, breaches, expected: Option<&str>| {
+            assert_eq!(
+                why_failed(failure, collisions, breaches).as_deref(),
+                expected
+            );
+        };
+        check(None, 0, 0, None);
+        check(None, 2, 0, Some("collisions: 2"));
+        check(None, 0, 1, Some("fence breaches: 1"));
+        check(
+            Some("time is up"),
+            1,
+            3,
+            Some("time is up; collisions: 1; fence breaches: 3"),
+        );
+        check(Some("time is up"), 0, 0, Some("time is up"));
+    }
 
     #[test]
     fn a_mission_without_places_does_not_give_up_some_of_them() {

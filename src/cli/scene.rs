@@ -10,6 +10,7 @@ use super::load;
 use super::read;
 use super::scene_pictures::{SceneView, draw_plan, draw_view};
 use super::scene_text::describe;
+use super::sim::parse_seed;
 use super::standard_output::complain;
 use crate::config::{self, Config, SceneFile, Sim};
 use crate::geom::Angle;
@@ -54,7 +55,7 @@ pub struct SceneArgs {
     #[arg(long, value_name = "AXIS", default_value = "z", value_parser = parse_up)]
     pub up: config::Up,
     /// Seed that places the random persons of a simulation, in place of the file's
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_seed)]
     pub seed: Option<u64>,
 }
 

@@ -70,7 +70,7 @@ fn bodies_line(depicted: &Depicted) -> Line {
     let closed = objects.iter().filter(|object| object.closed).count();
     (
         "bodies",
-        format!("{closed} closed, {} open sheets", objects.len() - closed),
+        format!("closed: {closed}, open sheets: {}", objects.len() - closed),
     )
 }
 

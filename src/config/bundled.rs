@@ -4,6 +4,9 @@
 /// Name of the default simulation file.
 pub const COURTYARD: &str = "configs/courtyard.sim.toml";
 
+/// The names of the bundled simulations.
+pub const NAMES: &[&str] = &["courtyard", "castle", "trees", "house"];
+
 /// Returns the bundled simulation of a name: `courtyard`, `castle`, `trees` or `house`.
 pub fn simulation(name: &str) -> Option<&'static str> {
     match name {

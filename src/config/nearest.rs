@@ -1,7 +1,7 @@
 //! The nearest known word to a mistyped one.
 
 /// Returns the known word with the smallest edit distance, if it is near enough to be meant.
-pub(super) fn nearest<'a>(word: &str, known: &[&'a str]) -> Option<&'a str> {
+pub(crate) fn nearest<'a>(word: &str, known: &[&'a str]) -> Option<&'a str> {
     let short: String = word.chars().take(64).collect();
     let unit_left_out = format!("{short}_");
     if let Some(whole) = known.iter().find(|name| name.starts_with(&unit_left_out)) {

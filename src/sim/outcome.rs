@@ -7,7 +7,7 @@ use tomoswarm_proto::VehicleId;
 use super::bus::{BytesByKind, NodeId};
 use super::log::Log;
 use super::operator_script::RUN;
-use super::world::Collision;
+use super::world::{Collision, FenceBreach};
 use crate::geom::Point;
 use crate::ground::imager::{Picture, Subject};
 use crate::map::Merged;
@@ -86,6 +86,8 @@ pub struct RunOutcome {
     pub collisions: Vec<Collision>,
     /// How many commands led over the fence.
     pub fence_breaches: usize,
+    /// Which, in order; of a live run only their number is known.
+    pub breaches: Vec<FenceBreach>,
     /// Smallest distance between the middles of two vehicles, metres; `None` for one alone.
     pub min_separation_m: Option<f64>,
     /// Samples stored of the main sweep.

@@ -479,10 +479,10 @@ impl Scenario {
         match self.sim.expect {
             Expect::Finished => (!judge.is_done()).then(|| self.unended(judge)),
             Expect::Home => {
-                (home < alive).then(|| format!("only {home} of {alive} vehicles are home"))
+                (home < alive).then(|| format!("vehicles at home: only {home} of {alive}"))
             }
             Expect::Held => {
-                (held < alive).then(|| format!("only {held} of {alive} vehicles are held"))
+                (held < alive).then(|| format!("vehicles that hold: only {held} of {alive}"))
             }
         }
     }
@@ -493,10 +493,13 @@ impl Scenario {
         }
         let under_way = judge.missions().iter().filter(|(_, end)| end.is_none());
         let ids: Vec<String> = under_way.map(|(id, _)| id.to_string()).collect();
-        format!(
-            "the missions of vehicles {} did not end in time",
-            ids.join(", ")
-        )
+        match &ids[..] {
+            [id] => format!("the mission of vehicle {id} did not end in time"),
+            ids => format!(
+                "the missions of vehicles {} did not end in time",
+                ids.join(", ")
+            ),
+        }
     }
 
     pub(super) fn outcome(&self, kernel: Kernel) -> Result<RunOutcome, ScenarioError> {
@@ -522,7 +525,8 @@ impl Scenario {
             held: muster.held,
             simulated: ended_at,
             collisions: environment.world().collisions().to_vec(),
-            fence_breaches: environment.world().fence_breaches(),
+            fence_breaches: environment.world().fence_breaches().len(),
+            breaches: environment.world().fence_breaches().to_vec(),
             min_separation_m: min_separation_m.is_finite().then_some(min_separation_m),
             samples: station.samples().count(RUN),
             links: station.samples().links(RUN),

@@ -5,10 +5,13 @@
 //! its *believed* place follows the command ([`super::autopilot`]). The referee judges true places only; who flies over
 //! another does not touch it.
 
+mod mishap;
+
 use std::time::Duration;
 
 use tomoswarm_proto::VehicleId;
 
+pub use self::mishap::{Collision, FenceBreach};
 use super::air::Sent;
 use super::autopilot::{self, Autopilot, LowBattery, Navigation, Outage};
 use super::body::{BodyState, DriveLimits};
@@ -79,33 +82,6 @@ impl Default for Flying {
     }
 }
 
-/// A contact, as the referee writes it down.
-#[derive(Clone, PartialEq, Debug)]
-pub struct Collision {
-    /// When.
-    pub at: Time,
-    /// Who.
-    pub vehicle: VehicleId,
-    /// With which other vehicle; `None` = with the scene.
-    pub with: Option<VehicleId>,
-    /// Where the vehicle's middle was.
-    pub place: Point,
-}
-
-impl Collision {
-    /// Returns who touched what, when and where.
-    pub fn in_words(&self) -> String {
-        let with = self
-            .with
-            .map_or("the scene".to_owned(), |peer| format!("vehicle {peer}"));
-        let (after_s, at) = (self.at.as_secs_f64(), self.place);
-        format!(
-            "vehicle {} touched {with} after {after_s:.0} s at {:.2}, {:.2} m",
-            self.vehicle, at.x_m, at.y_m
-        )
-    }
-}
-
 /// Something that will happen unless the motion changes before.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct PredictedContact {
@@ -164,7 +140,7 @@ pub struct World {
     judged: Vec<Time>,
     min_separation_m: f64,
     collisions: Vec<Collision>,
-    fence_breaches: usize,
+    fence_breaches: Vec<FenceBreach>,
 }
 
 impl World {
@@ -193,7 +169,7 @@ impl World {
             judged: Vec::new(),
             min_separation_m: f64::INFINITY,
             collisions: Vec::new(),
-            fence_breaches: 0,
+            fence_breaches: Vec::new(),
         }
     }
 
@@ -300,9 +276,9 @@ impl World {
         &self.collisions
     }
 
-    /// Returns how many commands led a body over the fence.
-    pub fn fence_breaches(&self) -> usize {
-        self.fence_breaches
+    /// Returns all commands so far that led a body over the fence.
+    pub fn fence_breaches(&self) -> &[FenceBreach] {
+        &self.fence_breaches
     }
 
     /// Returns what the autopilot knows of itself at a moment.
@@ -385,8 +361,12 @@ impl World {
         let body = self.crafts[vehicle].autopilot.motion().body();
         let swept = body.swept(now, Time::NEVER);
         let inside = |way: &Segment| self.fence.contains_corridor(*way, self.build.radius_m);
-        if !swept.iter().all(|piece| inside(&piece.segment)) {
-            self.fence_breaches += 1;
+        if let Some(outside) = swept.iter().find(|piece| !inside(&piece.segment)) {
+            self.fence_breaches.push(FenceBreach {
+                at: now,
+                vehicle: self.crafts[vehicle].id,
+                place: outside.segment.to,
+            });
         }
     }
 

@@ -69,6 +69,7 @@ pub fn outcome(
         simulated: Time::from_nanos(world.now_ns),
         collisions: world.collisions.iter().map(collision).collect(),
         fence_breaches: usize::try_from(world.fence_breaches).unwrap_or(usize::MAX),
+        breaches: Vec::new(),
         min_separation_m: world.min_separation_m,
         samples: stored.samples,
         links: stored.links,

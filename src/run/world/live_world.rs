@@ -243,7 +243,7 @@ impl LiveWorld {
             now_ns: self.now.as_nanos(),
             entered: self.environment.persons_are_in(),
             vehicles: self.vehicles.iter().enumerate().map(vehicle).collect(),
-            fence_breaches: world.fence_breaches() as u64,
+            fence_breaches: world.fence_breaches().len() as u64,
             min_separation_m: separation_m.is_finite().then_some(separation_m),
             scans: counts.scans,
             beacons_heard: counts.beacons_heard,
