@@ -1,5 +1,6 @@
 //! The ground station: the list of its four actors and how each is made, for every runtime. Fleet, schedule and samples
-//! are the [`station`]'s, the next stops the [`planner`]'s, the picture the [`imager`]'s. Who hears whom says [`route`].
+//! are the [`station`]'s, the next stops the [`planner`]'s, the picture the [`imager`]'s. [`route`] says who hears
+//! whom.
 //!
 //! Planner and imager may think for seconds; a fault of theirs is mended by a fresh one. A fault of the station ends the
 //! node: what it knows is in the store, and is read at the start.

@@ -1,4 +1,4 @@
-//! A vehicle: the list of its eight actors and how each is made, for every runtime. Who hears whom says [`route`].
+//! A vehicle: the list of its eight actors and how each is made, for every runtime. [`route`] says who hears whom.
 //!
 //! A fault of the range sensor's actor is mended by a fresh one. A fault of any other ends the node, the radio's too: its
 //! samples are numbered, and a fresh one would count from the beginning under the same start.

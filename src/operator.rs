@@ -7,7 +7,7 @@
 //!
 //! The list of the node's actors stands here: the operator, and the keeper of the emergency stops, which says them on as
 //! every node does and keeps nothing on a disk. A fault ends the node: what was ordered stands in State, and is not
-//! repeated by one that knows nothing of it. Who hears whom says [`route`].
+//! repeated by one that knows nothing of it. [`route`] says who hears whom.
 
 pub mod fleet_view;
 pub mod given_tasks;

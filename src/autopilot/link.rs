@@ -1,7 +1,7 @@
 //! The link of a vehicle to its autopilot: makes commands of what the vehicle wants, and sees them through.
 //!
 //! It is told what the vehicle wants, the autopilot's reports and its answers. It says commands, telemetry with every
-//! report, the status when it changes, and remarks for people. It plans nothing, and does not judge what the vehicle wants.
+//! report, the status when it changes, and events for people. It plans nothing, and does not judge what the vehicle wants.
 //!
 //! ```text
 //!   want: Stop, Disarm ─────────────────► a command at once, past what waits; again until telemetry shows it

@@ -1,8 +1,8 @@
 //! One picture of a run for the terminal: the map, where everybody is and came from, and what they do. It is pure: a
 //! picture is made of what is shown and a size; when it is drawn, and where, is decided elsewhere.
 //!
-//! Every letter of the terminal holds two pixels, one above the other (U+2580), and pixels are square; a letter in which
-//! a vehicle is, is the last digit of its id.
+//! Every letter of the terminal holds two pixels, one above the other (U+2580), and pixels are square; a letter that
+//! holds a vehicle is the last digit of its id.
 
 use std::collections::VecDeque;
 use std::fmt::Write as _;

@@ -1,5 +1,5 @@
 //! What a live process tells about itself: log lines on standard error, for the terminal or the system's journal. Of the
-//! bus's library only errors are shown, unless more is asked for: who cannot be reached is told by ourselves.
+//! bus's library only errors are shown, unless more is asked for: we ourselves say who cannot be reached.
 
 use std::io::IsTerminal;
 

@@ -14,7 +14,7 @@ use std::time::Duration;
 /// Exit code of a program that was ended at once, as shells have it for SIGINT.
 const ENDED_AT_ONCE: i32 = 130;
 
-/// Who is tied to another program and has not ended so long after it, is ended.
+/// A process tied to another program is killed this long after that one ended.
 #[cfg(feature = "net")]
 const ORPHAN_ENDS_WITHIN: Duration = Duration::from_secs(8);
 

@@ -63,7 +63,7 @@ pub struct VehicleFile {
     pub record: Record,
 }
 
-/// The door of the process that simulates the world.
+/// The address and token of the process that simulates the world.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct WorldEndpoint {
     /// Where it listens; always on this machine.

@@ -9,8 +9,9 @@
 //! ```
 //!
 //! A member answers whoever asks and does not fit, so that both sides say why. Who found nobody takes part alone; when it
-//! meets others later, of two of one name the one that has been a member for longer stays. Who would have to go for another
-//! one of its name goes only when that one is heard for some time: a greeting may have been long on its way, and the one that
+//! meets others later, of two of one name the one that has been a member for longer stays. A node that must leave for
+//! another of its name leaves only after hearing it for a while: a greeting may have been long on its way, and the
+//! one that
 //! sent it may have left, or be this very node before it was started anew. Two ground stations do not refuse each other: the
 //! lease decides between them.
 
@@ -30,7 +31,7 @@ const ALONE_AFTER: Duration = Duration::from_millis(1500);
 const EVERY: Duration = Duration::from_secs(2);
 /// While it asks, this often.
 const EVERY_ASKING: Duration = Duration::from_millis(100);
-/// Who does not fit, and a node of the own name, is answered this often at most.
+/// Who does not fit, and a node of its own name, is answered this often at most.
 const EVERY_ANSWER: Duration = Duration::from_millis(100);
 /// And so many times, as long as it greets in the same way: two that both answer would never end.
 const ANSWERS: u32 = 10;
@@ -39,13 +40,13 @@ const ANSWERS: u32 = 10;
 const FORGOTTEN: Duration = Duration::from_secs(5);
 /// Members for equally long, as far as can be told from afar.
 const ALIKE_S: u32 = 2;
-/// Who has to leave for another one of its name has heard that one for so long.
+/// A node that must leave for another of its name has heard it this long.
 const CONFIRMS_FOR: Duration = Duration::from_millis(500);
 /// Who seems to be the elder, but not by enough, for so long.
 const HESITATES: Duration = Duration::from_secs(1);
-/// A member of the own name that is not heard for so long is gone: it greets more often.
+/// A member of its own name that is not heard for so long is gone: it greets more often.
 const MISSED_AFTER: Duration = Duration::from_millis(2500);
-/// Nodes of the own name that are told apart.
+/// Nodes of its own name that are told apart.
 const TWINS_MAX: usize = 64;
 /// Nodes that do not fit, of each name.
 const MISFITS_MAX: usize = 4;
@@ -57,7 +58,7 @@ pub enum GreetingVerdict {
     Fine,
     /// The other one does not fit: what it says is not listened to, unless one of its name fits. Said once.
     Foreign(String),
-    /// Another node of the own name has to leave. Said once of each.
+    /// Another node of its own name has to leave. Said once of each.
     Stays(String),
     /// This node may not take part.
     Refused(String),
@@ -94,7 +95,7 @@ pub struct Joining {
     owes: bool,
     /// By name: bounded, since names are numbers under 256, of vehicles and of operators, and the ground.
     known: BTreeMap<Sender, Known>,
-    /// Since when nodes of the own name are heard, and when they were heard last, by instance.
+    /// Since when nodes of its own name are heard, and when they were heard last, by instance.
     twins: BTreeMap<u64, (Time, Time)>,
     /// It does not take part before: another one of its name may do.
     waits_until: Time,

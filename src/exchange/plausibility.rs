@@ -87,7 +87,7 @@ impl Plausibility {
         Ok(())
     }
 
-    /// Takes what the node says itself, which knows by its disk and its store.
+    /// Records what the node itself says, as its disk and store have it.
     pub fn know(&mut self, now: Time, numbers: Numbers) {
         self.believe(now, numbers);
         for (highest, number) in self.highest.iter_mut().zip(numbers.0) {
@@ -151,8 +151,7 @@ impl Highest {
 }
 
 impl Numbers {
-    /// Returns the numbers in a message. Of samples and of what a store has any run may be said: nobody counts on from
-    /// there.
+    /// Returns the numbers in a message. Samples and watermarks may name any run: nobody counts on from there.
     pub fn of(message: &Message) -> Numbers {
         Numbers(match message {
             Message::Hello(hello) => return Numbers::of_greeting(hello),

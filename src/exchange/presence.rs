@@ -131,8 +131,8 @@ impl Presence {
     }
 }
 
-/// Returns what is heard of a message of somebody who does not fit. Emergency stops must not depend on venue files: which are
-/// open is heard, that they were lifted is not.
+/// Returns what is heard of a message of somebody who does not fit. Emergency stops must not depend on venue files:
+/// open ones are heard, lifted ones are not.
 fn of_stranger(message: Message) -> Option<Message> {
     match message {
         Message::Standing(OpenStops { open, lifted: _ }) => Some(Message::Standing(OpenStops {

@@ -209,7 +209,7 @@ impl Fleet {
         }
     }
 
-    /// Starts every vehicle for which nothing stands: what somebody has stopped, lost or not, only somebody starts.
+    /// Starts every vehicle for which nothing stands: one that an operator stopped, only an operator starts.
     pub fn start_all(&mut self, run: RunId) {
         for (vehicle, member) in &mut self.members {
             member.dealings_mut().start(*vehicle, self.lease, run);
@@ -250,7 +250,7 @@ impl Fleet {
         lost
     }
 
-    /// Counts those as lost who have not been heard at all, silent since `since`; returns them.
+    /// Counts vehicles never heard as lost, silent since `since`; returns them.
     pub fn lose_unheard(&mut self, since: Time) -> Vec<VehicleId> {
         let unheard = self.unheard();
         for vehicle in &unheard {

@@ -2,9 +2,9 @@
 //!
 //! ```text
 //!   bus ──State, Progress, Tile, Samples, Digest, Want, Report──► station ──Plan, Order, Have, Report, Tile…──► bus
-//!   bus ──Task, Hello of an operator──► station ──Request──► planner ──Answer──► station
+//!   bus ──Task, Hello of an operator──► station ──Request──► planner ──PlannerAnswer──► station
 //!                       station ──Job──► imager ──Picture──► edge (log, files, dashboard), station
-//!                       station ──Memory──► edge (store)
+//!                       station ──StationMemory──► edge (store)
 //!   bus ──Standing, leases──► stops ──which stops are open──► station      stops ──Standing──► bus, edge (disk)
 //! ```
 

@@ -1,4 +1,4 @@
-//! What one range reading says about cells: the inverse model of a sensor that sees a cone, written to the own
+//! What one range reading says about cells: the inverse model of a sensor that sees a cone, written to its own
 //! layer.
 //!
 //! - **Free** are cells of the cone nearer than the echo (by one cell and a margin) and wholly within
@@ -58,7 +58,7 @@ pub struct ScanReading {
     pub min_range_m: f64,
 }
 
-/// The disc that the own vehicle covers.
+/// The disc that the vehicle itself covers.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct OwnDisc {
     /// Its middle.
@@ -76,7 +76,7 @@ pub struct PeerBody<'a> {
     pub radius_m: f64,
 }
 
-/// What a reading changed in the own layer.
+/// What a reading changed in its own layer.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct Changes {
     /// Tiles with a new revision, ascending.
@@ -92,7 +92,7 @@ impl Changes {
     }
 }
 
-/// Writes readings to the own layer of a map. Keeps nothing but scratch memory from one to the next.
+/// Writes readings to its own layer of a map. Keeps nothing but scratch memory from one to the next.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Mapper {
     own: LayerId,
@@ -105,7 +105,7 @@ pub struct Mapper {
     writes: Vec<(usize, i8, i8)>,
 }
 
-/// A new value for a cell of the own layer.
+/// A new value for a cell of its own layer.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 struct Mark {
     address: TileAddress,
@@ -438,7 +438,7 @@ impl Cone {
         around(&[body.at], body.radius_m).map_or(cone, |disc| disc.join(cone))
     }
 
-    /// Judges a cell by its middle as seen from the sensor, and by its old value in the own layer.
+    /// Judges a cell by its middle as seen from the sensor, and by its old value in its own layer.
     #[inline]
     fn says(&self, cell: Cell, to: Vector, old: i8) -> CellReading {
         if self.struck == Some(cell) {

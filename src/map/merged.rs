@@ -121,7 +121,7 @@ impl Merged {
     /// Takes a tile from elsewhere when it is newer than what is known.
     ///
     /// # Errors
-    /// [`TileRefusal`] when the tile is impossible, of the own layer, its revision leaps, or the map is full; nothing changes
+    /// [`TileRefusal`] when the tile is impossible, of its own layer, its revision leaps, or the map is full; nothing changes
     /// then.
     pub fn join(&mut self, report: &TileReport) -> Result<JoinResult, TileRefusal> {
         if self.own == Some(report.layer) {
@@ -147,7 +147,7 @@ impl Merged {
         Ok(JoinResult::Newer { newly_occupied })
     }
 
-    /// Takes what somebody else says of the own layer: where that would count more than what this node has written, the own
+    /// Takes what somebody else says of its own layer: where that would count more than what this node has written, its own
     /// tile is raised above it, and the others take it again. Returns whether it was.
     pub fn disown(&mut self, report: &TileReport) -> bool {
         let (Some(own), Ok(said)) = (self.own, Tile::from_report(report)) else {

@@ -11,7 +11,7 @@ use crate::time::Time;
 /// A pose older than this is not extrapolated any further.
 const POSE_AGE_MAX: Duration = Duration::from_millis(500);
 
-/// The last known place of the own vehicle.
+/// The last known place of the vehicle itself.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct LastPose {
     pose_sd_max_m: f64,

@@ -71,7 +71,7 @@ pub struct Map {
     mapper: Mapper,
     /// Where peers may be, so that they are not mapped: their last legs, or where they stand.
     peers: Peers,
-    /// Tiles of the own layer that have changed since they were published.
+    /// Tiles of its own layer that have changed since they were published.
     unshared: BTreeSet<TileAddress>,
     /// The last one shared: the next ones after it have their turn.
     shared: TileAddress,
@@ -175,7 +175,7 @@ impl Map {
         self.publish(now, address, out);
     }
 
-    /// Publishes a tile of the own layer as it is now.
+    /// Publishes a tile of its own layer as it is now.
     fn publish(&mut self, now: Time, address: TileAddress, out: &mut Vec<Out>) {
         self.unshared.remove(&address);
         self.occupied_again.remove(&address);

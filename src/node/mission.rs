@@ -1,8 +1,8 @@
 //! The mission actor: decides where the vehicle goes next, as its plan, its operator and its peers let it.
 //!
-//! It is told the own and the peers' states, tiles, plans, tasks, progress, orders, the vehicle's remarks and what the disk
-//! has. It says commands, progress, what it measures for, what is to be remembered, and remarks. What is known of the ground
-//! is `terrain`; how a way is driven is decided by `pilot`; the last word on safety has the vehicle actor.
+//! It is told its own and the peers' states, tiles, plans, tasks, progress, orders, the vehicle's events and what the disk
+//! has. It says commands, progress, what it measures for, what is to be remembered, and events. What is known of the ground
+//! is `terrain`; how a way is driven is decided by `pilot`; the vehicle actor has the last word on safety.
 //!
 //! What is wanted of the vehicle is one state, see `goal`; what it is out for is said by the operator's task or its file
 //! (`assignment`): the ground's plan (`ground_plan`) or a mission of its own (`kind`), whose steps `runner` carries out.
@@ -357,7 +357,7 @@ impl Mission {
         self.report(out);
     }
 
-    /// Returns whether a plan has a lower right than another that was heard, or the own one answers a state that was made
+    /// Returns whether a plan has a lower right than another that was heard, or its own one answers a state that was made
     /// too long ago. (No state was made before the first; only what has heard none answers that.)
     fn is_old(&self, now: Time, plan: &Plan) -> bool {
         let is_own = plan.vehicle == self.settings.vehicle && plan.seen.is_some();
@@ -372,7 +372,7 @@ impl Mission {
         plan.seen.is_some_and(is_fresh)
     }
 
-    /// A newer plan of its own takes a vehicle back that acts on its own since it had lost the bus: the ground knows of
+    /// A newer own plan takes back a vehicle that acts on its own since it lost the bus: the ground knows of
     /// it, and has planned from where it is.
     fn resume_for(&mut self, now: Time, plan: &Plan, out: &mut Vec<Out>) {
         if self.plan.is_newer(plan) && self.goal.cause() == Some(AutonomyCause::BusLost) {

@@ -1,6 +1,6 @@
 //! The outbox actor: keeps a vehicle's samples until the ground has them, and sends them in batches.
 //!
-//! It is told samples that are kept at the edge (`Kept`), chunks of what was kept before (`Recalled`) and the
+//! It is told samples that are kept at the edge (`SampleStored`), chunks of what was kept before (`Recalled`) and the
 //! ground's `Have`; it says batches for the bus, what the edge may forget, and what it wants to be told again. What was
 //! never sent goes first, oldest first; then what was sent and not confirmed in time is repeated, each time after
 //! twice as long. The ground stores each sample once. It writes no disk, and holds only so much in memory: the rest
@@ -8,8 +8,8 @@
 //!
 //! Only samples that a store has confirmed *and* whose run is closed are forgotten for good: a ground station
 //! that comes back with another store is sent everything again. Both must stand for some seconds in which the store says
-//! nothing else, and no other store speaks. A watermark that a store does not repeat, and says lower ones instead, was not
-//! its word: what it covers is read from the edge once more.
+//! nothing else, and no other store speaks. A watermark that a store replaces by lower ones was not sent by it: what
+//! it covers is read from the edge once more.
 //!
 //! Deadline: `flush`.
 

@@ -6,7 +6,7 @@ use tomoswarm_proto::{Ordered, Revision, RunId, VehicleMode};
 
 use crate::geom::{Point, Pose};
 
-/// The state of the own vehicle.
+/// The state of the vehicle itself.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct OwnState {
     /// Counts the states of this boot.

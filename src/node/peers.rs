@@ -103,7 +103,7 @@ impl Peers {
         }
     }
 
-    /// Takes a state; the own one changes nothing, nor does one older than the newest known, unless such go on and nothing
+    /// Takes a state; that of itself changes nothing, nor does one older than the newest known, unless such go on and nothing
     /// newer comes.
     pub(super) fn take(&mut self, now: Time, state: &State) {
         let is_late = |known: &mut Peer| match state.boot == known.edition.0 {
@@ -144,7 +144,7 @@ impl Peers {
         self.newest.insert(state.vehicle, peer);
     }
 
-    /// Takes a state that tells no place: what was known of the place stays, and who was never placed is not known.
+    /// Takes a state that tells no place: a known place stays, and a vehicle never placed stays unknown.
     fn take_without_place(&mut self, now: Time, state: &State, resting: bool) {
         let Some(peer) = self.newest.get_mut(&state.vehicle) else {
             return;
@@ -157,7 +157,7 @@ impl Peers {
         }
     }
 
-    /// Takes what a beacon tells; the own one, and one of an earlier start of its sender, changes nothing.
+    /// Takes what a beacon tells; that of itself, and one of an earlier start of its sender, changes nothing.
     pub(super) fn sight(&mut self, now: Time, sighting: &BeaconReport) {
         let (vehicle, boot) = (sighting.progress.vehicle, sighting.progress.boot);
         if vehicle == self.own {

@@ -5,7 +5,7 @@
 //! nothing else. Its beacons name an emergency stop that is open, and go out without a place too. A beacon lists only those
 //! heard directly, so that one that has fallen silent leaves everybody's ring.
 //!
-//! Its parts know nothing of each other: whose turn it is (`radio/ring.rs`), the numbers of the own beacons
+//! Its parts know nothing of each other: whose turn it is (`radio/ring.rs`), the numbers of its own beacons
 //! (`radio/numbering.rs`), and what was heard of peers and becomes samples (`radio/reception.rs`).
 //!
 //! ```text

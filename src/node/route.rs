@@ -1,12 +1,12 @@
 //! Who hears whom inside a vehicle: the only place that knows.
 //!
 //! ```text
-//!  range driver ─Echo─► sensor ──Scan──► map ──Tiles──► mission ──Command──► vehicle ──Fly──► autopilot
+//!  range driver ─Echo─► sensor ──Scan──► map ──Tiles──► mission ──MoveCommand──► vehicle ──AutopilotCommand──► autopilot
 //!                         └──────Scan (reflex stop)────────────────────────► vehicle
-//!  autopilot driver ─Report, Ack─► autopilot ──Telemetry, Status──► vehicle      autopilot ──Command──► autopilot driver
+//!  autopilot driver ─Report, Ack─► autopilot ──Telemetry, ControlStatus──► vehicle      autopilot ──Command──► autopilot driver
 //!  vehicle ──State──► sensor, mission, radio, bus
 //!  map ──Tiles──► bus                      bus ──peers' Tiles, Digest, Want──► map
-//!  radio driver ─Heard, Unsent─► radio ──Keep──► disk ──Kept──► outbox ──Samples──► bus
+//!  radio driver ─Heard, Unsent─► radio ──Keep──► disk ──SampleStored──► outbox ──Samples──► bus
 //!                                        disk ◄─Forget, Recall─ outbox      bus ──Have──► outbox
 //!  bus ──Plan, Task, peers' State and Mission──► mission ──Mission──► radio (its progress, in beacons), bus
 //!  radio ──what peers' beacons tell──► mission, vehicle      bus ──whoever is heard──► mission

@@ -1,4 +1,4 @@
-//! How old is what answers the own states: when each of them was made, by the own clock. No other clock is asked.
+//! How old is what answers its own states: when each of them was made, by its own clock. No other clock is asked.
 
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;

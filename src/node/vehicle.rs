@@ -1,7 +1,7 @@
 //! The vehicle actor: the last word before the autopilot, and the first to know where the vehicle is.
 //!
-//! It is told telemetry, who steers, scans, commands of the mission, orders, the peers' states and what the disk has. It says what to
-//! fly, its own `State`, what is to be remembered, orders that are obeyed, and remarks. It checks every command against the envelope
+//! It is told telemetry, who steers, scans, commands of the mission, orders, the peers' states and what the disk has. It says what
+//! the autopilot is to do, its own `State`, what is to be remembered, orders that are obeyed, and events. It checks every command against the envelope
 //! (a fresh and certain pose, a finite route that begins here, the fence, the peers, what made the reflex halt) and
 //! always drives at the configured speed. It judges the age of orders and of commands. Off plan, where no order of
 //! precedence protects it, it also yields: it stops as soon as a peer that moves claims what lies ahead. It has the
@@ -13,8 +13,8 @@
 //! mission had decided before it is not driven any more, and nothing is driven while an order to hold or to land stands.
 //! Under an open emergency stop (`emergency.rs`), or an order to land, a rover holds at once and is disarmed as soon as it
 //! rests; cutting the motors disarms it at once. A start arms it again. A stop and a disarming are said again until telemetry
-//! shows them. What sends a vehicle out answers a state of after it was stopped, and comes when it has listened long enough
-//! to know of every open stop (`readiness.rs`).
+//! shows them. An order out must answer a state made after the stop, and counts once the vehicle has listened for
+//! every open stop (`readiness.rs`).
 //!
 //! An order is shown, handed on and, where it frees, obeyed once it is on the vehicle's disk; what stops or cuts the motors
 //! does so at once, and is written then (`orders.rs`). So a vehicle that is started anew obeys nothing lower than it has
@@ -201,8 +201,8 @@ impl Vehicle {
         self.report(now, &telemetry, out);
     }
 
-    /// Takes who steers. Of a way that somebody else has ended nothing is claimed any more, and what answers a state of
-    /// before sends the vehicle out no more.
+    /// Takes who steers. Once somebody else steers, the old way is not claimed, and orders that answer an older state
+    /// no longer send the vehicle out.
     fn autopilot(&mut self, now: Time, status: ControlStatus, out: &mut Vec<Out>) {
         self.autopilot = status;
         if self.take_over.take(status.control) {
@@ -429,7 +429,7 @@ impl Actor for Vehicle {
 /// Which inputs replace unread ones.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Key {
-    /// Telemetry of the own autopilot.
+    /// Telemetry of the vehicle's autopilot.
     Telemetry,
     /// Who steers.
     Autopilot,

@@ -4,7 +4,7 @@
 //! cue was done. It says orders, every 100 ms until State shows them, tasks, every 5 s until Report and Mission show them, and its
 //! greeting, every 2 s, or every second while it holds a lease; and how wants and the script ended.
 //! It draws nothing (its holder id is given), decides nothing for a vehicle, and hears no answers: what it waits for is
-//! State. An emergency stop that is wanted it names and hands to the keeper of the stops ([`super::stopping`]).
+//! State. It names a wanted emergency stop and hands it to the keeper of the stops ([`super::stopping`]).
 //!
 //! ```text
 //!           Want                    every State shows it, by hand
@@ -46,7 +46,7 @@ use crate::time::{Deadline, Time};
 const GREETS_EVERY: Duration = Duration::from_secs(2);
 /// Who holds a lease greets this often: ground stations plan under it as long as they hear its holder.
 const HOLDER_GREETS_EVERY: Duration = Duration::from_secs(1);
-/// While nothing new is heard it is looked this often whether somebody has fallen silent.
+/// While nothing new is heard, this is how often it checks for silent nodes.
 const LOOKS_EVERY: Duration = Duration::from_millis(500);
 /// After so long on the bus everyone who is there was heard.
 const LISTEN: Duration = Duration::from_millis(1500);

@@ -79,6 +79,6 @@ pub struct MissionWish {
 pub struct StopWish {
     /// Whom it stops; empty = all.
     pub vehicles: BTreeSet<VehicleId>,
-    /// So long it is looked whether they stop. What is given stays in force after that.
+    /// How long to watch whether they stop. What is given stays in force after that.
     pub within: Duration,
 }

@@ -16,7 +16,7 @@
 //! not heard: it obeys only what is above its echo.
 //!
 //! **Emergency stops.** Under an open stop a vehicle obeys neither Start nor Return. A start names the stops that are known to
-//! be open when it is first sent, and lifts them; what is opened later it does not lift. It waits until every vehicle has
+//! be open when it is first sent, and lifts them; it does not lift later ones. It waits until every vehicle has
 //! told what it knows, or 1.5 s; it is refused while a vehicle that it is for was not heard for 2 s, unless that one is
 //! named as one that may be unheard. What stands for many stops is lifted only when that is asked for. A return is refused
 //! while a stop is open. The stops themselves are given by [`super::stopping`].
@@ -36,7 +36,7 @@
 //! was started anew since, until somebody has ordered something else, or a greater lease is in force than its own.
 //!
 //! **Started anew.** A vehicle remembers the highest order that it has obeyed, and shows it without its kind until it obeys
-//! another. Within the own lease the order goes above it; a greater lease has overruled it.
+//! another. Within its own lease the order goes above it; a greater lease has overruled it.
 //!
 //! **Strangers.** Who greets with another venue file or wire version does not listen to this operator: it is named and not
 //! sent anything.
@@ -64,7 +64,7 @@ use crate::time::Time;
 
 /// An order is repeated this often.
 const REPEAT: Duration = Duration::from_millis(100);
-/// For so long everyone who is there, and the ground's lease, is listened for.
+/// How long to listen for everyone, and for the ground's lease.
 const LISTEN: Duration = Duration::from_millis(1500);
 /// A vehicle whose newest state is older is not known to be there.
 const SILENT_AFTER: Duration = Duration::from_secs(2);
@@ -327,7 +327,7 @@ impl Ordering {
         unheard.first().map(|id| OrderRefusal::Unheard(*id))
     }
 
-    /// Returns an open stop that a vehicle stands under for which the order is.
+    /// Returns an open stop that concerns a vehicle of this order.
     fn under_stop(&self) -> Option<EmergencyName> {
         let concerns = |stop: &&EmergencyStop| match stop.scope {
             StopScope::All => true,

@@ -32,7 +32,7 @@ pub const POSE_SD_MAX_M: f64 = 0.5;
 pub struct Needs {
     /// Who shall take part.
     pub vehicles: BTreeSet<VehicleId>,
-    /// Hash of the own venue file.
+    /// Hash of its own venue file.
     pub venue_hash: u64,
     /// Where vehicles may be.
     pub fence: Polygon,
@@ -40,7 +40,7 @@ pub struct Needs {
     pub homes: Vec<Point>,
     /// Deviation of a place that is allowed, metres; `None` = not known, then [`POSE_SD_MAX_M`].
     pub pose_sd_max_m: Option<f64>,
-    /// Version of the own software.
+    /// Version of its own software.
     pub software: String,
 }
 

@@ -15,9 +15,9 @@ use super::order_goal::StopWish;
 use super::outcome::{OrderOutcome, VehicleOutcome};
 use crate::time::Time;
 
-/// For so long everyone who is there is listened for.
+/// How long to listen for everyone who is there.
 const LISTEN: Duration = Duration::from_millis(1500);
-/// It is looked so often whether the time is up.
+/// How often to check whether the time is up.
 const LOOKS_EVERY: Duration = Duration::from_millis(50);
 
 /// Emergency stops that were given by one command.

@@ -1,4 +1,4 @@
-//! What the door's tests say in the name of vehicles and of the ground.
+//! What the operator's tests say in the name of vehicles and of the ground.
 
 use tomoswarm_proto::{
     Boot, Deviation, GroundReport, Heading, Lease, Message, OpenStops, Order, OrderKind, Ordered,

@@ -536,7 +536,7 @@ impl Shared {
     }
 }
 
-/// Lets a frame pass that is what was sent, as far as it says so.
+/// Passes a frame whose checksum fits, or which has none.
 fn whole(bytes: &[u8], check: Option<&[u8]>) -> Result<(), FrameRefusal> {
     match check.is_none_or(|check| check == crc32fast::hash(bytes).to_le_bytes()) {
         true => Ok(()),

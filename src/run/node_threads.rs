@@ -1,10 +1,10 @@
 //! A live node: its actors, each behind a [`Mailbox`] and on a thread of its own, joined by the route of its kind of node.
 //!
 //! ```text
-//!   bus ─────┐                             ┌─ fly, steer, ping, transmit ─► drivers
+//!   bus ─────┐                             ┌─ command, steer, ping, transmit ─► drivers
 //!   drivers ─┼─ Event ─► mailboxes (actors) ┼─ publish ─► bus
 //!   disk ────┘              ▲    │ route    ├─ keep, forget, recall, remember ─► disk
-//!                           └────┘          └─ note ─► log
+//!                           └────┘          └─ event ─► log
 //! ```
 //!
 //! No actor shares its thread with another: a search for a path or a merge of maps never delays a halt. Which actors

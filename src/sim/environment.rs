@@ -291,7 +291,7 @@ impl Environment {
         out.push(WorldEvent::Contact(collision));
     }
 
-    /// Lets an autopilot brake that has been left alone by its companion.
+    /// Brakes an autopilot whose companion has fallen silent.
     fn mind_companion(&mut self, vehicle: usize, out: &mut Vec<WorldEvent>) {
         let devices = &mut self.devices[vehicle];
         devices.is_minded = false;

@@ -1,4 +1,4 @@
-//! The faults of a scenario, as those ask for them whom they hit: the environment (devices), the kernel (software) and the
+//! The faults of a scenario, for those whom they hit: the environment (devices), the kernel (software) and the
 //! bus. When they are is the file's business, what follows from them is the nodes'.
 
 use tomoswarm_proto::{Sender, VehicleId};

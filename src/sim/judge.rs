@@ -77,7 +77,7 @@ impl Judge {
         self.is_done |= !self.is_swept && alive.all(|(mission, _)| mission.1.is_some());
     }
 
-    /// Takes that a vehicle came home, of which so many are home now and so many could be. Where all are expected there,
+    /// Decides after a return home, when `home` of the `alive` vehicles are home. Where all are expected there,
     /// whatever an operator can hear of them, this is the end.
     pub(super) fn came_home(&self, home: usize, alive: usize) -> RunVerdict {
         if self.expect == Expect::Home && home == alive {

@@ -393,7 +393,7 @@ impl Kernel {
         Ok(())
     }
 
-    /// Lets happen what is due in the environment, and tells those who notice.
+    /// Runs what is due in the environment, and tells the nodes concerned.
     fn wake_environment(&mut self) -> Result<(), Fault> {
         let mut happened = self.environment.wake(self.schedule.now());
         for event in happened.drain(..) {
@@ -465,7 +465,7 @@ impl Kernel {
             return self.tell_operator(operator, In::Bus(heard));
         }
         self.record.count_message();
-        // Of greetings vehicles and ground station are told nothing else.
+        // Vehicles and ground station hear nothing else of greetings.
         let HeardMessage::Message(sender, message) = heard else {
             return Ok(());
         };

@@ -104,7 +104,7 @@ pub struct RunOutcome {
     pub map: Merged,
     /// Where each vehicle truly was, 0.05 m and more apart, at the times of its telemetry.
     pub tracks: Vec<(VehicleId, Vec<Point>)>,
-    /// When and how the own mission of each vehicle ended; none ends in a sweep.
+    /// When and how the mission of its own of each vehicle ended; none ends in a sweep.
     pub missions: Vec<EndedMission>,
     /// Who stood in the scene.
     pub persons: Vec<Person>,

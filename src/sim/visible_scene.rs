@@ -1,5 +1,5 @@
-//! What of a run's scene can be seen, by what its file says of bodies, sensors and the place. What a map has found of it says
-//! [`detected`].
+//! What of a run's scene can be seen, by what its file says of bodies, sensors and the place. [`detected`] says what
+//! a map has found of it.
 
 use super::visible::{Room, SensorView, Visible, detected};
 use super::{RunOutcome, Scenario, ScenarioError};

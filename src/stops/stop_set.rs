@@ -14,7 +14,7 @@ use tomoswarm_proto::{EmergencyName, EmergencyStop, OpenStops, StopScope, Vehicl
 pub const OPEN_BY_NAME: usize = 8;
 /// Lifted names that are remembered.
 const LIFTED: usize = 64;
-/// Of a list of lifted names that comes so many, the latest, are taken although others are forgotten for them.
+/// At most this many names, the latest, are taken from a received list of lifted names; older ones give way.
 const LATEST: usize = LIFTED / 2;
 
 /// Open stops, and names that were lifted.

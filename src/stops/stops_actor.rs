@@ -40,7 +40,7 @@ const SPREADS_FOR: Duration = Duration::from_millis(500);
 const ANSWERS_FOR: Duration = Duration::from_millis(100);
 /// Otherwise it is said so often.
 const SAYS_EVERY: Duration = Duration::from_secs(1);
-/// In this time a sender may bring so many new names, [`OPEN_BY_NAME`], before they stand for many.
+/// In this time a sender may bring [`OPEN_BY_NAME`] new names; more are merged into one stop.
 const FLOOD: Duration = Duration::from_secs(60);
 /// A lease so far above the highest heard does not count.
 const LEASE_STEP: u32 = 1000;

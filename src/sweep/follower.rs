@@ -229,13 +229,13 @@ impl Follower {
         self.pending.revision().is_none() && self.adopted.as_ref().is_some_and(ended)
     }
 
-    /// Returns how many stops of the own plan are done, and how many it has; none of none before the first plan.
+    /// Returns how many stops of its own plan are done, and how many it has; none of none before the first plan.
     pub fn stops_done(&self) -> (usize, usize) {
         let counts = |adopted: &Adopted| (adopted.done(), adopted.stops().len());
         self.adopted.as_ref().map_or((0, 0), counts)
     }
 
-    /// Returns the own plan of the revision followed.
+    /// Returns its own plan of the revision followed.
     pub fn plan(&self) -> Option<&Plan> {
         self.adopted.as_ref().map(Adopted::plan)
     }

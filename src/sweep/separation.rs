@@ -1,7 +1,7 @@
 //! Proves that a set of plans keeps vehicles apart whatever the delays.
 //!
-//! Of every leg it is known, by vector clocks over the precedence graph, which stops of each other
-//! vehicle must be done before it can be entered. All other legs, and the one resting place before
+//! For every leg, vector clocks over the precedence graph tell which stops of each other vehicle must be done before
+//! it is entered. All other legs, and the one resting place before
 //! them, may coincide with it in time and must therefore be far enough away.
 
 use tomoswarm_proto::Plan;

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!           stop()                    every member reports it        begin(plans)
-//!  Driving ────────► Stopping (empty) ─────────────────────► Resting ───────────► Driving
+//!  Driving ────────► Stopping (empty) ─────────────────────► Stopped ───────────► Driving
 //! ```
 //!
 //! An empty revision (no stops, start anywhere) makes every vehicle finish or hold its leg and report;

@@ -149,9 +149,8 @@ impl Dealings {
         self.stands = strongest.filter(|_| kind != OrderKind::Start);
     }
 
-    /// Takes what a vehicle says it was ordered; returns the run that somebody else has started it for. Of what was
-    /// ordered before anything was heard of it, only a run whose plans it has not `accepted` counts, by a right not
-    /// below `lease`.
+    /// Takes what a vehicle says it was ordered; returns the run that somebody else has started it for. Of orders
+    /// from before it was first heard, only a run counts whose plans it has not `accepted`, under at least `lease`.
     pub fn take_echo(&mut self, echo: Ordered, accepted: RunId, lease: Lease) -> Option<RunId> {
         let known = self.echo.replace(echo);
         self.go_above(echo);

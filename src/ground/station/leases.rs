@@ -58,7 +58,7 @@ pub struct Leases {
     other: Option<(Time, Lease)>,
     right: Right,
     take_over: bool,
-    /// Its random id as the holder of a lease; that of the own lease unless it is an operator's.
+    /// Its random id as the holder of a lease; that of its own lease unless it is an operator's.
     holder: u64,
     /// The greatest lease that an operator says to hold, and when it said so last.
     operator: Option<(Time, Lease)>,
@@ -118,7 +118,7 @@ impl Leases {
         Some(Change::StoodDown(lease))
     }
 
-    /// Takes the lease of a ground's report; one without a lease, and the own, says nothing.
+    /// Takes the lease of a ground's report; one without a lease, and its own, says nothing.
     pub fn heard_report(&mut self, now: Time, lease: Lease) -> Option<Change> {
         if lease.number == 0 || lease.holder == self.holder {
             return None;

@@ -41,7 +41,7 @@ impl RunBook {
         }
         let default = default.filter(|other| *other != run);
         let compared_with = self.runs.task_compares_with(run).unwrap_or(default);
-        // Of any other kind of run the vehicles know by themselves what to do.
+        // In any other kind of run the vehicles know what to do.
         if self.runs.is_swept(run) {
             self.waits_since = now;
             self.requested = Some(RequestedSweep { run, compared_with });

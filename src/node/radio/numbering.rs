@@ -1,4 +1,4 @@
-//! The numbers of the own beacons, without gaps, so that a gap is a miss. Knows no times, and not what beacons say.
+//! The numbers of its own beacons, without gaps, so that a gap is a miss. Knows no times, and not what beacons say.
 //!
 //! A beacon that never went on the air gives its number back: at once when nothing was said since, or else when all that
 //! was said since comes back as well. Behind one that was sent it stays a gap.
@@ -46,7 +46,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// BeaconNumbers of which the first ones are given.
+    /// Numbers of which the first ones are given.
     fn given(count: u32) -> BeaconNumbers {
         let mut numbers = BeaconNumbers::default();
         (1..=count).for_each(|number| assert_eq!(numbers.next_number(), number));

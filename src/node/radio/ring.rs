@@ -47,7 +47,7 @@ impl BeaconRing {
         }
     }
 
-    /// Returns when the own slot is.
+    /// Returns when its own slot is.
     pub(super) fn slot_at(&self) -> Time {
         self.slot_at
     }
@@ -149,7 +149,7 @@ mod tests {
         BeaconRing::new(VehicleId(own), Boot(1), SLOT)
     }
 
-    /// How many slots it is until the own one, without the jitter.
+    /// How many slots it is until its own one, without the jitter.
     fn slots(ring: &BeaconRing, now: Time) -> u32 {
         let wait = ring.slot_at().since(now);
         let slots = wait.as_nanos() / SLOT.as_nanos();

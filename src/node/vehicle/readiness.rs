@@ -15,7 +15,7 @@ use tomoswarm_proto::{Sender, VehicleId};
 use crate::node::peers::Peers;
 use crate::time::Time;
 
-/// Who has not told after so many times the time that is listened is not waited for any longer: everyone tells every second.
+/// A vehicle that has not told after this many listening times is not waited for: all tell once a second.
 /// The whole is less than an operator's order waits for.
 const GIVES_UP_AFTER: u32 = 2;
 

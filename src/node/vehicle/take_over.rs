@@ -8,10 +8,11 @@
 //!   [ByItself] ──Remote──► [ByRemote]
 //! ```
 //!
-//! That it is ours again the link says only after it was told to take it back: whatever of before was still on its way then
-//! is over. A silent autopilot ends nothing: what was begun before the silence is still so. The name is that of the vehicle and the
-//! start of its software ([`EmergencyName::of_take_over`]); which take-over of several is meant is said by the state that the
-//! start answers, which must be one of after it began.
+//! The link reports `Ours` again only after it was told to take it back; older reports on their way have then
+//! arrived. A silent autopilot ends nothing: what was begun before the silence is still so. The name is that of the
+//! vehicle and the
+//! start of its software ([`EmergencyName::of_take_over`]); which of several take-overs is meant follows from the
+//! state that the start answers: one made after it began.
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Boot, Control, EmergencyName, Order, Sender, StandReason, VehicleId};

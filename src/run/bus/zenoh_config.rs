@@ -88,12 +88,12 @@ fn tls(trust: &Trust) -> Value {
         "listen_private_key": trust.key,
         "connect_certificate": trust.certificate,
         "connect_private_key": trust.key,
-        // Hosts are named by addresses that change; who it is says the certificate's name, which access is hung on.
+        // Hosts are named by addresses that change; the name in the certificate says who it is, and grants access.
         "verify_name_on_connect": false,
     })
 }
 
-/// Everything is denied but what the roster allows: to listen within the venue, and to write under the own prefix.
+/// Everything is denied but what the roster allows: to listen within the venue, and to write under its own prefix.
 fn access(trust: &Trust, prefix: &str) -> Value {
     let within = format!("{prefix}/**");
     let mut rules = vec![

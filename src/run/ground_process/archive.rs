@@ -15,7 +15,7 @@ use crate::map::ANY_REVISION_UNTIL;
 use crate::store::StoreError;
 use crate::store::ground::{GroundStore, UtcOffset};
 
-/// Of what waits while nothing can be written, so many of each kind are kept, the newest.
+/// While nothing can be written, this many of each kind are kept, the newest.
 const PLANS_MOST: usize = 1024;
 const PICTURES_MOST: usize = 64;
 const RUNS_MOST: usize = 1024;

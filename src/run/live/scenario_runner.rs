@@ -1,5 +1,5 @@
-//! Plays the operator of a live swarm: the same operator by the same script as in virtual time. It has what an operator has,
-//! the bus, and what a stage manager has, the world's ear, for what the script asks for outside the bus; it starts and ends
+//! Plays the operator of a live swarm: the same operator by the same script as in virtual time. It has an operator's
+//! bus, and a control connection to the world for what the script asks outside the bus; it starts and ends
 //! no processes, and decides nothing about the mission.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -28,7 +28,7 @@ use crate::time::Time;
 const THERE_WITHIN: Duration = Duration::from_secs(30);
 /// The world is asked this often.
 const LOOK: Duration = Duration::from_millis(500);
-/// Longer than this nothing is waited for without a look at what else there is to do.
+/// The longest wait before looking at what else there is to do.
 const WAIT: Duration = Duration::from_millis(100);
 
 /// How it stands.
@@ -97,7 +97,7 @@ pub struct ScenarioRunner {
 }
 
 impl ScenarioRunner {
-    /// Takes a seat on the bus and at the world's ear, and begins: everybody is waited for, and then the scenario is
+    /// Joins the bus, and connects to the world, and begins: everybody is waited for, and then the scenario is
     /// followed.
     pub fn new(
         scenario: &Scenario,

@@ -130,5 +130,5 @@ impl AutopilotSettings {
     }
 }
 
-/// A notice and its moment.
+/// A status text and its moment.
 pub type DatedText = (Time, StatusText);

@@ -5,7 +5,7 @@ use super::navigation::Navigation;
 use crate::geom::{Point, Vector};
 use crate::time::Time;
 
-/// The estimate of the own place.
+/// The estimate of its own place.
 #[derive(Clone, Debug)]
 pub(super) struct PlaceEstimate {
     navigation: Navigation,

@@ -37,7 +37,7 @@ pub(super) struct Network {
     operators: Vec<NodeExchange>,
 }
 
-/// How the nodes greet that ask whether they may take part.
+/// How nodes greet that ask whether they may take part.
 pub(in crate::sim) struct Greetings {
     /// The vehicles, in their order.
     pub vehicles: Vec<Hello>,

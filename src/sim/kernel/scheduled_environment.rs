@@ -14,7 +14,7 @@ pub(super) struct ScheduledEnvironment {
 }
 
 impl ScheduledEnvironment {
-    /// Lets an environment begin in which the software of so many vehicles runs.
+    /// Begins an environment in which all `vehicles` run their software.
     pub(super) fn begin(
         mut environment: Environment,
         vehicles: usize,

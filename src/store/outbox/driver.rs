@@ -1,7 +1,7 @@
 //! The thread that writes a vehicle's outbox: the driver behind `Effect::Keep`, `Forget` and `Recall`.
 //!
 //! Whoever hands it something never waits. Samples are written in groups, a group at least every 100 ms, and told
-//! as `Event::Kept` after they are on disk. When the disk cannot be written they are kept in this thread's memory
+//! as `Event::SampleStored` after they are on disk. When the disk cannot be written they are kept in this thread's memory
 //! instead, and told as well: a disk in trouble is reported by [`OutboxHealth`], and stops nothing. What is
 //! in memory is written as soon as the disk lets it.
 
@@ -101,7 +101,7 @@ impl OutboxDriver {
         })
     }
 
-    /// Keeps a sample of the present boot; it is told as `Kept`.
+    /// Keeps a sample of the present boot; it is told as `SampleStored`.
     pub fn keep(&self, run: RunId, sample: Sample) {
         self.want(OutboxJob::Keep(run, sample));
     }

@@ -1,4 +1,4 @@
-//! What people look at in a recording: poses, the map, pictures and remarks, as Foxglove's own messages. It is all
+//! What people look at in a recording: poses, the map, pictures and events, as Foxglove's own messages. It is all
 //! taken from the steps; a replay ignores it.
 
 use base64::prelude::{BASE64_STANDARD, Engine};

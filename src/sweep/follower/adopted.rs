@@ -70,12 +70,12 @@ impl Adopted {
         &self.plans
     }
 
-    /// Returns the own plan.
+    /// Returns its own plan.
     pub(super) fn plan(&self) -> &Plan {
         &self.plans[self.own]
     }
 
-    /// Returns the stops of the own plan.
+    /// Returns the stops of its own plan.
     pub(super) fn stops(&self) -> &[Stop] {
         &self.plan().stops
     }
@@ -85,7 +85,7 @@ impl Adopted {
         edition_of(self.plan())
     }
 
-    /// Returns how many stops of the own plan are done.
+    /// Returns how many stops of its own plan are done.
     pub(super) fn done(&self) -> usize {
         self.done
     }
@@ -226,7 +226,7 @@ impl Adopted {
         is_over
     }
 
-    /// Returns the own progress; its boot is for the caller to fill in.
+    /// Returns its own progress; its boot is for the caller to fill in.
     pub(super) fn progress(&self) -> VehicleProgress {
         let (run, revision) = self.edition();
         let id = |count: usize| count.checked_sub(1).map(|last| self.stops()[last].id);

@@ -41,7 +41,7 @@ impl Refusals {
         Err(is_news.then_some(remark))
     }
 
-    /// Returns the first place of the own plan that lies outside the fence.
+    /// Returns the first place of its own plan that lies outside the fence.
     fn leads_outside(&self, plan: &Plan) -> Option<Point> {
         let own = plan.stops.iter().filter(|_| plan.vehicle == self.own);
         let mut places = own

@@ -42,7 +42,7 @@ const NEAR_OBJECT_M: f64 = 1.5;
 const OBJECT_BONUS_M: f64 = 8.0;
 /// What a peer is going to see is looked at only when nothing else is left, metres.
 const PEER_PENALTY_M: f64 = 1e4;
-/// A peer that is nearer to something than this share of the own way there gets it.
+/// A peer that is nearer to something than this share of its own way there gets it.
 const PEER_SHARE: f64 = 0.9;
 /// What is farther than this from where a peer is going is not left to it, metres.
 const PEER_M: f64 = 12.0;
