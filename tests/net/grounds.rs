@@ -43,7 +43,7 @@ fn of_two_grounds_the_second_stands_by_and_ends_the_run_when_the_first_dies() {
     std::thread::sleep(Duration::from_secs(8));
     let said = std::fs::read_to_string(swarm.path("ground-b.log")).unwrap();
     assert!(
-        said.contains("StandsBy") && !said.contains("Leads"),
+        said.contains("stands by: ") && !said.contains("leads by lease"),
         "{said}"
     );
     let leads = swarm.look(|watch| watch.report());

@@ -158,7 +158,7 @@ impl fmt::Display for StationEvent {
             }
             StationEvent::Leads(lease) => write!(f, "leads by lease {}", lease.number),
             StationEvent::StandsBy(lease) => {
-                write!(f, "stands by: another leads by lease {}", lease.number)
+                write!(f, "stands by: another holds lease {}", lease.number)
             }
             StationEvent::Overtaken(run) => {
                 write!(
