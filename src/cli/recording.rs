@@ -167,7 +167,11 @@ fn read_comments(text: &str) -> Result<Option<LinksFile>, RecordingError> {
     LinksFile::read("", &toml).map(Some).map_err(|problems| {
         let first = problems.list().first();
         let (line, found, expected) = first.map_or((1, String::new(), String::new()), |first| {
-            let found = format!("{} = {}: {}", first.key, first.value, first.wrong);
+            let found = match (first.key.as_str(), first.value.as_str()) {
+                ("", _) => first.wrong.clone(),
+                (key, "") => format!("that {key} {}", first.wrong),
+                (key, value) => format!("{key} = {value}, which {}", first.wrong),
+            };
             (first.line, found, first.allowed.clone())
         });
         wrong(format!("{line}: "), found, expected)
