@@ -28,7 +28,7 @@ pub use link::Link;
 pub use map_solver::{MapProblem, MapSettings, MapSolution, Nuisance};
 pub use npy::npy_bytes;
 pub use path_loss::{ExponentPrior, PathLoss};
-pub use peaks::{Peak, PeakSettings, peaks};
+pub use peaks::{Peak, PeakSettings, SIGNIFICANT, peaks};
 pub use prior::{Covariance, Prior, Workspace};
 pub use settings::{ImagingSettings, NoiseModel, Solver};
 pub use tikhonov::tikhonov;

@@ -8,8 +8,8 @@ use crate::geom::{PixelGrid, Point, Rect};
 use crate::ground::from_config::image_settings;
 use crate::ground::imager::Subject;
 use crate::tomo::{
-    ImagingSettings, Link, LinkBins, MOST_PIXELS, Reconstruction, SPOT_M, Solver, TomoError,
-    WeightModel, reconstruct,
+    ImagingSettings, Link, LinkBins, MOST_PIXELS, Reconstruction, SIGNIFICANT, SPOT_M, Solver,
+    TomoError, WeightModel, reconstruct,
 };
 use clap::{Args, ValueEnum};
 
@@ -395,8 +395,13 @@ fn summary(result: &Reconstruction, counts: (usize, usize), unit: LengthUnit) ->
         text += &format!("  {count} dropped: {}\n", reason.words());
     }
     for peak in &result.peaks {
+        let faint = if peak.is_faint() {
+            format!(" (faint: under {SIGNIFICANT} it may be noise)")
+        } else {
+            String::new()
+        };
         text += &format!(
-            "peak at ({:.2}, {:.2}) {unit}: {:.2} dB/{unit}, {:.1} times the noise\n",
+            "peak at ({:.2}, {:.2}) {unit}: {:.2} dB/{unit}, {:.1} times the noise{faint}\n",
             peak.at.x_m, peak.at.y_m, peak.strength, peak.significance
         );
     }

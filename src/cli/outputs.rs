@@ -141,7 +141,12 @@ fn picture(result: &Reconstruction, unit: LengthUnit) -> Result<Vec<u8>, CliErro
     };
     let mark = |(index, peak): (usize, &Peak)| Overlay::Cross {
         at: peak.at,
-        label: Some((index + 1).to_string()),
+        // A faint one is in question.
+        label: Some(format!(
+            "{}{}",
+            index + 1,
+            if peak.is_faint() { "?" } else { "" }
+        )),
     };
     let spec = HeatMap {
         title: format!("{seen} ({} links)", result.used),
@@ -159,7 +164,7 @@ fn picture(result: &Reconstruction, unit: LengthUnit) -> Result<Vec<u8>, CliErro
 fn report(result: &Reconstruction, settings: &ImagingSettings, unit: LengthUnit) -> Value {
     let peak = |peak: &Peak| {
         let significance = peak.significance.min(1e9);
-        json!({"x": peak.at.x_m, "y": peak.at.y_m, "strength": peak.strength, "significance": significance})
+        json!({"x": peak.at.x_m, "y": peak.at.y_m, "strength": peak.strength, "significance": significance, "is_faint": peak.is_faint()})
     };
     let dropped: Vec<Value> = result
         .dropped

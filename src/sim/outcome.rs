@@ -18,9 +18,6 @@ use crate::tomo::{Link, Peak, Reconstruction};
 
 /// Peaks weaker than this share of the strongest are no finds: a strong object rings.
 const FOUND_SHARE: f64 = 0.3;
-/// Ratio of a peak to the image's noise from which it is a find. Over 240 seeds of the default scenario 4.2 kept all
-/// persons in 99.6 % and let a false one through in every fourth image; 3.5 keeps all, with three times as many false ones.
-const SIGNIFICANT: f64 = 4.2;
 
 /// How often things happened.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -154,9 +151,7 @@ impl RunOutcome {
         };
         let strongest = change.peaks.first().map_or(0.0, |peak| peak.strength);
         let is_find = |peak: &&Peak| {
-            peak.strength >= FOUND_SHARE * strongest
-                && peak.significance >= SIGNIFICANT
-                && peak.strength > 0.0
+            peak.strength >= FOUND_SHARE * strongest && !peak.is_faint() && peak.strength > 0.0
         };
         change
             .peaks

@@ -20,6 +20,18 @@ pub struct Peak {
     pub significance: f64,
 }
 
+/// Ratio of a peak to the image's noise under which it is faint, and no find. Over 240 seeds of the default scenario 4.2
+/// kept all persons in 99.6 % and let a false one through in every fourth image; 3.5 keeps all, with three times as many
+/// false ones.
+pub const SIGNIFICANT: f64 = 4.2;
+
+impl Peak {
+    /// Returns whether it may well be noise, see [`SIGNIFICANT`].
+    pub fn is_faint(&self) -> bool {
+        self.significance < SIGNIFICANT
+    }
+}
+
 /// How peaks are told apart.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct PeakSettings {

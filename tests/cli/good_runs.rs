@@ -215,6 +215,13 @@ fn the_links_of_a_run_give_its_images_again_and_all_are_accounted_for() {
         let json: serde_json::Value = serde_json::from_slice(&runner.read("again.json")).unwrap();
         let dropped = json["links"]["dropped"].as_array().unwrap().iter();
         let dropped: u64 = dropped.map(|of| of["links"].as_u64().unwrap()).sum();
+        for peak in json["peaks"].as_array().unwrap() {
+            let is_faint = peak["significance"].as_f64().unwrap() < 4.2;
+            assert_eq!(peak["is_faint"].as_bool(), Some(is_faint), "{peak}");
+        }
+        let faint = said.out.matches("it may be noise").count();
+        let peaks = json["peaks"].as_array().unwrap().iter();
+        assert_eq!(faint, peaks.filter(|peak| peak["is_faint"] == true).count());
         (again, json["links"]["used"].as_u64().unwrap() + dropped)
     };
     let links = summary(&runner, "run")["links"].as_u64().unwrap();
