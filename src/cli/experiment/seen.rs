@@ -6,12 +6,12 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use crate::config::{Axis, Experiment};
 use crate::sim::{Scenario, ScenarioError, VisibleScene};
 
-type Kept = Arc<OnceLock<Result<Arc<VisibleScene>, ScenarioError>>>;
+type CacheEntry = Arc<OnceLock<Result<Arc<VisibleScene>, ScenarioError>>>;
 
 /// What has been found so far, by the values of all axes that it depends on.
 #[derive(Default)]
 pub(super) struct Cache {
-    known: Mutex<BTreeMap<Vec<String>, Kept>>,
+    known: Mutex<BTreeMap<Vec<String>, CacheEntry>>,
 }
 
 impl Cache {
@@ -30,14 +30,15 @@ impl Cache {
             .iter()
             .filter(|axis| matters(axis))
             .map(|axis| experiment.name_of(run, *axis).to_owned());
-        let kept = self
+        let entry = self
             .known
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
             .entry(key.collect())
             .or_default()
             .clone();
-        kept.get_or_init(|| VisibleScene::find(scenario).map(Arc::new))
+        entry
+            .get_or_init(|| VisibleScene::find(scenario).map(Arc::new))
             .clone()
     }
 }

@@ -129,36 +129,18 @@ impl PendingRevision {
 
 #[cfg(test)]
 mod tests {
-    use tomoswarm_proto::{Position, RunId, Stop, StopId};
+    use tomoswarm_proto::RunId;
 
+    use super::super::tests::{self, ONE, TWO};
     use super::*;
 
-    const ONE: VehicleId = VehicleId(1);
-    const TWO: VehicleId = VehicleId(2);
-
     fn plan(vehicle: VehicleId, revision: u32, lease_number: u32, stops: u32) -> Plan {
-        let lane_m = 5.0 * f64::from(vehicle.0);
-        let stop = |number: u32| Stop {
-            id: StopId(number),
-            at: Position::from_metres(f64::from(number), lane_m, 0.0),
-            route: vec![],
-            dwell_ms: 0,
-            dwell_limit_ms: 0,
-            partners: vec![],
-            after: vec![],
-        };
         Plan {
-            vehicle,
-            run: RunId(1),
-            revision: Revision(revision),
             lease: Lease {
                 number: lease_number,
                 holder: 1,
             },
-            members: vec![ONE, TWO],
-            start: Position::from_metres(0.0, lane_m, 0.0),
-            stops: (1..=stops).map(stop).collect(),
-            ..Plan::default()
+            ..tests::plan(vehicle, revision, stops)
         }
     }
 

@@ -4,11 +4,11 @@ use tomoswarm_proto::{Boot, Position};
 
 use super::*;
 
-const ONE: VehicleId = VehicleId(1);
-const TWO: VehicleId = VehicleId(2);
+pub(super) const ONE: VehicleId = VehicleId(1);
+pub(super) const TWO: VehicleId = VehicleId(2);
 
 /// A plan along the x axis, one metre a stop, from x = 0 in its vehicle's own lane.
-fn plan(vehicle: VehicleId, revision: u32, stops: u32) -> Plan {
+pub(super) fn plan(vehicle: VehicleId, revision: u32, stops: u32) -> Plan {
     let lane_m = 5.0 * f64::from(vehicle.0);
     let stop = |number: u32| Stop {
         id: StopId(number),
