@@ -17,7 +17,7 @@ use tomoswarm::geom::{Angle, Point};
 use tomoswarm::sim::body::{Body, DriveLimits};
 use tomoswarm::sim::bus::{BusModel, NodeId, SimulatedBus};
 use tomoswarm::sim::contact::{closest_approach, first_contact_of};
-use tomoswarm::sim::noise::{Noise, Purpose};
+use tomoswarm::sim::noise::{Noise, NoisePurpose};
 use tomoswarm::sim::queue::EventQueue;
 use tomoswarm::sim::radio_field::{RadioConstants, RadioField, Transmission};
 use tomoswarm::sim::range::{Disc, RangeModel, RangeSensor, SensorSurroundings};
@@ -41,14 +41,14 @@ fn measure(name: &str, calls: u64, mut work: impl FnMut(u64)) {
 fn noise_and_radio() {
     let noise = Noise::new(1);
     measure("noise: uniform, 2 ids", 1_000_000, |id| {
-        black_box(noise.uniform(Purpose::Range, &[3, id]));
+        black_box(noise.uniform(NoisePurpose::Range, &[3, id]));
     });
     measure("noise: gaussian, 2 ids", 1_000_000, |id| {
-        black_box(noise.gaussian(Purpose::Range, &[3, id]));
+        black_box(noise.gaussian(NoisePurpose::Range, &[3, id]));
     });
     measure("noise: smooth, 1 id", 1_000_000, |id| {
         let at = Time::from_nanos(id * 1_000_000);
-        black_box(noise.smooth(Purpose::PoseX, &[3], at, Duration::from_secs(20)));
+        black_box(noise.smooth(NoisePurpose::PoseX, &[3], at, Duration::from_secs(20)));
     });
     let field = RadioField::new(noise, RadioConstants::default());
     let packet = |id: u64| {

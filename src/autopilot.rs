@@ -24,7 +24,7 @@ pub(crate) mod tests_support;
 pub use autopilot_command::AutopilotCommand;
 pub use command::{Ack, ArmRefusal, Command, CommandAck, FlightMode, NumberedCommand, VehicleKind};
 pub use item::Item;
-pub use link::{AutopilotLink, LinkEvent, Purpose, Reason};
+pub use link::{AutopilotLink, CommandPurpose, LinkEvent, Reason};
 pub use report::{AutopilotReport, ControlStatus, Motion, SystemStatus, Telemetry};
 
 use serde::{Deserialize, Serialize};

@@ -38,11 +38,11 @@ mod sim;
 mod source;
 mod swarm;
 mod task;
+mod to_toml;
 mod vehicle;
 mod vehicle_file;
 mod venue;
 mod waypoint_file;
-mod written;
 
 use overlay::{Layer, OverlaidText, Overlay};
 use section::Section;
@@ -52,13 +52,15 @@ pub use bus_file::{BusFile, Identity, Topology};
 pub use drivers::{AutopilotDriver, Drivers, RadioDriver, ServoDriver};
 pub use endpoint::{Endpoint, EndpointError, Protocol, is_host};
 pub use experiment::{Axis, Experiment, MOST_RUNS};
-pub use fault::{Fault, FaultKind, FaultWord, PlannedFault};
+pub use fault::{FaultKind, FaultSpec, FaultWord, PlannedFault};
 pub use given_mission::GivenMission;
 pub use ground_file::{GroundFile, OperatorFile};
 #[cfg(feature = "net")]
 pub(crate) use keys::quoted;
 pub use links_file::LinksFile;
-pub use mission::{AfterSweep, Durations, Expect, Imaging, Planner, Prior, Solver, Sweep, Weights};
+pub use mission::{
+    AfterSweep, Durations, Expect, Imaging, PlannerChoice, Prior, Solver, SweepConfig, Weights,
+};
 pub(crate) use nearest::nearest;
 pub use problem::{Problem, Problems};
 pub use radio::{Bus, OwnRadio, Partition, PlannedPartition, Radio, Reception};
@@ -66,11 +68,11 @@ pub use range::{Lobe, RangeSensor, SensorCoverage, SensorMount};
 pub use range_driver::{
     LengthUnit, RangeDriver, SerialProtocol, SerialSensor, SerialText, TextFormat,
 };
-pub use scene::{Material, Object, Outline, Person, RandomPersons, SceneFile, Up};
+pub use scene::{MaterialSpec, Object, Outline, Person, RandomPersons, SceneFile, Up};
 pub use sim::Sim;
 pub use swarm::Swarm;
 pub use task::MissionTable;
-pub use vehicle::{Body, Craft, Flight, Safety, Vehicles};
+pub use vehicle::{BodySpec, Craft, Flight, Safety, Vehicles};
 pub use vehicle_file::{PoseFile, Record, VehicleFile, WorldEndpoint};
 pub use venue::{Datum, Venue};
 pub use waypoint_file::{
@@ -78,7 +80,7 @@ pub use waypoint_file::{
     WaypointFile,
 };
 
-pub use written::{key_tables, written};
+pub use to_toml::{key_tables, to_toml};
 
 /// Gives the text of a file that another file names, or the reason why it cannot be read.
 pub type Loader<'a> = dyn FnMut(&str) -> Result<String, String> + 'a;

@@ -34,9 +34,9 @@ use tomoswarm_proto::{Hello, Message, Sender};
 
 use self::egress::{Egress, OutboundFrame};
 use self::ingress::{FrameRefusal, HeardMessage, Ingress, read};
-use self::joining::GreetingVerdict;
+use self::joining::JoinEffect;
 use self::plausibility::Plausibility;
-use self::presence::{Judgement, Presence};
+use self::presence::{Presence, PresenceDecision};
 use crate::time::Time;
 
 /// A node's side of the bus.
@@ -55,7 +55,7 @@ pub struct ReceivedFrame {
     /// What the node is to be told.
     pub heard: Option<HeardMessage>,
     /// What follows for taking part.
-    pub verdict: GreetingVerdict,
+    pub verdict: JoinEffect,
     /// A frame that answers it, to be sent now.
     pub reply: Option<OutboundFrame>,
 }
@@ -132,7 +132,7 @@ impl Exchange {
             self.ingress.drop_unknown();
             return Ok(ReceivedFrame {
                 heard: None,
-                verdict: GreetingVerdict::Fine,
+                verdict: JoinEffect::Fine,
                 reply: None,
             });
         }
@@ -140,7 +140,7 @@ impl Exchange {
             plausibility.judge(now, &heard)?;
         }
         self.ingress.accept(bytes);
-        let Judgement {
+        let PresenceDecision {
             heard,
             verdict,
             answer,

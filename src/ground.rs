@@ -19,7 +19,7 @@ pub mod station;
 
 use self::from_config::GroundParts;
 use self::imager::ImagerActor;
-use self::planner::Planner;
+use self::planner::PlannerActor;
 use self::route::{Destination, Output, route};
 use self::station::Station;
 use crate::actor::{ActingTime, Fill, Place, Recipient, RestartPolicy, Visitor, Wire, Wiring};
@@ -38,7 +38,7 @@ pub enum GroundWiring {}
 pub struct Actors<P: Place<GroundWiring>> {
     pub(crate) stops: P::Of<Stops>,
     pub(crate) station: P::Of<Station>,
-    pub(crate) planner: P::Of<Planner>,
+    pub(crate) planner: P::Of<PlannerActor>,
     pub(crate) imager: P::Of<ImagerActor>,
 }
 
@@ -113,7 +113,7 @@ impl Wiring for GroundWiring {
         } = actors;
         visitor.actor::<Stops>(stops);
         visitor.actor::<Station>(station);
-        visitor.actor::<Planner>(planner);
+        visitor.actor::<PlannerActor>(planner);
         visitor.actor::<ImagerActor>(imager);
     }
 
@@ -133,7 +133,7 @@ impl Wiring for GroundWiring {
         match destination {
             Destination::Stops(input) => P::tell::<Stops>(&mut actors.stops, input),
             Destination::Station(input) => P::tell::<Station>(&mut actors.station, input),
-            Destination::Planner(input) => P::tell::<Planner>(&mut actors.planner, input),
+            Destination::Planner(input) => P::tell::<PlannerActor>(&mut actors.planner, input),
             Destination::Imager(input) => P::tell::<ImagerActor>(&mut actors.imager, input),
             Destination::Edge(effect) => carry_out(effect),
         }

@@ -32,7 +32,7 @@ pub use entry::SampleFile;
 pub use kernel::RunProgress;
 pub use operator_script::{EMPTY_RUN, RUN};
 pub use outcome::{EndedMission, FoundObject, RunCounts, RunOutcome};
-pub use run_view::{RunView, ShownVehicle};
+pub use run_view::{RunView, VehicleSnapshot};
 pub use scenario::{RunError, Scenario, ScenarioError};
 pub use visible_scene::{SLICE, VisibleScene};
 pub use world::{Collision, FenceBreach, WorldContents};

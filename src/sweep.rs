@@ -40,12 +40,12 @@ pub use pattern_plan::{PatternRequest, pattern_sweep};
 pub use precedence::{order_legs, tracks_of, validate};
 pub use ring::{MAX_POSITIONS, MIN_POSITIONS, Ring, Side};
 pub use rotating_gap::{GapRequest, default_laps, rotating_gap};
-pub use schedule::{Lap, Schedule, Sweep, expected_duration_s, has_done};
+pub use schedule::{Lap, PlannedSweep, Schedule, expected_duration_s, has_done};
 pub use separation::check_separation;
 pub use snap::snap_to_boundary;
-pub use succession::{Phase, Succession};
+pub use succession::{RevisionPhase, Succession};
 pub use vehicle_progress::VehicleProgress;
-pub use verdict::{FollowError, PlanRefusal, PlanVerdict, WaitsFor};
+pub use verdict::{FollowError, OfferResult, PlanRefusal, WaitsFor};
 
 /// After so long a silence of a vehicle a lower count of its starts is believed: its disk is a new one, and it counts from
 /// the beginning. Nothing that an earlier start has said is under way for so long, so nothing old is taken for new; and a

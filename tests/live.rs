@@ -41,12 +41,12 @@ fn two_vehicle_processes_find_the_person_and_leave_nobody_behind() {
     let mut program = Command::new(env!("CARGO_BIN_EXE_tomoswarm"));
     program.args(["sim", CONFIG, "--live", "--out"]).arg(&out);
     let done = program.output().unwrap();
-    let said = format!(
+    let printed = format!(
         "{}{}",
         String::from_utf8_lossy(&done.stdout),
         String::from_utf8_lossy(&done.stderr)
     );
-    assert!(done.status.success(), "{said}");
+    assert!(done.status.success(), "{printed}");
     let text = std::fs::read_to_string(out.join("summary.json")).unwrap();
     let summary: serde_json::Value = serde_json::from_str(&text).unwrap();
     assert_eq!(
@@ -138,13 +138,16 @@ fn a_mission_of_their_own_runs_live_and_a_vehicle_that_is_killed_is_started_agai
     std::thread::sleep(Duration::from_secs(8));
     kill_process(Pid::from_raw(killed).unwrap(), Signal::KILL).unwrap();
     let done = running.wait_with_output().unwrap();
-    let said = format!(
+    let printed = format!(
         "{}{}",
         String::from_utf8_lossy(&done.stdout),
         String::from_utf8_lossy(&done.stderr)
     );
-    assert!(done.status.success(), "{said}");
-    assert!(said.contains("vehicle-2 has ended: signal: 9"), "{said}");
+    assert!(done.status.success(), "{printed}");
+    assert!(
+        printed.contains("vehicle-2 has ended: signal: 9"),
+        "{printed}"
+    );
     let text = std::fs::read_to_string(out.join("summary.json")).unwrap();
     let summary: serde_json::Value = serde_json::from_str(&text).unwrap();
     assert_eq!(

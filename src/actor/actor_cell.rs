@@ -12,7 +12,7 @@ const INBOX: usize = 256;
 pub struct ActorCell<A: Actor> {
     actor: A,
     inbox: Inbox<A::In>,
-    said: Vec<A::Out>,
+    output: Vec<A::Out>,
     /// The latest moment that it was told.
     latest: Time,
     /// What the actor said when it was asked last, which is after each of its steps: nothing else can change it.
@@ -29,7 +29,7 @@ where
         ActorCell {
             actor,
             inbox: Inbox::new(INBOX),
-            said: Vec::new(),
+            output: Vec::new(),
             latest: Time::ZERO,
             deadline,
         }
@@ -125,21 +125,21 @@ where
             let cause = match (&due, &input) {
                 (None, None) => return Ok(()),
                 (Some(deadline), _) => Some(StepCause::Woken(deadline.why)),
-                (None, Some(input)) => watch.is_some().then(|| StepCause::Told(input.clone())),
+                (None, Some(input)) => watch.is_some().then(|| StepCause::Input(input.clone())),
             };
-            let taken = step::take(&mut self.actor, now, input, &mut self.said);
+            let taken = step::take(&mut self.actor, now, input, &mut self.output);
             self.deadline = self.actor.deadline();
             if let (Some(watch), Some(cause)) = (&mut watch, cause) {
                 let fault = taken.as_ref().err().map(Fault::to_string);
                 watch(RecordedStep {
                     now,
                     cause,
-                    said: self.said.clone(),
+                    outputs: self.output.clone(),
                     fault,
                 });
             }
             taken?;
-            self.said.drain(..).for_each(&mut hand_on);
+            self.output.drain(..).for_each(&mut hand_on);
         }
     }
 }
@@ -185,13 +185,13 @@ mod tests {
         let mut cell = ActorCell::new(Clock(Time::from_secs_f64(1.0)));
         cell.push(1);
         cell.push(2);
-        let mut said = Vec::new();
-        cell.act(Time::from_secs_f64(0.5), |out| said.push(out))
+        let mut output = Vec::new();
+        cell.act(Time::from_secs_f64(0.5), |out| output.push(out))
             .unwrap();
         cell.push(3);
-        cell.act(Time::from_secs_f64(1.0), |out| said.push(out))
+        cell.act(Time::from_secs_f64(1.0), |out| output.push(out))
             .unwrap();
-        assert_eq!(said, ["told 1", "told 2", "tick", "told 3"]);
+        assert_eq!(output, ["told 1", "told 2", "tick", "told 3"]);
     }
 
     /// Never moves its deadline.
@@ -275,10 +275,10 @@ mod tests {
         let watch = |step: RecordedStep<u32, String>| {
             order
                 .borrow_mut()
-                .push(format!("{:?} {:?}", step.cause, step.said))
+                .push(format!("{:?} {:?}", step.cause, step.outputs))
         };
-        cell.act_watched(Time::from_secs_f64(1.0), Some(watch), |said| {
-            order.borrow_mut().push(said)
+        cell.act_watched(Time::from_secs_f64(1.0), Some(watch), |output| {
+            order.borrow_mut().push(output)
         })
         .unwrap();
         let expected = [
@@ -307,7 +307,10 @@ mod tests {
     fn a_step_taken_again_is_the_step_and_one_out_of_turn_is_not() {
         let at = Time::from_secs_f64;
         let mut clock = Clock(at(1.0));
-        assert_eq!(step::again(&mut clock, at(0.5), Some(3)).said, ["told 3"]);
+        assert_eq!(
+            step::again(&mut clock, at(0.5), Some(3)).outputs,
+            ["told 3"]
+        );
         assert_eq!(
             step::again(&mut clock, at(0.6), None).cause,
             StepCause::Woken(step::NOT_DUE)

@@ -111,24 +111,24 @@ mod tests {
     use proptest::prelude::*;
 
     #[derive(Clone, Copy, PartialEq, Debug)]
-    enum Told {
+    enum TestInput {
         State { of: u8, number: u32 },
         Scan(u32),
         Order(u8),
     }
 
-    impl Input for Told {
+    impl Input for TestInput {
         type Key = u8;
         fn class(&self) -> InputClass<u8> {
             match self {
-                Told::State { of, .. } => InputClass::Latest(*of),
-                Told::Scan(_) => InputClass::Queue,
-                Told::Order(_) => InputClass::Latest(255),
+                TestInput::State { of, .. } => InputClass::Latest(*of),
+                TestInput::Scan(_) => InputClass::Queue,
+                TestInput::Order(_) => InputClass::Latest(255),
             }
         }
-        fn join(unread: Told, newer: Told) -> Told {
+        fn join(unread: TestInput, newer: TestInput) -> TestInput {
             match (unread, newer) {
-                (Told::Order(a), Told::Order(b)) => Told::Order(a.max(b)),
+                (TestInput::Order(a), TestInput::Order(b)) => TestInput::Order(a.max(b)),
                 (_, newer) => newer,
             }
         }
@@ -137,34 +137,34 @@ mod tests {
     #[test]
     fn a_newer_state_takes_the_place_of_the_unread_one() {
         let mut inbox = Inbox::new(4);
-        inbox.push(Told::State { of: 1, number: 1 });
-        inbox.push(Told::Scan(7));
-        inbox.push(Told::State { of: 2, number: 1 });
-        inbox.push(Told::State { of: 1, number: 2 });
-        assert_eq!(inbox.pop(), Some(Told::State { of: 1, number: 2 }));
-        assert_eq!(inbox.pop(), Some(Told::Scan(7)));
-        assert_eq!(inbox.pop(), Some(Told::State { of: 2, number: 1 }));
+        inbox.push(TestInput::State { of: 1, number: 1 });
+        inbox.push(TestInput::Scan(7));
+        inbox.push(TestInput::State { of: 2, number: 1 });
+        inbox.push(TestInput::State { of: 1, number: 2 });
+        assert_eq!(inbox.pop(), Some(TestInput::State { of: 1, number: 2 }));
+        assert_eq!(inbox.pop(), Some(TestInput::Scan(7)));
+        assert_eq!(inbox.pop(), Some(TestInput::State { of: 2, number: 1 }));
         assert_eq!(inbox.pop(), None);
     }
 
     proptest! {
         #[test]
-        fn no_order_is_lost_and_the_queue_stays_bounded(told in prop::collection::vec((0..3u8, 0..9u8), 0..200)) {
+        fn no_order_is_lost_and_the_queue_stays_bounded(inputs in prop::collection::vec((0..3u8, 0..9u8), 0..200)) {
             let mut inbox = Inbox::new(5);
             let (mut strongest, mut scans) = (None, Vec::new());
-            for (number, (kind, value)) in told.iter().enumerate() {
+            for (number, (kind, value)) in inputs.iter().enumerate() {
                 let number = number as u32;
                 match kind {
-                    0 => inbox.push(Told::State { of: *value, number }),
-                    1 => { scans.push(Told::Scan(number)); inbox.push(Told::Scan(number)) }
-                    _ => { strongest = strongest.max(Some(*value)); inbox.push(Told::Order(*value)) }
+                    0 => inbox.push(TestInput::State { of: *value, number }),
+                    1 => { scans.push(TestInput::Scan(number)); inbox.push(TestInput::Scan(number)) }
+                    _ => { strongest = strongest.max(Some(*value)); inbox.push(TestInput::Order(*value)) }
                 }
             }
             let dropped = inbox.dropped() as usize;
-            let left: Vec<Told> = std::iter::from_fn(|| inbox.pop()).collect();
-            let orders: Vec<_> = left.iter().filter(|told| matches!(told, Told::Order(_))).copied().collect();
-            prop_assert_eq!(orders, strongest.map(Told::Order).into_iter().collect::<Vec<_>>());
-            let kept: Vec<_> = left.iter().filter(|told| matches!(told, Told::Scan(_))).copied().collect();
+            let left: Vec<TestInput> = std::iter::from_fn(|| inbox.pop()).collect();
+            let orders: Vec<_> = left.iter().filter(|inputs| matches!(inputs, TestInput::Order(_))).copied().collect();
+            prop_assert_eq!(orders, strongest.map(TestInput::Order).into_iter().collect::<Vec<_>>());
+            let kept: Vec<_> = left.iter().filter(|inputs| matches!(inputs, TestInput::Scan(_))).copied().collect();
             prop_assert_eq!(&kept[..], &scans[dropped..]);
             prop_assert!(kept.len() <= 5);
         }

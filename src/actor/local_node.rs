@@ -210,7 +210,7 @@ mod tests {
     use crate::actor::tests_support::{Adding, Doubler, Number, Summer};
     use crate::actor::{RestartPolicy, StepCause};
 
-    fn told(node: &mut LocalNode<Adding>, numbers: &[u32]) -> Result<Vec<u32>, Fault> {
+    fn fed(node: &mut LocalNode<Adding>, numbers: &[u32]) -> Result<Vec<u32>, Fault> {
         let mut sums = Vec::new();
         numbers
             .iter()
@@ -221,7 +221,7 @@ mod tests {
     #[test]
     fn what_one_actor_says_the_next_hears_until_all_is_quiet() {
         let mut node = LocalNode::<Adding>::new(&mut 10);
-        assert_eq!(told(&mut node, &[1, 2]).unwrap(), [12, 16]);
+        assert_eq!(fed(&mut node, &[1, 2]).unwrap(), [12, 16]);
         assert_eq!((node.deadline(), node.dropped()), (None, 0));
     }
 
@@ -239,7 +239,7 @@ mod tests {
     #[test]
     fn a_fault_ends_the_round_and_is_handed_out() {
         let mut node = LocalNode::<Adding>::new(&mut 130);
-        assert_eq!(told(&mut node, &[7]).unwrap_err().reason, "seven");
+        assert_eq!(fed(&mut node, &[7]).unwrap_err().reason, "seven");
         assert_eq!(
             node.actors().summer.place.actor().0,
             130,
@@ -250,13 +250,13 @@ mod tests {
     #[test]
     fn steps_and_snapshots_bear_the_names_of_the_list_in_its_order() {
         let mut node = LocalNode::<Adding>::new(&mut 0);
-        told(&mut node, &[4]).unwrap();
+        fed(&mut node, &[4]).unwrap();
         assert!(node.steps().is_empty(), "nobody watches");
         node.watch();
-        told(&mut node, &[5]).unwrap();
+        fed(&mut node, &[5]).unwrap();
         let mut next = LocalNode::<Adding>::new(&mut 0);
         next.go_on_from(&mut node);
-        told(&mut next, &[6]).unwrap();
+        fed(&mut next, &[6]).unwrap();
         let steps = next.steps();
         assert_eq!(
             steps.iter().map(|step| step.actor).collect::<Vec<_>>(),
@@ -264,8 +264,8 @@ mod tests {
         );
         let step = steps[1].of::<Summer>().unwrap();
         assert_eq!(
-            (&step.cause, &step.said[..]),
-            (&StepCause::Told(Number(10)), &[(18,)][..])
+            (&step.cause, &step.outputs[..]),
+            (&StepCause::Input(Number(10)), &[(18,)][..])
         );
         assert!(steps[1].of::<Doubler>().is_none());
         let names = |node: &mut LocalNode<Adding>| -> Vec<_> {

@@ -12,7 +12,7 @@ pub struct RecordedStep<I, O> {
     /// What made it act.
     pub cause: StepCause<I>,
     /// What it said, in order.
-    pub said: Vec<O>,
+    pub outputs: Vec<O>,
     /// Why it could not go on; nothing that it said was handed on then.
     pub fault: Option<String>,
 }
@@ -21,7 +21,7 @@ pub struct RecordedStep<I, O> {
 #[derive(Clone, PartialEq, Debug)]
 pub enum StepCause<I> {
     /// An input from its inbox.
-    Told(I),
+    Input(I),
     /// Its deadline, with the reason that the actor gave for it.
     Woken(&'static str),
 }
@@ -37,10 +37,10 @@ pub(super) fn take<A: Actor>(
     actor: &mut A,
     now: Time,
     input: Option<A::In>,
-    said: &mut Vec<A::Out>,
+    output: &mut Vec<A::Out>,
 ) -> Result<(), Fault> {
     let Some(input) = input else {
-        actor.wake(now, said)?;
+        actor.wake(now, output)?;
         return match actor.deadline().filter(|next| next.at <= now) {
             Some(vain) => Err(fault::<A>(format!(
                 "woken in vain at {now} s: {} is still due",
@@ -49,7 +49,7 @@ pub(super) fn take<A: Actor>(
             None => Ok(()),
         };
     };
-    actor.handle(now, input, said)
+    actor.handle(now, input, output)
 }
 
 pub(super) fn fault<A>(reason: String) -> Fault {
@@ -62,31 +62,35 @@ pub(super) fn fault<A>(reason: String) -> Fault {
 
 /// Lets an actor take a recorded step again: what it was `told` at `now`, or a wake. Gives what it does this time,
 /// by the rules of every runtime: a due deadline goes before an input, and nobody is woken before it.
-pub fn again<A: Actor>(actor: &mut A, now: Time, told: Option<A::In>) -> RecordedStep<A::In, A::Out>
+pub fn again<A: Actor>(
+    actor: &mut A,
+    now: Time,
+    given: Option<A::In>,
+) -> RecordedStep<A::In, A::Out>
 where
     A::In: Clone,
 {
     let due = actor.deadline().filter(|deadline| deadline.at <= now);
-    let (cause, input) = match (due, told) {
+    let (cause, input) = match (due, given) {
         (Some(deadline), _) => (StepCause::Woken(deadline.why), None),
-        (None, Some(input)) => (StepCause::Told(input.clone()), Some(input)),
+        (None, Some(input)) => (StepCause::Input(input.clone()), Some(input)),
         (None, None) => {
             return RecordedStep {
                 now,
                 cause: StepCause::Woken(NOT_DUE),
-                said: Vec::new(),
+                outputs: Vec::new(),
                 fault: None,
             };
         }
     };
-    let mut said = Vec::new();
-    let fault = take(actor, now, input, &mut said)
+    let mut output = Vec::new();
+    let fault = take(actor, now, input, &mut output)
         .err()
         .map(|fault| fault.to_string());
     RecordedStep {
         now,
         cause,
-        said,
+        outputs: output,
         fault,
     }
 }

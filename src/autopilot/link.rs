@@ -28,7 +28,7 @@ use tomoswarm_proto::Control;
 use super::AutopilotLinkSettings;
 use super::autopilot_command::AutopilotCommand;
 use super::command::{Ack, Command, CommandAck, FlightMode, NumberedCommand, VehicleKind};
-pub use super::messages::{In, LinkEvent, Out, Purpose, Reason};
+pub use super::messages::{CommandPurpose, In, LinkEvent, Out, Reason};
 use super::motors::{ARM_AGAIN, Motors};
 use super::movement::DriveUnderWay;
 use super::report::{AutopilotReport, ControlStatus, Motion};
@@ -37,9 +37,9 @@ use crate::actor::{Actor, Fault};
 use crate::time::{Deadline, Time};
 
 /// What was not answered, or does not show, is said again after this time.
-pub(super) const SAY_AGAIN: Duration = Duration::from_millis(300);
+pub(super) const RESEND_AFTER: Duration = Duration::from_millis(300);
 /// To an autopilot that is silent a stop is said this often.
-const SAY_AGAIN_INTO_SILENCE: Duration = Duration::from_secs(1);
+const RESEND_AFTER_INTO_SILENCE: Duration = Duration::from_secs(1);
 /// That a drive was given up for one reason is said this often at most.
 const REMARK_AGAIN: Duration = Duration::from_secs(10);
 /// A command is said so often at most.
@@ -48,17 +48,17 @@ pub(super) const TRIES: u8 = 3;
 /// A command that waits for its answer.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 struct Pending {
-    purpose: Purpose,
+    purpose: CommandPurpose,
     sent: NumberedCommand,
-    said: Time,
+    sent_at: Time,
     tries: u8,
 }
 
 impl Pending {
     fn due(&self) -> Time {
         match self.purpose {
-            Purpose::Arm => self.said + ARM_AGAIN,
-            Purpose::ChangeMode | Purpose::Move => self.said + SAY_AGAIN,
+            CommandPurpose::Arm => self.sent_at + ARM_AGAIN,
+            CommandPurpose::ChangeMode | CommandPurpose::Move => self.sent_at + RESEND_AFTER,
         }
     }
 }
@@ -78,7 +78,7 @@ pub struct AutopilotLink {
     /// What the vehicle knows.
     status: ControlStatus,
     /// The last remark about something that was given up.
-    remarked: Option<(Time, LinkEvent)>,
+    emitted: Option<(Time, LinkEvent)>,
 }
 
 impl AutopilotLink {
@@ -94,7 +94,7 @@ impl AutopilotLink {
             movement: DriveUnderWay::default(),
             pending: None,
             status: ControlStatus::default(),
-            remarked: None,
+            emitted: None,
         }
     }
 
@@ -109,10 +109,10 @@ impl AutopilotLink {
             }
             AutopilotCommand::Stop => {
                 self.pending
-                    .take_if(|pending| pending.purpose != Purpose::ChangeMode);
+                    .take_if(|pending| pending.purpose != CommandPurpose::ChangeMode);
                 self.motors.postpone();
                 match self.steering {
-                    Steering::Ours(_) | Steering::Own => self.movement.stop(now, SAY_AGAIN),
+                    Steering::Ours(_) | Steering::Own => self.movement.stop(now, RESEND_AFTER),
                     Steering::Remote => self.movement.give_up_waiting(),
                 }
             }
@@ -122,7 +122,7 @@ impl AutopilotLink {
             AutopilotCommand::Arm => {
                 // A change of mode that waits for its answer serves the start as well.
                 self.pending
-                    .take_if(|pending| pending.purpose != Purpose::ChangeMode);
+                    .take_if(|pending| pending.purpose != CommandPurpose::ChangeMode);
                 self.motors.start(now);
             }
             AutopilotCommand::Disarm => {
@@ -171,10 +171,10 @@ impl AutopilotLink {
             return;
         };
         match (pending.purpose, ack.result) {
-            (Purpose::Arm, _) => {}
-            (Purpose::ChangeMode, CommandAck::Accepted) => self.steering.change_accepted(),
-            (Purpose::Move, CommandAck::Accepted) => self.movement.give_up_waiting(),
-            (purpose @ (Purpose::ChangeMode | Purpose::Move), refused) => {
+            (CommandPurpose::Arm, _) => {}
+            (CommandPurpose::ChangeMode, CommandAck::Accepted) => self.steering.change_accepted(),
+            (CommandPurpose::Move, CommandAck::Accepted) => self.movement.give_up_waiting(),
+            (purpose @ (CommandPurpose::ChangeMode | CommandPurpose::Move), refused) => {
                 self.give_up(now, purpose, Reason::Refused(refused), out);
             }
         }
@@ -267,14 +267,16 @@ impl AutopilotLink {
         };
         match pending.purpose {
             // Each try to arm is counted on its own.
-            Purpose::Arm => {}
-            Purpose::Move if self.movement.waits_until().is_none_or(|until| until <= now) => {
-                self.give_up(now, Purpose::Move, Reason::TooLate, out);
+            CommandPurpose::Arm => {}
+            CommandPurpose::Move
+                if self.movement.waits_until().is_none_or(|until| until <= now) =>
+            {
+                self.give_up(now, CommandPurpose::Move, Reason::TooLate, out);
             }
-            Purpose::ChangeMode | Purpose::Move if pending.tries < TRIES => {
+            CommandPurpose::ChangeMode | CommandPurpose::Move if pending.tries < TRIES => {
                 self.send(now, pending.purpose, pending.sent, pending.tries + 1, out);
             }
-            purpose @ (Purpose::ChangeMode | Purpose::Move) => {
+            purpose @ (CommandPurpose::ChangeMode | CommandPurpose::Move) => {
                 self.give_up(now, purpose, Reason::NotDone, out)
             }
         }
@@ -296,12 +298,12 @@ impl AutopilotLink {
             return;
         };
         if !self.has_current() {
-            self.give_up(now, Purpose::Move, Reason::NotArmed, out);
+            self.give_up(now, CommandPurpose::Move, Reason::NotArmed, out);
         } else if self.steering.own_mode() != Some(FlightMode::Guided) {
             self.change_mode(now, out);
         } else {
             let command = self.move_command(fly);
-            self.begin(now, Purpose::Move, command, out);
+            self.begin(now, CommandPurpose::Move, command, out);
         }
     }
 
@@ -309,7 +311,7 @@ impl AutopilotLink {
     fn arm(&mut self, now: Time, out: &mut Vec<Out>) {
         if let Some(reason) = self.motors.is_given_up(now) {
             let reason = reason.map_or(Reason::NotDone, Reason::WillNotArm);
-            self.give_up(now, Purpose::Arm, reason, out);
+            self.give_up(now, CommandPurpose::Arm, reason, out);
         } else if self.steering.own_mode() != Some(FlightMode::Guided) {
             self.change_mode(now, out);
         } else {
@@ -322,7 +324,7 @@ impl AutopilotLink {
                     number,
                     command: Command::Arm { force: false },
                 };
-                self.send(now, Purpose::Arm, sent, 1, out);
+                self.send(now, CommandPurpose::Arm, sent, 1, out);
             }
         }
     }
@@ -333,14 +335,14 @@ impl AutopilotLink {
             .waits_until()
             .is_some_and(|until| until <= now)
         {
-            self.give_up(now, Purpose::Move, Reason::TooLate, out);
+            self.give_up(now, CommandPurpose::Move, Reason::TooLate, out);
         }
     }
 
     fn change_mode(&mut self, now: Time, out: &mut Vec<Out>) {
         self.begin(
             now,
-            Purpose::ChangeMode,
+            CommandPurpose::ChangeMode,
             Command::Mode(FlightMode::Guided),
             out,
         );
@@ -369,28 +371,28 @@ impl AutopilotLink {
         }
     }
 
-    fn give_up(&mut self, now: Time, purpose: Purpose, reason: Reason, out: &mut Vec<Out>) {
+    fn give_up(&mut self, now: Time, purpose: CommandPurpose, reason: Reason, out: &mut Vec<Out>) {
         match purpose {
-            Purpose::ChangeMode => {
+            CommandPurpose::ChangeMode => {
                 self.steering.change_given_up(self.shown_mode());
                 if matches!(self.motors, Motors::Arming(_)) {
                     self.motors = Motors::GivenUp;
                 }
                 self.movement.give_up_waiting();
             }
-            Purpose::Arm => self.motors = Motors::GivenUp,
-            Purpose::Move => self.movement.give_up_waiting(),
+            CommandPurpose::Arm => self.motors = Motors::GivenUp,
+            CommandPurpose::Move => self.movement.give_up_waiting(),
         }
         // A vehicle that may not move tries again and again.
-        let remark = LinkEvent::GivenUp(purpose, reason);
-        let was_said = |(at, said)| said == remark && now.since(at) < REMARK_AGAIN;
-        if purpose != Purpose::Move || !self.remarked.is_some_and(was_said) {
-            self.remarked = Some((now, remark));
-            out.push(Out::LinkEvent(remark));
+        let event = LinkEvent::GivenUp(purpose, reason);
+        let was_said = |(at, sent_at)| sent_at == event && now.since(at) < REMARK_AGAIN;
+        if purpose != CommandPurpose::Move || !self.emitted.is_some_and(was_said) {
+            self.emitted = Some((now, event));
+            out.push(Out::LinkEvent(event));
         }
     }
 
-    fn begin(&mut self, now: Time, purpose: Purpose, command: Command, out: &mut Vec<Out>) {
+    fn begin(&mut self, now: Time, purpose: CommandPurpose, command: Command, out: &mut Vec<Out>) {
         let number = self.next_number();
         self.send(now, purpose, NumberedCommand { number, command }, 1, out);
     }
@@ -398,7 +400,7 @@ impl AutopilotLink {
     fn send(
         &mut self,
         now: Time,
-        purpose: Purpose,
+        purpose: CommandPurpose,
         sent: NumberedCommand,
         tries: u8,
         out: &mut Vec<Out>,
@@ -408,7 +410,7 @@ impl AutopilotLink {
         self.pending = Some(Pending {
             purpose,
             sent,
-            said: now,
+            sent_at: now,
             tries,
         });
     }
@@ -437,7 +439,7 @@ impl AutopilotLink {
         if self
             .pending
             .take()
-            .is_some_and(|pending| pending.purpose == Purpose::ChangeMode)
+            .is_some_and(|pending| pending.purpose == CommandPurpose::ChangeMode)
         {
             self.steering.change_given_up(self.shown_mode());
         }
@@ -446,7 +448,7 @@ impl AutopilotLink {
     /// Forgets a drive or a turn that waits for its answer.
     fn drop_pending_move(&mut self) {
         self.pending
-            .take_if(|pending| pending.purpose == Purpose::Move);
+            .take_if(|pending| pending.purpose == CommandPurpose::Move);
     }
 
     fn say_status(&mut self, out: &mut Vec<Out>) {
@@ -490,9 +492,9 @@ impl AutopilotLink {
 
     fn again(&self) -> Duration {
         if self.hearing.is_heard() {
-            SAY_AGAIN
+            RESEND_AFTER
         } else {
-            SAY_AGAIN_INTO_SILENCE
+            RESEND_AFTER_INTO_SILENCE
         }
     }
 

@@ -41,7 +41,7 @@ pub enum LinkEvent {
     /// The autopilot has taken this mode by itself.
     ActsByItself(FlightMode),
     /// The autopilot does not do what it was told.
-    GivenUp(Purpose, Reason),
+    GivenUp(CommandPurpose, Reason),
 }
 
 impl fmt::Display for LinkEvent {
@@ -58,7 +58,7 @@ impl fmt::Display for LinkEvent {
 
 /// What a command that waits for its answer is for.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub enum Purpose {
+pub enum CommandPurpose {
     /// The mode in which the autopilot goes where it is told.
     ChangeMode,
     /// Current for the motors.
@@ -67,12 +67,12 @@ pub enum Purpose {
     Move,
 }
 
-impl fmt::Display for Purpose {
+impl fmt::Display for CommandPurpose {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Purpose::ChangeMode => "the change of its mode",
-            Purpose::Arm => "arming",
-            Purpose::Move => "a movement",
+            CommandPurpose::ChangeMode => "the change of its mode",
+            CommandPurpose::Arm => "arming",
+            CommandPurpose::Move => "a movement",
         })
     }
 }

@@ -72,7 +72,7 @@ pub(super) struct Arming {
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub(super) struct DisarmTries {
     /// When it was said last, and by which number.
-    said: Option<(Time, u32)>,
+    sent_at: Option<(Time, u32)>,
     is_accepted: bool,
 }
 
@@ -81,16 +81,16 @@ impl Motors {
     pub(super) fn start(&mut self, now: Time) {
         let believed_from = match self {
             Motors::Disarming(DisarmTries {
-                said: Some((said, _)),
+                sent_at: Some((sent_at, _)),
                 ..
-            }) => *said + SHOWS_WITHIN,
+            }) => *sent_at + SHOWS_WITHIN,
             Motors::Unasked
             | Motors::Arming(_)
             | Motors::Postponed(_)
             | Motors::Accepted { .. }
             | Motors::Armed
             | Motors::GivenUp
-            | Motors::Disarming(DisarmTries { said: None, .. }) => now,
+            | Motors::Disarming(DisarmTries { sent_at: None, .. }) => now,
         };
         *self = Motors::Arming(Arming {
             tries: 0,
@@ -171,7 +171,9 @@ impl Motors {
     /// Takes an answer to a disarming of this number.
     pub(super) fn disarm_answered(&mut self, number: u32, result: CommandAck) {
         if let Motors::Disarming(disarming) = self
-            && disarming.said.is_some_and(|(_, said)| said == number)
+            && disarming
+                .sent_at
+                .is_some_and(|(_, sent_at)| sent_at == number)
         {
             disarming.is_accepted = result == CommandAck::Accepted;
         }
@@ -193,7 +195,7 @@ impl Motors {
     pub(super) fn disarm_said(&mut self, now: Time, number: u32) {
         if let Motors::Disarming(disarming) = self {
             *disarming = DisarmTries {
-                said: Some((now, number)),
+                sent_at: Some((now, number)),
                 is_accepted: false,
             };
         }
@@ -231,9 +233,9 @@ impl Motors {
     /// one that was not said yet.
     pub(super) fn disarm_due(&self, is_armed: bool, again: Duration) -> Option<Time> {
         match self {
-            Motors::Disarming(DisarmTries { said: None, .. }) => Some(Time::ZERO),
+            Motors::Disarming(DisarmTries { sent_at: None, .. }) => Some(Time::ZERO),
             Motors::Disarming(DisarmTries {
-                said: Some((said, _)),
+                sent_at: Some((sent_at, _)),
                 is_accepted,
             }) => {
                 let wait = if *is_accepted {
@@ -241,7 +243,7 @@ impl Motors {
                 } else {
                     again
                 };
-                is_armed.then_some(*said + wait)
+                is_armed.then_some(*sent_at + wait)
             }
             Motors::Unasked
             | Motors::Arming(_)

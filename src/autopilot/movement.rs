@@ -38,7 +38,7 @@ pub(super) enum DriveUnderWay {
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub(super) struct StopUnderWay {
     /// When it was said last.
-    pub said: Option<Time>,
+    pub sent_at: Option<Time>,
     /// Whether telemetry has shown rest since.
     pub is_shown: bool,
 }
@@ -53,7 +53,9 @@ impl DriveUnderWay {
     pub(super) fn stop(&mut self, now: Time, again: Duration) {
         match self {
             DriveUnderWay::Stopping(stopping)
-                if stopping.said.is_some_and(|said| now.since(said) < again) => {}
+                if stopping
+                    .sent_at
+                    .is_some_and(|sent_at| now.since(sent_at) < again) => {}
             DriveUnderWay::Idle | DriveUnderWay::Waiting { .. } | DriveUnderWay::Stopping(_) => {
                 *self = DriveUnderWay::Stopping(StopUnderWay::default());
             }
@@ -78,7 +80,7 @@ impl DriveUnderWay {
     /// Takes note that a stop is said now.
     pub(super) fn stop_said(&mut self, now: Time) {
         if let DriveUnderWay::Stopping(stopping) = self {
-            (stopping.said, stopping.is_shown) = (Some(now), false);
+            (stopping.sent_at, stopping.is_shown) = (Some(now), false);
         }
     }
 
@@ -86,13 +88,13 @@ impl DriveUnderWay {
     pub(super) fn stop_due(&self, again: Duration) -> Option<Time> {
         match self {
             DriveUnderWay::Stopping(StopUnderWay {
-                said: None,
+                sent_at: None,
                 is_shown: false,
             }) => Some(Time::ZERO),
             DriveUnderWay::Stopping(StopUnderWay {
-                said: Some(said),
+                sent_at: Some(sent_at),
                 is_shown: false,
-            }) => Some(*said + again),
+            }) => Some(*sent_at + again),
             DriveUnderWay::Idle | DriveUnderWay::Waiting { .. } | DriveUnderWay::Stopping(_) => {
                 None
             }

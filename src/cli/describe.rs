@@ -26,13 +26,13 @@ pub(super) fn describe(file: &str, config: &Config, further: &[Line]) -> String 
         Config::Experiment(experiment) => ("an experiment", experiment_lines(experiment)),
     };
     lines.extend_from_slice(further);
-    let said = lines
+    let output = lines
         .iter()
         .map(|(name, value)| comment(&format!("  {name:<12} {value}")));
     let comments: String = std::iter::once(comment(&format!("{file}: {what}")))
-        .chain(said)
+        .chain(output)
         .collect();
-    format!("{comments}{}", config::written(config))
+    format!("{comments}{}", config::to_toml(config))
 }
 
 /// Returns a comment of one line, whatever the text.

@@ -108,11 +108,11 @@ impl EnrollArgs {
     /// # Errors
     /// Bad usage or files; the node is enrolled already, or not at all; the disk refuses.
     pub fn run(&self, out: &mut dyn Write) -> Result<(), CliError> {
-        let said = match &self.revoke {
+        let output = match &self.revoke {
             Some(name) => self.revoke(name)?,
             None => self.enroll()?,
         };
-        out.write_all(said.as_bytes())
+        out.write_all(output.as_bytes())
             .map_err(|source| CliError::Write {
                 path: "standard output".into(),
                 source,

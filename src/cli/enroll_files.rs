@@ -108,7 +108,7 @@ impl NodeConfig {
         })?;
         Ok(format!(
             "# Written by tomoswarm enroll.\n{}",
-            config::written(&file)
+            config::to_toml(&file)
         ))
     }
 

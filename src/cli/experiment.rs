@@ -152,8 +152,8 @@ impl ExperimentArgs {
         let (stop, folder) = (StopFlag::listen(), OutputFolder::prepare(&target, FAMILY)?);
         let started = sim::started();
         let outcome = sim::watched(&stop, started, None, |watch| scenario.run(watch))?;
-        let said = writeln!(out, "run {run}: {}", experiment.key(run, true));
-        said.map_err(CliError::stdout)?;
+        let output = writeln!(out, "run {run}: {}", experiment.key(run, true));
+        output.map_err(CliError::stdout)?;
         let seed = experiment.seed_of(run).unwrap_or(scenario.sim().seed);
         sim::publish(
             folder,

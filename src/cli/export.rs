@@ -9,7 +9,7 @@ use tomoswarm_proto::{RunId, VehicleId};
 
 use super::error::CliError;
 use super::folder::OutputFolder;
-use super::pictures::{ShownCells, drawn, shown_cells};
+use super::pictures::{CellGrid, drawn, shown_cells};
 use super::recording::links_csv;
 use crate::config::{self, Config, Venue};
 use crate::draw::{HeatMap, OccupancyMap, Overlay, Picture, Placement};
@@ -276,7 +276,7 @@ fn write_map(
         // One that cannot be joined was not joined by the ground station either.
         let _ = map.join(&tile);
     }
-    let ShownCells {
+    let CellGrid {
         origin,
         columns,
         rows,
@@ -344,7 +344,7 @@ fn about(store: &GroundStore, runs: &[StoredRun], starts: &[Provenance]) -> Stri
 mod tests {
     use super::*;
     use crate::geom::{PixelGrid, Rect};
-    use crate::ground::imager::{Picture as Made, Subject};
+    use crate::ground::imager::{ReconstructedImage as Made, Subject};
     use crate::store::ground::{Start, UtcOffset};
     use crate::tomo::Reconstruction;
     use serde_json::Value;
@@ -426,14 +426,14 @@ mod tests {
     }
 
     fn export(store: &Path, out: &Path, run: Option<u32>) -> Result<String, CliError> {
-        let mut said = Vec::new();
+        let mut text = Vec::new();
         ExportArgs {
             store: store.to_owned(),
             out: out.to_owned(),
             run,
         }
-        .run(&mut said)?;
-        Ok(String::from_utf8(said).unwrap())
+        .run(&mut text)?;
+        Ok(String::from_utf8(text).unwrap())
     }
 
     fn listed(folder: &Path) -> Vec<String> {
@@ -450,10 +450,10 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         let (store, out) = (root.path().join("swarm.db"), root.path().join("out"));
         make_store(&store);
-        let said = export(&store, &out, None).unwrap();
+        let text = export(&store, &out, None).unwrap();
         assert!(
-            said.contains("run 1: 10 samples, 0 pictures\nrun 2: 10 samples, 1 pictures"),
-            "{said}"
+            text.contains("run 1: 10 samples, 0 pictures\nrun 2: 10 samples, 1 pictures"),
+            "{text}"
         );
         let all = listed(&out);
         std::fs::write(out.join("run-notes.txt"), "mine").unwrap();

@@ -12,7 +12,7 @@ use crate::config::Venue;
 use crate::geom::{Cell, Lattice, Point, Rect, Vector};
 use crate::map::{CellRect, Merged, Occupancy, View};
 use crate::node::mission::MissionStatus;
-use crate::sim::ShownVehicle;
+use crate::sim::VehicleSnapshot;
 
 /// Lines of text below the picture.
 const TEXT_ROWS: usize = 2;
@@ -69,9 +69,9 @@ impl Pixel {
 
 /// A vehicle as it is drawn.
 #[derive(Clone, PartialEq, Debug)]
-pub(super) struct Drawn {
+pub(super) struct VehicleMarker {
     /// Where it is and what it does.
-    pub vehicle: ShownVehicle,
+    pub vehicle: VehicleSnapshot,
     /// Where it came from.
     pub track: VecDeque<Point>,
 }
@@ -143,7 +143,7 @@ impl RunFrame {
     pub(super) fn new(
         venue: &Venue,
         map: &Merged,
-        vehicles: &[Drawn],
+        vehicles: &[VehicleMarker],
         first_line: String,
         size: Size,
     ) -> Option<RunFrame> {
@@ -187,7 +187,7 @@ impl RunFrame {
         }
     }
 
-    fn put_vehicle(&mut self, scale: Scale, index: usize, vehicle: &ShownVehicle) {
+    fn put_vehicle(&mut self, scale: Scale, index: usize, vehicle: &VehicleSnapshot) {
         let Some((column, row)) = scale.pixel_at(vehicle.at) else {
             return;
         };
@@ -269,7 +269,7 @@ fn set_colours(
 }
 
 /// What everybody does, in the order of their ids.
-fn doings(vehicles: &[Drawn]) -> String {
+fn doings(vehicles: &[VehicleMarker]) -> String {
     let word = |status: Option<MissionStatus>| match status {
         None => "off",
         Some(MissionStatus::Waiting) => "waits",
@@ -278,7 +278,8 @@ fn doings(vehicles: &[Drawn]) -> String {
         Some(MissionStatus::Returning) => "returns",
         Some(MissionStatus::Home) => "home",
     };
-    let one = |drawn: &Drawn| format!("{} {}", drawn.vehicle.id, word(drawn.vehicle.status));
+    let one =
+        |drawn: &VehicleMarker| format!("{} {}", drawn.vehicle.id, word(drawn.vehicle.status));
     vehicles.iter().map(one).collect::<Vec<_>>().join("  ")
 }
 

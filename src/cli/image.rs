@@ -216,7 +216,7 @@ impl ImageCommand {
         links: impl Iterator<Item = &'a Link>,
         recording: &Recording,
     ) -> ImagingSettings {
-        let said = recording.imaging.as_ref().filter(|_| self.area.is_none());
+        let output = recording.imaging.as_ref().filter(|_| self.area.is_none());
         let ring = bounds(links);
         let area = self.area.or(recording.area).unwrap_or(ring);
         let subject = if self.empty.is_empty() {
@@ -224,14 +224,17 @@ impl ImageCommand {
         } else {
             Subject::Change
         };
-        let mut settings = match (said, subject) {
-            (Some(said), subject) => {
-                image_settings(&said.imaging, area, said.reception.sensitivity_dbm, subject)
-            }
+        let mut settings = match (output, subject) {
+            (Some(output), subject) => image_settings(
+                &output.imaging,
+                area,
+                output.reception.sensitivity_dbm,
+                subject,
+            ),
             (None, Subject::Structure) => ImagingSettings::for_area(area),
             (None, Subject::Change) => ImagingSettings::for_change(area),
         };
-        if said.is_none() {
+        if output.is_none() {
             settings.ring = ring;
         }
         if let Some((columns, rows)) = self.pixels {
@@ -370,7 +373,7 @@ pub(super) fn bounds<'a>(links: impl Iterator<Item = &'a Link>) -> Rect {
 /// Pools what lies in the same bins; one file that tomoswarm has written holds pooled links already.
 fn pooled(recording: Recording, files: usize, bin_m: f64) -> Vec<Link> {
     let Recording { links, imaging, .. } = recording;
-    let is_pooled = files == 1 && imaging.is_some_and(|said| said.imaging.bin_m == bin_m);
+    let is_pooled = files == 1 && imaging.is_some_and(|output| output.imaging.bin_m == bin_m);
     if is_pooled || bin_m <= 0.0 {
         return links;
     }

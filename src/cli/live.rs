@@ -25,7 +25,7 @@ use crate::run::link::WorldControl;
 use crate::run::live::files::LiveAddresses;
 use crate::run::live::gather;
 use crate::run::live::processes::{Dead, Ended, ProcessEvent, Processes, Rank, free_ports};
-use crate::run::live::scenario_runner::{Going, RunLog, ScenarioRunner};
+use crate::run::live::scenario_runner::{RunLog, ScenarioRunner, ScenarioStatus};
 use crate::sim::{EMPTY_RUN, RunOutcome, Scenario};
 use crate::time::Time;
 
@@ -149,9 +149,9 @@ impl Swarm {
         let mut shown = Duration::ZERO;
         let failure = loop {
             match self.scenario_runner.go() {
-                Going::On => {}
-                Going::Over => break None,
-                Going::Failed(reason) => break Some(reason),
+                ScenarioStatus::On => {}
+                ScenarioStatus::Over => break None,
+                ScenarioStatus::Failed(reason) => break Some(reason),
             }
             if stop.is_asked() {
                 break Some(
@@ -162,7 +162,10 @@ impl Swarm {
             let now = started.elapsed();
             let since_start = Time::ZERO + now;
             let news = self.processes.look_after(since_start);
-            if let Some(dead) = news.into_iter().find_map(|news| self.told_of(news, &bar)) {
+            if let Some(dead) = news
+                .into_iter()
+                .find_map(|news| self.report_event(news, &bar))
+            {
                 break Some(format!(
                     "{} has ended: {}\n{}",
                     dead.name, dead.how, dead.last_words
@@ -179,7 +182,7 @@ impl Swarm {
     }
 
     /// Returns what has happened to a process; returns one without which the mission has failed.
-    fn told_of(&mut self, news: ProcessEvent, bar: &ProgressBar) -> Option<Dead> {
+    fn report_event(&mut self, news: ProcessEvent, bar: &ProgressBar) -> Option<Dead> {
         match news {
             ProcessEvent::Died { dead, again_after } => {
                 let again = format!("it is started again in {} s", again_after.as_secs());
@@ -208,10 +211,10 @@ impl Swarm {
             store,
         } = self;
         scenario_runner.note("scenario", failure.as_deref().unwrap_or("the end"));
-        told(&processes.stop_those(Rank::Vehicle), &mut scenario_runner);
+        report_ended(&processes.stop_those(Rank::Vehicle), &mut scenario_runner);
         // The referee has seen everybody come to rest.
         let tracks: Vec<(VehicleId, Vec<Point>)> = scenario_runner.ask_world();
-        told(&processes.stop(), &mut scenario_runner);
+        report_ended(&processes.stop(), &mut scenario_runner);
         let run_log: RunLog = scenario_runner.leave();
         gather::outcome(scenario, &store, run_log, tracks, failure).map_err(|error| match error {
             gather::GatherError::Store(error) => CliError::Store(error),
@@ -221,7 +224,7 @@ impl Swarm {
 }
 
 /// Notes who had to be killed.
-fn told(ended: &[Ended], scenario_runner: &mut ScenarioRunner) {
+fn report_ended(ended: &[Ended], scenario_runner: &mut ScenarioRunner) {
     for killed in ended.iter().filter(|ended| ended.was_killed) {
         scenario_runner.note(
             &killed.name,

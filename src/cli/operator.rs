@@ -15,7 +15,7 @@ use crate::config::{self, BusFile, Config, Endpoint, Protocol, Topology, Venue};
 use crate::operator::operator_actor::OperatorSettings;
 use crate::run::bus::{BusError, BusSettings};
 use crate::run::live_operator::LiveOperator;
-use crate::run::membership::{self, NoChance, OPERATOR};
+use crate::run::membership::{self, OPERATOR, RandomUnavailable};
 use crate::run::operator_session::Session;
 
 /// What a command knows before it hears anything.
@@ -91,7 +91,7 @@ impl OperatorContext {
         Ok(LiveOperator::new(session, settings))
     }
 
-    fn operator(&self) -> Result<OperatorSettings, NoChance> {
+    fn operator(&self) -> Result<OperatorSettings, RandomUnavailable> {
         // An operator's tool counts no starts.
         let hello = membership::greeting(OPERATOR, Boot(0), &self.venue, Vec::new())?;
         Ok(OperatorSettings {

@@ -14,11 +14,11 @@ use super::operator::{OperatorContext, fault, seconds};
 use super::read;
 use super::stop::StopFlag;
 use crate::config::{GivenMission, Venue};
-use crate::operator::fleet_view::Misfit;
+use crate::operator::fleet_view::Incompatibility;
 use crate::operator::given_tasks::task_kind;
 use crate::operator::names::{kind_name, ordered};
 use crate::operator::operator_actor::{In, Out};
-use crate::operator::order_goal::{MissionWish, OrderGoal, StopWish};
+use crate::operator::order_goal::{MissionRequest, OrderGoal, StopRequest};
 use crate::operator::outcome::{OrderOutcome, VehicleOutcome};
 use crate::run::bus::SessionTopology;
 use crate::run::live_operator::LiveOperator;
@@ -48,7 +48,7 @@ pub struct OrderArgs {
     pub config: PathBuf,
     /// What to do
     #[arg(value_enum, value_name = "WHAT")]
-    pub what: What,
+    pub what: OrderWord,
     /// Which vehicles [default: all]
     #[arg(value_name = "VEHICLE", value_parser = clap::value_parser!(u8).range(1..=250))]
     pub vehicles: Vec<u8>,
@@ -83,7 +83,7 @@ pub struct OrderArgs {
 
 /// What a vehicle can be told.
 #[derive(clap::ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
-pub enum What {
+pub enum OrderWord {
     /// Begin a run, or go on; lifts the emergency stops that are open
     Start,
     /// Stand still, keep the plan (= hold)
@@ -129,16 +129,16 @@ Exit codes: 0 every vehicle shows the order; 1 not in time, overruled, nobody he
 mission, a start of a run while another one is under way, or one that would lift a stop while a vehicle is not heard; 2 bad usage or
 configuration.";
 
-impl What {
+impl OrderWord {
     /// Returns the order that it is; an emergency stop is none.
     fn kind(self) -> Option<OrderKind> {
         match self {
-            What::Start | What::Resume => Some(OrderKind::Start),
-            What::Pause | What::Hold => Some(OrderKind::Hold),
-            What::Return => Some(OrderKind::Return),
-            What::Land => Some(OrderKind::Land),
-            What::CutMotors => Some(OrderKind::CutMotors),
-            What::Emergency => None,
+            OrderWord::Start | OrderWord::Resume => Some(OrderKind::Start),
+            OrderWord::Pause | OrderWord::Hold => Some(OrderKind::Hold),
+            OrderWord::Return => Some(OrderKind::Return),
+            OrderWord::Land => Some(OrderKind::Land),
+            OrderWord::CutMotors => Some(OrderKind::CutMotors),
+            OrderWord::Emergency => None,
         }
     }
 
@@ -154,12 +154,12 @@ impl OrderArgs {
     /// A bad file, or a vehicle that did not obey.
     pub fn run(&self, out: &mut dyn Write) -> Result<(), CliError> {
         match (self.what, self.yes_cut_motors) {
-            (What::CutMotors, false) => {
+            (OrderWord::CutMotors, false) => {
                 let refused =
                     "cut-motors lets fall whatever flies; confirm it with --yes-cut-motors";
                 return Err(CliError::Usage(refused.to_owned()));
             }
-            (what, true) if what != What::CutMotors => {
+            (what, true) if what != OrderWord::CutMotors => {
                 return Err(CliError::Usage(
                     "--yes-cut-motors belongs to cut-motors only".to_owned(),
                 ));
@@ -171,7 +171,7 @@ impl OrderArgs {
             let refused = "--although-unheard and --lift-all belong to start and resume only";
             return Err(CliError::Usage(refused.to_owned()));
         }
-        if self.mission.is_some() && self.what != What::Start {
+        if self.mission.is_some() && self.what != OrderWord::Start {
             return Err(CliError::Usage(
                 "--mission belongs to start only".to_owned(),
             ));
@@ -188,7 +188,7 @@ impl OrderArgs {
         if let Some(refused) = outcome.refused {
             return Err(CliError::Swarm(format!("not ordered: {refused}")));
         }
-        let text = told(self.what.name(), context.venue.hash(), &outcome);
+        let text = outcome_text(self.what.name(), context.venue.hash(), &outcome);
         out.write_all(text.as_bytes()).map_err(CliError::stdout)?;
         if outcome.is_done() {
             Ok(())
@@ -201,7 +201,7 @@ impl OrderArgs {
     ///
     /// # Errors
     /// Mistakes in its keys.
-    fn mission(&self, venue: &Venue) -> Result<Option<MissionWish>, CliError> {
+    fn mission(&self, venue: &Venue) -> Result<Option<MissionRequest>, CliError> {
         let Some(kind) = &self.mission else {
             return Ok(None);
         };
@@ -210,23 +210,23 @@ impl OrderArgs {
         let GivenMission { task, sweep } =
             GivenMission::read(kind, &self.set, (venue, vehicles), &mut loader)?;
         let compare_with = self.compare_with.map(RunId);
-        Ok(Some(MissionWish {
+        Ok(Some(MissionRequest {
             kind: task_kind(task, &sweep),
             compare_with,
         }))
     }
 
     /// Returns what the operator is told.
-    fn wish(&self, mission: Option<MissionWish>) -> In {
+    fn wish(&self, mission: Option<MissionRequest>) -> In {
         let ids = |all: &[u8]| all.iter().map(|id| VehicleId(*id)).collect();
         let (vehicles, within) = (ids(&self.vehicles), self.timeout);
         match self.what.kind() {
-            None => In::Stop(ONE, StopWish { vehicles, within }),
+            None => In::Stop(ONE, StopRequest { vehicles, within }),
             Some(kind) => In::Want(
                 ONE,
                 OrderGoal {
                     run: self.run.map(RunId),
-                    begins: self.what == What::Start,
+                    begins: self.what == OrderWord::Start,
                     mission,
                     take_over: self.take_over,
                     although_unheard: ids(&self.although_unheard),
@@ -254,14 +254,14 @@ fn until_over(
         if stop.is_asked() {
             operator.tell(In::Withdraw(ONE));
         }
-        let said = operator
+        let output = operator
             .go_on(operator.now() + LOOK, |_, _| {})
             .map_err(fault)?;
-        let over = said.into_iter().find_map(|out| match out {
+        let over = output.into_iter().find_map(|out| match out {
             Out::Ended(_, outcome) => Some(outcome),
             Out::Publish(_)
             | Out::Give(_)
-            | Out::StopsNote(_)
+            | Out::StopEvent(_)
             | Out::InForce(..)
             | Out::Announce(_)
             | Out::ScriptEnded(_) => None,
@@ -272,7 +272,7 @@ fn until_over(
     }
 }
 
-fn told(name: &str, venue_hash: u64, outcome: &OrderOutcome) -> String {
+fn outcome_text(name: &str, venue_hash: u64, outcome: &OrderOutcome) -> String {
     let line = |(id, of): (&VehicleId, &VehicleOutcome)| match of {
         VehicleOutcome::Obeyed { after, by_ground } => {
             let by_ground = if *by_ground {
@@ -309,12 +309,12 @@ fn told(name: &str, venue_hash: u64, outcome: &OrderOutcome) -> String {
         VehicleOutcome::Ignored => format!("vehicle {id}: is heard, but has not obeyed\n"),
         VehicleOutcome::Unheard => format!("vehicle {id}: not heard\n"),
         VehicleOutcome::Withdrawn => format!("vehicle {id}: something else is wanted of it\n"),
-        VehicleOutcome::Foreign(Misfit::Venue(theirs)) => {
+        VehicleOutcome::Foreign(Incompatibility::Venue(theirs)) => {
             format!(
                 "vehicle {id}: has another venue file (hash {theirs:016x}, here {venue_hash:016x})\n"
             )
         }
-        VehicleOutcome::Foreign(Misfit::Version(theirs)) => {
+        VehicleOutcome::Foreign(Incompatibility::Version(theirs)) => {
             format!("vehicle {id}: speaks wire version {theirs}, here it is {VERSION}\n")
         }
     };

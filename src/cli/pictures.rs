@@ -84,7 +84,7 @@ fn tracks(outcome: &RunOutcome) -> Vec<Overlay> {
 }
 
 /// The cells of a map as a picture shows them.
-pub(super) struct ShownCells {
+pub(super) struct CellGrid {
     /// The south-west corner of the first cell.
     pub origin: Point,
     /// Cells from west to east.
@@ -96,7 +96,7 @@ pub(super) struct ShownCells {
 }
 
 /// Returns the cells of a map's lowest slice within the fence of a venue.
-pub(super) fn shown_cells(map: &Merged, venue: &Venue) -> ShownCells {
+pub(super) fn shown_cells(map: &Merged, venue: &Venue) -> CellGrid {
     let lattice = map.lattice();
     let known = map.extent(0);
     let fence = CellRect::around(lattice, venue.fence.corners(), 0.5);
@@ -122,7 +122,7 @@ pub(super) fn shown_cells(map: &Merged, venue: &Venue) -> ShownCells {
         middle.x_m - lattice.cell_m() / 2.0,
         middle.y_m - lattice.cell_m() / 2.0,
     );
-    ShownCells {
+    CellGrid {
         origin,
         columns,
         rows,
@@ -133,7 +133,7 @@ pub(super) fn shown_cells(map: &Merged, venue: &Venue) -> ShownCells {
 fn map(scenario: &Scenario, outcome: &RunOutcome) -> Result<Vec<u8>, CliError> {
     let venue = &scenario.sim().venue;
     let cell_m = outcome.map.lattice().cell_m();
-    let ShownCells {
+    let CellGrid {
         origin,
         columns,
         rows,

@@ -10,7 +10,7 @@ use super::load;
 use crate::geom::Point;
 use crate::ground::planner::{Request, plan};
 use crate::sim::Scenario;
-use crate::sweep::{Sweep, SweepError, check_separation, expected_duration_s, tracks_of};
+use crate::sweep::{PlannedSweep, SweepError, check_separation, expected_duration_s, tracks_of};
 
 /// Plan a sweep and show it: laps, stops, lengths, and how long it will take.
 ///
@@ -68,7 +68,7 @@ impl PlanArgs {
 ///
 /// # Errors
 /// No sweep can be planned.
-pub(super) fn planned(scenario: &Scenario) -> Result<Sweep, SweepError> {
+pub(super) fn planned(scenario: &Scenario) -> Result<PlannedSweep, SweepError> {
     let sim = scenario.sim();
     let places = sim
         .vehicle_ids()
@@ -89,7 +89,7 @@ pub(super) fn planned(scenario: &Scenario) -> Result<Sweep, SweepError> {
     )
 }
 
-fn summary(scenario: &Scenario, sweep: &Sweep) -> Result<String, CliError> {
+fn summary(scenario: &Scenario, sweep: &PlannedSweep) -> Result<String, CliError> {
     let sim = scenario.sim();
     let fault = |error: crate::sweep::PlanError| CliError::Fault(error.to_string());
     let speed_mps = sim.vehicles.body.max_speed_mps;

@@ -14,7 +14,7 @@ use super::screen;
 use super::status::listen;
 use super::stop::StopFlag;
 use crate::operator::fleet_view::FleetView;
-use crate::operator::preflight::{Needs, inspect, is_go};
+use crate::operator::preflight::{Requirements, inspect, is_go};
 use crate::operator::status::Expected;
 use crate::time::Time;
 
@@ -107,7 +107,7 @@ impl PreflightArgs {
         named: &BTreeSet<VehicleId>,
         view: &FleetView,
         now: Time,
-    ) -> Needs {
+    ) -> Requirements {
         let everyone = || {
             Expected {
                 vehicles: BTreeSet::new(),
@@ -115,7 +115,7 @@ impl PreflightArgs {
             }
             .vehicles(view, now)
         };
-        Needs {
+        Requirements {
             vehicles: if named.is_empty() {
                 everyone()
             } else {

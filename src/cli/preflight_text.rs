@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::table::table;
-use crate::operator::preflight::{Light, NodeChecks, is_go};
+use crate::operator::preflight::{CheckStatus, NodeChecks, is_go};
 
 /// Returns the checks as a table, what refuses in capitals; `columns` is how wide the terminal is, if there is one.
 pub fn text(nodes: &[NodeChecks], columns: Option<usize>) -> String {
@@ -12,9 +12,9 @@ pub fn text(nodes: &[NodeChecks], columns: Option<usize>) -> String {
         .flat_map(|node| node.checks.iter().map(|check| (&node.node, check)))
         .map(|(node, check)| {
             let light = match check.light {
-                Light::Go => "go",
-                Light::Unknown => "not known",
-                Light::NoGo => "NO-GO",
+                CheckStatus::Go => "go",
+                CheckStatus::Unknown => "not known",
+                CheckStatus::NoGo => "NO-GO",
             };
             vec![
                 node.clone(),
@@ -46,7 +46,7 @@ mod tests {
     use super::*;
     use crate::operator::preflight::Check;
 
-    fn node(node: &str, light: Light) -> NodeChecks {
+    fn node(node: &str, light: CheckStatus) -> NodeChecks {
         NodeChecks {
             node: node.to_owned(),
             checks: vec![Check {
@@ -60,14 +60,14 @@ mod tests {
     #[test]
     fn the_last_line_and_the_object_say_whether_all_is_go() {
         for (light, is_go) in [
-            (Light::Go, true),
-            (Light::Unknown, true),
-            (Light::NoGo, false),
+            (CheckStatus::Go, true),
+            (CheckStatus::Unknown, true),
+            (CheckStatus::NoGo, false),
         ] {
-            let nodes = [node("vehicle 1", light), node("ground", Light::Go)];
+            let nodes = [node("vehicle 1", light), node("ground", CheckStatus::Go)];
             assert_eq!(text(&nodes, None).ends_with("\nGO\n"), is_go, "{light:?}");
             assert_eq!(json(&nodes)["go"], is_go, "{light:?}");
         }
-        assert!(text(&[node("ground", Light::Go)], None).contains("no vehicle was heard"));
+        assert!(text(&[node("ground", CheckStatus::Go)], None).contains("no vehicle was heard"));
     }
 }

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::error::CliError;
 use super::standard_output::complain;
-use crate::store::recording::{Difference, ReplayVerdict, Replayed, replay};
+use crate::store::recording::{Difference, ReplayResult, Replayed, replay};
 
 /// Folders in folders are looked through so deep.
 const DEPTH: usize = 4;
@@ -17,8 +17,8 @@ const SHOWN: usize = 400;
 
 /// Take the steps of a flight recording again, and say where an actor now does something else.
 ///
-/// Every vehicle and ground station records what its actors were told and what they said. Here fresh actors are restored
-/// from the recording's snapshots, told the same, and what they say is compared, actor by actor. A folder stands for all
+/// Every vehicle and ground station records the inputs of its actors and their outputs. Here fresh actors are restored
+/// from the recording's snapshots, given the same inputs, and their outputs are compared, actor by actor. A folder stands for all
 /// recordings (.mcap) in it. A file of a process that was killed is replayed up to its last whole chunk.
 #[derive(clap::Args, Debug)]
 #[command(after_help = AFTER_HELP)]
@@ -134,7 +134,7 @@ fn collect(path: &Path, depth: usize, files: &mut Vec<PathBuf>) -> Result<(), Cl
 fn in_words(replayed: &Replayed) -> String {
     let width = replayed.actors.keys().map(String::len).max().unwrap_or(0);
     let mut text = String::new();
-    for (actor, ReplayVerdict { steps, difference }) in &replayed.actors {
+    for (actor, ReplayResult { steps, difference }) in &replayed.actors {
         let verdict = if difference.is_some() {
             "differs"
         } else {
@@ -154,14 +154,14 @@ fn shown(difference: &Difference) -> String {
         path,
         number,
         at,
-        told,
+        input,
         then,
         now,
     } = difference;
     format!(
-        "  {}: step {number}, at {at} s\n    told      {}\n    said then {}\n    says now  {}\n",
+        "  {}: step {number}, at {at} s\n    input            {}\n    outputs recorded {}\n    outputs now      {}\n",
         path.display(),
-        cut(told),
+        cut(input),
         cut(then),
         cut(now)
     )
@@ -180,12 +180,12 @@ fn in_json(replayed: &Replayed) -> Value {
             "file": difference.path.to_string_lossy(),
             "step": difference.number,
             "at_ns": difference.at.as_nanos(),
-            "told": difference.told,
-            "said_then": difference.then,
-            "says_now": difference.now,
+            "input": difference.input,
+            "outputs_recorded": difference.then,
+            "outputs_now": difference.now,
         })
     };
-    let actor = |(name, verdict): (&String, &ReplayVerdict)| {
+    let actor = |(name, verdict): (&String, &ReplayResult)| {
         let first = verdict.difference.as_ref().map(difference);
         json!({"actor": name, "steps": verdict.steps, "identical": first.is_none(), "first_difference": first})
     };

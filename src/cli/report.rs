@@ -40,7 +40,7 @@ pub(super) const FAMILY: &[&str] = &[
 
 /// How much of what can be seen the map has found.
 #[derive(Clone, Copy, Debug)]
-struct SeenCells {
+struct SurfaceCoverage {
     found: usize,
     of: usize,
 }
@@ -75,7 +75,7 @@ pub(super) struct RunFigures {
     /// How the mission of each vehicle ended; empty for a sweep.
     missions: Vec<EndedMission>,
     /// Of the cells of surfaces that can be seen, how many the map has found; `None` for a sweep.
-    seen: Option<SeenCells>,
+    seen: Option<SurfaceCoverage>,
     /// Images that could not be made, with the reason.
     not_made: Vec<String>,
 }
@@ -186,7 +186,7 @@ impl RunFigures {
         let of = self.missions.len();
         let lines: String = self.missions.iter().map(line).collect();
         let lines = format!("missions done     {done} of {of}\n{lines}");
-        let seen = self.seen.filter(|seen| seen.of > 0).map_or(String::new(), |SeenCells { found, of }| {
+        let seen = self.seen.filter(|seen| seen.of > 0).map_or(String::new(), |SurfaceCoverage { found, of }| {
             let percent = 100.0 * found as f64 / of as f64;
             format!(
                 "seen              {percent:.1} % of the surfaces that can be seen: {found} of {of} cells\n"
@@ -329,12 +329,15 @@ fn mishaps(outcome: &RunOutcome) -> Vec<String> {
 }
 
 /// Returns how much of what can be seen vehicles have found that are not out for a sweep.
-fn seen(scenario: &Scenario, outcome: &RunOutcome) -> Result<Option<SeenCells>, ScenarioError> {
+fn seen(
+    scenario: &Scenario,
+    outcome: &RunOutcome,
+) -> Result<Option<SurfaceCoverage>, ScenarioError> {
     if scenario.sim().is_planned_by_ground() {
         return Ok(None);
     }
     let seen = VisibleScene::find(scenario)?;
-    Ok(Some(SeenCells {
+    Ok(Some(SurfaceCoverage {
         found: seen.detected(outcome),
         of: seen.visible.cells.len(),
     }))
@@ -449,17 +452,17 @@ mod tests {
 
     #[test]
     fn a_mission_without_places_does_not_give_up_some_of_them() {
-        let said = |end: EndReason| ended(Some(&(Time::from_secs_f64(90.0), end)));
+        let output = |end: EndReason| ended(Some(&(Time::from_secs_f64(90.0), end)));
         assert_eq!(
-            said(EndReason::NoRoom),
+            output(EndReason::NoRoom),
             "gave up (its peers never made room) after 1.5 min"
         );
         assert_eq!(
-            said(EndReason::TooLarge),
+            output(EndReason::TooLarge),
             "gave up (its ground is too large to be searched) after 1.5 min"
         );
         assert_eq!(
-            said(EndReason::GaveUp(2)),
+            output(EndReason::GaveUp(2)),
             "gave up 2 of its places after 1.5 min"
         );
     }

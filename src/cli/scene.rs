@@ -73,7 +73,7 @@ Examples:
 Exit codes: 0 done; 2 bad usage, bad files, or a folder that cannot be written.";
 
 /// A scene as read.
-pub(super) struct Depicted {
+pub(super) struct LoadedScene {
     /// What it is called.
     pub(super) name: String,
     /// What its file says; all defaults for shapes alone.
@@ -122,7 +122,7 @@ impl SceneArgs {
             .map_err(CliError::stdout)
     }
 
-    fn look(&self, depicted: &Depicted) -> SceneView {
+    fn look(&self, depicted: &LoadedScene) -> SceneView {
         let sensor_m = depicted.sim.as_ref().map(|sim| sim.range.height_m);
         SceneView {
             pose: self.pose,
@@ -132,7 +132,7 @@ impl SceneArgs {
         }
     }
 
-    fn read(&self) -> Result<Depicted, CliError> {
+    fn read(&self) -> Result<LoadedScene, CliError> {
         let ending = self
             .file
             .extension()
@@ -159,7 +159,7 @@ impl SceneArgs {
             }
             Config::Sim(_) => self.simulated(),
             Config::Venue(_) => Err(refused(
-                "is a venue, and what stands there is said by a scene; \
+                "is a venue, and what stands there is output by a scene; \
                 expected a scene, a simulation or shapes (.wrl)",
             )),
             Config::Experiment(_) => Err(refused(
@@ -171,7 +171,7 @@ impl SceneArgs {
         }
     }
 
-    fn simulated(&self) -> Result<Depicted, CliError> {
+    fn simulated(&self) -> Result<LoadedScene, CliError> {
         let loaded = load::load(Some(&self.file), None)?;
         let (sim, shapes) = (loaded.sim.clone(), loaded.shapes.clone());
         let scenario = load::scenario(loaded, Some(&self.file), self.seed)?;
@@ -185,7 +185,7 @@ impl SceneArgs {
         )
     }
 
-    fn shapes_alone(&self) -> Result<Depicted, CliError> {
+    fn shapes_alone(&self) -> Result<LoadedScene, CliError> {
         // Through the common way of reading first, so that a missing file is named as everywhere.
         read::text(&self.file)?;
         let shapes = load::read_shapes(
@@ -215,13 +215,13 @@ impl SceneArgs {
         shapes: VrmlScene,
         persons: Vec<Person>,
         sim: Option<Sim>,
-    ) -> Result<Depicted, CliError> {
+    ) -> Result<LoadedScene, CliError> {
         let scene =
             staging::build(&file, &shapes.shapes, &persons).map_err(|error| CliError::Input {
                 path: self.file.clone(),
                 reason: format!("scene: {error}"),
             })?;
-        Ok(Depicted {
+        Ok(LoadedScene {
             name,
             file,
             shapes,

@@ -4,7 +4,7 @@ use std::thread::ScopedJoinHandle;
 
 use super::error::CliError;
 use super::pictures::drawn;
-use super::scene::Depicted;
+use super::scene::LoadedScene;
 use crate::draw::{COLOURS, FloorPlan, FloorShape, Overlay, Picture};
 use crate::geom::{Angle, Point, Rect};
 use crate::scene::{Camera, RayHit, Scene, Viewpoint};
@@ -39,7 +39,7 @@ pub(super) struct SceneView {
 
 impl SceneView {
     /// Returns where the view is from: the pose asked for, or one above the south-west that shows everything.
-    pub(super) fn viewpoint(&self, depicted: &Depicted) -> Viewpoint {
+    pub(super) fn viewpoint(&self, depicted: &LoadedScene) -> Viewpoint {
         if let Some(pose) = self.pose {
             return pose;
         }
@@ -72,7 +72,7 @@ struct Kinds {
 }
 
 impl Kinds {
-    fn new(depicted: &Depicted) -> Kinds {
+    fn new(depicted: &LoadedScene) -> Kinds {
         let file = &depicted.file;
         let objects = depicted.scene.objects();
         let mut kinds = Kinds {
@@ -117,7 +117,7 @@ impl Kinds {
 }
 
 /// Returns what the pictures show in the plane: the fence of a simulation, else all that stands there.
-fn shown(depicted: &Depicted) -> Rect {
+fn shown(depicted: &LoadedScene) -> Rect {
     if let Some(sim) = &depicted.sim {
         return around(sim.venue.fence.corners());
     }
@@ -141,7 +141,7 @@ fn around(corners: &[Point]) -> Rect {
 ///
 /// # Errors
 /// The picture cannot be made.
-pub(super) fn draw_plan(depicted: &Depicted, look: &SceneView) -> Result<Vec<u8>, CliError> {
+pub(super) fn draw_plan(depicted: &LoadedScene, look: &SceneView) -> Result<Vec<u8>, CliError> {
     let kinds = Kinds::new(depicted);
     let top_m = depicted.scene.extent().map_or(0.0, |(_, high)| high[2]);
     let step_m = (top_m - look.height_m) / (CUTS_ABOVE as f64 + 0.5);
@@ -182,7 +182,7 @@ pub(super) fn draw_plan(depicted: &Depicted, look: &SceneView) -> Result<Vec<u8>
     drawn(Picture::floor(&plan))
 }
 
-fn overlays(depicted: &Depicted, look: &SceneView) -> Vec<Overlay> {
+fn overlays(depicted: &LoadedScene, look: &SceneView) -> Vec<Overlay> {
     let mut overlays = Vec::new();
     if let Some(sim) = &depicted.sim {
         overlays.push(Overlay::Fence {
@@ -216,7 +216,7 @@ fn overlays(depicted: &Depicted, look: &SceneView) -> Vec<Overlay> {
 ///
 /// # Errors
 /// The picture cannot be made.
-pub(super) fn draw_view(depicted: &Depicted, look: &SceneView) -> Result<Vec<u8>, CliError> {
+pub(super) fn draw_view(depicted: &LoadedScene, look: &SceneView) -> Result<Vec<u8>, CliError> {
     let (columns, rows) = look.size_px;
     let camera = Camera::new(&look.viewpoint(depicted), columns, rows, look.field_rad);
     let kinds = Kinds::new(depicted);

@@ -1,8 +1,8 @@
 //! What `tomoswarm scene` says of a scene, in a few lines for a person.
 
-use super::scene::Depicted;
+use super::scene::LoadedScene;
 use super::scene_pictures::SceneView;
-use crate::config::Material;
+use crate::config::MaterialSpec;
 use crate::config::Up;
 use crate::geom::Point;
 use crate::scene::VrmlShape;
@@ -13,7 +13,7 @@ const NAMES_SHOWN: usize = 12;
 const LINES_SHOWN: usize = 50;
 
 /// Describes a scene; begins with its name and ends in a line break.
-pub(super) fn describe(depicted: &Depicted, look: &SceneView) -> String {
+pub(super) fn describe(depicted: &LoadedScene, look: &SceneView) -> String {
     let mut lines = vec![
         shapes_line(depicted),
         bodies_line(depicted),
@@ -41,7 +41,7 @@ pub(super) fn describe(depicted: &Depicted, look: &SceneView) -> String {
 
 type Line = (&'static str, String);
 
-fn shapes_line(depicted: &Depicted) -> Line {
+fn shapes_line(depicted: &LoadedScene) -> Line {
     let list = &depicted.shapes.shapes;
     let (faces, triangles) = list.iter().fold((0, 0), |(faces, triangles), shape| {
         (faces + shape.faces, triangles + shape.triangles)
@@ -65,7 +65,7 @@ fn shapes_line(depicted: &Depicted) -> Line {
     )
 }
 
-fn bodies_line(depicted: &Depicted) -> Line {
+fn bodies_line(depicted: &LoadedScene) -> Line {
     let objects = depicted.scene.objects();
     let closed = objects.iter().filter(|object| object.closed).count();
     (
@@ -74,7 +74,7 @@ fn bodies_line(depicted: &Depicted) -> Line {
     )
 }
 
-fn box_line(depicted: &Depicted) -> Line {
+fn box_line(depicted: &LoadedScene) -> Line {
     let text = match depicted.scene.extent() {
         Some((low, high)) => {
             let axis = |index: usize| format!("{:.2} to {:.2}", low[index], high[index]);
@@ -85,7 +85,7 @@ fn box_line(depicted: &Depicted) -> Line {
     ("box", text)
 }
 
-fn material_lines(depicted: &Depicted) -> Vec<Line> {
+fn material_lines(depicted: &LoadedScene) -> Vec<Line> {
     let file = &depicted.file;
     let name_of = |shape: &VrmlShape| {
         shape
@@ -151,7 +151,7 @@ fn listed(shapes: &[&VrmlShape]) -> String {
     )
 }
 
-fn object_lines(depicted: &Depicted) -> Vec<Line> {
+fn object_lines(depicted: &LoadedScene) -> Vec<Line> {
     let objects = &depicted.file.objects;
     let line = |object: &crate::config::Object| {
         let (low_m, high_m) = (object.bottom_m, object.top_m);
@@ -167,7 +167,7 @@ fn object_lines(depicted: &Depicted) -> Vec<Line> {
     shortened(objects.iter().map(line).collect(), "object")
 }
 
-fn person_lines(depicted: &Depicted) -> Vec<Line> {
+fn person_lines(depicted: &LoadedScene) -> Vec<Line> {
     let line = |person: &crate::scene::Person| {
         let (name, radius_m, db_per_m) = (&person.name, person.radius_m, person.db_per_m);
         let at = Point::new(hundredths(person.at.x_m), hundredths(person.at.y_m));
@@ -204,7 +204,7 @@ fn shortened(mut lines: Vec<Line>, name: &'static str) -> Vec<Line> {
     lines
 }
 
-fn place_line(depicted: &Depicted) -> Option<Line> {
+fn place_line(depicted: &LoadedScene) -> Option<Line> {
     let venue = &depicted.sim.as_ref()?.venue;
     let area = venue.area;
     let text = format!(
@@ -219,7 +219,7 @@ fn place_line(depicted: &Depicted) -> Option<Line> {
 }
 
 /// Describes what a body is made of.
-fn material_text(material: &Material) -> String {
+fn material_text(material: &MaterialSpec) -> String {
     let colour = material
         .colour
         .map(|[red, green, blue]| format!(", #{red:02x}{green:02x}{blue:02x}"));

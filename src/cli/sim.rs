@@ -385,10 +385,10 @@ mod tests {
             laps,
             samples: 7,
         };
-        let said = |laps| progress(&status(laps), Duration::from_secs(9));
-        assert_eq!(said(0), "1.5 min simulated, 7 samples, 10 x real time");
+        let output = |laps| progress(&status(laps), Duration::from_secs(9));
+        assert_eq!(output(0), "1.5 min simulated, 7 samples, 10 x real time");
         assert_eq!(
-            said(3),
+            output(3),
             "lap 1/3  1.5 min simulated, 7 samples, 10 x real time"
         );
     }

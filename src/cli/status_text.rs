@@ -9,7 +9,7 @@ use tomoswarm_proto::{
 
 use super::table::table;
 use crate::geom::Vector;
-use crate::operator::fleet_view::{FleetView, Fresh, VehicleView};
+use crate::operator::fleet_view::{FleetView, Timestamped, VehicleView};
 use crate::operator::names::{
     control, kind_name, listed, mission_phase, mode, ordered, phase, run_end, troubles,
 };
@@ -149,7 +149,7 @@ fn place(pose: PoseReport) -> String {
     format!("{:.2},{:.2} ± {sd}", pose.at.x_m(), pose.at.y_m())
 }
 
-fn ground_lines(report: &Fresh<GroundReport>, now: Time) -> String {
+fn ground_lines(report: &Timestamped<GroundReport>, now: Time) -> String {
     let GroundReport {
         phase: at,
         run,
@@ -208,14 +208,14 @@ pub fn json(view: &FleetView, expected: &Expected, now: Time) -> Value {
         json!({
             "vehicle": id,
             "age_s": seen.state.as_ref().map(|state| state.age(now).as_secs_f64()),
-            "state": seen.state.as_ref().map(|state: &Fresh<State>| &state.value),
+            "state": seen.state.as_ref().map(|state: &Timestamped<State>| &state.value),
             "mission": seen.mission.as_ref().map(|mission| &mission.value),
             "health": seen.health.as_ref().map(|health| &health.value),
             "hello": seen.hello.as_ref().map(|hello| &hello.value),
         })
     };
     let vehicles = expected.vehicles(view, now);
-    let ground = |report: &Fresh<GroundReport>| json!({"age_s": report.age(now).as_secs_f64(), "report": report.value});
+    let ground = |report: &Timestamped<GroundReport>| json!({"age_s": report.age(now).as_secs_f64(), "report": report.value});
     let foreign: Vec<Value> = view
         .foreign()
         .map(|greeting| json!({"node": greeting.node.prefix(), "wire_version": greeting.version}))

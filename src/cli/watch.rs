@@ -5,13 +5,13 @@ use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 use super::error::CliError;
-use super::frame::{Drawn, RunFrame};
+use super::frame::{RunFrame, VehicleMarker};
 use super::screen::{Screen, Size};
 use super::sim::progress;
 use super::stop::StopFlag;
 use crate::config::Venue;
 use crate::geom::Point;
-use crate::sim::{RunView, ShownVehicle};
+use crate::sim::{RunView, VehicleSnapshot};
 
 /// Pictures follow each other no faster than this.
 const DRAW_EVERY: Duration = Duration::from_millis(100);
@@ -32,7 +32,7 @@ pub(super) struct Watching<'a> {
     began: Instant,
     drawn_at: Option<Instant>,
     pace: Option<f64>,
-    vehicles: Vec<Drawn>,
+    vehicles: Vec<VehicleMarker>,
 }
 
 /// Returns whether a run can be watched here.
@@ -92,12 +92,12 @@ impl<'a> Watching<'a> {
     }
 
     /// Remembers where everybody comes from.
-    fn follow(&mut self, vehicles: &[ShownVehicle]) {
+    fn follow(&mut self, vehicles: &[VehicleSnapshot]) {
         self.vehicles.truncate(vehicles.len());
         for (index, vehicle) in vehicles.iter().enumerate() {
             match self.vehicles.get_mut(index) {
                 Some(drawn) => drawn.vehicle = *vehicle,
-                None => self.vehicles.push(Drawn {
+                None => self.vehicles.push(VehicleMarker {
                     vehicle: *vehicle,
                     track: VecDeque::new(),
                 }),

@@ -66,7 +66,7 @@ impl WorldArgs {
         if self.check {
             return say(out, &self.plan(&scenario));
         }
-        let token = self.token.clone().map_or_else(draw_token, Ok)?;
+        let token = self.token.clone().map_or_else(random_token, Ok)?;
         let server = WorldServer::start(&scenario, self.listen, &token).map_err(refused)?;
         let stopper = server.stopper();
         let by_input = stopper.clone();
@@ -128,7 +128,7 @@ fn refused(error: WorldError) -> CliError {
     }
 }
 
-fn draw_token() -> Result<String, CliError> {
+fn random_token() -> Result<String, CliError> {
     let drawn =
         getrandom::u64().map_err(|error| CliError::Fault(format!("no randomness: {error}")))?;
     Ok(format!("{drawn:016x}"))

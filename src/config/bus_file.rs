@@ -251,7 +251,7 @@ fn identity_keys(identity: &mut Option<Identity>, to: &mut dyn Keys) -> bool {
 struct IdentityFile<'a>(&'a mut Option<String>);
 
 impl Form for IdentityFile<'_> {
-    fn written(&self) -> Option<String> {
+    fn to_toml(&self) -> Option<String> {
         self.0.as_deref().map(quoted)
     }
 
@@ -274,7 +274,7 @@ struct Endpoints<'a> {
 }
 
 impl Form for Endpoints<'_> {
-    fn written(&self) -> Option<String> {
+    fn to_toml(&self) -> Option<String> {
         Some(written_list(
             self.list
                 .iter()

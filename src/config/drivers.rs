@@ -220,7 +220,7 @@ impl<D: DriverChoice> DriverKey<'_, D> {
 }
 
 impl<D: DriverChoice> Form for DriverKey<'_, D> {
-    fn written(&self) -> Option<String> {
+    fn to_toml(&self) -> Option<String> {
         Some(quoted(self.0.name()))
     }
 

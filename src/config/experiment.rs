@@ -15,7 +15,7 @@ use super::keys::{Keyed, Keys, read_table, read_values};
 use super::overlay::{Layer, OverlaidText, Overlay};
 use super::section::Section;
 use super::source::Source;
-use super::vehicle::Body;
+use super::vehicle::BodySpec;
 use super::venue::Venue;
 use super::{Loader, Problem, Problems, Sim, beside, read_kind, read_kind_over, vehicle};
 use crate::geom::{Point, Rect};
@@ -230,10 +230,10 @@ impl Experiment {
 
     /// Returns which values a run has on the axes that were given: `mission=search scene=castle …`.
     pub fn key(&self, run: usize, with_seed: bool) -> String {
-        let said = |axis: &&Axis| self.has(**axis) && (with_seed || **axis != Axis::Seed);
+        let output = |axis: &&Axis| self.has(**axis) && (with_seed || **axis != Axis::Seed);
         let words = Axis::ALL
             .iter()
-            .filter(said)
+            .filter(output)
             .map(|axis| format!("{}={}", axis.word(), self.name_of(run, *axis)));
         words.collect::<Vec<_>>().join(" ")
     }
@@ -416,7 +416,7 @@ impl Laid {
     }
 
     fn radius_m(&self, loader: &mut Loader) -> f64 {
-        let mut body = Body::default();
+        let mut body = BodySpec::default();
         self.look(loader, |root| {
             read_values(&mut body, &root.section("vehicles"))
         });

@@ -34,7 +34,7 @@ pub enum FaultKind {
 
 /// A fault of some nodes.
 #[derive(Clone, PartialEq, Debug)]
-pub struct Fault {
+pub struct FaultSpec {
     /// When it begins.
     pub from: Time,
     /// When it is over; [`Time::NEVER`] = not before the end.
@@ -47,7 +47,7 @@ pub struct Fault {
     pub ground: bool,
 }
 
-impl Fault {
+impl FaultSpec {
     /// Returns whether it is there for a vehicle at a moment (from `from` on, before `until`).
     pub fn hits(&self, now: Time, vehicle: VehicleId) -> bool {
         self.from <= now && now < self.until && self.vehicles.contains(&vehicle)
@@ -105,7 +105,7 @@ pub struct PlannedFault {
 
 impl PlannedFault {
     /// Returns it in the run's time.
-    pub fn fault(&self) -> Fault {
+    pub fn fault(&self) -> FaultSpec {
         let kind = match self.kind {
             FaultWord::Bus => FaultKind::Bus,
             FaultWord::Radio => FaultKind::Radio,
@@ -117,7 +117,7 @@ impl PlannedFault {
         };
         let until = self.until_s.map_or(Time::NEVER, Time::from_secs_f64);
         let from = Time::from_secs_f64(self.at_s);
-        Fault {
+        FaultSpec {
             from,
             until,
             kind,
@@ -241,7 +241,7 @@ struct Whom<'a> {
 }
 
 impl Form for Whom<'_> {
-    fn written(&self) -> Option<String> {
+    fn to_toml(&self) -> Option<String> {
         Some(written_list(self.whom.iter().map(ToString::to_string)))
     }
 

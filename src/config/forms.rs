@@ -16,7 +16,7 @@ pub(super) struct Name<'a> {
 }
 
 impl Form for Name<'_> {
-    fn written(&self) -> Option<String> {
+    fn to_toml(&self) -> Option<String> {
         Some(quoted(self.name))
     }
 
@@ -29,7 +29,7 @@ impl Form for Name<'_> {
 pub(super) struct Text<'a>(pub(super) &'a mut Option<String>);
 
 impl Form for Text<'_> {
-    fn written(&self) -> Option<String> {
+    fn to_toml(&self) -> Option<String> {
         self.0.as_deref().map(quoted)
     }
 
@@ -47,7 +47,7 @@ pub(super) struct FileName<'a> {
 }
 
 impl Form for FileName<'_> {
-    fn written(&self) -> Option<String> {
+    fn to_toml(&self) -> Option<String> {
         self.name.as_deref().map(quoted)
     }
 
@@ -64,7 +64,7 @@ impl Form for FileName<'_> {
 pub(super) struct LoadedFile<'a>(pub(super) &'a str);
 
 impl Form for LoadedFile<'_> {
-    fn written(&self) -> Option<String> {
+    fn to_toml(&self) -> Option<String> {
         Some(quoted(self.0))
     }
 
@@ -75,7 +75,7 @@ impl Form for LoadedFile<'_> {
 pub(super) struct RequiredPlace<'a>(pub(super) &'a mut Point);
 
 impl Form for RequiredPlace<'_> {
-    fn written(&self) -> Option<String> {
+    fn to_toml(&self) -> Option<String> {
         Some(place(self.0))
     }
 
@@ -88,7 +88,7 @@ impl Form for RequiredPlace<'_> {
 pub(super) struct MaybePlace<'a>(pub(super) &'a mut Option<Point>);
 
 impl Form for MaybePlace<'_> {
-    fn written(&self) -> Option<String> {
+    fn to_toml(&self) -> Option<String> {
         self.0.as_ref().map(place)
     }
 
@@ -107,7 +107,7 @@ pub(super) struct RequiredPlaces<'a> {
 }
 
 impl Form for RequiredPlaces<'_> {
-    fn written(&self) -> Option<String> {
+    fn to_toml(&self) -> Option<String> {
         Some(places(self.places))
     }
 

@@ -6,7 +6,7 @@ use tomoswarm_proto::TaskKind;
 
 use super::Loader;
 use super::keys::{KeyEntry, Keyed, Keys, quoted, read_table};
-use super::mission::{Sweep, SweepTable, check_sweep};
+use super::mission::{SweepConfig, SweepTable, check_sweep};
 use super::problem::{Problem, Problems};
 use super::section::Section;
 use super::sim::check_task;
@@ -26,7 +26,7 @@ pub struct GivenMission {
     /// What the vehicles are out for; `None` = a sweep.
     pub task: Option<TaskKind>,
     /// How it is swept, if it is a sweep.
-    pub sweep: Sweep,
+    pub sweep: SweepConfig,
 }
 
 impl GivenMission {
@@ -63,7 +63,7 @@ impl GivenMission {
 #[derive(Default)]
 struct Tables {
     mission: MissionTable,
-    sweep: Sweep,
+    sweep: SweepConfig,
 }
 
 impl Keyed for Tables {
@@ -194,7 +194,7 @@ fn of_options(kind: &str, set: &[String], problems: Problems) -> Problems {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::{Planner, bundled};
+    use crate::config::{PlannerChoice, bundled};
     use tomoswarm_proto::Position;
 
     fn read(kind: &str, set: &[&str]) -> Result<GivenMission, String> {
@@ -226,7 +226,7 @@ mod tests {
         );
         assert_eq!(
             read("calibrate", &["positions=8"]).unwrap().sweep.planner,
-            Planner::Calibrate
+            PlannerChoice::Calibrate
         );
     }
 
@@ -260,7 +260,7 @@ mod tests {
         let given = read("sweep", &["planner=fan", "laps=3", "dwell_s=2"]).unwrap();
         assert_eq!(
             (given.sweep.planner, given.sweep.laps, given.sweep.dwell_s),
-            (Planner::Fan, Some(3), 2.0)
+            (PlannerChoice::Fan, Some(3), 2.0)
         );
     }
 
@@ -322,8 +322,8 @@ mod tests {
                 "--set: positions = 3: is out of range; ",
             ),
         ] {
-            let said = read(kind, set).unwrap_err();
-            failed.extend((!said.starts_with(expected)).then(|| format!("{said}\n{expected}")));
+            let output = read(kind, set).unwrap_err();
+            failed.extend((!output.starts_with(expected)).then(|| format!("{output}\n{expected}")));
         }
         assert_eq!(failed, Vec::<String>::new());
         let twice = read("square", &["size_m=4", "size_m=5"]).unwrap_err();
@@ -338,14 +338,14 @@ mod tests {
     #[test]
     fn more_places_than_a_task_carries_are_refused() {
         let places: Vec<String> = (0..1001).map(|_| "[1, 1]".to_owned()).collect();
-        let said = read(
+        let output = read(
             "waypoints",
             &[&format!("waypoints_m=[{}]", places.join(","))],
         )
         .unwrap_err();
         assert!(
-            said.starts_with("--set: waypoints_m = ") && said.contains("1 to 1000"),
-            "{said}"
+            output.starts_with("--set: waypoints_m = ") && output.contains("1 to 1000"),
+            "{output}"
         );
     }
 }

@@ -6,7 +6,7 @@ use super::Loader;
 use super::bus_file::{BusFile, BusFileTable, Role};
 use super::forms::{LoadedFile, Text};
 use super::keys::{Flag, Form, KeyEntry, Keyed, Keys, NumberBounds, read_table, written_list};
-use super::mission::{Imaging, Sweep, SweepTable, check_sweep};
+use super::mission::{Imaging, SweepConfig, SweepTable, check_sweep};
 use super::radio::Reception;
 use super::section::{Section, whole_of};
 use super::sim::load;
@@ -26,7 +26,7 @@ pub struct GroundFile {
     /// The folder in which the store and the recordings are kept.
     pub state_dir: String,
     /// How the sweep is driven.
-    pub sweep: Sweep,
+    pub sweep: SweepConfig,
     /// How images are made.
     pub imaging: Imaging,
     /// How well receivers hear.
@@ -51,7 +51,7 @@ impl GroundFile {
             venue: Venue::blank(),
             vehicles: Vec::new(),
             state_dir: String::new(),
-            sweep: Sweep::default(),
+            sweep: SweepConfig::default(),
             imaging: Imaging::default(),
             reception: Reception::default(),
             compare_with: None,
@@ -189,7 +189,7 @@ impl Keyed for MovedSafety {
 struct Vehicles<'a>(&'a mut Vec<VehicleId>);
 
 impl Form for Vehicles<'_> {
-    fn written(&self) -> Option<String> {
+    fn to_toml(&self) -> Option<String> {
         Some(written_list(self.0.iter().map(ToString::to_string)))
     }
 

@@ -194,7 +194,7 @@ impl<T: WordChoice> Word for T {
 /// A value with a form of its own.
 pub(super) trait Form {
     /// Returns it as TOML; `None` when it is left out.
-    fn written(&self) -> Option<String>;
+    fn to_toml(&self) -> Option<String>;
     /// Reads it; what is wrong is noted at the section.
     fn read(&mut self, section: &Section<'_>, name: &'static str);
     /// Returns what is allowed, for the documentation.

@@ -9,7 +9,7 @@ use super::vehicle::seconds;
 
 /// How the next stops are chosen.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub enum Planner {
+pub enum PlannerChoice {
     /// All drive laps at a constant gap and measure while driving; the gap changes between laps.
     #[default]
     RotatingGap,
@@ -25,9 +25,9 @@ pub enum Planner {
 
 /// How a sweep is driven.
 #[derive(Clone, PartialEq, Debug, Default)]
-pub struct Sweep {
+pub struct SweepConfig {
     /// The planner.
-    pub planner: Planner,
+    pub planner: PlannerChoice,
     /// Positions on the border of the area.
     pub positions: usize,
     /// Laps (rotating gap) or rounds (fan) of a sweep; `None`: as many as the planner needs.
@@ -38,17 +38,17 @@ pub struct Sweep {
     pub dwell_limit_s: f64,
 }
 
-impl WordChoice for Planner {
-    const WORDS: &'static [(&'static str, Planner)] = &[
-        ("rotating-gap", Planner::RotatingGap),
-        ("fan", Planner::Fan),
-        ("calibrate", Planner::Calibrate),
-        ("fan-corners", Planner::FanCorners),
-        ("fan-straight", Planner::FanStraight),
+impl WordChoice for PlannerChoice {
+    const WORDS: &'static [(&'static str, PlannerChoice)] = &[
+        ("rotating-gap", PlannerChoice::RotatingGap),
+        ("fan", PlannerChoice::Fan),
+        ("calibrate", PlannerChoice::Calibrate),
+        ("fan-corners", PlannerChoice::FanCorners),
+        ("fan-straight", PlannerChoice::FanStraight),
     ];
 }
 
-impl Sweep {
+impl SweepConfig {
     /// Returns how long a vehicle stays at a stop.
     pub fn dwell(&self) -> Duration {
         seconds(self.dwell_s)
@@ -62,20 +62,20 @@ impl Sweep {
 
 /// The table `[sweep]`; a mission may say the planner.
 pub(super) struct SweepTable<'a> {
-    pub(super) sweep: &'a mut Sweep,
-    pub(super) mission: Option<Planner>,
+    pub(super) sweep: &'a mut SweepConfig,
+    pub(super) mission: Option<PlannerChoice>,
 }
 
 impl Keyed for SweepTable<'_> {
     fn keys(&mut self, to: &mut dyn Keys) {
-        let Sweep {
+        let SweepConfig {
             planner,
             positions,
             laps,
             dwell_s,
             dwell_limit_s,
         } = &mut *self.sweep;
-        let default = self.mission.unwrap_or(Planner::RotatingGap).word();
+        let default = self.mission.unwrap_or(PlannerChoice::RotatingGap).word();
         let means =
             "how the next stops are chosen; the last three are for two vehicles, see `[mission]`";
         to.word(
@@ -129,23 +129,25 @@ impl Keyed for SweepTable<'_> {
 }
 
 /// Returns the most laps of a sweep; a fan has a round for every position that one may stand at.
-fn most_laps(planner: Planner, positions: usize) -> usize {
+fn most_laps(planner: PlannerChoice, positions: usize) -> usize {
     match planner {
-        Planner::RotatingGap => 64,
-        Planner::Fan | Planner::Calibrate => positions.max(1),
-        Planner::FanCorners | Planner::FanStraight => 4,
+        PlannerChoice::RotatingGap => 64,
+        PlannerChoice::Fan | PlannerChoice::Calibrate => positions.max(1),
+        PlannerChoice::FanCorners | PlannerChoice::FanStraight => 4,
     }
 }
 
 /// The smallest gap between two vehicles on the ring, steps.
 pub(super) const SMALLEST_GAP: usize = 4;
 
-impl Planner {
+impl PlannerChoice {
     /// Returns whether it drives a pattern of the original, over the points of a lattice.
     pub fn is_pattern(self) -> bool {
         match self {
-            Planner::RotatingGap | Planner::Fan => false,
-            Planner::Calibrate | Planner::FanCorners | Planner::FanStraight => true,
+            PlannerChoice::RotatingGap | PlannerChoice::Fan => false,
+            PlannerChoice::Calibrate | PlannerChoice::FanCorners | PlannerChoice::FanStraight => {
+                true
+            }
         }
     }
 }
@@ -153,9 +155,9 @@ impl Planner {
 /// Checks a sweep of so many vehicles; a mission may say the planner.
 pub(super) fn check_sweep(
     source: &Source<'_>,
-    sweep: &Sweep,
+    sweep: &SweepConfig,
     vehicles: usize,
-    mission: Option<Planner>,
+    mission: Option<PlannerChoice>,
 ) {
     if mission.is_some_and(|mission| mission != sweep.planner) {
         let wrong = "is another one than mission.kind says";
@@ -164,7 +166,7 @@ pub(super) fn check_sweep(
     if sweep.planner.is_pattern() {
         check_pattern(source, sweep, vehicles);
     }
-    if sweep.planner == Planner::RotatingGap && vehicles * SMALLEST_GAP > sweep.positions {
+    if sweep.planner == PlannerChoice::RotatingGap && vehicles * SMALLEST_GAP > sweep.positions {
         let wrong =
             format!("is too few for {vehicles} vehicles at least {SMALLEST_GAP} steps apart");
         source.refuse(
@@ -182,7 +184,7 @@ pub(super) fn check_sweep(
     }
 }
 
-fn check_pattern(source: &Source<'_>, sweep: &Sweep, vehicles: usize) {
+fn check_pattern(source: &Source<'_>, sweep: &SweepConfig, vehicles: usize) {
     if !sweep.positions.is_multiple_of(4) {
         let rule = "a multiple of 4 is needed: the points along the border of a square lattice";
         source.refuse("sweep.positions", "makes no square lattice", rule);
@@ -449,7 +451,7 @@ struct Pixels<'a> {
 }
 
 impl Form for Pixels<'_> {
-    fn written(&self) -> Option<String> {
+    fn to_toml(&self) -> Option<String> {
         Some(format!("[{}, {}]", self.columns, self.rows))
     }
 

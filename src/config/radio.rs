@@ -83,7 +83,7 @@ impl Keyed for OwnRadio {
 struct Power<'a>(&'a mut i8);
 
 impl Form for Power<'_> {
-    fn written(&self) -> Option<String> {
+    fn to_toml(&self) -> Option<String> {
         Some(self.0.to_string())
     }
 
@@ -376,7 +376,7 @@ struct Sides<'a> {
 }
 
 impl Form for Sides<'_> {
-    fn written(&self) -> Option<String> {
+    fn to_toml(&self) -> Option<String> {
         let node = |node: &Sender| match node {
             Sender::Vehicle(id) => id.to_string(),
             Sender::Ground => "\"ground\"".to_owned(),

@@ -430,7 +430,7 @@ impl Keyed for SerialText {
 struct Port<'a>(&'a mut String);
 
 impl Form for Port<'_> {
-    fn written(&self) -> Option<String> {
+    fn to_toml(&self) -> Option<String> {
         Some(quoted(self.0))
     }
 

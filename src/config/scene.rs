@@ -30,7 +30,7 @@ pub enum Up {
 
 /// What a body does to radio that goes through it.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
-pub struct Material {
+pub struct MaterialSpec {
     /// Attenuation along the way inside, dB/m.
     pub db_per_m: f64,
     /// Attenuation of each crossing of the surface, dB; for open sheets, which have no inside.
@@ -39,15 +39,15 @@ pub struct Material {
     pub colour: Option<[u8; 3]>,
 }
 
-impl Material {
-    const NONE: Material = Material {
+impl MaterialSpec {
+    const NONE: MaterialSpec = MaterialSpec {
         db_per_m: 0.0,
         db_per_crossing: 0.0,
         colour: None,
     };
-    const SOLID: Material = Material {
+    const SOLID: MaterialSpec = MaterialSpec {
         db_per_m: 10.0,
-        ..Material::NONE
+        ..MaterialSpec::NONE
     };
 }
 
@@ -97,9 +97,9 @@ pub struct SceneFile {
     /// What is added to its coordinates after turning it upright (x, y, z), metres.
     pub offset_m: [f64; 3],
     /// Materials of its shapes, by DEF name.
-    pub materials: BTreeMap<String, Material>,
+    pub materials: BTreeMap<String, MaterialSpec>,
     /// The material of shapes without an entry of their own.
-    pub default_material: Material,
+    pub default_material: MaterialSpec,
     /// Persons who stand there in every run.
     pub persons: Vec<Person>,
     /// Upright bodies beside those of the file of shapes.
@@ -117,7 +117,7 @@ impl SceneFile {
             up,
             offset_m: [0.0; 3],
             materials: BTreeMap::new(),
-            default_material: Material::SOLID,
+            default_material: MaterialSpec::SOLID,
             persons: Vec::new(),
             objects: Vec::new(),
             random_persons: None,
@@ -215,7 +215,7 @@ impl Keyed for SceneFile {
         let means = "for shapes without an entry";
         let mut table = MaterialTable {
             material: default_material,
-            default: Material::SOLID,
+            default: MaterialSpec::SOLID,
         };
         to.table(
             &mut table,
@@ -265,13 +265,13 @@ impl Keyed for SceneFile {
 
 /// A material with its defaults.
 struct MaterialTable<'a> {
-    material: &'a mut Material,
-    default: Material,
+    material: &'a mut MaterialSpec,
+    default: MaterialSpec,
 }
 
 impl Keyed for MaterialTable<'_> {
     fn keys(&mut self, to: &mut dyn Keys) {
-        let Material {
+        let MaterialSpec {
             db_per_m,
             db_per_crossing,
             colour,
@@ -307,11 +307,11 @@ impl Keyed for MaterialTable<'_> {
     }
 }
 
-impl Keyed for Material {
+impl Keyed for MaterialSpec {
     fn keys(&mut self, to: &mut dyn Keys) {
         MaterialTable {
             material: self,
-            default: Material::NONE,
+            default: MaterialSpec::NONE,
         }
         .keys(to);
     }
@@ -321,7 +321,7 @@ impl Keyed for Material {
 struct Colour<'a>(&'a mut Option<[u8; 3]>);
 
 impl Form for Colour<'_> {
-    fn written(&self) -> Option<String> {
+    fn to_toml(&self) -> Option<String> {
         self.0
             .map(|[red, green, blue]| quoted(&format!("#{red:02x}{green:02x}{blue:02x}")))
     }

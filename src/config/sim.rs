@@ -16,7 +16,9 @@ use super::fault::PlannedFault;
 use super::forms::LoadedFile;
 use super::keys::WordChoice;
 use super::keys::{Flag, KeyEntry, Keyed, Keys, List, Number, Rowed, Whole, Words, read_table};
-use super::mission::{AfterSweep, Durations, Expect, Imaging, Sweep, SweepTable, check_sweep};
+use super::mission::{
+    AfterSweep, Durations, Expect, Imaging, SweepConfig, SweepTable, check_sweep,
+};
 use super::radio::{Bus, BusTable, Radio, RadioTable};
 use super::range::RangeSensor;
 use super::scene::{SceneFile, Up};
@@ -24,7 +26,7 @@ use super::section::Section;
 use super::swarm::Swarm;
 use super::task::MissionTable;
 use super::vehicle::{
-    PARTY, SWARM, Safety, Vehicles, VehiclesTable, check_ceiling, seconds, sight,
+    PARTY, SWARM, Safety, Vehicles, VehiclesTable, check_ceiling, seconds, sensing_limits,
 };
 use super::venue::Venue;
 use super::{Loader, beside, read_kind_over};
@@ -57,7 +59,7 @@ pub struct Sim {
     /// What the vehicles are out for; `None` = they follow the plans of the ground station.
     pub task: Option<TaskKind>,
     /// How the sweep is driven.
-    pub sweep: Sweep,
+    pub sweep: SweepConfig,
     /// Whether the same sweep is driven first without the persons.
     pub empty_sweep: bool,
     /// How images are made.
@@ -93,14 +95,14 @@ impl Sim {
     }
 
     /// Returns what a vehicle surely sees and how it stops, the one rule for its speed.
-    pub fn sight(&self) -> SensingLimits {
+    pub fn sensing_limits(&self) -> SensingLimits {
         let Sim {
             vehicles,
             range,
             safety,
             ..
         } = self;
-        sight(
+        sensing_limits(
             &vehicles.body,
             &range.look,
             safety,
@@ -133,7 +135,7 @@ impl Sim {
             bus: Bus::default(),
             mission: MissionTable::default(),
             task: None,
-            sweep: Sweep::default(),
+            sweep: SweepConfig::default(),
             empty_sweep: false,
             imaging: Imaging::default(),
             durations: Durations::default(),

@@ -10,7 +10,7 @@ use tomoswarm_proto::{
 use super::Loader;
 use super::forms::{FileName, MaybePlace, places};
 use super::keys::{Form, KeyEntry, Keyed, Keys, Number, NumberBounds, Whole, Word, Words};
-use super::mission::Planner;
+use super::mission::PlannerChoice;
 use super::problem::Problems;
 use super::section::Section;
 use super::source::Source;
@@ -22,7 +22,7 @@ use crate::geom::{Point, Rect};
 #[derive(Clone, PartialEq, Debug)]
 enum WrittenKind {
     /// As the ground station plans; a measurement pattern of the original says by which planner.
-    Sweep(Option<Planner>),
+    Sweep(Option<PlannerChoice>),
     /// Straight around a square.
     Square,
     /// Straight from place to place.
@@ -34,11 +34,14 @@ enum WrittenKind {
 /// The words of files alone.
 const WORDS: &[(&str, WrittenKind)] = &[
     ("sweep", WrittenKind::Sweep(None)),
-    ("calibrate", WrittenKind::Sweep(Some(Planner::Calibrate))),
-    ("fan", WrittenKind::Sweep(Some(Planner::FanCorners))),
+    (
+        "calibrate",
+        WrittenKind::Sweep(Some(PlannerChoice::Calibrate)),
+    ),
+    ("fan", WrittenKind::Sweep(Some(PlannerChoice::FanCorners))),
     (
         "fan-straight",
-        WrittenKind::Sweep(Some(Planner::FanStraight)),
+        WrittenKind::Sweep(Some(PlannerChoice::FanStraight)),
     ),
     ("square", WrittenKind::Square),
     ("waypoints", WrittenKind::Waypoints),
@@ -111,7 +114,7 @@ impl MissionTable {
     }
 
     /// Returns the planner that its kind of sweep needs.
-    pub(super) fn planner(&self) -> Option<Planner> {
+    pub(super) fn planner(&self) -> Option<PlannerChoice> {
         match self.kind {
             WrittenKind::Sweep(planner) => planner,
             WrittenKind::Square | WrittenKind::Waypoints | WrittenKind::Named(_) => None,
@@ -382,7 +385,7 @@ struct Waypoints<'a> {
 }
 
 impl Form for Waypoints<'_> {
-    fn written(&self) -> Option<String> {
+    fn to_toml(&self) -> Option<String> {
         (!self.places.is_empty()).then(|| places(self.places))
     }
 

@@ -26,7 +26,7 @@ pub struct Vehicles {
     /// How many.
     pub count: usize,
     /// Their bodies.
-    pub body: Body,
+    pub body: BodySpec,
     /// Standard deviation of each coordinate of the measured place, metres.
     pub pose_sd_m: f64,
     /// Time over which the error of the measured place drifts by its own size, seconds.
@@ -248,7 +248,7 @@ pub(super) fn check_ceiling(root: &Section<'_>, vehicles: &Vehicles, ceiling_m: 
 
 /// The body of one vehicle and how it moves.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
-pub struct Body {
+pub struct BodySpec {
     /// Radius of the body, metres.
     pub radius_m: f64,
     /// Height of the body, metres.
@@ -265,16 +265,16 @@ pub struct Body {
     pub turn_rate_deg_per_s: f64,
 }
 
-impl Body {
+impl BodySpec {
     /// Returns the turn rate on the spot, radians per second.
     pub fn turn_rate_rad_per_s(&self) -> f64 {
         self.turn_rate_deg_per_s.to_radians()
     }
 }
 
-impl Keyed for Body {
+impl Keyed for BodySpec {
     fn keys(&mut self, to: &mut dyn Keys) {
-        let Body {
+        let BodySpec {
             radius_m,
             height_m,
             antenna_height_m,
@@ -418,8 +418,8 @@ impl Keyed for Safety {
 /// Returns what a vehicle surely sees and how it stops, the one rule for its speed: the corridor that must be known free
 /// ends half a cell's diagonal before the sure range, every beam is looked along once a cycle, and one reading later
 /// the brakes are told. `pose_sd_m` is the deviation of its place, metres.
-pub(super) fn sight(
-    body: &Body,
+pub(super) fn sensing_limits(
+    body: &BodySpec,
     look: &SensorCoverage,
     safety: &Safety,
     cell_m: f64,

@@ -17,7 +17,7 @@ use super::section::Section;
 use super::sim::{check_border, check_task, load, refuse_blind_speed};
 use super::swarm::Swarm;
 use super::task::MissionTable;
-use super::vehicle::{Body, Safety, sight};
+use super::vehicle::{BodySpec, Safety, sensing_limits};
 use super::venue::Venue;
 use crate::geom::Point;
 
@@ -46,7 +46,7 @@ pub struct VehicleFile {
     /// What speaks with its devices.
     pub drivers: Drivers,
     /// Its body.
-    pub body: Body,
+    pub body: BodySpec,
     /// Its range sensor.
     pub look: SensorCoverage,
     /// Its radio.
@@ -137,7 +137,7 @@ impl Keyed for PoseFile {
 struct PoseSource;
 
 impl Form for PoseSource {
-    fn written(&self) -> Option<String> {
+    fn to_toml(&self) -> Option<String> {
         Some(quoted("autopilot"))
     }
 
@@ -205,7 +205,7 @@ impl VehicleFile {
             mission: MissionTable::default(),
             task: None,
             drivers: Drivers::default(),
-            body: Body::default(),
+            body: BodySpec::default(),
             look: SensorCoverage::default(),
             radio: OwnRadio::default(),
             pose: PoseFile::default(),
@@ -375,7 +375,7 @@ pub(super) fn state_dir_key(state_dir: &mut String, to: &mut dyn Keys) {
 struct Number1To250<'a>(&'a mut VehicleId);
 
 impl Form for Number1To250<'_> {
-    fn written(&self) -> Option<String> {
+    fn to_toml(&self) -> Option<String> {
         Some(self.0.to_string())
     }
 
@@ -438,7 +438,7 @@ impl Keyed for WorldEndpoint {
 struct WorldAddress<'a>(&'a mut SocketAddr);
 
 impl Form for WorldAddress<'_> {
-    fn written(&self) -> Option<String> {
+    fn to_toml(&self) -> Option<String> {
         Some(quoted(&self.0.to_string()))
     }
 
@@ -466,7 +466,7 @@ impl Form for WorldAddress<'_> {
 struct Token<'a>(&'a mut String);
 
 impl Form for Token<'_> {
-    fn written(&self) -> Option<String> {
+    fn to_toml(&self) -> Option<String> {
         Some(quoted(self.0))
     }
 
@@ -554,7 +554,7 @@ fn check_together(root: &Section<'_>, file: &VehicleFile) {
         );
     }
     if is_sound(&["vehicle", "range", "safety", "pose"]) {
-        let sight = sight(body, &file.look, safety, venue.cell_m, pose.expected_sd_m);
+        let sight = sensing_limits(body, &file.look, safety, venue.cell_m, pose.expected_sd_m);
         refuse_blind_speed(root, &sight, body.max_speed_mps, "vehicle.max_speed_mps");
     }
 }

@@ -316,7 +316,7 @@ impl Keyed for Datum {
 pub(super) struct Area<'a>(pub(super) &'a mut Rect);
 
 impl Form for Area<'_> {
-    fn written(&self) -> Option<String> {
+    fn to_toml(&self) -> Option<String> {
         let Rect { min, max } = *self.0;
         Some(written_list(
             [min.x_m, min.y_m, max.x_m, max.y_m].into_iter().map(number),
@@ -332,7 +332,7 @@ impl Form for Area<'_> {
 struct Fence<'a>(&'a mut Polygon);
 
 impl Form for Fence<'_> {
-    fn written(&self) -> Option<String> {
+    fn to_toml(&self) -> Option<String> {
         Some(places(self.0.corners()))
     }
 

@@ -53,7 +53,7 @@ const MISFITS_MAX: usize = 4;
 
 /// What follows from a greeting.
 #[derive(Clone, PartialEq, Eq, Debug)]
-pub enum GreetingVerdict {
+pub enum JoinEffect {
     /// Nothing.
     Fine,
     /// The other one does not fit: what it says is not listened to, unless one of its name fits. Said once.
@@ -71,11 +71,11 @@ struct Known {
     fitted: Option<Time>,
     is_silenced: bool,
     /// Those that do not fit.
-    misfits: Vec<Misfit>,
+    misfits: Vec<IncompatibleNode>,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Misfit {
+struct IncompatibleNode {
     greeting: Greeting,
     heard: Time,
     /// How often it was answered.
@@ -160,12 +160,7 @@ impl Joining {
     }
 
     /// Takes a greeting of another node; of one of another wire version only the greeting can be read.
-    pub fn hear(
-        &mut self,
-        now: Time,
-        greeting: &Greeting,
-        hello: Option<&Hello>,
-    ) -> GreetingVerdict {
+    pub fn hear(&mut self, now: Time, greeting: &Greeting, hello: Option<&Hello>) -> JoinEffect {
         self.meet(now);
         if let Some(misfit) = self.misfit(greeting) {
             return self.object(now, greeting, hello, &misfit);
@@ -176,7 +171,7 @@ impl Joining {
             Some(hello) if hello.node == self.own.node && hello.instance != self.own.instance => {
                 self.compete(now, hello)
             }
-            Some(_) | None => GreetingVerdict::Fine,
+            Some(_) | None => JoinEffect::Fine,
         }
     }
 
@@ -222,9 +217,9 @@ impl Joining {
     }
 
     /// Decides between this node and another one of its name, so that exactly one of them goes.
-    fn compete(&mut self, now: Time, theirs: &Hello) -> GreetingVerdict {
+    fn compete(&mut self, now: Time, theirs: &Hello) -> JoinEffect {
         let Sender::Vehicle(_) = theirs.node else {
-            return GreetingVerdict::Fine;
+            return JoinEffect::Fine;
         };
         let is_new = !self.twins.contains_key(&theirs.instance);
         if is_new && self.twins.len() >= TWINS_MAX {
@@ -249,7 +244,7 @@ impl Joining {
         let name = theirs.node;
         let confirms_for = if hesitates { HESITATES } else { CONFIRMS_FOR };
         if !stays && heard_for >= confirms_for {
-            return GreetingVerdict::Refused(format!(
+            return JoinEffect::Refused(format!(
                 "{name} is on the bus already: another node runs under this id"
             ));
         }
@@ -264,11 +259,11 @@ impl Joining {
         self.owes = true;
         if is_new && stays {
             let age = format!("here for {ours_s} s, there for {} s", theirs.member_for_s);
-            return GreetingVerdict::Stays(format!(
+            return JoinEffect::Stays(format!(
                 "another node runs as {name} and has to leave ({age})"
             ));
         }
-        GreetingVerdict::Fine
+        JoinEffect::Fine
     }
 
     /// The newcomer gives way: who asks leaves, who takes part goes on and does not listen.
@@ -278,18 +273,18 @@ impl Joining {
         greeting: &Greeting,
         hello: Option<&Hello>,
         misfit: &str,
-    ) -> GreetingVerdict {
+    ) -> JoinEffect {
         let they_ask = hello.is_some_and(|hello| !hello.is_member);
         if !self.own.is_member && !they_ask && !matches!(greeting.node, Sender::Operator(_)) {
-            return GreetingVerdict::Refused(format!("{} has {misfit}", greeting.node));
+            return JoinEffect::Refused(format!("{} has {misfit}", greeting.node));
         }
         let known = self.known.entry(greeting.node).or_default();
         known.is_silenced = known.fitted.is_none_or(|at| now.since(at) >= FORGOTTEN);
         let (is_new, is_answered) = known.misfit(now, greeting);
         self.owes |= is_answered;
         match is_new {
-            true => GreetingVerdict::Foreign(format!("{} is refused: {misfit}", greeting.node)),
-            false => GreetingVerdict::Fine,
+            true => JoinEffect::Foreign(format!("{} is refused: {misfit}", greeting.node)),
+            false => JoinEffect::Fine,
         }
     }
 }
@@ -319,7 +314,7 @@ impl Known {
             };
             self.misfits.swap_remove(silent);
         }
-        self.misfits.push(Misfit {
+        self.misfits.push(IncompatibleNode {
             greeting: *greeting,
             heard: now,
             answers: 1,
@@ -354,11 +349,11 @@ mod tests {
     }
 
     /// Hears a greeting two seconds after the start.
-    fn hear(joining: &mut Joining, hello: &Hello) -> GreetingVerdict {
+    fn hear(joining: &mut Joining, hello: &Hello) -> JoinEffect {
         hear_at(joining, 2.0, hello)
     }
 
-    fn hear_at(joining: &mut Joining, at_s: f64, hello: &Hello) -> GreetingVerdict {
+    fn hear_at(joining: &mut Joining, at_s: f64, hello: &Hello) -> JoinEffect {
         let greeting = Greeting {
             version: VERSION,
             node: hello.node,
@@ -392,10 +387,10 @@ mod tests {
     }
 
     /// Hears a node for as long as it takes to believe it.
-    fn hear_for_long(joining: &mut Joining, hello: &Hello) -> GreetingVerdict {
+    fn hear_for_long(joining: &mut Joining, hello: &Hello) -> JoinEffect {
         let first = hear_at(joining, 2.0, hello);
         match hear_at(joining, 2.5, hello) {
-            GreetingVerdict::Fine => first,
+            JoinEffect::Fine => first,
             later => later,
         }
     }
@@ -411,14 +406,14 @@ mod tests {
         };
         assert_eq!(
             hear_at(&mut late, 1.2, &member),
-            GreetingVerdict::Fine,
+            JoinEffect::Fine,
             "it may be gone since"
         );
         late.greet(at(1.6));
         assert!(!late.is_member(), "nor does it take part");
         assert!(matches!(
             hear_at(&mut late, 1.7, &member),
-            GreetingVerdict::Refused(_)
+            JoinEffect::Refused(_)
         ));
         assert!(!late.is_member());
     }
@@ -431,11 +426,11 @@ mod tests {
             member_for_s: 100,
             ..hello(TWO, 9)
         };
-        assert_eq!(hear_at(&mut anew, 0.1, &before), GreetingVerdict::Fine);
+        assert_eq!(hear_at(&mut anew, 0.1, &before), JoinEffect::Fine);
         assert!(!anew.greet(at(2.5)).unwrap().is_member, "it may be there");
         assert!(anew.greet(at(2.61)).unwrap().is_member, "it is gone");
         // A member that is not heard any more is not one that was heard for long.
-        assert_eq!(hear_at(&mut anew, 60.0, &before), GreetingVerdict::Fine);
+        assert_eq!(hear_at(&mut anew, 60.0, &before), JoinEffect::Fine);
     }
 
     #[test]
@@ -446,44 +441,38 @@ mod tests {
         };
         assert!(matches!(
             hear_for_long(&mut joining(TWO, 1, false), &member),
-            GreetingVerdict::Refused(_)
+            JoinEffect::Refused(_)
         ));
         let mut first = joining(TWO, 1, true);
         assert!(matches!(
             hear(&mut first, &hello(TWO, 9)),
-            GreetingVerdict::Stays(_)
+            JoinEffect::Stays(_)
         ));
         assert_eq!(
             hear(&mut first, &hello(TWO, 9)),
-            GreetingVerdict::Fine,
+            JoinEffect::Fine,
             "it is said once"
         );
         let other = Hello {
             is_member: true,
             ..hello(THREE, 9)
         };
-        assert_eq!(
-            hear(&mut joining(TWO, 1, false), &other),
-            GreetingVerdict::Fine
-        );
+        assert_eq!(hear(&mut joining(TWO, 1, false), &other), JoinEffect::Fine);
     }
 
     #[test]
     fn of_two_that_come_together_exactly_one_stays() {
         for is_member in [false, true] {
-            let said = |instance| Hello {
+            let output = |instance| Hello {
                 is_member,
                 ..hello(TWO, instance)
             };
             let verdicts = [
-                hear_for_long(&mut joining(TWO, 1, is_member), &said(9)),
-                hear_for_long(&mut joining(TWO, 9, is_member), &said(1)),
+                hear_for_long(&mut joining(TWO, 1, is_member), &output(9)),
+                hear_for_long(&mut joining(TWO, 9, is_member), &output(1)),
             ];
             assert!(
-                matches!(
-                    verdicts,
-                    [GreetingVerdict::Stays(_), GreetingVerdict::Refused(_)]
-                ),
+                matches!(verdicts, [JoinEffect::Stays(_), JoinEffect::Refused(_)]),
                 "{verdicts:?}"
             );
         }
@@ -505,15 +494,12 @@ mod tests {
         };
         assert!(matches!(
             hear_at(&mut elder, 60.0, &of_younger),
-            GreetingVerdict::Stays(_)
+            JoinEffect::Stays(_)
         ));
-        assert_eq!(
-            hear_at(&mut younger, 20.0, &of_elder),
-            GreetingVerdict::Fine
-        );
+        assert_eq!(hear_at(&mut younger, 20.0, &of_elder), JoinEffect::Fine);
         assert!(matches!(
             hear_at(&mut younger, 20.5, &of_elder),
-            GreetingVerdict::Refused(_)
+            JoinEffect::Refused(_)
         ));
     }
 
@@ -538,10 +524,10 @@ mod tests {
                         if !is_turn || gone[which].is_some() || !has_said {
                             continue;
                         }
-                        let said = pair[other].greeting(clock(other, said_ms));
+                        let output = pair[other].greeting(clock(other, said_ms));
                         let now = clock(which, now_ms);
-                        if let GreetingVerdict::Refused(_) =
-                            hear_at(&mut pair[which], now.as_secs_f64(), &said)
+                        if let JoinEffect::Refused(_) =
+                            hear_at(&mut pair[which], now.as_secs_f64(), &output)
                         {
                             gone[which] = Some(now_ms);
                         }
@@ -568,12 +554,12 @@ mod tests {
         let mut member = joining(TWO, 1, true);
         assert!(matches!(
             hear(&mut member, &elsewhere),
-            GreetingVerdict::Foreign(_)
+            JoinEffect::Foreign(_)
         ));
         assert!(!member.listens_to(THREE));
         assert_eq!(
             hear(&mut member, &elsewhere),
-            GreetingVerdict::Fine,
+            JoinEffect::Fine,
             "it is said once"
         );
         let established = Hello {
@@ -582,7 +568,7 @@ mod tests {
         };
         assert!(matches!(
             hear(&mut joining(TWO, 1, false), &established),
-            GreetingVerdict::Refused(_)
+            JoinEffect::Refused(_)
         ));
     }
 
@@ -599,7 +585,7 @@ mod tests {
         hear_at(&mut member, 10.0, &right);
         assert!(matches!(
             hear_at(&mut member, 12.0, &stranger),
-            GreetingVerdict::Foreign(_)
+            JoinEffect::Foreign(_)
         ));
         assert!(member.listens_to(THREE));
         hear_at(&mut member, 15.1, &stranger);
@@ -640,15 +626,14 @@ mod tests {
             boot: Boot(1),
             venue_hash: 5,
         };
-        let GreetingVerdict::Refused(reason) =
-            joining(TWO, 1, false).hear(at(0.1), &greeting, None)
+        let JoinEffect::Refused(reason) = joining(TWO, 1, false).hear(at(0.1), &greeting, None)
         else {
             panic!()
         };
         assert!(reason.contains("wire version 9"), "{reason}");
         assert!(matches!(
             joining(TWO, 1, true).hear(at(2.0), &greeting, None),
-            GreetingVerdict::Foreign(_)
+            JoinEffect::Foreign(_)
         ));
     }
 
@@ -660,7 +645,7 @@ mod tests {
         };
         assert_eq!(
             hear(&mut joining(Sender::Ground, 1, false), &other),
-            GreetingVerdict::Fine
+            JoinEffect::Fine
         );
     }
 }

@@ -4,7 +4,7 @@
 use tomoswarm_proto::{Hello, Message, MessageKind, OpenStops};
 
 use super::ingress::HeardMessage;
-use super::joining::{GreetingVerdict, Joining};
+use super::joining::{JoinEffect, Joining};
 use crate::time::Time;
 
 /// How a node is present.
@@ -21,11 +21,11 @@ pub enum Presence {
 
 /// What is to be done about what was heard.
 #[derive(Clone, PartialEq, Debug)]
-pub struct Judgement {
+pub struct PresenceDecision {
     /// What the node is to be told; of a node's greetings only the message, and only of those that fit.
     pub heard: Option<HeardMessage>,
     /// What follows for taking part.
-    pub verdict: GreetingVerdict,
+    pub verdict: JoinEffect,
     /// What the node answers at once.
     pub answer: Option<Hello>,
 }
@@ -50,10 +50,10 @@ impl Presence {
     }
 
     /// Judges what was heard.
-    pub fn hear(&mut self, now: Time, heard: HeardMessage) -> Judgement {
-        let fine = |heard| Judgement {
+    pub fn hear(&mut self, now: Time, heard: HeardMessage) -> PresenceDecision {
+        let fine = |heard| PresenceDecision {
             heard,
-            verdict: GreetingVerdict::Fine,
+            verdict: JoinEffect::Fine,
             answer: None,
         };
         let Presence::Node(joining) = self else {
@@ -71,12 +71,12 @@ impl Presence {
             HeardMessage::Unknown(_) => fine(None),
             HeardMessage::Greeting(greeting, hello) => {
                 let verdict = joining.hear(now, &greeting, hello.as_ref());
-                let fits = verdict == GreetingVerdict::Fine;
+                let fits = verdict == JoinEffect::Fine;
                 let hello = hello.filter(|hello| fits && joining.listens_to(hello.node));
                 let heard =
                     hello.map(|hello| HeardMessage::Message(hello.node, Message::Hello(hello)));
                 // Whoever asks and does not fit learns it at once.
-                Judgement {
+                PresenceDecision {
                     heard,
                     verdict,
                     answer: joining.greet_if_due(now),

@@ -26,14 +26,14 @@ struct Node {
     exchange: Exchange,
     heard: Vec<Message>,
     /// Those that say something.
-    verdicts: Vec<GreetingVerdict>,
+    verdicts: Vec<JoinEffect>,
 }
 
 impl Node {
     fn is_refused(&self) -> bool {
         self.verdicts
             .iter()
-            .any(|verdict| matches!(verdict, GreetingVerdict::Refused(_)))
+            .any(|verdict| matches!(verdict, JoinEffect::Refused(_)))
     }
 
     fn has_heard(&self, message: &Message) -> bool {
@@ -147,7 +147,7 @@ impl Swarm {
                 }
                 None => {}
             }
-            if verdict != GreetingVerdict::Fine {
+            if verdict != JoinEffect::Fine {
                 node.verdicts.push(verdict);
             }
             reply
@@ -232,7 +232,7 @@ fn of_two_nodes_of_one_name_the_newcomer_leaves_and_the_other_goes_on() {
             swarm.nodes[first]
                 .verdicts
                 .iter()
-                .any(|verdict| matches!(verdict, GreetingVerdict::Stays(_)))
+                .any(|verdict| matches!(verdict, JoinEffect::Stays(_)))
         );
         swarm.say(first, &progress(2, 1));
         swarm.run(seconds(0.1));
@@ -255,7 +255,7 @@ fn a_node_of_another_venue_is_refused_and_not_listened_to_but_which_stops_it_kno
         swarm.nodes[two]
             .verdicts
             .iter()
-            .any(|verdict| matches!(verdict, GreetingVerdict::Foreign(_)))
+            .any(|verdict| matches!(verdict, JoinEffect::Foreign(_)))
     );
     // One that goes on all the same.
     let stop = EmergencyStop {
@@ -299,7 +299,7 @@ fn a_node_of_another_wire_version_is_refused_by_name_and_its_messages_are_counte
     swarm.put(three, another(hello));
     swarm.put(three, another(encode(&progress(3, 1)).unwrap()));
     swarm.deliver_all();
-    let Some(GreetingVerdict::Foreign(reason)) = swarm.nodes[two].verdicts.last() else {
+    let Some(JoinEffect::Foreign(reason)) = swarm.nodes[two].verdicts.last() else {
         panic!("it fits?")
     };
     assert!(reason.contains("wire version"), "{reason}");

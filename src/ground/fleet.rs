@@ -14,7 +14,7 @@ use tomoswarm_proto::{
     VehicleId,
 };
 
-pub(super) use self::dealings::Dealings;
+pub(super) use self::dealings::OrderLedger;
 pub(super) use self::member::{FleetChange, FleetMember};
 use crate::stops::first_that_stops;
 use crate::sweep::VehicleProgress;
@@ -40,7 +40,7 @@ impl Fleet {
     }
 
     /// Takes up what was dealt with vehicles before; those not expected any more are passed over.
-    pub fn recall(&mut self, dealings: &[(VehicleId, Dealings)]) {
+    pub fn recall(&mut self, dealings: &[(VehicleId, OrderLedger)]) {
         for (vehicle, known) in dealings {
             if let Some(member) = self.members.get_mut(vehicle) {
                 member.recall(known.clone());
@@ -54,7 +54,7 @@ impl Fleet {
     }
 
     /// Returns what was dealt with each vehicle, ascending.
-    pub fn dealings(&self) -> Vec<(VehicleId, Dealings)> {
+    pub fn dealings(&self) -> Vec<(VehicleId, OrderLedger)> {
         self.members()
             .map(|(id, member)| (id, member.dealings().clone()))
             .collect()

@@ -5,10 +5,10 @@ use std::time::Duration;
 use tomoswarm_proto::{Boot, Lease, RunId, VehicleId};
 
 use super::imager::{ImagerActor, Subject};
-use super::planner::{Method, Planner};
+use super::planner::{Method, PlannerActor};
 use super::station::StationSettings;
 use crate::config::{
-    GroundFile, Imaging, Planner as PlannerName, Sim, Solver as SolverName, Sweep, Venue, Weights,
+    GroundFile, Imaging, PlannerChoice, Sim, Solver as SolverName, SweepConfig, Venue, Weights,
 };
 use crate::geom::{Lattice, PixelGrid, Rect};
 use crate::sweep::{PatternKind, Ring, SweepError};
@@ -22,7 +22,7 @@ pub struct GroundParts {
     /// What the station is told.
     pub station: StationSettings,
     /// The planner of its sweeps.
-    pub planner: Planner,
+    pub planner: PlannerActor,
     /// The maker of its images.
     pub imager: ImagerActor,
 }
@@ -49,7 +49,7 @@ pub fn simulated_ground(
     lease: Lease,
     store: u64,
 ) -> Result<GroundParts, TomoError> {
-    let told = StationInputs {
+    let inputs = StationInputs {
         venue: &sim.venue,
         vehicles: sim.vehicle_ids().collect(),
         sweep: &sim.sweep,
@@ -66,7 +66,7 @@ pub fn simulated_ground(
             store,
         },
     };
-    told.parts(ring)
+    inputs.parts(ring)
 }
 
 /// Returns what the ground station of a node's file is made of; its answers are there as soon as they are found. `boot`
@@ -80,7 +80,7 @@ pub fn ground_parts(
     holder: u64,
     store: u64,
 ) -> Result<GroundParts, PartsError> {
-    let told = StationInputs {
+    let inputs = StationInputs {
         venue: &file.venue,
         vehicles: file.vehicles.clone(),
         sweep: &file.sweep,
@@ -98,14 +98,14 @@ pub fn ground_parts(
         },
     };
     let ring = Ring::new(file.venue.area, file.sweep.positions)?;
-    Ok(told.parts(ring)?)
+    Ok(inputs.parts(ring)?)
 }
 
 /// What both kinds of files say.
 struct StationInputs<'f> {
     venue: &'f Venue,
     vehicles: Vec<VehicleId>,
-    sweep: &'f Sweep,
+    sweep: &'f SweepConfig,
     imaging: &'f Imaging,
     sensitivity_dbm: f64,
     planner_time: Duration,
@@ -133,7 +133,7 @@ impl StationInputs<'_> {
             image(Subject::Structure),
             self.imager_time,
         )?;
-        let planner = Planner::new(
+        let planner = PlannerActor::new(
             ring,
             method(self.sweep),
             swarm.separation_m,
@@ -162,11 +162,11 @@ impl StationInputs<'_> {
 }
 
 /// Returns the planner of a sweep.
-pub fn method(sweep: &Sweep) -> Method {
+pub fn method(sweep: &SweepConfig) -> Method {
     let laps = sweep.laps;
     match sweep.planner {
-        PlannerName::RotatingGap => Method::RotatingGap { laps },
-        PlannerName::Fan => {
+        PlannerChoice::RotatingGap => Method::RotatingGap { laps },
+        PlannerChoice::Fan => {
             let (dwell, dwell_limit) = (sweep.dwell(), sweep.dwell_limit());
             Method::Fan {
                 rounds: laps,
@@ -174,13 +174,13 @@ pub fn method(sweep: &Sweep) -> Method {
                 dwell_limit,
             }
         }
-        PlannerName::Calibrate => pattern(sweep, PatternKind::Calibrate),
-        PlannerName::FanCorners => pattern(sweep, PatternKind::Fan),
-        PlannerName::FanStraight => pattern(sweep, PatternKind::FanStraight),
+        PlannerChoice::Calibrate => pattern(sweep, PatternKind::Calibrate),
+        PlannerChoice::FanCorners => pattern(sweep, PatternKind::Fan),
+        PlannerChoice::FanStraight => pattern(sweep, PatternKind::FanStraight),
     }
 }
 
-fn pattern(sweep: &Sweep, kind: PatternKind) -> Method {
+fn pattern(sweep: &SweepConfig, kind: PatternKind) -> Method {
     Method::Pattern {
         kind,
         dwell: sweep.dwell(),

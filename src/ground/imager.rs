@@ -53,7 +53,7 @@ pub struct Job {
 
 /// A picture that was made.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Picture {
+pub struct ReconstructedImage {
     /// Of which run.
     pub run: RunId,
     /// After how many laps.
@@ -71,7 +71,7 @@ pub struct ImagerActor {
     structure: Solver,
     takes: Duration,
     waiting: Vec<Job>,
-    working: Option<(Time, Picture)>,
+    working: Option<(Time, ReconstructedImage)>,
 }
 
 impl ImagerActor {
@@ -111,7 +111,7 @@ impl ImagerActor {
             Subject::Structure => self.structure.update(&job.now, None),
         };
         let result = result.map_err(|error| error.to_string());
-        let picture = Picture {
+        let picture = ReconstructedImage {
             run: job.run,
             laps: job.laps,
             subject: job.subject,
@@ -123,9 +123,14 @@ impl ImagerActor {
 
 impl Actor for ImagerActor {
     type In = Job;
-    type Out = Picture;
+    type Out = ReconstructedImage;
 
-    fn handle(&mut self, now: Time, job: Job, _out: &mut Vec<Picture>) -> Result<(), Fault> {
+    fn handle(
+        &mut self,
+        now: Time,
+        job: Job,
+        _out: &mut Vec<ReconstructedImage>,
+    ) -> Result<(), Fault> {
         self.waiting
             .retain(|waiting| (waiting.run, waiting.subject) != (job.run, job.subject));
         self.waiting.push(job);
@@ -141,7 +146,7 @@ impl Actor for ImagerActor {
         })
     }
 
-    fn wake(&mut self, now: Time, out: &mut Vec<Picture>) -> Result<(), Fault> {
+    fn wake(&mut self, now: Time, out: &mut Vec<ReconstructedImage>) -> Result<(), Fault> {
         out.extend(self.working.take().map(|(_, picture)| picture));
         self.begin(now);
         Ok(())

@@ -13,7 +13,8 @@ use tomoswarm_proto::{Plan, Revision, RunId, StopId, SweepPlanner, TaskKind, Veh
 use crate::actor::{Actor, Fault, Input, InputClass};
 use crate::geom::Point;
 use crate::sweep::{
-    self, FanRequest, GapRequest, Pattern, PatternKind, PatternRequest, Ring, Sweep, SweepError,
+    self, FanRequest, GapRequest, Pattern, PatternKind, PatternRequest, PlannedSweep, Ring,
+    SweepError,
 };
 use crate::time::{Deadline, Time};
 
@@ -125,7 +126,7 @@ pub struct PlannerAnswer {
 
 /// The planner actor.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Planner {
+pub struct PlannerActor {
     ring: Ring,
     method: Method,
     separation_m: f64,
@@ -133,10 +134,10 @@ pub struct Planner {
     ready: Option<(Time, PlannerAnswer)>,
 }
 
-impl Planner {
+impl PlannerActor {
     /// Makes a planner for a ring of positions whose answers take `takes`.
-    pub fn new(ring: Ring, method: Method, separation_m: f64, takes: Duration) -> Planner {
-        Planner {
+    pub fn new(ring: Ring, method: Method, separation_m: f64, takes: Duration) -> PlannerActor {
+        PlannerActor {
             ring,
             method,
             separation_m,
@@ -145,7 +146,7 @@ impl Planner {
         }
     }
 
-    fn plan(&self, request: &Request) -> Result<Sweep, SweepError> {
+    fn plan(&self, request: &Request) -> Result<PlannedSweep, SweepError> {
         match request.task {
             None => plan(&self.ring, self.method, self.separation_m, request),
             Some(SweepTask { method, positions }) => {
@@ -166,7 +167,7 @@ pub fn plan(
     method: Method,
     separation_m: f64,
     request: &Request,
-) -> Result<Sweep, SweepError> {
+) -> Result<PlannedSweep, SweepError> {
     let Request {
         run,
         revision,
@@ -233,9 +234,13 @@ pub fn plan(
     }
 }
 
-fn answer(run: RunId, revision: Revision, planned: Result<Sweep, SweepError>) -> PlannerAnswer {
+fn answer(
+    run: RunId,
+    revision: Revision,
+    planned: Result<PlannedSweep, SweepError>,
+) -> PlannerAnswer {
     match planned {
-        Ok(Sweep { plans, schedule }) => {
+        Ok(PlannedSweep { plans, schedule }) => {
             let last = |lap: &sweep::Lap| {
                 lap.stops
                     .iter()
@@ -258,7 +263,7 @@ fn answer(run: RunId, revision: Revision, planned: Result<Sweep, SweepError>) ->
     }
 }
 
-impl Actor for Planner {
+impl Actor for PlannerActor {
     type In = Request;
     type Out = PlannerAnswer;
 

@@ -27,7 +27,7 @@ pub enum Effect {
     /// The bus shall carry a message to the vehicles.
     Publish(Message),
     /// A picture was made; to be stored in place of an earlier one of its run, laps and subject.
-    Picture(imager::Picture),
+    Picture(imager::ReconstructedImage),
     /// What a station that is started anew needs; to be stored in place of what it remembered before.
     Remember(Box<station::StationMemory>),
     /// The store shall open a run, or keep it open.
@@ -42,7 +42,7 @@ pub enum Effect {
     /// These emergency stops shall outlive the software, in place of those that did before.
     KeepStops(OpenStops),
     /// Emergency stops were opened or lifted: worth a line in the log.
-    StopsNote(stops::StopEvent),
+    StopEvent(stops::StopEvent),
     /// Something worth a line in the log.
     StationEvent(station::StationEvent),
 }
@@ -59,7 +59,7 @@ pub enum Output {
     /// By the planner.
     Planner(planner::PlannerAnswer),
     /// By the imager.
-    Imager(imager::Picture),
+    Imager(imager::ReconstructedImage),
 }
 
 /// Where it goes.
@@ -145,6 +145,6 @@ fn route_stops(out: stops::Out, to: &mut Vec<Destination>) {
             Destination::Edge(Effect::Publish(Message::Standing(standing)))
         }
         stops::Out::Remember(standing) => Destination::Edge(Effect::KeepStops(standing)),
-        stops::Out::StopEvent(remark) => Destination::Edge(Effect::StopsNote(remark)),
+        stops::Out::StopEvent(event) => Destination::Edge(Effect::StopEvent(event)),
     });
 }

@@ -257,7 +257,7 @@ mod tests {
             }
         }
         let closed: BTreeSet<RunId> = (0..2000).map(RunId).collect();
-        let mut told = BTreeSet::new();
+        let mut reported = BTreeSet::new();
         for turn in 0..20 {
             let have = store.have(&closed, turn);
             assert_eq!(
@@ -269,9 +269,9 @@ mod tests {
                 tomoswarm_proto::codec::encode(&tomoswarm_proto::Message::Have(have.clone()))
                     .unwrap();
             assert!(frame.len() < 64_000, "{}", frame.len());
-            told.extend(have.watermarks.iter().map(|mark| (mark.boot, mark.run)));
+            reported.extend(have.watermarks.iter().map(|mark| (mark.boot, mark.run)));
         }
-        assert_eq!(told.len(), SOURCES_MAX);
+        assert_eq!(reported.len(), SOURCES_MAX);
     }
 
     #[test]

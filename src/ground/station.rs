@@ -51,7 +51,7 @@ use tomoswarm_proto::{
     Task, TileReport, VehicleId,
 };
 
-use self::execution::{Conditions, Sweep, SweepExecution, SweepOutput};
+use self::execution::{Conditions, SweepExecution, SweepOutput, SweepRun};
 use self::fleet_map::FleetMap;
 use self::leases::{Change, Leases};
 use self::lost_vehicles::{SilenceLimits, are_enough_heard};
@@ -63,7 +63,7 @@ use self::own_missions::OwnMissions;
 pub use self::pictures::PictureName;
 use self::pictures::{Pictures, job_between_laps};
 use self::report::PartsToReport;
-use self::run_book::RunBook;
+use self::run_book::RunRegistry;
 use self::ticks::Ticks;
 use super::fleet::{Fleet, FleetChange};
 use super::planner::Request;
@@ -91,7 +91,7 @@ pub struct Station {
     map: FleetMap,
     samples: SampleStore,
     order: OrderInForce,
-    runs: RunBook,
+    runs: RunRegistry,
     execution: SweepExecution,
     pictures: Pictures,
     ticks: Ticks,
@@ -120,7 +120,7 @@ impl Station {
             map: FleetMap::new(settings.lattice),
             samples: SampleStore::new(settings.store, settings.bin_m, settings.spot_m),
             order: OrderInForce::default(),
-            runs: RunBook::default(),
+            runs: RunRegistry::default(),
             execution: SweepExecution::default(),
             pictures: Pictures::default(),
             ticks: Ticks::default(),
@@ -351,8 +351,8 @@ impl Station {
             return;
         }
         if let Some(lifted) = self.order.update(self.fleet.order_in_force()) {
-            let go_on = |it: &mut SweepExecution, at: &Conditions<'_>, said: &mut Vec<_>| {
-                it.go_on(lifted, at, said);
+            let go_on = |it: &mut SweepExecution, at: &Conditions<'_>, produced: &mut Vec<_>| {
+                it.go_on(lifted, at, produced);
             };
             self.execute(now, go_on, out);
             self.begin_requested(now, out);
@@ -372,8 +372,8 @@ impl Station {
         }
         if self.fleet.are_placed() {
             self.runs.begin_requested();
-            let begin = |it: &mut SweepExecution, at: &Conditions<'_>, said: &mut Vec<_>| {
-                it.begin(requested, at, said);
+            let begin = |it: &mut SweepExecution, at: &Conditions<'_>, produced: &mut Vec<_>| {
+                it.begin(requested, at, produced);
             };
             self.execute(now, begin, out);
         }
@@ -429,7 +429,7 @@ impl Station {
         }
     }
 
-    fn finish_lap(&self, sweep: Sweep, is_last: bool, out: &mut Vec<Out>) {
+    fn finish_lap(&self, sweep: SweepRun, is_last: bool, out: &mut Vec<Out>) {
         let (run, laps) = (sweep.run(), sweep.laps_done());
         out.push(Out::StationEvent(StationEvent::LapDone {
             run,
@@ -442,7 +442,7 @@ impl Station {
         out.extend(compared_with.map(job).map(Out::Reconstruct));
     }
 
-    fn close_run(&mut self, now: Time, sweep: Sweep, out: &mut Vec<Out>) {
+    fn close_run(&mut self, now: Time, sweep: SweepRun, out: &mut Vec<Out>) {
         let run = sweep.run();
         out.push(Out::StationEvent(StationEvent::RunClosed {
             run,
@@ -511,8 +511,8 @@ impl Actor for Station {
         match input {
             In::Bus(message) => self.hear(now, message, out),
             In::Planned(answer) if self.leases.holds() => {
-                let take = |it: &mut SweepExecution, at: &Conditions<'_>, said: &mut Vec<_>| {
-                    it.take_answer(answer, at, said);
+                let take = |it: &mut SweepExecution, at: &Conditions<'_>, produced: &mut Vec<_>| {
+                    it.take_answer(answer, at, produced);
                 };
                 self.execute(now, take, out);
             }

@@ -38,7 +38,9 @@ impl Pings {
     /// Returns the echo that a reading is, if a ping waits for it: one that was measured before the ping says nothing of
     /// where the sensor looks now.
     pub fn answer(&mut self, timed: TimedReading) -> Option<Echo> {
-        let (ping, _) = self.awaited.take_if(|(_, said)| *said <= timed.measured)?;
+        let (ping, _) = self
+            .awaited
+            .take_if(|(_, sent_at)| *sent_at <= timed.measured)?;
         self.unanswered = None;
         let range_m = match timed.reading {
             RangeReading::Range(range_m) => Some(range_m),

@@ -150,7 +150,7 @@ impl Merged {
     /// Takes what somebody else says of its own layer: where that would count more than what this node has written, its own
     /// tile is raised above it, and the others take it again. Returns whether it was.
     pub fn disown(&mut self, report: &TileReport) -> bool {
-        let (Some(own), Ok(said)) = (self.own, Tile::from_report(report)) else {
+        let (Some(own), Ok(output)) = (self.own, Tile::from_report(report)) else {
             return false;
         };
         let held = self
@@ -160,7 +160,7 @@ impl Merged {
             .cloned();
         let is_harmless = held
             .as_ref()
-            .is_some_and(|held| said.revision < held.revision || said == *held);
+            .is_some_and(|held| output.revision < held.revision || output == *held);
         let has_room = held.is_some() || self.tiles < DISOWNS_WITHIN;
         if own != report.layer
             || is_harmless
@@ -173,7 +173,7 @@ impl Merged {
             self.write(own, report.address, &[]);
         }
         if let Some(layer) = self.layers.get_mut(&own) {
-            layer.raise(report.address, said.revision.saturating_add(1));
+            layer.raise(report.address, output.revision.saturating_add(1));
         }
         true
     }

@@ -10,7 +10,7 @@ use super::mission::share;
 use super::settings::{BodySettings, LookSettings, RadioSettings, VehicleSettings};
 use crate::autopilot::{self, VehicleKind};
 use crate::config::{
-    Body, Craft, Flight, OwnRadio, RangeDriver, Safety, SensorCoverage, Sim, VehicleFile, Venue,
+    BodySpec, Craft, Flight, OwnRadio, RangeDriver, Safety, SensorCoverage, Sim, VehicleFile, Venue,
 };
 use crate::geom::{Angle, Lattice, Point};
 
@@ -40,7 +40,7 @@ impl VehicleSettings {
     /// Returns what a vehicle is told by the file of its own node; `boot` counts the starts of its software. It
     /// remembers nothing.
     pub fn from_vehicle_file(file: &VehicleFile, boot: Boot) -> VehicleSettings {
-        let told = VehicleInputs {
+        let inputs = VehicleInputs {
             venue: &file.venue,
             body: file.body,
             look: &file.look,
@@ -55,7 +55,7 @@ impl VehicleSettings {
             // Vehicles of their own files drive, until the file says otherwise.
             autopilot: autopilot::AutopilotLinkSettings::default(),
         };
-        let mut settings = told.settings(file.id, boot, file.home);
+        let mut settings = inputs.settings(file.id, boot, file.home);
         settings.look.is_blind = file.drivers.range == RangeDriver::None;
         settings
     }
@@ -64,7 +64,7 @@ impl VehicleSettings {
 /// What both kinds of files say.
 struct VehicleInputs<'f> {
     venue: &'f Venue,
-    body: Body,
+    body: BodySpec,
     look: &'f SensorCoverage,
     radio: OwnRadio,
     safety: Safety,
@@ -111,7 +111,7 @@ fn autopilot_settings(flight: &Flight) -> autopilot::AutopilotLinkSettings {
     }
 }
 
-fn body_settings(body: &Body) -> BodySettings {
+fn body_settings(body: &BodySpec) -> BodySettings {
     BodySettings {
         radius_m: body.radius_m,
         speed_mps: body.max_speed_mps,

@@ -351,7 +351,7 @@ mod tests {
         })
     }
 
-    fn told(map: &mut Map, inputs: Vec<In>) -> Vec<Out> {
+    fn fed(map: &mut Map, inputs: Vec<In>) -> Vec<Out> {
         let mut out = Vec::new();
         for input in inputs {
             map.handle(Time::ZERO, input, &mut out).unwrap();
@@ -368,9 +368,9 @@ mod tests {
     #[test]
     fn a_newly_seen_obstacle_is_published_at_once_and_free_space_later() {
         let mut map = Map::new(settings(1));
-        let free = told(&mut map, vec![scan(None), scan(None)]);
+        let free = fed(&mut map, vec![scan(None), scan(None)]);
         assert_eq!(tiles_published(&free), 0);
-        let hit = told(&mut map, vec![scan(Some(2.0)); 6]);
+        let hit = fed(&mut map, vec![scan(Some(2.0)); 6]);
         assert!(tiles_published(&hit) > 0);
         let mut out = Vec::new();
         map.wake(map.deadline().unwrap().at, &mut out).unwrap();
@@ -383,11 +383,8 @@ mod tests {
     #[test]
     fn a_peer_in_the_beam_is_not_mapped() {
         let mut map = Map::new(settings(1));
-        told(&mut map, vec![In::Peer(state(2, 3.2, 1.0))]);
-        assert_eq!(
-            tiles_published(&told(&mut map, vec![scan(Some(2.0)); 6])),
-            0
-        );
+        fed(&mut map, vec![In::Peer(state(2, 3.2, 1.0))]);
+        assert_eq!(tiles_published(&fed(&mut map, vec![scan(Some(2.0)); 6])), 0);
     }
 
     /// Wakes an actor at its deadlines until `until`.
@@ -435,7 +432,7 @@ mod tests {
     #[test]
     fn the_mission_and_the_bus_are_given_the_cells_of_the_map_itself() {
         let mut map = Map::new(settings(1));
-        let out = told(&mut map, vec![scan(Some(2.0)); 4]);
+        let out = fed(&mut map, vec![scan(Some(2.0)); 4]);
         let Some(Out::Tiles(tiles)) = out.last() else {
             panic!("no tiles")
         };
@@ -449,7 +446,7 @@ mod tests {
             assert!(std::sync::Arc::ptr_eq(&held.cells, &report.cells));
         }
         let mut peer = Map::new(settings(2));
-        let heard = told(&mut peer, vec![In::Tile(tiles[0].clone())]);
+        let heard = fed(&mut peer, vec![In::Tile(tiles[0].clone())]);
         let [Out::Tiles(heard)] = &heard[..] else {
             panic!("{heard:?}")
         };
@@ -459,7 +456,7 @@ mod tests {
     #[test]
     fn what_others_say_of_the_own_layer_is_asked_for_and_put_right() {
         let mut map = Map::new(settings(1));
-        told(&mut map, vec![scan(Some(2.0)); 4]);
+        fed(&mut map, vec![scan(Some(2.0)); 4]);
         woken(&mut map, Time::from_secs_f64(2.0));
         let mut report = map
             .merged
@@ -486,8 +483,7 @@ mod tests {
         )
         .unwrap();
         out.extend(woken(&mut map, Time::from_secs_f64(2.5)));
-        let asks =
-            |said: &Out| matches!(said, Out::Publish(Message::Want(want)) if want.layer == map.own);
+        let asks = |output: &Out| matches!(output, Out::Publish(Message::Want(want)) if want.layer == map.own);
         assert!(out.iter().any(asks), "{out:?}");
         out.clear();
         map.handle(Time::from_secs_f64(2.5), In::Tile(report.clone()), &mut out)
@@ -511,7 +507,7 @@ mod tests {
                 heading: Angle::default(),
                 sd_m: 0.05,
             };
-            told(
+            fed(
                 &mut map,
                 vec![In::Scan(Scan {
                     pose,
@@ -551,7 +547,7 @@ mod tests {
             layers: (2..=255).map(layer).collect(),
         };
         let mut map = Map::new(settings(1));
-        assert_eq!(told(&mut map, vec![In::Digest(digest)]), []);
+        assert_eq!(fed(&mut map, vec![In::Digest(digest)]), []);
         let out = woken(&mut map, Time::from_secs_f64(0.16));
         assert_eq!(out.len(), 16, "wants come a few at a time");
         let out = woken(&mut map, Time::from_secs_f64(5.0));

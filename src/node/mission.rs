@@ -42,7 +42,7 @@ use self::ground_plan::GroundPlan;
 use self::home::WayHome;
 use self::leases::PlanLeases;
 use self::pilot::{Pilot, WayEvent};
-use self::returning::{Returning, Turn};
+use self::returning::{ReturnDecision, Returning};
 use self::runner::{RunnerContext, StepRunner};
 use self::terrain::Terrain;
 use super::memory::Remembered;
@@ -154,7 +154,7 @@ impl Mission {
     /// Does what nobody has ordered.
     fn carry_out(&mut self, now: Time, decision: Decision, out: &mut Vec<Out>) {
         let (goal, cause) = match decision {
-            Decision::Say(remark) => return out.push(Out::MissionEvent(remark)),
+            Decision::Say(event) => return out.push(Out::MissionEvent(event)),
             Decision::Stop => return self.stop(now, out),
             Decision::Hold(cause) => (Goal::Held(GoalSource::Itself(cause)), cause),
             Decision::Return(cause) => (Goal::go_home(now, GoalSource::Itself(cause)), cause),
@@ -180,7 +180,7 @@ impl Mission {
         self.plan.wake(now);
         // A vehicle that cannot move asks the ground for a new plan from here; one that is asked to change its plan does so
         // where it rests.
-        let commanded = out.iter().any(|said| matches!(said, Out::Command(..)));
+        let commanded = out.iter().any(|output| matches!(output, Out::Command(..)));
         let is_asked = matches!(self.waits_for(), Some(WaitsFor::Revision { .. }));
         if (self.pilot.failures() >= FAILURES_MAX || is_asked) && !commanded {
             self.stay();
@@ -227,8 +227,8 @@ impl Mission {
         let turn = returning.turn(queue, way_home);
         self.terrain.note_standing_peers(peers);
         match turn {
-            Turn::Waits(home) => self.goal = Goal::Returning(home),
-            Turn::Drives(home, unknown) => {
+            ReturnDecision::Waits(home) => self.goal = Goal::Returning(home),
+            ReturnDecision::Drives(home, unknown) => {
                 let pose = state.pose;
                 self.pilot.go_home(now, pose, &self.terrain, unknown);
                 self.plan.leave();
@@ -346,8 +346,8 @@ impl Mission {
 
     fn take_plan(&mut self, now: Time, plan: &Plan, out: &mut Vec<Out>) {
         let is_old = self.is_old(now, plan);
-        if let Err(remark) = self.plan.refuse(plan, is_old) {
-            return out.extend(remark.map(Out::MissionEvent));
+        if let Err(event) = self.plan.refuse(plan, is_old) {
+            return out.extend(event.map(Out::MissionEvent));
         }
         if self.leases.is_greater(plan.lease) {
             return out.extend(self.leases.wait_with(plan).map(Out::Remember));
@@ -474,8 +474,8 @@ impl Mission {
         out.push(Out::Command(now, MoveCommand::Hold));
     }
 
-    fn remark(&mut self, now: Time, remark: &vehicle::SafetyEvent) {
-        match remark {
+    fn take_safety_event(&mut self, now: Time, event: &vehicle::SafetyEvent) {
+        match event {
             vehicle::SafetyEvent::Halted { obstacle, .. } => {
                 self.terrain.note_obstacle(now, *obstacle);
                 self.pilot.halted(now);
@@ -563,7 +563,7 @@ impl Actor for Mission {
             In::Heard(by) => self.autonomy.heard_bus(now, self.settings.vehicle, by),
             In::Order(order) => self.order(now, order, out),
             In::Stops(open) => self.emergency(now, &open, out),
-            In::SafetyEvent(remark) => self.remark(now, &remark),
+            In::SafetyEvent(event) => self.take_safety_event(now, &event),
             In::Remembered(Remembered { on_disk, .. }) => {
                 for plan in self.leases.remembered(on_disk) {
                     self.take_plan(now, &plan, out);

@@ -113,12 +113,12 @@ pub enum Out {
         after: Option<SampleKey>,
     },
     /// How many samples wait and how many were lost, when that has changed.
-    Tally(Tally),
+    Tally(OutboxCounts),
 }
 
 /// How an outbox fares.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
-pub struct Tally {
+pub struct OutboxCounts {
     /// Samples that the ground has not confirmed, as far as they are known here; at least one when more are at the edge.
     pub waiting: u64,
     /// Samples lost since nothing could keep them.
@@ -177,7 +177,7 @@ pub struct Outbox {
     lost: u64,
     flush_at: Option<Time>,
     /// What was told last of how it fares.
-    tallied: Tally,
+    tallied: OutboxCounts,
 }
 
 impl Outbox {
@@ -196,7 +196,7 @@ impl Outbox {
             is_behind: false,
             lost: 0,
             flush_at: None,
-            tallied: Tally::default(),
+            tallied: OutboxCounts::default(),
         }
     }
 
@@ -212,7 +212,7 @@ impl Outbox {
 
     fn tally(&mut self, out: &mut Vec<Out>) {
         let waiting = self.waiting() as u64 + u64::from(self.is_behind);
-        let tally = Tally {
+        let tally = OutboxCounts {
             waiting,
             lost: self.lost,
         };
@@ -368,17 +368,17 @@ impl Outbox {
     }
 
     fn take_mark(&mut self, now: Time, mark: &HeardFrom) {
-        let said = Mark {
+        let sent_at = Mark {
             below: mark.below,
             at: now,
         };
-        let known = self.marks.entry((mark.boot, mark.run)).or_insert(said);
+        let known = self.marks.entry((mark.boot, mark.run)).or_insert(sent_at);
         if mark.below >= known.below {
-            *known = said;
+            *known = sent_at;
             drop_below(&mut self.fresh, mark);
             drop_below(&mut self.sent, mark);
         } else if now.since(known.at) >= VOID_AFTER {
-            *known = said;
+            *known = sent_at;
             self.reading = Some(Reading::default());
         }
     }
@@ -405,8 +405,8 @@ impl Outbox {
         if below > settled {
             *closed = Mark { below, at: now };
         }
-        let said = self.forgotten.get(&source);
-        if said.is_none_or(|(said, at)| *said < settled || now.since(*at) >= FORGET_AGAIN)
+        let sent_at = self.forgotten.get(&source);
+        if sent_at.is_none_or(|(sent_at, at)| *sent_at < settled || now.since(*at) >= FORGET_AGAIN)
             && settled > 0
         {
             self.forgotten.insert(source, (settled, now));

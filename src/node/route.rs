@@ -82,7 +82,7 @@ pub enum Effect {
         after: Option<outbox::SampleKey>,
     },
     /// How the outbox fares, for the operator.
-    Tally(outbox::Tally),
+    Tally(outbox::OutboxCounts),
     /// This shall outlive the software, joined with what does already; the answer is an [`Event::Remembered`].
     Remember(VehicleMemory),
     /// These emergency stops shall outlive the software, in place of those that did before.
@@ -107,10 +107,10 @@ pub enum VehicleEvent {
 impl fmt::Display for VehicleEvent {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            VehicleEvent::Autopilot(remark) => write!(f, "autopilot: {remark}"),
-            VehicleEvent::Vehicle(remark) => remark.fmt(f),
-            VehicleEvent::Mission(remark) => remark.fmt(f),
-            VehicleEvent::Stops(remark) => remark.fmt(f),
+            VehicleEvent::Autopilot(event) => write!(f, "autopilot: {event}"),
+            VehicleEvent::Vehicle(event) => event.fmt(f),
+            VehicleEvent::Mission(event) => event.fmt(f),
+            VehicleEvent::Stops(event) => event.fmt(f),
         }
     }
 }
@@ -174,8 +174,8 @@ pub(crate) fn route(output: Output, to: &mut Vec<Destination>) {
                 Destination::Vehicle(vehicle::In::Telemetry(telemetry))
             }
             link::Out::Status(status) => Destination::Vehicle(vehicle::In::Autopilot(status)),
-            link::Out::LinkEvent(remark) => {
-                Destination::Edge(Effect::VehicleEvent(VehicleEvent::Autopilot(remark)))
+            link::Out::LinkEvent(event) => {
+                Destination::Edge(Effect::VehicleEvent(VehicleEvent::Autopilot(event)))
             }
         }),
         Output::Edge(Event::Echo(echo)) => to.push(Destination::Sensor(sensor::In::Echo(echo))),
@@ -300,15 +300,15 @@ fn route_stops(out: stops::Out, to: &mut Vec<Destination>) {
             to.push(Destination::Mission(mission::In::Stops(open.clone())));
             to.push(Destination::Radio(radio::In::Stops(open)));
         }
-        stops::Out::Heard(by) => to.push(Destination::Vehicle(vehicle::In::Told(by))),
+        stops::Out::Heard(by) => to.push(Destination::Vehicle(vehicle::In::StopsReported(by))),
         stops::Out::Publish(standing) => {
             to.push(Destination::Edge(Effect::Publish(Message::Standing(
                 standing,
             ))));
         }
         stops::Out::Remember(standing) => to.push(Destination::Edge(Effect::KeepStops(standing))),
-        stops::Out::StopEvent(remark) => to.push(Destination::Edge(Effect::VehicleEvent(
-            VehicleEvent::Stops(remark),
+        stops::Out::StopEvent(event) => to.push(Destination::Edge(Effect::VehicleEvent(
+            VehicleEvent::Stops(event),
         ))),
     }
 }
@@ -328,12 +328,12 @@ fn route_vehicle(out: vehicle::Out, to: &mut Vec<Destination>) {
         vehicle::Out::Publish(state) => {
             to.push(Destination::Edge(Effect::Publish(Message::State(state))))
         }
-        vehicle::Out::SafetyEvent(remark) => {
+        vehicle::Out::SafetyEvent(event) => {
             to.push(Destination::Mission(mission::In::SafetyEvent(
-                remark.clone(),
+                event.clone(),
             )));
             to.push(Destination::Edge(Effect::VehicleEvent(
-                VehicleEvent::Vehicle(remark),
+                VehicleEvent::Vehicle(event),
             )));
         }
     }
@@ -356,8 +356,8 @@ fn route_mission(out: mission::Out, to: &mut Vec<Destination>) {
         }
         mission::Out::Remember(memory) => to.push(Destination::Edge(Effect::Remember(memory))),
         mission::Out::Measure(run) => to.push(Destination::Radio(radio::In::Measure(run))),
-        mission::Out::MissionEvent(remark) => to.push(Destination::Edge(Effect::VehicleEvent(
-            VehicleEvent::Mission(remark),
+        mission::Out::MissionEvent(event) => to.push(Destination::Edge(Effect::VehicleEvent(
+            VehicleEvent::Mission(event),
         ))),
     }
 }

@@ -145,7 +145,7 @@ impl Sensor {
         out.push(Out::Ping(Ping { number: self.pings }));
     }
 
-    fn echo(&mut self, now: Time, echo: Echo, out: &mut Vec<Out>) {
+    fn take_echo(&mut self, now: Time, echo: Echo, out: &mut Vec<Out>) {
         let Phase::Listening { awaited, next } = self.phase else {
             return;
         };
@@ -191,7 +191,7 @@ impl Actor for Sensor {
 
     fn handle(&mut self, now: Time, input: In, out: &mut Vec<Out>) -> Result<(), Fault> {
         match input {
-            In::Echo(echo) => self.echo(now, echo, out),
+            In::Echo(echo) => self.take_echo(now, echo, out),
             In::State(state) => self.place.take(now, &state),
         }
         Ok(())
@@ -253,7 +253,7 @@ mod tests {
         Sensor::new(settings.look, settings.swarm.pose_sd_max_m)
     }
 
-    fn told(sensor: &mut Sensor, now: Time, input: In) -> Vec<Out> {
+    fn fed(sensor: &mut Sensor, now: Time, input: In) -> Vec<Out> {
         let mut out = Vec::new();
         sensor.handle(now, input, &mut out).unwrap();
         out
@@ -336,8 +336,8 @@ mod tests {
             let mut out = Vec::new();
             let due = sensor.deadline().unwrap().at;
             sensor.wake(due, &mut out).unwrap();
-            for said in out {
-                match said {
+            for output in out {
+                match output {
                     Out::Steer(beam) => steered.push((due, beam.degrees())),
                     Out::Ping(_) => pings.push(due.since(steered[steered.len() - 1].0).as_millis()),
                     Out::Scan(_) => panic!("nothing has answered"),
@@ -359,12 +359,12 @@ mod tests {
     fn a_scan_carries_the_pose_on_to_the_moment_of_the_echo() {
         let mut sensor = sensor();
         let (due, number) = next_ping(&mut sensor);
-        told(
+        fed(
             &mut sensor,
             due - Duration::from_millis(100),
             state(1.0, 0.5),
         );
-        let out = told(
+        let out = fed(
             &mut sensor,
             due,
             In::Echo(Echo {
@@ -383,7 +383,7 @@ mod tests {
         let mut sensor = sensor();
         let (due, number) = next_ping(&mut sensor);
         assert!(
-            told(
+            fed(
                 &mut sensor,
                 due,
                 In::Echo(Echo {
@@ -393,9 +393,9 @@ mod tests {
             )
             .is_empty()
         );
-        told(&mut sensor, due, state(0.0, 0.0));
+        fed(&mut sensor, due, state(0.0, 0.0));
         assert!(
-            told(
+            fed(
                 &mut sensor,
                 due,
                 In::Echo(Echo {
@@ -405,7 +405,7 @@ mod tests {
             )
             .is_empty()
         );
-        let out = told(
+        let out = fed(
             &mut sensor,
             due,
             In::Echo(Echo {
@@ -430,24 +430,24 @@ mod tests {
             })
         };
         let mut sensor = sensor();
-        told(&mut sensor, Time::ZERO, state(0.0, 0.0));
+        fed(&mut sensor, Time::ZERO, state(0.0, 0.0));
         assert!(
-            told(&mut sensor, Time::ZERO, near(0)).is_empty(),
+            fed(&mut sensor, Time::ZERO, near(0)).is_empty(),
             "nothing was asked yet"
         );
         let (due, number) = next_ping(&mut sensor);
-        told(&mut sensor, due, state(0.0, 0.0));
-        assert_eq!(told(&mut sensor, due, near(number)).len(), 1);
+        fed(&mut sensor, due, state(0.0, 0.0));
+        assert_eq!(fed(&mut sensor, due, near(number)).len(), 1);
         assert!(
-            told(&mut sensor, due, near(number)).is_empty(),
+            fed(&mut sensor, due, near(number)).is_empty(),
             "it does not confirm itself"
         );
         let (_, number) = next_ping(&mut sensor);
         let turns_on = sensor.deadline().unwrap().at;
         sensor.wake(turns_on, &mut Vec::new()).unwrap();
-        told(&mut sensor, turns_on, state(0.0, 0.0));
+        fed(&mut sensor, turns_on, state(0.0, 0.0));
         assert!(
-            told(&mut sensor, turns_on, near(number)).is_empty(),
+            fed(&mut sensor, turns_on, near(number)).is_empty(),
             "it would stand for the next beam"
         );
     }
@@ -457,8 +457,8 @@ mod tests {
         for range_m in [0.05, 0.0, -1.0, f64::NAN, f64::NEG_INFINITY] {
             let mut sensor = sensor();
             let (due, number) = next_ping(&mut sensor);
-            told(&mut sensor, due, state(0.0, 0.0));
-            let out = told(
+            fed(&mut sensor, due, state(0.0, 0.0));
+            let out = fed(
                 &mut sensor,
                 due,
                 In::Echo(Echo {
@@ -470,8 +470,8 @@ mod tests {
         }
         let mut sensor = sensor();
         let (due, number) = next_ping(&mut sensor);
-        told(&mut sensor, due, state(0.0, 0.0));
-        let out = told(
+        fed(&mut sensor, due, state(0.0, 0.0));
+        let out = fed(
             &mut sensor,
             due,
             In::Echo(Echo {
@@ -496,9 +496,9 @@ mod tests {
         let (mut believed, mut unsure) = (0, 0);
         for round in 1..=330 {
             let (due, number) = next_ping(&mut sensor);
-            told(&mut sensor, due, state(0.0, 0.0));
+            fed(&mut sensor, due, state(0.0, 0.0));
             let range_m = Some(if round % 11 == 0 { 0.7 } else { 2.5 });
-            for out in told(&mut sensor, due, In::Echo(Echo { number, range_m })) {
+            for out in fed(&mut sensor, due, In::Echo(Echo { number, range_m })) {
                 let Out::Scan(scan) = out else { continue };
                 if scan.suspect {
                     unsure += 1;
@@ -518,9 +518,9 @@ mod tests {
         let mut suspects = Vec::new();
         for round in 0..9 {
             let (due, number) = next_ping(&mut sensor);
-            told(&mut sensor, due, state(0.0, 0.0));
+            fed(&mut sensor, due, state(0.0, 0.0));
             let range_m = (round >= 3).then_some(1.0);
-            for out in told(&mut sensor, due, In::Echo(Echo { number, range_m })) {
+            for out in fed(&mut sensor, due, In::Echo(Echo { number, range_m })) {
                 if let Out::Scan(scan) = out {
                     suspects.push(scan.suspect);
                 }

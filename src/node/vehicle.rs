@@ -96,7 +96,7 @@ pub use orders::join_orders;
 /// After this long a resting autopilot has ended the drive that it was told.
 const REST_GRACE: Duration = Duration::from_millis(300);
 /// What telemetry does not show yet is said again this often.
-const SAY_AGAIN: Duration = Duration::from_millis(300);
+const RESEND_AFTER: Duration = Duration::from_millis(300);
 
 /// What the vehicle actor can be told.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -116,7 +116,7 @@ pub enum In {
     /// Which emergency stops are open.
     Stops(Vec<EmergencyStop>),
     /// A node has told which emergency stops are open.
-    Told(Sender),
+    StopsReported(Sender),
     /// The state of another vehicle.
     Peer(State),
     /// What a beacon tells of another vehicle.
@@ -392,7 +392,7 @@ impl Actor for Vehicle {
                 self.order(now, sender, order, out);
             }
             In::Stops(open) => self.stops(now, &open, out),
-            In::Told(by) => self.readiness.note_told(now, by),
+            In::StopsReported(by) => self.readiness.take_stops_reported(now, by),
             In::Peer(state) => {
                 self.readiness.hear(now);
                 self.peers.take(now, &state);
@@ -401,7 +401,7 @@ impl Actor for Vehicle {
             In::Sighted(sighting) => {
                 // A beacon names a stop that is open, if there is one.
                 self.readiness
-                    .note_told(now, Sender::Vehicle(sighting.progress.vehicle));
+                    .take_stops_reported(now, Sender::Vehicle(sighting.progress.vehicle));
                 self.peers.sight(now, &sighting);
                 self.yield_to(now, sighting.progress.vehicle, out);
             }
@@ -462,7 +462,7 @@ impl Input for In {
             In::Command(..) => InputClass::Latest(Key::Command),
             In::Holds(_) => InputClass::Latest(Key::Holds),
             In::Order(_, order) => InputClass::Latest(Key::Order(order.vehicle)),
-            In::Stops(_) | In::Told(_) => InputClass::Queue,
+            In::Stops(_) | In::StopsReported(_) => InputClass::Queue,
             In::Peer(state) => InputClass::Latest(Key::Peer(state.vehicle)),
             In::Sighted(sighting) => InputClass::Latest(Key::Sighted(sighting.progress.vehicle)),
             In::Expected(_) => InputClass::Latest(Key::Expected),

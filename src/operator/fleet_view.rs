@@ -29,14 +29,14 @@ const GROUNDS: usize = 8;
 
 /// Something that was said, and when it came.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-pub struct Fresh<T> {
+pub struct Timestamped<T> {
     /// When it came.
     pub at: Time,
     /// What was said.
     pub value: T,
 }
 
-impl<T> Fresh<T> {
+impl<T> Timestamped<T> {
     /// Returns how long ago it came.
     pub fn age(&self, now: Time) -> Duration {
         now.since(self.at)
@@ -47,18 +47,18 @@ impl<T> Fresh<T> {
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct VehicleView {
     /// Newest state, by boot and sequence.
-    pub state: Option<Fresh<State>>,
+    pub state: Option<Timestamped<State>>,
     /// Newest of how far it is with its mission, of the newest boot.
-    pub mission: Option<Fresh<MissionProgress>>,
+    pub mission: Option<Timestamped<MissionProgress>>,
     /// Newest health of the newest boot.
-    pub health: Option<Fresh<Health>>,
+    pub health: Option<Timestamped<Health>>,
     /// Newest greeting.
-    pub hello: Option<Fresh<Hello>>,
+    pub hello: Option<Timestamped<Hello>>,
 }
 
 /// Why two nodes do not listen to each other.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub enum Misfit {
+pub enum Incompatibility {
     /// It speaks this version of the wire.
     Version(u8),
     /// Its venue file has this hash.
@@ -70,13 +70,13 @@ pub enum Misfit {
 pub struct FleetView {
     vehicles: BTreeMap<VehicleId, VehicleView>,
     /// By store: two grounds never write the same one.
-    grounds: BTreeMap<u64, Fresh<GroundReport>>,
-    ground_hello: Option<Fresh<Hello>>,
+    grounds: BTreeMap<u64, Timestamped<GroundReport>>,
+    ground_hello: Option<Timestamped<Hello>>,
     foreign: BTreeMap<Sender, Greeting>,
     /// Operators by number and instance: when each greeted first, and last.
     operators: BTreeMap<OperatorId, BTreeMap<u64, (Time, Time)>>,
     /// Which emergency stops every node says that it knows.
-    standing: BTreeMap<Sender, Fresh<OpenStops>>,
+    standing: BTreeMap<Sender, Timestamped<OpenStops>>,
     /// All of them, joined.
     stops: StopSet,
 }
@@ -116,7 +116,7 @@ impl FleetView {
     }
 
     /// Returns a vehicle's newest state.
-    pub fn state(&self, id: VehicleId) -> Option<&Fresh<State>> {
+    pub fn state(&self, id: VehicleId) -> Option<&Timestamped<State>> {
         self.vehicles.get(&id)?.state.as_ref()
     }
 
@@ -126,12 +126,12 @@ impl FleetView {
     }
 
     /// Returns the reports of all ground stations heard, by store.
-    pub fn grounds(&self) -> impl Iterator<Item = &Fresh<GroundReport>> {
+    pub fn grounds(&self) -> impl Iterator<Item = &Timestamped<GroundReport>> {
         self.grounds.values()
     }
 
     /// Returns the report of the live ground station with the greatest lease.
-    pub fn ground(&self, now: Time) -> Option<&Fresh<GroundReport>> {
+    pub fn ground(&self, now: Time) -> Option<&Timestamped<GroundReport>> {
         let live = self
             .grounds
             .values()
@@ -140,7 +140,7 @@ impl FleetView {
     }
 
     /// Returns the greeting of the ground station heard last.
-    pub fn ground_hello(&self) -> Option<&Fresh<Hello>> {
+    pub fn ground_hello(&self) -> Option<&Timestamped<Hello>> {
         self.ground_hello.as_ref()
     }
 
@@ -169,9 +169,9 @@ impl FleetView {
     }
 
     /// Returns why a node does not listen to whoever has this venue file; `None` = it does, or has not greeted.
-    pub fn misfit(&self, node: Sender, venue_hash: u64) -> Option<Misfit> {
+    pub fn misfit(&self, node: Sender, venue_hash: u64) -> Option<Incompatibility> {
         if let Some(greeting) = self.foreign.get(&node) {
-            return Some(Misfit::Version(greeting.version));
+            return Some(Incompatibility::Version(greeting.version));
         }
         let hello = match node {
             Sender::Ground => self.ground_hello.as_ref(),
@@ -179,7 +179,7 @@ impl FleetView {
             Sender::Operator(_) => None,
         };
         let theirs = hello?.value.venue_hash;
-        (theirs != venue_hash).then_some(Misfit::Venue(theirs))
+        (theirs != venue_hash).then_some(Incompatibility::Venue(theirs))
     }
 
     /// Returns the greatest lease that a vehicle has obeyed or a live ground station holds; number 0 = nobody's.
@@ -243,8 +243,9 @@ impl FleetView {
 
     /// Returns whether a vehicle shows that it stands under a stop, in its state or by saying that it knows it.
     pub fn shows_stop(&self, id: VehicleId, name: EmergencyName) -> bool {
-        let is_shown =
-            |standing: &Fresh<OpenStops>| standing.value.open.iter().any(|stop| stop.name == name);
+        let is_shown = |standing: &Timestamped<OpenStops>| {
+            standing.value.open.iter().any(|stop| stop.name == name)
+        };
         let is_in_state = self
             .state(id)
             .is_some_and(|state| state.value.stands_under == Some(StandReason::Stop(name)));
@@ -269,7 +270,7 @@ impl FleetView {
         }
         self.foreign.remove(&greeting.node);
         let Some(hello) = hello else { return };
-        let fresh = Some(Fresh {
+        let fresh = Some(Timestamped {
             at: now,
             value: hello.clone(),
         });
@@ -298,7 +299,7 @@ impl FleetView {
                 self.stops.join(standing);
                 self.standing.insert(
                     sender,
-                    Fresh {
+                    Timestamped {
                         at: now,
                         value: standing.clone(),
                     },
@@ -336,7 +337,7 @@ impl FleetView {
     fn report(&mut self, now: Time, report: &GroundReport) {
         self.grounds.insert(
             report.store,
-            Fresh {
+            Timestamped {
                 at: now,
                 value: report.clone(),
             },
@@ -354,16 +355,16 @@ impl FleetView {
 
 /// Puts what was said in the place of what is older.
 fn renew<T: Clone>(
-    known: &mut Option<Fresh<T>>,
+    known: &mut Option<Timestamped<T>>,
     now: Time,
     said: &T,
     edition: fn(&T) -> (Boot, u64),
 ) {
-    let is_older = |known: &Fresh<T>| {
+    let is_older = |known: &Timestamped<T>| {
         edition(said) < edition(&known.value) && known.age(now) <= LOWER_BOOT_AFTER
     };
     if !known.as_ref().is_some_and(is_older) {
-        *known = Some(Fresh {
+        *known = Some(Timestamped {
             at: now,
             value: said.clone(),
         });

@@ -12,7 +12,7 @@ use tomoswarm_proto::{
 };
 
 use super::fleet_view::FleetView;
-use crate::config::{Planner, Sweep};
+use crate::config::{PlannerChoice, SweepConfig};
 use crate::time::Time;
 
 /// A task that is not shown yet is said again after so long.
@@ -20,7 +20,7 @@ const REPEAT: Duration = Duration::from_secs(5);
 
 /// A run as an operator wants it.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-pub struct TaskWish {
+pub struct TaskRequest {
     /// Which run it is.
     pub run: RunId,
     /// Who takes part, ascending; at least one.
@@ -31,9 +31,9 @@ pub struct TaskWish {
     pub kind: TaskKind,
 }
 
-impl TaskWish {
+impl TaskRequest {
     fn under(&self, lease: Lease) -> Task {
-        let TaskWish {
+        let TaskRequest {
             run,
             members,
             compare_with,
@@ -83,23 +83,23 @@ impl TaskWish {
 
 /// The tasks that were given and stand, and when each was said last.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub(super) struct GivenTasks(BTreeMap<RunId, Given>);
+pub(super) struct GivenTasks(BTreeMap<RunId, RepeatedTask>);
 
 /// A task that was given.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-struct Given {
-    wish: TaskWish,
+struct RepeatedTask {
+    wish: TaskRequest,
     said: Option<Time>,
     is_shown: bool,
 }
 
 impl GivenTasks {
     /// Takes a task up, in place of an earlier one of its run, and of those that are shown.
-    pub(super) fn give(&mut self, wish: TaskWish) {
+    pub(super) fn give(&mut self, wish: TaskRequest) {
         self.0.retain(|_, given| !given.is_shown);
         self.0.insert(
             wish.run,
-            Given {
+            RepeatedTask {
                 wish,
                 said: None,
                 is_shown: false,
@@ -114,8 +114,9 @@ impl GivenTasks {
         }
         self.0
             .retain(|_, given| given.wish.is_own() || !given.is_shown);
-        let is_due =
-            |given: &Given| !given.is_shown && given.said.is_none_or(|at| now.since(at) >= REPEAT);
+        let is_due = |given: &RepeatedTask| {
+            !given.is_shown && given.said.is_none_or(|at| now.since(at) >= REPEAT)
+        };
         let due = self.0.values_mut().filter(|given| is_due(given));
         due.map(|given| {
             given.said = Some(now);
@@ -134,20 +135,20 @@ impl GivenTasks {
 }
 
 /// Returns what is to be done: a mission of the vehicles' own, or without one this sweep.
-pub fn task_kind(task: Option<TaskKind>, sweep: &Sweep) -> TaskKind {
+pub fn task_kind(task: Option<TaskKind>, sweep: &SweepConfig) -> TaskKind {
     task.unwrap_or_else(|| sweep_kind(sweep))
 }
 
-fn sweep_kind(sweep: &Sweep) -> TaskKind {
+fn sweep_kind(sweep: &SweepConfig) -> TaskKind {
     let milliseconds = |span: Duration| u32::try_from(span.as_millis()).unwrap_or(u32::MAX);
     let count = |number: usize| u16::try_from(number).unwrap_or(u16::MAX);
     TaskKind::Sweep {
         planner: match sweep.planner {
-            Planner::RotatingGap => SweepPlanner::RotatingGap,
-            Planner::Fan => SweepPlanner::Fan,
-            Planner::Calibrate => SweepPlanner::Calibrate,
-            Planner::FanCorners => SweepPlanner::FanCorners,
-            Planner::FanStraight => SweepPlanner::FanStraight,
+            PlannerChoice::RotatingGap => SweepPlanner::RotatingGap,
+            PlannerChoice::Fan => SweepPlanner::Fan,
+            PlannerChoice::Calibrate => SweepPlanner::Calibrate,
+            PlannerChoice::FanCorners => SweepPlanner::FanCorners,
+            PlannerChoice::FanStraight => SweepPlanner::FanStraight,
         },
         positions: count(sweep.positions),
         laps: sweep.laps.map(count),
@@ -167,8 +168,8 @@ mod tests {
         Lease { number, holder: 9 }
     }
 
-    fn wish(kind: TaskKind) -> TaskWish {
-        TaskWish {
+    fn wish(kind: TaskKind) -> TaskRequest {
+        TaskRequest {
             run: RunId(2),
             members: vec![VehicleId(1)],
             compare_with: Some(RunId(1)),
@@ -206,9 +207,9 @@ mod tests {
 
     #[test]
     fn a_sweep_is_repeated_under_the_lease_in_force_until_a_report_shows_it_as_it_is() {
-        let sweep = sweep_kind(&Sweep {
+        let sweep = sweep_kind(&SweepConfig {
             positions: 76,
-            ..Sweep::default()
+            ..SweepConfig::default()
         });
         let (mut tasks, mut view) = (GivenTasks::default(), FleetView::default());
         tasks.give(wish(sweep));
@@ -263,7 +264,7 @@ mod tests {
             count(32.0, Some(mission(2, 2, MissionKind::Explore))),
             (0, None)
         );
-        tasks.give(TaskWish {
+        tasks.give(TaskRequest {
             run: RunId(3),
             ..wish(TaskKind::Browse)
         });

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{EmergencyStop, Hello, Message, VehicleId};
 
 use super::HeardMessage;
-use super::order_goal::{OrderGoal, StopWish, WantId};
+use super::order_goal::{GoalId, OrderGoal, StopRequest};
 use super::outcome::OrderOutcome;
 use super::script::{ScriptEnd, ScriptStep};
 use crate::actor::{Input, InputClass};
@@ -35,7 +35,7 @@ pub enum In {
     /// What is wanted by hand, under a number of its own.
     Want(u32, OrderGoal),
     /// An emergency stop that is wanted by hand, under a number of its own.
-    Stop(u32, StopWish),
+    Stop(u32, StopRequest),
     /// What is not wanted by hand any more.
     Withdraw(u32),
     /// A script to follow from now on; one that is followed already ends.
@@ -52,11 +52,11 @@ pub enum Out {
     /// To the keeper of the emergency stops: these are given.
     Give(Vec<EmergencyStop>),
     /// Emergency stops were opened or lifted: worth a line.
-    StopsNote(stops::StopEvent),
+    StopEvent(stops::StopEvent),
     /// Every vehicle shows a want of the script, which goes on standing.
-    InForce(WantId, OrderOutcome),
+    InForce(GoalId, OrderOutcome),
     /// A want is over.
-    Ended(WantId, OrderOutcome),
+    Ended(GoalId, OrderOutcome),
     /// The script asks for something outside the bus; [`In::CueDone`] says that it is done.
     Announce(String),
     /// The script is over.
@@ -68,7 +68,7 @@ impl Out {
     pub fn in_words(&self) -> Option<String> {
         match self {
             Out::Publish(_) | Out::Announce(_) | Out::Give(_) => None,
-            Out::StopsNote(remark) => Some(remark.to_string()),
+            Out::StopEvent(event) => Some(event.to_string()),
             Out::InForce(want, outcome) => Some(format!(
                 "{want}, run {}, is in force",
                 outcome.run.unwrap_or_default()

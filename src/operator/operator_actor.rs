@@ -34,10 +34,10 @@ use super::HeardMessage;
 use super::fleet_view::FleetView;
 use super::given_tasks::GivenTasks;
 pub use super::messages::{In, Key, OperatorSettings, Out};
-use super::order_goal::{OrderGoal, StopWish, WantId};
+use super::order_goal::{GoalId, OrderGoal, StopRequest};
 use super::ordering::{Instruction, Ordering};
 use super::outcome::OrderOutcome;
-use super::script::{LastWant, ScriptDue, ScriptOut, ScriptRun, ScriptView};
+use super::script::{LastGoal, ScriptDue, ScriptOut, ScriptRun, ScriptView};
 use super::stopping::StopBatch;
 use crate::actor::{Actor, Fault};
 use crate::time::{Deadline, Time};
@@ -60,13 +60,13 @@ pub struct Operator {
     linked: Option<Time>,
     /// When it greeted last, and the lease that it named.
     greeted: Option<(Time, Option<Lease>)>,
-    wants: BTreeMap<WantId, Pursuit>,
-    stops: BTreeMap<WantId, StopBatch>,
+    wants: BTreeMap<GoalId, ActiveGoal>,
+    stops: BTreeMap<GoalId, StopBatch>,
     /// Names of emergency stops drawn so far.
     names: u32,
     tasks: GivenTasks,
     script: Option<ScriptRun>,
-    last_want: LastWant,
+    last_want: LastGoal,
     script_wants: u32,
     next: Option<(Time, Due)>,
     /// When all was looked at last, if nothing follows from what is no news: every want is in force, and nobody doubts it.
@@ -75,7 +75,7 @@ pub struct Operator {
 
 /// A want that is brought about, or stands.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-struct Pursuit {
+struct ActiveGoal {
     want: OrderGoal,
     ordering: Ordering,
     is_in_force: bool,
@@ -91,7 +91,7 @@ enum Due {
 }
 
 /// What there is to say of a pursuit.
-enum Turn {
+enum GoalProgress {
     GoesOn,
     InForce(OrderOutcome),
     Ended(OrderOutcome),
@@ -110,7 +110,7 @@ impl Operator {
             names: 0,
             tasks: GivenTasks::default(),
             script: None,
-            last_want: LastWant::Open,
+            last_want: LastGoal::Open,
             script_wants: 0,
             next: None,
             settled: None,
@@ -137,7 +137,7 @@ impl Operator {
     }
 
     /// Takes up a want; what it wants of vehicles counts more than what was wanted of them before.
-    fn take_up(&mut self, now: Time, id: WantId, want: OrderGoal, out: &mut Vec<Out>) {
+    fn take_up(&mut self, now: Time, id: GoalId, want: OrderGoal, out: &mut Vec<Out>) {
         for pursuit in self.wants.values_mut() {
             let is_same = (pursuit.want.kind, pursuit.want.run) == (want.kind, want.run);
             if !is_same {
@@ -149,12 +149,12 @@ impl Operator {
         let ordering =
             Ordering::new(now, self.instruction(&want)).knowing(&self.view, has_listened);
         let ordering = match id {
-            WantId::Hand(_) => ordering,
-            WantId::Script(_) => ordering.standing(),
+            GoalId::Hand(_) => ordering,
+            GoalId::Script(_) => ordering.standing(),
         };
         self.wants.insert(
             id,
-            Pursuit {
+            ActiveGoal {
                 want,
                 ordering,
                 is_in_force: false,
@@ -198,7 +198,7 @@ impl Operator {
     }
 
     /// Gives an emergency stop: what is still on its way to these vehicles is not wanted any more.
-    fn stop(&mut self, now: Time, id: WantId, wish: StopWish, out: &mut Vec<Out>) {
+    fn stop(&mut self, now: Time, id: GoalId, wish: StopRequest, out: &mut Vec<Out>) {
         for pursuit in self
             .wants
             .values_mut()
@@ -213,7 +213,7 @@ impl Operator {
         };
         let stops: Vec<EmergencyStop> = scopes
             .into_iter()
-            .map(|scope| self.draw_stop(scope))
+            .map(|scope| self.new_stop(scope))
             .collect();
         out.push(Out::Give(stops.clone()));
         let has_listened = self.linked.is_some_and(|since| now.since(since) >= LISTEN);
@@ -223,7 +223,7 @@ impl Operator {
     }
 
     /// Returns a stop with a name that nobody else draws (SplitMix64 over the holder's id).
-    fn draw_stop(&mut self, scope: StopScope) -> EmergencyStop {
+    fn new_stop(&mut self, scope: StopScope) -> EmergencyStop {
         let by = match self.settings.hello.node {
             Sender::Operator(id) => id,
             Sender::Ground | Sender::Vehicle(_) => OperatorId(0),
@@ -261,7 +261,7 @@ impl Operator {
     fn give_up(
         &mut self,
         now: Time,
-        is_over: impl Fn(WantId, &Pursuit) -> bool,
+        is_over: impl Fn(GoalId, &ActiveGoal) -> bool,
         out: &mut Vec<Out>,
     ) {
         let over = self
@@ -269,33 +269,33 @@ impl Operator {
             .iter()
             .filter(|(id, pursuit)| is_over(**id, pursuit))
             .map(|(id, _)| *id);
-        for id in over.collect::<Vec<WantId>>() {
+        for id in over.collect::<Vec<GoalId>>() {
             if let Some(pursuit) = self.wants.remove(&id) {
                 self.end(id, pursuit.ordering.outcome_so_far(now), out);
             }
         }
     }
 
-    fn end(&mut self, id: WantId, outcome: OrderOutcome, out: &mut Vec<Out>) {
-        if self.is_last_of_script(id) && self.last_want == LastWant::Open {
-            self.last_want = LastWant::Failed(outcome.undone());
+    fn end(&mut self, id: GoalId, outcome: OrderOutcome, out: &mut Vec<Out>) {
+        if self.is_last_of_script(id) && self.last_want == LastGoal::Open {
+            self.last_want = LastGoal::Failed(outcome.undone());
         }
         out.push(Out::Ended(id, outcome));
     }
 
-    fn is_last_of_script(&self, id: WantId) -> bool {
-        id == WantId::Script(self.script_wants.saturating_sub(1))
+    fn is_last_of_script(&self, id: GoalId) -> bool {
+        id == GoalId::Script(self.script_wants.saturating_sub(1))
     }
 
     /// Does all that is due: greets, orders, goes on with the script; then knows when something is due next.
     fn turn(&mut self, now: Time, out: &mut Vec<Out>) {
-        let mut said = Vec::new();
-        self.pursue(now, &mut said);
-        self.look_after_stops(now, &mut said);
-        self.follow_script(now, &mut said);
+        let mut output = Vec::new();
+        self.deliver_goals(now, &mut output);
+        self.look_after_stops(now, &mut output);
+        self.follow_script(now, &mut output);
         // A lease that is taken is named before the first order under it.
         self.greet(now, out);
-        out.append(&mut said);
+        out.append(&mut output);
         self.next = self.due_next(now);
         let is_settled =
             self.stops.is_empty() && self.wants.values().all(|pursuit| pursuit.is_settled(now));
@@ -303,17 +303,17 @@ impl Operator {
     }
 
     fn follow_script(&mut self, now: Time, out: &mut Vec<Out>) {
-        while let Some(said) = self.go_on(now) {
-            match said {
+        while let Some(output) = self.go_on(now) {
+            match output {
                 ScriptOut::Task(wish) => {
                     self.tasks.give(wish);
                     self.give_tasks(now, out);
                 }
                 ScriptOut::Want(want) => {
-                    let id = WantId::Script(self.script_wants);
-                    (self.script_wants, self.last_want) = (self.script_wants + 1, LastWant::Open);
+                    let id = GoalId::Script(self.script_wants);
+                    (self.script_wants, self.last_want) = (self.script_wants + 1, LastGoal::Open);
                     self.take_up(now, id, want, out);
-                    self.pursue(now, out);
+                    self.deliver_goals(now, out);
                 }
                 ScriptOut::Announce(name) => out.push(Out::Announce(name)),
                 ScriptOut::Ended(end) => {
@@ -389,7 +389,7 @@ impl Operator {
         out.push(Out::Publish(Message::Hello(hello)));
     }
 
-    fn pursue(&mut self, now: Time, out: &mut Vec<Out>) {
+    fn deliver_goals(&mut self, now: Time, out: &mut Vec<Out>) {
         self.give_tasks(now, out);
         let is_linked = self.linked.is_some();
         let mut turns = Vec::new();
@@ -403,14 +403,14 @@ impl Operator {
         }
         for (id, turn) in turns {
             match turn {
-                Turn::GoesOn => {}
-                Turn::InForce(outcome) => {
+                GoalProgress::GoesOn => {}
+                GoalProgress::InForce(outcome) => {
                     if self.is_last_of_script(id) {
-                        self.last_want = LastWant::InForce;
+                        self.last_want = LastGoal::InForce;
                     }
                     out.push(Out::InForce(id, outcome));
                 }
-                Turn::Ended(outcome) => {
+                GoalProgress::Ended(outcome) => {
                     self.wants.remove(&id);
                     self.end(id, outcome, out);
                 }
@@ -460,24 +460,24 @@ impl Due {
     }
 }
 
-impl Pursuit {
+impl ActiveGoal {
     /// Looks how it stands.
-    fn turn(&mut self, now: Time) -> Turn {
+    fn turn(&mut self, now: Time) -> GoalProgress {
         if self.is_in_force {
             let is_lost = self.ordering.is_lost(now);
             return if is_lost {
-                Turn::Ended(self.ordering.outcome_so_far(now))
+                GoalProgress::Ended(self.ordering.outcome_so_far(now))
             } else {
-                Turn::GoesOn
+                GoalProgress::GoesOn
             };
         }
         match self.ordering.outcome(now) {
-            None => Turn::GoesOn,
+            None => GoalProgress::GoesOn,
             Some(outcome) if self.ordering.stands() && outcome.is_done() => {
                 self.is_in_force = true;
-                Turn::InForce(outcome)
+                GoalProgress::InForce(outcome)
             }
-            Some(outcome) => Turn::Ended(outcome),
+            Some(outcome) => GoalProgress::Ended(outcome),
         }
     }
 
@@ -504,13 +504,13 @@ impl Actor for Operator {
                     .filter(|_| is_linked)
                     .or(is_linked.then_some(now));
             }
-            In::Want(number, want) => self.take_up(now, WantId::Hand(number), want, out),
-            In::Stop(number, wish) => self.stop(now, WantId::Hand(number), wish, out),
+            In::Want(number, want) => self.take_up(now, GoalId::Hand(number), want, out),
+            In::Stop(number, wish) => self.stop(now, GoalId::Hand(number), wish, out),
             In::Withdraw(number) => {
-                self.give_up(now, |id, _| id == WantId::Hand(number), out);
-                if let Some(stopping) = self.stops.remove(&WantId::Hand(number)) {
+                self.give_up(now, |id, _| id == GoalId::Hand(number), out);
+                if let Some(stopping) = self.stops.remove(&GoalId::Hand(number)) {
                     self.end(
-                        WantId::Hand(number),
+                        GoalId::Hand(number),
                         stopping.outcome_so_far(now, &self.view),
                         out,
                     );
@@ -518,7 +518,7 @@ impl Actor for Operator {
             }
             In::Follow(steps) => {
                 self.script = Some(ScriptRun::new(now, steps));
-                self.last_want = LastWant::Open;
+                self.last_want = LastGoal::Open;
             }
             In::CueDone => {
                 if let Some(script) = &mut self.script {

@@ -9,18 +9,18 @@ use tomoswarm_proto::{OrderKind, RunId, TaskKind, VehicleId};
 
 /// Names a want.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
-pub enum WantId {
+pub enum GoalId {
     /// By hand; the number is given by whoever wants it.
     Hand(u32),
     /// The script's, counted from 0.
     Script(u32),
 }
 
-impl fmt::Display for WantId {
+impl fmt::Display for GoalId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            WantId::Hand(number) => write!(f, "want {number} by hand"),
-            WantId::Script(number) => write!(f, "want {number} of the script"),
+            GoalId::Hand(number) => write!(f, "want {number} by hand"),
+            GoalId::Script(number) => write!(f, "want {number} of the script"),
         }
     }
 }
@@ -37,7 +37,7 @@ pub struct OrderGoal {
     /// Whether a start begins a new run when the ground station is idle; otherwise it goes on with the present one.
     pub begins: bool,
     /// The mission that a start begins, as the task of a new run; `None` = what the run is already.
-    pub mission: Option<MissionWish>,
+    pub mission: Option<MissionRequest>,
     /// Whether the lease is taken from whoever holds it; otherwise the one in force is joined.
     pub take_over: bool,
     /// These may be unheard when a start lifts emergency stops.
@@ -67,7 +67,7 @@ impl OrderGoal {
 
 /// A mission that is wanted of whoever is started.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub struct MissionWish {
+pub struct MissionRequest {
     /// What is to be done.
     pub kind: TaskKind,
     /// The run that it is compared with; `None` = with none.
@@ -76,7 +76,7 @@ pub struct MissionWish {
 
 /// An emergency stop that is wanted.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub struct StopWish {
+pub struct StopRequest {
     /// Whom it stops; empty = all.
     pub vehicles: BTreeSet<VehicleId>,
     /// How long to watch whether they stop. What is given stays in force after that.

@@ -58,7 +58,7 @@ use self::delivery::{CONTEST, OrderRight, VehicleDelivery, take_over_of};
 pub(crate) use self::instruction::Instruction;
 use self::instruction::{ENDS_MAX, ended, may_be_brought_about};
 use super::HeardMessage;
-use super::fleet_view::{FleetView, Fresh, Misfit};
+use super::fleet_view::{FleetView, Incompatibility, Timestamped};
 use super::outcome::{OrderOutcome, OrderRefusal, VehicleOutcome};
 use crate::time::Time;
 
@@ -407,7 +407,7 @@ impl Ordering {
     }
 
     /// Returns why a vehicle does not listen to this operator, if it does not.
-    fn misfit(&self, id: VehicleId) -> Option<Misfit> {
+    fn misfit(&self, id: VehicleId) -> Option<Incompatibility> {
         self.view
             .misfit(Sender::Vehicle(id), self.instruction.venue_hash)
     }
@@ -486,7 +486,7 @@ impl Ordering {
         let Some((since, echo)) = delivery.contested.filter(|_| !delivery.is_over()) else {
             return;
         };
-        let brings_about = |report: &Fresh<GroundReport>| {
+        let brings_about = |report: &Timestamped<GroundReport>| {
             report.at >= since
                 && report.value.in_force.is_none()
                 && report.value.phase != StationPhase::Idle

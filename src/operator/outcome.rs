@@ -6,7 +6,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{EmergencyName, Lease, MissionRefusal, Ordered, RunId, VehicleId};
 
-use super::fleet_view::Misfit;
+use super::fleet_view::Incompatibility;
 
 /// How an order ended for one vehicle.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
@@ -38,7 +38,7 @@ pub enum VehicleOutcome {
     /// Nothing was heard of it.
     Unheard,
     /// It does not listen to this operator, and was not sent the order.
-    Foreign(Misfit),
+    Foreign(Incompatibility),
     /// The operator wants something else of it since.
     Withdrawn,
 }

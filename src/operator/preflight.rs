@@ -29,7 +29,7 @@ pub const POSE_SD_MAX_M: f64 = 0.5;
 
 /// What is looked for.
 #[derive(Clone, PartialEq, Debug)]
-pub struct Needs {
+pub struct Requirements {
     /// Who shall take part.
     pub vehicles: BTreeSet<VehicleId>,
     /// Hash of its own venue file.
@@ -47,7 +47,7 @@ pub struct Needs {
 /// How a check came out.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Light {
+pub enum CheckStatus {
     /// As it should be.
     Go,
     /// Not reported; refuses nothing.
@@ -62,7 +62,7 @@ pub struct Check {
     /// What was looked at, in a word.
     pub what: &'static str,
     /// How it came out.
-    pub light: Light,
+    pub light: CheckStatus,
     /// What was found.
     pub found: String,
 }
@@ -77,7 +77,7 @@ pub struct NodeChecks {
 }
 
 /// Looks at everyone.
-pub fn inspect(view: &FleetView, needs: &Needs, now: Time) -> Vec<NodeChecks> {
+pub fn inspect(view: &FleetView, needs: &Requirements, now: Time) -> Vec<NodeChecks> {
     let nothing = VehicleView::default();
     let vehicle = |id: &VehicleId| NodeChecks {
         node: format!("vehicle {id}"),
@@ -102,13 +102,17 @@ pub fn is_go(nodes: &[NodeChecks]) -> bool {
         && nodes
             .iter()
             .flat_map(|node| &node.checks)
-            .all(|check| check.light != Light::NoGo)
+            .all(|check| check.light != CheckStatus::NoGo)
 }
 
 fn check(what: &'static str, is_right: bool, found: String) -> Check {
     Check {
         what,
-        light: if is_right { Light::Go } else { Light::NoGo },
+        light: if is_right {
+            CheckStatus::Go
+        } else {
+            CheckStatus::NoGo
+        },
         found,
     }
 }
@@ -117,7 +121,7 @@ fn check(what: &'static str, is_right: bool, found: String) -> Check {
 fn reported<T>(
     what: &'static str,
     value: Option<T>,
-    silent: Light,
+    silent: CheckStatus,
     look: impl Fn(T) -> (bool, String),
 ) -> Check {
     match value {
@@ -133,18 +137,18 @@ fn reported<T>(
     }
 }
 
-fn of_vehicle(id: VehicleId, seen: &VehicleView, needs: &Needs, now: Time) -> Vec<Check> {
+fn of_vehicle(id: VehicleId, seen: &VehicleView, needs: &Requirements, now: Time) -> Vec<Check> {
     let state = seen.state.as_ref().map(|state| &state.value);
     let health = seen.health.as_ref().map(|health| &health.value);
     let hello = seen.hello.as_ref().map(|hello| &hello.value);
     let age_s = seen.state.as_ref().map(|state| state.age(now));
-    let on_bus = reported("bus", age_s, Light::NoGo, |age| {
+    let on_bus = reported("bus", age_s, CheckStatus::NoGo, |age| {
         (
             age < FRESH,
             format!("newest state {:.1} s ago", age.as_secs_f64()),
         )
     });
-    let no_go = Light::NoGo;
+    let no_go = CheckStatus::NoGo;
     let mut checks = vec![on_bus];
     checks.extend(of_hello(hello, needs));
     checks.push(devices::devices(hello, health));
@@ -191,7 +195,7 @@ fn of_vehicle(id: VehicleId, seen: &VehicleView, needs: &Needs, now: Time) -> Ve
     checks.push(reported(
         "disk",
         health.and_then(|health| health.disk_free_mb),
-        Light::Unknown,
+        CheckStatus::Unknown,
         |free_mb| {
             (
                 free_mb > DISK_MB,
@@ -218,15 +222,15 @@ fn of_vehicle(id: VehicleId, seen: &VehicleView, needs: &Needs, now: Time) -> Ve
     checks
 }
 
-fn of_hello(hello: Option<&Hello>, needs: &Needs) -> [Check; 2] {
-    let software = reported("software", hello, Light::NoGo, |hello| {
+fn of_hello(hello: Option<&Hello>, needs: &Requirements) -> [Check; 2] {
+    let software = reported("software", hello, CheckStatus::NoGo, |hello| {
         let found = match hello.software == needs.software {
             true => hello.software.clone(),
             false => format!("{}, here it is {}", hello.software, needs.software),
         };
         (hello.software == needs.software, found)
     });
-    let venue = reported("venue", hello, Light::NoGo, |hello| {
+    let venue = reported("venue", hello, CheckStatus::NoGo, |hello| {
         let (theirs, ours) = (hello.venue_hash, needs.venue_hash);
         let found = match theirs == ours {
             true => format!("hash {ours:016x}"),
@@ -237,7 +241,7 @@ fn of_hello(hello: Option<&Hello>, needs: &Needs) -> [Check; 2] {
     [software, venue]
 }
 
-fn pose(placed: PoseReport, needs: &Needs) -> (bool, String) {
+fn pose(placed: PoseReport, needs: &Requirements) -> (bool, String) {
     let most_m = needs.pose_sd_max_m.unwrap_or(POSE_SD_MAX_M);
     let assumed = if needs.pose_sd_max_m.is_none() {
         " (assumed: no file here says the limit)"
@@ -266,7 +270,7 @@ fn home(id: VehicleId, placed: PoseReport, homes: &[Point]) -> (bool, String) {
     )
 }
 
-fn radio(id: VehicleId, health: &Health, needs: &Needs) -> (bool, String) {
+fn radio(id: VehicleId, health: &Health, needs: &Requirements) -> (bool, String) {
     let is_missing = |other: &VehicleId| *other != id && !health.hears.contains(other);
     let missing: Vec<VehicleId> = needs.vehicles.iter().copied().filter(is_missing).collect();
     // A vehicle names no more than a beacon does: of the others it says nothing.
@@ -311,7 +315,7 @@ fn failsafes(health: Option<&Health>) -> Check {
     let set = named(|action| !matches!(action, FailsafeAction::Unknown | FailsafeAction::Off));
     let unset = named(|action| action == FailsafeAction::Off);
     match (set.is_empty(), unset.is_empty()) {
-        (true, true) => reported("failsafes", None::<()>, Light::Unknown, |()| {
+        (true, true) => reported("failsafes", None::<()>, CheckStatus::Unknown, |()| {
             (true, String::new())
         }),
         (_, true) => check("failsafes", true, listed(&set)),
@@ -320,7 +324,7 @@ fn failsafes(health: Option<&Health>) -> Check {
 }
 
 /// Which emergency stops are open, who made them and who does not show them.
-fn stops(view: &FleetView, needs: &Needs) -> Check {
+fn stops(view: &FleetView, needs: &Requirements) -> Check {
     let open = view.open_stops();
     let words: Vec<String> = open
         .iter()
@@ -334,9 +338,9 @@ fn stops(view: &FleetView, needs: &Needs) -> Check {
     check("emergency stops", open.is_empty(), found)
 }
 
-fn of_ground(view: &FleetView, needs: &Needs, now: Time) -> Vec<Check> {
+fn of_ground(view: &FleetView, needs: &Requirements, now: Time) -> Vec<Check> {
     let report = view.ground(now).map(|report| &report.value);
-    let no_go = Light::NoGo;
+    let no_go = CheckStatus::NoGo;
     let live = view
         .grounds()
         .filter(|report| report.age(now) <= GROUND_LIVES)

@@ -38,13 +38,13 @@ pub(super) fn route(output: Output, to: &mut Vec<Destination>) {
         Output::Stops(stops::Out::Publish(standing)) => {
             to.push(Destination::Edge(Out::Publish(Message::Standing(standing))));
         }
-        Output::Stops(stops::Out::StopEvent(remark)) => {
-            to.push(Destination::Edge(Out::StopsNote(remark)))
+        Output::Stops(stops::Out::StopEvent(event)) => {
+            to.push(Destination::Edge(Out::StopEvent(event)))
         }
         // The operator hears for itself who knows which stops.
         Output::Stops(stops::Out::Open(_) | stops::Out::Heard(_) | stops::Out::Remember(_)) => {}
         Output::Operator(Out::Give(given)) => to.push(Destination::Stops(stops::In::Give(given))),
-        Output::Operator(said) => to.push(Destination::Edge(said)),
+        Output::Operator(outputs) => to.push(Destination::Edge(outputs)),
     }
 }
 

@@ -20,7 +20,7 @@ use tomoswarm_proto::{
 };
 
 use super::fleet_view::FleetView;
-use super::given_tasks::TaskWish;
+use super::given_tasks::TaskRequest;
 use super::order_goal::OrderGoal;
 use super::status::Expected;
 use crate::time::Time;
@@ -37,16 +37,16 @@ pub enum Condition {
     /// Everything of this run is done, its last images too.
     Done(RunId),
     /// Every vehicle that is there has ended a mission of its own.
-    MissionsEnded(Present),
+    MissionsEnded(LiveVehicles),
     /// Every vehicle that is there has come home and stays there.
-    Home(Present),
+    Home(LiveVehicles),
     /// One of these, or several.
     Any(Vec<Condition>),
 }
 
 /// Vehicles, as far as they are there: who has been silent for too long is not waited for.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-pub struct Present {
+pub struct LiveVehicles {
     /// The vehicles.
     pub vehicles: BTreeSet<VehicleId>,
     /// For so long.
@@ -66,7 +66,7 @@ pub enum ScriptStep {
     /// Lets time pass.
     Delay(Duration),
     /// Gives a task; it is repeated until it is shown.
-    Task(TaskWish),
+    Task(TaskRequest),
     /// Wants something of the fleet; it stands.
     Want(OrderGoal),
     /// Ends the script if the fleet shows this now.
@@ -107,7 +107,7 @@ impl fmt::Display for ScriptEnd {
 #[derive(Clone, PartialEq, Debug)]
 pub(super) enum ScriptOut {
     /// This run is to be as it says.
-    Task(TaskWish),
+    Task(TaskRequest),
     /// This is wanted.
     Want(OrderGoal),
     /// This is to be done.
@@ -118,7 +118,7 @@ pub(super) enum ScriptOut {
 
 /// How it stands with what a script wanted last.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub(super) enum LastWant {
+pub(super) enum LastGoal {
     /// It is on its way.
     Open,
     /// Every vehicle showed it.
@@ -154,7 +154,7 @@ pub(super) struct ScriptView<'a> {
     /// What is known of the fleet.
     pub view: &'a FleetView,
     /// How it stands with what it wanted last.
-    pub last_want: &'a LastWant,
+    pub last_want: &'a LastGoal,
 }
 
 /// A script on its way.
@@ -188,7 +188,7 @@ impl ScriptRun {
     /// Goes on as far as it gets without saying anything; returns what it says. After [`ScriptOut::Ended`] it is not
     /// asked again.
     pub(super) fn go_on(&mut self, now: Time, sight: &ScriptView) -> Option<ScriptOut> {
-        if let LastWant::Failed(why) = sight.last_want {
+        if let LastGoal::Failed(why) = sight.last_want {
             return Some(self.give_up(why.clone()));
         }
         while let Some(step) = self.steps.get(self.at) {
@@ -257,7 +257,7 @@ impl Condition {
     fn is_shown(&self, now: Time, sight: &ScriptView) -> bool {
         match self {
             Condition::Heard(expected) => expected.all_heard(sight.view, now),
-            Condition::InForce => *sight.last_want == LastWant::InForce,
+            Condition::InForce => *sight.last_want == LastGoal::InForce,
             Condition::Driven(run) => sight
                 .report(now)
                 .is_some_and(|report| is_driven(report, *run)),
@@ -359,7 +359,7 @@ impl ScriptView<'_> {
     }
 }
 
-impl Present {
+impl LiveVehicles {
     /// Returns whether that is so of all who are there, and somebody is.
     fn all(&self, now: Time, view: &FleetView, is_so: fn(&MissionProgress) -> bool) -> bool {
         self.there(now, view).next().is_some() && self.without(now, view, is_so).is_empty()

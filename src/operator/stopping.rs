@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{EmergencyStop, StandReason, StopScope, VehicleId};
 
 use super::fleet_view::FleetView;
-use super::order_goal::StopWish;
+use super::order_goal::StopRequest;
 use super::outcome::{OrderOutcome, VehicleOutcome};
 use crate::time::Time;
 
@@ -24,7 +24,7 @@ const LOOKS_EVERY: Duration = Duration::from_millis(50);
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct StopBatch {
     stops: Vec<EmergencyStop>,
-    wish: StopWish,
+    wish: StopRequest,
     /// Who is known to be there without being heard.
     expected: BTreeSet<VehicleId>,
     began: Time,
@@ -40,7 +40,7 @@ impl StopBatch {
     pub fn new(
         now: Time,
         stops: Vec<EmergencyStop>,
-        wish: StopWish,
+        wish: StopRequest,
         expected: BTreeSet<VehicleId>,
         has_listened: bool,
     ) -> StopBatch {

@@ -32,7 +32,7 @@ use zenoh::Wait;
 use zenoh::qos::{CongestionControl, Priority};
 use zenoh::sample::Locality;
 
-use self::hearing::{SessionHearing, WhyAnew};
+use self::hearing::{ReopenReason, SessionHearing};
 use self::library_panics::{PanicsSeen, guarded};
 use self::links::LinkCounter;
 pub use self::settings::{BusError, BusSettings, BusTraffic, SessionTopology, Trust};
@@ -42,7 +42,7 @@ use super::subjects;
 use crate::exchange::egress::OutboundFrame;
 pub use crate::exchange::ingress::HeardMessage;
 use crate::exchange::ingress::{FrameRefusal, read};
-use crate::exchange::joining::GreetingVerdict;
+use crate::exchange::joining::JoinEffect;
 use crate::exchange::presence::Presence;
 use crate::exchange::table::Urgency;
 use crate::exchange::{Exchange, ReceivedFrame};
@@ -56,7 +56,7 @@ const LOOKS_EVERY: Duration = Duration::from_secs(1);
 const CLOSES_WITHIN: Duration = Duration::from_secs(1);
 
 /// Takes what a node is to be told, and what follows for taking part.
-type Subscriber = dyn Fn(Option<HeardMessage>, GreetingVerdict) + Send + Sync;
+type Subscriber = dyn Fn(Option<HeardMessage>, JoinEffect) + Send + Sync;
 
 /// A node's part of the bus.
 pub struct BusSession {
@@ -113,7 +113,7 @@ impl BusSession {
         presence: Presence,
         clock: Clock,
         troubles: Troubles,
-        hear: impl Fn(Option<HeardMessage>, GreetingVerdict) + Send + Sync + 'static,
+        hear: impl Fn(Option<HeardMessage>, JoinEffect) + Send + Sync + 'static,
     ) -> Result<BusSession, BusError> {
         library_panics::watch();
         let exchange = Exchange::new(settings.egress_bytes_per_s, presence);
@@ -369,7 +369,7 @@ impl Shared {
     }
 
     /// Returns why the session is to be opened anew. The lock is held for this moment only.
-    fn why_anew(&self) -> Option<WhyAnew> {
+    fn why_anew(&self) -> Option<ReopenReason> {
         lock(&self.hearing).why_anew(self.clock.now())
     }
 

@@ -46,7 +46,7 @@ impl VehicleDevices {
         file: &VehicleFile,
         boot: Boot,
         clock: Clock,
-        told: &EventSink,
+        events: &EventSink,
     ) -> io::Result<VehicleDevices> {
         let drivers = file.drivers.clone();
         tracing::info!("drivers: {}", drivers.in_words());
@@ -55,10 +55,10 @@ impl VehicleDevices {
                 "there is no range sensor: this vehicle sees nothing, and is not driven"
             );
         }
-        let range = Range::start(&drivers.range, &file.look, clock, told)?;
+        let range = Range::start(&drivers.range, &file.look, clock, events)?;
         let world = drivers
             .has_simulated()
-            .then(|| link(file, boot, &range, told))
+            .then(|| link(file, boot, &range, events))
             .transpose()?;
         Ok(VehicleDevices {
             drivers,
@@ -137,20 +137,25 @@ impl VehicleDevices {
 }
 
 /// Begins to connect to the world; what it says is told when a simulated device says it.
-fn link(file: &VehicleFile, boot: Boot, range: &Range, told: &EventSink) -> io::Result<WorldLink> {
+fn link(
+    file: &VehicleFile,
+    boot: Boot,
+    range: &Range,
+    events: &EventSink,
+) -> io::Result<WorldLink> {
     let settings = WorldLinkSettings {
         address: file.world.connect,
         token: file.world.token.clone(),
         vehicle: file.id,
         boot,
     };
-    let (drivers, pings, told) = (file.drivers.clone(), range.pings(), told.clone());
+    let (drivers, pings, events) = (file.drivers.clone(), range.pings(), events.clone());
     WorldLink::connect(settings, move |event| {
         if let (Event::Echo(echo), RangeDriver::Simulated) = (&event, &drivers.range) {
             pings.answered(echo.number);
         }
         if is_of_simulated(&drivers, &event) {
-            told(event);
+            events(event);
         }
     })
 }

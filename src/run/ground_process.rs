@@ -21,7 +21,7 @@ use self::keeper::{StoreJob, keeper};
 use super::bus::{BusError, Publisher};
 use super::mailbox::{Troubles, lock};
 use super::member::BusMember;
-use super::membership::{self, NoChance};
+use super::membership::{self, RandomUnavailable};
 use super::node_threads::LiveNode;
 use super::process::{Finish, Process};
 use super::state_dir::{StateDir, StateDirError};
@@ -62,7 +62,7 @@ pub enum GroundError {
     Trust(#[from] TrustError),
     /// The system gives no random numbers.
     #[error(transparent)]
-    NoChance(#[from] NoChance),
+    NoChance(#[from] RandomUnavailable),
     /// Which emergency stops are open cannot be known.
     #[error(transparent)]
     Kept(#[from] CheckedFileError),
@@ -344,7 +344,7 @@ impl Edge {
             Effect::BeginRun { run, compared_with } => self.archive.hold_run(run, compared_with),
             Effect::EndRun(run) => self.archive.hold_end(run),
             Effect::KeepStops(standing) => self.stops.keep(&standing),
-            Effect::StopsNote(remark) => tracing::info!("{remark}"),
+            Effect::StopEvent(event) => tracing::info!("{event}"),
             Effect::StationEvent(note) => tracing::info!("{note}"),
         }
     }

@@ -71,23 +71,23 @@ impl LiveOperator {
             self.is_linked = is_linked;
             self.unread.push(In::Linked(is_linked));
         }
-        let mut said = Vec::new();
-        self.act(self.now(), &mut said)?;
+        let mut output = Vec::new();
+        self.act(self.now(), &mut output)?;
         let due = self
             .node
             .deadline()
             .map_or(until, |deadline| deadline.at.min(until));
         let mut next = self
             .session
-            .hear(if said.is_empty() { due } else { Time::ZERO });
+            .hear(if output.is_empty() { due } else { Time::ZERO });
         for _ in 0..AT_ONCE {
             let Some((at, heard)) = next else { break };
             observe(at, &heard);
             self.unread.push(In::Bus(heard));
-            self.act(at, &mut said)?;
+            self.act(at, &mut output)?;
             next = self.session.hear(Time::ZERO);
         }
-        Ok(said)
+        Ok(output)
     }
 
     /// Leaves the bus.
@@ -96,7 +96,7 @@ impl LiveOperator {
     }
 
     /// Lets the operator act. What has waited to be read came before what was done meanwhile; time does not go back.
-    fn act(&mut self, at: Time, said: &mut Vec<Out>) -> Result<(), Fault> {
+    fn act(&mut self, at: Time, output: &mut Vec<Out>) -> Result<(), Fault> {
         self.latest = self.latest.max(at);
         let mut effects = Vec::new();
         if self
@@ -118,8 +118,8 @@ impl LiveOperator {
                 | Out::Ended(..)
                 | Out::Announce(_)
                 | Out::ScriptEnded(_)
-                | Out::StopsNote(_) => {
-                    said.push(out);
+                | Out::StopEvent(_) => {
+                    output.push(out);
                 }
             }
         }

@@ -24,7 +24,7 @@ use std::time::Duration;
 use super::clock::Clock;
 use crate::actor::{Actor, ActorCell, ActorStep, Fault, Inbox, Input, NodeActor, RestartPolicy};
 use crate::exchange::restarts::Restarts;
-use crate::store::recording::Scribe;
+use crate::store::recording::StepRecorder;
 use crate::time::Time;
 
 /// Inputs of the queue class that may wait.
@@ -35,13 +35,13 @@ const IDLE: Duration = Duration::from_secs(5);
 /// What is wrong in a process, by who says it; shown to the operator.
 #[derive(Clone, Debug, Default)]
 pub struct Troubles {
-    said: Arc<Mutex<BTreeMap<String, String>>>,
+    outputs: Arc<Mutex<BTreeMap<String, String>>>,
 }
 
 impl Troubles {
     /// Names a trouble; a later one of the same name replaces it.
     pub fn raise(&self, who: &str, what: String) {
-        let known = lock(&self.said).insert(who.to_owned(), what.clone());
+        let known = lock(&self.outputs).insert(who.to_owned(), what.clone());
         if known.as_ref() != Some(&what) {
             tracing::warn!("{who}: {what}");
         }
@@ -49,14 +49,14 @@ impl Troubles {
 
     /// Takes a trouble back.
     pub fn clear(&self, who: &str) {
-        if lock(&self.said).remove(who).is_some() {
+        if lock(&self.outputs).remove(who).is_some() {
             tracing::info!("{who}: in order again");
         }
     }
 
     /// Returns all that is wrong, in words.
     pub fn list(&self) -> Vec<String> {
-        lock(&self.said)
+        lock(&self.outputs)
             .iter()
             .map(|(who, what)| format!("{who}: {what}"))
             .collect()
@@ -260,7 +260,7 @@ pub fn start_actor<A, M, S>(
     context: &RuntimeContext,
     mailbox: &Mailbox<A::In>,
     policy: RestartPolicy,
-    scribe: Option<Scribe>,
+    scribe: Option<StepRecorder>,
     make: M,
     output: S,
 ) -> std::io::Result<JoinHandle<()>>
@@ -309,7 +309,7 @@ where
 {
     /// `None` = it cannot go on, or has not begun yet.
     cell: Option<ActorCell<A>>,
-    scribe: Option<Scribe>,
+    scribe: Option<StepRecorder>,
     output: S,
 }
 
@@ -371,7 +371,7 @@ where
             },
         };
         *place = None;
-        scribe.iter_mut().for_each(Scribe::restarted);
+        scribe.iter_mut().for_each(StepRecorder::restarted);
         self.mailbox.fail(fault);
     }
 
@@ -512,7 +512,7 @@ mod tests {
         JoinHandle<()>,
     ) {
         let (endings, failed) = channel();
-        let (said, heard) = channel();
+        let (outputs, heard) = channel();
         let context = RuntimeContext {
             clock: Clock::start(),
             troubles: Troubles::default(),
@@ -523,7 +523,7 @@ mod tests {
             wakes,
             next: Time::ZERO,
         };
-        let output = move |out| said.send(out).unwrap_or_default();
+        let output = move |out| outputs.send(out).unwrap_or_default();
         let thread = start_actor(&context, &mailbox, policy, None, make, output).unwrap();
         (mailbox, heard, failed, context.troubles.clone(), thread)
     }
@@ -567,9 +567,10 @@ mod tests {
             endings,
         };
         let mailbox = Mailbox::shared("echo");
-        let (said, heard) = channel();
+        let (outputs, heard) = channel();
         let output = move |out| {
-            said.send((out, std::thread::current().id()))
+            outputs
+                .send((out, std::thread::current().id()))
                 .unwrap_or_default()
         };
         let make = || Echo {

@@ -7,7 +7,7 @@ use tomoswarm_proto::{Hello, Message, Sender};
 
 use super::bus::{BusError, BusSession, BusSettings, HeardMessage, Publisher};
 use super::mailbox::{Ending, RuntimeContext, lock};
-use crate::exchange::joining::GreetingVerdict;
+use crate::exchange::joining::JoinEffect;
 use crate::exchange::presence::Presence;
 use crate::time::Time;
 
@@ -35,11 +35,11 @@ impl BusMember {
                 hear(sender, message);
             }
             match verdict {
-                GreetingVerdict::Fine => {}
-                GreetingVerdict::Foreign(reason) | GreetingVerdict::Stays(reason) => {
+                JoinEffect::Fine => {}
+                JoinEffect::Foreign(reason) | JoinEffect::Stays(reason) => {
                     tracing::warn!("{reason}")
                 }
-                GreetingVerdict::Refused(reason) => {
+                JoinEffect::Refused(reason) => {
                     lock(&endings)
                         .send(Ending::Refused(reason))
                         .unwrap_or_default();

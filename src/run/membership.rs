@@ -20,14 +20,14 @@ pub const OPERATOR: Sender = Sender::Operator(OperatorId(1));
 /// The machine gave no random number, so that nothing can be told apart.
 #[derive(Debug, thiserror::Error)]
 #[error("the system gives no random numbers: {0}")]
-pub struct NoChance(getrandom::Error);
+pub struct RandomUnavailable(getrandom::Error);
 
 /// Draws a random number.
 ///
 /// # Errors
 /// The system gives none.
-pub fn draw() -> Result<u64, NoChance> {
-    getrandom::u64().map_err(NoChance)
+pub fn draw() -> Result<u64, RandomUnavailable> {
+    getrandom::u64().map_err(RandomUnavailable)
 }
 
 /// Returns how a node takes part in the bus; `access` says who may write what, where there are certificates.
@@ -125,7 +125,7 @@ pub fn greeting(
     boot: Boot,
     venue: &Venue,
     capabilities: Vec<Capability>,
-) -> Result<Hello, NoChance> {
+) -> Result<Hello, RandomUnavailable> {
     Ok(Hello {
         software: SOFTWARE.to_owned(),
         capabilities,

@@ -265,7 +265,7 @@ mod tests {
 
     fn live(told_before: &[u32]) -> Live {
         let (endings, ended) = channel();
-        let (said, sums) = channel();
+        let (outputs, sums) = channel();
         let context = RuntimeContext {
             clock: Clock::start(),
             troubles: Troubles::default(),
@@ -274,7 +274,7 @@ mod tests {
         let node = LiveNode::<Adding>::default();
         told_before.iter().for_each(|number| node.tell(*number));
         let threads = node.start(&context, 10, None, move |sum| {
-            said.send(sum).unwrap_or_default()
+            outputs.send(sum).unwrap_or_default()
         });
         Live {
             node,

@@ -15,7 +15,7 @@ use std::time::{Duration, SystemTime};
 use rustix::fs::{FlockOperation, flock, statvfs};
 use tomoswarm_proto::Boot;
 
-use super::membership::{self, NoChance};
+use super::membership::{self, RandomUnavailable};
 use crate::store::replace;
 
 /// From 1970 to 2020.
@@ -46,7 +46,7 @@ pub enum StateDirError {
     },
     /// There is no count of starts, and none can be drawn.
     #[error(transparent)]
-    NoChance(#[from] NoChance),
+    NoChance(#[from] RandomUnavailable),
     /// The count of starts is no number.
     #[error("{}: `{text}` is no count of starts; write the highest boot number used so far into it", path.display())]
     Count {

@@ -19,15 +19,15 @@ use super::clock::Clock;
 use super::drivers::{EventSink, VehicleDevices};
 use super::mailbox::{Troubles, lock};
 use super::member::BusMember;
-use super::membership::{self, NoChance};
+use super::membership::{self, RandomUnavailable};
 use super::node_threads::{LiveNode, Threads};
 use super::process::{Finish, Process};
 use super::state_dir::{StateDir, StateDirError};
 use super::trust::TrustError;
-use crate::autopilot::{AutopilotCommand, LinkEvent, Purpose, link};
+use crate::autopilot::{AutopilotCommand, CommandPurpose, LinkEvent, link};
 use crate::config::{Record, VehicleFile};
 use crate::geom::Lattice;
-use crate::node::outbox::Tally;
+use crate::node::outbox::OutboxCounts;
 use crate::node::route::VehicleEvent;
 use crate::node::{Effect, Event, VehicleSettings, VehicleWiring};
 use crate::store::CheckedFileError;
@@ -69,7 +69,7 @@ pub enum VehicleError {
     Trust(#[from] TrustError),
     /// The system gives no random numbers.
     #[error(transparent)]
-    NoChance(#[from] NoChance),
+    NoChance(#[from] RandomUnavailable),
     /// The machine has no threads to give.
     #[error("a thread cannot be started: {0}")]
     Thread(#[from] std::io::Error),
@@ -96,7 +96,7 @@ struct Last {
     state_at: Option<Time>,
     /// Who was in the ring at the last beacon.
     hears: Option<(Time, Vec<VehicleId>)>,
-    tally: Tally,
+    tally: OutboxCounts,
     /// Why the autopilot has not armed, since it was told to.
     not_armed: Option<String>,
 }
@@ -154,7 +154,9 @@ impl Edge {
                 self.publisher.publish(message);
             }
             Effect::VehicleEvent(note) => {
-                if let VehicleEvent::Autopilot(LinkEvent::GivenUp(Purpose::Arm, reason)) = note {
+                if let VehicleEvent::Autopilot(LinkEvent::GivenUp(CommandPurpose::Arm, reason)) =
+                    note
+                {
                     lock(&self.last).not_armed = Some(reason.to_string());
                 }
                 tracing::info!("{note}");

@@ -8,7 +8,7 @@
 
 use std::time::Duration;
 
-use super::motion::{Phase, PhaseBuilder, Piece, trapezoid};
+use super::motion::{MotionPhase, PhaseBuilder, Piece, trapezoid};
 use crate::geom::{Angle, Point, Vector};
 use crate::time::Time;
 
@@ -58,7 +58,7 @@ pub struct BodyState {
 pub struct Body {
     limits: DriveLimits,
     since: Time,
-    phases: Vec<Phase>,
+    phases: Vec<MotionPhase>,
     rest: BodyState,
 }
 
@@ -280,7 +280,7 @@ impl Body {
     }
 
     /// The phases that are not over at `from` and have begun by `until`, in order.
-    pub(super) fn phases_between(&self, from: Time, until: Time) -> &[Phase] {
+    pub(super) fn phases_between(&self, from: Time, until: Time) -> &[MotionPhase] {
         let Some(first) = self.phase_index(from) else {
             return &[];
         };

@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use tomoswarm_proto::{Interest, MessageKind, MessageSubject, OperatorId, Topic, VehicleId};
 
-use super::noise::{Noise, Purpose};
+use super::noise::{Noise, NoisePurpose};
 use crate::config::Partition;
 use crate::exchange::egress::OutboundFrame;
 use crate::exchange::ingress::{FrameRefusal, HeardMessage, read};
@@ -200,16 +200,18 @@ impl SimulatedBus {
 
     fn copies(&self, now: Time, sender: NodeId, to: NodeId, count: u64) -> u64 {
         let ids = [number(sender), count, number(to)];
-        let dropped = self.noise.uniform(Purpose::BusDrop, &ids) < self.model.drop_share;
+        let dropped = self.noise.uniform(NoisePurpose::BusDrop, &ids) < self.model.drop_share;
         if dropped || !self.joins(now, sender, to) {
             return 0;
         }
-        1 + u64::from(self.noise.uniform(Purpose::BusDuplicate, &ids) < self.model.duplicate_share)
+        1 + u64::from(
+            self.noise.uniform(NoisePurpose::BusDuplicate, &ids) < self.model.duplicate_share,
+        )
     }
 
     fn delay(&self, ids: &[u64]) -> Duration {
         let jitter_ns =
-            self.model.jitter.as_nanos() as f64 * self.noise.uniform(Purpose::BusDelay, ids);
+            self.model.jitter.as_nanos() as f64 * self.noise.uniform(NoisePurpose::BusDelay, ids);
         self.model
             .delay
             .saturating_add(Duration::from_nanos(jitter_ns as u64))

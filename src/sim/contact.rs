@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use super::autopilot::Climb;
 use super::body::Body;
-use super::motion::Phase;
+use super::motion::MotionPhase;
 use crate::geom::{Point, Segment, Vector};
 use crate::time::Time;
 
@@ -28,7 +28,7 @@ pub struct Swept<'a> {
     /// When it is at the segment's end.
     pub until: Time,
     body: &'a Body,
-    phases: &'a [Phase],
+    phases: &'a [MotionPhase],
 }
 
 impl Swept<'_> {
@@ -65,7 +65,7 @@ impl Body {
             .collect()
     }
 
-    fn sweep<'a>(&'a self, leg: &'a [Phase], from: Time, until: Time) -> Swept<'a> {
+    fn sweep<'a>(&'a self, leg: &'a [MotionPhase], from: Time, until: Time) -> Swept<'a> {
         let (first, last) = (&leg[0], &leg[leg.len() - 1]);
         let (begins, ends) = (self.moment(first.start_s), self.moment(last.end_s()));
         let start = if begins < from {

@@ -34,9 +34,9 @@ use self::devices::SimulatedDevices;
 use self::event::PendingEvent;
 use super::air::{Air, Fate, Sent};
 use super::faults::Faults;
-use super::noise::{Noise, Purpose};
+use super::noise::{Noise, NoisePurpose};
 use super::queue::EventQueue;
-use super::world::{Obeyed, PredictedContact, World, WorldContents};
+use super::world::{CommandResult, PredictedContact, World, WorldContents};
 use crate::autopilot::{Ack, AutopilotReport, Command, CommandAck, NumberedCommand};
 use crate::geom::Angle;
 use crate::node::sensor::{Echo, Ping};
@@ -95,7 +95,7 @@ impl Environment {
         for vehicle in 0..self.world.vehicles() {
             let share = self
                 .noise
-                .uniform(Purpose::Start, &[u64::from(self.world.id(vehicle).0)]);
+                .uniform(NoisePurpose::Start, &[u64::from(self.world.id(vehicle).0)]);
             let first = Time::ZERO + REPORT_EVERY.mul_f64(share);
             self.schedule(first, PendingEvent::Report { vehicle }, out);
         }
@@ -259,7 +259,7 @@ impl Environment {
 
     fn report(&mut self, at: Time, vehicle: usize, until: Time, out: &mut Vec<WorldEvent>) {
         let known = self.world.report(vehicle, self.now);
-        let report = self.devices[vehicle].said(known);
+        let report = self.devices[vehicle].as_reported(known);
         let contacts = self.world.foreseen();
         self.predict(contacts, out);
         let next = next_of(at, REPORT_EVERY, until);
@@ -326,7 +326,7 @@ impl Environment {
     /// Lets an autopilot obey its companion, and answer; a wreck does neither.
     fn answer(&mut self, vehicle: usize, numbered: &NumberedCommand, out: &mut Vec<WorldEvent>) {
         let NumberedCommand { number, command } = numbered;
-        let Obeyed {
+        let CommandResult {
             result,
             arm_refusal,
             ..
@@ -351,7 +351,12 @@ impl Environment {
         self.command(vehicle, command, out).result
     }
 
-    fn command(&mut self, vehicle: usize, command: &Command, out: &mut Vec<WorldEvent>) -> Obeyed {
+    fn command(
+        &mut self,
+        vehicle: usize,
+        command: &Command,
+        out: &mut Vec<WorldEvent>,
+    ) -> CommandResult {
         let devices = &mut self.devices[vehicle];
         devices.moves = command.moves() || (devices.moves && !command.stops());
         if devices.moves {

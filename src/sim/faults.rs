@@ -4,18 +4,18 @@
 use tomoswarm_proto::{Sender, VehicleId};
 
 use super::autopilot::Outage;
-use crate::config::{Fault, FaultKind, Partition};
+use crate::config::{FaultKind, FaultSpec, Partition};
 use crate::time::Time;
 
 /// All faults of a scenario.
 #[derive(Clone, Debug, Default)]
 pub struct Faults {
-    list: Vec<Fault>,
+    list: Vec<FaultSpec>,
 }
 
 /// What a fault of software does at the moment of its beginning or end.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub enum FaultTurn {
+pub enum SoftwareFaultEvent {
     /// The software of a node ends.
     Ends(Sender),
     /// The software of a node starts.
@@ -24,7 +24,7 @@ pub enum FaultTurn {
 
 impl Faults {
     /// Takes the faults of a file.
-    pub fn new(list: Vec<Fault>) -> Faults {
+    pub fn new(list: Vec<FaultSpec>) -> Faults {
         Faults { list }
     }
 
@@ -46,7 +46,7 @@ impl Faults {
 
     /// Returns which batteries have which charge at once, 0 to 1, and when.
     pub fn charges(&self) -> Vec<(Time, VehicleId, f64)> {
-        let charge_of = |fault: &Fault| match fault.kind {
+        let charge_of = |fault: &FaultSpec| match fault.kind {
             FaultKind::Battery(charge) => Some(charge),
             FaultKind::Bus
             | FaultKind::Radio
@@ -70,7 +70,7 @@ impl Faults {
     }
 
     /// Returns what happens to the software of nodes, and when.
-    pub fn turns(&self) -> Vec<(Time, FaultTurn)> {
+    pub fn turns(&self) -> Vec<(Time, SoftwareFaultEvent)> {
         self.list
             .iter()
             .flat_map(turns_of)
@@ -110,7 +110,7 @@ impl Faults {
 }
 
 /// Returns which nodes it hits.
-fn whom(fault: &Fault) -> impl Iterator<Item = Sender> + '_ {
+fn whom(fault: &FaultSpec) -> impl Iterator<Item = Sender> + '_ {
     let ground = fault.ground.then_some(Sender::Ground);
     fault
         .vehicles
@@ -120,13 +120,14 @@ fn whom(fault: &Fault) -> impl Iterator<Item = Sender> + '_ {
         .chain(ground)
 }
 
-fn turns_of(fault: &Fault) -> Vec<(Time, FaultTurn)> {
-    let each =
-        |at: Time, turn: fn(Sender) -> FaultTurn| whom(fault).map(move |node| (at, turn(node)));
+fn turns_of(fault: &FaultSpec) -> Vec<(Time, SoftwareFaultEvent)> {
+    let each = |at: Time, turn: fn(Sender) -> SoftwareFaultEvent| {
+        whom(fault).map(move |node| (at, turn(node)))
+    };
     match fault.kind {
-        FaultKind::Dead => each(fault.from, FaultTurn::Ends).collect(),
-        FaultKind::Restart => each(fault.from, FaultTurn::Ends)
-            .chain(each(fault.until, FaultTurn::Starts))
+        FaultKind::Dead => each(fault.from, SoftwareFaultEvent::Ends).collect(),
+        FaultKind::Restart => each(fault.from, SoftwareFaultEvent::Ends)
+            .chain(each(fault.until, SoftwareFaultEvent::Starts))
             .collect(),
         FaultKind::Bus
         | FaultKind::Radio
@@ -140,9 +141,9 @@ fn turns_of(fault: &Fault) -> Vec<(Time, FaultTurn)> {
 mod tests {
     use super::*;
 
-    fn fault(kind: FaultKind) -> Fault {
+    fn fault(kind: FaultKind) -> FaultSpec {
         let (from, until) = (Time::from_secs_f64(5.0), Time::from_secs_f64(9.0));
-        Fault {
+        FaultSpec {
             from,
             until,
             kind,
@@ -168,18 +169,18 @@ mod tests {
         assert_eq!(turns.len(), 4);
         assert!(turns.contains(&(
             Time::from_secs_f64(9.0),
-            FaultTurn::Starts(Sender::Vehicle(VehicleId(3)))
+            SoftwareFaultEvent::Starts(Sender::Vehicle(VehicleId(3)))
         )));
         let turns = Faults::new(vec![fault(FaultKind::Dead)]).turns();
         assert_eq!(turns.len(), 2);
-        let of_ground = Fault {
+        let of_ground = FaultSpec {
             vehicles: Vec::new(),
             ground: true,
             ..fault(FaultKind::Restart)
         };
         let turns = [
-            (5.0, FaultTurn::Ends(Sender::Ground)),
-            (9.0, FaultTurn::Starts(Sender::Ground)),
+            (5.0, SoftwareFaultEvent::Ends(Sender::Ground)),
+            (9.0, SoftwareFaultEvent::Starts(Sender::Ground)),
         ];
         let turns = turns.map(|(at_s, turn)| (Time::from_secs_f64(at_s), turn));
         assert_eq!(Faults::new(vec![of_ground]).turns(), turns);

@@ -13,7 +13,7 @@ use crate::time::Time;
 
 /// What follows for the run.
 #[derive(Clone, PartialEq, Eq, Debug)]
-pub(super) enum RunVerdict {
+pub(super) enum RunState {
     /// Nothing.
     GoesOn,
     /// It is over.
@@ -24,7 +24,7 @@ pub(super) enum RunVerdict {
 
 /// What is known of how a run goes.
 #[derive(Debug)]
-pub(super) struct Judge {
+pub(super) struct RunMonitor {
     /// Whether a ground station plans for all; otherwise every vehicle has a mission of its own.
     is_swept: bool,
     expect: Expect,
@@ -33,11 +33,11 @@ pub(super) struct Judge {
     is_done: bool,
 }
 
-impl Judge {
+impl RunMonitor {
     /// Makes the judge of a run that has not begun.
-    pub(super) fn new(is_swept: bool, expect: Expect, vehicles: &[VehicleId]) -> Judge {
+    pub(super) fn new(is_swept: bool, expect: Expect, vehicles: &[VehicleId]) -> RunMonitor {
         let missions = vehicles.iter().map(|id| (*id, None)).collect();
-        Judge {
+        RunMonitor {
             is_swept,
             expect,
             missions,
@@ -79,19 +79,19 @@ impl Judge {
 
     /// Decides after a return home, when `home` of the `alive` vehicles are home. Where all are expected there,
     /// whatever an operator can hear of them, this is the end.
-    pub(super) fn came_home(&self, home: usize, alive: usize) -> RunVerdict {
+    pub(super) fn came_home(&self, home: usize, alive: usize) -> RunState {
         if self.expect == Expect::Home && home == alive {
-            RunVerdict::Over
+            RunState::Over
         } else {
-            RunVerdict::GoesOn
+            RunState::GoesOn
         }
     }
 
     /// Takes how the operator's script ended.
-    pub(super) fn script_ended(&self, end: &ScriptEnd) -> RunVerdict {
+    pub(super) fn script_ended(&self, end: &ScriptEnd) -> RunState {
         match end {
-            ScriptEnd::Done => RunVerdict::Over,
-            ScriptEnd::GaveUp { why, .. } => RunVerdict::Failed(why.clone()),
+            ScriptEnd::Done => RunState::Over,
+            ScriptEnd::GaveUp { why, .. } => RunState::Failed(why.clone()),
         }
     }
 }
@@ -103,8 +103,8 @@ mod tests {
     use super::super::operator_script::EMPTY_RUN;
     use super::*;
 
-    fn judge(is_swept: bool, expect: Expect) -> Judge {
-        Judge::new(
+    fn judge(is_swept: bool, expect: Expect) -> RunMonitor {
+        RunMonitor::new(
             is_swept,
             expect,
             &[VehicleId(1), VehicleId(2), VehicleId(3)],
@@ -140,28 +140,25 @@ mod tests {
 
     #[test]
     fn who_comes_home_ends_a_run_only_where_all_are_expected_there() {
-        assert_eq!(judge(true, Expect::Home).came_home(3, 3), RunVerdict::Over);
-        assert_eq!(
-            judge(true, Expect::Home).came_home(2, 3),
-            RunVerdict::GoesOn
-        );
+        assert_eq!(judge(true, Expect::Home).came_home(3, 3), RunState::Over);
+        assert_eq!(judge(true, Expect::Home).came_home(2, 3), RunState::GoesOn);
         assert_eq!(
             judge(true, Expect::Finished).came_home(3, 3),
-            RunVerdict::GoesOn
+            RunState::GoesOn
         );
     }
 
     #[test]
     fn an_operator_that_gives_up_has_failed_with_its_reason() {
         let judge = judge(true, Expect::Finished);
-        assert_eq!(judge.script_ended(&ScriptEnd::Done), RunVerdict::Over);
+        assert_eq!(judge.script_ended(&ScriptEnd::Done), RunState::Over);
         let gave_up = ScriptEnd::GaveUp {
             step: 3,
             why: "nobody came".to_owned(),
         };
         assert_eq!(
             judge.script_ended(&gave_up),
-            RunVerdict::Failed("nobody came".to_owned())
+            RunState::Failed("nobody came".to_owned())
         );
     }
 }

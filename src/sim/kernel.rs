@@ -28,22 +28,22 @@ use self::network::Network;
 use self::nodes::{NodePlace, Nodes, name_of};
 use self::progress::ProgressMeter;
 use self::run_record::RunRecord;
-use self::schedule::{Event, Schedule};
+use self::schedule::{Schedule, ScheduledEvent};
 use self::scheduled_environment::ScheduledEnvironment;
 use super::bus::{BusFrame, NodeId};
 use super::environment::{DeviceCommand, WorldEvent};
-use super::faults::FaultTurn;
-use super::judge::{Judge, RunVerdict};
+use super::faults::SoftwareFaultEvent;
+use super::judge::{RunMonitor, RunState};
 use super::noise::Noise;
 use super::operator_script::{PERSONS_ENTER, SCENARIO_OPERATOR};
-use super::run_view::{RunView, ShownVehicle};
+use super::run_view::{RunView, VehicleSnapshot};
 use crate::actor::Fault;
 use crate::exchange::ingress::HeardMessage;
 use crate::ground;
 use crate::node;
-use crate::node::mission::MissionEvent as MissionRemark;
+use crate::node::mission::MissionEvent;
 use crate::node::radio;
-use crate::node::route::VehicleEvent as VehicleNote;
+use crate::node::route::VehicleEvent;
 use crate::operator::operator_actor::{In, Out};
 use crate::time::Time;
 
@@ -59,7 +59,7 @@ pub(super) struct Kernel {
     environment: ScheduledEnvironment,
     network: Network,
     nodes: Nodes,
-    judge: Judge,
+    judge: RunMonitor,
     record: RunRecord,
     progress: ProgressMeter,
     noise: Noise,
@@ -79,7 +79,9 @@ impl Kernel {
     pub(super) fn new(parts: Parts) -> Kernel {
         let noise = parts.noise;
         let turns = parts.faults.turns();
-        let restarts = |(_, turn): &(_, FaultTurn)| *turn == FaultTurn::Starts(NodeId::Ground);
+        let restarts = |(_, turn): &(_, SoftwareFaultEvent)| {
+            *turn == SoftwareFaultEvent::Starts(NodeId::Ground)
+        };
         let ground = SimulatedGround::new(parts.ground, turns.iter().any(restarts));
         let operators = parts.operators.iter();
         let operators = operators.map(|operator| (operator.id(), operator.interest().to_vec()));
@@ -105,12 +107,13 @@ impl Kernel {
     }
 
     /// Queues what happens by itself from the beginning.
-    fn prime(&mut self, turns: Vec<(Time, FaultTurn)>) {
+    fn prime(&mut self, turns: Vec<(Time, SoftwareFaultEvent)>) {
         for (at, turn) in turns {
-            self.schedule.push(at, Event::Fault(turn));
+            self.schedule.push(at, ScheduledEvent::Fault(turn));
         }
         if !self.nodes.operators().is_empty() {
-            self.schedule.push(Time::ZERO, Event::OperatorsBegin);
+            self.schedule
+                .push(Time::ZERO, ScheduledEvent::OperatorsBegin);
         }
         for (index, vehicle) in self.nodes.vehicles().iter().enumerate() {
             let (place, boot) = (NodePlace::Vehicle(index), vehicle.node().boot());
@@ -159,7 +162,7 @@ impl Kernel {
         let what = self.nodes.ground().holdings();
         self.record.line(now, "ground", format_args!("{what}"));
         let rests = |vehicle| self.environment.truth(vehicle, now).speed_mps == 0.0;
-        let muster = self.nodes.muster(rests);
+        let muster = self.nodes.count_fleet(rests);
         let mut environment = self.environment.into_environment();
         FinishedRun {
             muster,
@@ -173,25 +176,25 @@ impl Kernel {
         }
     }
 
-    fn happen(&mut self, event: Event) -> Result<(), Fault> {
+    fn happen(&mut self, event: ScheduledEvent) -> Result<(), Fault> {
         match event {
-            Event::Wake { node, generation } if self.nodes.rings(node, generation) => {
+            ScheduledEvent::Wake { node, generation } if self.nodes.rings(node, generation) => {
                 self.wake(node)
             }
-            Event::Wake { .. } => Ok(()),
-            Event::Exchange { node, generation } => {
+            ScheduledEvent::Wake { .. } => Ok(()),
+            ScheduledEvent::Exchange { node, generation } => {
                 if self.network.wake(node, generation, &mut self.schedule) {
                     self.log(node, format_args!("takes part in the bus"));
                 }
                 Ok(())
             }
-            Event::Environment => self.wake_environment(),
-            Event::Deliver { to, frame } => self.deliver(to, &frame),
-            Event::Fault(turn) => {
+            ScheduledEvent::Environment => self.wake_environment(),
+            ScheduledEvent::Deliver { to, frame } => self.deliver(to, &frame),
+            ScheduledEvent::Fault(turn) => {
                 self.turn(turn);
                 Ok(())
             }
-            Event::OperatorsBegin => self.begin_operators(),
+            ScheduledEvent::OperatorsBegin => self.begin_operators(),
         }
     }
 
@@ -223,23 +226,23 @@ impl Kernel {
             return Ok(());
         }
         let mut effects = std::mem::take(&mut self.scratch.vehicle);
-        let (now, told) = (self.schedule.now(), self.nodes.vehicle_mut(vehicle));
-        told.tell(now, event, &mut effects)?;
+        let (now, actors) = (self.schedule.now(), self.nodes.vehicle_mut(vehicle));
+        actors.tell(now, event, &mut effects)?;
         self.carry_out(vehicle, effects)
     }
 
     fn tell_ground(&mut self, event: ground::Event) -> Result<(), Fault> {
         let mut effects = std::mem::take(&mut self.scratch.ground);
-        let (now, told) = (self.schedule.now(), self.nodes.ground_mut());
-        told.tell(now, event, &mut effects)?;
+        let (now, actors) = (self.schedule.now(), self.nodes.ground_mut());
+        actors.tell(now, event, &mut effects)?;
         self.carry_out_of_ground(effects);
         Ok(())
     }
 
     fn tell_operator(&mut self, operator: usize, input: In) -> Result<(), Fault> {
         let mut effects = Vec::new();
-        let (now, told) = (self.schedule.now(), self.nodes.operator_mut(operator));
-        told.tell(now, input, &mut effects)?;
+        let (now, actors) = (self.schedule.now(), self.nodes.operator_mut(operator));
+        actors.tell(now, input, &mut effects)?;
         self.carry_out_of_operator(operator, effects)
     }
 
@@ -255,7 +258,8 @@ impl Kernel {
     /// Queues the node's next wake, unless the one queued already is the right one.
     fn set_alarm(&mut self, node: NodePlace) {
         if let Some((at, generation)) = self.nodes.set_alarm(node, self.schedule.now()) {
-            self.schedule.push(at, Event::Wake { node, generation });
+            self.schedule
+                .push(at, ScheduledEvent::Wake { node, generation });
         }
     }
 
@@ -267,8 +271,8 @@ impl Kernel {
                 .filter_map(|effect| self.carry_out_one(vehicle, effect))
                 .collect();
             for answer in answers {
-                let (now, told) = (self.schedule.now(), self.nodes.vehicle_mut(vehicle));
-                told.tell(now, answer, &mut effects)?;
+                let (now, actors) = (self.schedule.now(), self.nodes.vehicle_mut(vehicle));
+                actors.tell(now, answer, &mut effects)?;
             }
         }
         self.scratch.vehicle = effects;
@@ -294,8 +298,8 @@ impl Kernel {
             }
             node::Effect::VehicleEvent(note) => {
                 self.log(place, format_args!("{note}"));
-                if let VehicleNote::Mission(remark) = &note {
-                    self.heed(vehicle, remark);
+                if let VehicleEvent::Mission(event) = &note {
+                    self.inform_monitor(vehicle, event);
                 }
                 None
             }
@@ -309,15 +313,15 @@ impl Kernel {
     }
 
     /// Lets the judge see what a mission says.
-    fn heed(&mut self, vehicle: usize, remark: &MissionRemark) {
+    fn inform_monitor(&mut self, vehicle: usize, event: &MissionEvent) {
         let now = self.schedule.now();
-        match remark {
-            MissionRemark::Home => {
+        match event {
+            MissionEvent::Home => {
                 let rests = |vehicle| self.environment.truth(vehicle, now).speed_mps == 0.0;
-                let muster = self.nodes.muster(rests);
+                let muster = self.nodes.count_fleet(rests);
                 self.follow(self.judge.came_home(muster.home, muster.alive));
             }
-            MissionRemark::Ended(end) => {
+            MissionEvent::Ended(end) => {
                 let are_dead = self.nodes.are_dead();
                 self.judge
                     .mission_ended(now, vehicle, end.clone(), are_dead);
@@ -338,7 +342,7 @@ impl Kernel {
                 ground::Effect::KeepStops(stops) => self.nodes.ground_mut().keep_stops(stops),
                 // What was measured is not told from run to run here.
                 ground::Effect::BeginRun { .. } | ground::Effect::EndRun(_) => {}
-                ground::Effect::StopsNote(remark) => self.log(place, format_args!("{remark}")),
+                ground::Effect::StopEvent(event) => self.log(place, format_args!("{event}")),
                 ground::Effect::StationEvent(note) => {
                     self.log(place, format_args!("{note}"));
                     self.progress.hear(&note, self.environment.sweeps_left());
@@ -371,8 +375,8 @@ impl Kernel {
                         self.environment.let_persons_enter(&mut self.schedule);
                         self.record
                             .line(now, "scenario", format_args!("the persons enter"));
-                        let told = self.nodes.operator_mut(operator);
-                        told.tell(now, In::CueDone, &mut effects)?;
+                        let actors = self.nodes.operator_mut(operator);
+                        actors.tell(now, In::CueDone, &mut effects)?;
                     }
                     Out::ScriptEnded(end) => {
                         // The script of the scenario's operator is what the run is about.
@@ -385,7 +389,7 @@ impl Kernel {
                     | Out::InForce(..)
                     | Out::Ended(..)
                     | Out::Give(_)
-                    | Out::StopsNote(_) => {}
+                    | Out::StopEvent(_) => {}
                 }
             }
         }
@@ -406,7 +410,7 @@ impl Kernel {
     fn notice(&mut self, event: WorldEvent) -> Result<(), Fault> {
         let now = self.schedule.now();
         match event {
-            WorldEvent::Scheduled(at) => self.schedule.push(at, Event::Environment),
+            WorldEvent::Scheduled(at) => self.schedule.push(at, ScheduledEvent::Environment),
             WorldEvent::Report { vehicle, report } => {
                 let place = self.environment.truth(vehicle, now).at;
                 self.record.track(vehicle, place);
@@ -483,7 +487,7 @@ impl Kernel {
             NodePlace::Vehicle(_) => self.end_node(node),
             NodePlace::Ground => {
                 self.network.leave(node);
-                self.follow(RunVerdict::Failed(format!(
+                self.follow(RunState::Failed(format!(
                     "the ground station may not take part: {reason}"
                 )));
             }
@@ -493,16 +497,17 @@ impl Kernel {
     }
 
     /// Lets a fault of software begin or end.
-    fn turn(&mut self, turn: FaultTurn) {
+    fn turn(&mut self, turn: SoftwareFaultEvent) {
         match turn {
             // An operator's end is not what a file can say.
-            FaultTurn::Ends(NodeId::Operator(_)) | FaultTurn::Starts(NodeId::Operator(_)) => {}
-            FaultTurn::Ends(node) => {
+            SoftwareFaultEvent::Ends(NodeId::Operator(_))
+            | SoftwareFaultEvent::Starts(NodeId::Operator(_)) => {}
+            SoftwareFaultEvent::Ends(node) => {
                 if let Some(place) = self.nodes.place_of(node) {
                     self.end_node(place);
                 }
             }
-            FaultTurn::Starts(node) => {
+            SoftwareFaultEvent::Starts(node) => {
                 if let Some(place) = self.nodes.place_of(node) {
                     self.start_node(place);
                 }
@@ -537,14 +542,14 @@ impl Kernel {
     }
 
     /// Does what follows from a judgement; of several the first counts.
-    fn follow(&mut self, verdict: RunVerdict) {
+    fn follow(&mut self, verdict: RunState) {
         if self.schedule.ended_at().is_some() {
             return;
         }
         match verdict {
-            RunVerdict::GoesOn => {}
-            RunVerdict::Over => self.schedule.end(),
-            RunVerdict::Failed(reason) => {
+            RunState::GoesOn => {}
+            RunState::Over => self.schedule.end(),
+            RunState::Failed(reason) => {
                 self.record.fail(reason);
                 self.schedule.end();
             }
@@ -561,7 +566,7 @@ impl Kernel {
         let now = self.schedule.now();
         let one = |(index, vehicle): (usize, &SimulatedVehicle)| {
             let (state, node) = (self.environment.truth(index, now), vehicle.node());
-            ShownVehicle {
+            VehicleSnapshot {
                 id: vehicle.id(),
                 at: state.at,
                 heading: state.heading,

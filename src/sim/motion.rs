@@ -138,7 +138,7 @@ const NEGLIGIBLE_M: f64 = 1e-9;
 
 /// One phase of motion.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub(super) struct Phase {
+pub(super) struct MotionPhase {
     pub start_s: f64,
     pub duration_s: f64,
     pub from: Point,
@@ -161,7 +161,7 @@ pub(super) enum PhaseKind {
     },
 }
 
-impl Phase {
+impl MotionPhase {
     pub(super) fn end_s(&self) -> f64 {
         self.start_s + self.duration_s
     }
@@ -249,7 +249,7 @@ impl Phase {
 /// Phases in the making: where the body is at the end of them.
 #[derive(Clone, Debug)]
 pub(super) struct PhaseBuilder {
-    pub phases: Vec<Phase>,
+    pub phases: Vec<MotionPhase>,
     pub at: Point,
     pub heading: Angle,
     clock_s: f64,
@@ -323,7 +323,7 @@ impl PhaseBuilder {
     }
 
     fn push(&mut self, duration_s: f64, to: Point, heading: Angle, kind: PhaseKind) {
-        self.phases.push(Phase {
+        self.phases.push(MotionPhase {
             start_s: self.clock_s,
             duration_s,
             from: self.at,

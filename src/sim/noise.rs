@@ -10,7 +10,7 @@ use crate::time::Time;
 /// What a piece of noise is for; the same ids give independent noise for different purposes. New
 /// purposes come last, so that a seed goes on giving the same.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Purpose {
+pub enum NoisePurpose {
     /// Error of a vehicle's pose, along x.
     PoseX,
     /// Error of a vehicle's pose, along y.
@@ -74,7 +74,7 @@ impl Noise {
     }
 
     /// Returns 64 well mixed bits.
-    pub fn hash(&self, purpose: Purpose, ids: &[u64]) -> u64 {
+    pub fn hash(&self, purpose: NoisePurpose, ids: &[u64]) -> u64 {
         ids.iter()
             .fold(fold(mix(self.seed), purpose as u64), |state, id| {
                 fold(state, *id)
@@ -82,12 +82,12 @@ impl Noise {
     }
 
     /// Returns a number evenly distributed in [0, 1).
-    pub fn uniform(&self, purpose: Purpose, ids: &[u64]) -> f64 {
+    pub fn uniform(&self, purpose: NoisePurpose, ids: &[u64]) -> f64 {
         (self.hash(purpose, ids) >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
     }
 
     /// Returns a normally distributed number of mean 0 and standard deviation 1.
-    pub fn gaussian(&self, purpose: Purpose, ids: &[u64]) -> f64 {
+    pub fn gaussian(&self, purpose: NoisePurpose, ids: &[u64]) -> f64 {
         normal_quantile(open_unit(self.hash(purpose, ids)))
     }
 
@@ -96,7 +96,13 @@ impl Noise {
     /// and not at all after four times that.
     ///
     /// Cubic B-spline over normal knots, divided by the root of the sum of its squared weights.
-    pub fn smooth(&self, purpose: Purpose, ids: &[u64], t: Time, correlation: Duration) -> f64 {
+    pub fn smooth(
+        &self,
+        purpose: NoisePurpose,
+        ids: &[u64],
+        t: Time,
+        correlation: Duration,
+    ) -> f64 {
         let pitch_ns = u64::try_from(correlation.as_nanos())
             .unwrap_or(u64::MAX)
             .max(1);
@@ -237,14 +243,14 @@ mod tests {
     #[test]
     fn asking_twice_gives_the_same_and_another_key_another() {
         let ask = |seed, purpose, ids: &[u64]| Noise::new(seed).hash(purpose, ids);
-        let first = ask(7, Purpose::Range, &[1, 2]);
-        assert_eq!(first, ask(7, Purpose::Range, &[1, 2]));
+        let first = ask(7, NoisePurpose::Range, &[1, 2]);
+        assert_eq!(first, ask(7, NoisePurpose::Range, &[1, 2]));
         for other in [
-            ask(8, Purpose::Range, &[1, 2]),
-            ask(7, Purpose::PoseX, &[1, 2]),
-            ask(7, Purpose::Range, &[2, 1]),
-            ask(7, Purpose::Range, &[1, 2, 0]),
-            ask(7, Purpose::Range, &[1]),
+            ask(8, NoisePurpose::Range, &[1, 2]),
+            ask(7, NoisePurpose::PoseX, &[1, 2]),
+            ask(7, NoisePurpose::Range, &[2, 1]),
+            ask(7, NoisePurpose::Range, &[1, 2, 0]),
+            ask(7, NoisePurpose::Range, &[1]),
         ] {
             assert_ne!(first, other);
         }
@@ -255,8 +261,8 @@ mod tests {
         for bit in 0..64 {
             let flips: u32 = (0..500)
                 .map(|id| {
-                    let there = NOISE.hash(Purpose::Range, &[3, id ^ (1 << bit)]);
-                    (NOISE.hash(Purpose::Range, &[3, id]) ^ there).count_ones()
+                    let there = NOISE.hash(NoisePurpose::Range, &[3, id ^ (1 << bit)]);
+                    (NOISE.hash(NoisePurpose::Range, &[3, id]) ^ there).count_ones()
                 })
                 .sum();
             let mean = f64::from(flips) / 500.0;
@@ -268,7 +274,7 @@ mod tests {
     fn uniform_numbers_fill_the_unit_evenly() {
         let mut bins = [0u32; 64];
         for id in 0..64_000 {
-            bins[(NOISE.uniform(Purpose::BusDrop, &[id]) * 64.0) as usize] += 1;
+            bins[(NOISE.uniform(NoisePurpose::BusDrop, &[id]) * 64.0) as usize] += 1;
         }
         let chi: f64 = bins
             .iter()
@@ -283,13 +289,13 @@ mod tests {
         let ask = |seed, purpose, id| Noise::new(seed).gaussian(purpose, &[id]);
         let pairs = |other: &dyn Fn(u64) -> f64| -> Vec<(f64, f64)> {
             (0..20_000)
-                .map(|id| (ask(7, Purpose::PoseX, id), other(id)))
+                .map(|id| (ask(7, NoisePurpose::PoseX, id), other(id)))
                 .collect()
         };
         for other in [
-            pairs(&|id| ask(7, Purpose::PoseX, id + 1)),
-            pairs(&|id| ask(7, Purpose::PoseY, id)),
-            pairs(&|id| ask(8, Purpose::PoseX, id)),
+            pairs(&|id| ask(7, NoisePurpose::PoseX, id + 1)),
+            pairs(&|id| ask(7, NoisePurpose::PoseY, id)),
+            pairs(&|id| ask(8, NoisePurpose::PoseX, id)),
         ] {
             assert!(correlation(&other).abs() < 0.03);
         }
@@ -298,7 +304,7 @@ mod tests {
     #[test]
     fn gaussian_numbers_have_the_moments_of_a_normal_distribution() {
         let values: Vec<f64> = (0..100_000)
-            .map(|id| NOISE.gaussian(Purpose::Range, &[id]))
+            .map(|id| NOISE.gaussian(NoisePurpose::Range, &[id]))
             .collect();
         let (mean, variance) = moments(&values);
         let fourth = values.iter().map(|value| value.powi(4)).sum::<f64>() / values.len() as f64;
@@ -328,7 +334,7 @@ mod tests {
             let values: Vec<f64> = (0..20_000)
                 .map(|id| {
                     let at = Time::from_secs_f64(100.0 + offset_s);
-                    NOISE.smooth(Purpose::PoseX, &[id], at, correlation_time)
+                    NOISE.smooth(NoisePurpose::PoseX, &[id], at, correlation_time)
                 })
                 .collect();
             let (mean, variance) = moments(&values);
@@ -343,7 +349,7 @@ mod tests {
     fn smooth_noise_is_correlated_as_promised() {
         let at = |id, seconds_s: f64| {
             NOISE.smooth(
-                Purpose::PoseX,
+                NoisePurpose::PoseX,
                 &[id],
                 Time::from_secs_f64(seconds_s),
                 Duration::from_secs(10),
@@ -370,7 +376,7 @@ mod tests {
     fn smooth_noise_has_no_jumps() {
         let at = |ms: u64| {
             NOISE.smooth(
-                Purpose::PoseX,
+                NoisePurpose::PoseX,
                 &[1],
                 Time::from_nanos(ms * 1_000_000),
                 Duration::from_secs(1),
@@ -379,7 +385,7 @@ mod tests {
         for ms in 0..20_000 {
             assert!((at(ms + 1) - at(ms)).abs() < 0.02, "at {ms} ms");
         }
-        let end = NOISE.smooth(Purpose::PoseX, &[1], Time::NEVER, Duration::ZERO);
+        let end = NOISE.smooth(NoisePurpose::PoseX, &[1], Time::NEVER, Duration::ZERO);
         assert!(end.is_finite());
     }
 }

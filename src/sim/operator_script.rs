@@ -13,10 +13,10 @@ use std::time::Duration;
 use tomoswarm_proto::{Boot, Hello, Interest, OperatorId, OrderKind, RunId, Sender, VehicleId};
 
 use crate::config::{AfterSweep, Expect, Sim};
-use crate::operator::given_tasks::{TaskWish, task_kind};
+use crate::operator::given_tasks::{TaskRequest, task_kind};
 use crate::operator::operator_actor::OperatorSettings;
 use crate::operator::order_goal::OrderGoal;
-use crate::operator::script::{Condition, Present, ScriptStep};
+use crate::operator::script::{Condition, LiveVehicles, ScriptStep};
 
 /// The first sweep of a scenario, with nobody inside; without an empty sweep it is not driven.
 pub const EMPTY_RUN: RunId = RunId(1);
@@ -127,8 +127,8 @@ impl ScenarioScript<'_> {
         Condition::Home(self.present())
     }
 
-    fn present(&self) -> Present {
-        Present {
+    fn present(&self) -> LiveVehicles {
+        LiveVehicles {
             vehicles: self.sim.vehicle_ids().collect(),
             lost_after: self.sim.venue.swarm.lost_after(),
         }
@@ -136,7 +136,7 @@ impl ScenarioScript<'_> {
 
     fn task(&self, run: RunId, compare_with: Option<RunId>) -> ScriptStep {
         let members: Vec<VehicleId> = self.sim.vehicle_ids().collect();
-        ScriptStep::Task(TaskWish {
+        ScriptStep::Task(TaskRequest {
             run,
             members,
             compare_with,

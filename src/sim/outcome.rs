@@ -9,7 +9,7 @@ use super::log::Log;
 use super::operator_script::RUN;
 use super::world::{Collision, FenceBreach};
 use crate::geom::Point;
-use crate::ground::imager::{Picture, Subject};
+use crate::ground::imager::{ReconstructedImage, Subject};
 use crate::map::Merged;
 use crate::node::mission::EndReason;
 use crate::scene::{Outline, Person};
@@ -44,13 +44,13 @@ pub(super) struct Recorded {
     pub log: Log,
     pub counts: RunCounts,
     pub tracks: Vec<(VehicleId, Vec<Point>)>,
-    pub pictures: Vec<Picture>,
+    pub pictures: Vec<ReconstructedImage>,
     pub failure: Option<String>,
 }
 
 /// How many vehicles there are at a moment whose software runs, how many of them are home, and how many stand and stay.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub(super) struct Muster {
+pub(super) struct FleetCount {
     pub alive: usize,
     pub home: usize,
     pub held: usize,
@@ -117,7 +117,10 @@ pub struct RunOutcome {
 
 impl RunOutcome {
     /// Takes the last picture of a subject of the main run out of those recorded.
-    pub(super) fn take(pictures: &mut Vec<Picture>, subject: Subject) -> Option<Reconstruction> {
+    pub(super) fn take(
+        pictures: &mut Vec<ReconstructedImage>,
+        subject: Subject,
+    ) -> Option<Reconstruction> {
         let index = pictures
             .iter()
             .position(|picture| (picture.run, picture.subject) == (RUN, subject))?;

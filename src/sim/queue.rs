@@ -7,7 +7,7 @@
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-use super::noise::{Noise, Purpose};
+use super::noise::{Noise, NoisePurpose};
 use crate::time::Time;
 
 /// Events by time.
@@ -38,9 +38,9 @@ impl<E> EventQueue<E> {
 
     /// Puts an event in. A moment that has passed already is allowed: it comes next.
     pub fn push(&mut self, at: Time, event: E) {
-        let first = self
-            .shuffle
-            .map_or(0, |noise| noise.hash(Purpose::TieOrder, &[self.serial]));
+        let first = self.shuffle.map_or(0, |noise| {
+            noise.hash(NoisePurpose::TieOrder, &[self.serial])
+        });
         self.heap.push(Entry {
             at,
             rank: (first, self.serial),

@@ -10,7 +10,7 @@
 use std::f64::consts::PI;
 use std::sync::OnceLock;
 
-use super::noise::{Noise, Purpose};
+use super::noise::{Noise, NoisePurpose};
 use crate::geom::Point;
 
 /// Constants of the radio and of the place.
@@ -129,9 +129,9 @@ impl RadioField {
             noise, constants, ..
         } = self;
         let strength_dbm = self.mean_dbm(packet, attenuation_db)
-            + constants.packet_sd_db * noise.gaussian(Purpose::PacketStrength, ids);
+            + constants.packet_sd_db * noise.gaussian(NoisePurpose::PacketStrength, ids);
         let threshold_dbm = constants.sensitivity_dbm
-            + constants.slope_db * noise.gaussian(Purpose::PacketLoss, ids);
+            + constants.slope_db * noise.gaussian(NoisePurpose::PacketLoss, ids);
         (strength_dbm >= threshold_dbm)
             .then(|| libm::round(strength_dbm.clamp(-200.0, 100.0)) as i16)
     }
@@ -151,7 +151,10 @@ struct Waves {
 impl Waves {
     fn new(noise: Noise, channel: u8, wavelength_m: f64) -> Waves {
         let draw = |ids: [u64; 2]| {
-            noise.uniform(Purpose::RadioField, &[u64::from(channel), ids[0], ids[1]])
+            noise.uniform(
+                NoisePurpose::RadioField,
+                &[u64::from(channel), ids[0], ids[1]],
+            )
         };
         let mut waves = Waves {
             x: [0.0; WAVES],
@@ -239,13 +242,14 @@ mod tests {
     }
 
     fn somewhere(index: u64, what: u64) -> Point {
-        let draw = |axis| 30.0 * Noise::new(99).uniform(Purpose::Placement, &[index, what, axis]);
+        let draw =
+            |axis| 30.0 * Noise::new(99).uniform(NoisePurpose::Placement, &[index, what, axis]);
         Point::new(draw(0), draw(1))
     }
 
     /// Steps of a length in a direction that differs from index to index.
     fn step(index: u64, length_m: f64) -> Vector {
-        let turn = Noise::new(98).uniform(Purpose::Placement, &[index]);
+        let turn = Noise::new(98).uniform(NoisePurpose::Placement, &[index]);
         Vector::polar(Angle::from_radians(turn * 2.0 * PI), length_m)
     }
 

@@ -7,7 +7,7 @@
 use std::time::Duration;
 
 use super::axes::Axes;
-use super::noise::{Noise, Purpose};
+use super::noise::{Noise, NoisePurpose};
 use crate::geom::{Angle, Attitude, Point, Vector};
 
 /// Speed of sound, m/s.
@@ -76,7 +76,7 @@ pub struct Disc {
 
 /// Where a sensor is and how it lies.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Eye {
+pub struct SensorPose {
     /// Its place, local frame, metres.
     pub origin: [f64; 3],
     /// How the vehicle lies.
@@ -147,7 +147,7 @@ impl RangeSensor {
         noise: &Noise,
         ids: &[u64],
     ) -> Option<f64> {
-        let eye = Eye {
+        let eye = SensorPose {
             origin,
             attitude: Attitude::default(),
             beam,
@@ -159,26 +159,27 @@ impl RangeSensor {
     /// give the same error.
     pub fn echo_at(
         &self,
-        eye: &Eye,
+        eye: &SensorPose,
         around: SensorSurroundings<'_>,
         noise: &Noise,
         ids: &[u64],
     ) -> Option<f64> {
         let model = &self.model;
-        if model.glitch_share > 0.0 && noise.uniform(Purpose::Glitch, ids) < model.glitch_share {
-            let share = noise.uniform(Purpose::GlitchRange, ids);
+        if model.glitch_share > 0.0 && noise.uniform(NoisePurpose::Glitch, ids) < model.glitch_share
+        {
+            let share = noise.uniform(NoisePurpose::GlitchRange, ids);
             return Some(model.min_m + share * (model.max_m - model.min_m));
         }
         let distance_m = self.nearest_m(eye, around)?;
         if distance_m < model.min_m {
             return None;
         }
-        let error_m = model.sd_m * noise.gaussian(Purpose::Range, ids);
+        let error_m = model.sd_m * noise.gaussian(NoisePurpose::Range, ids);
         Some((distance_m + error_m).clamp(model.min_m, model.max_m))
     }
 
     /// Distance to the nearest surface that returns an echo, without noise and blind zone.
-    fn nearest_m(&self, eye: &Eye, around: SensorSurroundings<'_>) -> Option<f64> {
+    fn nearest_m(&self, eye: &SensorPose, around: SensorSurroundings<'_>) -> Option<f64> {
         let axes = Axes::of(eye.attitude, eye.beam);
         let mut best_m = None;
         for ray in &self.rays {
@@ -212,7 +213,7 @@ impl RangeSensor {
 
     /// Distance and direction of the nearest point of a disc inside the lobe: exact where a level sensor lies between
     /// its ends, ray by ray where it leans or looks at it from above.
-    fn nearest_of(&self, disc: &Disc, eye: &Eye, axes: &Axes) -> Option<(f64, [f64; 3])> {
+    fn nearest_of(&self, disc: &Disc, eye: &SensorPose, axes: &Axes) -> Option<(f64, [f64; 3])> {
         let is_between = (disc.low_m..=disc.high_m).contains(&eye.origin[2]);
         if axes.ahead[2] == 0.0 && axes.left[2] == 0.0 && is_between {
             let place = Point::new(eye.origin[0], eye.origin[1]);
@@ -451,7 +452,12 @@ mod tests {
         }
     }
 
-    fn read_at(model: RangeModel, eye: Eye, cast: RayCast<'_>, discs: &[Disc]) -> Option<f64> {
+    fn read_at(
+        model: RangeModel,
+        eye: SensorPose,
+        cast: RayCast<'_>,
+        discs: &[Disc],
+    ) -> Option<f64> {
         RangeSensor::new(model).echo_at(
             &eye,
             SensorSurroundings { cast, discs },
@@ -460,14 +466,14 @@ mod tests {
         )
     }
 
-    fn leaning(roll_deg: f64, pitch_deg: f64, height_m: f64, beam_deg: f64) -> Eye {
+    fn leaning(roll_deg: f64, pitch_deg: f64, height_m: f64, beam_deg: f64) -> SensorPose {
         let [roll, pitch] = [roll_deg, pitch_deg].map(Angle::from_degrees);
         let attitude = Attitude {
             roll,
             pitch,
             yaw: Angle::ZERO,
         };
-        Eye {
+        SensorPose {
             origin: [0.0, 0.0, height_m],
             attitude,
             beam: Angle::from_degrees(beam_deg),

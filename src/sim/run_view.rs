@@ -19,12 +19,12 @@ pub struct RunView<'a> {
     /// The map that the ground station holds.
     pub map: &'a Merged,
     /// Everybody, in the order of their ids.
-    pub vehicles: Vec<ShownVehicle>,
+    pub vehicles: Vec<VehicleSnapshot>,
 }
 
 /// A vehicle at one moment.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub struct ShownVehicle {
+pub struct VehicleSnapshot {
     /// Which one.
     pub id: VehicleId,
     /// Where it truly is.
@@ -37,15 +37,15 @@ pub struct ShownVehicle {
 
 /// When a run shows itself next.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Shows {
+pub(super) struct ViewSchedule {
     every: Duration,
     next: Time,
 }
 
-impl Shows {
-    pub(super) fn every(every: Duration) -> Shows {
+impl ViewSchedule {
+    pub(super) fn every(every: Duration) -> ViewSchedule {
         let every = every.max(Duration::from_millis(1));
-        Shows {
+        ViewSchedule {
             every,
             next: Time::ZERO + every,
         }
@@ -69,7 +69,7 @@ mod tests {
     #[test]
     fn it_shows_itself_once_a_step_and_skips_what_was_missed() {
         let at = Time::from_secs_f64;
-        let mut shows = Shows::every(Duration::from_secs(2));
+        let mut shows = ViewSchedule::every(Duration::from_secs(2));
         let due: Vec<bool> = [1.9, 2.0, 2.1, 3.9, 4.5, 5.9, 9.0, 9.9, 10.0]
             .map(|now_s| shows.is_due(at(now_s)))
             .to_vec();

@@ -9,18 +9,18 @@ use super::bus::{BusModel, SimulatedBus};
 use super::entry::SampleFile;
 use super::environment::{Environment, TRACK_EVERY};
 use super::faults::Faults;
-use super::judge::Judge;
+use super::judge::RunMonitor;
 use super::kernel::{
     FinishedRun, Greetings, Kernel, Parts, Recording, SimulatedOperator, SimulatedVehicle,
 };
-use super::noise::{Noise, Purpose};
+use super::noise::{Noise, NoisePurpose};
 use super::operator_script::{self, EMPTY_RUN, RUN};
-use super::outcome::{Muster, RunOutcome};
+use super::outcome::{FleetCount, RunOutcome};
 use super::radio_field::{RadioConstants, RadioField};
 use super::range::{Lobe, RangeModel, RangeSensor};
 use super::run_view::RunView;
 use super::staging;
-use super::world::{Build, Flying, GROUND_CLEARANCE_M, World, WorldContents};
+use super::world::{FlightConditions, GROUND_CLEARANCE_M, VehicleBuild, World, WorldContents};
 use crate::actor::Fault;
 use crate::autopilot::VehicleKind;
 use crate::config::{self, Craft, Drivers, Expect, PlannedFault, PlannedPartition, Sim};
@@ -220,7 +220,7 @@ impl Scenario {
     fn draw_place(&self, room: crate::geom::Rect, number: usize, attempt: u64) -> Point {
         let draw = |axis: u64| {
             self.noise
-                .uniform(Purpose::Placement, &[number as u64, attempt, axis])
+                .uniform(NoisePurpose::Placement, &[number as u64, attempt, axis])
         };
         Point::new(
             room.min.x_m + draw(0) * room.width_m(),
@@ -281,15 +281,15 @@ impl Scenario {
     fn operator(&self) -> SimulatedOperator {
         let (id, holder) = (
             operator_script::SCENARIO_OPERATOR,
-            self.noise.hash(Purpose::Start, &[u64::MAX - 2]),
+            self.noise.hash(NoisePurpose::Start, &[u64::MAX - 2]),
         );
         let settings = operator_script::settings(&self.sim, id, holder);
         SimulatedOperator::new(id, settings, self.operator_steps())
     }
 
-    fn judge(&self) -> Judge {
+    fn judge(&self) -> RunMonitor {
         let ids: Vec<VehicleId> = self.sim.vehicle_ids().collect();
-        Judge::new(self.sim.is_planned_by_ground(), self.sim.expect, &ids)
+        RunMonitor::new(self.sim.is_planned_by_ground(), self.sim.expect, &ids)
     }
 
     pub(super) fn parts(&self) -> Result<Parts, ScenarioError> {
@@ -380,14 +380,14 @@ impl Scenario {
         Ok((world, second))
     }
 
-    fn flying(&self) -> Flying {
+    fn flying(&self) -> FlightConditions {
         let flight = &self.sim.vehicles.flight;
         let kind = match flight.craft {
             Craft::Rover => VehicleKind::Rover,
             Craft::Copter => VehicleKind::Copter,
         };
         let (altitude_m, climb_mps) = (flight.altitude_m, flight.climb_mps);
-        Flying {
+        FlightConditions {
             kind,
             altitude_m,
             climb_mps,
@@ -395,9 +395,9 @@ impl Scenario {
         }
     }
 
-    fn build(&self) -> Build {
+    fn build(&self) -> VehicleBuild {
         let vehicles = &self.sim.vehicles;
-        Build {
+        VehicleBuild {
             radius_m: vehicles.body.radius_m,
             height_m: vehicles.body.height_m,
             sensor_m: self.sim.range.height_m,
@@ -450,7 +450,7 @@ impl Scenario {
     }
 
     fn ground(&self) -> Result<GroundParts, ScenarioError> {
-        let draw = |id: u64| self.noise.hash(Purpose::Start, &[id]);
+        let draw = |id: u64| self.noise.hash(NoisePurpose::Start, &[id]);
         let lease = Lease {
             number: 1,
             holder: draw(u64::MAX),
@@ -474,8 +474,8 @@ impl Scenario {
     }
 
     /// Returns what was expected and is not so at the end.
-    fn unmet(&self, muster: Muster, judge: &Judge) -> Option<String> {
-        let Muster { alive, home, held } = muster;
+    fn unmet(&self, muster: FleetCount, judge: &RunMonitor) -> Option<String> {
+        let FleetCount { alive, home, held } = muster;
         match self.sim.expect {
             Expect::Finished => (!judge.is_done()).then(|| self.unended(judge)),
             Expect::Home => {
@@ -487,7 +487,7 @@ impl Scenario {
         }
     }
 
-    fn unended(&self, judge: &Judge) -> String {
+    fn unended(&self, judge: &RunMonitor) -> String {
         if self.sim.is_planned_by_ground() {
             return "the sweep did not end in time".to_owned();
         }

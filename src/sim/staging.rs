@@ -53,7 +53,7 @@ pub fn person(person: &config::Person) -> Person {
     }
 }
 
-fn material(material: &config::Material) -> Material {
+fn material(material: &config::MaterialSpec) -> Material {
     Material {
         db_per_m: material.db_per_m,
         db_per_crossing: material.db_per_crossing,

@@ -18,7 +18,7 @@ use super::body::{BodyState, DriveLimits};
 use super::contact::{climb_contact, closest_approach, first_contact_of, overlaps};
 use super::noise::Noise;
 use super::radio_field::{RadioField, Transmission};
-use super::range::{Disc, Eye, RangeSensor, SensorSurroundings};
+use super::range::{Disc, RangeSensor, SensorPose, SensorSurroundings};
 use crate::autopilot::{ArmRefusal, AutopilotReport, Command, CommandAck, Motion, VehicleKind};
 use crate::geom::{Angle, Point, Polygon, Segment, Vector};
 use crate::plan::Mounts;
@@ -38,7 +38,7 @@ pub struct WorldContents {
 
 /// Figures of the world's vehicles, all alike.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Build {
+pub struct VehicleBuild {
     /// Radius of the body, metres.
     pub radius_m: f64,
     /// Height of the body, metres.
@@ -59,7 +59,7 @@ pub struct Build {
 
 /// Whether vehicles fly, and what the air does to them.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Flying {
+pub struct FlightConditions {
     /// What they are.
     pub kind: VehicleKind,
     /// Altitude above the ground at which copters begin, metres.
@@ -70,10 +70,10 @@ pub struct Flying {
     pub wind: Vector,
 }
 
-impl Default for Flying {
+impl Default for FlightConditions {
     /// Rovers.
-    fn default() -> Flying {
-        Flying {
+    fn default() -> FlightConditions {
+        FlightConditions {
             kind: VehicleKind::Rover,
             altitude_m: 0.0,
             climb_mps: 1.0,
@@ -102,7 +102,7 @@ impl PredictedContact {
 
 /// What came of a command.
 #[derive(Clone, PartialEq, Debug)]
-pub struct Obeyed {
+pub struct CommandResult {
     /// The autopilot's answer.
     pub result: CommandAck,
     /// Why it does not arm, if that is what it was told.
@@ -123,14 +123,14 @@ struct Craft {
 /// Bodies in a scene.
 pub struct World {
     stage: WorldContents,
-    build: Build,
+    build: VehicleBuild,
     fence: Polygon,
     crafts: Vec<Craft>,
     noise: Noise,
     field: RadioField,
     sensor: RangeSensor,
     mounts: Mounts,
-    flying: Flying,
+    flying: FlightConditions,
     outages: Vec<(VehicleId, Outage)>,
     /// How fast the deviation of a place grows without satellites, m/s.
     growth_mps: f64,
@@ -147,7 +147,7 @@ impl World {
     /// Makes a world without vehicles.
     pub fn new(
         stage: WorldContents,
-        build: Build,
+        build: VehicleBuild,
         fence: Polygon,
         noise: Noise,
         field: RadioField,
@@ -162,7 +162,7 @@ impl World {
             field,
             sensor,
             mounts: Mounts::default(),
-            flying: Flying::default(),
+            flying: FlightConditions::default(),
             outages: Vec::new(),
             growth_mps: 0.0,
             foreseen: Vec::new(),
@@ -179,7 +179,7 @@ impl World {
     }
 
     /// Returns whether its vehicles fly; those that are put into it from now on.
-    pub fn with_flying(self, flying: Flying) -> World {
+    pub fn with_flying(self, flying: FlightConditions) -> World {
         World { flying, ..self }
     }
 
@@ -208,7 +208,7 @@ impl World {
             .iter()
             .filter(|(vehicle, _)| *vehicle == id)
             .map(|(_, outage)| *outage);
-        let Build {
+        let VehicleBuild {
             pose_sd_m,
             pose_drift,
             ..
@@ -336,7 +336,7 @@ impl World {
     }
 
     /// Lets the autopilot obey; one that cannot goes on as it did.
-    pub fn command(&mut self, vehicle: usize, now: Time, command: &Command) -> Obeyed {
+    pub fn command(&mut self, vehicle: usize, now: Time, command: &Command) -> CommandResult {
         self.judge(vehicle, now);
         self.advance(vehicle, now);
         let craft = &mut self.crafts[vehicle];
@@ -350,7 +350,7 @@ impl World {
         if result == CommandAck::Accepted {
             self.judge_fence(vehicle, now);
         }
-        Obeyed {
+        CommandResult {
             result,
             arm_refusal,
             contacts: self.touches(vehicle, now),
@@ -512,7 +512,7 @@ impl World {
             cast: &cast,
             discs: &discs,
         };
-        let eye = Eye {
+        let eye = SensorPose {
             origin,
             attitude: craft.autopilot.attitude(now),
             beam,
@@ -522,7 +522,7 @@ impl World {
 
     /// A vehicle as range sensors see it; at least as high as its own sensor.
     fn disc(&self, autopilot: &Autopilot, now: Time) -> Disc {
-        let Build {
+        let VehicleBuild {
             radius_m,
             height_m,
             sensor_m,

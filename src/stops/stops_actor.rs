@@ -281,8 +281,8 @@ impl Stops {
             .filter(|stop| self.set.named(stop.name).is_none());
         let opened = opened.map(|stop| Out::StopEvent(StopEvent::Opened(*stop, sender)));
         let lifted = lifted.map(|stop| Out::StopEvent(StopEvent::Lifted(stop.name, sender)));
-        let remarks: Vec<Out> = opened.chain(lifted).collect();
-        if !remarks.is_empty() {
+        let events: Vec<Out> = opened.chain(lifted).collect();
+        if !events.is_empty() {
             out.push(Out::Open(self.set.open().copied().collect()));
             self.state = State::Spreading {
                 until: now + SPREADS_FOR,
@@ -290,7 +290,7 @@ impl Stops {
             self.say(now, out);
         }
         out.push(Out::Remember(self.set.standing()));
-        out.extend(remarks);
+        out.extend(events);
     }
 
     /// Begins to speak. What the disk has kept is news to the node.

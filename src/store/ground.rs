@@ -22,7 +22,7 @@ use serde_json::json;
 use tomoswarm_proto::{Boot, Plan, RunId, Samples, TileReport, VehicleId};
 
 use super::{StoreError, sample_row};
-use crate::ground::imager::{Picture, Subject};
+use crate::ground::imager::{ReconstructedImage, Subject};
 use crate::tomo::{Image, Peak};
 
 pub use reading::{Provenance, RestoredStore, StoredImage, StoredRun, StoredSample};
@@ -282,7 +282,7 @@ impl GroundStore {
     ///
     /// # Errors
     /// [`StoreError`].
-    pub fn keep_picture(&mut self, picture: &Picture) -> Result<(), StoreError> {
+    pub fn keep_picture(&mut self, picture: &ReconstructedImage) -> Result<(), StoreError> {
         let Ok(made) = &picture.result else {
             return Ok(());
         };

@@ -4,12 +4,12 @@
 //!   flight-000001.mcap   metadata tomoswarm {format, software, node, segment, log_time, utc_at_zero_ns}
 //!                        metadata settings {toml}          metadata gap {reason, at_ns}, when steps are missing
 //!     /vehicle/3/mission/snapshot   tomoswarm.Snapshot  {now_ns, packed}
-//!     /vehicle/3/mission/step       tomoswarm.Step      {now_ns, told | woken, said, fault?}
+//!     /vehicle/3/mission/step       tomoswarm.Step      {now_ns, input | woken, outputs, fault?}
 //!     /vehicle/3/pose, map, log     foxglove.PoseInFrame, foxglove.Grid, foxglove.Log: for people
 //!     /ground/image, structure      foxglove.Grid
 //! ```
 //!
-//! A step's `told` and `said` are the actor's own words, as JSON. A live actor's thread hands its snapshot in before its
+//! A step's `input` and `outputs` are the actor's own words, as JSON. A live actor's thread hands its snapshot in before its
 //! first step of a segment; a simulated node opens every segment with all of them. Replay: [`replay()`].
 //!
 //! Any MCAP tool opens the files. To see that they still do, with the public Python package (`pip install mcap`):
@@ -34,12 +34,12 @@ mod view;
 
 pub use flight::{OpenRecording, RecordingLimits, RecordingSubject};
 pub use reader::{ReadError, Reader, RecordingContents};
-pub use recorder::{Recorder, Scribe};
-pub use replay::{Difference, ReplayError, ReplayVerdict, Replayed, replay};
+pub use recorder::{Recorder, StepRecorder};
+pub use replay::{Difference, ReplayError, ReplayResult, Replayed, replay};
 pub use segment::WriteError;
 
 /// The version of what is written here: another one whenever an actor's snapshot takes another shape, since packed bytes
 /// do not say whose they are.
-const FORMAT: &str = "8";
+const FORMAT: &str = "9";
 /// The version of the software; snapshots are only read by the same.
 const VERSION: &str = env!("CARGO_PKG_VERSION");

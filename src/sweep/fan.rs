@@ -8,7 +8,7 @@
 use tomoswarm_proto::{Plan, Revision, RunId, StopId, VehicleId};
 
 use super::approach::{ApproachFleet, MIN_GAP, Walk, approach, check_fleet};
-use super::{Lap, Ring, Schedule, Sweep, SweepError, check_separation, order_legs};
+use super::{Lap, PlannedSweep, Ring, Schedule, SweepError, check_separation, order_legs};
 use crate::geom::Point;
 
 /// What is wished of the planner.
@@ -35,7 +35,7 @@ pub struct FanRequest {
 /// # Errors
 /// Too few or too many vehicles, too small a ring, no rounds, or a place or area in which it cannot be
 /// driven safely.
-pub fn fan(ring: &Ring, request: &FanRequest) -> Result<Sweep, SweepError> {
+pub fn fan(ring: &Ring, request: &FanRequest) -> Result<PlannedSweep, SweepError> {
     let fleet = ApproachFleet {
         vehicles: &request.vehicles,
         run: request.run,
@@ -164,7 +164,7 @@ impl<'a> Rounds<'a> {
         self.sequence.push(walk.plan.vehicle);
     }
 
-    fn finish(self, separation_m: f64) -> Result<Sweep, SweepError> {
+    fn finish(self, separation_m: f64) -> Result<PlannedSweep, SweepError> {
         let mut plans: Vec<Plan> = self.walks.into_iter().map(|walk| walk.plan).collect();
         plans.sort_by_key(|plan| plan.vehicle);
         order_legs(&mut plans, &self.sequence, separation_m)?;
@@ -173,7 +173,7 @@ impl<'a> Rounds<'a> {
             stop.after.dedup();
         }
         check_separation(&plans, separation_m)?;
-        Ok(Sweep {
+        Ok(PlannedSweep {
             plans,
             schedule: self.schedule,
         })
@@ -198,7 +198,7 @@ mod tests {
     use super::*;
     use crate::geom::Rect;
 
-    fn plan(count: u8, rounds: usize) -> (Ring, Sweep) {
+    fn plan(count: u8, rounds: usize) -> (Ring, PlannedSweep) {
         let ring = Ring::new(Rect::new(Point::new(0.0, 0.0), Point::new(20.0, 20.0)), 76).unwrap();
         let vehicles = (0..count)
             .map(|k| (VehicleId(k), Point::new(2.0 * f64::from(k), -1.0)))

@@ -49,9 +49,9 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Plan, Revision, RunId, Stop, StopId, VehicleId};
 
 use self::adopted::Adopted;
-use self::peers::Peers;
-use self::pending::{Candidate, PendingRevision};
-use super::{FollowError, PlanRefusal, PlanVerdict, VehicleProgress, WaitsFor};
+use self::peers::PeerFacts;
+use self::pending::{AdoptingVehicle, PendingRevision};
+use super::{FollowError, OfferResult, PlanRefusal, VehicleProgress, WaitsFor};
 use crate::geom::Point;
 use crate::time::{Deadline, Time};
 
@@ -70,7 +70,7 @@ pub struct Follower {
     rest: Option<Point>,
     adopted: Option<Adopted>,
     pending: PendingRevision,
-    peers: Peers,
+    peers: PeerFacts,
 }
 
 impl Follower {
@@ -83,16 +83,16 @@ impl Follower {
             rest: Some(rest),
             adopted: None,
             pending: PendingRevision::default(),
-            peers: Peers::default(),
+            peers: PeerFacts::default(),
         }
     }
 
     /// Takes a plan heard, own or a peer's; plans may come in any order and any number of times.
-    pub fn offer(&mut self, plan: &Plan) -> PlanVerdict {
+    pub fn offer(&mut self, plan: &Plan) -> OfferResult {
         if self.pending.collect(plan, self.adopted_edition()) {
             self.try_adopting()
         } else {
-            PlanVerdict::Old
+            OfferResult::Old
         }
     }
 
@@ -126,7 +126,7 @@ impl Follower {
     /// before the vehicle moves again, and does nothing when the leg was given up meanwhile.
     pub fn hold(&mut self, at: Point) -> bool {
         self.rest = Some(at);
-        self.try_adopting() == PlanVerdict::Adopted
+        self.try_adopting() == OfferResult::Adopted
     }
 
     /// Tells that a held vehicle goes on with the legs that it had entered.
@@ -266,8 +266,8 @@ impl Follower {
     }
 
     /// Adopts the pending revision when it is complete, fits, and the vehicle rests.
-    fn try_adopting(&mut self) -> PlanVerdict {
-        let plans = self.pending.adopt(Candidate {
+    fn try_adopting(&mut self) -> OfferResult {
+        let plans = self.pending.adopt(AdoptingVehicle {
             vehicle: self.vehicle,
             rest: self.rest,
             tolerance_m: self.tolerance_m,
@@ -279,6 +279,6 @@ impl Follower {
         };
         let follows = |vehicle, edition| self.peers.follows(vehicle, edition);
         self.adopted = Some(Adopted::new(plans, self.vehicle, follows));
-        PlanVerdict::Adopted
+        OfferResult::Adopted
     }
 }

@@ -7,8 +7,8 @@
 use tomoswarm_proto::{Plan, Position, Revision, RunId, Stop, StopId, VehicleId};
 
 use super::{
-    Lap, LatticePoint, Pattern, Ring, Schedule, Sweep, SweepError, check_separation, order_legs,
-    tracks_of,
+    Lap, LatticePoint, Pattern, PlannedSweep, Ring, Schedule, SweepError, check_separation,
+    order_legs, tracks_of,
 };
 use crate::geom::{Point, Rect};
 
@@ -40,7 +40,10 @@ pub struct PatternRequest {
 ///
 /// # Errors
 /// Not two vehicles, more stops than a plan has, no round left, an area without an inside, or a lattice too narrow for the separation.
-pub fn pattern_sweep(pattern: &Pattern, request: &PatternRequest) -> Result<Sweep, SweepError> {
+pub fn pattern_sweep(
+    pattern: &Pattern,
+    request: &PatternRequest,
+) -> Result<PlannedSweep, SweepError> {
     let [one, other] = check(pattern, request)?;
     let steps_a_round = pattern.step_count() / pattern.round_count();
     let skipped = request.first_round * steps_a_round;
@@ -278,7 +281,7 @@ fn finish(
     sequence: &[VehicleId],
     schedule: Schedule,
     separation_m: f64,
-) -> Result<Sweep, SweepError> {
+) -> Result<PlannedSweep, SweepError> {
     plans.sort_by_key(|plan| plan.vehicle);
     order_legs(&mut plans, sequence, separation_m)?;
     for stop in plans.iter_mut().flat_map(|plan| &mut plan.stops) {
@@ -287,7 +290,7 @@ fn finish(
         stop.after = last.into_iter().collect();
     }
     check_separation(&plans, separation_m)?;
-    Ok(Sweep { plans, schedule })
+    Ok(PlannedSweep { plans, schedule })
 }
 
 #[cfg(test)]
@@ -330,7 +333,7 @@ mod tests {
     /// Drives plans leg after leg, whoever may go next being chosen by a list of numbers; returns for each stay the points
     /// of both vehicles.
     fn driven(
-        sweep: &Sweep,
+        sweep: &PlannedSweep,
         pattern: &Pattern,
         area: Rect,
         choices: &[u8],

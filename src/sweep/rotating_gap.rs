@@ -16,7 +16,7 @@
 use tomoswarm_proto::{Revision, RunId, StopId, VehicleId};
 
 use super::approach::{ApproachFleet, MIN_GAP, Walk, approach, check_fleet};
-use super::{Lap, Ring, Schedule, Sweep, SweepError, check_separation};
+use super::{Lap, PlannedSweep, Ring, Schedule, SweepError, check_separation};
 use crate::geom::Point;
 
 /// By how many steps the gaps of each lap are shorter than even ones, on a ring of 76.
@@ -79,7 +79,7 @@ fn offsets(positions: usize, vehicles: usize, lap: usize) -> Vec<i64> {
 /// # Errors
 /// Too few or too many vehicles, too small a ring, no laps, or a place or area in which it cannot be
 /// driven safely.
-pub fn rotating_gap(ring: &Ring, request: &GapRequest) -> Result<Sweep, SweepError> {
+pub fn rotating_gap(ring: &Ring, request: &GapRequest) -> Result<PlannedSweep, SweepError> {
     let fleet = ApproachFleet {
         vehicles: &request.vehicles,
         run: request.run,
@@ -234,10 +234,10 @@ impl<'a> Laps<'a> {
         self.waited[k][other] = done;
     }
 
-    fn finish(self) -> Sweep {
+    fn finish(self) -> PlannedSweep {
         let mut plans: Vec<_> = self.walks.into_iter().map(|walk| walk.plan).collect();
         plans.sort_by_key(|plan| plan.vehicle);
-        Sweep {
+        PlannedSweep {
             plans,
             schedule: self.schedule,
         }
@@ -436,7 +436,7 @@ mod tests {
         let sweep = rotating_gap(&ring, &request(anywhere, 5..8)).unwrap();
         let whole = rotating_gap(&ring, &request(homes(2), 0..8)).unwrap();
         assert_eq!(sweep.schedule.laps[0].number, 5);
-        let ends = |sweep: &Sweep, lap: usize| {
+        let ends = |sweep: &PlannedSweep, lap: usize| {
             sweep.schedule.laps[lap]
                 .stops
                 .iter()

@@ -7,7 +7,7 @@ use super::{PlanError, VehicleProgress};
 
 /// Plans of all vehicles, with their schedule.
 #[derive(Clone, PartialEq, Debug)]
-pub struct Sweep {
+pub struct PlannedSweep {
     /// One plan per vehicle, ascending by vehicle.
     pub plans: Vec<Plan>,
     /// The laps of the sweep.

@@ -21,7 +21,7 @@ use super::{PlanError, VehicleProgress, validate};
 
 /// How far the current revision is.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub enum Phase {
+pub enum RevisionPhase {
     /// No revision was published; the vehicles are taken to be at rest.
     Resting,
     /// An empty revision is out; not everyone reports it.
@@ -153,15 +153,15 @@ impl Succession {
     }
 
     /// Returns how far the current revision is.
-    pub fn phase(&self) -> Phase {
+    pub fn phase(&self) -> RevisionPhase {
         if self.plans.is_empty() {
-            Phase::Resting
+            RevisionPhase::Resting
         } else if self.plans.iter().any(|plan| !plan.stops.is_empty()) {
-            Phase::Driving
+            RevisionPhase::Driving
         } else if self.missing().next().is_some() {
-            Phase::Stopping
+            RevisionPhase::Stopping
         } else {
-            Phase::Stopped
+            RevisionPhase::Stopped
         }
     }
 }
@@ -202,9 +202,9 @@ mod tests {
         );
         ground.hear(&report(2, 2));
         ground.hear(&report(1, 2));
-        assert_eq!(ground.phase(), Phase::Stopping);
+        assert_eq!(ground.phase(), RevisionPhase::Stopping);
         ground.hear(&report(3, 2));
-        assert_eq!(ground.phase(), Phase::Stopped);
+        assert_eq!(ground.phase(), RevisionPhase::Stopped);
         ground.skip_to(Revision(7));
         assert_eq!(
             (ground.next_revision(), ground.revision()),
@@ -215,7 +215,7 @@ mod tests {
     #[test]
     fn a_new_revision_begins_once_all_have_stopped_under_an_empty_one() {
         let mut ground = Succession::new(RunId(4), &[VehicleId(2), VehicleId(1)], Revision(6));
-        assert_eq!(ground.phase(), Phase::Resting);
+        assert_eq!(ground.phase(), RevisionPhase::Resting);
         assert!(
             ground
                 .stop()
@@ -225,13 +225,13 @@ mod tests {
         ground.hear(&report(1, 7));
         ground.hear(&report(2, 6));
         ground.hear(&report(9, 7));
-        assert_eq!(ground.phase(), Phase::Stopping);
+        assert_eq!(ground.phase(), RevisionPhase::Stopping);
         assert_eq!(ground.missing().collect::<Vec<_>>(), [VehicleId(2)]);
         ground.hear(&report(2, 7));
-        assert_eq!(ground.phase(), Phase::Stopped);
+        assert_eq!(ground.phase(), RevisionPhase::Stopped);
         let mut plans = ground.plans().to_vec();
         assert!(ground.begin(plans[..1].to_vec()).is_err());
-        assert_eq!(ground.phase(), Phase::Stopped);
+        assert_eq!(ground.phase(), RevisionPhase::Stopped);
         plans[0].stops.push(Stop {
             id: StopId(1),
             at: Default::default(),
@@ -248,6 +248,6 @@ mod tests {
                 .iter()
                 .all(|plan| plan.revision == Revision(8))
         );
-        assert_eq!(ground.phase(), Phase::Driving);
+        assert_eq!(ground.phase(), RevisionPhase::Driving);
     }
 }

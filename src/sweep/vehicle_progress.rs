@@ -23,13 +23,13 @@ pub struct VehicleProgress {
 
 impl VehicleProgress {
     /// Returns what a vehicle says of itself.
-    pub fn of(vehicle: VehicleId, boot: Boot, said: Progress) -> VehicleProgress {
+    pub fn of(vehicle: VehicleId, boot: Boot, report: Progress) -> VehicleProgress {
         let Progress {
             run,
             revision,
             done,
             leg,
-        } = said;
+        } = report;
         VehicleProgress {
             vehicle,
             boot,

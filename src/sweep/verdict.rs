@@ -44,7 +44,7 @@ pub enum PlanRefusal {
 
 /// What became of an offered plan.
 #[derive(Clone, PartialEq, Debug)]
-pub enum PlanVerdict {
+pub enum OfferResult {
     /// Of a revision that is older than, or the same as, the one followed: ignored.
     Old,
     /// Kept; the revision is not complete, or this vehicle does not rest yet.

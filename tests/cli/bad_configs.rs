@@ -155,20 +155,21 @@ fn a_sweep_that_cannot_be_planned_is_refused_before_it_begins() {
 #[test]
 fn every_file_is_looked_at_although_one_is_wrong() {
     let runner = ProgramRunner::new();
-    let said = runner.run(&[
+    let output = runner.run(&[
         "check",
         "gone.csv",
         "small.sim.toml",
         "small.xyz",
         "small.wrl",
     ]);
-    assert_eq!(said.code, 2);
+    assert_eq!(output.code, 2);
     assert!(
-        said.out.contains("small.sim.toml: a simulation") && said.out.contains("small.wrl: shapes"),
-        "{said:?}"
+        output.out.contains("small.sim.toml: a simulation")
+            && output.out.contains("small.wrl: shapes"),
+        "{output:?}"
     );
     assert!(
-        said.err.contains("gone.csv: cannot be read") && said.err.contains("small.xyz: "),
-        "{said:?}"
+        output.err.contains("gone.csv: cannot be read") && output.err.contains("small.xyz: "),
+        "{output:?}"
     );
 }

@@ -2,7 +2,7 @@
 
 use super::program_runner::ProgramRunner;
 #[cfg(unix)]
-use super::program_runner::said;
+use super::program_runner::output_of;
 
 const RUN: [&str; 3] = ["sim", "small.sim.toml", "--out"];
 
@@ -88,11 +88,11 @@ fn a_disk_that_gets_full_leaves_the_earlier_run_as_it_was() {
     shell
         .arg(env!("CARGO_BIN_EXE_tomoswarm"))
         .current_dir(runner.path("."));
-    let said = said(shell);
-    assert_eq!(said.code, 2, "{said:?}");
+    let output = output_of(shell);
+    assert_eq!(output.code, 2, "{output:?}");
     assert!(
-        said.err.contains("run/") && said.err.contains("cannot be written"),
-        "{said:?}"
+        output.err.contains("run/") && output.err.contains("cannot be written"),
+        "{output:?}"
     );
     assert_eq!(runner.files(), before);
 }

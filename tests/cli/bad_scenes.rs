@@ -128,11 +128,11 @@ fn a_huge_scene_is_refused_without_being_read_whole() {
     let file = std::fs::File::create(runner.path("small.wrl")).unwrap();
     file.set_len(3 << 30).unwrap();
     for arguments in [["check", "small.wrl"], ["sim", "small.sim.toml"]] {
-        let said = runner.run(&arguments);
-        assert_eq!(said.code, 2, "{said:?}");
+        let output = runner.run(&arguments);
+        assert_eq!(output.code, 2, "{output:?}");
         assert!(
-            said.err.contains("small.wrl:") && said.err.contains("too large; at most"),
-            "{said:?}"
+            output.err.contains("small.wrl:") && output.err.contains("too large; at most"),
+            "{output:?}"
         );
     }
     assert!(!runner.path("out").exists());
@@ -281,8 +281,8 @@ fn ground_that_rises_over_the_wheels_at_a_home_is_refused() {
         ],
     );
     runner.write("small.wrl", ground(0.015));
-    let said = runner.run(&["sim", "small.sim.toml", "--no-pictures"]);
-    assert_eq!(said.code, 0, "{said:?}");
+    let output = runner.run(&["sim", "small.sim.toml", "--no-pictures"]);
+    assert_eq!(output.code, 0, "{output:?}");
 }
 
 #[test]

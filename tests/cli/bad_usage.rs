@@ -157,13 +157,13 @@ fn help_teaches_every_command() {
             ],
         ),
     ] {
-        let said = runner.run(&[command, "--help"]);
-        assert_eq!(said.code, 0);
+        let output = runner.run(&[command, "--help"]);
+        assert_eq!(output.code, 0);
         for part in parts {
             assert!(
-                said.out.contains(part),
+                output.out.contains(part),
                 "{command} --help does not tell of {part}:\n{}",
-                said.out
+                output.out
             );
         }
     }

@@ -43,12 +43,13 @@ fn the_same_seed_gives_the_same_bytes_in_two_processes() {
 fn the_bundled_example_is_the_same_in_two_processes() {
     let runner = ProgramRunner::new();
     for folder in ["one", "two"] {
-        let said = runner.run(&["sim", "--until", "60", "--out", folder]);
-        assert_eq!(said.code, 1, "{said:?}");
+        let output = runner.run(&["sim", "--until", "60", "--out", folder]);
+        assert_eq!(output.code, 1, "{output:?}");
         assert!(
-            said.err
+            output
+                .err
                 .contains("the mission failed: the sweep did not end in time"),
-            "{said:?}"
+            "{output:?}"
         );
     }
     for name in ["run.log", "empty.csv", "links.csv", "map.png"] {
@@ -66,8 +67,8 @@ fn a_summary_holds_what_was_promised() {
     let runner = ProgramRunner::new();
     runner.change("small.sim.toml", "laps = 1", "laps = 6");
     runner.change("small.sim.toml", "until_s = 600.0", "until_s = 3600.0");
-    let said = sim(&runner, &["--out", "run"]);
-    assert_eq!((said.code, said.err.as_str()), (0, ""));
+    let output = sim(&runner, &["--out", "run"]);
+    assert_eq!((output.code, output.err.as_str()), (0, ""));
     let summary = summary(&runner, "run");
     assert_eq!(summary["finished"], true);
     for key in ["simulated_s", "wall_s", "speed_factor", "min_separation_m"] {
@@ -118,11 +119,11 @@ fn without_an_empty_sweep_no_change_is_shown_and_the_summary_says_why() {
     );
     let persons = &SCENE[SCENE.find("[random_persons]").unwrap()..];
     runner.change("small.scene.toml", persons, "");
-    let said = sim(&runner, &["--out", "run"]);
-    assert_eq!(said.code, 0, "{said:?}");
+    let output = sim(&runner, &["--out", "run"]);
+    assert_eq!(output.code, 0, "{output:?}");
     assert!(
-        said.out.contains("not made          image: ") && said.out.contains("empty_sweep"),
-        "{said:?}"
+        output.out.contains("not made          image: ") && output.out.contains("empty_sweep"),
+        "{output:?}"
     );
     let names = runner.names_in("run");
     assert!(
@@ -151,8 +152,8 @@ fn line_endings_and_byte_order_marks_of_other_systems_change_nothing() {
     ] {
         runner.write(name, format!("\u{feff}{}", text.replace('\n', "\r\n")));
     }
-    let said = sim(&runner, &["--out", "run"]);
-    assert_eq!(said.code, 0, "{said:?}");
+    let output = sim(&runner, &["--out", "run"]);
+    assert_eq!(output.code, 0, "{output:?}");
     assert_eq!(runner.read("run/run.log"), expected.read("run/run.log"));
     let links = String::from_utf8(runner.read("run/links.csv")).unwrap();
     let foreign = format!("\u{feff}{}", links.replace('\n', "\r\n"));
@@ -176,8 +177,8 @@ fn a_configuration_is_found_from_any_folder() {
     ] {
         let mut program = runner.program(&["sim", file, "--out", out]);
         program.current_dir(runner.path("away"));
-        let said = super::program_runner::said(program);
-        assert_eq!(said.code, 0, "{said:?}");
+        let output = super::program_runner::output_of(program);
+        assert_eq!(output.code, 0, "{output:?}");
         assert_eq!(
             runner.read("run/run.log"),
             runner.read(&format!("away/{out}/run.log"))
@@ -209,8 +210,8 @@ fn the_links_of_a_run_give_its_images_again_and_all_are_accounted_for() {
             "--json",
             "again.json",
         ];
-        let said = runner.run(&[&always, more].concat());
-        assert_eq!((said.code, said.err.as_str()), (0, ""));
+        let output = runner.run(&[&always, more].concat());
+        assert_eq!((output.code, output.err.as_str()), (0, ""));
         let again = std::fs::read(runner.path("again.npy")).unwrap();
         let json: serde_json::Value = serde_json::from_slice(&runner.read("again.json")).unwrap();
         let dropped = json["links"]["dropped"].as_array().unwrap().iter();
@@ -219,7 +220,7 @@ fn the_links_of_a_run_give_its_images_again_and_all_are_accounted_for() {
             let is_faint = peak["significance"].as_f64().unwrap() < 4.2;
             assert_eq!(peak["is_faint"].as_bool(), Some(is_faint), "{peak}");
         }
-        let faint = said.out.matches("it may be noise").count();
+        let faint = output.out.matches("it may be noise").count();
         let peaks = json["peaks"].as_array().unwrap().iter();
         assert_eq!(faint, peaks.filter(|peak| peak["is_faint"] == true).count());
         (again, json["links"]["used"].as_u64().unwrap() + dropped)
@@ -241,7 +242,7 @@ fn what_a_links_file_says_wrongly_of_its_image_is_refused_with_its_line() {
     let runner = ProgramRunner::new();
     assert_eq!(sim(&runner, &["--no-pictures", "--out", "run"]).code, 0);
     let good = String::from_utf8(runner.read("run/links.csv")).unwrap();
-    for (from, to, said) in [
+    for (from, to, output) in [
         ("bin_m = 0.5", "bin_m = -1.0", "bin_m = -1.0"),
         ("bin_m = 0.5", "bim_m = 0.5", "did you mean bin_m?"),
         ("# area_m = [", "# area_m = [9.0, ", "area_m"),
@@ -253,7 +254,7 @@ fn what_a_links_file_says_wrongly_of_its_image_is_refused_with_its_line() {
         let place = format!("bad.csv:{line}: ");
         assert_eq!(refused.code, 2, "{}", refused.err);
         assert!(
-            refused.err.contains(&place) && refused.err.contains(said),
+            refused.err.contains(&place) && refused.err.contains(output),
             "{}",
             refused.err
         );
@@ -273,26 +274,27 @@ fn the_default_folder_tells_scene_and_seed() {
 fn plans_for_two_to_eight_vehicles_can_be_read_by_a_program() {
     let runner = ProgramRunner::new();
     for count in 2..=8_usize {
-        let said = runner.run(&["plan", "--vehicles", &count.to_string(), "--stops"]);
-        assert_eq!((said.code, said.err.as_str()), (0, ""));
-        check_stops(&said.out, count);
-        let said = runner.run(&["plan", "--vehicles", &count.to_string()]);
+        let output = runner.run(&["plan", "--vehicles", &count.to_string(), "--stops"]);
+        assert_eq!((output.code, output.err.as_str()), (0, ""));
+        check_stops(&output.out, count);
+        let output = runner.run(&["plan", "--vehicles", &count.to_string()]);
         let lines_of = |word: &str| {
-            said.out
+            output
+                .out
                 .lines()
                 .filter(|line| line.starts_with(word))
                 .count()
         };
         assert_eq!(
-            (said.code, lines_of("vehicle ")),
+            (output.code, lines_of("vehicle ")),
             (0, count),
             "{}",
-            said.out
+            output.out
         );
         assert!(
-            lines_of("lap ") >= 1 && said.out.contains(" min at "),
+            lines_of("lap ") >= 1 && output.out.contains(" min at "),
             "{}",
-            said.out
+            output.out
         );
     }
 }
@@ -345,8 +347,9 @@ fn a_scene_is_described_and_drawn_the_same_twice() {
     let runner = ProgramRunner::new();
     let pose = ["--pose", "3,-1,0.3,90", "--size", "120x80"];
     for folder in ["one", "two"] {
-        let said = runner.run(&[&["scene", "small.sim.toml", "--out", folder], &pose[..]].concat());
-        assert_eq!((said.code, said.err.as_str()), (0, ""), "{said:?}");
+        let output =
+            runner.run(&[&["scene", "small.sim.toml", "--out", folder], &pose[..]].concat());
+        assert_eq!((output.code, output.err.as_str()), (0, ""), "{output:?}");
         for part in [
             "scene small",
             "1 shapes",
@@ -355,7 +358,11 @@ fn a_scene_is_described_and_drawn_the_same_twice() {
             "4 homes",
             "from (3.00, -1.00, 0.30)",
         ] {
-            assert!(said.out.contains(part), "{part} is missing in {}", said.out);
+            assert!(
+                output.out.contains(part),
+                "{part} is missing in {}",
+                output.out
+            );
         }
         assert_eq!(runner.names_in(folder), ["plan.png", "view.png"]);
     }

@@ -29,13 +29,13 @@ fn a_configuration_may_have_a_name_that_is_no_text() {
             0
         );
     }
-    let said = runner.run(&arguments(&[
+    let output = runner.run(&arguments(&[
         &"sim",
         &name(".sim.toml"),
         &"--out",
         &name(""),
     ]));
-    assert_eq!(said.code, 0, "{said:?}");
+    assert_eq!(output.code, 0, "{output:?}");
     assert!(runner.path(name("")).join("summary.json").exists());
 }
 
@@ -57,12 +57,12 @@ fn a_folder_may_have_a_name_that_is_no_text() {
         "small.venue.toml",
         "small.wrl",
     ] {
-        let said = runner.run(&arguments(&[&"check", &folder.join(file)]));
-        assert_eq!(said.code, 0, "{said:?}");
+        let output = runner.run(&arguments(&[&"check", &folder.join(file)]));
+        assert_eq!(output.code, 0, "{output:?}");
     }
     let mut from_inside = runner.program(&["plan", "small.sim.toml"]);
     from_inside.current_dir(&folder);
-    assert_eq!(super::program_runner::said(from_inside).code, 0);
+    assert_eq!(super::program_runner::output_of(from_inside).code, 0);
 }
 
 #[test]

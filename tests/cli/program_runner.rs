@@ -111,7 +111,7 @@ impl ProgramRunner {
 
     /// Runs the program to its end; it must not panic.
     pub fn run<S: AsRef<OsStr>>(&self, arguments: &[S]) -> ProgramOutput {
-        said(self.program(arguments))
+        output_of(self.program(arguments))
     }
 
     /// Runs the program, which must refuse: exit code 2, no answer, every file as before. Gives what it
@@ -164,17 +164,17 @@ fn collect(folder: &Path, files: &mut BTreeMap<PathBuf, Vec<u8>>) {
 }
 
 /// Runs a command to its end; it must not panic.
-pub fn said(mut command: Command) -> ProgramOutput {
+pub fn output_of(mut command: Command) -> ProgramOutput {
     let output = command.output().unwrap();
     let text = |bytes: Vec<u8>| String::from_utf8_lossy(&bytes).into_owned();
-    let said = ProgramOutput {
+    let printed = ProgramOutput {
         code: output.status.code().unwrap_or(-1),
         out: text(output.stdout),
         err: text(output.stderr),
     };
     assert!(
-        !said.err.contains("panicked") && (0..=2).contains(&said.code),
-        "{said:?}"
+        !printed.err.contains("panicked") && (0..=2).contains(&printed.code),
+        "{printed:?}"
     );
-    said
+    printed
 }

@@ -18,8 +18,8 @@ const ROVER: &str = "run/flight/vehicle-1/flight-000001.mcap";
 
 fn recorded() -> ProgramRunner {
     let runner = ProgramRunner::new();
-    let said = runner.run(&RECORD);
-    assert_eq!(said.code, 0, "{said:?}");
+    let output = runner.run(&RECORD);
+    assert_eq!(output.code, 0, "{output:?}");
     runner
 }
 
@@ -84,15 +84,21 @@ fn replay(runner: &ProgramRunner, path: &str) -> ProgramOutput {
 #[test]
 fn a_recorded_run_replays_identically_and_is_the_same_bytes_again() {
     let runner = recorded();
-    let said = replay(&runner, "run/flight");
-    assert_eq!((said.code, said.err.as_str()), (0, ""), "{}", said.out);
-    assert_eq!(said.out.lines().count(), 2 * 8 + 4 + 2, "{}", said.out);
+    let output = replay(&runner, "run/flight");
+    assert_eq!(
+        (output.code, output.err.as_str()),
+        (0, ""),
+        "{}",
+        output.out
+    );
+    assert_eq!(output.out.lines().count(), 2 * 8 + 4 + 2, "{}", output.out);
     assert!(
-        said.out
+        output
+            .out
             .lines()
             .all(|line| line.ends_with(" steps  identical")),
         "{}",
-        said.out
+        output.out
     );
     let first = runner.files();
     assert_eq!(runner.run(&RECORD).code, 0);
@@ -137,26 +143,26 @@ fn a_changed_input_is_named_with_what_came_of_it() {
             if topic == "/vehicle/1/vehicle/step"
                 && which == 0
                 && number > 40
-                && text.contains("\"told\":{\"Telemetry\"")
+                && text.contains("\"input\":{\"Telemetry\"")
             {
-                let (told, said) = text.split_once(",\"said\":").unwrap();
-                let at = told.find("\"battery\":").unwrap() + "\"battery\":".len();
-                let rest = &told[at..];
+                let (input, output) = text.split_once(",\"outputs\":").unwrap();
+                let at = input.find("\"battery\":").unwrap() + "\"battery\":".len();
+                let rest = &input[at..];
                 let end = rest.find([',', '}']).unwrap();
-                *text = format!("{}0.125{},\"said\":{said}", &told[..at], &rest[end..]);
+                *text = format!("{}0.125{},\"outputs\":{output}", &input[..at], &rest[end..]);
                 which = number;
             }
             true
         },
     );
-    let said = replay(&runner, "run/flight");
-    assert_eq!(said.code, 1, "{said:?}");
+    let output = replay(&runner, "run/flight");
+    assert_eq!(output.code, 1, "{output:?}");
     assert!(
-        said.err.contains("the replay differs: 1 of 22 actors"),
+        output.err.contains("the replay differs: 1 of 22 actors"),
         "{}",
-        said.err
+        output.err
     );
-    let lines: Vec<&str> = said.out.lines().collect();
+    let lines: Vec<&str> = output.out.lines().collect();
     let first = lines
         .iter()
         .position(|line| line.contains("differs"))
@@ -169,7 +175,7 @@ fn a_changed_input_is_named_with_what_came_of_it() {
         lines[first + 1].contains(ROVER)
             && lines[first + 1].contains(&format!("step {which}, at "))
     );
-    assert!(lines[first + 2].contains("told") && lines[first + 2].contains("0.125"));
+    assert!(lines[first + 2].contains("input") && lines[first + 2].contains("0.125"));
     assert!(
         lines[first + 4].contains("says now") && !lines[first + 3].contains("\"battery\":0.125")
     );
@@ -195,14 +201,15 @@ fn a_file_that_was_cut_off_is_replayed_up_to_there() {
     let runner = recorded();
     let bytes = runner.read(ROVER);
     runner.write(ROVER, &bytes[..bytes.len() * 2 / 3]);
-    let said = replay(&runner, ROVER);
-    assert_eq!(said.code, 0, "{said:?}");
+    let output = replay(&runner, ROVER);
+    assert_eq!(output.code, 0, "{output:?}");
     assert!(
-        said.err.contains("ends unfinished at byte") && said.err.contains("replayed up to there"),
+        output.err.contains("ends unfinished at byte")
+            && output.err.contains("replayed up to there"),
         "{}",
-        said.err
+        output.err
     );
-    assert!(said.out.contains("identical"));
+    assert!(output.out.contains("identical"));
 }
 
 /// Returns a place in the middle of the largest chunk: what lies between chunks has no checksum, and is not read.
@@ -237,12 +244,12 @@ fn what_is_no_recording_of_this_version_is_refused() {
     let middle = middle_of_a_chunk(&damaged);
     damaged[middle] ^= 0x55;
     runner.write("damaged.mcap", damaged);
-    let said = replay(&runner, "damaged.mcap");
-    assert_eq!(said.code, 2, "{said:?}");
+    let output = replay(&runner, "damaged.mcap");
+    assert_eq!(output.code, 2, "{output:?}");
     assert!(
-        said.err.contains("damaged.mcap: is damaged before byte"),
+        output.err.contains("damaged.mcap: is damaged before byte"),
         "{}",
-        said.err
+        output.err
     );
     let copy = |name: &str| runner.write(name, runner.read(ROVER));
     copy("old.mcap");
@@ -272,13 +279,14 @@ fn what_is_no_recording_of_this_version_is_refused() {
         |_| {},
         |_, (topic, _)| topic != "/vehicle/1/map/snapshot",
     );
-    let said = replay(&runner, "torn.mcap");
-    assert_eq!(said.code, 2);
+    let output = replay(&runner, "torn.mcap");
+    assert_eq!(output.code, 2);
     assert!(
-        said.err
+        output
+            .err
             .contains("/vehicle/1/map/step comes without a snapshot before it"),
         "{}",
-        said.err
+        output.err
     );
     copy("json.mcap");
     rewrite(
@@ -291,13 +299,14 @@ fn what_is_no_recording_of_this_version_is_refused() {
             true
         },
     );
-    let said = replay(&runner, "json.mcap");
-    assert_eq!(said.code, 2);
+    let output = replay(&runner, "json.mcap");
+    assert_eq!(output.code, 2);
     assert!(
-        said.err
+        output
+            .err
             .contains("/vehicle/1/radio/step is no message of a recording"),
         "{}",
-        said.err
+        output.err
     );
 }
 

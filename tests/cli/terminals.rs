@@ -3,7 +3,7 @@
 use std::fs::File;
 use std::process::{Command, Stdio};
 
-use super::program_runner::{ProgramOutput, ProgramRunner, said};
+use super::program_runner::{ProgramOutput, ProgramRunner, output_of};
 
 const RECORDING: &str = "tx_x_m,tx_y_m,rx_x_m,rx_y_m,rssi_dbm\n0,0,8,8,-50\n0,8,8,0,-51\n";
 
@@ -36,7 +36,7 @@ fn in_shell(runner: &ProgramRunner, arguments: &[&str], rest: &str) -> ProgramOu
         .args(arguments)
         .current_dir(runner.path("."))
         .stdin(Stdio::null());
-    said(shell)
+    output_of(shell)
 }
 
 #[test]
@@ -44,14 +44,14 @@ fn a_reader_who_leaves_changes_nothing() {
     let runner = runner();
     for arguments in ANSWERS {
         let ProgramOutput { code, err, .. } = runner.run(arguments);
-        let said = in_shell(&runner, arguments, "| true");
-        assert_eq!(said.err, err, "{arguments:?}");
+        let printed = in_shell(&runner, arguments, "| true");
+        assert_eq!(printed.err, err, "{arguments:?}");
         let mut program = runner.program(arguments);
         let (reader, writer) = std::io::pipe().unwrap();
         drop(reader);
         program.stdout(writer);
-        let said = super::program_runner::said(program);
-        assert_eq!((said.code, said.err), (code, err), "{arguments:?}");
+        let printed = super::program_runner::output_of(program);
+        assert_eq!((printed.code, printed.err), (code, err), "{arguments:?}");
     }
 }
 
@@ -59,9 +59,10 @@ fn a_reader_who_leaves_changes_nothing() {
 fn what_check_prints_is_checked_again_from_any_folder_with_the_same_values() {
     let runner = runner();
     std::fs::create_dir(runner.path("below")).unwrap();
-    let values = |said: &ProgramOutput| -> Vec<String> {
-        assert_eq!(said.code, 0, "{said:?}");
-        said.out
+    let values = |printed: &ProgramOutput| -> Vec<String> {
+        assert_eq!(printed.code, 0, "{printed:?}");
+        printed
+            .out
             .lines()
             .filter(|line| !line.starts_with('#'))
             .map(str::to_owned)
@@ -80,7 +81,7 @@ fn what_check_prints_is_checked_again_from_any_folder_with_the_same_values() {
         from_below
             .args(["-c", &piped, env!("CARGO_BIN_EXE_tomoswarm")])
             .current_dir(runner.path("below"));
-        assert_eq!(values(&said(from_below)).len(), once.len(), "{file}");
+        assert_eq!(values(&output_of(from_below)).len(), once.len(), "{file}");
     }
 }
 
@@ -145,8 +146,8 @@ fn a_device_is_written_and_not_replaced() {
         return;
     }
     let reader = std::thread::spawn(move || std::fs::read(fifo).unwrap());
-    let said = runner.run(&["image", "a.csv", "--npy", "/dev/null", "--json", "pipe"]);
-    assert_eq!(said.code, 0, "{said:?}");
+    let printed = runner.run(&["image", "a.csv", "--npy", "/dev/null", "--json", "pipe"]);
+    assert_eq!(printed.code, 0, "{printed:?}");
     let report: serde_json::Value = serde_json::from_slice(&reader.join().unwrap()).unwrap();
     assert!(report["peaks"].is_array());
     assert!(!std::fs::metadata("/dev/null").unwrap().is_file());

@@ -1,6 +1,6 @@
 //! The bundled example is what the documentation says it is.
 
-use tomoswarm::config::{self, AfterSweep, Config, Planner, bundled};
+use tomoswarm::config::{self, AfterSweep, Config, PlannerChoice, bundled};
 use tomoswarm::geom::{Point, Rect};
 
 fn courtyard(vehicles: Option<usize>) -> config::Sim {
@@ -19,7 +19,7 @@ fn the_bundled_courtyard_has_the_constants_of_the_phantoms() {
     assert_eq!(sim.end, AfterSweep::Return);
     assert_eq!(
         (sim.sweep.planner, sim.sweep.positions),
-        (Planner::RotatingGap, 76)
+        (PlannerChoice::RotatingGap, 76)
     );
     assert_eq!(sim.sweep.laps, None);
     assert_eq!(

@@ -42,16 +42,19 @@ fn read(role: &str, lines: &str) -> Result<BusFile, String> {
 }
 
 fn good(role: &str, lines: &str) -> BusFile {
-    read(role, lines).unwrap_or_else(|said| panic!("{said}\n{lines}"))
+    read(role, lines).unwrap_or_else(|output| panic!("{output}\n{lines}"))
 }
 
 /// Checks that one thing is said, with all these parts.
 fn bad(role: &str, lines: &str, parts: &[&str]) {
-    let said =
-        read(role, lines).map_or_else(|said| said, |bus| panic!("accepted {bus:?}\n{lines}"));
-    assert_eq!(said.lines().count(), 1, "{lines}\n{said}");
+    let output =
+        read(role, lines).map_or_else(|output| output, |bus| panic!("accepted {bus:?}\n{lines}"));
+    assert_eq!(output.lines().count(), 1, "{lines}\n{output}");
     for part in parts {
-        assert!(said.contains(part), "{part} is missing in: {said}\n{lines}");
+        assert!(
+            output.contains(part),
+            "{part} is missing in: {output}\n{lines}"
+        );
     }
 }
 
@@ -277,9 +280,12 @@ fn every_wrong_value_is_refused() {
 #[test]
 fn the_bus_of_a_node_is_a_table() {
     let text = text_of("operator", "").replace("[bus]\n", "bus = 3\n");
-    let said = config::read("x.toml", &text, &mut |path| {
+    let output = config::read("x.toml", &text, &mut |path| {
         bundled::load(&format!("configs/{path}"))
     })
     .unwrap_err();
-    assert!(said.to_string().contains("bus = 3: is no table"), "{said}");
+    assert!(
+        output.to_string().contains("bus = 3: is no table"),
+        "{output}"
+    );
 }

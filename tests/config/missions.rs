@@ -1,6 +1,6 @@
 //! `[mission]`: what is read, and what is refused before anything is run.
 
-use tomoswarm::config::{self, Planner, Sim, bundled};
+use tomoswarm::config::{self, PlannerChoice, Sim, bundled};
 use tomoswarm::geom::Point;
 use tomoswarm_proto::{Position, TaskKind};
 
@@ -30,8 +30,11 @@ fn read(lines: &str) -> Result<Sim, String> {
 
 #[track_caller]
 fn check_refused(lines: &str, file: &str, expected: &[&str]) {
-    let said = read_with(lines, file).expect_err("it must be refused");
-    assert!(expected.iter().all(|part| said.contains(part)), "{said}");
+    let output = read_with(lines, file).expect_err("it must be refused");
+    assert!(
+        expected.iter().all(|part| output.contains(part)),
+        "{output}"
+    );
 }
 
 #[test]
@@ -70,7 +73,10 @@ fn a_square_goes_round_the_middle_of_the_area_from_north_west() {
 #[test]
 fn patterns_are_sweeps_of_two_vehicles_over_a_square_lattice() {
     let sim = read("[mission]\nkind = \"fan-straight\"\n").unwrap();
-    assert_eq!((sim.task, sim.sweep.planner), (None, Planner::FanStraight));
+    assert_eq!(
+        (sim.task, sim.sweep.planner),
+        (None, PlannerChoice::FanStraight)
+    );
     check_refused(
         "[mission]\nkind = \"fan\"\n[sweep]\npositions = 75\n",
         "",

@@ -71,11 +71,14 @@ fn check_ground(lines: &str, parts: &[&str]) {
 }
 
 fn check_one(text: &str, parts: &[&str]) {
-    let said = problems_of(text);
-    assert_eq!(said.lines().count(), 1, "{text}\n{said}");
-    assert!(!said.starts_with("accepted"), "{text}\n{said}");
+    let output = problems_of(text);
+    assert_eq!(output.lines().count(), 1, "{text}\n{output}");
+    assert!(!output.starts_with("accepted"), "{text}\n{output}");
     for part in parts {
-        assert!(said.contains(part), "{part} is missing in: {said}\n{text}");
+        assert!(
+            output.contains(part),
+            "{part} is missing in: {output}\n{text}"
+        );
     }
 }
 
@@ -273,18 +276,18 @@ fn a_ground_station_is_made_of_its_file() {
 
 #[test]
 fn what_a_vehicle_cannot_do_without_is_asked_for() {
-    let said = problems_of("kind = \"vehicle\"\n");
+    let output = problems_of("kind = \"vehicle\"\n");
     for part in [
         "venue: is missing",
         "id: is missing",
         "state_dir: is missing",
     ] {
-        assert!(said.contains(part), "{part} is missing in:\n{said}");
+        assert!(output.contains(part), "{part} is missing in:\n{output}");
     }
     for driver in ["autopilot", "range", "servo", "radio"] {
         assert!(
-            said.contains(&format!("{driver}.driver: is missing; driver = \"sim\"")),
-            "{driver}:\n{said}"
+            output.contains(&format!("{driver}.driver: is missing; driver = \"sim\"")),
+            "{driver}:\n{output}"
         );
     }
     check_replaced(VEHICLE, "id = 3\n", "", &["id: is missing", "1 to 250"]);
@@ -464,16 +467,16 @@ fn drivers_that_are_not_built_in_are_refused_by_name() {
             format!("{section}.driver = \"sim\""),
             format!("{section}.driver = \"{driver}\""),
         );
-        let said = format!(
+        let output = format!(
             "{section}.driver = \"{driver}\": is not built in; driver = {built} is allowed"
         );
-        check_replaced(VEHICLE, &old, &new, &[&said]);
-        let said = format!("\"usb\": is not known; driver = {built} is allowed");
+        check_replaced(VEHICLE, &old, &new, &[&output]);
+        let output = format!("\"usb\": is not known; driver = {built} is allowed");
         check_replaced(
             VEHICLE,
             &old,
             &format!("{section}.driver = \"usb\""),
-            &[&said],
+            &[&output],
         );
     }
     // Each device has its own.
@@ -528,7 +531,7 @@ fn without_a_servo_the_sensors_are_fixed_and_look_ahead() {
         ([0.0].as_slice(), 1)
     );
     assert_eq!(ahead.mounts().aim(Angle::from_degrees(1.0)), None);
-    let written = config::written(&Config::Vehicle(Box::new(vehicle(&text))));
+    let written = config::to_toml(&Config::Vehicle(Box::new(vehicle(&text))));
     let read = config::read_vehicle("v.toml", &written, &mut |_| {
         bundled::load("configs/courtyard.venue.toml")
     });
@@ -609,7 +612,7 @@ fn a_range_sensor_on_a_serial_line_is_told_its_port_and_its_lines() {
     assert_eq!(text.nothing_from_m(&file.look), Some(12.0));
     // What is printed means the same.
     let file = vehicle(&serial(further));
-    let written = config::written(&Config::Vehicle(Box::new(file.clone())));
+    let written = config::to_toml(&Config::Vehicle(Box::new(file.clone())));
     let read = config::read_vehicle("v.toml", &written, &mut |_| {
         bundled::load("configs/courtyard.venue.toml")
     });
@@ -753,8 +756,8 @@ fn every_wrong_value_of_a_ground_station_is_refused() {
         "[1.5]",
         "[[1]]",
     ] {
-        let said = format!("vehicles = {list}: is no such list");
-        check_replaced(GROUND, "[3, 1, 2]", list, &[&said, "1 to 250"]);
+        let output = format!("vehicles = {list}: is no such list");
+        check_replaced(GROUND, "[3, 1, 2]", list, &[&output, "1 to 250"]);
     }
     check_replaced(
         GROUND,
@@ -830,10 +833,10 @@ fn a_file_of_another_kind_is_refused() {
             "operator",
         ),
     ] {
-        let said = read.unwrap().to_string();
+        let output = read.unwrap().to_string();
         assert!(
-            said.contains(&format!("is of another kind; kind = \"{kind}\"")),
-            "{said}"
+            output.contains(&format!("is of another kind; kind = \"{kind}\"")),
+            "{output}"
         );
     }
 }
@@ -870,10 +873,10 @@ fn what_the_swarm_agrees_on_is_refused_in_a_nodes_file_with_its_new_place() {
         ("radio.channel", "15"),
     ] {
         let name = key.split('.').next_back().unwrap();
-        let said = format!("{key} = {value}: {name} belongs into the venue file, table [swarm]");
-        check_vehicle(&format!("{key} = {value}"), &[&said]);
+        let output = format!("{key} = {value}: {name} belongs into the venue file, table [swarm]");
+        check_vehicle(&format!("{key} = {value}"), &[&output]);
         if key.starts_with("safety") {
-            check_ground(&format!("{key} = {value}"), &[&said]);
+            check_ground(&format!("{key} = {value}"), &[&output]);
         }
     }
     check_ground(

@@ -514,14 +514,14 @@ fn a_long_or_multi_line_value_is_shown_on_one_short_line() {
 
 #[test]
 fn a_fan_may_have_a_round_for_every_position_and_a_rotating_gap_64_laps() {
-    let said = |lines: &str| problems_of("configs/a.toml", &format!("{SIM}[sweep]\n{lines}"));
-    assert!(said("planner = \"fan\"\nlaps = 76\n").starts_with("accepted"));
+    let output = |lines: &str| problems_of("configs/a.toml", &format!("{SIM}[sweep]\n{lines}"));
+    assert!(output("planner = \"fan\"\nlaps = 76\n").starts_with("accepted"));
     assert_eq!(
-        said("planner = \"fan\"\nlaps = 77\n"),
+        output("planner = \"fan\"\nlaps = 77\n"),
         "configs/a.toml:6: sweep.laps = 77: is out of range; a whole number from 1 to 76 is allowed"
     );
     assert_eq!(
-        said("laps = 65\n"),
+        output("laps = 65\n"),
         "configs/a.toml:5: sweep.laps = 65: is out of range; a whole number from 1 to 64 is allowed"
     );
 }

@@ -312,18 +312,18 @@ impl Network {
     }
 
     fn map_says(&mut self, node: usize, out: Vec<map::Out>) {
-        for said in out {
-            if let map::Out::Publish(message) = said {
+        for output in out {
+            if let map::Out::Publish(message) = output {
                 self.publish(node, message);
             }
         }
     }
 
     fn station_says(&mut self, out: Vec<station::Out>) {
-        for said in out {
+        for output in out {
             if let station::Out::Publish(
                 message @ (Message::Tile(_) | Message::Digest(_) | Message::Want(_)),
-            ) = said
+            ) = output
             {
                 self.publish(STATION, message);
             }

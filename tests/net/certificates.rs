@@ -313,10 +313,10 @@ fn who_was_revoked_gets_nothing_in_and_hears_nothing() {
             .args(["vehicle".as_ref(), former.join("vehicle.toml").as_os_str()])
             .output()
             .unwrap();
-        let said = String::from_utf8_lossy(&run.stderr);
+        let printed = String::from_utf8_lossy(&run.stderr);
         assert!(
-            run.status.code() == Some(2) && said.contains("roster"),
-            "{said}"
+            run.status.code() == Some(2) && printed.contains("roster"),
+            "{printed}"
         );
     }
 }

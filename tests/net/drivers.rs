@@ -169,9 +169,9 @@ fn a_real_sensor_drives_a_simulated_body_and_without_one_nobody_drives() {
         |watch| is_sound(watch) && health(watch, 1).unwrap().range.unwrap().glitches > 0,
     );
     swarm.end_in_order();
-    let said = swarm.log_of(vehicle(2));
+    let output = swarm.log_of(vehicle(2));
     assert!(
-        said.contains("there is no range sensor: this vehicle sees nothing, and is not driven"),
-        "{said}"
+        output.contains("there is no range sensor: this vehicle sees nothing, and is not driven"),
+        "{output}"
     );
 }

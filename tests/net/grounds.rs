@@ -41,10 +41,10 @@ fn of_two_grounds_the_second_stands_by_and_ends_the_run_when_the_first_dies() {
     );
     swarm.spawn("ground-b", &["ground", "ground-b.toml"]);
     std::thread::sleep(Duration::from_secs(8));
-    let said = std::fs::read_to_string(swarm.path("ground-b.log")).unwrap();
+    let printed = std::fs::read_to_string(swarm.path("ground-b.log")).unwrap();
     assert!(
-        said.contains("stands by: ") && !said.contains("leads by lease"),
-        "{said}"
+        printed.contains("stands by: ") && !printed.contains("leads by lease"),
+        "{printed}"
     );
     let leads = swarm.look(|watch| watch.report());
     assert_eq!((leads.store, leads.lease), (first.store, first.lease));
@@ -226,9 +226,9 @@ fn a_ground_that_cannot_write_its_folder_does_not_begin() {
         .current_dir(folder.path())
         .output()
         .unwrap();
-    let said = String::from_utf8_lossy(&run.stderr);
+    let printed = String::from_utf8_lossy(&run.stderr);
     assert!(
-        run.status.code() == Some(2) && said.contains("state_dir"),
-        "{said}"
+        run.status.code() == Some(2) && printed.contains("state_dir"),
+        "{printed}"
     );
 }

@@ -230,14 +230,14 @@ fn tool(command: &str, config: &Path, arguments: &[&str]) -> Output {
 }
 
 fn check(output: &Output, code: i32) -> String {
-    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    let printed = String::from_utf8_lossy(&output.stdout).into_owned();
     let complaint = String::from_utf8_lossy(&output.stderr);
     assert_eq!(
         output.status.code(),
         Some(code),
-        "said: {said}\ncomplained: {complaint}"
+        "said: {printed}\ncomplained: {complaint}"
     );
-    said
+    printed
 }
 
 #[test]

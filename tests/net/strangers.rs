@@ -276,9 +276,12 @@ fn of_two_vehicles_with_one_id_the_second_leaves_with_a_word() {
     );
     swarm.write("twin.toml", &swarm.vehicle_text(1, "state-twin", &bus));
     swarm.spawn("twin", &["vehicle", "twin.toml"]);
-    let (code, said) = swarm.ended("twin", Duration::from_secs(10));
-    assert_eq!(code, Some(2), "{said}");
-    assert!(said.contains("vehicle 1 is on the bus already"), "{said}");
+    let (code, output) = swarm.ended("twin", Duration::from_secs(10));
+    assert_eq!(code, Some(2), "{output}");
+    assert!(
+        output.contains("vehicle 1 is on the bus already"),
+        "{output}"
+    );
     swarm.finish();
 }
 
@@ -306,10 +309,10 @@ fn another_version_of_the_wire_or_another_venue_is_refused_on_both_sides() {
     );
     swarm.write("elsewhere.toml", &text);
     swarm.spawn("elsewhere", &["vehicle", "elsewhere.toml"]);
-    let (code, said) = swarm.ended("elsewhere", Duration::from_secs(30));
+    let (code, output) = swarm.ended("elsewhere", Duration::from_secs(30));
     assert!(
-        code == Some(2) && said.contains("another venue file"),
-        "{code:?} {said}"
+        code == Some(2) && output.contains("another venue file"),
+        "{code:?} {output}"
     );
     // A node of the next version, of which only the greeting can be read.
     let hello = Message::Hello(Hello {
@@ -336,7 +339,7 @@ fn another_version_of_the_wire_or_another_venue_is_refused_on_both_sides() {
         stranger.insist(&format!("{PREFIX}/vehicle/9/hello"), &next);
         std::thread::sleep(Duration::from_millis(200));
         left.retain(|node| !refuses(*node) || !is_answered(*node));
-        let said = || {
+        let output = || {
             left.iter()
                 .map(|node| swarm.log_of(*node))
                 .collect::<String>()
@@ -344,7 +347,7 @@ fn another_version_of_the_wire_or_another_venue_is_refused_on_both_sides() {
         assert!(
             Instant::now() < limit,
             "refused or not answered by {left:?}: {}",
-            said()
+            output()
         );
     }
     // It has left with the first objection, that of the node that it connected to.

@@ -497,8 +497,8 @@ impl Swarm {
     pub fn ended(&mut self, name: &str, limit: Duration) -> (Option<i32>, String) {
         let node = self.processes.get_mut(name).unwrap();
         let status = node.ends_within(limit);
-        let said = std::fs::read_to_string(&node.log).unwrap();
-        (status.and_then(|status| status.code()), said)
+        let printed = std::fs::read_to_string(&node.log).unwrap();
+        (status.and_then(|status| status.code()), printed)
     }
 
     pub fn log_of(&self, node: Sender) -> String {
@@ -682,9 +682,9 @@ impl Swarm {
         for id in (1..=self.size.vehicles).map(VehicleId) {
             let sequences = stored.entry(id).or_default();
             sequences.sort_unstable();
-            let said = self.look(|watch| watch.samples_of(id.0, 1));
+            let printed = self.look(|watch| watch.samples_of(id.0, 1));
             assert!(
-                said > 0 && *sequences == (0..sequences.len() as u64).collect::<Vec<_>>(),
+                printed > 0 && *sequences == (0..sequences.len() as u64).collect::<Vec<_>>(),
                 "a gap: {id}"
             );
         }

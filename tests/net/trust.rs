@@ -244,21 +244,21 @@ fn enroll(folder: &Path, arguments: &str) -> (i32, String) {
         .current_dir(folder)
         .output()
         .unwrap();
-    let said = String::from_utf8_lossy(&run.stdout) + String::from_utf8_lossy(&run.stderr);
-    (run.status.code().unwrap(), said.into_owned())
+    let printed = String::from_utf8_lossy(&run.stdout) + String::from_utf8_lossy(&run.stderr);
+    (run.status.code().unwrap(), printed.into_owned())
 }
 
 fn good(folder: &Path, arguments: &str) -> String {
-    let (code, said) = enroll(folder, arguments);
-    assert_eq!(code, 0, "{arguments}\n{said}");
-    said
+    let (code, printed) = enroll(folder, arguments);
+    assert_eq!(code, 0, "{arguments}\n{printed}");
+    printed
 }
 
 fn bad(folder: &Path, arguments: &str, part: &str) {
     let before = tree(folder);
-    let (code, said) = enroll(folder, arguments);
-    assert_eq!(code, 2, "{arguments}\n{said}");
-    assert!(said.contains(part), "{part} is missing in: {said}");
+    let (code, printed) = enroll(folder, arguments);
+    assert_eq!(code, 2, "{arguments}\n{printed}");
+    assert!(printed.contains(part), "{part} is missing in: {printed}");
     assert_eq!(tree(folder), before, "{arguments} has changed files");
 }
 
@@ -413,8 +413,8 @@ fn a_node_is_enrolled_once_replaced_and_revoked() {
         matches!(refused, TrustError::NotAllowed { issue: 4, .. }),
         "{refused}"
     );
-    let said = good(root, "swarm --revoke vehicle-3");
-    assert!(said.contains("roster issue 5"), "{said}");
+    let printed = good(root, "swarm --revoke vehicle-3");
+    assert!(printed.contains("roster issue 5"), "{printed}");
     assert!(!own.exists() && swarm.join("vehicle-3.2.revoked/key.pem").exists());
     assert_eq!(
         Trusted::read(&identity(&swarm.join("ground")), Sender::Ground, Some(5))
@@ -448,10 +448,10 @@ fn files_that_do_not_belong_together_are_refused_at_the_start() {
     let other = identity(&root.join("other/vehicle-3"));
     let ground = identity(&root.join("own/ground"));
     let refused = |identity: Identity, node, seen, part: &str| {
-        let said = Trusted::read(&identity, node, seen)
+        let printed = Trusted::read(&identity, node, seen)
             .unwrap_err()
             .to_string();
-        assert!(said.contains(part), "{part} is missing in: {said}");
+        assert!(printed.contains(part), "{part} is missing in: {printed}");
     };
     assert!(Trusted::read(&own, ROVER, None).is_ok());
     refused(

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use tomoswarm::actor::Actor;
 use tomoswarm::geom::{Lattice, Point, Rect};
-use tomoswarm::ground::planner::{Method, Planner, PlannerAnswer};
+use tomoswarm::ground::planner::{Method, PlannerActor, PlannerAnswer};
 use tomoswarm::ground::station::{In, Out, PictureName, Station, StationMemory, StationSettings};
 use tomoswarm::sweep::Ring;
 use tomoswarm::time::Time;
@@ -77,7 +77,7 @@ impl Knowledge {
         let State {
             vehicle, ordered, ..
         } = *state;
-        let said = SeenState {
+        let output = SeenState {
             boot: state.boot,
             sequence: state.sequence,
         };
@@ -85,11 +85,11 @@ impl Knowledge {
         if self
             .newest
             .get(&vehicle)
-            .is_some_and(|newest| key(&said) <= key(newest))
+            .is_some_and(|newest| key(&output) <= key(newest))
         {
             return;
         }
-        self.newest.insert(vehicle, said);
+        self.newest.insert(vehicle, output);
         if self
             .shown
             .get(&vehicle)
@@ -114,7 +114,7 @@ impl Knowledge {
 /// The ground station.
 pub struct Ground {
     station: Station,
-    planner: Planner,
+    planner: PlannerActor,
     /// Its software runs from here on; its clock begins there.
     up_from: Time,
     boot: Boot,
@@ -213,12 +213,15 @@ impl Ground {
         if let Some(out) = self.unsaid.pop_front() {
             return self.carry_out(now, out);
         }
-        let Some(said) = self.step(now, given) else {
+        let Some(output) = self.step(now, given) else {
             return Turn::Rests;
         };
-        let said: Vec<Out> = said.into_iter().map(|out| self.as_mistaken(out)).collect();
-        let wrong = said.iter().find_map(|out| self.judge_order(now, out));
-        self.unsaid.extend(said);
+        let output: Vec<Out> = output
+            .into_iter()
+            .map(|out| self.as_mistaken(out))
+            .collect();
+        let wrong = output.iter().find_map(|out| self.judge_order(now, out));
+        self.unsaid.extend(output);
         wrong.map_or(Turn::Acted, Turn::Wrong)
     }
 
@@ -279,14 +282,14 @@ impl Ground {
             self.planner.wake(clock, &mut answers).unwrap();
             self.unread.extend(answers.into_iter().map(In::Planned));
         }
-        let mut said = Vec::new();
+        let mut output = Vec::new();
         if self
             .station
             .deadline()
             .is_some_and(|deadline| deadline.at <= clock)
         {
-            self.station.wake(clock, &mut said).unwrap();
-            return Some(said);
+            self.station.wake(clock, &mut output).unwrap();
+            return Some(output);
         }
         let input = match self.unread.pop_front()? {
             In::Bus(Message::State(state)) => {
@@ -295,8 +298,8 @@ impl Ground {
             }
             input @ (In::Bus(_) | In::Planned(_) | In::Pictured(_) | In::Stops(_)) => input,
         };
-        self.station.handle(clock, input, &mut said).unwrap();
-        Some(said)
+        self.station.handle(clock, input, &mut output).unwrap();
+        Some(output)
     }
 
     /// Returns a state as a mistaken station sees it.
@@ -351,10 +354,10 @@ impl Ground {
     }
 }
 
-fn planner() -> Planner {
+fn planner() -> PlannerActor {
     let area = Rect::new(Point::new(0.0, 0.0), Point::new(12.0, 12.0));
     let ring = Ring::new(area, 16).unwrap();
-    Planner::new(ring, Method::RotatingGap { laps: Some(1) }, 1.2, PLANS_FOR)
+    PlannerActor::new(ring, Method::RotatingGap { laps: Some(1) }, 1.2, PLANS_FOR)
 }
 
 fn settings(boot: Boot, start: u64, store: u64) -> StationSettings {

@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use tomoswarm::exchange::Exchange;
 use tomoswarm::exchange::ingress::HeardMessage;
-use tomoswarm::exchange::joining::GreetingVerdict;
+use tomoswarm::exchange::joining::JoinEffect;
 use tomoswarm::exchange::presence::Presence;
 use tomoswarm::time::Time;
 use tomoswarm_proto::codec::{VERSION, encode};
@@ -366,7 +366,7 @@ impl World {
             .reply
             .into_iter()
             .for_each(|outbound| self.send(*to, outbound.frame));
-        if let GreetingVerdict::Refused(why) = reception.verdict {
+        if let JoinEffect::Refused(why) = reception.verdict {
             self.leave(*to, *from, &why);
         }
     }

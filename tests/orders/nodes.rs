@@ -9,7 +9,7 @@ use tomoswarm::geom::Point;
 use tomoswarm::node::VehicleMemory;
 use tomoswarm::node::vehicle::Vehicle;
 use tomoswarm::operator::operator_actor::{In, Operator, OperatorSettings};
-use tomoswarm::operator::order_goal::{OrderGoal, WantId};
+use tomoswarm::operator::order_goal::{GoalId, OrderGoal};
 use tomoswarm::sweep::Follower;
 use tomoswarm::time::Time;
 use tomoswarm_proto::{
@@ -55,12 +55,12 @@ pub struct Disk {
 pub struct Hand {
     pub actor: ActorCell<Operator>,
     pub holder: u64,
-    pub wants: BTreeMap<WantId, (Time, OrderGoal)>,
+    pub wants: BTreeMap<GoalId, (Time, OrderGoal)>,
     pub next: u32,
     /// It follows a script, and wants nothing by hand.
     pub is_scripted: bool,
     /// The first order of a want to a vehicle: when, and its edition.
-    pub firsts: BTreeMap<(WantId, VehicleId), (Time, (Lease, Revision))>,
+    pub firsts: BTreeMap<(GoalId, VehicleId), (Time, (Lease, Revision))>,
     pub sent: BTreeSet<(VehicleId, Lease, Revision)>,
     pub newest: BTreeMap<VehicleId, Order>,
 }
@@ -100,7 +100,7 @@ impl Hand {
     }
 
     /// Returns which want an order is of: the newest one of this kind for this vehicle.
-    pub fn want_of(&self, order: &Order) -> Option<WantId> {
+    pub fn want_of(&self, order: &Order) -> Option<GoalId> {
         let is_of = |want: &OrderGoal| {
             want.kind == order.kind
                 && (want.vehicles.is_empty() || want.vehicles.contains(&order.vehicle))

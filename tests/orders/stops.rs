@@ -313,8 +313,8 @@ impl World {
     }
 
     fn route_stops(&mut self, node: Node, out: Vec<stops::Out>) {
-        for said in out {
-            match (node, said) {
+        for output in out {
+            match (node, output) {
                 (Node::Vehicle(index), stops::Out::Open(open)) => {
                     self.rovers[index].open.clone_from(&open);
                     if self.mistake != Some(StopMistake::VehicleNotTold) {
@@ -328,7 +328,7 @@ impl World {
                     self.tell_radio(index, radio::In::Stops(named));
                 }
                 (Node::Vehicle(index), stops::Out::Heard(by)) => {
-                    self.tell_vehicle(index, vehicle::In::Told(by))
+                    self.tell_vehicle(index, vehicle::In::StopsReported(by))
                 }
                 (Node::Vehicle(index), stops::Out::Remember(standing)) => {
                     self.rovers[index].kept = standing
@@ -350,13 +350,13 @@ impl World {
             .vehicle
             .handle(now, input, &mut out)
             .unwrap();
-        for said in out {
-            self.carry_out(index, said);
+        for output in out {
+            self.carry_out(index, output);
         }
     }
 
-    fn carry_out(&mut self, index: usize, said: vehicle::Out) {
-        match said {
+    fn carry_out(&mut self, index: usize, output: vehicle::Out) {
+        match output {
             vehicle::Out::AutopilotCommand(AutopilotCommand::Drive { .. }) => {
                 self.rovers[index].is_driving = self.rovers[index].is_armed
             }
@@ -401,8 +401,8 @@ impl World {
     }
 
     fn hear_radio(&mut self, index: usize, out: Vec<radio::Out>) {
-        for said in out {
-            match said {
+        for output in out {
+            match output {
                 radio::Out::Transmit(beacon) => {
                     self.on_air.push((self.tick + AIRTIME, index, beacon))
                 }

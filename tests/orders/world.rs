@@ -16,7 +16,7 @@ use tomoswarm::node::vehicle::{self, Motion, Telemetry, Vehicle};
 use tomoswarm::node::{Remembered, VehicleMemory, VehicleSettings};
 use tomoswarm::operator::HeardMessage;
 use tomoswarm::operator::operator_actor::{In, Out};
-use tomoswarm::operator::order_goal::{OrderGoal, WantId};
+use tomoswarm::operator::order_goal::{GoalId, OrderGoal};
 use tomoswarm::operator::outcome::{OrderOutcome, VehicleOutcome};
 use tomoswarm::operator::script::ScriptStep;
 use tomoswarm::time::Time;
@@ -197,7 +197,7 @@ impl World {
                 let number = u32::try_from(self.hands[1].wants.len()).unwrap();
                 self.hands[1]
                     .wants
-                    .insert(WantId::Script(number), (began, want.clone()));
+                    .insert(GoalId::Script(number), (began, want.clone()));
             }
         }
         self.hands[1].is_scripted = true;
@@ -446,8 +446,8 @@ impl World {
             .actor
             .handle(self.now, input, &mut out)
             .unwrap();
-        for said in out {
-            match said {
+        for output in out {
+            match output {
                 vehicle::Out::Publish(state) => self.publish_state(index, state),
                 vehicle::Out::Order(order) => self.obey(index, order),
                 vehicle::Out::Remember(memory) => self.begin_to_write(index, memory),
@@ -582,7 +582,7 @@ impl World {
             let is_free = !self.hands[index]
                 .wants
                 .keys()
-                .any(|id| matches!(id, WantId::Hand(_)));
+                .any(|id| matches!(id, GoalId::Hand(_)));
             let ids = [index as u64, number, self.now.as_nanos()];
             let is_time = self.now < at(WANTS_END_S) && self.chance.share("want now", &ids) < 0.005;
             if is_time && is_free && !self.hands[index].is_scripted {
@@ -606,18 +606,18 @@ impl World {
         let hand = &mut self.hands[index];
         hand.next += 1;
         hand.wants
-            .insert(WantId::Hand(number), (self.now, want.clone()));
+            .insert(GoalId::Hand(number), (self.now, want.clone()));
         hand.actor.push(In::Want(number, want));
     }
 
     fn operate(&mut self) {
         for index in 0..self.hands.len() {
-            let mut said = Vec::new();
+            let mut output = Vec::new();
             self.hands[index]
                 .actor
-                .act(self.now, |out| said.push(out))
+                .act(self.now, |out| output.push(out))
                 .unwrap();
-            for out in said {
+            for out in output {
                 match out {
                     Out::Publish(message) => self.publish(index, message),
                     Out::InForce(id, outcome) => self.judge(index, id, &outcome),
@@ -626,7 +626,7 @@ impl World {
                         self.hands[index].wants.remove(&id);
                     }
                     // Nobody gives an emergency stop in this world.
-                    Out::Announce(_) | Out::ScriptEnded(_) | Out::Give(_) | Out::StopsNote(_) => {}
+                    Out::Announce(_) | Out::ScriptEnded(_) | Out::Give(_) | Out::StopEvent(_) => {}
                 }
             }
         }
@@ -661,7 +661,7 @@ impl World {
 
     /// Judges what an operator says of a want: whom it calls obedient, on that vehicle the order was in force not longer
     /// ago than the bus takes.
-    fn judge(&mut self, index: usize, id: WantId, outcome: &OrderOutcome) {
+    fn judge(&mut self, index: usize, id: GoalId, outcome: &OrderOutcome) {
         for (vehicle, of) in &outcome.vehicles {
             let VehicleOutcome::Obeyed { after, .. } = of else {
                 self.tally.not_obeyed += 1;
@@ -688,7 +688,7 @@ impl World {
                 ));
             }
         }
-        if id == WantId::Hand(LAST) && !outcome.is_done() {
+        if id == GoalId::Hand(LAST) && !outcome.is_done() {
             self.wrong = Some(format!("the last want is not obeyed: {outcome:?}"));
         }
     }
@@ -697,7 +697,7 @@ impl World {
     fn judge_lateness(&mut self) {
         for hand in &self.hands {
             let late = hand.wants.iter().find(|(id, (since, want))| {
-                matches!(id, WantId::Hand(_)) && self.now.since(*since) > want.within + TICK * 2
+                matches!(id, GoalId::Hand(_)) && self.now.since(*since) > want.within + TICK * 2
             });
             if let Some((id, _)) = late {
                 self.wrong = Some(format!("{id:?} of {} does not end", hand.holder));

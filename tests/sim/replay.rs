@@ -1,12 +1,12 @@
 //! What is recorded of a run is enough to take every step again: every actor restored from a snapshot of any moment
-//! says what the original said, and is what the original was when the next snapshot was taken.
+//! has the outputs of the original, and is what the original was when the next snapshot was taken.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
 
 use tomoswarm::actor::{ActorStep, NodeActor, Snapshot, StepCause, again};
 use tomoswarm::autopilot::AutopilotLink;
-use tomoswarm::ground::{imager::ImagerActor, planner::Planner, station::Station};
+use tomoswarm::ground::{imager::ImagerActor, planner::PlannerActor, station::Station};
 use tomoswarm::node::map::Map;
 use tomoswarm::node::mission::Mission;
 use tomoswarm::node::outbox::Outbox;
@@ -54,14 +54,14 @@ impl<A: NodeActor> Again<A> {
 
     fn take(&mut self, step: &ActorStep) {
         let step = step.of::<A>().unwrap();
-        let told = match step.cause.clone() {
-            StepCause::Told(input) => Some(input),
+        let input = match step.cause.clone() {
+            StepCause::Input(input) => Some(input),
             StepCause::Woken(_) => None,
         };
-        let now = again(self.actor.as_mut().unwrap(), step.now, told);
+        let now = again(self.actor.as_mut().unwrap(), step.now, input);
         assert_eq!(
-            pack(&now.said).unwrap(),
-            pack(&step.said).unwrap(),
+            pack(&now.outputs).unwrap(),
+            pack(&step.outputs).unwrap(),
             "at {}",
             step.now
         );
@@ -116,7 +116,7 @@ impl Rover {
 struct Ground {
     stops: Again<Stops>,
     station: Again<Station>,
-    planner: Again<Planner>,
+    planner: Again<PlannerActor>,
     imager: Again<ImagerActor>,
 }
 

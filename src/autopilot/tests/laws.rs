@@ -381,7 +381,7 @@ impl Witness {
                 if self
                     .ordinary
                     .as_ref()
-                    .is_some_and(|(said, ..)| said.number == ack.number)
+                    .is_some_and(|(sent_at, ..)| sent_at.number == ack.number)
                 {
                     self.ordinary = None;
                 }
@@ -398,7 +398,7 @@ impl Witness {
     fn report(&mut self) {
         let report = self.model.report(self.now);
         self.last_report = Some(report);
-        let is_old = |said: Time| self.now.since(said) <= Duration::from_secs(3);
+        let is_old = |sent_at: Time| self.now.since(sent_at) <= Duration::from_secs(3);
         if self.arm_tries > 0 && report.is_armed && !self.disarm_said.is_some_and(is_old) {
             self.was_armed = true;
         }
@@ -459,8 +459,8 @@ impl Witness {
     /// Hears what the link says, lets the model obey, and checks the laws.
     fn hear(&mut self, mut out: Vec<Out>, is_report: bool) {
         self.tamper(&mut out, is_report);
-        for said in out {
-            match said {
+        for sent_at in out {
+            match sent_at {
                 Out::Command(command) => {
                     self.check(&command);
                     self.carry(&command);
@@ -576,16 +576,16 @@ impl Witness {
             return;
         }
         self.ordinary = Some(match self.ordinary.take() {
-            Some((before, times, said)) if before.number == numbered.number => {
+            Some((before, times, sent_at)) if before.number == numbered.number => {
                 assert!(
-                    before == *numbered && times < 3 && self.now.since(said) >= AGAIN,
+                    before == *numbered && times < 3 && self.now.since(sent_at) >= AGAIN,
                     "{numbered:?}"
                 );
                 (before, times + 1, self.now)
             }
-            Some((before, times, said)) => {
+            Some((before, times, sent_at)) => {
                 let is_over = times >= 3 || matches!(before.command, Command::Arm { .. });
-                let is_late = self.now.since(said) >= AGAIN;
+                let is_late = self.now.since(sent_at) >= AGAIN;
                 assert!(is_over && is_late, "{numbered:?} past {before:?}");
                 (numbered.clone(), 1, self.now)
             }
@@ -595,7 +595,8 @@ impl Witness {
 
     /// What a report does not show was said again by now.
     fn check_owed(&self, report: &AutopilotReport) {
-        let is_older = |said: Option<Time>| said.is_none_or(|said| self.now.since(said) >= AGAIN);
+        let is_older =
+            |sent_at: Option<Time>| sent_at.is_none_or(|sent_at| self.now.since(sent_at) >= AGAIN);
         if self.wants_to_stop
             && !self.is_remote
             && report.motion != Motion::Resting
@@ -606,8 +607,9 @@ impl Witness {
                 "it moves and is not told to stop again"
             );
         }
-        if let Some(said) = self.wants_to_disarm {
-            let late = said.is_none_or(|said| self.now.since(said) >= Duration::from_millis(1200));
+        if let Some(sent_at) = self.wants_to_disarm {
+            let late = sent_at
+                .is_none_or(|sent_at| self.now.since(sent_at) >= Duration::from_millis(1200));
             assert!(
                 !(report.is_armed && late),
                 "armed, and not told to disarm again"
@@ -627,8 +629,8 @@ impl Witness {
         let say = |number: u32, command: Command| Out::Command(NumberedCommand { number, command });
         let was_said = self.wants_to_stop && self.stop_said.is_some();
         match mistake {
-            Mistake::StopWaits => out.retain(|said| is_report || !is_stop(said)),
-            Mistake::StopIsSaidOnce => out.retain(|said| !(was_said && is_stop(said))),
+            Mistake::StopWaits => out.retain(|sent_at| is_report || !is_stop(sent_at)),
+            Mistake::StopIsSaidOnce => out.retain(|sent_at| !(was_said && is_stop(sent_at))),
             Mistake::DrivesAfterStop if was_said => {
                 out.extend(self.last_drive.take().map(Out::Command));
             }
@@ -643,11 +645,11 @@ impl Witness {
                 let is_shown = self.last_report.is_some_and(|report| !report.is_armed);
                 out.extend(is_shown.then(|| say(9999, Command::Arm { force: false })));
             }
-            Mistake::Forces => out.iter_mut().for_each(|said| {
+            Mistake::Forces => out.iter_mut().for_each(|sent_at| {
                 if let Out::Command(NumberedCommand {
                     command: Command::Arm { force },
                     ..
-                }) = said
+                }) = sent_at
                 {
                     *force = true;
                 }
@@ -674,10 +676,12 @@ impl Witness {
                 out.extend(again.map(|(command, ..)| Out::Command(command.clone())));
             }
             Mistake::DisarmIsSaidOnce => {
-                let was_said = self.wants_to_disarm.is_some_and(|said| said.is_some());
-                out.retain(|said| {
+                let was_said = self
+                    .wants_to_disarm
+                    .is_some_and(|sent_at| sent_at.is_some());
+                out.retain(|sent_at| {
                     let disarms = matches!(
-                        said,
+                        sent_at,
                         Out::Command(NumberedCommand {
                             command: Command::Disarm { .. },
                             ..

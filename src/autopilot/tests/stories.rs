@@ -6,7 +6,7 @@ use super::super::link::{AutopilotLink, In, LinkEvent, Out, Reason};
 use super::super::tests_support::resting_report;
 use super::super::{
     Ack, ArmRefusal, AutopilotCommand, AutopilotLinkSettings, AutopilotReport, Command, CommandAck,
-    ControlStatus, FlightMode, Motion, Purpose, SystemStatus, VehicleKind,
+    CommandPurpose, ControlStatus, FlightMode, Motion, SystemStatus, VehicleKind,
 };
 use crate::actor::Actor;
 use crate::geom::{Angle, Point};
@@ -22,12 +22,12 @@ fn link(kind: VehicleKind, heard: AutopilotReport) -> AutopilotLink {
         kind,
         altitude_m: 2.0,
     });
-    told(&mut link, 1.0, In::Report(heard));
+    fed(&mut link, 1.0, In::Report(heard));
     link
 }
 
 /// Tells it something, after what was due before; returns what it says.
-fn told(link: &mut AutopilotLink, time_s: f64, input: In) -> Vec<Out> {
+fn fed(link: &mut AutopilotLink, time_s: f64, input: In) -> Vec<Out> {
     let mut out = Vec::new();
     while let Some(due) = link.deadline().filter(|due| due.at < at(time_s)) {
         link.wake(due.at, &mut out).unwrap();
@@ -39,8 +39,8 @@ fn told(link: &mut AutopilotLink, time_s: f64, input: In) -> Vec<Out> {
 /// The commands among what was said.
 fn commands(out: &[Out]) -> Vec<Command> {
     let of = |out: &Out| {
-        if let Out::Command(said) = out {
-            Some(said.command.clone())
+        if let Out::Command(sent_at) = out {
+            Some(sent_at.command.clone())
         } else {
             None
         }
@@ -50,14 +50,14 @@ fn commands(out: &[Out]) -> Vec<Command> {
 
 /// Tells it a want; returns what it commands.
 fn wanted(link: &mut AutopilotLink, time_s: f64, fly: AutopilotCommand) -> Vec<Command> {
-    commands(&told(link, time_s, In::AutopilotCommand(fly)))
+    commands(&fed(link, time_s, In::AutopilotCommand(fly)))
 }
 
 /// Answers the last command; returns what it says then.
 fn answered(link: &mut AutopilotLink, time_s: f64, result: CommandAck) -> Vec<Out> {
     let number = link.number;
     let arm_refusal = (result == CommandAck::Failed).then_some(ArmRefusal::NoPlace);
-    told(
+    fed(
         link,
         time_s,
         In::Ack(Ack {
@@ -75,10 +75,10 @@ fn drive() -> AutopilotCommand {
     }
 }
 
-fn remark(out: &[Out]) -> Option<LinkEvent> {
+fn event_of(out: &[Out]) -> Option<LinkEvent> {
     out.iter().find_map(|out| {
-        if let Out::LinkEvent(remark) = out {
-            Some(*remark)
+        if let Out::LinkEvent(event) = out {
+            Some(*event)
         } else {
             None
         }
@@ -124,7 +124,7 @@ fn a_start_brings_the_mode_then_the_motors_then_the_drive_that_waits() {
         [route]
     );
     assert_eq!(answered(&mut rover, 1.4, CommandAck::Accepted), []);
-    let out = told(&mut rover, 1.5, In::Report(resting_report()));
+    let out = fed(&mut rover, 1.5, In::Report(resting_report()));
     assert_eq!(commands(&out), []);
 }
 
@@ -144,11 +144,11 @@ fn arming_is_tried_three_times_and_given_up_with_its_reason() {
             ..resting_report()
         },
     );
-    let mut out = told(&mut rover, 1.1, In::AutopilotCommand(AutopilotCommand::Arm));
+    let mut out = fed(&mut rover, 1.1, In::AutopilotCommand(AutopilotCommand::Arm));
     for tenth in 12..60 {
         let now_s = f64::from(tenth) * 0.1;
         out.extend(answered(&mut rover, now_s, CommandAck::Failed));
-        out.extend(told(
+        out.extend(fed(
             &mut rover,
             now_s,
             In::Report(AutopilotReport {
@@ -159,17 +159,20 @@ fn arming_is_tried_three_times_and_given_up_with_its_reason() {
     }
     assert_eq!(commands(&out), [ARM, ARM, ARM]);
     let reason = Reason::WillNotArm(ArmRefusal::NoPlace);
-    assert_eq!(remark(&out), Some(LinkEvent::GivenUp(Purpose::Arm, reason)));
-    let out = told(&mut rover, 6.1, In::AutopilotCommand(drive()));
+    assert_eq!(
+        event_of(&out),
+        Some(LinkEvent::GivenUp(CommandPurpose::Arm, reason))
+    );
+    let out = fed(&mut rover, 6.1, In::AutopilotCommand(drive()));
     assert_eq!(
         out,
         [Out::LinkEvent(LinkEvent::GivenUp(
-            Purpose::Move,
+            CommandPurpose::Move,
             Reason::NotArmed
         ))]
     );
     assert_eq!(
-        told(&mut rover, 6.15, In::AutopilotCommand(drive())),
+        fed(&mut rover, 6.15, In::AutopilotCommand(drive())),
         [],
         "said once"
     );
@@ -195,7 +198,7 @@ fn a_stop_cancels_an_arming_until_the_vehicle_wants_to_move_again() {
     );
     for tenth in 14..60 {
         assert_eq!(
-            commands(&told(&mut rover, f64::from(tenth) * 0.1, In::Report(off))),
+            commands(&fed(&mut rover, f64::from(tenth) * 0.1, In::Report(off))),
             []
         );
     }
@@ -203,7 +206,7 @@ fn a_stop_cancels_an_arming_until_the_vehicle_wants_to_move_again() {
     for tenth in 62..120 {
         let now_s = f64::from(tenth) * 0.1;
         let mut out = answered(&mut rover, now_s, CommandAck::Failed);
-        out.extend(told(&mut rover, now_s, In::Report(off)));
+        out.extend(fed(&mut rover, now_s, In::Report(off)));
         armed.extend(commands(&out));
     }
     assert_eq!(
@@ -223,7 +226,7 @@ fn whoever_disarms_by_hand_is_not_overruled() {
             ..resting_report()
         };
         assert_eq!(
-            commands(&told(&mut rover, f64::from(tenth) * 0.1, In::Report(off))),
+            commands(&fed(&mut rover, f64::from(tenth) * 0.1, In::Report(off))),
             []
         );
     }
@@ -249,7 +252,7 @@ fn a_stop_goes_past_what_waits_and_is_said_again_while_it_moves() {
         speed_mps: 0.5,
         ..resting_report()
     };
-    let mut said = 0;
+    let mut sent_at = 0;
     for tenth in 13..25 {
         let mut out = Vec::new();
         let now = at(f64::from(tenth) * 0.1);
@@ -257,7 +260,7 @@ fn a_stop_goes_past_what_waits_and_is_said_again_while_it_moves() {
             rover.wake(due.at, &mut out).unwrap();
         }
         rover.handle(now, In::Report(moves), &mut out).unwrap();
-        said += commands(&out)
+        sent_at += commands(&out)
             .iter()
             .filter(|command| **command == Command::Stop)
             .count();
@@ -266,8 +269,8 @@ fn a_stop_goes_past_what_waits_and_is_said_again_while_it_moves() {
             "the drive is forgotten"
         );
     }
-    assert_eq!(said, 4, "1.45, 1.75, 2.05, 2.35 s");
-    told(&mut rover, 2.5, In::Report(resting_report()));
+    assert_eq!(sent_at, 4, "1.45, 1.75, 2.05, 2.35 s");
+    fed(&mut rover, 2.5, In::Report(resting_report()));
     assert_eq!(
         rover.deadline().map(|due| due.why),
         Some("autopilot silent"),
@@ -303,7 +306,7 @@ fn one_that_somebody_steers_when_it_is_first_heard_is_left_alone_until_it_is_tak
     ] {
         let mut rover = AutopilotLink::new(AutopilotLinkSettings::default());
         assert_eq!(
-            control(&told(
+            control(&fed(
                 &mut rover,
                 1.0,
                 In::Report(AutopilotReport {
@@ -330,9 +333,9 @@ fn a_person_who_takes_over_is_left_alone_until_that_is_taken_back() {
         motion: Motion::Driving,
         ..resting_report()
     };
-    let out = told(&mut rover, 1.2, In::Report(manual));
+    let out = fed(&mut rover, 1.2, In::Report(manual));
     assert_eq!(
-        (control(&out), remark(&out)),
+        (control(&out), event_of(&out)),
         (
             Some(Control::Remote),
             Some(LinkEvent::TakenOver(FlightMode::Manual))
@@ -346,14 +349,14 @@ fn a_person_who_takes_over_is_left_alone_until_that_is_taken_back() {
     ] {
         assert_eq!(wanted(&mut rover, 1.3, fly), []);
     }
-    assert_eq!(commands(&told(&mut rover, 2.0, In::Report(manual))), []);
+    assert_eq!(commands(&fed(&mut rover, 2.0, In::Report(manual))), []);
     assert_eq!(
         wanted(&mut rover, 2.1, AutopilotCommand::Disarm),
         [Command::Disarm { force: false }],
         "the motors alone"
     );
     assert_eq!(
-        told(
+        fed(
             &mut rover,
             2.15,
             In::AutopilotCommand(AutopilotCommand::Arm)
@@ -362,7 +365,7 @@ fn a_person_who_takes_over_is_left_alone_until_that_is_taken_back() {
         "a start that does not name it"
     );
     assert_eq!(
-        told(
+        fed(
             &mut rover,
             2.2,
             In::AutopilotCommand(AutopilotCommand::TakeBack)
@@ -370,7 +373,7 @@ fn a_person_who_takes_over_is_left_alone_until_that_is_taken_back() {
         [Out::Status(ControlStatus::default())]
     );
     assert_eq!(wanted(&mut rover, 2.2, AutopilotCommand::Arm), [GUIDED]);
-    let out = told(&mut rover, 2.3, In::Report(resting_report()));
+    let out = fed(&mut rover, 2.3, In::Report(resting_report()));
     assert_eq!(control(&out), None);
 }
 
@@ -385,9 +388,9 @@ fn an_old_mode_is_no_take_over_for_three_seconds_and_one_after_that() {
         assert_eq!(wanted(&mut rover, 2.0, AutopilotCommand::Arm), [GUIDED]);
         answered(&mut rover, 2.0, CommandAck::Accepted);
         for time_s in [2.1, 3.0, 4.0] {
-            told(&mut rover, time_s, In::Report(resting_report()));
+            fed(&mut rover, time_s, In::Report(resting_report()));
         }
-        control(&told(&mut rover, 2.0 + gap_s, In::Report(old)))
+        control(&fed(&mut rover, 2.0 + gap_s, In::Report(old)))
     };
     assert_eq!(start(2.5), None);
     assert_eq!(start(3.0), None);
@@ -402,7 +405,7 @@ fn a_failsafe_is_the_autopilots_own_and_a_rover_is_stopped_under_it() {
         status: SystemStatus::Critical,
         ..resting_report()
     };
-    let out = told(
+    let out = fed(
         &mut rover,
         1.2,
         In::Report(AutopilotReport {
@@ -411,7 +414,7 @@ fn a_failsafe_is_the_autopilots_own_and_a_rover_is_stopped_under_it() {
         }),
     );
     assert_eq!(
-        (control(&out), remark(&out)),
+        (control(&out), event_of(&out)),
         (
             Some(Control::Own),
             Some(LinkEvent::ActsByItself(FlightMode::Return))
@@ -430,7 +433,7 @@ fn a_failsafe_is_the_autopilots_own_and_a_rover_is_stopped_under_it() {
             ..resting_report()
         },
     );
-    told(
+    fed(
         &mut copter,
         1.2,
         In::Report(AutopilotReport {
@@ -461,7 +464,7 @@ fn silence_is_said_and_a_stop_is_said_into_it() {
     let due = rover.deadline().unwrap();
     assert_eq!((due.at, due.why), (at(5.1), "stop not shown"));
     assert_eq!(
-        control(&told(&mut rover, 5.0, In::Report(resting_report()))),
+        control(&fed(&mut rover, 5.0, In::Report(resting_report()))),
         Some(Control::Ours)
     );
     let rebooted = AutopilotReport {
@@ -470,7 +473,7 @@ fn silence_is_said_and_a_stop_is_said_into_it() {
         ..resting_report()
     };
     assert_eq!(
-        control(&told(&mut rover, 5.1, In::Report(rebooted))),
+        control(&fed(&mut rover, 5.1, In::Report(rebooted))),
         Some(Control::Own)
     );
 }
@@ -488,7 +491,7 @@ fn a_copter_takes_off_before_it_flies_and_lands_before_it_is_disarmed() {
         altitude_m: 1.0,
         ..resting_report()
     };
-    told(&mut copter, 1.3, In::Report(flies));
+    fed(&mut copter, 1.3, In::Report(flies));
     let [
         Command::Route {
             altitude_m: Some(2.0),
@@ -508,7 +511,7 @@ fn a_copter_takes_off_before_it_flies_and_lands_before_it_is_disarmed() {
         ..flies
     };
     assert_eq!(
-        control(&told(&mut copter, 1.9, In::Report(lands))),
+        control(&fed(&mut copter, 1.9, In::Report(lands))),
         None,
         "its own mode"
     );
@@ -517,7 +520,7 @@ fn a_copter_takes_off_before_it_flies_and_lands_before_it_is_disarmed() {
         ..resting_report()
     };
     assert_eq!(
-        commands(&told(&mut copter, 6.0, In::Report(down))),
+        commands(&fed(&mut copter, 6.0, In::Report(down))),
         [Command::Disarm { force: false }]
     );
     answered(&mut copter, 6.1, CommandAck::Accepted);
@@ -525,7 +528,7 @@ fn a_copter_takes_off_before_it_flies_and_lands_before_it_is_disarmed() {
         is_armed: false,
         ..down
     };
-    assert_eq!(commands(&told(&mut copter, 6.5, In::Report(off))), []);
+    assert_eq!(commands(&fed(&mut copter, 6.5, In::Report(off))), []);
     assert_eq!(wanted(&mut copter, 7.0, AutopilotCommand::Arm), [GUIDED]);
     assert_eq!(
         commands(&answered(&mut copter, 7.1, CommandAck::Accepted)),
@@ -541,7 +544,7 @@ fn a_disarming_that_shows_late_is_not_taken_for_current_by_a_start_after_it() {
         [Command::Disarm { force: false }]
     );
     answered(&mut rover, 1.2, CommandAck::Accepted);
-    told(&mut rover, 1.3, In::Report(resting_report()));
+    fed(&mut rover, 1.3, In::Report(resting_report()));
     assert_eq!(wanted(&mut rover, 1.4, AutopilotCommand::Arm), [ARM]);
 }
 
@@ -554,7 +557,7 @@ fn a_change_of_mode_that_a_silence_has_cut_off_is_said_anew_before_it_is_armed()
     };
     let mut rover = link(VehicleKind::Rover, held);
     assert_eq!(wanted(&mut rover, 2.9, AutopilotCommand::Arm), [GUIDED]);
-    let out = told(&mut rover, 4.0, In::Report(held));
+    let out = fed(&mut rover, 4.0, In::Report(held));
     assert_eq!(
         control(&out),
         Some(Control::Silent),

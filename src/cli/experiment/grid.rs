@@ -130,7 +130,7 @@ impl ExperimentGrid {
 
     fn in_words(&self, mistakes: &[(String, Vec<usize>)]) -> String {
         let (cells, seeds) = (self.experiment.cells(), self.experiment.seeds());
-        let said = |(line, wrong): &(String, Vec<usize>)| {
+        let output = |(line, wrong): &(String, Vec<usize>)| {
             let keys: Vec<String> = wrong
                 .iter()
                 .take(CELLS_NAMED)
@@ -147,7 +147,7 @@ impl ExperimentGrid {
                 keys.join("; ")
             )
         };
-        let list: Vec<String> = mistakes.iter().map(said).collect();
+        let list: Vec<String> = mistakes.iter().map(output).collect();
         format!(
             "{}: the grid cannot be run\n{}",
             self.config.display(),

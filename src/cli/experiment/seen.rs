@@ -10,11 +10,11 @@ type CacheEntry = Arc<OnceLock<Result<Arc<VisibleScene>, ScenarioError>>>;
 
 /// What has been found so far, by the values of all axes that it depends on.
 #[derive(Default)]
-pub(super) struct Cache {
+pub(super) struct VisibleSceneCache {
     known: Mutex<BTreeMap<Vec<String>, CacheEntry>>,
 }
 
-impl Cache {
+impl VisibleSceneCache {
     /// Returns what can be seen in a run. Who asks for the same at the same time waits for the first.
     ///
     /// # Errors

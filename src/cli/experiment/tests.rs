@@ -124,10 +124,10 @@ fn a_cell_that_cannot_be_run_is_named_before_anything_is() {
     let (text, result) = run(folder.path(), "out", |_| {});
     let error = result.unwrap_err();
     assert_eq!((text.as_str(), error.exit_code()), ("", 2));
-    let said = error.to_string();
+    let output = error.to_string();
     assert!(
-        said.contains("in 2 of 4 cells: mission=browse scene=yard safety_m=6; mission=search"),
-        "{said}"
+        output.contains("in 2 of 4 cells: mission=browse scene=yard safety_m=6; mission=search"),
+        "{output}"
     );
     assert!(!folder.path().join("out").exists());
 }

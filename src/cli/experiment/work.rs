@@ -8,7 +8,7 @@ use std::sync::mpsc::{Sender, channel};
 
 use super::grid::ExperimentGrid;
 use super::row::{RowEnd, RunRow};
-use super::seen::Cache;
+use super::seen::VisibleSceneCache;
 use crate::cli::error::CliError;
 use crate::cli::stop::StopFlag;
 use crate::sim::{RunError, RunView};
@@ -21,7 +21,7 @@ struct Shared<'a> {
     grid: &'a ExperimentGrid,
     left: &'a [usize],
     next: AtomicUsize,
-    seen: Cache,
+    seen: VisibleSceneCache,
     stop: &'a StopFlag,
     /// Results cannot be kept any more.
     halt: AtomicBool,
@@ -48,7 +48,7 @@ pub(super) fn run_rest(
         grid,
         left: &left,
         next,
-        seen: Cache::default(),
+        seen: VisibleSceneCache::default(),
         stop,
         halt,
     };

@@ -62,9 +62,9 @@ fn vehicle(
     y_m: f64,
     facing_deg: f64,
     status: Option<MissionStatus>,
-) -> ShownVehicle {
+) -> VehicleSnapshot {
     let heading = Angle::from_degrees(facing_deg);
-    ShownVehicle {
+    VehicleSnapshot {
         id: VehicleId(id),
         at: Point::new(x_m, y_m),
         heading,
@@ -72,18 +72,18 @@ fn vehicle(
     }
 }
 
-fn vehicles() -> Vec<Drawn> {
+fn vehicles() -> Vec<VehicleMarker> {
     let track = (0..12)
         .map(|step| Point::new(0.7, 0.7 + 0.2 * f64::from(step)))
         .collect();
     let first = vehicle(1, 1.1, 2.9, 0.0, Some(MissionStatus::Following));
     let twelfth = vehicle(12, 5.0, 1.5, 90.0, None);
     vec![
-        Drawn {
+        VehicleMarker {
             vehicle: first,
             track,
         },
-        Drawn {
+        VehicleMarker {
             vehicle: twelfth,
             track: VecDeque::new(),
         },

@@ -423,7 +423,7 @@ struct RowName<'a> {
 }
 
 impl Form for RowName<'_> {
-    fn written(&self) -> Option<String> {
+    fn to_toml(&self) -> Option<String> {
         Some(quoted(self.name))
     }
 
@@ -437,7 +437,7 @@ impl Form for RowName<'_> {
 struct OtherFile<'a>(&'a mut Layer);
 
 impl Form for OtherFile<'_> {
-    fn written(&self) -> Option<String> {
+    fn to_toml(&self) -> Option<String> {
         self.0.written().map(|(_, value)| value.to_owned()).next()
     }
 
@@ -479,7 +479,7 @@ struct Values<'a, T> {
 }
 
 impl<T: Value> Form for Values<'_, T> {
-    fn written(&self) -> Option<String> {
+    fn to_toml(&self) -> Option<String> {
         (!self.values.is_empty()).then(|| written_values(self.values))
     }
 
@@ -495,7 +495,7 @@ impl<T: Value> Form for Values<'_, T> {
 }
 
 impl Form for Seeds {
-    fn written(&self) -> Option<String> {
+    fn to_toml(&self) -> Option<String> {
         match self {
             Seeds::Own => None,
             Seeds::UpTo(count) => Some(count.to_string()),

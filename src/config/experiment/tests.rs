@@ -307,9 +307,9 @@ proptest! {
             sensor.unwrap_or_default(),
         );
         let first = grid(&text);
-        let written = crate::config::written(&Config::Experiment(Box::new(first.clone())));
+        let written = crate::config::to_toml(&Config::Experiment(Box::new(first.clone())));
         let second = read_experiment("-", &written).unwrap_or_else(|problems| panic!("{problems}\n{written}"));
-        prop_assert_eq!(&crate::config::written(&Config::Experiment(Box::new(second.clone()))), &written);
+        prop_assert_eq!(&crate::config::to_toml(&Config::Experiment(Box::new(second.clone()))), &written);
         check_same_grid(&first, &second, &mut load);
     }
 }
@@ -340,7 +340,7 @@ impl Keys for Files {
         let source = Source::new("folder/file", &text);
         let tree = source.parse();
         value.read(&Section::root(&source, &tree), key.name);
-        if value.written().as_deref() == Some("\"folder/named\"") {
+        if value.to_toml().as_deref() == Some("\"folder/named\"") {
             self.0.insert(key.name);
         }
     }

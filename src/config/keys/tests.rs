@@ -8,7 +8,7 @@ use proptest::prelude::*;
 use super::super::experiment::tests::check_same_grid;
 use super::super::sim::{Sim, SimTable};
 use super::super::vehicle::SWARM;
-use super::super::{Config, GroundFile, OperatorFile, VehicleFile, bundled, read, written};
+use super::super::{Config, GroundFile, OperatorFile, VehicleFile, bundled, read, to_toml};
 use super::*;
 
 /// Draws new values for some of the keys that it is shown.
@@ -258,7 +258,7 @@ fn loaded(path: &str) -> Result<String, String> {
 
 /// Reads what a configuration is written as; under a name without a folder, as from standard input.
 fn read_back(config: &Config) -> (String, Config) {
-    let text = written(config);
+    let text = to_toml(config);
     let back =
         read("-", &text, &mut loaded).unwrap_or_else(|problems| panic!("{problems}\n{text}"));
     (text, back)
@@ -266,7 +266,7 @@ fn read_back(config: &Config) -> (String, Config) {
 
 fn check_round_trip(config: &Config) {
     let (text, back) = read_back(config);
-    assert_eq!(written(&back), text);
+    assert_eq!(to_toml(&back), text);
     match (config, &back) {
         // An experiment knows the lines of its file, and its name: what it means are its simulations.
         (Config::Experiment(first), Config::Experiment(second)) => {
@@ -300,7 +300,7 @@ fn random_values_are_accepted_often_enough_to_say_something_and_every_key_is_var
             let mut other = config.clone();
             let changed = draw(&mut other, (number as u64) << 32 | seed, 12);
             tried += 1;
-            let Ok(other) = read("-", &written(&other), &mut loaded) else {
+            let Ok(other) = read("-", &to_toml(&other), &mut loaded) else {
                 continue;
             };
             accepted += 1;
@@ -327,7 +327,7 @@ proptest! {
         let (name, text) = &samples[which % samples.len()];
         let mut config = read(name, text, &mut loaded).unwrap();
         draw(&mut config, seed, one_in);
-        if let Ok(config) = read("-", &written(&config), &mut loaded) {
+        if let Ok(config) = read("-", &to_toml(&config), &mut loaded) {
             check_round_trip(&config);
         }
     }
@@ -337,7 +337,7 @@ proptest! {
 fn a_written_simulation_says_units_meanings_and_defaults() {
     let root = env!("CARGO_MANIFEST_DIR");
     let name = format!("{root}/configs/courtyard.sim.toml");
-    let text = written(&read(&name, &loaded(&name).unwrap(), &mut loaded).unwrap());
+    let text = to_toml(&read(&name, &loaded(&name).unwrap(), &mut loaded).unwrap());
     assert!(text.starts_with("kind = \"sim\"\n"), "{text}");
     let line = "battery_hold = 0.05 # below this charge it stays where it is\n";
     assert!(text.contains(line), "{text}");

@@ -107,7 +107,7 @@ impl Keys for Writer {
     }
 
     fn form(&mut self, value: &mut dyn Form, key: KeyEntry) {
-        if let Some(written) = value.written() {
+        if let Some(written) = value.to_toml() {
             self.line(key.name, &written, key.means);
         }
     }

@@ -4,7 +4,7 @@ use super::super::forms::{MaybePlace, Name, places};
 use super::super::keys::{Form, KeyEntry, Keyed, Keys, Number, NumberBounds};
 use super::super::outline::{CORNERS, simple_polygon};
 use super::super::section::Section;
-use super::{Material, MaterialTable};
+use super::{MaterialSpec, MaterialTable};
 use crate::geom::{Point, Polygon};
 
 /// The footprint of an upright body.
@@ -39,7 +39,7 @@ pub struct Object {
     /// Height of the top, metres above z = 0.
     pub top_m: f64,
     /// What it does to radio.
-    pub material: Material,
+    pub material: MaterialSpec,
 }
 
 impl Object {
@@ -85,7 +85,7 @@ impl Object {
         number(top_m, "top_m", 2.5, "height of the top");
         MaterialTable {
             material,
-            default: Material::SOLID,
+            default: MaterialSpec::SOLID,
         }
         .keys(to);
     }
@@ -136,7 +136,7 @@ impl Keyed for Outline {
 struct Footprint<'a>(&'a mut Outline);
 
 impl Form for Footprint<'_> {
-    fn written(&self) -> Option<String> {
+    fn to_toml(&self) -> Option<String> {
         match &*self.0 {
             Outline::Polygon(polygon) => Some(places(polygon.corners())),
             Outline::Circle { .. } => None,

@@ -3,7 +3,7 @@
 
 use tomoswarm_proto::TaskKind;
 
-use super::super::mission::{Planner, SMALLEST_GAP, Sweep};
+use super::super::mission::{PlannerChoice, SMALLEST_GAP, SweepConfig};
 use super::super::section::Section;
 use super::super::venue::Venue;
 use super::Sim;
@@ -15,7 +15,7 @@ pub(super) fn check_look_before_you_drive(root: &Section, sim: &Sim) {
     if root.source.is_sound(&["vehicles", "range", "safety"]) {
         refuse_blind_speed(
             root,
-            &sim.sight(),
+            &sim.sensing_limits(),
             sim.vehicles.body.max_speed_mps,
             "vehicles.max_speed_mps",
         );
@@ -218,13 +218,13 @@ pub(in crate::config) fn check_border(root: &Section, venue: &Venue, reach_m: f6
 pub(in crate::config) fn check_gaps(
     root: &Section,
     venue: &Venue,
-    sweep: &Sweep,
+    sweep: &SweepConfig,
     vehicles: usize,
     apart_m: f64,
 ) {
     let around_m = 2.0 * (venue.area.width_m() + venue.area.height_m());
     let gap_m = around_m / sweep.positions as f64 * SMALLEST_GAP as f64;
-    if sweep.planner == Planner::RotatingGap && vehicles > 1 && gap_m < apart_m {
+    if sweep.planner == PlannerChoice::RotatingGap && vehicles > 1 && gap_m < apart_m {
         let wrong = format!(
             "puts {SMALLEST_GAP} steps into {gap_m:.2} m, under the separation of {apart_m:.2} m"
         );

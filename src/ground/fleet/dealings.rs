@@ -14,7 +14,7 @@ use tomoswarm_proto::{Boot, Lease, Order, OrderKind, Ordered, Revision, RunId, S
 
 /// What must not be forgotten of a vehicle when the ground station starts anew.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
-pub struct Dealings {
+pub struct OrderLedger {
     /// Newest start of its software that was heard.
     boot: Option<Boot>,
     /// What the station has ordered last.
@@ -26,7 +26,7 @@ pub struct Dealings {
     /// An own start that was said, and given up because somebody else has stopped the vehicle.
     crossing: Option<Order>,
     /// What it said last that it was ordered.
-    echo: Option<Ordered>,
+    shown_order: Option<Ordered>,
     /// The run that it had been started for before anything was heard of it, as long as it shows nothing else.
     earlier: Option<RunId>,
     /// What it was ordered other than Start, by anyone, since its last Start; the strongest.
@@ -35,7 +35,7 @@ pub struct Dealings {
     is_lost: bool,
 }
 
-impl Dealings {
+impl OrderLedger {
     /// Returns the newest start of its software that was heard.
     pub fn boot(&self) -> Option<Boot> {
         self.boot
@@ -85,7 +85,7 @@ impl Dealings {
 
     /// Orders something above whatever it has obeyed before.
     pub fn order(&mut self, vehicle: VehicleId, lease: Lease, run: RunId, kind: OrderKind) {
-        let echo = self.echo.filter(|echo| echo.lease >= lease);
+        let echo = self.shown_order.filter(|echo| echo.lease >= lease);
         let obeyed = echo.map_or(Revision(0), |echo| echo.revision);
         let pending = self
             .issued
@@ -111,7 +111,7 @@ impl Dealings {
     /// Passes what is still to be repeated to another right, above what the vehicle shows of that right.
     pub fn pass_to(&mut self, lease: Lease) {
         let obeyed = self
-            .echo
+            .shown_order
             .filter(|echo| echo.lease == lease)
             .map_or(Revision(0), |echo| echo.revision);
         let pending = self
@@ -151,8 +151,13 @@ impl Dealings {
 
     /// Takes what a vehicle says it was ordered; returns the run that somebody else has started it for. Of orders
     /// from before it was first heard, only a run counts whose plans it has not `accepted`, under at least `lease`.
-    pub fn take_echo(&mut self, echo: Ordered, accepted: RunId, lease: Lease) -> Option<RunId> {
-        let known = self.echo.replace(echo);
+    pub fn take_shown_order(
+        &mut self,
+        echo: Ordered,
+        accepted: RunId,
+        lease: Lease,
+    ) -> Option<RunId> {
+        let known = self.shown_order.replace(echo);
         self.go_above(echo);
         let kind = echo.kind.filter(|_| known != Some(echo))?;
         let of = |order: &Order| (order.lease, order.revision);
@@ -253,35 +258,35 @@ mod tests {
 
     /// Lets a vehicle show an order of [`LEASE`] whose run it has not been planned for; returns the run that somebody else
     /// has started it for.
-    fn shows(dealings: &mut Dealings, revision: u32, kind: OrderKind) -> Option<RunId> {
+    fn shows(dealings: &mut OrderLedger, revision: u32, kind: OrderKind) -> Option<RunId> {
         let echo = Ordered {
             lease: LEASE,
             revision: Revision(revision),
             run: RUN,
             kind: Some(kind),
         };
-        dealings.take_echo(echo, RunId(0), LEASE)
+        dealings.take_shown_order(echo, RunId(0), LEASE)
     }
 
     /// Lets a vehicle that was started anew show what it remembers.
-    fn remembers(dealings: &mut Dealings, lease: Lease, revision: u32) {
+    fn remembers(dealings: &mut OrderLedger, lease: Lease, revision: u32) {
         let echo = Ordered {
             lease,
             revision: Revision(revision),
             run: RUN,
             kind: None,
         };
-        assert_eq!(dealings.take_echo(echo, RunId(0), LEASE), None);
+        assert_eq!(dealings.take_shown_order(echo, RunId(0), LEASE), None);
     }
 
     /// What was dealt with a vehicle that shows this order.
-    fn that_shows(revision: u32, kind: OrderKind) -> Dealings {
-        let mut dealings = Dealings::default();
+    fn that_shows(revision: u32, kind: OrderKind) -> OrderLedger {
+        let mut dealings = OrderLedger::default();
         shows(&mut dealings, revision, kind);
         dealings
     }
 
-    fn open(dealings: &Dealings) -> Option<(Lease, u32, OrderKind)> {
+    fn open(dealings: &OrderLedger) -> Option<(Lease, u32, OrderKind)> {
         dealings
             .open_order()
             .map(|order| (order.lease, order.revision.0, order.kind))
@@ -375,14 +380,14 @@ mod tests {
 
     #[test]
     fn whoever_starts_next_does_not_have_the_number_of_an_own_start_that_was_given_up() {
-        let said = || {
+        let output = || {
             let mut dealings = that_shows(2, OrderKind::Start);
             dealings.start(ONE, LEASE, RUN);
             dealings.note_said();
             dealings
         };
         // It was stopped under a lower lease, or by an emergency stop: its echo says nothing of the start.
-        let (mut held, mut stopped) = (said(), said());
+        let (mut held, mut stopped) = (output(), output());
         let lower = Lease {
             number: 0,
             holder: 3,
@@ -393,7 +398,7 @@ mod tests {
             run: RUN,
             kind: Some(OrderKind::Hold),
         };
-        assert_eq!(held.take_echo(hold, RunId(0), LEASE), None);
+        assert_eq!(held.take_shown_order(hold, RunId(0), LEASE), None);
         stopped.be_stopped(ONE, LEASE);
         for dealings in [&mut held, &mut stopped] {
             assert_eq!(
@@ -448,7 +453,7 @@ mod tests {
 
     #[test]
     fn what_was_ordered_long_ago_by_a_lower_right_starts_nothing() {
-        let mut dealings = Dealings::default();
+        let mut dealings = OrderLedger::default();
         let started = [2, 3].map(|revision| {
             let (revision, kind) = (Revision(revision), Some(OrderKind::Start));
             let echo = Ordered {
@@ -457,7 +462,7 @@ mod tests {
                 run: RUN,
                 kind,
             };
-            dealings.take_echo(
+            dealings.take_shown_order(
                 echo,
                 RunId(0),
                 Lease {
@@ -479,7 +484,8 @@ mod tests {
                 run: RUN,
                 kind,
             };
-            let shown = Dealings::default().take_echo(old, RunId(accepted), Lease::default());
+            let shown =
+                OrderLedger::default().take_shown_order(old, RunId(accepted), Lease::default());
             assert_eq!(shown, started, "{accepted}");
         }
     }

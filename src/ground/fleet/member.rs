@@ -4,7 +4,7 @@
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Boot, Lease, MissionProgress, Order, RunId, SeenState, StandReason, State};
 
-use super::dealings::Dealings;
+use super::dealings::OrderLedger;
 use crate::geom::Point;
 use crate::sweep::{LOWER_BOOT_AFTER, LowerNumbers, VOID_AFTER, VehicleProgress};
 use crate::time::Time;
@@ -21,7 +21,7 @@ pub struct FleetMember {
     progress_at: Option<Time>,
     mission: Option<MissionProgress>,
     heard_at: Option<Time>,
-    dealings: Dealings,
+    dealings: OrderLedger,
 }
 
 /// What a message of a vehicle has shown.
@@ -72,12 +72,12 @@ impl FleetMember {
     }
 
     /// Returns what was dealt with it.
-    pub fn dealings(&self) -> &Dealings {
+    pub fn dealings(&self) -> &OrderLedger {
         &self.dealings
     }
 
     /// Returns what was dealt with it, to be dealt with further.
-    pub fn dealings_mut(&mut self) -> &mut Dealings {
+    pub fn dealings_mut(&mut self) -> &mut OrderLedger {
         &mut self.dealings
     }
 
@@ -112,7 +112,7 @@ impl FleetMember {
         let found = self.dealings.find();
         let started = self
             .dealings
-            .take_echo(state.ordered, state.accepted.0, lease);
+            .take_shown_order(state.ordered, state.accepted.0, lease);
         let started = started.or_else(|| self.dealings.under_way(&state));
         // Also when a start of before the stop was shown after it: what an open stop holds stands.
         if let Some(StandReason::Stop(_)) = state.stands_under {
@@ -176,7 +176,7 @@ impl FleetMember {
     }
 
     /// Takes up what was dealt with it before.
-    pub fn recall(&mut self, dealings: Dealings) {
+    pub fn recall(&mut self, dealings: OrderLedger) {
         self.dealings = dealings;
     }
 

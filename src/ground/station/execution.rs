@@ -17,9 +17,9 @@ use tomoswarm_proto::{Lease, OrderKind, Plan, RunEnd, RunId, VehicleId};
 
 use self::completion::{close, count_laps};
 use self::next_step::{NextStep, must_rest};
-pub(super) use self::phase::Phase;
+pub(super) use self::phase::ExecutionPhase;
 pub(super) use self::published_plans::PublishedPlans;
-pub(super) use self::sweep::Sweep;
+pub(super) use self::sweep::SweepRun;
 use super::StationEvent;
 use super::lost_vehicles::{SilenceLimits, is_too_few};
 use super::run_book::RequestedSweep;
@@ -50,7 +50,7 @@ pub(super) enum SweepOutput {
     /// To be published: the plans in force.
     Plans(Vec<Plan>),
     /// A run is planned for: it begins, or goes on with new plans.
-    Begun(Sweep),
+    Begun(SweepRun),
     /// Every vehicle is to be started that nobody has stopped.
     StartAll(RunId),
     /// Every vehicle is to be held.
@@ -58,9 +58,9 @@ pub(super) enum SweepOutput {
     /// Plans are needed; how the run is to be swept is not known here.
     PlansNeeded(Request),
     /// All vehicles have done a lap.
-    LapDone { sweep: Sweep, is_last: bool },
+    LapDone { sweep: SweepRun, is_last: bool },
     /// Everything is done, and the samples are in.
-    Closed(Sweep),
+    Closed(SweepRun),
     /// It was given up.
     GivenUp {
         run: RunId,
@@ -72,13 +72,16 @@ pub(super) enum SweepOutput {
 /// The execution of one sweep after another.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct SweepExecution {
-    phase: Phase,
+    phase: ExecutionPhase,
     plans: PublishedPlans,
 }
 
 impl SweepExecution {
     /// Goes on where an earlier start of the station was; times are counted from [`SweepExecution::count_from`] on.
-    pub(super) fn restored(phase: Phase, succession: Option<Succession>) -> SweepExecution {
+    pub(super) fn restored(
+        phase: ExecutionPhase,
+        succession: Option<Succession>,
+    ) -> SweepExecution {
         SweepExecution {
             phase,
             plans: PublishedPlans::restored(succession),
@@ -86,7 +89,7 @@ impl SweepExecution {
     }
 
     /// Returns how far it is.
-    pub(super) fn phase(&self) -> &Phase {
+    pub(super) fn phase(&self) -> &ExecutionPhase {
         &self.phase
     }
 
@@ -138,7 +141,7 @@ impl SweepExecution {
     ) {
         if self.phase.sweep().is_none() {
             self.plans.begin_run(requested.run, at.fleet);
-            self.phase.begin(at.now, Sweep::new(requested));
+            self.phase.begin(at.now, SweepRun::new(requested));
             self.rest(at, out);
         }
     }
@@ -155,7 +158,7 @@ impl SweepExecution {
             OrderKind::Return | OrderKind::Land | OrderKind::CutMotors => true,
             OrderKind::Start | OrderKind::Hold => false,
         };
-        if is_elsewhere && matches!(self.phase, Phase::Running { .. }) {
+        if is_elsewhere && matches!(self.phase, ExecutionPhase::Running { .. }) {
             self.rest(at, out);
         }
     }
@@ -169,7 +172,7 @@ impl SweepExecution {
     /// Looks for vehicles that follow plans that were not given here: they are outnumbered, or the sweep is given up when
     /// they belong to a higher run, which vehicles prefer.
     pub(super) fn outnumber_others(&mut self, at: &Conditions<'_>, out: &mut Vec<SweepOutput>) {
-        let Some(run) = self.phase.driven().map(Sweep::run) else {
+        let Some(run) = self.phase.driven().map(SweepRun::run) else {
             return;
         };
         if at.fleet.highest_run() > run {
@@ -188,7 +191,7 @@ impl SweepExecution {
         at: &Conditions<'_>,
         out: &mut Vec<SweepOutput>,
     ) {
-        let Phase::Planning { sweep, .. } = self.phase else {
+        let ExecutionPhase::Planning { sweep, .. } = self.phase else {
             return;
         };
         let run = sweep.run();
@@ -233,7 +236,7 @@ impl SweepExecution {
     /// Brings everyone to rest by an empty revision, before plans are made from where they rest.
     fn rest(&mut self, at: &Conditions<'_>, out: &mut Vec<SweepOutput>) {
         self.phase.stop(at.now);
-        let Some(run) = self.phase.driven().map(Sweep::run) else {
+        let Some(run) = self.phase.driven().map(SweepRun::run) else {
             return;
         };
         self.plans.stop(&at.fleet.present());
@@ -289,7 +292,7 @@ impl SweepExecution {
     }
 
     fn give_up(&mut self, end: RunEnd, why: impl Into<String>, out: &mut Vec<SweepOutput>) {
-        let run = self.phase.sweep().map(Sweep::run);
+        let run = self.phase.sweep().map(SweepRun::run);
         let why = why.into();
         out.extend(run.map(|run| SweepOutput::GivenUp { run, end, why }));
         self.phase.end();

@@ -87,7 +87,7 @@ mod tests {
     }
 
     /// Everything that a map asks for and sends within a second.
-    fn said(map: &mut FleetMap) -> Vec<Message> {
+    fn published(map: &mut FleetMap) -> Vec<Message> {
         let mut out = Vec::new();
         while let Some(now) = map.deadline().filter(|deadline| *deadline < at(2000)) {
             out.extend(map.mend(now));
@@ -101,12 +101,12 @@ mod tests {
         let (mut full, mut empty) = (FleetMap::new(lattice), FleetMap::new(lattice));
         full.join(at(0), &tile(1));
         empty.hear_digest(at(1000), &full.merged().digest());
-        let wants = said(&mut empty);
+        let wants = published(&mut empty);
         let [Message::Want(want)] = &wants[..] else {
             panic!("{wants:?}");
         };
         full.hear_want(at(1500), want);
-        let sent = said(&mut full);
+        let sent = published(&mut full);
         assert_eq!(sent, [Message::Tile(tile(1))]);
         empty.join(at(2000), &tile(1));
         assert_eq!(empty.merged(), full.merged());

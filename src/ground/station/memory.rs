@@ -13,11 +13,11 @@
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Lease, Revision, RunId, VehicleId};
 
-use super::execution::{Phase, Sweep, SweepExecution};
+use super::execution::{ExecutionPhase, SweepExecution, SweepRun};
 use super::order_in_force::OrderInForce;
 use super::pictures::Pictures;
-use super::run_book::RunBook;
-use crate::ground::fleet::{Dealings, Fleet};
+use super::run_book::RunRegistry;
+use crate::ground::fleet::{Fleet, OrderLedger};
 use crate::sweep::Succession;
 
 /// The parts of which something is remembered, as they are now.
@@ -28,7 +28,7 @@ pub(super) struct PartsToRemember<'a> {
     pub lease: Lease,
     pub fleet: &'a Fleet,
     pub order: OrderInForce,
-    pub runs: &'a RunBook,
+    pub runs: &'a RunRegistry,
     pub execution: &'a SweepExecution,
     pub pictures: &'a Pictures,
 }
@@ -38,10 +38,10 @@ pub(super) struct PartsToRemember<'a> {
 pub(super) struct StoredState {
     store: u64,
     lease: Lease,
-    dealings: Vec<(VehicleId, Dealings)>,
+    dealings: Vec<(VehicleId, OrderLedger)>,
     order: OrderInForce,
-    runs: RunBook,
-    phase: Phase,
+    runs: RunRegistry,
+    phase: ExecutionPhase,
     /// Which plans there are, and for whom.
     edition: Option<(RunId, Revision, Vec<VehicleId>)>,
     pictures: Pictures,
@@ -59,9 +59,9 @@ pub struct StationMemory {
 pub(super) struct RestoredParts {
     pub store: u64,
     pub lease: Lease,
-    pub dealings: Vec<(VehicleId, Dealings)>,
+    pub dealings: Vec<(VehicleId, OrderLedger)>,
     pub order: OrderInForce,
-    pub runs: RunBook,
+    pub runs: RunRegistry,
     pub execution: SweepExecution,
     pub pictures: Pictures,
 }
@@ -104,7 +104,7 @@ impl StationMemory {
 
     /// Returns the run that is under way, if any.
     pub fn run(&self) -> Option<RunId> {
-        self.state.phase.sweep().map(Sweep::run)
+        self.state.phase.sweep().map(SweepRun::run)
     }
 
     /// Returns the runs that are closed, ascending.
@@ -186,7 +186,7 @@ mod tests {
         lease: Lease,
         fleet: Fleet,
         order: OrderInForce,
-        runs: RunBook,
+        runs: RunRegistry,
         execution: SweepExecution,
         pictures: Pictures,
     }
@@ -197,7 +197,7 @@ mod tests {
                 lease: Lease::default(),
                 fleet: Fleet::new(&[VehicleId(1)], Lease::default()),
                 order: OrderInForce::default(),
-                runs: RunBook::default(),
+                runs: RunRegistry::default(),
                 execution: SweepExecution::default(),
                 pictures: Pictures::default(),
             }
@@ -239,8 +239,8 @@ mod tests {
             subject: Subject::Change,
         };
         let plans = Succession::new(RunId(1), &[], Revision(3));
-        let begun = Phase::Stopping {
-            sweep: Sweep::new(RequestedSweep {
+        let begun = ExecutionPhase::Stopping {
+            sweep: SweepRun::new(RequestedSweep {
                 run: RunId(1),
                 compared_with: None,
             }),
@@ -258,7 +258,7 @@ mod tests {
             it.execution = SweepExecution::restored(begun, None);
         }));
         assert!(is_remembered_after(|it| {
-            it.execution = SweepExecution::restored(Phase::default(), Some(plans));
+            it.execution = SweepExecution::restored(ExecutionPhase::default(), Some(plans));
         }));
         assert!(is_remembered_after(|it| {
             it.pictures.take(picture);

@@ -32,8 +32,10 @@ impl OwnMissions<'_> {
     /// Returns the vehicles that are there if all of them are out for missions of their own in a run; `None` = not all are.
     pub(super) fn members_of(self, run: RunId) -> Option<Vec<VehicleId>> {
         let is_out = |id: &VehicleId| {
-            let said = self.fleet.mission(*id);
-            said.is_some_and(|said| said.progress.run == run && said.kind != MissionKind::Sweep)
+            let report = self.fleet.mission(*id);
+            report.is_some_and(|report| {
+                report.progress.run == run && report.kind != MissionKind::Sweep
+            })
         };
         let there: Vec<VehicleId> = self.there().collect();
         there.iter().all(is_out).then_some(there)
@@ -42,9 +44,9 @@ impl OwnMissions<'_> {
     /// Returns how a run of these members has ended, and why in words; `None` = one is under way, or none is there.
     pub(super) fn end_of(self, run: RunId, members: &[VehicleId]) -> Option<(RunEnd, String)> {
         let end_of = |id: VehicleId| {
-            let said = self.fleet.mission(id);
-            let said = said.filter(|said| said.progress.run == run);
-            Some((id, said?.end?))
+            let report = self.fleet.mission(id);
+            let report = report.filter(|report| report.progress.run == run);
+            Some((id, report?.end?))
         };
         let there = self.there().filter(|id| members.contains(id));
         let ends: Vec<(VehicleId, MissionEnd)> = there.map(end_of).collect::<Option<_>>()?;

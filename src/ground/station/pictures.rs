@@ -6,7 +6,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::RunId;
 
-use crate::ground::imager::{Job, Picture, Subject};
+use crate::ground::imager::{Job, ReconstructedImage, Subject};
 use crate::ground::samples::SampleStore;
 use crate::time::Time;
 
@@ -26,7 +26,7 @@ pub struct PictureName {
 
 impl PictureName {
     /// Names a picture that was made.
-    pub fn of(picture: &Picture) -> PictureName {
+    pub fn of(picture: &ReconstructedImage) -> PictureName {
         PictureName {
             run: picture.run,
             laps: picture.laps,

@@ -3,12 +3,12 @@
 
 use tomoswarm_proto::{Boot, GroundReport, Lease, RunId, StationPhase, VehicleId};
 
-use super::execution::{Phase, Sweep, SweepExecution};
+use super::execution::{ExecutionPhase, SweepExecution, SweepRun};
 use super::leases::Leases;
 use super::lost_vehicles::is_too_few;
 use super::order_in_force::OrderInForce;
 use super::pictures::Pictures;
-use super::run_book::RunBook;
+use super::run_book::RunRegistry;
 use crate::ground::fleet::Fleet;
 use crate::ground::samples::SampleStore;
 
@@ -23,7 +23,7 @@ pub(super) struct PartsToReport<'a> {
     pub fleet: &'a Fleet,
     pub samples: &'a SampleStore,
     pub order: OrderInForce,
-    pub runs: &'a RunBook,
+    pub runs: &'a RunRegistry,
     pub execution: &'a SweepExecution,
     pub pictures: &'a Pictures,
     /// Messages of vehicles that are not expected.
@@ -66,7 +66,7 @@ impl PartsToReport<'_> {
     fn run_under_way(self) -> RunUnderWay {
         let phase = self.execution.phase();
         let sweep = phase.newest_sweep();
-        let newest = sweep.map(Sweep::run);
+        let newest = sweep.map(SweepRun::run);
         let of_vehicles = self.runs.runs().newest_left_to_vehicles();
         let of_vehicles = of_vehicles.filter(|run| Some(*run) > newest);
         match (phase.sweep().is_some(), sweep, of_vehicles) {
@@ -78,11 +78,11 @@ impl PartsToReport<'_> {
                 run: sweep.run(),
                 laps_done: sweep.laps_done(),
                 laps: match phase {
-                    Phase::Running { laps, .. } => laps.total(),
-                    Phase::Idle { .. }
-                    | Phase::Stopping { .. }
-                    | Phase::Planning { .. }
-                    | Phase::Closing { .. } => sweep.laps_done(),
+                    ExecutionPhase::Running { laps, .. } => laps.total(),
+                    ExecutionPhase::Idle { .. }
+                    | ExecutionPhase::Stopping { .. }
+                    | ExecutionPhase::Planning { .. }
+                    | ExecutionPhase::Closing { .. } => sweep.laps_done(),
                 },
             },
             (_, None, _) => RunUnderWay::default(),
@@ -93,8 +93,10 @@ impl PartsToReport<'_> {
         let phase = self.execution.phase();
         let is_waiting = self.runs.requested().is_some() || phase.sweep().is_some();
         let is_under_way = match phase {
-            Phase::Stopping { .. } | Phase::Running { .. } => true,
-            Phase::Idle { .. } | Phase::Planning { .. } | Phase::Closing { .. } => false,
+            ExecutionPhase::Stopping { .. } | ExecutionPhase::Running { .. } => true,
+            ExecutionPhase::Idle { .. }
+            | ExecutionPhase::Planning { .. }
+            | ExecutionPhase::Closing { .. } => false,
         };
         let missing = self.execution.plans().missing();
         Troubles {
@@ -106,7 +108,8 @@ impl PartsToReport<'_> {
                 .into_iter()
                 .filter(|_| is_waiting)
                 .collect(),
-            waits_for_more: matches!(phase, Phase::Stopping { .. }) && is_too_few(self.fleet),
+            waits_for_more: matches!(phase, ExecutionPhase::Stopping { .. })
+                && is_too_few(self.fleet),
             without_plan: missing.filter(|_| is_under_way).collect(),
             strangers: self.strangers,
             refused: self.samples.refused(),
@@ -165,14 +168,14 @@ impl Troubles {
     }
 }
 
-fn station_phase(phase: &Phase, is_requested: bool) -> StationPhase {
+fn station_phase(phase: &ExecutionPhase, is_requested: bool) -> StationPhase {
     match phase {
-        Phase::Idle { .. } if is_requested => StationPhase::Waiting,
-        Phase::Idle { .. } => StationPhase::Idle,
-        Phase::Stopping { .. } => StationPhase::Stopping,
-        Phase::Planning { .. } => StationPhase::Planning,
-        Phase::Running { .. } => StationPhase::Running,
-        Phase::Closing { .. } => StationPhase::Closing,
+        ExecutionPhase::Idle { .. } if is_requested => StationPhase::Waiting,
+        ExecutionPhase::Idle { .. } => StationPhase::Idle,
+        ExecutionPhase::Stopping { .. } => StationPhase::Stopping,
+        ExecutionPhase::Planning { .. } => StationPhase::Planning,
+        ExecutionPhase::Running { .. } => StationPhase::Running,
+        ExecutionPhase::Closing { .. } => StationPhase::Closing,
     }
 }
 
@@ -232,7 +235,7 @@ mod tests {
 
     #[test]
     fn a_requested_sweep_is_waited_for_only_while_none_is_under_way() {
-        let idle = Phase::default();
+        let idle = ExecutionPhase::default();
         assert_eq!(station_phase(&idle, false), StationPhase::Idle);
         assert_eq!(station_phase(&idle, true), StationPhase::Waiting);
     }

@@ -21,7 +21,7 @@ pub(super) struct RequestedSweep {
 
 /// What is known of runs, and asked for.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
-pub(super) struct RunBook {
+pub(super) struct RunRegistry {
     runs: Runs,
     /// Runs of which everything is done and all samples are in.
     closed: BTreeSet<RunId>,
@@ -32,7 +32,7 @@ pub(super) struct RunBook {
     waits_since: Time,
 }
 
-impl RunBook {
+impl RunRegistry {
     /// Takes that an operator has started a run; it counts if it is higher than any before. Without a task it is compared
     /// with `default`, and is a sweep.
     pub(super) fn start(&mut self, now: Time, run: RunId, default: Option<RunId>) {
@@ -133,8 +133,8 @@ impl RunBook {
     }
 
     /// Returns whether two are the same, whatever their times. Every field is named, so that none is forgotten.
-    pub(super) fn is_same_but_for_times(&self, other: &RunBook) -> bool {
-        let RunBook {
+    pub(super) fn is_same_but_for_times(&self, other: &RunRegistry) -> bool {
+        let RunRegistry {
             runs,
             closed,
             newest,
@@ -183,14 +183,14 @@ mod tests {
         }
     }
 
-    fn requested(book: &RunBook) -> Option<(u32, Option<u32>)> {
+    fn requested(book: &RunRegistry) -> Option<(u32, Option<u32>)> {
         let (sweep, _) = book.requested()?;
         Some((sweep.run.0, sweep.compared_with.map(|run| run.0)))
     }
 
     #[test]
     fn only_a_start_of_a_higher_run_requests_a_sweep() {
-        let mut book = RunBook::default();
+        let mut book = RunRegistry::default();
         book.start(at(1), RunId(3), Some(RunId(1)));
         assert_eq!(requested(&book), Some((3, Some(1))));
         assert_eq!(book.requested().unwrap().1, at(1));
@@ -206,7 +206,7 @@ mod tests {
 
     #[test]
     fn a_task_counts_before_the_start_and_after_but_not_once_another_run_has_followed() {
-        let mut book = RunBook::default();
+        let mut book = RunRegistry::default();
         assert!(book.take_task(&task(2, Some(7), sweep())));
         book.start(at(1), RunId(2), Some(RunId(1)));
         assert_eq!(requested(&book), Some((2, Some(7))));
@@ -218,7 +218,7 @@ mod tests {
 
     #[test]
     fn what_is_left_to_the_vehicles_is_not_requested() {
-        let mut book = RunBook::default();
+        let mut book = RunRegistry::default();
         book.take_task(&task(2, None, TaskKind::Explore));
         book.start(at(1), RunId(2), None);
         assert_eq!(requested(&book), None);
@@ -233,7 +233,7 @@ mod tests {
     #[test]
     fn a_closed_run_is_not_stopped_by_the_next_one_and_an_open_one_is() {
         let end = |is_closed: bool| {
-            let mut book = RunBook::default();
+            let mut book = RunRegistry::default();
             book.start(at(1), RunId(1), None);
             if is_closed {
                 book.close(RunId(1));
@@ -246,7 +246,7 @@ mod tests {
 
     #[test]
     fn no_old_order_begins_a_run_that_was_recalled() {
-        let mut book = RunBook::default();
+        let mut book = RunRegistry::default();
         book.recall(RunId(4), true);
         book.recall(RunId(3), false);
         book.start(at(1), RunId(4), None);
@@ -256,16 +256,16 @@ mod tests {
 
     #[test]
     fn two_are_the_same_whatever_their_times_but_not_with_other_content() {
-        let mut book = RunBook::default();
+        let mut book = RunRegistry::default();
         book.start(at(1), RunId(2), None);
-        let differs = |change: fn(&mut RunBook)| {
+        let differs = |change: fn(&mut RunRegistry)| {
             let mut other = book.clone();
             change(&mut other);
             !book.is_same_but_for_times(&other)
         };
         assert!(!differs(|it| it.count_from(at(9))));
         assert!(differs(|it| it.close(RunId(1))));
-        assert!(differs(RunBook::begin_requested));
+        assert!(differs(RunRegistry::begin_requested));
         assert!(differs(|it| it.count_picture(RunId(2))));
         assert!(differs(|it| it.newest = RunId(9)));
     }

@@ -31,7 +31,7 @@ fn station() -> Station {
     Station::new(settings())
 }
 
-fn told(station: &mut Station, time_s: f64, input: In) -> Vec<Out> {
+fn fed(station: &mut Station, time_s: f64, input: In) -> Vec<Out> {
     let mut out = Vec::new();
     station
         .handle(Time::from_secs_f64(time_s), input, &mut out)
@@ -74,7 +74,7 @@ fn shows(station: &mut Station, time_s: f64, run: RunId, kind: OrderKind) -> Vec
         run,
         kind: Some(kind),
     };
-    told(
+    fed(
         station,
         time_s,
         In::Bus(Message::State(State {
@@ -161,7 +161,7 @@ fn running() -> Station {
 /// Lets the vehicle stop under an empty revision, and begin the next.
 fn begin(station: &mut Station, empty: u32) {
     let planned_s = plan(station, empty);
-    told(station, planned_s + 0.1, progress(empty + 1, None));
+    fed(station, planned_s + 0.1, progress(empty + 1, None));
 }
 
 /// Lets the vehicle stop under an empty revision, and gives the plans of the next one; returns when.
@@ -169,15 +169,15 @@ fn plan(station: &mut Station, empty: u32) -> f64 {
     let now_s = station
         .deadline()
         .map_or(0.0, |deadline| deadline.at.as_secs_f64());
-    told(station, now_s, state());
+    fed(station, now_s, state());
     let mut out = Vec::new();
     station.wake(Time::from_secs_f64(now_s), &mut out).unwrap();
-    told(station, now_s, progress(empty, None));
+    fed(station, now_s, progress(empty, None));
     station
         .wake(Time::from_secs_f64(now_s + 1.0), &mut out)
         .unwrap();
     assert!(out.iter().any(|out| matches!(out, Out::Ask(_))), "{out:?}");
-    told(station, now_s + 1.5, answer(empty + 1));
+    fed(station, now_s + 1.5, answer(empty + 1));
     now_s + 1.5
 }
 
@@ -199,7 +199,7 @@ fn a_requested_sweep_waits_for_everybody_and_begins_with_a_stop() {
     let In::Bus(Message::State(other)) = state() else {
         unreachable!()
     };
-    told(
+    fed(
         &mut station,
         3.2,
         In::Bus(Message::State(State {
@@ -218,9 +218,9 @@ fn a_requested_sweep_waits_for_everybody_and_begins_with_a_stop() {
 #[test]
 fn a_lap_is_done_when_all_have_done_its_last_stop_and_then_the_run_is_closed() {
     let mut station = running();
-    told(&mut station, 10.0, progress(2, Some(1)));
+    fed(&mut station, 10.0, progress(2, Some(1)));
     assert_eq!(next_note(&mut station, 60.0), None);
-    told(&mut station, 70.0, progress(2, Some(2)));
+    fed(&mut station, 70.0, progress(2, Some(2)));
     assert!(matches!(
         next_note(&mut station, 60.0),
         Some(StationEvent::LapDone { laps: 1, .. })
@@ -248,7 +248,7 @@ fn without_progress_plans_are_made_anew_once_and_then_it_is_said() {
 #[test]
 fn who_never_comes_to_rest_does_not_hold_up_the_end_for_ever() {
     let mut station = station();
-    told(&mut station, 0.5, state());
+    fed(&mut station, 0.5, state());
     shows(&mut station, 1.0, RunId(1), OrderKind::Start);
     // Nobody ever reports the empty revision.
     let notes: Vec<Option<StationEvent>> = (0..2).map(|_| next_note(&mut station, 600.0)).collect();
@@ -309,7 +309,7 @@ fn what_the_operator_has_stopped_only_the_operator_starts() {
             compare_with: None,
             kind: TaskKind::Explore,
         };
-        let mut out = told(&mut station, 10.0, In::Bus(Message::Task(task)));
+        let mut out = fed(&mut station, 10.0, In::Bus(Message::Task(task)));
         out.extend(said_within(&mut station, 3000.0));
         assert!(!starts(&out), "{kind:?}");
         assert!(
@@ -328,9 +328,9 @@ fn an_order_is_in_force_too_while_a_sweep_is_being_stopped_or_only_requested() {
     let mut stopping = station();
     shows(&mut stopping, 0.1, RUN, OrderKind::Start);
     shows(&mut stopping, 0.2, RUN, OrderKind::Land);
-    told(&mut stopping, 0.3, state());
+    fed(&mut stopping, 0.3, state());
     let mut out = said_within(&mut stopping, 600.0);
-    out.extend(told(&mut stopping, 601.0, progress(1, None)));
+    out.extend(fed(&mut stopping, 601.0, progress(1, None)));
     out.extend(said_within(&mut stopping, 600.0));
     assert!(!starts(&out) && !out.iter().any(|out| matches!(out, Out::Ask(_))));
 }
@@ -354,10 +354,10 @@ fn after_a_return_everyone_is_planned_for_anew_and_after_a_hold_the_plan_goes_on
 #[test]
 fn what_was_done_under_another_revision_is_no_lap() {
     let mut station = running();
-    told(&mut station, 10.0, progress(1, Some(2)));
+    fed(&mut station, 10.0, progress(1, Some(2)));
     station.fleet = Fleet::new(&[ONE], LEASE);
-    told(&mut station, 10.0, state());
-    told(&mut station, 10.0, progress(1, Some(2)));
+    fed(&mut station, 10.0, state());
+    fed(&mut station, 10.0, progress(1, Some(2)));
     assert_eq!(next_note(&mut station, 60.0), None);
 }
 
@@ -369,14 +369,14 @@ fn a_new_ground_takes_a_lease_above_that_of_the_plans_in_force() {
         holder: 9,
         ..settings()
     });
-    told(&mut station, 0.1, state());
+    fed(&mut station, 0.1, state());
     let mission = MissionProgress {
         vehicle: ONE,
         boot: Boot(1),
         lease_number: 2,
         ..MissionProgress::default()
     };
-    told(&mut station, 0.2, In::Bus(Message::Mission(mission)));
+    fed(&mut station, 0.2, In::Bus(Message::Mission(mission)));
     for second in 1..=4 {
         station
             .wake(Time::from_secs_f64(f64::from(second)), &mut Vec::new())
@@ -396,6 +396,6 @@ fn a_new_ground_takes_a_lease_above_that_of_the_plans_in_force() {
         lease_number: 8,
         ..MissionProgress::default()
     };
-    told(&mut station, 5.0, In::Bus(Message::Mission(mission)));
+    fed(&mut station, 5.0, In::Bus(Message::Mission(mission)));
     assert!(station.leases.holds());
 }

@@ -32,7 +32,7 @@ fn at(ms: u64) -> Time {
 struct Node {
     map: Merged,
     repair: Repair,
-    said: Vec<(Time, Message)>,
+    output: Vec<(Time, Message)>,
 }
 
 impl Node {
@@ -45,7 +45,7 @@ impl Node {
         Node {
             map,
             repair: Repair::new(own),
-            said: Vec::new(),
+            output: Vec::new(),
         }
     }
 
@@ -62,7 +62,7 @@ impl Node {
         while let Some(now) = self.repair.deadline().filter(|at| *at <= until) {
             let mut out = Vec::new();
             self.repair.wake(now, &self.map, &mut out);
-            self.said
+            self.output
                 .extend(out.into_iter().map(|message| (now, message)));
             assert!(self.repair.deadline().is_none_or(|next| next > now));
         }
@@ -73,7 +73,7 @@ impl Node {
             Message::Want(want) => Some((*now, want.clone())),
             _ => None,
         };
-        self.said.iter().filter_map(want).collect()
+        self.output.iter().filter_map(want).collect()
     }
 
     fn tiles(&self) -> Vec<(Time, TileReport)> {
@@ -81,7 +81,7 @@ impl Node {
             Message::Tile(tile) => Some((*now, tile.clone())),
             _ => None,
         };
-        self.said.iter().filter_map(tile).collect()
+        self.output.iter().filter_map(tile).collect()
     }
 }
 

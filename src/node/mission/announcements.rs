@@ -68,23 +68,30 @@ mod tests {
 
     #[test]
     fn only_news_is_told() {
-        let mut told = Announcements::new(VehicleId(1));
+        let mut announcements = Announcements::new(VehicleId(1));
         let run = Some(RunId(3));
-        assert_eq!((told.measure(None), told.holds(None)), (None, None));
-        assert_eq!(told.measure(run), Some(Out::Measure(run)));
-        assert_eq!(told.measure(run), None);
-        assert_eq!(told.measure(None), Some(Out::Measure(None)));
+        assert_eq!(
+            (announcements.measure(None), announcements.holds(None)),
+            (None, None)
+        );
+        assert_eq!(announcements.measure(run), Some(Out::Measure(run)));
+        assert_eq!(announcements.measure(run), None);
+        assert_eq!(announcements.measure(None), Some(Out::Measure(None)));
         let why = Some(StandReason::Held);
-        assert_eq!(told.holds(why), Some(Out::Holds(why)));
-        assert_eq!(told.holds(why), None);
+        assert_eq!(announcements.holds(why), Some(Out::Holds(why)));
+        assert_eq!(announcements.holds(why), None);
     }
 
     #[test]
     fn progress_is_repeated_once_a_second_and_by_no_two_vehicles_at_once() {
-        let mut told = Announcements::new(VehicleId(1));
-        let due = told.deadline().at;
+        let mut announcements = Announcements::new(VehicleId(1));
+        let due = announcements.deadline().at;
         assert_ne!(due, Announcements::new(VehicleId(2)).deadline().at);
-        assert!(!told.repeats(Time::ZERO) && told.repeats(due) && !told.repeats(due));
-        assert_eq!(told.deadline().at.since(due), REPEAT_EVERY);
+        assert!(
+            !announcements.repeats(Time::ZERO)
+                && announcements.repeats(due)
+                && !announcements.repeats(due)
+        );
+        assert_eq!(announcements.deadline().at.since(due), REPEAT_EVERY);
     }
 }

@@ -5,7 +5,7 @@ use tomoswarm_proto::{Boot, Lease, Revision, VehicleId, VehicleMode};
 use tomoswarm_proto::{Sender, StandReason};
 
 use super::super::tests_support::{own_state, settings, state};
-use super::tests::{at, driven, holds, order, plan, planned, told};
+use super::tests::{at, driven, fed, holds, order, plan, planned};
 use super::*;
 
 const GROUND: In = In::Heard(Sender::Ground);
@@ -33,10 +33,10 @@ fn pass(mission: &mut Mission, seconds: std::ops::Range<u32>, x_m: f64, each: &[
             mission.wake(at(now_s), &mut out).unwrap();
         }
         for input in each {
-            out.extend(told(mission, now_s, input.clone()));
+            out.extend(fed(mission, now_s, input.clone()));
         }
         let sequence = u64::from(tenth);
-        out.extend(told(
+        out.extend(fed(
             mission,
             now_s,
             In::State(OwnState {
@@ -51,15 +51,15 @@ fn pass(mission: &mut Mission, seconds: std::ops::Range<u32>, x_m: f64, each: &[
 /// A mission that drives toward (2, 0), with the ground on the bus until second 10.
 fn under_way() -> Mission {
     let mut mission = planned(None);
-    told(&mut mission, 1.9, GROUND);
-    told(&mut mission, 2.0, order(OrderKind::Start));
+    fed(&mut mission, 1.9, GROUND);
+    fed(&mut mission, 2.0, order(OrderKind::Start));
     pass(&mut mission, 2..10, 0.0, &[GROUND]);
     assert_eq!(mission.status(), MissionStatus::Following);
     mission
 }
 
-fn has(out: &[Out], remark: MissionEvent) -> bool {
-    out.contains(&Out::MissionEvent(remark))
+fn has(out: &[Out], event: MissionEvent) -> bool {
+    out.contains(&Out::MissionEvent(event))
 }
 
 #[test]
@@ -101,7 +101,7 @@ fn who_hears_peers_by_radio_carries_on_for_a_minute_and_then_returns() {
         ),
         "{out:?}"
     );
-    let drives = out.rsplit(|said| !matches!(said, Out::Command(_, MoveCommand::Drive { .. })));
+    let drives = out.rsplit(|output| !matches!(output, Out::Command(_, MoveCommand::Drive { .. })));
     let last = drives
         .filter_map(driven)
         .next()
@@ -121,7 +121,7 @@ fn a_minute_without_bus_and_radio_is_stood_through_until_the_ground_decides() {
         (driven(&out), mission.status()),
         (None, MissionStatus::Held)
     );
-    let out = told(&mut mission, 110.0, order(OrderKind::Start));
+    let out = fed(&mut mission, 110.0, order(OrderKind::Start));
     assert!(
         driven(&out).is_some() || driven(&pass(&mut mission, 110..112, 0.0, &[GROUND])).is_some()
     );
@@ -133,7 +133,7 @@ fn who_came_home_on_its_own_adopts_a_newer_plan_and_drives_it() {
     pass(&mut mission, 10..80, 1.0, &[sighting(2, 20.0)]);
     pass(&mut mission, 80..85, 0.0, &[sighting(2, 20.0)]);
     assert_eq!(mission.status(), MissionStatus::Home);
-    let out = told(&mut mission, 85.0, order(OrderKind::Start));
+    let out = fed(&mut mission, 85.0, order(OrderKind::Start));
     assert_eq!(
         driven(&out),
         None,
@@ -141,8 +141,8 @@ fn who_came_home_on_its_own_adopts_a_newer_plan_and_drives_it() {
     );
     let out = pass(&mut mission, 85..90, 0.0, &[GROUND]);
     assert_eq!(driven(&out), None);
-    told(&mut mission, 90.0, plan(3, &[]));
-    told(&mut mission, 90.0, plan(4, &[(2.0, 0.0)]));
+    fed(&mut mission, 90.0, plan(3, &[]));
+    fed(&mut mission, 90.0, plan(4, &[(2.0, 0.0)]));
     let out = pass(&mut mission, 90..92, 0.0, &[GROUND]);
     assert!(driven(&out).is_some(), "{out:?}");
 }
@@ -151,8 +151,8 @@ fn who_came_home_on_its_own_adopts_a_newer_plan_and_drives_it() {
 fn a_newer_plan_alone_takes_a_returning_vehicle_back() {
     let mut mission = under_way();
     pass(&mut mission, 10..80, 1.0, &[sighting(2, 20.0)]);
-    told(&mut mission, 80.0, GROUND);
-    let out = told(&mut mission, 80.0, plan(3, &[]));
+    fed(&mut mission, 80.0, GROUND);
+    let out = fed(&mut mission, 80.0, plan(3, &[]));
     assert!(holds(&out), "{out:?}");
     let out = pass(&mut mission, 80..82, 1.0, &[GROUND]);
     assert_eq!(
@@ -165,7 +165,7 @@ fn a_newer_plan_alone_takes_a_returning_vehicle_back() {
 #[test]
 fn what_was_held_by_order_stays_held_without_bus() {
     let mut mission = under_way();
-    told(&mut mission, 10.0, order(OrderKind::Hold));
+    fed(&mut mission, 10.0, order(OrderKind::Hold));
     let out = pass(&mut mission, 10..100, 0.0, &[sighting(2, 20.0)]);
     assert_eq!(
         (driven(&out), mission.status()),
@@ -183,12 +183,12 @@ fn a_low_battery_sends_home_and_an_empty_one_holds() {
             ..own_state(x_m, 0.0)
         })
     };
-    let out = told(&mut mission, 10.0, battery(0.21, 1.0));
+    let out = fed(&mut mission, 10.0, battery(0.21, 1.0));
     assert!(!has(
         &out,
         MissionEvent::Decides(AutonomyCause::BatteryLow, MissionStatus::Returning)
     ));
-    let out = told(&mut mission, 10.1, battery(0.19, 1.0));
+    let out = fed(&mut mission, 10.1, battery(0.19, 1.0));
     assert!(
         has(
             &out,
@@ -196,13 +196,13 @@ fn a_low_battery_sends_home_and_an_empty_one_holds() {
         ),
         "{out:?}"
     );
-    told(&mut mission, 10.2, order(OrderKind::Start));
+    fed(&mut mission, 10.2, order(OrderKind::Start));
     assert_eq!(
         mission.status(),
         MissionStatus::Returning,
         "a start does not charge it"
     );
-    let out = told(&mut mission, 10.3, battery(0.04, 1.0));
+    let out = fed(&mut mission, 10.3, battery(0.04, 1.0));
     assert!(
         has(
             &out,
@@ -216,25 +216,25 @@ fn a_low_battery_sends_home_and_an_empty_one_holds() {
 #[test]
 fn a_silent_peer_is_said_once_and_said_again_when_it_speaks() {
     let mut mission = under_way();
-    told(&mut mission, 10.0, sighting(2, 20.0));
+    fed(&mut mission, 10.0, sighting(2, 20.0));
     let out = pass(&mut mission, 10..20, 0.0, &[GROUND]);
-    let said = |out: &[Out], remark: fn(VehicleId) -> MissionEvent| {
+    let output = |out: &[Out], event: fn(VehicleId) -> MissionEvent| {
         out.iter()
-            .filter(|said| **said == Out::MissionEvent(remark(VehicleId(2))))
+            .filter(|output| **output == Out::MissionEvent(event(VehicleId(2))))
             .count()
     };
-    assert_eq!(said(&out, MissionEvent::Silent), 1);
+    assert_eq!(output(&out, MissionEvent::Silent), 1);
     let out = pass(&mut mission, 20..22, 0.0, &[GROUND, sighting(2, 20.0)]);
-    assert_eq!(said(&out, MissionEvent::HeardAgain), 1);
+    assert_eq!(output(&out, MissionEvent::HeardAgain), 1);
 }
 
 #[test]
 fn a_lower_id_that_drives_by_radio_goes_home_first() {
     let mut mission = Mission::new(settings(3));
     for tile in super::tests::tiles(None) {
-        told(&mut mission, 1.0, tile);
+        fed(&mut mission, 1.0, tile);
     }
-    told(&mut mission, 1.0, GROUND);
+    fed(&mut mission, 1.0, GROUND);
     let order = Order {
         vehicle: VehicleId(3),
         ..match order(OrderKind::Return) {
@@ -242,15 +242,15 @@ fn a_lower_id_that_drives_by_radio_goes_home_first() {
             other => panic!("{other:?}"),
         }
     };
-    told(&mut mission, 1.0, sighting(1, 0.5));
-    told(&mut mission, 1.0, In::State(own_state(2.0, 0.0)));
-    told(&mut mission, 1.0, In::Order(order));
+    fed(&mut mission, 1.0, sighting(1, 0.5));
+    fed(&mut mission, 1.0, In::State(own_state(2.0, 0.0)));
+    fed(&mut mission, 1.0, In::Order(order));
     let mut began_s = None;
     for tenth in 10..200 {
         let now_s = 0.1 * f64::from(tenth);
         // Vehicle 1 drives until second 8, and stands then.
-        told(&mut mission, now_s, sighting(1, 0.5 * now_s.min(8.0)));
-        let mut out = told(&mut mission, now_s, In::State(own_state(2.0, 0.0)));
+        fed(&mut mission, now_s, sighting(1, 0.5 * now_s.min(8.0)));
+        let mut out = fed(&mut mission, now_s, In::State(own_state(2.0, 0.0)));
         if mission
             .deadline()
             .is_some_and(|deadline| deadline.at <= at(now_s))
@@ -289,7 +289,7 @@ fn plans_of_a_lower_right_and_old_ones_are_not_taken() {
         other => other,
     };
     for (second, sequence) in [(2.0, 20), (20.0, 200), (21.0, 210)] {
-        told(
+        fed(
             &mut mission,
             second,
             In::State(OwnState {
@@ -299,18 +299,18 @@ fn plans_of_a_lower_right_and_old_ones_are_not_taken() {
         );
     }
     assert!(
-        edition(&told(&mut mission, 21.0, with(5, 20, 3))),
+        edition(&fed(&mut mission, 21.0, with(5, 20, 3))),
         "answers a state of 19 s ago"
     );
     assert!(
-        edition(&told(&mut mission, 21.0, with(5, 900, 4))),
+        edition(&fed(&mut mission, 21.0, with(5, 900, 4))),
         "answers a state that was never made"
     );
     assert_eq!(mission.plan.progress().revision, Revision(2));
-    told(&mut mission, 21.0, with(5, 200, 5));
+    fed(&mut mission, 21.0, with(5, 200, 5));
     assert_eq!(mission.plan.progress().revision, Revision(5));
     assert!(
-        edition(&told(&mut mission, 21.0, with(4, 210, 6))),
+        edition(&fed(&mut mission, 21.0, with(4, 210, 6))),
         "of a lower right"
     );
     assert_eq!(mission.plan.progress().revision, Revision(5));
@@ -320,9 +320,9 @@ fn plans_of_a_lower_right_and_old_ones_are_not_taken() {
         ..own_state(0.0, 0.0)
     };
     own.ordered.lease = lease(9);
-    told(&mut mission, 21.1, In::State(own));
+    fed(&mut mission, 21.1, In::State(own));
     assert!(
-        edition(&told(&mut mission, 21.1, with(5, 210, 7))),
+        edition(&fed(&mut mission, 21.1, with(5, 210, 7))),
         "a higher right was obeyed"
     );
 }

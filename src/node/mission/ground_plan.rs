@@ -16,11 +16,11 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{MissionPhase, Plan, RunId, Stop, StopId, VehicleId};
 
 use self::refusals::Refusals;
-use self::told_progress::{PlanNews, ToldProgress};
+use self::told_progress::{PlanChanges, PublishedProgress};
 use super::MissionEvent;
 use crate::geom::Point;
 use crate::node::VehicleSettings;
-use crate::sweep::{Follower, PlanVerdict, VehicleProgress, WaitsFor};
+use crate::sweep::{Follower, OfferResult, VehicleProgress, WaitsFor};
 use crate::time::{Deadline, Time};
 
 /// Legs are entered ahead until the way is this long, metres, so that stops are driven through.
@@ -52,7 +52,7 @@ pub(super) struct GroundPlan {
     pending_at: Time,
     /// Stops given up since one was reached.
     skips: u32,
-    told: ToldProgress,
+    published: PublishedProgress,
 }
 
 impl GroundPlan {
@@ -65,7 +65,7 @@ impl GroundPlan {
             refusals: Refusals::new(settings.vehicle, settings.fence.clone()),
             pending_at: Time::ZERO,
             skips: 0,
-            told: ToldProgress::new(VehicleProgress {
+            published: PublishedProgress::new(VehicleProgress {
                 vehicle: settings.vehicle,
                 boot: settings.boot,
                 ..VehicleProgress::default()
@@ -88,7 +88,7 @@ impl GroundPlan {
 
     /// Returns how far the vehicle was when that was last asked.
     pub(super) fn progress(&self) -> VehicleProgress {
-        self.told.progress()
+        self.published.progress()
     }
 
     /// Returns how many stops of the plan are done, and how many it has; none of none while there is no plan.
@@ -98,7 +98,7 @@ impl GroundPlan {
 
     /// Returns whether all stops of a plan are done.
     pub(super) fn is_done(&self) -> bool {
-        self.told.is_end_told()
+        self.published.is_end_told()
     }
 
     /// Returns what the vehicle does for the plan while it follows.
@@ -164,10 +164,10 @@ impl GroundPlan {
         }
         let before = follower.refusal().cloned();
         match follower.offer(plan) {
-            PlanVerdict::Refused(refusal) => {
+            OfferResult::Refused(refusal) => {
                 (before.as_ref() != Some(&refusal)).then_some(MissionEvent::Refused(refusal))
             }
-            PlanVerdict::Adopted | PlanVerdict::Old | PlanVerdict::Unchanged => None,
+            OfferResult::Adopted | OfferResult::Old | OfferResult::Unchanged => None,
         }
     }
 
@@ -260,11 +260,13 @@ impl GroundPlan {
     }
 
     /// Returns what has changed since it was last asked.
-    pub(super) fn news(&mut self) -> PlanNews {
+    pub(super) fn news(&mut self) -> PlanChanges {
         let Some(follower) = &self.follower else {
-            return PlanNews::default();
+            return PlanChanges::default();
         };
-        let news = self.told.news(follower.progress(), follower.finished());
+        let news = self
+            .published
+            .news(follower.progress(), follower.finished());
         self.has_left &= !news.is_adopted;
         news
     }

@@ -40,7 +40,7 @@ pub(super) use self::purpose::Unknown;
 
 use self::attempts::Attempts;
 use self::detour::{Detour, FoundPath};
-use self::purpose::Purpose;
+use self::purpose::WayPurpose;
 use self::standing_command::{BACKOFF_M, FreeWay, GO_M, StandingCommand, moves, renewal_m};
 use self::stretch::Stretch;
 use super::look_around::{LookAround, Next};
@@ -98,7 +98,7 @@ pub(super) struct Pilot {
     settings: VehicleSettings,
     state: State,
     way: Way,
-    purpose: Purpose,
+    purpose: WayPurpose,
     stretch: Stretch,
     command: StandingCommand,
     attempts: Attempts,
@@ -120,7 +120,7 @@ impl Pilot {
             settings,
             state: State::Driving,
             way: Way::default(),
-            purpose: Purpose::Plan,
+            purpose: WayPurpose::Plan,
             stretch: Stretch::Ordinary,
             command: StandingCommand::default(),
             attempts: Attempts::default(),
@@ -171,7 +171,7 @@ impl Pilot {
         };
         self.give_up(place);
         self.way.append(corners.iter().copied(), *end, None);
-        self.purpose = Purpose::Route;
+        self.purpose = WayPurpose::Route;
         if is_narrow {
             self.stretch = Stretch::DrivenBefore;
         }
@@ -182,7 +182,7 @@ impl Pilot {
     pub(super) fn go_home(&mut self, now: Time, pose: Pose, terrain: &Terrain, unknown: Unknown) {
         self.give_up(pose.at);
         self.way.append([], self.settings.home, None);
-        self.purpose = Purpose::home(unknown);
+        self.purpose = WayPurpose::home(unknown);
         self.attempts.begin_way();
         self.search(now, pose, terrain);
     }
@@ -191,7 +191,7 @@ impl Pilot {
     pub(super) fn give_up(&mut self, place: Point) {
         self.state = State::Driving;
         self.way.clear(place);
-        (self.purpose, self.stretch) = (Purpose::Plan, Stretch::Ordinary);
+        (self.purpose, self.stretch) = (WayPurpose::Plan, Stretch::Ordinary);
         self.command.give_up_way();
         self.attempts.give_up_way();
     }

@@ -128,7 +128,7 @@ fn end_on_wire(end: &EndReason) -> MissionEnd {
 mod tests {
     use tomoswarm_proto::{MissionKind, MissionRefusal, OrderKind, TaskKind};
 
-    use super::super::tests::{at, order, plan, planned, told};
+    use super::super::tests::{at, fed, order, plan, planned};
     use super::*;
     use crate::actor::Actor;
     use crate::geom::Point;
@@ -136,13 +136,13 @@ mod tests {
     use crate::node::tests_support::{own_state, settings};
 
     fn shows(mission: &Mission) -> (MissionPhase, Option<Permille>, u16, Option<Position>, bool) {
-        let said = mission.on_wire();
+        let report = mission.on_wire();
         (
-            said.phase,
-            said.share,
-            said.places_left,
-            said.goal,
-            said.is_at_home,
+            report.phase,
+            report.share,
+            report.places_left,
+            report.goal,
+            report.is_at_home,
         )
     }
 
@@ -159,26 +159,26 @@ mod tests {
             shows(&mission),
             (MissionPhase::Waiting, none, 2, None, true)
         );
-        told(&mut mission, 2.0, order(OrderKind::Start));
+        fed(&mut mission, 2.0, order(OrderKind::Start));
         assert_eq!(shows(&mission), (MissionPhase::Going, none, 2, end, true));
-        told(&mut mission, 5.0, In::State(own_state(2.0, 0.0)));
+        fed(&mut mission, 5.0, In::State(own_state(2.0, 0.0)));
         assert_eq!(
             shows(&mission),
             (MissionPhase::Going, Some(Permille(500)), 1, end, false)
         );
-        let said = mission.on_wire();
+        let report = mission.on_wire();
         assert_eq!(
-            (said.kind, said.end, said.slice),
+            (report.kind, report.end, report.slice),
             (MissionKind::Sweep, None, 0)
         );
-        told(&mut mission, 6.0, In::State(own_state(2.0, 2.0)));
-        let said = mission.on_wire();
+        fed(&mut mission, 6.0, In::State(own_state(2.0, 2.0)));
+        let report = mission.on_wire();
         assert_eq!(
-            (said.phase, said.end),
+            (report.phase, report.end),
             (MissionPhase::Over, Some(MissionEnd::Done))
         );
         assert_eq!(
-            (said.share, said.places_left, said.goal),
+            (report.share, report.places_left, report.goal),
             (Some(Permille::WHOLE), 0, None)
         );
     }
@@ -186,29 +186,32 @@ mod tests {
     #[test]
     fn who_only_rests_for_the_next_plan_is_not_said_to_be_over() {
         let mut mission = Mission::new(settings(1));
-        told(&mut mission, 1.0, In::State(own_state(0.0, 0.0)));
-        told(&mut mission, 1.0, plan(1, &[]));
-        told(&mut mission, 1.1, order(OrderKind::Start));
-        told(&mut mission, 1.2, In::State(own_state(0.0, 0.0)));
-        let said = mission.on_wire();
-        assert_eq!((said.phase, said.is_at_home), (MissionPhase::Waiting, true));
+        fed(&mut mission, 1.0, In::State(own_state(0.0, 0.0)));
+        fed(&mut mission, 1.0, plan(1, &[]));
+        fed(&mut mission, 1.1, order(OrderKind::Start));
+        fed(&mut mission, 1.2, In::State(own_state(0.0, 0.0)));
+        let report = mission.on_wire();
+        assert_eq!(
+            (report.phase, report.is_at_home),
+            (MissionPhase::Waiting, true)
+        );
     }
 
     #[test]
     fn a_vehicle_that_holds_says_so_and_why() {
         let mut mission = planned(None);
         assert_eq!(mission.holds_for(), None);
-        told(&mut mission, 2.0, order(OrderKind::Hold));
+        fed(&mut mission, 2.0, order(OrderKind::Hold));
         assert_eq!(
             (mission.holds_for(), mission.on_wire().phase),
             (Some(StandReason::Held), MissionPhase::Held)
         );
-        told(&mut mission, 3.0, order(OrderKind::Start));
+        fed(&mut mission, 3.0, order(OrderKind::Start));
         let empty = crate::node::OwnState {
             battery: 0.01,
             ..own_state(1.0, 0.0)
         };
-        told(&mut mission, 4.0, In::State(empty));
+        fed(&mut mission, 4.0, In::State(empty));
         assert_eq!(mission.holds_for(), Some(StandReason::Battery));
     }
 
@@ -220,15 +223,18 @@ mod tests {
             task,
             ..settings(1)
         });
-        told(&mut mission, 1.0, In::State(own_state(0.0, 0.0)));
-        told(&mut mission, 1.1, order(OrderKind::Start));
+        fed(&mut mission, 1.0, In::State(own_state(0.0, 0.0)));
+        fed(&mut mission, 1.1, order(OrderKind::Start));
         mission.wake(at(1.2), &mut Vec::new()).unwrap();
-        let said = mission.on_wire();
+        let report = mission.on_wire();
         assert_eq!(
-            (said.kind, said.phase),
+            (report.kind, report.phase),
             (MissionKind::Pathfind, MissionPhase::Looking)
         );
-        assert_eq!((said.share, said.places_left, said.end), (None, 2, None));
+        assert_eq!(
+            (report.share, report.places_left, report.end),
+            (None, 2, None)
+        );
     }
 
     #[test]

@@ -44,7 +44,7 @@ pub(super) struct Returning<'a> {
 
 /// What a vehicle does whose turn it is.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(super) enum Turn {
+pub(super) enum ReturnDecision {
     /// It waits for those who bar its way.
     Waits(Return),
     /// It drives.
@@ -70,7 +70,7 @@ impl Returning<'_> {
     }
 
     /// Returns what a vehicle does whose turn it is, as the way home looks.
-    pub(super) fn turn(&self, queue: &ReturnQueue, way_home: WayHome) -> Turn {
+    pub(super) fn turn(&self, queue: &ReturnQueue, way_home: WayHome) -> ReturnDecision {
         let others_move = self.peers.iter().any(|(_, peer)| !peer.stands(self.now));
         let presses_on = others_move || self.is_battery_low();
         match way_home {
@@ -79,7 +79,7 @@ impl Returning<'_> {
                 self.drives(Unknown::Barred, presses_on)
             }
             WayHome::BehindPeers if !self.has_waited(queue) => {
-                Turn::Waits(self.waits_behind_peers(queue))
+                ReturnDecision::Waits(self.waits_behind_peers(queue))
             }
             WayHome::Open | WayHome::BehindPeers | WayHome::Unknown => {
                 self.drives(Unknown::LastResort, presses_on)
@@ -87,14 +87,14 @@ impl Returning<'_> {
         }
     }
 
-    fn drives(&self, unknown: Unknown, presses_on: bool) -> Turn {
+    fn drives(&self, unknown: Unknown, presses_on: bool) -> ReturnDecision {
         let bold_since = (unknown == Unknown::LastResort).then_some(self.now);
         let stage = ReturnStage::UnderWay {
             bold_since,
             presses_on,
         };
         let home = Return { stage, ..self.home };
-        Turn::Drives(home, unknown)
+        ReturnDecision::Drives(home, unknown)
     }
 
     fn waits_behind_peers(&self, queue: &ReturnQueue) -> Return {

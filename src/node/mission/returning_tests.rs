@@ -7,7 +7,7 @@ use tomoswarm_proto::TileReport;
 use tomoswarm_proto::{State, TileAddress, VehicleId, VehicleMode};
 
 use super::super::tests_support::{own_state, settings, state};
-use super::tests::{at, order, told};
+use super::tests::{at, fed, order};
 use super::*;
 use crate::geom::Angle;
 
@@ -103,7 +103,7 @@ impl Ring {
             ..settings(1)
         });
         let tiles = (-1..5).flat_map(|x| (-1..5).map(move |y| tile(x, y)));
-        tiles.for_each(|tile| drop(told(&mut mission, 0.0, tile)));
+        tiles.for_each(|tile| drop(fed(&mut mission, 0.0, tile)));
         let (at, heading, peers) = (Point::new(10.0, 0.0), Angle::default(), peers.to_vec());
         let (route, driven) = (VecDeque::new(), Vec::new());
         let mut ring = Ring {
@@ -118,7 +118,7 @@ impl Ring {
             refused: 0,
         };
         ring.run(1);
-        told(&mut ring.mission, 1.0, order(OrderKind::Return));
+        fed(&mut ring.mission, 1.0, order(OrderKind::Return));
         ring
     }
 
@@ -152,7 +152,7 @@ impl Ring {
                 sequence,
                 ..state(index as u8 + 2, peer.x_m, peer.y_m)
             };
-            told(&mut self.mission, now_s, In::Peer(state));
+            fed(&mut self.mission, now_s, In::Peer(state));
         }
         let mut out = Vec::new();
         if self
@@ -168,9 +168,9 @@ impl Ring {
             ..own_state(self.at.x_m, self.at.y_m)
         };
         own.pose.heading = self.heading;
-        out.extend(told(&mut self.mission, now_s, In::State(own)));
-        for said in out {
-            match said {
+        out.extend(fed(&mut self.mission, now_s, In::State(own)));
+        for output in out {
+            match output {
                 Out::Command(_, MoveCommand::Drive { route, .. }) => self.drive(now_s, route),
                 Out::Command(_, MoveCommand::Turn(heading)) => self.heading = heading,
                 Out::Command(_, MoveCommand::Hold) => self.route.clear(),
@@ -186,7 +186,7 @@ impl Ring {
         if self.refuses || self.peers.iter().find(near).is_some() {
             self.refused += 1;
             let refusal = vehicle::CommandRefusal::Separation(VehicleId(2));
-            told(
+            fed(
                 &mut self.mission,
                 now_s,
                 In::SafetyEvent(vehicle::SafetyEvent::Refused(refusal)),

@@ -27,7 +27,7 @@ use tomoswarm_proto::{MissionPhase, TileReport, VehicleMode};
 
 use self::barred_places::BarredPlaces;
 use self::own_mission::OwnMission;
-use self::routes::Courses;
+use self::routes::RouteFinder;
 use self::tries::Tries;
 use self::yield_to_peers::{Yield, YieldToPeers, way_aside};
 use super::home::HOME_M;
@@ -131,8 +131,8 @@ impl RunnerContext<'_> {
         }
     }
 
-    fn remark(&mut self, remark: MissionEvent) {
-        self.out.push(Out::MissionEvent(remark));
+    fn emit(&mut self, event: MissionEvent) {
+        self.out.push(Out::MissionEvent(event));
     }
 }
 
@@ -292,7 +292,7 @@ impl StepRunner {
         match to {
             Destination::Straight(place) | Destination::ByPath(place) => {
                 self.barred.clear();
-                scene.remark(MissionEvent::Visited(place));
+                scene.emit(MissionEvent::Visited(place));
                 self.tell(scene, MissionInput::Arrived);
             }
             Destination::Viewpoint => self.tell(scene, MissionInput::Arrived),
@@ -399,7 +399,7 @@ impl StepRunner {
                 self.choose_at(scene.now + WAIT);
             }
             Err(reason) => {
-                scene.remark(MissionEvent::NoWay(place, routes::searched(reason)));
+                scene.emit(MissionEvent::NoWay(place, routes::searched(reason)));
                 self.pass_over(scene, place, PassedOver::NoWay);
             }
         }
@@ -411,7 +411,7 @@ impl StepRunner {
         }
         self.barred.clear();
         self.tries.clear();
-        scene.remark(MissionEvent::Passed(place));
+        scene.emit(MissionEvent::Passed(place));
         self.think(scene.now);
     }
 
@@ -433,8 +433,8 @@ impl StepRunner {
         }
     }
 
-    fn courses<'a>(&'a self, scene: &RunnerContext<'a>) -> Courses<'a> {
-        Courses {
+    fn courses<'a>(&'a self, scene: &RunnerContext<'a>) -> RouteFinder<'a> {
+        RouteFinder {
             search: scene.terrain.search(scene.now, scene.pose()),
             barred: &self.barred,
             lattice: self.settings.lattice,
@@ -457,7 +457,7 @@ impl StepRunner {
         self.yields.end();
         self.tries.clear();
         self.mission = OwnMission::Ended(end.clone());
-        scene.remark(MissionEvent::Ended(end));
+        scene.emit(MissionEvent::Ended(end));
         self.think(scene.now);
     }
 

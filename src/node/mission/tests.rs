@@ -24,7 +24,7 @@ pub(super) fn at(time_s: f64) -> Time {
     Time::from_secs_f64(time_s)
 }
 
-pub(super) fn told(mission: &mut Mission, time_s: f64, input: In) -> Vec<Out> {
+pub(super) fn fed(mission: &mut Mission, time_s: f64, input: In) -> Vec<Out> {
     let mut out = Vec::new();
     mission.handle(at(time_s), input, &mut out).unwrap();
     // The disk takes no time.
@@ -108,12 +108,12 @@ pub(super) fn order(kind: OrderKind) -> In {
 /// A mission at the datum that has adopted a plan to (2, 0) and (2, 2), and not been started.
 pub(super) fn planned(wall: Option<(f64, f64)>) -> Mission {
     let mut mission = Mission::new(settings(1));
-    told(&mut mission, 1.0, In::State(own_state(0.0, 0.0)));
+    fed(&mut mission, 1.0, In::State(own_state(0.0, 0.0)));
     for tile in tiles(wall) {
-        told(&mut mission, 1.0, tile);
+        fed(&mut mission, 1.0, tile);
     }
-    told(&mut mission, 1.0, plan(1, &[]));
-    let out = told(&mut mission, 1.0, plan(2, &[(2.0, 0.0), (2.0, 2.0)]));
+    fed(&mut mission, 1.0, plan(1, &[]));
+    let out = fed(&mut mission, 1.0, plan(2, &[(2.0, 0.0), (2.0, 2.0)]));
     assert!(out.contains(&Out::Accepted(RUN, Revision(2))), "{out:?}");
     mission
 }
@@ -153,7 +153,7 @@ fn until(
             {
                 mission.wake(at(*now_s), &mut out).unwrap();
             }
-            out.extend(told(mission, *now_s, In::State(own_state(x_m, 0.0))));
+            out.extend(fed(mission, *now_s, In::State(own_state(x_m, 0.0))));
             out.iter().any(&counts)
         })
 }
@@ -168,7 +168,7 @@ fn nothing_is_driven_or_measured_before_a_start() {
         )),
         None
     );
-    let out = told(&mut mission, 70.0, order(OrderKind::Start));
+    let out = fed(&mut mission, 70.0, order(OrderKind::Start));
     assert!(out.contains(&Out::Measure(Some(RUN))));
     assert_eq!(
         driven(&out).unwrap().last(),
@@ -180,8 +180,8 @@ fn nothing_is_driven_or_measured_before_a_start() {
 #[test]
 fn a_hold_stops_and_a_start_goes_on() {
     let mut mission = planned(None);
-    assert!(driven(&told(&mut mission, 2.0, order(OrderKind::Start))).is_some());
-    let out = told(&mut mission, 3.0, order(OrderKind::Hold));
+    assert!(driven(&fed(&mut mission, 2.0, order(OrderKind::Start))).is_some());
+    let out = fed(&mut mission, 3.0, order(OrderKind::Hold));
     assert!(holds(&out) && out.contains(&Out::Measure(None)));
     assert_eq!(
         until(&mut mission, 3.0, 1.0, |out| matches!(
@@ -190,7 +190,7 @@ fn a_hold_stops_and_a_start_goes_on() {
         )),
         None
     );
-    told(&mut mission, 70.0, order(OrderKind::Start));
+    fed(&mut mission, 70.0, order(OrderKind::Start));
     assert!(
         until(&mut mission, 70.0, 1.0, |out| matches!(
             out,
@@ -203,13 +203,13 @@ fn a_hold_stops_and_a_start_goes_on() {
 #[test]
 fn a_held_vehicle_takes_a_new_revision_from_where_it_stands() {
     let mut mission = planned(None);
-    told(&mut mission, 2.0, order(OrderKind::Start));
-    told(&mut mission, 3.0, In::State(own_state(1.0, 0.0)));
+    fed(&mut mission, 2.0, order(OrderKind::Start));
+    fed(&mut mission, 3.0, In::State(own_state(1.0, 0.0)));
     assert!(
-        !told(&mut mission, 3.0, plan(3, &[])).contains(&Out::Accepted(RUN, Revision(3))),
+        !fed(&mut mission, 3.0, plan(3, &[])).contains(&Out::Accepted(RUN, Revision(3))),
         "on a leg"
     );
-    told(&mut mission, 4.0, order(OrderKind::Hold));
+    fed(&mut mission, 4.0, order(OrderKind::Hold));
     let adopts = |out: &Out| *out == Out::Accepted(RUN, Revision(3));
     assert!(
         until(&mut mission, 4.0, 1.0, adopts).is_some()
@@ -221,7 +221,7 @@ fn a_held_vehicle_takes_a_new_revision_from_where_it_stands() {
 fn a_blocked_route_is_planned_anew_and_a_closed_one_is_said() {
     // A wall through the whole known world, and beyond it nothing is known: searched, looked at, and said.
     let mut mission = planned(Some((1.4, 1.8)));
-    told(&mut mission, 2.0, order(OrderKind::Start));
+    fed(&mut mission, 2.0, order(OrderKind::Start));
     let looks = until(&mut mission, 2.0, 0.6, |out| {
         matches!(out, Out::MissionEvent(MissionEvent::Blocked(_)))
     });
@@ -236,11 +236,11 @@ fn a_blocked_route_is_planned_anew_and_a_closed_one_is_said() {
 #[test]
 fn the_way_home_waits_until_lower_ids_are_quiet() {
     let mut mission = Mission::new(settings(2));
-    told(&mut mission, 1.0, In::State(own_state(2.0, 0.0)));
+    fed(&mut mission, 1.0, In::State(own_state(2.0, 0.0)));
     for tile in tiles(None) {
-        told(&mut mission, 1.0, tile);
+        fed(&mut mission, 1.0, tile);
     }
-    told(
+    fed(
         &mut mission,
         1.0,
         In::Peer(State {
@@ -248,11 +248,11 @@ fn the_way_home_waits_until_lower_ids_are_quiet() {
             ..state(1, 5.0, 5.0)
         }),
     );
-    told(&mut mission, 2.0, order(OrderKind::Return));
+    fed(&mut mission, 2.0, order(OrderKind::Return));
     let drives = |out: &Out| matches!(out, Out::Command(_, MoveCommand::Drive { .. }));
     for second in 2..22 {
         let (now_s, sequence) = (f64::from(second), u64::from(second as u32));
-        told(
+        fed(
             &mut mission,
             now_s,
             In::Peer(State {
@@ -261,10 +261,10 @@ fn the_way_home_waits_until_lower_ids_are_quiet() {
                 ..state(1, 5.0, 5.0)
             }),
         );
-        let out = told(&mut mission, now_s, In::State(own_state(2.0, 0.0)));
+        let out = fed(&mut mission, now_s, In::State(own_state(2.0, 0.0)));
         assert!(!out.iter().any(drives), "after {now_s} s");
     }
-    told(
+    fed(
         &mut mission,
         70.0,
         In::Peer(State {
@@ -293,14 +293,14 @@ fn neither_an_order_nor_a_tile_is_lost_to_a_slow_mission() {
     }
     assert_eq!(seat.dropped(), 0);
     let mut out = Vec::new();
-    seat.act(at(2.0), |said| out.push(said)).unwrap();
+    seat.act(at(2.0), |output| out.push(output)).unwrap();
     assert!(holds(&out), "{out:?}");
 }
 
 #[test]
 fn a_plan_out_of_the_fence_is_refused_once_and_the_old_one_followed() {
     let mut mission = planned(None);
-    let out = told(&mut mission, 1.5, plan(3, &[(2.0, 0.0), (26.0, 0.0)]));
+    let out = fed(&mut mission, 1.5, plan(3, &[(2.0, 0.0), (26.0, 0.0)]));
     assert_eq!(
         out,
         [Out::MissionEvent(MissionEvent::Outside(Point::new(
@@ -308,21 +308,21 @@ fn a_plan_out_of_the_fence_is_refused_once_and_the_old_one_followed() {
         )))]
     );
     assert_eq!(
-        told(&mut mission, 6.5, plan(3, &[(2.0, 0.0), (26.0, 0.0)])),
+        fed(&mut mission, 6.5, plan(3, &[(2.0, 0.0), (26.0, 0.0)])),
         [],
         "repeated by the ground"
     );
-    assert!(driven(&told(&mut mission, 7.0, order(OrderKind::Start))).is_some());
+    assert!(driven(&fed(&mut mission, 7.0, order(OrderKind::Start))).is_some());
 }
 
 #[test]
 fn a_peer_whose_old_state_comes_late_is_still_driving() {
     let mut mission = Mission::new(settings(2));
-    told(&mut mission, 1.0, In::State(own_state(2.0, 0.0)));
+    fed(&mut mission, 1.0, In::State(own_state(2.0, 0.0)));
     for tile in tiles(None) {
-        told(&mut mission, 1.0, tile);
+        fed(&mut mission, 1.0, tile);
     }
-    told(
+    fed(
         &mut mission,
         1.0,
         In::Peer(State {
@@ -331,7 +331,7 @@ fn a_peer_whose_old_state_comes_late_is_still_driving() {
             ..state(1, 5.0, 5.0)
         }),
     );
-    told(
+    fed(
         &mut mission,
         1.1,
         In::Peer(State {
@@ -339,7 +339,7 @@ fn a_peer_whose_old_state_comes_late_is_still_driving() {
             ..state(1, 5.0, 5.0)
         }),
     );
-    told(&mut mission, 2.0, order(OrderKind::Return));
+    fed(&mut mission, 2.0, order(OrderKind::Return));
     let drives = |out: &Out| matches!(out, Out::Command(_, MoveCommand::Drive { .. }));
     let began_s = until(&mut mission, 4.0, 2.0, drives)
         .expect("what has fallen silent is not waited for forever");
@@ -387,20 +387,20 @@ fn start(mission: &mut Mission, time_s: f64, run: u32, lease: Lease) -> Vec<Out>
         kind,
         ends: vec![],
     };
-    told(mission, time_s, In::Order(start))
+    fed(mission, time_s, In::Order(start))
 }
 
 /// What a mission shows of what it is out for.
 fn shown(mission: &Mission) -> (RunId, MissionKind, MissionPhase, Option<MissionEnd>) {
-    let said = mission.on_wire();
-    (said.progress.run, said.kind, said.phase, said.end)
+    let output = mission.on_wire();
+    (output.progress.run, output.kind, output.phase, output.end)
 }
 
 #[test]
 fn a_task_moves_nobody_and_its_start_begins_it_in_place_of_the_plan() {
     let mut mission = planned(None);
     assert_eq!(
-        told(
+        fed(
             &mut mission,
             1.5,
             task(Lease::default(), RunId(2), &[1], TaskKind::Browse)
@@ -421,7 +421,7 @@ fn a_task_moves_nobody_and_its_start_begins_it_in_place_of_the_plan() {
     );
     assert!(
         out.iter()
-            .any(|out| matches!(out, Out::Progress(said) if said.kind == MissionKind::Browse))
+            .any(|out| matches!(out, Out::Progress(output) if output.kind == MissionKind::Browse))
     );
     mission.wake(at(3.2), &mut Vec::new()).unwrap();
     assert_eq!(
@@ -441,11 +441,11 @@ fn a_task_that_comes_after_its_start_counts_at_once_and_the_same_one_changes_not
     let mut mission = planned(None);
     start(&mut mission, 2.0, 2, Lease::default());
     let browse = task(Lease::default(), RunId(2), &[1], TaskKind::Browse);
-    assert!(holds(&told(&mut mission, 3.0, browse.clone())));
+    assert!(holds(&fed(&mut mission, 3.0, browse.clone())));
     mission.wake(at(3.2), &mut Vec::new()).unwrap();
     let before = shown(&mission);
     assert_eq!(before.2, MissionPhase::Looking);
-    assert!(!holds(&told(&mut mission, 4.0, browse)));
+    assert!(!holds(&fed(&mut mission, 4.0, browse)));
     assert_eq!(shown(&mission), before);
     // A start of the same run goes on with it.
     let out = start(&mut mission, 5.0, 2, Lease::default());
@@ -462,7 +462,7 @@ fn a_task_by_a_lower_right_than_is_followed_is_passed_over() {
     ] {
         let mut mission = planned(None);
         start(&mut mission, 2.0, 2, lease(4));
-        told(
+        fed(
             &mut mission,
             3.0,
             task(lease(number), RunId(2), &[1], TaskKind::Browse),
@@ -475,7 +475,7 @@ fn a_task_by_a_lower_right_than_is_followed_is_passed_over() {
 #[test]
 fn who_refuses_its_task_stands_says_why_and_is_free_for_the_next_one() {
     let mut mission = planned(None);
-    told(
+    fed(
         &mut mission,
         1.5,
         task(Lease::default(), RunId(2), &[2, 3], TaskKind::Explore),
@@ -497,7 +497,7 @@ fn who_refuses_its_task_stands_says_why_and_is_free_for_the_next_one() {
         )),
         None
     );
-    told(
+    fed(
         &mut mission,
         70.0,
         task(Lease::default(), RunId(2), &[1, 2], TaskKind::Explore),
@@ -513,8 +513,8 @@ fn who_refuses_its_task_stands_says_why_and_is_free_for_the_next_one() {
 fn a_vehicle_that_is_held_takes_a_task_and_stays_held() {
     let mut mission = planned(None);
     start(&mut mission, 2.0, 2, Lease::default());
-    told(&mut mission, 3.0, order(OrderKind::Hold));
-    let out = told(
+    fed(&mut mission, 3.0, order(OrderKind::Hold));
+    let out = fed(
         &mut mission,
         4.0,
         task(Lease::default(), RunId(2), &[1], TaskKind::Browse),

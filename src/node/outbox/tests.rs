@@ -46,7 +46,7 @@ struct Rig {
     now: Time,
     disk: BTreeMap<SampleKey, Sample>,
     forgets: Vec<(u32, u32, u64)>,
-    tally: Tally,
+    tally: OutboxCounts,
 }
 
 impl Rig {
@@ -57,7 +57,7 @@ impl Rig {
             now,
             disk,
             forgets: Vec::new(),
-            tally: Tally::default(),
+            tally: OutboxCounts::default(),
         }
     }
 
@@ -89,8 +89,8 @@ impl Rig {
     /// Answers what is wanted of the disk; returns what goes to the bus.
     fn carry_out(&mut self, out: Vec<Out>) -> Vec<Samples> {
         let mut published = Vec::new();
-        for said in out {
-            match said {
+        for output in out {
+            match output {
                 Out::Publish(batch) => published.push(batch),
                 Out::Forget { boot, run, below } => {
                     self.disk.retain(|place, _| {
@@ -146,7 +146,7 @@ fn it_tells_how_many_samples_wait_until_none_does() {
     rig.flush();
     assert_eq!(
         rig.tally,
-        Tally {
+        OutboxCounts {
             waiting: 10,
             lost: 0
         }

@@ -48,11 +48,15 @@ fn talk(ids: &[u8], until: Time) -> Vec<(Time, u8, Vec<Out>)> {
                 beacon: beacon.clone(),
                 rssi_dbm: -50,
             };
-            let mut said = Vec::new();
+            let mut output = Vec::new();
             radio
-                .handle(due + Duration::from_millis(2), In::Heard(heard), &mut said)
+                .handle(
+                    due + Duration::from_millis(2),
+                    In::Heard(heard),
+                    &mut output,
+                )
                 .unwrap();
-            spoken.push((due, ids[index], said));
+            spoken.push((due, ids[index], output));
         }
         spoken.push((due, ids[who], vec![Out::Transmit(beacon)]));
     }
@@ -214,12 +218,12 @@ fn a_dead_radio_is_not_named_any_more() {
 fn a_beacon_says_whom_it_heard_and_how_the_vehicle_is() {
     let mut radio = Radio::new(settings(1));
     hear(&mut radio, 0.1, beacon(4, 1, 0.0, vec![]));
-    let said = next_beacon(&mut radio, 0.2);
+    let output = next_beacon(&mut radio, 0.2);
     assert_eq!(
-        (said.sender, said.boot, &said.members[..]),
+        (output.sender, output.boot, &output.members[..]),
         (VehicleId(1), Boot(1), &[VehicleId(4)][..])
     );
-    assert!(said.is_at_rest && said.is_armed && !said.is_airborne);
+    assert!(output.is_at_rest && output.is_armed && !output.is_airborne);
 }
 
 #[test]

@@ -9,7 +9,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::messages::{Motion, Telemetry};
-use super::{REST_GRACE, SAY_AGAIN};
+use super::{RESEND_AFTER, REST_GRACE};
 use crate::time::Time;
 
 /// How far the disarming of a vehicle has come.
@@ -21,7 +21,7 @@ pub(super) enum DisarmingState {
         since: Time,
     },
     /// The autopilot was told to disarm.
-    Told {
+    Ordered {
         /// When it was told last.
         at: Time,
         /// When it was ordered anew after that: at rest it is told once more.
@@ -36,8 +36,8 @@ impl DisarmingState {
     }
 
     /// Begins with the autopilot being told now.
-    pub(super) fn told(now: Time) -> DisarmingState {
-        DisarmingState::Told {
+    pub(super) fn ordered(now: Time) -> DisarmingState {
+        DisarmingState::Ordered {
             at: now,
             ordered_again: None,
         }
@@ -47,10 +47,10 @@ impl DisarmingState {
     pub(super) fn again(self, now: Time) -> DisarmingState {
         match self {
             DisarmingState::AtRest { since: _ } => DisarmingState::AtRest { since: now },
-            DisarmingState::Told {
+            DisarmingState::Ordered {
                 at,
                 ordered_again: _,
-            } => DisarmingState::Told {
+            } => DisarmingState::Ordered {
                 at,
                 ordered_again: Some(now),
             },
@@ -63,13 +63,13 @@ impl DisarmingState {
             |since: Time| telemetry.motion == Motion::Resting && now.since(since) > REST_GRACE;
         let is_due = match *self {
             DisarmingState::AtRest { since } => has_come_to_rest(since),
-            DisarmingState::Told { at, ordered_again } => {
-                let was_lost = telemetry.is_armed && now.since(at) >= SAY_AGAIN;
+            DisarmingState::Ordered { at, ordered_again } => {
+                let was_lost = telemetry.is_armed && now.since(at) >= RESEND_AFTER;
                 was_lost || ordered_again.is_some_and(has_come_to_rest)
             }
         };
         if is_due {
-            *self = DisarmingState::told(now);
+            *self = DisarmingState::ordered(now);
         }
         is_due
     }
@@ -81,7 +81,7 @@ mod tests {
     use crate::geom::{Angle, Point, Pose};
 
     /// Returns the tenths of a second at which the autopilot is told.
-    fn told(mut disarming: DisarmingState, motion: Motion, is_armed: bool) -> Vec<u32> {
+    fn fed(mut disarming: DisarmingState, motion: Motion, is_armed: bool) -> Vec<u32> {
         let pose = Pose {
             at: Point::new(0.0, 0.0),
             heading: Angle::default(),
@@ -104,30 +104,30 @@ mod tests {
     fn it_waits_for_rest_and_then_for_telemetry() {
         let ordered = DisarmingState::at_rest(Time::ZERO);
         assert!(
-            told(ordered, Motion::Driving, true).is_empty(),
+            fed(ordered, Motion::Driving, true).is_empty(),
             "braking needs the motors"
         );
-        assert!(told(ordered, Motion::Turning, true).is_empty());
-        assert_eq!(told(ordered, Motion::Resting, false), [4], "once");
+        assert!(fed(ordered, Motion::Turning, true).is_empty());
+        assert_eq!(fed(ordered, Motion::Resting, false), [4], "once");
         assert_eq!(
-            told(ordered, Motion::Resting, true),
+            fed(ordered, Motion::Resting, true),
             [4, 7, 10],
             "until telemetry shows it"
         );
         assert_eq!(
-            told(DisarmingState::told(Time::ZERO), Motion::Driving, true),
+            fed(DisarmingState::ordered(Time::ZERO), Motion::Driving, true),
             [3, 6, 9],
             "motors cut on the way"
         );
-        assert!(told(DisarmingState::told(Time::ZERO), Motion::Driving, false).is_empty());
+        assert!(fed(DisarmingState::ordered(Time::ZERO), Motion::Driving, false).is_empty());
     }
 
     #[test]
     fn ordered_again_it_is_told_again_at_rest() {
-        let again = DisarmingState::told(Time::ZERO).again(Time::ZERO);
-        assert_eq!(told(again, Motion::Resting, false), [4]);
-        assert!(told(again, Motion::Driving, false).is_empty());
+        let again = DisarmingState::ordered(Time::ZERO).again(Time::ZERO);
+        assert_eq!(fed(again, Motion::Resting, false), [4]);
+        assert!(fed(again, Motion::Driving, false).is_empty());
         let later = DisarmingState::at_rest(Time::ZERO).again(Time::from_secs_f64(0.5));
-        assert_eq!(told(later, Motion::Resting, false), [9]);
+        assert_eq!(fed(later, Motion::Resting, false), [9]);
     }
 }

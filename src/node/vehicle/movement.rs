@@ -6,7 +6,7 @@ use std::collections::VecDeque;
 use serde::{Deserialize, Serialize};
 
 use super::messages::{Motion, Telemetry};
-use super::{REST_GRACE, SAY_AGAIN};
+use super::{RESEND_AFTER, REST_GRACE};
 use crate::geom::{Point, Segment};
 use crate::time::Time;
 
@@ -45,7 +45,7 @@ pub(super) struct Leg {
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub(super) struct RepeatedStop {
     /// When it was said last.
-    said: Time,
+    sent: Time,
     /// Where the braking on a leg ends; `None` once it has ended, and where there was no leg.
     braking_end: Option<Point>,
 }
@@ -75,7 +75,7 @@ impl MovementOrder {
     /// Stops, or says so again; on a leg it claims the way to where its braking ends.
     pub(super) fn stop(&mut self, now: Time, braking_end: Option<Point>) {
         let stop = RepeatedStop {
-            said: now,
+            sent: now,
             braking_end: braking_end.filter(|_| self.claims_a_way()),
         };
         *self = match self {
@@ -90,7 +90,7 @@ impl MovementOrder {
     /// Stops by the reflex.
     pub(super) fn halt(&mut self, now: Time, braking_end: Option<Point>) {
         *self = MovementOrder::Halted(RepeatedStop {
-            said: now,
+            sent: now,
             braking_end: braking_end.filter(|_| self.claims_a_way()),
         });
     }
@@ -122,7 +122,7 @@ impl MovementOrder {
                 }
             }
             MovementOrder::Stopped(stop) | MovementOrder::Halted(stop) => {
-                stop.braking_end.take_if(|_| has_ended(stop.said));
+                stop.braking_end.take_if(|_| has_ended(stop.sent));
             }
         }
     }
@@ -152,7 +152,7 @@ impl MovementOrder {
     pub(super) fn is_stop_due_again(&self, now: Time, motion: Motion) -> bool {
         match self {
             MovementOrder::Stopped(stop) | MovementOrder::Halted(stop) => {
-                motion != Motion::Resting && now.since(stop.said) >= SAY_AGAIN
+                motion != Motion::Resting && now.since(stop.sent) >= RESEND_AFTER
             }
             MovementOrder::Idle | MovementOrder::Driving(_) | MovementOrder::Turning { .. } => {
                 false
@@ -222,7 +222,7 @@ impl RepeatedStop {
     fn leg(self) -> Option<Leg> {
         let corners = VecDeque::from([self.braking_end?]);
         Some(Leg {
-            since: self.said,
+            since: self.sent,
             is_off_plan: false,
             corners,
         })

@@ -30,7 +30,7 @@ pub(super) enum Readiness {
         /// Since when.
         since: Time,
         /// Who has told which stops are open.
-        told: BTreeSet<VehicleId>,
+        informed: BTreeSet<VehicleId>,
     },
     /// It may be started.
     Ready,
@@ -42,22 +42,27 @@ impl Readiness {
         if *self == Readiness::Alone {
             *self = Readiness::Listening {
                 since: now,
-                told: BTreeSet::new(),
+                informed: BTreeSet::new(),
             };
         }
     }
 
     /// Notes that a node has told which stops are open.
-    pub(super) fn note_told(&mut self, now: Time, by: Sender) {
+    pub(super) fn take_stops_reported(&mut self, now: Time, by: Sender) {
         self.hear(now);
-        if let (Readiness::Listening { told, .. }, Sender::Vehicle(vehicle)) = (self, by) {
+        if let (Readiness::Listening { informed: told, .. }, Sender::Vehicle(vehicle)) = (self, by)
+        {
             told.insert(vehicle);
         }
     }
 
     /// Looks whether it may be started, after it has listened so long. Peers that have fallen silent are not waited for.
     pub(super) fn look(&mut self, now: Time, listens_for: Duration, peers: &Peers) -> bool {
-        if let Readiness::Listening { since, told } = self {
+        if let Readiness::Listening {
+            since,
+            informed: told,
+        } = self
+        {
             let heard = peers.iter().filter(|(_, peer)| !peer.is_silent(now));
             let have_told = heard
                 .into_iter()
@@ -91,7 +96,7 @@ mod tests {
             "it hears nobody"
         );
         peers.take(at(10.0), &state(2, 3.0, 3.0));
-        readiness.note_told(at(10.0), Sender::Ground);
+        readiness.take_stops_reported(at(10.0), Sender::Ground);
         peers.take(
             at(12.0),
             &State {
@@ -103,7 +108,7 @@ mod tests {
             !readiness.look(at(12.1), Duration::from_secs(2), &peers),
             "vehicle 2 has not told"
         );
-        readiness.note_told(at(12.1), Sender::Vehicle(VehicleId(2)));
+        readiness.take_stops_reported(at(12.1), Sender::Vehicle(VehicleId(2)));
         assert!(readiness.look(at(12.1), Duration::from_secs(2), &peers));
         let mut waits = Readiness::default();
         waits.hear(at(10.0));

@@ -40,7 +40,7 @@ impl Restraint {
             (Landing(disarming), OrderKind::Land) => (Landing(disarming.again(now)), None),
             (MotorsCut(disarming), OrderKind::Land) => (MotorsCut(disarming.again(now)), None),
             (Free | Held | Landing(_) | MotorsCut(_), OrderKind::CutMotors) => (
-                MotorsCut(DisarmingState::told(now)),
+                MotorsCut(DisarmingState::ordered(now)),
                 Some(AutopilotCommand::Disarm),
             ),
         };
@@ -65,7 +65,7 @@ impl Restraint {
             Restraint::Held | Restraint::Landing(DisarmingState::AtRest { .. }) => {
                 Some(CommandRefusal::Held)
             }
-            Restraint::Landing(DisarmingState::Told { .. }) => Some(CommandRefusal::Disarmed),
+            Restraint::Landing(DisarmingState::Ordered { .. }) => Some(CommandRefusal::Disarmed),
             Restraint::MotorsCut(_) => Some(CommandRefusal::Disarmed),
         }
     }
@@ -138,7 +138,7 @@ mod tests {
             "it is armed still"
         );
         assert_eq!(
-            Restraint::Landing(DisarmingState::told(Time::ZERO)).refusal(),
+            Restraint::Landing(DisarmingState::ordered(Time::ZERO)).refusal(),
             Some(CommandRefusal::Disarmed)
         );
         assert_eq!(

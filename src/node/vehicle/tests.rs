@@ -49,12 +49,12 @@ fn at(time_s: f64) -> Time {
 fn vehicle() -> Vehicle {
     let mut vehicle = Vehicle::new(settings(1));
     vehicle.readiness = Readiness::Ready;
-    told(&mut vehicle, 1.0, telemetry(0.0, 0.0, 0.05));
+    fed(&mut vehicle, 1.0, telemetry(0.0, 0.0, 0.05));
     vehicle
 }
 
 /// Tells it something; its disk takes no time.
-fn told(vehicle: &mut Vehicle, time_s: f64, input: In) -> Vec<Out> {
+fn fed(vehicle: &mut Vehicle, time_s: f64, input: In) -> Vec<Out> {
     let mut out = Vec::new();
     handled(vehicle, at(time_s), input, &mut out);
     out
@@ -164,8 +164,8 @@ fn obeyed(out: &[Out]) -> bool {
 fn a_route_out_of_the_envelope_is_refused() {
     let check = |corners: &[(f64, f64)], expected: Option<CommandRefusal>| {
         let mut vehicle = vehicle();
-        told(&mut vehicle, 1.0, In::Peer(state(2, 4.0, 0.0)));
-        let out = told(&mut vehicle, 1.1, drive(corners));
+        fed(&mut vehicle, 1.0, In::Peer(state(2, 4.0, 0.0)));
+        let out = fed(&mut vehicle, 1.1, drive(corners));
         assert_eq!(refusal(&out), expected, "{corners:?}");
         assert_eq!(flies(&out), expected.is_none(), "{corners:?}");
     };
@@ -190,13 +190,13 @@ fn a_peers_route_is_kept_clear_of_and_only_left() {
         route: vec![Point::new(0.5, 5.0).into(), Point::new(0.5, 0.5).into()],
     });
     let mut vehicle = vehicle();
-    told(&mut vehicle, 1.0, In::Peer(peer));
-    let across = told(&mut vehicle, 1.1, drive(&[(0.0, 0.0), (2.0, 2.0)]));
+    fed(&mut vehicle, 1.0, In::Peer(peer));
+    let across = fed(&mut vehicle, 1.1, drive(&[(0.0, 0.0), (2.0, 2.0)]));
     assert_eq!(
         refusal(&across),
         Some(CommandRefusal::Separation(VehicleId(2)))
     );
-    assert!(flies(&told(
+    assert!(flies(&fed(
         &mut vehicle,
         1.1,
         drive(&[(0.0, 0.0), (-2.0, -2.0)])
@@ -206,27 +206,27 @@ fn a_peers_route_is_kept_clear_of_and_only_left() {
 #[test]
 fn who_does_not_know_where_it_is_does_not_drive() {
     let mut silent = Vehicle::new(settings(1));
-    let out = told(&mut silent, 1.0, drive(&[(0.0, 0.0), (1.0, 0.0)]));
+    let out = fed(&mut silent, 1.0, drive(&[(0.0, 0.0), (1.0, 0.0)]));
     assert_eq!(refusal(&out), Some(CommandRefusal::NoPose));
     let mut vehicle = vehicle();
-    let out = told(&mut vehicle, 4.0, drive(&[(0.0, 0.0), (1.0, 0.0)]));
+    let out = fed(&mut vehicle, 4.0, drive(&[(0.0, 0.0), (1.0, 0.0)]));
     assert_eq!(
         refusal(&out),
         Some(CommandRefusal::NoPose),
         "three seconds old"
     );
-    told(&mut vehicle, 5.0, telemetry(0.0, 0.0, 0.6));
+    fed(&mut vehicle, 5.0, telemetry(0.0, 0.0, 0.6));
     for command in [
         drive(&[(0.0, 0.0), (1.0, 0.0)]),
         In::Command(Time::NEVER, MoveCommand::Turn(Angle::default())),
     ] {
         assert_eq!(
-            refusal(&told(&mut vehicle, 5.0, command)),
+            refusal(&fed(&mut vehicle, 5.0, command)),
             Some(CommandRefusal::PoseUncertain)
         );
     }
     assert!(
-        stops(&told(
+        stops(&fed(
             &mut vehicle,
             5.0,
             In::Command(Time::NEVER, MoveCommand::Hold)
@@ -240,23 +240,23 @@ fn the_reflex_halts_for_what_is_near_ahead_and_then_keeps_clear_of_it() {
     // At 0.5 m/s: 0.075 m of reaction, 0.125 m of braking, 0.1 m of margin beyond a radius of 0.25 m.
     for (range_m, beam_deg, halts) in [(0.50, 0.0, true), (0.60, 0.0, false), (0.50, 80.0, false)] {
         let mut vehicle = vehicle();
-        told(&mut vehicle, 1.1, drive(&[(0.0, 0.0), (3.0, 0.0)]));
-        told(&mut vehicle, 1.2, telemetry(0.0, 0.5, 0.05));
-        let out = told(&mut vehicle, 1.2, scan(range_m, beam_deg));
+        fed(&mut vehicle, 1.1, drive(&[(0.0, 0.0), (3.0, 0.0)]));
+        fed(&mut vehicle, 1.2, telemetry(0.0, 0.5, 0.05));
+        let out = fed(&mut vehicle, 1.2, scan(range_m, beam_deg));
         assert_eq!(stops(&out), halts, "{range_m} m at {beam_deg}°");
-        told(&mut vehicle, 2.0, telemetry(0.0, 0.0, 0.05));
-        let again = told(&mut vehicle, 2.0, drive(&[(0.0, 0.0), (3.0, 0.0)]));
+        fed(&mut vehicle, 2.0, telemetry(0.0, 0.0, 0.05));
+        let again = fed(&mut vehicle, 2.0, drive(&[(0.0, 0.0), (3.0, 0.0)]));
         assert_eq!(
             refusal(&again),
             halts.then_some(CommandRefusal::ReflexObstacle)
         );
         assert!(
-            flies(&told(&mut vehicle, 2.0, drive(&[(0.0, 0.0), (-3.0, 0.0)]))),
+            flies(&fed(&mut vehicle, 2.0, drive(&[(0.0, 0.0), (-3.0, 0.0)]))),
             "away from it"
         );
-        told(&mut vehicle, 70.0, telemetry(0.0, 0.0, 0.05));
+        fed(&mut vehicle, 70.0, telemetry(0.0, 0.0, 0.05));
         assert!(
-            flies(&told(&mut vehicle, 70.0, drive(&[(0.0, 0.0), (3.0, 0.0)]))),
+            flies(&fed(&mut vehicle, 70.0, drive(&[(0.0, 0.0), (3.0, 0.0)]))),
             "forgotten by then"
         );
     }
@@ -271,7 +271,7 @@ fn a_silent_autopilot_is_reported_once() {
     vehicle.wake(at(3.0), &mut out).unwrap();
     assert_eq!(out, [Out::SafetyEvent(SafetyEvent::AutopilotSilent)]);
     assert_eq!(vehicle.deadline(), None);
-    told(&mut vehicle, 9.0, telemetry(0.0, 0.0, 0.05));
+    fed(&mut vehicle, 9.0, telemetry(0.0, 0.0, 0.05));
     assert!(vehicle.deadline().is_some(), "it is heard again");
 }
 
@@ -279,12 +279,12 @@ fn a_silent_autopilot_is_reported_once() {
 fn higher_leases_and_revisions_win_and_old_orders_are_not_obeyed() {
     let check = |lease, revision, expected: bool| {
         let mut vehicle = vehicle();
-        assert!(obeyed(&told(
+        assert!(obeyed(&fed(
             &mut vehicle,
             1.0,
             given(order(OrderKind::Hold, LEASE, 5, 1))
         )));
-        let out = told(
+        let out = fed(
             &mut vehicle,
             1.1,
             given(order(OrderKind::Start, lease, revision, 1)),
@@ -331,23 +331,23 @@ fn higher_leases_and_revisions_win_and_old_orders_are_not_obeyed() {
 #[test]
 fn a_start_that_answers_an_old_state_is_too_late_but_a_hold_never_is() {
     let mut vehicle = vehicle();
-    told(&mut vehicle, 30.0, telemetry(0.0, 0.0, 0.05));
+    fed(&mut vehicle, 30.0, telemetry(0.0, 0.0, 0.05));
     for kind in [OrderKind::Start, OrderKind::Return] {
         assert!(
-            !obeyed(&told(&mut vehicle, 30.0, given(order(kind, LEASE, 1, 1)))),
+            !obeyed(&fed(&mut vehicle, 30.0, given(order(kind, LEASE, 1, 1)))),
             "29 s old"
         );
         assert!(
-            !obeyed(&told(&mut vehicle, 30.0, given(order(kind, LEASE, 1, 77)))),
+            !obeyed(&fed(&mut vehicle, 30.0, given(order(kind, LEASE, 1, 77)))),
             "never made"
         );
     }
-    assert!(obeyed(&told(
+    assert!(obeyed(&fed(
         &mut vehicle,
         30.0,
         given(order(OrderKind::Hold, LEASE, 1, 1))
     )));
-    assert!(obeyed(&told(
+    assert!(obeyed(&fed(
         &mut vehicle,
         30.0,
         given(order(OrderKind::Start, LEASE, 2, 2))
@@ -399,7 +399,7 @@ fn an_unread_emergency_is_not_lost_to_an_order_for_another_vehicle_or_run() {
         seat.push(given(order(OrderKind::Land, LEASE, 1, 0)));
         seat.push(given(newer.clone()));
         let mut out = Vec::new();
-        seat.act(at(1.1), |said| out.push(said)).unwrap();
+        seat.act(at(1.1), |output| out.push(output)).unwrap();
         assert!(stops(&out), "{newer:?}");
     };
     check(Order {
@@ -426,7 +426,7 @@ fn a_drive_without_a_way_never_reaches_the_autopilot() {
         &[(0.0, 0.0), (1.0, f64::INFINITY)],
     ];
     for route in routes {
-        let out = told(&mut vehicle(), 1.1, drive(route));
+        let out = fed(&mut vehicle(), 1.1, drive(route));
         assert!(
             out.iter()
                 .all(|out| !matches!(out, Out::AutopilotCommand(_))),
@@ -439,7 +439,7 @@ fn a_drive_without_a_way_never_reaches_the_autopilot() {
 #[test]
 fn a_held_vehicle_says_so_until_it_is_started_or_sent_home() {
     let mode = |vehicle: &mut Vehicle, speed_mps: f64| {
-        let out = told(vehicle, 1.2, telemetry(0.0, speed_mps, 0.05));
+        let out = fed(vehicle, 1.2, telemetry(0.0, speed_mps, 0.05));
         out.iter()
             .find_map(|out| match out {
                 Out::State(state) => Some(state.mode),
@@ -454,14 +454,14 @@ fn a_held_vehicle_says_so_until_it_is_started_or_sent_home() {
     for held in [OrderKind::Hold, OrderKind::Land] {
         for freed in [OrderKind::Start, OrderKind::Return] {
             let mut vehicle = vehicle();
-            told(&mut vehicle, 1.1, given(order(held, LEASE, 1, 1)));
+            fed(&mut vehicle, 1.1, given(order(held, LEASE, 1, 1)));
             assert_eq!(
                 mode(&mut vehicle, 0.3),
                 VehicleMode::Driving,
                 "it still brakes"
             );
             assert_eq!(mode(&mut vehicle, 0.0), VehicleMode::Held);
-            told(&mut vehicle, 1.2, given(order(freed, LEASE, 2, 1)));
+            fed(&mut vehicle, 1.2, given(order(freed, LEASE, 2, 1)));
             assert_eq!(mode(&mut vehicle, 0.0), VehicleMode::Idle);
         }
     }
@@ -471,14 +471,14 @@ fn a_held_vehicle_says_so_until_it_is_started_or_sent_home() {
 fn an_order_is_judged_by_the_age_of_its_state_however_often_states_are_made() {
     let mut vehicle = vehicle();
     for tick in 0..1000 {
-        told(
+        fed(
             &mut vehicle,
             2.0 + 0.01 * f64::from(tick),
             telemetry(0.0, 0.0, 0.05),
         );
     }
     assert!(
-        obeyed(&told(
+        obeyed(&fed(
             &mut vehicle,
             12.0,
             given(order(OrderKind::Start, LEASE, 1, 2))
@@ -486,7 +486,7 @@ fn an_order_is_judged_by_the_age_of_its_state_however_often_states_are_made() {
         "10 s old"
     );
     assert!(
-        !obeyed(&told(
+        !obeyed(&fed(
             &mut vehicle,
             18.0,
             given(order(OrderKind::Start, LEASE, 2, 2))
@@ -512,10 +512,10 @@ fn a_command_decided_long_ago_is_refused_and_a_late_hold_obeyed() {
     let route = vec![Point::new(0.0, 0.0), Point::new(2.0, 0.0)];
     let drive = MoveCommand::Drive { stop: None, route };
     let mut vehicle = vehicle();
-    let out = told(&mut vehicle, 2.5, In::Command(at(1.4), drive.clone()));
+    let out = fed(&mut vehicle, 2.5, In::Command(at(1.4), drive.clone()));
     assert_eq!(refusal(&out), Some(CommandRefusal::Old));
-    assert!(flies(&told(&mut vehicle, 2.5, In::Command(at(1.6), drive))));
-    assert!(stops(&told(
+    assert!(flies(&fed(&mut vehicle, 2.5, In::Command(at(1.6), drive))));
+    assert!(stops(&fed(
         &mut vehicle,
         2.6,
         In::Command(at(1.0), MoveCommand::Hold)
@@ -526,7 +526,7 @@ fn a_command_decided_long_ago_is_refused_and_a_late_hold_obeyed() {
 fn cutting_the_motors_disarms_at_once_and_nothing_is_driven_until_a_start() {
     let lease = Lease::default();
     let mut vehicle = vehicle();
-    let out = told(
+    let out = fed(
         &mut vehicle,
         1.0,
         given(order(OrderKind::CutMotors, lease, 1, 1)),
@@ -536,8 +536,8 @@ fn cutting_the_motors_disarms_at_once_and_nothing_is_driven_until_a_start() {
         [AutopilotCommand::Stop, AutopilotCommand::Disarm]
     );
     let land = given(order(OrderKind::Start, lease, 2, 1));
-    told(&mut vehicle, 1.1, land);
-    assert!(flies(&told(
+    fed(&mut vehicle, 1.1, land);
+    assert!(flies(&fed(
         &mut vehicle,
         1.2,
         drive(&[(0.0, 0.0), (3.0, 0.0)])
@@ -547,16 +547,16 @@ fn cutting_the_motors_disarms_at_once_and_nothing_is_driven_until_a_start() {
 #[test]
 fn a_landed_rover_holds_is_disarmed_and_refuses_to_drive() {
     let mut vehicle = vehicle();
-    told(
+    fed(
         &mut vehicle,
         1.0,
         given(order(OrderKind::Land, Lease::default(), 1, 1)),
     );
     assert_eq!(
-        flown(&told(&mut vehicle, 1.5, telemetry(0.0, 0.0, 0.05))),
+        flown(&fed(&mut vehicle, 1.5, telemetry(0.0, 0.0, 0.05))),
         [AutopilotCommand::Disarm]
     );
-    let out = told(&mut vehicle, 1.6, drive(&[(0.0, 0.0), (3.0, 0.0)]));
+    let out = fed(&mut vehicle, 1.6, drive(&[(0.0, 0.0), (3.0, 0.0)]));
     assert_eq!(refusal(&out), Some(CommandRefusal::Disarmed));
 }
 
@@ -565,13 +565,13 @@ fn off_plan_a_vehicle_stops_for_a_peer_that_drives_into_its_way_and_on_plan_it_d
     for (stop, yields) in [(None, true), (Some(tomoswarm_proto::StopId(4)), false)] {
         let mut vehicle = vehicle();
         let route = vec![Point::new(0.0, 0.0), Point::new(6.0, 0.0)];
-        told(
+        fed(
             &mut vehicle,
             1.0,
             In::Command(at(1.0), MoveCommand::Drive { stop, route }),
         );
         let resting = super::super::tests_support::state(2, 4.0, 3.0);
-        assert!(!stops(&told(&mut vehicle, 1.2, In::Peer(resting.clone()))));
+        assert!(!stops(&fed(&mut vehicle, 1.2, In::Peer(resting.clone()))));
         let corners = [(4.0, 3.0), (4.0, 0.0)].map(|(x, y)| Point::new(x, y).into());
         let leg = Some(LegReport {
             route: corners.to_vec(),
@@ -582,7 +582,7 @@ fn off_plan_a_vehicle_stops_for_a_peer_that_drives_into_its_way_and_on_plan_it_d
             leg,
             ..resting
         };
-        let out = told(&mut vehicle, 1.4, In::Peer(driving));
+        let out = fed(&mut vehicle, 1.4, In::Peer(driving));
         assert_eq!(stops(&out), yields);
         let separation = Some(CommandRefusal::Separation(VehicleId(2)));
         assert_eq!(refusal(&out), separation.filter(|_| yields));
@@ -619,30 +619,30 @@ fn an_order_to_stop_brakes_at_once_and_what_was_decided_before_it_is_not_driven(
         (OrderKind::Return, CommandRefusal::Old, None),
     ] {
         let mut vehicle = vehicle();
-        told(&mut vehicle, 1.0, drive(&[(0.0, 0.0), (3.0, 0.0)]));
-        told(&mut vehicle, 2.0, telemetry(0.5, 0.5, 0.05));
-        let out = told(&mut vehicle, 2.1, given(order(kind, LEASE, 1, 1)));
+        fed(&mut vehicle, 1.0, drive(&[(0.0, 0.0), (3.0, 0.0)]));
+        fed(&mut vehicle, 2.0, telemetry(0.5, 0.5, 0.05));
+        let out = fed(&mut vehicle, 2.1, given(order(kind, LEASE, 1, 1)));
         assert!(
             stops(&out) && obeyed(&out),
             "{kind:?}: without a word of the mission"
         );
         assert_eq!(
-            refusal(&told(&mut vehicle, 2.2, decided(2.0))),
+            refusal(&fed(&mut vehicle, 2.2, decided(2.0))),
             Some(before),
             "{kind:?}"
         );
         assert_eq!(
-            refusal(&told(&mut vehicle, 2.3, decided(2.2))),
+            refusal(&fed(&mut vehicle, 2.3, decided(2.2))),
             after,
             "{kind:?}"
         );
-        told(
+        fed(
             &mut vehicle,
             2.4,
             given(order(OrderKind::Start, LEASE, 2, 1)),
         );
         assert!(
-            flies(&told(&mut vehicle, 2.5, decided(2.45))),
+            flies(&fed(&mut vehicle, 2.5, decided(2.45))),
             "{kind:?}, then a start"
         );
     }
@@ -652,24 +652,24 @@ fn an_order_to_stop_brakes_at_once_and_what_was_decided_before_it_is_not_driven(
 fn a_stop_that_was_lost_is_said_again_until_the_vehicle_rests() {
     for kind in [OrderKind::Hold, OrderKind::Land] {
         let mut vehicle = vehicle();
-        told(&mut vehicle, 1.0, drive(&[(0.0, 0.0), (9.0, 0.0)]));
-        told(&mut vehicle, 2.0, given(order(kind, LEASE, 1, 1)));
-        let said = |vehicle: &mut Vehicle, tenth: u32, speed_mps: f64| {
-            stops(&told(
+        fed(&mut vehicle, 1.0, drive(&[(0.0, 0.0), (9.0, 0.0)]));
+        fed(&mut vehicle, 2.0, given(order(kind, LEASE, 1, 1)));
+        let output = |vehicle: &mut Vehicle, tenth: u32, speed_mps: f64| {
+            stops(&fed(
                 vehicle,
                 2.0 + 0.1 * f64::from(tenth),
                 moving(0.5, speed_mps, true),
             ))
         };
         let again: Vec<u32> = (1..=10)
-            .filter(|tenth| said(&mut vehicle, *tenth, 0.5))
+            .filter(|tenth| output(&mut vehicle, *tenth, 0.5))
             .collect();
         assert!(
             (3..=4).contains(&again.len()),
             "a few times a second: {again:?}"
         );
         assert!(
-            !(11..=20).any(|tenth| said(&mut vehicle, tenth, 0.0)),
+            !(11..=20).any(|tenth| output(&mut vehicle, tenth, 0.0)),
             "it rests"
         );
     }
@@ -678,13 +678,13 @@ fn a_stop_that_was_lost_is_said_again_until_the_vehicle_rests() {
 #[test]
 fn a_disarming_that_was_lost_is_said_again_until_telemetry_shows_it() {
     let mut vehicle = vehicle();
-    told(
+    fed(
         &mut vehicle,
         2.0,
         given(order(OrderKind::CutMotors, LEASE, 1, 1)),
     );
-    let said = |vehicle: &mut Vehicle, tenth: u32, is_armed: bool| {
-        let out = told(
+    let output = |vehicle: &mut Vehicle, tenth: u32, is_armed: bool| {
+        let out = fed(
             vehicle,
             2.0 + 0.1 * f64::from(tenth),
             moving(0.0, 0.0, is_armed),
@@ -692,20 +692,20 @@ fn a_disarming_that_was_lost_is_said_again_until_telemetry_shows_it() {
         flown(&out).contains(&AutopilotCommand::Disarm)
     };
     let again: Vec<u32> = (1..=10)
-        .filter(|tenth| said(&mut vehicle, *tenth, true))
+        .filter(|tenth| output(&mut vehicle, *tenth, true))
         .collect();
     assert!((3..=4).contains(&again.len()), "{again:?}");
     assert!(
-        !(11..=20).any(|tenth| said(&mut vehicle, tenth, false)),
+        !(11..=20).any(|tenth| output(&mut vehicle, tenth, false)),
         "it is disarmed"
     );
-    told(
+    fed(
         &mut vehicle,
         4.1,
         given(order(OrderKind::Start, LEASE, 2, 11)),
     );
     assert!(
-        !(22..=30).any(|tenth| said(&mut vehicle, tenth, true)),
+        !(22..=30).any(|tenth| output(&mut vehicle, tenth, true)),
         "it was armed again"
     );
 }
@@ -717,19 +717,19 @@ fn what_is_nearer_than_the_closeness_halts_it_however_slow_it_is() {
         let mut told_so = settings(1);
         told_so.safety.closeness_m = closeness_m;
         let mut vehicle = Vehicle::new(told_so);
-        told(&mut vehicle, 1.0, telemetry(0.0, 0.0, 0.05));
-        told(&mut vehicle, 1.1, drive(&[(0.0, 0.0), (3.0, 0.0)]));
-        told(&mut vehicle, 1.2, telemetry(0.0, 0.1, 0.05));
-        let is_halted = stops(&told(&mut vehicle, 1.2, scan(range_m, beam_deg)));
-        told(&mut vehicle, 2.0, telemetry(0.0, 0.0, 0.05));
-        let again = refusal(&told(&mut vehicle, 2.0, drive(&[(0.0, 0.0), (3.0, 0.0)])));
+        fed(&mut vehicle, 1.0, telemetry(0.0, 0.0, 0.05));
+        fed(&mut vehicle, 1.1, drive(&[(0.0, 0.0), (3.0, 0.0)]));
+        fed(&mut vehicle, 1.2, telemetry(0.0, 0.1, 0.05));
+        let is_halted = stops(&fed(&mut vehicle, 1.2, scan(range_m, beam_deg)));
+        fed(&mut vehicle, 2.0, telemetry(0.0, 0.0, 0.05));
+        let again = refusal(&fed(&mut vehicle, 2.0, drive(&[(0.0, 0.0), (3.0, 0.0)])));
         assert_eq!(
             again,
             is_halted.then_some(CommandRefusal::ReflexObstacle),
             "and is not driven at again"
         );
         assert!(
-            flies(&told(&mut vehicle, 2.1, drive(&[(0.0, 0.0), (-3.0, 0.0)]))),
+            flies(&fed(&mut vehicle, 2.1, drive(&[(0.0, 0.0), (-3.0, 0.0)]))),
             "but can be left"
         );
         is_halted
@@ -745,26 +745,26 @@ fn what_is_nearer_than_the_closeness_halts_it_however_slow_it_is() {
 #[test]
 fn who_loses_its_place_on_the_way_stops_once_and_drives_again_when_it_has_it_back() {
     let mut vehicle = vehicle();
-    told(&mut vehicle, 1.1, drive(&[(0.0, 0.0), (9.0, 0.0)]));
+    fed(&mut vehicle, 1.1, drive(&[(0.0, 0.0), (9.0, 0.0)]));
     assert!(
-        !stops(&told(&mut vehicle, 1.2, telemetry(0.1, 0.5, 0.4))),
+        !stops(&fed(&mut vehicle, 1.2, telemetry(0.1, 0.5, 0.4))),
         "0.5 m are allowed"
     );
-    let out = told(&mut vehicle, 1.3, telemetry(0.1, 0.5, 0.6));
+    let out = fed(&mut vehicle, 1.3, telemetry(0.1, 0.5, 0.6));
     assert!(stops(&out));
     assert_eq!(refusal(&out), Some(CommandRefusal::PoseUncertain));
     assert_eq!(
-        refusal(&told(&mut vehicle, 1.4, telemetry(0.2, 0.4, 0.7))),
+        refusal(&fed(&mut vehicle, 1.4, telemetry(0.2, 0.4, 0.7))),
         None,
         "said once"
     );
-    told(&mut vehicle, 2.0, telemetry(0.2, 0.0, 0.8));
+    fed(&mut vehicle, 2.0, telemetry(0.2, 0.0, 0.8));
     assert_eq!(
-        refusal(&told(&mut vehicle, 2.1, drive(&[(0.2, 0.0), (9.0, 0.0)]))),
+        refusal(&fed(&mut vehicle, 2.1, drive(&[(0.2, 0.0), (9.0, 0.0)]))),
         Some(CommandRefusal::PoseUncertain)
     );
-    told(&mut vehicle, 2.2, telemetry(0.2, 0.0, 0.05));
-    assert!(flies(&told(
+    fed(&mut vehicle, 2.2, telemetry(0.2, 0.0, 0.05));
+    assert!(flies(&fed(
         &mut vehicle,
         2.3,
         drive(&[(0.2, 0.0), (9.0, 0.0)])
@@ -774,17 +774,17 @@ fn who_loses_its_place_on_the_way_stops_once_and_drives_again_when_it_has_it_bac
 #[test]
 fn a_pause_keeps_the_vehicle_where_it_is_and_a_start_lets_it_go_on() {
     let mut vehicle = vehicle();
-    told(&mut vehicle, 1.1, drive(&[(0.0, 0.0), (9.0, 0.0)]));
-    told(&mut vehicle, 2.0, telemetry(0.4, 0.5, 0.05));
-    assert!(stops(&told(
+    fed(&mut vehicle, 1.1, drive(&[(0.0, 0.0), (9.0, 0.0)]));
+    fed(&mut vehicle, 2.0, telemetry(0.4, 0.5, 0.05));
+    assert!(stops(&fed(
         &mut vehicle,
         2.0,
         given(order(OrderKind::Hold, LEASE, 1, 1))
     )));
     for second in 3..60 {
         let now_s = f64::from(second);
-        told(&mut vehicle, now_s, telemetry(0.5, 0.0, 0.05));
-        let out = told(&mut vehicle, now_s, drive(&[(0.5, 0.0), (9.0, 0.0)]));
+        fed(&mut vehicle, now_s, telemetry(0.5, 0.0, 0.05));
+        let out = fed(&mut vehicle, now_s, drive(&[(0.5, 0.0), (9.0, 0.0)]));
         assert_eq!(
             (flies(&out), refusal(&out)),
             (false, Some(CommandRefusal::Held)),
@@ -792,8 +792,8 @@ fn a_pause_keeps_the_vehicle_where_it_is_and_a_start_lets_it_go_on() {
         );
     }
     let resume = order(OrderKind::Start, LEASE, 2, vehicle.reports.sequence());
-    told(&mut vehicle, 60.0, given(resume));
-    assert!(flies(&told(
+    fed(&mut vehicle, 60.0, given(resume));
+    assert!(flies(&fed(
         &mut vehicle,
         60.1,
         drive(&[(0.5, 0.0), (9.0, 0.0)])
@@ -834,7 +834,7 @@ fn what_travels_is_rounded_and_what_the_other_actors_are_told_is_not() {
         motion: Motion::Driving,
         is_armed: true,
     };
-    let (Some(state), Some(own)) = states(&told(&mut vehicle, 2.0, In::Telemetry(told_of))) else {
+    let (Some(state), Some(own)) = states(&fed(&mut vehicle, 2.0, In::Telemetry(told_of))) else {
         panic!("it says both")
     };
     assert_eq!(
@@ -864,8 +864,8 @@ fn what_travels_is_rounded_and_what_the_other_actors_are_told_is_not() {
 fn a_state_says_why_the_vehicle_does_not_go_on() {
     let stands_under = |input: In| {
         let mut vehicle = vehicle();
-        told(&mut vehicle, 1.5, input);
-        let (published, _) = states(&told(&mut vehicle, 3.0, telemetry(0.0, 0.0, 0.05)));
+        fed(&mut vehicle, 1.5, input);
+        let (published, _) = states(&fed(&mut vehicle, 3.0, telemetry(0.0, 0.0, 0.05)));
         published.unwrap().stands_under
     };
     assert_eq!(stands_under(scan(3.0, 0.0)), None);
@@ -880,7 +880,7 @@ fn a_state_says_why_the_vehicle_does_not_go_on() {
         assert_eq!(stands_under(In::Holds(Some(reason))), Some(reason));
     }
     let mut vehicle = vehicle();
-    let (published, _) = states(&told(&mut vehicle, 3.0, telemetry(0.0, 0.0, f64::INFINITY)));
+    let (published, _) = states(&fed(&mut vehicle, 3.0, telemetry(0.0, 0.0, f64::INFINITY)));
     let state = published.unwrap();
     assert_eq!(state.stands_under, Some(StandReason::NoPlace));
     assert_eq!(state.pose.unwrap().sd, Deviation::UNKNOWN);
@@ -898,7 +898,7 @@ fn an_order_that_answers_a_state_of_another_start_moves_nobody() {
             seen,
             ..order(OrderKind::Start, LEASE, 1, 1)
         };
-        let out = told(&mut vehicle, 1.1, given(start));
+        let out = fed(&mut vehicle, 1.1, given(start));
         assert_eq!(
             out.iter().any(|out| matches!(out, Out::Order(_))),
             moves,

@@ -8,7 +8,7 @@ use tomoswarm_proto::{
 };
 
 use super::super::outcome::{OrderRefusal, VehicleOutcome};
-use super::super::script::{Condition, Present, ScriptEnd, ScriptStep};
+use super::super::script::{Condition, LiveVehicles, ScriptEnd, ScriptStep};
 use super::super::status::Expected;
 use super::super::tests_support::{Rover, at, heard, report};
 use super::*;
@@ -41,8 +41,8 @@ fn want(kind: Kind) -> OrderGoal {
     }
 }
 
-fn one_present() -> Present {
-    Present {
+fn one_present() -> LiveVehicles {
+    LiveVehicles {
         vehicles: [VehicleId(1)].into(),
         lost_after: Duration::from_secs(30),
     }
@@ -66,7 +66,7 @@ struct World {
     /// When it greeted, and the lease that it named.
     hellos: Vec<(Time, Option<Lease>)>,
     tasks: Vec<(Time, Task)>,
-    said: Vec<Out>,
+    output: Vec<Out>,
 }
 
 impl World {
@@ -84,7 +84,7 @@ impl World {
             greetings: 0,
             hellos,
             tasks,
-            said: vec![],
+            output: vec![],
         }
     }
 
@@ -94,10 +94,10 @@ impl World {
 
     fn tick(&mut self) {
         let mut published = Vec::new();
-        let said = &mut self.said;
+        let output = &mut self.output;
         let sort = |out| match out {
             Out::Publish(message) => published.push(message),
-            out => said.push(out),
+            out => output.push(out),
         };
         self.operator.act(self.now, sort).unwrap();
         for message in published {
@@ -150,12 +150,12 @@ impl World {
                 vec![]
             }
         };
-        self.said.iter().flat_map(given).collect()
+        self.output.iter().flat_map(given).collect()
     }
 
-    fn ended(&self) -> Vec<(WantId, &OrderOutcome)> {
+    fn ended(&self) -> Vec<(GoalId, &OrderOutcome)> {
         let ended = |out: &Out| matches!(out, Out::Ended(..));
-        let all = self.said.iter().filter(|out| ended(out));
+        let all = self.output.iter().filter(|out| ended(out));
         all.filter_map(|out| {
             if let Out::Ended(id, outcome) = out {
                 Some((*id, outcome))
@@ -187,9 +187,9 @@ fn a_want_by_hand_ends_when_every_state_shows_it_and_then_nothing_is_sent() {
     world.run(3.0);
     let ended = world.ended();
     assert!(
-        ended.len() == 1 && ended[0].0 == WantId::Hand(3) && ended[0].1.is_done(),
+        ended.len() == 1 && ended[0].0 == GoalId::Hand(3) && ended[0].1.is_done(),
         "{:?}",
-        world.said
+        world.output
     );
     let sent = world.orders.len();
     world.rovers[0].restart();
@@ -207,11 +207,11 @@ fn a_want_of_a_script_stands_and_whoever_restarts_is_told_again() {
     world.run(4.0);
     assert!(
         matches!(
-            world.said[..],
-            [Out::ScriptEnded(_), Out::InForce(WantId::Script(0), _)]
+            world.output[..],
+            [Out::ScriptEnded(_), Out::InForce(GoalId::Script(0), _)]
         ),
         "{:?}",
-        world.said
+        world.output
     );
     // Far later than the time in which it had to be brought about.
     world.run(20.0);
@@ -311,7 +311,7 @@ fn a_later_want_takes_the_place_of_an_earlier_one_on_the_vehicles_that_both_name
     world.tell(In::Want(2, want(Kind::Return)));
     world.run(1.0);
     assert!(
-        world.ended().iter().any(|(id, _)| *id == WantId::Script(0)),
+        world.ended().iter().any(|(id, _)| *id == GoalId::Script(0)),
         "nothing is left of it"
     );
 }
@@ -362,7 +362,7 @@ fn a_start_of_another_run_is_refused_by_hand_and_awaited_by_a_script() {
             .iter()
             .all(|(_, outcome)| outcome.is_done()),
         "{:?}",
-        world.said
+        world.output
     );
     let sent = world.orders.len();
     follow(&mut world, &[ScriptStep::Want(of_seven)]);
@@ -376,9 +376,9 @@ fn a_start_of_another_run_is_refused_by_hand_and_awaited_by_a_script() {
     assert_eq!(world.rovers[0].state.ordered.run, RunId(7));
 }
 
-fn stop_wish(vehicles: &[u8]) -> StopWish {
+fn stop_wish(vehicles: &[u8]) -> StopRequest {
     let vehicles = vehicles.iter().map(|id| VehicleId(*id)).collect();
-    StopWish {
+    StopRequest {
         vehicles,
         within: Duration::from_secs(3),
     }
@@ -461,9 +461,9 @@ fn it_greets_while_anyone_can_be_reached_and_who_only_looks_says_nothing() {
     let mut viewer = ActorCell::new(Operator::new(settings(false)));
     viewer.push(In::Linked(true));
     viewer.push(In::Bus(Rover::new(1).say()));
-    let mut said = Vec::new();
-    viewer.act(at(1.0), |out| said.push(out)).unwrap();
-    assert_eq!((said, viewer.deadline()), (vec![], None));
+    let mut output = Vec::new();
+    viewer.act(at(1.0), |out| output.push(out)).unwrap();
+    assert_eq!((output, viewer.deadline()), (vec![], None));
     assert!(viewer.actor().view().state(VehicleId(1)).is_some());
 }
 
@@ -536,7 +536,10 @@ fn a_script_goes_on_as_the_fleet_shows_it_and_as_its_cues_are_done() {
         ..of_one()
     });
     world.run(2.0);
-    assert_eq!(world.said.last(), Some(&Out::Announce("enter".to_owned())));
+    assert_eq!(
+        world.output.last(),
+        Some(&Out::Announce("enter".to_owned()))
+    );
     world.run(1.0);
     assert_eq!(
         world.kinds(),
@@ -548,7 +551,7 @@ fn a_script_goes_on_as_the_fleet_shows_it_and_as_its_cues_are_done() {
     assert_eq!(world.kinds(), [Some(Kind::Return)]);
     assert!(
         !world
-            .said
+            .output
             .iter()
             .any(|out| matches!(out, Out::ScriptEnded(_))),
         "it is not home yet"
@@ -564,9 +567,9 @@ fn a_script_goes_on_as_the_fleet_shows_it_and_as_its_cues_are_done() {
     world.tell(In::Bus(heard(Message::Mission(home))));
     world.run(0.1);
     assert!(
-        world.said.contains(&Out::ScriptEnded(ScriptEnd::Done)),
+        world.output.contains(&Out::ScriptEnded(ScriptEnd::Done)),
         "{:?}",
-        world.said
+        world.output
     );
 }
 
@@ -586,7 +589,7 @@ fn a_script_that_waits_for_what_never_comes_ends_with_a_reason_after_its_limit()
         world.run(4.9);
         assert_eq!(
             world
-                .said
+                .output
                 .iter()
                 .filter(|out| matches!(out, Out::ScriptEnded(_)))
                 .count(),
@@ -598,7 +601,7 @@ fn a_script_that_waits_for_what_never_comes_ends_with_a_reason_after_its_limit()
             step: 1,
             why: why.to_owned(),
         };
-        assert_eq!(world.said.last(), Some(&Out::ScriptEnded(end)));
+        assert_eq!(world.output.last(), Some(&Out::ScriptEnded(end)));
         world.run(10.0);
         assert_eq!(world.orders, [], "what comes after it is not wanted");
     };
@@ -647,7 +650,7 @@ fn a_script_whose_want_fails_ends_with_the_reason() {
         step: 1,
         why: "vehicle 2 is not heard".to_owned(),
     };
-    assert_eq!(world.said.last(), Some(&Out::ScriptEnded(end)));
+    assert_eq!(world.output.last(), Some(&Out::ScriptEnded(end)));
 }
 
 #[test]

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{EmergencyName, OrderKind, RunId, VehicleId};
 
 use super::super::fleet_view::FleetView;
-use super::super::order_goal::MissionWish;
+use super::super::order_goal::MissionRequest;
 use crate::time::Time;
 
 /// The stops that one start lifts at most.
@@ -21,7 +21,7 @@ pub struct Instruction {
     /// Whether a start begins a new run when the ground station is idle (otherwise it goes on with the present one).
     pub begins: bool,
     /// The mission that a start begins, as a run of its own; `None` = what the run is already.
-    pub mission: Option<MissionWish>,
+    pub mission: Option<MissionRequest>,
     /// Whom it is for; empty = all.
     pub vehicles: BTreeSet<VehicleId>,
     /// When it is for all: who is known to be there without being heard.

@@ -3,13 +3,13 @@
 use tomoswarm_proto::{GroundReport, MissionEnd, MissionKind, RunId, StationPhase, VehicleId};
 
 use super::{LAST_REVISION, Ordering};
-use crate::operator::given_tasks::TaskWish;
+use crate::operator::given_tasks::TaskRequest;
 use crate::operator::outcome::VehicleOutcome;
 use crate::time::Time;
 
 impl Ordering {
     /// Returns the mission that is begun, as the task of its run: once, when it is known who takes part.
-    pub fn task(&mut self, now: Time, is_linked: bool) -> Option<TaskWish> {
+    pub fn task(&mut self, now: Time, is_linked: bool) -> Option<TaskRequest> {
         if is_linked {
             self.linked.get_or_insert(now);
         }
@@ -36,7 +36,7 @@ impl Ordering {
         }
         let run = self.next_run(now);
         (self.is_task_given, self.run) = (true, Some(run));
-        Some(TaskWish {
+        Some(TaskRequest {
             run,
             members,
             compare_with: mission.compare_with,
@@ -99,16 +99,16 @@ impl Ordering {
             return None;
         };
         let kind = MissionKind::from(&wish.kind);
-        let said = self
+        let output = self
             .view
             .vehicle(id)
             .and_then(|seen| seen.mission.as_ref())
-            .map(|said| said.value);
-        let said = said.filter(|said| said.kind == kind);
-        match said {
+            .map(|output| output.value);
+        let output = output.filter(|output| output.kind == kind);
+        match output {
             // The ground station makes its plans first.
             _ if kind == MissionKind::Sweep => None,
-            Some(said) if Some(said.progress.run) == self.run => match said.end {
+            Some(output) if Some(output.progress.run) == self.run => match output.end {
                 Some(MissionEnd::Refused(why)) => Some(VehicleOutcome::Refused(why)),
                 Some(
                     MissionEnd::Done

@@ -418,8 +418,12 @@ fn greets(vehicle: u8, version: u8, venue_hash: u64) -> HeardMessage {
 #[test]
 fn who_has_another_venue_file_or_version_is_named_at_once_and_not_ordered() {
     for (version, venue_hash, misfit) in [
-        (codec::VERSION, 6, Misfit::Venue(6)),
-        (codec::VERSION + 1, 5, Misfit::Version(codec::VERSION + 1)),
+        (codec::VERSION, 6, Incompatibility::Venue(6)),
+        (
+            codec::VERSION + 1,
+            5,
+            Incompatibility::Version(codec::VERSION + 1),
+        ),
     ] {
         let mut ordering = Ordering::new(Time::ZERO, only_one(Kind::Hold));
         ordering.hear(at(0.1), &Rover::new(1).say());

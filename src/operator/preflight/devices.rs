@@ -3,7 +3,7 @@
 
 use tomoswarm_proto::{Capability, Health, Hello, RangeHealth};
 
-use super::{Check, Light, check};
+use super::{Check, CheckStatus, check};
 
 /// Checks the devices of a vehicle. One that names none is not refused: it has not said what it has.
 pub(super) fn devices(hello: Option<&Hello>, health: Option<&Health>) -> Check {
@@ -13,7 +13,7 @@ pub(super) fn devices(hello: Option<&Hello>, health: Option<&Health>) -> Check {
     if capabilities.is_empty() {
         return Check {
             what: "devices",
-            light: Light::Unknown,
+            light: CheckStatus::Unknown,
             found: "not reported".to_owned(),
         };
     }

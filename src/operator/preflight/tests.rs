@@ -96,9 +96,9 @@ impl Swarm {
     }
 }
 
-fn needs() -> Needs {
+fn needs() -> Requirements {
     let corners = [(-5.0, -5.0), (9.0, -5.0), (9.0, 9.0), (-5.0, 9.0)];
-    Needs {
+    Requirements {
         vehicles: BTreeSet::from([VehicleId(1), VehicleId(2)]),
         venue_hash: 5,
         fence: Polygon::new(corners.map(|(x_m, y_m)| Point::new(x_m, y_m)).to_vec()),
@@ -109,13 +109,13 @@ fn needs() -> Needs {
 }
 
 /// Names what refuses: node and check.
-fn refusals(swarm: Swarm, needs: &Needs) -> Vec<String> {
+fn refusals(swarm: Swarm, needs: &Requirements) -> Vec<String> {
     let nodes = inspect(&swarm.view(), needs, at(NOW_S));
     let refusing = |node: &NodeChecks| -> Vec<String> {
         let checks = node
             .checks
             .iter()
-            .filter(|check| check.light == Light::NoGo);
+            .filter(|check| check.light == CheckStatus::NoGo);
         checks
             .map(|check| format!("{}: {}", node.node, check.what))
             .collect()
@@ -241,7 +241,7 @@ fn a_vehicle_names_its_devices_and_one_that_a_run_needs_is_missed() {
     };
     let all =
         "autopilot Simulated (Rover); range sensor SerialText; servo Simulated; radio Simulated";
-    assert_eq!(found(&|_| {}), (Light::Go, all.to_owned()));
+    assert_eq!(found(&|_| {}), (CheckStatus::Go, all.to_owned()));
     let counted = |swarm: &mut Swarm| {
         swarm.healths[0].range = Some(RangeHealth {
             glitches: 3,
@@ -249,26 +249,33 @@ fn a_vehicle_names_its_devices_and_one_that_a_run_needs_is_missed() {
         })
     };
     let counts = format!("{all}; range: 3 glitches, 4 pings without an answer");
-    assert_eq!(found(&counted), (Light::Go, counts));
+    assert_eq!(found(&counted), (CheckStatus::Go, counts));
     let has = |without: usize| {
         move |swarm: &mut Swarm| {
             swarm.hellos[0].capabilities.remove(without);
         }
     };
-    assert_eq!(found(&has(2)).0, Light::Go, "a range sensor may be fixed");
+    assert_eq!(
+        found(&has(2)).0,
+        CheckStatus::Go,
+        "a range sensor may be fixed"
+    );
     for (without, missed) in [
         (0, "no autopilot"),
         (1, "no range sensor: it sees nothing"),
         (3, "no radio"),
     ] {
         let (light, found) = found(&has(without));
-        assert!(light == Light::NoGo && found.starts_with(missed), "{found}");
+        assert!(
+            light == CheckStatus::NoGo && found.starts_with(missed),
+            "{found}"
+        );
         wrong(has(without), &["vehicle 1: devices"]);
     }
     let says_nothing = |swarm: &mut Swarm| swarm.hellos[0].capabilities.clear();
     assert_eq!(
         found(&says_nothing),
-        (Light::Unknown, "not reported".to_owned())
+        (CheckStatus::Unknown, "not reported".to_owned())
     );
 }
 
@@ -348,7 +355,7 @@ fn who_says_nothing_is_refused_but_for_what_need_not_be_known() {
 
 #[test]
 fn the_limit_of_the_pose_is_that_of_the_file_or_said_to_be_assumed() {
-    let strict = Needs {
+    let strict = Requirements {
         pose_sd_max_m: Some(0.04),
         ..needs()
     };
@@ -368,7 +375,7 @@ fn the_limit_of_the_pose_is_that_of_the_file_or_said_to_be_assumed() {
 
 #[test]
 fn nobody_is_no_swarm() {
-    let nobody = Needs {
+    let nobody = Requirements {
         vehicles: BTreeSet::new(),
         ..needs()
     };
@@ -378,7 +385,7 @@ fn nobody_is_no_swarm() {
 #[test]
 fn a_vehicle_that_names_as_many_as_a_beacon_does_may_hear_more() {
     let all: Vec<VehicleId> = (1..=20).map(VehicleId).collect();
-    let needs = Needs {
+    let needs = Requirements {
         vehicles: all.iter().copied().collect(),
         ..needs()
     };

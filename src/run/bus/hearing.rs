@@ -29,7 +29,7 @@ const DOUBLINGS: u32 = 5;
 
 /// Why a session is opened anew.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
-pub(super) enum WhyAnew {
+pub(super) enum ReopenReason {
     /// Nothing was heard of anyone.
     #[error("nothing is heard")]
     Nobody,
@@ -98,13 +98,13 @@ impl SessionHearing {
     }
 
     /// Returns why the session is to be opened anew, which is then expected of the caller.
-    pub(super) fn why_anew(&mut self, now: Time) -> Option<WhyAnew> {
+    pub(super) fn why_anew(&mut self, now: Time) -> Option<ReopenReason> {
         if self.is_alone(now) {
-            return Some(WhyAnew::Nobody);
+            return Some(ReopenReason::Nobody);
         }
         if self.was_damaged(now) {
             self.damages += 1;
-            return Some(WhyAnew::Damage);
+            return Some(ReopenReason::Damage);
         }
         let silent = self
             .linked
@@ -112,7 +112,7 @@ impl SessionHearing {
             .copied()
             .find(|sender| self.is_silent(now, *sender))?;
         *self.in_vain.entry(silent).or_default() += 1;
-        Some(WhyAnew::Silent(silent))
+        Some(ReopenReason::Silent(silent))
     }
 
     fn is_alone(&self, now: Time) -> bool {
@@ -172,7 +172,7 @@ mod tests {
         seconds: std::ops::Range<u64>,
         links: &[Sender],
         heard: &[Sender],
-    ) -> Vec<(u64, WhyAnew)> {
+    ) -> Vec<(u64, ReopenReason)> {
         let mut all = Vec::new();
         for second in seconds {
             let now = Time::from_nanos(second * 1_000_000_000);
@@ -207,19 +207,19 @@ mod tests {
         let mut hearing = SessionHearing::new(Time::default());
         assert_eq!(
             opened(&mut hearing, 0..70, &[], &[]),
-            [(61, WhyAnew::Nobody)]
+            [(61, ReopenReason::Nobody)]
         );
         assert_eq!(opened(&mut hearing, 70..71, &[], &[TWO]), []);
         assert_eq!(
             opened(&mut hearing, 71..100, &[], &[]),
-            [(86, WhyAnew::Nobody)]
+            [(86, ReopenReason::Nobody)]
         );
     }
 
     #[test]
     fn silence_on_a_link_that_stands_opens_the_session_anew_and_ever_less_often() {
         let mut hearing = SessionHearing::new(Time::default());
-        let silent = |second| (second, WhyAnew::Silent(TWO));
+        let silent = |second| (second, ReopenReason::Silent(TWO));
         let links = [TWO, THREE];
         assert_eq!(
             opened(&mut hearing, 0..240, &links, &[THREE]),
@@ -247,7 +247,7 @@ mod tests {
         assert_eq!(damaged(1..20), []);
         assert_eq!(
             opened(&mut hearing, 20..60, &[TWO], &[TWO]),
-            [(23, WhyAnew::Damage)]
+            [(23, ReopenReason::Damage)]
         );
         // Damage that comes now and then does not keep the node busy with new sessions.
         let mut often = 0;
@@ -262,7 +262,7 @@ mod tests {
         hearing.damage(Time::from_nanos(1_400_000_000_000));
         assert_eq!(
             opened(&mut hearing, 1400..1500, &[TWO], &[TWO]),
-            [(1404, WhyAnew::Damage)]
+            [(1404, ReopenReason::Damage)]
         );
     }
 }

@@ -34,8 +34,8 @@ fn free_endpoint() -> String {
 }
 
 fn open(settings: BusSettings) -> (BusSession, Receiver<HeardMessage>) {
-    let (said, heard) = channel();
-    let ear = Mutex::new(said);
+    let (output, heard) = channel();
+    let ear = Mutex::new(output);
     let hear = move |what| lock(&ear).send(what).unwrap_or_default();
     let bus = BusSession::open(settings, Clock::start(), Troubles::default(), hear).unwrap();
     bus.publisher().speak();

@@ -61,7 +61,7 @@ impl Range {
         driver: &RangeDriver,
         look: &SensorCoverage,
         clock: Clock,
-        told: &EventSink,
+        events: &EventSink,
     ) -> io::Result<Range> {
         let pings = SharedPings::default();
         let reader = match driver {
@@ -72,12 +72,12 @@ impl Range {
                 look,
                 clock,
                 pings.clone(),
-                told.clone(),
+                events.clone(),
             )?),
             #[cfg(not(feature = "hw"))]
             RangeDriver::Serial(_) => {
                 // Its name was refused when the file was read.
-                let _ = (look, told);
+                let _ = (look, events);
                 return Err(io::ErrorKind::Unsupported.into());
             }
             RangeDriver::None => Reader::None,

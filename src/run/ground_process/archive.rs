@@ -10,7 +10,7 @@ use tomoswarm_proto::{
 };
 
 use super::super::mailbox::{Troubles, lock};
-use crate::ground::imager::{Picture, Subject};
+use crate::ground::imager::{ReconstructedImage, Subject};
 use crate::map::ANY_REVISION_UNTIL;
 use crate::store::StoreError;
 use crate::store::ground::{GroundStore, UtcOffset};
@@ -42,8 +42,8 @@ struct Waiting {
     plans: BTreeMap<(Edition, VehicleId), Plan>,
     /// The newest edition of each vehicle's plan that is stored.
     stored: BTreeMap<VehicleId, Edition>,
-    pictures: BTreeMap<(RunId, usize, Subject), Picture>,
-    runs: BTreeMap<RunId, Story>,
+    pictures: BTreeMap<(RunId, usize, Subject), ReconstructedImage>,
+    runs: BTreeMap<RunId, RunEntry>,
     tiles: BTreeMap<(LayerId, TileAddress), TileReport>,
     software: BTreeMap<VehicleId, (Boot, String, bool)>,
     clocks: BTreeMap<VehicleId, (Boot, UtcOffset)>,
@@ -51,7 +51,7 @@ struct Waiting {
 
 /// What is to be noted of a run.
 #[derive(Clone, Copy, Default)]
-struct Story {
+struct RunEntry {
     /// It began, compared with a run or with none.
     began: Option<Option<RunId>>,
     is_closed: bool,
@@ -87,7 +87,7 @@ impl Archive {
         }
     }
 
-    pub(super) fn hold_picture(&self, picture: Picture) {
+    pub(super) fn hold_picture(&self, picture: ReconstructedImage) {
         let mut waiting = lock(&self.waiting);
         waiting
             .pictures
@@ -210,7 +210,7 @@ impl Archive {
 
     fn keep_runs(&self) -> bool {
         let mut runs = std::mem::take(&mut lock(&self.waiting).runs);
-        while let Some((run, Story { began, is_closed })) = runs.pop_first() {
+        while let Some((run, RunEntry { began, is_closed })) = runs.pop_first() {
             let write = |store: &mut GroundStore| {
                 began.map_or(Ok(()), |empty| store.note_run(run, empty))?;
                 if is_closed {
@@ -221,7 +221,7 @@ impl Archive {
             };
             if !self.write("runs", write) {
                 let mut waiting = lock(&self.waiting);
-                runs.insert(run, Story { began, is_closed });
+                runs.insert(run, RunEntry { began, is_closed });
                 for (run, before) in runs {
                     let story = waiting.runs.entry(run).or_default();
                     story.began = story.began.or(before.began);

@@ -37,7 +37,7 @@ pub(super) fn keeper(
 ) -> std::io::Result<JoinHandle<()>> {
     let keep = move || {
         let began = Instant::now();
-        let mut keeper = Keeper {
+        let mut keeper = StoreThread {
             archive,
             tell,
             began,
@@ -68,7 +68,7 @@ pub(super) fn keeper(
         .spawn(keep)
 }
 
-struct Keeper<T> {
+struct StoreThread<T> {
     archive: Arc<Archive>,
     tell: T,
     began: Instant,
@@ -78,7 +78,7 @@ struct Keeper<T> {
     clocks: Clocks,
 }
 
-impl<T: Fn(Samples)> Keeper<T> {
+impl<T: Fn(Samples)> StoreThread<T> {
     fn keep(&mut self, group: Vec<StoreJob>) {
         let mut batches: Vec<Samples> = Vec::new();
         for wanted in group {

@@ -21,8 +21,8 @@ fn what_is_wrong_with_the_process_is_said_beside_what_the_station_says() {
         troubles: vec!["not heard yet: vehicle 3".to_owned()],
         ..GroundReport::default()
     };
-    let said = with_troubles(report, vec!["samples: no room".to_owned()]).troubles;
-    assert_eq!(said, ["not heard yet: vehicle 3", "samples: no room"]);
+    let output = with_troubles(report, vec!["samples: no room".to_owned()]).troubles;
+    assert_eq!(output, ["not heard yet: vehicle 3", "samples: no room"]);
 }
 
 #[test]

@@ -56,7 +56,7 @@ type EventCallback = Box<dyn FnMut(Event) + Send>;
 
 struct Shared {
     settings: WorldLinkSettings,
-    told: Mutex<EventCallback>,
+    events: Mutex<EventCallback>,
     now: Mutex<Now>,
     ended: Condvar,
 }
@@ -75,17 +75,20 @@ impl WorldLink {
     /// No thread can be started.
     pub fn connect(
         settings: WorldLinkSettings,
-        told: impl FnMut(Event) + Send + 'static,
+        events: impl FnMut(Event) + Send + 'static,
     ) -> io::Result<WorldLink> {
         let now = Now {
             stream: None,
             state: LinkState::Connecting(None),
             is_ended: false,
         };
-        let (told, now) = (Mutex::new(Box::new(told) as EventCallback), Mutex::new(now));
+        let (events, now) = (
+            Mutex::new(Box::new(events) as EventCallback),
+            Mutex::new(now),
+        );
         let shared = Arc::new(Shared {
             settings,
-            told,
+            events,
             now,
             ended: Condvar::new(),
         });
@@ -174,8 +177,8 @@ impl Shared {
     }
 
     fn tell(&self, event: Event) {
-        let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
-        (*told)(event);
+        let mut events = self.events.lock().unwrap_or_else(PoisonError::into_inner);
+        (*events)(event);
     }
 
     fn run(&self) {

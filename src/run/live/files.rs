@@ -141,7 +141,7 @@ fn here(port: u16) -> Endpoint {
 fn text(config: Config) -> String {
     format!(
         "# Written by tomoswarm sim --live.\n{}",
-        config::written(&config)
+        config::to_toml(&config)
     )
 }
 
@@ -194,23 +194,23 @@ mod tests {
                 assert_eq!((file.id, Some(file.home)), (id, sim.home(id)));
                 assert_eq!(file.safety, sim.safety);
                 assert_eq!(file.pose.expected_sd_m, sim.vehicles.pose_sd_m);
-                let (told, expected) = (
+                let (found, expected) = (
                     VehicleSettings::from_vehicle_file(&file, Boot(1)),
                     VehicleSettings::from_config(&sim, id, Boot(1), file.home),
                 );
                 assert_eq!(
-                    (told.body, told.radio, told.safety),
+                    (found.body, found.radio, found.safety),
                     (expected.body, expected.radio, expected.safety)
                 );
                 assert_eq!(
-                    (told.fence, told.lattice),
+                    (found.fence, found.lattice),
                     (expected.fence, expected.lattice)
                 );
                 assert_eq!(
                     (&file.look, file.venue.hash()),
                     (&sim.range.look, sim.venue.hash())
                 );
-                let (found, wanted) = (&told.look, &expected.look);
+                let (found, wanted) = (&found.look, &expected.look);
                 let near = |a: Angle, b: Angle| (a.radians() - b.radians()).abs() < 1e-9;
                 assert_eq!(found.beams.len(), 3);
                 assert!(

@@ -140,7 +140,7 @@ impl Processes {
             .stdout
             .take()
             .ok_or_else(|| io::Error::other("the world has no output"))?;
-        let (say, said) = channel();
+        let (say, printed) = channel();
         // It goes on reading, so that the world never waits for us.
         let reader = move || {
             BufReader::new(output)
@@ -151,7 +151,7 @@ impl Processes {
         std::thread::Builder::new()
             .name("world's words".to_owned())
             .spawn(reader)?;
-        let first = said.recv_timeout(WORLD_WITHIN).unwrap_or_default();
+        let first = printed.recv_timeout(WORLD_WITHIN).unwrap_or_default();
         let words: Vec<&str> = first.split_whitespace().collect();
         match words[..] {
             ["world", address, "token", token] => {

@@ -33,7 +33,7 @@ const WAIT: Duration = Duration::from_millis(100);
 
 /// How it stands.
 #[derive(Clone, PartialEq, Eq, Debug)]
-pub enum Going {
+pub enum ScenarioStatus {
     /// It goes on.
     On,
     /// Everything is done.
@@ -132,31 +132,31 @@ impl ScenarioRunner {
     }
 
     /// Goes on for a moment.
-    pub fn go(&mut self) -> Going {
+    pub fn go(&mut self) -> ScenarioStatus {
         let run_log = &mut self.run_log;
-        let said = match self
+        let output = match self
             .operator
             .go_on(self.operator.now() + WAIT, |_, heard| run_log.hear(heard))
         {
-            Ok(said) => said,
-            Err(fault) => return Going::Failed(fault.to_string()),
+            Ok(output) => output,
+            Err(fault) => return ScenarioStatus::Failed(fault.to_string()),
         };
-        for out in said {
+        for out in output {
             let going = self.carry_out(out);
-            if going != Going::On {
+            if going != ScenarioStatus::On {
                 return going;
             }
         }
         let now = self.operator.now();
         if now > self.until {
-            return Going::Failed(self.unended());
+            return ScenarioStatus::Failed(self.unended());
         }
         if now.since(self.looked) >= LOOK {
             self.looked = now;
             self.watch_world();
             self.watch_fleet(now);
         }
-        Going::On
+        ScenarioStatus::On
     }
 
     /// Asks the world where everybody was, and how it went; what it does not answer stays unknown.
@@ -269,7 +269,7 @@ impl ScenarioRunner {
     }
 
     /// Carries out what the operator says beside its messages.
-    fn carry_out(&mut self, out: Out) -> Going {
+    fn carry_out(&mut self, out: Out) -> ScenarioStatus {
         if let Some(words) = out.in_words() {
             self.note("operator", &words);
         }
@@ -277,20 +277,20 @@ impl ScenarioRunner {
             Out::Announce(name) if name == PERSONS_ENTER => {
                 self.note("scenario", "the persons enter");
                 if let Err(error) = self.control.enter() {
-                    return Going::Failed(format!("the persons cannot enter: {error}"));
+                    return ScenarioStatus::Failed(format!("the persons cannot enter: {error}"));
                 }
                 self.operator.tell(In::CueDone);
-                Going::On
+                ScenarioStatus::On
             }
-            Out::ScriptEnded(ScriptEnd::Done) => Going::Over,
-            Out::ScriptEnded(ScriptEnd::GaveUp { why, .. }) => Going::Failed(why),
+            Out::ScriptEnded(ScriptEnd::Done) => ScenarioStatus::Over,
+            Out::ScriptEnded(ScriptEnd::GaveUp { why, .. }) => ScenarioStatus::Failed(why),
             // What is not known here is not done, and the script gives up.
             Out::Announce(_)
             | Out::Publish(_)
             | Out::Give(_)
-            | Out::StopsNote(_)
+            | Out::StopEvent(_)
             | Out::InForce(..)
-            | Out::Ended(..) => Going::On,
+            | Out::Ended(..) => ScenarioStatus::On,
         }
     }
 
@@ -304,7 +304,7 @@ impl ScenarioRunner {
         let is_there = |id: &VehicleId| {
             view.vehicle(*id)
                 .and_then(|seen| seen.mission.as_ref())
-                .is_some_and(|said| is_home(&said.value))
+                .is_some_and(|output| is_home(&output.value))
         };
         let home: BTreeSet<VehicleId> = self.vehicles.iter().copied().filter(is_there).collect();
         for run in reported {
@@ -343,23 +343,27 @@ impl ScenarioRunner {
     /// says nothing of one.
     fn ending(&self, id: VehicleId) -> Option<Option<(MissionEnd, EndReason)>> {
         let view = self.operator.view();
-        let said = view.vehicle(id)?.mission.as_ref().map(|said| said.value)?;
-        if said.kind == MissionKind::Sweep {
+        let output = view
+            .vehicle(id)?
+            .mission
+            .as_ref()
+            .map(|output| output.value)?;
+        if output.kind == MissionKind::Sweep {
             return None;
         }
         let pose = view.state(id).and_then(|state| state.value.pose);
         let place = pose.map(|pose| Point::from(pose.at)).unwrap_or_default();
-        Some(said.end.map(|end| (end, end_of(end, place))))
+        Some(output.end.map(|end| (end, end_of(end, place))))
     }
 
     /// Notes how a mission has ended, once; one that was begun anew has not.
     fn take_end(&mut self, now: Time, id: VehicleId, end: Option<(MissionEnd, EndReason)>) {
         match (end, self.ended.contains_key(&id)) {
-            (Some((said, end)), false) => {
+            (Some((output, end)), false) => {
                 self.ended.insert(id, (now, end));
                 self.note(
                     &format!("vehicle {id}"),
-                    &format!("its mission has ended: {said}"),
+                    &format!("its mission has ended: {output}"),
                 );
             }
             (None, true) => {

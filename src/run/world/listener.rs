@@ -132,8 +132,8 @@ impl Connection {
     /// Reads the first word, and tells what it asks the world for.
     fn greet(&self, stream: &mut TcpStream) -> Result<Inbound, LinkRefusal> {
         let until = Instant::now() + GREETS_WITHIN;
-        let frame =
-            read_frame(&mut Hurried { stream, until }).map_err(|_| LinkRefusal::NoGreeting)?;
+        let frame = read_frame(&mut DeadlineStream { stream, until })
+            .map_err(|_| LinkRefusal::NoGreeting)?;
         let word = decode(&frame).map_err(|error| match error {
             WordError::Version { found } => LinkRefusal::Version {
                 expected: VERSION,
@@ -224,12 +224,12 @@ fn is_same(one: &[u8], other: &[u8]) -> bool {
 }
 
 /// A stream that must have said everything by a moment.
-struct Hurried<'a> {
+struct DeadlineStream<'a> {
     stream: &'a mut TcpStream,
     until: Instant,
 }
 
-impl Read for Hurried<'_> {
+impl Read for DeadlineStream<'_> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let left = self.until.saturating_duration_since(Instant::now());
         if left.is_zero() {

@@ -92,26 +92,26 @@ impl LiveWorld {
     }
 
     /// Lets everything happen up to a moment, each at its own time.
-    pub(super) fn advance(&mut self, now: Time, said: &mut Vec<VehicleWord>) {
+    pub(super) fn advance(&mut self, now: Time, output: &mut Vec<VehicleWord>) {
         let mut happened = Vec::new();
         self.environment.wake(now, &mut happened);
         self.now = self.now.max(now);
         happened
             .into_iter()
-            .for_each(|event| self.report(event, said));
+            .for_each(|event| self.report(event, output));
     }
 
     /// Hands on what has happened, and writes down what is asked for later.
-    fn report(&mut self, event: WorldEvent, said: &mut Vec<VehicleWord>) {
+    fn report(&mut self, event: WorldEvent, output: &mut Vec<VehicleWord>) {
         match event {
             WorldEvent::Report { vehicle, report } => {
-                said.push((vehicle, FromWorld::Autopilot(report)))
+                output.push((vehicle, FromWorld::Autopilot(report)))
             }
-            WorldEvent::Ack { vehicle, ack } => said.push((vehicle, FromWorld::Ack(ack))),
-            WorldEvent::Echo { vehicle, echo } => said.push((vehicle, FromWorld::Echo(echo))),
+            WorldEvent::Ack { vehicle, ack } => output.push((vehicle, FromWorld::Ack(ack))),
+            WorldEvent::Echo { vehicle, echo } => output.push((vehicle, FromWorld::Echo(echo))),
             WorldEvent::Heard { frame, receivers } => {
                 for (vehicle, rssi_dbm) in receivers {
-                    said.push((
+                    output.push((
                         vehicle,
                         FromWorld::Heard {
                             frame: frame.to_vec(),
@@ -121,7 +121,7 @@ impl LiveWorld {
                 }
             }
             WorldEvent::Unsent { vehicle, sequence } => {
-                said.push((vehicle, FromWorld::Unsent(sequence)))
+                output.push((vehicle, FromWorld::Unsent(sequence)))
             }
             WorldEvent::Contact(collision) => self.write_down(&collision),
             WorldEvent::Track(states) => {
@@ -205,7 +205,7 @@ impl LiveWorld {
     }
 
     /// Lets the devices of a vehicle do what its driver said.
-    pub(super) fn obey(&mut self, index: usize, word: ToWorld, said: &mut Vec<VehicleWord>) {
+    pub(super) fn obey(&mut self, index: usize, word: ToWorld, output: &mut Vec<VehicleWord>) {
         let Some(command) = command(word) else {
             self.status.dropped += 1;
             return;
@@ -215,7 +215,7 @@ impl LiveWorld {
             .obey(self.now, index, command, &mut happened);
         happened
             .into_iter()
-            .for_each(|event| self.report(event, said));
+            .for_each(|event| self.report(event, output));
     }
 
     /// Lets the persons enter, unless they are in.

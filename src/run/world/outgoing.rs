@@ -9,7 +9,7 @@ const FRAMES_WAITING: usize = 64;
 
 /// What kind of frame waits.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(super) enum Worth {
+pub(super) enum FramePriority {
     /// A newer one says it all.
     Report,
     /// Nothing else says it.
@@ -25,7 +25,7 @@ pub(super) struct Outgoing {
 
 #[derive(Debug, Default)]
 struct Waiting {
-    frames: VecDeque<(Worth, Vec<u8>)>,
+    frames: VecDeque<(FramePriority, Vec<u8>)>,
     dropped: u64,
     is_closed: bool,
 }
@@ -36,7 +36,7 @@ impl Outgoing {
     }
 
     /// Puts a frame in; never waits.
-    pub(super) fn push(&self, worth: Worth, frame: Vec<u8>) {
+    pub(super) fn push(&self, worth: FramePriority, frame: Vec<u8>) {
         let mut waiting = self.lock();
         if waiting.is_closed {
             return;
@@ -45,7 +45,7 @@ impl Outgoing {
             let oldest = waiting
                 .frames
                 .iter()
-                .position(|(worth, _)| *worth == Worth::Report)
+                .position(|(worth, _)| *worth == FramePriority::Report)
                 .unwrap_or(0);
             waiting.frames.remove(oldest);
             waiting.dropped += 1;
@@ -98,9 +98,9 @@ mod tests {
         let outgoing = Outgoing::default();
         for number in 0..100u8 {
             let worth = if number % 10 == 0 {
-                Worth::Word
+                FramePriority::Word
             } else {
-                Worth::Report
+                FramePriority::Report
             };
             outgoing.push(worth, vec![number]);
         }
@@ -116,7 +116,7 @@ mod tests {
     #[test]
     fn a_queue_of_words_alone_does_not_grow_either() {
         let outgoing = Outgoing::default();
-        (0..=255u8).for_each(|number| outgoing.push(Worth::Word, vec![number]));
+        (0..=255u8).for_each(|number| outgoing.push(FramePriority::Word, vec![number]));
         let kept = drain(&outgoing);
         assert_eq!(
             (kept.len(), kept.last()),

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use tomoswarm_proto::{Boot, VehicleId};
 
 use super::live_world::{LiveWorld, VehicleWord};
-use super::outgoing::{Outgoing, Worth};
+use super::outgoing::{FramePriority, Outgoing};
 use crate::run::link::{FromWorld, LinkRefusal, ToWorld, Welcome, WorldStatus, encode};
 use crate::time::Time;
 
@@ -64,7 +64,7 @@ pub(super) struct WorldThread {
     world: LiveWorld,
     began: Instant,
     connections: BTreeMap<u64, (Role, Arc<Outgoing>)>,
-    said: Vec<VehicleWord>,
+    output: Vec<VehicleWord>,
     is_ended: bool,
 }
 
@@ -75,7 +75,7 @@ impl WorldThread {
             world,
             began: Instant::now(),
             connections: BTreeMap::new(),
-            said: Vec::new(),
+            output: Vec::new(),
             is_ended: false,
         }
     }
@@ -90,7 +90,7 @@ impl WorldThread {
                 Err(RecvTimeoutError::Disconnected) => break,
             };
             let now = self.now();
-            self.world.advance(now, &mut self.said);
+            self.world.advance(now, &mut self.output);
             self.hand_out();
             if let Some(inbound) = inbound {
                 self.take(inbound);
@@ -108,7 +108,7 @@ impl WorldThread {
     }
 
     fn hand_out(&mut self) {
-        for (index, word) in self.said.drain(..) {
+        for (index, word) in self.output.drain(..) {
             let role = Role::Drives(index);
             let driver = self
                 .connections
@@ -146,7 +146,7 @@ impl WorldThread {
                     .insert(connection, (Role::Directs, outgoing));
             }
             Inbound::Word { connection, word } => match self.connections.get(&connection) {
-                Some((Role::Drives(index), _)) => self.world.obey(*index, word, &mut self.said),
+                Some((Role::Drives(index), _)) => self.world.obey(*index, word, &mut self.output),
                 Some((Role::Directs, outgoing)) => self.direct(word, &outgoing.clone()),
                 // It was replaced or refused meanwhile.
                 None => {}
@@ -212,7 +212,7 @@ impl WorldThread {
 
 fn say(outgoing: &Outgoing, word: &FromWorld) {
     let worth = match word {
-        FromWorld::Autopilot(_) => Worth::Report,
+        FromWorld::Autopilot(_) => FramePriority::Report,
         FromWorld::Welcome(_)
         | FromWorld::Refused(_)
         | FromWorld::Ack(_)
@@ -220,7 +220,7 @@ fn say(outgoing: &Outgoing, word: &FromWorld) {
         | FromWorld::Heard { .. }
         | FromWorld::Unsent(_)
         | FromWorld::Status(_)
-        | FromWorld::Places(_) => Worth::Word,
+        | FromWorld::Places(_) => FramePriority::Word,
     };
     // Every word of ours can be written; one that could not would be missed like a lost one.
     if let Ok(frame) = encode(word) {

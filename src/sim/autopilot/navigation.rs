@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use super::super::noise::{Noise, Purpose};
+use super::super::noise::{Noise, NoisePurpose};
 use crate::geom::Vector;
 use crate::time::Time;
 
@@ -72,7 +72,7 @@ impl Navigation {
             let smooth = self.noise.smooth(purpose, &[self.id], now, self.drift);
             sd_m * smooth.clamp(-WORST, WORST)
         };
-        Vector::new(drift(Purpose::PoseX), drift(Purpose::PoseY))
+        Vector::new(drift(NoisePurpose::PoseX), drift(NoisePurpose::PoseY))
     }
 
     /// Returns the first moment after `after` at which the deviation comes to exceed a limit.

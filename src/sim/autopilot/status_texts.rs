@@ -36,15 +36,15 @@ mod tests {
     #[test]
     fn what_was_said_is_taken_once_and_of_too_much_the_oldest_is_lost() {
         let mut texts = StatusTexts::default();
-        let said = |item: usize| (Time::from_nanos(item as u64), StatusText::Begun(item));
+        let output = |item: usize| (Time::from_nanos(item as u64), StatusText::Begun(item));
         for item in 0..MOST + 2 {
-            let (now, text) = said(item);
+            let (now, text) = output(item);
             texts.say(now, text);
         }
         let taken = texts.take();
         assert_eq!(
             (taken.len(), taken[0], taken[MOST - 1]),
-            (MOST, said(2), said(MOST + 1))
+            (MOST, output(2), output(MOST + 1))
         );
         assert!(texts.take().is_empty());
     }

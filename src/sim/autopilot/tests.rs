@@ -766,10 +766,10 @@ proptest! {
             prop_assert!(a.pose.at.distance_to(b.pose.at) < 1e-5 && (a.altitude_m - b.altitude_m).abs() < 1e-5);
             prop_assert!((a.battery - b.battery).abs() < 1e-9);
             prop_assert_eq!((a.mode, a.is_armed, a.item, a.home.is_some()), (b.mode, b.is_armed, b.item, b.home.is_some()));
-            let said = |autopilot: &mut Autopilot| -> Vec<StatusText> {
+            let output = |autopilot: &mut Autopilot| -> Vec<StatusText> {
                 autopilot.status_texts().into_iter().map(|(_, notice)| notice).collect()
             };
-            prop_assert_eq!(said(&mut seldom), said(&mut often));
+            prop_assert_eq!(output(&mut seldom), output(&mut often));
         }
     }
 

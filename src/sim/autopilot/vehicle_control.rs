@@ -386,10 +386,10 @@ mod tests {
             control.act(Action::Disarm, moment)
         });
         let changes = control.motion().changes();
-        let said = at(VehicleKind::Copter, 2.0, |moment| {
+        let output = at(VehicleKind::Copter, 2.0, |moment| {
             control.act(Action::Enter(FlightMode::Return), moment)
         });
-        assert_eq!(said, [StatusText::Mode(FlightMode::Return)]);
+        assert_eq!(output, [StatusText::Mode(FlightMode::Return)]);
         assert_eq!(
             (control.motion().changes(), control.motion().stage_ends()),
             (changes, None)
@@ -413,12 +413,12 @@ mod tests {
         at(VehicleKind::Rover, 1.0, |moment| {
             control.act(Action::StoreMission(items), moment)
         });
-        let said = at(VehicleKind::Rover, 2.0, |moment| {
+        let output = at(VehicleKind::Rover, 2.0, |moment| {
             control.act(Action::Enter(FlightMode::Auto), moment)
         });
         let begun = [1, 2, 3].map(StatusText::Begun);
         assert_eq!(
-            said,
+            output,
             [&[StatusText::Mode(FlightMode::Auto)], &begun[..]].concat()
         );
         assert_eq!(
@@ -426,14 +426,14 @@ mod tests {
             (0.5, Some(&1700))
         );
         assert_eq!(control.motion().stage_ends(), Some(secs(6.0)));
-        let said = at(VehicleKind::Rover, 6.0, |moment| control.end_stage(moment));
+        let output = at(VehicleKind::Rover, 6.0, |moment| control.end_stage(moment));
         let expected = [
             StatusText::Reached(3),
             StatusText::MissionDone,
             StatusText::Mode(FlightMode::Hold),
         ];
         assert_eq!(
-            (said, control.mode()),
+            (output, control.mode()),
             (expected.to_vec(), FlightMode::Hold)
         );
     }
@@ -450,10 +450,10 @@ mod tests {
                 });
             }
             let touchdown = Action::Lay(vec![Stage::Touchdown]);
-            let said = at(VehicleKind::Copter, 2.0, |moment| {
+            let output = at(VehicleKind::Copter, 2.0, |moment| {
                 control.act(touchdown, moment)
             });
-            assert_eq!(control.is_armed(), armed, "{said:?}");
+            assert_eq!(control.is_armed(), armed, "{output:?}");
             assert_eq!(control.motion().stage_ends(), Some(secs(2.0)));
         }
     }

@@ -74,7 +74,7 @@ impl SimulatedDevices {
 
     /// Returns what the autopilot says of what it knows of itself now: its mode, and whether it is armed, are as old as its
     /// last heartbeat.
-    pub(super) fn said(&mut self, known: AutopilotReport) -> AutopilotReport {
+    pub(super) fn as_reported(&mut self, known: AutopilotReport) -> AutopilotReport {
         let known_now = Heartbeat {
             mode: known.mode,
             is_armed: known.is_armed,

@@ -4,7 +4,7 @@ use tomoswarm_proto::Boot;
 
 use super::*;
 use crate::autopilot::{ArmRefusal, FlightMode, VehicleKind};
-use crate::config::{Fault, FaultKind};
+use crate::config::{FaultKind, FaultSpec};
 use crate::geom::Point;
 use crate::plan::{Mount, Mounts};
 use crate::sim::world::tests::{drive, secs, world};
@@ -12,20 +12,20 @@ use crate::sim::world::tests::{drive, secs, world};
 const ONE: VehicleId = VehicleId(1);
 
 /// Rovers at places on the x axis that face along it, their software running, with posts of 0.5 m radius ahead (their x, and their two ends).
-fn environment(posts: &[(f64, f64, f64)], places_m: &[f64], faults: Vec<Fault>) -> Environment {
+fn environment(posts: &[(f64, f64, f64)], places_m: &[f64], faults: Vec<FaultSpec>) -> Environment {
     let world = world(VehicleKind::Rover, 0.0, posts, places_m);
     begun(world, faults)
 }
 
-fn begun(world: World, faults: Vec<Fault>) -> Environment {
+fn begun(world: World, faults: Vec<FaultSpec>) -> Environment {
     let mut environment = Environment::new(world, Noise::new(1), Faults::new(faults), None);
     environment.begin(&mut Vec::new());
     (0..environment.world().vehicles()).for_each(|vehicle| environment.attach(Time::ZERO, vehicle));
     environment
 }
 
-fn fault(kind: FaultKind, from_s: f64, until_s: f64) -> Fault {
-    Fault {
+fn fault(kind: FaultKind, from_s: f64, until_s: f64) -> FaultSpec {
+    FaultSpec {
         from: secs(from_s),
         until: secs(until_s),
         kind,
@@ -48,7 +48,7 @@ fn beacon(sender: u8, sequence: u32) -> DeviceCommand {
 }
 
 /// A command to the autopilot of which nobody awaits the answer.
-fn told(command: Command) -> DeviceCommand {
+fn to_device(command: Command) -> DeviceCommand {
     DeviceCommand::Autopilot(NumberedCommand { number: 0, command })
 }
 
@@ -63,8 +63,8 @@ fn obey(
     vehicle: usize,
     command: DeviceCommand,
 ) -> Vec<WorldEvent> {
-    let mut said = Vec::new();
-    environment.obey(secs(now_s), vehicle, command, &mut said);
+    let mut output = Vec::new();
+    environment.obey(secs(now_s), vehicle, command, &mut output);
     let is_answer = |event: &WorldEvent| {
         matches!(
             event,
@@ -74,44 +74,45 @@ fn obey(
             }
         )
     };
-    said.retain(|event| !matches!(event, WorldEvent::Scheduled(_)) && !is_answer(event));
-    said
+    output.retain(|event| !matches!(event, WorldEvent::Scheduled(_)) && !is_answer(event));
+    output
 }
 
 /// Lets everything happen up to a moment, event by event.
 fn wake(environment: &mut Environment, to_s: f64) -> Vec<WorldEvent> {
-    let (mut said, to) = (Vec::new(), secs(to_s));
+    let (mut output, to) = (Vec::new(), secs(to_s));
     while let Some(due) = environment.deadline().filter(|due| due.at <= to) {
-        environment.wake(due.at, &mut said);
+        environment.wake(due.at, &mut output);
         assert!(
             environment.deadline().is_none_or(|next| next.at > due.at),
             "after a wake the deadline is later"
         );
     }
-    environment.wake(to, &mut said);
-    said
+    environment.wake(to, &mut output);
+    output
 }
 
 /// What was measured, and by whom.
-fn echoes(said: &[WorldEvent]) -> Vec<(usize, Option<f64>)> {
+fn echoes(output: &[WorldEvent]) -> Vec<(usize, Option<f64>)> {
     let of = |event: &WorldEvent| match event {
         WorldEvent::Echo { vehicle, echo } => Some((*vehicle, echo.range_m)),
         _other => None,
     };
-    said.iter().filter_map(of).collect()
+    output.iter().filter_map(of).collect()
 }
 
 /// Who heard something.
-fn hearers(said: &[WorldEvent]) -> Vec<usize> {
+fn hearers(output: &[WorldEvent]) -> Vec<usize> {
     let of = |event: &WorldEvent| match event {
         WorldEvent::Heard { receivers, .. } => receivers.iter().map(|(to, _)| *to).collect(),
         _other => Vec::new(),
     };
-    said.iter().flat_map(of).collect()
+    output.iter().flat_map(of).collect()
 }
 
-fn contacts(said: &[WorldEvent]) -> usize {
-    said.iter()
+fn contacts(output: &[WorldEvent]) -> usize {
+    output
+        .iter()
         .filter(|event| matches!(event, WorldEvent::Contact(_)))
         .count()
 }
@@ -155,10 +156,10 @@ fn play(by_schedule: bool) -> Vec<WorldEvent> {
     let world = world(VehicleKind::Rover, 0.0, &[(1.5, 0.0, 1.0)], &[0.0, -3.0]);
     let charge = Faults::new(vec![fault(FaultKind::Battery(0.5), 2.0, 3.0)]);
     let mut environment = Environment::new(world, Noise::new(1), charge, None);
-    let (mut said, mut fresh, mut scheduled) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut output, mut fresh, mut scheduled) = (Vec::new(), Vec::new(), Vec::new());
     (0..2).for_each(|vehicle| environment.attach(Time::ZERO, vehicle));
     environment.begin(&mut fresh);
-    for (vehicle, command) in [(0, told(drive(9.0))), (0, ping(1)), (1, beacon(2, 1))] {
+    for (vehicle, command) in [(0, to_device(drive(9.0))), (0, ping(1)), (1, beacon(2, 1))] {
         environment.obey(Time::ZERO, vehicle, command, &mut fresh);
     }
     loop {
@@ -166,7 +167,7 @@ fn play(by_schedule: bool) -> Vec<WorldEvent> {
             if let WorldEvent::Scheduled(at) = event {
                 scheduled.push(at)
             } else {
-                said.push(event)
+                output.push(event)
             }
         }
         scheduled.sort();
@@ -177,7 +178,7 @@ fn play(by_schedule: bool) -> Vec<WorldEvent> {
             due
         };
         let Some(at) = next.filter(|at| *at <= secs(8.0)) else {
-            return said;
+            return output;
         };
         environment.wake(at, &mut fresh);
     }
@@ -185,13 +186,17 @@ fn play(by_schedule: bool) -> Vec<WorldEvent> {
 
 #[test]
 fn woken_at_what_it_scheduled_it_says_the_same_as_woken_at_its_deadlines() {
-    let said = play(false);
-    assert_eq!(play(true), said);
+    let output = play(false);
+    assert_eq!(play(true), output);
     assert_eq!(
-        (echoes(&said).len(), hearers(&said).len(), contacts(&said)),
+        (
+            echoes(&output).len(),
+            hearers(&output).len(),
+            contacts(&output)
+        ),
         (1, 1, 1)
     );
-    assert!(said.contains(&WorldEvent::Charged {
+    assert!(output.contains(&WorldEvent::Charged {
         vehicle: 0,
         charge: 0.5
     }));
@@ -207,10 +212,10 @@ fn a_blind_sensor_and_a_dead_radio_are_silent_and_only_for_as_long_as_they_are()
     let mut at = |now_s: f64| {
         obey(&mut environment, now_s, 0, ping(1));
         obey(&mut environment, now_s, 0, beacon(1, 1));
-        let mut said = wake(&mut environment, now_s + 0.1);
+        let mut output = wake(&mut environment, now_s + 0.1);
         obey(&mut environment, now_s + 0.1, 1, beacon(2, 1));
-        said.extend(wake(&mut environment, now_s + 0.4));
-        (echoes(&said).len(), hearers(&said))
+        output.extend(wake(&mut environment, now_s + 0.4));
+        (echoes(&output).len(), hearers(&output))
     };
     assert_eq!(at(0.5), (1, vec![1, 0]));
     assert_eq!(at(1.0), (0, vec![]), "neither heard nor hears");
@@ -220,11 +225,11 @@ fn a_blind_sensor_and_a_dead_radio_are_silent_and_only_for_as_long_as_they_are()
 #[test]
 fn a_long_sleep_is_not_made_up_for() {
     let mut environment = environment(&[], &[0.0], Vec::new());
-    let mut said = Vec::new();
-    environment.wake(secs(0.1), &mut said);
-    said.clear();
-    environment.wake(secs(20.1), &mut said);
-    let reports = said
+    let mut output = Vec::new();
+    environment.wake(secs(0.1), &mut output);
+    output.clear();
+    environment.wake(secs(20.1), &mut output);
+    let reports = output
         .iter()
         .filter(|event| matches!(event, WorldEvent::Report { .. }))
         .count();
@@ -235,10 +240,13 @@ fn a_long_sleep_is_not_made_up_for() {
 #[test]
 fn a_contact_that_a_newer_command_prevents_does_not_come() {
     let mut environment = environment(&[(5.0, 0.0, 1.0)], &[0.0], Vec::new());
-    obey(&mut environment, 0.0, 0, told(drive(9.0)));
-    let said = wake(&mut environment, 1.5);
-    obey(&mut environment, 1.5, 0, told(Command::Stop));
-    assert_eq!(contacts(&said) + contacts(&wake(&mut environment, 20.0)), 0);
+    obey(&mut environment, 0.0, 0, to_device(drive(9.0)));
+    let output = wake(&mut environment, 1.5);
+    obey(&mut environment, 1.5, 0, to_device(Command::Stop));
+    assert_eq!(
+        contacts(&output) + contacts(&wake(&mut environment, 20.0)),
+        0
+    );
     assert!(
         environment
             .world()
@@ -311,7 +319,7 @@ fn a_dead_radio_does_not_say_that_it_has_not_sent() {
 fn an_autopilot_brakes_two_seconds_after_the_last_word_of_its_companion() {
     for leaves in [false, true] {
         let mut environment = environment(&[], &[0.0], Vec::new());
-        obey(&mut environment, 0.0, 0, told(drive(90.0)));
+        obey(&mut environment, 0.0, 0, to_device(drive(90.0)));
         wake(&mut environment, 3.0);
         let stood_m = environment.world().truth(0, secs(9.0)).at.x_m;
         // 1 m in 2 s, and 0.5 m to brake.
@@ -319,7 +327,7 @@ fn an_autopilot_brakes_two_seconds_after_the_last_word_of_its_companion() {
             (stood_m - 1.5).abs() < 0.02,
             "a word at the beginning is not enough: {stood_m}"
         );
-        obey(&mut environment, 9.0, 0, told(drive(90.0)));
+        obey(&mut environment, 9.0, 0, to_device(drive(90.0)));
         for half in 1..20 {
             wake(&mut environment, 9.0 + 0.5 * f64::from(half));
             obey(&mut environment, 9.0 + 0.5 * f64::from(half), 0, ping(1));
@@ -339,12 +347,12 @@ fn an_autopilot_brakes_two_seconds_after_the_last_word_of_its_companion() {
     }
 }
 
-fn reports(said: &[WorldEvent]) -> Vec<AutopilotReport> {
+fn reports(output: &[WorldEvent]) -> Vec<AutopilotReport> {
     let of = |event: &WorldEvent| match event {
         WorldEvent::Report { report, .. } => Some(*report),
         _other => None,
     };
-    said.iter().filter_map(of).collect()
+    output.iter().filter_map(of).collect()
 }
 
 #[test]
@@ -355,32 +363,32 @@ fn modes_and_arming_show_as_late_as_a_heartbeat_and_places_do_not() {
         &mut environment,
         1.45,
         0,
-        told(Command::Mode(FlightMode::Hold)),
+        to_device(Command::Mode(FlightMode::Hold)),
     );
     obey(
         &mut environment,
         1.45,
         0,
-        told(Command::Disarm { force: false }),
+        to_device(Command::Disarm { force: false }),
     );
-    let said = reports(&wake(&mut environment, 3.0));
+    let output = reports(&wake(&mut environment, 3.0));
     let shown = |report: &&AutopilotReport| report.mode == FlightMode::Hold && !report.is_armed;
-    let old = said
+    let old = output
         .iter()
         .filter(|report| report.mode == FlightMode::Guided && report.is_armed)
         .count();
     assert_eq!(
-        old + said.iter().filter(shown).count(),
-        said.len(),
+        old + output.iter().filter(shown).count(),
+        output.len(),
         "both come with one heartbeat"
     );
-    assert!((1..10).contains(&old), "{old} of {}", said.len());
+    assert!((1..10).contains(&old), "{old} of {}", output.len());
     environment.detach(secs(3.0), 0);
     obey(
         &mut environment,
         3.0,
         0,
-        told(Command::Mode(FlightMode::Guided)),
+        to_device(Command::Mode(FlightMode::Guided)),
     );
     environment.attach(secs(3.0), 0);
     assert_eq!(
@@ -423,9 +431,11 @@ fn software_that_does_not_run_is_told_nothing() {
     obey(&mut environment, 0.0, 0, ping(1));
     obey(&mut environment, 0.0, 1, beacon(2, 1));
     environment.detach(Time::ZERO, 0);
-    let said = wake(&mut environment, 0.5);
+    let output = wake(&mut environment, 0.5);
     let is_told = |event: &WorldEvent| matches!(event, WorldEvent::Report { vehicle: 0, .. });
-    assert!(echoes(&said).is_empty() && hearers(&said).is_empty() && !said.iter().any(is_told));
+    assert!(
+        echoes(&output).is_empty() && hearers(&output).is_empty() && !output.iter().any(is_told)
+    );
     environment.attach(secs(0.5), 0);
     assert!(wake(&mut environment, 1.0).iter().any(is_told));
 }
@@ -434,18 +444,18 @@ fn software_that_does_not_run_is_told_nothing() {
 fn a_wreck_obeys_no_more_and_others_may_meet_it() {
     // The first one touches the post; the second one comes from behind.
     let mut environment = environment(&[(1.5, 0.0, 1.0)], &[0.0, -3.0], Vec::new());
-    obey(&mut environment, 0.0, 0, told(drive(9.0)));
-    obey(&mut environment, 0.0, 1, told(drive(0.6)));
-    let mut said = wake(&mut environment, 1.9);
-    assert_eq!(contacts(&said), 1);
+    obey(&mut environment, 0.0, 0, to_device(drive(9.0)));
+    obey(&mut environment, 0.0, 1, to_device(drive(0.6)));
+    let mut output = wake(&mut environment, 1.9);
+    assert_eq!(contacts(&output), 1);
     let place = environment.world().truth(0, secs(1.9)).at;
     for second in 0..4 {
         let now_s = 1.9 + f64::from(second);
-        obey(&mut environment, now_s, 0, told(drive(-9.0)));
+        obey(&mut environment, now_s, 0, to_device(drive(-9.0)));
         obey(&mut environment, now_s, 1, ping(1));
-        said.extend(wake(&mut environment, now_s + 1.0));
+        output.extend(wake(&mut environment, now_s + 1.0));
     }
-    assert_eq!((contacts(&said), environment.counts().dropped), (2, 4));
+    assert_eq!((contacts(&output), environment.counts().dropped), (2, 4));
     assert_eq!(environment.world().truth(0, secs(6.0)).at, place);
 }
 
@@ -457,7 +467,7 @@ fn a_flood_of_commands_leaves_nothing_behind() {
             &mut environment,
             0.0,
             0,
-            told(drive(4.0 + (number % 7) as f64)),
+            to_device(drive(4.0 + (number % 7) as f64)),
         );
         obey(&mut environment, 0.0, 0, ping(number));
     }

@@ -19,13 +19,13 @@ use tomoswarm_proto::{Boot, Hello, Interest, Message, OperatorId, VehicleId};
 
 use self::node_exchange::NodeExchange;
 use super::nodes::NodePlace;
-use super::schedule::{Event, Schedule};
+use super::schedule::{Schedule, ScheduledEvent};
 use crate::exchange::ReceivedFrame;
 use crate::exchange::egress::OutboundFrame;
 use crate::exchange::ingress::HeardMessage;
-use crate::exchange::joining::GreetingVerdict;
+use crate::exchange::joining::JoinEffect;
 use crate::sim::bus::{BusFrame, NodeId, SimulatedBus, operators_that_hear, receivers};
-use crate::sim::noise::{Noise, Purpose};
+use crate::sim::noise::{Noise, NoisePurpose};
 use crate::time::Time;
 
 /// The bus with all nodes at it.
@@ -85,7 +85,7 @@ impl Network {
         };
         // A process draws it anew at every start.
         let ids = [number as u64, u64::from(boot.0)];
-        let instance = self.noise.hash(Purpose::Instance, &ids);
+        let instance = self.noise.hash(NoisePurpose::Instance, &ids);
         let joins = self.at(node).join(schedule.now(), boot, instance);
         if joins {
             self.set_alarm(node, schedule);
@@ -161,11 +161,9 @@ impl Network {
         }
         self.set_alarm(node, schedule);
         let (heard, line, expelled) = match verdict {
-            GreetingVerdict::Fine => (heard, None, None),
-            GreetingVerdict::Foreign(reason) | GreetingVerdict::Stays(reason) => {
-                (heard, Some(reason), None)
-            }
-            GreetingVerdict::Refused(reason) => (None, None, Some(reason)),
+            JoinEffect::Fine => (heard, None, None),
+            JoinEffect::Foreign(reason) | JoinEffect::Stays(reason) => (heard, Some(reason), None),
+            JoinEffect::Refused(reason) => (None, None, Some(reason)),
         };
         Hearing {
             heard,
@@ -195,7 +193,7 @@ impl Network {
 
     fn set_alarm(&mut self, node: NodePlace, schedule: &mut Schedule) {
         if let Some((at, generation)) = self.at(node).set_alarm(schedule.now()) {
-            schedule.push(at, Event::Exchange { node, generation });
+            schedule.push(at, ScheduledEvent::Exchange { node, generation });
         }
     }
 
@@ -218,7 +216,7 @@ impl Network {
         receivers.extend(operators);
         for delivery in self.bus.send(schedule.now(), sender, outbound, &receivers) {
             let (to, frame) = (delivery.to, delivery.frame);
-            schedule.push(delivery.at, Event::Deliver { to, frame });
+            schedule.push(delivery.at, ScheduledEvent::Deliver { to, frame });
         }
     }
 

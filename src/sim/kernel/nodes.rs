@@ -18,7 +18,7 @@ use crate::node::mission::MissionStatus;
 use crate::sim::bus::NodeId;
 use crate::sim::log::hash;
 use crate::sim::noise::Noise;
-use crate::sim::outcome::Muster;
+use crate::sim::outcome::FleetCount;
 use crate::time::Time;
 
 /// Which node it is, by its place among those of its kind.
@@ -158,8 +158,8 @@ impl Nodes {
     }
 
     /// Returns how many vehicles are alive, how many of them are home, and how many stand and stay.
-    pub(super) fn muster(&self, is_at_rest: impl Fn(usize) -> bool) -> Muster {
-        let mut muster = Muster::default();
+    pub(super) fn count_fleet(&self, is_at_rest: impl Fn(usize) -> bool) -> FleetCount {
+        let mut muster = FleetCount::default();
         let vehicles = self.vehicles.iter().enumerate();
         for (index, vehicle) in vehicles.filter(|(_, vehicle)| !vehicle.is_dead()) {
             muster.alive += 1;

@@ -9,9 +9,9 @@ use crate::ground::from_config::GroundParts;
 use crate::sim::bus::SimulatedBus;
 use crate::sim::environment::Environment;
 use crate::sim::faults::Faults;
-use crate::sim::judge::Judge;
+use crate::sim::judge::RunMonitor;
 use crate::sim::noise::Noise;
-use crate::sim::outcome::{Muster, Recorded};
+use crate::sim::outcome::{FleetCount, Recorded};
 use crate::time::Time;
 
 /// Everything that a run is made of.
@@ -27,7 +27,7 @@ pub(in crate::sim) struct Parts {
     /// What the ground station is made of, also when it restarts.
     pub ground: GroundParts,
     pub operators: Vec<SimulatedOperator>,
-    pub judge: Judge,
+    pub judge: RunMonitor,
     pub until: Time,
     pub shuffle_ties: bool,
     /// The first contact ends the run.
@@ -39,8 +39,8 @@ pub(in crate::sim) struct Parts {
 /// A run that is over.
 pub(in crate::sim) struct FinishedRun {
     pub record: Recorded,
-    pub muster: Muster,
-    pub judge: Judge,
+    pub muster: FleetCount,
+    pub judge: RunMonitor,
     pub environment: Environment,
     pub ground: GroundNode,
     pub bus: SimulatedBus,

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use crate::ground::station::StationEvent as GroundNote;
-use crate::sim::run_view::Shows;
+use crate::sim::run_view::ViewSchedule;
 use crate::time::Time;
 
 /// How a run goes on, for a progress line.
@@ -24,7 +24,7 @@ pub(super) struct ProgressMeter {
     laps_done: usize,
     laps: usize,
     samples: u64,
-    shows: Shows,
+    shows: ViewSchedule,
 }
 
 impl ProgressMeter {
@@ -34,7 +34,7 @@ impl ProgressMeter {
             laps_done: 0,
             laps: 0,
             samples: 0,
-            shows: Shows::every(every),
+            shows: ViewSchedule::every(every),
         }
     }
 

@@ -4,7 +4,7 @@
 use tomoswarm_proto::VehicleId;
 
 use crate::geom::Point;
-use crate::ground::imager::Picture;
+use crate::ground::imager::ReconstructedImage;
 use crate::sim::body::BodyState;
 use crate::sim::environment::DeviceCounts;
 use crate::sim::log::{Log, image_hash};
@@ -21,7 +21,7 @@ pub(super) struct RunRecord {
     log: Log,
     counts: RunCounts,
     tracks: Vec<(VehicleId, Vec<Point>)>,
-    pictures: Vec<Picture>,
+    pictures: Vec<ReconstructedImage>,
     failure: Option<String>,
 }
 
@@ -100,7 +100,7 @@ impl RunRecord {
     }
 
     /// Keeps a picture in place of an earlier one of its kind, and logs it with values in steps.
-    pub(super) fn picture(&mut self, now: Time, picture: Picture) {
+    pub(super) fn picture(&mut self, now: Time, picture: ReconstructedImage) {
         match &picture.result {
             Err(reason) => {
                 self.log
@@ -227,7 +227,7 @@ mod tests {
     #[test]
     fn a_picture_takes_the_place_of_the_one_before() {
         let mut record = record();
-        let picture = |run: u32, laps| Picture {
+        let picture = |run: u32, laps| ReconstructedImage {
             run: RunId(run),
             subject: Subject::Structure,
             laps,

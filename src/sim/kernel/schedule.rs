@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use super::nodes::NodePlace;
 use crate::sim::bus::{BusFrame, NodeId};
-use crate::sim::faults::FaultTurn;
+use crate::sim::faults::SoftwareFaultEvent;
 use crate::sim::noise::Noise;
 use crate::sim::queue::EventQueue;
 use crate::time::Time;
@@ -15,7 +15,7 @@ use crate::time::Time;
 const SETTLES: Duration = Duration::from_secs(20);
 
 /// What is to happen.
-pub(super) enum Event {
+pub(super) enum ScheduledEvent {
     Wake {
         node: NodePlace,
         generation: u64,
@@ -31,32 +31,33 @@ pub(super) enum Event {
         to: NodeId,
         frame: Arc<BusFrame>,
     },
-    Fault(FaultTurn),
+    Fault(SoftwareFaultEvent),
     /// The operators join the bus.
     OperatorsBegin,
 }
 
-impl Event {
+impl ScheduledEvent {
     /// Returns whether it concerns nobody but an operator.
     pub(super) fn is_of_operator(&self) -> bool {
         match self {
-            Event::Wake { node, .. } | Event::Exchange { node, .. } => match node {
+            ScheduledEvent::Wake { node, .. } | ScheduledEvent::Exchange { node, .. } => match node
+            {
                 NodePlace::Operator(_) => true,
                 NodePlace::Vehicle(_) | NodePlace::Ground => false,
             },
-            Event::Deliver { to, .. } => match to {
+            ScheduledEvent::Deliver { to, .. } => match to {
                 NodeId::Operator(_) => true,
                 NodeId::Ground | NodeId::Vehicle(_) => false,
             },
-            Event::OperatorsBegin => true,
-            Event::Environment | Event::Fault(_) => false,
+            ScheduledEvent::OperatorsBegin => true,
+            ScheduledEvent::Environment | ScheduledEvent::Fault(_) => false,
         }
     }
 }
 
 /// The events to come, and the time.
 pub(super) struct Schedule {
-    queue: EventQueue<Event>,
+    queue: EventQueue<ScheduledEvent>,
     now: Time,
     until: Time,
     ended_at: Option<Time>,
@@ -80,12 +81,12 @@ impl Schedule {
     }
 
     /// Lets something happen at a moment.
-    pub(super) fn push(&mut self, at: Time, event: Event) {
+    pub(super) fn push(&mut self, at: Time, event: ScheduledEvent) {
         self.queue.push(at, event);
     }
 
     /// Returns what happens next; the time is that of it then. `None` = nothing happens any more.
-    pub(super) fn pop(&mut self) -> Option<Event> {
+    pub(super) fn pop(&mut self) -> Option<ScheduledEvent> {
         let (at, event) = self.queue.pop().filter(|(at, _)| *at <= self.until)?;
         debug_assert!(at >= self.now, "time never goes back");
         self.now = at;
@@ -117,7 +118,7 @@ mod tests {
     fn schedule(at_s: &[f64]) -> Schedule {
         let mut schedule = Schedule::new(secs(100.0), None);
         at_s.iter()
-            .for_each(|at_s| schedule.push(secs(*at_s), Event::Environment));
+            .for_each(|at_s| schedule.push(secs(*at_s), ScheduledEvent::Environment));
         schedule
     }
 
@@ -148,7 +149,10 @@ mod tests {
         let operator = NodeId::Operator(tomoswarm_proto::OperatorId(1));
         for (to, expected) in [(operator, true), (NodeId::Ground, false)] {
             let frame = frame.clone();
-            assert_eq!(Event::Deliver { to, frame }.is_of_operator(), expected);
+            assert_eq!(
+                ScheduledEvent::Deliver { to, frame }.is_of_operator(),
+                expected
+            );
         }
         for (node, expected) in [
             (NodePlace::Operator(0), true),
@@ -156,12 +160,18 @@ mod tests {
             (NodePlace::Vehicle(3), false),
         ] {
             let generation = 1;
-            assert_eq!(Event::Wake { node, generation }.is_of_operator(), expected);
             assert_eq!(
-                Event::Exchange { node, generation }.is_of_operator(),
+                ScheduledEvent::Wake { node, generation }.is_of_operator(),
+                expected
+            );
+            assert_eq!(
+                ScheduledEvent::Exchange { node, generation }.is_of_operator(),
                 expected
             );
         }
-        assert!(Event::OperatorsBegin.is_of_operator() && !Event::Environment.is_of_operator());
+        assert!(
+            ScheduledEvent::OperatorsBegin.is_of_operator()
+                && !ScheduledEvent::Environment.is_of_operator()
+        );
     }
 }

@@ -1,7 +1,7 @@
 //! The environment as the kernel runs it: the moments at which it wants to be woken are put into the schedule. What happens in it
 //! is said to the caller, who tells the nodes.
 
-use super::schedule::{Event, Schedule};
+use super::schedule::{Schedule, ScheduledEvent};
 use crate::node;
 use crate::sim::body::BodyState;
 use crate::sim::environment::{DeviceCommand, Environment, WorldEvent};
@@ -10,7 +10,7 @@ use crate::time::Time;
 /// The environment, and a list that is kept for its memory.
 pub(super) struct ScheduledEnvironment {
     environment: Environment,
-    said: Vec<WorldEvent>,
+    output: Vec<WorldEvent>,
 }
 
 impl ScheduledEnvironment {
@@ -20,11 +20,14 @@ impl ScheduledEnvironment {
         vehicles: usize,
         schedule: &mut Schedule,
     ) -> ScheduledEnvironment {
-        let mut said = Vec::new();
-        environment.begin(&mut said);
-        put_into(schedule, &mut said);
+        let mut output = Vec::new();
+        environment.begin(&mut output);
+        put_into(schedule, &mut output);
         (0..vehicles).for_each(|vehicle| environment.attach(schedule.now(), vehicle));
-        ScheduledEnvironment { environment, said }
+        ScheduledEnvironment {
+            environment,
+            output,
+        }
     }
 
     /// Returns the environment itself.
@@ -69,41 +72,41 @@ impl ScheduledEnvironment {
         command: DeviceCommand,
         schedule: &mut Schedule,
     ) -> Option<node::Event> {
-        let mut said = std::mem::take(&mut self.said);
+        let mut output = std::mem::take(&mut self.output);
         let now = schedule.now();
-        self.environment.obey(now, vehicle, command, &mut said);
-        let answer = said.iter().find_map(answer);
-        put_into(schedule, &mut said);
-        self.said = said;
+        self.environment.obey(now, vehicle, command, &mut output);
+        let answer = output.iter().find_map(answer);
+        put_into(schedule, &mut output);
+        self.output = output;
         answer
     }
 
     /// Lets the persons enter who wait outside.
     pub(super) fn let_persons_enter(&mut self, schedule: &mut Schedule) {
         let now = schedule.now();
-        self.environment.let_persons_enter(now, &mut self.said);
-        put_into(schedule, &mut self.said);
+        self.environment.let_persons_enter(now, &mut self.output);
+        put_into(schedule, &mut self.output);
     }
 
     /// Lets happen what is due, and returns it in its order, with the moments of [`WorldEvent::Scheduled`] among it; the list
     /// comes back by [`ScheduledEnvironment::take_back`].
     pub(super) fn wake(&mut self, now: Time) -> Vec<WorldEvent> {
-        let mut happened = std::mem::take(&mut self.said);
+        let mut happened = std::mem::take(&mut self.output);
         self.environment.wake(now, &mut happened);
         happened
     }
 
     /// Takes an empty list back for its memory.
     pub(super) fn take_back(&mut self, list: Vec<WorldEvent>) {
-        self.said = list;
+        self.output = list;
     }
 }
 
 /// Queues the moments at which the environment wants to be woken; the list is empty then.
-fn put_into(schedule: &mut Schedule, said: &mut Vec<WorldEvent>) {
-    for event in said.drain(..) {
+fn put_into(schedule: &mut Schedule, output: &mut Vec<WorldEvent>) {
+    for event in output.drain(..) {
         if let WorldEvent::Scheduled(at) = event {
-            schedule.push(at, Event::Environment);
+            schedule.push(at, ScheduledEvent::Environment);
         }
     }
 }
@@ -165,7 +168,7 @@ mod tests {
         assert!(matches!(answer, Some(node::Event::Ack(ack)) if ack.number == 4));
         // The companion's silence, and the wall that it drives against.
         assert_eq!(queued(&mut schedule).len(), 2);
-        assert!(environment.said.is_empty());
+        assert!(environment.output.is_empty());
     }
 
     #[test]

@@ -193,7 +193,7 @@ fn who_only_looks_changes_no_byte_of_the_run() {
             .collect();
         let finished = kernel.finish();
         let is_operator = |node: &&NodeId| matches!(node, NodeId::Operator(_));
-        let said: Vec<NodeId> = finished
+        let output: Vec<NodeId> = finished
             .bus
             .sent_by_kind()
             .keys()
@@ -206,7 +206,7 @@ fn who_only_looks_changes_no_byte_of_the_run() {
                 finished.record.log.into_text(),
                 finished.record.counts,
                 finished.ended_at,
-                said,
+                output,
             ),
         )
     };

@@ -51,7 +51,7 @@ pub fn world(
     posts: &[(f64, f64, f64)],
     places_m: &[f64],
 ) -> World {
-    let build = Build {
+    let build = VehicleBuild {
         radius_m: 0.25,
         height_m: 0.3,
         sensor_m: 0.2,
@@ -68,7 +68,7 @@ pub fn world(
         sd_m: 0.0,
         ..RangeModel::default()
     });
-    let flying = Flying {
+    let flying = FlightConditions {
         kind,
         altitude_m,
         climb_mps: 1.0,

@@ -52,7 +52,7 @@ fn tell(stops: &mut Stops, now: Time, input: In) -> Vec<Out> {
 }
 
 fn open(out: &[Out]) -> Option<Vec<EmergencyName>> {
-    let open = |said: &Out| match said {
+    let open = |output: &Out| match output {
         Out::Open(open) => Some(open.iter().map(|stop| stop.name).collect()),
         _ => None,
     };
@@ -97,17 +97,17 @@ fn a_stop_is_told_the_node_first_then_everyone_then_the_disk() {
 #[test]
 fn what_is_new_is_said_every_25_ms_for_half_a_second_and_then_once_a_second() {
     let mut stops = Stops::new(&StopsSettings::default());
-    let mut said = Vec::new();
+    let mut output = Vec::new();
     stops.state = State::Calm;
     tell(&mut stops, at(0.5), In::Beacon(VehicleId(2), stop(1)));
     while let Some(deadline) = stops.deadline().filter(|deadline| deadline.at < at(4.0)) {
         let mut out = Vec::new();
         stops.wake(deadline.at, &mut out).unwrap();
         assert!(stops.deadline().unwrap().at > deadline.at);
-        said.push(deadline.at.as_secs_f64() - 0.5);
+        output.push(deadline.at.as_secs_f64() - 0.5);
     }
-    let early = said.iter().filter(|at_s| **at_s <= 0.5).count();
-    assert_eq!((early, said.len()), (20, 22), "{said:?}");
+    let early = output.iter().filter(|at_s| **at_s <= 0.5).count();
+    assert_eq!((early, output.len()), (20, 22), "{output:?}");
 }
 
 #[test]

@@ -221,7 +221,7 @@ fn samples_that_were_stored_with_more_digits_are_read_rounded() {
     );
 }
 
-fn picture(laps: usize) -> Picture {
+fn picture(laps: usize) -> ReconstructedImage {
     let area = Rect::new(Point::new(-1.0, 0.0), Point::new(2.0, 2.0));
     let values = vec![0.5, -0.25, laps as f64, 0.0, 1.0, 2.0];
     let image = Image {
@@ -246,7 +246,7 @@ fn picture(laps: usize) -> Picture {
         path_loss: None,
         by_empty_sweep: true,
     };
-    Picture {
+    ReconstructedImage {
         run: RunId(2),
         laps,
         subject: Subject::Change,

@@ -204,31 +204,31 @@ pub(super) mod tests {
     fn what_cannot_be_read_is_said_with_its_path_and_what_was_expected() {
         let (_folder, file) = file();
         let path = file.path().display().to_string();
-        let said = |bytes: &[u8]| {
+        let output = |bytes: &[u8]| {
             fs::write(file.path(), bytes).unwrap();
-            let said = file.read().unwrap_err().to_string();
-            assert!(said.starts_with(&path), "{said}");
+            let output = file.read().unwrap_err().to_string();
+            assert!(output.starts_with(&path), "{output}");
             assert_eq!(fs::read(file.path()).unwrap(), bytes, "it is left as it is");
-            said
+            output
         };
-        assert!(said(b"").contains("damaged: it is empty; it holds the highest order"));
-        assert!(said(&[0xff; 9]).contains("expected text"));
-        assert!(said(&vec![b'a'; 10_000]).contains("10000 bytes, expected at most 4096"));
-        assert!(said(b"tomoswarm vehicle memory 1\ncheck 0\n").contains("expected `check "));
+        assert!(output(b"").contains("damaged: it is empty; it holds the highest order"));
+        assert!(output(&[0xff; 9]).contains("expected text"));
+        assert!(output(&vec![b'a'; 10_000]).contains("10000 bytes, expected at most 4096"));
+        assert!(output(b"tomoswarm vehicle memory 1\ncheck 0\n").contains("expected `check "));
         let with_check = |body: &str| format!("{body}check {:016x}\n", fnv(body.as_bytes()));
-        let newer = said(with_check("tomoswarm vehicle memory 2\nopen 7\n").as_bytes());
+        let newer = output(with_check("tomoswarm vehicle memory 2\nopen 7\n").as_bytes());
         assert!(
             newer.ends_with("written by a newer tomoswarm (version 2, this one knows 1)"),
             "{newer}"
         );
-        let older = said(with_check("tomoswarm vehicle memory 0\n").as_bytes());
+        let older = output(with_check("tomoswarm vehicle memory 0\n").as_bytes());
         assert!(
             older.contains("expected `tomoswarm vehicle memory 1`"),
             "{older}"
         );
-        let other = said(with_check("a shopping list\n").as_bytes());
+        let other = output(with_check("a shopping list\n").as_bytes());
         assert!(other.contains("found `a shopping list`"), "{other}");
-        let lines = said(with_check("tomoswarm vehicle memory 1\nordered lease 1\n").as_bytes());
+        let lines = output(with_check("tomoswarm vehicle memory 1\nordered lease 1\n").as_bytes());
         assert!(lines.contains("not those of version 1"), "{lines}");
     }
 

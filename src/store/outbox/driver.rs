@@ -449,14 +449,14 @@ mod tests {
     fn memory_is_bounded_while_the_disk_is_in_trouble_and_the_loss_is_told() {
         let folder = tempfile::tempdir().unwrap();
         let (driver, events) = start(&folder.path().join("no/outbox.db"));
-        let (mut told, mut dropped) = (0, 0);
+        let (mut confirmed, mut dropped) = (0, 0);
         let all = MEMORY_MOST as u64 + 500;
         for sequence in 0..all {
             driver.keep(RunId(1), sample(sequence));
             if sequence % 1000 == 999 {
-                while told < sequence + 1 {
+                while confirmed < sequence + 1 {
                     match next(&events) {
-                        Event::SampleStored(..) => told += 1,
+                        Event::SampleStored(..) => confirmed += 1,
                         Event::Dropped(range) => dropped += range.below - range.first.sequence,
                         other => panic!("{other:?}"),
                     }

@@ -96,7 +96,7 @@ where
     A::Out: Serialize,
 {
     let step = message::read_step::<A::In>(recorded)?;
-    let now = message::of_step(&again(actor, step.now, step.told))?;
+    let now = message::of_step(&again(actor, step.now, step.input))?;
     if now.as_bytes() == recorded {
         return Ok(None);
     }
@@ -108,23 +108,23 @@ where
     if then == now {
         return Ok(None);
     }
-    let told = if then["told"].is_null() {
+    let input = if then["input"].is_null() {
         format!("woken: {}", then["woken"])
     } else {
-        then["told"].to_string()
+        then["input"].to_string()
     };
-    Ok(Some((step.now, [told, came_of(&then), came_of(&now)])))
+    Ok(Some((step.now, [input, came_of(&then), came_of(&now)])))
 }
 
-/// Returns what came of a step in words: what was said, the fault, and another cause.
+/// Returns what came of a step in words: the outputs, the fault, and another cause.
 fn came_of(step: &Value) -> String {
-    let said = step["said"].to_string();
+    let outputs = step["outputs"].to_string();
     let part = |name: &str| {
         step.get(name)
             .map(|value| format!(" {name}: {value}"))
             .unwrap_or_default()
     };
-    format!("{said}{}{}", part("woken"), part("fault"))
+    format!("{outputs}{}{}", part("woken"), part("fault"))
 }
 
 #[cfg(test)]
@@ -134,7 +134,7 @@ mod tests {
     use crate::time::Deadline;
     use serde::Deserialize;
 
-    /// Multiplies what it is told by a constant, and adds what it was told before.
+    /// Multiplies its input by a constant, and adds the inputs before.
     #[derive(Serialize, Deserialize)]
     struct Scales<const BY: u64> {
         sum: u64,
@@ -158,12 +158,12 @@ mod tests {
 
     #[test]
     fn an_actor_with_another_constant_differs_where_it_matters() {
-        let recorded = [(1, 0, 6), (2, 3, 12)].map(|(at, input, said)| {
+        let recorded = [(1, 0, 6), (2, 3, 12)].map(|(at, input, outputs)| {
             let now = Time::from_nanos(at);
             message::of_step(&RecordedStep {
                 now,
-                cause: StepCause::Told(input),
-                said: vec![said],
+                cause: StepCause::Input(input),
+                outputs: vec![outputs],
                 fault: None,
             })
             .unwrap()
@@ -172,11 +172,11 @@ mod tests {
         for text in &recorded {
             assert_eq!(take_again(&mut same, text.as_bytes()).unwrap(), None);
         }
-        let (at, [told, then, now]) = take_again(&mut other, recorded[0].as_bytes())
+        let (at, [input, then, now]) = take_again(&mut other, recorded[0].as_bytes())
             .unwrap()
             .unwrap();
         assert_eq!(
-            (at, told.as_str(), then.as_str(), now.as_str()),
+            (at, input.as_str(), then.as_str(), now.as_str()),
             (Time::from_nanos(1), "0", "[6]", "[12]")
         );
     }
@@ -184,11 +184,11 @@ mod tests {
     #[test]
     fn spaces_do_not_matter_and_a_wake_out_of_turn_does() {
         let mut scales = Scales::<2> { sum: 0 };
-        let spaced = b"{ \"said\": [4], \"told\": 2, \"now_ns\": 5 }";
+        let spaced = b"{ \"outputs\": [4], \"input\": 2, \"now_ns\": 5 }";
         assert_eq!(take_again(&mut scales, spaced).unwrap(), None);
-        let woken = b"{\"now_ns\":6,\"woken\":\"tick\",\"said\":[]}";
-        let (_, [told, _, now]) = take_again(&mut scales, woken).unwrap().unwrap();
-        assert_eq!(told, "woken: \"tick\"");
+        let woken = b"{\"now_ns\":6,\"woken\":\"tick\",\"outputs\":[]}";
+        let (_, [input, _, now]) = take_again(&mut scales, woken).unwrap().unwrap();
+        assert_eq!(input, "woken: \"tick\"");
         assert!(now.contains("nothing is due"), "{now}");
     }
 }

@@ -1,8 +1,8 @@
 //! Steps and snapshots as the JSON messages of a recording, and back. Nothing here knows a file.
 //!
-//! A step is `{"now_ns": 1, "told": …, "said": […]}`, or with `"woken": "reason"` in place of `told`, and with `fault`
+//! A step is `{"now_ns": 1, "input": …, "outputs": […]}`, or with `"woken": "reason"` in place of `input`, and with `fault`
 //! when the actor could not go on. JSON has no numbers that are infinite or none at all: an input with such numbers
-//! shows `null` in their place and comes whole in `told_packed` (base64 of [`codec::pack`]).
+//! shows `null` in their place and comes whole in `packed_input` (base64 of [`codec::pack`]).
 
 use base64::prelude::{BASE64_STANDARD, Engine};
 use serde::de::{DeserializeOwned, IgnoredAny};
@@ -37,18 +37,18 @@ where
 {
     let mut text = format!("{{\"now_ns\":{}", step.now.as_nanos());
     match &step.cause {
-        StepCause::Told(input) => {
-            let told = serde_json::to_string(input)?;
-            text += &format!(",\"told\":{told}");
-            if told.contains("null") && !is_exact(input, &told) {
+        StepCause::Input(input) => {
+            let json = serde_json::to_string(input)?;
+            text += &format!(",\"input\":{json}");
+            if json.contains("null") && !is_exact(input, &json) {
                 let packed =
                     codec::pack(input).map_err(|error| MessageError::Packed(error.to_string()))?;
-                text += &format!(",\"told_packed\":\"{}\"", BASE64_STANDARD.encode(&packed));
+                text += &format!(",\"packed_input\":\"{}\"", BASE64_STANDARD.encode(&packed));
             }
         }
         StepCause::Woken(why) => text += &format!(",\"woken\":{}", serde_json::to_string(why)?),
     }
-    text += &format!(",\"said\":{}", serde_json::to_string(&step.said)?);
+    text += &format!(",\"outputs\":{}", serde_json::to_string(&step.outputs)?);
     if let Some(fault) = &step.fault {
         text += &format!(",\"fault\":{}", serde_json::to_string(fault)?);
     }
@@ -68,20 +68,20 @@ pub struct Recorded<I> {
     /// When.
     pub now: Time,
     /// The input; `None` when it was woken.
-    pub told: Option<I>,
+    pub input: Option<I>,
 }
 
 #[derive(Deserialize)]
 struct Frame {
     now_ns: u64,
-    told: Option<IgnoredAny>,
-    told_packed: Option<String>,
+    input: Option<IgnoredAny>,
+    packed_input: Option<String>,
     woken: Option<IgnoredAny>,
 }
 
 #[derive(Deserialize)]
 struct RecordedInput<I> {
-    told: I,
+    input: I,
 }
 
 /// Reads what made an actor act.
@@ -91,19 +91,19 @@ struct RecordedInput<I> {
 pub fn read_step<I: DeserializeOwned>(json: &[u8]) -> Result<Recorded<I>, MessageError> {
     let frame: Frame = serde_json::from_slice(json)?;
     let now = Time::from_nanos(frame.now_ns);
-    if let Some(packed) = frame.told_packed {
+    if let Some(packed) = frame.packed_input {
         return Ok(Recorded {
             now,
-            told: Some(unpacked(&packed)?),
+            input: Some(unpacked(&packed)?),
         });
     }
-    if frame.told.is_none() && frame.woken.is_some() {
-        return Ok(Recorded { now, told: None });
+    if frame.input.is_none() && frame.woken.is_some() {
+        return Ok(Recorded { now, input: None });
     }
-    let RecordedInput { told } = serde_json::from_slice(json)?;
+    let RecordedInput { input } = serde_json::from_slice(json)?;
     Ok(Recorded {
         now,
-        told: Some(told),
+        input: Some(input),
     })
 }
 
@@ -165,7 +165,7 @@ mod tests {
         RecordedStep {
             now: Time::from_nanos(u64::MAX),
             cause,
-            said: Vec::new(),
+            outputs: Vec::new(),
             fault: None,
         }
     }
@@ -174,10 +174,10 @@ mod tests {
         #[test]
         fn every_number_comes_back_to_the_last_bit(bits in any::<u64>(), more in any::<u64>()) {
             let input = telemetry(f64::from_bits(bits), f64::from_bits(more));
-            let text = of_step(&step(StepCause::Told(input.clone()))).unwrap();
+            let text = of_step(&step(StepCause::Input(input.clone()))).unwrap();
             let read = read_step::<In>(text.as_bytes()).unwrap();
             prop_assert_eq!(read.now, Time::from_nanos(u64::MAX));
-            prop_assert_eq!(codec::pack(&read.told.unwrap()).unwrap(), codec::pack(&input).unwrap());
+            prop_assert_eq!(codec::pack(&read.input.unwrap()).unwrap(), codec::pack(&input).unwrap());
         }
 
         #[test]
@@ -188,12 +188,12 @@ mod tests {
 
     #[test]
     fn numbers_that_json_lacks_are_packed_and_others_are_not() {
-        let text = |input| of_step(&step(StepCause::Told(input))).unwrap();
+        let text = |input| of_step(&step(StepCause::Input(input))).unwrap();
         assert!(!text(telemetry(1.0, 0.5)).contains("packed"));
         for odd in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
             let text = text(telemetry(odd, 0.5));
             assert!(
-                text.contains("\"x_m\":null") && text.contains("told_packed"),
+                text.contains("\"x_m\":null") && text.contains("packed_input"),
                 "{text}"
             );
             assert!(read_step::<In>(text.as_bytes()).is_ok());
@@ -205,9 +205,9 @@ mod tests {
         let text = of_step(&step(StepCause::Woken("telemetry silent"))).unwrap();
         assert_eq!(
             text,
-            "{\"now_ns\":18446744073709551615,\"woken\":\"telemetry silent\",\"said\":[]}"
+            "{\"now_ns\":18446744073709551615,\"woken\":\"telemetry silent\",\"outputs\":[]}"
         );
-        assert!(read_step::<In>(text.as_bytes()).unwrap().told.is_none());
+        assert!(read_step::<In>(text.as_bytes()).unwrap().input.is_none());
     }
 
     #[test]
@@ -217,10 +217,10 @@ mod tests {
             "[]",
             "{\"now_ns\":1}",
             "{\"now_ns\":-1,\"woken\":\"a\"}",
-            "{\"now_ns\":1,\"told\":7}",
+            "{\"now_ns\":1,\"input\":7}",
         ] {
             assert!(read_step::<In>(text.as_bytes()).is_err(), "{text}");
         }
-        assert!(read_step::<In>(b"{\"now_ns\":1,\"told\":7,\"told_packed\":\"!\"}").is_err());
+        assert!(read_step::<In>(b"{\"now_ns\":1,\"input\":7,\"packed_input\":\"!\"}").is_err());
     }
 }

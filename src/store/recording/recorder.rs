@@ -109,8 +109,8 @@ impl Recorder {
     }
 
     /// Returns a scribe for one actor.
-    pub fn scribe(&self) -> Scribe {
-        Scribe {
+    pub fn scribe(&self) -> StepRecorder {
+        StepRecorder {
             shared: self.shared.clone(),
             sender: self.sender.clone(),
             segment: NONE,
@@ -138,7 +138,7 @@ impl Drop for Recorder {
 
 /// Writes down what one actor does. It never waits.
 #[derive(Debug)]
-pub struct Scribe {
+pub struct StepRecorder {
     shared: Arc<Shared>,
     sender: SyncSender<Sent>,
     /// The segment that has this actor's snapshot.
@@ -147,7 +147,7 @@ pub struct Scribe {
     broken: u64,
 }
 
-impl Scribe {
+impl StepRecorder {
     /// Hands in the actor's snapshot when a segment has begun since the last time. To be called before every
     /// [`crate::actor::ActorCell::act_watched`]; returns whether its steps are to be watched.
     pub fn prepare<A: Serialize>(&mut self, now: Time, name: &'static str, actor: &A) -> bool {
@@ -306,11 +306,11 @@ mod tests {
     }
 
     fn step(number: u64) -> ActorStep {
-        let cause = StepCause::Told(radio::In::Measure(None));
+        let cause = StepCause::Input(radio::In::Measure(None));
         let step = RecordedStep {
             now: Time::from_nanos(number),
             cause,
-            said: Vec::new(),
+            outputs: Vec::new(),
             fault: None,
         };
         ActorStep::new::<Radio>("radio", step)

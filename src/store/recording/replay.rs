@@ -1,5 +1,5 @@
-//! Takes the steps of a recording again: actors are restored from its snapshots, told what they were told, and what
-//! they say is compared with what they said. Nothing is written, and no device is touched.
+//! Takes the steps of a recording again: actors are restored from its snapshots, given the same inputs, and their
+//! outputs are compared with the recorded ones. Nothing is written, and no device is touched.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -23,7 +23,7 @@ pub struct ReplayError {
 
 /// What became of the steps of one actor.
 #[derive(Clone, PartialEq, Debug, Default)]
-pub struct ReplayVerdict {
+pub struct ReplayResult {
     /// Steps that were taken again, up to the first difference.
     pub steps: u64,
     /// The first difference.
@@ -39,8 +39,8 @@ pub struct Difference {
     pub number: u64,
     /// When it was taken.
     pub at: Time,
-    /// What the actor was told, or that it was woken, as JSON.
-    pub told: String,
+    /// The input, or that it was woken, as JSON.
+    pub input: String,
     /// What came of it when it was recorded, as JSON.
     pub then: String,
     /// What came of it now, as JSON.
@@ -51,7 +51,7 @@ pub struct Difference {
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Replayed {
     /// By node and actor: `vehicle/1/mission`.
-    pub actors: BTreeMap<String, ReplayVerdict>,
+    pub actors: BTreeMap<String, ReplayResult>,
     /// Files that end unfinished, or with a gap; in words.
     pub notes: Vec<String>,
 }
@@ -189,14 +189,14 @@ impl Segment<'_> {
             return Ok(());
         }
         verdict.steps += 1;
-        if let Some((at, [told, then, now])) = take(data).map_err(|error| error.to_string())? {
+        if let Some((at, [input, then, now])) = take(data).map_err(|error| error.to_string())? {
             *restored = None;
             let (path, number) = (self.path.to_owned(), *number);
             verdict.difference = Some(Difference {
                 path,
                 number,
                 at,
-                told,
+                input,
                 then,
                 now,
             });

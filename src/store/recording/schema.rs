@@ -29,7 +29,7 @@ impl Schema {
     /// Returns the JSON schema.
     pub(super) fn text(self) -> String {
         let properties = match self {
-            Schema::Step => r#""now_ns":{"type":"integer","description":"nanoseconds since the node started"},"told":{"description":"the input"},"told_packed":{"type":"string","contentEncoding":"base64","description":"the input, when JSON cannot hold it"},"woken":{"type":"string","description":"the reason of the deadline, in place of told"},"said":{"type":"array","description":"the outputs, in order"},"fault":{"type":"string","description":"why the actor could not go on"}"#.to_owned(),
+            Schema::Step => r#""now_ns":{"type":"integer","description":"nanoseconds since the node started"},"input":{"description":"the input"},"packed_input":{"type":"string","contentEncoding":"base64","description":"the input, when JSON cannot hold it"},"woken":{"type":"string","description":"the reason of the deadline, in place of input"},"outputs":{"type":"array","description":"the outputs, in order"},"fault":{"type":"string","description":"why the actor could not go on"}"#.to_owned(),
             Schema::Snapshot => r#""now_ns":{"type":"integer","description":"nanoseconds since the node started"},"packed":{"type":"string","contentEncoding":"base64","description":"the actor, for the same version of tomoswarm"}"#.to_owned(),
             Schema::Pose => format!(r#"{TIME},"frame_id":{{"type":"string"}},{POSE}"#),
             Schema::Grid => format!(

@@ -11,7 +11,7 @@ use tomoswarm_proto::{Message, State, TileReport, VehicleId};
 use super::schema::Schema;
 use crate::actor::{ActorStep, RecordedStep, StepCause};
 use crate::geom::{Cell, Lattice, Point};
-use crate::ground::imager::{ImagerActor, Picture, Subject};
+use crate::ground::imager::{ImagerActor, ReconstructedImage, Subject};
 use crate::ground::station::{self, Station};
 use crate::map::Merged;
 use crate::node::map::{self, Map};
@@ -65,16 +65,32 @@ impl RecordingView {
     pub(super) fn of(&mut self, step: &ActorStep) -> Vec<MessageLine> {
         let now = step.now;
         let mut shown = Vec::new();
-        if let Some(RecordedStep { said, .. }) = step.of::<Vehicle>() {
-            shown.extend(said.iter().filter_map(|out| self.vehicle(now, out)));
-        } else if let Some(RecordedStep { said, .. }) = step.of::<Mission>() {
-            shown.extend(said.iter().filter_map(|out| self.mission(now, out)));
-        } else if let Some(RecordedStep { said, .. }) = step.of::<Map>() {
-            shown.extend(self.tiles(now, said));
+        if let Some(RecordedStep {
+            outputs: output, ..
+        }) = step.of::<Vehicle>()
+        {
+            shown.extend(output.iter().filter_map(|out| self.vehicle(now, out)));
+        } else if let Some(RecordedStep {
+            outputs: output, ..
+        }) = step.of::<Mission>()
+        {
+            shown.extend(output.iter().filter_map(|out| self.mission(now, out)));
+        } else if let Some(RecordedStep {
+            outputs: output, ..
+        }) = step.of::<Map>()
+        {
+            shown.extend(self.tiles(now, output));
         } else if let Some(step) = step.of::<Station>() {
             shown.extend(self.station(step));
-        } else if let Some(RecordedStep { said, .. }) = step.of::<ImagerActor>() {
-            shown.extend(said.iter().filter_map(|picture| self.picture(now, picture)));
+        } else if let Some(RecordedStep {
+            outputs: output, ..
+        }) = step.of::<ImagerActor>()
+        {
+            shown.extend(
+                output
+                    .iter()
+                    .filter_map(|picture| self.picture(now, picture)),
+            );
         }
         shown.extend(
             step.fault
@@ -84,8 +100,8 @@ impl RecordingView {
         shown
     }
 
-    fn tiles(&mut self, now: Time, said: &[map::Out]) -> Option<MessageLine> {
-        for out in said {
+    fn tiles(&mut self, now: Time, output: &[map::Out]) -> Option<MessageLine> {
+        for out in output {
             match out {
                 map::Out::Tiles(tiles) => tiles.iter().for_each(|tile| self.learn(tile)),
                 map::Out::Publish(_) => {}
@@ -97,8 +113,8 @@ impl RecordingView {
     fn vehicle(&self, now: Time, out: &vehicle::Out) -> Option<MessageLine> {
         match out {
             vehicle::Out::Publish(state) => pose(now, state),
-            vehicle::Out::SafetyEvent(remark) => {
-                Some(self.log(now, INFO, "vehicle", &remark.to_string()))
+            vehicle::Out::SafetyEvent(event) => {
+                Some(self.log(now, INFO, "vehicle", &event.to_string()))
             }
             vehicle::Out::AutopilotCommand(_)
             | vehicle::Out::State(_)
@@ -109,8 +125,8 @@ impl RecordingView {
 
     fn mission(&self, now: Time, out: &mission::Out) -> Option<MessageLine> {
         match out {
-            mission::Out::MissionEvent(remark) => {
-                Some(self.log(now, INFO, "mission", &remark.to_string()))
+            mission::Out::MissionEvent(event) => {
+                Some(self.log(now, INFO, "mission", &event.to_string()))
             }
             mission::Out::Command(..)
             | mission::Out::Holds(_)
@@ -123,7 +139,7 @@ impl RecordingView {
 
     fn station(&mut self, step: &RecordedStep<station::In, station::Out>) -> Vec<MessageLine> {
         let mut shown = Vec::new();
-        if let StepCause::Told(station::In::Bus(message)) = &step.cause {
+        if let StepCause::Input(station::In::Bus(message)) = &step.cause {
             match message {
                 Message::State(state) => {
                     shown.extend(self.newer(state).then(|| pose(step.now, state)).flatten())
@@ -145,7 +161,7 @@ impl RecordingView {
                 | Message::Image(_) => {}
             }
         }
-        for out in &step.said {
+        for out in &step.outputs {
             if let station::Out::StationEvent(note) = out {
                 shown.push(self.log(step.now, INFO, "station", &note.to_string()));
             }
@@ -202,7 +218,7 @@ impl RecordingView {
         Some(self.shown("map", Schema::Grid, grid.json(now)))
     }
 
-    fn picture(&self, now: Time, picture: &Picture) -> Option<MessageLine> {
+    fn picture(&self, now: Time, picture: &ReconstructedImage) -> Option<MessageLine> {
         let topic = match picture.subject {
             Subject::Change => "image",
             Subject::Structure => "structure",

@@ -12,7 +12,7 @@ use crate::time::Time;
 
 /// All peers that were heard.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub(super) struct Peers {
+pub(super) struct PeerFacts {
     heard: BTreeMap<VehicleId, Peer>,
 }
 
@@ -27,7 +27,7 @@ struct Peer {
     newest_at: Time,
 }
 
-impl Peers {
+impl PeerFacts {
     /// Takes a peer's progress; returns whether it is of its latest start, as far as known.
     pub(super) fn hear(&mut self, now: Time, progress: &VehicleProgress) -> bool {
         let newest = (progress.run, progress.revision);
@@ -93,7 +93,7 @@ mod tests {
 
     #[test]
     fn what_was_said_before_does_no_harm_when_it_comes_late() {
-        let mut peers = Peers::default();
+        let mut peers = PeerFacts::default();
         assert!(peers.hear(second(1.0), &heard(2, 5, None)));
         assert!(peers.hear(second(1.1), &heard(2, 4, Some(1))));
         assert!(peers.follows(PEER, edition(5)) && !peers.follows(PEER, edition(4)));
@@ -108,7 +108,7 @@ mod tests {
 
     #[test]
     fn who_drives_follows_and_does_not_rest() {
-        let mut peers = Peers::default();
+        let mut peers = PeerFacts::default();
         peers.hear(second(1.0), &heard(1, 5, Some(2)));
         assert!(peers.follows(PEER, edition(5)) && !peers.rests_under(PEER, edition(5)));
     }
@@ -116,13 +116,13 @@ mod tests {
     #[test]
     fn a_revision_that_is_not_said_again_is_void_and_so_is_a_start() {
         for (after_s, is_believed) in [(10.0, false), (10.1, true)] {
-            let mut peers = Peers::default();
+            let mut peers = PeerFacts::default();
             peers.hear(second(0.0), &heard(1, 900, None));
             peers.hear(second(after_s), &heard(1, 5, None));
             assert_eq!(peers.follows(PEER, edition(5)), is_believed, "{after_s}");
         }
         for (after_s, is_believed) in [(30.0, false), (30.1, true)] {
-            let mut peers = Peers::default();
+            let mut peers = PeerFacts::default();
             peers.hear(second(0.0), &heard(40, 5, None));
             assert_eq!(peers.hear(second(after_s), &heard(3, 5, None)), is_believed);
         }

@@ -8,7 +8,7 @@ use tomoswarm_proto::{Lease, Plan, Revision, VehicleId};
 
 use super::{Edition, edition_of};
 use crate::geom::Point;
-use crate::sweep::{PlanRefusal, PlanVerdict, validate};
+use crate::sweep::{OfferResult, PlanRefusal, validate};
 
 /// The plans of a revision, collected.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -19,7 +19,7 @@ pub(super) struct PendingRevision {
 
 /// The vehicle that would follow a revision, as it is now.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Candidate {
+pub(super) struct AdoptingVehicle {
     pub vehicle: VehicleId,
     /// Where it rests; `None` = it does not.
     pub rest: Option<Point>,
@@ -85,21 +85,21 @@ impl PendingRevision {
     ///
     /// # Errors
     /// The verdict that it is not so.
-    pub(super) fn adopt(&mut self, candidate: Candidate) -> Result<Vec<Plan>, PlanVerdict> {
+    pub(super) fn adopt(&mut self, candidate: AdoptingVehicle) -> Result<Vec<Plan>, OfferResult> {
         let Some(sample) = self.plans.values().next() else {
-            return Err(PlanVerdict::Old);
+            return Err(OfferResult::Old);
         };
         let (members, revision) = (&sample.members, sample.revision);
         if !members.contains(&candidate.vehicle) {
             return Err(self.refuse(PlanRefusal::NotMember { revision }));
         }
         if let Some(refusal @ PlanRefusal::Invalid { .. }) = &self.refusal {
-            return Err(PlanVerdict::Refused(refusal.clone()));
+            return Err(OfferResult::Refused(refusal.clone()));
         }
         let is_complete = members.iter().all(|member| self.plans.contains_key(member));
         let own = self.plans.get(&candidate.vehicle).filter(|_| is_complete);
         let (Some(rest), Some(own)) = (candidate.rest, own) else {
-            return Err(PlanVerdict::Unchanged);
+            return Err(OfferResult::Unchanged);
         };
         let distance_m = rest.distance_to(own.start.into());
         // A vehicle without stops of its own is in the way of the others all the same.
@@ -121,9 +121,9 @@ impl PendingRevision {
         Ok(plans)
     }
 
-    fn refuse(&mut self, refusal: PlanRefusal) -> PlanVerdict {
+    fn refuse(&mut self, refusal: PlanRefusal) -> OfferResult {
         self.refusal = Some(refusal.clone());
-        PlanVerdict::Refused(refusal)
+        OfferResult::Refused(refusal)
     }
 }
 
@@ -145,8 +145,8 @@ mod tests {
     }
 
     /// Vehicle 1 at rest at its start, under a revision.
-    fn candidate() -> Candidate {
-        Candidate {
+    fn candidate() -> AdoptingVehicle {
+        AdoptingVehicle {
             vehicle: ONE,
             rest: Some(Point::new(0.0, 5.0)),
             tolerance_m: 0.3,
@@ -173,7 +173,7 @@ mod tests {
         assert_eq!(pending.revision(), Some(Revision(4)));
         assert_eq!(
             pending.adopt(candidate()),
-            Err(PlanVerdict::Unchanged),
+            Err(OfferResult::Unchanged),
             "one plan is missing"
         );
     }
@@ -192,16 +192,16 @@ mod tests {
     #[test]
     fn it_is_adopted_whole_and_only_by_who_rests() {
         let mut pending = collected(&[plan(TWO, 3, 1, 2), plan(ONE, 3, 1, 2)]);
-        let moving = Candidate {
+        let moving = AdoptingVehicle {
             rest: None,
             ..candidate()
         };
-        assert_eq!(pending.adopt(moving), Err(PlanVerdict::Unchanged));
+        assert_eq!(pending.adopt(moving), Err(OfferResult::Unchanged));
         let plans = pending.adopt(candidate()).unwrap();
         assert_eq!([plans[0].vehicle, plans[1].vehicle], [ONE, TWO]);
         assert_eq!(
             pending.adopt(candidate()),
-            Err(PlanVerdict::Old),
+            Err(OfferResult::Old),
             "nothing is pending"
         );
     }
@@ -214,7 +214,7 @@ mod tests {
             let verdict = pending.adopt(candidate);
             (verdict.is_err(), pending.refusal().cloned())
         };
-        let stranger = Candidate {
+        let stranger = AdoptingVehicle {
             vehicle: VehicleId(3),
             ..candidate()
         };
@@ -222,7 +222,7 @@ mod tests {
             refusal(stranger),
             (true, Some(PlanRefusal::NotMember { .. }))
         ));
-        let restarted = Candidate {
+        let restarted = AdoptingVehicle {
             follows: false,
             ..candidate()
         };
@@ -230,7 +230,7 @@ mod tests {
             refusal(restarted),
             (true, Some(PlanRefusal::NotStopped { .. }))
         ));
-        let elsewhere = Candidate {
+        let elsewhere = AdoptingVehicle {
             rest: Some(Point::new(0.4, 5.0)),
             ..candidate()
         };

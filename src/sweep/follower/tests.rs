@@ -54,8 +54,8 @@ fn second(seconds: f64) -> Time {
 /// A follower of vehicle 1 that has adopted the empty revision 1.
 fn stopped() -> Follower {
     let mut follower = Follower::new(ONE, at(0.0), 0.3);
-    assert_eq!(follower.offer(&plan(ONE, 1, 0)), PlanVerdict::Unchanged);
-    assert_eq!(follower.offer(&plan(TWO, 1, 0)), PlanVerdict::Adopted);
+    assert_eq!(follower.offer(&plan(ONE, 1, 0)), OfferResult::Unchanged);
+    assert_eq!(follower.offer(&plan(TWO, 1, 0)), OfferResult::Adopted);
     follower
 }
 
@@ -63,7 +63,7 @@ fn stopped() -> Follower {
 fn following(own: &Plan) -> Follower {
     let mut follower = stopped();
     follower.offer(&plan(TWO, 2, 5));
-    assert_eq!(follower.offer(own), PlanVerdict::Adopted);
+    assert_eq!(follower.offer(own), OfferResult::Adopted);
     follower
 }
 
@@ -132,12 +132,12 @@ fn a_begun_leg_is_ended_before_the_next_revision() {
     let mut follower = following(&plan(ONE, 2, 3));
     follower.hear(second(1.0), &peer(2, None, None));
     follower.enter(StopId(1)).unwrap();
-    assert_eq!(follower.offer(&plan(TWO, 3, 0)), PlanVerdict::Unchanged);
+    assert_eq!(follower.offer(&plan(TWO, 3, 0)), OfferResult::Unchanged);
     assert!(
         follower.next_leg().is_none(),
         "half a revision heard is enough to stop"
     );
-    assert_eq!(follower.offer(&plan(ONE, 3, 0)), PlanVerdict::Unchanged);
+    assert_eq!(follower.offer(&plan(ONE, 3, 0)), OfferResult::Unchanged);
     assert_eq!(follower.progress().revision, Revision(2));
     follower.arrive(second(2.0), StopId(1), at(1.0)).unwrap();
     assert_eq!(
@@ -148,7 +148,7 @@ fn a_begun_leg_is_ended_before_the_next_revision() {
         }
     );
     assert!(follower.finished());
-    assert_eq!(follower.offer(&plan(ONE, 2, 3)), PlanVerdict::Old);
+    assert_eq!(follower.offer(&plan(ONE, 2, 3)), OfferResult::Old);
 }
 
 #[test]
@@ -165,7 +165,7 @@ fn a_held_leg_may_be_given_up_for_the_next_revision() {
     let mut next = plan(ONE, 4, 1);
     next.start = Position::from_metres(0.8, 5.0, 0.0);
     follower.offer(&plan(TWO, 4, 1));
-    assert_eq!(follower.offer(&next), PlanVerdict::Adopted);
+    assert_eq!(follower.offer(&next), OfferResult::Adopted);
 }
 
 #[test]
@@ -177,7 +177,7 @@ fn a_revision_from_elsewhere_is_refused_and_holds() {
     follower.offer(&next);
     let verdict = follower.offer(&plan(TWO, 3, 4));
     assert!(
-        matches!(verdict, PlanVerdict::Refused(PlanRefusal::Elsewhere { .. })),
+        matches!(verdict, OfferResult::Refused(PlanRefusal::Elsewhere { .. })),
         "{verdict:?}"
     );
     assert!(follower.next_leg().is_none());
@@ -194,17 +194,17 @@ fn invalid_and_foreign_revisions_are_refused_and_hold() {
     follower.offer(&circle);
     assert!(matches!(
         follower.offer(&other),
-        PlanVerdict::Refused(PlanRefusal::Invalid { .. })
+        OfferResult::Refused(PlanRefusal::Invalid { .. })
     ));
     let mut without = plan(TWO, 4, 2);
     without.members = vec![TWO];
     assert!(matches!(
         follower.offer(&without),
-        PlanVerdict::Refused(PlanRefusal::NotMember { .. })
+        OfferResult::Refused(PlanRefusal::NotMember { .. })
     ));
     assert_eq!(follower.progress().revision, Revision(1));
     follower.offer(&plan(TWO, 5, 2));
-    assert_eq!(follower.offer(&plan(ONE, 5, 2)), PlanVerdict::Adopted);
+    assert_eq!(follower.offer(&plan(ONE, 5, 2)), OfferResult::Adopted);
 }
 
 #[test]
@@ -215,7 +215,7 @@ fn a_restarted_vehicle_begins_nothing_before_an_empty_revision() {
     assert!(
         matches!(
             verdict,
-            PlanVerdict::Refused(PlanRefusal::NotStopped { .. })
+            OfferResult::Refused(PlanRefusal::NotStopped { .. })
         ),
         "{verdict:?}"
     );
@@ -270,17 +270,17 @@ fn plans_of_two_grounds_under_one_edition_are_not_mixed() {
     let mut follower = stopped();
     assert_eq!(
         follower.offer(&of(plan(ONE, 2, 3), 1)),
-        PlanVerdict::Unchanged
+        OfferResult::Unchanged
     );
     assert_eq!(
         follower.offer(&of(plan(TWO, 2, 5), 2)),
-        PlanVerdict::Unchanged,
+        OfferResult::Unchanged,
         "the own one is of the lower right"
     );
-    assert_eq!(follower.offer(&of(plan(ONE, 2, 3), 1)), PlanVerdict::Old);
+    assert_eq!(follower.offer(&of(plan(ONE, 2, 3), 1)), OfferResult::Old);
     assert_eq!(
         follower.offer(&of(plan(ONE, 2, 4), 2)),
-        PlanVerdict::Adopted
+        OfferResult::Adopted
     );
     assert!(follower.plans().iter().all(|plan| plan.lease.number == 2));
 }
@@ -295,22 +295,22 @@ fn what_a_lower_right_has_given_and_nobody_follows_is_void_whatever_its_revision
     follower.hear(second(1.0), &peer(2, None, None));
     assert_eq!(
         follower.offer(&of(plan(ONE, 900, 0), 1)),
-        PlanVerdict::Unchanged
+        OfferResult::Unchanged
     );
     assert!(follower.next_leg().is_none());
     assert_eq!(
         follower.offer(&of(plan(ONE, 3, 0), 2)),
-        PlanVerdict::Unchanged
+        OfferResult::Unchanged
     );
     assert_eq!(follower.pending_edition(), Some((RunId(1), Revision(3))));
     assert_eq!(
         follower.offer(&of(plan(TWO, 900, 0), 1)),
-        PlanVerdict::Unchanged,
+        OfferResult::Unchanged,
         "a later one is collected"
     );
     assert_eq!(
         follower.offer(&of(plan(ONE, 2, 3), 3)),
-        PlanVerdict::Old,
+        OfferResult::Old,
         "it is followed already"
     );
     assert_eq!(

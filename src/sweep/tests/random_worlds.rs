@@ -9,7 +9,7 @@ use tomoswarm_proto::{Plan, Position, Revision, RunId, Stop, StopId, VehicleId};
 
 use crate::geom::{Point, Track};
 use crate::sweep::{
-    Follower, Phase, Succession, VehicleProgress, WaitsFor, check_separation, order_legs,
+    Follower, RevisionPhase, Succession, VehicleProgress, WaitsFor, check_separation, order_legs,
 };
 use crate::time::Time;
 
@@ -419,11 +419,11 @@ impl World {
     /// rest next, which may be wrong by the time it is heard, or after an empty revision.
     fn replan(&mut self) {
         match self.ground.phase() {
-            Phase::Stopped => {
+            RevisionPhase::Stopped => {
                 let rests: Vec<Point> = self.bodies.iter().map(|body| body.at).collect();
                 self.begin(&rests);
             }
-            Phase::Driving if self.replans_left > 0 && self.dice.chance(5) => {
+            RevisionPhase::Driving if self.replans_left > 0 && self.dice.chance(5) => {
                 self.replans_left -= 1;
                 let end = |body: &Body| {
                     body.follower
@@ -441,7 +441,7 @@ impl World {
                     self.publish();
                 }
             }
-            Phase::Driving => {
+            RevisionPhase::Driving => {
                 let refused = self
                     .bodies
                     .iter()
@@ -451,7 +451,7 @@ impl World {
                     self.publish();
                 }
             }
-            Phase::Resting | Phase::Stopping => {}
+            RevisionPhase::Resting | RevisionPhase::Stopping => {}
         }
     }
 
@@ -471,7 +471,7 @@ impl World {
             let ended = |body: &Body| {
                 body.follower.finished() && body.follower.progress().revision == newest
             };
-            if self.ground.phase() == Phase::Driving && self.bodies.iter().all(ended) {
+            if self.ground.phase() == RevisionPhase::Driving && self.bodies.iter().all(ended) {
                 return Outcome {
                     finished: true,
                     closest_m: self.closest_m,

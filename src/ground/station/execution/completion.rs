@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::{Conditions, Phase, PublishedPlans, SweepOutput};
+use super::{Conditions, ExecutionPhase, PublishedPlans, SweepOutput};
 
 /// Time for the last samples to come in after the last stop.
 const CLOSING: Duration = Duration::from_secs(3);
@@ -11,11 +11,11 @@ const CLOSING_MAX: Duration = Duration::from_secs(60);
 
 /// Counts the laps that all vehicles have done; after the last one the samples are waited for.
 pub(super) fn count_laps(
-    phase: &mut Phase,
+    phase: &mut ExecutionPhase,
     plans: &PublishedPlans,
     at: &Conditions<'_>,
 ) -> Option<SweepOutput> {
-    let Phase::Running { sweep, laps, .. } = phase else {
+    let ExecutionPhase::Running { sweep, laps, .. } = phase else {
         return None;
     };
     let is_done = |lap: &[_]| plans.is_lap_done(at.fleet, lap);
@@ -30,8 +30,8 @@ pub(super) fn count_laps(
 }
 
 /// Closes a run whose samples are in; of what is missing no more is expected after a while.
-pub(super) fn close(phase: &mut Phase, at: &Conditions<'_>) -> Option<SweepOutput> {
-    let Phase::Closing { sweep, since } = *phase else {
+pub(super) fn close(phase: &mut ExecutionPhase, at: &Conditions<'_>) -> Option<SweepOutput> {
+    let ExecutionPhase::Closing { sweep, since } = *phase else {
         return None;
     };
     let waited = at.now.since(since);

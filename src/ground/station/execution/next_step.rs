@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::{Conditions, Phase, PublishedPlans, Sweep};
+use super::{Conditions, ExecutionPhase, PublishedPlans, SweepRun};
 use crate::ground::station::lost_vehicles::is_too_few;
 use crate::time::Time;
 
@@ -30,44 +30,58 @@ pub(super) enum NextStep {
 
 impl NextStep {
     /// Returns the next step.
-    pub(super) fn of(phase: &Phase, plans: &PublishedPlans, at: &Conditions<'_>) -> NextStep {
+    pub(super) fn of(
+        phase: &ExecutionPhase,
+        plans: &PublishedPlans,
+        at: &Conditions<'_>,
+    ) -> NextStep {
         if at.is_held {
             return NextStep::while_held(phase, plans, at.now);
         }
         let is_over = |since: Time, limit: Duration| at.now.since(since) > limit;
         match *phase {
-            Phase::Idle { .. } | Phase::Closing { .. } => NextStep::Wait,
-            Phase::Stopping { .. } | Phase::Planning { .. } | Phase::Running { .. }
+            ExecutionPhase::Idle { .. } | ExecutionPhase::Closing { .. } => NextStep::Wait,
+            ExecutionPhase::Stopping { .. }
+            | ExecutionPhase::Planning { .. }
+            | ExecutionPhase::Running { .. }
                 if must_rest(phase, plans, at) =>
             {
                 NextStep::Replan
             }
-            Phase::Stopping { .. } if may_plan(plans, at) => NextStep::Ask,
-            Phase::Stopping { since, .. }
+            ExecutionPhase::Stopping { .. } if may_plan(plans, at) => NextStep::Ask,
+            ExecutionPhase::Stopping { since, .. }
                 if is_over(since, STALLED_AFTER) && !is_too_few(at.fleet) =>
             {
                 NextStep::Retry
             }
             // The request or the answer was lost.
-            Phase::Planning { since, .. } if is_over(since, ANSWERED_WITHIN) => NextStep::Ask,
-            Phase::Planning { .. } => NextStep::Wait,
-            Phase::Running { since, .. }
+            ExecutionPhase::Planning { since, .. } if is_over(since, ANSWERED_WITHIN) => {
+                NextStep::Ask
+            }
+            ExecutionPhase::Planning { .. } => NextStep::Wait,
+            ExecutionPhase::Running { since, .. }
                 if is_over(since, ADOPTED_WITHIN) && !plans.are_shown() =>
             {
                 NextStep::Replan
             }
-            Phase::Running { progress_at, .. } if is_over(progress_at, STALLED_AFTER) => {
+            ExecutionPhase::Running { progress_at, .. } if is_over(progress_at, STALLED_AFTER) => {
                 NextStep::Retry
             }
-            Phase::Stopping { .. } | Phase::Running { .. } => NextStep::repeat(plans, at.now),
+            ExecutionPhase::Stopping { .. } | ExecutionPhase::Running { .. } => {
+                NextStep::repeat(plans, at.now)
+            }
         }
     }
 
     /// Returns the next step while an order other than Start is in force: nothing is planned or timed.
-    fn while_held(phase: &Phase, plans: &PublishedPlans, now: Time) -> NextStep {
+    fn while_held(phase: &ExecutionPhase, plans: &PublishedPlans, now: Time) -> NextStep {
         match phase {
-            Phase::Stopping { .. } | Phase::Running { .. } => NextStep::repeat(plans, now),
-            Phase::Idle { .. } | Phase::Planning { .. } | Phase::Closing { .. } => NextStep::Wait,
+            ExecutionPhase::Stopping { .. } | ExecutionPhase::Running { .. } => {
+                NextStep::repeat(plans, now)
+            }
+            ExecutionPhase::Idle { .. }
+            | ExecutionPhase::Planning { .. }
+            | ExecutionPhase::Closing { .. } => NextStep::Wait,
         }
     }
 
@@ -80,8 +94,12 @@ impl NextStep {
 }
 
 /// Returns whether the present plans are for others than those who are there, or somebody has forgotten them.
-pub(super) fn must_rest(phase: &Phase, plans: &PublishedPlans, at: &Conditions<'_>) -> bool {
-    let is_disturbed = phase.sweep().is_some_and(Sweep::is_disturbed);
+pub(super) fn must_rest(
+    phase: &ExecutionPhase,
+    plans: &PublishedPlans,
+    at: &Conditions<'_>,
+) -> bool {
+    let is_disturbed = phase.sweep().is_some_and(SweepRun::is_disturbed);
     is_disturbed || plans.members() != Some(&at.fleet.present()[..])
 }
 

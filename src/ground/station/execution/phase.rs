@@ -20,85 +20,87 @@ use std::mem::{Discriminant, discriminant};
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{StopId, VehicleId};
 
-use super::sweep::{Laps, Sweep};
+use super::sweep::{Laps, SweepRun};
 use crate::time::Time;
 
 /// The state of the execution; `since` = when it was entered, or an order was lifted that had held everyone up in it.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-pub(crate) enum Phase {
+pub(crate) enum ExecutionPhase {
     /// No sweep is under way.
     Idle {
         /// The sweep that was closed or given up last.
-        last: Option<Sweep>,
+        last: Option<SweepRun>,
     },
     /// Everyone is brought to rest, to be planned for.
-    Stopping { sweep: Sweep, since: Time },
+    Stopping { sweep: SweepRun, since: Time },
     /// Plans are being made from where the vehicles rest.
-    Planning { sweep: Sweep, since: Time },
+    Planning { sweep: SweepRun, since: Time },
     /// The vehicles follow their plans.
     Running {
-        sweep: Sweep,
+        sweep: SweepRun,
         laps: Laps,
         since: Time,
         /// When a vehicle last made progress with its plan, or `since` if that is later.
         progress_at: Time,
     },
     /// The last samples are waited for.
-    Closing { sweep: Sweep, since: Time },
+    Closing { sweep: SweepRun, since: Time },
 }
 
-impl Default for Phase {
-    fn default() -> Phase {
-        Phase::Idle { last: None }
+impl Default for ExecutionPhase {
+    fn default() -> ExecutionPhase {
+        ExecutionPhase::Idle { last: None }
     }
 }
 
-impl Phase {
+impl ExecutionPhase {
     /// Returns the sweep that is under way.
-    pub(crate) fn sweep(&self) -> Option<&Sweep> {
+    pub(crate) fn sweep(&self) -> Option<&SweepRun> {
         match self {
-            Phase::Idle { .. } => None,
-            Phase::Stopping { sweep, .. }
-            | Phase::Planning { sweep, .. }
-            | Phase::Running { sweep, .. }
-            | Phase::Closing { sweep, .. } => Some(sweep),
+            ExecutionPhase::Idle { .. } => None,
+            ExecutionPhase::Stopping { sweep, .. }
+            | ExecutionPhase::Planning { sweep, .. }
+            | ExecutionPhase::Running { sweep, .. }
+            | ExecutionPhase::Closing { sweep, .. } => Some(sweep),
         }
     }
 
     /// Returns the sweep that is under way, to be changed.
-    pub(crate) fn sweep_mut(&mut self) -> Option<&mut Sweep> {
+    pub(crate) fn sweep_mut(&mut self) -> Option<&mut SweepRun> {
         match self {
-            Phase::Idle { .. } => None,
-            Phase::Stopping { sweep, .. }
-            | Phase::Planning { sweep, .. }
-            | Phase::Running { sweep, .. }
-            | Phase::Closing { sweep, .. } => Some(sweep),
+            ExecutionPhase::Idle { .. } => None,
+            ExecutionPhase::Stopping { sweep, .. }
+            | ExecutionPhase::Planning { sweep, .. }
+            | ExecutionPhase::Running { sweep, .. }
+            | ExecutionPhase::Closing { sweep, .. } => Some(sweep),
         }
     }
 
     /// Returns the sweep that is under way, or else the last one.
-    pub(crate) fn newest_sweep(&self) -> Option<&Sweep> {
+    pub(crate) fn newest_sweep(&self) -> Option<&SweepRun> {
         match self {
-            Phase::Idle { last } => last.as_ref(),
-            Phase::Stopping { .. }
-            | Phase::Planning { .. }
-            | Phase::Running { .. }
-            | Phase::Closing { .. } => self.sweep(),
+            ExecutionPhase::Idle { last } => last.as_ref(),
+            ExecutionPhase::Stopping { .. }
+            | ExecutionPhase::Planning { .. }
+            | ExecutionPhase::Running { .. }
+            | ExecutionPhase::Closing { .. } => self.sweep(),
         }
     }
 
     /// Returns the sweep for which vehicles follow plans, or are to: neither none nor one that only waits for samples.
-    pub(crate) fn driven(&self) -> Option<&Sweep> {
+    pub(crate) fn driven(&self) -> Option<&SweepRun> {
         match self {
-            Phase::Idle { .. } | Phase::Closing { .. } => None,
-            Phase::Stopping { .. } | Phase::Planning { .. } | Phase::Running { .. } => self.sweep(),
+            ExecutionPhase::Idle { .. } | ExecutionPhase::Closing { .. } => None,
+            ExecutionPhase::Stopping { .. }
+            | ExecutionPhase::Planning { .. }
+            | ExecutionPhase::Running { .. } => self.sweep(),
         }
     }
 
     /// Begins a sweep, if none is under way.
-    pub(crate) fn begin(&mut self, now: Time, sweep: Sweep) {
-        if let Phase::Idle { .. } = self {
-            *self = Phase::Stopping { sweep, since: now };
+    pub(crate) fn begin(&mut self, now: Time, sweep: SweepRun) {
+        if let ExecutionPhase::Idle { .. } = self {
+            *self = ExecutionPhase::Stopping { sweep, since: now };
         }
     }
 
@@ -106,21 +108,23 @@ impl Phase {
     pub(crate) fn stop(&mut self, now: Time) {
         if let Some(mut sweep) = self.driven().copied() {
             sweep.settle();
-            *self = Phase::Stopping { sweep, since: now };
+            *self = ExecutionPhase::Stopping { sweep, since: now };
         }
     }
 
     /// Waits for plans, once all are at rest; the whole time again if it does so already.
     pub(crate) fn plan(&mut self, now: Time) {
-        if let Phase::Stopping { sweep, .. } | Phase::Planning { sweep, .. } = *self {
-            *self = Phase::Planning { sweep, since: now };
+        if let ExecutionPhase::Stopping { sweep, .. } | ExecutionPhase::Planning { sweep, .. } =
+            *self
+        {
+            *self = ExecutionPhase::Planning { sweep, since: now };
         }
     }
 
     /// Lets the vehicles follow plans that have come, with the given last stops in each lap.
     pub(crate) fn run(&mut self, now: Time, last_stops: Vec<Vec<(VehicleId, StopId)>>) {
-        if let Phase::Planning { sweep, .. } = *self {
-            *self = Phase::Running {
+        if let ExecutionPhase::Planning { sweep, .. } = *self {
+            *self = ExecutionPhase::Running {
                 sweep,
                 laps: Laps::new(sweep.laps_done(), last_stops),
                 since: now,
@@ -131,15 +135,15 @@ impl Phase {
 
     /// Waits for the last samples, once every stop is done.
     pub(crate) fn close(&mut self, now: Time) {
-        if let Phase::Running { sweep, .. } = *self {
-            *self = Phase::Closing { sweep, since: now };
+        if let ExecutionPhase::Running { sweep, .. } = *self {
+            *self = ExecutionPhase::Closing { sweep, since: now };
         }
     }
 
     /// Ends the sweep that is under way; it is the last one from now on.
     pub(crate) fn end(&mut self) {
         if let Some(sweep) = self.sweep().copied() {
-            *self = Phase::Idle { last: Some(sweep) };
+            *self = ExecutionPhase::Idle { last: Some(sweep) };
         }
     }
 
@@ -154,7 +158,7 @@ impl Phase {
 
     /// Takes that a vehicle has made progress with its plan.
     pub(crate) fn note_progress(&mut self, now: Time) {
-        if let Phase::Running { progress_at, .. } = self {
+        if let ExecutionPhase::Running { progress_at, .. } = self {
             *progress_at = now;
         }
     }
@@ -162,9 +166,11 @@ impl Phase {
     /// Gives everyone the whole time again: an order that had held them up is lifted.
     pub(crate) fn go_on(&mut self, now: Time) {
         match self {
-            Phase::Idle { .. } | Phase::Closing { .. } => {}
-            Phase::Stopping { since, .. } | Phase::Planning { since, .. } => *since = now,
-            Phase::Running {
+            ExecutionPhase::Idle { .. } | ExecutionPhase::Closing { .. } => {}
+            ExecutionPhase::Stopping { since, .. } | ExecutionPhase::Planning { since, .. } => {
+                *since = now
+            }
+            ExecutionPhase::Running {
                 since, progress_at, ..
             } => (*since, *progress_at) = (now, now),
         }
@@ -175,30 +181,38 @@ impl Phase {
     pub(crate) fn count_from(&mut self, now: Time) {
         self.go_on(now);
         match self {
-            Phase::Planning { sweep, .. } => {
-                *self = Phase::Stopping {
+            ExecutionPhase::Planning { sweep, .. } => {
+                *self = ExecutionPhase::Stopping {
                     sweep: *sweep,
                     since: now,
                 }
             }
-            Phase::Closing { since, .. } => *since = now,
-            Phase::Idle { .. } | Phase::Stopping { .. } | Phase::Running { .. } => {}
+            ExecutionPhase::Closing { since, .. } => *since = now,
+            ExecutionPhase::Idle { .. }
+            | ExecutionPhase::Stopping { .. }
+            | ExecutionPhase::Running { .. } => {}
         }
     }
 
     /// Returns whether two are the same, whatever their times.
-    pub(crate) fn is_same_but_for_times(&self, other: &Phase) -> bool {
+    pub(crate) fn is_same_but_for_times(&self, other: &ExecutionPhase) -> bool {
         self.without_times() == other.without_times()
     }
 
     /// Returns everything but the times. Every field is named, so that none is forgotten.
-    fn without_times(&self) -> (Discriminant<Phase>, Option<&Sweep>, Option<&Laps>) {
+    fn without_times(
+        &self,
+    ) -> (
+        Discriminant<ExecutionPhase>,
+        Option<&SweepRun>,
+        Option<&Laps>,
+    ) {
         let (sweep, laps) = match self {
-            Phase::Idle { last } => (last.as_ref(), None),
-            Phase::Stopping { sweep, since: _ }
-            | Phase::Planning { sweep, since: _ }
-            | Phase::Closing { sweep, since: _ } => (Some(sweep), None),
-            Phase::Running {
+            ExecutionPhase::Idle { last } => (last.as_ref(), None),
+            ExecutionPhase::Stopping { sweep, since: _ }
+            | ExecutionPhase::Planning { sweep, since: _ }
+            | ExecutionPhase::Closing { sweep, since: _ } => (Some(sweep), None),
+            ExecutionPhase::Running {
                 sweep,
                 laps,
                 since: _,
@@ -220,17 +234,17 @@ mod tests {
         Time::from_secs_f64(at_s)
     }
 
-    fn sweep() -> Sweep {
-        Sweep::new(RequestedSweep {
+    fn sweep() -> SweepRun {
+        SweepRun::new(RequestedSweep {
             run: RunId(2),
             compared_with: Some(RunId(1)),
         })
     }
 
     /// Every state, entered at the first second.
-    fn every_state() -> [Phase; 5] {
-        let mut states: Vec<Phase> = vec![Phase::default()];
-        let ways: [fn(&mut Phase); 4] = [
+    fn every_state() -> [ExecutionPhase; 5] {
+        let mut states: Vec<ExecutionPhase> = vec![ExecutionPhase::default()];
+        let ways: [fn(&mut ExecutionPhase); 4] = [
             |it| it.begin(at(1.0), sweep()),
             |it| it.plan(at(1.0)),
             |it| it.run(at(1.0), vec![vec![]]),
@@ -245,7 +259,7 @@ mod tests {
     }
 
     /// What a transition is called in the drawing, and what it does.
-    type Transition = (&'static str, fn(&mut Phase));
+    type Transition = (&'static str, fn(&mut ExecutionPhase));
 
     const TRANSITIONS: [Transition; 6] = [
         ("begin", |it| it.begin(at(2.0), sweep())),
@@ -259,7 +273,7 @@ mod tests {
     #[test]
     fn the_drawing_shows_every_state_and_every_transition() {
         let source = include_str!("phase.rs");
-        assert_eq!(drawn(source), variants::<Phase>());
+        assert_eq!(drawn(source), variants::<ExecutionPhase>());
         let drawing = source.split("```").nth(1).unwrap();
         for (name, _) in TRANSITIONS {
             let words = drawing.split(|letter: char| !letter.is_alphabetic());
@@ -271,15 +285,17 @@ mod tests {
     fn every_transition_leads_from_every_state_where_the_drawing_says() {
         for phase in every_state() {
             let expected = match &phase {
-                Phase::Idle { .. } => ["Stopping", "Idle", "Idle", "Idle", "Idle"],
-                Phase::Stopping { .. } => {
+                ExecutionPhase::Idle { .. } => ["Stopping", "Idle", "Idle", "Idle", "Idle"],
+                ExecutionPhase::Stopping { .. } => {
                     ["Stopping", "Planning", "Stopping", "Stopping", "Stopping"]
                 }
-                Phase::Planning { .. } => {
+                ExecutionPhase::Planning { .. } => {
                     ["Planning", "Planning", "Running", "Stopping", "Planning"]
                 }
-                Phase::Running { .. } => ["Running", "Running", "Running", "Stopping", "Closing"],
-                Phase::Closing { .. } => ["Closing"; 5],
+                ExecutionPhase::Running { .. } => {
+                    ["Running", "Running", "Running", "Stopping", "Closing"]
+                }
+                ExecutionPhase::Closing { .. } => ["Closing"; 5],
             };
             let expected = expected.into_iter().chain(["Idle"]);
             for ((name, go), expected) in TRANSITIONS.into_iter().zip(expected) {
@@ -292,7 +308,7 @@ mod tests {
 
     #[test]
     fn what_ends_is_the_last_sweep_until_the_next_one_begins() {
-        let mut phase = Phase::default();
+        let mut phase = ExecutionPhase::default();
         phase.end();
         assert_eq!((phase.sweep(), phase.newest_sweep()), (None, None));
         phase.begin(at(1.0), sweep());
@@ -315,7 +331,7 @@ mod tests {
         sweep.complete_laps(3);
         sweep.disturb();
         phase.run(at(2.0), vec![vec![], vec![]]);
-        let Phase::Running { laps, .. } = &phase else {
+        let ExecutionPhase::Running { laps, .. } = &phase else {
             unreachable!()
         };
         assert_eq!(laps.total(), 5);
@@ -328,8 +344,8 @@ mod tests {
     fn a_lifted_order_gives_the_whole_time_again_and_progress_only_that_for_progress() {
         let mut phase = every_state()[3].clone();
         phase.note_progress(at(5.0));
-        let times = |phase: &Phase| match phase {
-            Phase::Running {
+        let times = |phase: &ExecutionPhase| match phase {
+            ExecutionPhase::Running {
                 since, progress_at, ..
             } => (*since, *progress_at),
             other => panic!("{other:?}"),
@@ -341,21 +357,21 @@ mod tests {
 
     #[test]
     fn after_a_restart_times_begin_anew_and_plans_are_asked_for_again() {
-        let after: Vec<Phase> = every_state()
+        let after: Vec<ExecutionPhase> = every_state()
             .into_iter()
             .map(|mut phase| {
                 phase.count_from(at(9.0));
                 phase
             })
             .collect();
-        let stopping = Phase::Stopping {
+        let stopping = ExecutionPhase::Stopping {
             sweep: sweep(),
             since: at(9.0),
         };
-        assert_eq!(after[0], Phase::default());
+        assert_eq!(after[0], ExecutionPhase::default());
         assert_eq!((&after[1], &after[2]), (&stopping, &stopping));
-        assert!(matches!(&after[3], Phase::Running { since, .. } if *since == at(9.0)));
-        assert!(matches!(&after[4], Phase::Closing { since, .. } if *since == at(9.0)));
+        assert!(matches!(&after[3], ExecutionPhase::Running { since, .. } if *since == at(9.0)));
+        assert!(matches!(&after[4], ExecutionPhase::Closing { since, .. } if *since == at(9.0)));
     }
 
     #[test]

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Lease, Plan, Revision, RunId, StopId, VehicleId};
 
 use crate::ground::fleet::Fleet;
-use crate::sweep::{Phase, Succession, VehicleProgress};
+use crate::sweep::{RevisionPhase, Succession, VehicleProgress};
 use crate::time::Time;
 
 /// Plans are repeated this often until every vehicle shows them.
@@ -111,7 +111,7 @@ impl PublishedPlans {
     /// Returns whether every member has stopped under an empty revision.
     pub(crate) fn are_all_stopped(&self) -> bool {
         let phase = self.succession.as_ref().map(Succession::phase);
-        phase == Some(Phase::Stopped)
+        phase == Some(RevisionPhase::Stopped)
     }
 
     /// Returns for whom the plans are, ascending; `None` = no sweep was ever begun.

@@ -7,7 +7,7 @@ use super::super::run_book::RequestedSweep;
 
 /// A sweep that was begun.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
-pub(crate) struct Sweep {
+pub(crate) struct SweepRun {
     run: RunId,
     compared_with: Option<RunId>,
     laps_done: usize,
@@ -17,10 +17,10 @@ pub(crate) struct Sweep {
     is_retried: bool,
 }
 
-impl Sweep {
+impl SweepRun {
     /// Begins a sweep.
-    pub(crate) fn new(requested: RequestedSweep) -> Sweep {
-        Sweep {
+    pub(crate) fn new(requested: RequestedSweep) -> SweepRun {
+        SweepRun {
             run: requested.run,
             compared_with: requested.compared_with,
             laps_done: 0,
@@ -119,8 +119,8 @@ impl Laps {
 mod tests {
     use super::*;
 
-    fn sweep() -> Sweep {
-        Sweep::new(RequestedSweep {
+    fn sweep() -> SweepRun {
+        SweepRun::new(RequestedSweep {
             run: RunId(2),
             compared_with: None,
         })

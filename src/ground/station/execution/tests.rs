@@ -217,7 +217,10 @@ fn a_sweep_begins_with_a_stop_and_is_planned_once_all_have_stopped() {
             "plan 2"
         ]
     );
-    assert!(matches!(ground.execution.phase(), Phase::Running { .. }));
+    assert!(matches!(
+        ground.execution.phase(),
+        ExecutionPhase::Running { .. }
+    ));
 }
 
 #[test]
@@ -232,7 +235,10 @@ fn laps_are_counted_when_all_have_done_them_and_the_run_is_closed_after_the_last
     assert_eq!(ground.advance(20.0), ["lap 2 true"]);
     assert_eq!(ground.advance(22.9), [""; 0]);
     assert_eq!(ground.advance(23.0), ["closed 2"]);
-    assert!(matches!(ground.execution.phase(), Phase::Idle { .. }));
+    assert!(matches!(
+        ground.execution.phase(),
+        ExecutionPhase::Idle { .. }
+    ));
 }
 
 #[test]
@@ -448,7 +454,7 @@ fn a_run_is_compared_with_another_one_only_if_it_is_under_way() {
     let mut ground = Ground::running();
     let compared_with = |ground: &Ground| {
         let sweep = ground.execution.phase().sweep();
-        sweep.and_then(Sweep::compared_with)
+        sweep.and_then(SweepRun::compared_with)
     };
     ground.execution.compare_with(RunId(5), None);
     assert_eq!(compared_with(&ground), Some(RunId(1)));

@@ -14,7 +14,7 @@ use tomoswarm_proto::{
 use super::super::*;
 use crate::geom::{Lattice, Point, Rect};
 use crate::ground::imager::Job;
-use crate::ground::planner::{Method, Planner, PlannerAnswer, Request};
+use crate::ground::planner::{Method, PlannerActor, PlannerAnswer, Request};
 use crate::sweep::{Follower, Ring};
 
 mod operators;
@@ -228,7 +228,7 @@ impl Rover {
 struct Swarm {
     station: Station,
     settings: StationSettings,
-    planner: Planner,
+    planner: PlannerActor,
     rovers: Vec<Rover>,
     /// Seconds since the beginning, and since the station was started.
     now_s: u64,
@@ -272,7 +272,7 @@ impl Swarm {
         Swarm {
             station: Station::new(settings.clone()),
             settings,
-            planner: Planner::new(ring, method, 1.2, Duration::from_millis(10)),
+            planner: PlannerActor::new(ring, method, 1.2, Duration::from_millis(10)),
             rovers: (1..=vehicles).map(Rover::new).collect(),
             now_s: 0,
             up_s: 0,
@@ -308,8 +308,8 @@ impl Swarm {
     }
 
     fn carry_out(&mut self, out: Vec<Out>) {
-        for said in out {
-            match said {
+        for output in out {
+            match output {
                 Out::Publish(message) => self.publish(&message),
                 Out::Ask(request) => self.ask(request),
                 Out::Reconstruct(job) => {
@@ -398,13 +398,13 @@ impl Swarm {
             self.tell(answer, usize::MAX);
         }
         let is_heard = |rover: &&mut Rover| !rover.is_dead && !rover.is_cut;
-        let said: Vec<Message> = self
+        let output: Vec<Message> = self
             .rovers
             .iter_mut()
             .filter(is_heard)
             .flat_map(Rover::says)
             .collect();
-        for message in said {
+        for message in output {
             if let Message::Samples(batch) = &message {
                 let key = |sample: &Sample| (batch.vehicle, batch.boot, batch.run, sample.sequence);
                 self.disk

@@ -33,12 +33,12 @@ impl Refusals {
     pub(super) fn judge(&mut self, plan: &Plan, is_old: bool) -> Result<(), Option<MissionEvent>> {
         let edition = (plan.run, plan.revision);
         let old = is_old.then_some(MissionEvent::OldPlan(plan.run, plan.revision));
-        let Some(remark) = old.or_else(|| self.leads_outside(plan).map(MissionEvent::Outside))
+        let Some(event) = old.or_else(|| self.leads_outside(plan).map(MissionEvent::Outside))
         else {
             return Ok(());
         };
         let is_news = self.last.replace(edition) != Some(edition);
-        Err(is_news.then_some(remark))
+        Err(is_news.then_some(event))
     }
 
     /// Returns the first place of its own plan that lies outside the fence.

@@ -78,7 +78,7 @@ fn the_end_of_a_plan_is_news_once() {
     plan.pass(at(3.0), StopId(1), Point::new(2.0, 0.0));
     let news = plan.news();
     assert_eq!((news.finished, news.is_adopted), (Some(RUN), false));
-    assert_eq!(plan.news(), PlanNews::default());
+    assert_eq!(plan.news(), PlanChanges::default());
     assert_eq!(plan.measures_for(), None);
 }
 

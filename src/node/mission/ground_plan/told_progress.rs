@@ -7,7 +7,7 @@ use crate::sweep::VehicleProgress;
 
 /// What was told last.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-pub(super) struct ToldProgress {
+pub(super) struct PublishedProgress {
     progress: VehicleProgress,
     /// It was told that all stops are done.
     is_end_told: bool,
@@ -15,7 +15,7 @@ pub(super) struct ToldProgress {
 
 /// What has changed since it was last asked.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub(in crate::node::mission) struct PlanNews {
+pub(in crate::node::mission) struct PlanChanges {
     /// How far the vehicle is.
     pub progress: Option<VehicleProgress>,
     /// That is under another revision than before.
@@ -24,10 +24,10 @@ pub(in crate::node::mission) struct PlanNews {
     pub finished: Option<RunId>,
 }
 
-impl ToldProgress {
+impl PublishedProgress {
     /// Makes that of a vehicle that has told this, and no end.
-    pub(super) fn new(progress: VehicleProgress) -> ToldProgress {
-        ToldProgress {
+    pub(super) fn new(progress: VehicleProgress) -> PublishedProgress {
+        PublishedProgress {
             progress,
             is_end_told: false,
         }
@@ -44,7 +44,7 @@ impl ToldProgress {
     }
 
     /// Takes how far the vehicle is, and whether all stops are done; returns what of it is news.
-    pub(super) fn news(&mut self, progress: VehicleProgress, is_finished: bool) -> PlanNews {
+    pub(super) fn news(&mut self, progress: VehicleProgress, is_finished: bool) -> PlanChanges {
         let progress = VehicleProgress {
             boot: self.progress.boot,
             ..progress
@@ -56,7 +56,7 @@ impl ToldProgress {
         let is_end = is_finished && !self.is_end_told && progress.done.is_some();
         self.is_end_told |= is_end;
         let is_news = progress != std::mem::replace(&mut self.progress, progress);
-        PlanNews {
+        PlanChanges {
             progress: is_news.then_some(progress),
             is_adopted,
             finished: is_end.then_some(progress.run),
@@ -80,26 +80,32 @@ mod tests {
 
     #[test]
     fn progress_and_end_are_news_once_in_each_revision() {
-        let mut told = ToldProgress::new(VehicleProgress {
+        let mut published = PublishedProgress::new(VehicleProgress {
             boot: Boot(7),
             ..VehicleProgress::default()
         });
-        let news = told.news(progress(1, None), false);
+        let news = published.news(progress(1, None), false);
         assert!(news.is_adopted && news.finished.is_none());
         assert_eq!(news.progress.map(|progress| progress.boot), Some(Boot(7)));
-        assert_eq!(told.news(progress(1, None), false), PlanNews::default());
         assert_eq!(
-            told.news(progress(1, None), true).finished,
+            published.news(progress(1, None), false),
+            PlanChanges::default()
+        );
+        assert_eq!(
+            published.news(progress(1, None), true).finished,
             None,
             "of nothing"
         );
-        let ended = told.news(progress(1, Some(4)), true);
+        let ended = published.news(progress(1, Some(4)), true);
         assert_eq!((ended.is_adopted, ended.finished), (false, Some(RunId(3))));
-        assert!(told.is_end_told());
-        assert_eq!(told.news(progress(1, Some(4)), true), PlanNews::default());
-        assert!(told.news(progress(2, None), false).is_adopted && !told.is_end_told());
+        assert!(published.is_end_told());
         assert_eq!(
-            told.news(progress(2, Some(1)), true).finished,
+            published.news(progress(1, Some(4)), true),
+            PlanChanges::default()
+        );
+        assert!(published.news(progress(2, None), false).is_adopted && !published.is_end_told());
+        assert_eq!(
+            published.news(progress(2, Some(1)), true).finished,
             Some(RunId(3))
         );
     }

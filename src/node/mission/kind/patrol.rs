@@ -15,7 +15,7 @@ use crate::time::Time;
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Patrol {
     /// The places of a round, in order, each with what became of it.
-    places: Vec<(Point, Fate)>,
+    places: Vec<(Point, PlaceResult)>,
     /// After so many rounds it ends.
     rounds: Option<usize>,
     /// After so long it ends, at the next place.
@@ -30,7 +30,7 @@ pub(crate) struct Patrol {
 
 /// What became of a place so far.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-enum Fate {
+enum PlaceResult {
     Untried,
     /// It was visited once at least.
     Visited,
@@ -48,7 +48,10 @@ impl Patrol {
         let is_closed = places.len() > 1 && places.first() == places.last();
         let open = &places[..places.len() - usize::from(is_closed)];
         Patrol {
-            places: open.iter().map(|place| (*place, Fate::Untried)).collect(),
+            places: open
+                .iter()
+                .map(|place| (*place, PlaceResult::Untried))
+                .collect(),
             rounds,
             duration,
             began: None,
@@ -83,8 +86,8 @@ impl Patrol {
     fn end(&self) -> EndReason {
         let missed = || {
             self.places.iter().filter_map(|(_, fate)| match fate {
-                Fate::Missed(why) => Some(*why),
-                Fate::Untried | Fate::Visited => None,
+                PlaceResult::Missed(why) => Some(*why),
+                PlaceResult::Untried | PlaceResult::Visited => None,
             })
         };
         match (
@@ -98,20 +101,20 @@ impl Patrol {
     }
 
     /// Takes what became of the place that was next.
-    fn pass(&mut self, became: Fate) {
+    fn pass(&mut self, became: PlaceResult) {
         let in_round = self.places.len();
         if let Some((_, fate)) = self
             .places
             .get_mut(self.passed.checked_rem(in_round).unwrap_or(0))
         {
-            *fate = if *fate == Fate::Visited {
-                Fate::Visited
+            *fate = if *fate == PlaceResult::Visited {
+                PlaceResult::Visited
             } else {
                 became
             };
         }
         self.passed += 1;
-        self.missed_in_a_row = if became == Fate::Visited {
+        self.missed_in_a_row = if became == PlaceResult::Visited {
             0
         } else {
             self.missed_in_a_row + 1
@@ -131,7 +134,7 @@ impl Behaviour for Patrol {
                 .map_or_else(|| MissionStep::End(self.end()), MissionStep::GoTo),
             MissionInput::UnderWay => MissionStep::GoOn,
             MissionInput::Arrived => {
-                self.pass(Fate::Visited);
+                self.pass(PlaceResult::Visited);
                 MissionStep::LookAround
             }
             MissionInput::Blocked(_) => MissionStep::TryAgain,
@@ -144,7 +147,7 @@ impl Behaviour for Patrol {
     }
 
     fn pass_over(&mut self, why: PassedOver) {
-        self.pass(Fate::Missed(why));
+        self.pass(PlaceResult::Missed(why));
     }
 }
 

@@ -20,8 +20,8 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{TileAddress, VehicleId};
 
 use self::known_frontiers::KnownFrontiers;
-use self::looks::Looks;
-use self::sights::{Candidate, Ground, LookCandidate, Reach, sees};
+use self::looks::LookHistory;
+use self::sights::{FrontierCandidate, Ground, LookCandidate, Reach, sees};
 use super::{Behaviour, DriveRoute, MissionContext, MissionInput, MissionStep};
 use crate::geom::{Angle, Cell, Point};
 use crate::map::{CellRect, Occupancy, View};
@@ -74,7 +74,7 @@ pub(crate) struct Seek {
     settings: VehicleSettings,
     prefers: Preference,
     stage: Stage,
-    looks: Looks,
+    looks: LookHistory,
     #[serde(skip)]
     frontiers: KnownFrontiers,
     /// When each peer last came to rest, as far as its look from there is noted.
@@ -147,7 +147,7 @@ impl Seek {
             settings: settings.clone(),
             prefers,
             stage: Stage::Fresh,
-            looks: Looks::new(settings.lattice),
+            looks: LookHistory::new(settings.lattice),
             frontiers: KnownFrontiers::default(),
             peers_looked: BTreeMap::new(),
         }
@@ -181,7 +181,7 @@ impl Seek {
         &self,
         around: &MissionContext<'_>,
         grid: &SearchGrid,
-        candidates: &[Candidate],
+        candidates: &[FrontierCandidate],
     ) -> Option<(LookCandidate, Distances)> {
         let (at, lattice) = (around.pose.at, self.settings.lattice);
         let reached = Distances::from_start(grid, lattice.cell_at(at), &RULES).ok()?;
@@ -248,13 +248,13 @@ impl Seek {
     }
 
     /// Returns all frontier cells that are worth another look.
-    fn candidates(&self) -> Vec<Candidate> {
+    fn candidates(&self) -> Vec<FrontierCandidate> {
         let lattice = self.settings.lattice;
         let least = (FRONTIER_M / lattice.cell_m()).round().max(1.0) as usize;
         self.frontiers
             .cells(least)
             .filter(|cell| !self.looks.is_spent(*cell))
-            .map(|cell| Candidate {
+            .map(|cell| FrontierCandidate {
                 cell,
                 at: lattice.centre(cell),
                 penalty_m: 0.0,
@@ -269,7 +269,7 @@ impl Seek {
     }
 
     /// Returns what is worth a look, and what is rather looked at.
-    fn rated(&self, around: &MissionContext<'_>, area: CellRect) -> Vec<Candidate> {
+    fn rated(&self, around: &MissionContext<'_>, area: CellRect) -> Vec<FrontierCandidate> {
         let view = around.terrain.map().view(self.settings.slice, area);
         let mut candidates = self.candidates();
         for one in &mut candidates {
@@ -306,7 +306,7 @@ impl Seek {
         };
         self.frontiers.update(terrain.map(), &self.settings);
         let view = terrain.map().view(self.settings.slice, area);
-        let is_covered = |one: &Candidate| {
+        let is_covered = |one: &FrontierCandidate| {
             let off = from.angle_to(one.at) - heading;
             one.at.distance_to(from) <= reach_m
                 && off.radians().abs() <= half_rad

@@ -27,7 +27,7 @@ impl Unknown {
 
 /// What the way ahead is for.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub(super) enum Purpose {
+pub(super) enum WayPurpose {
     /// To pass the stops of the ground's plan: a leg that is blocked is planned around.
     Plan,
     /// To drive a route as it is: what blocks it is said, and the giver of the route decides.
@@ -41,10 +41,10 @@ pub(super) enum Purpose {
     },
 }
 
-impl Purpose {
+impl WayPurpose {
     /// Returns the purpose of a way home to which a path is searched at once.
-    pub(super) fn home(unknown: Unknown) -> Purpose {
-        Purpose::Home {
+    pub(super) fn home(unknown: Unknown) -> WayPurpose {
+        WayPurpose::Home {
             unknown,
             needs_path: false,
         }
@@ -53,16 +53,16 @@ impl Purpose {
     /// Returns whether another way may be searched when this one is blocked.
     pub(super) fn is_replaceable(self) -> bool {
         match self {
-            Purpose::Plan | Purpose::Home { .. } => true,
-            Purpose::Route => false,
+            WayPurpose::Plan | WayPurpose::Home { .. } => true,
+            WayPurpose::Route => false,
         }
     }
 
     /// Returns what searches do with unknown cells.
     pub(super) fn unknown(self) -> Unknown {
         match self {
-            Purpose::Plan | Purpose::Route => Unknown::Free,
-            Purpose::Home { unknown, .. } => unknown,
+            WayPurpose::Plan | WayPurpose::Route => Unknown::Free,
+            WayPurpose::Home { unknown, .. } => unknown,
         }
     }
 
@@ -70,7 +70,7 @@ impl Purpose {
     pub(super) fn needs_path(self) -> bool {
         matches!(
             self,
-            Purpose::Home {
+            WayPurpose::Home {
                 needs_path: true,
                 ..
             }
@@ -80,7 +80,7 @@ impl Purpose {
     /// Takes that no path was found, or that the one found is blocked. The straight line home is a wish from then on; a
     /// leg of a plan is a way that others know of, and what is unknown on it may turn out to be free.
     pub(super) fn path_failed(&mut self) {
-        if let Purpose::Home {
+        if let WayPurpose::Home {
             unknown,
             needs_path,
         } = self
@@ -91,7 +91,7 @@ impl Purpose {
 
     /// Takes that a path was found.
     pub(super) fn path_found(&mut self) {
-        if let Purpose::Home { needs_path, .. } = self {
+        if let WayPurpose::Home { needs_path, .. } = self {
             *needs_path = false;
         }
     }
@@ -116,11 +116,11 @@ mod tests {
     #[test]
     fn only_the_way_home_needs_a_path_after_a_failure_and_until_one_is_found() {
         for (mut purpose, needs) in [
-            (Purpose::Plan, false),
-            (Purpose::Route, false),
-            (Purpose::home(Unknown::Free), false),
-            (Purpose::home(Unknown::LastResort), true),
-            (Purpose::home(Unknown::Barred), true),
+            (WayPurpose::Plan, false),
+            (WayPurpose::Route, false),
+            (WayPurpose::home(Unknown::Free), false),
+            (WayPurpose::home(Unknown::LastResort), true),
+            (WayPurpose::home(Unknown::Barred), true),
         ] {
             assert!(!purpose.needs_path());
             purpose.path_failed();
@@ -132,7 +132,9 @@ mod tests {
 
     #[test]
     fn a_route_alone_is_driven_as_it_is() {
-        assert!(!Purpose::Route.is_replaceable());
-        assert!(Purpose::Plan.is_replaceable() && Purpose::home(Unknown::Barred).is_replaceable());
+        assert!(!WayPurpose::Route.is_replaceable());
+        assert!(
+            WayPurpose::Plan.is_replaceable() && WayPurpose::home(Unknown::Barred).is_replaceable()
+        );
     }
 }

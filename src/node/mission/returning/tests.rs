@@ -108,8 +108,8 @@ fn a_known_way_is_driven_and_every_third_time_the_unknown_is_a_resort() {
     let unknown = |tries: u32| {
         let home = Return { tries, ..ordered() };
         match returning(5.0, &peers, home).turn(&queue_since(1.0), WayHome::Open) {
-            Turn::Drives(_, unknown) => unknown,
-            Turn::Waits(home) => panic!("{home:?}"),
+            ReturnDecision::Drives(_, unknown) => unknown,
+            ReturnDecision::Waits(home) => panic!("{home:?}"),
         }
     };
     assert_eq!(
@@ -126,7 +126,7 @@ fn a_known_way_is_driven_and_every_third_time_the_unknown_is_a_resort() {
 #[test]
 fn behind_peers_it_waits_until_they_have_had_time_enough() {
     let peers = peers(&[(3, 5.0, false)]);
-    let Turn::Waits(home) =
+    let ReturnDecision::Waits(home) =
         returning(5.0, &peers, ordered()).turn(&queue_since(1.0), WayHome::BehindPeers)
     else {
         panic!("it waits")
@@ -138,7 +138,7 @@ fn behind_peers_it_waits_until_they_have_had_time_enough() {
     let drives_at = |now_s: f64| {
         matches!(
             returning(now_s, &peers, home).turn(&queue, WayHome::BehindPeers),
-            Turn::Drives(_, Unknown::LastResort)
+            ReturnDecision::Drives(_, Unknown::LastResort)
         )
     };
     // 15 s, and 2 s more for the peer.
@@ -151,7 +151,7 @@ fn while_others_move_it_presses_on_whatever_the_way_looks_like() {
     for way_home in [WayHome::Open, WayHome::BehindPeers, WayHome::Unknown] {
         let turn = returning(5.0, &peers, ordered()).turn(&queue_since(1.0), way_home);
         let expected = under_way(Some(5.0), true);
-        assert_eq!(turn, Turn::Drives(expected, Unknown::LastResort));
+        assert_eq!(turn, ReturnDecision::Drives(expected, Unknown::LastResort));
     }
 }
 

@@ -8,14 +8,14 @@ use crate::node::mission::terrain::{PathSearch, RULES};
 use crate::plan::{NoRoute, SearchGrid, shortest_route};
 
 /// Searches courses from where the vehicle is.
-pub(super) struct Courses<'a> {
+pub(super) struct RouteFinder<'a> {
     pub search: PathSearch<'a>,
     /// What was looked at in vain.
     pub barred: &'a BarredPlaces,
     pub lattice: Lattice,
 }
 
-impl Courses<'_> {
+impl RouteFinder<'_> {
     /// Returns a course to a place, clear of what peers claim; unknown ground may be crossed or not.
     ///
     /// # Errors
@@ -82,7 +82,7 @@ mod tests {
 
     /// The course of a vehicle that stands at (3, 0.3).
     fn course(terrain: &Terrain, barred: &BarredPlaces) -> Result<DriveRoute, NoRoute> {
-        let courses = Courses {
+        let courses = RouteFinder {
             search: terrain.search(Time::ZERO, own_state(3.0, 0.3).pose),
             barred,
             lattice: terrain.map().lattice(),

@@ -65,12 +65,12 @@ impl Rig {
 
     /// Obeys every turn at once, for a while; returns the remarks.
     fn run(&mut self, tenths: usize) -> Vec<MissionEvent> {
-        let mut remarks = Vec::new();
+        let mut events = Vec::new();
         for _ in 0..tenths {
-            for said in self.go_on(&[]) {
-                match said {
+            for output in self.go_on(&[]) {
+                match output {
                     Out::Command(_, MoveCommand::Turn(heading)) => self.own.pose.heading = heading,
-                    Out::MissionEvent(remark) => remarks.push(remark),
+                    Out::MissionEvent(event) => events.push(event),
                     Out::Command(..)
                     | Out::Holds(_)
                     | Out::Accepted(..)
@@ -80,7 +80,7 @@ impl Rig {
                 }
             }
         }
-        remarks
+        events
     }
 }
 
@@ -157,19 +157,19 @@ fn a_place_to_which_no_way_leads_is_passed_over() {
     let mut rig = Rig::new(TaskKind::Pathfind {
         places: vec![outside.into(), inside.into()],
     });
-    let remarks = rig.run(100);
+    let events = rig.run(100);
     assert!(
         matches!(
-            remarks[..],
+            events[..],
             [MissionEvent::NoWay(..), MissionEvent::Passed(_)]
         ),
-        "{remarks:?}"
+        "{events:?}"
     );
     assert_eq!(rig.pilot.way().end(), inside);
     rig.arrive();
-    let remarks = rig.run(100);
+    let events = rig.run(100);
     assert_eq!(
-        remarks,
+        events,
         [
             MissionEvent::Visited(inside),
             MissionEvent::Ended(EndReason::NoWay(1))
@@ -183,13 +183,13 @@ fn who_is_stopped_again_and_again_without_moving_gives_the_place_up() {
     let mut rig = Rig::new(TaskKind::Pathfind {
         places: vec![place.into()],
     });
-    let mut remarks = Vec::new();
+    let mut events = Vec::new();
     for _ in 0..100 {
-        remarks.extend(rig.run(120));
+        events.extend(rig.run(120));
         rig.go_on(&[WayEvent::Blocked(Point::new(3.0, 1.0))]);
     }
     assert_eq!(
-        remarks,
+        events,
         [
             MissionEvent::Passed(place),
             MissionEvent::Ended(EndReason::GaveUp(1))
@@ -203,14 +203,14 @@ fn peers_that_never_make_room_end_the_mission_at_last() {
     let mut rig = Rig::new(TaskKind::Pathfind {
         places: vec![place.into()],
     });
-    let mut remarks = Vec::new();
+    let mut events = Vec::new();
     for sequence in 1..400 {
         let peer = State {
             sequence,
             ..state(2, place.x_m, place.y_m)
         };
         rig.peers.take(at(rig.now_s), &peer);
-        remarks.extend(rig.run(10));
+        events.extend(rig.run(10));
         if !rig.pilot.way().is_empty() {
             assert!(
                 rig.pilot.way().end().distance_to(place) > 1.0,
@@ -219,7 +219,7 @@ fn peers_that_never_make_room_end_the_mission_at_last() {
             rig.arrive();
         }
     }
-    assert_eq!(remarks, [MissionEvent::Ended(EndReason::GaveUp(1))]);
+    assert_eq!(events, [MissionEvent::Ended(EndReason::GaveUp(1))]);
 }
 
 #[test]

@@ -24,30 +24,30 @@ fn what_somebody_else_steers_drives_nothing_claims_nothing_and_says_so_at_once()
         (Control::Own, StandReason::Autopilot),
     ] {
         let mut vehicle = vehicle();
-        assert!(flies(&told(
+        assert!(flies(&fed(
             &mut vehicle,
             1.1,
             drive(&[(0.0, 0.0), (3.0, 0.0)])
         )));
-        assert_eq!(told(&mut vehicle, 1.15, steered(control)), []);
-        let out = told(&mut vehicle, 1.16, moving(0.1, 0.5, true));
+        assert_eq!(fed(&mut vehicle, 1.15, steered(control)), []);
+        let out = fed(&mut vehicle, 1.16, moving(0.1, 0.5, true));
         assert_eq!(
             published(&out),
             Some((control, Some(reason), false)),
             "not 0.2 s after the last one"
         );
-        let out = told(&mut vehicle, 1.2, drive(&[(0.1, 0.0), (3.0, 0.0)]));
+        let out = fed(&mut vehicle, 1.2, drive(&[(0.1, 0.0), (3.0, 0.0)]));
         assert_eq!(
             (flies(&out), refusal(&out)),
             (false, Some(CommandRefusal::NotInControl))
         );
         let start = names_it(start(&vehicle, 1));
         assert_eq!(
-            flown(&told(&mut vehicle, 1.3, given(start))),
+            flown(&fed(&mut vehicle, 1.3, given(start))),
             [AutopilotCommand::TakeBack, AutopilotCommand::Arm]
         );
-        told(&mut vehicle, 1.3, steered(Control::Ours));
-        assert!(flies(&told(
+        fed(&mut vehicle, 1.3, steered(Control::Ours));
+        assert!(flies(&fed(
             &mut vehicle,
             1.4,
             drive(&[(0.1, 0.0), (3.0, 0.0)])
@@ -77,8 +77,8 @@ fn names_it(order: Order) -> Order {
 fn a_take_over_ends_only_by_an_operators_start_that_names_it_and_answers_a_later_state() {
     let mut vehicle = vehicle();
     let before = names_it(start(&vehicle, 1));
-    told(&mut vehicle, 1.2, steered(Control::Remote));
-    told(&mut vehicle, 1.3, telemetry(0.0, 0.0, 0.05));
+    fed(&mut vehicle, 1.2, steered(Control::Remote));
+    fed(&mut vehicle, 1.3, telemetry(0.0, 0.0, 0.05));
     let after = start(&vehicle, 1);
     let of_another_start = vec![EmergencyName::of_take_over(VehicleId(1), Boot(2))];
     for (sender, order, why) in [
@@ -115,19 +115,19 @@ fn a_take_over_ends_only_by_an_operators_start_that_names_it_and_answers_a_later
         ),
     ] {
         assert_eq!(
-            told(&mut vehicle, 1.4, In::Order(sender, order)),
+            fed(&mut vehicle, 1.4, In::Order(sender, order)),
             [],
             "{why}"
         );
     }
     // One that has fallen silent is still taken over.
-    told(&mut vehicle, 1.45, steered(Control::Silent));
+    fed(&mut vehicle, 1.45, steered(Control::Silent));
     assert_eq!(
-        told(&mut vehicle, 1.5, In::Order(Sender::Ground, after.clone())),
+        fed(&mut vehicle, 1.5, In::Order(Sender::Ground, after.clone())),
         []
     );
     assert_eq!(
-        flown(&told(&mut vehicle, 1.6, given(names_it(after)))),
+        flown(&fed(&mut vehicle, 1.6, given(names_it(after)))),
         [AutopilotCommand::TakeBack, AutopilotCommand::Arm]
     );
     let next = Order {
@@ -135,7 +135,7 @@ fn a_take_over_ends_only_by_an_operators_start_that_names_it_and_answers_a_later
         ..start(&vehicle, 2)
     };
     assert_eq!(
-        flown(&told(&mut vehicle, 1.7, given(next))),
+        flown(&fed(&mut vehicle, 1.7, given(next))),
         [AutopilotCommand::Arm],
         "it is over"
     );
@@ -145,16 +145,16 @@ fn a_take_over_ends_only_by_an_operators_start_that_names_it_and_answers_a_later
 fn what_was_on_its_way_before_it_was_taken_back_does_not_keep_it() {
     let mut vehicle = vehicle();
     for control in [Control::Remote, Control::Silent] {
-        told(&mut vehicle, 1.1, steered(control));
+        fed(&mut vehicle, 1.1, steered(control));
     }
-    told(&mut vehicle, 1.2, telemetry(0.0, 0.0, 0.05));
+    fed(&mut vehicle, 1.2, telemetry(0.0, 0.0, 0.05));
     let start = names_it(start(&vehicle, 1));
-    assert!(flown(&told(&mut vehicle, 1.3, given(start))).contains(&AutopilotCommand::TakeBack));
+    assert!(flown(&fed(&mut vehicle, 1.3, given(start))).contains(&AutopilotCommand::TakeBack));
     // The autopilot was heard again just before that, and the link's answer to it comes after.
     for control in [Control::Remote, Control::Ours] {
-        told(&mut vehicle, 1.3, steered(control));
+        fed(&mut vehicle, 1.3, steered(control));
     }
-    assert!(flies(&told(
+    assert!(flies(&fed(
         &mut vehicle,
         1.4,
         drive(&[(0.0, 0.0), (3.0, 0.0)])
@@ -165,17 +165,17 @@ fn what_was_on_its_way_before_it_was_taken_back_does_not_keep_it() {
 fn an_autopilot_that_acts_by_itself_is_stopped_where_the_vehicle_is_to_stand() {
     for (control, stops) in [(Control::Own, true), (Control::Remote, false)] {
         let mut vehicle = vehicle();
-        told(
+        fed(
             &mut vehicle,
             1.1,
             given(order(OrderKind::Hold, LEASE, 1, 1)),
         );
         assert_eq!(
-            flown(&told(&mut vehicle, 1.2, steered(control))).contains(&AutopilotCommand::Stop),
+            flown(&fed(&mut vehicle, 1.2, steered(control))).contains(&AutopilotCommand::Stop),
             stops,
             "{control:?}"
         );
-        let out = told(&mut vehicle, 1.6, moving(0.1, 0.5, true));
+        let out = fed(&mut vehicle, 1.6, moving(0.1, 0.5, true));
         assert_eq!(
             flown(&out).contains(&AutopilotCommand::Stop),
             stops,
@@ -187,13 +187,13 @@ fn an_autopilot_that_acts_by_itself_is_stopped_where_the_vehicle_is_to_stand() {
 #[test]
 fn an_order_that_stands_is_named_before_somebody_who_steers() {
     let mut vehicle = vehicle();
-    told(&mut vehicle, 1.1, steered(Control::Remote));
-    told(
+    fed(&mut vehicle, 1.1, steered(Control::Remote));
+    fed(
         &mut vehicle,
         1.2,
         given(order(OrderKind::Hold, LEASE, 1, 1)),
     );
-    let out = told(&mut vehicle, 1.3, telemetry(0.0, 0.0, 0.05));
+    let out = fed(&mut vehicle, 1.3, telemetry(0.0, 0.0, 0.05));
     assert_eq!(
         published(&out),
         Some((Control::Remote, Some(StandReason::Held), false))
@@ -203,7 +203,7 @@ fn an_order_that_stands_is_named_before_somebody_who_steers() {
 #[test]
 fn that_the_autopilot_has_fallen_silent_is_published_without_telemetry() {
     let mut vehicle = vehicle();
-    let out = told(&mut vehicle, 3.0, steered(Control::Silent));
+    let out = fed(&mut vehicle, 3.0, steered(Control::Silent));
     assert_eq!(
         published(&out),
         Some((Control::Silent, Some(StandReason::Autopilot), false))
@@ -213,7 +213,7 @@ fn that_the_autopilot_has_fallen_silent_is_published_without_telemetry() {
         "the other actors are told nothing old"
     );
     assert_eq!(
-        told(
+        fed(
             &mut Vehicle::new(settings(1)),
             3.0,
             steered(Control::Silent)
@@ -226,7 +226,7 @@ fn that_the_autopilot_has_fallen_silent_is_published_without_telemetry() {
 #[test]
 fn one_that_flies_is_not_landed() {
     let mut vehicle = vehicle();
-    told(
+    fed(
         &mut vehicle,
         1.1,
         In::Autopilot(ControlStatus {
@@ -234,6 +234,6 @@ fn one_that_flies_is_not_landed() {
             is_landed: false,
         }),
     );
-    let (state, _) = states(&told(&mut vehicle, 1.2, telemetry(0.0, 0.0, 0.05)));
+    let (state, _) = states(&fed(&mut vehicle, 1.2, telemetry(0.0, 0.0, 0.05)));
     assert!(!state.unwrap().is_landed);
 }

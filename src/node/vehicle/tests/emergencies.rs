@@ -22,7 +22,7 @@ fn all() -> EmergencyStop {
 }
 
 fn stands_under(vehicle: &mut Vehicle, time_s: f64) -> (VehicleMode, Option<StandReason>) {
-    let out = told(vehicle, time_s, telemetry(0.0, 0.0, 0.05));
+    let out = fed(vehicle, time_s, telemetry(0.0, 0.0, 0.05));
     let state = |out: &Out| {
         if let Out::Publish(state) = out {
             Some((state.mode, state.stands_under))
@@ -47,22 +47,22 @@ fn start(vehicle: &Vehicle, revision: u32) -> Order {
 #[test]
 fn a_stop_brakes_at_once_and_disarms_at_rest() {
     let mut vehicle = vehicle();
-    told(&mut vehicle, 1.0, drive(&[(0.0, 0.0), (3.0, 0.0)]));
-    told(&mut vehicle, 2.0, telemetry(0.5, 0.5, 0.05));
+    fed(&mut vehicle, 1.0, drive(&[(0.0, 0.0), (3.0, 0.0)]));
+    fed(&mut vehicle, 2.0, telemetry(0.5, 0.5, 0.05));
     assert_eq!(
-        flown(&told(&mut vehicle, 2.0, open(&[all()]))),
+        flown(&fed(&mut vehicle, 2.0, open(&[all()]))),
         [AutopilotCommand::Stop],
         "at once"
     );
     assert_eq!(
-        told(&mut vehicle, 2.05, open(&[all(), stop(1, StopScope::All)])),
+        fed(&mut vehicle, 2.05, open(&[all(), stop(1, StopScope::All)])),
         [],
         "once"
     );
     let mut flown_at = Vec::new();
     for (tenth, speed_mps) in [(1, 0.4), (4, 0.1), (8, 0.0), (9, 0.0), (10, 0.0)] {
         let now_s = 2.0 + 0.1 * f64::from(tenth);
-        for fly in flown(&told(&mut vehicle, now_s, telemetry(0.6, speed_mps, 0.05))) {
+        for fly in flown(&fed(&mut vehicle, now_s, telemetry(0.6, speed_mps, 0.05))) {
             flown_at.push((tenth, fly));
         }
     }
@@ -76,7 +76,7 @@ fn a_stop_brakes_at_once_and_disarms_at_rest() {
 #[test]
 fn under_an_open_stop_nothing_is_driven_and_nobody_starts_or_calls_it_home() {
     let mut vehicle = vehicle();
-    told(&mut vehicle, 1.1, open(&[all()]));
+    fed(&mut vehicle, 1.1, open(&[all()]));
     assert_eq!(
         stands_under(&mut vehicle, 1.2),
         (VehicleMode::Stopped, Some(StandReason::Stop(all().name)))
@@ -88,17 +88,17 @@ fn under_an_open_stop_nothing_is_driven_and_nobody_starts_or_calls_it_home() {
                 ..start(&vehicle, revision)
             };
             assert!(
-                !obeyed(&told(&mut vehicle, 1.3, In::Order(sender, order))),
+                !obeyed(&fed(&mut vehicle, 1.3, In::Order(sender, order))),
                 "{kind:?} of {sender:?}"
             );
         }
     }
     assert_eq!(
-        refusal(&told(&mut vehicle, 1.4, drive(&[(0.0, 0.0), (1.0, 0.0)]))),
+        refusal(&fed(&mut vehicle, 1.4, drive(&[(0.0, 0.0), (1.0, 0.0)]))),
         Some(CommandRefusal::Emergency)
     );
     assert!(
-        obeyed(&told(
+        obeyed(&fed(
             &mut vehicle,
             1.5,
             given(order(OrderKind::CutMotors, LEASE, 1, 0))
@@ -110,17 +110,17 @@ fn under_an_open_stop_nothing_is_driven_and_nobody_starts_or_calls_it_home() {
 #[test]
 fn a_lift_moves_nobody_and_only_an_operators_start_that_answers_a_later_state_does() {
     let mut vehicle = vehicle();
-    told(&mut vehicle, 1.1, open(&[all()]));
-    told(&mut vehicle, 1.5, telemetry(0.0, 0.0, 0.05));
+    fed(&mut vehicle, 1.1, open(&[all()]));
+    fed(&mut vehicle, 1.5, telemetry(0.0, 0.0, 0.05));
     let before = start(&vehicle, 1);
-    assert_eq!(told(&mut vehicle, 1.6, open(&[])), [], "nothing moves");
+    assert_eq!(fed(&mut vehicle, 1.6, open(&[])), [], "nothing moves");
     let drives = || drive(&[(0.0, 0.0), (1.0, 0.0)]);
     assert_eq!(
-        refusal(&told(&mut vehicle, 1.7, drives())),
+        refusal(&fed(&mut vehicle, 1.7, drives())),
         Some(CommandRefusal::Emergency)
     );
     assert!(
-        !obeyed(&told(&mut vehicle, 1.8, given(before))),
+        !obeyed(&fed(&mut vehicle, 1.8, given(before))),
         "it answers a state of before the lift"
     );
     assert_eq!(
@@ -129,7 +129,7 @@ fn a_lift_moves_nobody_and_only_an_operators_start_that_answers_a_later_state_do
     );
     let after = start(&vehicle, 1);
     assert!(
-        !obeyed(&told(
+        !obeyed(&fed(
             &mut vehicle,
             2.0,
             In::Order(Sender::Ground, after.clone())
@@ -140,12 +140,12 @@ fn a_lift_moves_nobody_and_only_an_operators_start_that_answers_a_later_state_do
         kind: OrderKind::Return,
         ..after.clone()
     };
-    assert!(!obeyed(&told(&mut vehicle, 2.0, given(called_home))));
+    assert!(!obeyed(&fed(&mut vehicle, 2.0, given(called_home))));
     assert_eq!(
-        flown(&told(&mut vehicle, 2.1, given(after))),
+        flown(&fed(&mut vehicle, 2.1, given(after))),
         [AutopilotCommand::Arm]
     );
-    assert!(flies(&told(&mut vehicle, 2.2, drives())));
+    assert!(flies(&fed(&mut vehicle, 2.2, drives())));
 }
 
 #[test]
@@ -161,28 +161,28 @@ fn a_start_that_waits_for_the_disk_is_gone_when_a_stop_comes() {
             None
         }
     });
-    told(&mut vehicle, 1.2, open(&[all()]));
-    told(&mut vehicle, 1.3, open(&[]));
+    fed(&mut vehicle, 1.2, open(&[all()]));
+    fed(&mut vehicle, 1.3, open(&[]));
     let memory = memory.expect("it is to be remembered");
     let written = In::Remembered(Remembered {
         on_disk: memory,
         tried: memory,
     });
-    assert!(!obeyed(&told(&mut vehicle, 1.4, written)));
+    assert!(!obeyed(&fed(&mut vehicle, 1.4, written)));
 }
 
 #[test]
 fn a_stop_for_another_vehicle_stops_this_one_not_and_what_the_disk_has_stops_it_from_the_start() {
     let mut free = vehicle();
     assert_eq!(
-        told(
+        fed(
             &mut free,
             1.1,
             open(&[stop(0, StopScope::One(VehicleId(2)))])
         ),
         []
     );
-    assert!(flies(&told(
+    assert!(flies(&fed(
         &mut free,
         1.2,
         drive(&[(0.0, 0.0), (1.0, 0.0)])
@@ -201,28 +201,32 @@ fn a_stop_for_another_vehicle_stops_this_one_not_and_what_the_disk_has_stops_it_
 #[test]
 fn a_vehicle_that_was_started_is_not_started_out_before_it_has_listened() {
     let mut vehicle = Vehicle::new(settings(1));
-    told(&mut vehicle, 1.0, telemetry(0.0, 0.0, 0.05));
+    fed(&mut vehicle, 1.0, telemetry(0.0, 0.0, 0.05));
     let peer = |sequence| {
         In::Peer(State {
             sequence,
             ..super::super::super::tests_support::state(2, 5.0, 5.0)
         })
     };
-    told(&mut vehicle, 1.0, peer(1));
-    told(&mut vehicle, 3.0, peer(2));
+    fed(&mut vehicle, 1.0, peer(1));
+    fed(&mut vehicle, 3.0, peer(2));
     let begins = |vehicle: &mut Vehicle, time_s: f64| {
         let start = start(vehicle, 1);
-        obeyed(&told(vehicle, time_s, given(start)))
+        obeyed(&fed(vehicle, time_s, given(start)))
     };
     assert!(
         !begins(&mut vehicle, 1.5) && !begins(&mut vehicle, 3.1),
         "vehicle 2 has not told what it knows"
     );
-    told(&mut vehicle, 3.2, In::Told(Sender::Vehicle(VehicleId(2))));
+    fed(
+        &mut vehicle,
+        3.2,
+        In::StopsReported(Sender::Vehicle(VehicleId(2))),
+    );
     assert!(begins(&mut vehicle, 3.2));
     let hold = order(OrderKind::Hold, LEASE, 1, 0);
     assert!(
-        obeyed(&told(&mut Vehicle::new(settings(1)), 0.1, given(hold))),
+        obeyed(&fed(&mut Vehicle::new(settings(1)), 0.1, given(hold))),
         "to stop is never too early"
     );
 }

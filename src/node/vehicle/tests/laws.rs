@@ -484,8 +484,8 @@ impl Witness {
 
     /// Notes what was said.
     fn note(&mut self, out: &[Out]) {
-        for said in out {
-            match said {
+        for sent_at in out {
+            match sent_at {
                 Out::AutopilotCommand(
                     AutopilotCommand::Drive { .. } | AutopilotCommand::Turn(_),
                 ) => self.stop_said = None,
@@ -567,7 +567,8 @@ impl Witness {
     fn check_owed(&self, telemetry: &Telemetry) {
         let again = Duration::from_millis(300);
         let moves = telemetry.motion != Motion::Resting;
-        let is_older = |said: Option<Time>| said.is_some_and(|said| self.now.since(said) >= again);
+        let is_older =
+            |sent_at: Option<Time>| sent_at.is_some_and(|sent_at| self.now.since(sent_at) >= again);
         assert!(
             !(moves && is_older(self.stop_said)),
             "it moves and is not told to stop again"

@@ -5,17 +5,17 @@ use tomoswarm_proto::{
     RunReport, TaskKind,
 };
 
-use super::super::super::given_tasks::TaskWish;
-use super::super::super::order_goal::MissionWish;
+use super::super::super::given_tasks::TaskRequest;
+use super::super::super::order_goal::MissionRequest;
 use super::super::super::outcome::OrderRefusal;
-use super::super::super::script::Present;
+use super::super::super::script::LiveVehicles;
 use super::*;
 
 const RUN: RunId = RunId(3);
 
 fn task() -> ScriptStep {
     let (members, kind) = (vec![VehicleId(1)], TaskKind::Browse);
-    ScriptStep::Task(TaskWish {
+    ScriptStep::Task(TaskRequest {
         run: RUN,
         members,
         compare_with: Some(RunId(2)),
@@ -51,7 +51,7 @@ fn run_ended(end: Option<RunEnd>, troubles: &[&str]) -> GroundReport {
 }
 
 fn script_end(world: &World) -> Option<&ScriptEnd> {
-    world.said.iter().find_map(|out| {
+    world.output.iter().find_map(|out| {
         if let Out::ScriptEnded(end) = out {
             Some(end)
         } else {
@@ -111,7 +111,7 @@ fn out_for(world: &mut World, vehicle: u8, run: RunId, end: Option<MissionEnd>) 
 
 /// A start that begins to browse.
 fn browse() -> OrderGoal {
-    let mission = MissionWish {
+    let mission = MissionRequest {
         kind: TaskKind::Browse,
         compare_with: None,
     };
@@ -319,7 +319,7 @@ fn a_run_is_driven_before_it_is_done_and_one_that_failed_ends_the_script_with_it
 #[test]
 fn missions_and_ways_home_are_awaited_of_those_who_are_there() {
     let vehicles: BTreeSet<VehicleId> = [1, 2].map(VehicleId).into();
-    let present = Present {
+    let present = LiveVehicles {
         vehicles,
         lost_after: Duration::from_secs(3),
     };

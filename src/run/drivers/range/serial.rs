@@ -61,7 +61,7 @@ struct Work {
     decoder: RangeDecoder,
     clock: Clock,
     pings: SharedPings,
-    told: EventSink,
+    events: EventSink,
     shared: Arc<Shared>,
 }
 
@@ -75,7 +75,7 @@ impl SerialReader {
         look: &SensorCoverage,
         clock: Clock,
         pings: SharedPings,
-        told: EventSink,
+        events: EventSink,
     ) -> io::Result<SerialReader> {
         let shared = Arc::<Shared>::default();
         lock(&shared.state).trouble = Some(format!("{}: not open yet", sensor.port));
@@ -85,7 +85,7 @@ impl SerialReader {
             decoder,
             clock,
             pings,
-            told,
+            events,
             shared: shared.clone(),
         };
         let thread = std::thread::Builder::new()
@@ -191,7 +191,7 @@ impl Work {
         };
         let echo = lock(&self.pings.0).answer(*newest);
         if let Some(echo) = echo {
-            (self.told)(Event::Echo(echo));
+            (self.events)(Event::Echo(echo));
         }
     }
 }

@@ -69,7 +69,7 @@ impl Driver {
     fn of(driver: &RangeDriver) -> Driver {
         let echoes = Arc::<Mutex<Vec<Echo>>>::default();
         let heard = echoes.clone();
-        let told: EventSink = Arc::new(move |event| match event {
+        let events: EventSink = Arc::new(move |event| match event {
             Event::Echo(echo) => heard.lock().unwrap().push(echo),
             other => panic!("{other:?}"),
         });
@@ -78,7 +78,7 @@ impl Driver {
             max_range_m: 4.0,
             ..SensorCoverage::default()
         };
-        let range = Range::start(driver, &look, Clock::start(), &told).unwrap();
+        let range = Range::start(driver, &look, Clock::start(), &events).unwrap();
         Driver {
             range,
             echoes,

@@ -127,7 +127,7 @@ fn a_vehicle_drives_and_sees_and_hears_another_one() {
     two.say(&drive(5.0, -1.5));
     let arrived = Point::new(5.0, -1.5);
     two.wait_for(|word| match word {
-        FromWorld::Autopilot(told) if told.pose.at.distance_to(arrived) < 0.01 => Some(()),
+        FromWorld::Autopilot(events) if events.pose.at.distance_to(arrived) < 0.01 => Some(()),
         _other => None,
     });
     assert!(two.0.peer_addr().unwrap().ip().is_loopback());
@@ -136,7 +136,7 @@ fn a_vehicle_drives_and_sees_and_hears_another_one() {
 #[test]
 fn strangers_are_told_why_and_do_no_harm() {
     let server = begin("127.0.0.1:0");
-    let said = |bytes: &[u8]| {
+    let output = |bytes: &[u8]| {
         let mut fake = Fake::open(server.address());
         fake.0.write_all(bytes).unwrap();
         fake
@@ -152,29 +152,29 @@ fn strangers_are_told_why_and_do_no_harm() {
         token: b"wrong".to_vec(),
     })
     .unwrap();
-    assert_eq!(said(&framed(&join)).why_refused(), LinkRefusal::Token);
+    assert_eq!(output(&framed(&join)).why_refused(), LinkRefusal::Token);
     let mut other = join.clone();
     other[0] = VERSION + 1;
     let version = LinkRefusal::Version {
         expected: VERSION,
         found: VERSION + 1,
     };
-    assert_eq!(said(&framed(&other)).why_refused(), version);
+    assert_eq!(output(&framed(&other)).why_refused(), version);
     assert_eq!(
-        said(&framed(&encode(&ToWorld::Stop).unwrap())).why_refused(),
+        output(&framed(&encode(&ToWorld::Stop).unwrap())).why_refused(),
         LinkRefusal::NoGreeting
     );
     assert_eq!(
-        said(b"GET / HTTP/1.1\r\n\r\n").why_refused(),
+        output(b"GET / HTTP/1.1\r\n\r\n").why_refused(),
         LinkRefusal::NoGreeting
     );
     assert_eq!(
-        said(&framed(&[VERSION; 500])).why_refused(),
+        output(&framed(&[VERSION; 500])).why_refused(),
         LinkRefusal::NoGreeting
     );
     // A length of 4 GB is not believed, and half a frame is not waited for.
-    assert_eq!(said(&[0xff; 40]).why_refused(), LinkRefusal::NoGreeting);
-    let mut half = said(&framed(&join)[..10]);
+    assert_eq!(output(&[0xff; 40]).why_refused(), LinkRefusal::NoGreeting);
+    let mut half = output(&framed(&join)[..10]);
     assert_eq!(half.why_refused(), LinkRefusal::NoGreeting);
     assert!(matches!(
         WorldControl::connect(server.address(), "open"),
@@ -216,14 +216,14 @@ fn the_body_of_a_vehicle_that_is_gone_stops() {
     let status = until(&mut control, |status| status.vehicles[1].speed_mps == 0.0);
     assert!(status.vehicles[1].at.y_m < 1.0, "{:?}", status.vehicles[1]);
     let mut again = Fake::join(server.address(), TWO, 2).unwrap();
-    let told = again.wait_for(|word| {
-        if let FromWorld::Autopilot(told) = word {
-            Some(told)
+    let events = again.wait_for(|word| {
+        if let FromWorld::Autopilot(events) = word {
+            Some(events)
         } else {
             None
         }
     });
-    assert!(told.pose.at.distance_to(status.vehicles[1].at) < 1e-6);
+    assert!(events.pose.at.distance_to(status.vehicles[1].at) < 1e-6);
 }
 
 #[test]
@@ -314,7 +314,7 @@ fn only_this_machine_may_connect() {
 }
 
 fn link(address: SocketAddr, token: &str) -> (WorldLink, Receiver<Event>) {
-    let (tell, told) = channel();
+    let (tell, events) = channel();
     let settings = WorldLinkSettings {
         address,
         token: token.to_owned(),
@@ -323,7 +323,7 @@ fn link(address: SocketAddr, token: &str) -> (WorldLink, Receiver<Event>) {
     };
     let link =
         WorldLink::connect(settings, move |event| tell.send(event).unwrap_or_default()).unwrap();
-    (link, told)
+    (link, events)
 }
 
 fn wait_for_state(link: &WorldLink, is_wanted: impl Fn(&LinkState) -> bool) {
@@ -334,11 +334,11 @@ fn wait_for_state(link: &WorldLink, is_wanted: impl Fn(&LinkState) -> bool) {
     }
 }
 
-fn echo_of(link: &WorldLink, told: &Receiver<Event>, number: u64) -> Duration {
+fn echo_of(link: &WorldLink, events: &Receiver<Event>, number: u64) -> Duration {
     let asked = Instant::now();
     assert!(link.send(&Effect::Ping(Ping { number })));
     loop {
-        match told.recv_timeout(Duration::from_secs(2)).unwrap() {
+        match events.recv_timeout(Duration::from_secs(2)).unwrap() {
             Event::Echo(echo) if echo.number == number => return asked.elapsed(),
             _other => {}
         }
@@ -349,9 +349,9 @@ fn echo_of(link: &WorldLink, told: &Receiver<Event>, number: u64) -> Duration {
 fn the_link_comes_back_when_the_world_does() {
     let server = begin("127.0.0.1:0");
     let address = server.address();
-    let (link, told) = link(address, TOKEN);
+    let (link, events) = link(address, TOKEN);
     wait_for_state(&link, |state| matches!(state, LinkState::Joined(_)));
-    let took = echo_of(&link, &told, 1);
+    let took = echo_of(&link, &events, 1);
     assert!(took < Duration::from_millis(200), "{took:?}");
     assert!(
         !link.send(&Effect::VehicleEvent(VehicleEvent::Mission(
@@ -369,10 +369,10 @@ fn the_link_comes_back_when_the_world_does() {
     );
     let _server = begin(&address.to_string());
     wait_for_state(&link, |state| matches!(state, LinkState::Joined(_)));
-    echo_of(&link, &told, 3);
+    echo_of(&link, &events, 3);
     drop(link);
     assert!(
-        std::iter::from_fn(|| told.recv_timeout(Duration::from_millis(500)).ok()).count() < 1000
+        std::iter::from_fn(|| events.recv_timeout(Duration::from_millis(500)).ok()).count() < 1000
     );
 }
 
@@ -386,7 +386,7 @@ fn transmit(sequence: u32) -> Effect {
     Effect::Transmit(beacon)
 }
 
-fn unsent(told: &Receiver<Event>) -> u32 {
+fn unsent(events: &Receiver<Event>) -> u32 {
     let of = |event| {
         if let Event::Unsent(sequence) = event {
             Some(sequence)
@@ -394,7 +394,7 @@ fn unsent(told: &Receiver<Event>) -> u32 {
             None
         }
     };
-    std::iter::from_fn(|| told.recv_timeout(Duration::from_secs(2)).ok())
+    std::iter::from_fn(|| events.recv_timeout(Duration::from_secs(2)).ok())
         .find_map(of)
         .expect("it comes back")
 }
@@ -402,18 +402,18 @@ fn unsent(told: &Receiver<Event>) -> u32 {
 #[test]
 fn a_beacon_that_was_not_sent_comes_back_from_a_busy_radio_and_from_a_link_that_is_down() {
     let server = begin("127.0.0.1:0");
-    let (link, told) = link(server.address(), TOKEN);
+    let (link, events) = link(server.address(), TOKEN);
     wait_for_state(&link, |state| matches!(state, LinkState::Joined(_)));
     // So many at once that the radio is still speaking at one of them.
     (1..=50).for_each(|sequence| assert!(link.send(&transmit(sequence))));
-    assert!((2..=50).contains(&unsent(&told)));
+    assert!((2..=50).contains(&unsent(&events)));
     drop(server);
     wait_for_state(&link, |state| {
         matches!(state, LinkState::Connecting(Some(_)))
     });
-    told.try_iter().for_each(drop);
+    events.try_iter().for_each(drop);
     assert!(!link.send(&transmit(51)));
-    assert_eq!(unsent(&told), 51);
+    assert_eq!(unsent(&events), 51);
 }
 
 #[test]

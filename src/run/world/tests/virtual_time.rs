@@ -23,35 +23,35 @@ fn joined() -> LiveWorld {
 
 /// Lets the world go on to a moment, event by event as its thread does; returns what it says meanwhile.
 fn advance(world: &mut LiveWorld, to_s: f64) -> Vec<VehicleWord> {
-    let (mut said, to) = (Vec::new(), Time::from_secs_f64(to_s));
+    let (mut output, to) = (Vec::new(), Time::from_secs_f64(to_s));
     while world.next_at() <= to {
-        world.advance(world.next_at(), &mut said);
+        world.advance(world.next_at(), &mut output);
     }
-    world.advance(to, &mut said);
-    said
+    world.advance(to, &mut output);
+    output
 }
 
-fn telemetry(said: &[VehicleWord], index: usize) -> Vec<AutopilotReport> {
+fn telemetry(output: &[VehicleWord], index: usize) -> Vec<AutopilotReport> {
     let of = |(to, word): &VehicleWord| match word {
         FromWorld::Autopilot(report) if *to == index => Some(*report),
         _other => None,
     };
-    said.iter().filter_map(of).collect()
+    output.iter().filter_map(of).collect()
 }
 
-fn ranges(said: &[VehicleWord]) -> Vec<(usize, Option<f64>)> {
+fn ranges(output: &[VehicleWord]) -> Vec<(usize, Option<f64>)> {
     let of = |(to, word): &VehicleWord| match word {
         FromWorld::Echo(echo) => Some((*to, echo.range_m)),
         _other => None,
     };
-    said.iter().filter_map(of).collect()
+    output.iter().filter_map(of).collect()
 }
 
 /// A driver says something; returns what is said back at once.
 fn obey(world: &mut LiveWorld, index: usize, word: ToWorld) -> Vec<VehicleWord> {
-    let mut said = Vec::new();
-    world.obey(index, word, &mut said);
-    said
+    let mut output = Vec::new();
+    world.obey(index, word, &mut output);
+    output
 }
 
 fn ping(number: u64) -> ToWorld {
@@ -62,11 +62,11 @@ fn ping(number: u64) -> ToWorld {
 fn telemetry_comes_ten_times_a_second_to_those_who_drive() {
     let mut world = world();
     world.join(ONE, Boot(1)).unwrap();
-    let said = advance(&mut world, 10.0);
-    assert_eq!(telemetry(&said, 0).len(), 100);
-    assert_eq!(telemetry(&said, 1).len(), 0, "nobody drives vehicle 2");
+    let output = advance(&mut world, 10.0);
+    assert_eq!(telemetry(&output, 0).len(), 100);
+    assert_eq!(telemetry(&output, 1).len(), 0, "nobody drives vehicle 2");
     assert!(
-        telemetry(&said, 0)
+        telemetry(&output, 0)
             .iter()
             .all(|told| told.pose.at.distance_to(Point::new(-1.5, 5.0)) < 1e-9)
     );
@@ -80,11 +80,11 @@ fn a_world_that_stood_still_does_not_say_everything_at_once() {
         "it goes on in steps of 0.1 s"
     );
     let mut world = joined();
-    let mut said = Vec::new();
-    world.advance(Time::from_secs_f64(0.1), &mut said);
-    said.clear();
-    world.advance(Time::from_secs_f64(20.1), &mut said);
-    assert!(telemetry(&said, 0).len() <= 2, "{}", said.len());
+    let mut output = Vec::new();
+    world.advance(Time::from_secs_f64(0.1), &mut output);
+    output.clear();
+    world.advance(Time::from_secs_f64(20.1), &mut output);
+    assert!(telemetry(&output, 0).len() <= 2, "{}", output.len());
     assert!(world.next_at() > Time::from_secs_f64(20.1));
 }
 
@@ -119,12 +119,12 @@ fn the_persons_are_seen_once_they_have_entered() {
 
 #[test]
 fn a_beacon_is_heard_after_its_airtime_and_two_at_once_are_lost() {
-    let heard = |said: &[VehicleWord]| -> Vec<(usize, i16)> {
+    let heard = |output: &[VehicleWord]| -> Vec<(usize, i16)> {
         let of = |(to, word): &VehicleWord| match word {
             FromWorld::Heard { rssi_dbm, .. } => Some((*to, *rssi_dbm)),
             _other => None,
         };
-        said.iter().filter_map(of).collect()
+        output.iter().filter_map(of).collect()
     };
     let mut world = joined();
     obey(&mut world, 0, beacon(ONE, 1));
@@ -227,8 +227,11 @@ fn who_comes_back_stands_where_it_stood() {
 fn the_referee_sees_a_contact_and_those_involved_stay() {
     let mut world = joined();
     obey(&mut world, 0, drive(0.5, 5.0));
-    let said = advance(&mut world, 3.0);
-    assert_eq!(telemetry(&said, 0).last().unwrap().motion, Motion::Resting);
+    let output = advance(&mut world, 3.0);
+    assert_eq!(
+        telemetry(&output, 0).last().unwrap().motion,
+        Motion::Resting
+    );
     let status = world.status();
     assert_eq!((status.collision_count, status.collisions.len()), (1, 1));
     let contact = status.collisions[0];

@@ -52,15 +52,15 @@ fn carry(
     until_s: f64,
 ) -> (Vec<Join>, Vec<HeardBy>) {
     let (mut joined, mut hearings) = (Vec::new(), Vec::new());
-    schedule.push(Time::from_secs_f64(until_s), Event::Environment);
+    schedule.push(Time::from_secs_f64(until_s), ScheduledEvent::Environment);
     loop {
         match schedule.pop().unwrap() {
-            Event::Exchange { node, generation } => {
+            ScheduledEvent::Exchange { node, generation } => {
                 if network.wake(node, generation, schedule) {
                     joined.push((node, schedule.now()));
                 }
             }
-            Event::Deliver { to, frame } => {
+            ScheduledEvent::Deliver { to, frame } => {
                 let to = place_of(to);
                 let hearing = network.hear(to, &frame, schedule);
                 if hearing.expelled.is_some() {
@@ -68,8 +68,10 @@ fn carry(
                 }
                 hearings.push((to, hearing));
             }
-            Event::Environment => return (joined, hearings),
-            Event::Wake { .. } | Event::Fault(_) | Event::OperatorsBegin => {
+            ScheduledEvent::Environment => return (joined, hearings),
+            ScheduledEvent::Wake { .. }
+            | ScheduledEvent::Fault(_)
+            | ScheduledEvent::OperatorsBegin => {
                 panic!("there is no node here")
             }
         }

@@ -8,7 +8,7 @@ use crate::ground::from_config::GroundParts;
 use crate::ground::station::{StationMemory, StationSettings};
 use crate::ground::{self, GroundNode};
 use crate::sim::ground_disk::GroundDisk;
-use crate::sim::noise::{Noise, Purpose};
+use crate::sim::noise::{Noise, NoisePurpose};
 use crate::sim::operator_script::RUN;
 use crate::time::Time;
 
@@ -106,7 +106,7 @@ impl SimulatedGround {
     pub(crate) fn restart(&mut self, noise: Noise) -> Boot {
         let boot = Boot(self.parts.station.boot.0.saturating_add(1));
         self.parts.station.boot = boot;
-        let holder = noise.hash(Purpose::Start, &[u64::MAX, u64::from(boot.0)]);
+        let holder = noise.hash(NoisePurpose::Start, &[u64::MAX, u64::from(boot.0)]);
         let station = StationSettings {
             lease: None,
             holder,

@@ -219,14 +219,14 @@ fn greeting(node: Sender, lease: Option<Lease>, venue_hash: u64) -> Hello {
 /// A way of forging: its name, and what is said at every turn.
 type Forgery = (&'static str, fn(Known) -> Vec<(Sender, Message)>);
 
-fn of_vehicles(said: impl Fn(VehicleId) -> Message) -> Vec<(Sender, Message)> {
+fn of_vehicles(output: impl Fn(VehicleId) -> Message) -> Vec<(Sender, Message)> {
     vehicles()
-        .map(|id| (Sender::Vehicle(id), said(id)))
+        .map(|id| (Sender::Vehicle(id), output(id)))
         .to_vec()
 }
 
-fn of_ground(said: impl Fn(VehicleId) -> Message) -> Vec<(Sender, Message)> {
-    vehicles().map(|id| (Sender::Ground, said(id))).to_vec()
+fn of_ground(output: impl Fn(VehicleId) -> Message) -> Vec<(Sender, Message)> {
+    vehicles().map(|id| (Sender::Ground, output(id))).to_vec()
 }
 
 const FORGERIES: &[Forgery] = &[
@@ -330,9 +330,9 @@ const FORGERIES: &[Forgery] = &[
         of_ground(|id| Message::Order(hold(id, known.lease, 1, MOST)))
     }),
     ("orders of an operator", |known| {
-        let said = |id| Message::Order(hold(id, known.higher_lease(900), 1, 1));
+        let output = |id| Message::Order(hold(id, known.higher_lease(900), 1, 1));
         vehicles()
-            .map(|id| (Sender::Operator(OperatorId(1)), said(id)))
+            .map(|id| (Sender::Operator(OperatorId(1)), output(id)))
             .to_vec()
     }),
     ("everything is stored", |known| {
@@ -342,8 +342,8 @@ const FORGERIES: &[Forgery] = &[
         vec![(Sender::Ground, Message::Have(have(1)))]
     }),
     ("samples far ahead", |known| {
-        let said = |id| Message::Samples(samples(id, u64::MAX - 1 - known.turn));
-        of_vehicles(said)
+        let output = |id| Message::Samples(samples(id, u64::MAX - 1 - known.turn));
+        of_vehicles(output)
     }),
     ("digests of everything", |_| {
         of_vehicles(|_| Message::Digest(digest()))
@@ -560,7 +560,7 @@ fn say(kernel: &mut Kernel, sender: Sender, message: &Message) {
     for to in to {
         kernel.schedule.push(
             kernel.schedule.now(),
-            Event::Deliver {
+            ScheduledEvent::Deliver {
                 to,
                 frame: frame.clone(),
             },

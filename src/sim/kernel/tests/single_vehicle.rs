@@ -23,7 +23,7 @@ use crate::sim::body::DriveLimits;
 use crate::sim::noise::Noise;
 use crate::sim::radio_field::{RadioConstants, RadioField};
 use crate::sim::range::{RangeModel, RangeSensor};
-use crate::sim::world::{Build, Obeyed, PredictedContact, World, WorldContents};
+use crate::sim::world::{CommandResult, PredictedContact, VehicleBuild, World, WorldContents};
 use crate::time::Time;
 
 const RADIUS_M: f64 = 0.25;
@@ -123,7 +123,7 @@ impl SingleVehicle {
 
     /// A vehicle at the origin that faces along x, with boxes around it.
     fn new(blocks: &[(f64, f64, f64, f64)], seed: u64, pose_sd_m: f64) -> SingleVehicle {
-        let build = Build {
+        let build = VehicleBuild {
             radius_m: RADIUS_M,
             height_m: 0.3,
             sensor_m: 0.3,
@@ -262,7 +262,7 @@ impl SingleVehicle {
                         self.known = self.node.map().clone();
                         self.drives += 1;
                     }
-                    let Obeyed {
+                    let CommandResult {
                         result,
                         arm_refusal,
                         contacts,

@@ -154,9 +154,9 @@ fn a_run_of_the_vehicles_is_done_when_all_that_are_there_have_ended_their_missio
     swarm.seconds(20);
     assert_eq!(run(&swarm, RUN).end, None, "it may come back");
     swarm.seconds(20);
-    let said = run(&swarm, RUN);
+    let output = run(&swarm, RUN);
     assert_eq!(
-        (said.kind, said.end),
+        (output.kind, output.end),
         (MissionKind::Explore, Some(RunEnd::Done))
     );
     assert_eq!(
@@ -352,8 +352,8 @@ fn of_two_grounds_under_one_operator_one_plans_and_the_other_takes_over_when_it_
             .into_iter()
             .filter(|(from, _)| *from == 1 || second < 20)
         {
-            for said in &out[from] {
-                if let Out::Publish(report @ Message::Report(_)) = said {
+            for output in &out[from] {
+                if let Out::Publish(report @ Message::Report(_)) = output {
                     grounds[to]
                         .handle(now, In::Bus(report.clone()), &mut Vec::new())
                         .unwrap();

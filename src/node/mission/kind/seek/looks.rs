@@ -14,18 +14,18 @@ const APART_M: f64 = 0.8;
 
 /// Looks by part of the ground.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct Looks {
+pub(super) struct LookHistory {
     /// Cells along the side of a part.
     side_cells: i32,
     /// Ascending by row and column.
     from: Vec<((i32, i32), Vec<Point>)>,
 }
 
-impl Looks {
+impl LookHistory {
     /// Makes the table of a map on which nothing was looked at.
-    pub(super) fn new(lattice: Lattice) -> Looks {
+    pub(super) fn new(lattice: Lattice) -> LookHistory {
         let side_cells = ((PART_M / lattice.cell_m()).round() as i32).max(1);
-        Looks {
+        LookHistory {
             side_cells,
             from: Vec::new(),
         }
@@ -77,7 +77,7 @@ mod tests {
 
     #[test]
     fn a_part_is_looked_at_from_a_few_places_and_from_each_once() {
-        let mut looks = Looks::new(Lattice::new(0.2));
+        let mut looks = LookHistory::new(Lattice::new(0.2));
         let (cell, beside, far) = (Cell::new(-1, 4), Cell::new(-3, 5), Cell::new(0, 4));
         for place in 0..4 {
             let from = Point::new(f64::from(place), 0.0);

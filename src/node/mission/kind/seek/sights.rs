@@ -4,7 +4,7 @@ use crate::geom::{Cell, Lattice, Point, Segment};
 use crate::map::{CellRect, Occupancy, View};
 use crate::plan::{Distances, SearchGrid};
 
-use super::looks::Looks;
+use super::looks::LookHistory;
 
 /// A metre more between the vehicle and what it looks at counts as so many metres of way.
 const AWAY_FACTOR: f64 = 2.0;
@@ -15,7 +15,7 @@ const SQUARE_M: f64 = 1.0;
 
 /// A frontier cell that is worth a look.
 #[derive(Clone, Copy)]
-pub(super) struct Candidate {
+pub(super) struct FrontierCandidate {
     /// The cell.
     pub cell: Cell,
     /// Its middle.
@@ -52,7 +52,7 @@ pub(super) struct Ground<'a> {
     /// The ways to all places that can be reached.
     pub reached: &'a Distances,
     /// From where things were looked at already.
-    pub looks: &'a Looks,
+    pub looks: &'a LookHistory,
 }
 
 impl Ground<'_> {
@@ -60,7 +60,7 @@ impl Ground<'_> {
     pub(super) fn best_sight(
         &self,
         start: Point,
-        candidates: &[Candidate],
+        candidates: &[FrontierCandidate],
         reach: Reach,
     ) -> Option<LookCandidate> {
         let squares = Squares::new(self.lattice, self.grid.area(), candidates);
@@ -133,11 +133,11 @@ struct Squares {
     low: Point,
     columns: usize,
     rows: usize,
-    of: Vec<Vec<Candidate>>,
+    of: Vec<Vec<FrontierCandidate>>,
 }
 
 impl Squares {
-    fn new(lattice: Lattice, area: CellRect, candidates: &[Candidate]) -> Squares {
+    fn new(lattice: Lattice, area: CellRect, candidates: &[FrontierCandidate]) -> Squares {
         let (low, high) = (lattice.centre(area.low), lattice.centre(area.high));
         let count = |from_m: f64, to_m: f64| ((to_m - from_m) / SQUARE_M).floor() as usize + 1;
         let (columns, rows) = (count(low.x_m, high.x_m), count(low.y_m, high.y_m));
@@ -164,7 +164,7 @@ impl Squares {
     }
 
     /// Returns what lies in the squares around a place.
-    fn near(&self, at: Point, reach_m: f64) -> impl Iterator<Item = &Candidate> {
+    fn near(&self, at: Point, reach_m: f64) -> impl Iterator<Item = &FrontierCandidate> {
         let (column, row) = self.place(at);
         let reach = (reach_m / SQUARE_M).ceil() as i64;
         let columns = (column - reach).max(0)..=(column + reach).min(self.columns as i64 - 1);

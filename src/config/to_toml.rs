@@ -9,7 +9,7 @@ use super::{Config, Experiment, GroundFile, OperatorFile, SceneFile, Up, Vehicle
 /// Returns a configuration as TOML: every key with its value, defaults included, and with unit and meaning as a comment.
 ///
 /// Read back under a name without a folder it means the same: files are named as they were opened.
-pub fn written(config: &Config) -> String {
+pub fn to_toml(config: &Config) -> String {
     match config {
         Config::Venue(venue) => Writer::file("venue", &mut venue.clone()),
         Config::Scene(scene) => Writer::file("scene", &mut scene.clone()),
