@@ -2,8 +2,8 @@
 //! of them has said is a [`FleetMember`], what it was ordered and by whom are its [`Dealings`]. What follows from that is the
 //! station's business.
 
-mod dealings;
 mod member;
+mod order_ledger;
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -14,8 +14,8 @@ use tomoswarm_proto::{
     VehicleId,
 };
 
-pub(super) use self::dealings::OrderLedger;
 pub(super) use self::member::{FleetChange, FleetMember};
+pub(super) use self::order_ledger::OrderLedger;
 use crate::stops::first_that_stops;
 use crate::sweep::VehicleProgress;
 use crate::time::Time;

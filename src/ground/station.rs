@@ -41,7 +41,7 @@ mod order_in_force;
 mod own_missions;
 mod pictures;
 mod report;
-mod run_book;
+mod run_registry;
 mod runs;
 mod ticks;
 
@@ -63,7 +63,7 @@ use self::own_missions::OwnMissions;
 pub use self::pictures::PictureName;
 use self::pictures::{Pictures, job_between_laps};
 use self::report::PartsToReport;
-use self::run_book::RunRegistry;
+use self::run_registry::RunRegistry;
 use self::ticks::Ticks;
 use super::fleet::{Fleet, FleetChange};
 use super::planner::Request;

@@ -6,7 +6,7 @@
 //! waits. Everything else is stored by a thread of its own (`keeper.rs`).
 
 mod archive;
-mod keeper;
+mod store_thread;
 mod utc;
 
 use std::collections::BTreeSet;
@@ -17,7 +17,7 @@ use std::sync::{Arc, Mutex};
 use tomoswarm_proto::{Boot, GroundReport, Message, Sender, VehicleId, codec};
 
 use self::archive::Archive;
-use self::keeper::{StoreJob, keeper};
+use self::store_thread::{StoreJob, keeper};
 use super::bus::{BusError, Publisher};
 use super::mailbox::{Troubles, lock};
 use super::member::BusMember;

@@ -16,8 +16,8 @@
 //! gusts are not known, a steady wind carries a copter aside and makes it lean. It speaks no MAVLink and knows no obstacles.
 
 mod battery;
+mod checks;
 mod flight;
-mod judgement;
 mod messages;
 mod navigation;
 mod place_estimate;
@@ -40,7 +40,7 @@ pub use navigation::{Navigation, Outage};
 pub use staged_motion::StagedMotion;
 
 use battery::{Battery, ChargeLevel};
-use judgement::{Action, Failsafe, Situation};
+use checks::{Action, Failsafe, Situation};
 use place_estimate::PlaceEstimate;
 use status_texts::StatusTexts;
 use vehicle_control::{Moment, VehicleControl};

@@ -9,7 +9,6 @@ use super::bus::{BusModel, SimulatedBus};
 use super::entry::SampleFile;
 use super::environment::{Environment, TRACK_EVERY};
 use super::faults::Faults;
-use super::judge::RunMonitor;
 use super::kernel::{
     FinishedRun, Greetings, Kernel, Parts, Recording, SimulatedOperator, SimulatedVehicle,
 };
@@ -18,6 +17,7 @@ use super::operator_script::{self, EMPTY_RUN, RUN};
 use super::outcome::{FleetCount, RunOutcome};
 use super::radio_field::{RadioConstants, RadioField};
 use super::range::{Lobe, RangeModel, RangeSensor};
+use super::run_monitor::RunMonitor;
 use super::run_view::RunView;
 use super::staging;
 use super::world::{FlightConditions, GROUND_CLEARANCE_M, VehicleBuild, World, WorldContents};

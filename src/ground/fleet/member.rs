@@ -4,7 +4,7 @@
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Boot, Lease, MissionProgress, Order, RunId, SeenState, StandReason, State};
 
-use super::dealings::OrderLedger;
+use super::order_ledger::OrderLedger;
 use crate::geom::Point;
 use crate::sweep::{LOWER_BOOT_AFTER, LowerNumbers, VOID_AFTER, VehicleProgress};
 use crate::time::Time;

@@ -22,7 +22,7 @@ pub(super) use self::published_plans::PublishedPlans;
 pub(super) use self::sweep::SweepRun;
 use super::StationEvent;
 use super::lost_vehicles::{SilenceLimits, is_too_few};
-use super::run_book::RequestedSweep;
+use super::run_registry::RequestedSweep;
 use crate::ground::fleet::{Fleet, FleetChange, FleetMember};
 use crate::ground::planner::{PlannerAnswer, Request};
 use crate::ground::samples::SampleStore;

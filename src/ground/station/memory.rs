@@ -16,7 +16,7 @@ use tomoswarm_proto::{Lease, Revision, RunId, VehicleId};
 use super::execution::{ExecutionPhase, SweepExecution, SweepRun};
 use super::order_in_force::OrderInForce;
 use super::pictures::Pictures;
-use super::run_book::RunRegistry;
+use super::run_registry::RunRegistry;
 use crate::ground::fleet::{Fleet, OrderLedger};
 use crate::sweep::Succession;
 
@@ -177,7 +177,7 @@ mod tests {
     use super::*;
     use crate::ground::imager::Subject;
     use crate::ground::station::pictures::PictureName;
-    use crate::ground::station::run_book::RequestedSweep;
+    use crate::ground::station::run_registry::RequestedSweep;
     use crate::time::Time;
     use tomoswarm_proto::OrderKind;
 

@@ -8,7 +8,7 @@ use super::leases::Leases;
 use super::lost_vehicles::is_too_few;
 use super::order_in_force::OrderInForce;
 use super::pictures::Pictures;
-use super::run_book::RunRegistry;
+use super::run_registry::RunRegistry;
 use crate::ground::fleet::Fleet;
 use crate::ground::samples::SampleStore;
 

@@ -7,16 +7,16 @@
 //!
 //! Deliberately absent: how a leg is driven, see `pilot`, and whether the vehicle is to follow at all, see `goal`.
 
+mod published_progress;
 mod refusals;
-mod told_progress;
 
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{MissionPhase, Plan, RunId, Stop, StopId, VehicleId};
 
+use self::published_progress::{PlanChanges, PublishedProgress};
 use self::refusals::Refusals;
-use self::told_progress::{PlanChanges, PublishedProgress};
 use super::MissionEvent;
 use crate::geom::Point;
 use crate::node::VehicleSettings;

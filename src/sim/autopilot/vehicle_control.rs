@@ -15,8 +15,8 @@
 use std::collections::BTreeMap;
 
 use super::super::body::Body;
+use super::checks::{Action, MissionSituation};
 use super::flight::LANDED_M;
-use super::judgement::{Action, MissionSituation};
 use super::messages::{AutopilotSettings, StatusText};
 use super::place_estimate::PlaceEstimate;
 use super::staged_motion::StagedMotion;

@@ -9,9 +9,9 @@ use crate::ground::from_config::GroundParts;
 use crate::sim::bus::SimulatedBus;
 use crate::sim::environment::Environment;
 use crate::sim::faults::Faults;
-use crate::sim::judge::RunMonitor;
 use crate::sim::noise::Noise;
 use crate::sim::outcome::{FleetCount, Recorded};
+use crate::sim::run_monitor::RunMonitor;
 use crate::time::Time;
 
 /// Everything that a run is made of.

@@ -227,7 +227,7 @@ impl ExecutionPhase {
 mod tests {
     use super::*;
     use crate::actor::tests_support::{drawn, variant_of, variants};
-    use crate::ground::station::run_book::RequestedSweep;
+    use crate::ground::station::run_registry::RequestedSweep;
     use tomoswarm_proto::RunId;
 
     fn at(at_s: f64) -> Time {

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{RunId, StopId, VehicleId};
 
-use super::super::run_book::RequestedSweep;
+use super::super::run_registry::RequestedSweep;
 
 /// A sweep that was begun.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]

@@ -10,18 +10,18 @@
 //! Only ground known to be free is driven over; what stays unknown after some looks, each from nearer by, is left.
 //! Deliberately absent: claims of goals on the wire. Who goes where is judged by the peers' places and ways.
 
+mod frontier_candidates;
 mod known_frontiers;
-mod looks;
-mod sights;
+mod look_history;
 
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{TileAddress, VehicleId};
 
+use self::frontier_candidates::{FrontierCandidate, Ground, LookCandidate, Reach, sees};
 use self::known_frontiers::KnownFrontiers;
-use self::looks::LookHistory;
-use self::sights::{FrontierCandidate, Ground, LookCandidate, Reach, sees};
+use self::look_history::LookHistory;
 use super::{Behaviour, DriveRoute, MissionContext, MissionInput, MissionStep};
 use crate::geom::{Angle, Cell, Point};
 use crate::map::{CellRect, Occupancy, View};

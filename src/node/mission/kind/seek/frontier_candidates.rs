@@ -4,7 +4,7 @@ use crate::geom::{Cell, Lattice, Point, Segment};
 use crate::map::{CellRect, Occupancy, View};
 use crate::plan::{Distances, SearchGrid};
 
-use super::looks::LookHistory;
+use super::look_history::LookHistory;
 
 /// A metre more between the vehicle and what it looks at counts as so many metres of way.
 const AWAY_FACTOR: f64 = 2.0;
