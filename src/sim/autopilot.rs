@@ -7,7 +7,7 @@
 //! or seldom ([`Autopilot::advance`]), and everything happens at its own moment all the same.
 //!
 //! ```text
-//!   Command ──► judgement ──► action ──► vehicle control ──► stages ──► body, climb
+//!   Command ──► checks ──► action ──► vehicle control ──► stages ──► body, climb
 //!                   ▲                      ▲      │  over
 //!   battery, place ─┴─ failsafe            └──────┴─ next item of the stored mission
 //! ```

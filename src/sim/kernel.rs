@@ -541,7 +541,7 @@ impl Kernel {
         self.set_alarm(node);
     }
 
-    /// Does what follows from a judgement; of several the first counts.
+    /// Takes over what the monitor decided; of several the first counts.
     fn follow(&mut self, verdict: RunState) {
         if self.schedule.ended_at().is_some() {
             return;

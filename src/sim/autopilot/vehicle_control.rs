@@ -1,5 +1,5 @@
 //! What a simulated vehicle does: its mode, whether its motors have current, and the motion and the mission that follow from
-//! them. It does what it is told without asking whether that is allowed ([`super::judgement`]), and knows no battery.
+//! them. It does what it is told without asking whether that is allowed ([`super::checks`]), and knows no battery.
 //!
 //! ```text
 //!   [Manual] [Hold] [Loiter]   it brakes, and stays
