@@ -58,6 +58,7 @@ mod trials;
 #[cfg(feature = "net")]
 pub mod vehicle;
 mod watch;
+mod whole_build;
 #[cfg(feature = "net")]
 pub mod world;
 
@@ -73,7 +74,7 @@ use self::standard_output::{StandardOutput, complain};
 /// Rovers drive around an area, measure radio signal strength between them, avoid what their range sensors see, and a
 /// ground station turns the attenuations into a picture of what stands inside.
 #[derive(Parser, Debug)]
-#[command(name = "tomoswarm", version, after_help = AFTER_HELP)]
+#[command(name = "tomoswarm", version, after_help = after_help())]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -85,6 +86,14 @@ const AFTER_HELP: &str = "Begin with:
   tomoswarm check configs/courtyard.sim.toml     what a file says, or everything that is wrong with it
 
 Exit codes: 0 done; 1 a fault, or the mission failed; 2 bad usage, configuration, scene or recording.";
+
+fn after_help() -> String {
+    if cfg!(feature = "net") {
+        AFTER_HELP.to_owned()
+    } else {
+        format!("{AFTER_HELP}\n\n{}", whole_build::note())
+    }
+}
 
 #[derive(Subcommand, Debug)]
 enum Command {
@@ -121,6 +130,9 @@ pub fn run() -> ExitCode {
     let command = match Cli::try_parse() {
         Ok(cli) => cli.command,
         Err(error) => {
+            if let Some(text) = whole_build::explain(&error) {
+                return fail(&CliError::Usage(text));
+            }
             // Nothing can be done when even the message cannot be printed.
             let _ = error.print();
             return ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2));

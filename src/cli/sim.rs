@@ -30,7 +30,7 @@ use crate::sim::{RunError, RunOutcome, RunProgress, RunView, Scenario};
 /// A run shows its progress on a terminal. Ctrl-C ends it in order: what was measured until then is written, with
 /// "finished": false. Nothing is written by a run that is refused.
 #[derive(clap::Args, Debug)]
-#[command(after_help = AFTER_HELP)]
+#[command(after_help = after_help())]
 pub struct SimArgs {
     /// A simulation file (kind = "sim"), see configs/courtyard.sim.toml; or a bundled one by name: castle, trees, house
     #[arg(value_name = "CONFIG")]
@@ -85,7 +85,7 @@ pub struct SimArgs {
     pub trials: Option<u64>,
 }
 
-const AFTER_HELP: &str = "\
+const FOLDER_AND_EXAMPLES: &str = "\
 The folder then holds
   image.png      what changed since the empty sweep: the persons (with the truth, for comparison)
   structure.png  what stands there, from a fitted path loss: the wall
@@ -102,14 +102,27 @@ Examples:
   tomoswarm sim --vehicles 4 --out four         four rovers, written to the folder four
   tomoswarm sim --trials 20                     20 seeds, one line each
   tomoswarm sim --watch --pace 20               look on, at 20 times real time
-  tomoswarm sim configs/small.sim.toml --live   a short scenario in real time, by real processes (about 2 minutes)
-  tomoswarm sim --live -n 8 --topology star     eight vehicle processes joined by the ground station
   tomoswarm sim castle                          another bundled place; also trees, house
   tomoswarm sim configs/courtyard.sim.toml      a file of your own: copy it with its venue and scene
   tomoswarm sim configs/explore.sim.toml        four rovers explore a castle: [mission] kind = \"explore\"
+";
 
+const LIVE_EXAMPLES: &str = "  tomoswarm sim configs/small.sim.toml --live   a short scenario in real time, by real processes (about 2 minutes)
+  tomoswarm sim --live -n 8 --topology star     eight vehicle processes joined by the ground station
+";
+
+const EXIT_CODES: &str = "
 Exit codes: 0 done; 1 a collision, a breach of the fence, a sweep or mission that did not end or was stopped, missions of
 which no vehicle did everything, or in --trials too many persons missed; 2 bad usage, bad files, or a folder that cannot be written.";
+
+fn after_help() -> String {
+    let live = if cfg!(feature = "net") {
+        LIVE_EXAMPLES
+    } else {
+        ""
+    };
+    format!("{FOLDER_AND_EXAMPLES}{live}{EXIT_CODES}")
+}
 
 fn parse_seconds(text: &str) -> Result<Duration, String> {
     let seconds: f64 = text
