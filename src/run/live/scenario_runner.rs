@@ -408,7 +408,7 @@ impl ScenarioRunner {
 fn end_of(end: MissionEnd, place: Point) -> EndReason {
     match end {
         MissionEnd::Done => EndReason::Done,
-        // In front of what does not travel.
+        // The wire does not say in front of what.
         MissionEnd::Stopped => EndReason::Stopped(Obstruction {
             at: place,
             kind: ObstructionKind::Unreported,
