@@ -5,6 +5,7 @@
 
 mod angle;
 mod attitude;
+mod decimal;
 mod grid;
 mod lattice;
 mod point;
@@ -18,6 +19,7 @@ mod wgs84;
 
 pub use angle::{Angle, Bearing, Turn};
 pub use attitude::Attitude;
+pub use decimal::without_dust;
 pub use grid::PixelGrid;
 pub use lattice::{Cell, CellsUnder, Lattice};
 pub use point::{Point, Vector};

@@ -235,7 +235,7 @@ pub enum ArmRefusal {
     #[error("the autopilot is not ready yet")]
     NotReady,
     /// Nobody is armed in this mode.
-    #[error("nobody is armed in the mode {0:?}")]
+    #[error("nobody is armed in the mode {0}")]
     Mode(FlightMode),
     /// The mode needs a place, and it does not know its own.
     #[error("it does not know where it is, and its mode needs that")]

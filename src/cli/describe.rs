@@ -5,6 +5,7 @@
 use crate::config::{
     self, Axis, Config, Experiment, GroundFile, RangeDriver, Sim, VehicleFile, Venue,
 };
+use crate::geom::without_dust;
 
 /// The most vehicles that a sweep is planned for.
 const SWEEPING: std::ops::RangeInclusive<usize> = 2..=8;
@@ -53,7 +54,11 @@ fn venue_lines(venue: &Venue) -> Vec<Line> {
         ),
         (
             "area",
-            format!("{} m × {} m", area.width_m(), area.height_m()),
+            format!(
+                "{} m × {} m",
+                without_dust(area.width_m()),
+                without_dust(area.height_m())
+            ),
         ),
         (
             "fence",

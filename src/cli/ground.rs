@@ -11,6 +11,7 @@ use super::vehicle::{
 };
 use super::{logging, read};
 use crate::config::{self, Config, GroundFile};
+use crate::operator::names;
 use crate::run::ground_process::{self, GroundError, GroundStatus};
 use crate::store::StoreError;
 
@@ -118,7 +119,7 @@ fn line(status: &GroundStatus) {
         .report
         .as_ref()
         .map_or("listens".to_owned(), |report| {
-            let phase = format!("{:?}", report.phase).to_lowercase();
+            let phase = names::phase(report.phase);
             let (done, laps) = (report.laps_done, report.laps);
             format!(
                 "{phase}, run {}, lap {done} of {laps}, {} samples",

@@ -7,6 +7,7 @@ use tomoswarm_proto::{Plan, Revision, RunId};
 
 use super::error::CliError;
 use super::load;
+use crate::config::Sim;
 use crate::geom::Point;
 use crate::ground::planner::{Request, plan};
 use crate::sim::Scenario;
@@ -15,7 +16,7 @@ use crate::sweep::{PlannedSweep, SweepError, check_separation, expected_duration
 /// Plan a sweep and show it: laps, stops, lengths, and how long it will take.
 ///
 /// The plans are those that `tomoswarm sim` drives when all vehicles start at their homes. They are proven to keep the vehicles
-/// apart whatever the delays. Lengths are metres, x to the east, y to the north.
+/// apart whatever the delays. Only a sweep has laps: a file with another mission is refused. Lengths are metres, x to the east, y to the north.
 #[derive(clap::Args, Debug)]
 #[command(after_help = AFTER_HELP)]
 pub struct PlanArgs {
@@ -40,7 +41,7 @@ Examples:
   tomoswarm plan --vehicles 5                         is a fifth rover worth it?
   tomoswarm plan my.sim.toml --stops > stops.csv      for a table or a script
 
-Exit codes: 0 done; 2 bad usage or bad files, or no sweep can be planned.";
+Exit codes: 0 done; 2 bad usage or bad files, no sweep can be planned, or the file's mission is no sweep and has no laps.";
 
 impl PlanArgs {
     /// Plans and prints.
@@ -50,6 +51,7 @@ impl PlanArgs {
     pub fn run(&self, out: &mut dyn Write) -> Result<(), CliError> {
         let loaded = load::load(self.config.as_deref(), self.vehicles)?;
         let scenario = load::scenario(loaded, self.config.as_deref(), None)?;
+        self.has_laps(scenario.sim())?;
         let sweep = planned(&scenario).map_err(|error| CliError::Usage(error.to_string()))?;
         let text = if self.stops {
             stops(&sweep.plans)
@@ -61,6 +63,24 @@ impl PlanArgs {
             source,
         };
         out.write_all(text.as_bytes()).map_err(failed)
+    }
+
+    /// Refuses what the ground station does not plan.
+    ///
+    /// # Errors
+    /// The mission is no sweep.
+    fn has_laps(&self, sim: &Sim) -> Result<(), CliError> {
+        if sim.is_planned_by_ground() {
+            return Ok(());
+        }
+        Err(CliError::Input {
+            path: self.config.clone().unwrap_or_default(),
+            reason: format!(
+                "its mission is {}, which has no laps to plan: every vehicle finds its own way \
+                 (`tomoswarm sim` shows it)",
+                sim.mission.word()
+            ),
+        })
     }
 }
 

@@ -8,6 +8,7 @@ use super::error::CliError;
 use super::stop::StopFlag;
 use super::{logging, read};
 use crate::config::{self, Config, VehicleFile};
+use crate::operator::names;
 use crate::run::bus::BusError;
 use crate::run::mailbox::Ending;
 use crate::run::process::Finish;
@@ -160,7 +161,7 @@ fn line(status: &NodeStatus) {
     let place = match &status.state {
         None => "the autopilot is silent".to_owned(),
         Some(state) => {
-            let mode = format!("{:?}", state.mode).to_lowercase();
+            let mode = names::mode(state.mode).to_lowercase();
             let place = state.pose.map_or("somewhere".to_owned(), |pose| {
                 format!("at {:.1}, {:.1} m", pose.at.x_m(), pose.at.y_m())
             });

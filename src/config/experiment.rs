@@ -18,7 +18,7 @@ use super::source::Source;
 use super::vehicle::BodySpec;
 use super::venue::Venue;
 use super::{Loader, Problem, Problems, Sim, beside, read_kind, read_kind_over, vehicle};
-use crate::geom::{Point, Rect};
+use crate::geom::{Point, Rect, without_dust};
 
 /// The most runs of an experiment.
 pub const MOST_RUNS: usize = 100_000;
@@ -390,7 +390,7 @@ impl Change {
 
 /// Returns a number as it may stand in a file, without the dust of subtractions.
 fn exact(number: f64) -> String {
-    format!("{:?}", (number * 1e9).round() / 1e9)
+    format!("{:?}", without_dust(number))
 }
 
 /// A simulation file with what is laid over it so far.

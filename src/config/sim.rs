@@ -325,7 +325,7 @@ impl Keyed for SimTable<'_> {
             durations,
             table("durations", "virtual time that thinking takes"),
         );
-        let means = "end after this much virtual time";
+        let means = "the run is given up after this much virtual time";
         to.number(
             until_s,
             Number {
@@ -340,7 +340,7 @@ impl Keyed for SimTable<'_> {
             Words {
                 name: "end",
                 default: AfterSweep::Return.word(),
-                means: "after the sweep",
+                means: "after the sweep or the missions; a `return` is given up when not all are home after 900 s",
             },
         );
         let means = "how the run is to end, without a collision: `finished` (all sweeps), `home` or `held` (every vehicle \

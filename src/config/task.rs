@@ -16,7 +16,7 @@ use super::section::Section;
 use super::source::Source;
 use super::venue::Venue;
 use super::waypoint_file::WaypointFile;
-use crate::geom::{Point, Rect};
+use crate::geom::{Point, Rect, without_dust};
 
 /// What the word for a mission stands for.
 #[derive(Clone, PartialEq, Debug)]
@@ -103,6 +103,11 @@ impl MissionTable {
     /// Returns a mission of every kind with its word, in the order in which people are told them.
     pub(super) fn each() -> impl Iterator<Item = (&'static str, MissionTable)> {
         WrittenKind::all().map(|(word, kind)| (word, MissionTable::of(kind)))
+    }
+
+    /// Returns the word for its kind, as files say it.
+    pub fn word(&self) -> &'static str {
+        self.kind.chosen()
     }
 
     /// Returns whether the ground station plans it.
@@ -285,14 +290,19 @@ impl WrittenPlaces {
     /// north-west, and that again at the end.
     fn round(&mut self, source: &Source<'_>, venue: Option<&Venue>) -> Vec<Point> {
         let area = venue.map(|venue| venue.area);
-        let side_m = area.map_or(10.0, |area| area.width_m().min(area.height_m()));
+        let side_m = area.map_or(10.0, |area| {
+            without_dust(area.width_m().min(area.height_m()))
+        });
         if self.size_m.is_none() && !source.is_known("mission.size_m") {
             source.remember_as("mission.size_m", 1, format!("{side_m} (the default)"));
         }
         let size_m = *self.size_m.get_or_insert(side_m);
         let middle = *self
             .centre_m
-            .get_or_insert(area.map_or(Point::default(), Rect::centre));
+            .get_or_insert(area.map_or(Point::default(), |area| {
+                let Point { x_m, y_m } = area.centre();
+                Point::new(without_dust(x_m), without_dust(y_m))
+            }));
         let mut corners = Rect::new(middle, middle)
             .shrunk(-0.5 * size_m)
             .corners()

@@ -14,7 +14,7 @@ use super::keys::{
 use super::outline::{CORNERS, simple_polygon};
 use super::section::{COORDINATE_M, Section};
 use super::swarm::Swarm;
-use crate::geom::{Bearing, Geodetic, Point, Polygon, Rect, Segment, TangentPlane};
+use crate::geom::{Bearing, Geodetic, Point, Polygon, Rect, Segment, TangentPlane, without_dust};
 use crate::map::REACH_TILES;
 
 /// The most homes of a venue; vehicle ids are one byte.
@@ -358,6 +358,7 @@ fn read_area(root: &Section<'_>, key: &'static str) -> Rect {
         return nothing;
     }
     if !(1.0..=1000.0).contains(&width_m) || !(1.0..=1000.0).contains(&height_m) {
+        let (width_m, height_m) = (without_dust(width_m), without_dust(height_m));
         let wrong = format!("the area is {width_m} m by {height_m} m");
         root.refuse(key, &wrong, "sides from 1 to 1000 m are allowed");
     }
@@ -408,6 +409,7 @@ fn check_area(root: &Section, venue: &Venue) {
     };
     let longest_m = reach_m(|point| point.x_m).max(reach_m(|point| point.y_m));
     if longest_m / venue.cell_m > MOST_CELLS_A_SIDE {
+        let longest_m = without_dust(longest_m);
         let wrong = format!("the fence is {longest_m} m long, over {MOST_CELLS_A_SIDE} cells");
         root.refuse("fence_m", &wrong, "make cell_m larger or the fence smaller");
     }

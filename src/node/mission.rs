@@ -23,6 +23,7 @@ mod kind;
 mod leases;
 mod look_around;
 mod messages;
+mod obstruction;
 mod pilot;
 mod report;
 mod returning;
@@ -59,6 +60,7 @@ use crate::time::{Deadline, Time};
 pub use autonomy::AutonomyCause;
 pub use home::{HOME_M, farthest_m as home_farthest_m, is_at_home};
 pub use messages::{EndReason, In, Key, MissionEvent, MissionStatus, Out};
+pub use obstruction::{Obstruction, ObstructionKind};
 pub(super) use share::share;
 
 /// Searches in vain before a stop is given up.
@@ -481,7 +483,7 @@ impl Mission {
                 self.pilot.halted(now);
             }
             vehicle::SafetyEvent::Refused(refusal) => {
-                self.pilot.refused(now);
+                self.pilot.refused(now, *refusal);
                 if let vehicle::CommandRefusal::Separation(peer) = refusal {
                     self.step_back(now, |returning| returning.after_refusal_for(*peer));
                 }

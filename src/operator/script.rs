@@ -15,12 +15,13 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    GroundReport, MissionKind, MissionPhase, MissionProgress, RunEnd, RunId, RunReport,
+    GroundReport, MissionKind, MissionPhase, MissionProgress, OrderKind, RunEnd, RunId, RunReport,
     StationPhase, VehicleId,
 };
 
 use super::fleet_view::FleetView;
 use super::given_tasks::TaskRequest;
+use super::names::kind_name;
 use super::order_goal::OrderGoal;
 use super::status::Expected;
 use crate::time::Time;
@@ -221,7 +222,7 @@ impl ScriptRun {
                     if let Some(why) = until.is_hopeless(now, sight) {
                         return Some(self.give_up(why));
                     }
-                    let why = || until.missed(now, sight, *within);
+                    let why = || until.missed(now, sight, *within, self.order_before());
                     return (waited >= *within).then(|| self.give_up(why()));
                 }
                 ScriptStep::Delay(span) if waited >= *span => self.next(now),
@@ -246,6 +247,18 @@ impl ScriptRun {
     fn next(&mut self, now: Time) {
         self.at += 1;
         (self.since, self.is_cue_said, self.is_cue_done) = (now, false, false);
+    }
+
+    /// Returns what was ordered right before the present step.
+    fn order_before(&self) -> Option<OrderKind> {
+        match self.steps.get(self.at.checked_sub(1)?)? {
+            ScriptStep::Want(goal) => Some(goal.kind),
+            ScriptStep::Wait { .. }
+            | ScriptStep::Delay(_)
+            | ScriptStep::Task(_)
+            | ScriptStep::EndIf(_)
+            | ScriptStep::Announce { .. } => None,
+        }
     }
 
     fn give_up(&self, why: String) -> ScriptOut {
@@ -302,8 +315,14 @@ impl Condition {
         }
     }
 
-    /// Returns what was waited for in vain.
-    fn missed(&self, now: Time, sight: &ScriptView, within: Duration) -> String {
+    /// Returns what was waited for in vain, and for how long; `order`: what was ordered right before.
+    fn missed(
+        &self,
+        now: Time,
+        sight: &ScriptView,
+        within: Duration,
+        order: Option<OrderKind>,
+    ) -> String {
         let missing = match self {
             Condition::Heard(expected) => {
                 format!(
@@ -312,12 +331,11 @@ impl Condition {
                 )
             }
             Condition::Home(present) => {
-                let away: Vec<String> = present
-                    .without(now, sight.view, is_home)
-                    .iter()
-                    .map(|id| format!("vehicle {id}"))
-                    .collect();
-                format!("not at home: {}", away.join(", "))
+                let away = not_home(&present.without(now, sight.view, is_home));
+                let since = order.map_or("waiting began".to_owned(), |order| {
+                    format!("the order to {}", kind_name(order))
+                });
+                return format!("{away} {} s after {since}", within.as_secs_f64());
             }
             Condition::InForce
             | Condition::Driven(_)
@@ -393,6 +411,18 @@ fn is_driven(report: &GroundReport, run: RunId) -> bool {
         Some(RunEnd::Done) => true,
         Some(RunEnd::Stopped | RunEnd::Failed) => false,
     })
+}
+
+/// Returns who is away from home in words; nobody is when nobody is there.
+fn not_home(away: &[VehicleId]) -> String {
+    match away {
+        [] => "no vehicle was heard to be home".to_owned(),
+        [id] => format!("vehicle {id} was not home"),
+        ids => {
+            let ids: Vec<String> = ids.iter().map(VehicleId::to_string).collect();
+            format!("vehicles {} were not home", ids.join(", "))
+        }
+    }
 }
 
 fn has_ended(mission: &MissionProgress) -> bool {

@@ -173,6 +173,7 @@ impl Kernel {
             ground: self.nodes.into_ground().into_node(),
             bus: self.network.into_bus(),
             ended_at: self.schedule.ended_at().unwrap_or(now),
+            is_time_up: self.schedule.ended_at().is_none(),
         }
     }
 

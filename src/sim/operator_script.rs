@@ -33,7 +33,8 @@ pub const SCENARIO_OPERATOR: OperatorId = OperatorId(0);
 const BEGIN_AT: Duration = Duration::from_secs(2);
 /// Between two sweeps people need this long to walk in, and so has what moves to come to rest.
 const ENTER_TAKES: Duration = Duration::from_secs(2);
-/// After the last image nothing is waited for any longer than this.
+/// After the return at the end was ordered nothing is waited for any longer than this. People read of it in
+/// configs/README.md and in the help of `sim`.
 const HOME_WITHIN: Duration = Duration::from_secs(900);
 
 /// Returns who the operator of a simulation is; `holder` is its id as the holder of a lease.
@@ -151,5 +152,29 @@ impl ScenarioScript<'_> {
             run,
             ..OrderGoal::new(kind, vehicles, within)
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn people_read_how_long_a_return_is_waited_for() {
+        let limit = format!(" {} s", HOME_WITHIN.as_secs());
+        for (text, line) in [
+            (include_str!("../../configs/README.md"), "| `end` | return"),
+            (
+                include_str!("../cli/sim.rs"),
+                "A run is given up at until_s",
+            ),
+            (
+                include_str!("../../docs/modules.md"),
+                "The script fails when",
+            ),
+        ] {
+            let line = text.lines().find(|found| found.contains(line));
+            assert!(line.is_some_and(|line| line.contains(&limit)), "{line:?}");
+        }
     }
 }

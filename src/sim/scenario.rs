@@ -14,16 +14,17 @@ use super::kernel::{
 };
 use super::noise::{Noise, NoisePurpose};
 use super::operator_script::{self, EMPTY_RUN, RUN};
-use super::outcome::{FleetCount, RunOutcome};
+use super::outcome::RunOutcome;
 use super::radio_field::{RadioConstants, RadioField};
 use super::range::{Lobe, RangeModel, RangeSensor};
 use super::run_monitor::RunMonitor;
 use super::run_view::RunView;
 use super::staging;
+use super::unmet::unmet;
 use super::world::{FlightConditions, GROUND_CLEARANCE_M, VehicleBuild, World, WorldContents};
 use crate::actor::Fault;
 use crate::autopilot::VehicleKind;
-use crate::config::{self, Craft, Drivers, Expect, PlannedFault, PlannedPartition, Sim};
+use crate::config::{self, Craft, Drivers, PlannedFault, PlannedPartition, Sim};
 use crate::geom::Point;
 use crate::ground::from_config::{self, GroundParts};
 use crate::ground::imager::Subject;
@@ -473,35 +474,6 @@ impl Scenario {
         )
     }
 
-    /// Returns what was expected and is not so at the end.
-    fn unmet(&self, muster: FleetCount, judge: &RunMonitor) -> Option<String> {
-        let FleetCount { alive, home, held } = muster;
-        match self.sim.expect {
-            Expect::Finished => (!judge.is_done()).then(|| self.unended(judge)),
-            Expect::Home => {
-                (home < alive).then(|| format!("vehicles at home: only {home} of {alive}"))
-            }
-            Expect::Held => {
-                (held < alive).then(|| format!("vehicles that hold: only {held} of {alive}"))
-            }
-        }
-    }
-
-    fn unended(&self, judge: &RunMonitor) -> String {
-        if self.sim.is_planned_by_ground() {
-            return "the sweep did not end in time".to_owned();
-        }
-        let under_way = judge.missions().iter().filter(|(_, end)| end.is_none());
-        let ids: Vec<String> = under_way.map(|(id, _)| id.to_string()).collect();
-        match &ids[..] {
-            [id] => format!("the mission of vehicle {id} did not end in time"),
-            ids => format!(
-                "the missions of vehicles {} did not end in time",
-                ids.join(", ")
-            ),
-        }
-    }
-
     pub(super) fn outcome(&self, kernel: Kernel) -> Result<RunOutcome, ScenarioError> {
         let FinishedRun {
             mut record,
@@ -511,11 +483,12 @@ impl Scenario {
             ground,
             bus,
             ended_at,
+            is_time_up,
             min_separation_m,
         } = kernel.finish();
         let station = ground.station();
         let outlines = self.outlines()?;
-        let unmet = self.unmet(muster, &judge);
+        let unmet = unmet(&self.sim, muster, &judge, is_time_up);
         let finished = unmet.is_none() && record.failure.is_none();
         let failure = record.failure.or(unmet);
         Ok(RunOutcome {

@@ -46,9 +46,9 @@ fn the_bundled_example_is_the_same_in_two_processes() {
         let output = runner.run(&["sim", "--until", "60", "--out", folder]);
         assert_eq!(output.code, 1, "{output:?}");
         assert!(
-            output
-                .err
-                .contains("the mission failed: the sweep did not end in time"),
+            output.err.contains(
+                "the sweep did not end in time: the run was given up after 60 s (until_s)"
+            ),
             "{output:?}"
         );
     }
@@ -268,6 +268,26 @@ fn the_default_folder_tells_scene_and_seed() {
     assert_eq!(sim(&runner, &["--seed", "9", "--no-pictures"]).code, 0);
     assert_eq!(summary(&runner, "out/small-9")["seed"], 9);
     assert_eq!(runner.names_in("out"), ["small-9"]);
+}
+
+#[test]
+fn a_mission_that_is_no_sweep_has_no_laps_to_plan() {
+    let runner = ProgramRunner::new();
+    let places = "venue = \"small.venue.toml\"\nscene = \"small.scene.toml\"";
+    for (kind, more) in [
+        ("explore", ""),
+        ("search", ""),
+        ("browse", ""),
+        ("waypoints", "waypoints_m = [[2.0, 1.0]]"),
+        ("square", "size_m = 2.0"),
+    ] {
+        let file = format!("kind = \"sim\"\n{places}\n[mission]\nkind = \"{kind}\"\n{more}\n");
+        runner.write("own.sim.toml", file);
+        let said = format!("own.sim.toml: its mission is {kind}, which has no laps to plan");
+        runner.refused(&["plan", "own.sim.toml"], &[&said]);
+        runner.refused(&["plan", "own.sim.toml", "--stops"], &[&said]);
+        assert_eq!(runner.run(&["check", "own.sim.toml"]).code, 0);
+    }
 }
 
 #[test]

@@ -5,7 +5,8 @@ use std::time::Duration;
 
 use tomoswarm::geom::{Cell, Point};
 use tomoswarm::map::Occupancy;
-use tomoswarm::node::mission::EndReason;
+use tomoswarm::node::mission::{EndReason, Obstruction, ObstructionKind};
+use tomoswarm::node::vehicle::CommandRefusal;
 use tomoswarm::sim::RunOutcome;
 use tomoswarm::time::Time;
 
@@ -55,9 +56,10 @@ fn a_square_ends_in_front_of_what_stands_on_it_and_not_in_it() {
     let outcome = yard("kind = \"square\"\nsize_m = 6.0")
         .block((4.0, 7.0, 1.0, 1.0))
         .run_to_the_end();
-    let EndReason::Stopped(at) = end_of(&outcome, 1) else {
+    let EndReason::Stopped(Obstruction { at, kind }) = end_of(&outcome, 1) else {
         panic!("{:?}", end_of(&outcome, 1))
     };
+    assert_eq!(*kind, ObstructionKind::Obstacle);
     assert!(
         (at.x_m - 3.5).abs() < 0.4 && (at.y_m - 7.0).abs() < 0.8,
         "{at:?}"
@@ -81,6 +83,19 @@ fn forward_goes_as_far_as_it_is_told_or_until_something_stands_there() {
         .run_to_the_end();
     assert!(matches!(end_of(&barred, 1), EndReason::Stopped(_)));
     assert!(nearest_m(&barred, 1, goal) > 0.5);
+}
+
+#[test]
+fn a_vehicle_that_may_not_leave_the_fence_says_that_it_stopped_in_front_of_it() {
+    let outcome = yard("kind = \"forward\"\ndistance_m = 40.0").run_to_the_end();
+    let EndReason::Stopped(Obstruction { at, kind }) = end_of(&outcome, 1) else {
+        panic!("{:?}", end_of(&outcome, 1))
+    };
+    assert_eq!(*kind, ObstructionKind::Refusal(CommandRefusal::Fence));
+    assert!(
+        nearest_m(&outcome, 1, (at.x_m, at.y_m)) < 0.1,
+        "there it stands: {at:?}"
+    );
 }
 
 #[test]

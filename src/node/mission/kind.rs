@@ -24,6 +24,7 @@ use self::patrol::Patrol;
 use self::seek::{Preference, Seek};
 use self::straight::Straight;
 use super::EndReason;
+use super::obstruction::Obstruction;
 use super::terrain::Terrain;
 use crate::geom::{Angle, Cell, Point, Pose};
 use crate::node::VehicleSettings;
@@ -39,8 +40,8 @@ pub(super) enum MissionInput {
     UnderWay,
     /// It is where it said to go.
     Arrived,
-    /// Something is in the way, there; the vehicle stands before it.
-    Blocked(Point),
+    /// Something is in the way; the vehicle stands before it.
+    Blocked(Obstruction),
     /// A look is over.
     Looked {
         /// From where it looked.
@@ -207,10 +208,11 @@ impl AnyBehaviour {
 }
 
 #[cfg(test)]
-mod tests_support {
+pub(super) mod tests_support {
     //! A mission alone, without a vehicle that carries out what it says.
 
     use super::*;
+    use crate::node::mission::ObstructionKind;
     use crate::node::tests_support::settings;
 
     /// Tells a mission of a vehicle at a place, facing along x, that knows nothing of the world; returns the next step.
@@ -242,6 +244,14 @@ mod tests_support {
                 peers: &peers,
             },
         )
+    }
+
+    /// An obstacle of the map in the way.
+    pub fn obstacle(x_m: f64, y_m: f64) -> Obstruction {
+        Obstruction {
+            at: Point::new(x_m, y_m),
+            kind: ObstructionKind::Obstacle,
+        }
     }
 
     /// The end of a look all around.

@@ -9,6 +9,7 @@ use tomoswarm_proto::{
 };
 
 use super::autonomy::AutonomyCause;
+use super::obstruction::Obstruction;
 use super::pilot::WayEvent;
 use crate::actor::{Input, InputClass};
 use crate::geom::Point;
@@ -85,8 +86,8 @@ pub enum MissionEvent {
     OldPlan(RunId, Revision),
     /// Something unknown is looked at.
     Looks(Point),
-    /// Something stands on the way.
-    Blocked(Point),
+    /// Something keeps it from going on along its way.
+    Blocked(Obstruction),
     /// A path around it was found; its length, metres.
     Path(f64),
     /// Nothing ahead can be reached over what is known, at least not now; searches in vain in a row.
@@ -126,7 +127,7 @@ impl From<WayEvent> for MissionEvent {
         match met {
             WayEvent::Stop(stop) => MissionEvent::Done(stop),
             WayEvent::Looks(at) => MissionEvent::Looks(at),
-            WayEvent::Blocked(at) => MissionEvent::Blocked(at),
+            WayEvent::Blocked(by) => MissionEvent::Blocked(by),
             WayEvent::Path(length_m) => MissionEvent::Path(length_m),
             WayEvent::NoPath(failures) => MissionEvent::NoPath(failures),
         }
@@ -147,7 +148,7 @@ impl fmt::Display for MissionEvent {
                 "does not follow run {run}, revision {revision}: it answers an old state, or others have a higher lease"
             ),
             MissionEvent::Looks(at) => write!(f, "looks at {at}"),
-            MissionEvent::Blocked(at) => write!(f, "is blocked at {at}"),
+            MissionEvent::Blocked(by) => write!(f, "is blocked {}", by.in_words("by")),
             MissionEvent::Path(length_m) => write!(f, "has found a path of {length_m:.3} m"),
             MissionEvent::NoPath(tries) => write!(f, "has found no path, {tries} in a row"),
             MissionEvent::Skipped(stop) => write!(f, "gives up stop {stop}"),
@@ -178,7 +179,7 @@ pub enum EndReason {
     /// Everything was done.
     Done,
     /// It stopped in front of something.
-    Stopped(Point),
+    Stopped(Obstruction),
     /// No way leads to so many of its places: all that can be reached was searched. The others were visited.
     NoWay(usize),
     /// So many of its places were given up although a way may lead there, or its peers never made room.
@@ -195,7 +196,7 @@ impl fmt::Display for EndReason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             EndReason::Done => f.write_str("did everything"),
-            EndReason::Stopped(at) => write!(f, "stopped in front of something at {at}"),
+            EndReason::Stopped(by) => write!(f, "stopped {}", by.in_words("in front of")),
             EndReason::NoWay(places) => {
                 write!(f, "found that no way leads to {places} of its places")
             }

@@ -44,10 +44,11 @@ use self::purpose::WayPurpose;
 use self::standing_command::{BACKOFF_M, FreeWay, GO_M, StandingCommand, moves, renewal_m};
 use self::stretch::Stretch;
 use super::look_around::{LookAround, Next};
+use super::obstruction::{Obstruction, ObstructionKind};
 use super::terrain::{Strip, Terrain};
 use super::way::Way;
 use crate::geom::{Angle, Point, Pose};
-use crate::node::vehicle::MoveCommand;
+use crate::node::vehicle::{CommandRefusal, MoveCommand};
 use crate::node::{OwnState, VehicleSettings};
 use crate::plan::{Corridor, Release};
 use crate::time::{Deadline, Time};
@@ -68,8 +69,8 @@ pub enum WayEvent {
     Stop(StopId),
     /// The way is looked at, since something on it is unknown.
     Looks(Point),
-    /// Something stands on the way; a path around it is searched.
-    Blocked(Point),
+    /// Something keeps it from going on; a path around it is searched.
+    Blocked(Obstruction),
     /// A path was found; its length, metres.
     Path(f64),
     /// There is no path, at least not now; searches in vain in a row.
@@ -209,8 +210,8 @@ impl Pilot {
     }
 
     /// Forgets the standing command, which was refused.
-    pub(super) fn refused(&mut self, now: Time) {
-        self.command.refuse(now);
+    pub(super) fn refused(&mut self, now: Time, why: CommandRefusal) {
+        self.command.refuse(now, why);
     }
 
     /// Goes on with what the vehicle says of itself; returns a command, if one is due.
@@ -287,10 +288,10 @@ impl Pilot {
         if !self.command.is_settled(situation.now) {
             return None;
         }
-        let has_retreated = self.stretch.has_retreated(&self.way, free.here_m);
-        if self.command.is_path_refused() || has_retreated || self.purpose.needs_path() {
+        if let Some(kind) = self.gives_up_path(free.here_m) {
             self.command.give_up_path();
-            self.search_around(situation, situation.pose.at);
+            let at = situation.pose.at;
+            self.search_around(situation, Obstruction { at, kind });
             return None;
         }
         if free.is_worth_a_start() {
@@ -301,6 +302,16 @@ impl Pilot {
             .is_resting
             .then(|| self.overcome(situation, &release))
             .flatten()
+    }
+
+    /// Returns why another path is searched from where the vehicle is, `here_m` along the way, whatever is released; `None` =
+    /// the way is gone on with.
+    fn gives_up_path(&self, here_m: f64) -> Option<ObstructionKind> {
+        let refusal = self.command.path_refusal().map(ObstructionKind::Refusal);
+        let has_retreated = self.stretch.has_retreated(&self.way, here_m);
+        refusal
+            .or(has_retreated.then_some(ObstructionKind::DeadEnd))
+            .or((self.purpose.needs_path()).then_some(ObstructionKind::NoPathHome))
     }
 
     /// Commands the route to a length along the way.
@@ -329,20 +340,20 @@ impl Pilot {
             let toward = situation.pose.at.angle_to(unknown);
             return Some(self.look_around(situation, toward, unknown));
         }
-        let at = release.blocked.or(unknown).unwrap_or(situation.pose.at);
+        let obstruction = obstruction_of(situation, release.blocked, unknown);
         let is_path_blocked = self.attempts.is_blocked_at_once();
         if is_path_blocked && self.purpose.is_replaceable() {
-            situation.met.push(WayEvent::Blocked(at));
+            situation.met.push(WayEvent::Blocked(obstruction));
             self.fail(situation);
         } else {
-            self.search_around(situation, at);
+            self.search_around(situation, obstruction);
         }
         None
     }
 
     /// Says that something is in the way, and searches a path around it if that is the pilot's to do.
-    fn search_around(&mut self, situation: &mut Situation<'_>, at: Point) {
-        situation.met.push(WayEvent::Blocked(at));
+    fn search_around(&mut self, situation: &mut Situation<'_>, by: Obstruction) {
+        situation.met.push(WayEvent::Blocked(by));
         if self.purpose.is_replaceable() {
             self.search(situation.now, situation.pose, situation.terrain);
         }
@@ -459,6 +470,20 @@ fn unknown_first(release: &Release) -> Option<Point> {
     release
         .unknown
         .filter(|_| release.unknown_at_m.is_some_and(|at_m| at_m <= blocked_m))
+}
+
+/// Returns what keeps a vehicle at rest that may not drive on: what blocks its way, otherwise what is unknown on it.
+fn obstruction_of(
+    situation: &Situation<'_>,
+    blocked: Option<Point>,
+    unknown: Option<Point>,
+) -> Obstruction {
+    let (at, kind) = match (blocked, unknown) {
+        (Some(at), _) => (at, situation.terrain.kind_of_obstacle(situation.now, at)),
+        (None, Some(at)) => (at, ObstructionKind::UnseenGround),
+        (None, None) => (situation.pose.at, ObstructionKind::BesideItsWay),
+    };
+    Obstruction { at, kind }
 }
 
 #[cfg(test)]

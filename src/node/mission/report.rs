@@ -132,7 +132,7 @@ mod tests {
     use super::*;
     use crate::actor::Actor;
     use crate::geom::Point;
-    use crate::node::mission::In;
+    use crate::node::mission::{In, Obstruction, ObstructionKind};
     use crate::node::tests_support::{own_state, settings};
 
     fn shows(mission: &Mission) -> (MissionPhase, Option<Permille>, u16, Option<Position>, bool) {
@@ -239,10 +239,13 @@ mod tests {
 
     #[test]
     fn every_end_can_be_said() {
-        let place = Point::new(1.0, 1.0);
+        let obstruction = Obstruction {
+            at: Point::new(1.0, 1.0),
+            kind: ObstructionKind::UnseenGround,
+        };
         for (end, on_wire) in [
             (EndReason::Done, MissionEnd::Done),
-            (EndReason::Stopped(place), MissionEnd::Stopped),
+            (EndReason::Stopped(obstruction), MissionEnd::Stopped),
             (EndReason::NoWay(3), MissionEnd::NoWay(3)),
             (EndReason::GaveUp(70_000), MissionEnd::GaveUp(u16::MAX)),
             (EndReason::NoRoom, MissionEnd::GaveUp(1)),

@@ -35,6 +35,7 @@ use super::kind::{
     AnyBehaviour, DriveRoute, MissionContext, MissionInput, MissionStep, PassedOver,
 };
 use super::look_around::{LookAround, Next, dwell};
+use super::obstruction::Obstruction;
 use super::pilot::{Pilot, WayEvent};
 use super::terrain::Terrain;
 use super::{EndReason, MissionEvent, Out};
@@ -209,10 +210,10 @@ impl StepRunner {
 
     /// Goes on; `met` is what the pilot met.
     pub(super) fn go_on(&mut self, scene: &mut RunnerContext<'_>, met: &[WayEvent]) {
-        if let Some(WayEvent::Blocked(at)) =
+        if let Some(WayEvent::Blocked(by)) =
             met.iter().find(|met| matches!(met, WayEvent::Blocked(_)))
         {
-            self.is_blocked(scene, *at);
+            self.is_blocked(scene, *by);
         }
         if let Some(mission) = self.mission.under_way() {
             mission.watch_peers(&scene.surroundings());
@@ -353,7 +354,7 @@ impl StepRunner {
     }
 
     /// Something is in the way.
-    fn is_blocked(&mut self, scene: &mut RunnerContext<'_>, at: Point) {
+    fn is_blocked(&mut self, scene: &mut RunnerContext<'_>, by: Obstruction) {
         let Phase::Driving { to, .. } = self.phase else {
             return;
         };
@@ -361,11 +362,11 @@ impl StepRunner {
         scene.pilot.give_up(place);
         match to {
             // What is barred is news for the next path.
-            Destination::ByPath(_) if !scene.terrain.is_free(at) && self.barred.note(at) => {
+            Destination::ByPath(_) if !scene.terrain.is_free(by.at) && self.barred.note(by.at) => {
                 self.think(scene.now);
             }
             Destination::Straight(_) | Destination::ByPath(_) | Destination::Viewpoint => {
-                self.tell(scene, MissionInput::Blocked(at));
+                self.tell(scene, MissionInput::Blocked(by));
             }
             Destination::Aside | Destination::Home => self.try_again(scene),
         }

@@ -16,6 +16,7 @@ pub(super) use self::search::{PathSearch, RULES};
 
 use self::driven_places::DrivenPlaces;
 use self::reflex_obstacles::ReflexObstacles;
+use super::obstruction::ObstructionKind;
 use super::way::Way;
 use crate::geom::{Point, Pose, Rect};
 use crate::map::{CellRect, Merged, Occupancy};
@@ -69,6 +70,14 @@ impl Terrain {
     /// Remembers what made the reflex halt.
     pub(super) fn note_obstacle(&mut self, now: Time, obstacle: ReflexObstacle) {
         self.reflex_obstacles.note(now, obstacle);
+    }
+
+    /// Returns what it is that blocks a way at a place: what made the reflex halt there of late, or else what the map shows.
+    pub(super) fn kind_of_obstacle(&self, now: Time, at: Point) -> ObstructionKind {
+        match self.reflex_obstacles.present(now).any(|one| one.at == at) {
+            true => ObstructionKind::ReflexObstacle,
+            false => ObstructionKind::Obstacle,
+        }
     }
 
     /// Takes what peers that stand or are silent claim, to be planned around.

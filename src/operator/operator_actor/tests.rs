@@ -622,7 +622,7 @@ fn a_script_that_waits_for_what_never_comes_ends_with_a_reason_after_its_limit()
     );
     never(
         wait(Condition::Home(one_present())),
-        "not at home: vehicle 1, within 4.0 s",
+        "vehicle 1 was not home 4 s after waiting began",
     );
     never(
         ScriptStep::Announce {

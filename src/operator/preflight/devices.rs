@@ -1,7 +1,10 @@
 //! What a vehicle's drivers say of its devices: a vehicle that lacks one that every run needs may not begin. Whether a device
 //! is silent is a trouble of its own; nothing is guessed from counts.
 
-use tomoswarm_proto::{Capability, Health, Hello, RangeHealth};
+use tomoswarm_proto::{
+    AutopilotFamily, BodyKind, Capability, Health, Hello, RadioKind, RangeHealth, RangeSensorKind,
+    ServoKind,
+};
 
 use super::{Check, CheckStatus, check};
 
@@ -49,10 +52,60 @@ pub(super) fn devices(hello: Option<&Hello>, health: Option<&Health>) -> Check {
 
 fn in_words(capability: Capability) -> String {
     match capability {
-        Capability::Autopilot(family, body) => format!("autopilot {family:?} ({body:?})"),
-        Capability::RangeSensor(kind) => format!("range sensor {kind:?}"),
-        Capability::Servo(kind) => format!("servo {kind:?}"),
-        Capability::Radio(kind) => format!("radio {kind:?}"),
+        Capability::Autopilot(family, body) => {
+            format!("autopilot: {} ({})", family_name(family), body_name(body))
+        }
+        Capability::RangeSensor(kind) => format!("range sensor: {}", range_sensor_name(kind)),
+        Capability::Servo(kind) => format!("servo: {}", servo_name(kind)),
+        Capability::Radio(kind) => format!("radio: {}", radio_name(kind)),
         Capability::StoredMissions => "stored missions".to_owned(),
+    }
+}
+
+fn family_name(family: AutopilotFamily) -> &'static str {
+    match family {
+        AutopilotFamily::Simulated => "simulated",
+        AutopilotFamily::ArduPilot => "ArduPilot",
+        AutopilotFamily::Px4 => "PX4",
+        AutopilotFamily::SerialText => "serial text",
+        AutopilotFamily::Other => "another kind",
+    }
+}
+
+fn body_name(body: BodyKind) -> &'static str {
+    match body {
+        BodyKind::Rover => "rover",
+        BodyKind::Copter => "copter",
+        BodyKind::Boat => "boat",
+        BodyKind::Plane => "plane",
+        BodyKind::Other => "another kind of vehicle",
+    }
+}
+
+fn range_sensor_name(kind: RangeSensorKind) -> &'static str {
+    match kind {
+        RangeSensorKind::Simulated => "simulated",
+        RangeSensorKind::HcSr04 => "HC-SR04",
+        RangeSensorKind::TfLuna => "TF-Luna",
+        RangeSensorKind::Autopilot => "read by the autopilot",
+        RangeSensorKind::Other => "another kind",
+        RangeSensorKind::SerialText => "serial text",
+    }
+}
+
+fn servo_name(kind: ServoKind) -> &'static str {
+    match kind {
+        ServoKind::Simulated => "simulated",
+        ServoKind::Pwm => "PWM",
+        ServoKind::Autopilot => "turned by the autopilot",
+        ServoKind::Other => "another kind",
+    }
+}
+
+fn radio_name(kind: RadioKind) -> &'static str {
+    match kind {
+        RadioKind::Simulated => "simulated",
+        RadioKind::XBee => "XBee",
+        RadioKind::Other => "another kind",
     }
 }

@@ -239,8 +239,7 @@ fn a_vehicle_names_its_devices_and_one_that_a_run_needs_is_missed() {
             .unwrap();
         (devices.light, devices.found.clone())
     };
-    let all =
-        "autopilot Simulated (Rover); range sensor SerialText; servo Simulated; radio Simulated";
+    let all = "autopilot: simulated (rover); range sensor: serial text; servo: simulated; radio: simulated";
     assert_eq!(found(&|_| {}), (CheckStatus::Go, all.to_owned()));
     let counted = |swarm: &mut Swarm| {
         swarm.healths[0].range = Some(RangeHealth {

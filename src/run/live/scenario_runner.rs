@@ -10,7 +10,7 @@ use tomoswarm_proto::{
 };
 
 use crate::geom::Point;
-use crate::node::mission::EndReason;
+use crate::node::mission::{EndReason, Obstruction, ObstructionKind};
 use crate::operator::names;
 use crate::operator::operator_actor::{In, Out};
 use crate::operator::script::{Condition, ScriptEnd, ScriptStep, is_home};
@@ -21,7 +21,7 @@ use crate::run::live_operator::LiveOperator;
 use crate::sim::bus::BytesByKind;
 use crate::sim::log::Log;
 use crate::sim::operator_script::PERSONS_ENTER;
-use crate::sim::{EndedMission, RUN, Scenario};
+use crate::sim::{EndedMission, RUN, Scenario, unended};
 use crate::time::Time;
 
 /// Everybody is there within this time.
@@ -83,6 +83,8 @@ pub struct ScenarioRunner {
     control: WorldControl,
     vehicles: Vec<VehicleId>,
     until: Time,
+    /// How long the scenario may take.
+    limit: Duration,
     looked: Time,
     /// What was reported of every run.
     runs: BTreeMap<RunId, RunReport>,
@@ -118,6 +120,7 @@ impl ScenarioRunner {
         operator.tell(In::Follow(steps));
         ScenarioRunner {
             until: operator.now() + sim.until(),
+            limit: sim.until(),
             operator,
             control,
             vehicles,
@@ -215,18 +218,12 @@ impl ScenarioRunner {
     }
 
     fn unended(&self) -> String {
-        if self.is_swept {
-            return "the sweep did not end in time".to_owned();
-        }
         let open = self
             .vehicles
             .iter()
             .filter(|id| !self.ended.contains_key(id));
-        let ids: Vec<String> = open.map(VehicleId::to_string).collect();
-        format!(
-            "the missions of vehicles {} did not end in time",
-            ids.join(", ")
-        )
+        let ids: Vec<VehicleId> = open.copied().collect();
+        unended((!self.is_swept).then_some(&ids[..]), Some(self.limit))
     }
 
     /// Says in one line how it stands.
@@ -243,7 +240,7 @@ impl ScenarioRunner {
                     samples,
                     ..
                 } = &report.value;
-                let phase = format!("{phase:?}").to_lowercase();
+                let phase = names::phase(*phase);
                 match self.is_swept {
                     true => {
                         format!("{phase}, sweep {run}, lap {laps_done}/{laps}, {samples} samples")
@@ -319,7 +316,7 @@ impl ScenarioRunner {
                     images,
                     ..
                 } = run;
-                let end = format!("{end:?}").to_lowercase();
+                let end = names::run_end(Some(end));
                 self.note(
                     "ground",
                     &format!("run {run} is {end}: {samples} samples, {images} images"),
@@ -411,7 +408,11 @@ impl ScenarioRunner {
 fn end_of(end: MissionEnd, place: Point) -> EndReason {
     match end {
         MissionEnd::Done => EndReason::Done,
-        MissionEnd::Stopped => EndReason::Stopped(place),
+        // The wire does not say in front of what.
+        MissionEnd::Stopped => EndReason::Stopped(Obstruction {
+            at: place,
+            kind: ObstructionKind::Unreported,
+        }),
         MissionEnd::NoWay(places) => EndReason::NoWay(places.into()),
         MissionEnd::GaveUp(places) => EndReason::GaveUp(places.into()),
         MissionEnd::Refused(why) => EndReason::Refused(why),

@@ -46,6 +46,8 @@ pub(in crate::sim) struct FinishedRun {
     pub bus: SimulatedBus,
     /// When it has ended.
     pub ended_at: Time,
+    /// Whether it was given up then, nothing having ended it.
+    pub is_time_up: bool,
     /// Smallest distance between the middles of two vehicles, metres; infinite for one alone.
     pub min_separation_m: f64,
 }

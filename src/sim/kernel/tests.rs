@@ -329,7 +329,7 @@ fn what_another_operator_has_stopped_neither_ground_nor_the_first_operator_start
     let stopped = small(|scenario| vec![operator(scenario, 3, steps.clone())]);
     assert_eq!(
         stopped.failure.as_deref(),
-        Some("the sweep did not end in time")
+        Some("the sweep did not end in time: the run was given up after 600 s (until_s)")
     );
     assert_eq!(stopped.held, 2, "they stand");
     assert!(stopped.simulated >= Time::from_secs_f64(590.0));

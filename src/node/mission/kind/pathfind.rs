@@ -79,7 +79,7 @@ impl Behaviour for Pathfind {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests_support::{LOOKED, step};
+    use super::super::tests_support::{LOOKED, obstacle, step};
     use super::*;
 
     const PLACES: [Point; 2] = [Point { x_m: 2.0, y_m: 0.0 }, Point { x_m: 2.0, y_m: 3.0 }];
@@ -120,7 +120,7 @@ mod tests {
         assert_eq!(
             step(
                 &mut pathfind,
-                MissionInput::Blocked(Point::new(1.0, 0.0)),
+                MissionInput::Blocked(obstacle(1.0, 0.0)),
                 (0.5, 0.0)
             ),
             MissionStep::TryAgain

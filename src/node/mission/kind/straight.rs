@@ -61,7 +61,7 @@ impl Behaviour for Straight {
                 self.places.pop_front();
                 MissionStep::Think
             }
-            MissionInput::Blocked(at) => MissionStep::End(EndReason::Stopped(at)),
+            MissionInput::Blocked(by) => MissionStep::End(EndReason::Stopped(by)),
             MissionInput::Looked { .. } => MissionStep::Think,
         }
     }
@@ -73,7 +73,7 @@ impl Behaviour for Straight {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests_support::step;
+    use super::super::tests_support::{obstacle, step};
     use super::*;
 
     #[test]
@@ -109,10 +109,8 @@ mod tests {
 
     #[test]
     fn it_ends_in_front_of_what_stands_in_its_way() {
-        let (mut legs, wall) = (
-            Straight::along(&[Point::new(2.0, 0.0)]),
-            Point::new(1.0, 0.0),
-        );
+        let mut legs = Straight::along(&[Point::new(2.0, 0.0)]);
+        let wall = obstacle(1.0, 0.0);
         step(&mut legs, MissionInput::Ready, (0.0, 0.0));
         assert_eq!(
             step(&mut legs, MissionInput::Blocked(wall), (0.5, 0.0)),

@@ -6,6 +6,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::VehicleMode;
 
+use crate::node::vehicle::CommandRefusal;
 use crate::plan::Release;
 use crate::time::Time;
 
@@ -34,6 +35,8 @@ pub(super) struct StandingCommand {
     given_at: Time,
     /// Commands refused in a row.
     refusals: u32,
+    /// Why the last of them was.
+    last_refusal: Option<CommandRefusal>,
     /// Paths in a row of which nothing was driven, since all commands were refused.
     refused_paths: u32,
 }
@@ -90,8 +93,9 @@ impl StandingCommand {
     }
 
     /// Takes that the command was refused.
-    pub(super) fn refuse(&mut self, now: Time) {
+    pub(super) fn refuse(&mut self, now: Time, why: CommandRefusal) {
         self.refusals += 1;
+        self.last_refusal = Some(why);
         self.stop(now);
     }
 
@@ -134,14 +138,18 @@ impl StandingCommand {
         now.since(self.given_at) >= RETRY_AFTER
     }
 
-    /// Returns whether so many commands in a row were refused that another path is to be searched.
-    pub(super) fn is_path_refused(&self) -> bool {
-        self.refusals >= REFUSALS_MAX
+    /// Returns why the last command was refused when so many in a row were that another path is to be searched.
+    pub(super) fn path_refusal(&self) -> Option<CommandRefusal> {
+        self.last_refusal.filter(|_| self.is_path_refused())
     }
 
     /// Returns whether the vehicle refuses whatever path is found.
     pub(super) fn is_every_path_refused(&self) -> bool {
         self.refused_paths >= REFUSED_PATHS_MAX
+    }
+
+    fn is_path_refused(&self) -> bool {
+        self.refusals >= REFUSALS_MAX
     }
 }
 
@@ -225,12 +233,12 @@ mod tests {
         command.drive(at(1.0), 3.0);
         command.turn(at(2.0));
         assert_eq!(command.end_m(), Some(3.0));
-        command.refuse(at(3.0));
+        command.refuse(at(3.0), CommandRefusal::Fence);
         assert_eq!(command.end_m(), None);
     }
 
     fn refuse(command: &mut StandingCommand, times: u32) {
-        (0..times).for_each(|_| command.refuse(at(1.0)));
+        (0..times).for_each(|_| command.refuse(at(1.0), CommandRefusal::Fence));
     }
 
     #[test]

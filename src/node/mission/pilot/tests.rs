@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 
-use tomoswarm_proto::VehicleMode;
+use tomoswarm_proto::{VehicleId, VehicleMode};
 
 use super::*;
 use crate::node::mission::terrain::tests::{obstacle, terrain_of, tiles_of};
@@ -16,6 +16,10 @@ struct Rig {
     terrain: Terrain,
     own: OwnState,
     now_s: f64,
+}
+
+fn blocked(at: Point, kind: ObstructionKind) -> WayEvent {
+    WayEvent::Blocked(Obstruction { at, kind })
 }
 
 /// The word for a state in the drawing.
@@ -82,14 +86,17 @@ impl Rig {
         panic!("a look ends");
     }
 
-    /// Refuses the commands to drive, until another path is searched.
-    fn refuse_path(&mut self) {
-        while self.word() == "Driving" {
-            let (command, _) = self.after(0.7);
+    /// Refuses the commands to drive, until another path is searched or something is said; returns what is met.
+    fn refuse_path(&mut self, why: CommandRefusal) -> Vec<WayEvent> {
+        let mut all = Vec::new();
+        while self.word() == "Driving" && all.is_empty() {
+            let (command, met) = self.after(0.7);
+            all.extend(met);
             if command.is_some() {
-                self.pilot.refused(self.now());
+                self.pilot.refused(self.now(), why);
             }
         }
+        all
     }
 }
 
@@ -250,6 +257,61 @@ fn what_blocks_a_given_route_is_said_and_no_other_is_searched() {
     }
 }
 
+/// What a vehicle says is in its way.
+fn said(met: &[WayEvent]) -> Obstruction {
+    match met {
+        [WayEvent::Blocked(by), ..] => *by,
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn a_vehicle_says_whether_map_or_reflex_or_the_unseen_keep_it_from_going_on() {
+    let place = Point::new(2.1, 0.0);
+    let begun = |mut rig: Rig, to: Point| {
+        rig.own.pose.at = place;
+        rig.pilot.take_route(place, &[to], false);
+        rig
+    };
+    let mut walled = begun(Rig::walled(), LEFT);
+    let by = said(&walled.after(1.0).1);
+    assert_eq!(by.kind, ObstructionKind::Obstacle);
+    assert!((1.0..1.4).contains(&by.at.x_m), "{by:?}");
+
+    let mut halted = begun(Rig::open(), LEFT);
+    halted
+        .terrain
+        .note_obstacle(halted.now(), obstacle(1.5, 0.0));
+    let expected = blocked(Point::new(1.5, 0.0), ObstructionKind::ReflexObstacle);
+    assert_eq!(halted.after(1.0).1, [expected]);
+
+    let mut unseen = Rig::open();
+    unseen.own.pose.at = Point::new(5.6, 0.0);
+    unseen
+        .pilot
+        .take_route(unseen.own.pose.at, &[Point::new(9.0, 0.0)], false);
+    unseen.after(1.0);
+    unseen.look_around();
+    let by = said(&unseen.after(0.7).1);
+    assert_eq!(by.kind, ObstructionKind::UnseenGround);
+    assert!(by.at.x_m > 6.3, "{by:?}");
+}
+
+#[test]
+fn a_vehicle_whose_commands_are_refused_says_why() {
+    for why in [
+        CommandRefusal::Fence,
+        CommandRefusal::Separation(VehicleId(2)),
+        CommandRefusal::PoseUncertain,
+    ] {
+        let mut rig = Rig::open();
+        let place = rig.own.pose.at;
+        rig.pilot.take_route(place, &[LEFT], false);
+        let met = rig.refuse_path(why);
+        assert_eq!(met, [blocked(place, ObstructionKind::Refusal(why))]);
+    }
+}
+
 #[test]
 fn a_narrow_route_is_driven_where_there_is_room_for_the_body_alone() {
     let has_gap = |x_m: f64, y_m: f64| (1.0..1.4).contains(&x_m) && y_m.abs() > 0.4;
@@ -305,7 +367,7 @@ fn a_vehicle_that_refuses_every_command_of_every_path_is_refused() {
     rig.pilot.append([], LEFT, None);
     for path in 0..3 {
         assert!(!rig.pilot.is_refused(), "after {path} paths");
-        rig.refuse_path();
+        rig.refuse_path(CommandRefusal::Fence);
         assert_eq!(rig.word(), "Planning");
         rig.after(0.1);
     }
@@ -328,7 +390,7 @@ fn a_vehicle_that_is_hemmed_in_drives_back_first_and_searches_from_there() {
     let end = *route.last().unwrap();
     assert!((1.5..2.2).contains(&end.x_m), "{end:?}");
     rig.own.pose.at = end;
-    assert_eq!(rig.after(0.7).1, [WayEvent::Blocked(end)]);
+    assert_eq!(rig.after(0.7).1, [blocked(end, ObstructionKind::DeadEnd)]);
     assert_eq!(rig.word(), "Planning");
 }
 
@@ -344,6 +406,7 @@ fn the_way_home_is_a_wish_until_a_path_is_found_and_again_after_a_failure() {
     assert!(matches!(rig.after(3.1).1[..], [WayEvent::Looks(_)]));
     rig.look_around();
     let (command, met) = rig.after(0.7);
-    assert_eq!((command, met), (None, vec![WayEvent::Blocked(pose.at)]));
+    let expected = blocked(pose.at, ObstructionKind::NoPathHome);
+    assert_eq!((command, met), (None, vec![expected]));
     assert_eq!(rig.word(), "Planning", "although something is released");
 }

@@ -6,6 +6,7 @@ use tomoswarm_proto::{State, TaskKind, VehicleId};
 
 use super::*;
 use crate::node::mission::In;
+use crate::node::mission::kind::tests_support::obstacle;
 use crate::node::mission::tests::{at, tiles};
 use crate::node::tests_support::{drawn, own_state, settings, state, variants};
 
@@ -140,7 +141,7 @@ fn a_look_around_turns_once_around_and_then_the_mission_goes_on() {
 fn what_stands_in_the_way_of_a_straight_leg_ends_it_there() {
     let mut rig = Rig::new(TaskKind::Forward { distance_mm: 2000 });
     rig.go_on(&[]);
-    let wall = Point::new(4.0, 0.0);
+    let wall = obstacle(4.0, 0.0);
     let out = rig.go_on(&[WayEvent::Blocked(wall)]);
     assert!(
         out.contains(&Out::MissionEvent(MissionEvent::Ended(EndReason::Stopped(
@@ -186,7 +187,7 @@ fn who_is_stopped_again_and_again_without_moving_gives_the_place_up() {
     let mut events = Vec::new();
     for _ in 0..100 {
         events.extend(rig.run(120));
-        rig.go_on(&[WayEvent::Blocked(Point::new(3.0, 1.0))]);
+        rig.go_on(&[WayEvent::Blocked(obstacle(3.0, 1.0))]);
     }
     assert_eq!(
         events,

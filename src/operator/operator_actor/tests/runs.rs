@@ -357,3 +357,25 @@ fn missions_and_ways_home_are_awaited_of_those_who_are_there() {
     world.run(4.0);
     assert_eq!(script_end(&world), Some(&ScriptEnd::Done));
 }
+
+#[test]
+fn who_is_not_home_in_time_is_named_with_the_limit_and_what_it_began_with() {
+    let present = LiveVehicles {
+        vehicles: [VehicleId(1), VehicleId(2)].into(),
+        lost_after: Duration::from_secs(30),
+    };
+    let mut world = World::new(vec![Rover::new(1), Rover::new(2)]);
+    let within = Duration::from_secs(9);
+    let home = |until| ScriptStep::Wait { until, within };
+    let all = OrderGoal::new(Kind::Return, [].into(), Duration::from_secs(60));
+    follow(
+        &mut world,
+        &[ScriptStep::Want(all), home(Condition::Home(present))],
+    );
+    world.run(10.0);
+    let end = ScriptEnd::GaveUp {
+        step: 1,
+        why: "vehicles 1, 2 were not home 9 s after the order to return".to_owned(),
+    };
+    assert_eq!(script_end(&world), Some(&end));
+}

@@ -5,6 +5,7 @@ use tomoswarm_proto::{State, VehicleMode};
 use super::*;
 use crate::geom::{Pose, Rect};
 use crate::node::mission::In;
+use crate::node::mission::kind::tests_support::obstacle;
 use crate::node::mission::tests::tiles;
 use crate::node::peers::Peers;
 use crate::node::tests_support::{drawn, settings, state, variants};
@@ -146,7 +147,7 @@ fn what_cannot_be_got_at_is_looked_at_from_elsewhere_and_then_left() {
         tried += 1;
         assert!(tried < 2000, "it never ends");
         assert_eq!(
-            world.tell(MissionInput::Blocked(world.at)),
+            world.tell(MissionInput::Blocked(obstacle(world.at.x_m, world.at.y_m))),
             MissionStep::TryAgain
         );
         step = world.tell(MissionInput::Ready);
