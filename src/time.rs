@@ -18,26 +18,31 @@ impl Time {
     pub const NEVER: Time = Time(u64::MAX);
 
     /// Makes a moment from nanoseconds since the start.
+    #[inline]
     pub const fn from_nanos(nanos: u64) -> Time {
         Time(nanos)
     }
 
     /// Makes a moment from seconds since the start; negative and non-finite values become zero.
+    #[inline]
     pub fn from_secs_f64(seconds_s: f64) -> Time {
         Time((seconds_s * 1e9).round() as u64)
     }
 
     /// Returns the nanoseconds since the start.
+    #[inline]
     pub const fn as_nanos(self) -> u64 {
         self.0
     }
 
     /// Returns the seconds since the start.
+    #[inline]
     pub fn as_secs_f64(self) -> f64 {
         self.0 as f64 * 1e-9
     }
 
     /// Returns the span since `earlier`, or zero when `earlier` is later.
+    #[inline]
     pub fn since(self, earlier: Time) -> Duration {
         Duration::from_nanos(self.0.saturating_sub(earlier.0))
     }
@@ -45,6 +50,7 @@ impl Time {
 
 impl Add<Duration> for Time {
     type Output = Time;
+    #[inline]
     fn add(self, span: Duration) -> Time {
         let nanos = u64::try_from(span.as_nanos()).unwrap_or(u64::MAX);
         Time(self.0.saturating_add(nanos))
@@ -53,6 +59,7 @@ impl Add<Duration> for Time {
 
 impl Sub<Duration> for Time {
     type Output = Time;
+    #[inline]
     fn sub(self, span: Duration) -> Time {
         let nanos = u64::try_from(span.as_nanos()).unwrap_or(u64::MAX);
         Time(self.0.saturating_sub(nanos))
@@ -60,12 +67,14 @@ impl Sub<Duration> for Time {
 }
 
 impl fmt::Display for Time {
+    #[inline]
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{:.3}", self.as_secs_f64())
     }
 }
 
 impl fmt::Debug for Time {
+    #[inline]
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{self} s")
     }
@@ -82,6 +91,7 @@ pub struct Deadline {
 
 impl Deadline {
     /// Returns the earlier of two optional deadlines; the first on a tie.
+    #[inline]
     pub fn earlier(first: Option<Deadline>, second: Option<Deadline>) -> Option<Deadline> {
         match (first, second) {
             (Some(a), Some(b)) => Some(if b.at < a.at { b } else { a }),

@@ -23,6 +23,7 @@ impl Angle {
     pub const ZERO: Angle = Angle(0.0);
 
     /// Makes an angle from radians; any finite value is wrapped into (−π, π].
+    #[inline]
     pub fn from_radians(radians_rad: f64) -> Angle {
         if radians_rad > -PI && radians_rad <= PI {
             return Angle(radians_rad);
@@ -32,21 +33,25 @@ impl Angle {
     }
 
     /// Makes an angle from degrees.
+    #[inline]
     pub fn from_degrees(degrees: f64) -> Angle {
         Angle::from_radians(degrees.to_radians())
     }
 
     /// Returns the radians in (−π, π].
+    #[inline]
     pub fn radians(self) -> f64 {
         self.0
     }
 
     /// Returns the degrees in (−180, 180].
+    #[inline]
     pub fn degrees(self) -> f64 {
         self.0.to_degrees()
     }
 
     /// Returns the degrees in [0, 360).
+    #[inline]
     pub fn positive_degrees(self) -> f64 {
         let degrees = self.degrees();
         if degrees < 0.0 {
@@ -58,17 +63,20 @@ impl Angle {
 
     /// Returns the periodic difference this − other in [−π, π) radians: at exactly half a turn it is negative, where
     /// the shortest turn (`-`) is positive.
+    #[inline]
     pub fn difference_rad(self, other: Angle) -> f64 {
         let turn_rad = (self - other).radians();
         if turn_rad >= PI { -PI } else { turn_rad }
     }
 
     /// Returns whether the two directions differ by at most a tolerance, radians.
+    #[inline]
     pub fn is_near(self, other: Angle, tolerance_rad: f64) -> bool {
         self.difference_rad(other).abs() <= tolerance_rad
     }
 
     /// Returns the quicker way to turn from this direction to another; counter-clockwise when both are equally quick.
+    #[inline]
     pub fn turn_to(self, other: Angle) -> Turn {
         if self.difference_rad(other) > 0.0 {
             Turn::Clockwise
@@ -78,6 +86,7 @@ impl Angle {
     }
 
     /// Returns the compass bearing of this direction where the x axis points east.
+    #[inline]
     pub fn bearing(self) -> Bearing {
         Bearing::from_radians(FRAC_PI_2 - self.0)
     }
@@ -85,6 +94,7 @@ impl Angle {
 
 impl Add for Angle {
     type Output = Angle;
+    #[inline]
     fn add(self, other: Angle) -> Angle {
         Angle::from_radians(self.0 + other.0)
     }
@@ -93,6 +103,7 @@ impl Add for Angle {
 /// The shortest turn from `other` to this angle.
 impl Sub for Angle {
     type Output = Angle;
+    #[inline]
     fn sub(self, other: Angle) -> Angle {
         Angle::from_radians(self.0 - other.0)
     }
@@ -100,6 +111,7 @@ impl Sub for Angle {
 
 impl Neg for Angle {
     type Output = Angle;
+    #[inline]
     fn neg(self) -> Angle {
         Angle::from_radians(-self.0)
     }
@@ -111,27 +123,32 @@ pub struct Bearing(f64);
 
 impl Bearing {
     /// Makes a bearing from radians; any finite value is wrapped into [0, 2π).
+    #[inline]
     pub fn from_radians(radians_rad: f64) -> Bearing {
         let wrapped = radians_rad - TAU * libm::floor(radians_rad / TAU);
         Bearing(if wrapped >= TAU { 0.0 } else { wrapped })
     }
 
     /// Makes a bearing from degrees.
+    #[inline]
     pub fn from_degrees(degrees: f64) -> Bearing {
         Bearing::from_radians(degrees.to_radians())
     }
 
     /// Returns the radians in [0, 2π).
+    #[inline]
     pub fn radians(self) -> f64 {
         self.0
     }
 
     /// Returns the degrees in [0, 360).
+    #[inline]
     pub fn degrees(self) -> f64 {
         self.0.to_degrees()
     }
 
     /// Returns the direction where the x axis points east.
+    #[inline]
     pub fn angle(self) -> Angle {
         Angle::from_radians(FRAC_PI_2 - self.0)
     }

@@ -17,31 +17,37 @@ pub struct PixelGrid {
 
 impl PixelGrid {
     /// Returns the number of pixels.
+    #[inline]
     pub fn len(&self) -> usize {
         self.columns * self.rows
     }
 
     /// Returns whether there are no pixels.
+    #[inline]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
     /// Returns a pixel's width, metres.
+    #[inline]
     pub fn dx_m(&self) -> f64 {
         self.area.width_m() / self.columns as f64
     }
 
     /// Returns a pixel's height, metres.
+    #[inline]
     pub fn dy_m(&self) -> f64 {
         self.area.height_m() / self.rows as f64
     }
 
     /// Returns the index of the pixel in a column and a row.
+    #[inline]
     pub fn index(&self, column: usize, row: usize) -> usize {
         row * self.columns + column
     }
 
     /// Returns the middle of the pixel with an index.
+    #[inline]
     pub fn centre(&self, index: usize) -> Point {
         let (column, row) = (index % self.columns, index / self.columns);
         Point::new(

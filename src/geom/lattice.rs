@@ -15,6 +15,7 @@ pub struct Cell {
 
 impl Cell {
     /// Makes a cell from its column and row.
+    #[inline]
     pub const fn new(x: i32, y: i32) -> Cell {
         Cell { x, y }
     }
@@ -28,12 +29,14 @@ pub struct Lattice {
 
 impl Lattice {
     /// Makes a lattice of cells with the given side, metres; it must be positive.
+    #[inline]
     pub fn new(cell_m: f64) -> Lattice {
         debug_assert!(cell_m > 0.0);
         Lattice { cell_m }
     }
 
     /// Returns the side of a cell, metres.
+    #[inline]
     pub fn cell_m(self) -> f64 {
         self.cell_m
     }
@@ -53,12 +56,14 @@ impl Lattice {
     }
 
     /// Returns the middle of a cell.
+    #[inline]
     pub fn centre(self, cell: Cell) -> Point {
         let middle = |index: i32| (f64::from(index) + 0.5) * self.cell_m;
         Point::new(middle(cell.x), middle(cell.y))
     }
 
     /// Returns the lower (south-west) corner of a cell.
+    #[inline]
     pub fn corner(self, cell: Cell) -> Point {
         Point::new(
             f64::from(cell.x) * self.cell_m,
@@ -84,6 +89,7 @@ impl Lattice {
 
     /// Returns the cells that a segment passes through, in order, each once (Amanatides and Woo 1987); none when an end is
     /// not finite.
+    #[inline]
     pub fn cells_under(self, along: Segment) -> CellsUnder {
         CellsUnder::new(self, along)
     }
@@ -145,6 +151,7 @@ impl CellsUnder {
 
 impl Iterator for CellsUnder {
     type Item = Cell;
+    #[inline]
     fn next(&mut self) -> Option<Cell> {
         let cell = self.next?;
         self.next = self.advance(cell);

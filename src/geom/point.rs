@@ -20,6 +20,7 @@ pub struct Point {
 
 /// To the millimetre, as files have places: `[1.250, -0.500]`.
 impl fmt::Display for Point {
+    #[inline]
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "[{:.3}, {:.3}]", self.x_m, self.y_m)
     }
@@ -27,26 +28,31 @@ impl fmt::Display for Point {
 
 impl Point {
     /// Makes a point from its coordinates in metres.
+    #[inline]
     pub const fn new(x_m: f64, y_m: f64) -> Point {
         Point { x_m, y_m }
     }
 
     /// Returns the distance to another point, metres.
+    #[inline]
     pub fn distance_to(self, other: Point) -> f64 {
         (other - self).length_m()
     }
 
     /// Returns the point a share of the way to `other` (0 = here, 1 = there).
+    #[inline]
     pub fn toward(self, other: Point, share: f64) -> Point {
         self + (other - self) * share
     }
 
     /// Returns the direction from here to `other`; angle zero when they coincide.
+    #[inline]
     pub fn angle_to(self, other: Point) -> Angle {
         (other - self).angle()
     }
 
     /// Returns whether both coordinates are finite.
+    #[inline]
     pub fn is_finite(self) -> bool {
         self.x_m.is_finite() && self.y_m.is_finite()
     }
@@ -63,42 +69,50 @@ pub struct Vector {
 
 impl Vector {
     /// Makes a vector from its components in metres.
+    #[inline]
     pub const fn new(x_m: f64, y_m: f64) -> Vector {
         Vector { x_m, y_m }
     }
 
     /// Makes a vector of a length in a direction.
+    #[inline]
     pub fn polar(angle: Angle, length_m: f64) -> Vector {
         let (sin, cos) = libm::sincos(angle.radians());
         Vector::new(cos * length_m, sin * length_m)
     }
 
     /// Returns the length, metres.
+    #[inline]
     pub fn length_m(self) -> f64 {
         self.dot(self).sqrt()
     }
 
     /// Returns the distance along the axes (grid distance), metres.
+    #[inline]
     pub fn grid_length_m(self) -> f64 {
         self.x_m.abs() + self.y_m.abs()
     }
 
     /// Returns the direction; zero for the null vector.
+    #[inline]
     pub fn angle(self) -> Angle {
         Angle::from_radians(libm::atan2(self.y_m, self.x_m))
     }
 
     /// Returns the scalar product, m².
+    #[inline]
     pub fn dot(self, other: Vector) -> f64 {
         self.x_m * other.x_m + self.y_m * other.y_m
     }
 
     /// Returns the z component of the cross product, m²; positive when `other` lies to the left.
+    #[inline]
     pub fn cross(self, other: Vector) -> f64 {
         self.x_m * other.y_m - self.y_m * other.x_m
     }
 
     /// Returns this vector turned a quarter to the left.
+    #[inline]
     pub fn left(self) -> Vector {
         Vector::new(-self.y_m, self.x_m)
     }
@@ -106,6 +120,7 @@ impl Vector {
 
 impl Sub for Point {
     type Output = Vector;
+    #[inline]
     fn sub(self, other: Point) -> Vector {
         Vector::new(self.x_m - other.x_m, self.y_m - other.y_m)
     }
@@ -113,6 +128,7 @@ impl Sub for Point {
 
 impl Add<Vector> for Point {
     type Output = Point;
+    #[inline]
     fn add(self, by: Vector) -> Point {
         Point::new(self.x_m + by.x_m, self.y_m + by.y_m)
     }
@@ -120,12 +136,14 @@ impl Add<Vector> for Point {
 
 impl Sub<Vector> for Point {
     type Output = Point;
+    #[inline]
     fn sub(self, by: Vector) -> Point {
         self + -by
     }
 }
 
 impl AddAssign<Vector> for Point {
+    #[inline]
     fn add_assign(&mut self, by: Vector) {
         *self = *self + by;
     }
@@ -133,6 +151,7 @@ impl AddAssign<Vector> for Point {
 
 impl Add for Vector {
     type Output = Vector;
+    #[inline]
     fn add(self, other: Vector) -> Vector {
         Vector::new(self.x_m + other.x_m, self.y_m + other.y_m)
     }
@@ -140,6 +159,7 @@ impl Add for Vector {
 
 impl Sub for Vector {
     type Output = Vector;
+    #[inline]
     fn sub(self, other: Vector) -> Vector {
         self + -other
     }
@@ -147,6 +167,7 @@ impl Sub for Vector {
 
 impl Neg for Vector {
     type Output = Vector;
+    #[inline]
     fn neg(self) -> Vector {
         Vector::new(-self.x_m, -self.y_m)
     }
@@ -154,12 +175,14 @@ impl Neg for Vector {
 
 impl Mul<f64> for Vector {
     type Output = Vector;
+    #[inline]
     fn mul(self, by: f64) -> Vector {
         Vector::new(self.x_m * by, self.y_m * by)
     }
 }
 
 impl From<Position> for Point {
+    #[inline]
     fn from(position: Position) -> Point {
         Point::new(position.x_m(), position.y_m())
     }
@@ -167,6 +190,7 @@ impl From<Position> for Point {
 
 impl From<Point> for Position {
     /// Rounds to millimetres, on the ground.
+    #[inline]
     fn from(point: Point) -> Position {
         Position::from_metres(point.x_m, point.y_m, 0.0)
     }
@@ -174,6 +198,7 @@ impl From<Point> for Position {
 
 impl From<Velocity> for Vector {
     /// Returns the displacement within a second, in the plane.
+    #[inline]
     fn from(velocity: Velocity) -> Vector {
         Vector::new(velocity.x_mps(), velocity.y_mps())
     }
@@ -181,6 +206,7 @@ impl From<Velocity> for Vector {
 
 impl From<Vector> for Velocity {
     /// Takes a displacement within a second, and rounds it to millimetres a second.
+    #[inline]
     fn from(per_second: Vector) -> Velocity {
         Velocity::from_metres_per_second(per_second.x_m, per_second.y_m, 0.0)
     }

@@ -12,16 +12,19 @@ pub struct Polygon {
 
 impl Polygon {
     /// Makes a polygon from its corners, in order around it.
+    #[inline]
     pub fn new(corners: Vec<Point>) -> Polygon {
         Polygon { corners }
     }
 
     /// Returns the corners.
+    #[inline]
     pub fn corners(&self) -> &[Point] {
         &self.corners
     }
 
     /// Returns the edges, in order.
+    #[inline]
     pub fn edges(&self) -> impl Iterator<Item = Segment> + '_ {
         let next = self.corners.iter().cycle().skip(1);
         self.corners
@@ -31,6 +34,7 @@ impl Polygon {
     }
 
     /// Returns the signed area, m²; positive when the corners run counter-clockwise.
+    #[inline]
     pub fn area_m2(&self) -> f64 {
         let origin = Point::default();
         self.edges()
@@ -40,6 +44,7 @@ impl Polygon {
     }
 
     /// Returns whether all corners turn the same way and enclose something.
+    #[inline]
     pub fn is_convex(&self) -> bool {
         let edges: Vec<Segment> = self.edges().collect();
         let next = edges.iter().cycle().skip(1);
@@ -52,6 +57,7 @@ impl Polygon {
     }
 
     /// Returns whether a point lies inside (even-odd rule, so that an inner ring may follow the outer one).
+    #[inline]
     pub fn contains(&self, point: Point) -> bool {
         self.edges()
             .filter(|edge| edge.is_met_along_x(point))
@@ -61,6 +67,7 @@ impl Polygon {
     }
 
     /// Returns how far a ray goes until it meets an edge, metres; `None` when it meets none.
+    #[inline]
     pub fn met_after_m(&self, from: Point, toward: Angle) -> Option<f64> {
         self.edges()
             .filter_map(|edge| edge.met_after_m(from, toward))
@@ -68,11 +75,13 @@ impl Polygon {
     }
 
     /// Returns whether a segment touches an edge or lies wholly inside.
+    #[inline]
     pub fn meets(&self, along: Segment) -> bool {
         self.contains(along.from) || self.edges().any(|edge| edge.distance_to(along) <= 0.0)
     }
 
     /// Returns the distance from a point to the nearest edge, metres; infinite without corners.
+    #[inline]
     pub fn distance_to_edge(&self, point: Point) -> f64 {
         self.edges()
             .map(|edge| edge.distance_to_point(point))
@@ -80,11 +89,13 @@ impl Polygon {
     }
 
     /// Returns whether a disc around a point lies wholly inside.
+    #[inline]
     pub fn contains_disc(&self, centre: Point, radius_m: f64) -> bool {
         self.contains(centre) && self.distance_to_edge(centre) >= radius_m
     }
 
     /// Returns whether a disc moved along a segment stays wholly inside.
+    #[inline]
     pub fn contains_corridor(&self, along: Segment, radius_m: f64) -> bool {
         self.contains(along.from)
             && self.contains(along.to)

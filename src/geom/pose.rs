@@ -17,6 +17,7 @@ pub struct Pose {
 }
 
 impl From<PoseReport> for Pose {
+    #[inline]
     fn from(report: PoseReport) -> Pose {
         let heading = Angle::from_radians(report.heading.radians());
         Pose {
@@ -29,6 +30,7 @@ impl From<PoseReport> for Pose {
 
 impl From<Pose> for PoseReport {
     /// Rounds to millimetres and 1e-4 rad.
+    #[inline]
     fn from(pose: Pose) -> PoseReport {
         let heading = Heading::from_radians(pose.heading.radians());
         PoseReport {

@@ -15,6 +15,7 @@ pub struct Rect {
 
 impl Rect {
     /// Makes a rectangle from two opposite corners, in any order.
+    #[inline]
     pub fn new(a: Point, b: Point) -> Rect {
         Rect {
             min: Point::new(a.x_m.min(b.x_m), a.y_m.min(b.y_m)),
@@ -23,27 +24,32 @@ impl Rect {
     }
 
     /// Returns the width (along x), metres.
+    #[inline]
     pub fn width_m(self) -> f64 {
         self.max.x_m - self.min.x_m
     }
 
     /// Returns the height (along y), metres.
+    #[inline]
     pub fn height_m(self) -> f64 {
         self.max.y_m - self.min.y_m
     }
 
     /// Returns the middle.
+    #[inline]
     pub fn centre(self) -> Point {
         self.min.toward(self.max, 0.5)
     }
 
     /// Returns whether a point lies inside or on the border.
+    #[inline]
     pub fn contains(self, point: Point) -> bool {
         (self.min.x_m..=self.max.x_m).contains(&point.x_m)
             && (self.min.y_m..=self.max.y_m).contains(&point.y_m)
     }
 
     /// Returns the rectangle moved inward by `by_m` on every side (outward when negative).
+    #[inline]
     pub fn shrunk(self, by_m: f64) -> Rect {
         Rect {
             min: Point::new(self.min.x_m + by_m, self.min.y_m + by_m),
@@ -75,6 +81,7 @@ impl Rect {
     }
 
     /// Returns the four corners, counter-clockwise from the south-west.
+    #[inline]
     pub fn corners(self) -> [Point; 4] {
         let Rect { min, max } = self;
         [
@@ -86,6 +93,7 @@ impl Rect {
     }
 
     /// Returns the rectangle as a polygon.
+    #[inline]
     pub fn polygon(self) -> Polygon {
         Polygon::new(self.corners().to_vec())
     }

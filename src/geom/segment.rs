@@ -13,21 +13,25 @@ pub struct Segment {
 
 impl Segment {
     /// Makes a segment.
+    #[inline]
     pub const fn new(from: Point, to: Point) -> Segment {
         Segment { from, to }
     }
 
     /// Returns the displacement from start to end.
+    #[inline]
     pub fn vector(self) -> Vector {
         self.to - self.from
     }
 
     /// Returns the length, metres.
+    #[inline]
     pub fn length_m(self) -> f64 {
         self.vector().length_m()
     }
 
     /// Returns the share of the way (0 to 1) at which the segment comes nearest to a point.
+    #[inline]
     pub fn nearest_share(self, point: Point) -> f64 {
         let along = self.vector();
         let square = along.dot(along);
@@ -38,6 +42,7 @@ impl Segment {
     }
 
     /// Returns the distance to a point, metres.
+    #[inline]
     pub fn distance_to_point(self, point: Point) -> f64 {
         self.from
             .toward(self.to, self.nearest_share(point))
@@ -45,6 +50,7 @@ impl Segment {
     }
 
     /// Returns the smallest distance between two segments, metres; 0 when they touch.
+    #[inline]
     pub fn distance_to(self, other: Segment) -> f64 {
         if self.crosses(other) {
             return 0.0;
@@ -56,6 +62,7 @@ impl Segment {
     }
 
     /// Returns how much longer the way over a point is than the segment itself, metres (the excess path of a link).
+    #[inline]
     pub fn excess_path_m(self, over: Point) -> f64 {
         (self.from.distance_to(over) + over.distance_to(self.to) - self.length_m()).max(0.0)
     }
@@ -63,6 +70,7 @@ impl Segment {
     /// Returns whether a ray from a point along x meets the segment, for counting crossings: the upper of its ends (by
     /// y) does not belong to it, so that a ray through a corner is counted once or twice as it passes or touches. A
     /// point on the segment meets it.
+    #[inline]
     pub fn is_met_along_x(self, from: Point) -> bool {
         if (self.from.y_m > from.y_m) == (self.to.y_m > from.y_m) {
             return false;
@@ -91,6 +99,7 @@ impl Segment {
     }
 
     /// Returns whether the two segments cross in one inner point of both.
+    #[inline]
     pub fn crosses(self, other: Segment) -> bool {
         let (a, b) = (self.vector(), other.vector());
         let from_here = a.cross(other.from - self.from) * a.cross(other.to - self.from);

@@ -37,6 +37,7 @@ pub enum Occupancy {
 
 impl Occupancy {
     /// Judges a merged value (0.1 log-odds, positive = occupied).
+    #[inline]
     pub const fn of_value(value: i16) -> Occupancy {
         if value >= OCCUPIED_FROM {
             Occupancy::Occupied
@@ -72,6 +73,7 @@ pub struct Tile {
 
 impl Tile {
     /// Makes a tile of which nothing is known, revision 0.
+    #[inline]
     pub fn unknown() -> Tile {
         Tile {
             revision: 0,
@@ -102,6 +104,7 @@ impl Tile {
     }
 
     /// Returns the tile as it travels.
+    #[inline]
     pub fn report(&self, layer: LayerId, address: TileAddress) -> TileReport {
         TileReport {
             layer,
@@ -113,27 +116,32 @@ impl Tile {
 
     /// Returns whether this tile replaces `other`: the higher revision, and on a tie (which one writer never
     /// makes) the larger cells, so that the outcome does not depend on the order of arrival.
+    #[inline]
     pub fn replaces(&self, other: &Tile) -> bool {
         (self.revision, &self.cells) > (other.revision, &other.cells)
     }
 }
 
 /// Returns the tile that holds a cell; `None` when it lies beyond the map's reach.
+#[inline]
 pub fn address_of(slice: i16, cell: Cell) -> Option<TileAddress> {
     let (x, y) = (cell.x >> SIDE_BITS, cell.y >> SIDE_BITS);
     (in_reach(x) && in_reach(y)).then_some(TileAddress { slice, x, y })
 }
 
 /// Returns the place of a cell inside its tile, 0 to 1023.
+#[inline]
 pub const fn index_in_tile(cell: Cell) -> usize {
     (((cell.y & SIDE_MASK) as usize) << SIDE_BITS) | (cell.x & SIDE_MASK) as usize
 }
 
 /// Returns the cell with the smallest column and row of a tile within reach.
+#[inline]
 pub const fn origin_of(address: TileAddress) -> Cell {
     Cell::new(address.x << SIDE_BITS, address.y << SIDE_BITS)
 }
 
+#[inline]
 fn in_reach(index: i32) -> bool {
     (-REACH_TILES..REACH_TILES).contains(&index)
 }

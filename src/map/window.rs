@@ -16,6 +16,7 @@ pub struct CellRect {
 
 impl CellRect {
     /// Makes a rectangle from two opposite cells, in any order.
+    #[inline]
     pub fn new(a: Cell, b: Cell) -> CellRect {
         CellRect {
             low: Cell::new(a.x.min(b.x), a.y.min(b.y)),
@@ -24,12 +25,14 @@ impl CellRect {
     }
 
     /// Returns all cells that touch a rectangle of the plane.
+    #[inline]
     pub fn covering(lattice: Lattice, rect: Rect) -> CellRect {
         CellRect::new(lattice.cell_at(rect.min), lattice.cell_at(rect.max))
     }
 
     /// Returns all cells that touch the smallest rectangle around points, widened by `margin_m` on every side;
     /// `None` without points.
+    #[inline]
     pub fn around(lattice: Lattice, points: &[Point], margin_m: f64) -> Option<CellRect> {
         let first = *points.first()?;
         let bounds = points
@@ -42,11 +45,13 @@ impl CellRect {
     }
 
     /// Returns whether a cell belongs to the rectangle.
+    #[inline]
     pub fn contains(self, cell: Cell) -> bool {
         (self.low.x..=self.high.x).contains(&cell.x) && (self.low.y..=self.high.y).contains(&cell.y)
     }
 
     /// Returns the cells of a tile.
+    #[inline]
     pub fn of_tile(address: TileAddress) -> CellRect {
         let low = origin_of(address);
         let last = TILE_SIDE as i32 - 1;
@@ -57,22 +62,26 @@ impl CellRect {
     }
 
     /// Returns all cells, row by row.
+    #[inline]
     pub fn cells(self) -> impl Iterator<Item = Cell> {
         let columns = self.low.x..=self.high.x;
         (self.low.y..=self.high.y).flat_map(move |y| columns.clone().map(move |x| Cell::new(x, y)))
     }
 
     /// Returns the number of columns.
+    #[inline]
     pub fn width_cells(self) -> u64 {
         self.high.x.abs_diff(self.low.x) as u64 + 1
     }
 
     /// Returns the number of rows.
+    #[inline]
     pub fn height_cells(self) -> u64 {
         self.high.y.abs_diff(self.low.y) as u64 + 1
     }
 
     /// Returns the smallest rectangle that holds both.
+    #[inline]
     pub fn join(self, other: CellRect) -> CellRect {
         CellRect {
             low: Cell::new(self.low.x.min(other.low.x), self.low.y.min(other.low.y)),
@@ -81,6 +90,7 @@ impl CellRect {
     }
 
     /// Returns what both have in common.
+    #[inline]
     pub fn overlap(self, other: CellRect) -> Option<CellRect> {
         let low = Cell::new(self.low.x.max(other.low.x), self.low.y.max(other.low.y));
         let high = Cell::new(self.high.x.min(other.high.x), self.high.y.min(other.high.y));
@@ -102,6 +112,7 @@ impl CellRect {
     }
 
     /// Returns the tile columns and rows that touch the rectangle and lie within the map's reach.
+    #[inline]
     pub(super) fn tiles(self) -> (std::ops::Range<i32>, std::ops::Range<i32>) {
         let range = |low: i32, high: i32| {
             let first = (low >> SIDE_BITS).max(-REACH_TILES);
@@ -130,6 +141,7 @@ pub struct View<'a> {
 
 impl View<'_> {
     /// Returns the lattice of the cells.
+    #[inline]
     pub fn lattice(&self) -> Lattice {
         self.lattice
     }

@@ -22,6 +22,7 @@ impl Distances {
     ///
     /// # Errors
     /// [`NoRoute::StartOutside`] and [`NoRoute::StartBarred`].
+    #[inline]
     pub fn from_start(grid: &SearchGrid, start: Cell, rules: &Rules) -> Result<Distances, NoRoute> {
         let flood = flood(grid, start, rules)?;
         Ok(Distances {
@@ -33,6 +34,7 @@ impl Distances {
 
     /// Returns the least cost of a way to a cell, metres (length, and more where [`Rules`] make a step dearer);
     /// `None` where no way leads: that is a proof. Ways here are those that [`super::shortest_cells`] finds.
+    #[inline]
     pub fn cost_m(&self, cell: Cell) -> Option<f64> {
         let cost_cells = self
             .area
@@ -43,6 +45,7 @@ impl Distances {
     }
 
     /// Returns a way of that cost, from the start to the cell, both included.
+    #[inline]
     pub fn cells_to(&self, goal: Cell) -> Option<Vec<Cell>> {
         self.area
             .contains(goal)
@@ -52,6 +55,7 @@ impl Distances {
 
     /// Returns the straightened route to a point; `start` must lie in the start's cell and `grid` be the one that was
     /// searched. `None` where no way leads, or the goal's own place in its cell is too near to something.
+    #[inline]
     pub fn route_to(&self, grid: &SearchGrid, start: Point, goal: Point) -> Option<Route> {
         if !start.is_finite() || !goal.is_finite() {
             return None;
@@ -61,6 +65,7 @@ impl Distances {
     }
 
     /// Returns how many cells can be reached, the start included.
+    #[inline]
     pub fn reached(&self) -> usize {
         self.flood.reached
     }

@@ -183,17 +183,16 @@ impl Frontiers {
 
     fn is_frontier(&self, view: &View<'_>, cell: Cell, index: usize) -> bool {
         let Cell { x, y } = cell;
-        let unknown = |beside: Cell| {
+        let unknown = |dx: i32, dy: i32| {
+            let beside = Cell::new(x.saturating_add(dx), y.saturating_add(dy));
             let inside = self
                 .index(beside)
                 .is_some_and(|index| self.flags[index] & INSIDE != 0);
             inside && view.occupancy(beside) == Occupancy::Unknown
         };
-        let beside = [(1, 0), (0, 1), (-1, 0), (0, -1)]
-            .map(|(dx, dy)| Cell::new(x.saturating_add(dx), y.saturating_add(dy)));
         self.flags[index] & INSIDE != 0
             && view.occupancy(cell) == Occupancy::Free
-            && beside.into_iter().any(unknown)
+            && (unknown(1, 0) || unknown(0, 1) || unknown(-1, 0) || unknown(0, -1))
     }
 
     /// Takes the cluster of a frontier cell apart.

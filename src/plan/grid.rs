@@ -41,6 +41,7 @@ pub enum GridError {
 /// Returns the clearance between cell middles which makes every straight step between neighbours sweep free with
 /// `half_width_m`: a step of length s between two places that far from an obstacle comes as near as
 /// √(clearance² − s²/4), and the longest step is a cell's diagonal.
+#[inline]
 pub fn swept_clearance_m(half_width_m: f64, lattice: Lattice) -> f64 {
     (half_width_m * half_width_m + lattice.cell_m() * lattice.cell_m() / 2.0).sqrt()
 }
@@ -189,11 +190,13 @@ impl SearchGrid {
     }
 
     /// Returns the lattice of the cells.
+    #[inline]
     pub fn lattice(&self) -> Lattice {
         self.lattice
     }
 
     /// Returns the searched rectangle.
+    #[inline]
     pub fn area(&self) -> CellRect {
         self.area
     }
@@ -252,6 +255,7 @@ impl SearchGrid {
     }
 
     /// Closes all cells whose middle the predicate names, e.g. what lies outside the fence.
+    #[inline]
     pub fn close_where(&mut self, closed: impl Fn(Point) -> bool) {
         for y in self.area.low.y..=self.area.high.y {
             for x in self.area.low.x..=self.area.high.x {
@@ -264,6 +268,7 @@ impl SearchGrid {
     }
 
     /// Takes note of where the vehicle stands: nothing else stands there, and no closed cell holds it.
+    #[inline]
     pub fn stand_on(&mut self, cell: Cell) {
         if let Some(index) = self.index(cell) {
             self.flags[index] &= !(CLOSED | SOLID);
@@ -286,11 +291,13 @@ impl SearchGrid {
     }
 
     /// Returns whether a vehicle's middle may be in a cell; `false` outside the rectangle.
+    #[inline]
     pub fn passable(&self, cell: Cell) -> bool {
         self.index(cell).is_some_and(|index| self.open(index))
     }
 
     /// Returns whether a cell bars only by being too near to something: one may leave it.
+    #[inline]
     pub(super) fn only_near(&self, index: usize) -> bool {
         self.flags[index] == NEAR
     }
@@ -302,6 +309,7 @@ impl SearchGrid {
     }
 
     /// Writes which cells of a row a vehicle may be in, as 0 and 1.
+    #[inline]
     pub(super) fn write_open(&self, row: usize, open: &mut [u8]) {
         let flags = &self.flags[row * self.width..][..self.width];
         open.iter_mut()
@@ -310,11 +318,13 @@ impl SearchGrid {
     }
 
     /// Returns whether some cells are dearer than others.
+    #[inline]
     pub(super) fn has_levels(&self) -> bool {
         self.levels.is_some()
     }
 
     /// Returns how dear the cells of a row are; nothing where all are alike.
+    #[inline]
     pub(super) fn level_row(&self, row: usize) -> &[u8] {
         self.levels
             .as_ref()
@@ -322,6 +332,7 @@ impl SearchGrid {
     }
 
     /// Returns how dear a cell is; 0 outside.
+    #[inline]
     pub(super) fn level(&self, cell: Cell) -> u8 {
         let levels = self.levels.as_ref();
         levels
@@ -330,6 +341,7 @@ impl SearchGrid {
     }
 
     /// Returns how dear the dearest cell under a segment is.
+    #[inline]
     pub(super) fn highest_level(&self, along: Segment) -> u8 {
         if self.levels.is_none() {
             return 0;
@@ -377,6 +389,7 @@ impl SearchGrid {
     }
 
     /// Returns the cell at a place in the flags.
+    #[inline]
     pub(super) fn cell(&self, index: usize) -> Cell {
         Cell::new(
             self.area.low.x + (index % self.width) as i32,
@@ -385,14 +398,17 @@ impl SearchGrid {
     }
 
     /// Returns columns and rows.
+    #[inline]
     pub(super) fn size(&self) -> (usize, usize) {
         (self.width, self.height)
     }
 
+    #[inline]
     fn rows(&self) -> std::ops::RangeInclusive<i32> {
         self.area.low.y..=self.area.high.y
     }
 
+    #[inline]
     fn close(&mut self, cell: Cell) {
         if let Some(index) = self.index(cell) {
             self.flags[index] |= CLOSED;
@@ -451,10 +467,12 @@ impl SearchGrid {
 }
 
 /// Returns the level of a price, as a multiple of the ordinary one.
+#[inline]
 fn level_of(times: f64) -> u8 {
     libm::round((times - 1.0) * LEVELS_PER_PRICE as f64).clamp(0.0, f64::from(HIGHEST_LEVEL)) as u8
 }
 
+#[inline]
 fn square(value: f64) -> f64 {
     value * value
 }

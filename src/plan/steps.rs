@@ -96,11 +96,13 @@ const fn choices(kind: u8, canonical: bool) -> Choices {
 }
 
 /// Returns whether the cell that lies in a direction is open.
+#[inline]
 const fn is_open(open: usize, step: usize) -> bool {
     open & bit(step) as usize != 0
 }
 
 /// Returns the bit of a direction; directions are counted round and round.
+#[inline]
 const fn bit(step: usize) -> u8 {
     1 << (step % 8)
 }
@@ -157,6 +159,7 @@ const fn wanted(kind: u8, came_by: usize, open: usize) -> u8 {
 }
 
 /// In fours, ways along x come before ways along y: who comes along y turns only where something stood in the way.
+#[inline]
 const fn wanted_in_fours(came_by: usize, open: usize) -> u8 {
     let (left, right) = (bit(came_by + 2), bit(came_by + 6));
     if came_by.is_multiple_of(4) {

@@ -137,6 +137,7 @@ impl Attenuation {
     }
 
     /// Returns an object's attenuation with what leaks around it, dB.
+    #[inline]
     fn saturated_db(&self, plain_db: f64) -> f64 {
         let through = libm::exp(plain_db * -std::f64::consts::LN_10 / 10.0);
         (-10.0 * libm::log10(through + self.leak)).max(0.0)
@@ -144,6 +145,7 @@ impl Attenuation {
 
     /// Returns the average length inside all solids together, without saturation, metres.
     #[cfg(test)]
+    #[inline]
     pub(super) fn inside_m(&self, a: Point, b: Point) -> f64 {
         let Some(link) = Link::new(a, b, self.wavelength_m) else {
             return 0.0;
@@ -255,6 +257,7 @@ impl Attenuation {
 
     /// The average number of crossings: the variation of Φ(h/r) along the pieces, which has one turning
     /// point at most on each.
+    #[inline]
     fn crossings(&self, sheet: &Sheet, link: &Link) -> f64 {
         sheet
             .pieces
@@ -307,11 +310,13 @@ struct Line {
 }
 
 impl Line {
+    #[inline]
     fn at(&self, s_m: f64) -> f64 {
         self.base_m + self.slope * s_m
     }
 
     /// The same line with s counted from the other end.
+    #[inline]
     fn mirrored(&self, length_m: f64) -> Line {
         Line {
             base_m: self.at(length_m),
@@ -364,6 +369,7 @@ impl Link {
         })
     }
 
+    #[inline]
     fn place(&self, point: Point) -> Place {
         let from = point - self.from;
         Place {
@@ -372,11 +378,13 @@ impl Link {
         }
     }
 
+    #[inline]
     fn radius_m(&self, s_m: f64) -> f64 {
         (self.spread * s_m * (self.length_m - s_m)).max(0.0).sqrt()
     }
 
     /// Returns whether a rectangle comes near the link, by its extent along both of the link's axes.
+    #[inline]
     fn may_meet(&self, bounds: Rect) -> bool {
         let Place { s_m, h_m } = self.place(bounds.centre());
         let (half_x, half_y) = (bounds.width_m() / 2.0, bounds.height_m() / 2.0);

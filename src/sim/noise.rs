@@ -52,28 +52,33 @@ pub struct Noise {
 const GOLDEN: u64 = 0x9E37_79B9_7F4A_7C15;
 
 /// SplitMix64's finaliser: a bijection in which every input bit moves half of the output bits.
+#[inline]
 fn mix(value: u64) -> u64 {
     let value = (value ^ (value >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
     let value = (value ^ (value >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
     value ^ (value >> 31)
 }
 
+#[inline]
 fn fold(state: u64, id: u64) -> u64 {
     mix(state.wrapping_add(GOLDEN) ^ mix(id.wrapping_add(GOLDEN)))
 }
 
 /// Middle of one of 2⁵³ equal parts of (0, 1), so neither 0 nor 1.
+#[inline]
 fn open_unit(bits: u64) -> f64 {
     ((bits >> 11) as f64 + 0.5) * (1.0 / (1u64 << 53) as f64)
 }
 
 impl Noise {
     /// Makes the noise of a seed.
+    #[inline]
     pub const fn new(seed: u64) -> Noise {
         Noise { seed }
     }
 
     /// Returns 64 well mixed bits.
+    #[inline]
     pub fn hash(&self, purpose: NoisePurpose, ids: &[u64]) -> u64 {
         ids.iter()
             .fold(fold(mix(self.seed), purpose as u64), |state, id| {
@@ -82,11 +87,13 @@ impl Noise {
     }
 
     /// Returns a number evenly distributed in [0, 1).
+    #[inline]
     pub fn uniform(&self, purpose: NoisePurpose, ids: &[u64]) -> f64 {
         (self.hash(purpose, ids) >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
     }
 
     /// Returns a normally distributed number of mean 0 and standard deviation 1.
+    #[inline]
     pub fn gaussian(&self, purpose: NoisePurpose, ids: &[u64]) -> f64 {
         normal_quantile(open_unit(self.hash(purpose, ids)))
     }
@@ -143,6 +150,7 @@ pub fn normal_quantile(p: f64) -> f64 {
     value.copysign(q)
 }
 
+#[inline]
 fn ratio(r: f64, coefficients: &[[f64; 8]; 2]) -> f64 {
     let [above, below] = coefficients.map(|row| row.iter().rev().fold(0.0, |sum, c| sum * r + c));
     above / below

@@ -249,10 +249,7 @@ impl WeightRows {
             for run in self.runs_of(row) {
                 let first = run.first_pixel as usize;
                 let pixels = &mut image[first..first + run.length as usize];
-                pixels
-                    .iter_mut()
-                    .zip(self.values_of(*run))
-                    .for_each(|(pixel, value)| *pixel += link * value);
+                add_scaled(pixels, self.values_of(*run), *link);
             }
         }
     }
@@ -266,22 +263,31 @@ impl WeightRows {
     }
 }
 
-/// Scalar product with four independent sums, so that it does not wait for each addition.
+/// Scalar product with four independent sums, so that it does not wait for each addition. (Loops over places here and
+/// below: iterators in pairs are compiled apart from what uses them, and called for every run.)
+#[inline]
 fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let (a_fours, b_fours) = (a.chunks_exact(4), b.chunks_exact(4));
-    let rest: f64 = a_fours
-        .remainder()
-        .iter()
-        .zip(b_fours.remainder())
-        .map(|(x, y)| x * y)
-        .sum();
+    let ((a_fours, a_rest), (b_fours, b_rest)) = (a.as_chunks::<4>(), b.as_chunks::<4>());
+    let mut rest = -0.0;
+    for place in 0..a_rest.len().min(b_rest.len()) {
+        rest += a_rest[place] * b_rest[place];
+    }
     let mut sums = [0.0; 4];
-    for (x, y) in a_fours.zip(b_fours) {
+    for place in 0..a_fours.len().min(b_fours.len()) {
+        let (x, y) = (&a_fours[place], &b_fours[place]);
         for lane in 0..4 {
             sums[lane] += x[lane] * y[lane];
         }
     }
     (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest
+}
+
+/// Adds a multiple of some values to others, one to one.
+#[inline]
+fn add_scaled(to: &mut [f64], values: &[f64], factor: f64) {
+    for place in 0..to.len().min(values.len()) {
+        to[place] += factor * values[place];
+    }
 }
 
 /// Returns the span of x in which a horizontal line lies inside the ellipse of points with excess path under `reach_m`.
