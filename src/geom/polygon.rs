@@ -91,7 +91,8 @@ impl Polygon {
     /// Returns whether a disc around a point lies wholly inside.
     #[inline]
     pub fn contains_disc(&self, centre: Point, radius_m: f64) -> bool {
-        self.contains(centre) && self.distance_to_edge(centre) >= radius_m
+        let is_clear = |edge: Segment| edge.distance_to_point(centre) >= radius_m;
+        self.contains(centre) && self.edges().all(is_clear)
     }
 
     /// Returns whether a disc moved along a segment stays wholly inside.
