@@ -5,8 +5,10 @@
 //! pixels are given becomes a picture by [`Picture::photo`]. Plots show metres at one scale along both axes, y up, with
 //! [`Overlay`]s and a legend that names what is used, so that the picture explains itself.
 //!
-//! Deliberately absent: files, fonts from outside, knowledge of maps, vehicles and solvers. Equal specifications give
-//! equal bytes on every machine.
+//! A vehicle has one colour in all of them, that of [`vehicle_colour`].
+//!
+//! Deliberately absent: files, fonts from outside, knowledge of maps and solvers, and of vehicles more than their ids.
+//! Equal specifications give equal bytes on every machine.
 
 mod axes;
 mod bar;
@@ -24,6 +26,8 @@ mod raster;
 mod stroke;
 mod text;
 mod ticks;
+mod tracks;
+mod vehicle_colour;
 
 #[cfg(test)]
 mod tests;
@@ -38,6 +42,7 @@ pub use occupancy::{CellState, OccupancyMap};
 pub use overlay::Overlay;
 pub use photo::COLOURS;
 pub use raster::Picture;
+pub use vehicle_colour::{VehicleColour, vehicle_colour};
 
 /// Where a picture, margins and all, lies in the plane that it shows.
 #[derive(Clone, Copy, PartialEq, Debug)]

@@ -9,7 +9,7 @@ use tomoswarm_proto::{RunId, VehicleId};
 
 use super::error::CliError;
 use super::folder::OutputFolder;
-use super::pictures::{CellGrid, drawn, shown_cells};
+use super::pictures::{CellGrid, drawn, homes, peaks, shown_cells};
 use super::recording::links_csv;
 use crate::config::{self, Config, Venue};
 use crate::draw::{HeatMap, OccupancyMap, Overlay, Picture, Placement};
@@ -19,7 +19,7 @@ use crate::store::export::{
     Features, SAMPLES_HEADER, extend_track, sample_line, utc_text, world_file,
 };
 use crate::store::ground::{GroundStore, Provenance, StoredImage, StoredRun, StoredSample};
-use crate::tomo::{Image, LinkBins, Peak, npy_bytes};
+use crate::tomo::{Image, LinkBins, npy_bytes};
 
 /// The names of the files that are not of one run.
 const FAMILY: &[&str] = &[
@@ -238,17 +238,13 @@ fn heat(made: &StoredImage) -> HeatMap<'_> {
         "What stands there"
     };
     let Image { grid, values } = &made.image;
-    let mark = |(index, peak): (usize, &Peak)| Overlay::Cross {
-        at: peak.at,
-        label: Some((index + 1).to_string()),
-    };
     HeatMap {
         title: format!("{seen} ({} links)", made.links),
         grid: *grid,
         values,
         unit: "dB/m",
         length_unit: "m",
-        overlays: made.peaks.iter().enumerate().map(mark).collect(),
+        overlays: peaks(&made.peaks),
         range: None,
     }
 }
@@ -288,15 +284,12 @@ fn write_map(
         },
         Overlay::Area { rect: venue.area },
     ];
-    overlays.extend(tracks.into_iter().map(|(vehicle, points)| Overlay::Track {
-        points,
-        colour: usize::from(vehicle.0.saturating_sub(1)),
-        label: Some(format!("vehicle {vehicle}")),
-    }));
-    overlays.extend(venue.homes.iter().map(|home| Overlay::Home {
-        at: *home,
-        label: None,
-    }));
+    overlays.extend(
+        tracks
+            .into_iter()
+            .map(|(vehicle, points)| Overlay::Track { points, vehicle }),
+    );
+    overlays.extend(homes(venue));
     let title = "What the range sensors saw".to_owned();
     let spec = OccupancyMap {
         title,
@@ -346,7 +339,7 @@ mod tests {
     use crate::geom::{PixelGrid, Rect};
     use crate::ground::imager::{ReconstructedImage as Made, Subject};
     use crate::store::ground::{Start, UtcOffset};
-    use crate::tomo::Reconstruction;
+    use crate::tomo::{Peak, Reconstruction};
     use serde_json::Value;
     use std::path::Path;
     use tomoswarm_proto::{Boot, PoseReport, Position, Sample, Samples};
@@ -524,6 +517,51 @@ mod tests {
         assert!((peak[1].as_f64().unwrap() - 52.3702 - 7.5 / 111_260.0).abs() < 1e-8);
         let world = std::fs::read_to_string(out.join("run-2-change.pgw")).unwrap();
         assert_eq!(world.lines().count(), 6);
+    }
+
+    #[test]
+    fn the_cross_lies_within_a_cell_of_the_brightest_one() {
+        let root = tempfile::tempdir().unwrap();
+        let (store, out) = (root.path().join("swarm.db"), root.path().join("out"));
+        make_store(&store);
+        export(&store, &out, Some(2)).unwrap();
+        let stored = GroundStore::open_to_read(&store).unwrap();
+        let images = stored.newest_images(RunId(2)).unwrap();
+        let spec = heat(&images[0]);
+        let Placement {
+            corner,
+            metres_per_px,
+        } = spec.placement().unwrap();
+        let file = std::fs::read(out.join("run-2-change.png")).unwrap();
+        let decoder = png::Decoder::new(std::io::Cursor::new(file));
+        let mut reader = decoder.read_info().unwrap();
+        let mut rgb = vec![0; reader.output_buffer_size().unwrap()];
+        let width = reader.next_frame(&mut rgb).unwrap().width as usize;
+        let (pixels, _) = rgb.as_chunks::<3>();
+        let place = |index: usize| {
+            let (x_px, y_px) = (index % width, index / width);
+            Point::new(
+                corner.x_m + (x_px as f64 + 0.5) * metres_per_px,
+                corner.y_m - (y_px as f64 + 0.5) * metres_per_px,
+            )
+        };
+        let middle_of = |colour: [u8; 3]| {
+            let places: Vec<Point> = (0..pixels.len())
+                .filter(|index| pixels[*index] == colour)
+                .map(place)
+                .filter(|at| spec.grid.area.contains(*at))
+                .collect();
+            let mean =
+                |of: fn(&Point) -> f64| places.iter().map(of).sum::<f64>() / places.len() as f64;
+            Point::new(mean(|at| at.x_m), mean(|at| at.y_m))
+        };
+        // The colour of crosses, and the colour map's end, around the cross.
+        let (cross, brightest) = (middle_of([70, 255, 130]), middle_of([255, 252, 210]));
+        let off = cross - brightest;
+        assert!(
+            off.x_m.abs() < spec.grid.dx_m() && off.y_m.abs() < spec.grid.dy_m(),
+            "{cross:?} {brightest:?}"
+        );
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! One picture of a run for the terminal: the map, where everybody is and came from, and what they do. It is pure: a
+//! One picture of a run for the terminal: the map, where everybody is and came from, what they do, and a legend. It is pure: a
 //! picture is made of what is shown and a size; when it is drawn, and where, is decided elsewhere.
 //!
 //! Every letter of the terminal holds two pixels, one above the other (U+2580), and pixels are square; a letter that
@@ -7,8 +7,11 @@
 use std::collections::VecDeque;
 use std::fmt::Write as _;
 
+use tomoswarm_proto::VehicleId;
+
 use super::screen::Size;
 use crate::config::Venue;
+use crate::draw::vehicle_colour;
 use crate::geom::{Cell, Lattice, Point, Rect, Vector};
 use crate::map::{CellRect, Merged, Occupancy, View};
 use crate::node::mission::MissionStatus;
@@ -16,6 +19,10 @@ use crate::sim::VehicleSnapshot;
 
 /// Lines of text below the picture.
 const TEXT_ROWS: usize = 2;
+/// A legend takes lines only from a picture that keeps so many.
+const PICTURE_LINES: usize = 10;
+/// The colour of letters on the picture.
+const LETTER_COLOUR: u8 = 231;
 /// A terminal smaller than this shows text only.
 const LEAST: Size = Size {
     columns: 16,
@@ -25,17 +32,6 @@ const LEAST: Size = Size {
 const MARGIN_M: f64 = 0.5;
 /// A pixel looks at so many cells in a row at most.
 const CELLS_LOOKED_AT: i32 = 12;
-/// Colours of the vehicles and of their tracks, of the 256 that terminals have; vehicle 1 has the first.
-const COLOURS: [(u8, u8); 8] = [
-    (160, 174),
-    (27, 111),
-    (34, 114),
-    (208, 216),
-    (129, 183),
-    (37, 116),
-    (199, 218),
-    (94, 180),
-];
 
 /// What a pixel shows.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -46,10 +42,10 @@ enum Pixel {
     Free,
     Occupied,
     Home,
-    /// Where a vehicle came from, by its index.
-    Track(usize),
-    /// Where it faces.
-    Ahead(usize),
+    /// Where a vehicle came from.
+    Track(VehicleId),
+    /// Where it faces; behind its letter as well.
+    Ahead(VehicleId),
 }
 
 impl Pixel {
@@ -61,8 +57,8 @@ impl Pixel {
             Pixel::Free => Some(255),
             Pixel::Occupied => Some(16),
             Pixel::Home => Some(150),
-            Pixel::Track(vehicle) => Some(COLOURS[vehicle % COLOURS.len()].1),
-            Pixel::Ahead(vehicle) => Some(COLOURS[vehicle % COLOURS.len()].0),
+            Pixel::Track(vehicle) => Some(vehicle_colour(vehicle).terminal_track),
+            Pixel::Ahead(vehicle) => Some(vehicle_colour(vehicle).terminal),
         }
     }
 }
@@ -83,9 +79,11 @@ pub(super) struct RunFrame {
     columns: usize,
     /// Row-major from the top; two rows to a line of text.
     pixels: Vec<Pixel>,
-    /// Vehicles, by index: the line and column of their letter, and the letter.
-    letters: Vec<(usize, usize, usize, char)>,
+    /// Vehicles: the line and column of their letter, and who it is.
+    letters: Vec<(usize, usize, VehicleId)>,
     text: [String; TEXT_ROWS],
+    /// Lines that say what signs and colours mean, as far as there is room for them.
+    legend: Vec<String>,
 }
 
 /// Which part of the plane the pixels show.
@@ -99,9 +97,9 @@ struct Scale {
 }
 
 impl Scale {
-    fn fit(shown: Rect, size: Size) -> Scale {
+    fn fit(shown: Rect, columns: usize, lines: usize) -> Scale {
         let (width_m, height_m) = (shown.max.x_m - shown.min.x_m, shown.max.y_m - shown.min.y_m);
-        let (most_columns, most_rows) = (size.columns, 2 * (size.rows - TEXT_ROWS));
+        let (most_columns, most_rows) = (columns, 2 * lines);
         let pixel_m = (width_m / most_columns as f64).max(height_m / most_rows as f64);
         let count =
             |length_m: f64, most: usize| ((length_m / pixel_m).ceil() as usize).clamp(1, most);
@@ -151,7 +149,13 @@ impl RunFrame {
             return None;
         }
         let area = CellRect::around(map.lattice(), venue.fence.corners(), MARGIN_M)?;
-        let scale = Scale::fit(bounds(map.lattice(), area), size);
+        let lines = size.rows - TEXT_ROWS;
+        let legend = legend(size.columns, lines.saturating_sub(PICTURE_LINES));
+        let scale = Scale::fit(
+            bounds(map.lattice(), area),
+            size.columns,
+            lines - legend.len(),
+        );
         let view = map.view(0, area);
         let ground =
             (0..scale.rows).flat_map(|row| (0..scale.columns).map(move |column| (column, row)));
@@ -165,18 +169,20 @@ impl RunFrame {
             pixels,
             letters: Vec::new(),
             text,
+            legend,
         };
         for home in venue.homes.iter().take(vehicles.len()) {
             frame.put(scale, *home, Pixel::Home);
         }
-        for (index, drawn) in vehicles.iter().enumerate() {
+        for drawn in vehicles {
+            let track = Pixel::Track(drawn.vehicle.id);
             drawn
                 .track
                 .iter()
-                .for_each(|at| frame.put(scale, *at, Pixel::Track(index)));
+                .for_each(|at| frame.put(scale, *at, track));
         }
-        for (index, drawn) in vehicles.iter().enumerate() {
-            frame.put_vehicle(scale, index, &drawn.vehicle);
+        for drawn in vehicles {
+            frame.put_vehicle(scale, &drawn.vehicle);
         }
         Some(frame)
     }
@@ -187,13 +193,12 @@ impl RunFrame {
         }
     }
 
-    fn put_vehicle(&mut self, scale: Scale, index: usize, vehicle: &VehicleSnapshot) {
+    fn put_vehicle(&mut self, scale: Scale, vehicle: &VehicleSnapshot) {
         let Some((column, row)) = scale.pixel_at(vehicle.at) else {
             return;
         };
         let line = row / 2;
-        self.letters
-            .push((line, column, index, char::from(b'0' + vehicle.id.0 % 10)));
+        self.letters.push((line, column, vehicle.id));
         // Beside the letter, which is two pixels high.
         let ahead = Vector::polar(vehicle.heading, 1.0);
         let (right, down) = (
@@ -204,16 +209,16 @@ impl RunFrame {
         let is_shown =
             right >= 0.0 && down >= 0.0 && right < scale.columns as f64 && down < scale.rows as f64;
         if is_shown {
-            self.pixels[down as usize * self.columns + right as usize] = Pixel::Ahead(index);
+            self.pixels[down as usize * self.columns + right as usize] = Pixel::Ahead(vehicle.id);
         }
     }
 
-    /// Returns the lines of the picture with colours, then those of the text.
+    /// Returns the lines of the picture with colours, then those of the text and of the legend.
     pub(super) fn lines(&self) -> Vec<String> {
         let rows = self.pixels.len() / self.columns / 2;
         (0..rows)
             .map(|row| self.line(row))
-            .chain(self.text.iter().cloned())
+            .chain(self.text.iter().chain(&self.legend).cloned())
             .collect()
     }
 
@@ -228,9 +233,7 @@ impl RunFrame {
                 .rev()
                 .find(|(at, of, ..)| (*at, *of) == (row, column));
             let (letter, wanted) = match vehicle {
-                Some((_, _, index, letter)) => {
-                    (*letter, (Some(231), Pixel::Ahead(*index).colour()))
-                }
+                Some((_, _, vehicle)) => (letter_of(*vehicle), letter_colours(*vehicle)),
                 // A pixel in the terminal's own colour can only be behind a letter, not the letter.
                 None if upper == lower => (' ', (colours.0, upper.colour())),
                 None if upper == Pixel::Outside => ('\u{2584}', (lower.colour(), None)),
@@ -266,6 +269,63 @@ fn set_colours(
     change(wanted.0, before.0, 3);
     change(wanted.1, before.1, 4);
     *before = wanted;
+}
+
+/// Returns the letter that shows a vehicle: the last digit of its id.
+fn letter_of(vehicle: VehicleId) -> char {
+    char::from(b'0' + vehicle.0 % 10)
+}
+
+/// Returns the colours of a vehicle's letter and of what is behind it.
+fn letter_colours(vehicle: VehicleId) -> (Option<u8>, Option<u8>) {
+    (Some(LETTER_COLOUR), Pixel::Ahead(vehicle).colour())
+}
+
+/// Returns at most so many lines that say what the signs and colours mean. What has no room is left out, from the end.
+fn legend(columns: usize, most_lines: usize) -> Vec<String> {
+    let first = VehicleId(1);
+    let entries = [
+        (Pixel::Ahead(first), "vehicle, its front"),
+        (Pixel::Track(first), "its track"),
+        (Pixel::Occupied, "occupied"),
+        (Pixel::Free, "free"),
+        (Pixel::Unknown, "unknown"),
+        (Pixel::Home, "home"),
+    ];
+    let mut lines: Vec<(usize, String)> = Vec::new();
+    for (pixel, words) in entries {
+        let wide = 3 + words.len();
+        match lines.last_mut() {
+            Some((used, line)) if *used + 2 + wide <= columns => {
+                *used += 2 + wide;
+                *line += &format!("  {}", legend_entry(pixel, words));
+            }
+            _ if wide <= columns => lines.push((wide, legend_entry(pixel, words))),
+            _ => {}
+        }
+    }
+    lines
+        .into_iter()
+        .take(most_lines)
+        .map(|(_, line)| line)
+        .collect()
+}
+
+/// Returns a sample of two letters, and words.
+fn legend_entry(pixel: Pixel, words: &str) -> String {
+    let mut entry = String::new();
+    let mut colours = (None, None);
+    if let Pixel::Ahead(vehicle) = pixel {
+        set_colours(&mut entry, &mut colours, letter_colours(vehicle));
+        entry.push(letter_of(vehicle));
+        set_colours(&mut entry, &mut colours, (pixel.colour(), None));
+        entry.push('\u{2580}');
+    } else {
+        set_colours(&mut entry, &mut colours, (None, pixel.colour()));
+        entry.push_str("  ");
+    }
+    set_colours(&mut entry, &mut colours, (None, None));
+    entry + " " + words
 }
 
 /// What everybody does, in the order of their ids.

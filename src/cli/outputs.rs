@@ -10,8 +10,9 @@ use serde_json::{Value, json};
 
 use super::error::CliError;
 use super::image::{ImageCommand, ImageError};
+use super::pictures::peaks;
 use super::recording::LengthUnit;
-use crate::draw::{HeatMap, Overlay, Picture};
+use crate::draw::{HeatMap, Picture};
 use crate::tomo::{Image, ImagingSettings, Peak, Reconstruction, Solver, WeightModel, npy_bytes};
 
 /// The files to be written, open under temporary names.
@@ -139,22 +140,13 @@ fn picture(result: &Reconstruction, unit: LengthUnit) -> Result<Vec<u8>, CliErro
     } else {
         "What stands there"
     };
-    let mark = |(index, peak): (usize, &Peak)| Overlay::Cross {
-        at: peak.at,
-        // A faint one is in question.
-        label: Some(format!(
-            "{}{}",
-            index + 1,
-            if peak.is_faint() { "?" } else { "" }
-        )),
-    };
     let spec = HeatMap {
         title: format!("{seen} ({} links)", result.used),
         grid: *grid,
         values,
         unit: &format!("dB/{}", unit.word()),
         length_unit: unit.word(),
-        overlays: result.peaks.iter().enumerate().map(mark).collect(),
+        overlays: peaks(&result.peaks),
         range: None,
     };
     Picture::heat(&spec).map_err(|error| CliError::Fault(error.to_string()))

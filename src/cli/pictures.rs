@@ -1,13 +1,16 @@
 //! The pictures of a run: what changed, what stands there, what the range sensors saw.
 
+use tomoswarm_proto::VehicleId;
+
 use super::error::CliError;
 use super::folder::OutputFolder;
 use crate::config::Venue;
 use crate::draw::{CellState, HeatMap, OccupancyMap, Overlay, Picture};
 use crate::geom::{Cell, Point};
 use crate::map::{CellRect, Merged, Occupancy};
+use crate::scene::Person;
 use crate::sim::{RunOutcome, Scenario};
-use crate::tomo::{Image, Reconstruction};
+use crate::tomo::{Image, Peak, Reconstruction};
 
 /// Draws a run: what changed, what stands there, and the map.
 ///
@@ -58,11 +61,7 @@ fn truth(outcome: &RunOutcome, with_finds: bool) -> Vec<Overlay> {
         polygon: outline.polygon.clone(),
         label: None,
     }));
-    overlays.extend(outcome.persons.iter().map(|person| Overlay::Circle {
-        at: person.at,
-        radius_m: person.radius_m,
-        label: Some(person.name.clone()),
-    }));
+    overlays.extend(persons(&outcome.persons));
     if with_finds {
         overlays.extend(outcome.found().iter().map(|find| Overlay::Cross {
             at: find.at,
@@ -72,15 +71,44 @@ fn truth(outcome: &RunOutcome, with_finds: bool) -> Vec<Overlay> {
     overlays
 }
 
+/// Returns the persons of a scene, by the names that the summary of a run has for them.
+pub(super) fn persons(persons: &[Person]) -> impl Iterator<Item = Overlay> {
+    persons.iter().map(|person| Overlay::Circle {
+        at: person.at,
+        radius_m: person.radius_m,
+        label: Some(person.name.clone()),
+    })
+}
+
+/// Returns the homes of a venue: the first is vehicle 1's, and so on.
+pub(super) fn homes(venue: &Venue) -> impl Iterator<Item = Overlay> {
+    let ids = (1..=u8::MAX).map(VehicleId);
+    venue
+        .homes
+        .iter()
+        .zip(ids)
+        .map(|(at, vehicle)| Overlay::Home { at: *at, vehicle })
+}
+
+/// Returns the peaks of an image, numbered, a faint one with a question mark.
+pub(super) fn peaks(peaks: &[Peak]) -> Vec<Overlay> {
+    let mark = |(index, peak): (usize, &Peak)| Overlay::Cross {
+        at: peak.at,
+        label: Some(format!(
+            "{}{}",
+            index + 1,
+            if peak.is_faint() { "?" } else { "" }
+        )),
+    };
+    peaks.iter().enumerate().map(mark).collect()
+}
+
 fn tracks(outcome: &RunOutcome) -> Vec<Overlay> {
-    let tracks = outcome.tracks.iter().enumerate();
-    tracks
-        .map(|(colour, (vehicle, points))| Overlay::Track {
-            points: points.clone(),
-            colour,
-            label: Some(format!("vehicle {vehicle}")),
-        })
-        .collect()
+    let track = |(vehicle, points): &(VehicleId, Vec<Point>)| Overlay::Track {
+        points: points.clone(),
+        vehicle: *vehicle,
+    };
+    outcome.tracks.iter().map(track).collect()
 }
 
 /// The cells of a map as a picture shows them.
@@ -139,6 +167,21 @@ fn map(scenario: &Scenario, outcome: &RunOutcome) -> Result<Vec<u8>, CliError> {
         rows,
         cells,
     } = shown_cells(&outcome.map, venue);
+    let title = "What the range sensors saw".to_owned();
+    drawn(Picture::occupancy(&OccupancyMap {
+        title,
+        origin,
+        cell_m,
+        columns,
+        rows,
+        cells: &cells,
+        overlays: map_overlays(scenario, outcome),
+    }))
+}
+
+/// Returns what is laid over the map.
+fn map_overlays(scenario: &Scenario, outcome: &RunOutcome) -> Vec<Overlay> {
+    let venue = &scenario.sim().venue;
     let mut overlays = vec![
         Overlay::Fence {
             polygon: venue.fence.clone(),
@@ -150,32 +193,85 @@ fn map(scenario: &Scenario, outcome: &RunOutcome) -> Result<Vec<u8>, CliError> {
         polygon: outline.polygon.clone(),
         label: None,
     }));
-    overlays.extend(homes(scenario));
+    // A person is an obstacle like any other for a range sensor; here it is said which of them are persons.
+    overlays.extend(persons(&outcome.persons));
+    overlays.extend(homes(venue).take(scenario.sim().vehicles.count));
     overlays.extend(outcome.tracks.iter().filter_map(|(vehicle, points)| {
-        Some(Overlay::Dot {
+        Some(Overlay::Vehicle {
             at: *points.last()?,
-            label: Some(vehicle.to_string()),
+            vehicle: *vehicle,
         })
     }));
-    let title = "What the range sensors saw".to_owned();
-    drawn(Picture::occupancy(&OccupancyMap {
-        title,
-        origin,
-        cell_m,
-        columns,
-        rows,
-        cells: &cells,
-        overlays,
-    }))
+    overlays
 }
 
-fn homes(scenario: &Scenario) -> Vec<Overlay> {
-    let ids = scenario.sim().vehicle_ids();
-    ids.filter_map(|id| {
-        Some(Overlay::Home {
-            at: scenario.sim().home(id)?,
-            label: None,
-        })
-    })
-    .collect()
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::load;
+    use crate::draw::vehicle_colour;
+    use std::path::Path;
+
+    /// A short mission of two rovers in a yard with a crate and a person.
+    fn run() -> (Scenario, RunOutcome) {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/small.sim.toml");
+        let loaded = load::load(Some(&file), None).unwrap();
+        let scenario = load::scenario(loaded, Some(&file), Some(1)).unwrap();
+        let outcome = scenario.run(&mut |_| true).unwrap();
+        (scenario, outcome)
+    }
+
+    fn colours(bytes: &[u8]) -> Vec<[u8; 3]> {
+        let decoder = png::Decoder::new(std::io::Cursor::new(bytes));
+        let mut reader = decoder.read_info().unwrap();
+        let mut rgb = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut rgb).unwrap();
+        let (pixels, _) = rgb.as_chunks::<3>();
+        pixels.to_vec()
+    }
+
+    #[test]
+    fn the_pictures_of_a_run_agree_about_vehicles_and_persons() {
+        let (scenario, outcome) = run();
+        let [change, structure] =
+            [&outcome.change, &outcome.structure].map(|made| made.clone().unwrap());
+        let pictures = [
+            heat("change", &change, truth(&outcome, true)).unwrap(),
+            heat("structure", &structure, truth(&outcome, false)).unwrap(),
+            map(&scenario, &outcome).unwrap(),
+        ];
+        for picture in &pictures {
+            let shown = colours(picture);
+            for vehicle in [1, 2] {
+                let colour = vehicle_colour(VehicleId(vehicle)).rgb;
+                let count = shown.iter().filter(|shown| **shown == colour).count();
+                assert!(count > 500, "vehicle {vehicle}: {count} pixels");
+            }
+        }
+        let circles = |overlays: Vec<Overlay>| -> Vec<Overlay> {
+            let is_circle = |overlay: &Overlay| matches!(overlay, Overlay::Circle { .. });
+            overlays.into_iter().filter(is_circle).collect()
+        };
+        let of_map = circles(map_overlays(&scenario, &outcome));
+        assert_eq!(of_map, circles(truth(&outcome, true)));
+        let Some(Overlay::Circle { at, label, .. }) = of_map.first() else {
+            panic!("the map shows no person");
+        };
+        assert_eq!(
+            (*at, label.as_deref(), of_map.len()),
+            (Point::new(4.0, 4.0), Some("ada"), 1)
+        );
+    }
+
+    #[test]
+    fn the_person_is_found_at_the_brightest_spot() {
+        let (_, outcome) = run();
+        let Image { grid, values } = &outcome.change.clone().unwrap().image;
+        let brightest = (0..values.len()).max_by(|a, b| values[*a].total_cmp(&values[*b]));
+        let off = outcome.found()[0].at - grid.centre(brightest.unwrap());
+        assert!(
+            off.x_m.abs() <= grid.dx_m() && off.y_m.abs() <= grid.dy_m(),
+            "{off:?}"
+        );
+    }
 }

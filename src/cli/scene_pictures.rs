@@ -3,7 +3,7 @@
 use std::thread::ScopedJoinHandle;
 
 use super::error::CliError;
-use super::pictures::drawn;
+use super::pictures::{drawn, homes, persons};
 use super::scene::LoadedScene;
 use crate::draw::{COLOURS, FloorPlan, FloorShape, Overlay, Picture};
 use crate::geom::{Angle, Point, Rect};
@@ -191,23 +191,11 @@ fn overlays(depicted: &LoadedScene, look: &SceneView) -> Vec<Overlay> {
         overlays.push(Overlay::Area {
             rect: sim.venue.area,
         });
-        let homes = sim.venue.homes.iter().enumerate();
-        overlays.extend(homes.map(|(index, at)| Overlay::Home {
-            at: *at,
-            label: Some((index + 1).to_string()),
-        }));
+        overlays.extend(homes(&sim.venue));
     }
-    overlays.extend(depicted.persons.iter().map(|person| Overlay::Circle {
-        at: person.at,
-        radius_m: person.radius_m,
-        label: Some(person.name.clone()),
-    }));
-    overlays.extend(look.pose.map(|pose| {
-        let at = Point::new(pose.at[0], pose.at[1]);
-        Overlay::Dot {
-            at,
-            label: Some("view".to_owned()),
-        }
+    overlays.extend(persons(&depicted.persons));
+    overlays.extend(look.pose.map(|pose| Overlay::Viewpoint {
+        at: Point::new(pose.at[0], pose.at[1]),
     }));
     overlays
 }

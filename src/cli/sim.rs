@@ -89,7 +89,7 @@ const FOLDER_AND_EXAMPLES: &str = "\
 The folder then holds
   image.png      what changed since the empty sweep: the persons (with the truth, for comparison)
   structure.png  what stands there, from a fitted path loss: the wall
-  map.png        what the range sensors saw, and where the vehicles drove
+  map.png        what the range sensors saw, where the vehicles drove, and who stood there
   image.npy, structure.npy   the same values: f32, rows from south to north, columns from west to east, dB/m
   links.csv, empty.csv       every link measured; `tomoswarm image` reads them
   summary.json   finished, simulated_s, links, collisions, found [{x_m, y_m, strength, error_m}] and more

@@ -122,12 +122,10 @@ pub(super) struct Theme {
     pub(super) truth: Rgb888,
     /// What was found.
     pub(super) found: Rgb888,
-    /// Vehicles and homes.
-    pub(super) vehicle: Rgb888,
+    /// What has no colour of its own: places to look from, and samples that stand for all vehicles.
+    pub(super) neutral: Rgb888,
     /// Fence and border of the area.
     pub(super) border: Rgb888,
-    /// Tracks, by colour index.
-    pub(super) tracks: [Rgb888; 8],
 }
 
 /// For heat maps, whose low values are dark.
@@ -136,18 +134,8 @@ pub(super) static DARK: Theme = Theme {
     casing: Rgb888::new(0, 0, 0),
     truth: Rgb888::new(255, 255, 255),
     found: Rgb888::new(70, 255, 130),
-    vehicle: Rgb888::new(90, 200, 255),
+    neutral: Rgb888::new(225, 225, 230),
     border: Rgb888::new(200, 200, 208),
-    tracks: [
-        Rgb888::new(90, 180, 255),
-        Rgb888::new(120, 230, 150),
-        Rgb888::new(200, 170, 255),
-        Rgb888::new(230, 230, 230),
-        Rgb888::new(70, 220, 220),
-        Rgb888::new(190, 220, 90),
-        Rgb888::new(150, 150, 255),
-        Rgb888::new(255, 170, 220),
-    ],
 };
 
 /// For occupancy maps, whose free cells are white.
@@ -156,18 +144,8 @@ pub(super) static LIGHT: Theme = Theme {
     casing: Rgb888::new(255, 255, 255),
     truth: Rgb888::new(200, 30, 40),
     found: Rgb888::new(0, 130, 60),
-    vehicle: Rgb888::new(20, 90, 190),
-    border: Rgb888::new(176, 90, 0),
-    tracks: [
-        Rgb888::new(0, 114, 178),
-        Rgb888::new(213, 94, 0),
-        Rgb888::new(0, 158, 115),
-        Rgb888::new(160, 60, 150),
-        Rgb888::new(140, 110, 0),
-        Rgb888::new(0, 150, 190),
-        Rgb888::new(200, 50, 90),
-        Rgb888::new(90, 90, 90),
-    ],
+    neutral: Rgb888::new(70, 70, 80),
+    border: Rgb888::new(84, 84, 96),
 };
 
 #[cfg(test)]

@@ -273,9 +273,8 @@ mod tests {
 
     #[test]
     fn overlays_near_the_area_are_shown_and_far_ones_are_not() {
-        let dot = |x_m: f64| Overlay::Dot {
+        let dot = |x_m: f64| Overlay::Viewpoint {
             at: Point::new(x_m, 5.0),
-            label: None,
         };
         let area = Rect::new(Point::new(0.0, 0.0), Point::new(10.0, 10.0));
         let east_m = |x_m: f64| view(area, &[dot(x_m)]).unwrap().max.x_m;

@@ -39,20 +39,20 @@ pub(super) struct Legend {
 }
 
 impl Legend {
-    /// Makes the legend from colours to explain and from the overlays used, each kind once, each named track once.
+    /// Makes the legend from colours to explain and from the overlays used, each kind once, each vehicle's track once.
     pub(super) fn new(fills: Vec<LegendEntry>, overlays: &[Overlay]) -> Legend {
         let mut marks: Vec<(Mark, String)> = overlays
             .iter()
-            .map(|overlay| (overlay.mark(), short(&overlay.legend_text(), 32)))
+            .map(|overlay| (overlay.legend_mark(), short(&overlay.legend_text(), 32)))
             .collect();
         marks.sort();
         marks.dedup();
-        let is_track = |mark: &Mark| matches!(mark, Mark::Track { .. });
+        let is_track = |mark: &Mark| matches!(mark, Mark::Track(_));
         if marks.iter().filter(|(mark, _)| is_track(mark)).count() > TRACKS_MOST {
             marks.retain(|(mark, _)| !is_track(mark));
             marks.push((
-                Mark::Track { colour: 0 },
-                "vehicle tracks, one colour each".to_string(),
+                Mark::Track(None),
+                "tracks, in their vehicles' colours".to_string(),
             ));
         }
         let marks = marks.into_iter().map(|(mark, text)| LegendEntry {
@@ -105,51 +105,49 @@ impl Legend {
 mod tests {
     use super::*;
     use crate::geom;
+    use tomoswarm_proto::VehicleId;
 
-    fn track(colour: usize, name: &str) -> Overlay {
+    fn track(vehicle: u8) -> Overlay {
         Overlay::Track {
             points: Vec::new(),
-            colour,
-            label: Some(name.to_string()),
+            vehicle: VehicleId(vehicle),
         }
     }
 
     #[test]
     fn each_kind_is_named_once() {
-        let dot = |label: &str| Overlay::Dot {
+        let dot = |vehicle: u8| Overlay::Vehicle {
             at: geom::Point::default(),
-            label: Some(label.to_string()),
+            vehicle: VehicleId(vehicle),
         };
-        let legend = Legend::new(
-            Vec::new(),
-            &[
-                dot("a"),
-                track(1, "r2"),
-                dot("b"),
-                track(0, "r1"),
-                track(1, "r2"),
-            ],
-        );
+        let legend = Legend::new(Vec::new(), &[dot(1), track(2), dot(2), track(1), track(2)]);
         let texts: Vec<&str> = legend
             .entries
             .iter()
             .map(|entry| entry.text.as_str())
             .collect();
-        assert_eq!(texts, ["track of r1", "track of r2", "vehicle"]);
+        assert_eq!(
+            texts,
+            [
+                "track of vehicle 1",
+                "track of vehicle 2",
+                "vehicle, in its colour"
+            ]
+        );
     }
 
     #[test]
     fn entries_stay_within_the_width() {
-        let tracks: Vec<Overlay> = (0..7).map(|i| track(i, &format!("rover{i}"))).collect();
+        let tracks: Vec<Overlay> = (1..8).map(track).collect();
         let legend = Legend::new(Vec::new(), &tracks);
         assert!(
             legend
                 .corners(432)
                 .iter()
-                .all(|corner| corner.x + 44 + 7 * 15 <= 432)
+                .all(|corner| corner.x + 44 + 7 * 18 <= 432)
         );
         assert!(legend.height_px(432) > legend.height_px(2000));
-        let many: Vec<Overlay> = (0..50).map(|i| track(i, &format!("rover{i}"))).collect();
+        let many: Vec<Overlay> = (1..50).map(track).collect();
         assert_eq!(Legend::new(Vec::new(), &many).entries.len(), 1);
     }
 }

@@ -1,10 +1,12 @@
 //! What may be laid over a plot, in metres, and what the legend calls it.
 
-use crate::geom::{Point, Polygon, Rect};
+use embedded_graphics::pixelcolor::Rgb888;
+use tomoswarm_proto::VehicleId;
 
 use super::colour::Theme;
 use super::stroke::Pen;
-use embedded_graphics::pixelcolor::Rgb888;
+use super::vehicle_colour::{place_of, rgb_at};
+use crate::geom::{Point, Polygon, Rect};
 
 /// Something laid over a plot. Places are local-frame metres; parts outside the plot, and places that are not finite,
 /// are not drawn. A label is left out when no free place is found near its mark.
@@ -33,28 +35,32 @@ pub enum Overlay {
         /// Written beside the cross.
         label: Option<String>,
     },
-    /// The way a vehicle drove.
+    /// The way a vehicle drove, named in the legend. Where tracks of several vehicles lie upon each other they are
+    /// shown in turns.
     Track {
         /// Its places in order.
         points: Vec<Point>,
-        /// Index of the colour; eight colours, then again from the first.
-        colour: usize,
-        /// The vehicle's name, shown in the legend.
-        label: Option<String>,
+        /// Whose, which says the colour.
+        vehicle: VehicleId,
     },
     /// A vehicle.
-    Dot {
+    Vehicle {
         /// Where it is.
         at: Point,
-        /// Written beside the dot.
-        label: Option<String>,
+        /// Which one, which says the colour; its number is written beside the dot.
+        vehicle: VehicleId,
     },
     /// A vehicle's home.
     Home {
         /// Where it is.
         at: Point,
-        /// Written beside the mark.
-        label: Option<String>,
+        /// Whose, which says the colour; its number is written beside the mark.
+        vehicle: VehicleId,
+    },
+    /// A place to look from.
+    Viewpoint {
+        /// Where it is.
+        at: Point,
     },
     /// The fence that vehicles must not cross.
     Fence {
@@ -75,23 +81,28 @@ impl Overlay {
             Overlay::Outline { .. } => Mark::Outline,
             Overlay::Circle { .. } => Mark::Circle,
             Overlay::Cross { .. } => Mark::Cross,
-            Overlay::Track { colour, .. } => Mark::Track { colour: colour % 8 },
-            Overlay::Dot { .. } => Mark::Dot,
-            Overlay::Home { .. } => Mark::Home,
+            Overlay::Track { vehicle, .. } => Mark::Track(Some(place_of(*vehicle))),
+            Overlay::Vehicle { vehicle, .. } => Mark::Vehicle(Some(place_of(*vehicle))),
+            Overlay::Home { vehicle, .. } => Mark::Home(Some(place_of(*vehicle))),
+            Overlay::Viewpoint { .. } => Mark::Viewpoint,
             Overlay::Fence { .. } => Mark::Fence,
             Overlay::Area { .. } => Mark::Area,
         }
     }
 
     /// Returns what is written beside it in the plot.
-    pub(super) fn label(&self) -> Option<&str> {
+    pub(super) fn label(&self) -> Option<String> {
         match self {
             Overlay::Outline { label, .. }
             | Overlay::Circle { label, .. }
-            | Overlay::Cross { label, .. }
-            | Overlay::Dot { label, .. }
-            | Overlay::Home { label, .. } => label.as_deref(),
-            Overlay::Track { .. } | Overlay::Fence { .. } | Overlay::Area { .. } => None,
+            | Overlay::Cross { label, .. } => label.clone(),
+            Overlay::Vehicle { vehicle, .. } | Overlay::Home { vehicle, .. } => {
+                Some(vehicle.to_string())
+            }
+            Overlay::Track { .. }
+            | Overlay::Viewpoint { .. }
+            | Overlay::Fence { .. }
+            | Overlay::Area { .. } => None,
         }
     }
 
@@ -102,9 +113,10 @@ impl Overlay {
                 polygon.corners().to_vec()
             }
             Overlay::Circle { at, radius_m, .. } => disc_corners(*at, *radius_m),
-            Overlay::Cross { at, .. } | Overlay::Dot { at, .. } | Overlay::Home { at, .. } => {
-                vec![*at]
-            }
+            Overlay::Cross { at, .. }
+            | Overlay::Vehicle { at, .. }
+            | Overlay::Home { at, .. }
+            | Overlay::Viewpoint { at } => vec![*at],
             Overlay::Track { points, .. } => points.clone(),
             Overlay::Area { rect } => vec![rect.min, rect.max],
         };
@@ -114,18 +126,25 @@ impl Overlay {
             .collect()
     }
 
+    /// Returns the mark that stands for it in the legend: one for the vehicles and one for the homes of all colours.
+    pub(super) fn legend_mark(&self) -> Mark {
+        match self.mark() {
+            Mark::Vehicle(_) => Mark::Vehicle(None),
+            Mark::Home(_) => Mark::Home(None),
+            mark => mark,
+        }
+    }
+
     /// Returns what the legend calls it.
     pub(super) fn legend_text(&self) -> String {
         match self {
             Overlay::Outline { .. } => "true outline".to_string(),
             Overlay::Circle { .. } => "true person".to_string(),
             Overlay::Cross { .. } => "found object".to_string(),
-            Overlay::Track {
-                label: Some(name), ..
-            } => format!("track of {name}"),
-            Overlay::Track { label: None, .. } => "vehicle track".to_string(),
-            Overlay::Dot { .. } => "vehicle".to_string(),
-            Overlay::Home { .. } => "home".to_string(),
+            Overlay::Track { vehicle, .. } => format!("track of vehicle {vehicle}"),
+            Overlay::Vehicle { .. } => "vehicle, in its colour".to_string(),
+            Overlay::Home { .. } => "home, in its vehicle's colour".to_string(),
+            Overlay::Viewpoint { .. } => "viewpoint".to_string(),
             Overlay::Fence { .. } => "fence".to_string(),
             Overlay::Area { .. } => "imaged area".to_string(),
         }
@@ -137,15 +156,17 @@ fn disc_corners(at: Point, radius_m: f64) -> Vec<Point> {
     vec![min, max]
 }
 
-/// A sign, as drawn in the plot and in the legend, in the order in which they lie on each other.
+/// A sign, as drawn in the plot and in the legend, in the order in which they lie on each other. With a place in the
+/// table of colours it is a vehicle's; without, it stands for all vehicles.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub(super) enum Mark {
     Area,
     Fence,
-    Track { colour: usize },
+    Track(Option<usize>),
     Outline,
-    Home,
-    Dot,
+    Home(Option<usize>),
+    Viewpoint,
+    Vehicle(Option<usize>),
     Circle,
     Cross,
 }
@@ -159,6 +180,12 @@ impl Mark {
             opacity: 1.0,
             dash_px: None,
         };
+        let colour_of = |place: Option<usize>| {
+            place.map_or(theme.neutral, |place| {
+                let [red, green, blue] = rgb_at(place);
+                Rgb888::new(red, green, blue)
+            })
+        };
         match self {
             Mark::Area => Pen {
                 dash_px: Some((2.0, 4.0)),
@@ -168,13 +195,11 @@ impl Mark {
                 dash_px: Some((9.0, 5.0)),
                 ..pen(1.6, theme.border)
             },
-            Mark::Track { colour } => Pen {
-                opacity: 0.8,
-                ..pen(1.6, theme.tracks[colour % theme.tracks.len()])
-            },
+            Mark::Track(vehicle) => pen(2.0, colour_of(vehicle)),
             Mark::Outline => pen(1.8, theme.truth),
-            Mark::Home => pen(1.6, theme.vehicle),
-            Mark::Dot => pen(9.0, theme.vehicle),
+            Mark::Home(vehicle) => pen(2.0, colour_of(vehicle)),
+            Mark::Viewpoint => pen(9.0, theme.neutral),
+            Mark::Vehicle(vehicle) => pen(9.0, colour_of(vehicle)),
             Mark::Circle => pen(1.8, theme.truth),
             Mark::Cross => pen(2.2, theme.found),
         }

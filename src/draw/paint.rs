@@ -12,6 +12,7 @@ use super::overlay::{Mark, Overlay};
 use super::raster::Picture;
 use super::stroke::{At, Pen, Sheet};
 use super::text::write_rimmed;
+use super::tracks;
 
 const CASING_PX: f64 = 2.4;
 const CIRCLE_LEAST_PX: f64 = 4.0;
@@ -28,8 +29,15 @@ pub(super) fn overlays(
     ordered.sort_by_key(|overlay| overlay.mark());
     let mut sheet = Sheet::new(layout.plot);
     let mut labels = Labels::new(layout.plot);
+    let mut are_tracks_drawn = false;
     for overlay in &ordered {
         let mark = overlay.mark();
+        if let Mark::Track(_) = mark {
+            if !std::mem::replace(&mut are_tracks_drawn, true) {
+                tracks::draw(picture, layout, theme, overlays);
+            }
+            continue;
+        }
         for path in paths(overlay, layout) {
             cased(&mut sheet, picture, theme, mark, &path);
         }
@@ -39,6 +47,9 @@ pub(super) fn overlays(
     }
     // What was found matters most: it chooses its place first.
     for overlay in ordered.iter().rev() {
+        if is_numbered_elsewhere(overlay, overlays) {
+            continue;
+        }
         label(&mut labels, layout, theme, overlay);
     }
     for placed in labels.placed() {
@@ -52,6 +63,16 @@ pub(super) fn overlays(
     }
 }
 
+/// Returns whether it is the home of a vehicle that is drawn with its number: once is enough.
+fn is_numbered_elsewhere(overlay: &Overlay, overlays: &[Overlay]) -> bool {
+    let Overlay::Home { vehicle: whose, .. } = overlay else {
+        return false;
+    };
+    overlays
+        .iter()
+        .any(|other| matches!(other, Overlay::Vehicle { vehicle, .. } if vehicle == whose))
+}
+
 /// Draws a sample of a mark on a tile of the plot's ground.
 pub(super) fn sample(picture: &mut Picture, theme: &Theme, mark: Mark, tile: Rectangle) {
     picture.fill(tile, theme.ground);
@@ -62,7 +83,7 @@ pub(super) fn sample(picture: &mut Picture, theme: &Theme, mark: Mark, tile: Rec
     );
     let place = |x_px: f64, y_px: f64| At::new(middle.x_px + x_px, middle.y_px + y_px);
     let paths = match mark {
-        Mark::Area | Mark::Fence | Mark::Track { .. } => {
+        Mark::Area | Mark::Fence | Mark::Track(_) => {
             vec![vec![place(-14.0, 0.0), place(14.0, 0.0)]]
         }
         Mark::Outline => {
@@ -76,8 +97,8 @@ pub(super) fn sample(picture: &mut Picture, theme: &Theme, mark: Mark, tile: Rec
         }
         Mark::Circle => vec![circle(middle, 6.0)],
         Mark::Cross => cross(middle),
-        Mark::Dot => vec![vec![middle]],
-        Mark::Home => vec![house(middle)],
+        Mark::Vehicle(_) | Mark::Viewpoint => vec![vec![middle]],
+        Mark::Home(_) => vec![house(middle)],
     };
     let mut sheet = Sheet::new(tile);
     for path in paths {
@@ -88,27 +109,36 @@ pub(super) fn sample(picture: &mut Picture, theme: &Theme, mark: Mark, tile: Rec
 /// Draws a path with a rim, so that it reads on any ground.
 fn cased(sheet: &mut Sheet, picture: &mut Picture, theme: &Theme, mark: Mark, path: &[At]) {
     let pen = mark.pen(theme);
-    let rim = Pen {
+    sheet.path(picture, path, rim(mark, theme));
+    sheet.path(picture, path, pen);
+}
+
+/// Returns the pen of a mark's rim.
+pub(super) fn rim(mark: Mark, theme: &Theme) -> Pen {
+    let pen = mark.pen(theme);
+    Pen {
         width_px: pen.width_px + CASING_PX,
         colour: theme.casing,
         opacity: mark_rim(mark),
         ..pen
-    };
-    sheet.path(picture, path, rim);
-    sheet.path(picture, path, pen);
+    }
 }
 
-/// Returns the opacity of a mark's rim: faint for tracks, which lie close to each other.
+/// Returns the opacity of a mark's rim: fainter for lines, which lie close to each other.
 fn mark_rim(mark: Mark) -> f64 {
     match mark {
-        Mark::Track { .. } => 0.35,
-        Mark::Area | Mark::Fence => 0.5,
-        Mark::Outline | Mark::Home | Mark::Dot | Mark::Circle | Mark::Cross => 0.75,
+        Mark::Track(_) | Mark::Area | Mark::Fence => 0.5,
+        Mark::Outline
+        | Mark::Home(_)
+        | Mark::Viewpoint
+        | Mark::Vehicle(_)
+        | Mark::Circle
+        | Mark::Cross => 0.75,
     }
 }
 
 /// Returns the paths an overlay is drawn with.
-fn paths(overlay: &Overlay, layout: &Layout) -> Vec<Vec<At>> {
+pub(super) fn paths(overlay: &Overlay, layout: &Layout) -> Vec<Vec<At>> {
     match overlay {
         Overlay::Outline { polygon, .. } | Overlay::Fence { polygon } => {
             vec![closed(polygon, layout)]
@@ -121,7 +151,7 @@ fn paths(overlay: &Overlay, layout: &Layout) -> Vec<Vec<At>> {
             vec![circle(layout.place(*at), radius_px(*radius_m, layout))]
         }
         Overlay::Cross { at, .. } => cross(layout.place(*at)),
-        Overlay::Dot { at, .. } => vec![vec![layout.place(*at)]],
+        Overlay::Vehicle { at, .. } | Overlay::Viewpoint { at } => vec![vec![layout.place(*at)]],
         Overlay::Home { at, .. } => vec![house(layout.place(*at))],
     }
 }
@@ -180,7 +210,7 @@ fn point_mark(overlay: &Overlay, layout: &Layout) -> Option<Rectangle> {
             around(*at, radius_px(*radius_m, layout) + 2.0, layout)
         }
         Overlay::Cross { at, .. } | Overlay::Home { at, .. } => around(*at, 7.0, layout),
-        Overlay::Dot { at, .. } => around(*at, 6.0, layout),
+        Overlay::Vehicle { at, .. } | Overlay::Viewpoint { at } => around(*at, 6.0, layout),
         Overlay::Outline { .. }
         | Overlay::Track { .. }
         | Overlay::Fence { .. }
@@ -198,7 +228,8 @@ fn taken(overlay: &Overlay, layout: &Layout) -> Vec<Rectangle> {
             .collect(),
         Overlay::Circle { .. }
         | Overlay::Cross { .. }
-        | Overlay::Dot { .. }
+        | Overlay::Vehicle { .. }
+        | Overlay::Viewpoint { .. }
         | Overlay::Home { .. } => point_mark(overlay, layout).into_iter().collect(),
         Overlay::Track { .. } | Overlay::Fence { .. } | Overlay::Area { .. } => Vec::new(),
     }
@@ -232,7 +263,7 @@ fn label(labels: &mut Labels, layout: &Layout, theme: &Theme, overlay: &Overlay)
     };
     let colour = overlay.mark().pen(theme).colour;
     if let Some(rectangle) = point_mark(overlay, layout) {
-        labels.place(rectangle, text, colour, true);
+        labels.place(rectangle, &text, colour, true);
     }
     if let Overlay::Outline { polygon, .. } = overlay
         && let Some(edge) = polygon
@@ -241,6 +272,11 @@ fn label(labels: &mut Labels, layout: &Layout, theme: &Theme, overlay: &Overlay)
         && let Some(rectangle) = around(edge.from.toward(edge.to, 0.5), 1.0, layout)
     {
         let vector = edge.to - edge.from;
-        labels.place(rectangle, text, colour, vector.y_m.abs() > vector.x_m.abs());
+        labels.place(
+            rectangle,
+            &text,
+            colour,
+            vector.y_m.abs() > vector.x_m.abs(),
+        );
     }
 }

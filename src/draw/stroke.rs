@@ -50,7 +50,7 @@ pub(super) struct Pen {
 #[derive(Clone, Debug)]
 pub(super) struct Sheet {
     clip: Rectangle,
-    cover: Vec<u8>,
+    shares: Vec<u8>,
     /// First and last touched column and row, relative to the clip rectangle.
     touched: Option<[usize; 4]>,
 }
@@ -61,7 +61,7 @@ impl Sheet {
         let pixels = clip.size.width as usize * clip.size.height as usize;
         Sheet {
             clip,
-            cover: vec![0; pixels],
+            shares: vec![0; pixels],
             touched: None,
         }
     }
@@ -69,6 +69,12 @@ impl Sheet {
     /// Draws a path of straight pieces; one point alone becomes a disc. Pieces with a place that is not finite are
     /// left out.
     pub(super) fn path(&mut self, picture: &mut Picture, places: &[At], pen: Pen) {
+        self.cover(places, pen);
+        self.lay(picture, pen);
+    }
+
+    /// Gathers the coverage of a path, as [`Sheet::path`] draws it, upon what was gathered before.
+    pub(super) fn cover(&mut self, places: &[At], pen: Pen) {
         let radius_px = pen.width_px / 2.0;
         if let [only] = places {
             self.piece(*only, *only, radius_px);
@@ -92,7 +98,18 @@ impl Sheet {
             }
             from = Some(to);
         }
-        self.lay(picture, pen);
+    }
+
+    /// Returns how much of a pixel is covered, 0 to 255.
+    pub(super) fn cover_of(&self, at: Point) -> u8 {
+        let Point { x, y } = at - self.clip.top_left;
+        let place = usize::try_from(x).ok().zip(usize::try_from(y).ok());
+        let width = self.clip.size.width as usize;
+        let index = place.filter(|(column, _)| *column < width);
+        index
+            .and_then(|(column, row)| self.shares.get(row * width + column))
+            .copied()
+            .unwrap_or(0)
     }
 
     /// Covers a straight piece in dashes; `run_px` carries the pattern from piece to piece.
@@ -177,7 +194,7 @@ impl Sheet {
             return;
         }
         let index = row * self.clip.size.width as usize + column;
-        self.cover[index] = self.cover[index].max(cover);
+        self.shares[index] = self.shares[index].max(cover);
         let [west, east, north, south] = self.touched.unwrap_or([column, column, row, row]);
         self.touched = Some([
             west.min(column),
@@ -188,14 +205,14 @@ impl Sheet {
     }
 
     /// Lays what was gathered over the picture and empties the sheet.
-    fn lay(&mut self, picture: &mut Picture, pen: Pen) {
+    pub(super) fn lay(&mut self, picture: &mut Picture, pen: Pen) {
         let Some([west, east, north, south]) = self.touched.take() else {
             return;
         };
         for row in north..=south {
             for column in west..=east {
                 let index = row * self.clip.size.width as usize + column;
-                let cover = std::mem::take(&mut self.cover[index]);
+                let cover = std::mem::take(&mut self.shares[index]);
                 if cover > 0 {
                     let at = self.clip.top_left + Point::new(column as i32, row as i32);
                     picture.lay(at, pen.colour, pen.opacity * f64::from(cover) / 255.0);

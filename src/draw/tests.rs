@@ -1,6 +1,7 @@
 //! Whole pictures, decoded again and looked at from outside: only the frame's colour is known here, not the layout.
 
 use proptest::prelude::*;
+use tomoswarm_proto::VehicleId;
 
 use super::*;
 use crate::geom::{PixelGrid, Point, Polygon, Rect};
@@ -71,6 +72,15 @@ impl Seen {
             along(west, east, right).min(east),
             along(north, south, 1.0 - up).min(south),
         )
+    }
+
+    /// How many pixels of the plot have a colour.
+    fn count_in_plot(&self, colour: Colour) -> usize {
+        let [west, east, north, south] = self.plot;
+        (north..=south)
+            .flat_map(|y| (west..=east).map(move |x| (x, y)))
+            .filter(|(x, y)| self.at(*x, *y) == colour)
+            .count()
     }
 
     fn count(&self, colour: Colour) -> usize {
@@ -209,8 +219,7 @@ fn the_same_specification_gives_the_same_bytes() {
         .collect();
     let track = Overlay::Track {
         points,
-        colour: 3,
-        label: Some("rover 1".to_string()),
+        vehicle: VehicleId(4),
     };
     let map = HeatMap {
         overlays: vec![track],
@@ -302,6 +311,119 @@ fn odd_images_still_give_a_picture() {
     }
 }
 
+fn track(vehicle: u8, ends: [(f64, f64); 2]) -> Overlay {
+    Overlay::Track {
+        points: ends.map(|(x_m, y_m)| Point::new(x_m, y_m)).to_vec(),
+        vehicle: VehicleId(vehicle),
+    }
+}
+
+/// Pictures of all kinds that show metres, 10 m from (-2, 3), with the same laid over them.
+fn of_all_kinds(overlays: &[Overlay]) -> Vec<Seen> {
+    let values = [0.0; 100];
+    let image = HeatMap {
+        overlays: overlays.to_vec(),
+        ..spec(grid(10.0, 10.0, 10, 10), &values)
+    };
+    let cells = [CellState::Free; 100];
+    let map = OccupancyMap {
+        origin: Point::new(-2.0, 3.0),
+        overlays: overlays.to_vec(),
+        ..occupancy(10, 10, 1.0, &cells)
+    };
+    let plan = FloorPlan {
+        title: "plan".to_string(),
+        area: image.grid.area,
+        materials: &[],
+        shapes: &[],
+        overlays: overlays.to_vec(),
+    };
+    let bytes = [
+        Picture::heat(&image),
+        Picture::occupancy(&map),
+        Picture::floor(&plan),
+    ];
+    bytes.map(|bytes| Seen::decode(&bytes.unwrap())).into()
+}
+
+#[test]
+fn a_vehicle_has_one_colour_in_every_kind_of_picture() {
+    let (at, vehicle) = (Point::new(3.0, 5.0), VehicleId(2));
+    for mark in [
+        track(2, [(-1.0, 4.0), (7.0, 4.0)]),
+        Overlay::Vehicle { at, vehicle },
+        Overlay::Home { at, vehicle },
+    ] {
+        for seen in of_all_kinds(&[mark]) {
+            for other in 1..=8 {
+                let count = seen.count_in_plot(vehicle_colour(VehicleId(other)).rgb);
+                assert_eq!(count > 15, other == 2, "{other}: {count} pixels");
+            }
+        }
+    }
+}
+
+#[test]
+fn tracks_that_lie_upon_each_other_all_stay_visible() {
+    let lines = [
+        [(-1.5, 5.0), (7.5, 5.0)],
+        [(2.0, 3.5), (2.0, 12.5)],
+        [(-1.5, 3.5), (7.5, 12.5)],
+        [(-1.5, 12.5), (7.5, 3.5)],
+        [(0.0, 4.0), (2.5, 11.5)],
+        [(-1.5, 7.0), (7.5, 10.0)],
+    ];
+    for ends in lines {
+        for last in [2, 3, 8] {
+            let tracks: Vec<Overlay> = (1..=last).map(|vehicle| track(vehicle, ends)).collect();
+            for seen in of_all_kinds(&tracks) {
+                let count =
+                    |vehicle: u8| seen.count_in_plot(vehicle_colour(VehicleId(vehicle)).rgb);
+                let all: usize = (1..=last).map(count).sum();
+                for vehicle in 1..=last {
+                    let share = count(vehicle) as f64 / all as f64;
+                    let least = 0.4 / f64::from(last);
+                    assert!(share > least, "{ends:?}, {vehicle} of {last}: {share:.3}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_track_beside_another_keeps_its_own_colour_throughout() {
+    let alone = of_all_kinds(&[track(1, [(-1.5, 5.0), (7.5, 5.0)])]);
+    let both = of_all_kinds(&[
+        track(1, [(-1.5, 5.0), (7.5, 5.0)]),
+        track(2, [(-1.5, 6.0), (7.5, 6.0)]),
+    ]);
+    let first = vehicle_colour(VehicleId(1)).rgb;
+    for (alone, both) in alone.iter().zip(&both) {
+        assert_eq!(alone.count_in_plot(first), both.count_in_plot(first));
+    }
+}
+
+#[test]
+fn a_cross_lies_on_the_pixel_that_it_names() {
+    let mut values = vec![0.0; 30 * 20];
+    for (column, row) in [(3, 2), (28, 18), (11, 17)] {
+        values.fill(0.0);
+        let hot = row * 30 + column;
+        values[hot] = 1.0;
+        let plain = spec(grid(9.0, 7.0, 30, 20), &values);
+        let cross = Overlay::Cross {
+            at: plain.grid.centre(hot),
+            label: None,
+        };
+        let seen = heat(&HeatMap {
+            overlays: vec![cross],
+            ..plain
+        });
+        let up = (row as f64 + 0.5) / 20.0;
+        assert_eq!(seen.share((column as f64 + 0.5) / 30.0, up), [70, 255, 130]);
+    }
+}
+
 fn coordinate() -> impl Strategy<Value = f64> {
     let odd = vec![
         f64::NAN,
@@ -318,7 +440,9 @@ fn coordinate() -> impl Strategy<Value = f64> {
 
 fn overlay() -> impl Strategy<Value = Overlay> {
     let points = prop::collection::vec((coordinate(), coordinate()), 0..6);
-    (0..8usize, points, coordinate(), ".{0,40}").prop_map(|(kind, points, radius_m, text)| {
+    let given = (0..9usize, points, coordinate(), ".{0,40}", any::<u8>());
+    given.prop_map(|(kind, points, radius_m, text, id)| {
+        let vehicle = VehicleId(id);
         let points: Vec<Point> = points.into_iter().map(|(x, y)| Point::new(x, y)).collect();
         let at = points.first().copied().unwrap_or_default();
         let (label, polygon) = (Some(text), Polygon::new(points.clone()));
@@ -330,14 +454,11 @@ fn overlay() -> impl Strategy<Value = Overlay> {
                 label,
             },
             2 => Overlay::Cross { at, label },
-            3 => Overlay::Track {
-                points,
-                colour: usize::MAX,
-                label,
-            },
-            4 => Overlay::Dot { at, label },
-            5 => Overlay::Home { at, label },
-            6 => Overlay::Fence { polygon },
+            3 => Overlay::Track { points, vehicle },
+            4 => Overlay::Vehicle { at, vehicle },
+            5 => Overlay::Home { at, vehicle },
+            6 => Overlay::Viewpoint { at },
+            7 => Overlay::Fence { polygon },
             _ => Overlay::Area {
                 rect: Rect { min: at, max: at },
             },

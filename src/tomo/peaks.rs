@@ -1,6 +1,6 @@
 //! Where objects stand: the strongest places of an image.
 //!
-//! Greedy with non-maximum suppression, refined by the local centroid. How many peaks are objects is the
+//! Greedy with non-maximum suppression; the local centroid says where in the highest pixel a peak lies. How many peaks are objects is the
 //! caller's decision; each peak says how far it stands out of the image's noise.
 
 use serde::{Deserialize, Serialize};
@@ -12,7 +12,7 @@ use super::Image;
 /// A strong place of the image.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Peak {
-    /// Its centroid, metres (or the units of the input).
+    /// Where, metres (or the units of the input): a place in the highest pixel, the one nearest to the local centroid.
     pub at: Point,
     /// The highest pixel, dB/m.
     pub strength: f64,
@@ -64,9 +64,10 @@ pub fn peaks(image: &Image, settings: PeakSettings) -> Vec<Peak> {
             break;
         };
         let (centre, strength) = (image.grid.centre(highest), image.values[highest]);
-        let at = centroid(image, &open, centre, settings.separation_m / 2.0, strength);
+        let radius_m = settings.separation_m / 2.0;
+        let centroid = centroid(image, &open, centre, radius_m, strength);
         found.push(Peak {
-            at,
+            at: within_pixel(image, centre, centroid),
             strength,
             significance: if noise > 0.0 {
                 strength / noise
@@ -96,6 +97,20 @@ fn centroid(image: &Image, open: &[usize], centre: Point, radius_m: f64, strengt
     } else {
         centre
     }
+}
+
+/// Returns the place in a pixel that is nearest to a point. A centroid may lie pixels away from the highest one, where
+/// the rim or another peak cuts its surroundings off or they have a long tail; no object was seen there.
+fn within_pixel(image: &Image, centre: Point, point: Point) -> Point {
+    let (half_x_m, half_y_m) = (image.grid.dx_m() / 2.0, image.grid.dy_m() / 2.0);
+    Point::new(
+        point
+            .x_m
+            .clamp(centre.x_m - half_x_m, centre.x_m + half_x_m),
+        point
+            .y_m
+            .clamp(centre.y_m - half_y_m, centre.y_m + half_y_m),
+    )
 }
 
 fn noise_level(mut sizes: Vec<f64>) -> f64 {
@@ -165,6 +180,27 @@ mod tests {
         );
         assert!(found[0].at.distance_to(Point::new(8.7, 5.0)) < 1.0);
         assert!(found[1].at.distance_to(Point::new(15.0, 5.0)) < 0.2);
+    }
+
+    #[test]
+    fn a_peak_lies_in_its_highest_pixel_whatever_surrounds_it() {
+        // A ridge that ends at its highest pixel, in every direction.
+        for (step_x, step_y) in [(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1)] {
+            let mut image = image_with(&[]);
+            let pixel = |step: i32| ((10 + step * step_y) * 40 + 20 + step * step_x) as usize;
+            (0..4).for_each(|step| image.values[pixel(step)] = 0.9);
+            image.values[pixel(0)] = 1.0;
+            let off = peaks(&image, SETTINGS)[0].at - image.grid.centre(pixel(0));
+            let (most_x_m, most_y_m) = (0.5001 * image.grid.dx_m(), 0.5001 * image.grid.dy_m());
+            assert!(
+                off.x_m.abs() <= most_x_m && off.y_m.abs() <= most_y_m,
+                "{off:?}"
+            );
+            assert!(
+                off.x_m * f64::from(step_x) + off.y_m * f64::from(step_y) > 0.2,
+                "towards the ridge: {off:?}"
+            );
+        }
     }
 
     #[test]

@@ -212,6 +212,16 @@ fn a_watched_run_draws_gives_the_terminal_back_and_changes_no_byte() {
         drawn.contains('\u{2580}') && drawn.contains("2 on its way"),
         "{text}"
     );
+    for words in [
+        "vehicle, its front",
+        "its track",
+        "occupied",
+        "free",
+        "unknown",
+        "home",
+    ] {
+        assert!(drawn.contains(&format!(" {words}")), "{words}: {text}");
+    }
     assert!(
         drawn.contains("\u{1b}[20;1H") && !drawn.contains("\u{1b}[21;1H") && !drawn.contains('\n')
     );

@@ -113,7 +113,7 @@ fn drawn(frame: &RunFrame) -> Vec<String> {
                 Pixel::Track(_) => '-',
                 Pixel::Ahead(_) => '+',
             },
-            |(.., letter)| *letter,
+            |(.., vehicle)| letter_of(*vehicle),
         )
     };
     let letters: Vec<char> = frame
@@ -194,13 +194,49 @@ fn a_line_says_a_colour_only_where_it_changes() {
     assert!(
         lines
             .iter()
-            .any(|line| line.contains("\u{1b}[38;5;231m\u{1b}[48;5;160m1")),
+            .any(|line| line.contains("\u{1b}[38;5;231m\u{1b}[48;5;32m1")),
         "{lines:#?}"
     );
     assert!(
-        lines.iter().any(|line| line.contains("\u{1b}[48;5;27m2")),
+        lines.iter().any(|line| line.contains("\u{1b}[48;5;58m2")),
         "{lines:#?}"
     );
+}
+
+#[test]
+fn a_legend_says_what_signs_and_colours_mean_as_far_as_there_is_room() {
+    let legend = |columns, rows| -> Vec<String> {
+        let lines = frame(columns, rows).unwrap().legend;
+        lines.iter().map(|line| plain(line)).collect()
+    };
+    let whole =
+        "1\u{2580} vehicle, its front     its track     occupied     free     unknown     home";
+    assert_eq!(legend(80, 24), [whole]);
+    assert_eq!(legend(80, 12), [""; 0]);
+    assert_eq!(legend(60, 20).len(), 2);
+    assert_eq!(legend(60, 13).len(), 1);
+    assert_eq!(legend(16, 60).last().unwrap(), "   home");
+    let shown = frame(80, 24).unwrap().lines();
+    assert_eq!(plain(shown.last().unwrap()), whole);
+}
+
+#[test]
+fn the_legend_has_the_colours_of_the_picture() {
+    let frame = frame(80, 24).unwrap();
+    let legend = frame.legend.concat();
+    assert!(
+        legend.starts_with("\u{1b}[38;5;231m\u{1b}[48;5;32m1\u{1b}[38;5;32m\u{1b}[49m\u{2580}")
+    );
+    for (colour, words) in [
+        (111, "its track"),
+        (16, "occupied"),
+        (255, "free"),
+        (243, "unknown"),
+        (150, "home"),
+    ] {
+        let entry = format!("\u{1b}[48;5;{colour}m  \u{1b}[49m {words}");
+        assert!(legend.contains(&entry), "{words} in {legend:?}");
+    }
 }
 
 proptest! {
