@@ -17,7 +17,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use tomoswarm::geom::Point;
-use tomoswarm::scene::{Attenuation, LIMIT_DB, Material, Person, Scene, SceneParts, Up, read_vrml};
+use tomoswarm::scene::{Attenuation, Material, Person, Scene, SceneParts, Up, read_vrml};
 
 const RUNS: usize = 9;
 const RAYS: usize = 400_000;
@@ -111,7 +111,7 @@ fn rays(name: &str, scene: &Scene, middle: [f64; 3], span_m: f64, most_m: f64) {
 }
 
 fn links(scene: &Scene) {
-    let attenuation = Attenuation::new(scene, 0.5, 0.125, LIMIT_DB);
+    let attenuation = Attenuation::new(scene, 0.5, 0.125, 30.0);
     let links: Vec<(Point, Point)> = (0..LINKS)
         .map(|index| {
             (

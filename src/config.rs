@@ -6,7 +6,7 @@
 //! known one. (A serde twin with `deny_unknown_fields` would stop at its first mistake.) Units are in
 //! the key names; what is left out has a default.
 //!
-//! A key is declared once, where its value lives (`keys`): reading it, writing it ([`written`]) and its line in
+//! A key is declared once, where its value lives (`keys`): reading it, writing it ([`to_toml`]) and its line in
 //! `configs/README.md` ([`key_tables`]) come from there.
 //!
 //! This module opens no files and reads no environment: content is passed in, and a simulation's
@@ -47,6 +47,7 @@ mod waypoint_file;
 use overlay::{Layer, OverlaidText, Overlay};
 use section::Section;
 use source::Source;
+pub use source::beside;
 
 pub use bus_file::{BusFile, Identity, Topology};
 pub use drivers::{AutopilotDriver, Drivers, RadioDriver, ServoDriver};
@@ -82,7 +83,7 @@ pub use waypoint_file::{
 
 pub use to_toml::{key_tables, to_toml};
 
-/// Gives the text of a file that another file names, or the reason why it cannot be read.
+/// Returns the text of a file that another file names, or the reason why it cannot be read.
 pub type Loader<'a> = dyn FnMut(&str) -> Result<String, String> + 'a;
 
 /// The content of one configuration file.
@@ -223,14 +224,6 @@ pub fn read_experiment(file_name: &str, text: &str) -> Result<Experiment, Proble
     read_kind(file_name, text, "experiment", |root| {
         Some(Experiment::read(root))
     })
-}
-
-/// Returns the path of a file that is named in another one, relative to that one's folder.
-pub fn beside(file_name: &str, named: &str) -> String {
-    match file_name.rfind('/') {
-        Some(end) if !named.starts_with('/') => format!("{}{named}", &file_name[..=end]),
-        Some(_) | None => named.to_owned(),
-    }
 }
 
 const KINDS: &str = "a file begins with kind = \"venue\", \"scene\", \"sim\", \"vehicle\", \"ground\", \"operator\" or \"experiment\"";

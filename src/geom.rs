@@ -1,5 +1,5 @@
-//! Geometry in the venue's local frame (x, y along the venue's axes, metres), the lattices laid over its plane, and a
-//! few exact bodies in space. Pure values; no vehicle, no map and no image is known here.
+//! Geometry in the venue's local frame (x, y along the venue's axes, metres), and the lattices laid over its plane.
+//! Pure values; no vehicle, no map and no image is known here, and no body in space.
 //!
 //! Transcendental functions come from `libm`, so that a seed gives the same bytes on every machine.
 
@@ -13,7 +13,6 @@ mod polygon;
 mod pose;
 mod rect;
 mod segment;
-mod solid;
 mod track;
 mod wgs84;
 
@@ -27,6 +26,5 @@ pub use polygon::Polygon;
 pub use pose::Pose;
 pub use rect::Rect;
 pub use segment::Segment;
-pub use solid::{Cylinder, Face, Prism, Ray, evenly_spaced};
 pub use track::Track;
 pub use wgs84::{Geodetic, TangentPlane};

@@ -6,7 +6,6 @@
 //! Nothing here knows a device or a network. What reaches a vehicle from outside is an [`Event`],
 //! what it wants done outside is an [`Effect`]; drivers and the bus at the edge turn them into real things.
 
-pub mod echo;
 mod from_config;
 mod last_pose;
 pub mod map;

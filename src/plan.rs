@@ -9,6 +9,7 @@ mod buckets;
 mod clearance;
 mod corridor;
 mod distance;
+mod echo;
 mod frontier;
 mod grid;
 #[cfg(test)]
@@ -21,12 +22,14 @@ mod swath;
 mod terrain;
 mod turning;
 
-pub use astar::{GridPath, NoRoute, Rules, TurningCost, shortest_cells};
+pub use astar::{GridPath, NoRoute, shortest_cells};
 pub use clearance::Clearance;
 pub use corridor::{Corridor, Release};
 pub use distance::Distances;
+pub use echo::{SOUND_MPS, echo_time_s};
 pub use frontier::{Cluster, FrontierError, Frontiers};
 pub use grid::{GridError, MAX_GRID_CELLS, SearchGrid, swept_clearance_m};
-pub use mounts::{Aim, Mount, MountChoice, Mounts, Pointing};
+pub use mounts::{Aim, Mount, Mounts, Pointing};
 pub use smooth::{Route, route_along, shortest_route};
 pub use speed::{SensingLimits, SpeedError, stopping_distance_m};
+pub use steps::{Rules, TurningCost};

@@ -24,7 +24,7 @@ mod vrml_tree;
 #[cfg(test)]
 mod tests;
 
-pub use attenuation::{Attenuation, LIMIT_DB};
+pub use attenuation::Attenuation;
 pub use build::{Footprint, Material, Object, Person, Post, Scene, SceneError, SceneParts, Shape};
 pub use cast::Hit;
 pub use mesh::Mesh;

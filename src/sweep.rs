@@ -38,7 +38,7 @@ pub use pattern::{
 };
 pub use pattern_plan::{PatternRequest, pattern_sweep};
 pub use precedence::{order_legs, tracks_of, validate};
-pub use ring::{MAX_POSITIONS, MIN_POSITIONS, Ring, Side};
+pub use ring::{MAX_POSITIONS, MIN_POSITIONS, Ring};
 pub use rotating_gap::{GapRequest, default_laps, rotating_gap};
 pub use schedule::{Lap, PlannedSweep, Schedule, expected_duration_s, has_done};
 pub use separation::check_separation;
@@ -47,11 +47,11 @@ pub use succession::{RevisionPhase, Succession};
 pub use vehicle_progress::VehicleProgress;
 pub use verdict::{FollowError, OfferResult, PlanRefusal, WaitsFor};
 
-/// After so long a silence of a vehicle a lower count of its starts is believed: its disk is a new one, and it counts from
-/// the beginning. Nothing that an earlier start has said is under way for so long, so nothing old is taken for new; and a
+/// After a silence this long of a vehicle a lower count of its starts is believed: its disk is a new one, and it counts from
+/// the beginning. Nothing that an earlier start has said is under way for this long, so nothing old is taken for new; and a
 /// rover with a new disk is not waited for any longer than this, by anyone who hears it.
 pub const LOWER_BOOT_AFTER: std::time::Duration = std::time::Duration::from_secs(30);
 
-/// A number that its sender does not say again for so long, while it says lower ones, was not its word: somebody else has
+/// A number that its sender does not say again for this long, while it says lower ones, was not its word: somebody else has
 /// said it in its name.
 pub const VOID_AFTER: std::time::Duration = std::time::Duration::from_secs(10);

@@ -284,7 +284,7 @@ mod tests {
         let expected = [
             r#"Woken("tick") ["tick"]"#,
             "tick",
-            r#"Told(7) ["told 7"]"#,
+            r#"Input(7) ["told 7"]"#,
             "told 7",
         ];
         assert_eq!(order.into_inner(), expected);

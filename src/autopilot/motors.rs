@@ -114,14 +114,14 @@ impl Motors {
         }
     }
 
-    /// Takes that the vehicle is to stand: an arming under way waits.
+    /// Records that the vehicle is to stand: an arming under way waits.
     pub(super) fn postpone(&mut self) {
         if let Motors::Arming(arming) = *self {
             *self = Motors::Postponed(arming);
         }
     }
 
-    /// Takes that the vehicle is to move: an arming that waits goes on.
+    /// Records that the vehicle is to move: an arming that waits goes on.
     pub(super) fn go_on(&mut self) {
         if let Motors::Postponed(arming) = *self {
             *self = Motors::Arming(arming);

@@ -21,9 +21,9 @@ use super::command::FlightMode;
 use super::report::SystemStatus;
 use crate::time::{Deadline, Time};
 
-/// Without a report for so long the autopilot is silent.
+/// Without a report for this long the autopilot is silent.
 pub(super) const SILENT_AFTER: Duration = Duration::from_secs(2);
-/// A mode of before may show for so long after a change of our own.
+/// A mode of before may show for this long after a change of our own.
 pub(super) const OLD_MODE_SHOWS: Duration = Duration::from_secs(3);
 
 /// Whether the autopilot is heard.

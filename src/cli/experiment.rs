@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use self::grid::ExperimentGrid;
-use self::journal::{Header, Journal, JournalMode};
+use self::journal::{Header, Journal, JournalMode, RUNS, TABLE};
 use self::row::{RowEnd, RunRow, csv};
 use super::error::CliError;
 use super::folder::OutputFolder;
@@ -89,10 +89,6 @@ fn parse_axis(word: &str) -> Result<Axis, String> {
         .find(is_meant)
         .ok_or_else(|| format!("`{word}` is no axis; {} are", words()))
 }
-
-const RUNS: &str = "runs.csv";
-const TABLE: &str = "table.txt";
-const JOURNAL: &str = "journal.jsonl";
 
 impl ExperimentArgs {
     /// Runs what is left of the experiment, and writes the tables.

@@ -3,12 +3,15 @@
 
 use std::path::Path;
 
+use tomoswarm_proto::{Revision, RunId};
+
 use super::error::CliError;
-use super::plan::planned;
 use super::read;
 use crate::config::{self, Problems, SceneFile, Sim, bundled};
-use crate::scene::{self, VrmlScene};
+use crate::ground::planner::{Request, plan};
+use crate::scene::{self, Person, Scene, VrmlScene};
 use crate::sim::Scenario;
+use crate::sweep::{PlannedSweep, SweepError};
 
 /// A simulation as read, with what its scene file warned about.
 pub(super) struct LoadedSimulation {
@@ -16,6 +19,22 @@ pub(super) struct LoadedSimulation {
     pub sim: Sim,
     /// Its shapes.
     pub shapes: VrmlScene,
+}
+
+/// A scene as read.
+pub(super) struct LoadedScene {
+    /// What it is called.
+    pub(super) name: String,
+    /// What its file says; all defaults for shapes alone.
+    pub(super) file: SceneFile,
+    /// Its shapes.
+    pub(super) shapes: VrmlScene,
+    /// Who stands there.
+    pub(super) persons: Vec<Person>,
+    /// Everything together.
+    pub(super) scene: Scene,
+    /// The simulation, if the file is one.
+    pub(super) sim: Option<Sim>,
 }
 
 impl LoadedSimulation {
@@ -214,4 +233,29 @@ pub(super) fn world(
         path,
         reason: error.to_string(),
     })
+}
+
+/// Plans the sweep of a scenario from its homes, as the ground station does when a run begins.
+///
+/// # Errors
+/// No sweep can be planned.
+pub(super) fn planned(scenario: &Scenario) -> Result<PlannedSweep, SweepError> {
+    let sim = scenario.sim();
+    let places = sim
+        .vehicle_ids()
+        .filter_map(|id| Some((id, sim.home(id)?)))
+        .collect();
+    let request = Request {
+        run: RunId(1),
+        revision: Revision(1),
+        places,
+        first_lap: 0,
+        task: None,
+    };
+    plan(
+        scenario.ring(),
+        scenario.method(),
+        sim.venue.swarm.separation_m,
+        &request,
+    )
 }

@@ -3,15 +3,14 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use tomoswarm_proto::{Plan, Revision, RunId};
+use tomoswarm_proto::Plan;
 
 use super::error::CliError;
-use super::load;
+use super::load::{self, planned};
 use crate::config::Sim;
 use crate::geom::Point;
-use crate::ground::planner::{Request, plan};
 use crate::sim::Scenario;
-use crate::sweep::{PlannedSweep, SweepError, check_separation, expected_duration_s, tracks_of};
+use crate::sweep::{PlannedSweep, check_separation, expected_duration_s, tracks_of};
 
 /// Plan a sweep and show it: laps, stops, lengths, and how long it will take.
 ///
@@ -82,31 +81,6 @@ impl PlanArgs {
             ),
         })
     }
-}
-
-/// Plans the sweep of a scenario from its homes, as the ground station does when a run begins.
-///
-/// # Errors
-/// No sweep can be planned.
-pub(super) fn planned(scenario: &Scenario) -> Result<PlannedSweep, SweepError> {
-    let sim = scenario.sim();
-    let places = sim
-        .vehicle_ids()
-        .filter_map(|id| Some((id, sim.home(id)?)))
-        .collect();
-    let request = Request {
-        run: RunId(1),
-        revision: Revision(1),
-        places,
-        first_lap: 0,
-        task: None,
-    };
-    plan(
-        scenario.ring(),
-        scenario.method(),
-        sim.venue.swarm.separation_m,
-        &request,
-    )
 }
 
 fn summary(scenario: &Scenario, sweep: &PlannedSweep) -> Result<String, CliError> {

@@ -12,7 +12,7 @@ use crate::store::recording::{Difference, ReplayResult, Replayed, replay};
 
 /// Folders in folders are looked through so deep.
 const DEPTH: usize = 4;
-/// A value of a step is shown so long at most, characters; `--json` shows all.
+/// A value of a step is shown this long at most, characters; `--json` shows all.
 const SHOWN: usize = 400;
 
 /// Take the steps of a flight recording again, and say where an actor now does something else.

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use super::error::CliError;
 use super::folder::OutputFolder;
-use super::load;
+use super::load::{self, LoadedScene};
 use super::read;
 use super::scene_pictures::{SceneView, draw_plan, draw_view};
 use super::scene_text::describe;
@@ -14,7 +14,7 @@ use super::sim::parse_seed;
 use super::standard_output::complain;
 use crate::config::{self, Config, SceneFile, Sim};
 use crate::geom::Angle;
-use crate::scene::{Person, Scene, Viewpoint, VrmlScene};
+use crate::scene::{Person, Viewpoint, VrmlScene};
 use crate::sim::staging;
 
 /// The files in the folder.
@@ -71,22 +71,6 @@ Examples:
   tomoswarm scene my.wrl --up y --out pictures                   shapes alone, y up as VRML has it
 
 Exit codes: 0 done; 2 bad usage, bad files, or a folder that cannot be written.";
-
-/// A scene as read.
-pub(super) struct LoadedScene {
-    /// What it is called.
-    pub(super) name: String,
-    /// What its file says; all defaults for shapes alone.
-    pub(super) file: SceneFile,
-    /// Its shapes.
-    pub(super) shapes: VrmlScene,
-    /// Who stands there.
-    pub(super) persons: Vec<Person>,
-    /// Everything together.
-    pub(super) scene: Scene,
-    /// The simulation, if the file is one.
-    pub(super) sim: Option<Sim>,
-}
 
 impl SceneArgs {
     /// Prints and draws.

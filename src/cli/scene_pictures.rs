@@ -3,8 +3,8 @@
 use std::thread::ScopedJoinHandle;
 
 use super::error::CliError;
+use super::load::LoadedScene;
 use super::pictures::{drawn, homes, persons};
-use super::scene::LoadedScene;
 use crate::draw::{COLOURS, FloorPlan, FloorShape, Overlay, Picture};
 use crate::geom::{Angle, Point, Rect};
 use crate::scene::{Camera, RayHit, Scene, Viewpoint};

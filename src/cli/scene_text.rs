@@ -1,6 +1,6 @@
 //! What `tomoswarm scene` says of a scene, in a few lines for a person.
 
-use super::scene::LoadedScene;
+use super::load::LoadedScene;
 use super::scene_pictures::SceneView;
 use crate::config::MaterialSpec;
 use crate::config::Up;

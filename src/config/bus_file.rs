@@ -5,13 +5,13 @@ use std::time::Duration;
 
 use super::endpoint::{Endpoint, Protocol};
 use super::forms::FileName;
+use super::forms::seconds;
 use super::keys::{
     Flag, Form, KeyEntry, Keyed, Keys, Number, WordChoice, Words, quoted, read_defaults,
     written_list,
 };
 use super::section::Section;
 use super::source::Source;
-use super::vehicle::seconds;
 
 /// The most endpoints of one list.
 const MOST_ENDPOINTS: usize = 256;

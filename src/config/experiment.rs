@@ -9,7 +9,8 @@
 
 mod file;
 
-use file::{ExperimentFile, Given, SceneRow, Seeds, Variant, stem};
+pub use file::MOST_RUNS;
+use file::{CELLS, ExperimentFile, Given, SAFETY, SIZES, SceneRow, Seeds, Variant, stem};
 
 use super::keys::{Keyed, Keys, read_table, read_values};
 use super::overlay::{Layer, OverlaidText, Overlay};
@@ -19,9 +20,6 @@ use super::vehicle::BodySpec;
 use super::venue::Venue;
 use super::{Loader, Problem, Problems, Sim, beside, read_kind, read_kind_over, vehicle};
 use crate::geom::{Point, Rect, without_dust};
-
-/// The most runs of an experiment.
-pub const MOST_RUNS: usize = 100_000;
 
 /// What is varied.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
@@ -442,7 +440,7 @@ struct Shrunk<'a> {
 }
 
 impl Shrunk<'_> {
-    /// Makes the longer side so long; `None` when it is shorter already.
+    /// Makes the longer side this long; `None` when it is shorter already.
     fn to(venue: &Venue, size_m: f64) -> Option<Shrunk<'_>> {
         let area = venue.area;
         let share = size_m / area.width_m().max(area.height_m());
@@ -576,10 +574,6 @@ fn or_nothing(choices: Vec<Choice>) -> Vec<Choice> {
         change: Change::Nothing,
     }]
 }
-
-const SAFETY: &str = "safety_distances_m";
-const CELLS: &str = "cells_m";
-const SIZES: &str = "sizes_m";
 
 #[cfg(test)]
 pub(in crate::config) mod tests;

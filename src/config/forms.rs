@@ -1,11 +1,13 @@
 //! Values with a form of their own that several kinds of files have: names, texts, files, places. Each is read by the
 //! section and written as TOML; forms of one table only stand beside that table.
 
-use super::beside;
 use super::keys::{Form, number, quoted, written_list};
 use super::section::{COORDINATE_M, Section};
+use super::source::beside;
 use crate::geom::Point;
+use crate::time::Time;
 use std::ops::RangeInclusive;
+use std::time::Duration;
 
 /// A name that can be part of a file's name.
 pub(super) struct Name<'a> {
@@ -124,4 +126,9 @@ pub(super) fn place(point: &Point) -> String {
 /// Returns a list of places as TOML.
 pub(super) fn places(points: &[Point]) -> String {
     written_list(points.iter().map(place))
+}
+
+/// Returns a span of time.
+pub(super) fn seconds(seconds_s: f64) -> Duration {
+    Time::from_secs_f64(seconds_s).since(Time::ZERO)
 }

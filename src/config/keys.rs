@@ -24,10 +24,10 @@ use std::ops::RangeInclusive;
 use super::overlay::Layer;
 use super::section::Section;
 
+pub(crate) use super::overlay::quoted;
 pub(super) use only::Only;
 pub(super) use reader::{read_defaults, read_table, read_values};
 pub(super) use tables::Tables;
-pub(crate) use writer::quoted;
 pub(super) use writer::{Writer, list as written_list, number};
 
 /// A table of a configuration file.
@@ -77,6 +77,23 @@ pub(super) struct Number {
     pub(super) default: f64,
     pub(super) allowed: RangeInclusive<f64>,
     pub(super) means: &'static str,
+}
+
+impl Number {
+    /// Makes a key from its name, its default, what is allowed and what it means.
+    pub(super) fn new(
+        name: &'static str,
+        default: f64,
+        allowed: RangeInclusive<f64>,
+        means: &'static str,
+    ) -> Number {
+        Number {
+            name,
+            default,
+            allowed,
+            means,
+        }
+    }
 }
 
 /// A number without a default.

@@ -2,10 +2,10 @@
 
 use std::time::Duration;
 
+use super::forms::seconds;
 use super::keys::{Form, KeyEntry, Keyed, Keys, Number, NumberBounds, Whole, WordChoice, Words};
 use super::section::{Section, whole_of};
 use super::source::Source;
-use super::vehicle::seconds;
 
 /// How the next stops are chosen.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]

@@ -8,8 +8,6 @@ use std::collections::{BTreeMap, BTreeSet};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::keys::quoted;
-
 /// The keys that name a file, of all that can be laid over; a file is named relative to the one in which its name stands.
 pub(super) const FILES: &[&str] = &["scene", "venue", "file"];
 
@@ -191,6 +189,20 @@ pub(super) fn merge<'t>(under: &mut DeTable<'t>, over: DeTable<'t>) {
             }
         }
     }
+}
+
+/// Returns a text as TOML writes it.
+pub(crate) fn quoted(text: &str) -> String {
+    let mut quoted = String::from("\"");
+    for c in text.chars() {
+        match c {
+            '"' | '\\' => quoted.extend(['\\', c]),
+            c if c.is_control() => quoted += &format!("\\u{:04X}", u32::from(c)),
+            c => quoted.push(c),
+        }
+    }
+    quoted.push('"');
+    quoted
 }
 
 #[cfg(test)]

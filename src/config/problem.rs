@@ -72,11 +72,6 @@ impl Problems {
         &self.0
     }
 
-    /// Returns whether nothing is wrong.
-    pub fn is_empty(&self) -> bool {
-        self.0.is_empty()
-    }
-
     /// Takes the problems out.
     pub fn into_list(self) -> Vec<Problem> {
         self.0

@@ -125,57 +125,33 @@ impl Keyed for RadioTable<'_> {
         self.swarm.channel_key(to);
         own.keys(to);
         self.swarm.slot_key(to);
-        let number = |to: &mut dyn Keys, value, name, default, allowed, means| {
-            to.number(
-                value,
-                Number {
-                    name,
-                    default,
-                    allowed,
-                    means,
-                },
-            );
-        };
-        number(
-            to,
+        to.number(
             frequency_hz,
-            "frequency_hz",
-            2.4e9,
-            1e8..=1e10,
-            "carrier",
+            Number::new("frequency_hz", 2.4e9, 1e8..=1e10, "carrier"),
         );
         let means = "received at 1 m for a transmit power of 0 dBm";
-        number(to, p0_dbm, "p0_dbm", -40.0, -90.0..=20.0, means);
-        number(
-            to,
+        to.number(p0_dbm, Number::new("p0_dbm", -40.0, -90.0..=20.0, means));
+        to.number(
             exponent,
-            "exponent",
-            2.0,
-            1.0..=6.0,
-            "path-loss exponent",
+            Number::new("exponent", 2.0, 1.0..=6.0, "path-loss exponent"),
         );
         let means = "Rician factor of the static fading, linear; 0 is Rayleigh";
-        number(to, rician_k, "rician_k", 8.0, 0.0..=1e6, means);
+        to.number(rician_k, Number::new("rician_k", 8.0, 0.0..=1e6, means));
         let means = "standard deviation of a packet around the link's mean";
-        number(to, packet_sd_db, "packet_sd_db", 2.0, 0.0..=20.0, means);
+        to.number(
+            packet_sd_db,
+            Number::new("packet_sd_db", 2.0, 0.0..=20.0, means),
+        );
         reception.keys(to);
         let means = "width of the packet-error curve around sensitivity_dbm";
-        number(
-            to,
+        to.number(
             sensitivity_slope_db,
-            "sensitivity_slope_db",
-            2.0,
-            0.01..=20.0,
-            means,
+            Number::new("sensitivity_slope_db", 2.0, 0.01..=20.0, means),
         );
         let means = "attenuation at which one object saturates, since energy leaks around it";
-        number(
-            to,
+        to.number(
             object_limit_db,
-            "object_limit_db",
-            30.0,
-            1.0..=200.0,
-            means,
+            Number::new("object_limit_db", 30.0, 1.0..=200.0, means),
         );
     }
 }
@@ -323,35 +299,29 @@ impl Keyed for BusTable<'_> {
             partitions,
         } = &mut *self.bus;
         let vehicles = self.vehicles;
-        let mut number = |value, name, default, allowed, means| {
-            to.number(
-                value,
-                Number {
-                    name,
-                    default,
-                    allowed,
-                    means,
-                },
-            );
-        };
-        number(
+        to.number(
             delay_ms,
-            "delay_ms",
-            20.0,
-            0.01..=60_000.0,
-            "from sending to arrival",
+            Number::new("delay_ms", 20.0, 0.01..=60_000.0, "from sending to arrival"),
         );
         let means = "what is added to it at most, drawn for each message";
-        number(jitter_ms, "jitter_ms", 10.0, 0.0..=60_000.0, means);
-        number(
+        to.number(
+            jitter_ms,
+            Number::new("jitter_ms", 10.0, 0.0..=60_000.0, means),
+        );
+        to.number(
             drop_share,
-            "drop_share",
-            0.0,
-            0.0..=0.99,
-            "share of the messages that are lost",
+            Number::new(
+                "drop_share",
+                0.0,
+                0.0..=0.99,
+                "share of the messages that are lost",
+            ),
         );
         let means = "share of the messages that come twice";
-        number(duplicate_share, "duplicate_share", 0.0, 0.0..=1.0, means);
+        to.number(
+            duplicate_share,
+            Number::new("duplicate_share", 0.0, 0.0..=1.0, means),
+        );
         to.number(egress_kb_per_s, EGRESS);
         let keys = |row: &mut PlannedPartition, _, to: &mut dyn Keys| row.keys(vehicles, to);
         let means = "times during which the bus is cut";

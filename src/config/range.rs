@@ -3,11 +3,11 @@
 
 use std::time::Duration;
 
+use super::forms::seconds;
 use super::keys::{Keyed, Keys, List, Number, NumberBounds, Numbers, Rowed, WordChoice, Words};
 use super::source::Source;
-use super::vehicle::seconds;
 use crate::geom::Angle;
-use crate::plan::{Mount, Mounts};
+use crate::plan::{Mount, Mounts, SOUND_MPS, echo_time_s};
 
 /// A range sensor on a servo, which looks along its beams in turn.
 #[derive(Clone, PartialEq, Debug, Default)]
@@ -151,8 +151,6 @@ pub struct SensorMount {
 
 /// How many range sensors a vehicle may have.
 const SENSORS: usize = 8;
-/// Speed of sound, m/s.
-const SOUND_MPS: f64 = 343.0;
 
 impl SensorCoverage {
     /// Returns the directions of the beams against the heading, in their order.
@@ -262,7 +260,7 @@ impl SensorCoverage {
             };
             source.refuse("range.beams_deg", &wrong, allowed);
         }
-        let echo = Duration::from_secs_f64(2.0 * self.max_range_m / SOUND_MPS);
+        let echo = Duration::from_secs_f64(echo_time_s(self.max_range_m, SOUND_MPS));
         if mounts.all().len() > 1 && self.scan_period().saturating_sub(self.settle()) < echo {
             let wrong = "lets the next sensor hear the echo of the last: less than an echo from max_range_m takes";
             source.refuse(
@@ -327,38 +325,35 @@ impl SensorCoverage {
                 means: "directions against the heading, looked along in this order",
             },
         );
-        let mut number = |value, name, default, allowed, means| {
-            to.number(
-                value,
-                Number {
-                    name,
-                    default,
-                    allowed,
-                    means,
-                },
-            );
-        };
-        number(
+        to.number(
             max_range_m,
-            "max_range_m",
-            4.0,
-            0.1..=200.0,
-            "farthest echo",
+            Number::new("max_range_m", 4.0, 0.1..=200.0, "farthest echo"),
         );
-        number(
+        to.number(
             half_angle_deg,
-            "half_angle_deg",
-            15.0,
-            0.1..=60.0,
-            "half the opening of the cone",
+            Number::new(
+                "half_angle_deg",
+                15.0,
+                0.1..=60.0,
+                "half the opening of the cone",
+            ),
         );
-        number(min_range_m, "min_range_m", 0.02, 0.0..=5.0, "nearest echo");
+        to.number(
+            min_range_m,
+            Number::new("min_range_m", 0.02, 0.0..=5.0, "nearest echo"),
+        );
         let means = "up to here no echo means that nothing is there";
-        number(sure_range_m, "sure_range_m", 3.0, 0.1..=200.0, means);
+        to.number(
+            sure_range_m,
+            Number::new("sure_range_m", 3.0, 0.1..=200.0, means),
+        );
         let means = "from one reading to the next, one beam each";
-        number(scan_period_s, "scan_period_s", 0.1, 0.001..=10.0, means);
+        to.number(
+            scan_period_s,
+            Number::new("scan_period_s", 0.1, 0.001..=10.0, means),
+        );
         let means = "time that the servo needs to come to rest, part of scan_period_s";
-        number(settle_s, "settle_s", 0.03, 0.0..=10.0, means);
+        to.number(settle_s, Number::new("settle_s", 0.03, 0.0..=10.0, means));
         let mut farness = Some(*farness_m);
         to.maybe_number(
             &mut farness,
@@ -401,36 +396,30 @@ impl Keyed for SensorMount {
             servo_to_deg,
             slew_s_per_60_deg,
         } = self;
-        let mut number = |value, name, default, allowed, means| {
-            to.number(
-                value,
-                Number {
-                    name,
-                    default,
-                    allowed,
-                    means,
-                },
-            );
-        };
         let turn = -180.0..=180.0;
         let means = "where the servo's zero points, against the heading";
-        number(mount_deg, "mount_deg", 0.0, turn.clone(), means);
+        to.number(
+            mount_deg,
+            Number::new("mount_deg", 0.0, turn.clone(), means),
+        );
         let means = "the servo turns from here, against its zero";
-        number(servo_from_deg, "servo_from_deg", 0.0, turn.clone(), means);
-        number(
+        to.number(
+            servo_from_deg,
+            Number::new("servo_from_deg", 0.0, turn.clone(), means),
+        );
+        to.number(
             servo_to_deg,
-            "servo_to_deg",
-            0.0,
-            turn,
-            "up to here; both equal: no servo",
+            Number::new(
+                "servo_to_deg",
+                0.0,
+                turn,
+                "up to here; both equal: no servo",
+            ),
         );
         let means = "time to turn by 60°, beside settle_s";
-        number(
+        to.number(
             slew_s_per_60_deg,
-            "slew_s_per_60_deg",
-            0.15,
-            0.0..=10.0,
-            means,
+            Number::new("slew_s_per_60_deg", 0.15, 0.0..=10.0, means),
         );
     }
 }

@@ -8,13 +8,13 @@ use std::time::Duration;
 use tomoswarm_proto::RangeSensorKind;
 
 use super::drivers::{DriverChoice, Known, always};
+use super::forms::seconds;
 use super::keys::{
     Form, KeyEntry, Keyed, Keys, MaybeTable, Number, NumberBounds, Whole, WordChoice, Words, quoted,
 };
 use super::range::SensorCoverage;
 use super::section::Section;
 use super::source::Source;
-use super::vehicle::seconds;
 
 /// What reads the range sensors of a vehicle.
 #[derive(Clone, PartialEq, Debug, Default)]

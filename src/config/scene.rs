@@ -353,25 +353,11 @@ fn read_colour(section: &Section) -> Option<[u8; 3]> {
 
 /// Shows the keys that all persons have, with the same defaults.
 fn person_keys(radius_m: &mut f64, height_m: &mut f64, db_per_m: &mut f64, to: &mut dyn Keys) {
-    let mut number = |value, name, default, allowed, means| {
-        to.number(
-            value,
-            Number {
-                name,
-                default,
-                allowed,
-                means,
-            },
-        );
-    };
-    number(radius_m, "radius_m", 0.3, 0.05..=2.0, "radius");
-    number(height_m, "height_m", 1.8, 0.2..=3.0, "height");
-    number(
+    to.number(radius_m, Number::new("radius_m", 0.3, 0.05..=2.0, "radius"));
+    to.number(height_m, Number::new("height_m", 1.8, 0.2..=3.0, "height"));
+    to.number(
         db_per_m,
-        "db_per_m",
-        10.0,
-        0.0..=MOST_DB,
-        "attenuation inside",
+        Number::new("db_per_m", 10.0, 0.0..=MOST_DB, "attenuation inside"),
     );
 }
 
@@ -430,35 +416,18 @@ impl Keyed for RandomPersons {
                 means: "how many",
             },
         );
-        let mut number = |value, name, default, allowed, means| {
-            to.number(
-                value,
-                Number {
-                    name,
-                    default,
-                    allowed,
-                    means,
-                },
-            );
-        };
         let means = "smallest distance of an axis from the area's border";
-        number(
+        to.number(
             keep_from_border_m,
-            "keep_from_border_m",
-            2.0,
-            0.0..=500.0,
-            means,
+            Number::new("keep_from_border_m", 2.0, 0.0..=500.0, means),
         );
         let means = "smallest distance of an axis from any shape";
-        number(
+        to.number(
             keep_from_objects_m,
-            "keep_from_objects_m",
-            1.5,
-            0.0..=100.0,
-            means,
+            Number::new("keep_from_objects_m", 1.5, 0.0..=100.0, means),
         );
         let means = "smallest distance between two axes, those of fixed persons included";
-        number(apart_m, "apart_m", 3.0, 0.0..=500.0, means);
+        to.number(apart_m, Number::new("apart_m", 3.0, 0.0..=500.0, means));
         person_keys(radius_m, height_m, db_per_m, to);
     }
 }

@@ -9,11 +9,9 @@ use std::ops::RangeInclusive;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::beside;
-use super::keys::quoted;
 use super::nearest::nearest;
-use super::overlay::{FILES, Laid, Layer};
-use super::source::{ProblemClass, Source};
+use super::overlay::{FILES, Laid, Layer, quoted};
+use super::source::{ProblemClass, Source, beside};
 use crate::geom::Point;
 
 /// The range of a coordinate of the local frame, metres.

@@ -13,7 +13,7 @@ pub(in crate::config) use self::checks::{
 };
 use self::checks::{check_look_before_you_drive, check_margins, check_places};
 use super::fault::PlannedFault;
-use super::forms::LoadedFile;
+use super::forms::{LoadedFile, seconds};
 use super::keys::WordChoice;
 use super::keys::{Flag, KeyEntry, Keyed, Keys, List, Number, Rowed, Whole, Words, read_table};
 use super::mission::{
@@ -26,7 +26,7 @@ use super::section::Section;
 use super::swarm::Swarm;
 use super::task::MissionTable;
 use super::vehicle::{
-    PARTY, SWARM, Safety, Vehicles, VehiclesTable, check_ceiling, seconds, sensing_limits,
+    PARTY, SWARM, Safety, Vehicles, VehiclesTable, check_ceiling, sensing_limits,
 };
 use super::venue::Venue;
 use super::{Loader, beside, read_kind_over};

@@ -290,3 +290,11 @@ impl<'t> Source<'t> {
         shown
     }
 }
+
+/// Returns the path of a file that is named in another one, relative to that one's folder.
+pub fn beside(file_name: &str, named: &str) -> String {
+    match file_name.rfind('/') {
+        Some(end) if !named.starts_with('/') => format!("{}{named}", &file_name[..=end]),
+        Some(_) | None => named.to_owned(),
+    }
+}

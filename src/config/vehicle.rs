@@ -5,13 +5,13 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
+use super::forms::seconds;
 use super::keys::{Keyed, Keys, Number, Whole, WordChoice, Words, read_defaults};
 use super::range::SensorCoverage;
 use super::section::Section;
 use super::source::Source;
 use crate::geom::{Angle, Bearing, Vector};
 use crate::plan::SensingLimits;
-use crate::time::Time;
 
 /// How many vehicles a simulation may have: as many as the planners can keep apart on one ring.
 pub(super) const SWARM: RangeInclusive<usize> = 2..=8;
@@ -51,11 +51,6 @@ impl Vehicles {
     pub fn endurance_resting(&self) -> Duration {
         seconds(self.endurance_resting_s)
     }
-}
-
-/// Returns a span of time.
-pub(super) fn seconds(seconds_s: f64) -> Duration {
-    Time::from_secs_f64(seconds_s).since(Time::ZERO)
 }
 
 /// The table `[vehicles]` of a simulation of so many vehicles.

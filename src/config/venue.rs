@@ -127,11 +127,6 @@ impl Venue {
         )
     }
 
-    /// Returns the number of altitude slices of the map.
-    pub fn slices(&self) -> usize {
-        self.slice_borders_m.len().saturating_sub(1)
-    }
-
     /// Reads a venue; what is wrong is noted at the source.
     pub(super) fn read(root: &Section<'_>) -> Venue {
         root.require(

@@ -12,7 +12,7 @@ const TICK_PX: i32 = 6;
 
 /// Draws frame, ticks, names and title around the plot.
 pub(super) fn draw(picture: &mut Picture, layout: &Layout, title: &str, length_unit: &str) {
-    frame(picture, layout.plot);
+    picture.frame(layout.plot, INK);
     let Rectangle { top_left, size } = layout.plot;
     let (left, top) = (top_left.x, top_left.y);
     let (width, height) = (size.width as i32, size.height as i32);
@@ -44,23 +44,6 @@ pub(super) fn draw(picture: &mut Picture, layout: &Layout, title: &str, length_u
         INK,
     );
     heading(picture, layout, title);
-}
-
-/// Draws a frame one pixel outside a rectangle.
-pub(super) fn frame(picture: &mut Picture, inside: Rectangle) {
-    let Rectangle { top_left, size } = inside;
-    let (width, height) = (size.width + 2, size.height + 2);
-    let corner = top_left - Point::new(1, 1);
-    let right = corner + Point::new(size.width as i32 + 1, 0);
-    let below = corner + Point::new(0, size.height as i32 + 1);
-    for (at, size) in [
-        (corner, Size::new(width, 1)),
-        (below, Size::new(width, 1)),
-        (corner, Size::new(1, height)),
-        (right, Size::new(1, height)),
-    ] {
-        picture.fill(Rectangle::new(at, size), INK);
-    }
 }
 
 fn along_x(picture: &mut Picture, layout: &Layout, bottom: i32) {

@@ -3,7 +3,6 @@
 use embedded_graphics::geometry::{Point, Size};
 use embedded_graphics::primitives::Rectangle;
 
-use super::axes::frame;
 use super::colour::{ColourMap, INK};
 use super::raster::Picture;
 use super::text::{SMALL, short, width_px, write};
@@ -101,7 +100,7 @@ impl Bar {
             let line = Rectangle::new(Point::new(left, top + y), Size::new(BAR_PX as u32, 1));
             picture.fill(line, colours.at(share));
         }
-        frame(picture, body);
+        picture.frame(body, INK);
         self.ticks(picture, body);
         if let Some(note) = self.note_above() {
             arrow(picture, colours, Point::new(left, top - 3), -1, 1.0);

@@ -128,7 +128,7 @@ impl Layout {
         length_m * self.scale_px_per_m
     }
 
-    /// Gives, for each pixel column of the plot from the left, which columns of a grid it shows: the one under its
+    /// Returns, for each pixel column of the plot from the left, which columns of a grid it shows: the one under its
     /// middle, or all under it when the grid is the finer one; empty outside the grid.
     pub(super) fn columns(
         &self,

@@ -4,7 +4,6 @@ use embedded_graphics::geometry::{Point, Size};
 use embedded_graphics::pixelcolor::Rgb888;
 use embedded_graphics::primitives::Rectangle;
 
-use super::axes::frame;
 use super::colour::{INK, Theme};
 use super::overlay::{Mark, Overlay};
 use super::paint::sample;
@@ -79,7 +78,7 @@ impl Legend {
                 LegendSample::Mark(mark) => sample(picture, theme, mark, tile),
                 LegendSample::Fill(colour) => picture.fill(tile, colour),
             }
-            frame(picture, tile);
+            picture.frame(tile, INK);
             let text_at = tile.top_left + Point::new(TILE.width as i32 + 8, 2);
             write(picture, &entry.text, text_at, SMALL, INK);
         }

@@ -31,6 +31,23 @@ impl Picture {
         }
     }
 
+    /// Draws a frame one pixel outside a rectangle.
+    pub(super) fn frame(&mut self, inside: Rectangle, colour: Rgb888) {
+        let Rectangle { top_left, size } = inside;
+        let (width, height) = (size.width + 2, size.height + 2);
+        let corner = top_left - Point::new(1, 1);
+        let right = corner + Point::new(size.width as i32 + 1, 0);
+        let below = corner + Point::new(0, size.height as i32 + 1);
+        for (at, size) in [
+            (corner, Size::new(width, 1)),
+            (below, Size::new(width, 1)),
+            (corner, Size::new(1, height)),
+            (right, Size::new(1, height)),
+        ] {
+            self.fill(Rectangle::new(at, size), colour);
+        }
+    }
+
     /// Sets a pixel; one outside the picture is ignored.
     pub(super) fn set(&mut self, at: Point, colour: Rgb888) {
         if let Some(start) = self.start_of(at) {

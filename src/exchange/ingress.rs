@@ -30,29 +30,7 @@ pub enum HeardMessage {
     Unknown(u8),
 }
 
-impl HeardMessage {
-    /// Returns a message as it is heard where greetings of other versions do not come.
-    pub fn of(sender: Sender, message: Message) -> HeardMessage {
-        let Message::Hello(hello) = message else {
-            return HeardMessage::Message(sender, message);
-        };
-        let Hello {
-            node,
-            boot,
-            venue_hash,
-            ..
-        } = hello;
-        HeardMessage::Greeting(
-            Greeting {
-                version: codec::VERSION,
-                node,
-                boot,
-                venue_hash,
-            },
-            Some(hello),
-        )
-    }
-}
+impl HeardMessage {}
 
 /// Why a frame is not heard.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]

@@ -35,16 +35,16 @@ const EVERY_ASKING: Duration = Duration::from_millis(100);
 const EVERY_ANSWER: Duration = Duration::from_millis(100);
 /// And so many times, as long as it greets in the same way: two that both answer would never end.
 const ANSWERS: u32 = 10;
-/// A node of which nothing that fits was heard for so long may be silenced by one of its name that does not fit; one that
-/// does not fit and was silent for so long is answered anew.
+/// A node of which nothing that fits was heard for this long may be silenced by one of its name that does not fit; one that
+/// does not fit and was silent for this long is answered anew.
 const FORGOTTEN: Duration = Duration::from_secs(5);
 /// Members for equally long, as far as can be told from afar.
 const ALIKE_S: u32 = 2;
 /// A node that must leave for another of its name has heard it this long.
 const CONFIRMS_FOR: Duration = Duration::from_millis(500);
-/// Who seems to be the elder, but not by enough, for so long.
+/// Who seems to be the elder, but not by enough, for this long.
 const HESITATES: Duration = Duration::from_secs(1);
-/// A member of its own name that is not heard for so long is gone: it greets more often.
+/// A member of its own name that is not heard for this long is gone: it greets more often.
 const MISSED_AFTER: Duration = Duration::from_millis(2500);
 /// Nodes of its own name that are told apart.
 const TWINS_MAX: usize = 64;

@@ -26,7 +26,7 @@ const STEP_EVERY: Duration = Duration::from_secs(1);
 const ANY_UNTIL: u32 = 1 << 30;
 /// The first that is heard, before any other is known, is at most this.
 const FIRST_MAX: u32 = 1 << 31;
-/// A sender that says nothing else for so long is believed.
+/// A sender that says nothing else for this long is believed.
 const BELIEVED_AFTER: Duration = Duration::from_secs(30);
 
 /// What is counted, in the order of [`Numbers`].

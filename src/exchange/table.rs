@@ -5,7 +5,7 @@
 //! It says nothing about what is in a message. Kinds, what messages are about and their keys are the wire's own
 //! ([`tomoswarm_proto::Topic`]).
 
-use tomoswarm_proto::{Interest, Message, MessageKind, MessageSubject, Sender};
+use tomoswarm_proto::{Interest, Message, MessageKind, Sender};
 
 /// How much a message presses; the lower goes first.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
@@ -287,14 +287,15 @@ impl Audience {
     }
 
     /// Returns whether a node is among those who hear what is about something.
-    pub fn includes(self, node: Sender, about: MessageSubject) -> bool {
+    #[cfg(test)]
+    pub fn includes(self, node: Sender, about: tomoswarm_proto::MessageSubject) -> bool {
         match (node, self.vehicles) {
             (Sender::Ground, _) => self.ground,
             (Sender::Operator(_), _) => self.operators,
             (Sender::Vehicle(_), VehicleSet::All) => true,
             (Sender::Vehicle(_), VehicleSet::None) => false,
             (Sender::Vehicle(vehicle), VehicleSet::Addressed) => {
-                about == MessageSubject::Vehicle(vehicle)
+                about == tomoswarm_proto::MessageSubject::Vehicle(vehicle)
             }
         }
     }

@@ -1,7 +1,6 @@
-//! How a vehicle is tilted and turned, and where that makes its beams point.
+//! How a vehicle is tilted and turned.
 //!
-//! The body's frame: x forward, y to the left, z up. The local frame: z up. Every direction that comes out is a unit
-//! vector, whatever the tilt.
+//! The body's frame: x forward, y to the left, z up. The local frame: z up. Which beams it carries is not known here.
 
 use super::Angle;
 
@@ -35,20 +34,6 @@ impl Attitude {
         let (sin, cos) = libm::sincos(self.yaw.radians());
         [x * cos - y * sin, x * sin + y * cos, z]
     }
-
-    /// Returns the unit vector, local frame, of a beam that is mounted at an angle (counter-clockwise from ahead) and
-    /// looks up by an elevation.
-    pub fn beam(self, mount: Angle, elevation: Angle) -> [f64; 3] {
-        let (sin, cos) = libm::sincos(mount.radians());
-        let (up, flat) = libm::sincos(elevation.radians());
-        unit(self.turned([cos * flat, sin * flat, up]))
-    }
-}
-
-/// Takes out what rounding has added to a unit vector's length.
-fn unit(vector: [f64; 3]) -> [f64; 3] {
-    let length = vector.iter().map(|part| part * part).sum::<f64>().sqrt();
-    vector.map(|part| part / length)
 }
 
 #[cfg(test)]
@@ -92,20 +77,19 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_beam_is_a_unit_vector_and_the_matrix_of_the_three_turns(
+        fn a_turn_is_the_matrix_of_the_three_turns(
             angles in proptest::array::uniform5(-400.0..400.0f64),
         ) {
             let [roll, pitch, yaw, mount, elevation] = angles;
-            let beam = degrees(roll, pitch, yaw).beam(Angle::from_degrees(mount), Angle::from_degrees(elevation));
-            let length = beam.iter().map(|part| part * part).sum::<f64>().sqrt();
-            prop_assert!((length - 1.0).abs() < 1e-12, "{}", length);
             let [r, p, y, m, e] = angles.map(f64::to_radians);
+            let body = [m.cos() * e.cos(), m.sin() * e.cos(), e.sin()];
+            let turned = degrees(roll, pitch, yaw).turned(body);
             let axis = |axis: [f64; 3], by: f64| nalgebra::Rotation3::new(nalgebra::Vector3::from(axis) * by);
-            let body = nalgebra::Vector3::new(m.cos() * e.cos(), m.sin() * e.cos(), e.sin());
             // Nose up is a turn about the right axis.
-            let expected = axis(UP, y) * axis([0.0, -1.0, 0.0], p) * axis(AHEAD, r) * body;
-            for (got, expected) in beam.iter().zip(expected.iter()) {
-                prop_assert!((got - expected).abs() < 1e-9, "{beam:?}");
+            let matrix = axis(UP, y) * axis([0.0, -1.0, 0.0], p) * axis(AHEAD, r);
+            let expected = matrix * nalgebra::Vector3::from(body);
+            for (got, expected) in turned.iter().zip(expected.iter()) {
+                prop_assert!((got - expected).abs() < 1e-9, "{turned:?} {mount} {elevation}");
             }
         }
     }

@@ -18,14 +18,8 @@ pub struct PixelGrid {
 impl PixelGrid {
     /// Returns the number of pixels.
     #[inline]
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.columns * self.rows
-    }
-
-    /// Returns whether there are no pixels.
-    #[inline]
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
     }
 
     /// Returns a pixel's width, metres.

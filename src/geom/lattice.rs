@@ -62,16 +62,8 @@ impl Lattice {
         Point::new(middle(cell.x), middle(cell.y))
     }
 
-    /// Returns the lower (south-west) corner of a cell.
-    #[inline]
-    pub fn corner(self, cell: Cell) -> Point {
-        Point::new(
-            f64::from(cell.x) * self.cell_m,
-            f64::from(cell.y) * self.cell_m,
-        )
-    }
-
     /// Returns all cells whose middle lies within `radius_m` of a segment, row by row.
+    #[cfg(test)]
     pub fn cells_within(self, along: Segment, radius_m: f64) -> impl Iterator<Item = Cell> {
         let Segment { from, to } = along;
         let low = self.cell_at(Point::new(
@@ -188,7 +180,6 @@ mod tests {
         );
         let nowhere = Segment::new(Point::default(), Point::new(f64::NAN, 1.0));
         assert_eq!(lattice.cells_under(nowhere).count(), 0);
-        assert_eq!(lattice.corner(Cell::new(-5, 10)), Point::new(-1.0, 2.0));
     }
 
     proptest! {

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Angle, Point, Segment};
+use super::{Point, Segment};
 
 /// A simple polygon given by its corners, in order; the last is joined to the first.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -66,20 +66,6 @@ impl Polygon {
             == 1
     }
 
-    /// Returns how far a ray goes until it meets an edge, metres; `None` when it meets none.
-    #[inline]
-    pub fn met_after_m(&self, from: Point, toward: Angle) -> Option<f64> {
-        self.edges()
-            .filter_map(|edge| edge.met_after_m(from, toward))
-            .min_by(f64::total_cmp)
-    }
-
-    /// Returns whether a segment touches an edge or lies wholly inside.
-    #[inline]
-    pub fn meets(&self, along: Segment) -> bool {
-        self.contains(along.from) || self.edges().any(|edge| edge.distance_to(along) <= 0.0)
-    }
-
     /// Returns the distance from a point to the nearest edge, metres; infinite without corners.
     #[inline]
     pub fn distance_to_edge(&self, point: Point) -> f64 {
@@ -126,34 +112,6 @@ mod tests {
         assert!(!ell().contains(Point::new(2.0, 2.0)));
         assert!((ell().area_m2() - 7.0).abs() < 1e-12);
         assert!(!ell().is_convex());
-    }
-
-    #[test]
-    fn a_ray_meets_the_nearest_edge() {
-        let met = |x: f64, y: f64, toward: f64| {
-            ell().met_after_m(Point::new(x, y), Angle::from_degrees(toward))
-        };
-        assert!((met(-2.0, 0.5, 0.0).unwrap() - 2.0).abs() < 1e-9);
-        assert!(
-            (met(3.0, 3.0, -90.0).unwrap() - 2.0).abs() < 1e-9,
-            "the upper side of the notch"
-        );
-        assert!(
-            (met(0.5, 0.5, 90.0).unwrap() - 3.5).abs() < 1e-9,
-            "from inside"
-        );
-        assert_eq!(met(3.0, 3.0, 45.0), None);
-    }
-
-    #[test]
-    fn a_segment_meets_a_polygon_that_it_touches_or_lies_in() {
-        let meets = |x0: f64, y0: f64, x1: f64, y1: f64| {
-            ell().meets(Segment::new(Point::new(x0, y0), Point::new(x1, y1)))
-        };
-        assert!(
-            meets(0.2, 0.2, 0.4, 0.8) && meets(-1.0, 0.5, 5.0, 0.5) && meets(4.0, -1.0, 4.0, 2.0)
-        );
-        assert!(!meets(1.5, 1.5, 3.0, 1.2) && !meets(-1.0, -1.0, -1.0, 5.0));
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Straight pieces between two points, and distances to them.
 
-use super::{Angle, Point, Vector};
+use super::{Point, Vector};
 
 /// A straight piece from one point to another; both may coincide.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -79,25 +79,6 @@ impl Segment {
         from.x_m <= self.from.x_m + share * (self.to.x_m - self.from.x_m)
     }
 
-    /// Returns how far a ray goes until it meets the segment, ends included, metres; `None` when it does not, and when
-    /// it runs along it (a wall seen edge-on is not seen).
-    pub fn met_after_m(self, from: Point, toward: Angle) -> Option<f64> {
-        let (ray, along, offset) = (Vector::polar(toward, 1.0), self.vector(), self.from - from);
-        let denominator = ray.cross(along);
-        if denominator.abs() <= 1e-12 * along.length_m() {
-            return None;
-        }
-        let (distance_m, share) = (
-            offset.cross(along) / denominator,
-            offset.cross(ray) / denominator,
-        );
-        // Rounding must not lose what lies exactly on an end or at the start.
-        let slack_m = 1e-12 * (1.0 + offset.length_m() + along.length_m());
-        let slack = slack_m / along.length_m();
-        let is_met = distance_m >= -slack_m && (-slack..=1.0 + slack).contains(&share);
-        is_met.then_some(distance_m.max(0.0))
-    }
-
     /// Returns whether the two segments cross in one inner point of both.
     #[inline]
     pub fn crosses(self, other: Segment) -> bool {
@@ -124,32 +105,6 @@ mod tests {
         assert_eq!(base.distance_to(segment(1.0, -1.0, 1.0, 1.0)), 0.0);
         assert_eq!(base.distance_to(segment(0.0, 2.0, 2.0, 2.0)), 2.0);
         assert_eq!(base.distance_to(segment(3.0, 0.0, 4.0, 0.0)), 1.0);
-    }
-
-    #[test]
-    fn a_ray_meets_a_wall_at_its_ends_too() {
-        let wall = segment(1.0, 4.0, 4.0, 1.0);
-        let east = Angle::from_degrees(0.0);
-        assert!((wall.met_after_m(Point::new(1.0, 1.0), east).unwrap() - 3.0).abs() < 1e-9);
-        assert!((wall.met_after_m(Point::new(-1.0, 4.0), east).unwrap() - 2.0).abs() < 1e-9);
-        assert_eq!(wall.met_after_m(Point::new(0.0, 4.1), east), None);
-        assert_eq!(
-            wall.met_after_m(Point::new(5.0, 2.0), east),
-            None,
-            "it lies behind"
-        );
-        let north = Angle::from_degrees(90.0);
-        assert!((wall.met_after_m(Point::new(2.5, -1.0), north).unwrap() - 3.5).abs() < 1e-9);
-        assert_eq!(
-            segment(0.0, 0.0, 5.0, 0.0).met_after_m(Point::new(-1.0, 0.0), east),
-            None,
-            "edge-on"
-        );
-        assert_eq!(
-            segment(2.0, 0.0, 2.0, 0.0).met_after_m(Point::new(-1.0, 0.0), east),
-            None,
-            "no wall"
-        );
     }
 
     #[test]

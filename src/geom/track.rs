@@ -14,11 +14,6 @@ impl Track {
         (!points.is_empty()).then_some(Track { points })
     }
 
-    /// Returns the points.
-    pub fn points(&self) -> &[Point] {
-        &self.points
-    }
-
     /// Returns the straight pieces, in order; none for a single point.
     pub fn segments(&self) -> impl Iterator<Item = Segment> + '_ {
         self.points

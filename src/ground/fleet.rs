@@ -22,14 +22,14 @@ use crate::time::Time;
 
 /// All vehicles that the ground expects.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Fleet {
+pub(crate) struct Fleet {
     members: BTreeMap<VehicleId, FleetMember>,
     lease: Lease,
 }
 
 impl Fleet {
     /// Makes a fleet of vehicles that have not been heard yet.
-    pub fn new(expected: &[VehicleId], lease: Lease) -> Fleet {
+    pub(crate) fn new(expected: &[VehicleId], lease: Lease) -> Fleet {
         Fleet {
             members: expected
                 .iter()
@@ -40,7 +40,7 @@ impl Fleet {
     }
 
     /// Takes up what was dealt with vehicles before; those not expected any more are passed over.
-    pub fn recall(&mut self, dealings: &[(VehicleId, OrderLedger)]) {
+    pub(crate) fn recall(&mut self, dealings: &[(VehicleId, OrderLedger)]) {
         for (vehicle, known) in dealings {
             if let Some(member) = self.members.get_mut(vehicle) {
                 member.recall(known.clone());
@@ -49,29 +49,29 @@ impl Fleet {
     }
 
     /// Returns the vehicles, ascending.
-    pub fn members(&self) -> impl Iterator<Item = (VehicleId, &FleetMember)> {
+    pub(crate) fn members(&self) -> impl Iterator<Item = (VehicleId, &FleetMember)> {
         self.members.iter().map(|(id, member)| (*id, member))
     }
 
     /// Returns what was dealt with each vehicle, ascending.
-    pub fn dealings(&self) -> Vec<(VehicleId, OrderLedger)> {
+    pub(crate) fn dealings(&self) -> Vec<(VehicleId, OrderLedger)> {
         self.members()
             .map(|(id, member)| (id, member.dealings().clone()))
             .collect()
     }
 
     /// Returns whether a vehicle is one of the fleet.
-    pub fn expects(&self, vehicle: VehicleId) -> bool {
+    pub(crate) fn expects(&self, vehicle: VehicleId) -> bool {
         self.members.contains_key(&vehicle)
     }
 
     /// Returns how many vehicles there are, lost ones included.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.members.len()
     }
 
     /// Returns the vehicles that are not lost, ascending.
-    pub fn present(&self) -> Vec<VehicleId> {
+    pub(crate) fn present(&self) -> Vec<VehicleId> {
         self.members()
             .filter(|(_, member)| !member.dealings().is_lost())
             .map(|(id, _)| id)
@@ -79,7 +79,7 @@ impl Fleet {
     }
 
     /// Returns the vehicles that are lost, ascending.
-    pub fn lost(&self) -> Vec<VehicleId> {
+    pub(crate) fn lost(&self) -> Vec<VehicleId> {
         self.members()
             .filter(|(_, member)| member.dealings().is_lost())
             .map(|(id, _)| id)
@@ -87,21 +87,16 @@ impl Fleet {
     }
 
     /// Returns the vehicles that are waited for and have not been heard yet, ascending.
-    pub fn unheard(&self) -> Vec<VehicleId> {
+    pub(crate) fn unheard(&self) -> Vec<VehicleId> {
         self.members()
             .filter(|(_, member)| member.is_unheard())
             .map(|(id, _)| id)
             .collect()
     }
 
-    /// Returns by which right orders and plans are given.
-    pub fn lease(&self) -> Lease {
-        self.lease
-    }
-
     /// Takes a state; those of strangers change nothing, older ones only when they go on and nothing newer comes, and those
     /// of an earlier start only after a long silence.
-    pub fn heard_state(&mut self, now: Time, state: State) -> FleetChange {
+    pub(crate) fn heard_state(&mut self, now: Time, state: State) -> FleetChange {
         match self.members.get_mut(&state.vehicle) {
             Some(member) => member.hear_state(now, state, self.lease),
             None => FleetChange::default(),
@@ -110,7 +105,7 @@ impl Fleet {
 
     /// Takes a progress; one of an older start of the software changes nothing, nor does one behind what was said not long
     /// ago.
-    pub fn heard_progress(&mut self, now: Time, progress: VehicleProgress) -> FleetChange {
+    pub(crate) fn heard_progress(&mut self, now: Time, progress: VehicleProgress) -> FleetChange {
         match self.members.get_mut(&progress.vehicle) {
             Some(member) => member.hear_progress(now, progress),
             None => FleetChange::default(),
@@ -118,38 +113,38 @@ impl Fleet {
     }
 
     /// Takes what a vehicle says of its mission, unless an earlier start of its software has said it.
-    pub fn heard_mission(&mut self, mission: &MissionProgress) {
+    pub(crate) fn heard_mission(&mut self, mission: &MissionProgress) {
         if let Some(member) = self.members.get_mut(&mission.vehicle) {
             member.hear_mission(mission);
         }
     }
 
     /// Returns what a vehicle has said of its mission last.
-    pub fn mission(&self, vehicle: VehicleId) -> Option<&MissionProgress> {
+    pub(crate) fn mission(&self, vehicle: VehicleId) -> Option<&MissionProgress> {
         self.members.get(&vehicle)?.mission()
     }
 
     /// Returns whether a progress was said by the newest start of a vehicle's software.
-    pub fn is_current(&self, progress: &VehicleProgress) -> bool {
+    pub(crate) fn is_current(&self, progress: &VehicleProgress) -> bool {
         self.members
             .get(&progress.vehicle)
             .is_none_or(|member| member.is_current(progress.boot))
     }
 
     /// Returns the newest state heard from a vehicle, as plans and orders name it; `None` = it was not heard.
-    pub fn newest_state(&self, vehicle: VehicleId) -> Option<SeenState> {
+    pub(crate) fn newest_state(&self, vehicle: VehicleId) -> Option<SeenState> {
         self.members.get(&vehicle)?.seen_state()
     }
 
     /// Returns whether it is known where every vehicle is that is not lost.
-    pub fn are_placed(&self) -> bool {
+    pub(crate) fn are_placed(&self) -> bool {
         self.members
             .values()
             .all(|member| member.dealings().is_lost() || member.place().is_some())
     }
 
     /// Returns the highest revision of a run that any vehicle shows, so that a new ground begins above it.
-    pub fn highest_revision(&self, run: RunId) -> Revision {
+    pub(crate) fn highest_revision(&self, run: RunId) -> Revision {
         let shown = self
             .accepted()
             .filter(|accepted| accepted.0 == run)
@@ -158,7 +153,7 @@ impl Fleet {
     }
 
     /// Returns the highest run whose plans any vehicle follows.
-    pub fn highest_run(&self) -> RunId {
+    pub(crate) fn highest_run(&self) -> RunId {
         self.accepted()
             .map(|accepted| accepted.0)
             .max()
@@ -173,7 +168,7 @@ impl Fleet {
     }
 
     /// Returns the order in force for any vehicle that is not lost: given by anyone and not ended by a Start; the strongest.
-    pub fn order_in_force(&self) -> Option<OrderKind> {
+    pub(crate) fn order_in_force(&self) -> Option<OrderKind> {
         let present = self
             .members
             .values()
@@ -185,7 +180,7 @@ impl Fleet {
 
     /// Orders by this right from now on; what is still to be repeated too, as the first of this right: others count from
     /// there as well, and a higher revision would beat what they order.
-    pub fn set_lease(&mut self, lease: Lease) {
+    pub(crate) fn set_lease(&mut self, lease: Lease) {
         self.lease = lease;
         for member in self.members.values_mut() {
             member.dealings_mut().pass_to(lease);
@@ -193,15 +188,15 @@ impl Fleet {
     }
 
     /// Orders what the operator wishes of every vehicle, above whatever it has obeyed before.
-    pub fn order_all(&mut self, run: RunId, kind: OrderKind) {
+    pub(crate) fn order_all(&mut self, run: RunId, kind: OrderKind) {
         for (vehicle, member) in &mut self.members {
             member.dealings_mut().order(*vehicle, self.lease, run, kind);
         }
     }
 
-    /// Takes which emergency stops are open: for whom they hold stands until somebody starts it, and an own start that is
+    /// Records which emergency stops are open: for whom they hold stands until somebody starts it, and an own start that is
     /// still to be repeated is given up.
-    pub fn stop(&mut self, open: &[EmergencyStop]) {
+    pub(crate) fn stop(&mut self, open: &[EmergencyStop]) {
         for (vehicle, member) in &mut self.members {
             if first_that_stops(open, *vehicle).is_some() {
                 member.dealings_mut().be_stopped(*vehicle, self.lease);
@@ -210,14 +205,14 @@ impl Fleet {
     }
 
     /// Starts every vehicle for which nothing stands: one that an operator stopped, only an operator starts.
-    pub fn start_all(&mut self, run: RunId) {
+    pub(crate) fn start_all(&mut self, run: RunId) {
         for (vehicle, member) in &mut self.members {
             member.dealings_mut().start(*vehicle, self.lease, run);
         }
     }
 
     /// Returns the orders that are not yet seen in a state, answering the newest state heard.
-    pub fn open_orders(&self) -> Vec<Order> {
+    pub(crate) fn open_orders(&self) -> Vec<Order> {
         self.members
             .values()
             .filter_map(FleetMember::open_order)
@@ -225,13 +220,13 @@ impl Fleet {
     }
 
     /// Takes the open orders for said.
-    pub fn note_said(&mut self) {
+    pub(crate) fn note_said(&mut self) {
         self.members.values_mut().for_each(FleetMember::note_said);
     }
 
     /// Returns who has not said its state for `after`, although another vehicle was heard within `others`; they are lost from
     /// now on.
-    pub fn lose(&mut self, now: Time, after: Duration, others: Duration) -> Vec<VehicleId> {
+    pub(crate) fn lose(&mut self, now: Time, after: Duration, others: Duration) -> Vec<VehicleId> {
         let within =
             |member: &FleetMember, span| member.heard_at().is_some_and(|at| now.since(at) <= span);
         if !self.members.values().any(|member| within(member, others)) {
@@ -251,7 +246,7 @@ impl Fleet {
     }
 
     /// Counts vehicles never heard as lost, silent since `since`; returns them.
-    pub fn lose_unheard(&mut self, since: Time) -> Vec<VehicleId> {
+    pub(crate) fn lose_unheard(&mut self, since: Time) -> Vec<VehicleId> {
         let unheard = self.unheard();
         for vehicle in &unheard {
             if let Some(member) = self.members.get_mut(vehicle) {
@@ -263,7 +258,7 @@ impl Fleet {
     }
 
     /// Counts silence from now on, for those who were heard before this station was started.
-    pub fn count_silence_from(&mut self, now: Time) {
+    pub(crate) fn count_silence_from(&mut self, now: Time) {
         for member in self
             .members
             .values_mut()

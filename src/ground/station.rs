@@ -195,11 +195,6 @@ impl Station {
         }
     }
 
-    /// Returns the fleet table.
-    pub fn fleet(&self) -> &Fleet {
-        &self.fleet
-    }
-
     /// Returns the merged map.
     pub fn map(&self) -> &Merged {
         self.map.merged()

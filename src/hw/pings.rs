@@ -7,7 +7,7 @@ use super::{RangeReading, TimedReading};
 use crate::node::sensor::{Echo, Ping};
 use crate::time::Time;
 
-/// A range sensor that has answered no ping for so long is silent.
+/// A range sensor that has answered no ping for this long is silent.
 const SILENT: Duration = Duration::from_secs(3);
 
 /// The pings of a vehicle's range sensor.

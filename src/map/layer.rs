@@ -28,16 +28,6 @@ impl Layer {
         self.tiles.iter().map(|(address, tile)| (*address, tile))
     }
 
-    /// Returns the number of tiles.
-    pub fn len(&self) -> usize {
-        self.tiles.len()
-    }
-
-    /// Returns whether there is no tile.
-    pub fn is_empty(&self) -> bool {
-        self.tiles.is_empty()
-    }
-
     /// Returns what this layer holds in a few bytes: equal digests mean equal tiles and revisions.
     pub fn digest(&self, layer: LayerId) -> LayerDigest {
         let tiles = u32::try_from(self.tiles.len()).unwrap_or(u32::MAX);

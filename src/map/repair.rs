@@ -18,7 +18,7 @@ use tomoswarm_proto::{
 use super::Merged;
 use crate::time::Time;
 
-/// Tiles that a digest knows of may be on their way for so long.
+/// Tiles that a digest knows of may be on their way for this long.
 const GRACE: Duration = Duration::from_millis(150);
 /// A layer is asked for at most this often.
 const ASK_EVERY: Duration = Duration::from_millis(400);
@@ -32,7 +32,7 @@ const TILES: usize = 16;
 const TILES_EVERY: Duration = Duration::from_millis(30);
 /// Tiles owed at most; who asks for more asks again.
 const OWED_MAX: usize = 4096;
-/// What has gone by is not sent again for so long. Less than [`GRACE`]: who asks has waited longer.
+/// What has gone by is not sent again for this long. Less than [`GRACE`]: who asks has waited longer.
 const RECENT: Duration = Duration::from_millis(100);
 /// The ground station answers for others after this long, vehicles later, by their number.
 const FIRST_TURN: Duration = Duration::from_millis(100);

@@ -16,7 +16,7 @@ use crate::geom::{Angle, Lattice, Point};
 
 /// How long a search for a path takes in real time beyond the search itself, which has run by then.
 const PATH_TIME: Duration = Duration::from_millis(1);
-/// A vehicle that was started listens so long before it may be started out.
+/// A vehicle that was started listens this long before it may be started out.
 const LISTENS_FOR: Duration = Duration::from_secs(2);
 
 impl VehicleSettings {

@@ -518,7 +518,7 @@ mod tests {
             );
         }
         let mut shared = BTreeSet::new();
-        let held = map.merged.layer(map.own).unwrap().len();
+        let held = map.merged.layer(map.own).unwrap().tiles().count();
         let seconds = held.div_ceil(SHARE_TILES) as f64 + 1.1;
         for out in woken(&mut map, Time::from_secs_f64(seconds)) {
             if let Out::Publish(Message::Tile(report)) = out {

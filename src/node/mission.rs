@@ -57,9 +57,8 @@ use crate::stops::first_that_stops;
 use crate::sweep::{VehicleProgress, WaitsFor};
 use crate::time::{Deadline, Time};
 
-pub use autonomy::AutonomyCause;
 pub use home::{HOME_M, farthest_m as home_farthest_m, is_at_home};
-pub use messages::{EndReason, In, Key, MissionEvent, MissionStatus, Out};
+pub use messages::{AutonomyCause, EndReason, In, Key, MissionEvent, MissionStatus, Out};
 pub use obstruction::{Obstruction, ObstructionKind};
 pub(super) use share::share;
 
@@ -458,7 +457,7 @@ impl Mission {
         out.push(Out::Progress(self.on_wire()));
     }
 
-    /// Takes which emergency stops are open. One that stops the vehicle holds it as an order does, until a start.
+    /// Records which emergency stops are open. One that stops the vehicle holds it as an order does, until a start.
     fn emergency(&mut self, now: Time, open: &[EmergencyStop], out: &mut Vec<Out>) {
         if first_that_stops(open, self.settings.vehicle).is_none() {
             return;

@@ -34,7 +34,7 @@ const REPEAT_AFTER: Duration = Duration::from_secs(4);
 const REPEATS_SOON: u8 = 3;
 /// The wait before a repetition is doubled so often at most: about four minutes.
 const DOUBLINGS: u8 = 6;
-/// A ground that was not heard for so long may have missed what was sent meanwhile.
+/// A ground that was not heard for this long may have missed what was sent meanwhile.
 const SILENT_AFTER: Duration = Duration::from_secs(5);
 /// Batches sent at a time at most, so that what a long cut has left does not flood the bus: 80 kB/s.
 const BATCHES: usize = 8;
@@ -44,9 +44,9 @@ const BATCH: usize = 128;
 const CAPACITY: usize = 50_000;
 /// Samples asked for at a time.
 pub const CHUNK: usize = 2048;
-/// What was asked for and did not come for so long is asked for again.
+/// What was asked for and did not come for this long is asked for again.
 const RECALL_AFTER: Duration = Duration::from_secs(10);
-/// For so long a store must say that it has samples of a closed run before they are forgotten for good.
+/// For this long a store must say that it has samples of a closed run before they are forgotten for good.
 const STANDS_FOR: Duration = Duration::from_secs(10);
 /// The edge is told again to forget while the ground says that a run is closed, this often: it may have been too busy.
 const FORGET_AGAIN: Duration = Duration::from_secs(60);
@@ -198,11 +198,6 @@ impl Outbox {
             flush_at: None,
             tallied: OutboxCounts::default(),
         }
-    }
-
-    /// Returns how many samples were lost because nothing had room for them.
-    pub fn lost(&self) -> u64 {
-        self.lost
     }
 
     /// Returns how many samples are held that the ground has not confirmed.

@@ -16,7 +16,7 @@ use crate::geom::{Angle, Point, Pose, Vector};
 use crate::sweep::{LOWER_BOOT_AFTER, LowerNumbers};
 use crate::time::Time;
 
-/// A vehicle that no ground station expects is forgotten when it was not heard for so long.
+/// A vehicle that no ground station expects is forgotten when it was not heard for this long.
 const STRANGER_FOR: Duration = Duration::from_secs(60);
 /// A vehicle of which neither state nor beacon was heard for this long is silent.
 pub(super) const SILENT_AFTER: Duration = Duration::from_secs(2);
@@ -210,7 +210,7 @@ impl Peers {
         }
     }
 
-    /// Takes whom a ground station expects. A vehicle of the swarm that has fallen silent stays where it was last known to
+    /// Records whom a ground station expects. A vehicle of the swarm that has fallen silent stays where it was last known to
     /// be, for ever; one that is none and is not heard any more was perhaps never there: it is forgotten.
     pub(super) fn note_expected(&mut self, now: Time, expected: &[VehicleId]) {
         for vehicle in expected {

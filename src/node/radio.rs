@@ -24,6 +24,7 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Beacon, EmergencyStop, PoseReport, Progress, RunId, Sample, VehicleId};
 
 use self::numbering::BeaconNumbers;
+pub use self::reception::HeardBeacon;
 use self::reception::Reception;
 use self::ring::BeaconRing;
 use super::last_pose::LastPose;
@@ -31,15 +32,6 @@ use super::{OwnState, VehicleSettings};
 use crate::actor::{Actor, Fault, Input, InputClass};
 use crate::sweep::VehicleProgress;
 use crate::time::{Deadline, Time};
-
-/// A beacon that came in.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-pub struct HeardBeacon {
-    /// What it said.
-    pub beacon: Beacon,
-    /// Received signal strength, dBm.
-    pub rssi_dbm: i16,
-}
 
 /// What the radio actor can be told.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]

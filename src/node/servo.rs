@@ -1,14 +1,11 @@
-//! What a servo can do: pulse widths and angles, what it reaches, and how long it turns. Pure formulas; which pin or
-//! autopilot output moves it is the driver's.
+//! The pulse widths of a servo's angles, for the drivers of real servos: there is none yet, and nothing but tests asks.
+//! Which angle is wanted, and how long the servo turns, `plan::Mounts` knows; which pin or autopilot output moves it is
+//! the driver's.
 //!
-//! Angles of a servo count counter-clockwise in degrees with 90 = ahead, as its scale is marked; they do not wrap.
+//! Angles of a servo are in degrees as its scale is marked; they do not wrap.
 
 use thiserror::Error;
 
-use crate::geom::{Angle, Bearing};
-
-/// The angle at which a servo looks ahead, degrees.
-const AHEAD_DEG: f64 = 90.0;
 /// The longest pulse, microseconds: a whole period at 50 Hz.
 const LONGEST_PULSE_US: f64 = 20_000.0;
 
@@ -85,16 +82,6 @@ impl ServoRange {
         })
     }
 
-    /// Returns the first and the last angle, degrees.
-    pub fn limits_deg(&self) -> [f64; 2] {
-        self.angle_deg
-    }
-
-    /// Returns the angle at which it stands until it is told otherwise: the first one, degrees.
-    pub fn rest_deg(&self) -> f64 {
-        self.angle_deg[0]
-    }
-
     /// Returns the pulse width for an angle, microseconds.
     ///
     /// # Errors
@@ -130,47 +117,6 @@ impl ServoRange {
         }
         Ok(between(share, self.angle_deg))
     }
-
-    /// Returns the angle in reach that is nearest to the wanted one, degrees; what is no number gives the first one.
-    pub fn clamped_deg(&self, angle_deg: f64) -> f64 {
-        let [low_deg, high_deg] = self.angle_deg;
-        if angle_deg.is_nan() {
-            low_deg
-        } else {
-            angle_deg.clamp(low_deg, high_deg)
-        }
-    }
-
-    /// Returns whether an angle belongs to this servo: the first is its own, the last is that of the next one.
-    pub fn owns(&self, angle_deg: f64) -> bool {
-        (self.angle_deg[0]..self.angle_deg[1]).contains(&angle_deg)
-    }
-
-    /// Returns the angle in reach at which the servo looks in a direction relative to the vehicle's heading
-    /// (counter-clockwise from ahead), degrees; `None` when it cannot look there.
-    pub fn toward_deg(&self, relative: Angle) -> Option<f64> {
-        let [low_deg, high_deg] = self.angle_deg;
-        let wanted_deg = AHEAD_DEG + relative.degrees();
-        let turns = libm::ceil((low_deg - wanted_deg) / 360.0 - 1e-12);
-        // Rounding must not lose an end.
-        let angle_deg = (wanted_deg + 360.0 * turns).max(low_deg);
-        (angle_deg <= high_deg + 1e-9).then_some(angle_deg.min(high_deg))
-    }
-
-    /// Returns the angle in reach at which the servo of a vehicle looks along a bearing, degrees.
-    pub fn toward_bearing_deg(&self, heading: Bearing, wanted: Bearing) -> Option<f64> {
-        self.toward_deg(wanted.angle() - heading.angle())
-    }
-
-    /// Returns the direction of an angle relative to the vehicle's heading, counter-clockwise from ahead.
-    pub fn relative(&self, angle_deg: f64) -> Angle {
-        Angle::from_degrees(angle_deg - AHEAD_DEG)
-    }
-
-    /// Returns how long the servo turns from one angle to another, seconds, at a rate in degrees per second (above 0).
-    pub fn slew_s(&self, from_deg: f64, to_deg: f64, rate_dps: f64) -> f64 {
-        (self.clamped_deg(to_deg) - self.clamped_deg(from_deg)).abs() / rate_dps
-    }
 }
 
 fn between(share: f64, [from, to]: [f64; 2]) -> f64 {
@@ -194,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_out_of_reach_is_refused_or_clamped() {
+    fn what_is_out_of_reach_is_refused() {
         let servo = servo(45.0, 135.0);
         assert!(matches!(
             servo.pulse_us(135.1),
@@ -208,34 +154,6 @@ mod tests {
             servo.angle_deg(999.0),
             Err(ServoError::Pulse { .. })
         ));
-        assert_eq!(
-            [
-                servo.clamped_deg(10.0),
-                servo.clamped_deg(200.0),
-                servo.clamped_deg(f64::NAN)
-            ],
-            [45.0, 135.0, 45.0]
-        );
-        assert_eq!((servo.owns(45.0), servo.owns(135.0)), (true, false));
-    }
-
-    #[test]
-    fn a_direction_is_looked_at_if_it_is_in_reach() {
-        let front = servo(0.0, 180.0);
-        assert_eq!(front.toward_deg(Angle::from_degrees(0.0)), Some(90.0));
-        assert_eq!(front.toward_deg(Angle::from_degrees(90.0)), Some(180.0));
-        assert_eq!(front.toward_deg(Angle::from_degrees(-90.0)), Some(0.0));
-        assert_eq!(front.toward_deg(Angle::from_degrees(91.0)), None);
-        let (heading, wanted) = (Bearing::from_degrees(350.0), Bearing::from_degrees(20.0));
-        assert!((front.toward_bearing_deg(heading, wanted).unwrap() - 60.0).abs() < 1e-9);
-        let rear = servo(200.0, 340.0);
-        assert!((rear.toward_deg(Angle::from_degrees(180.0)).unwrap() - 270.0).abs() < 1e-9);
-    }
-
-    #[test]
-    fn turning_takes_its_time() {
-        assert_eq!(servo(0.0, 180.0).slew_s(30.0, 120.0, 60.0), 1.5);
-        assert_eq!(servo(0.0, 180.0).slew_s(170.0, 300.0, 10.0), 1.0);
     }
 
     #[test]
@@ -272,9 +190,6 @@ mod tests {
             let angle_deg = low + share * span;
             let back = servo.angle_deg(servo.pulse_us(angle_deg).unwrap()).unwrap();
             prop_assert!((back - angle_deg).abs() < 1e-9);
-            let seen = servo.toward_deg(servo.relative(angle_deg)).unwrap();
-            let turns = (seen - angle_deg) / 360.0;
-            prop_assert!((turns - turns.round()).abs() < 1e-9, "{seen} is not {angle_deg}");
         }
     }
 }

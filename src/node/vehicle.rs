@@ -61,8 +61,6 @@ mod report;
 mod restraint;
 mod take_over;
 
-use std::time::Duration;
-
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
     Control, EmergencyStop, Order, OrderKind, Revision, RunId, Sender, StandReason, State,
@@ -92,11 +90,6 @@ pub use messages::{
     AutopilotCommand, CommandRefusal, Motion, MoveCommand, ReflexObstacle, SafetyEvent, Telemetry,
 };
 pub use orders::join_orders;
-
-/// After this long a resting autopilot has ended the drive that it was told.
-const REST_GRACE: Duration = Duration::from_millis(300);
-/// What telemetry does not show yet is said again this often.
-const RESEND_AFTER: Duration = Duration::from_millis(300);
 
 /// What the vehicle actor can be told.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -201,7 +194,7 @@ impl Vehicle {
         self.report(now, &telemetry, out);
     }
 
-    /// Takes who steers. Once somebody else steers, the old way is not claimed, and orders that answer an older state
+    /// Records who steers. Once somebody else steers, the old way is not claimed, and orders that answer an older state
     /// no longer send the vehicle out.
     fn autopilot(&mut self, now: Time, status: ControlStatus, out: &mut Vec<Out>) {
         self.autopilot = status;
@@ -342,7 +335,7 @@ impl Vehicle {
         }
     }
 
-    /// Takes which emergency stops are open: it brakes at once for one, and for the lifting of all it does nothing.
+    /// Records which emergency stops are open: it brakes at once for one, and for the lifting of all it does nothing.
     fn stops(&mut self, now: Time, open: &[EmergencyStop], out: &mut Vec<Out>) {
         let was_stopped = self.emergency.stop().is_some();
         if self

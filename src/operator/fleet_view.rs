@@ -20,7 +20,7 @@ use crate::time::Time;
 
 /// A ground station whose report is older than this is not live.
 pub const GROUND_LIVES: Duration = Duration::from_secs(5);
-/// An operator that has not greeted for so long is gone; it greets every 2 s at least.
+/// An operator that has not greeted for this long is gone; it greets every 2 s at least.
 const OPERATOR_LIVES: Duration = Duration::from_secs(5);
 /// Operators of one number kept at most.
 const INSTANCES: usize = 4;

@@ -15,7 +15,7 @@ use super::fleet_view::FleetView;
 use crate::config::{PlannerChoice, SweepConfig};
 use crate::time::Time;
 
-/// A task that is not shown yet is said again after so long.
+/// A task that is not shown yet is said again after this long.
 const REPEAT: Duration = Duration::from_secs(5);
 
 /// A run as an operator wants it.

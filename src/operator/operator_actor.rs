@@ -48,7 +48,7 @@ const GREETS_EVERY: Duration = Duration::from_secs(2);
 const HOLDER_GREETS_EVERY: Duration = Duration::from_secs(1);
 /// While nothing new is heard, this is how often it checks for silent nodes.
 const LOOKS_EVERY: Duration = Duration::from_millis(500);
-/// After so long on the bus everyone who is there was heard.
+/// After this long on the bus everyone who is there was heard.
 const LISTEN: Duration = Duration::from_millis(1500);
 
 /// The operator actor.

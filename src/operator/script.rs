@@ -50,7 +50,7 @@ pub enum Condition {
 pub struct LiveVehicles {
     /// The vehicles.
     pub vehicles: BTreeSet<VehicleId>,
-    /// For so long.
+    /// For this long.
     pub lost_after: Duration,
 }
 
@@ -61,7 +61,7 @@ pub enum ScriptStep {
     Wait {
         /// What is waited for.
         until: Condition,
-        /// For so long at most.
+        /// For this long at most.
         within: Duration,
     },
     /// Lets time pass.
@@ -76,7 +76,7 @@ pub enum ScriptStep {
     Announce {
         /// What is asked for.
         name: String,
-        /// For so long at most.
+        /// For this long at most.
         within: Duration,
     },
 }
@@ -181,7 +181,7 @@ impl ScriptRun {
         }
     }
 
-    /// Takes that what a cue asked for is done.
+    /// Records that what a cue asked for is done.
     pub(super) fn cue_done(&mut self) {
         self.is_cue_done = self.is_cue_said;
     }

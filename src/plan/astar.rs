@@ -12,48 +12,15 @@ use thiserror::Error;
 use super::SearchGrid;
 use super::buckets::Buckets;
 use super::steps::{
-    Choices, DIAGONAL, HIGHEST_LEVEL, NO_STEP, STEPS, STRAIGHT, least_cost, price, steps_to_look_at,
+    Choices, DIAGONAL, HIGHEST_LEVEL, NO_STEP, Rules, STEPS, STRAIGHT, least_cost, price,
+    steps_to_look_at,
 };
 use super::terrain::{Escape, Terrain};
 use super::turning;
-use crate::geom::{Angle, Cell};
+use crate::geom::Cell;
 
 /// Width of a bucket: 1/16 of a cell.
 const BUCKET: u64 = STRAIGHT / 16;
-
-/// How one may drive over a grid.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Rules {
-    /// Whether diagonal steps are allowed.
-    pub diagonal: bool,
-    /// Whether a diagonal step may pass a barred cell at its side.
-    pub cut_corners: bool,
-    /// A start too near to something may be left through cells that are too near as well, up to this far from it,
-    /// metres; 0 = refused.
-    pub escape_m: f64,
-    /// What turning costs; `None`: nothing.
-    pub turning: Option<TurningCost>,
-}
-
-impl Default for Rules {
-    fn default() -> Rules {
-        Rules {
-            diagonal: true,
-            cut_corners: false,
-            escape_m: 0.0,
-            turning: None,
-        }
-    }
-}
-
-/// What turning costs, beside the length of the way. It makes a search several times dearer.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub struct TurningCost {
-    /// Cost of a turn, metres of way per radian: from 0 to 64 cells; more counts as 64, less or not a number as 0.
-    pub cost_m_per_rad: f64,
-    /// Where the vehicle heads at the start; `None`: the first step costs no turn. At the goal any heading will do.
-    pub heading: Option<Angle>,
-}
 
 /// Why there is no route.
 #[derive(Clone, Copy, PartialEq, Debug, Error)]
@@ -147,8 +114,6 @@ pub(super) fn shortest_over(
 pub(super) struct Flood {
     terrain: Terrain,
     nodes: Vec<SearchCell>,
-    /// How many cells were reached.
-    pub(super) reached: usize,
 }
 
 /// Finds the least costs from one cell to all others (Dijkstra 1959); turning costs nothing.
@@ -156,15 +121,9 @@ pub(super) fn flood(grid: &SearchGrid, start: Cell, rules: &Rules) -> Result<Flo
     let terrain = entered(grid, start, None, rules)?;
     let mut search = Search::new(&terrain, rules);
     search.run(&terrain, start, None);
-    let reached = search
-        .nodes
-        .iter()
-        .filter(|node| node.cost().is_some())
-        .count();
     Ok(Flood {
         nodes: search.nodes,
         terrain,
-        reached,
     })
 }
 
@@ -401,15 +360,6 @@ impl GridPath {
             cost_cells,
             expanded,
         }
-    }
-}
-
-impl TurningCost {
-    /// Returns the turn before a first step, radians.
-    pub(super) fn first_turn_rad(&self, step: usize) -> f64 {
-        let direction = Angle::from_degrees(45.0 * step as f64);
-        self.heading
-            .map_or(0.0, |heading| (direction - heading).radians().abs())
     }
 }
 

@@ -105,11 +105,6 @@ impl Clearance {
         self.lattice
     }
 
-    /// Returns the bounds.
-    pub fn bounds(&self) -> CellRect {
-        self.bounds
-    }
-
     /// Returns the reach, cells: the distance wished, rounded up.
     pub(super) fn reach_cells(&self) -> i32 {
         self.reach_cells

@@ -4,8 +4,9 @@
 //! It is a picture of the grid it was made of: what changes later is not seen.
 
 use super::SearchGrid;
-use super::astar::{Flood, NoRoute, Rules, flood};
+use super::astar::{Flood, NoRoute, flood};
 use super::smooth::{Route, route_along};
+use super::steps::Rules;
 use crate::geom::{Cell, Lattice, Point};
 use crate::map::CellRect;
 
@@ -62,12 +63,6 @@ impl Distances {
         }
         let cells = self.cells_to(self.lattice.cell_at(goal))?;
         route_along(grid, start, &cells, goal).ok()
-    }
-
-    /// Returns how many cells can be reached, the start included.
-    #[inline]
-    pub fn reached(&self) -> usize {
-        self.flood.reached
     }
 }
 

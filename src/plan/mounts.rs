@@ -1,5 +1,6 @@
 //! Which range sensor looks where: sensors sit on the vehicle at fixed angles, each on a servo (or on none) that turns
-//! it within limits. A wanted direction is looked along by the sensor that can reach it, otherwise the vehicle turns.
+//! it within limits. A wanted direction is looked along by the sensor that can reach it; for one that none reaches the
+//! vehicle has to turn, which is not decided here.
 //!
 //! The choice is a function of the direction alone, so that the vehicle and the driver of its servos agree without a
 //! word. Pulse widths are not known here, nor what is seen.
@@ -86,20 +87,6 @@ pub struct Aim {
     pub offset_rad: f64,
 }
 
-/// How to look along a direction.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub enum MountChoice {
-    /// A servo reaches it.
-    Servo(Aim),
-    /// The vehicle turns by this much, the smallest turn that lets a servo reach it.
-    Turn {
-        /// The turn of the vehicle, counter-clockwise.
-        by: Angle,
-        /// How the sensor is pointed after it.
-        aim: Aim,
-    },
-}
-
 /// The range sensors of a vehicle; at least one.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Mounts(Vec<Mount>);
@@ -138,26 +125,6 @@ impl Mounts {
         };
         let aims = self.0.iter().enumerate().filter_map(reaching);
         aims.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, aim)| aim)
-    }
-
-    /// Returns how to look along a direction (against the heading).
-    pub fn choose(&self, wanted: Angle) -> MountChoice {
-        if let Some(aim) = self.aim(wanted) {
-            return MountChoice::Servo(aim);
-        }
-        let turns = self.0.iter().enumerate().flat_map(|(sensor, mount)| {
-            [mount.from_rad, mount.to_rad]
-                .map(|offset_rad| (wanted - mount.beam(offset_rad), Aim { sensor, offset_rad }))
-        });
-        let least = turns.min_by(|a, b| a.0.radians().abs().total_cmp(&b.0.radians().abs()));
-        let aim = Aim {
-            sensor: 0,
-            offset_rad: 0.0,
-        };
-        least.map_or(MountChoice::Servo(aim), |(by, aim)| MountChoice::Turn {
-            by,
-            aim,
-        })
     }
 
     /// Returns the time that servos turn while every beam is looked along once, in a round that is repeated.
@@ -214,11 +181,6 @@ impl Pointing {
         self.mounts.all()[aim.sensor].slew(from_rad, aim.offset_rad)
     }
 
-    /// Returns which sensor was steered last: the one that listens.
-    pub fn sensor(&self) -> usize {
-        self.sensor
-    }
-
     /// Returns the direction (against the heading) that the sensor steered last looks along at a moment.
     pub fn beam(&self, now: Duration) -> Angle {
         self.mounts.all()[self.sensor].beam(self.position(now, self.sensor))
@@ -268,31 +230,15 @@ mod tests {
             (-150.0, 1, 30.0),
             (90.0, 2, 0.0),
         ] {
-            let MountChoice::Servo(aim) = mounts().choose(Angle::from_degrees(beam_deg)) else {
-                panic!("{beam_deg}° is not reached")
-            };
+            let aim = mounts().aim(Angle::from_degrees(beam_deg)).unwrap();
             assert_eq!(aim.sensor, sensor, "{beam_deg}°");
             assert!(
                 (aim.offset_rad.to_degrees() - offset_deg).abs() < 1e-9,
                 "{beam_deg}°: {aim:?}"
             );
         }
-    }
-
-    #[test]
-    fn what_no_servo_reaches_the_vehicle_turns_to_by_the_smallest_turn() {
-        for (beam_deg, by_deg, sensor) in [
-            (50.0, 5.0, 0),
-            (-60.0, -15.0, 0),
-            (-100.0, 35.0, 1),
-            (80.0, -10.0, 2),
-        ] {
-            let MountChoice::Turn { by, aim } = mounts().choose(Angle::from_degrees(beam_deg))
-            else {
-                panic!("{beam_deg}° is reached")
-            };
-            assert!((by.degrees() - by_deg).abs() < 1e-9, "{beam_deg}°: {by:?}");
-            assert_eq!(aim.sensor, sensor, "{beam_deg}°");
+        for beam_deg in [50.0, -60.0, -100.0, 80.0] {
+            assert_eq!(mounts().aim(Angle::from_degrees(beam_deg)), None);
         }
     }
 
@@ -335,7 +281,7 @@ mod tests {
         // Another sensor; the first goes on turning meanwhile.
         pointing.steer(secs(2.12), Angle::from_degrees(180.0));
         assert_eq!(
-            (pointing.sensor(), pointing.beam(secs(2.13)).degrees()),
+            (pointing.sensor, pointing.beam(secs(2.13)).degrees()),
             (1, 180.0)
         );
         assert_eq!(
@@ -356,23 +302,19 @@ mod tests {
 
     proptest! {
         #[test]
-        fn after_the_choice_the_sensor_looks_where_it_was_wanted_and_within_its_limits(
+        fn a_sensor_that_reaches_a_direction_looks_there_within_its_limits(
             zeros in prop::collection::vec((-180.0..180.0f64, -180.0..0.0f64, 0.0..180.0f64), 1..4),
             wanted_deg in -180.0..180.0f64,
         ) {
             let mounts = Mounts::new(zeros.iter().map(|(zero, from, to)| mount(*zero, *from, *to)).collect());
             let wanted = Angle::from_degrees(wanted_deg);
-            let (turned, aim) = match mounts.choose(wanted) {
-                MountChoice::Servo(aim) => (Angle::default(), aim),
-                MountChoice::Turn { by, aim } => (by, aim),
-            };
-            let used = mounts.all()[aim.sensor];
-            prop_assert!((used.from_rad..=used.to_rad).contains(&aim.offset_rad));
-            prop_assert!((used.beam(aim.offset_rad) + turned - wanted).radians().abs() < 1e-8);
-            // No smaller turn would do: from a little less than it nothing is reached.
-            let less = Angle::from_radians(turned.radians() * 0.99);
-            if turned.radians().abs() > 1e-6 {
-                prop_assert!(mounts.aim(wanted - less).is_none());
+            let is_reached = mounts.all().iter().any(|mount| mount.reach(wanted).is_some());
+            let aim = mounts.aim(wanted);
+            prop_assert_eq!(aim.is_some(), is_reached);
+            if let Some(aim) = aim {
+                let used = mounts.all()[aim.sensor];
+                prop_assert!((used.from_rad..=used.to_rad).contains(&aim.offset_rad));
+                prop_assert!((used.beam(aim.offset_rad) - wanted).radians().abs() < 1e-8);
             }
         }
     }

@@ -1,8 +1,9 @@
 //! From cells to a route that a vehicle drives: the exact ends, and corners pulled straight where the whole strip
 //! stays clear.
 
-use super::astar::{NoRoute, Rules, shortest_cells};
+use super::astar::{NoRoute, shortest_cells};
 use super::grid::SearchGrid;
+use super::steps::Rules;
 use crate::geom::{Cell, Point, Segment};
 
 /// A route over the plane.

@@ -1,9 +1,52 @@
-//! The steps between neighbouring cells, what they cost, and which of them a search need not look at.
+//! The steps between neighbouring cells: which are allowed, what they cost, and which of them a search need not look at.
 //!
 //! Steps are numbered by direction: step k leads 45° · k to the left of east, so even ones are straight, odd ones
 //! diagonal, and a step is also a heading. Costs are whole numbers (2³² = one side of a cell).
 
-use super::Rules;
+use crate::geom::Angle;
+
+/// How one may drive over a grid.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Rules {
+    /// Whether diagonal steps are allowed.
+    pub diagonal: bool,
+    /// Whether a diagonal step may pass a barred cell at its side.
+    pub cut_corners: bool,
+    /// A start too near to something may be left through cells that are too near as well, up to this far from it,
+    /// metres; 0 = refused.
+    pub escape_m: f64,
+    /// What turning costs; `None`: nothing.
+    pub turning: Option<TurningCost>,
+}
+
+impl Default for Rules {
+    fn default() -> Rules {
+        Rules {
+            diagonal: true,
+            cut_corners: false,
+            escape_m: 0.0,
+            turning: None,
+        }
+    }
+}
+
+/// What turning costs, beside the length of the way. It makes a search several times dearer.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct TurningCost {
+    /// Cost of a turn, metres of way per radian: from 0 to 64 cells; more counts as 64, less or not a number as 0.
+    pub cost_m_per_rad: f64,
+    /// Where the vehicle heads at the start; `None`: the first step costs no turn. At the goal any heading will do.
+    pub heading: Option<Angle>,
+}
+
+impl TurningCost {
+    /// Returns the turn before a first step, radians.
+    pub(super) fn first_turn_rad(&self, step: usize) -> f64 {
+        let direction = Angle::from_degrees(45.0 * step as f64);
+        self.heading
+            .map_or(0.0, |heading| (direction - heading).radians().abs())
+    }
+}
 
 /// Cost of a step to one of the four nearest neighbours.
 pub(super) const STRAIGHT: u64 = 1 << 32;

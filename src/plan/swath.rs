@@ -7,7 +7,7 @@ use crate::geom::{Lattice, Segment};
 /// Every row there is.
 pub(super) const ALL_ROWS: RangeInclusive<i32> = i32::MIN..=i32::MAX;
 
-/// Gives, for each row that a disc of `radius_m` touches while it moves along a segment, the columns that may
+/// Returns, for each row that a disc of `radius_m` touches while it moves along a segment, the columns that may
 /// have their middle inside. It is the disc's strip cut by its bounds, so near the ends a few columns too many:
 /// who needs it exact tests the distance. Only rows within `rows` are given.
 pub(super) fn rows_within(

@@ -7,9 +7,11 @@
 
 use std::f64::consts::FRAC_PI_4;
 
-use super::astar::{GridPath, NoRoute, Rules, SearchCell, TurningCost, flood_back, shortest_over};
+use super::astar::{GridPath, NoRoute, SearchCell, flood_back, shortest_over};
 use super::buckets::Buckets;
-use super::steps::{Choices, HIGHEST_LEVEL, NO_STEP, STRAIGHT, price, steps_to_look_at};
+use super::steps::{
+    Choices, HIGHEST_LEVEL, NO_STEP, Rules, STRAIGHT, TurningCost, price, steps_to_look_at,
+};
 use super::terrain::Terrain;
 use crate::geom::Cell;
 

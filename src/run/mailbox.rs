@@ -190,7 +190,7 @@ impl<I: Input> Mailbox<I> {
         }
     }
 
-    /// Waits so long, or until the mailbox is closed; returns whether it is still open.
+    /// Waits this long, or until the mailbox is closed; returns whether it is still open.
     fn pause(&self, clock: Clock, span: Duration) -> bool {
         let until = clock.now() + span;
         let mut state = lock(&self.unread.state);

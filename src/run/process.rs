@@ -19,7 +19,7 @@ use super::member::BusMember;
 use crate::time::Time;
 use tomoswarm_proto::{Hello, Sender};
 
-/// The watchdog is fed as long as no vital actor has been acting for so long without a pause; whether it says anything of
+/// The watchdog is fed as long as no vital actor has been acting for this long without a pause; whether it says anything of
 /// use is not looked at.
 const STUCK_AFTER: Duration = Duration::from_secs(20);
 /// The watchdog is fed this often, and the process looks whether it is to end.

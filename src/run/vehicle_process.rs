@@ -43,13 +43,13 @@ const HEALTH_EVERY: Duration = Duration::from_secs(2);
 const OUTBOX_BYTES: u64 = 1 << 30;
 /// At the end a vehicle that drives gets this long to brake.
 const BRAKES_WITHIN: Duration = Duration::from_secs(3);
-/// It is told to at least for so long: what the mission said last is done by then, and telemetry shows it.
+/// It is told to at least for this long: what the mission said last is done by then, and telemetry shows it.
 const BRAKES_AT_LEAST: Duration = Duration::from_millis(300);
 /// It is told to this often.
 const STOP_EVERY: Duration = Duration::from_millis(50);
-/// An autopilot that has said nothing for so long is silent.
+/// An autopilot that has said nothing for this long is silent.
 const AUTOPILOT_SILENT: Duration = Duration::from_secs(2);
-/// Who was in the ring when a beacon was sent is heard for so long.
+/// Who was in the ring when a beacon was sent is heard for this long.
 const HEARS_FOR: Duration = Duration::from_secs(5);
 
 /// Why a vehicle's process cannot begin.

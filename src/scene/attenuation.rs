@@ -13,8 +13,6 @@ use crate::geom::{Point, Rect, Segment, Vector};
 
 /// Beyond this many deviations from the line nothing counts (Φ(−4.5) = 3.4e-6).
 const REACH: f64 = 4.5;
-/// Attenuation at which an object usually saturates, because energy leaks around it, dB.
-pub const LIMIT_DB: f64 = 30.0;
 
 /// The attenuation of all links at one height of a scene.
 #[derive(Clone, Debug)]
@@ -62,7 +60,7 @@ struct Place {
 
 impl Attenuation {
     /// Cuts the scene at a height (metres above z = 0) for links of a wavelength (metres); each object
-    /// saturates at `limit_db`, usually [`LIMIT_DB`].
+    /// saturates at `limit_db`, usually 30 dB.
     ///
     /// Shapes of one material that overlap or share a border are joined, so that corners do not count twice.
     pub fn new(scene: &Scene, height_m: f64, wavelength_m: f64, limit_db: f64) -> Attenuation {

@@ -78,7 +78,7 @@ pub struct VrmlError {
     pub reason: String,
 }
 
-/// Gives an Inline's text for its address, which is relative to the folder of the main file.
+/// Returns an Inline's text for its address, which is relative to the folder of the main file.
 pub type InlineLoader<'a> = dyn FnMut(&str) -> Result<String, String> + 'a;
 
 /// Reads a VRML97 text.
@@ -158,7 +158,7 @@ impl<'l> VrmlReader<'l> {
         }
     }
 
-    /// Reads one file and gives its root nodes. `address` is relative to the folder of the main file.
+    /// Reads one file and returns its root nodes. `address` is relative to the folder of the main file.
     fn file(
         &mut self,
         text: &str,

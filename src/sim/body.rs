@@ -197,11 +197,6 @@ impl Body {
         self.arrival().is_none_or(|arrival| arrival <= at)
     }
 
-    /// Returns the way needed to brake from a speed to rest, metres.
-    pub fn stopping_distance_m(&self, speed_mps: f64) -> f64 {
-        self.limits.stopping_distance_m(speed_mps)
-    }
-
     /// Returns the limits of the drive.
     pub fn limits(&self) -> &DriveLimits {
         &self.limits

@@ -89,11 +89,6 @@ impl RadioField {
         }
     }
 
-    /// Returns the constants.
-    pub fn constants(&self) -> &RadioConstants {
-        &self.constants
-    }
-
     /// Returns the static fading between two places, dB, of mean power 1; the same both ways, bit for bit.
     pub fn fading_db(&self, p: Point, q: Point, channel: u8) -> f64 {
         let waves = self.channels[usize::from(channel)]

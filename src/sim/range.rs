@@ -9,9 +9,7 @@ use std::time::Duration;
 use super::axes::Axes;
 use super::noise::{Noise, NoisePurpose};
 use crate::geom::{Angle, Attitude, Point, Vector};
-
-/// Speed of sound, m/s.
-const SOUND_MPS: f64 = 343.0;
+use crate::plan::{SOUND_MPS, echo_time_s};
 
 /// Where a sensor listens.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -128,14 +126,10 @@ impl RangeSensor {
         }
     }
 
-    /// Returns what the sensor can do.
-    pub fn model(&self) -> &RangeModel {
-        &self.model
-    }
-
     /// Returns how long it takes until an echo from `range_m` is heard, or until none is waited for any longer.
     pub fn takes(&self, range_m: Option<f64>) -> Duration {
-        Duration::from_secs_f64(2.0 * range_m.unwrap_or(self.model.max_m) / SOUND_MPS)
+        let farthest_m = range_m.unwrap_or(self.model.max_m);
+        Duration::from_secs_f64(echo_time_s(farthest_m, SOUND_MPS))
     }
 
     /// Returns the distance read by a sensor that lies level, along `beam` (local frame): see [`RangeSensor::echo_at`].

@@ -60,7 +60,7 @@ impl RunMonitor {
         self.is_done |= matches!(note, GroundNote::RunClosed { run, .. } if *run == RUN);
     }
 
-    /// Takes that the mission of a vehicle has ended; who is dead is not waited for.
+    /// Records that the mission of a vehicle has ended; who is dead is not waited for.
     pub(super) fn mission_ended(
         &mut self,
         now: Time,
@@ -87,7 +87,7 @@ impl RunMonitor {
         }
     }
 
-    /// Takes how the operator's script ended.
+    /// Records how the operator's script ended.
     pub(super) fn script_ended(&self, end: &ScriptEnd) -> RunState {
         match end {
             ScriptEnd::Done => RunState::Over,

@@ -144,16 +144,6 @@ impl VisibleSurface {
         self.cells.keys().copied()
     }
 
-    /// Returns the number of cells.
-    pub fn len(&self) -> usize {
-        self.cells.len()
-    }
-
-    /// Returns whether nothing stands there.
-    pub fn is_empty(&self) -> bool {
-        self.cells.is_empty()
-    }
-
     /// Returns those of some cells that can be seen from places.
     pub fn seen_from(
         &self,
@@ -187,7 +177,6 @@ fn bounds(corners: &[Point]) -> Option<Rect> {
 #[derive(Clone, Debug, Default)]
 pub struct PlaceIndex {
     buckets: BTreeMap<Cell, Vec<Point>>,
-    count: usize,
 }
 
 impl PlaceIndex {
@@ -248,19 +237,8 @@ impl PlaceIndex {
                 .entry(squares.cell_at(place))
                 .or_default()
                 .push(place);
-            sorted.count += 1;
         }
         sorted
-    }
-
-    /// Returns the number of places.
-    pub fn len(&self) -> usize {
-        self.count
-    }
-
-    /// Returns whether there are none.
-    pub fn is_empty(&self) -> bool {
-        self.count == 0
     }
 
     /// Returns all places in the squares that touch a circle's bounding square.
@@ -428,8 +406,6 @@ pub struct Visible {
     pub surface: VisibleSurface,
     /// The cells that can be seen from where a vehicle can get to.
     pub cells: BTreeSet<Cell>,
-    /// How many places a vehicle can get to.
-    pub places: usize,
 }
 
 impl Visible {
@@ -445,11 +421,7 @@ impl Visible {
         let places = PlaceIndex::reachable(scene, fence, homes, room);
         let all = surface.cells().collect();
         let cells = surface.seen_from(scene, sight, &places, &all);
-        Visible {
-            surface,
-            cells,
-            places: places.len(),
-        }
+        Visible { surface, cells }
     }
 
     /// Returns the visible cells that were in range, unobstructed, along tracks that were driven.

@@ -124,11 +124,6 @@ impl StopSet {
             self.open_stop(*stop) || is_changed
         })
     }
-
-    /// Returns the open stop that a vehicle stands under; of several the lowest name.
-    pub fn stops(&self, vehicle: VehicleId) -> Option<EmergencyName> {
-        first_that_stops(self.open.values(), vehicle)
-    }
 }
 
 /// Returns the first of some open stops that a vehicle stands under.
@@ -285,7 +280,7 @@ mod tests {
         assert!(!set.open_stop(stop(9)), "nothing more is told");
         assert_eq!(set.open().count(), 9);
         assert_eq!(
-            set.stops(VehicleId(7)),
+            first_that_stops(set.open(), VehicleId(7)),
             Some(EmergencyName::many_of(name(8)))
         );
     }
@@ -298,8 +293,8 @@ mod tests {
             ..stop(1)
         });
         assert_eq!(
-            (set.stops(VehicleId(3)), set.stops(VehicleId(2))),
-            (Some(name(1)), None)
+            [3, 2].map(|id| first_that_stops(set.open(), VehicleId(id))),
+            [Some(name(1)), None]
         );
     }
 

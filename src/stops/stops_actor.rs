@@ -33,10 +33,10 @@ use super::stop_set::{OPEN_BY_NAME, StopSet};
 use crate::actor::{Actor, Fault, Input, InputClass};
 use crate::time::{Deadline, Time};
 
-/// What is new is said again so often, and for so long.
+/// What is new is said again so often, and for this long.
 const SPREADS_EVERY: Duration = Duration::from_millis(25);
 const SPREADS_FOR: Duration = Duration::from_millis(500);
-/// Who does not know a stop is told for so long.
+/// Who does not know a stop is told for this long.
 const ANSWERS_FOR: Duration = Duration::from_millis(100);
 /// Otherwise it is said so often.
 const SAYS_EVERY: Duration = Duration::from_secs(1);
@@ -158,7 +158,7 @@ enum State {
     Calm,
     /// Something is new.
     Spreading {
-        /// For so long.
+        /// For this long.
         until: Time,
     },
 }
@@ -176,11 +176,6 @@ impl Stops {
             says_at: Time::ZERO,
             is_silent: settings.is_silent,
         }
-    }
-
-    /// Returns what it knows.
-    pub fn set(&self) -> &StopSet {
-        &self.set
     }
 
     /// Joins what a node says, or what a beacon tells.

@@ -472,7 +472,7 @@ fn insert(
     Ok(new)
 }
 
-/// A store that is in use is tried so often, and again after so long.
+/// A store that is in use is tried so often, and again after this long.
 const LOCK_TRIES: u32 = 5;
 const LOCK_AGAIN: Duration = Duration::from_millis(50);
 

@@ -49,18 +49,11 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Plan, Revision, RunId, Stop, StopId, VehicleId};
 
 use self::adopted::Adopted;
-use self::peers::PeerFacts;
+use self::peers::{Edition, PeerFacts};
 use self::pending::{AdoptingVehicle, PendingRevision};
 use super::{FollowError, OfferResult, PlanRefusal, VehicleProgress, WaitsFor};
 use crate::geom::Point;
 use crate::time::{Deadline, Time};
-
-/// A revision of a run; a higher run is newer than any revision of a lower one.
-type Edition = (RunId, Revision);
-
-fn edition_of(plan: &Plan) -> Edition {
-    (plan.run, plan.revision)
-}
 
 /// Follows the newest revision of plans; see the module's page for the rules.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -119,7 +112,7 @@ impl Follower {
         self.wake(now);
     }
 
-    /// Tells that the vehicle stands at `at`, held in the middle of a leg or brought there off plan, so
+    /// Records that the vehicle stands at `at`, held in the middle of a leg or brought there off plan, so
     /// that it may change to a newer revision from there; true when it has changed, and the leg is given up.
     ///
     /// From now on also an offered plan may change the revision; [`Follower::resume`] must be called
@@ -129,7 +122,7 @@ impl Follower {
         self.try_adopting() == OfferResult::Adopted
     }
 
-    /// Tells that a held vehicle goes on with the legs that it had entered.
+    /// Records that a held vehicle goes on with the legs that it had entered.
     pub fn resume(&mut self) {
         if self.adopted.as_ref().is_some_and(Adopted::is_driving) {
             self.rest = None;
@@ -180,7 +173,7 @@ impl Follower {
         Ok(())
     }
 
-    /// Tells that the vehicle passes or has reached the stop whose leg it drives.
+    /// Records that the vehicle passes or has reached the stop whose leg it drives.
     ///
     /// With a dwell it begins; without one the stop is done at once. When no leg behind the stop was
     /// entered the vehicle must stand at `at`, and may change to a newer revision here.
@@ -241,6 +234,7 @@ impl Follower {
     }
 
     /// Returns the plans of all members of the revision followed; none before the first.
+    #[cfg(test)]
     pub fn plans(&self) -> &[Plan] {
         self.adopted.as_ref().map_or(&[], Adopted::plans)
     }

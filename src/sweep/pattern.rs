@@ -105,11 +105,6 @@ impl Pattern {
         })
     }
 
-    /// Returns which pattern it is.
-    pub fn kind(&self) -> PatternKind {
-        self.kind
-    }
-
     /// Returns the number of points along a side.
     pub fn size(&self) -> usize {
         self.side + 1

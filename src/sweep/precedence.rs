@@ -201,7 +201,7 @@ fn check_members(plans: &[Plan], members: &[VehicleId]) -> Result<(), PlanError>
 /// A stop by the index of its plan and its own index in it.
 pub(super) type StopIndex = (usize, usize);
 
-/// Gives, for every stop, the indices of the stops in its `after`.
+/// Returns, for every stop, the indices of the stops in its `after`.
 pub(super) fn resolve_after(plans: &[Plan]) -> Result<Vec<Vec<Vec<StopIndex>>>, PlanError> {
     let mut known: BTreeMap<(VehicleId, StopId), StopIndex> = BTreeMap::new();
     for (index, plan) in plans.iter().enumerate() {

@@ -14,6 +14,7 @@ pub const MIN_POSITIONS: usize = 4;
 pub const MAX_POSITIONS: usize = 4000;
 
 /// A side of the area.
+#[cfg(test)]
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub enum Side {
     /// Where y is smallest.
@@ -100,6 +101,7 @@ impl Ring {
     }
 
     /// Returns the sides that a position lies on: one, or two at a corner.
+    #[cfg(test)]
     pub fn sides(&self, index: usize) -> Vec<Side> {
         let arc_m = self.arc_m(index % self.positions);
         let [_, east_m, north_m, west_m] = self.corner_arcs_m();

@@ -30,20 +30,8 @@ pub struct Lap {
     pub stops: Vec<(VehicleId, StopId, StopId)>,
 }
 
-impl Schedule {
-    /// Returns the number of laps that every vehicle has ended, counted from the first of the plans.
-    pub fn laps_done(&self, plans: &[Plan], progress: &[VehicleProgress]) -> usize {
-        let ended = |lap: &&Lap| {
-            lap.stops.iter().all(|(vehicle, _, last)| {
-                let plan = plans.iter().find(|plan| plan.vehicle == *vehicle);
-                plan.is_some_and(|plan| progress.iter().any(|heard| has_done(plan, heard, *last)))
-            })
-        };
-        self.laps.iter().take_while(ended).count()
-    }
-}
-
-/// Returns whether a vehicle's progress says that a stop of its plan is done.
+/// Returns whether a vehicle's progress says that a stop of its plan is done. Stops are done in the order of the plan,
+/// which is not that of their numbers.
 ///
 /// Progress of another vehicle, run or revision says nothing of the plan.
 pub fn has_done(plan: &Plan, progress: &VehicleProgress, stop: StopId) -> bool {

@@ -112,7 +112,7 @@ impl Succession {
 
     /// Begins a revision with the given plans; run, revision and members are filled in.
     ///
-    /// The plans must start where the vehicles rest: as last reported in [`Phase::Stopped`].
+    /// The plans must start where the vehicles rest: as last reported in [`RevisionPhase::Stopped`].
     ///
     /// # Errors
     /// The plans are not exactly one for each member, or not valid together; nothing is changed.

@@ -156,13 +156,8 @@ impl LinkBins {
     }
 
     /// Returns the number of bin pairs.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.bins.len()
-    }
-
-    /// Returns whether nothing was recorded.
-    pub fn is_empty(&self) -> bool {
-        self.bins.is_empty()
     }
 
     /// Returns the links in the order of their bins (rows, then columns, of the first and then of the second end).

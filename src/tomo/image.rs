@@ -15,20 +15,11 @@ pub struct Image {
 
 impl Image {
     /// Makes an image of zeros.
+    #[cfg(test)]
     pub fn zeros(grid: PixelGrid) -> Image {
         Image {
             grid,
             values: vec![0.0; grid.len()],
         }
-    }
-
-    /// Returns the smallest and the largest value.
-    pub fn range(&self) -> (f64, f64) {
-        let fold =
-            |start: f64, pick: fn(f64, f64) -> f64| self.values.iter().copied().fold(start, pick);
-        (
-            fold(f64::INFINITY, f64::min),
-            fold(f64::NEG_INFINITY, f64::max),
-        )
     }
 }

@@ -179,11 +179,6 @@ impl Imager {
         })
     }
 
-    /// Returns the settings.
-    pub fn settings(&self) -> &ImagingSettings {
-        &self.settings
-    }
-
     /// Forgets the last solution: the next one depends on its links alone, to the last bit.
     pub fn forget(&mut self) {
         self.last.clear();

@@ -36,6 +36,7 @@ impl ExponentPrior {
     /// Free space with little doubt: n = 2.0 ± 0.2; long links through walls cannot pull it away.
     pub const NEAR_FREE_SPACE: ExponentPrior = ExponentPrior { mean: 2.0, sd: 0.2 };
     /// Nothing is believed.
+    #[cfg(test)]
     pub const FREE: ExponentPrior = ExponentPrior {
         mean: 2.0,
         sd: f64::INFINITY,

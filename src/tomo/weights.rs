@@ -208,13 +208,8 @@ impl WeightRows {
     }
 
     /// Returns the number of rows (links).
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.row_starts.len().saturating_sub(1)
-    }
-
-    /// Returns whether there are no rows.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
     }
 
     /// Returns the pixels and weights of a row.

@@ -133,7 +133,7 @@ proptest! {
         text.replace_range(from..until, &insert);
         let lines = text.lines().count().max(1);
         if let Err(problems) = config::read(file, &text, &mut |path| bundled::load(path)) {
-            prop_assert!(!problems.is_empty());
+            prop_assert!(!problems.list().is_empty());
             for problem in problems.list() {
                 prop_assert!(problem.file != file || (1..=lines + 1).contains(&problem.line), "{problem}");
                 prop_assert!(!problem.wrong.is_empty());

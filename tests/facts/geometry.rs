@@ -65,11 +65,12 @@ fn edge(fact: &Fact) -> Checked {
     let [from, to] = ends[..] else {
         return Err("an edge has two ends".to_owned());
     };
-    let (edge, point) = (Segment::new(place(from), place(to)), fact.place("point")?);
+    let (from, to, point) = (place(from), place(to), fact.place("point")?);
     if fact.expects("intersects") {
-        return fact.expect("intersects", json!(edge.is_met_along_x(point)));
+        let is_met = Segment::new(from, to).is_met_along_x(point);
+        return fact.expect("intersects", json!(is_met));
     }
-    let met = edge.met_after_m(point, Angle::from_degrees(0.0));
+    let met = geometry_3d::met_along_x_m([from, to], point)?;
     fact.expect(
         "distance",
         met.map_or(Value::Null, |distance| json!(distance)),

@@ -100,7 +100,7 @@ pub fn check_weights(fact: &Fact) -> Checked {
 fn weights(link: Segment, grid: &PixelGrid, model: WeightModel) -> Vec<f64> {
     let mut rows = WeightRows::new();
     rows.push(link, grid, model);
-    let mut row = vec![0.0; grid.len()];
+    let mut row = vec![0.0; grid.columns * grid.rows];
     rows.row(0).for_each(|(pixel, weight)| row[pixel] = weight);
     row
 }
@@ -113,7 +113,7 @@ fn gaussian_row(fact: &Fact) -> Checked {
     };
     let weight =
         |pixel: usize| model.weight(link.excess_path_m(grid.centre(pixel)), link.length_m(), 1.0);
-    let all: Vec<f64> = (0..grid.len()).map(weight).collect();
+    let all: Vec<f64> = (0..grid.columns * grid.rows).map(weight).collect();
     let kept: Vec<f64> = all
         .iter()
         .map(|weight| if *weight < 1e-4 { 0.0 } else { *weight })

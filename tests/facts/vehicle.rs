@@ -1,17 +1,28 @@
 //! Facts about what a vehicle carries and keeps: range sensors, servos, the cells of its map.
 
+use std::cell::RefCell;
+use std::f64::consts::FRAC_PI_2;
+
 use serde_json::{Value, json};
-use tomoswarm::geom::{
-    Angle, Attitude, Bearing, Cell, Cylinder, Lattice, Point, Prism, Ray, Rect, Vector,
-};
+use tomoswarm::geom::{Angle, Attitude, Bearing, Cell, Lattice, Point, Rect, Vector};
 use tomoswarm::map::CellRect;
-use tomoswarm::node::echo::{SPEED_OF_SOUND_MPS, echo_distance_m};
-use tomoswarm::node::servo::ServoRange;
+use tomoswarm::node::servo::{ServoError, ServoRange};
+use tomoswarm::plan::{Mount, echo_time_s};
+use tomoswarm::scene::{Footprint, Material, Post};
+use tomoswarm::sim::noise::Noise;
+use tomoswarm::sim::range::{
+    Disc, Lobe, RangeModel, RangeSensor, RayCast, SensorPose, SensorSurroundings,
+};
 
 use super::fact::{Checked, Fact, place};
+use super::vrml::scene_of;
 
 /// Beyond this nothing is met, metres.
 const FARTHEST_M: f64 = 2000.0;
+/// Speed of sound of the facts, m/s; the program's own is rounded.
+const FACT_SOUND_MPS: f64 = 343.2;
+/// The angle of a servo's scale at which it looks ahead, degrees.
+const AHEAD_DEG: f64 = 90.0;
 
 /// Checks a fact about a range sensor.
 pub fn check_distance_sensor(fact: &Fact) -> Checked {
@@ -19,14 +30,26 @@ pub fn check_distance_sensor(fact: &Fact) -> Checked {
         () if fact.has("mount_deg") => {
             let yaw = Bearing::from_degrees(fact.number("yaw_bearing_deg")?).angle();
             let mount = Angle::from_degrees(fact.number("mount_deg")?);
-            let [x, y, _] = Attitude::level(yaw).beam(mount, Angle::default());
+            let looks_along = RefCell::new([0.0; 3]);
+            let eye = SensorPose {
+                origin: [0.0; 3],
+                attitude: Attitude::level(yaw),
+                beam: mount,
+            };
+            let cast = |_: [f64; 3], along: [f64; 3], _: f64| {
+                *looks_along.borrow_mut() = along;
+                None
+            };
+            heard(&eye, &cast, &[]);
+            let [x, y, _] = looks_along.into_inner();
             fact.expect(
                 "angle_deg",
                 json!(Vector::new(x, y).angle().positive_degrees()),
             )
         }
         () if fact.has("echo_ms") => {
-            let distance_m = echo_distance_m(fact.number("echo_ms")? * 1e-3, SPEED_OF_SOUND_MPS);
+            let per_metre_s = echo_time_s(1.0, FACT_SOUND_MPS);
+            let distance_m = fact.number("echo_ms")? * 1e-3 / per_metre_s;
             fact.expect("distance_m", json!(distance_m))
         }
         () if fact.has("pos_ne") => range_in_a_world(fact),
@@ -37,7 +60,22 @@ pub fn check_distance_sensor(fact: &Fact) -> Checked {
     }
 }
 
-/// Blocks and a pole on the ground, seen by a beam ahead.
+/// Returns what the simulated sensor reads when it is a single ray without noise.
+fn heard(eye: &SensorPose, cast: RayCast<'_>, discs: &[Disc]) -> Option<f64> {
+    let sensor = RangeSensor::new(RangeModel {
+        lobe: Lobe::Beam,
+        min_m: 0.0,
+        max_m: FARTHEST_M,
+        incidence_max_rad: FRAC_PI_2,
+        sd_m: 0.0,
+        ..RangeModel::default()
+    });
+    let around = SensorSurroundings { cast, discs };
+    sensor.echo_at(eye, around, &Noise::new(1), &[1])
+}
+
+/// Blocks and a pole on the ground, seen by a beam ahead: the blocks are the scene's, and the pole is what the
+/// simulation takes vehicles and persons for, since a round post of a scene has corners.
 fn range_in_a_world(fact: &Fact) -> Checked {
     let at = fact.place("pos_ne")?;
     let pitch_deg = if fact.has("pitch_deg") {
@@ -46,81 +84,105 @@ fn range_in_a_world(fact: &Fact) -> Checked {
         0.0
     };
     let yaw = Bearing::from_degrees(fact.number("bearing_deg")?).angle();
-    let attitude = Attitude {
-        pitch: Angle::from_degrees(pitch_deg),
-        ..Attitude::level(yaw)
+    let eye = SensorPose {
+        origin: [at.x_m, at.y_m, fact.number("alt")?],
+        attitude: Attitude {
+            pitch: Angle::from_degrees(pitch_deg),
+            ..Attitude::level(yaw)
+        },
+        beam: Angle::ZERO,
     };
-    let direction = attitude.beam(Angle::default(), Angle::default());
-    let ray = Ray::new([at.x_m, at.y_m, fact.number("alt")?], direction)
-        .ok_or("the beam has no direction")?;
     let (side, height) = (fact.number("block_side")?, fact.number("height")?);
     let half = Vector::new(side / 2.0, side / 2.0);
-    let block = |centre: Point| {
-        let outline = Rect::new(centre - half, centre + half).polygon();
-        Prism {
-            outline,
-            heights_m: [0.0, height],
+    let block = |centre: [f64; 2]| {
+        let centre = place(centre);
+        Post {
+            name: "block".to_owned(),
+            footprint: Footprint::Corners(Rect::new(centre - half, centre + half).polygon()),
+            low_m: 0.0,
+            high_m: height,
+            material: Material::default(),
         }
-        .met_after_m(ray)
     };
-    let blocks = fact
-        .table("blocks")?
-        .into_iter()
-        .filter_map(|centre| block(place(centre)));
+    let blocks: Vec<Post> = fact.table("blocks")?.into_iter().map(block).collect();
+    let scene = scene_of(&[], &blocks)?;
+    let cast = |origin: [f64; 3], along: [f64; 3], max_m: f64| {
+        let hit = scene.cast(origin, along, max_m)?;
+        Some((hit.distance_m, hit.normal))
+    };
     let [north, east, radius_m] = fact.numbers("pole")?;
-    let pole = Cylinder {
+    let pole = Disc {
         centre: place([north, east]),
         radius_m,
-        heights_m: [0.0, height],
+        low_m: 0.0,
+        high_m: height,
     };
-    let met = blocks
-        .chain(pole.met_after_m(ray))
-        .min_by(f64::total_cmp)
-        .filter(|met| *met <= FARTHEST_M);
     fact.expect(
         "distance",
-        met.map_or(Value::Null, |distance| json!(distance)),
+        heard(&eye, &cast, &[pole]).map_or(Value::Null, |distance| json!(distance)),
     )
 }
 
-/// Checks a fact about a servo.
+/// Checks a fact about a servo: pulse widths are a servo's, and what it reaches is its mount's.
 pub fn check_servo(fact: &Fact) -> Checked {
     let pulses = if fact.has("servo_pwm") {
         fact.numbers("servo_pwm")?
     } else {
         [1000.0, 2000.0]
     };
-    let servo = ServoRange::new(fact.numbers("servo_values")?, pulses)
-        .map_err(|error| error.to_string())?;
-    let shown = |error: tomoswarm::node::servo::ServoError| error.to_string();
+    let scale_deg = fact.numbers("servo_values")?;
+    let shown = |error: ServoError| error.to_string();
+    let servo = ServoRange::new(scale_deg, pulses).map_err(shown)?;
+    let pulse_us = |angle_deg: f64| servo.pulse_us(angle_deg).map_err(shown);
+    let mount = ScaledMount::new(scale_deg);
     match () {
         () if fact.has("initial") => {
             fact.flag("initial")?;
-            fact.expect("value", json!(servo.rest_deg()))?;
-            fact.expect(
-                "pwm",
-                json!(servo.pulse_us(servo.rest_deg()).map_err(shown)?),
-            )
+            let rest_deg = mount.scale_deg(mount.mount.rest_rad());
+            fact.expect("value", json!(rest_deg))?;
+            fact.expect("pwm", json!(pulse_us(rest_deg)?))
         }
         () if fact.has("requested_bearing_deg") => {
             let yaw = Bearing::from_degrees(fact.number("vehicle_yaw_deg")?);
             let wanted = Bearing::from_degrees(fact.number("requested_bearing_deg")?);
-            let angle_deg = servo
-                .toward_bearing_deg(yaw, wanted)
-                .ok_or("out of reach")?;
-            fact.expect("pwm", json!(servo.pulse_us(angle_deg).map_err(shown)?))
+            let beam = wanted.angle() - yaw.angle();
+            let offset_rad = mount.mount.reach(beam).ok_or("out of reach")?;
+            fact.expect("pwm", json!(pulse_us(mount.scale_deg(offset_rad))?))
         }
         () if fact.has("pwm") => fact.expect(
             "value",
             json!(servo.angle_deg(fact.number("pwm")?).map_err(shown)?),
         ),
         () if fact.expects("allowed") => {
-            fact.expect("allowed", json!(servo.owns(fact.number("value")?)))
+            let beam = Angle::from_degrees(fact.number("value")? - AHEAD_DEG);
+            fact.expect("allowed", json!(mount.mount.reach(beam).is_some()))
         }
-        () => fact.expect(
-            "pwm",
-            json!(servo.pulse_us(fact.number("value")?).map_err(shown)?),
-        ),
+        () => fact.expect("pwm", json!(pulse_us(fact.number("value")?)?)),
+    }
+}
+
+/// A servo's scale of the facts, and the mount that it is.
+struct ScaledMount {
+    mount: Mount,
+    zero_deg: f64,
+}
+
+impl ScaledMount {
+    /// The zero of a mount lies half a turn on where the scale goes further: it turns by half a turn at most.
+    fn new([low_deg, high_deg]: [f64; 2]) -> ScaledMount {
+        let zero_deg = if high_deg > 180.0 { 180.0 } else { 0.0 };
+        let mount = Mount {
+            zero: Angle::from_degrees(zero_deg - AHEAD_DEG),
+            from_rad: (low_deg - zero_deg).to_radians(),
+            to_rad: (high_deg - zero_deg).to_radians(),
+            slew_s_per_rad: 0.0,
+        };
+        ScaledMount { mount, zero_deg }
+    }
+
+    /// Returns the angle on the scale of a position of the servo, degrees.
+    fn scale_deg(&self, offset_rad: f64) -> f64 {
+        self.zero_deg + offset_rad.to_degrees()
     }
 }
 
@@ -143,9 +205,9 @@ pub fn check_memory_map(fact: &Fact) -> Checked {
             fact.expect("in_bounds", json!(all.contains(cell()?)))
         }
         () if fact.has("index") => {
-            let corner = lattice.corner(cell()?);
-            fact.expect("north", json!(corner.y_m))?;
-            fact.expect("east", json!(corner.x_m))
+            let (centre, half_m) = (lattice.centre(cell()?), lattice.cell_m() / 2.0);
+            fact.expect("north", json!(centre.y_m - half_m))?;
+            fact.expect("east", json!(centre.x_m - half_m))
         }
         () if fact.has("angle_deg") => {
             let angle = Angle::from_degrees(fact.number("angle_deg")?);

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde_json::{Value, json};
 use tomoswarm::geom::Bearing;
-use tomoswarm::scene::{Material, Scene, SceneParts, Up, VrmlScene, read_vrml};
+use tomoswarm::scene::{Material, Post, Scene, SceneParts, Up, VrmlScene, VrmlShape, read_vrml};
 
 use super::fact::{Checked, Fact};
 use super::shared::shared_text;
@@ -50,19 +50,21 @@ pub fn check_ray(fact: &Fact) -> Result<bool, String> {
     check_cast(fact, &read).map(|()| true)
 }
 
-fn check_cast(fact: &Fact, read: &VrmlScene) -> Checked {
+/// Builds a scene of shapes and posts; what they are made of does not matter to rays.
+pub fn scene_of(shapes: &[VrmlShape], posts: &[Post]) -> Result<Scene, String> {
     let parts = SceneParts {
-        shapes: &read.shapes,
+        shapes,
         offset_m: [0.0; 3],
         materials: &BTreeMap::new(),
-        default_material: Material {
-            db_per_m: 20.0,
-            db_per_crossing: 6.0,
-        },
-        posts: &[],
+        default_material: Material::default(),
+        posts,
         persons: &[],
     };
-    let scene = Scene::build(&parts).map_err(|error| error.to_string())?;
+    Scene::build(&parts).map_err(|error| error.to_string())
+}
+
+fn check_cast(fact: &Fact, read: &VrmlScene) -> Checked {
+    let scene = scene_of(&read.shapes, &[])?;
     let toward = Bearing::from_degrees(fact.number("bearing_deg")?)
         .angle()
         .radians();

@@ -43,7 +43,7 @@ fn without_the_empty_sweep_the_wall_is_what_is_seen() {
     );
     let mean = |x0: f64, y0: f64, x1: f64, y1: f64| {
         let area = Rect::new(Point::new(x0, y0), Point::new(x1, y1));
-        let inside: Vec<f64> = (0..result.image.grid.len())
+        let inside: Vec<f64> = (0..result.image.values.len())
             .filter(|pixel| area.contains(result.image.grid.centre(*pixel)))
             .map(|pixel| result.image.values[pixel])
             .collect();

@@ -421,7 +421,10 @@ impl Network {
 
     /// Returns the tiles of all layers that the first map holds.
     pub fn tiles_held(&self) -> usize {
-        self.maps()[0].layers().map(|(_, layer)| layer.len()).sum()
+        self.maps()[0]
+            .layers()
+            .map(|(_, layer)| layer.tiles().count())
+            .sum()
     }
 
     /// Returns the layers of a vehicle that the station's map holds.

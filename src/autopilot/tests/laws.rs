@@ -42,7 +42,7 @@ enum Happening {
     DisarmedByHand,
     /// The autopilot goes home by itself.
     Failsafe,
-    /// Nothing is reported for so long.
+    /// Nothing is reported for this long.
     Silence(Duration),
     Nothing,
 }

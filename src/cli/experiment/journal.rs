@@ -10,9 +10,15 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::row::RunRow;
-use super::{JOURNAL, RUNS, TABLE};
 use crate::cli::error::CliError;
 use crate::cli::read::LIMIT_BYTES;
+
+/// The file of the runs, as a table to be read on.
+pub(super) const RUNS: &str = "runs.csv";
+/// The file of the table.
+pub(super) const TABLE: &str = "table.txt";
+/// The file of the journal.
+const JOURNAL: &str = "journal.jsonl";
 
 /// What is done with an earlier run.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

@@ -12,7 +12,14 @@ use crate::config::section::{Section, number_of, whole_of};
 use crate::config::source::ProblemClass;
 use crate::config::vehicle::PARTY;
 
-use super::{CELLS, MOST_RUNS, SAFETY, SIZES};
+/// The most runs of an experiment.
+pub const MOST_RUNS: usize = 100_000;
+/// The key of the safety distances.
+pub(super) const SAFETY: &str = "safety_distances_m";
+/// The key of the sides of cells.
+pub(super) const CELLS: &str = "cells_m";
+/// The key of the venue's sizes.
+pub(super) const SIZES: &str = "sizes_m";
 
 /// The most values of an axis, seeds apart.
 const MOST_VALUES: usize = 64;

@@ -1,7 +1,7 @@
 //! Writing: a file as TOML, every key with its value, in the order of declaration; on demand with unit and meaning as a
 //! comment. Read back, the text gives the same values.
 
-use super::super::overlay::Layer;
+use super::super::overlay::{Layer, quoted};
 use super::unit::unit;
 use super::{
     Flag, Form, KeyEntry, Keyed, Keys, MaybeTable, NamedTables, Number, NumberBounds, Numbers,
@@ -155,18 +155,4 @@ pub(in crate::config) fn number(value: f64) -> String {
 /// Returns a list of values that are written already.
 pub(in crate::config) fn list(values: impl Iterator<Item = String>) -> String {
     format!("[{}]", values.collect::<Vec<String>>().join(", "))
-}
-
-/// Returns a text as TOML writes it.
-pub(crate) fn quoted(text: &str) -> String {
-    let mut quoted = String::from("\"");
-    for c in text.chars() {
-        match c {
-            '"' | '\\' => quoted.extend(['\\', c]),
-            c if c.is_control() => quoted += &format!("\\u{:04X}", u32::from(c)),
-            c => quoted.push(c),
-        }
-    }
-    quoted.push('"');
-    quoted
 }

@@ -1,6 +1,8 @@
 //! The table against the messages themselves and against what proto/README.md promises to others.
 
-use tomoswarm_proto::{MissionProgress, OperatorId, Order, OrderKind, Topic, VehicleId};
+use tomoswarm_proto::{
+    MessageSubject, MissionProgress, OperatorId, Order, OrderKind, Topic, VehicleId,
+};
 
 use super::super::examples::examples;
 use super::*;

@@ -11,7 +11,7 @@ use crate::time::Time;
 
 /// One vehicle as the ground sees it.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct FleetMember {
+pub(crate) struct FleetMember {
     /// Its newest state, and when it came.
     state: Option<(Time, State)>,
     /// States that came behind the newest one since.
@@ -26,7 +26,7 @@ pub struct FleetMember {
 
 /// What a message of a vehicle has shown.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub struct FleetChange {
+pub(crate) struct FleetChange {
     /// Its software has been started anew.
     pub restarted: bool,
     /// It was lost, and is back.
@@ -39,12 +39,12 @@ pub struct FleetChange {
 
 impl FleetMember {
     /// Returns its newest state.
-    pub fn state(&self) -> Option<&State> {
+    pub(crate) fn state(&self) -> Option<&State> {
         self.state.as_ref().map(|(_, state)| state)
     }
 
     /// Returns its newest state, as plans and orders name it; `None` = it was not heard.
-    pub fn seen_state(&self) -> Option<SeenState> {
+    pub(crate) fn seen_state(&self) -> Option<SeenState> {
         self.state().map(|state| SeenState {
             boot: state.boot,
             sequence: state.sequence,
@@ -52,48 +52,48 @@ impl FleetMember {
     }
 
     /// Returns where it is; `None` when it was not heard, or does not know.
-    pub fn place(&self) -> Option<Point> {
+    pub(crate) fn place(&self) -> Option<Point> {
         self.state()?.pose.map(|pose| pose.at.into())
     }
 
     /// Returns its newest progress.
-    pub fn progress(&self) -> Option<VehicleProgress> {
+    pub(crate) fn progress(&self) -> Option<VehicleProgress> {
         self.progress
     }
 
     /// Returns what the newest start of its software has said of its mission last.
-    pub fn mission(&self) -> Option<&MissionProgress> {
+    pub(crate) fn mission(&self) -> Option<&MissionProgress> {
         self.mission.as_ref()
     }
 
     /// Returns when it last said its state. Progress alone is no sign of life: it comes on when the autopilot is silent.
-    pub fn heard_at(&self) -> Option<Time> {
+    pub(crate) fn heard_at(&self) -> Option<Time> {
         self.heard_at
     }
 
     /// Returns what was dealt with it.
-    pub fn dealings(&self) -> &OrderLedger {
+    pub(crate) fn dealings(&self) -> &OrderLedger {
         &self.dealings
     }
 
     /// Returns what was dealt with it, to be dealt with further.
-    pub fn dealings_mut(&mut self) -> &mut OrderLedger {
+    pub(crate) fn dealings_mut(&mut self) -> &mut OrderLedger {
         &mut self.dealings
     }
 
     /// Returns whether it is waited for, and was not heard yet.
-    pub fn is_unheard(&self) -> bool {
+    pub(crate) fn is_unheard(&self) -> bool {
         self.state.is_none() && !self.dealings.is_lost()
     }
 
     /// Returns whether a start of its software is the newest one heard, or newer.
-    pub fn is_current(&self, boot: Boot) -> bool {
+    pub(crate) fn is_current(&self, boot: Boot) -> bool {
         self.dealings.boot().is_none_or(|known| known <= boot)
     }
 
     /// Takes a state, from a station that orders by `lease`; an older one changes nothing, unless older ones go on and nothing
     /// newer comes, and one of an earlier start only after a long silence.
-    pub fn hear_state(&mut self, now: Time, state: State, lease: Lease) -> FleetChange {
+    pub(crate) fn hear_state(&mut self, now: Time, state: State, lease: Lease) -> FleetChange {
         let key = |state: &State| (state.boot, state.sequence);
         let is_believed = match self.state().map(key) {
             _ if !self.is_current(state.boot) => self.counts_anew(now, state.boot),
@@ -129,7 +129,7 @@ impl FleetMember {
 
     /// Takes a progress; one of an older start of the software changes nothing, nor does one behind what was said not long
     /// ago.
-    pub fn hear_progress(&mut self, now: Time, progress: VehicleProgress) -> FleetChange {
+    pub(crate) fn hear_progress(&mut self, now: Time, progress: VehicleProgress) -> FleetChange {
         if !self.is_current(progress.boot) {
             return FleetChange::default();
         }
@@ -148,19 +148,19 @@ impl FleetMember {
     }
 
     /// Takes what it says of its mission, unless an earlier start of its software has said it.
-    pub fn hear_mission(&mut self, mission: &MissionProgress) {
+    pub(crate) fn hear_mission(&mut self, mission: &MissionProgress) {
         if self.is_current(mission.boot) {
             self.mission = Some(*mission);
         }
     }
 
     /// Counts its silence from a moment on, if it was not heard before.
-    pub fn count_silence_from(&mut self, from: Time) {
+    pub(crate) fn count_silence_from(&mut self, from: Time) {
         self.heard_at.get_or_insert(from);
     }
 
     /// Returns the order that is not yet seen in a state, answering the newest state heard.
-    pub fn open_order(&self) -> Option<Order> {
+    pub(crate) fn open_order(&self) -> Option<Order> {
         let seen = self.seen_state()?;
         Some(Order {
             seen: Some(seen),
@@ -169,14 +169,14 @@ impl FleetMember {
     }
 
     /// Takes the open order for said.
-    pub fn note_said(&mut self) {
+    pub(crate) fn note_said(&mut self) {
         if self.state.is_some() {
             self.dealings.note_said();
         }
     }
 
     /// Takes up what was dealt with it before.
-    pub fn recall(&mut self, dealings: OrderLedger) {
+    pub(crate) fn recall(&mut self, dealings: OrderLedger) {
         self.dealings = dealings;
     }
 

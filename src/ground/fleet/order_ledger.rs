@@ -14,7 +14,7 @@ use tomoswarm_proto::{Boot, Lease, Order, OrderKind, Ordered, Revision, RunId, S
 
 /// What must not be forgotten of a vehicle when the ground station starts anew.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
-pub struct OrderLedger {
+pub(crate) struct OrderLedger {
     /// Newest start of its software that was heard.
     boot: Option<Boot>,
     /// What the station has ordered last.
@@ -37,54 +37,54 @@ pub struct OrderLedger {
 
 impl OrderLedger {
     /// Returns the newest start of its software that was heard.
-    pub fn boot(&self) -> Option<Boot> {
+    pub(crate) fn boot(&self) -> Option<Boot> {
         self.boot
     }
 
-    /// Takes which start of its software is heard; returns whether it is another one than before.
-    pub fn hear(&mut self, boot: Boot) -> bool {
+    /// Records which start of its software is heard; returns whether it is another one than before.
+    pub(crate) fn hear(&mut self, boot: Boot) -> bool {
         self.boot.replace(boot).is_some_and(|known| known != boot)
     }
 
     /// Returns whether it has been silent for too long while others were heard.
-    pub fn is_lost(&self) -> bool {
+    pub(crate) fn is_lost(&self) -> bool {
         self.is_lost
     }
 
     /// Counts it as lost until it is found.
-    pub fn lose(&mut self) {
+    pub(crate) fn lose(&mut self) {
         self.is_lost = true;
     }
 
     /// Counts it as there; returns whether it was lost.
-    pub fn find(&mut self) -> bool {
+    pub(crate) fn find(&mut self) -> bool {
         std::mem::take(&mut self.is_lost)
     }
 
     /// Returns what it was ordered other than Start, by anyone, since its last Start; the strongest.
-    pub fn stands(&self) -> Option<OrderKind> {
+    pub(crate) fn stands(&self) -> Option<OrderKind> {
         self.stands
     }
 
     /// Returns the order that is to be repeated.
-    pub fn open_order(&self) -> Option<&Order> {
+    pub(crate) fn open_order(&self) -> Option<&Order> {
         self.issued.as_ref().filter(|_| self.is_pending)
     }
 
     /// Takes the open order for said: from now on it may be on its way.
-    pub fn note_said(&mut self) {
+    pub(crate) fn note_said(&mut self) {
         self.is_said |= self.open_order().is_some();
     }
 
     /// Starts it unless something stands: what somebody has stopped, only somebody starts.
-    pub fn start(&mut self, vehicle: VehicleId, lease: Lease, run: RunId) {
+    pub(crate) fn start(&mut self, vehicle: VehicleId, lease: Lease, run: RunId) {
         if self.stands.is_none() {
             self.order(vehicle, lease, run, OrderKind::Start);
         }
     }
 
     /// Orders something above whatever it has obeyed before.
-    pub fn order(&mut self, vehicle: VehicleId, lease: Lease, run: RunId, kind: OrderKind) {
+    pub(crate) fn order(&mut self, vehicle: VehicleId, lease: Lease, run: RunId, kind: OrderKind) {
         let echo = self.shown_order.filter(|echo| echo.lease >= lease);
         let obeyed = echo.map_or(Revision(0), |echo| echo.revision);
         let pending = self
@@ -109,7 +109,7 @@ impl OrderLedger {
     }
 
     /// Passes what is still to be repeated to another right, above what the vehicle shows of that right.
-    pub fn pass_to(&mut self, lease: Lease) {
+    pub(crate) fn pass_to(&mut self, lease: Lease) {
         let obeyed = self
             .shown_order
             .filter(|echo| echo.lease == lease)
@@ -124,10 +124,10 @@ impl OrderLedger {
         }
     }
 
-    /// Takes that an emergency stop holds it, whoever has ordered what: that stands until somebody starts it. An own start that
+    /// Records that an emergency stop holds it, whoever has ordered what: that stands until somebody starts it. An own start that
     /// is not obeyed yet is given up; the next one to order counts on to its number, once it was said: a hold goes above it, so
     /// that no other start is taken for it.
-    pub fn be_stopped(&mut self, vehicle: VehicleId, lease: Lease) {
+    pub(crate) fn be_stopped(&mut self, vehicle: VehicleId, lease: Lease) {
         self.stand(OrderKind::Hold);
         let start = self
             .issued
@@ -151,7 +151,7 @@ impl OrderLedger {
 
     /// Takes what a vehicle says it was ordered; returns the run that somebody else has started it for. Of orders
     /// from before it was first heard, only a run counts whose plans it has not `accepted`, under at least `lease`.
-    pub fn take_shown_order(
+    pub(crate) fn take_shown_order(
         &mut self,
         echo: Ordered,
         accepted: RunId,
@@ -235,7 +235,7 @@ impl OrderLedger {
 
     /// Returns the run that a vehicle is in the middle of, though it was started before anything was heard of it: who
     /// drives a leg has not come to the end of its plan.
-    pub fn under_way(&mut self, state: &State) -> Option<RunId> {
+    pub(crate) fn under_way(&mut self, state: &State) -> Option<RunId> {
         if state.leg.is_some() {
             self.earlier.take()
         } else {

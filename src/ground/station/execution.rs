@@ -120,7 +120,7 @@ impl SweepExecution {
         }
     }
 
-    /// Takes that a run is left to the vehicles: if it was begun as a sweep, it is none.
+    /// Records that a run is left to the vehicles: if it was begun as a sweep, it is none.
     pub(super) fn leave_to_vehicles(&mut self, run: RunId) {
         if self.phase.sweep().is_some_and(|sweep| sweep.run() == run) {
             self.phase.end();

@@ -23,11 +23,11 @@ use tomoswarm_proto::{Hello, Lease, Sender};
 
 use crate::time::Time;
 
-/// Echoes and reports are listened to for so long before a lease is taken.
+/// Echoes and reports are listened to for this long before a lease is taken.
 const LISTEN: Duration = Duration::from_secs(2);
 /// Another ground lives when its report came within this time.
 const LIVES: Duration = Duration::from_secs(5);
-/// Who stands by takes over when the other one has been silent for so long.
+/// Who stands by takes over when the other one has been silent for this long.
 const SILENT: Duration = Duration::from_secs(10);
 
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]

@@ -17,7 +17,7 @@
 //! 5. If D is dead it stands where its autopilot has stopped it, at the latest at the end of the leg that it had entered.
 //!
 //! By 3, 4 and 5, D stands still once it was not heard for its autonomy and the time to end a leg (5 s). So plans are
-//! asked for only when all others report e *and* every dropped vehicle has been silent for so long, also one that was last
+//! asked for only when all others report e *and* every dropped vehicle has been silent for this long, also one that was last
 //! heard at rest: it may have heard of plans since. After a restart of the ground silence is counted anew. Where it stands is known only roughly: the vehicles treat its last claimed leg as an obstacle, see it by their range
 //! sensors, and drive around it by themselves; the planner does not know of it.
 //!

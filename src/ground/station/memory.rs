@@ -97,24 +97,9 @@ impl StationMemory {
         }
     }
 
-    /// Returns the id of the store that it belongs to.
-    pub fn store(&self) -> u64 {
-        self.state.store
-    }
-
     /// Returns the run that is under way, if any.
     pub fn run(&self) -> Option<RunId> {
         self.state.phase.sweep().map(SweepRun::run)
-    }
-
-    /// Returns the runs that are closed, ascending.
-    pub fn closed(&self) -> impl Iterator<Item = RunId> {
-        self.state.runs.closed().iter().copied()
-    }
-
-    /// Returns the lease that was held last.
-    pub fn lease(&self) -> Lease {
-        self.state.lease
     }
 }
 
@@ -280,11 +265,9 @@ mod tests {
         parts.lease.number = 4;
         parts.fleet.lose_unheard(Time::ZERO);
         let memory = StationMemory::of_changes(None, parts.parts_to_remember()).unwrap();
-        assert_eq!(
-            (memory.store(), memory.lease(), memory.run()),
-            (7, parts.lease, None)
-        );
         let state = memory.state().clone();
+        assert_eq!((state.store, state.lease), (7, parts.lease));
+        assert_eq!(memory.run(), None);
         let restored = memory.restore();
         assert_eq!(restored.dealings, parts.fleet.dealings());
         let again = Parts {

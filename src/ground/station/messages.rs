@@ -200,9 +200,9 @@ pub struct StationSettings {
     pub boot: Boot,
     /// The run measured with nobody inside, with which runs begun by an operator's order are compared.
     pub compare_with: Option<RunId>,
-    /// A vehicle is lost when it has been silent for so long while others were heard.
+    /// A vehicle is lost when it has been silent for this long while others were heard.
     pub lost_after: Duration,
-    /// A vehicle without a bus carries on under its plan for so long.
+    /// A vehicle without a bus carries on under its plan for this long.
     pub autonomy: Duration,
     /// Id of the sample store.
     pub store: u64,

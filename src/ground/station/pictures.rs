@@ -10,7 +10,7 @@ use crate::ground::imager::{Job, ReconstructedImage, Subject};
 use crate::ground::samples::SampleStore;
 use crate::time::Time;
 
-/// Last pictures that did not come after so long are asked for again.
+/// Last pictures that did not come after this long are asked for again.
 const PICTURED_WITHIN: Duration = Duration::from_secs(120);
 
 /// What a picture is named by.
@@ -100,7 +100,7 @@ impl Pictures {
         jobs(&self.due[first..], samples)
     }
 
-    /// Takes that a picture was made; returns whether it was the last one that was due of its run.
+    /// Records that a picture was made; returns whether it was the last one that was due of its run.
     pub(super) fn take(&mut self, made: PictureName) -> bool {
         self.made = self.made.saturating_add(1);
         let was_due = self.due.len();

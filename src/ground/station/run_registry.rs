@@ -33,7 +33,7 @@ pub(super) struct RunRegistry {
 }
 
 impl RunRegistry {
-    /// Takes that an operator has started a run; it counts if it is higher than any before. Without a task it is compared
+    /// Records that an operator has started a run; it counts if it is higher than any before. Without a task it is compared
     /// with `default`, and is a sweep.
     pub(super) fn start(&mut self, now: Time, run: RunId, default: Option<RunId>) {
         if run <= self.newest {
@@ -76,12 +76,12 @@ impl RunRegistry {
         self.withdraw(run);
     }
 
-    /// Takes that a run has ended; `why` may be empty.
+    /// Records that a run has ended; `why` may be empty.
     pub(super) fn end(&mut self, run: RunId, end: RunEnd, why: impl Into<String>) {
         self.runs.end(run, end, why);
     }
 
-    /// Takes that everything of a run is done and all its samples are in; its last pictures are still to be made.
+    /// Records that everything of a run is done and all its samples are in; its last pictures are still to be made.
     pub(super) fn close(&mut self, run: RunId) {
         self.closed.insert(run);
     }
@@ -110,7 +110,7 @@ impl RunRegistry {
             .map(|requested| (requested, self.waits_since))
     }
 
-    /// Takes that the requested sweep is begun.
+    /// Records that the requested sweep is begun.
     pub(super) fn begin_requested(&mut self) {
         if let Some(requested) = self.requested.take() {
             self.closed.remove(&requested.run);

@@ -122,7 +122,7 @@ impl Runs {
             .is_none_or(|known| known.kind == MissionKind::Sweep)
     }
 
-    /// Takes that vehicles are out for missions of their own in a run that has no task.
+    /// Records that vehicles are out for missions of their own in a run that has no task.
     pub(super) fn leave_to(&mut self, run: RunId, kind: MissionKind, members: Vec<VehicleId>) {
         if let Some(known) = self.0.get_mut(&run) {
             (known.kind, known.members) = (kind, members);

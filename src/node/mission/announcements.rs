@@ -32,13 +32,13 @@ impl Announcements {
         }
     }
 
-    /// Tells for which run is measured, if that has changed.
+    /// Records for which run is measured; returns what is to be said if that has changed.
     pub(super) fn measure(&mut self, run: Option<RunId>) -> Option<Out> {
         let is_news = run != std::mem::replace(&mut self.measure, run);
         is_news.then_some(Out::Measure(run))
     }
 
-    /// Tells why the vehicle stands and does not go on by itself, if that has changed.
+    /// Records why the vehicle stands and does not go on by itself; returns what is to be said if that has changed.
     pub(super) fn holds(&mut self, why: Option<StandReason>) -> Option<Out> {
         let is_news = why != std::mem::replace(&mut self.holds, why);
         is_news.then_some(Out::Holds(why))

@@ -94,7 +94,7 @@ impl Assignment {
         task.run == self.run && self.decide()
     }
 
-    /// Takes that it is started in a run; returns whether it begins something, or something else.
+    /// Records that it is started in a run; returns whether it begins something, or something else.
     pub(super) fn start(&mut self, run: RunId) -> bool {
         let is_another = run != self.run;
         self.run = run;

@@ -13,41 +13,19 @@
 //! [`super::Mission`].
 
 use std::collections::BTreeSet;
-use std::fmt;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Sender, VehicleId};
 
-use super::MissionEvent;
 use super::goal::{Goal, GoalSource};
+use super::messages::{AutonomyCause, MissionEvent};
 use crate::config::Safety;
 use crate::node::peers::{Peers, SILENT_AFTER};
 use crate::time::Time;
 
 /// A battery that was low must be charged by this much more before it is not low any more, 0 to 1.
 const CHARGED: f64 = 0.05;
-
-/// Why a vehicle does something that nobody has ordered.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub enum AutonomyCause {
-    /// Nobody was heard on the bus for `autonomy_s`.
-    BusLost,
-    /// The battery is below `battery_return`.
-    BatteryLow,
-    /// The battery is below `battery_hold`.
-    BatteryEmpty,
-}
-
-impl fmt::Display for AutonomyCause {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            AutonomyCause::BusLost => "the bus is lost",
-            AutonomyCause::BatteryLow => "the battery is low",
-            AutonomyCause::BatteryEmpty => "the battery is nearly empty",
-        })
-    }
-}
 
 /// What a vehicle decides on its own.
 #[derive(Clone, PartialEq, Debug)]
@@ -78,14 +56,14 @@ pub(super) struct Autonomy {
 }
 
 impl Autonomy {
-    /// Takes that another node was heard on the bus.
+    /// Records that another node was heard on the bus.
     pub(super) fn heard_bus(&mut self, now: Time, own: VehicleId, by: Sender) {
         if by != Sender::Vehicle(own) {
             self.bus_at = Some(now);
         }
     }
 
-    /// Takes that another vehicle was heard by radio.
+    /// Records that another vehicle was heard by radio.
     pub(super) fn heard_radio(&mut self, now: Time) {
         self.radio_at = Some(now);
     }

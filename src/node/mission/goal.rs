@@ -14,7 +14,7 @@
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::OrderKind;
 
-use super::{AutonomyCause, MissionStatus};
+use super::messages::{AutonomyCause, MissionStatus};
 use crate::time::Time;
 
 /// What is wanted of a vehicle.

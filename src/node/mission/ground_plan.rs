@@ -35,7 +35,7 @@ const LAST_STOPS: usize = 4;
 const SKIPS_MAX: u32 = 16;
 /// So many stops behind those entered are tried before one is given up.
 const LOOK_STOPS: usize = 8;
-/// A revision that was not heard for so long while an earlier one is given is nobody's: a ground station says its newest
+/// A revision that was not heard for this long while an earlier one is given is nobody's: a ground station says its newest
 /// one alone, and no plan is that long on its way.
 const UNHEARD_AFTER: Duration = Duration::from_secs(15);
 
@@ -73,7 +73,7 @@ impl GroundPlan {
         }
     }
 
-    /// Takes where the vehicle is; returns whether that was not known before.
+    /// Records where the vehicle is; returns whether that was not known before.
     pub(super) fn begin_at(&mut self, place: Point) -> bool {
         let is_new = self.follower.is_none();
         self.follower
@@ -125,7 +125,7 @@ impl GroundPlan {
         self.follower.as_ref().and_then(Follower::waits_for)
     }
 
-    /// Takes that the vehicle leaves its plan.
+    /// Records that the vehicle leaves its plan.
     pub(super) fn leave(&mut self) {
         self.has_left = true;
     }
@@ -171,14 +171,14 @@ impl GroundPlan {
         }
     }
 
-    /// Takes how far a peer is.
+    /// Records how far a peer is.
     pub(super) fn hear(&mut self, now: Time, progress: &VehicleProgress) {
         if let Some(follower) = &mut self.follower {
             follower.hear(now, progress);
         }
     }
 
-    /// Takes that a vehicle that was held goes on.
+    /// Records that a vehicle that was held goes on.
     pub(super) fn resume(&mut self) {
         if let Some(follower) = &mut self.follower {
             follower.resume();
@@ -194,13 +194,13 @@ impl GroundPlan {
         follower.enter(stop.id).is_ok().then_some(stop)
     }
 
-    /// Takes that a stop was passed or reached.
+    /// Records that a stop was passed or reached.
     pub(super) fn pass(&mut self, now: Time, stop: StopId, place: Point) {
         self.skips = 0;
         self.done(now, stop, place);
     }
 
-    /// Takes that a stop is given up.
+    /// Records that a stop is given up.
     pub(super) fn skip(&mut self, now: Time, stop: StopId, place: Point) {
         self.done(now, stop, place);
     }
@@ -212,14 +212,14 @@ impl GroundPlan {
         }
     }
 
-    /// Takes that time goes on while the vehicle follows.
+    /// Records that time goes on while the vehicle follows.
     pub(super) fn wake(&mut self, now: Time) {
         if let Some(follower) = &mut self.follower {
             follower.wake(now);
         }
     }
 
-    /// Takes that the vehicle rests at a place without a way to drive: a newer revision may be adopted from there.
+    /// Records that the vehicle rests at a place without a way to drive: a newer revision may be adopted from there.
     pub(super) fn rest_at(&mut self, place: Point) {
         if let Some(follower) = &mut self.follower {
             // Whether one was adopted shows in the news.

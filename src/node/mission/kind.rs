@@ -127,13 +127,13 @@ pub(super) trait Behaviour {
     /// Returns how the mission ends now that its peers have not made room for very long.
     fn give_up(&self) -> EndReason;
 
-    /// Takes that the place to which it wanted to go is passed over.
+    /// Records that the place to which it wanted to go is passed over.
     fn pass_over(&mut self, _why: PassedOver) {}
 
-    /// Takes that a tile of the map has changed.
+    /// Records that a tile of the map has changed.
     fn tile_changed(&mut self, _address: TileAddress) {}
 
-    /// Takes where the peers are, before anything else is decided.
+    /// Records where the peers are, before anything else is decided.
     fn watch_peers(&mut self, _around: &MissionContext<'_>) {}
 }
 

@@ -8,7 +8,6 @@ use tomoswarm_proto::{
     StandReason, State, StopId, Task, TileAddress, TileReport, VehicleId,
 };
 
-use super::autonomy::AutonomyCause;
 use super::obstruction::Obstruction;
 use super::pilot::WayEvent;
 use crate::actor::{Input, InputClass};
@@ -20,6 +19,27 @@ use crate::node::radio::BeaconReport;
 use crate::node::vehicle::{self, MoveCommand};
 use crate::sweep::{PlanRefusal, VehicleProgress};
 use crate::time::Time;
+
+/// Why a vehicle does something that nobody has ordered.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub enum AutonomyCause {
+    /// Nobody was heard on the bus for `autonomy_s`.
+    BusLost,
+    /// The battery is below `battery_return`.
+    BatteryLow,
+    /// The battery is below `battery_hold`.
+    BatteryEmpty,
+}
+
+impl fmt::Display for AutonomyCause {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            AutonomyCause::BusLost => "the bus is lost",
+            AutonomyCause::BatteryLow => "the battery is low",
+            AutonomyCause::BatteryEmpty => "the battery is nearly empty",
+        })
+    }
+}
 
 /// What the mission actor can be told.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]

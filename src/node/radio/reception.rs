@@ -9,13 +9,21 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{BEACON_MEMBERS_MAX, Beacon, Boot, PoseReport, RunId, Sample, VehicleId};
 
-use super::HeardBeacon;
 use super::ring::MEMBER_FOR;
 use crate::geom::Pose;
 use crate::time::Time;
 
 /// A gap of more beacons than this is a new start, not that many misses.
 const MISSES_MAX: u32 = 200;
+
+/// A beacon that came in.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct HeardBeacon {
+    /// What it said.
+    pub beacon: Beacon,
+    /// Received signal strength, dBm.
+    pub rssi_dbm: i16,
+}
 
 /// What was heard, and the samples made of it.
 #[derive(Clone, Debug, Serialize, Deserialize)]

@@ -52,7 +52,7 @@ impl BeaconRing {
         self.slot_at
     }
 
-    /// Takes whom a beacon shows: its speaker, and those that it lists as heard.
+    /// Records whom a beacon shows: its speaker, and those that it lists as heard.
     pub(super) fn hear(&mut self, now: Time, speaker: VehicleId, listed: &[VehicleId]) {
         for member in listed
             .iter()
@@ -67,7 +67,7 @@ impl BeaconRing {
         self.slot_at = now + self.wait_after(now, speaker);
     }
 
-    /// Takes that the vehicle itself speaks; it does so again after the longest silence unless it hears somebody before.
+    /// Records that the vehicle itself speaks; it does so again after the longest silence unless it hears somebody before.
     pub(super) fn speak(&mut self, now: Time) {
         self.forget(now);
         let ring = self.members.len() as u32 + 1;

@@ -3,13 +3,13 @@
 //! so that whoever disarms a rover by hand is not overruled.
 //!
 //! ```text
-//!   landing, emergency ──► [AtRest] ──rests──► [Told] ◄── motors cut
+//!   landing, emergency ──► [AtRest] ──rests──► [Ordered] ◄── motors cut
 //! ```
 
 use serde::{Deserialize, Serialize};
 
 use super::messages::{Motion, Telemetry};
-use super::{RESEND_AFTER, REST_GRACE};
+use super::movement::{RESEND_AFTER, REST_GRACE};
 use crate::time::Time;
 
 /// How far the disarming of a vehicle has come.

@@ -32,7 +32,7 @@ pub(super) enum Emergency {
 }
 
 impl Emergency {
-    /// Takes which open stop the vehicle stands under; returns whether it must brake now.
+    /// Records which open stop the vehicle stands under; returns whether it must brake now.
     pub(super) fn take(&mut self, now: Time, open: Option<EmergencyName>) -> bool {
         let (next, brakes) = match (*self, open) {
             (Emergency::Clear, None) => (Emergency::Clear, false),

@@ -37,7 +37,7 @@ pub(super) enum LastTelemetry {
 }
 
 impl LastTelemetry {
-    /// Takes new telemetry.
+    /// Records new telemetry.
     pub(super) fn take(&mut self, now: Time, telemetry: Telemetry) {
         *self = LastTelemetry::Heard { at: now, telemetry };
     }

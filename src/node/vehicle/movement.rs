@@ -2,13 +2,18 @@
 //! Whether the body moves is said by telemetry, which ends a leg, a turn or a braking; nothing here speaks to the autopilot.
 
 use std::collections::VecDeque;
+use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
 use super::messages::{Motion, Telemetry};
-use super::{RESEND_AFTER, REST_GRACE};
 use crate::geom::{Point, Segment};
 use crate::time::Time;
+
+/// After this long a resting autopilot has ended the drive that it was told.
+pub(super) const REST_GRACE: Duration = Duration::from_millis(300);
+/// What telemetry does not show yet is said again this often.
+pub(super) const RESEND_AFTER: Duration = Duration::from_millis(300);
 
 /// What the vehicle was told last about moving.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]

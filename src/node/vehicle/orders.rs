@@ -117,7 +117,7 @@ impl Orders {
         }
     }
 
-    /// Takes that an emergency stop holds the vehicle: an order to set out that waits for the disk is gone, and no earlier
+    /// Records that an emergency stop holds the vehicle: an order to set out that waits for the disk is gone, and no earlier
     /// one counts after it.
     pub(super) fn hold(&mut self, now: Time) {
         self.waiting.take_if(|order| !stays(order.kind));
@@ -125,7 +125,7 @@ impl Orders {
         (self.stopped_at, self.answers_from) = (Some(now), Some(now));
     }
 
-    /// Takes that the last emergency stop was lifted, or that somebody else has taken over: only what answers a state from now on sends the vehicle out.
+    /// Records that the last emergency stop was lifted, or that somebody else has taken over: only what answers a state from now on sends the vehicle out.
     pub(super) fn answer_from(&mut self, now: Time) {
         self.answers_from = Some(now);
     }
@@ -135,7 +135,7 @@ impl Orders {
         self.answers_from
     }
 
-    /// Takes how it stands with the disk.
+    /// Records how it stands with the disk.
     pub(super) fn remembered(&mut self, remembered: Remembered) {
         self.disk = remembered;
     }

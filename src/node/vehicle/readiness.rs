@@ -56,7 +56,7 @@ impl Readiness {
         }
     }
 
-    /// Looks whether it may be started, after it has listened so long. Peers that have fallen silent are not waited for.
+    /// Looks whether it may be started, after it has listened long enough. Peers that have fallen silent are not waited for.
     pub(super) fn look(&mut self, now: Time, listens_for: Duration, peers: &Peers) -> bool {
         if let Readiness::Listening {
             since,

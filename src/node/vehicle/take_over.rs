@@ -30,7 +30,7 @@ pub(super) enum TakeOver {
 }
 
 impl TakeOver {
-    /// Takes who steers; returns whether somebody has just taken over.
+    /// Records who steers; returns whether somebody has just taken over.
     pub(super) fn take(&mut self, control: Control) -> bool {
         let before = *self;
         match (before, control) {

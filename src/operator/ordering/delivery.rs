@@ -8,7 +8,7 @@ use tomoswarm_proto::{Control, EmergencyName, Lease, Ordered, Revision, State};
 use crate::operator::outcome::VehicleOutcome;
 use crate::time::Time;
 
-/// The ground has so long to say that it brings about what was started.
+/// The ground has this long to say that it brings about what was started.
 pub(super) const CONTEST: Duration = Duration::from_millis(2500);
 
 /// How far it is with one vehicle.

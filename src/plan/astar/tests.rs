@@ -3,6 +3,7 @@
 use super::*;
 use crate::geom::{Bearing, Lattice};
 use crate::map::CellRect;
+use crate::plan::TurningCost;
 use proptest::prelude::*;
 use serde_json::Value;
 use std::collections::BTreeSet;

@@ -22,7 +22,7 @@ const SILENT_FOR: Duration = Duration::from_secs(15);
 const IN_ORDER_FOR: Duration = Duration::from_secs(3);
 /// A session with damaged frames lives at least this long.
 const DAMAGED_AFTER: Duration = Duration::from_secs(5);
-/// A session that has lived so long without damage begins to count from nothing.
+/// A session that has lived this long without damage begins to count from nothing.
 const SOUND_AFTER: Duration = Duration::from_secs(120);
 /// What was in vain waits twice as long each time, this often.
 const DOUBLINGS: u32 = 5;

@@ -33,7 +33,7 @@ struct Known {
 }
 
 impl Clocks {
-    /// Takes that a vehicle's software was started; older starts give no estimate from now on.
+    /// Records that a vehicle's software was started; older starts give no estimate from now on.
     pub(super) fn hear(&mut self, vehicle: VehicleId, boot: Boot) {
         let known = self.known.entry(vehicle).or_insert(Known {
             boot,

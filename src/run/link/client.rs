@@ -18,7 +18,7 @@ use crate::node::{Effect, Event};
 const RETRY: Duration = Duration::from_millis(250);
 /// A try to connect takes at most this long, and so does the world's answer.
 const CONNECT_WITHIN: Duration = Duration::from_secs(1);
-/// A world that takes no word for so long is given up.
+/// A world that takes no word for this long is given up.
 const WRITE_WITHIN: Duration = Duration::from_millis(100);
 
 /// Where the world is, and who wants to move a body in it.

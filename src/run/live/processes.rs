@@ -75,7 +75,7 @@ pub enum ProcessEvent {
     Died {
         /// Which one, how, and what it said last.
         dead: Dead,
-        /// After so long.
+        /// After this long.
         again_after: Duration,
     },
     /// It was started again.

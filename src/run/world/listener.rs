@@ -17,7 +17,7 @@ use crate::run::link::{LinkRefusal, ToWorld, VERSION, WordError, decode, read_fr
 
 /// A connection says who it is within this time.
 const GREETS_WITHIN: Duration = Duration::from_secs(2);
-/// A connection that takes nothing for so long is ended.
+/// A connection that takes nothing for this long is ended.
 const WRITE_WITHIN: Duration = Duration::from_secs(5);
 /// Connections at one time beside one a vehicle: directors, and those that have not greeted yet.
 const SPARE_CONNECTIONS: usize = 32;

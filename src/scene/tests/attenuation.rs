@@ -2,10 +2,11 @@
 
 use super::*;
 use crate::geom::Polygon;
-use crate::scene::LIMIT_DB;
 use crate::scene::{Attenuation, Person};
 
 const WAVELENGTH_M: f64 = 0.125;
+/// Attenuation at which an object usually saturates, because energy leaks around it, dB.
+pub(super) const LIMIT_DB: f64 = 30.0;
 
 /// Length inside a union of convex polygons, averaged over the Fresnel zone: at every s the line across the
 /// link is cut with each polygon, the cuts are joined, and each takes its share of the normal distribution.

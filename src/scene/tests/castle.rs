@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
+use super::attenuation::LIMIT_DB;
 use super::*;
 use crate::geom::Bearing;
 use crate::scene::Attenuation;
@@ -211,7 +212,7 @@ fn the_castle_weakens_radio_but_never_by_nonsense() {
     assert!(read.warnings.len() <= 1, "{:?}", read.warnings);
     let scene = built(&read);
     assert!(!scene.outlines(4.0).is_empty());
-    let attenuation = Attenuation::new(&scene, 4.0, 0.125, crate::scene::LIMIT_DB);
+    let attenuation = Attenuation::new(&scene, 4.0, 0.125, LIMIT_DB);
     let (mut numbers, mut most_db) = (Sequence(9), 0.0f64);
     for _ in 0..500 {
         let mut place = || Point::new(numbers.within(-60.0, 60.0), numbers.within(-60.0, 60.0));

@@ -57,7 +57,7 @@ impl Battery {
         };
     }
 
-    /// Uses what a time takes in which the vehicle moves for so long, and then rests.
+    /// Uses what a time takes in which the vehicle moves for this long, and then rests.
     pub(super) fn spend(&mut self, moves: Duration, whole: Duration, settings: &AutopilotSettings) {
         let (moves_s, all_s) = (moves.as_secs_f64(), whole.as_secs_f64());
         let used = moves_s / settings.endurance_driving.as_secs_f64()
@@ -65,7 +65,7 @@ impl Battery {
         self.charge = (self.charge - used).max(0.0);
     }
 
-    /// Returns when it will have sunk to the next level, if the vehicle moves for so long from now on and then rests; `None` =
+    /// Returns when it will have sunk to the next level, if the vehicle moves for this long from now on and then rests; `None` =
     /// it is empty, or that never comes.
     pub(super) fn sinks_at(
         &self,

@@ -78,11 +78,6 @@ impl Climb {
         }
     }
 
-    /// Returns when an altitude between its ends is passed.
-    pub fn time_at(&self, altitude_m: f64) -> Time {
-        self.since + Duration::from_secs_f64((altitude_m - self.from_m).abs() / self.rate_mps)
-    }
-
     /// Returns how fast the altitude changes at a moment, m/s.
     pub fn climb_mps(&self, at: Time) -> f64 {
         if at < self.since || at >= self.until() {

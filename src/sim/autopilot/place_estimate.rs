@@ -13,7 +13,7 @@ pub(super) struct PlaceEstimate {
 }
 
 impl PlaceEstimate {
-    /// Takes how well it knows its place; it is not lost.
+    /// Records how well it knows its place; it is not lost.
     pub(super) fn new(navigation: Navigation) -> PlaceEstimate {
         PlaceEstimate {
             navigation,
@@ -31,7 +31,7 @@ impl PlaceEstimate {
         self.navigation.sd_m(now)
     }
 
-    /// Returns whether the place is known: for so long after it was switched on, and well enough.
+    /// Returns whether the place is known: for this long after it was switched on, and well enough.
     pub(super) fn is_known(&self, now: Time, settings: &AutopilotSettings) -> bool {
         self.is_near_enough(now, settings) && now >= Time::ZERO + settings.place_after
     }

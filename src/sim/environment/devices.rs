@@ -12,7 +12,7 @@ use crate::autopilot::{AutopilotReport, FlightMode, SystemStatus};
 use crate::plan::{Mounts, Pointing};
 use crate::time::Time;
 
-/// An autopilot that has had no word of its companion for so long brakes and stands.
+/// An autopilot that has had no word of its companion for this long brakes and stands.
 pub const COMPANION_SILENT: Duration = Duration::from_secs(2);
 /// An autopilot says its mode, and whether it is armed, with every so manieth report: once a second.
 const REPORTS_A_HEARTBEAT: u8 = 10;

@@ -3,7 +3,6 @@
 use std::time::Duration;
 
 use crate::ground::station::StationEvent as GroundNote;
-use crate::sim::run_view::ViewSchedule;
 use crate::time::Time;
 
 /// How a run goes on, for a progress line.
@@ -78,6 +77,33 @@ impl ProgressMeter {
     }
 }
 
+/// When a run shows itself next.
+#[derive(Clone, Copy, Debug)]
+struct ViewSchedule {
+    every: Duration,
+    next: Time,
+}
+
+impl ViewSchedule {
+    fn every(every: Duration) -> ViewSchedule {
+        let every = every.max(Duration::from_millis(1));
+        ViewSchedule {
+            every,
+            next: Time::ZERO + every,
+        }
+    }
+
+    /// Returns whether it is time, and then waits for the next one.
+    fn is_due(&mut self, now: Time) -> bool {
+        let is_due = now >= self.next;
+        if is_due {
+            let missed = now.since(self.next).as_nanos() / self.every.as_nanos() + 1;
+            self.next = self.next + self.every * u32::try_from(missed).unwrap_or(u32::MAX);
+        }
+        is_due
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use tomoswarm_proto::RunId;
@@ -110,5 +136,18 @@ mod tests {
         progress.hear(&planned(3), 1);
         assert_eq!(seen(&progress), (2, 5, 90));
         assert_eq!(progress.status(now).now, now);
+    }
+
+    #[test]
+    fn it_shows_itself_once_a_step_and_skips_what_was_missed() {
+        let at = Time::from_secs_f64;
+        let mut shows = ViewSchedule::every(Duration::from_secs(2));
+        let due: Vec<bool> = [1.9, 2.0, 2.1, 3.9, 4.5, 5.9, 9.0, 9.9, 10.0]
+            .map(|now_s| shows.is_due(at(now_s)))
+            .to_vec();
+        assert_eq!(
+            due,
+            [false, true, false, false, true, false, true, false, true]
+        );
     }
 }

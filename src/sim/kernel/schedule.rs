@@ -11,7 +11,7 @@ use crate::sim::noise::Noise;
 use crate::sim::queue::EventQueue;
 use crate::time::Time;
 
-/// After the end the sensors and radios are silent and nobody drives; the bus carries on for so long.
+/// After the end the sensors and radios are silent and nobody drives; the bus carries on for this long.
 const SETTLES: Duration = Duration::from_secs(20);
 
 /// What is to happen.
@@ -64,7 +64,7 @@ pub(super) struct Schedule {
 }
 
 impl Schedule {
-    /// Makes one in which nothing is to happen, of a run that lasts so long at most; with `ties` events of one moment come in an
+    /// Makes one in which nothing is to happen, of a run that lasts this long at most; with `ties` events of one moment come in an
     /// order drawn from it.
     pub(super) fn new(until: Time, ties: Option<Noise>) -> Schedule {
         Schedule {

@@ -149,7 +149,7 @@ fn only_an_operators_start_in_a_lease_not_below_the_highest_lifts_what_it_names(
         );
         tell(&mut stops, at(1.0), In::Lease(lease(5)));
         tell(&mut stops, at(1.0), input);
-        stops.set().open().map(|stop| stop.name).collect::<Vec<_>>()
+        stops.set.open().map(|stop| stop.name).collect::<Vec<_>>()
     };
     let both = vec![name(1), name(2)];
     assert_eq!(after(In::Order(OPERATOR, start(5, &[1]))), [name(2)]);
@@ -226,7 +226,7 @@ fn more_than_eight_new_names_a_minute_of_one_sender_stand_for_many() {
         );
         tell(&mut stops, now, In::Order(OPERATOR, start(1, &[number])));
     }
-    let many: Vec<EmergencyName> = stops.set().open().map(|stop| stop.name).collect();
+    let many: Vec<EmergencyName> = stops.set.open().map(|stop| stop.name).collect();
     assert!(matches!(many[..], [name] if name.is_many()), "{many:?}");
     // Another one may still, and the same one after a minute.
     tell(
@@ -239,7 +239,7 @@ fn more_than_eight_new_names_a_minute_of_one_sender_stand_for_many() {
         at(80.0),
         In::Standing(forger, standing(&[300], &[])),
     );
-    assert!(stops.set().named(name(200)).is_some() && stops.set().named(name(300)).is_some());
+    assert!(stops.set.named(name(200)).is_some() && stops.set.named(name(300)).is_some());
 }
 
 #[test]

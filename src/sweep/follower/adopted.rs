@@ -7,7 +7,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Plan, Stop, StopId, VehicleId};
 
-use super::{Edition, edition_of};
+use super::peers::Edition;
 use crate::sweep::{FollowError, VehicleProgress, WaitsFor};
 use crate::time::Time;
 
@@ -66,6 +66,7 @@ impl Adopted {
     }
 
     /// Returns the plans of all members.
+    #[cfg(test)]
     pub(super) fn plans(&self) -> &[Plan] {
         &self.plans
     }
@@ -239,6 +240,11 @@ impl Adopted {
             ..VehicleProgress::default()
         }
     }
+}
+
+/// Returns the revision that a plan belongs to.
+pub(super) fn edition_of(plan: &Plan) -> Edition {
+    (plan.run, plan.revision)
 }
 
 #[cfg(test)]

@@ -4,11 +4,13 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Boot, VehicleId};
+use tomoswarm_proto::{Boot, Revision, RunId, VehicleId};
 
-use super::Edition;
 use crate::sweep::{LOWER_BOOT_AFTER, VOID_AFTER, VehicleProgress};
 use crate::time::Time;
+
+/// A revision of a run; a higher run is newer than any revision of a lower one.
+pub(super) type Edition = (RunId, Revision);
 
 /// All peers that were heard.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]

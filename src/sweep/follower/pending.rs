@@ -6,7 +6,8 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Lease, Plan, Revision, VehicleId};
 
-use super::{Edition, edition_of};
+use super::adopted::edition_of;
+use super::peers::Edition;
 use crate::geom::Point;
 use crate::sweep::{OfferResult, PlanRefusal, validate};
 

@@ -8,9 +8,9 @@ use crate::time::Time;
 
 /// A revision that somebody does not follow after this long is replaced.
 const ADOPTED_WITHIN: Duration = Duration::from_secs(30);
-/// Plans that did not come after so long are asked for again.
+/// Plans that did not come after this long are asked for again.
 const ANSWERED_WITHIN: Duration = Duration::from_secs(30);
-/// When no vehicle has done a stop for so long, everyone is planned for anew.
+/// When no vehicle has done a stop for this long, everyone is planned for anew.
 const STALLED_AFTER: Duration = Duration::from_secs(420);
 
 /// What is to be done next about the plans.

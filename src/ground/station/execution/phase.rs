@@ -147,7 +147,7 @@ impl ExecutionPhase {
         }
     }
 
-    /// Takes that the plans no longer suit the vehicles, if there are any who follow them.
+    /// Records that the plans no longer suit the vehicles, if there are any who follow them.
     pub(crate) fn disturb(&mut self) {
         if self.driven().is_some()
             && let Some(sweep) = self.sweep_mut()
@@ -156,7 +156,7 @@ impl ExecutionPhase {
         }
     }
 
-    /// Takes that a vehicle has made progress with its plan.
+    /// Records that a vehicle has made progress with its plan.
     pub(crate) fn note_progress(&mut self, now: Time) {
         if let ExecutionPhase::Running { progress_at, .. } = self {
             *progress_at = now;

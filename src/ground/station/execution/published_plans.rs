@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Lease, Plan, Revision, RunId, StopId, VehicleId};
 
 use crate::ground::fleet::Fleet;
-use crate::sweep::{RevisionPhase, Succession, VehicleProgress};
+use crate::sweep::{RevisionPhase, Succession, VehicleProgress, has_done};
 use crate::time::Time;
 
 /// Plans are repeated this often until every vehicle shows them.
@@ -144,15 +144,6 @@ impl PublishedPlans {
     fn plans(&self) -> &[Plan] {
         self.succession.as_ref().map_or(&[], Succession::plans)
     }
-}
-
-/// Returns whether a stop of a plan is done by this progress. Stops are done in the order of the plan, which is not that of
-/// their numbers.
-fn has_done(plan: &Plan, progress: &VehicleProgress, stop: StopId) -> bool {
-    let is_of_plan = (progress.run, progress.revision) == (plan.run, plan.revision);
-    let place_of = |id: StopId| plan.stops.iter().position(|known| known.id == id);
-    let last_done = progress.done.and_then(place_of);
-    is_of_plan && last_done.is_some_and(|done| place_of(stop).is_some_and(|stop| stop <= done))
 }
 
 #[cfg(test)]

@@ -49,7 +49,7 @@ impl SweepRun {
         self.laps_done
     }
 
-    /// Takes how many laps are done; returns whether these are more than before.
+    /// Records how many laps are done; returns whether these are more than before.
     pub(crate) fn complete_laps(&mut self, laps_done: usize) -> bool {
         let is_more = laps_done > self.laps_done;
         if is_more {
@@ -58,12 +58,12 @@ impl SweepRun {
         is_more
     }
 
-    /// Takes that its plans no longer suit the vehicles: everyone must be brought to rest.
+    /// Records that its plans no longer suit the vehicles: everyone must be brought to rest.
     pub(crate) fn disturb(&mut self) {
         self.is_disturbed = true;
     }
 
-    /// Takes that everyone is brought to rest, to be planned for anew.
+    /// Records that everyone is brought to rest, to be planned for anew.
     pub(crate) fn settle(&mut self) {
         self.is_disturbed = false;
     }

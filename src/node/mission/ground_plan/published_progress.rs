@@ -43,7 +43,7 @@ impl PublishedProgress {
         self.is_end_told
     }
 
-    /// Takes how far the vehicle is, and whether all stops are done; returns what of it is news.
+    /// Records how far the vehicle is, and whether all stops are done; returns what of it is news.
     pub(super) fn news(&mut self, progress: VehicleProgress, is_finished: bool) -> PlanChanges {
         let progress = VehicleProgress {
             boot: self.progress.boot,

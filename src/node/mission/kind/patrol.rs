@@ -18,7 +18,7 @@ pub(crate) struct Patrol {
     places: Vec<(Point, PlaceResult)>,
     /// After so many rounds it ends.
     rounds: Option<usize>,
-    /// After so long it ends, at the next place.
+    /// After this long it ends, at the next place.
     duration: Option<Duration>,
     /// When it set out.
     began: Option<Time>,

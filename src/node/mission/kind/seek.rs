@@ -46,7 +46,7 @@ const PEER_PENALTY_M: f64 = 1e4;
 const PEER_SHARE: f64 = 0.9;
 /// What is farther than this from where a peer is going is not left to it, metres.
 const PEER_M: f64 = 12.0;
-/// A peer that has not moved for so long is not going anywhere.
+/// A peer that has not moved for this long is not going anywhere.
 const PEER_GOES: std::time::Duration = std::time::Duration::from_secs(30);
 
 /// What is rather looked at.

@@ -20,23 +20,23 @@ pub(super) struct Attempts {
 }
 
 impl Attempts {
-    /// Takes that another way begins, which was never looked at.
+    /// Records that another way begins, which was never looked at.
     pub(super) fn begin_way(&mut self) {
         (self.looks, self.looked_in_vain) = (0, false);
     }
 
-    /// Takes that the way is given up.
+    /// Records that the way is given up.
     pub(super) fn give_up_way(&mut self) {
         self.failures = 0;
     }
 
-    /// Takes that the vehicle gets on.
+    /// Records that the vehicle gets on.
     pub(super) fn drive(&mut self) {
         self.begin_way();
         self.has_untried_path = false;
     }
 
-    /// Takes that a stop was passed.
+    /// Records that a stop was passed.
     pub(super) fn pass_stop(&mut self) {
         self.failures = 0;
     }
@@ -48,7 +48,7 @@ impl Attempts {
         may_look
     }
 
-    /// Takes that a look is over; `is_in_vain` = what is unknown on the way was looked at and is unknown still.
+    /// Records that a look is over; `is_in_vain` = what is unknown on the way was looked at and is unknown still.
     pub(super) fn end_look(&mut self, is_in_vain: bool) {
         self.looked_in_vain = is_in_vain;
     }
@@ -58,13 +58,13 @@ impl Attempts {
         self.looked_in_vain
     }
 
-    /// Takes that a path was found, on or only back.
+    /// Records that a path was found, on or only back.
     pub(super) fn find_path(&mut self, leads_on: bool) {
         self.has_untried_path = true;
         self.failures += u32::from(!leads_on);
     }
 
-    /// Takes that the way is blocked; returns whether that is a path of which nothing has been driven.
+    /// Records that the way is blocked; returns whether that is a path of which nothing has been driven.
     pub(super) fn is_blocked_at_once(&mut self) -> bool {
         std::mem::take(&mut self.has_untried_path)
     }

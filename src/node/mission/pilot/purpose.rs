@@ -77,7 +77,7 @@ impl WayPurpose {
         )
     }
 
-    /// Takes that no path was found, or that the one found is blocked. The straight line home is a wish from then on; a
+    /// Records that no path was found, or that the one found is blocked. The straight line home is a wish from then on; a
     /// leg of a plan is a way that others know of, and what is unknown on it may turn out to be free.
     pub(super) fn path_failed(&mut self) {
         if let WayPurpose::Home {
@@ -89,7 +89,7 @@ impl WayPurpose {
         }
     }
 
-    /// Takes that a path was found.
+    /// Records that a path was found.
     pub(super) fn path_found(&mut self) {
         if let WayPurpose::Home { needs_path, .. } = self {
             *needs_path = false;

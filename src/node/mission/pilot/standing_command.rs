@@ -76,23 +76,23 @@ impl FreeWay {
 }
 
 impl StandingCommand {
-    /// Takes that a command to drive was given; the odometer will be `end_m` at its end, metres.
+    /// Records that a command to drive was given; the odometer will be `end_m` at its end, metres.
     pub(super) fn drive(&mut self, now: Time, end_m: f64) {
         (self.end_m, self.given_at) = (Some(end_m), now);
     }
 
-    /// Takes that a command to turn was given. (It is given at rest: the end of the last drive is of no use any more, and is
+    /// Records that a command to turn was given. (It is given at rest: the end of the last drive is of no use any more, and is
     /// not forgotten.)
     pub(super) fn turn(&mut self, now: Time) {
         self.given_at = now;
     }
 
-    /// Takes that the vehicle was stopped.
+    /// Records that the vehicle was stopped.
     pub(super) fn stop(&mut self, now: Time) {
         (self.end_m, self.given_at) = (None, now);
     }
 
-    /// Takes that the command was refused.
+    /// Records that the command was refused.
     pub(super) fn refuse(&mut self, now: Time, why: CommandRefusal) {
         self.refusals += 1;
         self.last_refusal = Some(why);
@@ -122,7 +122,7 @@ impl StandingCommand {
         }
     }
 
-    /// Takes that the path is given up; one of which all commands were refused counts as refused.
+    /// Records that the path is given up; one of which all commands were refused counts as refused.
     pub(super) fn give_up_path(&mut self) {
         self.refused_paths += u32::from(self.is_path_refused());
         self.refusals = 0;

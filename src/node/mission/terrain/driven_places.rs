@@ -24,7 +24,7 @@ pub(super) struct DrivenPlaces {
 }
 
 impl DrivenPlaces {
-    /// Takes where the vehicle is.
+    /// Records where the vehicle is.
     pub(super) fn note(&mut self, place: Point) {
         self.note_recent(place);
         self.note_driven(place);

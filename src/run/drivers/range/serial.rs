@@ -28,7 +28,7 @@ use crate::time::Time;
 
 /// The queue is looked at this often at least.
 const LOOKS_EVERY: Duration = Duration::from_millis(5);
-/// A port that is gone is opened again after so long at first.
+/// A port that is gone is opened again after this long at first.
 const SOONEST: Duration = Duration::from_millis(250);
 /// And this often in the end.
 const LATEST: Duration = Duration::from_secs(1);
