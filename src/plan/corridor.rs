@@ -130,6 +130,8 @@ impl Corridor {
                 whole.from.toward(whole.to, first),
                 whole.from.toward(whole.to, last),
             );
+            // Where it stands is taken once, on the first part that is not behind it: a cell that is too near now is
+            // excused on all parts, as far as it is near now.
             let here = *stands.get_or_insert(Stands::at(from, part.from, view.lattice().cell_m()));
             self.judge(
                 view,
@@ -139,6 +141,7 @@ impl Corridor {
                 &mut blocked,
                 &mut unknown,
             );
+            // What is unknown does not end the search: it may be looked at, and then what is occupied behind it counts.
             if done_m >= end_m || blocked.cell.is_some() {
                 break;
             }

@@ -158,6 +158,8 @@ fn clipped(triangle: [[f64; 3]; 3], band: Band) -> Clipped {
             out.push(at(0.0));
         }
         let rise = b[2] - a[2];
+        // In the order in which the side meets the two heights; a level side meets none (its shares are no numbers, or
+        // infinite, and fall away below).
         let mut shares = [(band.low_m - a[2]) / rise, (band.high_m - a[2]) / rise];
         shares.sort_by(f64::total_cmp);
         for share in shares
@@ -172,6 +174,7 @@ fn clipped(triangle: [[f64; 3]; 3], band: Band) -> Clipped {
 
 /// Returns the share of the way at which a disc first touches a convex piece.
 fn piece_contact(piece: &[Point], along: Segment, radius_m: f64) -> Option<f64> {
+    // Its edges alone would not tell of a disc that begins inside the piece.
     if piece_distance_m(piece, along.from) <= radius_m {
         return Some(0.0);
     }
@@ -243,6 +246,7 @@ fn end_contact(end: Point, along: Segment, radius_m: f64) -> Option<f64> {
     if b >= 0.0 || root < 0.0 {
         return None;
     }
+    // b is negative here, so nothing is lost between two numbers that are nearly the same, as in (−b − √root) / a.
     let share = c / (root.sqrt() - b);
     (share <= 1.0).then_some(share.max(0.0))
 }

@@ -307,6 +307,7 @@ impl Span {
                 .iter()
                 .find_map(|half| half.first_within(distance_m));
         }
+        // So flat a span is its chord; with the bow on top of the distance it is never later than the contact.
         Some(self.moment(entry_share(chord, distance_m + bow_m)))
     }
 

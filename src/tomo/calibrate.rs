@@ -108,6 +108,7 @@ fn observe(
     let (attenuation_db, variance_db2) = match sweep {
         Some(sweep) => {
             let partner = sweep.partner(link).ok_or(DropReason::NoEmptyPartner)?;
+            // A partner may be longer or shorter by a bin: what that costs in free space (exponent 2) is no attenuation.
             let longer_db = 2.0 * (spread_db(length_m) - spread_db(partner.link.length_m()));
             let variance_db2 = paired_variance(link, partner, &settings.noise, settings.pairing_m);
             (partner.mean_dbm - mean_dbm - longer_db, variance_db2)
@@ -281,6 +282,7 @@ impl EmptySweep {
         for key in neighbours(key) {
             if let Some(entry) = self.entries.get(&key) {
                 let step_db = level(entry) - level(here);
+                // Two neighbours differ by noise, too; only what is beyond it is structure.
                 let expected =
                     single_variance(&entry.link, noise) + single_variance(&here.link, noise);
                 sum += step_db * step_db - expected;

@@ -161,12 +161,13 @@ impl Seek {
         };
         self.frontiers.update(around.terrain.map(), &self.settings);
         let candidates = self.rated(around, grid.area());
+        // First with its usual clearance; only when nothing is left so, through gaps that it has already driven itself.
         for is_narrow in [false, true] {
             if is_narrow {
                 grid.open_along(around.terrain.driven());
             }
-            if let Some((sight, reached)) = self.choose_sight(around, &grid, &candidates) {
-                return self.go_and_look(around, &grid, &reached, is_narrow, sight);
+            if let Some((look, reached)) = self.choose_look(around, &grid, &candidates) {
+                return self.go_and_look(around, &grid, &reached, is_narrow, look);
             }
         }
         if self.is_barred_by_peers(around) {
@@ -177,7 +178,7 @@ impl Seek {
     }
 
     /// Returns where to look from and at what, and the ways to all places.
-    fn choose_sight(
+    fn choose_look(
         &self,
         around: &MissionContext<'_>,
         grid: &SearchGrid,
@@ -193,12 +194,12 @@ impl Seek {
             reached: &reached,
             looks: &self.looks,
         };
-        let sight = known.best_sight(
+        let look = known.best_look(
             at,
             candidates,
             self.reach(around.terrain.keep_m(around.pose)),
         )?;
-        Some((sight, reached))
+        Some((look, reached))
     }
 
     fn go_and_look(
@@ -207,18 +208,18 @@ impl Seek {
         grid: &SearchGrid,
         reached: &Distances,
         is_narrow: bool,
-        sight: LookCandidate,
+        look: LookCandidate,
     ) -> MissionStep {
         let (from, lattice) = (around.pose.at, self.settings.lattice);
-        if sight.from == lattice.cell_at(from) {
-            return MissionStep::LookAt(sight.at);
+        if look.from == lattice.cell_at(from) {
+            return MissionStep::LookAt(look.at);
         }
-        let to = lattice.centre(sight.from);
+        let to = lattice.centre(look.from);
         let Some(route) = reached.route_to(grid, from, to) else {
-            self.looks.note(&[sight.at], to);
+            self.looks.note(&[look.at], to);
             return MissionStep::Think;
         };
-        self.stage = Stage::Going(sight.at);
+        self.stage = Stage::Going(look.at);
         MissionStep::GoAlong(DriveRoute {
             corners: route.points[1..].to_vec(),
             is_narrow,
@@ -234,7 +235,7 @@ impl Seek {
             return false;
         };
         grid.open_along(around.terrain.driven());
-        self.choose_sight(around, &grid, &self.candidates())
+        self.choose_look(around, &grid, &self.candidates())
             .is_some()
     }
 

@@ -57,7 +57,7 @@ pub(super) struct Ground<'a> {
 
 impl Ground<'_> {
     /// Returns the best look from a place at one of the candidates; `None` when nothing of them can be seen from anywhere.
-    pub(super) fn best_sight(
+    pub(super) fn best_look(
         &self,
         start: Point,
         candidates: &[FrontierCandidate],
@@ -71,6 +71,7 @@ impl Ground<'_> {
             .fold(f64::INFINITY, f64::min);
         let (mut best, mut best_m) = (None, f64::INFINITY);
         for (cost_m, cell) in by_cost(self.grid, self.reached) {
+            // By cost upwards: from here on the way alone costs more than the best look that is known.
             if cost_m + least_m >= best_m {
                 break;
             }
@@ -83,6 +84,7 @@ impl Ground<'_> {
                 let away_m = one.at.distance_to(from);
                 let score_m =
                     cost_m + one.penalty_m + AWAY_FACTOR * (away_m - reach.near_m).max(0.0);
+                // What is cheap to ask comes first: the ray through the map is asked last, and seldom.
                 let is_better =
                     away_m <= reach.far_m && score_m < best_m && self.looks.is_new(one.cell, from);
                 if is_better && sees(self.view, self.lattice, from, one.at) {
