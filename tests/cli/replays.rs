@@ -177,7 +177,7 @@ fn a_changed_input_is_named_with_what_came_of_it() {
     );
     assert!(lines[first + 2].contains("input") && lines[first + 2].contains("0.125"));
     assert!(
-        lines[first + 4].contains("says now") && !lines[first + 3].contains("\"battery\":0.125")
+        lines[first + 4].contains("outputs now") && !lines[first + 3].contains("\"battery\":0.125")
     );
     let only = runner.run(&["replay", "run/flight", "--actor", "mission"]);
     assert_eq!((only.code, only.out.lines().count()), (0, 2), "{only:?}");
