@@ -31,6 +31,8 @@ mod vehicle_colour;
 
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+pub(crate) mod tests_support;
 
 use thiserror::Error;
 

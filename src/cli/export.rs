@@ -336,6 +336,7 @@ fn about(store: &GroundStore, runs: &[StoredRun], starts: &[Provenance]) -> Stri
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::draw::tests_support::decoded;
     use crate::geom::{PixelGrid, Rect};
     use crate::ground::imager::{ReconstructedImage as Made, Subject};
     use crate::store::ground::{Start, UtcOffset};
@@ -533,11 +534,7 @@ mod tests {
             metres_per_px,
         } = spec.placement().unwrap();
         let file = std::fs::read(out.join("run-2-change.png")).unwrap();
-        let decoder = png::Decoder::new(std::io::Cursor::new(file));
-        let mut reader = decoder.read_info().unwrap();
-        let mut rgb = vec![0; reader.output_buffer_size().unwrap()];
-        let width = reader.next_frame(&mut rgb).unwrap().width as usize;
-        let (pixels, _) = rgb.as_chunks::<3>();
+        let (width, pixels) = decoded(&file);
         let place = |index: usize| {
             let (x_px, y_px) = (index % width, index / width);
             Point::new(

@@ -209,6 +209,7 @@ fn map_overlays(scenario: &Scenario, outcome: &RunOutcome) -> Vec<Overlay> {
 mod tests {
     use super::*;
     use crate::cli::load;
+    use crate::draw::tests_support::decoded;
     use crate::draw::vehicle_colour;
     use std::path::Path;
 
@@ -219,15 +220,6 @@ mod tests {
         let scenario = load::scenario(loaded, Some(&file), Some(1)).unwrap();
         let outcome = scenario.run(&mut |_| true).unwrap();
         (scenario, outcome)
-    }
-
-    fn colours(bytes: &[u8]) -> Vec<[u8; 3]> {
-        let decoder = png::Decoder::new(std::io::Cursor::new(bytes));
-        let mut reader = decoder.read_info().unwrap();
-        let mut rgb = vec![0; reader.output_buffer_size().unwrap()];
-        reader.next_frame(&mut rgb).unwrap();
-        let (pixels, _) = rgb.as_chunks::<3>();
-        pixels.to_vec()
     }
 
     #[test]
@@ -241,7 +233,7 @@ mod tests {
             map(&scenario, &outcome).unwrap(),
         ];
         for picture in &pictures {
-            let shown = colours(picture);
+            let (_, shown) = decoded(picture);
             for vehicle in [1, 2] {
                 let colour = vehicle_colour(VehicleId(vehicle)).rgb;
                 let count = shown.iter().filter(|shown| **shown == colour).count();

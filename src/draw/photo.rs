@@ -49,18 +49,13 @@ impl Picture {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::draw::tests_support::decoded;
 
     #[test]
     fn every_pixel_is_where_it_was_given() {
         let rgb: Vec<[u8; 3]> = (0..12).map(|i| [i, 2 * i, 255 - i]).collect();
         let png = Picture::photo(4, &rgb).unwrap();
-        let mut reader = png::Decoder::new(std::io::Cursor::new(png))
-            .read_info()
-            .unwrap();
-        let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
-        let info = reader.next_frame(&mut bytes).unwrap();
-        assert_eq!((info.width, info.height), (4, 3));
-        assert_eq!(bytes, rgb.concat());
+        assert_eq!(decoded(&png), (4, rgb));
     }
 
     #[test]

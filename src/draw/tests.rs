@@ -23,17 +23,11 @@ struct Seen {
 
 impl Seen {
     fn decode(bytes: &[u8]) -> Seen {
-        let mut reader = png::Decoder::new(std::io::Cursor::new(bytes))
-            .read_info()
-            .unwrap();
-        let mut rgb = vec![0; reader.output_buffer_size().unwrap()];
-        let frame = reader.next_frame(&mut rgb).unwrap();
-        assert_eq!(frame.color_type, png::ColorType::Rgb);
-        let (width, height) = (frame.width as usize, frame.height as usize);
+        let (width, pixels) = tests_support::decoded(bytes);
         let mut seen = Seen {
             width,
-            height,
-            rgb,
+            height: pixels.len() / width,
+            rgb: pixels.concat(),
             plot: [0; 4],
         };
         seen.plot = seen.find_plot();

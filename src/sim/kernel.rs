@@ -59,7 +59,7 @@ pub(super) struct Kernel {
     environment: ScheduledEnvironment,
     network: Network,
     nodes: Nodes,
-    judge: RunMonitor,
+    monitor: RunMonitor,
     record: RunRecord,
     progress: ProgressMeter,
     noise: Noise,
@@ -96,7 +96,7 @@ impl Kernel {
             network,
             record: RunRecord::new(parts.vehicles.iter().map(SimulatedVehicle::id)),
             nodes: Nodes::new(parts.vehicles, ground, parts.operators),
-            judge: parts.judge,
+            monitor: parts.monitor,
             progress: ProgressMeter::shown_every(parts.shown_every),
             noise,
             ends_at_contact: parts.ends_at_contact,
@@ -162,12 +162,12 @@ impl Kernel {
         let what = self.nodes.ground().holdings();
         self.record.line(now, "ground", format_args!("{what}"));
         let rests = |vehicle| self.environment.truth(vehicle, now).speed_mps == 0.0;
-        let muster = self.nodes.count_fleet(rests);
+        let fleet = self.nodes.count_fleet(rests);
         let mut environment = self.environment.into_environment();
         FinishedRun {
-            muster,
+            fleet,
             record: self.record.close(environment.counts()),
-            judge: self.judge,
+            monitor: self.monitor,
             min_separation_m: environment.min_separation_m(now),
             environment,
             ground: self.nodes.into_ground().into_node(),
@@ -319,12 +319,12 @@ impl Kernel {
         match event {
             MissionEvent::Home => {
                 let rests = |vehicle| self.environment.truth(vehicle, now).speed_mps == 0.0;
-                let muster = self.nodes.count_fleet(rests);
-                self.follow(self.judge.came_home(muster.home, muster.alive));
+                let fleet = self.nodes.count_fleet(rests);
+                self.follow(self.monitor.came_home(fleet.home, fleet.alive));
             }
             MissionEvent::Ended(end) => {
                 let are_dead = self.nodes.are_dead();
-                self.judge
+                self.monitor
                     .mission_ended(now, vehicle, end.clone(), are_dead);
             }
             _ => {}
@@ -347,7 +347,7 @@ impl Kernel {
                 ground::Effect::StationEvent(note) => {
                     self.log(place, format_args!("{note}"));
                     self.progress.hear(&note, self.environment.sweeps_left());
-                    self.judge.hear(&note);
+                    self.monitor.hear(&note);
                 }
             }
         }
@@ -382,7 +382,7 @@ impl Kernel {
                     Out::ScriptEnded(end) => {
                         // The script of the scenario's operator is what the run is about.
                         if self.nodes.operators()[operator].id() == SCENARIO_OPERATOR {
-                            self.follow(self.judge.script_ended(&end));
+                            self.follow(self.monitor.script_ended(&end));
                         }
                         self.nodes.operator_mut(operator).end_script(end);
                     }

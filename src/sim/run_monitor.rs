@@ -34,7 +34,7 @@ pub(super) struct RunMonitor {
 }
 
 impl RunMonitor {
-    /// Makes the judge of a run that has not begun.
+    /// Makes the monitor of a run that has not begun.
     pub(super) fn new(is_swept: bool, expect: Expect, vehicles: &[VehicleId]) -> RunMonitor {
         let missions = vehicles.iter().map(|id| (*id, None)).collect();
         RunMonitor {
@@ -103,7 +103,7 @@ mod tests {
     use super::super::operator_script::EMPTY_RUN;
     use super::*;
 
-    fn judge(is_swept: bool, expect: Expect) -> RunMonitor {
+    fn monitor(is_swept: bool, expect: Expect) -> RunMonitor {
         RunMonitor::new(
             is_swept,
             expect,
@@ -113,51 +113,57 @@ mod tests {
 
     #[test]
     fn only_the_sweep_that_is_wanted_counts() {
-        let mut judge = judge(true, Expect::Finished);
+        let mut monitor = monitor(true, Expect::Finished);
         let closed = |run: RunId| GroundNote::RunClosed {
             run,
             links: 1,
             samples: 1,
         };
-        judge.hear(&closed(EMPTY_RUN));
-        judge.hear(&GroundNote::Stalled(RUN));
-        assert!(!judge.is_done());
-        judge.hear(&closed(RUN));
-        assert!(judge.is_done());
+        monitor.hear(&closed(EMPTY_RUN));
+        monitor.hear(&GroundNote::Stalled(RUN));
+        assert!(!monitor.is_done());
+        monitor.hear(&closed(RUN));
+        assert!(monitor.is_done());
     }
 
     #[test]
     fn missions_are_done_when_all_that_are_alive_have_ended_theirs() {
-        let mut judge = judge(false, Expect::Finished);
+        let mut monitor = monitor(false, Expect::Finished);
         let dead = [false, true, false];
-        judge.mission_ended(Time::ZERO, 0, EndReason::Done, dead.into_iter());
-        assert!(!judge.is_done());
-        judge.mission_ended(Time::ZERO, 2, EndReason::NoRoom, dead.into_iter());
-        assert!(judge.is_done());
-        assert_eq!(judge.missions()[1], (VehicleId(2), None));
-        assert_eq!(judge.missions()[2].1, Some((Time::ZERO, EndReason::NoRoom)));
+        monitor.mission_ended(Time::ZERO, 0, EndReason::Done, dead.into_iter());
+        assert!(!monitor.is_done());
+        monitor.mission_ended(Time::ZERO, 2, EndReason::NoRoom, dead.into_iter());
+        assert!(monitor.is_done());
+        assert_eq!(monitor.missions()[1], (VehicleId(2), None));
+        assert_eq!(
+            monitor.missions()[2].1,
+            Some((Time::ZERO, EndReason::NoRoom))
+        );
     }
 
     #[test]
     fn who_comes_home_ends_a_run_only_where_all_are_expected_there() {
-        assert_eq!(judge(true, Expect::Home).came_home(3, 3), RunState::Over);
-        assert_eq!(judge(true, Expect::Home).came_home(2, 3), RunState::GoesOn);
+        assert_eq!(monitor(true, Expect::Home).came_home(3, 3), RunState::Over);
         assert_eq!(
-            judge(true, Expect::Finished).came_home(3, 3),
+            monitor(true, Expect::Home).came_home(2, 3),
+            RunState::GoesOn
+        );
+        assert_eq!(
+            monitor(true, Expect::Finished).came_home(3, 3),
             RunState::GoesOn
         );
     }
 
     #[test]
     fn an_operator_that_gives_up_has_failed_with_its_reason() {
-        let judge = judge(true, Expect::Finished);
-        assert_eq!(judge.script_ended(&ScriptEnd::Done), RunState::Over);
+        let monitor = monitor(true, Expect::Finished);
+        assert_eq!(monitor.script_ended(&ScriptEnd::Done), RunState::Over);
         let gave_up = ScriptEnd::GaveUp {
             step: 3,
             why: "nobody came".to_owned(),
         };
         assert_eq!(
-            judge.script_ended(&gave_up),
+            monitor.script_ended(&gave_up),
             RunState::Failed("nobody came".to_owned())
         );
     }

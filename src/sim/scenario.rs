@@ -288,7 +288,7 @@ impl Scenario {
         SimulatedOperator::new(id, settings, self.operator_steps())
     }
 
-    fn judge(&self) -> RunMonitor {
+    fn monitor(&self) -> RunMonitor {
         let ids: Vec<VehicleId> = self.sim.vehicle_ids().collect();
         RunMonitor::new(self.sim.is_planned_by_ground(), self.sim.expect, &ids)
     }
@@ -309,7 +309,7 @@ impl Scenario {
             faults: faults(sim),
             ground: self.ground()?,
             operators: vec![self.operator()],
-            judge: self.judge(),
+            monitor: self.monitor(),
             until: Time::ZERO + sim.until(),
             shuffle_ties: self.shuffle_ties,
             ends_at_contact: self.ends_at_contact,
@@ -477,8 +477,8 @@ impl Scenario {
     pub(super) fn outcome(&self, kernel: Kernel) -> Result<RunOutcome, ScenarioError> {
         let FinishedRun {
             mut record,
-            muster,
-            judge,
+            fleet,
+            monitor,
             environment,
             ground,
             bus,
@@ -488,14 +488,14 @@ impl Scenario {
         } = kernel.finish();
         let station = ground.station();
         let outlines = self.outlines()?;
-        let unmet = unmet(&self.sim, muster, &judge, is_time_up);
+        let unmet = unmet(&self.sim, fleet, &monitor, is_time_up);
         let finished = unmet.is_none() && record.failure.is_none();
         let failure = record.failure.or(unmet);
         Ok(RunOutcome {
             finished,
             failure,
-            home: muster.home,
-            held: muster.held,
+            home: fleet.home,
+            held: fleet.held,
             simulated: ended_at,
             collisions: environment.world().collisions().to_vec(),
             fence_breaches: environment.world().fence_breaches().len(),
@@ -508,7 +508,7 @@ impl Scenario {
             structure: RunOutcome::take(&mut record.pictures, Subject::Structure),
             map: station.map().clone(),
             tracks: record.tracks,
-            missions: judge.missions().to_vec(),
+            missions: monitor.missions().to_vec(),
             persons: self.persons.clone(),
             outlines,
             counts: record.counts,

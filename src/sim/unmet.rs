@@ -1,5 +1,5 @@
 //! What was expected of a run and is not so at its end, in words that also say which limit ended it. It decides nothing:
-//! when a run is over is the judge's matter ([`super::run_monitor`]).
+//! when a run is over is the monitor's matter ([`super::run_monitor`]).
 
 use std::time::Duration;
 
@@ -12,19 +12,19 @@ use crate::config::{Expect, Sim};
 /// Returns what was expected and is not so at the end; `is_time_up`: the run was given up at `until_s`.
 pub(super) fn unmet(
     sim: &Sim,
-    muster: FleetCount,
-    judge: &RunMonitor,
+    fleet: FleetCount,
+    monitor: &RunMonitor,
     is_time_up: bool,
 ) -> Option<String> {
-    let FleetCount { alive, home, held } = muster;
+    let FleetCount { alive, home, held } = fleet;
     let limit = is_time_up.then(|| sim.until());
     let too_few = |count: usize, what: &str| {
         let when = limit.map_or(String::new(), |limit| format!(" when {}", given_up(limit)));
         (count < alive).then(|| format!("{what}: only {count} of {alive}{when}"))
     };
     match sim.expect {
-        Expect::Finished => (!judge.is_done()).then(|| {
-            let under_way = judge.missions().iter().filter(|(_, end)| end.is_none());
+        Expect::Finished => (!monitor.is_done()).then(|| {
+            let under_way = monitor.missions().iter().filter(|(_, end)| end.is_none());
             let ids: Vec<VehicleId> = under_way.map(|(id, _)| *id).collect();
             unended((!sim.is_planned_by_ground()).then_some(&ids[..]), limit)
         }),

@@ -311,7 +311,10 @@ impl Pilot {
         let has_retreated = self.stretch.has_retreated(&self.way, here_m);
         refusal
             .or(has_retreated.then_some(ObstructionKind::DeadEnd))
-            .or((self.purpose.needs_path()).then_some(ObstructionKind::NoPathHome))
+            .or(self
+                .purpose
+                .needs_path()
+                .then_some(ObstructionKind::NoPathHome))
     }
 
     /// Commands the route to a length along the way.

@@ -159,21 +159,21 @@ impl Nodes {
 
     /// Returns how many vehicles are alive, how many of them are home, and how many stand and stay.
     pub(super) fn count_fleet(&self, is_at_rest: impl Fn(usize) -> bool) -> FleetCount {
-        let mut muster = FleetCount::default();
+        let mut fleet = FleetCount::default();
         let vehicles = self.vehicles.iter().enumerate();
         for (index, vehicle) in vehicles.filter(|(_, vehicle)| !vehicle.is_dead()) {
-            muster.alive += 1;
+            fleet.alive += 1;
             match vehicle.node().mission().status() {
                 // Who has come home may still roll a hand's breadth.
-                MissionStatus::Home => muster.home += 1,
-                MissionStatus::Held if is_at_rest(index) => muster.held += 1,
+                MissionStatus::Home => fleet.home += 1,
+                MissionStatus::Held if is_at_rest(index) => fleet.held += 1,
                 MissionStatus::Waiting
                 | MissionStatus::Following
                 | MissionStatus::Held
                 | MissionStatus::Returning => {}
             }
         }
-        muster
+        fleet
     }
 
     /// Begins to keep what the actors do.

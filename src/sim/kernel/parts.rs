@@ -27,7 +27,7 @@ pub(in crate::sim) struct Parts {
     /// What the ground station is made of, also when it restarts.
     pub ground: GroundParts,
     pub operators: Vec<SimulatedOperator>,
-    pub judge: RunMonitor,
+    pub monitor: RunMonitor,
     pub until: Time,
     pub shuffle_ties: bool,
     /// The first contact ends the run.
@@ -39,8 +39,8 @@ pub(in crate::sim) struct Parts {
 /// A run that is over.
 pub(in crate::sim) struct FinishedRun {
     pub record: Recorded,
-    pub muster: FleetCount,
-    pub judge: RunMonitor,
+    pub fleet: FleetCount,
+    pub monitor: RunMonitor,
     pub environment: Environment,
     pub ground: GroundNode,
     pub bus: SimulatedBus,
