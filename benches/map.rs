@@ -14,7 +14,7 @@ use std::time::Instant;
 
 use tomoswarm::geom::{Angle, Lattice, Point, Segment};
 use tomoswarm::map::{CellRect, Mapper, Merged, OwnDisc, PeerBody, ScanReading};
-use tomoswarm::plan::Corridor;
+use tomoswarm::plan::{Corridor, RequiredClearance};
 use tomoswarm_proto::{Boot, LayerId, Message, TileReport, VehicleId, codec};
 
 const SCANS: usize = 60_000;
@@ -127,7 +127,7 @@ fn release(map: &Merged, turn_rad: f64) -> f64 {
         let view = map.view(0, rect);
         black_box(
             Corridor {
-                half_width_m: 0.5,
+                clearance: RequiredClearance::everywhere(0.5),
                 ahead_m: 4.0,
             }
             .released(&view, &route, route[0]),

@@ -4,6 +4,7 @@
 //! with absolute values, and the highest revision wins, so late, doubled, reordered or lost reports do no harm.
 //! What the network lost is asked for and sent again by [`Repair`]. Nothing here knows a bus, a clock or a route.
 
+mod cleared;
 mod evidence;
 mod layer;
 mod map_snapshot;
@@ -12,6 +13,7 @@ mod repair;
 mod tile;
 mod window;
 
+pub use cleared::{BarredCell, ClearedParts, MapTile, PART_SIDE, PARTS, part_offset};
 pub use evidence::{Changes, Mapper, OwnDisc, PeerBody, ScanReading};
 pub use layer::Layer;
 pub use merged::{ANY_REVISION_UNTIL, JoinResult, MAX_LAYERS, MAX_TILES, Merged, TileRefusal};

@@ -5,6 +5,7 @@
 //! look still leaves room to stop ([`SensingLimits`]). Peers, plans and time are not known here.
 
 mod astar;
+mod barriers;
 mod buckets;
 mod clearance;
 mod corridor;
@@ -15,6 +16,7 @@ mod grid;
 #[cfg(test)]
 mod looking;
 mod mounts;
+mod required;
 mod smooth;
 mod speed;
 mod steps;
@@ -30,6 +32,7 @@ pub use echo::{SOUND_MPS, echo_time_s};
 pub use frontier::{Cluster, FrontierError, Frontiers};
 pub use grid::{GridError, MAX_GRID_CELLS, SearchGrid, swept_clearance_m};
 pub use mounts::{Aim, Mount, Mounts, Pointing};
+pub use required::RequiredClearance;
 pub use smooth::{Route, route_along, shortest_route};
 pub use speed::{SensingLimits, SpeedError, stopping_distance_m};
 pub use steps::{Rules, TurningCost};

@@ -1,41 +1,56 @@
-//! What one range reading says about cells: the inverse model of a sensor that sees a cone, written to its own
-//! layer.
+//! What range readings say about cells: the inverse model of a sensor that hears a cone, written to its own layer.
 //!
-//! - **Free** are cells of the cone nearer than the echo (by one cell and a margin) and wholly within
-//!   `sure_range_m`: farther away a wall seen at a grazing angle gives no echo. This holds with an echo too, since
-//!   the echo may come from something behind such a wall. A cell that has been hit is freed only by a cone that
-//!   holds all of it, or by the inner half of a cone, so that a beam passing beside a wall's end does not wear it away.
-//! - **Hit** are cells on the arc at the echo's distance. Something on the arc answered, not everything: so the
-//!   more cells it has the less each is hit (walls are hit again from elsewhere, the rest is freed), and cells that looked free are spared when others of the arc explain the echo better.
-//! - Echoes from near a peer are not mapped. The disc of the vehicle itself is free, and the cell that its middle
-//!   is in.
+//! - **Empty** is what lies inside the cone, nearer than the echo and within `sure_range_m`: farther away a wall seen at a
+//!   grazing angle gives no echo. A cell is free once all of it was seen empty, in two looks at least.
+//! - An **echo** says that something on its arc answered and nothing nearer did. It is not spread over the arc: it is
+//!   *assigned* to the cell that explains most echoes, and to a second one some way off if that explains nearly as many. All
+//!   others stay as they were.
+//! - **Near overrules far**: a cell drops out of an arc only when it was seen empty from as near as the echo came. Then the
+//!   echoes that it explained, which are kept, are assigned anew, so what turns out to be empty hands its echoes to what is not.
+//!   Ground seen empty from farther becomes unknown again at an echo that nothing certain explains.
+//! - An assigned cell is *confirmed* when nothing else can have given one of its echoes: few cells were left, it is very
+//!   near, or echoes from bearings well apart meet in it. Otherwise it is *doubtful*. Both are occupied.
+//! - Echoes from near a peer are not mapped. Where the vehicle's own disc is, nothing else is.
+//!
+//! Every kept echo holds an occupied cell, so an obstacle is not lost by explaining; at worst it is drawn beside where it
+//! stands. The layer has one writer and tiles carry absolute values, so what others hold is simply replaced.
+//! (Hard assignment instead of the shared weights of Moravec and Elfes 1985; the arcs' ambiguity as in Thrun 2003,
+//! *Learning occupancy grid maps with forward sensor models*.)
 //!
 //! Not here: glitch filtering (the sensor's business), the reflex stop (the vehicle's).
 
-use std::f64::consts::FRAC_PI_2;
+mod cell_memory;
+mod cone;
+mod echoes;
+mod own_memory;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{LayerId, TILE_SIDE, TileAddress};
+use tomoswarm_proto::{LayerId, TileAddress};
 
-use super::tile::{LAYER_CLAMP, index_in_tile, origin_of};
-use super::window::{CellRect, Sums};
-use super::{Merged, Tile};
-use crate::geom::{Angle, Cell, Lattice, Point, Segment, Vector};
+use self::cone::Cone;
+use self::echoes::Echo;
+use self::own_memory::{CellKey, OwnMemory};
+use super::tile::{address_of, index_in_tile};
+use super::{CellRect, ClearedParts, Merged, PARTS, part_offset};
+use crate::geom::{Angle, Cell, Lattice, Point, Segment};
 
-/// What a look that finds a cell empty adds, 0.1 log-odds.
-const FREE: i8 = -4;
-/// What an echo adds to a cell when few may have given it, 0.1 log-odds.
-const HIT: i8 = 9;
-/// What an echo adds to all cells of its arc together, and to each at least: one of them answered, not all.
-const ARC_HITS: i8 = 27;
-/// What an echo adds to each cell of a wide arc at least, 0.1 log-odds.
-const HIT_LEAST: i8 = 3;
-/// A cell that looked free is not hit when the likeliest of the arc stands above it by more, 0.1 log-odds.
-const EXPLAINED_BY: i16 = 3;
-/// Between echo and freed cells stay one cell and this much, metres: the spread of a range reading.
-const FREE_MARGIN_M: f64 = 0.1;
-/// Readings reach at most this many cells, whatever a sensor claims.
-const REACH_CELLS: f64 = 500.0;
+/// Echoes kept per tile; the oldest is dropped for a new one, and what it was assigned to stays as it is.
+const ECHOES_KEPT: usize = 128;
+/// So many kept echoes of the tile are assigned anew after each one that is heard, in turn.
+const REASSIGNED: usize = 4;
+/// An arc's votes, shared by the cells that are not excluded, and the least and most that each gets.
+const ARC_VOTES: usize = 24;
+const MOST_VOTES: usize = 8;
+/// A second cell explains an echo too when it has at least this share of the first one's votes, in tenths.
+const SECOND_TENTHS: u32 = 6;
+/// It lies at least so many cells away.
+const SECOND_CELLS: u32 = 2;
+/// An echo from this near can be from nowhere else, centimetres.
+const SURE_CM: u16 = 30;
+/// Of arcs with at most so many cells left, the one that is chosen is sure.
+const FEW_CELLS: usize = 2;
+/// Half of the band around an arc from which its echo came, metres.
+const BAND_M: f64 = 0.06;
 
 /// One range reading with the cone it was taken in.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -83,57 +98,51 @@ pub struct Changes {
     pub changed: Vec<TileAddress>,
     /// Those of them in which a merged cell became occupied: to be sent at once.
     pub newly_occupied: Vec<TileAddress>,
+    /// Tiles of which more is known than before of parts of cells that are not free, ascending; see
+    /// [`Mapper::cleared`].
+    pub cleared: Vec<TileAddress>,
 }
 
 impl Changes {
     /// Returns whether nothing changed.
     pub fn is_empty(&self) -> bool {
-        self.changed.is_empty()
+        self.changed.is_empty() && self.cleared.is_empty()
     }
 }
 
-/// Writes readings to its own layer of a map. Keeps nothing but scratch memory from one to the next.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+/// Writes readings to its own layer of a map, and remembers what it needs to judge the next ones.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Mapper {
     own: LayerId,
     slice: i16,
+    memory: OwnMemory,
     #[serde(skip)]
-    marks: Vec<Mark>,
-    #[serde(skip)]
-    arc: Vec<ArcCell>,
-    #[serde(skip)]
+    scratch: Scratch,
+}
+
+/// What one reading needs, kept so that nothing is allocated for each.
+#[derive(Clone, PartialEq, Debug, Default)]
+struct Scratch {
+    /// Cells whose published value may have changed.
+    touched: Vec<CellKey>,
+    /// Cells that explain an echo and have been seen empty from nearer.
+    contradicted: Vec<CellKey>,
+    /// Tiles with cells that are not free, of which more or fewer parts count as empty.
+    cleared: Vec<usize>,
+    arc: Vec<Cell>,
+    keys: Vec<Option<CellKey>>,
     writes: Vec<(usize, i8, i8)>,
 }
 
-/// A new value for a cell of its own layer.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
-struct Mark {
-    address: TileAddress,
-    index: usize,
-    old: i8,
-    new: i8,
-}
-
-/// A cell which the echo may have come from.
-#[derive(Clone, Copy, Debug)]
-struct ArcCell {
-    mark: Mark,
-    centre: Point,
-    merged: i16,
-}
-
-/// The tile whose cells are being judged, as it was before.
-struct Judged<'a> {
-    address: TileAddress,
-    own: Option<&'a Tile>,
-    sums: Option<&'a Sums>,
-}
-
-/// What a reading says about one cell.
-enum CellReading {
-    Nothing,
-    Free,
-    Hit,
+/// Which cells explain an echo.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+struct Assignment {
+    /// The one that explains most, and its place on the arc.
+    best: usize,
+    /// Another one that explains nearly as much.
+    also: Option<usize>,
+    /// How many cells could have given it.
+    open: usize,
 }
 
 impl Mapper {
@@ -142,13 +151,12 @@ impl Mapper {
         Mapper {
             own,
             slice,
-            marks: Vec::new(),
-            arc: Vec::new(),
-            writes: Vec::new(),
+            memory: OwnMemory::default(),
+            scratch: Scratch::default(),
         }
     }
 
-    /// Writes one reading, each cell at most once. Readings with values that are not finite are ignored.
+    /// Writes one reading. Readings with values that are not finite are ignored.
     pub fn record(
         &mut self,
         map: &mut Merged,
@@ -159,11 +167,27 @@ impl Mapper {
         let Some(cone) = Cone::of(scan, map.lattice()) else {
             return Changes::default();
         };
-        self.marks.clear();
-        self.arc.clear();
-        let body = body.within_reach(&cone);
-        let footprint = Footprint::of(body, cone.lattice);
-        let area = cone.area(body);
+        self.scratch.touched.clear();
+        self.scratch.contradicted.clear();
+        self.scratch.cleared.clear();
+        self.see_empty(map, &cone);
+        self.cover(map, &cone, body.within_reach(&cone));
+        self.reassign_contradicted(map.lattice(), scan);
+        if let Some(range_m) = cone.echo_m {
+            let echo = Echo::new(cone.origin, cone.axis, range_m, cone.half_width_rad);
+            self.take_echo(map, echo, peers);
+        }
+        self.write(map)
+    }
+
+    /// Returns which parts of the cells of a tile it has seen empty although the cell is not free.
+    pub fn cleared(&self, address: TileAddress) -> ClearedParts {
+        self.memory.cleared(address)
+    }
+
+    /// Notes what the cone saw empty.
+    fn see_empty(&mut self, map: &Merged, cone: &Cone) {
+        let area = cone.area();
         let (columns, rows) = area.tiles();
         for y in rows {
             for x in columns.clone() {
@@ -172,166 +196,334 @@ impl Mapper {
                     x,
                     y,
                 };
-                self.judge_tile(map, &cone, &footprint, area, address);
-            }
-        }
-        self.mark_hits(&cone, peers);
-        self.write(map)
-    }
-
-    /// Judges the cells of one tile that lie within `area`.
-    fn judge_tile(
-        &mut self,
-        map: &Merged,
-        cone: &Cone,
-        body: &Footprint,
-        area: CellRect,
-        address: TileAddress,
-    ) {
-        let own = map.layer(self.own).and_then(|layer| layer.tile(address));
-        let tile = Judged {
-            address,
-            own,
-            sums: map.sums(address),
-        };
-        let first = origin_of(address);
-        let last = Cell::new(
-            first.x + TILE_SIDE as i32 - 1,
-            first.y + TILE_SIDE as i32 - 1,
-        );
-        for y in first.y.max(area.low.y)..=last.y.min(area.high.y) {
-            for x in first.x.max(area.low.x)..=last.x.min(area.high.x) {
-                self.judge_cell(cone, body, Cell::new(x, y), &tile);
-            }
-        }
-    }
-
-    #[inline]
-    fn judge_cell(&mut self, cone: &Cone, body: &Footprint, cell: Cell, tile: &Judged<'_>) {
-        let Judged { address, own, sums } = *tile;
-        let centre = cone.lattice.centre(cell);
-        let index = index_in_tile(cell);
-        let old = own.map_or(0, |tile| tile.cells[index]);
-        match if body.covers(cell, centre) {
-            CellReading::Free
-        } else {
-            cone.says(cell, centre - cone.origin, old)
-        } {
-            CellReading::Nothing => {}
-            CellReading::Free => {
-                let new = (old + FREE).max(-LAYER_CLAMP);
-                if new != old {
-                    self.marks.push(Mark {
-                        address,
-                        index,
-                        old,
-                        new,
-                    });
+                if let Some(area) = CellRect::of_tile(address).overlap(area) {
+                    self.see_empty_in(map, cone, address, area);
                 }
             }
-            CellReading::Hit => {
-                let mark = Mark {
-                    address,
-                    index,
-                    old,
-                    new: old,
-                };
-                self.arc.push(ArcCell {
-                    mark,
-                    centre,
-                    merged: sums.map_or(0, |sums| sums[index]),
-                });
+        }
+    }
+
+    /// Notes what the cone saw empty in a part of one tile.
+    fn see_empty_in(&mut self, map: &Merged, cone: &Cone, address: TileAddress, area: CellRect) {
+        let mut tile = None;
+        for cell in area.cells() {
+            let Some(seen) = cone.sees(cell) else {
+                continue;
+            };
+            let tile = *tile.get_or_insert_with(|| self.memory.tile(map, self.own, address));
+            let key = CellKey {
+                tile,
+                index: index_in_tile(cell),
+            };
+            let memory = self.memory.cell_mut(key);
+            if memory.see_parts(seen.parts) && !memory.is_free() {
+                self.scratch.cleared.push(tile);
+            }
+            if seen.quarters != 0 && memory.see_quarters(seen.quarters, seen.from_cm) {
+                self.scratch.touched.push(key);
+                if memory.explains_echoes() {
+                    self.scratch.contradicted.push(key);
+                }
             }
         }
     }
 
-    /// Picks those cells of the arc that are hit: none when a peer may have answered.
-    fn mark_hits(&mut self, cone: &Cone, peers: &[PeerBody<'_>]) {
-        let Some(likeliest) = self.arc.iter().map(|cell| cell.merged).max() else {
+    /// Notes that nothing but the vehicle is where it stands.
+    fn cover(&mut self, map: &Merged, cone: &Cone, body: OwnDisc) {
+        let Some(area) = CellRect::around(cone.lattice, &[body.at], body.radius_m) else {
             return;
         };
-        let near_peer = |peer: &PeerBody<'_>| {
-            self.arc
-                .iter()
-                .any(|cell| peer.reaches(cell.centre, cone.half_cell_m))
-        };
-        if peers.iter().any(near_peer) {
-            return;
+        for cell in area.cells() {
+            let quarters = body.covers(cone.lattice, cell);
+            if quarters == 0 {
+                continue;
+            }
+            let Some(key) = self.key(map, cell) else {
+                continue;
+            };
+            let memory = self.memory.cell_mut(key);
+            if memory.cover(quarters) {
+                self.scratch.touched.push(key);
+                if memory.explains_echoes() {
+                    self.scratch.contradicted.push(key);
+                }
+            }
         }
-        let hit = || {
-            self.arc
-                .iter()
-                .filter(|cell| cell.merged >= likeliest.min(EXPLAINED_BY) - EXPLAINED_BY)
-        };
-        let cells = i8::try_from(hit().count()).unwrap_or(i8::MAX);
-        let weight = (ARC_HITS / cells).clamp(HIT_LEAST, HIT);
-        let marks = hit().map(|cell| Mark {
-            new: (cell.mark.old + weight).min(LAYER_CLAMP),
-            ..cell.mark
-        });
-        self.marks.extend(marks.filter(|mark| mark.new != mark.old));
     }
 
+    /// Assigns anew the echoes of cells that have turned out to be empty.
+    fn reassign_contradicted(&mut self, lattice: Lattice, scan: &ScanReading) {
+        let contradicted = std::mem::take(&mut self.scratch.contradicted);
+        for key in &contradicted {
+            let memory = self.memory.cell(*key);
+            if !memory.explains_echoes() || !memory.is_excluded(memory.nearest_echo_cm()) {
+                continue;
+            }
+            let (cell, reach_m) = (self.memory.cell_of(*key), 2.0 * scan.max_range_m);
+            let chord_m = reach_m * libm::sin(scan.half_width_rad.clamp(0.0, 1.57));
+            let mut is_left = false;
+            for (tile, echo) in self.memory.echoes_of(self.slice, cell, lattice, chord_m) {
+                self.reassign(lattice, tile, echo);
+                is_left |= self.memory.echo(tile, echo).is_explained_by(cell);
+            }
+            if !is_left {
+                // Also what dropped echoes have left.
+                self.memory.cell_mut(*key).clear_echoes();
+                self.scratch.touched.push(*key);
+            }
+        }
+        self.scratch.contradicted = contradicted;
+    }
+
+    /// Assigns an echo that was heard, and keeps it: unless a peer may have answered.
+    fn take_echo(&mut self, map: &Merged, mut echo: Echo, peers: &[PeerBody<'_>]) {
+        let lattice = map.lattice();
+        self.follow(lattice, &echo);
+        let half_cell_m = lattice.cell_m() / 2.0;
+        let is_a_peers = |cell: &Cell| {
+            let middle = lattice.centre(*cell);
+            peers.iter().any(|peer| peer.reaches(middle, half_cell_m))
+        };
+        if self.scratch.arc.iter().any(is_a_peers) {
+            return;
+        }
+        for cell in 0..self.scratch.arc.len() {
+            let key = self.key(map, self.scratch.arc[cell]);
+            self.scratch.keys[cell] = key;
+        }
+        let range_cm = echo.range_cm();
+        self.vote(range_cm);
+        let Some(assigned) = self.choose(lattice, &echo) else {
+            return;
+        };
+        if self.scratch.keys[assigned.best].is_none_or(|key| !self.memory.cell(key).is_confirmed())
+        {
+            self.take_far_looks_back(range_cm);
+        }
+        (echo.to, echo.also) = self.cells_of(assigned);
+        self.give(lattice, &echo, assigned);
+        let Some(tile) = self.scratch.keys[assigned.best].map(|key| key.tile) else {
+            return;
+        };
+        self.keep(tile, echo);
+        self.reassign_some(lattice, tile);
+    }
+
+    /// Follows an echo's arc, and finds what is remembered of its cells.
+    fn follow(&mut self, lattice: Lattice, echo: &Echo) {
+        let Scratch { arc, keys, .. } = &mut self.scratch;
+        echo.follow(lattice, arc);
+        keys.clear();
+        keys.extend(arc.iter().map(|cell| self.memory.find(self.slice, *cell)));
+    }
+
+    /// Counts an arc for all of its cells that can have given its echo.
+    fn vote(&mut self, range_cm: u16) {
+        let Scratch { keys, .. } = &self.scratch;
+        let is_open = |key: &&CellKey| !self.memory.cell(**key).is_excluded(range_cm);
+        let open = keys.iter().flatten().filter(is_open).count().max(1);
+        let weight = (ARC_VOTES / open).clamp(1, MOST_VOTES) as u16;
+        for key in keys.iter().flatten() {
+            let memory = self.memory.cell_mut(*key);
+            if !memory.is_excluded(range_cm) {
+                memory.vote(weight);
+            }
+        }
+    }
+
+    /// Chooses what on the arc that was followed explains its echo.
+    fn choose(&self, lattice: Lattice, echo: &Echo) -> Option<Assignment> {
+        let Scratch { arc, keys, .. } = &self.scratch;
+        let range_cm = echo.range_cm();
+        let (mut best, mut open) = (None, 0);
+        for (index, key) in keys.iter().enumerate() {
+            let Some(key) = key else { continue };
+            let memory = self.memory.cell(*key);
+            let is_open = !memory.is_excluded(range_cm);
+            open += usize::from(is_open);
+            // Of excluded cells the one that was looked at from the least near.
+            let weight = if is_open {
+                memory.votes()
+            } else {
+                memory.seen_cm()
+            };
+            let off_cm = echo.off_cm(lattice.centre(arc[index]));
+            let worth = (is_open, weight, std::cmp::Reverse(off_cm));
+            if best.is_none_or(|(most, _)| worth > most) {
+                best = Some((worth, index));
+            }
+        }
+        let ((is_open, votes, _), best) = best?;
+        let needed = u32::from(votes) * SECOND_TENTHS;
+        let mut also = None;
+        for (index, key) in keys.iter().enumerate().filter(|_| is_open) {
+            let Some(key) = key else { continue };
+            let memory = self.memory.cell(*key);
+            let is_far = arc[index].x.abs_diff(arc[best].x) >= SECOND_CELLS
+                || arc[index].y.abs_diff(arc[best].y) >= SECOND_CELLS;
+            let is_enough = u32::from(memory.votes()) * 10 >= needed && memory.votes() > 0;
+            if is_far && is_enough && !memory.is_excluded(range_cm) {
+                if also.is_none_or(|(most, _)| memory.votes() > most) {
+                    also = Some((memory.votes(), index));
+                }
+            }
+        }
+        Some(Assignment {
+            best,
+            also: also.map(|(_, index)| index),
+            open,
+        })
+    }
+
+    /// Returns the cells of an assignment.
+    fn cells_of(&self, assigned: Assignment) -> (Cell, Option<Cell>) {
+        let arc = &self.scratch.arc;
+        (arc[assigned.best], assigned.also.map(|index| arc[index]))
+    }
+
+    /// What was seen empty from far less near than the echo of the arc that was followed came counts no more.
+    fn take_far_looks_back(&mut self, range_cm: u16) {
+        let Scratch { keys, touched, .. } = &mut self.scratch;
+        for key in keys.iter().flatten() {
+            let memory = self.memory.cell_mut(*key);
+            if !memory.is_excluded(range_cm) && memory.is_seen_from_afar(range_cm) {
+                memory.forget_looks();
+                touched.push(*key);
+            }
+        }
+    }
+
+    /// Gives an echo to the cells that it is assigned to on the arc that was followed.
+    fn give(&mut self, lattice: Lattice, echo: &Echo, assigned: Assignment) {
+        let range_cm = echo.range_cm();
+        let is_sure = (1..=FEW_CELLS).contains(&assigned.open) || range_cm <= SURE_CM;
+        let cells = [
+            Some((assigned.best, is_sure)),
+            assigned.also.map(|index| (index, range_cm <= SURE_CM)),
+        ];
+        for (index, is_sure) in cells.into_iter().flatten() {
+            let Some(key) = self.scratch.keys[index] else {
+                continue;
+            };
+            let middle = lattice.centre(self.scratch.arc[index]);
+            let memory = self.memory.cell_mut(key);
+            memory.give(range_cm, echo.sector_from(middle), is_sure);
+            if memory.reopen_parts(band_of(lattice, middle, echo)) {
+                self.scratch.cleared.push(key.tile);
+            }
+            self.scratch.touched.push(key);
+        }
+    }
+
+    /// Takes an echo from the cells that it is assigned to.
+    fn take(&mut self, echo: &Echo) {
+        for cell in [Some(echo.to), echo.also].into_iter().flatten() {
+            if let Some(key) = self.memory.find(self.slice, cell) {
+                self.memory.cell_mut(key).take();
+                self.scratch.touched.push(key);
+            }
+        }
+    }
+
+    /// Keeps an echo in a tile, in place of one that is like it, or of the oldest.
+    fn keep(&mut self, tile: usize, echo: Echo) {
+        let kept = self.memory.echoes(tile);
+        match kept.iter().position(|one| one.is_like(&echo)) {
+            Some(index) => {
+                let old = kept[index];
+                self.take(&old);
+                self.memory.replace_echo(tile, index, echo);
+            }
+            None => self.memory.push_echo(tile, echo, ECHOES_KEPT),
+        }
+    }
+
+    /// Assigns a few kept echoes of a tile anew: what has been learnt since may explain them better.
+    fn reassign_some(&mut self, lattice: Lattice, tile: usize) {
+        for _ in 0..REASSIGNED {
+            if let Some(echo) = self.memory.next_turn(tile) {
+                self.reassign(lattice, tile, echo);
+            }
+        }
+    }
+
+    /// Assigns a kept echo anew.
+    fn reassign(&mut self, lattice: Lattice, tile: usize, index: usize) {
+        let mut echo = *self.memory.echo(tile, index);
+        self.follow(lattice, &echo);
+        let Some(assigned) = self.choose(lattice, &echo) else {
+            return;
+        };
+        let cells = self.cells_of(assigned);
+        if cells != (echo.to, echo.also) {
+            self.take(&echo);
+            (echo.to, echo.also) = cells;
+            self.give(lattice, &echo, assigned);
+            self.memory.replace_echo(tile, index, echo);
+        }
+    }
+
+    /// Returns the key of a cell, of which is remembered from now on; `None` beyond the map's reach.
+    fn key(&mut self, map: &Merged, cell: Cell) -> Option<CellKey> {
+        let address = address_of(self.slice, cell)?;
+        Some(CellKey {
+            tile: self.memory.tile(map, self.own, address),
+            index: index_in_tile(cell),
+        })
+    }
+
+    /// Writes the values that have changed to its own layer.
     fn write(&mut self, map: &mut Merged) -> Changes {
-        // Tiles were judged in order, but the hits stand behind the freed cells.
-        self.marks.sort_unstable();
+        let Scratch {
+            touched,
+            writes,
+            cleared,
+            ..
+        } = &mut self.scratch;
+        touched.sort_unstable();
+        touched.dedup();
         let mut changes = Changes::default();
-        for marks in self.marks.chunk_by(|a, b| a.address == b.address) {
-            let address = marks[0].address;
-            self.writes.clear();
-            self.writes
-                .extend(marks.iter().map(|mark| (mark.index, mark.old, mark.new)));
-            let newly_occupied = map.write(self.own, address, &self.writes);
+        for keys in touched.chunk_by(|a, b| a.tile == b.tile) {
+            let address = self.memory.address(keys[0].tile);
+            let published = map.layer(self.own).and_then(|layer| layer.tile(address));
+            writes.clear();
+            for key in keys {
+                let old = published.map_or(0, |tile| tile.cells[key.index]);
+                let new = self.memory.cell(*key).value();
+                if new != old {
+                    writes.push((key.index, old, new));
+                }
+            }
+            if writes.is_empty() {
+                continue;
+            }
+            let newly_occupied = map.write(self.own, address, writes);
             changes.changed.push(address);
             if newly_occupied {
                 changes.newly_occupied.push(address);
             }
         }
+        changes.cleared = cleared
+            .iter()
+            .map(|tile| self.memory.address(*tile))
+            .collect();
+        changes.cleared.sort_unstable();
+        changes.cleared.dedup();
+        changes.changed.sort_unstable();
+        changes.newly_occupied.sort_unstable();
         changes
     }
 }
 
-impl OwnDisc {
-    /// Returns the body, or one of no size when it is impossibly large or far from the sensor.
-    fn within_reach(self, cone: &Cone) -> OwnDisc {
-        let reach_m = REACH_CELLS * cone.lattice.cell_m();
-        let near =
-            self.at.distance_to(cone.origin) <= reach_m && (0.0..=reach_m).contains(&self.radius_m);
-        if near {
-            self
-        } else {
-            OwnDisc {
-                at: cone.origin,
-                radius_m: 0.0,
-            }
-        }
-    }
-}
-
-/// The disc of the vehicle prepared for judging cells.
-struct Footprint {
-    at: Point,
-    /// The cell that its middle is in.
-    cell: Cell,
-    radius_m2: f64,
-}
-
-impl Footprint {
-    fn of(body: OwnDisc, lattice: Lattice) -> Footprint {
-        let OwnDisc { at, radius_m } = body;
-        Footprint {
-            at,
-            cell: lattice.cell_at(at),
-            radius_m2: radius_m * radius_m,
-        }
-    }
-
-    /// Returns whether the vehicle stands on a cell with this middle.
-    #[inline]
-    fn covers(&self, cell: Cell, centre: Point) -> bool {
-        let from_middle = centre - self.at;
-        self.cell == cell || from_middle.dot(from_middle) <= self.radius_m2
-    }
+/// Returns the parts of a cell from which an echo can have come: those within a band around its arc.
+fn band_of(lattice: Lattice, middle: Point, echo: &Echo) -> u16 {
+    let (origin, range_m) = (echo.origin(), echo.range_m());
+    let band_m = BAND_M.max(0.3 * lattice.cell_m());
+    (0..PARTS).fold(0, |band, part| {
+        let at = middle + part_offset(part, lattice.cell_m());
+        let is_within = (at.distance_to(origin) - range_m).abs() < band_m;
+        band | u16::from(is_within) << part
+    })
 }
 
 impl PeerBody<'_> {
@@ -345,129 +537,6 @@ impl PeerBody<'_> {
                 .any(|pair| near(Segment::new(pair[0], pair[1]))),
         }
     }
-}
-
-/// A reading prepared for judging cells.
-struct Cone {
-    lattice: Lattice,
-    origin: Point,
-    axis: Vector,
-    /// The cell on the axis at the echo's distance: hit even where no cell's middle lies on a narrow arc.
-    struck: Option<Cell>,
-    half_cell_m: f64,
-    /// Half of a cell's diagonal.
-    half_diagonal_m: f64,
-    sin: f64,
-    cos: f64,
-    tan: f64,
-    /// Tangent of half of the half-width.
-    tan_half: f64,
-    /// Squares of the distances between which cells are free.
-    free_m2: (f64, f64),
-    /// Squares of the distances between which cells are hit.
-    hit_m2: (f64, f64),
-    /// Nothing farther away is judged.
-    reach_m: f64,
-}
-
-impl Cone {
-    fn of(scan: &ScanReading, lattice: Lattice) -> Option<Cone> {
-        let bounds_m =
-            scan.max_range_m + scan.sure_range_m + scan.min_range_m + scan.half_width_rad;
-        let range_finite = scan
-            .range_m
-            .is_none_or(|range_m| range_m.is_finite() && range_m >= 0.0);
-        if !scan.origin.is_finite() || !bounds_m.is_finite() || !range_finite {
-            return None;
-        }
-        let half_cell_m = lattice.cell_m() / 2.0;
-        let farthest_m = scan.max_range_m.min(REACH_CELLS * lattice.cell_m());
-        let echo_m = scan.range_m.filter(|range_m| *range_m <= farthest_m);
-        let clear_m = echo_m.map_or(farthest_m, |echo_m| {
-            echo_m - lattice.cell_m() - FREE_MARGIN_M
-        });
-        let half_diagonal_m = half_cell_m * std::f64::consts::SQRT_2;
-        let free_to_m = clear_m.min(scan.sure_range_m.min(farthest_m) - half_diagonal_m);
-        let reach_m = echo_m
-            .map_or(free_to_m, |echo_m| echo_m + half_cell_m)
-            .max(0.0);
-        // Just under a quarter turn, so that the tangent stays finite.
-        let half_width_rad = scan.half_width_rad.clamp(0.0, FRAC_PI_2 - 1e-6);
-        let (sin, cos) = libm::sincos(half_width_rad);
-        let axis = Vector::polar(scan.direction, 1.0);
-        Some(Cone {
-            lattice,
-            origin: scan.origin,
-            axis,
-            struck: echo_m.map(|echo_m| lattice.cell_at(scan.origin + axis * echo_m)),
-            half_cell_m,
-            half_diagonal_m,
-            sin,
-            cos,
-            tan: sin / cos,
-            tan_half: sin / (1.0 + cos),
-            free_m2: (square(scan.min_range_m), square(free_to_m)),
-            hit_m2: echo_m.map_or((1.0, 0.0), |echo_m| {
-                (square(echo_m - half_cell_m), square(echo_m + half_cell_m))
-            }),
-            reach_m,
-        })
-    }
-
-    /// Returns cells around all that can be judged: the cone lies within the hull of its tip, its edges and the
-    /// tangents at half of its half-width.
-    fn area(&self, body: OwnDisc) -> CellRect {
-        let (ahead, aside) = (self.axis * self.reach_m, self.axis.left() * self.reach_m);
-        let edge = |side: f64| ahead * self.cos + aside * (self.sin * side);
-        let tangent = |side: f64| ahead + aside * (self.tan_half * side);
-        let corners = [
-            Vector::default(),
-            edge(1.0),
-            edge(-1.0),
-            tangent(1.0),
-            tangent(-1.0),
-        ]
-        .map(|to| self.origin + to);
-        let around =
-            |points: &[Point], margin_m: f64| CellRect::around(self.lattice, points, margin_m);
-        let own = CellRect::new(
-            self.lattice.cell_at(self.origin),
-            self.lattice.cell_at(self.origin),
-        );
-        let cone = around(&corners, self.half_cell_m).unwrap_or(own);
-        around(&[body.at], body.radius_m).map_or(cone, |disc| disc.join(cone))
-    }
-
-    /// Judges a cell by its middle as seen from the sensor, and by its old value in its own layer.
-    #[inline]
-    fn says(&self, cell: Cell, to: Vector, old: i8) -> CellReading {
-        if self.struck == Some(cell) {
-            return CellReading::Hit;
-        }
-        let (ahead_m, aside_m) = (self.axis.dot(to), self.axis.cross(to).abs());
-        if ahead_m <= 0.0 || (aside_m > ahead_m * self.tan && aside_m > self.half_cell_m) {
-            return CellReading::Nothing;
-        }
-        let distance_m2 = to.dot(to);
-        if (self.hit_m2.0..=self.hit_m2.1).contains(&distance_m2) {
-            return CellReading::Hit;
-        }
-        if !(self.free_m2.0..=self.free_m2.1).contains(&distance_m2) {
-            return CellReading::Nothing;
-        }
-        let holds_it = aside_m <= ahead_m * self.tan_half
-            || ahead_m * self.sin - aside_m * self.cos >= self.half_diagonal_m;
-        if old > 0 && !holds_it {
-            CellReading::Nothing
-        } else {
-            CellReading::Free
-        }
-    }
-}
-
-/// The square of a distance; 0 for negative ones.
-fn square(metres: f64) -> f64 {
-    metres.max(0.0) * metres.max(0.0)
 }
 
 #[cfg(test)]

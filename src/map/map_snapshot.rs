@@ -2,9 +2,9 @@
 //! never contradict itself.
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{LayerId, TileReport};
+use tomoswarm_proto::{LayerId, TileAddress, TileReport};
 
-use super::{Merged, Tile, TileError};
+use super::{ClearedParts, Merged, Tile, TileError};
 use crate::geom::Lattice;
 
 /// What is kept of a [`Merged`].
@@ -13,6 +13,7 @@ pub(super) struct MapSnapshot {
     lattice: Lattice,
     own: Option<LayerId>,
     tiles: Vec<TileReport>,
+    cleared: Vec<(TileAddress, ClearedParts)>,
 }
 
 impl From<Merged> for MapSnapshot {
@@ -26,6 +27,10 @@ impl From<Merged> for MapSnapshot {
             lattice: map.lattice(),
             own: map.own(),
             tiles: tiles.collect(),
+            cleared: map
+                .cleared()
+                .map(|(address, cleared)| (address, cleared.clone()))
+                .collect(),
         }
     }
 }
@@ -38,6 +43,9 @@ impl TryFrom<MapSnapshot> for Merged {
         for report in &kept.tiles {
             map.put(report.layer, report.address, Tile::from_report(report)?);
         }
+        for (address, cleared) in kept.cleared {
+            map.clear_parts(address, cleared);
+        }
         Ok(map)
     }
 }
@@ -48,7 +56,7 @@ mod tests {
     use super::*;
     use crate::geom::{Angle, Point};
     use crate::map::{OwnDisc, ScanReading};
-    use tomoswarm_proto::{Boot, TILE_CELLS, TileAddress, VehicleId, codec};
+    use tomoswarm_proto::{Boot, TILE_CELLS, VehicleId, codec};
 
     fn layer(vehicle: u8) -> LayerId {
         LayerId {

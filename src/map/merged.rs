@@ -14,7 +14,7 @@ use tomoswarm_proto::{
 use super::map_snapshot::MapSnapshot;
 use super::tile::{MERGED_CLAMP, Occupancy, Tile, TileError, address_of, index_in_tile};
 use super::window::{CellRect, Sums, View};
-use super::{Layer, OCCUPIED_FROM};
+use super::{ClearedParts, Layer, MapTile, OCCUPIED_FROM};
 use crate::geom::{Cell, Lattice};
 
 /// A map holds at most this many layers, as many as a digest may name; more are refused.
@@ -76,6 +76,10 @@ pub struct Merged {
     tiles: usize,
     /// Unclamped sums over the layers; at most `MAX_LAYERS` × `LAYER_CLAMP`, so they fit.
     sums: BTreeMap<TileAddress, Box<Sums>>,
+    /// Which parts of cells that are not free one vehicle has seen empty.
+    cleared: BTreeMap<TileAddress, ClearedParts>,
+    /// The same by cell.
+    parts: BTreeMap<TileAddress, Box<[u16; TILE_CELLS]>>,
 }
 
 impl Merged {
@@ -87,6 +91,8 @@ impl Merged {
             layers: BTreeMap::new(),
             tiles: 0,
             sums: BTreeMap::new(),
+            cleared: BTreeMap::new(),
+            parts: BTreeMap::new(),
         }
     }
 
@@ -145,6 +151,31 @@ impl Merged {
         }
         let newly_occupied = self.put(report.layer, report.address, tile);
         Ok(JoinResult::Newer { newly_occupied })
+    }
+
+    /// Takes a tile of the map actor of the same vehicle: see [`Merged::join`].
+    ///
+    /// # Errors
+    /// [`TileRefusal`]; nothing changes then.
+    pub fn learn(&mut self, tile: &MapTile) -> Result<JoinResult, TileRefusal> {
+        let joined = self.join(&tile.report)?;
+        if let Some(cleared) = &tile.cleared {
+            self.clear_parts(tile.report.address, cleared.clone());
+        }
+        Ok(joined)
+    }
+
+    /// Takes which parts of a tile are empty, in place of what was known of that.
+    pub(super) fn clear_parts(&mut self, address: TileAddress, cleared: ClearedParts) {
+        self.parts.insert(address, cleared.by_cell());
+        self.cleared.insert(address, cleared);
+    }
+
+    /// Returns which parts of cells are known to be empty, by tile.
+    pub(super) fn cleared(&self) -> impl Iterator<Item = (TileAddress, &ClearedParts)> {
+        self.cleared
+            .iter()
+            .map(|(address, cleared)| (*address, cleared))
     }
 
     /// Takes what somebody else says of its own layer: where that would count more than what this node has written, its own
@@ -281,11 +312,14 @@ impl Merged {
         let (columns, rows) = rect.tiles();
         let first = (columns.start, rows.start);
         let tiles = rows.flat_map(|y| columns.clone().map(move |x| TileAddress { slice, x, y }));
+        let cleared = |address| self.parts.get(&address).map(|parts| &**parts);
         View {
             lattice: self.lattice,
             first,
             columns: columns.len(),
-            tiles: tiles.map(|address| self.sums(address)).collect(),
+            tiles: tiles
+                .map(|address| Some((self.sums(address)?, cleared(address))))
+                .collect(),
         }
     }
 

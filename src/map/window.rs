@@ -2,6 +2,7 @@
 
 use tomoswarm_proto::{TILE_CELLS, TILE_SIDE, TileAddress};
 
+use super::cleared::BarredCell;
 use super::tile::{Occupancy, REACH_TILES, SIDE_BITS, index_in_tile, origin_of};
 use crate::geom::{Cell, Lattice, Point, Rect};
 
@@ -135,9 +136,12 @@ pub struct View<'a> {
     /// Column and row of the first tile.
     pub(super) first: (i32, i32),
     pub(super) columns: usize,
-    /// Row-major; `None` where nothing is known.
-    pub(super) tiles: Vec<Option<&'a Sums>>,
+    /// Row-major, each with the parts of its cells that are known to be empty; `None` where nothing is known.
+    pub(super) tiles: Vec<Option<ViewTile<'a>>>,
 }
+
+/// The sums of a tile, and the parts of its cells that are known to be empty.
+pub(super) type ViewTile<'a> = (&'a Sums, Option<&'a [u16; TILE_CELLS]>);
 
 impl View<'_> {
     /// Returns the lattice of the cells.
@@ -149,18 +153,32 @@ impl View<'_> {
     /// Returns what is known of a cell.
     #[inline]
     pub fn occupancy(&self, cell: Cell) -> Occupancy {
+        match self.tile(cell) {
+            Some((sums, _)) => Occupancy::of_value(sums[index_in_tile(cell)]),
+            None => Occupancy::Unknown,
+        }
+    }
+
+    /// Returns where in a cell something may stand; `None` when it is free.
+    #[inline]
+    pub fn barred(&self, cell: Cell) -> Option<BarredCell> {
+        let Some((sums, parts)) = self.tile(cell) else {
+            return BarredCell::of(Occupancy::Unknown, 0);
+        };
+        let index = index_in_tile(cell);
+        let cleared = parts.map_or(0, |parts| parts[index]);
+        BarredCell::of(Occupancy::of_value(sums[index]), cleared)
+    }
+
+    #[inline]
+    fn tile(&self, cell: Cell) -> Option<ViewTile<'_>> {
         let column = (cell.x >> SIDE_BITS).wrapping_sub(self.first.0) as usize;
         let row = (cell.y >> SIDE_BITS).wrapping_sub(self.first.1) as usize;
         if column >= self.columns {
-            return Occupancy::Unknown;
+            return None;
         }
-        match self
-            .tiles
-            .get(row.saturating_mul(self.columns).saturating_add(column))
-        {
-            Some(Some(sums)) => Occupancy::of_value(sums[index_in_tile(cell)]),
-            Some(None) | None => Occupancy::Unknown,
-        }
+        let place = row.saturating_mul(self.columns).saturating_add(column);
+        self.tiles.get(place).copied().flatten()
     }
 }
 

@@ -21,7 +21,8 @@ use super::sensor::Scan;
 use crate::actor::{Actor, Fault, Input, InputClass};
 use crate::geom::Pose;
 use crate::map::{
-    Changes, JoinResult, Mapper, Merged, OwnDisc, PeerBody, Repair, ScanReading, TileRefusal,
+    Changes, JoinResult, MapTile, Mapper, Merged, OwnDisc, PeerBody, Repair, ScanReading,
+    TileRefusal,
 };
 use crate::time::{Deadline, Time};
 
@@ -57,7 +58,7 @@ pub enum In {
 )]
 pub enum Out {
     /// Tiles that changed, own and peers'.
-    Tiles(Vec<TileReport>),
+    Tiles(Vec<MapTile>),
     /// For the bus.
     Publish(Message),
 }
@@ -153,8 +154,12 @@ impl Map {
         if changes.is_empty() {
             return;
         }
-        let report = |address: &TileAddress| self.merged.report(self.own, *address);
-        let tiles: Vec<TileReport> = changes.changed.iter().filter_map(report).collect();
+        let told = changes.changed.iter().chain(&changes.cleared).copied();
+        let told: BTreeSet<TileAddress> = told.collect();
+        let tiles = told
+            .into_iter()
+            .filter_map(|address| self.own_tile(address));
+        let tiles: Vec<MapTile> = tiles.collect();
         self.unshared.extend(changes.changed);
         for address in changes.newly_occupied {
             let again_at = self
@@ -167,7 +172,17 @@ impl Map {
                 self.publish_occupied(now, address, out);
             }
         }
-        out.push(Out::Tiles(tiles));
+        if !tiles.is_empty() {
+            out.push(Out::Tiles(tiles));
+        }
+    }
+
+    /// Returns a tile of its own layer with what is known of it more finely.
+    fn own_tile(&self, address: TileAddress) -> Option<MapTile> {
+        Some(MapTile {
+            report: self.merged.report(self.own, address)?,
+            cleared: Some(self.mapper.cleared(address)),
+        })
     }
 
     fn publish_occupied(&mut self, now: Time, address: TileAddress, out: &mut Vec<Out>) {
@@ -193,7 +208,7 @@ impl Map {
         }
         self.repair.pass(now, &self.merged, &report);
         match joined {
-            Ok(JoinResult::Newer { .. }) => out.push(Out::Tiles(vec![report])),
+            Ok(JoinResult::Newer { .. }) => out.push(Out::Tiles(vec![report.into()])),
             // A known tile is nothing new; an impossible one is its sender's business.
             Ok(JoinResult::Known) | Err(_) => {}
         }
@@ -441,16 +456,19 @@ mod tests {
                 .merged
                 .layer(map.own)
                 .unwrap()
-                .tile(report.address)
+                .tile(report.report.address)
                 .unwrap();
-            assert!(std::sync::Arc::ptr_eq(&held.cells, &report.cells));
+            assert!(std::sync::Arc::ptr_eq(&held.cells, &report.report.cells));
         }
         let mut peer = Map::new(settings(2));
-        let heard = fed(&mut peer, vec![In::Tile(tiles[0].clone())]);
+        let heard = fed(&mut peer, vec![In::Tile(tiles[0].report.clone())]);
         let [Out::Tiles(heard)] = &heard[..] else {
             panic!("{heard:?}")
         };
-        assert!(std::sync::Arc::ptr_eq(&heard[0].cells, &tiles[0].cells));
+        assert!(std::sync::Arc::ptr_eq(
+            &heard[0].report.cells,
+            &tiles[0].report.cells
+        ));
     }
 
     #[test]

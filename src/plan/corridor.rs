@@ -1,12 +1,14 @@
 //! *Look before you drive*: how far along its route a vehicle may drive, because the whole strip that it will
 //! sweep is known to be free. Whether the rest is then looked at or planned around is for the mission to say.
 //!
-//! Cells are judged by their middle, so the half-width must hold half of a cell's diagonal beside the
-//! vehicle's radius, padding and pose deviation.
+//! What is not free is judged part by part (see [`RequiredClearance`]).
 
+use std::f64::consts::SQRT_2;
+
+use super::RequiredClearance;
 use super::swath::{ALL_ROWS, rows_within};
 use crate::geom::{Cell, Point, Segment};
-use crate::map::{Occupancy, View};
+use crate::map::View;
 
 /// A contact counts when it is deeper than this, metres: rounding must not hold a vehicle that only touches.
 const TOUCH_M: f64 = 1e-9;
@@ -14,8 +16,8 @@ const TOUCH_M: f64 = 1e-9;
 /// The strip that must be free, and how far ahead it is asked for.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Corridor {
-    /// Half of its width: radius + padding + pose deviation, metres.
-    pub half_width_m: f64,
+    /// Half of its width, by what is not free there.
+    pub clearance: RequiredClearance,
     /// How far ahead of the vehicle to judge, metres along the route.
     pub ahead_m: f64,
 }
@@ -168,18 +170,29 @@ impl Corridor {
         unknown: &mut Contact,
     ) {
         let lattice = view.lattice();
-        for (y, columns) in rows_within(lattice, part, self.half_width_m, ALL_ROWS) {
+        // The middles of a cell's outermost parts lie so far from its own.
+        let spread_m = lattice.cell_m() * SQRT_2 * 3.0 / 8.0;
+        let width_m = self.clearance.most_m() + spread_m;
+        for (y, columns) in rows_within(lattice, part, width_m, ALL_ROWS) {
             for x in columns {
                 let cell = Cell::new(x, y);
-                let contact = match view.occupancy(cell) {
-                    Occupancy::Free => continue,
-                    Occupancy::Unknown => &mut *unknown,
-                    Occupancy::Occupied => &mut *blocked,
+                let Some(barred) = view.barred(cell) else {
+                    continue;
                 };
+                let kept_m = self.clearance.from_cell_m(barred);
                 let centre = lattice.centre(cell);
-                let reach_m = self.half_width_m.min(stands.distance_to(centre)) - TOUCH_M;
-                if let Some(at_m) = first_touch(part, centre, reach_m) {
-                    contact.meet(start_m + at_m, centre);
+                if part.distance_to_point(centre) - spread_m >= kept_m {
+                    continue;
+                }
+                let contact = match barred.is_occupied {
+                    false => &mut *unknown,
+                    true => &mut *blocked,
+                };
+                for place in barred.places(lattice, cell) {
+                    let reach_m = kept_m.min(stands.distance_to(place)) - TOUCH_M;
+                    if let Some(at_m) = first_touch(part, place, reach_m) {
+                        contact.meet(start_m + at_m, centre);
+                    }
                 }
             }
         }
@@ -229,13 +242,16 @@ fn nearest_on(route: &[Point], point: Point) -> f64 {
 mod tests {
     use super::*;
     use crate::geom::Lattice;
-    use crate::map::{CellRect, Merged};
+    use crate::map::{BarredCell, CellRect, Merged};
     use proptest::prelude::*;
     use std::sync::Arc;
     use tomoswarm_proto::{LayerId, TILE_CELLS, TileAddress, TileReport};
 
     const CORRIDOR: Corridor = Corridor {
-        half_width_m: 0.5,
+        clearance: RequiredClearance {
+            occupied_m: 0.5,
+            unknown_m: 0.5,
+        },
         ahead_m: 4.0,
     };
 
@@ -289,18 +305,17 @@ mod tests {
             (0.1, 0.0),
         );
         assert!(release.blocked.unwrap().distance_to(occupied) < 1e-9);
-        assert!(
-            (release.blocked_at_m.unwrap() - 2.6).abs() < 1e-6,
-            "3-4-5 triangle: 0.4 before it"
-        );
+        // The parts that are met first: 0.225 m beside the way, and 0.025 m, each 0.075 m nearer than its cell's middle.
+        let touch_m = |ahead_m: f64, aside_m: f64| ahead_m - (0.25 - aside_m * aside_m).sqrt();
+        let blocked_m = touch_m(3.025 - 0.1, 0.225);
+        assert!((release.blocked_at_m.unwrap() - blocked_m).abs() < 1e-6);
         assert!(release.unknown.unwrap().distance_to(unknown) < 1e-9);
-        let touch_m = 2.4 - (0.25f64 - 0.01).sqrt();
-        assert!((release.free_until_m - touch_m).abs() < 1e-6);
+        assert!((release.free_until_m - touch_m(2.425 - 0.1, 0.025)).abs() < 1e-6);
     }
 
     #[test]
     fn what_lies_beside_or_behind_does_not_hold_the_vehicle() {
-        let beside = [(Point::new(2.1, 0.7), 17), (Point::new(0.1, -0.1), 17)];
+        let beside = [(Point::new(2.1, 0.9), 17), (Point::new(0.1, -0.1), 17)];
         let release = released(&map(&beside), &[(0.0, 0.1), (3.0, 0.1)], (1.0, 0.1));
         assert!((release.free_until_m - 3.0).abs() < 1e-9, "{release:?}");
     }
@@ -344,7 +359,9 @@ mod tests {
             let map = map(&others);
             let release = released(&map, &route, route[0]);
             let (start, lattice) = (Point::new(route[0].0, route[0].1), map.lattice());
-            let bad: Vec<Point> = others.iter().map(|(at, _)| lattice.centre(lattice.cell_at(*at))).collect();
+            let barred = BarredCell { is_occupied: true, parts: u16::MAX };
+            let cells = others.iter().map(|(at, _)| lattice.cell_at(*at));
+            let bad: Vec<Point> = cells.flat_map(|cell| barred.places(lattice, cell)).collect();
             let (mut left_m, mut contact) = (release.free_until_m, false);
             for pair in route.windows(2) {
                 let along = Segment::new(Point::new(pair[0].0, pair[0].1), Point::new(pair[1].0, pair[1].1));
@@ -352,7 +369,7 @@ mod tests {
                 for step in 0..=100 {
                     let at = along.from.toward(along.to, part_m / along.length_m() * f64::from(step) / 100.0);
                     for cell in &bad {
-                        let allowed_m = CORRIDOR.half_width_m.min(start.distance_to(*cell));
+                        let allowed_m = CORRIDOR.clearance.occupied_m.min(start.distance_to(*cell));
                         prop_assert!(at.distance_to(*cell) >= allowed_m - 1e-6);
                         contact |= at.distance_to(*cell) <= allowed_m + 0.02;
                     }

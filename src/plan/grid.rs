@@ -5,9 +5,10 @@
 
 use thiserror::Error;
 
-use super::Clearance;
+use super::barriers::Barriers;
 use super::steps::{HIGHEST_LEVEL, LEVELS_PER_PRICE};
 use super::swath::rows_within;
+use super::{Clearance, RequiredClearance};
 use crate::geom::{Cell, Lattice, Point, Polygon, Segment};
 use crate::map::{CellRect, Occupancy, View};
 
@@ -59,6 +60,8 @@ pub struct SearchGrid {
     flags: Vec<u8>,
     /// How dear each cell is, as a level of [`super::steps::price`]; `None`: all are alike.
     levels: Option<Vec<u8>>,
+    /// What bars the way part by part, in a grid that is finer than the map's cells.
+    barriers: Option<Barriers>,
 }
 
 impl SearchGrid {
@@ -84,6 +87,46 @@ impl SearchGrid {
         };
         let mut grid = SearchGrid::of_cells(lattice, area, clearance_m, solid)?;
         grid.half_width_m = half_width_m;
+        Ok(grid)
+    }
+
+    /// Copies a rectangle of the map's cells, with nodes half a cell apart, for a vehicle that keeps these distances from
+    /// the parts of cells that are not free. A doorway is then as wide as it was seen; it takes several times as long as
+    /// [`SearchGrid::of_map`].
+    ///
+    /// # Errors
+    /// [`GridError`] when the rectangle is too large or the distances impossible.
+    pub fn of_parts(
+        view: &View<'_>,
+        area: CellRect,
+        clearance: RequiredClearance,
+        unknown_allowed: bool,
+    ) -> Result<SearchGrid, GridError> {
+        let lattice = Lattice::new(view.lattice().cell_m() / 2.0);
+        let nodes = CellRect::new(
+            Cell::new(area.low.x.saturating_mul(2), area.low.y.saturating_mul(2)),
+            Cell::new(
+                area.high.x.saturating_mul(2).saturating_add(1),
+                area.high.y.saturating_mul(2).saturating_add(1),
+            ),
+        );
+        let mut grid = SearchGrid::of_cells(lattice, nodes, 0.0, |_| false)?;
+        let clearance_m = clearance.most_m();
+        if !(0.0..=100.0).contains(&(clearance_m / lattice.cell_m())) {
+            return Err(GridError::Clearance { clearance_m });
+        }
+        let barriers = Barriers::of_view(view, area, clearance, unknown_allowed);
+        let width = grid.width;
+        let flags = std::cell::RefCell::new(&mut grid.flags);
+        barriers.mark(
+            &mut |node| flags.borrow_mut()[node] |= SOLID | NEAR,
+            &mut |row, columns| {
+                for flag in &mut flags.borrow_mut()[row * width..][columns] {
+                    *flag |= NEAR;
+                }
+            },
+        );
+        grid.barriers = Some(barriers);
         Ok(grid)
     }
 
@@ -123,6 +166,7 @@ impl SearchGrid {
             half_width_m,
             flags,
             levels: None,
+            barriers: None,
         };
         grid.inflate(clearance_m / lattice.cell_m());
         Ok(grid)
@@ -356,6 +400,9 @@ impl SearchGrid {
     /// Returns whether the strip along a segment is clear: no solid middle nearer than the half-width, and no
     /// closed cell under it.
     pub(super) fn sweeps_clear(&self, along: Segment) -> bool {
+        if let Some(barriers) = &self.barriers {
+            return barriers.is_clear(along) && self.is_open_along(along);
+        }
         let reach_m = self.half_width_m - 1e-9;
         for (y, columns) in rows_within(self.lattice, along, self.half_width_m, self.rows()) {
             for x in columns {
@@ -368,6 +415,11 @@ impl SearchGrid {
                 }
             }
         }
+        self.is_open_along(along)
+    }
+
+    /// Returns whether no solid and no closed cell lies under a segment.
+    fn is_open_along(&self, along: Segment) -> bool {
         let mut under = self.lattice.cells_under(along);
         under.all(|cell| {
             self.index(cell)

@@ -1,7 +1,7 @@
 //! Claims about looking and driving together: evidence from a swinging beam must release the way in time, and never
 //! a wall. The rooms here know nothing of the map's sensor model.
 
-use super::{Corridor, Release};
+use super::{Corridor, Release, RequiredClearance};
 use crate::geom::{Angle, Lattice, Point, Segment, Vector};
 use crate::map::{CellRect, Mapper, Merged, OwnDisc, ScanReading};
 use tomoswarm_proto::{Boot, LayerId, VehicleId};
@@ -40,7 +40,7 @@ fn drive(walls: &[Segment], seconds: i32) -> (f64, Release) {
     let mut mapper = Mapper::new(OWN, 0);
     let route = [Point::new(0.0, 0.05), Point::new(8.0, 0.05)];
     let corridor = Corridor {
-        half_width_m: 0.45,
+        clearance: RequiredClearance::everywhere(0.45),
         ahead_m: 4.0,
     };
     let mut at = route[0];

@@ -5,13 +5,14 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
     EmergencyStop, LayerId, MissionProgress, MissionRefusal, Order, Plan, Revision, RunId, Sender,
-    StandReason, State, StopId, Task, TileAddress, TileReport, VehicleId,
+    StandReason, State, StopId, Task, TileAddress, VehicleId,
 };
 
 use super::obstruction::Obstruction;
 use super::pilot::WayEvent;
 use crate::actor::{Input, InputClass};
 use crate::geom::Point;
+use crate::map::MapTile;
 use crate::node::OwnState;
 use crate::node::memory::{Remembered, VehicleMemory};
 use crate::node::peers::join_states;
@@ -49,7 +50,7 @@ pub enum In {
     /// Where a peer is.
     Peer(State),
     /// A tile that changed.
-    Tile(TileReport),
+    Tile(MapTile),
     /// A plan, own or a peer's.
     Plan(Plan),
     /// What an operator wants a run to be.
@@ -291,7 +292,7 @@ impl Input for In {
             In::Peer(state) => InputClass::Latest(Key::Peer(state.vehicle)),
             In::Plan(plan) => InputClass::Latest(Key::Plan(plan.vehicle)),
             In::Task(task) => InputClass::Latest(Key::Task(task.run)),
-            In::Tile(tile) => InputClass::Latest(Key::Tile(tile.layer, tile.address)),
+            In::Tile(tile) => InputClass::Latest(Key::Tile(tile.report.layer, tile.report.address)),
             In::Progress(progress) => InputClass::Latest(Key::Progress(progress.vehicle)),
             In::Sighted(sighting) => InputClass::Latest(Key::Sighted(sighting.progress.vehicle)),
             In::Expected(_) => InputClass::Latest(Key::Expected),
@@ -319,7 +320,9 @@ impl Input for In {
             }
             (In::Task(unread), In::Task(newer)) if unread.lease > newer.lease => In::Task(unread),
             // Tiles and progress may overtake each other: the higher revision stays.
-            (In::Tile(unread), In::Tile(newer)) if unread.revision > newer.revision => {
+            (In::Tile(unread), In::Tile(newer))
+                if unread.report.revision > newer.report.revision =>
+            {
                 In::Tile(unread)
             }
             (In::Progress(unread), In::Progress(newer)) if step(&unread) > step(&newer) => {

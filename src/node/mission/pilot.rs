@@ -261,13 +261,13 @@ impl Pilot {
     }
 
     fn release(&self, situation: &Situation<'_>) -> Release {
-        let keep_m = situation.terrain.keep_m(situation.pose);
+        let released = situation.terrain.released(situation.pose);
         let body_m = self.settings.body.radius_m + 2.0 * situation.pose.sd_m;
         let strip = Strip {
             way: &self.way,
             route: self.stretch.route(&self.way),
             corridor: Corridor {
-                half_width_m: self.stretch.half_width_m(keep_m, body_m),
+                clearance: self.stretch.clearance(released, body_m),
                 ahead_m: AHEAD_M,
             },
         };

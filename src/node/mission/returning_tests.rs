@@ -61,12 +61,13 @@ fn tile(x: i32, y: i32) -> In {
     let middle_m = |tile: i32, index: usize| (f64::from(tile * 32 + index as i32) + 0.5) * 0.2;
     let cell =
         |index: usize| evidence(Point::new(middle_m(x, index % 32), middle_m(y, index / 32)));
-    In::Tile(TileReport {
+    let report = TileReport {
         layer: Default::default(),
         address: TileAddress { slice: 0, x, y },
         revision: 1,
         cells: Arc::new(std::array::from_fn(cell)),
-    })
+    };
+    In::Tile(report.into())
 }
 
 /// How far a route passes from a place, metres, sampled every centimetre.

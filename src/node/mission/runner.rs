@@ -23,7 +23,7 @@ mod yield_to_peers;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{MissionPhase, TileReport, VehicleMode};
+use tomoswarm_proto::{MissionPhase, VehicleMode};
 
 use self::barred_places::BarredPlaces;
 use self::own_mission::OwnMission;
@@ -37,9 +37,10 @@ use super::kind::{
 use super::look_around::{LookAround, Next, dwell};
 use super::obstruction::Obstruction;
 use super::pilot::{Pilot, WayEvent};
-use super::terrain::Terrain;
+use super::terrain::{Resolution, Terrain};
 use super::{EndReason, MissionEvent, Out};
 use crate::geom::{Cell, Point, Pose};
+use crate::map::MapTile;
 use crate::node::peers::Peers;
 use crate::node::vehicle::MoveCommand;
 use crate::node::{OwnState, VehicleSettings};
@@ -151,9 +152,9 @@ impl StepRunner {
     }
 
     /// Notes that a tile of the map has changed.
-    pub(super) fn learn(&mut self, tile: &TileReport) {
+    pub(super) fn learn(&mut self, tile: &MapTile) {
         if let Some(mission) = self.mission.under_way() {
-            mission.tile_changed(tile.address);
+            mission.tile_changed(tile.report.address);
         }
     }
 
@@ -438,13 +439,14 @@ impl StepRunner {
         RouteFinder {
             search: scene.terrain.search(scene.now, scene.pose()),
             barred: &self.barred,
-            lattice: self.settings.lattice,
         }
     }
 
     fn course_aside(&self, scene: &RunnerContext<'_>) -> Option<DriveRoute> {
         let claims = scene.surroundings().claims();
-        let grid = self.courses(scene).ground(None, false, &claims)?;
+        let grid = self
+            .courses(scene)
+            .ground(None, Resolution::Cells, false, &claims)?;
         let corners = way_aside(&grid, self.settings.lattice, scene.pose().at, scene.peers)?;
         Some(DriveRoute {
             corners,

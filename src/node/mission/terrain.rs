@@ -10,19 +10,18 @@ mod reflex_obstacles;
 mod search;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::TileReport;
 
-pub(super) use self::search::{PathSearch, RULES};
+pub(super) use self::search::{PathSearch, RULES, Resolution};
 
 use self::driven_places::DrivenPlaces;
 use self::reflex_obstacles::ReflexObstacles;
 use super::obstruction::ObstructionKind;
 use super::way::Way;
 use crate::geom::{Point, Pose, Rect};
-use crate::map::{CellRect, Merged, Occupancy};
+use crate::map::{CellRect, MapTile, Merged, Occupancy};
 use crate::node::VehicleSettings;
 use crate::node::vehicle::ReflexObstacle;
-use crate::plan::{Corridor, Release};
+use crate::plan::{Corridor, Release, RequiredClearance};
 use crate::time::Time;
 
 /// The map is looked at this much farther than the strip is judged, metres: the strip has a width.
@@ -62,9 +61,9 @@ impl Terrain {
     }
 
     /// Takes a tile of the map actor.
-    pub(super) fn learn(&mut self, tile: &TileReport) {
+    pub(super) fn learn(&mut self, tile: &MapTile) {
         // The map actor has checked it; one that is known already changes nothing.
-        let _ = self.map.join(tile);
+        let _ = self.map.learn(tile);
     }
 
     /// Remembers what made the reflex halt.
@@ -114,6 +113,16 @@ impl Terrain {
     /// Returns the places that the vehicle has passed lately, oldest first: the way back out of a dead end.
     pub(super) fn passed_lately(&self) -> impl DoubleEndedIterator<Item = Point> {
         self.driven_places.recent()
+    }
+
+    /// Returns what must be free of a way that a vehicle at a pose drives.
+    pub(super) fn released(&self, pose: Pose) -> RequiredClearance {
+        let (settings, deviation_m) = (&self.settings, 2.0 * pose.sd_m);
+        search::planned(settings, pose).released(
+            settings.body.radius_m,
+            deviation_m,
+            settings.lattice.cell_m(),
+        )
     }
 
     /// Returns how far the middle of a vehicle at a pose keeps from what stands there, metres.

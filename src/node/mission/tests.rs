@@ -65,7 +65,7 @@ pub(super) fn tiles(wall: Option<(f64, f64)>) -> Vec<In> {
     };
     (-1..1)
         .flat_map(|x| (-1..1).map(move |y| (x, y)))
-        .map(|(x, y)| In::Tile(tile(x, y)))
+        .map(|(x, y)| In::Tile(tile(x, y).into()))
         .collect()
 }
 
@@ -222,7 +222,7 @@ fn a_blocked_route_is_planned_anew_and_a_closed_one_is_said() {
     // A wall through the whole known world, and beyond it nothing is known: searched, looked at, and said.
     let mut mission = planned(Some((1.4, 1.8)));
     fed(&mut mission, 2.0, order(OrderKind::Start));
-    let looks = until(&mut mission, 2.0, 0.6, |out| {
+    let looks = until(&mut mission, 2.0, 0.8, |out| {
         matches!(out, Out::MissionEvent(MissionEvent::Blocked(_)))
     });
     assert!(looks.is_some(), "the wall is met");

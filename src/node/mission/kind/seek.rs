@@ -26,7 +26,7 @@ use super::{Behaviour, DriveRoute, MissionContext, MissionInput, MissionStep};
 use crate::geom::{Angle, Cell, Point};
 use crate::map::{CellRect, Occupancy, View};
 use crate::node::VehicleSettings;
-use crate::node::mission::terrain::{RULES, Terrain};
+use crate::node::mission::terrain::{RULES, Resolution, Terrain};
 use crate::node::mission::{EndReason, look_around};
 use crate::plan::{Distances, SearchGrid};
 use crate::time::Time;
@@ -48,6 +48,14 @@ const PEER_SHARE: f64 = 0.9;
 const PEER_M: f64 = 12.0;
 /// A peer that has not moved for this long is not going anywhere.
 const PEER_GOES: std::time::Duration = std::time::Duration::from_secs(30);
+
+/// How a way to where something can be seen is searched, try by try; and whether over places that it has driven, however
+/// near to something these are.
+const WAYS: [(Resolution, bool); 3] = [
+    (Resolution::Cells, false),
+    (Resolution::Parts, false),
+    (Resolution::Parts, true),
+];
 
 /// What is rather looked at.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
@@ -156,13 +164,15 @@ impl Seek {
     /// Chooses the next look, or ends.
     fn choose(&mut self, around: &MissionContext<'_>) -> MissionStep {
         self.stage = Stage::Choosing;
-        let Some(mut grid) = ground(around, &around.claims()) else {
-            return MissionStep::End(EndReason::TooLarge);
-        };
         self.frontiers.update(around.terrain.map(), &self.settings);
-        let candidates = self.rated(around, grid.area());
-        // First with its usual clearance; only when nothing is left so, through gaps that it has already driven itself.
-        for is_narrow in [false, true] {
+        let candidates = self.rated(around);
+        let claims = around.claims();
+        // First where there is room to spare; then through every doorway that is wide enough; only when nothing is left so,
+        // through gaps that it has already driven itself.
+        for (resolution, is_narrow) in WAYS {
+            let Some(mut grid) = ground(around, resolution, &claims) else {
+                return MissionStep::End(EndReason::TooLarge);
+            };
             if is_narrow {
                 grid.open_along(around.terrain.driven());
             }
@@ -185,8 +195,11 @@ impl Seek {
         candidates: &[FrontierCandidate],
     ) -> Option<(LookCandidate, Distances)> {
         let (at, lattice) = (around.pose.at, self.settings.lattice);
-        let reached = Distances::from_start(grid, lattice.cell_at(at), &RULES).ok()?;
-        let view = around.terrain.map().view(self.settings.slice, grid.area());
+        let reached = Distances::from_start(grid, grid.lattice().cell_at(at), &RULES).ok()?;
+        let view = around
+            .terrain
+            .map()
+            .view(self.settings.slice, self.fenced());
         let known = Ground {
             lattice,
             view: &view,
@@ -210,7 +223,7 @@ impl Seek {
         is_narrow: bool,
         look: LookCandidate,
     ) -> MissionStep {
-        let (from, lattice) = (around.pose.at, self.settings.lattice);
+        let (from, lattice) = (around.pose.at, grid.lattice());
         if look.from == lattice.cell_at(from) {
             return MissionStep::LookAt(look.at);
         }
@@ -231,7 +244,7 @@ impl Seek {
         if around.peers.iter().next().is_none() {
             return false;
         }
-        let Some(mut grid) = ground(around, &[]) else {
+        let Some(mut grid) = ground(around, Resolution::Parts, &[]) else {
             return false;
         };
         grid.open_along(around.terrain.driven());
@@ -269,9 +282,19 @@ impl Seek {
         self.frontiers.contains(cell)
     }
 
+    /// Returns the cells of the fence.
+    fn fenced(&self) -> CellRect {
+        let (lattice, at) = (self.settings.lattice, self.settings.home);
+        CellRect::around(lattice, self.settings.fence.corners(), 0.0)
+            .unwrap_or(CellRect::new(lattice.cell_at(at), lattice.cell_at(at)))
+    }
+
     /// Returns what is worth a look, and what is rather looked at.
-    fn rated(&self, around: &MissionContext<'_>, area: CellRect) -> Vec<FrontierCandidate> {
-        let view = around.terrain.map().view(self.settings.slice, area);
+    fn rated(&self, around: &MissionContext<'_>) -> Vec<FrontierCandidate> {
+        let view = around
+            .terrain
+            .map()
+            .view(self.settings.slice, self.fenced());
         let mut candidates = self.candidates();
         for one in &mut candidates {
             one.penalty_m = match self.prefers {
@@ -324,9 +347,13 @@ impl Seek {
 }
 
 /// Returns the known free ground where the vehicle may be, clear of what peers claim.
-fn ground(around: &MissionContext<'_>, claims: &[Vec<Point>]) -> Option<SearchGrid> {
+fn ground(
+    around: &MissionContext<'_>,
+    resolution: Resolution,
+    claims: &[Vec<Point>],
+) -> Option<SearchGrid> {
     let search = around.terrain.search(around.now, around.pose);
-    search.ground(None, false, claims)
+    search.ground(None, resolution, false, claims)
 }
 
 /// Returns whether a peer is going to see a place anyway.

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::detour::FoundBy;
 use crate::geom::Point;
 use crate::node::mission::way::Way;
+use crate::plan::RequiredClearance;
 
 /// A stretch whose end is this near has been driven, metres.
 const END_M: f64 = 0.3;
@@ -36,11 +37,11 @@ impl Stretch {
         }
     }
 
-    /// Returns half the width that must be free: what the vehicle keeps, or what its body needs, metres.
-    pub(super) fn half_width_m(self, keep_m: f64, body_m: f64) -> f64 {
+    /// Returns what must be free: what the vehicle keeps, or what its body needs, metres.
+    pub(super) fn clearance(self, kept: RequiredClearance, body_m: f64) -> RequiredClearance {
         match self {
-            Stretch::Ordinary | Stretch::Retreat { .. } => keep_m,
-            Stretch::DrivenBefore => body_m,
+            Stretch::Ordinary | Stretch::Retreat { .. } => kept,
+            Stretch::DrivenBefore => RequiredClearance::everywhere(body_m),
         }
     }
 
@@ -108,7 +109,11 @@ mod tests {
             Stretch::DrivenBefore,
             Stretch::Retreat { end_m: 1.0 },
         ]
-        .map(|stretch| stretch.half_width_m(0.6, 0.3));
+        .map(|stretch| {
+            stretch
+                .clearance(RequiredClearance::everywhere(0.6), 0.3)
+                .occupied_m
+        });
         assert_eq!(widths, [0.6, 0.3, 0.6]);
     }
 

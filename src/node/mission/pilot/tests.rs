@@ -143,7 +143,7 @@ fn what_is_released_is_driven_and_the_end_of_the_way_is_reached_at_rest() {
 #[test]
 fn something_unknown_is_looked_at_and_driven_once_it_is_seen() {
     let mut rig = Rig::open();
-    rig.own.pose.at = Point::new(5.6, 0.0);
+    rig.own.pose.at = Point::new(5.9, 0.0);
     rig.pilot.give_up(rig.own.pose.at);
     rig.pilot.append([], Point::new(9.0, 0.0), None);
     let (command, met) = rig.after(1.0);
@@ -154,7 +154,7 @@ fn something_unknown_is_looked_at_and_driven_once_it_is_seen() {
     for y in -1..1 {
         let mut tile = tiles_of(|_, _| false).remove(0);
         (tile.address.x, tile.address.y) = (1, y);
-        rig.terrain.learn(&tile);
+        rig.terrain.learn(&tile.into());
     }
     assert!(matches!(rig.after(0.7).0, Some(MoveCommand::Drive { .. })));
     assert_eq!(rig.word(), "Driving");
@@ -163,7 +163,7 @@ fn something_unknown_is_looked_at_and_driven_once_it_is_seen() {
 #[test]
 fn a_look_in_vain_leads_to_a_search_that_keeps_off_the_unknown() {
     let mut rig = Rig::open();
-    rig.own.pose.at = Point::new(5.6, 0.0);
+    rig.own.pose.at = Point::new(5.9, 0.0);
     rig.pilot.give_up(rig.own.pose.at);
     rig.pilot.append([], Point::new(9.0, 0.0), None);
     rig.after(1.0);
@@ -286,7 +286,7 @@ fn a_vehicle_says_whether_map_or_reflex_or_the_unseen_keep_it_from_going_on() {
     assert_eq!(halted.after(1.0).1, [expected]);
 
     let mut unseen = Rig::open();
-    unseen.own.pose.at = Point::new(5.6, 0.0);
+    unseen.own.pose.at = Point::new(5.9, 0.0);
     unseen
         .pilot
         .take_route(unseen.own.pose.at, &[Point::new(9.0, 0.0)], false);
@@ -332,7 +332,7 @@ fn a_way_that_is_given_up_leaves_nothing_to_be_done_about_it() {
     let looking = || {
         let mut rig = Rig::open();
         rig.pilot.append([], Point::new(9.0, 0.0), None);
-        rig.own.pose.at = Point::new(5.6, 0.0);
+        rig.own.pose.at = Point::new(5.9, 0.0);
         rig.after(1.0);
         rig
     };

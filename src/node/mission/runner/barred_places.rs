@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::geom::{Lattice, Point, Segment};
+use crate::geom::{Point, Segment};
 use crate::plan::SearchGrid;
 
 /// Places that are taken for barred.
@@ -28,16 +28,11 @@ impl BarredPlaces {
     }
 
     /// Closes what lies within `keep_m` of them, but not where the vehicle has driven: that is its way back.
-    pub(super) fn close(
-        &self,
-        grid: &mut SearchGrid,
-        lattice: Lattice,
-        keep_m: f64,
-        driven: &[Point],
-    ) {
+    pub(super) fn close(&self, grid: &mut SearchGrid, keep_m: f64, driven: &[Point]) {
         if self.places.is_empty() {
             return;
         }
+        let lattice = grid.lattice();
         let track = driven.windows(2).map(|pair| Segment::new(pair[0], pair[1]));
         let mut driven: Vec<(i32, i32)> = track
             .flat_map(|piece| lattice.cells_under(piece))
@@ -57,6 +52,7 @@ impl BarredPlaces {
 mod tests {
     use super::*;
     use crate::geom::Cell;
+    use crate::geom::Lattice;
     use crate::map::CellRect;
 
     #[test]
@@ -67,7 +63,7 @@ mod tests {
         let mut barred = BarredPlaces::default();
         barred.note(Point::new(2.0, 2.0));
         let driven = [Point::new(2.1, 0.1), Point::new(2.1, 1.9)];
-        barred.close(&mut grid, lattice, 0.5, &driven);
+        barred.close(&mut grid, 0.5, &driven);
         let is_open = |x_m, y_m| grid.passable(lattice.cell_at(Point::new(x_m, y_m)));
         assert!(!is_open(1.9, 1.9) && !is_open(2.3, 2.3), "near");
         assert!(is_open(2.1, 1.7), "driven");

@@ -2,9 +2,9 @@
 //! looked at; the pilot looks before it drives.
 
 use super::barred_places::BarredPlaces;
-use crate::geom::{Lattice, Point};
+use crate::geom::Point;
 use crate::node::mission::kind::DriveRoute;
-use crate::node::mission::terrain::{PathSearch, RULES};
+use crate::node::mission::terrain::{PathSearch, RULES, Resolution};
 use crate::plan::{NoRoute, SearchGrid, shortest_route};
 
 /// Searches courses from where the vehicle is.
@@ -12,7 +12,6 @@ pub(super) struct RouteFinder<'a> {
     pub search: PathSearch<'a>,
     /// What was looked at in vain.
     pub barred: &'a BarredPlaces,
-    pub lattice: Lattice,
 }
 
 impl RouteFinder<'_> {
@@ -26,9 +25,6 @@ impl RouteFinder<'_> {
         unknown_allowed: bool,
         peers: &[Vec<Point>],
     ) -> Result<DriveRoute, NoRoute> {
-        let mut grid = self
-            .ground(Some(goal), unknown_allowed, peers)
-            .ok_or(NoRoute::GoalOutside)?;
         let course = |grid: &SearchGrid, is_narrow: bool| {
             let route = shortest_route(grid, self.search.from(), goal, &RULES)?;
             Ok(DriveRoute {
@@ -36,6 +32,14 @@ impl RouteFinder<'_> {
                 is_narrow,
             })
         };
+        let ground = |resolution: Resolution| {
+            self.ground(Some(goal), resolution, unknown_allowed, peers)
+                .ok_or(NoRoute::GoalOutside)
+        };
+        if let Ok(found) = course(&ground(Resolution::Cells)?, false) {
+            return Ok(found);
+        }
+        let mut grid = ground(Resolution::Parts)?;
         course(&grid, false).or_else(|_: NoRoute| {
             grid.open_along(self.search.driven());
             course(&grid, true)
@@ -46,14 +50,16 @@ impl RouteFinder<'_> {
     pub(super) fn ground(
         &self,
         goal: Option<Point>,
+        resolution: Resolution,
         unknown_allowed: bool,
         peers: &[Vec<Point>],
     ) -> Option<SearchGrid> {
-        let mut grid = self.search.ground(goal, unknown_allowed, peers)?;
+        let mut grid = self
+            .search
+            .ground(goal, resolution, unknown_allowed, peers)?;
         let keep_m = self.search.keep_m();
-        self.barred
-            .close(&mut grid, self.lattice, keep_m, self.search.driven());
-        grid.stand_on(self.lattice.cell_at(self.search.from()));
+        self.barred.close(&mut grid, keep_m, self.search.driven());
+        grid.stand_on(grid.lattice().cell_at(self.search.from()));
         Some(grid)
     }
 }
@@ -85,7 +91,6 @@ mod tests {
         let courses = RouteFinder {
             search: terrain.search(Time::ZERO, own_state(3.0, 0.3).pose),
             barred,
-            lattice: terrain.map().lattice(),
         };
         courses.course_to(GOAL, false, &[])
     }

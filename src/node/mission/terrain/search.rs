@@ -9,7 +9,7 @@ use crate::geom::{Point, Pose, Segment};
 use crate::map::{CellRect, Merged};
 use crate::node::VehicleSettings;
 use crate::node::vehicle::ReflexObstacle;
-use crate::plan::{MAX_GRID_CELLS, Rules, SearchGrid, shortest_route};
+use crate::plan::{MAX_GRID_CELLS, RequiredClearance, Rules, SearchGrid, shortest_route};
 
 /// Paths are searched in a rectangle this much larger than start and goal, metres.
 const SEARCH_MARGIN_M: f64 = 6.0;
@@ -25,8 +25,28 @@ pub(crate) const RULES: Rules = Rules {
     turning: None,
 };
 
-/// Returns how far the middle of a vehicle at a pose keeps from what stands there, metres. (Cells are judged by their
-/// middle, hence half of a cell's diagonal.)
+/// How finely a path is searched.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Resolution {
+    /// From cell to cell, with room to spare: fast, and enough in the open.
+    Cells,
+    /// From half cell to half cell, past what stands in parts of cells: through every doorway that is wide enough.
+    Parts,
+}
+
+/// Returns what a way keeps that is planned for a vehicle at a pose.
+pub(super) fn planned(settings: &VehicleSettings, pose: Pose) -> RequiredClearance {
+    let body = &settings.body;
+    RequiredClearance::planned(
+        body.radius_m,
+        body.radius_m + settings.safety.padding_m,
+        2.0 * pose.sd_m,
+        settings.lattice.cell_m(),
+    )
+}
+
+/// Returns how far the middle of a vehicle at a pose keeps from what stands there, metres, on a path from cell to cell.
+/// (Cells are judged by their middle, hence half of a cell's diagonal.)
 pub(super) fn keep_m(settings: &VehicleSettings, pose: Pose) -> f64 {
     settings.corridor_m(pose.sd_m) + settings.lattice.cell_m() * FRAC_1_SQRT_2
 }
@@ -75,14 +95,18 @@ impl PathSearch<'_> {
         peers: &[Vec<Point>],
     ) -> Option<Vec<Point>> {
         let area = self.area(goal)?;
-        let grid = self.grid(Some(goal), area, unknown_allowed, peers)?;
-        self.path_over(&grid, goal, peers)
+        [Resolution::Cells, Resolution::Parts]
+            .into_iter()
+            .find_map(|resolution| {
+                let grid = self.grid(Some(goal), area, resolution, unknown_allowed, peers)?;
+                self.path_over(&grid, goal, peers)
+            })
     }
 
     /// Returns a path over known ground and the places where the vehicle has driven, however near to something these are:
     /// it came through there.
     pub(crate) fn driven_path(&self, goal: Point, peers: &[Vec<Point>]) -> Option<Vec<Point>> {
-        let mut grid = self.ground(Some(goal), false, peers)?;
+        let mut grid = self.ground(Some(goal), Resolution::Parts, false, peers)?;
         // Opened last, and only what is too near to something: what is solid, or closed for a peer, stays so.
         grid.open_along(self.driven);
         self.path_over(&grid, goal, peers)
@@ -93,11 +117,12 @@ impl PathSearch<'_> {
     pub(crate) fn ground(
         &self,
         goal: Option<Point>,
+        resolution: Resolution,
         unknown_allowed: bool,
         peers: &[Vec<Point>],
     ) -> Option<SearchGrid> {
         let area = self.fenced(goal.unwrap_or(self.pose.at))?;
-        self.grid(goal, area, unknown_allowed, peers)
+        self.grid(goal, area, resolution, unknown_allowed, peers)
     }
 
     /// Returns whether what made the reflex halt is so near that the vehicle must first back off from it.
@@ -118,17 +143,17 @@ impl PathSearch<'_> {
             .ok()?
             .points;
         // Cells are left open for the vehicle to leave a peer that it is too near to; a path must not go along that peer.
-        let clearance = self.peer_clearance();
+        let clearance = self.peer_clearance(grid);
         let is_clear = peers
             .iter()
             .all(|claim| clearance.holds_along(&points, claim));
         is_clear.then_some(points)
     }
 
-    fn peer_clearance(&self) -> PeerClearance {
+    fn peer_clearance(&self, grid: &SearchGrid) -> PeerClearance {
         PeerClearance {
             from: self.pose.at,
-            lattice: self.settings.lattice,
+            lattice: grid.lattice(),
             separation_m: self.settings.swarm.separation_m,
         }
     }
@@ -157,31 +182,46 @@ impl PathSearch<'_> {
         &self,
         goal: Option<Point>,
         area: CellRect,
+        resolution: Resolution,
         unknown_allowed: bool,
         peers: &[Vec<Point>],
     ) -> Option<SearchGrid> {
         let view = self.map.view(self.settings.slice, area);
-        let mut grid = SearchGrid::of_map(&view, area, self.keep_m(), unknown_allowed).ok()?;
+        let (grid, keep_m) = match resolution {
+            Resolution::Cells => {
+                let keep_m = self.keep_m();
+                (
+                    SearchGrid::of_map(&view, area, keep_m, unknown_allowed),
+                    keep_m,
+                )
+            }
+            Resolution::Parts => {
+                let clearance = planned(self.settings, self.pose);
+                let grid = SearchGrid::of_parts(&view, area, clearance, unknown_allowed);
+                (grid, self.settings.corridor_m(self.pose.sd_m))
+            }
+        };
+        let mut grid = grid.ok()?;
         // What the map does not show is closed: fence, peers, and what only the reflex has met.
-        grid.close_outside(&self.settings.fence, self.fence_m(goal));
-        let clearance = self.peer_clearance();
+        grid.close_outside(&self.settings.fence, self.fence_m(keep_m, goal));
+        let clearance = self.peer_clearance(&grid);
         peers
             .iter()
             .for_each(|claim| clearance.close(&mut grid, claim));
         self.close_obstacles(&mut grid);
         // Last: whatever was closed, the vehicle stands there and must be able to set out.
-        grid.stand_on(self.settings.lattice.cell_at(self.pose.at));
+        grid.stand_on(grid.lattice().cell_at(self.pose.at));
         Some(grid)
     }
 
     /// Returns how far to keep from the fence, metres. A vehicle, or its goal, may be nearer to it than wished: then that
     /// much must do.
-    fn fence_m(&self, goal: Option<Point>) -> f64 {
+    fn fence_m(&self, keep_m: f64, goal: Option<Point>) -> f64 {
         let (fence, radius_m) = (&self.settings.fence, self.settings.body.radius_m);
         let edge_m = |at: Point| fence.distance_to_edge(at) - self.settings.lattice.cell_m();
         // A goal may lie near the fence; but nobody comes nearer to it step by step.
         let least_m = radius_m + 3.0 * self.pose.sd_m + FENCE_M;
-        self.keep_m()
+        keep_m
             .min(edge_m(self.pose.at).max(least_m))
             .min(goal.map_or(f64::INFINITY, edge_m))
             .max(radius_m)

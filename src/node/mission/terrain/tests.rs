@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use tomoswarm_proto::TileAddress;
+use tomoswarm_proto::{TileAddress, TileReport};
 
 use super::*;
 use crate::node::tests_support::{own_state, settings};
@@ -41,7 +41,7 @@ pub(in crate::node::mission) fn terrain_of(is_solid: impl Fn(f64, f64) -> bool) 
     let mut terrain = Terrain::new(settings(1));
     tiles_of(is_solid)
         .iter()
-        .for_each(|tile| terrain.learn(tile));
+        .for_each(|tile| terrain.learn(&tile.clone().into()));
     terrain
 }
 
@@ -62,7 +62,7 @@ fn released(terrain: &Terrain, now: Time) -> (f64, Option<Point>) {
         way: &way,
         route: way.points(),
         corridor: Corridor {
-            half_width_m: 0.3,
+            clearance: RequiredClearance::everywhere(0.3),
             ahead_m: 8.0,
         },
     };

@@ -26,7 +26,7 @@ pub(super) struct FrontierCandidate {
 
 /// Where to look from, and at what.
 pub(super) struct LookCandidate {
-    /// The cell to stand in.
+    /// Where to stand, a cell of the grid that was searched.
     pub from: Cell,
     /// The cell to look at.
     pub at: Cell,
@@ -43,7 +43,7 @@ pub(super) struct Reach {
 
 /// What is known of the ground around where a look is chosen.
 pub(super) struct Ground<'a> {
-    /// Its cells.
+    /// The cells of the map.
     pub lattice: Lattice,
     /// What stands where.
     pub view: &'a View<'a>,
@@ -63,8 +63,9 @@ impl Ground<'_> {
         candidates: &[FrontierCandidate],
         reach: Reach,
     ) -> Option<LookCandidate> {
-        let squares = Squares::new(self.lattice, self.grid.area(), candidates);
-        let start_cell = self.lattice.cell_at(start);
+        let nodes = self.grid.lattice();
+        let squares = Squares::new(nodes, self.grid.area(), candidates);
+        let start_cell = nodes.cell_at(start);
         let least_m = candidates
             .iter()
             .map(|one| one.penalty_m)
@@ -78,7 +79,7 @@ impl Ground<'_> {
             let from = if cell == start_cell {
                 start
             } else {
-                self.lattice.centre(cell)
+                nodes.centre(cell)
             };
             for one in squares.near(from, reach.far_m) {
                 let away_m = one.at.distance_to(from);

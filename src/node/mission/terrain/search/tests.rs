@@ -141,7 +141,8 @@ fn a_goal_near_the_fence_is_reached_and_nothing_else_comes_that_near() {
     assert!(out.is_some(), "it may leave");
     let deep = own_state(3.0, 0.0);
     let search = World::of(|_, _| false);
-    let fence_m = |goal| search.search().fence_m(goal);
+    let wished_m = keep_m(&search.settings, deep.pose);
+    let fence_m = |goal| search.search().fence_m(wished_m, goal);
     assert!(fence_m(Some(near)) < fence_m(Some(HOME)));
-    assert_eq!(fence_m(None), keep_m(&search.settings, deep.pose));
+    assert_eq!(fence_m(None), wished_m);
 }

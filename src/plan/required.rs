@@ -1,0 +1,107 @@
+//! How far the middle of a vehicle keeps from what is not known to be free.
+//!
+//! Distances are to the middles of *parts* of cells ([`BarredCell`]). Beside a known wall stays a strip that no cone can see
+//! empty; the safety distance is kept from what was heard, and from what nobody has seen only so much that the body cannot
+//! touch what may stand there.
+
+use serde::{Deserialize, Serialize};
+
+use crate::map::BarredCell;
+
+/// What is heard may be so much nearer than the safety distance asks, cells: its parts reach out from their middles.
+const TOLERANCE_CELLS: f64 = 0.15;
+/// Between the body with the deviation of its place and the middle of a part there is at least this, cells: half of the
+/// diagonal of a part, and a little.
+const PART_CELLS: f64 = 0.2;
+/// Between the body and what nobody has seen stays at least this, metres.
+const UNSEEN_M: f64 = 0.05;
+/// A released way may come so much nearer than a planned one, cells: straight steps between places that keep their distance.
+const RELEASE_CELLS: f64 = 0.1;
+
+/// Distances that the middle of a vehicle keeps from the middles of parts of cells, metres.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+pub struct RequiredClearance {
+    /// From those in which something was heard.
+    pub occupied_m: f64,
+    /// From those that nobody has seen.
+    pub unknown_m: f64,
+}
+
+impl RequiredClearance {
+    /// Returns what a planned way keeps for a vehicle with a body of this radius, a safety distance measured from its
+    /// middle, and an allowance for the deviation of its place, all in metres, on a map with cells of this side.
+    pub fn planned(body_m: f64, safety_m: f64, deviation_m: f64, cell_m: f64) -> RequiredClearance {
+        let least_m = body_m + deviation_m + PART_CELLS * cell_m;
+        let wished_m = safety_m + deviation_m - TOLERANCE_CELLS * cell_m;
+        RequiredClearance {
+            occupied_m: wished_m.max(least_m),
+            unknown_m: wished_m.min(body_m + UNSEEN_M + deviation_m).max(least_m),
+        }
+    }
+
+    /// Returns what must be free of a way that is driven and was planned to keep this.
+    pub fn released(self, body_m: f64, deviation_m: f64, cell_m: f64) -> RequiredClearance {
+        let least_m = body_m + deviation_m + PART_CELLS * cell_m;
+        let released_m = |planned_m: f64| (planned_m - RELEASE_CELLS * cell_m).max(least_m);
+        RequiredClearance {
+            occupied_m: released_m(self.occupied_m),
+            unknown_m: released_m(self.unknown_m),
+        }
+    }
+
+    /// Returns the same distance from everything.
+    pub fn everywhere(distance_m: f64) -> RequiredClearance {
+        RequiredClearance {
+            occupied_m: distance_m,
+            unknown_m: distance_m,
+        }
+    }
+
+    /// Returns what is kept from the parts of a barred cell, metres.
+    #[inline]
+    pub fn from_cell_m(&self, barred: BarredCell) -> f64 {
+        if barred.is_occupied {
+            self.occupied_m
+        } else {
+            self.unknown_m
+        }
+    }
+
+    /// Returns the larger of both, metres.
+    #[inline]
+    pub fn most_m(&self) -> f64 {
+        self.occupied_m.max(self.unknown_m)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_safety_distance_is_kept_from_what_was_heard_and_the_body_from_what_was_not_seen() {
+        let wide = RequiredClearance::planned(0.25, 0.9, 0.04, 0.2);
+        assert!((wide.occupied_m - 0.91).abs() < 1e-9 && (wide.unknown_m - 0.34).abs() < 1e-9);
+        let released = wide.released(0.25, 0.04, 0.2);
+        assert!((released.occupied_m - 0.89).abs() < 1e-9);
+        assert!((released.unknown_m - 0.33).abs() < 1e-9);
+    }
+
+    #[test]
+    fn the_body_never_touches_a_part() {
+        for safety_m in [0.25, 0.3, 0.6, 1.5] {
+            for cell_m in [0.1, 0.2, 0.5] {
+                let planned = RequiredClearance::planned(0.25, safety_m, 0.04, cell_m);
+                let released = planned.released(0.25, 0.04, cell_m);
+                let half_diagonal_m = cell_m * 2f64.sqrt() / 8.0;
+                for kept in [planned, released] {
+                    let least_m = kept.occupied_m.min(kept.unknown_m);
+                    assert!(
+                        least_m >= 0.25 + 0.04 + half_diagonal_m,
+                        "{safety_m} {cell_m}"
+                    );
+                }
+            }
+        }
+    }
+}
