@@ -13,13 +13,13 @@ mod repair;
 mod tile;
 mod window;
 
-pub use cleared::{BarredCell, ClearedParts, MapTile, PART_SIDE, PARTS, part_offset};
+pub use cleared::{Bar, BarredCell, ClearedParts, MapTile, PART_SIDE, PARTS, part_offset};
 pub use evidence::{Changes, Mapper, OwnDisc, PeerBody, ScanReading};
 pub use layer::Layer;
 pub use merged::{ANY_REVISION_UNTIL, JoinResult, MAX_LAYERS, MAX_TILES, Merged, TileRefusal};
 pub use repair::Repair;
 pub use tile::{
-    FREE_TO, LAYER_CLAMP, MERGED_CLAMP, OCCUPIED_FROM, Occupancy, REACH_TILES, Tile, TileError,
-    address_of, index_in_tile, origin_of,
+    CONFIRMED_FROM, FREE_TO, LAYER_CLAMP, MERGED_CLAMP, OCCUPIED_FROM, Occupancy, REACH_TILES,
+    Tile, TileError, address_of, index_in_tile, origin_of,
 };
 pub use window::{CellRect, View};

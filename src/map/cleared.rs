@@ -64,11 +64,22 @@ impl From<TileReport> for MapTile {
     }
 }
 
+/// Why a cell is not known to be free, the surest last.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+pub enum Bar {
+    /// Nobody has looked well enough.
+    Unknown,
+    /// Something was heard, and it explains that best.
+    Doubtful,
+    /// Something was heard, and nothing else can have given it.
+    Confirmed,
+}
+
 /// A cell that is not known to be free, and where something may stand in it.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct BarredCell {
-    /// Whether something was heard there; otherwise nobody has looked well enough.
-    pub is_occupied: bool,
+    /// Why.
+    pub bar: Bar,
     /// The parts in which it may stand, as bits, row by row from below; never none.
     pub parts: u16,
 }
@@ -76,23 +87,31 @@ pub struct BarredCell {
 impl BarredCell {
     /// Judges a cell of which some parts were seen empty; `None` when nothing of it bars the way.
     #[inline]
-    pub(super) fn of(occupancy: Occupancy, cleared: u16) -> Option<BarredCell> {
-        match occupancy {
-            Occupancy::Free => None,
-            Occupancy::Unknown => (cleared != u16::MAX).then_some(BarredCell {
-                is_occupied: false,
-                parts: !cleared,
-            }),
-            // Something was heard, so it stands somewhere in it, whatever was seen empty.
-            Occupancy::Occupied => Some(BarredCell {
-                is_occupied: true,
-                parts: if cleared == u16::MAX {
-                    u16::MAX
-                } else {
-                    !cleared
-                },
-            }),
-        }
+    pub(super) fn of(occupancy: Occupancy, is_confirmed: bool, cleared: u16) -> Option<BarredCell> {
+        let bar = match (occupancy, is_confirmed) {
+            (Occupancy::Free, _) => return None,
+            (Occupancy::Unknown, _) => {
+                let bar = Bar::Unknown;
+                return (cleared != u16::MAX).then_some(BarredCell {
+                    bar,
+                    parts: !cleared,
+                });
+            }
+            (Occupancy::Occupied, false) => Bar::Doubtful,
+            (Occupancy::Occupied, true) => Bar::Confirmed,
+        };
+        // Something was heard, so it stands somewhere in it, whatever was seen empty.
+        let parts = match cleared {
+            u16::MAX => u16::MAX,
+            cleared => !cleared,
+        };
+        Some(BarredCell { bar, parts })
+    }
+
+    /// Returns whether something was heard there.
+    #[inline]
+    pub fn is_occupied(self) -> bool {
+        self.bar != Bar::Unknown
     }
 
     /// Returns the middles of the parts in which something may stand.
@@ -112,7 +131,7 @@ mod tests {
     fn parts_lie_evenly_in_their_cell() {
         let lattice = Lattice::new(0.2);
         let barred = BarredCell {
-            is_occupied: true,
+            bar: Bar::Confirmed,
             parts: 1 | 1 << 7 | 1 << 15,
         };
         let places: Vec<Point> = barred.places(lattice, Cell::new(5, -1)).collect();
@@ -126,12 +145,14 @@ mod tests {
     #[test]
     fn a_cell_seen_empty_all_over_bars_only_if_something_was_heard_there() {
         let all = u16::MAX;
-        assert_eq!(BarredCell::of(Occupancy::Free, 0), None);
-        assert_eq!(BarredCell::of(Occupancy::Unknown, all), None);
-        let occupied = BarredCell::of(Occupancy::Occupied, all).unwrap();
-        assert_eq!((occupied.is_occupied, occupied.parts), (true, all));
-        let unknown = BarredCell::of(Occupancy::Unknown, 0b11).unwrap();
-        assert_eq!((unknown.is_occupied, unknown.parts), (false, !0b11));
+        assert_eq!(BarredCell::of(Occupancy::Free, false, 0), None);
+        assert_eq!(BarredCell::of(Occupancy::Unknown, false, all), None);
+        for (is_confirmed, bar) in [(false, Bar::Doubtful), (true, Bar::Confirmed)] {
+            let occupied = BarredCell::of(Occupancy::Occupied, is_confirmed, all).unwrap();
+            assert_eq!((occupied.bar, occupied.parts), (bar, all));
+        }
+        let unknown = BarredCell::of(Occupancy::Unknown, false, 0b11).unwrap();
+        assert_eq!((unknown.bar, unknown.parts), (Bar::Unknown, !0b11));
     }
 
     #[test]

@@ -3,8 +3,9 @@
 //! - **Empty** is what lies inside the cone, nearer than the echo and within `sure_range_m`: farther away a wall seen at a
 //!   grazing angle gives no echo. A cell is free once all of it was seen empty, in two looks at least.
 //! - An **echo** says that something on its arc answered and nothing nearer did. It is not spread over the arc: it is
-//!   *assigned* to the cell that explains most echoes, and to a second one some way off if that explains nearly as many. All
-//!   others stay as they were.
+//!   *assigned* to the part of a cell through which most arcs pass, and to a second one some way off if that has nearly as
+//!   many. The cells of these are occupied, all others stay as they were. (Parts, since a whole cell would explain all arcs
+//!   that touch half a metre of a straight wall, and leave holes in it.)
 //! - **Near overrules far**: a cell drops out of an arc only when it was seen empty from as near as the echo came. Then the
 //!   echoes that it explained, which are kept, are assigned anew, so what turns out to be empty hands its echoes to what is not.
 //!   Ground seen empty from farther becomes unknown again at an echo that nothing certain explains.
@@ -28,23 +29,23 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{LayerId, TileAddress};
 
 use self::cone::Cone;
-use self::echoes::Echo;
+use self::echoes::{Echo, cell_of_part, index_of_part};
 use self::own_memory::{CellKey, OwnMemory};
 use super::tile::{address_of, index_in_tile};
-use super::{CellRect, ClearedParts, Merged, PARTS, part_offset};
+use super::{CellRect, ClearedParts, Merged, PART_SIDE, PARTS, part_offset};
 use crate::geom::{Angle, Cell, Lattice, Point, Segment};
 
 /// Echoes kept per tile; the oldest is dropped for a new one, and what it was assigned to stays as it is.
 const ECHOES_KEPT: usize = 128;
 /// So many kept echoes of the tile are assigned anew after each one that is heard, in turn.
 const REASSIGNED: usize = 4;
-/// An arc's votes, shared by the cells that are not excluded, and the least and most that each gets.
-const ARC_VOTES: usize = 24;
+/// An arc's votes, shared by the parts that are not excluded, and the most that each gets; the least is one.
+const ARC_VOTES: usize = 96;
 const MOST_VOTES: usize = 8;
-/// A second cell explains an echo too when it has at least this share of the first one's votes, in tenths.
+/// A second part explains an echo too when it has at least this share of the first one's votes, in tenths.
 const SECOND_TENTHS: u32 = 6;
-/// It lies at least so many cells away.
-const SECOND_CELLS: u32 = 2;
+/// It lies at least so many parts away.
+const SECOND_PARTS: u32 = 8;
 /// An echo from this near can be from nowhere else, centimetres.
 const SURE_CM: u16 = 30;
 /// Of arcs with at most so many cells left, the one that is chosen is sure.
@@ -129,7 +130,9 @@ struct Scratch {
     contradicted: Vec<CellKey>,
     /// Tiles with cells that are not free, of which more or fewer parts count as empty.
     cleared: Vec<usize>,
+    /// The parts of the arc that is followed, counted in parts.
     arc: Vec<Cell>,
+    /// The cells that they lie in.
     keys: Vec<Option<CellKey>>,
     writes: Vec<(usize, i8, i8)>,
 }
@@ -280,16 +283,23 @@ impl Mapper {
         let lattice = map.lattice();
         self.follow(lattice, &echo);
         let half_cell_m = lattice.cell_m() / 2.0;
-        let is_a_peers = |cell: &Cell| {
-            let middle = lattice.centre(*cell);
+        let parts = part_lattice(lattice);
+        let is_a_peers = |part: &Cell| {
+            let middle = parts.centre(*part);
             peers.iter().any(|peer| peer.reaches(middle, half_cell_m))
         };
         if self.scratch.arc.iter().any(is_a_peers) {
             return;
         }
-        for cell in 0..self.scratch.arc.len() {
-            let key = self.key(map, self.scratch.arc[cell]);
-            self.scratch.keys[cell] = key;
+        let mut last = None;
+        for index in 0..self.scratch.arc.len() {
+            let cell = cell_of_part(self.scratch.arc[index]);
+            let key = match last {
+                Some((of, key)) if of == cell => key,
+                _ => self.key(map, cell),
+            };
+            last = Some((cell, key));
+            self.scratch.keys[index] = key;
         }
         let range_cm = echo.range_cm();
         self.vote(range_cm);
@@ -300,7 +310,7 @@ impl Mapper {
         {
             self.take_far_looks_back(range_cm);
         }
-        (echo.to, echo.also) = self.cells_of(assigned);
+        (echo.to, echo.also) = self.parts_of(assigned);
         self.give(lattice, &echo, assigned);
         let Some(tile) = self.scratch.keys[assigned.best].map(|key| key.tile) else {
             return;
@@ -312,21 +322,31 @@ impl Mapper {
     /// Follows an echo's arc, and finds what is remembered of its cells.
     fn follow(&mut self, lattice: Lattice, echo: &Echo) {
         let Scratch { arc, keys, .. } = &mut self.scratch;
-        echo.follow(lattice, arc);
+        echo.follow(part_lattice(lattice), arc);
         keys.clear();
-        keys.extend(arc.iter().map(|cell| self.memory.find(self.slice, *cell)));
+        let mut last = None;
+        for part in arc.iter() {
+            let cell = cell_of_part(*part);
+            let key = match last {
+                Some((of, key)) if of == cell => key,
+                _ => self.memory.find(self.slice, cell),
+            };
+            last = Some((cell, key));
+            keys.push(key);
+        }
     }
 
     /// Counts an arc for all of its cells that can have given its echo.
     fn vote(&mut self, range_cm: u16) {
-        let Scratch { keys, .. } = &self.scratch;
+        let Scratch { arc, keys, .. } = &self.scratch;
         let is_open = |key: &&CellKey| !self.memory.cell(**key).is_excluded(range_cm);
         let open = keys.iter().flatten().filter(is_open).count().max(1);
         let weight = (ARC_VOTES / open).clamp(1, MOST_VOTES) as u16;
-        for key in keys.iter().flatten() {
+        for (part, key) in arc.iter().zip(keys) {
+            let Some(key) = key else { continue };
             let memory = self.memory.cell_mut(*key);
             if !memory.is_excluded(range_cm) {
-                memory.vote(weight);
+                memory.vote(index_of_part(*part), weight);
             }
         }
     }
@@ -334,20 +354,20 @@ impl Mapper {
     /// Chooses what on the arc that was followed explains its echo.
     fn choose(&self, lattice: Lattice, echo: &Echo) -> Option<Assignment> {
         let Scratch { arc, keys, .. } = &self.scratch;
-        let range_cm = echo.range_cm();
-        let (mut best, mut open) = (None, 0);
+        let (range_cm, parts) = (echo.range_cm(), part_lattice(lattice));
+        let (mut best, mut open, mut last) = (None, 0, None);
         for (index, key) in keys.iter().enumerate() {
             let Some(key) = key else { continue };
             let memory = self.memory.cell(*key);
             let is_open = !memory.is_excluded(range_cm);
-            open += usize::from(is_open);
+            open += usize::from(is_open && last != Some(*key));
+            last = Some(*key);
             // Of excluded cells the one that was looked at from the least near.
-            let weight = if is_open {
-                memory.votes()
-            } else {
-                memory.seen_cm()
+            let weight = match is_open {
+                true => memory.votes(index_of_part(arc[index])),
+                false => memory.seen_cm(),
             };
-            let off_cm = echo.off_cm(lattice.centre(arc[index]));
+            let off_cm = echo.off_cm(parts.centre(arc[index]));
             let worth = (is_open, weight, std::cmp::Reverse(off_cm));
             if best.is_none_or(|(most, _)| worth > most) {
                 best = Some((worth, index));
@@ -359,13 +379,13 @@ impl Mapper {
         for (index, key) in keys.iter().enumerate().filter(|_| is_open) {
             let Some(key) = key else { continue };
             let memory = self.memory.cell(*key);
-            let is_far = arc[index].x.abs_diff(arc[best].x) >= SECOND_CELLS
-                || arc[index].y.abs_diff(arc[best].y) >= SECOND_CELLS;
-            let is_enough = u32::from(memory.votes()) * 10 >= needed && memory.votes() > 0;
-            if is_far && is_enough && !memory.is_excluded(range_cm) {
-                if also.is_none_or(|(most, _)| memory.votes() > most) {
-                    also = Some((memory.votes(), index));
-                }
+            let votes = memory.votes(index_of_part(arc[index]));
+            let is_far = arc[index].x.abs_diff(arc[best].x) >= SECOND_PARTS
+                || arc[index].y.abs_diff(arc[best].y) >= SECOND_PARTS;
+            let is_enough = u32::from(votes) * 10 >= needed && votes > 0;
+            let is_more = also.is_none_or(|(most, _)| votes > most);
+            if is_far && is_enough && is_more && !memory.is_excluded(range_cm) {
+                also = Some((votes, index));
             }
         }
         Some(Assignment {
@@ -375,8 +395,8 @@ impl Mapper {
         })
     }
 
-    /// Returns the cells of an assignment.
-    fn cells_of(&self, assigned: Assignment) -> (Cell, Option<Cell>) {
+    /// Returns the parts of an assignment.
+    fn parts_of(&self, assigned: Assignment) -> (Cell, Option<Cell>) {
         let arc = &self.scratch.arc;
         (arc[assigned.best], assigned.also.map(|index| arc[index]))
     }
@@ -405,7 +425,7 @@ impl Mapper {
             let Some(key) = self.scratch.keys[index] else {
                 continue;
             };
-            let middle = lattice.centre(self.scratch.arc[index]);
+            let middle = lattice.centre(cell_of_part(self.scratch.arc[index]));
             let memory = self.memory.cell_mut(key);
             memory.give(range_cm, echo.sector_from(middle), is_sure);
             if memory.reopen_parts(band_of(lattice, middle, echo)) {
@@ -417,8 +437,8 @@ impl Mapper {
 
     /// Takes an echo from the cells that it is assigned to.
     fn take(&mut self, echo: &Echo) {
-        for cell in [Some(echo.to), echo.also].into_iter().flatten() {
-            if let Some(key) = self.memory.find(self.slice, cell) {
+        for part in [Some(echo.to), echo.also].into_iter().flatten() {
+            if let Some(key) = self.memory.find(self.slice, cell_of_part(part)) {
                 self.memory.cell_mut(key).take();
                 self.scratch.touched.push(key);
             }
@@ -454,10 +474,10 @@ impl Mapper {
         let Some(assigned) = self.choose(lattice, &echo) else {
             return;
         };
-        let cells = self.cells_of(assigned);
-        if cells != (echo.to, echo.also) {
+        let parts = self.parts_of(assigned);
+        if parts != (echo.to, echo.also) {
             self.take(&echo);
-            (echo.to, echo.also) = cells;
+            (echo.to, echo.also) = parts;
             self.give(lattice, &echo, assigned);
             self.memory.replace_echo(tile, index, echo);
         }
@@ -513,6 +533,11 @@ impl Mapper {
         changes.newly_occupied.sort_unstable();
         changes
     }
+}
+
+/// Returns the lattice of the parts of cells.
+fn part_lattice(cells: Lattice) -> Lattice {
+    Lattice::new(cells.cell_m() / f64::from(PART_SIDE))
 }
 
 /// Returns the parts of a cell from which an echo can have come: those within a band around its arc.

@@ -8,12 +8,13 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 use tomoswarm_proto::{
-    Digest, LayerDigest, LayerId, TILE_CELLS, TileAddress, TileReport, TileRequest,
+    Digest, LayerDigest, LayerId, TILE_CELLS, TILE_SIDE, TileAddress, TileReport, TileRequest,
 };
 
 use super::map_snapshot::MapSnapshot;
+use super::tile::CONFIRMED_FROM;
 use super::tile::{MERGED_CLAMP, Occupancy, Tile, TileError, address_of, index_in_tile};
-use super::window::{CellRect, Sums, View};
+use super::window::{CellRect, ConfirmedCells, Sums, View, ViewTile};
 use super::{ClearedParts, Layer, MapTile, OCCUPIED_FROM};
 use crate::geom::{Cell, Lattice};
 
@@ -76,6 +77,8 @@ pub struct Merged {
     tiles: usize,
     /// Unclamped sums over the layers; at most `MAX_LAYERS` × `LAYER_CLAMP`, so they fit.
     sums: BTreeMap<TileAddress, Box<Sums>>,
+    /// The cells that some layer holds for confirmed.
+    confirmed: BTreeMap<TileAddress, Box<ConfirmedCells>>,
     /// Which parts of cells that are not free one vehicle has seen empty.
     cleared: BTreeMap<TileAddress, ClearedParts>,
     /// The same by cell.
@@ -91,6 +94,7 @@ impl Merged {
             layers: BTreeMap::new(),
             tiles: 0,
             sums: BTreeMap::new(),
+            confirmed: BTreeMap::new(),
             cleared: BTreeMap::new(),
             parts: BTreeMap::new(),
         }
@@ -219,7 +223,33 @@ impl Merged {
         self.tiles += usize::from(old.is_none());
         let newly_occupied = self.add_difference(address, old.as_ref(), &tile);
         self.layers.entry(layer).or_default().put(address, tile);
+        for row in 0..TILE_SIDE {
+            self.confirm(address, row * TILE_SIDE..(row + 1) * TILE_SIDE);
+        }
         newly_occupied
+    }
+
+    /// Finds anew which cells of a tile, by their places in it, some layer holds for confirmed.
+    fn confirm(&mut self, address: TileAddress, places: std::ops::Range<usize>) {
+        let of_layers = || self.layers.values().filter_map(|layer| layer.tile(address));
+        let is_confirmed =
+            |place: usize| of_layers().any(|tile| tile.cells[place] >= CONFIRMED_FROM);
+        let mut rows = self
+            .confirmed
+            .get(&address)
+            .map_or([0; TILE_SIDE], |rows| **rows);
+        for place in places {
+            let (row, bit) = (place / TILE_SIDE, 1 << (place % TILE_SIDE));
+            rows[row] = match is_confirmed(place) {
+                true => rows[row] | bit,
+                false => rows[row] & !bit,
+            };
+        }
+        if rows == [0; TILE_SIDE] {
+            self.confirmed.remove(&address);
+        } else {
+            self.confirmed.insert(address, Box::new(rows));
+        }
     }
 
     fn add_difference(&mut self, address: TileAddress, old: Option<&Tile>, new: &Tile) -> bool {
@@ -267,6 +297,11 @@ impl Merged {
             sums[*index] += i16::from(*new) - i16::from(*old);
             newly_occupied |= before < OCCUPIED_FROM && sums[*index] >= OCCUPIED_FROM;
         }
+        for (index, old, new) in cells {
+            if (*old >= CONFIRMED_FROM) != (*new >= CONFIRMED_FROM) {
+                self.confirm(address, *index..*index + 1);
+            }
+        }
         newly_occupied
     }
 
@@ -312,14 +347,18 @@ impl Merged {
         let (columns, rows) = rect.tiles();
         let first = (columns.start, rows.start);
         let tiles = rows.flat_map(|y| columns.clone().map(move |x| TileAddress { slice, x, y }));
-        let cleared = |address| self.parts.get(&address).map(|parts| &**parts);
+        let tile = |address| {
+            Some(ViewTile {
+                sums: self.sums(address)?,
+                confirmed: self.confirmed.get(&address).map(|rows| &**rows),
+                cleared: self.parts.get(&address).map(|parts| &**parts),
+            })
+        };
         View {
             lattice: self.lattice,
             first,
             columns: columns.len(),
-            tiles: tiles
-                .map(|address| Some((self.sums(address)?, cleared(address))))
-                .collect(),
+            tiles: tiles.map(tile).collect(),
         }
     }
 

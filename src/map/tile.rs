@@ -15,6 +15,9 @@ pub const LAYER_CLAMP: i8 = 17;
 pub const MERGED_CLAMP: i16 = 100;
 /// A merged cell from this value up is occupied (0.1 log-odds).
 pub const OCCUPIED_FROM: i16 = 9;
+/// A cell of a layer from this value up is *confirmed*: nothing else can have given an echo (0.1 log-odds). Below it, an
+/// occupied cell is *doubtful*: it is what explains an echo best.
+pub const CONFIRMED_FROM: i8 = 13;
 /// A merged cell from this value down is free (0.1 log-odds).
 pub const FREE_TO: i16 = -8;
 /// Tiles exist for columns and rows in −reach .. reach; what lies beyond stays unknown for ever.

@@ -140,8 +140,17 @@ pub struct View<'a> {
     pub(super) tiles: Vec<Option<ViewTile<'a>>>,
 }
 
-/// The sums of a tile, and the parts of its cells that are known to be empty.
-pub(super) type ViewTile<'a> = (&'a Sums, Option<&'a [u16; TILE_CELLS]>);
+/// Which cells of a tile are confirmed, as bits, a word for each row.
+pub(super) type ConfirmedCells = [u32; TILE_SIDE];
+
+/// What is known of the cells of a tile.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ViewTile<'a> {
+    pub(super) sums: &'a Sums,
+    pub(super) confirmed: Option<&'a ConfirmedCells>,
+    /// The parts that are known to be empty.
+    pub(super) cleared: Option<&'a [u16; TILE_CELLS]>,
+}
 
 impl View<'_> {
     /// Returns the lattice of the cells.
@@ -154,7 +163,7 @@ impl View<'_> {
     #[inline]
     pub fn occupancy(&self, cell: Cell) -> Occupancy {
         match self.tile(cell) {
-            Some((sums, _)) => Occupancy::of_value(sums[index_in_tile(cell)]),
+            Some(ViewTile { sums, .. }) => Occupancy::of_value(sums[index_in_tile(cell)]),
             None => Occupancy::Unknown,
         }
     }
@@ -162,12 +171,16 @@ impl View<'_> {
     /// Returns where in a cell something may stand; `None` when it is free.
     #[inline]
     pub fn barred(&self, cell: Cell) -> Option<BarredCell> {
-        let Some((sums, parts)) = self.tile(cell) else {
-            return BarredCell::of(Occupancy::Unknown, 0);
+        let Some(tile) = self.tile(cell) else {
+            return BarredCell::of(Occupancy::Unknown, false, 0);
         };
         let index = index_in_tile(cell);
-        let cleared = parts.map_or(0, |parts| parts[index]);
-        BarredCell::of(Occupancy::of_value(sums[index]), cleared)
+        let (row, column) = (index / TILE_SIDE, index % TILE_SIDE);
+        let is_confirmed = tile
+            .confirmed
+            .is_some_and(|rows| rows[row] & (1 << column) != 0);
+        let cleared = tile.cleared.map_or(0, |parts| parts[index]);
+        BarredCell::of(Occupancy::of_value(tile.sums[index]), is_confirmed, cleared)
     }
 
     #[inline]

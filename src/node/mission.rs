@@ -16,6 +16,7 @@
 mod announcements;
 mod assignment;
 mod autonomy;
+mod doubts;
 mod goal;
 mod ground_plan;
 mod home;
@@ -532,6 +533,14 @@ impl Mission {
     /// Returns whether it follows no plan: it refuses its task, or has left the plan and waits for a newer one.
     fn is_without_plan(&self) -> bool {
         self.assignment.refusal().is_some() || self.plan.has_left()
+    }
+}
+
+#[cfg(test)]
+impl Mission {
+    /// Returns the map as it is known.
+    pub(crate) fn known_ground(&self) -> &crate::map::Merged {
+        self.terrain.map()
     }
 }
 

@@ -63,6 +63,12 @@ impl VehicleNode {
         self.node.actors().map.place.actor().merged()
     }
 
+    /// Returns the map as the mission knows it, with the parts of cells that the vehicle has seen empty.
+    #[cfg(test)]
+    pub(crate) fn known_ground(&self) -> &Merged {
+        self.mission().known_ground()
+    }
+
     /// Returns how many samples of a run its radio has made, over all starts.
     pub fn samples_made(&self, run: RunId) -> u64 {
         let made = self

@@ -1,9 +1,11 @@
 //! What bars the way, part by part: for grids finer than the map's cells, where a doorway is as wide as it was seen.
 
+use std::ops::RangeInclusive;
+
 use super::RequiredClearance;
 use super::swath::rows_within;
 use crate::geom::{Cell, Lattice, Segment};
-use crate::map::{CellRect, PART_SIDE, View};
+use crate::map::{Bar, CellRect, PART_SIDE, View};
 
 /// Nothing bars there.
 const OPEN: u8 = 0;
@@ -15,6 +17,20 @@ const OCCUPIED: u8 = 2;
 const SIDE: i32 = PART_SIDE as i32;
 /// Parts along the side of a node's square: nodes lie half a cell apart.
 const NODE: i32 = SIDE / 2;
+
+/// So much more than is required is wished for beside what was heard, cells: its echoes then halt nobody.
+const WISHED_CELLS: f64 = 0.75;
+
+/// How near a node lies to something.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Nearness {
+    /// Nobody can be there.
+    Solid,
+    /// Nearer than is required: one may only leave over it.
+    TooNear,
+    /// Nearer than is wished for.
+    Nearer,
+}
 
 /// The parts of all cells of a rectangle.
 #[derive(Clone, Debug)]
@@ -29,12 +45,12 @@ pub(super) struct Barriers {
 }
 
 impl Barriers {
-    /// Copies the parts of a rectangle of cells; with `unknown_allowed` only what was heard bars.
+    /// Copies the parts of a rectangle of cells, as far as they bar for this reason or a surer one.
     pub(super) fn of_view(
         view: &View<'_>,
         area: CellRect,
         clearance: RequiredClearance,
-        unknown_allowed: bool,
+        from: Bar,
     ) -> Barriers {
         let parts = CellRect::new(
             Cell::new(area.low.x * SIDE, area.low.y * SIDE),
@@ -52,12 +68,13 @@ impl Barriers {
             let Some(barred) = view.barred(cell) else {
                 continue;
             };
-            let kind = match (barred.is_occupied, unknown_allowed) {
-                (true, _) => OCCUPIED,
-                (false, false) => UNKNOWN,
-                (false, true) => continue,
+            let kind = match barred.is_occupied() {
+                true => OCCUPIED,
+                false => UNKNOWN,
             };
-            barriers.fill(cell, barred.parts, kind);
+            if barred.bar >= from {
+                barriers.fill(cell, barred.parts, kind);
+            }
         }
         barriers
     }
@@ -98,23 +115,30 @@ impl Barriers {
         true
     }
 
-    /// Calls `solid` with each node (by its place in the rectangle) in whose square something bars, and `near` with a row and
-    /// the range of columns of nodes that lie nearer to something than is required.
-    pub(super) fn mark(
-        &self,
-        solid: &mut dyn FnMut(usize),
-        near: &mut dyn FnMut(usize, std::ops::RangeInclusive<usize>),
-    ) {
-        let columns = self.width / NODE as usize;
+    /// Calls `mark` with a row and a range of columns of nodes, and how near they lie to something.
+    pub(super) fn mark(&self, mark: &mut dyn FnMut(usize, RangeInclusive<usize>, Nearness)) {
         for (index, kind) in self.kinds.iter().enumerate() {
             if *kind == OPEN {
                 continue;
             }
             let (x, y) = (index % self.width, index / self.width);
-            solid(y / NODE as usize * columns + x / NODE as usize);
-            if self.is_on_rim(x, y, *kind) {
-                let kept_m = self.kept_m(index).unwrap_or(0.0);
-                self.mark_near(x as i32, y as i32, kept_m, near);
+            let column = x / NODE as usize;
+            mark(y / NODE as usize, column..=column, Nearness::Solid);
+            if !self.is_on_rim(x, y, *kind) {
+                continue;
+            }
+            let kept_m = self.kept_m(index).unwrap_or(0.0);
+            let wished_m = kept_m + WISHED_CELLS * f64::from(SIDE) * self.lattice.cell_m();
+            let rings = [
+                (Nearness::Solid, self.clearance.body_m),
+                (Nearness::TooNear, kept_m),
+                (Nearness::Nearer, wished_m),
+            ];
+            let count = if *kind == OCCUPIED { 3 } else { 2 };
+            for (nearness, within_m) in &rings[..count] {
+                self.mark_near(x as i32, y as i32, *within_m, &mut |row, columns| {
+                    mark(row, columns, *nearness);
+                });
             }
         }
     }
@@ -126,7 +150,7 @@ impl Barriers {
         x: i32,
         y: i32,
         kept_m: f64,
-        near: &mut dyn FnMut(usize, std::ops::RangeInclusive<usize>),
+        near: &mut dyn FnMut(usize, RangeInclusive<usize>),
     ) {
         let unit_m = self.lattice.cell_m() / 2.0;
         let reach = kept_m / unit_m * (1.0 - 1e-12);

@@ -97,7 +97,7 @@ impl Contact {
 impl Corridor {
     /// Judges a route from where the vehicle stands (`from`: the nearest place on the route counts, the earliest
     /// on a tie). What lies behind is not judged. A cell already nearer than the half-width holds the vehicle only
-    /// where it would come nearer still: who stands too close to something may always move away. (Being off the
+    /// where it would come nearer still by more than half a cell: who stands too close to something may always move away. (Being off the
     /// route by up to one cell is driving error; coming back to the route is then not judged.)
     ///
     /// An empty route, or one that is not finite, releases nothing.
@@ -184,18 +184,32 @@ impl Corridor {
                 if part.distance_to_point(centre) - spread_m >= kept_m {
                     continue;
                 }
-                let contact = match barred.is_occupied {
+                let contact = match barred.is_occupied() {
                     false => &mut *unknown,
                     true => &mut *blocked,
                 };
                 for place in barred.places(lattice, cell) {
-                    let reach_m = kept_m.min(stands.distance_to(place)) - TOUCH_M;
+                    let here_m = stands.distance_to(place);
+                    let reach_m = match here_m < kept_m {
+                        true => self.leaving_m(here_m, lattice.cell_m()),
+                        false => kept_m,
+                    } - TOUCH_M;
                     if let Some(at_m) = first_touch(part, place, reach_m) {
                         contact.meet(start_m + at_m, centre);
                     }
                 }
             }
         }
+    }
+}
+
+impl Corridor {
+    /// Returns how near a vehicle that stands too near to something may come to it on its way, metres: half a cell nearer, so
+    /// that it can get to where its path begins, but not so near that its body might touch it.
+    fn leaving_m(&self, here_m: f64, cell_m: f64) -> f64 {
+        (here_m - cell_m / 2.0)
+            .max(self.clearance.least_m)
+            .min(here_m)
     }
 }
 
@@ -242,7 +256,7 @@ fn nearest_on(route: &[Point], point: Point) -> f64 {
 mod tests {
     use super::*;
     use crate::geom::Lattice;
-    use crate::map::{BarredCell, CellRect, Merged};
+    use crate::map::{Bar, BarredCell, CellRect, Merged};
     use proptest::prelude::*;
     use std::sync::Arc;
     use tomoswarm_proto::{LayerId, TILE_CELLS, TileAddress, TileReport};
@@ -251,6 +265,8 @@ mod tests {
         clearance: RequiredClearance {
             occupied_m: 0.5,
             unknown_m: 0.5,
+            least_m: 0.5,
+            body_m: 0.5,
         },
         ahead_m: 4.0,
     };
@@ -359,7 +375,7 @@ mod tests {
             let map = map(&others);
             let release = released(&map, &route, route[0]);
             let (start, lattice) = (Point::new(route[0].0, route[0].1), map.lattice());
-            let barred = BarredCell { is_occupied: true, parts: u16::MAX };
+            let barred = BarredCell { bar: Bar::Doubtful, parts: u16::MAX };
             let cells = others.iter().map(|(at, _)| lattice.cell_at(*at));
             let bad: Vec<Point> = cells.flat_map(|cell| barred.places(lattice, cell)).collect();
             let (mut left_m, mut contact) = (release.free_until_m, false);

@@ -33,6 +33,12 @@ impl Distances {
         })
     }
 
+    /// Returns the lattice of the grid that was searched.
+    #[inline]
+    pub fn lattice(&self) -> Lattice {
+        self.lattice
+    }
+
     /// Returns the least cost of a way to a cell, metres (length, and more where [`Rules`] make a step dearer);
     /// `None` where no way leads: that is a proof. Ways here are those that [`super::shortest_cells`] finds.
     #[inline]

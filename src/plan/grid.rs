@@ -5,16 +5,18 @@
 
 use thiserror::Error;
 
-use super::barriers::Barriers;
+use super::barriers::{Barriers, Nearness};
 use super::steps::{HIGHEST_LEVEL, LEVELS_PER_PRICE};
 use super::swath::rows_within;
 use super::{Clearance, RequiredClearance};
 use crate::geom::{Cell, Lattice, Point, Polygon, Segment};
-use crate::map::{CellRect, Occupancy, View};
+use crate::map::{Bar, CellRect, Occupancy, View};
 
 /// A grid has at most this many cells (a search takes about 12 bytes for each).
 pub const MAX_GRID_CELLS: u64 = 16_000_000;
 
+/// A step to where it is nearer to something than is wished for costs half as much again.
+const NEARER_LEVEL: u8 = 4;
 /// The vehicle's disc may not touch it: occupied, or unknown where that is not allowed.
 const SOLID: u8 = 1;
 /// Too near to a solid cell.
@@ -91,7 +93,7 @@ impl SearchGrid {
     }
 
     /// Copies a rectangle of the map's cells, with nodes half a cell apart, for a vehicle that keeps these distances from
-    /// the parts of cells that are not free. A doorway is then as wide as it was seen; it takes several times as long as
+    /// the parts of cells that bar for the reason `from` or a surer one. A doorway is then as wide as it was seen; it takes several times as long as
     /// [`SearchGrid::of_map`].
     ///
     /// # Errors
@@ -100,7 +102,7 @@ impl SearchGrid {
         view: &View<'_>,
         area: CellRect,
         clearance: RequiredClearance,
-        unknown_allowed: bool,
+        from: Bar,
     ) -> Result<SearchGrid, GridError> {
         let lattice = Lattice::new(view.lattice().cell_m() / 2.0);
         let nodes = CellRect::new(
@@ -115,17 +117,18 @@ impl SearchGrid {
         if !(0.0..=100.0).contains(&(clearance_m / lattice.cell_m())) {
             return Err(GridError::Clearance { clearance_m });
         }
-        let barriers = Barriers::of_view(view, area, clearance, unknown_allowed);
+        let barriers = Barriers::of_view(view, area, clearance, from);
         let width = grid.width;
-        let flags = std::cell::RefCell::new(&mut grid.flags);
-        barriers.mark(
-            &mut |node| flags.borrow_mut()[node] |= SOLID | NEAR,
-            &mut |row, columns| {
-                for flag in &mut flags.borrow_mut()[row * width..][columns] {
-                    *flag |= NEAR;
-                }
-            },
-        );
+        let mut levels = vec![0; grid.flags.len()];
+        barriers.mark(&mut |row, columns, nearness| {
+            let flags = &mut grid.flags[row * width..][columns.clone()];
+            match nearness {
+                Nearness::Solid => flags.iter_mut().for_each(|flag| *flag |= SOLID | NEAR),
+                Nearness::TooNear => flags.iter_mut().for_each(|flag| *flag |= NEAR),
+                Nearness::Nearer => levels[row * width..][columns].fill(NEARER_LEVEL),
+            }
+        });
+        grid.levels = Some(levels);
         grid.barriers = Some(barriers);
         Ok(grid)
     }

@@ -15,6 +15,12 @@ const TOLERANCE_CELLS: f64 = 0.15;
 const PART_CELLS: f64 = 0.2;
 /// Between the body and what nobody has seen stays at least this, metres.
 const UNSEEN_M: f64 = 0.05;
+/// What an optimist keeps less: what was heard may stand that much farther from the way than it is drawn.
+const OPTIMISM_CELLS: f64 = 0.35;
+/// Half of the side of a part, cells.
+const HALF_PART_CELLS: f64 = 0.125;
+/// Where a vehicle has driven, what bars may be drawn so much nearer than it stands, cells.
+const DRIVEN_CELLS: f64 = 0.375;
 /// A released way may come so much nearer than a planned one, cells: straight steps between places that keep their distance.
 const RELEASE_CELLS: f64 = 0.1;
 
@@ -25,6 +31,10 @@ pub struct RequiredClearance {
     pub occupied_m: f64,
     /// From those that nobody has seen.
     pub unknown_m: f64,
+    /// From any, also by who stands too near already and leaves: the body never touches a part.
+    pub least_m: f64,
+    /// Nearer than this nobody can be: the body would be in a part.
+    pub body_m: f64,
 }
 
 impl RequiredClearance {
@@ -36,17 +46,33 @@ impl RequiredClearance {
         RequiredClearance {
             occupied_m: wished_m.max(least_m),
             unknown_m: wished_m.min(body_m + UNSEEN_M + deviation_m).max(least_m),
+            least_m,
+            body_m: body_m + HALF_PART_CELLS * cell_m,
         }
     }
 
+    /// Returns what a vehicle keeps that drives where it has driven before, with a body of this radius and an allowance for
+    /// the deviation of its place, metres: room for its body alone, since it came through there.
+    pub fn driven_before(body_m: f64, deviation_m: f64, cell_m: f64) -> RequiredClearance {
+        let least_m = body_m + HALF_PART_CELLS * cell_m;
+        RequiredClearance::everywhere((body_m + deviation_m - DRIVEN_CELLS * cell_m).max(least_m))
+    }
+
     /// Returns what must be free of a way that is driven and was planned to keep this.
-    pub fn released(self, body_m: f64, deviation_m: f64, cell_m: f64) -> RequiredClearance {
-        let least_m = body_m + deviation_m + PART_CELLS * cell_m;
+    pub fn released(self, cell_m: f64) -> RequiredClearance {
+        let least_m = self.least_m;
         let released_m = |planned_m: f64| (planned_m - RELEASE_CELLS * cell_m).max(least_m);
         RequiredClearance {
             occupied_m: released_m(self.occupied_m),
             unknown_m: released_m(self.unknown_m),
+            ..self
         }
+    }
+
+    /// Returns what an optimist keeps, who asks only whether a way may exist: from what is confirmed, since everything else
+    /// may turn out to be free. Half a cell less than what a planned way keeps from what was heard, and never less than the body.
+    pub fn optimistic(self, body_m: f64, cell_m: f64) -> RequiredClearance {
+        RequiredClearance::everywhere((self.occupied_m - OPTIMISM_CELLS * cell_m).max(body_m))
     }
 
     /// Returns the same distance from everything.
@@ -54,13 +80,15 @@ impl RequiredClearance {
         RequiredClearance {
             occupied_m: distance_m,
             unknown_m: distance_m,
+            least_m: distance_m,
+            body_m: distance_m,
         }
     }
 
     /// Returns what is kept from the parts of a barred cell, metres.
     #[inline]
     pub fn from_cell_m(&self, barred: BarredCell) -> f64 {
-        if barred.is_occupied {
+        if barred.is_occupied() {
             self.occupied_m
         } else {
             self.unknown_m
@@ -82,7 +110,7 @@ mod tests {
     fn the_safety_distance_is_kept_from_what_was_heard_and_the_body_from_what_was_not_seen() {
         let wide = RequiredClearance::planned(0.25, 0.9, 0.04, 0.2);
         assert!((wide.occupied_m - 0.91).abs() < 1e-9 && (wide.unknown_m - 0.34).abs() < 1e-9);
-        let released = wide.released(0.25, 0.04, 0.2);
+        let released = wide.released(0.2);
         assert!((released.occupied_m - 0.89).abs() < 1e-9);
         assert!((released.unknown_m - 0.33).abs() < 1e-9);
     }
@@ -92,7 +120,7 @@ mod tests {
         for safety_m in [0.25, 0.3, 0.6, 1.5] {
             for cell_m in [0.1, 0.2, 0.5] {
                 let planned = RequiredClearance::planned(0.25, safety_m, 0.04, cell_m);
-                let released = planned.released(0.25, 0.04, cell_m);
+                let released = planned.released(cell_m);
                 let half_diagonal_m = cell_m * 2f64.sqrt() / 8.0;
                 for kept in [planned, released] {
                     let least_m = kept.occupied_m.min(kept.unknown_m);

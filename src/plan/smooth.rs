@@ -65,7 +65,9 @@ pub fn route_along(
     }
     let mut points = Vec::with_capacity(middles.len() + 2);
     points.push(start);
-    points.extend(middles);
+    // Who stands too near to something leaves at once: the middle of its cell may be nearer still.
+    let is_cramped = !grid.passable(lattice.cell_at(start)) && middles.len() > 1;
+    points.extend(&middles[usize::from(is_cramped)..]);
     points.push(goal);
     points.dedup();
     let points = pulled_straight(grid, &points);

@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{TILE_CELLS, TileAddress};
 
 use super::echoes::Echo;
-use crate::map::Tile;
 use crate::map::tile::{FREE_TO, OCCUPIED_FROM};
+use crate::map::{PARTS, Tile};
 
 /// Looks after which a cell that was seen empty counts as empty.
 const LOOKS_LEAST: u8 = 2;
@@ -37,8 +37,8 @@ pub(super) struct CellMemory {
     looks: u8,
     /// Which of its 4 × 4 parts were seen empty, row by row.
     parts: u16,
-    /// How many arcs of echoes pass through it, weighted; saturating.
-    votes: u16,
+    /// How many arcs of echoes pass through each part, weighted; saturating.
+    votes: [u16; PARTS as usize],
     /// How many echoes it explains; saturating.
     echoes: u16,
     /// The shortest of their ranges, centimetres.
@@ -55,7 +55,7 @@ impl Default for CellMemory {
             near_cm: [NEVER; 4],
             looks: 0,
             parts: 0,
-            votes: 0,
+            votes: [0; PARTS as usize],
             echoes: 0,
             nearest_echo_cm: NEVER,
             bearings: 0,
@@ -84,10 +84,10 @@ impl CellMemory {
         self.looks > 0 && self.seen_cm() > range_cm.saturating_add(NEAR_WINS_CM)
     }
 
-    /// Returns how many arcs pass through it, weighted.
+    /// Returns how many arcs pass through a part, weighted.
     #[inline]
-    pub(super) fn votes(&self) -> u16 {
-        self.votes
+    pub(super) fn votes(&self, part: usize) -> u16 {
+        self.votes[part]
     }
 
     /// Returns whether it explains an echo.
@@ -161,10 +161,10 @@ impl CellMemory {
         (self.looks, self.near_cm) = (0, [NEVER; 4]);
     }
 
-    /// Counts an arc that passes through it.
+    /// Counts an arc that passes through a part.
     #[inline]
-    pub(super) fn vote(&mut self, weight: u16) {
-        self.votes = self.votes.saturating_add(weight);
+    pub(super) fn vote(&mut self, part: usize, weight: u16) {
+        self.votes[part] = self.votes[part].saturating_add(weight);
     }
 
     /// Takes an echo that it explains: from a range, heard in a sector; `sure` = nothing else can have given it.

@@ -71,6 +71,8 @@ pub(super) enum MissionStep {
     LookAround,
     /// Look at one cell.
     LookAt(Cell),
+    /// Look from near at one cell that may bar the way.
+    LookClosely(Cell),
     /// Something was in the way: wait, longer every time, and be ready then.
     TryAgain,
     /// Only peers are in the way: make room, or wait until they do, and be ready then.

@@ -9,8 +9,12 @@ use crate::geom::Angle;
 use crate::node::LookSettings;
 use crate::time::Time;
 
-/// Turns tried after the one toward what is unknown, degrees.
-const OFFSETS_DEG: [f64; 6] = [0.0, 60.0, -60.0, 120.0, -120.0, 180.0];
+/// Headings of a look all around, against the one toward what is unknown, degrees.
+const AROUND_DEG: [f64; 6] = [0.0, 60.0, -60.0, 120.0, -120.0, 180.0];
+/// Headings of a close look: the edges of the cones then sweep over what stands beside.
+const CLOSELY_DEG: [f64; 5] = [0.0, 8.0, -8.0, 16.0, -16.0];
+/// The heading of a single look.
+const ONCE_DEG: [f64; 1] = [0.0];
 /// A heading within this of the wanted one has been reached, radians.
 const REACHED_RAD: f64 = 0.1;
 /// A turn that is not obeyed is given up after this long.
@@ -26,9 +30,27 @@ pub(super) fn dwell(look: &LookSettings) -> Duration {
 pub(super) struct LookAround {
     toward: Angle,
     turn: usize,
-    turns: usize,
+    kind: LookKind,
     since: Time,
     seen_from: Option<Time>,
+}
+
+/// Which headings are looked along.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+enum LookKind {
+    Around,
+    Closely,
+    Once,
+}
+
+impl LookKind {
+    fn offsets_deg(self) -> &'static [f64] {
+        match self {
+            LookKind::Around => &AROUND_DEG,
+            LookKind::Closely => &CLOSELY_DEG,
+            LookKind::Once => &ONCE_DEG,
+        }
+    }
 }
 
 /// What to do next.
@@ -48,7 +70,7 @@ impl LookAround {
         LookAround {
             toward: angle,
             turn: 0,
-            turns: OFFSETS_DEG.len(),
+            kind: LookKind::Around,
             since: now,
             seen_from: None,
         }
@@ -57,7 +79,15 @@ impl LookAround {
     /// Looks along one heading only.
     pub(super) fn once(angle: Angle, now: Time) -> LookAround {
         LookAround {
-            turns: 1,
+            kind: LookKind::Once,
+            ..LookAround::toward(angle, now)
+        }
+    }
+
+    /// Looks from near at what lies along a heading.
+    pub(super) fn closely(angle: Angle, now: Time) -> LookAround {
+        LookAround {
+            kind: LookKind::Closely,
             ..LookAround::toward(angle, now)
         }
     }
@@ -69,7 +99,8 @@ impl LookAround {
 
     /// Returns the heading looked at now.
     pub(super) fn heading(&self) -> Angle {
-        self.toward + Angle::from_degrees(OFFSETS_DEG[self.turn.min(OFFSETS_DEG.len() - 1)])
+        let offsets_deg = self.kind.offsets_deg();
+        self.toward + Angle::from_degrees(offsets_deg[self.turn.min(offsets_deg.len() - 1)])
     }
 
     /// Goes on: `dwell` is how long to look once a heading is reached.
@@ -91,7 +122,7 @@ impl LookAround {
         self.turn += 1;
         self.since = now;
         self.seen_from = None;
-        if self.turn >= self.turns {
+        if self.turn >= self.kind.offsets_deg().len() {
             Next::Over
         } else {
             Next::Turn(self.heading())

@@ -121,8 +121,12 @@ pub enum MissionEvent {
     Visited(Point),
     /// A place of the mission was passed over.
     Passed(Point),
-    /// No way leads to a place of the mission: so many cells that can be reached were searched.
-    NoWay(Point, usize),
+    /// No way leads to a place of the mission, whatever is not seen yet: it is barred by these cells, by their middles, a few.
+    NoWay(Point, Vec<Point>),
+    /// Something that may bar its way and may not is looked at from near.
+    LooksClosely(Point),
+    /// What may bar the way to a place of the mission was looked at from near and bars still: these cells, a few.
+    StaysDoubtful(Point, Vec<Point>),
     /// The mission has ended.
     Ended(EndReason),
     /// The vehicle is back home.
@@ -176,8 +180,12 @@ impl fmt::Display for MissionEvent {
             MissionEvent::Finished(run) => write!(f, "has done all stops of run {run}"),
             MissionEvent::Visited(at) => write!(f, "has visited {at}"),
             MissionEvent::Passed(at) => write!(f, "passes over {at}"),
-            MissionEvent::NoWay(at, cells) => {
-                write!(f, "has found no way to {at}, {cells} cells searched")
+            MissionEvent::NoWay(at, bars) => {
+                write!(f, "has found no way to {at}: {}", barred_at(bars))
+            }
+            MissionEvent::LooksClosely(at) => write!(f, "looks closely at {at}"),
+            MissionEvent::StaysDoubtful(at, bars) => {
+                write!(f, "is not sure of a way to {at}: {}", barred_at(bars))
             }
             MissionEvent::Ended(how) => write!(f, "has ended its mission: {how}"),
             MissionEvent::Home => f.write_str("is home"),
@@ -191,6 +199,15 @@ impl fmt::Display for MissionEvent {
             MissionEvent::BusBack => f.write_str("has the bus again"),
             MissionEvent::Decides(cause, status) => write!(f, "{status} by itself: {cause}"),
         }
+    }
+}
+
+/// Returns in words where a way is barred.
+fn barred_at(bars: &[Point]) -> String {
+    let places: Vec<String> = bars.iter().map(Point::to_string).collect();
+    match places.len() {
+        0 => "it leaves the ground where it may drive".to_owned(),
+        _ => format!("it is barred at {}", places.join(", ")),
     }
 }
 

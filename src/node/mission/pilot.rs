@@ -50,7 +50,7 @@ use super::way::Way;
 use crate::geom::{Angle, Point, Pose};
 use crate::node::vehicle::{CommandRefusal, MoveCommand};
 use crate::node::{OwnState, VehicleSettings};
-use crate::plan::{Corridor, Release};
+use crate::plan::{Corridor, Release, RequiredClearance};
 use crate::time::{Deadline, Time};
 
 /// How far ahead the strip is judged, metres.
@@ -262,12 +262,16 @@ impl Pilot {
 
     fn release(&self, situation: &Situation<'_>) -> Release {
         let released = situation.terrain.released(situation.pose);
-        let body_m = self.settings.body.radius_m + 2.0 * situation.pose.sd_m;
+        let driven_before = RequiredClearance::driven_before(
+            self.settings.body.radius_m,
+            2.0 * situation.pose.sd_m,
+            self.settings.lattice.cell_m(),
+        );
         let strip = Strip {
             way: &self.way,
             route: self.stretch.route(&self.way),
             corridor: Corridor {
-                clearance: self.stretch.clearance(released, body_m),
+                clearance: self.stretch.clearance(released, driven_before),
                 ahead_m: AHEAD_M,
             },
         };

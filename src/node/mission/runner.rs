@@ -30,6 +30,7 @@ use self::own_mission::OwnMission;
 use self::routes::RouteFinder;
 use self::tries::Tries;
 use self::yield_to_peers::{Yield, YieldToPeers, way_aside};
+use super::doubts::{DoubtStep, Doubts};
 use super::home::HOME_M;
 use super::kind::{
     AnyBehaviour, DriveRoute, MissionContext, MissionInput, MissionStep, PassedOver,
@@ -62,6 +63,8 @@ enum Destination {
     ByPath(Point),
     /// Where the mission wants to look from.
     Viewpoint,
+    /// Where to look from near at a cell that may bar the way to a place, and may not.
+    Doubtful(Cell),
     /// Somewhere out of the way of peers.
     Aside,
     /// Home.
@@ -94,6 +97,8 @@ pub(super) struct StepRunner {
     phase: Phase,
     /// What was in the way to the present place of the mission.
     barred: BarredPlaces,
+    /// What may be in the way there, and was looked at from near.
+    doubts: Doubts,
     tries: Tries,
     yields: YieldToPeers,
 }
@@ -146,6 +151,7 @@ impl StepRunner {
             mission: OwnMission::UnderWay(AnyBehaviour::of(settings)?),
             phase: Phase::Choosing { from: Time::ZERO },
             barred: BarredPlaces::default(),
+            doubts: Doubts::default(),
             tries: Tries::default(),
             yields: YieldToPeers::default(),
         })
@@ -184,7 +190,11 @@ impl StepRunner {
                 ..
             } => MissionPhase::Returning,
             Phase::Driving {
-                to: Destination::Straight(_) | Destination::ByPath(_) | Destination::Viewpoint,
+                to:
+                    Destination::Straight(_)
+                    | Destination::ByPath(_)
+                    | Destination::Viewpoint
+                    | Destination::Doubtful(_),
                 ..
             } => MissionPhase::Going,
             Phase::Looking { .. } => MissionPhase::Looking,
@@ -257,6 +267,7 @@ impl StepRunner {
                 let toward = scene.pose().at.angle_to(self.settings.lattice.centre(cell));
                 self.begin_look(scene, LookAround::once(toward, scene.now), Some(cell));
             }
+            MissionStep::LookClosely(cell) => self.look_closely(scene, cell),
             MissionStep::TryAgain => self.try_again(scene),
             MissionStep::YieldToPeers => self.yield_to_peers(scene),
             MissionStep::End(end) => self.finish(scene, end),
@@ -294,10 +305,16 @@ impl StepRunner {
         match to {
             Destination::Straight(place) | Destination::ByPath(place) => {
                 self.barred.clear();
+                self.doubts.clear();
                 scene.emit(MissionEvent::Visited(place));
                 self.tell(scene, MissionInput::Arrived);
             }
             Destination::Viewpoint => self.tell(scene, MissionInput::Arrived),
+            Destination::Doubtful(cell) => {
+                self.doubts
+                    .note(self.settings.lattice, cell, scene.pose().at);
+                self.look_closely(scene, cell);
+            }
             Destination::Aside => self.choose_at(scene.now + WAIT),
             Destination::Home => self.phase = Phase::Over,
         }
@@ -313,8 +330,16 @@ impl StepRunner {
             Destination::Straight(_) | Destination::ByPath(_) | Destination::Viewpoint => {
                 self.tell(scene, MissionInput::UnderWay);
             }
-            Destination::Aside | Destination::Home => {}
+            Destination::Doubtful(_) | Destination::Aside | Destination::Home => {}
         }
+    }
+
+    /// Looks from near at a cell that may bar the way.
+    fn look_closely(&mut self, scene: &mut RunnerContext<'_>, cell: Cell) {
+        let (at, middle) = (scene.pose().at, self.settings.lattice.centre(cell));
+        scene.emit(MissionEvent::LooksClosely(middle));
+        let look = LookAround::closely(at.angle_to(middle), scene.now);
+        self.begin_look(scene, look, None);
     }
 
     fn begin_look(&mut self, scene: &mut RunnerContext<'_>, look: LookAround, at: Option<Cell>) {
@@ -369,6 +394,10 @@ impl StepRunner {
             Destination::Straight(_) | Destination::ByPath(_) | Destination::Viewpoint => {
                 self.tell(scene, MissionInput::Blocked(by));
             }
+            Destination::Doubtful(cell) => {
+                self.doubts.note(self.settings.lattice, cell, place);
+                self.think(scene.now);
+            }
             Destination::Aside | Destination::Home => self.try_again(scene),
         }
     }
@@ -400,9 +429,32 @@ impl StepRunner {
                 self.tries.hemmed_in(scene.pose().at);
                 self.choose_at(scene.now + WAIT);
             }
-            Err(reason) => {
-                scene.emit(MissionEvent::NoWay(place, routes::searched(reason)));
+            Err(_) => self.doubt(scene, place, &claims),
+        }
+    }
+
+    /// No way to a place is known: looks from near at what may bar it and may not, or passes the place over.
+    fn doubt(&mut self, scene: &mut RunnerContext<'_>, place: Point, claims: &[Vec<Point>]) {
+        let search = scene.terrain.search(scene.now, scene.pose());
+        match self.doubts.toward(&search, place, claims) {
+            DoubtStep::Look {
+                course: Some(course),
+                at,
+            } => {
+                self.yields.end();
+                self.drive(scene, &course, Destination::Doubtful(at));
+            }
+            DoubtStep::Look { course: None, at } => {
+                self.doubts.note(self.settings.lattice, at, scene.pose().at);
+                self.look_closely(scene, at);
+            }
+            DoubtStep::NoWay(bars) => {
+                scene.emit(MissionEvent::NoWay(place, bars));
                 self.pass_over(scene, place, PassedOver::NoWay);
+            }
+            DoubtStep::Spent(bars) => {
+                scene.emit(MissionEvent::StaysDoubtful(place, bars));
+                self.pass_over(scene, place, PassedOver::GivenUp);
             }
         }
     }
@@ -412,6 +464,7 @@ impl StepRunner {
             mission.pass_over(why);
         }
         self.barred.clear();
+        self.doubts.clear();
         self.tries.clear();
         scene.emit(MissionEvent::Passed(place));
         self.think(scene.now);

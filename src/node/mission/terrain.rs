@@ -117,12 +117,8 @@ impl Terrain {
 
     /// Returns what must be free of a way that a vehicle at a pose drives.
     pub(super) fn released(&self, pose: Pose) -> RequiredClearance {
-        let (settings, deviation_m) = (&self.settings, 2.0 * pose.sd_m);
-        search::planned(settings, pose).released(
-            settings.body.radius_m,
-            deviation_m,
-            settings.lattice.cell_m(),
-        )
+        let settings = &self.settings;
+        search::planned(settings, pose).released(settings.lattice.cell_m())
     }
 
     /// Returns how far the middle of a vehicle at a pose keeps from what stands there, metres.

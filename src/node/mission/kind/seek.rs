@@ -5,6 +5,8 @@
 //!   [Fresh]    ─ looked around ─► [Choosing]
 //!   [Choosing] ─ a place to look from ─► [Going]
 //!   [Going]    ─ looked, seen on the way, or blocked ─► [Choosing]
+//!   [Choosing] ─ nothing is left, but something that may bar the way and may not ─► [Doubting]
+//!   [Doubting] ─ looked at it from near, or blocked ─► [Choosing]
 //! ```
 //!
 //! Only ground known to be free is driven over; what stays unknown after some looks, each from nearer by, is left.
@@ -26,6 +28,7 @@ use super::{Behaviour, DriveRoute, MissionContext, MissionInput, MissionStep};
 use crate::geom::{Angle, Cell, Point};
 use crate::map::{CellRect, Occupancy, View};
 use crate::node::VehicleSettings;
+use crate::node::mission::doubts::{DoubtStep, Doubts};
 use crate::node::mission::terrain::{RULES, Resolution, Terrain};
 use crate::node::mission::{EndReason, look_around};
 use crate::plan::{Distances, SearchGrid};
@@ -74,6 +77,8 @@ enum Stage {
     Choosing,
     /// On its way to where this cell can be seen.
     Going(Cell),
+    /// On its way to where this cell, which may bar the way and may not, can be looked at from near.
+    Doubting(Cell),
 }
 
 /// A search or an exploration.
@@ -83,6 +88,8 @@ pub(crate) struct Seek {
     prefers: Preference,
     stage: Stage,
     looks: LookHistory,
+    /// What may bar the way, and was looked at from near.
+    doubts: Doubts,
     #[serde(skip)]
     frontiers: KnownFrontiers,
     /// When each peer last came to rest, as far as its look from there is noted.
@@ -96,25 +103,38 @@ impl Behaviour for Seek {
                 self.stage = Stage::Choosing;
                 MissionStep::LookAround
             }
-            (MissionInput::Ready, Stage::Choosing | Stage::Going(_)) => self.choose(around),
+            (MissionInput::Ready, Stage::Choosing | Stage::Going(_) | Stage::Doubting(_)) => {
+                self.choose(around)
+            }
             (MissionInput::UnderWay, Stage::Going(cell))
                 if !self.is_frontier(around.terrain, cell) =>
             {
                 self.choose(around)
             }
-            (MissionInput::UnderWay, Stage::Fresh | Stage::Choosing | Stage::Going(_)) => {
-                MissionStep::GoOn
-            }
+            (
+                MissionInput::UnderWay,
+                Stage::Fresh | Stage::Choosing | Stage::Going(_) | Stage::Doubting(_),
+            ) => MissionStep::GoOn,
             (MissionInput::Arrived, Stage::Going(cell)) => MissionStep::LookAt(cell),
+            (MissionInput::Arrived, Stage::Doubting(cell)) => {
+                self.doubts
+                    .note(self.settings.lattice, cell, around.pose.at);
+                MissionStep::LookClosely(cell)
+            }
             (MissionInput::Arrived, Stage::Fresh | Stage::Choosing) => MissionStep::Think,
             (MissionInput::Blocked(_), Stage::Going(cell)) => {
                 self.looks.note(&[cell], around.pose.at);
                 MissionStep::TryAgain
             }
+            (MissionInput::Blocked(_), Stage::Doubting(cell)) => {
+                self.doubts
+                    .note(self.settings.lattice, cell, around.pose.at);
+                MissionStep::TryAgain
+            }
             (MissionInput::Blocked(_), Stage::Fresh | Stage::Choosing) => MissionStep::TryAgain,
             (
                 MissionInput::Looked { from, toward, at },
-                Stage::Fresh | Stage::Choosing | Stage::Going(_),
+                Stage::Fresh | Stage::Choosing | Stage::Going(_) | Stage::Doubting(_),
             ) => {
                 if at.is_some() {
                     self.note_look(around.terrain, from, toward, at);
@@ -156,6 +176,7 @@ impl Seek {
             prefers,
             stage: Stage::Fresh,
             looks: LookHistory::new(settings.lattice),
+            doubts: Doubts::default(),
             frontiers: KnownFrontiers::default(),
             peers_looked: BTreeMap::new(),
         }
@@ -173,6 +194,10 @@ impl Seek {
             let Some(mut grid) = ground(around, resolution, &claims) else {
                 return MissionStep::End(EndReason::TooLarge);
             };
+            let search = around.terrain.search(around.now, around.pose);
+            if search.is_cramped(&grid, resolution) {
+                continue;
+            }
             if is_narrow {
                 grid.open_along(around.terrain.driven());
             }
@@ -181,9 +206,28 @@ impl Seek {
             }
         }
         if self.is_barred_by_peers(around) {
-            MissionStep::YieldToPeers
-        } else {
-            MissionStep::End(EndReason::Done)
+            return MissionStep::YieldToPeers;
+        }
+        self.doubt(around, &claims)
+    }
+
+    /// Nothing is left to be looked at from where it can get to: looks from near at what may bar the way to more, or ends.
+    fn doubt(&mut self, around: &MissionContext<'_>, claims: &[Vec<Point>]) -> MissionStep {
+        let search = around.terrain.search(around.now, around.pose);
+        match self.doubts.toward_unseen(&search, claims) {
+            Some(DoubtStep::Look { course, at }) => {
+                self.stage = Stage::Doubting(at);
+                match course {
+                    Some(course) => MissionStep::GoAlong(course),
+                    None => {
+                        self.doubts.note(self.settings.lattice, at, around.pose.at);
+                        MissionStep::LookClosely(at)
+                    }
+                }
+            }
+            Some(DoubtStep::NoWay(_) | DoubtStep::Spent(_)) | None => {
+                MissionStep::End(EndReason::Done)
+            }
         }
     }
 

@@ -37,11 +37,15 @@ impl Stretch {
         }
     }
 
-    /// Returns what must be free: what the vehicle keeps, or what its body needs, metres.
-    pub(super) fn clearance(self, kept: RequiredClearance, body_m: f64) -> RequiredClearance {
+    /// Returns what must be free: what the vehicle keeps, or what it needs where it has driven before.
+    pub(super) fn clearance(
+        self,
+        kept: RequiredClearance,
+        driven_before: RequiredClearance,
+    ) -> RequiredClearance {
         match self {
             Stretch::Ordinary | Stretch::Retreat { .. } => kept,
-            Stretch::DrivenBefore => RequiredClearance::everywhere(body_m),
+            Stretch::DrivenBefore => driven_before,
         }
     }
 
@@ -111,7 +115,10 @@ mod tests {
         ]
         .map(|stretch| {
             stretch
-                .clearance(RequiredClearance::everywhere(0.6), 0.3)
+                .clearance(
+                    RequiredClearance::everywhere(0.6),
+                    RequiredClearance::everywhere(0.3),
+                )
                 .occupied_m
         });
         assert_eq!(widths, [0.6, 0.3, 0.6]);

@@ -36,7 +36,9 @@ impl RouteFinder<'_> {
             self.ground(Some(goal), resolution, unknown_allowed, peers)
                 .ok_or(NoRoute::GoalOutside)
         };
-        if let Ok(found) = course(&ground(Resolution::Cells)?, false) {
+        let cells = ground(Resolution::Cells)?;
+        let is_cramped = self.search.is_cramped(&cells, Resolution::Cells);
+        if let Some(found) = (!is_cramped).then(|| course(&cells, false).ok()).flatten() {
             return Ok(found);
         }
         let mut grid = ground(Resolution::Parts)?;
@@ -61,18 +63,6 @@ impl RouteFinder<'_> {
         self.barred.close(&mut grid, keep_m, self.search.driven());
         grid.stand_on(grid.lattice().cell_at(self.search.from()));
         Some(grid)
-    }
-}
-
-/// Returns how many cells were searched in vain.
-pub(super) fn searched(reason: NoRoute) -> usize {
-    match reason {
-        NoRoute::Unreachable { searched } => searched,
-        NoRoute::TooLargeToTurn { .. }
-        | NoRoute::StartOutside
-        | NoRoute::GoalOutside
-        | NoRoute::StartBarred
-        | NoRoute::GoalBarred => 0,
     }
 }
 
@@ -107,8 +97,10 @@ mod tests {
             barred.note(Point::new(1.0, f64::from(y_m)));
         });
         let reason = course(&terrain, &barred).unwrap_err();
-        assert!(searched(reason) > 100, "{reason:?}");
-        assert_eq!(searched(NoRoute::GoalOutside), 0);
+        assert!(
+            matches!(reason, NoRoute::Unreachable { searched: 100.. }),
+            "{reason:?}"
+        );
     }
 
     #[test]

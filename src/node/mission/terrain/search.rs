@@ -5,8 +5,8 @@
 use std::f64::consts::FRAC_1_SQRT_2;
 
 use super::peer_clearance::PeerClearance;
-use crate::geom::{Point, Pose, Segment};
-use crate::map::{CellRect, Merged};
+use crate::geom::{Cell, Lattice, Point, Pose, Segment};
+use crate::map::{Bar, CellRect, Merged, Occupancy};
 use crate::node::VehicleSettings;
 use crate::node::vehicle::ReflexObstacle;
 use crate::plan::{MAX_GRID_CELLS, RequiredClearance, Rules, SearchGrid, shortest_route};
@@ -77,6 +77,34 @@ impl PathSearch<'_> {
         keep_m(self.settings, self.pose)
     }
 
+    /// Returns the lattice of the map.
+    pub(crate) fn lattice(&self) -> Lattice {
+        self.settings.lattice
+    }
+
+    /// Returns how far a planned way keeps from what was heard, metres.
+    pub(crate) fn planned_m(&self) -> f64 {
+        planned(self.settings, self.pose).most_m()
+    }
+
+    /// Returns whether nobody has looked well enough at a place.
+    pub(crate) fn is_unknown(&self, place: Point) -> bool {
+        let cell = self.settings.lattice.cell_at(place);
+        self.map.occupancy(self.settings.slice, cell) == Occupancy::Unknown
+    }
+
+    /// Returns whether nothing that was heard hides a cell's middle from a place, but for what lies just before it.
+    pub(crate) fn sees_close(&self, from: Point, middle: Point) -> bool {
+        let (away_m, lattice) = (from.distance_to(middle), self.settings.lattice);
+        let clear_m = away_m - 2.0 * lattice.cell_m();
+        if clear_m <= 0.0 {
+            return true;
+        }
+        let along = Segment::new(from, from.toward(middle, clear_m / away_m));
+        let is_heard = |cell| self.map.occupancy(self.settings.slice, cell) == Occupancy::Occupied;
+        !lattice.cells_under(along).any(is_heard)
+    }
+
     /// Returns the places where the vehicle has driven, in order.
     pub(crate) fn driven(&self) -> &[Point] {
         self.driven
@@ -99,6 +127,9 @@ impl PathSearch<'_> {
             .into_iter()
             .find_map(|resolution| {
                 let grid = self.grid(Some(goal), area, resolution, unknown_allowed, peers)?;
+                if self.is_cramped(&grid, resolution) {
+                    return None;
+                }
                 self.path_over(&grid, goal, peers)
             })
     }
@@ -123,6 +154,48 @@ impl PathSearch<'_> {
     ) -> Option<SearchGrid> {
         let area = self.fenced(goal.unwrap_or(self.pose.at))?;
         self.grid(goal, area, resolution, unknown_allowed, peers)
+    }
+
+    /// Returns whether the vehicle stands too near to something for a search from cell to cell: these know too little of what
+    /// is near it to lead out.
+    pub(crate) fn is_cramped(&self, grid: &SearchGrid, resolution: Resolution) -> bool {
+        let here = grid.lattice().cell_at(self.pose.at);
+        resolution == Resolution::Cells && !grid.passable(here)
+    }
+
+    /// Returns where the vehicle might be in all of the fence if nothing stood but what is confirmed; `None` when the fence is
+    /// too large to search. Peers and what only the reflex has met are not regarded: they come and go.
+    pub(crate) fn optimistic_ground(&self, goal: Option<Point>) -> Option<SearchGrid> {
+        let area = self.fenced(goal.unwrap_or(self.pose.at))?;
+        let (body_m, cell_m) = (self.settings.body.radius_m, self.settings.lattice.cell_m());
+        let clearance = planned(self.settings, self.pose).optimistic(body_m, cell_m);
+        let view = self.map.view(self.settings.slice, area);
+        let mut grid = SearchGrid::of_parts(&view, area, clearance, Bar::Confirmed).ok()?;
+        let keep_m = self.settings.corridor_m(self.pose.sd_m);
+        grid.close_outside(&self.settings.fence, self.fence_m(keep_m, goal));
+        grid.stand_on(grid.lattice().cell_at(self.pose.at));
+        Some(grid)
+    }
+
+    /// Returns the cells that bar a place for a planned way, for this reason or a surer one, the nearest first.
+    pub(crate) fn barring(&self, place: Point, from: Bar) -> Vec<Cell> {
+        let (lattice, clearance) = (self.settings.lattice, planned(self.settings, self.pose));
+        let reach_m = clearance.most_m() + lattice.cell_m();
+        let Some(area) = CellRect::around(lattice, &[place], reach_m) else {
+            return Vec::new();
+        };
+        let view = self.map.view(self.settings.slice, area);
+        let nearest_m = |cell: Cell| {
+            let barred = view.barred(cell).filter(|barred| barred.bar >= from)?;
+            let to_parts = barred
+                .places(lattice, cell)
+                .map(|part| part.distance_to(place));
+            let nearest_m = to_parts.fold(f64::INFINITY, f64::min);
+            (nearest_m < clearance.from_cell_m(barred)).then_some((nearest_m, cell))
+        };
+        let mut found: Vec<(f64, Cell)> = area.cells().filter_map(nearest_m).collect();
+        found.sort_by(|a, b| a.0.total_cmp(&b.0));
+        found.into_iter().map(|(_, cell)| cell).collect()
     }
 
     /// Returns whether what made the reflex halt is so near that the vehicle must first back off from it.
@@ -197,7 +270,11 @@ impl PathSearch<'_> {
             }
             Resolution::Parts => {
                 let clearance = planned(self.settings, self.pose);
-                let grid = SearchGrid::of_parts(&view, area, clearance, unknown_allowed);
+                let from = match unknown_allowed {
+                    true => Bar::Doubtful,
+                    false => Bar::Unknown,
+                };
+                let grid = SearchGrid::of_parts(&view, area, clearance, from);
                 (grid, self.settings.corridor_m(self.pose.sd_m))
             }
         };

@@ -83,6 +83,14 @@ impl World {
                         at: Some(cell),
                     })
                 }
+                MissionStep::LookClosely(_) => {
+                    looks += 1;
+                    self.tell(MissionInput::Looked {
+                        from: self.at,
+                        toward: Angle::ZERO,
+                        at: None,
+                    })
+                }
                 MissionStep::Think | MissionStep::TryAgain => self.tell(MissionInput::Ready),
                 step @ (MissionStep::GoOn
                 | MissionStep::GoStraight(_)
@@ -201,8 +209,15 @@ fn the_drawing_shows_the_stages_and_no_others() {
         Stage::Fresh => "Fresh",
         Stage::Choosing => "Choosing",
         Stage::Going(_) => "Going",
+        Stage::Doubting(_) => "Doubting",
     };
-    let stages = [Stage::Fresh, Stage::Choosing, Stage::Going(Cell::new(0, 0))];
+    let cell = Cell::new(0, 0);
+    let stages = [
+        Stage::Fresh,
+        Stage::Choosing,
+        Stage::Going(cell),
+        Stage::Doubting(cell),
+    ];
     let shown = drawn(include_str!("../seek.rs"));
     assert_eq!(shown, variants::<Stage>());
     assert!(stages.iter().all(|stage| shown.contains(word(*stage))));

@@ -1,0 +1,301 @@
+//! What may bar a way and may not: cells that only explain an echo best, and ground that was looked at and is still unknown.
+//! Before a place is given up, or an exploration ends, they are looked at from near, from ground that is free, at most so
+//! often. *No way* is said only when none exists with all of them taken for free.
+//!
+//! Deliberately absent: driving and looking, see [`super::runner`]; what a look means for the map.
+
+use serde::{Deserialize, Serialize};
+
+use super::kind::DriveRoute;
+use super::terrain::{PathSearch, RULES, Resolution};
+use crate::geom::{Cell, Lattice, Point, Segment};
+use crate::map::{Bar, CellRect};
+use crate::plan::{Distances, NoRoute, SearchGrid, shortest_route};
+
+/// So many close looks at a part of the ground, and what it holds is taken for barred.
+const LOOKS_MAX: usize = 3;
+/// Side of such a part, metres.
+const PART_M: f64 = 0.6;
+/// So many close looks for one goal, wherever.
+const LOOKS_ALL_MAX: usize = 40;
+/// Two looks are from different places when these are so far apart, metres.
+const APART_M: f64 = 0.15;
+/// A close look is taken from so much farther away at most than the vehicle must keep from what it looks at, metres.
+const NEAR_M: f64 = 1.0;
+/// A metre more of way to where a look is taken from counts as so much more distance from what is looked at.
+const WAY_SHARE: f64 = 0.1;
+/// Optimistic ways are followed in steps of this length, metres.
+const STEP_M: f64 = 0.1;
+/// So many cells are named as barring at most.
+const NAMED: usize = 3;
+
+/// What was looked at from near.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(crate) struct Doubts {
+    /// From where each part of the ground was looked at.
+    looks: Vec<((i32, i32), Vec<Point>)>,
+    /// Cells that were looked at often enough, and bar still.
+    given_up: Vec<Cell>,
+}
+
+/// What to do about what is in doubt.
+#[derive(Clone, PartialEq, Debug)]
+pub(crate) enum DoubtStep {
+    /// Go there, or stay, and look at a cell from near.
+    Look {
+        /// The way; `None` = it is looked at from here.
+        course: Option<DriveRoute>,
+        /// The cell.
+        at: Cell,
+    },
+    /// No way exists, even if everything were free but what is confirmed; by the middles of cells that bar, a few.
+    NoWay(Vec<Point>),
+    /// Everything in doubt was looked at; what bars still, by the middles of cells, a few.
+    Spent(Vec<Point>),
+}
+
+impl Doubts {
+    /// Forgets everything: the vehicle goes for something else.
+    pub(crate) fn clear(&mut self) {
+        *self = Doubts::default();
+    }
+
+    /// Records a close look at a cell from a place.
+    pub(crate) fn note(&mut self, lattice: Lattice, cell: Cell, from: Point) {
+        let part = part_of(lattice, cell);
+        match self.looks.iter_mut().find(|(known, _)| *known == part) {
+            Some((_, places)) => places.push(from),
+            None => self.looks.push((part, vec![from])),
+        }
+    }
+
+    /// Returns what to do next to reach a goal to which no way is known; `peers` are what peers claim.
+    pub(crate) fn toward(
+        &mut self,
+        search: &PathSearch<'_>,
+        goal: Point,
+        peers: &[Vec<Point>],
+    ) -> DoubtStep {
+        let Some(whole) = search.optimistic_ground(Some(goal)) else {
+            return DoubtStep::Spent(Vec::new());
+        };
+        let route = |grid: &SearchGrid| shortest_route(grid, search.from(), goal, &RULES);
+        match route(&whole) {
+            Ok(_) => {}
+            Err(NoRoute::StartBarred) => return DoubtStep::Spent(Vec::new()),
+            Err(_) => return DoubtStep::NoWay(bars_of(search, &whole, goal)),
+        }
+        loop {
+            let mut grid = whole.clone();
+            self.close_given_up(search, &mut grid);
+            let Ok(found) = route(&grid) else {
+                return self.spent(search);
+            };
+            if let Some(step) = self.look_along(search, &found.points, peers) {
+                return step;
+            }
+        }
+    }
+
+    /// Returns what to look at next from near so that ground that nobody has seen, and where there is room to stand, can be
+    /// reached; `None` when nothing of that kind is left.
+    pub(crate) fn toward_unseen(
+        &mut self,
+        search: &PathSearch<'_>,
+        peers: &[Vec<Point>],
+    ) -> Option<DoubtStep> {
+        let whole = search.optimistic_ground(None)?;
+        let roomy = search.ground(None, Resolution::Parts, true, &[])?;
+        let reached = reached_from(search, peers)?;
+        loop {
+            let mut grid = whole.clone();
+            self.close_given_up(search, &mut grid);
+            let nodes = grid.lattice();
+            let optimistic =
+                Distances::from_start(&grid, nodes.cell_at(search.from()), &RULES).ok()?;
+            let wanted = |node: Cell| {
+                let cost_m = optimistic.cost_m(node)?;
+                let is_wanted = roomy.passable(node)
+                    && reached.cost_m(node).is_none()
+                    && search.is_unknown(nodes.centre(node));
+                is_wanted.then_some((cost_m, node))
+            };
+            let nearest = grid.area().cells().filter_map(wanted);
+            let (_, node) = nearest.min_by(|a, b| a.0.total_cmp(&b.0))?;
+            let route = optimistic.route_to(&grid, search.from(), nodes.centre(node))?;
+            if let Some(step) = self.look_along(search, &route.points, peers) {
+                return match step {
+                    DoubtStep::Look { .. } => Some(step),
+                    DoubtStep::NoWay(_) | DoubtStep::Spent(_) => None,
+                };
+            }
+        }
+    }
+
+    /// Returns the close look at what bars an optimistic way first; `None` when that has just been given up.
+    fn look_along(
+        &mut self,
+        search: &PathSearch<'_>,
+        route: &[Point],
+        peers: &[Vec<Point>],
+    ) -> Option<DoubtStep> {
+        let spent = || DoubtStep::Spent(Vec::new());
+        let Some(reached) = reached_from(search, peers) else {
+            return Some(spent());
+        };
+        let Some(at) = first_bar(search, &reached, route) else {
+            // It is barred by something else than the map: by peers, or by what the reflex has met.
+            return Some(self.spent(search));
+        };
+        let looked = self
+            .looks
+            .iter()
+            .map(|(_, places)| places.len())
+            .sum::<usize>();
+        let places = self.places_of(search.lattice(), at);
+        let is_spent = places.len() >= LOOKS_MAX || looked >= LOOKS_ALL_MAX;
+        let from = (!is_spent)
+            .then(|| viewpoint(search, &reached, at, places))
+            .flatten();
+        let Some(node) = from else {
+            let is_new = !self.given_up.contains(&at);
+            self.given_up.push(at);
+            return (!is_new).then(spent);
+        };
+        let here = reached.lattice().cell_at(search.from());
+        let course = (node != here)
+            .then(|| self.course_to(search, node, peers))
+            .flatten();
+        Some(DoubtStep::Look { course, at })
+    }
+
+    fn course_to(
+        &self,
+        search: &PathSearch<'_>,
+        node: Cell,
+        peers: &[Vec<Point>],
+    ) -> Option<DriveRoute> {
+        let grid = search.ground(None, Resolution::Parts, false, peers)?;
+        let to = grid.lattice().centre(node);
+        let route = shortest_route(&grid, search.from(), to, &RULES).ok()?;
+        Some(DriveRoute {
+            corners: route.points[1..].to_vec(),
+            is_narrow: false,
+        })
+    }
+
+    fn spent(&self, search: &PathSearch<'_>) -> DoubtStep {
+        let middles = self
+            .given_up
+            .iter()
+            .map(|cell| search.lattice().centre(*cell));
+        DoubtStep::Spent(middles.take(NAMED).collect())
+    }
+
+    fn places_of(&self, lattice: Lattice, cell: Cell) -> &[Point] {
+        let part = part_of(lattice, cell);
+        let known = self.looks.iter().find(|(known, _)| *known == part);
+        known.map_or(&[], |(_, places)| places)
+    }
+
+    fn close_given_up(&self, search: &PathSearch<'_>, grid: &mut SearchGrid) {
+        for cell in &self.given_up {
+            let middle = search.lattice().centre(*cell);
+            grid.close_within(Segment::new(middle, middle), search.planned_m());
+        }
+        grid.stand_on(grid.lattice().cell_at(search.from()));
+    }
+}
+
+/// Returns the part of the ground that a cell belongs to.
+fn part_of(lattice: Lattice, cell: Cell) -> (i32, i32) {
+    let side = ((PART_M / lattice.cell_m()).round() as i32).max(1);
+    (cell.x.div_euclid(side), cell.y.div_euclid(side))
+}
+
+/// Returns the ways to all places that can be reached over ground that is known to be free.
+fn reached_from(search: &PathSearch<'_>, peers: &[Vec<Point>]) -> Option<Distances> {
+    let grid = search.ground(None, Resolution::Parts, false, peers)?;
+    let start = grid.lattice().cell_at(search.from());
+    Distances::from_start(&grid, start, &RULES).ok()
+}
+
+/// Returns the cell that bars a way first beyond what of it can be reached.
+fn first_bar(search: &PathSearch<'_>, reached: &Distances, route: &[Point]) -> Option<Cell> {
+    let places = places_along(route);
+    let is_reached = |at: &Point| reached.cost_m(reached.lattice().cell_at(*at)).is_some();
+    let last = places
+        .iter()
+        .rposition(is_reached)
+        .map_or(0, |index| index + 1);
+    let mut beyond = places[last.min(places.len())..].iter();
+    beyond.find_map(|at| search.barring(*at, Bar::Unknown).first().copied())
+}
+
+/// Returns places along a route, a step apart.
+fn places_along(route: &[Point]) -> Vec<Point> {
+    let mut places = Vec::new();
+    for pair in route.windows(2) {
+        let steps = (pair[0].distance_to(pair[1]) / STEP_M).ceil().max(1.0) as u32;
+        places.extend(
+            (0..steps).map(|step| pair[0].toward(pair[1], f64::from(step) / f64::from(steps))),
+        );
+    }
+    places.extend(route.last());
+    places
+}
+
+/// Returns the node from which a cell is best looked at from near: one that can be reached, from which nothing hides it, and
+/// away from where it was looked at before.
+fn viewpoint(
+    search: &PathSearch<'_>,
+    reached: &Distances,
+    at: Cell,
+    looked_from: &[Point],
+) -> Option<Cell> {
+    let (nodes, target) = (reached.lattice(), search.lattice().centre(at));
+    let near_m = search.planned_m() + NEAR_M;
+    let around = CellRect::around(nodes, &[target], near_m)?;
+    let worth = |node: Cell| {
+        let (place, way_m) = (nodes.centre(node), reached.cost_m(node)?);
+        let away_m = place.distance_to(target);
+        let is_new = looked_from
+            .iter()
+            .all(|from| from.distance_to(place) >= APART_M);
+        (away_m <= near_m && is_new).then_some((away_m + WAY_SHARE * way_m, node))
+    };
+    let mut found: Vec<(f64, Cell)> = around.cells().filter_map(worth).collect();
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let sees = |node: &Cell| search.sees_close(nodes.centre(*node), target);
+    found.into_iter().map(|(_, node)| node).find(sees)
+}
+
+/// Returns the cells that bar a goal for good: those near it, or near where an optimist gets to.
+fn bars_of(search: &PathSearch<'_>, optimistic: &SearchGrid, goal: Point) -> Vec<Point> {
+    let lattice = search.lattice();
+    let middles = |cells: Vec<Cell>| -> Vec<Point> {
+        cells
+            .into_iter()
+            .take(NAMED)
+            .map(|cell| lattice.centre(cell))
+            .collect()
+    };
+    let at_goal = middles(search.barring(goal, Bar::Confirmed));
+    if !at_goal.is_empty() {
+        return at_goal;
+    }
+    let nodes = optimistic.lattice();
+    let start = nodes.cell_at(search.from());
+    let Ok(reached) = Distances::from_start(optimistic, start, &RULES) else {
+        return Vec::new();
+    };
+    let cells = optimistic
+        .area()
+        .cells()
+        .filter(|node| reached.cost_m(*node).is_some());
+    let away_m = |node: Cell| (nodes.centre(node).distance_to(goal), node);
+    let nearest = cells.map(away_m).min_by(|a, b| a.0.total_cmp(&b.0));
+    nearest.map_or_else(Vec::new, |(_, node)| {
+        middles(search.barring(nodes.centre(node), Bar::Confirmed))
+    })
+}
