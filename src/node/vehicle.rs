@@ -246,13 +246,16 @@ impl Vehicle {
     }
 
     fn scan(&mut self, now: Time, scan: &Scan, out: &mut Vec<Out>) {
-        let Some(telemetry) = self.telemetry.of_any_age() else {
-            return;
+        let halts_m = match self.telemetry.of_any_age() {
+            Some(telemetry)
+                if telemetry.motion == Motion::Driving && !self.movement.is_halted() =>
+            {
+                self.reflex.halts_for(&self.settings, telemetry, scan)
+            }
+            Some(_) | None => None,
         };
-        if telemetry.motion != Motion::Driving || self.movement.is_halted() {
-            return;
-        }
-        let Some(ahead_m) = reflex::halts_for(&self.settings, telemetry, scan) else {
+        self.reflex.watch(now, &self.settings, scan);
+        let Some(ahead_m) = halts_m else {
             return;
         };
         let obstacle = reflex::obstacle_of(&self.settings, now, scan);

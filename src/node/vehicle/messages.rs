@@ -66,10 +66,14 @@ pub struct ReflexObstacle {
     pub until: Time,
 }
 
+/// A step of 0.3 m beside something 0.5 m away comes so much nearer to it than its ends, metres.
+const CUT_OFF_M: f64 = 0.025;
+
 impl ReflexObstacle {
-    /// Returns whether a way keeps clear, or at least never comes nearer than `here_m`, metres.
+    /// Returns whether a way keeps clear, or at least comes no nearer than `here_m`, metres (but for what a straight step
+    /// between two places that are no nearer cuts off).
     pub fn is_passed_by(&self, way: Segment, here_m: f64) -> bool {
-        way.distance_to_point(self.at) >= self.keep_m.min(here_m) - 1e-3
+        way.distance_to_point(self.at) >= self.keep_m.min(here_m) - CUT_OFF_M
     }
 }
 

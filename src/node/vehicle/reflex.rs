@@ -1,12 +1,13 @@
 //! The reflex: when a reading says that the vehicle must halt, and what it keeps clear of afterwards. It knows no map, no
 //! plan and no network, and it moves nothing itself.
 
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
 use super::messages::{ReflexObstacle, Telemetry};
-use crate::geom::{Point, Track, Vector};
+use crate::geom::{Angle, Point, Track, Vector};
 use crate::node::VehicleSettings;
 use crate::node::sensor::Scan;
 use crate::time::Time;
@@ -18,10 +19,40 @@ const MARGIN_M: f64 = 0.1;
 /// What made the reflex halt is kept clear of for this long, even if the map does not show it.
 const KEEP_FOR: Duration = Duration::from_secs(60);
 
-/// What made the reflex halt of late.
+/// Between what another reading saw empty and where its echo came from lies at least this much, metres.
+const BEFORE_ECHO_M: f64 = 0.1;
+/// So far inside its cone lies what another reading saw empty, radians.
+const INSET_RAD: f64 = 0.035;
+/// Places on the arc of an echo that are asked about.
+const ARC_PLACES: u32 = 13;
+/// Readings that are remembered at most.
+const READINGS_MAX: usize = 64;
+
+/// What made the reflex halt of late, and what the last readings saw empty.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Reflex {
     obstacles: Vec<ReflexObstacle>,
+    /// The readings of the last round of all beams, oldest first.
+    readings: VecDeque<Reading>,
+}
+
+/// What a reading saw empty.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+struct Reading {
+    at: Time,
+    origin: Point,
+    direction: Angle,
+    /// Up to here, metres.
+    empty_m: f64,
+}
+
+impl Reading {
+    /// Returns whether it saw a place empty; cones have this half-width.
+    fn saw_empty(&self, place: Point, half_width_rad: f64) -> bool {
+        let off = self.origin.angle_to(place) - self.direction;
+        self.origin.distance_to(place) <= self.empty_m
+            && off.radians().abs() <= half_width_rad - INSET_RAD
+    }
 }
 
 impl Reflex {
@@ -29,6 +60,74 @@ impl Reflex {
     pub(super) fn remember(&mut self, now: Time, obstacle: ReflexObstacle) {
         self.obstacles.retain(|known| known.until > now);
         self.obstacles.push(obstacle);
+    }
+
+    /// Remembers what a reading saw empty, until all beams have been looked along once more.
+    pub(super) fn watch(&mut self, now: Time, settings: &VehicleSettings, scan: &Scan) {
+        let look = &settings.look;
+        let round = look.cycle() + look.period;
+        while self.readings.len() >= READINGS_MAX
+            || self
+                .readings
+                .front()
+                .is_some_and(|one| now.since(one.at) > round)
+        {
+            self.readings.pop_front();
+        }
+        let empty_m = match scan.range_m {
+            Some(range_m) => (range_m - BEFORE_ECHO_M).min(look.sure_range_m),
+            None => look.sure_range_m,
+        };
+        self.readings.push_back(Reading {
+            at: now,
+            origin: scan.pose.at,
+            direction: scan.pose.heading + scan.beam,
+            empty_m,
+        });
+    }
+
+    /// Returns how far ahead of the body a reading lies that a vehicle that drives must halt for, metres: in the driven strip,
+    /// and nearer than it can stop or than the closeness that it was given.
+    ///
+    /// An echo may have come from anywhere on its arc. Where another beam has seen nothing in the same round it has not: so who
+    /// passes beside something is not held by the end of the arc that lies before it. An echo of a beam that looks ahead
+    /// always counts.
+    pub(super) fn halts_for(
+        &self,
+        settings: &VehicleSettings,
+        telemetry: &Telemetry,
+        scan: &Scan,
+    ) -> Option<f64> {
+        let ahead_m = ahead_m(settings, scan)?;
+        let speed = telemetry.speed_mps;
+        let needs_m = speed * REACTION_S + speed * speed / (2.0 * settings.body.braking_mps2);
+        let is_close = scan
+            .range_m
+            .is_some_and(|range_m| range_m < settings.safety.closeness_m);
+        let halts = is_close || ahead_m < needs_m + MARGIN_M;
+        (halts && !self.is_elsewhere(settings, scan)).then_some(ahead_m)
+    }
+
+    /// Returns whether an echo of a beam that looks aside has come from beside the driven strip: all of its arc that lies in the
+    /// strip was seen empty.
+    fn is_elsewhere(&self, settings: &VehicleSettings, scan: &Scan) -> bool {
+        let half_rad = settings.look.half_angle.radians();
+        let (Some(range_m), true) = (scan.range_m, scan.beam.radians().abs() > half_rad) else {
+            return false;
+        };
+        let strip_m = settings.body.radius_m + MARGIN_M;
+        (0..ARC_PLACES).all(|step| {
+            let share = 2.0 * f64::from(step) / f64::from(ARC_PLACES - 1) - 1.0;
+            let beam = scan.beam + Angle::from_radians(half_rad * share);
+            let to = Vector::polar(beam, range_m);
+            if to.x_m <= 0.0 || to.y_m.abs() > strip_m {
+                return true;
+            }
+            let place = scan.pose.at + Vector::polar(scan.pose.heading + beam, range_m);
+            self.readings
+                .iter()
+                .any(|one| one.saw_empty(place, half_rad))
+        })
     }
 
     /// Returns whether a route from `here` comes too near to something that made it halt.
@@ -45,22 +144,6 @@ impl Reflex {
             .filter(|obstacle| obstacle.until > now)
             .all(is_clear)
     }
-}
-
-/// Returns how far ahead of the body a reading lies that a vehicle that drives must halt for, metres: in the driven strip,
-/// and nearer than it can stop or than the closeness that it was given.
-pub(super) fn halts_for(
-    settings: &VehicleSettings,
-    telemetry: &Telemetry,
-    scan: &Scan,
-) -> Option<f64> {
-    let ahead_m = ahead_m(settings, scan)?;
-    let speed = telemetry.speed_mps;
-    let needs_m = speed * REACTION_S + speed * speed / (2.0 * settings.body.braking_mps2);
-    let is_close = scan
-        .range_m
-        .is_some_and(|range_m| range_m < settings.safety.closeness_m);
-    (is_close || ahead_m < needs_m + MARGIN_M).then_some(ahead_m)
 }
 
 /// Returns what a reading stands for: an echo from somewhere in the beam's cone, believed for a while.

@@ -307,10 +307,15 @@ impl PathSearch<'_> {
     /// Closes what lies too near to what made the reflex halt; where the vehicle is nearer already, only what is nearer
     /// still.
     fn close_obstacles(&self, grid: &mut SearchGrid) {
-        let cell_m = self.settings.lattice.cell_m();
+        let (cell_m, node_m) = (self.settings.lattice.cell_m(), grid.lattice().cell_m());
         for obstacle in &self.obstacles {
             let away_m = obstacle.at.distance_to(self.pose.at);
-            let keep_m = (obstacle.keep_m + cell_m).min(away_m - cell_m);
+            let leave_m = if node_m < cell_m {
+                away_m
+            } else {
+                away_m - cell_m
+            };
+            let keep_m = (obstacle.keep_m + cell_m).min(leave_m);
             grid.close_within(Segment::new(obstacle.at, obstacle.at), keep_m);
         }
     }
