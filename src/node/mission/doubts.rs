@@ -18,6 +18,8 @@ const LOOKS_MAX: usize = 3;
 const PART_M: f64 = 0.6;
 /// So many close looks for one goal, wherever.
 const LOOKS_ALL_MAX: usize = 40;
+/// So many cells are given up for one goal; what else bars is not looked at.
+const GIVEN_UP_MAX: usize = 24;
 /// Two looks are from different places when these are so far apart, metres.
 const APART_M: f64 = 0.15;
 /// A close look is taken from so much farther away at most than the vehicle must keep from what it looks at, metres.
@@ -153,7 +155,10 @@ impl Doubts {
             .map(|(_, places)| places.len())
             .sum::<usize>();
         let places = self.places_of(search.lattice(), at);
-        let is_spent = places.len() >= LOOKS_MAX || looked >= LOOKS_ALL_MAX;
+        if looked >= LOOKS_ALL_MAX || self.given_up.len() >= GIVEN_UP_MAX {
+            return Some(self.spent(search));
+        }
+        let is_spent = places.len() >= LOOKS_MAX;
         let from = (!is_spent)
             .then(|| viewpoint(search, &reached, at, places))
             .flatten();
