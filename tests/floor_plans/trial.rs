@@ -1,12 +1,14 @@
 //! A random floor plan, explored or with a place to visit in each room, judged by the truth, and the table of many.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::time::Instant;
 
 use tomoswarm::config;
-use tomoswarm::geom::{Cell, Rect};
+use tomoswarm::geom::{Cell, Lattice, Rect};
 use tomoswarm::map::Occupancy;
+use tomoswarm::sim::reachable::{Reachable, Room, STEP_M};
+use tomoswarm::sim::visible::{Visible, detected};
 use tomoswarm::sim::{PlaceCounts, PlaceFate, RunOutcome, SLICE, Scenario, VisibleScene};
 
 use super::plan::{Demand, FloorPlan};
@@ -63,12 +65,13 @@ pub struct TrialResult {
     pub rooms: usize,
     /// Rooms that were entered.
     pub entered: usize,
-    /// Share of the visible surface that the map has, 0 to 1.
+    /// Share of the surface that can be seen from all rooms that the map has, 0 to 1; whether or not a map of cells leaves
+    /// room enough at the doors.
     pub share: f64,
-    /// Places by the truth.
+    /// Places by the truth, for vehicles that know a map of cells: they need doors 0.3 m wider than the least.
     pub places: PlaceCounts,
-    /// Places to which no way was said to lead, reachable or not by the room that a map of cells needs: a vehicle that
-    /// fits through the doors gets to all of them.
+    /// Places to which no way was said to lead, whether or not they count as reachable for such a vehicle. There is a way to
+    /// all of them.
     pub no_way: usize,
     pub collisions: usize,
     pub fence_breaches: usize,
@@ -98,6 +101,7 @@ pub fn run(plan: &FloorPlan, errand: Errand) -> TrialResult {
         .run(&mut |_| true)
         .unwrap_or_else(|error| panic!("plan {}: {error}", plan.seed));
     let seen = VisibleScene::find(&scenario).expect("the scene was built once");
+    let visible = visible_from_all_rooms(plan, &scenario, &seen);
     let no_way = |fate: PlaceFate| fate == PlaceFate::NoWay;
     TrialResult {
         seed: plan.seed,
@@ -105,7 +109,7 @@ pub fn run(plan: &FloorPlan, errand: Errand) -> TrialResult {
         demand: plan.demand,
         rooms: plan.rooms.len(),
         entered: rooms_entered(plan, &outcome),
-        share: seen.detected(&outcome) as f64 / seen.visible.cells.len().max(1) as f64,
+        share: detected(&outcome.map, SLICE, &visible) as f64 / visible.len().max(1) as f64,
         places: seen.count_places(&outcome.places),
         no_way: outcome
             .places
@@ -121,6 +125,26 @@ pub fn run(plan: &FloorPlan, errand: Errand) -> TrialResult {
         simulated_s: outcome.simulated.as_secs_f64(),
         took_s: began.elapsed().as_secs_f64(),
     }
+}
+
+/// Returns the cells of the surface that can be seen by somebody who keeps just so far from everything that the doors let
+/// it through.
+pub fn visible_from_all_rooms(
+    plan: &FloorPlan,
+    scenario: &Scenario,
+    seen: &VisibleScene,
+) -> BTreeSet<Cell> {
+    let (body_m, low_m, high_m) = seen.body;
+    let room = Room {
+        keep_m: plan.demand.door_m() / 2.0 - 1.01 * STEP_M,
+        body_m,
+        low_m,
+        high_m,
+    };
+    let venue = &scenario.sim().venue;
+    let region = Reachable::find(&seen.scene, &venue.fence, &[plan.home], &room);
+    let lattice = Lattice::new(venue.cell_m);
+    Visible::find(&seen.scene, lattice, &region, &seen.sight).cells
 }
 
 /// Counts the rooms that the vehicle was in, or of whose free floor the map knows enough.
