@@ -2,7 +2,7 @@
 //! achieve, not how fast the program is; the tests take a sample of the same plans.
 //!
 //! - `cargo bench --bench floor_plans -- 200`: plans 0 to 199, safety distances and doors in turn, on all cores; prints a
-//!   table, and every run with a contact, with a false "no way", or without an end. A second number is the first plan.
+//!   table, and names the runs with a contact, with a false "no way", or without an end. A second number is the first plan.
 //! - `… -- 200 explore` or `pathfind`: only that.
 //! - `… -- write FOLDER PLAN`: writes the files of a plan, for `tomoswarm sim FOLDER/explore.sim.toml`.
 //! - `… -- repro [FOLDER]`: instead runs the cases that once went wrong (`../shared/repro`), and says how each ends.
@@ -105,11 +105,9 @@ fn plans(words: &[String]) -> ExitCode {
         .collect();
     let began = Instant::now();
     let results = in_parallel(&jobs, |(seed, errand)| {
-        let result = trial::run(&floor_plan(*seed), *errand);
-        report(&result);
-        result
+        trial::run(&floor_plan(*seed), *errand)
     });
-    println!("{}", table(&results));
+    println!("{}\n{}", table(&results), mishaps(&results));
     println!(
         "{} runs of {count} plans from {first} on in {:.0} s",
         results.len(),
@@ -118,26 +116,25 @@ fn plans(words: &[String]) -> ExitCode {
     ExitCode::SUCCESS
 }
 
-/// Names a run that went wrong.
-fn report(result: &TrialResult) {
-    let wrong = [
-        (result.collisions, "contacts"),
-        (result.fence_breaches, "breaches of the fence"),
-        (
-            result.places.false_no_way,
-            "reachable places called unreachable",
-        ),
-        (usize::from(result.end.is_none()), "missions without an end"),
+/// Names the runs that went wrong.
+fn mishaps(results: &[TrialResult]) -> String {
+    let kinds: [(&str, fn(&TrialResult) -> bool); 4] = [
+        ("contacts", |one| one.collisions > 0),
+        ("breaches of the fence", |one| one.fence_breaches > 0),
+        ("without an end", |one| one.end.is_none()),
+        ("reachable places called unreachable", |one| {
+            one.places.false_no_way > 0
+        }),
     ];
-    let wrong: Vec<String> = wrong
-        .iter()
-        .filter(|(count, _)| *count > 0)
-        .map(|(count, what)| format!("{count} {what}"))
-        .collect();
-    if !wrong.is_empty() {
-        let (seed, errand) = (result.seed, result.errand.word());
-        println!("plan {seed}, {errand}: {}", wrong.join(", "));
-    }
+    let line = |(what, is_it): (&str, fn(&TrialResult) -> bool)| {
+        let wrong: Vec<String> = results
+            .iter()
+            .filter(|one| is_it(one))
+            .map(|one| format!("{} {}", one.errand.word(), one.seed))
+            .collect();
+        (!wrong.is_empty()).then(|| format!("{what}: {}\n", wrong.join(", ")))
+    };
+    kinds.into_iter().filter_map(line).collect()
 }
 
 /// Does something for each of a list on all cores; what comes of it is in the order of the list.

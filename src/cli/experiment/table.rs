@@ -31,11 +31,12 @@ const HEAD: [&str; 17] = [
 
 const LEGEND: &str = "\
 ends: how missions ended, of each run the vehicle with the worst end. mission: when the last one ended, before the way
-home. time, mission, cells, seen, route, path: means over the runs of a line. cells: occupied in the map at the end. seen: share of the
-surface visible from where a vehicle can get to that is occupied in the map, within one cell; route: the same of what was
-in range along the driven tracks. places: places to visit that can be got to by the truth of the scene, all runs together;
-visited: share of them that was visited; false: how many of them were called places to which no way leads. clear: least distance between a body and an object. collided, fence: runs with a
-contact, with a command over the fence.
+home. time, mission, cells, seen, route, path: means over the runs of a line. cells: occupied in the map at the end. seen:
+share of the surface visible from where a vehicle can get to that is occupied in the map, within one cell; route: the
+same of what was in range along the driven tracks. places: places to visit that a vehicle can get to by the truth of the
+scene, of all runs together; visited: share of them that was visited; false: how many of them were called places to which
+no way leads. clear: least distance between a body and an object. collided, fence: runs with a contact, with a command
+over the fence.
 ";
 
 /// Returns the table of some runs in grid order, grouped by axes.

@@ -103,6 +103,7 @@ fn between_two_poles_nobody_is_taken_through_a_gap_that_is_a_centimetre_too_narr
 fn a_place_must_have_room_itself() {
     let posts = [block(5.0, 1.0, 6.0, 3.0)];
     assert!(gets_to(&posts, 0.4, (4.55, 2.0)) && !gets_to(&posts, 0.4, (4.65, 2.0)));
+    assert!(gets_to(&posts, 0.4, (4.59, 2.0)) && !gets_to(&posts, 0.4, (4.61, 2.0)));
     assert!(!gets_to(&posts, 0.4, (5.5, 2.0)), "inside");
     assert!(gets_to(&[], 0.4, (7.55, 2.0)) && !gets_to(&[], 0.4, (7.65, 2.0)));
     assert!(!gets_to(&[], 0.4, (9.0, 2.0)), "beyond the fence");
