@@ -116,9 +116,12 @@ fn plans(words: &[String]) -> ExitCode {
     ExitCode::SUCCESS
 }
 
+/// Something that may have gone wrong in a run.
+type Mishap = (&'static str, fn(&TrialResult) -> bool);
+
 /// Names the runs that went wrong.
 fn mishaps(results: &[TrialResult]) -> String {
-    let kinds: [(&str, fn(&TrialResult) -> bool); 4] = [
+    let kinds: [Mishap; 4] = [
         ("contacts", |one| one.collisions > 0),
         ("breaches of the fence", |one| one.fence_breaches > 0),
         ("without an end", |one| one.end.is_none()),
@@ -126,7 +129,7 @@ fn mishaps(results: &[TrialResult]) -> String {
             one.places.false_no_way > 0
         }),
     ];
-    let line = |(what, is_it): (&str, fn(&TrialResult) -> bool)| {
+    let line = |(what, is_it): Mishap| {
         let wrong: Vec<String> = results
             .iter()
             .filter(|one| is_it(one))

@@ -84,13 +84,15 @@ impl Thing {
     }
 }
 
-/// A door: the middle of the gap, and which way one goes through.
+/// A door: the middle of the gap, which way one goes through, and where to.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Door {
     /// Middle of the gap.
     pub at: Point,
     /// Whether it joins rooms beside each other; otherwise one above the other.
     pub is_along_x: bool,
+    /// The rooms that it joins, by their numbers, the left or lower one first.
+    pub rooms: [usize; 2],
 }
 
 /// Rooms, what stands in them, where the vehicle lives, and a place in each room.
@@ -221,6 +223,7 @@ impl FloorPlan {
         for row in 0..rows {
             for column in 0..columns {
                 let room = draft.room(column, row);
+                let number = row * columns + column;
                 if column + 1 < columns {
                     let wall = (room.max.x_m, x[2 * column + 3]);
                     let (low, up) = self.gap(draft, (room.min.y_m, room.max.y_m));
@@ -231,6 +234,7 @@ impl FloorPlan {
                     self.doors.push(Door {
                         at: Point::new((wall.0 + wall.1) / 2.0, (low + up) / 2.0),
                         is_along_x: true,
+                        rooms: [number, number + 1],
                     });
                 }
                 if row + 1 < rows {
@@ -242,6 +246,7 @@ impl FloorPlan {
                     self.doors.push(Door {
                         at: Point::new((left + right) / 2.0, (wall.0 + wall.1) / 2.0),
                         is_along_x: false,
+                        rooms: [number, number + columns],
                     });
                 }
             }

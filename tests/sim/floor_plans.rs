@@ -39,7 +39,17 @@ fn plans_are_as_they_are_described() {
         for door in &plan.doors {
             let is_gap = plan.clearance_m(door.at) - door_m / 2.0;
             assert!(is_gap.abs() < 2e-3, "plan {seed}: {door:?}, {is_gap}");
-            offsets.insert((door.at.x_m.min(door.at.y_m) * 1000.0) as i64 % 200);
+            let [before, beyond] = door.rooms.map(|number| plan.rooms[number]);
+            let (along_m, across_m) = if door.is_along_x {
+                let across_m = beyond.min.x_m - before.max.x_m;
+                (door.at.y_m - before.min.y_m, across_m)
+            } else {
+                let across_m = beyond.min.y_m - before.max.y_m;
+                (door.at.x_m - before.min.x_m, across_m)
+            };
+            assert!((0.099..=0.201).contains(&across_m), "{across_m}");
+            assert!(along_m > door_m / 2.0);
+            offsets.insert(((along_m - door_m / 2.0) * 1000.0).round() as i64);
         }
         let is_thick = |thing: &Thing| match thing {
             Thing::Pole(_, radius_m) => (THINNEST_M..=0.1).contains(radius_m),
@@ -51,7 +61,7 @@ fn plans_are_as_they_are_described() {
     }
     assert!(
         offsets.len() > 40,
-        "anywhere against the lattice: {offsets:?}"
+        "doors are anywhere in their walls: {offsets:?}"
     );
 }
 
