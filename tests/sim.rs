@@ -11,19 +11,32 @@
 
 #[path = "sim/bus.rs"]
 mod bus;
+#[path = "repro/cases.rs"]
+mod cases;
+#[path = "orders/chance.rs"]
+mod chance;
 #[path = "sim/environments.rs"]
 mod environments;
 #[path = "sim/faults.rs"]
 mod faults;
 #[path = "sim/fleets.rs"]
 mod fleets;
+#[path = "sim/floor_plans.rs"]
+mod floor_plans;
 #[path = "sim/missions.rs"]
 mod missions;
 #[path = "sim/obstacles.rs"]
 mod obstacles;
 #[path = "sim/place.rs"]
 mod place;
+#[path = "floor_plans/plan.rs"]
+#[allow(dead_code, reason = "the bench writes plans into folders")]
+mod plan;
 #[path = "sim/replay.rs"]
 mod replay;
+#[path = "sim/repro.rs"]
+mod repro;
 #[path = "sim/seeds.rs"]
 mod seeds;
+#[path = "floor_plans/trial.rs"]
+mod trial;

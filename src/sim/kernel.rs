@@ -316,6 +316,7 @@ impl Kernel {
     /// Lets the judge see what a mission says.
     fn inform_monitor(&mut self, vehicle: usize, event: &MissionEvent) {
         let now = self.schedule.now();
+        self.monitor.hear_of_mission(vehicle, event);
         match event {
             MissionEvent::Home => {
                 let rests = |vehicle| self.environment.truth(vehicle, now).speed_mps == 0.0;

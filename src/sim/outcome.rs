@@ -7,6 +7,7 @@ use tomoswarm_proto::VehicleId;
 use super::bus::{BytesByKind, NodeId};
 use super::log::Log;
 use super::operator_script::RUN;
+use super::place_results::PlaceResult;
 use super::world::{Collision, FenceBreach};
 use crate::geom::Point;
 use crate::ground::imager::{ReconstructedImage, Subject};
@@ -103,6 +104,9 @@ pub struct RunOutcome {
     pub tracks: Vec<(VehicleId, Vec<Point>)>,
     /// When and how the mission of its own of each vehicle ended; none ends in a sweep.
     pub missions: Vec<EndedMission>,
+    /// What became of the places that vehicles were to visit on paths around what they see, those of the first vehicle
+    /// first; empty for other missions, and of a live run not known.
+    pub places: Vec<PlaceResult>,
     /// Who stood in the scene.
     pub persons: Vec<Person>,
     /// What stood in the scene at antenna height, without the persons.

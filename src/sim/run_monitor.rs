@@ -5,9 +5,10 @@ use tomoswarm_proto::VehicleId;
 
 use super::operator_script::RUN;
 use super::outcome::EndedMission;
+use super::place_results::{self, PlaceResult};
 use crate::config::Expect;
 use crate::ground::station::StationEvent as GroundNote;
-use crate::node::mission::EndReason;
+use crate::node::mission::{EndReason, MissionEvent};
 use crate::operator::script::ScriptEnd;
 use crate::time::Time;
 
@@ -30,6 +31,8 @@ pub(super) struct RunMonitor {
     expect: Expect,
     /// When and how the mission of each vehicle ended.
     missions: Vec<EndedMission>,
+    /// What became of the places that vehicles were to visit.
+    places: Vec<PlaceResult>,
     is_done: bool,
 }
 
@@ -41,8 +44,15 @@ impl RunMonitor {
             is_swept,
             expect,
             missions,
+            places: Vec::new(),
             is_done: false,
         }
+    }
+
+    /// Watches what becomes of places.
+    pub(super) fn with_places(mut self, places: Vec<PlaceResult>) -> RunMonitor {
+        self.places = places;
+        self
     }
 
     /// Returns whether the sweep that is wanted was driven to its end, or every mission has ended.
@@ -53,6 +63,17 @@ impl RunMonitor {
     /// Returns when and how the mission of each vehicle ended.
     pub(super) fn missions(&self) -> &[EndedMission] {
         &self.missions
+    }
+
+    /// Returns what became of the places that it watches.
+    pub(super) fn places(&self) -> &[PlaceResult] {
+        &self.places
+    }
+
+    /// Takes what a vehicle, by its index, says of its mission.
+    pub(super) fn hear_of_mission(&mut self, vehicle: usize, event: &MissionEvent) {
+        let id = self.missions[vehicle].0;
+        place_results::hear(&mut self.places, id, event);
     }
 
     /// Takes a note of the ground station.

@@ -15,6 +15,7 @@ use super::kernel::{
 use super::noise::{Noise, NoisePurpose};
 use super::operator_script::{self, EMPTY_RUN, RUN};
 use super::outcome::RunOutcome;
+use super::place_results;
 use super::radio_field::{RadioConstants, RadioField};
 use super::range::{Lobe, RangeModel, RangeSensor};
 use super::run_monitor::RunMonitor;
@@ -143,12 +144,12 @@ impl Scenario {
             .outlines(self.sim.vehicles.body.antenna_height_m))
     }
 
-    /// Returns what stands in the scene, without the persons.
+    /// Returns what stands in the scene, with the persons.
     ///
     /// # Errors
     /// The scene cannot be built.
-    pub fn structure(&self) -> Result<Scene, ScenarioError> {
-        Ok(self.scene(&[])?)
+    pub fn populated(&self) -> Result<Scene, ScenarioError> {
+        Ok(self.scene(&self.persons)?)
     }
 
     /// Returns what the operator of this scenario does.
@@ -290,7 +291,8 @@ impl Scenario {
 
     fn monitor(&self) -> RunMonitor {
         let ids: Vec<VehicleId> = self.sim.vehicle_ids().collect();
-        RunMonitor::new(self.sim.is_planned_by_ground(), self.sim.expect, &ids)
+        let places = place_results::places_of(self.sim.task.as_ref(), &ids);
+        RunMonitor::new(self.sim.is_planned_by_ground(), self.sim.expect, &ids).with_places(places)
     }
 
     pub(super) fn parts(&self) -> Result<Parts, ScenarioError> {
@@ -509,6 +511,7 @@ impl Scenario {
             map: station.map().clone(),
             tracks: record.tracks,
             missions: monitor.missions().to_vec(),
+            places: monitor.places().to_vec(),
             persons: self.persons.clone(),
             outlines,
             counts: record.counts,

@@ -5,8 +5,7 @@
 //!
 //! - **surface**: the cells of the map's lattice in which a piece of an outline lies (the cell just inside the solid;
 //!   pieces between two solids that touch or overlap do not count);
-//! - **reachable**: places, [`PITCH_M`] apart, that a flood from the homes reaches through places where the vehicle's
-//!   middle keeps its distance from the true scene and from the fence;
+//! - **reachable**: places that a vehicle can get to by the truth ([`super::reachable`]), looked from [`PITCH_M`] apart;
 //! - **visible**: surface cells with a point that some reachable place has in range, within the incidence limit,
 //!   unobstructed, and that a cone of the sensor's width hears as its nearest echo when it looks well (the point may lie
 //!   anywhere in the cone, and the vehicle may look anywhere).
@@ -16,26 +15,24 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::reachable::{Reachable, STEP_M};
 use crate::geom::{Cell, Lattice, Point, Polygon, Rect, Segment, Vector};
 use crate::map::{CellRect, Merged, Occupancy, View};
 use crate::scene::{Outline, Scene};
 
-/// Distance between two places that are tried, metres.
+/// Distance between two places that are looked from, metres.
 pub const PITCH_M: f64 = 0.1;
 /// Points that are tried along the surface in a cell's length.
 const POINTS_A_CELL: f64 = 4.0;
 /// How far from the surface its two sides are tried, metres.
 const SKIN_M: f64 = 1e-3;
-/// A place that keeps its distance by less is not free, metres: whether a gap exactly as wide as it must be lets somebody
-/// through is not left to rounding.
-const HAIR_M: f64 = 1e-6;
 /// An echo that is nearer by less is not heard apart from another, metres.
 const AT_ONCE_M: f64 = 0.01;
 /// Rays of a cone; they are asked twice as far on both sides of a point, so that it may lie anywhere in the cone.
 const CONE_RAYS: usize = 7;
 /// Side of the squares into which places are sorted, metres.
 const BUCKET_M: f64 = 1.0;
-/// Places beyond so many steps from the datum are not tried, whatever the fence.
+/// Places beyond so many steps from the datum are left out.
 const MOST_STEPS: f64 = 1e5;
 
 /// How a range sensor sees.
@@ -51,17 +48,6 @@ pub struct SensorView {
     pub max_m: f64,
     /// Largest angle between ray and surface normal that returns an echo, radians.
     pub incidence_max_rad: f64,
-}
-
-/// The room that a vehicle needs.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Room {
-    /// Distance from its middle to the nearest surface, and to the fence, metres.
-    pub keep_m: f64,
-    /// Only what stands above this height counts, metres.
-    pub low_m: f64,
-    /// Only what stands below this height counts, metres.
-    pub high_m: f64,
 }
 
 /// A point of the surface, and to which side it faces.
@@ -196,36 +182,9 @@ impl PlaceIndex {
         PlaceIndex::at(steps.iter().map(|step| place_of(*step)))
     }
 
-    /// Finds every place that a vehicle can get to from its home without coming too near to anything. The home
-    /// itself always counts.
-    pub fn reachable(scene: &Scene, fence: &Polygon, homes: &[Point], room: &Room) -> PlaceIndex {
-        let mut flood = Flood {
-            scene,
-            fence,
-            room: *room,
-            known: BTreeMap::new(),
-        };
-        let mut open: Vec<Cell> = Vec::new();
-        let mut reached = BTreeSet::new();
-        for step in homes.iter().filter_map(|home| step_at(*home)) {
-            let around =
-                (-1..=1).flat_map(|y| (-1..=1).map(move |x| Cell::new(step.x + x, step.y + y)));
-            open.extend(around.filter(|step| flood.is_free(*step) && reached.insert(*step)));
-        }
-        while let Some(step) = open.pop() {
-            for (x, y) in [(1, 0), (-1, 0), (0, 1), (0, -1)] {
-                let next = Cell::new(step.x + x, step.y + y);
-                if flood.is_free(next) && reached.insert(next) {
-                    open.push(next);
-                }
-            }
-        }
-        PlaceIndex::at(
-            reached
-                .into_iter()
-                .map(place_of)
-                .chain(homes.iter().copied()),
-        )
+    /// Takes the places of a region, [`PITCH_M`] apart, and all homes.
+    pub fn within(region: &Reachable) -> PlaceIndex {
+        PlaceIndex::at(region.places(libm::round(PITCH_M / STEP_M) as i32))
     }
 
     fn at(places: impl Iterator<Item = Point>) -> PlaceIndex {
@@ -267,53 +226,6 @@ fn step_at(point: Point) -> Option<Cell> {
     let index = |metres: f64| libm::round(metres / PITCH_M);
     let (x, y) = (index(point.x_m), index(point.y_m));
     (x.abs() <= MOST_STEPS && y.abs() <= MOST_STEPS).then(|| Cell::new(x as i32, y as i32))
-}
-
-/// Which places are free, as far as asked. One answer serves for many neighbours: no step comes nearer by more than its
-/// own length.
-struct Flood<'a> {
-    scene: &'a Scene,
-    fence: &'a Polygon,
-    room: Room,
-    known: BTreeMap<Cell, bool>,
-}
-
-impl Flood<'_> {
-    fn is_free(&mut self, step: Cell) -> bool {
-        if let Some(free) = self.known.get(&step) {
-            return *free;
-        }
-        let slack_m = self.slack_m(place_of(step));
-        let free = slack_m > HAIR_M;
-        // Within so many steps, diagonal ones too, the answer is the same.
-        let reach = (slack_m.abs() / PITCH_M * std::f64::consts::FRAC_1_SQRT_2).min(20.0) as i32;
-        for y in -reach..=reach {
-            for x in -reach..=reach {
-                self.known.insert(Cell::new(step.x + x, step.y + y), free);
-            }
-        }
-        self.known.insert(step, free);
-        free
-    }
-
-    /// Returns by how much a place keeps more than its distance; negative where it does not.
-    fn slack_m(&self, at: Point) -> f64 {
-        let Room {
-            keep_m,
-            low_m,
-            high_m,
-        } = self.room;
-        let to_edge_m = self.fence.distance_to_edge(at);
-        let inside_m = if self.fence.contains(at) {
-            to_edge_m
-        } else {
-            -to_edge_m
-        };
-        if inside_m <= keep_m {
-            return inside_m - keep_m;
-        }
-        inside_m.min(self.scene.clearance_m(at, low_m, high_m)) - keep_m
-    }
 }
 
 /// A sensor that may look anywhere.
@@ -413,12 +325,11 @@ impl Visible {
     pub fn find(
         scene: &Scene,
         lattice: Lattice,
-        (fence, homes): (&Polygon, &[Point]),
-        room: &Room,
+        region: &Reachable,
         sight: &SensorView,
     ) -> Visible {
         let surface = VisibleSurface::of(scene, sight.height_m, lattice);
-        let places = PlaceIndex::reachable(scene, fence, homes, room);
+        let places = PlaceIndex::within(region);
         let all = surface.cells().collect();
         let cells = surface.seen_from(scene, sight, &places, &all);
         Visible { surface, cells }
@@ -469,13 +380,11 @@ fn is_occupied(view: &View<'_>, cell: Cell) -> bool {
 }
 
 /// Returns the smallest distance between bodies that drove along tracks and the scene, metres: from the body's side,
-/// negative inside something; `None` when there is nothing. `others` gives what else stands there, as a distance from a
-/// place.
+/// negative inside something; `None` when there is nothing.
 pub fn least_clearance_m<'a>(
     scene: &Scene,
     (radius_m, low_m, high_m): (f64, f64, f64),
     tracks: impl Iterator<Item = &'a [Point]>,
-    others: &dyn Fn(Point) -> f64,
 ) -> Option<f64> {
     let mut least_m = f64::INFINITY;
     for track in tracks {
@@ -488,7 +397,7 @@ pub fn least_clearance_m<'a>(
             if sure_m > 0.0 {
                 continue;
             }
-            let clear_m = scene.clearance_m(*at, low_m, high_m).min(others(*at)) - radius_m;
+            let clear_m = scene.clearance_m(*at, low_m, high_m) - radius_m;
             least_m = least_m.min(clear_m);
             sure_m = clear_m - least_m;
         }

@@ -1,18 +1,27 @@
-//! What of a run's scene can be seen, by what its file says of bodies, sensors and the place. [`detected`] says what
-//! a map has found of it.
+//! What of a run's scene can be got to and seen, by what its file says of bodies, sensors and the place: the truth by which
+//! missions are judged. [`VisibleScene::detected`] says what a map has found of it, and [`VisibleScene::count_places`] what
+//! was made of the places to visit.
+//!
+//! Persons stand in the way, and are seen, like anything else.
 
-use super::visible::{Room, SensorView, Visible, detected};
+use tomoswarm_proto::VehicleId;
+
+use super::place_results::{PlaceFate, PlaceResult};
+use super::reachable::{Reachable, Room};
+use super::visible::{SensorView, Visible, detected};
+use super::world::GROUND_CLEARANCE_M;
 use super::{RunOutcome, Scenario, ScenarioError};
-use crate::config::{Lobe, Sim};
+use crate::config::{Craft, Lobe, Sim};
 use crate::geom::Lattice;
 use crate::scene::Scene;
 
 /// The slice of the map in which rovers see.
 pub const SLICE: i16 = 0;
-/// What stands in a scene above this height can be driven against, metres; as the referee has it.
-const LOW_M: f64 = 0.02;
+/// Who knows the world as a map of cells keeps so much more room on each side, cells: half of a cell's diagonal, and a
+/// little.
+const MAP_CELLS: f64 = 0.75;
 
-/// A scene without persons, and what can be seen of it.
+/// A scene with its persons, and what can be got to and seen of it.
 #[derive(Debug)]
 pub struct VisibleScene {
     /// What stands there.
@@ -21,8 +30,23 @@ pub struct VisibleScene {
     pub sight: SensorView,
     /// Radius of a vehicle's body, and the heights between which it can touch, metres.
     pub body: (f64, f64, f64),
-    /// What can be seen.
+    /// Where vehicles can get to.
+    pub reachable: Reachable,
+    /// What can be seen from there.
     pub visible: Visible,
+    /// The vehicles, in the order of the homes.
+    vehicles: Vec<VehicleId>,
+}
+
+/// How many places there were to visit, and what was made of them by the truth.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct PlaceCounts {
+    /// Those that their vehicle can get to.
+    pub reachable: usize,
+    /// Those of the reachable ones that it visited.
+    pub visited: usize,
+    /// Those of the reachable ones of which it was ever said that no way leads there.
+    pub false_no_way: usize,
 }
 
 impl VisibleScene {
@@ -31,23 +55,22 @@ impl VisibleScene {
     /// # Errors
     /// The scene cannot be built.
     pub fn find(scenario: &Scenario) -> Result<VisibleScene, ScenarioError> {
-        let (sim, scene) = (scenario.sim(), scenario.structure()?);
+        let (sim, scene) = (scenario.sim(), scenario.populated()?);
         let (room, sight) = (room(sim), sight(sim));
-        let homes: Vec<_> = sim
+        let (vehicles, homes): (Vec<_>, Vec<_>) = sim
             .vehicle_ids()
-            .filter_map(|vehicle| sim.home(vehicle))
-            .collect();
+            .filter_map(|vehicle| Some((vehicle, sim.home(vehicle)?)))
+            .unzip();
         let lattice = Lattice::new(sim.venue.cell_m);
-        let visible = Visible::find(&scene, lattice, (&sim.venue.fence, &homes), &room, &sight);
+        let reachable = Reachable::find(&scene, &sim.venue.fence, &homes, &room);
+        let visible = Visible::find(&scene, lattice, &reachable, &sight);
         Ok(VisibleScene {
             scene,
             sight,
-            body: (
-                sim.vehicles.body.radius_m,
-                LOW_M,
-                sim.vehicles.body.height_m,
-            ),
+            body: (room.body_m, room.low_m, room.high_m),
+            reachable,
             visible,
+            vehicles,
         })
     }
 
@@ -55,21 +78,50 @@ impl VisibleScene {
     pub fn detected(&self, outcome: &RunOutcome) -> usize {
         detected(&outcome.map, SLICE, &self.visible.cells)
     }
+
+    /// Returns whether the vehicle of a place can get there.
+    pub fn is_reachable(&self, result: &PlaceResult) -> bool {
+        let home = self.vehicles.iter().position(|id| *id == result.vehicle);
+        home.is_some_and(|home| self.reachable.is_reachable(&self.scene, home, result.place))
+    }
+
+    /// Counts what was made of places by the truth.
+    pub fn count_places(&self, results: &[PlaceResult]) -> PlaceCounts {
+        let mut counts = PlaceCounts::default();
+        for result in results.iter().filter(|result| self.is_reachable(result)) {
+            counts.reachable += 1;
+            counts.visited += usize::from(result.fate == PlaceFate::Visited);
+            counts.false_no_way += usize::from(result.was_called_no_way);
+        }
+        counts
+    }
 }
 
+/// Returns the height above the ground at which vehicles are, metres.
+fn altitude_m(sim: &Sim) -> f64 {
+    match sim.vehicles.flight.craft {
+        Craft::Rover => 0.0,
+        Craft::Copter => sim.vehicles.flight.altitude_m,
+    }
+}
+
+/// Returns the room by which is judged where vehicles can get to: the safety distance (radius and padding), two deviations
+/// of the place, and what a map of cells costs.
 fn room(sim: &Sim) -> Room {
-    let keep_m = sim.vehicles.body.radius_m + sim.safety.padding_m + 2.0 * sim.vehicles.pose_sd_m;
+    let (body_m, altitude_m) = (sim.vehicles.body.radius_m, altitude_m(sim));
+    let safety_m = body_m + sim.safety.padding_m;
     Room {
-        keep_m,
-        low_m: LOW_M,
-        high_m: sim.vehicles.body.height_m,
+        keep_m: safety_m + 2.0 * sim.vehicles.pose_sd_m + MAP_CELLS * sim.venue.cell_m,
+        body_m,
+        low_m: altitude_m + GROUND_CLEARANCE_M,
+        high_m: altitude_m + sim.vehicles.body.height_m,
     }
 }
 
 fn sight(sim: &Sim) -> SensorView {
     let range = &sim.range;
     SensorView {
-        height_m: range.height_m,
+        height_m: altitude_m(sim) + range.height_m,
         half_angle_rad: match range.lobe {
             Lobe::Beam => 0.0,
             // In the plane of the sensor a cone is a fan.
@@ -80,3 +132,6 @@ fn sight(sim: &Sim) -> SensorView {
         incidence_max_rad: range.incidence_limit_rad(),
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -7,7 +7,7 @@ use tomoswarm::geom::{Cell, Point};
 use tomoswarm::map::Occupancy;
 use tomoswarm::node::mission::{EndReason, Obstruction, ObstructionKind};
 use tomoswarm::node::vehicle::CommandRefusal;
-use tomoswarm::sim::RunOutcome;
+use tomoswarm::sim::{PlaceFate, RunOutcome};
 use tomoswarm::time::Time;
 
 use super::place::{Place, tail};
@@ -147,6 +147,8 @@ fn pathfind_proves_that_no_way_leads_into_a_closed_room_and_visits_the_rest() {
     assert_eq!(end_of(&outcome, 1), &EndReason::NoWay(1));
     assert!(nearest_m(&outcome, 1, (7.0, 7.5)) < 0.4);
     assert!(outcome.log.contains("has found no way to "));
+    let fates: Vec<PlaceFate> = outcome.places.iter().map(|place| place.fate).collect();
+    assert_eq!(fates, [PlaceFate::NoWay, PlaceFate::Visited]);
 }
 
 #[test]
@@ -156,6 +158,20 @@ fn what_vehicles_visit_is_shared_among_them() {
     let outcome = yard(places).vehicles(2).run_to_the_end();
     assert_eq!((visits(&outcome, 1), visits(&outcome, 2)), (2, 2));
     assert_eq!(outcome.home, 2);
+    // What the outcome tells of each place is what its own vehicle says.
+    let told: Vec<(u8, f64, PlaceFate)> = outcome
+        .places
+        .iter()
+        .map(|place| (place.vehicle.0, place.place.x_m, place.fate))
+        .collect();
+    let visited = |vehicle, x_m| (vehicle, x_m, PlaceFate::Visited);
+    let whole = [
+        visited(1, 1.0),
+        visited(1, 2.0),
+        visited(2, 7.0),
+        visited(2, 6.0),
+    ];
+    assert_eq!(told, whole);
 }
 
 fn visits(outcome: &RunOutcome, vehicle: usize) -> usize {

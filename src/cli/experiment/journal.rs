@@ -45,7 +45,7 @@ pub(super) struct Header {
 }
 
 /// The form of the journal that is written here.
-const FORM: u32 = 1;
+const FORM: u32 = 2;
 
 impl Header {
     /// Makes the header of an experiment.
@@ -61,7 +61,13 @@ impl Header {
 
     /// Returns what is not as in another one.
     fn difference(&self, other: &Header) -> Option<String> {
-        if self.experiment_journal != other.experiment_journal || self.version != other.version {
+        if self.experiment_journal != other.experiment_journal {
+            return Some(format!(
+                "its rows have other columns (form {} of the journal, this is {})",
+                self.experiment_journal, other.experiment_journal
+            ));
+        }
+        if self.version != other.version {
             return Some(format!(
                 "it was begun by version {}, this is {}",
                 self.version, other.version
@@ -276,6 +282,28 @@ mod tests {
                 .1
                 .is_empty()
         );
+    }
+
+    #[test]
+    fn a_journal_with_other_columns_is_refused_before_its_rows_are_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let header = serde_json::to_string(&Header::new(7, 10)).unwrap();
+        let old = header.replace(
+            &format!("\"experiment_journal\":{FORM}"),
+            "\"experiment_journal\":1",
+        );
+        assert_ne!(old, header);
+        let text = format!("{old}\n{{\"run\":2}}\n");
+        fs::write(folder.path().join(JOURNAL), &text).unwrap();
+        let error = open(folder.path(), 7, JournalMode::Any).unwrap_err();
+        let words = error.to_string();
+        assert_eq!(error.exit_code(), 2);
+        assert!(
+            words.contains("other columns (form 1") && words.contains("--fresh"),
+            "{words}"
+        );
+        let kept = fs::read_to_string(folder.path().join(JOURNAL)).unwrap();
+        assert_eq!(kept, text);
     }
 
     #[test]

@@ -7,7 +7,6 @@ use serde::{Deserialize, Serialize};
 use crate::config::{Axis, Experiment};
 use crate::geom::Point;
 use crate::node::mission;
-use crate::scene::Person;
 use crate::sim::visible;
 use crate::sim::{EndedMission, RunOutcome, SLICE, VisibleScene, log};
 
@@ -66,6 +65,12 @@ pub(super) struct RunRow {
     pub(super) route_cells: usize,
     /// How many of them the map has found.
     pub(super) route_detected_cells: usize,
+    /// Places to visit that their vehicle can get to by the truth of the scene.
+    pub(super) places_reachable: usize,
+    /// How many of them it visited.
+    pub(super) places_visited: usize,
+    /// Of how many of them it was said that no way leads there.
+    pub(super) false_no_way: usize,
     /// Length of all tracks together, metres.
     pub(super) path_m: f64,
     /// Smallest distance between a body and an object, metres; `None` in an empty scene.
@@ -91,6 +96,9 @@ impl RunRow {
             detected_cells: 0,
             route_cells: 0,
             route_detected_cells: 0,
+            places_reachable: 0,
+            places_visited: 0,
+            false_no_way: 0,
             path_m: 0.0,
             clearance_m: None,
             log_hash: String::new(),
@@ -101,6 +109,7 @@ impl RunRow {
     pub(super) fn of(run: usize, outcome: &RunOutcome, seen: &VisibleScene) -> RunRow {
         let tracks = || outcome.tracks.iter().map(|(_, track)| track.as_slice());
         let route = seen.visible.along(&seen.scene, &seen.sight, tracks());
+        let places = seen.count_places(&outcome.places);
         RunRow {
             run,
             end: if outcome.finished {
@@ -119,12 +128,13 @@ impl RunRow {
             detected_cells: seen.detected(outcome),
             route_cells: route.len(),
             route_detected_cells: visible::detected(&outcome.map, SLICE, &route),
+            places_reachable: places.reachable,
+            places_visited: places.visited,
+            false_no_way: places.false_no_way,
             path_m: tracks()
                 .map(length_m)
                 .fold(0.0, |sum, length_m| sum + length_m),
-            clearance_m: visible::least_clearance_m(&seen.scene, seen.body, tracks(), &|at| {
-                to_nearest_m(&outcome.persons, at)
-            }),
+            clearance_m: visible::least_clearance_m(&seen.scene, seen.body, tracks()),
             log_hash: format!("{:016x}", log::hash(outcome.log.bytes().map(u64::from))),
         }
     }
@@ -139,7 +149,7 @@ impl RunRow {
         share(self.route_detected_cells, self.route_cells)
     }
 
-    fn fields(&self) -> [String; 17] {
+    fn fields(&self) -> [String; 20] {
         let percent =
             |share: Option<f64>| share.map_or(String::new(), |share| format!("{share:.4}"));
         [
@@ -157,6 +167,9 @@ impl RunRow {
             self.route_cells.to_string(),
             self.route_detected_cells.to_string(),
             percent(self.route_share()),
+            self.places_reachable.to_string(),
+            self.places_visited.to_string(),
+            self.false_no_way.to_string(),
             format!("{:.2}", self.path_m),
             self.clearance_m
                 .map_or(String::new(), |metres| format!("{metres:.3}")),
@@ -165,7 +178,7 @@ impl RunRow {
     }
 }
 
-const FIELDS: [&str; 17] = [
+const FIELDS: [&str; 20] = [
     "end",
     "why",
     "mission_end",
@@ -180,6 +193,9 @@ const FIELDS: [&str; 17] = [
     "route_cells",
     "route_detected_cells",
     "route_detected_share",
+    "places_reachable",
+    "places_visited",
+    "false_no_way",
     "path_m",
     "min_clearance_m",
     "log_hash",
@@ -223,7 +239,8 @@ fn last_of(missions: &[EndedMission]) -> f64 {
         .fold(0.0, f64::max)
 }
 
-fn share(part: usize, of: usize) -> Option<f64> {
+/// Returns which share a part is of something, 0 to 1; `None` of nothing.
+pub(super) fn share(part: usize, of: usize) -> Option<f64> {
     (of > 0).then(|| part as f64 / of as f64)
 }
 
@@ -232,12 +249,6 @@ fn length_m(track: &[Point]) -> f64 {
     track
         .windows(2)
         .fold(0.0, |sum, pair| sum + pair[0].distance_to(pair[1]))
-}
-
-/// Returns the distance from a place to the nearest person's side, metres.
-fn to_nearest_m(persons: &[Person], at: Point) -> f64 {
-    let to_side_m = |person: &Person| person.at.distance_to(at) - person.radius_m;
-    persons.iter().map(to_side_m).fold(f64::INFINITY, f64::min)
 }
 
 /// Quotes a text for CSV where that is needed.

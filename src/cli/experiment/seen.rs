@@ -1,4 +1,5 @@
-//! What can be seen of a scene, kept for all runs that share it: it does not depend on the mission nor on the seed.
+//! What can be got to and seen of a scene, kept for all runs that share it: it does not depend on the mission, and on the
+//! seed only where persons stand by chance.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -25,7 +26,8 @@ impl VisibleSceneCache {
         run: usize,
         scenario: &Scenario,
     ) -> Result<Arc<VisibleScene>, ScenarioError> {
-        let matters = |axis: &Axis| !matches!(axis, Axis::Mission | Axis::Seed);
+        let is_drawn = scenario.sim().scene.random_persons.is_some();
+        let matters = |axis: &Axis| *axis != Axis::Mission && (*axis != Axis::Seed || is_drawn);
         let key = Axis::ALL
             .iter()
             .filter(|axis| matters(axis))

@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use super::row::{ENDS, RowEnd, RunRow};
+use super::row::{ENDS, RowEnd, RunRow, share};
 use crate::config::{Axis, Experiment};
 
 /// Reasons that are shown of a group.
 const REASONS_SHOWN: usize = 3;
 
-const HEAD: [&str; 14] = [
+const HEAD: [&str; 17] = [
     "runs",
     "finished",
     "ends",
@@ -21,6 +21,9 @@ const HEAD: [&str; 14] = [
     "least",
     "route/%",
     "least",
+    "places",
+    "visited/%",
+    "false",
     "path/m",
     "clear/m",
     "fence",
@@ -28,10 +31,12 @@ const HEAD: [&str; 14] = [
 
 const LEGEND: &str = "\
 ends: how missions ended, of each run the vehicle with the worst end. mission: when the last one ended, before the way
-home. time, mission, cells, seen, route, path: means over the runs of a line. cells: occupied in the map at the end. seen: share of the
-surface visible from where a vehicle can get to that is occupied in the map, within one cell; route: the same of what was
-in range along the driven tracks. clear: least distance between a body and an object. collided, fence: runs with a
-contact, with a command over the fence.
+home. time, mission, cells, seen, route, path: means over the runs of a line. cells: occupied in the map at the end. seen:
+share of the surface visible from where a vehicle can get to that is occupied in the map, within one cell; route: the
+same of what was in range along the driven tracks. places: places to visit that a vehicle can get to by the truth of the
+scene, of all runs together; visited: share of them that was visited; false: how many of them were called places to which
+no way leads. clear: least distance between a body and an object. collided, fence: runs with a contact, with a command
+over the fence.
 ";
 
 /// Returns the table of some runs in grid order, grouped by axes.
@@ -112,6 +117,11 @@ fn line(names: &[String], rows: &[&RunRow]) -> Vec<String> {
     };
     let seen = |row: &RunRow| row.share().map(|share| 100.0 * share);
     let route = |row: &RunRow| row.route_share().map(|share| 100.0 * share);
+    let sum = |value: fn(&RunRow) -> usize| figures.iter().map(|row| value(row)).sum::<usize>();
+    let places = sum(|row| row.places_reachable);
+    // Missions without places have no such figures.
+    let of_places = |value: String| if places > 0 { value } else { "-".to_owned() };
+    let visited = share(sum(|row| row.places_visited), places).map(|share| 100.0 * share);
     let rest = [
         rows.len().to_string(),
         count(|row| row.end == RowEnd::Finished),
@@ -124,6 +134,9 @@ fn line(names: &[String], rows: &[&RunRow]) -> Vec<String> {
         least(seen, 1),
         mean(route, 1),
         least(route, 1),
+        of_places(places.to_string()),
+        shown(visited, 1),
+        of_places(sum(|row| row.false_no_way).to_string()),
         mean(|row| Some(row.path_m), 1),
         least(|row| row.clearance_m, 2),
         count(|row| row.fence_breaches > 0),
@@ -246,8 +259,8 @@ mod tests {
         assert_eq!(
             lines[1],
             [
-                "zoo", "2", "1", "-", "0", "20", "0", "0.0", "55.0", "50.0", "-", "-", "0.0", "-",
-                "0"
+                "zoo", "2", "1", "-", "0", "20", "0", "0.0", "55.0", "50.0", "-", "-", "-", "-",
+                "-", "0.0", "-", "0"
             ]
         );
         assert_eq!(lines[2][..7], ["ant", "2", "2", "-", "0", "5", "0"]);
@@ -269,5 +282,42 @@ mod tests {
         assert!(whole.lines().nth(1).unwrap().contains(" 10 "), "{whole}");
         assert_eq!(text.lines().take(3).count(), 3);
         assert!(text.contains("zoo 2: 1 × no room"), "{text}");
+    }
+    #[test]
+    fn places_are_summed_over_the_runs_of_a_line() {
+        let experiment = read_experiment("e.toml", GRID).unwrap();
+        let with_places =
+            |run: usize, reachable: usize, visited: usize, false_no_way: usize| RunRow {
+                places_reachable: reachable,
+                places_visited: visited,
+                false_no_way,
+                ..row(run, 10.0, "")
+            };
+        let rows = [
+            with_places(0, 5, 5, 0),
+            with_places(1, 3, 1, 2),
+            with_places(2, 1, 1, 0),
+            // All that there is cannot be got to.
+            row(3, 10.0, ""),
+        ];
+        let text = text(&experiment, &rows, &[Axis::Mission, Axis::Seed]);
+        let figures = |text: &str, line: usize| -> Vec<String> {
+            let words = |line: &str| -> Vec<String> {
+                line.split_whitespace().map(str::to_owned).collect()
+            };
+            let (head, line) = (
+                words(text.lines().next().unwrap()),
+                words(text.lines().nth(line).unwrap()),
+            );
+            let column = |name: &str| head.iter().position(|known| known == name).unwrap();
+            ["places", "visited/%", "false"]
+                .map(|name| line[column(name)].clone())
+                .into()
+        };
+        assert_eq!(figures(&text, 2), ["3", "33.3", "2"]);
+        assert_eq!(figures(&text, 4), ["-", "-", "-"]);
+        let whole = self::text(&experiment, &rows, &[Axis::Mission]);
+        assert_eq!(figures(&whole, 1), ["8", "75.0", "2"]);
+        assert_eq!(figures(&whole, 2), ["1", "100.0", "0"]);
     }
 }

@@ -116,6 +116,66 @@ fn figures_are_those_of_the_run() {
     );
 }
 
+/// Returns a column of a folder's runs, by its name.
+fn column(folder: &Path, file: &str, name: &str) -> Vec<String> {
+    let csv = read(folder, file);
+    let words = |line: &str| -> Vec<String> { line.split(',').map(str::to_owned).collect() };
+    let index = words(csv.lines().next().unwrap())
+        .iter()
+        .position(|known| known == name)
+        .unwrap();
+    csv.lines()
+        .skip(1)
+        .map(|line| words(line)[index].clone())
+        .collect()
+}
+
+#[test]
+fn places_are_judged_by_the_truth_of_the_scene() {
+    // The second one lies inside the block; with the wider distance, the fourth lies too near to it.
+    let folder = folder(
+        "safety_distances_m = [0.3, 0.8]\n[with.vehicles]\ncount = 1\npose_sd_m = 0.02\n\
+         [[mission]]\nkind = \"pathfind\"\n\
+         waypoints_m = [[3.0, 0.0], [3.0, 3.0], [7.0, 3.0], [4.4, 3.0]]\n\
+         [[mission]]\nkind = \"explore\"\n",
+    );
+    let (table, result) = run(folder.path(), "out", |_| {});
+    assert!(result.is_ok(), "{result:?}\n{table}");
+    let of = |name: &str| column(folder.path(), "out/runs.csv", name);
+    assert_eq!(of("mission_end")[..2], ["no way", "no way"], "{table}");
+    assert_eq!(of("places_reachable"), ["3", "2", "0", "0"], "{table}");
+    let (visited, wrong) = (of("places_visited"), of("false_no_way"));
+    assert_eq!((visited[2].as_str(), wrong[2].as_str()), ("0", "0"));
+    let number = |word: &String| word.parse::<usize>().unwrap();
+    for (visited, wrong) in visited.iter().zip(&wrong).take(2) {
+        assert!(number(visited) >= 1 && number(visited) + number(wrong) <= 3);
+    }
+    let lines: Vec<&str> = table.lines().collect();
+    assert!(
+        lines[1].starts_with("pathfind") && lines[1].contains(" 5 "),
+        "{table}"
+    );
+}
+
+#[test]
+fn persons_by_chance_are_judged_seed_by_seed() {
+    let folder = folder("seeds = 3\n[with.vehicles]\ncount = 1\n[[mission]]\nkind = \"browse\"\n");
+    let persons =
+        "[random_persons]\ncount = 1\nkeep_from_objects_m = 0.2\nkeep_from_border_m = 0.2\n";
+    fs::write(
+        folder.path().join("yard.scene.toml"),
+        format!("{SCENE}{persons}"),
+    )
+    .unwrap();
+    let (_, result) = run(folder.path(), "out", |_| {});
+    assert!(result.is_ok(), "{result:?}");
+    let cells: std::collections::BTreeSet<String> =
+        column(folder.path(), "out/runs.csv", "visible_cells")
+            .into_iter()
+            .collect();
+    assert!(cells.len() > 1, "{cells:?}");
+}
+
 #[test]
 fn a_cell_that_cannot_be_run_is_named_before_anything_is() {
     let folder = folder(

@@ -79,6 +79,7 @@ pub fn outcome(
         map: stored.map,
         tracks,
         missions,
+        places: Vec::new(),
         persons: scenario.persons().to_vec(),
         outlines: scenario.outlines()?,
         counts: RunCounts {

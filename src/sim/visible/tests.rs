@@ -7,6 +7,7 @@ use tomoswarm_proto::{Boot, LayerId, TILE_CELLS, TileAddress, TileReport, Vehicl
 
 use super::*;
 use crate::scene::{Footprint, Material, Post, SceneParts};
+use crate::sim::reachable::Room;
 
 const CELL_M: f64 = 0.2;
 
@@ -52,6 +53,7 @@ fn fence(x0_m: f64, y0_m: f64, x1_m: f64, y1_m: f64) -> Polygon {
 fn keeping(keep_m: f64) -> Room {
     Room {
         keep_m,
+        body_m: keep_m / 2.0,
         low_m: 0.02,
         high_m: 0.3,
     }
@@ -72,13 +74,9 @@ fn ray(max_m: f64) -> SensorView {
 fn find(posts: &[Post], keep_m: f64, sight: SensorView) -> Visible {
     let home = [Point::new(1.0, 1.0)];
     let around = fence(-20.0, -20.0, 20.0, 20.0);
-    Visible::find(
-        &scene(posts),
-        Lattice::new(CELL_M),
-        (&around, &home),
-        &keeping(keep_m),
-        &sight,
-    )
+    let scene = scene(posts);
+    let region = Reachable::find(&scene, &around, &home, &keeping(keep_m));
+    Visible::find(&scene, Lattice::new(CELL_M), &region, &sight)
 }
 
 fn count(places: &PlaceIndex) -> usize {
@@ -126,12 +124,8 @@ fn places_are_counted_as_far_as_the_body_fits() {
     // 1.0, 1.1, … 5.0 m in both directions, and the home itself.
     let found = |posts: &[Post], around: &Polygon| {
         let home = [Point::new(1.0, 1.0)];
-        count(&PlaceIndex::reachable(
-            &scene(posts),
-            around,
-            &home,
-            &keeping(0.95),
-        ))
+        let region = Reachable::find(&scene(posts), around, &home, &keeping(0.95));
+        count(&PlaceIndex::within(&region))
     };
     assert_eq!(
         found(&room(), &fence(-20.0, -20.0, 20.0, 20.0)),
@@ -271,19 +265,11 @@ fn clearance_is_the_least_along_all_tracks_from_the_bodys_side() {
         .map(|step| Point::new(f64::from(step) * 0.05, 1.5))
         .collect();
     let far = [Point::new(2.5, 10.0)];
-    let least_m = |others: &dyn Fn(Point) -> f64| {
-        least_clearance_m(
-            &scene,
-            (0.25, 0.02, 0.3),
-            [&far[..], &track[..]].into_iter(),
-            others,
-        )
-    };
-    let nobody = |_: Point| f64::INFINITY;
-    assert!((least_m(&nobody).unwrap() - 0.25).abs() < 1e-9);
-    let somebody = |at: Point| at.distance_to(Point::new(0.0, 1.0));
-    assert!((least_m(&somebody).unwrap() - 0.25).abs() < 1e-9);
-    assert!(least_m(&|at: Point| at.distance_to(Point::new(1.0, 1.4))).unwrap() < -0.14);
+    let body = (0.25, 0.02, 0.3);
+    let least_m = least_clearance_m(&scene, body, [&far[..], &track[..]].into_iter());
+    assert!((least_m.unwrap() - 0.25).abs() < 1e-9);
+    let inside = [Point::new(2.5, 2.5)];
+    assert!(least_clearance_m(&scene, body, [&inside[..]].into_iter()).unwrap() < -0.2);
 }
 
 #[test]

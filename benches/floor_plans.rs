@@ -1,0 +1,167 @@
+//! Random floor plans, explored and with a place to visit in each room, judged by the truth. It measures what missions
+//! achieve, not how fast the program is; the tests take a sample of the same plans.
+//!
+//! - `cargo bench --bench floor_plans -- 200`: plans 0 to 199, safety distances and doors in turn, on all cores; prints a
+//!   table, and names the runs with a contact, with a false "no way", or without an end. A second number is the first plan.
+//! - `… -- 200 explore` or `pathfind`: only that.
+//! - `… -- write FOLDER PLAN`: writes the files of a plan, for `tomoswarm sim FOLDER/explore.sim.toml`.
+//! - `… -- repro [FOLDER]`: instead runs the cases that once went wrong (`../shared/repro`), and says how each ends.
+
+#![allow(
+    clippy::disallowed_methods,
+    clippy::disallowed_types,
+    clippy::restriction,
+    unreachable_pub,
+    reason = "no product code"
+)]
+
+#[path = "../tests/repro/cases.rs"]
+mod cases;
+#[path = "../tests/orders/chance.rs"]
+mod chance;
+#[path = "../tests/floor_plans/plan.rs"]
+mod plan;
+#[path = "../tests/floor_plans/trial.rs"]
+mod trial;
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+use plan::FloorPlan;
+use trial::{Errand, TrialResult, demand_in_turn, table};
+
+/// Radius of the thinnest pole, metres.
+const THINNEST_M: f64 = 0.01;
+const ERRANDS: [Errand; 2] = [Errand::Explore, Errand::Pathfind];
+/// A case that takes longer is stopped.
+const CASE_LIMIT: Duration = Duration::from_secs(120);
+
+fn main() -> ExitCode {
+    let words: Vec<String> = std::env::args()
+        .skip(1)
+        .filter(|word| word != "--bench")
+        .collect();
+    let word = |index: usize| words.get(index).map(String::as_str);
+    match word(0) {
+        Some("write") => write(word(1), word(2)),
+        Some("repro") => repro(word(1)),
+        _ => plans(&words),
+    }
+}
+
+fn floor_plan(seed: u64) -> FloorPlan {
+    FloorPlan::draw(seed, demand_in_turn(seed, THINNEST_M))
+}
+
+fn write(folder: Option<&str>, seed: Option<&str>) -> ExitCode {
+    let (Some(folder), Some(seed)) = (folder, seed.and_then(|seed| seed.parse().ok())) else {
+        println!("write FOLDER PLAN: the number of a plan is expected");
+        return ExitCode::FAILURE;
+    };
+    match floor_plan(seed).write(Path::new(folder)) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            println!("{folder}: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn repro(folder: Option<&str>) -> ExitCode {
+    let Some(folder) = folder.map(PathBuf::from).or_else(cases::folder_beside) else {
+        return ExitCode::SUCCESS;
+    };
+    let ends = in_parallel(&cases::names(&folder), |name| {
+        let end = cases::run(&folder, name, CASE_LIMIT);
+        println!("{end}");
+        end
+    });
+    let panicked = ends.iter().filter(|end| end.has_panicked).count();
+    println!("{} cases, {panicked} panicked", ends.len());
+    if panicked == 0 {
+        ExitCode::SUCCESS
+    } else {
+        ExitCode::FAILURE
+    }
+}
+
+fn plans(words: &[String]) -> ExitCode {
+    let numbers: Vec<u64> = words.iter().filter_map(|word| word.parse().ok()).collect();
+    let (count, first) = (
+        numbers.first().copied().unwrap_or(12),
+        numbers.get(1).copied().unwrap_or(0),
+    );
+    let is_wanted = |errand: &Errand| {
+        words
+            .iter()
+            .all(|word| word.parse::<u64>().is_ok() || word == errand.word())
+    };
+    let jobs: Vec<(u64, Errand)> = (first..first + count)
+        .flat_map(|seed| ERRANDS.map(|errand| (seed, errand)))
+        .filter(|(_, errand)| is_wanted(errand))
+        .collect();
+    let began = Instant::now();
+    let results = in_parallel(&jobs, |(seed, errand)| {
+        trial::run(&floor_plan(*seed), *errand)
+    });
+    println!("{}\n{}", table(&results), mishaps(&results));
+    println!(
+        "{} runs of {count} plans from {first} on in {:.0} s",
+        results.len(),
+        began.elapsed().as_secs_f64()
+    );
+    ExitCode::SUCCESS
+}
+
+/// Something that may have gone wrong in a run.
+type Mishap = (&'static str, fn(&TrialResult) -> bool);
+
+/// Names the runs that went wrong.
+fn mishaps(results: &[TrialResult]) -> String {
+    let kinds: [Mishap; 4] = [
+        ("contacts", |one| one.collisions > 0),
+        ("breaches of the fence", |one| one.fence_breaches > 0),
+        ("without an end", |one| one.end.is_none()),
+        ("reachable places called unreachable", |one| {
+            one.places.false_no_way > 0
+        }),
+    ];
+    let line = |(what, is_it): Mishap| {
+        let wrong: Vec<String> = results
+            .iter()
+            .filter(|one| is_it(one))
+            .map(|one| format!("{} {}", one.errand.word(), one.seed))
+            .collect();
+        (!wrong.is_empty()).then(|| format!("{what}: {}\n", wrong.join(", ")))
+    };
+    kinds.into_iter().filter_map(line).collect()
+}
+
+/// Does something for each of a list on all cores; what comes of it is in the order of the list.
+fn in_parallel<T: Sync, R: Send>(list: &[T], work: impl Fn(&T) -> R + Sync) -> Vec<R> {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let (next, done) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
+    std::thread::scope(|scope| {
+        for _ in 0..cores {
+            scope.spawn(|| {
+                while let Some((index, one)) = next_of(list, &next) {
+                    let result = work(one);
+                    done.lock()
+                        .expect("nobody panics with it")
+                        .push((index, result));
+                }
+            });
+        }
+    });
+    let mut done = done.into_inner().expect("nobody panics with it");
+    done.sort_by_key(|(index, _)| *index);
+    done.into_iter().map(|(_, result)| result).collect()
+}
+
+fn next_of<'a, T>(list: &'a [T], next: &AtomicUsize) -> Option<(usize, &'a T)> {
+    let index = next.fetch_add(1, Ordering::Relaxed);
+    list.get(index).map(|one| (index, one))
+}
