@@ -262,7 +262,7 @@ impl Pilot {
 
     fn release(&self, situation: &Situation<'_>) -> Release {
         let keep_m = situation.terrain.keep_m(situation.pose);
-        let body_m = self.settings.body.radius_m + 2.0 * situation.pose.sd_m;
+        let body_m = self.settings.reach_m() + 2.0 * situation.pose.sd_m;
         let strip = Strip {
             way: &self.way,
             route: self.stretch.route(&self.way),

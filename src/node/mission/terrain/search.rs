@@ -177,14 +177,14 @@ impl PathSearch<'_> {
     /// Returns how far to keep from the fence, metres. A vehicle, or its goal, may be nearer to it than wished: then that
     /// much must do.
     fn fence_m(&self, goal: Option<Point>) -> f64 {
-        let (fence, radius_m) = (&self.settings.fence, self.settings.body.radius_m);
+        let (fence, reach_m) = (&self.settings.fence, self.settings.reach_m());
         let edge_m = |at: Point| fence.distance_to_edge(at) - self.settings.lattice.cell_m();
         // A goal may lie near the fence; but nobody comes nearer to it step by step.
-        let least_m = radius_m + 3.0 * self.pose.sd_m + FENCE_M;
+        let least_m = reach_m + 3.0 * self.pose.sd_m + FENCE_M;
         self.keep_m()
             .min(edge_m(self.pose.at).max(least_m))
             .min(goal.map_or(f64::INFINITY, edge_m))
-            .max(radius_m)
+            .max(reach_m)
     }
 
     /// Closes what lies too near to what made the reflex halt; where the vehicle is nearer already, only what is nearer
