@@ -73,7 +73,7 @@ pub use scene::{MaterialSpec, Object, Outline, Person, RandomPersons, SceneFile,
 pub use sim::Sim;
 pub use swarm::Swarm;
 pub use task::MissionTable;
-pub use vehicle::{BodySpec, Craft, Flight, Safety, Vehicles};
+pub use vehicle::{BodySpec, CARRIED_S, Craft, Flight, Safety, Vehicles};
 pub use vehicle_file::{PoseFile, Record, VehicleFile, WorldEndpoint};
 pub use venue::{Datum, Venue};
 pub use waypoint_file::{

@@ -11,7 +11,9 @@ use tomoswarm_proto::{TaskKind, VehicleId};
 pub(in crate::config) use self::checks::{
     check_border, check_gaps, check_task, refuse_blind_speed,
 };
-use self::checks::{check_look_before_you_drive, check_margins, check_places};
+use self::checks::{
+    check_echoes, check_look_before_you_drive, check_margins, check_places, check_wind,
+};
 use super::fault::PlannedFault;
 use super::forms::{LoadedFile, seconds};
 use super::keys::WordChoice;
@@ -102,13 +104,17 @@ impl Sim {
             safety,
             ..
         } = self;
-        sensing_limits(
+        let sight = sensing_limits(
             &vehicles.body,
             &range.look,
             safety,
             self.venue.cell_m,
             vehicles.pose_sd_m,
-        )
+        );
+        SensingLimits {
+            margin_m: sight.margin_m + vehicles.flight.carried_m(),
+            ..sight
+        }
     }
 
     /// Returns whether the ground station plans what the vehicles are out for.
@@ -186,6 +192,8 @@ impl Sim {
         check_look_before_you_drive(root, &sim);
         check_ceiling(root, &sim.vehicles, sim.venue.ceiling_m);
         check_places(root, &sim);
+        check_wind(root, &sim);
+        check_echoes(root, &sim);
         Some(sim)
     }
 

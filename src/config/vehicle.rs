@@ -147,6 +147,9 @@ impl WordChoice for Craft {
         &[("rover", Craft::Rover), ("copter", Craft::Copter)];
 }
 
+/// How far a steady wind carries a copter from where it is sent, metres for each m/s.
+pub const CARRIED_S: f64 = 0.05;
+
 /// Whether vehicles fly, and in what wind.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Flight {
@@ -163,6 +166,14 @@ pub struct Flight {
 }
 
 impl Flight {
+    /// Returns how far wind carries the vehicles from where they are sent, metres; rovers it does not.
+    pub fn carried_m(&self) -> f64 {
+        match self.craft {
+            Craft::Rover => 0.0,
+            Craft::Copter => self.wind_mps * CARRIED_S,
+        }
+    }
+
     /// Returns where the wind blows to, m/s, in a frame whose x axis has this bearing.
     pub fn wind(&self, x_axis: Bearing) -> Vector {
         let wind_from = Bearing::from_degrees(self.wind_from_deg);
@@ -214,7 +225,7 @@ impl Keyed for Flight {
                 name: "wind_mps",
                 default: 0.0,
                 allowed: 0.0..=5.0,
-                means: "wind; carries copters aside by 5 cm for each m/s, and makes them lean",
+                means: "wind; carries copters aside by 5 cm for each m/s, which their margins hold, and makes them lean",
             },
         );
         to.number(

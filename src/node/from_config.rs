@@ -32,6 +32,7 @@ impl VehicleSettings {
             path_time: sim.durations.route(),
             // The scenario's operator gives it.
             task: None,
+            carried_m: sim.vehicles.flight.carried_m(),
             autopilot: autopilot_settings(&sim.vehicles.flight),
         }
         .settings(vehicle, boot, home)
@@ -52,6 +53,7 @@ impl VehicleSettings {
                 .task
                 .as_ref()
                 .map(|task| share(task, usize::from(file.id.0.saturating_sub(1)), 1)),
+            carried_m: 0.0,
             // Vehicles of their own files drive, until the file says otherwise.
             autopilot: autopilot::AutopilotLinkSettings::default(),
         };
@@ -70,6 +72,7 @@ struct VehicleInputs<'f> {
     safety: Safety,
     path_time: Duration,
     task: Option<TaskKind>,
+    carried_m: f64,
     autopilot: autopilot::AutopilotLinkSettings,
 }
 
@@ -93,6 +96,7 @@ impl VehicleInputs<'_> {
                 power_dbm: self.radio.power_dbm,
                 slot: self.venue.swarm.slot(),
             },
+            carried_m: self.carried_m,
             safety: self.safety,
             swarm: self.venue.swarm,
             path_time: self.path_time,

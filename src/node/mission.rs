@@ -9,7 +9,8 @@
 //! Without an order it holds or returns when it hears nobody, has lost the bus or runs out of battery: see `autonomy`. How a
 //! return goes on beside others that return is decided by `returning`. All of these only decide: the goal is changed here.
 //!
-//! A plan by a greater right than any before is taken once that lease is on the vehicle's disk: see `leases`.
+//! A plan by a greater right than any before is taken once that lease is on the vehicle's disk: see `leases`. As long as
+//! the vehicle does not know its place it stands, and nothing is made of where it seems to be: see `place_watch`.
 //!
 //! Deadlines: `repeat progress`, `the dwell at the stop ends`, `path ready`, `search again`.
 
@@ -26,15 +27,17 @@ mod look_around;
 mod messages;
 mod obstruction;
 mod pilot;
+mod place_watch;
 mod report;
 mod returning;
 mod runner;
 mod share;
+mod taken_plans;
 mod terrain;
 mod way;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{EmergencyStop, Order, OrderKind, Plan, RunId, SeenState, Task};
+use tomoswarm_proto::{EmergencyStop, Order, OrderKind, RunId, Task};
 
 use self::announcements::Announcements;
 use self::assignment::Assignment;
@@ -44,6 +47,7 @@ use self::ground_plan::GroundPlan;
 use self::home::WayHome;
 use self::leases::PlanLeases;
 use self::pilot::{Pilot, WayEvent};
+use self::place_watch::PlaceWatch;
 use self::returning::{ReturnDecision, Returning};
 use self::runner::{RunnerContext, StepRunner};
 use self::terrain::Terrain;
@@ -79,6 +83,7 @@ pub struct Mission {
     runner: Option<StepRunner>,
     goal: Goal,
     autonomy: Autonomy,
+    place: PlaceWatch,
     peers: Peers,
     ages: StateAges,
     leases: PlanLeases,
@@ -97,6 +102,7 @@ impl Mission {
             peers: Peers::new(settings.vehicle),
             plan: GroundPlan::new(&settings),
             announcements: Announcements::new(settings.vehicle),
+            place: PlaceWatch::new(settings.swarm.pose_sd_max_m),
             settings,
             state: None,
             goal: Goal::Waiting,
@@ -112,13 +118,14 @@ impl Mission {
     }
 
     fn state(&mut self, now: Time, state: OwnState, out: &mut Vec<Out>) {
-        let place = state.pose.at;
-        if self.plan.begin_at(place) {
-            self.pilot.give_up(place);
-        }
         self.ages.note(now, state.sequence);
         self.leases.follow(state.ordered.lease);
+        let (pose, sees) = (state.pose, state.sees);
         self.state = Some(state);
+        self.watch_place(now, pose.sd_m, sees, out);
+        if self.place.is_known() && self.plan.begin_at(pose.at) {
+            self.pilot.give_up(pose.at);
+        }
         self.go_on(now, out);
     }
 
@@ -126,6 +133,7 @@ impl Mission {
     fn go_on(&mut self, now: Time, out: &mut Vec<Out>) {
         self.look_after_itself(now, out);
         match self.goal {
+            _ if !self.place.is_known() => self.wait_for_place(now, out),
             Goal::Following | Goal::Returning(_) if self.autonomy.is_alone() => {}
             Goal::Following => self.follow(now, out),
             Goal::Returning(home) => self.bring_home(now, home, out),
@@ -155,6 +163,7 @@ impl Mission {
 
     /// Does what nobody has ordered.
     fn carry_out(&mut self, now: Time, decision: Decision, out: &mut Vec<Out>) {
+        let was_following = self.goal == Goal::Following;
         let (goal, cause) = match decision {
             Decision::Say(event) => return out.push(Out::MissionEvent(event)),
             Decision::Stop => return self.stop(now, out),
@@ -167,6 +176,9 @@ impl Mission {
             cause,
             self.status(),
         )));
+        if was_following {
+            self.end_own_mission(cause.into(), out);
+        }
     }
 
     fn follow(&mut self, now: Time, out: &mut Vec<Out>) {
@@ -200,6 +212,7 @@ impl Mission {
             terrain: &self.terrain,
             pilot: &mut self.pilot,
             peers: &self.peers,
+            place: &mut self.place,
             out,
         };
         runner.go_on(&mut scene, &met);
@@ -346,43 +359,6 @@ impl Mission {
         }
     }
 
-    fn take_plan(&mut self, now: Time, plan: &Plan, out: &mut Vec<Out>) {
-        let is_old = self.is_old(now, plan);
-        if let Err(event) = self.plan.refuse(plan, is_old) {
-            return out.extend(event.map(Out::MissionEvent));
-        }
-        if self.leases.is_greater(plan.lease) {
-            return out.extend(self.leases.wait_with(plan).map(Out::Remember));
-        }
-        self.resume_for(now, plan, out);
-        out.extend(self.plan.offer(now, plan).map(Out::MissionEvent));
-        self.report(out);
-    }
-
-    /// Returns whether a plan has a lower right than another that was heard, or its own one answers a state that was made
-    /// too long ago. (No state was made before the first; only what has heard none answers that.)
-    fn is_old(&self, now: Time, plan: &Plan) -> bool {
-        let is_own = plan.vehicle == self.settings.vehicle && plan.seen.is_some();
-        self.leases.are_above(plan.lease) || (is_own && !self.answers(now, plan))
-    }
-
-    /// Returns whether a plan answers a state that this start of the software made not long ago.
-    fn answers(&self, now: Time, plan: &Plan) -> bool {
-        let is_fresh = |seen: SeenState| {
-            seen.boot == self.settings.boot && self.ages.is_fresh(now, seen.sequence)
-        };
-        plan.seen.is_some_and(is_fresh)
-    }
-
-    /// A newer own plan takes back a vehicle that acts on its own since it lost the bus: the ground knows of
-    /// it, and has planned from where it is.
-    fn resume_for(&mut self, now: Time, plan: &Plan, out: &mut Vec<Out>) {
-        if self.plan.is_newer(plan) && self.goal.cause() == Some(AutonomyCause::BusLost) {
-            self.goal = Goal::Following;
-            self.stop(now, out);
-        }
-    }
-
     /// A new revision is followed: what was left of the old way is given up.
     fn adopted(&mut self, progress: &VehicleProgress, out: &mut Vec<Out>) {
         if let Some(state) = &self.state {
@@ -518,7 +494,7 @@ impl Mission {
     fn goal_deadline(&self) -> Option<Deadline> {
         let pilot = self.pilot.deadline();
         match (self.goal, &self.runner) {
-            _ if self.autonomy.is_alone() => None,
+            _ if self.autonomy.is_alone() || !self.place.is_known() => None,
             (Goal::Following, Some(runner)) => Deadline::earlier(
                 self.plan.deadline(),
                 Deadline::earlier(runner.deadline(), pilot),

@@ -19,6 +19,8 @@ pub struct OwnState {
     pub mode: VehicleMode,
     /// Whether it has come to rest.
     pub is_at_rest: bool,
+    /// Whether its range sensors have answered of late.
+    pub sees: bool,
     /// Whether the motors have current.
     pub is_armed: bool,
     /// Charge left, 0 to 1.

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Boot, State, VehicleId, VehicleMode};
+use tomoswarm_proto::{Boot, StandReason, State, VehicleId, VehicleMode};
 
 use super::radio::BeaconReport;
 use crate::geom::{Angle, Point, Pose, Vector};
@@ -120,7 +120,9 @@ impl Peers {
         let moved_at = known
             .filter(|_| resting)
             .map_or(now, |known| known.moved_at);
-        let Some(pose) = state.pose.map(Pose::from) else {
+        // One that does not know its place stands where it was when it knew.
+        let knows = state.stands_under != Some(StandReason::NoPlace) || known.is_none();
+        let Some(pose) = state.pose.filter(|_| knows).map(Pose::from) else {
             return self.take_without_place(now, state, resting);
         };
         let leg = state
@@ -324,6 +326,23 @@ mod tests {
             Point::new(4.0, 0.0),
             "a restart counts anew"
         );
+    }
+
+    #[test]
+    fn one_that_has_lost_its_place_is_where_it_was_and_one_that_never_had_one_where_it_says() {
+        for (before, expected_m) in [(Some(state(2, 3.0, 0.0)), 3.0), (None, 9.0)] {
+            let mut peers = Peers::new(VehicleId(1));
+            before.iter().for_each(|state| peers.take(at(1.0), state));
+            let lost = State {
+                stands_under: Some(StandReason::NoPlace),
+                sequence: 7,
+                ..state(2, 9.0, 0.0)
+            };
+            peers.take(at(2.0), &lost);
+            let (_, peer) = peers.iter().next().unwrap();
+            assert_eq!(peer.at, Point::new(expected_m, 0.0));
+            assert_eq!(peer.heard_at, at(2.0), "it is heard all the same");
+        }
     }
 
     #[test]

@@ -41,6 +41,9 @@ pub struct VehicleSettings {
     pub look: LookSettings,
     /// Its radio.
     pub radio: RadioSettings,
+    /// How far wind may carry it from where it is sent, metres.
+    #[serde(default)]
+    pub carried_m: f64,
     /// Distances that it keeps.
     pub safety: Safety,
     /// What all nodes of the swarm agree on.
@@ -105,8 +108,13 @@ pub struct RadioSettings {
 }
 
 impl VehicleSettings {
+    /// Returns how far from where it is sent its body may be, metres: its radius, and what wind carries it aside.
+    pub fn reach_m(&self) -> f64 {
+        self.body.radius_m + self.carried_m
+    }
+
     /// Returns half the width of the corridor that must be free for a pose deviation, metres.
     pub fn corridor_m(&self, pose_sd_m: f64) -> f64 {
-        self.body.radius_m + self.safety.padding_m + 2.0 * pose_sd_m
+        self.reach_m() + self.safety.padding_m + 2.0 * pose_sd_m
     }
 }

@@ -20,6 +20,7 @@ pub fn own_state(x_m: f64, y_m: f64) -> OwnState {
         speed_mps: 0.0,
         mode: VehicleMode::Idle,
         is_at_rest: true,
+        sees: true,
         is_armed: true,
         battery: 1.0,
         leg: None,
@@ -101,6 +102,7 @@ pub fn settings(vehicle: u8) -> VehicleSettings {
             power_dbm: 0,
             slot: Duration::from_millis(50),
         },
+        carried_m: 0.0,
         safety: crate::config::Safety {
             padding_m: 0.15,
             ..Default::default()

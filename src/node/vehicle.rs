@@ -49,6 +49,7 @@
 //! Deadline: `telemetry silent`.
 
 mod disarming;
+mod drift;
 mod emergency;
 mod envelope;
 mod last_telemetry;
@@ -67,6 +68,7 @@ use tomoswarm_proto::{
     VehicleId,
 };
 
+use self::drift::Drift;
 use self::emergency::Emergency;
 use self::last_telemetry::LastTelemetry;
 use self::movement::MovementOrder;
@@ -146,6 +148,7 @@ pub struct Vehicle {
     telemetry: LastTelemetry,
     autopilot: ControlStatus,
     movement: MovementOrder,
+    drift: Drift,
     orders: Orders,
     emergency: Emergency,
     take_over: TakeOver,
@@ -173,6 +176,7 @@ impl Vehicle {
             telemetry: LastTelemetry::default(),
             autopilot: ControlStatus::default(),
             movement: MovementOrder::default(),
+            drift: Drift::default(),
             reflex: Reflex::default(),
             reports: Reports::default(),
         }
@@ -180,7 +184,10 @@ impl Vehicle {
 
     fn telemetry(&mut self, now: Time, telemetry: Telemetry, out: &mut Vec<Out>) {
         self.telemetry.take(now, telemetry);
-        self.movement.take(now, &telemetry);
+        if let Some(end) = self.movement.take(now, &telemetry) {
+            let most_m = self.settings.carried_m;
+            self.drift.learn(end, telemetry.pose.at, most_m);
+        }
         self.stop_when_lost(now, &telemetry, out);
         if self.movement.is_stop_due_again(now, telemetry.motion) {
             self.stop(now, out);
@@ -233,7 +240,7 @@ impl Vehicle {
                 let corners: Vec<Point> = route.into_iter().skip(1).collect();
                 self.movement.drive(now, stop.is_none(), &corners);
                 out.push(Out::AutopilotCommand(AutopilotCommand::Drive {
-                    corners,
+                    corners: self.drift.corrected(&corners),
                     speed_mps: self.settings.body.speed_mps,
                 }));
             }
@@ -380,7 +387,10 @@ impl Actor for Vehicle {
         match input {
             In::Telemetry(telemetry) => self.telemetry(now, telemetry, out),
             In::Autopilot(status) => self.autopilot(now, status, out),
-            In::Scan(scan) => self.scan(now, &scan, out),
+            In::Scan(scan) => {
+                self.reports.note_scan(now);
+                self.scan(now, &scan, out);
+            }
             In::Command(decided, command) => self.command(now, decided, command, out),
             In::Holds(holds) => self.reports.note_mission_holds(holds),
             In::Order(sender, order) => {

@@ -22,6 +22,13 @@ pub enum SoftwareFaultEvent {
     Starts(Sender),
 }
 
+impl SoftwareFaultEvent {
+    /// Returns whether the software of a vehicle starts.
+    pub fn starts_vehicle(&self) -> bool {
+        matches!(self, SoftwareFaultEvent::Starts(Sender::Vehicle(_)))
+    }
+}
+
 impl Faults {
     /// Takes the faults of a file.
     pub fn new(list: Vec<FaultSpec>) -> Faults {

@@ -64,6 +64,8 @@ pub(super) struct Kernel {
     progress: ProgressMeter,
     noise: Noise,
     ends_at_contact: bool,
+    /// How many starts of vehicles' software are still to come.
+    starts_left: usize,
     scratch: Scratch,
 }
 
@@ -100,6 +102,10 @@ impl Kernel {
             progress: ProgressMeter::shown_every(parts.shown_every),
             noise,
             ends_at_contact: parts.ends_at_contact,
+            starts_left: turns
+                .iter()
+                .filter(|(_, turn)| turn.starts_vehicle())
+                .count(),
             scratch: Scratch::default(),
         };
         kernel.prime(turns);
@@ -510,6 +516,7 @@ impl Kernel {
                 }
             }
             SoftwareFaultEvent::Starts(node) => {
+                self.starts_left -= usize::from(turn.starts_vehicle());
                 if let Some(place) = self.nodes.place_of(node) {
                     self.start_node(place);
                 }
@@ -524,6 +531,11 @@ impl Kernel {
         self.network.leave(node);
         if let NodePlace::Vehicle(vehicle) = node {
             self.environment.detach(self.schedule.now(), vehicle);
+        }
+        let alive = self.nodes.are_dead().filter(|is_dead| !is_dead).count();
+        if self.starts_left == 0 && alive < self.monitor.least_vehicles() {
+            let why = format!("the software of {alive} vehicles runs, too few");
+            self.follow(RunState::Failed(why));
         }
     }
 

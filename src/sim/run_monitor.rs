@@ -60,6 +60,12 @@ impl RunMonitor {
         self.is_done
     }
 
+    /// Returns how many vehicles at least must be there for what is wanted to come about.
+    pub(super) fn least_vehicles(&self) -> usize {
+        let is_sweep_wanted = self.is_swept && self.expect == Expect::Finished && !self.is_done;
+        if is_sweep_wanted { 2 } else { 1 }
+    }
+
     /// Returns when and how the mission of each vehicle ended.
     pub(super) fn missions(&self) -> &[EndedMission] {
         &self.missions
@@ -130,6 +136,24 @@ mod tests {
             expect,
             &[VehicleId(1), VehicleId(2), VehicleId(3)],
         )
+    }
+
+    #[test]
+    fn a_sweep_that_is_wanted_needs_two_vehicles_and_anything_else_one() {
+        let mut swept = monitor(true, Expect::Finished);
+        assert_eq!(swept.least_vehicles(), 2);
+        swept.hear(&GroundNote::RunClosed {
+            run: RUN,
+            links: 1,
+            samples: 1,
+        });
+        assert_eq!(swept.least_vehicles(), 1, "it is done");
+        for other in [
+            monitor(true, Expect::Home),
+            monitor(false, Expect::Finished),
+        ] {
+            assert_eq!(other.least_vehicles(), 1);
+        }
     }
 
     #[test]

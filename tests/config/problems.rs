@@ -594,3 +594,43 @@ fn copters_above_the_ceiling_and_winds_too_strong_are_refused() {
         ],
     );
 }
+
+#[test]
+fn a_wind_that_cannot_be_flown_in_is_refused_with_the_one_that_can() {
+    let copters = |wind: &str| {
+        format!("[vehicles]\nkind = \"copter\"\nwind_mps = {wind}\n[safety]\nseparation_m = 0.6\n")
+    };
+    // Between two copters of 0.25 m there is room for 0.1 m.
+    check_sim(
+        &copters("4.0"),
+        &[
+            "configs/a.toml:6: vehicles.wind_mps = 4.0: carries copters 0.20 m aside: more than their place, separation and \
+           sensors leave room for; at most 1.9 m/s can be flown in here",
+        ],
+    );
+    for lines in [
+        copters("1.9"),
+        copters("4.0").replace("copter\"", "rover\""),
+    ] {
+        let said = problems_of("configs/a.toml", &format!("{SIM}{lines}"));
+        assert!(said.starts_with("accepted"), "{said}");
+    }
+}
+
+#[test]
+fn a_sensor_whose_echoes_come_too_late_is_refused() {
+    check_sim(
+        "[range]\nmax_range_m = 30.0\n",
+        &[
+            "configs/a.toml:5: range.max_range_m = 30.0: is heard after 0.175 s, and the next reading begins after 0.070 s: an \
+           empty look would say nothing; at most 12.0 m is allowed, or a longer scan_period_s, or a shorter settle_s",
+        ],
+    );
+    for lines in [
+        "max_range_m = 12.0",
+        "max_range_m = 30.0\nscan_period_s = 0.3",
+    ] {
+        let said = problems_of("configs/a.toml", &format!("{SIM}[range]\n{lines}\n"));
+        assert!(said.starts_with("accepted"), "{said}");
+    }
+}

@@ -477,6 +477,7 @@ fn settings(vehicle: u8, boot: u32) -> VehicleSettings {
             power_dbm: 0,
             slot: Duration::from_millis(50),
         },
+        carried_m: 0.0,
         safety: tomoswarm::config::Safety {
             padding_m: 0.15,
             ..Default::default()

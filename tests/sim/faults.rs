@@ -194,3 +194,14 @@ fn without_any_radio_a_sweep_is_driven_and_measures_nothing_more() {
     let outcome = place(2, "until_s = 2000.0", &fault("radio", "vehicles = [1]")).run_to_the_end();
     assert_settled(&outcome);
 }
+
+#[test]
+fn a_run_whose_vehicles_are_gone_for_good_ends_and_one_that_is_back_soon_goes_on() {
+    let dead = fault("dead", "vehicles = [2]");
+    let outcome = place(2, "until_s = 3000.0", &dead).run_safely();
+    let why = outcome.failure.as_deref().unwrap_or_default();
+    assert!(why.contains("too few"), "{why}");
+    assert!(outcome.simulated.as_secs_f64() < 100.0);
+    let restarts = fault("restart", "vehicles = [1, 2]");
+    place(2, "until_s = 3000.0", &restarts).run_to_the_end();
+}

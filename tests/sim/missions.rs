@@ -226,6 +226,7 @@ fn patrol_ends_when_its_time_is_over_or_its_battery_low() {
         tail(&low.log)
     );
     assert!(low.log.contains("vehicle 1 is home"), "{}", tail(&low.log));
+    assert_eq!((end_of(&low, 1), low.home), (&EndReason::BatteryLow, 1));
 }
 
 /// Cells of the yard, fence included, that a rover could see and does not know.
@@ -347,5 +348,34 @@ fn a_mission_reaches_its_vehicles_over_a_bus_that_loses_a_third() {
         assert!(
             nearest_m(&outcome, 1, (2.0, 2.0)) < 0.5 && nearest_m(&outcome, 2, (6.0, 6.0)) < 0.5
         );
+    }
+}
+
+/// An exploration whose place, or sensor, is away from 20 s on until a moment.
+fn explored_without(fault: &str, until_s: f64) -> RunOutcome {
+    let lines = format!("[[fault]]\nkind = \"{fault}\"\nat_s = 20.0\nuntil_s = {until_s:?}");
+    yard("kind = \"explore\"").with(&lines).run_safely()
+}
+
+#[test]
+fn who_does_not_know_its_place_or_sees_nothing_has_not_explored_anything() {
+    for (fault, reason) in [("gps", EndReason::NoPlace), ("sensor", EndReason::Blind)] {
+        let outcome = explored_without(fault, 5000.0);
+        assert_eq!(end_of(&outcome, 1), &reason, "{}", tail(&outcome.log));
+        let (at, _) = outcome.missions[0].1.as_ref().expect("it ends");
+        assert!(
+            (300.0..400.0).contains(&at.as_secs_f64()),
+            "{fault}: {at} s"
+        );
+    }
+}
+
+#[test]
+fn who_knows_its_place_again_or_sees_again_explores_on_to_the_end() {
+    for fault in ["gps", "sensor"] {
+        let outcome = explored_without(fault, 200.0);
+        assert_eq!((end_of(&outcome, 1), outcome.home), (&EndReason::Done, 1));
+        let (at, _) = outcome.missions[0].1.as_ref().expect("it ends");
+        assert!(at.as_secs_f64() > 200.0, "{fault}: {at} s");
     }
 }

@@ -114,5 +114,13 @@ fn a_ring_that_is_closed_off_from_fence_to_fence_ends_in_words() {
         );
         let reason = outcome.failure.unwrap_or_default();
         assert!(reason.contains("cannot be"), "{reason}");
+        let said_s = |words: &str| {
+            let line = outcome.log.lines().rfind(|line| line.contains(words))?;
+            line.split(' ').next()?.parse::<f64>().ok()
+        };
+        let from_s = said_s("has done stop").unwrap_or(0.0);
+        let took_s = said_s("cannot end run").expect("it is said") - from_s;
+        // While stops are still given up one by one, somebody gets on.
+        assert!(took_s < 1000.0, "{took_s} s after the last stop");
     }
 }

@@ -220,7 +220,12 @@ fn worst_of(missions: &[EndedMission]) -> String {
         Some(
             mission::EndReason::GaveUp(_)
             | mission::EndReason::NoRoom
-            | mission::EndReason::TooLarge,
+            | mission::EndReason::TooLarge
+            | mission::EndReason::NoPlace
+            | mission::EndReason::Blind
+            | mission::EndReason::BusLost
+            | mission::EndReason::BatteryLow
+            | mission::EndReason::Stalled,
         ) => 3,
         Some(mission::EndReason::Refused(_)) => 4,
         None => 5,

@@ -8,14 +8,21 @@ use super::super::section::Section;
 use super::super::venue::Venue;
 use super::Sim;
 use crate::geom::{Point, Segment};
-use crate::plan::{SensingLimits, SpeedError};
+use crate::plan::{SOUND_MPS, SensingLimits, SpeedError, echo_time_s};
 
 /// Refuses a speed at which a vehicle could not stop within what it surely sees.
 pub(super) fn check_look_before_you_drive(root: &Section, sim: &Sim) {
     if root.source.is_sound(&["vehicles", "range", "safety"]) {
+        let carried_m = sim.vehicles.flight.carried_m();
+        let sight = sim.sensing_limits();
+        // What wind adds is judged by itself.
+        let sight = SensingLimits {
+            margin_m: sight.margin_m - carried_m,
+            ..sight
+        };
         refuse_blind_speed(
             root,
-            &sim.sensing_limits(),
+            &sight,
             sim.vehicles.body.max_speed_mps,
             "vehicles.max_speed_mps",
         );
@@ -73,6 +80,80 @@ pub(super) fn check_margins(root: &Section<'_>, sim: &Sim) {
             "at most pose_sd_max_m is allowed",
         );
     }
+}
+
+/// Refuses a sensor of which the next reading is asked for before an echo from its farthest has come: nothing would ever be
+/// known to be free.
+pub(super) fn check_echoes(root: &Section, sim: &Sim) {
+    let look = &sim.range.look;
+    if !root.source.is_sound(&["range"]) {
+        return;
+    }
+    let listens_s = look.scan_period_s - look.settle_s;
+    let echo_s = echo_time_s(look.max_range_m, SOUND_MPS);
+    if echo_s <= listens_s {
+        return;
+    }
+    let wrong = format!(
+        "is heard after {echo_s:.3} s, and the next reading begins after {listens_s:.3} s: an empty look would say nothing"
+    );
+    let most_m = (listens_s / echo_time_s(1.0, SOUND_MPS) * 10.0).floor() / 10.0;
+    let allowed = format!(
+        "at most {most_m:.1} m is allowed, or a longer scan_period_s, or a shorter settle_s"
+    );
+    root.source.refuse("range.max_range_m", &wrong, &allowed);
+}
+
+/// Refuses a wind that would carry copters over the fence at home or on the ring, into each other, or past what they
+/// surely see; says the wind that can be flown in.
+pub(super) fn check_wind(root: &Section, sim: &Sim) {
+    let wind_mps = sim.vehicles.flight.wind_mps;
+    let tables = ["vehicles", "range", "safety", "sweep", "venue"];
+    if sim.vehicles.flight.carried_m() <= 0.0 || !root.source.is_sound(&tables) {
+        return;
+    }
+    let mut other = sim.clone();
+    let mut can_fly_in = |wind_mps: f64| {
+        other.vehicles.flight.wind_mps = wind_mps;
+        can_fly(&other)
+    };
+    // What cannot be flown without wind was refused for another reason.
+    if can_fly_in(wind_mps) || !can_fly_in(0.0) {
+        return;
+    }
+    let tenths = (wind_mps * 10.0) as u32;
+    let most = (0..=tenths).rev().map(|tenth| f64::from(tenth) / 10.0);
+    let most_mps = most.into_iter().find(|mps| can_fly_in(*mps)).unwrap_or(0.0);
+    let wrong = format!(
+        "carries copters {:.2} m aside: more than their place, separation and sensors leave room for",
+        sim.vehicles.flight.carried_m()
+    );
+    let allowed = format!("at most {most_mps:.1} m/s can be flown in here");
+    root.source.refuse("vehicles.wind_mps", &wrong, &allowed);
+}
+
+/// Returns whether copters can fly in their wind.
+fn can_fly(sim: &Sim) -> bool {
+    let Sim {
+        venue,
+        vehicles,
+        safety,
+        ..
+    } = sim;
+    let (body, carried_m) = (&vehicles.body, vehicles.flight.carried_m());
+    let reach_m = body.radius_m + safety.padding_m + carried_m;
+    let mut homes = venue.homes.iter().take(vehicles.count);
+    let corners = venue.area.corners();
+    let mut sides = corners.iter().zip(corners.iter().cycle().skip(1));
+    let has_ring = !sim.is_planned_by_ground()
+        || sides.all(|(from, to)| {
+            let side = Segment::new(*from, *to);
+            venue.fence.contains_corridor(side, reach_m)
+        });
+    has_ring
+        && homes.all(|home| venue.fence.contains_disc(*home, reach_m))
+        && venue.swarm.separation_m > 2.0 * body.radius_m + carried_m
+        && sim.sensing_limits().allow(body.max_speed_mps).is_ok()
 }
 
 /// Checks the venue and the scene against the vehicles.

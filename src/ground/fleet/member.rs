@@ -51,9 +51,11 @@ impl FleetMember {
         })
     }
 
-    /// Returns where it is; `None` when it was not heard, or does not know.
+    /// Returns where it is; `None` when it was not heard, or does not know well enough.
     pub(crate) fn place(&self) -> Option<Point> {
-        self.state()?.pose.map(|pose| pose.at.into())
+        let knows = |state: &&State| state.stands_under != Some(StandReason::NoPlace);
+        let pose = self.state().filter(knows)?.pose;
+        pose.map(|pose| pose.at.into())
     }
 
     /// Returns its newest progress.

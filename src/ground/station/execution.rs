@@ -11,6 +11,7 @@ mod next_step;
 mod phase;
 mod published_plans;
 mod sweep;
+mod visited_ground;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Lease, OrderKind, Plan, RunEnd, RunId, VehicleId};
@@ -20,6 +21,7 @@ use self::next_step::{NextStep, must_rest};
 pub(super) use self::phase::ExecutionPhase;
 pub(super) use self::published_plans::PublishedPlans;
 pub(super) use self::sweep::SweepRun;
+use self::visited_ground::VisitedGround;
 use super::StationEvent;
 use super::lost_vehicles::{SilenceLimits, is_too_few};
 use super::run_registry::RequestedSweep;
@@ -74,6 +76,7 @@ pub(super) enum SweepOutput {
 pub(super) struct SweepExecution {
     phase: ExecutionPhase,
     plans: PublishedPlans,
+    visited: VisitedGround,
 }
 
 impl SweepExecution {
@@ -85,6 +88,7 @@ impl SweepExecution {
         SweepExecution {
             phase,
             plans: PublishedPlans::restored(succession),
+            visited: VisitedGround::default(),
         }
     }
 
@@ -102,6 +106,7 @@ impl SweepExecution {
     pub(super) fn hear(&mut self, now: Time, shown: FleetChange) {
         if shown.made_progress {
             self.phase.note_progress(now);
+            self.visited.clear();
         }
         if shown.restarted || shown.found {
             self.phase.disturb();
@@ -222,6 +227,7 @@ impl SweepExecution {
 
     /// Does what is due: repeats plans or has new ones made, counts laps, and closes the run.
     pub(super) fn advance(&mut self, at: &Conditions<'_>, out: &mut Vec<SweepOutput>) {
+        self.watch_places(at);
         match NextStep::of(&self.phase, &self.plans, at) {
             NextStep::Wait => {}
             NextStep::Repeat => self.publish(at, out),
@@ -231,6 +237,23 @@ impl SweepExecution {
         }
         out.extend(count_laps(&mut self.phase, &self.plans, at));
         out.extend(close(&mut self.phase, at));
+    }
+
+    /// A vehicle that comes to where it was not since the last stop was done gets on.
+    fn watch_places(&mut self, at: &Conditions<'_>) {
+        let is_new = |(id, member): (VehicleId, &FleetMember)| {
+            member
+                .place()
+                .is_some_and(|place| self.visited.visit(id, place))
+        };
+        if at
+            .fleet
+            .members()
+            .map(is_new)
+            .fold(false, |any, one| any | one)
+        {
+            self.phase.note_progress(at.now);
+        }
     }
 
     /// Brings everyone to rest by an empty revision, before plans are made from where they rest.

@@ -1,7 +1,7 @@
 //! What a mission does when it hears nobody, has lost the bus, or runs out of battery.
 
 use crate::node::radio::BeaconReport;
-use tomoswarm_proto::{Boot, Lease, Revision, VehicleId, VehicleMode};
+use tomoswarm_proto::{Boot, Lease, Plan, Revision, SeenState, VehicleId, VehicleMode};
 use tomoswarm_proto::{Sender, StandReason};
 
 use super::super::tests_support::{own_state, settings, state};
@@ -325,4 +325,50 @@ fn plans_of_a_lower_right_and_old_ones_are_not_taken() {
         edition(&fed(&mut mission, 21.1, with(5, 210, 7))),
         "a higher right was obeyed"
     );
+}
+
+#[test]
+fn what_sends_a_vehicle_home_by_itself_ends_a_mission_of_its_own() {
+    let task = Some(tomoswarm_proto::TaskKind::Explore);
+    let started = || {
+        let mut mission = Mission::new(VehicleSettings {
+            task: task.clone(),
+            ..settings(1)
+        });
+        fed(&mut mission, 1.0, GROUND);
+        fed(&mut mission, 1.0, In::State(own_state(0.0, 0.0)));
+        fed(&mut mission, 1.1, order(OrderKind::Start));
+        mission
+    };
+    let end = |mission: &Mission| mission.runner.as_ref().and_then(StepRunner::end).cloned();
+    for (battery, expected) in [
+        (0.3, None),
+        (0.1, Some(EndReason::BatteryLow)),
+        (0.01, Some(EndReason::BatteryLow)),
+    ] {
+        let mut mission = started();
+        let low = crate::node::OwnState {
+            battery,
+            ..own_state(0.0, 0.0)
+        };
+        let out = fed(&mut mission, 2.0, In::State(low));
+        assert_eq!(end(&mission), expected, "{battery}");
+        assert_eq!(
+            has(&out, MissionEvent::Ended(EndReason::BatteryLow)),
+            expected.is_some()
+        );
+    }
+    let mut mission = started();
+    let mut own = own_state(0.0, 0.0);
+    for step in 0..1000 {
+        fed(&mut mission, 2.0 + 0.1 * f64::from(step), sighting(2, 4.0));
+        own.sequence += 1;
+        fed(
+            &mut mission,
+            2.0 + 0.1 * f64::from(step),
+            In::State(own.clone()),
+        );
+    }
+    assert_eq!(mission.goal.cause(), Some(AutonomyCause::BusLost));
+    assert_eq!(end(&mission), Some(EndReason::BusLost));
 }

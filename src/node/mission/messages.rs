@@ -135,6 +135,10 @@ pub enum MissionEvent {
     Silent(VehicleId),
     /// It is heard again.
     HeardAgain(VehicleId),
+    /// It does not know its place well enough: it stands.
+    PlaceLost,
+    /// It knows its place again.
+    PlaceFound,
     /// Nobody is heard at all: it stands.
     Alone,
     /// Somebody is heard again.
@@ -193,6 +197,8 @@ impl fmt::Display for MissionEvent {
                 write!(f, "does not hear vehicle {peer}: an obstacle from now on")
             }
             MissionEvent::HeardAgain(peer) => write!(f, "hears vehicle {peer} again"),
+            MissionEvent::PlaceLost => f.write_str("does not know its place, and stands"),
+            MissionEvent::PlaceFound => f.write_str("knows its place again"),
             MissionEvent::Alone => f.write_str("hears nobody, and stands"),
             MissionEvent::NotAlone => f.write_str("hears somebody again"),
             MissionEvent::BusLost => f.write_str("has lost the bus"),
@@ -226,8 +232,27 @@ pub enum EndReason {
     NoRoom,
     /// It had no places, and its ground is too large to be searched.
     TooLarge,
+    /// It did not know its place well enough, for too long: what it would have said of its places would not have been true.
+    NoPlace,
+    /// Its range sensors did not answer for too long.
+    Blind,
+    /// Nobody was heard on the bus for too long.
+    BusLost,
+    /// Its battery was low.
+    BatteryLow,
+    /// For too long it has neither come to a place of the mission nor seen anything new.
+    Stalled,
     /// It was never begun.
     Refused(MissionRefusal),
+}
+
+impl From<AutonomyCause> for EndReason {
+    fn from(cause: AutonomyCause) -> EndReason {
+        match cause {
+            AutonomyCause::BusLost => EndReason::BusLost,
+            AutonomyCause::BatteryLow | AutonomyCause::BatteryEmpty => EndReason::BatteryLow,
+        }
+    }
 }
 
 impl fmt::Display for EndReason {
@@ -241,6 +266,13 @@ impl fmt::Display for EndReason {
             EndReason::GaveUp(places) => write!(f, "gave up {places} of its places"),
             EndReason::NoRoom => f.write_str("gave up (its peers never made room)"),
             EndReason::TooLarge => f.write_str("gave up (its ground is too large to be searched)"),
+            EndReason::NoPlace => f.write_str("gave up (it did not know its place for too long)"),
+            EndReason::Blind => {
+                f.write_str("gave up (its range sensors did not answer for too long)")
+            }
+            EndReason::BusLost => f.write_str("gave up (the bus was lost)"),
+            EndReason::BatteryLow => f.write_str("gave up (its battery is low)"),
+            EndReason::Stalled => f.write_str("gave up (for too long nothing new was seen)"),
             EndReason::Refused(why) => write!(f, "was refused: {why}"),
         }
     }

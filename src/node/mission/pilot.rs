@@ -263,7 +263,7 @@ impl Pilot {
     fn release(&self, situation: &Situation<'_>) -> Release {
         let released = situation.terrain.released(situation.pose);
         let driven_before = RequiredClearance::driven_before(
-            self.settings.body.radius_m,
+            self.settings.reach_m(),
             2.0 * situation.pose.sd_m,
             self.settings.lattice.cell_m(),
         );

@@ -16,8 +16,10 @@ impl Mission {
             (None, Some(_)) => 0,
             (None, None) => stops - done,
         };
+        // Who came home rests there, whatever becomes of its place; who does not know its place comes nowhere.
+        let is_placed = self.place.is_known() || matches!(self.goal, Goal::Home(_));
         let is_home = |state: &super::OwnState| {
-            state.is_at_rest && is_at_home(state.pose, self.settings.home)
+            state.is_at_rest && is_placed && is_at_home(state.pose, self.settings.home)
         };
         tomoswarm_proto::MissionProgress {
             vehicle: self.settings.vehicle,
@@ -119,7 +121,13 @@ fn end_on_wire(end: &EndReason) -> MissionEnd {
         EndReason::Stopped(_) => MissionEnd::Stopped,
         EndReason::NoWay(count) => MissionEnd::NoWay(places(*count)),
         EndReason::GaveUp(count) => MissionEnd::GaveUp(places(*count)),
-        EndReason::NoRoom | EndReason::TooLarge => MissionEnd::GaveUp(1),
+        EndReason::NoRoom
+        | EndReason::TooLarge
+        | EndReason::NoPlace
+        | EndReason::Blind
+        | EndReason::BusLost
+        | EndReason::BatteryLow
+        | EndReason::Stalled => MissionEnd::GaveUp(1),
         EndReason::Refused(why) => MissionEnd::Refused(*why),
     }
 }
@@ -249,6 +257,11 @@ mod tests {
             (EndReason::NoWay(3), MissionEnd::NoWay(3)),
             (EndReason::GaveUp(70_000), MissionEnd::GaveUp(u16::MAX)),
             (EndReason::NoRoom, MissionEnd::GaveUp(1)),
+            (EndReason::NoPlace, MissionEnd::GaveUp(1)),
+            (EndReason::Blind, MissionEnd::GaveUp(1)),
+            (EndReason::BusLost, MissionEnd::GaveUp(1)),
+            (EndReason::BatteryLow, MissionEnd::GaveUp(1)),
+            (EndReason::Stalled, MissionEnd::GaveUp(1)),
             (
                 EndReason::Refused(MissionRefusal::NoPlace),
                 MissionEnd::Refused(MissionRefusal::NoPlace),

@@ -12,10 +12,14 @@
 //!   [Choosing] ─ the mission has ended, and no way leads home; [Driving] ─ home ─► [Over]
 //! ```
 //!
+//! Nothing is done for ever: see `progress_watch`. Nothing is said to be done, seen or unreachable by a vehicle that knows its
+//! place worse than it did: see [`super::place_watch`].
+//!
 //! Deliberately absent: where to go and what to look at, see [`super::kind`].
 
 mod barred_places;
 mod own_mission;
+mod progress_watch;
 mod routes;
 mod tries;
 mod yield_to_peers;
@@ -27,6 +31,7 @@ use tomoswarm_proto::{MissionPhase, VehicleMode};
 
 use self::barred_places::BarredPlaces;
 use self::own_mission::OwnMission;
+use self::progress_watch::ProgressWatch;
 use self::routes::RouteFinder;
 use self::tries::Tries;
 use self::yield_to_peers::{Yield, YieldToPeers, way_aside};
@@ -38,6 +43,7 @@ use super::kind::{
 use super::look_around::{LookAround, Next, dwell};
 use super::obstruction::Obstruction;
 use super::pilot::{Pilot, WayEvent};
+use super::place_watch::PlaceWatch;
 use super::terrain::{Resolution, Terrain};
 use super::{EndReason, MissionEvent, Out};
 use crate::geom::{Cell, Point, Pose};
@@ -101,6 +107,9 @@ pub(super) struct StepRunner {
     doubts: Doubts,
     tries: Tries,
     yields: YieldToPeers,
+    progress: ProgressWatch,
+    /// The place of the mission that it goes for by paths.
+    sought: Option<Point>,
 }
 
 /// What a runner is told and may use.
@@ -115,6 +124,8 @@ pub(super) struct RunnerContext<'a> {
     pub pilot: &'a mut Pilot,
     /// The others.
     pub peers: &'a Peers,
+    /// How well the own place is known.
+    pub place: &'a mut PlaceWatch,
     /// What is said.
     pub out: &'a mut Vec<Out>,
 }
@@ -154,11 +165,14 @@ impl StepRunner {
             doubts: Doubts::default(),
             tries: Tries::default(),
             yields: YieldToPeers::default(),
+            progress: ProgressWatch::new(settings),
+            sought: None,
         })
     }
 
     /// Notes that a tile of the map has changed.
     pub(super) fn learn(&mut self, tile: &MapTile) {
+        self.progress.learn(&tile.report);
         if let Some(mission) = self.mission.under_way() {
             mission.tile_changed(tile.report.address);
         }
@@ -212,6 +226,15 @@ impl StepRunner {
         self.mission.end()
     }
 
+    /// Ends the mission that is under way for a reason that does not lie in it; the vehicle goes home when it may go on.
+    pub(super) fn end_for(&mut self, end: EndReason) {
+        self.yields.end();
+        self.tries.clear();
+        self.sought = None;
+        self.mission = OwnMission::Ended(end);
+        self.choose_at(Time::ZERO);
+    }
+
     /// Begins to think anew, after the vehicle was stopped or held.
     pub(super) fn interrupt(&mut self, now: Time) {
         if !matches!(self.phase, Phase::Over) {
@@ -221,6 +244,13 @@ impl StepRunner {
 
     /// Goes on; `met` is what the pilot met.
     pub(super) fn go_on(&mut self, scene: &mut RunnerContext<'_>, met: &[WayEvent]) {
+        self.progress.go_on(scene.now);
+        if self.progress.is_stalled() && !matches!(self.phase, Phase::Over) {
+            return self.stalled(scene);
+        }
+        if !scene.state.sees && self.waits_to_see(scene) {
+            return;
+        }
         if let Some(WayEvent::Blocked(by)) =
             met.iter().find(|met| matches!(met, WayEvent::Blocked(_)))
         {
@@ -270,7 +300,56 @@ impl StepRunner {
             MissionStep::LookClosely(cell) => self.look_closely(scene, cell),
             MissionStep::TryAgain => self.try_again(scene),
             MissionStep::YieldToPeers => self.yield_to_peers(scene),
-            MissionStep::End(end) => self.finish(scene, end),
+            MissionStep::End(end) if self.may_claim(scene) => self.finish(scene, end),
+            MissionStep::End(_) => {}
+        }
+    }
+
+    /// Without range sensors it goes where it is going, over what is known; then the mission waits until they answer, or ends
+    /// for that. Returns whether nothing else is done.
+    fn waits_to_see(&mut self, scene: &mut RunnerContext<'_>) -> bool {
+        // What was not passed meanwhile was not looked at.
+        self.barred.clear();
+        match self.phase {
+            Phase::Choosing { from } if self.end().is_none() => {
+                from > scene.now || !self.may_claim(scene)
+            }
+            Phase::Looking { .. } => !self.may_claim(scene),
+            Phase::Choosing { .. } | Phase::Driving { .. } | Phase::Over => false,
+        }
+    }
+
+    /// Returns whether place and sensors are so good that what is said of the mission is true; otherwise that is waited
+    /// for, or the mission ends for it.
+    fn may_claim(&mut self, scene: &mut RunnerContext<'_>) -> bool {
+        if scene.place.may_claim() {
+            return true;
+        }
+        if scene.place.wait(scene.now) {
+            let end = scene.place.reason();
+            self.finish(scene, end);
+        } else {
+            self.choose_at(scene.now + WAIT);
+        }
+        false
+    }
+
+    /// For very long nothing new was seen and no place was come to: a place that it goes for is given up, or the mission; one
+    /// that has ended is over where it is.
+    fn stalled(&mut self, scene: &mut RunnerContext<'_>) {
+        self.progress.get_on(scene.now);
+        let place = scene.pose().at;
+        scene.pilot.give_up(place);
+        match (self.mission.under_way(), self.sought) {
+            (None, _) => self.phase = Phase::Over,
+            (Some(_), Some(sought)) => self.pass_over(scene, sought, PassedOver::GivenUp),
+            (Some(mission), None) => {
+                let end = match mission.give_up() {
+                    EndReason::NoRoom => EndReason::Stalled,
+                    other => other,
+                };
+                self.finish(scene, end);
+            }
         }
     }
 
@@ -306,6 +385,8 @@ impl StepRunner {
             Destination::Straight(place) | Destination::ByPath(place) => {
                 self.barred.clear();
                 self.doubts.clear();
+                self.sought = None;
+                self.progress.get_on(scene.now);
                 scene.emit(MissionEvent::Visited(place));
                 self.tell(scene, MissionInput::Arrived);
             }
@@ -414,6 +495,7 @@ impl StepRunner {
 
     /// Goes to a place of the mission, or passes it over.
     fn go_to(&mut self, scene: &mut RunnerContext<'_>, place: Point) {
+        self.sought = Some(place);
         if self.tries.are_spent() {
             return self.pass_over(scene, place, PassedOver::GivenUp);
         }
@@ -429,6 +511,7 @@ impl StepRunner {
                 self.tries.hemmed_in(scene.pose().at);
                 self.choose_at(scene.now + WAIT);
             }
+            Err(_) if !self.may_claim(scene) => {}
             Err(_) => self.doubt(scene, place, &claims),
         }
     }
@@ -466,6 +549,8 @@ impl StepRunner {
         self.barred.clear();
         self.doubts.clear();
         self.tries.clear();
+        self.sought = None;
+        self.progress.get_on(scene.now);
         scene.emit(MissionEvent::Passed(place));
         self.think(scene.now);
     }
@@ -512,6 +597,8 @@ impl StepRunner {
         scene.pilot.give_up(place);
         self.yields.end();
         self.tries.clear();
+        self.sought = None;
+        self.progress.get_on(scene.now);
         self.mission = OwnMission::Ended(end.clone());
         scene.emit(MissionEvent::Ended(end));
         self.think(scene.now);

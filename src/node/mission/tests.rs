@@ -5,8 +5,8 @@ use std::time::Duration;
 use tomoswarm_proto::TileReport;
 
 use tomoswarm_proto::{
-    Boot, Lease, MissionEnd, MissionKind, MissionPhase, MissionRefusal, Position, Revision, State,
-    Stop, StopId, TaskKind, TileAddress, VehicleId, VehicleMode,
+    Boot, Lease, MissionEnd, MissionKind, MissionPhase, MissionRefusal, Plan, Position, Revision,
+    SeenState, State, Stop, StopId, TaskKind, TileAddress, VehicleId, VehicleMode,
 };
 
 use super::super::tests_support::{own_state, settings, state};

@@ -8,6 +8,7 @@ use tomoswarm_proto::VehicleId;
 use super::messages::{CommandRefusal, MoveCommand, SafetyEvent};
 use super::{Out, Vehicle};
 use crate::geom::{Point, Pose, Track};
+use crate::node::VehicleSettings;
 use crate::node::peers::Peer;
 use crate::time::Time;
 
@@ -65,11 +66,7 @@ impl Vehicle {
         if route.start().distance_to(pose.at) > ROUTE_START_M {
             return Err(CommandRefusal::NotHere);
         }
-        let radius_m = self.settings.body.radius_m;
-        if !route
-            .segments()
-            .all(|piece| self.settings.fence.contains_corridor(piece, radius_m))
-        {
+        if !self.stays_inside(route) {
             return Err(CommandRefusal::Fence);
         }
         if self.reflex.is_in_the_way(now, route, pose.at) {
@@ -81,6 +78,23 @@ impl Vehicle {
             }
         }
         Ok(())
+    }
+
+    /// Returns whether the fence holds the body all along a route, and where wind may carry it from there. A vehicle that wind
+    /// has carried too near to the fence already comes no nearer.
+    fn stays_inside(&self, route: &Track) -> bool {
+        let VehicleSettings {
+            fence,
+            body,
+            carried_m,
+            ..
+        } = &self.settings;
+        let (radius_m, here_m) = (body.radius_m, fence.distance_to_edge(route.start()));
+        let way_m = (radius_m + carried_m).min(here_m).max(radius_m);
+        let corner_m = (radius_m + carried_m).min(here_m + carried_m);
+        route.segments().all(|piece| {
+            fence.contains_corridor(piece, way_m) && fence.contains_disc(piece.to, corner_m)
+        })
     }
 
     /// Returns whether a route keeps its distance from a peer, or at least leads away from it.

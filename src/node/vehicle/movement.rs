@@ -105,8 +105,9 @@ impl MovementOrder {
         *self = MovementOrder::Idle;
     }
 
-    /// Takes what telemetry shows: drops what was driven, and ends what has come to rest.
-    pub(super) fn take(&mut self, now: Time, telemetry: &Telemetry) {
+    /// Takes what telemetry shows: drops what was driven, and ends what has come to rest. Returns the end of a leg that was
+    /// driven to its end.
+    pub(super) fn take(&mut self, now: Time, telemetry: &Telemetry) -> Option<Point> {
         let has_ended =
             |since: Time| telemetry.motion == Motion::Resting && now.since(since) > REST_GRACE;
         match self {
@@ -114,7 +115,9 @@ impl MovementOrder {
             MovementOrder::Driving(leg) => {
                 leg.pass(telemetry.pose.at);
                 if has_ended(leg.since) {
+                    let end = leg.corners.back().copied();
                     *self = MovementOrder::Idle;
+                    return end;
                 }
             }
             MovementOrder::Turning { since, leg } => {
@@ -130,6 +133,7 @@ impl MovementOrder {
                 stop.braking_end.take_if(|_| has_ended(stop.sent));
             }
         }
+        None
     }
 
     /// Returns whether the last word was to stop.
@@ -316,7 +320,9 @@ mod tests {
             assert_eq!(after(&|it| it.halt(at(2.0), None)), "Halted", "from {from}");
             let rests = telemetry(0.0, Motion::Resting);
             assert_eq!(
-                after(&|it| it.take(at(1.3), &rests)),
+                after(&|it| {
+                    let _ = it.take(at(1.3), &rests);
+                }),
                 variant_of(&before),
                 "it may not have begun"
             );
@@ -325,10 +331,18 @@ mod tests {
             } else {
                 "Idle".to_owned()
             };
-            assert_eq!(after(&|it| it.take(at(1.4), &rests)), rested, "from {from}");
+            assert_eq!(
+                after(&|it| {
+                    let _ = it.take(at(1.4), &rests);
+                }),
+                rested,
+                "from {from}"
+            );
             for motion in [Motion::Driving, Motion::Turning] {
                 assert_eq!(
-                    after(&|it| it.take(at(9.0), &telemetry(0.0, motion))),
+                    after(&|it| {
+                        let _ = it.take(at(9.0), &telemetry(0.0, motion));
+                    }),
                     variant_of(&before),
                     "from {from}"
                 );

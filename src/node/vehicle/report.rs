@@ -20,6 +20,9 @@ use crate::time::Time;
 /// States are published this often while the mode stays the same.
 const PUBLISH_EVERY: Duration = Duration::from_millis(200);
 
+/// A vehicle does not see when no range sensor has answered for this long and one round of its beams.
+const BLIND_AFTER: Duration = Duration::from_secs(2);
+
 /// What was said of the vehicle, and what its mission told to say.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Reports {
@@ -30,6 +33,8 @@ pub(super) struct Reports {
     accepted: (RunId, Revision),
     /// Why the mission stands still on its own, if it does.
     mission_holds: Option<StandReason>,
+    /// When the last reading came, or the first state was made.
+    scanned_at: Option<Time>,
 }
 
 impl Reports {
@@ -68,8 +73,14 @@ impl Reports {
         self.sequence
     }
 
+    /// Notes that a range sensor has answered.
+    pub(super) fn note_scan(&mut self, now: Time) {
+        self.scanned_at = Some(now);
+    }
+
     fn begin(&mut self, now: Time) {
         self.sequence += 1;
+        self.scanned_at.get_or_insert(now);
         self.made.note(now, self.sequence);
     }
 
@@ -88,7 +99,7 @@ impl Vehicle {
     /// Says what the vehicle does and where, as telemetry shows it.
     pub(super) fn report(&mut self, now: Time, telemetry: &Telemetry, out: &mut Vec<Out>) {
         self.reports.begin(now);
-        let state = self.state(telemetry);
+        let state = self.state(now, telemetry);
         if self.reports.publishes(now, state.mode) {
             out.push(Out::Publish(self.on_wire(&state)));
         }
@@ -101,12 +112,15 @@ impl Vehicle {
             return;
         };
         self.reports.begin(now);
-        let state = self.state(&telemetry);
+        let state = self.state(now, &telemetry);
         out.push(Out::Publish(self.on_wire(&state)));
     }
 
-    fn state(&self, telemetry: &Telemetry) -> OwnState {
+    fn state(&self, now: Time, telemetry: &Telemetry) -> OwnState {
+        let scanned_at = self.reports.scanned_at.unwrap_or(now);
+        let blind_after = self.settings.look.cycle() + BLIND_AFTER;
         OwnState {
+            sees: !self.settings.look.is_blind && now.since(scanned_at) <= blind_after,
             sequence: self.reports.sequence,
             pose: telemetry.pose,
             speed_mps: telemetry.speed_mps,

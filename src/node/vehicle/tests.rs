@@ -906,3 +906,57 @@ fn an_order_that_answers_a_state_of_another_start_moves_nobody() {
         );
     }
 }
+
+/// A copter that wind may carry 0.2 m aside, at a place on x; the fence begins at 25 m.
+fn copter(x_m: f64) -> Vehicle {
+    let mut vehicle = Vehicle::new(VehicleSettings {
+        carried_m: 0.2,
+        ..settings(1)
+    });
+    vehicle.readiness = Readiness::Ready;
+    fed(&mut vehicle, 1.0, telemetry(x_m, 0.0, 0.05));
+    vehicle
+}
+
+/// Returns where the autopilot is told to go, or why not.
+fn sent(
+    vehicle: &mut Vehicle,
+    time_s: f64,
+    corners: &[(f64, f64)],
+) -> Result<Vec<Point>, CommandRefusal> {
+    let out = fed(vehicle, time_s, drive(corners));
+    out.into_iter()
+        .find_map(|output| match output {
+            Out::AutopilotCommand(AutopilotCommand::Drive { corners, .. }) => Some(Ok(corners)),
+            Out::SafetyEvent(SafetyEvent::Refused(why)) => Some(Err(why)),
+            _ => None,
+        })
+        .expect("it drives or refuses")
+}
+
+#[test]
+fn a_copter_keeps_what_wind_can_do_from_the_fence_and_comes_no_nearer_when_it_was_carried() {
+    let refused = Err(CommandRefusal::Fence);
+    let to = |from_m: f64, to: (f64, f64)| sent(&mut copter(from_m), 1.1, &[(from_m, 0.0), to]);
+    assert!(to(20.0, (24.5, 0.0)).is_ok(), "0.25 and 0.2 m are left");
+    assert_eq!(to(20.0, (24.6, 0.0)), refused);
+    assert_eq!(
+        to(24.7, (24.7, 3.0)),
+        refused,
+        "along the fence it would be carried nearer"
+    );
+    assert!(to(24.7, (24.5, 3.0)).is_ok(), "away from it");
+}
+
+#[test]
+fn a_copter_that_rests_beside_where_it_was_sent_is_sent_there_the_next_time() {
+    let mut copter = copter(0.0);
+    assert_eq!(
+        sent(&mut copter, 1.1, &[(0.0, 0.0), (2.0, 0.0)]),
+        Ok(vec![Point::new(2.0, 0.0)])
+    );
+    fed(&mut copter, 1.2, telemetry(1.0, 0.5, 0.05));
+    fed(&mut copter, 5.0, telemetry(2.15, 0.0, 0.05));
+    let corners = sent(&mut copter, 5.1, &[(2.15, 0.0), (4.0, 0.0)]).unwrap();
+    assert!((corners[0].x_m - 3.85).abs() < 1e-9, "{corners:?}");
+}

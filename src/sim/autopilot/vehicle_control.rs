@@ -24,11 +24,9 @@ use super::stages::{Stage, StagePlanner};
 use super::status_texts::StatusTexts;
 use super::stored_mission::StoredMission;
 use crate::autopilot::{FlightMode, Item, VehicleKind};
+use crate::config::CARRIED_S;
 use crate::geom::Point;
 use crate::time::Time;
-
-/// How far a steady wind carries a copter from its line, metres for each m/s.
-const CARRIED_S: f64 = 0.05;
 
 /// A vehicle under control.
 #[derive(Clone, Debug)]

@@ -10,8 +10,11 @@ use crate::time::Time;
 const ADOPTED_WITHIN: Duration = Duration::from_secs(30);
 /// Plans that did not come after this long are asked for again.
 const ANSWERED_WITHIN: Duration = Duration::from_secs(30);
-/// When no vehicle has done a stop for this long, everyone is planned for anew.
-const STALLED_AFTER: Duration = Duration::from_secs(420);
+/// When nobody can be planned for for this long, everyone is stopped anew; a second time in a lap the sweep is given up.
+const NOT_STOPPED_AFTER: Duration = Duration::from_secs(420);
+/// When no vehicle has done a stop, or come to where it was not, for this long beyond the longest dwell, everyone is planned
+/// for anew; a second time in a lap the sweep is given up. People read of it in docs/modules.md.
+const STALLED_AFTER: Duration = Duration::from_secs(120);
 
 /// What is to be done next about the plans.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -50,7 +53,7 @@ impl NextStep {
             }
             ExecutionPhase::Stopping { .. } if may_plan(plans, at) => NextStep::Ask,
             ExecutionPhase::Stopping { since, .. }
-                if is_over(since, STALLED_AFTER) && !is_too_few(at.fleet) =>
+                if is_over(since, NOT_STOPPED_AFTER) && !is_too_few(at.fleet) =>
             {
                 NextStep::Retry
             }
@@ -64,7 +67,9 @@ impl NextStep {
             {
                 NextStep::Replan
             }
-            ExecutionPhase::Running { progress_at, .. } if is_over(progress_at, STALLED_AFTER) => {
+            ExecutionPhase::Running { progress_at, .. }
+                if is_over(progress_at, STALLED_AFTER + plans.longest_dwell()) =>
+            {
                 NextStep::Retry
             }
             ExecutionPhase::Stopping { .. } | ExecutionPhase::Running { .. } => {

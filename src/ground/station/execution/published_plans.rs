@@ -124,6 +124,15 @@ impl PublishedPlans {
         self.succession.as_ref().map(Succession::next_revision)
     }
 
+    /// Returns the longest time that a vehicle stays at a stop by its plan.
+    pub(crate) fn longest_dwell(&self) -> Duration {
+        let stops = self.plans().iter().flat_map(|plan| &plan.stops);
+        let longest_ms = stops
+            .map(|stop| stop.dwell_ms.max(stop.dwell_limit_ms))
+            .max();
+        Duration::from_millis(longest_ms.unwrap_or_default().into())
+    }
+
     /// Returns whether every vehicle has done its last stop of a lap, under the present plans.
     pub(crate) fn is_lap_done(&self, fleet: &Fleet, last_stops: &[(VehicleId, StopId)]) -> bool {
         let is_done = |(vehicle, stop): &(VehicleId, StopId)| {

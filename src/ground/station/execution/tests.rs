@@ -309,13 +309,13 @@ fn without_progress_plans_are_made_anew_once_for_every_lap_and_then_it_is_given_
     let stalled = ["Replans(RunId(2))", "stop 3", "start 2"];
     let mut ground = Ground::running();
     ground.progress_of(100.0, ONE, 2, Some(1));
-    ground.advance(519.0);
-    assert_eq!(ground.advance(520.0), [""; 0]);
-    assert_eq!(ground.advance(520.1), stalled);
-    ground.resume(530.0, 3);
-    ground.advance(951.0);
+    ground.advance(219.0);
+    assert_eq!(ground.advance(220.0), [""; 0]);
+    assert_eq!(ground.advance(220.1), stalled);
+    ground.resume(230.0, 3);
+    ground.advance(351.0);
     assert_eq!(
-        ground.advance(951.1),
+        ground.advance(351.1),
         [
             "Stalled(RunId(2))",
             "hold 2",
@@ -341,8 +341,8 @@ fn vehicles_that_never_come_to_rest_are_stopped_anew_once() {
 #[test]
 fn that_an_earlier_sweep_made_no_progress_is_not_held_against_the_next_one() {
     let mut ground = Ground::running();
-    ground.advance(422.0);
-    assert_eq!(ground.advance(422.1)[0], "Replans(RunId(2))");
+    ground.advance(122.0);
+    assert_eq!(ground.advance(122.1)[0], "Replans(RunId(2))");
     ground.execution.leave_to_vehicles(RUN);
     ground.begin(500.0);
     ground.advance(920.0);

@@ -8,20 +8,20 @@ use crate::node::mission::EndReason;
 /// A mission that looks around once.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Browse {
-    is_begun: bool,
+    has_looked: bool,
 }
 
 impl Behaviour for Browse {
     fn next(&mut self, seen: MissionInput, _around: &MissionContext<'_>) -> MissionStep {
         match seen {
-            MissionInput::Ready if !std::mem::replace(&mut self.is_begun, true) => {
-                MissionStep::LookAround
-            }
+            MissionInput::Ready if !self.has_looked => MissionStep::LookAround,
             MissionInput::Ready => MissionStep::End(EndReason::Done),
             MissionInput::UnderWay => MissionStep::GoOn,
-            MissionInput::Arrived | MissionInput::Blocked(_) | MissionInput::Looked { .. } => {
+            MissionInput::Looked { .. } => {
+                self.has_looked = true;
                 MissionStep::Think
             }
+            MissionInput::Arrived | MissionInput::Blocked(_) => MissionStep::Think,
         }
     }
 
@@ -34,6 +34,15 @@ impl Behaviour for Browse {
 mod tests {
     use super::super::tests_support::{LOOKED, step};
     use super::*;
+
+    #[test]
+    fn a_look_that_was_interrupted_is_begun_again() {
+        let mut browse = Browse::default();
+        for _ in 0..2 {
+            let begun = step(&mut browse, MissionInput::Ready, (0.0, 0.0));
+            assert_eq!(begun, MissionStep::LookAround);
+        }
+    }
 
     #[test]
     fn it_looks_around_once_and_has_ended() {

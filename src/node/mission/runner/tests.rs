@@ -15,6 +15,7 @@ struct Rig {
     terrain: Terrain,
     pilot: Pilot,
     peers: Peers,
+    place: PlaceWatch,
     own: OwnState,
     now_s: f64,
 }
@@ -36,6 +37,7 @@ impl Rig {
             terrain,
             pilot: Pilot::new(settings.clone()),
             peers: Peers::new(settings.vehicle),
+            place: PlaceWatch::new(settings.swarm.pose_sd_max_m),
             own: own_state(3.0, 0.0),
             now_s: 1.0,
         }
@@ -51,6 +53,7 @@ impl Rig {
             terrain: &self.terrain,
             pilot: &mut self.pilot,
             peers: &self.peers,
+            place: &mut self.place,
             out: &mut out,
         };
         self.runner.go_on(&mut scene, met);
@@ -268,4 +271,45 @@ fn the_drawing_shows_the_phases_and_no_others() {
     let words: BTreeSet<String> = phases.iter().map(|phase| word(phase).to_owned()).collect();
     let shown = drawn(include_str!("../runner.rs"));
     assert_eq!((&shown, &shown), (&words, &variants::<Phase>()));
+}
+
+#[test]
+fn a_place_that_is_gone_for_in_vain_is_given_up_however_much_the_vehicle_moves() {
+    let place = Point::new(-3.0, 0.0);
+    let mut rig = Rig::new(TaskKind::Pathfind {
+        places: vec![place.into()],
+    });
+    let mut events = rig.run(300);
+    for step in 0..200 {
+        rig.own.pose.at.x_m = if step % 2 == 0 { 3.0 } else { 2.0 };
+        let blocked = WayEvent::Blocked(obstacle(2.5, 0.0));
+        rig.go_on(&[blocked]);
+        events.extend(rig.run(40));
+    }
+    assert_eq!(
+        events,
+        [
+            MissionEvent::Passed(place),
+            MissionEvent::Ended(EndReason::GaveUp(1))
+        ]
+    );
+}
+
+#[test]
+fn a_search_that_sees_nothing_new_is_given_up_and_what_cannot_come_home_stays() {
+    let mut rig = Rig::new(TaskKind::Explore);
+    // It turns to nothing, and drives nowhere.
+    let mut ends = Vec::new();
+    for _ in 0..12_000 {
+        for output in rig.go_on(&[]) {
+            if let Out::MissionEvent(MissionEvent::Ended(end)) = output {
+                ends.push((rig.now_s, end));
+            }
+        }
+    }
+    let [(at_s, EndReason::Stalled)] = ends[..] else {
+        panic!("{ends:?}");
+    };
+    assert!((530.0..560.0).contains(&at_s), "{at_s} s");
+    assert!(matches!(rig.runner.phase, Phase::Over), "not home either");
 }

@@ -36,10 +36,10 @@ pub(crate) enum Resolution {
 
 /// Returns what a way keeps that is planned for a vehicle at a pose.
 pub(super) fn planned(settings: &VehicleSettings, pose: Pose) -> RequiredClearance {
-    let body = &settings.body;
+    let reach_m = settings.reach_m();
     RequiredClearance::planned(
-        body.radius_m,
-        body.radius_m + settings.safety.padding_m,
+        reach_m,
+        reach_m + settings.safety.padding_m,
         2.0 * pose.sd_m,
         settings.lattice.cell_m(),
     )
@@ -294,14 +294,14 @@ impl PathSearch<'_> {
     /// Returns how far to keep from the fence, metres. A vehicle, or its goal, may be nearer to it than wished: then that
     /// much must do.
     fn fence_m(&self, keep_m: f64, goal: Option<Point>) -> f64 {
-        let (fence, radius_m) = (&self.settings.fence, self.settings.body.radius_m);
+        let (fence, reach_m) = (&self.settings.fence, self.settings.reach_m());
         let edge_m = |at: Point| fence.distance_to_edge(at) - self.settings.lattice.cell_m();
         // A goal may lie near the fence; but nobody comes nearer to it step by step.
-        let least_m = radius_m + 3.0 * self.pose.sd_m + FENCE_M;
+        let least_m = reach_m + 3.0 * self.pose.sd_m + FENCE_M;
         keep_m
             .min(edge_m(self.pose.at).max(least_m))
             .min(goal.map_or(f64::INFINITY, edge_m))
-            .max(radius_m)
+            .max(reach_m)
     }
 
     /// Closes what lies too near to what made the reflex halt; where the vehicle is nearer already, only what is nearer

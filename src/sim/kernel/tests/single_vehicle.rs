@@ -90,6 +90,7 @@ fn settings() -> VehicleSettings {
             power_dbm: 0,
             slot: Duration::from_millis(50),
         },
+        carried_m: 0.0,
         safety: crate::config::Safety {
             padding_m: 0.1,
             ..Default::default()

@@ -1,0 +1,358 @@
+//! Whether the vehicle knows its place, and what follows from that for what it is out for. As long as it does not, it
+//! stands: nothing is searched, driven, visited or given up where it only seems to be. A place that is merely worse than
+//! it was is driven with, but nothing is claimed with it: what is too narrow for a vehicle that may be anywhere need not be
+//! so for one that knows where it is. In the same way nothing is claimed by a vehicle whose range sensors do not answer.
+//!
+//! ```text
+//!   [Good] ◄─ as well known as lately ─► [Worse] ◄─ pose_sd_max_m ─► [Unknown]
+//! ```
+//!
+//! A mission that must wait for its place ends after [`PLACE_WITHIN`] and says so. Deliberately absent: the stop of a vehicle
+//! that drives, which the vehicle actor does by itself.
+
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+
+use super::goal::Goal;
+use super::{EndReason, Mission, MissionEvent, Out};
+use crate::time::Time;
+
+/// A mission that waits for its place is given up after this long. People read of it in docs/modules.md.
+const PLACE_WITHIN: Duration = Duration::from_secs(300);
+/// How well the place was known counts for this long.
+const LATELY: Duration = Duration::from_secs(600);
+/// A place whose deviation is this many times what it was lately is worse known.
+const WORSE: f64 = 1.5;
+/// A deviation that is larger by less than this is none worse, metres.
+const WORSE_M: f64 = 0.02;
+
+/// How well the place is known.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+enum PlaceQuality {
+    Good,
+    Worse,
+    Unknown,
+}
+
+/// How well the vehicle knows its place, and since when something waits for that.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct PlaceWatch {
+    sd_max_m: f64,
+    quality: PlaceQuality,
+    sees: bool,
+    /// The least deviation of late, metres, and when it was said.
+    least: Option<(Time, f64)>,
+    waits_since: Option<Time>,
+}
+
+impl PlaceWatch {
+    /// Makes the watch of a vehicle that has not said where it is; above `sd_max_m` it does not know.
+    pub(super) fn new(sd_max_m: f64) -> PlaceWatch {
+        PlaceWatch {
+            sd_max_m,
+            quality: PlaceQuality::Good,
+            sees: true,
+            least: None,
+            waits_since: None,
+        }
+    }
+
+    /// Records the deviation of the place, metres, and whether the range sensors answer; returns whether the place is known
+    /// when that is news.
+    pub(super) fn take(&mut self, now: Time, sd_m: f64, sees: bool) -> Option<bool> {
+        self.sees = sees;
+        let was_known = self.is_known();
+        let is_least = |(at, least_m)| sd_m <= least_m || now.since(at) > LATELY;
+        let is_known = sd_m <= self.sd_max_m;
+        if is_known && self.least.is_none_or(is_least) {
+            self.least = Some((now, sd_m));
+        }
+        let is_as_good = |(_, least_m): (Time, f64)| sd_m <= WORSE * least_m + WORSE_M;
+        self.quality = match is_known {
+            false => PlaceQuality::Unknown,
+            true if self.least.is_none_or(is_as_good) => PlaceQuality::Good,
+            true => PlaceQuality::Worse,
+        };
+        if self.may_claim() {
+            self.end_wait();
+        }
+        (self.is_known() != was_known).then_some(is_known)
+    }
+
+    /// Returns whether the place is known well enough to go on.
+    pub(super) fn is_known(&self) -> bool {
+        match self.quality {
+            PlaceQuality::Good | PlaceQuality::Worse => true,
+            PlaceQuality::Unknown => false,
+        }
+    }
+
+    /// Returns whether the place is known and the world seen so well that what is said of other places is true.
+    pub(super) fn may_claim(&self) -> bool {
+        match self.quality {
+            PlaceQuality::Good => self.sees,
+            PlaceQuality::Worse | PlaceQuality::Unknown => false,
+        }
+    }
+
+    /// Returns why a mission ends that has waited too long.
+    pub(super) fn reason(&self) -> EndReason {
+        match self.sees || !self.is_known() {
+            true => EndReason::NoPlace,
+            false => EndReason::Blind,
+        }
+    }
+
+    /// Records that something waits for the place; returns whether it has waited too long.
+    pub(super) fn wait(&mut self, now: Time) -> bool {
+        now.since(*self.waits_since.get_or_insert(now)) >= PLACE_WITHIN
+    }
+
+    /// Records that nothing waits for the place any more.
+    pub(super) fn end_wait(&mut self) {
+        self.waits_since = None;
+    }
+}
+
+impl Mission {
+    /// Takes how well the place is known, metres, and whether the world is seen; says so when the vehicle stands for its
+    /// place, or goes on.
+    pub(super) fn watch_place(&mut self, now: Time, sd_m: f64, sees: bool, out: &mut Vec<Out>) {
+        let event = match self.place.take(now, sd_m, sees) {
+            None => return,
+            Some(true) => MissionEvent::PlaceFound,
+            Some(false) => MissionEvent::PlaceLost,
+        };
+        out.push(Out::MissionEvent(event));
+        if !self.place.is_known() && self.goal.is_under_way() {
+            self.stop(now, out);
+        }
+    }
+
+    /// Without a place: a mission of its own waits for it, and ends when that takes too long.
+    pub(super) fn wait_for_place(&mut self, now: Time, out: &mut Vec<Out>) {
+        if self.goal != Goal::Following {
+            return self.place.end_wait();
+        }
+        if self.place.wait(now) {
+            self.end_own_mission(EndReason::NoPlace, out);
+        }
+    }
+
+    /// Ends the mission of its own that is under way, if there is one.
+    pub(super) fn end_own_mission(&mut self, end: EndReason, out: &mut Vec<Out>) {
+        let runner = self.runner.as_mut().filter(|runner| runner.end().is_none());
+        if let Some(runner) = runner {
+            runner.end_for(end.clone());
+            out.push(Out::MissionEvent(MissionEvent::Ended(end)));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tomoswarm_proto::{OrderKind, TaskKind};
+
+    use super::super::tests::{at, driven, fed, order, planned, tiles};
+    use super::*;
+    use crate::actor::Actor;
+    use crate::geom::Point;
+    use crate::node::mission::In;
+    use crate::node::tests_support::{own_state, settings};
+    use crate::node::{OwnState, VehicleSettings};
+
+    /// A vehicle at a place on x that knows it this well.
+    fn state(x_m: f64, sd_m: f64) -> In {
+        let mut own = own_state(x_m, 0.0);
+        own.pose.sd_m = sd_m;
+        In::State(own)
+    }
+
+    fn said(out: &[Out]) -> Vec<MissionEvent> {
+        let event = |output: &Out| match output {
+            Out::MissionEvent(event) => Some(event.clone()),
+            Out::Command(..)
+            | Out::Holds(_)
+            | Out::Accepted(..)
+            | Out::Progress(_)
+            | Out::Remember(_)
+            | Out::Measure(_) => None,
+        };
+        out.iter().filter_map(event).collect()
+    }
+
+    /// A vehicle on known ground at the datum that was started in a mission of its own.
+    fn started(task: TaskKind) -> Mission {
+        let task = Some(task);
+        let mut mission = Mission::new(VehicleSettings {
+            task,
+            ..settings(1)
+        });
+        fed(&mut mission, 1.0, state(0.0, 0.05));
+        tiles(None).into_iter().for_each(|tile| {
+            fed(&mut mission, 1.0, tile);
+        });
+        fed(&mut mission, 1.1, order(OrderKind::Start));
+        mission
+    }
+
+    #[test]
+    fn a_place_is_good_worse_or_unknown_by_what_it_was_lately() {
+        let mut watch = PlaceWatch::new(0.5);
+        let mut shows = |time_s: f64, sd_m: f64| {
+            let news = watch.take(at(time_s), sd_m, true);
+            (news, watch.is_known(), watch.may_claim())
+        };
+        assert_eq!(shows(1.0, 0.1), (None, true, true));
+        assert_eq!(shows(2.0, 0.16), (None, true, true));
+        assert_eq!(shows(3.0, 0.18), (None, true, false), "worse");
+        assert_eq!(shows(4.0, 0.51), (Some(false), false, false));
+        assert_eq!(shows(5.0, f64::NAN), (None, false, false));
+        assert_eq!(shows(6.0, 0.18), (Some(true), true, false));
+        assert_eq!(shows(602.0, 0.18), (None, true, true), "as for long");
+    }
+
+    #[test]
+    fn who_does_not_see_claims_nothing_and_says_that_reason() {
+        let mut watch = PlaceWatch::new(0.5);
+        watch.take(at(1.0), 0.1, false);
+        assert_eq!(
+            (watch.may_claim(), watch.reason()),
+            (false, EndReason::Blind)
+        );
+        watch.take(at(1.0), 0.6, false);
+        assert_eq!(watch.reason(), EndReason::NoPlace);
+        watch.take(at(1.0), 0.1, true);
+        assert!(watch.may_claim());
+    }
+
+    #[test]
+    fn a_mission_without_a_sensor_is_given_up_and_one_that_sees_again_goes_on() {
+        for (blind_until_s, expected) in [
+            (400.0, Some(EndReason::Blind)),
+            (200.0, Some(EndReason::Done)),
+        ] {
+            let mut mission = started(TaskKind::Browse);
+            let mut own = own_state(0.0, 0.0);
+            for step in 0..4000 {
+                let now_s = 2.0 + 0.1 * f64::from(step);
+                own.sees = now_s > blind_until_s;
+                let mut out = fed(&mut mission, now_s, In::State(own.clone()));
+                mission.wake(at(now_s + 0.05), &mut out).unwrap();
+                turn(&mut own, &out);
+            }
+            let end = mission
+                .runner
+                .as_ref()
+                .and_then(|runner| runner.end())
+                .cloned();
+            assert_eq!(end, expected);
+        }
+    }
+
+    #[test]
+    fn a_vehicle_without_a_place_stands_and_neither_drives_nor_arrives() {
+        let mut mission = planned(None);
+        fed(&mut mission, 2.0, order(OrderKind::Start));
+        let out = fed(&mut mission, 3.0, state(0.5, 0.6));
+        assert_eq!(said(&out), [MissionEvent::PlaceLost]);
+        assert!(super::super::tests::holds(&out));
+        let out = fed(&mut mission, 4.0, state(2.0, 0.6));
+        assert_eq!(
+            (said(&out), driven(&out)),
+            (vec![], None),
+            "stop 1 is there"
+        );
+        let out = fed(&mut mission, 5.0, state(0.5, 0.05));
+        assert_eq!(said(&out), [MissionEvent::PlaceFound]);
+        assert!(driven(&out).is_some(), "it goes on");
+    }
+
+    #[test]
+    fn who_has_not_known_its_place_follows_no_plan_from_there() {
+        let mut mission = Mission::new(settings(1));
+        fed(&mut mission, 1.0, state(9.0, 3.0));
+        assert!(!mission.plan.is_begun());
+        fed(&mut mission, 2.0, state(0.0, 0.05));
+        assert!(mission.plan.is_begun());
+    }
+
+    #[test]
+    fn a_mission_that_waits_too_long_for_its_place_is_given_up_and_makes_no_step() {
+        let mut mission = started(TaskKind::Explore);
+        let mut ended = None;
+        for step in 1..4000 {
+            let now_s = 2.0 + 0.1 * f64::from(step);
+            let out = fed(&mut mission, now_s, state(0.3, 0.6));
+            assert_eq!(driven(&out), None);
+            if said(&out).contains(&MissionEvent::Ended(EndReason::NoPlace)) {
+                assert_eq!(ended.replace(now_s), None, "once");
+            }
+        }
+        let within_s = PLACE_WITHIN.as_secs_f64();
+        assert!(ended.is_some_and(|at_s| (at_s - 2.1 - within_s).abs() < 0.2));
+    }
+
+    #[test]
+    fn a_short_time_without_a_place_ends_no_mission() {
+        let mut mission = started(TaskKind::Explore);
+        fed(&mut mission, 2.0, state(0.3, 0.6));
+        fed(&mut mission, 290.0, state(0.3, 0.6));
+        fed(&mut mission, 291.0, state(0.3, 0.05));
+        fed(&mut mission, 292.0, state(0.3, 0.6));
+        fed(&mut mission, 590.0, state(0.3, 0.6));
+        assert_eq!(
+            mission.runner.as_ref().and_then(|runner| runner.end()),
+            None
+        );
+    }
+
+    #[test]
+    fn what_a_worse_place_does_not_let_through_is_not_said_to_be_unreachable() {
+        let places = vec![Point::new(30.0, 0.0).into()];
+        for (sd_m, expected) in [(0.05, true), (0.2, false)] {
+            let mut mission = started(TaskKind::Pathfind {
+                places: places.clone(),
+            });
+            let mut own = own_state(0.0, 0.0);
+            let mut events = Vec::new();
+            for step in 0..3000 {
+                own.pose.sd_m = sd_m;
+                let mut out = fed(
+                    &mut mission,
+                    2.0 + 0.1 * f64::from(step),
+                    In::State(own.clone()),
+                );
+                mission
+                    .wake(at(2.05 + 0.1 * f64::from(step)), &mut out)
+                    .unwrap();
+                turn(&mut own, &out);
+                events.extend(said(&out));
+            }
+            let is_said = events
+                .iter()
+                .any(|event| matches!(event, MissionEvent::NoWay(..)));
+            assert_eq!(is_said, expected, "{sd_m} m: {events:?}");
+        }
+    }
+
+    /// Obeys turns at once.
+    fn turn(own: &mut OwnState, out: &[Out]) {
+        use crate::node::vehicle::MoveCommand;
+        for output in out {
+            if let Out::Command(_, MoveCommand::Turn(heading)) = output {
+                own.pose.heading = *heading;
+            }
+        }
+    }
+
+    #[test]
+    fn who_came_home_is_home_even_when_it_loses_its_place_and_nobody_comes_home_without_one() {
+        let mut mission = started(TaskKind::Browse);
+        fed(&mut mission, 2.0, state(0.0, 9.0));
+        assert!(!mission.on_wire().is_at_home, "it may be anywhere");
+        mission.goal = Goal::Home(super::super::goal::GoalSource::Order);
+        assert!(mission.on_wire().is_at_home);
+    }
+}
