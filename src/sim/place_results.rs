@@ -143,7 +143,7 @@ mod tests {
     fn fates(events: &[MissionEvent]) -> [PlaceFate; 3] {
         let mut results = places_of(Some(&patrol(&[A, B, C])), &[VehicleId(4)]);
         for event in events {
-            hear(&mut results, VehicleId(9), &MissionEvent::NoWay(C, 0));
+            hear(&mut results, VehicleId(9), &MissionEvent::NoWay(C, Vec::new()));
             hear(&mut results, VehicleId(4), event);
         }
         [results[0].fate, results[1].fate, results[2].fate]
@@ -173,7 +173,7 @@ mod tests {
         let (visited, passed) = (MissionEvent::Visited, MissionEvent::Passed);
         assert_eq!(fates(&[visited(A)]), [Visited, NotTried, NotTried]);
         // As a runner says it.
-        let no_way = [MissionEvent::NoWay(A, 7), passed(A), passed(B)];
+        let no_way = [MissionEvent::NoWay(A, Vec::new()), passed(A), passed(B)];
         assert_eq!(fates(&no_way), [NoWay, GivenUp, NotTried]);
         let over = [visited(B), MissionEvent::Ended(EndReason::GaveUp(2))];
         assert_eq!(fates(&over), [GivenUp, Visited, GivenUp]);
@@ -185,7 +185,7 @@ mod tests {
     fn what_is_visited_in_a_later_round_was_called_unreachable_all_the_same() {
         let mut results = places_of(Some(&patrol(&[A, B])), &[VehicleId(4)]);
         for event in [
-            MissionEvent::NoWay(A, 7),
+            MissionEvent::NoWay(A, Vec::new()),
             MissionEvent::Passed(A),
             MissionEvent::Visited(A),
             MissionEvent::Passed(A),
