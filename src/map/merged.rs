@@ -222,15 +222,23 @@ impl Merged {
             .cloned();
         self.tiles += usize::from(old.is_none());
         let newly_occupied = self.add_difference(address, old.as_ref(), &tile);
+        let was_confirmed = |place: usize| {
+            old.as_ref()
+                .is_some_and(|old| old.cells[place] >= CONFIRMED_FROM)
+        };
+        let turned =
+            |place: &usize| was_confirmed(*place) != (tile.cells[*place] >= CONFIRMED_FROM);
+        let turned: Vec<usize> = (0..TILE_CELLS).filter(turned).collect();
         self.layers.entry(layer).or_default().put(address, tile);
-        for row in 0..TILE_SIDE {
-            self.confirm(address, row * TILE_SIDE..(row + 1) * TILE_SIDE);
-        }
+        self.confirm(address, &turned);
         newly_occupied
     }
 
     /// Finds anew which cells of a tile, by their places in it, some layer holds for confirmed.
-    fn confirm(&mut self, address: TileAddress, places: std::ops::Range<usize>) {
+    fn confirm(&mut self, address: TileAddress, places: &[usize]) {
+        if places.is_empty() {
+            return;
+        }
         let of_layers = || self.layers.values().filter_map(|layer| layer.tile(address));
         let is_confirmed =
             |place: usize| of_layers().any(|tile| tile.cells[place] >= CONFIRMED_FROM);
@@ -240,7 +248,7 @@ impl Merged {
             .map_or([0; TILE_SIDE], |rows| **rows);
         for place in places {
             let (row, bit) = (place / TILE_SIDE, 1 << (place % TILE_SIDE));
-            rows[row] = match is_confirmed(place) {
+            rows[row] = match is_confirmed(*place) {
                 true => rows[row] | bit,
                 false => rows[row] & !bit,
             };
@@ -297,11 +305,14 @@ impl Merged {
             sums[*index] += i16::from(*new) - i16::from(*old);
             newly_occupied |= before < OCCUPIED_FROM && sums[*index] >= OCCUPIED_FROM;
         }
-        for (index, old, new) in cells {
-            if (*old >= CONFIRMED_FROM) != (*new >= CONFIRMED_FROM) {
-                self.confirm(address, *index..*index + 1);
-            }
-        }
+        let turned =
+            |(_, old, new): &&(usize, i8, i8)| (*old >= CONFIRMED_FROM) != (*new >= CONFIRMED_FROM);
+        let turned: Vec<usize> = cells
+            .iter()
+            .filter(turned)
+            .map(|(index, ..)| *index)
+            .collect();
+        self.confirm(address, &turned);
         newly_occupied
     }
 

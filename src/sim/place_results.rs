@@ -143,7 +143,11 @@ mod tests {
     fn fates(events: &[MissionEvent]) -> [PlaceFate; 3] {
         let mut results = places_of(Some(&patrol(&[A, B, C])), &[VehicleId(4)]);
         for event in events {
-            hear(&mut results, VehicleId(9), &MissionEvent::NoWay(C, Vec::new()));
+            hear(
+                &mut results,
+                VehicleId(9),
+                &MissionEvent::NoWay(C, Vec::new()),
+            );
             hear(&mut results, VehicleId(4), event);
         }
         [results[0].fate, results[1].fate, results[2].fate]
