@@ -43,9 +43,9 @@ const REASSIGNED: usize = 4;
 const ARC_VOTES: usize = 96;
 const MOST_VOTES: usize = 8;
 /// A second part explains an echo too when it has at least this share of the first one's votes, in tenths.
-const SECOND_TENTHS: u32 = 6;
+const SECOND_TENTHS: u32 = 4;
 /// It lies at least so many parts away.
-const SECOND_PARTS: u32 = 8;
+const SECOND_PARTS: u32 = 6;
 /// An echo from this near can be from nowhere else, centimetres.
 const SURE_CM: u16 = 30;
 /// Of arcs with at most so many cells left, the one that is chosen is sure.
