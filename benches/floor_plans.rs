@@ -31,11 +31,11 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use plan::FloorPlan;
-use trial::{Errand, TrialResult, demand_in_turn, table};
+use trial::{TrialMission, TrialResult, demand_in_turn, table};
 
 /// Radius of the thinnest pole, metres.
 const THINNEST_M: f64 = 0.01;
-const ERRANDS: [Errand; 2] = [Errand::Explore, Errand::Pathfind];
+const MISSIONS: [TrialMission; 2] = [TrialMission::Explore, TrialMission::Pathfind];
 /// A case that takes longer is stopped.
 const CASE_LIMIT: Duration = Duration::from_secs(120);
 
@@ -94,18 +94,18 @@ fn plans(words: &[String]) -> ExitCode {
         numbers.first().copied().unwrap_or(12),
         numbers.get(1).copied().unwrap_or(0),
     );
-    let is_wanted = |errand: &Errand| {
+    let is_wanted = |mission: &TrialMission| {
         words
             .iter()
-            .all(|word| word.parse::<u64>().is_ok() || word == errand.word())
+            .all(|word| word.parse::<u64>().is_ok() || word == mission.word())
     };
-    let jobs: Vec<(u64, Errand)> = (first..first + count)
-        .flat_map(|seed| ERRANDS.map(|errand| (seed, errand)))
-        .filter(|(_, errand)| is_wanted(errand))
+    let jobs: Vec<(u64, TrialMission)> = (first..first + count)
+        .flat_map(|seed| MISSIONS.map(|mission| (seed, mission)))
+        .filter(|(_, mission)| is_wanted(mission))
         .collect();
     let began = Instant::now();
-    let results = in_parallel(&jobs, |(seed, errand)| {
-        trial::run(&floor_plan(*seed), *errand)
+    let results = in_parallel(&jobs, |(seed, mission)| {
+        trial::run(&floor_plan(*seed), *mission)
     });
     println!("{}\n{}", table(&results), mishaps(&results));
     println!(
@@ -133,7 +133,7 @@ fn mishaps(results: &[TrialResult]) -> String {
         let wrong: Vec<String> = results
             .iter()
             .filter(|one| is_it(one))
-            .map(|one| format!("{} {}", one.errand.word(), one.seed))
+            .map(|one| format!("{} {}", one.mission.word(), one.seed))
             .collect();
         (!wrong.is_empty()).then(|| format!("{what}: {}\n", wrong.join(", ")))
     };

@@ -98,23 +98,28 @@ impl Sim {
 
     /// Returns what a vehicle surely sees and how it stops, the one rule for its speed.
     pub fn sensing_limits(&self) -> SensingLimits {
+        let still = self.sensing_limits_in_still_air();
+        SensingLimits {
+            margin_m: still.margin_m + self.vehicles.flight.carried_m(),
+            ..still
+        }
+    }
+
+    /// Returns the same without what wind adds to the margin.
+    fn sensing_limits_in_still_air(&self) -> SensingLimits {
         let Sim {
             vehicles,
             range,
             safety,
             ..
         } = self;
-        let sight = sensing_limits(
+        sensing_limits(
             &vehicles.body,
             &range.look,
             safety,
             self.venue.cell_m,
             vehicles.pose_sd_m,
-        );
-        SensingLimits {
-            margin_m: sight.margin_m + vehicles.flight.carried_m(),
-            ..sight
-        }
+        )
     }
 
     /// Returns whether the ground station plans what the vehicles are out for.

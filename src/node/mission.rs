@@ -65,7 +65,7 @@ use crate::time::{Deadline, Time};
 pub use home::{HOME_M, farthest_m as home_farthest_m, is_at_home};
 pub use messages::{AutonomyCause, EndReason, In, Key, MissionEvent, MissionStatus, Out};
 pub use obstruction::{Obstruction, ObstructionKind};
-pub(super) use share::share;
+pub(crate) use share::share;
 
 /// Searches in vain before a stop is given up.
 const FAILURES_MAX: u32 = 3;

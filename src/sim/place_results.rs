@@ -2,10 +2,10 @@
 //! an outcome carries. Whether a place could be got to is not known here; that is the judge's
 //! ([`super::reachable`]).
 
-use tomoswarm_proto::{PlaceSharing, Position, TaskKind, TaskParameter, VehicleId};
+use tomoswarm_proto::{Position, TaskKind, TaskParameter, VehicleId};
 
 use crate::geom::Point;
-use crate::node::mission::{EndReason, MissionEvent};
+use crate::node::mission::{EndReason, MissionEvent, share};
 
 /// Two places nearer than this are one, metres: places travel in whole millimetres.
 const SAME_M: f64 = 1e-3;
@@ -42,39 +42,33 @@ pub(super) fn places_of(task: Option<&TaskKind>, vehicles: &[VehicleId]) -> Vec<
     let Some(task @ (TaskKind::Pathfind { .. } | TaskKind::Patrol { .. })) = task else {
         return Vec::new();
     };
+    let all = listed_places(task.clone());
     let mut results: Vec<PlaceResult> = Vec::new();
-    for parameter in task.clone().parameters() {
-        let TaskParameter::Places(places, sharing) = parameter else {
-            continue;
-        };
-        for (index, vehicle) in vehicles.iter().enumerate() {
-            for place in own_places(places, sharing, (index, vehicles.len())) {
-                if !results.iter().any(|known| known.is_of(*vehicle, place)) {
-                    results.push(PlaceResult {
-                        vehicle: *vehicle,
-                        place,
-                        fate: PlaceFate::NotTried,
-                        was_called_no_way: false,
-                    });
-                }
+    for (index, vehicle) in vehicles.iter().enumerate() {
+        let own = listed_places(share(task, index, vehicles.len()));
+        for place in all.iter().filter(|place| own.contains(place)) {
+            let place = Point::from(*place);
+            if !results.iter().any(|known| known.is_of(*vehicle, place)) {
+                results.push(PlaceResult {
+                    vehicle: *vehicle,
+                    place,
+                    fate: PlaceFate::NotTried,
+                    was_called_no_way: false,
+                });
             }
         }
     }
     results
 }
 
-/// Returns which of some places are a vehicle's, by its number among all, from 0.
-fn own_places(
-    places: &[Position],
-    sharing: PlaceSharing,
-    (index, of): (usize, usize),
-) -> impl Iterator<Item = Point> {
-    let (first, step) = match sharing {
-        PlaceSharing::InTurn => (index, of.max(1)),
-        PlaceSharing::EachBeginsElsewhere => (0, 1),
-    };
-    let own = places.iter().skip(first).step_by(step);
-    own.map(|place| Point::from(*place))
+/// Returns the places that a mission lists, in its order.
+fn listed_places(mut task: TaskKind) -> Vec<Position> {
+    let parameters = task.parameters().into_iter();
+    let places = parameters.filter_map(|parameter| match parameter {
+        TaskParameter::Places(places, _) => Some(std::mem::take(places)),
+        TaskParameter::Number(..) => None,
+    });
+    places.flatten().collect()
 }
 
 /// Takes what a vehicle says of its mission.

@@ -86,7 +86,7 @@ impl Thing {
 
 /// A door: the middle of the gap, which way one goes through, and where to.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Door {
+pub struct Doorway {
     /// Middle of the gap.
     pub at: Point,
     /// Whether it joins rooms beside each other; otherwise one above the other.
@@ -105,7 +105,7 @@ pub struct FloorPlan {
     /// Insides of the rooms, row by row.
     pub rooms: Vec<Rect>,
     /// Doors between them.
-    pub doors: Vec<Door>,
+    pub doors: Vec<Doorway>,
     /// Walls.
     pub walls: Vec<Thing>,
     /// Boxes and poles.
@@ -231,7 +231,7 @@ impl FloorPlan {
                     let ends = (y[2 * row], y[2 * row + 3]);
                     self.walls.push(block(wall, (ends.0, low)));
                     self.walls.push(block(wall, (up, ends.1)));
-                    self.doors.push(Door {
+                    self.doors.push(Doorway {
                         at: Point::new((wall.0 + wall.1) / 2.0, (low + up) / 2.0),
                         is_along_x: true,
                         rooms: [number, number + 1],
@@ -243,7 +243,7 @@ impl FloorPlan {
                     let ends = (x[2 * column], x[2 * column + 3]);
                     self.walls.push(block((ends.0, left), wall));
                     self.walls.push(block((right, ends.1), wall));
-                    self.doors.push(Door {
+                    self.doors.push(Doorway {
                         at: Point::new((left + right) / 2.0, (wall.0 + wall.1) / 2.0),
                         is_along_x: false,
                         rooms: [number, number + columns],
@@ -289,7 +289,7 @@ impl FloorPlan {
 
     fn put(&mut self, thing: Thing, is_wanted: bool) {
         let reach_m = self.demand.door_m();
-        let is_before = |door: &Door| {
+        let is_before = |door: &Doorway| {
             (-10..=10).any(|step| {
                 let along_m = reach_m * f64::from(step) / 10.0;
                 let at = if door.is_along_x {

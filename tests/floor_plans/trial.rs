@@ -22,26 +22,26 @@ const KNOWN_SHARE: f64 = 0.8;
 
 /// What a vehicle does in a plan.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
-pub enum Errand {
+pub enum TrialMission {
     /// It explores.
     Explore,
     /// It visits a place in each room.
     Pathfind,
 }
 
-impl Errand {
+impl TrialMission {
     fn file(self) -> &'static str {
         match self {
-            Errand::Explore => "explore.sim.toml",
-            Errand::Pathfind => "pathfind.sim.toml",
+            TrialMission::Explore => "explore.sim.toml",
+            TrialMission::Pathfind => "pathfind.sim.toml",
         }
     }
 
     /// Returns its word.
     pub fn word(self) -> &'static str {
         match self {
-            Errand::Explore => "explore",
-            Errand::Pathfind => "pathfind",
+            TrialMission::Explore => "explore",
+            TrialMission::Pathfind => "pathfind",
         }
     }
 }
@@ -60,7 +60,7 @@ pub fn demand_in_turn(seed: u64, thinnest_m: f64) -> Demand {
 #[derive(Clone, PartialEq, Debug)]
 pub struct TrialResult {
     pub seed: u64,
-    pub errand: Errand,
+    pub mission: TrialMission,
     pub demand: Demand,
     pub rooms: usize,
     /// Rooms that were entered.
@@ -83,20 +83,20 @@ pub struct TrialResult {
 }
 
 /// Makes the scenario of a plan.
-pub fn scenario(plan: &FloorPlan, errand: Errand) -> Scenario {
+pub fn scenario(plan: &FloorPlan, mission: TrialMission) -> Scenario {
     let files: BTreeMap<&str, String> = plan.files().into_iter().collect();
     let mut loader = |name: &str| files.get(name).cloned().ok_or_else(|| format!("no {name}"));
-    let text = loader(errand.file()).expect("there is one for each errand");
-    let sim = config::read_sim(errand.file(), &text, None, &mut loader)
+    let text = loader(mission.file()).expect("there is one for each mission");
+    let sim = config::read_sim(mission.file(), &text, None, &mut loader)
         .unwrap_or_else(|problems| panic!("plan {}: {problems}", plan.seed));
     Scenario::new(sim, Vec::new(), plan.seed)
         .unwrap_or_else(|error| panic!("plan {}: {error}", plan.seed))
 }
 
 /// Runs a plan and judges it.
-pub fn run(plan: &FloorPlan, errand: Errand) -> TrialResult {
+pub fn run(plan: &FloorPlan, mission: TrialMission) -> TrialResult {
     let began = Instant::now();
-    let scenario = scenario(plan, errand);
+    let scenario = scenario(plan, mission);
     let outcome = scenario
         .run(&mut |_| true)
         .unwrap_or_else(|error| panic!("plan {}: {error}", plan.seed));
@@ -105,7 +105,7 @@ pub fn run(plan: &FloorPlan, errand: Errand) -> TrialResult {
     let no_way = |fate: PlaceFate| fate == PlaceFate::NoWay;
     TrialResult {
         seed: plan.seed,
-        errand,
+        mission,
         demand: plan.demand,
         rooms: plan.rooms.len(),
         entered: rooms_entered(plan, &outcome),
@@ -172,9 +172,9 @@ fn known_share(plan: &FloorPlan, outcome: &RunOutcome, room: &Rect) -> f64 {
     known as f64 / floor.len().max(1) as f64
 }
 
-/// Returns the table of some results: a line for every errand, distance and width of the doors.
+/// Returns the table of some results: a line for every mission, distance and width of the doors.
 pub fn table(results: &[TrialResult]) -> String {
-    let mut groups: BTreeMap<(Errand, u64, u64), Vec<&TrialResult>> = BTreeMap::new();
+    let mut groups: BTreeMap<(TrialMission, u64, u64), Vec<&TrialResult>> = BTreeMap::new();
     for result in results {
         let millimetres = |metres: f64| (metres * 1000.0).round() as u64;
         let Demand {
@@ -182,13 +182,17 @@ pub fn table(results: &[TrialResult]) -> String {
             extra_m,
             ..
         } = result.demand;
-        let key = (result.errand, millimetres(distance_m), millimetres(extra_m));
+        let key = (
+            result.mission,
+            millimetres(distance_m),
+            millimetres(extra_m),
+        );
         groups.entry(key).or_default().push(result);
     }
-    let mut text = "errand    dist/m  extra/m  plans  rooms  entered/%  seen/% worst median  \
+    let mut text = "mission    dist/m  extra/m  plans  rooms  entered/%  seen/% worst median  \
         places  visited/%  false no way  no way  collided  not ended  simulated/s  took/s\n"
         .to_owned();
-    for ((errand, distance_mm, extra_mm), group) in &groups {
+    for ((mission, distance_mm, extra_mm), group) in &groups {
         let sum = |of: fn(&TrialResult) -> usize| group.iter().map(|one| of(one)).sum::<usize>();
         let percent = |part: usize, of: usize| 100.0 * part as f64 / of.max(1) as f64;
         let mut shares: Vec<f64> = group.iter().map(|one| 100.0 * one.share).collect();
@@ -201,7 +205,7 @@ pub fn table(results: &[TrialResult]) -> String {
             text,
             "{:<8}  {:>6.2}  {:>7.1}  {:>5}  {rooms:>5}  {:>9.1}  {:>12.1} {:>6.1}  {places:>6}  {:>9.1}  {:>12}  {:>6}  \
              {:>8}  {:>9}  {:>11.0}  {:>6.2}",
-            errand.word(),
+            mission.word(),
             *distance_mm as f64 / 1000.0,
             *extra_mm as f64 / 1000.0,
             group.len(),

@@ -9,7 +9,7 @@ use tomoswarm::sim::{PlaceCounts, PlaceFate, PlaceResult, RunView, VisibleScene}
 use tomoswarm_proto::VehicleId;
 
 use crate::plan::{Demand, FloorPlan, POSE_SD_M, Thing};
-use crate::trial::{self, Errand, TrialResult, demand_in_turn, rooms_entered, table};
+use crate::trial::{self, TrialMission, TrialResult, demand_in_turn, rooms_entered, table};
 
 /// Thinner poles are driven into today.
 const THINNEST_M: f64 = 0.05;
@@ -87,7 +87,7 @@ fn judged(seed: u64, extra_m: f64) -> (FloorPlan, Vec<bool>) {
     };
     let mut plan = FloorPlan::draw(seed, demand);
     plan.things.clear();
-    let seen = VisibleScene::find(&trial::scenario(&plan, Errand::Pathfind)).unwrap();
+    let seen = VisibleScene::find(&trial::scenario(&plan, TrialMission::Pathfind)).unwrap();
     let of = |place| PlaceResult {
         vehicle: VehicleId(1),
         place,
@@ -124,9 +124,9 @@ fn the_judge_of_places_agrees_with_a_plain_search() {
 }
 
 /// What holds today of a plan for every distance and door: nobody touches anything, and every mission ends.
-fn run_all(errand: Errand) -> Vec<TrialResult> {
+fn run_all(mission: TrialMission) -> Vec<TrialResult> {
     let run = |seed: u64| {
-        let result = trial::run(&plan(seed), errand);
+        let result = trial::run(&plan(seed), mission);
         let mishaps = (result.collisions, result.fence_breaches);
         assert_eq!(mishaps, (0, 0), "plan {seed}");
         assert!(result.end.is_some(), "plan {seed}");
@@ -139,7 +139,7 @@ fn run_all(errand: Errand) -> Vec<TrialResult> {
 
 #[test]
 fn exploring_floor_plans_is_safe_and_ends() {
-    let results = run_all(Errand::Explore);
+    let results = run_all(TrialMission::Explore);
     assert!(
         results
             .iter()
@@ -149,7 +149,7 @@ fn exploring_floor_plans_is_safe_and_ends() {
 
 #[test]
 fn visiting_a_place_in_each_room_is_safe_and_ends_and_is_judged() {
-    for result in run_all(Errand::Pathfind) {
+    for result in run_all(TrialMission::Pathfind) {
         let PlaceCounts {
             reachable,
             visited,
@@ -169,7 +169,7 @@ fn visiting_a_place_in_each_room_is_safe_and_ends_and_is_judged() {
 fn all_rooms_can_be_seen_whatever_room_a_map_of_cells_leaves_at_the_doors() {
     for seed in [0, 5, 10] {
         let plan = plan(seed);
-        let scenario = trial::scenario(&plan, Errand::Explore);
+        let scenario = trial::scenario(&plan, TrialMission::Explore);
         let seen = VisibleScene::find(&scenario).unwrap();
         let all = trial::visible_from_all_rooms(&plan, &scenario, &seen);
         let lattice = Lattice::new(0.2);
@@ -184,7 +184,7 @@ fn all_rooms_can_be_seen_whatever_room_a_map_of_cells_leaves_at_the_doors() {
 #[test]
 fn a_room_is_entered_by_the_track_or_by_what_the_map_knows_and_not_by_itself() {
     let plan = plan(8);
-    let (scenario, mut shown) = (trial::scenario(&plan, Errand::Explore), 0);
+    let (scenario, mut shown) = (trial::scenario(&plan, TrialMission::Explore), 0);
     let mut for_a_while = |_: &RunView<'_>| {
         shown += 1;
         shown < 400
@@ -203,10 +203,10 @@ fn a_room_is_entered_by_the_track_or_by_what_the_map_knows_and_not_by_itself() {
 }
 
 #[test]
-fn the_table_has_a_line_for_each_errand_distance_and_door() {
+fn the_table_has_a_line_for_each_mission_distance_and_door() {
     let result = |seed: u64, share: f64, no_way: usize| TrialResult {
         seed,
-        errand: Errand::Pathfind,
+        mission: TrialMission::Pathfind,
         demand: demand_in_turn(seed, THINNEST_M),
         rooms: 4,
         entered: 3,

@@ -283,6 +283,7 @@ mod tests {
         assert_eq!(text.lines().take(3).count(), 3);
         assert!(text.contains("zoo 2: 1 × no room"), "{text}");
     }
+
     #[test]
     fn places_are_summed_over_the_runs_of_a_line() {
         let experiment = read_experiment("e.toml", GRID).unwrap();

@@ -13,16 +13,10 @@ use crate::plan::{SOUND_MPS, SensingLimits, SpeedError, echo_time_s};
 /// Refuses a speed at which a vehicle could not stop within what it surely sees.
 pub(super) fn check_look_before_you_drive(root: &Section, sim: &Sim) {
     if root.source.is_sound(&["vehicles", "range", "safety"]) {
-        let carried_m = sim.vehicles.flight.carried_m();
-        let sight = sim.sensing_limits();
         // What wind adds is judged by itself.
-        let sight = SensingLimits {
-            margin_m: sight.margin_m - carried_m,
-            ..sight
-        };
         refuse_blind_speed(
             root,
-            &sight,
+            &sim.sensing_limits_in_still_air(),
             sim.vehicles.body.max_speed_mps,
             "vehicles.max_speed_mps",
         );
@@ -143,13 +137,11 @@ fn can_fly(sim: &Sim) -> bool {
     let (body, carried_m) = (&vehicles.body, vehicles.flight.carried_m());
     let reach_m = body.radius_m + safety.padding_m + carried_m;
     let mut homes = venue.homes.iter().take(vehicles.count);
-    let corners = venue.area.corners();
-    let mut sides = corners.iter().zip(corners.iter().cycle().skip(1));
+    let area = venue.area.polygon();
     let has_ring = !sim.is_planned_by_ground()
-        || sides.all(|(from, to)| {
-            let side = Segment::new(*from, *to);
-            venue.fence.contains_corridor(side, reach_m)
-        });
+        || area
+            .edges()
+            .all(|side| venue.fence.contains_corridor(side, reach_m));
     has_ring
         && homes.all(|home| venue.fence.contains_disc(*home, reach_m))
         && venue.swarm.separation_m > 2.0 * body.radius_m + carried_m

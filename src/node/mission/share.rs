@@ -4,7 +4,7 @@
 use tomoswarm_proto::{PlaceSharing, Position, TaskKind, TaskParameter};
 
 /// Returns what of a mission the vehicle at a place among so many does, counted from 0.
-pub(in crate::node) fn share(task: &TaskKind, index: usize, of: usize) -> TaskKind {
+pub(crate) fn share(task: &TaskKind, index: usize, of: usize) -> TaskKind {
     let mut share = task.clone();
     for parameter in share.parameters() {
         match parameter {

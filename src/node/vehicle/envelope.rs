@@ -8,7 +8,6 @@ use tomoswarm_proto::VehicleId;
 use super::messages::{CommandRefusal, MoveCommand, SafetyEvent};
 use super::{Out, Vehicle};
 use crate::geom::{Point, Pose, Track};
-use crate::node::VehicleSettings;
 use crate::node::peers::Peer;
 use crate::time::Time;
 
@@ -83,15 +82,10 @@ impl Vehicle {
     /// Returns whether the fence holds the body all along a route, and where wind may carry it from there. A vehicle that wind
     /// has carried too near to the fence already comes no nearer.
     fn stays_inside(&self, route: &Track) -> bool {
-        let VehicleSettings {
-            fence,
-            body,
-            carried_m,
-            ..
-        } = &self.settings;
-        let (radius_m, here_m) = (body.radius_m, fence.distance_to_edge(route.start()));
-        let way_m = (radius_m + carried_m).min(here_m).max(radius_m);
-        let corner_m = (radius_m + carried_m).min(here_m + carried_m);
+        let (settings, fence) = (&self.settings, &self.settings.fence);
+        let (reach_m, here_m) = (settings.reach_m(), fence.distance_to_edge(route.start()));
+        let way_m = reach_m.min(here_m).max(settings.body.radius_m);
+        let corner_m = reach_m.min(here_m + settings.carried_m);
         route.segments().all(|piece| {
             fence.contains_corridor(piece, way_m) && fence.contains_disc(piece.to, corner_m)
         })

@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::VehicleId;
 
-use crate::geom::Point;
+use crate::geom::{Cell, Lattice, Point};
 
 /// Side of the squares that are told apart, metres.
 const SQUARE_M: f64 = 1.0;
@@ -14,16 +14,16 @@ const SQUARE_M: f64 = 1.0;
 /// The squares of ground that each vehicle has visited.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct VisitedGround {
-    squares: BTreeMap<VehicleId, BTreeSet<(i64, i64)>>,
+    squares: BTreeMap<VehicleId, BTreeSet<Cell>>,
 }
 
 impl VisitedGround {
     /// Records where a vehicle is; returns whether it has come to where it was not. (Where it is first is nothing new.)
     pub(super) fn visit(&mut self, vehicle: VehicleId, at: Point) -> bool {
-        let square = |metres: f64| (metres / SQUARE_M).floor() as i64;
+        let square = Lattice::new(SQUARE_M).cell_at(at);
         let squares = self.squares.entry(vehicle).or_default();
         let is_first = squares.is_empty();
-        squares.insert((square(at.x_m), square(at.y_m))) && !is_first
+        squares.insert(square) && !is_first
     }
 
     /// Forgets all: a stop was done.

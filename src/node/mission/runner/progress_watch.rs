@@ -8,8 +8,9 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{TileAddress, TileReport};
+use tomoswarm_proto::{TILE_SIDE, TileAddress, TileReport};
 
+use crate::geom::Segment;
 use crate::node::VehicleSettings;
 use crate::time::Time;
 
@@ -20,8 +21,6 @@ const STALLED_AFTER: Duration = Duration::from_secs(300);
 const NEW_M2: f64 = 1.0;
 /// When it was not gone on with for this long, that time does not count.
 const PAUSE: Duration = Duration::from_secs(2);
-/// Rows and columns of a tile.
-const SIDE: usize = 32;
 
 /// When something new came last.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -30,7 +29,7 @@ pub(super) struct ProgressWatch {
     /// So many cells that nobody had seen are something new.
     enough: usize,
     /// Which cells somebody has seen, a bit each.
-    seen: BTreeMap<TileAddress, [u32; SIDE]>,
+    seen: BTreeMap<TileAddress, [u32; TILE_SIDE]>,
     /// Cells seen for the first time since something new came.
     fresh: usize,
     /// When something new came last, pauses left out, and when it was gone on with last.
@@ -41,9 +40,7 @@ impl ProgressWatch {
     /// Makes the watch of a mission that has not begun.
     pub(super) fn new(settings: &VehicleSettings) -> ProgressWatch {
         let cell_m = settings.lattice.cell_m();
-        let corners = settings.fence.corners();
-        let around = corners.iter().zip(corners.iter().cycle().skip(1));
-        let around_m: f64 = around.map(|(from, to)| from.distance_to(*to)).sum();
+        let around_m: f64 = settings.fence.edges().map(Segment::length_m).sum();
         let way_s = around_m / settings.body.speed_mps.max(1e-3);
         ProgressWatch {
             within: STALLED_AFTER + Duration::from_secs_f64(way_s.min(1e6)),
@@ -56,8 +53,8 @@ impl ProgressWatch {
 
     /// Takes a tile of the map that has changed.
     pub(super) fn learn(&mut self, tile: &TileReport) {
-        let seen = self.seen.entry(tile.address).or_insert([0; SIDE]);
-        for (row, bits) in tile.cells.chunks(SIDE).zip(seen) {
+        let seen = self.seen.entry(tile.address).or_insert([0; TILE_SIDE]);
+        for (row, bits) in tile.cells.chunks(TILE_SIDE).zip(seen) {
             let known = row
                 .iter()
                 .enumerate()
