@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use tomoswarm::geom::{Cell, Point};
-use tomoswarm::map::Occupancy;
+use tomoswarm::map::{CellRect, Occupancy};
 use tomoswarm::node::mission::{EndReason, Obstruction, ObstructionKind};
 use tomoswarm::node::vehicle::CommandRefusal;
 use tomoswarm::sim::{PlaceFate, RunOutcome};
@@ -114,13 +114,14 @@ fn browse_sees_all_around_without_leaving_its_place() {
     for at in [(2.2, 4.0), (4.0, 5.8), (4.0, 2.2), (5.4, 4.0)] {
         assert_eq!(occupancy(&outcome, at), Occupancy::Free, "{at:?}");
     }
-    let wall = (0..6).map(|step| (5.9, 3.5 + 0.2 * f64::from(step)));
-    assert!(
-        wall.clone()
-            .filter(|at| occupancy(&outcome, *at) == Occupancy::Occupied)
-            .count()
-            >= 3
-    );
+    // Its surface lies on the border between two columns of cells.
+    let wall = (0..6).map(|step| 3.5 + 0.2 * f64::from(step));
+    let is_seen = |y_m: &f64| {
+        [5.7, 5.9]
+            .iter()
+            .any(|x_m| occupancy(&outcome, (*x_m, *y_m)) == Occupancy::Occupied)
+    };
+    assert!(wall.filter(is_seen).count() >= 3);
 }
 
 #[test]
@@ -253,15 +254,17 @@ fn explore_and_search_know_everything_that_can_be_reached() {
         assert_eq!(end_of(&outcome, 1), &EndReason::Done, "{mission}");
         let unknown = unknown_share(&outcome, is_hidden);
         assert!(unknown < 0.03, "{mission}: {unknown}");
-        let along = (0..10).map(|step| 3.1 + 0.2 * f64::from(step));
-        let sides: Vec<(f64, f64)> = along
-            .flat_map(|at| [(at, 3.0), (at, 5.0), (3.0, at), (5.0, at)])
-            .collect();
-        let is_seen = |(x_m, y_m): (f64, f64)| {
-            let around = (-1..=1).flat_map(|dx| (-1..=1).map(move |dy| (dx, dy)));
-            let mut around =
-                around.map(|(dx, dy)| (x_m + 0.2 * f64::from(dx), y_m + 0.2 * f64::from(dy)));
-            around.any(|at| occupancy(&outcome, at) == Occupancy::Occupied)
+        // The block's sides lie on the borders of cells: those inside of them, and a cell to each side.
+        let sides = (15..25).flat_map(|at| [(at, 15), (at, 24), (15, at), (24, at)]);
+        let sides: Vec<Cell> = sides.map(|(x, y)| Cell::new(x, y)).collect();
+        let is_seen = |cell: Cell| {
+            let around = CellRect::new(
+                Cell::new(cell.x - 1, cell.y - 1),
+                Cell::new(cell.x + 1, cell.y + 1),
+            );
+            around
+                .cells()
+                .any(|cell| outcome.map.occupancy(0, cell) == Occupancy::Occupied)
         };
         let seen = sides.iter().filter(|at| is_seen(**at)).count();
         assert!(

@@ -19,7 +19,7 @@ const NEVER: u16 = u16::MAX;
 /// Published: an echo came from here and from nowhere else.
 const CONFIRMED: i8 = 17;
 /// Published: an echo is best explained by this cell.
-const DOUBTFUL: i8 = 11;
+const DOUBTFUL: i8 = 9;
 /// Published: seen empty from near.
 const SURELY_FREE: i8 = -17;
 /// Published of a cell that was seen empty from afar: so much for each look, up to a few.
