@@ -139,11 +139,22 @@ impl CellMemory {
         *self != before
     }
 
-    /// Takes that parts were seen empty; returns whether that is news.
+    /// Takes that parts were seen empty; returns whether that is news. What explains an echo stands in one of them: the last
+    /// ones are not taken away.
     #[inline]
     pub(super) fn see_parts(&mut self, parts: u16) -> bool {
-        let before = self.parts;
-        self.parts |= parts;
+        let (before, after) = (self.parts, self.parts | parts);
+        if after != ALL_PARTS || !self.explains_echoes() {
+            self.parts = after;
+        }
+        self.parts != before
+    }
+
+    /// Takes that a body covers parts, so what explains an echo stands in others; returns whether that is news.
+    pub(super) fn cover_parts(&mut self, parts: u16) -> bool {
+        let (before, after) = (self.parts, self.parts | parts);
+        let is_contradiction = after == ALL_PARTS && self.explains_echoes();
+        self.parts = if is_contradiction { parts } else { after };
         self.parts != before
     }
 

@@ -173,6 +173,8 @@ impl PathSearch<'_> {
         let mut grid = SearchGrid::of_parts(&view, area, clearance, Bar::Confirmed).ok()?;
         let keep_m = self.settings.corridor_m(self.pose.sd_m);
         grid.close_outside(&self.settings.fence, self.fence_m(keep_m, goal));
+        // It came through there, whatever the map says now.
+        grid.open_along(self.driven);
         grid.stand_on(grid.lattice().cell_at(self.pose.at));
         Some(grid)
     }
