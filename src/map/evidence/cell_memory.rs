@@ -282,3 +282,47 @@ impl TileMemory {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_parts_of_what_explains_an_echo_are_not_taken_away() {
+        let mut cell = CellMemory::default();
+        assert!(cell.see_parts(ALL_PARTS) && cell.parts() == ALL_PARTS);
+        cell.give(200, 1, false);
+        assert!(cell.reopen_parts(0b1111), "the echo came from somewhere in it");
+        assert!(cell.see_parts(0b0011) && cell.parts() == !0b1100);
+        assert!(!cell.see_parts(0b1100) && cell.parts() == !0b1100);
+        cell.take();
+        assert!(cell.see_parts(0b1100) && cell.parts() == ALL_PARTS);
+    }
+
+    #[test]
+    fn what_explains_an_echo_stands_beside_the_body_that_covers_the_last_parts() {
+        let mut cell = CellMemory::default();
+        cell.see_parts(!0b0110);
+        cell.give(200, 1, false);
+        assert!(cell.cover_parts(0b1110), "nothing else is where the body is");
+        assert_eq!(cell.parts(), 0b1110);
+        assert!(!cell.cover_parts(0b0110) && cell.parts() == 0b1110);
+    }
+
+    #[test]
+    fn near_overrules_far_and_not_the_other_way_round() {
+        let mut cell = CellMemory::default();
+        for _ in 0..LOOKS_LEAST {
+            cell.see_quarters(0b1111, 150);
+        }
+        assert!(cell.is_excluded(130) && !cell.is_excluded(100));
+        assert!(cell.is_seen_from_afar(100) && !cell.is_seen_from_afar(130));
+    }
+
+    #[test]
+    fn what_somebody_has_seen_empty_from_near_outweighs_what_another_one_supposes() {
+        assert!(i16::from(SURELY_FREE) + i16::from(DOUBTFUL) <= FREE_TO);
+        assert!(i16::from(SURELY_FREE) + i16::from(CONFIRMED) > FREE_TO);
+        assert!(i16::from(DOUBTFUL) >= OCCUPIED_FROM);
+    }
+}
