@@ -292,7 +292,10 @@ mod tests {
         let mut cell = CellMemory::default();
         assert!(cell.see_parts(ALL_PARTS) && cell.parts() == ALL_PARTS);
         cell.give(200, 1, false);
-        assert!(cell.reopen_parts(0b1111), "the echo came from somewhere in it");
+        assert!(
+            cell.reopen_parts(0b1111),
+            "the echo came from somewhere in it"
+        );
         assert!(cell.see_parts(0b0011) && cell.parts() == !0b1100);
         assert!(!cell.see_parts(0b1100) && cell.parts() == !0b1100);
         cell.take();
@@ -304,7 +307,10 @@ mod tests {
         let mut cell = CellMemory::default();
         cell.see_parts(!0b0110);
         cell.give(200, 1, false);
-        assert!(cell.cover_parts(0b1110), "nothing else is where the body is");
+        assert!(
+            cell.cover_parts(0b1110),
+            "nothing else is where the body is"
+        );
         assert_eq!(cell.parts(), 0b1110);
         assert!(!cell.cover_parts(0b0110) && cell.parts() == 0b1110);
     }
