@@ -4,7 +4,7 @@ use std::ops::RangeInclusive;
 
 use super::RequiredClearance;
 use super::swath::rows_within;
-use crate::geom::{Cell, Lattice, Segment};
+use crate::geom::{Cell, Lattice, Point, Segment};
 use crate::map::{Bar, CellRect, PART_SIDE, View};
 
 /// Nothing bars there.
@@ -20,6 +20,10 @@ const NODE: i32 = SIDE / 2;
 
 /// So much more than is required is wished for beside what was heard, cells: its echoes then halt nobody.
 const WISHED_CELLS: f64 = 0.75;
+
+/// Who stands too near to something may come so much nearer on its way, cells: less than is released to it (see
+/// [`super::Corridor`]), so that what is planned can be driven.
+const LEAVING_CELLS: f64 = 0.4;
 
 /// How near a node lies to something.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -42,6 +46,8 @@ pub(super) struct Barriers {
     /// Row-major, x fastest.
     kinds: Vec<u8>,
     clearance: RequiredClearance,
+    /// Where the vehicle stands that keeps this.
+    stands: Point,
 }
 
 impl Barriers {
@@ -51,6 +57,7 @@ impl Barriers {
         area: CellRect,
         clearance: RequiredClearance,
         from: Bar,
+        stands: Point,
     ) -> Barriers {
         let parts = CellRect::new(
             Cell::new(area.low.x * SIDE, area.low.y * SIDE),
@@ -63,6 +70,7 @@ impl Barriers {
             width,
             kinds: vec![OPEN; width * parts.height_cells() as usize],
             clearance,
+            stands,
         };
         for cell in area.cells() {
             let Some(barred) = view.barred(cell) else {
@@ -104,7 +112,7 @@ impl Barriers {
             );
             for x in from..=to {
                 let part = Cell::new(x, y);
-                let Some(kept_m) = self.index(part).and_then(|index| self.kept_m(index)) else {
+                let Some(kept_m) = self.kept_m(part) else {
                     continue;
                 };
                 if along.distance_to_point(self.lattice.centre(part)) < kept_m - 1e-9 {
@@ -124,13 +132,16 @@ impl Barriers {
             let (x, y) = (index % self.width, index / self.width);
             let column = x / NODE as usize;
             mark(y / NODE as usize, column..=column, Nearness::Solid);
-            if !self.is_on_rim(x, y, *kind) {
+            let part = Cell::new(self.area.low.x + x as i32, self.area.low.y + y as i32);
+            let kept_m = self.kept_m(part).unwrap_or(0.0);
+            // Around a vehicle that stands too near, each part has a distance of its own.
+            let is_as_its_rim = kept_m == self.required_m(*kind);
+            if is_as_its_rim && !self.is_on_rim(x, y, *kind) {
                 continue;
             }
-            let kept_m = self.kept_m(index).unwrap_or(0.0);
             let wished_m = kept_m + WISHED_CELLS * f64::from(SIDE) * self.lattice.cell_m();
             let rings = [
-                (Nearness::Solid, self.clearance.body_m),
+                (Nearness::Solid, self.clearance.body_m.min(kept_m)),
                 (Nearness::TooNear, kept_m),
                 (Nearness::Nearer, wished_m),
             ];
@@ -187,12 +198,28 @@ impl Barriers {
             .any(|beside| self.kinds[beside] < kind)
     }
 
-    fn kept_m(&self, index: usize) -> Option<f64> {
-        match self.kinds[index] {
-            OCCUPIED => Some(self.clearance.occupied_m),
-            UNKNOWN => Some(self.clearance.unknown_m),
-            _ => None,
+    fn required_m(&self, kind: u8) -> f64 {
+        match kind {
+            OCCUPIED => self.clearance.occupied_m,
+            _ => self.clearance.unknown_m,
         }
+    }
+
+    /// Returns how far the vehicle keeps from a part; `None` when it does not bar.
+    fn kept_m(&self, part: Cell) -> Option<f64> {
+        let kind = self.kinds[self.index(part)?];
+        if kind == OPEN {
+            return None;
+        }
+        let required_m = self.required_m(kind);
+        let here_m = self.lattice.centre(part).distance_to(self.stands);
+        Some(match here_m < required_m {
+            true => {
+                let cell_m = f64::from(SIDE) * self.lattice.cell_m();
+                self.clearance.leaving_m(here_m, LEAVING_CELLS * cell_m)
+            }
+            false => required_m,
+        })
     }
 
     fn index(&self, part: Cell) -> Option<usize> {

@@ -191,7 +191,7 @@ impl Corridor {
                 for place in barred.places(lattice, cell) {
                     let here_m = stands.distance_to(place);
                     let reach_m = match here_m < kept_m {
-                        true => self.leaving_m(here_m, lattice.cell_m()),
+                        true => self.clearance.leaving_m(here_m, lattice.cell_m() / 2.0),
                         false => kept_m,
                     } - TOUCH_M;
                     if let Some(at_m) = first_touch(part, place, reach_m) {
@@ -200,16 +200,6 @@ impl Corridor {
                 }
             }
         }
-    }
-}
-
-impl Corridor {
-    /// Returns how near a vehicle that stands too near to something may come to it on its way, metres: half a cell nearer, so
-    /// that it can get to where its path begins, but not so near that its body might touch it.
-    fn leaving_m(&self, here_m: f64, cell_m: f64) -> f64 {
-        (here_m - cell_m / 2.0)
-            .max(self.clearance.least_m)
-            .min(here_m)
     }
 }
 

@@ -93,8 +93,8 @@ impl SearchGrid {
     }
 
     /// Copies a rectangle of the map's cells, with nodes half a cell apart, for a vehicle that keeps these distances from
-    /// the parts of cells that bar for the reason `from` or a surer one. A doorway is then as wide as it was seen; it takes several times as long as
-    /// [`SearchGrid::of_map`].
+    /// the parts of cells that bar for the reason `from` or a surer one, and `stands` somewhere: what it is too near to already
+    /// it may leave. A doorway is then as wide as it was seen; it takes several times as long as [`SearchGrid::of_map`].
     ///
     /// # Errors
     /// [`GridError`] when the rectangle is too large or the distances impossible.
@@ -103,6 +103,7 @@ impl SearchGrid {
         area: CellRect,
         clearance: RequiredClearance,
         from: Bar,
+        stands: Point,
     ) -> Result<SearchGrid, GridError> {
         let lattice = Lattice::new(view.lattice().cell_m() / 2.0);
         let nodes = CellRect::new(
@@ -117,7 +118,7 @@ impl SearchGrid {
         if !(0.0..=100.0).contains(&(clearance_m / lattice.cell_m())) {
             return Err(GridError::Clearance { clearance_m });
         }
-        let barriers = Barriers::of_view(view, area, clearance, from);
+        let barriers = Barriers::of_view(view, area, clearance, from, stands);
         let width = grid.width;
         let mut levels = vec![0; grid.flags.len()];
         barriers.mark(&mut |row, columns, nearness| {

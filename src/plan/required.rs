@@ -80,6 +80,13 @@ impl RequiredClearance {
         }
     }
 
+    /// Returns how near a vehicle that stands `here_m` from something, too near already, may come to it on its way, metres: a
+    /// little nearer, so that it can get to where its path begins, but not so near that its body might touch it.
+    #[inline]
+    pub fn leaving_m(&self, here_m: f64, nearer_m: f64) -> f64 {
+        (here_m - nearer_m).max(self.least_m).min(here_m)
+    }
+
     /// Returns the same distance from everything.
     pub fn everywhere(distance_m: f64) -> RequiredClearance {
         RequiredClearance {

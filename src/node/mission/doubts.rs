@@ -85,7 +85,12 @@ impl Doubts {
         match route(&whole) {
             Ok(_) => {}
             Err(NoRoute::StartBarred) => return DoubtStep::Spent(Vec::new()),
-            Err(_) => return DoubtStep::NoWay(bars_of(search, &whole, goal)),
+            Err(_) => {
+                let bars = bars_of(search, &whole, goal);
+                return self
+                    .look_at_bars(search, &bars, peers)
+                    .unwrap_or_else(|| DoubtStep::NoWay(middles(search.lattice(), &bars)));
+            }
         }
         loop {
             let mut grid = whole.clone();
@@ -132,6 +137,30 @@ impl Doubts {
                 };
             }
         }
+    }
+
+    /// Returns a close look at one of the cells that bar for good, if nobody has taken one: what is confirmed was so by echoes from
+    /// wherever the vehicle happened to be.
+    fn look_at_bars(
+        &self,
+        search: &PathSearch<'_>,
+        bars: &[Cell],
+        peers: &[Vec<Point>],
+    ) -> Option<DoubtStep> {
+        let lattice = search.lattice();
+        let mut unseen = bars
+            .iter()
+            .filter(|cell| self.places_of(lattice, **cell).is_empty())
+            .peekable();
+        unseen.peek()?;
+        let reached = Reached::from_here(search, peers, false)?;
+        unseen.find_map(|cell| {
+            let node = viewpoint(search, &reached.ways, *cell, &[])?;
+            Some(DoubtStep::Look {
+                course: reached.course_to(search, node),
+                at: *cell,
+            })
+        })
     }
 
     /// Returns the close look at what bars an optimistic way first; `None` when that has just been given up.
@@ -257,8 +286,13 @@ fn first_bar(search: &PathSearch<'_>, reached: &Distances, route: &[Point]) -> O
         .iter()
         .rposition(is_reached)
         .map_or(0, |index| index + 1);
-    let mut beyond = places[last.min(places.len())..].iter();
-    beyond.find_map(|at| search.barring(*at, Bar::Unknown).first().copied())
+    let beyond = &places[last.min(places.len())..];
+    // A way may lie between the places that are searched: then what it is closest to.
+    let spare_m = 0.75 * reached.lattice().cell_m();
+    [0.0, spare_m].into_iter().find_map(|spare_m| {
+        let first = |at: &Point| search.barring(*at, Bar::Unknown, spare_m).first().copied();
+        beyond.iter().find_map(first)
+    })
 }
 
 /// Returns places along a route, a step apart.
@@ -299,17 +333,19 @@ fn viewpoint(
     found.into_iter().map(|(_, node)| node).find(sees)
 }
 
-/// Returns the cells that bar a goal for good: those near it, or near where an optimist gets to.
-fn bars_of(search: &PathSearch<'_>, optimistic: &SearchGrid, goal: Point) -> Vec<Point> {
-    let lattice = search.lattice();
-    let middles = |cells: Vec<Cell>| -> Vec<Point> {
+/// Returns the middles of cells.
+fn middles(lattice: Lattice, cells: &[Cell]) -> Vec<Point> {
+    cells.iter().map(|cell| lattice.centre(*cell)).collect()
+}
+
+/// Returns the cells that bar a goal for good, a few: those near it, or near where an optimist gets to.
+fn bars_of(search: &PathSearch<'_>, optimistic: &SearchGrid, goal: Point) -> Vec<Cell> {
+    let barring = |place: Point| {
+        let mut cells = search.barring(place, Bar::Confirmed, 0.0);
+        cells.truncate(NAMED);
         cells
-            .into_iter()
-            .take(NAMED)
-            .map(|cell| lattice.centre(cell))
-            .collect()
     };
-    let at_goal = middles(search.barring(goal, Bar::Confirmed));
+    let at_goal = barring(goal);
     if !at_goal.is_empty() {
         return at_goal;
     }
@@ -324,7 +360,5 @@ fn bars_of(search: &PathSearch<'_>, optimistic: &SearchGrid, goal: Point) -> Vec
         .filter(|node| reached.cost_m(*node).is_some());
     let away_m = |node: Cell| (nodes.centre(node).distance_to(goal), node);
     let nearest = cells.map(away_m).min_by(|a, b| a.0.total_cmp(&b.0));
-    nearest.map_or_else(Vec::new, |(_, node)| {
-        middles(search.barring(nodes.centre(node), Bar::Confirmed))
-    })
+    nearest.map_or_else(Vec::new, |(_, node)| barring(nodes.centre(node)))
 }

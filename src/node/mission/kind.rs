@@ -77,6 +77,8 @@ pub(super) enum MissionStep {
     TryAgain,
     /// Only peers are in the way: make room, or wait until they do, and be ready then.
     YieldToPeers,
+    /// What is in the way is believed for a short time only: wait, and be ready then.
+    Wait,
     /// The mission has ended: go home.
     End(EndReason),
 }

@@ -300,6 +300,7 @@ impl StepRunner {
             MissionStep::LookClosely(cell) => self.look_closely(scene, cell),
             MissionStep::TryAgain => self.try_again(scene),
             MissionStep::YieldToPeers => self.yield_to_peers(scene),
+            MissionStep::Wait => self.choose_at(scene.now + WAIT),
             MissionStep::End(end) if self.may_claim(scene) => self.finish(scene, end),
             MissionStep::End(_) => {}
         }
@@ -509,6 +510,15 @@ impl StepRunner {
             Err(crate::plan::NoRoute::StartBarred) => {
                 // Something stands too near to where the vehicle is: it looks again, later.
                 self.tries.hemmed_in(scene.pose().at);
+                self.choose_at(scene.now + WAIT);
+            }
+            // Only what the reflex has met bars the way; that is forgotten again.
+            Err(_)
+                if courses
+                    .but_for_reflex()
+                    .course_to(place, true, &claims)
+                    .is_ok() =>
+            {
                 self.choose_at(scene.now + WAIT);
             }
             Err(_) if !self.may_claim(scene) => {}

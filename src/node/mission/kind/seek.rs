@@ -208,6 +208,16 @@ impl Seek {
         if self.is_barred_by_peers(around) {
             return MissionStep::YieldToPeers;
         }
+        let is_barred_by_reflex = || {
+            let search = around.terrain.search(around.now, around.pose);
+            let grid = search
+                .but_for_reflex()
+                .ground(None, Resolution::Parts, false, &claims);
+            grid.is_some_and(|grid| self.choose_look(around, &grid, &candidates).is_some())
+        };
+        if is_barred_by_reflex() {
+            return MissionStep::Wait;
+        }
         self.doubt(around, &claims)
     }
 

@@ -48,6 +48,14 @@ impl RouteFinder<'_> {
         })
     }
 
+    /// Returns a finder of courses that may lead to what made the reflex halt.
+    pub(super) fn but_for_reflex(self) -> Self {
+        RouteFinder {
+            search: self.search.but_for_reflex(),
+            ..self
+        }
+    }
+
     /// Returns where the vehicle may be, clear of what peers claim and of what was looked at in vain.
     pub(super) fn ground(
         &self,

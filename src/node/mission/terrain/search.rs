@@ -67,6 +67,14 @@ pub(crate) struct PathSearch<'a> {
 }
 
 impl PathSearch<'_> {
+    /// Returns a search that does not regard what made the reflex halt.
+    pub(crate) fn but_for_reflex(self) -> Self {
+        PathSearch {
+            obstacles: Vec::new(),
+            ..self
+        }
+    }
+
     /// Returns where the search begins.
     pub(crate) fn from(&self) -> Point {
         self.pose.at
@@ -170,7 +178,8 @@ impl PathSearch<'_> {
         let (body_m, cell_m) = (self.settings.body.radius_m, self.settings.lattice.cell_m());
         let clearance = planned(self.settings, self.pose).optimistic(body_m, cell_m);
         let view = self.map.view(self.settings.slice, area);
-        let mut grid = SearchGrid::of_parts(&view, area, clearance, Bar::Confirmed).ok()?;
+        let mut grid =
+            SearchGrid::of_parts(&view, area, clearance, Bar::Confirmed, self.pose.at).ok()?;
         let keep_m = self.settings.corridor_m(self.pose.sd_m);
         grid.close_outside(&self.settings.fence, self.fence_m(keep_m, goal));
         // It came through there, whatever the map says now.
@@ -179,10 +188,11 @@ impl PathSearch<'_> {
         Some(grid)
     }
 
-    /// Returns the cells that bar a place for a planned way, for this reason or a surer one, the nearest first.
-    pub(crate) fn barring(&self, place: Point, from: Bar) -> Vec<Cell> {
+    /// Returns the cells that bar a place for a planned way, or come within `spare_m` of that, for this reason or a surer one,
+    /// the nearest first.
+    pub(crate) fn barring(&self, place: Point, from: Bar, spare_m: f64) -> Vec<Cell> {
         let (lattice, clearance) = (self.settings.lattice, planned(self.settings, self.pose));
-        let reach_m = clearance.most_m() + lattice.cell_m();
+        let reach_m = clearance.most_m() + spare_m + lattice.cell_m();
         let Some(area) = CellRect::around(lattice, &[place], reach_m) else {
             return Vec::new();
         };
@@ -193,7 +203,7 @@ impl PathSearch<'_> {
                 .places(lattice, cell)
                 .map(|part| part.distance_to(place));
             let nearest_m = to_parts.fold(f64::INFINITY, f64::min);
-            (nearest_m < clearance.from_cell_m(barred)).then_some((nearest_m, cell))
+            (nearest_m < clearance.from_cell_m(barred) + spare_m).then_some((nearest_m, cell))
         };
         let mut found: Vec<(f64, Cell)> = area.cells().filter_map(nearest_m).collect();
         found.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -276,7 +286,7 @@ impl PathSearch<'_> {
                     true => Bar::Doubtful,
                     false => Bar::Unknown,
                 };
-                let grid = SearchGrid::of_parts(&view, area, clearance, from);
+                let grid = SearchGrid::of_parts(&view, area, clearance, from, self.pose.at);
                 (grid, self.settings.corridor_m(self.pose.sd_m))
             }
         };

@@ -96,7 +96,8 @@ impl World {
                 | MissionStep::GoStraight(_)
                 | MissionStep::GoTo(_)
                 | MissionStep::LookAround
-                | MissionStep::YieldToPeers) => panic!("{step:?}"),
+                | MissionStep::YieldToPeers
+                | MissionStep::Wait) => panic!("{step:?}"),
             };
         }
         panic!("it never ends");
