@@ -40,16 +40,20 @@ pub(crate) struct Doubts {
     given_up: Vec<Cell>,
 }
 
+/// A look at a cell from near.
+#[derive(Clone, PartialEq, Debug)]
+pub(crate) struct CloseLook {
+    /// The way to where it is taken; `None` = from here.
+    pub(crate) course: Option<DriveRoute>,
+    /// The cell.
+    pub(crate) at: Cell,
+}
+
 /// What to do about what is in doubt.
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) enum DoubtStep {
-    /// Go there, or stay, and look at a cell from near.
-    Look {
-        /// The way; `None` = it is looked at from here.
-        course: Option<DriveRoute>,
-        /// The cell.
-        at: Cell,
-    },
+    /// Look at a cell from near.
+    Look(CloseLook),
     /// No way exists, even if everything were free but what is confirmed; by the middles of cells that bar, a few.
     NoWay(Vec<Point>),
     /// Everything in doubt was looked at; what bars still, by the middles of cells, a few.
@@ -87,9 +91,10 @@ impl Doubts {
             Err(NoRoute::StartBarred) => return DoubtStep::Spent(Vec::new()),
             Err(_) => {
                 let bars = bars_of(search, &whole, goal);
-                return self
-                    .look_at_bars(search, &bars, peers)
-                    .unwrap_or_else(|| DoubtStep::NoWay(middles(search.lattice(), &bars)));
+                return self.look_at_bars(search, &bars, peers).map_or_else(
+                    || DoubtStep::NoWay(middles(search.lattice(), &bars)),
+                    DoubtStep::Look,
+                );
             }
         }
         loop {
@@ -132,21 +137,21 @@ impl Doubts {
             let route = optimistic.route_to(&grid, search.from(), nodes.centre(node))?;
             if let Some(step) = self.look_along(search, &route.points, peers) {
                 return match step {
-                    DoubtStep::Look { .. } => Some(step),
+                    DoubtStep::Look(_) => Some(step),
                     DoubtStep::NoWay(_) | DoubtStep::Spent(_) => None,
                 };
             }
         }
     }
 
-    /// Returns a close look at one of the cells that bar for good, if nobody has taken one: what is confirmed was so by echoes from
+    /// Returns a close look at one of some cells that bar, if none has been taken yet: what is confirmed was so by echoes from
     /// wherever the vehicle happened to be.
-    fn look_at_bars(
+    pub(crate) fn look_at_bars(
         &self,
         search: &PathSearch<'_>,
         bars: &[Cell],
         peers: &[Vec<Point>],
-    ) -> Option<DoubtStep> {
+    ) -> Option<CloseLook> {
         let lattice = search.lattice();
         let mut unseen = bars
             .iter()
@@ -156,7 +161,7 @@ impl Doubts {
         let reached = Reached::from_here(search, peers, false)?;
         unseen.find_map(|cell| {
             let node = viewpoint(search, &reached.ways, *cell, &[])?;
-            Some(DoubtStep::Look {
+            Some(CloseLook {
                 course: reached.course_to(search, node),
                 at: *cell,
             })
@@ -203,7 +208,7 @@ impl Doubts {
             self.given_up.push(at);
             return (!is_new).then(spent);
         };
-        Some(DoubtStep::Look { course, at })
+        Some(DoubtStep::Look(CloseLook { course, at }))
     }
 
     fn spent(&self, search: &PathSearch<'_>) -> DoubtStep {

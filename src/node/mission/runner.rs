@@ -35,7 +35,7 @@ use self::progress_watch::ProgressWatch;
 use self::routes::RouteFinder;
 use self::tries::Tries;
 use self::yield_to_peers::{Yield, YieldToPeers, way_aside};
-use super::doubts::{DoubtStep, Doubts};
+use super::doubts::{CloseLook, DoubtStep, Doubts};
 use super::home::HOME_M;
 use super::kind::{
     AnyBehaviour, DriveRoute, MissionContext, MissionInput, MissionStep, PassedOver,
@@ -522,7 +522,21 @@ impl StepRunner {
                 self.choose_at(scene.now + WAIT);
             }
             Err(_) if !self.may_claim(scene) => {}
+            Err(_) if !self.barred.places().is_empty() => self.doubt_barred(scene, &claims),
             Err(_) => self.doubt(scene, place, &claims),
+        }
+    }
+
+    /// No way to a place is known but past what the pilot did not pass: looks at that from near, and then the map decides.
+    fn doubt_barred(&mut self, scene: &mut RunnerContext<'_>, claims: &[Vec<Point>]) {
+        let lattice = self.settings.lattice;
+        let places = self.barred.places().iter();
+        let cells: Vec<Cell> = places.map(|place| lattice.cell_at(*place)).collect();
+        self.barred.clear();
+        let search = scene.terrain.search(scene.now, scene.pose());
+        match self.doubts.look_at_bars(&search, &cells, claims) {
+            Some(look) => self.go_and_look_closely(scene, look),
+            None => self.try_again(scene),
         }
     }
 
@@ -530,17 +544,6 @@ impl StepRunner {
     fn doubt(&mut self, scene: &mut RunnerContext<'_>, place: Point, claims: &[Vec<Point>]) {
         let search = scene.terrain.search(scene.now, scene.pose());
         match self.doubts.toward(&search, place, claims) {
-            DoubtStep::Look {
-                course: Some(course),
-                at,
-            } => {
-                self.yields.end();
-                self.drive(scene, &course, Destination::Doubtful(at));
-            }
-            DoubtStep::Look { course: None, at } => {
-                self.doubts.note(self.settings.lattice, at, scene.pose().at);
-                self.look_closely(scene, at);
-            }
             DoubtStep::NoWay(bars) => {
                 scene.emit(MissionEvent::NoWay(place, bars));
                 self.pass_over(scene, place, PassedOver::NoWay);
@@ -548,6 +551,24 @@ impl StepRunner {
             DoubtStep::Spent(bars) => {
                 scene.emit(MissionEvent::StaysDoubtful(place, bars));
                 self.pass_over(scene, place, PassedOver::GivenUp);
+            }
+            DoubtStep::Look(look) => self.go_and_look_closely(scene, look),
+        }
+    }
+
+    /// Goes to where a cell can be looked at from near, and looks.
+    fn go_and_look_closely(&mut self, scene: &mut RunnerContext<'_>, look: CloseLook) {
+        match look {
+            CloseLook {
+                course: Some(course),
+                at,
+            } => {
+                self.yields.end();
+                self.drive(scene, &course, Destination::Doubtful(at));
+            }
+            CloseLook { course: None, at } => {
+                self.doubts.note(self.settings.lattice, at, scene.pose().at);
+                self.look_closely(scene, at);
             }
         }
     }

@@ -28,7 +28,7 @@ use super::{Behaviour, DriveRoute, MissionContext, MissionInput, MissionStep};
 use crate::geom::{Angle, Cell, Point};
 use crate::map::{CellRect, Occupancy, View};
 use crate::node::VehicleSettings;
-use crate::node::mission::doubts::{DoubtStep, Doubts};
+use crate::node::mission::doubts::{CloseLook, DoubtStep, Doubts};
 use crate::node::mission::terrain::{RULES, Resolution, Terrain};
 use crate::node::mission::{EndReason, look_around};
 use crate::plan::{Distances, SearchGrid};
@@ -225,7 +225,7 @@ impl Seek {
     fn doubt(&mut self, around: &MissionContext<'_>, claims: &[Vec<Point>]) -> MissionStep {
         let search = around.terrain.search(around.now, around.pose);
         match self.doubts.toward_unseen(&search, claims) {
-            Some(DoubtStep::Look { course, at }) => {
+            Some(DoubtStep::Look(CloseLook { course, at })) => {
                 self.stage = Stage::Doubting(at);
                 match course {
                     Some(course) => MissionStep::GoAlong(course),

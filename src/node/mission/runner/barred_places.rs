@@ -22,6 +22,11 @@ impl BarredPlaces {
         is_new
     }
 
+    /// Returns them.
+    pub(super) fn places(&self) -> &[Point] {
+        &self.places
+    }
+
     /// Forgets all of them: the vehicle goes for something else.
     pub(super) fn clear(&mut self) {
         self.places.clear();
