@@ -16,6 +16,7 @@ use tomoswarm_proto::{
 
 pub(super) use self::member::{FleetChange, FleetMember};
 pub(super) use self::order_ledger::OrderLedger;
+use crate::geom::Point;
 use crate::stops::first_that_stops;
 use crate::sweep::VehicleProgress;
 use crate::time::Time;
@@ -51,6 +52,11 @@ impl Fleet {
     /// Returns the vehicles, ascending.
     pub(crate) fn members(&self) -> impl Iterator<Item = (VehicleId, &FleetMember)> {
         self.members.iter().map(|(id, member)| (*id, member))
+    }
+
+    /// Returns where a vehicle is; `None` when it was not heard, or does not know well enough.
+    pub(crate) fn place_of(&self, vehicle: VehicleId) -> Option<Point> {
+        self.members.get(&vehicle)?.place()
     }
 
     /// Returns what was dealt with each vehicle, ascending.

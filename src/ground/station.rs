@@ -267,7 +267,9 @@ impl Station {
             self.execution.leave_to_vehicles(run);
         }
         let progress = VehicleProgress::from(mission);
-        let shown = self.fleet.heard_progress(now, progress);
+        let mut shown = self.fleet.heard_progress(now, progress);
+        let place = self.fleet.place_of(mission.vehicle);
+        shown.made_progress &= !self.execution.has_given_up(&progress, place);
         out.extend(notes_of(mission.vehicle, shown));
         self.execution.hear(now, shown);
         if self.fleet.is_current(&progress) {

@@ -25,11 +25,15 @@ use self::visited_ground::VisitedGround;
 use super::StationEvent;
 use super::lost_vehicles::{SilenceLimits, is_too_few};
 use super::run_registry::RequestedSweep;
+use crate::geom::Point;
 use crate::ground::fleet::{Fleet, FleetChange, FleetMember};
 use crate::ground::planner::{PlannerAnswer, Request};
 use crate::ground::samples::SampleStore;
 use crate::sweep::{Succession, VehicleProgress};
 use crate::time::Time;
+
+/// A vehicle that is farther from a stop when it is over with it has given it up, metres.
+const GIVEN_UP_M: f64 = 1.5;
 
 /// What the execution depends on beside its own state.
 #[derive(Clone, Copy, Debug)]
@@ -111,6 +115,16 @@ impl SweepExecution {
         if shown.restarted || shown.found {
             self.phase.disturb();
         }
+    }
+
+    /// Returns whether a vehicle that stands at a place has not done the stop that it says it is over with: one that it gave up
+    /// is done for the plan, but brings nobody on.
+    pub(super) fn has_given_up(&self, progress: &VehicleProgress, at: Option<Point>) -> bool {
+        let stop = progress
+            .done
+            .and_then(|stop| self.plans.place_of(progress.vehicle, stop));
+        stop.zip(at)
+            .is_some_and(|(stop, at)| stop.distance_to(at) > GIVEN_UP_M)
     }
 
     /// Takes the progress of a vehicle, said by the newest start of its software.

@@ -6,6 +6,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Lease, Plan, Revision, RunId, StopId, VehicleId};
 
+use crate::geom::Point;
 use crate::ground::fleet::Fleet;
 use crate::sweep::{RevisionPhase, Succession, VehicleProgress, has_done};
 use crate::time::Time;
@@ -76,6 +77,13 @@ impl PublishedPlans {
         if let Some(succession) = &mut self.succession {
             succession.hear(progress);
         }
+    }
+
+    /// Returns where the plan of a vehicle has a stop.
+    pub(crate) fn place_of(&self, vehicle: VehicleId, stop: StopId) -> Option<Point> {
+        let plan = self.plans().iter().find(|plan| plan.vehicle == vehicle)?;
+        let stop = plan.stops.iter().find(|one| one.id == stop)?;
+        Some(stop.at.into())
     }
 
     /// Returns the plans as they are published, by the right of `lease`, each with the newest state of its vehicle.
