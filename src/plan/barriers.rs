@@ -213,12 +213,19 @@ impl Barriers {
         }
         let required_m = self.required_m(kind);
         let here_m = self.lattice.centre(part).distance_to(self.stands);
-        Some(match here_m < required_m {
-            true => {
-                let cell_m = f64::from(SIDE) * self.lattice.cell_m();
-                self.clearance.leaving_m(here_m, LEAVING_CELLS * cell_m)
-            }
-            false => required_m,
+        if here_m >= required_m {
+            return Some(required_m);
+        }
+        let cell_m = f64::from(SIDE) * self.lattice.cell_m();
+        let released = self.clearance.released(cell_m);
+        let released_m = match kind {
+            OCCUPIED => released.occupied_m,
+            _ => released.unknown_m,
+        };
+        Some(match here_m < released_m {
+            true => self.clearance.leaving_m(here_m, LEAVING_CELLS * cell_m),
+            // Near enough that it would not be planned, and not so near that it would be let off.
+            false => RequiredClearance::with_sag(released_m, cell_m).min(required_m),
         })
     }
 
@@ -228,5 +235,92 @@ impl Barriers {
             part.y.abs_diff(self.area.low.y) as usize,
         );
         self.area.contains(part).then(|| y * self.width + x)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use proptest::prelude::*;
+    use tomoswarm_proto::{LayerId, TILE_CELLS, TileAddress, TileReport};
+
+    use crate::geom::{Cell, Lattice, Point};
+    use crate::map::{Bar, CellRect, Merged};
+    use crate::plan::{Corridor, RequiredClearance, Rules, SearchGrid, shortest_route};
+
+    const CELL_M: f64 = 0.2;
+    const RULES: Rules = Rules {
+        diagonal: true,
+        cut_corners: false,
+        escape_m: 1.0,
+        turning: None,
+    };
+
+    /// A free map of 6.4 m by 6.4 m but for some cells: occupied, or unknown.
+    fn map(barred: &[(i32, i32, bool)]) -> Merged {
+        let mut cells = [-17; TILE_CELLS];
+        for (x, y, is_occupied) in barred {
+            cells[(y * 32 + x) as usize] = if *is_occupied { 17 } else { 0 };
+        }
+        let mut map = Merged::new(Lattice::new(CELL_M), None);
+        for (x, y) in (-1..=1).flat_map(|x| (-1..=1).map(move |y| (x, y))) {
+            let is_middle = (x, y) == (0, 0);
+            let cells = Arc::new(if is_middle { cells } else { [-17; TILE_CELLS] });
+            map.join(&TileReport {
+                layer: LayerId::default(),
+                address: TileAddress { slice: 0, x, y },
+                revision: 1,
+                cells,
+            })
+            .unwrap();
+        }
+        map
+    }
+
+    proptest! {
+        /// What is planned can be driven, also by who stands too near to something.
+        #[test]
+        fn a_planned_way_is_released_to_its_end(
+            barred in proptest::collection::vec((2..30i32, 2..30i32, any::<bool>()), 0..14),
+            from in (1.0..5.4f64, 1.0..5.4f64), to in (1.0..5.4f64, 1.0..5.4f64),
+            safety_m in 0.25..1.2f64,
+        ) {
+            let map = map(&barred);
+            let area = CellRect::new(Cell::new(0, 0), Cell::new(31, 31));
+            let view = map.view(0, CellRect::new(Cell::new(-32, -32), Cell::new(63, 63)));
+            let planned = RequiredClearance::planned(0.25, safety_m, 0.04, CELL_M);
+            let (from, to) = (Point::new(from.0, from.1), Point::new(to.0, to.1));
+            let grid = SearchGrid::of_parts(&view, area, planned, Bar::Unknown, from).unwrap();
+            let Ok(route) = shortest_route(&grid, from, to, &RULES) else {
+                return Ok(());
+            };
+            // Who is so near that its path must first lead out is judged by how far it gets.
+            prop_assume!(grid.passable(grid.lattice().cell_at(from)));
+            let corridor = Corridor { clearance: planned.released(CELL_M), ahead_m: 50.0 };
+            let release = corridor.released(&view, &route.points, from);
+            prop_assert!((release.free_until_m - route.length_m).abs() < 1e-6, "{release:?} of {:?}", route.points);
+        }
+    }
+
+    #[test]
+    fn who_stands_too_near_passes_what_it_is_near_to_and_keeps_its_distance_from_the_rest() {
+        // It stands 0.6 m from the one, and must pass the other at 0.9 m.
+        let map = map(&[(10, 10, true), (18, 8, true)]);
+        let area = CellRect::new(Cell::new(0, 0), Cell::new(31, 31));
+        let planned = RequiredClearance::planned(0.25, 0.9, 0.0, CELL_M);
+        let from = Point::new(2.1, 1.4);
+        let grid =
+            SearchGrid::of_parts(&map.view(0, area), area, planned, Bar::Unknown, from).unwrap();
+        let is_open = |x_m, y_m| grid.passable(grid.lattice().cell_at(Point::new(x_m, y_m)));
+        assert!(
+            is_open(2.1, 1.4) && is_open(1.6, 1.4),
+            "where it stands, and aside of it"
+        );
+        assert!(!is_open(2.1, 1.7), "nearer still");
+        assert!(
+            !is_open(3.0, 1.4) && !is_open(3.7, 0.95),
+            "near the other one"
+        );
     }
 }

@@ -13,6 +13,8 @@ const TOLERANCE_CELLS: f64 = 0.15;
 /// Between the body with the deviation of its place and the middle of a part there is at least this, cells: half of the
 /// diagonal of a part, and a little.
 const PART_CELLS: f64 = 0.2;
+/// A straight step between two places that keep a distance comes so much nearer at most, cells.
+const SAG_CELLS: f64 = 0.05;
 /// Between the body and what nobody has seen stays at least this, metres.
 const UNSEEN_M: f64 = 0.05;
 /// What an optimist keeps less: what was heard may stand that much farther from the way than it is drawn.
@@ -42,10 +44,11 @@ impl RequiredClearance {
     /// middle, and an allowance for the deviation of its place, all in metres, on a map with cells of this side.
     pub fn planned(body_m: f64, safety_m: f64, deviation_m: f64, cell_m: f64) -> RequiredClearance {
         let least_m = body_m + deviation_m + PART_CELLS * cell_m;
+        let planned_m = RequiredClearance::with_sag(least_m, cell_m);
         let wished_m = safety_m + deviation_m - TOLERANCE_CELLS * cell_m;
         RequiredClearance {
-            occupied_m: wished_m.max(least_m),
-            unknown_m: wished_m.min(body_m + UNSEEN_M + deviation_m).max(least_m),
+            occupied_m: wished_m.max(planned_m),
+            unknown_m: wished_m.min(body_m + UNSEEN_M + deviation_m).max(planned_m),
             least_m,
             body_m: body_m + HALF_PART_CELLS * cell_m,
         }
@@ -78,6 +81,12 @@ impl RequiredClearance {
             body_m: body_m / 2.0,
             ..RequiredClearance::everywhere(kept_m)
         }
+    }
+
+    /// Returns what two places keep so that a straight step between them keeps a distance, metres.
+    #[inline]
+    pub fn with_sag(distance_m: f64, cell_m: f64) -> f64 {
+        distance_m + SAG_CELLS * cell_m
     }
 
     /// Returns how near a vehicle that stands `here_m` from something, too near already, may come to it on its way, metres: a
