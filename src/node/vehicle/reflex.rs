@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::messages::{ReflexObstacle, Telemetry};
 use crate::geom::{Angle, Point, Track, Vector};
 use crate::node::VehicleSettings;
+use crate::node::peers::Peers;
 use crate::node::sensor::Scan;
 use crate::time::Time;
 
@@ -18,6 +19,9 @@ const REACTION_S: f64 = 0.15;
 const MARGIN_M: f64 = 0.1;
 /// What made the reflex halt is kept clear of for this long, even if the map does not show it.
 const KEEP_FOR: Duration = Duration::from_secs(60);
+
+/// The same of what stands where a peer is: it may drive on, and its separation is kept anyway.
+const KEEP_PEER_FOR: Duration = Duration::from_secs(5);
 
 /// Between what another reading saw empty and where its echo came from lies at least this much, metres.
 const BEFORE_ECHO_M: f64 = 0.1;
@@ -146,16 +150,26 @@ impl Reflex {
     }
 }
 
-/// Returns what a reading stands for: an echo from somewhere in the beam's cone, believed for a while.
-pub(super) fn obstacle_of(settings: &VehicleSettings, now: Time, scan: &Scan) -> ReflexObstacle {
+/// Returns what a reading stands for: an echo from somewhere in the beam's cone, believed for a while, and not for long when
+/// it may be a peer.
+pub(super) fn obstacle_of(
+    settings: &VehicleSettings,
+    peers: &Peers,
+    now: Time,
+    scan: &Scan,
+) -> ReflexObstacle {
     let range_m = scan.range_m.unwrap_or_default();
     let at = scan.pose.at + Vector::polar(scan.pose.heading + scan.beam, range_m);
     let spread_m = range_m * libm::sin(settings.look.half_angle.radians());
     let keep_m = settings.body.radius_m + MARGIN_M + spread_m;
+    let is_peer = peers.iter().any(|(_, peer)| {
+        let body_m = settings.body.radius_m + spread_m + 2.0 * (scan.pose.sd_m + peer.sd_m);
+        peer.at.distance_to(at) <= body_m
+    });
     ReflexObstacle {
         at,
         keep_m,
-        until: now + KEEP_FOR,
+        until: now + if is_peer { KEEP_PEER_FOR } else { KEEP_FOR },
     }
 }
 
