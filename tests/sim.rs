@@ -40,3 +40,8 @@ mod repro;
 mod seeds;
 #[path = "floor_plans/trial.rs"]
 mod trial;
+#[path = "yards/trial.rs"]
+#[allow(dead_code, reason = "the bench prints a table of many")]
+mod yard_trial;
+#[path = "sim/yards.rs"]
+mod yards;

@@ -218,6 +218,9 @@ impl Mission {
         runner.go_on(&mut scene, &met);
         // What was chosen just now is begun at once.
         self.advance(now, out);
+        if self.announcements.goal(self.goal_place()) {
+            out.push(Out::Progress(self.on_wire()));
+        }
     }
 
     /// Goes on with the way home: waits for its turn, or drives.
@@ -537,6 +540,7 @@ impl Actor for Mission {
             In::Plan(plan) => self.take_plan(now, &plan, out),
             In::Task(task) => self.take_task(now, &task, out),
             In::Progress(progress) => self.hear(now, &progress, out),
+            In::PeerMission(mission) => self.peers.note_goal(&mission),
             In::Sighted(sighting) => {
                 self.peers.sight(now, &sighting);
                 self.autonomy.heard_radio(now);

@@ -3,13 +3,16 @@
 //!
 //! A state tells the way that a vehicle is committed to. A beacon tells its place alone: it counts when no state has
 //! come for a while, and then a vehicle that moves claims some way ahead. Who is heard neither way is *silent*: what was
-//! last known of it stays, an obstacle on its last leg; unless no ground station expects it.
+//! last known of it stays, an obstacle on its last leg; unless no ground station expects it. Where it is going is what it
+//! said of its mission last: its goal may lie far beyond the way that it is committed to.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Boot, StandReason, State, VehicleId, VehicleMode};
+use tomoswarm_proto::{
+    Boot, MissionPhase, MissionProgress, StandReason, State, VehicleId, VehicleMode,
+};
 
 use super::radio::BeaconReport;
 use crate::geom::{Angle, Point, Pose, Vector};
@@ -61,6 +64,17 @@ pub(super) struct Peer {
     pub moved_at: Time,
     /// When a ground station said last that it expects it.
     expected_at: Option<Time>,
+    /// Where it said last that it is going.
+    pub goal: Option<PeerGoal>,
+}
+
+/// Where a peer is going.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+pub(super) struct PeerGoal {
+    /// The place.
+    pub at: Point,
+    /// Its mission leads there; otherwise it goes home.
+    pub is_of_mission: bool,
 }
 
 impl Peer {
@@ -142,6 +156,9 @@ impl Peers {
             resting,
             moved_at,
             expected_at: known.and_then(|known| known.expected_at),
+            goal: known
+                .filter(|known| known.edition.0 == state.boot)
+                .and_then(|known| known.goal),
         };
         self.newest.insert(state.vehicle, peer);
     }
@@ -156,6 +173,21 @@ impl Peers {
         peer.resting = resting;
         if !resting {
             peer.moved_at = now;
+        }
+    }
+
+    /// Takes where a vehicle says that it is going; of one that was never placed, and of another start of it than is known,
+    /// nothing is taken.
+    pub(super) fn note_goal(&mut self, said: &MissionProgress) {
+        let known = self
+            .newest
+            .get_mut(&said.vehicle)
+            .filter(|peer| peer.edition.0 == said.boot);
+        if let Some(peer) = known {
+            peer.goal = said.goal.map(|at| PeerGoal {
+                at: at.into(),
+                is_of_mission: said.end.is_none() && said.phase != MissionPhase::Returning,
+            });
         }
     }
 
@@ -184,6 +216,7 @@ impl Peers {
                 .newest
                 .get(&vehicle)
                 .and_then(|known| known.expected_at),
+            goal: None,
         };
         let peer = self
             .newest
@@ -223,6 +256,11 @@ impl Peers {
         let is_recent = |at: Time| now.since(at) <= STRANGER_FOR;
         self.newest
             .retain(|_, peer| is_recent(peer.heard_at) || peer.expected_at.is_some_and(is_recent));
+    }
+
+    /// Returns whose table it is.
+    pub(super) fn own(&self) -> VehicleId {
+        self.own
     }
 
     /// Returns the others, ascending.
@@ -292,6 +330,43 @@ mod tests {
             pose: state(2, x_m, 0.0).pose,
             progress,
         }
+    }
+
+    #[test]
+    fn where_a_peer_goes_is_what_its_present_start_said_last() {
+        let mut peers = Peers::new(VehicleId(1));
+        let says = |peers: &mut Peers, boot: u32, x_m: Option<f64>, phase: MissionPhase| {
+            peers.note_goal(&MissionProgress {
+                vehicle: VehicleId(2),
+                boot: Boot(boot),
+                goal: x_m.map(|x_m| Point::new(x_m, 0.0).into()),
+                phase,
+                ..MissionProgress::default()
+            });
+            let peer = peers.get(VehicleId(2)).and_then(|peer| peer.goal);
+            peer.map(|goal| (goal.at.x_m, goal.is_of_mission))
+        };
+        let going = MissionPhase::Going;
+        assert_eq!(says(&mut peers, 1, Some(5.0), going), None, "never placed");
+        peers.take(at(1.0), &state(2, 3.0, 0.0));
+        assert_eq!(says(&mut peers, 1, Some(5.0), going), Some((5.0, true)));
+        let next = State {
+            sequence: 2,
+            ..state(2, 3.1, 0.0)
+        };
+        peers.take(at(1.2), &next);
+        let old = says(&mut peers, 0, Some(9.0), going);
+        assert_eq!(old, Some((5.0, true)), "another start of it");
+        let home = says(&mut peers, 1, Some(0.0), MissionPhase::Returning);
+        assert_eq!(home, Some((0.0, false)));
+        assert_eq!(says(&mut peers, 1, None, going), None);
+        says(&mut peers, 1, Some(5.0), going);
+        let restarted = State {
+            boot: Boot(2),
+            ..state(2, 3.1, 0.0)
+        };
+        peers.take(at(2.0), &restarted);
+        assert_eq!(peers.get(VehicleId(2)).unwrap().goal, None);
     }
 
     #[test]

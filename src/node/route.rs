@@ -263,6 +263,7 @@ fn route_message(sender: Sender, message: Message, to: &mut Vec<Destination>) {
             to.push(Destination::Mission(mission::In::Progress(
                 (&mission).into(),
             )));
+            to.push(Destination::Mission(mission::In::PeerMission(mission)));
         }
         Message::Order(order) => {
             to.push(Destination::Stops(stops::In::Order(sender, order.clone())));

@@ -167,7 +167,9 @@ pub struct MissionProgress {
     pub share: Option<Permille>,
     /// Places, or stops of a plan, that are still to be visited.
     pub places_left: u16,
-    /// Where it is going; `None` = nowhere.
+    /// Where it is going: the place that its mission wants to come to, or the middle of what it is going to look at, also
+    /// while it waits for something; its home once the mission has ended; of a plan the end of the legs that it has entered.
+    /// `None` = nowhere.
     pub goal: Option<Position>,
     /// Altitude slice that it moves in.
     pub slice: i16,

@@ -46,13 +46,13 @@ pub enum TaskKind {
         /// How long it stays at most while it waits for a partner, milliseconds.
         dwell_limit_ms: u32,
     },
-    /// Straight from place to place, ending in front of what stands there. The members begin at different places: the
+    /// Straight from place to place, ending in front of what stands there (peers are waited for). The members begin at different places: the
     /// first member at the first, the second at the second, and so on.
     Legs {
         /// The places, in order.
         places: Vec<Position>,
     },
-    /// Straight ahead as each stands, ending in front of what stands there.
+    /// Straight ahead as each stands, ending in front of what stands there (peers are waited for).
     Forward {
         /// How far, millimetres.
         distance_mm: u32,

@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{RunId, StandReason, VehicleId};
+use tomoswarm_proto::{Position, RunId, StandReason, VehicleId};
 
 use super::Out;
 use crate::time::{Deadline, Time};
@@ -19,6 +19,7 @@ const REPEAT_APART: Duration = Duration::from_millis(53);
 pub(super) struct Announcements {
     holds: Option<StandReason>,
     measure: Option<RunId>,
+    goal: Option<Position>,
     repeat_at: Time,
 }
 
@@ -28,6 +29,7 @@ impl Announcements {
         Announcements {
             holds: None,
             measure: None,
+            goal: None,
             repeat_at: Time::ZERO + REPEAT_EVERY + REPEAT_APART * u32::from(own.0),
         }
     }
@@ -42,6 +44,11 @@ impl Announcements {
     pub(super) fn holds(&mut self, why: Option<StandReason>) -> Option<Out> {
         let is_news = why != std::mem::replace(&mut self.holds, why);
         is_news.then_some(Out::Holds(why))
+    }
+
+    /// Records where the vehicle is going; returns whether that has changed.
+    pub(super) fn goal(&mut self, goal: Option<Position>) -> bool {
+        goal != std::mem::replace(&mut self.goal, goal)
     }
 
     /// Returns whether progress is to be told again now, and no more until later.
@@ -80,6 +87,14 @@ mod tests {
         let why = Some(StandReason::Held);
         assert_eq!(announcements.holds(why), Some(Out::Holds(why)));
         assert_eq!(announcements.holds(why), None);
+    }
+
+    #[test]
+    fn a_goal_is_told_when_it_changes() {
+        let mut announcements = Announcements::new(VehicleId(1));
+        let goal = Some(Position::from_metres(1.0, 2.0, 0.0));
+        let told = [None, goal, goal, None].map(|goal| announcements.goal(goal));
+        assert_eq!(told, [false, true, false, true]);
     }
 
     #[test]

@@ -128,6 +128,9 @@ pub(super) trait Behaviour {
     /// Returns the next step.
     fn next(&mut self, seen: MissionInput, around: &MissionContext<'_>) -> MissionStep;
 
+    /// Returns where it is going, or what it is going to see; `None` = nowhere yet.
+    fn goal(&self) -> Option<Point>;
+
     /// Returns how the mission ends now that its peers have not made room for very long.
     fn give_up(&self) -> EndReason;
 
@@ -196,6 +199,17 @@ impl AnyBehaviour {
             AnyBehaviour::Pathfind(pathfind) => pathfind.places_left(),
             AnyBehaviour::Patrol(patrol) => patrol.places_left(),
             AnyBehaviour::Browse(_) | AnyBehaviour::Seek(_) => 0,
+        }
+    }
+
+    /// Returns where it is going, or what it is going to see.
+    pub(super) fn goal(&self) -> Option<Point> {
+        match self {
+            AnyBehaviour::Straight(straight) => straight.goal(),
+            AnyBehaviour::Browse(browse) => browse.goal(),
+            AnyBehaviour::Pathfind(pathfind) => pathfind.goal(),
+            AnyBehaviour::Seek(seek) => seek.goal(),
+            AnyBehaviour::Patrol(patrol) => patrol.goal(),
         }
     }
 

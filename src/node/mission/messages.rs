@@ -57,6 +57,8 @@ pub enum In {
     Task(Task),
     /// How far a peer is.
     Progress(VehicleProgress),
+    /// What a peer is out for, and where it is going.
+    PeerMission(MissionProgress),
     /// What a peer's beacon tells.
     Sighted(BeaconReport),
     /// A ground station expects these vehicles.
@@ -320,6 +322,8 @@ pub enum Key {
     Task(RunId),
     /// The progress of one vehicle.
     Progress(VehicleId),
+    /// The mission of one peer.
+    PeerMission(VehicleId),
     /// The beacon of one peer.
     Sighted(VehicleId),
     /// Whom a ground station expects.
@@ -343,6 +347,7 @@ impl Input for In {
             In::Task(task) => InputClass::Latest(Key::Task(task.run)),
             In::Tile(tile) => InputClass::Latest(Key::Tile(tile.report.layer, tile.report.address)),
             In::Progress(progress) => InputClass::Latest(Key::Progress(progress.vehicle)),
+            In::PeerMission(mission) => InputClass::Latest(Key::PeerMission(mission.vehicle)),
             In::Sighted(sighting) => InputClass::Latest(Key::Sighted(sighting.progress.vehicle)),
             In::Expected(_) => InputClass::Latest(Key::Expected),
             In::Heard(by) => InputClass::Latest(Key::Heard(*by)),

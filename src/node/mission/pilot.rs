@@ -54,7 +54,7 @@ use crate::plan::{Corridor, Release, RequiredClearance};
 use crate::time::{Deadline, Time};
 
 /// How far ahead the strip is judged, metres.
-const AHEAD_M: f64 = 4.0;
+pub(super) const AHEAD_M: f64 = 4.0;
 /// At rest this near to the end, the end is reached, metres.
 pub(super) const ARRIVED_M: f64 = 0.35;
 /// After a search without a result, wait this long; longer after every further one.

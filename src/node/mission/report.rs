@@ -29,7 +29,7 @@ impl Mission {
             phase: self.phase(),
             share: self.share(done, stops),
             places_left: u16::try_from(left).unwrap_or(u16::MAX),
-            goal: self.place_ahead(),
+            goal: self.goal_place(),
             slice: self.settings.slice,
             end: self.end(),
             is_at_home: self.state.as_ref().is_some_and(is_home),
@@ -96,10 +96,19 @@ impl Mission {
             .flatten()
     }
 
-    /// Returns where its way ends.
-    fn place_ahead(&self) -> Option<Position> {
+    /// Returns where it is going: what its mission wants to come to or to see, also while that waits for something; otherwise
+    /// where its way ends.
+    pub(super) fn goal_place(&self) -> Option<Position> {
+        let runner = self
+            .runner
+            .as_ref()
+            .filter(|_| self.goal == Goal::Following);
         let way = self.pilot.way();
-        (!way.is_empty()).then(|| way.end().into())
+        let end = (!way.is_empty()).then(|| way.end());
+        runner
+            .and_then(StepRunner::goal)
+            .or(end)
+            .map(Position::from)
     }
 
     fn end(&self) -> Option<MissionEnd> {

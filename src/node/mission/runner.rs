@@ -18,7 +18,10 @@
 //! Deliberately absent: where to go and what to look at, see [`super::kind`].
 
 mod barred_places;
+mod close_looks;
+mod context;
 mod own_mission;
+mod peers_ahead;
 mod progress_watch;
 mod routes;
 mod tries;
@@ -27,38 +30,36 @@ mod yield_to_peers;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{MissionPhase, VehicleMode};
+use tomoswarm_proto::MissionPhase;
 
 use self::barred_places::BarredPlaces;
+pub(super) use self::context::RunnerContext;
 use self::own_mission::OwnMission;
 use self::progress_watch::ProgressWatch;
 use self::routes::RouteFinder;
 use self::tries::Tries;
-use self::yield_to_peers::{Yield, YieldToPeers, way_aside};
-use super::doubts::{CloseLook, DoubtStep, Doubts};
+use self::yield_to_peers::YieldToPeers;
+use super::doubts::Doubts;
 use super::home::HOME_M;
-use super::kind::{
-    AnyBehaviour, DriveRoute, MissionContext, MissionInput, MissionStep, PassedOver,
-};
+use super::kind::{AnyBehaviour, DriveRoute, MissionInput, MissionStep, PassedOver};
 use super::look_around::{LookAround, Next, dwell};
 use super::obstruction::Obstruction;
-use super::pilot::{Pilot, WayEvent};
-use super::place_watch::PlaceWatch;
-use super::terrain::{Resolution, Terrain};
+use super::pilot::WayEvent;
 use super::{EndReason, MissionEvent, Out};
-use crate::geom::{Cell, Point, Pose};
+use crate::geom::{Cell, Point};
 use crate::map::MapTile;
-use crate::node::peers::Peers;
+use crate::node::VehicleSettings;
 use crate::node::vehicle::MoveCommand;
-use crate::node::{OwnState, VehicleSettings};
 use crate::time::{Deadline, Time};
 
 /// While driving, the mission is asked this often whether to go on.
 const ASK_EVERY: Duration = Duration::from_secs(1);
 /// When something is in the way, wait this long, or some times as long.
 const WAIT: Duration = Duration::from_secs(2);
+/// Who has stepped aside waits this long, so that those for whom it did have set out before it comes back.
+const WAIT_ASIDE: Duration = Duration::from_secs(6);
 /// So many waits for peers in a row on the way home, and the return in order is waited for.
-const HOME_WAITS_MAX: u32 = 30;
+const HOME_WAITS_MAX: u32 = 80;
 
 /// Where the vehicle is going.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
@@ -110,48 +111,6 @@ pub(super) struct StepRunner {
     progress: ProgressWatch,
     /// The place of the mission that it goes for by paths.
     sought: Option<Point>,
-}
-
-/// What a runner is told and may use.
-pub(super) struct RunnerContext<'a> {
-    /// Now.
-    pub now: Time,
-    /// The own state.
-    pub state: &'a OwnState,
-    /// What is known of the ground.
-    pub terrain: &'a Terrain,
-    /// Drives.
-    pub pilot: &'a mut Pilot,
-    /// The others.
-    pub peers: &'a Peers,
-    /// How well the own place is known.
-    pub place: &'a mut PlaceWatch,
-    /// What is said.
-    pub out: &'a mut Vec<Out>,
-}
-
-impl RunnerContext<'_> {
-    fn pose(&self) -> Pose {
-        self.state.pose
-    }
-
-    fn rests(&self) -> bool {
-        self.state.leg.is_none()
-            && !matches!(self.state.mode, VehicleMode::Driving | VehicleMode::Turning)
-    }
-
-    fn surroundings(&self) -> MissionContext<'_> {
-        MissionContext {
-            now: self.now,
-            pose: self.pose(),
-            terrain: self.terrain,
-            peers: self.peers,
-        }
-    }
-
-    fn emit(&mut self, event: MissionEvent) {
-        self.out.push(Out::MissionEvent(event));
-    }
 }
 
 impl StepRunner {
@@ -213,6 +172,15 @@ impl StepRunner {
             } => MissionPhase::Going,
             Phase::Looking { .. } => MissionPhase::Looking,
             Phase::Over => MissionPhase::Over,
+        }
+    }
+
+    /// Returns where it is going, or what it is going to see: its home once the mission has ended; `None` = nowhere.
+    pub(super) fn goal(&self) -> Option<Point> {
+        match (self.end(), self.phase) {
+            (_, Phase::Over) => None,
+            (Some(_), _) => Some(self.settings.home),
+            (None, _) => self.mission.goal(),
         }
     }
 
@@ -374,6 +342,9 @@ impl StepRunner {
     }
 
     fn drive_straight(&mut self, scene: &mut RunnerContext<'_>, place: Point) {
+        if self.is_barred_by_peers(scene, place) {
+            return self.yield_to_peers(scene);
+        }
         let course = DriveRoute {
             corners: vec![place],
             is_narrow: false,
@@ -388,6 +359,7 @@ impl StepRunner {
                 self.doubts.clear();
                 self.sought = None;
                 self.progress.get_on(scene.now);
+                self.yields.end();
                 scene.emit(MissionEvent::Visited(place));
                 self.tell(scene, MissionInput::Arrived);
             }
@@ -397,7 +369,7 @@ impl StepRunner {
                     .note(self.settings.lattice, cell, scene.pose().at);
                 self.look_closely(scene, cell);
             }
-            Destination::Aside => self.choose_at(scene.now + WAIT),
+            Destination::Aside => self.choose_at(scene.now + WAIT_ASIDE),
             Destination::Home => self.phase = Phase::Over,
         }
     }
@@ -410,18 +382,17 @@ impl StepRunner {
         };
         match to {
             Destination::Straight(_) | Destination::ByPath(_) | Destination::Viewpoint => {
+                self.yields.drive(self.left_m(scene.pose().at));
                 self.tell(scene, MissionInput::UnderWay);
             }
-            Destination::Doubtful(_) | Destination::Aside | Destination::Home => {}
+            Destination::Home => self.yields.drive(self.left_m(scene.pose().at)),
+            Destination::Doubtful(_) | Destination::Aside => {}
         }
     }
 
-    /// Looks from near at a cell that may bar the way.
-    fn look_closely(&mut self, scene: &mut RunnerContext<'_>, cell: Cell) {
-        let (at, middle) = (scene.pose().at, self.settings.lattice.centre(cell));
-        scene.emit(MissionEvent::LooksClosely(middle));
-        let look = LookAround::closely(at.angle_to(middle), scene.now);
-        self.begin_look(scene, look, None);
+    /// Returns how far a place is from where the vehicle is going, metres.
+    fn left_m(&self, place: Point) -> f64 {
+        self.goal().map_or(0.0, |goal| goal.distance_to(place))
     }
 
     fn begin_look(&mut self, scene: &mut RunnerContext<'_>, look: LookAround, at: Option<Cell>) {
@@ -469,6 +440,11 @@ impl StepRunner {
         let place = scene.pose().at;
         scene.pilot.give_up(place);
         match to {
+            Destination::Straight(_) | Destination::ByPath(_) | Destination::Home
+                if self.is_a_peer(scene, by) =>
+            {
+                self.yield_to_peers(scene);
+            }
             // What is barred is news for the next path.
             Destination::ByPath(_) if !scene.terrain.is_free(by.at) && self.barred.note(by.at) => {
                 self.think(scene.now);
@@ -502,10 +478,7 @@ impl StepRunner {
         }
         let (courses, claims) = (self.courses(scene), scene.surroundings().claims());
         match courses.course_to(place, true, &claims) {
-            Ok(course) => {
-                self.yields.end();
-                self.drive(scene, &course, Destination::ByPath(place));
-            }
+            Ok(course) => self.drive(scene, &course, Destination::ByPath(place)),
             Err(_) if courses.course_to(place, true, &[]).is_ok() => self.yield_to_peers(scene),
             Err(crate::plan::NoRoute::StartBarred) => {
                 // Something stands too near to where the vehicle is: it looks again, later.
@@ -527,52 +500,6 @@ impl StepRunner {
         }
     }
 
-    /// No way to a place is known but past what the pilot did not pass: looks at that from near, and then the map decides.
-    fn doubt_barred(&mut self, scene: &mut RunnerContext<'_>, claims: &[Vec<Point>]) {
-        let lattice = self.settings.lattice;
-        let places = self.barred.places().iter();
-        let cells: Vec<Cell> = places.map(|place| lattice.cell_at(*place)).collect();
-        self.barred.clear();
-        let search = scene.terrain.search(scene.now, scene.pose());
-        match self.doubts.look_at_bars(&search, &cells, claims) {
-            Some(look) => self.go_and_look_closely(scene, look),
-            None => self.try_again(scene),
-        }
-    }
-
-    /// No way to a place is known: looks from near at what may bar it and may not, or passes the place over.
-    fn doubt(&mut self, scene: &mut RunnerContext<'_>, place: Point, claims: &[Vec<Point>]) {
-        let search = scene.terrain.search(scene.now, scene.pose());
-        match self.doubts.toward(&search, place, claims) {
-            DoubtStep::NoWay(bars) => {
-                scene.emit(MissionEvent::NoWay(place, bars));
-                self.pass_over(scene, place, PassedOver::NoWay);
-            }
-            DoubtStep::Spent(bars) => {
-                scene.emit(MissionEvent::StaysDoubtful(place, bars));
-                self.pass_over(scene, place, PassedOver::GivenUp);
-            }
-            DoubtStep::Look(look) => self.go_and_look_closely(scene, look),
-        }
-    }
-
-    /// Goes to where a cell can be looked at from near, and looks.
-    fn go_and_look_closely(&mut self, scene: &mut RunnerContext<'_>, look: CloseLook) {
-        match look {
-            CloseLook {
-                course: Some(course),
-                at,
-            } => {
-                self.yields.end();
-                self.drive(scene, &course, Destination::Doubtful(at));
-            }
-            CloseLook { course: None, at } => {
-                self.doubts.note(self.settings.lattice, at, scene.pose().at);
-                self.look_closely(scene, at);
-            }
-        }
-    }
-
     fn pass_over(&mut self, scene: &mut RunnerContext<'_>, place: Point, why: PassedOver) {
         if let Some(mission) = self.mission.under_way() {
             mission.pass_over(why);
@@ -580,28 +507,11 @@ impl StepRunner {
         self.barred.clear();
         self.doubts.clear();
         self.tries.clear();
+        self.yields.end();
         self.sought = None;
         self.progress.get_on(scene.now);
         scene.emit(MissionEvent::Passed(place));
         self.think(scene.now);
-    }
-
-    /// Waits for peers to make room; steps aside when that takes long, and gives up when it takes too long.
-    fn yield_to_peers(&mut self, scene: &mut RunnerContext<'_>) {
-        match (
-            self.yields.once_more(self.settings.vehicle, scene.peers),
-            self.mission.under_way(),
-        ) {
-            (Yield::InVain, Some(mission)) => {
-                let end = mission.give_up();
-                self.finish(scene, end);
-            }
-            (Yield::StepAside, _) => match self.course_aside(scene) {
-                Some(course) => self.drive(scene, &course, Destination::Aside),
-                None => self.choose_at(scene.now + WAIT),
-            },
-            (Yield::Wait, _) | (Yield::InVain, None) => self.choose_at(scene.now + WAIT),
-        }
     }
 
     fn courses<'a>(&'a self, scene: &RunnerContext<'a>) -> RouteFinder<'a> {
@@ -609,18 +519,6 @@ impl StepRunner {
             search: scene.terrain.search(scene.now, scene.pose()),
             barred: &self.barred,
         }
-    }
-
-    fn course_aside(&self, scene: &RunnerContext<'_>) -> Option<DriveRoute> {
-        let claims = scene.surroundings().claims();
-        let grid = self
-            .courses(scene)
-            .ground(None, Resolution::Cells, false, &claims)?;
-        let corners = way_aside(&grid, self.settings.lattice, scene.pose().at, scene.peers)?;
-        Some(DriveRoute {
-            corners,
-            is_narrow: false,
-        })
     }
 
     fn finish(&mut self, scene: &mut RunnerContext<'_>, end: EndReason) {
@@ -635,7 +533,8 @@ impl StepRunner {
         self.think(scene.now);
     }
 
-    /// The mission has ended: the vehicle goes home over what is known, if it can; otherwise it stays until it is sent.
+    /// The mission has ended: the vehicle goes home over what is known, or else over what nobody has seen, since peers may
+    /// have to pass where it stands; if it cannot it stays until it is sent.
     fn head_home(&mut self, scene: &mut RunnerContext<'_>) {
         let (pose, home) = (scene.pose(), self.settings.home);
         if home.distance_to(pose.at) <= HOME_M || self.tries.are_spent() {
@@ -643,10 +542,14 @@ impl StepRunner {
             return;
         }
         let claims = scene.surroundings().claims();
-        match self.courses(scene).course_to(home, false, &claims) {
-            Ok(course) => self.drive(scene, &course, Destination::Home),
-            Err(_) if self.yields.in_a_row() < HOME_WAITS_MAX => self.yield_to_peers(scene),
-            Err(_) => self.phase = Phase::Over,
+        let courses = self.courses(scene);
+        let course = [false, true]
+            .into_iter()
+            .find_map(|unknown_allowed| courses.course_to(home, unknown_allowed, &claims).ok());
+        match course {
+            Some(course) => self.drive(scene, &course, Destination::Home),
+            None if self.yields.in_a_row() < HOME_WAITS_MAX => self.yield_to_peers(scene),
+            None => self.phase = Phase::Over,
         }
     }
 }

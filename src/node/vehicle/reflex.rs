@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::messages::{ReflexObstacle, Telemetry};
 use crate::geom::{Angle, Point, Track, Vector};
 use crate::node::VehicleSettings;
+use crate::node::peers::Peers;
 use crate::node::sensor::Scan;
 use crate::time::Time;
 
@@ -18,6 +19,9 @@ const REACTION_S: f64 = 0.15;
 const MARGIN_M: f64 = 0.1;
 /// What made the reflex halt is kept clear of for this long, even if the map does not show it.
 const KEEP_FOR: Duration = Duration::from_secs(60);
+
+/// The same of what stands where a peer is: it may drive on, and its separation is kept anyway.
+const KEEP_PEER_FOR: Duration = Duration::from_secs(5);
 
 /// Between what another reading saw empty and where its echo came from lies at least this much, metres.
 const BEFORE_ECHO_M: f64 = 0.1;
@@ -132,10 +136,11 @@ impl Reflex {
     }
 
     /// Returns what a reading stands for: an echo from somewhere on its arc, where no other beam has just seen nothing, believed
-    /// for a while.
+    /// for a while, and not for long when it may be a peer.
     pub(super) fn obstacle_of(
         &self,
         settings: &VehicleSettings,
+        peers: &Peers,
         now: Time,
         scan: &Scan,
     ) -> ReflexObstacle {
@@ -149,11 +154,18 @@ impl Reflex {
         let (from, to) = ends.unwrap_or((scan.beam - half_rad, scan.beam + half_rad));
         let spread_rad = (to - from).radians() / 2.0;
         let middle = from + Angle::from_radians(spread_rad);
-        let spread_m = range_m * libm::sin(spread_rad);
+        let (at, spread_m) = (
+            place_along(scan, middle, range_m),
+            range_m * libm::sin(spread_rad),
+        );
+        let is_peer = peers.iter().any(|(_, peer)| {
+            let body_m = settings.body.radius_m + spread_m + 2.0 * (scan.pose.sd_m + peer.sd_m);
+            peer.at.distance_to(at) <= body_m
+        });
         ReflexObstacle {
-            at: place_along(scan, middle, range_m),
+            at,
             keep_m: settings.body.radius_m + MARGIN_M + spread_m,
-            until: now + KEEP_FOR,
+            until: now + if is_peer { KEEP_PEER_FOR } else { KEEP_FOR },
         }
     }
 

@@ -263,6 +263,29 @@ fn the_reflex_halts_for_what_is_near_ahead_and_then_keeps_clear_of_it() {
 }
 
 #[test]
+fn what_the_reflex_met_where_a_peer_was_is_not_kept_clear_of_for_long() {
+    for (is_peer, expected) in [(true, None), (false, Some(CommandRefusal::ReflexObstacle))] {
+        let mut vehicle = vehicle();
+        fed(&mut vehicle, 1.1, drive(&[(0.0, 0.0), (3.0, 0.0)]));
+        if is_peer {
+            fed(&mut vehicle, 1.1, In::Peer(state(2, 0.7, 0.0)));
+        }
+        fed(&mut vehicle, 1.2, telemetry(0.0, 0.5, 0.05));
+        assert!(stops(&fed(&mut vehicle, 1.2, scan(0.5, 0.0))));
+        let gone = State {
+            sequence: 2,
+            ..state(2, 0.7, 5.0)
+        };
+        fed(&mut vehicle, 2.0, In::Peer(gone));
+        for (now_s, refused) in [(5.0, Some(CommandRefusal::ReflexObstacle)), (7.0, expected)] {
+            fed(&mut vehicle, now_s, telemetry(0.0, 0.0, 0.05));
+            let out = fed(&mut vehicle, now_s, drive(&[(0.0, 0.0), (3.0, 0.0)]));
+            assert_eq!(refusal(&out), refused, "{is_peer}, {now_s} s");
+        }
+    }
+}
+
+#[test]
 fn a_silent_autopilot_is_reported_once() {
     let mut vehicle = vehicle();
     let deadline = vehicle.deadline().unwrap();

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Behaviour, MissionContext, MissionInput, MissionStep};
+use crate::geom::Point;
 use crate::node::mission::EndReason;
 
 /// A mission that looks around once.
@@ -23,6 +24,10 @@ impl Behaviour for Browse {
             }
             MissionInput::Arrived | MissionInput::Blocked(_) => MissionStep::Think,
         }
+    }
+
+    fn goal(&self) -> Option<Point> {
+        None
     }
 
     fn give_up(&self) -> EndReason {

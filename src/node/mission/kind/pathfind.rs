@@ -64,6 +64,10 @@ impl Behaviour for Pathfind {
         }
     }
 
+    fn goal(&self) -> Option<Point> {
+        self.places.front().copied()
+    }
+
     fn give_up(&self) -> EndReason {
         EndReason::GaveUp(self.given_up + self.places.len())
     }

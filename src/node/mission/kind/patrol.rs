@@ -142,6 +142,14 @@ impl Behaviour for Patrol {
         }
     }
 
+    fn goal(&self) -> Option<Point> {
+        let place = || self.places.get(self.passed % self.places.len().max(1));
+        (self.places_left() > 0)
+            .then(place)
+            .flatten()
+            .map(|(at, _)| *at)
+    }
+
     fn give_up(&self) -> EndReason {
         EndReason::GaveUp(self.places_left().clamp(1, self.places.len().max(1)))
     }

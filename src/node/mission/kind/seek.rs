@@ -10,7 +10,8 @@
 //! ```
 //!
 //! Only ground known to be free is driven over; what stays unknown after some looks, each from nearer by, is left.
-//! Deliberately absent: claims of goals on the wire. Who goes where is judged by the peers' places and ways.
+//! Who looks at what is judged by where the peers say that they are going, of one that does not say it by its place and way.
+//! Deliberately absent: agreements. A goal is said, not asked for: two that choose at once may choose alike for a moment.
 
 mod frontier_candidates;
 mod known_frontiers;
@@ -31,6 +32,7 @@ use crate::node::VehicleSettings;
 use crate::node::mission::doubts::{CloseLook, DoubtStep, Doubts};
 use crate::node::mission::terrain::{RULES, Resolution, Terrain};
 use crate::node::mission::{EndReason, look_around};
+use crate::node::peers::Peer;
 use crate::plan::{Distances, SearchGrid};
 use crate::time::Time;
 
@@ -47,8 +49,12 @@ const OBJECT_BONUS_M: f64 = 8.0;
 const PEER_PENALTY_M: f64 = 1e4;
 /// A peer that is nearer to something than this share of its own way there gets it.
 const PEER_SHARE: f64 = 0.9;
-/// What is farther than this from where a peer is going is not left to it, metres.
+/// What a peer has more way to than this is not left to it, metres.
 const PEER_M: f64 = 12.0;
+/// What is this near to where a peer is going is the same goal, metres: one of the two has it.
+const SAME_GOAL_M: f64 = 2.0;
+/// Ways that differ by less are equal, metres: both must judge alike, by numbers that were rounded on the way.
+const EQUAL_M: f64 = 0.1;
 /// A peer that has not moved for this long is not going anywhere.
 const PEER_GOES: std::time::Duration = std::time::Duration::from_secs(30);
 
@@ -141,6 +147,13 @@ impl Behaviour for Seek {
                 }
                 MissionStep::Think
             }
+        }
+    }
+
+    fn goal(&self) -> Option<Point> {
+        match self.stage {
+            Stage::Fresh | Stage::Choosing => None,
+            Stage::Going(cell) | Stage::Doubting(cell) => Some(self.settings.lattice.centre(cell)),
         }
     }
 
@@ -279,6 +292,7 @@ impl Seek {
     ) -> MissionStep {
         let (from, lattice) = (around.pose.at, grid.lattice());
         if look.from == lattice.cell_at(from) {
+            self.stage = Stage::Going(look.at);
             return MissionStep::LookAt(look.at);
         }
         let to = lattice.centre(look.from);
@@ -352,6 +366,7 @@ impl Seek {
         let mut candidates = self.candidates();
         for one in &mut candidates {
             one.penalty_m = match self.prefers {
+                Preference::NearObjects if has_a_peers_goal(around, one.at) => PEER_PENALTY_M,
                 Preference::NearObjects if self.is_near_object(&view, one.cell) => -OBJECT_BONUS_M,
                 Preference::FarFromPeers if is_a_peers(around, one.at) => PEER_PENALTY_M,
                 Preference::NearObjects | Preference::FarFromPeers => 0.0,
@@ -410,16 +425,59 @@ fn ground(
     search.ground(None, resolution, false, claims)
 }
 
-/// Returns whether a peer is going to see a place anyway.
+/// What a peer is about to do, as far as that is known.
+enum PeerAim {
+    /// It says where it is going; its way there, metres.
+    Goal(Point, f64),
+    /// It does not say it; this is where the way ends that it is committed to.
+    WayEnd(Point),
+}
+
+/// Returns what those peers are about to do that go somewhere, but not home.
+fn aims<'a>(around: &'a MissionContext<'_>) -> impl Iterator<Item = (VehicleId, PeerAim)> + 'a {
+    let goes =
+        |peer: &Peer| around.now.since(peer.moved_at) <= PEER_GOES && !peer.is_silent(around.now);
+    let aim = |peer: &Peer| match peer.goal {
+        Some(goal) if goal.is_of_mission => {
+            Some(PeerAim::Goal(goal.at, peer.at.distance_to(goal.at)))
+        }
+        Some(_) => None,
+        None => peer.claim.last().copied().map(PeerAim::WayEnd),
+    };
+    let peers = around.peers.iter().filter(move |(_, peer)| goes(peer));
+    peers.filter_map(move |(id, peer)| Some((id, aim(peer)?)))
+}
+
+/// Returns whether a place is where a peer is going that has less way there; of two with equal ways the lower id has it.
+fn has_a_peers_goal(around: &MissionContext<'_>, at: Point) -> bool {
+    aims(around).any(|(id, aim)| match aim {
+        PeerAim::Goal(goal, way_m) => is_taken(around, at, (id, goal, way_m)),
+        PeerAim::WayEnd(_) => false,
+    })
+}
+
+fn is_taken(
+    around: &MissionContext<'_>,
+    at: Point,
+    (id, goal, way_m): (VehicleId, Point, f64),
+) -> bool {
+    let own_m = around.pose.at.distance_to(at);
+    let is_lower = id < around.peers.own();
+    let comes_first = way_m < own_m - EQUAL_M || (way_m <= own_m + EQUAL_M && is_lower);
+    goal.distance_to(at) <= SAME_GOAL_M && comes_first
+}
+
+/// Returns whether a peer is going to see a place anyway: it goes there, or comes there sooner by way of its goal.
 fn is_a_peers(around: &MissionContext<'_>, at: Point) -> bool {
     let own_m = around.pose.at.distance_to(at);
-    let goes = |moved_at| around.now.since(moved_at) <= PEER_GOES;
-    let ends = around
-        .peers
-        .iter()
-        .filter(|(_, peer)| goes(peer.moved_at) && !peer.is_silent(around.now));
-    let mut ends = ends.filter_map(|(_, peer)| peer.claim.last());
-    ends.any(|end| end.distance_to(at) < (PEER_SHARE * own_m).min(PEER_M))
+    let comes_sooner = |way_m: f64| way_m < (PEER_SHARE * own_m).min(PEER_M);
+    aims(around).any(|(id, aim)| match aim {
+        PeerAim::Goal(goal, way_m) if goal.distance_to(at) <= SAME_GOAL_M => {
+            is_taken(around, at, (id, goal, way_m))
+        }
+        PeerAim::Goal(goal, way_m) => comes_sooner(way_m + goal.distance_to(at)),
+        PeerAim::WayEnd(end) => comes_sooner(end.distance_to(at)),
+    })
 }
 
 #[cfg(test)]

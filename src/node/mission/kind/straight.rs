@@ -1,4 +1,5 @@
 //! Straight legs: from place to place without a path around anything; it ends in front of what stands there.
+//! Peers that are in the way are waited for, as in every mission: that is the runner's.
 
 use std::collections::VecDeque;
 
@@ -64,6 +65,10 @@ impl Behaviour for Straight {
             MissionInput::Blocked(by) => MissionStep::End(EndReason::Stopped(by)),
             MissionInput::Looked { .. } => MissionStep::Think,
         }
+    }
+
+    fn goal(&self) -> Option<Point> {
+        self.places.front().copied()
     }
 
     fn give_up(&self) -> EndReason {

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::geom::Point;
 use crate::node::mission::EndReason;
 use crate::node::mission::kind::{AnyBehaviour, Behaviour};
 
@@ -31,6 +32,14 @@ impl OwnMission {
         }
     }
 
+    /// Returns where it is going, or what it is going to see; `None` = nowhere, or it has ended.
+    pub(super) fn goal(&self) -> Option<Point> {
+        match self {
+            OwnMission::UnderWay(kind) => kind.goal(),
+            OwnMission::Ended(_) => None,
+        }
+    }
+
     /// Returns how many of its places are still to be visited; one that has no list of places has none.
     pub(super) fn places_left(&self) -> usize {
         match self {
@@ -43,7 +52,6 @@ impl OwnMission {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geom::Point;
     use crate::node::VehicleSettings;
     use crate::node::tests_support::settings;
     use tomoswarm_proto::TaskKind;

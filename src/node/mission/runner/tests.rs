@@ -2,13 +2,21 @@
 
 use std::collections::BTreeSet;
 
-use tomoswarm_proto::{State, TaskKind, VehicleId};
+use tomoswarm_proto::{Boot, MissionProgress, State, TaskKind, VehicleId};
 
+use super::yield_to_peers::{PeerWay, Turn, Yield, way_aside};
 use super::*;
+use crate::node::OwnState;
 use crate::node::mission::In;
 use crate::node::mission::kind::tests_support::obstacle;
+use crate::node::mission::obstruction::ObstructionKind;
+use crate::node::mission::pilot::Pilot;
+use crate::node::mission::place_watch::PlaceWatch;
+use crate::node::mission::terrain::{Resolution, Terrain};
 use crate::node::mission::tests::{at, tiles};
+use crate::node::peers::Peers;
 use crate::node::tests_support::{drawn, own_state, settings, state, variants};
+use crate::node::vehicle::CommandRefusal;
 
 struct Rig {
     runner: StepRunner,
@@ -223,7 +231,182 @@ fn peers_that_never_make_room_end_the_mission_at_last() {
             rig.arrive();
         }
     }
+    assert_eq!(
+        events,
+        [
+            MissionEvent::Passed(place),
+            MissionEvent::Ended(EndReason::GaveUp(1))
+        ]
+    );
+}
+
+/// A straight leg east, from (3, 0), with a peer that stands on it.
+fn behind_a_peer() -> Rig {
+    let mut rig = Rig::new(TaskKind::Legs {
+        places: vec![Point::new(5.5, 0.0).into()],
+    });
+    rig.peers.take(at(1.0), &state(2, 4.5, 0.0));
+    rig
+}
+
+#[test]
+fn a_straight_leg_waits_for_a_peer_and_is_gone_on_with_from_where_the_vehicle_is() {
+    let mut rig = behind_a_peer();
+    let yields = |rig: &Rig| rig.runner.phase() == MissionPhase::Yielding;
+    assert_eq!(rig.run(30), []);
+    assert!(rig.pilot.way().is_empty() && yields(&rig));
+    let gone = State {
+        sequence: 2,
+        ..state(2, 4.5, 3.0)
+    };
+    rig.peers.take(at(rig.now_s), &gone);
+    rig.own.pose.at = Point::new(3.0, -1.0);
+    rig.run(30);
+    assert_eq!(rig.pilot.way().end(), Point::new(5.5, 0.0));
+    // On the way the vehicle refuses, or something is seen or not seen where the peer is: it is the peer.
+    let separation = Obstruction {
+        at: Point::new(3.0, -1.0),
+        kind: ObstructionKind::Refusal(CommandRefusal::Separation(VehicleId(2))),
+    };
+    let body = obstacle(4.4, 2.9);
+    let shadow = Obstruction {
+        at: Point::new(4.9, 4.1),
+        kind: ObstructionKind::UnseenGround,
+    };
+    for by in [separation, body, shadow] {
+        rig.go_on(&[WayEvent::Blocked(by)]);
+        assert!(rig.pilot.way().is_empty() && yields(&rig), "{by:?}");
+        assert_eq!(rig.run(30), [], "{by:?}");
+        assert_eq!(rig.pilot.way().end(), Point::new(5.5, 0.0), "{by:?}");
+    }
+}
+
+#[test]
+fn beside_a_peer_the_world_ends_a_straight_leg_at_once_as_ever() {
+    let beside = State {
+        sequence: 2,
+        ..state(2, 4.5, 3.0)
+    };
+    // Beside it, and behind it.
+    for wall in [obstacle(4.4, 1.0), obstacle(5.4, 4.8)] {
+        let mut rig = behind_a_peer();
+        rig.peers.take(at(1.0), &beside);
+        rig.go_on(&[]);
+        let out = rig.go_on(&[WayEvent::Blocked(wall)]);
+        let ended = MissionEvent::Ended(EndReason::Stopped(wall));
+        assert!(out.contains(&Out::MissionEvent(ended)), "{out:?}");
+    }
+}
+
+#[test]
+fn a_straight_leg_that_a_peer_never_frees_is_given_up() {
+    let mut rig = behind_a_peer();
+    let mut events = Vec::new();
+    for sequence in 2..400 {
+        let stands = State {
+            sequence,
+            ..state(2, 4.5, 0.0)
+        };
+        rig.peers.take(at(rig.now_s), &stands);
+        events.extend(rig.run(10));
+        if rig.runner.end().is_some() {
+            break;
+        }
+        if !rig.pilot.way().is_empty() {
+            // Aside, and back to where it waited.
+            rig.arrive();
+            rig.run(1);
+            rig.own.pose.at = Point::new(3.0, 0.0);
+        }
+    }
     assert_eq!(events, [MissionEvent::Ended(EndReason::GaveUp(1))]);
+    assert!((180.0..320.0).contains(&rig.now_s), "{} s", rig.now_s);
+}
+
+#[test]
+fn where_it_goes_is_its_place_also_while_it_waits_and_then_its_home() {
+    let mut rig = behind_a_peer();
+    rig.run(30);
+    assert_eq!(rig.runner.goal(), Some(Point::new(5.5, 0.0)));
+    rig.runner.end_for(EndReason::BatteryLow);
+    assert_eq!(rig.runner.goal(), Some(rig.runner.settings.home));
+    rig.runner.phase = Phase::Over;
+    assert_eq!(rig.runner.goal(), None);
+}
+
+/// What a peer at a place says of where it goes.
+fn way_of(peers: &mut Peers, vehicle: u8, from: (f64, f64), to: Option<(f64, f64)>) -> PeerWay {
+    peers.take(at(1.0), &state(vehicle, from.0, from.1));
+    peers.note_goal(&MissionProgress {
+        vehicle: VehicleId(vehicle),
+        boot: Boot(1),
+        goal: to.map(|(x_m, y_m)| Point::new(x_m, y_m).into()),
+        ..MissionProgress::default()
+    });
+    let peer = peers.get(VehicleId(vehicle)).expect("it was heard");
+    PeerWay::of(peer, at(1.5), 1.0)
+}
+
+#[test]
+fn a_place_aside_is_off_the_way_that_a_peer_wants_to_go_and_no_farther_than_it_must_be() {
+    let rig = behind_a_peer();
+    let search = rig.terrain.search(at(1.0), own_state(3.0, 0.0).pose);
+    let grid = search
+        .ground(None, Resolution::Cells, false, &[])
+        .expect("the fence is small");
+    let mut peers = Peers::new(VehicleId(1));
+    let from = Point::new(3.0, 0.0);
+    let aside = |way: PeerWay| {
+        let mut yields = YieldToPeers::default();
+        let rooms = [1, 2].map(|_| {
+            yields.once_more(&turn(1, true), &Peers::new(VehicleId(1)));
+            yields.once_more(&turn(1, true), &Peers::new(VehicleId(1)));
+            yields.room_m(&[way])
+        });
+        rooms.map(|room_m| {
+            let corners = way_aside(&grid, from, &[way], room_m).expect("there is room");
+            *corners.last().expect("it leads somewhere")
+        })
+    };
+    let known = way_of(&mut peers, 2, (5.0, 0.0), Some((-2.0, 0.0)));
+    assert!(known.is_barred_from(from) && !known.is_barred_from(Point::new(3.0, 1.3)));
+    let [first, second] = aside(known);
+    assert!(
+        (1.3..1.7).contains(&first.y_m.abs()) && (first.x_m - 3.0).abs() < 0.5,
+        "{first:?}"
+    );
+    assert!(second.y_m.abs() > 2.5, "again, and farther: {second:?}");
+    let unknown = way_of(&mut peers, 3, (5.0, 0.0), None);
+    let [first, _] = aside(unknown);
+    assert!(first.x_m < 0.0, "away from where it is: {first:?}");
+}
+
+fn turn(own: u8, is_in_the_way: bool) -> Turn {
+    Turn {
+        own: VehicleId(own),
+        left_m: 5.0,
+        is_in_the_way,
+    }
+}
+
+#[test]
+fn who_stands_on_nobodys_way_waits_longer_and_who_gets_on_begins_anew() {
+    let peers = Peers::new(VehicleId(1));
+    let waits = |is_in_the_way: bool| {
+        let mut yields = YieldToPeers::default();
+        (1..90).find(|_| yields.once_more(&turn(1, is_in_the_way), &peers) == Yield::StepAside)
+    };
+    assert_eq!((waits(true), waits(false)), (Some(2), Some(8)));
+    let mut yields = YieldToPeers::default();
+    yields.once_more(&turn(1, true), &peers);
+    yields.drive(4.6);
+    assert_eq!(yields.in_a_row(), 1);
+    yields.drive(4.4);
+    assert_eq!(yields.in_a_row(), 0);
+    // Where it has been before it does not get on.
+    yields.once_more(&turn(1, true), &peers);
+    yields.drive(4.1);
+    assert_eq!(yields.in_a_row(), 1);
 }
 
 #[test]
@@ -233,7 +416,7 @@ fn the_highest_id_steps_aside_first_and_patience_has_an_end() {
         (1..4).for_each(|id| peers.take(at(1.0), &state(id, f64::from(id), 5.0)));
         let mut yields = YieldToPeers::default();
         (0..90)
-            .map(|_| yields.once_more(VehicleId(own), &peers))
+            .map(|_| yields.once_more(&turn(own, true), &peers))
             .collect::<Vec<_>>()
     };
     let first = |yields: &[Yield]| {

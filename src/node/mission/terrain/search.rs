@@ -228,17 +228,23 @@ impl PathSearch<'_> {
             .ok()?
             .points;
         // Cells are left open for the vehicle to leave a peer that it is too near to; a path must not go along that peer.
-        let clearance = self.peer_clearance(grid);
+        let clearance = self.peer_clearance(grid.lattice());
         let is_clear = peers
             .iter()
             .all(|claim| clearance.holds_along(&points, claim));
         is_clear.then_some(points)
     }
 
-    fn peer_clearance(&self, grid: &SearchGrid) -> PeerClearance {
+    /// Returns whether a straight way to a place keeps clear of what a peer claims, as the vehicle actor asks.
+    pub(crate) fn is_clear_of(&self, to: Point, claim: &[Point]) -> bool {
+        self.peer_clearance(self.settings.lattice)
+            .holds_along(&[self.pose.at, to], claim)
+    }
+
+    fn peer_clearance(&self, lattice: Lattice) -> PeerClearance {
         PeerClearance {
             from: self.pose.at,
-            lattice: grid.lattice(),
+            lattice,
             separation_m: self.settings.swarm.separation_m,
         }
     }
@@ -293,7 +299,7 @@ impl PathSearch<'_> {
         let mut grid = grid.ok()?;
         // What the map does not show is closed: fence, peers, and what only the reflex has met.
         grid.close_outside(&self.settings.fence, self.fence_m(keep_m, goal));
-        let clearance = self.peer_clearance(&grid);
+        let clearance = self.peer_clearance(grid.lattice());
         peers
             .iter()
             .for_each(|claim| clearance.close(&mut grid, claim));

@@ -1,6 +1,6 @@
 //! What a search says, on ground that is free for 6 m around the datum and unknown beyond; nothing new is ever seen.
 
-use tomoswarm_proto::{State, VehicleMode};
+use tomoswarm_proto::{MissionPhase, MissionProgress, Position, State, VehicleMode};
 
 use super::*;
 use crate::geom::{Pose, Rect};
@@ -16,11 +16,16 @@ struct World {
     terrain: Terrain,
     peers: Peers,
     at: Point,
+    now_s: f64,
 }
 
 impl World {
     fn new(prefers: Preference) -> World {
-        let settings = settings(1);
+        World::of(VehicleId(1), prefers)
+    }
+
+    fn of(vehicle: VehicleId, prefers: Preference) -> World {
+        let settings = settings(vehicle.0);
         let mut terrain = Terrain::new(settings.clone());
         for tile in tiles(None) {
             let In::Tile(tile) = tile else { continue };
@@ -32,6 +37,7 @@ impl World {
             terrain,
             peers,
             at: Point::default(),
+            now_s: 1.0,
         }
     }
 
@@ -41,7 +47,7 @@ impl World {
             heading: Angle::default(),
             sd_m: 0.05,
         };
-        let now = Time::from_secs_f64(1.0);
+        let now = Time::from_secs_f64(self.now_s);
         let around = MissionContext {
             now,
             pose,
@@ -202,6 +208,99 @@ fn an_explorer_leaves_to_a_peer_what_the_peer_is_near_to_and_a_search_does_not()
         explore_m > search_m && explore_m > 2.0,
         "{search_m} m, {explore_m} m"
     );
+}
+
+/// A peer that has moved lately, and that says where it goes.
+fn goes(world: &mut World, id: u8, from: Point, goal: Option<Point>, phase: MissionPhase) {
+    let peer = State {
+        mode: VehicleMode::Driving,
+        ..state(id, from.x_m, from.y_m)
+    };
+    world.peers.take(Time::from_secs_f64(1.0), &peer);
+    world.peers.note_goal(&MissionProgress {
+        vehicle: peer.vehicle,
+        boot: peer.boot,
+        goal: goal.map(Position::from),
+        phase,
+        ..MissionProgress::default()
+    });
+}
+
+/// How far from what it looks at first when it is alone a vehicle looks, beside peers.
+fn leaves_m(prefers: Preference, peers: impl Fn(&mut World, Point)) -> f64 {
+    let mut world = World::new(prefers);
+    world.begin();
+    let alone = world.seek.goal().expect("there is something to see");
+    let mut world = World::new(prefers);
+    peers(&mut world, alone);
+    world.begin();
+    let beside = world.seek.goal().expect("there is something to see");
+    beside.distance_to(alone)
+}
+
+#[test]
+fn where_a_peer_goes_that_has_less_way_there_nobody_else_goes() {
+    use MissionPhase::{Going, Returning};
+    for prefers in [Preference::NearObjects, Preference::FarFromPeers] {
+        // A peer this far beyond what is looked at first, seen from the vehicle; that itself is less than 6 m away.
+        let peer = |beyond_m: f64, phase: MissionPhase| {
+            leaves_m(prefers, |world, goal| {
+                let away_m = goal.distance_to(Point::default());
+                let from = Point::default().toward(goal, 1.0 + beyond_m / away_m);
+                goes(world, 2, from, Some(goal), phase);
+            })
+        };
+        assert!(peer(3.0, Going) > SAME_GOAL_M, "{prefers:?}: it is nearer");
+        assert_eq!(peer(9.0, Going), 0.0, "{prefers:?}: it has more way");
+        assert_eq!(peer(3.0, Returning), 0.0, "{prefers:?}: it goes home");
+        let silent = |at_s: f64| {
+            leaves_m(prefers, |world, goal| {
+                goes(world, 2, goal, Some(goal), Going);
+                world.now_s = at_s;
+            })
+        };
+        assert!(silent(1.5) > SAME_GOAL_M, "{prefers:?}");
+        assert!(silent(9.0) < 0.5, "{prefers:?}: it is not heard");
+    }
+}
+
+#[test]
+fn of_two_with_equal_ways_to_one_goal_the_lower_id_has_it() {
+    let equal = |own: u8| {
+        let mut world = World::of(VehicleId(own), Preference::NearObjects);
+        world.begin();
+        let goal = world.seek.goal().expect("there is something to see");
+        let from = world.at;
+        goes(&mut world, 2, from, Some(goal), MissionPhase::Going);
+        let pose = Pose {
+            at: world.at,
+            heading: Angle::default(),
+            sd_m: 0.05,
+        };
+        let around = MissionContext {
+            now: Time::from_secs_f64(1.0),
+            pose,
+            terrain: &world.terrain,
+            peers: &world.peers,
+        };
+        has_a_peers_goal(&around, goal)
+    };
+    assert!(!equal(1) && equal(3));
+}
+
+#[test]
+fn an_explorer_says_what_it_wants_to_see_until_it_chooses_anew() {
+    let mut world = World::new(Preference::FarFromPeers);
+    assert_eq!(world.seek.goal(), None);
+    let MissionStep::GoAlong(course) = world.begin() else {
+        panic!("a frontier is 6 m away")
+    };
+    let goal = world.seek.goal().expect("it goes somewhere");
+    let from = course.corners[course.corners.len() - 1];
+    assert!(goal.distance_to(from) <= world.seek.settings.look.sure_range_m);
+    world.at = from;
+    world.tell(MissionInput::Arrived);
+    assert_eq!(world.seek.goal(), Some(goal), "it looks");
 }
 
 #[test]
