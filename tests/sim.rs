@@ -23,6 +23,8 @@ mod missions;
 mod obstacles;
 #[path = "sim/place.rs"]
 mod place;
+#[path = "sim/poles.rs"]
+mod poles;
 #[path = "sim/replay.rs"]
 mod replay;
 #[path = "sim/seeds.rs"]
