@@ -10,10 +10,9 @@ use super::messages::{ReflexObstacle, Telemetry};
 use crate::geom::{Angle, Point, Track, Vector};
 use crate::node::VehicleSettings;
 use crate::node::sensor::Scan;
+use crate::plan::REACTION_S;
 use crate::time::Time;
 
-/// Time from an echo to brakes that bite.
-const REACTION_S: f64 = 0.15;
 /// What the reflex leaves between the body and an object, metres.
 const MARGIN_M: f64 = 0.1;
 /// What made the reflex halt is kept clear of for this long, even if the map does not show it.
