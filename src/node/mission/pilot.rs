@@ -222,7 +222,7 @@ impl Pilot {
         terrain: &Terrain,
         met: &mut Vec<WayEvent>,
     ) -> Option<MoveCommand> {
-        self.command.watch(state.mode);
+        self.command.watch(now, state.mode);
         let mut situation = Situation {
             now,
             pose: state.pose,
@@ -234,16 +234,25 @@ impl Pilot {
         if self.way.is_empty() {
             self.command.forget_end();
             self.state = State::Driving;
-            return None;
+            return self.stop_adrift(now);
         }
         match &self.state {
             State::Driving => self.drive(&mut situation),
             State::Looking(_) => self.look(&mut situation),
-            State::Planning { ready, .. } if now < *ready => None,
+            State::Planning { ready, .. } if now < *ready => self.stop_adrift(now),
             State::Planning { .. } => self.take_path(&mut situation),
-            State::Waiting { until } if now < *until => None,
+            State::Waiting { until } if now < *until => self.stop_adrift(now),
             State::Waiting { .. } => self.try_again(&mut situation),
         }
+    }
+
+    /// Stops a vehicle that still drives where no way leads any more: of what it has been commanded nobody knows whether it
+    /// is free.
+    fn stop_adrift(&mut self, now: Time) -> Option<MoveCommand> {
+        self.command.is_adrift(now).then(|| {
+            self.command.stop(now);
+            MoveCommand::Hold
+        })
     }
 
     /// Passes corners and stops, and ends the way at its end.
@@ -288,6 +297,14 @@ impl Pilot {
             let left_m = self.way.along_m(end_m) - free.here_m;
             return renewal_m(left_m, &free)
                 .map(|until_m| self.command_to(situation, free.here_m, until_m));
+        }
+        if self.command.is_outdated() {
+            // It moves, and to another end than that of its way: it is commanded anew at once.
+            if free.is_worth_a_start() {
+                return Some(self.command_to(situation, free.here_m, free.until_m));
+            }
+            self.command.stop(situation.now);
+            return Some(MoveCommand::Hold);
         }
         if !self.command.is_settled(situation.now) {
             return None;

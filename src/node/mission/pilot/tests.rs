@@ -410,3 +410,50 @@ fn the_way_home_is_a_wish_until_a_path_is_found_and_again_after_a_failure() {
     assert_eq!((command, met), (None, vec![expected]));
     assert_eq!(rig.word(), "Planning", "although something is released");
 }
+
+/// A vehicle that drives to the left, with the way changed under it.
+fn rerouted(is_solid: impl Fn(f64, f64) -> bool, change: impl Fn(&mut Pilot)) -> Rig {
+    let mut rig = Rig::new(is_solid);
+    rig.pilot.append([], LEFT, None);
+    assert!(matches!(rig.after(1.0).0, Some(MoveCommand::Drive { .. })));
+    rig.own.mode = VehicleMode::Driving;
+    assert_eq!(rig.after(0.1).0, None, "it goes on");
+    change(&mut rig.pilot);
+    rig
+}
+
+#[test]
+fn who_is_rerouted_while_it_moves_is_commanded_anew_at_once() {
+    let mut rig = rerouted(
+        |_, _| false,
+        |pilot| pilot.take_route(Point::new(3.0, 0.0), &[Point::new(3.0, 4.0)], false),
+    );
+    let (command, _) = rig.after(0.1);
+    let Some(MoveCommand::Drive { route, .. }) = command else {
+        panic!("{command:?}")
+    };
+    assert!(route.last().unwrap().y_m > 2.0);
+    assert_eq!(rig.after(0.1).0, None, "once");
+}
+
+#[test]
+fn who_is_rerouted_to_where_nothing_is_released_stops() {
+    let mut rig = rerouted(
+        |_, y_m| (0.6..1.0).contains(&y_m),
+        |pilot| pilot.take_route(Point::new(3.0, 0.0), &[Point::new(3.0, 4.0)], false),
+    );
+    assert_eq!(rig.after(0.1).0, Some(MoveCommand::Hold));
+    assert_eq!(rig.after(0.1).0, None, "once");
+}
+
+#[test]
+fn who_has_no_way_any_more_stops() {
+    let mut rig = rerouted(|_, _| false, |pilot| pilot.give_up(Point::new(3.0, 0.0)));
+    assert_eq!(rig.after(0.1).0, None, "another way may come");
+    assert_eq!(rig.after(0.2).0, Some(MoveCommand::Hold));
+    assert_eq!(rig.after(0.2).0, None, "once");
+    let mut rig = rerouted(|_, _| false, |pilot| pilot.give_up(Point::new(3.0, 0.0)));
+    rig.own.mode = VehicleMode::Idle;
+    assert_eq!(rig.after(0.1).0, None);
+    assert_eq!(rig.after(0.2).0, None, "it rests");
+}
