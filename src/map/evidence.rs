@@ -260,15 +260,19 @@ impl Mapper {
             return;
         };
         for cell in area.cells() {
-            let quarters = body.covers(cone.lattice, cell);
-            if quarters == 0 {
+            let quarters = body.covered_quarters(cone.lattice, cell);
+            let parts = body.covered_parts(cone.lattice, cell);
+            if quarters == 0 && parts == 0 {
                 continue;
             }
             let Some(key) = self.key(map, cell) else {
                 continue;
             };
             let memory = self.memory.cell_mut(key);
-            if memory.cover(quarters) {
+            if memory.cover_parts(parts) && !memory.is_free() {
+                self.scratch.cleared.push(key.tile);
+            }
+            if quarters != 0 && memory.cover(quarters) {
                 self.scratch.touched.push(key);
                 if memory.explains_echoes() {
                     self.scratch.contradicted.push(key);

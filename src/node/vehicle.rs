@@ -265,7 +265,7 @@ impl Vehicle {
         let Some(ahead_m) = halts_m else {
             return;
         };
-        let obstacle = reflex::obstacle_of(&self.settings, now, scan);
+        let obstacle = self.reflex.obstacle_of(&self.settings, now, scan);
         self.movement.halt(now, self.braking_end());
         self.reflex.remember(now, obstacle);
         out.push(Out::AutopilotCommand(AutopilotCommand::Stop));

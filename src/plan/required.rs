@@ -70,9 +70,14 @@ impl RequiredClearance {
     }
 
     /// Returns what an optimist keeps, who asks only whether a way may exist: from what is confirmed, since everything else
-    /// may turn out to be free. Half a cell less than what a planned way keeps from what was heard, and never less than the body.
+    /// may turn out to be free. A third of a cell less than what a planned way keeps from what was heard, and never less than
+    /// the body. (Half of the body has been where the vehicle has driven, however badly what bars is drawn.)
     pub fn optimistic(self, body_m: f64, cell_m: f64) -> RequiredClearance {
-        RequiredClearance::everywhere((self.occupied_m - OPTIMISM_CELLS * cell_m).max(body_m))
+        let kept_m = (self.occupied_m - OPTIMISM_CELLS * cell_m).max(body_m);
+        RequiredClearance {
+            body_m: body_m / 2.0,
+            ..RequiredClearance::everywhere(kept_m)
+        }
     }
 
     /// Returns the same distance from everything.

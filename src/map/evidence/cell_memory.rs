@@ -137,11 +137,22 @@ impl CellMemory {
         *self != before
     }
 
-    /// Takes that parts were seen empty; returns whether that is news.
+    /// Takes that parts were seen empty; returns whether that is news. What explains an echo stands in one of them: the last
+    /// ones are not taken away.
     #[inline]
     pub(super) fn see_parts(&mut self, parts: u16) -> bool {
-        let before = self.parts;
-        self.parts |= parts;
+        let (before, after) = (self.parts, self.parts | parts);
+        if after != ALL_PARTS || !self.explains_echoes() {
+            self.parts = after;
+        }
+        self.parts != before
+    }
+
+    /// Takes that a body covers parts, so what explains an echo stands in others; returns whether that is news.
+    pub(super) fn cover_parts(&mut self, parts: u16) -> bool {
+        let (before, after) = (self.parts, self.parts | parts);
+        let is_contradiction = after == ALL_PARTS && self.explains_echoes();
+        self.parts = if is_contradiction { parts } else { after };
         self.parts != before
     }
 
@@ -267,5 +278,55 @@ impl TileMemory {
             turn: 0,
             used: 0,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_parts_of_what_explains_an_echo_are_not_taken_away() {
+        let mut cell = CellMemory::default();
+        assert!(cell.see_parts(ALL_PARTS) && cell.parts() == ALL_PARTS);
+        cell.give(200, 1, false);
+        assert!(
+            cell.reopen_parts(0b1111),
+            "the echo came from somewhere in it"
+        );
+        assert!(cell.see_parts(0b0011) && cell.parts() == !0b1100);
+        assert!(!cell.see_parts(0b1100) && cell.parts() == !0b1100);
+        cell.take();
+        assert!(cell.see_parts(0b1100) && cell.parts() == ALL_PARTS);
+    }
+
+    #[test]
+    fn what_explains_an_echo_stands_beside_the_body_that_covers_the_last_parts() {
+        let mut cell = CellMemory::default();
+        cell.see_parts(!0b0110);
+        cell.give(200, 1, false);
+        assert!(
+            cell.cover_parts(0b1110),
+            "nothing else is where the body is"
+        );
+        assert_eq!(cell.parts(), 0b1110);
+        assert!(!cell.cover_parts(0b0110) && cell.parts() == 0b1110);
+    }
+
+    #[test]
+    fn near_overrules_far_and_not_the_other_way_round() {
+        let mut cell = CellMemory::default();
+        for _ in 0..LOOKS_LEAST {
+            cell.see_quarters(0b1111, 150);
+        }
+        assert!(cell.is_excluded(150) && !cell.is_excluded(149));
+        assert!(cell.is_seen_from_afar(149) && !cell.is_seen_from_afar(150));
+    }
+
+    #[test]
+    fn what_somebody_has_seen_empty_from_near_outweighs_what_another_one_supposes() {
+        assert!(i16::from(SURELY_FREE) + i16::from(DOUBTFUL) <= FREE_TO);
+        assert!(i16::from(SURELY_FREE) + i16::from(CONFIRMED) > FREE_TO);
+        assert!(i16::from(DOUBTFUL) >= OCCUPIED_FROM);
     }
 }

@@ -207,15 +207,25 @@ impl OwnDisc {
         }
     }
 
-    /// Returns which quarters of a cell it covers; all of them of the cell that its middle is in.
-    pub(super) fn covers(&self, lattice: Lattice, cell: Cell) -> u8 {
-        if lattice.cell_at(self.at) == cell {
+    /// Returns which quarters of a cell it covers; all of them of the cell that its middle is in, if that is not larger.
+    pub(super) fn covered_quarters(&self, lattice: Lattice, cell: Cell) -> u8 {
+        let (cell_m, to) = (lattice.cell_m(), lattice.centre(cell) - self.at);
+        if lattice.cell_at(self.at) == cell && self.radius_m >= cell_m * SQRT_2 / 2.0 {
             return ALL_QUARTERS;
         }
-        let (cell_m, to) = (lattice.cell_m(), lattice.centre(cell) - self.at);
         (0..4).fold(0, |covered, quarter| {
             let to = to + quarter_offset(quarter, cell_m);
             covered | u8::from(to.dot(to) <= self.radius_m * self.radius_m) << quarter
+        })
+    }
+
+    /// Returns which parts of a cell it covers wholly.
+    pub(super) fn covered_parts(&self, lattice: Lattice, cell: Cell) -> u16 {
+        let (cell_m, to) = (lattice.cell_m(), lattice.centre(cell) - self.at);
+        let reach_m = (self.radius_m - PART_INSET_CELLS * cell_m).max(0.0);
+        (0..PARTS).fold(0, |covered, part| {
+            let to = to + part_offset(part, cell_m);
+            covered | u16::from(to.dot(to) <= reach_m * reach_m) << part
         })
     }
 }

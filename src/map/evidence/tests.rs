@@ -420,7 +420,9 @@ fn what_was_seen_empty_from_where_no_thin_post_is_heard_may_hold_one() {
     // All that lies ahead was seen empty from up to 1 m; then comes an echo from 0.75 m.
     let free_after = |heard_m: Option<f64>| {
         let mut room = Room::new(vec![], 15.0, 3.0);
-        heard_m.map(|heard_m| room.mapper.regard_posts(heard_m));
+        if let Some(heard_m) = heard_m {
+            room.mapper.regard_posts(heard_m);
+        }
         for y_m in [-0.1, 0.0, 0.1, 0.2, 0.3] {
             room.look(Point::new(0.1, y_m), degrees(0.0), &[]);
         }

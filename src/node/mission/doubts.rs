@@ -108,7 +108,7 @@ impl Doubts {
     ) -> Option<DoubtStep> {
         let whole = search.optimistic_ground(None)?;
         let roomy = search.ground(None, Resolution::Parts, true, &[])?;
-        let reached = reached_from(search, peers)?;
+        let reached = Reached::from_here(search, peers, false)?.ways;
         loop {
             let mut grid = whole.clone();
             self.close_given_up(search, &mut grid);
@@ -142,10 +142,10 @@ impl Doubts {
         peers: &[Vec<Point>],
     ) -> Option<DoubtStep> {
         let spent = || DoubtStep::Spent(Vec::new());
-        let Some(reached) = reached_from(search, peers) else {
+        let Some(reached) = Reached::from_here(search, peers, false) else {
             return Some(spent());
         };
-        let Some(at) = first_bar(search, &reached, route) else {
+        let Some(at) = first_bar(search, &reached.ways, route) else {
             // It is barred by something else than the map: by peers, or by what the reflex has met.
             return Some(self.spent(search));
         };
@@ -159,34 +159,22 @@ impl Doubts {
             return Some(self.spent(search));
         }
         let is_spent = places.len() >= LOOKS_MAX;
-        let from = (!is_spent)
-            .then(|| viewpoint(search, &reached, at, places))
-            .flatten();
-        let Some(node) = from else {
+        let look_from = |reached: &Reached| {
+            let node = viewpoint(search, &reached.ways, at, places)?;
+            Some(reached.course_to(search, node))
+        };
+        // Where it stands too near to something, back over places that it has driven.
+        let course = if is_spent {
+            None
+        } else {
+            look_from(&reached).or_else(|| look_from(&Reached::from_here(search, peers, true)?))
+        };
+        let Some(course) = course else {
             let is_new = !self.given_up.contains(&at);
             self.given_up.push(at);
             return (!is_new).then(spent);
         };
-        let here = reached.lattice().cell_at(search.from());
-        let course = (node != here)
-            .then(|| self.course_to(search, node, peers))
-            .flatten();
         Some(DoubtStep::Look { course, at })
-    }
-
-    fn course_to(
-        &self,
-        search: &PathSearch<'_>,
-        node: Cell,
-        peers: &[Vec<Point>],
-    ) -> Option<DriveRoute> {
-        let grid = search.ground(None, Resolution::Parts, false, peers)?;
-        let to = grid.lattice().centre(node);
-        let route = shortest_route(&grid, search.from(), to, &RULES).ok()?;
-        Some(DriveRoute {
-            corners: route.points[1..].to_vec(),
-            is_narrow: false,
-        })
     }
 
     fn spent(&self, search: &PathSearch<'_>) -> DoubtStep {
@@ -218,11 +206,47 @@ fn part_of(lattice: Lattice, cell: Cell) -> (i32, i32) {
     (cell.x.div_euclid(side), cell.y.div_euclid(side))
 }
 
-/// Returns the ways to all places that can be reached over ground that is known to be free.
-fn reached_from(search: &PathSearch<'_>, peers: &[Vec<Point>]) -> Option<Distances> {
-    let grid = search.ground(None, Resolution::Parts, false, peers)?;
-    let start = grid.lattice().cell_at(search.from());
-    Distances::from_start(&grid, start, &RULES).ok()
+/// The ways to all places that can be reached over ground that is known to be free.
+struct Reached {
+    grid: SearchGrid,
+    ways: Distances,
+    /// Over places too that it has driven, however near to something these are.
+    is_narrow: bool,
+}
+
+impl Reached {
+    fn from_here(
+        search: &PathSearch<'_>,
+        peers: &[Vec<Point>],
+        is_narrow: bool,
+    ) -> Option<Reached> {
+        let mut grid = search.ground(None, Resolution::Parts, false, peers)?;
+        if is_narrow {
+            grid.open_along(search.driven());
+        }
+        let start = grid.lattice().cell_at(search.from());
+        let ways = Distances::from_start(&grid, start, &RULES).ok()?;
+        Some(Reached {
+            grid,
+            ways,
+            is_narrow,
+        })
+    }
+
+    /// Returns the way to a node that can be reached; `None` = the vehicle is there.
+    fn course_to(&self, search: &PathSearch<'_>, node: Cell) -> Option<DriveRoute> {
+        let nodes = self.ways.lattice();
+        if node == nodes.cell_at(search.from()) {
+            return None;
+        }
+        let route = self
+            .ways
+            .route_to(&self.grid, search.from(), nodes.centre(node))?;
+        Some(DriveRoute {
+            corners: route.points[1..].to_vec(),
+            is_narrow: self.is_narrow,
+        })
+    }
 }
 
 /// Returns the cell that bars a way first beyond what of it can be reached.

@@ -145,18 +145,45 @@ impl Reflex {
             return false;
         };
         let strip_m = settings.body.radius_m + MARGIN_M;
-        (0..ARC_PLACES).all(|step| {
-            let share = 2.0 * f64::from(step) / f64::from(ARC_PLACES - 1) - 1.0;
-            let beam = scan.beam + Angle::from_radians(half_rad * share);
+        arc_beams(settings, scan).all(|beam| {
             let to = Vector::polar(beam, range_m);
-            if to.x_m <= 0.0 || to.y_m.abs() > strip_m {
-                return true;
-            }
-            let place = scan.pose.at + Vector::polar(scan.pose.heading + beam, range_m);
-            self.readings
-                .iter()
-                .any(|one| one.saw_empty(place, half_rad))
+            let is_beside = to.x_m <= 0.0 || to.y_m.abs() > strip_m;
+            is_beside || self.saw_empty(settings, place_along(scan, beam, range_m))
         })
+    }
+
+    /// Returns whether one of the last readings saw a place empty.
+    fn saw_empty(&self, settings: &VehicleSettings, place: Point) -> bool {
+        let half_rad = settings.look.half_angle.radians();
+        self.readings
+            .iter()
+            .any(|one| one.saw_empty(place, half_rad))
+    }
+
+    /// Returns what a reading stands for: an echo from somewhere on its arc, where no other beam has just seen nothing, believed
+    /// for a while.
+    pub(super) fn obstacle_of(
+        &self,
+        settings: &VehicleSettings,
+        now: Time,
+        scan: &Scan,
+    ) -> ReflexObstacle {
+        let range_m = scan.range_m.unwrap_or_default();
+        let is_open = |beam: &Angle| !self.saw_empty(settings, place_along(scan, *beam, range_m));
+        let mut open = arc_beams(settings, scan).filter(is_open);
+        let first = open.next();
+        let ends = first.map(|first| (first, open.last().unwrap_or(first)));
+        // If others have seen all of it empty, one of them is wrong.
+        let half_rad = settings.look.half_angle;
+        let (from, to) = ends.unwrap_or((scan.beam - half_rad, scan.beam + half_rad));
+        let spread_rad = (to - from).radians() / 2.0;
+        let middle = from + Angle::from_radians(spread_rad);
+        let spread_m = range_m * libm::sin(spread_rad);
+        ReflexObstacle {
+            at: place_along(scan, middle, range_m),
+            keep_m: settings.body.radius_m + MARGIN_M + spread_m,
+            until: now + KEEP_FOR,
+        }
     }
 
     /// Returns whether a route from `here` comes too near to something that made it halt.
@@ -175,17 +202,18 @@ impl Reflex {
     }
 }
 
-/// Returns what a reading stands for: an echo from somewhere in the beam's cone, believed for a while.
-pub(super) fn obstacle_of(settings: &VehicleSettings, now: Time, scan: &Scan) -> ReflexObstacle {
-    let range_m = scan.range_m.unwrap_or_default();
-    let at = scan.pose.at + Vector::polar(scan.pose.heading + scan.beam, range_m);
-    let spread_m = range_m * libm::sin(settings.look.half_angle.radians());
-    let keep_m = settings.body.radius_m + MARGIN_M + spread_m;
-    ReflexObstacle {
-        at,
-        keep_m,
-        until: now + KEEP_FOR,
-    }
+/// Returns directions over all of a reading's cone, from right to left, against the vehicle's heading.
+fn arc_beams(settings: &VehicleSettings, scan: &Scan) -> impl Iterator<Item = Angle> {
+    let (beam, half_rad) = (scan.beam, settings.look.half_angle.radians());
+    (0..ARC_PLACES).map(move |step| {
+        let share = 2.0 * f64::from(step) / f64::from(ARC_PLACES - 1) - 1.0;
+        beam + Angle::from_radians(half_rad * share)
+    })
+}
+
+/// Returns the place at a range along a direction against the vehicle's heading.
+fn place_along(scan: &Scan, beam: Angle, range_m: f64) -> Point {
+    scan.pose.at + Vector::polar(scan.pose.heading + beam, range_m)
 }
 
 /// Returns how far ahead of the body an echo may come from; `None` when it lies beside the strip.

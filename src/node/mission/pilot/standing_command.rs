@@ -19,11 +19,9 @@ const RENEW_M: f64 = 1.0;
 /// A command that ends before the way is renewed when the whole way is released and leads this much further, metres.
 const END_M: f64 = 0.05;
 /// A command that leads this much further than is released is shortened, metres.
-const SHORTEN_M: f64 = 0.05;
+pub(super) const SHORTEN_M: f64 = 0.05;
 /// After a command that had no effect, wait this long.
 const RETRY_AFTER: Duration = Duration::from_millis(600);
-/// A vehicle that moves on a way that is not driven any more gets another command so soon, or stops.
-const ADRIFT_MAX: Duration = Duration::from_millis(150);
 /// After so many refusals in a row, peers that stand are planned around.
 const REFUSALS_MAX: u32 = 4;
 /// So many paths in a row of which every command is refused, and the vehicle does not get on by itself.
@@ -35,10 +33,10 @@ pub(super) struct StandingCommand {
     /// Odometer at its end, metres; `None` = it is no command to drive, or stands no more.
     end_m: Option<f64>,
     given_at: Time,
-    /// The way has changed since it was given: nobody judges any more whether what it leads over is free.
+    /// The way has changed since it was given.
     is_outdated: bool,
-    /// Since when a vehicle that drives has had nothing else to go by.
-    adrift_since: Option<Time>,
+    /// The vehicle drives.
+    is_driving: bool,
     /// Commands refused in a row.
     refusals: u32,
     /// Why the last of them was.
@@ -85,24 +83,20 @@ impl StandingCommand {
     /// Records that a command to drive was given; the odometer will be `end_m` at its end, metres.
     pub(super) fn drive(&mut self, now: Time, end_m: f64) {
         (self.end_m, self.given_at) = (Some(end_m), now);
-        self.renew();
+        self.is_outdated = false;
     }
 
     /// Records that a command to turn was given. (It is given at rest: the end of the last drive is of no use any more, and is
     /// not forgotten.)
     pub(super) fn turn(&mut self, now: Time) {
         self.given_at = now;
-        self.renew();
+        self.is_outdated = false;
     }
 
     /// Records that the vehicle was stopped.
     pub(super) fn stop(&mut self, now: Time) {
         (self.end_m, self.given_at) = (None, now);
-        self.renew();
-    }
-
-    fn renew(&mut self) {
-        (self.is_outdated, self.adrift_since) = (false, None);
+        self.is_outdated = false;
     }
 
     /// Records that the command was refused.
@@ -123,21 +117,19 @@ impl StandingCommand {
         *self = StandingCommand {
             given_at: self.given_at,
             is_outdated: self.is_outdated || self.end_m.is_some(),
-            adrift_since: self.adrift_since,
+            is_driving: self.is_driving,
             ..StandingCommand::default()
         };
     }
 
     /// Takes what the vehicle does: one that moves refuses nothing, and one that rests has nothing left to drive.
-    pub(super) fn watch(&mut self, now: Time, mode: VehicleMode) {
+    pub(super) fn watch(&mut self, mode: VehicleMode) {
         if moves(mode) {
             self.refusals = 0;
         } else {
-            self.renew();
+            self.is_outdated = false;
         }
-        if mode == VehicleMode::Driving && self.is_outdated {
-            self.adrift_since.get_or_insert(now);
-        }
+        self.is_driving = mode == VehicleMode::Driving;
         if mode == VehicleMode::Driving {
             self.refused_paths = 0;
         }
@@ -154,15 +146,9 @@ impl StandingCommand {
         self.end_m
     }
 
-    /// Returns whether the vehicle drives on a way that has changed since.
+    /// Returns whether the vehicle still drives by it although the way has changed since.
     pub(super) fn is_outdated(&self) -> bool {
-        self.adrift_since.is_some()
-    }
-
-    /// Returns whether it has for longer than it may.
-    pub(super) fn is_adrift(&self, now: Time) -> bool {
-        self.adrift_since
-            .is_some_and(|since| now.since(since) >= ADRIFT_MAX)
+        self.is_outdated && self.is_driving
     }
 
     /// Returns whether the command has had time to show in the state.
@@ -270,37 +256,37 @@ mod tests {
     }
 
     #[test]
-    fn who_moves_on_a_way_that_has_changed_is_adrift_until_the_next_command() {
-        let drives = |time_s: f64| {
+    fn a_command_is_outdated_while_it_is_driven_after_the_way_has_changed() {
+        let outdated = |change: fn(&mut StandingCommand)| {
             let mut command = StandingCommand::default();
             command.drive(at(1.0), 3.0);
-            command.forget_end();
-            command.watch(at(2.0), VehicleMode::Driving);
-            command.watch(at(time_s), VehicleMode::Driving);
+            command.watch(VehicleMode::Driving);
+            assert!(!command.is_outdated());
+            change(&mut command);
             command
         };
-        assert!(drives(2.1).is_outdated() && !drives(2.1).is_adrift(at(2.1)));
-        assert!(drives(2.2).is_adrift(at(2.2)));
-        for give in [
-            |command: &mut StandingCommand| command.drive(at(2.2), 3.0),
-            |command: &mut StandingCommand| command.turn(at(2.2)),
-            |command: &mut StandingCommand| command.stop(at(2.2)),
-            |command: &mut StandingCommand| command.watch(at(2.2), VehicleMode::Idle),
+        for change in [
+            StandingCommand::forget_end as fn(&mut StandingCommand),
+            StandingCommand::give_up_way,
         ] {
-            let mut command = drives(2.2);
-            give(&mut command);
-            command.watch(at(2.3), VehicleMode::Driving);
-            assert!(!command.is_outdated() && !command.is_adrift(at(9.0)));
+            assert!(outdated(change).is_outdated());
+            for end in [
+                |command: &mut StandingCommand| command.drive(at(2.2), 3.0),
+                |command: &mut StandingCommand| command.turn(at(2.2)),
+                |command: &mut StandingCommand| command.stop(at(2.2)),
+                |command: &mut StandingCommand| command.watch(VehicleMode::Idle),
+            ] {
+                let mut command = outdated(change);
+                end(&mut command);
+                command.watch(VehicleMode::Driving);
+                assert!(!command.is_outdated());
+            }
         }
-        // The way that is given up is left as well; who was given none has none to leave.
-        let mut given_up = StandingCommand::default();
-        given_up.drive(at(1.0), 3.0);
-        given_up.give_up_way();
-        given_up.watch(at(2.0), VehicleMode::Driving);
-        let mut stopped = StandingCommand::default();
-        stopped.forget_end();
-        stopped.watch(at(2.0), VehicleMode::Driving);
-        assert!(given_up.is_outdated() && !stopped.is_outdated());
+        let stopped = outdated(|command| {
+            command.stop(at(1.5));
+            command.forget_end();
+        });
+        assert!(!stopped.is_outdated(), "there is none to be outdated");
     }
 
     fn refuse(command: &mut StandingCommand, times: u32) {
@@ -340,7 +326,7 @@ mod tests {
             (VehicleMode::Driving, (false, false)),
         ] {
             let mut command = refused();
-            command.watch(at(2.0), mode);
+            command.watch(mode);
             let shown = (command.is_path_refused(), command.is_every_path_refused());
             assert_eq!(shown, expected, "{mode:?}");
         }

@@ -173,6 +173,8 @@ impl PathSearch<'_> {
         let mut grid = SearchGrid::of_parts(&view, area, clearance, Bar::Confirmed).ok()?;
         let keep_m = self.settings.corridor_m(self.pose.sd_m);
         grid.close_outside(&self.settings.fence, self.fence_m(keep_m, goal));
+        // It came through there, whatever the map says now.
+        grid.open_along(self.driven);
         grid.stand_on(grid.lattice().cell_at(self.pose.at));
         Some(grid)
     }
@@ -310,12 +312,9 @@ impl PathSearch<'_> {
         let (cell_m, node_m) = (self.settings.lattice.cell_m(), grid.lattice().cell_m());
         for obstacle in &self.obstacles {
             let away_m = obstacle.at.distance_to(self.pose.at);
-            let leave_m = if node_m < cell_m {
-                away_m
-            } else {
-                away_m - cell_m
-            };
-            let keep_m = (obstacle.keep_m + cell_m).min(leave_m);
+            // From cell to cell with room to spare; from half cell to half cell, as the vehicle itself is going to judge the way.
+            let spare_m = if node_m < cell_m { 0.0 } else { cell_m };
+            let keep_m = (obstacle.keep_m + spare_m).min(away_m - spare_m);
             grid.close_within(Segment::new(obstacle.at, obstacle.at), keep_m);
         }
     }
