@@ -13,7 +13,8 @@ use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 use tomoswarm::exchange::egress::OutboundFrame;
-use tomoswarm::geom::{Angle, Point};
+use tomoswarm::geom::{Angle, Point, Rect};
+use tomoswarm::scene::{Footprint, LevelCut, Material, Post, Scene, SceneParts};
 use tomoswarm::sim::body::{Body, DriveLimits};
 use tomoswarm::sim::bus::{BusModel, NodeId, SimulatedBus};
 use tomoswarm::sim::contact::{closest_approach, first_contact_of};
@@ -117,10 +118,25 @@ fn bodies() {
 
 fn range() {
     let sensor = RangeSensor::new(RangeModel::default());
-    let wall = |from: [f64; 3], along: [f64; 3], max_m: f64| {
-        let distance_m = (3.0 - from[0]) / along[0];
-        (distance_m > 0.0 && distance_m <= max_m).then_some((distance_m, [-1.0, 0.0, 0.0]))
+    let wall = Post {
+        name: "wall".into(),
+        footprint: Footprint::Corners(
+            Rect::new(Point::new(3.0, -20.0), Point::new(3.2, 20.0)).polygon(),
+        ),
+        low_m: 0.0,
+        high_m: 2.0,
+        material: Material::default(),
     };
+    let scene = Scene::build(&SceneParts {
+        shapes: &[],
+        offset_m: [0.0; 3],
+        materials: &Default::default(),
+        default_material: Material::default(),
+        posts: &[wall],
+        persons: &[],
+    })
+    .expect("a wall is a scene");
+    let cut = LevelCut::of(&scene, 0.2);
     let noise = Noise::new(1);
     let discs = [Disc {
         centre: Point::new(2.0, 0.3),
@@ -129,7 +145,8 @@ fn range() {
         high_m: 1.8,
     }];
     let around = SensorSurroundings {
-        cast: &wall,
+        scene: &scene,
+        cut: &cut,
         discs: &discs,
     };
     measure("range: echo, plane wall, 1 disc", 1_000_000, |id| {

@@ -1,4 +1,4 @@
-//! How many rays a second, and how long a radio link takes, on one core.
+//! How many rays and readings of a range sensor a second, and how long a radio link takes, on one core.
 //!
 //! `cargo bench --bench rays`. The bundled environments, and `../shared/data/vrml/castle.wrl` when it is there. Level rays as
 //! the range sensor casts them, and rays in all directions from where a vehicle may be. Rates are those of one core that does
@@ -16,11 +16,14 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Instant;
 
-use tomoswarm::geom::Point;
-use tomoswarm::scene::{Attenuation, Material, Person, Scene, SceneParts, Up, read_vrml};
+use tomoswarm::geom::{Angle, Attitude, Point, Vector};
+use tomoswarm::scene::{Attenuation, LevelCut, Material, Person, Scene, SceneParts, Up, read_vrml};
+use tomoswarm::sim::noise::Noise;
+use tomoswarm::sim::range::{Lobe, RangeModel, RangeSensor, SensorPose, SensorSurroundings};
 
 const RUNS: usize = 9;
 const RAYS: usize = 400_000;
+const READINGS: usize = 100_000;
 const LINKS: usize = 200_000;
 
 fn main() {
@@ -32,7 +35,10 @@ fn main() {
     }
     for (name, up) in [("castle", Up::Z), ("trees", Up::Y), ("house", Up::Z)] {
         match load(&root.join(format!("scenes/{name}.wrl")), up, &[]) {
-            Some(scene) => rays(name, &scene, [12.0, 12.0, 0.3], 11.5, 1000.0),
+            Some(scene) => {
+                rays(name, &scene, [12.0, 12.0, 0.3], 11.5, 1000.0);
+                readings(name, &scene, [12.0, 12.0, 0.3], 11.5);
+            }
             None => println!("{name}: cannot be read"),
         }
     }
@@ -108,6 +114,85 @@ fn rays(name: &str, scene: &Scene, middle: [f64; 3], span_m: f64, most_m: f64) {
             &rates,
         );
     }
+}
+
+/// What a range sensor reads, and for comparison seven level rays, which a fan once was.
+fn readings(name: &str, scene: &Scene, middle: [f64; 3], span_m: f64) {
+    let start = Instant::now();
+    let cut = LevelCut::of(scene, middle[2]);
+    println!(
+        "{name}: the cut takes {:.2} ms",
+        start.elapsed().as_secs_f64() * 1e3
+    );
+    let eye = |index: usize, pitch_deg: f64| SensorPose {
+        origin: [
+            middle[0] + span_m * (2.0 * spread(index, 0.754_877_666) - 1.0),
+            middle[1] + span_m * (2.0 * spread(index, 0.569_840_291) - 1.0),
+            middle[2],
+        ],
+        attitude: Attitude {
+            pitch: Angle::from_degrees(pitch_deg),
+            ..Attitude::level(Angle::from_degrees(360.0 * spread(index, 0.618_033_988_75)))
+        },
+        beam: Angle::ZERO,
+    };
+    let around = SensorSurroundings {
+        scene,
+        cut: &cut,
+        discs: &[],
+    };
+    let noise = Noise::new(1);
+    for (word, lobe, pitch_deg, count) in [
+        ("level fan", Lobe::Fan, 0.0, READINGS),
+        ("leaning fan", Lobe::Fan, 3.0, READINGS),
+        ("cone", Lobe::Cone, 0.0, READINGS / 10),
+    ] {
+        let sensor = RangeSensor::new(RangeModel {
+            lobe,
+            half_angle_rad: 15f64.to_radians(),
+            incidence_max_rad: 60f64.to_radians(),
+            ..RangeModel::default()
+        });
+        let mut heard = 0;
+        let rates = measure(count, || {
+            let is_heard = |index: &usize| {
+                let eye = eye(*index, pitch_deg);
+                sensor
+                    .echo_at(&eye, around, &noise, &[*index as u64])
+                    .is_some()
+            };
+            heard = (0..count).filter(is_heard).count();
+        });
+        print_rates(
+            &format!("{name}: {count} readings, {word}, {heard} heard"),
+            "readings/s",
+            &rates,
+        );
+    }
+    let mut heard = 0;
+    let rates = measure(READINGS, || {
+        let is_heard = |index: &usize| {
+            let eye = eye(*index, 0.0);
+            let mut best_m = None;
+            for ray in -3..=3 {
+                let turn = eye.attitude.yaw + Angle::from_degrees(5.0 * f64::from(ray));
+                let along = Vector::polar(turn, 1.0);
+                let along = [along.x_m, along.y_m, 0.0];
+                if let Some(hit) = scene.cast(eye.origin, along, best_m.unwrap_or(4.0))
+                    && (hit.normal[0] * along[0] + hit.normal[1] * along[1]).abs() >= 0.5
+                {
+                    best_m = Some(hit.distance_m);
+                }
+            }
+            best_m.is_some()
+        };
+        heard = (0..READINGS).filter(is_heard).count();
+    });
+    print_rates(
+        &format!("{name}: {READINGS} readings, seven rays, {heard} heard"),
+        "readings/s",
+        &rates,
+    );
 }
 
 fn links(scene: &Scene) {

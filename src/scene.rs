@@ -8,6 +8,7 @@ mod attenuation;
 mod build;
 mod cast;
 mod contact;
+mod cut;
 mod ears;
 mod mesh;
 mod outline;
@@ -25,8 +26,11 @@ mod vrml_tree;
 mod tests;
 
 pub use attenuation::Attenuation;
-pub use build::{Footprint, Material, Object, Person, Post, Scene, SceneError, SceneParts, Shape};
-pub use cast::Hit;
+pub use build::{
+    Circle, Footprint, Material, Object, Person, Post, Scene, SceneError, SceneParts, Shape,
+};
+pub use cast::{Hit, NearTriangle};
+pub use cut::{CutForm, CutPiece, Cuts, LevelCut};
 pub use mesh::Mesh;
 pub use outline::Outline;
 pub use view::{Camera, RayHit, Viewpoint};

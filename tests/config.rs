@@ -14,6 +14,7 @@ mod config {
     mod laws;
     mod missions;
     mod nodes;
+    mod posts;
     mod problems;
     mod readme;
 }

@@ -32,6 +32,8 @@ mod place;
 #[path = "floor_plans/plan.rs"]
 #[allow(dead_code, reason = "the bench writes plans into folders")]
 mod plan;
+#[path = "sim/poles.rs"]
+mod poles;
 #[path = "sim/replay.rs"]
 mod replay;
 #[path = "sim/repro.rs"]

@@ -6,6 +6,7 @@ use crate::config::{
     self, Axis, Config, Experiment, GroundFile, RangeDriver, Sim, VehicleFile, Venue,
 };
 use crate::geom::without_dust;
+use crate::plan::{ContactLimits, SmallestPost};
 
 /// The most vehicles that a sweep is planned for.
 const SWEEPING: std::ops::RangeInclusive<usize> = 2..=8;
@@ -81,6 +82,11 @@ fn sim_lines(sim: &Sim) -> Vec<Line> {
         "looks",
         format!("one round takes {} s", look.cycle().as_secs_f64()),
     ));
+    list.push(posts_line(
+        sim.contact_limits(),
+        sim.smallest_post(),
+        sim.vehicles.body.max_speed_mps,
+    ));
     list.push((
         "beacons",
         format!("slot {} s", sim.venue.swarm.slot().as_secs_f64()),
@@ -111,9 +117,49 @@ fn vehicle_lines(file: &VehicleFile) -> Vec<Line> {
             "warning",
             "without a range sensor it sees nothing, and is not driven".to_owned(),
         ));
+    } else {
+        list.push(posts_line(
+            Some(file.contact_limits()),
+            file.smallest_post(),
+            file.body.max_speed_mps,
+        ));
     }
     list.extend(venue_lines(&file.venue));
     list
+}
+
+/// Says which posts a vehicle of this speed does not touch.
+fn posts_line(
+    limits: Option<ContactLimits>,
+    smallest: Option<SmallestPost>,
+    speed_mps: f64,
+) -> Line {
+    let Some(limits) = limits else {
+        let text =
+            "a beam passes by what is thin: posts of any radius may be driven into".to_owned();
+        return ("warning", text);
+    };
+    match smallest {
+        Some(SmallestPost { radius_m, heard_m }) => {
+            let radius_m = (radius_m * 1000.0 - 1e-6).ceil() / 1000.0;
+            let text = format!(
+                "from {radius_m} m of radius on, heard up to {heard_m:.2} m, they are not touched at {speed_mps} m/s"
+            );
+            ("posts", text)
+        }
+        None if limits.seen_from_m.is_infinite() => {
+            let text =
+                "the beams leave a gap straight ahead: posts of any radius may be driven into";
+            ("warning", text.to_owned())
+        }
+        None => {
+            let needed_m = limits.needed_m(speed_mps);
+            let text = format!(
+                "posts of any radius may be driven into: at {speed_mps} m/s one must be heard from {needed_m:.2} m, and none is"
+            );
+            ("warning", text)
+        }
+    }
 }
 
 fn ground_lines(file: &GroundFile) -> Vec<Line> {
@@ -145,4 +191,52 @@ fn experiment_lines(experiment: &Experiment) -> Vec<Line> {
         list.push((axis.word(), format!("{}: {shown}{rest}", names.len())));
     }
     list
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::bundled;
+
+    /// The comments above a bundled simulation with further lines.
+    fn comments(lines: &str) -> String {
+        let text = "kind = \"sim\"\nvenue = \"courtyard.venue.toml\"\nscene = \"../scenes/courtyard.scene.toml\"\n";
+        let read = |path: &str| bundled::load(path);
+        let config = config::read("configs/a.toml", &format!("{text}{lines}"), &mut { read });
+        let described = describe("a.toml", &config.unwrap(), &[]);
+        let comments = described.lines().filter(|line| line.starts_with('#'));
+        comments.collect::<Vec<_>>().join("\n")
+    }
+
+    fn check(lines: &str, expected: &str) {
+        let found = comments(lines);
+        assert!(
+            found.contains(expected),
+            "{expected} is missing in:\n{found}"
+        );
+    }
+
+    #[test]
+    fn it_says_which_posts_are_not_touched_or_that_none_is_promised() {
+        check(
+            "",
+            "  posts        from 0.027 m of radius on, heard up to 0.97 m, they are not touched at 0.5 m/s",
+        );
+        check(
+            "range.smallest_radius_m = 0.05",
+            "  posts        from 0.05 m of radius on, heard up to 1.19 m, they are not touched at 0.5 m/s",
+        );
+        check(
+            "range.lobe = \"beam\"",
+            "  warning      a beam passes by what is thin: posts of any radius may be driven into",
+        );
+        check(
+            "range.beams_deg = [20, -20]",
+            "  warning      the beams leave a gap straight ahead: posts of any radius may be driven into",
+        );
+        check(
+            "range.dowel_radius_m = 1\nrange.dowel_range_m = 0.5",
+            "  warning      posts of any radius may be driven into: at 0.5 m/s one must be heard from 0.97 m, and none is",
+        );
+    }
 }

@@ -7,7 +7,7 @@ use super::forms::seconds;
 use super::keys::{Keyed, Keys, List, Number, NumberBounds, Numbers, Rowed, WordChoice, Words};
 use super::source::Source;
 use crate::geom::Angle;
-use crate::plan::{Mount, Mounts, SOUND_MPS, echo_time_s};
+use crate::plan::{Mount, Mounts, PostDetection, SOUND_MPS, echo_time_s};
 
 /// A range sensor on a servo, which looks along its beams in turn.
 #[derive(Clone, PartialEq, Debug, Default)]
@@ -132,6 +132,12 @@ pub struct SensorCoverage {
     pub settle_s: f64,
     /// Echoes from farther away are ignored, metres.
     pub farness_m: f64,
+    /// Radius of an upright dowel whose farthest echo was measured, metres.
+    pub dowel_radius_m: f64,
+    /// How far away that dowel was heard, metres.
+    pub dowel_range_m: f64,
+    /// Posts of this radius and thicker ones must not be touched, metres; `None` = of that which the speed covers.
+    pub smallest_radius_m: Option<f64>,
     /// Where the sensors sit; without any there is one that is pointed anywhere at once.
     pub sensors: Vec<SensorMount>,
 }
@@ -195,6 +201,40 @@ impl SensorCoverage {
             .iter()
             .map(|mount| mount.slew(mount.from_rad, mount.to_rad));
         self.scan_period() + turns.max().unwrap_or_default()
+    }
+
+    /// Returns how far away posts are heard, by the measured dowel, up to a farthest echo, metres.
+    pub fn post_detection(&self, farthest_m: f64) -> PostDetection {
+        PostDetection::measured(self.dowel_radius_m, self.dowel_range_m, farthest_m)
+    }
+
+    /// Returns from where on the beams together look along the whole width of a strip straight ahead, metres from the sensor:
+    /// nearer than that what stands at the strip's border may lie beside all beams or in the blind zone. Infinite when they
+    /// leave a gap ahead.
+    pub(super) fn seen_from_m(&self, half_width_m: f64) -> f64 {
+        let ahead_deg = self.covered_deg(1.0).min(self.covered_deg(-1.0)).min(90.0);
+        let border_m = half_width_m / libm::sin(ahead_deg.to_radians());
+        border_m.max(self.min_range_m)
+    }
+
+    /// Returns up to which angle the beams leave no gap to one side (1: left, -1: right) of straight ahead, degrees.
+    fn covered_deg(&self, side: f64) -> f64 {
+        let mut middles_deg: Vec<f64> = self.beams_deg.iter().map(|beam| side * beam).collect();
+        middles_deg.sort_by(f64::total_cmp);
+        middles_deg
+            .iter()
+            .fold(0.0, |covered_deg: f64, middle_deg| {
+                if middle_deg - self.half_angle_deg <= covered_deg {
+                    covered_deg.max(middle_deg + self.half_angle_deg)
+                } else {
+                    covered_deg
+                }
+            })
+    }
+
+    /// Returns the time that one reading takes at most: until the servo stands and the farthest echo is heard, seconds.
+    pub(super) fn reading_s(&self) -> f64 {
+        self.settle_s + echo_time_s(self.max_range_m, SOUND_MPS)
     }
 
     /// Checks the keys of `[range]` together.
@@ -313,6 +353,9 @@ impl SensorCoverage {
             scan_period_s,
             settle_s,
             farness_m,
+            dowel_radius_m,
+            dowel_range_m,
+            smallest_radius_m,
             sensors,
         } = self;
         to.numbers(
@@ -365,6 +408,25 @@ impl SensorCoverage {
             },
         );
         *farness_m = farness.unwrap_or(*max_range_m);
+        let means = "radius of an upright dowel whose farthest echo was measured; by it everything is judged that is small";
+        to.number(
+            dowel_radius_m,
+            Number::new("dowel_radius_m", 0.01, 0.001..=1.0, means),
+        );
+        let means = "how far away that dowel was heard";
+        to.number(
+            dowel_range_m,
+            Number::new("dowel_range_m", 0.7, 0.05..=50.0, means),
+        );
+        to.maybe_number(
+            smallest_radius_m,
+            NumberBounds {
+                name: "smallest_radius_m",
+                left_out: "what the speed covers",
+                allowed: 0.001..=10.0,
+                means: "posts of this radius and thicker ones must not be touched; refused when the speed does not cover it",
+            },
+        );
         let keys = |sensor: &mut SensorMount, _, to: &mut dyn Keys| sensor.keys(to);
         to.rows(&mut List { list: sensors, keys }, Rowed {
             name: "sensor",

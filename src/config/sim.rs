@@ -9,7 +9,8 @@ use std::time::Duration;
 use tomoswarm_proto::{TaskKind, VehicleId};
 
 pub(in crate::config) use self::checks::{
-    check_border, check_gaps, check_task, refuse_blind_speed,
+    check_border, check_gaps, check_task, refuse_blind_speed, refuse_uncovered_radius,
+    smallest_post,
 };
 use self::checks::{
     check_echoes, check_look_before_you_drive, check_margins, check_places, check_wind,
@@ -22,18 +23,18 @@ use super::mission::{
     AfterSweep, Durations, Expect, Imaging, SweepConfig, SweepTable, check_sweep,
 };
 use super::radio::{Bus, BusTable, Radio, RadioTable};
-use super::range::RangeSensor;
+use super::range::{Lobe, RangeSensor};
 use super::scene::{SceneFile, Up};
 use super::section::Section;
 use super::swarm::Swarm;
 use super::task::MissionTable;
 use super::vehicle::{
-    PARTY, SWARM, Safety, Vehicles, VehiclesTable, check_ceiling, sensing_limits,
+    PARTY, SWARM, Safety, Vehicles, VehiclesTable, check_ceiling, contact_limits, sensing_limits,
 };
 use super::venue::Venue;
 use super::{Loader, beside, read_kind_over};
 use crate::geom::Point;
-use crate::plan::SensingLimits;
+use crate::plan::{ContactLimits, SensingLimits, SmallestPost};
 
 /// A simulation as its file describes it, checked; a run needs nothing else but a seed.
 #[derive(Clone, PartialEq, Debug)]
@@ -119,6 +120,28 @@ impl Sim {
             safety,
             self.venue.cell_m,
             vehicles.pose_sd_m,
+        )
+    }
+
+    /// Returns what decides which posts a vehicle does not touch; `None` for a beam, which passes by what is thin.
+    pub fn contact_limits(&self) -> Option<ContactLimits> {
+        let body = &self.vehicles.body;
+        let limits = contact_limits(
+            body,
+            &self.range.look,
+            self.venue.cell_m,
+            self.vehicles.pose_sd_m,
+        );
+        (self.range.lobe != Lobe::Beam).then_some(limits)
+    }
+
+    /// Returns the thinnest post that a vehicle does not touch; `None` when its sensor does not promise it of any.
+    pub fn smallest_post(&self) -> Option<SmallestPost> {
+        let named_m = self.range.look.smallest_radius_m;
+        smallest_post(
+            self.contact_limits()?,
+            named_m,
+            self.vehicles.body.max_speed_mps,
         )
     }
 

@@ -11,7 +11,7 @@ use super::range::SensorCoverage;
 use super::section::Section;
 use super::source::Source;
 use crate::geom::{Angle, Bearing, Vector};
-use crate::plan::SensingLimits;
+use crate::plan::{ContactLimits, REACTION_S, SensingLimits};
 
 /// How many vehicles a simulation may have: as many as the planners can keep apart on one ring.
 pub(super) const SWARM: RangeInclusive<usize> = 2..=8;
@@ -437,6 +437,26 @@ pub(super) fn sensing_limits(
         margin_m: corridor_m + cell_m * std::f64::consts::FRAC_1_SQRT_2,
         scan_period_s: look.cycle().as_secs_f64(),
         latency_s: look.longest_period().as_secs_f64(),
+        braking_mps2: body.braking_mps2,
+    }
+}
+
+/// Returns what decides which posts a vehicle does not touch: after a round of all beams, one reading (until the servo stands
+/// and the farthest echo is heard) and the reaction of its reflex it brakes, and its body, twice the deviation of its place
+/// and half a cell's diagonal still fit before the post; the padding does not count. `pose_sd_m` is the deviation of its
+/// place, metres.
+pub(super) fn contact_limits(
+    body: &BodySpec,
+    look: &SensorCoverage,
+    cell_m: f64,
+    pose_sd_m: f64,
+) -> ContactLimits {
+    let width_m = body.radius_m + 2.0 * pose_sd_m;
+    ContactLimits {
+        detection: look.post_detection(look.max_range_m.min(look.farness_m)),
+        clear_m: width_m + cell_m * std::f64::consts::FRAC_1_SQRT_2,
+        seen_from_m: look.seen_from_m(width_m),
+        delay_s: look.cycle().as_secs_f64() + look.reading_s() + REACTION_S,
         braking_mps2: body.braking_mps2,
     }
 }

@@ -14,12 +14,15 @@ use super::radio::OwnRadio;
 use super::range::SensorCoverage;
 use super::range_driver::RangeDriver;
 use super::section::Section;
-use super::sim::{check_border, check_task, load, refuse_blind_speed};
+use super::sim::{
+    check_border, check_task, load, refuse_blind_speed, refuse_uncovered_radius, smallest_post,
+};
 use super::swarm::Swarm;
 use super::task::MissionTable;
-use super::vehicle::{BodySpec, Safety, sensing_limits};
+use super::vehicle::{BodySpec, Safety, contact_limits, sensing_limits};
 use super::venue::Venue;
 use crate::geom::Point;
+use crate::plan::{ContactLimits, SmallestPost};
 
 /// The numbers that vehicles may have.
 pub(super) const VEHICLE_IDS: std::ops::RangeInclusive<usize> = 1..=250;
@@ -217,6 +220,21 @@ impl VehicleFile {
             bus: BusFile::default(),
             record: Record::default(),
         }
+    }
+
+    /// Returns what decides which posts the vehicle does not touch.
+    pub fn contact_limits(&self) -> ContactLimits {
+        let pose_sd_m = self.pose.expected_sd_m;
+        contact_limits(&self.body, &self.look, self.venue.cell_m, pose_sd_m)
+    }
+
+    /// Returns the thinnest post that the vehicle does not touch; `None` when its sensor does not promise it of any.
+    pub fn smallest_post(&self) -> Option<SmallestPost> {
+        if self.drivers.range == RangeDriver::None {
+            return None;
+        }
+        let named_m = self.look.smallest_radius_m;
+        smallest_post(self.contact_limits(), named_m, self.body.max_speed_mps)
     }
 
     pub(super) fn read(root: &Section<'_>, loader: &mut Loader) -> Option<VehicleFile> {
@@ -556,5 +574,8 @@ fn check_together(root: &Section<'_>, file: &VehicleFile) {
     if is_sound(&["vehicle", "range", "safety", "pose"]) {
         let sight = sensing_limits(body, &file.look, safety, venue.cell_m, pose.expected_sd_m);
         refuse_blind_speed(root, &sight, body.max_speed_mps, "vehicle.max_speed_mps");
+        let named_m = file.look.smallest_radius_m;
+        let limits = file.contact_limits();
+        refuse_uncovered_radius(root, Some(limits), named_m, body.max_speed_mps);
     }
 }

@@ -6,7 +6,8 @@
 //!   *assigned* to the part of a cell through which most arcs pass, and to a second one some way off if that has nearly as
 //!   many. The cells of these are occupied, all others stay as they were. (Parts, since a whole cell would explain all arcs
 //!   that touch half a metre of a straight wall, and leave holes in it.)
-//! - **Near overrules far**: a cell drops out of an arc only when it was seen empty from as near as the echo came. Then the
+//! - **Near overrules far**: a cell drops out of an arc only when it was seen empty from as near as the echo came, and as a
+//!   thin post is heard. Then the
 //!   echoes that it explained, which are kept, are assigned anew, so what turns out to be empty hands its echoes to what is not.
 //!   Ground seen empty from farther becomes unknown again at an echo that nothing certain explains.
 //! - An assigned cell is *confirmed* when nothing else can have given one of its echoes: few cells were left, it is very
@@ -50,6 +51,8 @@ const SECOND_PARTS: u32 = 6;
 const SURE_CM: u16 = 30;
 /// Of arcs with at most so many cells left, the one that is chosen is sure.
 const FEW_CELLS: usize = 2;
+/// A cell seen empty from so much farther than an echo came from, or from nearer, cannot have given it, centimetres.
+const NEAR_WINS_CM: u16 = 30;
 /// Half of the band around an arc from which its echo came, metres.
 const BAND_M: f64 = 0.06;
 
@@ -116,6 +119,9 @@ impl Changes {
 pub struct Mapper {
     own: LayerId,
     slice: i16,
+    /// An echo from nearer may be of a post that is not heard from farther away, centimetres.
+    #[serde(default)]
+    post_heard_cm: u16,
     memory: OwnMemory,
     #[serde(skip)]
     scratch: Scratch,
@@ -154,8 +160,25 @@ impl Mapper {
         Mapper {
             own,
             slice,
+            post_heard_cm: 0,
             memory: OwnMemory::default(),
             scratch: Scratch::default(),
+        }
+    }
+
+    /// Makes it count on posts that are heard from so far away and no farther, metres: what was seen empty from farther may
+    /// be one.
+    pub fn regard_posts(&mut self, heard_m: f64) {
+        self.post_heard_cm = (heard_m * 100.0) as u16;
+    }
+
+    /// Returns from how far, or from nearer, a cell must have been seen empty that has not given an echo, centimetres.
+    fn near_cm(&self, range_cm: u16) -> u16 {
+        let near_cm = range_cm.saturating_add(NEAR_WINS_CM);
+        if range_cm < self.post_heard_cm {
+            near_cm.min(self.post_heard_cm)
+        } else {
+            near_cm
         }
     }
 
@@ -263,7 +286,9 @@ impl Mapper {
         let contradicted = std::mem::take(&mut self.scratch.contradicted);
         for key in &contradicted {
             let memory = self.memory.cell(*key);
-            if !memory.explains_echoes() || !memory.is_excluded(memory.nearest_echo_cm()) {
+            if !memory.explains_echoes()
+                || !memory.is_excluded(self.near_cm(memory.nearest_echo_cm()))
+            {
                 continue;
             }
             let (cell, reach_m) = (self.memory.cell_of(*key), 2.0 * scan.max_range_m);
@@ -342,14 +367,15 @@ impl Mapper {
 
     /// Counts an arc for all of its cells that can have given its echo.
     fn vote(&mut self, range_cm: u16) {
+        let near_cm = self.near_cm(range_cm);
         let Scratch { arc, keys, .. } = &self.scratch;
-        let is_open = |key: &&CellKey| !self.memory.cell(**key).is_excluded(range_cm);
+        let is_open = |key: &&CellKey| !self.memory.cell(**key).is_excluded(near_cm);
         let open = keys.iter().flatten().filter(is_open).count().max(1);
         let weight = (ARC_VOTES / open).clamp(1, MOST_VOTES) as u16;
         for (part, key) in arc.iter().zip(keys) {
             let Some(key) = key else { continue };
             let memory = self.memory.cell_mut(*key);
-            if !memory.is_excluded(range_cm) {
+            if !memory.is_excluded(near_cm) {
                 memory.vote(index_of_part(*part), weight);
             }
         }
@@ -358,12 +384,12 @@ impl Mapper {
     /// Chooses what on the arc that was followed explains its echo.
     fn choose(&self, lattice: Lattice, echo: &Echo) -> Option<Assignment> {
         let Scratch { arc, keys, .. } = &self.scratch;
-        let (range_cm, parts) = (echo.range_cm(), part_lattice(lattice));
+        let (near_cm, parts) = (self.near_cm(echo.range_cm()), part_lattice(lattice));
         let (mut best, mut open, mut last) = (None, 0, None);
         for (index, key) in keys.iter().enumerate() {
             let Some(key) = key else { continue };
             let memory = self.memory.cell(*key);
-            let is_open = !memory.is_excluded(range_cm);
+            let is_open = !memory.is_excluded(near_cm);
             open += usize::from(is_open && last != Some(*key));
             last = Some(*key);
             // Of excluded cells the one that was looked at from the least near.
@@ -388,7 +414,7 @@ impl Mapper {
                 || arc[index].y.abs_diff(arc[best].y) >= SECOND_PARTS;
             let is_enough = u32::from(votes) * 10 >= needed && votes > 0;
             let is_more = also.is_none_or(|(most, _)| votes > most);
-            if is_far && is_enough && is_more && !memory.is_excluded(range_cm) {
+            if is_far && is_enough && is_more && !memory.is_excluded(near_cm) {
                 also = Some((votes, index));
             }
         }
@@ -407,10 +433,11 @@ impl Mapper {
 
     /// What was seen empty from far less near than the echo of the arc that was followed came counts no more.
     fn take_far_looks_back(&mut self, range_cm: u16) {
+        let near_cm = self.near_cm(range_cm);
         let Scratch { keys, touched, .. } = &mut self.scratch;
         for key in keys.iter().flatten() {
             let memory = self.memory.cell_mut(*key);
-            if !memory.is_excluded(range_cm) && memory.is_seen_from_afar(range_cm) {
+            if !memory.is_excluded(near_cm) && memory.is_seen_from_afar(near_cm) {
                 memory.forget_looks();
                 touched.push(*key);
             }

@@ -13,6 +13,7 @@ use crate::config::{
     BodySpec, Craft, Flight, OwnRadio, RangeDriver, Safety, SensorCoverage, Sim, VehicleFile, Venue,
 };
 use crate::geom::{Angle, Lattice, Point};
+use crate::plan::SmallestPost;
 
 /// How long a search for a path takes in real time beyond the search itself, which has run by then.
 const PATH_TIME: Duration = Duration::from_millis(1);
@@ -27,6 +28,7 @@ impl VehicleSettings {
             venue: &sim.venue,
             body: sim.vehicles.body,
             look: &sim.range.look,
+            smallest_post: sim.smallest_post(),
             radio: sim.radio.own,
             safety: sim.safety,
             path_time: sim.durations.route(),
@@ -45,6 +47,7 @@ impl VehicleSettings {
             venue: &file.venue,
             body: file.body,
             look: &file.look,
+            smallest_post: file.smallest_post(),
             radio: file.radio,
             safety: file.safety,
             path_time: PATH_TIME,
@@ -68,6 +71,7 @@ struct VehicleInputs<'f> {
     venue: &'f Venue,
     body: BodySpec,
     look: &'f SensorCoverage,
+    smallest_post: Option<SmallestPost>,
     radio: OwnRadio,
     safety: Safety,
     path_time: Duration,
@@ -90,7 +94,7 @@ impl VehicleInputs<'_> {
             slice: 0,
             task: self.task.clone(),
             body: body_settings(&self.body),
-            look: look_settings(self.look),
+            look: look_settings(self.look, self.smallest_post),
             radio: RadioSettings {
                 channel: self.venue.swarm.channel(),
                 power_dbm: self.radio.power_dbm,
@@ -123,7 +127,7 @@ fn body_settings(body: &BodySpec) -> BodySettings {
     }
 }
 
-fn look_settings(look: &SensorCoverage) -> LookSettings {
+fn look_settings(look: &SensorCoverage, smallest_post: Option<SmallestPost>) -> LookSettings {
     LookSettings {
         is_blind: false,
         beams: look.beams(),
@@ -134,5 +138,6 @@ fn look_settings(look: &SensorCoverage) -> LookSettings {
         period: look.scan_period(),
         settle: look.settle(),
         mounts: look.mounts(),
+        smallest_post,
     }
 }

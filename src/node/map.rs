@@ -94,10 +94,14 @@ impl Map {
         // Nodes share at different moments, so that the bus is not hit by all at once.
         let share_at =
             Time::ZERO + SHARE_EVERY + Duration::from_millis(37) * u32::from(settings.vehicle.0);
+        let mut mapper = Mapper::new(own, settings.slice);
+        if let Some(post) = settings.look.smallest_post {
+            mapper.regard_posts(post.heard_m);
+        }
         Map {
             own,
             merged: Merged::new(settings.lattice, Some(own)),
-            mapper: Mapper::new(own, settings.slice),
+            mapper,
             peers: Peers::new(settings.vehicle),
             unshared: BTreeSet::new(),
             shared: TileAddress::default(),

@@ -6,6 +6,9 @@
 //! decides nothing about safety: a reading that looks like a glitch is marked as suspect, not hidden,
 //! since the reflex must see it all the same.
 //!
+//! A reading that jumped is believed when it is seen again: along its beam at the next look, or along any beam within two
+//! rounds. (Who turns sees a thin thing along another beam each time.)
+//!
 //! An echo counts once, and only until the sensor turns on to the next beam.
 //!
 //! ```text
@@ -21,12 +24,18 @@ use serde::{Deserialize, Serialize};
 use super::last_pose::LastPose;
 use super::{LookSettings, OwnState};
 use crate::actor::{Actor, Fault, Input, InputClass};
-use crate::geom::{Angle, Pose};
+use crate::geom::{Angle, Pose, Vector};
 use crate::plan::Pointing;
 use crate::time::{Deadline, Time};
 
 /// A reading this much nearer than the last one of its beam must be seen twice, metres.
 const JUMP_M: f64 = 1.0;
+/// Two echoes can be of one thing when their ranges differ by no more than this where their arcs meet, metres.
+const ALIKE_M: f64 = 0.1;
+/// Places on an arc that are asked about.
+const ARC_PLACES: u32 = 13;
+/// So many rounds of all beams long an echo that jumped confirms another one.
+const ROUNDS: u32 = 2;
 
 /// Asks the range sensor for an echo.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
@@ -53,8 +62,25 @@ pub struct Scan {
     pub beam: Angle,
     /// Distance to what gave the echo, metres; `None` = no echo within range.
     pub range_m: Option<f64>,
-    /// The reading jumped, and the next look at this beam has not confirmed it yet.
+    /// The reading jumped, and no other look has confirmed it yet.
     pub suspect: bool,
+}
+
+impl Scan {
+    /// Returns whether its echo may have come from where another one came from; cones have this half-width.
+    fn may_confirm(&self, other: &Scan, half_width_rad: f64) -> bool {
+        let (Some(range_m), Some(others_m)) = (self.range_m, other.range_m) else {
+            return false;
+        };
+        (0..ARC_PLACES).any(|step| {
+            let share = (2.0 * f64::from(step) + 1.0) / f64::from(ARC_PLACES) - 1.0;
+            let along = self.pose.heading + self.beam + Angle::from_radians(half_width_rad * share);
+            let place = self.pose.at + Vector::polar(along, range_m);
+            let off = other.pose.at.angle_to(place) - (other.pose.heading + other.beam);
+            (other.pose.at.distance_to(place) - others_m).abs() <= ALIKE_M
+                && off.radians().abs() <= half_width_rad
+        })
+    }
 }
 
 /// What the sensor actor can be told.
@@ -87,6 +113,8 @@ pub struct Sensor {
     pings: u64,
     /// Last reading of each beam, metres; infinite = no echo.
     last_m: Vec<f64>,
+    /// Readings of the last rounds that jumped.
+    jumped: Vec<(Time, Scan)>,
     /// Where the servos stand.
     pointing: Pointing,
 }
@@ -131,6 +159,7 @@ impl Sensor {
             phase,
             pings: 0,
             last_m,
+            jumped: Vec::new(),
             pointing,
         }
     }
@@ -163,15 +192,30 @@ impl Sensor {
             next,
         };
         let reading_m = range_m.unwrap_or(f64::INFINITY);
-        let suspect =
+        let has_jumped =
             reading_m < self.last_m[self.beam] - JUMP_M && reading_m < self.look.sure_range_m;
         self.last_m[self.beam] = reading_m;
-        out.push(Out::Scan(Scan {
+        let mut scan = Scan {
             pose,
             beam: self.look.beams[self.beam],
             range_m,
-            suspect,
-        }));
+            suspect: false,
+        };
+        if has_jumped {
+            scan.suspect = !self.is_confirmed(now, &scan);
+            self.jumped.push((now, scan.clone()));
+        }
+        out.push(Out::Scan(scan));
+    }
+
+    /// Returns whether one of the last readings that jumped may be of the same thing; forgets older ones.
+    fn is_confirmed(&mut self, now: Time, scan: &Scan) -> bool {
+        let lasts = self.look.cycle() * ROUNDS;
+        self.jumped.retain(|(at, _)| now.since(*at) <= lasts);
+        let half_rad = self.look.half_angle.radians();
+        self.jumped
+            .iter()
+            .any(|(_, other)| scan.may_confirm(other, half_rad))
     }
 
     /// What is farther than the sensor hears is no echo; what is nearer says nothing at all, since it would hide the rest.
@@ -530,5 +574,35 @@ mod tests {
             suspects,
             [false, false, false, true, true, true, false, false, false]
         );
+    }
+
+    #[test]
+    fn who_turns_hears_a_thin_thing_again_along_another_beam() {
+        // Beams at −30°, 0° and 30°; it stands at −30° and 1 m, and the vehicle has turned there when it is looked at again.
+        for (heading_deg, range_m, is_suspect) in
+            [(-30.0, 1.05, false), (-30.0, 1.3, true), (10.0, 1.05, true)]
+        {
+            let mut sensor = sensor();
+            let mut last = None;
+            for heading_deg in [0.0, heading_deg] {
+                let (due, number) = next_ping(&mut sensor);
+                let mut state = super::super::tests_support::own_state(0.0, 0.0);
+                let beam = sensor.look.beams[sensor.beam];
+                let is_there = (beam.degrees() + heading_deg + 30.0).abs() < 1.0;
+                state.pose.heading = Angle::from_degrees(heading_deg);
+                fed(&mut sensor, due, In::State(state));
+                let range_m = if last.is_none() { 1.0 } else { range_m };
+                let echo = Echo {
+                    number,
+                    range_m: Some(range_m),
+                };
+                let out = fed(&mut sensor, due, In::Echo(echo));
+                let Some(Out::Scan(scan)) = out.first() else {
+                    panic!("{out:?}")
+                };
+                last = Some((scan.suspect, is_there));
+            }
+            assert_eq!(last.map(|(suspect, _)| suspect), Some(is_suspect));
+        }
     }
 }

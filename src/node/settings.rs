@@ -9,7 +9,7 @@ use super::memory::VehicleMemory;
 use crate::autopilot;
 use crate::config::{Safety, Swarm};
 use crate::geom::{Angle, Lattice, Point, Polygon};
-use crate::plan::Mounts;
+use crate::plan::{Mounts, SmallestPost};
 
 /// Everything that the actors of one vehicle need to know.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -87,6 +87,11 @@ pub struct LookSettings {
     pub settle: Duration,
     /// Which sensor looks where.
     pub mounts: Mounts,
+    /// The thinnest post that the vehicle must not touch, with how far away the sensor hears it (`heard_m`): an empty look
+    /// proves that no such post stands in its cone up to there, and beyond, up to the sure range, nothing about posts. `None`
+    /// when the sensor promises it of no post.
+    #[serde(default)]
+    pub smallest_post: Option<SmallestPost>,
 }
 
 impl LookSettings {

@@ -96,6 +96,7 @@ pub fn settings(vehicle: u8) -> VehicleSettings {
             period: Duration::from_millis(100),
             settle: Duration::from_millis(50),
             mounts: crate::plan::Mounts::default(),
+            smallest_post: None,
         },
         radio: RadioSettings {
             channel: 11,

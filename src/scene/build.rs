@@ -70,6 +70,17 @@ pub struct Object {
     pub material: Material,
     /// Whether it has an inside; prisms do, and meshes without a rim.
     pub closed: bool,
+    /// The circle that its outline stands for, if that is round: range sensors hear the circle.
+    pub round: Option<Circle>,
+}
+
+/// A circle of the plane.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Circle {
+    /// Its middle.
+    pub centre: Point,
+    /// Its radius, metres.
+    pub radius_m: f64,
 }
 
 /// What a scene is built from.
@@ -337,6 +348,7 @@ fn place(
             shape: moved,
             material,
             closed: true,
+            round: None,
         }),
         Shape::Mesh(mesh) => {
             objects.extend(mesh.pieces().into_iter().map(|(piece, closed)| Object {
@@ -344,6 +356,7 @@ fn place(
                 shape: Shape::Mesh(piece),
                 material,
                 closed,
+                round: None,
             }))
         }
     }
@@ -423,11 +436,16 @@ fn raise(post: &Post) -> Result<Object, SceneError> {
     } else {
         Shape::Mesh(upright(&footprint, post.low_m, post.high_m))
     };
+    let round = match post.footprint {
+        Footprint::Round { centre, radius_m } => Some(Circle { centre, radius_m }),
+        Footprint::Corners(_) => None,
+    };
     Ok(Object {
         name: post.name.clone(),
         shape,
         material: post.material,
         closed: true,
+        round,
     })
 }
 

@@ -1,6 +1,6 @@
-//! Ray casts: what a beam meets first.
+//! Ray casts: what a beam meets first; and the triangles that may lie in a region.
 //!
-//! A beam here has no width; the range sensor's cone is several of them. Surfaces are seen from both sides.
+//! A beam here has no width. Surfaces are seen from both sides.
 
 use parry3d_f64::math::Vector;
 use parry3d_f64::partitioning::BvhNode;
@@ -17,6 +17,15 @@ pub struct Hit {
     pub distance_m: f64,
     /// The surface's unit normal, on the side that the ray comes from.
     pub normal: [f64; 3],
+    /// The object, by its place in [`Scene::objects`].
+    pub object: usize,
+}
+
+/// A triangle of a scene's surface.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct NearTriangle {
+    /// Its corners, metres.
+    pub corners: [[f64; 3]; 3],
     /// The object, by its place in [`Scene::objects`].
     pub object: usize,
 }
@@ -99,6 +108,41 @@ impl Scene {
             distance_m,
             normal,
             object: face.object as usize,
+        })
+    }
+}
+
+impl Scene {
+    /// Returns the triangles that may lie in a region: a convex one, by half-spaces that hold it (their outward normals, and
+    /// how far along these from the origin of the frame they end, metres).
+    pub fn triangles_within<'a>(
+        &'a self,
+        half_spaces: &'a [([f64; 3], f64)],
+    ) -> impl Iterator<Item = NearTriangle> + 'a {
+        let may_lie_in = |node: &BvhNode| {
+            let (low, high) = (node.mins().to_array(), node.maxs().to_array());
+            half_spaces.iter().all(|(outward, end_m)| {
+                let nearest = [0, 1, 2].map(|axis| {
+                    if outward[axis] > 0.0 {
+                        low[axis]
+                    } else {
+                        high[axis]
+                    }
+                });
+                dot(*outward, nearest) <= *end_m
+            })
+        };
+        let mesh = self.surface.mesh.iter();
+        mesh.flat_map(move |mesh| {
+            let leaves = mesh.bvh().leaves(may_lie_in);
+            leaves.filter_map(move |leaf| {
+                let face = self.surface.faces.get(leaf as usize)?;
+                let triangle = mesh.triangle(leaf);
+                Some(NearTriangle {
+                    corners: [triangle.a, triangle.b, triangle.c].map(|corner| corner.to_array()),
+                    object: face.object as usize,
+                })
+            })
         })
     }
 }

@@ -290,18 +290,18 @@ impl Mesh {
 }
 
 /// Disjoint groups of the numbers 0..n.
-struct Groups {
+pub(super) struct Groups {
     parent: Vec<usize>,
 }
 
 impl Groups {
-    fn new(count: usize) -> Groups {
+    pub(super) fn new(count: usize) -> Groups {
         Groups {
             parent: (0..count).collect(),
         }
     }
 
-    fn root(&mut self, mut index: usize) -> usize {
+    pub(super) fn root(&mut self, mut index: usize) -> usize {
         while self.parent[index] != index {
             self.parent[index] = self.parent[self.parent[index]];
             index = self.parent[index];
@@ -310,7 +310,7 @@ impl Groups {
     }
 
     /// Joins two groups; the lower root stays, so that the order of the input is kept.
-    fn join(&mut self, a: usize, b: usize) {
+    pub(super) fn join(&mut self, a: usize, b: usize) {
         let (a, b) = (self.root(a), self.root(b));
         self.parent[a.max(b)] = a.min(b);
     }

@@ -4,6 +4,7 @@ mod attenuation;
 mod build;
 mod castle;
 mod contact;
+mod cut;
 mod vrml;
 mod vrml_surfaces;
 

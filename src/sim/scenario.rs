@@ -424,6 +424,7 @@ impl Scenario {
             min_m: range.look.min_range_m,
             max_m: range.look.max_range_m,
             incidence_max_rad: range.incidence_limit_rad(),
+            posts: range.look.post_detection(range.look.max_range_m),
             sd_m: range.noise_sd_m,
             lobe: match range.lobe {
                 config::Lobe::Beam => Lobe::Beam,

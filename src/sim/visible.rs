@@ -1,14 +1,15 @@
 //! What of a scene can be seen at all, found by brute force: the judge of what a mission has found.
 //!
-//! It knows no map, no planner and no mission, and shares no code with the simulated sensor. In the plane at the
-//! sensor's height:
+//! It knows no map, no planner and no mission, and shares no code with the simulated sensor but what is a fact of physics or of
+//! the scene: how far away a thin post is heard ([`PostDetection`]), and how wide something is. In the plane at the sensor's
+//! height:
 //!
 //! - **surface**: the cells of the map's lattice in which a piece of an outline lies (the cell just inside the solid;
 //!   pieces between two solids that touch or overlap do not count);
 //! - **reachable**: places that a vehicle can get to by the truth ([`super::reachable`]), looked from [`PITCH_M`] apart;
 //! - **visible**: surface cells with a point that some reachable place has in range, within the incidence limit,
-//!   unobstructed, and that a cone of the sensor's width hears as its nearest echo when it looks well (the point may lie
-//!   anywhere in the cone, and the vehicle may look anywhere).
+//!   unobstructed, of something wide enough to be heard from there, and that a cone of the sensor's width hears as its nearest
+//!   echo when it looks well (the point may lie anywhere in the cone, and the vehicle may look anywhere).
 //!
 //! A cell was **detected** when the map holds an occupied cell there or in one of the eight around it: a hit is noisy and
 //! is spread over the cone's arc.
@@ -18,7 +19,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::reachable::{Reachable, STEP_M};
 use crate::geom::{Cell, Lattice, Point, Polygon, Rect, Segment, Vector};
 use crate::map::{CellRect, Merged, Occupancy, View};
-use crate::scene::{Outline, Scene};
+use crate::plan::PostDetection;
+use crate::scene::{Hit, LevelCut, Outline, Scene};
 
 /// Distance between two places that are looked from, metres.
 pub const PITCH_M: f64 = 0.1;
@@ -48,19 +50,24 @@ pub struct SensorView {
     pub max_m: f64,
     /// Largest angle between ray and surface normal that returns an echo, radians.
     pub incidence_max_rad: f64,
+    /// How far away something as wide as a post is heard; `None` for a ray, which hears whatever it meets.
+    pub posts: Option<PostDetection>,
 }
 
-/// A point of the surface, and to which side it faces.
+/// A point of the surface, to which side it faces, and of which object it is.
 #[derive(Clone, Copy, Debug)]
 struct Point2 {
     at: Point,
     outward: Vector,
+    object: usize,
 }
 
 /// The surface of a scene at a height, by cells.
 #[derive(Clone, Debug)]
 pub struct VisibleSurface {
     cells: BTreeMap<Cell, Vec<Point2>>,
+    /// How wide what stands there is.
+    cut: LevelCut,
 }
 
 impl VisibleSurface {
@@ -78,6 +85,7 @@ impl VisibleSurface {
         };
         let mut surface = VisibleSurface {
             cells: BTreeMap::new(),
+            cut: LevelCut::of(scene, height_m),
         };
         for outline in &outlines {
             let is_sheet = outline.polygon.corners().len() < 3;
@@ -86,17 +94,17 @@ impl VisibleSurface {
                 .edges()
                 .chain(outline.holes.iter().flat_map(Polygon::edges))
             {
-                surface.add(edge, is_sheet, lattice, &is_solid);
+                surface.add(edge, (outline.object, is_sheet), lattice, &is_solid);
             }
         }
         surface
     }
 
-    /// Adds the points of an edge; the solid lies to its left. (A sheet has two edges, there and back.)
+    /// Adds the points of an edge of an object; the solid lies to its left. (A sheet has two edges, there and back.)
     fn add(
         &mut self,
         edge: Segment,
-        is_sheet: bool,
+        (object, is_sheet): (usize, bool),
         lattice: Lattice,
         is_solid: &dyn Fn(Point) -> bool,
     ) {
@@ -117,6 +125,7 @@ impl VisibleSurface {
             let point = Point2 {
                 at,
                 outward: inward * -1.0,
+                object,
             };
             self.cells
                 .entry(lattice.cell_at(inside))
@@ -138,7 +147,7 @@ impl VisibleSurface {
         places: &PlaceIndex,
         among: &BTreeSet<Cell>,
     ) -> BTreeSet<Cell> {
-        let eye = Eye::new(scene, *sight);
+        let eye = Eye::new(scene, &self.cut, *sight);
         let is_seen = |cell: &&Cell| {
             let points = self.cells.get(*cell);
             points.is_some_and(|points| points.iter().any(|point| eye.sees_from_any(point, places)))
@@ -231,6 +240,7 @@ fn step_at(point: Point) -> Option<Cell> {
 /// A sensor that may look anywhere.
 struct Eye<'a> {
     scene: &'a Scene,
+    cut: &'a LevelCut,
     sight: SensorView,
     facing: f64,
     /// Directions beside that of a point, a ray's distance apart, from far right to far left without the middle.
@@ -238,7 +248,7 @@ struct Eye<'a> {
 }
 
 impl<'a> Eye<'a> {
-    fn new(scene: &'a Scene, sight: SensorView) -> Eye<'a> {
+    fn new(scene: &'a Scene, cut: &'a LevelCut, sight: SensorView) -> Eye<'a> {
         let steps = CONE_RAYS as i32 - 1;
         let apart_rad = 2.0 * sight.half_angle_rad / f64::from(steps);
         let turned = |index: i32| {
@@ -251,6 +261,7 @@ impl<'a> Eye<'a> {
             .collect();
         Eye {
             scene,
+            cut,
             sight,
             facing: libm::cos(sight.incidence_max_rad),
             beside,
@@ -271,7 +282,9 @@ impl<'a> Eye<'a> {
             return false;
         }
         let along = away * (1.0 / distance_m);
-        if -along.dot(point.outward) < self.facing {
+        if -along.dot(point.outward) < self.facing
+            || !self.is_wide_enough(point.object, along, distance_m)
+        {
             return false;
         }
         self.hit(place, along, distance_m - 2.0 * SKIN_M).is_none()
@@ -286,7 +299,10 @@ impl<'a> Eye<'a> {
                 along.x_m * beside.y_m + along.y_m * beside.x_m,
             );
             let hit = self.hit(place, ray, distance_m - AT_ONCE_M);
-            hit.is_some_and(|cosine| cosine >= self.facing)
+            hit.is_some_and(|hit| {
+                cosine(ray, &hit) >= self.facing
+                    && self.is_wide_enough(hit.object, ray, hit.distance_m)
+            })
         };
         let steps = CONE_RAYS as i32 - 1;
         // A cone from index `first` to `first + steps` holds index 0.
@@ -300,15 +316,26 @@ impl<'a> Eye<'a> {
         (-steps..=0).rev().any(quiet)
     }
 
-    /// Returns the cosine of the angle at which a ray meets the first surface nearer than so far.
-    fn hit(&self, from: Point, along: Vector, within_m: f64) -> Option<f64> {
-        let hit = self.scene.cast(
+    /// Returns whether an object is wide enough across a direction to be heard from so far away.
+    fn is_wide_enough(&self, object: usize, along: Vector, distance_m: f64) -> bool {
+        self.sight.posts.is_none_or(|posts| {
+            posts.hears(self.cut.object_half_width_m(object, along), distance_m)
+        })
+    }
+
+    /// Returns where a ray meets the first surface nearer than so far.
+    fn hit(&self, from: Point, along: Vector, within_m: f64) -> Option<Hit> {
+        self.scene.cast(
             [from.x_m, from.y_m, self.sight.height_m],
             [along.x_m, along.y_m, 0.0],
             within_m,
-        )?;
-        Some((along.x_m * hit.normal[0] + along.y_m * hit.normal[1]).abs())
+        )
     }
+}
+
+/// Returns the cosine of the angle at which a level ray meets a surface.
+fn cosine(along: Vector, hit: &Hit) -> f64 {
+    (along.x_m * hit.normal[0] + along.y_m * hit.normal[1]).abs()
 }
 
 /// What of a scene can be seen, for runs that share scene, room and sensor.

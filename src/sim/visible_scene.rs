@@ -120,6 +120,7 @@ fn room(sim: &Sim) -> Room {
 
 fn sight(sim: &Sim) -> SensorView {
     let range = &sim.range;
+    let max_m = range.look.max_range_m.min(range.look.farness_m);
     SensorView {
         height_m: altitude_m(sim) + range.height_m,
         half_angle_rad: match range.lobe {
@@ -128,8 +129,12 @@ fn sight(sim: &Sim) -> SensorView {
             Lobe::Fan | Lobe::Cone => range.look.half_angle_rad(),
         },
         min_m: range.look.min_range_m,
-        max_m: range.look.max_range_m.min(range.look.farness_m),
+        max_m,
         incidence_max_rad: range.incidence_limit_rad(),
+        posts: match range.lobe {
+            Lobe::Beam => None,
+            Lobe::Fan | Lobe::Cone => Some(range.look.post_detection(max_m)),
+        },
     }
 }
 

@@ -22,7 +22,7 @@ use super::range::{Disc, RangeSensor, SensorPose, SensorSurroundings};
 use crate::autopilot::{ArmRefusal, AutopilotReport, Command, CommandAck, Motion, VehicleKind};
 use crate::geom::{Angle, Point, Polygon, Segment, Vector};
 use crate::plan::Mounts;
-use crate::scene::{Attenuation, Scene};
+use crate::scene::{Attenuation, Cuts, Scene};
 use crate::time::Time;
 
 /// Objects are touched by what a vehicle has above this height, metres: it drives on the ground.
@@ -123,6 +123,8 @@ struct Craft {
 /// Bodies in a scene.
 pub struct World {
     stage: WorldContents,
+    /// Cuts of the stage's scene.
+    cuts: Cuts,
     build: VehicleBuild,
     fence: Polygon,
     crafts: Vec<Craft>,
@@ -155,6 +157,7 @@ impl World {
     ) -> World {
         World {
             stage,
+            cuts: Cuts::default(),
             build,
             fence,
             crafts: Vec::new(),
@@ -249,6 +252,7 @@ impl World {
     /// Changes what stands in the world; returns the contacts that motion under way now leads to.
     pub fn set_stage(&mut self, stage: WorldContents, now: Time) -> Vec<PredictedContact> {
         self.stage = stage;
+        self.cuts = Cuts::default();
         // The motion stays, but contacts foreseen with the old stage are void.
         self.crafts.iter_mut().for_each(|craft| craft.commands += 1);
         (0..self.crafts.len())
@@ -490,7 +494,7 @@ impl World {
     }
 
     /// Returns what the range sensor reads when it looks along a beam (relative to the heading).
-    pub fn range_m(&self, vehicle: usize, now: Time, beam: Angle, number: u64) -> Option<f64> {
+    pub fn range_m(&mut self, vehicle: usize, now: Time, beam: Angle, number: u64) -> Option<f64> {
         let craft = &self.crafts[vehicle];
         let truth = craft.autopilot.truth(now);
         let others = self
@@ -501,15 +505,13 @@ impl World {
         let discs: Vec<Disc> = others
             .map(|(_, peer)| self.disc(&peer.autopilot, now))
             .collect();
-        let cast = |origin, direction, max_m| {
-            let hit = self.stage.scene.cast(origin, direction, max_m)?;
-            Some((hit.distance_m, hit.normal))
-        };
         let above_ground_m = craft.autopilot.motion().altitude_m(now) + self.build.sensor_m;
         let origin = [truth.at.x_m, truth.at.y_m, above_ground_m];
         let ids = [u64::from(craft.id.0), number];
+        let cut = self.cuts.at(&self.stage.scene, above_ground_m);
         let around = SensorSurroundings {
-            cast: &cast,
+            scene: &self.stage.scene,
+            cut: &cut,
             discs: &discs,
         };
         let eye = SensorPose {
@@ -539,7 +541,7 @@ impl World {
 
     /// Returns what the range sensor reads, and after which time.
     pub fn echo(
-        &self,
+        &mut self,
         vehicle: usize,
         now: Time,
         beam: Angle,

@@ -1,6 +1,5 @@
 //! Facts about what a vehicle carries and keeps: range sensors, servos, the cells of its map.
 
-use std::cell::RefCell;
 use std::f64::consts::FRAC_PI_2;
 
 use serde_json::{Value, json};
@@ -8,11 +7,9 @@ use tomoswarm::geom::{Angle, Attitude, Bearing, Cell, Lattice, Point, Rect, Vect
 use tomoswarm::map::CellRect;
 use tomoswarm::node::servo::{ServoError, ServoRange};
 use tomoswarm::plan::{Mount, echo_time_s};
-use tomoswarm::scene::{Footprint, Material, Post};
+use tomoswarm::scene::{Footprint, LevelCut, Material, Post, Scene};
 use tomoswarm::sim::noise::Noise;
-use tomoswarm::sim::range::{
-    Disc, Lobe, RangeModel, RangeSensor, RayCast, SensorPose, SensorSurroundings,
-};
+use tomoswarm::sim::range::{Disc, Lobe, RangeModel, RangeSensor, SensorPose, SensorSurroundings};
 
 use super::fact::{Checked, Fact, place};
 use super::vrml::scene_of;
@@ -30,18 +27,12 @@ pub fn check_distance_sensor(fact: &Fact) -> Checked {
         () if fact.has("mount_deg") => {
             let yaw = Bearing::from_degrees(fact.number("yaw_bearing_deg")?).angle();
             let mount = Angle::from_degrees(fact.number("mount_deg")?);
-            let looks_along = RefCell::new([0.0; 3]);
             let eye = SensorPose {
                 origin: [0.0; 3],
                 attitude: Attitude::level(yaw),
                 beam: mount,
             };
-            let cast = |_: [f64; 3], along: [f64; 3], _: f64| {
-                *looks_along.borrow_mut() = along;
-                None
-            };
-            heard(&eye, &cast, &[]);
-            let [x, y, _] = looks_along.into_inner();
+            let [x, y, _] = eye.direction();
             fact.expect(
                 "angle_deg",
                 json!(Vector::new(x, y).angle().positive_degrees()),
@@ -61,7 +52,7 @@ pub fn check_distance_sensor(fact: &Fact) -> Checked {
 }
 
 /// Returns what the simulated sensor reads when it is a single ray without noise.
-fn heard(eye: &SensorPose, cast: RayCast<'_>, discs: &[Disc]) -> Option<f64> {
+fn heard(eye: &SensorPose, scene: &Scene, discs: &[Disc]) -> Option<f64> {
     let sensor = RangeSensor::new(RangeModel {
         lobe: Lobe::Beam,
         min_m: 0.0,
@@ -70,7 +61,12 @@ fn heard(eye: &SensorPose, cast: RayCast<'_>, discs: &[Disc]) -> Option<f64> {
         sd_m: 0.0,
         ..RangeModel::default()
     });
-    let around = SensorSurroundings { cast, discs };
+    let cut = LevelCut::of(scene, eye.origin[2]);
+    let around = SensorSurroundings {
+        scene,
+        cut: &cut,
+        discs,
+    };
     sensor.echo_at(eye, around, &Noise::new(1), &[1])
 }
 
@@ -106,10 +102,6 @@ fn range_in_a_world(fact: &Fact) -> Checked {
     };
     let blocks: Vec<Post> = fact.table("blocks")?.into_iter().map(block).collect();
     let scene = scene_of(&[], &blocks)?;
-    let cast = |origin: [f64; 3], along: [f64; 3], max_m: f64| {
-        let hit = scene.cast(origin, along, max_m)?;
-        Some((hit.distance_m, hit.normal))
-    };
     let [north, east, radius_m] = fact.numbers("pole")?;
     let pole = Disc {
         centre: place([north, east]),
@@ -119,7 +111,7 @@ fn range_in_a_world(fact: &Fact) -> Checked {
     };
     fact.expect(
         "distance",
-        heard(&eye, &cast, &[pole]).map_or(Value::Null, |distance| json!(distance)),
+        heard(&eye, &scene, &[pole]).map_or(Value::Null, |distance| json!(distance)),
     )
 }
 

@@ -471,6 +471,7 @@ fn settings(vehicle: u8, boot: u32) -> VehicleSettings {
             period: Duration::from_millis(100),
             settle: Duration::from_millis(50),
             mounts: tomoswarm::plan::Mounts::default(),
+            smallest_post: None,
         },
         radio: RadioSettings {
             channel: 11,

@@ -8,7 +8,7 @@ use super::super::section::Section;
 use super::super::venue::Venue;
 use super::Sim;
 use crate::geom::{Point, Segment};
-use crate::plan::{SOUND_MPS, SensingLimits, SpeedError, echo_time_s};
+use crate::plan::{ContactLimits, SOUND_MPS, SensingLimits, SmallestPost, SpeedError, echo_time_s};
 
 /// Refuses a speed at which a vehicle could not stop within what it surely sees.
 pub(super) fn check_look_before_you_drive(root: &Section, sim: &Sim) {
@@ -19,6 +19,12 @@ pub(super) fn check_look_before_you_drive(root: &Section, sim: &Sim) {
             &sim.sensing_limits_in_still_air(),
             sim.vehicles.body.max_speed_mps,
             "vehicles.max_speed_mps",
+        );
+        refuse_uncovered_radius(
+            root,
+            sim.contact_limits(),
+            sim.range.look.smallest_radius_m,
+            sim.vehicles.body.max_speed_mps,
         );
     }
 }
@@ -48,6 +54,63 @@ pub(in crate::config) fn refuse_blind_speed(
         &format!("the vehicle cannot look before it drives: {error}"),
         allowed,
     );
+}
+
+/// Returns the thinnest post that a vehicle of this speed does not touch: the named one, or else what the speed covers.
+pub(in crate::config) fn smallest_post(
+    limits: ContactLimits,
+    named_m: Option<f64>,
+    speed_mps: f64,
+) -> Option<SmallestPost> {
+    match named_m {
+        Some(radius_m) => limits
+            .covers(radius_m, speed_mps)
+            .then(|| limits.post(radius_m)),
+        None => limits.smallest(speed_mps),
+    }
+}
+
+/// Refuses a named radius of posts that must not be touched when the speed does not cover it; `None` for the limits of a
+/// sensor that promises nothing.
+pub(in crate::config) fn refuse_uncovered_radius(
+    root: &Section,
+    limits: Option<ContactLimits>,
+    named_m: Option<f64>,
+    speed_mps: f64,
+) {
+    let Some(radius_m) = named_m else {
+        return;
+    };
+    let key = "range.smallest_radius_m";
+    let Some(limits) = limits else {
+        let wrong = "is not promised by a beam: it passes by what is thin";
+        let allowed = "leave it out, or listen in a fan or a cone";
+        root.source.refuse(key, wrong, allowed);
+        return;
+    };
+    if limits.covers(radius_m, speed_mps) {
+        return;
+    }
+    let wrong = format!(
+        "is not covered at {speed_mps} m/s: a post of this radius is heard up to {:.2} m, and {:.2} m are needed",
+        limits.post(radius_m).heard_m,
+        limits.needed_m(speed_mps),
+    );
+    let slower = match limits.highest_speed_mps(radius_m).map(floored) {
+        Some(highest_mps) if highest_mps > 0.0 => format!("at most {highest_mps} m/s"),
+        Some(_) | None => "no speed".to_owned(),
+    };
+    let thicker = match limits.smallest(speed_mps) {
+        Some(post) => format!("at least {} m", -floored(-post.radius_m)),
+        None => "no radius".to_owned(),
+    };
+    let allowed = format!("{slower} is allowed for this radius, {thicker} at this speed");
+    root.source.refuse(key, &wrong, &allowed);
+}
+
+/// Rounds down to thousandths.
+fn floored(number: f64) -> f64 {
+    (number * 1000.0).floor() / 1000.0
 }
 
 pub(super) fn check_margins(root: &Section<'_>, sim: &Sim) {

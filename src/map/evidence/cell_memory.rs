@@ -10,8 +10,6 @@ use crate::map::{PARTS, Tile};
 
 /// Looks after which a cell that was seen empty counts as empty.
 const LOOKS_LEAST: u8 = 2;
-/// A cell seen empty from so much farther than an echo came from, or from nearer, cannot have given it, centimetres.
-const NEAR_WINS_CM: u16 = 30;
 /// What was seen empty from this near is published as surely free, centimetres.
 const NEAR_CM: u16 = 100;
 /// No distance is as large, centimetres.
@@ -72,16 +70,16 @@ impl CellMemory {
         a.max(b).max(c.max(d))
     }
 
-    /// Returns whether it was seen empty from so near that it cannot have given an echo from this range.
+    /// Returns whether it was seen empty from so near, centimetres, or nearer: it cannot have given an echo.
     #[inline]
-    pub(super) fn is_excluded(&self, range_cm: u16) -> bool {
-        self.looks >= LOOKS_LEAST && self.seen_cm() <= range_cm.saturating_add(NEAR_WINS_CM)
+    pub(super) fn is_excluded(&self, near_cm: u16) -> bool {
+        self.looks >= LOOKS_LEAST && self.seen_cm() <= near_cm
     }
 
-    /// Returns whether it was seen empty, but from so far that an echo from this range counts more.
+    /// Returns whether it was seen empty, but only from farther than this, centimetres: an echo counts more.
     #[inline]
-    pub(super) fn is_seen_from_afar(&self, range_cm: u16) -> bool {
-        self.looks > 0 && self.seen_cm() > range_cm.saturating_add(NEAR_WINS_CM)
+    pub(super) fn is_seen_from_afar(&self, near_cm: u16) -> bool {
+        self.looks > 0 && self.seen_cm() > near_cm
     }
 
     /// Returns how many arcs pass through a part, weighted.
@@ -321,8 +319,8 @@ mod tests {
         for _ in 0..LOOKS_LEAST {
             cell.see_quarters(0b1111, 150);
         }
-        assert!(cell.is_excluded(130) && !cell.is_excluded(100));
-        assert!(cell.is_seen_from_afar(100) && !cell.is_seen_from_afar(130));
+        assert!(cell.is_excluded(150) && !cell.is_excluded(149));
+        assert!(cell.is_seen_from_afar(149) && !cell.is_seen_from_afar(150));
     }
 
     #[test]

@@ -414,3 +414,40 @@ proptest! {
         prop_assert!(free >= 32, "only {free} of 36 directions are free");
     }
 }
+
+#[test]
+fn what_was_seen_empty_from_where_no_thin_post_is_heard_may_hold_one() {
+    // All that lies ahead was seen empty from up to 1 m; then comes an echo from 0.75 m.
+    let free_after = |heard_m: Option<f64>| {
+        let mut room = Room::new(vec![], 15.0, 3.0);
+        if let Some(heard_m) = heard_m {
+            room.mapper.regard_posts(heard_m);
+        }
+        for y_m in [-0.1, 0.0, 0.1, 0.2, 0.3] {
+            room.look(Point::new(0.1, y_m), degrees(0.0), &[]);
+        }
+        let on_arc = [-10.0, -5.0, 0.0, 5.0, 10.0]
+            .map(|turn| Point::new(0.3, 0.1) + Vector::polar(degrees(turn), 0.75));
+        let free = |room: &Room| {
+            let is_free = |at: &&Point| room.at(at.x_m, at.y_m) == Occupancy::Free;
+            on_arc.iter().filter(is_free).count()
+        };
+        assert_eq!(free(&room), on_arc.len());
+        let scan = reading(
+            Point::new(0.3, 0.1),
+            degrees(0.0),
+            15f64.to_radians(),
+            3.0,
+            Some(0.75),
+        );
+        let body = OwnDisc {
+            at: scan.origin,
+            radius_m: BODY_M,
+        };
+        room.mapper.record(&mut room.map, &scan, body, &[]);
+        free(&room)
+    };
+    // Only the cell that the echo is assigned to is free no more; a post that is heard from 0.8 m may stand in any of them.
+    assert!(free_after(None) >= 2 && free_after(Some(3.0)) >= 2);
+    assert_eq!(free_after(Some(0.8)), 0);
+}

@@ -41,7 +41,9 @@ pub(super) use self::purpose::Unknown;
 use self::attempts::Attempts;
 use self::detour::{Detour, FoundPath};
 use self::purpose::WayPurpose;
-use self::standing_command::{BACKOFF_M, FreeWay, GO_M, StandingCommand, moves, renewal_m};
+use self::standing_command::{
+    BACKOFF_M, FreeWay, GO_M, SHORTEN_M, StandingCommand, moves, renewal_m,
+};
 use self::stretch::Stretch;
 use super::look_around::{LookAround, Next};
 use super::obstruction::{Obstruction, ObstructionKind};
@@ -102,7 +104,28 @@ pub(super) struct Pilot {
     purpose: WayPurpose,
     stretch: Stretch,
     command: StandingCommand,
+    /// What was commanded last.
+    commanded: Option<Commanded>,
     attempts: Attempts,
+}
+
+/// A route that was commanded.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Commanded {
+    way: Way,
+    stretch: Stretch,
+}
+
+impl Commanded {
+    fn along(route: &[Point], stretch: Stretch) -> Option<Commanded> {
+        let [from, corners @ .., end] = route else {
+            return None;
+        };
+        let mut way = Way::default();
+        way.clear(*from);
+        way.append(corners.iter().copied(), *end, None);
+        Some(Commanded { way, stretch })
+    }
 }
 
 /// What the pilot sees in one step, and what it meets.
@@ -124,6 +147,7 @@ impl Pilot {
             purpose: WayPurpose::Plan,
             stretch: Stretch::Ordinary,
             command: StandingCommand::default(),
+            commanded: None,
             attempts: Attempts::default(),
         }
     }
@@ -234,16 +258,31 @@ impl Pilot {
         if self.way.is_empty() {
             self.command.forget_end();
             self.state = State::Driving;
-            return None;
+            return self.watch_old_way(&situation);
         }
         match &self.state {
             State::Driving => self.drive(&mut situation),
             State::Looking(_) => self.look(&mut situation),
-            State::Planning { ready, .. } if now < *ready => None,
+            State::Planning { ready, .. } if now < *ready => self.watch_old_way(&situation),
             State::Planning { .. } => self.take_path(&mut situation),
-            State::Waiting { until } if now < *until => None,
+            State::Waiting { until } if now < *until => self.watch_old_way(&situation),
             State::Waiting { .. } => self.try_again(&mut situation),
         }
+    }
+
+    /// Stops a vehicle that still drives by its last command although its way has changed, when what that leads over is
+    /// free no more.
+    fn watch_old_way(&mut self, situation: &Situation<'_>) -> Option<MoveCommand> {
+        let old = self.commanded.as_ref()?;
+        if !self.command.is_outdated() {
+            return None;
+        }
+        let release = self.judged(situation, &old.way, old.way.points(), old.stretch);
+        if release.free_until_m + SHORTEN_M >= old.way.length_m() {
+            return None;
+        }
+        self.command.stop(situation.now);
+        Some(MoveCommand::Hold)
     }
 
     /// Passes corners and stops, and ends the way at its end.
@@ -261,6 +300,18 @@ impl Pilot {
     }
 
     fn release(&self, situation: &Situation<'_>) -> Release {
+        let route = self.stretch.route(&self.way);
+        self.judged(situation, &self.way, route, self.stretch)
+    }
+
+    /// Returns how much of a way, or of its first part, is released.
+    fn judged(
+        &self,
+        situation: &Situation<'_>,
+        way: &Way,
+        route: Vec<Point>,
+        stretch: Stretch,
+    ) -> Release {
         let released = situation.terrain.released(situation.pose);
         let driven_before = RequiredClearance::driven_before(
             self.settings.reach_m(),
@@ -268,10 +319,10 @@ impl Pilot {
             self.settings.lattice.cell_m(),
         );
         let strip = Strip {
-            way: &self.way,
-            route: self.stretch.route(&self.way),
+            way,
+            route,
             corridor: Corridor {
-                clearance: self.stretch.clearance(released, driven_before),
+                clearance: stretch.clearance(released, driven_before),
                 ahead_m: AHEAD_M,
             },
         };
@@ -290,7 +341,7 @@ impl Pilot {
                 .map(|until_m| self.command_to(situation, free.here_m, until_m));
         }
         if !self.command.is_settled(situation.now) {
-            return None;
+            return self.watch_old_way(situation);
         }
         if let Some(kind) = self.gives_up_path(free.here_m) {
             self.command.give_up_path();
@@ -302,10 +353,11 @@ impl Pilot {
             self.attempts.drive();
             return Some(self.command_to(situation, free.here_m, free.until_m));
         }
-        situation
-            .is_resting
-            .then(|| self.overcome(situation, &release))
-            .flatten()
+        if situation.is_resting {
+            self.overcome(situation, &release)
+        } else {
+            self.watch_old_way(situation)
+        }
     }
 
     /// Returns why another path is searched from where the vehicle is, `here_m` along the way, whatever is released; `None` =
@@ -330,6 +382,7 @@ impl Pilot {
         }
         self.command
             .drive(situation.now, self.way.odometer_m(until_m));
+        self.commanded = Commanded::along(&route, self.stretch);
         let stop = self.way.stops().next();
         MoveCommand::Drive { stop, route }
     }

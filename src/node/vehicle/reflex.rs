@@ -11,10 +11,9 @@ use crate::geom::{Angle, Point, Track, Vector};
 use crate::node::VehicleSettings;
 use crate::node::peers::Peers;
 use crate::node::sensor::Scan;
+use crate::plan::{REACTION_S, stopping_distance_m};
 use crate::time::Time;
 
-/// Time from an echo to brakes that bite.
-const REACTION_S: f64 = 0.15;
 /// What the reflex leaves between the body and an object, metres.
 const MARGIN_M: f64 = 0.1;
 /// What made the reflex halt is kept clear of for this long, even if the map does not show it.
@@ -27,6 +26,8 @@ const KEEP_PEER_FOR: Duration = Duration::from_secs(5);
 const BEFORE_ECHO_M: f64 = 0.1;
 /// So far inside its cone lies what another reading saw empty, radians.
 const INSET_RAD: f64 = 0.035;
+/// Who turns at a corner of its way shows it so much later at most: until then readings are told a direction that is gone.
+const TURN_SHOWS_AFTER: Duration = Duration::from_millis(250);
 /// Places on the arc of an echo that are asked about.
 const ARC_PLACES: u32 = 13;
 /// Readings that are remembered at most.
@@ -45,6 +46,9 @@ pub(super) struct Reflex {
 struct Reading {
     at: Time,
     origin: Point,
+    /// Of the vehicle.
+    heading: Angle,
+    /// Of the beam.
     direction: Angle,
     /// Up to here, metres.
     empty_m: f64,
@@ -66,10 +70,20 @@ impl Reflex {
         self.obstacles.push(obstacle);
     }
 
-    /// Remembers what a reading saw empty, until all beams have been looked along once more.
+    /// Remembers what a reading saw empty, until all beams have been looked along once more: nothing of what is farther than a
+    /// thin post is heard, and nothing that was read while the vehicle may have turned already.
     pub(super) fn watch(&mut self, now: Time, settings: &VehicleSettings, scan: &Scan) {
         let look = &settings.look;
         let round = look.cycle() + look.period;
+        let heading = scan.pose.heading;
+        let has_turned = self
+            .readings
+            .back()
+            .is_some_and(|last| (last.heading - heading).radians().abs() > INSET_RAD);
+        if has_turned {
+            self.readings
+                .retain(|one| now.since(one.at) > TURN_SHOWS_AFTER);
+        }
         while self.readings.len() >= READINGS_MAX
             || self
                 .readings
@@ -78,20 +92,28 @@ impl Reflex {
         {
             self.readings.pop_front();
         }
+        let heard_m = look
+            .smallest_post
+            .map_or(look.sure_range_m, |post| post.heard_m);
+        let sure_m = look.sure_range_m.min(heard_m);
         let empty_m = match scan.range_m {
-            Some(range_m) => (range_m - BEFORE_ECHO_M).min(look.sure_range_m),
-            None => look.sure_range_m,
+            Some(range_m) => (range_m - BEFORE_ECHO_M).min(sure_m),
+            None => sure_m,
         };
         self.readings.push_back(Reading {
             at: now,
             origin: scan.pose.at,
-            direction: scan.pose.heading + scan.beam,
+            heading,
+            direction: heading + scan.beam,
             empty_m,
         });
     }
 
     /// Returns how far ahead of the body a reading lies that a vehicle that drives must halt for, metres: in the driven strip,
     /// and nearer than it can stop or than the closeness that it was given.
+    ///
+    /// What has come up suddenly is on no map before the beam looks there again, a round later: so it halts who could not stop
+    /// then.
     ///
     /// An echo may have come from anywhere on its arc. Where another beam has seen nothing in the same round it has not: so who
     /// passes beside something is not held by the end of the arc that lies before it. An echo of a beam that looks ahead
@@ -103,8 +125,15 @@ impl Reflex {
         scan: &Scan,
     ) -> Option<f64> {
         let ahead_m = ahead_m(settings, scan)?;
-        let speed = telemetry.speed_mps;
-        let needs_m = speed * REACTION_S + speed * speed / (2.0 * settings.body.braking_mps2);
+        let waits_s = match scan.suspect {
+            true => settings.look.cycle().as_secs_f64(),
+            false => 0.0,
+        };
+        let needs_m = stopping_distance_m(
+            telemetry.speed_mps,
+            REACTION_S + waits_s,
+            settings.body.braking_mps2,
+        );
         let is_close = scan
             .range_m
             .is_some_and(|range_m| range_m < settings.safety.closeness_m);
@@ -206,4 +235,61 @@ fn ahead_m(settings: &VehicleSettings, scan: &Scan) -> Option<f64> {
     let (sin, cos) = libm::sincos(off_axis_rad);
     let strip_m = settings.body.radius_m + MARGIN_M;
     (range_m * sin <= strip_m).then_some(range_m * cos - settings.body.radius_m)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::Pose;
+    use crate::node::tests_support::settings;
+    use crate::plan::SmallestPost;
+
+    fn scan(heading_deg: f64, beam_deg: f64, range_m: Option<f64>) -> Scan {
+        let pose = Pose {
+            at: Point::default(),
+            heading: Angle::from_degrees(heading_deg),
+            sd_m: 0.02,
+        };
+        Scan {
+            pose,
+            beam: Angle::from_degrees(beam_deg),
+            range_m,
+            suspect: false,
+        }
+    }
+
+    /// Whether an echo of the beam at 30° counts as one from beside, when straight ahead and on the beam before nothing was
+    /// heard: 0.2 s ago and at these headings.
+    fn is_elsewhere(heard_m: Option<f64>, range_m: f64, headings_deg: [f64; 2]) -> bool {
+        let mut settings = settings(1);
+        settings.look.smallest_post = heard_m.map(|heard_m| SmallestPost {
+            radius_m: 0.03,
+            heard_m,
+        });
+        let mut reflex = Reflex::default();
+        let [before_deg, now_deg] = headings_deg;
+        for (at_s, heading_deg, beam_deg) in [
+            (1.0, before_deg, 0.0),
+            (1.0, before_deg, 20.0),
+            (1.2, now_deg, -30.0),
+        ] {
+            let now = Time::from_secs_f64(at_s);
+            reflex.watch(now, &settings, &scan(heading_deg, beam_deg, None));
+        }
+        reflex.is_elsewhere(&settings, &scan(now_deg, 30.0, Some(range_m)))
+    }
+
+    #[test]
+    fn what_other_beams_saw_empty_is_beside_the_way_unless_a_thin_post_was_out_of_their_hearing() {
+        assert!(is_elsewhere(None, 1.0, [0.0, 0.0]));
+        assert!(is_elsewhere(Some(1.05), 1.0, [0.0, 0.0]));
+        assert!(!is_elsewhere(Some(0.95), 1.0, [0.0, 0.0]));
+        assert!(is_elsewhere(Some(0.95), 0.9, [0.0, 0.0]));
+    }
+
+    #[test]
+    fn what_was_seen_just_before_a_turn_showed_was_seen_elsewhere() {
+        assert!(is_elsewhere(None, 1.0, [1.0, 0.0]));
+        assert!(!is_elsewhere(None, 1.0, [3.0, 0.0]));
+    }
 }

@@ -286,6 +286,25 @@ fn what_the_reflex_met_where_a_peer_was_is_not_kept_clear_of_for_long() {
 }
 
 #[test]
+fn the_reflex_halts_for_what_has_come_up_suddenly_when_a_round_later_would_be_too_late() {
+    // Three beams of 0.1 s each: 0.15 m more than for what is on the map.
+    for (range_m, suspect, halts) in [
+        (0.60, false, false),
+        (0.60, true, true),
+        (0.75, true, false),
+    ] {
+        let mut vehicle = vehicle();
+        fed(&mut vehicle, 1.1, drive(&[(0.0, 0.0), (3.0, 0.0)]));
+        fed(&mut vehicle, 1.2, telemetry(0.0, 0.5, 0.05));
+        let In::Scan(scan) = scan(range_m, 0.0) else {
+            unreachable!()
+        };
+        let out = fed(&mut vehicle, 1.2, In::Scan(Scan { suspect, ..scan }));
+        assert_eq!(stops(&out), halts, "{range_m} m, suspect: {suspect}");
+    }
+}
+
+#[test]
 fn a_silent_autopilot_is_reported_once() {
     let mut vehicle = vehicle();
     let deadline = vehicle.deadline().unwrap();

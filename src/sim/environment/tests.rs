@@ -126,7 +126,7 @@ fn a_ping_before_the_servo_has_turned_hears_what_it_passes() {
         to_rad: 1.6,
         slew_s_per_rad: 0.6 / 60f64.to_radians(),
     };
-    let world = world(VehicleKind::Rover, 0.0, &[(3.0, 0.0, 1.0)], &[0.0])
+    let world = world(VehicleKind::Rover, 0.0, &[(2.5, 0.0, 1.0)], &[0.0])
         .with_mounts(Mounts::new(vec![servo]));
     let mut environment = begun(world, Vec::new());
     let hears = |environment: &mut Environment, now_s: f64| {

@@ -68,6 +68,14 @@ fn ray(max_m: f64) -> SensorView {
         min_m: 0.02,
         max_m,
         incidence_max_rad,
+        posts: None,
+    }
+}
+
+fn pole(centre: Point, radius_m: f64) -> Post {
+    Post {
+        footprint: Footprint::Round { centre, radius_m },
+        ..block(0.0, 0.0, 1.0, 1.0)
     }
 }
 
@@ -163,37 +171,67 @@ fn nothing_is_seen_through_a_wall_or_at_a_grazing_angle() {
 
 #[test]
 fn a_surface_behind_something_nearer_in_every_cone_is_not_heard() {
-    let heard = |beside: &[f64]| {
+    let heard = |beside: &[f64], wall_m: f64, posts: Option<PostDetection>| {
         let post = |degrees: &f64| {
             let (sin, cos) = degrees.to_radians().sin_cos();
-            let centre = Point::new(cos, sin);
-            Post {
-                footprint: Footprint::Round {
-                    centre,
-                    radius_m: 0.05,
-                },
-                ..block(0.0, 0.0, 1.0, 1.0)
-            }
+            pole(Point::new(cos, sin), 0.05)
         };
-        // A wall 3 m ahead, just where the point is straight ahead.
-        let mut posts = vec![block(3.0, -0.1, 3.2, 0.1)];
-        posts.extend(beside.iter().map(post));
+        // A wall 3 m ahead; the point is straight ahead.
+        let mut things = vec![block(3.0, -wall_m / 2.0, 3.2, wall_m / 2.0)];
+        things.extend(beside.iter().map(post));
         let (scene, wide) = (
-            scene(&posts),
+            scene(&things),
             SensorView {
                 half_angle_rad: 15f64.to_radians(),
+                posts,
                 ..ray(4.0)
             },
         );
         let surface = VisibleSurface::of(&scene, 0.3, Lattice::new(CELL_M));
         let places = PlaceIndex::along([&[Point::default()][..]].into_iter());
         let seen = surface.seen_from(&scene, &wide, &places, &surface.cells().collect());
-        seen.iter().any(|cell| cell.x == 15)
+        seen.contains(&Cell::new(15, 0))
     };
-    assert!(heard(&[]) && heard(&[10.0]) && heard(&[-10.0]) && heard(&[25.0, -25.0]));
+    let hears = |beside: &[f64]| heard(beside, 0.2, None);
+    assert!(hears(&[]) && hears(&[10.0]) && hears(&[-10.0]) && hears(&[25.0, -25.0]));
     assert!(
-        !heard(&[10.0, -10.0]),
+        !hears(&[10.0, -10.0]),
         "every cone of 30° holds one of them"
+    );
+    // What is too thin to be heard drowns nothing: a wall of 8 m is heard, and these posts are not.
+    let law = Some(PostDetection::measured(4.0, 3.1, 4.0));
+    assert!(heard(&[10.0, -10.0], 8.0, law) && !heard(&[10.0, -10.0], 8.0, None));
+    assert!(!heard(&[], 0.2, law));
+}
+
+#[test]
+fn a_thin_post_is_seen_only_from_as_near_as_it_is_heard() {
+    let scene = scene(&[pole(Point::new(2.0, 0.0), 0.01)]);
+    let surface = VisibleSurface::of(&scene, 0.3, Lattice::new(CELL_M));
+    let all = surface.cells().collect();
+    let heard = |x_m: f64, posts: Option<PostDetection>| {
+        let places = PlaceIndex::along([&[Point::new(x_m, 0.0)][..]].into_iter());
+        let sight = SensorView { posts, ..ray(4.0) };
+        !surface.seen_from(&scene, &sight, &places, &all).is_empty()
+    };
+    let law = Some(PostDetection::measured(0.01, 0.7, 4.0));
+    assert!(heard(0.5, None), "a ray hears whatever it meets");
+    assert!(heard(1.3, law) && !heard(1.2, law));
+    // Whatever hangs together is as wide as all of it.
+    let wall: Vec<Post> = (-10..=10)
+        .map(|step| pole(Point::new(2.0, 0.025 * f64::from(step)), 0.01))
+        .collect();
+    let scene = self::scene(&wall);
+    let surface = VisibleSurface::of(&scene, 0.3, Lattice::new(CELL_M));
+    let places = PlaceIndex::along([&[Point::new(0.5, 0.0)][..]].into_iter());
+    let sight = SensorView {
+        posts: law,
+        ..ray(4.0)
+    };
+    assert!(
+        !surface
+            .seen_from(&scene, &sight, &places, &surface.cells().collect())
+            .is_empty()
     );
 }
 

@@ -19,7 +19,7 @@ const RENEW_M: f64 = 1.0;
 /// A command that ends before the way is renewed when the whole way is released and leads this much further, metres.
 const END_M: f64 = 0.05;
 /// A command that leads this much further than is released is shortened, metres.
-const SHORTEN_M: f64 = 0.05;
+pub(super) const SHORTEN_M: f64 = 0.05;
 /// After a command that had no effect, wait this long.
 const RETRY_AFTER: Duration = Duration::from_millis(600);
 /// After so many refusals in a row, peers that stand are planned around.
@@ -33,6 +33,10 @@ pub(super) struct StandingCommand {
     /// Odometer at its end, metres; `None` = it is no command to drive, or stands no more.
     end_m: Option<f64>,
     given_at: Time,
+    /// The way has changed since it was given.
+    is_outdated: bool,
+    /// The vehicle drives.
+    is_driving: bool,
     /// Commands refused in a row.
     refusals: u32,
     /// Why the last of them was.
@@ -79,17 +83,20 @@ impl StandingCommand {
     /// Records that a command to drive was given; the odometer will be `end_m` at its end, metres.
     pub(super) fn drive(&mut self, now: Time, end_m: f64) {
         (self.end_m, self.given_at) = (Some(end_m), now);
+        self.is_outdated = false;
     }
 
     /// Records that a command to turn was given. (It is given at rest: the end of the last drive is of no use any more, and is
     /// not forgotten.)
     pub(super) fn turn(&mut self, now: Time) {
         self.given_at = now;
+        self.is_outdated = false;
     }
 
     /// Records that the vehicle was stopped.
     pub(super) fn stop(&mut self, now: Time) {
         (self.end_m, self.given_at) = (None, now);
+        self.is_outdated = false;
     }
 
     /// Records that the command was refused.
@@ -101,6 +108,7 @@ impl StandingCommand {
 
     /// Forgets where the command ends: the way has changed.
     pub(super) fn forget_end(&mut self) {
+        self.is_outdated |= self.end_m.is_some();
         self.end_m = None;
     }
 
@@ -108,15 +116,20 @@ impl StandingCommand {
     pub(super) fn give_up_way(&mut self) {
         *self = StandingCommand {
             given_at: self.given_at,
+            is_outdated: self.is_outdated || self.end_m.is_some(),
+            is_driving: self.is_driving,
             ..StandingCommand::default()
         };
     }
 
-    /// Takes what the vehicle does: one that moves refuses nothing.
+    /// Takes what the vehicle does: one that moves refuses nothing, and one that rests has nothing left to drive.
     pub(super) fn watch(&mut self, mode: VehicleMode) {
         if moves(mode) {
             self.refusals = 0;
+        } else {
+            self.is_outdated = false;
         }
+        self.is_driving = mode == VehicleMode::Driving;
         if mode == VehicleMode::Driving {
             self.refused_paths = 0;
         }
@@ -131,6 +144,11 @@ impl StandingCommand {
     /// Returns the odometer at the end of the command, metres.
     pub(super) fn end_m(&self) -> Option<f64> {
         self.end_m
+    }
+
+    /// Returns whether the vehicle still drives by it although the way has changed since.
+    pub(super) fn is_outdated(&self) -> bool {
+        self.is_outdated && self.is_driving
     }
 
     /// Returns whether the command has had time to show in the state.
@@ -235,6 +253,40 @@ mod tests {
         assert_eq!(command.end_m(), Some(3.0));
         command.refuse(at(3.0), CommandRefusal::Fence);
         assert_eq!(command.end_m(), None);
+    }
+
+    #[test]
+    fn a_command_is_outdated_while_it_is_driven_after_the_way_has_changed() {
+        let outdated = |change: fn(&mut StandingCommand)| {
+            let mut command = StandingCommand::default();
+            command.drive(at(1.0), 3.0);
+            command.watch(VehicleMode::Driving);
+            assert!(!command.is_outdated());
+            change(&mut command);
+            command
+        };
+        for change in [
+            StandingCommand::forget_end as fn(&mut StandingCommand),
+            StandingCommand::give_up_way,
+        ] {
+            assert!(outdated(change).is_outdated());
+            for end in [
+                |command: &mut StandingCommand| command.drive(at(2.2), 3.0),
+                |command: &mut StandingCommand| command.turn(at(2.2)),
+                |command: &mut StandingCommand| command.stop(at(2.2)),
+                |command: &mut StandingCommand| command.watch(VehicleMode::Idle),
+            ] {
+                let mut command = outdated(change);
+                end(&mut command);
+                command.watch(VehicleMode::Driving);
+                assert!(!command.is_outdated());
+            }
+        }
+        let stopped = outdated(|command| {
+            command.stop(at(1.5));
+            command.forget_end();
+        });
+        assert!(!stopped.is_outdated(), "there is none to be outdated");
     }
 
     fn refuse(command: &mut StandingCommand, times: u32) {

@@ -410,3 +410,37 @@ fn the_way_home_is_a_wish_until_a_path_is_found_and_again_after_a_failure() {
     assert_eq!((command, met), (None, vec![expected]));
     assert_eq!(rig.word(), "Planning", "although something is released");
 }
+
+/// A vehicle that drives to the left when its way is changed, and the command that it is given when a wall has come up at
+/// this x, metres.
+fn rerouted(change: impl Fn(&mut Pilot), wall_x_m: Option<f64>) -> Option<MoveCommand> {
+    let mut rig = Rig::open();
+    rig.pilot.append([], LEFT, None);
+    assert!(matches!(rig.after(1.0).0, Some(MoveCommand::Drive { .. })));
+    rig.own.mode = VehicleMode::Driving;
+    assert_eq!(rig.after(0.1).0, None, "it goes on");
+    change(&mut rig.pilot);
+    if let Some(wall_x_m) = wall_x_m {
+        rig.terrain = terrain_of(|x_m, _| (wall_x_m..wall_x_m + 0.4).contains(&x_m));
+    }
+    rig.after(0.1).0
+}
+
+#[test]
+fn who_still_drives_by_its_last_command_stops_for_what_has_come_up_there() {
+    let changes: [fn(&mut Pilot); 3] = [
+        |pilot| pilot.give_up(Point::new(3.0, 0.0)),
+        |pilot| pilot.take_route(Point::new(3.0, 0.0), &[Point::new(3.0, 4.0)], false),
+        |pilot| {
+            pilot.state = State::Waiting {
+                until: Time::from_secs_f64(99.0),
+            };
+            pilot.command.forget_end();
+        },
+    ];
+    for change in changes {
+        assert_eq!(rerouted(change, None), None, "it is free still");
+        assert_eq!(rerouted(change, Some(-2.5)), None, "beyond its end");
+        assert_eq!(rerouted(change, Some(1.0)), Some(MoveCommand::Hold));
+    }
+}

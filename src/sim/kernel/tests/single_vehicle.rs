@@ -84,6 +84,7 @@ fn settings() -> VehicleSettings {
             period: Duration::from_millis(100),
             settle: Duration::from_millis(30),
             mounts: crate::plan::Mounts::default(),
+            smallest_post: None,
         },
         radio: RadioSettings {
             channel: 15,
