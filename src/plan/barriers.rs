@@ -21,10 +21,6 @@ const NODE: i32 = SIDE / 2;
 /// So much more than is required is wished for beside what was heard, cells: its echoes then halt nobody.
 const WISHED_CELLS: f64 = 0.75;
 
-/// Who stands too near to something may come so much nearer on its way, cells: less than is released to it (see
-/// [`super::Corridor`]), so that what is planned can be driven.
-const LEAVING_CELLS: f64 = 0.4;
-
 /// How near a node lies to something.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Nearness {
@@ -222,11 +218,12 @@ impl Barriers {
             OCCUPIED => released.occupied_m,
             _ => released.unknown_m,
         };
-        Some(match here_m < released_m {
-            true => self.clearance.leaving_m(here_m, LEAVING_CELLS * cell_m),
-            // Near enough that it would not be planned, and not so near that it would be let off.
-            false => RequiredClearance::with_sag(released_m, cell_m).min(required_m),
-        })
+        // What is released to it, and a little more: straight steps between nodes come nearer than these.
+        let least_m = match here_m < released_m {
+            true => self.clearance.leaving_m(here_m, cell_m / 2.0),
+            false => released_m,
+        };
+        Some(RequiredClearance::with_sag(least_m, cell_m).min(required_m))
     }
 
     fn index(&self, part: Cell) -> Option<usize> {
@@ -295,8 +292,12 @@ mod tests {
             let Ok(route) = shortest_route(&grid, from, to, &RULES) else {
                 return Ok(());
             };
-            // Who is so near that its path must first lead out is judged by how far it gets.
+            // Who is so near that its path must first lead out is judged by how far it gets; nobody stands in something.
             prop_assume!(grid.passable(grid.lattice().cell_at(from)));
+            let parts = area.cells().filter_map(|cell| {
+                Some(view.barred(cell)?.places(map.lattice(), cell).collect::<Vec<_>>())
+            });
+            prop_assume!(parts.flatten().all(|part| part.distance_to(from) >= 0.25));
             let corridor = Corridor { clearance: planned.released(CELL_M), ahead_m: 50.0 };
             let release = corridor.released(&view, &route.points, from);
             prop_assert!((release.free_until_m - route.length_m).abs() < 1e-6, "{release:?} of {:?}", route.points);
