@@ -15,6 +15,8 @@
     reason = "no product code"
 )]
 
+#[path = "all_cores/mod.rs"]
+mod all_cores;
 #[path = "../tests/repro/cases.rs"]
 mod cases;
 #[path = "../tests/orders/chance.rs"]
@@ -26,10 +28,9 @@ mod trial;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
+use all_cores::in_parallel;
 use plan::FloorPlan;
 use trial::{TrialMission, TrialResult, demand_in_turn, table};
 
@@ -138,30 +139,4 @@ fn mishaps(results: &[TrialResult]) -> String {
         (!wrong.is_empty()).then(|| format!("{what}: {}\n", wrong.join(", ")))
     };
     kinds.into_iter().filter_map(line).collect()
-}
-
-/// Does something for each of a list on all cores; what comes of it is in the order of the list.
-fn in_parallel<T: Sync, R: Send>(list: &[T], work: impl Fn(&T) -> R + Sync) -> Vec<R> {
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let (next, done) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
-    std::thread::scope(|scope| {
-        for _ in 0..cores {
-            scope.spawn(|| {
-                while let Some((index, one)) = next_of(list, &next) {
-                    let result = work(one);
-                    done.lock()
-                        .expect("nobody panics with it")
-                        .push((index, result));
-                }
-            });
-        }
-    });
-    let mut done = done.into_inner().expect("nobody panics with it");
-    done.sort_by_key(|(index, _)| *index);
-    done.into_iter().map(|(_, result)| result).collect()
-}
-
-fn next_of<'a, T>(list: &'a [T], next: &AtomicUsize) -> Option<(usize, &'a T)> {
-    let index = next.fetch_add(1, Ordering::Relaxed);
-    list.get(index).map(|one| (index, one))
 }

@@ -13,17 +13,18 @@
     reason = "no product code"
 )]
 
+#[path = "all_cores/mod.rs"]
+mod all_cores;
 #[allow(dead_code, reason = "the tests use more of it")]
 #[path = "../tests/sim/place.rs"]
 mod place;
 #[path = "../tests/yards/trial.rs"]
 mod trial;
 
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
-use trial::{MISSIONS, YardResult, YardTrial, table};
+use all_cores::in_parallel;
+use trial::{MISSIONS, YardTrial, table};
 
 const SIDES_M: [f64; 3] = [8.0, 12.0, 20.0];
 const VEHICLES: [usize; 4] = [2, 4, 6, 8];
@@ -55,7 +56,7 @@ fn main() {
         }
     }
     let began = Instant::now();
-    let results = in_parallel(&trials);
+    let results = in_parallel(&trials, YardTrial::run);
     println!("{}", table(&results));
     for one in results
         .iter()
@@ -73,29 +74,4 @@ fn main() {
         results.len(),
         began.elapsed().as_secs_f64()
     );
-}
-
-/// Runs all on all cores; the results are in their order.
-fn in_parallel(trials: &[YardTrial]) -> Vec<YardResult> {
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let (next, done) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
-    std::thread::scope(|scope| {
-        for _ in 0..cores {
-            scope.spawn(|| {
-                loop {
-                    let index = next.fetch_add(1, Ordering::Relaxed);
-                    let Some(trial) = trials.get(index) else {
-                        return;
-                    };
-                    let result = trial.run();
-                    done.lock()
-                        .expect("nobody panics with it")
-                        .push((index, result));
-                }
-            });
-        }
-    });
-    let mut done = done.into_inner().expect("nobody panics with it");
-    done.sort_by_key(|(index, _)| *index);
-    done.into_iter().map(|(_, result)| result).collect()
 }
