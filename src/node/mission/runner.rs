@@ -449,6 +449,8 @@ impl StepRunner {
             Destination::ByPath(_) if !scene.terrain.is_free(by.at) && self.barred.note(by.at) => {
                 self.think(scene.now);
             }
+            // It is barred there again.
+            Destination::ByPath(_) if self.looks_at_bar(scene, by.at) => {}
             Destination::Straight(_) | Destination::ByPath(_) | Destination::Viewpoint => {
                 self.tell(scene, MissionInput::Blocked(by));
             }

@@ -22,6 +22,24 @@ impl StepRunner {
         }
     }
 
+    /// Looks from near at what has stopped it at a place, if that was not done before; returns whether it does.
+    pub(super) fn looks_at_bar(&mut self, scene: &mut RunnerContext<'_>, at: Point) -> bool {
+        if scene.terrain.is_free(at) {
+            return false;
+        }
+        let (cell, claims) = (
+            self.settings.lattice.cell_at(at),
+            scene.surroundings().claims(),
+        );
+        let search = scene.terrain.search(scene.now, scene.pose());
+        let look = self.doubts.look_at_bars(&search, &[cell], &claims);
+        let looks = look.is_some();
+        if let Some(look) = look {
+            self.go_and_look_closely(scene, look);
+        }
+        looks
+    }
+
     /// No way to a place is known: looks from near at what may bar it and may not, or passes the place over.
     pub(super) fn doubt(
         &mut self,
