@@ -103,7 +103,7 @@ impl RecordingView {
     fn tiles(&mut self, now: Time, output: &[map::Out]) -> Option<MessageLine> {
         for out in output {
             match out {
-                map::Out::Tiles(tiles) => tiles.iter().for_each(|tile| self.learn(tile)),
+                map::Out::Tiles(tiles) => tiles.iter().for_each(|tile| self.learn(&tile.report)),
                 map::Out::Publish(_) => {}
             }
         }
