@@ -282,7 +282,11 @@ fn mapper(id: u8, listen: SocketAddr, connect: Vec<SocketAddr>) -> Mapper {
         map::Out::Tiles(tiles) => {
             let mut held = of_map.lock().unwrap_or_else(PoisonError::into_inner);
             // One vehicle maps, so addresses are enough.
-            held.extend(tiles.into_iter().map(|tile| (tile.report.address, tile.report.revision)));
+            held.extend(
+                tiles
+                    .into_iter()
+                    .map(|tile| (tile.report.address, tile.report.revision)),
+            );
         }
     };
     start_actor(
