@@ -97,28 +97,32 @@ impl Doubts {
                 );
             }
         }
+        let reached = Reached::from_here(search, peers, false);
         loop {
             let mut grid = whole.clone();
             self.close_given_up(search, &mut grid);
             let Ok(found) = route(&grid) else {
                 return self.spent(search);
             };
-            if let Some(step) = self.look_along(search, &found.points, peers) {
+            let Some(reached) = &reached else {
+                return DoubtStep::Spent(Vec::new());
+            };
+            if let Some(step) = self.look_along(search, reached, &found.points, peers) {
                 return step;
             }
         }
     }
 
-    /// Returns what to look at next from near so that ground that nobody has seen, and where there is room to stand, can be
+    /// Returns the next look from near so that ground that nobody has seen, and where there is room to stand, can be
     /// reached; `None` when nothing of that kind is left.
     pub(crate) fn toward_unseen(
         &mut self,
         search: &PathSearch<'_>,
         peers: &[Vec<Point>],
-    ) -> Option<DoubtStep> {
+    ) -> Option<CloseLook> {
         let whole = search.optimistic_ground(None)?;
         let roomy = search.ground(None, Resolution::Parts, true, &[])?;
-        let reached = Reached::from_here(search, peers, false)?.ways;
+        let reached = Reached::from_here(search, peers, false)?;
         loop {
             let mut grid = whole.clone();
             self.close_given_up(search, &mut grid);
@@ -128,16 +132,16 @@ impl Doubts {
             let wanted = |node: Cell| {
                 let cost_m = optimistic.cost_m(node)?;
                 let is_wanted = roomy.passable(node)
-                    && reached.cost_m(node).is_none()
+                    && reached.ways.cost_m(node).is_none()
                     && search.is_unknown(nodes.centre(node));
                 is_wanted.then_some((cost_m, node))
             };
             let nearest = grid.area().cells().filter_map(wanted);
             let (_, node) = nearest.min_by(|a, b| a.0.total_cmp(&b.0))?;
             let route = optimistic.route_to(&grid, search.from(), nodes.centre(node))?;
-            if let Some(step) = self.look_along(search, &route.points, peers) {
+            if let Some(step) = self.look_along(search, &reached, &route.points, peers) {
                 return match step {
-                    DoubtStep::Look(_) => Some(step),
+                    DoubtStep::Look(look) => Some(look),
                     DoubtStep::NoWay(_) | DoubtStep::Spent(_) => None,
                 };
             }
@@ -172,13 +176,10 @@ impl Doubts {
     fn look_along(
         &mut self,
         search: &PathSearch<'_>,
+        reached: &Reached,
         route: &[Point],
         peers: &[Vec<Point>],
     ) -> Option<DoubtStep> {
-        let spent = || DoubtStep::Spent(Vec::new());
-        let Some(reached) = Reached::from_here(search, peers, false) else {
-            return Some(spent());
-        };
         let Some(at) = first_bar(search, &reached.ways, route) else {
             // It is barred by something else than the map: by peers, or by what the reflex has met.
             return Some(self.spent(search));
@@ -201,12 +202,12 @@ impl Doubts {
         let course = if is_spent {
             None
         } else {
-            look_from(&reached).or_else(|| look_from(&Reached::from_here(search, peers, true)?))
+            look_from(reached).or_else(|| look_from(&Reached::from_here(search, peers, true)?))
         };
         let Some(course) = course else {
             let is_new = !self.given_up.contains(&at);
             self.given_up.push(at);
-            return (!is_new).then(spent);
+            return (!is_new).then(|| DoubtStep::Spent(Vec::new()));
         };
         Some(DoubtStep::Look(CloseLook { course, at }))
     }

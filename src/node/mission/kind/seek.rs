@@ -29,7 +29,7 @@ use super::{Behaviour, DriveRoute, MissionContext, MissionInput, MissionStep};
 use crate::geom::{Angle, Cell, Point};
 use crate::map::{CellRect, Occupancy, View};
 use crate::node::VehicleSettings;
-use crate::node::mission::doubts::{CloseLook, DoubtStep, Doubts};
+use crate::node::mission::doubts::{CloseLook, Doubts};
 use crate::node::mission::terrain::{RULES, Resolution, Terrain};
 use crate::node::mission::{EndReason, look_around};
 use crate::node::peers::Peer;
@@ -203,11 +203,11 @@ impl Seek {
         let claims = around.claims();
         // First where there is room to spare; then through every doorway that is wide enough; only when nothing is left so,
         // through gaps that it has already driven itself.
+        let search = around.terrain.search(around.now, around.pose);
         for (resolution, is_narrow) in WAYS {
-            let Some(mut grid) = ground(around, resolution, &claims) else {
+            let Some(mut grid) = search.ground(None, resolution, false, &claims) else {
                 return MissionStep::End(EndReason::TooLarge);
             };
-            let search = around.terrain.search(around.now, around.pose);
             if search.is_cramped(&grid, resolution) {
                 continue;
             }
@@ -221,14 +221,12 @@ impl Seek {
         if self.is_barred_by_peers(around) {
             return MissionStep::YieldToPeers;
         }
-        let is_barred_by_reflex = || {
-            let search = around.terrain.search(around.now, around.pose);
-            let grid = search
+        let but_for_reflex =
+            search
                 .but_for_reflex()
                 .ground(None, Resolution::Parts, false, &claims);
-            grid.is_some_and(|grid| self.choose_look(around, &grid, &candidates).is_some())
-        };
-        if is_barred_by_reflex() {
+        if but_for_reflex.is_some_and(|grid| self.choose_look(around, &grid, &candidates).is_some())
+        {
             return MissionStep::Wait;
         }
         self.doubt(around, &claims)
@@ -238,7 +236,7 @@ impl Seek {
     fn doubt(&mut self, around: &MissionContext<'_>, claims: &[Vec<Point>]) -> MissionStep {
         let search = around.terrain.search(around.now, around.pose);
         match self.doubts.toward_unseen(&search, claims) {
-            Some(DoubtStep::Look(CloseLook { course, at })) => {
+            Some(CloseLook { course, at }) => {
                 self.stage = Stage::Doubting(at);
                 match course {
                     Some(course) => MissionStep::GoAlong(course),
@@ -248,9 +246,7 @@ impl Seek {
                     }
                 }
             }
-            Some(DoubtStep::NoWay(_) | DoubtStep::Spent(_)) | None => {
-                MissionStep::End(EndReason::Done)
-            }
+            None => MissionStep::End(EndReason::Done),
         }
     }
 
@@ -312,7 +308,8 @@ impl Seek {
         if around.peers.iter().next().is_none() {
             return false;
         }
-        let Some(mut grid) = ground(around, Resolution::Parts, &[]) else {
+        let search = around.terrain.search(around.now, around.pose);
+        let Some(mut grid) = search.ground(None, Resolution::Parts, false, &[]) else {
             return false;
         };
         grid.open_along(around.terrain.driven());
@@ -413,16 +410,6 @@ impl Seek {
         let cells: Vec<Cell> = covered.chain(at).collect();
         self.looks.note(&cells, from);
     }
-}
-
-/// Returns the known free ground where the vehicle may be, clear of what peers claim.
-fn ground(
-    around: &MissionContext<'_>,
-    resolution: Resolution,
-    claims: &[Vec<Point>],
-) -> Option<SearchGrid> {
-    let search = around.terrain.search(around.now, around.pose);
-    search.ground(None, resolution, false, claims)
 }
 
 /// What a peer is about to do, as far as that is known.
