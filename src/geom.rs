@@ -21,6 +21,7 @@ pub use attitude::Attitude;
 pub use decimal::without_dust;
 pub use grid::PixelGrid;
 pub use lattice::{Cell, CellsUnder, Lattice};
+pub(crate) use lattice::{ceil_to_i32, floor_to_i32};
 pub use point::{Point, Vector};
 pub use polygon::Polygon;
 pub use pose::Pose;

@@ -22,4 +22,4 @@ pub use tile::{
     CONFIRMED_FROM, FREE_TO, LAYER_CLAMP, MERGED_CLAMP, OCCUPIED_FROM, Occupancy, REACH_TILES,
     Tile, TileError, address_of, index_in_tile, origin_of,
 };
-pub use window::{CellRect, View};
+pub use window::{CellRect, OccupancyGrid, View};

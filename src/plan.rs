@@ -26,6 +26,7 @@ mod terrain;
 mod turning;
 
 pub use astar::{GridPath, NoRoute, shortest_cells};
+pub use barriers::NodeSpacing;
 pub use clearance::Clearance;
 pub use corridor::{Corridor, Release};
 pub use detection::{ContactLimits, PostDetection, REACTION_S, SmallestPost};

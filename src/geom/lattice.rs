@@ -45,11 +45,11 @@ impl Lattice {
     /// number, is in a cell at the very edge, far outside any map.
     pub fn cell_at(self, point: Point) -> Cell {
         let index = |metres: f64| {
-            let index = libm::floor(metres / self.cell_m);
-            if index.is_nan() {
+            let cells = metres / self.cell_m;
+            if cells.is_nan() {
                 i32::MIN
             } else {
-                index as i32
+                floor_to_i32(cells)
             }
         };
         Cell::new(index(point.x_m), index(point.y_m))
@@ -85,6 +85,20 @@ impl Lattice {
     pub fn cells_under(self, along: Segment) -> CellsUnder {
         CellsUnder::new(self, along)
     }
+}
+
+/// Returns the largest whole number that is not greater, the outermost one for what is beyond all; 0 for what is no number.
+#[inline]
+pub(crate) fn floor_to_i32(value: f64) -> i32 {
+    let toward_zero = value as i32;
+    toward_zero.saturating_sub(i32::from(f64::from(toward_zero) > value))
+}
+
+/// Returns the smallest whole number that is not less, the outermost one for what is beyond all; 0 for what is no number.
+#[inline]
+pub(crate) fn ceil_to_i32(value: f64) -> i32 {
+    let toward_zero = value as i32;
+    toward_zero.saturating_add(i32::from(f64::from(toward_zero) < value))
 }
 
 /// The cells under a segment, from its start to its end.
@@ -164,6 +178,26 @@ mod tests {
             lattice.cell_at(lattice.centre(Cell::new(-7, 12))),
             Cell::new(-7, 12)
         );
+    }
+
+    #[test]
+    fn whole_numbers_below_and_above_are_those_of_libm() {
+        for value in [
+            0.0,
+            -0.0,
+            0.5,
+            -0.5,
+            3.0,
+            -3.0,
+            2.9999,
+            -2.0001,
+            1e300,
+            -1e300,
+            2147483647.5,
+        ] {
+            assert_eq!(floor_to_i32(value), libm::floor(value) as i32, "{value}");
+            assert_eq!(ceil_to_i32(value), libm::ceil(value) as i32, "{value}");
+        }
     }
 
     #[test]

@@ -59,6 +59,12 @@ impl Fleet {
         self.members.get(&vehicle)?.place()
     }
 
+    /// Returns the fastest that a vehicle was heard to drive, m/s.
+    pub(crate) fn fastest_mps(&self) -> f64 {
+        let speeds = self.members.values().map(FleetMember::fastest_mps);
+        speeds.fold(0.0, f64::max)
+    }
+
     /// Returns what was dealt with each vehicle, ascending.
     pub(crate) fn dealings(&self) -> Vec<(VehicleId, OrderLedger)> {
         self.members()

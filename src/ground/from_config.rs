@@ -10,7 +10,7 @@ use super::station::StationSettings;
 use crate::config::{
     GroundFile, Imaging, PlannerChoice, Sim, Solver as SolverName, SweepConfig, Venue, Weights,
 };
-use crate::geom::{Lattice, PixelGrid, Rect};
+use crate::geom::{Lattice, PixelGrid, Rect, Segment};
 use crate::sweep::{PatternKind, Ring, SweepError};
 use crate::tomo::{
     ImagingSettings as ImageSettings, MapSettings, Prior, SPOT_M, Solver, TomoError, WeightModel,
@@ -148,6 +148,7 @@ impl StationInputs<'_> {
             compare_with: self.office.compare_with,
             lost_after: swarm.lost_after(),
             autonomy: swarm.autonomy(),
+            fence_m: self.venue.fence.edges().map(Segment::length_m).sum(),
             store: self.office.store,
             lattice: Lattice::new(self.venue.cell_m),
             bin_m: self.imaging.bin_m,

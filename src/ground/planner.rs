@@ -111,6 +111,24 @@ pub struct Request {
     pub task: Option<SweepTask>,
 }
 
+/// Why there is no plan.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub struct NoPlan {
+    /// In words.
+    pub why: String,
+    /// Whether there may be one from other places.
+    pub is_of_places: bool,
+}
+
+impl From<SweepError> for NoPlan {
+    fn from(error: SweepError) -> NoPlan {
+        NoPlan {
+            why: error.to_string(),
+            is_of_places: matches!(error, SweepError::Unsafe(_) | SweepError::NoApproach),
+        }
+    }
+}
+
 /// Plans, or why there are none.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct PlannerAnswer {
@@ -119,7 +137,7 @@ pub struct PlannerAnswer {
     /// The revision that was asked for.
     pub revision: Revision,
     /// One plan for each vehicle, or why there is none.
-    pub plans: Result<Vec<Plan>, String>,
+    pub plans: Result<Vec<Plan>, NoPlan>,
     /// Per lap, the last stop of each vehicle.
     pub laps: Vec<Vec<(VehicleId, StopId)>>,
 }
@@ -257,7 +275,7 @@ fn answer(
         Err(error) => PlannerAnswer {
             run,
             revision,
-            plans: Err(error.to_string()),
+            plans: Err(error.into()),
             laps: Vec::new(),
         },
     }

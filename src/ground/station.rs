@@ -51,7 +51,7 @@ use tomoswarm_proto::{
     Task, TileReport, VehicleId,
 };
 
-use self::execution::{Conditions, SweepExecution, SweepOutput, SweepRun};
+use self::execution::{Conditions, IdleLimits, SweepExecution, SweepOutput, SweepRun};
 use self::fleet_map::FleetMap;
 use self::leases::{Change, Leases};
 use self::lost_vehicles::{SilenceLimits, are_enough_heard};
@@ -80,6 +80,8 @@ struct Constants {
     /// The run with which runs are compared that have no task.
     compare_with: Option<RunId>,
     silence: SilenceLimits,
+    /// The length of the fence, metres.
+    fence_m: f64,
 }
 
 /// The station actor.
@@ -114,6 +116,7 @@ impl Station {
                 boot: settings.boot,
                 compare_with: settings.compare_with,
                 silence: SilenceLimits::new(settings.lost_after, settings.autonomy),
+                fence_m: settings.fence_m,
             },
             leases: settings.lease.map_or(listening, Leases::held),
             fleet: Fleet::new(&settings.vehicles, settings.lease.unwrap_or(none)),
@@ -269,7 +272,9 @@ impl Station {
         let progress = VehicleProgress::from(mission);
         let mut shown = self.fleet.heard_progress(now, progress);
         let place = self.fleet.place_of(mission.vehicle);
-        shown.made_progress &= !self.execution.has_given_up(&progress, place);
+        if self.execution.has_given_up(&progress, place) {
+            (shown.made_progress, shown.left_stop) = (false, false);
+        }
         out.extend(notes_of(mission.vehicle, shown));
         self.execution.hear(now, shown);
         if self.fleet.is_current(&progress) {
@@ -387,7 +392,9 @@ impl Station {
             now,
             fleet: &self.fleet,
             samples: &self.samples,
+            map_changes: self.map.changes(),
             silence: self.constants.silence,
+            idle: IdleLimits::of(self.constants.fence_m, self.fleet.fastest_mps()),
             lease: self.leases.own(),
             is_held: self.order.is_any(),
         };

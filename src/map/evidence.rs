@@ -33,7 +33,7 @@ use self::cone::Cone;
 use self::echoes::{Echo, cell_of_part, index_of_part};
 use self::own_memory::{CellKey, OwnMemory};
 use super::tile::{address_of, index_in_tile};
-use super::{CellRect, ClearedParts, Merged, PART_SIDE, PARTS, part_offset};
+use super::{CellRect, ClearedParts, Merged, PART_SIDE};
 use crate::geom::{Angle, Cell, Lattice, Point, Segment};
 
 /// Echoes kept per tile; the oldest is dropped for a new one, and what it was assigned to stays as it is.
@@ -53,8 +53,6 @@ const SURE_CM: u16 = 30;
 const FEW_CELLS: usize = 2;
 /// A cell seen empty from so much farther than an echo came from, or from nearer, cannot have given it, centimetres.
 const NEAR_WINS_CM: u16 = 30;
-/// Half of the band around an arc from which its echo came, metres.
-const BAND_M: f64 = 0.06;
 
 /// One range reading with the cone it was taken in.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -231,16 +229,19 @@ impl Mapper {
 
     /// Notes what the cone saw empty in a part of one tile.
     fn see_empty_in(&mut self, map: &Merged, cone: &Cone, address: TileAddress, area: CellRect) {
-        let mut tile = None;
+        let (mut tile, mut is_used) = (self.memory.find_tile(address), false);
         for cell in area.cells() {
-            let Some(seen) = cone.sees(cell) else {
+            let index = index_in_tile(cell);
+            let known = tile.map_or(0, |tile| self.memory.cell(CellKey { tile, index }).parts());
+            let Some(seen) = cone.sees(cell, known) else {
                 continue;
             };
-            let tile = *tile.get_or_insert_with(|| self.memory.tile(map, self.own, address));
-            let key = CellKey {
-                tile,
-                index: index_in_tile(cell),
+            let tile = match tile {
+                Some(tile) if is_used => tile,
+                _ => *tile.insert(self.memory.tile(map, self.own, address)),
             };
+            is_used = true;
+            let key = CellKey { tile, index };
             let memory = self.memory.cell_mut(key);
             if memory.see_parts(seen.parts) && !memory.is_free() {
                 self.scratch.cleared.push(tile);
@@ -397,13 +398,17 @@ impl Mapper {
                 true => memory.votes(index_of_part(arc[index])),
                 false => memory.seen_cm(),
             };
-            let off_cm = echo.off_cm(parts.centre(arc[index]));
-            let worth = (is_open, weight, std::cmp::Reverse(off_cm));
-            if best.is_none_or(|(most, _)| worth > most) {
+            let worth = (is_open, weight);
+            let off_cm = |index: usize| echo.off_cm(parts.centre(arc[index]));
+            // Of those that explain as much the one nearest to the middle of the arc, asked for seldom.
+            let is_better = best.is_none_or(|(most, place)| {
+                worth > most || (worth == most && off_cm(index) < off_cm(place))
+            });
+            if is_better {
                 best = Some((worth, index));
             }
         }
-        let ((is_open, votes, _), best) = best?;
+        let ((is_open, votes), best) = best?;
         let needed = u32::from(votes) * SECOND_TENTHS;
         let mut also = None;
         for (index, key) in keys.iter().enumerate().filter(|_| is_open) {
@@ -459,7 +464,7 @@ impl Mapper {
             let middle = lattice.centre(cell_of_part(self.scratch.arc[index]));
             let memory = self.memory.cell_mut(key);
             memory.give(range_cm, echo.sector_from(middle), is_sure);
-            if memory.reopen_parts(band_of(lattice, middle, echo)) {
+            if memory.reopen_parts(echo.band_in(lattice, middle)) {
                 self.scratch.cleared.push(key.tile);
             }
             self.scratch.touched.push(key);
@@ -569,17 +574,6 @@ impl Mapper {
 /// Returns the lattice of the parts of cells.
 fn part_lattice(cells: Lattice) -> Lattice {
     Lattice::new(cells.cell_m() / f64::from(PART_SIDE))
-}
-
-/// Returns the parts of a cell from which an echo can have come: those within a band around its arc.
-fn band_of(lattice: Lattice, middle: Point, echo: &Echo) -> u16 {
-    let (origin, range_m) = (echo.origin(), echo.range_m());
-    let band_m = BAND_M.max(0.3 * lattice.cell_m());
-    (0..PARTS).fold(0, |band, part| {
-        let at = middle + part_offset(part, lattice.cell_m());
-        let is_within = (at.distance_to(origin) - range_m).abs() < band_m;
-        band | u16::from(is_within) << part
-    })
 }
 
 impl PeerBody<'_> {

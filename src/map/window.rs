@@ -168,6 +168,37 @@ impl View<'_> {
         }
     }
 
+    /// Fills a row, from a cell on, with what `judge` makes of what is known of the cells.
+    pub fn read_row<T: Copy>(&self, from: Cell, line: &mut [T], judge: impl Fn(Occupancy) -> T) {
+        let (mut x, mut rest) = (from.x, line);
+        while !rest.is_empty() {
+            let cell = Cell::new(x, from.y);
+            let index = index_in_tile(cell);
+            let count = (TILE_SIDE - index % TILE_SIDE).min(rest.len());
+            let (part, others) = rest.split_at_mut(count);
+            match self.tile(cell) {
+                Some(ViewTile { sums, .. }) => {
+                    let known = &sums[index..index + count];
+                    for (one, sum) in part.iter_mut().zip(known) {
+                        *one = judge(Occupancy::of_value(*sum));
+                    }
+                }
+                None => part.fill(judge(Occupancy::Unknown)),
+            }
+            (x, rest) = (x.wrapping_add_unsigned(count as u32), others);
+        }
+    }
+
+    /// Copies what is known of the cells of a rectangle.
+    pub fn occupancy_grid(&self, area: CellRect) -> OccupancyGrid {
+        let (width, height) = (area.width_cells() as usize, area.height_cells() as usize);
+        let mut cells = vec![Occupancy::Unknown; width * height];
+        for (y, line) in (area.low.y..=area.high.y).zip(cells.chunks_exact_mut(width)) {
+            self.read_row(Cell::new(area.low.x, y), line, |occupancy| occupancy);
+        }
+        OccupancyGrid { area, width, cells }
+    }
+
     /// Returns where in a cell something may stand; `None` when it is free.
     #[inline]
     pub fn barred(&self, cell: Cell) -> Option<BarredCell> {
@@ -192,6 +223,44 @@ impl View<'_> {
         }
         let place = row.saturating_mul(self.columns).saturating_add(column);
         self.tiles.get(place).copied().flatten()
+    }
+}
+
+/// A rectangle of the merged map, copied for who reads its cells again and again. Those outside it are unknown.
+#[derive(Clone, Debug)]
+pub struct OccupancyGrid {
+    area: CellRect,
+    width: usize,
+    /// Row-major, x fastest.
+    cells: Vec<Occupancy>,
+}
+
+impl OccupancyGrid {
+    /// Returns what is known of a cell.
+    #[inline]
+    pub fn occupancy(&self, cell: Cell) -> Occupancy {
+        if !self.area.contains(cell) {
+            return Occupancy::Unknown;
+        }
+        let (x, y) = (
+            cell.x.abs_diff(self.area.low.x) as usize,
+            cell.y.abs_diff(self.area.low.y) as usize,
+        );
+        self.cells[y * self.width + x]
+    }
+
+    /// Returns whether something stands within so many columns and rows of a cell.
+    pub fn has_occupied_around(&self, cell: Cell, reach: i32) -> bool {
+        let around = CellRect::new(cell, cell).grown(reach);
+        let Some(part) = around.overlap(self.area) else {
+            return false;
+        };
+        let column = |x: i32| x.abs_diff(self.area.low.x) as usize;
+        let columns = column(part.low.x)..column(part.high.x) + 1;
+        let first = part.low.y.abs_diff(self.area.low.y) as usize;
+        let rows = self.cells.chunks_exact(self.width).skip(first);
+        rows.take(part.height_cells() as usize)
+            .any(|row| row[columns.clone()].contains(&Occupancy::Occupied))
     }
 }
 

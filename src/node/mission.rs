@@ -121,8 +121,11 @@ impl Mission {
         self.ages.note(now, state.sequence);
         self.leases.follow(state.ordered.lease);
         let (pose, sees) = (state.pose, state.sees);
+        let rests = state.is_at_rest && state.leg.is_none();
         self.state = Some(state);
         self.watch_place(now, pose.sd_m, sees, out);
+        let seems_home = is_at_home(pose, self.settings.home);
+        self.place.note_rest(rests, seems_home);
         if self.place.is_known() && self.plan.begin_at(pose.at) {
             self.pilot.give_up(pose.at);
         }

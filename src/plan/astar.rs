@@ -101,7 +101,7 @@ pub(super) fn shortest_over(
     rules: &Rules,
 ) -> Result<GridPath, NoRoute> {
     let mut search = Search::new(terrain, rules);
-    if search.run(terrain, start, Some(goal)) {
+    if search.run(terrain, start, Some(goal), u64::MAX) {
         return Ok(search.found(terrain, terrain.place(goal), rules));
     }
     Err(NoRoute::Unreachable {
@@ -114,14 +114,29 @@ pub(super) fn shortest_over(
 pub(super) struct Flood {
     terrain: Terrain,
     nodes: Vec<SearchCell>,
+    /// Greater costs are not known.
+    most: u64,
 }
 
-/// Finds the least costs from one cell to all others (Dijkstra 1959); turning costs nothing.
-pub(super) fn flood(grid: &SearchGrid, start: Cell, rules: &Rules) -> Result<Flood, NoRoute> {
+/// Finds the least costs from one cell to all others (Dijkstra 1959), as far as these are not greater than so many sides of a
+/// cell; turning costs nothing.
+pub(super) fn flood(
+    grid: &SearchGrid,
+    start: Cell,
+    rules: &Rules,
+    most_cells: f64,
+) -> Result<Flood, NoRoute> {
     let terrain = entered(grid, start, None, rules)?;
     let mut search = Search::new(&terrain, rules);
-    search.run(&terrain, start, None);
+    // Saturating: infinity is the largest number.
+    let most = (most_cells * STRAIGHT as f64) as u64;
+    search.run(&terrain, start, None, most);
     Ok(Flood {
+        most: if search.queue.is_empty() {
+            u64::MAX
+        } else {
+            most
+        },
         nodes: search.nodes,
         terrain,
     })
@@ -130,14 +145,23 @@ pub(super) fn flood(grid: &SearchGrid, start: Cell, rules: &Rules) -> Result<Flo
 impl Flood {
     /// Returns the least cost of a way to a cell within the grid, in sides of a cell.
     pub(super) fn cost_cells(&self, cell: Cell) -> Option<f64> {
-        let cost = self.nodes[self.terrain.place(cell)].cost()?;
+        let cost = self.cost(self.terrain.place(cell))?;
         Some(cost as f64 / STRAIGHT as f64)
+    }
+
+    fn cost(&self, place: usize) -> Option<u64> {
+        self.nodes[place].cost().filter(|cost| *cost <= self.most)
+    }
+
+    /// Returns whether the costs of all cells are known that can be reached.
+    pub(super) fn is_whole(&self) -> bool {
+        self.most == u64::MAX
     }
 
     /// Returns a way of that cost, both ends included.
     pub(super) fn cells_to(&self, goal: Cell) -> Option<Vec<Cell>> {
         let place = self.terrain.place(goal);
-        self.nodes[place].cost()?;
+        self.cost(place)?;
         Some(walk_back(&self.terrain, &self.nodes, place))
     }
 }
@@ -148,7 +172,7 @@ pub(super) fn flood_back(terrain: &Terrain, goal: Cell, rules: &Rules) -> Vec<Se
         backward: true,
         ..Search::new(terrain, rules)
     };
-    search.run(terrain, goal, None);
+    search.run(terrain, goal, None, u64::MAX);
     search.nodes
 }
 
@@ -239,9 +263,11 @@ impl Search {
         }
     }
 
-    /// Searches until nothing is left that could be cheaper than a way to the goal, or all that can be reached;
-    /// tells whether the goal was.
-    fn run(&mut self, terrain: &Terrain, start: Cell, goal: Option<Cell>) -> bool {
+    /// Searches until nothing is left that could be cheaper than a way to the goal, or all that can be reached at most at
+    /// this cost; tells whether the goal was.
+    fn run(&mut self, terrain: &Terrain, start: Cell, goal: Option<Cell>, most: u64) -> bool {
+        // What waits in the queue is dearer then, but for what shares a bucket with it.
+        let last = most.saturating_add(BUCKET);
         let start = terrain.place(start);
         let goal_place = goal.map_or(usize::MAX, |goal| terrain.place(goal));
         self.nodes[start] = SearchCell::reached(0, NO_STEP);
@@ -252,6 +278,10 @@ impl Search {
             let node = self.nodes[place];
             if node.0 & EXPANDED != 0 {
                 continue;
+            }
+            if node.bound() > last {
+                self.queue.push(node.bound(), place as u32);
+                break;
             }
             let cell = terrain.cell(place);
             if place == goal_place {

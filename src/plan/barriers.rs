@@ -1,6 +1,6 @@
 //! What bars the way, part by part: for grids finer than the map's cells, where a doorway is as wide as it was seen.
 
-use std::ops::RangeInclusive;
+use std::ops::{Range, RangeInclusive};
 
 use super::RequiredClearance;
 use super::swath::rows_within;
@@ -15,11 +15,35 @@ const UNKNOWN: u8 = 1;
 const OCCUPIED: u8 = 2;
 /// Parts along the side of a cell.
 const SIDE: i32 = PART_SIDE as i32;
-/// Parts along the side of a node's square: nodes lie half a cell apart.
-const NODE: i32 = SIDE / 2;
-
 /// So much more than is required is wished for beside what was heard, cells: its echoes then halt nobody.
 const WISHED_CELLS: f64 = 0.75;
+
+/// How far apart the nodes of a grid lie that is finer than the map's cells.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum NodeSpacing {
+    /// Half a cell.
+    HalfCell,
+    /// A part of a cell: four times as many nodes, and ways between those of half cells.
+    Part,
+}
+
+impl NodeSpacing {
+    /// Returns the number of parts along the side of a node's square.
+    fn parts(self) -> i32 {
+        match self {
+            NodeSpacing::HalfCell => SIDE / 2,
+            NodeSpacing::Part => 1,
+        }
+    }
+
+    /// Returns the number of nodes along the side of a cell.
+    pub(super) fn per_cell(self) -> i32 {
+        SIDE / self.parts()
+    }
+}
+
+/// A row of nodes, and some of its columns, both counted from another node.
+type NodeRow = (i32, RangeInclusive<i32>);
 
 /// How near a node lies to something.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -39,6 +63,7 @@ pub(super) struct Barriers {
     lattice: Lattice,
     area: CellRect,
     width: usize,
+    nodes: NodeSpacing,
     /// Row-major, x fastest.
     kinds: Vec<u8>,
     clearance: RequiredClearance,
@@ -54,6 +79,7 @@ impl Barriers {
         clearance: RequiredClearance,
         from: Bar,
         stands: Point,
+        nodes: NodeSpacing,
     ) -> Barriers {
         let parts = CellRect::new(
             Cell::new(area.low.x * SIDE, area.low.y * SIDE),
@@ -64,6 +90,7 @@ impl Barriers {
             lattice: Lattice::new(view.lattice().cell_m() / f64::from(SIDE)),
             area: parts,
             width,
+            nodes,
             kinds: vec![OPEN; width * parts.height_cells() as usize],
             clearance,
             stands,
@@ -120,66 +147,123 @@ impl Barriers {
     }
 
     /// Calls `mark` with a row and a range of columns of nodes, and how near they lie to something.
-    pub(super) fn mark(&self, mark: &mut dyn FnMut(usize, RangeInclusive<usize>, Nearness)) {
-        for (index, kind) in self.kinds.iter().enumerate() {
-            if *kind == OPEN {
-                continue;
-            }
-            let (x, y) = (index % self.width, index / self.width);
-            let column = x / NODE as usize;
-            mark(y / NODE as usize, column..=column, Nearness::Solid);
-            let part = Cell::new(self.area.low.x + x as i32, self.area.low.y + y as i32);
-            let kept_m = self.kept_m(part).unwrap_or(0.0);
-            // Around a vehicle that stands too near, each part has a distance of its own.
-            let is_as_its_rim = kept_m == self.required_m(*kind);
-            if is_as_its_rim && !self.is_on_rim(x, y, *kind) {
-                continue;
-            }
-            let wished_m = kept_m + WISHED_CELLS * f64::from(SIDE) * self.lattice.cell_m();
-            let rings = [
-                (Nearness::Solid, self.clearance.body_m.min(kept_m)),
-                (Nearness::TooNear, kept_m),
-                (Nearness::Nearer, wished_m),
-            ];
-            let count = if *kind == OCCUPIED { 3 } else { 2 };
-            for (nearness, within_m) in &rings[..count] {
-                self.mark_near(x as i32, y as i32, *within_m, &mut |row, columns| {
-                    mark(row, columns, *nearness);
-                });
+    pub(super) fn mark(&self, mut mark: impl FnMut(usize, RangeInclusive<usize>, Nearness)) {
+        let rims = [UNKNOWN, OCCUPIED].map(|kind| self.rims(kind));
+        let side = self.nodes.parts() as usize;
+        for (y, line) in self.kinds.chunks_exact(self.width).enumerate() {
+            let beside_vehicle = self.beside_vehicle(y);
+            for (x, kind) in line.iter().enumerate() {
+                if *kind == OPEN {
+                    continue;
+                }
+                let (column, row) = (x / side, y / side);
+                mark(row, column..=column, Nearness::Solid);
+                // Around a vehicle that stands too near, each part has a distance of its own.
+                let required_m = self.required_m(*kind);
+                let kept_m = match beside_vehicle.contains(&x) {
+                    true => self.kept_m(self.part(x, y)).unwrap_or(0.0),
+                    false => required_m,
+                };
+                if kept_m != required_m {
+                    for (nearness, kept_m) in self.rings(*kind, kept_m) {
+                        let place = ((x % side) as i32, (y % side) as i32);
+                        let near = self.nodes_within(place, kept_m);
+                        self.mark_nodes((column, row), near, |row, columns| {
+                            mark(row, columns, nearness);
+                        });
+                    }
+                } else if self.is_on_rim(x, y, *kind) {
+                    let place = (y % side) * side + x % side;
+                    for (nearness, near) in &rims[usize::from(*kind - UNKNOWN)][place] {
+                        self.mark_nodes((column, row), near.iter().cloned(), |row, columns| {
+                            mark(row, columns, *nearness);
+                        });
+                    }
+                }
             }
         }
     }
 
-    /// Calls `near` with the nodes that are nearer to a part than `kept_m`. In units of half a part: parts lie at odd places,
-    /// nodes at every fourth from 2 on.
-    fn mark_near(
+    /// Returns how far around a part of this kind its nodes are marked, metres.
+    fn rings(&self, kind: u8, kept_m: f64) -> impl Iterator<Item = (Nearness, f64)> + use<> {
+        let wished_m = kept_m + WISHED_CELLS * f64::from(SIDE) * self.lattice.cell_m();
+        let rings = [
+            (Nearness::Solid, self.clearance.body_m.min(kept_m)),
+            (Nearness::TooNear, kept_m),
+            (Nearness::Nearer, wished_m),
+        ];
+        let count = if kind == OCCUPIED { 3 } else { 2 };
+        rings.into_iter().take(count)
+    }
+
+    /// Returns the nodes around a part of this kind that keeps what is required, for each place of a part in its node.
+    fn rims(&self, kind: u8) -> Vec<Vec<(Nearness, Vec<NodeRow>)>> {
+        let side = self.nodes.parts();
+        let places = (0..side).flat_map(|y| (0..side).map(move |x| (x, y)));
+        let around = |place| {
+            let rings = self.rings(kind, self.required_m(kind));
+            rings
+                .map(|(nearness, kept_m)| (nearness, self.nodes_within(place, kept_m).collect()))
+                .collect()
+        };
+        places.map(around).collect()
+    }
+
+    /// Returns the nodes that are nearer to a part than `kept_m`, by row, counted from the node that holds the part at this
+    /// place. In units of half a part: parts lie at odd places, nodes of half a cell at every fourth from 2 on, those of a part
+    /// where the parts are.
+    fn nodes_within(
         &self,
-        x: i32,
-        y: i32,
+        (x, y): (i32, i32),
         kept_m: f64,
-        near: &mut dyn FnMut(usize, RangeInclusive<usize>),
-    ) {
+    ) -> impl Iterator<Item = NodeRow> + use<> {
         let unit_m = self.lattice.cell_m() / 2.0;
         let reach = kept_m / unit_m * (1.0 - 1e-12);
-        let (at_x, at_y) = (2 * x + 1, 2 * y + 1);
-        let between = |at: i32, reach: f64, count: i32| {
-            let first = libm::ceil((f64::from(at - 2) - reach) / 4.0) as i32;
-            let last = libm::floor((f64::from(at - 2) + reach) / 4.0) as i32;
-            (first.max(0), last.min(count - 1))
+        let parts = self.nodes.parts();
+        // All places are whole numbers of units, so of a reach its whole part counts.
+        let between = move |at: i32, reach: f64| {
+            let (at, reach, apart) = (2 * at + 1 - parts, reach as i32, 2 * parts);
+            (at - reach + apart - 1).div_euclid(apart)..=(at + reach).div_euclid(apart)
         };
-        let (columns, rows) = (
-            self.width as i32 / NODE,
-            self.area.height_cells() as i32 / NODE,
-        );
-        let (first_row, last_row) = between(at_y, reach, rows);
-        for row in first_row..=last_row {
-            let up = f64::from(4 * row + 2 - at_y);
+        between(y, reach).map(move |row| {
+            let up = f64::from(2 * parts * row + parts - (2 * y + 1));
             let aside = (reach * reach - up * up).max(0.0).sqrt();
-            let (first, last) = between(at_x, aside, columns);
-            if first <= last {
-                near(row as usize, first as usize..=last as usize);
+            (row, between(x, aside))
+        })
+    }
+
+    /// Calls `mark` with those of the nodes around one that lie in the grid.
+    fn mark_nodes(
+        &self,
+        (column, row): (usize, usize),
+        near: impl Iterator<Item = NodeRow>,
+        mut mark: impl FnMut(usize, RangeInclusive<usize>),
+    ) {
+        let (columns, rows) = (
+            self.width as i32 / self.nodes.parts(),
+            (self.kinds.len() / self.width) as i32 / self.nodes.parts(),
+        );
+        for (up, aside) in near {
+            let row = row as i32 + up;
+            let (first, last) = (
+                (column as i32 + aside.start()).max(0),
+                (column as i32 + aside.end()).min(columns - 1),
+            );
+            if (0..rows).contains(&row) && first <= last {
+                mark(row as usize, first as usize..=last as usize);
             }
         }
+    }
+
+    /// Returns the columns of a row in which a part may lie nearer to the vehicle than is required, and a few more.
+    fn beside_vehicle(&self, y: usize) -> Range<usize> {
+        let middle = self.lattice.centre(self.part(0, y));
+        let reach_m = self.clearance.most_m();
+        if (middle.y_m - self.stands.y_m).abs() > reach_m {
+            return 0..0;
+        }
+        let column = |x_m: f64| ((x_m - middle.x_m) / self.lattice.cell_m()).max(0.0) as usize;
+        column(self.stands.x_m - reach_m)..column(self.stands.x_m + reach_m) + 2
     }
 
     /// Returns whether a part of this kind lies beside one that bars less: what is near to its inside is near to its rim.
@@ -226,6 +310,10 @@ impl Barriers {
         Some(RequiredClearance::with_sag(least_m, cell_m).min(required_m))
     }
 
+    fn part(&self, x: usize, y: usize) -> Cell {
+        Cell::new(self.area.low.x + x as i32, self.area.low.y + y as i32)
+    }
+
     fn index(&self, part: Cell) -> Option<usize> {
         let (x, y) = (
             part.x.abs_diff(self.area.low.x) as usize,
@@ -244,7 +332,9 @@ mod tests {
 
     use crate::geom::{Cell, Lattice, Point};
     use crate::map::{Bar, CellRect, Merged};
-    use crate::plan::{Corridor, RequiredClearance, Rules, SearchGrid, shortest_route};
+    use crate::plan::{
+        Corridor, NodeSpacing, RequiredClearance, Rules, SearchGrid, shortest_route,
+    };
 
     const CELL_M: f64 = 0.2;
     const RULES: Rules = Rules {
@@ -282,13 +372,14 @@ mod tests {
             barred in proptest::collection::vec((2..30i32, 2..30i32, any::<bool>()), 0..14),
             from in (1.0..5.4f64, 1.0..5.4f64), to in (1.0..5.4f64, 1.0..5.4f64),
             safety_m in 0.25..1.2f64,
+            nodes in prop::sample::select(vec![NodeSpacing::HalfCell, NodeSpacing::Part]),
         ) {
             let map = map(&barred);
             let area = CellRect::new(Cell::new(0, 0), Cell::new(31, 31));
             let view = map.view(0, CellRect::new(Cell::new(-32, -32), Cell::new(63, 63)));
             let planned = RequiredClearance::planned(0.25, safety_m, 0.04, CELL_M);
             let (from, to) = (Point::new(from.0, from.1), Point::new(to.0, to.1));
-            let grid = SearchGrid::of_parts(&view, area, planned, Bar::Unknown, from).unwrap();
+            let grid = SearchGrid::of_parts(&view, area, planned, Bar::Unknown, from, nodes).unwrap();
             let Ok(route) = shortest_route(&grid, from, to, &RULES) else {
                 return Ok(());
             };
@@ -311,8 +402,8 @@ mod tests {
         let area = CellRect::new(Cell::new(0, 0), Cell::new(31, 31));
         let planned = RequiredClearance::planned(0.25, 0.9, 0.0, CELL_M);
         let from = Point::new(2.1, 1.4);
-        let grid =
-            SearchGrid::of_parts(&map.view(0, area), area, planned, Bar::Unknown, from).unwrap();
+        let (view, nodes) = (map.view(0, area), NodeSpacing::HalfCell);
+        let grid = SearchGrid::of_parts(&view, area, planned, Bar::Unknown, from, nodes).unwrap();
         let is_open = |x_m, y_m| grid.passable(grid.lattice().cell_at(Point::new(x_m, y_m)));
         assert!(
             is_open(2.1, 1.4) && is_open(1.6, 1.4),
@@ -323,5 +414,32 @@ mod tests {
             !is_open(3.0, 1.4) && !is_open(3.7, 0.95),
             "near the other one"
         );
+    }
+
+    #[test]
+    fn a_way_between_the_nodes_of_half_cells_is_found_over_those_of_parts() {
+        // A wall with a gap of 0.8 m.
+        let wall = |x: i32| {
+            (0..32)
+                .filter(move |y| (14..=16).contains(y))
+                .map(move |y| (x, y, true))
+        };
+        let barred: Vec<(i32, i32, bool)> = (0..32)
+            .filter(|x| !(13..=16).contains(x))
+            .flat_map(wall)
+            .collect();
+        let map = map(&barred);
+        let area = CellRect::new(Cell::new(0, 0), Cell::new(31, 31));
+        let view = map.view(0, area);
+        let (from, to) = (Point::new(3.0, 1.0), Point::new(3.0, 5.0));
+        // The middles of its parts lie 0.85 m apart: a node of half a cell 0.375 m from one, a node of a part 0.4 m.
+        let is_passed = |kept_m: f64, nodes| {
+            let clearance = RequiredClearance::everywhere(kept_m);
+            let grid = SearchGrid::of_parts(&view, area, clearance, Bar::Unknown, from, nodes);
+            shortest_route(&grid.unwrap(), from, to, &RULES).is_ok()
+        };
+        assert!(is_passed(0.37, NodeSpacing::HalfCell));
+        assert!(!is_passed(0.39, NodeSpacing::HalfCell) && is_passed(0.39, NodeSpacing::Part));
+        assert!(!is_passed(0.41, NodeSpacing::Part));
     }
 }

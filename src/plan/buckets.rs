@@ -50,6 +50,11 @@ impl Buckets {
         }
     }
 
+    /// Returns whether nothing is in it.
+    pub(super) fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
     /// Adds an entry; its item is less than the largest number.
     #[inline]
     pub(super) fn push(&mut self, priority: u64, item: u32) {

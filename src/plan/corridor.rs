@@ -7,7 +7,7 @@ use std::f64::consts::SQRT_2;
 
 use super::RequiredClearance;
 use super::swath::{ALL_ROWS, rows_within};
-use crate::geom::{Cell, Point, Segment};
+use crate::geom::{Cell, Point, Segment, Vector};
 use crate::map::View;
 
 /// A contact counts when it is deeper than this, metres: rounding must not hold a vehicle that only touches.
@@ -173,6 +173,11 @@ impl Corridor {
         // The middles of a cell's outermost parts lie so far from its own.
         let spread_m = lattice.cell_m() * SQRT_2 * 3.0 / 8.0;
         let width_m = self.clearance.most_m() + spread_m;
+        let length_m = part.length_m();
+        let along = match length_m {
+            0.0 => Vector::default(),
+            length_m => part.vector() * (1.0 / length_m),
+        };
         for (y, columns) in rows_within(lattice, part, width_m, ALL_ROWS) {
             for x in columns {
                 let cell = Cell::new(x, y);
@@ -188,6 +193,11 @@ impl Corridor {
                     false => &mut *unknown,
                     true => &mut *blocked,
                 };
+                // No part of it is met before this: another one may be met sooner anyway.
+                let ahead_m = (centre - part.from).dot(along);
+                if start_m + ahead_m - kept_m - spread_m > contact.at_m {
+                    continue;
+                }
                 for place in barred.places(lattice, cell) {
                     let here_m = stands.distance_to(place);
                     let reach_m = match here_m < kept_m {

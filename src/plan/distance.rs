@@ -25,12 +25,32 @@ impl Distances {
     /// [`NoRoute::StartOutside`] and [`NoRoute::StartBarred`].
     #[inline]
     pub fn from_start(grid: &SearchGrid, start: Cell, rules: &Rules) -> Result<Distances, NoRoute> {
-        let flood = flood(grid, start, rules)?;
+        Distances::within(grid, start, rules, f64::INFINITY)
+    }
+
+    /// Searches what can be reached from a start at a cost of at most `most_m`, metres: of what is dearer nothing is known
+    /// then.
+    ///
+    /// # Errors
+    /// [`NoRoute::StartOutside`] and [`NoRoute::StartBarred`].
+    pub fn within(
+        grid: &SearchGrid,
+        start: Cell,
+        rules: &Rules,
+        most_m: f64,
+    ) -> Result<Distances, NoRoute> {
+        let lattice = grid.lattice();
         Ok(Distances {
-            lattice: grid.lattice(),
+            lattice,
             area: grid.area(),
-            flood,
+            flood: flood(grid, start, rules, most_m / lattice.cell_m())?,
         })
+    }
+
+    /// Returns whether all that can be reached was searched.
+    #[inline]
+    pub fn is_whole(&self) -> bool {
+        self.flood.is_whole()
     }
 
     /// Returns the lattice of the grid that was searched.
@@ -40,7 +60,7 @@ impl Distances {
     }
 
     /// Returns the least cost of a way to a cell, metres (length, and more where [`Rules`] make a step dearer);
-    /// `None` where no way leads: that is a proof. Ways here are those that [`super::shortest_cells`] finds.
+    /// `None` where no way leads: that is a proof when all was searched. Ways here are those that [`super::shortest_cells`] finds.
     #[inline]
     pub fn cost_m(&self, cell: Cell) -> Option<f64> {
         let cost_cells = self
@@ -115,6 +135,28 @@ mod tests {
                     }
                     Err(NoRoute::Unreachable { .. }) => prop_assert_eq!(distances.cost_m(goal), None),
                     Err(_) => prop_assert!(grid.passable(start) <= distances.cost_m(goal).is_none()),
+                }
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_searched_up_to_a_cost_is_as_if_all_were_searched(
+            stones in proptest::collection::vec((-3..SIDE - 3, -5..SIDE - 5), 0..120), most_m in 0.0..5.0f64,
+        ) {
+            let (grid, rules) = (grid(&stones, 0.3), Rules { escape_m: 0.4, ..Rules::default() });
+            let Ok(all) = Distances::from_start(&grid, Cell::new(0, 0), &rules) else {
+                return Ok(());
+            };
+            let near = Distances::within(&grid, Cell::new(0, 0), &rules, most_m).unwrap();
+            let cells = || grid.area().cells();
+            prop_assert_eq!(near.is_whole(), cells().all(|cell| near.cost_m(cell) == all.cost_m(cell)));
+            for cell in cells() {
+                let within = all.cost_m(cell).filter(|cost_m| near.is_whole() || *cost_m <= most_m);
+                prop_assert_eq!(near.cost_m(cell), within);
+                if within.is_some() {
+                    prop_assert_eq!(near.cells_to(cell), all.cells_to(cell));
                 }
             }
         }

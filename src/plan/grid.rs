@@ -5,7 +5,7 @@
 
 use thiserror::Error;
 
-use super::barriers::{Barriers, Nearness};
+use super::barriers::{Barriers, Nearness, NodeSpacing};
 use super::steps::{HIGHEST_LEVEL, LEVELS_PER_PRICE};
 use super::swath::rows_within;
 use super::{Clearance, RequiredClearance};
@@ -82,19 +82,23 @@ impl SearchGrid {
     ) -> Result<SearchGrid, GridError> {
         let lattice = view.lattice();
         let clearance_m = swept_clearance_m(half_width_m, lattice);
-        let solid = |cell| match view.occupancy(cell) {
-            Occupancy::Free => false,
-            Occupancy::Unknown => !unknown_allowed,
-            Occupancy::Occupied => true,
+        let solid = |occupancy| match occupancy {
+            Occupancy::Free => 0,
+            Occupancy::Unknown if unknown_allowed => 0,
+            Occupancy::Unknown | Occupancy::Occupied => SOLID,
         };
-        let mut grid = SearchGrid::of_cells(lattice, area, clearance_m, solid)?;
+        let mut grid = SearchGrid::bare(lattice, area, clearance_m)?;
         grid.half_width_m = half_width_m;
+        for (y, flags) in (area.low.y..=area.high.y).zip(grid.flags.chunks_exact_mut(grid.width)) {
+            view.read_row(Cell::new(area.low.x, y), flags, solid);
+        }
+        grid.inflate(clearance_m / lattice.cell_m());
         Ok(grid)
     }
 
-    /// Copies a rectangle of the map's cells, with nodes half a cell apart, for a vehicle that keeps these distances from
-    /// the parts of cells that bar for the reason `from` or a surer one, and `stands` somewhere: what it is too near to already
-    /// it may leave. A doorway is then as wide as it was seen; it takes several times as long as [`SearchGrid::of_map`].
+    /// Copies a rectangle of the map's cells, with nodes closer together than these, for a vehicle that keeps these
+    /// distances from the parts of cells that bar for the reason `from` or a surer one, and `stands` somewhere: what it is
+    /// too near to already it may leave. A doorway is then as wide as it was seen; it takes several times as long as [`SearchGrid::of_map`].
     ///
     /// # Errors
     /// [`GridError`] when the rectangle is too large or the distances impossible.
@@ -104,24 +108,21 @@ impl SearchGrid {
         clearance: RequiredClearance,
         from: Bar,
         stands: Point,
+        spacing: NodeSpacing,
     ) -> Result<SearchGrid, GridError> {
-        let lattice = Lattice::new(view.lattice().cell_m() / 2.0);
+        let per_cell = spacing.per_cell();
+        let lattice = Lattice::new(view.lattice().cell_m() / f64::from(per_cell));
+        let first = |cell: i32| cell.saturating_mul(per_cell);
+        let last = |cell: i32| first(cell).saturating_add(per_cell - 1);
         let nodes = CellRect::new(
-            Cell::new(area.low.x.saturating_mul(2), area.low.y.saturating_mul(2)),
-            Cell::new(
-                area.high.x.saturating_mul(2).saturating_add(1),
-                area.high.y.saturating_mul(2).saturating_add(1),
-            ),
+            Cell::new(first(area.low.x), first(area.low.y)),
+            Cell::new(last(area.high.x), last(area.high.y)),
         );
-        let mut grid = SearchGrid::of_cells(lattice, nodes, 0.0, |_| false)?;
-        let clearance_m = clearance.most_m();
-        if !(0.0..=100.0).contains(&(clearance_m / lattice.cell_m())) {
-            return Err(GridError::Clearance { clearance_m });
-        }
-        let barriers = Barriers::of_view(view, area, clearance, from, stands);
+        let mut grid = SearchGrid::bare(lattice, nodes, clearance.most_m())?;
+        let barriers = Barriers::of_view(view, area, clearance, from, stands, spacing);
         let width = grid.width;
         let mut levels = vec![0; grid.flags.len()];
-        barriers.mark(&mut |row, columns, nearness| {
+        barriers.mark(|row, columns, nearness| {
             let flags = &mut grid.flags[row * width..][columns.clone()];
             match nearness {
                 Nearness::Solid => flags.iter_mut().for_each(|flag| *flag |= SOLID | NEAR),
@@ -145,6 +146,16 @@ impl SearchGrid {
         clearance_m: f64,
         solid: impl Fn(Cell) -> bool,
     ) -> Result<SearchGrid, GridError> {
+        let mut grid = SearchGrid::bare(lattice, area, clearance_m)?;
+        for (cell, flag) in area.cells().zip(&mut grid.flags) {
+            *flag = if solid(cell) { SOLID } else { 0 };
+        }
+        grid.inflate(clearance_m / lattice.cell_m());
+        Ok(grid)
+    }
+
+    /// Makes a grid in which nothing stands.
+    fn bare(lattice: Lattice, area: CellRect, clearance_m: f64) -> Result<SearchGrid, GridError> {
         let cells = area.width_cells().saturating_mul(area.height_cells());
         if cells > MAX_GRID_CELLS {
             return Err(GridError::TooLarge { cells });
@@ -152,28 +163,20 @@ impl SearchGrid {
         if !(0.0..=100.0).contains(&(clearance_m / lattice.cell_m())) {
             return Err(GridError::Clearance { clearance_m });
         }
-        let (width, height) = (area.width_cells() as usize, area.height_cells() as usize);
-        let mut flags = Vec::with_capacity(width * height);
-        for y in area.low.y..=area.high.y {
-            flags.extend(
-                (area.low.x..=area.high.x).map(|x| if solid(Cell::new(x, y)) { SOLID } else { 0 }),
-            );
-        }
         let half_width_m = (square(clearance_m) - square(lattice.cell_m()) / 2.0)
             .max(0.0)
             .sqrt();
-        let mut grid = SearchGrid {
+        let (width, height) = (area.width_cells() as usize, area.height_cells() as usize);
+        Ok(SearchGrid {
             lattice,
             area,
             width,
             height,
             half_width_m,
-            flags,
+            flags: vec![0; width * height],
             levels: None,
             barriers: None,
-        };
-        grid.inflate(clearance_m / lattice.cell_m());
-        Ok(grid)
+        })
     }
 
     /// Makes a grid from distances that are kept, for a vehicle that sweeps `half_width_m`: the same as
@@ -190,7 +193,7 @@ impl SearchGrid {
         let lattice = clearance.lattice();
         let clearance_m = swept_clearance_m(half_width_m, lattice);
         let clearance_cells = clearance_m / lattice.cell_m();
-        let mut grid = SearchGrid::of_cells(lattice, area, 0.0, |_| false)?;
+        let mut grid = SearchGrid::bare(lattice, area, 0.0)?;
         if !(0.0..=f64::from(clearance.reach_cells())).contains(&clearance_cells) {
             return Err(GridError::Clearance { clearance_m });
         }
@@ -268,36 +271,44 @@ impl SearchGrid {
     }
 
     /// Closes all cells in which a disc around the middle is not wholly inside a polygon, e.g. the fence: the same as
-    /// [`SearchGrid::close_where`] with [`Polygon::contains_disc`], but it looks closely only along the edges.
+    /// [`SearchGrid::close_where`] with [`Polygon::contains_disc`], but each edge is asked only along itself.
     pub fn close_outside(&mut self, fence: &Polygon, radius_m: f64) {
         // Between neighbouring middles that lie this far from all edges there is no edge.
         let apart_m = radius_m.max(self.lattice.cell_m());
+        let (lattice, width) = (self.lattice, self.width);
         let mut near = vec![false; self.flags.len()];
         for edge in fence
             .edges()
             .filter(|edge| edge.from.is_finite() && edge.to.is_finite())
         {
-            for (y, columns) in rows_within(self.lattice, edge, apart_m, self.rows()) {
+            for (y, columns) in rows_within(lattice, edge, apart_m, self.rows()) {
+                let start = (y - self.area.low.y) as usize * width;
                 for x in
                     (*columns.start()).max(self.area.low.x)..=(*columns.end()).min(self.area.high.x)
                 {
-                    if let Some(index) = self.index(Cell::new(x, y)) {
-                        near[index] = true;
+                    let index = start + (x - self.area.low.x) as usize;
+                    near[index] = true;
+                    if edge.distance_to_point(lattice.centre(Cell::new(x, y))) < radius_m {
+                        self.flags[index] |= CLOSED;
                     }
                 }
             }
         }
-        let mut inside = false;
-        for (index, is_near) in near.iter().enumerate() {
-            let middle = self.lattice.centre(self.cell(index));
-            let row_starts = index % self.width == 0;
-            if *is_near {
-                inside = fence.contains_disc(middle, radius_m);
-            } else if row_starts || near[index - 1] {
-                inside = fence.contains(middle);
-            }
-            if !inside {
-                self.flags[index] |= CLOSED;
+        let rows = self.flags.chunks_exact_mut(width);
+        for ((y, flags), near) in (self.area.low.y..).zip(rows).zip(near.chunks_exact(width)) {
+            let (mut inside, mut is_known) = (false, false);
+            for ((x, flag), near) in (self.area.low.x..).zip(flags).zip(near) {
+                if *near && *flag & CLOSED != 0 {
+                    is_known = false;
+                    continue;
+                }
+                if *near || !is_known {
+                    inside = fence.contains(lattice.centre(Cell::new(x, y)));
+                }
+                is_known = !near;
+                if !inside {
+                    *flag |= CLOSED;
+                }
             }
         }
     }
@@ -324,18 +335,21 @@ impl SearchGrid {
     }
 
     /// Opens the cells under a track that are too near to something, but for solid and closed ones: where a vehicle has
-    /// driven there was room for it.
-    pub fn open_along(&mut self, track: &[Point]) {
+    /// driven there was room for it. Returns whether any was closed.
+    pub fn open_along(&mut self, track: &[Point]) -> bool {
+        let mut has_opened = false;
         for pair in track
             .windows(2)
             .filter(|pair| pair[0].is_finite() && pair[1].is_finite())
         {
             for cell in self.lattice.cells_under(Segment::new(pair[0], pair[1])) {
                 if let Some(index) = self.index(cell) {
+                    has_opened |= self.flags[index] & NEAR != 0;
                     self.flags[index] &= !NEAR;
                 }
             }
         }
+        has_opened
     }
 
     /// Returns whether a vehicle's middle may be in a cell; `false` outside the rectangle.
@@ -484,27 +498,27 @@ impl SearchGrid {
         let rows: Vec<(i32, i32)> = (-reach..=reach)
             .filter_map(|dy| half(dy).map(|dx| (dy, dx)))
             .collect();
-        for index in 0..self.flags.len() {
-            if self.flags[index] & SOLID != 0 && self.on_rim(index) {
-                self.stamp(index, &rows);
+        for y in 0..self.height {
+            for x in 0..self.width {
+                if self.flags[y * self.width + x] & SOLID != 0 && self.on_rim(x, y) {
+                    self.stamp(x, y, &rows);
+                }
             }
         }
     }
 
-    fn on_rim(&self, index: usize) -> bool {
-        let (x, y) = (index % self.width, index / self.width);
-        let solid = |index: usize| self.flags[index] & SOLID != 0;
-        x == 0
-            || y == 0
-            || x + 1 == self.width
-            || y + 1 == self.height
-            || ![index - 1, index + 1, index - self.width, index + self.width]
-                .into_iter()
-                .all(solid)
+    fn on_rim(&self, x: usize, y: usize) -> bool {
+        if x == 0 || y == 0 || x + 1 == self.width || y + 1 == self.height {
+            return true;
+        }
+        let index = y * self.width + x;
+        ![index - 1, index + 1, index - self.width, index + self.width]
+            .into_iter()
+            .all(|beside| self.flags[beside] & SOLID != 0)
     }
 
-    fn stamp(&mut self, index: usize, rows: &[(i32, i32)]) {
-        let (x, y) = ((index % self.width) as i32, (index / self.width) as i32);
+    fn stamp(&mut self, x: usize, y: usize, rows: &[(i32, i32)]) {
+        let (x, y) = (x as i32, y as i32);
         for (dy, dx) in rows {
             let row = y + dy;
             if row < 0 || row >= self.height as i32 {
@@ -532,3 +546,6 @@ fn level_of(times: f64) -> u8 {
 fn square(value: f64) -> f64 {
     value * value
 }
+
+#[cfg(test)]
+mod tests;

@@ -2,7 +2,7 @@
 
 use std::ops::RangeInclusive;
 
-use crate::geom::{Lattice, Segment};
+use crate::geom::{Lattice, Segment, ceil_to_i32, floor_to_i32};
 
 /// Every row there is.
 pub(super) const ALL_ROWS: RangeInclusive<i32> = i32::MIN..=i32::MAX;
@@ -18,9 +18,9 @@ pub(super) fn rows_within(
 ) -> impl Iterator<Item = (i32, RangeInclusive<i32>)> {
     let Segment { from, to } = along;
     let cell_m = lattice.cell_m();
-    let row_from = libm::ceil((from.y_m.min(to.y_m) - radius_m) / cell_m - 0.5) as i32;
+    let row_from = ceil_to_i32((from.y_m.min(to.y_m) - radius_m) / cell_m - 0.5);
     let row_from = row_from.max(*rows.start());
-    let row_to = libm::floor((from.y_m.max(to.y_m) + radius_m) / cell_m - 0.5) as i32;
+    let row_to = floor_to_i32((from.y_m.max(to.y_m) + radius_m) / cell_m - 0.5);
     let row_to = row_to.min(*rows.end());
     let bounds_m = (
         from.x_m.min(to.x_m) - radius_m,
@@ -40,8 +40,8 @@ pub(super) fn rows_within(
         let low_m = (middle_m - half_m).max(bounds_m.0);
         let high_m = (middle_m + half_m).min(bounds_m.1);
         // Rounded outward a little, so that a middle exactly on the border is not lost to rounding.
-        let low = libm::ceil(low_m / cell_m - 0.5 - 1e-9) as i32;
-        let high = libm::floor(high_m / cell_m - 0.5 + 1e-9) as i32;
+        let low = ceil_to_i32(low_m / cell_m - 0.5 - 1e-9);
+        let high = floor_to_i32(high_m / cell_m - 0.5 + 1e-9);
         (row, low..=high)
     })
 }

@@ -98,6 +98,7 @@ impl Network {
             compare_with: None,
             lost_after: Duration::from_secs(30),
             autonomy: Duration::from_secs(60),
+            fence_m: 96.0,
             store: 1,
             lattice: Lattice::new(0.2),
             bin_m: 0.2,

@@ -371,6 +371,7 @@ fn settings(boot: Boot, start: u64, store: u64) -> StationSettings {
         // Short, so that vehicles are lost and found within a world.
         lost_after: Duration::from_secs(4),
         autonomy: Duration::from_secs(5),
+        fence_m: 48.0,
         store,
         lattice: Lattice::new(0.2),
         bin_m: 0.5,

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Boot, Lease, MissionProgress, Order, RunId, SeenState, StandReason, State};
 
 use super::order_ledger::OrderLedger;
-use crate::geom::Point;
+use crate::geom::{Point, Vector};
 use crate::sweep::{LOWER_BOOT_AFTER, LowerNumbers, VOID_AFTER, VehicleProgress};
 use crate::time::Time;
 
@@ -21,6 +21,8 @@ pub(crate) struct FleetMember {
     progress_at: Option<Time>,
     mission: Option<MissionProgress>,
     heard_at: Option<Time>,
+    /// The fastest that it was heard to drive, m/s.
+    fastest_mps: f64,
     dealings: OrderLedger,
 }
 
@@ -33,6 +35,8 @@ pub(crate) struct FleetChange {
     pub found: bool,
     /// It has made progress with its plan.
     pub made_progress: bool,
+    /// It is over with another stop of its plan.
+    pub left_stop: bool,
     /// Somebody else has ordered it to begin this run.
     pub started: Option<RunId>,
 }
@@ -56,6 +60,11 @@ impl FleetMember {
         let knows = |state: &&State| state.stands_under != Some(StandReason::NoPlace);
         let pose = self.state().filter(knows)?.pose;
         pose.map(|pose| pose.at.into())
+    }
+
+    /// Returns the fastest that it was heard to drive, m/s.
+    pub(crate) fn fastest_mps(&self) -> f64 {
+        self.fastest_mps
     }
 
     /// Returns its newest progress.
@@ -120,11 +129,14 @@ impl FleetMember {
         if let Some(StandReason::Stop(_)) = state.stands_under {
             self.dealings.be_stopped(state.vehicle, lease);
         }
+        let speed_mps = Vector::from(state.velocity).length_m();
+        self.fastest_mps = self.fastest_mps.max(speed_mps);
         self.state = Some((now, state));
         FleetChange {
             restarted,
             found,
             made_progress: false,
+            left_stop: false,
             started,
         }
     }
@@ -142,9 +154,11 @@ impl FleetMember {
         if before <= Some(key(&progress)) || is_void {
             (self.progress, self.progress_at) = (Some(progress), Some(now));
         }
+        let made_progress = before < Some(key(&progress));
         FleetChange {
             restarted,
-            made_progress: before < Some(key(&progress)),
+            made_progress,
+            left_stop: made_progress && progress.done.is_some(),
             ..FleetChange::default()
         }
     }

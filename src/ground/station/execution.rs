@@ -7,6 +7,8 @@
 //! keeps no samples, and does not choose which sweep comes next.
 
 mod completion;
+mod idle_time;
+mod missing_plans;
 mod next_step;
 mod phase;
 mod published_plans;
@@ -17,6 +19,9 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Lease, OrderKind, Plan, RunEnd, RunId, VehicleId};
 
 use self::completion::{close, count_laps};
+pub(super) use self::idle_time::IdleLimits;
+use self::idle_time::IdleTime;
+use self::missing_plans::{MissingPlans, MissingPlansStep, PlannedFrom};
 use self::next_step::{NextStep, must_rest};
 pub(super) use self::phase::ExecutionPhase;
 pub(super) use self::published_plans::PublishedPlans;
@@ -27,7 +32,7 @@ use super::lost_vehicles::{SilenceLimits, is_too_few};
 use super::run_registry::RequestedSweep;
 use crate::geom::Point;
 use crate::ground::fleet::{Fleet, FleetChange, FleetMember};
-use crate::ground::planner::{PlannerAnswer, Request};
+use crate::ground::planner::{NoPlan, PlannerAnswer, Request};
 use crate::ground::samples::SampleStore;
 use crate::sweep::{Succession, VehicleProgress};
 use crate::time::Time;
@@ -41,7 +46,10 @@ pub(super) struct Conditions<'a> {
     pub now: Time,
     pub fleet: &'a Fleet,
     pub samples: &'a SampleStore,
+    /// How often the map of all vehicles has changed.
+    pub map_changes: u64,
     pub silence: SilenceLimits,
+    pub idle: IdleLimits,
     /// By which right plans are given.
     pub lease: Lease,
     /// Whether an order other than Start is in force: then nothing is begun, planned or timed.
@@ -81,6 +89,9 @@ pub(super) struct SweepExecution {
     phase: ExecutionPhase,
     plans: PublishedPlans,
     visited: VisitedGround,
+    idle: IdleTime,
+    /// Plans that were asked for, and could not be made.
+    missing: Option<MissingPlans>,
 }
 
 impl SweepExecution {
@@ -93,6 +104,8 @@ impl SweepExecution {
             phase,
             plans: PublishedPlans::restored(succession),
             visited: VisitedGround::default(),
+            idle: IdleTime::default(),
+            missing: None,
         }
     }
 
@@ -111,6 +124,9 @@ impl SweepExecution {
         if shown.made_progress {
             self.phase.note_progress(now);
             self.visited.clear();
+        }
+        if shown.left_stop {
+            self.idle.clear();
         }
         if shown.restarted || shown.found {
             self.phase.disturb();
@@ -161,6 +177,7 @@ impl SweepExecution {
         if self.phase.sweep().is_none() {
             self.plans.begin_run(requested.run, at.fleet);
             self.phase.begin(at.now, SweepRun::new(requested));
+            self.idle.clear();
             self.rest(at, out);
         }
     }
@@ -173,6 +190,8 @@ impl SweepExecution {
         out: &mut Vec<SweepOutput>,
     ) {
         self.phase.go_on(at.now);
+        self.idle.clear();
+        self.missing = None;
         let is_elsewhere = match lifted {
             OrderKind::Return | OrderKind::Land | OrderKind::CutMotors => true,
             OrderKind::Start | OrderKind::Hold => false,
@@ -218,14 +237,15 @@ impl SweepExecution {
         if !is_asked_for || must_rest(&self.phase, &self.plans, at) {
             return;
         }
-        match answer.plans.and_then(|plans| self.plans.begin(plans)) {
-            Err(reason) => {
-                out.push(SweepOutput::StationEvent(StationEvent::NoPlan(
-                    reason.clone(),
-                )));
-                self.give_up(RunEnd::Failed, reason, out);
-            }
+        let cannot_follow = |why| NoPlan {
+            why,
+            is_of_places: false,
+        };
+        let begin = |plans| self.plans.begin(plans).map_err(cannot_follow);
+        match answer.plans.and_then(begin) {
+            Err(no_plan) => self.go_without_plan(no_plan, at, out),
             Ok(stops) => {
+                self.missing = None;
                 let laps = answer.laps.len();
                 out.push(SweepOutput::StationEvent(StationEvent::Planned {
                     run,
@@ -242,10 +262,13 @@ impl SweepExecution {
     /// Does what is due: repeats plans or has new ones made, counts laps, and closes the run.
     pub(super) fn advance(&mut self, at: &Conditions<'_>, out: &mut Vec<SweepOutput>) {
         self.watch_places(at);
-        match NextStep::of(&self.phase, &self.plans, at) {
+        match self.next_step(at, out) {
             NextStep::Wait => {}
             NextStep::Repeat => self.publish(at, out),
-            NextStep::Replan => self.replan(at, out),
+            NextStep::Replan => {
+                self.idle.clear();
+                self.replan(at, out);
+            }
             NextStep::Retry => self.retry(at, out),
             NextStep::Ask => self.ask(at, out),
         }
@@ -253,26 +276,75 @@ impl SweepExecution {
         out.extend(close(&mut self.phase, at));
     }
 
+    /// Returns the next step. Plans that could not be made are asked for again when something has changed.
+    fn next_step(&mut self, at: &Conditions<'_>, out: &mut Vec<SweepOutput>) -> NextStep {
+        let step = NextStep::of(&self.phase, &self.plans, self.idle.total(), at);
+        let is_asked_first = matches!(self.phase, ExecutionPhase::Stopping { .. });
+        let Some(missing) = self
+            .missing
+            .as_ref()
+            .filter(|_| step == NextStep::Ask && is_asked_first)
+        else {
+            return step;
+        };
+        match missing.step(at.now, &planned_from(at)) {
+            MissingPlansStep::AskAgain => NextStep::Ask,
+            MissingPlansStep::Wait => NextStep::repeat(&self.plans, at.now),
+            MissingPlansStep::GiveUp => {
+                let why = missing.why.clone();
+                self.missing = None;
+                self.give_up(RunEnd::Failed, why, out);
+                NextStep::Wait
+            }
+        }
+    }
+
+    /// There is no plan: everyone rests on, and it is tried again when that may help.
+    fn go_without_plan(
+        &mut self,
+        no_plan: NoPlan,
+        at: &Conditions<'_>,
+        out: &mut Vec<SweepOutput>,
+    ) {
+        let NoPlan { why, is_of_places } = no_plan;
+        let is_news = self
+            .missing
+            .as_ref()
+            .is_none_or(|missing| missing.why != why);
+        if is_news {
+            out.push(SweepOutput::StationEvent(StationEvent::NoPlan(why.clone())));
+        }
+        if !is_of_places {
+            self.missing = None;
+            return self.give_up(RunEnd::Failed, why, out);
+        }
+        let from = planned_from(at);
+        match &mut self.missing {
+            Some(missing) => missing.try_in_vain(at.now, from, why),
+            None => self.missing = Some(MissingPlans::new(at.now, from, why)),
+        }
+        self.phase.stop(at.now);
+    }
+
     /// A vehicle that comes to where it was not since the last stop was done gets on.
     fn watch_places(&mut self, at: &Conditions<'_>) {
-        let is_new = |(id, member): (VehicleId, &FleetMember)| {
-            member
-                .place()
-                .is_some_and(|place| self.visited.visit(id, place))
-        };
-        if at
-            .fleet
-            .members()
-            .map(is_new)
-            .fold(false, |any, one| any | one)
-        {
-            self.phase.note_progress(at.now);
+        match self.phase {
+            ExecutionPhase::Running { .. } if !at.is_held => self.idle.go_on(at.now),
+            _ => self.idle.pause(),
+        }
+        for (id, member) in at.fleet.members() {
+            let is_new = |place| self.visited.visit(id, place);
+            if member.place().is_some_and(is_new) {
+                self.phase.note_progress(at.now);
+            }
         }
     }
 
     /// Brings everyone to rest by an empty revision, before plans are made from where they rest.
     fn rest(&mut self, at: &Conditions<'_>, out: &mut Vec<SweepOutput>) {
         self.phase.stop(at.now);
+        self.visited.clear();
+        self.missing = None;
         let Some(run) = self.phase.driven().map(SweepRun::run) else {
             return;
         };
@@ -315,14 +387,10 @@ impl SweepExecution {
         let Some((sweep, revision)) = self.phase.sweep().zip(self.plans.next_revision()) else {
             return;
         };
-        let place = |(id, member): (VehicleId, &FleetMember)| {
-            let place = member.place().filter(|_| !member.dealings().is_lost());
-            Some((id, place?))
-        };
         out.push(SweepOutput::PlansNeeded(Request {
             run: sweep.run(),
             revision,
-            places: at.fleet.members().filter_map(place).collect(),
+            places: planned_from(at).places,
             first_lap: sweep.laps_done(),
             task: None,
         }));
@@ -333,6 +401,18 @@ impl SweepExecution {
         let why = why.into();
         out.extend(run.map(|run| SweepOutput::GivenUp { run, end, why }));
         self.phase.end();
+    }
+}
+
+/// Returns what plans are made from: where those rest that are there.
+fn planned_from(at: &Conditions<'_>) -> PlannedFrom {
+    let place = |(id, member): (VehicleId, &FleetMember)| {
+        let place = member.place().filter(|_| !member.dealings().is_lost());
+        Some((id, place?))
+    };
+    PlannedFrom {
+        places: at.fleet.members().filter_map(place).collect(),
+        map_changes: at.map_changes,
     }
 }
 

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Digest, Message, TileReport, TileRequest};
 
 use crate::geom::Lattice;
-use crate::map::{Merged, Repair};
+use crate::map::{JoinResult, Merged, Repair};
 use crate::time::Time;
 
 /// The merged map, kept in repair.
@@ -13,6 +13,8 @@ use crate::time::Time;
 pub(super) struct FleetMap {
     merged: Merged,
     repair: Repair,
+    /// How often a tile has changed it.
+    changes: u64,
 }
 
 impl FleetMap {
@@ -21,6 +23,7 @@ impl FleetMap {
         FleetMap {
             merged: Merged::new(lattice, None),
             repair: Repair::new(None),
+            changes: 0,
         }
     }
 
@@ -29,9 +32,15 @@ impl FleetMap {
         &self.merged
     }
 
+    /// Returns how often a tile has changed the map.
+    pub(super) fn changes(&self) -> u64 {
+        self.changes
+    }
+
     /// Takes a tile. One that cannot be joined changes nothing; its sender keeps it, and repeats it.
     pub(super) fn join(&mut self, now: Time, tile: &TileReport) {
-        let _ = self.merged.join(tile);
+        let joined = self.merged.join(tile);
+        self.changes += u64::from(joined.is_ok_and(|joined| joined != JoinResult::Known));
         self.repair.pass(now, &self.merged, tile);
     }
 

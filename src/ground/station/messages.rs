@@ -204,6 +204,8 @@ pub struct StationSettings {
     pub lost_after: Duration,
     /// A vehicle without a bus carries on under its plan for this long.
     pub autonomy: Duration,
+    /// The length of the fence, metres.
+    pub fence_m: f64,
     /// Id of the sample store.
     pub store: u64,
     /// The cells of the map.

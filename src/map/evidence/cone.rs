@@ -22,9 +22,8 @@ const PART_INSET_CELLS: f64 = SQRT_2 / 8.0;
 /// From a cell's middle to those of its quarters, and of its outermost parts, cells.
 const TO_QUARTER_CELLS: f64 = SQRT_2 / 4.0;
 const TO_PART_CELLS: f64 = SQRT_2 * 3.0 / 8.0;
-/// All quarters, and all parts, of a cell.
+/// All quarters of a cell.
 pub(super) const ALL_QUARTERS: u8 = 0b1111;
-pub(super) const ALL_PARTS: u16 = u16::MAX;
 
 /// What a reading saw empty of a cell.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -111,9 +110,10 @@ impl Cone {
             .unwrap_or(CellRect::new(tip, tip))
     }
 
-    /// Returns what was seen empty of a cell; `None` = nothing of it.
+    /// Returns what was seen empty of a cell; `None` = nothing of it. Of its parts those are left out that are `known` to be
+    /// empty.
     #[inline]
-    pub(super) fn sees(&self, cell: Cell) -> Option<Seen> {
+    pub(super) fn sees(&self, cell: Cell, known: u16) -> Option<Seen> {
         let cell_m = self.lattice.cell_m();
         let to = self.lattice.centre(cell) - self.origin;
         let (ahead_m, depth_m) = self.depth_m(to);
@@ -138,9 +138,9 @@ impl Cone {
         let is_near =
             distance_m + spread_m <= self.parts_to_m && distance_m - spread_m >= self.min_m;
         let parts = if is_wholly_inside && is_near {
-            ALL_PARTS
+            !known
         } else {
-            self.parts(to)
+            self.parts(to, known)
         };
         (quarters != 0 || parts != 0).then(|| Seen {
             from_cm: (distance_m * 100.0).ceil() as u16,
@@ -159,10 +159,11 @@ impl Cone {
         })
     }
 
-    /// Returns which parts of the cell with its middle there lie inside, and nearer than the echo.
-    fn parts(&self, middle: Vector) -> u16 {
+    /// Returns which parts of the cell with its middle there lie inside, and nearer than the echo, but for the known ones.
+    fn parts(&self, middle: Vector, known: u16) -> u16 {
         let cell_m = self.lattice.cell_m();
-        (0..PARTS).fold(0, |seen, part| {
+        let unknown = (0..PARTS).filter(|part| known & (1 << part) == 0);
+        unknown.fold(0, |seen, part| {
             let to = middle + part_offset(part, cell_m);
             let distance_m = to.length_m();
             let is_inside = (self.min_m..=self.parts_to_m).contains(&distance_m)

@@ -4,9 +4,12 @@
 use serde::{Deserialize, Serialize};
 
 use crate::geom::{Cell, Lattice, Point, Vector};
+use crate::map::{PARTS, part_offset};
 
 /// An arc is followed at the echo's range less and plus this much, metres: the spread of a reading.
 const SPREAD_M: f64 = 0.02;
+/// Half of the band around an arc from which its echo came, metres.
+const BAND_M: f64 = 0.06;
 /// Steps along an arc, parts.
 const STEP_PARTS: f64 = 0.9;
 /// A part is looked for among so many that were met last: arcs are convex, so it is met again soon or never.
@@ -96,6 +99,17 @@ impl Echo {
     pub(super) fn off_cm(&self, place: Point) -> u16 {
         let middle = self.origin() + self.axis() * self.range_m();
         (place.distance_to(middle) * 100.0 + 0.5) as u16
+    }
+
+    /// Returns the parts of the cell with its middle there from which it can have come: those within a band around its arc.
+    pub(super) fn band_in(&self, cells: Lattice, middle: Point) -> u16 {
+        let (origin, range_m) = (self.origin(), self.range_m());
+        let band_m = BAND_M.max(0.3 * cells.cell_m());
+        (0..PARTS).fold(0, |band, part| {
+            let at = middle + part_offset(part, cells.cell_m());
+            let is_within = (at.distance_to(origin) - range_m).abs() < band_m;
+            band | u16::from(is_within) << part
+        })
     }
 
     /// Writes the parts that the arc meets into `cells`, from its right end to its left one, each once; `lattice` is that of

@@ -56,9 +56,9 @@ impl OwnMemory {
     /// Returns the place of a tile, of which is remembered from now on what its own layer shows.
     pub(super) fn tile(&mut self, map: &Merged, own: LayerId, address: TileAddress) -> usize {
         self.uses += 1;
-        if let Some(place) = self.places.get(&address) {
-            self.tiles[*place].used = self.uses;
-            return *place;
+        if let Some(place) = self.find_tile(address) {
+            self.tiles[place].used = self.uses;
+            return place;
         }
         let published = map.layer(own).and_then(|layer| layer.tile(address));
         let mut tile = TileMemory::new(address, published);
@@ -88,12 +88,15 @@ impl OwnMemory {
         place
     }
 
+    /// Returns the place of a tile of which something is remembered.
+    pub(super) fn find_tile(&self, address: TileAddress) -> Option<usize> {
+        self.places.get(&address).copied()
+    }
+
     /// Returns the key of a cell of which something is remembered.
     pub(super) fn find(&self, slice: i16, cell: Cell) -> Option<CellKey> {
-        let address = address_of(slice, cell)?;
-        let tile = *self.places.get(&address)?;
         Some(CellKey {
-            tile,
+            tile: self.find_tile(address_of(slice, cell)?)?,
             index: index_in_tile(cell),
         })
     }

@@ -132,7 +132,7 @@ impl Doubts {
             let wanted = |node: Cell| {
                 let cost_m = optimistic.cost_m(node)?;
                 let is_wanted = roomy.passable(node)
-                    && reached.ways.cost_m(node).is_none()
+                    && !reached.is_reached(nodes.centre(node))
                     && search.is_unknown(nodes.centre(node));
                 is_wanted.then_some((cost_m, node))
             };
@@ -205,18 +205,16 @@ impl Doubts {
             look_from(reached).or_else(|| look_from(&Reached::from_here(search, peers, true)?))
         };
         let Some(course) = course else {
-            let is_new = !self.given_up.contains(&at);
             self.given_up.push(at);
-            return (!is_new).then(|| DoubtStep::Spent(Vec::new()));
+            return None;
         };
         Some(DoubtStep::Look(CloseLook { course, at }))
     }
 
     fn spent(&self, search: &PathSearch<'_>) -> DoubtStep {
-        let middles = self
-            .given_up
-            .iter()
-            .map(|cell| search.lattice().centre(*cell));
+        let is_first = |(index, cell): &(usize, &Cell)| !self.given_up[..*index].contains(cell);
+        let given_up = self.given_up.iter().enumerate().filter(is_first);
+        let middles = given_up.map(|(_, cell)| search.lattice().centre(*cell));
         DoubtStep::Spent(middles.take(NAMED).collect())
     }
 
@@ -226,10 +224,16 @@ impl Doubts {
         known.map_or(&[], |(_, places)| places)
     }
 
+    /// Closes the places that a cell bars that was given up. A way may pass between these and still be barred by it: a cell
+    /// that was given up again is given a wider berth, so that what else is in doubt gets its turn.
     fn close_given_up(&self, search: &PathSearch<'_>, grid: &mut SearchGrid) {
-        for cell in &self.given_up {
-            let middle = search.lattice().centre(*cell);
-            grid.close_within(Segment::new(middle, middle), search.planned_m());
+        for (index, cell) in self.given_up.iter().enumerate() {
+            let before = self.given_up[..index].iter();
+            let again = before.filter(|known| *known == cell).count();
+            let wider_m = again as f64 * grid.lattice().cell_m();
+            for (part, kept_m) in search.barring_parts(*cell) {
+                grid.close_within(Segment::new(part, part), kept_m + wider_m);
+            }
         }
         grid.stand_on(grid.lattice().cell_at(search.from()));
     }
@@ -255,7 +259,11 @@ impl Reached {
         peers: &[Vec<Point>],
         is_narrow: bool,
     ) -> Option<Reached> {
-        let mut grid = search.ground(None, Resolution::Parts, false, peers)?;
+        let resolution = match is_narrow {
+            true => Resolution::Parts,
+            false => Resolution::FineParts,
+        };
+        let mut grid = search.ground(None, resolution, false, peers)?;
         if is_narrow {
             grid.open_along(search.driven());
         }
@@ -266,6 +274,13 @@ impl Reached {
             ways,
             is_narrow,
         })
+    }
+
+    /// Returns whether a place can be reached.
+    fn is_reached(&self, place: Point) -> bool {
+        self.ways
+            .cost_m(self.ways.lattice().cell_at(place))
+            .is_some()
     }
 
     /// Returns the way to a node that can be reached; `None` = the vehicle is there.
@@ -367,4 +382,39 @@ fn bars_of(search: &PathSearch<'_>, optimistic: &SearchGrid, goal: Point) -> Vec
     let away_m = |node: Cell| (nodes.centre(node).distance_to(goal), node);
     let nearest = cells.map(away_m).min_by(|a, b| a.0.total_cmp(&b.0));
     nearest.map_or_else(Vec::new, |(_, node)| barring(nodes.centre(node)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::node::mission::terrain::tests::terrain_of;
+    use crate::node::tests_support::own_state;
+    use crate::time::Time;
+
+    #[test]
+    fn a_cell_that_is_given_up_again_is_given_a_wider_berth() {
+        let terrain = terrain_of(|x_m, y_m| (2.0..2.2).contains(&x_m) && (0.0..0.2).contains(&y_m));
+        let search = terrain.search(Time::ZERO, own_state(0.0, 0.0).pose);
+        let whole = search.optimistic_ground(None).unwrap();
+        let open = |given_up: Vec<Cell>| {
+            let doubts = Doubts {
+                given_up,
+                ..Doubts::default()
+            };
+            let mut grid = whole.clone();
+            doubts.close_given_up(&search, &mut grid);
+            grid.area()
+                .cells()
+                .filter(|node| grid.passable(*node))
+                .count()
+        };
+        let (cell, free) = (Cell::new(10, 0), Cell::new(20, 0));
+        assert_eq!(
+            open(vec![]),
+            open(vec![free]),
+            "what is free by now bars nobody"
+        );
+        let (once, twice) = (open(vec![cell]), open(vec![cell, cell]));
+        assert!(open(vec![]) > once && once > twice, "{once} {twice}");
+    }
 }

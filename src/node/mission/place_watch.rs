@@ -44,6 +44,8 @@ pub(super) struct PlaceWatch {
     /// The least deviation of late, metres, and when it was said.
     least: Option<(Time, f64)>,
     waits_since: Option<Time>,
+    /// It rests at home: so it was when the place was known, and it has rested since.
+    rests_at_home: bool,
 }
 
 impl PlaceWatch {
@@ -55,6 +57,7 @@ impl PlaceWatch {
             sees: true,
             least: None,
             waits_since: None,
+            rests_at_home: false,
         }
     }
 
@@ -78,6 +81,16 @@ impl PlaceWatch {
             self.end_wait();
         }
         (self.is_known() != was_known).then_some(is_known)
+    }
+
+    /// Records whether the vehicle rests, and whether it seems to be at home.
+    pub(super) fn note_rest(&mut self, rests: bool, seems_home: bool) {
+        let is_home = match self.is_known() {
+            true => seems_home,
+            // Where it seems to be says nothing.
+            false => self.rests_at_home,
+        };
+        self.rests_at_home = rests && is_home;
     }
 
     /// Returns whether the place is known well enough to go on.
@@ -130,8 +143,15 @@ impl Mission {
         }
     }
 
-    /// Without a place: a mission of its own waits for it, and ends when that takes too long.
+    /// Without a place: a mission of its own waits for it, and ends when that takes too long. Who rests at home since it knew
+    /// its place has come home when it is to return.
     pub(super) fn wait_for_place(&mut self, now: Time, out: &mut Vec<Out>) {
+        if let Goal::Returning(home) = self.goal
+            && self.place.rests_at_home
+        {
+            self.goal = Goal::Home(home.by);
+            out.push(Out::MissionEvent(MissionEvent::Home));
+        }
         if self.goal != Goal::Following {
             return self.place.end_wait();
         }
@@ -158,7 +178,7 @@ mod tests {
     use super::*;
     use crate::actor::Actor;
     use crate::geom::Point;
-    use crate::node::mission::In;
+    use crate::node::mission::{In, MissionStatus};
     use crate::node::tests_support::{own_state, settings};
     use crate::node::{OwnState, VehicleSettings};
 
@@ -345,6 +365,25 @@ mod tests {
                 own.pose.heading = *heading;
             }
         }
+    }
+
+    #[test]
+    fn who_rests_at_home_when_its_place_is_lost_is_home_when_it_is_to_return_and_nobody_else() {
+        let comes_home = |x_m: f64, moves: bool| {
+            let mut mission = started(TaskKind::Browse);
+            fed(&mut mission, 2.0, state(x_m, 0.05));
+            let mut lost = own_state(9.0, 0.0);
+            lost.pose.sd_m = 9.0;
+            lost.is_at_rest = !moves;
+            fed(&mut mission, 3.0, In::State(lost.clone()));
+            lost.is_at_rest = true;
+            fed(&mut mission, 3.1, order(OrderKind::Return));
+            let out = fed(&mut mission, 3.2, In::State(lost));
+            said(&out).contains(&MissionEvent::Home) || mission.goal.status() == MissionStatus::Home
+        };
+        assert!(comes_home(0.0, false));
+        assert!(!comes_home(3.0, false), "it was elsewhere");
+        assert!(!comes_home(0.0, true), "it has moved since");
     }
 
     #[test]

@@ -481,18 +481,23 @@ impl StepRunner {
         let (courses, claims) = (self.courses(scene), scene.surroundings().claims());
         match courses.course_to(place, true, &claims) {
             Ok(course) => self.drive(scene, &course, Destination::ByPath(place)),
-            Err(_) if courses.course_to(place, true, &[]).is_ok() => self.yield_to_peers(scene),
+            Err(_) if !claims.is_empty() && courses.course_to(place, true, &[]).is_ok() => {
+                self.yield_to_peers(scene);
+            }
             Err(crate::plan::NoRoute::StartBarred) => {
                 // Something stands too near to where the vehicle is: it looks again, later.
                 self.tries.hemmed_in(scene.pose().at);
                 self.choose_at(scene.now + WAIT);
             }
-            // Only what the reflex has met bars the way; that is forgotten again.
+            // What the reflex has met keeps it from where it could look at what bars; that is forgotten again.
+            Err(_) if courses.search.is_cut_off(&claims) => self.choose_at(scene.now + WAIT),
+            // Only what the reflex has met bars the way.
             Err(_)
-                if courses
-                    .but_for_reflex()
-                    .course_to(place, true, &claims)
-                    .is_ok() =>
+                if courses.search.regards_reflex()
+                    && courses
+                        .but_for_reflex()
+                        .course_to(place, true, &claims)
+                        .is_ok() =>
             {
                 self.choose_at(scene.now + WAIT);
             }

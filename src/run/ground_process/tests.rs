@@ -118,6 +118,7 @@ fn what_strangers_have_sent_before_is_passed_over_after_a_restart() {
         store: 7,
         lattice: crate::geom::Lattice::new(0.2),
         bin_m: 0.5,
+        fence_m: 72.0,
         spot_m: 0.06,
     };
     let sample = Sample {

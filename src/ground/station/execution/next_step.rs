@@ -32,10 +32,11 @@ pub(super) enum NextStep {
 }
 
 impl NextStep {
-    /// Returns the next step.
+    /// Returns the next step; `idle` = the time without a stop.
     pub(super) fn of(
         phase: &ExecutionPhase,
         plans: &PublishedPlans,
+        idle: Duration,
         at: &Conditions<'_>,
     ) -> NextStep {
         if at.is_held {
@@ -67,8 +68,10 @@ impl NextStep {
             {
                 NextStep::Replan
             }
-            ExecutionPhase::Running { progress_at, .. }
-                if is_over(progress_at, STALLED_AFTER + plans.longest_dwell()) =>
+            ExecutionPhase::Running {
+                sweep, progress_at, ..
+            } if is_over(progress_at, STALLED_AFTER + plans.longest_dwell())
+                || idle > idle_for(&sweep, at) + plans.longest_dwell() =>
             {
                 NextStep::Retry
             }
@@ -90,11 +93,20 @@ impl NextStep {
         }
     }
 
-    fn repeat(plans: &PublishedPlans, now: Time) -> NextStep {
+    /// Returns whether the plans in force are published again.
+    pub(super) fn repeat(plans: &PublishedPlans, now: Time) -> NextStep {
         match plans.is_repeat_due(now) {
             true => NextStep::Repeat,
             false => NextStep::Wait,
         }
+    }
+}
+
+/// Returns how long a sweep may be without a stop.
+fn idle_for(sweep: &SweepRun, at: &Conditions<'_>) -> Duration {
+    match sweep.is_retried() {
+        true => at.idle.given_up_after,
+        false => at.idle.retried_after,
     }
 }
 

@@ -73,6 +73,11 @@ impl SweepRun {
         self.is_disturbed
     }
 
+    /// Returns whether plans were made anew for want of progress since a lap was done.
+    pub(crate) fn is_retried(&self) -> bool {
+        self.is_retried
+    }
+
     /// Returns whether it may be planned anew for want of progress: once for every lap.
     pub(crate) fn retry(&mut self) -> bool {
         !std::mem::replace(&mut self.is_retried, true)

@@ -3,7 +3,9 @@
 use std::time::Duration;
 
 use super::*;
-use tomoswarm_proto::{Boot, Plan, Position, Revision, Sample, Samples, State, Stop, StopId};
+use tomoswarm_proto::{
+    Boot, Plan, PoseReport, Position, Revision, Sample, Samples, State, Stop, StopId,
+};
 
 const RUN: RunId = RunId(2);
 const ONE: VehicleId = VehicleId(1);
@@ -15,6 +17,7 @@ struct Ground {
     fleet: Fleet,
     samples: SampleStore,
     is_held: bool,
+    map_changes: u64,
     sequence: u64,
 }
 
@@ -29,6 +32,7 @@ impl Ground {
             fleet: Fleet::new(&[ONE, TWO], Lease::default()),
             samples: SampleStore::new(7, 0.5, 0.06),
             is_held: false,
+            map_changes: 0,
             sequence: 0,
         };
         ground.states(0.0, &[ONE, TWO]);
@@ -61,7 +65,9 @@ impl Ground {
             now: Time::from_secs_f64(now_s),
             fleet: &self.fleet,
             samples: &self.samples,
+            map_changes: self.map_changes,
             silence: SilenceLimits::new(Duration::from_secs(30), Duration::from_secs(60)),
+            idle: IdleLimits::of(72.0, 0.5),
             lease: Lease::default(),
             is_held: self.is_held,
         };
@@ -270,22 +276,52 @@ fn plans_that_do_not_come_are_asked_for_again_and_others_are_passed_over() {
     );
 }
 
-#[test]
-fn a_sweep_that_cannot_be_planned_is_given_up() {
+/// A sweep whose first plans are asked for at 1 s.
+fn asked() -> Ground {
     let mut ground = Ground::new();
     ground.begin(0.0);
     ground.progress(1.0, 1, None);
     ground.advance(1.0);
+    ground
+}
+
+fn no_plan(ground: &mut Ground, now_s: f64, is_of_places: bool) -> Words {
+    let why = "no room".to_owned();
     let answer = PlannerAnswer {
         run: RUN,
         revision: Revision(2),
-        plans: Err("no room".to_owned()),
+        plans: Err(NoPlan { why, is_of_places }),
         laps: vec![],
     };
+    ground.step(now_s, |it, at, out| it.take_answer(answer, at, out))
+}
+
+#[test]
+fn a_sweep_that_cannot_be_planned_from_anywhere_is_given_up() {
+    let mut ground = asked();
     assert_eq!(
-        ground.step(2.0, |it, at, out| it.take_answer(answer, at, out)),
+        no_plan(&mut ground, 2.0, false),
         ["NoPlan(\"no room\")", "Failed 2: no room"]
     );
+    assert_eq!(ground.execution.phase().sweep(), None);
+}
+
+#[test]
+fn when_the_map_has_changed_a_plan_is_tried_again_and_it_is_given_up_after_a_minute() {
+    let mut ground = asked();
+    assert_eq!(no_plan(&mut ground, 2.0, true), ["NoPlan(\"no room\")"]);
+    assert_eq!(ground.advance(20.0), [""; 0], "nothing has changed");
+    ground.map_changes += 1;
+    assert_eq!(ground.advance(21.0), ["ask 2"]);
+    assert_eq!(no_plan(&mut ground, 22.0, true), [""; 0], "it is no news");
+    assert_eq!(ground.advance(24.0), [""; 0]);
+    let mut helped = asked();
+    no_plan(&mut helped, 2.0, true);
+    helped.map_changes += 1;
+    assert_eq!(helped.advance(7.0)[0], "ask 2");
+    assert_eq!(helped.answer(8.0, 2).last().unwrap(), "plan 2");
+    ground.states(62.0, &[ONE, TWO]);
+    assert_eq!(ground.advance(62.0), ["Failed 2: no room"]);
     assert_eq!(ground.execution.phase().sweep(), None);
 }
 
@@ -323,6 +359,31 @@ fn without_progress_plans_are_made_anew_once_for_every_lap_and_then_it_is_given_
         ]
     );
     assert_eq!(ground.execution.phase().sweep(), None);
+}
+
+#[test]
+fn who_only_looks_for_a_way_where_nobody_was_gets_on_for_so_long_and_no_longer() {
+    let mut ground = Ground::running();
+    ground.progress_of(10.0, ONE, 2, Some(1));
+    let said_at = |ground: &mut Ground, seconds: std::ops::Range<u32>, what: &str| {
+        seconds.into_iter().find(|second| {
+            let now_s = f64::from(*second);
+            if second.is_multiple_of(30) {
+                let at = Position::from_metres(now_s, 0.0, 0.0);
+                ground.state(now_s, ONE, |state| {
+                    state.pose = Some(PoseReport {
+                        at,
+                        ..PoseReport::default()
+                    });
+                });
+            }
+            let words = ground.advance(now_s);
+            words.iter().any(|words| words.starts_with(what))
+        })
+    };
+    assert_eq!(said_at(&mut ground, 11..300, "Replans"), Some(192));
+    ground.resume(200.0, 3);
+    assert_eq!(said_at(&mut ground, 202..300, "Stalled"), Some(282));
 }
 
 #[test]

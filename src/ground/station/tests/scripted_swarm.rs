@@ -257,6 +257,7 @@ pub(super) fn settings(vehicles: u8) -> StationSettings {
         compare_with: None,
         lost_after: Duration::from_secs(30),
         autonomy: Duration::from_secs(60),
+        fence_m: 72.0,
         store: 7,
         lattice: Lattice::new(0.2),
         bin_m: 0.5,

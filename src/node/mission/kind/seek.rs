@@ -27,10 +27,10 @@ use self::known_frontiers::KnownFrontiers;
 use self::look_history::LookHistory;
 use super::{Behaviour, DriveRoute, MissionContext, MissionInput, MissionStep};
 use crate::geom::{Angle, Cell, Point};
-use crate::map::{CellRect, Occupancy, View};
+use crate::map::{CellRect, OccupancyGrid};
 use crate::node::VehicleSettings;
 use crate::node::mission::doubts::{CloseLook, Doubts};
-use crate::node::mission::terrain::{RULES, Resolution, Terrain};
+use crate::node::mission::terrain::{Resolution, Terrain, WAYS, is_small};
 use crate::node::mission::{EndReason, look_around};
 use crate::node::peers::Peer;
 use crate::plan::{Distances, SearchGrid};
@@ -57,14 +57,6 @@ const SAME_GOAL_M: f64 = 2.0;
 const EQUAL_M: f64 = 0.1;
 /// A peer that has not moved for this long is not going anywhere.
 const PEER_GOES: std::time::Duration = std::time::Duration::from_secs(30);
-
-/// How a way to where something can be seen is searched, try by try; and whether over places that it has driven, however
-/// near to something these are.
-const WAYS: [(Resolution, bool); 3] = [
-    (Resolution::Cells, false),
-    (Resolution::Parts, false),
-    (Resolution::Parts, true),
-];
 
 /// What is rather looked at.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
@@ -199,11 +191,13 @@ impl Seek {
     fn choose(&mut self, around: &MissionContext<'_>) -> MissionStep {
         self.stage = Stage::Choosing;
         self.frontiers.update(around.terrain.map(), &self.settings);
-        let candidates = self.rated(around);
+        let occupancy = self.occupancy(around);
+        let candidates = self.rated(around, &occupancy);
         let claims = around.claims();
         // First where there is room to spare; then through every doorway that is wide enough; only when nothing is left so,
         // through gaps that it has already driven itself.
         let search = around.terrain.search(around.now, around.pose);
+        let mut vain = Vec::new();
         for (resolution, is_narrow) in WAYS {
             let Some(mut grid) = search.ground(None, resolution, false, &claims) else {
                 return MissionStep::End(EndReason::TooLarge);
@@ -211,23 +205,33 @@ impl Seek {
             if search.is_cramped(&grid, resolution) {
                 continue;
             }
-            if is_narrow {
-                grid.open_along(around.terrain.driven());
+            if is_narrow && !grid.open_along(around.terrain.driven()) {
+                continue;
             }
-            if let Some((look, reached)) = self.choose_look(around, &grid, &candidates) {
-                return self.go_and_look(around, &grid, &reached, is_narrow, look);
+            match self.choose_look(around, &grid, &occupancy, (&candidates, &vain)) {
+                Ok((look, reached)) => {
+                    return self.go_and_look(around, &grid, &reached, is_narrow, look);
+                }
+                Err(reached) if resolution != Resolution::Cells => {
+                    vain.extend(reached.map(|reached| *reached))
+                }
+                Err(_) => {}
             }
         }
-        if self.is_barred_by_peers(around) {
+        if self.is_barred_by_peers(around, &occupancy) {
             return MissionStep::YieldToPeers;
         }
-        let but_for_reflex =
-            search
-                .but_for_reflex()
-                .ground(None, Resolution::Parts, false, &claims);
-        if but_for_reflex.is_some_and(|grid| self.choose_look(around, &grid, &candidates).is_some())
-        {
+        if search.is_cut_off(&claims) {
             return MissionStep::Wait;
+        }
+        if search.regards_reflex() {
+            let search = search.but_for_reflex();
+            let ground = search.ground(None, Resolution::FineParts, false, &claims);
+            let sought = (&candidates[..], &vain[..]);
+            let is_seen_on = |grid| self.choose_look(around, &grid, &occupancy, sought).is_ok();
+            if ground.is_some_and(is_seen_on) {
+                return MissionStep::Wait;
+            }
         }
         self.doubt(around, &claims)
     }
@@ -250,32 +254,24 @@ impl Seek {
         }
     }
 
-    /// Returns where to look from and at what, and the ways to all places.
+    /// Returns where to look from and at which of some candidates, but not from where that was sought in vain, with the ways
+    /// there; or the ways to all places, none of which sees any.
     fn choose_look(
         &self,
         around: &MissionContext<'_>,
         grid: &SearchGrid,
-        candidates: &[FrontierCandidate],
-    ) -> Option<(LookCandidate, Distances)> {
-        let (at, lattice) = (around.pose.at, self.settings.lattice);
-        let reached = Distances::from_start(grid, grid.lattice().cell_at(at), &RULES).ok()?;
-        let view = around
-            .terrain
-            .map()
-            .view(self.settings.slice, self.fenced());
+        occupancy: &OccupancyGrid,
+        (candidates, vain): (&[FrontierCandidate], &[Distances]),
+    ) -> Result<(LookCandidate, Distances), Option<Box<Distances>>> {
         let known = Ground {
-            lattice,
-            view: &view,
+            lattice: self.settings.lattice,
+            occupancy,
             grid,
-            reached: &reached,
             looks: &self.looks,
+            vain,
         };
-        let look = known.best_look(
-            at,
-            candidates,
-            self.reach(around.terrain.keep_m(around.pose)),
-        )?;
-        Some((look, reached))
+        let reach = self.reach(around.terrain.keep_m(around.pose));
+        known.best_look(around.pose.at, candidates, reach)
     }
 
     fn go_and_look(
@@ -304,17 +300,17 @@ impl Seek {
     }
 
     /// Returns whether without peers there would be something to look at.
-    fn is_barred_by_peers(&self, around: &MissionContext<'_>) -> bool {
+    fn is_barred_by_peers(&self, around: &MissionContext<'_>, occupancy: &OccupancyGrid) -> bool {
         if around.peers.iter().next().is_none() {
             return false;
         }
         let search = around.terrain.search(around.now, around.pose);
-        let Some(mut grid) = search.ground(None, Resolution::Parts, false, &[]) else {
+        let Some(mut grid) = search.ground(None, Resolution::FineParts, false, &[]) else {
             return false;
         };
         grid.open_along(around.terrain.driven());
-        self.choose_look(around, &grid, &self.candidates())
-            .is_some()
+        self.choose_look(around, &grid, occupancy, (&self.candidates(), &[]))
+            .is_ok()
     }
 
     /// Returns from how far away to look: nothing is looked at from where it is not surely seen.
@@ -347,37 +343,37 @@ impl Seek {
         self.frontiers.contains(cell)
     }
 
-    /// Returns the cells of the fence.
-    fn fenced(&self) -> CellRect {
-        let (lattice, at) = (self.settings.lattice, self.settings.home);
-        CellRect::around(lattice, self.settings.fence.corners(), 0.0)
-            .unwrap_or(CellRect::new(lattice.cell_at(at), lattice.cell_at(at)))
+    /// Returns what is known of the cells of the fence, and of that in which the vehicle is.
+    fn occupancy(&self, around: &MissionContext<'_>) -> OccupancyGrid {
+        let (lattice, corners) = (self.settings.lattice, self.settings.fence.corners());
+        let here = lattice.cell_at(around.pose.at);
+        let here = CellRect::new(here, here);
+        let fenced = CellRect::around(lattice, corners, 0.0).map(|fenced| fenced.join(here));
+        // What is too large is not searched either.
+        let area = fenced.filter(is_small).unwrap_or(here);
+        let map = around.terrain.map();
+        map.view(self.settings.slice, area).occupancy_grid(area)
     }
 
     /// Returns what is worth a look, and what is rather looked at.
-    fn rated(&self, around: &MissionContext<'_>) -> Vec<FrontierCandidate> {
-        let view = around
-            .terrain
-            .map()
-            .view(self.settings.slice, self.fenced());
+    fn rated(
+        &self,
+        around: &MissionContext<'_>,
+        occupancy: &OccupancyGrid,
+    ) -> Vec<FrontierCandidate> {
+        let near_cells = (NEAR_OBJECT_M / self.settings.lattice.cell_m()).ceil() as i32;
         let mut candidates = self.candidates();
         for one in &mut candidates {
             one.penalty_m = match self.prefers {
                 Preference::NearObjects if has_a_peers_goal(around, one.at) => PEER_PENALTY_M,
-                Preference::NearObjects if self.is_near_object(&view, one.cell) => -OBJECT_BONUS_M,
+                Preference::NearObjects if occupancy.has_occupied_around(one.cell, near_cells) => {
+                    -OBJECT_BONUS_M
+                }
                 Preference::FarFromPeers if is_a_peers(around, one.at) => PEER_PENALTY_M,
                 Preference::NearObjects | Preference::FarFromPeers => 0.0,
             };
         }
         candidates
-    }
-
-    fn is_near_object(&self, view: &View<'_>, cell: Cell) -> bool {
-        let reach = (NEAR_OBJECT_M / self.settings.lattice.cell_m()).ceil() as i32;
-        let mut near = (-reach..=reach).flat_map(|dy| (-reach..=reach).map(move |dx| (dx, dy)));
-        near.any(|(dx, dy)| {
-            view.occupancy(Cell::new(cell.x + dx, cell.y + dy)) == Occupancy::Occupied
-        })
     }
 
     /// Notes a look from a place along a heading at everything unknown that it covered, and at one cell surely.
@@ -396,11 +392,12 @@ impl Seek {
         };
         self.frontiers.update(terrain.map(), &self.settings);
         let view = terrain.map().view(self.settings.slice, area);
+        let occupancy = view.occupancy_grid(area);
         let is_covered = |one: &FrontierCandidate| {
             let off = from.angle_to(one.at) - heading;
             one.at.distance_to(from) <= reach_m
                 && off.radians().abs() <= half_rad
-                && sees(&view, lattice, from, one.at)
+                && sees(&occupancy, lattice, from, one.at)
         };
         let covered = self
             .candidates()

@@ -4,7 +4,7 @@
 use super::barred_places::BarredPlaces;
 use crate::geom::Point;
 use crate::node::mission::kind::DriveRoute;
-use crate::node::mission::terrain::{PathSearch, RULES, Resolution};
+use crate::node::mission::terrain::{PathSearch, RULES, Resolution, WAYS};
 use crate::plan::{NoRoute, SearchGrid, shortest_route};
 
 /// Searches courses from where the vehicle is.
@@ -36,16 +36,21 @@ impl RouteFinder<'_> {
             self.ground(Some(goal), resolution, unknown_allowed, peers)
                 .ok_or(NoRoute::GoalOutside)
         };
-        let cells = ground(Resolution::Cells)?;
-        let is_cramped = self.search.is_cramped(&cells, Resolution::Cells);
-        if let Some(found) = (!is_cramped).then(|| course(&cells, false).ok()).flatten() {
-            return Ok(found);
+        let mut failed = NoRoute::GoalOutside;
+        for (resolution, is_narrow) in WAYS {
+            let mut grid = ground(resolution)?;
+            if self.search.is_cramped(&grid, resolution) {
+                continue;
+            }
+            if is_narrow {
+                grid.open_along(self.search.driven());
+            }
+            match course(&grid, is_narrow) {
+                Ok(found) => return Ok(found),
+                Err(none) => failed = none,
+            }
         }
-        let mut grid = ground(Resolution::Parts)?;
-        course(&grid, false).or_else(|_: NoRoute| {
-            grid.open_along(self.search.driven());
-            course(&grid, true)
-        })
+        Err(failed)
     }
 
     /// Returns a finder of courses that may lead to what made the reflex halt.

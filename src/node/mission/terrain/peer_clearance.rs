@@ -15,6 +15,8 @@ pub(super) struct PeerClearance {
     pub lattice: Lattice,
     /// How far the middles of two vehicles are to be apart, metres.
     pub separation_m: f64,
+    /// How much farther the middles of cells are to be, so that a path keeps the distance wherever it leads in a cell, metres.
+    pub spare_m: f64,
 }
 
 impl PeerClearance {
@@ -43,8 +45,7 @@ impl PeerClearance {
     }
 
     fn close_piece(&self, grid: &mut SearchGrid, claim: Segment) {
-        // Cells are judged by their middle: one cell more, so that a path keeps the distance wherever it leads in a cell.
-        let keep_m = self.separation_m + self.lattice.cell_m();
+        let keep_m = self.separation_m + self.spare_m;
         let here_m = claim.distance_to_point(self.from);
         if here_m > keep_m + self.lattice.cell_m() {
             return grid.close_within(claim, keep_m);
@@ -81,6 +82,7 @@ mod tests {
             from: Point::new(from_m, 0.0),
             lattice: Lattice::new(0.2),
             separation_m: 1.0,
+            spare_m: 0.2,
         }
     }
 

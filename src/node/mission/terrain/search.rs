@@ -9,7 +9,9 @@ use crate::geom::{Cell, Lattice, Point, Pose, Segment};
 use crate::map::{Bar, CellRect, Merged, Occupancy};
 use crate::node::VehicleSettings;
 use crate::node::vehicle::ReflexObstacle;
-use crate::plan::{MAX_GRID_CELLS, RequiredClearance, Rules, SearchGrid, shortest_route};
+use crate::plan::{
+    Distances, MAX_GRID_CELLS, NodeSpacing, RequiredClearance, Rules, SearchGrid, shortest_route,
+};
 
 /// Paths are searched in a rectangle this much larger than start and goal, metres.
 const SEARCH_MARGIN_M: f64 = 6.0;
@@ -17,6 +19,8 @@ const SEARCH_MARGIN_M: f64 = 6.0;
 const ESCAPE_M: f64 = 1.0;
 /// Between body and fence stays this much more than the deviation of the place asks for, metres.
 const FENCE_M: f64 = 0.05;
+/// A rectangle of more cells is not searched from part to part.
+const FINE_CELLS_MAX: u64 = 250_000;
 /// How paths are searched.
 pub(crate) const RULES: Rules = Rules {
     diagonal: true,
@@ -30,9 +34,35 @@ pub(crate) const RULES: Rules = Rules {
 pub(crate) enum Resolution {
     /// From cell to cell, with room to spare: fast, and enough in the open.
     Cells,
-    /// From half cell to half cell, past what stands in parts of cells: through every doorway that is wide enough.
+    /// From half cell to half cell, past what stands in parts of cells: through most doorways that are wide enough.
     Parts,
+    /// From part to part: through every doorway that is wide enough, wherever it lies against the cells. Four times as many
+    /// nodes; over ground too large for so many, the same as the one before.
+    FineParts,
 }
+
+impl Resolution {
+    /// Returns how far apart nodes lie in a rectangle; `None` = as far as cells.
+    fn spacing(self, area: CellRect) -> Option<NodeSpacing> {
+        let cells = area.width_cells().saturating_mul(area.height_cells());
+        match self {
+            Resolution::Cells => None,
+            Resolution::FineParts if cells <= FINE_CELLS_MAX => Some(NodeSpacing::Part),
+            Resolution::Parts | Resolution::FineParts => Some(NodeSpacing::HalfCell),
+        }
+    }
+}
+
+/// Ground of this size is worth to wait for until it can be driven to again, square metres.
+const CUT_OFF_M2: f64 = 1.0;
+
+/// How a way is searched, try by try; and whether over places that the vehicle has driven, however near to something these are.
+pub(crate) const WAYS: [(Resolution, bool); 4] = [
+    (Resolution::Cells, false),
+    (Resolution::Parts, false),
+    (Resolution::FineParts, false),
+    (Resolution::Parts, true),
+];
 
 /// Returns what a way keeps that is planned for a vehicle at a pose.
 pub(super) fn planned(settings: &VehicleSettings, pose: Pose) -> RequiredClearance {
@@ -51,7 +81,8 @@ pub(super) fn keep_m(settings: &VehicleSettings, pose: Pose) -> f64 {
     settings.corridor_m(pose.sd_m) + settings.lattice.cell_m() * FRAC_1_SQRT_2
 }
 
-fn is_small(area: &CellRect) -> bool {
+/// Returns whether an area is small enough to be searched.
+pub(crate) fn is_small(area: &CellRect) -> bool {
     area.width_cells().saturating_mul(area.height_cells()) <= MAX_GRID_CELLS
 }
 
@@ -73,6 +104,36 @@ impl PathSearch<'_> {
             obstacles: Vec::new(),
             ..self
         }
+    }
+
+    /// Returns whether something that made the reflex halt is regarded.
+    pub(crate) fn regards_reflex(&self) -> bool {
+        !self.obstacles.is_empty()
+    }
+
+    /// Returns whether what only the reflex has met cuts the vehicle off from ground where it might be: that is soon forgotten.
+    pub(crate) fn is_cut_off(&self, peers: &[Vec<Point>]) -> bool {
+        let reached = |search: &PathSearch<'_>| {
+            let grid = search.ground(None, Resolution::FineParts, false, peers)?;
+            let start = grid.lattice().cell_at(self.pose.at);
+            let ways = Distances::from_start(&grid, start, &RULES).ok()?;
+            Some((grid, ways))
+        };
+        if !self.regards_reflex() {
+            return false;
+        }
+        let whole = PathSearch {
+            obstacles: Vec::new(),
+            ..*self
+        };
+        let (Some((grid, near)), Some((_, all))) = (reached(self), reached(&whole)) else {
+            return false;
+        };
+        let is_beyond = |node: &Cell| {
+            grid.passable(*node) && near.cost_m(*node).is_none() && all.cost_m(*node).is_some()
+        };
+        let beyond = grid.area().cells().filter(is_beyond).count();
+        beyond as f64 * grid.lattice().cell_m() * grid.lattice().cell_m() > CUT_OFF_M2
     }
 
     /// Returns where the search begins.
@@ -131,15 +192,14 @@ impl PathSearch<'_> {
         peers: &[Vec<Point>],
     ) -> Option<Vec<Point>> {
         let area = self.area(goal)?;
-        [Resolution::Cells, Resolution::Parts]
-            .into_iter()
-            .find_map(|resolution| {
-                let grid = self.grid(Some(goal), area, resolution, unknown_allowed, peers)?;
-                if self.is_cramped(&grid, resolution) {
-                    return None;
-                }
-                self.path_over(&grid, goal, peers)
-            })
+        let mut past_all = WAYS.into_iter().filter(|(_, is_narrow)| !is_narrow);
+        past_all.find_map(|(resolution, _)| {
+            let grid = self.grid(Some(goal), area, resolution, unknown_allowed, peers)?;
+            if self.is_cramped(&grid, resolution) {
+                return None;
+            }
+            self.path_over(&grid, goal, peers)
+        })
     }
 
     /// Returns a path over known ground and the places where the vehicle has driven, however near to something these are:
@@ -164,11 +224,11 @@ impl PathSearch<'_> {
         self.grid(goal, area, resolution, unknown_allowed, peers)
     }
 
-    /// Returns whether the vehicle stands too near to something for a search from cell to cell: these know too little of what
-    /// is near it to lead out.
+    /// Returns whether the vehicle stands too near to something for such a search: one from cell to cell knows too little of what
+    /// is near it to lead out, and one from part to part is for ways on which all is kept that is required.
     pub(crate) fn is_cramped(&self, grid: &SearchGrid, resolution: Resolution) -> bool {
         let here = grid.lattice().cell_at(self.pose.at);
-        resolution == Resolution::Cells && !grid.passable(here)
+        resolution != Resolution::Parts && !grid.passable(here)
     }
 
     /// Returns where the vehicle might be in all of the fence if nothing stood but what is confirmed; `None` when the fence is
@@ -178,8 +238,9 @@ impl PathSearch<'_> {
         let (body_m, cell_m) = (self.settings.body.radius_m, self.settings.lattice.cell_m());
         let clearance = planned(self.settings, self.pose).optimistic(body_m, cell_m);
         let view = self.map.view(self.settings.slice, area);
+        let (bar, nodes) = (Bar::Confirmed, NodeSpacing::HalfCell);
         let mut grid =
-            SearchGrid::of_parts(&view, area, clearance, Bar::Confirmed, self.pose.at).ok()?;
+            SearchGrid::of_parts(&view, area, clearance, bar, self.pose.at, nodes).ok()?;
         let keep_m = self.settings.corridor_m(self.pose.sd_m);
         grid.close_outside(&self.settings.fence, self.fence_m(keep_m, goal));
         // It came through there, whatever the map says now.
@@ -208,6 +269,22 @@ impl PathSearch<'_> {
         let mut found: Vec<(f64, Cell)> = area.cells().filter_map(nearest_m).collect();
         found.sort_by(|a, b| a.0.total_cmp(&b.0));
         found.into_iter().map(|(_, cell)| cell).collect()
+    }
+
+    /// Returns the parts of a cell that bar a planned way, and what it keeps from them, metres.
+    pub(crate) fn barring_parts(&self, cell: Cell) -> Vec<(Point, f64)> {
+        let (lattice, clearance) = (self.settings.lattice, planned(self.settings, self.pose));
+        let view = self
+            .map
+            .view(self.settings.slice, CellRect::new(cell, cell));
+        let Some(barred) = view.barred(cell) else {
+            return Vec::new();
+        };
+        let kept_m = clearance.from_cell_m(barred);
+        barred
+            .places(lattice, cell)
+            .map(|part| (part, kept_m))
+            .collect()
     }
 
     /// Returns whether what made the reflex halt is so near that the vehicle must first back off from it.
@@ -246,6 +323,7 @@ impl PathSearch<'_> {
             from: self.pose.at,
             lattice,
             separation_m: self.settings.swarm.separation_m,
+            spare_m: lattice.cell_m().min(self.settings.lattice.cell_m() / 4.0),
         }
     }
 
@@ -278,21 +356,21 @@ impl PathSearch<'_> {
         peers: &[Vec<Point>],
     ) -> Option<SearchGrid> {
         let view = self.map.view(self.settings.slice, area);
-        let (grid, keep_m) = match resolution {
-            Resolution::Cells => {
+        let (grid, keep_m) = match resolution.spacing(area) {
+            None => {
                 let keep_m = self.keep_m();
                 (
                     SearchGrid::of_map(&view, area, keep_m, unknown_allowed),
                     keep_m,
                 )
             }
-            Resolution::Parts => {
+            Some(nodes) => {
                 let clearance = planned(self.settings, self.pose);
                 let from = match unknown_allowed {
                     true => Bar::Doubtful,
                     false => Bar::Unknown,
                 };
-                let grid = SearchGrid::of_parts(&view, area, clearance, from, self.pose.at);
+                let grid = SearchGrid::of_parts(&view, area, clearance, from, self.pose.at, nodes);
                 (grid, self.settings.corridor_m(self.pose.sd_m))
             }
         };
@@ -328,7 +406,7 @@ impl PathSearch<'_> {
         let (cell_m, node_m) = (self.settings.lattice.cell_m(), grid.lattice().cell_m());
         for obstacle in &self.obstacles {
             let away_m = obstacle.at.distance_to(self.pose.at);
-            // From cell to cell with room to spare; from half cell to half cell, as the vehicle itself is going to judge the way.
+            // From cell to cell with room to spare; over finer nodes, as the vehicle itself is going to judge the way.
             let spare_m = if node_m < cell_m { 0.0 } else { cell_m };
             let keep_m = (obstacle.keep_m + spare_m).min(away_m - spare_m);
             grid.close_within(Segment::new(obstacle.at, obstacle.at), keep_m);

@@ -1,7 +1,10 @@
 //! From where to look at what: of all places that can be reached, the best one to see one of the candidates from.
 
+use std::ops::Range;
+
 use crate::geom::{Cell, Lattice, Point, Segment};
-use crate::map::{CellRect, Occupancy, View};
+use crate::map::{CellRect, Occupancy, OccupancyGrid};
+use crate::node::mission::terrain::RULES;
 use crate::plan::{Distances, SearchGrid};
 
 use super::look_history::LookHistory;
@@ -10,6 +13,8 @@ use super::look_history::LookHistory;
 const AWAY_FACTOR: f64 = 2.0;
 /// Ways that differ by less count as equal, metres.
 const COST_STEP_M: f64 = 0.1;
+/// Up to which cost places are read at a time, in such steps.
+const RING_STEPS: [usize; 4] = [0, 32, 128, usize::MAX];
 /// Side of the squares by which candidates are found, metres.
 const SQUARE_M: f64 = 1.0;
 
@@ -45,134 +50,189 @@ pub(super) struct Reach {
 pub(super) struct Ground<'a> {
     /// The cells of the map.
     pub lattice: Lattice,
-    /// What stands where.
-    pub view: &'a View<'a>,
+    /// What is known of them.
+    pub occupancy: &'a OccupancyGrid,
     /// Where the vehicle may be.
     pub grid: &'a SearchGrid,
-    /// The ways to all places that can be reached.
-    pub reached: &'a Distances,
     /// From where things were looked at already.
     pub looks: &'a LookHistory,
+    /// Ways to places from which nothing can be seen: no look is sought there again.
+    pub vain: &'a [Distances],
 }
 
 impl Ground<'_> {
-    /// Returns the best look from a place at one of the candidates; `None` when nothing of them can be seen from anywhere.
+    /// Returns the best look from a place at one of the candidates, and the ways to where it is taken from. When nothing of them
+    /// can be seen from anywhere, the ways to all places; `None` when there are none.
     pub(super) fn best_look(
         &self,
         start: Point,
         candidates: &[FrontierCandidate],
         reach: Reach,
-    ) -> Option<LookCandidate> {
+    ) -> Result<(LookCandidate, Distances), Option<Box<Distances>>> {
         let nodes = self.grid.lattice();
-        let squares = Squares::new(nodes, self.grid.area(), candidates);
+        let mut squares = Squares::new(nodes, self.grid.area(), reach.far_m);
+        for one in candidates {
+            squares.add(*one, self.looks.places_of(one.cell));
+        }
         let start_cell = nodes.cell_at(start);
         let least_m = candidates
             .iter()
             .map(|one| one.penalty_m)
             .fold(f64::INFINITY, f64::min);
         let (mut best, mut best_m) = (None, f64::INFINITY);
-        for (cost_m, cell) in by_cost(self.grid, self.reached) {
-            // By cost upwards: from here on the way alone costs more than the best look that is known.
-            if cost_m + least_m >= best_m {
-                break;
-            }
-            let from = if cell == start_cell {
-                start
-            } else {
-                nodes.centre(cell)
-            };
-            for one in squares.near(from, reach.far_m) {
-                let away_m = one.at.distance_to(from);
-                let score_m =
-                    cost_m + one.penalty_m + AWAY_FACTOR * (away_m - reach.near_m).max(0.0);
-                // What is cheap to ask comes first: the ray through the map is asked last, and seldom.
-                let is_better =
-                    away_m <= reach.far_m && score_m < best_m && self.looks.is_new(one.cell, from);
-                if is_better && sees(self.view, self.lattice, from, one.at) {
-                    (best, best_m) = (
-                        Some(LookCandidate {
-                            from: cell,
-                            at: one.cell,
-                        }),
-                        score_m,
-                    );
+        // Ring by ring: what lies far away is searched only when nothing near is as good.
+        for ring in RING_STEPS.windows(2).map(|ring| ring[0]..ring[1]) {
+            let most_m = ring.end as f64 * COST_STEP_M;
+            let reached =
+                Distances::within(self.grid, start_cell, &RULES, most_m).map_err(|_| None)?;
+            for (cost_m, cell) in by_cost(self.grid, &reached, start_cell, ring) {
+                if self.is_vain(nodes.centre(cell)) {
+                    continue;
+                }
+                // By cost upwards: from here on the way alone costs more than the best look that is known.
+                if cost_m + least_m >= best_m {
+                    break;
+                }
+                let from = if cell == start_cell {
+                    start
+                } else {
+                    nodes.centre(cell)
+                };
+                for (one, looked_from) in squares.near(from) {
+                    let away_m = one.at.distance_to(from);
+                    let score_m =
+                        cost_m + one.penalty_m + AWAY_FACTOR * (away_m - reach.near_m).max(0.0);
+                    // What is cheap to ask comes first: the ray through the map is asked last, and seldom.
+                    let is_better = away_m <= reach.far_m
+                        && score_m < best_m
+                        && LookHistory::is_new(looked_from, from);
+                    if is_better && sees(self.occupancy, self.lattice, from, one.at) {
+                        (best, best_m) = (
+                            Some(LookCandidate {
+                                from: cell,
+                                at: one.cell,
+                            }),
+                            score_m,
+                        );
+                    }
                 }
             }
+            if reached.is_whole() || most_m + least_m >= best_m {
+                return match best {
+                    Some(best) => Ok((best, reached)),
+                    None => Err(Some(Box::new(reached))),
+                };
+            }
         }
-        best
+        Err(None)
+    }
+
+    fn is_vain(&self, place: Point) -> bool {
+        self.vain
+            .iter()
+            .any(|ways| ways.cost_m(ways.lattice().cell_at(place)).is_some())
     }
 }
 
 /// Returns whether only free ground lies between a place and a free cell.
-pub(super) fn sees(view: &View<'_>, lattice: Lattice, from: Point, to: Point) -> bool {
+pub(super) fn sees(occupancy: &OccupancyGrid, lattice: Lattice, from: Point, to: Point) -> bool {
     lattice
         .cells_under(Segment::new(from, to))
-        .all(|cell| view.occupancy(cell) == Occupancy::Free)
+        .all(|cell| occupancy.occupancy(cell) == Occupancy::Free)
 }
 
-/// Returns what can be reached with its cost in metres, the nearest first (in steps of [`COST_STEP_M`]).
-fn by_cost(grid: &SearchGrid, reached: &Distances) -> impl Iterator<Item = (f64, Cell)> {
+/// Returns the cells that can be reached within a ring of costs, each with its cost in metres, the nearest first (in steps of
+/// [`COST_STEP_M`]).
+fn by_cost(
+    grid: &SearchGrid,
+    reached: &Distances,
+    start: Cell,
+    ring: Range<usize>,
+) -> impl Iterator<Item = (f64, Cell)> + use<> {
     let mut steps: Vec<Vec<Cell>> = Vec::new();
-    for cell in grid.area().cells() {
+    // No way costs less than it is long.
+    let far_cells = ring.end as f64 * COST_STEP_M / grid.lattice().cell_m();
+    let around = CellRect::new(start, start).grown(far_cells.min(1e9) as i32 + 1);
+    for cell in around
+        .overlap(grid.area())
+        .iter()
+        .flat_map(|area| area.cells())
+    {
         let Some(cost_m) = reached.cost_m(cell) else {
             continue;
         };
         let step = (cost_m / COST_STEP_M) as usize;
-        if step >= steps.len() {
-            steps.resize_with(step + 1, Vec::new);
+        if !ring.contains(&step) {
+            continue;
         }
-        steps[step].push(cell);
+        let index = step - ring.start;
+        if index >= steps.len() {
+            steps.resize_with(index + 1, Vec::new);
+        }
+        steps[index].push(cell);
     }
-    let step_m = |(step, cells): (usize, Vec<Cell>)| {
+    ring.zip(steps).flat_map(|(step, cells)| {
         cells
             .into_iter()
             .map(move |cell| (step as f64 * COST_STEP_M, cell))
-    };
-    steps.into_iter().enumerate().flat_map(step_m)
+    })
 }
 
 /// Candidates by place.
-struct Squares {
+struct Squares<'a> {
     low: Point,
     columns: usize,
     rows: usize,
-    of: Vec<Vec<FrontierCandidate>>,
+    /// Each with the places from where it was looked at.
+    of: Vec<Vec<(FrontierCandidate, &'a [Point])>>,
+    /// How many squares away candidates count.
+    reach: usize,
+    /// For each square that was asked for, those around it with candidates.
+    around: Vec<Option<Vec<usize>>>,
 }
 
-impl Squares {
-    fn new(lattice: Lattice, area: CellRect, candidates: &[FrontierCandidate]) -> Squares {
+impl<'a> Squares<'a> {
+    fn new(lattice: Lattice, area: CellRect, reach_m: f64) -> Squares<'a> {
         let (low, high) = (lattice.centre(area.low), lattice.centre(area.high));
         let count = |from_m: f64, to_m: f64| ((to_m - from_m) / SQUARE_M).floor() as usize + 1;
         let (columns, rows) = (count(low.x_m, high.x_m), count(low.y_m, high.y_m));
-        let mut squares = Squares {
+        Squares {
             low,
             columns,
             rows,
             of: vec![Vec::new(); columns * rows],
-        };
-        for one in candidates {
-            let (column, row) = squares.place(one.at);
-            let (column, row) = (
-                column.clamp(0, columns as i64 - 1),
-                row.clamp(0, rows as i64 - 1),
-            );
-            squares.of[row as usize * columns + column as usize].push(*one);
+            reach: (reach_m / SQUARE_M).ceil() as usize,
+            around: vec![None; columns * rows],
         }
-        squares
     }
 
-    fn place(&self, at: Point) -> (i64, i64) {
-        let index = |from_m: f64, to_m: f64| ((to_m - from_m) / SQUARE_M).floor() as i64;
-        (index(self.low.x_m, at.x_m), index(self.low.y_m, at.y_m))
+    fn add(&mut self, one: FrontierCandidate, looked_from: &'a [Point]) {
+        let (column, row) = self.place(one.at);
+        self.of[row * self.columns + column].push((one, looked_from));
+    }
+
+    /// Returns the column and row of the square of a place, or of the one nearest to it.
+    fn place(&self, at: Point) -> (usize, usize) {
+        let index = |from_m: f64, to_m: f64, count: usize| {
+            (((to_m - from_m) / SQUARE_M).floor().max(0.0) as usize).min(count - 1)
+        };
+        (
+            index(self.low.x_m, at.x_m, self.columns),
+            index(self.low.y_m, at.y_m, self.rows),
+        )
     }
 
     /// Returns what lies in the squares around a place.
-    fn near(&self, at: Point, reach_m: f64) -> impl Iterator<Item = &FrontierCandidate> {
+    fn near(&mut self, at: Point) -> impl Iterator<Item = &(FrontierCandidate, &'a [Point])> {
         let (column, row) = self.place(at);
-        let reach = (reach_m / SQUARE_M).ceil() as i64;
-        let columns = (column - reach).max(0)..=(column + reach).min(self.columns as i64 - 1);
-        let rows = (row - reach).max(0)..=(row + reach).min(self.rows as i64 - 1);
-        rows.flat_map(move |row| columns.clone().map(move |column| (row, column)))
-            .flat_map(|(row, column)| &self.of[row as usize * self.columns + column as usize])
+        let (of, width, reach) = (&self.of, self.columns, self.reach);
+        let columns = column.saturating_sub(reach)..=(column + reach).min(width - 1);
+        let rows = row.saturating_sub(reach)..=(row + reach).min(self.rows - 1);
+        let around = self.around[row * width + column].get_or_insert_with(|| {
+            let squares =
+                rows.flat_map(|row| columns.clone().map(move |column| row * width + column));
+            squares.filter(|square| !of[*square].is_empty()).collect()
+        });
+        around.iter().flat_map(|square| &of[*square])
     }
 }

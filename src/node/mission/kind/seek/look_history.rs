@@ -46,17 +46,18 @@ impl LookHistory {
 
     /// Returns whether a cell was looked at often enough.
     pub(super) fn is_spent(&self, cell: Cell) -> bool {
-        self.of(cell).len() >= LOOKS_MAX
+        self.places_of(cell).len() >= LOOKS_MAX
     }
 
-    /// Returns whether a look at a cell from a place would tell something new.
-    pub(super) fn is_new(&self, cell: Cell, from: Point) -> bool {
-        self.of(cell)
+    /// Returns whether a look from a place at what was looked at from others would tell something new.
+    pub(super) fn is_new(looked_from: &[Point], from: Point) -> bool {
+        looked_from
             .iter()
             .all(|place| place.distance_to(from) >= APART_M)
     }
 
-    fn of(&self, cell: Cell) -> &[Point] {
+    /// Returns from where the part was looked at that a cell belongs to.
+    pub(super) fn places_of(&self, cell: Cell) -> &[Point] {
         let found = self
             .from
             .binary_search_by_key(&self.part(cell), |(known, _)| *known);
@@ -78,14 +79,16 @@ mod tests {
     #[test]
     fn a_part_is_looked_at_from_a_few_places_and_from_each_once() {
         let mut looks = LookHistory::new(Lattice::new(0.2));
+        let is_new =
+            |looks: &LookHistory, cell, from| LookHistory::is_new(looks.places_of(cell), from);
         let (cell, beside, far) = (Cell::new(-1, 4), Cell::new(-3, 5), Cell::new(0, 4));
         for place in 0..4 {
             let from = Point::new(f64::from(place), 0.0);
-            assert!(looks.is_new(cell, from) && !looks.is_spent(cell));
+            assert!(is_new(&looks, cell, from) && !looks.is_spent(cell));
             looks.note(&[cell, beside], from);
-            assert!(!looks.is_new(beside, from), "it belongs to the same part");
+            assert!(!is_new(&looks, beside, from), "it belongs to the same part");
         }
         assert!(looks.is_spent(cell) && looks.is_spent(beside));
-        assert!(!looks.is_spent(far) && looks.is_new(far, Point::default()));
+        assert!(!looks.is_spent(far) && is_new(&looks, far, Point::default()));
     }
 }

@@ -146,3 +146,14 @@ fn a_goal_near_the_fence_is_reached_and_nothing_else_comes_that_near() {
     assert!(fence_m(Some(near)) < fence_m(Some(HOME)));
     assert_eq!(fence_m(None), wished_m);
 }
+
+#[test]
+fn a_vehicle_is_cut_off_by_what_its_reflex_met_in_a_doorway_and_not_by_what_it_met_beside_one() {
+    let is_wall_with_door = |x_m: f64, y_m: f64| is_wall(x_m, y_m) && !(-1.0..1.0).contains(&y_m);
+    let mut world = World::of(is_wall_with_door);
+    assert!(!world.search().is_cut_off(&[]));
+    world.obstacles = vec![obstacle(3.0, 3.0)];
+    assert!(!world.search().is_cut_off(&[]));
+    world.obstacles = vec![obstacle(1.6, 0.4), obstacle(1.6, -0.4)];
+    assert!(world.search().is_cut_off(&[]));
+}
