@@ -29,6 +29,7 @@ use tomoswarm::node::vehicle::{self, AutopilotCommand, Motion, MoveCommand, Tele
 use tomoswarm::plan::{Rules, SearchGrid, shortest_cells};
 use tomoswarm::run::bus::{BusSession, BusSettings, HeardMessage, SessionTopology};
 use tomoswarm::run::clock::Clock;
+use tomoswarm::run::live::processes::free_ports;
 use tomoswarm::run::mailbox::{Ending, Mailbox, RuntimeContext, Troubles, start_actor};
 use tomoswarm_proto::{Boot, LayerId, Message, Sender, TileAddress, TileReport, VehicleId, codec};
 use zenoh::Wait;
@@ -48,8 +49,7 @@ fn main() {
 }
 
 fn free_endpoint() -> String {
-    let socket = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
-    format!("tcp/{}", socket.local_addr().unwrap())
+    format!("tcp/127.0.0.1:{}", free_ports(1).unwrap()[0])
 }
 
 fn bus(

@@ -37,6 +37,7 @@ use tomoswarm::node::map::{self, Map};
 use tomoswarm::node::sensor::Scan;
 use tomoswarm::run::bus::{BusSession, BusSettings, HeardMessage, Publisher, SessionTopology};
 use tomoswarm::run::clock::Clock;
+use tomoswarm::run::live::processes::free_ports;
 use tomoswarm::run::mailbox::{Mailbox, RuntimeContext, Troubles, start_actor};
 use tomoswarm_proto::{
     Boot, LayerId, Lease, Message, OperatorId, Order, OrderKind, Revision, RunId, Sender,
@@ -81,8 +82,7 @@ fn main() {
 }
 
 fn free_address() -> SocketAddr {
-    let socket = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
-    socket.local_addr().unwrap()
+    SocketAddr::from(([127, 0, 0, 1], free_ports(1).unwrap()[0]))
 }
 
 struct Join {

@@ -1,12 +1,13 @@
 //! Certificates on the real bus: who has none, a foreign one, a revoked one, or writes what is not its own gets nothing in
 //! and hears nothing. Everything is enrolled by the program itself.
 
-use std::net::{SocketAddr, TcpListener};
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
 
 use tomoswarm::run::bus::BusSettings;
+use tomoswarm::run::live::processes::free_ports;
 use tomoswarm_proto::{Message, Sender, VehicleId, codec};
 
 use crate::member::{Member, progress, settings, within};
@@ -22,10 +23,7 @@ fn vehicle(id: u8) -> Sender {
 }
 
 fn address() -> SocketAddr {
-    TcpListener::bind("127.0.0.1:0")
-        .unwrap()
-        .local_addr()
-        .unwrap()
+    SocketAddr::from(([127, 0, 0, 1], free_ports(1).unwrap()[0]))
 }
 
 fn enroll(folder: &Path, arguments: &[&str]) {

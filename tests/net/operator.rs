@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 use tomoswarm::config::{self, Config, Venue};
 use tomoswarm::run::bus::{BusSession, BusSettings, HeardMessage, SessionTopology};
 use tomoswarm::run::clock::Clock;
+use tomoswarm::run::live::processes::free_ports;
 use tomoswarm::run::mailbox::Troubles;
 use tomoswarm_proto::{
     Boot, Deviation, GroundReport, Heading, Health, Hello, Lease, Message, OpenStops, Order,
@@ -33,8 +34,7 @@ fn venue() -> Venue {
 }
 
 fn free_endpoint() -> String {
-    let socket = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
-    format!("tcp/{}", socket.local_addr().unwrap())
+    format!("tcp/127.0.0.1:{}", free_ports(1).unwrap()[0])
 }
 
 /// A node that this test plays, until it is dropped.

@@ -5,6 +5,7 @@ use std::sync::mpsc::{Receiver, channel};
 use tomoswarm_proto::{MissionProgress, Progress, RunId, VehicleId};
 
 use super::*;
+use crate::run::live::processes::free_ports;
 
 const ONE: Sender = Sender::Vehicle(VehicleId(1));
 const TWO: Sender = Sender::Vehicle(VehicleId(2));
@@ -29,8 +30,7 @@ fn settings(
 }
 
 fn free_endpoint() -> String {
-    let socket = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
-    format!("tcp/{}", socket.local_addr().unwrap())
+    format!("tcp/127.0.0.1:{}", free_ports(1).unwrap()[0])
 }
 
 fn open(settings: BusSettings) -> (BusSession, Receiver<HeardMessage>) {

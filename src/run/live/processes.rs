@@ -16,6 +16,7 @@ use std::net::{SocketAddr, TcpListener};
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc::channel;
 use std::time::{Duration, Instant};
 
@@ -336,24 +337,28 @@ fn end(group: &mut [&mut Process], within: Duration) -> Vec<Ended> {
     each.collect()
 }
 
-/// Returns ports of this machine that nobody listens at now.
+/// Returns ports of this machine that nobody listens at now, none of them twice in a process.
 ///
 /// # Errors
 /// There are none.
 pub fn free_ports(count: usize) -> io::Result<Vec<u16>> {
-    // Below those that the system gives to outgoing connections; another start begins elsewhere.
-    let first = 20_000 + u16::try_from(std::process::id() % 100).unwrap_or(0) * 100;
-    let open = |port: u16| {
-        TcpListener::bind(("127.0.0.1", port))
-            .ok()
-            .map(|listener| (port, listener))
+    // Below those that the system gives to outgoing connections: until somebody listens there, nobody
+    // else gets them. Another process begins elsewhere.
+    const FROM: u32 = 20_000;
+    const HOW_MANY: u32 = 12_700;
+    static TRIED: AtomicU32 = AtomicU32::new(0);
+    let first = std::process::id() % 100 * 100;
+    let next = |_| {
+        let offset = first.wrapping_add(TRIED.fetch_add(1, Ordering::Relaxed)) % HOW_MANY;
+        u16::try_from(FROM + offset).ok()
     };
-    // All are held until the last is found, so that none comes twice.
-    let held: Vec<(u16, TcpListener)> = (first..32_700).filter_map(open).take(count).collect();
-    if held.len() < count {
+    let is_free = |port: &u16| TcpListener::bind(("127.0.0.1", *port)).is_ok();
+    let tries = (0..HOW_MANY).filter_map(next);
+    let ports: Vec<u16> = tries.filter(is_free).take(count).collect();
+    if ports.len() < count {
         return Err(io::Error::other("there are not enough free ports"));
     }
-    Ok(held.iter().map(|(port, _)| *port).collect())
+    Ok(ports)
 }
 
 fn last_lines(log: &Path) -> String {
