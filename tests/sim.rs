@@ -34,6 +34,8 @@ mod place;
 mod plan;
 #[path = "sim/poles.rs"]
 mod poles;
+#[path = "sim/random_obstacles.rs"]
+mod random_obstacles;
 #[path = "sim/replay.rs"]
 mod replay;
 #[path = "sim/repro.rs"]

@@ -236,9 +236,9 @@ impl Vehicle {
             return;
         }
         match command {
-            MoveCommand::Drive { stop, route } => {
+            MoveCommand::Drive { is_off_plan, route } => {
                 let corners: Vec<Point> = route.into_iter().skip(1).collect();
-                self.movement.drive(now, stop.is_none(), &corners);
+                self.movement.drive(now, is_off_plan, &corners);
                 out.push(Out::AutopilotCommand(AutopilotCommand::Drive {
                     corners: self.drift.corrected(&corners),
                     speed_mps: self.settings.body.speed_mps,

@@ -21,8 +21,6 @@ const UNSEEN_M: f64 = 0.05;
 const OPTIMISM_CELLS: f64 = 0.35;
 /// Half of the side of a part, cells.
 const HALF_PART_CELLS: f64 = 0.125;
-/// Where a vehicle has driven, what bars may be drawn so much nearer than it stands, cells.
-const DRIVEN_CELLS: f64 = 0.375;
 /// A released way may come so much nearer than a planned one, cells: straight steps between places that keep their distance.
 const RELEASE_CELLS: f64 = 0.1;
 
@@ -57,8 +55,7 @@ impl RequiredClearance {
     /// Returns what a vehicle keeps that drives where it has driven before, with a body of this radius and an allowance for
     /// the deviation of its place, metres: room for its body alone, since it came through there.
     pub fn driven_before(body_m: f64, deviation_m: f64, cell_m: f64) -> RequiredClearance {
-        let least_m = body_m + HALF_PART_CELLS * cell_m;
-        RequiredClearance::everywhere((body_m + deviation_m - DRIVEN_CELLS * cell_m).max(least_m))
+        RequiredClearance::everywhere(body_m + HALF_PART_CELLS * cell_m + deviation_m)
     }
 
     /// Returns what must be free of a way that is driven and was planned to keep this.

@@ -77,6 +77,11 @@ impl Place {
         self
     }
 
+    /// Returns where the vehicles begin.
+    pub fn homes(&self) -> &[(f64, f64)] {
+        &self.homes
+    }
+
     /// Moves the home of a vehicle (from 1).
     pub fn home(mut self, vehicle: usize, at: (f64, f64)) -> Place {
         self.homes[vehicle - 1] = at;

@@ -383,8 +383,8 @@ impl Pilot {
         self.command
             .drive(situation.now, self.way.odometer_m(until_m));
         self.commanded = Commanded::along(&route, self.stretch);
-        let stop = self.way.stops().next();
-        MoveCommand::Drive { stop, route }
+        let is_off_plan = self.way.is_off_plan();
+        MoveCommand::Drive { is_off_plan, route }
     }
 
     /// At rest, and nothing is released: looks at what is unknown, or plans around what is in the way.

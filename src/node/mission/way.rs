@@ -20,6 +20,8 @@ pub(super) struct Corner {
     pub at: Point,
     /// Stops that are done when it is passed; more than one when a stop before it could not be reached.
     pub stops: Vec<StopId>,
+    /// The piece that leads there is not that of the plan: a path that was found, or a short cut past what was left out.
+    is_detour: bool,
 }
 
 /// The way ahead.
@@ -30,6 +32,8 @@ pub(super) struct Way {
     ahead: VecDeque<Corner>,
     /// Odometer at `behind`, metres.
     behind_m: f64,
+    /// All that was ahead has been left out: what is added leads there from a place that no plan knows.
+    has_left_plan: bool,
 }
 
 impl Way {
@@ -62,14 +66,14 @@ impl Way {
         to: Point,
         stop: Option<StopId>,
     ) {
-        self.ahead.extend(route.into_iter().map(|at| Corner {
-            at,
-            stops: Vec::new(),
-        }));
-        self.ahead.push_back(Corner {
-            at: to,
-            stops: stop.into_iter().collect(),
-        });
+        let ends = route.into_iter().map(|at| (at, None));
+        for (at, stop) in ends.chain([(to, stop)]) {
+            self.ahead.push_back(Corner {
+                at,
+                stops: stop.into_iter().collect(),
+                is_detour: std::mem::take(&mut self.has_left_plan),
+            });
+        }
     }
 
     /// Replaces the first `count` corners ahead by other ones that lead from `from` to the last of them;
@@ -83,7 +87,11 @@ impl Way {
         for (index, at) in corners.iter().enumerate().rev() {
             let last = index + 1 == corners.len();
             let stops = if last { stops.clone() } else { Vec::new() };
-            self.ahead.push_front(Corner { at: *at, stops });
+            self.ahead.push_front(Corner {
+                at: *at,
+                stops,
+                is_detour: true,
+            });
         }
         self.behind = from;
     }
@@ -91,12 +99,23 @@ impl Way {
     /// Leaves out what is ahead up to the next stop, from a place where the vehicle rests; returns the stops there.
     pub(super) fn skip(&mut self, place: Point) -> Vec<StopId> {
         self.behind = place;
-        while let Some(corner) = self.ahead.pop_front() {
-            if !corner.stops.is_empty() {
-                return corner.stops;
-            }
+        let mut skipped = Vec::new();
+        while skipped.is_empty()
+            && let Some(corner) = self.ahead.pop_front()
+        {
+            skipped = corner.stops;
         }
-        Vec::new()
+        match self.ahead.front_mut() {
+            Some(next) => next.is_detour = true,
+            None => self.has_left_plan = true,
+        }
+        skipped
+    }
+
+    /// Returns whether the piece that is next is driven by no plan: then nothing says who goes first there.
+    pub(super) fn is_off_plan(&self) -> bool {
+        let is_detour = self.ahead.front().is_some_and(|corner| corner.is_detour);
+        is_detour || self.stops().next().is_none()
     }
 
     /// Forgets everything ahead.
@@ -105,6 +124,7 @@ impl Way {
             behind: place,
             ahead: VecDeque::new(),
             behind_m: self.behind_m,
+            has_left_plan: false,
         };
     }
 
@@ -225,8 +245,42 @@ mod tests {
             3,
             &[Point::new(0.5, 3.0), Point::new(2.0, 3.0)],
         );
+        assert!(way.is_off_plan());
         assert_eq!(way.pass(Point::new(0.5, 2.95)), []);
         assert_eq!(way.pass(Point::new(2.0, 3.0)), [StopId(1), StopId(2)]);
+    }
+
+    #[test]
+    fn what_is_not_the_plans_own_way_is_off_plan() {
+        let mut way = way();
+        assert!(!way.is_off_plan());
+        way.replace(
+            Point::new(0.5, 0.0),
+            1,
+            &[Point::new(0.5, 1.0), Point::new(1.0, 0.0)],
+        );
+        assert!(way.is_off_plan(), "on a path that was found");
+        way.pass(Point::new(0.5, 1.0));
+        assert!(way.is_off_plan());
+        way.pass(Point::new(1.0, 0.0));
+        assert!(!way.is_off_plan(), "back on the plan's way");
+        assert_eq!(way.skip(Point::new(1.5, 0.5)), [StopId(1)]);
+        assert!(
+            way.is_off_plan(),
+            "from where it stands, past what is left out"
+        );
+        assert_eq!(way.skip(Point::new(1.5, 0.5)), [StopId(2)]);
+        way.append(
+            [Point::new(4.0, 0.0)],
+            Point::new(5.0, 0.0),
+            Some(StopId(3)),
+        );
+        assert!(way.is_off_plan(), "all was left out");
+        way.pass(Point::new(4.0, 0.0));
+        assert!(!way.is_off_plan());
+        way.arrive();
+        way.append([], Point::new(5.0, 3.0), None);
+        assert!(way.is_off_plan(), "to no stop");
     }
 
     #[test]

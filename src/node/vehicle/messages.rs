@@ -3,7 +3,7 @@
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{StopId, VehicleId};
+use tomoswarm_proto::VehicleId;
 
 pub use crate::autopilot::{AutopilotCommand, Motion, Telemetry};
 use crate::geom::{Angle, Point, Segment};
@@ -14,8 +14,8 @@ use crate::time::Time;
 pub enum MoveCommand {
     /// Drive along a route to its end; a later one replaces it at once.
     Drive {
-        /// The stop that the route leads to, for the log.
-        stop: Option<StopId>,
+        /// No plan says who goes first there: it yields to whoever claims what lies ahead.
+        is_off_plan: bool,
         /// Corners, the first near the present place.
         route: Vec<Point>,
     },

@@ -89,7 +89,13 @@ fn drive(corners: &[(f64, f64)]) -> In {
         .iter()
         .map(|(x_m, y_m)| Point::new(*x_m, *y_m))
         .collect();
-    In::Command(Time::NEVER, MoveCommand::Drive { stop: None, route })
+    In::Command(
+        Time::NEVER,
+        MoveCommand::Drive {
+            is_off_plan: true,
+            route,
+        },
+    )
 }
 
 /// What an operator orders.
@@ -552,7 +558,10 @@ fn flown(out: &[Out]) -> Vec<AutopilotCommand> {
 #[test]
 fn a_command_decided_long_ago_is_refused_and_a_late_hold_obeyed() {
     let route = vec![Point::new(0.0, 0.0), Point::new(2.0, 0.0)];
-    let drive = MoveCommand::Drive { stop: None, route };
+    let drive = MoveCommand::Drive {
+        is_off_plan: true,
+        route,
+    };
     let mut vehicle = vehicle();
     let out = fed(&mut vehicle, 2.5, In::Command(at(1.4), drive.clone()));
     assert_eq!(refusal(&out), Some(CommandRefusal::Old));
@@ -604,13 +613,13 @@ fn a_landed_rover_holds_is_disarmed_and_refuses_to_drive() {
 
 #[test]
 fn off_plan_a_vehicle_stops_for_a_peer_that_drives_into_its_way_and_on_plan_it_does_not() {
-    for (stop, yields) in [(None, true), (Some(tomoswarm_proto::StopId(4)), false)] {
+    for is_off_plan in [true, false] {
         let mut vehicle = vehicle();
         let route = vec![Point::new(0.0, 0.0), Point::new(6.0, 0.0)];
         fed(
             &mut vehicle,
             1.0,
-            In::Command(at(1.0), MoveCommand::Drive { stop, route }),
+            In::Command(at(1.0), MoveCommand::Drive { is_off_plan, route }),
         );
         let resting = super::super::tests_support::state(2, 4.0, 3.0);
         assert!(!stops(&fed(&mut vehicle, 1.2, In::Peer(resting.clone()))));
@@ -625,9 +634,9 @@ fn off_plan_a_vehicle_stops_for_a_peer_that_drives_into_its_way_and_on_plan_it_d
             ..resting
         };
         let out = fed(&mut vehicle, 1.4, In::Peer(driving));
-        assert_eq!(stops(&out), yields);
+        assert_eq!(stops(&out), is_off_plan);
         let separation = Some(CommandRefusal::Separation(VehicleId(2)));
-        assert_eq!(refusal(&out), separation.filter(|_| yields));
+        assert_eq!(refusal(&out), separation.filter(|_| is_off_plan));
     }
 }
 

@@ -8,7 +8,7 @@ use std::time::Duration;
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::TestRunner;
-use tomoswarm_proto::{EmergencyName, Ordered, StopId, StopScope};
+use tomoswarm_proto::{EmergencyName, Ordered, StopScope};
 
 use super::*;
 use crate::node::tests_support::{variant_of, variants};
@@ -28,7 +28,7 @@ enum Happening {
         range_m: f64,
     },
     Drive {
-        has_stop: bool,
+        is_off_plan: bool,
         to_m: f64,
         decided_ago: Duration,
     },
@@ -126,14 +126,13 @@ fn any_happening() -> impl Strategy<Value = Happening> {
             is_armed,
             is_lost,
         });
-    let drive =
-        (any::<bool>(), -4.0..26.0f64, decided_ago()).prop_map(|(has_stop, to_m, decided_ago)| {
-            Happening::Drive {
-                has_stop,
-                to_m,
-                decided_ago,
-            }
-        });
+    let drive = (any::<bool>(), -4.0..26.0f64, decided_ago()).prop_map(
+        |(is_off_plan, to_m, decided_ago)| Happening::Drive {
+            is_off_plan,
+            to_m,
+            decided_ago,
+        },
+    );
     prop_oneof![
         12 => telemetry,
         2 => (0.1..4.0f64).prop_map(|range_m| Happening::Scan { range_m }),
@@ -290,7 +289,7 @@ impl Witness {
             }
             Happening::Scan { range_m } => scan(range_m, 0.0),
             Happening::Drive {
-                has_stop,
+                is_off_plan,
                 to_m,
                 decided_ago,
             } => {
@@ -299,8 +298,10 @@ impl Witness {
                     Point::new(1.0, to_m / 2.0),
                     Point::new(0.0, to_m),
                 ];
-                let stop = has_stop.then_some(StopId(4));
-                In::Command(decided(decided_ago), MoveCommand::Drive { stop, route })
+                In::Command(
+                    decided(decided_ago),
+                    MoveCommand::Drive { is_off_plan, route },
+                )
             }
             Happening::Turn { decided_ago } => {
                 In::Command(decided(decided_ago), MoveCommand::Turn(Angle::default()))

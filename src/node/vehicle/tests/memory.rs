@@ -303,7 +303,7 @@ fn what_was_decided_before_a_stop_that_was_never_told_the_mission_is_not_driven(
         In::Command(
             at(time_s),
             MoveCommand::Drive {
-                stop: None,
+                is_off_plan: true,
                 route: route.clone(),
             },
         )
