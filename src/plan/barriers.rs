@@ -72,12 +72,12 @@ pub(super) struct Barriers {
 }
 
 impl Barriers {
-    /// Copies the parts of a rectangle of cells, as far as they bar for this reason or a surer one.
+    /// Copies the parts of a rectangle of cells, of those that `bars` says bar.
     pub(super) fn of_view(
         view: &View<'_>,
         area: CellRect,
         clearance: RequiredClearance,
-        from: Bar,
+        bars: impl Fn(Cell, Bar) -> bool,
         stands: Point,
         nodes: NodeSpacing,
     ) -> Barriers {
@@ -103,7 +103,7 @@ impl Barriers {
                 true => OCCUPIED,
                 false => UNKNOWN,
             };
-            if barred.bar >= from {
+            if bars(cell, barred.bar) {
                 barriers.fill(cell, barred.parts, kind);
             }
         }
@@ -331,7 +331,7 @@ mod tests {
     use tomoswarm_proto::{LayerId, TILE_CELLS, TileAddress, TileReport};
 
     use crate::geom::{Cell, Lattice, Point};
-    use crate::map::{Bar, CellRect, Merged};
+    use crate::map::{CellRect, Merged};
     use crate::plan::{
         Corridor, NodeSpacing, RequiredClearance, Rules, SearchGrid, shortest_route,
     };
@@ -379,7 +379,7 @@ mod tests {
             let view = map.view(0, CellRect::new(Cell::new(-32, -32), Cell::new(63, 63)));
             let planned = RequiredClearance::planned(0.25, safety_m, 0.04, CELL_M);
             let (from, to) = (Point::new(from.0, from.1), Point::new(to.0, to.1));
-            let grid = SearchGrid::of_parts(&view, area, planned, Bar::Unknown, from, nodes).unwrap();
+            let grid = SearchGrid::of_parts(&view, area, planned, |_, _| true, from, nodes).unwrap();
             let Ok(route) = shortest_route(&grid, from, to, &RULES) else {
                 return Ok(());
             };
@@ -403,7 +403,7 @@ mod tests {
         let planned = RequiredClearance::planned(0.25, 0.9, 0.0, CELL_M);
         let from = Point::new(2.1, 1.4);
         let (view, nodes) = (map.view(0, area), NodeSpacing::HalfCell);
-        let grid = SearchGrid::of_parts(&view, area, planned, Bar::Unknown, from, nodes).unwrap();
+        let grid = SearchGrid::of_parts(&view, area, planned, |_, _| true, from, nodes).unwrap();
         let is_open = |x_m, y_m| grid.passable(grid.lattice().cell_at(Point::new(x_m, y_m)));
         assert!(
             is_open(2.1, 1.4) && is_open(1.6, 1.4),
@@ -435,7 +435,7 @@ mod tests {
         // The middles of its parts lie 0.85 m apart: a node of half a cell 0.375 m from one, a node of a part 0.4 m.
         let is_passed = |kept_m: f64, nodes| {
             let clearance = RequiredClearance::everywhere(kept_m);
-            let grid = SearchGrid::of_parts(&view, area, clearance, Bar::Unknown, from, nodes);
+            let grid = SearchGrid::of_parts(&view, area, clearance, |_, _| true, from, nodes);
             shortest_route(&grid.unwrap(), from, to, &RULES).is_ok()
         };
         assert!(is_passed(0.37, NodeSpacing::HalfCell));

@@ -97,7 +97,7 @@ impl SearchGrid {
     }
 
     /// Copies a rectangle of the map's cells, with nodes closer together than these, for a vehicle that keeps these
-    /// distances from the parts of cells that bar for the reason `from` or a surer one, and `stands` somewhere: what it is
+    /// distances from the parts of the cells that `bars` says bar, asked for the reason, and `stands` somewhere: what it is
     /// too near to already it may leave. A doorway is then as wide as it was seen; it takes several times as long as [`SearchGrid::of_map`].
     ///
     /// # Errors
@@ -106,7 +106,7 @@ impl SearchGrid {
         view: &View<'_>,
         area: CellRect,
         clearance: RequiredClearance,
-        from: Bar,
+        bars: impl Fn(Cell, Bar) -> bool,
         stands: Point,
         spacing: NodeSpacing,
     ) -> Result<SearchGrid, GridError> {
@@ -119,7 +119,7 @@ impl SearchGrid {
             Cell::new(last(area.high.x), last(area.high.y)),
         );
         let mut grid = SearchGrid::bare(lattice, nodes, clearance.most_m())?;
-        let barriers = Barriers::of_view(view, area, clearance, from, stands, spacing);
+        let barriers = Barriers::of_view(view, area, clearance, bars, stands, spacing);
         let width = grid.width;
         let mut levels = vec![0; grid.flags.len()];
         barriers.mark(|row, columns, nearness| {

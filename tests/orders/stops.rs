@@ -473,7 +473,10 @@ impl World {
             let ahead = Point::new(pose.at.x_m + 1.0, pose.at.y_m);
             let route = vec![pose.at, ahead];
             self.tell_vehicle(index, vehicle::In::Telemetry(telemetry));
-            let command = MoveCommand::Drive { stop: None, route };
+            let command = MoveCommand::Drive {
+                is_off_plan: true,
+                route,
+            };
             self.tell_vehicle(index, vehicle::In::Command(self.now, command));
         }
     }

@@ -4,6 +4,7 @@
 //! `cargo test --release --no-default-features --test sim random_obstacles:: -- --ignored --nocapture`
 
 use std::collections::BTreeMap;
+use std::f64::consts::TAU;
 
 use crate::chance::Chance;
 use crate::place::{Block, Place, tail};
@@ -76,7 +77,7 @@ impl Yard {
                 // A pole near a home.
                 2 => {
                     let home = homes[draw.below(vehicles)];
-                    let (angle, far) = (draw.between(0.0, 6.28), draw.between(0.5, 1.2));
+                    let (angle, far) = (draw.between(0.0, TAU), draw.between(0.5, 1.2));
                     let (x, y) = (home.0 + far * angle.cos(), home.1 + far * angle.sin());
                     (x, y, 0.1, 0.1)
                 }

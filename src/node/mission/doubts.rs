@@ -20,6 +20,8 @@ const PART_M: f64 = 0.6;
 const LOOKS_ALL_MAX: usize = 40;
 /// So many cells are given up for one goal; what else bars is not looked at.
 const GIVEN_UP_MAX: usize = 24;
+/// A thing of no more cells is small: it may be none.
+const SMALL_CELLS: usize = 4;
 /// Two looks are from different places when these are so far apart, metres.
 const APART_M: f64 = 0.15;
 /// A close look is taken from so much farther away at most than the vehicle must keep from what it looks at, metres.
@@ -82,7 +84,7 @@ impl Doubts {
         goal: Point,
         peers: &[Vec<Point>],
     ) -> DoubtStep {
-        let Some(whole) = search.optimistic_ground(Some(goal)) else {
+        let Some(whole) = search.optimistic_ground(Some(goal), &[]) else {
             return DoubtStep::Spent(Vec::new());
         };
         let route = |grid: &SearchGrid| shortest_route(grid, search.from(), goal, &RULES);
@@ -114,13 +116,31 @@ impl Doubts {
     }
 
     /// Returns the next look from near so that ground that nobody has seen, and where there is room to stand, can be
-    /// reached; `None` when nothing of that kind is left.
+    /// reached; `None` when nothing of that kind is left. Small things that bar are looked at once, although they are confirmed:
+    /// an exploration that takes an echo for a pole in a doorway would end before it.
     pub(crate) fn toward_unseen(
         &mut self,
         search: &PathSearch<'_>,
         peers: &[Vec<Point>],
     ) -> Option<CloseLook> {
-        let whole = search.optimistic_ground(None)?;
+        self.toward_unseen_past(search, peers, &[]).or_else(|| {
+            let mut doubted = search.small_things(SMALL_CELLS);
+            doubted.retain(|cell| self.places_of(search.lattice(), *cell).is_empty());
+            match doubted.is_empty() {
+                true => None,
+                false => self.toward_unseen_past(search, peers, &doubted),
+            }
+        })
+    }
+
+    /// Returns the same, with confirmed cells (ascending) that are taken for free.
+    fn toward_unseen_past(
+        &mut self,
+        search: &PathSearch<'_>,
+        peers: &[Vec<Point>],
+        doubted: &[Cell],
+    ) -> Option<CloseLook> {
+        let whole = search.optimistic_ground(None, doubted)?;
         let roomy = search.ground(None, Resolution::Parts, true, &[])?;
         let reached = Reached::from_here(search, peers, false)?;
         loop {
@@ -395,7 +415,7 @@ mod tests {
     fn a_cell_that_is_given_up_again_is_given_a_wider_berth() {
         let terrain = terrain_of(|x_m, y_m| (2.0..2.2).contains(&x_m) && (0.0..0.2).contains(&y_m));
         let search = terrain.search(Time::ZERO, own_state(0.0, 0.0).pose);
-        let whole = search.optimistic_ground(None).unwrap();
+        let whole = search.optimistic_ground(None, &[]).unwrap();
         let open = |given_up: Vec<Cell>| {
             let doubts = Doubts {
                 given_up,
@@ -416,5 +436,35 @@ mod tests {
         );
         let (once, twice) = (open(vec![cell]), open(vec![cell, cell]));
         assert!(open(vec![]) > once && once > twice, "{once} {twice}");
+    }
+
+    #[test]
+    fn a_small_thing_that_alone_bars_is_looked_at_once_although_it_is_confirmed() {
+        // A wall with a doorway, and in it what may be a pole.
+        let is_pole = |x_m: f64, y_m: f64| (4.0..4.2).contains(&x_m) && (0.0..0.2).contains(&y_m);
+        let is_wall = |x_m: f64, y_m: f64| (4.0..4.4).contains(&x_m) && !(-0.6..0.8).contains(&y_m);
+        let look_of = |doubts: &mut Doubts, has_pole: bool| {
+            let terrain = terrain_of(|x_m, y_m| {
+                is_wall(x_m, y_m)
+                    || (has_pole && is_pole(x_m, y_m))
+                    || x_m < -4.0
+                    || y_m.abs() > 4.0
+            });
+            let search = terrain.search(Time::ZERO, own_state(0.0, 0.0).pose);
+            assert_eq!(
+                search.small_things(SMALL_CELLS).len(),
+                usize::from(has_pole)
+            );
+            doubts.toward_unseen(&search, &[])
+        };
+        let mut doubts = Doubts::default();
+        let look = look_of(&mut doubts, true).unwrap();
+        assert_eq!(look.at, Cell::new(20, 0));
+        doubts.note(Lattice::new(0.2), look.at, Point::new(3.0, 0.0));
+        assert_eq!(
+            look_of(&mut doubts, true),
+            None,
+            "it stays, and bars for good"
+        );
     }
 }

@@ -88,7 +88,7 @@ proptest! {
         let view = map.view(0, area);
         let clearance = RequiredClearance::planned(0.25, safety_m, 0.04, CELL_M);
         let stands = Point::new(stands.0, stands.1);
-        let grid = SearchGrid::of_parts(&view, area, clearance, Bar::Unknown, stands, spacing).unwrap();
+        let grid = SearchGrid::of_parts(&view, area, clearance, |_, _| true, stands, spacing).unwrap();
         let parts = || area.cells().filter_map(|cell| Some((cell, view.barred(cell)?)));
         for node in grid.area().cells() {
             let middle = grid.lattice().centre(node);

@@ -2,6 +2,7 @@
 //! halt, the places driven, and peers' claims. When to search, where to, and what becomes of the result is decided by
 //! whoever asks.
 
+use std::collections::BTreeSet;
 use std::f64::consts::FRAC_1_SQRT_2;
 
 use super::peer_clearance::PeerClearance;
@@ -232,21 +233,56 @@ impl PathSearch<'_> {
     }
 
     /// Returns where the vehicle might be in all of the fence if nothing stood but what is confirmed; `None` when the fence is
-    /// too large to search. Peers and what only the reflex has met are not regarded: they come and go.
-    pub(crate) fn optimistic_ground(&self, goal: Option<Point>) -> Option<SearchGrid> {
+    /// too large to search. Peers and what only the reflex has met are not regarded: they come and go. `doubted` (ascending) are
+    /// cells that are taken for free although they are confirmed.
+    pub(crate) fn optimistic_ground(
+        &self,
+        goal: Option<Point>,
+        doubted: &[Cell],
+    ) -> Option<SearchGrid> {
         let area = self.fenced(goal.unwrap_or(self.pose.at))?;
         let (body_m, cell_m) = (self.settings.body.radius_m, self.settings.lattice.cell_m());
         let clearance = planned(self.settings, self.pose).optimistic(body_m, cell_m);
         let view = self.map.view(self.settings.slice, area);
-        let (bar, nodes) = (Bar::Confirmed, NodeSpacing::HalfCell);
+        let nodes = NodeSpacing::HalfCell;
+        let bars = |cell: Cell, bar| bar >= Bar::Confirmed && doubted.binary_search(&cell).is_err();
         let mut grid =
-            SearchGrid::of_parts(&view, area, clearance, bar, self.pose.at, nodes).ok()?;
+            SearchGrid::of_parts(&view, area, clearance, bars, self.pose.at, nodes).ok()?;
         let keep_m = self.settings.corridor_m(self.pose.sd_m);
         grid.close_outside(&self.settings.fence, self.fence_m(keep_m, goal));
         // It came through there, whatever the map says now.
         grid.open_along(self.driven);
         grid.stand_on(grid.lattice().cell_at(self.pose.at));
         Some(grid)
+    }
+
+    /// Returns the confirmed cells of all of the fence that belong to small things, ascending: to no more than `most` cells
+    /// side by side.
+    pub(crate) fn small_things(&self, most: usize) -> Vec<Cell> {
+        let Some(area) = self.fenced(self.pose.at) else {
+            return Vec::new();
+        };
+        let view = self.map.view(self.settings.slice, area);
+        let is_confirmed = |cell: &Cell| {
+            view.barred(*cell)
+                .is_some_and(|barred| barred.bar == Bar::Confirmed)
+        };
+        let mut left: BTreeSet<Cell> = area.cells().filter(is_confirmed).collect();
+        let mut small = Vec::new();
+        while let Some(first) = left.pop_first() {
+            let mut thing = vec![first];
+            let mut next = 0;
+            while let Some(cell) = thing.get(next).copied() {
+                let beside = CellRect::new(cell, cell).grown(1);
+                thing.extend(beside.cells().filter(|cell| left.remove(cell)));
+                next += 1;
+            }
+            if thing.len() <= most {
+                small.extend(thing);
+            }
+        }
+        small.sort_unstable();
+        small
     }
 
     /// Returns the cells that bar a place for a planned way, or come within `spare_m` of that, for this reason or a surer one,
@@ -370,7 +406,8 @@ impl PathSearch<'_> {
                     true => Bar::Doubtful,
                     false => Bar::Unknown,
                 };
-                let grid = SearchGrid::of_parts(&view, area, clearance, from, self.pose.at, nodes);
+                let bars = |_, bar| bar >= from;
+                let grid = SearchGrid::of_parts(&view, area, clearance, bars, self.pose.at, nodes);
                 (grid, self.settings.corridor_m(self.pose.sd_m))
             }
         };
