@@ -12,7 +12,7 @@
 
 use std::fs::{self, File};
 use std::io::{self, BufRead, BufReader};
-use std::net::{SocketAddr, TcpListener};
+use std::net::{SocketAddr, TcpStream};
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -33,6 +33,8 @@ const LOOK: Duration = Duration::from_millis(20);
 const WORLD_WITHIN: Duration = Duration::from_secs(20);
 /// The exit code of a node that refuses its configuration, or is refused by the others.
 const REFUSED: i32 = 2;
+/// Somebody who listens on this machine answers within this time.
+const KNOCK: Duration = Duration::from_millis(200);
 /// The last lines of a log that are shown.
 const LAST_LINES: usize = 5;
 
@@ -352,13 +354,19 @@ pub fn free_ports(count: usize) -> io::Result<Vec<u16>> {
         let offset = first.wrapping_add(TRIED.fetch_add(1, Ordering::Relaxed)) % HOW_MANY;
         u16::try_from(FROM + offset).ok()
     };
-    let is_free = |port: &u16| TcpListener::bind(("127.0.0.1", *port)).is_ok();
     let tries = (0..HOW_MANY).filter_map(next);
-    let ports: Vec<u16> = tries.filter(is_free).take(count).collect();
+    let ports: Vec<u16> = tries.filter(|port| is_free(*port)).take(count).collect();
     if ports.len() < count {
         return Err(io::Error::other("there are not enough free ports"));
     }
     Ok(ports)
+}
+
+/// Returns whether nobody listens at a port. It is knocked at, not listened at: a process that is started meanwhile would
+/// inherit the listener, and hold the port for a moment after it is closed here.
+fn is_free(port: u16) -> bool {
+    let knocked = TcpStream::connect_timeout(&SocketAddr::from(([127, 0, 0, 1], port)), KNOCK);
+    knocked.is_err_and(|error| error.kind() == io::ErrorKind::ConnectionRefused)
 }
 
 fn last_lines(log: &Path) -> String {
@@ -555,5 +563,25 @@ mod tests {
             .start_world(shell("echo world 127.0.0.1:7500 token abc; sleep 60"))
             .unwrap();
         assert_eq!((address.port(), token.as_str()), (7500, "abc"));
+    }
+
+    #[test]
+    fn a_free_port_can_be_listened_at_while_processes_are_started() {
+        let is_over = std::sync::atomic::AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            for _ in 0..2 {
+                scope.spawn(|| {
+                    while !is_over.load(Ordering::Relaxed) {
+                        let _ = shell("true").status();
+                    }
+                });
+            }
+            let is_refused =
+                |port: &u16| std::net::TcpListener::bind(("127.0.0.1", *port)).is_err();
+            let ports = (0..400).map(|_| free_ports(1).unwrap()[0]);
+            let refused: Vec<u16> = ports.filter(is_refused).collect();
+            is_over.store(true, Ordering::Relaxed);
+            assert_eq!(refused, []);
+        });
     }
 }
