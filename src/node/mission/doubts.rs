@@ -123,26 +123,30 @@ impl Doubts {
         search: &PathSearch<'_>,
         peers: &[Vec<Point>],
     ) -> Option<CloseLook> {
-        self.toward_unseen_past(search, peers, &[]).or_else(|| {
+        let roomy = search.ground(None, Resolution::Parts, true, &[])?;
+        let reached = Reached::from_here(search, peers, false)?;
+        let known = (&roomy, &reached);
+        let past_confirmed = self.toward_unseen_past(search, peers, known, &[]);
+        past_confirmed.or_else(|| {
             let mut doubted = search.small_things(SMALL_CELLS);
             doubted.retain(|cell| self.places_of(search.lattice(), *cell).is_empty());
             match doubted.is_empty() {
                 true => None,
-                false => self.toward_unseen_past(search, peers, &doubted),
+                false => self.toward_unseen_past(search, peers, known, &doubted),
             }
         })
     }
 
-    /// Returns the same, with confirmed cells (ascending) that are taken for free.
+    /// Returns the same, with confirmed cells (ascending) that are taken for free; of what is known it needs where there is room
+    /// to stand, and what can be reached.
     fn toward_unseen_past(
         &mut self,
         search: &PathSearch<'_>,
         peers: &[Vec<Point>],
+        (roomy, reached): (&SearchGrid, &Reached),
         doubted: &[Cell],
     ) -> Option<CloseLook> {
         let whole = search.optimistic_ground(None, doubted)?;
-        let roomy = search.ground(None, Resolution::Parts, true, &[])?;
-        let reached = Reached::from_here(search, peers, false)?;
         loop {
             let mut grid = whole.clone();
             self.close_given_up(search, &mut grid);
@@ -159,7 +163,7 @@ impl Doubts {
             let nearest = grid.area().cells().filter_map(wanted);
             let (_, node) = nearest.min_by(|a, b| a.0.total_cmp(&b.0))?;
             let route = optimistic.route_to(&grid, search.from(), nodes.centre(node))?;
-            if let Some(step) = self.look_along(search, &reached, &route.points, peers) {
+            if let Some(step) = self.look_along(search, reached, &route.points, peers) {
                 return match step {
                     DoubtStep::Look(look) => Some(look),
                     DoubtStep::NoWay(_) | DoubtStep::Spent(_) => None,

@@ -100,10 +100,10 @@ pub(crate) struct PathSearch<'a> {
 
 impl PathSearch<'_> {
     /// Returns a search that does not regard what made the reflex halt.
-    pub(crate) fn but_for_reflex(self) -> Self {
+    pub(crate) fn but_for_reflex(&self) -> Self {
         PathSearch {
             obstacles: Vec::new(),
-            ..self
+            ..*self
         }
     }
 
@@ -123,10 +123,7 @@ impl PathSearch<'_> {
         if !self.regards_reflex() {
             return false;
         }
-        let whole = PathSearch {
-            obstacles: Vec::new(),
-            ..*self
-        };
+        let whole = self.but_for_reflex();
         let (Some((grid, near)), Some((_, all))) = (reached(self), reached(&whole)) else {
             return false;
         };
