@@ -143,9 +143,11 @@ impl Map {
         };
         let sure_m = self.settings.body.radius_m + self.settings.lattice.cell_m();
         let body_of = |peer: &'_ Peer| sure_m + 2.0 * (pose.sd_m + peer.sd_m);
+        // One that has lost its place stands somewhere near it: what answers there is mapped like all that stands.
         let peers: Vec<PeerBody<'_>> = self
             .peers
             .iter()
+            .filter(|(_, peer)| !peer.is_lost)
             .map(|(_, peer)| PeerBody {
                 leg: &peer.claim,
                 radius_m: body_of(peer),
@@ -352,6 +354,8 @@ impl Input for In {
 
 #[cfg(test)]
 mod tests {
+    use tomoswarm_proto::StandReason;
+
     use super::super::tests_support::{settings, state};
     use super::*;
     use crate::geom::{Angle, Point};
@@ -404,6 +408,18 @@ mod tests {
         let mut map = Map::new(settings(1));
         fed(&mut map, vec![In::Peer(state(2, 3.2, 1.0))]);
         assert_eq!(tiles_published(&fed(&mut map, vec![scan(Some(2.0)); 6])), 0);
+    }
+
+    #[test]
+    fn what_answers_where_a_peer_has_lost_its_place_is_mapped() {
+        let mut map = Map::new(settings(1));
+        let lost = State {
+            sequence: 2,
+            stands_under: Some(StandReason::NoPlace),
+            ..state(2, 9.0, 9.0)
+        };
+        fed(&mut map, vec![In::Peer(state(2, 3.2, 1.0)), In::Peer(lost)]);
+        assert!(tiles_published(&fed(&mut map, vec![scan(Some(2.0)); 6])) > 0);
     }
 
     /// Wakes an actor at its deadlines until `until`.

@@ -60,6 +60,8 @@ pub(super) struct Peer {
     pub claim: Vec<Point>,
     /// Whether it neither moves nor is about to.
     pub resting: bool,
+    /// Whether it said that it does not know its place: it stands, somewhere near to where it was when it knew.
+    pub is_lost: bool,
     /// When it was last heard to move, or first heard.
     pub moved_at: Time,
     /// When a ground station said last that it expects it.
@@ -135,7 +137,8 @@ impl Peers {
             .filter(|_| resting)
             .map_or(now, |known| known.moved_at);
         // One that does not know its place stands where it was when it knew.
-        let knows = state.stands_under != Some(StandReason::NoPlace) || known.is_none();
+        let is_lost = state.stands_under == Some(StandReason::NoPlace);
+        let knows = !is_lost || known.is_none();
         let Some(pose) = state.pose.filter(|_| knows).map(Pose::from) else {
             return self.take_without_place(now, state, resting);
         };
@@ -154,6 +157,7 @@ impl Peers {
             sd_m: pose.sd_m,
             claim: std::iter::once(pose.at).chain(leg).collect(),
             resting,
+            is_lost,
             moved_at,
             expected_at: known.and_then(|known| known.expected_at),
             goal: known
@@ -171,6 +175,10 @@ impl Peers {
         (peer.edition, peer.state_at, peer.heard_at) = (edition(state), Some(now), now);
         peer.lower = LowerNumbers::default();
         peer.resting = resting;
+        peer.is_lost = state.stands_under == Some(StandReason::NoPlace);
+        if peer.is_lost && resting {
+            peer.claim = ground_around(peer.at, peer.sd_m);
+        }
         if !resting {
             peer.moved_at = now;
         }
@@ -211,6 +219,7 @@ impl Peers {
             sd_m: pose.sd_m,
             claim: vec![pose.at],
             resting: false,
+            is_lost: false,
             moved_at: now,
             expected_at: self
                 .newest
@@ -304,6 +313,12 @@ pub(super) fn join_states(unread: State, newer: State) -> State {
     } else {
         newer
     }
+}
+
+/// Returns the corners of a cross over the ground where a vehicle stands that has lost its place, from its middle on.
+fn ground_around(at: Point, sd_m: f64) -> Vec<Point> {
+    let (along, across) = (Vector::new(sd_m, 0.0), Vector::new(0.0, sd_m));
+    vec![at, at + along, at - along, at, at + across, at - across, at]
 }
 
 fn edition(state: &State) -> (Boot, u64) {
@@ -417,6 +432,31 @@ mod tests {
             let (_, peer) = peers.iter().next().unwrap();
             assert_eq!(peer.at, Point::new(expected_m, 0.0));
             assert_eq!(peer.heard_at, at(2.0), "it is heard all the same");
+            assert!(peer.is_lost);
+        }
+    }
+
+    #[test]
+    fn one_that_has_lost_its_place_claims_the_ground_around_until_it_knows_it_again() {
+        let mut peers = Peers::new(VehicleId(1));
+        peers.take(at(1.0), &state(2, 3.0, 0.0));
+        let sd_m = peers.get(VehicleId(2)).unwrap().sd_m;
+        for (sequence, lost) in [(7, true), (8, true), (9, false)] {
+            let told = State {
+                stands_under: lost.then_some(StandReason::NoPlace),
+                sequence,
+                ..state(2, 3.0, 0.0)
+            };
+            peers.take(at(2.0), &told);
+            let peer = peers.get(VehicleId(2)).unwrap();
+            let reach = peer.claim.iter().map(|corner| corner.distance_to(peer.at));
+            let reach_m = reach.fold(0.0, f64::max);
+            let expected_m = if lost { sd_m } else { 0.0 };
+            assert!(
+                (reach_m - expected_m).abs() < 1e-9,
+                "{sequence}: {reach_m} m"
+            );
+            assert_eq!(peer.is_lost, lost);
         }
     }
 

@@ -189,7 +189,7 @@ impl Reflex {
         );
         let is_peer = peers.iter().any(|(_, peer)| {
             let body_m = settings.body.radius_m + spread_m + 2.0 * (scan.pose.sd_m + peer.sd_m);
-            peer.at.distance_to(at) <= body_m
+            !peer.is_lost && peer.at.distance_to(at) <= body_m
         });
         ReflexObstacle {
             at,

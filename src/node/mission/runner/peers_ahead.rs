@@ -69,7 +69,7 @@ impl StepRunner {
         let is_peer_near = |to: Segment| {
             scene.peers.iter().any(|(_, peer)| {
                 let near_m = body_m + 2.0 * (pose.sd_m + peer.sd_m);
-                to.distance_to_point(peer.at) <= near_m
+                !peer.is_lost && to.distance_to_point(peer.at) <= near_m
             })
         };
         match by.kind {
