@@ -54,10 +54,11 @@ pub enum ScenarioError {
         /// Of how many.
         count: usize,
     },
-    /// A vehicle starts inside something.
+    /// A vehicle starts inside something, or where wind carries it into something.
     #[error(
         "homes_m of the venue: vehicle {vehicle} starts {clearance_m:.2} m from an object; \
-         more than its radius of {radius_m} m is needed"
+         more than its radius of {radius_m} m is needed{}",
+        carried(*carried_m)
     )]
     StartsInside {
         /// Which one.
@@ -66,6 +67,8 @@ pub enum ScenarioError {
         clearance_m: f64,
         /// Its radius, metres.
         radius_m: f64,
+        /// How far wind carries it, metres.
+        carried_m: f64,
     },
     /// The ring cannot be laid around the area.
     #[error("sweep: {0}")]
@@ -81,6 +84,14 @@ pub enum ScenarioError {
         /// Why.
         reason: String,
     },
+}
+
+/// Returns what is needed beside the radius where wind carries a vehicle.
+fn carried(carried_m: f64) -> String {
+    match carried_m > 0.0 {
+        true => format!(", and the {carried_m:.2} m by which wind carries it"),
+        false => String::new(),
+    }
 }
 
 /// A simulation with a seed, ready to be run.
@@ -242,12 +253,13 @@ impl Scenario {
             };
             let (low_m, high_m) = (low_m + GROUND_CLEARANCE_M, low_m + vehicles.body.height_m);
             let clearance_m = structure.clearance_m(home, low_m, high_m);
-            if clearance_m <= vehicles.body.radius_m {
-                let radius_m = vehicles.body.radius_m;
+            let (radius_m, carried_m) = (vehicles.body.radius_m, vehicles.flight.carried_m());
+            if clearance_m <= radius_m + carried_m {
                 return Err(ScenarioError::StartsInside {
                     vehicle,
                     clearance_m,
                     radius_m,
+                    carried_m,
                 });
             }
         }
