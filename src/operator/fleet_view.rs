@@ -195,15 +195,6 @@ impl FleetView {
         obeyed.chain(held).max().unwrap_or_default()
     }
 
-    /// Returns the lease that a holder takes when nobody holds one. A ground station that is there may take number 1 in this
-    /// very moment.
-    pub fn first_lease(&self, now: Time, holder: u64) -> Lease {
-        Lease {
-            number: if self.ground(now).is_some() { 2 } else { 1 },
-            holder,
-        }
-    }
-
     /// Returns the emergency stops that any node says to be open and none to be lifted, ascending by name.
     pub fn open_stops(&self) -> Vec<EmergencyStop> {
         self.stops.open().copied().collect()

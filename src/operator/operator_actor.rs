@@ -35,7 +35,7 @@ use super::fleet_view::FleetView;
 use super::given_tasks::GivenTasks;
 pub use super::messages::{In, Key, OperatorSettings, Out};
 use super::order_goal::{GoalId, OrderGoal, StopRequest};
-use super::ordering::{Instruction, Ordering};
+use super::ordering::{FIRST_LEASE, Instruction, Ordering};
 use super::outcome::OrderOutcome;
 use super::script::{LastGoal, ScriptDue, ScriptOut, ScriptRun, ScriptView};
 use super::stopping::StopBatch;
@@ -339,7 +339,10 @@ impl Operator {
             .max();
         let in_force = self.view.lease(now).max(taken.unwrap_or_default());
         let lease = match in_force.number {
-            0 => self.view.first_lease(now, self.settings.holder),
+            0 => Lease {
+                number: FIRST_LEASE,
+                holder: self.settings.holder,
+            },
             _ => in_force,
         };
         let due = self.tasks.due(now, &self.view, lease);

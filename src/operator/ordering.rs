@@ -10,7 +10,7 @@
 //! ```
 //!
 //! **By whose right.** The greatest lease that a State echoes or a live ground station's Report holds; where nobody holds
-//! one, number 1 with an own holder, or 2 where a ground station is there and may be taking 1. With `take_over` the number after it with an own holder. The revision is the
+//! one, number 2 with an own holder: a ground station, heard or not, may be taking 1. With `take_over` the number after it with an own holder. The revision is the
 //! vehicle's echo + 1 within that lease, 1 in another one. To start or to return waits for a Report, or 1.5 s, so that the
 //! ground's lease is known; what makes a vehicle stop waits for nothing but its State. Nothing is sent to a vehicle that was
 //! not heard: it obeys only what is above its echo.
@@ -70,6 +70,9 @@ const LISTEN: Duration = Duration::from_millis(1500);
 const SILENT_AFTER: Duration = Duration::from_secs(2);
 /// So often a stronger order goes above a weaker one of the same lease.
 const INSIST: u32 = 3;
+/// The number of the lease that an operator takes when nobody holds one. A ground station may take number 1 in that very moment,
+/// also one that was not heard yet.
+pub(super) const FIRST_LEASE: u32 = 2;
 /// The last revision that may be given; one more is refused by everyone.
 const LAST_REVISION: u32 = u32::MAX - 1;
 
@@ -559,7 +562,7 @@ impl Ordering {
         };
         let is_ours = highest.holder == self.instruction.holder;
         let lease = match highest.number {
-            0 => self.view.first_lease(now, self.instruction.holder),
+            0 => own(FIRST_LEASE),
             number if self.instruction.take_over && !is_ours => own(number.saturating_add(1)),
             _ => highest,
         };

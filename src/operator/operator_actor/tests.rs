@@ -227,11 +227,11 @@ fn a_want_of_a_script_stands_and_whoever_restarts_is_told_again() {
 fn what_somebody_else_has_ordered_since_is_neither_fought_nor_undone_by_a_restart() {
     for lease in [
         Lease {
-            number: 1,
+            number: 2,
             holder: OWN,
         },
         Lease {
-            number: 2,
+            number: 3,
             holder: 99,
         },
     ] {
@@ -257,7 +257,7 @@ fn after_a_take_over_the_former_operator_tells_nobody_who_restarts() {
     follow(&mut world, &[ScriptStep::Want(want(Kind::Start))]);
     world.run(4.0);
     let other = Lease {
-        number: 2,
+        number: 3,
         holder: 99,
     };
     world.rovers[0].state.ordered = Rover::ordered(1, other, 1, Kind::Start).state.ordered;
@@ -265,6 +265,25 @@ fn after_a_take_over_the_former_operator_tells_nobody_who_restarts() {
     world.rovers[1].restart();
     world.run(3.0);
     assert_eq!(world.kinds(), [Some(Kind::Start), None]);
+}
+
+#[test]
+fn a_ground_that_took_its_lease_unheard_does_not_end_what_stands() {
+    let mut world = World::new(vec![Rover::new(1)]);
+    follow(&mut world, &[ScriptStep::Want(want(Kind::Start))]);
+    world.run(4.0);
+    // Its first reports were lost.
+    world.report = Some(GroundReport {
+        lease: Lease {
+            number: 1,
+            holder: OWN - 1,
+        },
+        ..of_one()
+    });
+    world.run(2.0);
+    world.rovers[0].restart();
+    world.run(2.0);
+    assert_eq!(world.kinds(), [Some(Kind::Start)]);
 }
 
 #[test]

@@ -142,7 +142,7 @@ fn where_nobody_holds_a_lease_an_own_one_begins() {
     assert_eq!(
         outcome.lease,
         Some(Lease {
-            number: 1,
+            number: 2,
             holder: OWN
         })
     );
