@@ -167,6 +167,10 @@ impl Mission {
     /// Does what nobody has ordered.
     fn carry_out(&mut self, now: Time, decision: Decision, out: &mut Vec<Out>) {
         let was_following = self.goal == Goal::Following;
+        // What forbids to drive on forbids nothing to a vehicle that has come home.
+        if matches!(decision, Decision::Hold(_)) && self.end_return_at_home(out) {
+            return;
+        }
         let (goal, cause) = match decision {
             Decision::Say(event) => return out.push(Out::MissionEvent(event)),
             Decision::Stop => return self.stop(now, out),
@@ -437,6 +441,10 @@ impl Mission {
             .refusal()
             .map(|why| MissionEvent::Ended(EndReason::Refused(why)));
         out.extend(refusal.map(Out::MissionEvent));
+        // What has kept it from its mission before it knew of it keeps it from it now.
+        if let Some(cause) = self.goal.cause() {
+            self.end_own_mission(cause.into(), out);
+        }
         out.push(Out::Progress(self.on_wire()));
     }
 

@@ -372,3 +372,47 @@ fn what_sends_a_vehicle_home_by_itself_ends_a_mission_of_its_own() {
     assert_eq!(mission.goal.cause(), Some(AutonomyCause::BusLost));
     assert_eq!(end(&mission), Some(EndReason::BusLost));
 }
+
+#[test]
+fn a_task_that_comes_after_a_vehicle_has_gone_home_by_itself_ends_with_that_reason() {
+    let mut mission = Mission::new(settings(1));
+    fed(&mut mission, 1.0, GROUND);
+    fed(&mut mission, 1.0, In::State(own_state(0.0, 0.0)));
+    fed(&mut mission, 1.1, order(OrderKind::Start));
+    let low = crate::node::OwnState {
+        battery: 0.1,
+        ..own_state(0.0, 0.0)
+    };
+    fed(&mut mission, 2.0, In::State(low));
+    assert_eq!(mission.goal.cause(), Some(AutonomyCause::BatteryLow));
+    let task = Task {
+        lease: Lease::default(),
+        run: mission.assignment.run(),
+        members: vec![VehicleId(1)],
+        compare_with: None,
+        kind: tomoswarm_proto::TaskKind::Explore,
+    };
+    let out = fed(&mut mission, 3.0, In::Task(task));
+    assert!(
+        has(&out, MissionEvent::Ended(EndReason::BatteryLow)),
+        "{out:?}"
+    );
+}
+
+#[test]
+fn a_vehicle_at_home_with_an_empty_battery_is_home_when_it_is_to_return() {
+    let home = settings(1).home;
+    let empty = |off_m: f64| {
+        In::State(crate::node::OwnState {
+            battery: 0.04,
+            ..own_state(home.x_m + off_m, home.y_m)
+        })
+    };
+    for (off_m, expected) in [(0.0, MissionStatus::Home), (3.0, MissionStatus::Held)] {
+        let mut mission = Mission::new(settings(1));
+        fed(&mut mission, 1.0, GROUND);
+        fed(&mut mission, 1.0, empty(off_m));
+        fed(&mut mission, 1.1, order(OrderKind::Return));
+        assert_eq!(mission.status(), expected, "{off_m} m from home");
+    }
+}

@@ -146,18 +146,25 @@ impl Mission {
     /// Without a place: a mission of its own waits for it, and ends when that takes too long. Who rests at home since it knew
     /// its place has come home when it is to return.
     pub(super) fn wait_for_place(&mut self, now: Time, out: &mut Vec<Out>) {
-        if let Goal::Returning(home) = self.goal
-            && self.place.rests_at_home
-        {
-            self.goal = Goal::Home(home.by);
-            out.push(Out::MissionEvent(MissionEvent::Home));
-        }
+        self.end_return_at_home(out);
         if self.goal != Goal::Following {
             return self.place.end_wait();
         }
         if self.place.wait(now) {
             self.end_own_mission(EndReason::NoPlace, out);
         }
+    }
+
+    /// Ends the return of a vehicle that rests at home already, and cannot or need not drive; returns whether it is one.
+    pub(super) fn end_return_at_home(&mut self, out: &mut Vec<Out>) -> bool {
+        let Goal::Returning(home) = self.goal else {
+            return false;
+        };
+        if self.place.rests_at_home {
+            self.goal = Goal::Home(home.by);
+            out.push(Out::MissionEvent(MissionEvent::Home));
+        }
+        self.place.rests_at_home
     }
 
     /// Ends the mission of its own that is under way, if there is one.
