@@ -113,7 +113,7 @@ const LIVE_EXAMPLES: &str = "  tomoswarm sim configs/small.sim.toml --live   a s
 
 const EXIT_CODES: &str = "
 A run is given up at until_s (--until), and before that when a vehicle is not home 900 s after the operator has ordered the return
-at its end; the reason names the limit.
+at its end, or when too few vehicles for its task were heard within 900 s; the reason names the limit.
 
 Exit codes: 0 done; 1 a collision, a breach of the fence, a sweep or mission that did not end or was stopped, a vehicle that did not
 come home, missions of which no vehicle did everything, or in --trials too many persons missed; 2 bad usage, bad files, or a folder

@@ -52,6 +52,12 @@ impl TaskRequest {
         MissionKind::from(&self.kind) != MissionKind::Sweep
     }
 
+    /// Returns how many of its members at least can do it: a sweep measures between vehicles.
+    pub(super) fn least_members(&self) -> usize {
+        let least = if self.is_own() { 1 } else { 2 };
+        least.min(self.members.len())
+    }
+
     /// Returns whether everyone who is to know of it shows it; without a ground station that is the members.
     fn is_shown(&self, now: Time, view: &FleetView) -> bool {
         let report = view.ground(now).map(|report| &report.value.runs);

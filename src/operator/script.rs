@@ -5,7 +5,8 @@
 //! ```text
 //!   step ─Task, Want, Delay, Cue─► next step …                    ─► done
 //!     ├──Wait─► shown ─► next step; not shown within its limit, or a want that failed ─► gave up
-//!     │         what it waits for cannot come any more: a run has failed ──────────────► gave up
+//!     │         what it waits for cannot come any more: a run has failed, or too few
+//!     │         of those who are to bring it about were heard for very long ───────────► gave up
 //!     └──EndIf─► shown ─► done; otherwise the next step
 //! ```
 
@@ -25,6 +26,10 @@ use super::names::kind_name;
 use super::order_goal::OrderGoal;
 use super::status::Expected;
 use crate::time::Time;
+
+/// A vehicle that was not heard for this long does not come back any more. People read of it in docs/modules.md and in the help
+/// of `sim`.
+pub(crate) const GONE_AFTER: Duration = Duration::from_secs(900);
 
 /// What is waited for.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -219,7 +224,8 @@ impl ScriptRun {
                 }
                 ScriptStep::Wait { until, .. } if until.is_shown(now, sight) => self.next(now),
                 ScriptStep::Wait { until, within } => {
-                    if let Some(why) = until.is_hopeless(now, sight) {
+                    let why = until.is_hopeless(now, sight);
+                    if let Some(why) = why.or_else(|| self.too_few_heard(until, now, sight)) {
                         return Some(self.give_up(why));
                     }
                     let why = || until.missed(now, sight, *within, self.order_before());
@@ -247,6 +253,37 @@ impl ScriptRun {
     fn next(&mut self, now: Time) {
         self.at += 1;
         (self.since, self.is_cue_said, self.is_cue_done) = (now, false, false);
+    }
+
+    /// Returns in words that too few members of the task are left to do what is waited for; `None` = enough, or it need not be
+    /// done by them.
+    fn too_few_heard(&self, until: &Condition, now: Time, sight: &ScriptView) -> Option<String> {
+        if !until.is_of_task() || now.since(self.since) < GONE_AFTER {
+            return None;
+        }
+        let task = self.task_before()?;
+        let heard = task.members.iter().filter(|id| {
+            let state = sight.view.state(**id);
+            state.is_some_and(|state| state.age(now) <= GONE_AFTER)
+        });
+        let (heard, members) = (heard.count(), task.members.len());
+        let limit_s = GONE_AFTER.as_secs();
+        (heard < task.least_members()).then(|| {
+            format!("{heard} of {members} vehicles were heard within {limit_s} s, too few")
+        })
+    }
+
+    /// Returns the task that was given last before the present step.
+    fn task_before(&self) -> Option<&TaskRequest> {
+        let before = self.steps.get(..self.at)?;
+        before.iter().rev().find_map(|step| match step {
+            ScriptStep::Task(task) => Some(task),
+            ScriptStep::Wait { .. }
+            | ScriptStep::Delay(_)
+            | ScriptStep::Want(_)
+            | ScriptStep::EndIf(_)
+            | ScriptStep::Announce { .. } => None,
+        })
     }
 
     /// Returns what was ordered right before the present step.
@@ -280,6 +317,15 @@ impl Condition {
             Condition::MissionsEnded(present) => present.all(now, sight.view, has_ended),
             Condition::Home(present) => present.all(now, sight.view, is_home),
             Condition::Any(conditions) => conditions.iter().any(|one| one.is_shown(now, sight)),
+        }
+    }
+
+    /// Returns whether it comes about only by vehicles that do the task which was given.
+    fn is_of_task(&self) -> bool {
+        match self {
+            Condition::Driven(_) | Condition::Done(_) | Condition::MissionsEnded(_) => true,
+            Condition::Any(conditions) => conditions.iter().all(Condition::is_of_task),
+            Condition::Heard(_) | Condition::InForce | Condition::Home(_) => false,
         }
     }
 
@@ -432,4 +478,20 @@ fn has_ended(mission: &MissionProgress) -> bool {
 /// Returns whether a vehicle has come home and stays there.
 pub fn is_home(mission: &MissionProgress) -> bool {
     mission.is_at_home && mission.phase == MissionPhase::Over
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn people_read_after_how_long_a_vehicle_does_not_come_back() {
+        let limit = format!("heard within {} s", GONE_AFTER.as_secs());
+        for text in [
+            include_str!("../cli/sim.rs"),
+            include_str!("../../docs/modules.md"),
+        ] {
+            assert!(text.contains(&limit));
+        }
+    }
 }

@@ -205,3 +205,21 @@ fn a_run_whose_vehicles_are_gone_for_good_ends_and_one_that_is_back_soon_goes_on
     let restarts = fault("restart", "vehicles = [1, 2]");
     place(2, "until_s = 3000.0", &restarts).run_to_the_end();
 }
+
+#[test]
+fn nobody_waits_for_ever_for_vehicles_that_the_bus_never_reaches_again() {
+    let cut = fault("bus", "vehicles = [1]");
+    // It begins anew, so that it does not give up for the bus itself.
+    let restarts = fault("restart", "vehicles = [1]");
+    let mission = "[mission]\nkind = \"explore\"";
+    for (vehicles, more, heard) in [(2, "", "1 of 2"), (1, mission, "0 of 1")] {
+        let faults = format!("{more}\n{cut}{restarts}");
+        let outcome = place(vehicles, "until_s = 5000.0", &faults).run_safely();
+        let why = outcome.failure.as_deref().unwrap_or_default();
+        assert!(
+            why.starts_with(&format!("{heard} vehicles were heard within 900 s")),
+            "{why}"
+        );
+        assert!(outcome.simulated.as_secs_f64() < 1100.0);
+    }
+}

@@ -5,11 +5,12 @@ use tomoswarm_proto::{
     RunReport, TaskKind,
 };
 
-use super::super::super::given_tasks::TaskRequest;
+use super::super::super::given_tasks::{TaskRequest, task_kind};
 use super::super::super::order_goal::MissionRequest;
 use super::super::super::outcome::OrderRefusal;
-use super::super::super::script::LiveVehicles;
+use super::super::super::script::{GONE_AFTER, LiveVehicles};
 use super::*;
+use crate::config::SweepConfig;
 
 const RUN: RunId = RunId(3);
 
@@ -378,4 +379,49 @@ fn who_is_not_home_in_time_is_named_with_the_limit_and_what_it_began_with() {
         why: "vehicles 1, 2 were not home 9 s after the order to return".to_owned(),
     };
     assert_eq!(script_end(&world), Some(&end));
+}
+
+#[test]
+fn a_task_for_which_too_few_are_heard_for_very_long_is_not_waited_for() {
+    let members = vec![VehicleId(1), VehicleId(2)];
+    let sweep = task_kind(None, &SweepConfig::default());
+    let check = |kind: TaskKind, until: Condition, rovers: usize, expected: Option<&str>| {
+        let within = GONE_AFTER * 2;
+        let request = TaskRequest {
+            run: RUN,
+            members: members.clone(),
+            compare_with: None,
+            kind,
+        };
+        let mut world = World::new(vec![Rover::new(1), Rover::new(2)]);
+        follow(
+            &mut world,
+            &[
+                ScriptStep::Task(request),
+                ScriptStep::Wait { until, within },
+            ],
+        );
+        world.run(100.0);
+        world.rovers.truncate(rovers);
+        world.run(GONE_AFTER.as_secs_f64() - 2.0);
+        assert_eq!(script_end(&world), None, "they may come back");
+        world.run(6.0);
+        let end = expected.map(|why| ScriptEnd::GaveUp {
+            step: 1,
+            why: why.to_owned(),
+        });
+        assert_eq!(script_end(&world), end.as_ref());
+    };
+    let missions = || Condition::MissionsEnded(one_present());
+    let (one, nobody) = (
+        Some("1 of 2 vehicles were heard within 900 s, too few"),
+        Some("0 of 2 vehicles were heard within 900 s, too few"),
+    );
+    check(sweep.clone(), Condition::Done(RUN), 1, one);
+    check(sweep.clone(), Condition::Driven(RUN), 0, nobody);
+    check(sweep.clone(), Condition::Done(RUN), 2, None);
+    check(TaskKind::Browse, missions(), 0, nobody);
+    check(TaskKind::Browse, missions(), 1, None);
+    let or_home = Condition::Any(vec![Condition::Done(RUN), Condition::Home(one_present())]);
+    check(sweep, or_home, 0, None);
 }
