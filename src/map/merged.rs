@@ -13,7 +13,9 @@ use tomoswarm_proto::{
 
 use super::map_snapshot::MapSnapshot;
 use super::tile::CONFIRMED_FROM;
-use super::tile::{MERGED_CLAMP, Occupancy, Tile, TileError, address_of, index_in_tile};
+use super::tile::{
+    FREE_TO, LAYER_CLAMP, MERGED_CLAMP, Occupancy, Tile, TileError, address_of, index_in_tile,
+};
 use super::window::{CellRect, ConfirmedCells, Sums, View, ViewTile};
 use super::{ClearedParts, Layer, MapTile, OCCUPIED_FROM};
 use crate::geom::{Cell, Lattice};
@@ -75,7 +77,7 @@ pub struct Merged {
     own: Option<LayerId>,
     layers: BTreeMap<LayerId, Layer>,
     tiles: usize,
-    /// Unclamped sums over the layers; at most `MAX_LAYERS` × `LAYER_CLAMP`, so they fit.
+    /// What the layers say together ([`said_together`]): unclamped sums; at most `MAX_LAYERS` × `LAYER_CLAMP`, so they fit.
     sums: BTreeMap<TileAddress, Box<Sums>>,
     /// The cells that some layer holds for confirmed.
     confirmed: BTreeMap<TileAddress, Box<ConfirmedCells>>,
@@ -221,7 +223,10 @@ impl Merged {
             .and_then(|layer| layer.tile(address))
             .cloned();
         self.tiles += usize::from(old.is_none());
-        let newly_occupied = self.add_difference(address, old.as_ref(), &tile);
+        let before = |place: usize| old.as_ref().map_or(0, |old| old.cells[place]);
+        let changed: Vec<usize> = (0..TILE_CELLS)
+            .filter(|place| before(*place) != tile.cells[*place])
+            .collect();
         let was_confirmed = |place: usize| {
             old.as_ref()
                 .is_some_and(|old| old.cells[place] >= CONFIRMED_FROM)
@@ -231,7 +236,7 @@ impl Merged {
         let turned: Vec<usize> = (0..TILE_CELLS).filter(turned).collect();
         self.layers.entry(layer).or_default().put(address, tile);
         self.confirm(address, &turned);
-        newly_occupied
+        self.join_layers(address, changed.into_iter())
     }
 
     /// Finds anew which cells of a tile, by their places in it, some layer holds for confirmed.
@@ -260,16 +265,22 @@ impl Merged {
         }
     }
 
-    fn add_difference(&mut self, address: TileAddress, old: Option<&Tile>, new: &Tile) -> bool {
+    /// Finds anew what the layers say together of cells of a tile, by their places in it; returns whether one became occupied.
+    fn join_layers(&mut self, address: TileAddress, places: impl Iterator<Item = usize>) -> bool {
+        let of_layers: Vec<&Tile> = self
+            .layers
+            .values()
+            .filter_map(|layer| layer.tile(address))
+            .collect();
         let sums = self
             .sums
             .entry(address)
             .or_insert_with(|| Box::new([0; TILE_CELLS]));
         let mut newly_occupied = false;
-        for (index, sum) in sums.iter_mut().enumerate() {
-            let before = *sum;
-            *sum += i16::from(new.cells[index]) - old.map_or(0, |old| i16::from(old.cells[index]));
-            newly_occupied |= before < OCCUPIED_FROM && *sum >= OCCUPIED_FROM;
+        for place in places {
+            let sum = said_together(of_layers.iter().map(|tile| tile.cells[place]));
+            newly_occupied |= sums[place] < OCCUPIED_FROM && sum >= OCCUPIED_FROM;
+            sums[place] = sum;
         }
         newly_occupied
     }
@@ -295,16 +306,6 @@ impl Merged {
             .entry(layer)
             .or_default()
             .write(address, written);
-        let sums = self
-            .sums
-            .entry(address)
-            .or_insert_with(|| Box::new([0; TILE_CELLS]));
-        let mut newly_occupied = false;
-        for (index, old, new) in cells {
-            let before = sums[*index];
-            sums[*index] += i16::from(*new) - i16::from(*old);
-            newly_occupied |= before < OCCUPIED_FROM && sums[*index] >= OCCUPIED_FROM;
-        }
         let turned =
             |(_, old, new): &&(usize, i8, i8)| (*old >= CONFIRMED_FROM) != (*new >= CONFIRMED_FROM);
         let turned: Vec<usize> = cells
@@ -313,7 +314,7 @@ impl Merged {
             .map(|(index, ..)| *index)
             .collect();
         self.confirm(address, &turned);
-        newly_occupied
+        self.join_layers(address, cells.iter().map(|(index, ..)| *index))
     }
 
     /// Returns the sums of a tile over all layers.
@@ -445,6 +446,21 @@ fn check_revision(report: &TileReport, held: Option<&Tile>) -> Result<(), TileRe
     }
 }
 
+/// Returns what layers say together of a cell: the sum. But what one of them has confirmed is not free as long as nobody has
+/// seen it empty from near: however many have from afar, all of them may have looked along the same wall.
+fn said_together(values: impl Iterator<Item = i8>) -> i16 {
+    let (mut sum, mut is_confirmed, mut is_surely_free) = (0, false, false);
+    for value in values {
+        sum += i16::from(value);
+        is_confirmed |= value >= CONFIRMED_FROM;
+        is_surely_free |= value <= -LAYER_CLAMP;
+    }
+    match is_confirmed && !is_surely_free {
+        true => sum.max(FREE_TO + 1),
+        false => sum,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -497,16 +513,19 @@ mod tests {
         }
 
         #[test]
-        fn the_merged_cell_is_the_clamped_sum_of_the_newest(reports in proptest::collection::vec(any_report(), 1..20)) {
+        fn the_merged_cell_is_the_clamped_sum_of_the_newest_but_what_is_confirmed_is_freed_from_near_only(reports in proptest::collection::vec(any_report(), 1..20)) {
             let map = joined(reports.iter());
             for x in -1..1i32 {
-                let mut sum = 0;
-                for id in (0..3).flat_map(|vehicle| (0..2).map(move |boot| layer(vehicle, boot))) {
+                let layers = (0..3).flat_map(|vehicle| (0..2).map(move |boot| layer(vehicle, boot)));
+                let newest = layers.filter_map(|id| {
                     let of_layer = reports.iter().filter(|r| r.layer == id && r.address.x == x);
-                    let values = of_layer.map(|r| (r.revision, r.cells[5].clamp(-17, 17)));
-                    sum += values.max().map_or(0, |(_, value)| i16::from(value));
-                }
-                prop_assert_eq!(map.value(0, Cell::new(x * 32 + 5, 0)), sum.clamp(-100, 100));
+                    of_layer.map(|r| (r.revision, r.cells[5].clamp(-17, 17))).max()
+                });
+                let values: Vec<i8> = newest.map(|(_, value)| value).collect();
+                let sum: i16 = values.iter().map(|value| i16::from(*value)).sum();
+                let is_held = values.iter().any(|value| *value >= 13) && !values.contains(&-17);
+                let expected = if is_held { sum.max(-7) } else { sum };
+                prop_assert_eq!(map.value(0, Cell::new(x * 32 + 5, 0)), expected.clamp(-100, 100));
             }
         }
 
@@ -532,6 +551,16 @@ mod tests {
             prop_assert_eq!(&nodes[2].sums, &nodes[1].sums);
             prop_assert_eq!(&nodes[2].layers, &nodes[1].layers);
         }
+    }
+
+    #[test]
+    fn what_one_has_confirmed_others_free_from_near_only() {
+        let said = |values: &[i8]| said_together(values.iter().copied());
+        assert_eq!(said(&[17, -12, -12, -12]), FREE_TO + 1, "unknown");
+        assert_eq!(said(&[17, -12, -17, -12]), -24, "one has been near");
+        assert_eq!(said(&[9, -12, -12]), -15, "it was doubtful");
+        assert_eq!(said(&[17, 17, -12]), 22);
+        assert_eq!(said(&[-12, -12]), -24);
     }
 
     /// Exchanges digests, wants and answers (two tiles at a time) until nobody sends a tile; returns the rounds.
