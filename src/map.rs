@@ -6,6 +6,7 @@
 
 mod cleared;
 mod evidence;
+mod joined;
 mod layer;
 mod map_snapshot;
 mod merged;

@@ -138,7 +138,7 @@ struct Scratch {
     arc: Vec<Cell>,
     /// The cells that they lie in.
     keys: Vec<Option<CellKey>>,
-    writes: Vec<(usize, i8, i8)>,
+    writes: Vec<(usize, i8)>,
 }
 
 /// Which cells explain an echo.
@@ -547,7 +547,7 @@ impl Mapper {
                 let old = published.map_or(0, |tile| tile.cells[key.index]);
                 let new = self.memory.cell(*key).value();
                 if new != old {
-                    writes.push((key.index, old, new));
+                    writes.push((key.index, new));
                 }
             }
             if writes.is_empty() {

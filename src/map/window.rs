@@ -3,6 +3,7 @@
 use tomoswarm_proto::{TILE_CELLS, TILE_SIDE, TileAddress};
 
 use super::cleared::BarredCell;
+use super::joined::JoinedTile;
 use super::tile::{Occupancy, REACH_TILES, SIDE_BITS, index_in_tile, origin_of};
 use crate::geom::{Cell, Lattice, Point, Rect};
 
@@ -126,9 +127,6 @@ impl CellRect {
     }
 }
 
-/// Unclamped sums over all layers of one tile.
-pub(super) type Sums = [i16; TILE_CELLS];
-
 /// A borrowed rectangle of the merged map at one altitude slice. Cells outside it read as unknown.
 #[derive(Clone, Debug)]
 pub struct View<'a> {
@@ -140,14 +138,11 @@ pub struct View<'a> {
     pub(super) tiles: Vec<Option<ViewTile<'a>>>,
 }
 
-/// Which cells of a tile are confirmed, as bits, a word for each row.
-pub(super) type ConfirmedCells = [u32; TILE_SIDE];
-
 /// What is known of the cells of a tile.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ViewTile<'a> {
-    pub(super) sums: &'a Sums,
-    pub(super) confirmed: Option<&'a ConfirmedCells>,
+    /// What all layers say together.
+    pub(super) joined: &'a JoinedTile,
     /// The parts that are known to be empty.
     pub(super) cleared: Option<&'a [u16; TILE_CELLS]>,
 }
@@ -163,9 +158,30 @@ impl View<'_> {
     #[inline]
     pub fn occupancy(&self, cell: Cell) -> Occupancy {
         match self.tile(cell) {
-            Some(ViewTile { sums, .. }) => Occupancy::of_value(sums[index_in_tile(cell)]),
+            Some(tile) => Occupancy::of_value(tile.joined.sums[index_in_tile(cell)]),
             None => Occupancy::Unknown,
         }
+    }
+
+    /// Returns whether nobody has seen a cell, as far as that is worth another look. What is unknown because vehicles contradict
+    /// each other is not, where something stands beside it: the deviations of their places move a wall by a cell, and no look
+    /// of one of them makes another say something else.
+    #[inline]
+    pub fn is_unseen(&self, cell: Cell) -> bool {
+        self.occupancy(cell) == Occupancy::Unknown
+            && !(self.is_disputed(cell) && self.has_occupied_beside(cell))
+    }
+
+    fn is_disputed(&self, cell: Cell) -> bool {
+        let tile = self.tile(cell);
+        tile.is_some_and(|tile| tile.joined.is_disputed(index_in_tile(cell)))
+    }
+
+    fn has_occupied_beside(&self, cell: Cell) -> bool {
+        let around = CellRect::new(cell, cell).grown(1);
+        around
+            .cells()
+            .any(|beside| self.occupancy(beside) == Occupancy::Occupied)
     }
 
     /// Fills a row, from a cell on, with what `judge` makes of what is known of the cells.
@@ -177,8 +193,8 @@ impl View<'_> {
             let count = (TILE_SIDE - index % TILE_SIDE).min(rest.len());
             let (part, others) = rest.split_at_mut(count);
             match self.tile(cell) {
-                Some(ViewTile { sums, .. }) => {
-                    let known = &sums[index..index + count];
+                Some(tile) => {
+                    let known = &tile.joined.sums[index..index + count];
                     for (one, sum) in part.iter_mut().zip(known) {
                         *one = judge(Occupancy::of_value(*sum));
                     }
@@ -206,12 +222,9 @@ impl View<'_> {
             return BarredCell::of(Occupancy::Unknown, false, 0);
         };
         let index = index_in_tile(cell);
-        let (row, column) = (index / TILE_SIDE, index % TILE_SIDE);
-        let is_confirmed = tile
-            .confirmed
-            .is_some_and(|rows| rows[row] & (1 << column) != 0);
         let cleared = tile.cleared.map_or(0, |parts| parts[index]);
-        BarredCell::of(Occupancy::of_value(tile.sums[index]), is_confirmed, cleared)
+        let said = Occupancy::of_value(tile.joined.sums[index]);
+        BarredCell::of(said, tile.joined.is_confirmed(index), cleared)
     }
 
     #[inline]

@@ -1,4 +1,4 @@
-//! Where the known free ground ends: free cells beside an unknown one, grouped into clusters.
+//! Where the known free ground ends: free cells beside one that nobody has seen, grouped into clusters.
 //!
 //! Kept up to date around what changed, never counted anew; the result is the same as from scratch. Whether a
 //! vehicle can get to a frontier, and which one it should take, is not asked here.
@@ -101,10 +101,10 @@ impl Frontiers {
 
     /// Takes note of a change of the map: all cells that changed since the last update lie in `changed`.
     pub fn update(&mut self, map: &Merged, changed: CellRect) {
-        let Some(area) = changed.grown(1).overlap(self.bounds) else {
+        let Some(area) = changed.grown(2).overlap(self.bounds) else {
             return;
         };
-        let view = map.view(self.slice, area.grown(1));
+        let view = map.view(self.slice, area.grown(2));
         let mut loose = BTreeSet::new();
         for y in area.low.y..=area.high.y {
             for x in area.low.x..=area.high.x {
@@ -154,7 +154,7 @@ impl Frontiers {
             let inside = self
                 .index(beside)
                 .is_some_and(|index| self.flags[index] & INSIDE != 0);
-            inside && view.occupancy(beside) == Occupancy::Unknown
+            inside && view.is_unseen(beside)
         };
         self.flags[index] & INSIDE != 0
             && view.occupancy(cell) == Occupancy::Free
@@ -251,10 +251,10 @@ mod tests {
         Frontiers::new(Lattice::new(LATTICE), 0, bounds(), fenced).unwrap()
     }
 
-    /// Writes a rectangle of one tile; returns the tile's cells.
+    /// Writes a rectangle of one tile of a vehicle's layer; returns the tile's cells.
     fn write(
         map: &mut Merged,
-        revision: u32,
+        (vehicle, revision): (u8, u32),
         x: i32,
         y: i32,
         from: (usize, usize),
@@ -262,7 +262,7 @@ mod tests {
         value: i8,
     ) -> CellRect {
         let layer = LayerId {
-            vehicle: VehicleId(1),
+            vehicle: VehicleId(vehicle),
             boot: Boot(1),
         };
         let address = TileAddress { slice: 0, x, y };
@@ -286,6 +286,19 @@ mod tests {
         )
     }
 
+    /// Unknown; but not where one vehicle knows it and another one says otherwise, beside something that stands.
+    fn is_unseen(map: &Merged, cell: Cell) -> bool {
+        let (x, y) = (cell.x.div_euclid(32), cell.y.div_euclid(32));
+        let address = TileAddress { slice: 0, x, y };
+        let place = (cell.y.rem_euclid(32) * 32 + cell.x.rem_euclid(32)) as usize;
+        let tiles = map.layers().filter_map(|(_, layer)| layer.tile(address));
+        let is_known = |value: i8| !(-7..9).contains(&value);
+        let is_disputed = tiles.into_iter().any(|tile| is_known(tile.cells[place]));
+        let beside = CellRect::new(cell, cell).grown(1).cells();
+        let mut occupied = beside.filter(|one| map.occupancy(0, *one) == Occupancy::Occupied);
+        map.occupancy(0, cell) == Occupancy::Unknown && !(is_disputed && occupied.next().is_some())
+    }
+
     /// The definition, said a second time: groups by joining sets until nothing touches.
     fn from_scratch(map: &Merged) -> Vec<Vec<Cell>> {
         let (area, lattice) = (bounds(), Lattice::new(LATTICE));
@@ -296,10 +309,7 @@ mod tests {
         for cell in all.filter(|cell| inside(*cell) && map.occupancy(0, *cell) == Occupancy::Free) {
             let beside = [(1, 0), (-1, 0), (0, 1), (0, -1)]
                 .map(|(dx, dy)| Cell::new(cell.x + dx, cell.y + dy));
-            if !beside
-                .iter()
-                .any(|c| inside(*c) && map.occupancy(0, *c) == Occupancy::Unknown)
-            {
+            if !beside.iter().any(|c| inside(*c) && is_unseen(map, *c)) {
                 continue;
             }
             let touches =
@@ -321,19 +331,19 @@ mod tests {
         #[test]
         fn kept_frontiers_are_those_counted_from_scratch(
             writes in proptest::collection::vec(
-                (-1..2i32, -1..2i32, (0..32usize, 0..32usize), (0..32usize, 0..32usize), 0..5usize), 1..14,
+                (1..3u8, -1..2i32, -1..2i32, (0..32usize, 0..32usize), (0..32usize, 0..32usize), 0..5usize), 1..14,
             ),
         ) {
             let mut map = Merged::new(Lattice::new(LATTICE), None);
             let mut frontiers = frontiers();
-            for (count, (x, y, a, b, kind)) in writes.into_iter().enumerate() {
+            for (count, (vehicle, x, y, a, b, kind)) in writes.into_iter().enumerate() {
                 let (from, to) = ((a.0.min(b.0), a.1.min(b.1)), (a.0.max(b.0), a.1.max(b.1)));
                 let value = [-17, -17, -17, 17, 0][kind];
-                let changed = write(&mut map, count as u32 + 1, x, y, from, to, value);
+                let changed = write(&mut map, (vehicle, count as u32 + 1), x, y, from, to, value);
                 frontiers.update(&map, changed);
                 let kept: Vec<Vec<Cell>> = frontiers.clusters().map(|cluster| cluster.cells).collect();
                 let expected = from_scratch(&map);
-                                prop_assert_eq!(kept, expected);
+                prop_assert_eq!(kept, expected);
             }
         }
     }
@@ -342,15 +352,36 @@ mod tests {
     fn a_free_square_in_the_unknown_is_one_cluster_round_its_rim() {
         let mut map = Merged::new(Lattice::new(LATTICE), None);
         let mut frontiers = frontiers();
-        let changed = write(&mut map, 1, 0, 0, (4, 4), (8, 8), -17);
+        let changed = write(&mut map, (1, 1), 0, 0, (4, 4), (8, 8), -17);
         frontiers.update(&map, changed);
         let clusters: Vec<Cluster> = frontiers.clusters().collect();
         assert_eq!((clusters.len(), clusters[0].size()), (1, 16));
         assert!(clusters[0].centroid.distance_to(Point::new(3.25, 3.25)) < 1e-9);
         assert!(frontiers.contains(Cell::new(4, 4)) && !frontiers.contains(Cell::new(6, 6)));
-        let changed = write(&mut map, 2, 0, 0, (0, 0), (31, 31), 17);
+        let changed = write(&mut map, (1, 2), 0, 0, (0, 0), (31, 31), 17);
         frontiers.update(&map, changed);
         assert!(frontiers.clusters().next().is_none());
+    }
+
+    #[test]
+    fn where_vehicles_contradict_each_other_beside_a_wall_is_no_frontier() {
+        let mut map = Merged::new(Lattice::new(LATTICE), None);
+        let mut frontiers = frontiers();
+        write(&mut map, (1, 1), 0, 0, (0, 0), (31, 31), -17);
+        write(&mut map, (2, 1), 0, 0, (0, 0), (31, 31), -12);
+        let away = |frontiers: &Frontiers| {
+            let inner = |cluster: &Cluster| cluster.cells.iter().all(|cell| cell.x > 8);
+            frontiers.clusters().filter(inner).count()
+        };
+        // What one of them has met in the open, nobody else: that is worth a look.
+        let changed = write(&mut map, (2, 2), 0, 0, (15, 15), (15, 15), 17);
+        frontiers.update(&map, changed);
+        assert_eq!(away(&frontiers), 1);
+        // Both have met a wall beside it.
+        write(&mut map, (1, 2), 0, 0, (16, 14), (16, 16), 17);
+        let changed = write(&mut map, (2, 3), 0, 0, (16, 14), (16, 16), 17);
+        frontiers.update(&map, changed);
+        assert_eq!(away(&frontiers), 0);
     }
 
     #[test]
@@ -358,7 +389,7 @@ mod tests {
         let mut map = Merged::new(Lattice::new(LATTICE), None);
         let area = CellRect::new(Cell::new(0, 0), Cell::new(31, 31));
         let mut frontiers = Frontiers::new(Lattice::new(LATTICE), 0, area, |_| true).unwrap();
-        let changed = write(&mut map, 1, 0, 0, (0, 0), (31, 31), -17);
+        let changed = write(&mut map, (1, 1), 0, 0, (0, 0), (31, 31), -17);
         frontiers.update(&map, changed);
         assert!(frontiers.clusters().next().is_none());
         frontiers.update(

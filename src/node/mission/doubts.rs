@@ -77,6 +77,17 @@ impl Doubts {
         }
     }
 
+    /// Records that a peer, whose map is shared, has looked closely from a place at another one, if that is near enough.
+    pub(crate) fn note_peers(&mut self, search: &PathSearch<'_>, at: Point, from: Point) {
+        let lattice = search.lattice();
+        let cell = lattice.cell_at(at);
+        let is_near = from.distance_to(at) <= search.planned_m() + NEAR_M + lattice.cell_m();
+        let is_here = |place: &Point| place.distance_to(from) < APART_M;
+        if is_near && !self.places_of(lattice, cell).iter().any(is_here) {
+            self.note(lattice, cell, from);
+        }
+    }
+
     /// Returns what to do next to reach a goal to which no way is known; `peers` are what peers claim.
     pub(crate) fn toward(
         &mut self,
@@ -157,7 +168,7 @@ impl Doubts {
                 let cost_m = optimistic.cost_m(node)?;
                 let is_wanted = roomy.passable(node)
                     && !reached.is_reached(nodes.centre(node))
-                    && search.is_unknown(nodes.centre(node));
+                    && search.is_unseen(nodes.centre(node));
                 is_wanted.then_some((cost_m, node))
             };
             let nearest = grid.area().cells().filter_map(wanted);

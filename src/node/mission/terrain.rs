@@ -121,11 +121,6 @@ impl Terrain {
         search::planned(settings, pose).released(settings.lattice.cell_m())
     }
 
-    /// Returns how far the middle of a vehicle at a pose keeps from what stands there, metres.
-    pub(super) fn keep_m(&self, pose: Pose) -> f64 {
-        search::keep_m(&self.settings, pose)
-    }
-
     /// Returns the search for paths of a vehicle at a pose.
     pub(super) fn search(&self, now: Time, pose: Pose) -> PathSearch<'_> {
         PathSearch {

@@ -16,8 +16,7 @@
 mod frontier_candidates;
 mod known_frontiers;
 mod look_history;
-
-use std::collections::BTreeMap;
+mod peer_looks;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{TileAddress, VehicleId};
@@ -25,16 +24,16 @@ use tomoswarm_proto::{TileAddress, VehicleId};
 use self::frontier_candidates::{FrontierCandidate, Ground, LookCandidate, Reach, sees};
 use self::known_frontiers::KnownFrontiers;
 use self::look_history::LookHistory;
+use self::peer_looks::{PeerLook, PeerLooks};
 use super::{Behaviour, DriveRoute, MissionContext, MissionInput, MissionStep};
 use crate::geom::{Angle, Cell, Point};
 use crate::map::{CellRect, OccupancyGrid};
 use crate::node::VehicleSettings;
 use crate::node::mission::doubts::{CloseLook, Doubts};
-use crate::node::mission::terrain::{Resolution, Terrain, WAYS, is_small};
+use crate::node::mission::terrain::{PathSearch, Resolution, Terrain, WAYS, is_small};
 use crate::node::mission::{EndReason, look_around};
 use crate::node::peers::Peer;
 use crate::plan::{Distances, SearchGrid};
-use crate::time::Time;
 
 /// The vehicle goes this much nearer to what it looks at than it must keep from it, metres; when it cannot, it looks
 /// from as near as it can.
@@ -79,6 +78,24 @@ enum Stage {
     Doubting(Cell),
 }
 
+/// A look, and the way to where it is taken.
+struct FoundLook {
+    look: LookCandidate,
+    /// The ground that was searched.
+    grid: SearchGrid,
+    reached: Distances,
+    /// Over places too that it has driven, however near to something these are.
+    is_narrow: bool,
+}
+
+/// Why there is no look.
+enum NoLook {
+    /// The fence is too large to be searched.
+    TooLarge,
+    /// Nothing of what is to be looked at is seen from places that can be reached, which are these.
+    InVain(Vec<Distances>),
+}
+
 /// A search or an exploration.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Seek {
@@ -90,8 +107,8 @@ pub(crate) struct Seek {
     doubts: Doubts,
     #[serde(skip)]
     frontiers: KnownFrontiers,
-    /// When each peer last came to rest, as far as its look from there is noted.
-    peers_looked: BTreeMap<VehicleId, Time>,
+    /// What peers look at.
+    peer_looks: PeerLooks,
 }
 
 impl Behaviour for Seek {
@@ -164,10 +181,21 @@ impl Behaviour for Seek {
         }
         let dwell = look_around::dwell(&self.settings.look);
         for (id, peer) in around.peers.iter() {
-            let has_looked = peer.resting && around.now.since(peer.moved_at) >= dwell;
-            if has_looked && self.peers_looked.get(&id) != Some(&peer.moved_at) {
-                self.peers_looked.insert(id, peer.moved_at);
-                self.note_look(around.terrain, peer.at, peer.heading, None);
+            if !peer.resting || around.now.since(peer.moved_at) < dwell {
+                continue;
+            }
+            let Some(look) = self.peer_looks.take(id, peer) else {
+                continue;
+            };
+            let PeerLook {
+                from,
+                toward,
+                closely,
+            } = look;
+            self.note_look(around.terrain, from, toward, None);
+            if let Some(at) = closely {
+                let search = around.terrain.search(around.now, around.pose);
+                self.doubts.note_peers(&search, at, from);
             }
         }
     }
@@ -183,7 +211,7 @@ impl Seek {
             looks: LookHistory::new(settings.lattice),
             doubts: Doubts::default(),
             frontiers: KnownFrontiers::default(),
-            peers_looked: BTreeMap::new(),
+            peer_looks: PeerLooks::default(),
         }
     }
 
@@ -194,31 +222,13 @@ impl Seek {
         let occupancy = self.occupancy(around);
         let candidates = self.rated(around, &occupancy);
         let claims = around.claims();
-        // First where there is room to spare; then through every doorway that is wide enough; only when nothing is left so,
-        // through gaps that it has already driven itself.
         let search = around.terrain.search(around.now, around.pose);
-        let mut vain = Vec::new();
-        for (resolution, is_narrow) in WAYS {
-            let Some(mut grid) = search.ground(None, resolution, false, &claims) else {
-                return MissionStep::End(EndReason::TooLarge);
-            };
-            if search.is_cramped(&grid, resolution) {
-                continue;
-            }
-            if is_narrow && !grid.open_along(around.terrain.driven()) {
-                continue;
-            }
-            match self.choose_look(around, &grid, &occupancy, (&candidates, &vain)) {
-                Ok((look, reached)) => {
-                    return self.go_and_look(around, &grid, &reached, is_narrow, look);
-                }
-                Err(reached) if resolution != Resolution::Cells => {
-                    vain.extend(reached.map(|reached| *reached))
-                }
-                Err(_) => {}
-            }
-        }
-        if self.is_barred_by_peers(around, &occupancy) {
+        let vain = match self.look_on_ways(&search, &occupancy, &candidates, &claims) {
+            Ok(found) => return self.go_and_look(around, found),
+            Err(NoLook::TooLarge) => return MissionStep::End(EndReason::TooLarge),
+            Err(NoLook::InVain(vain)) => vain,
+        };
+        if self.is_barred_by_peers(around, &occupancy, &candidates) {
             return MissionStep::YieldToPeers;
         }
         if search.is_cut_off(&claims) {
@@ -228,7 +238,7 @@ impl Seek {
             let search = search.but_for_reflex();
             let ground = search.ground(None, Resolution::FineParts, false, &claims);
             let sought = (&candidates[..], &vain[..]);
-            let is_seen_on = |grid| self.choose_look(around, &grid, &occupancy, sought).is_ok();
+            let is_seen_on = |grid| self.choose_look(&search, &grid, &occupancy, sought).is_ok();
             if ground.is_some_and(is_seen_on) {
                 return MissionStep::Wait;
             }
@@ -254,11 +264,49 @@ impl Seek {
         }
     }
 
+    /// Returns the best look at one of some candidates: first where there is room to spare; then through every doorway that is
+    /// wide enough; only when nothing is left so, through gaps that it has already driven itself.
+    fn look_on_ways(
+        &self,
+        search: &PathSearch<'_>,
+        occupancy: &OccupancyGrid,
+        candidates: &[FrontierCandidate],
+        claims: &[Vec<Point>],
+    ) -> Result<FoundLook, NoLook> {
+        let mut vain = Vec::new();
+        for (resolution, is_narrow) in WAYS {
+            let Some(mut grid) = search.ground(None, resolution, false, claims) else {
+                return Err(NoLook::TooLarge);
+            };
+            if search.is_cramped(&grid, resolution) {
+                continue;
+            }
+            if is_narrow && !grid.open_along(search.driven()) {
+                continue;
+            }
+            match self.choose_look(search, &grid, occupancy, (candidates, &vain)) {
+                Ok((look, reached)) => {
+                    return Ok(FoundLook {
+                        look,
+                        grid,
+                        reached,
+                        is_narrow,
+                    });
+                }
+                Err(reached) if resolution != Resolution::Cells => {
+                    vain.extend(reached.map(|reached| *reached));
+                }
+                Err(_) => {}
+            }
+        }
+        Err(NoLook::InVain(vain))
+    }
+
     /// Returns where to look from and at which of some candidates, but not from where that was sought in vain, with the ways
     /// there; or the ways to all places, none of which sees any.
     fn choose_look(
         &self,
-        around: &MissionContext<'_>,
+        search: &PathSearch<'_>,
         grid: &SearchGrid,
         occupancy: &OccupancyGrid,
         (candidates, vain): (&[FrontierCandidate], &[Distances]),
@@ -270,25 +318,23 @@ impl Seek {
             looks: &self.looks,
             vain,
         };
-        let reach = self.reach(around.terrain.keep_m(around.pose));
-        known.best_look(around.pose.at, candidates, reach)
+        known.best_look(search.from(), candidates, self.reach(search.keep_m()))
     }
 
-    fn go_and_look(
-        &mut self,
-        around: &MissionContext<'_>,
-        grid: &SearchGrid,
-        reached: &Distances,
-        is_narrow: bool,
-        look: LookCandidate,
-    ) -> MissionStep {
+    fn go_and_look(&mut self, around: &MissionContext<'_>, found: FoundLook) -> MissionStep {
+        let FoundLook {
+            look,
+            grid,
+            reached,
+            is_narrow,
+        } = found;
         let (from, lattice) = (around.pose.at, grid.lattice());
         if look.from == lattice.cell_at(from) {
             self.stage = Stage::Going(look.at);
             return MissionStep::LookAt(look.at);
         }
         let to = lattice.centre(look.from);
-        let Some(route) = reached.route_to(grid, from, to) else {
+        let Some(route) = reached.route_to(&grid, from, to) else {
             self.looks.note(&[look.at], to);
             return MissionStep::Think;
         };
@@ -299,18 +345,18 @@ impl Seek {
         })
     }
 
-    /// Returns whether without peers there would be something to look at.
-    fn is_barred_by_peers(&self, around: &MissionContext<'_>, occupancy: &OccupancyGrid) -> bool {
-        if around.peers.iter().next().is_none() {
-            return false;
-        }
+    /// Returns whether without peers there would be something to look at, on the ways that were searched in vain.
+    fn is_barred_by_peers(
+        &self,
+        around: &MissionContext<'_>,
+        occupancy: &OccupancyGrid,
+        candidates: &[FrontierCandidate],
+    ) -> bool {
         let search = around.terrain.search(around.now, around.pose);
-        let Some(mut grid) = search.ground(None, Resolution::FineParts, false, &[]) else {
-            return false;
-        };
-        grid.open_along(around.terrain.driven());
-        self.choose_look(around, &grid, occupancy, (&self.candidates(), &[]))
-            .is_ok()
+        around.peers.iter().next().is_some()
+            && self
+                .look_on_ways(&search, occupancy, candidates, &[])
+                .is_ok()
     }
 
     /// Returns from how far away to look: nothing is looked at from where it is not surely seen.

@@ -154,10 +154,11 @@ impl PathSearch<'_> {
         planned(self.settings, self.pose).most_m()
     }
 
-    /// Returns whether nobody has looked well enough at a place.
-    pub(crate) fn is_unknown(&self, place: Point) -> bool {
+    /// Returns whether a place is worth a look, as [`View::is_unseen`](crate::map::View::is_unseen) says.
+    pub(crate) fn is_unseen(&self, place: Point) -> bool {
         let cell = self.settings.lattice.cell_at(place);
-        self.map.occupancy(self.settings.slice, cell) == Occupancy::Unknown
+        let around = CellRect::new(cell, cell).grown(1);
+        self.map.view(self.settings.slice, around).is_unseen(cell)
     }
 
     /// Returns whether nothing that was heard hides a cell's middle from a place, but for what lies just before it.

@@ -9,6 +9,7 @@ use crate::node::mission::kind::tests_support::obstacle;
 use crate::node::mission::tests::tiles;
 use crate::node::peers::Peers;
 use crate::node::tests_support::{drawn, settings, state, variants};
+use crate::time::Time;
 
 /// A search with all that it may look at.
 struct World {
