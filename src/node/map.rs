@@ -16,7 +16,7 @@ use tomoswarm_proto::{
 };
 
 use super::VehicleSettings;
-use super::peers::{Peer, Peers, join_states};
+use super::peers::{Peers, join_states};
 use super::sensor::Scan;
 use crate::actor::{Actor, Fault, Input, InputClass};
 use crate::geom::Pose;
@@ -142,17 +142,14 @@ impl Map {
             radius_m: self.settings.body.radius_m,
         };
         let sure_m = self.settings.body.radius_m + self.settings.lattice.cell_m();
-        let body_of = |peer: &'_ Peer| sure_m + 2.0 * (pose.sd_m + peer.sd_m);
         // One that has lost its place stands somewhere near it: what answers there is mapped like all that stands.
-        let peers: Vec<PeerBody<'_>> = self
-            .peers
-            .iter()
-            .filter(|(_, peer)| !peer.is_lost)
-            .map(|(_, peer)| PeerBody {
+        let peers = self.peers.iter().filter_map(|(_, peer)| {
+            Some(PeerBody {
                 leg: &peer.claim,
-                radius_m: body_of(peer),
+                radius_m: peer.met_within_m(sure_m, pose.sd_m)?,
             })
-            .collect();
+        });
+        let peers: Vec<PeerBody<'_>> = peers.collect();
         self.mapper.record(&mut self.merged, reading, body, &peers)
     }
 

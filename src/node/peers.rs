@@ -90,6 +90,12 @@ impl Peer {
         self.resting || self.is_silent(now)
     }
 
+    /// Returns how far from where it was said to be a body of some radius may be met by a vehicle that knows its own place to a
+    /// deviation, metres; `None`: it has lost its place, what is met there may be anything.
+    pub(super) fn met_within_m(&self, body_m: f64, own_sd_m: f64) -> Option<f64> {
+        (!self.is_lost).then_some(body_m + 2.0 * (own_sd_m + self.sd_m))
+    }
+
     /// Returns whether something of a start comes too late: a later one was heard, not long ago.
     fn has_outlived(&self, now: Time, boot: Boot) -> bool {
         boot < self.edition.0 && now.since(self.heard_at) <= LOWER_BOOT_AFTER
@@ -137,7 +143,7 @@ impl Peers {
             .filter(|_| resting)
             .map_or(now, |known| known.moved_at);
         // One that does not know its place stands where it was when it knew.
-        let is_lost = state.stands_under == Some(StandReason::NoPlace);
+        let is_lost = has_lost_its_place(state);
         let knows = !is_lost || known.is_none();
         let Some(pose) = state.pose.filter(|_| knows).map(Pose::from) else {
             return self.take_without_place(now, state, resting);
@@ -175,7 +181,7 @@ impl Peers {
         (peer.edition, peer.state_at, peer.heard_at) = (edition(state), Some(now), now);
         peer.lower = LowerNumbers::default();
         peer.resting = resting;
-        peer.is_lost = state.stands_under == Some(StandReason::NoPlace);
+        peer.is_lost = has_lost_its_place(state);
         if peer.is_lost && resting {
             peer.claim = ground_around(peer.at, peer.sd_m);
         }
@@ -313,6 +319,10 @@ pub(super) fn join_states(unread: State, newer: State) -> State {
     } else {
         newer
     }
+}
+
+fn has_lost_its_place(state: &State) -> bool {
+    state.stands_under == Some(StandReason::NoPlace)
 }
 
 /// Returns the corners of a cross over the ground where a vehicle stands that has lost its place, from its middle on.

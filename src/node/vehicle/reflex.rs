@@ -188,8 +188,8 @@ impl Reflex {
             range_m * libm::sin(spread_rad),
         );
         let is_peer = peers.iter().any(|(_, peer)| {
-            let body_m = settings.body.radius_m + spread_m + 2.0 * (scan.pose.sd_m + peer.sd_m);
-            !peer.is_lost && peer.at.distance_to(at) <= body_m
+            let met_m = peer.met_within_m(settings.body.radius_m + spread_m, scan.pose.sd_m);
+            met_m.is_some_and(|met_m| peer.at.distance_to(at) <= met_m)
         });
         ReflexObstacle {
             at,

@@ -68,8 +68,8 @@ impl StepRunner {
         let body_m = self.settings.body.radius_m + self.settings.lattice.cell_m();
         let is_peer_near = |to: Segment| {
             scene.peers.iter().any(|(_, peer)| {
-                let near_m = body_m + 2.0 * (pose.sd_m + peer.sd_m);
-                !peer.is_lost && to.distance_to_point(peer.at) <= near_m
+                let met_m = peer.met_within_m(body_m, pose.sd_m);
+                met_m.is_some_and(|met_m| to.distance_to_point(peer.at) <= met_m)
             })
         };
         match by.kind {
