@@ -1,3 +1,5 @@
+//! The merged map: what joining tiles does, whatever their order, and how maps repair each other.
+
 use super::*;
 use crate::geom::Point;
 use proptest::prelude::*;
