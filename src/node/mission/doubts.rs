@@ -158,6 +158,7 @@ impl Doubts {
         doubted: &[Cell],
     ) -> Option<CloseLook> {
         let whole = search.optimistic_ground(None, doubted)?;
+        let (map, lattice) = (search.fenced_map()?, search.lattice());
         loop {
             let mut grid = whole.clone();
             self.close_given_up(search, &mut grid);
@@ -168,7 +169,7 @@ impl Doubts {
                 let cost_m = optimistic.cost_m(node)?;
                 let is_wanted = roomy.passable(node)
                     && !reached.is_reached(nodes.centre(node))
-                    && search.is_unseen(nodes.centre(node));
+                    && map.is_unseen(lattice.cell_at(nodes.centre(node)));
                 is_wanted.then_some((cost_m, node))
             };
             let nearest = grid.area().cells().filter_map(wanted);

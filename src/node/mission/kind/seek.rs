@@ -184,14 +184,14 @@ impl Behaviour for Seek {
             if !peer.resting || around.now.since(peer.moved_at) < dwell {
                 continue;
             }
-            let Some(look) = self.peer_looks.take(id, peer) else {
-                continue;
-            };
-            let PeerLook {
+            let Some(PeerLook {
                 from,
                 toward,
                 closely,
-            } = look;
+            }) = self.peer_looks.take(id, peer)
+            else {
+                continue;
+            };
             self.note_look(around.terrain, from, toward, None);
             if let Some(at) = closely {
                 let search = around.terrain.search(around.now, around.pose);
@@ -228,7 +228,10 @@ impl Seek {
             Err(NoLook::TooLarge) => return MissionStep::End(EndReason::TooLarge),
             Err(NoLook::InVain(vain)) => vain,
         };
-        if self.is_barred_by_peers(around, &occupancy, &candidates) {
+        // Peers bar what would be seen without them, on the same ways.
+        let has_peers = around.peers.iter().next().is_some();
+        let look_alone = || self.look_on_ways(&search, &occupancy, &candidates, &[]);
+        if has_peers && look_alone().is_ok() {
             return MissionStep::YieldToPeers;
         }
         if search.is_cut_off(&claims) {
@@ -343,20 +346,6 @@ impl Seek {
             corners: route.points[1..].to_vec(),
             is_narrow,
         })
-    }
-
-    /// Returns whether without peers there would be something to look at, on the ways that were searched in vain.
-    fn is_barred_by_peers(
-        &self,
-        around: &MissionContext<'_>,
-        occupancy: &OccupancyGrid,
-        candidates: &[FrontierCandidate],
-    ) -> bool {
-        let search = around.terrain.search(around.now, around.pose);
-        around.peers.iter().next().is_some()
-            && self
-                .look_on_ways(&search, occupancy, candidates, &[])
-                .is_ok()
     }
 
     /// Returns from how far away to look: nothing is looked at from where it is not surely seen.

@@ -7,7 +7,7 @@ use std::f64::consts::FRAC_1_SQRT_2;
 
 use super::peer_clearance::PeerClearance;
 use crate::geom::{Cell, Lattice, Point, Pose, Segment};
-use crate::map::{Bar, CellRect, Merged, Occupancy};
+use crate::map::{Bar, CellRect, Merged, Occupancy, View};
 use crate::node::VehicleSettings;
 use crate::node::vehicle::ReflexObstacle;
 use crate::plan::{
@@ -154,11 +154,10 @@ impl PathSearch<'_> {
         planned(self.settings, self.pose).most_m()
     }
 
-    /// Returns whether a place is worth a look, as [`View::is_unseen`](crate::map::View::is_unseen) says.
-    pub(crate) fn is_unseen(&self, place: Point) -> bool {
-        let cell = self.settings.lattice.cell_at(place);
-        let around = CellRect::new(cell, cell).grown(1);
-        self.map.view(self.settings.slice, around).is_unseen(cell)
+    /// Returns the map of all of the fence and of what is just beside it; `None` when the fence is too large to search.
+    pub(crate) fn fenced_map(&self) -> Option<View<'_>> {
+        let area = self.fenced(self.pose.at)?.grown(1);
+        Some(self.map.view(self.settings.slice, area))
     }
 
     /// Returns whether nothing that was heard hides a cell's middle from a place, but for what lies just before it.
