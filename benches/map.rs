@@ -97,6 +97,7 @@ fn drive(mut ask: impl FnMut(&Merged, f64) -> f64) -> (f64, f64, Merged) {
             max_range_m: 3.0,
             sure_range_m: 3.0,
             min_range_m: 0.1,
+            origin_sd_m: 0.0,
         };
         let peers = [PeerBody {
             leg: &peer,

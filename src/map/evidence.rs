@@ -13,6 +13,7 @@
 //! - An assigned cell is *confirmed* when nothing else can have given one of its echoes: few cells were left, it is very
 //!   near, or echoes from bearings well apart meet in it. Otherwise it is *doubtful*. Both are occupied.
 //! - Echoes from near a peer are not mapped. Where the vehicle's own disc is, nothing else is.
+//! - Who does not know the place by half a cell sees nothing *from near*: the empty cell may be the one beside.
 //!
 //! Every kept echo holds an occupied cell, so an obstacle is not lost by explaining; at worst it is drawn beside where it
 //! stands. The layer has one writer and tiles carry absolute values, so what others hold is simply replaced.
@@ -73,6 +74,8 @@ pub struct ScanReading {
     pub sure_range_m: f64,
     /// Nothing is seen nearer than this, metres.
     pub min_range_m: f64,
+    /// Deviation of the origin, metres.
+    pub origin_sd_m: f64,
 }
 
 /// The disc that the vehicle itself covers.
@@ -273,7 +276,7 @@ impl Mapper {
             if memory.cover_parts(parts) && !memory.is_free() {
                 self.scratch.cleared.push(key.tile);
             }
-            if quarters != 0 && memory.cover(quarters) {
+            if quarters != 0 && memory.cover(quarters, cone.nearest_cm) {
                 self.scratch.touched.push(key);
                 if memory.explains_echoes() {
                     self.scratch.contradicted.push(key);

@@ -9,7 +9,8 @@ use super::tile::{CONFIRMED_FROM, FREE_TO, LAYER_CLAMP, Occupancy};
 pub(super) struct SaidTogether {
     /// The sum, unclamped, 0.1 log-odds; at most `MAX_LAYERS` × `LAYER_CLAMP`, so it fits. But what one layer has confirmed is
     /// not free as long as nobody has seen it empty from near: however many have from afar, all of them may have looked along
-    /// the same wall.
+    /// the same wall. And what the trusted layer has confirmed is not free at all: its vehicle drives by what it heard from
+    /// where it takes itself to be, and the places of others deviate from that.
     pub sum: i16,
     /// Whether some layer holds it for confirmed.
     pub is_confirmed: bool,
@@ -18,8 +19,8 @@ pub(super) struct SaidTogether {
 }
 
 impl SaidTogether {
-    /// Joins what each layer says.
-    pub(super) fn of(values: impl Iterator<Item = i8>) -> SaidTogether {
+    /// Joins what each layer says; `trusted` is what the trusted one says, 0 if there is none.
+    pub(super) fn of(values: impl Iterator<Item = i8>, trusted: i8) -> SaidTogether {
         let (mut sum, mut is_confirmed, mut is_surely_free, mut is_known) =
             (0, false, false, false);
         for value in values {
@@ -28,7 +29,8 @@ impl SaidTogether {
             is_surely_free |= value <= -LAYER_CLAMP;
             is_known |= Occupancy::of_value(i16::from(value)) != Occupancy::Unknown;
         }
-        if is_confirmed && !is_surely_free {
+        let is_freed = is_surely_free && trusted < CONFIRMED_FROM;
+        if is_confirmed && !is_freed {
             sum = sum.max(FREE_TO + 1);
         }
         SaidTogether {
@@ -103,7 +105,7 @@ mod tests {
     use super::*;
 
     fn said(values: &[i8]) -> SaidTogether {
-        SaidTogether::of(values.iter().copied())
+        SaidTogether::of(values.iter().copied(), 0)
     }
 
     #[test]
@@ -114,6 +116,16 @@ mod tests {
         assert_eq!(sum(&[9, -12, -12]), -15, "it was doubtful");
         assert_eq!(sum(&[17, 17, -12]), 22);
         assert_eq!(sum(&[-12, -12]), -24);
+    }
+
+    #[test]
+    fn what_the_trusted_layer_has_confirmed_nobody_frees() {
+        let said = |values: &[i8], trusted| SaidTogether::of(values.iter().copied(), trusted);
+        let kept = said(&[17, -17, -17, -17], 17);
+        assert_eq!((kept.sum, kept.is_disputed), (FREE_TO + 1, true));
+        assert_eq!(said(&[9, -17, -17], 9).sum, -25, "it was doubtful");
+        assert_eq!(said(&[17, -17, -17], -17).sum, -17, "a peer confirmed it");
+        assert_eq!(said(&[17, 17, -9], 17).sum, 25);
     }
 
     #[test]

@@ -12,6 +12,7 @@ use crate::geom::Lattice;
 pub(super) struct MapSnapshot {
     lattice: Lattice,
     own: Option<LayerId>,
+    trusted: Option<LayerId>,
     tiles: Vec<TileReport>,
     cleared: Vec<(TileAddress, ClearedParts)>,
 }
@@ -26,6 +27,7 @@ impl From<Merged> for MapSnapshot {
         MapSnapshot {
             lattice: map.lattice(),
             own: map.own(),
+            trusted: map.trusted(),
             tiles: tiles.collect(),
             cleared: map
                 .cleared()
@@ -39,7 +41,7 @@ impl TryFrom<MapSnapshot> for Merged {
     type Error = TileError;
 
     fn try_from(kept: MapSnapshot) -> Result<Merged, TileError> {
-        let mut map = Merged::new(kept.lattice, kept.own);
+        let mut map = Merged::with_layers(kept.lattice, kept.own, kept.trusted);
         for report in &kept.tiles {
             map.put(report.layer, report.address, Tile::from_report(report)?);
         }
@@ -74,6 +76,7 @@ mod tests {
             max_range_m: 4.0,
             sure_range_m: 2.0,
             min_range_m: 0.0,
+            origin_sd_m: 0.0,
         };
         mapper.record(
             map,

@@ -73,6 +73,7 @@ pub enum TileRefusal {
 pub struct Merged {
     lattice: Lattice,
     own: Option<LayerId>,
+    trusted: Option<LayerId>,
     layers: BTreeMap<LayerId, Layer>,
     tiles: usize,
     /// What the layers say together.
@@ -84,11 +85,27 @@ pub struct Merged {
 }
 
 impl Merged {
-    /// Makes an empty map; `own` is the layer that this node writes (`None`: it only listens).
+    /// Makes an empty map; `own` is the layer that this node writes, and trusts (`None`: it only listens, and trusts none).
     pub fn new(lattice: Lattice, own: Option<LayerId>) -> Merged {
+        Merged::with_layers(lattice, own, own)
+    }
+
+    /// Makes an empty map that only listens, and by which the vehicle is driven that writes a layer: what that layer has
+    /// confirmed is not free, whatever the others say.
+    pub fn trusting(lattice: Lattice, layer: LayerId) -> Merged {
+        Merged::with_layers(lattice, None, Some(layer))
+    }
+
+    /// Makes an empty map that writes one layer and trusts one.
+    pub(super) fn with_layers(
+        lattice: Lattice,
+        own: Option<LayerId>,
+        trusted: Option<LayerId>,
+    ) -> Merged {
         Merged {
             lattice,
             own,
+            trusted,
             layers: BTreeMap::new(),
             tiles: 0,
             joined: BTreeMap::new(),
@@ -105,6 +122,11 @@ impl Merged {
     /// Returns the layer that this node writes.
     pub fn own(&self) -> Option<LayerId> {
         self.own
+    }
+
+    /// Returns the layer that this node trusts.
+    pub(super) fn trusted(&self) -> Option<LayerId> {
+        self.trusted
     }
 
     /// Returns a layer.
@@ -233,10 +255,14 @@ impl Merged {
             .values()
             .filter_map(|layer| layer.tile(address))
             .collect();
+        let trusted = self
+            .trusted
+            .and_then(|id| self.layers.get(&id)?.tile(address));
         let joined = self.joined.entry(address).or_default();
         let mut newly_occupied = false;
         for place in places {
-            let said = SaidTogether::of(of_layers.iter().map(|tile| tile.cells[place]));
+            let trusted = trusted.map_or(0, |tile| tile.cells[place]);
+            let said = SaidTogether::of(of_layers.iter().map(|tile| tile.cells[place]), trusted);
             newly_occupied |= joined.sums[place] < OCCUPIED_FROM && said.sum >= OCCUPIED_FROM;
             joined.set(place, said);
         }

@@ -87,10 +87,7 @@ pub struct Map {
 impl Map {
     /// Makes the actor with an empty map.
     pub fn new(settings: VehicleSettings) -> Map {
-        let own = LayerId {
-            vehicle: settings.vehicle,
-            boot: settings.boot,
-        };
+        let own = settings.layer();
         // Nodes share at different moments, so that the bus is not hit by all at once.
         let share_at =
             Time::ZERO + SHARE_EVERY + Duration::from_millis(37) * u32::from(settings.vehicle.0);
@@ -131,6 +128,7 @@ impl Map {
             max_range_m: look.max_range_m,
             sure_range_m: look.sure_range_m,
             min_range_m: look.min_range_m,
+            origin_sd_m: scan.pose.sd_m,
         };
         let changes = self.record(&reading, scan.pose);
         self.tell(now, changes, out);

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{Boot, OpenStops, TaskKind, VehicleId};
+use tomoswarm_proto::{Boot, LayerId, OpenStops, TaskKind, VehicleId};
 
 use super::memory::VehicleMemory;
 use crate::autopilot;
@@ -113,6 +113,14 @@ pub struct RadioSettings {
 }
 
 impl VehicleSettings {
+    /// Returns the layer of maps that it writes.
+    pub fn layer(&self) -> LayerId {
+        LayerId {
+            vehicle: self.vehicle,
+            boot: self.boot,
+        }
+    }
+
     /// Returns how far from where it is sent its body may be, metres: its radius, and what wind carries it aside.
     pub fn reach_m(&self) -> f64 {
         self.body.radius_m + self.carried_m

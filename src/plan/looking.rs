@@ -60,6 +60,7 @@ fn drive(walls: &[Segment], seconds: i32) -> (f64, Release) {
             max_range_m: 3.0,
             sure_range_m: 1.5,
             min_range_m: 0.05,
+            origin_sd_m: 0.0,
         };
         mapper.record(
             &mut map,

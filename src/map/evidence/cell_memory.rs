@@ -11,7 +11,7 @@ use crate::map::{PARTS, Tile};
 /// Looks after which a cell that was seen empty counts as empty.
 const LOOKS_LEAST: u8 = 2;
 /// What was seen empty from this near is published as surely free, centimetres.
-const NEAR_CM: u16 = 100;
+pub(super) const NEAR_CM: u16 = 100;
 /// No distance is as large, centimetres.
 const NEVER: u16 = u16::MAX;
 /// Published: an echo came from here and from nowhere else.
@@ -125,12 +125,13 @@ impl CellMemory {
         looks < LOOKS_LEAST.max(FREE_LOOKS) || self.seen_cm() < seen_cm
     }
 
-    /// Takes that a body covers some quarters: nothing else is there. Returns whether that is news.
-    pub(super) fn cover(&mut self, quarters: u8) -> bool {
+    /// Takes that a body covers some quarters: nothing else is there, which counts as seen from a distance. Returns whether
+    /// that is news.
+    pub(super) fn cover(&mut self, quarters: u8, from_cm: u16) -> bool {
         let before = *self;
         for (quarter, near_cm) in self.near_cm.iter_mut().enumerate() {
             if quarters & (1 << quarter) != 0 {
-                *near_cm = 0;
+                *near_cm = from_cm.min(*near_cm);
             }
         }
         self.looks = self.looks.max(FREE_LOOKS);

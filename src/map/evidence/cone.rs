@@ -5,6 +5,7 @@
 
 use std::f64::consts::{FRAC_PI_2, SQRT_2};
 
+use super::cell_memory::NEAR_CM;
 use super::{OwnDisc, ScanReading};
 use crate::geom::{Cell, Lattice, Point, Vector};
 use crate::map::{CellRect, PARTS, part_offset};
@@ -54,6 +55,8 @@ pub(super) struct Cone {
     parts_to_m: f64,
     /// Nothing nearer is seen, metres.
     min_m: f64,
+    /// What is empty counts as seen from no nearer than this, centimetres.
+    pub(super) nearest_cm: u16,
 }
 
 impl Cone {
@@ -87,6 +90,10 @@ impl Cone {
             empty_to_m: before_m(BEFORE_ECHO_M) - cell_m * SQRT_2 / 2.0,
             parts_to_m: before_m(PART_BEFORE_ECHO_M) - cell_m * PART_INSET_CELLS,
             min_m: scan.min_range_m.max(0.0),
+            nearest_cm: match scan.origin_sd_m > cell_m / 2.0 {
+                true => NEAR_CM + 1,
+                false => 0,
+            },
         })
     }
 
@@ -143,7 +150,7 @@ impl Cone {
             self.parts(to, known)
         };
         (quarters != 0 || parts != 0).then(|| Seen {
-            from_cm: (distance_m * 100.0).ceil() as u16,
+            from_cm: ((distance_m * 100.0).ceil() as u16).max(self.nearest_cm),
             quarters,
             parts,
         })

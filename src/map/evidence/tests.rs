@@ -123,6 +123,7 @@ fn reading(
         max_range_m: 3.0,
         sure_range_m,
         min_range_m: 0.1,
+        origin_sd_m: 0.0,
     }
 }
 
@@ -132,6 +133,32 @@ fn wall(x0: f64, y0: f64, x1: f64, y1: f64) -> Segment {
 
 fn degrees(degrees: f64) -> Angle {
     Angle::from_degrees(degrees)
+}
+
+#[test]
+fn nothing_is_seen_from_near_from_a_place_that_is_not_known_by_half_a_cell() {
+    let free_value = |origin_sd_m: f64| {
+        let mut room = Room::new(Vec::new(), 15.0, 2.0);
+        let at = Point::new(0.1, 0.1);
+        let scan = ScanReading {
+            origin_sd_m,
+            ..reading(at, degrees(0.0), 0.26, 2.0, None)
+        };
+        let body = OwnDisc {
+            at,
+            radius_m: BODY_M,
+        };
+        for _ in 0..3 {
+            room.mapper.record(&mut room.map, &scan, body, &[]);
+        }
+        let value = |x_m: f64| {
+            let cell = room.map.lattice().cell_at(Point::new(x_m, at.y_m));
+            room.map.value(0, cell)
+        };
+        [value(0.9), value(at.x_m)]
+    };
+    assert_eq!(free_value(0.5 * CELL_M), [-17, -17], "ahead, and under it");
+    assert_eq!(free_value(0.51 * CELL_M), [-12, -12]);
 }
 
 #[test]

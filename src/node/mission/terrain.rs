@@ -52,7 +52,7 @@ impl Terrain {
     /// Makes the terrain of a vehicle that knows nothing of the world.
     pub(super) fn new(settings: VehicleSettings) -> Terrain {
         Terrain {
-            map: Merged::new(settings.lattice, None),
+            map: Merged::trusting(settings.lattice, settings.layer()),
             settings,
             reflex_obstacles: ReflexObstacles::default(),
             standing_peers: Vec::new(),
