@@ -9,8 +9,8 @@ use super::tile::{CONFIRMED_FROM, FREE_TO, LAYER_CLAMP, Occupancy};
 pub(super) struct SaidTogether {
     /// The sum, unclamped, 0.1 log-odds; at most `MAX_LAYERS` × `LAYER_CLAMP`, so it fits. But what one layer has confirmed is
     /// not free as long as nobody has seen it empty from near: however many have from afar, all of them may have looked along
-    /// the same wall. And what the trusted layer has confirmed is not free at all: its vehicle drives by what it heard from
-    /// where it takes itself to be, and the places of others deviate from that.
+    /// the same wall. Nor is what the trusted layer holds for occupied; and what it has confirmed is not free at all: its
+    /// vehicle drives by what it heard from where it takes itself to be, and the places of others deviate from that.
     pub sum: i16,
     /// Whether some layer holds it for confirmed.
     pub is_confirmed: bool,
@@ -29,8 +29,9 @@ impl SaidTogether {
             is_surely_free |= value <= -LAYER_CLAMP;
             is_known |= Occupancy::of_value(i16::from(value)) != Occupancy::Unknown;
         }
-        let is_freed = is_surely_free && trusted < CONFIRMED_FROM;
-        if is_confirmed && !is_freed {
+        let is_trusted = Occupancy::of_value(i16::from(trusted)) == Occupancy::Occupied;
+        let is_held = (is_confirmed || is_trusted) && !is_surely_free;
+        if is_held || trusted >= CONFIRMED_FROM {
             sum = sum.max(FREE_TO + 1);
         }
         SaidTogether {
@@ -119,11 +120,13 @@ mod tests {
     }
 
     #[test]
-    fn what_the_trusted_layer_has_confirmed_nobody_frees() {
+    fn what_the_trusted_layer_has_confirmed_nobody_frees_and_what_it_doubts_a_look_from_near() {
         let said = |values: &[i8], trusted| SaidTogether::of(values.iter().copied(), trusted);
         let kept = said(&[17, -17, -17, -17], 17);
         assert_eq!((kept.sum, kept.is_disputed), (FREE_TO + 1, true));
-        assert_eq!(said(&[9, -17, -17], 9).sum, -25, "it was doubtful");
+        assert_eq!(said(&[9, -17, -17], 9).sum, -25, "one has been near");
+        assert_eq!(said(&[9, -12, -12], 9).sum, FREE_TO + 1);
+        assert_eq!(said(&[-12, -12, 9], -12).sum, -15, "a peer's is doubtful");
         assert_eq!(said(&[17, -17, -17], -17).sum, -17, "a peer confirmed it");
         assert_eq!(said(&[17, 17, -9], 17).sum, 25);
     }
