@@ -26,6 +26,8 @@ mod load;
 #[cfg(feature = "net")]
 mod logging;
 #[cfg(feature = "net")]
+pub mod mock_autopilot;
+#[cfg(feature = "net")]
 mod operator;
 #[cfg(feature = "net")]
 pub mod order;
@@ -110,6 +112,8 @@ enum Command {
     #[cfg(feature = "net")]
     World(world::WorldArgs),
     #[cfg(feature = "net")]
+    MockAutopilot(mock_autopilot::MockAutopilotArgs),
+    #[cfg(feature = "net")]
     Enroll(enroll::EnrollArgs),
     #[cfg(feature = "net")]
     Export(export::ExportArgs),
@@ -152,6 +156,8 @@ pub fn run() -> ExitCode {
         Command::Ground(ground) => ground.run(&mut answer),
         #[cfg(feature = "net")]
         Command::World(world) => world.run(&mut answer),
+        #[cfg(feature = "net")]
+        Command::MockAutopilot(mock) => mock.run(&mut answer),
         #[cfg(feature = "net")]
         Command::Enroll(enroll) => enroll.run(&mut answer),
         #[cfg(feature = "net")]

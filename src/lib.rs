@@ -39,6 +39,8 @@ pub mod geom;
 pub mod ground;
 pub mod hw;
 pub mod map;
+#[cfg(feature = "mavlink")]
+pub mod mavlink;
 pub mod node;
 pub mod operator;
 pub mod plan;

@@ -10,9 +10,15 @@ mod disk;
 mod entry;
 pub mod environment;
 mod faults;
+#[cfg(feature = "mavlink")]
+pub mod free_space;
 mod ground_disk;
 mod kernel;
 pub mod log;
+#[cfg(feature = "mavlink")]
+pub mod mavlink_fleet;
+#[cfg(feature = "mavlink")]
+pub mod mavlink_vehicle;
 mod motion;
 pub mod noise;
 pub mod operator_script;

@@ -61,6 +61,13 @@ pub enum Item {
     },
     /// Face a direction.
     Yaw(Angle),
+    /// Go on with another item.
+    Jump {
+        /// Which one; not home.
+        to: usize,
+        /// How often; `None` = for ever. After that the next item follows.
+        times: Option<u16>,
+    },
 }
 
 /// Why a mission is not taken; the stored one stays.
@@ -122,11 +129,12 @@ impl Item {
             | Item::Land { .. }
             | Item::Return
             | Item::Yaw(_) => true,
-            Item::Speed(_) | Item::Servo { .. } => false,
+            Item::Speed(_) | Item::Servo { .. } | Item::Jump { .. } => false,
         }
     }
 
-    fn check(&self, item: usize, kind: VehicleKind) -> Result<(), ItemError> {
+    /// `items` is how many there are.
+    fn check(&self, item: usize, items: usize, kind: VehicleKind) -> Result<(), ItemError> {
         match self {
             Item::Waypoint { at, altitude_m, .. } | Item::Loiter { at, altitude_m, .. } => {
                 check_place(item, *at)?;
@@ -143,6 +151,7 @@ impl Item {
             Item::Servo { channel, pulse_us } => check_number(item, is_output(*channel, *pulse_us)),
             Item::Yaw(heading) => check_number(item, heading.radians().is_finite()),
             Item::Delay(_) | Item::Return => Ok(()),
+            Item::Jump { to, .. } => check_number(item, (1..items).contains(to)),
         }
     }
 }
@@ -158,10 +167,8 @@ pub fn check_items(items: &[Item], kind: VehicleKind) -> Result<(), ItemError> {
     if !matches!(items.first(), None | Some(Item::Waypoint { .. })) {
         return Err(ItemError::Parameter { item: 0 });
     }
-    items
-        .iter()
-        .enumerate()
-        .try_for_each(|(index, item)| item.check(index, kind))
+    let mut numbered = items.iter().enumerate();
+    numbered.try_for_each(|(index, item)| item.check(index, items.len(), kind))
 }
 
 /// Returns whether a speed can be travelled at.

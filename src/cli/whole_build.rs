@@ -4,10 +4,11 @@
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 
 /// Commands that only the whole build has.
-const COMMANDS: [&str; 10] = [
+const COMMANDS: [&str; 11] = [
     "vehicle",
     "ground",
     "world",
+    "mock-autopilot",
     "enroll",
     "export",
     "order",

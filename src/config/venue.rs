@@ -35,6 +35,22 @@ pub struct Datum {
     pub altitude_m: f64,
 }
 
+impl Datum {
+    /// Returns the place on the earth.
+    pub fn geodetic(self) -> Geodetic {
+        let Datum {
+            latitude_deg,
+            longitude_deg,
+            altitude_m,
+        } = self;
+        Geodetic {
+            latitude_deg,
+            longitude_deg,
+            altitude_m,
+        }
+    }
+}
+
 /// A place where a swarm works; all coordinates are metres in its local frame (x, y in the plane).
 #[derive(Clone, PartialEq, Debug)]
 pub struct Venue {
@@ -112,19 +128,7 @@ impl Venue {
 
     /// Returns the plane of the local frame on the earth.
     pub fn plane(&self) -> TangentPlane {
-        let Datum {
-            latitude_deg,
-            longitude_deg,
-            altitude_m,
-        } = self.datum;
-        TangentPlane::new(
-            Geodetic {
-                latitude_deg,
-                longitude_deg,
-                altitude_m,
-            },
-            self.x_axis_bearing(),
-        )
+        TangentPlane::new(self.datum.geodetic(), self.x_axis_bearing())
     }
 
     /// Reads a venue; what is wrong is noted at the source.

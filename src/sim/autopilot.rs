@@ -175,6 +175,11 @@ impl Autopilot {
         self.battery.set(charge, &self.settings);
     }
 
+    /// Says what is to happen when the battery is low.
+    pub fn set_low_battery(&mut self, action: LowBattery) {
+        self.settings.on_low_battery = action;
+    }
+
     /// Returns what it has said since the last call, in order.
     pub fn status_texts(&mut self) -> Vec<DatedText> {
         self.texts.take()

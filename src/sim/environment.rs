@@ -33,11 +33,12 @@ pub use self::event::{DeviceCommand, DeviceCounts, WorldEvent};
 use self::devices::SimulatedDevices;
 use self::event::PendingEvent;
 use super::air::{Air, Fate, Sent};
+use super::autopilot::{DatedText, LowBattery, Readout};
 use super::faults::Faults;
 use super::noise::{Noise, NoisePurpose};
 use super::queue::EventQueue;
 use super::world::{CommandResult, PredictedContact, World, WorldContents};
-use crate::autopilot::{Ack, AutopilotReport, Command, CommandAck, NumberedCommand};
+use crate::autopilot::{Ack, AutopilotReport, Command, CommandAck, NumberedCommand, VehicleKind};
 use crate::geom::Angle;
 use crate::node::sensor::{Echo, Ping};
 use crate::time::{Deadline, Time};
@@ -349,6 +350,42 @@ impl Environment {
     ) -> CommandAck {
         self.now = self.now.max(now);
         self.command(vehicle, command, out).result
+    }
+
+    /// A client commands the autopilot of a vehicle over its own link; the companion is told nothing, and its silence does not
+    /// brake what follows.
+    pub fn command_by_client(
+        &mut self,
+        now: Time,
+        vehicle: usize,
+        command: &Command,
+    ) -> CommandResult {
+        self.now = self.now.max(now);
+        // Who asks for the deadline needs not be told what is scheduled.
+        let mut obeyed = self.world.command(vehicle, self.now, command);
+        self.contacts.retain(|contact| !contact.concerns(vehicle));
+        self.predict(std::mem::take(&mut obeyed.contacts), &mut Vec::new());
+        obeyed
+    }
+
+    /// Returns all that the autopilot of a vehicle knows of itself.
+    pub fn readout(&mut self, vehicle: usize, now: Time) -> Readout {
+        self.world.readout(vehicle, now)
+    }
+
+    /// Returns what the autopilot of a vehicle has said since the last call, in order.
+    pub fn status_texts(&mut self, vehicle: usize) -> Vec<DatedText> {
+        self.world.status_texts(vehicle)
+    }
+
+    /// Returns what all vehicles are.
+    pub fn kind(&self) -> VehicleKind {
+        self.world.kind()
+    }
+
+    /// Says what is to happen when the battery of a vehicle is low.
+    pub fn set_low_battery(&mut self, vehicle: usize, action: LowBattery) {
+        self.world.set_low_battery(vehicle, action);
     }
 
     fn command(

@@ -359,12 +359,25 @@ impl Scenario {
     /// # Errors
     /// The scene cannot be built, or a vehicle cannot be put into it.
     pub fn environment(&self) -> Result<Environment, ScenarioError> {
-        let (world, entered) = self.world()?;
+        self.environment_with(false)
+    }
+
+    /// Makes the same with all vehicles just switched on, disarmed: for who flies them over MAVLink.
+    ///
+    /// # Errors
+    /// The same.
+    #[cfg(feature = "mavlink")]
+    pub fn environment_from_cold(&self) -> Result<Environment, ScenarioError> {
+        self.environment_with(true)
+    }
+
+    fn environment_with(&self, starts_cold: bool) -> Result<Environment, ScenarioError> {
+        let (world, entered) = self.world(starts_cold)?;
         let (faults, ties) = (faults(&self.sim), self.shuffle_ties.then_some(self.noise));
         Ok(Environment::new(world, self.noise, faults, ties).with_persons_outside(entered))
     }
 
-    fn world(&self) -> Result<(World, Option<WorldContents>), ScenarioError> {
+    fn world(&self, starts_cold: bool) -> Result<(World, Option<WorldContents>), ScenarioError> {
         let (sim, noise) = (&self.sim, self.noise);
         let populated = self.stage(&self.persons)?;
         let (first, second) = if sim.empty_sweep {
@@ -383,6 +396,9 @@ impl Scenario {
         .with_mounts(sim.range.look.mounts())
         .with_flying(self.flying())
         .with_outages(faults(sim).outages(), sim.vehicles.gps_growth_mps);
+        if starts_cold {
+            world = world.with_cold_start();
+        }
         for vehicle in sim.vehicle_ids() {
             let Some(home) = sim.home(vehicle) else {
                 continue;

@@ -13,7 +13,7 @@ use tomoswarm_proto::VehicleId;
 
 pub use self::mishap::{Collision, FenceBreach};
 use super::air::Sent;
-use super::autopilot::{self, Autopilot, LowBattery, Navigation, Outage};
+use super::autopilot::{self, Autopilot, DatedText, LowBattery, Navigation, Outage, Readout};
 use super::body::{BodyState, DriveLimits};
 use super::contact::{climb_contact, closest_approach, first_contact_of, overlaps};
 use super::noise::Noise;
@@ -27,6 +27,11 @@ use crate::time::Time;
 
 /// Objects are touched by what a vehicle has above this height, metres: it drives on the ground.
 pub(super) const GROUND_CLEARANCE_M: f64 = 0.02;
+
+/// One that starts cold can be armed after this time, in modes that need no place (on real hardware after 22 s).
+const READY_AFTER: Duration = Duration::from_millis(200);
+/// And knows its place after this one (on real hardware after 42 s).
+const PLACE_AFTER: Duration = Duration::from_millis(500);
 
 /// What stands in the world, and what it does to radio.
 pub struct WorldContents {
@@ -133,6 +138,8 @@ pub struct World {
     sensor: RangeSensor,
     mounts: Mounts,
     flying: FlightConditions,
+    /// Vehicles are put into it switched on and disarmed, on the ground.
+    starts_cold: bool,
     outages: Vec<(VehicleId, Outage)>,
     /// How fast the deviation of a place grows without satellites, m/s.
     growth_mps: f64,
@@ -166,6 +173,7 @@ impl World {
             sensor,
             mounts: Mounts::default(),
             flying: FlightConditions::default(),
+            starts_cold: false,
             outages: Vec::new(),
             growth_mps: 0.0,
             foreseen: Vec::new(),
@@ -186,6 +194,15 @@ impl World {
         World { flying, ..self }
     }
 
+    /// Lets vehicles that are put into it from now on stand on the ground, just switched on, disarmed, and with ArduPilot's own
+    /// rules for idle motors and lost places: for who flies them over MAVLink.
+    pub fn with_cold_start(self) -> World {
+        World {
+            starts_cold: true,
+            ..self
+        }
+    }
+
     /// Returns when vehicles hear no satellites, and by how much the deviation of their place grows then, m/s; for those
     /// that are put into it from now on.
     pub fn with_outages(self, outages: Vec<(VehicleId, Outage)>, growth_mps: f64) -> World {
@@ -201,7 +218,7 @@ impl World {
         &self.mounts
     }
 
-    /// Puts a vehicle at rest into the world, armed; a copter hovers.
+    /// Puts a vehicle at rest into the world, armed; a copter hovers. (One that starts cold stands on the ground, disarmed.)
     ///
     /// # Errors
     /// The place or the figures of the drive are impossible.
@@ -219,8 +236,11 @@ impl World {
         let navigation = Navigation::new(self.noise, u64::from(id.0), pose_sd_m, pose_drift)
             .with_outages(own.collect(), self.growth_mps);
         let autopilot = Autopilot::new(self.autopilot_settings(), navigation, at, heading)
-            .map_err(|refusal| refusal.to_string())?
-            .under_way(self.flying.altitude_m);
+            .map_err(|refusal| refusal.to_string())?;
+        let autopilot = match self.starts_cold {
+            true => autopilot,
+            false => autopilot.under_way(self.flying.altitude_m),
+        };
         self.crafts.push(Craft {
             id,
             motions: autopilot.motion().changes(),
@@ -234,6 +254,18 @@ impl World {
     /// The companion decides about batteries and lost places: it knows a safer way home than a straight line.
     fn autopilot_settings(&self) -> autopilot::AutopilotSettings {
         let (build, flying) = (&self.build, &self.flying);
+        let of_its_own = autopilot::AutopilotSettings::new(flying.kind, build.limits);
+        if self.starts_cold {
+            return autopilot::AutopilotSettings {
+                climb_mps: flying.climb_mps,
+                endurance_driving: build.endurance_driving,
+                endurance_resting: build.endurance_resting,
+                ready_after: READY_AFTER,
+                place_after: PLACE_AFTER,
+                wind: flying.wind,
+                ..of_its_own
+            };
+        }
         autopilot::AutopilotSettings {
             climb_mps: flying.climb_mps,
             descent_mps: flying.climb_mps,
@@ -245,7 +277,7 @@ impl World {
             place_after: Duration::ZERO,
             disarm_after: Duration::from_secs(1_000_000_000),
             wind: flying.wind,
-            ..autopilot::AutopilotSettings::new(flying.kind, build.limits)
+            ..of_its_own
         }
     }
 
@@ -285,11 +317,31 @@ impl World {
         &self.fence_breaches
     }
 
-    /// Returns what the autopilot knows of itself at a moment.
-    pub fn report(&mut self, vehicle: usize, now: Time) -> AutopilotReport {
+    /// Returns what all vehicles are.
+    pub fn kind(&self) -> VehicleKind {
+        self.flying.kind
+    }
+
+    /// Returns all that the autopilot knows of itself at a moment.
+    pub fn readout(&mut self, vehicle: usize, now: Time) -> Readout {
         self.advance(vehicle, now);
+        self.crafts[vehicle].autopilot.report(now)
+    }
+
+    /// Returns what the autopilot has said since the last call, in order.
+    pub fn status_texts(&mut self, vehicle: usize) -> Vec<DatedText> {
+        self.crafts[vehicle].autopilot.status_texts()
+    }
+
+    /// Says what is to happen when the battery of a vehicle is low.
+    pub fn set_low_battery(&mut self, vehicle: usize, action: LowBattery) {
+        self.crafts[vehicle].autopilot.set_low_battery(action);
+    }
+
+    /// Returns what the autopilot says of itself at a moment.
+    pub fn report(&mut self, vehicle: usize, now: Time) -> AutopilotReport {
+        let readout = self.readout(vehicle, now);
         let autopilot = &self.crafts[vehicle].autopilot;
-        let readout = autopilot.report(now);
         let motion = match (readout.speed_mps > 0.0, autopilot.motion().is_at_rest(now)) {
             (true, _) => Motion::Driving,
             (false, true) => Motion::Resting,

@@ -141,7 +141,7 @@ impl StagePlanner<'_> {
             }
             Item::Return => home.map_or(vec![Stage::Brake], |home| self.way_home(home)),
             Item::Yaw(heading) => vec![Stage::Turn(heading)],
-            Item::Speed(_) | Item::Servo { .. } => Vec::new(),
+            Item::Speed(_) | Item::Servo { .. } | Item::Jump { .. } => Vec::new(),
         }
     }
 }

@@ -1,6 +1,8 @@
 //! The stored mission: its items, which of them is under way, and whether the mission runs. How an item is carried out, and what
 //! follows when the mission is over, is not known here.
 
+use std::collections::BTreeMap;
+
 use crate::autopilot::Item;
 
 /// A mission as an autopilot stores it; item 0 is home.
@@ -10,6 +12,8 @@ pub(super) struct StoredMission {
     /// The item under way, or begun last; 0 = none.
     item: usize,
     is_running: bool,
+    /// How often each jump was made.
+    jumps: BTreeMap<usize, u16>,
 }
 
 impl StoredMission {
@@ -37,12 +41,14 @@ impl StoredMission {
     /// Takes items in place of the stored ones; it does not run then. Returns whether it ran.
     pub(super) fn store(&mut self, items: Vec<Item>) -> bool {
         (self.items, self.item) = (items, 0);
+        self.jumps.clear();
         std::mem::take(&mut self.is_running)
     }
 
     /// Goes back to the beginning, and does not run.
     pub(super) fn rewind(&mut self) {
         (self.item, self.is_running) = (0, false);
+        self.jumps.clear();
     }
 
     /// Is to go on with an item.
@@ -61,6 +67,20 @@ impl StoredMission {
         let begun = self.items.get(item).copied()?;
         self.item = item;
         Some(begun)
+    }
+
+    /// Returns the item with which it goes on after one that takes no time: a jump is made as often as it says.
+    pub(super) fn after(&mut self, item: usize) -> usize {
+        let Some(Item::Jump { to, times }) = self.items.get(item) else {
+            return item + 1;
+        };
+        let made = self.jumps.entry(item).or_default();
+        if times.is_none_or(|times| *made < times) {
+            *made = made.saturating_add(1);
+            *to
+        } else {
+            item + 1
+        }
     }
 
     /// Runs no more; the item under way is remembered.
@@ -128,6 +148,17 @@ mod tests {
             None,
             "home is no item to fly"
         );
+    }
+
+    #[test]
+    fn a_jump_is_made_as_often_as_it_says() {
+        let jump = |times| Item::Jump { to: 1, times };
+        let mut mission = stored(&[HOME, WAIT, jump(Some(2)), WAIT]);
+        assert_eq!([2, 2, 2].map(|item| mission.after(item)), [1, 1, 3]);
+        mission.rewind();
+        assert_eq!(mission.after(2), 1, "it is counted anew");
+        let mut mission = stored(&[HOME, WAIT, jump(None)]);
+        assert!((0..1000).all(|_| mission.after(2) == 1));
     }
 
     #[test]

@@ -23,10 +23,14 @@ use super::staged_motion::StagedMotion;
 use super::stages::{Stage, StagePlanner};
 use super::status_texts::StatusTexts;
 use super::stored_mission::StoredMission;
+use crate::autopilot::item::ITEMS_MAX;
 use crate::autopilot::{FlightMode, Item, VehicleKind};
 use crate::config::CARRIED_S;
 use crate::geom::Point;
 use crate::time::Time;
+
+/// So many items that take no time are done at one moment; jumps that lead round in circles then end the mission.
+const ITEMS_AT_ONCE: usize = 2 * ITEMS_MAX;
 
 /// A vehicle under control.
 #[derive(Clone, Debug)]
@@ -278,7 +282,8 @@ impl VehicleControl {
 
     /// Goes on with an item; those that take no time are done at once, on the way to the next that does.
     fn begin_item(&mut self, first: usize, moment: &mut Moment<'_>) {
-        for index in first.. {
+        let mut index = first;
+        for _ in 0..ITEMS_AT_ONCE {
             let Some(item) = self.mission.begin(index) else {
                 break;
             };
@@ -288,6 +293,7 @@ impl VehicleControl {
                 Item::Servo { channel, pulse_us } => {
                     self.servos.insert(channel, pulse_us);
                 }
+                Item::Jump { .. } => {}
                 Item::Waypoint { .. }
                 | Item::Takeoff { .. }
                 | Item::Loiter { .. }
@@ -299,6 +305,7 @@ impl VehicleControl {
                     return self.lay(stages, moment);
                 }
             }
+            index = self.mission.after(index);
         }
         self.end_mission(moment);
     }

@@ -1,0 +1,205 @@
+//! Simulated vehicles behind links of bytes: each endpoint shows one vehicle or several, to any number of clients. Pure: it is told
+//! who has come, what bytes they said and what time it is, and says what bytes go to whom. Nothing a client says stops it:
+//! what is no frame is passed over, and what is not read in time is dropped.
+//!
+//! ```text
+//!   bytes ─► reader (one a client) ─► messages ─► vehicles of its endpoint ─► messages ─► writer (client, vehicle) ─► bytes
+//! ```
+
+use std::collections::BTreeMap;
+
+use super::environment::Environment;
+use super::mavlink_vehicle::{ClientId, FlownVehicle, MavlinkVehicle, Outgoing, Said};
+use crate::mavlink::earth_frame::EarthFrame;
+use crate::mavlink::frames::{FrameReader, FrameWriter};
+use crate::mavlink::signing::{KEY_BYTES, Signing};
+use crate::time::Time;
+
+/// The link number in signatures of ours.
+const SIGNED_LINK: u8 = 0;
+
+/// Bytes for a client.
+pub type ClientBytes = (ClientId, Vec<u8>);
+
+/// How vehicles are shown.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Endpoints {
+    /// Each has an endpoint of its own, in their order.
+    OneEach,
+    /// All share endpoint 0, and are told apart by their system ids.
+    Shared,
+}
+
+/// A client of an endpoint.
+struct Client {
+    endpoint: usize,
+    reader: FrameReader,
+    /// Of each vehicle that has said something to it.
+    writers: BTreeMap<usize, FrameWriter>,
+    signing: Option<Signing>,
+}
+
+/// Vehicles and who listens to them.
+pub struct MavlinkFleet {
+    vehicles: Vec<MavlinkVehicle>,
+    endpoints: Endpoints,
+    clients: BTreeMap<ClientId, Client>,
+    key: Option<[u8; KEY_BYTES]>,
+    output: Vec<Outgoing>,
+}
+
+impl MavlinkFleet {
+    /// Shows all vehicles of an environment, under system ids from 1 on. With a key only who signs with it is heard.
+    pub fn new(
+        environment: &Environment,
+        frame: EarthFrame,
+        endpoints: Endpoints,
+        key: Option<[u8; KEY_BYTES]>,
+    ) -> MavlinkFleet {
+        let vehicle = |index: usize| {
+            let system = environment.world().id(index).0;
+            MavlinkVehicle::new(system, environment.kind(), frame)
+        };
+        MavlinkFleet {
+            vehicles: (0..environment.world().vehicles()).map(vehicle).collect(),
+            endpoints,
+            clients: BTreeMap::new(),
+            key,
+            output: Vec::new(),
+        }
+    }
+
+    /// Returns how many endpoints there are.
+    pub fn endpoints(&self) -> usize {
+        match self.endpoints {
+            Endpoints::OneEach => self.vehicles.len(),
+            Endpoints::Shared => 1,
+        }
+    }
+
+    /// Somebody has come to an endpoint. `clock` is the time of signatures, units of 10 µs since 2015.
+    pub fn joined(&mut self, now: Time, client: ClientId, endpoint: usize, clock: u64) {
+        for index in self.shown_at(endpoint) {
+            self.vehicles[index].joined(now);
+        }
+        let known = Client {
+            endpoint,
+            reader: FrameReader::default(),
+            writers: BTreeMap::new(),
+            signing: self.key.map(|key| Signing::new(key, SIGNED_LINK, clock)),
+        };
+        self.clients.insert(client, known);
+    }
+
+    /// Somebody is gone.
+    pub fn left(&mut self, client: ClientId) {
+        self.clients.remove(&client);
+        self.vehicles
+            .iter_mut()
+            .for_each(|vehicle| vehicle.left(client));
+    }
+
+    /// Hears bytes of a client; the environment has gone on to `now`.
+    pub fn hear(
+        &mut self,
+        now: Time,
+        client: ClientId,
+        bytes: &[u8],
+        environment: &mut Environment,
+        out: &mut Vec<ClientBytes>,
+    ) {
+        let Some(known) = self.clients.get_mut(&client) else {
+            return;
+        };
+        known.reader.push(bytes);
+        let endpoint = known.endpoint;
+        while let Some(frame) = self
+            .clients
+            .get_mut(&client)
+            .and_then(|known| known.reader.next(known.signing.as_mut()))
+        {
+            for index in self.shown_at(endpoint) {
+                let mut flown = FlownVehicle::new(environment, index);
+                self.vehicles[index].hear(now, client, &frame, &mut flown, &mut self.output);
+                self.write(index, out);
+            }
+        }
+    }
+
+    /// Returns when something is to be said next.
+    pub fn deadline(&self) -> Time {
+        let deadlines = self.vehicles.iter().map(MavlinkVehicle::deadline);
+        deadlines.min().unwrap_or(Time::NEVER)
+    }
+
+    /// Says what is due by now; the environment has gone on to then.
+    pub fn due(&mut self, now: Time, environment: &mut Environment, out: &mut Vec<ClientBytes>) {
+        for index in 0..self.vehicles.len() {
+            if self.vehicles[index].deadline() <= now {
+                let mut flown = FlownVehicle::new(environment, index);
+                self.vehicles[index].due(now, &mut flown, &mut self.output);
+                self.write(index, out);
+            }
+        }
+    }
+
+    /// Returns the vehicles of an endpoint.
+    fn shown_at(&self, endpoint: usize) -> std::ops::Range<usize> {
+        match self.endpoints {
+            Endpoints::OneEach => endpoint..(endpoint + 1).min(self.vehicles.len()),
+            Endpoints::Shared => 0..self.vehicles.len(),
+        }
+    }
+
+    /// Makes frames of what a vehicle has said.
+    fn write(&mut self, index: usize, out: &mut Vec<ClientBytes>) {
+        let said = std::mem::take(&mut self.output);
+        for outgoing in &said {
+            for (id, client) in &mut self.clients {
+                let hears = match self.endpoints {
+                    Endpoints::OneEach => client.endpoint == index,
+                    Endpoints::Shared => true,
+                };
+                if hears && outgoing.to.is_none_or(|to| to == *id) {
+                    let bytes = bytes_for(*id, out);
+                    client.write(index, self.vehicles[index].address(), &outgoing.said, bytes);
+                }
+            }
+        }
+        self.output = said;
+        self.output.clear();
+    }
+}
+
+impl Client {
+    fn write(
+        &mut self,
+        index: usize,
+        from: crate::mavlink::frames::MavAddress,
+        said: &Said,
+        bytes: &mut Vec<u8>,
+    ) {
+        let writer = self
+            .writers
+            .entry(index)
+            .or_insert_with(|| FrameWriter::new(from));
+        match said {
+            Said::Message(message) => writer.write(message, self.signing.as_mut(), bytes),
+            Said::Unsupported { command, to } => {
+                writer.write_unsupported(*command, *to, self.signing.as_mut(), bytes);
+            }
+        }
+    }
+}
+
+/// Returns what is gathered for a client; the last one is asked for most.
+fn bytes_for(client: ClientId, out: &mut Vec<ClientBytes>) -> &mut Vec<u8> {
+    let index = match out.iter().rposition(|(to, _)| *to == client) {
+        Some(index) => index,
+        None => {
+            out.push((client, Vec::new()));
+            out.len() - 1
+        }
+    };
+    &mut out[index].1
+}

@@ -1,0 +1,151 @@
+//! What each client is told by itself, and how often: each asks for its own rates, as on an autopilot's ports.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use super::ClientId;
+use crate::time::Time;
+
+/// Messages come no more often than this.
+const FASTEST: Duration = Duration::from_millis(2);
+/// How often messages come that are asked for at their default rate.
+pub(super) const DEFAULT_EVERY: Duration = Duration::from_millis(250);
+
+/// The messages of each group that REQUEST_DATA_STREAM names (MAV_DATA_STREAM), by their numbers; 0 = all groups.
+const GROUPS: [(u8, &[u32]); 6] = [
+    (1, &[]),
+    (2, &[1, 42, 24, 245, 2]),
+    (3, &[36]),
+    (6, &[33, 32]),
+    (10, &[30]),
+    (11, &[74, 147]),
+];
+
+/// One message that comes by itself.
+#[derive(Clone, Copy, Debug)]
+struct Stream {
+    every: Duration,
+    due: Time,
+}
+
+/// The messages that clients have asked for.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Streams {
+    /// Of each client, by the number of the message.
+    asked: BTreeMap<ClientId, BTreeMap<u32, Stream>>,
+}
+
+impl Streams {
+    /// Lets a client have a message so often from now on; `None` = no more.
+    pub(super) fn set(
+        &mut self,
+        now: Time,
+        client: ClientId,
+        message: u32,
+        every: Option<Duration>,
+    ) {
+        let of_client = self.asked.entry(client).or_default();
+        match every {
+            Some(every) => {
+                let stream = Stream {
+                    every: every.max(FASTEST),
+                    due: now,
+                };
+                of_client.insert(message, stream);
+            }
+            None => {
+                of_client.remove(&message);
+            }
+        }
+    }
+
+    /// Lets a client have all messages of a group so often; `None` = no more.
+    pub(super) fn set_group(
+        &mut self,
+        now: Time,
+        client: ClientId,
+        group: u8,
+        every: Option<Duration>,
+    ) {
+        let groups = GROUPS
+            .iter()
+            .filter(|(number, _)| group == 0 || *number == group);
+        for message in groups.flat_map(|(_, messages)| messages.iter()) {
+            self.set(now, client, *message, every);
+        }
+    }
+
+    /// Returns how often a client has a message; `None` = never.
+    pub(super) fn every(&self, client: ClientId, message: u32) -> Option<Duration> {
+        let stream = self.asked.get(&client)?.get(&message)?;
+        Some(stream.every)
+    }
+
+    /// Forgets a client that is gone.
+    pub(super) fn forget(&mut self, client: ClientId) {
+        self.asked.remove(&client);
+    }
+
+    /// Returns when the next message is due.
+    pub(super) fn deadline(&self) -> Option<Time> {
+        let streams = self.asked.values().flat_map(BTreeMap::values);
+        streams.map(|stream| stream.due).min()
+    }
+
+    /// Returns what is due by now, and for whom.
+    pub(super) fn take_due(&mut self, now: Time) -> Vec<(ClientId, u32)> {
+        let mut due = Vec::new();
+        for (client, streams) in &mut self.asked {
+            for (message, stream) in streams.iter_mut().filter(|(_, stream)| stream.due <= now) {
+                stream.due = next_after(stream.due, stream.every, now);
+                due.push((*client, *message));
+            }
+        }
+        due
+    }
+}
+
+/// Returns when something comes next that was due at a time: what was missed meanwhile is left out.
+pub(super) fn next_after(due: Time, every: Duration, now: Time) -> Time {
+    let next = due + every;
+    if next > now { next } else { now + every }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(time_s: f64) -> Time {
+        Time::from_secs_f64(time_s)
+    }
+
+    #[test]
+    fn each_client_has_its_own_rates() {
+        let (one, two) = (ClientId(1), ClientId(2));
+        let mut streams = Streams::default();
+        assert_eq!(streams.deadline(), None);
+        streams.set(at(1.0), one, 33, Some(Duration::from_millis(100)));
+        streams.set(at(1.0), two, 33, Some(Duration::ZERO));
+        assert_eq!(streams.take_due(at(1.0)), [(one, 33), (two, 33)]);
+        assert_eq!(streams.take_due(at(1.05)), [(two, 33)], "as fast as can be");
+        assert_eq!(
+            streams.take_due(at(7.0)),
+            [(one, 33), (two, 33)],
+            "once, however late"
+        );
+        assert_eq!(streams.every(one, 33), Some(Duration::from_millis(100)));
+        streams.set(at(7.0), one, 33, None);
+        streams.forget(two);
+        assert_eq!((streams.deadline(), streams.every(one, 33)), (None, None));
+    }
+
+    #[test]
+    fn a_group_is_all_of_its_messages() {
+        let mut streams = Streams::default();
+        let client = ClientId(1);
+        streams.set_group(at(0.0), client, 6, Some(DEFAULT_EVERY));
+        assert_eq!(streams.take_due(at(0.0)), [(client, 32), (client, 33)]);
+        streams.set_group(at(0.0), client, 0, None);
+        assert_eq!(streams.deadline(), None);
+    }
+}
