@@ -9,6 +9,7 @@
 //! Nothing outside of this folder names the library that it is made of. What a vehicle makes of all this is decided by whoever
 //! speaks: the driver of an autopilot (`run/drivers`), the simulated one (`sim/mavlink_vehicle`).
 
+pub mod autopilot_driver;
 pub mod command_call;
 pub mod dialect;
 pub mod earth_frame;

@@ -33,7 +33,7 @@ pub use flown::FlownVehicle;
 
 use std::time::Duration;
 
-use crate::autopilot::{Command, VehicleKind};
+use crate::autopilot::{Command, CommandAck, VehicleKind};
 use crate::mavlink::dialect::{self as d, MavMessage};
 use crate::mavlink::earth_frame::EarthFrame;
 use crate::mavlink::frames::{Content, Frame, MavAddress, target_of};
@@ -90,6 +90,8 @@ pub struct MavlinkVehicle {
     parameters: Parameters,
     remote_control: RemoteControl,
     ground_station: GroundStation,
+    /// The last position target, until something else is commanded.
+    target: Option<Command>,
 }
 
 impl MavlinkVehicle {
@@ -109,6 +111,7 @@ impl MavlinkVehicle {
             parameters: Parameters::of(kind, system),
             remote_control: RemoteControl::default(),
             ground_station: GroundStation::default(),
+            target: None,
         }
     }
 
@@ -250,16 +253,15 @@ impl MavlinkVehicle {
                 self.change_mode(now, set.custom_mode, vehicle);
             }
             MavMessage::SET_POSITION_TARGET_LOCAL_NED(target) => {
-                if let Some(command) =
-                    targets::of_local(target, self.kind, &self.frame, vehicle, now)
-                {
-                    vehicle.command(now, &command);
-                }
+                let command = targets::of_local(target, self.kind, &self.frame, vehicle, now);
+                self.aim(now, command, vehicle);
             }
             MavMessage::SET_POSITION_TARGET_GLOBAL_INT(target) => {
-                if let Some(command) = targets::of_global(target, self.kind, &self.frame) {
-                    vehicle.command(now, &command);
-                }
+                self.aim(
+                    now,
+                    targets::of_global(target, self.kind, &self.frame),
+                    vehicle,
+                );
             }
             MavMessage::REQUEST_DATA_STREAM(request) => {
                 let rate_hz = f64::from(request.req_message_rate);
@@ -321,6 +323,18 @@ impl MavlinkVehicle {
                     .into_iter()
                     .for_each(|answer| tell(out, Some(client), answer));
             }
+        }
+    }
+
+    /// Goes for a position target; one that is said again changes nothing.
+    fn aim(&mut self, now: Time, command: Option<Command>, vehicle: &mut FlownVehicle<'_>) {
+        let is_velocity = matches!(command, Some(Command::Velocity(_)));
+        if command.is_none() || (command == self.target && !is_velocity) {
+            return;
+        }
+        if let Some(command) = &command {
+            let obeyed = vehicle.command(now, command).result;
+            self.target = (obeyed == CommandAck::Accepted).then(|| command.clone());
         }
     }
 

@@ -173,6 +173,9 @@ impl MavlinkVehicle {
                 },
                 _ => return denied,
             },
+            MavCmd::MAV_CMD_CONDITION_YAW if self.kind == VehicleKind::Rover => {
+                return Answer::Of(CommandAck::Unsupported);
+            }
             MavCmd::MAV_CMD_CONDITION_YAW => match asked.number(1) {
                 Some(degrees) => Command::Yaw(self.heading(now, asked, degrees, vehicle)),
                 None => return denied,
@@ -206,6 +209,8 @@ impl MavlinkVehicle {
             }
             _ => return Answer::Of(CommandAck::Unsupported),
         };
+        self.target
+            .take_if(|_| command.moves() || command.stops());
         Answer::Of(vehicle.command(now, &command).result)
     }
 
@@ -216,6 +221,7 @@ impl MavlinkVehicle {
         number: u32,
         vehicle: &mut FlownVehicle<'_>,
     ) -> MavResult {
+        self.target = None;
         let mode = match mode_of(self.kind, number) {
             ShownMode::Known(mode) => mode,
             ShownMode::Other(_) => return MavResult::MAV_RESULT_FAILED,
@@ -236,6 +242,7 @@ impl MavlinkVehicle {
         at: Point,
         vehicle: &mut FlownVehicle<'_>,
     ) -> CommandAck {
+        self.target = None;
         if asked.whole(2).is_some_and(|flags| flags & 1 == 1) {
             let changed = vehicle
                 .command(now, &Command::Mode(FlightMode::Guided))

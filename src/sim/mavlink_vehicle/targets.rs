@@ -77,8 +77,9 @@ pub(super) fn of_local(
                 speed_mps: None,
             })
         }
-        Wanted::Velocity => are_numbers(&[target.vx, target.vy])
-            .then(|| Command::Velocity(along(target.vx, target.vy))),
+        Wanted::Velocity => {
+            are_numbers(&[target.vx, target.vy]).then(|| moving(along(target.vx, target.vy)))
+        }
         Wanted::Yaw => are_numbers(&[target.yaw])
             .then(|| Command::Yaw(frame.heading_of(Bearing::from_radians(f64::from(target.yaw))))),
         Wanted::Nothing => None,
@@ -112,9 +113,17 @@ pub(super) fn of_global(
         }
         Wanted::Velocity => are_numbers(&[target.vx, target.vy]).then(|| {
             let to = frame.from_north_east(f64::from(target.vx), f64::from(target.vy));
-            Command::Velocity(to - Point::new(0.0, 0.0))
+            moving(to - Point::new(0.0, 0.0))
         }),
         Wanted::Yaw | Wanted::Nothing => None,
+    }
+}
+
+/// Returns what a velocity wants; one of zero brakes.
+fn moving(velocity: Vector) -> Command {
+    match velocity == Vector::default() {
+        true => Command::Stop,
+        false => Command::Velocity(velocity),
     }
 }
 

@@ -1,0 +1,305 @@
+//! What stands between the link to an autopilot and its bytes: commands in the link's terms become messages, what the autopilot
+//! says becomes reports and answers. It decides nothing that the link decides: a command is said once each time that it is told,
+//! and what nobody answers is the link's matter. Of its own it only says what keeps a connection alive: heartbeats, which
+//! messages are wanted, and the target of a drive under way. A pure machine.
+//!
+//! ```text
+//!   NumberedCommand ─► orders ─► messages ──────────────► autopilot
+//!   Report, Ack     ◄─ heard  ◄─ messages ◄────────────── autopilot
+//!                      setup: heartbeat, streams, origin ─► autopilot
+//! ```
+
+#![allow(
+    deprecated,
+    reason = "old firmware still asks and streams by what the dialect has superseded"
+)]
+
+mod heard;
+mod orders;
+mod setup;
+#[cfg(test)]
+mod tests;
+
+use std::time::Duration;
+
+use super::dialect::{
+    self as d, MavAutopilot, MavMessage, MavModeFlag, MavSeverity, MavState, MavType,
+};
+use super::earth_frame::EarthFrame;
+use super::frames::{Content, Frame, MavAddress};
+use crate::autopilot::{Ack, AutopilotReport, NumberedCommand, VehicleKind};
+use crate::geom::Pose;
+use crate::time::Time;
+
+use self::heard::Heard;
+use self::orders::Orders;
+use self::setup::Setup;
+
+/// The component of an autopilot.
+const AUTOPILOT: u8 = 1;
+/// Our own heartbeats.
+const HEARTBEAT_EVERY: Duration = Duration::from_secs(1);
+/// Without a word of the autopilot for this long its state is stale.
+const STALE: Duration = Duration::from_secs(1);
+/// A text of the autopilot explains a refusal for this long.
+const TEXT_EXPLAINS: Duration = Duration::from_secs(3);
+
+/// From which messages the place is taken.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum PlaceSource {
+    /// GLOBAL_POSITION_INT: satellites, or whatever gives a place on the earth.
+    Global,
+    /// LOCAL_POSITION_NED, counted from GPS_GLOBAL_ORIGIN: indoors.
+    Local,
+}
+
+/// What a driver is told before it starts.
+#[derive(Clone, Debug)]
+pub struct AutopilotDriverSettings {
+    /// Who we are; its failsafe for a silent ground station listens to this system (`SYSID_MYGCS`).
+    pub own: MavAddress,
+    /// The autopilot's system.
+    pub system: u8,
+    /// What it is to be.
+    pub kind: VehicleKind,
+    /// Where the venue's frame lies.
+    pub frame: EarthFrame,
+    /// From which messages the place is taken.
+    pub place: PlaceSource,
+    /// The origin of its frame is set to the venue's datum, when it has none.
+    pub sets_origin: bool,
+    /// A place is never believed to be better known than this, metres.
+    pub place_sd_min_m: f64,
+}
+
+/// What a driver says.
+#[derive(Clone, PartialEq, Debug)]
+pub enum DriverOut {
+    /// To the autopilot.
+    Say(Box<MavMessage>),
+    /// To the link: what the autopilot says of itself.
+    Report(AutopilotReport),
+    /// To the link: what it answers.
+    Ack(Ack),
+    /// To people: a line that it has said, and whether it is a warning.
+    Text {
+        /// The line.
+        text: String,
+        /// Whether it warns.
+        warns: bool,
+    },
+}
+
+/// What is wrong with an autopilot.
+#[derive(Clone, PartialEq, Debug, thiserror::Error)]
+pub enum DriverTrouble {
+    /// Nothing was ever heard of it.
+    #[error("system {system} was not heard{others}")]
+    NeverHeard {
+        /// Which system.
+        system: u8,
+        /// Who was heard, in words.
+        others: String,
+    },
+    /// It has fallen silent.
+    #[error("system {system} is silent for {silent_s:.0} s")]
+    Silent {
+        /// Which system.
+        system: u8,
+        /// For how long, seconds.
+        silent_s: f64,
+    },
+    /// It is another kind of vehicle.
+    #[error("it steers {found}, and the vehicle's file says {expected}")]
+    Kind {
+        /// What it is.
+        found: String,
+        /// What it is to be.
+        expected: &'static str,
+    },
+    /// It is no ArduPilot.
+    #[error("its firmware is no ArduPilot (MAV_AUTOPILOT {found}): its modes are not known")]
+    Firmware {
+        /// The number of its firmware.
+        found: u8,
+    },
+    /// Two say the same system id.
+    #[error("two autopilots say that they are system {system}: one needs another SYSID_THISMAV")]
+    Duplicate {
+        /// The system.
+        system: u8,
+    },
+    /// It does not know where it is.
+    #[error("it does not know where it is: {why}")]
+    NoPlace {
+        /// Why, in words.
+        why: String,
+    },
+    /// It does not arm.
+    #[error("it says: {0}")]
+    Refuses(String),
+}
+
+/// The driver of an autopilot.
+#[derive(Clone, Debug)]
+pub struct AutopilotDriver {
+    settings: AutopilotDriverSettings,
+    heard: Heard,
+    orders: Orders,
+    setup: Setup,
+    heartbeat_due: Time,
+}
+
+impl AutopilotDriver {
+    /// Begins with an autopilot that has not been heard.
+    pub fn new(settings: AutopilotDriverSettings) -> AutopilotDriver {
+        AutopilotDriver {
+            heard: Heard::default(),
+            orders: Orders::default(),
+            setup: Setup::default(),
+            heartbeat_due: Time::ZERO,
+            settings,
+        }
+    }
+
+    /// Returns who it speaks with.
+    fn target(&self) -> MavAddress {
+        MavAddress {
+            system: self.settings.system,
+            component: AUTOPILOT,
+        }
+    }
+
+    /// Tells the autopilot what the link wants.
+    pub fn command(&mut self, now: Time, command: &NumberedCommand, out: &mut Vec<DriverOut>) {
+        let target = self.target();
+        self.orders
+            .take(now, command, target, &self.settings, &self.heard, out);
+    }
+
+    /// Passes on where something outside knows the vehicle to be (motion capture): VISION_POSITION_ESTIMATE, for the autopilot's
+    /// own estimate.
+    pub fn external_pose(
+        &mut self,
+        now: Time,
+        pose: &Pose,
+        altitude_m: f64,
+        out: &mut Vec<DriverOut>,
+    ) {
+        let frame = &self.settings.frame;
+        let (north_m, east_m) = frame.north_east(pose.at);
+        let mut covariance = [0.0; 21];
+        // Of x, y and z, in the upper triangle of the matrix, row by row.
+        for index in [0, 6, 11] {
+            covariance[index] = (pose.sd_m * pose.sd_m) as f32;
+        }
+        let estimate = d::VISION_POSITION_ESTIMATE_DATA {
+            usec: now.as_nanos() / 1000,
+            x: north_m as f32,
+            y: east_m as f32,
+            z: -altitude_m as f32,
+            yaw: frame.bearing_of(pose.heading).radians() as f32,
+            covariance,
+            ..d::VISION_POSITION_ESTIMATE_DATA::default()
+        };
+        say(out, MavMessage::VISION_POSITION_ESTIMATE(estimate));
+    }
+
+    /// Hears a frame; what another system says concerns nobody here.
+    pub fn hear(&mut self, now: Time, frame: &Frame, out: &mut Vec<DriverOut>) {
+        let Content::Message(message) = &frame.content else {
+            return;
+        };
+        if frame.from != self.target() {
+            self.heard.note_other(frame.from);
+            return;
+        }
+        let has_rebooted = self.heard.take(now, message, &self.settings);
+        if has_rebooted {
+            self.orders.forget();
+            self.setup.begin_again(now);
+            text(out, "the autopilot has started anew".to_owned(), true);
+        }
+        match message.as_ref() {
+            MavMessage::HEARTBEAT(_) => {
+                self.setup.heard(now);
+                self.orders.mind_mode(self.heard.mode(self.settings.kind));
+            }
+            MavMessage::COMMAND_ACK(ack) => {
+                self.setup.take_ack(now, frame.from, ack, out);
+                let explained = self.heard.explanation(now, TEXT_EXPLAINS);
+                self.orders.answer(ack, explained, out);
+            }
+            MavMessage::STATUSTEXT(said) => {
+                let line = said.text.to_str().unwrap_or("(no text)").to_owned();
+                let warns = (said.severity as u8) <= MavSeverity::MAV_SEVERITY_WARNING as u8;
+                text(out, line, warns);
+            }
+            MavMessage::MISSION_REQUEST_INT(_)
+            | MavMessage::MISSION_REQUEST(_)
+            | MavMessage::MISSION_ACK(_) => {
+                self.orders.hear_mission(now, message, out);
+            }
+            MavMessage::GLOBAL_POSITION_INT(_) if self.settings.place == PlaceSource::Global => {
+                self.report(now, out)
+            }
+            MavMessage::LOCAL_POSITION_NED(_) if self.settings.place == PlaceSource::Local => {
+                self.report(now, out)
+            }
+            _ => {}
+        }
+    }
+
+    fn report(&mut self, now: Time, out: &mut Vec<DriverOut>) {
+        if let Some(report) = self.heard.report(now, &self.settings) {
+            let target = self.target();
+            self.orders.go_on(now, &report, target, &self.settings, out);
+            out.push(DriverOut::Report(report));
+        }
+    }
+
+    /// Returns when something is to be said next.
+    pub fn deadline(&self) -> Time {
+        [self.setup.deadline(), self.orders.deadline()]
+            .into_iter()
+            .flatten()
+            .fold(self.heartbeat_due, Time::min)
+    }
+
+    /// Says what is due by now.
+    pub fn due(&mut self, now: Time, out: &mut Vec<DriverOut>) {
+        if now >= self.heartbeat_due {
+            self.heartbeat_due = now + HEARTBEAT_EVERY;
+            say(out, heartbeat());
+        }
+        let target = self.target();
+        self.setup
+            .due(now, target, &self.settings, &self.heard, out);
+        self.orders.due(now, target, &self.settings, out);
+    }
+
+    /// Returns what is wrong with the autopilot, the worst first.
+    pub fn trouble(&self, now: Time) -> Option<DriverTrouble> {
+        self.heard.trouble(now, STALE, &self.settings)
+    }
+}
+
+/// Returns our own heartbeat: of a companion computer.
+fn heartbeat() -> MavMessage {
+    MavMessage::HEARTBEAT(d::HEARTBEAT_DATA {
+        custom_mode: 0,
+        mavtype: MavType::MAV_TYPE_ONBOARD_CONTROLLER,
+        autopilot: MavAutopilot::MAV_AUTOPILOT_INVALID,
+        base_mode: MavModeFlag::empty(),
+        system_status: MavState::MAV_STATE_ACTIVE,
+        mavlink_version: 3,
+    })
+}
+
+fn say(out: &mut Vec<DriverOut>, message: MavMessage) {
+    out.push(DriverOut::Say(Box::new(message)));
+}
+
+fn text(out: &mut Vec<DriverOut>, text: String, warns: bool) {
+    out.push(DriverOut::Text { text, warns });
+}

@@ -1,0 +1,423 @@
+//! What an autopilot has said of itself, and what follows: the report for the link, and what is wrong.
+
+use std::collections::BTreeSet;
+use std::time::Duration;
+
+use super::{AUTOPILOT, AutopilotDriverSettings, DriverTrouble, PlaceSource};
+use crate::autopilot::{AutopilotReport, FlightMode, Motion, SystemStatus, VehicleKind};
+use crate::geom::{Angle, Bearing, Point, Pose};
+use crate::mavlink::dialect::{
+    self as d, EstimatorStatusFlags, GpsFixType, MavAutopilot, MavLandedState, MavMessage,
+    MavModeFlag, MavState, MavType,
+};
+use crate::mavlink::frames::MavAddress;
+use crate::mavlink::modes::{ShownMode, mode_of};
+use crate::time::Time;
+
+/// The deviation of a place that is not known, metres: further than any vehicle accepts.
+const UNKNOWN_SD_M: f64 = 1000.0;
+/// Slower than this it stands, m/s.
+const RESTS_BELOW_MPS: f64 = 0.05;
+/// Slower than this it does not turn, rad/s, and does not climb, m/s.
+const STEADY_BELOW: f64 = 0.06;
+/// Its clock has gone back by more than this: it has started anew, or another one speaks.
+const REBOOT_MS: u32 = 1000;
+/// So often within [`DUPLICATE_WITHIN`] is no start any more.
+const DUPLICATE_AFTER: usize = 3;
+const DUPLICATE_WITHIN: Duration = Duration::from_secs(10);
+/// What says how good a place is, is believed for this long.
+const FIX_LASTS: Duration = Duration::from_secs(3);
+
+/// A value and when it came.
+type Dated<T> = Option<(Time, T)>;
+
+/// What an autopilot has said, the newest of each.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Heard {
+    at: Option<Time>,
+    heartbeat: Dated<d::HEARTBEAT_DATA>,
+    global: Dated<d::GLOBAL_POSITION_INT_DATA>,
+    local: Dated<d::LOCAL_POSITION_NED_DATA>,
+    origin: Option<(i32, i32)>,
+    attitude: Dated<d::ATTITUDE_DATA>,
+    gps: Dated<d::GPS_RAW_INT_DATA>,
+    estimator: Dated<d::ESTIMATOR_STATUS_DATA>,
+    battery: Option<f64>,
+    landed: Option<MavLandedState>,
+    refusal: Dated<String>,
+    boot_ms: u32,
+    /// When its clock went back, the last few times.
+    went_back: Vec<Time>,
+    others: BTreeSet<MavAddress>,
+}
+
+impl Heard {
+    /// Notes that somebody else speaks on the same link.
+    pub(super) fn note_other(&mut self, from: MavAddress) {
+        if self.others.len() < 16 {
+            self.others.insert(from);
+        }
+    }
+
+    /// Takes a message of the autopilot; returns whether it has started anew.
+    pub(super) fn take(
+        &mut self,
+        now: Time,
+        message: &MavMessage,
+        settings: &AutopilotDriverSettings,
+    ) -> bool {
+        self.at = Some(now);
+        let mut boot_ms = None;
+        match message {
+            MavMessage::HEARTBEAT(heartbeat) => self.heartbeat = Some((now, heartbeat.clone())),
+            MavMessage::GLOBAL_POSITION_INT(place) => {
+                boot_ms = Some(place.time_boot_ms);
+                self.global = Some((now, place.clone()));
+            }
+            MavMessage::LOCAL_POSITION_NED(place) => {
+                boot_ms = Some(place.time_boot_ms);
+                self.local = Some((now, place.clone()));
+            }
+            MavMessage::ATTITUDE(attitude) => self.attitude = Some((now, attitude.clone())),
+            MavMessage::GPS_GLOBAL_ORIGIN(origin) => {
+                self.origin = Some((origin.latitude, origin.longitude))
+            }
+            MavMessage::GPS_RAW_INT(gps) => self.gps = Some((now, gps.clone())),
+            MavMessage::ESTIMATOR_STATUS(status) => self.estimator = Some((now, status.clone())),
+            MavMessage::EXTENDED_SYS_STATE(state) => self.landed = Some(state.landed_state),
+            MavMessage::SYS_STATUS(status) if status.battery_remaining >= 0 => {
+                self.battery = Some((f64::from(status.battery_remaining) / 100.0).min(1.0));
+            }
+            MavMessage::STATUSTEXT(said) => {
+                let text = said.text.to_str().unwrap_or_default();
+                if text.starts_with("PreArm:") || text.starts_with("Arm:") {
+                    self.refusal = Some((now, text.to_owned()));
+                }
+            }
+            _ => {}
+        }
+        if self.is_armed() {
+            self.refusal = None;
+        }
+        boot_ms.is_some_and(|boot_ms| self.has_gone_back(now, boot_ms, settings))
+    }
+
+    /// Notes its clock; returns whether it has gone back.
+    fn has_gone_back(
+        &mut self,
+        now: Time,
+        boot_ms: u32,
+        settings: &AutopilotDriverSettings,
+    ) -> bool {
+        let is_back = boot_ms.saturating_add(REBOOT_MS) < self.boot_ms;
+        self.boot_ms = boot_ms;
+        if is_back {
+            self.went_back
+                .retain(|at| now.since(*at) <= DUPLICATE_WITHIN);
+            self.went_back.push(now);
+            if self.trouble_of_two(now, settings).is_none() {
+                (self.origin, self.estimator, self.gps) = (None, None, None);
+                return true;
+            }
+        }
+        false
+    }
+
+    fn trouble_of_two(
+        &self,
+        now: Time,
+        settings: &AutopilotDriverSettings,
+    ) -> Option<DriverTrouble> {
+        let lately = self
+            .went_back
+            .iter()
+            .filter(|at| now.since(**at) <= DUPLICATE_WITHIN);
+        (lately.count() >= DUPLICATE_AFTER).then_some(DriverTrouble::Duplicate {
+            system: settings.system,
+        })
+    }
+
+    /// Returns its mode, as its last heartbeat showed it.
+    pub(super) fn mode(&self, kind: VehicleKind) -> Option<ShownMode> {
+        let (_, heartbeat) = self.heartbeat.as_ref()?;
+        Some(mode_of(kind, heartbeat.custom_mode))
+    }
+
+    fn is_armed(&self) -> bool {
+        let flags = self
+            .heartbeat
+            .as_ref()
+            .map(|(_, heartbeat)| heartbeat.base_mode);
+        flags.is_some_and(|flags| flags.contains(MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED))
+    }
+
+    /// Returns whether it has said where its frame's origin is.
+    pub(super) fn has_origin(&self) -> bool {
+        self.origin.is_some()
+    }
+
+    /// Returns the last text that explains why it does not arm, if it is no older than this.
+    pub(super) fn explanation(&self, now: Time, most: Duration) -> Option<&str> {
+        let (at, text) = self.refusal.as_ref()?;
+        (now.since(*at) <= most).then_some(text.as_str())
+    }
+
+    /// Returns its altitude above home, metres.
+    pub(super) fn altitude_m(&self) -> f64 {
+        let above =
+            |(_, place): &(Time, d::GLOBAL_POSITION_INT_DATA)| f64::from(place.relative_alt) * 1e-3;
+        self.global.as_ref().map_or(0.0, above)
+    }
+
+    /// Returns what it says of itself, for the link; `None` before it has said what it is, or when it is not what it is to be.
+    pub(super) fn report(
+        &self,
+        now: Time,
+        settings: &AutopilotDriverSettings,
+    ) -> Option<AutopilotReport> {
+        let (_, heartbeat) = self.heartbeat.as_ref()?;
+        if self.is_other(settings).is_some() || self.trouble_of_two(now, settings).is_some() {
+            return None;
+        }
+        let (at, sd_m, climb_mps, speed_mps) = self.place(now, settings)?;
+        let heading = self.heading(settings);
+        let turns = self
+            .attitude
+            .as_ref()
+            .is_some_and(|(_, attitude)| f64::from(attitude.yawspeed).abs() > STEADY_BELOW);
+        let motion = if speed_mps > RESTS_BELOW_MPS {
+            Motion::Driving
+        } else if turns || climb_mps.abs() > STEADY_BELOW {
+            Motion::Turning
+        } else {
+            Motion::Resting
+        };
+        let is_landed = match (settings.kind, self.landed) {
+            (VehicleKind::Rover, _) => true,
+            (VehicleKind::Copter, Some(state)) => {
+                state == MavLandedState::MAV_LANDED_STATE_ON_GROUND
+            }
+            (VehicleKind::Copter, None) => !self.is_armed(),
+        };
+        Some(AutopilotReport {
+            pose: Pose {
+                at,
+                heading: heading.unwrap_or_default(),
+                sd_m: if heading.is_some() {
+                    sd_m
+                } else {
+                    UNKNOWN_SD_M
+                },
+            },
+            altitude_m: self.altitude_m(),
+            speed_mps,
+            // One without a monitor says nothing: it is not taken for empty.
+            battery: self.battery.unwrap_or(1.0),
+            motion,
+            is_landed,
+            mode: match mode_of(settings.kind, heartbeat.custom_mode) {
+                ShownMode::Known(mode) => mode,
+                // Whatever it is, somebody has chosen it, and it is not ours.
+                ShownMode::Other(_) => FlightMode::Manual,
+            },
+            is_armed: self.is_armed(),
+            status: match heartbeat.system_status {
+                MavState::MAV_STATE_UNINIT
+                | MavState::MAV_STATE_BOOT
+                | MavState::MAV_STATE_CALIBRATING => SystemStatus::Booting,
+                MavState::MAV_STATE_STANDBY => SystemStatus::Standby,
+                MavState::MAV_STATE_ACTIVE => SystemStatus::Active,
+                MavState::MAV_STATE_CRITICAL
+                | MavState::MAV_STATE_EMERGENCY
+                | MavState::MAV_STATE_POWEROFF
+                | MavState::MAV_STATE_FLIGHT_TERMINATION => SystemStatus::Critical,
+            },
+        })
+    }
+
+    /// Where it is, how sure that is, metres, its climb and its speed, m/s.
+    fn place(
+        &self,
+        now: Time,
+        settings: &AutopilotDriverSettings,
+    ) -> Option<(Point, f64, f64, f64)> {
+        let frame = &settings.frame;
+        let sd_m = match self.no_place(now, settings) {
+            Some(_) => UNKNOWN_SD_M,
+            None => self.deviation_m(now).max(settings.place_sd_min_m),
+        };
+        match settings.place {
+            PlaceSource::Global => {
+                let (_, place) = self.global.as_ref()?;
+                let cm = |speed: i16| f64::from(speed) * 0.01;
+                Some((
+                    frame.local_place((place.lat, place.lon)),
+                    sd_m,
+                    -cm(place.vz),
+                    libm::hypot(cm(place.vx), cm(place.vy)),
+                ))
+            }
+            PlaceSource::Local => {
+                let (_, place) = self.local.as_ref()?;
+                let (north_m, east_m) = (f64::from(place.x), f64::from(place.y));
+                let from = self
+                    .origin
+                    .map(|origin| frame.local_place(origin))
+                    .unwrap_or_default();
+                let step = frame.from_north_east(north_m, east_m) - Point::default();
+                Some((
+                    from + step,
+                    sd_m,
+                    -f64::from(place.vz),
+                    libm::hypot(f64::from(place.vx), f64::from(place.vy)),
+                ))
+            }
+        }
+    }
+
+    fn heading(&self, settings: &AutopilotDriverSettings) -> Option<Angle> {
+        let (_, attitude) = self.attitude.as_ref()?;
+        let yaw_rad = f64::from(attitude.yaw);
+        yaw_rad
+            .is_finite()
+            .then(|| settings.frame.heading_of(Bearing::from_radians(yaw_rad)))
+    }
+
+    /// How sure its place is, metres: what its estimator says, or its receiver.
+    fn deviation_m(&self, now: Time) -> f64 {
+        if let Some((_, status)) = self.fresh(now, &self.estimator) {
+            let sd_m = f64::from(status.pos_horiz_accuracy);
+            if sd_m.is_finite() && sd_m > 0.0 {
+                return sd_m;
+            }
+        }
+        match self.fresh(now, &self.gps) {
+            Some((_, gps)) if gps.h_acc > 0 => f64::from(gps.h_acc) * 1e-3,
+            Some(_) | None => 0.0,
+        }
+    }
+
+    fn fresh<'a, T>(&self, now: Time, value: &'a Dated<T>) -> Option<&'a (Time, T)> {
+        value.as_ref().filter(|(at, _)| now.since(*at) <= FIX_LASTS)
+    }
+
+    /// Returns why its place is not to be believed; `None` when it is.
+    fn no_place(&self, now: Time, settings: &AutopilotDriverSettings) -> Option<String> {
+        if let Some((_, status)) = self.fresh(now, &self.estimator) {
+            let has = |flags| status.flags.intersects(flags);
+            let knows = EstimatorStatusFlags::ESTIMATOR_POS_HORIZ_ABS
+                | EstimatorStatusFlags::ESTIMATOR_POS_HORIZ_REL;
+            if !has(knows) || has(EstimatorStatusFlags::ESTIMATOR_CONST_POS_MODE) {
+                return Some("its estimator has no position".to_owned());
+            }
+        }
+        match settings.place {
+            PlaceSource::Global => {
+                let (_, place) = self.global.as_ref()?;
+                if (place.lat, place.lon) == (0, 0) {
+                    return Some("it says latitude 0, longitude 0".to_owned());
+                }
+                let Some((_, gps)) = self.fresh(now, &self.gps) else {
+                    return Some("it does not say what its receiver hears".to_owned());
+                };
+                let has_fix = !matches!(
+                    gps.fix_type,
+                    GpsFixType::GPS_FIX_TYPE_NO_GPS
+                        | GpsFixType::GPS_FIX_TYPE_NO_FIX
+                        | GpsFixType::GPS_FIX_TYPE_2D_FIX
+                );
+                (!has_fix).then(|| format!("no fix ({} satellites)", gps.satellites_visible))
+            }
+            PlaceSource::Local => {
+                let (_, place) = self.local.as_ref()?;
+                if !(place.x.is_finite() && place.y.is_finite()) {
+                    return Some("its local position is no number".to_owned());
+                }
+                self.origin
+                    .is_none()
+                    .then(|| "the origin of its local frame is not known".to_owned())
+            }
+        }
+    }
+
+    /// Returns in which way it is not what it is to be.
+    fn is_other(&self, settings: &AutopilotDriverSettings) -> Option<DriverTrouble> {
+        let (_, heartbeat) = self.heartbeat.as_ref()?;
+        if heartbeat.autopilot != MavAutopilot::MAV_AUTOPILOT_ARDUPILOTMEGA {
+            return Some(DriverTrouble::Firmware {
+                found: heartbeat.autopilot as u8,
+            });
+        }
+        let found = kind_of(heartbeat.mavtype);
+        let expected = match settings.kind {
+            VehicleKind::Rover => "rover",
+            VehicleKind::Copter => "copter",
+        };
+        (found != Some(settings.kind)).then(|| DriverTrouble::Kind {
+            found: match found {
+                Some(VehicleKind::Rover) => "a rover".to_owned(),
+                Some(VehicleKind::Copter) => "a copter".to_owned(),
+                None => format!("something else (MAV_TYPE {})", heartbeat.mavtype as u8),
+            },
+            expected,
+        })
+    }
+
+    /// Returns what is wrong, the worst first.
+    pub(super) fn trouble(
+        &self,
+        now: Time,
+        stale: Duration,
+        settings: &AutopilotDriverSettings,
+    ) -> Option<DriverTrouble> {
+        let system = settings.system;
+        let Some(at) = self.at else {
+            let others: Vec<String> = self
+                .others
+                .iter()
+                .filter(|other| other.component == AUTOPILOT)
+                .map(|other| other.system.to_string())
+                .collect();
+            return Some(DriverTrouble::NeverHeard {
+                system,
+                others: match others.is_empty() {
+                    true => String::new(),
+                    false => format!(", but {}", others.join(", ")),
+                },
+            });
+        };
+        let silent = now.since(at);
+        if silent > stale {
+            return Some(DriverTrouble::Silent {
+                system,
+                silent_s: silent.as_secs_f64(),
+            });
+        }
+        self.is_other(settings)
+            .or_else(|| self.trouble_of_two(now, settings))
+            .or_else(|| {
+                self.no_place(now, settings)
+                    .map(|why| DriverTrouble::NoPlace { why })
+            })
+            .or_else(|| {
+                let text = self.explanation(now, Duration::from_secs(30))?;
+                Some(DriverTrouble::Refuses(text.to_owned()))
+            })
+    }
+}
+
+/// Returns which kind of vehicle a type is.
+fn kind_of(found: MavType) -> Option<VehicleKind> {
+    match found {
+        MavType::MAV_TYPE_GROUND_ROVER | MavType::MAV_TYPE_SURFACE_BOAT => Some(VehicleKind::Rover),
+        MavType::MAV_TYPE_QUADROTOR
+        | MavType::MAV_TYPE_COAXIAL
+        | MavType::MAV_TYPE_HELICOPTER
+        | MavType::MAV_TYPE_HEXAROTOR
+        | MavType::MAV_TYPE_OCTOROTOR
+        | MavType::MAV_TYPE_TRICOPTER
+        | MavType::MAV_TYPE_DODECAROTOR
+        | MavType::MAV_TYPE_DECAROTOR => Some(VehicleKind::Copter),
+        _ => None,
+    }
+}

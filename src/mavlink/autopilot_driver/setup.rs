@@ -1,0 +1,178 @@
+//! What an autopilot is asked for when it was heard: which messages, how often, and the origin of its frame. Said again until it is
+//! answered, and from the beginning when it has started anew or was silent.
+//!
+//! ```text
+//!   [not heard] ──heartbeat──► [asking: message after message] ──all answered──► [done]
+//!        ▲                           │ refused: its group by REQUEST_DATA_STREAM      │
+//!        └───────── 3 s without a heartbeat, started anew ───────────────────────────┘
+//! ```
+
+use std::time::Duration;
+
+use super::heard::Heard;
+use super::{AutopilotDriverSettings, DriverOut, say};
+use crate::mavlink::command_call::{CallEnd, CommandCall};
+use crate::mavlink::dialect::{
+    self as d, COMMAND_ACK_DATA, COMMAND_LONG_DATA, MavCmd, MavDataStream, MavMessage, MavResult,
+};
+use crate::mavlink::frames::MavAddress;
+use crate::time::Time;
+
+/// Messages that are wanted: their number, how often a second, and the group that REQUEST_DATA_STREAM has them in.
+const WANTED: [(u32, u16, MavDataStream); 9] = [
+    (33, 10, MavDataStream::MAV_DATA_STREAM_POSITION),
+    (32, 10, MavDataStream::MAV_DATA_STREAM_POSITION),
+    (30, 10, MavDataStream::MAV_DATA_STREAM_EXTRA1),
+    (24, 2, MavDataStream::MAV_DATA_STREAM_EXTENDED_STATUS),
+    (1, 2, MavDataStream::MAV_DATA_STREAM_EXTENDED_STATUS),
+    (245, 2, MavDataStream::MAV_DATA_STREAM_EXTENDED_STATUS),
+    (42, 1, MavDataStream::MAV_DATA_STREAM_EXTENDED_STATUS),
+    (65, 5, MavDataStream::MAV_DATA_STREAM_RC_CHANNELS),
+    (230, 2, MavDataStream::MAV_DATA_STREAM_EXTRA3),
+];
+/// Messages that are asked for once.
+const ASKED_ONCE: [u32; 3] = [148, 49, 242];
+/// Without a heartbeat for this long it may have forgotten what it was asked for.
+const FORGETS_AFTER: Duration = Duration::from_secs(3);
+/// An origin that it does not take is said again after this time.
+const ORIGIN_AGAIN: Duration = Duration::from_secs(1);
+
+/// What is asked for.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Setup {
+    heard: Option<Time>,
+    /// How many of the questions are answered; `None` = not begun.
+    answered: Option<usize>,
+    call: Option<CommandCall>,
+    origin_due: Option<Time>,
+}
+
+impl Setup {
+    /// Takes note of a heartbeat.
+    pub(super) fn heard(&mut self, now: Time) {
+        let was_gone = self
+            .heard
+            .is_none_or(|heard| now.since(heard) > FORGETS_AFTER);
+        self.heard = Some(now);
+        if was_gone {
+            self.begin_again(now);
+        }
+    }
+
+    /// Begins from the beginning.
+    pub(super) fn begin_again(&mut self, now: Time) {
+        (self.answered, self.call, self.origin_due) = (Some(0), None, Some(now));
+    }
+
+    /// Takes an answer. One that does not know how to set a message's rate is asked for the message's whole group.
+    pub(super) fn take_ack(
+        &mut self,
+        now: Time,
+        from: MavAddress,
+        ack: &COMMAND_ACK_DATA,
+        out: &mut Vec<DriverOut>,
+    ) {
+        let Some(end) = self
+            .call
+            .as_mut()
+            .and_then(|call| call.hear(now, from, ack))
+        else {
+            return;
+        };
+        let wanted = self.answered.and_then(|answered| WANTED.get(answered));
+        if let (CallEnd::Answered(MavResult::MAV_RESULT_UNSUPPORTED), Some((_, rate_hz, group))) =
+            (end, wanted)
+        {
+            let request = d::REQUEST_DATA_STREAM_DATA {
+                req_message_rate: *rate_hz,
+                target_system: from.system,
+                target_component: from.component,
+                req_stream_id: *group,
+                start_stop: 1,
+            };
+            say(out, MavMessage::REQUEST_DATA_STREAM(request));
+        }
+        self.call = None;
+        self.answered = self.answered.map(|answered| answered + 1);
+    }
+
+    /// Returns when something is to be said next.
+    pub(super) fn deadline(&self) -> Option<Time> {
+        let asks = match (&self.call, self.answered) {
+            (Some(call), _) => Some(call.deadline()),
+            (None, Some(answered)) if answered < WANTED.len() + ASKED_ONCE.len() => self.heard,
+            (None, _) => None,
+        };
+        [asks, self.origin_due].into_iter().flatten().min()
+    }
+
+    /// Says what is due by now.
+    pub(super) fn due(
+        &mut self,
+        now: Time,
+        target: MavAddress,
+        settings: &AutopilotDriverSettings,
+        heard: &Heard,
+        out: &mut Vec<DriverOut>,
+    ) {
+        self.say_origin(now, target, settings, heard, out);
+        let mut said = Vec::new();
+        if let Some(call) = &mut self.call {
+            if call.due(now, &mut said).is_some() {
+                // It answers nothing: the next heartbeat begins again.
+                (self.call, self.answered, self.heard) = (None, None, None);
+            }
+        } else if let Some(question) = self.answered.and_then(question) {
+            self.call = Some(CommandCall::begin(now, target, question, &mut said));
+        }
+        said.into_iter().for_each(|message| say(out, message));
+    }
+
+    /// Gives it the origin of its frame, until it says that it has one.
+    fn say_origin(
+        &mut self,
+        now: Time,
+        target: MavAddress,
+        settings: &AutopilotDriverSettings,
+        heard: &Heard,
+        out: &mut Vec<DriverOut>,
+    ) {
+        if !settings.sets_origin || heard.has_origin() {
+            self.origin_due = None;
+            return;
+        }
+        if self.origin_due.is_none_or(|due| now < due) {
+            return;
+        }
+        self.origin_due = Some(now + ORIGIN_AGAIN);
+        let datum = settings.frame.datum;
+        say(
+            out,
+            MavMessage::SET_GPS_GLOBAL_ORIGIN(d::SET_GPS_GLOBAL_ORIGIN_DATA {
+                latitude: (datum.latitude_deg * 1e7).round() as i32,
+                longitude: (datum.longitude_deg * 1e7).round() as i32,
+                altitude: (datum.altitude_m * 1e3).round() as i32,
+                target_system: target.system,
+                ..d::SET_GPS_GLOBAL_ORIGIN_DATA::default()
+            }),
+        );
+    }
+}
+
+/// Returns a question by its place in the order.
+fn question(index: usize) -> Option<COMMAND_LONG_DATA> {
+    if let Some((message, rate_hz, _)) = WANTED.get(index) {
+        return Some(COMMAND_LONG_DATA {
+            command: MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL,
+            param1: *message as f32,
+            param2: 1e6 / f32::from(*rate_hz),
+            ..COMMAND_LONG_DATA::default()
+        });
+    }
+    let message = ASKED_ONCE.get(index - WANTED.len())?;
+    Some(COMMAND_LONG_DATA {
+        command: MavCmd::MAV_CMD_REQUEST_MESSAGE,
+        param1: *message as f32,
+        ..COMMAND_LONG_DATA::default()
+    })
+}
