@@ -24,6 +24,7 @@ mod given_mission;
 mod ground_file;
 mod keys;
 mod links_file;
+mod mavlink_connection;
 mod mission;
 mod nearest;
 mod outline;
@@ -59,6 +60,7 @@ pub use ground_file::{GroundFile, OperatorFile};
 #[cfg(feature = "net")]
 pub(crate) use keys::quoted;
 pub use links_file::LinksFile;
+pub use mavlink_connection::{MavlinkConnection, MavlinkEndpoint, MavlinkPlace};
 pub use mission::{
     AfterSweep, Durations, Expect, Imaging, PlannerChoice, Prior, Solver, SweepConfig, Weights,
 };

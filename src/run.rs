@@ -11,6 +11,7 @@ pub mod link;
 pub mod live;
 pub mod live_operator;
 pub mod mailbox;
+pub mod mavlink_port;
 pub mod mavlink_sockets;
 pub mod member;
 pub mod membership;

@@ -14,8 +14,9 @@ use crate::autopilot::VehicleKind;
 use crate::geom::{Bearing, Geodetic};
 use crate::mavlink::earth_frame::EarthFrame;
 use crate::mavlink::signing::{KEY_BYTES, key_from_hex};
+use crate::run::mavlink_port::PortSettings;
 use crate::run::mavlink_sockets::SocketKind;
-use crate::run::mock_autopilot::{MockAutopilots, MockSettings};
+use crate::run::mock_autopilot::MockAutopilots;
 use crate::sim::environment::Environment;
 use crate::sim::free_space::free_space;
 use crate::sim::mavlink_fleet::Endpoints;
@@ -92,7 +93,7 @@ impl MockAutopilotArgs {
         logging::begin(false);
         let (environment, frame) = self.environment()?;
         let (sockets, address) = self.sockets();
-        let settings = MockSettings {
+        let settings = PortSettings {
             sockets,
             address,
             endpoints: if self.one_link {
@@ -100,7 +101,6 @@ impl MockAutopilotArgs {
             } else {
                 Endpoints::OneEach
             },
-            speedup: self.speedup,
             key: self.key.as_deref().map(read_key).transpose()?,
             frame,
         };
@@ -108,7 +108,7 @@ impl MockAutopilotArgs {
         if self.tied {
             stop.end_with_input(|| {});
         }
-        let mock = MockAutopilots::start(environment, &settings)
+        let mock = MockAutopilots::start(environment, &settings, self.speedup)
             .map_err(|error| CliError::Fault(error.to_string()))?;
         let lines: String = mock
             .addresses()

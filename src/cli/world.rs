@@ -11,9 +11,13 @@ use super::read;
 use super::standard_output::complain;
 use super::stop::StopFlag;
 use crate::config::{Config, bundled};
+use crate::mavlink::earth_frame::EarthFrame;
 use crate::run::link::WorldStatus;
+use crate::run::mavlink_port::PortSettings;
+use crate::run::mavlink_sockets::SocketKind;
 use crate::run::world::{WorldError, WorldServer};
 use crate::sim::Scenario;
+use crate::sim::mavlink_fleet::Endpoints;
 
 /// Run the simulated world of a live simulation: bodies, range sensors, radios, and the referee.
 ///
@@ -41,6 +45,10 @@ pub struct WorldArgs {
     /// Number of vehicles, 2 to 250, in place of the file's; the venue must have a home for each
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub vehicles: Option<usize>,
+    /// Serve its autopilots over MAVLink by TCP, vehicle 1 at this address and each other at the next port; they start switched on and
+    /// disarmed, for vehicles with `driver = "mavlink"`
+    #[arg(long, value_name = "ADDRESS")]
+    pub mavlink: Option<SocketAddr>,
     /// Print what would start, and end
     #[arg(long)]
     pub check: bool,
@@ -67,7 +75,16 @@ impl WorldArgs {
             return say(out, &self.plan(&scenario));
         }
         let token = self.token.clone().map_or_else(random_token, Ok)?;
-        let server = WorldServer::start(&scenario, self.listen, &token).map_err(refused)?;
+        let venue = &scenario.sim().venue;
+        let port = self.mavlink.map(|address| PortSettings {
+            sockets: SocketKind::Tcp,
+            address,
+            endpoints: Endpoints::OneEach,
+            key: None,
+            frame: EarthFrame::new(venue.datum.geodetic(), venue.x_axis_bearing()),
+        });
+        let server =
+            WorldServer::start(&scenario, self.listen, &token, port.as_ref()).map_err(refused)?;
         let stopper = server.stopper();
         let by_input = stopper.clone();
         let stop = StopFlag::listen_with(move || stopper.stop());
@@ -80,6 +97,9 @@ impl WorldArgs {
             String::new()
         };
         say(out, &format!("world {}{drawn}\n", server.address()))?;
+        for address in server.autopilots() {
+            say(out, &format!("autopilot {address}\n"))?;
+        }
         let status = server.wait();
         say(out, &summary(&status))?;
         match status.collision_count {
@@ -124,7 +144,7 @@ fn refused(error: WorldError) -> CliError {
         WorldError::NotLoopback { .. } | WorldError::Token { .. } | WorldError::Scenario(_) => {
             CliError::Usage(error.to_string())
         }
-        WorldError::Listen { .. } => CliError::Fault(error.to_string()),
+        WorldError::Listen { .. } | WorldError::Port(_) => CliError::Fault(error.to_string()),
     }
 }
 

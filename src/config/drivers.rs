@@ -4,6 +4,7 @@
 use tomoswarm_proto::{AutopilotFamily, BodyKind, Capability, RadioKind, ServoKind};
 
 use super::keys::{Form, KeyEntry, Keyed, Keys, quoted};
+use super::mavlink_connection::MavlinkConnection;
 use super::range::SensorCoverage;
 use super::range_driver::RangeDriver;
 use super::section::Section;
@@ -23,11 +24,13 @@ pub struct Drivers {
 }
 
 /// What speaks with an autopilot.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[derive(Clone, PartialEq, Debug, Default)]
 pub enum AutopilotDriver {
     /// The simulated world.
     #[default]
     Simulated,
+    /// An ArduPilot, over MAVLink.
+    Mavlink(Box<MavlinkConnection>),
 }
 
 /// What turns range sensors.
@@ -73,11 +76,11 @@ impl Drivers {
 
     /// Returns what a vehicle with these drivers has, ascending.
     pub fn capabilities(&self) -> Vec<Capability> {
-        let autopilot = match self.autopilot {
-            AutopilotDriver::Simulated => {
-                Capability::Autopilot(AutopilotFamily::Simulated, BodyKind::Rover)
-            }
+        let family = match self.autopilot {
+            AutopilotDriver::Simulated => AutopilotFamily::Simulated,
+            AutopilotDriver::Mavlink(_) => AutopilotFamily::ArduPilot,
         };
+        let autopilot = Capability::Autopilot(family, BodyKind::Rover);
         let servo = match self.servo {
             ServoDriver::Simulated => Some(Capability::Servo(ServoKind::Simulated)),
             ServoDriver::None => None,
@@ -102,13 +105,21 @@ impl Drivers {
             range,
             radio,
         } = self;
+        let connection = match autopilot {
+            AutopilotDriver::Simulated => String::new(),
+            AutopilotDriver::Mavlink(connection) => {
+                format!(" at {}", connection.endpoint.in_words())
+            }
+        };
         let port = range
             .port()
             .map(|port| format!(" on {port}"))
             .unwrap_or_default();
         let (autopilot, servo, range, radio) =
             (autopilot.name(), servo.name(), range.name(), radio.name());
-        format!("autopilot {autopilot}, range {range}{port}, servo {servo}, radio {radio}")
+        format!(
+            "autopilot {autopilot}{connection}, range {range}{port}, servo {servo}, radio {radio}"
+        )
     }
 
     /// Checks the choices together, and with where the range sensors look.
@@ -120,6 +131,15 @@ impl Drivers {
                 "servo.driver",
                 wrong,
                 "driver = \"none\" is allowed, for a sensor that is fixed",
+            );
+        }
+        if let AutopilotDriver::Mavlink(connection) = &self.autopilot
+            && connection.endpoint.is_blank()
+            && source.is_sound(&["autopilot.mavlink"])
+        {
+            source.require(
+                "autopilot.mavlink",
+                "a table [autopilot.mavlink] with its connection is needed",
             );
         }
         self.range.check(source, look);
@@ -158,15 +178,21 @@ pub(super) fn always<D>(name: &'static str, driver: D) -> Known<D> {
 }
 
 impl DriverChoice for AutopilotDriver {
-    const PLANNED: &'static [&'static str] = &["mavlink"];
+    const PLANNED: &'static [&'static str] = &[];
 
     fn all() -> Vec<Known<AutopilotDriver>> {
-        vec![always("sim", AutopilotDriver::Simulated)]
+        let mavlink = Known {
+            name: "mavlink",
+            is_built: cfg!(feature = "net"),
+            driver: AutopilotDriver::Mavlink(Box::default()),
+        };
+        vec![always("sim", AutopilotDriver::Simulated), mavlink]
     }
 
     fn name(&self) -> &'static str {
         match self {
             AutopilotDriver::Simulated => "sim",
+            AutopilotDriver::Mavlink(_) => "mavlink",
         }
     }
 }

@@ -7,9 +7,10 @@ use tomoswarm_proto::{TaskKind, VehicleId};
 
 use super::Loader;
 use super::bus_file::{BusFile, BusFileTable, Role};
-use super::drivers::{DriverKey, Drivers, RadioDriver, ServoDriver};
+use super::drivers::{AutopilotDriver, DriverKey, Drivers, RadioDriver, ServoDriver};
 use super::forms::{FileName, LoadedFile};
 use super::keys::{Form, KeyEntry, Keyed, Keys, MaybeTable, Number, Whole, quoted, read_table};
+use super::mavlink_connection::{MavlinkConnection, MavlinkTable};
 use super::radio::OwnRadio;
 use super::range::SensorCoverage;
 use super::range_driver::RangeDriver;
@@ -172,6 +173,28 @@ impl Keyed for RangeTable<'_> {
     }
 }
 
+/// The table `[autopilot]` of a vehicle.
+struct AutopilotTable<'a>(&'a mut AutopilotDriver);
+
+impl Keyed for AutopilotTable<'_> {
+    fn keys(&mut self, to: &mut dyn Keys) {
+        DriverKey(&mut *self.0).show(to);
+        let means =
+            "what the driver `mavlink` is told; checked and not used while another one is chosen";
+        to.maybe_table(
+            &mut MavlinkTable {
+                driver: self.0,
+                unused: MavlinkConnection::default(),
+            },
+            KeyEntry {
+                name: "mavlink",
+                left_out: "",
+                means,
+            },
+        );
+    }
+}
+
 /// The table `[radio]` of a vehicle.
 struct RadioTable<'a> {
     driver: &'a mut RadioDriver,
@@ -330,7 +353,7 @@ impl Keyed for VehicleFile {
         );
         to.table(body, table("vehicle", "its body and how it moves"));
         to.table(
-            &mut DriverKey(autopilot),
+            &mut AutopilotTable(autopilot),
             table("autopilot", "what drives it"),
         );
         to.table(

@@ -55,7 +55,7 @@ pub enum PlaceSource {
 
 /// What a driver is told before it starts.
 #[derive(Clone, Debug)]
-pub struct AutopilotDriverSettings {
+pub struct MavlinkDriverSettings {
     /// Who we are; its failsafe for a silent ground station listens to this system (`SYSID_MYGCS`).
     pub own: MavAddress,
     /// The autopilot's system.
@@ -142,18 +142,18 @@ pub enum DriverTrouble {
 
 /// The driver of an autopilot.
 #[derive(Clone, Debug)]
-pub struct AutopilotDriver {
-    settings: AutopilotDriverSettings,
+pub struct MavlinkDriver {
+    settings: MavlinkDriverSettings,
     heard: Heard,
     orders: Orders,
     setup: Setup,
     heartbeat_due: Time,
 }
 
-impl AutopilotDriver {
+impl MavlinkDriver {
     /// Begins with an autopilot that has not been heard.
-    pub fn new(settings: AutopilotDriverSettings) -> AutopilotDriver {
-        AutopilotDriver {
+    pub fn new(settings: MavlinkDriverSettings) -> MavlinkDriver {
+        MavlinkDriver {
             heard: Heard::default(),
             orders: Orders::default(),
             setup: Setup::default(),

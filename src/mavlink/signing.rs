@@ -3,17 +3,27 @@
 //! stored, and the time is the larger of both.
 
 use std::collections::BTreeMap;
+use std::time::Duration;
 
 use mavlink::{MAVLinkMessageRaw, MAVLinkV2MessageRaw};
 
 /// Bytes of a key.
 pub const KEY_BYTES: usize = 32;
 /// The time counts ten microseconds each.
-const PER_SECOND: u64 = 100_000;
+pub const PER_SECOND: u64 = 100_000;
 /// A sender that was not heard before may be so much behind, in units of time.
 const NEW_MAY_LAG: u64 = 60 * PER_SECOND;
 /// The flag of a frame that is signed.
 const SIGNED: u8 = 0x01;
+
+/// Signatures count from 1 January 2015 on.
+const COUNTS_FROM: Duration = Duration::from_secs(1_420_070_400);
+
+/// Returns the time of signatures, units of 10 µs, so long after 1 January 1970; 0 where a clock is behind 2015.
+pub fn signing_time(since_1970: Duration) -> u64 {
+    let counted = since_1970.saturating_sub(COUNTS_FROM).as_micros() / 10;
+    u64::try_from(counted).unwrap_or(u64::MAX)
+}
 
 /// Reads a key as it stands in a file: 64 hexadecimal digits.
 pub fn key_from_hex(text: &str) -> Option<[u8; KEY_BYTES]> {

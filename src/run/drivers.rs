@@ -6,12 +6,14 @@
 //!   Steer     ─► servo     ─┤                                  ┌─► Report, Ack
 //!   Transmit  ─► radio     ─┼─ simulated ─► link ─► world ─────┼─► Heard, Unsent
 //!   Ping      ─► range     ─┤                                  └─► Echo
-//!                           └─ on a serial line ─► range/serial ─► Echo
+//!                           ├─ on a serial line ─► range/serial ─► Echo
+//!                           └─ MAVLink ─► autopilot/mavlink ─► Report, Ack
 //! ```
 //!
 //! It decides nothing. What the bytes of a real device mean is said by `hw`. Only what is for a simulated device goes to the
 //! world, and of what the world says only what simulated devices say is believed.
 
+pub mod autopilot;
 pub mod range;
 
 use std::io;
@@ -19,6 +21,7 @@ use std::sync::Arc;
 
 use tomoswarm_proto::{Boot, RangeHealth};
 
+use self::autopilot::Autopilot;
 use self::range::Range;
 use super::clock::Clock;
 use super::link::{LinkState, WorldLink, WorldLinkSettings};
@@ -34,6 +37,7 @@ pub type EventSink = Arc<dyn Fn(Event) + Send + Sync>;
 pub struct VehicleDevices {
     drivers: Drivers,
     world: Option<WorldLink>,
+    autopilot: Autopilot,
     range: Range,
 }
 
@@ -60,9 +64,11 @@ impl VehicleDevices {
             .has_simulated()
             .then(|| link(file, boot, &range, events))
             .transpose()?;
+        let autopilot = Autopilot::start(file, clock, events)?;
         Ok(VehicleDevices {
             drivers,
             world,
+            autopilot,
             range,
         })
     }
@@ -70,9 +76,8 @@ impl VehicleDevices {
     /// Carries out what concerns devices, from any thread; the rest does not concern it.
     pub fn carry_out(&self, effect: &Effect) {
         match effect {
-            Effect::Command(_) => match self.drivers.autopilot {
-                AutopilotDriver::Simulated => self.to_world(effect),
-            },
+            Effect::Command(_) if self.autopilot.is_simulated() => self.to_world(effect),
+            Effect::Command(command) => self.autopilot.command(command),
             // Also where neither servo nor range sensor is simulated: to a simulated autopilot any word of its companion is
             // a sign of life, and it brakes without one. What the world's own servo points at then answers no ping.
             Effect::Steer(_) => self.to_world(effect),
@@ -111,6 +116,7 @@ impl VehicleDevices {
             None => troubles.clear(who),
         };
         watch("range sensor", self.range.trouble());
+        watch("autopilot link", self.autopilot.trouble());
         let Some(world) = &self.world else { return };
         watch(
             "world",

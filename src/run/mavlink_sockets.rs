@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::sync::atomic::{AtomicU32, Ordering};
-use std::sync::mpsc::SyncSender;
+use std::sync::mpsc::{SyncSender, TrySendError};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
@@ -52,6 +52,18 @@ pub enum SocketKind {
     UdpTo,
 }
 
+/// Returns what tells an owner by a queue; one that is gone is told nothing.
+pub fn by_queue<T: Send + 'static>(
+    queue: SyncSender<T>,
+    wrap: fn(FromClient) -> T,
+    unwrap: fn(T) -> Option<FromClient>,
+) -> Told {
+    Arc::new(move |word| match queue.try_send(wrap(word)) {
+        Ok(()) | Err(TrySendError::Disconnected(_)) => Ok(()),
+        Err(TrySendError::Full(back)) => unwrap(back).map_or(Ok(()), Err),
+    })
+}
+
 /// What clients do.
 #[derive(Debug)]
 pub enum FromClient {
@@ -76,6 +88,9 @@ pub enum FromClient {
     },
 }
 
+/// Takes what clients do; gives it back while there is no room for it.
+pub type Told = Arc<dyn Fn(FromClient) -> Result<(), FromClient> + Send + Sync>;
+
 /// Where bytes for a client go.
 #[derive(Clone)]
 enum Way {
@@ -86,7 +101,7 @@ enum Way {
 /// What all sockets share.
 #[derive(Clone)]
 struct Shared {
-    told: SyncSender<FromClient>,
+    told: Told,
     ways: Arc<Mutex<BTreeMap<ClientId, Way>>>,
     named: Arc<AtomicU32>,
 }
@@ -107,7 +122,7 @@ impl MavlinkSockets {
         kind: SocketKind,
         first: SocketAddr,
         count: usize,
-        told: SyncSender<FromClient>,
+        told: Told,
     ) -> Result<MavlinkSockets, (SocketAddr, io::Error)> {
         let runtime = tokio::runtime::Builder::new_multi_thread()
             .worker_threads(1)
@@ -212,19 +227,11 @@ impl Shared {
         ClientId(self.named.fetch_add(1, Ordering::Relaxed))
     }
 
-    /// Tells the owner; without one nobody is there to tell.
-    async fn tell(&self, word: FromClient) {
-        let told = self.told.clone();
-        // A full queue makes whoever speaks wait, and nobody else.
-        let mut word = Some(word);
-        while let Some(this) = word.take() {
-            match told.try_send(this) {
-                Ok(()) | Err(std::sync::mpsc::TrySendError::Disconnected(_)) => {}
-                Err(std::sync::mpsc::TrySendError::Full(back)) => {
-                    word = Some(back);
-                    tokio::time::sleep(Duration::from_millis(1)).await;
-                }
-            }
+    /// Tells the owner. Where there is no room whoever speaks waits, and nobody else.
+    async fn tell(&self, mut word: FromClient) {
+        while let Err(back) = (self.told)(word) {
+            word = back;
+            tokio::time::sleep(Duration::from_millis(1)).await;
         }
     }
 

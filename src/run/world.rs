@@ -23,11 +23,13 @@ use std::io;
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{SyncSender, sync_channel};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
 use super::link::{TOKEN_LIMIT, WorldStatus};
+use super::mavlink_port::{MavlinkPort, PortError, PortSettings};
+use super::mavlink_sockets::by_queue;
 use crate::sim::{Scenario, ScenarioError};
 
 use connection_limit::ConnectionLimit;
@@ -58,6 +60,9 @@ pub enum WorldError {
     /// The scenario is impossible.
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
+    /// Autopilots cannot be served.
+    #[error(transparent)]
+    Port(#[from] PortError),
     /// The address cannot be used, or no thread can be started.
     #[error("the world cannot listen on {address}: {source}")]
     Listen {
@@ -71,6 +76,7 @@ pub enum WorldError {
 /// A world that runs until it is ended; dropping it ends it.
 pub struct WorldServer {
     address: SocketAddr,
+    autopilots: Vec<SocketAddr>,
     stopper: WorldStopper,
     world: Option<JoinHandle<WorldStatus>>,
     listener: Option<JoinHandle<()>>,
@@ -93,7 +99,7 @@ impl WorldStopper {
 }
 
 impl WorldServer {
-    /// Begins the world of a scenario. Port 0 takes a free one.
+    /// Begins the world of a scenario. Port 0 takes a free one. With a port for MAVLink all vehicles are just switched on.
     ///
     /// # Errors
     /// [`WorldError`].
@@ -101,6 +107,7 @@ impl WorldServer {
         scenario: &Scenario,
         listen: SocketAddr,
         token: &str,
+        port: Option<&PortSettings>,
     ) -> Result<WorldServer, WorldError> {
         if !listen.ip().is_loopback() {
             return Err(WorldError::NotLoopback { address: listen });
@@ -110,17 +117,30 @@ impl WorldServer {
                 length: token.len(),
             });
         }
-        let world = LiveWorld::new(scenario)?;
-        WorldServer::open(world, listen, token).map_err(|source| WorldError::Listen {
-            address: listen,
-            source,
+        let mut world = LiveWorld::new(scenario, port.is_some())?;
+        let (words, inbox) = sync_channel(WORDS_WAITING);
+        let told = || by_queue(words.clone(), Inbound::Client, Inbound::client);
+        let port = port
+            .map(|settings| MavlinkPort::open(world.environment(), settings, told()))
+            .transpose()?;
+        WorldServer::open(world, listen, token, (words, inbox), port).map_err(|source| {
+            WorldError::Listen {
+                address: listen,
+                source,
+            }
         })
     }
 
-    fn open(world: LiveWorld, listen: SocketAddr, token: &str) -> io::Result<WorldServer> {
+    fn open(
+        world: LiveWorld,
+        listen: SocketAddr,
+        token: &str,
+        (words, inbox): (SyncSender<Inbound>, Receiver<Inbound>),
+        port: Option<MavlinkPort>,
+    ) -> io::Result<WorldServer> {
         let socket = TcpListener::bind(listen)?;
         let address = socket.local_addr()?;
-        let (words, inbox) = sync_channel(WORDS_WAITING);
+        let autopilots = port.as_ref().map(|port| port.addresses().to_vec());
         let is_ended = Arc::new(AtomicBool::new(false));
         let connections = Arc::new(connection_limit(world.vehicles()));
         let listener = Listener::new(
@@ -131,9 +151,10 @@ impl WorldServer {
         );
         let thread = std::thread::Builder::new()
             .name("world".to_owned())
-            .spawn(move || WorldThread::new(world).run(&inbox))?;
+            .spawn(move || WorldThread::new(world, port).run(&inbox))?;
         let mut server = WorldServer {
             address,
+            autopilots: autopilots.unwrap_or_default(),
             stopper: WorldStopper { words },
             world: Some(thread),
             listener: None,
@@ -148,6 +169,11 @@ impl WorldServer {
     /// Returns where it listens.
     pub fn address(&self) -> SocketAddr {
         self.address
+    }
+
+    /// Returns where its autopilots are flown over MAVLink, each vehicle in turn; empty = nowhere.
+    pub fn autopilots(&self) -> &[SocketAddr] {
+        &self.autopilots
     }
 
     /// Returns what ends it.

@@ -18,6 +18,7 @@ mod deaths;
 mod drivers;
 mod forgers;
 mod grounds;
+mod mavlink;
 mod member;
 mod missions;
 mod operator;

@@ -230,6 +230,8 @@ pub struct Swarm {
     watch: Arc<Mutex<Watch>>,
     operator: Option<BusSession>,
     preloads: BTreeMap<String, PathBuf>,
+    /// Where the world serves autopilots over MAVLink, vehicle 1 first.
+    autopilots: Option<SocketAddr>,
     began: Instant,
     _place: Place,
 }
@@ -259,6 +261,7 @@ impl Swarm {
             watch: Arc::default(),
             operator: None,
             preloads: BTreeMap::new(),
+            autopilots: None,
             began: Instant::now(),
             _place: place,
         };
@@ -272,10 +275,14 @@ impl Swarm {
     /// Starts the world, the vehicles, the ground station and the operator.
     pub fn run(&mut self) {
         let world = self.world.to_string();
-        self.spawn(
-            "world",
-            &["world", "sim.toml", "--listen", &world, "--token", TOKEN],
+        let mut words = vec!["world", "sim.toml", "--listen", &world, "--token", TOKEN];
+        let autopilots = self.autopilots.map(|address| address.to_string());
+        words.extend(
+            autopilots
+                .iter()
+                .flat_map(|address| ["--mavlink", address.as_str()]),
         );
+        self.spawn("world", &words);
         let nodes: Vec<Sender> = self.addresses.keys().copied().collect();
         for node in nodes {
             self.spawn_node(node);
@@ -317,6 +324,20 @@ impl Swarm {
                 format!("{key} = \"swarm/{folder}/{own}\"\n")
             });
             self.write(&file, &(plain.replace("tcp/", "tls/") + &own.concat()));
+        }
+    }
+
+    /// Lets vehicles fly simulated autopilots over MAVLink, at these addresses, each in turn; the world serves them from the other one on.
+    pub fn fly_over_mavlink(&mut self, served: SocketAddr, connections: &[SocketAddr]) {
+        self.autopilots = Some(served);
+        for (id, address) in (1..=self.size.vehicles).zip(connections) {
+            let name = format!("vehicle-{id}.toml");
+            let text = std::fs::read_to_string(self.path(&name)).unwrap();
+            let mavlink = format!(
+                "[autopilot]\ndriver = \"mavlink\"\n[autopilot.mavlink]\nconnection = \"tcp:{address}\"\nsystem = {id}\n"
+            );
+            let text = text.replace("[autopilot]\ndriver = \"sim\"\n", &mavlink);
+            self.write(&name, &text);
         }
     }
 

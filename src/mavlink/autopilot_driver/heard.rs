@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use super::{AUTOPILOT, AutopilotDriverSettings, DriverTrouble, PlaceSource};
+use super::{AUTOPILOT, DriverTrouble, MavlinkDriverSettings, PlaceSource};
 use crate::autopilot::{AutopilotReport, FlightMode, Motion, SystemStatus, VehicleKind};
 use crate::geom::{Angle, Bearing, Point, Pose};
 use crate::mavlink::dialect::{
@@ -64,7 +64,7 @@ impl Heard {
         &mut self,
         now: Time,
         message: &MavMessage,
-        settings: &AutopilotDriverSettings,
+        settings: &MavlinkDriverSettings,
     ) -> bool {
         self.at = Some(now);
         let mut boot_ms = None;
@@ -103,12 +103,7 @@ impl Heard {
     }
 
     /// Notes its clock; returns whether it has gone back.
-    fn has_gone_back(
-        &mut self,
-        now: Time,
-        boot_ms: u32,
-        settings: &AutopilotDriverSettings,
-    ) -> bool {
+    fn has_gone_back(&mut self, now: Time, boot_ms: u32, settings: &MavlinkDriverSettings) -> bool {
         let is_back = boot_ms.saturating_add(REBOOT_MS) < self.boot_ms;
         self.boot_ms = boot_ms;
         if is_back {
@@ -123,11 +118,7 @@ impl Heard {
         false
     }
 
-    fn trouble_of_two(
-        &self,
-        now: Time,
-        settings: &AutopilotDriverSettings,
-    ) -> Option<DriverTrouble> {
+    fn trouble_of_two(&self, now: Time, settings: &MavlinkDriverSettings) -> Option<DriverTrouble> {
         let lately = self
             .went_back
             .iter()
@@ -173,7 +164,7 @@ impl Heard {
     pub(super) fn report(
         &self,
         now: Time,
-        settings: &AutopilotDriverSettings,
+        settings: &MavlinkDriverSettings,
     ) -> Option<AutopilotReport> {
         let (_, heartbeat) = self.heartbeat.as_ref()?;
         if self.is_other(settings).is_some() || self.trouble_of_two(now, settings).is_some() {
@@ -236,11 +227,7 @@ impl Heard {
     }
 
     /// Where it is, how sure that is, metres, its climb and its speed, m/s.
-    fn place(
-        &self,
-        now: Time,
-        settings: &AutopilotDriverSettings,
-    ) -> Option<(Point, f64, f64, f64)> {
+    fn place(&self, now: Time, settings: &MavlinkDriverSettings) -> Option<(Point, f64, f64, f64)> {
         let frame = &settings.frame;
         let sd_m = match self.no_place(now, settings) {
             Some(_) => UNKNOWN_SD_M,
@@ -275,7 +262,7 @@ impl Heard {
         }
     }
 
-    fn heading(&self, settings: &AutopilotDriverSettings) -> Option<Angle> {
+    fn heading(&self, settings: &MavlinkDriverSettings) -> Option<Angle> {
         let (_, attitude) = self.attitude.as_ref()?;
         let yaw_rad = f64::from(attitude.yaw);
         yaw_rad
@@ -302,7 +289,7 @@ impl Heard {
     }
 
     /// Returns why its place is not to be believed; `None` when it is.
-    fn no_place(&self, now: Time, settings: &AutopilotDriverSettings) -> Option<String> {
+    fn no_place(&self, now: Time, settings: &MavlinkDriverSettings) -> Option<String> {
         if let Some((_, status)) = self.fresh(now, &self.estimator) {
             let has = |flags| status.flags.intersects(flags);
             let knows = EstimatorStatusFlags::ESTIMATOR_POS_HORIZ_ABS
@@ -341,7 +328,7 @@ impl Heard {
     }
 
     /// Returns in which way it is not what it is to be.
-    fn is_other(&self, settings: &AutopilotDriverSettings) -> Option<DriverTrouble> {
+    fn is_other(&self, settings: &MavlinkDriverSettings) -> Option<DriverTrouble> {
         let (_, heartbeat) = self.heartbeat.as_ref()?;
         if heartbeat.autopilot != MavAutopilot::MAV_AUTOPILOT_ARDUPILOTMEGA {
             return Some(DriverTrouble::Firmware {
@@ -368,7 +355,7 @@ impl Heard {
         &self,
         now: Time,
         stale: Duration,
-        settings: &AutopilotDriverSettings,
+        settings: &MavlinkDriverSettings,
     ) -> Option<DriverTrouble> {
         let system = settings.system;
         let Some(at) = self.at else {

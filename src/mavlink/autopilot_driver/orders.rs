@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
 use super::heard::Heard;
-use super::{AutopilotDriverSettings, DriverOut, say};
+use super::{DriverOut, MavlinkDriverSettings, say};
 use crate::autopilot::{
     Ack, ArmRefusal, AutopilotReport, Command, CommandAck, FlightMode, Item, NumberedCommand,
     VehicleKind,
@@ -77,7 +77,7 @@ impl Orders {
         now: Time,
         told: &NumberedCommand,
         target: MavAddress,
-        settings: &AutopilotDriverSettings,
+        settings: &MavlinkDriverSettings,
         heard: &Heard,
         out: &mut Vec<DriverOut>,
     ) {
@@ -230,7 +230,7 @@ impl Orders {
         at: Point,
         number: u32,
         target: MavAddress,
-        settings: &AutopilotDriverSettings,
+        settings: &MavlinkDriverSettings,
         out: &mut Vec<DriverOut>,
     ) {
         let (x, y) = settings.frame.wire_place(at);
@@ -257,7 +257,7 @@ impl Orders {
         number: u32,
         (corners, altitude_m, speed_mps): (&[Point], Option<f64>, Option<f64>),
         target: MavAddress,
-        settings: &AutopilotDriverSettings,
+        settings: &MavlinkDriverSettings,
         out: &mut Vec<DriverOut>,
     ) {
         let are_sound = corners.iter().all(|corner| is_place(*corner))
@@ -287,7 +287,7 @@ impl Orders {
         now: Time,
         report: &AutopilotReport,
         target: MavAddress,
-        settings: &AutopilotDriverSettings,
+        settings: &MavlinkDriverSettings,
         out: &mut Vec<DriverOut>,
     ) {
         let Some(drive) = &mut self.drive else { return };
@@ -310,7 +310,7 @@ impl Orders {
         number: u32,
         items: &[Item],
         target: MavAddress,
-        settings: &AutopilotDriverSettings,
+        settings: &MavlinkDriverSettings,
         out: &mut Vec<DriverOut>,
     ) {
         if self
@@ -399,7 +399,7 @@ impl Orders {
         &mut self,
         now: Time,
         target: MavAddress,
-        settings: &AutopilotDriverSettings,
+        settings: &MavlinkDriverSettings,
         out: &mut Vec<DriverOut>,
     ) {
         if let Some(drive) = &mut self.drive
@@ -421,12 +421,7 @@ impl Orders {
 
 impl Drive {
     /// Says where to go now.
-    fn say(
-        &self,
-        target: MavAddress,
-        settings: &AutopilotDriverSettings,
-        out: &mut Vec<DriverOut>,
-    ) {
+    fn say(&self, target: MavAddress, settings: &MavlinkDriverSettings, out: &mut Vec<DriverOut>) {
         let Some(corner) = self.corners.front() else {
             return;
         };
@@ -489,7 +484,7 @@ fn only(wanted: Ignored) -> Ignored {
 fn velocity_target(
     velocity: Vector,
     target: MavAddress,
-    settings: &AutopilotDriverSettings,
+    settings: &MavlinkDriverSettings,
 ) -> MavMessage {
     let (north_mps, east_mps) = settings.frame.north_east(Point::default() + velocity);
     let wanted = Ignored::POSITION_TARGET_TYPEMASK_VX_IGNORE

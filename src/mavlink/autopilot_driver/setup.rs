@@ -10,7 +10,7 @@
 use std::time::Duration;
 
 use super::heard::Heard;
-use super::{AutopilotDriverSettings, DriverOut, say};
+use super::{DriverOut, MavlinkDriverSettings, say};
 use crate::mavlink::command_call::{CallEnd, CommandCall};
 use crate::mavlink::dialect::{
     self as d, COMMAND_ACK_DATA, COMMAND_LONG_DATA, MavCmd, MavDataStream, MavMessage, MavResult,
@@ -111,7 +111,7 @@ impl Setup {
         &mut self,
         now: Time,
         target: MavAddress,
-        settings: &AutopilotDriverSettings,
+        settings: &MavlinkDriverSettings,
         heard: &Heard,
         out: &mut Vec<DriverOut>,
     ) {
@@ -133,7 +133,7 @@ impl Setup {
         &mut self,
         now: Time,
         target: MavAddress,
-        settings: &AutopilotDriverSettings,
+        settings: &MavlinkDriverSettings,
         heard: &Heard,
         out: &mut Vec<DriverOut>,
     ) {

@@ -27,8 +27,8 @@ fn frame() -> EarthFrame {
     EarthFrame::new(datum, Bearing::from_degrees(40.0))
 }
 
-fn settings(kind: VehicleKind) -> AutopilotDriverSettings {
-    AutopilotDriverSettings {
+fn settings(kind: VehicleKind) -> MavlinkDriverSettings {
+    MavlinkDriverSettings {
         own: OWN,
         system: 1,
         kind,
@@ -42,7 +42,7 @@ fn settings(kind: VehicleKind) -> AutopilotDriverSettings {
 /// A driver and simulated vehicles that it speaks with, each told what the other says at once.
 struct Rig {
     now: Time,
-    driver: AutopilotDriver,
+    driver: MavlinkDriver,
     environment: Environment,
     fleet: MavlinkFleet,
     to_driver: FrameReader,
@@ -55,14 +55,14 @@ struct Rig {
 }
 
 impl Rig {
-    fn new(settings: AutopilotDriverSettings) -> Rig {
+    fn new(settings: MavlinkDriverSettings) -> Rig {
         let mut environment = free_space(settings.kind, 2, 7).unwrap();
         environment.begin(&mut Vec::new());
         let mut fleet = MavlinkFleet::new(&environment, frame(), Endpoints::Shared, None);
         fleet.joined(Time::ZERO, CLIENT, 0, 0);
         Rig {
             now: Time::ZERO,
-            driver: AutopilotDriver::new(settings),
+            driver: MavlinkDriver::new(settings),
             environment,
             fleet,
             to_driver: FrameReader::default(),
@@ -403,11 +403,11 @@ fn a_cut_is_seen_after_a_second_and_mends_by_itself() {
 }
 
 /// A driver that has heard nothing, told messages one by one.
-struct Told(AutopilotDriver, Vec<DriverOut>);
+struct Told(MavlinkDriver, Vec<DriverOut>);
 
 impl Told {
     fn new(kind: VehicleKind) -> Told {
-        Told(AutopilotDriver::new(settings(kind)), Vec::new())
+        Told(MavlinkDriver::new(settings(kind)), Vec::new())
     }
 
     fn hear(&mut self, time_s: f64, system: u8, message: MavMessage) {
@@ -553,7 +553,7 @@ fn one_that_starts_anew_is_set_up_again_and_two_of_one_name_are_told() {
 
 #[test]
 fn an_outside_pose_is_passed_on_in_north_and_east() {
-    let mut driver = AutopilotDriver::new(settings(VehicleKind::Copter));
+    let mut driver = MavlinkDriver::new(settings(VehicleKind::Copter));
     let mut out = Vec::new();
     let pose = Pose {
         at: frame().from_north_east(3.0, -2.0),

@@ -44,12 +44,15 @@ struct DrivenVehicle {
 }
 
 impl LiveWorld {
-    /// Makes the world of a scenario with everybody at home and nobody driving.
+    /// Makes the world of a scenario with everybody at home and nobody driving; those that start cold are just switched on.
     ///
     /// # Errors
     /// The scenario is impossible.
-    pub(super) fn new(scenario: &Scenario) -> Result<LiveWorld, ScenarioError> {
-        let mut environment = scenario.environment()?;
+    pub(super) fn new(scenario: &Scenario, starts_cold: bool) -> Result<LiveWorld, ScenarioError> {
+        let mut environment = match starts_cold {
+            true => scenario.environment_from_cold()?,
+            false => scenario.environment()?,
+        };
         // A live world asks for the deadline.
         environment.begin(&mut Vec::new());
         let world = environment.world();
@@ -71,6 +74,11 @@ impl LiveWorld {
             vehicles,
             status,
         })
+    }
+
+    /// Returns the environment, for who flies vehicles by another way.
+    pub(super) fn environment(&mut self) -> &mut Environment {
+        &mut self.environment
     }
 
     /// Returns how many vehicles there are; their ids are 1 to this.

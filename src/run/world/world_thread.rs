@@ -11,6 +11,8 @@ use tomoswarm_proto::{Boot, VehicleId};
 use super::live_world::{LiveWorld, VehicleWord};
 use super::outgoing::{FramePriority, Outgoing};
 use crate::run::link::{FromWorld, LinkRefusal, ToWorld, Welcome, WorldStatus, encode};
+use crate::run::mavlink_port::MavlinkPort;
+use crate::run::mavlink_sockets::FromClient;
 use crate::time::Time;
 
 /// Something for the world's thread.
@@ -46,8 +48,24 @@ pub(super) enum Inbound {
         /// Its number.
         connection: u64,
     },
+    /// A client of an autopilot has done something.
+    Client(FromClient),
     /// The world shall end.
     End,
+}
+
+impl Inbound {
+    /// Returns what a client of an autopilot has done, if it is that.
+    pub(super) fn client(self) -> Option<FromClient> {
+        match self {
+            Inbound::Client(word) => Some(word),
+            Inbound::Join { .. }
+            | Inbound::Control { .. }
+            | Inbound::Word { .. }
+            | Inbound::Gone { .. }
+            | Inbound::End => None,
+        }
+    }
 }
 
 /// What a connection is for.
@@ -66,12 +84,15 @@ pub(super) struct WorldThread {
     connections: BTreeMap<u64, (Role, Arc<Outgoing>)>,
     output: Vec<VehicleWord>,
     is_ended: bool,
+    /// Where autopilots are flown over MAVLink.
+    port: Option<MavlinkPort>,
 }
 
 impl WorldThread {
     /// Begins the world's time.
-    pub(super) fn new(world: LiveWorld) -> WorldThread {
+    pub(super) fn new(world: LiveWorld, port: Option<MavlinkPort>) -> WorldThread {
         WorldThread {
+            port,
             world,
             began: Instant::now(),
             connections: BTreeMap::new(),
@@ -83,7 +104,11 @@ impl WorldThread {
     /// Runs the world until it is ended; returns how it went.
     pub(super) fn run(mut self, inbox: &Receiver<Inbound>) -> WorldStatus {
         while !self.is_ended {
-            let wait = self.world.next_at().since(self.now());
+            let port_due = self
+                .port
+                .as_ref()
+                .map_or(Time::NEVER, MavlinkPort::deadline);
+            let wait = self.world.next_at().min(port_due).since(self.now());
             let inbound = match inbox.recv_timeout(wait.min(Duration::from_secs(3600))) {
                 Ok(inbound) => Some(inbound),
                 Err(RecvTimeoutError::Timeout) => None,
@@ -95,6 +120,9 @@ impl WorldThread {
             if let Some(inbound) = inbound {
                 self.take(inbound);
                 self.hand_out();
+            }
+            if let Some(port) = &mut self.port {
+                port.due(now, self.world.environment());
             }
         }
         self.connections
@@ -159,6 +187,13 @@ impl WorldThread {
                 Some((Role::Directs, outgoing)) => outgoing.close(),
                 None => {}
             },
+            Inbound::Client(word) => {
+                let now = self.now();
+                self.world.advance(now, &mut self.output);
+                if let Some(port) = &mut self.port {
+                    port.take(now, word, self.world.environment());
+                }
+            }
             Inbound::End => self.is_ended = true,
         }
     }

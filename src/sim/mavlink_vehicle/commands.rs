@@ -209,8 +209,7 @@ impl MavlinkVehicle {
             }
             _ => return Answer::Of(CommandAck::Unsupported),
         };
-        self.target
-            .take_if(|_| command.moves() || command.stops());
+        self.target.take_if(|_| command.moves() || command.stops());
         Answer::Of(vehicle.command(now, &command).result)
     }
 

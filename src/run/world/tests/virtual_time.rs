@@ -11,7 +11,7 @@ use crate::run::link::{FromWorld, LinkRefusal};
 use crate::time::Time;
 
 fn world() -> LiveWorld {
-    LiveWorld::new(&scenario()).unwrap()
+    LiveWorld::new(&scenario(), false).unwrap()
 }
 
 fn joined() -> LiveWorld {

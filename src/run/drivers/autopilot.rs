@@ -1,0 +1,66 @@
+//! The autopilot of a live vehicle, behind the driver that its file chooses.
+//!
+//! A driver is a file in this folder, a variant of `Pilot` and an arm of each match here. What a command means is not known here.
+
+mod connection;
+mod mavlink;
+#[cfg(test)]
+mod tests;
+
+use std::io;
+
+use self::mavlink::MavlinkAutopilot;
+use super::EventSink;
+use crate::autopilot::NumberedCommand;
+use crate::config::{AutopilotDriver, VehicleFile};
+use crate::run::clock::Clock;
+
+/// An autopilot.
+pub struct Autopilot {
+    pilot: Pilot,
+}
+
+/// What moves the vehicle.
+enum Pilot {
+    /// The simulated world, which is told by its link.
+    World,
+    /// An autopilot that speaks MAVLink.
+    Mavlink(MavlinkAutopilot),
+}
+
+impl Autopilot {
+    /// Starts what speaks with it; `events` gets its reports and answers.
+    ///
+    /// # Errors
+    /// No thread can be started, or the key of signatures cannot be read.
+    pub fn start(file: &VehicleFile, clock: Clock, events: &EventSink) -> io::Result<Autopilot> {
+        let pilot = match &file.drivers.autopilot {
+            AutopilotDriver::Simulated => Pilot::World,
+            AutopilotDriver::Mavlink(connection) => {
+                Pilot::Mavlink(MavlinkAutopilot::start(connection, file, clock, events)?)
+            }
+        };
+        Ok(Autopilot { pilot })
+    }
+
+    /// Returns whether the simulated world moves the vehicle.
+    pub fn is_simulated(&self) -> bool {
+        matches!(self.pilot, Pilot::World)
+    }
+
+    /// Tells it what the link wants.
+    pub fn command(&self, command: &NumberedCommand) {
+        match &self.pilot {
+            Pilot::World => {}
+            Pilot::Mavlink(autopilot) => autopilot.command(command),
+        }
+    }
+
+    /// Returns what is wrong with it, in words.
+    pub fn trouble(&self) -> Option<String> {
+        match &self.pilot {
+            Pilot::World => None,
+            Pilot::Mavlink(autopilot) => autopilot.trouble(),
+        }
+    }
+}

@@ -1,0 +1,337 @@
+//! An autopilot that speaks MAVLink, on a thread of its own: keeps the connection open for ever, and carries bytes to the driver and
+//! what that says to the link and the connection. What messages mean is the driver's matter ([`crate::mavlink::autopilot_driver`]).
+//!
+//! ```text
+//!   connection ─bytes─► reader ─► driver ─► Report, Ack ─► link
+//!   connection ◄─bytes─ writer ◄─ driver ◄─ command ────── link
+//! ```
+
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use super::connection::{Connection, FromConnection};
+use crate::autopilot::NumberedCommand;
+use crate::config::{MavlinkConnection, MavlinkPlace, VehicleFile};
+use crate::mavlink::autopilot_driver::{
+    DriverOut, MavlinkDriver, MavlinkDriverSettings, PlaceSource,
+};
+use crate::mavlink::earth_frame::EarthFrame;
+use crate::mavlink::frames::{FrameReader, FrameWriter, MavAddress};
+use crate::mavlink::signing::{PER_SECOND, Signing, key_from_hex};
+use crate::node::Event;
+use crate::run::clock::Clock;
+use crate::run::drivers::EventSink;
+use crate::run::mailbox::lock;
+use crate::run::mavlink_port::signing_clock;
+use crate::time::Time;
+
+/// A connection that is gone is opened again after this long at first.
+const SOONEST: Duration = Duration::from_millis(250);
+/// And this often in the end.
+const LATEST: Duration = Duration::from_secs(1);
+/// The thread sleeps no longer than this.
+const NAP: Duration = Duration::from_millis(200);
+/// The component of a companion computer.
+const COMPANION: u8 = 191;
+/// So many bytes without a frame are no MAVLink.
+const BYTES_OF_NO_FRAME: u64 = 2_000;
+/// The time of signatures is on disk so far ahead of what was said, and is written when that is half used.
+const TIME_AHEAD: u64 = 60 * PER_SECOND;
+/// The link number in signatures of ours.
+const SIGNED_LINK: u8 = 1;
+
+/// An autopilot and the thread that speaks with it; dropping it ends the thread.
+pub(super) struct MavlinkAutopilot {
+    inbox: Sender<Inbound>,
+    trouble: Arc<Mutex<Option<String>>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+enum Inbound {
+    Command(NumberedCommand),
+    /// Of the connection with this number.
+    Connection(u64, FromConnection),
+    End,
+}
+
+/// What the thread has.
+struct Work {
+    settings: MavlinkConnection,
+    driver: MavlinkDriver,
+    reader: FrameReader,
+    writer: FrameWriter,
+    signing: Option<StoredSigning>,
+    connection: Option<Connection>,
+    /// Number of the newest connection.
+    number: u64,
+    /// Why the connection is closed, while it is.
+    closed: Option<String>,
+    opens_at: Time,
+    opens_after: Duration,
+    bytes: u64,
+    frames: u64,
+    clock: Clock,
+    events: EventSink,
+    own: Sender<Inbound>,
+    trouble: Arc<Mutex<Option<String>>>,
+}
+
+impl MavlinkAutopilot {
+    /// Begins to connect.
+    ///
+    /// # Errors
+    /// No thread can be started, or the key of signatures cannot be read.
+    pub(super) fn start(
+        settings: &MavlinkConnection,
+        file: &VehicleFile,
+        clock: Clock,
+        events: &EventSink,
+    ) -> io::Result<MavlinkAutopilot> {
+        let own = MavAddress {
+            system: settings.own_system as u8,
+            component: COMPANION,
+        };
+        let venue = &file.venue;
+        let driver = MavlinkDriver::new(MavlinkDriverSettings {
+            own,
+            system: settings.system as u8,
+            kind: crate::autopilot::VehicleKind::Rover,
+            frame: EarthFrame::new(venue.datum.geodetic(), venue.x_axis_bearing()),
+            place: match settings.place {
+                MavlinkPlace::Global => PlaceSource::Global,
+                MavlinkPlace::Local => PlaceSource::Local,
+            },
+            sets_origin: settings.sets_origin,
+            place_sd_min_m: settings.place_sd_min_m,
+        });
+        let signing = StoredSigning::open(&settings.key_file, Path::new(&file.state_dir))?;
+        let (inbox, waiting) = channel();
+        let trouble = Arc::<Mutex<Option<String>>>::default();
+        let mut work = Work {
+            settings: settings.clone(),
+            driver,
+            reader: FrameReader::default(),
+            writer: FrameWriter::new(own),
+            signing,
+            connection: None,
+            number: 0,
+            closed: Some("not open yet".to_owned()),
+            opens_at: Time::ZERO,
+            opens_after: SOONEST,
+            bytes: 0,
+            frames: 0,
+            clock,
+            events: events.clone(),
+            own: inbox.clone(),
+            trouble: trouble.clone(),
+        };
+        let thread = std::thread::Builder::new()
+            .name("autopilot".to_owned())
+            .spawn(move || work.run(&waiting))?;
+        Ok(MavlinkAutopilot {
+            inbox,
+            trouble,
+            thread: Some(thread),
+        })
+    }
+
+    /// Tells the autopilot what the link wants.
+    pub(super) fn command(&self, command: &NumberedCommand) {
+        // A thread that has ended speaks with nobody.
+        let _ = self.inbox.send(Inbound::Command(command.clone()));
+    }
+
+    /// Returns what is wrong, in words.
+    pub(super) fn trouble(&self) -> Option<String> {
+        lock(&self.trouble).clone()
+    }
+}
+
+impl Drop for MavlinkAutopilot {
+    fn drop(&mut self) {
+        let _ = self.inbox.send(Inbound::End);
+        if let Some(thread) = self.thread.take() {
+            // A thread that panicked has ended, too.
+            let _ = thread.join();
+        }
+    }
+}
+
+impl Work {
+    fn run(&mut self, inbox: &Receiver<Inbound>) {
+        loop {
+            let now = self.clock.now();
+            self.keep_open(now);
+            let due = self.driver.deadline().min(match self.connection {
+                Some(_) => Time::NEVER,
+                None => self.opens_at,
+            });
+            let inbound = match inbox.recv_timeout(due.since(now).min(NAP)) {
+                Ok(inbound) => Some(inbound),
+                Err(RecvTimeoutError::Timeout) => None,
+                Err(RecvTimeoutError::Disconnected) => return,
+            };
+            let now = self.clock.now();
+            let mut out = Vec::new();
+            match inbound {
+                Some(Inbound::End) => return,
+                Some(Inbound::Command(command)) => self.driver.command(now, &command, &mut out),
+                Some(Inbound::Connection(number, said)) if number == self.number => {
+                    self.hear(now, said, &mut out);
+                }
+                // Of a connection that was given up.
+                Some(Inbound::Connection(..)) | None => {}
+            }
+            if self.driver.deadline() <= now {
+                self.driver.due(now, &mut out);
+            }
+            self.carry_out(now, out);
+            self.tell_trouble(now);
+        }
+    }
+
+    /// Opens the connection when it is closed and its time has come.
+    fn keep_open(&mut self, now: Time) {
+        if self.connection.is_some() || now < self.opens_at {
+            return;
+        }
+        self.number += 1;
+        let (own, number) = (self.own.clone(), self.number);
+        let told = move |said| {
+            // A driver that has ended needs no more.
+            let _ = own.send(Inbound::Connection(number, said));
+        };
+        let baud = self.settings.baud as u32;
+        match Connection::open(&self.settings.endpoint, baud, told) {
+            Ok(connection) => {
+                (self.connection, self.closed) = (Some(connection), None);
+                (self.bytes, self.frames, self.reader) = (0, 0, FrameReader::default());
+            }
+            Err(error) => self.close(now, error.to_string()),
+        }
+    }
+
+    fn close(&mut self, now: Time, why: String) {
+        (self.connection, self.closed) = (None, Some(why));
+        self.opens_at = now + self.opens_after;
+        self.opens_after = match self.frames {
+            0 => (self.opens_after * 2).min(LATEST),
+            _ => SOONEST,
+        };
+    }
+
+    fn hear(&mut self, now: Time, said: FromConnection, out: &mut Vec<DriverOut>) {
+        let bytes = match said {
+            FromConnection::Bytes(bytes) => bytes,
+            FromConnection::Ended(why) => return self.close(now, why),
+        };
+        self.bytes += bytes.len() as u64;
+        self.reader.push(&bytes);
+        let mut signing = self.signing.as_mut().map(|stored| &mut stored.signing);
+        while let Some(frame) = self.reader.next(signing.as_deref_mut()) {
+            self.frames += 1;
+            self.driver.hear(now, &frame, out);
+        }
+    }
+
+    fn carry_out(&mut self, now: Time, out: Vec<DriverOut>) {
+        let mut bytes = Vec::new();
+        if let Some(stored) = &mut self.signing {
+            stored.keep_ahead();
+        }
+        for said in out {
+            match said {
+                DriverOut::Say(message) => {
+                    let signing = self.signing.as_mut().map(|stored| &mut stored.signing);
+                    self.writer.write(&message, signing, &mut bytes);
+                }
+                DriverOut::Report(report) => (self.events)(Event::Report(report)),
+                DriverOut::Ack(ack) => (self.events)(Event::Ack(ack)),
+                DriverOut::Text { text, warns: true } => tracing::warn!("autopilot: {text}"),
+                DriverOut::Text { text, warns: false } => tracing::info!("autopilot: {text}"),
+            }
+        }
+        if let (Some(connection), false) = (&mut self.connection, bytes.is_empty())
+            && let Err(error) = connection.write(&bytes)
+        {
+            self.close(now, error.to_string());
+        }
+    }
+
+    fn tell_trouble(&self, now: Time) {
+        let endpoint = self.settings.endpoint.in_words();
+        let dropped = self.reader.dropped();
+        let trouble = if let Some(why) = &self.closed {
+            Some(format!("{endpoint}: {why}"))
+        } else if self.frames == 0 && dropped.untrusted > 0 {
+            Some(format!(
+                "{endpoint}: none of {} frames is signed with the key in {}",
+                dropped.untrusted, self.settings.key_file
+            ))
+        } else if self.frames == 0 && self.bytes > BYTES_OF_NO_FRAME {
+            Some(format!(
+                "{endpoint}: {} bytes and no MAVLink among them; is {} its baud rate?",
+                self.bytes, self.settings.baud
+            ))
+        } else {
+            self.driver
+                .trouble(now)
+                .map(|trouble| format!("{endpoint}: {trouble}"))
+        };
+        *lock(&self.trouble) = trouble;
+    }
+}
+
+/// Signatures, with their time on disk: a Raspberry Pi has no clock that survives a night.
+struct StoredSigning {
+    signing: Signing,
+    path: PathBuf,
+    /// The time on disk.
+    stored: u64,
+}
+
+impl StoredSigning {
+    /// Reads the key; `None` when none is named.
+    fn open(key_file: &str, state_dir: &Path) -> io::Result<Option<StoredSigning>> {
+        if key_file.is_empty() {
+            return Ok(None);
+        }
+        let text = std::fs::read_to_string(key_file)
+            .map_err(|error| io::Error::new(error.kind(), format!("{key_file}: {error}")))?;
+        let key = key_from_hex(&text).ok_or_else(|| {
+            let why = format!("{key_file}: holds no key; expected 64 hexadecimal digits");
+            io::Error::new(io::ErrorKind::InvalidData, why)
+        })?;
+        let path = state_dir.join("mavlink-time");
+        let stored = std::fs::read_to_string(&path).ok();
+        let stored = stored
+            .and_then(|text| text.trim().parse::<u64>().ok())
+            .unwrap_or(0);
+        let mut signing = Signing::new(key, SIGNED_LINK, stored.saturating_add(1));
+        signing.tick(signing_clock());
+        let mut signing = StoredSigning {
+            signing,
+            path,
+            stored,
+        };
+        signing.keep_ahead();
+        Ok(Some(signing))
+    }
+
+    /// Sees to it that the time on disk is ahead of what is said: after a crash nothing is said twice.
+    fn keep_ahead(&mut self) {
+        self.signing.tick(signing_clock());
+        let time = self.signing.time();
+        if time + TIME_AHEAD / 2 < self.stored {
+            return;
+        }
+        self.stored = time + TIME_AHEAD;
+        if let Err(error) = std::fs::write(&self.path, format!("{}\n", self.stored)) {
+            tracing::warn!("{}: {error}", self.path.display());
+        }
+    }
+}
