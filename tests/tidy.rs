@@ -24,6 +24,7 @@ const L2: &[&str] = &[
     "operator",
     "exchange",
     "hw",
+    "mavlink",
 ];
 
 /// Which modules a module may use beside itself; `None` for one that is not in the table.
@@ -42,6 +43,7 @@ fn may_use(module: &str) -> Option<Vec<&'static str>> {
         "ground" => joined(&[L0, L1, &["actor", "stops", "node"]]),
         "exchange" => joined(&[L0]),
         "hw" => joined(&[L0, &["config", "node"]]),
+        "mavlink" => joined(&[L0, &["autopilot"]]),
         "operator" => joined(&[L0, L1, &["actor", "stops", "exchange", "node"]]),
         "sim" => joined(&[L0, L1, L2]),
         "store" => joined(&[L0, L1, L2]),
