@@ -1,6 +1,7 @@
 //! How an autopilot is reached over MAVLink: the table `[autopilot.mavlink]` of a vehicle's file. Opens nothing.
 
 use super::drivers::AutopilotDriver;
+use super::drivers::DriverKey;
 use super::keys::{
     Flag, Form, KeyEntry, Keyed, Keys, MaybeTable, Number, Whole, WordChoice, Words, quoted,
 };
@@ -258,6 +259,28 @@ impl MaybeTable for MavlinkTable<'_> {
             AutopilotDriver::Mavlink(connection) => connection.as_mut(),
             AutopilotDriver::Simulated => &mut self.unused,
         }
+    }
+}
+
+/// The table `[autopilot]` of a vehicle.
+pub(super) struct AutopilotTable<'a>(pub(super) &'a mut AutopilotDriver);
+
+impl Keyed for AutopilotTable<'_> {
+    fn keys(&mut self, to: &mut dyn Keys) {
+        DriverKey(&mut *self.0).show(to);
+        let means =
+            "what the driver `mavlink` is told; checked and not used while another one is chosen";
+        to.maybe_table(
+            &mut MavlinkTable {
+                driver: self.0,
+                unused: MavlinkConnection::default(),
+            },
+            KeyEntry {
+                name: "mavlink",
+                left_out: "",
+                means,
+            },
+        );
     }
 }
 

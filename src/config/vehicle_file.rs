@@ -7,10 +7,10 @@ use tomoswarm_proto::{TaskKind, VehicleId};
 
 use super::Loader;
 use super::bus_file::{BusFile, BusFileTable, Role};
-use super::drivers::{AutopilotDriver, DriverKey, Drivers, RadioDriver, ServoDriver};
+use super::drivers::{DriverKey, Drivers, RadioDriver, ServoDriver};
 use super::forms::{FileName, LoadedFile};
 use super::keys::{Form, KeyEntry, Keyed, Keys, MaybeTable, Number, Whole, quoted, read_table};
-use super::mavlink_connection::{MavlinkConnection, MavlinkTable};
+use super::mavlink_connection::AutopilotTable;
 use super::radio::OwnRadio;
 use super::range::SensorCoverage;
 use super::range_driver::RangeDriver;
@@ -170,28 +170,6 @@ impl Keyed for RangeTable<'_> {
             ServoDriver::Simulated => self.look.keys(to),
             ServoDriver::None => self.look.fixed_keys(to),
         }
-    }
-}
-
-/// The table `[autopilot]` of a vehicle.
-struct AutopilotTable<'a>(&'a mut AutopilotDriver);
-
-impl Keyed for AutopilotTable<'_> {
-    fn keys(&mut self, to: &mut dyn Keys) {
-        DriverKey(&mut *self.0).show(to);
-        let means =
-            "what the driver `mavlink` is told; checked and not used while another one is chosen";
-        to.maybe_table(
-            &mut MavlinkTable {
-                driver: self.0,
-                unused: MavlinkConnection::default(),
-            },
-            KeyEntry {
-                name: "mavlink",
-                left_out: "",
-                means,
-            },
-        );
     }
 }
 

@@ -17,8 +17,6 @@
 mod heard;
 mod orders;
 mod setup;
-#[cfg(test)]
-mod tests;
 
 use std::time::Duration;
 

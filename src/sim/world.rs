@@ -5,22 +5,24 @@
 //! its *believed* place follows the command ([`super::autopilot`]). The referee judges true places only; who flies over
 //! another does not touch it.
 
+mod build;
 mod mishap;
 
 use std::time::Duration;
 
 use tomoswarm_proto::VehicleId;
 
+pub(super) use self::build::{FlightConditions, VehicleBuild};
 pub use self::mishap::{Collision, FenceBreach};
 use super::air::Sent;
-use super::autopilot::{self, Autopilot, DatedText, LowBattery, Navigation, Outage, Readout};
-use super::body::{BodyState, DriveLimits};
+use super::autopilot::{Autopilot, DatedText, LowBattery, Navigation, Outage, Readout};
+use super::body::BodyState;
 use super::contact::{climb_contact, closest_approach, first_contact_of, overlaps};
 use super::noise::Noise;
 use super::radio_field::{RadioField, Transmission};
 use super::range::{Disc, RangeSensor, SensorPose, SensorSurroundings};
 use crate::autopilot::{ArmRefusal, AutopilotReport, Command, CommandAck, Motion, VehicleKind};
-use crate::geom::{Angle, Point, Polygon, Segment, Vector};
+use crate::geom::{Angle, Point, Polygon, Segment};
 use crate::plan::Mounts;
 use crate::scene::{Attenuation, Cuts, Scene};
 use crate::time::Time;
@@ -28,63 +30,12 @@ use crate::time::Time;
 /// Objects are touched by what a vehicle has above this height, metres: it drives on the ground.
 pub(super) const GROUND_CLEARANCE_M: f64 = 0.02;
 
-/// One that starts cold can be armed after this time, in modes that need no place (on real hardware after 22 s).
-const READY_AFTER: Duration = Duration::from_millis(200);
-/// And knows its place after this one (on real hardware after 42 s).
-const PLACE_AFTER: Duration = Duration::from_millis(500);
-
 /// What stands in the world, and what it does to radio.
 pub struct WorldContents {
     /// What stands there.
     pub scene: Scene,
     /// How it attenuates links at antenna height.
     pub attenuation: Attenuation,
-}
-
-/// Figures of the world's vehicles, all alike.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub struct VehicleBuild {
-    /// Radius of the body, metres.
-    pub radius_m: f64,
-    /// Height of the body, metres.
-    pub height_m: f64,
-    /// Height of the range sensor, metres.
-    pub sensor_m: f64,
-    /// What the drive can do.
-    pub limits: DriveLimits,
-    /// Standard deviation of each believed coordinate, metres.
-    pub pose_sd_m: f64,
-    /// Time over which the error of the believed place drifts.
-    pub pose_drift: Duration,
-    /// How long a full battery lasts while driving.
-    pub endurance_driving: Duration,
-    /// How long a full battery lasts at rest.
-    pub endurance_resting: Duration,
-}
-
-/// Whether vehicles fly, and what the air does to them.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub struct FlightConditions {
-    /// What they are.
-    pub kind: VehicleKind,
-    /// Altitude above the ground at which copters begin, metres.
-    pub altitude_m: f64,
-    /// Climbing and sinking, m/s.
-    pub climb_mps: f64,
-    /// Wind, m/s, where it blows to.
-    pub wind: Vector,
-}
-
-impl Default for FlightConditions {
-    /// Rovers.
-    fn default() -> FlightConditions {
-        FlightConditions {
-            kind: VehicleKind::Rover,
-            altitude_m: 0.0,
-            climb_mps: 1.0,
-            wind: Vector::default(),
-        }
-    }
 }
 
 /// Something that will happen unless the motion changes before.
@@ -235,8 +186,13 @@ impl World {
         } = self.build;
         let navigation = Navigation::new(self.noise, u64::from(id.0), pose_sd_m, pose_drift)
             .with_outages(own.collect(), self.growth_mps);
-        let autopilot = Autopilot::new(self.autopilot_settings(), navigation, at, heading)
-            .map_err(|refusal| refusal.to_string())?;
+        let autopilot = Autopilot::new(
+            self.flying.autopilot(&self.build, self.starts_cold),
+            navigation,
+            at,
+            heading,
+        )
+        .map_err(|refusal| refusal.to_string())?;
         let autopilot = match self.starts_cold {
             true => autopilot,
             false => autopilot.under_way(self.flying.altitude_m),
@@ -249,36 +205,6 @@ impl World {
         });
         self.judged = vec![Time::ZERO; self.crafts.len() * self.crafts.len()];
         Ok(())
-    }
-
-    /// The companion decides about batteries and lost places: it knows a safer way home than a straight line.
-    fn autopilot_settings(&self) -> autopilot::AutopilotSettings {
-        let (build, flying) = (&self.build, &self.flying);
-        let of_its_own = autopilot::AutopilotSettings::new(flying.kind, build.limits);
-        if self.starts_cold {
-            return autopilot::AutopilotSettings {
-                climb_mps: flying.climb_mps,
-                endurance_driving: build.endurance_driving,
-                endurance_resting: build.endurance_resting,
-                ready_after: READY_AFTER,
-                place_after: PLACE_AFTER,
-                wind: flying.wind,
-                ..of_its_own
-            };
-        }
-        autopilot::AutopilotSettings {
-            climb_mps: flying.climb_mps,
-            descent_mps: flying.climb_mps,
-            endurance_driving: build.endurance_driving,
-            endurance_resting: build.endurance_resting,
-            on_low_battery: LowBattery::Warn,
-            place_sd_max_m: f64::INFINITY,
-            ready_after: Duration::ZERO,
-            place_after: Duration::ZERO,
-            disarm_after: Duration::from_secs(1_000_000_000),
-            wind: flying.wind,
-            ..of_its_own
-        }
     }
 
     /// Changes what stands in the world; returns the contacts that motion under way now leads to.

@@ -4,8 +4,6 @@
 
 mod connection;
 mod mavlink;
-#[cfg(test)]
-mod tests;
 
 use std::io;
 

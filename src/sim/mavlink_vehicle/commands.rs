@@ -88,8 +88,7 @@ impl Asked {
     /// Returns a parameter, counted from 1, as a whole number; `None` when it is none.
     fn whole(&self, number: usize) -> Option<u32> {
         let value = self.parameters[number - 1];
-        (value.is_finite() && value >= 0.0 && value < 1e6 && value.fract() == 0.0)
-            .then_some(value as u32)
+        ((0.0..1e6).contains(&value) && value.fract() == 0.0).then_some(value as u32)
     }
 
     /// Returns a parameter, counted from 1, if it is a number.

@@ -4,7 +4,9 @@ use super::super::range::RangeModel;
 use super::*;
 use crate::autopilot::FlightMode;
 use crate::geom::Rect;
+use crate::geom::Vector;
 use crate::scene::{Footprint, Material, Post, SceneParts};
+use crate::sim::body::DriveLimits;
 use crate::sim::radio_field::RadioConstants;
 
 const LIMITS: DriveLimits = DriveLimits {
