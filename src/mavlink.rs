@@ -1,6 +1,6 @@
 //! MAVLink, as vehicles in the field speak it: bytes to messages ([`frames`], [`signing`]), and the protocols that take more than one
 //! message, each a pure machine that is told what came and what time it is ([`command_call`], [`mission_upload`],
-//! [`parameter_list`]).
+//! [`parameter_list`], [`parameter_reads`]).
 //!
 //! ```text
 //!   bytes ─► FrameReader ─► messages ─► machines ─► messages ─► FrameWriter ─► bytes
@@ -18,4 +18,5 @@ pub mod items;
 pub mod mission_upload;
 pub mod modes;
 pub mod parameter_list;
+pub mod parameter_reads;
 pub mod signing;

@@ -14,17 +14,23 @@
     reason = "old firmware still asks and streams by what the dialect has superseded"
 )]
 
+mod failsafes;
+mod health;
 mod heard;
 mod orders;
 mod setup;
 
+use std::collections::BTreeMap;
 use std::time::Duration;
+
+use tomoswarm_proto::AutopilotHealth;
 
 use super::dialect::{
     self as d, MavAutopilot, MavMessage, MavModeFlag, MavSeverity, MavState, MavType,
 };
 use super::earth_frame::EarthFrame;
 use super::frames::{Content, Frame, MavAddress};
+use super::parameter_reads::ParameterReads;
 use crate::autopilot::{Ack, AutopilotReport, NumberedCommand, VehicleKind};
 use crate::geom::Pose;
 use crate::time::Time;
@@ -145,6 +151,8 @@ pub struct MavlinkDriver {
     heard: Heard,
     orders: Orders,
     setup: Setup,
+    /// Its failsafes; `None` before it was heard.
+    parameters: Option<ParameterReads>,
     heartbeat_due: Time,
 }
 
@@ -155,6 +163,7 @@ impl MavlinkDriver {
             heard: Heard::default(),
             orders: Orders::default(),
             setup: Setup::default(),
+            parameters: None,
             heartbeat_due: Time::ZERO,
             settings,
         }
@@ -216,17 +225,26 @@ impl MavlinkDriver {
         if has_rebooted {
             self.orders.forget();
             self.setup.begin_again(now);
+            self.parameters = None;
             text(out, "the autopilot has started anew".to_owned(), true);
         }
         match message.as_ref() {
             MavMessage::HEARTBEAT(_) => {
                 self.setup.heard(now);
+                let target = self.target();
+                self.parameters
+                    .get_or_insert_with(|| ParameterReads::begin(now, target, &failsafes::NAMES));
                 self.orders.mind_mode(self.heard.mode(self.settings.kind));
             }
             MavMessage::COMMAND_ACK(ack) => {
                 self.setup.take_ack(now, frame.from, ack, out);
                 let explained = self.heard.explanation(now, TEXT_EXPLAINS);
                 self.orders.answer(ack, explained, out);
+            }
+            MavMessage::PARAM_VALUE(value) => {
+                if let Some(parameters) = &mut self.parameters {
+                    parameters.hear(value);
+                }
             }
             MavMessage::STATUSTEXT(said) => {
                 let line = said.text.to_str().unwrap_or("(no text)").to_owned();
@@ -258,7 +276,8 @@ impl MavlinkDriver {
 
     /// Returns when something is to be said next.
     pub fn deadline(&self) -> Time {
-        [self.setup.deadline(), self.orders.deadline()]
+        let parameters = self.parameters.as_ref().and_then(ParameterReads::deadline);
+        [self.setup.deadline(), self.orders.deadline(), parameters]
             .into_iter()
             .flatten()
             .fold(self.heartbeat_due, Time::min)
@@ -274,6 +293,19 @@ impl MavlinkDriver {
         self.setup
             .due(now, target, &self.settings, &self.heard, out);
         self.orders.due(now, target, &self.settings, out);
+        if let Some(parameters) = &mut self.parameters {
+            let mut said = Vec::new();
+            parameters.due(now, &mut said);
+            said.into_iter().for_each(|message| say(out, message));
+        }
+    }
+
+    /// Returns what it has said of its health; `None` before it was heard.
+    pub fn health(&self, now: Time) -> Option<AutopilotHealth> {
+        let unread = BTreeMap::new();
+        let parameters = self.parameters.as_ref();
+        let values = parameters.map_or(&unread, ParameterReads::values);
+        health::health(now, &self.heard, values, &self.settings)
     }
 
     /// Returns what is wrong with the autopilot, the worst first.

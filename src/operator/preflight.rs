@@ -287,7 +287,8 @@ fn radio(id: VehicleId, health: &Health, needs: &Requirements) -> (bool, String)
     (missing.is_empty(), found)
 }
 
-/// The autopilot's failsafes, as far as it says what it does; one that is switched off refuses.
+/// The autopilot's failsafes, as far as it says what it does. Those for its battery, its companion's silence and its fence must be
+/// on, and keep it where it is: home in a straight line leads through walls. The others are named.
 fn failsafes(health: Option<&Health>) -> Check {
     let autopilot = health.and_then(|health| health.autopilot.as_ref());
     let Failsafes {
@@ -300,26 +301,40 @@ fn failsafes(health: Option<&Health>) -> Check {
         .map(|autopilot| autopilot.failsafes)
         .unwrap_or_default();
     let all = [
-        ("battery", battery),
-        ("companion", companion),
-        ("remote", remote),
-        ("fence", fence),
-        ("estimator", estimator),
+        ("battery", battery, true),
+        ("companion", companion, true),
+        ("fence", fence, true),
+        ("remote", remote, false),
+        ("estimator", estimator, false),
     ];
-    let named = |is_named: fn(FailsafeAction) -> bool| -> Vec<&str> {
-        all.into_iter()
-            .filter(|(_, action)| is_named(*action))
-            .map(|(cause, _)| cause)
-            .collect()
+    let said: Vec<String> = all
+        .iter()
+        .filter_map(|(cause, action, _)| Some(format!("{cause} {}", in_words(*action)?)))
+        .collect();
+    let is_wrong = |action| {
+        matches!(
+            action,
+            FailsafeAction::Off | FailsafeAction::Return | FailsafeAction::Other
+        )
     };
-    let set = named(|action| !matches!(action, FailsafeAction::Unknown | FailsafeAction::Off));
-    let unset = named(|action| action == FailsafeAction::Off);
-    match (set.is_empty(), unset.is_empty()) {
-        (true, true) => reported("failsafes", None::<()>, CheckStatus::Unknown, |()| {
-            (true, String::new())
-        }),
-        (_, true) => check("failsafes", true, listed(&set)),
-        (_, false) => check("failsafes", false, format!("off: {}", listed(&unset))),
+    let wrong = all
+        .iter()
+        .any(|(_, action, is_needed)| *is_needed && is_wrong(*action));
+    let said = (!said.is_empty()).then_some(said);
+    reported("failsafes", said, CheckStatus::Unknown, |said| {
+        (!wrong, said.join(", "))
+    })
+}
+
+/// Returns what a failsafe does, in a word or two; `None` when it has not said so.
+fn in_words(action: FailsafeAction) -> Option<&'static str> {
+    match action {
+        FailsafeAction::Unknown => None,
+        FailsafeAction::Off => Some("off"),
+        FailsafeAction::Hold => Some("holds"),
+        FailsafeAction::Land => Some("lands"),
+        FailsafeAction::Return => Some("returns in a straight line"),
+        FailsafeAction::Other => Some("does something else"),
     }
 }
 

@@ -19,7 +19,7 @@ pub mod range;
 use std::io;
 use std::sync::Arc;
 
-use tomoswarm_proto::{Boot, RangeHealth};
+use tomoswarm_proto::{AutopilotHealth, Boot, RangeHealth};
 
 use self::autopilot::Autopilot;
 use self::range::Range;
@@ -133,6 +133,14 @@ impl VehicleDevices {
     /// Returns what the range sensor has done; `None` for a vehicle that has none.
     pub fn range_health(&self) -> Option<RangeHealth> {
         self.range.health()
+    }
+
+    /// Returns what the autopilot has said of its health.
+    pub fn autopilot_health(&self) -> Option<AutopilotHealth> {
+        match self.autopilot.is_simulated() {
+            true => Some(AutopilotHealth::default()),
+            false => self.autopilot.health(),
+        }
     }
 
     fn to_world(&self, effect: &Effect) {

@@ -12,7 +12,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, SystemTime};
 
-use tomoswarm_proto::{AutopilotHealth, Health, Message, Sender, State, VehicleId, VehicleMode};
+use tomoswarm_proto::{Health, Message, Sender, State, VehicleId, VehicleMode};
 
 use super::bus::{BusError, Publisher};
 use super::clock::Clock;
@@ -395,7 +395,7 @@ impl Edge {
             frames_refused: traffic.refused,
             frames_unknown: traffic.unknown,
             disk_free_mb: state_dir.free_mb(),
-            autopilot: is_heard.then(AutopilotHealth::default),
+            autopilot: self.devices.autopilot_health().filter(|_| is_heard),
             range: self.devices.range_health(),
             troubles: short(troubles.list()),
             ..Health::default()

@@ -43,6 +43,9 @@ pub(super) struct Heard {
     gps: Dated<d::GPS_RAW_INT_DATA>,
     estimator: Dated<d::ESTIMATOR_STATUS_DATA>,
     battery: Option<f64>,
+    power: Option<d::SYS_STATUS_DATA>,
+    /// Of its software, as AUTOPILOT_VERSION has it.
+    version: Option<u32>,
     landed: Option<MavLandedState>,
     refusal: Dated<String>,
     boot_ms: u32,
@@ -85,8 +88,14 @@ impl Heard {
             MavMessage::GPS_RAW_INT(gps) => self.gps = Some((now, gps.clone())),
             MavMessage::ESTIMATOR_STATUS(status) => self.estimator = Some((now, status.clone())),
             MavMessage::EXTENDED_SYS_STATE(state) => self.landed = Some(state.landed_state),
-            MavMessage::SYS_STATUS(status) if status.battery_remaining >= 0 => {
-                self.battery = Some((f64::from(status.battery_remaining) / 100.0).min(1.0));
+            MavMessage::SYS_STATUS(status) => {
+                if status.battery_remaining >= 0 {
+                    self.battery = Some((f64::from(status.battery_remaining) / 100.0).min(1.0));
+                }
+                self.power = Some(status.clone());
+            }
+            MavMessage::AUTOPILOT_VERSION(version) => {
+                self.version = Some(version.flight_sw_version);
             }
             MavMessage::STATUSTEXT(said) => {
                 let text = said.text.to_str().unwrap_or_default();
@@ -140,6 +149,34 @@ impl Heard {
             .as_ref()
             .map(|(_, heartbeat)| heartbeat.base_mode);
         flags.is_some_and(|flags| flags.contains(MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED))
+    }
+
+    /// Returns whose software it is.
+    pub(super) fn firmware(&self) -> Option<MavAutopilot> {
+        self.heartbeat
+            .as_ref()
+            .map(|(_, heartbeat)| heartbeat.autopilot)
+    }
+
+    /// Returns the version of its software.
+    pub(super) fn version(&self) -> Option<u32> {
+        self.version
+    }
+
+    /// Returns what it measures of its battery.
+    pub(super) fn power(&self) -> Option<&d::SYS_STATUS_DATA> {
+        self.power.as_ref()
+    }
+
+    /// Returns what its receiver of satellites has said lately.
+    pub(super) fn fix(&self, now: Time) -> Option<&d::GPS_RAW_INT_DATA> {
+        self.fresh(now, &self.gps).map(|(_, gps)| gps)
+    }
+
+    /// Returns what its estimator has said lately.
+    pub(super) fn estimator_flags(&self, now: Time) -> Option<EstimatorStatusFlags> {
+        self.fresh(now, &self.estimator)
+            .map(|(_, status)| status.flags)
     }
 
     /// Returns whether it has said where its frame's origin is.

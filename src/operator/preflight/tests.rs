@@ -212,18 +212,44 @@ fn each_check_of_a_vehicle_can_refuse() {
         |swarm| swarm.healths[0].troubles.push("radio: silent".to_owned()),
         &["vehicle 1: troubles"],
     );
-    let failsafes = Failsafes {
-        companion: FailsafeAction::Off,
-        ..Failsafes::default()
+}
+
+#[test]
+fn failsafes_that_are_off_or_lead_home_in_a_straight_line_refuse_and_others_are_named() {
+    use FailsafeAction::{Hold, Land, Off, Return};
+    let found = |failsafes: Failsafes| {
+        let mut swarm = Swarm::sound();
+        swarm.healths[0].autopilot = Some(AutopilotHealth {
+            failsafes,
+            ..AutopilotHealth::default()
+        });
+        let nodes = inspect(&swarm.view(), &needs(), at(NOW_S));
+        let is_failsafes = |check: &&Check| check.what == "failsafes";
+        let check = nodes[0].checks.iter().find(is_failsafes).unwrap();
+        (check.light, check.found.clone())
     };
-    let off = AutopilotHealth {
-        failsafes,
-        ..AutopilotHealth::default()
+    let good = Failsafes {
+        battery: Hold,
+        companion: Hold,
+        remote: Return,
+        fence: Land,
+        estimator: Off,
     };
-    wrong(
-        |swarm| swarm.healths[0].autopilot = Some(off),
-        &["vehicle 1: failsafes"],
+    let said = "battery holds, companion holds, fence lands, remote returns in a straight line, estimator off";
+    assert_eq!(found(good), (CheckStatus::Go, said.to_owned()));
+    let wrong = |change: fn(&mut Failsafes)| {
+        let mut failsafes = good;
+        change(&mut failsafes);
+        found(failsafes).0
+    };
+    assert_eq!(wrong(|one| one.companion = Off), CheckStatus::NoGo);
+    assert_eq!(wrong(|one| one.battery = Return), CheckStatus::NoGo);
+    assert_eq!(
+        wrong(|one| one.fence = FailsafeAction::Other),
+        CheckStatus::NoGo
     );
+    let unknown = (CheckStatus::Unknown, "not reported".to_owned());
+    assert_eq!(found(Failsafes::default()), unknown);
 }
 
 #[test]

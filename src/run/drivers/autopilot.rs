@@ -7,6 +7,8 @@ mod mavlink;
 
 use std::io;
 
+use tomoswarm_proto::AutopilotHealth;
+
 use self::mavlink::MavlinkAutopilot;
 use super::EventSink;
 use crate::autopilot::NumberedCommand;
@@ -59,6 +61,14 @@ impl Autopilot {
         match &self.pilot {
             Pilot::World => None,
             Pilot::Mavlink(autopilot) => autopilot.trouble(),
+        }
+    }
+
+    /// Returns what it has said of its health; `None` before it was heard, and of a simulated one, which has none to tell.
+    pub fn health(&self) -> Option<AutopilotHealth> {
+        match &self.pilot {
+            Pilot::World => None,
+            Pilot::Mavlink(autopilot) => autopilot.health(),
         }
     }
 }

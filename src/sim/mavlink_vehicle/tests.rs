@@ -2,6 +2,8 @@
 
 use std::time::Duration;
 
+use tomoswarm_proto::{AutopilotFamily, BodyKind, Estimator, FailsafeAction, Failsafes, Fix};
+
 use crate::autopilot::{
     Ack, AutopilotReport, Command, CommandAck, FlightMode, Item, Motion, NumberedCommand,
     VehicleKind,
@@ -199,6 +201,38 @@ fn it_reports_ten_times_a_second_where_the_vehicle_is() {
     assert!(told.sd_m < 0.1, "{told:?}");
     assert_eq!(rig.driver.trouble(rig.now), None);
     assert_eq!(rig.last().motion, Motion::Resting);
+}
+
+#[test]
+fn its_health_and_failsafes_are_known_soon_after_it_is_heard() {
+    for (kind, body, estimator) in [
+        (VehicleKind::Rover, BodyKind::Rover, FailsafeAction::Unknown),
+        (VehicleKind::Copter, BodyKind::Copter, FailsafeAction::Land),
+    ] {
+        let mut rig = Rig::new(settings(kind));
+        assert_eq!(rig.driver.health(rig.now), None);
+        rig.pass(6.0);
+        let health = rig.driver.health(rig.now).unwrap();
+        assert_eq!(
+            (health.family, health.body),
+            (AutopilotFamily::ArduPilot, body)
+        );
+        assert!(!health.firmware.is_empty() && health.battery_mv.is_some());
+        // What ArduPilot says of its estimator, EKF_STATUS_REPORT, is not in the dialect that is read here.
+        assert_eq!(
+            (health.fix, health.estimator),
+            (Fix::ThreeD, Estimator::Unknown)
+        );
+        // As ArduPilot comes: nothing is switched on.
+        let expected = Failsafes {
+            battery: FailsafeAction::Off,
+            companion: FailsafeAction::Off,
+            fence: FailsafeAction::Off,
+            remote: FailsafeAction::Unknown,
+            estimator,
+        };
+        assert_eq!(health.failsafes, expected);
+    }
 }
 
 #[test]

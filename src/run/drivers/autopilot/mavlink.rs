@@ -13,6 +13,8 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use tomoswarm_proto::AutopilotHealth;
+
 use super::connection::{Connection, FromConnection};
 use crate::autopilot::NumberedCommand;
 use crate::config::{MavlinkConnection, MavlinkPlace, VehicleFile};
@@ -47,8 +49,16 @@ const SIGNED_LINK: u8 = 1;
 /// An autopilot and the thread that speaks with it; dropping it ends the thread.
 pub(super) struct MavlinkAutopilot {
     inbox: Sender<Inbound>,
-    trouble: Arc<Mutex<Option<String>>>,
+    said: Arc<Mutex<Said>>,
     thread: Option<JoinHandle<()>>,
+}
+
+/// What others may ask the thread for.
+#[derive(Default)]
+struct Said {
+    /// What is wrong, in words.
+    trouble: Option<String>,
+    health: Option<AutopilotHealth>,
 }
 
 enum Inbound {
@@ -77,7 +87,7 @@ struct Work {
     clock: Clock,
     events: EventSink,
     own: Sender<Inbound>,
-    trouble: Arc<Mutex<Option<String>>>,
+    said: Arc<Mutex<Said>>,
 }
 
 impl MavlinkAutopilot {
@@ -110,7 +120,7 @@ impl MavlinkAutopilot {
         });
         let signing = StoredSigning::open(&settings.key_file, Path::new(&file.state_dir))?;
         let (inbox, waiting) = channel();
-        let trouble = Arc::<Mutex<Option<String>>>::default();
+        let said = Arc::<Mutex<Said>>::default();
         let mut work = Work {
             settings: settings.clone(),
             driver,
@@ -127,14 +137,14 @@ impl MavlinkAutopilot {
             clock,
             events: events.clone(),
             own: inbox.clone(),
-            trouble: trouble.clone(),
+            said: said.clone(),
         };
         let thread = std::thread::Builder::new()
             .name("autopilot".to_owned())
             .spawn(move || work.run(&waiting))?;
         Ok(MavlinkAutopilot {
             inbox,
-            trouble,
+            said,
             thread: Some(thread),
         })
     }
@@ -147,7 +157,12 @@ impl MavlinkAutopilot {
 
     /// Returns what is wrong, in words.
     pub(super) fn trouble(&self) -> Option<String> {
-        lock(&self.trouble).clone()
+        lock(&self.said).trouble.clone()
+    }
+
+    /// Returns what the autopilot has said of its health; `None` before it was heard.
+    pub(super) fn health(&self) -> Option<AutopilotHealth> {
+        lock(&self.said).health.clone()
     }
 }
 
@@ -282,7 +297,10 @@ impl Work {
                 .trouble(now)
                 .map(|trouble| format!("{endpoint}: {trouble}"))
         };
-        *lock(&self.trouble) = trouble;
+        *lock(&self.said) = Said {
+            trouble,
+            health: self.driver.health(now),
+        };
     }
 }
 
