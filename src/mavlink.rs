@@ -1,5 +1,5 @@
 //! MAVLink, as vehicles in the field speak it: bytes to messages ([`frames`], [`signing`]), and the protocols that take more than one
-//! message, each a pure machine that is told what came and what time it is ([`command_call`], [`mission_upload`],
+//! message, each a pure machine that is told what came and what time it is ([`command_call`], [`mission_upload`], [`mission_download`],
 //! [`parameter_list`], [`parameter_reads`]).
 //!
 //! ```text
@@ -15,8 +15,10 @@ pub mod dialect;
 pub mod earth_frame;
 pub mod frames;
 pub mod items;
+pub mod mission_download;
 pub mod mission_upload;
 pub mod modes;
 pub mod parameter_list;
 pub mod parameter_reads;
 pub mod signing;
+pub mod wire_message;

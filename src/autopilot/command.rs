@@ -243,6 +243,9 @@ pub enum ArmRefusal {
     /// The battery is empty.
     #[error("its battery is empty")]
     BatteryEmpty,
+    /// What it does when something fails is not known, or leads away.
+    #[error("its failsafes for battery, companion and fence have to keep it where it is")]
+    Failsafes,
 }
 
 /// An autopilot's answer to a command.

@@ -67,6 +67,9 @@ pub struct MockAutopilotArgs {
     /// Hear only who signs with the key in this file (64 hexadecimal digits)
     #[arg(long, value_name = "FILE")]
     pub key: Option<PathBuf>,
+    /// Give a parameter a value, such as FS_GCS_ENABLE=1 [default: as an autopilot comes]
+    #[arg(long = "parameter", value_name = "NAME=VALUE", value_parser = parse_parameter)]
+    pub parameters: Vec<(String, f32)>,
     /// Seed of the errors of places
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
@@ -103,13 +106,18 @@ impl MockAutopilotArgs {
             },
             key: self.key.as_deref().map(read_key).transpose()?,
             frame,
+            parameters: self.parameters.clone(),
         };
         let stop = StopFlag::listen();
         if self.tied {
             stop.end_with_input(|| {});
         }
-        let mock = MockAutopilots::start(environment, &settings, self.speedup)
-            .map_err(|error| CliError::Fault(error.to_string()))?;
+        let mock = MockAutopilots::start(environment, &settings, self.speedup).map_err(
+            |error| match error {
+                PortError::Address { .. } => CliError::Fault(error.to_string()),
+                PortError::Parameter(_) => CliError::Usage(error.to_string()),
+            },
+        )?;
         let lines: String = mock
             .addresses()
             .iter()
@@ -166,6 +174,14 @@ fn read_key(path: &std::path::Path) -> Result<[u8; KEY_BYTES], CliError> {
         path: path.to_owned(),
         reason: "holds no key; expected 64 hexadecimal digits".to_owned(),
     })
+}
+
+fn parse_parameter(text: &str) -> Result<(String, f32), String> {
+    let parsed = text.split_once('=').and_then(|(name, value)| {
+        let value: f32 = value.trim().parse().ok()?;
+        (!name.is_empty() && value.is_finite()).then(|| (name.trim().to_owned(), value))
+    });
+    parsed.ok_or_else(|| "expected NAME=VALUE, such as FS_GCS_ENABLE=1".to_owned())
 }
 
 fn parse_speedup(text: &str) -> Result<f64, String> {

@@ -18,6 +18,7 @@ use crate::run::mavlink_sockets::SocketKind;
 use crate::run::world::{WorldError, WorldServer};
 use crate::sim::Scenario;
 use crate::sim::mavlink_fleet::Endpoints;
+use crate::sim::mavlink_vehicle::that_keep_place;
 
 /// Run the simulated world of a live simulation: bodies, range sensors, radios, and the referee.
 ///
@@ -82,6 +83,10 @@ impl WorldArgs {
             endpoints: Endpoints::OneEach,
             key: None,
             frame: EarthFrame::new(venue.datum.geodetic(), venue.x_axis_bearing()),
+            parameters: that_keep_place(scenario.sim().vehicles.kind)
+                .iter()
+                .map(|(name, value)| ((*name).to_owned(), *value))
+                .collect(),
         });
         let server =
             WorldServer::start(&scenario, self.listen, &token, port.as_ref()).map_err(refused)?;

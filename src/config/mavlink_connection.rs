@@ -24,6 +24,8 @@ pub struct MavlinkConnection {
     pub sets_origin: bool,
     /// A place is never believed to be better known than this, metres.
     pub place_sd_min_m: f64,
+    /// Whether it is armed even if its failsafes do not keep it where it is.
+    pub arms_without_failsafes: bool,
     /// The file with the key of signatures; empty = nothing is signed.
     pub key_file: String,
 }
@@ -38,6 +40,7 @@ impl Default for MavlinkConnection {
             place: MavlinkPlace::Global,
             sets_origin: false,
             place_sd_min_m: 0.0,
+            arms_without_failsafes: false,
             key_file: String::new(),
         }
     }
@@ -119,6 +122,7 @@ impl Keyed for MavlinkConnection {
             place,
             sets_origin,
             place_sd_min_m,
+            arms_without_failsafes,
             key_file,
         } = self;
         let means = "where it is: a serial port, an address that it listens at, or one of ours to which it sends";
@@ -187,6 +191,15 @@ impl Keyed for MavlinkConnection {
                 name: "place_sd_min_m",
                 default: blank.place_sd_min_m,
                 allowed: 0.0..=10.0,
+                means,
+            },
+        );
+        let means = "arms it even if its failsafes for battery, companion and fence do not keep it where it is";
+        to.flag(
+            arms_without_failsafes,
+            Flag {
+                name: "arms_without_failsafes",
+                default: blank.arms_without_failsafes,
                 means,
             },
         );

@@ -19,6 +19,7 @@ mod health;
 mod heard;
 mod orders;
 mod setup;
+mod upload;
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -31,7 +32,7 @@ use super::dialect::{
 use super::earth_frame::EarthFrame;
 use super::frames::{Content, Frame, MavAddress};
 use super::parameter_reads::ParameterReads;
-use crate::autopilot::{Ack, AutopilotReport, NumberedCommand, VehicleKind};
+use crate::autopilot::{Ack, AutopilotReport, Command, NumberedCommand, VehicleKind};
 use crate::geom::Pose;
 use crate::time::Time;
 
@@ -74,6 +75,8 @@ pub struct MavlinkDriverSettings {
     pub sets_origin: bool,
     /// A place is never believed to be better known than this, metres.
     pub place_sd_min_m: f64,
+    /// It is armed even if its failsafes do not keep it where it is, or are not known.
+    pub arms_without_failsafes: bool,
 }
 
 /// What a driver says.
@@ -179,9 +182,39 @@ impl MavlinkDriver {
 
     /// Tells the autopilot what the link wants.
     pub fn command(&mut self, now: Time, command: &NumberedCommand, out: &mut Vec<DriverOut>) {
+        if matches!(command.command, Command::Arm { .. }) && !self.may_be_armed(now, out) {
+            return orders::refuse_to_arm(command.number, out);
+        }
         let target = self.target();
         self.orders
             .take(now, command, target, &self.settings, &self.heard, out);
+    }
+
+    /// Returns whether its failsafes let it be armed; says why not. While they are being read it is not.
+    fn may_be_armed(&self, now: Time, out: &mut Vec<DriverOut>) -> bool {
+        if self.settings.arms_without_failsafes {
+            return true;
+        }
+        let is_read = self
+            .parameters
+            .as_ref()
+            .is_some_and(ParameterReads::is_over);
+        let health = self.health(now).filter(|_| is_read);
+        let Some(AutopilotHealth { failsafes, .. }) = health else {
+            return false;
+        };
+        let needed = failsafes.needed();
+        let missing: Vec<&str> = needed
+            .iter()
+            .filter(|(_, action)| !action.keeps_place())
+            .map(|(cause, _)| *cause)
+            .collect();
+        if !missing.is_empty() {
+            let causes = missing.join(", ");
+            let why = format!("not armed: its failsafes ({causes}) do not keep it where it is");
+            text(out, why, true);
+        }
+        missing.is_empty()
     }
 
     /// Passes on where something outside knows the vehicle to be (motion capture): VISION_POSITION_ESTIMATE, for the autopilot's
@@ -214,13 +247,15 @@ impl MavlinkDriver {
 
     /// Hears a frame; what another system says concerns nobody here.
     pub fn hear(&mut self, now: Time, frame: &Frame, out: &mut Vec<DriverOut>) {
-        let Content::Message(message) = &frame.content else {
-            return;
-        };
         if frame.from != self.target() {
             self.heard.note_other(frame.from);
             return;
         }
+        let message = match &frame.content {
+            Content::Message(message) => message,
+            Content::EkfStatus(flags) => return self.heard.take_estimator(now, *flags),
+            Content::UnknownCommand { .. } => return,
+        };
         let has_rebooted = self.heard.take(now, message, &self.settings);
         if has_rebooted {
             self.orders.forget();
@@ -253,8 +288,10 @@ impl MavlinkDriver {
             }
             MavMessage::MISSION_REQUEST_INT(_)
             | MavMessage::MISSION_REQUEST(_)
+            | MavMessage::MISSION_COUNT(_)
+            | MavMessage::MISSION_ITEM_INT(_)
             | MavMessage::MISSION_ACK(_) => {
-                self.orders.hear_mission(now, message, out);
+                self.orders.hear_mission(now, message, &self.settings, out);
             }
             MavMessage::GLOBAL_POSITION_INT(_) if self.settings.place == PlaceSource::Global => {
                 self.report(now, out)

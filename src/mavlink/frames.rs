@@ -14,9 +14,11 @@ use mavlink::{
 use num_traits::FromPrimitive;
 
 use super::dialect::{
-    COMMAND_ACK_DATA, COMMAND_INT_DATA, COMMAND_LONG_DATA, MavCmd, MavMessage, MavResult,
+    COMMAND_ACK_DATA, COMMAND_INT_DATA, COMMAND_LONG_DATA, EstimatorStatusFlags, MavCmd,
+    MavMessage, MavResult,
 };
 use super::signing::Signing;
+use super::wire_message::WireMessage;
 
 /// Bytes of an unfinished frame are kept, of what is not read more than this is dropped, the oldest first.
 const UNREAD_MAX: usize = 64 * 1024;
@@ -48,6 +50,8 @@ pub struct Frame {
 pub enum Content {
     /// A message of the dialect.
     Message(Box<MavMessage>),
+    /// What ArduPilot's estimator knows.
+    EkfStatus(EstimatorStatusFlags),
     /// A command that the dialect does not know: it is answered all the same.
     UnknownCommand {
         /// Its number.
@@ -97,7 +101,7 @@ impl FrameReader {
     /// are dropped.
     pub fn next(&mut self, mut signing: Option<&mut Signing>) -> Option<Frame> {
         loop {
-            let raw = match self.reader.read_any_raw_message::<MavMessage>() {
+            let raw = match self.reader.read_any_raw_message::<WireMessage>() {
                 Ok(raw) => raw,
                 Err(MessageReadError::Io(_)) => return None,
                 Err(_) => {
@@ -125,8 +129,9 @@ impl FrameReader {
 }
 
 fn frame_of(raw: &MAVLinkMessageRaw) -> Option<Frame> {
-    let content = match MavMessage::parse(raw.version(), raw.message_id(), raw.payload()) {
-        Ok(message) => Content::Message(Box::new(message)),
+    let content = match WireMessage::parse(raw.version(), raw.message_id(), raw.payload()) {
+        Ok(WireMessage::Dialect(message)) => Content::Message(Box::new(message)),
+        Ok(WireMessage::EkfStatus(flags)) => Content::EkfStatus(flags),
         Err(_) => unknown_command(raw)?,
     };
     Some(Frame {
@@ -194,6 +199,16 @@ impl FrameWriter {
         self.write_patched(message, None, signing, bytes);
     }
 
+    /// Appends what an estimator knows, as ArduPilot says it.
+    pub fn write_ekf_status(
+        &mut self,
+        flags: EstimatorStatusFlags,
+        signing: Option<&mut Signing>,
+        bytes: &mut Vec<u8>,
+    ) {
+        self.write_patched(&WireMessage::EkfStatus(flags), None, signing, bytes);
+    }
+
     /// Appends the answer that a command is not known, whose number the dialect has no name for.
     pub fn write_unsupported(
         &mut self,
@@ -219,7 +234,7 @@ impl FrameWriter {
     /// Appends a frame, with a number in the place of the first field if one is given.
     fn write_patched(
         &mut self,
-        message: &MavMessage,
+        message: &impl Message,
         first: Option<u16>,
         signing: Option<&mut Signing>,
         bytes: &mut Vec<u8>,
@@ -240,7 +255,7 @@ impl FrameWriter {
             let frame = raw.as_mut_slice();
             frame[PAYLOAD_FROM..PAYLOAD_FROM + 2].copy_from_slice(&first.to_le_bytes());
             // The checksum leaves out the byte at which a frame begins.
-            let crc = calculate_crc(&frame[1..end], MavMessage::extra_crc(message.message_id()));
+            let crc = calculate_crc(&frame[1..end], WireMessage::extra_crc(message.message_id()));
             frame[end..end + 2].copy_from_slice(&crc.to_le_bytes());
         }
         if let Some(signing) = signing {

@@ -18,6 +18,13 @@ const PER_DEGREE: f64 = 1e7;
 /// The longest stay, seconds.
 const STAY_MAX_S: f64 = 86_400.0;
 
+/// Autopilots keep places in 1e-7 degrees, heights in centimetres, times in whole seconds and headings in whole degrees.
+const PLACE_KEPT_M: f64 = 0.05;
+const HEIGHT_KEPT_M: f64 = 0.02;
+const TIME_KEPT: Duration = Duration::from_secs(1);
+const SPEED_KEPT_MPS: f64 = 0.01;
+const HEADING_KEPT_RAD: f64 = 0.02;
+
 /// Returns an item as it stands on the wire; its number and whom it is for are not set.
 pub fn to_wire(item: &Item, frame: &EarthFrame) -> MISSION_ITEM_INT_DATA {
     let base = |command| MISSION_ITEM_INT_DATA {
@@ -167,6 +174,54 @@ pub fn from_wire(
         }
         _ => return Err(MavMissionResult::MAV_MISSION_UNSUPPORTED),
     })
+}
+
+/// Returns whether an item is stored as it was sent, as far as autopilots keep it: places by a few centimetres, whole seconds.
+pub fn is_stored_as(sent: &Item, stored: &Item) -> bool {
+    let is_place = |sent: Point, stored: Point| sent.distance_to(stored) < PLACE_KEPT_M;
+    let is_height = |sent_m: f64, stored_m: f64| (sent_m - stored_m).abs() < HEIGHT_KEPT_M;
+    let is_time = |sent: Duration, stored: Duration| sent.abs_diff(stored) < TIME_KEPT;
+    match (*sent, *stored) {
+        (
+            Item::Waypoint {
+                at,
+                altitude_m,
+                delay: time,
+            },
+            Item::Waypoint {
+                at: stored_at,
+                altitude_m: stored_m,
+                delay: stored_time,
+            },
+        )
+        | (
+            Item::Loiter {
+                at,
+                altitude_m,
+                time,
+            },
+            Item::Loiter {
+                at: stored_at,
+                altitude_m: stored_m,
+                time: stored_time,
+            },
+        ) => {
+            is_place(at, stored_at) && is_height(altitude_m, stored_m) && is_time(time, stored_time)
+        }
+        (
+            Item::Takeoff { altitude_m },
+            Item::Takeoff {
+                altitude_m: stored_m,
+            },
+        ) => is_height(altitude_m, stored_m),
+        (Item::Delay(time), Item::Delay(stored)) => is_time(time, stored),
+        (Item::Land { at: Some(at) }, Item::Land { at: Some(stored) }) => is_place(at, stored),
+        (Item::Speed(speed_mps), Item::Speed(stored_mps)) => {
+            (speed_mps - stored_mps).abs() < SPEED_KEPT_MPS
+        }
+        (Item::Yaw(heading), Item::Yaw(stored)) => heading.is_near(stored, HEADING_KEPT_RAD),
+        (sent, stored) => sent == stored,
+    }
 }
 
 fn check_frame(frame: MavFrame) -> Result<(), MavMissionResult> {

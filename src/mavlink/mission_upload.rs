@@ -25,6 +25,8 @@ const ANNOUNCE_AGAIN: Duration = Duration::from_millis(500);
 const ANNOUNCEMENTS_MAX: u32 = 10;
 /// A receiver that does not ask for this long has gone.
 const SENDER_WAITS: Duration = Duration::from_secs(10);
+/// One that has asked for the last item has judged by then.
+const JUDGED_WITHIN: Duration = Duration::from_secs(2);
 /// An item that does not come is asked for again after this time.
 const ASK_AGAIN: Duration = Duration::from_millis(200);
 /// A sender of which nothing comes for this long has gone.
@@ -35,6 +37,8 @@ const RECEIVER_WAITS: Duration = Duration::from_secs(8);
 pub enum UploadEnd {
     /// The receiver's judgement.
     Judged(MavMissionResult),
+    /// All items were asked for, and no judgement has come: it may have been lost.
+    Unjudged,
     /// It does not answer.
     Silent,
 }
@@ -46,6 +50,8 @@ pub struct MissionSender {
     items: Vec<MISSION_ITEM_INT_DATA>,
     /// When it was asked for something last.
     asked: Option<Time>,
+    /// Whether that was the last item.
+    is_last_asked: bool,
     announced: Time,
     announcements: u32,
 }
@@ -66,6 +72,7 @@ impl MissionSender {
             to,
             items,
             asked: None,
+            is_last_asked: false,
             announced: now,
             announcements: 0,
         };
@@ -105,6 +112,7 @@ impl MissionSender {
             _ => return None,
         };
         self.asked = Some(now);
+        self.is_last_asked = usize::from(seq) + 1 == self.items.len();
         if let Some(item) = self.items.get(usize::from(seq)) {
             out.push(MavMessage::MISSION_ITEM_INT(item.clone()));
         }
@@ -114,6 +122,7 @@ impl MissionSender {
     /// Returns when it is to be asked again without a message.
     pub fn deadline(&self) -> Time {
         match self.asked {
+            Some(asked) if self.is_last_asked => asked + JUDGED_WITHIN,
             Some(asked) => asked + SENDER_WAITS,
             None => self.announced + ANNOUNCE_AGAIN,
         }
@@ -123,6 +132,9 @@ impl MissionSender {
     pub fn due(&mut self, now: Time, out: &mut Vec<MavMessage>) -> Option<UploadEnd> {
         if now < self.deadline() {
             return None;
+        }
+        if self.is_last_asked {
+            return Some(UploadEnd::Unjudged);
         }
         if self.asked.is_some() || self.announcements >= ANNOUNCEMENTS_MAX {
             return Some(UploadEnd::Silent);
@@ -334,5 +346,13 @@ mod tests {
         assert!((4.0..6.0).contains(&took_s), "{took_s}");
         let (end, ..) = upload(300, |sent| sent > 100);
         assert_eq!(end, Some(UploadEnd::Silent));
+    }
+
+    #[test]
+    fn a_judgement_that_is_lost_is_told_from_a_receiver_that_is_gone() {
+        // Of three items: the announcement, three times a request and an item, the judgement.
+        let (end, received, took_s) = upload(3, |sent| sent > 7);
+        assert_eq!((end, received.len()), (Some(UploadEnd::Unjudged), 3));
+        assert!((2.0..2.5).contains(&took_s), "{took_s}");
     }
 }

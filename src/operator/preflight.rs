@@ -291,35 +291,23 @@ fn radio(id: VehicleId, health: &Health, needs: &Requirements) -> (bool, String)
 /// on, and keep it where it is: home in a straight line leads through walls. The others are named.
 fn failsafes(health: Option<&Health>) -> Check {
     let autopilot = health.and_then(|health| health.autopilot.as_ref());
-    let Failsafes {
-        battery,
-        companion,
-        remote,
-        fence,
-        estimator,
-    } = autopilot
+    let failsafes: Failsafes = autopilot
         .map(|autopilot| autopilot.failsafes)
         .unwrap_or_default();
-    let all = [
-        ("battery", battery, true),
-        ("companion", companion, true),
-        ("fence", fence, true),
-        ("remote", remote, false),
-        ("estimator", estimator, false),
+    let others = [
+        ("remote", failsafes.remote),
+        ("estimator", failsafes.estimator),
     ];
-    let said: Vec<String> = all
+    let said: Vec<String> = failsafes
+        .needed()
         .iter()
-        .filter_map(|(cause, action, _)| Some(format!("{cause} {}", in_words(*action)?)))
+        .chain(&others)
+        .filter_map(|(cause, action)| Some(format!("{cause} {}", in_words(*action)?)))
         .collect();
-    let is_wrong = |action| {
-        matches!(
-            action,
-            FailsafeAction::Off | FailsafeAction::Return | FailsafeAction::Other
-        )
-    };
-    let wrong = all
+    let wrong = failsafes
+        .needed()
         .iter()
-        .any(|(_, action, is_needed)| *is_needed && is_wrong(*action));
+        .any(|(_, action)| *action != FailsafeAction::Unknown && !action.keeps_place());
     let said = (!said.is_empty()).then_some(said);
     reported("failsafes", said, CheckStatus::Unknown, |said| {
         (!wrong, said.join(", "))

@@ -24,14 +24,24 @@ pub struct PortSettings {
     pub key: Option<[u8; KEY_BYTES]>,
     /// Where the vehicles' frame lies.
     pub frame: EarthFrame,
+    /// Parameters that are not to begin with the values that an autopilot comes with.
+    pub parameters: Vec<(String, f32)>,
 }
 
 /// Why vehicles cannot be served.
 #[derive(Debug, thiserror::Error)]
-#[error("{address} cannot be used: {source}")]
-pub struct PortError {
-    address: SocketAddr,
-    source: io::Error,
+pub enum PortError {
+    /// An endpoint.
+    #[error("{address} cannot be used: {source}")]
+    Address {
+        /// Which one.
+        address: SocketAddr,
+        /// Why not.
+        source: io::Error,
+    },
+    /// A parameter.
+    #[error("the autopilot has no parameter {0}")]
+    Parameter(String),
 }
 
 /// Vehicles at sockets; dropping it ends all connections.
@@ -47,19 +57,24 @@ impl MavlinkPort {
     /// # Errors
     /// [`PortError`].
     pub fn open(
-        environment: &Environment,
+        environment: &mut Environment,
         settings: &PortSettings,
         told: Told,
     ) -> Result<MavlinkPort, PortError> {
-        let fleet = MavlinkFleet::new(
+        let mut fleet = MavlinkFleet::new(
             environment,
             settings.frame,
             settings.endpoints,
             settings.key,
         );
+        for (name, value) in &settings.parameters {
+            if !fleet.set_parameter(Time::ZERO, (name, *value), environment) {
+                return Err(PortError::Parameter(name.clone()));
+            }
+        }
         let sockets =
             MavlinkSockets::open(settings.sockets, settings.address, fleet.endpoints(), told)
-                .map_err(|(address, source)| PortError { address, source })?;
+                .map_err(|(address, source)| PortError::Address { address, source })?;
         Ok(MavlinkPort {
             fleet,
             sockets,

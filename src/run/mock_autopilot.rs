@@ -40,7 +40,11 @@ impl MockAutopilots {
     ) -> Result<MockAutopilots, PortError> {
         environment.begin(&mut Vec::new());
         let (words, inbox) = sync_channel(WORDS_WAITING);
-        let port = MavlinkPort::open(&environment, settings, by_queue(words, |word| word, Some))?;
+        let port = MavlinkPort::open(
+            &mut environment,
+            settings,
+            by_queue(words, |word| word, Some),
+        )?;
         Ok(MockAutopilots {
             environment,
             port,

@@ -69,6 +69,21 @@ impl MavlinkFleet {
         }
     }
 
+    /// Gives a parameter of all vehicles a value; returns whether they have it.
+    pub fn set_parameter(
+        &mut self,
+        now: Time,
+        (name, value): (&str, f32),
+        environment: &mut Environment,
+    ) -> bool {
+        let all = self.vehicles.iter_mut().enumerate();
+        all.fold(true, |is_known, (index, vehicle)| {
+            let mut flown = FlownVehicle::new(environment, index);
+            let set = vehicle.set_parameter(now, name, value, &mut flown);
+            is_known && set.is_some()
+        })
+    }
+
     /// Returns how many endpoints there are.
     pub fn endpoints(&self) -> usize {
         match self.endpoints {
@@ -185,6 +200,9 @@ impl Client {
             .or_insert_with(|| FrameWriter::new(from));
         match said {
             Said::Message(message) => writer.write(message, self.signing.as_mut(), bytes),
+            Said::EkfStatus(flags) => {
+                writer.write_ekf_status(*flags, self.signing.as_mut(), bytes);
+            }
             Said::Unsupported { command, to } => {
                 writer.write_unsupported(*command, *to, self.signing.as_mut(), bytes);
             }

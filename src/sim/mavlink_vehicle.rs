@@ -30,11 +30,12 @@ mod tests;
 mod texts;
 
 pub use flown::FlownVehicle;
+pub use parameters::that_keep_place;
 
 use std::time::Duration;
 
 use crate::autopilot::{Command, CommandAck, VehicleKind};
-use crate::mavlink::dialect::{self as d, MavMessage};
+use crate::mavlink::dialect::{self as d, EstimatorStatusFlags, MavMessage};
 use crate::mavlink::earth_frame::EarthFrame;
 use crate::mavlink::frames::{Content, Frame, MavAddress, target_of};
 use crate::time::Time;
@@ -68,6 +69,8 @@ pub struct Outgoing {
 pub enum Said {
     /// A message of the dialect.
     Message(Box<MavMessage>),
+    /// What its estimator knows.
+    EkfStatus(EstimatorStatusFlags),
     /// That a command is not known, whose number the dialect has no name for.
     Unsupported {
         /// The number.
@@ -120,6 +123,22 @@ impl MavlinkVehicle {
         self.address
     }
 
+    /// Gives a parameter a value, and does what follows from it; returns what it is then, `None` when there is none of that name.
+    pub fn set_parameter(
+        &mut self,
+        now: Time,
+        name: &str,
+        value: f32,
+        vehicle: &mut FlownVehicle<'_>,
+    ) -> Option<MavMessage> {
+        let value = self.parameters.set(name, value);
+        if let Some(speed_mps) = self.parameters.speed_mps(name, self.kind) {
+            vehicle.command(now, &Command::Speed(speed_mps));
+        }
+        vehicle.set_low_battery(self.parameters.on_low_battery(self.kind));
+        value
+    }
+
     /// Somebody has come, and hears at once that it is there.
     pub fn joined(&mut self, now: Time) {
         self.heartbeat_due = self.heartbeat_due.min(now);
@@ -168,21 +187,15 @@ impl MavlinkVehicle {
         let telemetry = self.telemetry(now, vehicle);
         let mut said = Vec::new();
         if is_heartbeat_due {
-            said.extend(telemetry.message(0).map(|message| (None, message)));
+            said.extend(telemetry.said(0).map(|said| (None, said)));
         }
         for (client, number) in due {
-            said.extend(
-                telemetry
-                    .message(number)
-                    .map(|message| (Some(client), message)),
-            );
+            said.extend(telemetry.said(number).map(|said| (Some(client), said)));
         }
         if is_heartbeat_due {
             self.heartbeat_due = next_after(self.heartbeat_due, HEARTBEAT_EVERY, now);
         }
-        for (client, message) in said {
-            tell(out, client, message);
-        }
+        out.extend(said.into_iter().map(|(to, said)| Outgoing { to, said }));
     }
 
     /// Hears what a client says; what is for another system is none of its business.
@@ -196,6 +209,7 @@ impl MavlinkVehicle {
     ) {
         let message = match &frame.content {
             Content::Message(message) => message,
+            Content::EkfStatus(_) => return,
             Content::UnknownCommand {
                 command,
                 target_system,
@@ -283,11 +297,7 @@ impl MavlinkVehicle {
             }
             MavMessage::PARAM_SET(set) => {
                 let name = set.param_id.to_str().unwrap_or_default();
-                let value = self.parameters.set(name, set.param_value);
-                if let Some(speed_mps) = self.parameters.speed_mps(name, self.kind) {
-                    vehicle.command(now, &Command::Speed(speed_mps));
-                }
-                vehicle.set_low_battery(self.parameters.on_low_battery(self.kind));
+                let value = self.set_parameter(now, name, set.param_value, vehicle);
                 // Every client keeps a copy.
                 value.into_iter().for_each(|value| tell(out, None, value));
             }

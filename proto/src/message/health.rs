@@ -90,6 +90,19 @@ pub enum FailsafeAction {
     Other,
 }
 
+impl FailsafeAction {
+    /// Returns whether the vehicle stays where it is then, or comes down there.
+    pub fn keeps_place(self) -> bool {
+        match self {
+            FailsafeAction::Hold | FailsafeAction::Land => true,
+            FailsafeAction::Unknown
+            | FailsafeAction::Off
+            | FailsafeAction::Return
+            | FailsafeAction::Other => false,
+        }
+    }
+}
+
 /// What an autopilot does by itself, for each cause.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 pub struct Failsafes {
@@ -103,6 +116,17 @@ pub struct Failsafes {
     pub fence: FailsafeAction,
     /// It no longer trusts its own estimate of the pose.
     pub estimator: FailsafeAction,
+}
+
+impl Failsafes {
+    /// Returns those that have to keep a vehicle where it is, each with its cause: home in a straight line leads through walls.
+    pub fn needed(&self) -> [(&'static str, FailsafeAction); 3] {
+        [
+            ("battery", self.battery),
+            ("companion", self.companion),
+            ("fence", self.fence),
+        ]
+    }
 }
 
 /// What an autopilot says of itself.

@@ -41,7 +41,9 @@ pub(super) struct Heard {
     origin: Option<(i32, i32)>,
     attitude: Dated<d::ATTITUDE_DATA>,
     gps: Dated<d::GPS_RAW_INT_DATA>,
-    estimator: Dated<d::ESTIMATOR_STATUS_DATA>,
+    estimator: Dated<EstimatorStatusFlags>,
+    /// How sure that is of its place, metres; ArduPilot's does not say it.
+    estimated_sd_m: Dated<f32>,
     battery: Option<f64>,
     power: Option<d::SYS_STATUS_DATA>,
     /// Of its software, as AUTOPILOT_VERSION has it.
@@ -86,7 +88,10 @@ impl Heard {
                 self.origin = Some((origin.latitude, origin.longitude))
             }
             MavMessage::GPS_RAW_INT(gps) => self.gps = Some((now, gps.clone())),
-            MavMessage::ESTIMATOR_STATUS(status) => self.estimator = Some((now, status.clone())),
+            MavMessage::ESTIMATOR_STATUS(status) => {
+                self.take_estimator(now, status.flags);
+                self.estimated_sd_m = Some((now, status.pos_horiz_accuracy));
+            }
             MavMessage::EXTENDED_SYS_STATE(state) => self.landed = Some(state.landed_state),
             MavMessage::SYS_STATUS(status) => {
                 if status.battery_remaining >= 0 {
@@ -173,10 +178,14 @@ impl Heard {
         self.fresh(now, &self.gps).map(|(_, gps)| gps)
     }
 
+    /// Takes what its estimator knows.
+    pub(super) fn take_estimator(&mut self, now: Time, flags: EstimatorStatusFlags) {
+        self.estimator = Some((now, flags));
+    }
+
     /// Returns what its estimator has said lately.
     pub(super) fn estimator_flags(&self, now: Time) -> Option<EstimatorStatusFlags> {
-        self.fresh(now, &self.estimator)
-            .map(|(_, status)| status.flags)
+        self.fresh(now, &self.estimator).map(|(_, flags)| *flags)
     }
 
     /// Returns whether it has said where its frame's origin is.
@@ -309,11 +318,11 @@ impl Heard {
 
     /// How sure its place is, metres: what its estimator says, or its receiver.
     fn deviation_m(&self, now: Time) -> f64 {
-        if let Some((_, status)) = self.fresh(now, &self.estimator) {
-            let sd_m = f64::from(status.pos_horiz_accuracy);
-            if sd_m.is_finite() && sd_m > 0.0 {
-                return sd_m;
-            }
+        if let Some((_, sd_m)) = self.fresh(now, &self.estimated_sd_m)
+            && sd_m.is_finite()
+            && *sd_m > 0.0
+        {
+            return f64::from(*sd_m);
         }
         match self.fresh(now, &self.gps) {
             Some((_, gps)) if gps.h_acc > 0 => f64::from(gps.h_acc) * 1e-3,
@@ -327,8 +336,8 @@ impl Heard {
 
     /// Returns why its place is not to be believed; `None` when it is.
     fn no_place(&self, now: Time, settings: &MavlinkDriverSettings) -> Option<String> {
-        if let Some((_, status)) = self.fresh(now, &self.estimator) {
-            let has = |flags| status.flags.intersects(flags);
+        if let Some((_, known)) = self.fresh(now, &self.estimator) {
+            let has = |flags| known.intersects(flags);
             let knows = EstimatorStatusFlags::ESTIMATOR_POS_HORIZ_ABS
                 | EstimatorStatusFlags::ESTIMATOR_POS_HORIZ_REL;
             if !has(knows) || has(EstimatorStatusFlags::ESTIMATOR_CONST_POS_MODE) {

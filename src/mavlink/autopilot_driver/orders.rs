@@ -9,7 +9,8 @@ use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
 use super::heard::Heard;
-use super::{DriverOut, MavlinkDriverSettings, say};
+use super::upload::{Upload, UploadResult};
+use super::{DriverOut, MavlinkDriverSettings, say, text};
 use crate::autopilot::{
     Ack, ArmRefusal, AutopilotReport, Command, CommandAck, FlightMode, Item, NumberedCommand,
     VehicleKind,
@@ -17,11 +18,9 @@ use crate::autopilot::{
 use crate::geom::{Point, Vector};
 use crate::mavlink::dialect::{
     self as d, COMMAND_ACK_DATA, COMMAND_INT_DATA, COMMAND_LONG_DATA, MavCmd, MavFrame, MavMessage,
-    MavMissionResult, MavResult, PositionTargetTypemask as Ignored,
+    MavResult, PositionTargetTypemask as Ignored,
 };
 use crate::mavlink::frames::MavAddress;
-use crate::mavlink::items::to_wire;
-use crate::mavlink::mission_upload::{MissionSender, UploadEnd};
 use crate::mavlink::modes::{ShownMode, number_of};
 use crate::time::Time;
 
@@ -40,7 +39,7 @@ pub(super) struct Orders {
     /// Numbers of commands that wait for their answers, by the commands' own.
     waiting: BTreeMap<u32, Waiting>,
     drive: Option<Drive>,
-    upload: Option<(u32, MissionSender)>,
+    upload: Option<Upload>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -316,17 +315,12 @@ impl Orders {
         if self
             .upload
             .as_ref()
-            .is_some_and(|(under_way, _)| *under_way == number)
+            .is_some_and(|upload| upload.number() == number)
         {
             return;
         }
-        let wire = items
-            .iter()
-            .map(|item| to_wire(item, &settings.frame))
-            .collect();
-        let mut said = Vec::new();
-        self.upload = Some((number, MissionSender::begin(now, target, wire, &mut said)));
-        said.into_iter().for_each(|message| say(out, message));
+        let frame = &settings.frame;
+        self.upload = Some(Upload::begin(now, number, items, target, frame, out));
     }
 
     /// Takes what concerns an upload under way.
@@ -334,28 +328,21 @@ impl Orders {
         &mut self,
         now: Time,
         message: &MavMessage,
+        settings: &MavlinkDriverSettings,
         out: &mut Vec<DriverOut>,
     ) {
-        let Some((number, sender)) = &mut self.upload else {
-            return;
-        };
-        let mut said = Vec::new();
-        let (number, end) = (*number, sender.hear(now, message, &mut said));
-        said.into_iter().for_each(|message| say(out, message));
-        if let Some(end) = end {
-            self.end_upload(number, end, out);
-        }
+        let upload = self.upload.as_mut();
+        let ended = upload.and_then(|upload| upload.hear(now, message, &settings.frame, out));
+        self.end_upload(ended, out);
     }
 
-    fn end_upload(&mut self, number: u32, end: UploadEnd, out: &mut Vec<DriverOut>) {
+    fn end_upload(&mut self, ended: Option<UploadResult>, out: &mut Vec<DriverOut>) {
+        let Some(ended) = ended else { return };
         self.upload = None;
-        let result = match end {
-            UploadEnd::Judged(MavMissionResult::MAV_MISSION_ACCEPTED) => CommandAck::Accepted,
-            UploadEnd::Judged(MavMissionResult::MAV_MISSION_UNSUPPORTED) => CommandAck::Unsupported,
-            UploadEnd::Judged(_) => CommandAck::Denied,
-            UploadEnd::Silent => CommandAck::Failed,
-        };
-        answer(number, result, None, out);
+        if let Some(complaint) = ended.complaint {
+            text(out, complaint, true);
+        }
+        answer(ended.number, ended.ack, None, out);
     }
 
     /// Takes an answer of the autopilot; `explained` is what it has said about why it does not arm.
@@ -390,7 +377,7 @@ impl Orders {
     /// Returns when something is to be said next.
     pub(super) fn deadline(&self) -> Option<Time> {
         let drive = self.drive.as_ref().map(|drive| drive.due);
-        let upload = self.upload.as_ref().map(|(_, sender)| sender.deadline());
+        let upload = self.upload.as_ref().map(Upload::deadline);
         [drive, upload].into_iter().flatten().min()
     }
 
@@ -408,14 +395,9 @@ impl Orders {
             drive.due = now + TARGET_AGAIN;
             drive.say(target, settings, out);
         }
-        if let Some((number, sender)) = &mut self.upload {
-            let mut said = Vec::new();
-            let (number, end) = (*number, sender.due(now, &mut said));
-            said.into_iter().for_each(|message| say(out, message));
-            if let Some(end) = end {
-                self.end_upload(number, end, out);
-            }
-        }
+        let upload = self.upload.as_mut();
+        let ended = upload.and_then(|upload| upload.due(now, &settings.frame, out));
+        self.end_upload(ended, out);
     }
 }
 
@@ -462,6 +444,12 @@ fn answer(
             arm_refusal,
         }));
     }
+}
+
+/// Answers that it is not armed as long as its failsafes are missing.
+pub(super) fn refuse_to_arm(number: u32, out: &mut Vec<DriverOut>) {
+    let refusal = Some(ArmRefusal::Failsafes);
+    answer(number, CommandAck::Denied, refusal, out);
 }
 
 fn arming(arm: f32, force: bool) -> [f32; 7] {

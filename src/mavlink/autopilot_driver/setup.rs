@@ -16,10 +16,11 @@ use crate::mavlink::dialect::{
     self as d, COMMAND_ACK_DATA, COMMAND_LONG_DATA, MavCmd, MavDataStream, MavMessage, MavResult,
 };
 use crate::mavlink::frames::MavAddress;
+use crate::mavlink::wire_message::EKF_STATUS;
 use crate::time::Time;
 
 /// Messages that are wanted: their number, how often a second, and the group that REQUEST_DATA_STREAM has them in.
-const WANTED: [(u32, u16, MavDataStream); 9] = [
+const WANTED: [(u32, u16, MavDataStream); 10] = [
     (33, 10, MavDataStream::MAV_DATA_STREAM_POSITION),
     (32, 10, MavDataStream::MAV_DATA_STREAM_POSITION),
     (30, 10, MavDataStream::MAV_DATA_STREAM_EXTRA1),
@@ -29,6 +30,7 @@ const WANTED: [(u32, u16, MavDataStream); 9] = [
     (42, 1, MavDataStream::MAV_DATA_STREAM_EXTENDED_STATUS),
     (65, 5, MavDataStream::MAV_DATA_STREAM_RC_CHANNELS),
     (230, 2, MavDataStream::MAV_DATA_STREAM_EXTRA3),
+    (EKF_STATUS, 2, MavDataStream::MAV_DATA_STREAM_EXTRA3),
 ];
 /// Messages that are asked for once.
 const ASKED_ONCE: [u32; 3] = [148, 49, 242];

@@ -283,10 +283,11 @@ impl MavlinkVehicle {
         vehicle: &mut FlownVehicle<'_>,
         out: &mut Vec<Outgoing>,
     ) -> Answer {
-        let message = self.telemetry(now, vehicle).message(number);
-        Answer::Result(match message {
-            Some(message) => {
-                tell(out, Some(client), message);
+        let said = self.telemetry(now, vehicle).said(number);
+        Answer::Result(match said {
+            Some(said) => {
+                let to = Some(client);
+                out.push(Outgoing { to, said });
                 MavResult::MAV_RESULT_ACCEPTED
             }
             None => MavResult::MAV_RESULT_FAILED,
@@ -303,7 +304,7 @@ impl MavlinkVehicle {
         let (Some(number), Some(interval_us)) = (asked.whole(1), asked.number(2)) else {
             return MavResult::MAV_RESULT_DENIED;
         };
-        if self.telemetry(now, vehicle).message(number).is_none() {
+        if self.telemetry(now, vehicle).said(number).is_none() {
             return MavResult::MAV_RESULT_DENIED;
         }
         let every = match interval_us {
@@ -332,7 +333,7 @@ impl MavlinkVehicle {
         }
         let is_known = self
             .telemetry(now, vehicle)
-            .message(u32::from(number))
+            .said(u32::from(number))
             .is_some();
         let interval_us = match self.streams.every(client, u32::from(number)) {
             Some(every) => i32::try_from(every.as_micros()).unwrap_or(i32::MAX),

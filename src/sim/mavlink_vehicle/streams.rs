@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use super::ClientId;
+use crate::mavlink::wire_message::EKF_STATUS;
 use crate::time::Time;
 
 /// Messages come no more often than this.
@@ -12,13 +13,14 @@ const FASTEST: Duration = Duration::from_millis(2);
 pub(super) const DEFAULT_EVERY: Duration = Duration::from_millis(250);
 
 /// The messages of each group that REQUEST_DATA_STREAM names (MAV_DATA_STREAM), by their numbers; 0 = all groups.
-const GROUPS: [(u8, &[u32]); 6] = [
+const GROUPS: [(u8, &[u32]); 7] = [
     (1, &[]),
     (2, &[1, 42, 24, 245, 2]),
     (3, &[36]),
     (6, &[33, 32]),
     (10, &[30]),
     (11, &[74, 147]),
+    (12, &[EKF_STATUS]),
 ];
 
 /// One message that comes by itself.

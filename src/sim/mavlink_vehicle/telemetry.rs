@@ -1,10 +1,12 @@
 //! What a vehicle knows of itself, as messages.
 
+use super::Said;
 use super::remote_control::CHANNELS;
 use crate::autopilot::{FlightMode, SystemStatus, VehicleKind};
-use crate::mavlink::dialect::{self as d, MavMessage};
+use crate::mavlink::dialect::{self as d, EstimatorStatusFlags, MavMessage};
 use crate::mavlink::earth_frame::EarthFrame;
 use crate::mavlink::modes;
+use crate::mavlink::wire_message::EKF_STATUS;
 use crate::sim::autopilot::Readout;
 use crate::time::Time;
 
@@ -26,7 +28,16 @@ pub(super) struct Telemetry<'a> {
 }
 
 impl Telemetry<'_> {
-    /// Returns the message of a number; `None` for one that this vehicle does not say.
+    /// Returns what is said under a number; `None` for one under which this vehicle says nothing.
+    pub(super) fn said(&self, number: u32) -> Option<Said> {
+        if number == EKF_STATUS {
+            return Some(Said::EkfStatus(self.estimator()));
+        }
+        let message = self.message(number)?;
+        Some(Said::Message(Box::new(message)))
+    }
+
+    /// Returns the message of a number in the dialect; `None` for one that this vehicle does not say.
     pub(super) fn message(&self, number: u32) -> Option<MavMessage> {
         Some(match number {
             0 => self.heartbeat(),
@@ -240,6 +251,21 @@ impl Telemetry<'_> {
             servo16_raw: of(16),
             ..d::SERVO_OUTPUT_RAW_DATA::default()
         })
+    }
+
+    /// What its estimator knows: nothing before it has started up.
+    fn estimator(&self) -> EstimatorStatusFlags {
+        match self.readout.status {
+            SystemStatus::Booting => EstimatorStatusFlags::empty(),
+            SystemStatus::Standby | SystemStatus::Active | SystemStatus::Critical => {
+                EstimatorStatusFlags::ESTIMATOR_ATTITUDE
+                    | EstimatorStatusFlags::ESTIMATOR_VELOCITY_HORIZ
+                    | EstimatorStatusFlags::ESTIMATOR_VELOCITY_VERT
+                    | EstimatorStatusFlags::ESTIMATOR_POS_HORIZ_REL
+                    | EstimatorStatusFlags::ESTIMATOR_POS_HORIZ_ABS
+                    | EstimatorStatusFlags::ESTIMATOR_POS_VERT_ABS
+            }
+        }
     }
 
     fn mission_current(&self) -> MavMessage {

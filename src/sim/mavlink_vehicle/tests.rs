@@ -5,8 +5,8 @@ use std::time::Duration;
 use tomoswarm_proto::{AutopilotFamily, BodyKind, Estimator, FailsafeAction, Failsafes, Fix};
 
 use crate::autopilot::{
-    Ack, AutopilotReport, Command, CommandAck, FlightMode, Item, Motion, NumberedCommand,
-    VehicleKind,
+    Ack, ArmRefusal, AutopilotReport, Command, CommandAck, FlightMode, Item, Motion,
+    NumberedCommand, VehicleKind,
 };
 use crate::geom::{Angle, Bearing, Geodetic, Point, Pose};
 use crate::mavlink::autopilot_driver::{
@@ -20,7 +20,7 @@ use crate::mavlink::frames::{Content, Frame, FrameReader, FrameWriter, MavAddres
 use crate::sim::environment::Environment;
 use crate::sim::free_space::free_space;
 use crate::sim::mavlink_fleet::{ClientBytes, Endpoints, MavlinkFleet};
-use crate::sim::mavlink_vehicle::ClientId;
+use crate::sim::mavlink_vehicle::{ClientId, that_keep_place};
 use crate::time::Time;
 
 const OWN: MavAddress = MavAddress {
@@ -47,6 +47,7 @@ fn settings(kind: VehicleKind) -> MavlinkDriverSettings {
         place: PlaceSource::Global,
         sets_origin: false,
         place_sd_min_m: 0.01,
+        arms_without_failsafes: true,
     }
 }
 
@@ -218,10 +219,9 @@ fn its_health_and_failsafes_are_known_soon_after_it_is_heard() {
             (AutopilotFamily::ArduPilot, body)
         );
         assert!(!health.firmware.is_empty() && health.battery_mv.is_some());
-        // What ArduPilot says of its estimator, EKF_STATUS_REPORT, is not in the dialect that is read here.
         assert_eq!(
             (health.fix, health.estimator),
-            (Fix::ThreeD, Estimator::Unknown)
+            (Fix::ThreeD, Estimator::Good)
         );
         // As ArduPilot comes: nothing is switched on.
         let expected = Failsafes {
@@ -232,6 +232,48 @@ fn its_health_and_failsafes_are_known_soon_after_it_is_heard() {
             estimator,
         };
         assert_eq!(health.failsafes, expected);
+    }
+}
+
+#[test]
+fn it_is_not_armed_before_its_failsafes_keep_it_where_it_is() {
+    for kind in [VehicleKind::Rover, VehicleKind::Copter] {
+        let mut rig = Rig::new(MavlinkDriverSettings {
+            arms_without_failsafes: false,
+            ..settings(kind)
+        });
+        assert_eq!(
+            rig.command(Command::Arm { force: false }),
+            CommandAck::Denied
+        );
+        assert!(rig.texts.is_empty(), "they are not read yet");
+        rig.pass(4.0);
+        rig.command(Command::Mode(FlightMode::Guided));
+        assert_eq!(
+            rig.command(Command::Arm { force: false }),
+            CommandAck::Denied
+        );
+        let refusal = rig.acks.last().unwrap().arm_refusal;
+        assert_eq!(refusal, Some(ArmRefusal::Failsafes));
+        let complaint =
+            "not armed: its failsafes (battery, companion, fence) do not keep it where it is";
+        assert_eq!(rig.texts, [complaint]);
+        for parameter in that_keep_place(kind) {
+            let is_known = rig
+                .fleet
+                .set_parameter(rig.now, *parameter, &mut rig.environment);
+            assert!(is_known, "{parameter:?}");
+        }
+        // It is told of new values by whoever sets them; here the autopilot starts anew.
+        rig.driver = MavlinkDriver::new(MavlinkDriverSettings {
+            arms_without_failsafes: false,
+            ..settings(kind)
+        });
+        rig.pass(4.0);
+        assert_eq!(
+            rig.command(Command::Arm { force: false }),
+            CommandAck::Accepted
+        );
     }
 }
 

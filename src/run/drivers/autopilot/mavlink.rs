@@ -117,6 +117,7 @@ impl MavlinkAutopilot {
             },
             sets_origin: settings.sets_origin,
             place_sd_min_m: settings.place_sd_min_m,
+            arms_without_failsafes: settings.arms_without_failsafes,
         });
         let signing = StoredSigning::open(&settings.key_file, Path::new(&file.state_dir))?;
         let (inbox, waiting) = channel();
