@@ -14,7 +14,7 @@ use crate::autopilot::VehicleKind;
 use crate::geom::{Bearing, Geodetic};
 use crate::mavlink::earth_frame::EarthFrame;
 use crate::mavlink::signing::{KEY_BYTES, key_from_hex};
-use crate::run::mavlink_port::PortSettings;
+use crate::run::mavlink_port::{PortError, PortSettings};
 use crate::run::mavlink_sockets::SocketKind;
 use crate::run::mock_autopilot::MockAutopilots;
 use crate::sim::environment::Environment;
@@ -106,6 +106,7 @@ impl MockAutopilotArgs {
             },
             key: self.key.as_deref().map(read_key).transpose()?,
             frame,
+            has_failsafes: false,
             parameters: self.parameters.clone(),
         };
         let stop = StopFlag::listen();

@@ -18,7 +18,6 @@ use crate::run::mavlink_sockets::SocketKind;
 use crate::run::world::{WorldError, WorldServer};
 use crate::sim::Scenario;
 use crate::sim::mavlink_fleet::Endpoints;
-use crate::sim::mavlink_vehicle::that_keep_place;
 
 /// Run the simulated world of a live simulation: bodies, range sensors, radios, and the referee.
 ///
@@ -83,10 +82,8 @@ impl WorldArgs {
             endpoints: Endpoints::OneEach,
             key: None,
             frame: EarthFrame::new(venue.datum.geodetic(), venue.x_axis_bearing()),
-            parameters: that_keep_place(scenario.sim().vehicles.kind)
-                .iter()
-                .map(|(name, value)| ((*name).to_owned(), *value))
-                .collect(),
+            has_failsafes: true,
+            parameters: Vec::new(),
         });
         let server =
             WorldServer::start(&scenario, self.listen, &token, port.as_ref()).map_err(refused)?;

@@ -130,7 +130,7 @@ impl FrameReader {
 
 fn frame_of(raw: &MAVLinkMessageRaw) -> Option<Frame> {
     let content = match WireMessage::parse(raw.version(), raw.message_id(), raw.payload()) {
-        Ok(WireMessage::Dialect(message)) => Content::Message(Box::new(message)),
+        Ok(WireMessage::Dialect(message)) => Content::Message(message),
         Ok(WireMessage::EkfStatus(flags)) => Content::EkfStatus(flags),
         Err(_) => unknown_command(raw)?,
     };

@@ -19,7 +19,7 @@ const FLAGS_AT: usize = 20;
 #[derive(Clone, PartialEq, Debug)]
 pub(super) enum WireMessage {
     /// One of the dialect.
-    Dialect(MavMessage),
+    Dialect(Box<MavMessage>),
     /// What ArduPilot's estimator knows.
     EkfStatus(EstimatorStatusFlags),
 }
@@ -80,7 +80,8 @@ impl Message for WireMessage {
 
     fn parse(version: MavlinkVersion, id: u32, payload: &[u8]) -> Result<WireMessage, ParserError> {
         if id != EKF_STATUS {
-            return MavMessage::parse(version, id, payload).map(WireMessage::Dialect);
+            let message = MavMessage::parse(version, id, payload)?;
+            return Ok(WireMessage::Dialect(Box::new(message)));
         }
         // MAVLink 2 leaves out zeros at the end.
         let byte = |at: usize| payload.get(at).copied().unwrap_or(0);
@@ -99,7 +100,10 @@ impl Message for WireMessage {
     fn default_message_from_id(id: u32) -> Option<WireMessage> {
         match id {
             EKF_STATUS => Some(WireMessage::EkfStatus(EstimatorStatusFlags::empty())),
-            _ => MavMessage::default_message_from_id(id).map(WireMessage::Dialect),
+            _ => {
+                let message = MavMessage::default_message_from_id(id)?;
+                Some(WireMessage::Dialect(Box::new(message)))
+            }
         }
     }
 

@@ -9,6 +9,7 @@ use crate::mavlink::earth_frame::EarthFrame;
 use crate::mavlink::signing::{KEY_BYTES, signing_time};
 use crate::sim::environment::Environment;
 use crate::sim::mavlink_fleet::{ClientBytes, Endpoints, MavlinkFleet};
+use crate::sim::mavlink_vehicle::that_keep_place;
 use crate::time::Time;
 
 /// How simulated vehicles are served.
@@ -24,6 +25,8 @@ pub struct PortSettings {
     pub key: Option<[u8; KEY_BYTES]>,
     /// Where the vehicles' frame lies.
     pub frame: EarthFrame,
+    /// Whether failsafes are on, and keep vehicles where they are; an autopilot comes without them.
+    pub has_failsafes: bool,
     /// Parameters that are not to begin with the values that an autopilot comes with.
     pub parameters: Vec<(String, f32)>,
 }
@@ -67,9 +70,15 @@ impl MavlinkPort {
             settings.endpoints,
             settings.key,
         );
-        for (name, value) in &settings.parameters {
-            if !fleet.set_parameter(Time::ZERO, (name, *value), environment) {
-                return Err(PortError::Parameter(name.clone()));
+        let failsafes: &[_] = match settings.has_failsafes {
+            true => that_keep_place(environment.kind()),
+            false => &[],
+        };
+        let given = settings.parameters.iter();
+        let given = given.map(|(name, value)| (name.as_str(), *value));
+        for (name, value) in failsafes.iter().copied().chain(given) {
+            if !fleet.set_parameter(Time::ZERO, (name, value), environment) {
+                return Err(PortError::Parameter(name.to_owned()));
             }
         }
         let sockets =

@@ -8,7 +8,7 @@ use std::time::Duration;
 use tomoswarm_proto::VehicleId;
 
 use crate::relay::Relay;
-use crate::swarm::{PROGRAM, Size, Swarm, Watch, free_address, vehicle};
+use crate::swarm::{PROGRAM, Size, Swarm, Watch, free_address};
 
 /// Returns two addresses with neighbouring ports.
 fn two_addresses() -> [SocketAddr; 2] {
@@ -114,4 +114,14 @@ fn run_script(script: &str, module: &str) {
 #[test]
 fn the_mock_autopilot_is_what_pymavlink_expects() {
     run_script("mock_pymavlink.py", "pymavlink");
+}
+
+#[test]
+fn the_mock_autopilot_is_what_mavsdk_expects() {
+    run_script("mock_mavsdk.py", "mavsdk");
+}
+
+#[test]
+fn the_mock_autopilot_is_what_mavproxy_expects() {
+    run_script("mock_mavproxy.py", "MAVProxy");
 }

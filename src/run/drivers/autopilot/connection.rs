@@ -95,7 +95,7 @@ impl Connection {
     pub(super) fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
         match &mut self.way {
             #[cfg(feature = "hw")]
-            Way::Serial(port) => (&*port).write_all(bytes),
+            Way::Serial(port) => port.write_all(bytes),
             Way::Tcp(stream) => stream.write_all(bytes),
             Way::Udp(socket, to) => {
                 let Some(to) = *lock(to) else { return Ok(()) };
