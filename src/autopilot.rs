@@ -25,7 +25,7 @@ pub use autopilot_command::AutopilotCommand;
 pub use command::{Ack, ArmRefusal, Command, CommandAck, FlightMode, NumberedCommand, VehicleKind};
 pub use item::Item;
 pub use link::{AutopilotLink, CommandPurpose, LinkEvent, Reason};
-pub use report::{AutopilotReport, ControlStatus, Motion, SystemStatus, Telemetry};
+pub use report::{AutopilotReport, ControlStatus, Motion, RemoteSwitch, SystemStatus, Telemetry};
 
 use serde::{Deserialize, Serialize};
 

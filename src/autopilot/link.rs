@@ -461,6 +461,7 @@ impl AutopilotLink {
         let status = ControlStatus {
             control,
             is_landed: self.report.is_none_or(|report| report.is_landed),
+            switch: self.report.and_then(|report| report.switch),
         };
         if status != self.status {
             self.status = status;

@@ -28,6 +28,17 @@ pub struct AutopilotReport {
     pub is_armed: bool,
     /// How it is, as a whole.
     pub status: SystemStatus,
+    /// Where the switch of its remote control stands; `None` = nowhere that means something.
+    pub switch: Option<RemoteSwitch>,
+}
+
+/// Where a switch of a remote control stands: what a person beside the vehicle wants of it.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub enum RemoteSwitch {
+    /// Stand.
+    Hold,
+    /// Go home, on ways that are known to be free.
+    Return,
 }
 
 /// How an autopilot is, as a whole: MAV_STATE.
@@ -76,6 +87,8 @@ pub struct ControlStatus {
     pub control: Control,
     /// Whether the vehicle stands on the ground; always for what drives.
     pub is_landed: bool,
+    /// Where the switch of the remote control stands.
+    pub switch: Option<RemoteSwitch>,
 }
 
 impl Default for ControlStatus {
@@ -84,6 +97,7 @@ impl Default for ControlStatus {
         ControlStatus {
             control: Control::Ours,
             is_landed: true,
+            switch: None,
         }
     }
 }

@@ -19,5 +19,6 @@ pub(crate) fn resting_report() -> AutopilotReport {
         mode: FlightMode::Guided,
         is_armed: true,
         status: SystemStatus::Active,
+        switch: None,
     }
 }

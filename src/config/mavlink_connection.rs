@@ -24,6 +24,12 @@ pub struct MavlinkConnection {
     pub sets_origin: bool,
     /// A place is never believed to be better known than this, metres.
     pub place_sd_min_m: f64,
+    /// The channel of the remote control's switch, 1 to 18; 0 = none is used.
+    pub remote_channel: usize,
+    /// The pulse width at which the vehicle stands, microseconds.
+    pub remote_hold_us: usize,
+    /// The pulse width at which it goes home, microseconds.
+    pub remote_return_us: usize,
     /// Whether it is armed even if its failsafes do not keep it where it is.
     pub arms_without_failsafes: bool,
     /// The file with the key of signatures; empty = nothing is signed.
@@ -40,6 +46,9 @@ impl Default for MavlinkConnection {
             place: MavlinkPlace::Global,
             sets_origin: false,
             place_sd_min_m: 0.0,
+            remote_channel: 0,
+            remote_hold_us: 1500,
+            remote_return_us: 1900,
             arms_without_failsafes: false,
             key_file: String::new(),
         }
@@ -122,6 +131,9 @@ impl Keyed for MavlinkConnection {
             place,
             sets_origin,
             place_sd_min_m,
+            remote_channel,
+            remote_hold_us,
+            remote_return_us,
             arms_without_failsafes,
             key_file,
         } = self;
@@ -191,6 +203,36 @@ impl Keyed for MavlinkConnection {
                 name: "place_sd_min_m",
                 default: blank.place_sd_min_m,
                 allowed: 0.0..=10.0,
+                means,
+            },
+        );
+        let means = "channel of a switch of the remote control that lets the vehicle stand or go home; 0 = none";
+        to.whole(
+            remote_channel,
+            Whole {
+                name: "remote_channel",
+                default: blank.remote_channel,
+                allowed: 0..=18,
+                means,
+            },
+        );
+        let means = "it stands while the switch is within 150 of this, microseconds";
+        to.whole(
+            remote_hold_us,
+            Whole {
+                name: "remote_hold_us",
+                default: blank.remote_hold_us,
+                allowed: 800..=2200,
+                means,
+            },
+        );
+        let means = "it goes home when the switch comes within 150 of this, microseconds";
+        to.whole(
+            remote_return_us,
+            Whole {
+                name: "remote_return_us",
+                default: blank.remote_return_us,
+                allowed: 800..=2200,
                 means,
             },
         );

@@ -75,8 +75,21 @@ pub struct MavlinkDriverSettings {
     pub sets_origin: bool,
     /// A place is never believed to be better known than this, metres.
     pub place_sd_min_m: f64,
+    /// The switch of its remote control, if one is used.
+    pub switch: Option<SwitchSettings>,
     /// It is armed even if its failsafes do not keep it where it is, or are not known.
     pub arms_without_failsafes: bool,
+}
+
+/// A switch of a remote control.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct SwitchSettings {
+    /// Its channel, 1 to 18.
+    pub channel: u8,
+    /// The pulse width at which the vehicle is to stand, microseconds.
+    pub hold_us: u16,
+    /// The pulse width at which it is to go home, microseconds.
+    pub return_us: u16,
 }
 
 /// What a driver says.

@@ -478,7 +478,7 @@ impl Mission {
                     self.step_back(now, |returning| returning.after_refusal_for(*peer));
                 }
             }
-            vehicle::SafetyEvent::AutopilotSilent => {}
+            vehicle::SafetyEvent::AutopilotSilent | vehicle::SafetyEvent::Switched(_) => {}
         }
     }
 

@@ -64,7 +64,7 @@ mod take_over;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    Control, EmergencyStop, Order, OrderKind, Revision, RunId, Sender, StandReason, State,
+    Control, EmergencyStop, Order, OrderKind, Ordered, Revision, RunId, Sender, StandReason, State,
     VehicleId,
 };
 
@@ -83,7 +83,7 @@ use super::radio::BeaconReport;
 use super::sensor::Scan;
 use super::{OwnState, VehicleSettings};
 use crate::actor::{Actor, Fault, Input, InputClass};
-use crate::autopilot::ControlStatus;
+use crate::autopilot::{ControlStatus, RemoteSwitch};
 use crate::geom::{Point, Vector};
 use crate::stops::first_that_stops;
 use crate::time::{Deadline, Time};
@@ -204,7 +204,13 @@ impl Vehicle {
     /// Records who steers. Once somebody else steers, the old way is not claimed, and orders that answer an older state
     /// no longer send the vehicle out.
     fn autopilot(&mut self, now: Time, status: ControlStatus, out: &mut Vec<Out>) {
+        let turned = status
+            .switch
+            .filter(|_| status.switch != self.autopilot.switch);
         self.autopilot = status;
+        if let Some(switch) = turned {
+            self.switch(now, switch, out);
+        }
         if self.take_over.take(status.control) {
             self.orders.answer_from(now);
         }
@@ -217,6 +223,38 @@ impl Vehicle {
             Control::Silent => self.report_silence(now, out),
         }
         self.reports.publish_next();
+    }
+
+    /// Does what a person beside the vehicle wants by the switch of the remote control: it stands at once, or goes home if nothing
+    /// else holds it back. It moves on by a later start alone.
+    fn switch(&mut self, now: Time, switch: RemoteSwitch, out: &mut Vec<Out>) {
+        self.stop(now, out);
+        out.push(Out::SafetyEvent(SafetyEvent::Switched(switch)));
+        match switch {
+            RemoteSwitch::Hold => self.orders.hold(now),
+            RemoteSwitch::Return if self.emergency.stands() || self.take_over.stands() => {}
+            RemoteSwitch::Return => {
+                let (
+                    motors,
+                    Ordered {
+                        lease,
+                        revision,
+                        run,
+                        ..
+                    },
+                ) = self.orders.go_home(now);
+                out.extend(motors.map(Out::AutopilotCommand));
+                out.push(Out::Order(Order {
+                    vehicle: self.settings.vehicle,
+                    lease,
+                    run,
+                    revision,
+                    seen: None,
+                    kind: OrderKind::Return,
+                    ends: Vec::new(),
+                }));
+            }
+        }
     }
 
     /// Stops a vehicle that drives and no longer knows where it is; said once.
@@ -331,6 +369,7 @@ impl Vehicle {
             OrderKind::Return => {
                 !self.emergency.stands()
                     && !self.take_over.stands()
+                    && self.autopilot.switch != Some(RemoteSwitch::Hold)
                     && self
                         .readiness
                         .look(now, self.settings.listens_for, &self.peers)
@@ -339,6 +378,7 @@ impl Vehicle {
                 let is_of_operator = matches!(sender, Sender::Operator(_));
                 let VehicleSettings { vehicle, boot, .. } = self.settings;
                 self.emergency.lets_start(is_of_operator)
+                    && self.autopilot.switch.is_none()
                     && self.take_over.lets_start(sender, order, vehicle, boot)
                     && self
                         .readiness

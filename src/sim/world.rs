@@ -283,6 +283,7 @@ impl World {
             mode: readout.mode,
             is_armed: readout.is_armed,
             status: readout.status,
+            switch: None,
         }
     }
 

@@ -204,6 +204,7 @@ impl Model {
             mode,
             is_armed,
             status,
+            switch: None,
         }
     }
 }
@@ -665,6 +666,7 @@ impl Witness {
                 let expected = self.link.steering.own_mode();
                 if shown != expected && expected.is_some() {
                     let status = super::super::ControlStatus {
+                        switch: None,
                         control: Control::Remote,
                         is_landed: true,
                     };

@@ -4,7 +4,9 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use super::{AUTOPILOT, DriverTrouble, MavlinkDriverSettings, PlaceSource};
-use crate::autopilot::{AutopilotReport, FlightMode, Motion, SystemStatus, VehicleKind};
+use crate::autopilot::{
+    AutopilotReport, FlightMode, Motion, RemoteSwitch, SystemStatus, VehicleKind,
+};
 use crate::geom::{Angle, Bearing, Point, Pose};
 use crate::mavlink::dialect::{
     self as d, EstimatorStatusFlags, GpsFixType, MavAutopilot, MavLandedState, MavMessage,
@@ -28,6 +30,9 @@ const DUPLICATE_WITHIN: Duration = Duration::from_secs(10);
 /// What says how good a place is, is believed for this long.
 const FIX_LASTS: Duration = Duration::from_secs(3);
 
+/// A pulse is of the switch's position when it is this near to it, microseconds.
+const SWITCH_WITHIN_US: u16 = 150;
+
 /// A value and when it came.
 type Dated<T> = Option<(Time, T)>;
 
@@ -41,6 +46,7 @@ pub(super) struct Heard {
     origin: Option<(i32, i32)>,
     attitude: Dated<d::ATTITUDE_DATA>,
     gps: Dated<d::GPS_RAW_INT_DATA>,
+    channels: Dated<d::RC_CHANNELS_DATA>,
     estimator: Dated<EstimatorStatusFlags>,
     /// How sure that is of its place, metres; ArduPilot's does not say it.
     estimated_sd_m: Dated<f32>,
@@ -99,6 +105,7 @@ impl Heard {
                 }
                 self.power = Some(status.clone());
             }
+            MavMessage::RC_CHANNELS(channels) => self.channels = Some((now, channels.clone())),
             MavMessage::AUTOPILOT_VERSION(version) => {
                 self.version = Some(version.flight_sw_version);
             }
@@ -269,6 +276,7 @@ impl Heard {
                 | MavState::MAV_STATE_POWEROFF
                 | MavState::MAV_STATE_FLIGHT_TERMINATION => SystemStatus::Critical,
             },
+            switch: self.switch(now, settings),
         })
     }
 
@@ -314,6 +322,20 @@ impl Heard {
         yaw_rad
             .is_finite()
             .then(|| settings.frame.heading_of(Bearing::from_radians(yaw_rad)))
+    }
+
+    /// Where the switch of its remote control stands; without a receiver nowhere.
+    fn switch(&self, now: Time, settings: &MavlinkDriverSettings) -> Option<RemoteSwitch> {
+        let switch = settings.switch?;
+        let (_, channels) = self.fresh(now, &self.channels)?;
+        let is_at = |level_us: u16| {
+            width_us(channels, switch.channel).abs_diff(level_us) <= SWITCH_WITHIN_US
+        };
+        if is_at(switch.hold_us) {
+            Some(RemoteSwitch::Hold)
+        } else {
+            is_at(switch.return_us).then_some(RemoteSwitch::Return)
+        }
     }
 
     /// How sure its place is, metres: what its estimator says, or its receiver.
@@ -453,4 +475,32 @@ fn kind_of(found: MavType) -> Option<VehicleKind> {
         | MavType::MAV_TYPE_DECAROTOR => Some(VehicleKind::Copter),
         _ => None,
     }
+}
+/// Returns the pulse width of a channel, microseconds; 0 for one that there is not.
+fn width_us(channels: &d::RC_CHANNELS_DATA, channel: u8) -> u16 {
+    let widths_us = [
+        channels.chan1_raw,
+        channels.chan2_raw,
+        channels.chan3_raw,
+        channels.chan4_raw,
+        channels.chan5_raw,
+        channels.chan6_raw,
+        channels.chan7_raw,
+        channels.chan8_raw,
+        channels.chan9_raw,
+        channels.chan10_raw,
+        channels.chan11_raw,
+        channels.chan12_raw,
+        channels.chan13_raw,
+        channels.chan14_raw,
+        channels.chan15_raw,
+        channels.chan16_raw,
+        channels.chan17_raw,
+        channels.chan18_raw,
+    ];
+    let index = usize::from(channel).checked_sub(1);
+    index
+        .and_then(|index| widths_us.get(index))
+        .copied()
+        .unwrap_or(0)
 }

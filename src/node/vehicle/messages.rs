@@ -5,6 +5,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::VehicleId;
 
+use crate::autopilot::RemoteSwitch;
 pub use crate::autopilot::{AutopilotCommand, Motion, Telemetry};
 use crate::geom::{Angle, Point, Segment};
 use crate::time::Time;
@@ -39,6 +40,8 @@ pub enum SafetyEvent {
     Refused(CommandRefusal),
     /// The autopilot says nothing any more.
     AutopilotSilent,
+    /// Somebody has turned the switch of the remote control.
+    Switched(RemoteSwitch),
 }
 
 impl fmt::Display for SafetyEvent {
@@ -51,6 +54,12 @@ impl fmt::Display for SafetyEvent {
             ),
             SafetyEvent::Refused(why) => write!(f, "does not drive: {why}"),
             SafetyEvent::AutopilotSilent => f.write_str("hears its autopilot no more"),
+            SafetyEvent::Switched(RemoteSwitch::Hold) => {
+                f.write_str("is held by the switch of its remote control")
+            }
+            SafetyEvent::Switched(RemoteSwitch::Return) => {
+                f.write_str("is sent home by the switch of its remote control")
+            }
         }
     }
 }

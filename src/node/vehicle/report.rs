@@ -12,6 +12,7 @@ use tomoswarm_proto::{
 use super::messages::{Motion, Telemetry};
 use super::restraint::Restraint;
 use super::{Out, Vehicle};
+use crate::autopilot::RemoteSwitch;
 use crate::geom::{Point, Vector};
 use crate::node::OwnState;
 use crate::node::state_ages::StateAges;
@@ -165,6 +166,9 @@ impl Vehicle {
     fn stands_under(&self, own: &OwnState) -> Option<StandReason> {
         if let Some(name) = self.emergency.stop() {
             return Some(StandReason::Stop(name));
+        }
+        if self.autopilot.switch == Some(RemoteSwitch::Hold) {
+            return Some(StandReason::Remote);
         }
         match self.orders.restraint() {
             _ if self.emergency.stands() => Some(StandReason::Held),

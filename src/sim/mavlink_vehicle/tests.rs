@@ -6,11 +6,11 @@ use tomoswarm_proto::{AutopilotFamily, BodyKind, Estimator, FailsafeAction, Fail
 
 use crate::autopilot::{
     Ack, ArmRefusal, AutopilotReport, Command, CommandAck, FlightMode, Item, Motion,
-    NumberedCommand, VehicleKind,
+    NumberedCommand, RemoteSwitch, VehicleKind,
 };
 use crate::geom::{Angle, Bearing, Geodetic, Point, Pose};
 use crate::mavlink::autopilot_driver::{
-    DriverOut, DriverTrouble, MavlinkDriver, MavlinkDriverSettings, PlaceSource,
+    DriverOut, DriverTrouble, MavlinkDriver, MavlinkDriverSettings, PlaceSource, SwitchSettings,
 };
 use crate::mavlink::dialect::{
     self as d, GPS_RAW_INT_DATA, GpsFixType, HEARTBEAT_DATA, MavAutopilot, MavMessage, MavType,
@@ -48,6 +48,7 @@ fn settings(kind: VehicleKind) -> MavlinkDriverSettings {
         sets_origin: false,
         place_sd_min_m: 0.01,
         arms_without_failsafes: true,
+        switch: None,
     }
 }
 
@@ -274,6 +275,39 @@ fn it_is_not_armed_before_its_failsafes_keep_it_where_it_is() {
             rig.command(Command::Arm { force: false }),
             CommandAck::Accepted
         );
+    }
+}
+
+#[test]
+fn where_the_switch_of_the_remote_control_stands_is_reported() {
+    let mut rig = Rig::new(MavlinkDriverSettings {
+        switch: Some(SwitchSettings {
+            channel: 7,
+            hold_us: 1500,
+            return_us: 1900,
+        }),
+        ..settings(VehicleKind::Rover)
+    });
+    rig.pass(4.0);
+    assert_eq!(rig.last().switch, None, "no receiver");
+    for (width_us, expected) in [
+        (1000, None),
+        (1400, Some(RemoteSwitch::Hold)),
+        (1700, None),
+        (2000, Some(RemoteSwitch::Return)),
+        (0, None),
+    ] {
+        // Clients may speak in place of a receiver.
+        let channels = d::RC_CHANNELS_OVERRIDE_DATA {
+            chan7_raw: width_us,
+            target_system: 1,
+            target_component: 1,
+            ..d::RC_CHANNELS_OVERRIDE_DATA::default()
+        };
+        let channels = Box::new(MavMessage::RC_CHANNELS_OVERRIDE(channels));
+        rig.take(vec![DriverOut::Say(channels)]);
+        rig.pass(0.6);
+        assert_eq!(rig.last().switch, expected, "{width_us}");
     }
 }
 

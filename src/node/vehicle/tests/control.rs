@@ -6,6 +6,7 @@ use super::*;
 
 fn steered(control: Control) -> In {
     In::Autopilot(ControlStatus {
+        switch: None,
         control,
         is_landed: true,
     })
@@ -230,10 +231,92 @@ fn one_that_flies_is_not_landed() {
         &mut vehicle,
         1.1,
         In::Autopilot(ControlStatus {
+            switch: None,
             control: Control::Ours,
             is_landed: false,
         }),
     );
     let (state, _) = states(&fed(&mut vehicle, 1.2, telemetry(0.0, 0.0, 0.05)));
     assert!(!state.unwrap().is_landed);
+}
+
+/// The switch of the remote control stands here.
+fn switched(switch: Option<RemoteSwitch>) -> In {
+    In::Autopilot(ControlStatus {
+        switch,
+        ..ControlStatus::default()
+    })
+}
+
+#[test]
+fn the_switch_of_a_remote_control_holds_until_it_is_let_go_and_a_start_comes() {
+    let mut vehicle = vehicle();
+    assert!(flies(&fed(
+        &mut vehicle,
+        1.1,
+        drive(&[(0.0, 0.0), (3.0, 0.0)])
+    )));
+    let out = fed(&mut vehicle, 1.2, switched(Some(RemoteSwitch::Hold)));
+    assert_eq!(flown(&out), [AutopilotCommand::Stop]);
+    let (state, _) = states(&fed(&mut vehicle, 1.25, moving(0.1, 0.0, false)));
+    assert_eq!(state.unwrap().stands_under, Some(StandReason::Remote));
+    let refused = fed(&mut vehicle, 1.3, drive(&[(0.1, 0.0), (3.0, 0.0)]));
+    assert_eq!(refusal(&refused), Some(CommandRefusal::Held));
+    let early = start(&vehicle, 1);
+    assert_eq!(
+        fed(&mut vehicle, 1.4, given(early)),
+        [],
+        "it stands at hold"
+    );
+    assert_eq!(flown(&fed(&mut vehicle, 1.5, switched(None))), []);
+    assert!(!flies(&fed(
+        &mut vehicle,
+        1.6,
+        drive(&[(0.1, 0.0), (3.0, 0.0)])
+    )));
+    fed(&mut vehicle, 1.8, moving(0.1, 0.0, false));
+    let late = start(&vehicle, 2);
+    assert_eq!(
+        flown(&fed(&mut vehicle, 1.9, given(late))),
+        [AutopilotCommand::Arm]
+    );
+}
+
+#[test]
+fn the_switch_of_a_remote_control_sends_home_what_nothing_else_holds() {
+    let home = |out: &[Out]| {
+        let order = |out: &Out| match out {
+            Out::Order(order) => Some(order.kind),
+            _ => None,
+        };
+        out.iter().find_map(order)
+    };
+    let mut free = vehicle();
+    let out = fed(&mut free, 1.1, switched(Some(RemoteSwitch::Return)));
+    assert_eq!(
+        (flown(&out), home(&out)),
+        (
+            vec![AutopilotCommand::Stop, AutopilotCommand::Arm],
+            Some(OrderKind::Return)
+        )
+    );
+    assert_eq!(
+        fed(&mut free, 1.2, switched(Some(RemoteSwitch::Return))),
+        []
+    );
+    let mut taken = vehicle();
+    fed(&mut taken, 1.1, steered(Control::Remote));
+    let out = fed(
+        &mut taken,
+        1.2,
+        In::Autopilot(ControlStatus {
+            control: Control::Remote,
+            is_landed: true,
+            switch: Some(RemoteSwitch::Return),
+        }),
+    );
+    assert_eq!(
+        (flown(&out), home(&out)),
+        (vec![AutopilotCommand::Stop], None)
+    );
 }

@@ -367,6 +367,7 @@ impl Witness {
                 In::Stops(is_open.then_some(stop).into_iter().collect())
             }
             Happening::Steered(control) => In::Autopilot(ControlStatus {
+                switch: None,
                 control,
                 is_landed: true,
             }),

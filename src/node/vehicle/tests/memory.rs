@@ -114,6 +114,7 @@ fn a_start_that_waited_for_the_disk_when_somebody_took_over_is_not_obeyed() {
             &mut vehicle,
             1.2,
             In::Autopilot(ControlStatus {
+                switch: None,
                 control,
                 is_landed: true,
             }),

@@ -19,7 +19,7 @@ use super::connection::{Connection, FromConnection};
 use crate::autopilot::NumberedCommand;
 use crate::config::{MavlinkConnection, MavlinkPlace, VehicleFile};
 use crate::mavlink::autopilot_driver::{
-    DriverOut, MavlinkDriver, MavlinkDriverSettings, PlaceSource,
+    DriverOut, MavlinkDriver, MavlinkDriverSettings, PlaceSource, SwitchSettings,
 };
 use crate::mavlink::earth_frame::EarthFrame;
 use crate::mavlink::frames::{FrameReader, FrameWriter, MavAddress};
@@ -117,6 +117,11 @@ impl MavlinkAutopilot {
             },
             sets_origin: settings.sets_origin,
             place_sd_min_m: settings.place_sd_min_m,
+            switch: (settings.remote_channel > 0).then_some(SwitchSettings {
+                channel: settings.remote_channel as u8,
+                hold_us: settings.remote_hold_us as u16,
+                return_us: settings.remote_return_us as u16,
+            }),
             arms_without_failsafes: settings.arms_without_failsafes,
         });
         let signing = StoredSigning::open(&settings.key_file, Path::new(&file.state_dir))?;
