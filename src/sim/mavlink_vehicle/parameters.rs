@@ -51,18 +51,21 @@ const COPTER: [(&str, f32, MavParamType); 6] = [
     ("WPNAV_SPEED_UP", 250.0, MavParamType::MAV_PARAM_TYPE_REAL32),
 ];
 
-/// What a vehicle of a swarm is given: its failsafes for battery, companion and fence keep it where it is.
-const KEEPS_PLACE_ROVER: [(&str, f32); 4] = [
+/// What a vehicle of a swarm is given: its failsafes for battery, companion and fence keep it where it is. After that of its companion
+/// a start is needed: it waits a while for a link that is lost.
+const KEEPS_PLACE_ROVER: [(&str, f32); 5] = [
     ("BATT_FS_LOW_ACT", 2.0),
     ("FENCE_ACTION", 2.0),
     ("FENCE_ENABLE", 1.0),
     ("FS_GCS_ENABLE", 1.0),
+    ("FS_GCS_TIMEOUT", 10.0),
 ];
-const KEEPS_PLACE_COPTER: [(&str, f32); 4] = [
+const KEEPS_PLACE_COPTER: [(&str, f32); 5] = [
     ("BATT_FS_LOW_ACT", 1.0),
     ("FENCE_ACTION", 2.0),
     ("FENCE_ENABLE", 1.0),
     ("FS_GCS_ENABLE", 5.0),
+    ("FS_GCS_TIMEOUT", 10.0),
 ];
 
 /// Returns names and values with which the failsafes for battery, companion and fence keep a vehicle where it is.
