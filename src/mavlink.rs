@@ -7,18 +7,27 @@
 //! ```
 //!
 //! Nothing outside of this folder names the library that it is made of. What a vehicle makes of all this is decided by whoever
-//! speaks: the driver of an autopilot (`run/drivers`), the simulated one (`sim/mavlink_vehicle`).
+//! speaks: the driver of an autopilot ([`autopilot_driver`]), the simulated one (`sim/mavlink_vehicle`). What serves vehicles to ground
+//! stations is made of [`vehicle_messages`], [`asked_command`],
+//! [`message_requests`], [`streams`], [`parameter_table`], [`status_text`] and [`client_link`].
 
+pub mod asked_command;
 pub mod autopilot_driver;
+pub mod client_link;
 pub mod command_call;
 pub mod dialect;
 pub mod earth_frame;
 pub mod frames;
 pub mod items;
+pub mod message_requests;
 pub mod mission_download;
 pub mod mission_upload;
 pub mod modes;
 pub mod parameter_list;
 pub mod parameter_reads;
+pub mod parameter_table;
 pub mod signing;
+pub mod status_text;
+pub mod streams;
+pub mod vehicle_messages;
 pub mod wire_message;

@@ -251,6 +251,32 @@ fn is_mission(kind: MavMissionType) -> bool {
     kind == MavMissionType::MAV_MISSION_TYPE_MISSION
 }
 
+/// Returns the judgement of a mission.
+pub fn mission_ack(
+    to: MavAddress,
+    mission_type: MavMissionType,
+    result: MavMissionResult,
+) -> MavMessage {
+    MavMessage::MISSION_ACK(MISSION_ACK_DATA {
+        target_system: to.system,
+        target_component: to.component,
+        mavtype: result,
+        mission_type,
+        ..MISSION_ACK_DATA::default()
+    })
+}
+
+/// Returns how many items are stored, to whom asks for them.
+pub fn mission_count(to: MavAddress, mission_type: MavMissionType, count: u16) -> MavMessage {
+    MavMessage::MISSION_COUNT(MISSION_COUNT_DATA {
+        count,
+        target_system: to.system,
+        target_component: to.component,
+        mission_type,
+        ..MISSION_COUNT_DATA::default()
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -5,10 +5,11 @@ use std::io;
 use std::net::SocketAddr;
 
 use super::mavlink_sockets::{FromClient, MavlinkSockets, SocketKind, Told};
+use crate::mavlink::client_link::ClientBytes;
 use crate::mavlink::earth_frame::EarthFrame;
 use crate::mavlink::signing::{KEY_BYTES, signing_time};
 use crate::sim::environment::Environment;
-use crate::sim::mavlink_fleet::{ClientBytes, Endpoints, MavlinkFleet};
+use crate::sim::mavlink_fleet::{Endpoints, MavlinkFleet};
 use crate::sim::mavlink_vehicle::that_keep_place;
 use crate::time::Time;
 
@@ -47,6 +48,12 @@ pub enum PortError {
     Parameter(String),
 }
 
+impl From<(SocketAddr, io::Error)> for PortError {
+    fn from((address, source): (SocketAddr, io::Error)) -> PortError {
+        PortError::Address { address, source }
+    }
+}
+
 /// Vehicles at sockets; dropping it ends all connections.
 pub struct MavlinkPort {
     fleet: MavlinkFleet,
@@ -82,8 +89,7 @@ impl MavlinkPort {
             }
         }
         let sockets =
-            MavlinkSockets::open(settings.sockets, settings.address, fleet.endpoints(), told)
-                .map_err(|(address, source)| PortError::Address { address, source })?;
+            MavlinkSockets::open(settings.sockets, settings.address, fleet.endpoints(), told)?;
         Ok(MavlinkPort {
             fleet,
             sockets,

@@ -25,8 +25,8 @@ use tokio::sync::mpsc;
 use tokio::time::{Instant, timeout};
 
 use super::mailbox::lock;
+use crate::mavlink::client_link::ClientId;
 use crate::mavlink::frames::fitting;
-use crate::sim::mavlink_vehicle::ClientId;
 
 /// A client that takes nothing for this long is ended.
 pub const WRITE_WITHIN: Duration = Duration::from_secs(5);

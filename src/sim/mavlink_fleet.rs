@@ -9,17 +9,11 @@
 use std::collections::BTreeMap;
 
 use super::environment::Environment;
-use super::mavlink_vehicle::{ClientId, FlownVehicle, MavlinkVehicle, Outgoing, Said};
+use super::mavlink_vehicle::{FlownVehicle, MavlinkVehicle};
+use crate::mavlink::client_link::{ClientBytes, ClientId, ClientLink, Outgoing, bytes_for};
 use crate::mavlink::earth_frame::EarthFrame;
-use crate::mavlink::frames::{FrameReader, FrameWriter};
-use crate::mavlink::signing::{KEY_BYTES, Signing};
+use crate::mavlink::signing::KEY_BYTES;
 use crate::time::Time;
-
-/// The link number in signatures of ours.
-const SIGNED_LINK: u8 = 0;
-
-/// Bytes for a client.
-pub type ClientBytes = (ClientId, Vec<u8>);
 
 /// How vehicles are shown.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -33,10 +27,7 @@ pub enum Endpoints {
 /// A client of an endpoint.
 struct Client {
     endpoint: usize,
-    reader: FrameReader,
-    /// Of each vehicle that has said something to it.
-    writers: BTreeMap<usize, FrameWriter>,
-    signing: Option<Signing>,
+    link: ClientLink,
 }
 
 /// Vehicles and who listens to them.
@@ -99,9 +90,7 @@ impl MavlinkFleet {
         }
         let known = Client {
             endpoint,
-            reader: FrameReader::default(),
-            writers: BTreeMap::new(),
-            signing: self.key.map(|key| Signing::new(key, SIGNED_LINK, clock)),
+            link: ClientLink::new(self.key, clock),
         };
         self.clients.insert(client, known);
     }
@@ -126,12 +115,12 @@ impl MavlinkFleet {
         let Some(known) = self.clients.get_mut(&client) else {
             return;
         };
-        known.reader.push(bytes);
+        known.link.push(bytes);
         let endpoint = known.endpoint;
         while let Some(frame) = self
             .clients
             .get_mut(&client)
-            .and_then(|known| known.reader.next(known.signing.as_mut()))
+            .and_then(|known| known.link.next_frame())
         {
             for index in self.shown_at(endpoint) {
                 let mut flown = FlownVehicle::new(environment, index);
@@ -176,48 +165,12 @@ impl MavlinkFleet {
                     Endpoints::Shared => true,
                 };
                 if hears && outgoing.to.is_none_or(|to| to == *id) {
-                    let bytes = bytes_for(*id, out);
-                    client.write(index, self.vehicles[index].address(), &outgoing.said, bytes);
+                    let from = self.vehicles[index].address();
+                    client.link.write(from, &outgoing.said, bytes_for(*id, out));
                 }
             }
         }
         self.output = said;
         self.output.clear();
     }
-}
-
-impl Client {
-    fn write(
-        &mut self,
-        index: usize,
-        from: crate::mavlink::frames::MavAddress,
-        said: &Said,
-        bytes: &mut Vec<u8>,
-    ) {
-        let writer = self
-            .writers
-            .entry(index)
-            .or_insert_with(|| FrameWriter::new(from));
-        match said {
-            Said::Message(message) => writer.write(message, self.signing.as_mut(), bytes),
-            Said::EkfStatus(flags) => {
-                writer.write_ekf_status(*flags, self.signing.as_mut(), bytes);
-            }
-            Said::Unsupported { command, to } => {
-                writer.write_unsupported(*command, *to, self.signing.as_mut(), bytes);
-            }
-        }
-    }
-}
-
-/// Returns what is gathered for a client; the last one is asked for most.
-fn bytes_for(client: ClientId, out: &mut Vec<ClientBytes>) -> &mut Vec<u8> {
-    let index = match out.iter().rposition(|(to, _)| *to == client) {
-        Some(index) => index,
-        None => {
-            out.push((client, Vec::new()));
-            out.len() - 1
-        }
-    };
-    &mut out[index].1
 }

@@ -22,7 +22,6 @@ mod ground_station;
 mod missions;
 mod parameters;
 mod remote_control;
-mod streams;
 mod targets;
 mod telemetry;
 #[cfg(test)]
@@ -35,50 +34,24 @@ pub use parameters::that_keep_place;
 use std::time::Duration;
 
 use crate::autopilot::{Command, CommandAck, VehicleKind};
-use crate::mavlink::dialect::{self as d, EstimatorStatusFlags, MavMessage};
+use crate::mavlink::asked_command::AskedCommand;
+use crate::mavlink::client_link::{ClientId, Outgoing, Said};
+use crate::mavlink::dialect::{self as d, MavMessage};
 use crate::mavlink::earth_frame::EarthFrame;
 use crate::mavlink::frames::{Content, Frame, MavAddress, target_of};
+use crate::mavlink::parameter_table::ParameterTable;
+use crate::mavlink::streams::{Streams, next_after};
 use crate::time::Time;
 
 use self::ground_station::GroundStation;
 use self::missions::Missions;
-use self::parameters::Parameters;
+use self::parameters::{defaults, on_low_battery, speed_mps};
 use self::remote_control::RemoteControl;
-use self::streams::{Streams, next_after};
 use self::telemetry::Telemetry;
 
 const HEARTBEAT_EVERY: Duration = Duration::from_secs(1);
 /// Texts that it says by itself are looked for this often.
 const TEXTS_EVERY: Duration = Duration::from_millis(100);
-
-/// Who is connected.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
-pub struct ClientId(pub u32);
-
-/// What goes out.
-#[derive(Clone, PartialEq, Debug)]
-pub struct Outgoing {
-    /// To whom; `None` = to all clients.
-    pub to: Option<ClientId>,
-    /// What is said.
-    pub said: Said,
-}
-
-/// What is said.
-#[derive(Clone, PartialEq, Debug)]
-pub enum Said {
-    /// A message of the dialect.
-    Message(Box<MavMessage>),
-    /// What its estimator knows.
-    EkfStatus(EstimatorStatusFlags),
-    /// That a command is not known, whose number the dialect has no name for.
-    Unsupported {
-        /// The number.
-        command: u16,
-        /// Who gave it.
-        to: MavAddress,
-    },
-}
 
 /// A vehicle behind MAVLink.
 #[derive(Clone, Debug)]
@@ -90,7 +63,7 @@ pub struct MavlinkVehicle {
     texts_due: Time,
     streams: Streams,
     missions: Missions,
-    parameters: Parameters,
+    parameters: ParameterTable,
     remote_control: RemoteControl,
     ground_station: GroundStation,
     /// The last position target, until something else is commanded.
@@ -111,7 +84,7 @@ impl MavlinkVehicle {
             texts_due: Time::ZERO,
             streams: Streams::default(),
             missions: Missions::default(),
-            parameters: Parameters::of(kind, system),
+            parameters: defaults(kind, system),
             remote_control: RemoteControl::default(),
             ground_station: GroundStation::default(),
             target: None,
@@ -132,10 +105,10 @@ impl MavlinkVehicle {
         vehicle: &mut FlownVehicle<'_>,
     ) -> Option<MavMessage> {
         let value = self.parameters.set(name, value);
-        if let Some(speed_mps) = self.parameters.speed_mps(name, self.kind) {
+        if let Some(speed_mps) = speed_mps(&self.parameters, name, self.kind) {
             vehicle.command(now, &Command::Speed(speed_mps));
         }
-        vehicle.set_low_battery(self.parameters.on_low_battery(self.kind));
+        vehicle.set_low_battery(on_low_battery(&self.parameters, self.kind));
         value
     }
 
@@ -249,7 +222,7 @@ impl MavlinkVehicle {
                 self.carry_out(
                     now,
                     (client, from),
-                    &commands::Asked::of_long(long),
+                    &AskedCommand::of_long(long),
                     vehicle,
                     out,
                 );
@@ -258,7 +231,7 @@ impl MavlinkVehicle {
                 self.carry_out(
                     now,
                     (client, from),
-                    &commands::Asked::of_int(int),
+                    &AskedCommand::of_int(int),
                     vehicle,
                     out,
                 );
@@ -363,20 +336,11 @@ impl MavlinkVehicle {
     }
 
     fn telemetry(&self, now: Time, vehicle: &mut FlownVehicle<'_>) -> Telemetry<'_> {
-        Telemetry {
-            now,
-            kind: self.kind,
-            readout: vehicle.readout(now),
-            frame: &self.frame,
-            items: self.missions.count(),
-            channels: self.remote_control.channels(),
-        }
+        let shown = (self.missions.count(), self.remote_control.channels());
+        Telemetry::new(now, self.kind, vehicle.readout(now), &self.frame, shown)
     }
 }
 
 fn tell(out: &mut Vec<Outgoing>, to: Option<ClientId>, message: MavMessage) {
-    out.push(Outgoing {
-        to,
-        said: Said::Message(Box::new(message)),
-    });
+    out.push(Outgoing::message(to, message));
 }

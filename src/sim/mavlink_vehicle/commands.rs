@@ -1,102 +1,18 @@
 //! The commands of clients (COMMAND_LONG, COMMAND_INT) and what each is answered: as ArduPilot does
 //! (<https://mavlink.io/en/messages/common.html#mav_commands>).
 
-use std::time::Duration;
-
-use super::streams::DEFAULT_EVERY;
-use super::{ClientId, FlownVehicle, MavlinkVehicle, Outgoing, tell, texts};
+use super::telemetry::Telemetry;
+use super::{FlownVehicle, MavlinkVehicle, tell};
 use crate::autopilot::{Command, CommandAck, FlightMode, VehicleKind};
 use crate::geom::{Angle, Bearing, Point};
-use crate::mavlink::dialect::{
-    self as d, COMMAND_INT_DATA, COMMAND_LONG_DATA, MavCmd, MavFrame, MavMessage, MavResult,
-    MavSeverity,
-};
+use crate::mavlink::asked_command::{AskedCommand, FORCE, command_ack};
+use crate::mavlink::client_link::{ClientId, Outgoing};
+use crate::mavlink::dialect::{MavCmd, MavResult, MavSeverity};
 use crate::mavlink::frames::MavAddress;
+use crate::mavlink::message_requests::answer_request;
 use crate::mavlink::modes::{ShownMode, mode_of};
+use crate::mavlink::status_text::line;
 use crate::time::Time;
-
-/// The magic number of whoever insists on arming or disarming.
-const FORCE: f32 = 21_196.0;
-/// Degrees as they are sent.
-const PER_DEGREE: f64 = 1e7;
-/// The message that says how often another one comes.
-const MESSAGE_INTERVAL: u32 = 244;
-/// The message that says where home is.
-const HOME_POSITION: u32 = 242;
-/// The message that says what the autopilot can do.
-const AUTOPILOT_VERSION: u32 = 148;
-
-/// A command with its parameters, whichever message it came in.
-pub(super) struct Asked {
-    command: MavCmd,
-    /// Parameters 1 to 7; 5 and 6 in degrees where they are a place.
-    parameters: [f32; 7],
-    /// Latitude and longitude, 1e-7 degrees, if it has a place.
-    place: Option<(i32, i32)>,
-}
-
-impl Asked {
-    /// Reads a COMMAND_LONG.
-    pub(super) fn of_long(long: &COMMAND_LONG_DATA) -> Asked {
-        let place = [long.param5, long.param6].map(f64::from);
-        let is_place = place
-            .iter()
-            .all(|degrees| degrees.is_finite() && degrees.abs() <= 180.0)
-            && place != [0.0, 0.0];
-        Asked {
-            command: long.command,
-            parameters: [
-                long.param1,
-                long.param2,
-                long.param3,
-                long.param4,
-                long.param5,
-                long.param6,
-                long.param7,
-            ],
-            place: is_place.then(|| {
-                let [latitude, longitude] =
-                    place.map(|degrees| (degrees * PER_DEGREE).round() as i32);
-                (latitude, longitude)
-            }),
-        }
-    }
-
-    /// Reads a COMMAND_INT.
-    pub(super) fn of_int(int: &COMMAND_INT_DATA) -> Asked {
-        let is_global = matches!(
-            int.frame,
-            MavFrame::MAV_FRAME_GLOBAL
-                | MavFrame::MAV_FRAME_GLOBAL_INT
-                | MavFrame::MAV_FRAME_GLOBAL_RELATIVE_ALT
-                | MavFrame::MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
-        );
-        let is_within = |degrees: i32, most: f64| f64::from(degrees).abs() <= most * PER_DEGREE;
-        let is_place = is_global
-            && (int.x, int.y) != (0, 0)
-            && is_within(int.x, 90.0)
-            && is_within(int.y, 180.0);
-        Asked {
-            command: int.command,
-            parameters: [
-                int.param1, int.param2, int.param3, int.param4, 0.0, 0.0, int.z,
-            ],
-            place: is_place.then_some((int.x, int.y)),
-        }
-    }
-
-    /// Returns a parameter, counted from 1, as a whole number; `None` when it is none.
-    fn whole(&self, number: usize) -> Option<u32> {
-        let value = self.parameters[number - 1];
-        ((0.0..1e6).contains(&value) && value.fract() == 0.0).then_some(value as u32)
-    }
-
-    /// Returns a parameter, counted from 1, if it is a number.
-    fn number(&self, number: usize) -> Option<f64> {
-        let value = self.parameters[number - 1];
-        value.is_finite().then_some(f64::from(value))
-    }
-}
 
 /// What a command has come to.
 enum Answer {
@@ -112,7 +28,7 @@ impl MavlinkVehicle {
         &mut self,
         now: Time,
         (client, from): (ClientId, MavAddress),
-        asked: &Asked,
+        asked: &AskedCommand,
         vehicle: &mut FlownVehicle<'_>,
         out: &mut Vec<Outgoing>,
     ) {
@@ -123,25 +39,24 @@ impl MavlinkVehicle {
             Answer::Of(CommandAck::Unsupported) => MavResult::MAV_RESULT_UNSUPPORTED,
             Answer::Of(CommandAck::Failed) => MavResult::MAV_RESULT_FAILED,
         };
-        let ack = d::COMMAND_ACK_DATA {
-            command: asked.command,
-            result,
-            target_system: from.system,
-            target_component: from.component,
-            ..d::COMMAND_ACK_DATA::default()
-        };
-        tell(out, Some(client), MavMessage::COMMAND_ACK(ack));
+        tell(out, Some(client), command_ack(from, asked.command, result));
     }
 
     fn answer(
         &mut self,
         now: Time,
         client: ClientId,
-        asked: &Asked,
+        asked: &AskedCommand,
         vehicle: &mut FlownVehicle<'_>,
         out: &mut Vec<Outgoing>,
     ) -> Answer {
         let denied = Answer::Result(MavResult::MAV_RESULT_DENIED);
+        let shown = (self.missions.count(), self.remote_control.channels());
+        let telemetry = Telemetry::new(now, self.kind, vehicle.readout(now), &self.frame, shown);
+        let said = |number| telemetry.said(number);
+        if let Some(result) = answer_request(now, client, asked, &mut self.streams, &said, out) {
+            return Answer::Result(result);
+        }
         let place = asked.place.map(|place| self.frame.local_place(place));
         let command = match asked.command {
             MavCmd::MAV_CMD_COMPONENT_ARM_DISARM => {
@@ -188,24 +103,6 @@ impl MavlinkVehicle {
                 Some(at) => Command::SetHome(at),
                 None => return denied,
             },
-            MavCmd::MAV_CMD_GET_HOME_POSITION => {
-                return self.send(now, client, HOME_POSITION, vehicle, out);
-            }
-            MavCmd::MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES => {
-                return self.send(now, client, AUTOPILOT_VERSION, vehicle, out);
-            }
-            MavCmd::MAV_CMD_REQUEST_MESSAGE => {
-                return match asked.whole(1) {
-                    Some(number) => self.send(now, client, number, vehicle, out),
-                    None => denied,
-                };
-            }
-            MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL => {
-                return Answer::Result(self.set_interval(now, client, asked, vehicle));
-            }
-            MavCmd::MAV_CMD_GET_MESSAGE_INTERVAL => {
-                return Answer::Result(self.tell_interval(now, client, asked, vehicle, out));
-            }
             _ => return Answer::Of(CommandAck::Unsupported),
         };
         self.target.take_if(|_| command.moves() || command.stops());
@@ -236,7 +133,7 @@ impl MavlinkVehicle {
     fn reposition(
         &mut self,
         now: Time,
-        asked: &Asked,
+        asked: &AskedCommand,
         at: Point,
         vehicle: &mut FlownVehicle<'_>,
     ) -> CommandAck {
@@ -263,7 +160,7 @@ impl MavlinkVehicle {
     fn heading(
         &self,
         now: Time,
-        asked: &Asked,
+        asked: &AskedCommand,
         degrees: f64,
         vehicle: &mut FlownVehicle<'_>,
     ) -> Angle {
@@ -274,85 +171,12 @@ impl MavlinkVehicle {
         }
         self.frame.heading_of(Bearing::from_degrees(degrees))
     }
-
-    fn send(
-        &mut self,
-        now: Time,
-        client: ClientId,
-        number: u32,
-        vehicle: &mut FlownVehicle<'_>,
-        out: &mut Vec<Outgoing>,
-    ) -> Answer {
-        let said = self.telemetry(now, vehicle).said(number);
-        Answer::Result(match said {
-            Some(said) => {
-                let to = Some(client);
-                out.push(Outgoing { to, said });
-                MavResult::MAV_RESULT_ACCEPTED
-            }
-            None => MavResult::MAV_RESULT_FAILED,
-        })
-    }
-
-    fn set_interval(
-        &mut self,
-        now: Time,
-        client: ClientId,
-        asked: &Asked,
-        vehicle: &mut FlownVehicle<'_>,
-    ) -> MavResult {
-        let (Some(number), Some(interval_us)) = (asked.whole(1), asked.number(2)) else {
-            return MavResult::MAV_RESULT_DENIED;
-        };
-        if self.telemetry(now, vehicle).said(number).is_none() {
-            return MavResult::MAV_RESULT_DENIED;
-        }
-        let every = match interval_us {
-            us if us < 0.0 => None,
-            0.0 => Some(DEFAULT_EVERY),
-            us => Some(Duration::from_secs_f64(us.min(1e10) * 1e-6)),
-        };
-        self.streams.set(now, client, number, every);
-        MavResult::MAV_RESULT_ACCEPTED
-    }
-
-    /// Says how often a message comes: as an interval, microseconds; -1 = not by itself, 0 = it is not known.
-    fn tell_interval(
-        &mut self,
-        now: Time,
-        client: ClientId,
-        asked: &Asked,
-        vehicle: &mut FlownVehicle<'_>,
-        out: &mut Vec<Outgoing>,
-    ) -> MavResult {
-        let Some(number) = asked.whole(1).and_then(|number| u16::try_from(number).ok()) else {
-            return MavResult::MAV_RESULT_DENIED;
-        };
-        if u32::from(number) == MESSAGE_INTERVAL {
-            return MavResult::MAV_RESULT_FAILED;
-        }
-        let is_known = self
-            .telemetry(now, vehicle)
-            .said(u32::from(number))
-            .is_some();
-        let interval_us = match self.streams.every(client, u32::from(number)) {
-            Some(every) => i32::try_from(every.as_micros()).unwrap_or(i32::MAX),
-            None if is_known => -1,
-            None => 0,
-        };
-        let interval = d::MESSAGE_INTERVAL_DATA {
-            interval_us,
-            message_id: number,
-        };
-        tell(out, Some(client), MavMessage::MESSAGE_INTERVAL(interval));
-        MavResult::MAV_RESULT_ACCEPTED
-    }
 }
 
 /// Arms or disarms; who is refused is told why.
 fn arm(
     now: Time,
-    asked: &Asked,
+    asked: &AskedCommand,
     vehicle: &mut FlownVehicle<'_>,
     out: &mut Vec<Outgoing>,
 ) -> CommandAck {
@@ -367,7 +191,7 @@ fn arm(
         tell(
             out,
             None,
-            texts::line(
+            line(
                 MavSeverity::MAV_SEVERITY_CRITICAL,
                 &format!("PreArm: {refusal}"),
             ),

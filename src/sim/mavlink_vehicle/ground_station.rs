@@ -3,10 +3,10 @@
 
 use std::time::Duration;
 
-use super::parameters::Parameters;
 use crate::autopilot::{Command, FlightMode, VehicleKind};
 use crate::mavlink::dialect::{HEARTBEAT_DATA, MavType};
 use crate::mavlink::frames::MavAddress;
+use crate::mavlink::parameter_table::ParameterTable;
 use crate::time::Time;
 
 /// When the ground station was heard last.
@@ -23,7 +23,7 @@ impl GroundStation {
         now: Time,
         from: MavAddress,
         heartbeat: &HEARTBEAT_DATA,
-        parameters: &Parameters,
+        parameters: &ParameterTable,
     ) {
         let is_ours = parameters.value_of("SYSID_MYGCS") == Some(f32::from(from.system));
         let is_station = matches!(
@@ -36,7 +36,7 @@ impl GroundStation {
     }
 
     /// Returns when its silence is acted upon.
-    pub(super) fn deadline(&self, parameters: &Parameters) -> Option<Time> {
+    pub(super) fn deadline(&self, parameters: &ParameterTable) -> Option<Time> {
         let is_on = parameters
             .value_of("FS_GCS_ENABLE")
             .is_some_and(|enabled| enabled > 0.0);
@@ -53,7 +53,7 @@ impl GroundStation {
         &mut self,
         now: Time,
         kind: VehicleKind,
-        parameters: &Parameters,
+        parameters: &ParameterTable,
     ) -> Option<Command> {
         if self.deadline(parameters).is_none_or(|at| now < at) {
             return None;
@@ -72,7 +72,7 @@ impl GroundStation {
 }
 
 /// A rover is told what to do by `FS_ACTION`, a copter by `FS_GCS_ENABLE` itself.
-fn kind_of_action(kind: VehicleKind, parameters: &Parameters) -> i32 {
+fn kind_of_action(kind: VehicleKind, parameters: &ParameterTable) -> i32 {
     let name = match kind {
         VehicleKind::Rover => "FS_ACTION",
         VehicleKind::Copter => "FS_GCS_ENABLE",

@@ -1,16 +1,17 @@
 //! The stored mission as clients see it: uploaded, downloaded, cleared, its current item. What is carried out is the autopilot's; what
 //! was uploaded is kept as it came, so that it is read back byte for byte.
 
-use super::{ClientId, FlownVehicle};
+use super::FlownVehicle;
 use crate::autopilot::item::{ITEMS_MAX, check_items};
 use crate::autopilot::{Command, CommandAck, Item};
+use crate::mavlink::client_link::ClientId;
 use crate::mavlink::dialect::{
-    self as d, MISSION_ITEM_INT_DATA, MavMessage, MavMissionResult, MavMissionType,
+    MISSION_ITEM_INT_DATA, MavMessage, MavMissionResult, MavMissionType,
 };
 use crate::mavlink::earth_frame::EarthFrame;
 use crate::mavlink::frames::MavAddress;
 use crate::mavlink::items::from_wire;
-use crate::mavlink::mission_upload::{MissionReceiver, Received};
+use crate::mavlink::mission_upload::{MissionReceiver, Received, mission_ack, mission_count};
 use crate::time::Time;
 
 /// Somebody who speaks over a connection.
@@ -66,7 +67,7 @@ impl Missions {
             MavMessage::MISSION_COUNT(count)
                 if count.mission_type != MavMissionType::MAV_MISSION_TYPE_MISSION =>
             {
-                out.push(ack_of(
+                out.push(mission_ack(
                     from,
                     count.mission_type,
                     MavMissionResult::MAV_MISSION_UNSUPPORTED,
@@ -98,13 +99,7 @@ impl Missions {
                     MavMissionType::MAV_MISSION_TYPE_MISSION => self.stored.len(),
                     _ => 0,
                 };
-                out.push(MavMessage::MISSION_COUNT(d::MISSION_COUNT_DATA {
-                    count: count as u16,
-                    target_system: from.system,
-                    target_component: from.component,
-                    mission_type: request.mission_type,
-                    ..d::MISSION_COUNT_DATA::default()
-                }));
+                out.push(mission_count(from, request.mission_type, count as u16));
             }
             MavMessage::MISSION_REQUEST_INT(request) => out.push(self.item(from, request.seq)),
             MavMessage::MISSION_CLEAR_ALL(_) => out.push(self.clear(now, from, vehicle)),
@@ -168,15 +163,5 @@ fn result_of(code: u8) -> MavMissionResult {
 }
 
 fn ack(to: MavAddress, result: MavMissionResult) -> MavMessage {
-    ack_of(to, MavMissionType::MAV_MISSION_TYPE_MISSION, result)
-}
-
-fn ack_of(to: MavAddress, mission_type: MavMissionType, result: MavMissionResult) -> MavMessage {
-    MavMessage::MISSION_ACK(d::MISSION_ACK_DATA {
-        target_system: to.system,
-        target_component: to.component,
-        mavtype: result,
-        mission_type,
-        ..d::MISSION_ACK_DATA::default()
-    })
+    mission_ack(to, MavMissionType::MAV_MISSION_TYPE_MISSION, result)
 }

@@ -12,6 +12,7 @@ use crate::geom::{Angle, Bearing, Geodetic, Point, Pose};
 use crate::mavlink::autopilot_driver::{
     DriverOut, DriverTrouble, MavlinkDriver, MavlinkDriverSettings, PlaceSource, SwitchSettings,
 };
+use crate::mavlink::client_link::{ClientBytes, ClientId};
 use crate::mavlink::dialect::{
     self as d, GPS_RAW_INT_DATA, GpsFixType, HEARTBEAT_DATA, MavAutopilot, MavMessage, MavType,
 };
@@ -19,8 +20,8 @@ use crate::mavlink::earth_frame::EarthFrame;
 use crate::mavlink::frames::{Content, Frame, FrameReader, FrameWriter, MavAddress};
 use crate::sim::environment::Environment;
 use crate::sim::free_space::free_space;
-use crate::sim::mavlink_fleet::{ClientBytes, Endpoints, MavlinkFleet};
-use crate::sim::mavlink_vehicle::{ClientId, that_keep_place};
+use crate::sim::mavlink_fleet::{Endpoints, MavlinkFleet};
+use crate::sim::mavlink_vehicle::that_keep_place;
 use crate::time::Time;
 
 const OWN: MavAddress = MavAddress {

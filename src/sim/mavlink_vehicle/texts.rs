@@ -1,21 +1,9 @@
 //! What the autopilot says in words, and what it says of its mission's items.
 
 use crate::autopilot::VehicleKind;
-use crate::mavlink::dialect::{
-    MISSION_ITEM_REACHED_DATA, MavMessage, MavSeverity, STATUSTEXT_DATA,
-};
+use crate::mavlink::dialect::{MISSION_ITEM_REACHED_DATA, MavMessage, MavSeverity};
+use crate::mavlink::status_text::line;
 use crate::sim::autopilot::StatusText;
-
-/// Returns a line of text.
-pub(super) fn line(severity: MavSeverity, text: &str) -> MavMessage {
-    // A text has room for 50 bytes; ours are short and plain.
-    let text: String = text.chars().filter(char::is_ascii).take(50).collect();
-    MavMessage::STATUSTEXT(STATUSTEXT_DATA {
-        severity,
-        text: text.as_str().into(),
-        ..STATUSTEXT_DATA::default()
-    })
-}
 
 /// Returns which firmware it claims to be.
 pub(super) fn banner(kind: VehicleKind) -> MavMessage {

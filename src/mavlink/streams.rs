@@ -1,16 +1,16 @@
-//! What each client is told by itself, and how often: each asks for its own rates, as on an autopilot's ports.
+//! What each client of a vehicle is told by itself, and how often: each asks for its own rates, as on an autopilot's ports.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use super::ClientId;
-use crate::mavlink::wire_message::EKF_STATUS;
+use super::client_link::ClientId;
+use super::wire_message::EKF_STATUS;
 use crate::time::Time;
 
-/// Messages come no more often than this.
+/// Messages come no more often than this, unless it is told otherwise.
 const FASTEST: Duration = Duration::from_millis(2);
 /// How often messages come that are asked for at their default rate.
-pub(super) const DEFAULT_EVERY: Duration = Duration::from_millis(250);
+pub const DEFAULT_EVERY: Duration = Duration::from_millis(250);
 
 /// The messages of each group that REQUEST_DATA_STREAM names (MAV_DATA_STREAM), by their numbers; 0 = all groups.
 const GROUPS: [(u8, &[u32]); 7] = [
@@ -31,26 +31,36 @@ struct Stream {
 }
 
 /// The messages that clients have asked for.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Streams {
+#[derive(Clone, Debug)]
+pub struct Streams {
+    /// Messages come no more often than this.
+    fastest: Duration,
     /// Of each client, by the number of the message.
     asked: BTreeMap<ClientId, BTreeMap<u32, Stream>>,
 }
 
+impl Default for Streams {
+    fn default() -> Streams {
+        Streams::no_faster_than(FASTEST)
+    }
+}
+
 impl Streams {
+    /// Makes streams of which none comes more often than this.
+    pub fn no_faster_than(fastest: Duration) -> Streams {
+        Streams {
+            fastest,
+            asked: BTreeMap::new(),
+        }
+    }
+
     /// Lets a client have a message so often from now on; `None` = no more.
-    pub(super) fn set(
-        &mut self,
-        now: Time,
-        client: ClientId,
-        message: u32,
-        every: Option<Duration>,
-    ) {
+    pub fn set(&mut self, now: Time, client: ClientId, message: u32, every: Option<Duration>) {
         let of_client = self.asked.entry(client).or_default();
         match every {
             Some(every) => {
                 let stream = Stream {
-                    every: every.max(FASTEST),
+                    every: every.max(self.fastest),
                     due: now,
                 };
                 of_client.insert(message, stream);
@@ -62,13 +72,7 @@ impl Streams {
     }
 
     /// Lets a client have all messages of a group so often; `None` = no more.
-    pub(super) fn set_group(
-        &mut self,
-        now: Time,
-        client: ClientId,
-        group: u8,
-        every: Option<Duration>,
-    ) {
+    pub fn set_group(&mut self, now: Time, client: ClientId, group: u8, every: Option<Duration>) {
         let groups = GROUPS
             .iter()
             .filter(|(number, _)| group == 0 || *number == group);
@@ -78,24 +82,24 @@ impl Streams {
     }
 
     /// Returns how often a client has a message; `None` = never.
-    pub(super) fn every(&self, client: ClientId, message: u32) -> Option<Duration> {
+    pub fn every(&self, client: ClientId, message: u32) -> Option<Duration> {
         let stream = self.asked.get(&client)?.get(&message)?;
         Some(stream.every)
     }
 
     /// Forgets a client that is gone.
-    pub(super) fn forget(&mut self, client: ClientId) {
+    pub fn forget(&mut self, client: ClientId) {
         self.asked.remove(&client);
     }
 
     /// Returns when the next message is due.
-    pub(super) fn deadline(&self) -> Option<Time> {
+    pub fn deadline(&self) -> Option<Time> {
         let streams = self.asked.values().flat_map(BTreeMap::values);
         streams.map(|stream| stream.due).min()
     }
 
     /// Returns what is due by now, and for whom.
-    pub(super) fn take_due(&mut self, now: Time) -> Vec<(ClientId, u32)> {
+    pub fn take_due(&mut self, now: Time) -> Vec<(ClientId, u32)> {
         let mut due = Vec::new();
         for (client, streams) in &mut self.asked {
             for (message, stream) in streams.iter_mut().filter(|(_, stream)| stream.due <= now) {
@@ -108,7 +112,7 @@ impl Streams {
 }
 
 /// Returns when something comes next that was due at a time: what was missed meanwhile is left out.
-pub(super) fn next_after(due: Time, every: Duration, now: Time) -> Time {
+pub fn next_after(due: Time, every: Duration, now: Time) -> Time {
     let next = due + every;
     if next > now { next } else { now + every }
 }
