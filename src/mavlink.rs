@@ -7,8 +7,8 @@
 //! ```
 //!
 //! Nothing outside of this folder names the library that it is made of. What a vehicle makes of all this is decided by whoever
-//! speaks: the driver of an autopilot ([`autopilot_driver`]), the simulated one (`sim/mavlink_vehicle`). What serves vehicles to ground
-//! stations is made of [`vehicle_messages`], [`asked_command`],
+//! speaks: the driver of an autopilot ([`autopilot_driver`]), the simulated one (`sim/mavlink_vehicle`), the swarm as a ground
+//! station sees it ([`swarm_server`]). What those two have in common who serve vehicles is [`vehicle_messages`], [`asked_command`],
 //! [`message_requests`], [`streams`], [`parameter_table`], [`status_text`] and [`client_link`].
 
 pub mod asked_command;
@@ -29,5 +29,6 @@ pub mod parameter_table;
 pub mod signing;
 pub mod status_text;
 pub mod streams;
+pub mod swarm_server;
 pub mod vehicle_messages;
 pub mod wire_message;
