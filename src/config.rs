@@ -25,6 +25,7 @@ mod ground_file;
 mod keys;
 mod links_file;
 mod mavlink_connection;
+mod mavlink_serving;
 mod mission;
 mod nearest;
 mod outline;
@@ -61,6 +62,7 @@ pub use ground_file::{GroundFile, OperatorFile};
 pub(crate) use keys::quoted;
 pub use links_file::LinksFile;
 pub use mavlink_connection::{MavlinkConnection, MavlinkEndpoint, MavlinkPlace};
+pub use mavlink_serving::MavlinkServing;
 pub use mission::{
     AfterSweep, Durations, Expect, Imaging, PlannerChoice, Prior, Solver, SweepConfig, Weights,
 };

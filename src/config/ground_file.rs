@@ -6,6 +6,7 @@ use super::Loader;
 use super::bus_file::{BusFile, BusFileTable, Role};
 use super::forms::{LoadedFile, Text};
 use super::keys::{Flag, Form, KeyEntry, Keyed, Keys, NumberBounds, read_table, written_list};
+use super::mavlink_serving::MavlinkServing;
 use super::mission::{Imaging, SweepConfig, SweepTable, check_sweep};
 use super::radio::Reception;
 use super::section::{Section, whole_of};
@@ -198,7 +199,7 @@ impl Form for Vehicles<'_> {
     }
 }
 
-/// What an operator's commands (`order`, `status`, `tap`, `preflight`) are told.
+/// What an operator's commands (`order`, `status`, `tap`, `preflight`) and whoever shows the swarm over MAVLink are told.
 #[derive(Clone, PartialEq, Debug)]
 pub struct OperatorFile {
     /// The file of the place, with its folder.
@@ -207,6 +208,8 @@ pub struct OperatorFile {
     pub venue: Venue,
     /// How they join the bus.
     pub bus: BusFile,
+    /// Where the swarm is shown over MAVLink; only `tomoswarm ground --mavlink` does. `None` = nowhere.
+    pub mavlink: Option<MavlinkServing>,
 }
 
 impl OperatorFile {
@@ -216,6 +219,7 @@ impl OperatorFile {
             venue_file: String::new(),
             venue: Venue::blank(),
             bus: BusFile::default(),
+            mavlink: None,
         }
     }
 
@@ -224,6 +228,9 @@ impl OperatorFile {
         let venue = load(root, "venue", loader, |root| Some(Venue::read(root)));
         read_table(&mut file, root);
         file.bus.check(root.source, Role::Operator);
+        if let Some(mavlink) = &file.mavlink {
+            mavlink.check(root.source);
+        }
         (file.venue_file, file.venue) = venue?;
         Some(file)
     }
@@ -235,6 +242,7 @@ impl Keyed for OperatorFile {
             venue_file,
             venue: _,
             bus,
+            mavlink,
         } = self;
         let means = "file of the place, the same on every node";
         to.form(
@@ -255,6 +263,14 @@ impl Keyed for OperatorFile {
                 name: "bus",
                 left_out: "",
                 means: "how the commands join the bus",
+            },
+        );
+        to.maybe_table(
+            mavlink,
+            KeyEntry {
+                name: "mavlink",
+                left_out: "",
+                means: "where `tomoswarm ground --mavlink` shows the swarm to ground stations; all other commands pass it over",
             },
         );
     }

@@ -825,6 +825,62 @@ fn every_wrong_value_of_a_ground_station_is_refused() {
     );
 }
 
+const OPERATOR: &str = "\
+kind = \"operator\"
+venue = \"courtyard.venue.toml\"
+bus.connect = [\"tcp/127.0.0.1:7447\"]
+";
+
+#[test]
+fn an_operator_is_told_where_the_swarm_is_shown() {
+    let mavlink = |lines: &str| {
+        let text = format!("{OPERATOR}[mavlink]\n{lines}");
+        let file = config::read_operator("configs/o.toml", &text, &mut loaded).unwrap();
+        file.mavlink.unwrap()
+    };
+    let shown = mavlink("address = \"127.0.0.1:14550\"");
+    assert_eq!(shown.address, "127.0.0.1:14550".parse().ok());
+    assert_eq!(
+        (shown.listen, shown.commands, shown.key_file),
+        (None, false, None)
+    );
+    let shown = mavlink("listen = \"0.0.0.0:14550\"\ncommands = true\nkey = \"k.hex\"");
+    assert_eq!(shown.key_file.as_deref(), Some("configs/k.hex"));
+    assert!(shown.commands && shown.listen.is_some());
+    let file = config::read_operator("o.toml", OPERATOR, &mut loaded).unwrap();
+    assert_eq!(file.mavlink, None);
+}
+
+#[test]
+fn where_the_swarm_is_shown_is_said_once_and_as_an_address() {
+    let both = "either address (where a ground station listens) or listen";
+    for (lines, parts) in [
+        ("commands = true", ["mavlink.address: is missing", both]),
+        (
+            "address = \"127.0.0.1:1\"\nlisten = \"127.0.0.1:2\"",
+            [
+                "mavlink.listen = 127.0.0.1:2: is given beside address",
+                both,
+            ],
+        ),
+        (
+            "address = \"localhost:1\"",
+            ["mavlink.address = localhost:1", "is no address with a port"],
+        ),
+        ("listen = \"127.0.0.1:0\"", ["mavlink.listen", "has port 0"]),
+        (
+            "address = \"127.0.0.1:1\"\ncommands = 1",
+            ["mavlink.commands = 1", "is no yes or no"],
+        ),
+        (
+            "address = \"127.0.0.1:1\"\nport = 1",
+            ["mavlink.port", "is not known"],
+        ),
+    ] {
+        check_one(&format!("{OPERATOR}[mavlink]\n{lines}\n"), &parts);
+    }
+}
+
 #[test]
 fn a_file_of_another_kind_is_refused() {
     for (read, kind) in [

@@ -92,6 +92,7 @@ impl LiveAddresses {
             venue_file: self.venue.clone(),
             venue: sim.venue.clone(),
             bus: self.bus(sim, Some(0), &self.vehicle_ports),
+            mavlink: None,
         })))
     }
 
