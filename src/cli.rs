@@ -46,6 +46,8 @@ pub mod scene;
 mod scene_pictures;
 mod scene_text;
 mod screen;
+#[cfg(feature = "net")]
+mod shown_swarm;
 pub mod sim;
 mod standard_output;
 #[cfg(feature = "net")]

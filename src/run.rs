@@ -21,6 +21,7 @@ pub mod operator_session;
 pub mod process;
 pub mod state_dir;
 pub mod subjects;
+pub mod swarm_mavlink;
 pub mod tap;
 pub mod trust;
 pub mod vehicle_process;

@@ -3,8 +3,9 @@
 use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
 
-use super::describe::describe;
+use super::describe::{Line, describe};
 use super::error::CliError;
+use super::shown_swarm::ShownSwarm;
 use super::stop::StopFlag;
 use super::vehicle::{
     answer, bus_is_passing, folder_is_passing, kept_is_passing, trust_is_passing, unready,
@@ -12,7 +13,7 @@ use super::vehicle::{
 use super::{logging, read};
 use crate::config::{self, Config, GroundFile};
 use crate::operator::names;
-use crate::run::ground_process::{self, GroundError, GroundStatus};
+use crate::run::ground_process::{self, GroundError, GroundFiles, GroundStatus};
 use crate::store::StoreError;
 
 /// Run the ground station: it gathers the data, plans the sweeps, and makes the images.
@@ -28,6 +29,9 @@ pub struct GroundArgs {
     /// The ground station's file
     #[arg(value_name = "CONFIG")]
     pub config: PathBuf,
+    /// Show the swarm to ground stations of MAVLink (QGroundControl, MAVProxy), as the table [mavlink] of this operator's file says
+    #[arg(long, value_name = "OPERATOR_FILE")]
+    pub mavlink: Option<PathBuf>,
     /// Only print what would be started
     #[arg(long)]
     pub check: bool,
@@ -48,6 +52,7 @@ Examples:
   tomoswarm ground ground.toml                 run it
   tomoswarm preflight ground.toml              is everybody there and ready?
   tomoswarm order ground.toml start --run 1    begin the sweep named 1
+  tomoswarm ground ground.toml --mavlink operator.toml        QGroundControl shows the swarm
 
 Exit codes: 0 ended when asked; 1 a fault, or it cannot begin now (a full disk, a port or store in use): start it anew;
 2 bad usage, file, certificate or store, or refused: another venue, another version of the wire.";
@@ -70,8 +75,10 @@ impl GroundArgs {
         };
         let mut file: GroundFile = config::read_ground(&name, &text, &mut loader)?;
         file.take_over |= self.take_over;
+        let shown = self.mavlink.as_deref().map(ShownSwarm::read).transpose()?;
         if self.check {
-            let text = describe(&name, &Config::Ground(Box::new(file)), &[]);
+            let further: Vec<Line> = shown.iter().map(ShownSwarm::line).collect();
+            let text = describe(&name, &Config::Ground(Box::new(file)), &further);
             return out.write_all(text.as_bytes()).map_err(CliError::stdout);
         }
         logging::begin(self.verbose);
@@ -85,8 +92,13 @@ impl GroundArgs {
                 line(status);
             }
         };
-        let finish =
-            ground_process::run(&file, &text, &venue_text, &|| stop.is_asked(), &mut status);
+        let mavlink = shown.map(ShownSwarm::start).transpose()?;
+        let files = GroundFiles {
+            file: &file,
+            text: &text,
+            venue_text: &venue_text,
+        };
+        let finish = ground_process::run(files, mavlink.as_ref(), &|| stop.is_asked(), &mut status);
         answer(finish.map_err(|error| unready(&error, is_passing(&error)))?)
     }
 }

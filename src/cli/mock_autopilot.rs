@@ -13,7 +13,6 @@ use super::stop::StopFlag;
 use crate::autopilot::VehicleKind;
 use crate::geom::{Bearing, Geodetic};
 use crate::mavlink::earth_frame::EarthFrame;
-use crate::mavlink::signing::{KEY_BYTES, key_from_hex};
 use crate::run::mavlink_port::{PortError, PortSettings};
 use crate::run::mavlink_sockets::SocketKind;
 use crate::run::mock_autopilot::MockAutopilots;
@@ -104,7 +103,7 @@ impl MockAutopilotArgs {
             } else {
                 Endpoints::OneEach
             },
-            key: self.key.as_deref().map(read_key).transpose()?,
+            key: self.key.as_deref().map(read::signing_key).transpose()?,
             frame,
             has_failsafes: false,
             parameters: self.parameters.clone(),
@@ -167,14 +166,6 @@ impl MockAutopilotArgs {
             EarthFrame::new(venue.datum.geodetic(), venue.x_axis_bearing()),
         ))
     }
-}
-
-fn read_key(path: &std::path::Path) -> Result<[u8; KEY_BYTES], CliError> {
-    let text = read::text(path)?;
-    key_from_hex(&text).ok_or_else(|| CliError::Input {
-        path: path.to_owned(),
-        reason: "holds no key; expected 64 hexadecimal digits".to_owned(),
-    })
 }
 
 fn parse_parameter(text: &str) -> Result<(String, f32), String> {

@@ -11,7 +11,7 @@ use tomoswarm_proto::{Boot, Hello, VehicleId};
 use super::error::CliError;
 use super::read;
 use crate::actor::Fault;
-use crate::config::{self, BusFile, Config, Endpoint, Protocol, Topology, Venue};
+use crate::config::{self, BusFile, Config, Endpoint, MavlinkServing, Protocol, Topology, Venue};
 use crate::operator::operator_actor::OperatorSettings;
 use crate::run::bus::{BusError, BusSettings};
 use crate::run::live_operator::LiveOperator;
@@ -26,6 +26,8 @@ pub(super) struct OperatorContext {
     pub venue: Venue,
     /// The vehicles that the file names; empty when it names none.
     pub vehicles: BTreeSet<VehicleId>,
+    /// Where it is to show the swarm over MAVLink.
+    pub mavlink: Option<MavlinkServing>,
 }
 
 impl OperatorContext {
@@ -42,6 +44,7 @@ impl OperatorContext {
                     settings,
                     venue: file.venue,
                     vehicles: BTreeSet::new(),
+                    mavlink: file.mavlink,
                 })
             }
             Config::Ground(file) if file.bus.identity.is_some() => {
@@ -59,6 +62,7 @@ impl OperatorContext {
                     settings,
                     venue: file.venue,
                     vehicles: file.vehicles.into_iter().collect(),
+                    mavlink: None,
                 })
             }
             Config::Venue(_)
@@ -81,8 +85,16 @@ impl OperatorContext {
     /// # Errors
     /// The bus does not take the settings, or cannot listen; the system gives no random numbers.
     pub(super) fn open(&self) -> Result<LiveOperator, CliError> {
+        self.open_as(true)
+    }
+
+    /// Joins the bus; who does not greet only listens.
+    ///
+    /// # Errors
+    /// As for [`OperatorContext::open`].
+    pub(super) fn open_as(&self, greets: bool) -> Result<LiveOperator, CliError> {
         let settings = self
-            .operator()
+            .operator(greets)
             .map_err(|error| CliError::Fault(error.to_string()))?;
         let session = Session::open(self.settings.clone()).map_err(|error| match error {
             BusError::Settings { .. } => CliError::Usage(error.to_string()),
@@ -91,7 +103,7 @@ impl OperatorContext {
         Ok(LiveOperator::new(session, settings))
     }
 
-    fn operator(&self) -> Result<OperatorSettings, RandomUnavailable> {
+    fn operator(&self, greets: bool) -> Result<OperatorSettings, RandomUnavailable> {
         // An operator's tool counts no starts.
         let hello = membership::greeting(OPERATOR, Boot(0), &self.venue, Vec::new())?;
         Ok(OperatorSettings {
@@ -99,7 +111,7 @@ impl OperatorContext {
                 is_member: true,
                 ..hello
             },
-            greets: true,
+            greets,
             // Holder 0 is that of no operator.
             holder: membership::draw()?.max(1),
             expected: self.vehicles.clone(),

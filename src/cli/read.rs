@@ -5,6 +5,8 @@ use std::io::{self, Read};
 use std::path::Path;
 
 use super::error::CliError;
+#[cfg(feature = "net")]
+use crate::mavlink::signing::{KEY_BYTES, key_from_hex};
 
 /// The largest file that any command reads, bytes.
 pub(super) const LIMIT_BYTES: u64 = 256 << 20;
@@ -52,6 +54,18 @@ fn text_of(path: &Path, bytes: Vec<u8>) -> Result<String, CliError> {
             line,
             reason: "is no text (UTF-8 is expected)".to_owned(),
         }
+    })
+}
+
+/// Returns the key of MAVLink 2 signatures that a file holds.
+///
+/// # Errors
+/// The file cannot be read, or holds no key.
+#[cfg(feature = "net")]
+pub(super) fn signing_key(path: &Path) -> Result<[u8; KEY_BYTES], CliError> {
+    key_from_hex(&text(path)?).ok_or_else(|| CliError::Input {
+        path: path.to_owned(),
+        reason: "holds no key; expected 64 hexadecimal digits".to_owned(),
     })
 }
 

@@ -20,6 +20,8 @@ use crate::time::Time;
 
 /// A ground station whose report is older than this is not live.
 pub const GROUND_LIVES: Duration = Duration::from_secs(5);
+/// A vehicle whose newest state is older is not known to be there.
+pub const SILENT_AFTER: Duration = Duration::from_secs(2);
 /// An operator that has not greeted for this long is gone; it greets every 2 s at least.
 const OPERATOR_LIVES: Duration = Duration::from_secs(5);
 /// Operators of one number kept at most.
@@ -123,6 +125,19 @@ impl FleetView {
     /// Returns all vehicles that said anything, ascending.
     pub fn vehicles(&self) -> impl Iterator<Item = (VehicleId, &VehicleView)> {
         self.vehicles.iter().map(|(id, seen)| (*id, seen))
+    }
+
+    /// Returns the vehicles of a venue file that are known to be there, ascending.
+    pub fn live_vehicles(
+        &self,
+        now: Time,
+        venue_hash: u64,
+    ) -> impl Iterator<Item = (&Timestamped<State>, &VehicleView)> {
+        self.vehicles.iter().filter_map(move |(id, seen)| {
+            let state = seen.state.as_ref()?;
+            let is_ours = self.misfit(Sender::Vehicle(*id), venue_hash).is_none();
+            (is_ours && state.age(now) <= SILENT_AFTER).then_some((state, seen))
+        })
     }
 
     /// Returns the reports of all ground stations heard, by store.

@@ -58,7 +58,7 @@ use self::delivery::{CONTEST, OrderRight, VehicleDelivery, take_over_of};
 pub(crate) use self::instruction::Instruction;
 use self::instruction::{ENDS_MAX, ended, may_be_brought_about};
 use super::HeardMessage;
-use super::fleet_view::{FleetView, Incompatibility, Timestamped};
+use super::fleet_view::{FleetView, Incompatibility, SILENT_AFTER, Timestamped};
 use super::outcome::{OrderOutcome, OrderRefusal, VehicleOutcome};
 use crate::time::Time;
 
@@ -66,8 +66,6 @@ use crate::time::Time;
 const REPEAT: Duration = Duration::from_millis(100);
 /// How long to listen for everyone, and for the ground's lease.
 const LISTEN: Duration = Duration::from_millis(1500);
-/// A vehicle whose newest state is older is not known to be there.
-const SILENT_AFTER: Duration = Duration::from_secs(2);
 /// So often a stronger order goes above a weaker one of the same lease.
 const INSIST: u32 = 3;
 /// The number of the lease that an operator takes when nobody holds one. A ground station may take number 1 in that very moment,

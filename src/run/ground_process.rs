@@ -25,6 +25,7 @@ use super::membership::{self, RandomUnavailable};
 use super::node_threads::LiveNode;
 use super::process::{Finish, Process};
 use super::state_dir::{StateDir, StateDirError};
+use super::swarm_mavlink::SwarmMavlink;
 use super::trust::TrustError;
 use super::vehicle_process::{recorder, short, watch_recorder, watch_stops};
 use crate::config::GroundFile;
@@ -82,18 +83,33 @@ pub struct GroundStatus {
     pub troubles: Vec<String>,
 }
 
-/// Runs the ground station until it is asked to stop or cannot go on; `text` and `venue_text` are its files, kept with
-/// the data. `status` is called once a second.
+/// The files of the ground station.
+#[derive(Clone, Copy, Debug)]
+pub struct GroundFiles<'a> {
+    /// Its file as it was read.
+    pub file: &'a GroundFile,
+    /// Its file, kept with the data.
+    pub text: &'a str,
+    /// The file of the place, kept with the data.
+    pub venue_text: &'a str,
+}
+
+/// Runs the ground station until it is asked to stop or cannot go on. `mavlink` shows the swarm beside it; what is wrong there is
+/// a trouble of the ground station's. `status` is called once a second.
 ///
 /// # Errors
 /// It cannot begin.
 pub fn run(
-    file: &GroundFile,
-    text: &str,
-    venue_text: &str,
+    files: GroundFiles<'_>,
+    mavlink: Option<&SwarmMavlink>,
     is_stopped: &dyn Fn() -> bool,
     status: &mut dyn FnMut(&GroundStatus),
 ) -> Result<Finish, GroundError> {
+    let GroundFiles {
+        file,
+        text,
+        venue_text,
+    } = files;
     let mut process = Process::begin();
     let state_dir = StateDir::open(Path::new(&file.state_dir))?;
     let note = Some(file.operators_note.as_str()).filter(|note| !note.is_empty());
@@ -149,6 +165,7 @@ pub fn run(
     let mut tick = |_: Time, _: &BusMember, troubles: &Troubles| {
         watch_recorder(recorder.as_ref(), troubles);
         watch_stops(&edge.stops, troubles);
+        watch_mavlink(mavlink, troubles);
         let report = lock(&edge.report).clone();
         status(&GroundStatus {
             report,
@@ -375,6 +392,13 @@ impl Edge {
             | Message::Task(_)
             | Message::Image(_) => self.publisher.publish(&message),
         }
+    }
+}
+
+fn watch_mavlink(mavlink: Option<&SwarmMavlink>, troubles: &Troubles) {
+    match mavlink.and_then(SwarmMavlink::trouble) {
+        Some(trouble) => troubles.raise("mavlink", trouble),
+        None => troubles.clear("mavlink"),
     }
 }
 
