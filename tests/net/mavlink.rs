@@ -1,11 +1,14 @@
 //! Vehicles that fly simulated autopilots over MAVLink, and what clients of others see of the mock autopilot.
 
-use std::net::SocketAddr;
+use std::collections::{BTreeMap, BTreeSet};
+use std::net::{SocketAddr, UdpSocket};
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use tomoswarm_proto::VehicleId;
+use tomoswarm::mavlink::dialect::{COMMAND_LONG_DATA, MavCmd, MavMessage, MavResult};
+use tomoswarm::mavlink::frames::{Content, FrameReader, FrameWriter, MavAddress};
+use tomoswarm_proto::{OrderKind, VehicleId};
 
 use crate::relay::Relay;
 use crate::swarm::{PROGRAM, Size, Swarm, Watch, free_address};
@@ -67,6 +70,140 @@ fn a_sweep_is_driven_over_mavlink_although_a_link_is_cut_for_five_seconds() {
     swarm.until_end();
     swarm.until_maps_equal(20);
     swarm.finish();
+}
+
+/// A ground station that listens for packets.
+struct Station {
+    socket: UdpSocket,
+    swarm: Option<SocketAddr>,
+    reader: FrameReader,
+    writer: FrameWriter,
+    /// Latitudes and longitudes, 1e-7 degrees, by system.
+    places: BTreeMap<u8, BTreeSet<(i32, i32)>>,
+    /// The mode in the last heartbeat, by system.
+    modes: BTreeMap<u8, u32>,
+    answers: Vec<(u8, MavCmd, MavResult)>,
+}
+
+impl Station {
+    fn listen() -> Station {
+        let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+        let timeout = Some(Duration::from_millis(100));
+        socket.set_read_timeout(timeout).unwrap();
+        let (system, component) = (255, 190);
+        Station {
+            socket,
+            swarm: None,
+            reader: FrameReader::default(),
+            writer: FrameWriter::new(MavAddress { system, component }),
+            places: BTreeMap::new(),
+            modes: BTreeMap::new(),
+            answers: Vec::new(),
+        }
+    }
+
+    fn until(&mut self, what: &str, limit_s: u64, holds: impl Fn(&Station) -> bool) {
+        let began = Instant::now();
+        while !holds(self) {
+            assert!(
+                began.elapsed() < Duration::from_secs(limit_s),
+                "not within {limit_s} s: {what}; {:?} {:?}",
+                self.modes,
+                self.answers
+            );
+            self.hear();
+        }
+    }
+
+    fn hear(&mut self) {
+        let mut packet = [0; 2048];
+        let Ok((count, from)) = self.socket.recv_from(&mut packet) else {
+            return;
+        };
+        self.swarm = Some(from);
+        self.reader.push(&packet[..count]);
+        while let Some(frame) = self.reader.next(None) {
+            let (system, Content::Message(message)) = (frame.from.system, frame.content) else {
+                continue;
+            };
+            match *message {
+                MavMessage::HEARTBEAT(beat) => drop(self.modes.insert(system, beat.custom_mode)),
+                MavMessage::GLOBAL_POSITION_INT(at) => {
+                    self.places
+                        .entry(system)
+                        .or_default()
+                        .insert((at.lat, at.lon));
+                }
+                MavMessage::COMMAND_ACK(ack) => {
+                    self.answers.push((system, ack.command, ack.result));
+                }
+                _ => {}
+            }
+        }
+    }
+
+    fn command(&mut self, system: u8, command: MavCmd, [param1, param2]: [f32; 2]) {
+        let command = MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
+            param1,
+            param2,
+            command,
+            target_system: system,
+            target_component: 1,
+            ..Default::default()
+        });
+        let mut bytes = Vec::new();
+        self.writer.write(&command, None, &mut bytes);
+        self.socket.send_to(&bytes, self.swarm.unwrap()).unwrap();
+    }
+
+    /// The longer side of all places of a vehicle, 1e-7 degrees.
+    fn way(&self, system: u8) -> i32 {
+        let side = |of: fn(&(i32, i32)) -> i32| {
+            let all = || self.places.get(&system).into_iter().flatten().map(of);
+            all().max().unwrap_or(0) - all().min().unwrap_or(0)
+        };
+        side(|place| place.0).max(side(|place| place.1))
+    }
+
+    fn was_answered(&self, answer: (u8, MavCmd, MavResult)) -> bool {
+        self.answers.contains(&answer)
+    }
+}
+
+#[test]
+fn a_ground_station_shows_the_swarm_and_holds_a_vehicle() {
+    const HOLD: u32 = 4;
+    const METRE: i32 = 100;
+    let mut swarm = Swarm::prepare(Size {
+        vehicles: 2,
+        laps: 1,
+        relayed: false,
+    });
+    let mut station = Station::listen();
+    let address = station.socket.local_addr().unwrap();
+    swarm.show_over_mavlink(&format!("address = \"{address}\"\ncommands = true\n"));
+    swarm.run();
+    station.until("both are shown", 30, |station| {
+        [1, 2].iter().all(|id| station.modes.contains_key(id))
+    });
+    swarm.begin();
+    station.until("both move", 60, |station| {
+        [1, 2].iter().all(|id| station.way(*id) > METRE)
+    });
+    let mode = MavCmd::MAV_CMD_DO_SET_MODE;
+    station.command(2, mode, [1.0, HOLD as f32]);
+    station.until("the order is in force", 6, |station| {
+        station.was_answered((2, mode, MavResult::MAV_RESULT_ACCEPTED))
+    });
+    assert!(station.was_answered((2, mode, MavResult::MAV_RESULT_IN_PROGRESS)));
+    swarm.until("it rests", 5, |watch| {
+        let state = &watch.view.state(VehicleId(2)).unwrap().value;
+        state.is_at_rest && state.ordered.kind == Some(OrderKind::Hold)
+    });
+    station.until("it is shown at rest", 5, |station| {
+        station.modes[&2] == HOLD
+    });
+    swarm.end_in_order();
 }
 
 /// Returns a Python that has pymavlink; `None` where there is none.

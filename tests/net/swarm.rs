@@ -232,6 +232,8 @@ pub struct Swarm {
     preloads: BTreeMap<String, PathBuf>,
     /// Where the world serves autopilots over MAVLink, vehicle 1 first.
     autopilots: Option<SocketAddr>,
+    /// Further words of the ground station's command line.
+    ground_options: Vec<String>,
     began: Instant,
     _place: Place,
 }
@@ -262,6 +264,7 @@ impl Swarm {
             operator: None,
             preloads: BTreeMap::new(),
             autopilots: None,
+            ground_options: Vec::new(),
             began: Instant::now(),
             _place: place,
         };
@@ -339,6 +342,13 @@ impl Swarm {
             let text = text.replace("[autopilot]\ndriver = \"sim\"\n", &mavlink);
             self.write(&name, &text);
         }
+    }
+
+    /// Lets the ground station show the swarm over MAVLink, as these lines say.
+    pub fn show_over_mavlink(&mut self, lines: &str) {
+        let operator = std::fs::read_to_string(self.path("operator.toml")).unwrap();
+        self.write("station.toml", &format!("{operator}[mavlink]\n{lines}"));
+        self.ground_options = vec!["--mavlink".to_owned(), "station.toml".to_owned()];
     }
 
     /// Lets a node's processes load a library before all others.
@@ -484,8 +494,14 @@ impl Swarm {
 
     fn spawn_node(&mut self, node: Sender) {
         let name = Swarm::name(node);
-        let command = if node == GROUND { "ground" } else { "vehicle" };
-        self.spawn(&name, &[command, &format!("{name}.toml")]);
+        let (command, options) = match node {
+            GROUND => ("ground", self.ground_options.clone()),
+            _ => ("vehicle", Vec::new()),
+        };
+        let file = format!("{name}.toml");
+        let options = options.iter().map(String::as_str);
+        let words: Vec<&str> = [command, &file].into_iter().chain(options).collect();
+        self.spawn(&name, &words);
     }
 
     /// Ends a process as a power cut does, after a look at how much memory it took.
