@@ -270,6 +270,8 @@ impl SwarmServer {
                     self.hear_message(now, (client, frame.from), id, message, out);
                 }
             }
+            // Nobody asks a ground station for its estimator.
+            Content::EkfStatus(_) => {}
             Content::UnknownCommand {
                 command,
                 target_system,
@@ -369,13 +371,16 @@ impl SwarmServer {
             return vehicle.answer(asker, MavResult::MAV_RESULT_DENIED);
         }
         let shown = vehicle.shown(&frame);
-        let message = |number| shown.as_ref()?.message(number);
+        let said = |number| {
+            let message = shown.as_ref()?.message(number)?;
+            Some(Said::Message(Box::new(message)))
+        };
         let of_message = answer_request(
             now,
             client,
             asked,
             &mut vehicle.streams,
-            &message,
+            &said,
             &mut vehicle.output,
         );
         if let Some(result) = of_message {

@@ -2,10 +2,11 @@
 
 use super::remote_control::CHANNELS;
 use crate::autopilot::{SystemStatus, VehicleKind};
-use crate::mavlink::dialect::{
-    self as d, EstimatorStatusFlags, GpsFixType, MavMessage, MavProtocolCapability as Can, MissionState,
-};
 use crate::mavlink::client_link::Said;
+use crate::mavlink::dialect::{
+    self as d, EstimatorStatusFlags, GpsFixType, MavMessage, MavProtocolCapability as Can,
+    MissionState,
+};
 use crate::mavlink::earth_frame::EarthFrame;
 use crate::mavlink::vehicle_messages::{
     BatteryReadout, MissionReadout, VehicleMessages, VehicleReadout,
