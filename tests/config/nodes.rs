@@ -847,7 +847,7 @@ fn an_operator_is_told_where_the_swarm_is_shown() {
     let shown = mavlink("listen = \"0.0.0.0:14550\"\ncommands = true\nkey = \"k.hex\"");
     assert_eq!(shown.key_file.as_deref(), Some("configs/k.hex"));
     assert!(shown.commands && shown.listen.is_some());
-    let file = config::read_operator("o.toml", OPERATOR, &mut loaded).unwrap();
+    let file = config::read_operator("configs/o.toml", OPERATOR, &mut loaded).unwrap();
     assert_eq!(file.mavlink, None);
 }
 
@@ -859,13 +859,16 @@ fn where_the_swarm_is_shown_is_said_once_and_as_an_address() {
         (
             "address = \"127.0.0.1:1\"\nlisten = \"127.0.0.1:2\"",
             [
-                "mavlink.listen = 127.0.0.1:2: is given beside address",
+                "mavlink.listen = \"127.0.0.1:2\": is given beside address",
                 both,
             ],
         ),
         (
             "address = \"localhost:1\"",
-            ["mavlink.address = localhost:1", "is no address with a port"],
+            [
+                "mavlink.address = \"localhost:1\"",
+                "is no address with a port",
+            ],
         ),
         ("listen = \"127.0.0.1:0\"", ["mavlink.listen", "has port 0"]),
         (
