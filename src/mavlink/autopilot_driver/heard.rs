@@ -299,7 +299,10 @@ impl Heard {
                 ))
             }
             PlaceSource::Local => {
-                let (_, place) = self.local.as_ref()?;
+                let (_, place) = self
+                    .local
+                    .as_ref()
+                    .filter(|(_, place)| are_numbers(place))?;
                 let (north_m, east_m) = (f64::from(place.x), f64::from(place.y));
                 let from = self
                     .origin
@@ -385,7 +388,7 @@ impl Heard {
             }
             PlaceSource::Local => {
                 let (_, place) = self.local.as_ref()?;
-                if !(place.x.is_finite() && place.y.is_finite()) {
+                if !are_numbers(place) {
                     return Some("its local position is no number".to_owned());
                 }
                 self.origin
@@ -459,6 +462,13 @@ impl Heard {
                 Some(DriverTrouble::Refuses(text.to_owned()))
             })
     }
+}
+
+/// Returns whether a place and its velocity are numbers: of one that is none nobody knows whether the vehicle stands.
+fn are_numbers(place: &d::LOCAL_POSITION_NED_DATA) -> bool {
+    [place.x, place.y, place.vx, place.vy, place.vz]
+        .iter()
+        .all(|value| value.is_finite())
 }
 
 /// Returns which kind of vehicle a type is.

@@ -640,6 +640,33 @@ fn a_place_without_a_fix_is_reported_as_unknown() {
 }
 
 #[test]
+fn a_local_place_or_velocity_that_is_no_number_is_not_reported() {
+    let mut told = Told(
+        MavlinkDriver::new(MavlinkDriverSettings {
+            place: PlaceSource::Local,
+            ..settings(VehicleKind::Rover)
+        }),
+        Vec::new(),
+    );
+    told.hear(0.1, 1, heartbeat_of(MavType::MAV_TYPE_GROUND_ROVER));
+    told.hear(0.1, 1, MavMessage::ATTITUDE(d::ATTITUDE_DATA::default()));
+    let nan = f32::NAN;
+    for (x, vx, vz) in [(nan, 0.0, 0.0), (0.0, nan, 0.0), (0.0, 0.0, nan)] {
+        let place = d::LOCAL_POSITION_NED_DATA {
+            x,
+            vx,
+            vz,
+            ..d::LOCAL_POSITION_NED_DATA::default()
+        };
+        told.hear(0.2, 1, MavMessage::LOCAL_POSITION_NED(place));
+        assert_eq!(told.reports(), 0);
+        assert!(told.trouble(0.2).contains("no number"));
+    }
+    told.hear(0.3, 1, MavMessage::LOCAL_POSITION_NED(Default::default()));
+    assert_eq!(told.reports(), 1);
+}
+
+#[test]
 fn one_that_starts_anew_is_set_up_again_and_two_of_one_name_are_told() {
     let mut told = Told::new(VehicleKind::Rover);
     told.hear(0.0, 1, heartbeat_of(MavType::MAV_TYPE_GROUND_ROVER));
