@@ -103,7 +103,7 @@ impl Streams {
         let mut due = Vec::new();
         for (client, streams) in &mut self.asked {
             for (message, stream) in streams.iter_mut().filter(|(_, stream)| stream.due <= now) {
-                stream.due = next_after(stream.due, stream.every, now);
+                stream.due = next_after(stream.every, now);
                 due.push((*client, *message));
             }
         }
@@ -111,10 +111,11 @@ impl Streams {
     }
 }
 
-/// Returns when something comes next that was due at a time: what was missed meanwhile is left out.
-pub fn next_after(due: Time, every: Duration, now: Time) -> Time {
-    let next = due + every;
-    if next > now { next } else { now + every }
+/// Returns when something comes next that comes so often: at multiples of that, whenever it was asked for, so that what comes
+/// equally often comes at once. What was missed meanwhile is left out.
+pub fn next_after(every: Duration, now: Time) -> Time {
+    let every_ns = u64::try_from(every.as_nanos()).unwrap_or(u64::MAX).max(1);
+    now + Duration::from_nanos(every_ns - now.as_nanos() % every_ns)
 }
 
 #[cfg(test)]
@@ -143,6 +144,21 @@ mod tests {
         streams.set(at(7.0), one, 33, None);
         streams.forget(two);
         assert_eq!((streams.deadline(), streams.every(one, 33)), (None, None));
+    }
+
+    #[test]
+    fn what_comes_equally_often_comes_at_once_whenever_it_was_asked_for() {
+        let (one, two) = (ClientId(1), ClientId(2));
+        let mut streams = Streams::default();
+        for (time_s, client) in [(1.017, one), (1.042, two)] {
+            streams.set(at(time_s), client, 33, Some(Duration::from_millis(100)));
+            assert_eq!(streams.take_due(at(time_s)), [(client, 33)], "at once");
+        }
+        for tenth in 11..14 {
+            let now = at(0.1 * f64::from(tenth));
+            assert_eq!(streams.deadline(), Some(now));
+            assert_eq!(streams.take_due(now), [(one, 33), (two, 33)]);
+        }
     }
 
     #[test]

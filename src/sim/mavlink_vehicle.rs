@@ -139,7 +139,7 @@ impl MavlinkVehicle {
     /// Says what is due by now.
     pub fn due(&mut self, now: Time, vehicle: &mut FlownVehicle<'_>, out: &mut Vec<Outgoing>) {
         if self.texts_due <= now {
-            self.texts_due = next_after(self.texts_due, TEXTS_EVERY, now);
+            self.texts_due = next_after(TEXTS_EVERY, now);
             self.say_texts(vehicle, out);
         }
         if let Some(command) = self.ground_station.due(now, self.kind, &self.parameters) {
@@ -166,7 +166,7 @@ impl MavlinkVehicle {
             said.extend(telemetry.said(number).map(|said| (Some(client), said)));
         }
         if is_heartbeat_due {
-            self.heartbeat_due = next_after(self.heartbeat_due, HEARTBEAT_EVERY, now);
+            self.heartbeat_due = next_after(HEARTBEAT_EVERY, now);
         }
         out.extend(said.into_iter().map(|(to, said)| Outgoing { to, said }));
     }

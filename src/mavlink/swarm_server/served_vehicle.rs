@@ -106,7 +106,7 @@ impl ServedVehicle {
             return;
         };
         if self.heartbeat_due <= now {
-            self.heartbeat_due = next_after(self.heartbeat_due, HEARTBEAT_EVERY, now);
+            self.heartbeat_due = next_after(HEARTBEAT_EVERY, now);
             self.say(None, shown.message(HEARTBEAT));
         }
         for (client, number) in self.streams.take_due(now) {
