@@ -7,12 +7,12 @@ use tomoswarm::geom::{Bearing, Geodetic, Point};
 use tomoswarm::mavlink::autopilot_driver::{
     DriverOut, MavlinkDriver, MavlinkDriverSettings, PlaceSource,
 };
+use tomoswarm::mavlink::client_link::{ClientBytes, ClientId};
 use tomoswarm::mavlink::earth_frame::EarthFrame;
 use tomoswarm::mavlink::frames::{FrameReader, FrameWriter, MavAddress};
 use tomoswarm::sim::environment::Environment;
 use tomoswarm::sim::free_space::free_space;
-use tomoswarm::sim::mavlink_fleet::{ClientBytes, Endpoints, MavlinkFleet};
-use tomoswarm::sim::mavlink_vehicle::ClientId;
+use tomoswarm::sim::mavlink_fleet::{Endpoints, MavlinkFleet};
 use tomoswarm::time::Time;
 
 use crate::memory::live_bytes;

@@ -13,12 +13,13 @@
 use std::collections::BTreeMap;
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
 use std::sync::mpsc::{SyncSender, TrySendError};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::io::AsyncReadExt;
+use tokio::net::tcp::OwnedWriteHalf;
 use tokio::net::{TcpListener, TcpStream, UdpSocket};
 use tokio::runtime::Runtime;
 use tokio::sync::mpsc;
@@ -94,8 +95,54 @@ pub type Told = Arc<dyn Fn(FromClient) -> Result<(), FromClient> + Send + Sync>;
 /// Where bytes for a client go.
 #[derive(Clone)]
 enum Way {
-    Stream(mpsc::Sender<Vec<u8>>),
+    Stream(StreamWay),
     Packets(Arc<UdpSocket>, SocketAddr),
+}
+
+/// Where bytes for a connection go: into it as long as it takes them, into its queue when it does not.
+#[derive(Clone)]
+struct StreamWay {
+    stream: Arc<OwnedWriteHalf>,
+    queue: mpsc::Sender<Vec<u8>>,
+    /// Pieces of the queue that are not written yet: nothing overtakes them.
+    behind: Arc<AtomicUsize>,
+}
+
+impl StreamWay {
+    /// Sends without waiting; what the queue does not hold is dropped. Called by one thread.
+    fn send(&self, mut bytes: Vec<u8>) {
+        if self.behind.load(Ordering::Acquire) == 0
+            && let Ok(written) = self.stream.try_write(&bytes)
+        {
+            if written == bytes.len() {
+                return;
+            }
+            bytes.drain(..written);
+        }
+        self.behind.fetch_add(1, Ordering::AcqRel);
+        if self.queue.try_send(bytes).is_err() {
+            self.behind.fetch_sub(1, Ordering::AcqRel);
+        }
+    }
+
+    /// Writes what waits, until the connection is broken or takes nothing for [`WRITE_WITHIN`].
+    async fn write_queued(&self, mut queued: mpsc::Receiver<Vec<u8>>) {
+        while let Some(bytes) = queued.recv().await {
+            let mut rest = &bytes[..];
+            while !rest.is_empty() {
+                match timeout(WRITE_WITHIN, self.stream.writable()).await {
+                    Ok(Ok(())) => {}
+                    Ok(Err(_)) | Err(_) => return,
+                }
+                match self.stream.try_write(rest) {
+                    Ok(written) => rest = rest.get(written..).unwrap_or_default(),
+                    Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
+                    Err(_) => return,
+                }
+            }
+            self.behind.fetch_sub(1, Ordering::AcqRel);
+        }
+    }
 }
 
 /// What all sockets share.
@@ -159,7 +206,7 @@ impl MavlinkSockets {
         let way = lock(&self.shared.ways).get(&client).cloned();
         match way {
             // Who does not read loses it.
-            Some(Way::Stream(queue)) => drop(queue.try_send(bytes)),
+            Some(Way::Stream(stream)) => stream.send(bytes),
             Some(Way::Packets(socket, to)) => {
                 let mut rest = &bytes[..];
                 while !rest.is_empty() {
@@ -253,20 +300,16 @@ impl Shared {
         let client = self.name();
         // Without it telemetry comes in lumps.
         let _ = stream.set_nodelay(true);
-        let (mut from, mut to) = stream.into_split();
-        let (queue, mut waiting) = mpsc::channel::<Vec<u8>>(WAITING);
-        lock(&self.ways).insert(client, Way::Stream(queue));
-        self.tell(FromClient::Joined { client, endpoint }).await;
-        let writer = async {
-            while let Some(bytes) = waiting.recv().await {
-                if !matches!(
-                    timeout(WRITE_WITHIN, to.write_all(&bytes)).await,
-                    Ok(Ok(()))
-                ) {
-                    return;
-                }
-            }
+        let (mut from, to) = stream.into_split();
+        let (queue, queued) = mpsc::channel::<Vec<u8>>(WAITING);
+        let way = StreamWay {
+            stream: Arc::new(to),
+            queue,
+            behind: Arc::default(),
         };
+        lock(&self.ways).insert(client, Way::Stream(way.clone()));
+        self.tell(FromClient::Joined { client, endpoint }).await;
+        let writer = way.write_queued(queued);
         let reader = async {
             let mut buffer = vec![0; 16 * 1024];
             while let Ok(count) = from.read(&mut buffer).await {
