@@ -4,8 +4,9 @@
 use crate::{
     AutopilotHealth, BEACON_MEMBERS_MAX, Beacon, EmergencyName, EmergencyStop, Find, GroundReport,
     Have, Heading, Health, Hello, IMAGE_PART_PIXELS, IMAGE_SIDE_MAX, Image, LostSamples, Message,
-    MissionEnd, MissionProgress, OpenStops, Order, OrderKind, Permille, Plan, PoseReport, Position,
-    Progress, RunReport, Sample, Samples, State, Stop, Task, Tilt, VehicleId, Velocity,
+    MissionEnd, MissionKind, MissionProgress, OpenStops, Order, OrderKind, Permille, Plan,
+    PoseReport, Position, Progress, RunReport, Sample, Samples, State, Stop, Task, Tilt, VehicleId,
+    Velocity,
 };
 
 /// A coordinate is at most so far from the datum, millimetres.
@@ -304,6 +305,10 @@ impl Task {
         number(self.run.0)?;
         ascending(&self.members)?;
         require(!self.members.is_empty(), "a task has members")?;
+        require(
+            MissionKind::from(&self.kind) != MissionKind::Stored || self.members.len() == 1,
+            "a stored mission is one vehicle's",
+        )?;
         self.compare_with.iter().try_for_each(|run| number(run.0))?;
         require(
             self.compare_with != Some(self.run),

@@ -29,10 +29,10 @@ pub use message::{
     Failsafes, Find, Fix, GroundReport, Have, Health, HeardFrom, Hello, IMAGE_PART_PIXELS,
     IMAGE_SIDE_MAX, Image, ImageSubject, Interest, LayerDigest, LegReport, LostSamples, Message,
     MissionEnd, MissionKind, MissionPhase, MissionProgress, MissionRefusal, OpenStops, Order,
-    OrderKind, Ordered, PlaceSharing, Plan, Power, Progress, RadioHealth, RadioKind, RangeHealth,
-    RangeSensorKind, RecordingHealth, Rectangle, RunEnd, RunReport, Sample, Samples, SeenState,
-    ServoKind, StandReason, State, StationPhase, Stop, StopScope, SweepPlanner, TASK_PLACES_MAX,
-    TILE_CELLS, TILE_SIDE, Task, TaskKind, TaskNumber, TaskParameter, TaskUnit, TileAddress,
-    TileReport, TileRequest, VehicleMode, WATERMARKS_ALWAYS,
+    OrderKind, Ordered, Parameter, PlaceSharing, Plan, Power, Progress, RadioHealth, RadioKind,
+    RangeHealth, RangeSensorKind, RecordingHealth, Rectangle, RunEnd, RunReport, STORED_ITEMS_MAX,
+    Sample, Samples, SeenState, ServoKind, StandReason, State, StationPhase, Stop, StopScope,
+    StoredItem, SweepPlanner, TASK_PLACES_MAX, TILE_CELLS, TILE_SIDE, Task, TaskKind, TaskNumber,
+    TaskParameter, TaskUnit, TileAddress, TileReport, TileRequest, VehicleMode, WATERMARKS_ALWAYS,
 };
 pub use units::{Deviation, Heading, Permille, PoseReport, Position, Tilt, Velocity};

@@ -11,6 +11,7 @@ mod plan;
 mod report;
 mod samples;
 mod state;
+mod stored;
 mod task;
 
 use serde::{Deserialize, Serialize};
@@ -32,6 +33,7 @@ pub use plan::{
 pub use report::{GroundReport, RunEnd, RunReport, StationPhase};
 pub use samples::{Have, HeardFrom, LostSamples, Sample, Samples, WATERMARKS_ALWAYS};
 pub use state::{Control, LegReport, Ordered, StandReason, State, VehicleMode};
+pub use stored::{Parameter, STORED_ITEMS_MAX, StoredItem};
 pub use task::{
     MissionKind, PlaceSharing, SweepPlanner, TASK_PLACES_MAX, Task, TaskKind, TaskNumber,
     TaskParameter, TaskUnit,

@@ -70,7 +70,7 @@ fn frames_of_others_are_refused() {
     assert_eq!(change(2, 1), Err(DecodeError::Version { found: 1 }));
     assert_eq!(change(2, 3), Err(DecodeError::Version { found: 3 }));
     // The kind of the mission is none.
-    assert!(matches!(change(12, 8), Err(DecodeError::Body { .. })));
+    assert!(matches!(change(12, 9), Err(DecodeError::Body { .. })));
     assert_eq!(decode(&[]), Err(DecodeError::NotOurs));
 }
 

@@ -8,6 +8,7 @@ use std::ops::RangeInclusive;
 
 use serde::{Deserialize, Serialize};
 
+use super::stored::{self, StoredItem};
 use crate::check::{COORDINATE_MAX_MM, CheckResult, require};
 use crate::{Lease, Position, RunId, VehicleId};
 
@@ -77,6 +78,13 @@ pub enum TaskKind {
         /// After so long it ends, milliseconds; 0 = without a limit.
         duration_ms: u32,
     },
+    /// One vehicle's autopilot carries out what it stores.
+    Stored {
+        /// The items, home not among them; there is at least one.
+        items: Vec<StoredItem>,
+        /// The item that it begins with, counted from 1.
+        from: u16,
+    },
 }
 
 /// What a vehicle is out for, without its parameters (see [`TaskKind`]).
@@ -99,6 +107,8 @@ pub enum MissionKind {
     Explore,
     /// It goes round over places.
     Patrol,
+    /// Its autopilot carries out a stored mission.
+    Stored,
 }
 
 impl MissionKind {
@@ -113,6 +123,7 @@ impl MissionKind {
             MissionKind::Pathfind => "pathfind",
             MissionKind::Explore => "explore",
             MissionKind::Patrol => "patrol",
+            MissionKind::Stored => "stored",
         }
     }
 }
@@ -128,13 +139,14 @@ impl From<&TaskKind> for MissionKind {
             TaskKind::Pathfind { .. } => MissionKind::Pathfind,
             TaskKind::Explore => MissionKind::Explore,
             TaskKind::Patrol { .. } => MissionKind::Patrol,
+            TaskKind::Stored { .. } => MissionKind::Stored,
         }
     }
 }
 
 impl TaskKind {
     /// Returns one of each kind that files name by [`MissionKind::word`], in the order in which people are told them, with
-    /// numbers of 0 and without places. Of sweeps and legs files say more than their kind, by words of their own.
+    /// numbers of 0 and without places. Of sweeps, legs and stored missions files say more than their kind, by words of their own.
     pub fn named_in_files() -> Vec<TaskKind> {
         vec![
             TaskKind::Forward { distance_mm: 0 },
@@ -150,8 +162,8 @@ impl TaskKind {
         ]
     }
 
-    /// Returns its parameters, to be read or set. Those of a sweep are numbers of the ground station's planner, and not among
-    /// them.
+    /// Returns its parameters, to be read or set. Those of a sweep are numbers of the ground station's planner, and the items of
+    /// a stored mission are the autopilot's: neither is among them.
     pub fn parameters(&mut self) -> Vec<TaskParameter<'_>> {
         match self {
             TaskKind::Legs { places } => {
@@ -209,14 +221,19 @@ impl TaskKind {
                     TaskParameter::Number(duration_ms, long),
                 ]
             }
-            TaskKind::Sweep { .. } | TaskKind::Browse | TaskKind::Search | TaskKind::Explore => {
-                Vec::new()
-            }
+            TaskKind::Sweep { .. }
+            | TaskKind::Browse
+            | TaskKind::Search
+            | TaskKind::Explore
+            | TaskKind::Stored { .. } => Vec::new(),
         }
     }
 
     /// Returns all places that it names, in their order.
     pub fn places(&self) -> Vec<Position> {
+        if let TaskKind::Stored { items, .. } = self {
+            return items.iter().filter_map(StoredItem::place).collect();
+        }
         let mut task = self.clone();
         let places = task
             .parameters()
@@ -230,13 +247,14 @@ impl TaskKind {
 
     /// Returns why it is impossible, if it is.
     pub(crate) fn check(&self) -> CheckResult {
-        if let TaskKind::Sweep {
-            dwell_ms,
-            dwell_limit_ms,
-            ..
-        } = self
-        {
-            require(dwell_ms <= dwell_limit_ms, "a dwell is at most its limit")?;
+        match self {
+            TaskKind::Sweep {
+                dwell_ms,
+                dwell_limit_ms,
+                ..
+            } => require(dwell_ms <= dwell_limit_ms, "a dwell is at most its limit")?,
+            TaskKind::Stored { items, from } => stored::check(items, *from)?,
+            _ => {}
         }
         let mut task = self.clone();
         task.parameters().iter().try_for_each(TaskParameter::check)
@@ -343,13 +361,14 @@ mod tests {
     }
 
     #[test]
-    fn files_name_every_kind_but_sweeps_and_legs_each_by_a_word_of_its_own() {
+    fn files_name_every_kind_but_three_each_by_a_word_of_its_own() {
         let named: Vec<MissionKind> = TaskKind::named_in_files()
             .iter()
             .map(MissionKind::from)
             .collect();
         let mut expected = kinds();
-        expected.retain(|kind| ![MissionKind::Sweep, MissionKind::Legs].contains(kind));
+        let by_other_words = [MissionKind::Sweep, MissionKind::Legs, MissionKind::Stored];
+        expected.retain(|kind| !by_other_words.contains(kind));
         assert_eq!(named, expected);
         let words: std::collections::BTreeSet<&str> =
             kinds().into_iter().map(MissionKind::word).collect();

@@ -102,6 +102,7 @@ fn mission_kind() -> impl Strategy<Value = MissionKind> {
         MissionKind::Pathfind,
         MissionKind::Explore,
         MissionKind::Patrol,
+        MissionKind::Stored,
     ])
 }
 
@@ -842,7 +843,32 @@ fn task_kind() -> impl Strategy<Value = TaskKind> {
                 duration_ms,
             }
         }),
+        stored(),
     ]
+}
+
+fn stored() -> impl Strategy<Value = TaskKind> {
+    let parameters = any::<[f32; 4]>().prop_map(|numbers| numbers.map(Parameter::from));
+    let item = prop_oneof![
+        (position(), any::<u32>()).prop_map(|(at, stay_ms)| StoredItem::Waypoint { at, stay_ms }),
+        any::<i32>().prop_map(|height_mm| StoredItem::Takeoff { height_mm }),
+        (position(), any::<u32>()).prop_map(|(at, time_ms)| StoredItem::Loiter { at, time_ms }),
+        any::<u32>().prop_map(StoredItem::Delay),
+        option::of(position()).prop_map(StoredItem::Land),
+        Just(StoredItem::Return),
+        any::<u32>().prop_map(StoredItem::Speed),
+        any::<(u8, u16)>().prop_map(|(channel, pulse_us)| StoredItem::Servo { channel, pulse_us }),
+        any::<u32>().prop_map(StoredItem::Yaw),
+        any::<Option<u16>>().prop_map(|times| StoredItem::Jump { to: 1, times }),
+        (any::<u16>(), option::of(position()), parameters).prop_map(|(command, at, parameters)| {
+            StoredItem::Other {
+                command,
+                at,
+                parameters,
+            }
+        }),
+    ];
+    vec(item, 1..9).prop_map(|items| TaskKind::Stored { items, from: 1 })
 }
 
 fn task() -> impl Strategy<Value = Task> {
@@ -853,8 +879,11 @@ fn task() -> impl Strategy<Value = Task> {
         option::of(run()),
         task_kind(),
     )
-        .prop_map(|(lease, run, members, compare_with, kind)| {
+        .prop_map(|(lease, run, mut members, compare_with, kind)| {
             let compare_with = compare_with.filter(|other| *other != run);
+            if matches!(kind, TaskKind::Stored { .. }) {
+                members.truncate(1);
+            }
             Task {
                 lease,
                 run,

@@ -578,6 +578,45 @@ pub fn variants() -> Vec<(&'static str, Message)> {
                 duration_ms: 600_000,
             }),
         ),
+        (
+            "task-stored",
+            Message::Task(Task {
+                members: vec![VehicleId(2)],
+                compare_with: None,
+                kind: TaskKind::Stored {
+                    items: stored_items(corners[0]),
+                    from: 2,
+                },
+                ..task()
+            }),
+        ),
         ("image-last-part", Message::Image(last)),
+    ]
+}
+
+/// One item of each kind.
+fn stored_items(at: Position) -> Vec<StoredItem> {
+    vec![
+        StoredItem::Takeoff { height_mm: 3000 },
+        StoredItem::Waypoint { at, stay_ms: 1500 },
+        StoredItem::Speed(500),
+        StoredItem::Servo {
+            channel: 9,
+            pulse_us: 1700,
+        },
+        StoredItem::Loiter { at, time_ms: 4000 },
+        StoredItem::Yaw(1571),
+        StoredItem::Delay(2000),
+        StoredItem::Jump {
+            to: 2,
+            times: Some(3),
+        },
+        StoredItem::Other {
+            command: 82,
+            at: Some(at),
+            parameters: [0.0, 0.5, f32::NAN, -1.0].map(Parameter::from),
+        },
+        StoredItem::Land(None),
+        StoredItem::Return,
     ]
 }

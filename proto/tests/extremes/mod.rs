@@ -286,6 +286,21 @@ pub fn task(places: Vec<Position>) -> Task {
     }
 }
 
+/// Returns the longest task.
+fn stored() -> Task {
+    let item = StoredItem::Other {
+        command: u16::MAX,
+        at: Some(position()),
+        parameters: [f32::NAN; 4].map(Parameter::from),
+    };
+    let items = vec![item; STORED_ITEMS_MAX];
+    Task {
+        members: vehicles(1),
+        kind: TaskKind::Stored { items, from: 717 },
+        ..task(vec![position()])
+    }
+}
+
 fn image() -> Image {
     let covariance = Covariance {
         xx_mm2: u32::MAX,
@@ -409,7 +424,7 @@ pub fn extremes() -> Vec<Message> {
             open,
             lifted: names(64),
         }),
-        Message::Task(task(vec![position(); 1000])),
+        Message::Task(stored()),
         Message::Image(image()),
     ]
 }
