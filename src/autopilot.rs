@@ -16,6 +16,7 @@ mod motors;
 mod movement;
 mod report;
 mod steering;
+mod stored;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]
@@ -25,7 +26,10 @@ pub use autopilot_command::AutopilotCommand;
 pub use command::{Ack, ArmRefusal, Command, CommandAck, FlightMode, NumberedCommand, VehicleKind};
 pub use item::Item;
 pub use link::{AutopilotLink, CommandPurpose, LinkEvent, Reason};
-pub use report::{AutopilotReport, ControlStatus, Motion, RemoteSwitch, SystemStatus, Telemetry};
+pub use report::{
+    AutopilotReport, ControlStatus, Motion, RemoteSwitch, StoredPhase, StoredProgress,
+    StoredReport, SystemStatus, Telemetry,
+};
 
 use serde::{Deserialize, Serialize};
 

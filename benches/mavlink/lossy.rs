@@ -191,7 +191,7 @@ impl Trip {
                     altitude_m: 0.0,
                     delay: Duration::ZERO,
                 };
-                to_wire(&item, &frame())
+                to_wire(&item, &frame()).unwrap()
             })
             .collect();
         let end = self.upload(items.clone());

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::item::Item;
 use crate::geom::{Angle, Point};
 
 /// What the autopilot shall do.
@@ -16,6 +17,13 @@ pub enum AutopilotCommand {
     },
     /// Turn on the spot.
     Turn(Angle),
+    /// Store this mission, and carry it out.
+    FollowStored {
+        /// Its items; item 0 is home.
+        items: Vec<Item>,
+        /// The item that it begins with.
+        from: usize,
+    },
     /// Brake and stand.
     Stop,
     /// Let the motors turn again; no effect on one that is armed, nor while somebody else steers. It follows from an order

@@ -4,6 +4,7 @@
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
+use tomoswarm_proto::{Parameter, StoredItem};
 
 use super::command::VehicleKind;
 use crate::geom::{Angle, Point};
@@ -68,6 +69,60 @@ pub enum Item {
         /// How often; `None` = for ever. After that the next item follows.
         times: Option<u16>,
     },
+    /// A command of MAVLink that only an autopilot knows.
+    Other {
+        /// Its number (MAV_CMD).
+        command: u16,
+        /// The place, if it names one.
+        at: Option<Point>,
+        /// Altitude above home, metres.
+        altitude_m: f64,
+        /// Its first four parameters; one that is no number is the autopilot's own to choose.
+        parameters: [f32; 4],
+    },
+}
+
+impl From<&StoredItem> for Item {
+    fn from(stored: &StoredItem) -> Item {
+        let milliseconds = |time_ms: u32| Duration::from_millis(u64::from(time_ms));
+        match *stored {
+            StoredItem::Waypoint { at, stay_ms } => Item::Waypoint {
+                at: at.into(),
+                altitude_m: at.z_m(),
+                delay: milliseconds(stay_ms),
+            },
+            StoredItem::Takeoff { height_mm } => Item::Takeoff {
+                altitude_m: f64::from(height_mm) / 1000.0,
+            },
+            StoredItem::Loiter { at, time_ms } => Item::Loiter {
+                at: at.into(),
+                altitude_m: at.z_m(),
+                time: milliseconds(time_ms),
+            },
+            StoredItem::Delay(time_ms) => Item::Delay(milliseconds(time_ms)),
+            StoredItem::Land(at) => Item::Land {
+                at: at.map(Point::from),
+            },
+            StoredItem::Return => Item::Return,
+            StoredItem::Speed(speed_mmps) => Item::Speed(f64::from(speed_mmps) / 1000.0),
+            StoredItem::Servo { channel, pulse_us } => Item::Servo { channel, pulse_us },
+            StoredItem::Yaw(heading) => Item::Yaw(Angle::from_radians(heading.radians())),
+            StoredItem::Jump { to, times } => Item::Jump {
+                to: usize::from(to),
+                times,
+            },
+            StoredItem::Other {
+                command,
+                at,
+                parameters,
+            } => Item::Other {
+                command,
+                at: at.map(Point::from),
+                altitude_m: at.map_or(0.0, |at| at.z_m()),
+                parameters: parameters.map(Parameter::number),
+            },
+        }
+    }
 }
 
 /// Why a mission is not taken; the stored one stays.
@@ -119,6 +174,21 @@ impl ItemError {
 }
 
 impl Item {
+    /// Returns the place to which it leads.
+    pub fn place(&self) -> Option<Point> {
+        match self {
+            Item::Waypoint { at, .. } | Item::Loiter { at, .. } => Some(*at),
+            Item::Land { at } | Item::Other { at, .. } => *at,
+            Item::Takeoff { .. }
+            | Item::Delay(_)
+            | Item::Return
+            | Item::Speed(_)
+            | Item::Servo { .. }
+            | Item::Yaw(_)
+            | Item::Jump { .. } => None,
+        }
+    }
+
     /// Returns whether it takes its time (a NAV item, or a condition); the others are done at once.
     pub fn takes_time(&self) -> bool {
         match self {
@@ -129,7 +199,7 @@ impl Item {
             | Item::Land { .. }
             | Item::Return
             | Item::Yaw(_) => true,
-            Item::Speed(_) | Item::Servo { .. } | Item::Jump { .. } => false,
+            Item::Speed(_) | Item::Servo { .. } | Item::Jump { .. } | Item::Other { .. } => false,
         }
     }
 
@@ -152,6 +222,7 @@ impl Item {
             Item::Yaw(heading) => check_number(item, heading.radians().is_finite()),
             Item::Delay(_) | Item::Return => Ok(()),
             Item::Jump { to, .. } => check_number(item, (1..items).contains(to)),
+            Item::Other { .. } => Err(ItemError::Unsupported { item }),
         }
     }
 }

@@ -7,7 +7,9 @@
 //!   want: Stop, Disarm ─────────────────► a command at once, past what waits; again until telemetry shows it
 //!   want: Arm ──► mode, then arm ──┐
 //!   want: Drive, Turn ──► mode, then ├──► one command at a time; again until it is answered, three times at most
-//!                      route, turn ──┘
+//!                      route, turn ──┤
+//!   want: FollowStored ──► upload,   │
+//!            item, then mode AUTO ───┘
 //!   report ──► telemetry, status; who steers, what was reached
 //! ```
 //!
@@ -17,7 +19,7 @@
 //! unless it comes down.
 //!
 //! Its parts are machines of their own, each drawn in its file: who steers (`steering.rs`), the motors (`motors.rs`), moving
-//! (`movement.rs`). Deadlines: `autopilot silent`, `answer late`, `stop not shown`, `disarming not shown`, `arming`, `too
+//! (`movement.rs`), a stored mission (`stored.rs`). Deadlines: `autopilot silent`, `answer late`, `stop not shown`, `disarming not shown`, `arming`, `too
 //! late to set out`.
 
 use std::time::Duration;
@@ -31,8 +33,9 @@ use super::command::{Ack, Command, CommandAck, FlightMode, NumberedCommand, Vehi
 pub use super::messages::{CommandPurpose, In, LinkEvent, Out, Reason};
 use super::motors::{ARM_AGAIN, Motors};
 use super::movement::DriveUnderWay;
-use super::report::{AutopilotReport, ControlStatus, Motion};
+use super::report::{AutopilotReport, ControlStatus, Motion, SystemStatus};
 use super::steering::{LinkHealth, Steering};
+use super::stored::StoredWant;
 use crate::actor::{Actor, Fault};
 use crate::time::{Deadline, Time};
 
@@ -42,6 +45,8 @@ pub(super) const RESEND_AFTER: Duration = Duration::from_millis(300);
 const RESEND_AFTER_INTO_SILENCE: Duration = Duration::from_secs(1);
 /// That a drive was given up for one reason is said this often at most.
 const REMARK_AGAIN: Duration = Duration::from_secs(10);
+/// A mission of 700 items over a slow link that loses packets takes a minute, and as long to be read back.
+const UPLOADED_WITHIN: Duration = Duration::from_secs(180);
 /// A command is said so often at most.
 pub(super) const TRIES: u8 = 3;
 
@@ -58,7 +63,12 @@ impl Pending {
     fn due(&self) -> Time {
         match self.purpose {
             CommandPurpose::Arm => self.sent_at + ARM_AGAIN,
-            CommandPurpose::ChangeMode | CommandPurpose::Move => self.sent_at + RESEND_AFTER,
+            CommandPurpose::Stored if matches!(self.sent.command, Command::Upload(_)) => {
+                self.sent_at + UPLOADED_WITHIN
+            }
+            CommandPurpose::ChangeMode | CommandPurpose::Move | CommandPurpose::Stored => {
+                self.sent_at + RESEND_AFTER
+            }
         }
     }
 }
@@ -74,6 +84,7 @@ pub struct AutopilotLink {
     report: Option<AutopilotReport>,
     pub(super) motors: Motors,
     pub(super) movement: DriveUnderWay,
+    stored: StoredWant,
     pending: Option<Pending>,
     /// What the vehicle knows.
     status: ControlStatus,
@@ -92,6 +103,7 @@ impl AutopilotLink {
             report: None,
             motors: Motors::default(),
             movement: DriveUnderWay::default(),
+            stored: StoredWant::default(),
             pending: None,
             status: ControlStatus::default(),
             emitted: None,
@@ -103,13 +115,24 @@ impl AutopilotLink {
             AutopilotCommand::Drive { .. } | AutopilotCommand::Turn(_) => {
                 if self.may_steer() && !self.motors.is_disarming() {
                     self.drop_pending_move();
+                    self.stored.drop_wanted();
                     self.motors.go_on();
                     self.movement.wait(now, fly);
                 }
             }
+            AutopilotCommand::FollowStored { items, from } => {
+                if self.may_steer() && !self.motors.is_disarming() {
+                    self.drop_pending_move();
+                    self.motors.go_on();
+                    self.movement = DriveUnderWay::Idle;
+                    self.stored.follow(items, from);
+                }
+            }
             AutopilotCommand::Stop => {
-                self.pending
-                    .take_if(|pending| pending.purpose != CommandPurpose::ChangeMode);
+                self.pending.take_if(|pending| {
+                    pending.purpose != CommandPurpose::ChangeMode || pending.sent.command.moves()
+                });
+                self.stored.drop_wanted();
                 self.motors.postpone();
                 match self.steering {
                     Steering::Ours(_) | Steering::Own => self.movement.stop(now, RESEND_AFTER),
@@ -128,6 +151,7 @@ impl AutopilotLink {
             AutopilotCommand::Disarm => {
                 self.drop_pending();
                 self.movement.give_up_waiting();
+                self.stored.drop_wanted();
                 self.motors.disarm();
             }
         }
@@ -137,22 +161,31 @@ impl AutopilotLink {
         let was_silent = self.report.is_some() && !self.hearing.is_heard();
         self.hearing = LinkHealth::Heard { at: now };
         self.report = Some(report);
+        if was_silent || report.status == SystemStatus::Booting {
+            self.stored.doubt();
+        }
+        let is_over = self.stored.may_have_ended(now, report.stored);
         if self
             .steering
-            .take(now, report.mode, report.status, was_silent)
+            .take(now, (report.mode, report.status), was_silent, is_over)
         {
             self.let_go(report.mode, out);
         }
+        self.stored.take(now, report.mode, report.stored);
         self.motors.take(now, report.is_armed);
-        self.movement.take(report.motion == Motion::Resting);
+        // In AUTO it may rest for a moment only, and go on by itself.
+        let has_stopped = report.motion == Motion::Resting && report.mode != FlightMode::Auto;
+        self.movement.take(has_stopped);
         self.say_status(out);
-        out.push(Out::Telemetry(report.telemetry()));
+        out.push(Out::Telemetry(report.telemetry(self.stored.progress())));
     }
 
     /// Somebody else has taken over: what was wanted is not wanted any more, but for a disarming.
     fn let_go(&mut self, mode: FlightMode, out: &mut Vec<Out>) {
         self.drop_pending();
         self.movement = DriveUnderWay::Idle;
+        self.stored.drop_wanted();
+        self.stored.doubt();
         self.motors.let_go();
         out.push(Out::LinkEvent(match self.steering {
             Steering::Own => LinkEvent::ActsByItself(mode),
@@ -174,7 +207,13 @@ impl AutopilotLink {
             (CommandPurpose::Arm, _) => {}
             (CommandPurpose::ChangeMode, CommandAck::Accepted) => self.steering.change_accepted(),
             (CommandPurpose::Move, CommandAck::Accepted) => self.movement.give_up_waiting(),
-            (purpose @ (CommandPurpose::ChangeMode | CommandPurpose::Move), refused) => {
+            (CommandPurpose::Stored, CommandAck::Accepted) => self.stored.accepted(),
+            (
+                purpose @ (CommandPurpose::ChangeMode
+                | CommandPurpose::Move
+                | CommandPurpose::Stored),
+                refused,
+            ) => {
                 self.give_up(now, purpose, Reason::Refused(refused), out);
             }
         }
@@ -187,6 +226,7 @@ impl AutopilotLink {
         if !self.may_steer() {
             self.drop_pending();
             self.movement.give_up_waiting();
+            self.stored.fail();
             return;
         }
         self.see_through(now, out);
@@ -273,12 +313,14 @@ impl AutopilotLink {
             {
                 self.give_up(now, CommandPurpose::Move, Reason::TooLate, out);
             }
-            CommandPurpose::ChangeMode | CommandPurpose::Move if pending.tries < TRIES => {
+            CommandPurpose::ChangeMode | CommandPurpose::Move | CommandPurpose::Stored
+                if pending.tries < TRIES && !matches!(pending.sent.command, Command::Upload(_)) =>
+            {
                 self.send(now, pending.purpose, pending.sent, pending.tries + 1, out);
             }
-            purpose @ (CommandPurpose::ChangeMode | CommandPurpose::Move) => {
-                self.give_up(now, purpose, Reason::NotDone, out)
-            }
+            purpose @ (CommandPurpose::ChangeMode
+            | CommandPurpose::Move
+            | CommandPurpose::Stored) => self.give_up(now, purpose, Reason::NotDone, out),
         }
     }
 
@@ -295,7 +337,7 @@ impl AutopilotLink {
         }
         self.give_up_when_late(now, out);
         let DriveUnderWay::Waiting { fly, .. } = &self.movement else {
-            return;
+            return self.go_on_with_stored(now, out);
         };
         if !self.has_current() {
             self.give_up(now, CommandPurpose::Move, Reason::NotArmed, out);
@@ -307,12 +349,27 @@ impl AutopilotLink {
         }
     }
 
+    /// Takes the next step toward a stored mission.
+    fn go_on_with_stored(&mut self, now: Time, out: &mut Vec<Out>) {
+        let Some(command) = self.stored.next_command(self.steering.own_mode()) else {
+            return;
+        };
+        if !self.has_current() {
+            return self.give_up(now, CommandPurpose::Stored, Reason::NotArmed, out);
+        }
+        let purpose = match command {
+            Command::Mode(_) => CommandPurpose::ChangeMode,
+            _ => CommandPurpose::Stored,
+        };
+        self.begin(now, purpose, command, out);
+    }
+
     /// Takes the next step of an arming: the mode first.
     fn arm(&mut self, now: Time, out: &mut Vec<Out>) {
         if let Some(reason) = self.motors.is_given_up(now) {
             let reason = reason.map_or(Reason::NotDone, Reason::WillNotArm);
             self.give_up(now, CommandPurpose::Arm, reason, out);
-        } else if self.steering.own_mode() != Some(FlightMode::Guided) {
+        } else if self.steering.own_mode() != Some(FlightMode::Guided) && !self.is_out() {
             self.change_mode(now, out);
         } else {
             self.motors
@@ -327,6 +384,12 @@ impl AutopilotLink {
                 self.send(now, CommandPurpose::Arm, sent, 1, out);
             }
         }
+    }
+
+    /// Returns whether it carries out what it stores, and has current: a start said again changes nothing.
+    fn is_out(&self) -> bool {
+        let is_armed = self.report.is_some_and(|report| report.is_armed);
+        is_armed && self.steering.own_mode() == Some(FlightMode::Auto)
     }
 
     fn give_up_when_late(&mut self, now: Time, out: &mut Vec<Out>) {
@@ -367,6 +430,7 @@ impl AutopilotLink {
             AutopilotCommand::Stop
             | AutopilotCommand::Arm
             | AutopilotCommand::TakeBack
+            | AutopilotCommand::FollowStored { .. }
             | AutopilotCommand::Disarm => Command::Stop,
         }
     }
@@ -379,9 +443,11 @@ impl AutopilotLink {
                     self.motors = Motors::GivenUp;
                 }
                 self.movement.give_up_waiting();
+                self.stored.fail();
             }
             CommandPurpose::Arm => self.motors = Motors::GivenUp,
             CommandPurpose::Move => self.movement.give_up_waiting(),
+            CommandPurpose::Stored => self.stored.fail(),
         }
         // A vehicle that may not move tries again and again.
         let event = LinkEvent::GivenUp(purpose, reason);
@@ -445,10 +511,13 @@ impl AutopilotLink {
         }
     }
 
-    /// Forgets a drive or a turn that waits for its answer.
+    /// Forgets a drive, a turn or a step toward a stored mission that waits for its answer.
     fn drop_pending_move(&mut self) {
-        self.pending
-            .take_if(|pending| pending.purpose == CommandPurpose::Move);
+        self.pending.take_if(|pending| match pending.purpose {
+            CommandPurpose::Move | CommandPurpose::Stored => true,
+            CommandPurpose::ChangeMode => pending.sent.command.moves(),
+            CommandPurpose::Arm => false,
+        });
     }
 
     fn say_status(&mut self, out: &mut Vec<Out>) {

@@ -65,6 +65,8 @@ pub enum CommandPurpose {
     Arm,
     /// A drive, a turn, a take-off.
     Move,
+    /// A mission that the autopilot is to store, or the item with which it is to go on.
+    Stored,
 }
 
 impl fmt::Display for CommandPurpose {
@@ -73,6 +75,7 @@ impl fmt::Display for CommandPurpose {
             CommandPurpose::ChangeMode => "the change of its mode",
             CommandPurpose::Arm => "arming",
             CommandPurpose::Move => "a movement",
+            CommandPurpose::Stored => "a stored mission",
         })
     }
 }

@@ -30,6 +30,39 @@ pub struct AutopilotReport {
     pub status: SystemStatus,
     /// Where the switch of its remote control stands; `None` = nowhere that means something.
     pub switch: Option<RemoteSwitch>,
+    /// How far it is with the mission that it stores.
+    pub stored: StoredReport,
+}
+
+/// How far an autopilot is with the mission that it stores, as it says itself.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+pub struct StoredReport {
+    /// The item under way, or begun last; 0 = none.
+    pub item: u16,
+    /// Whether the last one is done.
+    pub is_over: bool,
+}
+
+/// How far an autopilot is with the mission that the vehicle wants.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub struct StoredProgress {
+    /// The item under way, counted from 1; 0 before the first.
+    pub item: u16,
+    /// What becomes of it.
+    pub phase: StoredPhase,
+}
+
+/// What becomes of a stored mission.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub enum StoredPhase {
+    /// It is on its way into the autopilot, or about to begin.
+    Preparing,
+    /// It is being carried out.
+    UnderWay,
+    /// Its last item is done.
+    Over,
+    /// The autopilot does not take it, or does not begin it.
+    Failed,
 }
 
 /// Where a switch of a remote control stands: what a person beside the vehicle wants of it.
@@ -78,6 +111,8 @@ pub struct Telemetry {
     pub motion: Motion,
     /// Whether the motors have current.
     pub is_armed: bool,
+    /// How far the mission is that the autopilot was told to store; `None` = none is wanted.
+    pub stored: Option<StoredProgress>,
 }
 
 /// What the vehicle is told when it changes.
@@ -103,8 +138,8 @@ impl Default for ControlStatus {
 }
 
 impl AutopilotReport {
-    /// Returns what of it the vehicle is told every time.
-    pub fn telemetry(&self) -> Telemetry {
+    /// Returns what of it the vehicle is told every time, and how far the mission is that it was told to store.
+    pub fn telemetry(&self, stored: Option<StoredProgress>) -> Telemetry {
         let AutopilotReport {
             pose,
             speed_mps,
@@ -119,6 +154,7 @@ impl AutopilotReport {
             battery,
             motion,
             is_armed,
+            stored,
         }
     }
 }

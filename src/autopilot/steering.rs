@@ -112,18 +112,21 @@ impl Default for Steering {
 }
 
 impl Steering {
-    /// Takes what a report tells; `was_silent` when there was none for a while before it. Returns whether somebody else has
-    /// taken over just now.
+    /// Takes what a report tells; `was_silent` when there was none for a while before it, `is_over` when the stored mission may
+    /// be done, after which it stands in another mode. Returns whether somebody else has taken over just now.
     pub(super) fn take(
         &mut self,
         now: Time,
-        mode: FlightMode,
-        status: SystemStatus,
+        (mode, status): (FlightMode, SystemStatus),
         was_silent: bool,
+        is_over: bool,
     ) -> bool {
         let Steering::Ours(modes) = self else {
             return false;
         };
+        if is_over {
+            modes.take_end_of_auto(now, mode);
+        }
         if modes.explain(now, mode) {
             return false;
         }
@@ -236,6 +239,23 @@ impl OwnModes {
                 self.expected = Some(shown);
                 is_recent
             }
+        }
+    }
+
+    /// Takes HOLD, into which a rover goes by itself when its mission is over. One of before may be older.
+    fn take_end_of_auto(&mut self, now: Time, shown: FlightMode) {
+        let is_recent = self
+            .changed
+            .is_some_and(|at| now.since(at) <= OLD_MODE_SHOWS);
+        let may_be_old = is_recent && self.before.contains(&shown);
+        if may_be_old || shown != FlightMode::Hold {
+            return;
+        }
+        if self.expected == Some(FlightMode::Auto) && self.change != ChangeOfMode::Told {
+            self.remember_expected();
+            (self.expected, self.change) = (Some(shown), ChangeOfMode::Accepted);
+        } else if self.before.contains(&FlightMode::Auto) && !self.before.contains(&shown) {
+            self.before.push(shown);
         }
     }
 

@@ -1,6 +1,6 @@
 //! What tests use that let an autopilot say something of itself.
 
-use super::{AutopilotReport, FlightMode, Motion, SystemStatus};
+use super::{AutopilotReport, FlightMode, Motion, StoredReport, SystemStatus};
 use crate::geom::{Angle, Point, Pose};
 
 /// A report of an autopilot at the datum: at rest on the ground, armed, in GUIDED.
@@ -20,5 +20,6 @@ pub(crate) fn resting_report() -> AutopilotReport {
         is_armed: true,
         status: SystemStatus::Active,
         switch: None,
+        stored: StoredReport::default(),
     }
 }

@@ -4,14 +4,15 @@
 //! mission does with its places is decided by the vehicle, see `node::mission`.
 
 use tomoswarm_proto::{
-    MissionKind, Position, TASK_PLACES_MAX, TaskKind, TaskNumber, TaskParameter, TaskUnit,
+    MissionKind, Position, STORED_ITEMS_MAX, TASK_PLACES_MAX, TaskKind, TaskNumber, TaskParameter,
+    TaskUnit,
 };
 
 use super::Loader;
 use super::forms::{FileName, MaybePlace, places};
 use super::keys::{Form, KeyEntry, Keyed, Keys, Number, NumberBounds, Whole, Word, Words};
 use super::mission::PlannerChoice;
-use super::problem::Problems;
+use super::problem::{Problem, Problems};
 use super::section::Section;
 use super::source::Source;
 use super::venue::Venue;
@@ -27,6 +28,11 @@ enum WrittenKind {
     Square,
     /// Straight from place to place.
     Waypoints,
+    /// What an autopilot stores and carries out, from this item on.
+    Stored {
+        /// The item, counted from 1.
+        from: usize,
+    },
     /// A mission with the word that it travels by; it has its numbers, and no places yet.
     Named(TaskKind),
 }
@@ -45,6 +51,7 @@ const WORDS: &[(&str, WrittenKind)] = &[
     ),
     ("square", WrittenKind::Square),
     ("waypoints", WrittenKind::Waypoints),
+    ("stored", WrittenKind::Stored { from: 1 }),
 ];
 
 impl WrittenKind {
@@ -64,6 +71,7 @@ impl Word for WrittenKind {
     fn chosen(&self) -> &'static str {
         match self {
             WrittenKind::Named(task) => MissionKind::from(task).word(),
+            WrittenKind::Stored { .. } => MissionKind::Stored.word(),
             WrittenKind::Sweep(_) | WrittenKind::Square | WrittenKind::Waypoints => WORDS
                 .iter()
                 .find(|(_, kind)| kind == self)
@@ -114,15 +122,26 @@ impl MissionTable {
     pub(super) fn is_planned_by_ground(&self) -> bool {
         match self.kind {
             WrittenKind::Sweep(_) => true,
-            WrittenKind::Square | WrittenKind::Waypoints | WrittenKind::Named(_) => false,
+            WrittenKind::Square
+            | WrittenKind::Waypoints
+            | WrittenKind::Stored { .. }
+            | WrittenKind::Named(_) => false,
         }
+    }
+
+    /// Returns whether it is one vehicle's alone.
+    pub(super) fn is_of_one(&self) -> bool {
+        matches!(self.kind, WrittenKind::Stored { .. })
     }
 
     /// Returns the planner that its kind of sweep needs.
     pub(super) fn planner(&self) -> Option<PlannerChoice> {
         match self.kind {
             WrittenKind::Sweep(planner) => planner,
-            WrittenKind::Square | WrittenKind::Waypoints | WrittenKind::Named(_) => None,
+            WrittenKind::Square
+            | WrittenKind::Waypoints
+            | WrittenKind::Stored { .. }
+            | WrittenKind::Named(_) => None,
         }
     }
 
@@ -144,6 +163,7 @@ impl MissionTable {
             WrittenKind::Waypoints => Some(TaskKind::Legs {
                 places: positions(places.list(source, venue, loader)),
             }),
+            WrittenKind::Stored { from } => places.stored(*from, source, venue, loader),
             WrittenKind::Named(task) => {
                 let mut task = task.clone();
                 for parameter in task.parameters() {
@@ -176,6 +196,22 @@ impl Keyed for MissionTable {
             WrittenKind::Sweep(_) => {}
             WrittenKind::Square => places.square_keys(to),
             WrittenKind::Waypoints => places.list_keys(true, to),
+            WrittenKind::Stored { from } => {
+                let means = "the mission that the autopilot stores, `.waypoints` (QGC WPL 110) or `.plan` of QGroundControl: \
+                             jumps, servos, landings and whatever else it knows; every place must lie inside the fence";
+                let needed = "the file of a mission is needed, .waypoints or .plan";
+                places.file_key((Some(needed), means), to);
+                let (name, means) = ("from", "the item that it begins with, counted from 1");
+                to.whole(
+                    from,
+                    Whole {
+                        name,
+                        default: 1,
+                        allowed: 1..=STORED_ITEMS_MAX,
+                        means,
+                    },
+                );
+            }
             WrittenKind::Named(task) => {
                 task.parameters()
                     .into_iter()
@@ -253,22 +289,44 @@ impl WrittenPlaces {
         let Some(path) = &self.file else {
             return self.waypoints_m.clone();
         };
-        let text = match loader(path) {
-            Ok(text) => text,
-            Err(reason) => {
-                let needed = "a waypoint file (QGC WPL 110) or a plan of QGroundControl is needed";
-                source.refuse(FILE, &format!("{path} cannot be read: {reason}"), needed);
-                return Vec::new();
-            }
-        };
-        match (WaypointFile::read(path, &text), venue) {
-            (Err(problems), _) => {
-                source.absorb(problems);
-                Vec::new()
-            }
-            (Ok(_), None) => Vec::new(),
-            (Ok(file), Some(venue)) => places_of(source, path, &file, venue),
+        let file = mission_file(path, WaypointFile::read, source, loader);
+        match (file, venue) {
+            (None, _) | (Some(_), None) => Vec::new(),
+            (Some(file), Some(venue)) => places_of(source, path, &file, venue),
         }
+    }
+
+    /// Returns the mission that an autopilot is to store.
+    fn stored(
+        &self,
+        from: usize,
+        source: &Source<'_>,
+        venue: Option<&Venue>,
+        loader: &mut Loader,
+    ) -> Option<TaskKind> {
+        let path = self.file.as_ref()?;
+        let (file, venue) = (
+            mission_file(path, WaypointFile::read_stored, source, loader)?,
+            venue?,
+        );
+        let items = file.stored_items(path, venue);
+        let problems = outside(path, &file, &file.points(&venue.plane()), venue);
+        if !problems.is_empty() {
+            source.absorb(Problems::new(path, problems));
+            return None;
+        }
+        match items {
+            Err(problems) => source.absorb(problems),
+            Ok(items) if from > items.len() => {
+                let wrong = format!("is none of the {} items of {path}", items.len());
+                source.refuse("mission.from", &wrong, "an item of the file is needed");
+            }
+            Ok(items) => {
+                let from = u16::try_from(from).unwrap_or(u16::MAX);
+                return Some(TaskKind::Stored { items, from });
+            }
+        }
+        None
     }
 
     /// Returns the places, or without them the corners of the square.
@@ -341,26 +399,30 @@ impl WrittenPlaces {
         );
     }
 
+    fn file_key(
+        &mut self,
+        (needed, means): (Option<&'static str>, &'static str),
+        to: &mut dyn Keys,
+    ) {
+        let name = &mut self.file;
+        let entry = KeyEntry {
+            name: "file",
+            left_out: "",
+            means,
+        };
+        to.form(&mut FileName { name, needed }, entry);
+    }
+
     fn list_keys(&mut self, is_needed: bool, to: &mut dyn Keys) {
+        let means = "file of the places, `.waypoints` (QGC WPL 110) or `.plan` of QGroundControl; every place must lie \
+                     inside the fence";
+        self.file_key((None, means), to);
         let WrittenPlaces {
             size_m: _,
             centre_m: _,
             waypoints_m,
             file,
         } = self;
-        let means = "file of the places, `.waypoints` (QGC WPL 110) or `.plan` of QGroundControl; every place must lie \
-                     inside the fence";
-        to.form(
-            &mut FileName {
-                name: file,
-                needed: None,
-            },
-            KeyEntry {
-                name: "file",
-                left_out: "",
-                means,
-            },
-        );
         let is_needed = is_needed && file.is_none();
         let mut waypoints = Waypoints {
             places: waypoints_m,
@@ -427,6 +489,41 @@ fn places_of(source: &Source<'_>, path: &str, file: &WaypointFile, venue: &Venue
             &format!("1 to {TASK_PLACES_MAX} places are allowed"),
         );
     }
+    let problems = outside(path, file, &places, venue);
+    if !problems.is_empty() {
+        source.absorb(Problems::new(path, problems));
+        return Vec::new();
+    }
+    places.into_iter().map(|(_, at)| at).collect()
+}
+
+/// Reads a file of a mission; what is wrong is noted at the source.
+fn mission_file(
+    path: &str,
+    read: fn(&str, &str) -> Result<WaypointFile, Problems>,
+    source: &Source<'_>,
+    loader: &mut Loader,
+) -> Option<WaypointFile> {
+    let text = match loader(path) {
+        Ok(text) => text,
+        Err(reason) => {
+            let needed = "a waypoint file (QGC WPL 110) or a plan of QGroundControl is needed";
+            source.refuse(FILE, &format!("{path} cannot be read: {reason}"), needed);
+            return None;
+        }
+    };
+    read(path, &text)
+        .map_err(|problems| source.absorb(problems))
+        .ok()
+}
+
+/// Returns which of the places of a file lie outside the fence, by its lines.
+fn outside(
+    path: &str,
+    file: &WaypointFile,
+    places: &[(usize, Point)],
+    venue: &Venue,
+) -> Vec<Problem> {
     let outside = places.iter().filter(|(_, at)| !venue.fence.contains(*at));
     let problem = |(index, at): &(usize, Point)| {
         let wrong = format!(
@@ -435,10 +532,5 @@ fn places_of(source: &Source<'_>, path: &str, file: &WaypointFile, venue: &Venue
         );
         file.problem(path, *index, &wrong, "places inside the fence are allowed")
     };
-    let problems: Vec<_> = outside.map(problem).collect();
-    if !problems.is_empty() {
-        source.absorb(Problems::new(path, problems));
-        return Vec::new();
-    }
-    places.into_iter().map(|(_, at)| at).collect()
+    outside.map(problem).collect()
 }

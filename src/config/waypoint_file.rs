@@ -9,6 +9,7 @@
 
 mod item;
 mod plan;
+mod stored;
 mod wpl;
 
 use super::problem::{Problem, Problems};
@@ -142,6 +143,22 @@ pub enum MissionItem {
         /// Pulse width, microseconds, 500 to 2500.
         pulse_us: f64,
     },
+    /// Goes on with another item (DO_JUMP, 177).
+    Jump {
+        /// Which, counted from 1.
+        to: usize,
+        /// How often; `None` = for ever.
+        times: Option<u16>,
+    },
+    /// A command whose meaning is not known here.
+    Other {
+        /// Its number (MAV_CMD).
+        command: u16,
+        /// The place, if it names one.
+        at: Option<Target>,
+        /// Its first four parameters; `None` = not given.
+        parameters: [Option<f64>; 4],
+    },
 }
 
 impl MissionItem {
@@ -157,7 +174,9 @@ impl MissionItem {
             | MissionItem::Delay { .. }
             | MissionItem::Yaw { .. }
             | MissionItem::ChangeSpeed { .. }
-            | MissionItem::SetServo { .. } => None,
+            | MissionItem::SetServo { .. }
+            | MissionItem::Jump { .. } => None,
+            MissionItem::Other { at, .. } => at.and_then(|at| at.spot),
         }
     }
 }
@@ -182,14 +201,30 @@ pub struct WaypointFile {
 }
 
 impl WaypointFile {
-    /// Reads a mission; `file_name` is used in messages only.
+    /// Reads a mission for its places; `file_name` is used in messages only.
     ///
     /// # Errors
     ///
     /// All that is wrong (the first fifty things): another format or version, an item that we do not know, numbers
     /// that are none or out of range, places off the planet, too long a file.
     pub fn read(file_name: &str, text: &str) -> Result<WaypointFile, Problems> {
-        let mut notes = Notes::new(file_name);
+        WaypointFile::read_with(Notes::new(file_name), text)
+    }
+
+    /// Reads a mission that an autopilot is to store: with jumps and whatever else it may know.
+    ///
+    /// # Errors
+    ///
+    /// As [`WaypointFile::read`]; of a command that is not known here only the numbers are judged.
+    pub fn read_stored(file_name: &str, text: &str) -> Result<WaypointFile, Problems> {
+        let notes = Notes {
+            takes_all: true,
+            ..Notes::new(file_name)
+        };
+        WaypointFile::read_with(notes, text)
+    }
+
+    fn read_with(mut notes: Notes<'_>, text: &str) -> Result<WaypointFile, Problems> {
         let mut file = WaypointFile {
             home: None,
             items: Vec::new(),
@@ -222,10 +257,32 @@ impl WaypointFile {
                 "at least one item after home is needed",
             );
         }
+        file.note_lost_jumps(&mut notes);
         if notes.found.is_empty() {
             Ok(file)
         } else {
-            Err(Problems::new(file_name, notes.found))
+            Err(Problems::new(notes.file, notes.found))
+        }
+    }
+
+    fn note_lost_jumps(&self, notes: &mut Notes<'_>) {
+        let count = self.items.len();
+        for (item, origin) in self.items.iter().zip(&self.origins) {
+            if let MissionItem::Jump { to, .. } = item
+                && !(1..=count).contains(to)
+            {
+                let (key, allowed) = (
+                    item::param_key(origin, 0),
+                    format!("1 to {count} is allowed"),
+                );
+                notes.add(
+                    origin.line,
+                    &key,
+                    &to.to_string(),
+                    "leads to no item",
+                    &allowed,
+                );
+            }
         }
     }
 
@@ -346,6 +403,8 @@ impl WaypointFile {
 /// What is found wrong while a file is read.
 struct Notes<'a> {
     file: &'a str,
+    /// Commands that are not known here are taken as well.
+    takes_all: bool,
     found: Vec<Problem>,
 }
 
@@ -353,6 +412,7 @@ impl<'a> Notes<'a> {
     fn new(file: &'a str) -> Notes<'a> {
         Notes {
             file,
+            takes_all: false,
             found: Vec::new(),
         }
     }

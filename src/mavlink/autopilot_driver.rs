@@ -198,6 +198,11 @@ impl MavlinkDriver {
         if matches!(command.command, Command::Arm { .. }) && !self.may_be_armed(now, out) {
             return orders::refuse_to_arm(command.number, out);
         }
+        match &command.command {
+            Command::Upload(items) => self.heard.forget_stored(Some(items.len())),
+            Command::SetCurrent(_) => self.heard.forget_stored(None),
+            _ => {}
+        }
         let target = self.target();
         self.orders
             .take(now, command, target, &self.settings, &self.heard, out);

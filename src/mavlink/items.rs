@@ -8,6 +8,8 @@
 
 use std::time::Duration;
 
+use num_traits::FromPrimitive;
+
 use super::dialect::{MISSION_ITEM_INT_DATA, MavCmd, MavFrame, MavMissionResult};
 use super::earth_frame::EarthFrame;
 use crate::autopilot::Item;
@@ -18,6 +20,8 @@ const PER_DEGREE: f64 = 1e7;
 /// The longest stay, seconds.
 const STAY_MAX_S: f64 = 86_400.0;
 
+/// So much of a degree is a few centimetres, 1e-7 degrees.
+const PLACE_KEPT: u32 = 5;
 /// Autopilots keep places in 1e-7 degrees, heights in centimetres, times in whole seconds and headings in whole degrees.
 const PLACE_KEPT_M: f64 = 0.05;
 const HEIGHT_KEPT_M: f64 = 0.02;
@@ -25,8 +29,8 @@ const TIME_KEPT: Duration = Duration::from_secs(1);
 const SPEED_KEPT_MPS: f64 = 0.01;
 const HEADING_KEPT_RAD: f64 = 0.02;
 
-/// Returns an item as it stands on the wire; its number and whom it is for are not set.
-pub fn to_wire(item: &Item, frame: &EarthFrame) -> MISSION_ITEM_INT_DATA {
+/// Returns an item as it stands on the wire; its number and whom it is for are not set. `None` = the dialect has no such command.
+pub fn to_wire(item: &Item, frame: &EarthFrame) -> Option<MISSION_ITEM_INT_DATA> {
     let base = |command| MISSION_ITEM_INT_DATA {
         command,
         frame: MavFrame::MAV_FRAME_GLOBAL_RELATIVE_ALT,
@@ -43,7 +47,7 @@ pub fn to_wire(item: &Item, frame: &EarthFrame) -> MISSION_ITEM_INT_DATA {
         }
     };
     let seconds = |time: Duration| time.as_secs_f64() as f32;
-    match *item {
+    Some(match *item {
         Item::Waypoint {
             at: place,
             altitude_m,
@@ -91,7 +95,32 @@ pub fn to_wire(item: &Item, frame: &EarthFrame) -> MISSION_ITEM_INT_DATA {
             param1: frame.bearing_of(heading).degrees() as f32,
             ..base(MavCmd::MAV_CMD_CONDITION_YAW)
         },
-    }
+        Item::Other {
+            command,
+            at: place,
+            altitude_m,
+            parameters: [param1, param2, param3, param4],
+        } => {
+            let command = MavCmd::from_u16(command)?;
+            MISSION_ITEM_INT_DATA {
+                param1,
+                param2,
+                param3,
+                param4,
+                ..place.map_or(base(command), |place| at(command, place, altitude_m))
+            }
+        }
+    })
+}
+
+/// Returns whether what is stored is the command that was sent, there: its parameters an autopilot keeps as it likes.
+pub fn is_same_command(sent: &MISSION_ITEM_INT_DATA, stored: &MISSION_ITEM_INT_DATA) -> bool {
+    let is_near = |sent: i32, stored: i32| sent.abs_diff(stored) <= PLACE_KEPT;
+    let has_height = (sent.z - stored.z).abs() < HEIGHT_KEPT_M as f32;
+    sent.command == stored.command
+        && is_near(sent.x, stored.x)
+        && is_near(sent.y, stored.y)
+        && has_height
 }
 
 /// Returns the item that stands on the wire.
@@ -284,7 +313,7 @@ mod tests {
             Item::Jump { to: 1, times: None },
         ];
         for item in items {
-            let back = from_wire(&to_wire(&item, &frame()), &frame());
+            let back = from_wire(&to_wire(&item, &frame()).unwrap(), &frame());
             match (item, back) {
                 (Item::Waypoint { .. } | Item::Loiter { .. }, Ok(back)) => {
                     let (Item::Waypoint { at: there, .. } | Item::Loiter { at: there, .. }) = back
@@ -297,10 +326,33 @@ mod tests {
             }
         }
         let yaw = Item::Yaw(Angle::from_degrees(30.0));
-        let Ok(Item::Yaw(back)) = from_wire(&to_wire(&yaw, &frame()), &frame()) else {
+        let Ok(Item::Yaw(back)) = from_wire(&to_wire(&yaw, &frame()).unwrap(), &frame()) else {
             panic!("a yaw")
         };
         assert!(back.is_near(Angle::from_degrees(30.0), 1e-6));
+    }
+
+    #[test]
+    fn a_command_that_is_none_of_ours_goes_as_it_is() {
+        let other = |command, at| Item::Other {
+            command,
+            at,
+            altitude_m: 4.0,
+            parameters: [1.0, f32::NAN, 3.0, -1.0],
+        };
+        let wire = to_wire(&other(82, Some(Point::new(12.0, -7.5))), &frame()).unwrap();
+        assert_eq!(wire.command, MavCmd::MAV_CMD_NAV_SPLINE_WAYPOINT);
+        assert!(wire.param2.is_nan() && (wire.param4, wire.z) == (-1.0, 4.0));
+        assert!(
+            frame()
+                .local_place((wire.x, wire.y))
+                .distance_to(Point::new(12.0, -7.5))
+                < 0.012
+        );
+        let without = to_wire(&other(82, None), &frame()).unwrap();
+        assert_eq!((without.x, without.y), (0, 0));
+        assert!(is_same_command(&wire, &wire) && !is_same_command(&wire, &without));
+        assert_eq!(to_wire(&other(60_000, None), &frame()), None);
     }
 
     #[test]
@@ -312,7 +364,8 @@ mod tests {
                 delay: Duration::ZERO,
             },
             &frame(),
-        );
+        )
+        .unwrap();
         let refused = |change: fn(&mut MISSION_ITEM_INT_DATA)| {
             let mut wire = wire.clone();
             change(&mut wire);

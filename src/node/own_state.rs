@@ -4,6 +4,7 @@
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Ordered, Revision, RunId, VehicleMode};
 
+use crate::autopilot::StoredProgress;
 use crate::geom::{Point, Pose};
 
 /// The state of the vehicle itself.
@@ -27,6 +28,8 @@ pub struct OwnState {
     pub battery: f64,
     /// Corners of the route that it is committed to, the first where it is; `None` at rest.
     pub leg: Option<Vec<Point>>,
+    /// How far its autopilot is with the mission that it stores; `None` = it follows none.
+    pub stored: Option<StoredProgress>,
     /// Run and revision of the plan it has accepted.
     pub accepted: (RunId, Revision),
     /// Highest order accepted.

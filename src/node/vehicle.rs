@@ -39,6 +39,7 @@
 //! ```text
 //!   any ──Drive──► [Driving] ──at rest──► [Idle]
 //!   any ──Turn───► [Turning] ──at rest──► [Idle]
+//!   any ──FollowStored─► [FollowingStored] ──its mission over or failed, and at rest──► [Idle]
 //!   any ──stop───► [Stopped]                        but what the reflex has halted stays so
 //!   any ──reflex─► [Halted]                         when telemetry shows driving
 //!   any ──taken over─► [Idle]                       by remote control, or by the autopilot itself
@@ -285,6 +286,13 @@ impl Vehicle {
             MoveCommand::Turn(heading) => {
                 self.movement.turn(now);
                 out.push(Out::AutopilotCommand(AutopilotCommand::Turn(heading)));
+            }
+            MoveCommand::FollowStored { items, from } => {
+                self.movement.follow_stored(now, &items, from);
+                out.push(Out::AutopilotCommand(AutopilotCommand::FollowStored {
+                    items,
+                    from,
+                }));
             }
             MoveCommand::Hold => self.stop(now, out),
         }

@@ -30,7 +30,7 @@ mod tests;
 mod vehicle_control;
 
 use super::body::{Body, BodyState, MotionRefusal};
-use crate::autopilot::{ArmRefusal, Command, CommandAck, SystemStatus, VehicleKind};
+use crate::autopilot::{ArmRefusal, Command, CommandAck, StoredReport, SystemStatus, VehicleKind};
 use crate::geom::{Angle, Attitude, Point, Pose};
 use crate::time::Time;
 
@@ -146,6 +146,11 @@ impl Autopilot {
     /// Returns how it moves: its body in the plane, and its altitude.
     pub fn motion(&self) -> &StagedMotion {
         self.control.motion()
+    }
+
+    /// Returns how far it is with the mission that it stores.
+    pub fn stored_report(&self) -> StoredReport {
+        self.control.mission().report()
     }
 
     /// Returns where it truly is at a moment, as far as its stage goes.

@@ -284,6 +284,7 @@ impl World {
             is_armed: readout.is_armed,
             status: readout.status,
             switch: None,
+            stored: autopilot.stored_report(),
         }
     }
 

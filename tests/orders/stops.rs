@@ -370,7 +370,9 @@ impl World {
                 (self.rovers[index].is_armed, self.rovers[index].is_driving) = (false, false);
             }
             vehicle::Out::AutopilotCommand(
-                AutopilotCommand::Turn(_) | AutopilotCommand::TakeBack,
+                AutopilotCommand::Turn(_)
+                | AutopilotCommand::FollowStored { .. }
+                | AutopilotCommand::TakeBack,
             ) => {}
             vehicle::Out::State(state) => self.tell_radio(index, radio::In::State(state)),
             vehicle::Out::Publish(state) => {
@@ -469,6 +471,7 @@ impl World {
                 battery: 1.0,
                 motion,
                 is_armed,
+                stored: None,
             };
             let ahead = Point::new(pose.at.x_m + 1.0, pose.at.y_m);
             let route = vec![pose.at, ahead];

@@ -422,6 +422,7 @@ impl World {
                 battery: 1.0,
                 motion,
                 is_armed,
+                stored: None,
             };
             self.step_vehicle(index, vehicle::In::Telemetry(telemetry));
             if self.now.as_nanos().is_multiple_of(1_000_000_000) {

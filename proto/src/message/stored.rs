@@ -3,8 +3,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::Position;
 use crate::check::{CheckResult, require};
+use crate::{Heading, Position};
 
 /// Items of a stored mission at most, home not counted: as many as an ArduPilot stores beside its home.
 pub const STORED_ITEMS_MAX: usize = 717;
@@ -46,8 +46,8 @@ pub enum StoredItem {
         /// Pulse width, microseconds.
         pulse_us: u16,
     },
-    /// Face a bearing, milliradians clockwise from north.
-    Yaw(u32),
+    /// Face a direction of the venue's frame.
+    Yaw(Heading),
     /// Go on with another item.
     Jump {
         /// Which, counted from 1.
@@ -114,6 +114,12 @@ pub(super) fn check(items: &[StoredItem], from: u16) -> CheckResult {
     )?;
     for item in items {
         item.place().iter().try_for_each(Position::check)?;
+        if let StoredItem::Yaw(heading) = item {
+            require(
+                *heading <= Heading::LAST,
+                "a direction is less than a full turn",
+            )?;
+        }
         if let StoredItem::Jump { to, .. } = item {
             require(is_one(*to), "a jump leads to an item")?;
         }

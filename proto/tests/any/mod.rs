@@ -858,7 +858,7 @@ fn stored() -> impl Strategy<Value = TaskKind> {
         Just(StoredItem::Return),
         any::<u32>().prop_map(StoredItem::Speed),
         any::<(u8, u16)>().prop_map(|(channel, pulse_us)| StoredItem::Servo { channel, pulse_us }),
-        any::<u32>().prop_map(StoredItem::Yaw),
+        (0..=Heading::LAST.0).prop_map(|units| StoredItem::Yaw(Heading(units))),
         any::<Option<u16>>().prop_map(|times| StoredItem::Jump { to: 1, times }),
         (any::<u16>(), option::of(position()), parameters).prop_map(|(command, at, parameters)| {
             StoredItem::Other {

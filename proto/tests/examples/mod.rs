@@ -605,7 +605,7 @@ fn stored_items(at: Position) -> Vec<StoredItem> {
             pulse_us: 1700,
         },
         StoredItem::Loiter { at, time_ms: 4000 },
-        StoredItem::Yaw(1571),
+        StoredItem::Yaw(Heading(15_708)),
         StoredItem::Delay(2000),
         StoredItem::Jump {
             to: 2,

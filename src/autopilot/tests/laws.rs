@@ -13,7 +13,7 @@ use tomoswarm_proto::Control;
 use super::super::link::{AutopilotLink, In, Out};
 use super::super::{
     Ack, ArmRefusal, AutopilotCommand, AutopilotLinkSettings, AutopilotReport, Command, CommandAck,
-    FlightMode, Motion, NumberedCommand, SystemStatus,
+    FlightMode, Item, Motion, NumberedCommand, StoredReport, SystemStatus,
 };
 use crate::actor::Actor;
 use crate::geom::{Angle, Point, Pose};
@@ -58,12 +58,23 @@ fn any_want() -> impl Strategy<Value = Happening> {
     prop_oneof![
         4 => Just(drive()),
         2 => Just(AutopilotCommand::Turn(Angle::default())),
+        2 => (1..3usize).prop_map(|from| AutopilotCommand::FollowStored { items: mission(), from }),
         3 => Just(AutopilotCommand::Stop),
         3 => Just(AutopilotCommand::Arm),
         3 => Just(AutopilotCommand::TakeBack),
         2 => Just(AutopilotCommand::Disarm),
     ]
     .prop_map(Happening::Want)
+}
+
+fn mission() -> Vec<Item> {
+    [0.0, 1.0, 2.0]
+        .map(|x_m| Item::Waypoint {
+            at: Point::new(x_m, 0.0),
+            altitude_m: 0.0,
+            delay: Duration::ZERO,
+        })
+        .to_vec()
 }
 
 fn any_line() -> impl Strategy<Value = Happening> {
@@ -119,6 +130,8 @@ struct Model {
     moves_until: Time,
     is_critical: bool,
     refuses_to_arm: bool,
+    stored: Vec<Item>,
+    is_over: bool,
     /// Mode, armed, status as the last heartbeat said.
     heartbeat: (FlightMode, bool, SystemStatus),
     heartbeat_due: Time,
@@ -132,6 +145,8 @@ impl Model {
             moves_until: Time::ZERO,
             is_critical: false,
             refuses_to_arm: false,
+            stored: Vec::new(),
+            is_over: false,
             heartbeat: (FlightMode::Hold, false, SystemStatus::Standby),
             heartbeat_due: Time::ZERO,
         }
@@ -144,9 +159,21 @@ impl Model {
     fn obey(&mut self, now: Time, command: &Command) -> (CommandAck, Option<ArmRefusal>) {
         let may_move = self.mode == FlightMode::Guided && self.is_armed;
         let result = match command {
+            Command::Mode(FlightMode::Auto) if self.stored.is_empty() => CommandAck::Failed,
             Command::Mode(mode) => {
                 (self.mode, self.is_critical) = (*mode, false);
                 self.brake(now);
+                if *mode == FlightMode::Auto && self.is_armed {
+                    self.moves_until = now + Duration::from_secs(4);
+                }
+                CommandAck::Accepted
+            }
+            Command::Upload(items) => {
+                (self.stored, self.is_over) = (items.clone(), false);
+                CommandAck::Accepted
+            }
+            Command::SetCurrent(item) if *item < self.stored.len() => {
+                self.is_over = false;
                 CommandAck::Accepted
             }
             Command::Arm { .. } if self.refuses_to_arm && !self.is_armed => {
@@ -175,6 +202,10 @@ impl Model {
     }
 
     fn report(&mut self, now: Time) -> AutopilotReport {
+        // Its mission is over, and it holds.
+        if self.mode == FlightMode::Auto && self.is_armed && now >= self.moves_until {
+            (self.mode, self.is_over) = (FlightMode::Hold, true);
+        }
         if now >= self.heartbeat_due {
             let status = if self.is_critical {
                 SystemStatus::Critical
@@ -205,6 +236,10 @@ impl Model {
             is_armed,
             status,
             switch: None,
+            stored: StoredReport {
+                item: 1,
+                is_over: self.is_over,
+            },
         }
     }
 }
@@ -257,6 +292,8 @@ struct Witness {
     last_report: Option<AutopilotReport>,
     /// The vehicle wants to move since then, and has not stopped since.
     wants_to_move: Option<Time>,
+    /// The autopilot is to carry out what it stores.
+    wants_stored: bool,
     wants_to_stop: bool,
     /// It has wanted to stand, and nothing that moves was said since.
     may_stop: bool,
@@ -295,6 +332,7 @@ impl Witness {
             is_taken: false,
             last_report: None,
             wants_to_move: None,
+            wants_stored: false,
             wants_to_stop: false,
             may_stop: false,
             stop_said: None,
@@ -411,10 +449,15 @@ impl Witness {
         match fly {
             AutopilotCommand::Drive { .. } | AutopilotCommand::Turn(_) => {
                 (self.wants_to_move, self.wants_to_stop) = (Some(self.now), false);
-                self.arming_waits = false;
+                (self.wants_stored, self.arming_waits) = (false, false);
+            }
+            AutopilotCommand::FollowStored { .. } => {
+                (self.wants_to_move, self.wants_to_stop) = (None, false);
+                (self.wants_stored, self.arming_waits) = (true, false);
             }
             AutopilotCommand::Stop => {
                 (self.wants_to_move, self.wants_to_stop) = (None, true);
+                self.wants_stored = false;
                 (self.may_stop, self.arming_waits) = (true, true);
             }
             // It is for nobody who has been taken over.
@@ -434,6 +477,7 @@ impl Witness {
             }
             AutopilotCommand::Disarm => {
                 (self.wants_to_move, self.wants_to_arm) = (None, false);
+                self.wants_stored = false;
                 self.wants_to_disarm.get_or_insert(None);
             }
         }
@@ -472,6 +516,7 @@ impl Witness {
                         self.is_taken = true;
                         (self.wants_to_move, self.wants_to_stop, self.wants_to_arm) =
                             (None, false, false);
+                        self.wants_stored = false;
                         self.ordinary = None;
                     }
                     if status.control == Control::Silent {
@@ -564,6 +609,16 @@ impl Witness {
                 self.stops += 1;
                 self.stop_said = Some(self.now);
                 return;
+            }
+            Command::Upload(_) | Command::SetCurrent(_) | Command::Mode(FlightMode::Auto) => {
+                assert!(self.wants_stored, "it follows what nobody wants followed");
+                assert!(
+                    self.wants_to_disarm.is_none(),
+                    "it moves although it is to be disarmed"
+                );
+                if let Command::Mode(_) = &numbered.command {
+                    (self.may_stop, self.stop_said) = (false, None);
+                }
             }
             Command::Mode(FlightMode::Guided) => {}
             other => panic!("{other:?} was never wanted"),
@@ -728,9 +783,13 @@ proptest! {
     #[test]
     fn who_takes_over_is_noticed_and_left_alone(
         sequence in any_sequence(false),
-        mode in prop::sample::select(vec![FlightMode::Manual, FlightMode::Loiter, FlightMode::Auto]),
+        mode in prop::sample::select(vec![FlightMode::Manual, FlightMode::Loiter, FlightMode::Return]),
     ) {
         let mut witness = watch(None, &sequence);
+        // A stop that was lost for seconds may still be on its way.
+        let line = std::mem::take(&mut witness.line);
+        witness.go_on_until(witness.now + Duration::from_secs(2));
+        witness.line = line;
         // These modes are never its own.
         witness.see(Duration::ZERO, &Happening::Person(mode));
         witness.go_on_until(witness.now + Duration::from_millis(1200));

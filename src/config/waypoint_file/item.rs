@@ -98,6 +98,8 @@ impl RawItem {
             115 => self.yaw(notes),
             178 => self.change_speed(notes),
             183 => self.set_servo(notes),
+            177 if notes.takes_all => self.jump(notes),
+            _ if notes.takes_all => self.other(notes),
             other => {
                 notes.add(
                     self.origin.line,
@@ -231,6 +233,51 @@ impl RawItem {
             pulse_us: pulse_us?,
         };
         fits.then_some(servo)
+    }
+
+    fn jump(&self, notes: &mut Notes) -> Option<MissionItem> {
+        let fits = self.needs_no_place(notes);
+        let to = self.whole(0, 1.0..=10_000.0, notes);
+        let times = self.whole(1, -1.0..=32_767.0, notes);
+        let jump = MissionItem::Jump {
+            to: usize::try_from(to?).ok()?,
+            times: u16::try_from(times?).ok(),
+        };
+        fits.then_some(jump)
+    }
+
+    /// A command whose meaning is not known here. Without a place its last three parameters cannot be carried.
+    fn other(&self, notes: &mut Notes) -> Option<MissionItem> {
+        let Ok(command) = u16::try_from(self.command) else {
+            let (key, value) = (key_of(&self.origin, "command"), self.command.to_string());
+            let allowed = "a number of MAV_CMD, at most 65535, is allowed";
+            notes.add(self.origin.line, &key, &value, "is none", allowed);
+            return None;
+        };
+        let at = if self.frame == MISSION_FRAME {
+            let given =
+                (LATITUDE..=ALTITUDE).find(|index| self.params[*index].unwrap_or(0.0) != 0.0);
+            if let Some(index) = given {
+                self.refuse(
+                    index,
+                    &self.params[index].unwrap_or(0.0).to_string(),
+                    "is given without a place",
+                    &(0.0..=0.0),
+                    "frame 2 has no place",
+                    notes,
+                );
+                return None;
+            }
+            None
+        } else {
+            Some(self.target(notes)?)
+        };
+        let [first, second, third, fourth, ..] = self.params;
+        Some(MissionItem::Other {
+            command,
+            at,
+            parameters: [first, second, third, fourth],
+        })
     }
 
     fn above(&self, notes: &mut Notes) -> Option<Above> {
@@ -411,6 +458,25 @@ pub(super) fn numbers(item: &MissionItem) -> (u32, u32, [f64; 7]) {
         }
         MissionItem::SetServo { channel, pulse_us } => {
             plain(183, [f64::from(*channel), *pulse_us, 0.0, 0.0])
+        }
+        MissionItem::Jump { to, times } => {
+            plain(177, [*to as f64, times.map_or(-1.0, f64::from), 0.0, 0.0])
+        }
+        MissionItem::Other {
+            command,
+            at,
+            parameters,
+        } => {
+            let [first, second, third, fourth] = parameters.map(|number| number.unwrap_or(0.0));
+            let command = u32::from(*command);
+            match at {
+                Some(at) => {
+                    let (frame, command, placed) = placed(command, [first, second], at);
+                    let [_, _, _, _, x, y, z] = placed;
+                    (frame, command, [first, second, third, fourth, x, y, z])
+                }
+                None => plain(command, [first, second, third, fourth]),
+            }
         }
     }
 }

@@ -4,7 +4,7 @@
 use serde_json::{Map, Value};
 
 use super::item::{RawItem, is_on_the_planet, key_of, param_key};
-use super::{MOST_ITEMS, Notes, Origin, WaypointFile};
+use super::{MOST_ITEMS, MissionItem, Notes, Origin, WaypointFile};
 use crate::geom::Geodetic;
 
 /// Reads a whole file.
@@ -63,6 +63,19 @@ pub(super) fn read(text: &str, notes: &mut Notes, file: &mut WaypointFile) {
         let raw = raw_item(item, origin, notes);
         if let Some((item, raw)) = raw.and_then(|raw| Some((raw.typed(notes)?, raw))) {
             file.push(item, raw.origin);
+        }
+    }
+    name_jumps(items, file);
+}
+
+/// A jump of a plan names the item with that `doJumpId`; here it names it by its place in the list.
+fn name_jumps(items: &[Value], file: &mut WaypointFile) {
+    let id = |item: &Value| item.get("doJumpId").and_then(Value::as_u64);
+    for item in &mut file.items {
+        if let MissionItem::Jump { to, .. } = item
+            && let Some(index) = items.iter().position(|item| id(item) == Some(*to as u64))
+        {
+            *to = index + 1;
         }
     }
 }

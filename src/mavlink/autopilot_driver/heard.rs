@@ -5,12 +5,12 @@ use std::time::Duration;
 
 use super::{AUTOPILOT, DriverTrouble, MavlinkDriverSettings, PlaceSource};
 use crate::autopilot::{
-    AutopilotReport, FlightMode, Motion, RemoteSwitch, SystemStatus, VehicleKind,
+    AutopilotReport, FlightMode, Motion, RemoteSwitch, StoredReport, SystemStatus, VehicleKind,
 };
 use crate::geom::{Angle, Bearing, Point, Pose};
 use crate::mavlink::dialect::{
     self as d, EstimatorStatusFlags, GpsFixType, MavAutopilot, MavLandedState, MavMessage,
-    MavModeFlag, MavState, MavType,
+    MavModeFlag, MavState, MavType, MissionState,
 };
 use crate::mavlink::frames::MavAddress;
 use crate::mavlink::modes::{ShownMode, mode_of};
@@ -56,6 +56,12 @@ pub(super) struct Heard {
     version: Option<u32>,
     landed: Option<MavLandedState>,
     refusal: Dated<String>,
+    /// How far it is with the mission that it stores.
+    stored: StoredReport,
+    /// The item that it has said to have reached last.
+    reached: Option<u16>,
+    /// How many items it stores, home included, as far as that is known.
+    items: u16,
     boot_ms: u32,
     /// When its clock went back, the last few times.
     went_back: Vec<Time>,
@@ -105,6 +111,8 @@ impl Heard {
                 }
                 self.power = Some(status.clone());
             }
+            MavMessage::MISSION_CURRENT(current) => self.take_current(current),
+            MavMessage::MISSION_ITEM_REACHED(reached) => self.reached = Some(reached.seq),
             MavMessage::RC_CHANNELS(channels) => self.channels = Some((now, channels.clone())),
             MavMessage::AUTOPILOT_VERSION(version) => {
                 self.version = Some(version.flight_sw_version);
@@ -147,6 +155,32 @@ impl Heard {
         (lately.count() >= DUPLICATE_AFTER).then_some(DriverTrouble::Duplicate {
             system: settings.system,
         })
+    }
+
+    /// Takes which item is under way. Whether all are done old software does not say: there the last one was reached.
+    fn take_current(&mut self, current: &d::MISSION_CURRENT_DATA) {
+        let total = (1..u16::MAX)
+            .contains(&current.total)
+            .then_some(current.total);
+        if let Some(total) = total {
+            self.items = total;
+        }
+        let is_last_reached =
+            self.items > 1 && self.reached.is_some_and(|item| item >= self.items - 1);
+        self.stored = StoredReport {
+            item: current.seq,
+            is_over: current.mission_state == MissionState::MISSION_STATE_COMPLETE
+                || (current.mission_state == MissionState::MISSION_STATE_UNKNOWN
+                    && is_last_reached),
+        };
+    }
+
+    /// Forgets how far it was with its mission: it is told another, or to go on with another item; so many items it has then.
+    pub(super) fn forget_stored(&mut self, items: Option<usize>) {
+        (self.stored, self.reached) = (StoredReport::default(), None);
+        if let Some(items) = items {
+            self.items = u16::try_from(items).unwrap_or(u16::MAX);
+        }
     }
 
     /// Returns its mode, as its last heartbeat showed it.
@@ -277,6 +311,7 @@ impl Heard {
                 | MavState::MAV_STATE_FLIGHT_TERMINATION => SystemStatus::Critical,
             },
             switch: self.switch(now, settings),
+            stored: self.stored,
         })
     }
 

@@ -320,7 +320,10 @@ impl Orders {
             return;
         }
         let frame = &settings.frame;
-        self.upload = Some(Upload::begin(now, number, items, target, frame, out));
+        match Upload::begin(now, number, items, target, frame, out) {
+            Ok(upload) => self.upload = Some(upload),
+            Err(ended) => self.end_upload(Some(ended), out),
+        }
     }
 
     /// Takes what concerns an upload under way.

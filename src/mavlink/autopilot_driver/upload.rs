@@ -10,7 +10,7 @@ use crate::autopilot::{CommandAck, Item};
 use crate::mavlink::dialect::{MISSION_ITEM_INT_DATA, MavMessage, MavMissionResult};
 use crate::mavlink::earth_frame::EarthFrame;
 use crate::mavlink::frames::MavAddress;
-use crate::mavlink::items::{from_wire, is_stored_as, to_wire};
+use crate::mavlink::items::{from_wire, is_same_command, is_stored_as, to_wire};
 use crate::mavlink::mission_download::MissionReader;
 use crate::mavlink::mission_upload::{MissionSender, Received, UploadEnd};
 use crate::time::Time;
@@ -44,6 +44,9 @@ pub(super) struct UploadResult {
 
 impl Upload {
     /// Begins to send; item 0 is home.
+    ///
+    /// # Errors
+    /// How it ends at once: with a command that MAVLink does not have.
     pub(super) fn begin(
         now: Time,
         number: u32,
@@ -51,15 +54,25 @@ impl Upload {
         to: MavAddress,
         frame: &EarthFrame,
         out: &mut Vec<DriverOut>,
-    ) -> Upload {
-        let wire = items.iter().map(|item| to_wire(item, frame)).collect();
+    ) -> Result<Upload, UploadResult> {
+        let mut wire = Vec::with_capacity(items.len());
+        for (index, item) in items.iter().enumerate() {
+            let Some(item) = to_wire(item, frame) else {
+                return Err(UploadResult {
+                    number,
+                    ack: CommandAck::Unsupported,
+                    complaint: Some(format!("item {index} is no command of MAVLink: {item:?}")),
+                });
+            };
+            wire.push(item);
+        }
         let sender = said(out, |said| MissionSender::begin(now, to, wire, said));
-        Upload {
+        Ok(Upload {
             number,
             to,
             items: items.to_vec(),
             phase: Phase::Sending(sender),
-        }
+        })
     }
 
     /// Returns the number of the command that it answers.
@@ -180,8 +193,11 @@ fn difference(
             sent.len()
         ));
     }
-    let differs = |(sent, stored): (&Item, &MISSION_ITEM_INT_DATA)| {
-        !from_wire(stored, frame).is_ok_and(|stored| is_stored_as(sent, &stored))
+    let differs = |(sent, stored): (&Item, &MISSION_ITEM_INT_DATA)| match sent {
+        Item::Other { .. } => {
+            !to_wire(sent, frame).is_some_and(|sent| is_same_command(&sent, stored))
+        }
+        _ => !from_wire(stored, frame).is_ok_and(|stored| is_stored_as(sent, &stored)),
     };
     let item = sent.iter().zip(stored).skip(1).position(differs)? + 1;
     Some(format!("the autopilot stores item {item} otherwise"))
@@ -221,7 +237,8 @@ mod tests {
     }
 
     fn stored_of(items: &[Item]) -> Vec<MISSION_ITEM_INT_DATA> {
-        items.iter().map(|item| to_wire(item, &frame())).collect()
+        let wire = items.iter().map(|item| to_wire(item, &frame()));
+        wire.map(Option::unwrap).collect()
     }
 
     #[test]

@@ -11,6 +11,7 @@ mod browse;
 mod pathfind;
 mod patrol;
 mod seek;
+mod stored;
 mod straight;
 
 use std::time::Duration;
@@ -22,10 +23,12 @@ use self::browse::Browse;
 use self::pathfind::Pathfind;
 use self::patrol::Patrol;
 use self::seek::{Preference, Seek};
+use self::stored::Stored;
 use self::straight::Straight;
 use super::EndReason;
 use super::obstruction::Obstruction;
 use super::terrain::Terrain;
+use crate::autopilot::{Item, StoredProgress};
 use crate::geom::{Angle, Cell, Point, Pose};
 use crate::node::VehicleSettings;
 use crate::node::peers::Peers;
@@ -51,6 +54,8 @@ pub(super) enum MissionInput {
         /// At what, unless it looked all around.
         at: Option<Cell>,
     },
+    /// How far the autopilot is with the mission that it stores; `None` = the vehicle follows it no more.
+    Autopilot(Option<StoredProgress>),
 }
 
 /// What a mission wants done next.
@@ -79,8 +84,17 @@ pub(super) enum MissionStep {
     YieldToPeers,
     /// What is in the way is believed for a short time only: wait, and be ready then.
     Wait,
+    /// Let the autopilot store a mission and carry it out.
+    FollowStored {
+        /// Its items; item 0 is home.
+        items: Vec<Item>,
+        /// The item that it begins with.
+        from: usize,
+    },
     /// The mission has ended: go home.
     End(EndReason),
+    /// The mission has ended where the vehicle is: it stays there.
+    EndHere(EndReason),
 }
 
 /// A way to drive as it is.
@@ -157,6 +171,8 @@ pub(super) enum AnyBehaviour {
     Seek(Box<Seek>),
     /// Rounds over places.
     Patrol(Patrol),
+    /// What the autopilot stores.
+    Stored(Box<Stored>),
 }
 
 impl AnyBehaviour {
@@ -189,6 +205,9 @@ impl AnyBehaviour {
                     (*duration_ms > 0).then(|| Duration::from_millis(u64::from(*duration_ms)));
                 AnyBehaviour::Patrol(Patrol::over(&points(places), rounds, duration))
             }
+            TaskKind::Stored { items, from } => {
+                AnyBehaviour::Stored(Box::new(Stored::new(settings.home, items, *from)))
+            }
         })
     }
 
@@ -198,6 +217,7 @@ impl AnyBehaviour {
             AnyBehaviour::Straight(straight) => straight.places_left(),
             AnyBehaviour::Pathfind(pathfind) => pathfind.places_left(),
             AnyBehaviour::Patrol(patrol) => patrol.places_left(),
+            AnyBehaviour::Stored(stored) => stored.places_left(),
             AnyBehaviour::Browse(_) | AnyBehaviour::Seek(_) => 0,
         }
     }
@@ -210,6 +230,7 @@ impl AnyBehaviour {
             AnyBehaviour::Pathfind(pathfind) => pathfind.goal(),
             AnyBehaviour::Seek(seek) => seek.goal(),
             AnyBehaviour::Patrol(patrol) => patrol.goal(),
+            AnyBehaviour::Stored(stored) => stored.goal(),
         }
     }
 
@@ -221,6 +242,7 @@ impl AnyBehaviour {
             AnyBehaviour::Pathfind(pathfind) => pathfind,
             AnyBehaviour::Seek(seek) => seek.as_mut(),
             AnyBehaviour::Patrol(patrol) => patrol,
+            AnyBehaviour::Stored(stored) => stored.as_mut(),
         }
     }
 }

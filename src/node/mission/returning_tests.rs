@@ -174,7 +174,9 @@ impl Ring {
             match output {
                 Out::Command(_, MoveCommand::Drive { route, .. }) => self.drive(now_s, route),
                 Out::Command(_, MoveCommand::Turn(heading)) => self.heading = heading,
-                Out::Command(_, MoveCommand::Hold) => self.route.clear(),
+                Out::Command(_, MoveCommand::Hold | MoveCommand::FollowStored { .. }) => {
+                    self.route.clear()
+                }
                 Out::Holds(_) | Out::Accepted(..) | Out::Progress(_) | Out::Measure(_) => {}
                 Out::Remember(_) | Out::MissionEvent(_) => {}
             }

@@ -5,6 +5,7 @@
 //! ```text
 //!   [Choosing] ─ a place, aside, or home ─► [Driving]
 //!   [Choosing] ─ something to look at ─► [Looking]
+//!   [Choosing] ─ what the autopilot stores ─► [Following] ─ over ─► [Over]; stopped ─► [Choosing]
 //!   [Choosing] ─ peers are in the way: wait; the lowest id waits longest before it steps aside ─► [Choosing]
 //!   [Driving]  ─ arrived: the mission says whether it looks or thinks ─► [Looking], [Choosing]
 //!   [Driving]  ─ blocked, or what was to be seen is seen ─► [Choosing]
@@ -93,6 +94,10 @@ enum Phase {
         look: LookAround,
         at: Option<Cell>,
     },
+    /// The autopilot carries out what it stores.
+    Following {
+        since: Time,
+    },
     Over,
 }
 
@@ -144,7 +149,10 @@ impl StepRunner {
                 at: from,
                 why: "choose where to go",
             }),
-            Phase::Driving { .. } | Phase::Looking { .. } | Phase::Over => None,
+            Phase::Driving { .. }
+            | Phase::Looking { .. }
+            | Phase::Following { .. }
+            | Phase::Over => None,
         }
     }
 
@@ -171,6 +179,7 @@ impl StepRunner {
                 ..
             } => MissionPhase::Going,
             Phase::Looking { .. } => MissionPhase::Looking,
+            Phase::Following { .. } => MissionPhase::Going,
             Phase::Over => MissionPhase::Over,
         }
     }
@@ -236,6 +245,15 @@ impl StepRunner {
             }
             Phase::Driving { .. } => {}
             Phase::Looking { look, at } => self.look(scene, look, at),
+            Phase::Following { since } => self.follow_stored(scene, since),
+        }
+    }
+
+    /// Tells the mission how far the autopilot is with what it stores.
+    fn follow_stored(&mut self, scene: &mut RunnerContext<'_>, since: Time) {
+        self.progress.get_on(scene.now);
+        if scene.now.since(since) >= ASK_EVERY {
+            self.tell(scene, MissionInput::Autopilot(scene.state.stored));
         }
     }
 
@@ -269,8 +287,17 @@ impl StepRunner {
             MissionStep::TryAgain => self.try_again(scene),
             MissionStep::YieldToPeers => self.yield_to_peers(scene),
             MissionStep::Wait => self.choose_at(scene.now + WAIT),
+            MissionStep::FollowStored { items, from } => {
+                let command = MoveCommand::FollowStored { items, from };
+                scene.out.push(Out::Command(scene.now, command));
+                self.phase = Phase::Following { since: scene.now };
+            }
             MissionStep::End(end) if self.may_claim(scene) => self.finish(scene, end),
             MissionStep::End(_) => {}
+            MissionStep::EndHere(end) => {
+                self.finish(scene, end);
+                self.phase = Phase::Over;
+            }
         }
     }
 
@@ -284,6 +311,12 @@ impl StepRunner {
                 from > scene.now || !self.may_claim(scene)
             }
             Phase::Looking { .. } => !self.may_claim(scene),
+            // Nobody knows what the autopilot drives into.
+            Phase::Following { .. } => {
+                scene.out.push(Out::Command(scene.now, MoveCommand::Hold));
+                self.think(scene.now);
+                true
+            }
             Phase::Choosing { .. } | Phase::Driving { .. } | Phase::Over => false,
         }
     }

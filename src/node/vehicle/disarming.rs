@@ -93,6 +93,7 @@ mod tests {
             battery: 1.0,
             motion,
             is_armed,
+            stored: None,
         };
         let now = |tenth: u32| Time::from_secs_f64(0.1 * f64::from(tenth));
         (1..=10)

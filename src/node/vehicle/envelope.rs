@@ -7,6 +7,7 @@ use tomoswarm_proto::VehicleId;
 
 use super::messages::{CommandRefusal, MoveCommand, SafetyEvent};
 use super::{Out, Vehicle};
+use crate::autopilot::{Item, Telemetry};
 use crate::geom::{Point, Pose, Track};
 use crate::node::peers::Peer;
 use crate::time::Time;
@@ -36,7 +37,23 @@ impl Vehicle {
             MoveCommand::Drive { route, .. } => {
                 Some(track_of(route).ok_or(CommandRefusal::NoRoute)?)
             }
+            MoveCommand::FollowStored { items, from } => {
+                return self.check_stored(now, decided, items, *from);
+            }
         };
+        let telemetry = self.check_moving(now, decided, route.is_some())?;
+        route.map_or(Ok(()), |route| {
+            self.check_route(now, &route, telemetry.pose)
+        })
+    }
+
+    /// Checks whether it may move at all.
+    fn check_moving(
+        &self,
+        now: Time,
+        decided: Time,
+        goes_on: bool,
+    ) -> Result<&Telemetry, CommandRefusal> {
         if now.since(decided) > COMMAND_AGE || self.orders.have_overtaken(decided) {
             return Err(CommandRefusal::Old);
         }
@@ -46,7 +63,7 @@ impl Vehicle {
         if let Some(refusal) = self.orders.restraint().refusal() {
             return Err(refusal);
         }
-        if route.is_some() && self.settings.look.is_blind {
+        if goes_on && self.settings.look.is_blind {
             return Err(CommandRefusal::Blind);
         }
         if self.take_over.stands() {
@@ -56,9 +73,30 @@ impl Vehicle {
         if telemetry.pose.sd_m > self.settings.swarm.pose_sd_max_m {
             return Err(CommandRefusal::PoseUncertain);
         }
-        route.map_or(Ok(()), |route| {
-            self.check_route(now, &route, telemetry.pose)
-        })
+        Ok(telemetry)
+    }
+
+    /// Checks a mission that the autopilot is to carry out: all its ways lie inside the fence, also those that jumps lead, and
+    /// the way to its next place keeps clear as a drive does.
+    fn check_stored(
+        &self,
+        now: Time,
+        decided: Time,
+        items: &[Item],
+        from: usize,
+    ) -> Result<(), CommandRefusal> {
+        let pose = self.check_moving(now, decided, true)?.pose;
+        let first = items.iter().skip(from).find_map(Item::place);
+        if let Some(route) = first.and_then(|first| track_of(&[pose.at, first])) {
+            self.check_route(now, &route, pose)?;
+        }
+        match stored_ways(items, self.settings.home)
+            .iter()
+            .all(|way| self.stays_inside(way))
+        {
+            true => Ok(()),
+            false => Err(CommandRefusal::Fence),
+        }
     }
 
     fn check_route(&self, now: Time, route: &Track, pose: Pose) -> Result<(), CommandRefusal> {
@@ -123,6 +161,28 @@ impl Vehicle {
             )));
         }
     }
+}
+
+/// Returns the ways between the places of a mission: from each to the next, and to where jumps and returns lead.
+fn stored_ways(items: &[Item], home: Point) -> Vec<Track> {
+    let place_from = |item: usize| items.iter().skip(item).find_map(Item::place);
+    let mut at = None;
+    let mut ways = Vec::new();
+    for item in items.iter().skip(1) {
+        let next = match item {
+            Item::Jump { to, .. } => place_from(*to),
+            Item::Return => Some(home),
+            other => other.place(),
+        };
+        if let (Some(from), Some(to)) = (at, next) {
+            ways.extend(track_of(&[from, to]));
+        }
+        at = match item {
+            Item::Jump { .. } => at,
+            _ => next.or(at),
+        };
+    }
+    ways
 }
 
 /// Makes a track of a route that leads somewhere; `None` for fewer than two corners or one that is not finite.

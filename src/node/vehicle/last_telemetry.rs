@@ -106,6 +106,7 @@ mod tests {
             battery: 1.0,
             motion: Motion::Resting,
             is_armed: true,
+            stored: None,
         };
         let mut last = LastTelemetry::default();
         assert_eq!(

@@ -5,8 +5,8 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::VehicleId;
 
-use crate::autopilot::RemoteSwitch;
 pub use crate::autopilot::{AutopilotCommand, Motion, Telemetry};
+use crate::autopilot::{Item, RemoteSwitch};
 use crate::geom::{Angle, Point, Segment};
 use crate::time::Time;
 
@@ -22,6 +22,13 @@ pub enum MoveCommand {
     },
     /// Turn on the spot.
     Turn(Angle),
+    /// Let the autopilot store a mission and carry it out.
+    FollowStored {
+        /// Its items; item 0 is home.
+        items: Vec<Item>,
+        /// The item that it begins with.
+        from: usize,
+    },
     /// Stand still.
     Hold,
 }

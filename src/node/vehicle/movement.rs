@@ -7,6 +7,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use super::messages::{Motion, Telemetry};
+use crate::autopilot::{Item, StoredPhase, StoredProgress};
 use crate::geom::{Point, Segment};
 use crate::time::Time;
 
@@ -14,6 +15,9 @@ use crate::time::Time;
 pub(super) const REST_GRACE: Duration = Duration::from_millis(300);
 /// What telemetry does not show yet is said again this often.
 pub(super) const RESEND_AFTER: Duration = Duration::from_millis(300);
+
+/// Of a stored mission so many places ahead are claimed: when one is passed, the autopilot is on its way to the next.
+const CLAIMED: usize = 2;
 
 /// What the vehicle was told last about moving.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
@@ -30,6 +34,8 @@ pub(super) enum MovementOrder {
         /// What it drove before, claimed until telemetry has shown its end.
         leg: Option<Leg>,
     },
+    /// To let the autopilot carry out a mission that it stores.
+    FollowingStored(StoredWay),
     /// To stop; it stands until it is told to move.
     Stopped(RepeatedStop),
     /// To stop, by the reflex.
@@ -44,6 +50,16 @@ pub(super) struct Leg {
     is_off_plan: bool,
     /// What lies ahead; never empty.
     corners: VecDeque<Point>,
+}
+
+/// The places of a mission that the autopilot carries out.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub(super) struct StoredWay {
+    since: Time,
+    /// The item under way.
+    item: usize,
+    /// Where each item leads, if it leads anywhere; item 0 is home.
+    places: Vec<Option<Point>>,
 }
 
 /// A stop, said again until telemetry shows rest.
@@ -72,9 +88,32 @@ impl MovementOrder {
             MovementOrder::Idle => None,
             MovementOrder::Driving(leg) => Some(leg),
             MovementOrder::Turning { since: _, leg } => leg,
+            // The autopilot brakes first.
+            MovementOrder::FollowingStored(_) => None,
             MovementOrder::Stopped(stop) | MovementOrder::Halted(stop) => stop.leg(),
         };
         *self = MovementOrder::Turning { since: now, leg };
+    }
+
+    /// Lets the autopilot carry out a mission, from an item on.
+    pub(super) fn follow_stored(&mut self, now: Time, items: &[Item], from: usize) {
+        *self = MovementOrder::FollowingStored(StoredWay {
+            since: now,
+            item: from,
+            places: items.iter().map(Item::place).collect(),
+        });
+    }
+
+    /// Returns how far the autopilot is with the mission that it stores: as long as it is followed, and what became of it.
+    pub(super) fn stored_progress(&self, telemetry: &Telemetry) -> Option<StoredProgress> {
+        match (self, telemetry.stored.map(|stored| stored.phase)) {
+            (MovementOrder::FollowingStored(_), _) => telemetry.stored.or(Some(StoredProgress {
+                item: 0,
+                phase: StoredPhase::Preparing,
+            })),
+            (_, Some(StoredPhase::Over | StoredPhase::Failed)) => telemetry.stored,
+            (_, Some(StoredPhase::Preparing | StoredPhase::UnderWay) | None) => None,
+        }
     }
 
     /// Stops, or says so again; on a leg it claims the way to where its braking ends.
@@ -88,6 +127,7 @@ impl MovementOrder {
             MovementOrder::Idle
             | MovementOrder::Driving(_)
             | MovementOrder::Turning { .. }
+            | MovementOrder::FollowingStored(_)
             | MovementOrder::Stopped(_) => MovementOrder::Stopped(stop),
         };
     }
@@ -129,6 +169,11 @@ impl MovementOrder {
                     *self = MovementOrder::Idle;
                 }
             }
+            MovementOrder::FollowingStored(way) => {
+                if way.take(telemetry, has_ended(way.since)) {
+                    *self = MovementOrder::Idle;
+                }
+            }
             MovementOrder::Stopped(stop) | MovementOrder::Halted(stop) => {
                 stop.braking_end.take_if(|_| has_ended(stop.sent));
             }
@@ -140,9 +185,10 @@ impl MovementOrder {
     pub(super) fn is_stop(&self) -> bool {
         match self {
             MovementOrder::Stopped(_) | MovementOrder::Halted(_) => true,
-            MovementOrder::Idle | MovementOrder::Driving(_) | MovementOrder::Turning { .. } => {
-                false
-            }
+            MovementOrder::Idle
+            | MovementOrder::Driving(_)
+            | MovementOrder::Turning { .. }
+            | MovementOrder::FollowingStored(_) => false,
         }
     }
 
@@ -153,6 +199,7 @@ impl MovementOrder {
             MovementOrder::Idle
             | MovementOrder::Driving(_)
             | MovementOrder::Turning { .. }
+            | MovementOrder::FollowingStored(_)
             | MovementOrder::Stopped(_) => false,
         }
     }
@@ -163,9 +210,10 @@ impl MovementOrder {
             MovementOrder::Stopped(stop) | MovementOrder::Halted(stop) => {
                 motion != Motion::Resting && now.since(stop.sent) >= RESEND_AFTER
             }
-            MovementOrder::Idle | MovementOrder::Driving(_) | MovementOrder::Turning { .. } => {
-                false
-            }
+            MovementOrder::Idle
+            | MovementOrder::Driving(_)
+            | MovementOrder::Turning { .. }
+            | MovementOrder::FollowingStored(_) => false,
         }
     }
 
@@ -176,6 +224,7 @@ impl MovementOrder {
             MovementOrder::Driving(leg) | MovementOrder::Turning { leg: Some(leg), .. } => {
                 Some(leg.way_from(at))
             }
+            MovementOrder::FollowingStored(way) => Some(way.way_from(at)),
             MovementOrder::Stopped(stop) | MovementOrder::Halted(stop) => {
                 stop.braking_end.map(|end| vec![at, end])
             }
@@ -188,6 +237,7 @@ impl MovementOrder {
             MovementOrder::Driving(leg) | MovementOrder::Turning { leg: Some(leg), .. } => {
                 leg.is_off_plan.then(|| leg.way_from(at))
             }
+            MovementOrder::FollowingStored(way) => Some(way.way_from(at)),
             MovementOrder::Idle
             | MovementOrder::Turning { leg: None, .. }
             | MovementOrder::Stopped(_)
@@ -198,7 +248,7 @@ impl MovementOrder {
     fn claims_a_way(&self) -> bool {
         match self {
             MovementOrder::Idle => false,
-            MovementOrder::Driving(_) => true,
+            MovementOrder::Driving(_) | MovementOrder::FollowingStored(_) => true,
             MovementOrder::Turning { since: _, leg } => leg.is_some(),
             MovementOrder::Stopped(stop) | MovementOrder::Halted(stop) => {
                 stop.braking_end.is_some()
@@ -223,6 +273,29 @@ impl Leg {
         std::iter::once(at)
             .chain(self.corners.iter().copied())
             .collect()
+    }
+}
+
+impl StoredWay {
+    /// Takes how far the autopilot is; returns whether it is over and done with. `rests` when it has stood for a while.
+    fn take(&mut self, telemetry: &Telemetry, rests: bool) -> bool {
+        match telemetry.stored {
+            Some(StoredProgress {
+                item,
+                phase: StoredPhase::UnderWay | StoredPhase::Over,
+            }) if item > 0 => self.item = usize::from(item),
+            Some(_) | None => {}
+        }
+        match telemetry.stored.map(|stored| stored.phase) {
+            Some(StoredPhase::Preparing | StoredPhase::UnderWay) => false,
+            Some(StoredPhase::Over | StoredPhase::Failed) | None => rests,
+        }
+    }
+
+    /// Returns the way to the next two places, from where it is.
+    fn way_from(&self, at: Point) -> Vec<Point> {
+        let places = self.places.iter().skip(self.item).flatten().copied();
+        std::iter::once(at).chain(places.take(CLAIMED)).collect()
     }
 }
 
@@ -264,11 +337,19 @@ mod tests {
             battery: 1.0,
             motion,
             is_armed: true,
+            stored: None,
         }
     }
 
+    fn mission() -> Vec<Item> {
+        let to = |x_m: f64| Item::Land {
+            at: Some(point(x_m)),
+        };
+        vec![to(0.0), to(2.0), Item::Speed(1.0), to(4.0), to(6.0)]
+    }
+
     /// One movement of each kind, with its name; all were told at 1 s.
-    fn every_kind() -> [(&'static str, MovementOrder); 7] {
+    fn every_kind() -> [(&'static str, MovementOrder); 8] {
         let told = |tell: &dyn Fn(&mut MovementOrder)| {
             let mut movement = MovementOrder::default();
             tell(&mut movement);
@@ -283,6 +364,10 @@ mod tests {
             (
                 "Turning, a leg left",
                 told(&|movement| (drive(movement), movement.turn(at(1.0))).1),
+            ),
+            (
+                "FollowingStored",
+                told(&|movement| movement.follow_stored(at(1.0), &mission(), 1)),
             ),
             ("Stopped", told(&|movement| movement.stop(at(1.0), None))),
             (
@@ -355,7 +440,7 @@ mod tests {
         for (kind, mut movement) in every_kind() {
             let claimed = movement.way_from(point(0.0)).map(|way| way.len());
             let expected = match kind {
-                "Driving" | "Turning, a leg left" => Some(3),
+                "Driving" | "Turning, a leg left" | "FollowingStored" => Some(3),
                 "Stopped on a leg" | "Halted" => Some(2),
                 _ => None,
             };
@@ -363,11 +448,45 @@ mod tests {
             movement.take(at(1.1), &telemetry(3.0, Motion::Driving));
             assert_eq!(
                 movement.way_from(point(3.0)).map(|way| way.len()),
-                expected.map(|_| 2),
+                // Of a stored mission the autopilot says what is passed.
+                expected.map(|_| if kind == "FollowingStored" { 3 } else { 2 }),
                 "{kind}, on its way"
             );
             movement.take(at(1.4), &telemetry(3.0, Motion::Resting));
             assert_eq!(movement.way_from(point(3.0)), None, "{kind}, at rest");
+        }
+    }
+
+    #[test]
+    fn of_a_stored_mission_the_next_two_places_are_claimed_until_it_is_over_or_has_failed() {
+        let shown = |x_m: f64, item: u16, phase| Telemetry {
+            stored: Some(StoredProgress { item, phase }),
+            ..telemetry(x_m, Motion::Resting)
+        };
+        let mut movement = MovementOrder::default();
+        movement.follow_stored(at(1.0), &mission(), 1);
+        movement.take(at(9.0), &shown(0.0, 0, StoredPhase::Preparing));
+        assert_eq!(
+            movement.way_from(point(0.0)),
+            Some(vec![point(0.0), point(2.0), point(4.0)])
+        );
+        movement.take(at(9.0), &shown(1.0, 3, StoredPhase::UnderWay));
+        assert_eq!(
+            movement.way_from(point(1.0)),
+            Some(vec![point(1.0), point(4.0), point(6.0)])
+        );
+        let progress = movement.stored_progress(&telemetry(1.0, Motion::Driving));
+        assert_eq!(
+            progress.map(|progress| progress.phase),
+            Some(StoredPhase::Preparing)
+        );
+        for phase in [StoredPhase::Over, StoredPhase::Failed] {
+            let (mut ended, shown) = (movement.clone(), shown(6.0, 4, phase));
+            ended.take(at(9.0), &shown);
+            assert_eq!(
+                (ended.way_from(point(6.0)), ended.stored_progress(&shown)),
+                (None, shown.stored)
+            );
         }
     }
 

@@ -130,6 +130,7 @@ impl Vehicle {
             is_armed: telemetry.is_armed,
             battery: telemetry.battery,
             leg: self.movement.way_from(telemetry.pose.at),
+            stored: self.movement.stored_progress(telemetry),
             accepted: self.reports.accepted,
             ordered: self.orders.highest(),
         }

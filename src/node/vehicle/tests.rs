@@ -38,6 +38,7 @@ fn telemetry(x_m: f64, speed_mps: f64, sd_m: f64) -> In {
         battery: 1.0,
         motion,
         is_armed: true,
+        stored: None,
     })
 }
 
@@ -884,6 +885,7 @@ fn what_travels_is_rounded_and_what_the_other_actors_are_told_is_not() {
         battery: 0.876_54,
         motion: Motion::Driving,
         is_armed: true,
+        stored: None,
     };
     let (Some(state), Some(own)) = states(&fed(&mut vehicle, 2.0, In::Telemetry(told_of))) else {
         panic!("it says both")

@@ -141,7 +141,9 @@ impl StagePlanner<'_> {
             }
             Item::Return => home.map_or(vec![Stage::Brake], |home| self.way_home(home)),
             Item::Yaw(heading) => vec![Stage::Turn(heading)],
-            Item::Speed(_) | Item::Servo { .. } | Item::Jump { .. } => Vec::new(),
+            Item::Speed(_) | Item::Servo { .. } | Item::Jump { .. } | Item::Other { .. } => {
+                Vec::new()
+            }
         }
     }
 }

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::autopilot::Item;
+use crate::autopilot::{Item, StoredReport};
 
 /// A mission as an autopilot stores it; item 0 is home.
 #[derive(Clone, Debug, Default)]
@@ -12,6 +12,8 @@ pub(super) struct StoredMission {
     /// The item under way, or begun last; 0 = none.
     item: usize,
     is_running: bool,
+    /// Whether its last item is done.
+    is_over: bool,
     /// How often each jump was made.
     jumps: BTreeMap<usize, u16>,
 }
@@ -32,6 +34,14 @@ impl StoredMission {
         self.is_running
     }
 
+    /// Returns how far it is.
+    pub(super) fn report(&self) -> StoredReport {
+        StoredReport {
+            item: u16::try_from(self.item).unwrap_or(u16::MAX),
+            is_over: self.is_over,
+        }
+    }
+
     /// Returns the first item with which it would go on that takes time.
     pub(super) fn next_lasting_item(&self) -> Option<Item> {
         let left = self.items.iter().skip(self.item.max(1));
@@ -40,25 +50,25 @@ impl StoredMission {
 
     /// Takes items in place of the stored ones; it does not run then. Returns whether it ran.
     pub(super) fn store(&mut self, items: Vec<Item>) -> bool {
-        (self.items, self.item) = (items, 0);
+        (self.items, self.item, self.is_over) = (items, 0, false);
         self.jumps.clear();
         std::mem::take(&mut self.is_running)
     }
 
     /// Goes back to the beginning, and does not run.
     pub(super) fn rewind(&mut self) {
-        (self.item, self.is_running) = (0, false);
+        (self.item, self.is_running, self.is_over) = (0, false, false);
         self.jumps.clear();
     }
 
     /// Is to go on with an item.
     pub(super) fn set_item(&mut self, item: usize) {
-        self.item = item;
+        (self.item, self.is_over) = (item, false);
     }
 
     /// Runs; returns the item with which it goes on: the one begun last, or the first after home.
     pub(super) fn run(&mut self) -> usize {
-        self.is_running = true;
+        (self.is_running, self.is_over) = (true, false);
         self.item.max(1)
     }
 
@@ -90,7 +100,7 @@ impl StoredMission {
 
     /// Is over, after its last item.
     pub(super) fn end(&mut self) {
-        self.is_running = false;
+        (self.is_running, self.is_over) = (false, true);
         self.item = self.items.len().saturating_sub(1);
     }
 }

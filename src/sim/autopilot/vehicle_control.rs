@@ -293,7 +293,7 @@ impl VehicleControl {
                 Item::Servo { channel, pulse_us } => {
                     self.servos.insert(channel, pulse_us);
                 }
-                Item::Jump { .. } => {}
+                Item::Jump { .. } | Item::Other { .. } => {}
                 Item::Waypoint { .. }
                 | Item::Takeoff { .. }
                 | Item::Loiter { .. }

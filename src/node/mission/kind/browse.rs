@@ -17,7 +17,7 @@ impl Behaviour for Browse {
         match seen {
             MissionInput::Ready if !self.has_looked => MissionStep::LookAround,
             MissionInput::Ready => MissionStep::End(EndReason::Done),
-            MissionInput::UnderWay => MissionStep::GoOn,
+            MissionInput::UnderWay | MissionInput::Autopilot(_) => MissionStep::GoOn,
             MissionInput::Looked { .. } => {
                 self.has_looked = true;
                 MissionStep::Think

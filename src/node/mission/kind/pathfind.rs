@@ -54,7 +54,7 @@ impl Behaviour for Pathfind {
                 MissionStep::LookAround
             }
             MissionInput::Ready => self.next_place(),
-            MissionInput::UnderWay => MissionStep::GoOn,
+            MissionInput::UnderWay | MissionInput::Autopilot(_) => MissionStep::GoOn,
             MissionInput::Arrived => {
                 self.places.pop_front();
                 MissionStep::LookAround

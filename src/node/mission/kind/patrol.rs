@@ -132,7 +132,7 @@ impl Behaviour for Patrol {
             MissionInput::Ready => self
                 .next_place(around.now)
                 .map_or_else(|| MissionStep::End(self.end()), MissionStep::GoTo),
-            MissionInput::UnderWay => MissionStep::GoOn,
+            MissionInput::UnderWay | MissionInput::Autopilot(_) => MissionStep::GoOn,
             MissionInput::Arrived => {
                 self.pass(PlaceResult::Visited);
                 MissionStep::LookAround

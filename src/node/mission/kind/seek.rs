@@ -127,7 +127,7 @@ impl Behaviour for Seek {
                 self.choose(around)
             }
             (
-                MissionInput::UnderWay,
+                MissionInput::UnderWay | MissionInput::Autopilot(_),
                 Stage::Fresh | Stage::Choosing | Stage::Going(_) | Stage::Doubting(_),
             ) => MissionStep::GoOn,
             (MissionInput::Arrived, Stage::Going(cell)) => MissionStep::LookAt(cell),

@@ -57,7 +57,7 @@ impl Behaviour for Straight {
     fn next(&mut self, seen: MissionInput, around: &MissionContext<'_>) -> MissionStep {
         match seen {
             MissionInput::Ready => self.next_leg(around),
-            MissionInput::UnderWay => MissionStep::GoOn,
+            MissionInput::UnderWay | MissionInput::Autopilot(_) => MissionStep::GoOn,
             MissionInput::Arrived => {
                 self.places.pop_front();
                 MissionStep::Think

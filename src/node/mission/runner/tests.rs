@@ -439,6 +439,7 @@ fn the_drawing_shows_the_phases_and_no_others() {
         Phase::Choosing { .. } => "Choosing",
         Phase::Driving { .. } => "Driving",
         Phase::Looking { .. } => "Looking",
+        Phase::Following { .. } => "Following",
         Phase::Over => "Over",
     };
     let look = LookAround::toward(Default::default(), Time::ZERO);
@@ -449,6 +450,7 @@ fn the_drawing_shows_the_phases_and_no_others() {
             asked: Time::ZERO,
         },
         Phase::Looking { look, at: None },
+        Phase::Following { since: Time::ZERO },
         Phase::Over,
     ];
     let words: BTreeSet<String> = phases.iter().map(|phase| word(phase).to_owned()).collect();

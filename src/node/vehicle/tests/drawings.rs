@@ -27,7 +27,15 @@ fn the_drawings_name_the_variants_and_no_others() {
 
 #[test]
 fn a_drawing_that_forgets_a_state_or_makes_one_up_is_noticed() {
-    let known = ["Driving", "Halted", "Idle", "Stopped", "Turning"].map(str::to_owned);
+    let known = [
+        "Driving",
+        "FollowingStored",
+        "Halted",
+        "Idle",
+        "Stopped",
+        "Turning",
+    ]
+    .map(str::to_owned);
     assert_eq!(variants::<MovementOrder>(), BTreeSet::from(known));
     assert_eq!(variant_of(&MovementOrder::default()), "Idle");
     let text = "//! See [Elsewhere].\n//! ```text\n//! [Idle] ──► [Gone]\n//! ```\nenum [Code]";

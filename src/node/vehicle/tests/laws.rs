@@ -11,6 +11,7 @@ use proptest::test_runner::TestRunner;
 use tomoswarm_proto::{EmergencyName, Ordered, StopScope};
 
 use super::*;
+use crate::autopilot::Item;
 use crate::node::tests_support::{variant_of, variants};
 use crate::node::vehicle::disarming::DisarmingState;
 use crate::node::vehicle::restraint::Restraint;
@@ -33,6 +34,10 @@ enum Happening {
         decided_ago: Duration,
     },
     Turn {
+        decided_ago: Duration,
+    },
+    FollowStored {
+        to_m: f64,
         decided_ago: Duration,
     },
     Stand,
@@ -133,7 +138,10 @@ fn any_happening() -> impl Strategy<Value = Happening> {
             decided_ago,
         },
     );
+    let follow = (-4.0..26.0f64, decided_ago())
+        .prop_map(|(to_m, decided_ago)| Happening::FollowStored { to_m, decided_ago });
     prop_oneof![
+        2 => follow,
         12 => telemetry,
         2 => (0.1..4.0f64).prop_map(|range_m| Happening::Scan { range_m }),
         4 => drive,
@@ -285,6 +293,7 @@ impl Witness {
                     battery: 1.0,
                     motion,
                     is_armed,
+                    stored: None,
                 })
             }
             Happening::Scan { range_m } => scan(range_m, 0.0),
@@ -305,6 +314,18 @@ impl Witness {
             }
             Happening::Turn { decided_ago } => {
                 In::Command(decided(decided_ago), MoveCommand::Turn(Angle::default()))
+            }
+            Happening::FollowStored { to_m, decided_ago } => {
+                let to = |y_m: f64| Item::Waypoint {
+                    at: Point::new(0.0, y_m),
+                    altitude_m: 0.0,
+                    delay: Duration::ZERO,
+                };
+                let items = vec![to(0.0), to(to_m / 2.0), to(to_m)];
+                In::Command(
+                    decided(decided_ago),
+                    MoveCommand::FollowStored { items, from: 1 },
+                )
             }
             Happening::Stand => In::Command(Time::ZERO, MoveCommand::Hold),
             Happening::Order {
@@ -379,7 +400,9 @@ impl Witness {
     fn check_flying(&self, input: &In, out: &[Out]) {
         for fly in flown(out) {
             match fly {
-                AutopilotCommand::Drive { .. } | AutopilotCommand::Turn(_) => {
+                AutopilotCommand::Drive { .. }
+                | AutopilotCommand::Turn(_)
+                | AutopilotCommand::FollowStored { .. } => {
                     assert!(matches!(input, In::Command(..)), "it moves by itself");
                     assert_eq!(
                         self.ban,
@@ -490,7 +513,9 @@ impl Witness {
         for sent_at in out {
             match sent_at {
                 Out::AutopilotCommand(
-                    AutopilotCommand::Drive { .. } | AutopilotCommand::Turn(_),
+                    AutopilotCommand::Drive { .. }
+                    | AutopilotCommand::Turn(_)
+                    | AutopilotCommand::FollowStored { .. },
                 ) => self.stop_said = None,
                 Out::AutopilotCommand(AutopilotCommand::Stop) => self.stop_said = Some(self.now),
                 Out::AutopilotCommand(AutopilotCommand::Arm) => {

@@ -104,6 +104,8 @@ impl World {
                 | MissionStep::GoTo(_)
                 | MissionStep::LookAround
                 | MissionStep::YieldToPeers
+                | MissionStep::FollowStored { .. }
+                | MissionStep::EndHere(_)
                 | MissionStep::Wait) => panic!("{step:?}"),
             };
         }
