@@ -33,7 +33,7 @@ use super::command::{Ack, Command, CommandAck, FlightMode, NumberedCommand, Vehi
 pub use super::messages::{CommandPurpose, In, LinkEvent, Out, Reason};
 use super::motors::{ARM_AGAIN, Motors};
 use super::movement::DriveUnderWay;
-use super::report::{AutopilotReport, ControlStatus, Motion, SystemStatus};
+use super::report::{AutopilotReport, ControlStatus, Motion, StoredPhase, SystemStatus};
 use super::steering::{LinkHealth, Steering};
 use super::stored::StoredWant;
 use crate::actor::{Actor, Fault};
@@ -389,7 +389,8 @@ impl AutopilotLink {
     /// Returns whether it carries out what it stores, and has current: a start said again changes nothing.
     fn is_out(&self) -> bool {
         let is_armed = self.report.is_some_and(|report| report.is_armed);
-        is_armed && self.steering.own_mode() == Some(FlightMode::Auto)
+        let progress = self.stored.progress();
+        is_armed && progress.is_some_and(|stored| stored.phase == StoredPhase::UnderWay)
     }
 
     fn give_up_when_late(&mut self, now: Time, out: &mut Vec<Out>) {

@@ -265,7 +265,8 @@ impl OwnModes {
         if self.expected == Some(to) {
             return;
         }
-        if is_long_ago {
+        // What never showed may not have taken place.
+        if is_long_ago && self.change != ChangeOfMode::Told {
             self.before.clear();
         }
         self.remember_expected();
