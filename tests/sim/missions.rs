@@ -382,3 +382,73 @@ fn who_knows_its_place_again_or_sees_again_explores_on_to_the_end() {
         assert!(at.as_secs_f64() > 200.0, "{fault}: {at} s");
     }
 }
+
+/// A mission for an autopilot: places in metres from the datum (52° N, 4° E), stays, a speed, a servo, a jump.
+fn stored_mission() -> String {
+    // One metre in degrees there.
+    let (north, east) = (1.0 / 111_258.0, 1.0 / 68_680.0);
+    let go = |x_m: f64, y_m: f64, stay_s: u32| {
+        let (latitude, longitude) = (52.0 + y_m * north, 4.0 + x_m * east);
+        format!("3\t16\t{stay_s}\t0\t0\t0\t{latitude:.8}\t{longitude:.8}\t0")
+    };
+    let plain = |command: u32, parameters: &str| format!("2\t{command}\t{parameters}\t0\t0\t0");
+    let items = [
+        "0\t16\t0\t0\t0\t0\t52\t4\t0".to_owned(),
+        plain(178, "1\t0.4\t-1\t0"),
+        go(1.0, 7.0, 2),
+        plain(183, "9\t1700\t0\t0"),
+        go(7.0, 7.0, 0),
+        plain(177, "2\t1\t0\t0"),
+        go(7.0, 1.0, 0),
+    ];
+    let lines: Vec<String> = items
+        .iter()
+        .enumerate()
+        .map(|(index, item)| format!("{index}\t0\t{item}\t1\n"))
+        .collect();
+    format!("QGC WPL 110\n{}", lines.concat())
+}
+
+fn stored_yard(from: u32) -> Place {
+    Place::new(8.0, 8.0)
+        .vehicles(1)
+        .root("end = \"hold\"\nuntil_s = 600.0")
+        .file("yard.waypoints", &stored_mission())
+        .with(&format!(
+            "[mission]\nkind = \"stored\"\nfile = \"yard.waypoints\"\nfrom = {from}"
+        ))
+}
+
+#[test]
+fn an_autopilot_carries_out_a_stored_mission_with_its_jumps_and_stays_where_it_ends() {
+    let outcome = stored_yard(1).run_to_the_end();
+    assert_eq!(end_of(&outcome, 1), &EndReason::Done);
+    for place in [(1.0, 7.0), (7.0, 7.0), (7.0, 1.0)] {
+        assert!(nearest_m(&outcome, 1, place) < 0.4, "{place:?}");
+    }
+    let (_, track) = &outcome.tracks[0];
+    let last = track.last().unwrap();
+    assert!(last.distance_to(Point::new(7.0, 1.0)) < 0.4, "{last:?}");
+    let length_m: f64 = track
+        .windows(2)
+        .map(|pair| pair[0].distance_to(pair[1]))
+        .sum();
+    assert!(length_m > 30.0, "the jump leads back once: {length_m} m");
+    let from_last = stored_yard(6).run_to_the_end();
+    assert!(
+        nearest_m(&from_last, 1, (7.0, 7.0)) > 3.0,
+        "it begins with the last item"
+    );
+}
+
+#[test]
+fn what_stands_on_the_way_of_a_stored_mission_halts_it_and_ends_it_when_it_stays() {
+    let outcome = stored_yard(1).block((4.0, 7.0, 1.0, 1.0)).run();
+    super::place::assert_safe(&outcome);
+    assert_eq!(
+        end_of(&outcome, 1),
+        &EndReason::GaveUp(3),
+        "{}",
+        tail(&outcome.log)
+    );
+}

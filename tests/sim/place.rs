@@ -23,6 +23,8 @@ pub struct Place {
     root: String,
     sections: String,
     sweep: String,
+    /// Files beside the simulation's, by name.
+    files: Vec<(String, String)>,
     seed: u64,
     shuffled: bool,
 }
@@ -54,6 +56,7 @@ impl Place {
             root: "end = \"hold\"\nuntil_s = 2000.0".to_owned(),
             sections: String::new(),
             sweep: "laps = 1".to_owned(),
+            files: Vec::new(),
             seed: 1,
             shuffled: false,
         }
@@ -107,6 +110,12 @@ impl Place {
         self
     }
 
+    /// Puts a file beside that of the simulation.
+    pub fn file(mut self, name: &str, text: &str) -> Place {
+        self.files.push((name.to_owned(), text.to_owned()));
+        self
+    }
+
     /// Returns which seed is run.
     pub fn seed(mut self, seed: u64) -> Place {
         self.seed = seed;
@@ -151,7 +160,10 @@ impl Place {
         let mut loader = |name: &str| match name {
             "venue.toml" => Ok(self.venue()),
             "scene.toml" => Ok("kind = \"scene\"\nname = \"blocks\"\n".to_owned()),
-            other => Err(format!("no file {other}")),
+            other => match self.files.iter().find(|(known, _)| known == other) {
+                Some((_, text)) => Ok(text.clone()),
+                None => Err(format!("no file {other}")),
+            },
         };
         let sim = config::read_sim("test.toml", &self.text(), None, &mut loader)
             .unwrap_or_else(|problems| panic!("{problems}"));

@@ -6,7 +6,8 @@ use super::super::link::{AutopilotLink, In, LinkEvent, Out, Reason};
 use super::super::tests_support::resting_report;
 use super::super::{
     Ack, ArmRefusal, AutopilotCommand, AutopilotLinkSettings, AutopilotReport, Command, CommandAck,
-    CommandPurpose, ControlStatus, FlightMode, Motion, SystemStatus, VehicleKind,
+    CommandPurpose, ControlStatus, FlightMode, Item, Motion, StoredPhase, StoredReport,
+    SystemStatus, VehicleKind,
 };
 use crate::actor::Actor;
 use crate::geom::{Angle, Point};
@@ -93,6 +94,51 @@ fn control(out: &[Out]) -> Option<Control> {
             None
         }
     })
+}
+
+fn mission() -> Vec<Item> {
+    let to = |x_m: f64| Item::Land {
+        at: Some(Point::new(x_m, 0.0)),
+    };
+    vec![to(0.0), to(2.0), to(4.0)]
+}
+
+fn follow(from: usize) -> AutopilotCommand {
+    AutopilotCommand::FollowStored {
+        items: mission(),
+        from,
+    }
+}
+
+fn in_mode(mode: FlightMode, item: u16, is_over: bool) -> AutopilotReport {
+    AutopilotReport {
+        mode,
+        stored: StoredReport { item, is_over },
+        ..resting_report()
+    }
+}
+
+/// How far the stored mission is, as the vehicle is told.
+fn progress(out: &[Out]) -> Option<(u16, StoredPhase)> {
+    out.iter().find_map(|out| match out {
+        Out::Telemetry(telemetry) => telemetry.stored.map(|stored| (stored.item, stored.phase)),
+        _ => None,
+    })
+}
+
+/// A link whose autopilot carries out a mission, at 3 s.
+fn followed() -> AutopilotLink {
+    let mut link = link(VehicleKind::Rover, resting_report());
+    wanted(&mut link, 1.1, follow(1));
+    for time_s in [1.2, 1.3, 1.4] {
+        answered(&mut link, time_s, CommandAck::Accepted);
+    }
+    fed(
+        &mut link,
+        3.0,
+        In::Report(in_mode(FlightMode::Auto, 1, false)),
+    );
+    link
 }
 
 const ARM: Command = Command::Arm { force: false };
@@ -564,4 +610,159 @@ fn a_change_of_mode_that_a_silence_has_cut_off_is_said_anew_before_it_is_armed()
         "at 3 s, before the second try"
     );
     assert_eq!(commands(&out), [GUIDED]);
+}
+
+#[test]
+fn a_stored_mission_is_uploaded_then_its_item_chosen_then_begun_and_its_end_is_no_take_over() {
+    let mut link = link(VehicleKind::Rover, resting_report());
+    assert_eq!(
+        wanted(&mut link, 1.1, follow(2)),
+        [Command::Upload(mission())]
+    );
+    let mut out = Vec::new();
+    for second in 2..=60 {
+        out = fed(&mut link, f64::from(second), In::Report(resting_report()));
+    }
+    assert_eq!(
+        progress(&out),
+        Some((0, StoredPhase::Preparing)),
+        "it takes its time"
+    );
+    assert_eq!(
+        commands(&answered(&mut link, 60.1, CommandAck::Accepted)),
+        [Command::SetCurrent(2)]
+    );
+    assert_eq!(
+        commands(&answered(&mut link, 60.2, CommandAck::Accepted)),
+        [Command::Mode(FlightMode::Auto)]
+    );
+    answered(&mut link, 60.3, CommandAck::Accepted);
+    let out = fed(
+        &mut link,
+        61.0,
+        In::Report(in_mode(FlightMode::Auto, 2, false)),
+    );
+    assert_eq!(progress(&out), Some((2, StoredPhase::UnderWay)));
+    let out = fed(
+        &mut link,
+        62.0,
+        In::Report(in_mode(FlightMode::Auto, 2, true)),
+    );
+    assert_eq!(progress(&out), Some((2, StoredPhase::Over)));
+    let out = fed(
+        &mut link,
+        63.0,
+        In::Report(in_mode(FlightMode::Hold, 2, true)),
+    );
+    assert_eq!((event_of(&out), control(&out)), (None, None));
+    assert_eq!(wanted(&mut link, 63.1, drive()), [GUIDED]);
+}
+
+#[test]
+fn what_is_stored_already_is_not_uploaded_again_unless_it_may_have_changed() {
+    let mut known = followed();
+    let hold = Command::Mode(FlightMode::Hold);
+    assert_eq!(
+        wanted(&mut known, 3.1, AutopilotCommand::Stop),
+        [hold.clone()]
+    );
+    fed(
+        &mut known,
+        4.0,
+        In::Report(in_mode(FlightMode::Hold, 1, false)),
+    );
+    assert_eq!(wanted(&mut known, 4.1, follow(2)), [Command::SetCurrent(2)]);
+    let mut silent = followed();
+    wanted(&mut silent, 3.1, AutopilotCommand::Stop);
+    fed(
+        &mut silent,
+        9.0,
+        In::Report(in_mode(FlightMode::Hold, 1, false)),
+    );
+    assert_eq!(
+        wanted(&mut silent, 9.1, follow(2)),
+        [Command::Upload(mission())],
+        "it was silent"
+    );
+}
+
+#[test]
+fn another_item_is_chosen_while_it_goes_on_and_another_mission_when_it_stands() {
+    let mut link = followed();
+    assert_eq!(wanted(&mut link, 3.1, follow(2)), [Command::SetCurrent(2)]);
+    assert_eq!(
+        commands(&answered(&mut link, 3.2, CommandAck::Accepted)),
+        []
+    );
+    let mut link = followed();
+    let other = AutopilotCommand::FollowStored {
+        items: mission()[..2].to_vec(),
+        from: 1,
+    };
+    assert_eq!(wanted(&mut link, 3.1, other), [GUIDED]);
+}
+
+#[test]
+fn a_stop_in_auto_is_said_again_until_another_mode_shows() {
+    let mut link = followed();
+    let hold = Command::Mode(FlightMode::Hold);
+    assert_eq!(
+        wanted(&mut link, 3.1, AutopilotCommand::Stop),
+        [hold.clone()]
+    );
+    let rests = in_mode(FlightMode::Auto, 1, false);
+    assert_eq!(
+        commands(&fed(&mut link, 3.5, In::Report(rests))),
+        [hold],
+        "it may go on"
+    );
+    let holds = in_mode(FlightMode::Hold, 1, false);
+    assert_eq!(commands(&fed(&mut link, 3.6, In::Report(holds))), []);
+}
+
+#[test]
+fn a_person_who_holds_it_in_its_mission_has_taken_over() {
+    let mut link = followed();
+    let out = fed(
+        &mut link,
+        9.0,
+        In::Report(in_mode(FlightMode::Hold, 1, false)),
+    );
+    assert!(matches!(
+        event_of(&out),
+        Some(LinkEvent::TakenOver(FlightMode::Hold) | LinkEvent::ActsByItself(_))
+    ));
+    assert_eq!(wanted(&mut link, 9.1, follow(1)), []);
+}
+
+#[test]
+fn a_mission_that_is_refused_or_never_answered_has_failed() {
+    let mut refused = link(VehicleKind::Rover, resting_report());
+    wanted(&mut refused, 1.1, follow(1));
+    let out = answered(&mut refused, 1.2, CommandAck::Unsupported);
+    let why = LinkEvent::GivenUp(
+        CommandPurpose::Stored,
+        Reason::Refused(CommandAck::Unsupported),
+    );
+    assert_eq!(event_of(&out), Some(why));
+    let out = fed(&mut refused, 1.3, In::Report(resting_report()));
+    assert_eq!(progress(&out), Some((0, StoredPhase::Failed)));
+    let mut silent = link(VehicleKind::Rover, resting_report());
+    wanted(&mut silent, 1.1, follow(1));
+    let mut said = 0;
+    let mut last = None;
+    for step in 0..2000 {
+        let out = fed(
+            &mut silent,
+            1.2 + 0.1 * f64::from(step),
+            In::Report(resting_report()),
+        );
+        said += commands(&out).len();
+        last = progress(&out);
+    }
+    assert_eq!(
+        (said, last),
+        (0, Some((0, StoredPhase::Failed))),
+        "the driver asks again, not the link"
+    );
 }

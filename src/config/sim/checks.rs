@@ -220,6 +220,14 @@ pub(super) fn check_places(root: &Section, sim: &Sim) {
         }
     }
     check_task(root, sim.task.as_ref(), &sim.venue);
+    if sim.mission.is_of_one() && sim.vehicles.count != 1 {
+        let allowed = "count = 1 is needed for a mission that one autopilot carries out";
+        let key = match root.source.is_known("vehicles.count") {
+            true => "vehicles.count",
+            false => "mission.kind",
+        };
+        root.refuse(key, "are too many for a stored mission", allowed);
+    }
     let Some(random) = sim.scene.random_persons else {
         return;
     };

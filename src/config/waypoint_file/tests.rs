@@ -492,3 +492,169 @@ proptest! {
         let _ = WaypointFile::read("x", &broken);
     }
 }
+
+#[test]
+fn for_an_autopilot_jumps_and_commands_that_are_not_known_here_are_read_as_well() {
+    let lines = [
+        HOME,
+        "1 0 3 16 2 0 0 0 52 4.5 7 1",
+        "2 0 3 82 1 0 0 0 52 4.6 8 1",
+        "3 0 2 203 1 2 3 4 0 0 0 1",
+        "4 0 2 177 1 -1 0 0 0 0 0 1",
+    ];
+    let file = WaypointFile::read_stored("m.waypoints", &wpl(&lines)).unwrap();
+    let other = |command, at, parameters: [f64; 4]| MissionItem::Other {
+        command,
+        at,
+        parameters: parameters.map(Some),
+    };
+    let spline = target(Some((52.0, 4.6)), 8.0, Above::Home);
+    assert_eq!(
+        file.items()[1..],
+        [
+            other(82, Some(spline), [1.0, 0.0, 0.0, 0.0]),
+            other(203, None, [1.0, 2.0, 3.0, 4.0]),
+            MissionItem::Jump { to: 1, times: None },
+        ]
+    );
+    assert_eq!(
+        file.points(&venue().plane()).len(),
+        2,
+        "both lead somewhere"
+    );
+    let again = WaypointFile::read_stored("m.waypoints", &file.to_wpl()).unwrap();
+    assert_eq!(again.items(), file.items());
+}
+
+#[test]
+fn a_jump_of_a_plan_names_its_item_by_the_number_that_it_was_given() {
+    let item = |id: u32, command: u32, params: &str| {
+        simple(command, 3, params).replace("\"doJumpId\": 1", &format!("\"doJumpId\": {id}"))
+    };
+    let place = "0, 0, 0, null, 52, 4.5, 3";
+    let items = [
+        item(4, 16, place),
+        item(9, 16, place),
+        item(10, 177, "9, 3, 0, 0, 0, 0, 0"),
+    ];
+    let file = WaypointFile::read_stored("m.plan", &plan(&items.join(","))).unwrap();
+    let jump = MissionItem::Jump {
+        to: 2,
+        times: Some(3),
+    };
+    assert_eq!(file.items()[2], jump);
+}
+
+#[test]
+fn what_an_autopilot_could_not_store_is_told_by_its_line() {
+    let refused = |line: &str| {
+        let text = wpl(&[HOME, line]);
+        let file = WaypointFile::read_stored("m.waypoints", &text);
+        let stored = file.and_then(|file| file.stored_items("m.waypoints", &venue()));
+        stored.unwrap_err().to_string()
+    };
+    for (line, said) in [
+        (
+            "1 0 2 177 2 1 0 0 0 0 0 1",
+            "m.waypoints:3: param1 = 2: leads to no item; 1 to 1 is allowed",
+        ),
+        (
+            "1 0 2 177 1 0.5 0 0 0 0 0 1",
+            "m.waypoints:3: param2 = 0.5: is not whole",
+        ),
+        (
+            "1 0 2 203 0 0 0 0 0 0 5 1",
+            "m.waypoints:3: altitude = 5: is given without a place",
+        ),
+        (
+            "1 0 3 70000 0 0 0 0 0 0 5 1",
+            "m.waypoints:3: command = 70000: is none",
+        ),
+        (
+            "1 0 7 82 0 0 0 0 52 4.5 5 1",
+            "m.waypoints:3: frame = 7: is not known",
+        ),
+        (
+            "1 0 10 16 0 0 0 0 52 4.5 5 1",
+            "has a height above the ground, which is not known here",
+        ),
+    ] {
+        let output = refused(line);
+        assert!(output.contains(said), "{line}: {output}");
+    }
+    let long = vec!["0 0 3 16 0 0 0 0 52 4.5 0 1"; 718];
+    let lines: Vec<String> = long
+        .iter()
+        .enumerate()
+        .map(|(index, line)| line.replacen('0', &(index + 1).to_string(), 1))
+        .collect();
+    let lines: Vec<&str> = std::iter::once(HOME)
+        .chain(lines.iter().map(String::as_str))
+        .collect();
+    let file = WaypointFile::read_stored("m.waypoints", &wpl(&lines)).unwrap();
+    let output = file.stored_items("m.waypoints", &venue()).unwrap_err();
+    assert!(
+        output.to_string().contains("m.waypoints:720: item 718"),
+        "{output}"
+    );
+}
+
+#[test]
+fn a_file_becomes_what_travels_with_heights_above_home_and_places_of_the_venue() {
+    use tomoswarm_proto::{Heading, Parameter, Position, StoredItem};
+    let lines = [
+        HOME,
+        "1 0 3 22 0 0 0 0 0 0 3.5 1",
+        "2 0 0 16 1.5 0 0 0 52.1 4.5 14 1",
+        "3 0 3 19 4 0 0 0 0 0 2 1",
+        "4 0 2 115 90 0 0 0 0 0 0 1",
+        "5 0 2 115 90 10 1 1 0 0 0 1",
+        "6 0 2 178 1 0.5 -1 0 0 0 0 1",
+        "7 0 2 183 9 1700 0 0 0 0 0 1",
+        "8 0 3 21 0 0 0 0 0 0 0 1",
+        "9 0 3 20 0 0 0 0 0 0 0 1",
+    ];
+    let file = WaypointFile::read_stored("m.waypoints", &wpl(&lines)).unwrap();
+    let items = file.stored_items("m.waypoints", &venue()).unwrap();
+    let StoredItem::Waypoint { at, stay_ms: 1500 } = items[1] else {
+        panic!("{:?}", items[1])
+    };
+    // The venue's datum is there, and home 12 m above the sea.
+    assert_eq!((at.x_mm, at.y_mm, at.z_mm), (0, 0, 2000));
+    let _: Position = at;
+    assert_eq!(items[0], StoredItem::Takeoff { height_mm: 3500 });
+    assert_eq!(items[2], StoredItem::Delay(4000), "it stays where it is");
+    assert_eq!(items[3], StoredItem::Yaw(Heading(0)), "east is along x");
+    let StoredItem::Other {
+        command: 115,
+        at: None,
+        parameters,
+    } = items[4]
+    else {
+        panic!("a turn by an angle is the autopilot's own: {:?}", items[4])
+    };
+    assert_eq!(parameters.map(Parameter::number), [90.0, 10.0, 1.0, 1.0]);
+    assert_eq!(
+        items[5..],
+        [
+            StoredItem::Speed(500),
+            StoredItem::Servo {
+                channel: 9,
+                pulse_us: 1700
+            },
+            StoredItem::Land(None),
+            StoredItem::Return,
+        ]
+    );
+}
+
+/// A venue whose datum is the home of these files, and whose x axis leads east.
+fn venue() -> crate::config::Venue {
+    let text = "kind = \"venue\"\narea_m = [0.0, 0.0, 9.0, 9.0]\nhomes_m = [[-2.0, 0.0]]\n\
+                fence_m = [[-9.0, -9.0], [20.0, -9.0], [20.0, 20.0], [-9.0, 20.0]]\n\
+                [datum]\nlatitude_deg = 52.1\nlongitude_deg = 4.5\naltitude_m = 12.0\n";
+    match crate::config::read("v.toml", text, &mut |_| Err("no file".to_owned())) {
+        Ok(crate::config::Config::Venue(venue)) => venue,
+        other => panic!("{other:?}"),
+    }
+}

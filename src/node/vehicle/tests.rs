@@ -15,6 +15,7 @@ mod drawings;
 mod emergencies;
 mod laws;
 mod memory;
+mod stored;
 
 const LEASE: Lease = Lease {
     number: 3,
