@@ -8,7 +8,9 @@ use std::time::{Duration, Instant};
 
 use tomoswarm::mavlink::dialect::{COMMAND_LONG_DATA, MavCmd, MavMessage, MavResult};
 use tomoswarm::mavlink::frames::{Content, FrameReader, FrameWriter, MavAddress};
-use tomoswarm_proto::{OrderKind, VehicleId};
+use tomoswarm_proto::{
+    MissionEnd, MissionKind, MissionPhase, MissionRefusal, OrderKind, RunId, VehicleId,
+};
 
 use crate::relay::Relay;
 use crate::swarm::{PROGRAM, Size, Swarm, Watch, free_address};
@@ -70,6 +72,124 @@ fn a_sweep_is_driven_over_mavlink_although_a_link_is_cut_for_five_seconds() {
     swarm.until_end();
     swarm.until_maps_equal(20);
     swarm.finish();
+}
+
+/// A mission of QGroundControl: three places, a stay, a speed, a servo, a command that only an autopilot knows, a jump.
+fn stored_mission() -> String {
+    let place = |x_m: f64, y_m: f64, stay_s: u32| {
+        let (latitude, longitude) = (52.0 + y_m / 111_258.0, 4.0 + x_m / 68_680.0);
+        format!("3\t16\t{stay_s}\t0\t0\t0\t{latitude:.8}\t{longitude:.8}\t0")
+    };
+    let plain = |command: u32, parameters: &str| format!("2\t{command}\t{parameters}\t0\t0\t0");
+    let items = [
+        "0\t16\t0\t0\t0\t0\t52\t4\t0".to_owned(),
+        place(-1.5, 4.0, 1),
+        plain(178, "1\t0.8\t-1\t0"),
+        plain(183, "9\t1700\t0\t0"),
+        place(-1.5, 7.0, 0),
+        plain(177, "1\t1\t0\t0"),
+        place(1.0, 7.0, 2),
+    ];
+    let numbered = items.iter().enumerate();
+    let lines = numbered.map(|(index, item)| format!("{index}\t0\t{item}\t1\n"));
+    format!("QGC WPL 110\n{}", lines.collect::<String>())
+}
+
+#[test]
+fn an_autopilot_stores_a_mission_carries_it_out_is_paused_and_goes_on_with_its_item() {
+    let mut swarm = Swarm::prepare(Size {
+        vehicles: 2,
+        laps: 1,
+        relayed: false,
+    });
+    let served = two_addresses();
+    swarm.fly_over_mavlink(served[0], &served);
+    swarm.write("yard.waypoints", &stored_mission());
+    swarm.run();
+    let shown = |watch: &Watch| {
+        let vehicle = watch.view.vehicle(VehicleId(1))?;
+        vehicle.mission.as_ref().map(|said| said.value)
+    };
+    swarm.until("it knows where it is", 20, |watch| {
+        watch.view.grounds().next().is_some() && !has_trouble(watch, 1, "autopilot")
+    });
+    let refused = swarm.refused(&[
+        "start",
+        "--mission",
+        "stored",
+        "--set",
+        "file=yard.waypoints",
+    ]);
+    assert!(refused.contains("is one vehicle's alone"), "{refused}");
+    swarm.order(&[
+        "start",
+        "1",
+        "--mission",
+        "stored",
+        "--set",
+        "file=yard.waypoints",
+    ]);
+    swarm.until("it is under way to its second place", 60, |watch| {
+        shown(watch).is_some_and(|said| said.kind == MissionKind::Stored && said.places_left == 2)
+    });
+    swarm.order(&["pause", "1"]);
+    swarm.until("it stands", 10, |watch| {
+        let state = watch.view.state(VehicleId(1));
+        state.is_some_and(|state| state.value.is_at_rest)
+            && shown(watch).is_some_and(|said| said.phase == MissionPhase::Held)
+    });
+    swarm.order(&["resume", "1"]);
+    swarm.until("it has done all", 60, |watch| {
+        shown(watch).is_some_and(|said| said.end == Some(MissionEnd::Done))
+    });
+    let place = swarm.look(|watch| {
+        watch
+            .view
+            .state(VehicleId(1))
+            .unwrap()
+            .value
+            .pose
+            .unwrap()
+            .at
+    });
+    let away_m = libm::hypot(place.x_m() - 1.0, place.y_m() - 7.0);
+    assert!(away_m < 0.5, "{place:?}");
+    swarm.order(&[
+        "start",
+        "1",
+        "--mission",
+        "stored",
+        "--set",
+        "file=yard.waypoints",
+        "--set",
+        "from=6",
+    ]);
+    swarm.until("its last item alone is done", 30, |watch| {
+        let mission = shown(watch);
+        mission
+            .is_some_and(|said| said.progress.run == RunId(2) && said.end == Some(MissionEnd::Done))
+    });
+    swarm.write(
+        "strange.waypoints",
+        &stored_mission().replace("\t183\t", "\t203\t"),
+    );
+    swarm.order(&[
+        "start",
+        "1",
+        "--mission",
+        "stored",
+        "--set",
+        "file=strange.waypoints",
+    ]);
+    swarm.until(
+        "the autopilot does not take what it does not know",
+        30,
+        |watch| {
+            let refused = MissionEnd::Refused(MissionRefusal::Autopilot);
+            shown(watch)
+                .is_some_and(|said| said.progress.run == RunId(3) && said.end == Some(refused))
+        },
+    );
 }
 
 /// A ground station that listens for packets.

@@ -447,7 +447,7 @@ fn what_stands_on_the_way_of_a_stored_mission_halts_it_and_ends_it_when_it_stays
     super::place::assert_safe(&outcome);
     assert_eq!(
         end_of(&outcome, 1),
-        &EndReason::GaveUp(3),
+        &EndReason::GaveUp(2),
         "{}",
         tail(&outcome.log)
     );
