@@ -199,7 +199,7 @@ impl MavlinkDriver {
             return orders::refuse_to_arm(command.number, out);
         }
         match &command.command {
-            Command::Upload(items) => self.heard.forget_stored(Some(items.len())),
+            Command::Upload(items) => self.heard.forget_stored(Some(items)),
             Command::SetCurrent(_) => self.heard.forget_stored(None),
             _ => {}
         }

@@ -214,6 +214,7 @@ impl Autopilot {
             is_landed: self.is_landed(now),
             status: self.status(now),
             item: control.mission().item(),
+            is_over: control.mission().report().is_over,
             home: control.home(),
             servos: control.servos().clone(),
         }

@@ -5,7 +5,8 @@ use std::time::Duration;
 
 use super::{AUTOPILOT, DriverTrouble, MavlinkDriverSettings, PlaceSource};
 use crate::autopilot::{
-    AutopilotReport, FlightMode, Motion, RemoteSwitch, StoredReport, SystemStatus, VehicleKind,
+    AutopilotReport, FlightMode, Item, Motion, RemoteSwitch, StoredReport, SystemStatus,
+    VehicleKind,
 };
 use crate::geom::{Angle, Bearing, Point, Pose};
 use crate::mavlink::dialect::{
@@ -56,16 +57,58 @@ pub(super) struct Heard {
     version: Option<u32>,
     landed: Option<MavLandedState>,
     refusal: Dated<String>,
-    /// How far it is with the mission that it stores.
-    stored: StoredReport,
-    /// The item that it has said to have reached last.
-    reached: Option<u16>,
-    /// How many items it stores, home included, as far as that is known.
-    items: u16,
+    mission: HeardMission,
     boot_ms: u32,
     /// When its clock went back, the last few times.
     went_back: Vec<Time>,
     others: BTreeSet<MavAddress>,
+}
+
+/// What it has said of the mission that it stores.
+#[derive(Clone, Copy, Debug, Default)]
+struct HeardMission {
+    /// The item under way.
+    item: u16,
+    is_complete: bool,
+    /// The item that it has said to have reached last.
+    reached: Option<u16>,
+    /// The last item that takes its time, as far as it is known what is stored.
+    lasting: Option<u16>,
+}
+
+impl HeardMission {
+    fn forget(&mut self) {
+        (self.item, self.is_complete, self.reached) = (0, false, None);
+    }
+
+    fn take(&mut self, current: &d::MISSION_CURRENT_DATA) {
+        (self.item, self.is_complete) = (
+            current.seq,
+            current.mission_state == MissionState::MISSION_STATE_COMPLETE,
+        );
+        // A jump has led back.
+        self.reached.take_if(|reached| current.seq < *reached);
+    }
+
+    /// Returns how far it is. Old software does not say that a mission is over: it has reached the last item then, and left AUTO.
+    fn report(&self, mode: ShownMode) -> StoredReport {
+        let is_reached = self
+            .lasting
+            .zip(self.reached)
+            .is_some_and(|(last, reached)| reached >= last);
+        let has_left = mode != ShownMode::Known(FlightMode::Auto);
+        StoredReport {
+            item: self.item,
+            is_over: self.is_complete || (is_reached && has_left),
+        }
+    }
+}
+
+/// Returns the last item that takes its time; one that is not known may do so.
+fn last_lasting(items: &[Item]) -> Option<u16> {
+    let lasts = |item: &Item| item.takes_time() || matches!(item, Item::Other { .. });
+    let last = items.iter().rposition(lasts)?;
+    u16::try_from(last).ok()
 }
 
 impl Heard {
@@ -111,8 +154,8 @@ impl Heard {
                 }
                 self.power = Some(status.clone());
             }
-            MavMessage::MISSION_CURRENT(current) => self.take_current(current),
-            MavMessage::MISSION_ITEM_REACHED(reached) => self.reached = Some(reached.seq),
+            MavMessage::MISSION_CURRENT(current) => self.mission.take(current),
+            MavMessage::MISSION_ITEM_REACHED(reached) => self.mission.reached = Some(reached.seq),
             MavMessage::RC_CHANNELS(channels) => self.channels = Some((now, channels.clone())),
             MavMessage::AUTOPILOT_VERSION(version) => {
                 self.version = Some(version.flight_sw_version);
@@ -157,29 +200,11 @@ impl Heard {
         })
     }
 
-    /// Takes which item is under way. Whether all are done old software does not say: there the last one was reached.
-    fn take_current(&mut self, current: &d::MISSION_CURRENT_DATA) {
-        let total = (1..u16::MAX)
-            .contains(&current.total)
-            .then_some(current.total);
-        if let Some(total) = total {
-            self.items = total;
-        }
-        let is_last_reached =
-            self.items > 1 && self.reached.is_some_and(|item| item >= self.items - 1);
-        self.stored = StoredReport {
-            item: current.seq,
-            is_over: current.mission_state == MissionState::MISSION_STATE_COMPLETE
-                || (current.mission_state == MissionState::MISSION_STATE_UNKNOWN
-                    && is_last_reached),
-        };
-    }
-
-    /// Forgets how far it was with its mission: it is told another, or to go on with another item; so many items it has then.
-    pub(super) fn forget_stored(&mut self, items: Option<usize>) {
-        (self.stored, self.reached) = (StoredReport::default(), None);
+    /// Forgets how far it was with its mission: it is told another, or to go on with another item.
+    pub(super) fn forget_stored(&mut self, items: Option<&[Item]>) {
+        self.mission.forget();
         if let Some(items) = items {
-            self.items = u16::try_from(items).unwrap_or(u16::MAX);
+            self.mission.lasting = last_lasting(items);
         }
     }
 
@@ -311,7 +336,9 @@ impl Heard {
                 | MavState::MAV_STATE_FLIGHT_TERMINATION => SystemStatus::Critical,
             },
             switch: self.switch(now, settings),
-            stored: self.stored,
+            stored: self
+                .mission
+                .report(mode_of(settings.kind, heartbeat.custom_mode)),
         })
     }
 
@@ -548,4 +575,38 @@ fn width_us(channels: &d::RC_CHANNELS_DATA, channel: u8) -> u16 {
         .and_then(|index| widths_us.get(index))
         .copied()
         .unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mission_is_over_when_it_says_so_or_has_left_auto_after_its_last_item() {
+        let items = [Item::Return, Item::Return, Item::Return, Item::Speed(1.0)];
+        let mut heard = HeardMission {
+            lasting: last_lasting(&items),
+            ..HeardMission::default()
+        };
+        let current = |seq, mission_state| d::MISSION_CURRENT_DATA {
+            seq,
+            mission_state,
+            ..d::MISSION_CURRENT_DATA::default()
+        };
+        let auto = ShownMode::Known(FlightMode::Auto);
+        let hold = ShownMode::Known(FlightMode::Hold);
+        heard.take(&current(2, MissionState::MISSION_STATE_UNKNOWN));
+        assert!(!heard.report(hold).is_over, "somebody holds it");
+        heard.reached = Some(2);
+        assert_eq!(
+            [auto, hold].map(|mode| heard.report(mode).is_over),
+            [false, true]
+        );
+        heard.take(&current(1, MissionState::MISSION_STATE_UNKNOWN));
+        assert!(!heard.report(hold).is_over, "a jump has led back");
+        heard.take(&current(2, MissionState::MISSION_STATE_COMPLETE));
+        assert!(heard.report(auto).is_over);
+        heard.forget();
+        assert_eq!(heard.report(auto), StoredReport::default());
+    }
 }

@@ -27,7 +27,7 @@ const WANTED: [(u32, u16, MavDataStream); 10] = [
     (24, 2, MavDataStream::MAV_DATA_STREAM_EXTENDED_STATUS),
     (1, 2, MavDataStream::MAV_DATA_STREAM_EXTENDED_STATUS),
     (245, 2, MavDataStream::MAV_DATA_STREAM_EXTENDED_STATUS),
-    (42, 1, MavDataStream::MAV_DATA_STREAM_EXTENDED_STATUS),
+    (42, 5, MavDataStream::MAV_DATA_STREAM_EXTENDED_STATUS),
     (65, 5, MavDataStream::MAV_DATA_STREAM_RC_CHANNELS),
     (230, 2, MavDataStream::MAV_DATA_STREAM_EXTRA3),
     (EKF_STATUS, 2, MavDataStream::MAV_DATA_STREAM_EXTRA3),

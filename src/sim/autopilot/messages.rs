@@ -55,6 +55,8 @@ pub struct Readout {
     pub status: SystemStatus,
     /// The current item of the mission; 0 = none yet.
     pub item: usize,
+    /// Whether the last one is done.
+    pub is_over: bool,
     /// Where home is; `None` = not known before it was armed.
     pub home: Option<Point>,
     /// Servo outputs that were set, microseconds by output.

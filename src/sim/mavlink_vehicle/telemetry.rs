@@ -1,7 +1,7 @@
 //! What a simulated vehicle knows of itself, as messages.
 
 use super::remote_control::CHANNELS;
-use crate::autopilot::{SystemStatus, VehicleKind};
+use crate::autopilot::{FlightMode, SystemStatus, VehicleKind};
 use crate::mavlink::client_link::Said;
 use crate::mavlink::dialect::{
     self as d, EstimatorStatusFlags, GpsFixType, MavMessage, MavProtocolCapability as Can,
@@ -164,7 +164,13 @@ fn in_common(kind: VehicleKind, readout: &Readout, items: usize) -> VehicleReado
         mission: MissionReadout {
             item: readout.item as u16,
             total: items.saturating_sub(1) as u16,
-            state: MissionState::MISSION_STATE_UNKNOWN,
+            state: match (readout.is_over, readout.mode, items) {
+                (_, _, 0 | 1) => MissionState::MISSION_STATE_NO_MISSION,
+                (true, _, _) => MissionState::MISSION_STATE_COMPLETE,
+                (false, FlightMode::Auto, _) => MissionState::MISSION_STATE_ACTIVE,
+                (false, _, _) if readout.item == 0 => MissionState::MISSION_STATE_NOT_STARTED,
+                (false, _, _) => MissionState::MISSION_STATE_PAUSED,
+            },
         },
         version: VERSION,
         capabilities: Can::MAV_PROTOCOL_CAPABILITY_MISSION_FLOAT
