@@ -197,10 +197,7 @@ impl Keyed for MissionTable {
             WrittenKind::Square => places.square_keys(to),
             WrittenKind::Waypoints => places.list_keys(true, to),
             WrittenKind::Stored { from } => {
-                let means = "the mission that the autopilot stores, `.waypoints` (QGC WPL 110) or `.plan` of QGroundControl: \
-                             jumps, servos, landings and whatever else it knows; every place must lie inside the fence";
-                let needed = "the file of a mission is needed, .waypoints or .plan";
-                places.file_key((Some(needed), means), to);
+                places.file_key(Some("a file is needed, .waypoints or .plan"), to);
                 let (name, means) = ("from", "the item that it begins with, counted from 1");
                 to.whole(
                     from,
@@ -399,11 +396,8 @@ impl WrittenPlaces {
         );
     }
 
-    fn file_key(
-        &mut self,
-        (needed, means): (Option<&'static str>, &'static str),
-        to: &mut dyn Keys,
-    ) {
+    fn file_key(&mut self, needed: Option<&'static str>, to: &mut dyn Keys) {
+        let means = "a mission, `.waypoints` (QGC WPL 110) or `.plan` of QGroundControl; every place must lie inside the fence";
         let name = &mut self.file;
         let entry = KeyEntry {
             name: "file",
@@ -414,9 +408,7 @@ impl WrittenPlaces {
     }
 
     fn list_keys(&mut self, is_needed: bool, to: &mut dyn Keys) {
-        let means = "file of the places, `.waypoints` (QGC WPL 110) or `.plan` of QGroundControl; every place must lie \
-                     inside the fence";
-        self.file_key((None, means), to);
+        self.file_key(None, to);
         let WrittenPlaces {
             size_m: _,
             centre_m: _,
