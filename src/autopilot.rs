@@ -14,6 +14,7 @@ pub mod link;
 mod messages;
 mod motors;
 mod movement;
+mod pending;
 mod report;
 mod steering;
 mod stored;

@@ -31,8 +31,9 @@ use super::AutopilotLinkSettings;
 use super::autopilot_command::AutopilotCommand;
 use super::command::{Ack, Command, CommandAck, FlightMode, NumberedCommand, VehicleKind};
 pub use super::messages::{CommandPurpose, In, LinkEvent, Out, Reason};
-use super::motors::{ARM_AGAIN, Motors};
+use super::motors::Motors;
 use super::movement::DriveUnderWay;
+use super::pending::Pending;
 use super::report::{AutopilotReport, ControlStatus, Motion, StoredPhase, SystemStatus};
 use super::steering::{LinkHealth, Steering};
 use super::stored::StoredWant;
@@ -45,33 +46,6 @@ pub(super) const RESEND_AFTER: Duration = Duration::from_millis(300);
 const RESEND_AFTER_INTO_SILENCE: Duration = Duration::from_secs(1);
 /// That a drive was given up for one reason is said this often at most.
 const REMARK_AGAIN: Duration = Duration::from_secs(10);
-/// A mission of 700 items over a slow link that loses packets takes a minute, and as long to be read back.
-const UPLOADED_WITHIN: Duration = Duration::from_secs(180);
-/// A command is said so often at most.
-pub(super) const TRIES: u8 = 3;
-
-/// A command that waits for its answer.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-struct Pending {
-    purpose: CommandPurpose,
-    sent: NumberedCommand,
-    sent_at: Time,
-    tries: u8,
-}
-
-impl Pending {
-    fn due(&self) -> Time {
-        match self.purpose {
-            CommandPurpose::Arm => self.sent_at + ARM_AGAIN,
-            CommandPurpose::Stored if matches!(self.sent.command, Command::Upload(_)) => {
-                self.sent_at + UPLOADED_WITHIN
-            }
-            CommandPurpose::ChangeMode | CommandPurpose::Move | CommandPurpose::Stored => {
-                self.sent_at + RESEND_AFTER
-            }
-        }
-    }
-}
 
 /// The link of a vehicle to its autopilot.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -129,9 +103,7 @@ impl AutopilotLink {
                 }
             }
             AutopilotCommand::Stop => {
-                self.pending.take_if(|pending| {
-                    pending.purpose != CommandPurpose::ChangeMode || pending.sent.command.moves()
-                });
+                self.pending.take_if(|pending| pending.ends_by_a_stop());
                 self.stored.drop_wanted();
                 self.motors.postpone();
                 match self.steering {
@@ -314,7 +286,7 @@ impl AutopilotLink {
                 self.give_up(now, CommandPurpose::Move, Reason::TooLate, out);
             }
             CommandPurpose::ChangeMode | CommandPurpose::Move | CommandPurpose::Stored
-                if pending.tries < TRIES && !matches!(pending.sent.command, Command::Upload(_)) =>
+                if pending.may_be_said_again() =>
             {
                 self.send(now, pending.purpose, pending.sent, pending.tries + 1, out);
             }
@@ -514,11 +486,7 @@ impl AutopilotLink {
 
     /// Forgets a drive, a turn or a step toward a stored mission that waits for its answer.
     fn drop_pending_move(&mut self) {
-        self.pending.take_if(|pending| match pending.purpose {
-            CommandPurpose::Move | CommandPurpose::Stored => true,
-            CommandPurpose::ChangeMode => pending.sent.command.moves(),
-            CommandPurpose::Arm => false,
-        });
+        self.pending.take_if(|pending| pending.sets_out());
     }
 
     fn say_status(&mut self, out: &mut Vec<Out>) {
