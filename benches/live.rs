@@ -262,6 +262,7 @@ fn halt_latency() {
                 battery: 1.0,
                 motion,
                 is_armed: true,
+                stored: None,
             })
         };
         // A turn ends the halt of the round before; then it drives again, and something stands 0.4 m ahead.

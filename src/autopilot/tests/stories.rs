@@ -662,10 +662,7 @@ fn a_stored_mission_is_uploaded_then_its_item_chosen_then_begun_and_its_end_is_n
 fn what_is_stored_already_is_not_uploaded_again_unless_it_may_have_changed() {
     let mut known = followed();
     let hold = Command::Mode(FlightMode::Hold);
-    assert_eq!(
-        wanted(&mut known, 3.1, AutopilotCommand::Stop),
-        [hold.clone()]
-    );
+    assert_eq!(wanted(&mut known, 3.1, AutopilotCommand::Stop), [hold]);
     fed(
         &mut known,
         4.0,
@@ -705,15 +702,12 @@ fn another_item_is_chosen_while_it_goes_on_and_another_mission_when_it_stands() 
 #[test]
 fn a_stop_in_auto_is_said_again_until_another_mode_shows() {
     let mut link = followed();
-    let hold = Command::Mode(FlightMode::Hold);
-    assert_eq!(
-        wanted(&mut link, 3.1, AutopilotCommand::Stop),
-        [hold.clone()]
-    );
+    let hold = [Command::Mode(FlightMode::Hold)];
+    assert_eq!(wanted(&mut link, 3.1, AutopilotCommand::Stop), hold);
     let rests = in_mode(FlightMode::Auto, 1, false);
     assert_eq!(
         commands(&fed(&mut link, 3.5, In::Report(rests))),
-        [hold],
+        hold,
         "it may go on"
     );
     let holds = in_mode(FlightMode::Hold, 1, false);

@@ -25,24 +25,22 @@ impl WaypointFile {
             x_axis: venue.x_axis_bearing(),
         };
         let items = self.items.iter().enumerate();
-        let items: Vec<Result<StoredItem, Problem>> = items
-            .map(|(index, item)| {
-                place.stored(item).map_err(|wrong| {
+        let (mut stored, mut problems): (Vec<StoredItem>, Vec<Problem>) = Default::default();
+        for (index, item) in items {
+            match place.stored(item) {
+                Ok(item) => stored.push(item),
+                Err(wrong) => {
                     let allowed = "heights above home (frame 3), or above the sea (0) in a file with a home, are allowed";
-                    self.problem(file_name, index, wrong, allowed)
-                })
-            })
-            .collect();
-        let mut problems: Vec<Problem> = items
-            .iter()
-            .filter_map(|item| item.as_ref().err().cloned())
-            .collect();
-        if items.len() > STORED_ITEMS_MAX {
+                    problems.push(self.problem(file_name, index, wrong, allowed));
+                }
+            }
+        }
+        if self.items.len() > STORED_ITEMS_MAX {
             let allowed = format!("an autopilot stores at most {STORED_ITEMS_MAX} items");
             problems.push(self.problem(file_name, STORED_ITEMS_MAX, "is one too many", &allowed));
         }
         match problems.is_empty() {
-            true => Ok(items.into_iter().flatten().collect()),
+            true => Ok(stored),
             false => Err(Problems::new(file_name, problems)),
         }
     }

@@ -159,6 +159,7 @@ mod tests {
             battery: 1.0,
             motion: Motion::Driving,
             is_armed: true,
+            stored: None,
         })
     }
 
