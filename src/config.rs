@@ -36,6 +36,7 @@ mod range;
 mod range_driver;
 mod scene;
 mod section;
+mod silence;
 mod sim;
 mod source;
 mod swarm;

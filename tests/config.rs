@@ -17,4 +17,5 @@ mod config {
     mod posts;
     mod problems;
     mod readme;
+    mod silence;
 }

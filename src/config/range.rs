@@ -77,7 +77,7 @@ impl Keyed for RangeSensor {
             incidence_limit_deg,
             Number {
                 name: "incidence_limit_deg",
-                default: 60.0,
+                default: INCIDENCE_LIMIT_DEG,
                 allowed: 5.0..=90.0,
                 means: "angle between beam and the surface's normal beyond which no echo returns",
             },
@@ -155,8 +155,14 @@ pub struct SensorMount {
     pub slew_s_per_60_deg: f64,
 }
 
+/// The key of the sure range.
+pub(super) const SURE_RANGE: &str = "range.sure_range_m";
 /// How many range sensors a vehicle may have.
 const SENSORS: usize = 8;
+/// Up to here no echo means that nothing is there, unless a file says otherwise, metres.
+const SURE_RANGE_M: f64 = 3.0;
+/// Angle between beam and the surface's normal beyond which no echo returns, unless a file says otherwise, degrees.
+pub(super) const INCIDENCE_LIMIT_DEG: f64 = 60.0;
 
 impl SensorCoverage {
     /// Returns the directions of the beams against the heading, in their order.
@@ -239,11 +245,12 @@ impl SensorCoverage {
 
     /// Checks the keys of `[range]` together.
     pub(super) fn check(&self, source: &Source<'_>) {
+        source.remember_default(SURE_RANGE, self.sure_range_m);
         self.check_limits(source);
         let refuse = |key: &str, wrong: &str, allowed: &str| source.refuse(key, wrong, allowed);
         if self.sure_range_m > self.max_range_m {
             refuse(
-                "range.sure_range_m",
+                SURE_RANGE,
                 "is beyond max_range_m",
                 "at most max_range_m is allowed",
             );
@@ -385,11 +392,18 @@ impl SensorCoverage {
             min_range_m,
             Number::new("min_range_m", 0.02, 0.0..=5.0, "nearest echo"),
         );
-        let means = "up to here no echo means that nothing is there";
-        to.number(
-            sure_range_m,
-            Number::new("sure_range_m", 3.0, 0.1..=200.0, means),
+        let mut sure = Some(*sure_range_m);
+        to.maybe_number(
+            &mut sure,
+            NumberBounds {
+                name: "sure_range_m",
+                left_out: "3, less for beams that see nothing beside the vehicle",
+                allowed: 0.1..=200.0,
+                means: "up to here no echo means that nothing is there; at most (`radius_m` + `padding_m`) / cos \
+                        `incidence_limit_deg` for beams that see nothing beside the vehicle, see below",
+            },
         );
+        *sure_range_m = sure.unwrap_or(SURE_RANGE_M);
         let means = "from one reading to the next, one beam each";
         to.number(
             scan_period_s,

@@ -9,7 +9,7 @@ use std::time::Duration;
 use tomoswarm_proto::{TaskKind, VehicleId};
 
 pub(in crate::config) use self::checks::{
-    check_border, check_gaps, check_task, refuse_blind_speed, refuse_uncovered_radius,
+    check_border, check_gaps, check_task, floored, refuse_blind_speed, refuse_uncovered_radius,
     smallest_post,
 };
 use self::checks::{
@@ -237,6 +237,10 @@ impl Sim {
     /// Checks the keys of each table together, and fills in what depends on others.
     fn check_tables(&mut self, root: &Section<'_>) {
         let source = root.source;
+        if source.is_sound(&["vehicles.radius_m", "safety.padding_m", "range"]) {
+            let reach_m = self.vehicles.body.radius_m + self.safety.padding_m;
+            self.range.bound_silence(source, reach_m);
+        }
         self.range.look.check(source);
         self.safety.check(source);
         self.bus.check(source);

@@ -202,6 +202,17 @@ impl<'t> Source<'t> {
             .insert(key.to_owned(), Place { line, value });
     }
 
+    /// Remembers what stands for a key that was left out and has a default that depends on others, by its full name.
+    pub(super) fn remember_default(&self, key: &str, default: f64) {
+        if !self.is_known(key) {
+            self.remember_as(
+                key,
+                self.line_of_table(key),
+                format!("{default} (the default)"),
+            );
+        }
+    }
+
     /// Notes a problem of a value that was read before, by its full key.
     pub(super) fn refuse(&self, key: &str, wrong: &str, allowed: &str) {
         let place = self.places.borrow().get(key).cloned();
@@ -214,13 +225,17 @@ impl<'t> Source<'t> {
 
     /// Notes that a key must be there, by its full name.
     pub(super) fn require(&self, key: &str, rule: &str) {
+        let line = self.line_of_table(key);
+        self.note(ProblemClass::Keys, line, key, "", "is missing", rule);
+    }
+
+    /// Returns the number of the line in which the table of a key begins.
+    fn line_of_table(&self, key: &str) -> usize {
         let table = key.rsplit_once('.').map_or("", |(table, _)| table);
-        let line = self
-            .places
+        self.places
             .borrow()
             .get(table)
-            .map_or(1, |place| place.line);
-        self.note(ProblemClass::Keys, line, key, "", "is missing", rule);
+            .map_or(1, |place| place.line)
     }
 
     /// Returns whether a key was read so far: given or left out.

@@ -253,6 +253,13 @@ impl VehicleFile {
         if file.drivers.servo == ServoDriver::None {
             file.look.fix(root.source);
         }
+        let is_sound = root
+            .source
+            .is_sound(&["vehicle.radius_m", "safety.padding_m", "range"]);
+        if file.drivers.range != RangeDriver::None && is_sound {
+            let reach_m = file.body.radius_m + file.safety.padding_m;
+            file.look.bound_silence(root.source, reach_m);
+        }
         file.look.check(root.source);
         file.drivers.check(root.source, &file.look);
         file.safety.check(root.source);

@@ -139,7 +139,7 @@ fn every_value_of_a_vehicles_file_reaches_the_vehicle() {
 vehicle.max_speed_mps = 0.4
 vehicle.braking_mps2 = 2
 range.beams_deg = [0, 10]
-range.half_angle_deg = 10
+range.half_angle_deg = 30
 range.min_range_m = 0.1
 range.max_range_m = 5
 range.sure_range_m = 4
@@ -172,7 +172,7 @@ pose_sd_max_m = 0.4
         (0.3, 0.4, 2.0)
     );
     assert_eq!(told.look.beams.len(), 2);
-    assert!((told.look.half_angle.degrees() - 10.0).abs() < 1e-9);
+    assert!((told.look.half_angle.degrees() - 30.0).abs() < 1e-9);
     // What is farther than farness_m is ignored, whatever the sensor hears.
     assert_eq!(
         (
@@ -533,6 +533,7 @@ fn a_vehicle_says_what_its_drivers_have() {
 #[test]
 fn without_a_servo_the_sensors_are_fixed_and_look_ahead() {
     let text = VEHICLE.replace("servo.driver = \"sim\"", "servo.driver = \"none\"");
+    let text = format!("{text}vehicle.max_speed_mps = 0.2\n");
     let ahead = vehicle(&text).look;
     assert_eq!(
         (ahead.beams_deg.as_slice(), ahead.sensors.len()),
@@ -568,7 +569,7 @@ fn without_a_servo_the_sensors_are_fixed_and_look_ahead() {
 fn serial(lines: &str) -> String {
     let text = VEHICLE.replace("range.driver = \"sim\"", "range.driver = \"serial-text\"");
     let text = text.replace("servo.driver = \"sim\"", "servo.driver = \"none\"");
-    format!("{text}range.serial-text.port = \"/dev/ttyUSB0\"\n{lines}")
+    format!("{text}vehicle.max_speed_mps = 0.2\nrange.serial-text.port = \"/dev/ttyUSB0\"\n{lines}")
 }
 
 #[cfg(feature = "hw")]

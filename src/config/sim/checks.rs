@@ -109,7 +109,7 @@ pub(in crate::config) fn refuse_uncovered_radius(
 }
 
 /// Rounds down to thousandths.
-fn floored(number: f64) -> f64 {
+pub(in crate::config) fn floored(number: f64) -> f64 {
     (number * 1000.0).floor() / 1000.0
 }
 

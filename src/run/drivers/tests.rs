@@ -52,7 +52,7 @@ fn devices(range: &str) -> (VehicleDevices, Receiver<Event>, World) {
 
 fn file(range: &str, world: SocketAddr) -> String {
     format!(
-        "kind = \"vehicle\"\nvenue = \"courtyard.venue.toml\"\nid = 1\nstate_dir = \"state\"\n\
+        "kind = \"vehicle\"\nvenue = \"courtyard.venue.toml\"\nid = 1\nstate_dir = \"state\"\nvehicle.max_speed_mps = 0.2\n\
          autopilot.driver = \"sim\"\nradio.driver = \"sim\"\nservo.driver = \"none\"\nrange.driver = \"{range}\"\n\
          world.connect = \"{world}\"\nworld.token = \"secret-token\"\n"
     )

@@ -24,7 +24,7 @@ const HEARD_DBM: std::ops::RangeInclusive<i16> = -61..=-58;
 const SIM: &str =
     "kind = \"sim\"\nvenue = \"venue.toml\"\nscene = \"scene.toml\"\nempty_sweep = true\n
 [vehicles]\nmax_speed_mps = 1.0\nacceleration_mps2 = 5.0\nbraking_mps2 = 5.0\npose_sd_m = 0.0
-[range]\nbeams_deg = [0.0]\n[radio]\nrician_k = 1e6\npacket_sd_db = 0.0\n[sweep]\npositions = 40\n";
+[range]\nbeams_deg = [0.0]\nincidence_limit_deg = 75.0\n[radio]\nrician_k = 1e6\npacket_sd_db = 0.0\n[sweep]\npositions = 40\n";
 const VENUE: &str =
     "kind = \"venue\"\narea_m = [0.0, 0.0, 10.0, 10.0]\nhomes_m = [[-1.5, 5.0], [5.0, -2.0]]
 fence_m = [[-4.0, -4.0], [14.0, -4.0], [14.0, 14.0], [-4.0, 14.0]]

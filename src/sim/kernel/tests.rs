@@ -27,7 +27,7 @@ use crate::sim::{RunOutcome, Scenario};
 
 const SIM: &str = "kind = \"sim\"\nvenue = \"venue.toml\"\nscene = \"scene.toml\"\nuntil_s = 12.0
 [vehicles]\nmax_speed_mps = 1.0\nacceleration_mps2 = 5.0\nbraking_mps2 = 5.0
-[range]\nbeams_deg = [0.0]\n[sweep]\npositions = 40
+[range]\nbeams_deg = [0.0]\nincidence_limit_deg = 75.0\n[sweep]\npositions = 40
 [[fault]]\nkind = \"sensor\"\nat_s = 0.0\n";
 const VENUE: &str =
     "kind = \"venue\"\narea_m = [0.0, 0.0, 10.0, 10.0]\nhomes_m = [[-1.5, 5.0], [5.0, -2.0]]
