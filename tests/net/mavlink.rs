@@ -26,6 +26,16 @@ fn two_addresses() -> [SocketAddr; 2] {
     }
 }
 
+/// Two vehicles and a ground station that are not started yet, and where their autopilots can be served.
+fn two() -> (Swarm, [SocketAddr; 2]) {
+    let swarm = Swarm::prepare(Size {
+        vehicles: 2,
+        laps: 1,
+        relayed: false,
+    });
+    (swarm, two_addresses())
+}
+
 fn has_trouble(watch: &Watch, id: u8, text: &str) -> bool {
     let health = watch
         .view
@@ -42,12 +52,7 @@ fn has_trouble(watch: &Watch, id: u8, text: &str) -> bool {
 
 #[test]
 fn a_sweep_is_driven_over_mavlink_although_a_link_is_cut_for_five_seconds() {
-    let mut swarm = Swarm::prepare(Size {
-        vehicles: 2,
-        laps: 1,
-        relayed: false,
-    });
-    let served = two_addresses();
+    let (mut swarm, served) = two();
     let relay = Relay::start(served[0]);
     swarm.fly_over_mavlink(served[0], &[relay.address(), served[1]]);
     swarm.run();
@@ -97,12 +102,7 @@ fn stored_mission() -> String {
 
 #[test]
 fn an_autopilot_stores_a_mission_carries_it_out_is_paused_and_goes_on_with_its_item() {
-    let mut swarm = Swarm::prepare(Size {
-        vehicles: 2,
-        laps: 1,
-        relayed: false,
-    });
-    let served = two_addresses();
+    let (mut swarm, served) = two();
     swarm.fly_over_mavlink(served[0], &served);
     swarm.write("yard.waypoints", &stored_mission());
     swarm.run();
