@@ -8,8 +8,7 @@
 //!   want: Arm ──► mode, then arm ──┐
 //!   want: Drive, Turn ──► mode, then ├──► one command at a time; again until it is answered, three times at most
 //!                      route, turn ──┤
-//!   want: FollowStored ──► upload,   │
-//!            item, then mode AUTO ───┘
+//!   want: FollowStored ──► upload, item, mode AUTO ──┘
 //!   report ──► telemetry, status; who steers, what was reached
 //! ```
 //!
@@ -34,7 +33,7 @@ pub use super::messages::{CommandPurpose, In, LinkEvent, Out, Reason};
 use super::motors::Motors;
 use super::movement::DriveUnderWay;
 use super::pending::Pending;
-use super::report::{AutopilotReport, ControlStatus, Motion, StoredPhase, SystemStatus};
+use super::report::{AutopilotReport, ControlStatus, Motion, SystemStatus};
 use super::steering::{LinkHealth, Steering};
 use super::stored::StoredWant;
 use crate::actor::{Actor, Fault};
@@ -146,8 +145,8 @@ impl AutopilotLink {
         self.stored.take(now, report.mode, report.stored);
         self.motors.take(now, report.is_armed);
         // In AUTO it may rest for a moment only, and go on by itself.
-        let has_stopped = report.motion == Motion::Resting && report.mode != FlightMode::Auto;
-        self.movement.take(has_stopped);
+        self.movement
+            .take(report.motion == Motion::Resting && report.mode != FlightMode::Auto);
         self.say_status(out);
         out.push(Out::Telemetry(report.telemetry(self.stored.progress())));
     }
@@ -229,9 +228,11 @@ impl AutopilotLink {
     /// nothing is left to say: it comes down, or shows the mode already in which it stands. One that moves in that mode is
     /// being taken over by somebody, which its next heartbeat will tell.
     fn stop_command(&self) -> Option<Command> {
-        let stay = match self.settings.kind {
-            VehicleKind::Rover => FlightMode::Hold,
-            VehicleKind::Copter => FlightMode::Loiter,
+        let stay = match (self.settings.kind, &self.steering) {
+            (VehicleKind::Rover, _) => FlightMode::Hold,
+            // In LOITER a stick decides over its height, where there is one.
+            (VehicleKind::Copter, Steering::Ours(_)) => FlightMode::Guided,
+            (VehicleKind::Copter, _) => FlightMode::Loiter,
         };
         let mode = match self.steering {
             Steering::Ours(_) => self.steering.own_mode(),
@@ -360,9 +361,7 @@ impl AutopilotLink {
 
     /// Returns whether it carries out what it stores, and has current: a start said again changes nothing.
     fn is_out(&self) -> bool {
-        let is_armed = self.report.is_some_and(|report| report.is_armed);
-        let progress = self.stored.progress();
-        is_armed && progress.is_some_and(|stored| stored.phase == StoredPhase::UnderWay)
+        self.stored.is_under_way() && self.report.is_some_and(|report| report.is_armed)
     }
 
     fn give_up_when_late(&mut self, now: Time, out: &mut Vec<Out>) {

@@ -145,6 +145,12 @@ impl StoredWant {
         stored.is_over || self.may_have_ended.is_some_and(is_recent)
     }
 
+    /// Returns whether the autopilot carries it out.
+    pub(super) fn is_under_way(&self) -> bool {
+        let phase = self.wanted.as_ref().map(|wanted| wanted.phase);
+        phase == Some(Phase::UnderWay)
+    }
+
     /// Returns how far it is; `None` = nothing is to be carried out.
     pub(super) fn progress(&self) -> Option<StoredProgress> {
         let Wanted { item, phase, .. } = self.wanted.as_ref()?;

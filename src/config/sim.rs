@@ -218,7 +218,8 @@ impl Sim {
             return None;
         }
         check_look_before_you_drive(root, &sim);
-        check_ceiling(root, &sim.vehicles, sim.venue.ceiling_m);
+        let flown = (&sim.vehicles.flight, &sim.vehicles.body);
+        check_ceiling(root, "vehicles.altitude_m", flown, sim.venue.ceiling_m);
         check_places(root, &sim);
         check_wind(root, &sim);
         check_echoes(root, &sim);

@@ -191,24 +191,7 @@ impl Keyed for Flight {
             wind_mps,
             wind_from_deg,
         } = self;
-        let default = Craft::Rover.word();
-        to.word(
-            craft,
-            Words {
-                name: "kind",
-                default,
-                means: "what they are",
-            },
-        );
-        to.number(
-            altitude_m,
-            Number {
-                name: "altitude_m",
-                default: 1.5,
-                allowed: 0.3..=500.0,
-                means: "copters begin hovering there, and fly at it",
-            },
-        );
+        craft_keys((craft, altitude_m), to);
         to.number(
             climb_mps,
             Number {
@@ -240,15 +223,67 @@ impl Keyed for Flight {
     }
 }
 
-/// Refuses copters that would fly above the ceiling.
-pub(super) fn check_ceiling(root: &Section<'_>, vehicles: &Vehicles, ceiling_m: f64) {
-    let top_m = vehicles.flight.altitude_m + vehicles.body.height_m;
-    if vehicles.flight.craft == Craft::Copter && top_m > ceiling_m {
+/// What a vehicle is, and how high it flies.
+fn craft_keys((craft, altitude_m): (&mut Craft, &mut f64), to: &mut dyn Keys) {
+    let default = Craft::Rover.word();
+    to.word(
+        craft,
+        Words {
+            name: "kind",
+            default,
+            means: "what they are",
+        },
+    );
+    to.number(
+        altitude_m,
+        Number {
+            name: "altitude_m",
+            default: 1.5,
+            allowed: 0.3..=500.0,
+            means: "altitude above home at which copters fly; simulated ones begin hovering there",
+        },
+    );
+}
+
+/// What a vehicle's own file says of its flight: what it is, how high it flies, and in what wind.
+pub(super) struct OwnFlight<'a>(pub(super) &'a mut Flight);
+
+impl Keyed for OwnFlight<'_> {
+    fn keys(&mut self, to: &mut dyn Keys) {
+        let Flight {
+            craft,
+            altitude_m,
+            climb_mps: _,
+            wind_mps,
+            wind_from_deg: _,
+        } = self.0;
+        craft_keys((craft, altitude_m), to);
+        to.number(
+            wind_mps,
+            Number {
+                name: "wind_mps",
+                default: 0.0,
+                allowed: 0.0..=5.0,
+                means: "the strongest wind in which a copter is flown: its margins hold 5 cm for each m/s",
+            },
+        );
+    }
+}
+
+/// Refuses copters that would fly above the ceiling; `key` says how high they fly.
+pub(super) fn check_ceiling(
+    root: &Section<'_>,
+    key: &str,
+    (flight, body): (&Flight, &BodySpec),
+    ceiling_m: f64,
+) {
+    let top_m = flight.altitude_m + body.height_m;
+    if flight.craft == Craft::Copter && top_m > ceiling_m {
         let wrong = format!(
             "with the height of a vehicle is above the ceiling of the venue, {ceiling_m} m"
         );
         root.source
-            .refuse("vehicles.altitude_m", &wrong, "a lower altitude is needed");
+            .refuse(key, &wrong, "a lower altitude is needed");
     }
 }
 

@@ -20,10 +20,12 @@ use super::sim::{
 };
 use super::swarm::Swarm;
 use super::task::MissionTable;
-use super::vehicle::{BodySpec, Safety, contact_limits, sensing_limits};
+use super::vehicle::{
+    BodySpec, Flight, OwnFlight, Safety, check_ceiling, contact_limits, sensing_limits,
+};
 use super::venue::Venue;
 use crate::geom::Point;
-use crate::plan::{ContactLimits, SmallestPost};
+use crate::plan::{ContactLimits, SensingLimits, SmallestPost};
 
 /// The numbers that vehicles may have.
 pub(super) const VEHICLE_IDS: std::ops::RangeInclusive<usize> = 1..=250;
@@ -51,6 +53,8 @@ pub struct VehicleFile {
     pub drivers: Drivers,
     /// Its body.
     pub body: BodySpec,
+    /// What it is, how high it flies, and in what wind.
+    pub flight: Flight,
     /// Its range sensor.
     pub look: SensorCoverage,
     /// Its radio.
@@ -155,6 +159,19 @@ impl Form for PoseSource {
     }
 }
 
+/// The table `[vehicle]`.
+struct VehicleTable<'a> {
+    body: &'a mut BodySpec,
+    flight: &'a mut Flight,
+}
+
+impl Keyed for VehicleTable<'_> {
+    fn keys(&mut self, to: &mut dyn Keys) {
+        OwnFlight(self.flight).keys(to);
+        self.body.keys(to);
+    }
+}
+
 /// The table `[range]` of a vehicle.
 struct RangeTable<'a> {
     driver: &'a mut RangeDriver,
@@ -210,6 +227,7 @@ impl VehicleFile {
             task: None,
             drivers: Drivers::default(),
             body: BodySpec::default(),
+            flight: Flight::default(),
             look: SensorCoverage::default(),
             radio: OwnRadio::default(),
             pose: PoseFile::default(),
@@ -272,8 +290,10 @@ impl VehicleFile {
             root,
             &file.venue,
             file.id,
-            file.body.radius_m + file.safety.padding_m,
+            file.body.radius_m + file.safety.padding_m + file.flight.carried_m(),
         )?;
+        let (flown, ceiling_m) = ((&file.flight, &file.body), file.venue.ceiling_m);
+        check_ceiling(root, "vehicle.altitude_m", flown, ceiling_m);
         check_together(root, &file);
         Some(file)
     }
@@ -291,6 +311,7 @@ impl Keyed for VehicleFile {
             task: _,
             drivers,
             body,
+            flight,
             look,
             radio,
             pose,
@@ -336,7 +357,11 @@ impl Keyed for VehicleFile {
                 "as in a simulation; a vehicle alone visits all places of `pathfind`",
             ),
         );
-        to.table(body, table("vehicle", "its body and how it moves"));
+        let mut vehicle = VehicleTable { body, flight };
+        to.table(
+            &mut vehicle,
+            table("vehicle", "what it is, its body and how it moves"),
+        );
         to.table(
             &mut AutopilotTable(autopilot),
             table("autopilot", "what drives it"),
@@ -580,7 +605,11 @@ fn check_together(root: &Section<'_>, file: &VehicleFile) {
         );
     }
     if is_sound(&["vehicle", "range", "safety", "pose"]) {
-        let sight = sensing_limits(body, &file.look, safety, venue.cell_m, pose.expected_sd_m);
+        let still = sensing_limits(body, &file.look, safety, venue.cell_m, pose.expected_sd_m);
+        let sight = SensingLimits {
+            margin_m: still.margin_m + file.flight.carried_m(),
+            ..still
+        };
         refuse_blind_speed(root, &sight, body.max_speed_mps, "vehicle.max_speed_mps");
         let named_m = file.look.smallest_radius_m;
         let limits = file.contact_limits();

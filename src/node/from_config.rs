@@ -56,9 +56,8 @@ impl VehicleSettings {
                 .task
                 .as_ref()
                 .map(|task| share(task, usize::from(file.id.0.saturating_sub(1)), 1)),
-            carried_m: 0.0,
-            // Vehicles of their own files drive, until the file says otherwise.
-            autopilot: autopilot::AutopilotLinkSettings::default(),
+            carried_m: file.flight.carried_m(),
+            autopilot: autopilot_settings(&file.flight),
         };
         let mut settings = inputs.settings(file.id, boot, file.home);
         settings.look.is_blind = file.drivers.range == RangeDriver::None;

@@ -966,3 +966,28 @@ fn the_ground_reckons_with_the_autonomy_of_the_venue() {
     let parts = ground_parts(&ground(GROUND), Boot(1), 9, 77).unwrap();
     assert_eq!(parts.station.autonomy, Duration::from_secs(60));
 }
+
+#[test]
+fn a_vehicle_may_be_a_copter_whose_margins_hold_the_wind() {
+    let rover = vehicle(VEHICLE);
+    assert_eq!(rover.flight.craft, config::Craft::Rover);
+    let copter = |lines: &str| format!("{VEHICLE}[vehicle]\nkind = \"copter\"\n{lines}");
+    let settings = |text: &str| VehicleSettings::from_vehicle_file(&vehicle(text), Boot(1));
+    let (still, windy) = (
+        settings(&copter("altitude_m = 3.0\n")),
+        settings(&copter("wind_mps = 2.0\n")),
+    );
+    assert_eq!(
+        (still.autopilot.kind, still.autopilot.altitude_m, still.carried_m),
+        (VehicleKind::Copter, 3.0, 0.0)
+    );
+    assert!((windy.carried_m - 0.1).abs() < 1e-9, "{}", windy.carried_m);
+    for (lines, expected) in [
+        ("altitude_m = 9.9", "vehicle.altitude_m = 9.9: with the height of a vehicle is above the ceiling"),
+        ("wind_mps = 6.0", "vehicle.wind_mps = 6.0: is out of range"),
+        ("max_speed_mps = 0.9", "vehicle.max_speed_mps = 0.9"),
+    ] {
+        let output = problems_of(&copter(&format!("{lines}\n")));
+        assert!(output.contains(expected), "{lines}: {output}");
+    }
+}

@@ -760,3 +760,20 @@ fn a_mission_that_is_refused_or_never_answered_has_failed() {
         "the driver asks again, not the link"
     );
 }
+
+#[test]
+fn a_copter_that_is_stopped_in_its_mission_stands_in_guided() {
+    let mut link = link(VehicleKind::Copter, resting_report());
+    wanted(&mut link, 1.1, follow(1));
+    for time_s in [1.2, 1.3, 1.4] {
+        answered(&mut link, time_s, CommandAck::Accepted);
+    }
+    fed(
+        &mut link,
+        3.0,
+        In::Report(in_mode(FlightMode::Auto, 1, false)),
+    );
+    assert_eq!(wanted(&mut link, 3.1, AutopilotCommand::Stop), [GUIDED]);
+    let holds = in_mode(FlightMode::Guided, 1, false);
+    assert_eq!(commands(&fed(&mut link, 3.3, In::Report(holds))), []);
+}

@@ -16,8 +16,8 @@ use std::time::Duration;
 use tomoswarm_proto::AutopilotHealth;
 
 use super::connection::{Connection, FromConnection};
-use crate::autopilot::NumberedCommand;
-use crate::config::{MavlinkConnection, MavlinkPlace, VehicleFile};
+use crate::autopilot::{NumberedCommand, VehicleKind};
+use crate::config::{Craft, MavlinkConnection, MavlinkPlace, VehicleFile};
 use crate::mavlink::autopilot_driver::{
     DriverOut, MavlinkDriver, MavlinkDriverSettings, PlaceSource, SwitchSettings,
 };
@@ -109,7 +109,10 @@ impl MavlinkAutopilot {
         let driver = MavlinkDriver::new(MavlinkDriverSettings {
             own,
             system: settings.system as u8,
-            kind: crate::autopilot::VehicleKind::Rover,
+            kind: match file.flight.craft {
+                Craft::Rover => VehicleKind::Rover,
+                Craft::Copter => VehicleKind::Copter,
+            },
             frame: EarthFrame::new(venue.datum.geodetic(), venue.x_axis_bearing()),
             place: match settings.place {
                 MavlinkPlace::Global => PlaceSource::Global,
