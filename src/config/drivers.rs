@@ -9,6 +9,7 @@ use super::range::SensorCoverage;
 use super::range_driver::RangeDriver;
 use super::section::Section;
 use super::source::Source;
+use super::vehicle::Craft;
 
 /// What speaks with the devices of a vehicle.
 #[derive(Clone, PartialEq, Debug, Default)]
@@ -74,13 +75,17 @@ impl Drivers {
             || *radio == RadioDriver::Simulated
     }
 
-    /// Returns what a vehicle with these drivers has, ascending.
-    pub fn capabilities(&self) -> Vec<Capability> {
+    /// Returns what a vehicle of a kind with these drivers has, ascending.
+    pub fn capabilities(&self, craft: Craft) -> Vec<Capability> {
         let family = match self.autopilot {
             AutopilotDriver::Simulated => AutopilotFamily::Simulated,
             AutopilotDriver::Mavlink(_) => AutopilotFamily::ArduPilot,
         };
-        let autopilot = Capability::Autopilot(family, BodyKind::Rover);
+        let body = match craft {
+            Craft::Rover => BodyKind::Rover,
+            Craft::Copter => BodyKind::Copter,
+        };
+        let autopilot = Capability::Autopilot(family, body);
         let servo = match self.servo {
             ServoDriver::Simulated => Some(Capability::Servo(ServoKind::Simulated)),
             ServoDriver::None => None,

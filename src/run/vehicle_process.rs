@@ -197,7 +197,7 @@ pub fn run(
         sender,
         state_dir.boot(),
         &file.venue,
-        file.drivers.capabilities(),
+        file.drivers.capabilities(file.flight.craft),
     )?;
     let node = LiveVehicle::default();
     let told = node.clone();

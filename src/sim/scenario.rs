@@ -334,7 +334,7 @@ impl Scenario {
     /// Returns how vehicles and ground station greet; who is started says with which boot and instance.
     fn greetings(&self) -> Greetings {
         let vehicles = self.sim.vehicle_ids().map(|id| {
-            let capabilities = Drivers::SIMULATED.capabilities();
+            let capabilities = Drivers::SIMULATED.capabilities(self.sim.vehicles.flight.craft);
             Hello {
                 capabilities,
                 ..self.greeting(Sender::Vehicle(id))

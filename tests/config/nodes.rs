@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use tomoswarm::autopilot::VehicleKind;
 use tomoswarm::config::{self, Config, Drivers, GroundFile, Safety, VehicleFile, bundled};
 #[cfg(feature = "hw")]
 use tomoswarm::config::{
@@ -519,13 +520,16 @@ fn a_vehicle_says_what_its_drivers_have() {
     );
     let autopilot = Capability::Autopilot(AutopilotFamily::Simulated, BodyKind::Rover);
     let radio = Capability::Radio(RadioKind::Simulated);
-    assert_eq!(blind.drivers.capabilities(), [autopilot, radio]);
+    assert_eq!(
+        blind.drivers.capabilities(config::Craft::Rover),
+        [autopilot, radio]
+    );
     let (range, servo) = (
         Capability::RangeSensor(RangeSensorKind::Simulated),
         Capability::Servo(ServoKind::Simulated),
     );
     assert_eq!(
-        Drivers::SIMULATED.capabilities(),
+        Drivers::SIMULATED.capabilities(config::Craft::Rover),
         [autopilot, range, servo, radio]
     );
 }
@@ -592,7 +596,7 @@ fn a_range_sensor_on_a_serial_line_is_told_its_port_and_its_lines() {
         }
     );
     assert_eq!(text.nothing_from_m(&file.look), Some(4.0));
-    let kinds = file.drivers.capabilities();
+    let kinds = file.drivers.capabilities(config::Craft::Rover);
     assert!(
         kinds.contains(&Capability::RangeSensor(RangeSensorKind::SerialText)),
         "{kinds:?}"
@@ -978,16 +982,30 @@ fn a_vehicle_may_be_a_copter_whose_margins_hold_the_wind() {
         settings(&copter("wind_mps = 2.0\n")),
     );
     assert_eq!(
-        (still.autopilot.kind, still.autopilot.altitude_m, still.carried_m),
+        (
+            still.autopilot.kind,
+            still.autopilot.altitude_m,
+            still.carried_m
+        ),
         (VehicleKind::Copter, 3.0, 0.0)
     );
     assert!((windy.carried_m - 0.1).abs() < 1e-9, "{}", windy.carried_m);
     for (lines, expected) in [
-        ("altitude_m = 9.9", "vehicle.altitude_m = 9.9: with the height of a vehicle is above the ceiling"),
+        (
+            "altitude_m = 9.9",
+            "vehicle.altitude_m = 9.9: with the height of a vehicle is above the ceiling",
+        ),
         ("wind_mps = 6.0", "vehicle.wind_mps = 6.0: is out of range"),
-        ("max_speed_mps = 0.9", "vehicle.max_speed_mps = 0.9"),
     ] {
         let output = problems_of(&copter(&format!("{lines}\n")));
         assert!(output.contains(expected), "{lines}: {output}");
     }
+    // What a speed leaves as its last centimetres is the wind's.
+    let is_allowed = |tenths: u32, wind_mps: u32| {
+        let speed_mps = f64::from(tenths) / 10.0;
+        let lines = format!("max_speed_mps = {speed_mps}\nwind_mps = {wind_mps}.0\n");
+        problems_of(&copter(&lines)).starts_with("accepted")
+    };
+    let fastest = (5..40).rev().find(|tenths| is_allowed(*tenths, 0)).unwrap();
+    assert!(!is_allowed(fastest, 5), "{fastest}");
 }
