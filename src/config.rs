@@ -30,6 +30,7 @@ mod mission;
 mod nearest;
 mod outline;
 mod overlay;
+mod pose_file;
 mod problem;
 mod radio;
 mod range;
@@ -68,6 +69,7 @@ pub use mission::{
     AfterSweep, Durations, Expect, Imaging, PlannerChoice, Prior, Solver, SweepConfig, Weights,
 };
 pub(crate) use nearest::nearest;
+pub use pose_file::PoseFile;
 pub use problem::{Problem, Problems};
 pub use radio::{Bus, OwnRadio, Partition, PlannedPartition, Radio, Reception};
 pub use range::{Lobe, RangeSensor, SensorCoverage, SensorMount};
@@ -79,7 +81,7 @@ pub use sim::Sim;
 pub use swarm::Swarm;
 pub use task::MissionTable;
 pub use vehicle::{BodySpec, CARRIED_S, Craft, Flight, Safety, Vehicles};
-pub use vehicle_file::{PoseFile, Record, VehicleFile, WorldEndpoint};
+pub use vehicle_file::{Record, VehicleFile, WorldEndpoint};
 pub use venue::{Datum, Venue};
 pub use waypoint_file::{
     Above, MOST_ITEMS, MOST_WAYPOINT_BYTES, MissionItem, SpeedOf, Spot, Target, TurnDirection,
