@@ -70,6 +70,7 @@ impl LiveAddresses {
             task: None,
             drivers: Drivers::SIMULATED,
             body: sim.vehicles.body,
+            flight: sim.vehicles.flight,
             look: sim.range.look.clone(),
             radio: sim.radio.own,
             pose: PoseFile {
