@@ -127,8 +127,8 @@ fn progress(out: &[Out]) -> Option<(u16, StoredPhase)> {
 }
 
 /// A link whose autopilot carries out a mission, at 3 s.
-fn followed() -> AutopilotLink {
-    let mut link = link(VehicleKind::Rover, resting_report());
+fn followed(kind: VehicleKind) -> AutopilotLink {
+    let mut link = link(kind, resting_report());
     wanted(&mut link, 1.1, follow(1));
     for time_s in [1.2, 1.3, 1.4] {
         answered(&mut link, time_s, CommandAck::Accepted);
@@ -660,7 +660,7 @@ fn a_stored_mission_is_uploaded_then_its_item_chosen_then_begun_and_its_end_is_n
 
 #[test]
 fn what_is_stored_already_is_not_uploaded_again_unless_it_may_have_changed() {
-    let mut known = followed();
+    let mut known = followed(VehicleKind::Rover);
     let hold = Command::Mode(FlightMode::Hold);
     assert_eq!(wanted(&mut known, 3.1, AutopilotCommand::Stop), [hold]);
     fed(
@@ -669,7 +669,7 @@ fn what_is_stored_already_is_not_uploaded_again_unless_it_may_have_changed() {
         In::Report(in_mode(FlightMode::Hold, 1, false)),
     );
     assert_eq!(wanted(&mut known, 4.1, follow(2)), [Command::SetCurrent(2)]);
-    let mut silent = followed();
+    let mut silent = followed(VehicleKind::Rover);
     wanted(&mut silent, 3.1, AutopilotCommand::Stop);
     fed(
         &mut silent,
@@ -685,13 +685,13 @@ fn what_is_stored_already_is_not_uploaded_again_unless_it_may_have_changed() {
 
 #[test]
 fn another_item_is_chosen_while_it_goes_on_and_another_mission_when_it_stands() {
-    let mut link = followed();
+    let mut link = followed(VehicleKind::Rover);
     assert_eq!(wanted(&mut link, 3.1, follow(2)), [Command::SetCurrent(2)]);
     assert_eq!(
         commands(&answered(&mut link, 3.2, CommandAck::Accepted)),
         []
     );
-    let mut link = followed();
+    let mut link = followed(VehicleKind::Rover);
     let other = AutopilotCommand::FollowStored {
         items: mission()[..2].to_vec(),
         from: 1,
@@ -701,7 +701,7 @@ fn another_item_is_chosen_while_it_goes_on_and_another_mission_when_it_stands() 
 
 #[test]
 fn a_stop_in_auto_is_said_again_until_another_mode_shows() {
-    let mut link = followed();
+    let mut link = followed(VehicleKind::Rover);
     let hold = [Command::Mode(FlightMode::Hold)];
     assert_eq!(wanted(&mut link, 3.1, AutopilotCommand::Stop), hold);
     let rests = in_mode(FlightMode::Auto, 1, false);
@@ -716,7 +716,7 @@ fn a_stop_in_auto_is_said_again_until_another_mode_shows() {
 
 #[test]
 fn a_person_who_holds_it_in_its_mission_has_taken_over() {
-    let mut link = followed();
+    let mut link = followed(VehicleKind::Rover);
     let out = fed(
         &mut link,
         9.0,
@@ -763,16 +763,7 @@ fn a_mission_that_is_refused_or_never_answered_has_failed() {
 
 #[test]
 fn a_copter_that_is_stopped_in_its_mission_stands_in_guided() {
-    let mut link = link(VehicleKind::Copter, resting_report());
-    wanted(&mut link, 1.1, follow(1));
-    for time_s in [1.2, 1.3, 1.4] {
-        answered(&mut link, time_s, CommandAck::Accepted);
-    }
-    fed(
-        &mut link,
-        3.0,
-        In::Report(in_mode(FlightMode::Auto, 1, false)),
-    );
+    let mut link = followed(VehicleKind::Copter);
     assert_eq!(wanted(&mut link, 3.1, AutopilotCommand::Stop), [GUIDED]);
     let holds = in_mode(FlightMode::Guided, 1, false);
     assert_eq!(commands(&fed(&mut link, 3.3, In::Report(holds))), []);
