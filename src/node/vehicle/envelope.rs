@@ -142,12 +142,15 @@ impl Vehicle {
         nearest_m >= here_m - 1e-3 && claim.distance_to_point(route.end()) > here_m
     }
 
-    /// Stops a vehicle that drives off plan when a peer that moves, or is about to, claims what lies ahead of it.
+    /// Stops a vehicle that drives off plan when a peer that moves, or is about to, claims what lies ahead of it; of a stored
+    /// mission, whose later ways nobody has judged against peers, also for one that rests there.
     pub(super) fn yield_to(&mut self, now: Time, vehicle: VehicleId, out: &mut Vec<Out>) {
         let Some(pose) = self.telemetry.of_any_age().map(|telemetry| telemetry.pose) else {
             return;
         };
-        let Some(peer) = self.peers.get(vehicle).filter(|peer| !peer.resting) else {
+        let judges_all = self.movement.follows_stored();
+        let counts = |peer: &&Peer| judges_all || !peer.resting;
+        let Some(peer) = self.peers.get(vehicle).filter(counts) else {
             return;
         };
         let route = self

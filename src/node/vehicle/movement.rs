@@ -104,6 +104,11 @@ impl MovementOrder {
         });
     }
 
+    /// Returns whether the autopilot carries out what it stores.
+    pub(super) fn follows_stored(&self) -> bool {
+        matches!(self, MovementOrder::FollowingStored(_))
+    }
+
     /// Returns how far the autopilot is with the mission that it stores: as long as it is followed, and what became of it.
     pub(super) fn stored_progress(&self, telemetry: &Telemetry) -> Option<StoredProgress> {
         match (self, telemetry.stored.map(|stored| stored.phase)) {

@@ -50,35 +50,44 @@ fn every_way_of_a_mission_lies_inside_the_fence_also_those_of_jumps() {
     }
 }
 
-#[test]
-fn it_is_braked_by_the_reflex_for_a_peer_and_by_an_order_and_claims_its_way() {
-    let under_way = || {
-        let mut vehicle = vehicle();
-        fed(&mut vehicle, 1.1, follow(&[to(3.0, 0.0), to(6.0, 0.0)]));
-        let In::Telemetry(telemetry) = telemetry(1.0, 0.5, 0.05) else {
-            panic!("telemetry")
-        };
-        let stored = Some(StoredProgress {
-            item: 1,
-            phase: StoredPhase::UnderWay,
-        });
-        let told = In::Telemetry(Telemetry {
-            stored,
-            ..telemetry
-        });
-        let out = fed(&mut vehicle, 2.0, told);
-        let own = out.iter().find_map(|out| match out {
-            Out::State(own) => Some(own.clone()),
-            _ => None,
-        });
-        let own = own.unwrap();
-        assert_eq!(
-            (own.leg.map(|leg| leg.len()), own.stored),
-            (Some(3), stored)
-        );
-        vehicle
+/// One that carries out a mission along x, at 1 m.
+fn under_way() -> Vehicle {
+    let mut vehicle = vehicle();
+    fed(&mut vehicle, 1.1, follow(&[to(3.0, 0.0), to(6.0, 0.0)]));
+    let In::Telemetry(telemetry) = telemetry(1.0, 0.5, 0.05) else {
+        panic!("telemetry")
     };
+    let stored = Some(StoredProgress {
+        item: 1,
+        phase: StoredPhase::UnderWay,
+    });
+    let told = In::Telemetry(Telemetry {
+        stored,
+        ..telemetry
+    });
+    let out = fed(&mut vehicle, 2.0, told);
+    let own = out.iter().find_map(|out| match out {
+        Out::State(own) => Some(own.clone()),
+        _ => None,
+    });
+    let own = own.unwrap();
+    let claimed = own.leg.map(|leg| leg.len());
+    assert_eq!((claimed, own.stored), (Some(3), stored));
+    vehicle
+}
+
+#[test]
+fn it_is_braked_by_the_reflex_and_by_an_order() {
     assert!(stops(&fed(&mut under_way(), 2.1, scan(0.3, 0.0))));
     let hold = given(order(OrderKind::Hold, LEASE, 5, 0));
     assert!(stops(&fed(&mut under_way(), 2.1, hold)));
+}
+
+#[test]
+fn it_is_braked_for_a_peer_that_rests_on_its_way_and_for_none_beside_it() {
+    let met = |x_m: f64, y_m: f64| fed(&mut under_way(), 2.1, In::Peer(state(2, x_m, y_m)));
+    let out = met(5.0, 0.2);
+    let expected = (true, Some(CommandRefusal::Separation(VehicleId(2))));
+    assert_eq!((stops(&out), refusal(&out)), expected);
+    assert!(!stops(&met(5.0, 3.0)));
 }
