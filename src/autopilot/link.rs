@@ -35,7 +35,7 @@ use super::movement::DriveUnderWay;
 use super::pending::Pending;
 use super::report::{AutopilotReport, ControlStatus, Motion, SystemStatus};
 use super::steering::{LinkHealth, Steering};
-use super::stored::StoredWant;
+use super::stored::StoredMissionGoal;
 use crate::actor::{Actor, Fault};
 use crate::time::{Deadline, Time};
 
@@ -57,7 +57,7 @@ pub struct AutopilotLink {
     report: Option<AutopilotReport>,
     pub(super) motors: Motors,
     pub(super) movement: DriveUnderWay,
-    stored: StoredWant,
+    stored: StoredMissionGoal,
     pending: Option<Pending>,
     /// What the vehicle knows.
     status: ControlStatus,
@@ -76,7 +76,7 @@ impl AutopilotLink {
             report: None,
             motors: Motors::default(),
             movement: DriveUnderWay::default(),
-            stored: StoredWant::default(),
+            stored: StoredMissionGoal::default(),
             pending: None,
             status: ControlStatus::default(),
             emitted: None,
@@ -88,7 +88,7 @@ impl AutopilotLink {
             AutopilotCommand::Drive { .. } | AutopilotCommand::Turn(_) => {
                 if self.may_steer() && !self.motors.is_disarming() {
                     self.drop_pending_move();
-                    self.stored.drop_wanted();
+                    self.stored.drop_goal();
                     self.motors.go_on();
                     self.movement.wait(now, fly);
                 }
@@ -103,7 +103,7 @@ impl AutopilotLink {
             }
             AutopilotCommand::Stop => {
                 self.pending.take_if(|pending| pending.ends_by_a_stop());
-                self.stored.drop_wanted();
+                self.stored.drop_goal();
                 self.motors.postpone();
                 match self.steering {
                     Steering::Ours(_) | Steering::Own => self.movement.stop(now, RESEND_AFTER),
@@ -122,7 +122,7 @@ impl AutopilotLink {
             AutopilotCommand::Disarm => {
                 self.drop_pending();
                 self.movement.give_up_waiting();
-                self.stored.drop_wanted();
+                self.stored.drop_goal();
                 self.motors.disarm();
             }
         }
@@ -155,7 +155,7 @@ impl AutopilotLink {
     fn let_go(&mut self, mode: FlightMode, out: &mut Vec<Out>) {
         self.drop_pending();
         self.movement = DriveUnderWay::Idle;
-        self.stored.drop_wanted();
+        self.stored.drop_goal();
         self.stored.doubt();
         self.motors.let_go();
         out.push(Out::LinkEvent(match self.steering {

@@ -20,16 +20,16 @@ use crate::time::Time;
 
 /// A mission that the autopilot is to store.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub(super) struct StoredWant {
+pub(super) struct StoredMissionGoal {
     /// What it stores, as far as that is known.
     known: Option<Vec<Item>>,
-    wanted: Option<Wanted>,
+    goal: Option<Goal>,
     /// When its mission was over last, or was told another item and may have been over by then.
     may_have_ended: Option<Time>,
 }
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
-struct Wanted {
+struct Goal {
     items: Vec<Item>,
     /// The item to begin with, then the one under way.
     item: usize,
@@ -46,14 +46,14 @@ enum Phase {
     Failed,
 }
 
-impl StoredWant {
+impl StoredMissionGoal {
     /// Begins with an item of a mission.
     pub(super) fn follow(&mut self, items: Vec<Item>, from: usize) {
         let phase = match self.known.as_ref() == Some(&items) {
             true => Phase::Choosing,
             false => Phase::Uploading,
         };
-        self.wanted = Some(Wanted {
+        self.goal = Some(Goal {
             items,
             item: from,
             phase,
@@ -61,8 +61,8 @@ impl StoredWant {
     }
 
     /// Nothing is to be carried out any more.
-    pub(super) fn drop_wanted(&mut self) {
-        self.wanted = None;
+    pub(super) fn drop_goal(&mut self) {
+        self.goal = None;
     }
 
     /// What the autopilot stores may be something else by now.
@@ -73,7 +73,7 @@ impl StoredWant {
     /// Returns what is to be told next; a change of mode is left out once it was told. One that carries out a mission is not
     /// given another one before it stands.
     pub(super) fn next_command(&self, own_mode: Option<FlightMode>) -> Option<Command> {
-        let Wanted { items, item, phase } = self.wanted.as_ref()?;
+        let Goal { items, item, phase } = self.goal.as_ref()?;
         match phase {
             Phase::Uploading if own_mode == Some(FlightMode::Auto) => {
                 Some(Command::Mode(FlightMode::Guided))
@@ -89,27 +89,27 @@ impl StoredWant {
 
     /// The autopilot has accepted what it was told of it.
     pub(super) fn accepted(&mut self) {
-        let Some(wanted) = &mut self.wanted else {
+        let Some(goal) = &mut self.goal else {
             return;
         };
-        match wanted.phase {
+        match goal.phase {
             Phase::Uploading => {
-                self.known = Some(wanted.items.clone());
-                wanted.phase = Phase::Choosing;
+                self.known = Some(goal.items.clone());
+                goal.phase = Phase::Choosing;
             }
-            Phase::Choosing => wanted.phase = Phase::Entering,
+            Phase::Choosing => goal.phase = Phase::Entering,
             Phase::Entering | Phase::UnderWay | Phase::Over | Phase::Failed => {}
         }
     }
 
     /// What has not begun does not begin.
     pub(super) fn fail(&mut self) {
-        if let Some(wanted) = &mut self.wanted {
-            match wanted.phase {
+        if let Some(goal) = &mut self.goal {
+            match goal.phase {
                 Phase::Uploading | Phase::Choosing | Phase::Entering => {
                     // It may have taken a part of it.
                     self.known = None;
-                    wanted.phase = Phase::Failed;
+                    goal.phase = Phase::Failed;
                 }
                 Phase::UnderWay | Phase::Over | Phase::Failed => {}
             }
@@ -118,23 +118,23 @@ impl StoredWant {
 
     /// Takes what the autopilot shows, in a mode that is explained.
     pub(super) fn take(&mut self, now: Time, mode: FlightMode, stored: StoredReport) {
-        let phase = self.wanted.as_ref().map(|wanted| wanted.phase);
+        let phase = self.goal.as_ref().map(|goal| goal.phase);
         if stored.is_over || phase == Some(Phase::Choosing) {
             self.may_have_ended = Some(now);
         }
-        let Some(wanted) = &mut self.wanted else {
+        let Some(goal) = &mut self.goal else {
             return;
         };
-        if wanted.phase == Phase::Entering && mode == FlightMode::Auto {
-            wanted.phase = Phase::UnderWay;
+        if goal.phase == Phase::Entering && mode == FlightMode::Auto {
+            goal.phase = Phase::UnderWay;
         }
-        if wanted.phase == Phase::UnderWay {
-            wanted.item = usize::from(stored.item);
+        if goal.phase == Phase::UnderWay {
+            goal.item = usize::from(stored.item);
             if stored.is_over {
-                wanted.phase = Phase::Over;
+                goal.phase = Phase::Over;
             } else if mode != FlightMode::Auto {
                 // It was over before it was told to go on.
-                wanted.phase = Phase::Failed;
+                goal.phase = Phase::Failed;
             }
         }
     }
@@ -147,13 +147,13 @@ impl StoredWant {
 
     /// Returns whether the autopilot carries it out.
     pub(super) fn is_under_way(&self) -> bool {
-        let phase = self.wanted.as_ref().map(|wanted| wanted.phase);
+        let phase = self.goal.as_ref().map(|goal| goal.phase);
         phase == Some(Phase::UnderWay)
     }
 
     /// Returns how far it is; `None` = nothing is to be carried out.
     pub(super) fn progress(&self) -> Option<StoredProgress> {
-        let Wanted { item, phase, .. } = self.wanted.as_ref()?;
+        let Goal { item, phase, .. } = self.goal.as_ref()?;
         let (item, phase) = match phase {
             Phase::Uploading | Phase::Choosing | Phase::Entering => (0, StoredPhase::Preparing),
             Phase::UnderWay => (*item, StoredPhase::UnderWay),

@@ -121,14 +121,8 @@ fn an_autopilot_stores_a_mission_carries_it_out_is_paused_and_goes_on_with_its_i
         "file=yard.waypoints",
     ]);
     assert!(refused.contains("is one vehicle's alone"), "{refused}");
-    swarm.order(&[
-        "start",
-        "1",
-        "--mission",
-        "stored",
-        "--set",
-        "file=yard.waypoints",
-    ]);
+    let stored = ["start", "1", "--mission", "stored", "--set"];
+    swarm.order(&[&stored[..], &["file=yard.waypoints"]].concat());
     swarm.until("it is under way to its second place", 60, |watch| {
         shown(watch).is_some_and(|said| said.kind == MissionKind::Stored && said.places_left == 2)
     });
@@ -154,16 +148,7 @@ fn an_autopilot_stores_a_mission_carries_it_out_is_paused_and_goes_on_with_its_i
     });
     let away_m = libm::hypot(place.x_m() - 1.0, place.y_m() - 7.0);
     assert!(away_m < 0.5, "{place:?}");
-    swarm.order(&[
-        "start",
-        "1",
-        "--mission",
-        "stored",
-        "--set",
-        "file=yard.waypoints",
-        "--set",
-        "from=6",
-    ]);
+    swarm.order(&[&stored[..], &["file=yard.waypoints", "--set", "from=6"]].concat());
     swarm.until("its last item alone is done", 30, |watch| {
         let mission = shown(watch);
         mission
@@ -173,14 +158,7 @@ fn an_autopilot_stores_a_mission_carries_it_out_is_paused_and_goes_on_with_its_i
         "strange.waypoints",
         &stored_mission().replace("\t183\t", "\t203\t"),
     );
-    swarm.order(&[
-        "start",
-        "1",
-        "--mission",
-        "stored",
-        "--set",
-        "file=strange.waypoints",
-    ]);
+    swarm.order(&[&stored[..], &["file=strange.waypoints"]].concat());
     swarm.until(
         "the autopilot does not take what it does not know",
         30,
