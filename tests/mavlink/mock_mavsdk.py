@@ -4,7 +4,7 @@ import time
 
 from mavsdk import ComponentType, Configuration, Mavsdk
 from mavsdk.plugins.action import Action, ActionError
-from mavsdk.plugins.mission_raw import MissionItem, MissionRaw
+from mavsdk.plugins.mission_raw import MissionItem, MissionRaw, MissionRawError
 from mavsdk.plugins.param import Param
 from mavsdk.plugins.telemetry import Telemetry
 
@@ -20,12 +20,12 @@ def until(what, is_so, wait=20):
 
 
 def eventually(act, wait=20):
-    """Does something that is refused at first: the vehicle has just been switched on."""
+    """Does something that is refused at first: the vehicle has just been switched on, or does not know its place yet."""
     deadline = time.monotonic() + wait
     while True:
         try:
             return act()
-        except ActionError:
+        except (ActionError, MissionRawError):
             assert time.monotonic() < deadline
             time.sleep(0.1)
 
@@ -80,7 +80,8 @@ def a_mission_is_uploaded_downloaded_and_flown():
             assert [(one.seq, one.command, one.x, one.y) for one in back] == [
                 (one.seq, one.command, one.x, one.y) for one in items]
             eventually(action.arm)
-            missions.start_mission()
+            # A rover arms in MANUAL before it knows its place; AUTO needs it.
+            eventually(missions.start_mission)
             until("its end", lambda: missions.mission_progress().current >= 3, 40)
             assert telemetry.position().latitude_deg > here.latitude_deg + 4e-5
 
