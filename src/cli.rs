@@ -32,6 +32,8 @@ mod operator;
 #[cfg(feature = "net")]
 pub mod order;
 mod outputs;
+#[cfg(feature = "net")]
+pub mod parameters;
 mod pictures;
 pub mod plan;
 #[cfg(feature = "net")]
@@ -128,6 +130,8 @@ enum Command {
     #[cfg(feature = "net")]
     Preflight(preflight::PreflightArgs),
     #[cfg(feature = "net")]
+    Parameters(parameters::ParametersArgs),
+    #[cfg(feature = "net")]
     Replay(replay::ReplayArgs),
 }
 
@@ -172,6 +176,8 @@ pub fn run() -> ExitCode {
         Command::Tap(tap) => tap.run(&mut answer),
         #[cfg(feature = "net")]
         Command::Preflight(preflight) => preflight.run(&mut answer),
+        #[cfg(feature = "net")]
+        Command::Parameters(parameters) => parameters.run(&mut answer),
         #[cfg(feature = "net")]
         Command::Replay(replay) => replay.run(&mut answer),
     };

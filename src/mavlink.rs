@@ -1,6 +1,6 @@
 //! MAVLink, as vehicles in the field speak it: bytes to messages ([`frames`], [`signing`]), and the protocols that take more than one
 //! message, each a pure machine that is told what came and what time it is ([`command_call`], [`mission_upload`], [`mission_download`],
-//! [`parameter_list`], [`parameter_reads`]).
+//! [`parameter_list`], [`parameter_reads`], [`parameter_visit`]).
 //!
 //! ```text
 //!   bytes ─► FrameReader ─► messages ─► machines ─► messages ─► FrameWriter ─► bytes
@@ -26,6 +26,7 @@ pub mod modes;
 pub mod parameter_list;
 pub mod parameter_reads;
 pub mod parameter_table;
+pub mod parameter_visit;
 pub mod signing;
 pub mod status_text;
 pub mod streams;

@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use super::error::CliError;
 use super::load;
 use super::logging;
+use super::parameters::parse_parameter;
 use super::read;
 use super::standard_output::complain;
 use super::stop::StopFlag;
@@ -166,14 +167,6 @@ impl MockAutopilotArgs {
             EarthFrame::new(venue.datum.geodetic(), venue.x_axis_bearing()),
         ))
     }
-}
-
-fn parse_parameter(text: &str) -> Result<(String, f32), String> {
-    let parsed = text.split_once('=').and_then(|(name, value)| {
-        let value: f32 = value.trim().parse().ok()?;
-        (!name.is_empty() && value.is_finite()).then(|| (name.trim().to_owned(), value))
-    });
-    parsed.ok_or_else(|| "expected NAME=VALUE, such as FS_GCS_ENABLE=1".to_owned())
 }
 
 fn parse_speedup(text: &str) -> Result<f64, String> {

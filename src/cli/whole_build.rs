@@ -4,7 +4,7 @@
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 
 /// Commands that only the whole build has.
-const COMMANDS: [&str; 11] = [
+const COMMANDS: [&str; 12] = [
     "vehicle",
     "ground",
     "world",
@@ -15,6 +15,7 @@ const COMMANDS: [&str; 11] = [
     "status",
     "tap",
     "preflight",
+    "parameters",
     "replay",
 ];
 

@@ -30,7 +30,7 @@ use super::dialect::{
     self as d, MavAutopilot, MavMessage, MavModeFlag, MavSeverity, MavState, MavType,
 };
 use super::earth_frame::EarthFrame;
-use super::frames::{Content, Frame, MavAddress};
+use super::frames::{AUTOPILOT, Content, Frame, MavAddress};
 use super::parameter_reads::ParameterReads;
 use crate::autopilot::{Ack, AutopilotReport, Command, NumberedCommand, VehicleKind};
 use crate::geom::Pose;
@@ -40,8 +40,6 @@ use self::heard::Heard;
 use self::orders::Orders;
 use self::setup::Setup;
 
-/// The component of an autopilot.
-const AUTOPILOT: u8 = 1;
 /// Our own heartbeats.
 const HEARTBEAT_EVERY: Duration = Duration::from_secs(1);
 /// Without a word of the autopilot for this long its state is stale.

@@ -25,12 +25,15 @@ const UNREAD_MAX: usize = 64 * 1024;
 /// Where the payload of a frame of MAVLink 2 begins.
 const PAYLOAD_FROM: usize = 10;
 
+/// The component of an autopilot.
+pub const AUTOPILOT: u8 = 1;
+
 /// Who says a message: a system (a vehicle, a ground station) and a component of it.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub struct MavAddress {
     /// 1 to 255.
     pub system: u8,
-    /// 1 to 255; an autopilot is 1.
+    /// 1 to 255; see [`AUTOPILOT`].
     pub component: u8,
 }
 

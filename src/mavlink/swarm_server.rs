@@ -39,7 +39,7 @@ use super::asked_command::AskedCommand;
 use super::client_link::{ClientBytes, ClientId, ClientLink, Outgoing, Said, bytes_for};
 use super::dialect::{MavMessage, MavMissionResult, MavResult, MavSeverity, SET_MODE_DATA};
 use super::earth_frame::EarthFrame;
-use super::frames::{Content, Frame, MavAddress, target_of};
+use super::frames::{AUTOPILOT, Content, Frame, MavAddress, target_of};
 use super::message_requests::answer_request;
 use super::mission_upload::{mission_ack, mission_count};
 use super::signing::KEY_BYTES;
@@ -48,8 +48,6 @@ use crate::time::Time;
 
 /// That commands are off is told no more often than this.
 const OFF_EVERY: Duration = Duration::from_secs(10);
-/// The component of an autopilot.
-const AUTOPILOT: u8 = 1;
 
 /// What a server is told before it begins.
 #[derive(Clone, Debug)]

@@ -38,7 +38,7 @@ use crate::mavlink::asked_command::AskedCommand;
 use crate::mavlink::client_link::{ClientId, Outgoing, Said};
 use crate::mavlink::dialect::{self as d, MavMessage};
 use crate::mavlink::earth_frame::EarthFrame;
-use crate::mavlink::frames::{Content, Frame, MavAddress, target_of};
+use crate::mavlink::frames::{AUTOPILOT, Content, Frame, MavAddress, target_of};
 use crate::mavlink::parameter_table::ParameterTable;
 use crate::mavlink::streams::{Streams, next_after};
 use crate::time::Time;
@@ -76,7 +76,7 @@ impl MavlinkVehicle {
         MavlinkVehicle {
             address: MavAddress {
                 system,
-                component: 1,
+                component: AUTOPILOT,
             },
             kind,
             frame,

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use super::{AUTOPILOT, DriverTrouble, MavlinkDriverSettings, PlaceSource};
+use super::{DriverTrouble, MavlinkDriverSettings, PlaceSource};
 use crate::autopilot::{
     AutopilotReport, FlightMode, Item, Motion, RemoteSwitch, StoredReport, SystemStatus,
     VehicleKind,
@@ -13,7 +13,7 @@ use crate::mavlink::dialect::{
     self as d, EstimatorStatusFlags, GpsFixType, MavAutopilot, MavLandedState, MavMessage,
     MavModeFlag, MavState, MavType, MissionState,
 };
-use crate::mavlink::frames::MavAddress;
+use crate::mavlink::frames::{AUTOPILOT, MavAddress};
 use crate::mavlink::modes::{ShownMode, mode_of};
 use crate::time::Time;
 

@@ -4,6 +4,7 @@
 
 mod connection;
 mod mavlink;
+pub mod parameters;
 
 use std::io;
 

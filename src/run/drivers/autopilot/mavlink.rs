@@ -22,7 +22,7 @@ use crate::mavlink::autopilot_driver::{
     DriverOut, MavlinkDriver, MavlinkDriverSettings, PlaceSource, SwitchSettings,
 };
 use crate::mavlink::earth_frame::EarthFrame;
-use crate::mavlink::frames::{FrameReader, FrameWriter, MavAddress};
+use crate::mavlink::frames::{DroppedFrames, FrameReader, FrameWriter, MavAddress};
 use crate::mavlink::signing::{PER_SECOND, Signing, key_from_hex};
 use crate::node::Event;
 use crate::run::clock::Clock;
@@ -38,7 +38,7 @@ const LATEST: Duration = Duration::from_secs(1);
 /// The thread sleeps no longer than this.
 const NAP: Duration = Duration::from_millis(200);
 /// The component of a companion computer.
-const COMPANION: u8 = 191;
+pub(super) const COMPANION: u8 = 191;
 /// So many bytes without a frame are no MAVLink.
 const BYTES_OF_NO_FRAME: u64 = 2_000;
 /// The time of signatures is on disk so far ahead of what was said, and is written when that is half used.
@@ -291,16 +291,9 @@ impl Work {
         let dropped = self.reader.dropped();
         let trouble = if let Some(why) = &self.closed {
             Some(format!("{endpoint}: {why}"))
-        } else if self.frames == 0 && dropped.untrusted > 0 {
-            Some(format!(
-                "{endpoint}: none of {} frames is signed with the key in {}",
-                dropped.untrusted, self.settings.key_file
-            ))
-        } else if self.frames == 0 && self.bytes > BYTES_OF_NO_FRAME {
-            Some(format!(
-                "{endpoint}: {} bytes and no MAVLink among them; is {} its baud rate?",
-                self.bytes, self.settings.baud
-            ))
+        } else if let (0, Some(why)) = (self.frames, no_frame(&self.settings, dropped, self.bytes))
+        {
+            Some(why)
         } else {
             self.driver
                 .trouble(now)
@@ -313,9 +306,30 @@ impl Work {
     }
 }
 
+/// Returns why none of what was heard is understood, in words; `None` when next to nothing was heard.
+pub(super) fn no_frame(
+    settings: &MavlinkConnection,
+    dropped: DroppedFrames,
+    bytes: u64,
+) -> Option<String> {
+    let endpoint = settings.endpoint.in_words();
+    if dropped.untrusted > 0 {
+        return Some(format!(
+            "{endpoint}: none of {} frames is signed with the key in {}",
+            dropped.untrusted, settings.key_file
+        ));
+    }
+    (bytes > BYTES_OF_NO_FRAME).then(|| {
+        format!(
+            "{endpoint}: {bytes} bytes and no MAVLink among them; is {} its baud rate?",
+            settings.baud
+        )
+    })
+}
+
 /// Signatures, with their time on disk: a Raspberry Pi has no clock that survives a night.
-struct StoredSigning {
-    signing: Signing,
+pub(super) struct StoredSigning {
+    pub(super) signing: Signing,
     path: PathBuf,
     /// The time on disk.
     stored: u64,
@@ -323,7 +337,10 @@ struct StoredSigning {
 
 impl StoredSigning {
     /// Reads the key; `None` when none is named.
-    fn open(key_file: &str, state_dir: &Path) -> io::Result<Option<StoredSigning>> {
+    ///
+    /// # Errors
+    /// The file cannot be read, or holds no key.
+    pub(super) fn open(key_file: &str, state_dir: &Path) -> io::Result<Option<StoredSigning>> {
         if key_file.is_empty() {
             return Ok(None);
         }
@@ -350,7 +367,7 @@ impl StoredSigning {
     }
 
     /// Sees to it that the time on disk is ahead of what is said: after a crash nothing is said twice.
-    fn keep_ahead(&mut self) {
+    pub(super) fn keep_ahead(&mut self) {
         self.signing.tick(signing_clock());
         let time = self.signing.time();
         if time + TIME_AHEAD / 2 < self.stored {
