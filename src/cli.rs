@@ -14,6 +14,8 @@ pub mod experiment;
 #[cfg(feature = "net")]
 pub mod export;
 #[cfg(feature = "net")]
+pub mod fix;
+#[cfg(feature = "net")]
 mod flight;
 mod folder;
 mod frame;
@@ -132,6 +134,8 @@ enum Command {
     #[cfg(feature = "net")]
     Parameters(parameters::ParametersArgs),
     #[cfg(feature = "net")]
+    Fix(fix::FixArgs),
+    #[cfg(feature = "net")]
     Replay(replay::ReplayArgs),
 }
 
@@ -178,6 +182,8 @@ pub fn run() -> ExitCode {
         Command::Preflight(preflight) => preflight.run(&mut answer),
         #[cfg(feature = "net")]
         Command::Parameters(parameters) => parameters.run(&mut answer),
+        #[cfg(feature = "net")]
+        Command::Fix(fix) => fix.run(&mut answer),
         #[cfg(feature = "net")]
         Command::Replay(replay) => replay.run(&mut answer),
     };

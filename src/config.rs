@@ -69,7 +69,7 @@ pub use mission::{
     AfterSweep, Durations, Expect, Imaging, PlannerChoice, Prior, Solver, SweepConfig, Weights,
 };
 pub(crate) use nearest::nearest;
-pub use pose_file::PoseFile;
+pub use pose_file::{PoseFile, PoseSource};
 pub use problem::{Problem, Problems};
 pub use radio::{Bus, OwnRadio, Partition, PlannedPartition, Radio, Reception};
 pub use range::{Lobe, RangeSensor, SensorCoverage, SensorMount};

@@ -70,6 +70,7 @@ impl Pair {
             place_sd_min_m: 0.01,
             switch: None,
             arms_without_failsafes: true,
+            takes_fixes: false,
         };
         Pair {
             driver: MavlinkDriver::new(settings),

@@ -2,11 +2,11 @@
 //! to anyone before [`Message::check`]; whether its sender may say it is not judged here.
 
 use crate::{
-    AutopilotHealth, BEACON_MEMBERS_MAX, Beacon, EmergencyName, EmergencyStop, Find, GroundReport,
-    Have, Heading, Health, Hello, IMAGE_PART_PIXELS, IMAGE_SIDE_MAX, Image, LostSamples, Message,
-    MissionEnd, MissionKind, MissionProgress, OpenStops, Order, OrderKind, Permille, Plan,
-    PoseReport, Position, Progress, RunReport, Sample, Samples, State, Stop, Task, Tilt, VehicleId,
-    Velocity,
+    AutopilotHealth, BEACON_MEMBERS_MAX, Beacon, EmergencyName, EmergencyStop, FIX_AGE_MAX_MS,
+    Find, Fix, GroundReport, Have, Heading, Health, Hello, IMAGE_PART_PIXELS, IMAGE_SIDE_MAX,
+    Image, LostSamples, Message, MissionEnd, MissionKind, MissionProgress, OpenStops, Order,
+    OrderKind, Permille, Plan, PoseReport, Position, Progress, RunReport, Sample, Samples, State,
+    Stop, Task, Tilt, VehicleId, Velocity,
 };
 
 /// A coordinate is at most so far from the datum, millimetres.
@@ -77,6 +77,7 @@ impl Message {
             Message::Standing(standing) => standing.check(),
             Message::Task(task) => task.check(),
             Message::Image(image) => image.check(),
+            Message::Fix(fix) => fix.check(),
         }
     }
 }
@@ -143,9 +144,26 @@ impl Position {
 impl PoseReport {
     fn check(&self) -> CheckResult {
         self.at.check()?;
+        self.heading.check()
+    }
+}
+
+impl Heading {
+    fn check(&self) -> CheckResult {
         require(
-            self.heading <= Heading::LAST,
+            *self <= Heading::LAST,
             "a heading is from 0 to 62831 units of 1e-4 rad",
+        )
+    }
+}
+
+impl Fix {
+    fn check(&self) -> CheckResult {
+        self.at.check()?;
+        self.heading.iter().try_for_each(Heading::check)?;
+        require(
+            self.age_ms <= FIX_AGE_MAX_MS,
+            "a fix is at most two seconds old",
         )
     }
 }

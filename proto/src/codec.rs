@@ -174,6 +174,7 @@ fn write_body(message: &Message, frame: &mut Vec<u8>) -> Result<(), EncodeError>
         Message::Standing(standing) => write(standing, frame),
         Message::Task(task) => write(task, frame),
         Message::Image(image) => write(image, frame),
+        Message::Fix(fix) => write(fix, frame),
     }
 }
 
@@ -195,6 +196,7 @@ fn read_body(kind: MessageKind, body: &[u8]) -> Result<Message, DecodeError> {
         MessageKind::Standing => read(body).map(Message::Standing),
         MessageKind::Task => read(body).map(Message::Task),
         MessageKind::Image => read(body).map(Message::Image),
+        MessageKind::Fix => read(body).map(Message::Fix),
     }
 }
 

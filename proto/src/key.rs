@@ -84,6 +84,7 @@ impl Topic {
             Message::Want(want) => MessageSubject::Layer(want.layer),
             Message::Plan(plan) => MessageSubject::Vehicle(plan.vehicle),
             Message::Order(order) => MessageSubject::Vehicle(order.vehicle),
+            Message::Fix(fix) => MessageSubject::Vehicle(fix.vehicle),
             Message::Task(task) => MessageSubject::Run(task.run),
             Message::Image(image) => MessageSubject::Part(image.run, image.part),
             Message::Hello(_)
@@ -263,6 +264,11 @@ mod tests {
             "order/3",
         );
         check(MessageKind::Task, MessageSubject::Run(RunId(9)), "task/9");
+        check(
+            MessageKind::Fix,
+            MessageSubject::Vehicle(VehicleId(3)),
+            "fix/3",
+        );
         check(
             MessageKind::Image,
             MessageSubject::Part(RunId(9), 12),

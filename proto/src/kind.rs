@@ -24,11 +24,12 @@ pub enum MessageKind {
     Standing = 13,
     Task = 14,
     Image = 15,
+    Fix = 16,
 }
 
 impl MessageKind {
     /// All kinds, in the order of their numbers.
-    pub const ALL: [MessageKind; 16] = [
+    pub const ALL: [MessageKind; 17] = [
         MessageKind::Hello,
         MessageKind::State,
         MessageKind::Tile,
@@ -45,6 +46,7 @@ impl MessageKind {
         MessageKind::Standing,
         MessageKind::Task,
         MessageKind::Image,
+        MessageKind::Fix,
     ];
 
     /// Returns the number in a frame's header.
@@ -76,6 +78,7 @@ impl MessageKind {
             MessageKind::Standing => "standing",
             MessageKind::Task => "task",
             MessageKind::Image => "image",
+            MessageKind::Fix => "fix",
         }
     }
 }

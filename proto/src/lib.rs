@@ -25,14 +25,15 @@ pub use key::{Key, MessageSubject, Sender, Topic};
 pub use kind::MessageKind;
 pub use message::{
     AutopilotFamily, AutopilotHealth, BEACON_BYTES_MAX, BEACON_MEMBERS_MAX, Beacon, BeaconTag,
-    BodyKind, Capability, Control, Covariance, Digest, EmergencyStop, Estimator, FailsafeAction,
-    Failsafes, Find, Fix, GroundReport, Have, Health, HeardFrom, Hello, IMAGE_PART_PIXELS,
-    IMAGE_SIDE_MAX, Image, ImageSubject, Interest, LayerDigest, LegReport, LostSamples, Message,
-    MissionEnd, MissionKind, MissionPhase, MissionProgress, MissionRefusal, OpenStops, Order,
-    OrderKind, Ordered, Parameter, PlaceSharing, Plan, Power, Progress, RadioHealth, RadioKind,
-    RangeHealth, RangeSensorKind, RecordingHealth, Rectangle, RunEnd, RunReport, STORED_ITEMS_MAX,
-    Sample, Samples, SeenState, ServoKind, StandReason, State, StationPhase, Stop, StopScope,
-    StoredItem, SweepPlanner, TASK_PLACES_MAX, TILE_CELLS, TILE_SIDE, Task, TaskKind, TaskNumber,
-    TaskParameter, TaskUnit, TileAddress, TileReport, TileRequest, VehicleMode, WATERMARKS_ALWAYS,
+    BodyKind, Capability, Control, Covariance, Digest, EmergencyStop, Estimator, FIX_AGE_MAX_MS,
+    FailsafeAction, Failsafes, Find, Fix, GroundReport, Have, Health, HeardFrom, Hello,
+    IMAGE_PART_PIXELS, IMAGE_SIDE_MAX, Image, ImageSubject, Interest, LayerDigest, LegReport,
+    LostSamples, Message, MissionEnd, MissionKind, MissionPhase, MissionProgress, MissionRefusal,
+    OpenStops, Order, OrderKind, Ordered, Parameter, PlaceSharing, Plan, Power, Progress,
+    RadioHealth, RadioKind, RangeHealth, RangeSensorKind, RecordingHealth, Rectangle, RunEnd,
+    RunReport, STORED_ITEMS_MAX, Sample, Samples, SatelliteFix, SeenState, ServoKind, StandReason,
+    State, StationPhase, Stop, StopScope, StoredItem, SweepPlanner, TASK_PLACES_MAX, TILE_CELLS,
+    TILE_SIDE, Task, TaskKind, TaskNumber, TaskParameter, TaskUnit, TileAddress, TileReport,
+    TileRequest, VehicleMode, WATERMARKS_ALWAYS,
 };
 pub use units::{Deviation, Heading, Permille, PoseReport, Position, Tilt, Velocity};

@@ -2,6 +2,7 @@
 //! decides anything, and none knows how it is sent.
 
 mod beacon;
+mod fix;
 mod health;
 mod hello;
 mod image;
@@ -17,9 +18,10 @@ mod task;
 use serde::{Deserialize, Serialize};
 
 pub use beacon::{BEACON_BYTES_MAX, BEACON_MEMBERS_MAX, Beacon, BeaconTag};
+pub use fix::{FIX_AGE_MAX_MS, Fix};
 pub use health::{
-    AutopilotFamily, AutopilotHealth, BodyKind, Estimator, FailsafeAction, Failsafes, Fix, Health,
-    Power, RadioHealth, RangeHealth, RecordingHealth,
+    AutopilotFamily, AutopilotHealth, BodyKind, Estimator, FailsafeAction, Failsafes, Health,
+    Power, RadioHealth, RangeHealth, RecordingHealth, SatelliteFix,
 };
 pub use hello::{Capability, Hello, Interest, RadioKind, RangeSensorKind, ServoKind};
 pub use image::{
@@ -61,6 +63,7 @@ pub enum Message {
     Standing(OpenStops),
     Task(Task),
     Image(Image),
+    Fix(Fix),
 }
 
 impl Message {
@@ -83,6 +86,7 @@ impl Message {
             Message::Standing(_) => MessageKind::Standing,
             Message::Task(_) => MessageKind::Task,
             Message::Image(_) => MessageKind::Image,
+            Message::Fix(_) => MessageKind::Fix,
         }
     }
 
@@ -92,7 +96,7 @@ impl Message {
     }
 
     /// Returns who alone may say this message; `None` when several may (a tile and what stands are handed on by
-    /// anyone, an order comes from the ground or an operator, a task from any operator).
+    /// anyone, an order comes from the ground or an operator, a task and a fix from any operator).
     pub fn author(&self) -> Option<Sender> {
         match self {
             Message::Hello(hello) => Some(hello.node),
@@ -109,7 +113,8 @@ impl Message {
             | Message::Want(_)
             | Message::Order(_)
             | Message::Standing(_)
-            | Message::Task(_) => None,
+            | Message::Task(_)
+            | Message::Fix(_) => None,
         }
     }
 }

@@ -562,6 +562,7 @@ impl Actor for AutopilotLink {
             }
             In::Report(report) => self.report(now, report, out),
             In::Ack(ack) => self.answer(now, ack, out),
+            In::Fix(from, fix) => out.push(Out::Fix(from, fix)),
         }
         self.act(now, out);
         Ok(())

@@ -3,6 +3,7 @@
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
+use tomoswarm_proto::{Fix, Sender};
 
 use super::autopilot_command::AutopilotCommand;
 use super::command::{Ack, ArmRefusal, CommandAck, FlightMode, NumberedCommand};
@@ -18,6 +19,8 @@ pub enum In {
     Report(AutopilotReport),
     /// What it answers to a command.
     Ack(Ack),
+    /// Where something outside has measured the vehicle to be, and who says so.
+    Fix(Sender, Fix),
 }
 
 /// What the link can say.
@@ -31,6 +34,8 @@ pub enum Out {
     Status(ControlStatus),
     /// For people.
     LinkEvent(LinkEvent),
+    /// To the autopilot, for its own estimate of its place.
+    Fix(Sender, Fix),
 }
 
 /// What became of commands, and what somebody else has done.
@@ -105,6 +110,8 @@ pub enum Reason {
 pub enum Key {
     /// The autopilot's report.
     Report,
+    /// The newest place that somebody has measured.
+    Fix(Sender),
 }
 
 impl Input for In {
@@ -113,6 +120,7 @@ impl Input for In {
     fn class(&self) -> InputClass<Key> {
         match self {
             In::Report(_) => InputClass::Latest(Key::Report),
+            In::Fix(from, _) => InputClass::Latest(Key::Fix(*from)),
             In::AutopilotCommand(_) | In::Ack(_) => InputClass::Queue,
         }
     }

@@ -4,7 +4,7 @@
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 
 /// Commands that only the whole build has.
-const COMMANDS: [&str; 12] = [
+const COMMANDS: [&str; 13] = [
     "vehicle",
     "ground",
     "world",
@@ -16,6 +16,7 @@ const COMMANDS: [&str; 12] = [
     "tap",
     "preflight",
     "parameters",
+    "fix",
     "replay",
 ];
 

@@ -1,24 +1,28 @@
 //! The table `[pose]` of a vehicle's file: who says where it is, and how well. How the speed is judged by it is not known here.
 
-use super::keys::{Form, KeyEntry, Keyed, Keys, Number, quoted};
-use super::section::Section;
+use super::keys::{Keyed, Keys, Number, WordChoice, Words};
 
 /// How well a vehicle knows its place.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct PoseFile {
+    /// Who says where it is.
+    pub source: PoseSource,
     /// The deviation that its place usually has, metres; its speed is judged by it.
     pub expected_sd_m: f64,
 }
 
 impl Keyed for PoseFile {
     fn keys(&mut self, to: &mut dyn Keys) {
-        let PoseFile { expected_sd_m } = self;
-        let means = "who says where it is; today only `\"autopilot\"`";
-        to.form(
-            &mut PoseSource,
-            KeyEntry {
+        let PoseFile {
+            source,
+            expected_sd_m,
+        } = self;
+        let means = "who measures where it is: `autopilot`, all by itself, or with it something outside, `external` (`tomoswarm fix`)";
+        to.word(
+            source,
+            Words {
                 name: "source",
-                left_out: "autopilot",
+                default: "autopilot",
                 means,
             },
         );
@@ -34,20 +38,19 @@ impl Keyed for PoseFile {
     }
 }
 
-/// Who says where a vehicle is: the autopilot, until others are built.
-struct PoseSource;
+/// Who says where a vehicle is.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub enum PoseSource {
+    /// Its autopilot, by what it measures itself.
+    #[default]
+    Autopilot,
+    /// Its autopilot, from what something outside measures: motion capture, ultra-wideband.
+    External,
+}
 
-impl Form for PoseSource {
-    fn to_toml(&self) -> Option<String> {
-        Some(quoted("autopilot"))
-    }
-
-    fn read(&mut self, section: &Section<'_>, key: &'static str) {
-        let allowed = "source = \"autopilot\" is allowed today";
-        match section.text(key).as_deref() {
-            None | Some("autopilot") => {}
-            Some("external") => section.refuse(key, "is not built yet", allowed),
-            Some(_) => section.refuse(key, "is not known", allowed),
-        }
-    }
+impl WordChoice for PoseSource {
+    const WORDS: &'static [(&'static str, PoseSource)] = &[
+        ("autopilot", PoseSource::Autopilot),
+        ("external", PoseSource::External),
+    ];
 }

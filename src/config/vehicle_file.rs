@@ -7,11 +7,11 @@ use tomoswarm_proto::{TaskKind, VehicleId};
 
 use super::Loader;
 use super::bus_file::{BusFile, BusFileTable, Role};
-use super::drivers::{DriverKey, Drivers, RadioDriver, ServoDriver};
+use super::drivers::{AutopilotDriver, DriverKey, Drivers, RadioDriver, ServoDriver};
 use super::forms::{FileName, LoadedFile};
 use super::keys::{Form, KeyEntry, Keyed, Keys, MaybeTable, Whole, quoted, read_table};
 use super::mavlink_connection::AutopilotTable;
-use super::pose_file::PoseFile;
+use super::pose_file::{PoseFile, PoseSource};
 use super::radio::OwnRadio;
 use super::range::SensorCoverage;
 use super::range_driver::RangeDriver;
@@ -554,6 +554,14 @@ fn check_together(root: &Section<'_>, file: &VehicleFile) {
             "pose.expected_sd_m",
             wrong,
             "at most pose_sd_max_m is allowed",
+        );
+    }
+    let is_simulated = matches!(file.drivers.autopilot, AutopilotDriver::Simulated);
+    if is_simulated && pose.source == PoseSource::External {
+        root.source.refuse(
+            "pose.source",
+            "is of no use to a simulated autopilot, which knows its place",
+            "source = \"autopilot\" is allowed, or [autopilot] driver = \"mavlink\"",
         );
     }
     if is_sound(&["vehicle", "range", "safety", "pose"]) {

@@ -188,7 +188,8 @@ impl Numbers {
             | Message::Beacon(_)
             | Message::Health(_)
             | Message::Standing(_)
-            | Message::Image(_) => return Numbers::default(),
+            | Message::Image(_)
+            | Message::Fix(_) => return Numbers::default(),
         })
     }
 

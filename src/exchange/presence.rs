@@ -153,6 +153,7 @@ fn of_stranger(message: Message) -> Option<Message> {
         | Message::Health(_)
         | Message::Report(_)
         | Message::Task(_)
-        | Message::Image(_) => None,
+        | Message::Image(_)
+        | Message::Fix(_) => None,
     }
 }

@@ -228,6 +228,15 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         class: Urgency::Low,
         is_replaced: true,
     },
+    // Who measures places from outside is an operator. A late one is of no use.
+    MessageRule {
+        kind: MessageKind::Fix,
+        of_vehicle: None,
+        of_ground: None,
+        of_operator: ADDRESSED,
+        class: Urgency::High,
+        is_replaced: true,
+    },
 ];
 
 // A row out of order does not compile.
@@ -249,9 +258,11 @@ impl Urgency {
 /// Returns what an operator must be interested in to be told messages of a kind; `None` = it is told in any case.
 pub fn interest(kind: MessageKind) -> Option<Interest> {
     match kind {
-        MessageKind::State | MessageKind::Mission | MessageKind::Health | MessageKind::Plan => {
-            Some(Interest::Fleet)
-        }
+        MessageKind::State
+        | MessageKind::Mission
+        | MessageKind::Health
+        | MessageKind::Plan
+        | MessageKind::Fix => Some(Interest::Fleet),
         MessageKind::Tile | MessageKind::Digest | MessageKind::Want => Some(Interest::Map),
         MessageKind::Samples | MessageKind::Have => Some(Interest::Samples),
         MessageKind::Image => Some(Interest::Images),

@@ -129,7 +129,8 @@ fn route_message(sender: Sender, message: Message, to: &mut Vec<Destination>) {
         | Message::Beacon(_)
         | Message::Health(_)
         | Message::Task(_)
-        | Message::Image(_) => None,
+        | Message::Image(_)
+        | Message::Fix(_) => None,
     };
     to.extend(lease.map(|lease| Destination::Stops(stops::In::Lease(lease))));
     // What the station decides by names its author itself.

@@ -240,7 +240,8 @@ impl Station {
             | Message::Health(_)
             | Message::Beacon(_)
             | Message::Standing(_)
-            | Message::Image(_) => {}
+            | Message::Image(_)
+            | Message::Fix(_) => {}
         }
         self.lease_changed(now, change, out);
     }

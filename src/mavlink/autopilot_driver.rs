@@ -15,16 +15,19 @@
 )]
 
 mod failsafes;
+mod fixes;
 mod health;
 mod heard;
 mod orders;
 mod setup;
+#[cfg(test)]
+mod tests_support;
 mod upload;
 
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use tomoswarm_proto::AutopilotHealth;
+use tomoswarm_proto::{AutopilotHealth, Fix, Sender};
 
 use super::dialect::{
     self as d, MavAutopilot, MavMessage, MavModeFlag, MavSeverity, MavState, MavType,
@@ -33,9 +36,9 @@ use super::earth_frame::EarthFrame;
 use super::frames::{AUTOPILOT, Content, Frame, MavAddress};
 use super::parameter_reads::ParameterReads;
 use crate::autopilot::{Ack, AutopilotReport, Command, NumberedCommand, VehicleKind};
-use crate::geom::Pose;
 use crate::time::Time;
 
+use self::fixes::Fixes;
 use self::heard::Heard;
 use self::orders::Orders;
 use self::setup::Setup;
@@ -77,6 +80,8 @@ pub struct MavlinkDriverSettings {
     pub switch: Option<SwitchSettings>,
     /// It is armed even if its failsafes do not keep it where it is, or are not known.
     pub arms_without_failsafes: bool,
+    /// Its place is measured from outside, and passed on to it.
+    pub takes_fixes: bool,
 }
 
 /// A switch of a remote control.
@@ -153,6 +158,17 @@ pub enum DriverTrouble {
         /// Why, in words.
         why: String,
     },
+    /// Its place is to be measured from outside, and nobody does.
+    #[error("nobody says where it is from outside (tomoswarm fix)")]
+    NoFix,
+    /// Two measure its place from outside.
+    #[error("{believed} and {other} both say where it is; {believed} is believed")]
+    TwoMeasure {
+        /// Who is believed.
+        believed: Sender,
+        /// Who is not.
+        other: Sender,
+    },
     /// It does not arm.
     #[error("it says: {0}")]
     Refuses(String),
@@ -164,6 +180,7 @@ pub struct MavlinkDriver {
     settings: MavlinkDriverSettings,
     heard: Heard,
     orders: Orders,
+    fixes: Fixes,
     setup: Setup,
     /// Its failsafes; `None` before it was heard.
     parameters: Option<ParameterReads>,
@@ -176,6 +193,7 @@ impl MavlinkDriver {
         MavlinkDriver {
             heard: Heard::default(),
             orders: Orders::default(),
+            fixes: Fixes::default(),
             setup: Setup::default(),
             parameters: None,
             heartbeat_due: Time::ZERO,
@@ -233,32 +251,12 @@ impl MavlinkDriver {
         missing.is_empty()
     }
 
-    /// Passes on where something outside knows the vehicle to be (motion capture): VISION_POSITION_ESTIMATE, for the autopilot's
-    /// own estimate.
-    pub fn external_pose(
-        &mut self,
-        now: Time,
-        pose: &Pose,
-        altitude_m: f64,
-        out: &mut Vec<DriverOut>,
-    ) {
-        let frame = &self.settings.frame;
-        let (north_m, east_m) = frame.north_east(pose.at);
-        let mut covariance = [0.0; 21];
-        // Of x, y and z, in the upper triangle of the matrix, row by row.
-        for index in [0, 6, 11] {
-            covariance[index] = (pose.sd_m * pose.sd_m) as f32;
+    /// Hears where something outside has measured the vehicle to be; only a driver that takes fixes passes it on.
+    pub fn hear_fix(&mut self, now: Time, from: Sender, fix: &Fix, out: &mut Vec<DriverOut>) {
+        if self.settings.takes_fixes {
+            let known = (&self.settings, &self.heard);
+            self.fixes.hear(now, from, fix, known, out);
         }
-        let estimate = d::VISION_POSITION_ESTIMATE_DATA {
-            usec: now.as_nanos() / 1000,
-            x: north_m as f32,
-            y: east_m as f32,
-            z: -altitude_m as f32,
-            yaw: frame.bearing_of(pose.heading).radians() as f32,
-            covariance,
-            ..d::VISION_POSITION_ESTIMATE_DATA::default()
-        };
-        say(out, MavMessage::VISION_POSITION_ESTIMATE(estimate));
     }
 
     /// Hears a frame; what another system says concerns nobody here.
@@ -363,7 +361,18 @@ impl MavlinkDriver {
 
     /// Returns what is wrong with the autopilot, the worst first.
     pub fn trouble(&self, now: Time) -> Option<DriverTrouble> {
-        self.heard.trouble(now, STALE, &self.settings)
+        let of_fixes = || {
+            let takes_them = self.settings.takes_fixes;
+            takes_them.then(|| self.fixes.trouble(now)).flatten()
+        };
+        match self.heard.trouble(now, STALE, &self.settings) {
+            // Why it knows no place.
+            Some(DriverTrouble::NoPlace { why }) => {
+                of_fixes().or(Some(DriverTrouble::NoPlace { why }))
+            }
+            Some(trouble) => Some(trouble),
+            None => of_fixes(),
+        }
     }
 }
 

@@ -8,6 +8,7 @@
 //!  map ──Tiles──► bus                      bus ──peers' Tiles, Digest, Want──► map
 //!  radio driver ─Heard, Unsent─► radio ──Keep──► disk ──SampleStored──► outbox ──Samples──► bus
 //!                                        disk ◄─Forget, Recall─ outbox      bus ──Have──► outbox
+//!  bus ──Fix──► autopilot ──► autopilot driver
 //!  bus ──Plan, Task, peers' State and Mission──► mission ──Mission──► radio (its progress, in beacons), bus
 //!  radio ──what peers' beacons tell──► mission, vehicle      bus ──whoever is heard──► mission
 //!  bus ──Order, peers' State──► vehicle ──Order (once it may be obeyed)──► mission
@@ -18,7 +19,7 @@
 
 use std::fmt;
 
-use tomoswarm_proto::{Beacon, Boot, Message, OpenStops, RunId, Sample, Sender};
+use tomoswarm_proto::{Beacon, Boot, Fix, Message, OpenStops, RunId, Sample, Sender};
 
 use super::memory::{Remembered, VehicleMemory};
 use super::{map, mission, outbox, radio, sensor, vehicle};
@@ -56,6 +57,8 @@ pub enum Event {
 pub enum Effect {
     /// The autopilot shall obey; the answer is an [`Event::Ack`].
     Command(NumberedCommand),
+    /// The autopilot shall take this into its own estimate of its place: somebody has measured it from outside.
+    Fix(Sender, Fix),
     /// The servo shall point the range sensor, relative to the heading.
     Steer(Angle),
     /// The range sensor shall measure.
@@ -170,6 +173,7 @@ pub(crate) fn route(output: Output, to: &mut Vec<Destination>) {
         Output::Edge(Event::Ack(ack)) => to.push(Destination::Autopilot(link::In::Ack(ack))),
         Output::Autopilot(out) => to.push(match out {
             link::Out::Command(command) => Destination::Edge(Effect::Command(command)),
+            link::Out::Fix(from, fix) => Destination::Edge(Effect::Fix(from, fix)),
             link::Out::Telemetry(telemetry) => {
                 Destination::Vehicle(vehicle::In::Telemetry(telemetry))
             }
@@ -289,6 +293,7 @@ fn route_message(sender: Sender, message: Message, to: &mut Vec<Destination>) {
         }
         Message::Have(have) => to.push(Destination::Outbox(outbox::In::Have(have))),
         Message::Task(task) => to.push(Destination::Mission(mission::In::Task(task))),
+        Message::Fix(fix) => to.push(Destination::Autopilot(link::In::Fix(sender, fix))),
         // Samples are the ground's business, images operators'; beacons come by radio.
         Message::Samples(_) | Message::Beacon(_) | Message::Health(_) | Message::Image(_) => {}
     }

@@ -336,7 +336,8 @@ impl FleetView {
             | Message::Have(_)
             | Message::Beacon(_)
             | Message::Task(_)
-            | Message::Image(_) => {}
+            | Message::Image(_)
+            | Message::Fix(_) => {}
         }
     }
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use serde::{Deserialize, Serialize};
-use tomoswarm_proto::{EmergencyStop, Hello, Message, VehicleId};
+use tomoswarm_proto::{EmergencyStop, Fix, Hello, Message, VehicleId};
 
 use super::HeardMessage;
 use super::order_goal::{GoalId, OrderGoal, StopRequest};
@@ -42,6 +42,8 @@ pub enum In {
     Follow(Vec<ScriptStep>),
     /// What the last cue asked for is done.
     CueDone,
+    /// Where something outside has measured a vehicle to be; it is passed on at once.
+    Fix(Fix),
 }
 
 /// What the operator can say.
@@ -102,6 +104,8 @@ pub enum Key {
     Follow,
     /// The last cue.
     CueDone,
+    /// The newest fix of a vehicle.
+    Fix(VehicleId),
 }
 
 impl Input for In {
@@ -123,6 +127,7 @@ impl Input for In {
             In::Withdraw(number) => InputClass::Latest(Key::Withdraw(*number)),
             In::Follow(_) => InputClass::Latest(Key::Follow),
             In::CueDone => InputClass::Latest(Key::CueDone),
+            In::Fix(fix) => InputClass::Latest(Key::Fix(fix.vehicle)),
         }
     }
 
@@ -139,7 +144,8 @@ impl Input for In {
             | In::Stop(..)
             | In::Withdraw(_)
             | In::Follow(_)
-            | In::CueDone => None,
+            | In::CueDone
+            | In::Fix(_) => None,
         };
         match (state(&unread), state(&newer)) {
             (Some(was), Some(is)) if was.0 == is.0 && was > is => unread,

@@ -523,6 +523,11 @@ impl Actor for Operator {
                 self.script = Some(ScriptRun::new(now, steps));
                 self.last_want = LastGoal::Open;
             }
+            // Nothing else follows from it.
+            In::Fix(fix) => {
+                out.push(Out::Publish(Message::Fix(fix)));
+                return Ok(());
+            }
             In::CueDone => {
                 if let Some(script) = &mut self.script {
                     script.cue_done();

@@ -61,6 +61,7 @@ fn for_stops(event: &In) -> Option<stops::In> {
         | In::Stop(..)
         | In::Withdraw(_)
         | In::Follow(_)
-        | In::CueDone => None,
+        | In::CueDone
+        | In::Fix(_) => None,
     }
 }

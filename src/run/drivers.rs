@@ -78,6 +78,7 @@ impl VehicleDevices {
         match effect {
             Effect::Command(_) if self.autopilot.is_simulated() => self.to_world(effect),
             Effect::Command(command) => self.autopilot.command(command),
+            Effect::Fix(from, fix) => self.autopilot.fix(*from, *fix),
             // Also where neither servo nor range sensor is simulated: to a simulated autopilot any word of its companion is
             // a sign of life, and it brakes without one. What the world's own servo points at then answers no ping.
             Effect::Steer(_) => self.to_world(effect),

@@ -331,7 +331,8 @@ impl Subscriber {
             | Message::Report(_)
             | Message::Standing(_)
             | Message::Task(_)
-            | Message::Image(_) => self.node.tell(Event::Bus(sender, message)),
+            | Message::Image(_)
+            | Message::Fix(_) => self.node.tell(Event::Bus(sender, message)),
         }
     }
 }
@@ -390,7 +391,8 @@ impl Edge {
             | Message::Tile(_)
             | Message::Standing(_)
             | Message::Task(_)
-            | Message::Image(_) => self.publisher.publish(&message),
+            | Message::Image(_)
+            | Message::Fix(_) => self.publisher.publish(&message),
         }
     }
 }

@@ -88,7 +88,7 @@ fn about_anything(role: &str, row: &MessageRule) -> String {
         | MessageKind::Health
         | MessageKind::Report
         | MessageKind::Standing => "",
-        MessageKind::Plan | MessageKind::Order | MessageKind::Task => "/*",
+        MessageKind::Plan | MessageKind::Order | MessageKind::Task | MessageKind::Fix => "/*",
         MessageKind::Tile | MessageKind::Want | MessageKind::Image => "/**",
     };
     format!("{role}/{}{tail}", row.kind)

@@ -138,7 +138,7 @@ struct Edge {
 impl Edge {
     fn carry_out(&self, effect: Effect) {
         match &effect {
-            Effect::Command(_) | Effect::Steer(_) | Effect::Ping(_) => {
+            Effect::Command(_) | Effect::Fix(..) | Effect::Steer(_) | Effect::Ping(_) => {
                 self.devices.carry_out(&effect)
             }
             Effect::Transmit(beacon) => {

@@ -434,6 +434,7 @@ mod tests {
             | Message::Standing(_)
             | Message::Task(_)
             | Message::Hello(_) => vec![A, B, NodeId::Ground],
+            Message::Fix(fix) => vec![NodeId::Vehicle(fix.vehicle)],
             Message::Beacon(_) | Message::Image(_) => Vec::new(),
         }
     }

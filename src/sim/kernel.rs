@@ -296,6 +296,8 @@ impl Kernel {
             node::Effect::Command(numbered) if is_over && numbered.command.moves() => None,
             node::Effect::Ping(_) | node::Effect::Transmit(_) if is_over => None,
             node::Effect::Command(command) => obey(DeviceCommand::Autopilot(command)),
+            // A simulated autopilot measures its place itself.
+            node::Effect::Fix(..) => None,
             node::Effect::Steer(beam) => obey(DeviceCommand::Steer(beam)),
             node::Effect::Ping(ping) => obey(DeviceCommand::Ping(ping)),
             node::Effect::Transmit(beacon) => obey(DeviceCommand::Transmit(beacon)),

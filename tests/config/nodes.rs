@@ -389,13 +389,10 @@ fn every_wrong_value_of_a_vehicle_is_refused() {
             "radio.power_dbm = 0.5: is no whole number",
         ),
         ("radio.p0_dbm = -40", "radio.p0_dbm: is not known"),
-        (
-            "pose.source = \"gps\"",
-            "pose.source = \"gps\": is not known; source = \"autopilot\"",
-        ),
+        ("pose.source = \"gps\"", "pose.source = \"gps\""),
         (
             "pose.source = \"external\"",
-            "is not built yet; source = \"autopilot\" is allowed today",
+            "is of no use to a simulated autopilot, which knows its place; source = \"autopilot\" is allowed",
         ),
         (
             "pose.expected_sd_m = -1",

@@ -248,6 +248,7 @@ fn driver_of(kind: VehicleKind, place: PlaceSource, arms_without_failsafes: bool
             return_us: 1900,
         }),
         arms_without_failsafes,
+        takes_fixes: false,
     })
 }
 

@@ -38,7 +38,7 @@ pub enum BodyKind {
 
 /// How well an autopilot knows its place by satellites.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Default, Serialize, Deserialize)]
-pub enum Fix {
+pub enum SatelliteFix {
     /// It has not said so.
     #[default]
     Unknown,
@@ -143,7 +143,7 @@ pub struct AutopilotHealth {
     /// Current out of the battery, mA; `None` = not measured.
     pub battery_ma: Option<i32>,
     /// How well it knows its place by satellites.
-    pub fix: Fix,
+    pub fix: SatelliteFix,
     /// Satellites that it uses; `None` = not known.
     pub satellites: Option<u8>,
     /// What it thinks of its own estimate of the pose.

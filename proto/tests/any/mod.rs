@@ -620,14 +620,14 @@ fn autopilot_health() -> impl Strategy<Value = AutopilotHealth> {
         },
     );
     let fix = select(vec![
-        Fix::Unknown,
-        Fix::NoReceiver,
-        Fix::NoFix,
-        Fix::TwoD,
-        Fix::ThreeD,
-        Fix::Differential,
-        Fix::RtkFloat,
-        Fix::RtkFixed,
+        SatelliteFix::Unknown,
+        SatelliteFix::NoReceiver,
+        SatelliteFix::NoFix,
+        SatelliteFix::TwoD,
+        SatelliteFix::ThreeD,
+        SatelliteFix::Differential,
+        SatelliteFix::RtkFloat,
+        SatelliteFix::RtkFixed,
     ]);
     let estimator = select(vec![
         Estimator::Unknown,
@@ -985,6 +985,18 @@ fn image() -> impl Strategy<Value = Image> {
         )
 }
 
+fn fix() -> impl Strategy<Value = Fix> {
+    let heading = option::of((0..=Heading::LAST.0).prop_map(Heading));
+    let numbers = (any::<u16>(), 0..=FIX_AGE_MAX_MS);
+    (vehicle(), position(), heading, numbers).prop_map(|(vehicle, at, heading, (sd, age_ms))| Fix {
+        vehicle,
+        at,
+        heading,
+        sd: Deviation(sd),
+        age_ms,
+    })
+}
+
 /// Draws a message of any kind.
 pub fn message() -> impl Strategy<Value = Message> {
     prop_oneof![
@@ -1004,5 +1016,6 @@ pub fn message() -> impl Strategy<Value = Message> {
         standing().prop_map(Message::Standing),
         task().prop_map(Message::Task),
         image().prop_map(Message::Image),
+        fix().prop_map(Message::Fix),
     ]
 }

@@ -236,7 +236,7 @@ fn health() -> Health {
         firmware: "4.5.4".to_owned(),
         battery_mv: Some(11_840),
         battery_ma: Some(-1250),
-        fix: Fix::RtkFixed,
+        fix: SatelliteFix::RtkFixed,
         satellites: Some(17),
         estimator: Estimator::Good,
         failsafes,
@@ -430,6 +430,16 @@ pub fn examples() -> Vec<(&'static str, Message)> {
         ("standing", Message::Standing(standing())),
         ("task", Message::Task(task())),
         ("image", Message::Image(image())),
+        (
+            "fix",
+            Message::Fix(Fix {
+                vehicle: VehicleId(2),
+                at: position(1500, -2250),
+                heading: Some(Heading(7500)),
+                sd: Deviation(5),
+                age_ms: 12,
+            }),
+        ),
     ]
 }
 

@@ -209,7 +209,7 @@ fn health() -> Health {
         firmware: text(32),
         battery_mv: Some(u32::MAX),
         battery_ma: Some(i32::MIN),
-        fix: Fix::RtkFixed,
+        fix: SatelliteFix::RtkFixed,
         satellites: Some(255),
         estimator: Estimator::Bad,
         failsafes: Failsafes::default(),
@@ -426,5 +426,12 @@ pub fn extremes() -> Vec<Message> {
         }),
         Message::Task(stored()),
         Message::Image(image()),
+        Message::Fix(Fix {
+            vehicle: VehicleId(250),
+            at: position(),
+            heading: Some(Heading::LAST),
+            sd: Deviation::UNKNOWN,
+            age_ms: FIX_AGE_MAX_MS,
+        }),
     ]
 }

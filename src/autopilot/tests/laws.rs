@@ -526,7 +526,7 @@ impl Witness {
                     }
                     self.control = status.control;
                 }
-                Out::Telemetry(_) | Out::LinkEvent(_) => {}
+                Out::Telemetry(_) | Out::LinkEvent(_) | Out::Fix(..) => {}
             }
         }
     }

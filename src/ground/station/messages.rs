@@ -82,7 +82,8 @@ pub(super) fn expected_author(message: &Message) -> Option<VehicleId> {
         | Message::Health(_)
         | Message::Beacon(_)
         | Message::Standing(_)
-        | Message::Image(_) => None,
+        | Message::Image(_)
+        | Message::Fix(_) => None,
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use tomoswarm_proto::{AutopilotFamily, AutopilotHealth, BodyKind, Estimator, Fix};
+use tomoswarm_proto::{AutopilotFamily, AutopilotHealth, BodyKind, Estimator, SatelliteFix};
 
 use super::MavlinkDriverSettings;
 use super::failsafes::failsafes;
@@ -35,7 +35,9 @@ pub(super) fn health(
         battery_ma: power
             .filter(|power| power.current_battery >= 0)
             .map(|power| i32::from(power.current_battery) * 10),
-        fix: heard.fix(now).map_or(Fix::Unknown, |gps| fix(gps.fix_type)),
+        fix: heard
+            .fix(now)
+            .map_or(SatelliteFix::Unknown, |gps| fix(gps.fix_type)),
         satellites: heard
             .fix(now)
             .map(|gps| gps.satellites_visible)
@@ -58,15 +60,15 @@ fn version(flight_software: u32) -> String {
     format!("{major}.{minor}.{patch}")
 }
 
-fn fix(found: GpsFixType) -> Fix {
+fn fix(found: GpsFixType) -> SatelliteFix {
     match found {
-        GpsFixType::GPS_FIX_TYPE_NO_GPS => Fix::NoReceiver,
-        GpsFixType::GPS_FIX_TYPE_NO_FIX => Fix::NoFix,
-        GpsFixType::GPS_FIX_TYPE_2D_FIX => Fix::TwoD,
-        GpsFixType::GPS_FIX_TYPE_DGPS => Fix::Differential,
-        GpsFixType::GPS_FIX_TYPE_RTK_FLOAT => Fix::RtkFloat,
-        GpsFixType::GPS_FIX_TYPE_RTK_FIXED => Fix::RtkFixed,
-        _ => Fix::ThreeD,
+        GpsFixType::GPS_FIX_TYPE_NO_GPS => SatelliteFix::NoReceiver,
+        GpsFixType::GPS_FIX_TYPE_NO_FIX => SatelliteFix::NoFix,
+        GpsFixType::GPS_FIX_TYPE_2D_FIX => SatelliteFix::TwoD,
+        GpsFixType::GPS_FIX_TYPE_DGPS => SatelliteFix::Differential,
+        GpsFixType::GPS_FIX_TYPE_RTK_FLOAT => SatelliteFix::RtkFloat,
+        GpsFixType::GPS_FIX_TYPE_RTK_FIXED => SatelliteFix::RtkFixed,
+        _ => SatelliteFix::ThreeD,
     }
 }
 

@@ -366,13 +366,9 @@ impl Heard {
                     .as_ref()
                     .filter(|(_, place)| are_numbers(place))?;
                 let (north_m, east_m) = (f64::from(place.x), f64::from(place.y));
-                let from = self
-                    .origin
-                    .map(|origin| frame.local_place(origin))
-                    .unwrap_or_default();
                 let step = frame.from_north_east(north_m, east_m) - Point::default();
                 Some((
-                    from + step,
+                    self.local_origin(settings) + step,
                     sd_m,
                     -f64::from(place.vz),
                     libm::hypot(f64::from(place.vx), f64::from(place.vy)),
@@ -381,7 +377,14 @@ impl Heard {
         }
     }
 
-    fn heading(&self, settings: &MavlinkDriverSettings) -> Option<Angle> {
+    /// Returns where the origin of its local frame is; before it has said so, the venue's datum.
+    pub(super) fn local_origin(&self, settings: &MavlinkDriverSettings) -> Point {
+        let origin = self.origin.map(|origin| settings.frame.local_place(origin));
+        origin.unwrap_or_default()
+    }
+
+    /// Returns where it points, by its own compass.
+    pub(super) fn heading(&self, settings: &MavlinkDriverSettings) -> Option<Angle> {
         let (_, attitude) = self.attitude.as_ref()?;
         let yaw_rad = f64::from(attitude.yaw);
         yaw_rad

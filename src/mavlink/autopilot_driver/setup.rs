@@ -66,7 +66,7 @@ impl Setup {
         (self.answered, self.call, self.origin_due) = (Some(0), None, Some(now));
     }
 
-    /// Takes an answer. One that does not know how to set a message's rate is asked for the message's whole group.
+    /// Takes an answer. One that does not set a message's rate, as old firmware, is asked for the message's whole group.
     pub(super) fn take_ack(
         &mut self,
         now: Time,
@@ -82,9 +82,8 @@ impl Setup {
             return;
         };
         let wanted = self.answered.and_then(|answered| WANTED.get(answered));
-        if let (CallEnd::Answered(MavResult::MAV_RESULT_UNSUPPORTED), Some((_, rate_hz, group))) =
-            (end, wanted)
-        {
+        let is_set = end == CallEnd::Answered(MavResult::MAV_RESULT_ACCEPTED);
+        if let (false, Some((_, rate_hz, group))) = (is_set, wanted) {
             let request = d::REQUEST_DATA_STREAM_DATA {
                 req_message_rate: *rate_hz,
                 target_system: from.system,

@@ -1,8 +1,8 @@
 //! What a vehicle of the swarm has said of itself, in the terms of an autopilot.
 
 use tomoswarm_proto::{
-    BodyKind, Capability, Control, Fix, Health, Hello, MissionPhase, MissionProgress, OrderKind,
-    StandReason, State, VehicleMode,
+    BodyKind, Capability, Control, Health, Hello, MissionPhase, MissionProgress, OrderKind,
+    SatelliteFix, StandReason, State, VehicleMode,
 };
 
 use crate::autopilot::{FlightMode, SystemStatus, VehicleKind};
@@ -60,7 +60,7 @@ pub(super) fn readout(report: &VehicleReport<'_>, home: Option<Point>) -> Vehicl
         },
         fix: fix(
             state,
-            autopilot.map_or(Fix::Unknown, |autopilot| autopilot.fix),
+            autopilot.map_or(SatelliteFix::Unknown, |autopilot| autopilot.fix),
         ),
         satellites: autopilot.and_then(|autopilot| autopilot.satellites),
         home,
@@ -130,17 +130,19 @@ fn status(state: &State) -> SystemStatus {
 }
 
 /// What knows its place has a fix, by whatever it knows it.
-fn fix(state: &State, said: Fix) -> GpsFixType {
+fn fix(state: &State, said: SatelliteFix) -> GpsFixType {
     let has_place = state.pose.is_some() && state.stands_under != Some(StandReason::NoPlace);
     match said {
-        Fix::Unknown | Fix::NoReceiver if has_place => GpsFixType::GPS_FIX_TYPE_3D_FIX,
-        Fix::NoReceiver => GpsFixType::GPS_FIX_TYPE_NO_GPS,
-        Fix::Unknown | Fix::NoFix => GpsFixType::GPS_FIX_TYPE_NO_FIX,
-        Fix::TwoD => GpsFixType::GPS_FIX_TYPE_2D_FIX,
-        Fix::ThreeD => GpsFixType::GPS_FIX_TYPE_3D_FIX,
-        Fix::Differential => GpsFixType::GPS_FIX_TYPE_DGPS,
-        Fix::RtkFloat => GpsFixType::GPS_FIX_TYPE_RTK_FLOAT,
-        Fix::RtkFixed => GpsFixType::GPS_FIX_TYPE_RTK_FIXED,
+        SatelliteFix::Unknown | SatelliteFix::NoReceiver if has_place => {
+            GpsFixType::GPS_FIX_TYPE_3D_FIX
+        }
+        SatelliteFix::NoReceiver => GpsFixType::GPS_FIX_TYPE_NO_GPS,
+        SatelliteFix::Unknown | SatelliteFix::NoFix => GpsFixType::GPS_FIX_TYPE_NO_FIX,
+        SatelliteFix::TwoD => GpsFixType::GPS_FIX_TYPE_2D_FIX,
+        SatelliteFix::ThreeD => GpsFixType::GPS_FIX_TYPE_3D_FIX,
+        SatelliteFix::Differential => GpsFixType::GPS_FIX_TYPE_DGPS,
+        SatelliteFix::RtkFloat => GpsFixType::GPS_FIX_TYPE_RTK_FLOAT,
+        SatelliteFix::RtkFixed => GpsFixType::GPS_FIX_TYPE_RTK_FIXED,
     }
 }
 

@@ -8,7 +8,7 @@ pub mod parameters;
 
 use std::io;
 
-use tomoswarm_proto::AutopilotHealth;
+use tomoswarm_proto::{AutopilotHealth, Fix, Sender};
 
 use self::mavlink::MavlinkAutopilot;
 use super::EventSink;
@@ -54,6 +54,14 @@ impl Autopilot {
         match &self.pilot {
             Pilot::World => {}
             Pilot::Mavlink(autopilot) => autopilot.command(command),
+        }
+    }
+
+    /// Tells it where something outside has measured the vehicle to be.
+    pub fn fix(&self, from: Sender, fix: Fix) {
+        match &self.pilot {
+            Pilot::World => {}
+            Pilot::Mavlink(autopilot) => autopilot.fix(from, fix),
         }
     }
 

@@ -141,6 +141,7 @@ fn word(effect: &Effect) -> Option<ToWorld> {
             .ok()
             .map(ToWorld::Transmit),
         Effect::Publish(_)
+        | Effect::Fix(..)
         | Effect::Keep(..)
         | Effect::Forget { .. }
         | Effect::Recall { .. }

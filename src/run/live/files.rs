@@ -7,7 +7,7 @@ use tomoswarm_proto::{RunId, VehicleId};
 
 use crate::config::{
     self, BusFile, Config, Drivers, Endpoint, GroundFile, MissionTable, OperatorFile, PoseFile,
-    Protocol, Record, Sim, Topology, VehicleFile, WorldEndpoint,
+    PoseSource, Protocol, Record, Sim, Topology, VehicleFile, WorldEndpoint,
 };
 
 /// What recordings of one node may take, megabytes.
@@ -74,6 +74,7 @@ impl LiveAddresses {
             look: sim.range.look.clone(),
             radio: sim.radio.own,
             pose: PoseFile {
+                source: PoseSource::Autopilot,
                 expected_sd_m: sim.vehicles.pose_sd_m,
             },
             world: WorldEndpoint {

@@ -2,19 +2,23 @@
 
 use std::time::Duration;
 
-use tomoswarm_proto::{AutopilotFamily, BodyKind, Estimator, FailsafeAction, Failsafes, Fix};
+use tomoswarm_proto::{
+    AutopilotFamily, BodyKind, Estimator, FailsafeAction, Failsafes, SatelliteFix,
+};
 
 use crate::autopilot::{
     Ack, ArmRefusal, AutopilotReport, Command, CommandAck, FlightMode, Item, Motion,
     NumberedCommand, RemoteSwitch, VehicleKind,
 };
-use crate::geom::{Angle, Bearing, Geodetic, Point, Pose};
+use crate::geom::{Angle, Bearing, Geodetic, Point};
+use crate::mavlink::asked_command::command_ack;
 use crate::mavlink::autopilot_driver::{
     DriverOut, DriverTrouble, MavlinkDriver, MavlinkDriverSettings, PlaceSource, SwitchSettings,
 };
 use crate::mavlink::client_link::{ClientBytes, ClientId};
 use crate::mavlink::dialect::{
-    self as d, GPS_RAW_INT_DATA, GpsFixType, HEARTBEAT_DATA, MavAutopilot, MavMessage, MavType,
+    self as d, GPS_RAW_INT_DATA, GpsFixType, HEARTBEAT_DATA, MavAutopilot, MavCmd, MavMessage,
+    MavResult, MavType,
 };
 use crate::mavlink::earth_frame::EarthFrame;
 use crate::mavlink::frames::{Content, Frame, FrameReader, FrameWriter, MavAddress};
@@ -49,6 +53,7 @@ fn settings(kind: VehicleKind) -> MavlinkDriverSettings {
         sets_origin: false,
         place_sd_min_m: 0.01,
         arms_without_failsafes: true,
+        takes_fixes: false,
         switch: None,
     }
 }
@@ -66,6 +71,8 @@ struct Rig {
     texts: Vec<String>,
     number: u32,
     is_cut: bool,
+    /// What it answers to who asks for single messages, as old firmware does; `None` = it knows how.
+    refuses_messages: Option<MavResult>,
 }
 
 impl Rig {
@@ -86,12 +93,18 @@ impl Rig {
             texts: Vec::new(),
             number: 0,
             is_cut: false,
+            refuses_messages: None,
         }
     }
 
     fn take(&mut self, out: Vec<DriverOut>) {
         for said in out {
             match said {
+                DriverOut::Say(message) if self.refusal(&message).is_some() => {
+                    let refusal = self.refusal(&message);
+                    self.to_driver.push(&refusal.unwrap_or_default());
+                    self.tell(Vec::new());
+                }
                 DriverOut::Say(message) => {
                     let (mut bytes, mut answers) = (Vec::new(), Vec::new());
                     self.writer.write(&message, None, &mut bytes);
@@ -111,6 +124,25 @@ impl Rig {
                 DriverOut::Text { text, .. } => self.texts.push(text),
             }
         }
+    }
+
+    /// Returns the bytes of a refusal, if a message asks for what is not known.
+    fn refusal(&self, said: &MavMessage) -> Option<Vec<u8>> {
+        let MavMessage::COMMAND_LONG(asked) = said else {
+            return None;
+        };
+        let is_of_messages = matches!(
+            asked.command,
+            MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL | MavCmd::MAV_CMD_REQUEST_MESSAGE
+        );
+        let result = self.refuses_messages.filter(|_| is_of_messages)?;
+        let mut writer = FrameWriter::new(MavAddress {
+            system: 1,
+            component: 1,
+        });
+        let mut bytes = Vec::new();
+        writer.write(&command_ack(OWN, asked.command, result), None, &mut bytes);
+        Some(bytes)
     }
 
     fn tell(&mut self, answers: Vec<ClientBytes>) {
@@ -207,6 +239,27 @@ fn it_reports_ten_times_a_second_where_the_vehicle_is() {
 }
 
 #[test]
+fn old_firmware_that_sets_no_rate_of_a_message_is_asked_for_its_groups() {
+    for refusal in [
+        MavResult::MAV_RESULT_UNSUPPORTED,
+        MavResult::MAV_RESULT_FAILED,
+    ] {
+        let mut rig = Rig::new(settings(VehicleKind::Rover));
+        rig.refuses_messages = Some(refusal);
+        rig.pass(5.0);
+        rig.reports.clear();
+        rig.pass(2.0);
+        let count = rig.reports.len();
+        assert!((19..=21).contains(&count), "{count}");
+        assert_eq!(rig.driver.trouble(rig.now), None);
+        let health = rig.driver.health(rig.now).unwrap();
+        let known = (health.fix, health.estimator, health.battery_mv.is_some());
+        assert_eq!(known, (SatelliteFix::ThreeD, Estimator::Good, true));
+        assert_eq!(health.firmware, "");
+    }
+}
+
+#[test]
 fn its_health_and_failsafes_are_known_soon_after_it_is_heard() {
     for (kind, body, estimator) in [
         (VehicleKind::Rover, BodyKind::Rover, FailsafeAction::Unknown),
@@ -223,7 +276,7 @@ fn its_health_and_failsafes_are_known_soon_after_it_is_heard() {
         assert!(!health.firmware.is_empty() && health.battery_mv.is_some());
         assert_eq!(
             (health.fix, health.estimator),
-            (Fix::ThreeD, Estimator::Good)
+            (SatelliteFix::ThreeD, Estimator::Good)
         );
         // As ArduPilot comes: nothing is switched on.
         let expected = Failsafes {
@@ -696,25 +749,4 @@ fn one_that_starts_anew_is_set_up_again_and_two_of_one_name_are_told() {
     let before = told.reports();
     told.hear(1.1, 1, place(91_500));
     assert_eq!(told.reports(), before, "nothing is believed of either");
-}
-
-#[test]
-fn an_outside_pose_is_passed_on_in_north_and_east() {
-    let mut driver = MavlinkDriver::new(settings(VehicleKind::Copter));
-    let mut out = Vec::new();
-    let pose = Pose {
-        at: frame().from_north_east(3.0, -2.0),
-        heading: frame().heading_of(Bearing::from_degrees(90.0)),
-        sd_m: 0.1,
-    };
-    driver.external_pose(Time::from_secs_f64(2.0), &pose, 1.5, &mut out);
-    let DriverOut::Say(message) = &out[0] else {
-        panic!()
-    };
-    let MavMessage::VISION_POSITION_ESTIMATE(said) = message.as_ref() else {
-        panic!("{message:?}")
-    };
-    assert!((said.x - 3.0).abs() < 1e-5 && (said.y + 2.0).abs() < 1e-5 && said.z == -1.5);
-    assert!((said.yaw - std::f32::consts::FRAC_PI_2).abs() < 1e-5 && said.usec == 2_000_000);
-    assert!((said.covariance[0] - 0.01).abs() < 1e-6 && said.covariance[1] == 0.0);
 }

@@ -158,7 +158,8 @@ impl RecordingView {
                 | Message::Report(_)
                 | Message::Standing(_)
                 | Message::Task(_)
-                | Message::Image(_) => {}
+                | Message::Image(_)
+                | Message::Fix(_) => {}
             }
         }
         for out in &step.outputs {

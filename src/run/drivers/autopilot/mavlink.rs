@@ -13,11 +13,11 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use tomoswarm_proto::AutopilotHealth;
+use tomoswarm_proto::{AutopilotHealth, Fix, Sender as Node};
 
 use super::connection::{Connection, FromConnection};
 use crate::autopilot::{NumberedCommand, VehicleKind};
-use crate::config::{Craft, MavlinkConnection, MavlinkPlace, VehicleFile};
+use crate::config::{Craft, MavlinkConnection, MavlinkPlace, PoseSource, VehicleFile};
 use crate::mavlink::autopilot_driver::{
     DriverOut, MavlinkDriver, MavlinkDriverSettings, PlaceSource, SwitchSettings,
 };
@@ -63,6 +63,7 @@ struct Said {
 
 enum Inbound {
     Command(NumberedCommand),
+    Fix(Node, Fix),
     /// Of the connection with this number.
     Connection(u64, FromConnection),
     End,
@@ -126,6 +127,7 @@ impl MavlinkAutopilot {
                 return_us: settings.remote_return_us as u16,
             }),
             arms_without_failsafes: settings.arms_without_failsafes,
+            takes_fixes: file.pose.source == PoseSource::External,
         });
         let signing = StoredSigning::open(&settings.key_file, Path::new(&file.state_dir))?;
         let (inbox, waiting) = channel();
@@ -162,6 +164,12 @@ impl MavlinkAutopilot {
     pub(super) fn command(&self, command: &NumberedCommand) {
         // A thread that has ended speaks with nobody.
         let _ = self.inbox.send(Inbound::Command(command.clone()));
+    }
+
+    /// Tells it where something outside has measured the vehicle to be.
+    pub(super) fn fix(&self, from: Node, fix: Fix) {
+        // As above.
+        let _ = self.inbox.send(Inbound::Fix(from, fix));
     }
 
     /// Returns what is wrong, in words.
@@ -204,6 +212,7 @@ impl Work {
             match inbound {
                 Some(Inbound::End) => return,
                 Some(Inbound::Command(command)) => self.driver.command(now, &command, &mut out),
+                Some(Inbound::Fix(from, fix)) => self.driver.hear_fix(now, from, &fix, &mut out),
                 Some(Inbound::Connection(number, said)) if number == self.number => {
                     self.hear(now, said, &mut out);
                 }

@@ -113,6 +113,7 @@ impl SimulatedVehicle {
                 None
             }
             node::Effect::Command(_)
+            | node::Effect::Fix(..)
             | node::Effect::Steer(_)
             | node::Effect::Ping(_)
             | node::Effect::Transmit(_)

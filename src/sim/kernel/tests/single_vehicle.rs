@@ -288,7 +288,7 @@ impl SingleVehicle {
                     ));
                 }
                 Effect::VehicleEvent(note) => self.notes.push(note),
-                Effect::Transmit(_) | Effect::Publish(_) => {}
+                Effect::Transmit(_) | Effect::Publish(_) | Effect::Fix(..) => {}
                 Effect::Remember(memory) => {
                     self.tell(Event::Remembered(Remembered {
                         on_disk: memory,
