@@ -279,7 +279,7 @@ impl MavlinkDriver {
         }
         match message.as_ref() {
             MavMessage::HEARTBEAT(_) => {
-                self.setup.heard(now);
+                self.setup.heard(now, self.heard.told_at());
                 let target = self.target();
                 self.parameters
                     .get_or_insert_with(|| ParameterReads::begin(now, target, &failsafes::NAMES));

@@ -21,6 +21,7 @@ mod flown;
 mod ground_station;
 mod missions;
 mod parameters;
+mod reboot;
 mod remote_control;
 mod targets;
 mod telemetry;
@@ -59,6 +60,8 @@ pub struct MavlinkVehicle {
     address: MavAddress,
     kind: VehicleKind,
     frame: EarthFrame,
+    /// When it was started, or will have been.
+    booted: Time,
     heartbeat_due: Time,
     texts_due: Time,
     streams: Streams,
@@ -80,6 +83,7 @@ impl MavlinkVehicle {
             },
             kind,
             frame,
+            booted: Time::ZERO,
             heartbeat_due: Time::ZERO,
             texts_due: Time::ZERO,
             streams: Streams::default(),
@@ -114,7 +118,7 @@ impl MavlinkVehicle {
 
     /// Somebody has come, and hears at once that it is there.
     pub fn joined(&mut self, now: Time) {
-        self.heartbeat_due = self.heartbeat_due.min(now);
+        self.heartbeat_due = self.heartbeat_due.min(now).max(self.booted);
     }
 
     /// Somebody is gone: whatever it had asked for is forgotten.
@@ -134,10 +138,14 @@ impl MavlinkVehicle {
         .into_iter()
         .flatten()
         .fold(self.heartbeat_due.min(self.texts_due), Time::min)
+        .max(self.booted)
     }
 
     /// Says what is due by now.
     pub fn due(&mut self, now: Time, vehicle: &mut FlownVehicle<'_>, out: &mut Vec<Outgoing>) {
+        if self.is_starting(now) {
+            return;
+        }
         if self.texts_due <= now {
             self.texts_due = next_after(TEXTS_EVERY, now);
             self.say_texts(vehicle, out);
@@ -181,6 +189,7 @@ impl MavlinkVehicle {
         out: &mut Vec<Outgoing>,
     ) {
         let message = match &frame.content {
+            _ if self.is_starting(now) => return,
             Content::Message(message) => message,
             Content::EkfStatus(_) => return,
             Content::UnknownCommand {
@@ -337,7 +346,8 @@ impl MavlinkVehicle {
 
     fn telemetry(&self, now: Time, vehicle: &mut FlownVehicle<'_>) -> Telemetry<'_> {
         let shown = (self.missions.count(), self.remote_control.channels());
-        Telemetry::new(now, self.kind, vehicle.readout(now), &self.frame, shown)
+        let at = (now, self.booted);
+        Telemetry::new(at, self.kind, vehicle.readout(now), &self.frame, shown)
     }
 }
 

@@ -377,6 +377,11 @@ impl Heard {
         }
     }
 
+    /// Returns when it last said something that it says only when it is asked to.
+    pub(super) fn told_at(&self) -> Option<Time> {
+        self.attitude.as_ref().map(|(at, _)| *at)
+    }
+
     /// Returns where the origin of its local frame is; before it has said so, the venue's datum.
     pub(super) fn local_origin(&self, settings: &MavlinkDriverSettings) -> Point {
         let origin = self.origin.map(|origin| settings.frame.local_place(origin));

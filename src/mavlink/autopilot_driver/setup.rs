@@ -4,7 +4,7 @@
 //! ```text
 //!   [not heard] ──heartbeat──► [asking: message after message] ──all answered──► [done]
 //!        ▲                           │ refused: its group by REQUEST_DATA_STREAM      │
-//!        └───────── 3 s without a heartbeat, started anew ───────────────────────────┘
+//!        └── 3 s without a heartbeat or what was asked for, started anew ─────────────┘
 //! ```
 
 use std::time::Duration;
@@ -43,6 +43,8 @@ const ORIGIN_AGAIN: Duration = Duration::from_secs(1);
 #[derive(Clone, Debug, Default)]
 pub(super) struct Setup {
     heard: Option<Time>,
+    /// When it began to ask.
+    begun: Option<Time>,
     /// How many of the questions are answered; `None` = not begun.
     answered: Option<usize>,
     call: Option<CommandCall>,
@@ -50,13 +52,14 @@ pub(super) struct Setup {
 }
 
 impl Setup {
-    /// Takes note of a heartbeat.
-    pub(super) fn heard(&mut self, now: Time) {
-        let was_gone = self
-            .heard
-            .is_none_or(|heard| now.since(heard) > FORGETS_AFTER);
+    /// Takes note of a heartbeat, and of when it last said something of what it was asked for.
+    pub(super) fn heard(&mut self, now: Time, told: Option<Time>) {
+        let is_long_ago = |at: Option<Time>| at.is_none_or(|at| now.since(at) > FORGETS_AFTER);
+        let was_gone = is_long_ago(self.heard);
+        // It has started anew so fast that no heartbeat was missed.
+        let has_forgotten = self.is_done() && is_long_ago(told) && is_long_ago(self.begun);
         self.heard = Some(now);
-        if was_gone {
+        if was_gone || has_forgotten {
             self.begin_again(now);
         }
     }
@@ -64,6 +67,13 @@ impl Setup {
     /// Begins from the beginning.
     pub(super) fn begin_again(&mut self, now: Time) {
         (self.answered, self.call, self.origin_due) = (Some(0), None, Some(now));
+        self.begun = Some(now);
+    }
+
+    /// Returns whether everything was answered.
+    fn is_done(&self) -> bool {
+        self.answered
+            .is_some_and(|answered| answered >= WANTED.len() + ASKED_ONCE.len())
     }
 
     /// Takes an answer. One that does not set a message's rate, as old firmware, is asked for the message's whole group.
@@ -101,7 +111,7 @@ impl Setup {
     pub(super) fn deadline(&self) -> Option<Time> {
         let asks = match (&self.call, self.answered) {
             (Some(call), _) => Some(call.deadline()),
-            (None, Some(answered)) if answered < WANTED.len() + ASKED_ONCE.len() => self.heard,
+            (None, Some(_)) if !self.is_done() => self.heard,
             (None, _) => None,
         };
         [asks, self.origin_due].into_iter().flatten().min()

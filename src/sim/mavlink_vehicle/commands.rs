@@ -52,7 +52,8 @@ impl MavlinkVehicle {
     ) -> Answer {
         let denied = Answer::Result(MavResult::MAV_RESULT_DENIED);
         let shown = (self.missions.count(), self.remote_control.channels());
-        let telemetry = Telemetry::new(now, self.kind, vehicle.readout(now), &self.frame, shown);
+        let at = (now, self.booted);
+        let telemetry = Telemetry::new(at, self.kind, vehicle.readout(now), &self.frame, shown);
         let said = |number| telemetry.said(number);
         if let Some(result) = answer_request(now, client, asked, &mut self.streams, &said, out) {
             return Answer::Result(result);
@@ -61,6 +62,9 @@ impl MavlinkVehicle {
         let command = match asked.command {
             MavCmd::MAV_CMD_COMPONENT_ARM_DISARM => {
                 return Answer::Of(arm(now, asked, vehicle, out));
+            }
+            MavCmd::MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN => {
+                return Answer::Of(self.reboot(now, asked, vehicle));
             }
             MavCmd::MAV_CMD_DO_SET_MODE => {
                 return match asked.whole(2) {

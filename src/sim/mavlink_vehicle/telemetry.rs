@@ -31,16 +31,16 @@ pub(super) struct Telemetry<'a> {
 }
 
 impl<'a> Telemetry<'a> {
-    /// Takes what its autopilot knows, and how many items its stored mission has.
+    /// Takes what its autopilot knows, when that is and when it was started, and how many items its stored mission has.
     pub(super) fn new(
-        now: Time,
+        (now, booted): (Time, Time),
         kind: VehicleKind,
         readout: Readout,
         frame: &'a EarthFrame,
         (items, channels): (usize, [u16; CHANNELS]),
     ) -> Telemetry<'a> {
         let common = VehicleMessages {
-            at: now,
+            at: Time::ZERO + now.since(booted),
             readout: in_common(kind, &readout, items),
             frame,
         };

@@ -10,7 +10,7 @@ use crate::autopilot::{
     Ack, ArmRefusal, AutopilotReport, Command, CommandAck, FlightMode, Item, Motion,
     NumberedCommand, RemoteSwitch, VehicleKind,
 };
-use crate::geom::{Angle, Bearing, Geodetic, Point};
+use crate::geom::{Angle, Bearing, Geodetic, Point, Vector};
 use crate::mavlink::asked_command::command_ack;
 use crate::mavlink::autopilot_driver::{
     DriverOut, DriverTrouble, MavlinkDriver, MavlinkDriverSettings, PlaceSource, SwitchSettings,
@@ -749,4 +749,58 @@ fn one_that_starts_anew_is_set_up_again_and_two_of_one_name_are_told() {
     let before = told.reports();
     told.hear(1.1, 1, place(91_500));
     assert_eq!(told.reports(), before, "nothing is believed of either");
+}
+
+#[test]
+fn an_autopilot_that_is_started_anew_while_it_drives_stands_disarmed_and_is_asked_for_everything_again()
+ {
+    let mut rig = Rig::armed(VehicleKind::Rover);
+    rig.pass(2.0);
+    let before = rig.last().pose.at;
+    let there = before + Vector::new(40.0, 0.0);
+    let drive = Command::Route {
+        corners: vec![there],
+        altitude_m: None,
+        speed_mps: Some(1.0),
+    };
+    assert_eq!(rig.command(drive), CommandAck::Accepted);
+    rig.pass(3.0);
+    assert!(rig.last().pose.at.distance_to(before) > 1.0);
+    rig.fleet.joined(rig.now, ClientId(9), 0, 0);
+    for (force, is_taken) in [(0.0, false), (20_190_226.0, true)] {
+        let reboot = MavMessage::COMMAND_LONG(d::COMMAND_LONG_DATA {
+            param1: 1.0,
+            param6: force,
+            command: MavCmd::MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN,
+            target_system: 1,
+            target_component: 1,
+            ..d::COMMAND_LONG_DATA::default()
+        });
+        let (mut bytes, mut answers) = (Vec::new(), Vec::new());
+        rig.writer.write(&reboot, None, &mut bytes);
+        let Rig {
+            now,
+            fleet,
+            environment,
+            ..
+        } = &mut rig;
+        fleet.hear(*now, ClientId(9), &bytes, environment, &mut answers);
+        rig.reports.clear();
+        rig.pass(0.5);
+        assert_eq!(rig.reports.is_empty(), is_taken, "{force}");
+    }
+    assert!(rig.until(5.0, |rig| {
+        rig.texts.iter().any(|text| text.contains("started anew"))
+    }));
+    rig.reports.clear();
+    rig.pass(6.0);
+    assert!(rig.reports.len() > 40, "{}", rig.reports.len());
+    let last = rig.last();
+    let shown = (last.is_armed, last.mode, last.motion);
+    assert_eq!(shown, (false, FlightMode::Manual, Motion::Resting));
+    assert_eq!(rig.driver.trouble(rig.now), None);
+    // Nothing that was said before is said again.
+    let at = rig.last().pose.at;
+    rig.pass(5.0);
+    assert!(rig.last().pose.at.distance_to(at) < 0.1);
 }
