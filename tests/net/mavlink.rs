@@ -14,7 +14,8 @@ use tomoswarm::mavlink::dialect::{
 };
 use tomoswarm::mavlink::frames::{Content, FrameReader, FrameWriter, MavAddress};
 use tomoswarm_proto::{
-    MissionEnd, MissionKind, MissionPhase, MissionRefusal, OrderKind, RunId, VehicleId,
+    MissionEnd, MissionKind, MissionPhase, MissionRefusal, OrderKind, RunId, Sender, StandReason,
+    VehicleId,
 };
 
 use crate::relay::Relay;
@@ -22,12 +23,13 @@ use crate::swarm::{PROGRAM, Size, Swarm, Watch, free_address};
 
 /// Returns two addresses with neighbouring ports.
 fn two_addresses() -> [SocketAddr; 2] {
+    let mut first = free_address();
     loop {
-        let first = free_address();
-        let second = SocketAddr::new(first.ip(), first.port() + 1);
-        if std::net::TcpListener::bind(second).is_ok() {
+        let second = free_address();
+        if second.port() == first.port() + 1 {
             return [first, second];
         }
+        first = second;
     }
 }
 
@@ -218,6 +220,65 @@ fn an_autopilot_stores_a_mission_carries_it_out_is_paused_and_goes_on_with_its_i
                 .is_some_and(|said| said.progress.run == RunId(3) && said.end == Some(refused))
         },
     );
+    swarm.order(&[&stored[..], &["file=yard.waypoints"]].concat());
+    swarm.until("it is under way once more", 60, |watch| {
+        shown(watch).is_some_and(|said| said.progress.run == RunId(4) && said.places_left == 2)
+    });
+    reboot(served[0]);
+    let stands_and_waits = |watch: &Watch| {
+        let state = watch.view.state(VehicleId(1));
+        state.is_some_and(|state| {
+            state.value.is_at_rest
+                && !state.value.is_armed
+                && state.value.stands_under == Some(StandReason::Autopilot)
+        })
+    };
+    swarm.until("its autopilot has started anew", 15, |watch| {
+        stands_and_waits(watch) && shown(watch).is_some_and(|said| said.end.is_none())
+    });
+    std::thread::sleep(Duration::from_secs(3));
+    assert!(swarm.look(stands_and_waits));
+    let log = swarm.log_of(Sender::Vehicle(VehicleId(1)));
+    assert!(log.contains("the autopilot has started anew"), "{log}");
+    swarm.order(&[&stored[..], &["file=yard.waypoints", "--set", "from=6"]].concat());
+    swarm.until("it goes on when it is told to", 60, |watch| {
+        let mission = shown(watch);
+        mission
+            .is_some_and(|said| said.progress.run == RunId(5) && said.end == Some(MissionEnd::Done))
+    });
+}
+
+/// Starts the autopilot of system 1 anew, although it is armed.
+fn reboot(served: SocketAddr) {
+    let reboot = MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
+        param1: 1.0,
+        param6: 20_190_226.0,
+        command: MavCmd::MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN,
+        target_system: 1,
+        target_component: 1,
+        ..COMMAND_LONG_DATA::default()
+    });
+    let mut bytes = Vec::new();
+    let mut writer = FrameWriter::new(MavAddress {
+        system: 254,
+        component: 190,
+    });
+    writer.write(&reboot, None, &mut bytes);
+    let mut stream = TcpStream::connect(served).unwrap();
+    stream.write_all(&bytes).unwrap();
+    let (mut reader, mut heard) = (FrameReader::default(), [0; 1024]);
+    loop {
+        let count = stream.read(&mut heard).unwrap();
+        reader.push(&heard[..count]);
+        while let Some(frame) = reader.next(None) {
+            if let Content::Message(message) = frame.content
+                && let MavMessage::COMMAND_ACK(ack) = *message
+            {
+                assert_eq!(ack.result, MavResult::MAV_RESULT_ACCEPTED);
+                return;
+            }
+        }
+    }
 }
 
 /// Returns what a tool prints, what it complains of, and its exit code.
