@@ -28,7 +28,7 @@ pub use command::{Ack, ArmRefusal, Command, CommandAck, FlightMode, NumberedComm
 pub use item::Item;
 pub use link::{AutopilotLink, CommandPurpose, LinkEvent, Reason};
 pub use report::{
-    AutopilotReport, ControlStatus, Motion, RemoteSwitch, StoredPhase, StoredProgress,
+    AutopilotReport, ControlStatus, FlightState, Motion, RemoteSwitch, StoredPhase, StoredProgress,
     StoredReport, SystemStatus, Telemetry,
 };
 

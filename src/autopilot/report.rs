@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::Control;
 
 use super::command::FlightMode;
-use crate::geom::Pose;
+use crate::geom::{Angle, Pose};
 
 /// What an autopilot has said of itself by now, ten times a second. Its mode, whether it is armed, and how it is as a whole
 /// come with its heartbeat: they may be a second old.
@@ -12,8 +12,8 @@ use crate::geom::Pose;
 pub struct AutopilotReport {
     /// Where it believes to be, facing where, and how sure it is of that.
     pub pose: Pose,
-    /// Altitude above home, metres.
-    pub altitude_m: f64,
+    /// What its pose leaves out.
+    pub flight_state: FlightState,
     /// Speed over ground, m/s.
     pub speed_mps: f64,
     /// Charge left, 0 to 1.
@@ -32,6 +32,17 @@ pub struct AutopilotReport {
     pub switch: Option<RemoteSwitch>,
     /// How far it is with the mission that it stores.
     pub stored: StoredReport,
+}
+
+/// How a body flies, as far as a pose in the plane leaves it out.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct FlightState {
+    /// Altitude above home, metres; 0 for what drives.
+    pub altitude_m: f64,
+    /// Upward speed, m/s.
+    pub climb_mps: f64,
+    /// Roll (positive = the right side is down) and pitch (positive = the nose is up); `None` = not told.
+    pub tilt: Option<(Angle, Angle)>,
 }
 
 /// How far an autopilot is with the mission that it stores, as it says itself.
@@ -103,6 +114,8 @@ pub enum Motion {
 pub struct Telemetry {
     /// Where the autopilot believes to be.
     pub pose: Pose,
+    /// What its pose leaves out.
+    pub flight_state: FlightState,
     /// Speed over ground, m/s.
     pub speed_mps: f64,
     /// Charge left, 0 to 1.
@@ -142,6 +155,7 @@ impl AutopilotReport {
     pub fn telemetry(&self, stored: Option<StoredProgress>) -> Telemetry {
         let AutopilotReport {
             pose,
+            flight_state,
             speed_mps,
             battery,
             motion,
@@ -150,6 +164,7 @@ impl AutopilotReport {
         } = *self;
         Telemetry {
             pose,
+            flight_state,
             speed_mps,
             battery,
             motion,

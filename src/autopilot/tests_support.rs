@@ -11,7 +11,7 @@ pub(crate) fn resting_report() -> AutopilotReport {
             heading: Angle::default(),
             sd_m: 0.1,
         },
-        altitude_m: 0.0,
+        flight_state: Default::default(),
         speed_mps: 0.0,
         battery: 1.0,
         motion: Motion::Resting,

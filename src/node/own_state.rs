@@ -4,7 +4,7 @@
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Ordered, Revision, RunId, VehicleMode};
 
-use crate::autopilot::StoredProgress;
+use crate::autopilot::{FlightState, StoredProgress};
 use crate::geom::{Point, Pose};
 
 /// The state of the vehicle itself.
@@ -14,6 +14,8 @@ pub struct OwnState {
     pub sequence: u64,
     /// Where the autopilot believes to be.
     pub pose: Pose,
+    /// What its pose leaves out.
+    pub flight_state: FlightState,
     /// Speed over ground, m/s.
     pub speed_mps: f64,
     /// What it is doing.

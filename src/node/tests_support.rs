@@ -17,6 +17,7 @@ pub fn own_state(x_m: f64, y_m: f64) -> OwnState {
             heading: Angle::default(),
             sd_m: 0.05,
         },
+        flight_state: Default::default(),
         speed_mps: 0.0,
         mode: VehicleMode::Idle,
         is_at_rest: true,

@@ -21,7 +21,9 @@ use super::contact::{climb_contact, closest_approach, first_contact_of, overlaps
 use super::noise::Noise;
 use super::radio_field::{RadioField, Transmission};
 use super::range::{Disc, RangeSensor, SensorPose, SensorSurroundings};
-use crate::autopilot::{ArmRefusal, AutopilotReport, Command, CommandAck, Motion, VehicleKind};
+use crate::autopilot::{
+    ArmRefusal, AutopilotReport, Command, CommandAck, FlightState, Motion, VehicleKind,
+};
 use crate::geom::{Angle, Point, Polygon, Segment};
 use crate::plan::Mounts;
 use crate::scene::{Attenuation, Cuts, Scene};
@@ -275,7 +277,13 @@ impl World {
         };
         AutopilotReport {
             pose: readout.pose,
-            altitude_m: readout.altitude_m,
+            flight_state: FlightState {
+                altitude_m: readout.altitude_m,
+                climb_mps: readout.climb_mps,
+                // What drives stands level.
+                tilt: (autopilot.kind() == VehicleKind::Copter)
+                    .then_some((readout.attitude.roll, readout.attitude.pitch)),
+            },
             speed_mps: readout.speed_mps,
             battery: readout.battery,
             motion,

@@ -467,6 +467,7 @@ impl World {
             let (speed_mps, is_armed) = (rover.speed_mps, rover.is_armed);
             let telemetry = Telemetry {
                 pose,
+                flight_state: Default::default(),
                 speed_mps,
                 battery: 1.0,
                 motion,

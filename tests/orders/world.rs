@@ -418,6 +418,7 @@ impl World {
             let (motion, is_armed) = (Motion::Resting, true);
             let telemetry = Telemetry {
                 pose,
+                flight_state: Default::default(),
                 speed_mps: 0.0,
                 battery: 1.0,
                 motion,

@@ -13,7 +13,7 @@ use tomoswarm_proto::Control;
 use super::super::link::{AutopilotLink, In, Out};
 use super::super::{
     Ack, ArmRefusal, AutopilotCommand, AutopilotLinkSettings, AutopilotReport, Command, CommandAck,
-    FlightMode, Item, Motion, NumberedCommand, StoredReport, SystemStatus,
+    FlightMode, FlightState, Item, Motion, NumberedCommand, StoredReport, SystemStatus,
 };
 use crate::actor::Actor;
 use crate::geom::{Angle, Point, Pose};
@@ -223,7 +223,7 @@ impl Model {
                 heading: Angle::default(),
                 sd_m: 0.1,
             },
-            altitude_m: 0.0,
+            flight_state: FlightState::default(),
             speed_mps: if moves { 0.5 } else { 0.0 },
             battery: 1.0,
             motion: if moves {

@@ -6,8 +6,8 @@ use super::super::link::{AutopilotLink, In, LinkEvent, Out, Reason};
 use super::super::tests_support::resting_report;
 use super::super::{
     Ack, ArmRefusal, AutopilotCommand, AutopilotLinkSettings, AutopilotReport, Command, CommandAck,
-    CommandPurpose, ControlStatus, FlightMode, Item, Motion, StoredPhase, StoredReport,
-    SystemStatus, VehicleKind,
+    CommandPurpose, ControlStatus, FlightMode, FlightState, Item, Motion, StoredPhase,
+    StoredReport, SystemStatus, VehicleKind,
 };
 use crate::actor::Actor;
 use crate::geom::{Angle, Point};
@@ -534,7 +534,10 @@ fn a_copter_takes_off_before_it_flies_and_lands_before_it_is_disarmed() {
     answered(&mut copter, 1.2, CommandAck::Accepted);
     let flies = AutopilotReport {
         is_landed: false,
-        altitude_m: 1.0,
+        flight_state: FlightState {
+            altitude_m: 1.0,
+            ..FlightState::default()
+        },
         ..resting_report()
     };
     fed(&mut copter, 1.3, In::Report(flies));

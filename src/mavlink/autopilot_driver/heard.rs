@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use super::{DriverTrouble, MavlinkDriverSettings, PlaceSource};
 use crate::autopilot::{
-    AutopilotReport, FlightMode, Item, Motion, RemoteSwitch, StoredReport, SystemStatus,
-    VehicleKind,
+    AutopilotReport, FlightMode, FlightState, Item, Motion, RemoteSwitch, StoredReport,
+    SystemStatus, VehicleKind,
 };
 use crate::geom::{Angle, Bearing, Point, Pose};
 use crate::mavlink::dialect::{
@@ -25,6 +25,9 @@ const RESTS_BELOW_MPS: f64 = 0.05;
 const STEADY_BELOW: f64 = 0.06;
 /// Its clock has gone back by more than this: it has started anew, or another one speaks.
 const REBOOT_MS: u32 = 1000;
+/// What is said beyond these is none: metres, and m/s.
+const HIGHEST_M: f64 = 100_000.0;
+const FASTEST_MPS: f64 = 100.0;
 /// So often within [`DUPLICATE_WITHIN`] is no start any more.
 const DUPLICATE_AFTER: usize = 3;
 const DUPLICATE_WITHIN: Duration = Duration::from_secs(10);
@@ -312,7 +315,11 @@ impl Heard {
                     UNKNOWN_SD_M
                 },
             },
-            altitude_m: self.altitude_m(),
+            flight_state: FlightState {
+                altitude_m: self.altitude_m().clamp(-HIGHEST_M, HIGHEST_M),
+                climb_mps: climb_mps.clamp(-FASTEST_MPS, FASTEST_MPS),
+                tilt: self.tilt(),
+            },
             speed_mps,
             // One without a monitor says nothing: it is not taken for empty.
             battery: self.battery.unwrap_or(1.0),
@@ -386,6 +393,14 @@ impl Heard {
     pub(super) fn local_origin(&self, settings: &MavlinkDriverSettings) -> Point {
         let origin = self.origin.map(|origin| settings.frame.local_place(origin));
         origin.unwrap_or_default()
+    }
+
+    /// Returns its roll and its pitch.
+    fn tilt(&self) -> Option<(Angle, Angle)> {
+        let (_, attitude) = self.attitude.as_ref()?;
+        let tilt = (f64::from(attitude.roll), f64::from(attitude.pitch));
+        (tilt.0.is_finite() && tilt.1.is_finite())
+            .then(|| (Angle::from_radians(tilt.0), Angle::from_radians(tilt.1)))
     }
 
     /// Returns where it points, by its own compass.

@@ -89,6 +89,7 @@ mod tests {
         };
         let telemetry = Telemetry {
             pose,
+            flight_state: Default::default(),
             speed_mps: 0.0,
             battery: 1.0,
             motion,

@@ -338,6 +338,7 @@ mod tests {
         };
         Telemetry {
             pose,
+            flight_state: Default::default(),
             speed_mps: 0.0,
             battery: 1.0,
             motion,

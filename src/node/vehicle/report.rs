@@ -5,15 +5,15 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    Boot, Control, LegReport, Permille, Revision, RunId, SeenState, StandReason, State, Tilt,
-    VehicleMode,
+    Boot, Control, LegReport, Permille, PoseReport, Position, Revision, RunId, SeenState,
+    StandReason, State, Tilt, VehicleMode, Velocity,
 };
 
 use super::messages::{Motion, Telemetry};
 use super::restraint::Restraint;
 use super::{Out, Vehicle};
-use crate::autopilot::RemoteSwitch;
-use crate::geom::{Point, Vector};
+use crate::autopilot::{FlightState, RemoteSwitch};
+use crate::geom::{Point, Pose, Vector};
 use crate::node::OwnState;
 use crate::node::state_ages::StateAges;
 use crate::time::Time;
@@ -124,6 +124,7 @@ impl Vehicle {
             sees: !self.settings.look.is_blind && now.since(scanned_at) <= blind_after,
             sequence: self.reports.sequence,
             pose: telemetry.pose,
+            flight_state: telemetry.flight_state,
             speed_mps: telemetry.speed_mps,
             mode: self.mode(telemetry.motion),
             is_at_rest: telemetry.motion == Motion::Resting,
@@ -136,20 +137,36 @@ impl Vehicle {
         }
     }
 
-    /// Returns the state as it travels. Telemetry tells neither roll nor pitch nor a height, and a body drives the way it
-    /// faces.
+    /// Returns the state as it travels. A body is taken to drive the way it faces.
     fn on_wire(&self, own: &OwnState) -> State {
         let report = |corners: &Vec<Point>| LegReport {
             route: corners.iter().copied().map(Into::into).collect(),
         };
+        let FlightState {
+            altitude_m,
+            climb_mps,
+            tilt,
+        } = own.flight_state;
+        let Pose { at, heading, .. } = own.pose;
+        let place = Position::from_metres(at.x_m, at.y_m, altitude_m);
+        let ahead = Vector::polar(heading, own.speed_mps);
+        let (roll, pitch) = tilt.map_or((Tilt::UNKNOWN, Tilt::UNKNOWN), |(roll, pitch)| {
+            (
+                Tilt::from_radians(roll.radians()),
+                Tilt::from_radians(pitch.radians()),
+            )
+        });
         State {
             vehicle: self.settings.vehicle,
             boot: self.settings.boot,
             sequence: own.sequence,
-            pose: own.pose.at.is_finite().then(|| own.pose.into()),
-            roll: Tilt::UNKNOWN,
-            pitch: Tilt::UNKNOWN,
-            velocity: Vector::polar(own.pose.heading, own.speed_mps).into(),
+            pose: at.is_finite().then(|| PoseReport {
+                at: place,
+                ..own.pose.into()
+            }),
+            roll,
+            pitch,
+            velocity: Velocity::from_metres_per_second(ahead.x_m, ahead.y_m, climb_mps),
             mode: own.mode,
             stands_under: self.stands_under(own),
             is_at_rest: own.is_at_rest,

@@ -6,6 +6,7 @@ use tomoswarm_proto::{
 };
 
 use super::*;
+use crate::autopilot::FlightState;
 use crate::geom::Angle;
 use crate::geom::Pose;
 
@@ -35,6 +36,7 @@ fn telemetry(x_m: f64, speed_mps: f64, sd_m: f64) -> In {
     };
     In::Telemetry(Telemetry {
         pose,
+        flight_state: Default::default(),
         speed_mps,
         battery: 1.0,
         motion,
@@ -882,6 +884,7 @@ fn what_travels_is_rounded_and_what_the_other_actors_are_told_is_not() {
     };
     let told_of = Telemetry {
         pose,
+        flight_state: Default::default(),
         speed_mps: 0.456_7,
         battery: 0.876_54,
         motion: Motion::Driving,
@@ -912,6 +915,20 @@ fn what_travels_is_rounded_and_what_the_other_actors_are_told_is_not() {
         "telemetry tells neither"
     );
     assert!(state.is_armed && state.is_landed && !state.is_at_rest);
+    let flies = Telemetry {
+        flight_state: FlightState {
+            altitude_m: 2.5004,
+            climb_mps: -0.25,
+            tilt: Some((Angle::from_radians(0.1), Angle::from_radians(-0.02))),
+        },
+        ..told_of
+    };
+    let (Some(state), _) = states(&fed(&mut vehicle, 3.0, In::Telemetry(flies))) else {
+        panic!("it says it")
+    };
+    assert_eq!(state.pose.unwrap().at.z_mm, 2500);
+    assert_eq!(state.velocity.z_mmps, -250);
+    assert_eq!((state.roll, state.pitch), (Tilt(1000), Tilt(-200)));
 }
 
 #[test]

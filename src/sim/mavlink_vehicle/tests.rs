@@ -450,7 +450,7 @@ fn a_copter_takes_off_turns_goes_and_lands() {
         rig.command(Command::Takeoff { altitude_m: 4.0 }),
         CommandAck::Accepted
     );
-    assert!(rig.until(10.0, |rig| rig.last().altitude_m > 3.9));
+    assert!(rig.until(10.0, |rig| rig.last().flight_state.altitude_m > 3.9));
     assert!(!rig.last().is_landed);
     let heading = Angle::from_degrees(70.0);
     assert_eq!(rig.command(Command::Yaw(heading)), CommandAck::Accepted);
@@ -463,7 +463,8 @@ fn a_copter_takes_off_turns_goes_and_lands() {
     };
     assert_eq!(rig.command(route), CommandAck::Accepted);
     let there = |rig: &Rig| {
-        rig.last().pose.at.distance_to(goal) < 0.3 && (rig.last().altitude_m - 5.0).abs() < 0.1
+        rig.last().pose.at.distance_to(goal) < 0.3
+            && (rig.last().flight_state.altitude_m - 5.0).abs() < 0.1
     };
     assert!(rig.until(30.0, there), "{:?}", rig.last());
     assert_eq!(

@@ -155,6 +155,7 @@ mod tests {
         };
         In::Telemetry(Telemetry {
             pose,
+            flight_state: Default::default(),
             speed_mps,
             battery: 1.0,
             motion: Motion::Driving,

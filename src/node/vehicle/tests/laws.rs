@@ -289,6 +289,7 @@ impl Witness {
                 let speed_mps = if motion == Motion::Driving { 0.5 } else { 0.0 };
                 In::Telemetry(Telemetry {
                     pose,
+                    flight_state: Default::default(),
                     speed_mps,
                     battery: 1.0,
                     motion,
