@@ -258,6 +258,7 @@ fn halt_latency() {
         let telemetry = |speed_mps, motion| {
             vehicle::In::Telemetry(Telemetry {
                 pose,
+                flight_state: Default::default(),
                 speed_mps,
                 battery: 1.0,
                 motion,
