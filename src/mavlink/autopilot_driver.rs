@@ -14,6 +14,7 @@
     reason = "old firmware still asks and streams by what the dialect has superseded"
 )]
 
+mod attitude;
 mod failsafes;
 mod fixes;
 mod health;
@@ -279,7 +280,7 @@ impl MavlinkDriver {
         }
         match message.as_ref() {
             MavMessage::HEARTBEAT(_) => {
-                self.setup.heard(now, self.heard.told_at());
+                self.setup.heard(now, self.heard.attitude.at());
                 let target = self.target();
                 self.parameters
                     .get_or_insert_with(|| ParameterReads::begin(now, target, &failsafes::NAMES));

@@ -3,12 +3,13 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
+use super::attitude::HeardAttitude;
 use super::{DriverTrouble, MavlinkDriverSettings, PlaceSource};
 use crate::autopilot::{
     AutopilotReport, FlightMode, FlightState, Item, Motion, RemoteSwitch, StoredReport,
     SystemStatus, VehicleKind,
 };
-use crate::geom::{Angle, Bearing, Point, Pose};
+use crate::geom::{Point, Pose};
 use crate::mavlink::dialect::{
     self as d, EstimatorStatusFlags, GpsFixType, MavAutopilot, MavLandedState, MavMessage,
     MavModeFlag, MavState, MavType, MissionState,
@@ -21,8 +22,8 @@ use crate::time::Time;
 const UNKNOWN_SD_M: f64 = 1000.0;
 /// Slower than this it stands, m/s.
 const RESTS_BELOW_MPS: f64 = 0.05;
-/// Slower than this it does not turn, rad/s, and does not climb, m/s.
-const STEADY_BELOW: f64 = 0.06;
+/// Slower than this it does not climb, m/s.
+const STEADY_BELOW_MPS: f64 = 0.06;
 /// Its clock has gone back by more than this: it has started anew, or another one speaks.
 const REBOOT_MS: u32 = 1000;
 /// What is said beyond these is none: metres, and m/s.
@@ -48,7 +49,7 @@ pub(super) struct Heard {
     global: Dated<d::GLOBAL_POSITION_INT_DATA>,
     local: Dated<d::LOCAL_POSITION_NED_DATA>,
     origin: Option<(i32, i32)>,
-    attitude: Dated<d::ATTITUDE_DATA>,
+    pub(super) attitude: HeardAttitude,
     gps: Dated<d::GPS_RAW_INT_DATA>,
     channels: Dated<d::RC_CHANNELS_DATA>,
     estimator: Dated<EstimatorStatusFlags>,
@@ -141,7 +142,7 @@ impl Heard {
                 boot_ms = Some(place.time_boot_ms);
                 self.local = Some((now, place.clone()));
             }
-            MavMessage::ATTITUDE(attitude) => self.attitude = Some((now, attitude.clone())),
+            MavMessage::ATTITUDE(attitude) => self.attitude.take(now, attitude),
             MavMessage::GPS_GLOBAL_ORIGIN(origin) => {
                 self.origin = Some((origin.latitude, origin.longitude))
             }
@@ -286,14 +287,10 @@ impl Heard {
             return None;
         }
         let (at, sd_m, climb_mps, speed_mps) = self.place(now, settings)?;
-        let heading = self.heading(settings);
-        let turns = self
-            .attitude
-            .as_ref()
-            .is_some_and(|(_, attitude)| f64::from(attitude.yawspeed).abs() > STEADY_BELOW);
+        let heading = self.attitude.heading(settings);
         let motion = if speed_mps > RESTS_BELOW_MPS {
             Motion::Driving
-        } else if turns || climb_mps.abs() > STEADY_BELOW {
+        } else if self.attitude.turns() || climb_mps.abs() > STEADY_BELOW_MPS {
             Motion::Turning
         } else {
             Motion::Resting
@@ -318,7 +315,7 @@ impl Heard {
             flight_state: FlightState {
                 altitude_m: self.altitude_m().clamp(-HIGHEST_M, HIGHEST_M),
                 climb_mps: climb_mps.clamp(-FASTEST_MPS, FASTEST_MPS),
-                tilt: self.tilt(),
+                tilt: self.attitude.tilt(),
             },
             speed_mps,
             // One without a monitor says nothing: it is not taken for empty.
@@ -384,32 +381,10 @@ impl Heard {
         }
     }
 
-    /// Returns when it last said something that it says only when it is asked to.
-    pub(super) fn told_at(&self) -> Option<Time> {
-        self.attitude.as_ref().map(|(at, _)| *at)
-    }
-
     /// Returns where the origin of its local frame is; before it has said so, the venue's datum.
     pub(super) fn local_origin(&self, settings: &MavlinkDriverSettings) -> Point {
         let origin = self.origin.map(|origin| settings.frame.local_place(origin));
         origin.unwrap_or_default()
-    }
-
-    /// Returns its roll and its pitch.
-    fn tilt(&self) -> Option<(Angle, Angle)> {
-        let (_, attitude) = self.attitude.as_ref()?;
-        let tilt = (f64::from(attitude.roll), f64::from(attitude.pitch));
-        (tilt.0.is_finite() && tilt.1.is_finite())
-            .then(|| (Angle::from_radians(tilt.0), Angle::from_radians(tilt.1)))
-    }
-
-    /// Returns where it points, by its own compass.
-    pub(super) fn heading(&self, settings: &MavlinkDriverSettings) -> Option<Angle> {
-        let (_, attitude) = self.attitude.as_ref()?;
-        let yaw_rad = f64::from(attitude.yaw);
-        yaw_rad
-            .is_finite()
-            .then(|| settings.frame.heading_of(Bearing::from_radians(yaw_rad)))
     }
 
     /// Where the switch of its remote control stands; without a receiver nowhere.
