@@ -100,10 +100,7 @@ impl Sim {
     /// Returns what a vehicle surely sees and how it stops, the one rule for its speed.
     pub fn sensing_limits(&self) -> SensingLimits {
         let still = self.sensing_limits_in_still_air();
-        SensingLimits {
-            margin_m: still.margin_m + self.vehicles.flight.carried_m(),
-            ..still
-        }
+        still.carried(self.vehicles.flight.carried_m())
     }
 
     /// Returns the same without what wind adds to the margin.

@@ -26,7 +26,7 @@ use super::vehicle::{
 };
 use super::venue::Venue;
 use crate::geom::Point;
-use crate::plan::{ContactLimits, SensingLimits, SmallestPost};
+use crate::plan::{ContactLimits, SmallestPost};
 
 /// The numbers that vehicles may have.
 pub(super) const VEHICLE_IDS: std::ops::RangeInclusive<usize> = 1..=250;
@@ -566,10 +566,7 @@ fn check_together(root: &Section<'_>, file: &VehicleFile) {
     }
     if is_sound(&["vehicle", "range", "safety", "pose"]) {
         let still = sensing_limits(body, &file.look, safety, venue.cell_m, pose.expected_sd_m);
-        let sight = SensingLimits {
-            margin_m: still.margin_m + file.flight.carried_m(),
-            ..still
-        };
+        let sight = still.carried(file.flight.carried_m());
         refuse_blind_speed(root, &sight, body.max_speed_mps, "vehicle.max_speed_mps");
         let named_m = file.look.smallest_radius_m;
         let limits = file.contact_limits();

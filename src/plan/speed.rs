@@ -66,6 +66,15 @@ pub fn stopping_distance_m(speed_mps: f64, delay_s: f64, braking_mps2: f64) -> f
 }
 
 impl SensingLimits {
+    /// Returns the same of a vehicle that may be carried aside by so much, metres.
+    #[must_use]
+    pub fn carried(self, aside_m: f64) -> SensingLimits {
+        SensingLimits {
+            margin_m: self.margin_m + aside_m,
+            ..self
+        }
+    }
+
     /// Returns the highest speed from which the vehicle stops within what it has seen, m/s.
     ///
     /// # Errors
