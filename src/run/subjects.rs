@@ -169,6 +169,7 @@ mod tests {
             "vehicle/*/standing",
             "operator/*/standing",
             "operator/*/task/*",
+            "operator/*/fix/3",
         ];
         let of_ground = [
             "vehicle/**",
