@@ -34,7 +34,7 @@ const LAST: Duration = Duration::from_millis(200);
 ///   {"vehicle": 1, "x_m": 2.5, "y_m": 4.0, "z_m": 0.0, "heading_deg": 90, "sd_m": 0.01, "age_s": 0.02}
 /// z_m (0), heading_deg (not measured), sd_m (not known) and age_s (0: how long ago it was measured) may be left out.
 /// Lengths are metres in the venue's frame; heading_deg is counter-clockwise from the x axis. A vehicle whose file says
-/// [pose] source = "external" gives them to its autopilot, 20 a second at most.
+/// `[pose] source = "external"` gives them to its autopilot, 20 a second at most.
 #[derive(clap::Args, Debug)]
 #[command(after_help = AFTER_HELP, verbatim_doc_comment)]
 pub struct FixArgs {
