@@ -7,6 +7,7 @@
 mod lines;
 mod pings;
 mod serial_text;
+pub mod xbee_frame;
 
 use std::fmt;
 
