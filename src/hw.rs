@@ -8,6 +8,8 @@ mod lines;
 mod pings;
 mod serial_text;
 pub mod xbee_frame;
+pub mod xbee_modem;
+pub mod xbee_registers;
 
 use std::fmt;
 
