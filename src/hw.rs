@@ -10,6 +10,7 @@ mod serial_text;
 pub mod xbee_frame;
 pub mod xbee_modem;
 pub mod xbee_registers;
+pub mod xbee_setup;
 
 use std::fmt;
 

@@ -115,6 +115,11 @@ impl Decoder {
         self.is_escaped = false;
     }
 
+    /// Returns the mode whose frames it finds.
+    pub fn mode(&self) -> ApiMode {
+        self.mode
+    }
+
     /// Takes bytes as they came, in any pieces, and gives each frame that they end.
     pub fn take(&mut self, bytes: &[u8], mut give: impl FnMut(Frame<'_>)) {
         match self.mode {
