@@ -41,6 +41,14 @@ pub enum NoisePurpose {
     GlitchRange,
     /// By what a node is told from another one of its name.
     Instance,
+    /// Whether a radio module finds the channel busy all the time.
+    BusyChannel,
+    /// How long a radio module waits for the channel.
+    BackOff,
+    /// Whether a radio module says a packet twice.
+    PacketDuplicate,
+    /// What is read of a byte at another baud rate.
+    SerialGarbage,
 }
 
 /// The noise of one seed.
