@@ -59,7 +59,8 @@ impl ApiMode {
 pub struct BadFrames {
     /// Their checksum is wrong.
     pub checksum: u64,
-    /// Their length is 0 or over [`DATA_MOST`], they are too short for what they are, or another one began within them.
+    /// Their length is 0 or over [`DATA_MOST`], they are too short or too long for what they are, or another
+    /// one began within them.
     pub length: u64,
     /// They are sound, and of a type that is not known.
     pub unknown_type: u64,
@@ -217,7 +218,7 @@ impl Decoder {
         }
         match Frame::parse(data) {
             Ok(frame) => give(frame),
-            Err(FrameError::TooShort { .. } | FrameError::Empty) => self.bad.length += 1,
+            Err(FrameError::Length { .. } | FrameError::Empty) => self.bad.length += 1,
             Err(FrameError::UnknownType { .. }) => self.bad.unknown_type += 1,
         }
         self.drop_until(end + 1);

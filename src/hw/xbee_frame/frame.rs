@@ -163,9 +163,9 @@ pub enum FrameError {
     /// There is nothing.
     #[error("a frame without data")]
     Empty,
-    /// It ends within a field.
-    #[error("a frame of type {kind:#04x} and {length} bytes, which is too short")]
-    TooShort {
+    /// It is too short for its type, or too long.
+    #[error("a frame of type {kind:#04x} has not {length} bytes")]
+    Length {
         /// Its type.
         kind: u8,
         /// Its length, bytes.
@@ -191,14 +191,14 @@ impl<'a> Frame<'a> {
     /// Reads the data of a frame.
     ///
     /// # Errors
-    /// It is cut short, or of an unknown type.
+    /// It has a wrong length for its type, or an unknown type.
     pub fn parse(data: &'a [u8]) -> Result<Frame<'a>, FrameError> {
         let (&kind, fields) = data.split_first().ok_or(FrameError::Empty)?;
         if !KNOWN.contains(&kind) {
             return Err(FrameError::UnknownType { kind });
         }
         let length = data.len();
-        Frame::of_fields(kind, fields).ok_or(FrameError::TooShort { kind, length })
+        Frame::of_fields(kind, fields).ok_or(FrameError::Length { kind, length })
     }
 
     fn of_fields(kind: u8, data: &'a [u8]) -> Option<Frame<'a>> {
@@ -266,11 +266,14 @@ impl<'a> Frame<'a> {
                 status: fields.byte()?,
                 value: fields.0,
             },
-            0x89 => Frame::TransmitStatus {
-                id: fields.byte()?,
-                status: fields.byte()?,
-            },
-            0x8A => Frame::ModemStatus(fields.byte()?),
+            0x89 => {
+                let [id, status] = fields.all()?;
+                Frame::TransmitStatus { id, status }
+            }
+            0x8A => {
+                let [status] = fields.all()?;
+                Frame::ModemStatus(status)
+            }
             kind => Frame::Other { kind, data },
         };
         Some(frame)
@@ -420,6 +423,11 @@ impl Fields<'_> {
         let (field, rest) = self.0.split_first_chunk()?;
         self.0 = rest;
         Some(*field)
+    }
+
+    /// Takes all that is left, if it is so many bytes.
+    fn all<const COUNT: usize>(&self) -> Option<[u8; COUNT]> {
+        self.0.try_into().ok()
     }
 
     fn byte(&mut self) -> Option<u8> {
