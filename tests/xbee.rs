@@ -13,6 +13,8 @@
 mod field;
 #[path = "xbee/module.rs"]
 mod module;
+#[path = "xbee/ring.rs"]
+mod ring;
 #[path = "xbee/setup.rs"]
 mod setup;
 #[path = "xbee/swarm.rs"]

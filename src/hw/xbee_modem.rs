@@ -212,7 +212,8 @@ impl XbeeModem {
         &self.registers
     }
 
-    /// Returns what the radio has done.
+    /// Returns what the radio has done; bad are frames that cannot be read, and packets that hold no beacon or come without a
+    /// strength.
     pub fn health(&self) -> RadioHealth {
         RadioHealth {
             bad: self.decoder.bad().total() + self.foreign,

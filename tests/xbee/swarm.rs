@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
+use tomoswarm::hw::xbee_frame::ApiMode;
 use tomoswarm::hw::xbee_modem::{ModemOut, XbeeModem};
 use tomoswarm::hw::xbee_registers::{ModuleKind, ModuleSettings};
 use tomoswarm::sim::xbee_module::ModuleFaults;
@@ -140,6 +141,25 @@ fn two_four_and_eight_hear_each_beacon_of_each_other_with_its_strength() {
             }
         }
     }
+}
+
+#[test]
+fn modules_in_mode_1_are_heard_alike() {
+    let mut field = Field::new();
+    for vehicle in 1..=3 {
+        let wanted = ModuleSettings {
+            mode: ApiMode::Plain,
+            ..wanted(vehicle)
+        };
+        field.add(
+            XbeeModem::new(wanted),
+            module(ModuleKind::S2c, &wanted, 115_200),
+        );
+    }
+    let mut swarm = Swarm::new(field);
+    swarm.run(at_s(21) - swarm.turn + ARRIVED);
+    assert!(swarm.speakers.iter().all(|speaker| speaker.last >= 49));
+    swarm.everybody_heard_everybody();
 }
 
 #[test]
