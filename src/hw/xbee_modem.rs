@@ -86,8 +86,8 @@ enum State {
     /// Its registers are read.
     Reading {
         reads: RegisterReads,
-        /// The module did not answer before.
-        was_silent: bool,
+        /// What was wrong before, and may still be.
+        before: Option<ModemTrouble>,
     },
     /// It did not answer.
     Silent { until: Time },
@@ -127,7 +127,8 @@ impl XbeeModem {
     /// Notes that the port was opened, with nothing in its queues.
     pub fn opened(&mut self, now: Time, out: &mut Vec<ModemOut>) {
         self.opened += 1;
-        self.read_registers(now, false, out);
+        self.drop_beacons(out);
+        self.read_registers(now, None, out);
     }
 
     /// Notes that the port is gone.
@@ -196,8 +197,10 @@ impl XbeeModem {
                     self.state = State::Silent { until };
                 }
             }
-            State::Silent { .. } => self.read_registers(now, true, out),
-            State::Refused { .. } => self.read_registers(now, false, out),
+            State::Silent { .. } | State::Refused { .. } => {
+                let before = self.trouble();
+                self.read_registers(now, before, out);
+            }
             State::Ready => self.status_is_missing(now, out),
         }
     }
@@ -225,15 +228,20 @@ impl XbeeModem {
     /// Returns what is wrong with the module, and was wrong on the air in the last 10 s; the worst first. Why a port is closed is
     /// not known here.
     pub fn troubles(&self, now: Time) -> Vec<ModemTrouble> {
-        let state = match &self.state {
-            State::Silent { .. }
-            | State::Reading {
-                was_silent: true, ..
-            } => Some(ModemTrouble::Silent),
+        self.trouble()
+            .into_iter()
+            .chain(self.troubles.lately(now))
+            .collect()
+    }
+
+    /// Returns what is wrong with the module.
+    fn trouble(&self) -> Option<ModemTrouble> {
+        match &self.state {
+            State::Silent { .. } => Some(ModemTrouble::Silent),
             State::Refused { found, .. } => Some(ModemTrouble::Refused(found.clone())),
-            State::Closed | State::Reading { .. } | State::Ready => None,
-        };
-        state.into_iter().chain(self.troubles.lately(now)).collect()
+            State::Reading { before, .. } => before.clone(),
+            State::Closed | State::Ready => None,
+        }
     }
 
     fn hear(&mut self, now: Time, incoming: Incoming, out: &mut Vec<ModemOut>) {
@@ -242,7 +250,7 @@ impl XbeeModem {
             Incoming::Status { id, status } => self.hear_status(now, id, status, out),
             Incoming::Reset => {
                 self.drop_beacons(out);
-                self.read_registers(now, false, out);
+                self.read_registers(now, None, out);
             }
             Incoming::Beacon { from, heard } if self.is_ready() => {
                 self.hear_beacon(now, from, heard, out);
@@ -301,7 +309,7 @@ impl XbeeModem {
             return self.send_next(now, beacon.map(|beacon| beacon.number), out);
         }
         self.drop_beacons(out);
-        self.read_registers(now, false, out);
+        self.read_registers(now, None, out);
     }
 
     fn hear_beacon(
@@ -382,11 +390,11 @@ impl XbeeModem {
         out.push(ModemOut::Unsent(number));
     }
 
-    fn read_registers(&mut self, now: Time, was_silent: bool, out: &mut Vec<ModemOut>) {
+    fn read_registers(&mut self, now: Time, before: Option<ModemTrouble>, out: &mut Vec<ModemOut>) {
         let mut bytes = Vec::new();
         let reads = RegisterReads::begin(now, self.settings.mode, &mut bytes);
         self.decoder.restart(self.settings.mode);
-        self.state = State::Reading { reads, was_silent };
+        self.state = State::Reading { reads, before };
         write(bytes, out);
     }
 }

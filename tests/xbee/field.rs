@@ -115,6 +115,16 @@ impl Field {
         }
     }
 
+    /// The module of a vehicle is pulled out, and plugged in again.
+    pub fn replug(&mut self, index: usize) -> Vec<ModemOut> {
+        let (now, mut out) = (self.now, Vec::new());
+        let Link { modem, module } = &mut self.links[index];
+        modem.closed(&mut out);
+        module.switch_on(now);
+        modem.opened(now, &mut out);
+        self.carry_out(index, out)
+    }
+
     /// A vehicle sends a beacon.
     pub fn send(&mut self, index: usize, beacon: Beacon) -> Vec<ModemOut> {
         let mut out = Vec::new();

@@ -244,6 +244,46 @@ fn a_module_that_resets_while_a_beacon_is_sent_leaves_no_gap() {
 }
 
 #[test]
+fn a_module_that_is_plugged_in_again_sends_within_a_second() {
+    let mut swarm = Swarm::new(Field::of(4, ModuleKind::Xbee3, 57_600));
+    for second in 3..20 {
+        swarm.run(at_s(second) + Duration::from_millis(7 * second));
+        let said = swarm.field.replug(0);
+        said.into_iter().for_each(|out| swarm.speakers[0].take(out));
+        let before = swarm.field.links[0].modem.health().sent;
+        swarm.run(swarm.field.now + Duration::from_secs(1));
+        let health = swarm.field.links[0].modem.health();
+        assert!(health.sent > before && health.reopens == second - 2);
+    }
+    let unsent = swarm.speakers[0].unsent;
+    assert!(unsent <= 2 * 17, "{unsent}");
+}
+
+#[test]
+fn a_module_in_the_other_mode_is_told_whichever_that_is() {
+    let modes = [ApiMode::Plain, ApiMode::Escaped];
+    for (index, mode) in modes.into_iter().enumerate() {
+        let other = modes[1 - index];
+        let of = |mode| ModuleSettings { mode, ..wanted(1) };
+        let mut field = Field::new();
+        let module = module(ModuleKind::Xbee3, &of(other), 115_200);
+        field.add(XbeeModem::new(of(mode)), module);
+        field.open();
+        while field.now < at_s(1) {
+            field.step(at_s(1));
+        }
+        let troubles = field.links[0].modem.troubles(field.now);
+        let expected = format!(
+            "AP is {}, wanted {}: `tomoswarm xbee setup` sets it",
+            other.register(),
+            mode.register()
+        );
+        assert_eq!(troubles.len(), 1);
+        assert!(troubles[0].to_string().ends_with(&expected), "{troubles:?}");
+    }
+}
+
+#[test]
 fn a_module_of_another_network_or_baud_rate_is_told_and_hears_nobody() {
     let mut field = Field::of(2, ModuleKind::Xbee3, 115_200);
     let other = ModuleSettings {

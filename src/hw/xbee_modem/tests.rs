@@ -229,8 +229,11 @@ fn a_module_that_differs_is_not_used_until_it_is_put_right() {
         (rig.unsent.as_slice(), rig.heard.len()),
         ([1].as_slice(), 0)
     );
-    rig.registers = Rig::new(&[]).registers;
+    rig.answers = false;
     rig.due(5_000);
+    assert_eq!(rig.troubles(5_000), [told], "it is being asked again");
+    (rig.registers, rig.answers) = (Rig::new(&[]).registers, true);
+    rig.due(5_200);
     assert!(rig.modem.is_ready() && rig.troubles(5_000).is_empty());
 }
 
