@@ -2,7 +2,8 @@
 //! features; the thin halves are in `run/drivers`.
 //!
 //! A range sensor that measures all the time and says so on a serial line is a file beside this one and a variant of
-//! [`RangeDecoder`].
+//! [`RangeDecoder`]. A radio is an XBee: its frames, what its registers must say, the modem that carries beacons over it, and
+//! its set-up.
 
 mod lines;
 mod pings;

@@ -18,21 +18,15 @@ use std::time::Duration;
 use self::search::{Search, SearchEnd};
 use super::xbee_frame::{ApiMode, AtName, Decoder};
 use super::xbee_registers::{
-    AO, AP, Answer, CH, ID, MY, Mismatches, ModuleSettings, PL, PP, ReadState, RegisterReads,
-    Registers, command,
+    AO, AP, Answer, BAUDS, BD, CH, ID, MY, Mismatches, ModuleSettings, PL, PP, ReadState,
+    RegisterReads, Registers, command,
 };
 use crate::time::Time;
 
-/// Baud rates in the order of their codes (register BD).
-const BAUDS: [u32; 9] = [
-    1_200, 2_400, 4_800, 9_600, 19_200, 38_400, 57_600, 115_200, 230_400,
-];
 /// A command that is not answered is said again after this time; WR takes long.
 const AGAIN: Duration = Duration::from_millis(600);
 /// It is said so often at most.
 const TRIES_MAX: u8 = 3;
-/// Baud rate.
-const BD: AtName = AtName(*b"BD");
 /// Keep all registers.
 const WR: AtName = AtName(*b"WR");
 /// The module does not know the command.

@@ -3,14 +3,11 @@
 
 use tomoswarm::hw::xbee_frame::ApiMode;
 use tomoswarm::hw::xbee_modem::{ModemOut, XbeeModem};
-use tomoswarm::hw::xbee_registers::{AP, CH, ID, MY, ModuleKind, ModuleSettings, PL};
+use tomoswarm::hw::xbee_registers::{AP, BAUDS, BD, CH, ID, MY, ModuleKind, ModuleSettings, PL};
 use tomoswarm::sim::noise::Noise;
 use tomoswarm::sim::xbee_module::{ModuleOut, Packet, XbeeModule};
 use tomoswarm::time::Time;
 use tomoswarm_proto::{Beacon, VehicleId};
-
-/// Register BD.
-pub const BD: tomoswarm::hw::xbee_frame::AtName = tomoswarm::hw::xbee_frame::AtName(*b"BD");
 
 /// What the module of a vehicle is to be.
 pub fn wanted(vehicle: u8) -> ModuleSettings {
@@ -23,7 +20,7 @@ pub fn wanted(vehicle: u8) -> ModuleSettings {
     }
 }
 
-/// A module that is so, at 57,600, 115,200 or 230,400 baud, switched on.
+/// A module that is so, switched on.
 pub fn module(kind: ModuleKind, wanted: &ModuleSettings, baud: u32) -> XbeeModule {
     let mut module = XbeeModule::new(
         kind,
@@ -34,12 +31,10 @@ pub fn module(kind: ModuleKind, wanted: &ModuleSettings, baud: u32) -> XbeeModul
         .powers_dbm()
         .iter()
         .position(|power| *power == wanted.power_dbm);
-    let code = [57_600, 115_200, 230_400]
-        .iter()
-        .position(|known| *known == baud);
+    let code = BAUDS.iter().position(|known| *known == baud);
     let values = [
         (AP, u16::from(wanted.mode.register())),
-        (BD, 6 + code.expect("a code of it") as u16),
+        (BD, code.expect("a code of it") as u16),
         (MY, wanted.address()),
         (ID, wanted.network),
         (CH, wanted.channel.into()),

@@ -4,13 +4,13 @@ use std::time::Duration;
 
 use tomoswarm::hw::xbee_frame::{ApiMode, AtName};
 use tomoswarm::hw::xbee_modem::XbeeModem;
-use tomoswarm::hw::xbee_registers::{AO, AP, ModuleKind, ModuleSettings, Registers};
+use tomoswarm::hw::xbee_registers::{AO, AP, BAUDS, BD, ModuleKind, ModuleSettings, Registers};
 use tomoswarm::hw::xbee_setup::{SetupError, SetupOut, SetupSettings, XbeeSetup};
 use tomoswarm::sim::noise::Noise;
 use tomoswarm::sim::xbee_module::{ModuleOut, XbeeModule};
 use tomoswarm::time::Time;
 
-use crate::field::{BD, Field, wanted};
+use crate::field::{Field, wanted};
 
 /// How a set-up has ended.
 struct Outcome {
@@ -71,10 +71,6 @@ fn set_up(module: &mut XbeeModule, settings: SetupSettings) -> Outcome {
 fn new_module(kind: ModuleKind) -> XbeeModule {
     XbeeModule::new(kind, 0x0013_A200_4011_7E7D, Noise::new(1))
 }
-
-const BAUDS: [u32; 9] = [
-    1_200, 2_400, 4_800, 9_600, 19_200, 38_400, 57_600, 115_200, 230_400,
-];
 
 #[test]
 fn a_module_is_found_at_every_baud_rate_in_every_mode_and_set_up_for_good() {

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use tomoswarm::hw::xbee_frame::{ApiMode, AtName, encode};
 use tomoswarm::hw::xbee_modem::{ModemOut, XbeeModem};
-use tomoswarm::hw::xbee_registers::{AP, CH, ID, MY, ModuleKind, ModuleSettings, PL};
+use tomoswarm::hw::xbee_registers::{AP, BD, CH, ID, MY, ModuleKind, ModuleSettings, PL};
 use tomoswarm::hw::xbee_setup::{SetupOut, SetupSettings, XbeeSetup};
 use tomoswarm::sim::noise::Noise;
 use tomoswarm::sim::xbee_module::{
@@ -23,7 +23,6 @@ const KINDS: [ModuleKind; 5] = [
     ModuleKind::S2cPro,
     ModuleKind::Xbee3,
 ];
-const BD: AtName = AtName(*b"BD");
 
 /// A module of some kind whose registers say anything.
 fn any_module(chance: &mut Chance) -> XbeeModule {

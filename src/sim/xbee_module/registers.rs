@@ -4,11 +4,9 @@ use std::collections::BTreeMap;
 
 use crate::hw::xbee_frame::{ApiMode, AtName};
 use crate::hw::xbee_registers::{
-    AO, AP, CH, HV, ID, MY, ModuleKind, NP, PL, PP, SH, SL, VR, value_of,
+    AO, AP, BAUDS, BD, CH, HV, ID, MY, ModuleKind, NP, PL, PP, SH, SL, VR, value_of,
 };
 
-/// Baud rate, as a code.
-pub(super) const BD: AtName = AtName(*b"BD");
 /// Its name.
 const NI: AtName = AtName(*b"NI");
 /// Back-offs before it first listens for others, as an exponent of 2.
@@ -22,10 +20,6 @@ pub(super) const DH: AtName = AtName(*b"DH");
 pub(super) const DL: AtName = AtName(*b"DL");
 /// Strength of what was heard last.
 pub(super) const DB: AtName = AtName(*b"DB");
-/// Baud rates in the order of their codes.
-const BAUDS: [u32; 9] = [
-    1_200, 2_400, 4_800, 9_600, 19_200, 38_400, 57_600, 115_200, 230_400,
-];
 /// The longest name, bytes.
 const NAME_MOST: usize = 20;
 
