@@ -82,7 +82,7 @@ pub enum SetupError {
         name: AtName,
     },
     /// It does not take a value.
-    #[error("the module refuses {name} = {} (status {status})", value.escape_ascii())]
+    #[error("the module refuses {name} = {} (status {status})", in_digits(value))]
     Refused {
         /// Which register.
         name: AtName,
@@ -435,6 +435,11 @@ fn values(settings: &ModuleSettings) -> VecDeque<(AtName, Vec<u8>)> {
     let off = [b"CE", b"A1", b"SM", b"EE", b"RR", b"RN"];
     values.extend(off.map(|name| (AtName(*name), vec![0])));
     values
+}
+
+/// Returns a value as a user would type it.
+fn in_digits(value: &[u8]) -> String {
+    value.iter().map(|byte| format!("{byte:02X}")).collect()
 }
 
 fn write(bytes: Vec<u8>, out: &mut Vec<SetupOut>) {

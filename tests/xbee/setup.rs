@@ -181,7 +181,7 @@ fn what_cannot_be_set_up_is_said() {
     let outcome = set_up(&mut new_module(ModuleKind::S1Pro), settings(high, 115_200));
     assert_eq!(
         outcome.result.unwrap_err().to_string(),
-        "the module refuses CH = \\x1a (status 3)"
+        "the module refuses CH = 1A (status 3)"
     );
     let outcome = set_up(
         &mut new_module(ModuleKind::S1),
