@@ -69,6 +69,8 @@ mod watch;
 mod whole_build;
 #[cfg(feature = "net")]
 pub mod world;
+#[cfg(feature = "hw")]
+pub mod xbee;
 
 use std::process::ExitCode;
 
@@ -135,6 +137,8 @@ enum Command {
     Parameters(parameters::ParametersArgs),
     #[cfg(feature = "net")]
     Fix(fix::FixArgs),
+    #[cfg(feature = "hw")]
+    Xbee(xbee::XbeeArgs),
     #[cfg(feature = "net")]
     Replay(replay::ReplayArgs),
 }
@@ -184,6 +188,8 @@ pub fn run() -> ExitCode {
         Command::Parameters(parameters) => parameters.run(&mut answer),
         #[cfg(feature = "net")]
         Command::Fix(fix) => fix.run(&mut answer),
+        #[cfg(feature = "hw")]
+        Command::Xbee(xbee) => xbee.run(&mut answer),
         #[cfg(feature = "net")]
         Command::Replay(replay) => replay.run(&mut answer),
     };

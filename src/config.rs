@@ -47,6 +47,7 @@ mod vehicle;
 mod vehicle_file;
 mod venue;
 mod waypoint_file;
+mod xbee_port;
 
 use overlay::{Layer, OverlaidText, Overlay};
 use section::Section;
@@ -87,6 +88,7 @@ pub use waypoint_file::{
     Above, MOST_ITEMS, MOST_WAYPOINT_BYTES, MissionItem, SpeedOf, Spot, Target, TurnDirection,
     WaypointFile,
 };
+pub use xbee_port::{XBEE_BAUDS, XbeePort};
 
 pub use to_toml::{key_tables, to_toml};
 

@@ -36,6 +36,7 @@ mod unmet;
 pub mod visible;
 mod visible_scene;
 mod world;
+pub mod xbee_air;
 pub mod xbee_module;
 
 pub use entry::SampleFile;

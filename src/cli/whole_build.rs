@@ -4,7 +4,7 @@
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 
 /// Commands that only the whole build has.
-const COMMANDS: [&str; 13] = [
+const COMMANDS: [&str; 14] = [
     "vehicle",
     "ground",
     "world",
@@ -17,6 +17,7 @@ const COMMANDS: [&str; 13] = [
     "preflight",
     "parameters",
     "fix",
+    "xbee",
     "replay",
 ];
 

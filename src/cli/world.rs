@@ -49,6 +49,10 @@ pub struct WorldArgs {
     /// disarmed, for vehicles with `driver = "mavlink"`
     #[arg(long, value_name = "ADDRESS")]
     pub mavlink: Option<SocketAddr>,
+    /// Give every vehicle an XBee at a pseudo-terminal FOLDER/vehicle-N, for vehicles with `[radio] driver = "xbee"`; all vehicles
+    /// must have it then, since the simulated radio does not hear them
+    #[arg(long, value_name = "FOLDER")]
+    pub xbee_pty: Option<PathBuf>,
     /// Print what would start, and end
     #[arg(long)]
     pub check: bool,
@@ -85,8 +89,14 @@ impl WorldArgs {
             has_failsafes: true,
             parameters: Vec::new(),
         });
-        let server =
-            WorldServer::start(&scenario, self.listen, &token, port.as_ref()).map_err(refused)?;
+        let server = WorldServer::start(
+            &scenario,
+            self.listen,
+            &token,
+            port.as_ref(),
+            self.xbee_pty.as_deref(),
+        )
+        .map_err(refused)?;
         let stopper = server.stopper();
         let by_input = stopper.clone();
         let stop = StopFlag::listen_with(move || stopper.stop());
@@ -143,9 +153,11 @@ impl WorldArgs {
 /// Returns what is wrong: the user's input, or this machine.
 fn refused(error: WorldError) -> CliError {
     match error {
-        WorldError::NotLoopback { .. } | WorldError::Token { .. } | WorldError::Scenario(_) => {
-            CliError::Usage(error.to_string())
-        }
+        WorldError::NotLoopback { .. }
+        | WorldError::Token { .. }
+        | WorldError::Scenario(_)
+        | WorldError::Radios { .. }
+        | WorldError::NoRadios => CliError::Usage(error.to_string()),
         WorldError::Listen { .. } | WorldError::Port(_) => CliError::Fault(error.to_string()),
     }
 }

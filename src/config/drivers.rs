@@ -10,6 +10,7 @@ use super::range_driver::RangeDriver;
 use super::section::Section;
 use super::source::Source;
 use super::vehicle::Craft;
+use super::xbee_port::XbeePort;
 
 /// What speaks with the devices of a vehicle.
 #[derive(Clone, PartialEq, Debug, Default)]
@@ -45,11 +46,13 @@ pub enum ServoDriver {
 }
 
 /// What speaks with a radio.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub enum RadioDriver {
     /// The simulated world.
     #[default]
     Simulated,
+    /// An XBee with 802.15.4 firmware.
+    Xbee(XbeePort),
 }
 
 impl Drivers {
@@ -90,8 +93,9 @@ impl Drivers {
             ServoDriver::Simulated => Some(Capability::Servo(ServoKind::Simulated)),
             ServoDriver::None => None,
         };
-        let radio = match self.radio {
+        let radio = match &self.radio {
             RadioDriver::Simulated => Capability::Radio(RadioKind::Simulated),
+            RadioDriver::Xbee(_) => Capability::Radio(RadioKind::XBee),
         };
         let range = self.range.kind().map(Capability::RangeSensor);
         let mut all: Vec<Capability> = [Some(autopilot), range, servo, Some(radio)]
@@ -120,10 +124,14 @@ impl Drivers {
             .port()
             .map(|port| format!(" on {port}"))
             .unwrap_or_default();
+        let radio_port = match radio {
+            RadioDriver::Simulated => String::new(),
+            RadioDriver::Xbee(xbee) => format!(" on {}", xbee.port),
+        };
         let (autopilot, servo, range, radio) =
             (autopilot.name(), servo.name(), range.name(), radio.name());
         format!(
-            "autopilot {autopilot}{connection}, range {range}{port}, servo {servo}, radio {radio}"
+            "autopilot {autopilot}{connection}, range {range}{port}, servo {servo}, radio {radio}{radio_port}"
         )
     }
 
@@ -146,6 +154,12 @@ impl Drivers {
                 "autopilot.mavlink",
                 "a table [autopilot.mavlink] with its connection is needed",
             );
+        }
+        if let RadioDriver::Xbee(xbee) = &self.radio
+            && xbee.port.is_empty()
+            && source.is_sound(&["radio.xbee"])
+        {
+            source.require("radio.xbee", "a table [radio.xbee] with its port is needed");
         }
         self.range.check(source, look);
     }
@@ -221,15 +235,21 @@ impl DriverChoice for ServoDriver {
 }
 
 impl DriverChoice for RadioDriver {
-    const PLANNED: &'static [&'static str] = &["xbee"];
+    const PLANNED: &'static [&'static str] = &[];
 
     fn all() -> Vec<Known<RadioDriver>> {
-        vec![always("sim", RadioDriver::Simulated)]
+        let xbee = Known {
+            name: "xbee",
+            is_built: cfg!(feature = "hw"),
+            driver: RadioDriver::Xbee(XbeePort::default()),
+        };
+        vec![always("sim", RadioDriver::Simulated), xbee]
     }
 
     fn name(&self) -> &'static str {
         match self {
             RadioDriver::Simulated => "sim",
+            RadioDriver::Xbee(_) => "xbee",
         }
     }
 }

@@ -132,3 +132,25 @@ pub(super) fn places(points: &[Point]) -> String {
 pub(super) fn seconds(seconds_s: f64) -> Duration {
     Time::from_secs_f64(seconds_s).since(Time::ZERO)
 }
+
+/// The name of a serial port.
+pub(super) struct PortName<'a>(pub(super) &'a mut String);
+
+impl Form for PortName<'_> {
+    fn to_toml(&self) -> Option<String> {
+        Some(quoted(self.0))
+    }
+
+    fn read(&mut self, section: &Section<'_>, key: &'static str) {
+        let rule = "the whole path of a port such as \"/dev/serial/by-id/usb-…\" is needed";
+        section.require(key, rule);
+        let Some(port) = section.text(key) else {
+            return;
+        };
+        if port.starts_with('/') && !port.contains(char::is_control) {
+            *self.0 = port;
+        } else {
+            section.refuse(key, "is no whole path", rule);
+        }
+    }
+}

@@ -8,12 +8,11 @@ use std::time::Duration;
 use tomoswarm_proto::RangeSensorKind;
 
 use super::drivers::{DriverChoice, Known, always};
-use super::forms::seconds;
+use super::forms::{PortName, seconds};
 use super::keys::{
-    Form, KeyEntry, Keyed, Keys, MaybeTable, Number, NumberBounds, Whole, WordChoice, Words, quoted,
+    KeyEntry, Keyed, Keys, MaybeTable, Number, NumberBounds, Whole, WordChoice, Words,
 };
 use super::range::SensorCoverage;
-use super::section::Section;
 use super::source::Source;
 
 /// What reads the range sensors of a vehicle.
@@ -352,7 +351,7 @@ impl Keyed for SerialSensor {
         let means =
             "the port, a file of the machine; names under `/dev/serial/by-id` outlast replugging";
         to.form(
-            &mut Port(port),
+            &mut PortName(port),
             KeyEntry {
                 name: "port",
                 left_out: "needed",
@@ -423,27 +422,5 @@ impl Keyed for SerialText {
                 means,
             },
         );
-    }
-}
-
-/// The name of a port.
-struct Port<'a>(&'a mut String);
-
-impl Form for Port<'_> {
-    fn to_toml(&self) -> Option<String> {
-        Some(quoted(self.0))
-    }
-
-    fn read(&mut self, section: &Section<'_>, key: &'static str) {
-        let rule = "the whole path of a port such as \"/dev/serial/by-id/usb-…\" is needed";
-        section.require(key, rule);
-        let Some(port) = section.text(key) else {
-            return;
-        };
-        if port.starts_with('/') && !port.contains(char::is_control) {
-            *self.0 = port;
-        } else {
-            section.refuse(key, "is no whole path", rule);
-        }
     }
 }

@@ -25,6 +25,7 @@ use super::vehicle::{
     BodySpec, Flight, OwnFlight, Safety, check_ceiling, contact_limits, sensing_limits,
 };
 use super::venue::Venue;
+use super::xbee_port::{XbeePort, XbeeTable};
 use crate::geom::Point;
 use crate::plan::{ContactLimits, SmallestPost};
 
@@ -151,6 +152,19 @@ struct RadioTable<'a> {
 impl Keyed for RadioTable<'_> {
     fn keys(&mut self, to: &mut dyn Keys) {
         DriverKey(&mut *self.driver).show(to);
+        let means =
+            "what the driver `xbee` is told; checked and not used while another one is chosen";
+        to.maybe_table(
+            &mut XbeeTable {
+                driver: self.driver,
+                unused: XbeePort::default(),
+            },
+            KeyEntry {
+                name: "xbee",
+                left_out: "",
+                means,
+            },
+        );
         self.own.keys(to);
         Swarm::moved_air(to);
     }

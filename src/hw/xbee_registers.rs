@@ -36,13 +36,8 @@ pub const NP: AtName = AtName(*b"NP");
 /// Which frames say what was heard: 2 = with the strength; not known to an S1, which always says it.
 pub const AO: AtName = AtName(*b"AO");
 
-/// Baud rate, as the index of one of [`BAUDS`].
+/// Baud rate, as the index of one of [`crate::config::XBEE_BAUDS`].
 pub const BD: AtName = AtName(*b"BD");
-/// Baud rates that a module can have.
-pub const BAUDS: [u32; 9] = [
-    1_200, 2_400, 4_800, 9_600, 19_200, 38_400, 57_600, 115_200, 230_400,
-];
-
 /// What is read before a module is used, in this order: the mode says how the rest is framed.
 pub const READ: [AtName; 12] = [AP, VR, HV, SH, SL, MY, ID, CH, PL, PP, NP, AO];
 /// A module that does not know these is none of those that carry beacons.

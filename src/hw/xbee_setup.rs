@@ -18,9 +18,10 @@ use std::time::Duration;
 use self::search::{Search, SearchEnd};
 use super::xbee_frame::{ApiMode, AtName, Decoder};
 use super::xbee_registers::{
-    AO, AP, Answer, BAUDS, BD, CH, ID, MY, Mismatches, ModuleSettings, PL, PP, ReadState,
-    RegisterReads, Registers, command,
+    AO, AP, Answer, BD, CH, ID, MY, Mismatches, ModuleSettings, PL, PP, ReadState, RegisterReads,
+    Registers, command,
 };
+use crate::config::XBEE_BAUDS;
 use crate::time::Time;
 
 /// A command that is not answered is said again after this time; WR takes long.
@@ -168,7 +169,7 @@ impl XbeeSetup {
             decoder: Decoder::new(settings.module.mode),
             state: State::Ended,
         };
-        if BAUDS.contains(&settings.baud) {
+        if XBEE_BAUDS.contains(&settings.baud) {
             setup.state = State::Search(Search::begin(now, out));
         } else {
             let baud = settings.baud;
@@ -275,7 +276,7 @@ impl XbeeSetup {
         match then {
             Then::SetBaud => {
                 self.decoder.restart(settings.module.mode);
-                let code = BAUDS.iter().position(|baud| *baud == settings.baud);
+                let code = XBEE_BAUDS.iter().position(|baud| *baud == settings.baud);
                 let code = code
                     .and_then(|code| u8::try_from(code).ok())
                     .unwrap_or_default();

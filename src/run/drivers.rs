@@ -7,6 +7,7 @@
 //!   Transmit  ─► radio     ─┼─ simulated ─► link ─► world ─────┼─► Heard, Unsent
 //!   Ping      ─► range     ─┤                                  └─► Echo
 //!                           ├─ on a serial line ─► range/serial ─► Echo
+//!                           ├─ an XBee ─► radio/xbee ─► Heard, Unsent
 //!                           └─ MAVLink ─► autopilot/mavlink ─► Report, Ack
 //! ```
 //!
@@ -14,14 +15,18 @@
 //! world, and of what the world says only what simulated devices say is believed.
 
 pub mod autopilot;
+pub mod radio;
 pub mod range;
+#[cfg(feature = "hw")]
+mod serial_port;
 
 use std::io;
 use std::sync::Arc;
 
-use tomoswarm_proto::{AutopilotHealth, Boot, RangeHealth};
+use tomoswarm_proto::{AutopilotHealth, Boot, RadioHealth, RangeHealth};
 
 use self::autopilot::Autopilot;
+use self::radio::Radio;
 use self::range::Range;
 use super::clock::Clock;
 use super::link::{LinkState, WorldLink, WorldLinkSettings};
@@ -35,10 +40,10 @@ pub type EventSink = Arc<dyn Fn(Event) + Send + Sync>;
 
 /// The devices of a vehicle; dropping them ends their drivers.
 pub struct VehicleDevices {
-    drivers: Drivers,
     world: Option<WorldLink>,
     autopilot: Autopilot,
     range: Range,
+    radio: Radio,
 }
 
 impl VehicleDevices {
@@ -65,11 +70,12 @@ impl VehicleDevices {
             .then(|| link(file, boot, &range, events))
             .transpose()?;
         let autopilot = Autopilot::start(file, clock, events)?;
+        let radio = Radio::start(file, clock, events)?;
         Ok(VehicleDevices {
-            drivers,
             world,
             autopilot,
             range,
+            radio,
         })
     }
 
@@ -88,9 +94,8 @@ impl VehicleDevices {
                     self.to_world(effect);
                 }
             }
-            Effect::Transmit(_) => match self.drivers.radio {
-                RadioDriver::Simulated => self.to_world(effect),
-            },
+            Effect::Transmit(_) if self.radio.is_simulated() => self.to_world(effect),
+            Effect::Transmit(beacon) => self.radio.transmit(beacon),
             Effect::Publish(_)
             | Effect::Keep(..)
             | Effect::Forget { .. }
@@ -118,6 +123,7 @@ impl VehicleDevices {
         };
         watch("range sensor", self.range.trouble());
         watch("autopilot link", self.autopilot.trouble());
+        watch("radio", self.radio.trouble());
         let Some(world) = &self.world else { return };
         watch(
             "world",
@@ -134,6 +140,11 @@ impl VehicleDevices {
     /// Returns what the range sensor has done; `None` for a vehicle that has none.
     pub fn range_health(&self) -> Option<RangeHealth> {
         self.range.health()
+    }
+
+    /// Returns what the radio has done; `None` of a simulated one.
+    pub fn radio_health(&self) -> Option<RadioHealth> {
+        self.radio.health()
     }
 
     /// Returns what the autopilot has said of its health.

@@ -396,6 +396,7 @@ impl Edge {
             frames_unknown: traffic.unknown,
             disk_free_mb: state_dir.free_mb(),
             autopilot: self.devices.autopilot_health().filter(|_| is_heard),
+            radio: self.devices.radio_health(),
             range: self.devices.range_health(),
             troubles: short(troubles.list()),
             ..Health::default()

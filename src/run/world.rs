@@ -18,9 +18,12 @@ mod outgoing;
 #[cfg(test)]
 mod tests;
 mod world_thread;
+#[cfg(feature = "hw")]
+mod xbee_ptys;
 
 use std::io;
 use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -30,12 +33,20 @@ use std::time::Duration;
 use super::link::{TOKEN_LIMIT, WorldStatus};
 use super::mavlink_port::{MavlinkPort, PortError, PortSettings};
 use super::mavlink_sockets::by_queue;
+#[cfg(feature = "hw")]
+use crate::hw::xbee_registers::network_of;
+#[cfg(feature = "hw")]
+use crate::sim::environment::Environment;
+#[cfg(feature = "hw")]
+use crate::sim::noise::Noise;
 use crate::sim::{Scenario, ScenarioError};
 
 use connection_limit::ConnectionLimit;
 use listener::{Listener, connection_limit};
 use live_world::LiveWorld;
-use world_thread::{Inbound, WorldThread};
+use world_thread::{Inbound, Served, WorldThread};
+#[cfg(feature = "hw")]
+use xbee_ptys::{PtySettings, XbeePtys};
 
 /// Words that wait for the world; whoever says more waits.
 const WORDS_WAITING: usize = 1024;
@@ -63,6 +74,17 @@ pub enum WorldError {
     /// Autopilots cannot be served.
     #[error(transparent)]
     Port(#[from] PortError),
+    /// There are no pseudo-terminals.
+    #[error("{}: {source}", folder.display())]
+    Radios {
+        /// The folder for them.
+        folder: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// This build has none.
+    #[error("this build has no serial ports")]
+    NoRadios,
     /// The address cannot be used, or no thread can be started.
     #[error("the world cannot listen on {address}: {source}")]
     Listen {
@@ -99,7 +121,8 @@ impl WorldStopper {
 }
 
 impl WorldServer {
-    /// Begins the world of a scenario. Port 0 takes a free one. With a port for MAVLink all vehicles are just switched on.
+    /// Begins the world of a scenario. Port 0 takes a free one. With a port for MAVLink all vehicles are just switched on; with a
+    /// folder each has a radio at a pseudo-terminal in it.
     ///
     /// # Errors
     /// [`WorldError`].
@@ -108,6 +131,7 @@ impl WorldServer {
         listen: SocketAddr,
         token: &str,
         port: Option<&PortSettings>,
+        radios: Option<&Path>,
     ) -> Result<WorldServer, WorldError> {
         if !listen.ip().is_loopback() {
             return Err(WorldError::NotLoopback { address: listen });
@@ -123,7 +147,18 @@ impl WorldServer {
         let port = port
             .map(|settings| MavlinkPort::open(world.environment(), settings, told()))
             .transpose()?;
-        WorldServer::open(world, listen, token, (words, inbox), port).map_err(|source| {
+        #[cfg(not(feature = "hw"))]
+        if radios.is_some() {
+            return Err(WorldError::NoRadios);
+        }
+        let served = Served {
+            port,
+            #[cfg(feature = "hw")]
+            radios: radios
+                .map(|folder| open_radios(scenario, folder, world.environment(), &words))
+                .transpose()?,
+        };
+        WorldServer::open(world, listen, token, (words, inbox), served).map_err(|source| {
             WorldError::Listen {
                 address: listen,
                 source,
@@ -136,11 +171,11 @@ impl WorldServer {
         listen: SocketAddr,
         token: &str,
         (words, inbox): (SyncSender<Inbound>, Receiver<Inbound>),
-        port: Option<MavlinkPort>,
+        served: Served,
     ) -> io::Result<WorldServer> {
         let socket = TcpListener::bind(listen)?;
         let address = socket.local_addr()?;
-        let autopilots = port.as_ref().map(|port| port.addresses().to_vec());
+        let autopilots = served.port.as_ref().map(|port| port.addresses().to_vec());
         let is_ended = Arc::new(AtomicBool::new(false));
         let connections = Arc::new(connection_limit(world.vehicles()));
         let listener = Listener::new(
@@ -151,7 +186,7 @@ impl WorldServer {
         );
         let thread = std::thread::Builder::new()
             .name("world".to_owned())
-            .spawn(move || WorldThread::new(world, port).run(&inbox))?;
+            .spawn(move || WorldThread::new(world, served).run(&inbox))?;
         let mut server = WorldServer {
             address,
             autopilots: autopilots.unwrap_or_default(),
@@ -202,6 +237,33 @@ impl WorldServer {
         self.connections.wait_for_end(ENDS_WITHIN);
         status
     }
+}
+
+/// Opens a radio for each vehicle, as the scenario has them.
+#[cfg(feature = "hw")]
+fn open_radios(
+    scenario: &Scenario,
+    folder: &Path,
+    environment: &Environment,
+    words: &SyncSender<Inbound>,
+) -> Result<XbeePtys, WorldError> {
+    let sim = scenario.sim();
+    let settings = PtySettings {
+        folder: folder.to_owned(),
+        network: network_of(sim.venue.hash()),
+        channel: u8::try_from(sim.venue.swarm.channel).unwrap_or(u8::MAX),
+        power_dbm: sim.radio.own.power_dbm,
+        noise: Noise::new(sim.seed),
+    };
+    let words = words.clone();
+    let told = move |vehicle, said| {
+        // A world that has ended hears nothing.
+        let _ = words.send(Inbound::Host(vehicle, said));
+    };
+    XbeePtys::open(&settings, environment, told).map_err(|source| WorldError::Radios {
+        folder: folder.to_owned(),
+        source,
+    })
 }
 
 impl Drop for WorldServer {

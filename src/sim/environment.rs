@@ -489,8 +489,8 @@ impl Environment {
         }
     }
 
-    /// Returns how strongly a vehicle hears a beacon, dBm; `None` when it does not.
-    fn received_dbm(&self, sent: &Sent, to: usize) -> Option<i16> {
+    /// Returns how strongly a vehicle hears what another one has sent, dBm; `None` when it does not.
+    pub(super) fn received_dbm(&self, sent: &Sent, to: usize) -> Option<i16> {
         if to == sent.from || self.faults.cut_radio(self.now, self.world.id(to)) {
             return None;
         }

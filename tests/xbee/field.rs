@@ -1,9 +1,10 @@
 //! Vehicles' modems with simulated modules on one air, in virtual time. Everybody hears everybody, the weaker the further apart
 //! in the list; packets that overlap are lost.
 
+use tomoswarm::config::XBEE_BAUDS;
 use tomoswarm::hw::xbee_frame::ApiMode;
 use tomoswarm::hw::xbee_modem::{ModemOut, XbeeModem};
-use tomoswarm::hw::xbee_registers::{AP, BAUDS, BD, CH, ID, MY, ModuleKind, ModuleSettings, PL};
+use tomoswarm::hw::xbee_registers::{AP, BD, CH, ID, MY, ModuleKind, ModuleSettings, PL};
 use tomoswarm::sim::noise::Noise;
 use tomoswarm::sim::xbee_module::{ModuleOut, Packet, XbeeModule};
 use tomoswarm::time::Time;
@@ -31,7 +32,7 @@ pub fn module(kind: ModuleKind, wanted: &ModuleSettings, baud: u32) -> XbeeModul
         .powers_dbm()
         .iter()
         .position(|power| *power == wanted.power_dbm);
-    let code = BAUDS.iter().position(|known| *known == baud);
+    let code = XBEE_BAUDS.iter().position(|known| *known == baud);
     let values = [
         (AP, u16::from(wanted.mode.register())),
         (BD, code.expect("a code of it") as u16),

@@ -46,6 +46,7 @@ fn state(index: usize) -> OwnState {
             heading: Angle::from_degrees(123.0),
             sd_m: 0.05,
         },
+        flight_state: Default::default(),
         speed_mps: 0.0,
         mode: VehicleMode::Idle,
         is_at_rest: true,

@@ -2,9 +2,10 @@
 
 use std::time::Duration;
 
+use tomoswarm::config::XBEE_BAUDS;
 use tomoswarm::hw::xbee_frame::{ApiMode, AtName};
 use tomoswarm::hw::xbee_modem::XbeeModem;
-use tomoswarm::hw::xbee_registers::{AO, AP, BAUDS, BD, ModuleKind, ModuleSettings, Registers};
+use tomoswarm::hw::xbee_registers::{AO, AP, BD, ModuleKind, ModuleSettings, Registers};
 use tomoswarm::hw::xbee_setup::{SetupError, SetupOut, SetupSettings, XbeeSetup};
 use tomoswarm::sim::noise::Noise;
 use tomoswarm::sim::xbee_module::{ModuleOut, XbeeModule};
@@ -74,7 +75,7 @@ fn new_module(kind: ModuleKind) -> XbeeModule {
 
 #[test]
 fn a_module_is_found_at_every_baud_rate_in_every_mode_and_set_up_for_good() {
-    for (code, baud) in (0..).zip(BAUDS) {
+    for (code, baud) in (0..).zip(XBEE_BAUDS) {
         for mode in 0..=2_u8 {
             let mut module = new_module(ModuleKind::Xbee3);
             assert!(module.set_register(BD, &[code]) && module.set_register(AP, &[mode]));

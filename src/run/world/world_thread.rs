@@ -10,6 +10,8 @@ use tomoswarm_proto::{Boot, VehicleId};
 
 use super::live_world::{LiveWorld, VehicleWord};
 use super::outgoing::{FramePriority, Outgoing};
+#[cfg(feature = "hw")]
+use super::xbee_ptys::{FromHost, XbeePtys};
 use crate::run::link::{FromWorld, LinkRefusal, ToWorld, Welcome, WorldStatus, encode};
 use crate::run::mavlink_port::MavlinkPort;
 use crate::run::mavlink_sockets::FromClient;
@@ -50,6 +52,9 @@ pub(super) enum Inbound {
     },
     /// A client of an autopilot has done something.
     Client(FromClient),
+    /// The host of a vehicle's radio has done something.
+    #[cfg(feature = "hw")]
+    Host(usize, FromHost),
     /// The world shall end.
     End,
 }
@@ -64,8 +69,20 @@ impl Inbound {
             | Inbound::Word { .. }
             | Inbound::Gone { .. }
             | Inbound::End => None,
+            #[cfg(feature = "hw")]
+            Inbound::Host(..) => None,
         }
     }
+}
+
+/// By what else than its socket a world is spoken with.
+#[derive(Default)]
+pub(super) struct Served {
+    /// Autopilots, over MAVLink.
+    pub port: Option<MavlinkPort>,
+    /// Radios, by real frames.
+    #[cfg(feature = "hw")]
+    pub radios: Option<XbeePtys>,
 }
 
 /// What a connection is for.
@@ -86,13 +103,18 @@ pub(super) struct WorldThread {
     is_ended: bool,
     /// Where autopilots are flown over MAVLink.
     port: Option<MavlinkPort>,
+    /// Where radios are spoken to by real frames.
+    #[cfg(feature = "hw")]
+    radios: Option<XbeePtys>,
 }
 
 impl WorldThread {
     /// Begins the world's time.
-    pub(super) fn new(world: LiveWorld, port: Option<MavlinkPort>) -> WorldThread {
+    pub(super) fn new(world: LiveWorld, served: Served) -> WorldThread {
         WorldThread {
-            port,
+            port: served.port,
+            #[cfg(feature = "hw")]
+            radios: served.radios,
             world,
             began: Instant::now(),
             connections: BTreeMap::new(),
@@ -108,7 +130,10 @@ impl WorldThread {
                 .port
                 .as_ref()
                 .map_or(Time::NEVER, MavlinkPort::deadline);
-            let wait = self.world.next_at().min(port_due).since(self.now());
+            let due = self.world.next_at().min(port_due);
+            #[cfg(feature = "hw")]
+            let due = due.min(self.radios.as_ref().map_or(Time::NEVER, XbeePtys::deadline));
+            let wait = due.since(self.now());
             let inbound = match inbox.recv_timeout(wait.min(Duration::from_secs(3600))) {
                 Ok(inbound) => Some(inbound),
                 Err(RecvTimeoutError::Timeout) => None,
@@ -123,6 +148,10 @@ impl WorldThread {
             }
             if let Some(port) = &mut self.port {
                 port.due(now, self.world.environment());
+            }
+            #[cfg(feature = "hw")]
+            if let Some(radios) = &mut self.radios {
+                radios.due(now, self.world.environment());
             }
         }
         self.connections
@@ -192,6 +221,13 @@ impl WorldThread {
                 self.world.advance(now, &mut self.output);
                 if let Some(port) = &mut self.port {
                     port.take(now, word, self.world.environment());
+                }
+            }
+            #[cfg(feature = "hw")]
+            Inbound::Host(vehicle, said) => {
+                let now = self.now();
+                if let Some(radios) = &mut self.radios {
+                    radios.take(now, vehicle, said);
                 }
             }
             Inbound::End => self.is_ended = true,

@@ -2,9 +2,10 @@
 
 use std::collections::BTreeMap;
 
+use crate::config::XBEE_BAUDS;
 use crate::hw::xbee_frame::{ApiMode, AtName};
 use crate::hw::xbee_registers::{
-    AO, AP, BAUDS, BD, CH, HV, ID, MY, ModuleKind, NP, PL, PP, SH, SL, VR, value_of,
+    AO, AP, BD, CH, HV, ID, MY, ModuleKind, NP, PL, PP, SH, SL, VR, value_of,
 };
 
 /// Its name.
@@ -185,7 +186,7 @@ impl ModuleRegisters {
     /// Returns at which baud rate it speaks.
     pub(super) fn baud(&self) -> u32 {
         let code = self.number(BD) as usize;
-        BAUDS.get(code).copied().unwrap_or(BAUDS[3])
+        XBEE_BAUDS.get(code).copied().unwrap_or(XBEE_BAUDS[3])
     }
 
     /// Returns its own address; FFFE and FFFF = it has none.

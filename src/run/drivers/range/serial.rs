@@ -10,28 +10,21 @@
 //! than that, and no reading is taken for younger than it is.
 
 use std::io;
-use std::path::Path;
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
-
-use rustix::fs::{FlockOperation, Mode, OFlags};
-use serial2::SerialPort;
 
 use super::{EventSink, SharedPings};
 use crate::config::{SensorCoverage, SerialSensor};
 use crate::hw::{DroppedReadings, RangeDecoder};
 use crate::node::Event;
 use crate::run::clock::Clock;
+use crate::run::drivers::serial_port::{LATEST, SOONEST, in_words, open};
 use crate::run::mailbox::lock;
 use crate::time::Time;
 
 /// The queue is looked at this often at least.
 const LOOKS_EVERY: Duration = Duration::from_millis(5);
-/// A port that is gone is opened again after this long at first.
-const SOONEST: Duration = Duration::from_millis(250);
-/// And this often in the end.
-const LATEST: Duration = Duration::from_secs(1);
 
 /// A sensor on a serial line and the thread that reads it; dropping it ends the thread.
 pub(super) struct SerialReader {
@@ -154,7 +147,8 @@ impl Work {
     /// Opens the port and reads until the end, or until it is gone: then why, and whether anything was read.
     fn session(&mut self) -> Result<(), (io::Error, bool)> {
         let mut queue_empty_at = self.clock.now();
-        let port = open(&self.sensor).map_err(|error| (error, false))?;
+        let baud = u32::try_from(self.sensor.baud).unwrap_or(u32::MAX);
+        let port = open(&self.sensor.port, baud, LOOKS_EVERY).map_err(|error| (error, false))?;
         let mut state = lock(&self.shared.state);
         (state.trouble, state.opened) = (None, state.opened + 1);
         drop(state);
@@ -193,41 +187,5 @@ impl Work {
         if let Some(echo) = echo {
             (self.events)(Event::Echo(echo));
         }
-    }
-}
-
-/// Opens a port for this process alone. It is locked before anything is set: another program's port stays as it is.
-fn open(sensor: &SerialSensor) -> io::Result<SerialPort> {
-    let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
-    let file = rustix::fs::open(Path::new(&sensor.port), flags, Mode::empty())?;
-    rustix::fs::flock(&file, FlockOperation::NonBlockingLockExclusive)?;
-    if !rustix::termios::isatty(&file) {
-        return Err(rustix::io::Errno::NOTTY.into());
-    }
-    rustix::termios::ioctl_tiocexcl(&file)?;
-    let mut port = SerialPort::from(file);
-    let mut settings = port.get_configuration()?;
-    settings.set_raw();
-    settings.set_baud_rate(u32::try_from(sensor.baud).unwrap_or(u32::MAX))?;
-    port.set_configuration(&settings)?;
-    port.set_read_timeout(LOOKS_EVERY)?;
-    port.discard_input_buffer()?;
-    Ok(port)
-}
-
-/// Returns why a port is closed.
-fn in_words(error: &io::Error) -> String {
-    match error.kind() {
-        io::ErrorKind::WouldBlock | io::ErrorKind::ResourceBusy => {
-            "another program uses it".to_owned()
-        }
-        io::ErrorKind::UnexpectedEof => "it has gone".to_owned(),
-        _ if error.raw_os_error() == Some(rustix::io::Errno::NOTTY.raw_os_error()) => {
-            "it is no serial port".to_owned()
-        }
-        _ if error.raw_os_error() == Some(rustix::io::Errno::IO.raw_os_error()) => {
-            "it has gone".to_owned()
-        }
-        _ => error.to_string(),
     }
 }

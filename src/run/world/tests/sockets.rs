@@ -20,7 +20,7 @@ use crate::run::link::{
 const TOKEN: &str = "sesame";
 
 fn begin(listen: &str) -> WorldServer {
-    WorldServer::start(&scenario(), listen.parse().unwrap(), TOKEN, None).unwrap()
+    WorldServer::start(&scenario(), listen.parse().unwrap(), TOKEN, None, None).unwrap()
 }
 
 /// The drivers of a vehicle, as a test plays them.
@@ -305,7 +305,8 @@ fn one_that_never_reads_does_not_stop_the_others() {
 #[test]
 fn only_this_machine_may_connect() {
     for address in ["0.0.0.0:0", "192.0.2.1:0", "[::]:0"] {
-        let refused = WorldServer::start(&scenario(), address.parse().unwrap(), TOKEN, None).err();
+        let refused =
+            WorldServer::start(&scenario(), address.parse().unwrap(), TOKEN, None, None).err();
         assert!(
             matches!(refused, Some(WorldError::NotLoopback { .. })),
             "{address}: {refused:?}"

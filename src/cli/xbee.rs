@@ -1,0 +1,177 @@
+//! `tomoswarm xbee`: sets up the XBee of a vehicle, and shows what is set.
+
+use std::fmt::Write as _;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use clap::Subcommand;
+use tomoswarm_proto::VehicleId;
+
+use super::error::CliError;
+use super::read;
+use super::standard_output::complain;
+use crate::config::{self, Config, Venue};
+use crate::hw::xbee_frame::ApiMode;
+use crate::hw::xbee_registers::{Mismatches, ModuleSettings, READ, Registers, network_of};
+use crate::hw::xbee_setup::SetupSettings;
+use crate::run::drivers::radio::xbee_tool::{XbeeToolError, registers, set_up};
+
+/// Set up an XBee with 802.15.4 firmware, or show what is set.
+#[derive(clap::Args, Debug)]
+#[command(after_help = AFTER_HELP)]
+pub struct XbeeArgs {
+    #[command(subcommand)]
+    command: XbeeCommand,
+}
+
+#[derive(Subcommand, Debug)]
+enum XbeeCommand {
+    Setup(SetupArgs),
+    Show(ShowArgs),
+}
+
+/// Find the module at a port, whatever its baud rate and mode, and write and save its registers.
+#[derive(clap::Args, Debug)]
+struct SetupArgs {
+    /// The serial port, such as /dev/serial/by-id/usb-…
+    #[arg(value_name = "PORT")]
+    port: String,
+    #[command(flatten)]
+    of: OfVehicle,
+    /// Its baud rate from then on
+    #[arg(long, value_name = "B", default_value_t = 115_200)]
+    baud: u32,
+}
+
+/// Show the registers of the module at a port; with --vehicle and --venue also in what they differ from what is wanted.
+#[derive(clap::Args, Debug)]
+struct ShowArgs {
+    /// The serial port
+    #[arg(value_name = "PORT")]
+    port: String,
+    /// Its baud rate
+    #[arg(long, value_name = "B", default_value_t = 115_200)]
+    baud: u32,
+    #[command(flatten)]
+    of: Option<OfVehicle>,
+}
+
+/// Whose module it is.
+#[derive(clap::Args, Debug)]
+struct OfVehicle {
+    /// The vehicle's number, which becomes the module's address
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=250))]
+    vehicle: u8,
+    /// The venue's file: it says the channel, and its network follows from it
+    #[arg(long, value_name = "FILE")]
+    venue: PathBuf,
+    /// Transmit power, dBm
+    #[arg(
+        long,
+        value_name = "DBM",
+        default_value_t = 0,
+        allow_hyphen_values = true
+    )]
+    power_dbm: i8,
+}
+
+const AFTER_HELP: &str = "\
+Examples:
+  tomoswarm xbee setup /dev/serial/by-id/usb-FTDI… --vehicle 3 --venue venue.toml
+  tomoswarm xbee show /dev/serial/by-id/usb-FTDI… --vehicle 3 --venue venue.toml
+
+Exit codes: 0 done; 1 no module answers, it refuses, or it differs from what is wanted; 2 bad usage or file.";
+
+impl XbeeArgs {
+    /// Sets up, or shows.
+    ///
+    /// # Errors
+    /// A bad file, a port that cannot be used, a module that is not as wanted.
+    pub fn run(&self, out: &mut dyn Write) -> Result<(), CliError> {
+        match &self.command {
+            XbeeCommand::Setup(setup) => setup.run(out),
+            XbeeCommand::Show(show) => show.run(out),
+        }
+    }
+}
+
+impl SetupArgs {
+    fn run(&self, out: &mut dyn Write) -> Result<(), CliError> {
+        let settings = SetupSettings {
+            module: self.of.settings()?,
+            baud: self.baud,
+        };
+        let mut found = |baud: u32, mode: Option<ApiMode>| {
+            let spoke = match mode {
+                Some(mode) => format!("API mode {}", mode.register()),
+                None => "no frames (transparent mode)".to_owned(),
+            };
+            complain(&format!("found at {baud} baud, {spoke}"));
+        };
+        let set = set_up(&self.port, settings, &mut found).map_err(|error| error_of(&error))?;
+        show(&set, out)
+    }
+}
+
+impl ShowArgs {
+    fn run(&self, out: &mut dyn Write) -> Result<(), CliError> {
+        let wanted = self.of.as_ref().map(OfVehicle::settings).transpose()?;
+        let found = registers(&self.port, self.baud).map_err(|error| error_of(&error))?;
+        show(&found, out)?;
+        let Some(wanted) = wanted else { return Ok(()) };
+        match found.mismatches(&wanted) {
+            differences if differences.is_empty() => Ok(()),
+            differences => Err(CliError::Swarm(Mismatches(differences).to_string())),
+        }
+    }
+}
+
+impl OfVehicle {
+    fn settings(&self) -> Result<ModuleSettings, CliError> {
+        let venue = venue(&self.venue)?;
+        Ok(ModuleSettings {
+            vehicle: VehicleId(self.vehicle),
+            network: network_of(venue.hash()),
+            channel: u8::try_from(venue.swarm.channel).unwrap_or(u8::MAX),
+            power_dbm: self.power_dbm,
+            mode: ApiMode::Escaped,
+        })
+    }
+}
+
+fn venue(path: &Path) -> Result<Venue, CliError> {
+    let text = read::text(path)?;
+    match config::read(&read::shown(path), &text, &mut read::around(path))? {
+        Config::Venue(venue) => Ok(venue),
+        _ => Err(CliError::Input {
+            path: path.to_owned(),
+            reason: "is of another kind; kind = \"venue\" is needed here".to_owned(),
+        }),
+    }
+}
+
+fn error_of(error: &XbeeToolError) -> CliError {
+    CliError::Swarm(error.to_string())
+}
+
+/// Prints registers as the manuals write them, in hexadecimal digits.
+fn show(registers: &Registers, out: &mut dyn Write) -> Result<(), CliError> {
+    let mut text = String::new();
+    for name in READ {
+        let value = registers
+            .get(name)
+            .map_or_else(|| "not known".to_owned(), |value| format!("{value:X}"));
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "{name} {value}");
+    }
+    let kind = registers.kind().map(|kind| format!("{kind:?}"));
+    let power = registers.power_dbm().map(|power| format!(", {power} dBm"));
+    let _ = writeln!(
+        text,
+        "{}{}, {} bytes a packet",
+        kind.unwrap_or_else(|| "no XBee that carries beacons".to_owned()),
+        power.unwrap_or_default(),
+        registers.payload_most()
+    );
+    out.write_all(text.as_bytes()).map_err(CliError::stdout)
+}
