@@ -133,7 +133,7 @@ impl OfVehicle {
             vehicle: VehicleId(self.vehicle),
             network: network_of(venue.hash()),
             channel: u8::try_from(venue.swarm.channel).unwrap_or(u8::MAX),
-            power_dbm: self.power_dbm,
+            power_dbm: self.power_dbm.unwrap_or_default(),
             mode: ApiMode::Escaped,
         })
     }

@@ -29,3 +29,4 @@ mod relays;
 mod strangers;
 mod swarm;
 mod trust;
+mod xbee;

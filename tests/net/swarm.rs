@@ -232,8 +232,9 @@ pub struct Swarm {
     preloads: BTreeMap<String, PathBuf>,
     /// Where the world serves autopilots over MAVLink, vehicle 1 first.
     autopilots: Option<SocketAddr>,
-    /// Further words of the ground station's command line.
+    /// Further words of the ground station's command line, and of the world's.
     ground_options: Vec<String>,
+    world_options: Vec<String>,
     began: Instant,
     _place: Place,
 }
@@ -265,6 +266,7 @@ impl Swarm {
             preloads: BTreeMap::new(),
             autopilots: None,
             ground_options: Vec::new(),
+            world_options: Vec::new(),
             began: Instant::now(),
             _place: place,
         };
@@ -285,6 +287,8 @@ impl Swarm {
                 .iter()
                 .flat_map(|address| ["--mavlink", address.as_str()]),
         );
+        let options = self.world_options.clone();
+        words.extend(options.iter().map(String::as_str));
         self.spawn("world", &words);
         let nodes: Vec<Sender> = self.addresses.keys().copied().collect();
         for node in nodes {
@@ -340,6 +344,22 @@ impl Swarm {
                 "[autopilot]\ndriver = \"mavlink\"\n[autopilot.mavlink]\nconnection = \"tcp:{address}\"\nsystem = {id}\n"
             );
             let text = text.replace("[autopilot]\ndriver = \"sim\"\n", &mavlink);
+            self.write(&name, &text);
+        }
+    }
+
+    /// Gives every vehicle an XBee at a pseudo-terminal of the world.
+    pub fn speak_by_xbee(&mut self) {
+        self.world_options = ["--xbee-pty", "ports"].map(str::to_owned).to_vec();
+        for id in 1..=self.size.vehicles {
+            let name = format!("vehicle-{id}.toml");
+            let text = std::fs::read_to_string(self.path(&name)).unwrap();
+            let port = self.path(&format!("ports/vehicle-{id}"));
+            let xbee = format!(
+                "[radio]\ndriver = \"xbee\"\n[radio.xbee]\nport = {:?}\n",
+                port.to_str().unwrap()
+            );
+            let text = text.replace("[radio]\ndriver = \"sim\"\n", &xbee);
             self.write(&name, &text);
         }
     }

@@ -1,0 +1,129 @@
+//! Vehicles whose radios are XBees at pseudo-terminals, and what sets them up.
+
+use std::path::Path;
+use std::process::Command;
+
+use tomoswarm_proto::{RadioHealth, VehicleId};
+
+use crate::swarm::{PROGRAM, Size, Swarm, vehicle};
+
+fn two() -> Swarm {
+    let mut swarm = Swarm::prepare(Size {
+        vehicles: 2,
+        laps: 1,
+        relayed: false,
+    });
+    swarm.speak_by_xbee();
+    swarm
+}
+
+fn health(swarm: &Swarm, id: u8) -> Option<(RadioHealth, Vec<String>)> {
+    swarm.look(|watch| {
+        let view = watch.view.vehicle(VehicleId(id))?;
+        let health = &view.health.as_ref()?.value;
+        Some((health.radio?, health.troubles.clone()))
+    })
+}
+
+#[test]
+fn a_sweep_is_measured_by_xbees_that_are_pulled_out_and_plugged_in_again() {
+    let mut swarm = two();
+    swarm.run();
+    swarm.begin();
+    swarm.until_samples(150);
+    // The port of vehicle 1 is closed and opened anew with its process.
+    swarm.kill("vehicle-1");
+    swarm.restart(vehicle(1));
+    swarm.until_end();
+    let (radio, troubles) = health(&swarm, 2).unwrap();
+    assert!(radio.sent > 200 && radio.bad == 0, "{radio:?}");
+    assert!(radio.unsent * 10 < radio.sent, "{radio:?}");
+    assert!(
+        !troubles.iter().any(|trouble| trouble.contains("radio")),
+        "{troubles:?}"
+    );
+    swarm.finish();
+}
+
+/// Returns what a command prints, what it complains of, and its exit code.
+fn xbee(folder: &Path, words: &str) -> (String, String, Option<i32>) {
+    let run = Command::new(PROGRAM)
+        .arg("xbee")
+        .args(words.split(' '))
+        .current_dir(folder)
+        .output()
+        .unwrap();
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    (text(&run.stdout), text(&run.stderr), run.status.code())
+}
+
+#[test]
+fn a_module_is_found_at_another_baud_rate_set_up_and_shown_and_a_vehicle_says_what_is_wrong() {
+    let mut swarm = two();
+    swarm.run();
+    let sends = |swarm: &Swarm, id: u8| health(swarm, id).is_some_and(|(radio, _)| radio.sent > 20);
+    while !(sends(&swarm, 1) && sends(&swarm, 2)) {
+        std::thread::sleep(std::time::Duration::from_millis(100));
+    }
+    let folder = swarm.path("");
+    let (_, said, code) = xbee(&folder, "show ports/vehicle-2");
+    assert_eq!(code, Some(1), "{said}");
+    assert!(said.contains("another program uses it"), "{said}");
+    swarm.kill("vehicle-2");
+    let of_two = "--vehicle 2 --venue venue.toml";
+    let (shown, said, code) = xbee(&folder, &format!("show ports/vehicle-2 {of_two}"));
+    assert_eq!(code, Some(0), "{said}");
+    assert!(
+        shown.contains("MY 2\n") && shown.contains("AP 2\n"),
+        "{shown}"
+    );
+    let of_three = "--vehicle 3 --venue venue.toml --baud 38400";
+    let (shown, said, code) = xbee(&folder, &format!("setup ports/vehicle-2 {of_three}"));
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("found at 115200 baud, API mode 2"), "{said}");
+    assert!(shown.contains("MY 3\n"), "{shown}");
+    swarm.restart(vehicle(2));
+    swarm.until("it says that its module is silent", 20, |watch| {
+        let view = watch.view.vehicle(VehicleId(2));
+        let health = view.and_then(|view| view.health.as_ref());
+        health.is_some_and(|health| {
+            let mut troubles = health.value.troubles.iter();
+            troubles.any(|trouble| trouble.contains("the module does not answer"))
+        })
+    });
+    swarm.kill("vehicle-2");
+    let (_, said, code) = xbee(
+        &folder,
+        &format!("show ports/vehicle-2 {of_two} --baud 38400"),
+    );
+    assert_eq!(code, Some(1), "{said}");
+    assert!(said.contains("MY is 3, wanted 2"), "{said}");
+    let (_, said, code) = xbee(&folder, &format!("setup ports/vehicle-2 {of_two}"));
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("found at 38400 baud"), "{said}");
+    swarm.restart(vehicle(2));
+    swarm.until("it speaks again", 20, |watch| {
+        let view = watch.view.vehicle(VehicleId(1));
+        let health = view.and_then(|view| view.health.as_ref());
+        health.is_some_and(|health| health.value.hears.contains(&VehicleId(2)))
+    });
+    for (words, code, part) in [
+        ("show ports/nobody", 1, "ports/nobody: No such file"),
+        ("show venue.toml", 1, "it is no serial port"),
+        (
+            "setup ports/vehicle-1 --vehicle 1 --venue sim.toml",
+            2,
+            "another kind",
+        ),
+        (
+            "setup ports/vehicle-1 --vehicle 0 --venue venue.toml",
+            2,
+            "1..=250",
+        ),
+    ] {
+        let (_, said, found) = xbee(&folder, words);
+        assert_eq!(found, Some(code), "{words}: {said}");
+        assert!(said.contains(part), "{words}: {said}");
+    }
+    swarm.end_in_order();
+}
