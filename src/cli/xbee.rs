@@ -12,7 +12,7 @@ use super::read;
 use super::standard_output::complain;
 use crate::config::{self, Config, Venue};
 use crate::hw::xbee_frame::ApiMode;
-use crate::hw::xbee_registers::{Mismatches, ModuleSettings, READ, Registers, network_of};
+use crate::hw::xbee_registers::{Mismatches, ModuleSettings, READ, Registers};
 use crate::hw::xbee_setup::SetupSettings;
 use crate::run::drivers::radio::xbee_tool::{XbeeToolError, registers, set_up};
 
@@ -36,29 +36,6 @@ struct SetupArgs {
     /// The serial port, such as /dev/serial/by-id/usb-…
     #[arg(value_name = "PORT")]
     port: String,
-    #[command(flatten)]
-    of: OfVehicle,
-    /// Its baud rate from then on
-    #[arg(long, value_name = "B", default_value_t = 115_200)]
-    baud: u32,
-}
-
-/// Show the registers of the module at a port; with --vehicle and --venue also in what they differ from what is wanted.
-#[derive(clap::Args, Debug)]
-struct ShowArgs {
-    /// The serial port
-    #[arg(value_name = "PORT")]
-    port: String,
-    /// Its baud rate
-    #[arg(long, value_name = "B", default_value_t = 115_200)]
-    baud: u32,
-    #[command(flatten)]
-    of: Option<OfVehicle>,
-}
-
-/// Whose module it is.
-#[derive(clap::Args, Debug)]
-struct OfVehicle {
     /// The vehicle's number, which becomes the module's address
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=250))]
     vehicle: u8,
@@ -73,6 +50,34 @@ struct OfVehicle {
         allow_hyphen_values = true
     )]
     power_dbm: i8,
+    /// Its baud rate from then on
+    #[arg(long, value_name = "B", default_value_t = 115_200)]
+    baud: u32,
+}
+
+/// Show the registers of the module at a port; with --vehicle and --venue also in what they differ from what is wanted.
+#[derive(clap::Args, Debug)]
+struct ShowArgs {
+    /// The serial port
+    #[arg(value_name = "PORT")]
+    port: String,
+    /// Its baud rate
+    #[arg(long, value_name = "B", default_value_t = 115_200)]
+    baud: u32,
+    /// Compare them with what this vehicle's are to be
+    #[arg(long, value_name = "N", requires = "venue", value_parser = clap::value_parser!(u8).range(1..=250))]
+    vehicle: Option<u8>,
+    /// The venue's file
+    #[arg(long, value_name = "FILE", requires = "vehicle")]
+    venue: Option<PathBuf>,
+    /// Transmit power, dBm [default: 0]
+    #[arg(
+        long,
+        value_name = "DBM",
+        requires = "vehicle",
+        allow_hyphen_values = true
+    )]
+    power_dbm: Option<i8>,
 }
 
 const AFTER_HELP: &str = "\
@@ -98,7 +103,7 @@ impl XbeeArgs {
 impl SetupArgs {
     fn run(&self, out: &mut dyn Write) -> Result<(), CliError> {
         let settings = SetupSettings {
-            module: self.of.settings()?,
+            module: settings(self.vehicle, &self.venue, self.power_dbm)?,
             baud: self.baud,
         };
         let mut found = |baud: u32, mode: Option<ApiMode>| {
@@ -115,7 +120,14 @@ impl SetupArgs {
 
 impl ShowArgs {
     fn run(&self, out: &mut dyn Write) -> Result<(), CliError> {
-        let wanted = self.of.as_ref().map(OfVehicle::settings).transpose()?;
+        let wanted = match (self.vehicle, &self.venue) {
+            (Some(vehicle), Some(venue)) => {
+                let power_dbm = self.power_dbm.unwrap_or_default();
+                Some(settings(vehicle, venue, power_dbm)?)
+            }
+            // One needs the other.
+            (Some(_), None) | (None, _) => None,
+        };
         let found = registers(&self.port, self.baud).map_err(|error| error_of(&error))?;
         show(&found, out)?;
         let Some(wanted) = wanted else { return Ok(()) };
@@ -126,17 +138,14 @@ impl ShowArgs {
     }
 }
 
-impl OfVehicle {
-    fn settings(&self) -> Result<ModuleSettings, CliError> {
-        let venue = venue(&self.venue)?;
-        Ok(ModuleSettings {
-            vehicle: VehicleId(self.vehicle),
-            network: network_of(venue.hash()),
-            channel: u8::try_from(venue.swarm.channel).unwrap_or(u8::MAX),
-            power_dbm: self.power_dbm.unwrap_or_default(),
-            mode: ApiMode::Escaped,
-        })
-    }
+/// Returns what the module of a vehicle is to say of itself.
+fn settings(vehicle: u8, venue_file: &Path, power_dbm: i8) -> Result<ModuleSettings, CliError> {
+    let venue = venue(venue_file)?;
+    Ok(ModuleSettings::of_venue(
+        VehicleId(vehicle),
+        &venue,
+        power_dbm,
+    ))
 }
 
 fn venue(path: &Path) -> Result<Venue, CliError> {

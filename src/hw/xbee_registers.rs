@@ -10,6 +10,7 @@ use tomoswarm_proto::VehicleId;
 
 pub use self::reads::{Answer, ReadState, RegisterReads, command};
 use super::xbee_frame::{ApiMode, AtName};
+use crate::config::Venue;
 
 /// Firmware version.
 pub const VR: AtName = AtName(*b"VR");
@@ -76,6 +77,17 @@ pub struct ModuleSettings {
 }
 
 impl ModuleSettings {
+    /// Returns what the module of a vehicle is to be in a venue, whose channel it has, and whose network.
+    pub fn of_venue(vehicle: VehicleId, venue: &Venue, power_dbm: i8) -> ModuleSettings {
+        ModuleSettings {
+            vehicle,
+            network: network_of(venue.hash()),
+            channel: u8::try_from(venue.swarm.channel).unwrap_or(u8::MAX),
+            power_dbm,
+            mode: ApiMode::Escaped,
+        }
+    }
+
     /// Returns the address of its module.
     pub fn address(&self) -> u16 {
         u16::from(self.vehicle.0)

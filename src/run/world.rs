@@ -34,8 +34,6 @@ use super::link::{TOKEN_LIMIT, WorldStatus};
 use super::mavlink_port::{MavlinkPort, PortError, PortSettings};
 use super::mavlink_sockets::by_queue;
 #[cfg(feature = "hw")]
-use crate::hw::xbee_registers::network_of;
-#[cfg(feature = "hw")]
 use crate::sim::environment::Environment;
 #[cfg(feature = "hw")]
 use crate::sim::noise::Noise;
@@ -250,8 +248,7 @@ fn open_radios(
     let sim = scenario.sim();
     let settings = PtySettings {
         folder: folder.to_owned(),
-        network: network_of(sim.venue.hash()),
-        channel: u8::try_from(sim.venue.swarm.channel).unwrap_or(u8::MAX),
+        venue: sim.venue.clone(),
         power_dbm: sim.radio.own.power_dbm,
         noise: Noise::new(sim.seed),
     };

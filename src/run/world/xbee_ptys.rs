@@ -19,8 +19,7 @@ use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use serial2::SerialPort;
 use tomoswarm_proto::VehicleId;
 
-use crate::config::XBEE_BAUDS;
-use crate::hw::xbee_frame::ApiMode;
+use crate::config::{Venue, XBEE_BAUDS};
 use crate::hw::xbee_registers::{AP, BD, CH, ID, MY, ModuleKind, ModuleSettings, PL};
 use crate::sim::environment::Environment;
 use crate::sim::noise::Noise;
@@ -64,10 +63,8 @@ struct Pty {
 pub(super) struct PtySettings {
     /// Where the ports are shown: one for each vehicle, `vehicle-N`.
     pub folder: PathBuf,
-    /// The network of the venue.
-    pub network: u16,
-    /// Its radio channel.
-    pub channel: u8,
+    /// The venue.
+    pub venue: Venue,
     /// Transmit power, dBm.
     pub power_dbm: i8,
     /// Chance of the world.
@@ -136,13 +133,7 @@ impl XbeePtys {
 
 /// Returns the module of a vehicle, switched on.
 fn module(settings: &PtySettings, vehicle: VehicleId) -> XbeeModule {
-    let wanted = ModuleSettings {
-        vehicle,
-        network: settings.network,
-        channel: settings.channel,
-        power_dbm: settings.power_dbm,
-        mode: ApiMode::Escaped,
-    };
+    let wanted = ModuleSettings::of_venue(vehicle, &settings.venue, settings.power_dbm);
     let level = |kind: ModuleKind| {
         let powers = kind.powers_dbm();
         powers.iter().position(|power| *power == wanted.power_dbm)

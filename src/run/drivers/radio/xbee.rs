@@ -17,9 +17,8 @@ use tomoswarm_proto::{Beacon, RadioHealth};
 
 use super::EventSink;
 use crate::config::{VehicleFile, XbeePort};
-use crate::hw::xbee_frame::ApiMode;
 use crate::hw::xbee_modem::{ModemOut, XbeeModem};
-use crate::hw::xbee_registers::{ModuleSettings, network_of};
+use crate::hw::xbee_registers::ModuleSettings;
 use crate::node::Event;
 use crate::run::clock::Clock;
 use crate::run::drivers::serial_port::{LATEST, SOONEST, in_words, open};
@@ -89,7 +88,7 @@ impl XbeeRadio {
         clock: Clock,
         events: EventSink,
     ) -> io::Result<XbeeRadio> {
-        let settings = module_settings(file);
+        let settings = ModuleSettings::of_venue(file.id, &file.venue, file.radio.power_dbm);
         let (inbox, waiting) = channel();
         let said = Arc::<Mutex<Said>>::default();
         let mut work = Work {
@@ -130,17 +129,6 @@ impl XbeeRadio {
     /// Returns what it has done.
     pub(super) fn health(&self) -> RadioHealth {
         lock(&self.said).health
-    }
-}
-
-/// Returns what the module of a vehicle is to say of itself.
-pub(super) fn module_settings(file: &VehicleFile) -> ModuleSettings {
-    ModuleSettings {
-        vehicle: file.id,
-        network: network_of(file.venue.hash()),
-        channel: u8::try_from(file.venue.swarm.channel).unwrap_or(u8::MAX),
-        power_dbm: file.radio.power_dbm,
-        mode: ApiMode::Escaped,
     }
 }
 
