@@ -460,12 +460,18 @@ fn drivers_that_are_not_built_in_are_refused_by_name() {
     } else {
         "\"sim\""
     };
+    let has_xbee = cfg!(feature = "hw");
+    let radios = if has_xbee {
+        "\"sim\" or \"xbee\""
+    } else {
+        "\"sim\""
+    };
     for (section, driver, built) in [
         ("autopilot", "mavlink", autopilots),
         ("servo", "gpio", "\"sim\" or \"none\""),
         ("servo", "mavlink", "\"sim\" or \"none\""),
         ("range", "hcsr04", ranges.as_str()),
-        ("radio", "xbee", "\"sim\""),
+        ("radio", "xbee", radios),
     ] {
         let (old, new) = (
             format!("{section}.driver = \"sim\""),
@@ -474,7 +480,12 @@ fn drivers_that_are_not_built_in_are_refused_by_name() {
         let output = format!(
             "{section}.driver = \"{driver}\": is not built in; driver = {built} is allowed"
         );
-        if section != "autopilot" || !has_mavlink {
+        let is_built = match section {
+            "autopilot" => has_mavlink,
+            "radio" => has_xbee,
+            _ => false,
+        };
+        if !is_built {
             check_replaced(VEHICLE, &old, &new, &[&output]);
         }
         let output = format!("\"usb\": is not known; driver = {built} is allowed");
