@@ -17,6 +17,7 @@
 pub mod autopilot;
 pub mod radio;
 pub mod range;
+mod reopening;
 #[cfg(feature = "hw")]
 mod serial_port;
 

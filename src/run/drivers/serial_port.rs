@@ -7,11 +7,6 @@ use std::time::Duration;
 use rustix::fs::{FlockOperation, Mode, OFlags};
 use serial2::SerialPort;
 
-/// A port that is gone is opened again after this long at first.
-pub(super) const SOONEST: Duration = Duration::from_millis(250);
-/// And this often in the end.
-pub(super) const LATEST: Duration = Duration::from_secs(1);
-
 /// Opens a port for this process alone. It is locked before anything is set: another program's port stays as it is. Who reads it
 /// waits so long for bytes.
 ///
@@ -33,7 +28,7 @@ pub(super) fn open(port: &str, baud: u32, waits: Duration) -> io::Result<SerialP
     Ok(port)
 }
 
-/// Gives a port another speed.
+/// Sets the speed of a port.
 ///
 /// # Errors
 /// It has gone.

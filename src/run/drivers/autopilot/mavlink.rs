@@ -27,14 +27,11 @@ use crate::mavlink::signing::{PER_SECOND, Signing, key_from_hex};
 use crate::node::Event;
 use crate::run::clock::Clock;
 use crate::run::drivers::EventSink;
+use crate::run::drivers::reopening::Reopening;
 use crate::run::mailbox::lock;
 use crate::run::mavlink_port::signing_clock;
 use crate::time::Time;
 
-/// A connection that is gone is opened again after this long at first.
-const SOONEST: Duration = Duration::from_millis(250);
-/// And this often in the end.
-const LATEST: Duration = Duration::from_secs(1);
 /// The thread sleeps no longer than this.
 const NAP: Duration = Duration::from_millis(200);
 /// The component of a companion computer.
@@ -79,10 +76,7 @@ struct Work {
     connection: Option<Connection>,
     /// Number of the newest connection.
     number: u64,
-    /// Why the connection is closed, while it is.
-    closed: Option<String>,
-    opens_at: Time,
-    opens_after: Duration,
+    reopening: Reopening,
     bytes: u64,
     frames: u64,
     clock: Clock,
@@ -140,9 +134,7 @@ impl MavlinkAutopilot {
             signing,
             connection: None,
             number: 0,
-            closed: Some("not open yet".to_owned()),
-            opens_at: Time::ZERO,
-            opens_after: SOONEST,
+            reopening: Reopening::default(),
             bytes: 0,
             frames: 0,
             clock,
@@ -198,10 +190,8 @@ impl Work {
         loop {
             let now = self.clock.now();
             self.keep_open(now);
-            let due = self.driver.deadline().min(match self.connection {
-                Some(_) => Time::NEVER,
-                None => self.opens_at,
-            });
+            let opens_at = self.reopening.deadline().unwrap_or(Time::NEVER);
+            let due = self.driver.deadline().min(opens_at);
             let inbound = match inbox.recv_timeout(due.since(now).min(NAP)) {
                 Ok(inbound) => Some(inbound),
                 Err(RecvTimeoutError::Timeout) => None,
@@ -229,7 +219,7 @@ impl Work {
 
     /// Opens the connection when it is closed and its time has come.
     fn keep_open(&mut self, now: Time) {
-        if self.connection.is_some() || now < self.opens_at {
+        if self.reopening.deadline().is_none_or(|at| now < at) {
             return;
         }
         self.number += 1;
@@ -241,7 +231,8 @@ impl Work {
         let baud = self.settings.baud as u32;
         match Connection::open(&self.settings.endpoint, baud, told) {
             Ok(connection) => {
-                (self.connection, self.closed) = (Some(connection), None);
+                self.connection = Some(connection);
+                self.reopening.opened();
                 (self.bytes, self.frames, self.reader) = (0, 0, FrameReader::default());
             }
             Err(error) => self.close(now, error.to_string()),
@@ -249,12 +240,8 @@ impl Work {
     }
 
     fn close(&mut self, now: Time, why: String) {
-        (self.connection, self.closed) = (None, Some(why));
-        self.opens_at = now + self.opens_after;
-        self.opens_after = match self.frames {
-            0 => (self.opens_after * 2).min(LATEST),
-            _ => SOONEST,
-        };
+        self.connection = None;
+        self.reopening.gone(now, why, self.frames > 0);
     }
 
     fn hear(&mut self, now: Time, said: FromConnection, out: &mut Vec<DriverOut>) {
@@ -298,7 +285,7 @@ impl Work {
     fn tell_trouble(&self, now: Time) {
         let endpoint = self.settings.endpoint.in_words();
         let dropped = self.reader.dropped();
-        let trouble = if let Some(why) = &self.closed {
+        let trouble = if let Some(why) = self.reopening.closed() {
             Some(format!("{endpoint}: {why}"))
         } else if let (0, Some(why)) = (self.frames, no_frame(&self.settings, dropped, self.bytes))
         {

@@ -21,7 +21,8 @@ use crate::hw::xbee_modem::{ModemOut, XbeeModem};
 use crate::hw::xbee_registers::ModuleSettings;
 use crate::node::Event;
 use crate::run::clock::Clock;
-use crate::run::drivers::serial_port::{LATEST, SOONEST, in_words, open};
+use crate::run::drivers::reopening::Reopening;
+use crate::run::drivers::serial_port::{in_words, open};
 use crate::run::mailbox::lock;
 use crate::time::Time;
 
@@ -33,13 +34,13 @@ const NAP: Duration = Duration::from_millis(500);
 /// A module and the threads that speak with it; dropping it ends them.
 pub(super) struct XbeeRadio {
     inbox: Sender<Inbound>,
-    said: Arc<Mutex<Said>>,
+    status: Arc<Mutex<RadioStatus>>,
     thread: Option<JoinHandle<()>>,
 }
 
 /// What others may ask for.
 #[derive(Default)]
-struct Said {
+struct RadioStatus {
     /// What is wrong, in words.
     trouble: Option<String>,
     health: RadioHealth,
@@ -59,15 +60,12 @@ struct Work {
     open: Option<OpenPort>,
     /// Number of the newest port.
     number: u64,
-    /// Why the port is closed, while it is.
-    closed: Option<String>,
-    opens_at: Time,
-    opens_after: Duration,
+    reopening: Reopening,
     has_read: bool,
     clock: Clock,
     events: EventSink,
     own: Sender<Inbound>,
-    said: Arc<Mutex<Said>>,
+    status: Arc<Mutex<RadioStatus>>,
 }
 
 /// A port and the thread that reads it; dropping it closes the port.
@@ -90,27 +88,25 @@ impl XbeeRadio {
     ) -> io::Result<XbeeRadio> {
         let settings = ModuleSettings::of_venue(file.id, &file.venue, file.radio.power_dbm);
         let (inbox, waiting) = channel();
-        let said = Arc::<Mutex<Said>>::default();
+        let status = Arc::<Mutex<RadioStatus>>::default();
         let mut work = Work {
             port: port.clone(),
             modem: XbeeModem::new(settings),
             open: None,
             number: 0,
-            closed: Some("not open yet".to_owned()),
-            opens_at: Time::ZERO,
-            opens_after: SOONEST,
+            reopening: Reopening::default(),
             has_read: false,
             clock,
             events,
             own: inbox.clone(),
-            said: said.clone(),
+            status: status.clone(),
         };
         let thread = std::thread::Builder::new()
             .name("radio".to_owned())
             .spawn(move || work.run(&waiting))?;
         Ok(XbeeRadio {
             inbox,
-            said,
+            status,
             thread: Some(thread),
         })
     }
@@ -123,12 +119,12 @@ impl XbeeRadio {
 
     /// Returns what is wrong, in words.
     pub(super) fn trouble(&self) -> Option<String> {
-        lock(&self.said).trouble.clone()
+        lock(&self.status).trouble.clone()
     }
 
     /// Returns what it has done.
     pub(super) fn health(&self) -> RadioHealth {
-        lock(&self.said).health
+        lock(&self.status).health
     }
 }
 
@@ -149,10 +145,8 @@ impl Work {
             let now = self.clock.now();
             self.keep_open(now, &mut out);
             self.carry_out(now, out);
-            let due = match self.open {
-                Some(_) => self.modem.deadline().unwrap_or(Time::NEVER),
-                None => self.opens_at,
-            };
+            let due = self.reopening.deadline().or_else(|| self.modem.deadline());
+            let due = due.unwrap_or(Time::NEVER);
             let inbound = match inbox.recv_timeout(due.since(now).min(NAP)) {
                 Ok(inbound) => Some(inbound),
                 Err(RecvTimeoutError::Timeout) => None,
@@ -180,7 +174,7 @@ impl Work {
 
     /// Opens the port when it is closed and its time has come.
     fn keep_open(&mut self, now: Time, out: &mut Vec<ModemOut>) {
-        if self.open.is_some() || now < self.opens_at {
+        if self.reopening.deadline().is_none_or(|at| now < at) {
             return;
         }
         self.number += 1;
@@ -191,7 +185,8 @@ impl Work {
         };
         match OpenPort::open(&self.port, told) {
             Ok(open) => {
-                (self.open, self.closed, self.has_read) = (Some(open), None, false);
+                (self.open, self.has_read) = (Some(open), false);
+                self.reopening.opened();
                 self.modem.opened(now, out);
             }
             Err(error) => self.close(now, &error, out),
@@ -199,12 +194,8 @@ impl Work {
     }
 
     fn close(&mut self, now: Time, why: &io::Error, out: &mut Vec<ModemOut>) {
-        (self.open, self.closed) = (None, Some(in_words(why)));
-        self.opens_at = now + self.opens_after;
-        self.opens_after = match self.has_read {
-            true => SOONEST,
-            false => (self.opens_after * 2).min(LATEST),
-        };
+        self.open = None;
+        self.reopening.gone(now, in_words(why), self.has_read);
         self.modem.closed(out);
     }
 
@@ -233,11 +224,11 @@ impl Work {
     fn tell(&self, now: Time) {
         let port = &self.port.port;
         let troubles = self.modem.troubles(now);
-        let trouble = match &self.closed {
+        let trouble = match self.reopening.closed() {
             Some(why) => Some(why.clone()),
             None => troubles.first().map(ToString::to_string),
         };
-        *lock(&self.said) = Said {
+        *lock(&self.status) = RadioStatus {
             trouble: trouble.map(|trouble| format!("{port}: {trouble}")),
             health: self.modem.health(),
         };

@@ -19,7 +19,8 @@ use crate::config::{SensorCoverage, SerialSensor};
 use crate::hw::{DroppedReadings, RangeDecoder};
 use crate::node::Event;
 use crate::run::clock::Clock;
-use crate::run::drivers::serial_port::{LATEST, SOONEST, in_words, open};
+use crate::run::drivers::reopening::{LATEST, SOONEST};
+use crate::run::drivers::serial_port::{in_words, open};
 use crate::run::mailbox::lock;
 use crate::time::Time;
 
