@@ -3,6 +3,15 @@
 //! [`run`] parses the command line, runs the command, prints what went wrong and gives the exit code: 0 done,
 //! 1 fault or mission failed, 2 bad usage, config or scene.
 
+#![cfg_attr(
+    all(feature = "vehicle", not(feature = "whole")),
+    allow(dead_code, reason = "commands that a build for vehicles leaves out")
+)]
+
+#[cfg(feature = "net")]
+pub mod accept;
+#[cfg(feature = "net")]
+mod accept_files;
 pub mod check;
 mod describe;
 #[cfg(feature = "net")]
@@ -27,6 +36,8 @@ mod live;
 mod load;
 #[cfg(feature = "net")]
 mod logging;
+#[cfg(feature = "whole")]
+mod manual;
 #[cfg(feature = "net")]
 pub mod mock_autopilot;
 #[cfg(feature = "net")]
@@ -54,10 +65,14 @@ mod screen;
 mod shown_swarm;
 pub mod sim;
 mod standard_output;
+#[cfg(any(feature = "whole", not(feature = "vehicle")))]
+mod station_command;
 #[cfg(feature = "net")]
 pub mod status;
 pub mod status_text;
 mod stop;
+#[cfg(feature = "net")]
+mod swarm_folder;
 mod table;
 #[cfg(feature = "net")]
 pub mod tap;
@@ -98,49 +113,30 @@ const AFTER_HELP: &str = "Begin with:
 Exit codes: 0 done; 1 a fault, or the mission failed; 2 bad usage, configuration, scene or recording.";
 
 fn after_help() -> String {
-    if cfg!(feature = "net") {
-        AFTER_HELP.to_owned()
-    } else {
-        format!("{AFTER_HELP}\n\n{}", whole_build::note())
+    match whole_build::note() {
+        None => AFTER_HELP.to_owned(),
+        Some(note) if cfg!(feature = "vehicle") => note,
+        Some(note) => format!("{AFTER_HELP}\n\n{note}"),
     }
 }
 
 #[derive(Subcommand, Debug)]
 enum Command {
-    Sim(sim::SimArgs),
-    Image(image::ImageCommand),
-    Plan(plan::PlanArgs),
+    #[cfg(any(feature = "whole", not(feature = "vehicle")))]
+    #[command(flatten)]
+    Station(Box<station_command::StationCommand>),
     Check(check::CheckArgs),
-    Experiment(experiment::ExperimentArgs),
-    Scene(scene::SceneArgs),
     #[cfg(feature = "net")]
     Vehicle(vehicle::VehicleArgs),
     #[cfg(feature = "net")]
-    Ground(ground::GroundArgs),
-    #[cfg(feature = "net")]
-    World(world::WorldArgs),
-    #[cfg(feature = "net")]
-    MockAutopilot(mock_autopilot::MockAutopilotArgs),
-    #[cfg(feature = "net")]
-    Enroll(enroll::EnrollArgs),
-    #[cfg(feature = "net")]
-    Export(export::ExportArgs),
-    #[cfg(feature = "net")]
-    Order(order::OrderArgs),
-    #[cfg(feature = "net")]
-    Status(status::StatusArgs),
-    #[cfg(feature = "net")]
-    Tap(tap::TapArgs),
-    #[cfg(feature = "net")]
-    Preflight(preflight::PreflightArgs),
+    Accept(accept::AcceptArgs),
     #[cfg(feature = "net")]
     Parameters(parameters::ParametersArgs),
-    #[cfg(feature = "net")]
-    Fix(fix::FixArgs),
     #[cfg(feature = "hw")]
     Xbee(xbee::XbeeArgs),
-    #[cfg(feature = "net")]
-    Replay(replay::ReplayArgs),
+    #[cfg(feature = "whole")]
+    #[command(flatten)]
+    Manual(manual::ManualCommand),
 }
 
 /// Runs the program as the command line says, and returns its exit code.
@@ -158,40 +154,19 @@ pub fn run() -> ExitCode {
     };
     let mut answer = StandardOutput::on_stdout();
     let result = match command {
-        Command::Sim(sim) => sim.run(&mut answer),
-        Command::Image(image) => image.run(&mut answer),
-        Command::Plan(plan) => plan.run(&mut answer),
+        #[cfg(any(feature = "whole", not(feature = "vehicle")))]
+        Command::Station(station) => station.run(&mut answer),
         Command::Check(check) => check.run(&mut answer),
-        Command::Experiment(experiment) => experiment.run(&mut answer),
-        Command::Scene(scene) => scene.run(&mut answer),
         #[cfg(feature = "net")]
         Command::Vehicle(vehicle) => vehicle.run(&mut answer),
         #[cfg(feature = "net")]
-        Command::Ground(ground) => ground.run(&mut answer),
-        #[cfg(feature = "net")]
-        Command::World(world) => world.run(&mut answer),
-        #[cfg(feature = "net")]
-        Command::MockAutopilot(mock) => mock.run(&mut answer),
-        #[cfg(feature = "net")]
-        Command::Enroll(enroll) => enroll.run(&mut answer),
-        #[cfg(feature = "net")]
-        Command::Export(export) => export.run(&mut answer),
-        #[cfg(feature = "net")]
-        Command::Order(order) => order.run(&mut answer),
-        #[cfg(feature = "net")]
-        Command::Status(status) => status.run(&mut answer),
-        #[cfg(feature = "net")]
-        Command::Tap(tap) => tap.run(&mut answer),
-        #[cfg(feature = "net")]
-        Command::Preflight(preflight) => preflight.run(&mut answer),
+        Command::Accept(accept) => accept.run(&mut answer),
         #[cfg(feature = "net")]
         Command::Parameters(parameters) => parameters.run(&mut answer),
-        #[cfg(feature = "net")]
-        Command::Fix(fix) => fix.run(&mut answer),
         #[cfg(feature = "hw")]
         Command::Xbee(xbee) => xbee.run(&mut answer),
-        #[cfg(feature = "net")]
-        Command::Replay(replay) => replay.run(&mut answer),
+        #[cfg(feature = "whole")]
+        Command::Manual(manual) => manual.run(&mut answer),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

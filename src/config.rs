@@ -22,6 +22,7 @@ mod fault;
 mod forms;
 mod given_mission;
 mod ground_file;
+mod hcsr04_lines;
 mod keys;
 mod links_file;
 mod mavlink_connection;
@@ -37,6 +38,7 @@ mod range;
 mod range_driver;
 mod scene;
 mod section;
+mod servo_driver;
 mod silence;
 mod sim;
 mod source;
@@ -55,12 +57,13 @@ use source::Source;
 pub use source::beside;
 
 pub use bus_file::{BusFile, Identity, Topology};
-pub use drivers::{AutopilotDriver, Drivers, RadioDriver, ServoDriver};
+pub use drivers::{AutopilotDriver, Drivers, RadioDriver};
 pub use endpoint::{Endpoint, EndpointError, Protocol, is_host};
 pub use experiment::{Axis, Experiment, MOST_RUNS};
 pub use fault::{FaultKind, FaultSpec, FaultWord, PlannedFault};
 pub use given_mission::GivenMission;
 pub use ground_file::{GroundFile, OperatorFile};
+pub use hcsr04_lines::HcSr04Lines;
 #[cfg(feature = "net")]
 pub(crate) use keys::quoted;
 pub use links_file::LinksFile;
@@ -75,9 +78,10 @@ pub use problem::{Problem, Problems};
 pub use radio::{Bus, OwnRadio, Partition, PlannedPartition, Radio, Reception};
 pub use range::{Lobe, RangeSensor, SensorCoverage, SensorMount};
 pub use range_driver::{
-    LengthUnit, RangeDriver, SerialProtocol, SerialSensor, SerialText, TextFormat,
+    LengthUnit, RangeDriver, SerialProtocol, SerialSensor, SerialText, TextFormat, TfSensor,
 };
 pub use scene::{MaterialSpec, Object, Outline, Person, RandomPersons, SceneFile, Up};
+pub use servo_driver::{RealServo, ServoDriver, ServoOutput, ServoScale};
 pub use sim::Sim;
 pub use swarm::Swarm;
 pub use task::MissionTable;

@@ -5,9 +5,12 @@
 //! [`RangeDecoder`]. A radio is an XBee: its frames, what its registers must say, the modem that carries beacons over it, and
 //! its set-up.
 
+pub mod echo_edges;
 mod lines;
 mod pings;
+pub mod pulse;
 mod serial_text;
+mod tf_frame;
 pub mod xbee_frame;
 pub mod xbee_modem;
 pub mod xbee_registers;
@@ -18,6 +21,7 @@ use std::fmt;
 pub use pings::Pings;
 
 use self::serial_text::TextDecoder;
+use self::tf_frame::TfDecoder;
 use crate::config::{SensorCoverage, SerialProtocol};
 use crate::time::Time;
 
@@ -48,12 +52,14 @@ pub struct DroppedReadings {
     pub unreadable: u64,
     /// Readings that the sensor cannot have measured.
     pub out_of_range: u64,
+    /// Readings that the sensor itself does not trust.
+    pub unreliable: u64,
 }
 
 impl DroppedReadings {
     /// Returns how much was dropped.
     pub fn total(self) -> u64 {
-        self.too_long + self.unreadable + self.out_of_range
+        self.too_long + self.unreadable + self.out_of_range + self.unreliable
     }
 }
 
@@ -63,10 +69,11 @@ impl fmt::Display for DroppedReadings {
             too_long,
             unreadable,
             out_of_range,
+            unreliable,
         } = self;
         write!(
             f,
-            "{too_long} too long, {unreadable} unreadable, {out_of_range} out of range"
+            "{too_long} too long, {unreadable} unreadable, {out_of_range} out of range, {unreliable} unreliable"
         )
     }
 }
@@ -76,6 +83,8 @@ impl fmt::Display for DroppedReadings {
 pub enum RangeDecoder {
     /// Lines of text.
     Text(TextDecoder),
+    /// Frames of a TF-Luna or TFmini.
+    Tf(TfDecoder),
 }
 
 impl RangeDecoder {
@@ -83,6 +92,7 @@ impl RangeDecoder {
     pub fn new(protocol: &SerialProtocol, look: &SensorCoverage) -> RangeDecoder {
         match protocol {
             SerialProtocol::Text(text) => RangeDecoder::Text(TextDecoder::new(text, look)),
+            SerialProtocol::Tf(sensor) => RangeDecoder::Tf(TfDecoder::new(*sensor, look)),
         }
     }
 
@@ -90,6 +100,7 @@ impl RangeDecoder {
     pub fn restart(&mut self) {
         match self {
             RangeDecoder::Text(decoder) => decoder.restart(),
+            RangeDecoder::Tf(decoder) => decoder.restart(),
         }
     }
 
@@ -97,6 +108,7 @@ impl RangeDecoder {
     pub fn take(&mut self, since: Time, bytes: &[u8], readings: &mut Vec<TimedReading>) {
         match self {
             RangeDecoder::Text(decoder) => decoder.take(since, bytes, readings),
+            RangeDecoder::Tf(decoder) => decoder.take(since, bytes, readings),
         }
     }
 
@@ -104,6 +116,7 @@ impl RangeDecoder {
     pub fn dropped(&self) -> DroppedReadings {
         match self {
             RangeDecoder::Text(decoder) => decoder.dropped(),
+            RangeDecoder::Tf(decoder) => decoder.dropped(),
         }
     }
 }

@@ -17,7 +17,6 @@ mod peers;
 pub mod radio;
 pub mod route;
 pub mod sensor;
-pub mod servo;
 mod settings;
 mod state_ages;
 #[cfg(test)]

@@ -19,6 +19,7 @@ pub mod mock_autopilot;
 pub mod node_threads;
 pub mod operator_session;
 pub mod process;
+pub mod roster_watch;
 pub mod state_dir;
 pub mod subjects;
 pub mod swarm_mavlink;

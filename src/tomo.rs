@@ -6,15 +6,21 @@
 
 mod bins;
 mod calibrate;
+mod cholesky;
+mod finds;
 mod image;
 mod imager;
+mod kriging;
 mod link;
 mod map_solver;
 mod npy;
 mod path_loss;
 mod peaks;
+mod person;
 mod prior;
 mod settings;
+#[cfg(test)]
+mod tests_support;
 mod tikhonov;
 mod weights;
 
@@ -22,6 +28,7 @@ pub use bins::{BIN_M, LinkBins, SPOT_M};
 pub use calibrate::{
     Calibrated, DropReason, DroppedLinks, Observation, calibrate, runs_along_a_side,
 };
+pub use finds::{Find, FindSettings, Finds};
 pub use image::Image;
 pub use imager::{Imager, MOST_PIXELS, Reconstruction, TomoError, reconstruct};
 pub use link::Link;
@@ -29,6 +36,7 @@ pub use map_solver::{MapProblem, MapSettings, MapSolution, Nuisance};
 pub use npy::npy_bytes;
 pub use path_loss::{ExponentPrior, PathLoss};
 pub use peaks::{Peak, PeakSettings, SIGNIFICANT, peaks};
+pub use person::PersonModel;
 pub use prior::{Covariance, Prior, Workspace};
 pub use settings::{ImagingSettings, NoiseModel, Solver};
 pub use tikhonov::tikhonov;

@@ -18,4 +18,5 @@ mod config {
     mod problems;
     mod readme;
     mod silence;
+    mod slots;
 }

@@ -8,8 +8,13 @@
     reason = "no product code"
 )]
 
+#[allow(dead_code, reason = "the bench uses more of it")]
+#[path = "finds/trial.rs"]
+mod trial;
+
 mod image {
     mod command;
+    mod finds;
     mod phantoms;
     mod score;
     mod two_persons;

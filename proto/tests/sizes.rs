@@ -15,12 +15,15 @@ mod extremes;
 
 use std::path::Path;
 
-use any::message;
+use any::{beacon, message};
 use examples::{examples, samples, variants};
 use extremes::extremes;
 use proptest::prelude::*;
 use tomoswarm_proto::codec::{Decoded, LIMIT, decode, encode};
 use tomoswarm_proto::*;
+
+/// What an encrypted packet of the smallest module carries.
+const ENCRYPTED_MAX: usize = 95;
 
 fn bytes(message: &Message) -> usize {
     encode(message).unwrap().len()
@@ -282,8 +285,6 @@ fn a_beacon_fits_into_a_packet_at_its_extremes() {
     let full = Message::Beacon(full_beacon());
     println!("a full beacon in a yard: {} bytes", bytes(&full));
     assert!(bytes(&full) <= 85);
-    // An encrypted packet of the smallest module carries 95.
-    const ENCRYPTED_MAX: usize = 95;
     const { assert!(ENCRYPTED_MAX <= BEACON_BYTES_MAX) };
     assert!(extreme(MessageKind::Beacon) <= ENCRYPTED_MAX);
 }
@@ -294,6 +295,14 @@ proptest! {
     fn no_message_is_longer_than_the_longest_of_its_kind(message in message()) {
         let longest = extremes().into_iter().find(|longest| longest.kind() == message.kind()).unwrap();
         prop_assert!(bytes(&message) <= bytes(&longest));
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 20_000, ..ProptestConfig::default() })]
+    #[test]
+    fn any_beacon_fits_into_an_encrypted_packet(beacon in beacon()) {
+        prop_assert!(bytes(&Message::Beacon(beacon)) <= ENCRYPTED_MAX);
     }
 }
 

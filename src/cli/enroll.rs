@@ -1,55 +1,59 @@
 //! `tomoswarm enroll FOLDER --venue FILE NODE`: gives a node its certificate, the roster and a ready configuration. Only
 //! writes into FOLDER; nothing is copied to other machines, and nothing is left half written.
 
-use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use tomoswarm_proto::{Sender, VehicleId};
 
-use super::enroll_files::{
-    NodeConfig, endpoint_list, file_name, vehicle_list, with_end, with_list,
-};
+use super::enroll_files::{CA, CA_KEY, CERTIFICATE, KEY, NodeConfig, ROSTER, VENUE, file_name};
 use super::error::CliError;
 use super::read;
-use crate::config::{self, Config, Endpoint, Protocol, Topology, Venue};
+use super::swarm_folder::{Swarm, create_authority, is_far, read_venue, vehicles_of};
+use crate::config::{self, Topology, Venue};
 use crate::run::membership::OPERATOR;
 use crate::run::trust::{
-    Authority, Certificate, CommonName, IssuedCertificate, Lock, NewFile, Roster, is_host,
-    read_limited, replace_file, write_new_folder,
+    CommonName, IssuedCertificate, NewFile, Roster, is_host, write_new_folder,
 };
 
-const CA: &str = "ca.pem";
-const CA_KEY: &str = "ca-key.pem";
-const ROSTER: &str = "roster.txt";
-const VENUE: &str = "venue.toml";
-
-/// Give a node of the swarm its certificate and a ready configuration; replace or revoke one.
+/// Give nodes of the swarm their certificates and ready configurations; replace or revoke one.
 ///
 /// The first call makes the authority of the swarm in FOLDER: its private key signs for all nodes and never leaves this
-/// machine. Every node then gets a folder of its own with certificate, key, roster, venue and configuration.
+/// machine. Every node then gets a folder of its own with certificate, key, roster, venue and configuration, which `tomoswarm
+/// accept` takes over on its machine.
+///
+/// All nodes in one call: --ground, --vehicle and --operator. Those enrolled already stay as they are.
 #[derive(clap::Args, Debug)]
 #[command(after_help = AFTER_HELP)]
 pub struct EnrollArgs {
     /// Folder of the swarm's authority; made when it is not there
     #[arg(value_name = "FOLDER")]
     pub folder: PathBuf,
-    /// Which node
+    /// Which node, when it is one
     #[arg(
         value_name = "NODE",
         value_enum,
-        required_unless_present = "revoke",
-        conflicts_with = "revoke"
+        required_unless_present_any = ["revoke", "ground", "vehicles", "operator"],
+        conflicts_with_all = ["revoke", "ground", "vehicles", "operator"]
     )]
     pub node: Option<EnrolledNode>,
     /// Number of the vehicle, 1 to 250
     #[arg(value_name = "N", value_parser = clap::value_parser!(u8).range(1..=250))]
     pub number: Option<u8>,
+    /// The ground station, and the hosts under which others reach it
+    #[arg(long, value_name = "H[,H]", value_parser = hosts_in, conflicts_with_all = ["ground_host", "revoke"])]
+    pub ground: Option<Hosts>,
+    /// A vehicle with its hosts; may be given several times
+    #[arg(long = "vehicle", value_name = "N=H[,H]", value_parser = vehicle_in, conflicts_with = "revoke")]
+    pub vehicles: Vec<(VehicleId, Hosts)>,
+    /// The operator's commands
+    #[arg(long, conflicts_with = "revoke")]
+    pub operator: bool,
     /// The venue file, the same for all nodes
     #[arg(long, value_name = "FILE", required_unless_present = "revoke")]
     pub venue: Option<PathBuf>,
-    /// A name or address under which others reach this node; may be given several times
-    #[arg(long = "host", value_name = "H")]
+    /// A name or address under which others reach NODE; may be given several times
+    #[arg(long = "host", value_name = "H", conflicts_with_all = ["ground", "vehicles", "operator"])]
     pub hosts: Vec<String>,
     /// Name or address under which the node reaches the ground station
     #[arg(long, value_name = "H", default_value = "127.0.0.1")]
@@ -61,10 +65,10 @@ pub struct EnrollArgs {
     #[arg(long, value_enum, default_value = "mesh")]
     pub topology: EnrolledTopology,
     /// Folder on the node for what outlives it [default: /var/lib/tomoswarm/NODE]
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["ground", "vehicles", "operator"])]
     pub state_dir: Option<String>,
-    /// Give an enrolled node a new certificate; the old one ends
-    #[arg(long)]
+    /// Give an enrolled NODE a new certificate; the old one ends
+    #[arg(long, conflicts_with_all = ["ground", "vehicles", "operator"])]
     pub replace: bool,
     /// Take a node out of the roster: ground, vehicle-N or operator-N
     #[arg(long, value_name = "NAME", conflicts_with_all = ["replace", "hosts"])]
@@ -72,15 +76,42 @@ pub struct EnrollArgs {
 }
 
 const AFTER_HELP: &str = "\
-Without --host and --ground-host the nodes are reached on their own machine only.
+Without hosts the nodes are reached on their own machine only.
 
 Examples:
-  tomoswarm enroll swarm --venue yard.venue.toml ground --host ground.local
-  tomoswarm enroll swarm --venue yard.venue.toml vehicle 1 --host rover1.local --ground-host ground.local
+  tomoswarm enroll swarm --venue yard.venue.toml --ground ground.local --vehicle 1=rover1.local --vehicle 2=rover2.local --operator
+  tomoswarm enroll swarm --venue yard.venue.toml vehicle 3 --host rover3.local --ground-host ground.local
   tomoswarm enroll swarm --venue yard.venue.toml vehicle 1 --host rover1.local --ground-host ground.local --replace
   tomoswarm enroll swarm --revoke vehicle-1
 
-Exit codes: 0 done; 2 bad usage or files, or the node is enrolled already.";
+Exit codes: 0 done; 2 bad usage or files, or a node is enrolled already, in another way.";
+
+/// Hosts under which a node is reached; one at least.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Hosts(Vec<String>);
+
+/// Reads hosts, separated by commas.
+fn hosts_in(text: &str) -> Result<Hosts, String> {
+    let hosts: Vec<String> = text.split(',').map(str::to_owned).collect();
+    match hosts.iter().find(|host| !is_host(host)) {
+        Some(host) => Err(no_host(host)),
+        None => Ok(Hosts(hosts)),
+    }
+}
+
+/// Reads the number of a vehicle with its hosts.
+fn vehicle_in(text: &str) -> Result<(VehicleId, Hosts), String> {
+    let expected = || "N=HOST is expected, N from 1 to 250".to_owned();
+    let (number, hosts) = text.split_once('=').ok_or_else(expected)?;
+    match CommonName::node_of(&format!("vehicle-{number}")) {
+        Some(Sender::Vehicle(vehicle)) => Ok((vehicle, hosts_in(hosts)?)),
+        Some(Sender::Ground | Sender::Operator(_)) | None => Err(expected()),
+    }
+}
+
+fn no_host(host: &str) -> String {
+    format!("{host:?}: is no host; an IP address or a host name is expected")
+}
 
 /// Which node is enrolled.
 #[derive(clap::ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
@@ -102,62 +133,125 @@ pub enum EnrolledTopology {
     Star,
 }
 
+/// A node that is to be enrolled, and where others reach it.
+struct WantedNode {
+    node: Sender,
+    hosts: Vec<String>,
+}
+
+/// A node that has a new certificate.
+struct IssuedNode {
+    hosts: Vec<String>,
+    issued: IssuedCertificate,
+}
+
+/// A node that gets a folder.
+struct NewNode {
+    name: CommonName,
+    hosts: Vec<String>,
+    files: Vec<NewFile>,
+}
+
 impl EnrollArgs {
     /// Enrols, replaces or revokes, and says what to copy where.
     ///
     /// # Errors
-    /// Bad usage or files; the node is enrolled already, or not at all; the disk refuses.
+    /// Bad usage or files; a node is enrolled already, or not at all; the disk refuses.
     pub fn run(&self, out: &mut dyn Write) -> Result<(), CliError> {
         let output = match &self.revoke {
             Some(name) => self.revoke(name)?,
             None => self.enroll()?,
         };
-        out.write_all(output.as_bytes())
-            .map_err(|source| CliError::Write {
-                path: "standard output".into(),
-                source,
-            })
+        out.write_all(output.as_bytes()).map_err(CliError::stdout)
     }
 
     fn enroll(&self) -> Result<String, CliError> {
-        let node = self.wanted()?;
+        let wanted = self.wanted()?;
         self.check_hosts()?;
         let (venue, venue_text) = self.venue()?;
-        check_home(node, &venue)?;
+        wanted
+            .iter()
+            .try_for_each(|wanted| check_home(wanted.node, &venue))?;
         if !self.folder.join(CA).exists() {
             create_authority(&self.folder, &venue_text)?;
         }
         let swarm = Swarm::open(&self.folder)?;
         swarm.check_venue(&venue)?;
-        let name = swarm
-            .roster
-            .next_name(node, self.replace)
-            .map_err(|error| swarm.refused(ROSTER, error))?;
-        let issued = swarm
-            .authority
-            .issue(name, &self.hosts)
-            .map_err(|error| swarm.refused(CA, error))?;
-        let next = swarm
-            .roster
-            .admitting(issued.entry.clone())
-            .map_err(|error| swarm.refused(ROSTER, error))?;
-        let files = self.files(&swarm, &next, &issued, &venue_text)?;
-        let reached_before = swarm.reached(&swarm.roster);
-        // From here on the certificate is in force: the roster goes first, so that no number is given twice.
-        let text = swarm.publish(&next)?;
-        let former = swarm.retire(node, "replaced")?;
-        let own = swarm.node_folder(node);
-        let files: Vec<NewFile> = files
+        let (next, issued) = self.issue(&swarm, wanted)?;
+        if issued.is_empty() {
+            let issue = swarm.roster.issue;
+            return Ok(format!("all are enrolled already, roster issue {issue}\n"));
+        }
+        let new: Vec<NewNode> = issued
             .into_iter()
-            .chain([NewFile::open(ROSTER, text)])
-            .collect();
-        write_new_folder(&own, &files).map_err(|source| CliError::Write {
-            path: own.clone(),
-            source,
-        })?;
-        let listed = swarm.list_in_ground(&next)?;
+            .map(|IssuedNode { hosts, issued }| {
+                Ok(NewNode {
+                    name: issued.entry.name,
+                    files: self.files(&swarm, &next, &hosts, &issued, &venue_text)?,
+                    hosts,
+                })
+            })
+            .collect::<Result<_, CliError>>()?;
+        let reached_before = swarm.reached(&swarm.roster);
+        // From here on the certificates are in force: the roster goes first, so that no number is given twice.
+        let text = swarm.publish(&next)?;
+        let mut said = String::new();
+        for node in &new {
+            said += &format!("{} is enrolled, roster issue {}\n", node.name, next.issue);
+            if let Some(former) = swarm.retire(node.name.node, "replaced")? {
+                let former = former.display();
+                said +=
+                    &format!("the former files are kept in {former} and are worth nothing now\n");
+            }
+            let own = swarm.node_folder(node.name.node);
+            let roster = [NewFile::open(ROSTER, text.clone())];
+            let files = [&node.files[..], &roster].concat();
+            write_new_folder(&own, &files)
+                .map_err(|source| CliError::Write { path: own, source })?;
+        }
+        if !swarm.list_in_ground(&next)? {
+            said += "the ground station's file was edited: add the vehicles to its list `vehicles` by hand\n";
+        }
         swarm.name_in_operator(&reached_before, &swarm.reached(&next))?;
-        Ok(enrolled(name, &own, former.as_deref(), listed, &next))
+        let is_new = |node| new.iter().any(|new| new.name.node == node);
+        said += "on the machine of each:\n";
+        for node in &new {
+            said += &taken_over(
+                &swarm.node_folder(node.name.node),
+                node.name.node,
+                &node.hosts,
+            );
+        }
+        Ok(said + &roster_advice(&swarm, &next, is_new))
+    }
+
+    /// Issues certificates for those that are not enrolled already in just this way, and the roster that allows them all.
+    fn issue(
+        &self,
+        swarm: &Swarm,
+        wanted: Vec<WantedNode>,
+    ) -> Result<(Roster, Vec<IssuedNode>), CliError> {
+        let (mut next, mut all) = (swarm.roster.clone(), Vec::new());
+        for WantedNode { node, hosts } in wanted {
+            if self.node.is_none() && swarm.roster.of(node).is_some() {
+                swarm.check_hosts(node, &hosts)?;
+                continue;
+            }
+            let name = next
+                .next_name(node, self.replace)
+                .map_err(|error| swarm.refused(ROSTER, error))?;
+            let issued = swarm
+                .authority
+                .issue(name, &hosts)
+                .map_err(|error| swarm.refused(CA, error))?;
+            next = next
+                .admitting(issued.entry.clone())
+                .map_err(|error| swarm.refused(ROSTER, error))?;
+            all.push(IssuedNode { hosts, issued });
+        }
+        // However many are admitted, it is one issue.
+        next.issue = next.issue.min(swarm.roster.issue.saturating_add(1));
+        Ok((next, all))
     }
 
     fn revoke(&self, name: &str) -> Result<String, CliError> {
@@ -179,11 +273,37 @@ impl EnrollArgs {
         Ok(format!(
             "{name} is revoked, roster issue {}\n{kept}{}",
             next.issue,
-            roster_advice(&self.folder)
+            roster_advice(&swarm, &next, |_| false)
         ))
     }
 
-    fn wanted(&self) -> Result<Sender, CliError> {
+    fn wanted(&self) -> Result<Vec<WantedNode>, CliError> {
+        if self.node.is_some() {
+            let hosts = self.hosts.clone();
+            let node = self.wanted_node()?;
+            return Ok(vec![WantedNode { node, hosts }]);
+        }
+        let ground = self
+            .ground
+            .iter()
+            .map(|hosts| (Sender::Ground, hosts.0.clone()));
+        let vehicles = self
+            .vehicles
+            .iter()
+            .map(|(id, hosts)| (Sender::Vehicle(*id), hosts.0.clone()));
+        let operator = self.operator.then(|| (OPERATOR, Vec::new()));
+        let mut wanted: Vec<WantedNode> = Vec::new();
+        for (node, hosts) in ground.chain(vehicles).chain(operator) {
+            if wanted.iter().any(|other| other.node == node) {
+                let name = CommonName::node_name(node);
+                return Err(CliError::Usage(format!("{name} is given twice")));
+            }
+            wanted.push(WantedNode { node, hosts });
+        }
+        Ok(wanted)
+    }
+
+    fn wanted_node(&self) -> Result<Sender, CliError> {
         match (self.node, self.number) {
             (Some(EnrolledNode::Ground), None) => Ok(Sender::Ground),
             (Some(EnrolledNode::Operator), None) => Ok(OPERATOR),
@@ -204,10 +324,7 @@ impl EnrollArgs {
         let options = self.hosts.iter().map(|host| ("--host", host));
         for (option, host) in options.chain([("--ground-host", &self.ground_host)]) {
             if !is_host(host) {
-                let expected = "an IP address or a host name is expected";
-                return Err(CliError::Usage(format!(
-                    "{option} {host:?}: is no host; {expected}"
-                )));
+                return Err(CliError::Usage(format!("{option} {}", no_host(host))));
             }
         }
         Ok(())
@@ -226,6 +343,7 @@ impl EnrollArgs {
         &self,
         swarm: &Swarm,
         next: &Roster,
+        hosts: &[String],
         issued: &IssuedCertificate,
         venue: &str,
     ) -> Result<Vec<NewFile>, CliError> {
@@ -234,19 +352,27 @@ impl EnrollArgs {
         // What was edited by hand stays.
         let config = match own_file.exists() {
             true => read::text(&own_file)?,
-            false => self.config_of(swarm, node, next).text(venue)?,
+            false => self.config_of(swarm, node, hosts, next).text(venue)?,
         };
         check_config(&own_file, &config, venue)?;
         Ok(vec![
             NewFile::open(CA, swarm.authority.certificate_pem()),
-            NewFile::open("certificate.pem", issued.certificate_pem.clone()),
-            NewFile::private("key.pem", issued.key_pem.clone()),
+            NewFile::open(CERTIFICATE, issued.certificate_pem.clone()),
+            NewFile::private(KEY, issued.key_pem.clone()),
             NewFile::open(VENUE, venue),
             NewFile::open(file_name(node), config),
         ])
     }
 
-    fn config_of(&self, swarm: &Swarm, node: Sender, roster: &Roster) -> NodeConfig {
+    fn config_of(
+        &self,
+        swarm: &Swarm,
+        node: Sender,
+        hosts: &[String],
+        roster: &Roster,
+    ) -> NodeConfig {
+        let given = self.ground.as_ref().and_then(|hosts| hosts.0.first());
+        let ground_host = given.unwrap_or(&self.ground_host);
         let state_dir = format!("/var/lib/tomoswarm/{}", CommonName::node_name(node));
         NodeConfig {
             node,
@@ -254,258 +380,12 @@ impl EnrollArgs {
                 EnrolledTopology::Mesh => Topology::Mesh,
                 EnrolledTopology::Star => Topology::Star,
             },
-            ground_host: self.ground_host.clone(),
+            ground_host: ground_host.clone(),
             port: self.port,
-            is_reached: self.hosts.iter().any(|host| is_far(host)) || is_far(&self.ground_host),
+            is_reached: hosts.iter().any(|host| is_far(host)) || is_far(ground_host),
             state_dir: self.state_dir.clone().unwrap_or(state_dir),
             vehicles: vehicles_of(roster),
             reached: swarm.reached(roster),
-        }
-    }
-}
-
-/// The authority's folder, open and locked.
-struct Swarm {
-    folder: PathBuf,
-    authority: Authority,
-    roster: Roster,
-    _lock: Lock,
-}
-
-impl Swarm {
-    fn open(folder: &Path) -> Result<Swarm, CliError> {
-        let text = |name: &str| {
-            let path = folder.join(name);
-            read_limited(&path).map_err(|source| CliError::Read { path, source })
-        };
-        let refused = |name: &str, reason: String| CliError::Input {
-            path: folder.join(name),
-            reason,
-        };
-        let lock = Lock::take(&folder.join(CA_KEY)).map_err(|source| CliError::Read {
-            path: folder.join(CA_KEY),
-            source,
-        })?;
-        let authority = Authority::open(&text(CA)?, &text(CA_KEY)?)
-            .map_err(|error| refused(CA_KEY, error.to_string()))?;
-        let roster = Roster::verify(&text(ROSTER)?, authority.certificate())
-            .map_err(|error| refused(ROSTER, error.to_string()))?;
-        Ok(Swarm {
-            folder: folder.to_owned(),
-            authority,
-            roster,
-            _lock: lock,
-        })
-    }
-
-    fn refused(&self, name: &str, error: impl std::error::Error) -> CliError {
-        CliError::Input {
-            path: self.folder.join(name),
-            reason: error.to_string(),
-        }
-    }
-
-    fn node_folder(&self, node: Sender) -> PathBuf {
-        self.folder.join(CommonName::node_name(node))
-    }
-
-    fn check_venue(&self, venue: &Venue) -> Result<(), CliError> {
-        let path = self.folder.join(VENUE);
-        let own = read_venue(&path, &read::text(&path)?)?;
-        if own.hash() == venue.hash() && own.name == venue.name {
-            return Ok(());
-        }
-        let reason = format!(
-            "is venue {} (hash {:016x}), but {} (hash {:016x}) is given; all nodes of a swarm share one venue",
-            own.name,
-            own.hash(),
-            venue.name,
-            venue.hash()
-        );
-        Err(CliError::Input { path, reason })
-    }
-
-    /// Signs a roster and puts it in force: here, and in the folders of all that it allows.
-    fn publish(&self, next: &Roster) -> Result<String, CliError> {
-        let text = self
-            .authority
-            .sign(next)
-            .map_err(|error| self.refused(CA_KEY, error))?;
-        let file = NewFile::open(ROSTER, text.clone());
-        let folders = next
-            .allowed
-            .iter()
-            .map(|entry| self.node_folder(entry.name.node));
-        for folder in [self.folder.clone()]
-            .into_iter()
-            .chain(folders)
-            .filter(|folder| folder.is_dir())
-        {
-            replace_file(&folder, &file).map_err(|source| CliError::Write {
-                path: folder.join(ROSTER),
-                source,
-            })?;
-        }
-        Ok(text)
-    }
-
-    /// Moves the folder of a node's former certificate aside; nothing is ever deleted.
-    fn retire(&self, node: Sender, why: &str) -> Result<Option<PathBuf>, CliError> {
-        let folder = self.node_folder(node);
-        if !folder.exists() {
-            return Ok(None);
-        }
-        let pem = read::text(&folder.join("certificate.pem")).ok();
-        let name = pem
-            .and_then(|pem| Certificate::from_pem(&pem).ok())
-            .map(|found| found.common_name);
-        let name = name.filter(|name| name.parse::<CommonName>().is_ok());
-        let name = name.unwrap_or_else(|| format!("{}.unknown", CommonName::node_name(node)));
-        let aside = self.folder.join(format!("{name}.{why}"));
-        std::fs::rename(&folder, &aside).map_err(|source| CliError::Write {
-            path: aside.clone(),
-            source,
-        })?;
-        Ok(Some(aside))
-    }
-
-    /// Lists the enrolled vehicles in the ground station's configuration, where that list still is as it was written;
-    /// returns whether it lists them all.
-    fn list_in_ground(&self, next: &Roster) -> Result<bool, CliError> {
-        let (before, after) = (
-            vehicle_list(&vehicles_of(&self.roster)),
-            vehicle_list(&vehicles_of(next)),
-        );
-        if before == after {
-            return Ok(true);
-        }
-        let is_known = |list: &str| list == before || list == after;
-        self.edit_config(Sender::Ground, |text| {
-            with_list(text, "vehicles", |list| {
-                is_known(list).then_some(after.clone())
-            })
-        })
-    }
-
-    /// Names the vehicles that are reached in the configuration of the operator of a mesh, where that list ends as it was
-    /// written.
-    fn name_in_operator(&self, before: &[Endpoint], after: &[Endpoint]) -> Result<(), CliError> {
-        let (before, after) = (endpoint_list(before), endpoint_list(after));
-        self.edit_config(OPERATOR, |text| {
-            let mesh = Some(text).filter(|text| text.contains("topology = \"mesh\""))?;
-            with_list(mesh, "connect", |list| with_end(list, &before, &after))
-        })?;
-        Ok(())
-    }
-
-    /// Edits the configuration of a node, if there is one; returns whether it says then what it is to say. `edited` gives
-    /// `None` where people have written something else.
-    fn edit_config(
-        &self,
-        node: Sender,
-        edited: impl FnOnce(&str) -> Option<String>,
-    ) -> Result<bool, CliError> {
-        let folder = self.node_folder(node);
-        let path = folder.join(file_name(node));
-        if !path.exists() {
-            return Ok(true);
-        }
-        let text = read::text(&path)?;
-        let Some(edited) = edited(&text) else {
-            return Ok(false);
-        };
-        if edited != text {
-            let file = NewFile::open(file_name(node), edited);
-            replace_file(&folder, &file).map_err(|source| CliError::Write { path, source })?;
-        }
-        Ok(true)
-    }
-
-    /// Returns where the vehicles of a roster are reached by others: those with a host of their own and a fixed port.
-    fn reached(&self, roster: &Roster) -> Vec<Endpoint> {
-        let endpoint = |id: VehicleId| {
-            let folder = self.node_folder(Sender::Vehicle(id));
-            let certificate =
-                Certificate::from_pem(&read::text(&folder.join("certificate.pem")).ok()?).ok()?;
-            let host = certificate.hosts.into_iter().find(|host| is_far(host))?;
-            let path = folder.join(file_name(Sender::Vehicle(id)));
-            let venue = read::text(&folder.join(VENUE)).ok()?;
-            let text = read::text(&path).ok()?;
-            let file = config::read(&read::shown(&path), &text, &mut |_| Ok(venue.clone()));
-            let Ok(Config::Vehicle(file)) = file else {
-                return None;
-            };
-            let port = file
-                .bus
-                .listen
-                .first()
-                .map(|listen| listen.port)
-                .filter(|port| *port != 0)?;
-            Some(Endpoint {
-                protocol: Protocol::Tls,
-                host,
-                port,
-            })
-        };
-        vehicles_of(roster)
-            .into_iter()
-            .filter_map(endpoint)
-            .collect()
-    }
-}
-
-/// Returns whether other machines may reach a node under this host.
-fn is_far(host: &str) -> bool {
-    !matches!(host, "127.0.0.1" | "::1" | "localhost")
-}
-
-fn create_authority(folder: &Path, venue: &str) -> Result<(), CliError> {
-    let is_taken = std::fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_some());
-    if is_taken || folder.is_file() {
-        let reason = format!(
-            "is no folder of a swarm (it has no {CA}) and not empty; a new folder is expected"
-        );
-        return Err(CliError::Input {
-            path: folder.to_owned(),
-            reason,
-        });
-    }
-    let fault = |error: crate::run::trust::AuthorityError| CliError::Fault(error.to_string());
-    let authority = Authority::create().map_err(fault)?;
-    let roster = authority
-        .sign(&Roster {
-            issue: 1,
-            ..Roster::default()
-        })
-        .map_err(fault)?;
-    let files = [
-        NewFile::open(CA, authority.certificate_pem()),
-        NewFile::private(CA_KEY, authority.key_pem()),
-        NewFile::open(ROSTER, roster),
-        NewFile::open(VENUE, venue),
-    ];
-    write_new_folder(folder, &files).map_err(|source| CliError::Write {
-        path: folder.to_owned(),
-        source,
-    })
-}
-
-fn read_venue(path: &Path, text: &str) -> Result<Venue, CliError> {
-    match config::read(&read::shown(path), text, &mut |_| {
-        Err("a venue names no files".to_owned())
-    })? {
-        Config::Venue(venue) => Ok(venue),
-        Config::Scene(_)
-        | Config::Sim(_)
-        | Config::Experiment(_)
-        | Config::Vehicle(_)
-        | Config::Ground(_)
-        | Config::Operator(_) => {
-            let reason = "is no venue; a file of kind = \"venue\" is expected".to_owned();
-            Err(CliError::Input {
-                path: path.to_owned(),
-                reason,
-            })
         }
     }
 }
@@ -526,53 +406,45 @@ fn check_home(node: Sender, venue: &Venue) -> Result<(), CliError> {
     }
 }
 
-fn vehicles_of(roster: &Roster) -> Vec<VehicleId> {
-    let vehicle = |node: Sender| match node {
-        Sender::Vehicle(id) => Some(id),
-        Sender::Ground | Sender::Operator(_) => None,
-    };
-    let ids: BTreeSet<VehicleId> = roster
-        .allowed
-        .iter()
-        .filter_map(|entry| vehicle(entry.name.node))
-        .collect();
-    ids.into_iter().collect()
+/// Returns what takes a node's folder over on its machine.
+fn taken_over(folder: &Path, node: Sender, hosts: &[String]) -> String {
+    if let Sender::Operator(_) = node {
+        let config = folder.join(file_name(node));
+        return format!("  tomoswarm preflight {}\n", config.display());
+    }
+    let name = CommonName::node_name(node);
+    let folder = folder.display();
+    match hosts.iter().find(|host| is_far(host)) {
+        Some(host) => format!(
+            "  scp -pr {folder} {host}: && ssh -t {host} sudo tomoswarm accept {name} --start\n"
+        ),
+        None => format!("  sudo tomoswarm accept {folder} --start\n"),
+    }
 }
 
-fn enrolled(
-    name: CommonName,
-    own: &Path,
-    former: Option<&Path>,
-    is_listed: bool,
-    next: &Roster,
-) -> String {
-    let mut text = format!("{name} is enrolled, roster issue {}\n", next.issue);
-    if let Some(former) = former {
-        text += &format!(
-            "the former files are kept in {} and are worth nothing now\n",
-            former.display()
-        );
+/// Returns what brings a roster to all that have an older one.
+fn roster_advice(swarm: &Swarm, next: &Roster, has_it: impl Fn(Sender) -> bool) -> String {
+    let roster = swarm.folder.join(ROSTER);
+    let roster = roster.display();
+    let mut text = String::new();
+    for node in next.allowed.iter().map(|entry| entry.name.node) {
+        if has_it(node) || matches!(node, Sender::Operator(_)) {
+            continue;
+        }
+        let hosts = swarm.hosts_of(node);
+        text += &match hosts.iter().find(|host| is_far(host)) {
+            Some(host) => {
+                format!("  scp {roster} {host}: && ssh -t {host} sudo tomoswarm accept {ROSTER}\n")
+            }
+            None => format!("  sudo tomoswarm accept {roster}\n"),
+        };
     }
-    text += &format!(
-        "1. copy {} to the node as /etc/tomoswarm (its key.pem for the service's user only, mode 0600)\n",
-        own.display()
-    );
-    text += &format!(
-        "2. on the node: tomoswarm check /etc/tomoswarm/{}\n",
-        file_name(name.node)
-    );
-    text += &roster_advice(own.parent().unwrap_or(Path::new(".")));
-    if !is_listed {
-        text += "the ground station's file was edited: add the vehicle to its list `vehicles` by hand\n";
+    if !text.is_empty() {
+        text = format!("the others need the new roster, running or not:\n{text}");
     }
-    text
-}
-
-fn roster_advice(folder: &Path) -> String {
-    format!(
-        "copy {} to every other node and restart it: a roster counts from a node's next start\n\
-         keep {} on this machine, with a backup: who has it can enrol anyone\n",
-        folder.join(ROSTER).display(),
-        folder.join(CA_KEY).display()
+    let key = swarm.folder.join(CA_KEY);
+    text + &format!(
+        "keep {} on this machine, with a backup: who has it can enrol anyone\n",
+        key.display()
     )
 }

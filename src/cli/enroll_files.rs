@@ -4,6 +4,19 @@ use tomoswarm_proto::{Sender, VehicleId};
 
 use crate::config::{self, Endpoint, Problems, Protocol, Topology, quoted};
 
+/// Certificate of the authority.
+pub(super) const CA: &str = "ca.pem";
+/// Private key of the authority, which no node gets.
+pub(super) const CA_KEY: &str = "ca-key.pem";
+/// Certificate of a node.
+pub(super) const CERTIFICATE: &str = "certificate.pem";
+/// Private key of a node.
+pub(super) const KEY: &str = "key.pem";
+/// Who is allowed.
+pub(super) const ROSTER: &str = "roster.txt";
+/// The place.
+pub(super) const VENUE: &str = "venue.toml";
+
 /// What the configuration of an enrolled node depends on.
 #[derive(Clone, Debug)]
 pub(super) struct NodeConfig {

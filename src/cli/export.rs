@@ -9,7 +9,7 @@ use tomoswarm_proto::{RunId, VehicleId};
 
 use super::error::CliError;
 use super::folder::OutputFolder;
-use super::pictures::{CellGrid, drawn, homes, peaks, shown_cells};
+use super::pictures::{CellGrid, drawn, homes, marks, shown_cells};
 use super::recording::links_csv;
 use crate::config::{self, Config, Venue};
 use crate::draw::{HeatMap, OccupancyMap, Overlay, Picture, Placement};
@@ -227,6 +227,7 @@ fn write_images(
         folder.write(&name("png"), &drawn(Picture::heat(&spec))?)?;
         folder.write(&name("pgw"), world(venue, spec.placement())?.as_bytes())?;
         features.peaks(run.0, made);
+        features.finds(run.0, made);
     }
     Ok(images.len())
 }
@@ -244,7 +245,7 @@ fn heat(made: &StoredImage) -> HeatMap<'_> {
         values,
         unit: "dB/m",
         length_unit: "m",
-        overlays: peaks(&made.peaks),
+        overlays: marks(made.finds.as_ref(), &made.peaks),
         range: None,
     }
 }
@@ -404,6 +405,7 @@ mod tests {
             dropped: Default::default(),
             path_loss: None,
             by_empty_sweep: true,
+            finds: None,
         };
         store
             .keep_picture(&Made {

@@ -8,8 +8,8 @@ use crate::geom::{PixelGrid, Point, Rect};
 use crate::ground::from_config::image_settings;
 use crate::ground::imager::Subject;
 use crate::tomo::{
-    ImagingSettings, Link, LinkBins, MOST_PIXELS, Reconstruction, SIGNIFICANT, SPOT_M, Solver,
-    TomoError, WeightModel, reconstruct,
+    Find, FindSettings, Finds, ImagingSettings, Link, LinkBins, MOST_PIXELS, Reconstruction,
+    SIGNIFICANT, SPOT_M, Solver, TomoError, WeightModel, reconstruct,
 };
 use clap::{Args, ValueEnum};
 
@@ -23,7 +23,8 @@ use super::stop::StopFlag;
 ///
 /// Reads CSV files (header tx_x_m,tx_y_m,rx_x_m,rx_y_m,packets,rssi_dbm; packets may be missing), links.csv files
 /// written by tomoswarm, and JSON recordings of the 2016 two-rover system. Several files are pooled. With --empty
-/// the image shows what changed since the empty sweep; without it, all that stands in the area.
+/// the image shows what changed since the empty sweep, and persons are searched in that; without it, all that stands
+/// in the area.
 #[derive(Args, Clone, Debug)]
 #[command(after_help = AFTER_HELP)]
 pub struct ImageCommand {
@@ -51,12 +52,16 @@ pub struct ImageCommand {
     /// Writes the values: f32, rows from south to north, columns from west to east, dB per unit of length
     #[arg(long, value_name = "FILE")]
     pub npy: Option<PathBuf>,
-    /// Writes peaks, residual, links used and dropped, and settings
+    /// Writes finds, peaks, residual, links used and dropped, and settings
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
     /// Most peaks that are listed [default: as the recording says, else 5]
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub peaks: Option<usize>,
+    /// How many places where nobody stands may be found in an image of a change, on the mean, 0.000001 to 1 [default: as
+    /// the recording says, else 0.02]
+    #[arg(long, value_name = "RATE", value_parser = parse_rate, allow_negative_numbers = true)]
+    pub false_finds: Option<f64>,
 }
 
 const AFTER_HELP: &str = "\
@@ -262,6 +267,12 @@ impl ImageCommand {
         if let Some(limit) = self.peaks {
             settings.peaks.limit = limit;
         }
+        if recording.unit == LengthUnit::Metre && output.is_none() {
+            settings.finds = FindSettings::IN_METRES;
+        }
+        if let Some(rate) = self.false_finds {
+            settings.finds.false_per_image = rate;
+        }
         settings
     }
 }
@@ -282,6 +293,13 @@ fn parse_pixels(text: &str) -> Result<(usize, usize), String> {
         .checked_mul(rows)
         .filter(|pixels| *pixels <= MOST_PIXELS);
     pixels.map(|_| (columns, rows)).ok_or_else(expected)
+}
+
+fn parse_rate(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|rate| (1e-6..=1.0).contains(rate))
+        .ok_or_else(|| "expected a number from 0.000001 to 1".to_owned())
 }
 
 fn parse_area(text: &str) -> Result<Rect, String> {
@@ -382,6 +400,36 @@ fn pooled(recording: Recording, files: usize, bin_m: f64) -> Vec<Link> {
     bins.links()
 }
 
+/// Returns who was found, in lines; or the best place, which is no find.
+fn finds_in_words(finds: &Finds, unit: &str) -> String {
+    let place = |find: &Find| {
+        let [xx, _, yy] = find.covariance_m2;
+        format!(
+            "({:.2} ± {:.2}, {:.2} ± {:.2}) {unit}: {:.1} dB/{unit}, evidence {:.1}",
+            find.at.x_m,
+            xx.sqrt(),
+            find.at.y_m,
+            yy.sqrt(),
+            find.strength,
+            find.evidence
+        )
+    };
+    let found = finds.found.iter();
+    let text: String = found
+        .map(|find| format!("found at {}\n", place(find)))
+        .collect();
+    match &finds.next {
+        _ if !finds.found.is_empty() => text,
+        Some(next) => format!(
+            "nobody found; the best place is at {}, of {:.1} that are needed, probability {:.3}\n",
+            place(next),
+            finds.threshold,
+            next.probability
+        ),
+        None => "nobody found\n".to_owned(),
+    }
+}
+
 /// Returns the summary; `counts` are the links of the files and what is left of them when they are pooled. Those used
 /// and those dropped are as many as the latter.
 fn summary(result: &Reconstruction, counts: (usize, usize), unit: LengthUnit) -> String {
@@ -396,6 +444,9 @@ fn summary(result: &Reconstruction, counts: (usize, usize), unit: LengthUnit) ->
     );
     for (reason, count) in &result.dropped {
         text += &format!("  {count} dropped: {}\n", reason.words());
+    }
+    if let Some(finds) = &result.finds {
+        text += &finds_in_words(finds, unit);
     }
     for peak in &result.peaks {
         let faint = if peak.is_faint() {

@@ -10,10 +10,12 @@ use serde_json::{Value, json};
 
 use super::error::CliError;
 use super::image::{ImageCommand, ImageError};
-use super::pictures::peaks;
+use super::pictures::marks;
 use super::recording::LengthUnit;
 use crate::draw::{HeatMap, Picture};
-use crate::tomo::{Image, ImagingSettings, Peak, Reconstruction, Solver, WeightModel, npy_bytes};
+use crate::tomo::{
+    Find, Finds, Image, ImagingSettings, Peak, Reconstruction, Solver, WeightModel, npy_bytes,
+};
 
 /// The files to be written, open under temporary names.
 #[derive(Default)]
@@ -146,7 +148,7 @@ fn picture(result: &Reconstruction, unit: LengthUnit) -> Result<Vec<u8>, CliErro
         values,
         unit: &format!("dB/{}", unit.word()),
         length_unit: unit.word(),
-        overlays: peaks(&result.peaks),
+        overlays: marks(result.finds.as_ref(), &result.peaks),
         range: None,
     };
     Picture::heat(&spec).map_err(|error| CliError::Fault(error.to_string()))
@@ -167,11 +169,30 @@ fn report(result: &Reconstruction, settings: &ImagingSettings, unit: LengthUnit)
         json!({"p0_dbm": law.p0_dbm, "exponent": law.exponent, "residual_db": law.residual_db, "links": law.links})
     });
     json!({
+        "finds": finds_json(result.finds.as_ref()),
         "peaks": result.peaks.iter().map(peak).collect::<Vec<_>>(),
         "residual_rms_db": result.residual_rms_db,
         "links": {"used": result.used, "dropped": dropped},
         "path_loss": law,
         "settings": settings_json(settings, unit, result.by_empty_sweep),
+    })
+}
+
+/// Returns who was found as the JSON output shows it; nothing without an empty sweep.
+fn finds_json(finds: Option<&Finds>) -> Value {
+    let Some(finds) = finds else {
+        return Value::Null;
+    };
+    let find = |find: &Find| {
+        let [xx, xy, yy] = find.covariance_m2;
+        json!({"x": find.at.x_m, "y": find.at.y_m, "strength": find.strength, "covariance": [[xx, xy], [xy, yy]],
+            "evidence": find.evidence, "probability": find.probability})
+    };
+    json!({
+        "found": finds.found.iter().map(find).collect::<Vec<_>>(),
+        "next": finds.next.as_ref().map(find),
+        "threshold": finds.threshold,
+        "false_per_image": finds.false_per_image,
     })
 }
 

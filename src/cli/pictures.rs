@@ -10,7 +10,7 @@ use crate::geom::{Cell, Point};
 use crate::map::{CellRect, Merged, Occupancy};
 use crate::scene::Person;
 use crate::sim::{RunOutcome, Scenario};
-use crate::tomo::{Image, Peak, Reconstruction};
+use crate::tomo::{Find, Finds, Image, Peak, Reconstruction};
 
 /// Draws a run: what changed, what stands there, and the map.
 ///
@@ -63,10 +63,8 @@ fn truth(outcome: &RunOutcome, with_finds: bool) -> Vec<Overlay> {
     }));
     overlays.extend(persons(&outcome.persons));
     if with_finds {
-        overlays.extend(outcome.found().iter().map(|find| Overlay::Cross {
-            at: find.at,
-            label: None,
-        }));
+        let change = outcome.change.as_ref();
+        overlays.extend(finds(change.and_then(|change| change.finds.as_ref())));
     }
     overlays
 }
@@ -90,8 +88,35 @@ pub(super) fn homes(venue: &Venue) -> impl Iterator<Item = Overlay> {
         .map(|(at, vehicle)| Overlay::Home { at: *at, vehicle })
 }
 
+/// Returns a probability in words; one that is nearly sure is not called sure.
+fn percent(probability: f64) -> String {
+    match probability {
+        sure if sure > 0.9995 => "> 99.9 %".to_owned(),
+        other => format!("{:.1} %", 100.0 * other),
+    }
+}
+
+/// Returns the persons found in a change, numbered, with their probabilities.
+fn finds(finds: Option<&Finds>) -> impl Iterator<Item = Overlay> {
+    let found = finds.map_or(&[][..], |finds| &finds.found);
+    let mark = |(index, find): (usize, &Find)| Overlay::Find {
+        at: find.at,
+        covariance_m2: find.covariance_m2,
+        label: Some(format!("{} ({})", index + 1, percent(find.probability))),
+    };
+    found.iter().enumerate().map(mark)
+}
+
+/// Returns what is marked in an image: who was found in a change, and without an empty sweep the strong places.
+pub(super) fn marks(found: Option<&Finds>, strong: &[Peak]) -> Vec<Overlay> {
+    match found {
+        Some(_) => finds(found).collect(),
+        None => peaks(strong),
+    }
+}
+
 /// Returns the peaks of an image, numbered, a faint one with a question mark.
-pub(super) fn peaks(peaks: &[Peak]) -> Vec<Overlay> {
+fn peaks(peaks: &[Peak]) -> Vec<Overlay> {
     let mark = |(index, peak): (usize, &Peak)| Overlay::Cross {
         at: peak.at,
         label: Some(format!(

@@ -207,8 +207,8 @@ impl RunFigures {
             });
             let (x_m, y_m) = (find.at.x_m, find.at.y_m);
             text += &format!(
-                "found             at {x_m:.2}, {y_m:.2} m, {:.2} dB/m: {error}\n",
-                find.strength
+                "found             at {x_m:.2}, {y_m:.2} m, {:.2} dB/m, evidence {:.1}: {error}\n",
+                find.strength, find.evidence
             );
         }
         for what in &self.not_made {
@@ -240,7 +240,13 @@ impl RunFigures {
 
     /// Returns the figures for a program.
     pub(super) fn json(&self) -> Value {
-        let found = |find: &FoundObject| json!({ "x_m": find.at.x_m, "y_m": find.at.y_m, "strength": find.strength, "error_m": find.error_m });
+        let found = |find: &FoundObject| {
+            let [xx, xy, yy] = find.covariance_m2;
+            json!({
+                "x_m": find.at.x_m, "y_m": find.at.y_m, "strength": find.strength, "error_m": find.error_m,
+                "covariance_m2": [[xx, xy], [xy, yy]], "evidence": find.evidence, "probability": find.probability,
+            })
+        };
         let person =
             |(name, at): &(String, Point)| json!({ "name": name, "x_m": at.x_m, "y_m": at.y_m });
         let mission = |(vehicle, end): &EndedMission| {

@@ -1,15 +1,25 @@
-//! What a build without the network says about what it leaves out: which commands and options exist in the whole build
-//! only, and how that is made. Adds nothing to the whole build.
+//! What a smaller build says about what it leaves out: one without the network, and one for vehicles alone. Which commands and
+//! options exist in the whole build only, and how that is made. Adds nothing to the whole build.
 
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 
-/// Commands that only the whole build has.
-const COMMANDS: [&str; 14] = [
+/// Whether this build is for vehicles alone.
+const IS_FOR_VEHICLES: bool = cfg!(all(feature = "vehicle", not(feature = "whole")));
+
+/// Commands that a build for vehicles alone has not, beside those below; all others have them.
+const WITHOUT_VEHICLES: [&str; 5] = ["sim", "image", "plan", "experiment", "scene"];
+
+/// Commands that a build for vehicles alone has, beside `check`.
+const OF_VEHICLES: [&str; 4] = ["vehicle", "accept", "parameters", "xbee"];
+
+/// Commands that a build without the network has not.
+const COMMANDS: [&str; 15] = [
     "vehicle",
     "ground",
     "world",
     "mock-autopilot",
     "enroll",
+    "accept",
     "export",
     "order",
     "status",
@@ -28,12 +38,33 @@ const OPTIONS: [(&str, &str); 3] = [
     ("sim", "--topology"),
 ];
 
-/// Returns what the help of a build without the network ends with.
-pub(super) fn note() -> String {
-    format!(
-        "This build has no network and no devices. `cargo build --release` builds everything: also the commands\n{}, and `sim --live` and `sim --record`.",
-        COMMANDS.join(", ")
-    )
+/// Returns what the help of a smaller build ends with; `None` = this is the whole one.
+pub(super) fn note() -> Option<String> {
+    if IS_FOR_VEHICLES {
+        return Some(format!(
+            "This build is for vehicles alone. {WHOLE} builds everything: also the commands\n{}.",
+            left_out().join(", ")
+        ));
+    }
+    (!cfg!(feature = "net")).then(|| format!(
+        "This build has no network and no devices. {WHOLE} builds everything: also the commands\n{}, and `sim --live` and `sim --record`.",
+        left_out().join(", ")
+    ))
+}
+
+const WHOLE: &str = "`cargo build --release`";
+
+/// Returns the commands that this build has not.
+fn left_out() -> Vec<&'static str> {
+    let is_left_out = |name: &&str| match IS_FOR_VEHICLES {
+        true => !OF_VEHICLES.contains(name),
+        false => !cfg!(feature = "net") && !WITHOUT_VEHICLES.contains(name),
+    };
+    WITHOUT_VEHICLES
+        .into_iter()
+        .chain(COMMANDS)
+        .filter(is_left_out)
+        .collect()
 }
 
 /// Returns what to say when the command line asks for something that only the whole build has; `None` when it is wrong
@@ -46,7 +77,10 @@ pub(super) fn explain(error: &clap::Error) -> Option<String> {
     let asked = match error.kind() {
         ErrorKind::InvalidSubcommand => {
             let word = word(ContextKind::InvalidSubcommand)?;
-            COMMANDS.iter().find(|known| **known == word)?.to_string()
+            left_out()
+                .into_iter()
+                .find(|known| *known == word)?
+                .to_owned()
         }
         ErrorKind::UnknownArgument => {
             let word = word(ContextKind::InvalidArg)?;
@@ -55,8 +89,12 @@ pub(super) fn explain(error: &clap::Error) -> Option<String> {
         }
         _ => return None,
     };
+    let kind = match IS_FOR_VEHICLES {
+        true => "is for vehicles alone",
+        false => "leaves out the network and devices",
+    };
     Some(format!(
-        "`tomoswarm {asked}` is not in this build, which leaves out the network and devices; `cargo build --release` builds everything"
+        "`tomoswarm {asked}` is not in this build, which {kind}; {WHOLE} builds everything"
     ))
 }
 
@@ -75,15 +113,17 @@ mod tests {
     }
 
     #[test]
-    fn what_is_listed_exists_in_the_whole_build_and_in_no_other() {
+    fn what_is_left_out_is_missing_and_all_else_exists() {
         let cli = Cli::command();
-        for name in COMMANDS {
+        for name in WITHOUT_VEHICLES.into_iter().chain(COMMANDS) {
             let exists = cli.find_subcommand(name).is_some();
-            assert_eq!(exists, cfg!(feature = "net"), "{name}");
+            assert_eq!(exists, !left_out().contains(&name), "{name}");
         }
         for (command, option) in OPTIONS {
-            let exists = options_of(cli.find_subcommand(command).unwrap()).contains(option);
-            assert_eq!(exists, cfg!(feature = "net"), "{command} {option}");
+            if let Some(command) = cli.find_subcommand(command) {
+                let exists = options_of(command).contains(option);
+                assert_eq!(exists, cfg!(feature = "net"), "{command} {option}");
+            }
         }
     }
 
@@ -91,13 +131,16 @@ mod tests {
     /// the two builds that are tested.
     #[test]
     fn every_command_is_listed_or_in_every_build() {
-        let core = ["sim", "image", "plan", "check", "experiment", "scene"];
         let all: BTreeSet<_> = Cli::command()
             .get_subcommands()
+            .filter(|command| !command.is_hide_set())
             .map(|command| command.get_name().to_owned())
             .collect();
-        let listed = core.iter().chain(&COMMANDS).map(ToString::to_string);
-        assert!(all.is_subset(&listed.collect()), "{all:?}");
+        let listed = ["check"].iter().chain(&WITHOUT_VEHICLES).chain(&COMMANDS);
+        assert!(
+            all.is_subset(&listed.map(ToString::to_string).collect()),
+            "{all:?}"
+        );
     }
 
     #[test]

@@ -1,13 +1,14 @@
 //! Which driver speaks with each device of a vehicle: autopilot, servo, range sensor and radio are chosen each by itself. The
-//! choice of range sensors, and what their drivers are told, has a file of its own. Opens no device.
+//! choices of range sensors and servos, and what their drivers are told, have files of their own. Opens no device.
 
-use tomoswarm_proto::{AutopilotFamily, BodyKind, Capability, RadioKind, ServoKind};
+use tomoswarm_proto::{AutopilotFamily, BodyKind, Capability, RadioKind};
 
-use super::keys::{Form, KeyEntry, Keyed, Keys, quoted};
+use super::keys::{Form, KeyEntry, Keys, quoted};
 use super::mavlink_connection::MavlinkConnection;
 use super::range::SensorCoverage;
 use super::range_driver::RangeDriver;
 use super::section::Section;
+use super::servo_driver::ServoDriver;
 use super::source::Source;
 use super::vehicle::Craft;
 use super::xbee_port::XbeePort;
@@ -33,16 +34,6 @@ pub enum AutopilotDriver {
     Simulated,
     /// An ArduPilot, over MAVLink.
     Mavlink(Box<MavlinkConnection>),
-}
-
-/// What turns range sensors.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub enum ServoDriver {
-    /// The simulated world.
-    #[default]
-    Simulated,
-    /// Nothing: the sensors are fixed.
-    None,
 }
 
 /// What speaks with a radio.
@@ -89,10 +80,7 @@ impl Drivers {
             Craft::Copter => BodyKind::Copter,
         };
         let autopilot = Capability::Autopilot(family, body);
-        let servo = match self.servo {
-            ServoDriver::Simulated => Some(Capability::Servo(ServoKind::Simulated)),
-            ServoDriver::None => None,
-        };
+        let servo = self.servo.kind().map(Capability::Servo);
         let radio = match &self.radio {
             RadioDriver::Simulated => Capability::Radio(RadioKind::Simulated),
             RadioDriver::Xbee(_) => Capability::Radio(RadioKind::XBee),
@@ -128,8 +116,12 @@ impl Drivers {
             RadioDriver::Simulated => String::new(),
             RadioDriver::Xbee(xbee) => format!(" on {}", xbee.port),
         };
-        let (autopilot, servo, range, radio) =
-            (autopilot.name(), servo.name(), range.name(), radio.name());
+        let (autopilot, servo, range, radio) = (
+            autopilot.name(),
+            servo.in_words(),
+            range.name(),
+            radio.name(),
+        );
         format!(
             "autopilot {autopilot}{connection}, range {range}{port}, servo {servo}, radio {radio}{radio_port}"
         )
@@ -143,7 +135,7 @@ impl Drivers {
             source.refuse(
                 "servo.driver",
                 wrong,
-                "driver = \"none\" is allowed, for a sensor that is fixed",
+                "the driver of a real servo is allowed, or \"none\" for a sensor that is fixed",
             );
         }
         if let AutopilotDriver::Mavlink(connection) = &self.autopilot
@@ -216,24 +208,6 @@ impl DriverChoice for AutopilotDriver {
     }
 }
 
-impl DriverChoice for ServoDriver {
-    const PLANNED: &'static [&'static str] = &["gpio", "mavlink"];
-
-    fn all() -> Vec<Known<ServoDriver>> {
-        vec![
-            always("sim", ServoDriver::Simulated),
-            always("none", ServoDriver::None),
-        ]
-    }
-
-    fn name(&self) -> &'static str {
-        match self {
-            ServoDriver::Simulated => "sim",
-            ServoDriver::None => "none",
-        }
-    }
-}
-
 impl DriverChoice for RadioDriver {
     const PLANNED: &'static [&'static str] = &[];
 
@@ -299,12 +273,5 @@ impl<D: DriverChoice> Form for DriverKey<'_, D> {
     fn allowed(&self) -> String {
         let names: Vec<&str> = D::all().iter().map(|known| known.name).collect();
         names.join(", ")
-    }
-}
-
-/// A table of a device that has a driver and nothing else.
-impl<D: DriverChoice> Keyed for DriverKey<'_, D> {
-    fn keys(&mut self, to: &mut dyn Keys) {
-        self.show(to);
     }
 }

@@ -133,6 +133,38 @@ pub(super) fn seconds(seconds_s: f64) -> Duration {
     Time::from_secs_f64(seconds_s).since(Time::ZERO)
 }
 
+/// The name that the kernel has for a GPIO line.
+pub(super) struct LineName<'a> {
+    /// The name.
+    pub(super) line: &'a mut Option<String>,
+    /// What is said when it is missing; `None` when it may be.
+    pub(super) needed: Option<&'static str>,
+}
+
+/// The kernel keeps no longer name, bytes.
+const LONGEST_LINE_NAME: usize = 31;
+
+impl Form for LineName<'_> {
+    fn to_toml(&self) -> Option<String> {
+        self.line.as_deref().map(quoted)
+    }
+
+    fn read(&mut self, section: &Section<'_>, key: &'static str) {
+        if let Some(rule) = self.needed {
+            section.require(key, rule);
+        }
+        *self.line = section.text(key);
+        let is_name = |name: &String| {
+            (1..=LONGEST_LINE_NAME).contains(&name.len()) && !name.contains(char::is_control)
+        };
+        if self.line.as_ref().is_some_and(|name| !is_name(name)) {
+            let allowed = "a name such as \"GPIO23\" is allowed";
+            section.refuse(key, "is no name of a line", allowed);
+            *self.line = None;
+        }
+    }
+}
+
 /// The name of a serial port.
 pub(super) struct PortName<'a>(pub(super) &'a mut String);
 

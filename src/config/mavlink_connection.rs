@@ -216,7 +216,7 @@ impl Keyed for MavlinkConnection {
                 means,
             },
         );
-        let means = "it stands while the switch is within 150 of this, microseconds";
+        let means = "it stands while the switch is within 150 of this";
         to.whole(
             remote_hold_us,
             Whole {
@@ -226,7 +226,7 @@ impl Keyed for MavlinkConnection {
                 means,
             },
         );
-        let means = "it goes home when the switch comes within 150 of this, microseconds";
+        let means = "it goes home when the switch comes within 150 of this";
         to.whole(
             remote_return_us,
             Whole {

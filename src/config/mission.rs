@@ -261,6 +261,8 @@ pub struct Imaging {
     pub peak_separation_m: f64,
     /// The most objects that are reported.
     pub peaks: usize,
+    /// How many places where nobody stands may be found in an image of a change, on the mean.
+    pub false_finds_per_image: f64,
 }
 
 impl WordChoice for Weights {
@@ -291,6 +293,7 @@ impl Keyed for Imaging {
             rim_m,
             peak_separation_m,
             peaks,
+            false_finds_per_image,
         } = self;
         let means = "columns and rows of the image, 2 to 400 each";
         to.form(
@@ -404,6 +407,17 @@ impl Keyed for Imaging {
                 name: "peaks",
                 default: 5,
                 allowed: 1..=1000,
+                means,
+            },
+        );
+        let means =
+            "how many places where nobody stands may be found in an image of a change, on the mean";
+        to.number(
+            false_finds_per_image,
+            Number {
+                name: "false_finds_per_image",
+                default: 0.02,
+                allowed: 1e-6..=1.0,
                 means,
             },
         );

@@ -124,7 +124,7 @@ impl Keyed for RadioTable<'_> {
         } = &mut *self.radio;
         self.swarm.channel_key(to);
         own.keys(to);
-        self.swarm.slot_key(to);
+        self.swarm.slot_keys(to);
         to.number(
             frequency_hz,
             Number::new("frequency_hz", 2.4e9, 1e8..=1e10, "carrier"),

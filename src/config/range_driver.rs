@@ -9,6 +9,7 @@ use tomoswarm_proto::RangeSensorKind;
 
 use super::drivers::{DriverChoice, Known, always};
 use super::forms::{PortName, seconds};
+use super::hcsr04_lines::{HcSr04Lines, HcSr04Table};
 use super::keys::{
     KeyEntry, Keyed, Keys, MaybeTable, Number, NumberBounds, Whole, WordChoice, Words,
 };
@@ -23,6 +24,8 @@ pub enum RangeDriver {
     Simulated,
     /// A sensor on a serial line, which measures all the time.
     Serial(SerialSensor),
+    /// An ultrasonic sensor with trigger and echo lines.
+    HcSr04(HcSr04Lines),
     /// Nothing: the vehicle sees nothing, and is not driven.
     None,
 }
@@ -43,7 +46,45 @@ pub struct SerialSensor {
 pub enum SerialProtocol {
     /// Lines of text.
     Text(SerialText),
+    /// Frames of one of Benewake's lidars.
+    Tf(TfSensor),
 }
+
+/// A lidar of Benewake that says frames of nine bytes.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum TfSensor {
+    /// TF-Luna.
+    Luna,
+    /// TFmini, TFmini-S and TFmini Plus.
+    Mini,
+}
+
+impl TfSensor {
+    /// Returns how far it looks at most, metres.
+    fn farthest_m(self) -> f64 {
+        match self {
+            TfSensor::Luna => 8.0,
+            TfSensor::Mini => 12.0,
+        }
+    }
+
+    /// Checks where it looks.
+    fn check(self, source: &Source<'_>, look: &SensorCoverage) {
+        let farthest_m = self.farthest_m();
+        if look.max_range_m > farthest_m {
+            let allowed = format!("at most {farthest_m} m is allowed with this driver");
+            source.refuse("range.max_range_m", "is farther than it measures", &allowed);
+        }
+        if look.scan_period().saturating_sub(look.settle()) < TF_ANSWERS_WITHIN {
+            let wrong = "leaves no time for an answer, which takes 0.03 s";
+            let allowed = "0.03 s more than settle_s is allowed";
+            source.refuse("range.scan_period_s", wrong, allowed);
+        }
+    }
+}
+
+/// A lidar averages over 10 ms, says a frame every 10 ms, and the frame must be read.
+const TF_ANSWERS_WITHIN: Duration = Duration::from_millis(30);
 
 /// The lines of a range sensor.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -181,12 +222,15 @@ impl SerialProtocol {
     fn name(&self) -> &'static str {
         match self {
             SerialProtocol::Text(_) => "serial-text",
+            SerialProtocol::Tf(TfSensor::Luna) => "tf-luna",
+            SerialProtocol::Tf(TfSensor::Mini) => "tfmini",
         }
     }
 
     fn kind(&self) -> RangeSensorKind {
         match self {
             SerialProtocol::Text(_) => RangeSensorKind::SerialText,
+            SerialProtocol::Tf(_) => RangeSensorKind::TfLuna,
         }
     }
 
@@ -194,6 +238,7 @@ impl SerialProtocol {
     fn sensor(self) -> SerialSensor {
         let baud = match self {
             SerialProtocol::Text(_) => 9600,
+            SerialProtocol::Tf(_) => 115_200,
         };
         SerialSensor {
             port: String::new(),
@@ -205,12 +250,13 @@ impl SerialProtocol {
     fn check(&self, source: &Source<'_>, table: &str, look: &SensorCoverage) {
         match self {
             SerialProtocol::Text(text) => text.check(source, table, look),
+            SerialProtocol::Tf(sensor) => sensor.check(source, look),
         }
     }
 }
 
 impl DriverChoice for RangeDriver {
-    const PLANNED: &'static [&'static str] = &["hcsr04"];
+    const PLANNED: &'static [&'static str] = &[];
 
     fn all() -> Vec<Known<RangeDriver>> {
         let serial = |protocol: SerialProtocol| Known {
@@ -221,6 +267,13 @@ impl DriverChoice for RangeDriver {
         vec![
             always("sim", RangeDriver::Simulated),
             serial(SerialProtocol::Text(SerialText::default())),
+            serial(SerialProtocol::Tf(TfSensor::Luna)),
+            serial(SerialProtocol::Tf(TfSensor::Mini)),
+            Known {
+                name: "hcsr04",
+                is_built: cfg!(feature = "hw"),
+                driver: RangeDriver::HcSr04(HcSr04Lines::default()),
+            },
             always("none", RangeDriver::None),
         ]
     }
@@ -229,6 +282,7 @@ impl DriverChoice for RangeDriver {
         match self {
             RangeDriver::Simulated => "sim",
             RangeDriver::Serial(sensor) => sensor.protocol.name(),
+            RangeDriver::HcSr04(_) => "hcsr04",
             RangeDriver::None => "none",
         }
     }
@@ -240,6 +294,7 @@ impl RangeDriver {
         match self {
             RangeDriver::Simulated => Some(RangeSensorKind::Simulated),
             RangeDriver::Serial(sensor) => Some(sensor.protocol.kind()),
+            RangeDriver::HcSr04(_) => Some(RangeSensorKind::HcSr04),
             RangeDriver::None => None,
         }
     }
@@ -248,22 +303,33 @@ impl RangeDriver {
     pub(super) fn is_real(&self) -> bool {
         match self {
             RangeDriver::Simulated | RangeDriver::None => false,
-            RangeDriver::Serial(_) => true,
+            RangeDriver::Serial(_) | RangeDriver::HcSr04(_) => true,
         }
     }
 
-    /// Returns the port that it opens, if it does.
-    pub(super) fn port(&self) -> Option<&str> {
+    /// Returns the port or the lines that it opens, if it does.
+    pub(super) fn port(&self) -> Option<String> {
         match self {
             RangeDriver::Simulated | RangeDriver::None => None,
-            RangeDriver::Serial(sensor) => Some(&sensor.port),
+            RangeDriver::Serial(sensor) => Some(sensor.port.clone()),
+            RangeDriver::HcSr04(lines) => Some(format!("{} and {}", lines.trigger, lines.echo)),
         }
     }
 
     /// Checks its settings together with where the sensors look.
     pub(super) fn check(&self, source: &Source<'_>, look: &SensorCoverage) {
-        let RangeDriver::Serial(sensor) = self else {
-            return;
+        let several = |wrong: &str| {
+            if look.sensors.len() > 1 {
+                source.refuse("range.sensor", wrong, "one is allowed");
+            }
+        };
+        let sensor = match self {
+            RangeDriver::Simulated | RangeDriver::None => return,
+            RangeDriver::HcSr04(lines) => {
+                several("has several, and one pair of lines is one sensor");
+                return lines.check(source, look);
+            }
+            RangeDriver::Serial(sensor) => sensor,
         };
         let table = format!("range.{}", self.name());
         if sensor.port.is_empty() && source.is_sound(&[&table]) {
@@ -272,13 +338,7 @@ impl RangeDriver {
                 &format!("a table [{table}] with its port is needed"),
             );
         }
-        if look.sensors.len() > 1 {
-            source.refuse(
-                "range.sensor",
-                "has several, and one port is one sensor",
-                "one is allowed",
-            );
-        }
+        several("has several, and one port is one sensor");
         sensor.protocol.check(source, &table, look);
     }
 
@@ -290,20 +350,22 @@ impl RangeDriver {
             ..
         } in RangeDriver::all()
         {
-            if let RangeDriver::Serial(unused) = blank {
-                let means = "what its driver of this name is told; checked and not used while another one is chosen";
-                to.maybe_table(
-                    &mut SerialTable {
-                        driver: self,
-                        unused,
-                    },
-                    KeyEntry {
-                        name,
-                        left_out: "",
-                        means,
-                    },
-                );
-            }
+            let driver = &mut *self;
+            let mut table: Box<dyn MaybeTable> = match blank {
+                RangeDriver::Serial(unused) => Box::new(SerialTable { driver, unused }),
+                RangeDriver::HcSr04(unused) => Box::new(HcSr04Table { driver, unused }),
+                RangeDriver::Simulated | RangeDriver::None => continue,
+            };
+            let means = "what its driver of this name is told; checked and not used while another one is chosen";
+            let left_out = "";
+            to.maybe_table(
+                &mut *table,
+                KeyEntry {
+                    name,
+                    left_out,
+                    means,
+                },
+            );
         }
     }
 }
@@ -320,7 +382,10 @@ impl SerialTable<'_> {
         let name = self.unused.protocol.name();
         match self.driver {
             RangeDriver::Serial(sensor) if sensor.protocol.name() == name => Some(sensor),
-            RangeDriver::Serial(_) | RangeDriver::Simulated | RangeDriver::None => None,
+            RangeDriver::Serial(_)
+            | RangeDriver::Simulated
+            | RangeDriver::HcSr04(_)
+            | RangeDriver::None => None,
         }
     }
 }
@@ -336,7 +401,7 @@ impl MaybeTable for SerialTable<'_> {
         }
         match self.driver {
             RangeDriver::Serial(sensor) => sensor,
-            RangeDriver::Simulated | RangeDriver::None => &mut self.unused,
+            RangeDriver::Simulated | RangeDriver::HcSr04(_) | RangeDriver::None => &mut self.unused,
         }
     }
 }
@@ -370,6 +435,8 @@ impl Keyed for SerialSensor {
         );
         match protocol {
             SerialProtocol::Text(text) => text.keys(to),
+            // Its frames leave nothing to be said.
+            SerialProtocol::Tf(_) => {}
         }
     }
 }

@@ -242,6 +242,7 @@ impl Sim {
         self.range.look.check(source);
         self.safety.check(source);
         self.bus.check(source);
+        self.venue.swarm.check(source, "radio");
         let sweeping = self.vehicles.count.min(*SWARM.end());
         check_sweep(source, &self.sweep, sweeping, self.mission.planner());
         for (index, fault) in self.faults.iter_mut().enumerate() {

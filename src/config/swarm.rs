@@ -6,7 +6,8 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use super::keys::{Keyed, Keys, Number, Only, Whole};
+use super::keys::{Keyed, Keys, Number, NumberBounds, Only, Whole};
+use super::source::Source;
 use crate::time::Time;
 
 /// What all nodes of a swarm agree on.
@@ -20,6 +21,9 @@ pub struct Swarm {
     pub autonomy_s: f64,
     /// Slot T of the beacon ring, milliseconds.
     pub slot_ms: f64,
+    /// What the direct successor of a vehicle that was heard waits instead of a slot, milliseconds; `None` = a slot.
+    #[serde(default)]
+    pub successor_ms: Option<f64>,
     /// Channel number of the radio.
     pub channel: usize,
     /// Above this deviation of the place nothing is driven, measured or mapped, metres.
@@ -38,6 +42,8 @@ const MARGINS: [&str; 4] = [
 /// A key that a simulation may give in `[radio]`.
 const SLOT: &str = "slot_ms";
 /// As [`SLOT`].
+const SUCCESSOR: &str = "successor_ms";
+/// As [`SLOT`].
 const CHANNEL: &str = "channel";
 /// Where they belong.
 const PLACE: &str = "the venue file, table [swarm]";
@@ -50,6 +56,7 @@ impl Swarm {
         separation_up_m: 2.0,
         autonomy_s: 60.0,
         slot_ms: 50.0,
+        successor_ms: None,
         channel: 15,
         pose_sd_max_m: 0.5,
         lost_after_s: 30.0,
@@ -65,6 +72,12 @@ impl Swarm {
         Time::from_secs_f64(self.slot_ms * 1e-3).since(Time::ZERO)
     }
 
+    /// Returns what the direct successor of a vehicle that was heard waits; `None` = a slot.
+    pub fn successor(&self) -> Option<Duration> {
+        let wait_ms = self.successor_ms?;
+        Some(Time::from_secs_f64(wait_ms * 1e-3).since(Time::ZERO))
+    }
+
     /// Returns the silence after which the stops of a vehicle go to the others.
     pub fn lost_after(&self) -> Duration {
         Time::from_secs_f64(self.lost_after_s).since(Time::ZERO)
@@ -77,17 +90,19 @@ impl Swarm {
 
     /// Returns what is part of the venue's hash: nothing when it is what was agreed on before the venue said so, so that
     /// stores and rosters of such a venue stay valid.
-    pub(super) fn hashed(&self) -> Option<[f64; 7]> {
+    pub(super) fn hashed(&self) -> Option<Vec<f64>> {
         let Swarm {
             separation_m,
             separation_up_m,
             autonomy_s,
             slot_ms,
+            successor_ms,
             channel,
             pose_sd_max_m,
             lost_after_s,
         } = *self;
-        let numbers = [
+        let successor_ms = successor_ms.filter(|wait_ms| *wait_ms != slot_ms);
+        let mut numbers = vec![
             separation_m,
             separation_up_m,
             autonomy_s,
@@ -96,7 +111,26 @@ impl Swarm {
             pose_sd_max_m,
             lost_after_s,
         ];
-        (*self != Swarm::UNSAID).then_some(numbers)
+        numbers.extend(successor_ms);
+        let said = Swarm {
+            successor_ms,
+            ..*self
+        };
+        (said != Swarm::UNSAID).then_some(numbers)
+    }
+
+    /// Checks the numbers together; they stand in this table, or some of them do.
+    pub(super) fn check(&self, source: &Source<'_>, table: &str) {
+        let slot_ms = self.slot_ms;
+        let Some(wait_ms) = self.successor_ms.filter(|wait_ms| *wait_ms > slot_ms) else {
+            return;
+        };
+        let given = [SUCCESSOR, SLOT].map(|name| format!("{table}.{name}"));
+        let Some(key) = given.iter().find(|key| source.is_known(key)) else {
+            return;
+        };
+        let wrong = format!("a successor waits {wait_ms} ms, longer than a slot of {slot_ms} ms");
+        source.refuse(key, &wrong, "successor_ms may be at most slot_ms");
     }
 
     /// Shows the keys that a simulation may give in `[safety]`, with the venue's values as defaults.
@@ -107,9 +141,12 @@ impl Swarm {
         });
     }
 
-    /// Shows the slot, which a simulation may give in `[radio]`, with the venue's value as its default.
-    pub(super) fn slot_key(&mut self, to: &mut dyn Keys) {
-        self.keys(&mut Only { names: &[SLOT], to });
+    /// Shows slot and successor's wait, which a simulation may give in `[radio]`, with the venue's values as defaults.
+    pub(super) fn slot_keys(&mut self, to: &mut dyn Keys) {
+        self.keys(&mut Only {
+            names: &[SLOT, SUCCESSOR],
+            to,
+        });
     }
 
     /// Shows the channel in the same way.
@@ -127,7 +164,7 @@ impl Swarm {
 
     /// Says that the keys of `[radio]` are not for the file of a node.
     pub(super) fn moved_air(to: &mut dyn Keys) {
-        [SLOT, CHANNEL]
+        [SLOT, SUCCESSOR, CHANNEL]
             .iter()
             .for_each(|name| to.moved(name, PLACE));
     }
@@ -152,6 +189,7 @@ impl Keyed for Swarm {
             separation_up_m,
             autonomy_s,
             slot_ms,
+            successor_ms,
             channel,
             pose_sd_max_m,
             lost_after_s,
@@ -191,6 +229,16 @@ impl Keyed for Swarm {
                 default: 50.0,
                 allowed: 1.0..=5000.0,
                 means: "slot of the beacon ring",
+            },
+        );
+        to.maybe_number(
+            successor_ms,
+            NumberBounds {
+                name: SUCCESSOR,
+                left_out: "slot_ms",
+                allowed: 1.0..=5000.0,
+                means: "after a vehicle that was heard the next one of the ring waits so long instead of a slot; at most \
+                        slot_ms. 3 suits XBees",
             },
         );
         to.whole(

@@ -7,7 +7,7 @@ use tomoswarm_proto::{TaskKind, VehicleId};
 
 use super::Loader;
 use super::bus_file::{BusFile, BusFileTable, Role};
-use super::drivers::{AutopilotDriver, DriverKey, Drivers, RadioDriver, ServoDriver};
+use super::drivers::{AutopilotDriver, DriverKey, Drivers, RadioDriver};
 use super::forms::{FileName, LoadedFile};
 use super::keys::{Form, KeyEntry, Keyed, Keys, MaybeTable, Whole, quoted, read_table};
 use super::mavlink_connection::AutopilotTable;
@@ -16,6 +16,7 @@ use super::radio::OwnRadio;
 use super::range::SensorCoverage;
 use super::range_driver::RangeDriver;
 use super::section::Section;
+use super::servo_driver::{ServoDriver, ServoTable};
 use super::sim::{
     check_border, check_task, load, refuse_blind_speed, refuse_uncovered_radius, smallest_post,
 };
@@ -128,7 +129,7 @@ impl Keyed for VehicleTable<'_> {
 /// The table `[range]` of a vehicle.
 struct RangeTable<'a> {
     driver: &'a mut RangeDriver,
-    servo: ServoDriver,
+    servo: &'a ServoDriver,
     look: &'a mut SensorCoverage,
 }
 
@@ -137,7 +138,7 @@ impl Keyed for RangeTable<'_> {
         DriverKey(&mut *self.driver).show(to);
         self.driver.show_tables(to);
         match self.servo {
-            ServoDriver::Simulated => self.look.keys(to),
+            ServoDriver::Simulated | ServoDriver::Real(_) => self.look.keys(to),
             ServoDriver::None => self.look.fixed_keys(to),
         }
     }
@@ -234,9 +235,7 @@ impl VehicleFile {
             .mission
             .task(root.source, is_loaded.then_some(&file.venue), loader);
         check_world(root, &file.drivers);
-        if file.drivers.servo == ServoDriver::None {
-            file.look.fix(root.source);
-        }
+        file.drivers.servo.complete(root.source, &mut file.look);
         let is_sound = root
             .source
             .is_sound(&["vehicle.radius_m", "safety.padding_m", "range"]);
@@ -333,7 +332,7 @@ impl Keyed for VehicleFile {
             table("autopilot", "what drives it"),
         );
         to.table(
-            &mut DriverKey(servo),
+            &mut ServoTable(servo),
             table(
                 "servo",
                 "what turns its range sensors; `none`: they are fixed",
@@ -341,7 +340,7 @@ impl Keyed for VehicleFile {
         );
         let mut sensor = RangeTable {
             driver: range,
-            servo: *servo,
+            servo,
             look,
         };
         let means = "its range sensors; `none`: it sees nothing, and is not driven";
@@ -550,6 +549,9 @@ fn check_together(root: &Section<'_>, file: &VehicleFile) {
     } = file;
     let swarm = &venue.swarm;
     check_task(root, file.task.as_ref(), venue);
+    if let RadioDriver::Xbee(xbee) = &file.drivers.radio {
+        xbee.check_slot(root.source, swarm, &file.venue_file);
+    }
     let is_sound = |keys: &[&str]| root.source.is_sound(keys);
     if is_sound(&["vehicle.radius_m"]) && swarm.separation_m <= 2.0 * body.radius_m {
         let separation_m = swarm.separation_m;

@@ -140,6 +140,7 @@ impl Venue {
         let mut venue = Venue::blank();
         read_table(&mut venue, root);
         check_slices(root, &venue.slice_borders_m);
+        venue.swarm.check(root.source, "swarm");
         if root.source.is_sound(&["area_m", "fence_m"]) {
             check_area(root, &venue);
         }

@@ -1,14 +1,30 @@
 //! Where a vehicle's XBee is: the table `[radio.xbee]` of its file. Opens nothing. Channel and network are the venue's.
 
+use tomoswarm_proto::BEACON_BYTES_MAX;
+
 use super::drivers::RadioDriver;
 use super::forms::PortName;
 use super::keys::{Form, KeyEntry, Keyed, Keys, MaybeTable};
 use super::section::Section;
+use super::source::Source;
+use super::swarm::Swarm;
 
 /// Baud rates that a module can have, in the order of its register BD.
 pub const XBEE_BAUDS: [u32; 9] = [
     1_200, 2_400, 4_800, 9_600, 19_200, 38_400, 57_600, 115_200, 230_400,
 ];
+
+/// Bytes of a frame around a beacon, the same to the module and from it (Digi 90000982, frames 0x01 and 0x81).
+const FRAME_BYTES: usize = 9;
+/// Bits on the serial line for each byte.
+const BITS: f64 = 10.0;
+/// Most time that a broadcast without payload takes on the air, with all waits for the channel, and that of each byte,
+/// milliseconds (Digi, "802.15.4 latency", 16-bit addresses).
+const AIR_MOST_MS: f64 = 9.376;
+const AIR_BYTE_MS: f64 = 0.032;
+/// By how much a slot is longer than the latency: a share of it, and milliseconds.
+const SLOT_SHARE: f64 = 1.15;
+const SLOT_MORE_MS: f64 = 2.0;
 
 /// A module with 802.15.4 firmware on a serial line.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -17,6 +33,33 @@ pub struct XbeePort {
     pub port: String,
     /// Bits per second.
     pub baud: u32,
+}
+
+impl XbeePort {
+    /// Returns the most time from when a beacon of so many bytes is handed to the port until another vehicle has heard it from a
+    /// port like this, milliseconds: two serial lines, and the air.
+    pub fn latency_ms(&self, bytes: usize) -> f64 {
+        let line_ms = BITS * (bytes + FRAME_BYTES) as f64 * 1e3 / f64::from(self.baud);
+        2.0 * line_ms + AIR_MOST_MS + AIR_BYTE_MS * bytes as f64
+    }
+
+    /// Refuses slots in which a beacon is not heard before the next vehicle speaks.
+    pub(super) fn check_slot(&self, source: &Source<'_>, swarm: &Swarm, venue_file: &str) {
+        let slot_ms = swarm.slot_ms;
+        let needed_ms = SLOT_SHARE * self.latency_ms(BEACON_BYTES_MAX) + SLOT_MORE_MS;
+        if slot_ms >= needed_ms || !source.is_sound(&["radio.xbee", "venue"]) {
+            return;
+        }
+        let wrong = format!(
+            "a slot of {slot_ms} ms is too short: at this baud rate beacons are heard up to {:.1} ms after they are sent",
+            self.latency_ms(BEACON_BYTES_MAX)
+        );
+        let allowed = format!(
+            "slot_ms of at least {:.0} is needed in {venue_file}, table [swarm], or a higher baud rate",
+            needed_ms.ceil()
+        );
+        source.refuse("radio.xbee.baud", &wrong, &allowed);
+    }
 }
 
 impl Default for XbeePort {

@@ -35,6 +35,15 @@ pub enum Overlay {
         /// Written beside the cross.
         label: Option<String>,
     },
+    /// A person who was found.
+    Find {
+        /// Where.
+        at: Point,
+        /// Variance by x, covariance, variance by y of that, m²: the ellipse of 90 % is drawn.
+        covariance_m2: [f64; 3],
+        /// Written beside it.
+        label: Option<String>,
+    },
     /// The way a vehicle drove, named in the legend. Where tracks of several vehicles lie upon each other they are
     /// shown in turns.
     Track {
@@ -81,6 +90,7 @@ impl Overlay {
             Overlay::Outline { .. } => Mark::Outline,
             Overlay::Circle { .. } => Mark::Circle,
             Overlay::Cross { .. } => Mark::Cross,
+            Overlay::Find { .. } => Mark::Find,
             Overlay::Track { vehicle, .. } => Mark::Track(Some(place_of(*vehicle))),
             Overlay::Vehicle { vehicle, .. } => Mark::Vehicle(Some(place_of(*vehicle))),
             Overlay::Home { vehicle, .. } => Mark::Home(Some(place_of(*vehicle))),
@@ -95,7 +105,8 @@ impl Overlay {
         match self {
             Overlay::Outline { label, .. }
             | Overlay::Circle { label, .. }
-            | Overlay::Cross { label, .. } => label.clone(),
+            | Overlay::Cross { label, .. }
+            | Overlay::Find { label, .. } => label.clone(),
             Overlay::Vehicle { vehicle, .. } | Overlay::Home { vehicle, .. } => {
                 Some(vehicle.to_string())
             }
@@ -114,6 +125,7 @@ impl Overlay {
             }
             Overlay::Circle { at, radius_m, .. } => disc_corners(*at, *radius_m),
             Overlay::Cross { at, .. }
+            | Overlay::Find { at, .. }
             | Overlay::Vehicle { at, .. }
             | Overlay::Home { at, .. }
             | Overlay::Viewpoint { at } => vec![*at],
@@ -140,7 +152,8 @@ impl Overlay {
         match self {
             Overlay::Outline { .. } => "true outline".to_string(),
             Overlay::Circle { .. } => "true person".to_string(),
-            Overlay::Cross { .. } => "found object".to_string(),
+            Overlay::Cross { .. } => "strong place".to_string(),
+            Overlay::Find { .. } => "found person, 90 % ellipse".to_string(),
             Overlay::Track { vehicle, .. } => format!("track of vehicle {vehicle}"),
             Overlay::Vehicle { .. } => "vehicle, in its colour".to_string(),
             Overlay::Home { .. } => "home, in its vehicle's colour".to_string(),
@@ -169,6 +182,7 @@ pub(super) enum Mark {
     Vehicle(Option<usize>),
     Circle,
     Cross,
+    Find,
 }
 
 impl Mark {
@@ -201,7 +215,7 @@ impl Mark {
             Mark::Viewpoint => pen(9.0, theme.neutral),
             Mark::Vehicle(vehicle) => pen(9.0, colour_of(vehicle)),
             Mark::Circle => pen(1.8, theme.truth),
-            Mark::Cross => pen(2.2, theme.found),
+            Mark::Cross | Mark::Find => pen(2.2, theme.found),
         }
     }
 }

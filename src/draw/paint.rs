@@ -97,6 +97,11 @@ pub(super) fn sample(picture: &mut Picture, theme: &Theme, mark: Mark, tile: Rec
         }
         Mark::Circle => vec![circle(middle, 6.0)],
         Mark::Cross => cross(middle),
+        Mark::Find => {
+            let mut paths = cross(middle);
+            paths.push(circle(middle, 9.0));
+            paths
+        }
         Mark::Vehicle(_) | Mark::Viewpoint => vec![vec![middle]],
         Mark::Home(_) => vec![house(middle)],
     };
@@ -133,7 +138,8 @@ fn mark_rim(mark: Mark) -> f64 {
         | Mark::Viewpoint
         | Mark::Vehicle(_)
         | Mark::Circle
-        | Mark::Cross => 0.75,
+        | Mark::Cross
+        | Mark::Find => 0.75,
     }
 }
 
@@ -151,6 +157,13 @@ pub(super) fn paths(overlay: &Overlay, layout: &Layout) -> Vec<Vec<At>> {
             vec![circle(layout.place(*at), radius_px(*radius_m, layout))]
         }
         Overlay::Cross { at, .. } => cross(layout.place(*at)),
+        Overlay::Find {
+            at, covariance_m2, ..
+        } => {
+            let mut paths = cross(layout.place(*at));
+            paths.push(ellipse(*at, *covariance_m2, layout));
+            paths
+        }
         Overlay::Vehicle { at, .. } | Overlay::Viewpoint { at } => vec![vec![layout.place(*at)]],
         Overlay::Home { at, .. } => vec![house(layout.place(*at))],
     }
@@ -184,6 +197,23 @@ fn cross(middle: At) -> Vec<Vec<At>> {
     ]
 }
 
+/// Returns the ellipse that holds 90 % of a normal distribution with this mean and covariance.
+fn ellipse(at: Point, [xx, xy, yy]: [f64; 3], layout: &Layout) -> Vec<At> {
+    /// So many squared deviations from the mean lie 90 % in the plane.
+    const CHI_SQUARED_90: f64 = 4.605;
+    // The Cholesky factor of the covariance turns a circle into it.
+    let across = xx.max(0.0).sqrt();
+    let slant = if across > 0.0 { xy / across } else { 0.0 };
+    let rest = (yy - slant * slant).max(0.0).sqrt();
+    let unit = circle(At::new(0.0, 0.0), CHI_SQUARED_90.sqrt());
+    unit.into_iter()
+        .map(|on| {
+            let (x_m, y_m) = (across * on.x_px, slant * on.x_px + rest * on.y_px);
+            layout.place(Point::new(at.x_m + x_m, at.y_m + y_m))
+        })
+        .collect()
+}
+
 fn house(middle: At) -> Vec<At> {
     let corners = [
         (-5.0, 6.0),
@@ -209,7 +239,9 @@ fn point_mark(overlay: &Overlay, layout: &Layout) -> Option<Rectangle> {
         Overlay::Circle { at, radius_m, .. } => {
             around(*at, radius_px(*radius_m, layout) + 2.0, layout)
         }
-        Overlay::Cross { at, .. } | Overlay::Home { at, .. } => around(*at, 7.0, layout),
+        Overlay::Cross { at, .. } | Overlay::Find { at, .. } | Overlay::Home { at, .. } => {
+            around(*at, 7.0, layout)
+        }
         Overlay::Vehicle { at, .. } | Overlay::Viewpoint { at } => around(*at, 6.0, layout),
         Overlay::Outline { .. }
         | Overlay::Track { .. }
@@ -228,6 +260,7 @@ fn taken(overlay: &Overlay, layout: &Layout) -> Vec<Rectangle> {
             .collect(),
         Overlay::Circle { .. }
         | Overlay::Cross { .. }
+        | Overlay::Find { .. }
         | Overlay::Vehicle { .. }
         | Overlay::Viewpoint { .. }
         | Overlay::Home { .. } => point_mark(overlay, layout).into_iter().collect(),

@@ -13,7 +13,8 @@ use crate::config::{
 use crate::geom::{Lattice, PixelGrid, Rect, Segment};
 use crate::sweep::{PatternKind, Ring, SweepError};
 use crate::tomo::{
-    ImagingSettings as ImageSettings, MapSettings, Prior, SPOT_M, Solver, TomoError, WeightModel,
+    FindSettings, ImagingSettings as ImageSettings, MapSettings, Prior, SPOT_M, Solver, TomoError,
+    WeightModel,
 };
 
 /// What a ground station is made of, before it begins.
@@ -209,6 +210,10 @@ pub fn image_settings(
     settings.peaks.rim_m = imaging.rim_m;
     settings.peaks.limit = imaging.peaks;
     settings.peaks.separation_m = imaging.peak_separation_m;
+    settings.finds = FindSettings {
+        false_per_image: imaging.false_finds_per_image,
+        ..FindSettings::IN_METRES
+    };
     settings.weights = match imaging.weights {
         Weights::Line => WeightModel::Line,
         Weights::Ellipse => WeightModel::Ellipse {

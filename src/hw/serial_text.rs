@@ -88,6 +88,7 @@ impl TextDecoder {
             too_long: lines.too_long(),
             unreadable: *unreadable,
             out_of_range: *out_of_range,
+            unreliable: 0,
         }
     }
 }
@@ -261,12 +262,13 @@ mod tests {
             DroppedReadings {
                 too_long: 1,
                 unreadable: 2,
-                out_of_range: 1
+                out_of_range: 1,
+                unreliable: 0
             }
         );
         assert_eq!(
             decoder.dropped().to_string(),
-            "1 too long, 2 unreadable, 1 out of range"
+            "1 too long, 2 unreadable, 1 out of range, 0 unreliable"
         );
     }
 

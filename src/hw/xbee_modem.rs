@@ -12,7 +12,8 @@
 //!
 //! One beacon is *in flight* until the module says whether it went on the air. Another one waits meanwhile, of several the
 //! newest. Peers take a gap between two numbers for a beacon that they have missed, so what goes on the air has none: a beacon
-//! that comes in the place of another one that is not sent takes its number, and its own is given back.
+//! that comes in the place of another one that is not sent takes its number, and its own is given back. One that was numbered
+//! before the radio actor had read that an earlier one came back is given back as well.
 
 mod incoming;
 mod troubles;
@@ -39,6 +40,8 @@ const STATUSES_MISSING: u8 = 3;
 const SILENT_AGAIN: Duration = Duration::from_secs(1);
 /// A module that is not as it is to be is asked again after this time.
 const REFUSED_AGAIN: Duration = Duration::from_secs(5);
+/// So many beacons are given back because an earlier number is awaited; then the actor has not read that it is free.
+const EARLY_MOST: u8 = 3;
 /// To everybody in the network.
 const EVERYBODY: u16 = 0xFFFF;
 /// No acknowledgement is wanted: of a broadcast there is none.
@@ -69,6 +72,7 @@ pub struct XbeeModem {
     registers: Registers,
     in_flight: Option<InFlight>,
     waiting: Option<Beacon>,
+    given_back: Option<GivenBack>,
     /// Of the last beacon that was sent.
     last_id: u8,
     statuses_missing: u8,
@@ -105,6 +109,15 @@ struct InFlight {
     until: Time,
 }
 
+/// Numbers that were given back and have not come again.
+#[derive(Clone, Copy, Debug)]
+struct GivenBack {
+    /// The lowest of them.
+    number: u32,
+    /// So many beacons have come with a higher one since.
+    early: u8,
+}
+
 impl XbeeModem {
     /// Begins with a closed port.
     pub fn new(settings: ModuleSettings) -> XbeeModem {
@@ -115,6 +128,7 @@ impl XbeeModem {
             registers: Registers::default(),
             in_flight: None,
             waiting: None,
+            given_back: None,
             last_id: 0,
             statuses_missing: 0,
             opened: 0,
@@ -142,19 +156,20 @@ impl XbeeModem {
         if !self.is_ready() {
             return self.give_back(beacon.sequence, out);
         }
-        if self.in_flight.is_none() {
-            return self.transmit(now, beacon, out);
+        if let Some(waiting) = &mut self.waiting {
+            let (own, number) = (beacon.sequence, waiting.sequence);
+            *waiting = Beacon {
+                sequence: number,
+                ..beacon
+            };
+            return self.give_back(own, out);
         }
-        match &mut self.waiting {
-            Some(waiting) => {
-                let (own, number) = (beacon.sequence, waiting.sequence);
-                *waiting = Beacon {
-                    sequence: number,
-                    ..beacon
-                };
-                self.give_back(own, out);
-            }
-            None => self.waiting = Some(beacon),
+        if self.is_early(&beacon) {
+            return self.give_back(beacon.sequence, out);
+        }
+        match self.in_flight {
+            None => self.transmit(now, beacon, out),
+            Some(_) => self.waiting = Some(beacon),
         }
     }
 
@@ -385,8 +400,24 @@ impl XbeeModem {
         }
     }
 
+    /// Returns whether a beacon was numbered before its actor had read that an earlier number is free.
+    fn is_early(&mut self, beacon: &Beacon) -> bool {
+        if let Some(back) = &mut self.given_back
+            && back.number < beacon.sequence
+            && back.early < EARLY_MOST
+        {
+            back.early += 1;
+            return true;
+        }
+        self.given_back = None;
+        false
+    }
+
     fn give_back(&mut self, number: u32, out: &mut Vec<ModemOut>) {
         self.counts.unsent += 1;
+        if self.given_back.is_none_or(|back| number < back.number) {
+            self.given_back = Some(GivenBack { number, early: 0 });
+        }
         out.push(ModemOut::Unsent(number));
     }
 

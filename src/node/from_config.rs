@@ -98,6 +98,7 @@ impl VehicleInputs<'_> {
                 channel: self.venue.swarm.channel(),
                 power_dbm: self.radio.power_dbm,
                 slot: self.venue.swarm.slot(),
+                successor: self.venue.swarm.successor(),
             },
             carried_m: self.carried_m,
             safety: self.safety,

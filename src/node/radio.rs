@@ -99,7 +99,7 @@ impl Radio {
             is_armed: false,
             progress: Progress::default(),
             measures: None,
-            ring: BeaconRing::new(settings.vehicle, settings.boot, settings.radio.slot),
+            ring: BeaconRing::new(settings.vehicle, settings.boot, &settings.radio),
             numbers: BeaconNumbers::default(),
             reception: Reception::new(settings.swarm.pose_sd_max_m),
             settings,

@@ -110,6 +110,9 @@ pub struct RadioSettings {
     pub power_dbm: i8,
     /// Length of one slot of the token ring.
     pub slot: Duration,
+    /// What the direct successor of a vehicle that was heard waits; `None` = a slot.
+    #[serde(default)]
+    pub successor: Option<Duration>,
 }
 
 impl VehicleSettings {

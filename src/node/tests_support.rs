@@ -104,6 +104,7 @@ pub fn settings(vehicle: u8) -> VehicleSettings {
             channel: 11,
             power_dbm: 0,
             slot: Duration::from_millis(50),
+            successor: None,
         },
         carried_m: 0.0,
         safety: crate::config::Safety {

@@ -271,6 +271,18 @@ fn home(id: VehicleId, placed: PoseReport, homes: &[Point]) -> (bool, String) {
 }
 
 fn radio(id: VehicleId, health: &Health, needs: &Requirements) -> (bool, String) {
+    let (hears_all, hears) = hearing(id, health, needs);
+    match health.radio {
+        None => (hears_all, hears),
+        Some(radio) => {
+            let (speaks, sends) = devices::radio(radio);
+            (hears_all && speaks, format!("{hears}; {sends}"))
+        }
+    }
+}
+
+/// Whom a vehicle hears by radio, and whether that is everyone.
+fn hearing(id: VehicleId, health: &Health, needs: &Requirements) -> (bool, String) {
     let is_missing = |other: &VehicleId| *other != id && !health.hears.contains(other);
     let missing: Vec<VehicleId> = needs.vehicles.iter().copied().filter(is_missing).collect();
     // A vehicle names no more than a beacon does: of the others it says nothing.

@@ -10,8 +10,8 @@
 //! Every frame travels with its CRC-32 beside it (zenoh's attachment, 4 bytes, little endian): TCP's own checksum lets damage
 //! through, and what is damaged may read as another message. A frame without one is read as it is.
 //!
-//! One thread keeps the session: it opens it, opens it anew when it has become deaf (`bus/hearing.rs`) or a thread of the library
-//! has panicked, and sends what has waited. Another one asks the library to whom there are links (`bus/links.rs`). The library
+//! One thread keeps the session: it opens it, opens it anew when it has become deaf (`bus/hearing.rs`), the roster has changed or a
+//! thread of the library has panicked, and sends what has waited. Another one asks the library to whom there are links (`bus/links.rs`). The library
 //! is never called with a lock of ours held: it may call us, or wait, with locks of its own.
 
 mod hearing;
@@ -39,6 +39,7 @@ pub use self::settings::{BusError, BusSettings, BusTraffic, SessionTopology, Tru
 use super::clock::Clock;
 use super::mailbox::{Troubles, lock};
 use super::subjects;
+use super::trust::AccessRule;
 use crate::exchange::egress::OutboundFrame;
 pub use crate::exchange::ingress::HeardMessage;
 use crate::exchange::ingress::{FrameRefusal, read};
@@ -70,6 +71,8 @@ struct Shared {
     clock: Clock,
     troubles: Troubles,
     session: RwLock<Option<zenoh::Session>>,
+    /// Who may write what by the newest roster.
+    access: Mutex<Vec<AccessRule>>,
     exchange: Mutex<Exchange>,
     more: Condvar,
     is_closing: AtomicBool,
@@ -117,7 +120,9 @@ impl BusSession {
     ) -> Result<BusSession, BusError> {
         library_panics::watch();
         let exchange = Exchange::new(settings.egress_bytes_per_s, presence);
+        let access = settings.trust.as_ref().map(|trust| trust.access.clone());
         let shared = Arc::new(Shared {
+            access: Mutex::new(access.unwrap_or_default()),
             settings,
             clock,
             troubles,
@@ -155,6 +160,16 @@ impl BusSession {
         Publisher {
             shared: self.shared.clone(),
             links: self.links.clone(),
+        }
+    }
+
+    /// From now on others may write what a newer roster says: the session is opened anew, unless it says the same. The files by
+    /// which the node is known are read again too.
+    pub fn allow(&self, access: Vec<AccessRule>) {
+        let former = std::mem::replace(&mut *lock(&self.shared.access), access.clone());
+        if former != access {
+            lock(&self.shared.hearing).change_roster();
+            self.shared.more.notify_one();
         }
     }
 
@@ -259,7 +274,11 @@ impl Shared {
     }
 
     fn open_session(self: &Arc<Self>) -> Result<(), BusError> {
-        let text = zenoh_config::session(&self.settings, self.is_hub()).to_string();
+        let mut settings = self.settings.clone();
+        if let Some(trust) = &mut settings.trust {
+            trust.access = lock(&self.access).clone();
+        }
+        let text = zenoh_config::session(&settings, self.is_hub()).to_string();
         let settings_error = |error: &dyn std::fmt::Display| BusError::Settings {
             reason: error.to_string(),
         };

@@ -7,6 +7,8 @@
 //!   Transmit  ─► radio     ─┼─ simulated ─► link ─► world ─────┼─► Heard, Unsent
 //!   Ping      ─► range     ─┤                                  └─► Echo
 //!                           ├─ on a serial line ─► range/serial ─► Echo
+//!                           ├─ an HC-SR04 ─► range/hcsr04 ─► Echo
+//!                           ├─ an output of this machine ─► servo/output
 //!                           ├─ an XBee ─► radio/xbee ─► Heard, Unsent
 //!                           └─ MAVLink ─► autopilot/mavlink ─► Report, Ack
 //! ```
@@ -15,11 +17,14 @@
 //! world, and of what the world says only what simulated devices say is believed.
 
 pub mod autopilot;
+#[cfg(feature = "hw")]
+mod device_thread;
 pub mod radio;
 pub mod range;
 mod reopening;
 #[cfg(feature = "hw")]
 mod serial_port;
+pub mod servo;
 
 use std::io;
 use std::sync::Arc;
@@ -29,6 +34,7 @@ use tomoswarm_proto::{AutopilotHealth, Boot, RadioHealth, RangeHealth};
 use self::autopilot::Autopilot;
 use self::radio::Radio;
 use self::range::Range;
+use self::servo::Servo;
 use super::clock::Clock;
 use super::link::{LinkState, WorldLink, WorldLinkSettings};
 use super::mailbox::Troubles;
@@ -44,6 +50,7 @@ pub struct VehicleDevices {
     world: Option<WorldLink>,
     autopilot: Autopilot,
     range: Range,
+    servo: Servo,
     radio: Radio,
 }
 
@@ -66,6 +73,7 @@ impl VehicleDevices {
             );
         }
         let range = Range::start(&drivers.range, &file.look, clock, events)?;
+        let servo = Servo::start(&drivers.servo, &file.look)?;
         let world = drivers
             .has_simulated()
             .then(|| link(file, boot, &range, events))
@@ -76,6 +84,7 @@ impl VehicleDevices {
             world,
             autopilot,
             range,
+            servo,
             radio,
         })
     }
@@ -88,7 +97,10 @@ impl VehicleDevices {
             Effect::Fix(from, fix) => self.autopilot.fix(*from, *fix),
             // Also where neither servo nor range sensor is simulated: to a simulated autopilot any word of its companion is
             // a sign of life, and it brakes without one. What the world's own servo points at then answers no ping.
-            Effect::Steer(_) => self.to_world(effect),
+            Effect::Steer(beam) => {
+                self.servo.steer(*beam);
+                self.to_world(effect);
+            }
             Effect::Ping(ping) => {
                 self.range.ping(*ping);
                 if self.range.is_simulated() {
@@ -123,6 +135,7 @@ impl VehicleDevices {
             None => troubles.clear(who),
         };
         watch("range sensor", self.range.trouble());
+        watch("servo", self.servo.trouble());
         watch("autopilot link", self.autopilot.trouble());
         watch("radio", self.radio.trouble());
         let Some(world) = &self.world else { return };

@@ -24,6 +24,7 @@ use super::member::BusMember;
 use super::membership::{self, RandomUnavailable};
 use super::node_threads::LiveNode;
 use super::process::{Finish, Process};
+use super::roster_watch::RosterWatch;
 use super::state_dir::{StateDir, StateDirError};
 use super::swarm_mavlink::SwarmMavlink;
 use super::trust::TrustError;
@@ -130,7 +131,8 @@ pub fn run(
         ..source(file, state_dir.boot(), holder, &store)?
     };
     let hello = membership::greeting(Sender::Ground, state_dir.boot(), &file.venue, Vec::new())?;
-    let access = membership::access(Sender::Ground, &file.venue, &file.bus, Some(&state_dir))?;
+    let mut roster = RosterWatch::begin(Sender::Ground, &file.venue, &file.bus, &state_dir);
+    let access = roster.access()?;
     let bus = membership::bus_settings(Sender::Ground, &file.venue, &file.bus, access);
     let node = LiveGround::default();
     let (to_store, wanted) = sync_channel(QUEUE);
@@ -162,7 +164,8 @@ pub fn run(
     let of_actors = edge.clone();
     let carry_out = move |effect| of_actors.carry_out(effect);
     let threads = node.start(process.context(), source, recorder.as_ref(), carry_out)?;
-    let mut tick = |_: Time, _: &BusMember, troubles: &Troubles| {
+    let mut tick = |_: Time, member: &BusMember, troubles: &Troubles| {
+        roster.look(member, troubles);
         watch_recorder(recorder.as_ref(), troubles);
         watch_stops(&edge.stops, troubles);
         watch_mavlink(mavlink, troubles);

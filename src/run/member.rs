@@ -7,6 +7,7 @@ use tomoswarm_proto::{Hello, Message, Sender};
 
 use super::bus::{BusError, BusSession, BusSettings, HeardMessage, Publisher};
 use super::mailbox::{Ending, RuntimeContext, lock};
+use super::trust::AccessRule;
 use crate::exchange::joining::JoinEffect;
 use crate::exchange::presence::Presence;
 use crate::time::Time;
@@ -74,6 +75,11 @@ impl BusMember {
             tracing::info!("takes part in the bus");
         }
         next.unwrap_or(Time::NEVER)
+    }
+
+    /// From now on others may write what a newer roster says.
+    pub fn allow(&self, access: Vec<AccessRule>) {
+        self.bus.allow(access);
     }
 
     /// Returns whether the node takes part.

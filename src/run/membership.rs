@@ -17,6 +17,9 @@ pub const SOFTWARE: &str = env!("CARGO_PKG_VERSION");
 /// Who gives commands: operators have numbers, and an operator's file says none yet.
 pub const OPERATOR: Sender = Sender::Operator(OperatorId(1));
 
+/// The file in a node's folder that keeps the highest issue of the roster.
+const ROSTER_ISSUE: &str = "roster-issue";
+
 /// The machine gave no random number, so that nothing can be told apart.
 #[derive(Debug, thiserror::Error)]
 #[error("the system gives no random numbers: {0}")]
@@ -75,7 +78,7 @@ pub fn access(
     let Some(identity) = &file.identity else {
         return Ok(Vec::new());
     };
-    let path = state_dir.map(|state_dir| state_dir.join("roster-issue"));
+    let path = state_dir.map(|state_dir| state_dir.join(ROSTER_ISSUE));
     let seen = path.as_deref().map_or(Ok(None), seen_issue)?;
     let trusted = Trusted::read(identity, node, seen)?;
     if let Some(path) = path.filter(|_| seen != Some(trusted.roster.issue)) {
@@ -87,6 +90,14 @@ pub fn access(
         &venue.name,
         file.topology,
     ))
+}
+
+/// Returns the highest issue of the roster that a node has kept in its folder; `None` = it has seen none.
+///
+/// # Errors
+/// What it has kept cannot be read, or is damaged.
+pub fn seen_roster_issue(state_dir: &Path) -> Result<Option<u64>, TrustError> {
+    seen_issue(&state_dir.join(ROSTER_ISSUE))
 }
 
 fn seen_issue(path: &Path) -> Result<Option<u64>, TrustError> {

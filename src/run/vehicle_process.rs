@@ -22,6 +22,7 @@ use super::member::BusMember;
 use super::membership::{self, RandomUnavailable};
 use super::node_threads::{LiveNode, Threads};
 use super::process::{Finish, Process};
+use super::roster_watch::RosterWatch;
 use super::state_dir::{StateDir, StateDirError};
 use super::trust::TrustError;
 use crate::autopilot::{AutopilotCommand, CommandPurpose, LinkEvent, link};
@@ -37,7 +38,7 @@ use crate::store::recording::{Recorder, RecordingLimits, RecordingSubject};
 use crate::store::stops::{StopsDriver, StopsFile};
 use crate::time::Time;
 
-/// Health is said every second tick.
+/// Health is said every second tick, and at once when there are other troubles than said last.
 const HEALTH_EVERY: Duration = Duration::from_secs(2);
 /// What the samples on disk may grow to, bytes.
 const OUTBOX_BYTES: u64 = 1 << 30;
@@ -201,7 +202,8 @@ pub fn run(
     )?;
     let node = LiveVehicle::default();
     let told = node.clone();
-    let access = membership::access(sender, &file.venue, &file.bus, Some(&state_dir))?;
+    let mut roster = RosterWatch::begin(sender, &file.venue, &file.bus, &state_dir);
+    let access = roster.access()?;
     let bus = membership::bus_settings(sender, &file.venue, &file.bus, access);
     let mut member = process.join(bus, hello, move |sender, message| {
         told.tell(Event::Bus(sender, message))
@@ -245,13 +247,15 @@ pub fn run(
         recorder.as_ref(),
         carry_out,
     )?;
-    let mut said_at = Time::ZERO;
+    let (mut said_at, mut said) = (Time::ZERO, Vec::new());
     let mut tick = |now: Time, member: &BusMember, troubles: &Troubles| {
+        roster.look(member, troubles);
         edge.watch_devices(troubles);
         edge.watch_disk(troubles);
         watch_recorder(recorder.as_ref(), troubles);
-        if now.since(said_at) >= HEALTH_EVERY {
-            said_at = now;
+        let known = troubles.list();
+        if now.since(said_at) >= HEALTH_EVERY || known != said {
+            (said_at, said) = (now, known);
             edge.publisher.publish(&Message::Health(
                 edge.health(&settings, &state_dir, troubles),
             ));

@@ -15,10 +15,7 @@ use crate::map::Merged;
 use crate::node::mission::EndReason;
 use crate::scene::{Outline, Person};
 use crate::time::Time;
-use crate::tomo::{Link, Peak, Reconstruction};
-
-/// Peaks weaker than this share of the strongest are no finds: a strong object rings.
-const FOUND_SHARE: f64 = 0.3;
+use crate::tomo::{Find, Link, Reconstruction};
 
 /// How often things happened.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -57,13 +54,19 @@ pub(super) struct FleetCount {
     pub held: usize,
 }
 
-/// An object found in the picture of changes.
+/// A person found in the change since the empty sweep.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct FoundObject {
     /// Where.
     pub at: Point,
     /// How strong, dB/m.
     pub strength: f64,
+    /// Variance by x, covariance, variance by y of the place, m².
+    pub covariance_m2: [f64; 3],
+    /// How sure it is, see [`crate::tomo::Find`].
+    pub evidence: f64,
+    /// Probability that an image of nobody shows no place as strong as this one.
+    pub probability: f64,
     /// Distance to the nearest true person, metres; `None` when there is none.
     pub error_m: Option<f64>,
 }
@@ -151,31 +154,28 @@ impl RunOutcome {
         bytes as f64 / self.simulated.as_secs_f64().max(1e-9) / self.tracks.len().max(1) as f64
     }
 
-    /// Returns the objects found in the picture of changes, strongest first.
+    /// Returns the persons found in the change since the empty sweep, the surest first.
     pub fn found(&self) -> Vec<FoundObject> {
-        let Some(change) = &self.change else {
-            return Vec::new();
-        };
-        let strongest = change.peaks.first().map_or(0.0, |peak| peak.strength);
-        let is_find = |peak: &&Peak| {
-            peak.strength >= FOUND_SHARE * strongest && !peak.is_faint() && peak.strength > 0.0
-        };
-        change
-            .peaks
-            .iter()
-            .filter(is_find)
-            .map(|peak| self.find(peak))
-            .collect()
+        let finds = self
+            .change
+            .as_ref()
+            .and_then(|change| change.finds.as_ref());
+        finds.map_or_else(Vec::new, |finds| {
+            finds.found.iter().map(|find| self.judged(find)).collect()
+        })
     }
 
-    fn find(&self, peak: &Peak) -> FoundObject {
+    fn judged(&self, find: &Find) -> FoundObject {
         let distances = self
             .persons
             .iter()
-            .map(|person| person.at.distance_to(peak.at));
+            .map(|person| person.at.distance_to(find.at));
         FoundObject {
-            at: peak.at,
-            strength: peak.strength,
+            at: find.at,
+            strength: find.strength,
+            covariance_m2: find.covariance_m2,
+            evidence: find.evidence,
+            probability: find.probability,
             error_m: distances.min_by(f64::total_cmp),
         }
     }

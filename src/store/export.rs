@@ -154,6 +154,20 @@ impl Features {
         }
     }
 
+    /// Adds who was found in a picture.
+    pub fn finds(&mut self, run: u32, made: &StoredImage) {
+        let found = made.finds.as_ref().map_or(&[][..], |finds| &finds.found);
+        for (index, find) in found.iter().enumerate() {
+            let [xx, xy, yy] = find.covariance_m2;
+            let says = json!({
+                "what": "find", "run": run, "kind": made.kind, "laps": made.laps, "rank": index + 1,
+                "strength_db_per_m": find.strength, "evidence": find.evidence,
+                "probability": find.probability, "covariance_m2": [[xx, xy], [xy, yy]],
+            });
+            self.add(Shape::Point(find.at), says);
+        }
+    }
+
     /// Adds where a vehicle drove.
     pub fn track(&mut self, says: Value, points: &[Point]) {
         if points.len() > 1 {

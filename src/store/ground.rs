@@ -173,6 +173,8 @@ impl GroundStore {
                     "INSERT INTO store VALUES (?, ?, ?)",
                     params![hex(start.new_id), hex(expected), now_utc_s()],
                 )?;
+            } else if schema::version(transaction)? < 2 {
+                transaction.execute_batch(schema::FROM_1_TO_2)?;
             }
             let found: String =
                 transaction.query_row("SELECT venue_hash FROM store", [], |row| row.get(0))?;
@@ -294,7 +296,7 @@ impl GroundStore {
         let peaks: Vec<_> = made.peaks.iter().map(peak_json).collect();
         self.write(|transaction| {
             transaction.execute(
-                "INSERT OR REPLACE INTO images VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                "INSERT OR REPLACE INTO images VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
                 params![
                     picture.run.0,
                     picture.laps as i64,
@@ -309,7 +311,8 @@ impl GroundStore {
                     made.used as i64,
                     made.residual_rms_db,
                     json!(peaks).to_string(),
-                    data
+                    data,
+                    json!(made.finds).to_string()
                 ],
             )?;
             Ok(())

@@ -1,5 +1,8 @@
 //! From signal strengths to attenuations: by an empty sweep where there is one, by a fitted path loss otherwise.
 //!
+//! What a link had in the empty sweep is kriged from its neighbours there ([`super::kriging`]) where ends were driven, as no two
+//! sweeps drive the same places; fixed ends are the same again, and there a link has its partner.
+//!
 //! Every link that is not used is counted with its reason. Nothing is imaged here.
 
 use std::collections::BTreeMap;
@@ -10,6 +13,7 @@ use crate::geom::{Point, Rect};
 
 use super::Link;
 use super::bins::BinKey;
+use super::kriging::{Level, LevelField};
 use super::path_loss::{ExponentPrior, PathLoss, spread_db};
 use super::settings::{ImagingSettings, NoiseModel};
 
@@ -68,17 +72,20 @@ pub struct Calibrated {
     pub path_loss: Option<PathLoss>,
     /// Whether the attenuations rest on an empty sweep.
     pub by_empty_sweep: bool,
+    /// Whether the ends of that were driven.
+    pub is_driven: bool,
 }
 
 /// Calibrates the links `now` by an empty sweep, or without one by the path loss of the sweep itself.
 pub fn calibrate(now: &[Link], empty: Option<&[Link]>, settings: &ImagingSettings) -> Calibrated {
     let path_loss = fit_path_loss(empty.unwrap_or(now), settings);
-    let sweep = empty.map(|links| EmptySweep::new(links, settings, path_loss));
+    let sweep = empty.map(|links| EmptySweep::of(links, settings, path_loss));
     let mut calibrated = Calibrated {
         observations: Vec::new(),
         dropped: DroppedLinks::new(),
         path_loss,
         by_empty_sweep: sweep.is_some(),
+        is_driven: matches!(sweep, Some(EmptySweep::Driven { .. })),
     };
     for link in now {
         match observe(link, sweep.as_ref(), path_loss, settings) {
@@ -106,7 +113,13 @@ fn observe(
         .censored_mean_dbm(settings.noise.sensitivity_dbm)
         .ok_or(DropReason::NeverHeard)?;
     let (attenuation_db, variance_db2) = match sweep {
-        Some(sweep) => {
+        Some(EmptySweep::Driven { field, exponent }) => {
+            let now = level_of(link, mean_dbm, *exponent, &settings.noise);
+            let (level_dbm, variance_db2) =
+                field.level_of(link).ok_or(DropReason::NoEmptyPartner)?;
+            (level_dbm - now.level_dbm, now.variance_db2 + variance_db2)
+        }
+        Some(EmptySweep::Fixed(sweep)) => {
             let partner = sweep.partner(link).ok_or(DropReason::NoEmptyPartner)?;
             // A partner may be longer or shorter by a bin: what that costs in free space (exponent 2) is no attenuation.
             let longer_db = 2.0 * (spread_db(length_m) - spread_db(partner.link.length_m()));
@@ -125,6 +138,47 @@ fn observe(
         variance_db2,
     };
     Ok(observation)
+}
+
+/// The empty sweep, to be asked what a link had in it.
+enum EmptySweep {
+    /// Its ends were driven.
+    Driven {
+        field: LevelField,
+        /// Of the path loss: what is taken off a strength for its distance.
+        exponent: f64,
+    },
+    /// Its ends are fixed.
+    Fixed(Partners),
+}
+
+impl EmptySweep {
+    fn of(links: &[Link], settings: &ImagingSettings, path_loss: Option<PathLoss>) -> EmptySweep {
+        let exponent = path_loss.map_or(ExponentPrior::NEAR_FREE_SPACE.mean, |law| law.exponent);
+        let entries = entries_of(links, settings);
+        let is_driven = links.iter().any(|link| link.spots > 1);
+        if !is_driven {
+            return EmptySweep::Fixed(Partners::new(entries, settings, exponent));
+        }
+        let is_long = |entry: &&Entry| entry.link.length_m() >= 0.5 * settings.shortest_link_m;
+        let level =
+            |entry: &Entry| level_of(&entry.link, entry.mean_dbm, exponent, &settings.noise);
+        let levels = entries.values().filter(is_long).map(level);
+        EmptySweep::Driven {
+            field: LevelField::new(levels.collect(), settings.pairing_m),
+            exponent,
+        }
+    }
+}
+
+/// Returns the strength of a link but for its distance, and its variance.
+fn level_of(link: &Link, mean_dbm: f64, exponent: f64, noise: &NoiseModel) -> Level {
+    let excess_db2 = noise.spread_share * noise.spread_share * excess_spread(link, noise);
+    Level {
+        link: *link,
+        level_dbm: mean_dbm + exponent * spread_db(link.length_m()),
+        variance_db2: single_variance(link, noise) + excess_db2,
+    }
 }
 
 /// s_F²/spots + s_t²/n + s_model²: without an empty sweep the fade stays in.
@@ -235,31 +289,39 @@ struct Entry {
     local_variance_db2: f64,
 }
 
-/// The empty sweep, searchable by place.
-struct EmptySweep {
+/// The links of an empty sweep between fixed places, searchable by place.
+struct Partners {
     pairing_m: f64,
     entries: BTreeMap<BinKey, Entry>,
 }
 
-impl EmptySweep {
-    fn new(links: &[Link], settings: &ImagingSettings, path_loss: Option<PathLoss>) -> EmptySweep {
-        let mut sweep = EmptySweep {
-            pairing_m: settings.pairing_m,
-            entries: BTreeMap::new(),
+/// Returns the links of an empty sweep of which something is known, one for each bin.
+fn entries_of(links: &[Link], settings: &ImagingSettings) -> BTreeMap<BinKey, Entry> {
+    let known = |(key, link): (BinKey, Link)| {
+        let mean_dbm = link.censored_mean_dbm(settings.noise.sensitivity_dbm)?;
+        let entry = Entry {
+            link,
+            mean_dbm,
+            local_variance_db2: 0.0,
         };
-        for (key, link) in pooled(links, sweep.pairing_m) {
-            if let Some(mean_dbm) = link.censored_mean_dbm(settings.noise.sensitivity_dbm) {
-                sweep.entries.insert(
-                    key,
-                    Entry {
-                        link,
-                        mean_dbm,
-                        local_variance_db2: 0.0,
-                    },
-                );
-            }
-        }
-        let exponent = path_loss.map_or(ExponentPrior::NEAR_FREE_SPACE.mean, |law| law.exponent);
+        Some((key, entry))
+    };
+    pooled(links, settings.pairing_m)
+        .into_iter()
+        .filter_map(known)
+        .collect()
+}
+
+impl Partners {
+    fn new(
+        entries: BTreeMap<BinKey, Entry>,
+        settings: &ImagingSettings,
+        exponent: f64,
+    ) -> Partners {
+        let mut sweep = Partners {
+            pairing_m: settings.pairing_m,
+            entries,
+        };
         let spreads: Vec<f64> = sweep
             .entries
             .keys()

@@ -10,6 +10,7 @@ use crate::geom::{Point, Segment};
 
 use super::bins::BinKey;
 use super::calibrate::{Calibrated, DropReason, DroppedLinks, Observation, calibrate};
+use super::finds::{Driven, Finds, find_persons};
 use super::map_solver::{MapProblem, MapSettings, MapSolution, Nuisance};
 use super::path_loss::{PathLoss, spread_db};
 use super::peaks::{Peak, peaks};
@@ -70,6 +71,8 @@ pub struct Reconstruction {
     pub path_loss: Option<PathLoss>,
     /// Whether an empty sweep was subtracted.
     pub by_empty_sweep: bool,
+    /// Who is there that was not in the empty sweep; `None` without one.
+    pub finds: Option<Finds>,
 }
 
 /// Reconstructs once. Without an empty sweep the path loss is fitted and the whole structure is imaged.
@@ -201,6 +204,7 @@ impl Imager {
                 dropped: words(&calibrated.dropped),
             });
         }
+        let finds = empty.and_then(|_| self.finds(&calibrated));
         let room = empty
             .map(|empty| self.room_for_change(empty))
             .unwrap_or_default();
@@ -223,7 +227,19 @@ impl Imager {
             dropped: calibrated.dropped,
             path_loss: calibrated.path_loss,
             by_empty_sweep: calibrated.by_empty_sweep,
+            finds,
         })
+    }
+
+    /// Searches persons in a change.
+    fn finds(&self, calibrated: &Calibrated) -> Option<Finds> {
+        let settings = &self.settings;
+        let driven = calibrated.is_driven.then_some(Driven {
+            ring: settings.ring,
+            bin_m: settings.pairing_m,
+        });
+        let area = settings.grid.area;
+        find_persons(&calibrated.observations, area, driven, &settings.finds)
     }
 
     /// Returns per pixel how much room what stood there in the empty sweep leaves for a change.

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::geom::{PixelGrid, Rect};
 
 use super::bins::BIN_M;
+use super::finds::FindSettings;
 use super::map_solver::MapSettings;
 use super::path_loss::ExponentPrior;
 use super::peaks::PeakSettings;
@@ -80,6 +81,8 @@ pub struct ImagingSettings {
     pub pairing_m: f64,
     /// How peaks are told apart.
     pub peaks: PeakSettings,
+    /// How persons are found in a change.
+    pub finds: FindSettings,
 }
 
 impl ImagingSettings {
@@ -114,6 +117,7 @@ impl ImagingSettings {
                 separation_m: (0.2 * extent_m).min(3.0),
                 limit: 5,
             },
+            finds: FindSettings::scaled_to(area),
         }
     }
 

@@ -6,7 +6,8 @@ use tomoswarm::autopilot::VehicleKind;
 use tomoswarm::config::{self, Config, Drivers, GroundFile, Safety, VehicleFile, bundled};
 #[cfg(feature = "hw")]
 use tomoswarm::config::{
-    LengthUnit, RangeDriver, SerialProtocol, SerialSensor, SerialText, ServoDriver, TextFormat,
+    HcSr04Lines, LengthUnit, RangeDriver, SerialProtocol, SerialSensor, SerialText, ServoDriver,
+    ServoOutput, TextFormat, TfSensor,
 };
 use tomoswarm::geom::Angle;
 use tomoswarm::ground::from_config::ground_parts;
@@ -448,29 +449,33 @@ fn a_speed_beyond_what_is_seen_is_refused() {
 
 #[test]
 fn drivers_that_are_not_built_in_are_refused_by_name() {
-    let serial = if cfg!(feature = "hw") {
-        "\"serial-text\" or "
-    } else {
-        ""
+    let has_hw = cfg!(feature = "hw");
+    let (ranges, servos) = match has_hw {
+        true => (
+            "\"sim\" or \"serial-text\" or \"tf-luna\" or \"tfmini\" or \"hcsr04\" or \"none\"",
+            "\"sim\" or \"pwm\" or \"gpio\" or \"none\"",
+        ),
+        false => ("\"sim\" or \"none\"", "\"sim\" or \"none\""),
     };
-    let ranges = format!("\"sim\" or {serial}\"none\"");
     let has_mavlink = cfg!(feature = "mavlink");
     let autopilots = if has_mavlink {
         "\"sim\" or \"mavlink\""
     } else {
         "\"sim\""
     };
-    let has_xbee = cfg!(feature = "hw");
-    let radios = if has_xbee {
+    let radios = if has_hw {
         "\"sim\" or \"xbee\""
     } else {
         "\"sim\""
     };
     for (section, driver, built) in [
         ("autopilot", "mavlink", autopilots),
-        ("servo", "gpio", "\"sim\" or \"none\""),
-        ("servo", "mavlink", "\"sim\" or \"none\""),
-        ("range", "hcsr04", ranges.as_str()),
+        ("servo", "pwm", servos),
+        ("servo", "gpio", servos),
+        ("range", "serial-text", ranges),
+        ("range", "tf-luna", ranges),
+        ("range", "tfmini", ranges),
+        ("range", "hcsr04", ranges),
         ("radio", "xbee", radios),
     ] {
         let (old, new) = (
@@ -482,8 +487,7 @@ fn drivers_that_are_not_built_in_are_refused_by_name() {
         );
         let is_built = match section {
             "autopilot" => has_mavlink,
-            "radio" => has_xbee,
-            _ => false,
+            _ => has_hw,
         };
         if !is_built {
             check_replaced(VEHICLE, &old, &new, &[&output]);
@@ -713,17 +717,203 @@ fn every_wrong_value_of_a_range_sensor_on_a_serial_line_is_refused() {
         &serial("").replace("servo.driver = \"none\"", "servo.driver = \"sim\""),
         &[
             "servo.driver = \"sim\": turns no real range sensor",
-            "driver = \"none\" is allowed",
+            "or \"none\" for a sensor that is fixed",
         ],
-    );
-    check_replaced(
-        &serial(""),
-        "servo.driver = \"none\"",
-        "servo.driver = \"gpio\"",
-        &["servo.driver = \"gpio\": is not built in"],
     );
     let two = "range.beams_deg = [0]\n[[range.sensor]]\n[[range.sensor]]\nmount_deg = 9\n";
     check_one(&serial(two), &["range.sensor", "one port is one sensor"]);
+}
+
+/// A vehicle with these drivers of range sensor and servo.
+#[cfg(feature = "hw")]
+fn turned(range: &str, servo: &str, lines: &str) -> String {
+    let text = VEHICLE.replace(
+        "range.driver = \"sim\"",
+        &format!("range.driver = \"{range}\""),
+    );
+    let text = text.replace(
+        "servo.driver = \"sim\"",
+        &format!("servo.driver = \"{servo}\""),
+    );
+    format!("{text}vehicle.max_speed_mps = 0.2\n{lines}")
+}
+
+#[cfg(feature = "hw")]
+const PWM: &str = "servo.pwm.chip = \"/sys/class/pwm/pwmchip0\"\n";
+#[cfg(feature = "hw")]
+const ECHO: &str = "range.hcsr04.trigger = \"GPIO23\"\nrange.hcsr04.echo = \"GPIO24\"\n";
+
+#[cfg(feature = "hw")]
+#[test]
+fn a_real_servo_turns_one_sensor_as_far_as_its_pulses_reach() {
+    let file = vehicle(&turned("sim", "pwm", PWM));
+    let ServoDriver::Real(servo) = &file.drivers.servo else {
+        panic!("{:?}", file.drivers)
+    };
+    let chip = "/sys/class/pwm/pwmchip0".to_owned();
+    assert_eq!(servo.output, ServoOutput::Pwm { chip, channel: 0 });
+    assert_eq!(
+        (&servo.scale.pulse_us[..], &servo.scale.angle_deg[..]),
+        (&[1000.0, 2000.0][..], &[-90.0, 90.0][..])
+    );
+    let sensor = file.look.sensors[0];
+    assert_eq!((sensor.servo_from_deg, sensor.servo_to_deg), (-90.0, 90.0));
+    assert!(
+        file.drivers
+            .capabilities(config::Craft::Rover)
+            .contains(&Capability::Servo(ServoKind::Pwm))
+    );
+    let written = config::to_toml(&Config::Vehicle(Box::new(file.clone())));
+    let read = config::read_vehicle("v.toml", &written, &mut |_| {
+        bundled::load("configs/courtyard.venue.toml")
+    });
+    let read = read.unwrap();
+    assert_eq!(
+        (&read.drivers, &read.look),
+        (&file.drivers, &file.look),
+        "{written}"
+    );
+    let pin = vehicle(&turned(
+        "sim",
+        "gpio",
+        "servo.gpio.pin = \"GPIO18\"\nservo.gpio.angle_deg = [60, -60]\n",
+    ));
+    assert!(
+        pin.drivers.in_words().contains("servo gpio on GPIO18"),
+        "{}",
+        pin.drivers.in_words()
+    );
+    assert_eq!(pin.look.sensors[0].servo_to_deg, 60.0);
+}
+
+#[cfg(feature = "hw")]
+#[test]
+fn every_wrong_value_of_a_real_servo_is_refused() {
+    for (lines, part) in [
+        (
+            "servo.pwm.pulse_us = [2000, 1000]",
+            "servo.pwm.pulse_us = [2000, 1000]: does not rise",
+        ),
+        ("servo.pwm.pulse_us = [1500, 1500]", "does not rise"),
+        ("servo.pwm.pulse_us = [0, 2000]", "each from 300 to 3000"),
+        ("servo.pwm.pulse_us = [1000]", "servo.pwm.pulse_us"),
+        ("servo.pwm.angle_deg = [30, 30]", "is one angle"),
+        ("servo.pwm.channel = 256", "is out of range"),
+        (
+            "servo.pwm.angle_deg = [-40, 90]\nrange.sensor = [{ servo_from_deg = -60, servo_to_deg = 60 }]",
+            "is beyond what the servo's pulses reach",
+        ),
+        (
+            "range.sensor = [{ servo_to_deg = 60, servo_from_deg = -60 }, { mount_deg = 180, servo_to_deg = 1 }]",
+            "there is one servo",
+        ),
+    ] {
+        check_one(&turned("sim", "pwm", &format!("{PWM}{lines}\n")), &[part]);
+    }
+    check_one(&turned("sim", "pwm", ""), &["servo.pwm: is missing"]);
+    check_one(
+        &turned("sim", "pwm", "servo.pwm.channel = 1\n"),
+        &["servo.pwm.chip: is missing"],
+    );
+    check_one(
+        &turned("sim", "pwm", "servo.pwm.chip = \"pwmchip0\"\n"),
+        &["is no whole path"],
+    );
+    check_one(
+        &turned("sim", "gpio", "servo.gpio.pin = \"\"\n"),
+        &["servo.gpio.pin"],
+    );
+}
+
+#[cfg(feature = "hw")]
+#[test]
+fn an_ultrasonic_sensor_is_told_its_lines_by_name() {
+    let file = vehicle(&turned("hcsr04", "pwm", &format!("{PWM}{ECHO}")));
+    let RangeDriver::HcSr04(lines) = &file.drivers.range else {
+        panic!("{:?}", file.drivers)
+    };
+    let (trigger, echo) = ("GPIO23".to_owned(), "GPIO24".to_owned());
+    let expected = HcSr04Lines {
+        trigger,
+        echo,
+        power: None,
+        air_temperature_c: 20.0,
+    };
+    assert_eq!(*lines, expected);
+    assert!(
+        file.drivers
+            .capabilities(config::Craft::Rover)
+            .contains(&Capability::RangeSensor(RangeSensorKind::HcSr04))
+    );
+    let whole =
+        format!("{ECHO}range.hcsr04.power = \"GPIO17\"\nrange.hcsr04.air_temperature_c = -5\n");
+    let file = vehicle(&turned("hcsr04", "none", &whole));
+    let written = config::to_toml(&Config::Vehicle(Box::new(file.clone())));
+    let read = config::read_vehicle("v.toml", &written, &mut |_| {
+        bundled::load("configs/courtyard.venue.toml")
+    });
+    assert_eq!(read.unwrap().drivers, file.drivers, "{written}");
+    for (lines, part) in [
+        (
+            "range.hcsr04.power = \"GPIO24\"",
+            "range.hcsr04.power = \"GPIO24\": is another line of this sensor, too",
+        ),
+        ("range.hcsr04.air_temperature_c = 61", "is out of range"),
+        (
+            "range.max_range_m = 4.5",
+            "range.max_range_m = 4.5: is farther than it hears",
+        ),
+        ("range.scan_period_s = 0.09", "leaves no time for an answer"),
+        ("range.hcsr04.pin = 4", "is not known"),
+    ] {
+        check_one(
+            &turned("hcsr04", "none", &format!("{ECHO}{lines}\n")),
+            &[part],
+        );
+    }
+    let doubled = ECHO.replace("GPIO24", "GPIO23");
+    check_one(
+        &turned("hcsr04", "none", &doubled),
+        &["range.hcsr04.echo = \"GPIO23\": is another line"],
+    );
+    check_one(&turned("hcsr04", "none", ""), &["range.hcsr04: is missing"]);
+    check_one(
+        &turned("hcsr04", "none", "range.hcsr04.trigger = \"GPIO23\"\n"),
+        &["range.hcsr04.echo: is missing"],
+    );
+    check_one(
+        &turned("hcsr04", "sim", ECHO),
+        &["turns no real range sensor"],
+    );
+}
+
+#[cfg(feature = "hw")]
+#[test]
+fn a_lidar_is_told_its_port_and_looks_no_farther_than_it_can() {
+    for (name, sensor, farthest_m) in [
+        ("tf-luna", TfSensor::Luna, 8),
+        ("tfmini", TfSensor::Mini, 12),
+    ] {
+        let port = format!("range.{name}.port = \"/dev/serial0\"\n");
+        let file = vehicle(&turned(name, "none", &port));
+        let expected = SerialSensor {
+            port: "/dev/serial0".to_owned(),
+            baud: 115_200,
+            protocol: SerialProtocol::Tf(sensor),
+        };
+        assert_eq!(file.drivers.range, RangeDriver::Serial(expected));
+        let far = format!("{port}range.max_range_m = 20\nrange.farness_m = 4\n");
+        let allowed = format!("at most {farthest_m} m is allowed");
+        check_one(
+            &turned(name, "none", &far),
+            &["range.max_range_m = 20: is farther", &allowed],
+        );
+        let fast = format!("{port}range.scan_period_s = 0.05\n");
+        check_one(
+            &turned(name, "none", &fast),
+            &["range.scan_period_s = 0.05: leaves no time"],
+        );
+    }
 }
 
 #[test]
@@ -950,6 +1140,7 @@ fn what_the_swarm_agrees_on_is_refused_in_a_nodes_file_with_its_new_place() {
         ("safety.autonomy_s", "60"),
         ("safety.pose_sd_max_m", "0.5"),
         ("radio.slot_ms", "50"),
+        ("radio.successor_ms", "3"),
         ("radio.channel", "15"),
     ] {
         let name = key.split('.').next_back().unwrap();

@@ -4,8 +4,8 @@ use std::f64::consts::FRAC_PI_2;
 
 use serde_json::{Value, json};
 use tomoswarm::geom::{Angle, Attitude, Bearing, Cell, Lattice, Point, Rect, Vector};
+use tomoswarm::hw::pulse::{ServoError, ServoRange};
 use tomoswarm::map::CellRect;
-use tomoswarm::node::servo::{ServoError, ServoRange};
 use tomoswarm::plan::{Mount, echo_time_s};
 use tomoswarm::scene::{Footprint, LevelCut, Material, Post, Scene};
 use tomoswarm::sim::noise::Noise;

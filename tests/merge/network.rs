@@ -478,6 +478,7 @@ fn settings(vehicle: u8, boot: u32) -> VehicleSettings {
             channel: 11,
             power_dbm: 0,
             slot: Duration::from_millis(50),
+            successor: None,
         },
         carried_m: 0.0,
         safety: tomoswarm::config::Safety {

@@ -3,7 +3,7 @@
 
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use tomoswarm::run::bus::BusSettings;
@@ -316,6 +316,68 @@ fn who_was_revoked_gets_nothing_in_and_hears_nothing() {
             run.status.code() == Some(2) && printed.contains("roster"),
             "{printed}"
         );
+    }
+}
+
+/// A process that ends with its test.
+struct Running(Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+#[test]
+fn a_running_ground_station_takes_up_a_newer_roster_and_drops_who_left() {
+    let folder = tempfile::tempdir().unwrap();
+    for topology in ["mesh", "star"] {
+        let swarm = Enrolled::make(folder.path().join(topology), topology);
+        let config = swarm.of("ground/ground.toml");
+        let mut program = Command::new(env!("CARGO_BIN_EXE_tomoswarm"));
+        program.arg("ground").arg(&config).stderr(Stdio::null());
+        let mut ground = Running(program.spawn().unwrap());
+        let (one, two) = (swarm.vehicle(1), swarm.vehicle(2));
+        let heard = |member: &Member| member.heard_of(Sender::Ground).len();
+        let both_hear = || heard(&one) > 0 && heard(&two) > 0;
+        assert!(
+            within(2 * SOON, both_hear),
+            "nothing is heard in a {topology}"
+        );
+        // The ground station's own folder gets the new roster at once.
+        enroll(&swarm.folder, &["--revoke", "vehicle-1"]);
+        let (mut before, mut since) = (heard(&one), Instant::now());
+        let is_dropped = within(2 * SOON, || {
+            if heard(&one) != before {
+                (before, since) = (heard(&one), Instant::now());
+            }
+            since.elapsed() > QUIET
+        });
+        assert!(is_dropped, "who was revoked hears on in a {topology}");
+        let before = heard(&two);
+        assert!(
+            within(SOON, || heard(&two) > before),
+            "who stays hears nothing in a {topology}"
+        );
+        let venue = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/courtyard.venue.toml");
+        let port = swarm.ground.port().to_string();
+        let common = ["--venue", venue, "--topology", topology, "--port", &port];
+        enroll(&swarm.folder, &[&common[..], &["vehicle", "3"]].concat());
+        let three = swarm.vehicle(3);
+        assert!(
+            within(SOON, || heard(&three) > 0),
+            "who is new hears nothing in a {topology}"
+        );
+        // A roster that is refused changes nothing, and ends nothing.
+        std::fs::write(swarm.of("ground/roster.txt"), "torn").unwrap();
+        std::thread::sleep(QUIET);
+        let before = heard(&three);
+        assert!(
+            within(SOON, || heard(&three) > before),
+            "a torn roster ends a {topology}"
+        );
+        assert_eq!(ground.0.try_wait().unwrap(), None, "it was not to end");
     }
 }
 

@@ -11,6 +11,8 @@
     reason = "no product code"
 )]
 
+mod accept;
+mod cable;
 mod certificates;
 mod clocks;
 mod deaths;
@@ -23,6 +25,7 @@ mod member;
 mod missions;
 mod operator;
 mod partitions;
+mod python;
 mod raw;
 mod relay;
 mod relays;

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream, UdpSocket};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -18,6 +18,7 @@ use tomoswarm_proto::{
     VehicleId,
 };
 
+use crate::python::run_script;
 use crate::relay::Relay;
 use crate::swarm::{PROGRAM, Size, Swarm, Watch, free_address};
 
@@ -590,59 +591,17 @@ fn a_ground_station_shows_the_swarm_and_holds_a_vehicle() {
     swarm.end_in_order();
 }
 
-/// Returns a Python that has pymavlink; `None` where there is none.
-fn python() -> Option<PathBuf> {
-    let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/venv/bin/python");
-    let found = [own, PathBuf::from("python3")];
-    found.into_iter().find(|python| {
-        let mut program = Command::new(python);
-        let run = program.args(["-c", "import pymavlink"]).output();
-        run.is_ok_and(|run| run.status.success())
-    })
-}
-
-/// Runs a script of tests/mavlink, unless what it needs is missing.
-fn run_script(script: &str, module: &str) {
-    let Some(python) = python() else {
-        println!("skipped: no Python with pymavlink (target/venv, see .ci/run)");
-        return;
-    };
-    let has_module = Command::new(&python)
-        .args(["-c", &format!("import {module}")])
-        .output();
-    if !has_module.is_ok_and(|run| run.status.success()) {
-        println!("skipped: no {module} for Python (target/venv, see .ci/run)");
-        return;
-    }
-    let run = Command::new(python)
-        .arg(
-            Path::new(env!("CARGO_MANIFEST_DIR"))
-                .join("tests/mavlink")
-                .join(script),
-        )
-        .env("TOMOSWARM", PROGRAM)
-        .output()
-        .unwrap();
-    let said = String::from_utf8_lossy(&run.stdout);
-    assert!(
-        run.status.success(),
-        "{said}{}",
-        String::from_utf8_lossy(&run.stderr)
-    );
-    assert!(said.contains("ok "), "it has tested nothing: {said}");
-}
-
 #[test]
 fn the_mock_autopilot_is_what_pymavlink_expects() {
-    run_script("mock_pymavlink.py", "pymavlink");
+    run_script("mavlink/mock_pymavlink.py", "pymavlink");
 }
 
 #[test]
 fn the_mock_autopilot_is_what_mavsdk_expects() {
-    run_script("mock_mavsdk.py", "mavsdk");
+    run_script("mavlink/mock_mavsdk.py", "mavsdk");
 }
 
 #[test]
 fn the_mock_autopilot_is_what_mavproxy_expects() {
-    run_script("mock_mavproxy.py", "MAVProxy");
+    run_script("mavlink/mock_mavproxy.py", "MAVProxy");
 }

@@ -32,6 +32,8 @@ use crate::relay::Relay;
 pub const PROGRAM: &str = env!("CARGO_BIN_EXE_tomoswarm");
 /// No process may ever take more, kB (unoptimised build).
 const MEMORY_MAX_KB: u64 = 60_000;
+/// In which Linux counts processor time.
+const TICKS_PER_S: f64 = 100.0;
 const TOKEN: &str = "secret-token";
 /// Scenarios that run at a time.
 const AT_A_TIME: usize = 4;
@@ -196,6 +198,22 @@ impl Node {
             .lines()
             .find_map(|line| line.strip_prefix("VmHWM:"))?;
         line.split_whitespace().next()?.parse().ok()
+    }
+
+    /// Processor time of its threads with a name that begins so, seconds.
+    fn processor_s(&self, threads: &str) -> f64 {
+        let id = self.child.as_ref().unwrap().id();
+        let tasks = std::fs::read_dir(format!("/proc/{id}/task")).unwrap();
+        let ticks = |task: std::fs::DirEntry| {
+            let text = std::fs::read_to_string(task.path().join("stat")).ok()?;
+            let (head, rest) = text.rsplit_once(") ")?;
+            let (_, name) = head.split_once('(')?;
+            let fields: Vec<&str> = rest.split(' ').collect();
+            let ticks: u64 = fields[11].parse::<u64>().ok()? + fields[12].parse::<u64>().ok()?;
+            name.starts_with(threads).then_some(ticks)
+        };
+        let all: u64 = tasks.flatten().filter_map(ticks).sum();
+        all as f64 / TICKS_PER_S
     }
 
     fn ends_within(&mut self, limit: Duration) -> Option<ExitStatus> {
@@ -573,6 +591,11 @@ impl Swarm {
 
     pub fn relays(&self) -> impl Iterator<Item = &Relay> {
         self.relays.values()
+    }
+
+    /// Returns the processor time that a process's threads with a name that begins so have taken so far, seconds.
+    pub fn processor_s(&self, node: Sender, threads: &str) -> f64 {
+        self.processes[&Swarm::name(node)].processor_s(threads)
     }
 
     /// Looks at what the operator has heard.

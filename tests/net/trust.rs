@@ -230,6 +230,11 @@ fn a_node_may_write_only_its_own_keys() {
 
 /// Runs `tomoswarm enroll` in a folder; returns its exit code and all that it said.
 fn enroll(folder: &Path, arguments: &str) -> (i32, String) {
+    tomoswarm(folder, &format!("enroll {arguments}"))
+}
+
+/// Runs the program in a folder; returns its exit code and all that it said.
+pub fn tomoswarm(folder: &Path, arguments: &str) -> (i32, String) {
     let program = env!("CARGO_BIN_EXE_tomoswarm");
     let venue = format!(
         "{}/configs/courtyard.venue.toml",
@@ -239,7 +244,6 @@ fn enroll(folder: &Path, arguments: &str) -> (i32, String) {
         .split_whitespace()
         .map(|word| word.replace("VENUE", &venue));
     let run = Command::new(program)
-        .arg("enroll")
         .args(words)
         .current_dir(folder)
         .output()
@@ -248,7 +252,8 @@ fn enroll(folder: &Path, arguments: &str) -> (i32, String) {
     (run.status.code().unwrap(), printed.into_owned())
 }
 
-fn good(folder: &Path, arguments: &str) -> String {
+/// Enrols in a folder; returns what is said.
+pub fn good(folder: &Path, arguments: &str) -> String {
     let (code, printed) = enroll(folder, arguments);
     assert_eq!(code, 0, "{arguments}\n{printed}");
     printed
@@ -263,7 +268,7 @@ fn bad(folder: &Path, arguments: &str, part: &str) {
 }
 
 /// Returns every file under a folder, with its mode and its content.
-fn tree(folder: &Path) -> Vec<(String, u32, Vec<u8>)> {
+pub fn tree(folder: &Path) -> Vec<(String, u32, Vec<u8>)> {
     let mut found = Vec::new();
     for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
@@ -347,6 +352,71 @@ fn an_enrolled_node_has_all_that_it_needs_and_is_trusted() {
     assert_eq!(
         (rover.id, rover.state_dir.as_str()),
         (VehicleId(3), "/var/lib/tomoswarm/vehicle-3")
+    );
+}
+
+#[test]
+fn all_nodes_are_enrolled_in_one_call_with_one_issue_of_the_roster() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    let call = "swarm --venue VENUE --ground ground.local,10.0.0.1 --vehicle 1=rover1.local --vehicle 3=rover3.local --operator";
+    let printed = good(root, call);
+    for line in [
+        "vehicle-3.1 is enrolled, roster issue 2",
+        "scp -pr swarm/vehicle-1 rover1.local: && ssh -t rover1.local sudo tomoswarm accept vehicle-1 --start",
+        "tomoswarm preflight swarm/operator-1/operator.toml",
+    ] {
+        assert!(printed.contains(line), "{line} is missing in: {printed}");
+    }
+    let swarm = root.join("swarm");
+    for (node, sender) in [
+        ("ground", Sender::Ground),
+        ("vehicle-3", ROVER),
+        ("operator-1", OPERATOR),
+    ] {
+        let trusted = Trusted::read(&identity(&swarm.join(node)), sender, None).unwrap();
+        assert_eq!((trusted.roster.issue, trusted.roster.allowed.len()), (2, 4));
+    }
+    let Ok(Config::Ground(ground)) = read(&swarm.join("ground/ground.toml")) else {
+        panic!("no ground")
+    };
+    assert_eq!(ground.vehicles, [VehicleId(1), VehicleId(3)]);
+    let Ok(Config::Vehicle(rover)) = read(&swarm.join("vehicle-3/vehicle.toml")) else {
+        panic!("no vehicle")
+    };
+    assert_eq!(rover.bus.connect[0].to_string(), "tls/ground.local:7447");
+    let Ok(Config::Operator(operator)) = read(&swarm.join("operator-1/operator.toml")) else {
+        panic!("no operator")
+    };
+    let connects: Vec<String> = operator
+        .bus
+        .connect
+        .iter()
+        .map(ToString::to_string)
+        .collect();
+    assert_eq!(
+        connects,
+        [
+            "tls/ground.local:7447",
+            "tls/rover1.local:7447",
+            "tls/rover3.local:7447"
+        ]
+    );
+    // The same call again changes nothing, and one more vehicle is one more issue.
+    let before = tree(&swarm);
+    assert!(good(root, call).contains("all are enrolled already, roster issue 2"));
+    assert_eq!(tree(&swarm), before);
+    let printed = good(root, &format!("{call} --vehicle 2=rover2.local"));
+    assert!(
+        printed.contains("vehicle-2.1 is enrolled, roster issue 3")
+            && printed.contains("scp swarm/roster.txt rover1.local: && ssh -t rover1.local sudo tomoswarm accept roster.txt")
+            && !printed.contains("accept vehicle-1"),
+        "{printed}"
+    );
+    bad(
+        root,
+        "swarm --venue VENUE --ground ground.local,10.0.0.1 --vehicle 1=elsewhere.local",
+        "vehicle-1 is enrolled already, with the hosts [rover1.local]",
     );
 }
 
@@ -564,6 +634,19 @@ fn bad_usage_leaves_no_trace() {
             "gone.toml: cannot be read",
         ),
         ("swarm --revoke ground", "cannot be read"),
+        (
+            "swarm --venue VENUE --vehicle 0=a",
+            "N=HOST is expected, N from 1 to 250",
+        ),
+        ("swarm --venue VENUE --vehicle 1=a,", "\"\": is no host"),
+        (
+            "swarm --venue VENUE --vehicle 1=a --vehicle 1=b",
+            "vehicle-1 is given twice",
+        ),
+        (
+            "swarm --venue VENUE --ground a vehicle 1",
+            "cannot be used with",
+        ),
     ] {
         bad(root, arguments, part);
         assert!(!root.join("swarm").exists(), "{arguments}");

@@ -2,9 +2,12 @@
 
 use std::path::Path;
 use std::process::Command;
+use std::time::{Duration, Instant};
 
 use tomoswarm_proto::{RadioHealth, VehicleId};
 
+use crate::cable::Cable;
+use crate::python::run_script;
 use crate::swarm::{PROGRAM, Size, Swarm, vehicle};
 
 fn two() -> Swarm {
@@ -126,4 +129,66 @@ fn a_module_is_found_at_another_baud_rate_set_up_and_shown_and_a_vehicle_says_wh
         assert!(said.contains(part), "{words}: {said}");
     }
     swarm.end_in_order();
+}
+
+/// Waits until vehicle 1 says that something is wrong with its radio, or that nothing is; returns after how long.
+fn until_said(swarm: &Swarm, is_wrong: bool) -> Duration {
+    let began = Instant::now();
+    loop {
+        let troubles = health(swarm, 1).map(|(_, troubles)| troubles);
+        let is_said =
+            |troubles: Vec<String>| troubles.iter().any(|trouble| trouble.starts_with("radio"));
+        if troubles.map(is_said) == Some(is_wrong) {
+            return began.elapsed();
+        }
+        assert!(began.elapsed() < Duration::from_secs(20), "it is not said");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+#[test]
+fn a_module_that_is_pulled_out_is_missed_soon_costs_nothing_and_sends_soon_when_it_is_back() {
+    const WATCHED: Duration = Duration::from_secs(10);
+    let mut swarm = two();
+    let text = std::fs::read_to_string(swarm.path("vehicle-1.toml")).unwrap();
+    swarm.write(
+        "vehicle-1.toml",
+        &text.replace("ports/vehicle-1", "cable-1"),
+    );
+    let mut cable = Cable::new(swarm.path("ports/vehicle-1"), swarm.path("cable-1"));
+    swarm.run();
+    until_said(&swarm, true);
+    let taken = |threads: &str| swarm.processor_s(vehicle(1), threads);
+    let before = [taken("radio"), taken("")];
+    std::thread::sleep(WATCHED);
+    let [radio, all] = [taken("radio") - before[0], taken("") - before[1]]
+        .map(|seconds| seconds / WATCHED.as_secs_f64());
+    swarm.note(&format!(
+        "unplugged: {:.1} % of a core, {:.1} % of it for the radio",
+        1e2 * all,
+        1e2 * radio
+    ));
+    assert!(radio < 0.01, "{radio} of a core");
+    for turn in 0..5 {
+        let plugged = Instant::now();
+        cable.plug();
+        let sends = cable.sent_after(plugged);
+        until_said(&swarm, false);
+        std::thread::sleep(Duration::from_millis(500 + 130 * turn));
+        cable.pull_out();
+        let said = until_said(&swarm, true);
+        swarm.note(&format!(
+            "sends {sends:?} after it is plugged in, missed after {said:?}"
+        ));
+        let most_s = if turn == 0 { 3 } else { 2 };
+        assert!(sends < Duration::from_secs(most_s), "{sends:?}");
+        // Devices are looked after every second, and health is said every other one.
+        assert!(said < Duration::from_secs(3), "{said:?}");
+    }
+    swarm.end_in_order();
+}
+
+#[test]
+fn the_makers_library_speaks_with_simulated_modules_in_both_api_modes() {
+    run_script("xbee/vendor_library.py", "digi.xbee");
 }

@@ -559,7 +559,8 @@ fn have() -> impl Strategy<Value = Have> {
     })
 }
 
-fn beacon() -> impl Strategy<Value = Beacon> {
+/// Any beacon that may be sent.
+pub fn beacon() -> impl Strategy<Value = Beacon> {
     let who = (vehicle(), boot(), any::<u32>());
     let radio = (any::<u8>(), any::<i8>(), any::<[bool; 3]>());
     let tag = option::of(any::<[u8; 4]>().prop_map(BeaconTag));

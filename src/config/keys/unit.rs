@@ -15,7 +15,9 @@ const UNITS: &[(&str, &str)] = &[
     ("_hz", "Hz"),
     ("_mb", "MB"),
     ("_ms", "ms"),
+    ("_us", "µs"),
     ("_db", "dB"),
+    ("_c", "°C"),
     ("_m", "m"),
     ("_s", "s"),
 ];
@@ -38,6 +40,7 @@ mod tests {
             ("padding_m", Some("m")),
             ("autonomy_s", Some("s")),
             ("slot_ms", Some("ms")),
+            ("pulse_us", Some("µs")),
             ("braking_mps2", Some("m/s²")),
             ("turn_rate_deg_per_s", Some("°/s")),
             ("slew_s_per_60_deg", Some("s for 60°")),

@@ -335,6 +335,32 @@ fn of_beacons_that_come_while_one_is_in_flight_the_newest_is_sent_without_a_gap(
 }
 
 #[test]
+fn a_beacon_that_was_numbered_before_its_actor_read_what_came_back_leaves_no_gap() {
+    let mut rig = Rig::ready();
+    rig.send(1, 1);
+    rig.status(2, 2);
+    rig.send(3, 2);
+    assert_eq!((rig.numbers(), rig.unsent.clone()), (vec![1], vec![1, 2]));
+    rig.send(4, 1);
+    assert_eq!(rig.numbers(), [1, 1], "the actor has read both");
+    rig.status(5, 0);
+    rig.send(6, 2);
+    assert_eq!(rig.numbers(), [1, 1, 2]);
+}
+
+#[test]
+fn an_actor_that_never_reads_what_came_back_is_not_silenced() {
+    let mut rig = Rig::ready();
+    rig.send(1, 1);
+    rig.status(2, 2);
+    for number in 2..10 {
+        rig.send(10 * u64::from(number), number);
+        rig.status(10 * u64::from(number) + 1, 0);
+    }
+    assert_eq!(rig.numbers(), [1, 5, 6, 7, 8, 9]);
+}
+
+#[test]
 fn a_module_that_was_reset_is_asked_again_and_sends_nothing_meanwhile() {
     for status in [0, 1] {
         let mut rig = Rig::ready();

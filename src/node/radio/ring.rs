@@ -1,8 +1,9 @@
 //! Whose turn it is to speak: a token ring without common clocks. Knows who was heard, and nothing else that beacons say.
 //!
 //! Members of the ring are the ids heard, or listed in a heard beacon, in the last 5 s, and oneself, ascending.
-//! After hearing m, member k speaks in slot distance(m, k) · T plus jitter; each newly heard beacon restarts
-//! the wait; own silence is at most (members + 1) · T.
+//! After hearing m, member k speaks (distance(m, k) − 1) · T + S later plus jitter: T is a slot, S what a direct successor
+//! waits, a slot unless the venue says less. Each newly heard beacon restarts the wait; own silence is at most
+//! (members + 1) · T.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -10,6 +11,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{Boot, VehicleId};
 
+use super::super::RadioSettings;
 use crate::time::Time;
 
 /// Members not heard of for this long leave the ring.
@@ -24,6 +26,9 @@ pub(super) struct BeaconRing {
     own: VehicleId,
     boot: Boot,
     slot: Duration,
+    /// What the direct successor of whom was heard waits; `None` = a slot.
+    #[serde(default)]
+    successor: Option<Duration>,
     /// When each other member was last heard, or heard of.
     members: BTreeMap<VehicleId, Time>,
     /// When somebody last listed this vehicle among those heard.
@@ -34,12 +39,14 @@ pub(super) struct BeaconRing {
 
 impl BeaconRing {
     /// Makes a ring of nobody else; its member speaks for the first time after its own share of the first round.
-    pub(super) fn new(own: VehicleId, boot: Boot, slot: Duration) -> BeaconRing {
+    pub(super) fn new(own: VehicleId, boot: Boot, radio: &RadioSettings) -> BeaconRing {
+        let slot = radio.slot;
         let slot_at = Time::ZERO + slot * (1 + u32::from(own.0));
         BeaconRing {
             own,
             boot,
             slot,
+            successor: radio.successor,
             members: BTreeMap::new(),
             listed_at: None,
             draws: 0,
@@ -64,7 +71,12 @@ impl BeaconRing {
         if listed.contains(&self.own) {
             self.listed_at = Some(now);
         }
-        self.slot_at = now + self.wait_after(now, speaker);
+        self.forget(now);
+        self.slot_at = if self.is_listed(now) {
+            now + self.wait_after(speaker)
+        } else {
+            self.joins_at(now)
+        };
     }
 
     /// Records that the vehicle itself speaks; it does so again after the longest silence unless it hears somebody before.
@@ -79,9 +91,8 @@ impl BeaconRing {
         self.members.retain(|_, at| now.since(*at) <= MEMBER_FOR);
     }
 
-    /// Returns how long to wait after a member has spoken: its distance in the ring, in slots.
-    fn wait_after(&mut self, now: Time, speaker: VehicleId) -> Duration {
-        self.forget(now);
+    /// Returns how long to wait after a member has spoken: by its distance in the ring.
+    fn wait_after(&mut self, speaker: VehicleId) -> Duration {
         let own = self.own;
         let between = |from: VehicleId, to: VehicleId| {
             self.members
@@ -89,20 +100,28 @@ impl BeaconRing {
                 .filter(|member| **member > from && **member < to)
                 .count()
         };
-        let distance = if speaker < own {
-            between(speaker, own) + 1
+        let others_before = if speaker < own {
+            between(speaker, own)
         } else {
-            self.members.len() - between(own, speaker)
+            self.members.len().saturating_sub(between(own, speaker) + 1)
         };
-        if self.is_listed(now) {
-            return self.slot * distance as u32 + self.jitter();
-        }
-        self.wait_to_join()
+        let successor = self.successor.unwrap_or(self.slot);
+        self.slot * others_before as u32 + successor + self.jitter()
     }
 
     /// Returns whether somebody has listed this vehicle lately, so that the others leave its slot free.
     fn is_listed(&self, now: Time) -> bool {
         self.listed_at.is_some_and(|at| now.since(at) <= MEMBER_FOR)
+    }
+
+    /// Returns when somebody speaks who is not listed yet. Where successors speak sooner than a slot, the next beacon is heard
+    /// before most such waits are over: there a wait that has begun goes on, or nobody could join.
+    fn joins_at(&mut self, now: Time) -> Time {
+        let at = now + self.wait_to_join();
+        match self.successor {
+            Some(successor) if successor < self.slot && self.slot_at > now => at.min(self.slot_at),
+            Some(_) | None => at,
+        }
     }
 
     /// Returns a wait that ends in the middle of a slot, drawn anew each time. The members of a ring speak at the
@@ -133,6 +152,7 @@ impl BeaconRing {
 
 #[cfg(test)]
 mod tests {
+    use super::super::super::tests_support::settings;
     use super::*;
 
     const SLOT: Duration = Duration::from_millis(50);
@@ -146,7 +166,15 @@ mod tests {
     }
 
     fn ring(own: u8) -> BeaconRing {
-        BeaconRing::new(VehicleId(own), Boot(1), SLOT)
+        ring_with(own, None)
+    }
+
+    fn ring_with(own: u8, successor: Option<Duration>) -> BeaconRing {
+        let radio = RadioSettings {
+            successor,
+            ..settings(own).radio
+        };
+        BeaconRing::new(VehicleId(own), Boot(1), &radio)
     }
 
     /// How many slots it is until its own one, without the jitter.
@@ -175,6 +203,32 @@ mod tests {
             let mut ring = ring(own);
             ring.hear(at(1.0), VehicleId(speaker), &ids(&[2, 5, 9, own]));
             assert_eq!(slots(&ring, at(1.0)), expected, "{own} after {speaker}");
+        }
+    }
+
+    #[test]
+    fn a_direct_successor_may_speak_sooner_and_the_others_a_slot_after_it() {
+        const SUCCESSOR: Duration = Duration::from_millis(3);
+        for (own, before) in [(2, 0), (5, 1), (9, 2)] {
+            let mut ring = ring_with(own, Some(SUCCESSOR));
+            ring.hear(at(1.0), VehicleId(1), &ids(&[1, 2, 5, 9]));
+            let wait = ring.slot_at().since(at(1.0));
+            let least = SLOT * before + SUCCESSOR;
+            assert!(
+                (least..=least + SLOT / 10).contains(&wait),
+                "{own}: {wait:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn who_is_not_listed_speaks_though_it_hears_somebody_more_often_than_it_waits() {
+        let mut ring = ring_with(7, Some(Duration::from_millis(3)));
+        let mut now = at(1.0);
+        while now < ring.slot_at() {
+            assert!(now < at(1.0 + SLOT.as_secs_f64()), "it is not let in");
+            ring.hear(now, VehicleId(2), &ids(&[5]));
+            now = now + Duration::from_millis(4);
         }
     }
 

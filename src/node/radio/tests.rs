@@ -69,9 +69,18 @@ fn speakers(spoken: &[(Time, u8, Vec<Out>)]) -> Vec<u8> {
 }
 
 /// Lets radios talk over air on which two that overlap are lost; returns who was heard by all in each second.
-fn talk_on_air(ids: &[u8], seconds: usize) -> Vec<BTreeMap<u8, usize>> {
+fn talk_on_air(
+    ids: &[u8],
+    seconds: usize,
+    successor: Option<Duration>,
+) -> Vec<BTreeMap<u8, usize>> {
     let airtime = Duration::from_millis(4);
-    let mut radios: Vec<Radio> = ids.iter().map(|id| Radio::new(settings(*id))).collect();
+    let radio = |id: &u8| {
+        let mut settings = settings(*id);
+        settings.radio.successor = successor;
+        Radio::new(settings)
+    };
+    let mut radios: Vec<Radio> = ids.iter().map(radio).collect();
     let mut air: Vec<(Time, usize, Beacon)> = Vec::new();
     let mut heard = vec![BTreeMap::new(); seconds];
     loop {
@@ -137,6 +146,16 @@ fn talk_on_air(ids: &[u8], seconds: usize) -> Vec<BTreeMap<u8, usize>> {
 
 #[test]
 fn a_ring_forms_although_overlapping_beacons_are_lost() {
+    check_ring(None, 14);
+}
+
+#[test]
+fn a_ring_whose_successors_do_not_wait_for_a_slot_forms_too_and_is_quick() {
+    check_ring(Some(Duration::from_millis(3)), 80);
+}
+
+/// Checks that everybody is heard in every second but the first, nobody seldom, and that so many beacons are.
+fn check_ring(successor: Option<Duration>, a_second: usize) {
     for ids in [
         &[1, 2][..],
         &[1, 2, 3],
@@ -144,7 +163,7 @@ fn a_ring_forms_although_overlapping_beacons_are_lost() {
         &[3, 4, 9, 200, 201],
         &[1, 2, 3, 4, 5, 6, 7, 8],
     ] {
-        let heard = talk_on_air(ids, 12);
+        let heard = talk_on_air(ids, 12, successor);
         for second in &heard[1..] {
             assert_eq!(
                 second.len(),
@@ -160,7 +179,7 @@ fn a_ring_forms_although_overlapping_beacons_are_lost() {
                 "of {ids:?} some are heard seldom: {second:?}"
             );
             assert!(
-                second.values().sum::<usize>() >= 14,
+                second.values().sum::<usize>() >= a_second,
                 "the ring of {ids:?} is slow: {second:?}"
             );
         }

@@ -1,9 +1,9 @@
-//! What a vehicle's drivers say of its devices: a vehicle that lacks one that every run needs may not begin. Whether a device
-//! is silent is a trouble of its own; nothing is guessed from counts.
+//! What a vehicle's drivers say of its devices: a vehicle that lacks one that every run needs, or whose radio has never sent
+//! anything, may not begin. Whether a device has fallen silent is a trouble of its own; nothing is guessed from other counts.
 
 use tomoswarm_proto::{
-    AutopilotFamily, BodyKind, Capability, Health, Hello, RadioKind, RangeHealth, RangeSensorKind,
-    ServoKind,
+    AutopilotFamily, BodyKind, Capability, Health, Hello, RadioHealth, RadioKind, RangeHealth,
+    RangeSensorKind, ServoKind,
 };
 
 use super::{Check, CheckStatus, check};
@@ -50,6 +50,21 @@ pub(super) fn devices(hello: Option<&Hello>, health: Option<&Health>) -> Check {
     check("devices", is_right, found.join("; "))
 }
 
+/// Returns whether a radio has sent a beacon, and what it has done.
+pub(super) fn radio(radio: RadioHealth) -> (bool, String) {
+    let RadioHealth {
+        sent,
+        unsent,
+        busy,
+        bad,
+        reopens,
+    } = radio;
+    let found = format!(
+        "{sent} sent, {unsent} not sent, {busy} of them as the channel was busy, {bad} bad frames, {reopens} times opened again"
+    );
+    (sent > 0, found)
+}
+
 fn in_words(capability: Capability) -> String {
     match capability {
         Capability::Autopilot(family, body) => {
@@ -86,7 +101,7 @@ fn range_sensor_name(kind: RangeSensorKind) -> &'static str {
     match kind {
         RangeSensorKind::Simulated => "simulated",
         RangeSensorKind::HcSr04 => "HC-SR04",
-        RangeSensorKind::TfLuna => "TF-Luna",
+        RangeSensorKind::TfLuna => "TF-Luna or TFmini",
         RangeSensorKind::Autopilot => "read by the autopilot",
         RangeSensorKind::Other => "another kind",
         RangeSensorKind::SerialText => "serial text",

@@ -3,7 +3,7 @@
 use tomoswarm_proto::codec::{Greeting, VERSION};
 use tomoswarm_proto::{
     AutopilotFamily, AutopilotHealth, BodyKind, Boot, Capability, Deviation, Message, OrderKind,
-    Permille, RadioKind, RangeHealth, RangeSensorKind, Sender, ServoKind, State,
+    Permille, RadioHealth, RadioKind, RangeHealth, RangeSensorKind, Sender, ServoKind, State,
 };
 
 use super::super::HeardMessage;
@@ -405,6 +405,32 @@ fn nobody_is_no_swarm() {
         ..needs()
     };
     assert!(!is_go(&inspect(&Swarm::sound().view(), &nobody, at(NOW_S))));
+}
+
+#[test]
+fn a_radio_that_has_sent_nothing_refuses_and_one_that_sends_is_shown() {
+    let shown = |sent, unsent| {
+        let mut swarm = Swarm::sound();
+        swarm.healths[0].radio = Some(RadioHealth {
+            sent,
+            unsent,
+            busy: 3,
+            bad: 1,
+            reopens: 2,
+        });
+        let nodes = inspect(&swarm.view(), &needs(), at(NOW_S));
+        let mut checks = nodes[0].checks.iter();
+        let radio = checks.find(|check| check.what == "radio").unwrap();
+        (is_go(&nodes), radio.light, radio.found.clone())
+    };
+    let counts =
+        "5 not sent, 3 of them as the channel was busy, 1 bad frames, 2 times opened again";
+    let found = format!("hears 2; 400 sent, {counts}");
+    assert_eq!(shown(400, 5), (true, CheckStatus::Go, found));
+    for unsent in [0, 5] {
+        let (is_go, light, found) = shown(0, unsent);
+        assert_eq!((is_go, light), (false, CheckStatus::NoGo), "{found}");
+    }
 }
 
 #[test]

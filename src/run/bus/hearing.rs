@@ -36,6 +36,9 @@ pub(super) enum ReopenReason {
     /// Frames came damaged; what the library itself said may have been damaged too.
     #[error("frames were damaged on their way")]
     Damage,
+    /// Others are allowed than before.
+    #[error("the roster has changed")]
+    Roster,
     /// Nothing was heard of a node whose link stands.
     #[error("nothing is heard of {0}, whose link stands")]
     Silent(Sender),
@@ -55,6 +58,8 @@ pub(super) struct SessionHearing {
     damages: u32,
     /// How often one was opened anew for somebody's silence, who was not heard since.
     in_vain: BTreeMap<Sender, u32>,
+    /// Whether the roster has changed since the session was opened.
+    is_roster_new: bool,
 }
 
 impl SessionHearing {
@@ -67,6 +72,7 @@ impl SessionHearing {
             damaged: None,
             damages: 0,
             in_vain: BTreeMap::new(),
+            is_roster_new: false,
         }
     }
 
@@ -89,6 +95,11 @@ impl SessionHearing {
         self.damaged = Some(now);
     }
 
+    /// Others are allowed than before; a session knows only whom it was opened with.
+    pub(super) fn change_roster(&mut self) {
+        self.is_roster_new = true;
+    }
+
     /// To these there are links now.
     pub(super) fn link(&mut self, now: Time, links: &[Sender]) {
         self.linked.retain(|sender, _| links.contains(sender));
@@ -99,6 +110,9 @@ impl SessionHearing {
 
     /// Returns why the session is to be opened anew, which is then expected of the caller.
     pub(super) fn why_anew(&mut self, now: Time) -> Option<ReopenReason> {
+        if std::mem::take(&mut self.is_roster_new) {
+            return Some(ReopenReason::Roster);
+        }
         if self.is_alone(now) {
             return Some(ReopenReason::Nobody);
         }
@@ -200,6 +214,14 @@ mod tests {
         );
         // A node that was switched off has no link any more.
         assert_eq!(opened(&mut hearing, 1000..2000, &[TWO, TOOL], &[TWO]), []);
+    }
+
+    #[test]
+    fn a_new_roster_opens_the_session_anew_once() {
+        let mut hearing = SessionHearing::new(Time::default());
+        hearing.change_roster();
+        let anew = opened(&mut hearing, 1..10, &[TWO], &[TWO]);
+        assert_eq!(anew, [(1, ReopenReason::Roster)]);
     }
 
     #[test]

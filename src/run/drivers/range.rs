@@ -5,6 +5,8 @@
 //! here; a sensor on a serial line needs no more than its decoder in `hw`.
 
 #[cfg(feature = "hw")]
+mod hcsr04;
+#[cfg(feature = "hw")]
 mod serial;
 #[cfg(all(test, feature = "hw"))]
 mod tests;
@@ -15,10 +17,14 @@ use std::sync::{Arc, Mutex};
 use tomoswarm_proto::RangeHealth;
 
 #[cfg(feature = "hw")]
+use self::hcsr04::HcSr04Reader;
+#[cfg(feature = "hw")]
 use self::serial::SerialReader;
 use super::EventSink;
 use crate::config::{RangeDriver, SensorCoverage};
-use crate::hw::{DroppedReadings, Pings};
+use crate::hw::Pings;
+#[cfg(feature = "hw")]
+use crate::hw::echo_edges::EchoFaults;
 use crate::node::sensor::Ping;
 use crate::run::clock::Clock;
 use crate::run::mailbox::lock;
@@ -37,6 +43,9 @@ enum Reader {
     /// A sensor on a serial line.
     #[cfg(feature = "hw")]
     Serial(SerialReader),
+    /// A sensor with trigger and echo lines.
+    #[cfg(feature = "hw")]
+    HcSr04(HcSr04Reader),
     /// Nothing does.
     None,
 }
@@ -74,8 +83,15 @@ impl Range {
                 pings.clone(),
                 events.clone(),
             )?),
+            #[cfg(feature = "hw")]
+            RangeDriver::HcSr04(lines) => Reader::HcSr04(HcSr04Reader::start(
+                lines,
+                clock,
+                pings.clone(),
+                events.clone(),
+            )?),
             #[cfg(not(feature = "hw"))]
-            RangeDriver::Serial(_) => {
+            RangeDriver::Serial(_) | RangeDriver::HcSr04(_) => {
                 // Its name was refused when the file was read.
                 let _ = (look, events);
                 return Err(io::ErrorKind::Unsupported.into());
@@ -101,23 +117,42 @@ impl Range {
 
     /// Notes that an echo is asked for. A sensor that measures all the time needs not be told.
     pub fn ping(&self, ping: Ping) {
+        let now = self.clock.now();
         if !matches!(self.reader, Reader::None) {
-            lock(&self.pings.0).ping(self.clock.now(), ping);
+            lock(&self.pings.0).ping(now, ping);
+        }
+        match &self.reader {
+            Reader::World | Reader::None => {}
+            #[cfg(feature = "hw")]
+            Reader::Serial(_) => {}
+            #[cfg(feature = "hw")]
+            Reader::HcSr04(reader) => reader.ping(now),
         }
     }
 
     /// Returns what is wrong with it, in words.
     pub fn trouble(&self) -> Option<String> {
-        let (dropped, is_closed) = match &self.reader {
+        let (dropped, is_closed): (Option<String>, Option<String>) = match &self.reader {
             Reader::None => return None,
-            Reader::World => (DroppedReadings::default(), None),
+            Reader::World => (None, None),
             #[cfg(feature = "hw")]
-            Reader::Serial(reader) => (reader.dropped(), reader.trouble()),
+            Reader::Serial(reader) => {
+                let dropped = reader.dropped();
+                let some = dropped.total() > 0;
+                let said = some.then(|| format!("of what it said {dropped}"));
+                (said, reader.trouble())
+            }
+            #[cfg(feature = "hw")]
+            Reader::HcSr04(reader) => {
+                let faults = reader.faults();
+                let some = faults != EchoFaults::default();
+                (some.then(|| faults.to_string()), reader.trouble())
+            }
         };
         let is_silent = lock(&self.pings.0).is_silent(self.clock.now());
-        let silent = || match dropped.total() {
-            0 => "it answers nothing".to_owned(),
-            _ => format!("it answers nothing; of what it said {dropped}"),
+        let silent = || match dropped {
+            None => "it answers nothing".to_owned(),
+            Some(dropped) => format!("it answers nothing; {dropped}"),
         };
         is_closed.or_else(|| is_silent.then(silent))
     }
@@ -135,6 +170,11 @@ impl Range {
             #[cfg(feature = "hw")]
             Reader::Serial(reader) => Some(RangeHealth {
                 glitches: reader.dropped().total(),
+                faults,
+            }),
+            #[cfg(feature = "hw")]
+            Reader::HcSr04(reader) => Some(RangeHealth {
+                glitches: reader.faults().glitches,
                 faults,
             }),
         }

@@ -177,6 +177,7 @@ fn picture(stored: &StoredImage) -> Reconstruction {
         dropped: Default::default(),
         path_loss: None,
         by_empty_sweep: stored.kind == "change",
+        finds: stored.finds.clone(),
     }
 }
 

@@ -1,42 +1,55 @@
 //! Files of certificates on disk: a file or a folder is there whole or not at all, and private keys are for their owner
 //! only. Knows nothing of what is in them.
 
-use std::fs::{self, DirBuilder, File, OpenOptions};
+use std::fs::{self, DirBuilder, File, OpenOptions, Permissions};
 use std::io::{self, Read, Write};
-use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt, PermissionsExt, chown};
 use std::path::{Path, PathBuf};
 
-use rustix::fs::FlockOperation;
+use rustix::fs::{CWD, FlockOperation, RenameFlags, renameat_with, statfs};
 
 /// The largest file of certificates, bytes.
 const LIMIT_BYTES: u64 = 4 << 20;
+/// The folder of a node: its service and who is of its group read it.
+const NODE_FOLDER_MODE: u32 = 0o750;
+/// Kinds of file systems that keep no modes, as `statfs` numbers them: FAT and exFAT, those of sticks and boot partitions.
+const WITHOUT_MODES: [u64; 2] = [0x4d44, 0x2011_bab0];
+
+/// To whom a node's files belong.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Owner {
+    /// Number of the user.
+    pub user: u32,
+    /// Number of the group.
+    pub group: u32,
+}
 
 /// A file to be written.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct NewFile {
     /// Its name inside its folder.
-    pub name: &'static str,
-    /// Its text.
-    pub text: String,
+    pub name: String,
+    /// Its content.
+    pub content: Vec<u8>,
     /// Whether only its owner may read it.
     pub is_private: bool,
 }
 
 impl NewFile {
     /// Makes a file that all may read.
-    pub fn open(name: &'static str, text: impl Into<String>) -> NewFile {
+    pub fn open(name: impl Into<String>, content: impl Into<Vec<u8>>) -> NewFile {
         NewFile {
-            name,
-            text: text.into(),
+            name: name.into(),
+            content: content.into(),
             is_private: false,
         }
     }
 
     /// Makes a file that only its owner may read (mode 0600).
-    pub fn private(name: &'static str, text: impl Into<String>) -> NewFile {
+    pub fn private(name: impl Into<String>, content: impl Into<Vec<u8>>) -> NewFile {
         NewFile {
-            name,
-            text: text.into(),
+            name: name.into(),
+            content: content.into(),
             is_private: true,
         }
     }
@@ -47,14 +60,23 @@ impl NewFile {
 /// # Errors
 /// It cannot be read, is larger, or is no UTF-8.
 pub fn read_limited(path: &Path) -> io::Result<String> {
-    let mut text = String::new();
+    String::from_utf8(read_limited_bytes(path)?)
+        .map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))
+}
+
+/// Returns the content of a file of at most 4 MiB.
+///
+/// # Errors
+/// It cannot be read, or is larger.
+pub fn read_limited_bytes(path: &Path) -> io::Result<Vec<u8>> {
+    let mut content = Vec::new();
     File::open(path)?
         .take(LIMIT_BYTES + 1)
-        .read_to_string(&mut text)?;
-    if text.len() as u64 > LIMIT_BYTES {
+        .read_to_end(&mut content)?;
+    if content.len() as u64 > LIMIT_BYTES {
         return Err(io::Error::new(io::ErrorKind::FileTooLarge, "over 4 MiB"));
     }
-    Ok(text)
+    Ok(content)
 }
 
 /// Writes a folder with files that is there with all of them or not at all. An empty folder of its name is replaced.
@@ -62,6 +84,62 @@ pub fn read_limited(path: &Path) -> io::Result<String> {
 /// # Errors
 /// The disk refuses, or a folder of its name is there and not empty.
 pub fn write_new_folder(folder: &Path, files: &[NewFile]) -> io::Result<()> {
+    write_folder(folder, files, |new| fs::rename(new, folder))
+}
+
+/// Puts a folder with files in the place of another one, in one step: at any moment one of the two is there, whole. Returns
+/// where the former one is kept; `None` = there was none, or an empty one.
+///
+/// # Errors
+/// The disk refuses, or cannot exchange two folders.
+pub fn replace_folder(
+    folder: &Path,
+    files: &[NewFile],
+    owner: Option<Owner>,
+) -> io::Result<Option<PathBuf>> {
+    let is_taken = match fs::read_dir(folder) {
+        Ok(mut entries) => entries.next().is_some(),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => false,
+        Err(error) => return Err(error),
+    };
+    let former = is_taken.then(|| unused(folder)).transpose()?;
+    write_folder(folder, files, |new| {
+        fs::set_permissions(new, Permissions::from_mode(NODE_FOLDER_MODE))?;
+        own(new, owner)?;
+        for file in files {
+            own(&new.join(&file.name), owner)?;
+        }
+        let Some(former) = &former else {
+            return fs::rename(new, folder);
+        };
+        // The new folder takes the former one's future name first, so that the exchange is the only step that counts.
+        fs::rename(new, former)?;
+        renameat_with(CWD, former, CWD, folder, RenameFlags::EXCHANGE).map_err(|error| {
+            // It was never in force; the first error is the one to tell.
+            let _ = fs::remove_dir_all(former);
+            error.into()
+        })
+    })?;
+    Ok(former)
+}
+
+/// Gives a file or folder to its owner; without one it stays the caller's.
+///
+/// # Errors
+/// The caller may not.
+pub fn own(path: &Path, owner: Option<Owner>) -> io::Result<()> {
+    match owner {
+        Some(Owner { user, group }) => chown(path, Some(user), Some(group)),
+        None => Ok(()),
+    }
+}
+
+/// Writes a folder beside the place where it belongs, and puts it there by `place`.
+fn write_folder(
+    folder: &Path,
+    files: &[NewFile],
+    place: impl FnOnce(&Path) -> io::Result<()>,
+) -> io::Result<()> {
     let new = beside(folder)?;
     if new.exists() {
         // Left by one that was interrupted; it was never in force.
@@ -70,14 +148,28 @@ pub fn write_new_folder(folder: &Path, files: &[NewFile]) -> io::Result<()> {
     DirBuilder::new().recursive(true).mode(0o700).create(&new)?;
     let written = files
         .iter()
-        .try_for_each(|file| write_file(&new.join(file.name), file));
-    let renamed = written.and_then(|()| fs::rename(&new, folder));
-    if renamed.is_err() {
+        .try_for_each(|file| write_file(&new.join(&file.name), file));
+    let placed = written.and_then(|()| place(&new));
+    if placed.is_err() {
         // What is half written must not stay; the first error is the one to tell.
         let _ = fs::remove_dir_all(&new);
     }
-    renamed?;
+    placed?;
     sync_parent(folder)
+}
+
+/// Returns the first name for a former folder that is not taken: FOLDER.former-1 and so on.
+fn unused(folder: &Path) -> io::Result<PathBuf> {
+    let name = folder.file_name().ok_or(io::ErrorKind::InvalidInput)?;
+    let former = |number: u32| {
+        let mut name = name.to_owned();
+        name.push(format!(".former-{number}"));
+        folder.with_file_name(name)
+    };
+    (1..=u32::MAX)
+        .map(former)
+        .find(|path| !path.exists())
+        .ok_or_else(|| io::ErrorKind::AlreadyExists.into())
 }
 
 /// Writes a file in a folder so that it is there whole, and a former one stays until then.
@@ -85,7 +177,7 @@ pub fn write_new_folder(folder: &Path, files: &[NewFile]) -> io::Result<()> {
 /// # Errors
 /// The disk refuses.
 pub fn replace_file(folder: &Path, file: &NewFile) -> io::Result<()> {
-    let path = folder.join(file.name);
+    let path = folder.join(&file.name);
     let new = beside(&path)?;
     if new.exists() {
         fs::remove_file(&new)?;
@@ -126,6 +218,12 @@ pub(super) fn is_open_to_others(path: &Path) -> io::Result<bool> {
     Ok(fs::metadata(path)?.mode() & 0o007 != 0)
 }
 
+/// Returns whether the modes of a file say anything: on a stick they are the same for all files, and whoever has it has them.
+pub(super) fn has_modes(path: &Path) -> io::Result<bool> {
+    let kind = statfs(path)?.f_type;
+    Ok(u64::try_from(kind).is_ok_and(|kind| !WITHOUT_MODES.contains(&kind)))
+}
+
 fn write_file(path: &Path, file: &NewFile) -> io::Result<()> {
     let mode = if file.is_private { 0o600 } else { 0o644 };
     let mut written = OpenOptions::new()
@@ -133,7 +231,7 @@ fn write_file(path: &Path, file: &NewFile) -> io::Result<()> {
         .create_new(true)
         .mode(mode)
         .open(path)?;
-    written.write_all(file.text.as_bytes())?;
+    written.write_all(&file.content)?;
     written.sync_all()
 }
 

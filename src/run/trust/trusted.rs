@@ -7,7 +7,7 @@ use rcgen::KeyPair;
 use tomoswarm_proto::Sender;
 
 use super::certificate::{Certificate, CertificateError};
-use super::folder::{is_open_to_others, read_limited};
+use super::folder::{has_modes, is_open_to_others, read_limited};
 use super::name::CommonName;
 use super::roster::{Roster, RosterError};
 use crate::config::Identity;
@@ -108,6 +108,27 @@ impl Trusted {
         node: Sender,
         seen: Option<u64>,
     ) -> Result<Trusted, TrustError> {
+        Trusted::read_where(identity, node, seen, false)
+    }
+
+    /// Reads and checks files that are brought to a node: the same, but on a stick without modes the key's says nothing.
+    ///
+    /// # Errors
+    /// As for [`Trusted::read`].
+    pub fn read_brought(
+        identity: &Identity,
+        node: Sender,
+        seen: Option<u64>,
+    ) -> Result<Trusted, TrustError> {
+        Trusted::read_where(identity, node, seen, true)
+    }
+
+    fn read_where(
+        identity: &Identity,
+        node: Sender,
+        seen: Option<u64>,
+        is_brought: bool,
+    ) -> Result<Trusted, TrustError> {
         let authority = read_certificate(&identity.ca)?;
         if !authority.is_authority {
             let source = CertificateError::NoAuthority;
@@ -135,7 +156,7 @@ impl Trusted {
                 issue: roster.issue,
             });
         }
-        check_key(Path::new(&identity.key), &certificate)?;
+        check_key(Path::new(&identity.key), &certificate, is_brought)?;
         Ok(Trusted { own, roster })
     }
 }
@@ -183,12 +204,13 @@ fn own_name(
         })
 }
 
-fn check_key(path: &Path, certificate: &Certificate) -> Result<(), TrustError> {
+fn check_key(path: &Path, certificate: &Certificate, is_brought: bool) -> Result<(), TrustError> {
     let unreadable = |source| TrustError::Read {
         path: path.to_owned(),
         source,
     };
-    if is_open_to_others(path).map_err(unreadable)? {
+    let is_without_modes = is_brought && !has_modes(path).map_err(unreadable)?;
+    if !is_without_modes && is_open_to_others(path).map_err(unreadable)? {
         return Err(TrustError::OpenKey {
             path: path.to_owned(),
         });

@@ -11,7 +11,7 @@ use crate::sim::log::{Log, image_hash};
 use crate::sim::outcome::{Recorded, RunCounts};
 use crate::sim::world::Collision;
 use crate::time::Time;
-use crate::tomo::Peak;
+use crate::tomo::{Find, Finds, Peak};
 
 /// A track has a place only this far from the one before, metres.
 const TRACK_STEP_M: f64 = 0.05;
@@ -110,13 +110,14 @@ impl RunRecord {
                 now,
                 "imager",
                 format_args!(
-                    "{} of run {} after {} laps: {} links, hash {:016x}, peaks {}",
+                    "{} of run {} after {} laps: {} links, hash {:016x}, peaks {}{}",
                     picture.subject,
                     picture.run,
                     picture.laps,
                     made.used,
                     image_hash(&made.image),
-                    peaks_in_words(&made.peaks)
+                    peaks_in_words(&made.peaks),
+                    finds_in_words(made.finds.as_ref())
                 ),
             ),
         }
@@ -163,6 +164,22 @@ impl RunRecord {
 fn peaks_in_words(peaks: &[Peak]) -> String {
     let word = |peak: &Peak| format!("{:.2},{:.2}:{:.2}", peak.at.x_m, peak.at.y_m, peak.strength);
     peaks.iter().take(4).map(word).collect::<Vec<_>>().join(" ")
+}
+
+/// Returns who was found, in steps as the places of peaks are.
+fn finds_in_words(finds: Option<&Finds>) -> String {
+    let Some(finds) = finds else {
+        return String::new();
+    };
+    let word = |find: &Find| {
+        let Find { at, evidence, .. } = find;
+        format!(" {:.2},{:.2}:{evidence:.1}", at.x_m, at.y_m)
+    };
+    let found: String = finds.found.iter().map(word).collect();
+    format!(
+        ", finds{}",
+        if found.is_empty() { " nobody" } else { &found }
+    )
 }
 
 #[cfg(test)]

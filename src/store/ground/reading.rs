@@ -10,10 +10,10 @@ use tomoswarm_proto::{
     Boot, LayerId, RunId, Sample, Samples, TILE_CELLS, TileAddress, TileReport, VehicleId,
 };
 
-use super::{GroundStore, MEMORY, UtcOffset};
+use super::{GroundStore, MEMORY, UtcOffset, schema};
 use crate::geom::{PixelGrid, Point, Rect};
 use crate::store::{StoreError, sample_row};
-use crate::tomo::{Image, Peak};
+use crate::tomo::{Finds, Image, Peak};
 
 /// Samples of one batch that is given back.
 const BATCH: usize = 4096;
@@ -78,6 +78,8 @@ pub struct StoredImage {
     pub image: Image,
     /// Strong places, strongest first.
     pub peaks: Vec<Peak>,
+    /// Who was found, in a change.
+    pub finds: Option<Finds>,
     /// Links in the image.
     pub links: usize,
     /// Root mean square of what the image does not explain, dB.
@@ -256,16 +258,21 @@ impl GroundStore {
     /// # Errors
     /// The file cannot be read, or a picture in it makes no sense.
     pub fn newest_images(&self, run: RunId) -> Result<Vec<StoredImage>, StoreError> {
-        let rows: Vec<(StoredImage, String, Vec<u8>)> = self.read(|store| {
-            let mut statement = store.connection.prepare(
+        let rows: Vec<(StoredImage, [String; 2], Vec<u8>)> = self.read(|store| {
+            // Who only reads does not bring the tables up to date.
+            let finds = match schema::version(&store.connection)? {
+                ..2 => "'null'",
+                _ => "finds",
+            };
+            let mut statement = store.connection.prepare(&format!(
                 "SELECT max(laps), kind, rows, columns, x0_m, y0_m, x1_m, y1_m, links,
-                        residual_db, made_utc_s, peaks, data FROM images
-                 WHERE run = ? GROUP BY kind ORDER BY kind",
-            )?;
+                        residual_db, made_utc_s, peaks, data, {finds} FROM images
+                 WHERE run = ? GROUP BY kind ORDER BY kind"
+            ))?;
             statement.query_map(params![run.0], image)?.collect()
         })?;
         rows.into_iter()
-            .map(|(image, peaks, data)| self.whole(image, &peaks, &data))
+            .map(|(image, marks, data)| self.whole(image, &marks, &data))
             .collect()
     }
 
@@ -333,11 +340,11 @@ impl GroundStore {
         work(self).map_err(|source| StoreError::of(&self.path, source))
     }
 
-    /// Puts values and peaks into a picture.
+    /// Puts values, peaks and finds into a picture.
     fn whole(
         &self,
         mut image: StoredImage,
-        peaks: &str,
+        [peaks, finds]: &[String; 2],
         data: &[u8],
     ) -> Result<StoredImage, StoreError> {
         let damaged = |reason: String| StoreError::Damaged {
@@ -356,6 +363,8 @@ impl GroundStore {
             .iter()
             .map(|bytes| f64::from(f32::from_le_bytes(*bytes)))
             .collect();
+        image.finds = serde_json::from_str(finds)
+            .map_err(|error| damaged(format!("finds of an image: {error}")))?;
         let rows: Vec<PeakRow> = serde_json::from_str(peaks)
             .map_err(|error| damaged(format!("peaks of an image: {error}")))?;
         image.peaks = rows
@@ -396,7 +405,8 @@ fn tile(row: &Row) -> rusqlite::Result<TileReport> {
     })
 }
 
-fn image(row: &Row) -> rusqlite::Result<(StoredImage, String, Vec<u8>)> {
+/// Returns a picture without its values; its peaks and finds as text; its values as bytes.
+fn image(row: &Row) -> rusqlite::Result<(StoredImage, [String; 2], Vec<u8>)> {
     let corner =
         |x: usize, y: usize| Ok::<_, rusqlite::Error>(Point::new(row.get(x)?, row.get(y)?));
     let count = |index: usize| row.get::<_, u32>(index).map(|count| count as usize);
@@ -413,9 +423,10 @@ fn image(row: &Row) -> rusqlite::Result<(StoredImage, String, Vec<u8>)> {
             values: Vec::new(),
         },
         peaks: Vec::new(),
+        finds: None,
         links: count(8)?,
         made_utc_s: row.get(10)?,
         residual_rms_db: row.get::<_, Option<f64>>(9)?.unwrap_or(f64::NAN),
     };
-    Ok((image, row.get(11)?, row.get(12)?))
+    Ok((image, [row.get(11)?, row.get(13)?], row.get(12)?))
 }

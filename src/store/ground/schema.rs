@@ -8,7 +8,11 @@ use std::path::Path;
 /// Marks the file as a store ("tSgs").
 pub(super) const APPLICATION: i64 = 0x7453_6773;
 /// Version of the tables.
-pub(super) const VERSION: i64 = 1;
+pub(super) const VERSION: i64 = 2;
+
+/// Makes the tables of version 1 those of version 2, which have the finds of images.
+pub(super) const FROM_1_TO_2: &str =
+    "ALTER TABLE images ADD COLUMN finds TEXT NOT NULL DEFAULT 'null'; PRAGMA user_version = 2;";
 
 /// Returns the statements that make the tables, for one transaction.
 pub(super) fn tables() -> String {
@@ -39,7 +43,7 @@ pub(super) fn tables() -> String {
              run INTEGER NOT NULL, laps INTEGER NOT NULL, kind TEXT NOT NULL, made_utc_s REAL NOT NULL,
              rows INTEGER NOT NULL, columns INTEGER NOT NULL,
              x0_m REAL NOT NULL, y0_m REAL NOT NULL, x1_m REAL NOT NULL, y1_m REAL NOT NULL,
-             links INTEGER NOT NULL, residual_db REAL, peaks TEXT NOT NULL, data BLOB NOT NULL,
+             links INTEGER NOT NULL, residual_db REAL, peaks TEXT NOT NULL, data BLOB NOT NULL, finds TEXT NOT NULL DEFAULT 'null',
              PRIMARY KEY (run, laps, kind));
          CREATE TABLE memory (one INTEGER PRIMARY KEY CHECK (one = 1), version TEXT NOT NULL, blob BLOB NOT NULL);
          PRAGMA application_id = {APPLICATION};
@@ -52,6 +56,11 @@ pub(super) fn is_empty(connection: &Connection, path: &Path) -> Result<bool, Sto
     Ok(number(connection, path, "schema_version")? == 0)
 }
 
+/// Returns the version of the tables.
+pub(super) fn version(connection: &Connection) -> rusqlite::Result<i64> {
+    connection.pragma_query_value(None, "user_version", |row| row.get(0))
+}
+
 /// Refuses what is not a sound store of a known version.
 pub(super) fn check(connection: &Connection, path: &Path) -> Result<(), StoreError> {
     if number(connection, path, "application_id")? != APPLICATION {
@@ -60,7 +69,7 @@ pub(super) fn check(connection: &Connection, path: &Path) -> Result<(), StoreErr
             found: "another database",
         });
     }
-    let found = number(connection, path, "user_version")?;
+    let found = version(connection).map_err(|source| StoreError::of(path, source))?;
     if found > VERSION {
         return Err(StoreError::Newer {
             path: path.to_owned(),

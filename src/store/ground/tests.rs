@@ -7,7 +7,7 @@ use tomoswarm_proto::{LayerId, Lease, Sample, TILE_CELLS, TileAddress};
 
 use super::*;
 use crate::geom::{PixelGrid, Point, Rect};
-use crate::tomo::Reconstruction;
+use crate::tomo::{Find, Finds, Reconstruction};
 
 const START: Start = Start {
     config: "kind = \"ground\"",
@@ -187,6 +187,7 @@ fn plans_runs_clocks_memory_and_pictures_come_back() {
     );
     assert_eq!(images[0].image, picture(2).result.unwrap().image);
     assert_eq!(images[0].peaks, picture(2).result.unwrap().peaks);
+    assert_eq!(images[0].finds, picture(2).result.unwrap().finds);
     // A memory of another version is not taken for one of this; nor one of this version under the wire before.
     for version in ["0.0.0", "0.1.0"] {
         store
@@ -199,6 +200,25 @@ fn plans_runs_clocks_memory_and_pictures_come_back() {
             (None, Some(version))
         );
     }
+}
+
+#[test]
+fn a_store_of_version_1_is_read_and_brought_up_to_date() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = path_in(&folder);
+    let mut store = GroundStore::open(&path, &START).unwrap();
+    store.keep_picture(&picture(2)).unwrap();
+    let back = "ALTER TABLE images DROP COLUMN finds; PRAGMA user_version = 1;";
+    store.connection.execute_batch(back).unwrap();
+    drop(store);
+    let run = picture(2).run;
+    let finds = |store: &GroundStore| store.newest_images(run).unwrap()[0].finds.clone();
+    assert_eq!(finds(&GroundStore::open_to_read(&path).unwrap()), None);
+    let mut store = GroundStore::open(&path, &START).unwrap();
+    assert_eq!(schema::version(&store.connection).unwrap(), schema::VERSION);
+    assert_eq!(finds(&store), None);
+    store.keep_picture(&picture(3)).unwrap();
+    assert_eq!(finds(&store), picture(3).result.unwrap().finds);
 }
 
 #[test]
@@ -237,7 +257,21 @@ fn picture(laps: usize) -> ReconstructedImage {
         strength: 2.0,
         significance: 8.0,
     }];
+    let find = Find {
+        at: Point::new(0.31, 1.12),
+        strength: 9.5,
+        covariance_m2: [0.01, -0.002, 0.02],
+        evidence: 22.0,
+        probability: 0.999,
+    };
+    let finds = Finds {
+        found: vec![find],
+        next: None,
+        threshold: 9.1,
+        false_per_image: 0.02,
+    };
     let result = Reconstruction {
+        finds: Some(finds),
         image,
         peaks,
         residual_rms_db: 1.5,
@@ -308,7 +342,7 @@ fn what_is_no_store_of_this_venue_and_version_is_refused_untouched() {
     check_refused(
         newer,
         &START,
-        "newer tomoswarm (store version 99, this one knows 1)",
+        "newer tomoswarm (store version 99, this one knows 2)",
     );
     let damaged = |path: &Path| {
         drop(make(path));

@@ -1,5 +1,5 @@
 //! Which path is searched when the way is blocked, or home is only a wish: to the next corners first, over the places driven
-//! if home lies at the end, and back if nothing else helps. How one path is searched is said by [`PathSearch`].
+//! if home lies at the end, and back if nothing else helps: out of where it is shut in by what it knows, over its own track. How one path is searched is said by [`PathSearch`].
 
 use serde::{Deserialize, Serialize};
 
@@ -11,6 +11,8 @@ use crate::node::mission::way::Way;
 const BACK_M: f64 = 1.0;
 /// Of so many failures in a row the last one sends the vehicle far back.
 const FAR_BACK_EVERY: u32 = 3;
+/// After so many failures in a row the vehicle trusts its own track more than its map.
+const OWN_TRACK_AFTER: u32 = 3;
 
 /// How a path was found.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
@@ -21,6 +23,8 @@ pub(super) enum FoundBy {
     DrivenPlaces,
     /// It leads back, to where things look different.
     BackingOff,
+    /// It leads back over the vehicle's own track, whatever the map shows there by now, to where a known way home begins.
+    OwnTrack,
 }
 
 /// A path that was found.
@@ -60,7 +64,7 @@ impl FoundPath {
     pub(super) fn leads_on(&self) -> bool {
         match self.found_by {
             FoundBy::GoingOn | FoundBy::DrivenPlaces => true,
-            FoundBy::BackingOff => false,
+            FoundBy::BackingOff | FoundBy::OwnTrack => false,
         }
     }
 }
@@ -69,6 +73,7 @@ impl Detour<'_> {
     /// Searches the path that is driven next; `None` when there is none.
     pub(super) fn find(&self) -> Option<FoundPath> {
         self.off_an_obstacle()
+            .or_else(|| self.back_over_own_track())
             .or_else(|| self.onward())
             .or_else(|| self.home_over_driven_places())
             .or_else(|| self.far_back())
@@ -110,6 +115,21 @@ impl Detour<'_> {
         Some(FoundPath {
             found_by: FoundBy::DrivenPlaces,
             replaces: self.way.ahead().count(),
+            points,
+        })
+    }
+
+    /// Again and again nothing was found, or what was found is barred, and no known way home begins here: places drift, and what
+    /// vehicles heard in them closes a gap that it came through.
+    fn back_over_own_track(&self) -> Option<FoundPath> {
+        let home = self.way.end();
+        if self.failures < OWN_TRACK_AFTER || !self.search.is_home(home) {
+            return None;
+        }
+        let points = self.search.back_over_track(home, self.peers)?;
+        Some(FoundPath {
+            found_by: FoundBy::OwnTrack,
+            replaces: 0,
             points,
         })
     }

@@ -23,6 +23,11 @@ pub(super) enum Stretch {
         /// The odometer at its end, metres.
         end_m: f64,
     },
+    /// The same over the vehicle's own track: it was there, so only what its reflex meets bars it.
+    OwnTrack {
+        /// The odometer at its end, metres.
+        end_m: f64,
+    },
 }
 
 impl Stretch {
@@ -32,6 +37,9 @@ impl Stretch {
             FoundBy::GoingOn => Stretch::Ordinary,
             FoundBy::DrivenPlaces => Stretch::DrivenBefore,
             FoundBy::BackingOff => Stretch::Retreat {
+                end_m: way.odometer_m(length_m),
+            },
+            FoundBy::OwnTrack => Stretch::OwnTrack {
                 end_m: way.odometer_m(length_m),
             },
         }
@@ -46,6 +54,7 @@ impl Stretch {
         match self {
             Stretch::Ordinary | Stretch::Retreat { .. } => kept,
             Stretch::DrivenBefore => driven_before,
+            Stretch::OwnTrack { .. } => RequiredClearance::everywhere(0.0),
         }
     }
 
@@ -55,7 +64,9 @@ impl Stretch {
         match self {
             Stretch::Ordinary | Stretch::DrivenBefore => points,
             // The way on lies over the way back: only the latter is judged, until its end is reached.
-            Stretch::Retreat { end_m } => way.until(points[0], 0.0, way.along_m(end_m)),
+            Stretch::Retreat { end_m } | Stretch::OwnTrack { end_m } => {
+                way.until(points[0], 0.0, way.along_m(end_m))
+            }
         }
     }
 
@@ -63,7 +74,9 @@ impl Stretch {
     pub(super) fn has_retreated(self, way: &Way, here_m: f64) -> bool {
         match self {
             Stretch::Ordinary | Stretch::DrivenBefore => false,
-            Stretch::Retreat { end_m } => way.along_m(end_m) - here_m < END_M,
+            Stretch::Retreat { end_m } | Stretch::OwnTrack { end_m } => {
+                way.along_m(end_m) - here_m < END_M
+            }
         }
     }
 
@@ -71,7 +84,7 @@ impl Stretch {
     pub(super) fn end_retreat(&mut self) {
         match self {
             Stretch::Ordinary | Stretch::DrivenBefore => {}
-            Stretch::Retreat { .. } => *self = Stretch::Ordinary,
+            Stretch::Retreat { .. } | Stretch::OwnTrack { .. } => *self = Stretch::Ordinary,
         }
     }
 }
@@ -101,17 +114,23 @@ mod tests {
 
     #[test]
     fn a_way_back_has_been_driven_just_before_its_end() {
-        let (way, back) = (way(), Stretch::Retreat { end_m: 2.0 });
-        assert!(!back.has_retreated(&way, 1.6) && back.has_retreated(&way, 1.8));
+        let way = way();
+        for back in [
+            Stretch::Retreat { end_m: 2.0 },
+            Stretch::OwnTrack { end_m: 2.0 },
+        ] {
+            assert!(!back.has_retreated(&way, 1.6) && back.has_retreated(&way, 1.8));
+        }
         assert!(!Stretch::Ordinary.has_retreated(&way, 7.0));
     }
 
     #[test]
-    fn places_driven_before_need_room_for_the_body_alone() {
+    fn places_driven_before_need_room_for_the_body_alone_and_the_own_track_asks_no_map() {
         let widths = [
             Stretch::Ordinary,
             Stretch::DrivenBefore,
             Stretch::Retreat { end_m: 1.0 },
+            Stretch::OwnTrack { end_m: 1.0 },
         ]
         .map(|stretch| {
             stretch
@@ -121,7 +140,7 @@ mod tests {
                 )
                 .occupied_m
         });
-        assert_eq!(widths, [0.6, 0.3, 0.6]);
+        assert_eq!(widths, [0.6, 0.3, 0.6, 0.0]);
     }
 
     #[test]

@@ -13,6 +13,10 @@ const RECENT_STEP_M: f64 = 0.5;
 /// All places driven that are remembered, and how far apart they are, metres.
 const ALL: usize = 8192;
 const ALL_STEP_M: f64 = 0.2;
+/// Of a track so many places are looked at, the last ones.
+const LOOKED_BACK: usize = 200;
+/// A place this near to another one of its track can be driven to from there, metres.
+const BESIDE_M: f64 = 0.25;
 
 /// The places of a vehicle.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -62,6 +66,32 @@ impl DrivenPlaces {
     }
 }
 
+/// Returns the way back over a track (oldest place first) alone, from where the vehicle is to the first place that will do,
+/// and that first; `None` when none of the places looked at does. Where the track comes near itself the loop is left out.
+pub(super) fn back_over(
+    track: &[Point],
+    from: Point,
+    will_do: impl Fn(Point) -> bool,
+) -> Option<Vec<Point>> {
+    let oldest = track.len().saturating_sub(LOOKED_BACK);
+    let track = &track[oldest..];
+    let mut points = vec![from];
+    let mut index = track.len();
+    while index > 0 {
+        let here = points[points.len() - 1];
+        let is_beside = |place: &Point| place.distance_to(here) <= BESIDE_M;
+        index = track[..index]
+            .iter()
+            .position(is_beside)
+            .unwrap_or(index - 1);
+        points.push(track[index]);
+        if will_do(track[index]) {
+            return Some(points);
+        }
+    }
+    None
+}
+
 fn is_new(last: Option<&Point>, place: Point, step_m: f64) -> bool {
     last.is_none_or(|last| last.distance_to(place) >= step_m)
 }
@@ -97,6 +127,42 @@ mod tests {
         let before = places.all().len();
         (0..9).for_each(|_| places.note(Point::new(1.05, 0.0)));
         assert_eq!(places.all().len(), before);
+    }
+
+    #[test]
+    fn the_way_back_leads_over_the_track_alone_and_leaves_its_loops_out() {
+        let corners = [
+            (0.0, 0.0),
+            (4.0, 0.0),
+            (4.0, 2.0),
+            (3.0, 2.0),
+            (3.0, 1.0),
+            (4.0, 1.0),
+        ];
+        let corners = corners.map(|(x_m, y_m)| Point::new(x_m, y_m));
+        let mut places = DrivenPlaces::default();
+        for pair in corners.windows(2) {
+            let steps = (pair[0].distance_to(pair[1]) / 0.1).round() as u32;
+            (0..steps).for_each(|step| {
+                places.note(pair[0].toward(pair[1], f64::from(step) / f64::from(steps)));
+            });
+        }
+        let (track, from) = (places.all(), corners[5]);
+        let back = back_over(track, from, |place| place.x_m < 2.0).unwrap();
+        assert_eq!(back[0], from);
+        assert!(
+            back.windows(2)
+                .all(|pair| pair[0].distance_to(pair[1]) <= 0.31)
+        );
+        let is_beside_loop = |place: &Point| place.y_m > 1.3;
+        assert!(!back.iter().any(is_beside_loop), "{back:?}");
+        let length_m: f64 = back
+            .windows(2)
+            .map(|pair| pair[0].distance_to(pair[1]))
+            .sum();
+        assert!((2.9..3.4).contains(&length_m), "{length_m} m");
+        assert_eq!(back_over(track, from, |_| false), None);
+        assert_eq!(back_over(&[], from, |_| true), None);
     }
 
     #[test]

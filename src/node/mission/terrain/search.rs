@@ -5,6 +5,7 @@
 use std::collections::BTreeSet;
 use std::f64::consts::FRAC_1_SQRT_2;
 
+use super::driven_places::back_over;
 use super::peer_clearance::PeerClearance;
 use crate::geom::{Cell, Lattice, Point, Pose, Segment};
 use crate::map::{Bar, CellRect, Merged, Occupancy, View};
@@ -209,6 +210,23 @@ impl PathSearch<'_> {
         self.path_over(&grid, goal, peers)
     }
 
+    /// Returns the way back over the vehicle's own track alone, whatever the map shows there by now, to the first place from which
+    /// a goal can be reached over known ground and places driven; `None` when the vehicle is at such a place, or none is near.
+    pub(crate) fn back_over_track(&self, goal: Point, peers: &[Vec<Point>]) -> Option<Vec<Point>> {
+        let clear = self.ground(Some(goal), Resolution::Parts, false, peers)?;
+        let mut driven = clear.clone();
+        driven.open_along(self.driven);
+        let nodes = clear.lattice();
+        let ways = Distances::from_start(&driven, nodes.cell_at(goal), &RULES).ok()?;
+        let leads_on = |place: Point| ways.cost_m(nodes.cell_at(place)).is_some();
+        if leads_on(self.pose.at) {
+            return None;
+        }
+        let has_room = |place: Point| clear.passable(nodes.cell_at(place)) && leads_on(place);
+        let points = back_over(self.driven, self.pose.at, has_room)?;
+        self.keeps_clear(&points, nodes, peers).then_some(points)
+    }
+
     /// Returns where the vehicle may be in all of the fence, on its way to a goal if it has one, clear of what peers claim;
     /// `None` when the fence is too large to search.
     pub(crate) fn ground(
@@ -338,11 +356,14 @@ impl PathSearch<'_> {
             .ok()?
             .points;
         // Cells are left open for the vehicle to leave a peer that it is too near to; a path must not go along that peer.
-        let clearance = self.peer_clearance(grid.lattice());
-        let is_clear = peers
-            .iter()
-            .all(|claim| clearance.holds_along(&points, claim));
-        is_clear.then_some(points)
+        self.keeps_clear(&points, grid.lattice(), peers)
+            .then_some(points)
+    }
+
+    /// Returns whether a way that was searched over nodes keeps clear of what peers claim.
+    fn keeps_clear(&self, way: &[Point], nodes: Lattice, peers: &[Vec<Point>]) -> bool {
+        let clearance = self.peer_clearance(nodes);
+        peers.iter().all(|claim| clearance.holds_along(way, claim))
     }
 
     /// Returns whether a straight way to a place keeps clear of what a peer claims, as the vehicle actor asks.

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 
 use super::*;
-use crate::config::{SerialProtocol, SerialSensor, SerialText};
+use crate::config::{SerialProtocol, SerialSensor, SerialText, TfSensor};
 use crate::node::Event;
 use crate::node::sensor::Echo;
 
@@ -158,6 +158,31 @@ fn a_reading_answers_the_ping_before_it_and_the_farthest_one_says_that_nothing_i
         (health.glitches, health.faults),
         (0, driver.pings - answered)
     );
+}
+
+#[test]
+fn a_lidar_answers_a_ping_and_what_it_does_not_trust_says_nothing() {
+    let (_folder, port) = folder();
+    let mut sensor = Sensor::plug(&port);
+    let mut driver = Driver::of(&RangeDriver::Serial(SerialSensor {
+        port: port.to_str().unwrap().to_owned(),
+        baud: 115_200,
+        protocol: SerialProtocol::Tf(TfSensor::Luna),
+    }));
+    // 1.00 m, strength 1000; the same with strength 50; 9.00 m, strength 1000.
+    let near = [0x59, 0x59, 0x64, 0x00, 0xE8, 0x03, 0x68, 0x09, 0x72];
+    let weak = [0x59, 0x59, 0x64, 0x00, 0x32, 0x00, 0x68, 0x09, 0xB9];
+    let far = [0x59, 0x59, 0x84, 0x03, 0xE8, 0x03, 0x68, 0x09, 0x95];
+    assert_eq!(driver.measure(&mut sensor, &near), Some(1.0));
+    assert_eq!(driver.measure(&mut sensor, &far), None);
+    let before = driver.echoes().len();
+    driver.ping();
+    sensor.say(&weak);
+    let began = Instant::now();
+    while driver.glitches() == 0 && began.elapsed() < SOON {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    assert_eq!((driver.glitches(), driver.echoes().len()), (1, before));
 }
 
 #[test]

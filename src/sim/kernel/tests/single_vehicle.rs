@@ -90,6 +90,7 @@ fn settings() -> VehicleSettings {
             channel: 15,
             power_dbm: 0,
             slot: Duration::from_millis(50),
+            successor: None,
         },
         carried_m: 0.0,
         safety: crate::config::Safety {

@@ -107,6 +107,32 @@ fn home_is_reached_over_places_driven_when_nothing_else_leads_there() {
 }
 
 #[test]
+fn who_is_shut_in_by_what_it_knows_goes_back_over_its_own_track_after_three_failures() {
+    let mut rig = Rig::new([Point::new(0.0, 1.0), HOME], is_wall);
+    rig.unknown = Unknown::Barred;
+    rig.failures = OWN_TRACK_AFTER - 1;
+    let found_by = |rig: &Rig| rig.found().map(|(found_by, _, _)| found_by);
+    assert_ne!(found_by(&rig), Some(FoundBy::OwnTrack), "not yet");
+    rig.failures = OWN_TRACK_AFTER;
+    let (found_by_now, replaces, end) = rig.found().unwrap();
+    assert_eq!((found_by_now, replaces), (FoundBy::OwnTrack, 0));
+    assert!(
+        end.x_m < 1.2 && (end.y_m - 0.3).abs() < 1e-9,
+        "beyond the wall: {end}"
+    );
+    let mut open = Rig::new([Point::new(0.0, 1.0), HOME], |_, _| false);
+    (open.unknown, open.failures) = (Unknown::Barred, OWN_TRACK_AFTER);
+    assert_eq!(
+        found_by(&open),
+        Some(FoundBy::GoingOn),
+        "a known way begins here"
+    );
+    let mut other = Rig::new([HOME, Point::new(0.0, 1.0)], is_wall);
+    (other.unknown, other.failures) = (Unknown::Barred, OWN_TRACK_AFTER);
+    assert_eq!(found_by(&other), None, "home is not the end of the way");
+}
+
+#[test]
 fn every_third_failure_sends_the_vehicle_far_back() {
     let is_wall_ahead = |x_m: f64, _: f64| (-1.8..-1.4).contains(&x_m);
     let ahead = [Point::new(-3.0, 0.0), Point::new(-3.0, 1.0)];

@@ -1,12 +1,17 @@
-//! The pulse widths of a servo's angles, for the drivers of real servos: there is none yet, and nothing but tests asks.
-//! Which angle is wanted, and how long the servo turns, `plan::Mounts` knows; which pin or autopilot output moves it is
-//! the driver's.
+//! The pulse widths of a servo's angles. Which angle is wanted, and how long the servo turns, `plan::Mounts` knows; which pin or
+//! autopilot output moves it is the driver's.
 //!
 //! Angles of a servo are in degrees as its scale is marked; they do not wrap.
 
+use std::time::Duration;
+
 use thiserror::Error;
 
-/// The longest pulse, microseconds: a whole period at 50 Hz.
+use crate::config::ServoScale;
+
+/// From one pulse to the next: 50 Hz.
+pub const PERIOD: Duration = Duration::from_millis(20);
+/// The longest pulse, microseconds: a whole period.
 const LONGEST_PULSE_US: f64 = 20_000.0;
 
 /// Why a servo cannot be, or cannot do that.
@@ -82,6 +87,40 @@ impl ServoRange {
         })
     }
 
+    /// Makes the range of a servo from what its file says.
+    ///
+    /// # Errors
+    /// [`ServoError::Angles`] or [`ServoError::Pulses`] when there is no such servo.
+    pub fn of(scale: &ServoScale) -> Result<ServoRange, ServoError> {
+        let ends = |list: &[f64]| match list {
+            [first, last] => [*first, *last],
+            _ => [f64::NAN; 2],
+        };
+        let ([first_deg, last_deg], [shortest_us, longest_us]) =
+            (ends(&scale.angle_deg), ends(&scale.pulse_us));
+        match first_deg > last_deg {
+            true => ServoRange::new([last_deg, first_deg], [longest_us, shortest_us]),
+            false => ServoRange::new([first_deg, last_deg], [shortest_us, longest_us]),
+        }
+    }
+
+    /// Returns the pulse for an angle, to a nanosecond; never beyond the pulses at its ends.
+    ///
+    /// # Errors
+    /// [`ServoError::Angle`] when the angle is out of reach.
+    pub fn pulse(&self, angle_deg: f64) -> Result<Duration, ServoError> {
+        let [first_us, last_us] = self.pulse_us;
+        let (shortest_us, longest_us) = (first_us.min(last_us), first_us.max(last_us));
+        let pulse_us = self.pulse_us(angle_deg)?.clamp(shortest_us, longest_us);
+        Ok(Duration::from_nanos(libm::round(pulse_us * 1000.0) as u64))
+    }
+
+    /// Returns the pulse for the angle within reach that is next to one; `None` for what is no number.
+    pub fn nearest_pulse(&self, angle_deg: f64) -> Option<Duration> {
+        let [low_deg, high_deg] = self.angle_deg;
+        self.pulse(angle_deg.clamp(low_deg, high_deg)).ok()
+    }
+
     /// Returns the pulse width for an angle, microseconds.
     ///
     /// # Errors
@@ -140,6 +179,27 @@ mod tests {
     }
 
     #[test]
+    fn a_servo_that_turns_the_other_way_has_falling_angles() {
+        let scale = |angle_deg: [f64; 2]| ServoScale {
+            pulse_us: vec![1000.0, 2000.0],
+            angle_deg: angle_deg.to_vec(),
+        };
+        for (angles, angle_deg, expected_us) in [
+            ([-90.0, 90.0], -90.0, 1000),
+            ([-90.0, 90.0], 45.0, 1750),
+            ([90.0, -90.0], 45.0, 1250),
+            ([90.0, -90.0], -90.0, 2000),
+        ] {
+            let servo = ServoRange::of(&scale(angles)).unwrap();
+            assert_eq!(
+                servo.pulse(angle_deg),
+                Ok(Duration::from_micros(expected_us))
+            );
+        }
+        assert!(ServoRange::of(&ServoScale::default()).is_err());
+    }
+
+    #[test]
     fn what_is_out_of_reach_is_refused() {
         let servo = servo(45.0, 135.0);
         assert!(matches!(
@@ -184,6 +244,17 @@ mod tests {
     }
 
     proptest! {
+        #[test]
+        fn no_angle_gives_a_pulse_beyond_the_ends(angle in -200.0..200.0f64, first in 300.0..3000.0f64, last in 300.0..3000.0f64) {
+            let scale = ServoScale { pulse_us: vec![first, last], angle_deg: vec![-90.0, 90.0] };
+            let Ok(servo) = ServoRange::of(&scale) else { return Ok(()) };
+            let ns = |us: f64| (us * 1000.0).round() as u128;
+            match servo.pulse(angle) {
+                Ok(pulse) => prop_assert!((ns(first.min(last))..=ns(first.max(last))).contains(&pulse.as_nanos())),
+                Err(_) => prop_assert!(angle.abs() > 90.0),
+            }
+        }
+
         #[test]
         fn pulse_and_angle_are_each_other_s_inverse(low in -90.0..90.0f64, span in 1.0..360.0f64, share in 0.0..1.0f64) {
             let servo = servo(low, low + span);

@@ -1,0 +1,86 @@
+//! Who is found in the courtyard, with persons in other places, numbers and strengths. It measures how right the finds are, not
+//! how fast the program is; the tests take a sample of the same runs.
+//!
+//! - `cargo bench --bench finds -- SEEDS [FIRST] [CROWD…]`: so many runs of each crowd, or of those named (default, nobody, wall,
+//!   pair, three, five, weak), from a seed on, on all cores; prints a table, and names the runs in which somebody was missed, or
+//!   nobody was found.
+//! - `… -- 3 1 eight`: three default runs with eight vehicles.
+
+#![allow(
+    clippy::disallowed_methods,
+    clippy::disallowed_types,
+    clippy::restriction,
+    unreachable_pub,
+    reason = "no product code"
+)]
+
+#[path = "all_cores/mod.rs"]
+mod all_cores;
+#[path = "../tests/finds/trial.rs"]
+mod trial;
+
+use all_cores::in_parallel;
+use trial::{CROWDS, Crowd, FindTrial, table};
+
+fn main() {
+    let words: Vec<String> = std::env::args()
+        .skip(1)
+        .filter(|word| word != "--bench")
+        .collect();
+    let numbers: Vec<u64> = words.iter().filter_map(|word| word.parse().ok()).collect();
+    let names: Vec<&String> = words
+        .iter()
+        .filter(|word| word.parse::<u64>().is_err())
+        .collect();
+    let (seeds, first) = (
+        numbers.first().copied().unwrap_or(5),
+        numbers.get(1).copied().unwrap_or(1),
+    );
+    let eight = ("eight".to_owned(), Crowd::Default, 8);
+    let kinds = CROWDS
+        .map(|crowd| (crowd.to_string(), crowd, 2))
+        .into_iter()
+        .chain([eight]);
+    let is_wanted = |name: &String| match names.is_empty() {
+        true => name != "eight",
+        false => names.contains(&name),
+    };
+    let mut trials = Vec::new();
+    for (_, crowd, vehicles) in kinds.filter(|(name, _, _)| is_wanted(name)) {
+        trials.extend((first..first + seeds).map(|seed| FindTrial {
+            crowd,
+            vehicles,
+            seed,
+        }));
+    }
+    let results = in_parallel(&trials, FindTrial::run);
+    for one in results
+        .iter()
+        .filter(|one| !one.is_all_found() || one.nobodies() > 0)
+    {
+        let finds: Vec<String> = one
+            .finds
+            .iter()
+            .map(|find| {
+                format!(
+                    "({:.2}, {:.2}) {:.1} dB/m, evidence {:.1}",
+                    find.at.x_m, find.at.y_m, find.strength, find.evidence
+                )
+            })
+            .collect();
+        println!(
+            "{:?}: persons {:.2?}, finds {finds:?}",
+            one.trial, one.persons
+        );
+    }
+    let mut took_s: Vec<f64> = results.iter().map(|one| one.took_s).collect();
+    took_s.sort_by(f64::total_cmp);
+    println!("{}", table(&results));
+    let links: usize = results.iter().map(|one| one.links).sum();
+    println!(
+        "{} runs, {:.1} s each (median), {} links each (mean)",
+        results.len(),
+        took_s.get(took_s.len() / 2).copied().unwrap_or(0.0),
+        links / results.len().max(1)
+    );
+}

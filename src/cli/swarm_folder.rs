@@ -1,0 +1,344 @@
+//! The folder of a swarm's authority: its key, the newest roster, and a folder for every enrolled node. Decides nothing about
+//! who is enrolled; whatever changes on disk changes whole.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use tomoswarm_proto::{Sender, VehicleId};
+
+use super::enroll_files::{
+    CA, CA_KEY, CERTIFICATE, ROSTER, VENUE, endpoint_list, file_name, vehicle_list, with_end,
+    with_list,
+};
+use super::error::CliError;
+use super::read;
+use crate::config::{self, Config, Endpoint, Protocol, Venue};
+use crate::run::membership::OPERATOR;
+use crate::run::trust::{
+    Authority, AuthorityError, Certificate, CommonName, Lock, NewFile, Roster, read_limited,
+    replace_file, write_new_folder,
+};
+
+/// The authority's folder, open and locked.
+pub(super) struct Swarm {
+    /// The folder.
+    pub(super) folder: PathBuf,
+    /// Who signs.
+    pub(super) authority: Authority,
+    /// The newest issue.
+    pub(super) roster: Roster,
+    _lock: Lock,
+}
+
+impl Swarm {
+    /// Opens a folder and keeps others out of it.
+    ///
+    /// # Errors
+    /// Another process works on it; its files cannot be read or do not belong together.
+    pub(super) fn open(folder: &Path) -> Result<Swarm, CliError> {
+        let text = |name: &str| {
+            let path = folder.join(name);
+            read_limited(&path).map_err(|source| CliError::Read { path, source })
+        };
+        let refused = |name: &str, reason: String| CliError::Input {
+            path: folder.join(name),
+            reason,
+        };
+        let lock = Lock::take(&folder.join(CA_KEY)).map_err(|source| CliError::Read {
+            path: folder.join(CA_KEY),
+            source,
+        })?;
+        let authority = Authority::open(&text(CA)?, &text(CA_KEY)?)
+            .map_err(|error| refused(CA_KEY, error.to_string()))?;
+        let roster = Roster::verify(&text(ROSTER)?, authority.certificate())
+            .map_err(|error| refused(ROSTER, error.to_string()))?;
+        Ok(Swarm {
+            folder: folder.to_owned(),
+            authority,
+            roster,
+            _lock: lock,
+        })
+    }
+
+    /// Makes the error of a file of the folder that is refused.
+    pub(super) fn refused(&self, name: &str, error: impl std::error::Error) -> CliError {
+        CliError::Input {
+            path: self.folder.join(name),
+            reason: error.to_string(),
+        }
+    }
+
+    /// Returns the folder of a node.
+    pub(super) fn node_folder(&self, node: Sender) -> PathBuf {
+        self.folder.join(CommonName::node_name(node))
+    }
+
+    /// Checks that a venue is the swarm's.
+    ///
+    /// # Errors
+    /// It is another.
+    pub(super) fn check_venue(&self, venue: &Venue) -> Result<(), CliError> {
+        let path = self.folder.join(VENUE);
+        let own = read_venue(&path, &read::text(&path)?)?;
+        check_same_venue(&path, &own, venue)
+    }
+
+    /// Returns the hosts under which an enrolled node is reached, as its certificate names them.
+    pub(super) fn hosts_of(&self, node: Sender) -> Vec<String> {
+        let text = read::text(&self.node_folder(node).join(CERTIFICATE)).ok();
+        let certificate = text.and_then(|text| Certificate::from_pem(&text).ok());
+        certificate.map_or(Vec::new(), |certificate| certificate.hosts)
+    }
+
+    /// Checks that an enrolled node is reached under these hosts, beside its own machine's.
+    ///
+    /// # Errors
+    /// It is reached under others.
+    pub(super) fn check_hosts(&self, node: Sender, hosts: &[String]) -> Result<(), CliError> {
+        let far = |hosts: &[String]| -> BTreeSet<String> {
+            hosts.iter().filter(|host| is_far(host)).cloned().collect()
+        };
+        let (enrolled, given) = (far(&self.hosts_of(node)), far(hosts));
+        if enrolled == given {
+            return Ok(());
+        }
+        let (name, list) = (
+            CommonName::node_name(node),
+            Vec::from_iter(enrolled).join(", "),
+        );
+        let form = name.replace('-', " ");
+        Err(CliError::Usage(format!(
+            "{name} is enrolled already, with the hosts [{list}]; for a new certificate: enroll … {form} --host HOST --replace"
+        )))
+    }
+
+    /// Signs a roster and puts it in force: here, and in the folders of all that it allows.
+    pub(super) fn publish(&self, next: &Roster) -> Result<String, CliError> {
+        let text = self
+            .authority
+            .sign(next)
+            .map_err(|error| self.refused(CA_KEY, error))?;
+        let file = NewFile::open(ROSTER, text.clone());
+        let folders = next
+            .allowed
+            .iter()
+            .map(|entry| self.node_folder(entry.name.node));
+        for folder in [self.folder.clone()]
+            .into_iter()
+            .chain(folders)
+            .filter(|folder| folder.is_dir())
+        {
+            replace_file(&folder, &file).map_err(|source| CliError::Write {
+                path: folder.join(ROSTER),
+                source,
+            })?;
+        }
+        Ok(text)
+    }
+
+    /// Moves the folder of a node's former certificate aside; nothing is ever deleted.
+    pub(super) fn retire(&self, node: Sender, why: &str) -> Result<Option<PathBuf>, CliError> {
+        let folder = self.node_folder(node);
+        if !folder.exists() {
+            return Ok(None);
+        }
+        let pem = read::text(&folder.join(CERTIFICATE)).ok();
+        let name = pem
+            .and_then(|pem| Certificate::from_pem(&pem).ok())
+            .map(|found| found.common_name);
+        let name = name.filter(|name| name.parse::<CommonName>().is_ok());
+        let name = name.unwrap_or_else(|| format!("{}.unknown", CommonName::node_name(node)));
+        let aside = self.folder.join(format!("{name}.{why}"));
+        std::fs::rename(&folder, &aside).map_err(|source| CliError::Write {
+            path: aside.clone(),
+            source,
+        })?;
+        Ok(Some(aside))
+    }
+
+    /// Lists the enrolled vehicles in the ground station's configuration, where that list still is as it was written;
+    /// returns whether it lists them all.
+    pub(super) fn list_in_ground(&self, next: &Roster) -> Result<bool, CliError> {
+        let (before, after) = (
+            vehicle_list(&vehicles_of(&self.roster)),
+            vehicle_list(&vehicles_of(next)),
+        );
+        if before == after {
+            return Ok(true);
+        }
+        let is_known = |list: &str| list == before || list == after;
+        self.edit_config(Sender::Ground, |text| {
+            with_list(text, "vehicles", |list| {
+                is_known(list).then_some(after.clone())
+            })
+        })
+    }
+
+    /// Names the vehicles that are reached in the configuration of the operator of a mesh, where that list ends as it was
+    /// written.
+    pub(super) fn name_in_operator(
+        &self,
+        before: &[Endpoint],
+        after: &[Endpoint],
+    ) -> Result<(), CliError> {
+        let (before, after) = (endpoint_list(before), endpoint_list(after));
+        self.edit_config(OPERATOR, |text| {
+            let mesh = Some(text).filter(|text| text.contains("topology = \"mesh\""))?;
+            with_list(mesh, "connect", |list| with_end(list, &before, &after))
+        })?;
+        Ok(())
+    }
+
+    /// Edits the configuration of a node, if there is one; returns whether it says then what it is to say. `edited` gives
+    /// `None` where people have written something else.
+    fn edit_config(
+        &self,
+        node: Sender,
+        edited: impl FnOnce(&str) -> Option<String>,
+    ) -> Result<bool, CliError> {
+        let folder = self.node_folder(node);
+        let path = folder.join(file_name(node));
+        if !path.exists() {
+            return Ok(true);
+        }
+        let text = read::text(&path)?;
+        let Some(edited) = edited(&text) else {
+            return Ok(false);
+        };
+        if edited != text {
+            let file = NewFile::open(file_name(node), edited);
+            replace_file(&folder, &file).map_err(|source| CliError::Write { path, source })?;
+        }
+        Ok(true)
+    }
+
+    /// Returns where the vehicles of a roster are reached by others: those with a host of their own and a fixed port.
+    pub(super) fn reached(&self, roster: &Roster) -> Vec<Endpoint> {
+        let endpoint = |id: VehicleId| {
+            let folder = self.node_folder(Sender::Vehicle(id));
+            let hosts = self.hosts_of(Sender::Vehicle(id));
+            let host = hosts.into_iter().find(|host| is_far(host))?;
+            let path = folder.join(file_name(Sender::Vehicle(id)));
+            let venue = read::text(&folder.join(VENUE)).ok()?;
+            let text = read::text(&path).ok()?;
+            let file = config::read(&read::shown(&path), &text, &mut |_| Ok(venue.clone()));
+            let Ok(Config::Vehicle(file)) = file else {
+                return None;
+            };
+            let port = file
+                .bus
+                .listen
+                .first()
+                .map(|listen| listen.port)
+                .filter(|port| *port != 0)?;
+            Some(Endpoint {
+                protocol: Protocol::Tls,
+                host,
+                port,
+            })
+        };
+        vehicles_of(roster)
+            .into_iter()
+            .filter_map(endpoint)
+            .collect()
+    }
+}
+
+/// Returns whether other machines may reach a node under this host.
+pub(super) fn is_far(host: &str) -> bool {
+    !matches!(host, "127.0.0.1" | "::1" | "localhost")
+}
+
+/// Makes a folder with a new authority that has enrolled nobody yet.
+///
+/// # Errors
+/// The folder is there and not empty; no key can be made; the disk refuses.
+pub(super) fn create_authority(folder: &Path, venue: &str) -> Result<(), CliError> {
+    let is_taken = std::fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_some());
+    if is_taken || folder.is_file() {
+        let reason = format!(
+            "is no folder of a swarm (it has no {CA}) and not empty; a new folder is expected"
+        );
+        return Err(CliError::Input {
+            path: folder.to_owned(),
+            reason,
+        });
+    }
+    let fault = |error: AuthorityError| CliError::Fault(error.to_string());
+    let authority = Authority::create().map_err(fault)?;
+    let roster = authority
+        .sign(&Roster {
+            issue: 1,
+            ..Roster::default()
+        })
+        .map_err(fault)?;
+    let files = [
+        NewFile::open(CA, authority.certificate_pem()),
+        NewFile::private(CA_KEY, authority.key_pem()),
+        NewFile::open(ROSTER, roster),
+        NewFile::open(VENUE, venue),
+    ];
+    write_new_folder(folder, &files).map_err(|source| CliError::Write {
+        path: folder.to_owned(),
+        source,
+    })
+}
+
+/// Checks that a venue is the one that stands in a file.
+///
+/// # Errors
+/// It is another.
+pub(super) fn check_same_venue(path: &Path, own: &Venue, given: &Venue) -> Result<(), CliError> {
+    if own.hash() == given.hash() && own.name == given.name {
+        return Ok(());
+    }
+    let reason = format!(
+        "is venue {} (hash {:016x}), but {} (hash {:016x}) is given; all nodes of a swarm share one venue",
+        own.name,
+        own.hash(),
+        given.name,
+        given.hash()
+    );
+    Err(CliError::Input {
+        path: path.to_owned(),
+        reason,
+    })
+}
+
+/// Reads a venue.
+///
+/// # Errors
+/// The text is none.
+pub(super) fn read_venue(path: &Path, text: &str) -> Result<Venue, CliError> {
+    match config::read(&read::shown(path), text, &mut |_| {
+        Err("a venue names no files".to_owned())
+    })? {
+        Config::Venue(venue) => Ok(venue),
+        Config::Scene(_)
+        | Config::Sim(_)
+        | Config::Experiment(_)
+        | Config::Vehicle(_)
+        | Config::Ground(_)
+        | Config::Operator(_) => {
+            let reason = "is no venue; a file of kind = \"venue\" is expected".to_owned();
+            Err(CliError::Input {
+                path: path.to_owned(),
+                reason,
+            })
+        }
+    }
+}
+
+/// Returns the vehicles that a roster allows, ascending.
+pub(super) fn vehicles_of(roster: &Roster) -> Vec<VehicleId> {
+    let vehicle = |node: Sender| match node {
+        Sender::Vehicle(id) => Some(id),
+        Sender::Ground | Sender::Operator(_) => None,
+    };
+    let ids: BTreeSet<VehicleId> = roster
+        .allowed
+        .iter()
+        .filter_map(|entry| vehicle(entry.name.node))
+        .collect();
+    ids.into_iter().collect()
+}

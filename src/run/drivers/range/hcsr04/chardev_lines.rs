@@ -1,0 +1,124 @@
+//! Lines of an HC-SR04 by the GPIO character devices of the kernel, on any board. Chips are renumbered from kernel to kernel, so lines
+//! are found by name, and a name that two lines have is refused.
+
+use std::time::Duration;
+
+use gpiocdev::line::{EdgeDetection, EdgeKind, Offset, Value};
+use gpiocdev::{FoundLine, Request, find_named_lines};
+
+use crate::config::HcSr04Lines;
+use crate::hw::echo_edges::Edge;
+use crate::time::Time;
+
+/// Who uses the lines, as `gpioinfo` shows it.
+const CONSUMER: &str = "tomoswarm";
+
+/// Lines that are taken.
+pub(super) struct ChardevLines {
+    trigger: OutputLine,
+    power: Option<OutputLine>,
+    echo: Request,
+}
+
+struct OutputLine {
+    request: Request,
+    offset: Offset,
+}
+
+impl OutputLine {
+    fn take(line: &FoundLine, value: Value) -> Result<OutputLine, String> {
+        let request = Request::builder()
+            .with_consumer(CONSUMER)
+            .with_found_line(line)
+            .as_output(value)
+            .request()
+            .map_err(|error| in_words(line, &error))?;
+        let offset = line.info.offset;
+        Ok(OutputLine { request, offset })
+    }
+
+    fn set(&self, is_high: bool) -> Result<(), String> {
+        let value = if is_high {
+            Value::Active
+        } else {
+            Value::Inactive
+        };
+        let set = self.request.set_value(self.offset, value);
+        set.map_err(|error| error.to_string())
+    }
+}
+
+fn in_words(line: &FoundLine, error: &gpiocdev::Error) -> String {
+    match line.info.used {
+        true => format!("{}: {} uses it", line.info.name, line.info.consumer),
+        false => format!("{}: {error}", line.info.name),
+    }
+}
+
+impl ChardevLines {
+    /// Finds the lines and takes them.
+    ///
+    /// # Errors
+    /// In words: a line is not there, its name is that of several, or it is in use.
+    pub(super) fn open(lines: &HcSr04Lines) -> Result<ChardevLines, String> {
+        let mut names = vec![lines.trigger.as_str(), lines.echo.as_str()];
+        names.extend(lines.power.as_deref());
+        let found = find_named_lines(&names, true).map_err(|error| error.to_string())?;
+        let line = |name: &str| {
+            let missing = || format!("{name}: no GPIO line has this name");
+            found.get(name).ok_or_else(missing)
+        };
+        let echo = line(&lines.echo)?;
+        let power = lines.power.as_deref().map(line).transpose()?;
+        Ok(ChardevLines {
+            trigger: OutputLine::take(line(&lines.trigger)?, Value::Inactive)?,
+            power: power
+                .map(|power| OutputLine::take(power, Value::Active))
+                .transpose()?,
+            echo: Request::builder()
+                .with_consumer(CONSUMER)
+                .with_found_line(echo)
+                .as_input()
+                .with_edge_detection(EdgeDetection::BothEdges)
+                .request()
+                .map_err(|error| in_words(echo, &error))?,
+        })
+    }
+
+    /// Returns whether the echo line is high.
+    pub(super) fn is_high(&self) -> Result<bool, String> {
+        let value = self.echo.lone_value().map_err(|error| error.to_string())?;
+        Ok(value == Value::Active)
+    }
+
+    /// Sets the trigger line.
+    pub(super) fn set_trigger(&self, is_high: bool) -> Result<(), String> {
+        self.trigger.set(is_high)
+    }
+
+    /// Returns whether the sensor's supply can be switched.
+    pub(super) fn has_power(&self) -> bool {
+        self.power.is_some()
+    }
+
+    /// Switches the sensor's supply, where that can be.
+    pub(super) fn set_power(&self, is_on: bool) -> Result<(), String> {
+        self.power.as_ref().map_or(Ok(()), |power| power.set(is_on))
+    }
+
+    /// Returns the next edge of the echo line; `None` when none comes for so long.
+    pub(super) fn next_edge(&self, within: Duration) -> Result<Option<Edge>, String> {
+        let read = || {
+            if !self.echo.wait_edge_event(within)? {
+                return Ok(None);
+            }
+            self.echo.read_edge_event().map(Some)
+        };
+        let event = read().map_err(|error: gpiocdev::Error| error.to_string())?;
+        Ok(event.map(|event| Edge {
+            at: Time::from_nanos(event.timestamp_ns),
+            is_rising: event.kind == EdgeKind::Rising,
+            number: event.line_seqno,
+        }))
+    }
+}

@@ -1,0 +1,81 @@
+//! A pin of a Raspberry Pi, by rppal: by the PWM hardware where the pin has it, else by a thread of rppal's, whose pulses vary by some
+//! 100 µs under load. Any other board refuses.
+
+use std::time::Duration;
+
+use rppal::gpio::{Gpio, OutputPin};
+use rppal::pwm::{Channel, Polarity, Pwm};
+use rppal::system::{DeviceInfo, SoC};
+
+use crate::hw::pulse::PERIOD;
+
+/// A pin that gives pulses.
+pub(super) enum RppalPwm {
+    /// By hardware.
+    Hardware(Pwm),
+    /// By a thread.
+    Software(OutputPin),
+}
+
+impl RppalPwm {
+    /// Takes a pin by the name that the kernel has for it.
+    ///
+    /// # Errors
+    /// In words: this is no Raspberry Pi, the pin is not there, or in use.
+    pub(super) fn open(name: &str) -> Result<RppalPwm, String> {
+        let in_words = |error: &dyn std::error::Error| error.to_string();
+        let machine =
+            DeviceInfo::new().map_err(|_| "this machine is no Raspberry Pi".to_owned())?;
+        let number: Option<u8> = name
+            .strip_prefix("GPIO")
+            .and_then(|number| number.parse().ok());
+        let number = number.ok_or("no GPIO line has this name")?;
+        if let Some(channel) = channel(number, machine.soc())
+            && let Ok(mut pwm) = Pwm::new(channel)
+        {
+            // A servo without pulses would let the sensor swing.
+            pwm.set_reset_on_drop(false);
+            pwm.set_polarity(Polarity::Normal)
+                .map_err(|error| in_words(&error))?;
+            return Ok(RppalPwm::Hardware(pwm));
+        }
+        let gpio = Gpio::new().map_err(|error| in_words(&error))?;
+        let pin = gpio.get(number).map_err(|error| in_words(&error))?;
+        Ok(RppalPwm::Software(pin.into_output_low()))
+    }
+
+    /// Gives a pulse from now on.
+    ///
+    /// # Errors
+    /// In words, why it cannot.
+    pub(super) fn give(&mut self, pulse: Duration) -> Result<(), String> {
+        match self {
+            RppalPwm::Hardware(pwm) => {
+                give_by_hardware(pwm, pulse).map_err(|error| error.to_string())
+            }
+            RppalPwm::Software(pin) => pin
+                .set_pwm(PERIOD, pulse)
+                .map_err(|error| error.to_string()),
+        }
+    }
+}
+
+fn give_by_hardware(pwm: &Pwm, pulse: Duration) -> rppal::pwm::Result<()> {
+    if pwm.period()? != PERIOD {
+        pwm.set_pulse_width(Duration::ZERO)?;
+        pwm.set_period(PERIOD)?;
+    }
+    pwm.set_pulse_width(pulse)?;
+    pwm.enable()
+}
+
+/// Returns the hardware that a pin has, when the overlay `pwm` or `pwm-2chan` gives it to the pin.
+fn channel(number: u8, chip: SoC) -> Option<Channel> {
+    match (number, chip) {
+        (18, SoC::Bcm2712) => Some(Channel::Pwm2),
+        (19, SoC::Bcm2712) => Some(Channel::Pwm3),
+        (12 | 18, _) => Some(Channel::Pwm0),
+        (13 | 19, _) => Some(Channel::Pwm1),
+        _ => None,
+    }
+}

@@ -1,0 +1,259 @@
+//! A servo at a PWM chip that a temporary folder plays: what is written, in which order, and what happens when it cannot be.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
+use std::time::Instant;
+
+use super::sysfs_pwm::{Chip, Files};
+use super::*;
+use crate::config::{SensorMount, ServoOutput, ServoScale};
+
+/// Whatever is waited for comes within this time.
+const SOON: Duration = Duration::from_secs(20);
+
+/// Notes what is written, and refuses what it is told to.
+#[derive(Clone, Default)]
+pub(super) struct Recorder(Arc<Mutex<Recorded>>);
+
+#[derive(Default)]
+struct Recorded {
+    written: Vec<(String, String)>,
+    /// Files and how they refuse the next write to each.
+    refused: Vec<(&'static str, io::ErrorKind)>,
+}
+
+impl Recorder {
+    pub(super) fn write(&self, file: &Path, text: &str) -> io::Result<()> {
+        let name = file.file_name().unwrap().to_str().unwrap();
+        let mut recorded = self.0.lock().unwrap();
+        if recorded
+            .refused
+            .first()
+            .is_some_and(|(refused, _)| *refused == name)
+        {
+            return Err(recorded.refused.remove(0).1.into());
+        }
+        match name {
+            "export" if file.exists() => {
+                let channel = file.with_file_name(format!("pwm{text}"));
+                std::fs::create_dir(&channel).unwrap();
+                for file in ["period", "duty_cycle", "enable"] {
+                    std::fs::write(channel.join(file), "0").unwrap();
+                }
+            }
+            _ if file.exists() => std::fs::write(file, text).unwrap(),
+            _ => return Err(io::ErrorKind::NotFound.into()),
+        }
+        recorded.written.push((name.to_owned(), text.to_owned()));
+        Ok(())
+    }
+
+    fn written(&self) -> Vec<String> {
+        let recorded = self.0.lock().unwrap();
+        let line = |(name, text): &(String, String)| format!("{name} {text}");
+        recorded.written.iter().map(line).collect()
+    }
+}
+
+fn look() -> SensorCoverage {
+    SensorCoverage {
+        sensors: vec![SensorMount {
+            servo_from_deg: -60.0,
+            servo_to_deg: 60.0,
+            ..SensorMount::default()
+        }],
+        ..SensorCoverage::default()
+    }
+}
+
+fn real(chip: &Path, channel: usize) -> RealServo {
+    let chip = chip.to_str().unwrap().to_owned();
+    RealServo {
+        output: ServoOutput::Pwm { chip, channel },
+        scale: ServoScale {
+            pulse_us: vec![1000.0, 2000.0],
+            angle_deg: vec![-90.0, 90.0],
+        },
+    }
+}
+
+/// A servo on channel 1 of a chip that a test plays.
+struct Bench {
+    _folder: tempfile::TempDir,
+    chip: PathBuf,
+    recorder: Recorder,
+    servo: Servo,
+}
+
+impl Bench {
+    fn new(refused: &[(&'static str, io::ErrorKind)]) -> Bench {
+        let folder = tempfile::tempdir().unwrap();
+        let chip = folder.path().join("pwmchip0");
+        std::fs::create_dir(&chip).unwrap();
+        std::fs::write(chip.join("export"), "").unwrap();
+        let recorder = Recorder::default();
+        recorder.0.lock().unwrap().refused.extend(refused);
+        let pulses = Pulses::new(&real(&chip, 1), &look()).unwrap();
+        let output = Output::Sysfs(
+            Chip {
+                folder: chip.clone(),
+                channel: 1,
+            },
+            Files::Recorded(recorder.clone()),
+        );
+        let output = OutputServo::start(output, pulses.at_rest()).unwrap();
+        Bench {
+            _folder: folder,
+            chip,
+            recorder,
+            servo: Servo {
+                device: Device::Output(pulses, output),
+            },
+        }
+    }
+
+    fn until(&self, what: &str, is_so: impl Fn(&Bench) -> bool) {
+        let began = Instant::now();
+        while !is_so(self) {
+            let (trouble, written) = (self.servo.trouble(), self.recorder.written());
+            assert!(began.elapsed() < SOON, "{what}: {trouble:?}, {written:?}");
+            std::thread::sleep(Duration::from_millis(2));
+        }
+    }
+
+    fn until_written(&self, line: &str) {
+        self.until(line, |bench| {
+            bench
+                .recorder
+                .written()
+                .iter()
+                .any(|written| written == line)
+        });
+    }
+}
+
+const FIRST: [&str; 4] = [
+    "export 1",
+    "period 20000000",
+    "duty_cycle 1500000",
+    "enable 1",
+];
+
+#[test]
+fn a_channel_is_exported_and_gets_period_pulse_and_enable_in_this_order() {
+    let bench = Bench::new(&[]);
+    bench.until_written("enable 1");
+    assert_eq!(bench.recorder.written(), FIRST);
+    for (beam_deg, expected) in [
+        (45.0, "duty_cycle 1750000"),
+        (-60.0, "duty_cycle 1166667"),
+        (60.0, "duty_cycle 1833333"),
+    ] {
+        bench.servo.steer(Angle::from_degrees(beam_deg));
+        bench.until_written(expected);
+    }
+    // Out of its limits the vehicle has to turn.
+    bench.servo.steer(Angle::from_degrees(80.0));
+    bench.servo.steer(Angle::from_degrees(-60.0));
+    bench.until("the last pulse", |bench| {
+        let written = bench.recorder.written();
+        written
+            .iter()
+            .filter(|line| *line == "duty_cycle 1166667")
+            .count()
+            == 2
+    });
+    let channel = bench.chip.join("pwm1");
+    drop(bench.servo);
+    let left = std::fs::read_to_string(channel.join("enable")).unwrap();
+    assert_eq!(left, "1", "it holds the sensor");
+}
+
+#[test]
+fn the_files_of_a_channel_may_be_another_program_s_for_a_moment() {
+    use io::ErrorKind::{NotFound, PermissionDenied};
+    let bench = Bench::new(&[
+        ("period", NotFound),
+        ("period", PermissionDenied),
+        ("period", PermissionDenied),
+    ]);
+    bench.until_written("enable 1");
+    assert_eq!(bench.recorder.written(), FIRST);
+}
+
+#[test]
+fn what_somebody_has_left_in_a_channel_is_undone() {
+    let bench = Bench::new(&[("period", io::ErrorKind::InvalidInput)]);
+    bench.until_written("enable 1");
+    let expected = [
+        "export 1",
+        "duty_cycle 0",
+        "period 20000000",
+        "duty_cycle 1500000",
+        "enable 1",
+    ];
+    assert_eq!(bench.recorder.written(), expected);
+}
+
+#[test]
+fn a_chip_without_the_channel_is_named_and_a_servo_that_comes_back_gets_its_pulse() {
+    let bench = Bench::new(&[("export", io::ErrorKind::InvalidInput)]);
+    bench.until("a trouble", |bench| {
+        bench
+            .servo
+            .trouble()
+            .is_some_and(|trouble| trouble.contains("pwmchip0: it has no channel 1"))
+    });
+    bench.servo.steer(Angle::from_degrees(45.0));
+    bench.until_written("duty_cycle 1750000");
+    assert_eq!(bench.servo.trouble(), None);
+    std::fs::remove_dir_all(bench.chip.join("pwm1")).unwrap();
+    bench.servo.steer(Angle::from_degrees(-45.0));
+    bench.until("it is gone", |bench| bench.servo.trouble().is_some());
+    bench.until_written("duty_cycle 1250000");
+}
+
+#[test]
+fn a_folder_that_is_no_chip_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    for chip in [folder.path().join("pwmchip7"), folder.path().to_owned()] {
+        let driver = ServoDriver::Real(real(&chip, 0));
+        let servo = Servo::start(&driver, &look()).unwrap();
+        let began = Instant::now();
+        let named = |trouble: String| trouble.contains("export: No such file");
+        while !servo.trouble().is_some_and(named) {
+            assert!(began.elapsed() < SOON, "{:?}", servo.trouble());
+            std::thread::sleep(Duration::from_millis(2));
+        }
+    }
+}
+
+#[test]
+fn a_pin_is_refused_where_there_is_no_raspberry_pi() {
+    if rppal::system::DeviceInfo::new().is_ok() {
+        return;
+    }
+    let mut servo = real(Path::new("/nowhere"), 0);
+    servo.output = ServoOutput::Gpio {
+        pin: "GPIO18".to_owned(),
+    };
+    let servo = Servo::start(&ServoDriver::Real(servo), &look()).unwrap();
+    let began = Instant::now();
+    let named = |trouble: String| trouble == "GPIO18: this machine is no Raspberry Pi";
+    while !servo.trouble().is_some_and(named) {
+        assert!(began.elapsed() < SOON, "{:?}", servo.trouble());
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+#[test]
+fn a_sensor_that_is_fixed_is_never_turned() {
+    let mut look = look();
+    look.sensors.push(SensorMount {
+        mount_deg: 180.0,
+        ..SensorMount::default()
+    });
+    let pulses = Pulses::new(&real(Path::new("/nowhere"), 0), &look).unwrap();
+    assert_eq!(pulses.to(Angle::from_degrees(180.0)), None);
+    assert_eq!(pulses.at_rest(), Some(Duration::from_micros(1500)));
+}

@@ -1,0 +1,365 @@
+//! Who in a sweep is a person: places are searched with the exact cost of a person to every link, and believed when their
+//! evidence, divided by how much the links' noise goes together, exceeds what a wanted rate of false ones allows.
+//!
+//! | part | |
+//! | --- | --- |
+//! | `evidence` | the likelihood of persons at some places, and its maximum near by |
+//! | `places` | where one more person would explain most |
+//! | `correlation` | how much the noise of neighbouring links goes together |
+//! | `threshold` | how strong evidence must be |
+//!
+//! Persons are added one by one while each gains something, refined together each time; then the weakest ones are taken out
+//! again, one by one, until all that are left pass.
+
+mod correlation;
+mod evidence;
+mod places;
+mod threshold;
+
+use serde::{Deserialize, Serialize};
+
+use self::correlation::Correlation;
+use self::evidence::{DEGREES, Derivatives, Evidence, Target};
+use self::places::Places;
+use self::threshold::FalseRate;
+use super::Observation;
+use super::cholesky::{Cholesky, dot};
+use super::person::PersonModel;
+use crate::geom::{Point, Rect};
+
+/// A person is added while it gains this much, a liberal measure: false ones soak up clutter and go again.
+const LEAST_GAIN: f64 = 8.0;
+/// A place is looked at more closely from this share of it on.
+const CANDIDATE_SHARE: f64 = 0.4;
+/// So much gain marks those who are taken out when the noise is measured.
+const STRONG_GAIN: f64 = 15.0;
+/// The same when the correlation is measured.
+const SURE_GAIN: f64 = 20.0;
+/// Who passes and whose place is less sure than this, radii of a person, is not found: the links cannot tell where.
+const LOCATED: f64 = 3.3;
+/// Places are searched farther apart where there would be more.
+const MOST_PLACES: f64 = 100_000.0;
+/// Most persons that are searched.
+const MOST: usize = 12;
+
+/// How persons are found.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+pub struct FindSettings {
+    /// What is believed of a person.
+    pub person: PersonModel,
+    /// The expected attenuation of a person, dB/m.
+    pub strength_db_per_m: f64,
+    /// The deviation of its natural logarithm.
+    pub strength_log_sd: f64,
+    /// Nobody is searched nearer to the edge of the area than this, metres.
+    pub rim_m: f64,
+    /// Places are searched this far apart, metres.
+    pub pitch_m: f64,
+    /// How many places where nobody stands may be found in an image, on the mean.
+    pub false_per_image: f64,
+}
+
+/// A place where a person may stand.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Find {
+    /// Where, metres.
+    pub at: Point,
+    /// How strongly it attenuates, dB/m.
+    pub strength: f64,
+    /// Variance by x, covariance, variance by y of the place, m².
+    pub covariance_m2: [f64; 3],
+    /// Gain of the logarithm of the likelihood by this person, divided by how much the links' noise goes together.
+    pub evidence: f64,
+    /// Probability that an image of nobody shows no place as strong as this one.
+    pub probability: f64,
+}
+
+impl Find {
+    /// Returns the larger of the deviations of the place by x and by y, metres.
+    pub fn deviation_m(&self) -> f64 {
+        let [xx, _, yy] = self.covariance_m2;
+        xx.max(yy).max(0.0).sqrt()
+    }
+}
+
+/// Who was found in a sweep.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Finds {
+    /// Those that pass, strongest evidence first.
+    pub found: Vec<Find>,
+    /// The strongest place that does not pass, or that passes and cannot be told well enough.
+    pub next: Option<Find>,
+    /// The evidence at which a place passes.
+    pub threshold: f64,
+    /// How many places where nobody stands may be found in an image, on the mean.
+    pub false_per_image: f64,
+}
+
+impl FindSettings {
+    /// A person of 0.3 m radius, by radios of 2.4 GHz.
+    pub const IN_METRES: FindSettings = FindSettings {
+        person: PersonModel {
+            radius_m: 0.3,
+            wavelength_m: 0.125,
+        },
+        strength_db_per_m: 8.0,
+        strength_log_sd: 0.5,
+        rim_m: 0.8,
+        pitch_m: 0.4,
+        false_per_image: 0.02,
+    };
+
+    /// Returns the same in a unit of which an area has as many as one of 20 m has metres.
+    pub fn scaled_to(area: Rect) -> FindSettings {
+        let metres = FindSettings::IN_METRES;
+        let scale = area.width_m().max(area.height_m()) / 20.0;
+        FindSettings {
+            person: PersonModel {
+                radius_m: metres.person.radius_m * scale,
+                wavelength_m: metres.person.wavelength_m * scale,
+            },
+            strength_db_per_m: metres.strength_db_per_m / scale,
+            rim_m: metres.rim_m * scale,
+            pitch_m: metres.pitch_m * scale,
+            ..metres
+        }
+    }
+}
+
+/// How the ends of links were driven.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(super) struct Driven {
+    /// Along this.
+    pub ring: Rect,
+    /// Links are means over bins of this size, metres.
+    pub bin_m: f64,
+}
+
+/// Everything that a search needs.
+struct Search<'a> {
+    evidence: Evidence<'a>,
+    correlation: Correlation,
+    rate: FalseRate,
+    threshold: f64,
+}
+
+/// A target with what it gains, and that divided by how much the noise goes together.
+#[derive(Clone, Copy)]
+struct Judged {
+    target: Target,
+    gain: f64,
+    evidence: f64,
+}
+
+/// Finds persons by calibrated links whose ends were driven along a ring and are means over bins of a size, or are fixed
+/// (`None`); `None` when there is no place to search, or no link.
+pub(super) fn find_persons(
+    observations: &[Observation],
+    area: Rect,
+    driven: Option<Driven>,
+    settings: &FindSettings,
+) -> Option<Finds> {
+    let inner = area.shrunk(settings.rim_m);
+    if observations.is_empty() || inner.width_m() <= 0.0 || inner.height_m() <= 0.0 {
+        return None;
+    }
+    let smear_m = driven.map_or(0.0, |driven| driven.bin_m / 12f64.sqrt());
+    let ring = driven.map_or(area, |driven| driven.ring);
+    let person = settings.person;
+    let links = observations
+        .iter()
+        .map(|one| person.link(one.from, one.to, ring, smear_m))
+        .collect();
+    let evidence = Evidence::new(observations, links, area.shrunk(person.radius_m), settings);
+    let rate = FalseRate::new(&evidence, inner);
+    let mut search = Search {
+        threshold: rate.gain_for(settings.false_per_image),
+        rate,
+        correlation: Correlation::new(observations, driven),
+        evidence,
+    };
+    let (kept, lost) = search.run(inner);
+    let is_located = |find: &Find| find.deviation_m() <= LOCATED * person.radius_m;
+    let (found, vague) = search
+        .finds(&kept)
+        .into_iter()
+        .partition::<Vec<Find>, _>(is_located);
+    Some(Finds {
+        found,
+        next: vague.first().copied().or_else(|| search.strongest(&lost)),
+        threshold: search.threshold,
+        false_per_image: settings.false_per_image,
+    })
+}
+
+impl Search<'_> {
+    /// Returns the targets that pass and those that do not.
+    fn run(&mut self, inner: Rect) -> (Vec<Judged>, Vec<Judged>) {
+        let targets = self.added(inner);
+        let first = self.gains(&targets);
+        self.evidence
+            .scale_noise(&targets_above(&first, STRONG_GAIN));
+        let again: Vec<Target> = first.iter().map(|one| one.target).collect();
+        let mut kept = self.gains(&again);
+        self.learn_correlation(&targets_above(&kept, SURE_GAIN));
+        self.weigh(&mut kept);
+        let passing: Vec<Target> = kept
+            .iter()
+            .filter(|one| one.evidence >= self.threshold)
+            .map(|one| one.target)
+            .collect();
+        self.learn_correlation(&passing);
+        self.weigh(&mut kept);
+        let mut lost = Vec::new();
+        while let Some(weakest) = weakest(&kept).filter(|k| kept[*k].evidence < self.threshold) {
+            lost.push(kept.remove(weakest));
+            let rest: Vec<Target> = kept.iter().map(|one| one.target).collect();
+            kept = self.gains(&rest);
+            self.weigh(&mut kept);
+        }
+        kept.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+        (kept, lost)
+    }
+
+    /// Adds persons one by one, each refined with all before it, while each gains enough.
+    fn added(&self, inner: Rect) -> Vec<Target> {
+        let evidence = &self.evidence;
+        let coarsest_m = (inner.width_m() * inner.height_m() / MOST_PLACES).sqrt();
+        let pitch_m = evidence.settings.pitch_m.max(coarsest_m);
+        let places = Places::new(evidence, inner, pitch_m);
+        let mut targets = Vec::new();
+        let mut loss = evidence.loss(&targets);
+        while targets.len() < MOST {
+            let candidates = places.candidates(evidence, &targets, CANDIDATE_SHARE * LEAST_GAIN);
+            let refined = candidates.into_iter().map(|candidate| {
+                let mut with = targets.clone();
+                with.push(candidate);
+                evidence.refined(&with)
+            });
+            let best = refined.reduce(|best, next| if next.1 < best.1 { next } else { best });
+            match best {
+                Some((with, with_loss)) if loss - with_loss >= LEAST_GAIN => {
+                    (targets, loss) = (with, with_loss);
+                }
+                _ => break,
+            }
+        }
+        targets
+    }
+
+    /// Refines targets together, and says what each of them gains: the others are refined without it.
+    fn gains(&self, targets: &[Target]) -> Vec<Judged> {
+        let (refined, loss) = self.evidence.refined(targets);
+        let gain = |k: usize| {
+            let mut without = refined.clone();
+            without.remove(k);
+            self.evidence.refined(&without).1 - loss
+        };
+        refined
+            .iter()
+            .enumerate()
+            .map(|(k, target)| {
+                let gain = gain(k);
+                Judged {
+                    target: *target,
+                    gain,
+                    evidence: gain,
+                }
+            })
+            .collect()
+    }
+
+    fn learn_correlation(&mut self, known: &[Target]) {
+        let residual_db = self.evidence.residual_db(known);
+        let scaled = residual_db.iter().zip(&self.evidence.sd_db);
+        let residuals: Vec<f64> = scaled.map(|(rest_db, sd_db)| rest_db / sd_db).collect();
+        self.correlation.learn(&residuals);
+    }
+
+    /// Divides gains by how much the noise goes together.
+    fn weigh(&self, judged: &mut [Judged]) {
+        for one in judged {
+            let chords_m = self.evidence.chords_m(one.target.at);
+            let scaled = chords_m.iter().zip(&self.evidence.sd_db);
+            let u: Vec<f64> = scaled.map(|(chord_m, sd_db)| chord_m / sd_db).collect();
+            one.evidence = one.gain / self.correlation.overdispersion(&u);
+        }
+    }
+
+    fn strongest(&self, lost: &[Judged]) -> Option<Find> {
+        let strongest = lost
+            .iter()
+            .max_by(|a, b| a.evidence.total_cmp(&b.evidence))?;
+        self.finds(&[*strongest]).pop()
+    }
+
+    /// Returns the targets with the deviations of their places, all together:
+    /// F⁻¹ (U (1 + R) Uᵀ + prior) F⁻¹ with U = J √w̄, F = U Uᵀ + prior, w̄ = (ν + 1) / (ν + 3) / (κ v).
+    fn finds(&self, judged: &[Judged]) -> Vec<Find> {
+        let targets: Vec<Target> = judged.iter().map(|one| one.target).collect();
+        let Derivatives(mut rows) = self.evidence.derivatives(&targets);
+        let information = ((DEGREES + 1.0) / (DEGREES + 3.0)).sqrt();
+        for row in &mut rows {
+            row.iter_mut()
+                .zip(&self.evidence.sd_db)
+                .for_each(|(value, sd_db)| *value *= information / sd_db);
+        }
+        let prior = |i: usize, j: usize| match i == j && i % 3 == 2 {
+            true => self.evidence.prior_curvature(targets[i / 3].strength),
+            false => 0.0,
+        };
+        let inner = |i: usize, j: usize| dot(&rows[i], &rows[j]) + prior(i, j);
+        let factor = Cholesky::of(rows.len(), inner);
+        let spread: Vec<Vec<f64>> = (0..rows.len())
+            .map(|i| {
+                let together =
+                    |j: usize| inner(i, j) + self.correlation.product(&rows[i], &rows[j]);
+                (0..rows.len()).map(together).collect()
+            })
+            .collect();
+        let nowhere_m2 = self.evidence.area.width_m() * self.evidence.area.height_m();
+        let covariance = |i: usize, j: usize| {
+            let Some(factor) = &factor else {
+                return if i == j { nowhere_m2 } else { 0.0 };
+            };
+            let column = |index: usize| {
+                let mut unit = vec![0.0; rows.len()];
+                unit[index] = 1.0;
+                factor.solve(&mut unit);
+                unit
+            };
+            let (left, right) = (column(i), column(j));
+            let product = |line: &Vec<f64>| dot(line, &right);
+            let turned: Vec<f64> = spread.iter().map(product).collect();
+            dot(&left, &turned)
+        };
+        judged
+            .iter()
+            .enumerate()
+            .map(|(k, one)| Find {
+                at: one.target.at,
+                strength: one.target.strength,
+                covariance_m2: [
+                    covariance(3 * k, 3 * k),
+                    covariance(3 * k, 3 * k + 1),
+                    covariance(3 * k + 1, 3 * k + 1),
+                ],
+                evidence: one.evidence,
+                probability: libm::exp(-self.rate.expected(one.evidence)),
+            })
+            .collect()
+    }
+}
+
+fn targets_above(judged: &[Judged], gain: f64) -> Vec<Target> {
+    let strong = judged.iter().filter(|one| one.gain >= gain);
+    strong.map(|one| one.target).collect()
+}
+
+/// Returns the target with the weakest evidence.
+fn weakest(judged: &[Judged]) -> Option<usize> {
+    (0..judged.len()).min_by(|a, b| judged[*a].evidence.total_cmp(&judged[*b].evidence))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,301 @@
+//! How well persons at some places explain what the links say: the likelihood, and the places and strengths that make it
+//! greatest.
+//!
+//! ```text
+//!   z_l  = (y_l − Σ_k a_k t_l(p_k)) / √(κ v_l)          ρ(z²) = (ν + 1)/2 · ln(1 + z²/ν)          ν = 4
+//!   loss = Σ_l ρ(z_l²) + Σ_k ½ (ln(a_k / a₀) / s)²
+//! ```
+//!
+//! y = attenuation of a link, v its variance, t its chord of a person ([`crate::tomo::person`]), a = strength. κ makes up for
+//! variances that are wrong all together; it is found with the persons known.
+
+use crate::geom::{Point, Rect};
+use crate::tomo::cholesky::{Cholesky, dot};
+use crate::tomo::person::PersonLink;
+use crate::tomo::{FindSettings, Observation};
+
+/// ν: degrees of freedom of the noise.
+pub(super) const DEGREES: f64 = 4.0;
+/// Rounds in which κ is found.
+const NOISE_ROUNDS: usize = 15;
+/// The median of z² when κ is 1.
+const MEDIAN_SQUARE: f64 = 0.55;
+/// Rounds of the refinement, and tries to take a step in one.
+const ROUNDS: usize = 12;
+const TRIES: usize = 5;
+/// The longest step of a place, radii of a person, and when a step is small enough, metres and dB/m.
+const LONGEST_STEP: f64 = 1.0;
+const SMALLEST_STEP: f64 = 1e-3;
+/// Half the step of the derivatives by place, radii of a person.
+const HALF_STEP: f64 = 0.07;
+/// Strengths lie within these shares of the expected one.
+const STRENGTHS: (f64, f64) = (0.04, 5.0);
+/// Products are taken of so many terms before the logarithm, each of them below a million.
+const TERMS: usize = 32;
+
+/// A person who may stand there.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(super) struct Target {
+    pub at: Point,
+    /// dB/m.
+    pub strength: f64,
+}
+
+/// What the links say.
+pub(super) struct Evidence<'a> {
+    pub settings: &'a FindSettings,
+    /// Places lie within it.
+    pub area: Rect,
+    pub links: Vec<PersonLink>,
+    pub attenuation_db: Vec<f64>,
+    variance_db2: Vec<f64>,
+    /// √(κ v), dB.
+    pub sd_db: Vec<f64>,
+}
+
+/// How the expectation of every link changes with all unknowns, three a target: x, y, strength.
+pub(super) struct Derivatives(pub Vec<Vec<f64>>);
+
+impl<'a> Evidence<'a> {
+    pub(super) fn new(
+        observations: &[Observation],
+        links: Vec<PersonLink>,
+        area: Rect,
+        settings: &'a FindSettings,
+    ) -> Evidence<'a> {
+        let mut evidence = Evidence {
+            settings,
+            area,
+            links,
+            attenuation_db: observations.iter().map(|one| one.attenuation_db).collect(),
+            variance_db2: observations.iter().map(|one| one.variance_db2).collect(),
+            sd_db: Vec::new(),
+        };
+        evidence.scale_noise(&[]);
+        evidence
+    }
+
+    /// Finds κ with some targets taken out.
+    pub(super) fn scale_noise(&mut self, targets: &[Target]) {
+        let residual_db = self.residual_db(targets);
+        let squares: Vec<f64> = residual_db
+            .iter()
+            .zip(&self.variance_db2)
+            .map(|(residual_db, variance_db2)| residual_db * residual_db / variance_db2)
+            .collect();
+        let mut sorted = squares.clone();
+        sorted.sort_by(f64::total_cmp);
+        let median = sorted.get(sorted.len() / 2).copied().unwrap_or(1.0);
+        let mut kappa = median / MEDIAN_SQUARE + 1e-9;
+        for _ in 0..NOISE_ROUNDS {
+            let weighted = |square: &f64| (DEGREES + 1.0) / (DEGREES + square / kappa) * square;
+            let mean = squares.iter().map(weighted).sum::<f64>() / squares.len().max(1) as f64;
+            kappa = mean.max(1e-9);
+        }
+        self.sd_db = self
+            .variance_db2
+            .iter()
+            .map(|variance_db2| (variance_db2 * kappa).sqrt())
+            .collect();
+    }
+
+    /// Returns the chord of each link of a person at a place, metres.
+    pub(super) fn chords_m(&self, at: Point) -> Vec<f64> {
+        let person = &self.settings.person;
+        self.links
+            .iter()
+            .map(|link| person.chord_m(link, at))
+            .collect()
+    }
+
+    /// Returns what the targets do not explain, dB.
+    pub(super) fn residual_db(&self, targets: &[Target]) -> Vec<f64> {
+        let mut residual_db = self.attenuation_db.clone();
+        for target in targets {
+            let chords_m = self.chords_m(target.at);
+            residual_db
+                .iter_mut()
+                .zip(chords_m)
+                .for_each(|(rest_db, chord_m)| *rest_db -= target.strength * chord_m);
+        }
+        residual_db
+    }
+
+    /// Returns the loss: minus the logarithm of the likelihood with the prior, but for a constant.
+    pub(super) fn loss(&self, targets: &[Target]) -> f64 {
+        let ratios = self
+            .residual_db(targets)
+            .into_iter()
+            .zip(&self.sd_db)
+            .map(|(rest_db, sd_db)| 1.0 + rest_db * rest_db / (sd_db * sd_db) / DEGREES);
+        let prior: f64 = targets
+            .iter()
+            .map(|target| self.penalty(target.strength))
+            .sum();
+        (DEGREES + 1.0) / 2.0 * sum_of_logarithms(ratios) + prior
+    }
+
+    /// Returns the loss of a strength by its prior.
+    pub(super) fn penalty(&self, strength: f64) -> f64 {
+        let settings = self.settings;
+        let off = libm::log(strength / settings.strength_db_per_m) / settings.strength_log_sd;
+        0.5 * off * off
+    }
+
+    /// Returns the derivatives at some targets.
+    pub(super) fn derivatives(&self, targets: &[Target]) -> Derivatives {
+        let half_m = HALF_STEP * self.settings.person.radius_m;
+        let mut rows = Vec::with_capacity(3 * targets.len());
+        for target in targets {
+            for (x_m, y_m) in [(half_m, 0.0), (0.0, half_m)] {
+                let beside = |sign: f64| {
+                    let at = Point::new(target.at.x_m + sign * x_m, target.at.y_m + sign * y_m);
+                    self.chords_m(at)
+                };
+                let slope = target.strength / (2.0 * half_m);
+                let steps = beside(1.0).into_iter().zip(beside(-1.0));
+                rows.push(steps.map(|(more, less)| slope * (more - less)).collect());
+            }
+            rows.push(self.chords_m(target.at));
+        }
+        Derivatives(rows)
+    }
+
+    /// Returns the second derivative of a strength's prior.
+    pub(super) fn prior_curvature(&self, strength: f64) -> f64 {
+        let sd = strength * self.settings.strength_log_sd;
+        1.0 / (sd * sd)
+    }
+
+    /// Improves all targets together, by Levenberg and Marquardt; returns them with their loss.
+    pub(super) fn refined(&self, targets: &[Target]) -> (Vec<Target>, f64) {
+        let mut best = targets.to_vec();
+        let mut loss = self.loss(&best);
+        let mut damping = 1e-2;
+        for _ in 0..ROUNDS {
+            if best.is_empty() {
+                break;
+            }
+            let (gradient, curvature) = self.normal_equations(&best);
+            let mut moved = None;
+            for _ in 0..TRIES {
+                let damped = Cholesky::of(gradient.len(), |i, j| {
+                    let more = if i == j {
+                        damping * (curvature[i][j] + 1e-9)
+                    } else {
+                        0.0
+                    };
+                    curvature[i][j] + more
+                });
+                let next = damped.map(|factor| {
+                    let mut step = gradient.clone();
+                    factor.solve(&mut step);
+                    self.stepped(&best, &step)
+                });
+                if let Some(next) = next {
+                    let next_loss = self.loss(&next);
+                    if next_loss < loss {
+                        moved = Some(longest_move(&best, &next));
+                        (best, loss) = (next, next_loss);
+                        damping = f64::max(damping / 5.0, 1e-6);
+                        break;
+                    }
+                }
+                damping *= 8.0;
+            }
+            if moved.is_none_or(|moved| moved < SMALLEST_STEP) {
+                break;
+            }
+        }
+        (best, loss)
+    }
+
+    /// Returns minus the gradient of the loss, and its curvature (Gauss–Newton with the weights of the noise).
+    fn normal_equations(&self, targets: &[Target]) -> (Vec<f64>, Vec<Vec<f64>>) {
+        let Derivatives(rows) = self.derivatives(targets);
+        let residual_db = self.residual_db(targets);
+        let weights: Vec<f64> = residual_db
+            .iter()
+            .zip(&self.sd_db)
+            .map(|(rest_db, sd_db)| {
+                let z = rest_db / sd_db;
+                (DEGREES + 1.0) / (DEGREES + z * z) / (sd_db * sd_db)
+            })
+            .collect();
+        let weighted = |row: &Vec<f64>| -> Vec<f64> {
+            row.iter()
+                .zip(&weights)
+                .map(|(of_link, weight)| of_link * weight)
+                .collect()
+        };
+        let mut gradient = Vec::with_capacity(rows.len());
+        let mut curvature = Vec::with_capacity(rows.len());
+        for (i, row) in rows.iter().enumerate() {
+            let row = weighted(row);
+            gradient.push(dot(&row, &residual_db));
+            let line = rows[..=i].iter().map(|other| dot(&row, other));
+            curvature.push(line.collect::<Vec<f64>>());
+        }
+        let settings = self.settings;
+        for (k, target) in targets.iter().enumerate() {
+            let i = 3 * k + 2;
+            let off = libm::log(target.strength / settings.strength_db_per_m);
+            let sd = settings.strength_log_sd;
+            gradient[i] -= off / (sd * sd) / target.strength;
+            curvature[i][i] += self.prior_curvature(target.strength);
+        }
+        (gradient, curvature)
+    }
+
+    fn stepped(&self, targets: &[Target], step: &[f64]) -> Vec<Target> {
+        let longest_m = step.chunks_exact(3).fold(1e-9, |longest_m: f64, of| {
+            longest_m.max(of[0].abs()).max(of[1].abs())
+        });
+        let share = (LONGEST_STEP * self.settings.person.radius_m / longest_m).min(1.0);
+        let expected = self.settings.strength_db_per_m;
+        let (least, most) = (STRENGTHS.0 * expected, STRENGTHS.1 * expected);
+        let inside = |at: Point| {
+            Point::new(
+                at.x_m.clamp(self.area.min.x_m, self.area.max.x_m),
+                at.y_m.clamp(self.area.min.y_m, self.area.max.y_m),
+            )
+        };
+        targets
+            .iter()
+            .zip(step.chunks_exact(3))
+            .map(|(target, of)| Target {
+                at: inside(Point::new(
+                    target.at.x_m + share * of[0],
+                    target.at.y_m + share * of[1],
+                )),
+                strength: (target.strength + share * of[2]).clamp(least, most),
+            })
+            .collect()
+    }
+}
+
+/// Returns how far the unknowns have moved at most.
+fn longest_move(from: &[Target], to: &[Target]) -> f64 {
+    let of = |(a, b): (&Target, &Target)| {
+        let off = b.at - a.at;
+        off.x_m
+            .abs()
+            .max(off.y_m.abs())
+            .max((b.strength - a.strength).abs())
+    };
+    from.iter().zip(to).map(of).fold(0.0, f64::max)
+}
+
+/// Returns the sum of the logarithms of terms of at least 1.
+pub(super) fn sum_of_logarithms(terms: impl Iterator<Item = f64>) -> f64 {
+    let (mut sum, mut product, mut count) = (0.0, 1.0, 0);
+    for term in terms {
+        product *= term;
+        count += 1;
+        if count == TERMS || product > 1e200 {
+            sum += libm::log(product);
+            (product, count) = (1.0, 0);
+        }
+    }
+    sum + libm::log(product)
+}

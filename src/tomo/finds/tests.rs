@@ -1,0 +1,141 @@
+//! Persons in made-up sweeps whose links obey the model.
+
+use super::*;
+use crate::tomo::tests_support::Noise;
+
+const AREA: Rect = Rect {
+    min: Point::new(0.0, 0.0),
+    max: Point::new(20.0, 20.0),
+};
+
+/// Links between random places of the edge, with persons that attenuate 10 dB/m and noise of 2 dB.
+fn sweep(links: usize, persons: &[Point], seed: u64) -> Vec<Observation> {
+    let settings = FindSettings::IN_METRES;
+    let mut noise = Noise::new(seed);
+    let edge = |share: f64| match (share * 4.0) as u32 {
+        0 => Point::new(80.0 * share, 0.0),
+        1 => Point::new(20.0, 80.0 * share - 20.0),
+        2 => Point::new(60.0 - 80.0 * share, 20.0),
+        _ => Point::new(0.0, 80.0 - 80.0 * share),
+    };
+    let mut observations = Vec::new();
+    while observations.len() < links {
+        let (from, to) = (edge(noise.uniform()), edge(noise.uniform()));
+        if from.distance_to(to) < 6.0 {
+            continue;
+        }
+        let link = settings.person.link(from, to, AREA, 0.0);
+        let clean_db: f64 = persons
+            .iter()
+            .map(|at| 10.0 * settings.person.chord_m(&link, *at))
+            .sum();
+        observations.push(Observation {
+            from,
+            to,
+            attenuation_db: clean_db + 2.0 * noise.normal(),
+            variance_db2: 4.0,
+        });
+    }
+    observations
+}
+
+fn find(observations: &[Observation]) -> Finds {
+    find_persons(observations, AREA, None, &FindSettings::IN_METRES).unwrap()
+}
+
+#[test]
+fn two_persons_are_found_and_nobody_else() {
+    let persons = [Point::new(6.2, 13.1), Point::new(14.7, 5.4)];
+    for seed in 1..4 {
+        let finds = find(&sweep(1500, &persons, seed));
+        assert_eq!(finds.found.len(), 2, "{finds:?}");
+        for person in persons {
+            let nearest = finds
+                .found
+                .iter()
+                .min_by(|a, b| {
+                    a.at.distance_to(person)
+                        .total_cmp(&b.at.distance_to(person))
+                })
+                .unwrap();
+            let [xx, _, yy] = nearest.covariance_m2;
+            let sd_m = (xx + yy).sqrt();
+            assert!(
+                nearest.at.distance_to(person) < 4.0 * sd_m && sd_m < 0.3,
+                "{nearest:?}"
+            );
+            assert!((6.0..15.0).contains(&nearest.strength));
+            assert!(nearest.evidence > finds.threshold && nearest.probability > 0.98);
+        }
+    }
+}
+
+#[test]
+fn two_persons_side_by_side_are_told_apart() {
+    let persons = [Point::new(9.0, 10.0), Point::new(10.5, 10.0)];
+    let finds = find(&sweep(1500, &persons, 9));
+    assert_eq!(finds.found.len(), 2, "{finds:?}");
+}
+
+#[test]
+fn where_nobody_stands_nobody_is_found() {
+    let found: usize = (0..20)
+        .map(|seed| find(&sweep(400, &[], seed)).found.len())
+        .sum();
+    assert!(found <= 1, "{found} of 20");
+}
+
+#[test]
+fn too_few_links_give_a_place_and_no_find() {
+    let person = Point::new(8.0, 11.0);
+    let finds = find(&sweep(100, &[person], 3));
+    assert!(finds.found.is_empty(), "{finds:?}");
+    if let Some(next) = finds.next {
+        assert!(next.evidence < finds.threshold && next.probability < 0.98);
+    }
+}
+
+#[test]
+fn who_may_stand_anywhere_along_the_links_is_not_found() {
+    // All links lie side by side, so nothing tells where along them the person stands.
+    let person = FindSettings::IN_METRES.person;
+    let mut noise = Noise::new(4);
+    let observation = |k: i32| {
+        let y_m = 8.0 + 0.1 * f64::from(k % 40);
+        let (from, to) = (Point::new(0.0, y_m), Point::new(20.0, y_m));
+        let link = person.link(from, to, AREA, 0.0);
+        let clean_db = 12.0 * person.chord_m(&link, Point::new(10.0, 10.0));
+        Observation {
+            from,
+            to,
+            attenuation_db: clean_db + 0.5 * noise.normal(),
+            variance_db2: 0.25,
+        }
+    };
+    let finds = find(&(0..400).map(observation).collect::<Vec<_>>());
+    assert_eq!(finds.found, [], "{finds:?}");
+    let next = finds.next.unwrap();
+    assert!(
+        next.deviation_m() > 1.0 && next.evidence > finds.threshold,
+        "{next:?}"
+    );
+}
+
+#[test]
+fn the_order_of_links_changes_nothing_but_the_last_digits() {
+    let mut observations = sweep(1500, &[Point::new(12.0, 8.0)], 5);
+    let one = find(&observations);
+    observations.reverse();
+    let other = find(&observations);
+    assert_eq!(one.found.len(), other.found.len());
+    assert!(one.found[0].at.distance_to(other.found[0].at) < 1e-3);
+}
+
+#[test]
+fn without_links_or_room_there_is_nothing_to_search() {
+    let settings = FindSettings::IN_METRES;
+    assert_eq!(find_persons(&[], AREA, None, &settings), None);
+    let small = Rect::new(Point::new(0.0, 0.0), Point::new(1.0, 20.0));
+    let one = sweep(50, &[], 1);
+    assert_eq!(find_persons(&one, small, None, &settings), None);
+}
