@@ -70,7 +70,8 @@ pub use links_file::LinksFile;
 pub use mavlink_connection::{MavlinkConnection, MavlinkEndpoint, MavlinkPlace};
 pub use mavlink_serving::MavlinkServing;
 pub use mission::{
-    AfterSweep, Durations, Expect, Imaging, PlannerChoice, Prior, Solver, SweepConfig, Weights,
+    AfterSweep, Durations, Expect, ImageTimes, Imaging, PlannerChoice, Prior, Solver, SweepConfig,
+    Weights,
 };
 pub(crate) use nearest::nearest;
 pub use pose_file::{PoseFile, PoseSource};

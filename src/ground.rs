@@ -1,5 +1,5 @@
-//! The ground station: the list of its four actors and how each is made, for every runtime. Fleet, schedule and samples
-//! are the [`station`]'s, the next stops the [`planner`]'s, the picture the [`imager`]'s. [`route`] says who hears
+//! The ground station: the list of its five actors and how each is made, for every runtime. Fleet, schedule and samples
+//! are the [`station`]'s, the next stops the [`planner`]'s, the picture the [`imager`]'s, which the [`image_publisher`] says to operators. [`route`] says who hears
 //! whom.
 //!
 //! Planner and imager may think for seconds; a fault of theirs is mended by a fresh one. A fault of the station ends the
@@ -11,6 +11,7 @@
 mod fleet;
 pub mod from_config;
 mod ground_node;
+pub mod image_publisher;
 pub mod imager;
 pub mod planner;
 pub mod route;
@@ -18,6 +19,7 @@ mod samples;
 pub mod station;
 
 use self::from_config::GroundParts;
+use self::image_publisher::ImagePublisher;
 use self::imager::ImagerActor;
 use self::planner::PlannerActor;
 use self::route::{Destination, Output, route};
@@ -40,6 +42,7 @@ pub struct Actors<P: Place<GroundWiring>> {
     pub(crate) station: P::Of<Station>,
     pub(crate) planner: P::Of<PlannerActor>,
     pub(crate) imager: P::Of<ImagerActor>,
+    pub(crate) image_publisher: P::Of<ImagePublisher>,
 }
 
 /// What the actors are made from.
@@ -100,6 +103,13 @@ impl Wiring for GroundWiring {
                 make: |source| source.parts.imager.clone(),
                 output: Output::Imager,
             }),
+            image_publisher: fill.actor(Wire {
+                name: "image_publisher",
+                restart: RestartPolicy::Restart,
+                acting: ActingTime::Short,
+                make: |_| ImagePublisher::default(),
+                output: Output::ImagePublisher,
+            }),
         }
     }
 
@@ -110,11 +120,13 @@ impl Wiring for GroundWiring {
             station,
             planner,
             imager,
+            image_publisher,
         } = actors;
         visitor.actor::<Stops>(stops);
         visitor.actor::<Station>(station);
         visitor.actor::<PlannerActor>(planner);
         visitor.actor::<ImagerActor>(imager);
+        visitor.actor::<ImagePublisher>(image_publisher);
     }
 
     fn event(event: Event) -> Output {
@@ -135,6 +147,9 @@ impl Wiring for GroundWiring {
             Destination::Station(input) => P::tell::<Station>(&mut actors.station, input),
             Destination::Planner(input) => P::tell::<PlannerActor>(&mut actors.planner, input),
             Destination::Imager(input) => P::tell::<ImagerActor>(&mut actors.imager, input),
+            Destination::ImagePublisher(input) => {
+                P::tell::<ImagePublisher>(&mut actors.image_publisher, input);
+            }
             Destination::Edge(effect) => carry_out(effect),
         }
     }

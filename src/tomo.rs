@@ -30,7 +30,7 @@ pub use calibrate::{
 };
 pub use finds::{Find, FindSettings, Finds};
 pub use image::Image;
-pub use imager::{Imager, MOST_PIXELS, Reconstruction, TomoError, reconstruct};
+pub use imager::{Imager, MOST_PIXELS, PersonSearch, Reconstruction, TomoError, reconstruct};
 pub use link::Link;
 pub use map_solver::{MapProblem, MapSettings, MapSolution, Nuisance};
 pub use npy::npy_bytes;

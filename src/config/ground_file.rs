@@ -7,7 +7,7 @@ use super::bus_file::{BusFile, BusFileTable, Role};
 use super::forms::{LoadedFile, Text};
 use super::keys::{Flag, Form, KeyEntry, Keyed, Keys, NumberBounds, read_table, written_list};
 use super::mavlink_serving::MavlinkServing;
-use super::mission::{Imaging, SweepConfig, SweepTable, check_sweep};
+use super::mission::{GroundImaging, Imaging, SweepConfig, SweepTable, check_sweep};
 use super::radio::Reception;
 use super::section::{Section, whole_of};
 use super::sim::load;
@@ -132,7 +132,10 @@ impl Keyed for GroundFile {
             mission: None,
         };
         to.table(&mut driven, table("sweep", "how a sweep is driven"));
-        to.table(imaging, table("imaging", "how images are made"));
+        to.table(
+            &mut GroundImaging(imaging),
+            table("imaging", "how images are made"),
+        );
         to.table(&mut MovedSafety, table("safety", ""));
         to.table(reception, table("radio", "how well receivers hear"));
         let mut run = compare_with.and_then(|run| usize::try_from(run.0).ok());

@@ -2,6 +2,8 @@
 
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
+
 use super::forms::seconds;
 use super::keys::{Form, KeyEntry, Keyed, Keys, Number, NumberBounds, Whole, WordChoice, Words};
 use super::section::{Section, whole_of};
@@ -225,6 +227,16 @@ pub enum Solver {
     Tikhonov,
 }
 
+/// When images are made while a sweep goes on.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+pub enum ImageTimes {
+    /// After every lap. Persons are searched at the end of the sweep, in its last image.
+    #[default]
+    Lap,
+    /// Also in between, whenever the last one is made and there are new samples. Persons are searched in each.
+    Free,
+}
+
 /// What is believed of an image before it is measured.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Prior {
@@ -263,6 +275,13 @@ pub struct Imaging {
     pub peaks: usize,
     /// How many places where nobody stands may be found in an image of a change, on the mean.
     pub false_finds_per_image: f64,
+    /// When images are made.
+    pub every: ImageTimes,
+}
+
+impl WordChoice for ImageTimes {
+    const WORDS: &'static [(&'static str, ImageTimes)] =
+        &[("lap", ImageTimes::Lap), ("free", ImageTimes::Free)];
 }
 
 impl WordChoice for Weights {
@@ -278,8 +297,24 @@ impl WordChoice for Solver {
         &[("map", Solver::Map), ("tikhonov", Solver::Tikhonov)];
 }
 
+/// How images are made by the ground station of a file of its own, which has nobody to wait for.
+pub(super) struct GroundImaging<'a>(pub &'a mut Imaging);
+
+impl Keyed for GroundImaging<'_> {
+    fn keys(&mut self, to: &mut dyn Keys) {
+        self.0.declare(to, ImageTimes::Free);
+    }
+}
+
 impl Keyed for Imaging {
     fn keys(&mut self, to: &mut dyn Keys) {
+        self.declare(to, ImageTimes::Lap);
+    }
+}
+
+impl Imaging {
+    /// Declares the keys; `usual` is when images are made where the file does not say.
+    fn declare(&mut self, to: &mut dyn Keys, usual: ImageTimes) {
         let Imaging {
             columns,
             rows,
@@ -294,6 +329,7 @@ impl Keyed for Imaging {
             peak_separation_m,
             peaks,
             false_finds_per_image,
+            every,
         } = self;
         let means = "columns and rows of the image, 2 to 400 each";
         to.form(
@@ -418,6 +454,16 @@ impl Keyed for Imaging {
                 name: "false_finds_per_image",
                 default: 0.02,
                 allowed: 1e-6..=1.0,
+                means,
+            },
+        );
+        let means = "when images are made: after every `lap`, with a search for persons at the end; or `free`, \
+                     whenever the last one is made and there is something new, with a search in each";
+        to.word(
+            every,
+            Words {
+                name: "every",
+                default: usual.word(),
                 means,
             },
         );

@@ -133,6 +133,7 @@ impl StationInputs<'_> {
             image(Subject::Change),
             image(Subject::Structure),
             self.imager_time,
+            self.imaging.every,
         )?;
         let planner = PlannerActor::new(
             ring,
@@ -152,6 +153,7 @@ impl StationInputs<'_> {
             fence_m: self.venue.fence.edges().map(Segment::length_m).sum(),
             store: self.office.store,
             lattice: Lattice::new(self.venue.cell_m),
+            image_times: self.imaging.every,
             bin_m: self.imaging.bin_m,
             spot_m: SPOT_M,
         };

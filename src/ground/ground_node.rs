@@ -1,4 +1,4 @@
-//! The four actors of the ground station, run together on one thread, as the simulator does it.
+//! The five actors of the ground station, run together on one thread, as the simulator does it.
 
 use tomoswarm_proto::codec::EncodeError;
 

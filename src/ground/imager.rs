@@ -13,8 +13,11 @@ use serde::{Deserialize, Serialize};
 use tomoswarm_proto::RunId;
 
 use crate::actor::{Actor, Fault, Input, InputClass};
+use crate::config::ImageTimes;
 use crate::time::{Deadline, Time};
-use crate::tomo::{Imager as Solver, ImagingSettings, Link, Reconstruction, TomoError};
+use crate::tomo::{
+    Imager as Solver, ImagingSettings, Link, PersonSearch, Reconstruction, TomoError,
+};
 
 /// What is to be seen in a picture.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
@@ -34,6 +37,17 @@ impl fmt::Display for Subject {
     }
 }
 
+/// When in a run a picture is made.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
+pub enum ImageStage {
+    /// While vehicles drive; it is shown, and not kept.
+    Ongoing,
+    /// After a lap.
+    Lap,
+    /// When the run is closed.
+    Last,
+}
+
 /// A picture to be made.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Job {
@@ -47,8 +61,8 @@ pub struct Job {
     pub now: Vec<Link>,
     /// Links of the empty sweep, for [`Subject::Change`].
     pub empty: Vec<Link>,
-    /// Whether it is the last one of its run.
-    pub is_last: bool,
+    /// When in the run.
+    pub stage: ImageStage,
 }
 
 /// A picture that was made.
@@ -60,6 +74,8 @@ pub struct ReconstructedImage {
     pub laps: usize,
     /// What is seen in it.
     pub subject: Subject,
+    /// When in the run.
+    pub stage: ImageStage,
     /// The picture, or why there is none.
     pub result: Result<Reconstruction, String>,
 }
@@ -70,12 +86,14 @@ pub struct ImagerActor {
     change: Solver,
     structure: Solver,
     takes: Duration,
+    times: ImageTimes,
     waiting: Vec<Job>,
     working: Option<(Time, ReconstructedImage)>,
 }
 
 impl ImagerActor {
-    /// Makes an imager whose pictures take `takes` to make, with settings for each subject.
+    /// Makes an imager whose pictures take `takes` to make, with settings for each subject. It searches persons in each
+    /// picture when these are made freely, otherwise in the last one of a run.
     ///
     /// # Errors
     /// The settings name an impossible grid.
@@ -83,6 +101,7 @@ impl ImagerActor {
         change: ImagingSettings,
         structure: ImagingSettings,
         takes: Duration,
+        times: ImageTimes,
     ) -> Result<ImagerActor, TomoError> {
         let takes = takes.max(Duration::from_nanos(1));
         let (change, structure) = (Solver::new(change)?, Solver::new(structure)?);
@@ -90,6 +109,7 @@ impl ImagerActor {
             change,
             structure,
             takes,
+            times,
             waiting: Vec::new(),
             working: None,
         })
@@ -100,21 +120,24 @@ impl ImagerActor {
             return;
         }
         let job = self.waiting.remove(0);
-        if job.is_last {
-            match job.subject {
-                Subject::Change => self.change.forget(),
-                Subject::Structure => self.structure.forget(),
-            }
-        }
-        let result = match job.subject {
-            Subject::Change => self.change.update(&job.now, Some(&job.empty)),
-            Subject::Structure => self.structure.update(&job.now, None),
+        let (solver, empty) = match job.subject {
+            Subject::Change => (&mut self.change, Some(&job.empty[..])),
+            Subject::Structure => (&mut self.structure, None),
         };
+        if job.stage == ImageStage::Last {
+            solver.forget();
+        }
+        let search = match (self.times, job.stage) {
+            (ImageTimes::Free, _) | (ImageTimes::Lap, ImageStage::Last) => PersonSearch::Wanted,
+            (ImageTimes::Lap, ImageStage::Ongoing | ImageStage::Lap) => PersonSearch::LeftOut,
+        };
+        let result = solver.update(&job.now, empty, search);
         let result = result.map_err(|error| error.to_string());
         let picture = ReconstructedImage {
             run: job.run,
             laps: job.laps,
             subject: job.subject,
+            stage: job.stage,
             result,
         };
         self.working = Some((now + self.takes, picture));
@@ -131,8 +154,7 @@ impl Actor for ImagerActor {
         job: Job,
         _out: &mut Vec<ReconstructedImage>,
     ) -> Result<(), Fault> {
-        self.waiting
-            .retain(|waiting| (waiting.run, waiting.subject) != (job.run, job.subject));
+        self.waiting.retain(|waiting| waiting.key() != job.key());
         self.waiting.push(job);
         self.begin(now);
         Ok(())
@@ -153,10 +175,17 @@ impl Actor for ImagerActor {
     }
 }
 
-impl Input for Job {
-    type Key = (RunId, Subject);
+impl Job {
+    /// Returns what a newer job must share to replace it.
+    fn key(&self) -> (RunId, Subject, ImageStage) {
+        (self.run, self.subject, self.stage)
+    }
+}
 
-    fn class(&self) -> InputClass<(RunId, Subject)> {
-        InputClass::Latest((self.run, self.subject))
+impl Input for Job {
+    type Key = (RunId, Subject, ImageStage);
+
+    fn class(&self) -> InputClass<(RunId, Subject, ImageStage)> {
+        InputClass::Latest(self.key())
     }
 }

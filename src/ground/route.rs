@@ -3,14 +3,15 @@
 //! ```text
 //!   bus ──State, Progress, Tile, Samples, Digest, Want, Report──► station ──Plan, Order, Have, Report, Tile…──► bus
 //!   bus ──Task, Hello of an operator──► station ──Request──► planner ──PlannerAnswer──► station
-//!                       station ──Job──► imager ──Picture──► edge (log, files, dashboard), station
+//!                       station ──Job──► imager ──Picture──► edge (log, files), station, image publisher
+//!   bus ──Hello of an operator──► image publisher ──Image──► bus
 //!                       station ──StationMemory──► edge (store)
 //!   bus ──Standing, leases──► stops ──which stops are open──► station      stops ──Standing──► bus, edge (disk)
 //! ```
 
-use tomoswarm_proto::{Message, OpenStops, RunId, Sender};
+use tomoswarm_proto::{Image, Message, OpenStops, RunId, Sender};
 
-use super::{imager, planner, station};
+use super::{image_publisher, imager, planner, station};
 use crate::stops;
 
 /// What reaches the ground station from outside.
@@ -60,6 +61,8 @@ pub enum Output {
     Planner(planner::PlannerAnswer),
     /// By the imager.
     Imager(imager::ReconstructedImage),
+    /// By the one who says images to operators.
+    ImagePublisher(Image),
 }
 
 /// Where it goes.
@@ -73,6 +76,8 @@ pub enum Destination {
     Planner(planner::Request),
     /// To the imager.
     Imager(imager::Job),
+    /// To the one who says images to operators.
+    ImagePublisher(image_publisher::In),
     /// To the outside.
     Edge(Effect),
 }
@@ -100,9 +105,12 @@ pub(crate) fn route(output: Output, to: &mut Vec<Destination>) {
         }
         Output::Imager(picture) => {
             let made = station::In::Pictured(station::PictureName::of(&picture));
+            let published = image_publisher::In::Made(Box::new(picture.clone()));
+            to.push(Destination::ImagePublisher(published));
             to.push(Destination::Edge(Effect::Picture(picture)));
             Destination::Station(made)
         }
+        Output::ImagePublisher(image) => Destination::Edge(Effect::Publish(Message::Image(image))),
     };
     to.push(next);
 }
@@ -132,6 +140,10 @@ fn route_message(sender: Sender, message: Message, to: &mut Vec<Destination>) {
         | Message::Image(_)
         | Message::Fix(_) => None,
     };
+    if let (Sender::Operator(operator), Message::Hello(_)) = (sender, &message) {
+        let heard = image_publisher::In::Heard(operator);
+        to.push(Destination::ImagePublisher(heard));
+    }
     to.extend(lease.map(|lease| Destination::Stops(stops::In::Lease(lease))));
     // What the station decides by names its author itself.
     to.push(Destination::Station(station::In::Bus(message)));

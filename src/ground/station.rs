@@ -37,6 +37,7 @@ pub mod leases;
 mod lost_vehicles;
 mod memory;
 mod messages;
+mod ongoing_images;
 mod order_in_force;
 mod own_missions;
 mod pictures;
@@ -58,17 +59,20 @@ use self::lost_vehicles::{SilenceLimits, are_enough_heard};
 pub use self::memory::StationMemory;
 use self::memory::{PartsToRemember, StoredState};
 pub use self::messages::{In, Key, Out, StationEvent, StationSettings};
+use self::ongoing_images::OngoingImages;
 use self::order_in_force::OrderInForce;
 use self::own_missions::OwnMissions;
 pub use self::pictures::PictureName;
-use self::pictures::{Pictures, job_between_laps};
+use self::pictures::{Pictures, job_of_change, job_of_ongoing};
 use self::report::PartsToReport;
 use self::run_registry::RunRegistry;
 use self::ticks::Ticks;
 use super::fleet::{Fleet, FleetChange};
+use super::imager::{ImageStage, Job};
 use super::planner::Request;
 use super::samples::SampleStore;
 use crate::actor::{Actor, Fault};
+use crate::config::ImageTimes;
 use crate::map::Merged;
 use crate::sweep::VehicleProgress;
 use crate::time::{Deadline, Time};
@@ -80,6 +84,7 @@ struct Constants {
     /// The run with which runs are compared that have no task.
     compare_with: Option<RunId>,
     silence: SilenceLimits,
+    image_times: ImageTimes,
     /// The length of the fence, metres.
     fence_m: f64,
 }
@@ -96,6 +101,7 @@ pub struct Station {
     runs: RunRegistry,
     execution: SweepExecution,
     pictures: Pictures,
+    ongoing_images: OngoingImages,
     ticks: Ticks,
     /// Messages of vehicles that are not expected.
     strangers: u64,
@@ -116,6 +122,7 @@ impl Station {
                 boot: settings.boot,
                 compare_with: settings.compare_with,
                 silence: SilenceLimits::new(settings.lost_after, settings.autonomy),
+                image_times: settings.image_times,
                 fence_m: settings.fence_m,
             },
             leases: settings.lease.map_or(listening, Leases::held),
@@ -126,6 +133,7 @@ impl Station {
             runs: RunRegistry::default(),
             execution: SweepExecution::default(),
             pictures: Pictures::default(),
+            ongoing_images: OngoingImages::default(),
             ticks: Ticks::default(),
             strangers: 0,
             stored: None,
@@ -346,6 +354,18 @@ impl Station {
         self.execute(now, SweepExecution::advance, out);
         let jobs = self.pictures.ask_again(now, &self.samples);
         out.extend(jobs.into_iter().map(Out::Reconstruct));
+        if self.constants.image_times == ImageTimes::Free {
+            out.extend(self.ongoing_job(now).map(Out::Reconstruct));
+        }
+    }
+
+    /// Returns the job for an image of the sweep under way, when there is time for one and something new to see.
+    fn ongoing_job(&mut self, now: Time) -> Option<Job> {
+        let sweep = self.execution.phase().sweep()?;
+        let run = sweep.run();
+        self.ongoing_images
+            .ask(now, run, self.samples.count(run))
+            .then(|| job_of_ongoing(run, sweep.laps_done(), sweep.compared_with(), &self.samples))
     }
 
     /// Takes what the vehicles show to be in force; once that is lifted, what was held goes on.
@@ -443,7 +463,7 @@ impl Station {
             samples: self.samples.count(run),
         }));
         let compared_with = sweep.compared_with().filter(|_| !is_last);
-        let job = |empty| job_between_laps(run, laps, empty, &self.samples);
+        let job = |empty| job_of_change(run, laps, empty, &self.samples);
         out.extend(compared_with.map(job).map(Out::Reconstruct));
     }
 
@@ -527,6 +547,10 @@ impl Actor for Station {
                 self.update_order(now, out);
             }
             In::Pictured(name) => {
+                self.ongoing_images.take(name);
+                if name.stage == ImageStage::Ongoing {
+                    return Ok(());
+                }
                 self.runs.count_picture(name.run);
                 if self.pictures.take(name) {
                     self.runs.end(name.run, RunEnd::Done, "");

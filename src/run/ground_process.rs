@@ -357,10 +357,13 @@ impl Edge {
                 Err(error) => self.troubles.raise("memory", error.to_string()),
             },
             Effect::Picture(picture) => {
-                if let Err(reason) = &picture.result {
-                    tracing::warn!("no {} of run {}: {reason}", picture.subject, picture.run);
+                // What is still under way is shown to whoever listens, and the next one is better.
+                if picture.stage != ImageStage::Ongoing {
+                    if let Err(reason) = &picture.result {
+                        tracing::warn!("no {} of run {}: {reason}", picture.subject, picture.run);
+                    }
+                    self.archive.hold_picture(picture);
                 }
-                self.archive.hold_picture(picture);
             }
             Effect::BeginRun { run, compared_with } => self.archive.hold_run(run, compared_with),
             Effect::EndRun(run) => self.archive.hold_end(run),

@@ -54,6 +54,15 @@ const SOLID_SD: f64 = 1.5;
 /// Most pixels that are imaged; more would take minutes and show nothing new.
 pub const MOST_PIXELS: usize = 1 << 20;
 
+/// Whether persons are searched beside an image of a change, which takes longer than the image.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum PersonSearch {
+    /// They are.
+    Wanted,
+    /// They are not.
+    LeftOut,
+}
+
 /// An image and how it came about.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Reconstruction {
@@ -71,7 +80,7 @@ pub struct Reconstruction {
     pub path_loss: Option<PathLoss>,
     /// Whether an empty sweep was subtracted.
     pub by_empty_sweep: bool,
-    /// Who is there that was not in the empty sweep; `None` without one.
+    /// Who is there that was not in the empty sweep; `None` without one, and where nobody was searched.
     pub finds: Option<Finds>,
 }
 
@@ -84,7 +93,7 @@ pub fn reconstruct(
     empty: Option<&[Link]>,
     settings: &ImagingSettings,
 ) -> Result<Reconstruction, TomoError> {
-    Imager::new(*settings)?.update(now, empty)
+    Imager::new(*settings)?.update(now, empty, PersonSearch::Wanted)
 }
 
 /// Reconstructs again and again while links are added; each time starts from the last solution.
@@ -195,6 +204,7 @@ impl Imager {
         &mut self,
         now: &[Link],
         empty: Option<&[Link]>,
+        search: PersonSearch,
     ) -> Result<Reconstruction, TomoError> {
         let mut calibrated = calibrate(now, empty, &self.settings);
         let mut rows = self.rows(&mut calibrated);
@@ -204,7 +214,10 @@ impl Imager {
                 dropped: words(&calibrated.dropped),
             });
         }
-        let finds = empty.and_then(|_| self.finds(&calibrated));
+        let finds = match (empty, search) {
+            (Some(_), PersonSearch::Wanted) => self.finds(&calibrated),
+            (None, _) | (_, PersonSearch::LeftOut) => None,
+        };
         let room = empty
             .map(|empty| self.room_for_change(empty))
             .unwrap_or_default();
@@ -260,7 +273,8 @@ impl Imager {
             solver: Solver::Map(prior, MapSettings::default()),
             ..self.settings
         };
-        let structure = Imager::new(settings).and_then(|mut imager| imager.update(empty, None));
+        let structure = Imager::new(settings)
+            .and_then(|mut imager| imager.update(empty, None, PersonSearch::LeftOut));
         let solid = SOLID_SD * prior.variance.sqrt();
         let room_of = |value: &f64| {
             let share = value.max(0.0) / solid;

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use tomoswarm::actor::Actor;
+use tomoswarm::config::ImageTimes;
 use tomoswarm::geom::{Angle, Cell, Lattice, Point, Pose, Rect};
 use tomoswarm::ground::station::{self, Station, StationSettings};
 use tomoswarm::map::{Layer, Merged};
@@ -101,6 +102,7 @@ impl Network {
             fence_m: 96.0,
             store: 1,
             lattice: Lattice::new(0.2),
+            image_times: ImageTimes::Lap,
             bin_m: 0.2,
             spot_m: 0.5,
         };

@@ -6,6 +6,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
 use tomoswarm::actor::Actor;
+use tomoswarm::config::ImageTimes;
 use tomoswarm::geom::{Lattice, Point, Rect};
 use tomoswarm::ground::planner::{Method, PlannerActor, PlannerAnswer};
 use tomoswarm::ground::station::{In, Out, PictureName, Station, StationMemory, StationSettings};
@@ -258,6 +259,7 @@ impl Ground {
                     run: job.run,
                     laps: job.laps,
                     subject: job.subject,
+                    stage: job.stage,
                 };
                 self.unread.push_back(In::Pictured(made));
             }
@@ -374,6 +376,7 @@ fn settings(boot: Boot, start: u64, store: u64) -> StationSettings {
         fence_m: 48.0,
         store,
         lattice: Lattice::new(0.2),
+        image_times: ImageTimes::Lap,
         bin_m: 0.5,
         spot_m: 0.06,
     }

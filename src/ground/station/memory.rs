@@ -160,7 +160,7 @@ fn edition_of(execution: &SweepExecution) -> Option<(RunId, Revision, &[VehicleI
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ground::imager::Subject;
+    use crate::ground::imager::{ImageStage, Subject};
     use crate::ground::station::pictures::PictureName;
     use crate::ground::station::run_registry::RequestedSweep;
     use crate::time::Time;
@@ -222,6 +222,7 @@ mod tests {
             run: RunId(1),
             laps: 1,
             subject: Subject::Change,
+            stage: ImageStage::Last,
         };
         let plans = Succession::new(RunId(1), &[], Revision(3));
         let begun = ExecutionPhase::Stopping {

@@ -14,6 +14,7 @@ use super::super::planner::{PlannerAnswer, Request};
 use super::memory::StationMemory;
 use super::pictures::PictureName;
 use crate::actor::{Input, InputClass};
+use crate::config::ImageTimes;
 use crate::geom::Lattice;
 
 /// What the station can be told.
@@ -211,6 +212,8 @@ pub struct StationSettings {
     pub store: u64,
     /// The cells of the map.
     pub lattice: Lattice,
+    /// When images are made.
+    pub image_times: ImageTimes,
     /// Side of a link's end bins, metres.
     pub bin_m: f64,
     /// Side of what counts as one spot, metres.

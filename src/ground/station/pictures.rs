@@ -6,7 +6,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::RunId;
 
-use crate::ground::imager::{Job, ReconstructedImage, Subject};
+use crate::ground::imager::{ImageStage, Job, ReconstructedImage, Subject};
 use crate::ground::samples::SampleStore;
 use crate::time::Time;
 
@@ -22,6 +22,8 @@ pub struct PictureName {
     pub laps: usize,
     /// What is seen in it.
     pub subject: Subject,
+    /// When in the run.
+    pub stage: ImageStage,
 }
 
 impl PictureName {
@@ -31,12 +33,18 @@ impl PictureName {
             run: picture.run,
             laps: picture.laps,
             subject: picture.subject,
+            stage: picture.stage,
         }
     }
 
     /// Returns the job to make it; the links of `compared_with` are for changes only.
-    fn job(self, compared_with: Option<RunId>, samples: &SampleStore, is_last: bool) -> Job {
-        let PictureName { run, laps, subject } = self;
+    fn job(self, compared_with: Option<RunId>, samples: &SampleStore) -> Job {
+        let PictureName {
+            run,
+            laps,
+            subject,
+            stage,
+        } = self;
         let compared_with = match subject {
             Subject::Change => compared_with,
             Subject::Structure => None,
@@ -47,20 +55,45 @@ impl PictureName {
             subject,
             now: samples.links(run),
             empty: compared_with.map_or_else(Vec::new, |empty| samples.links(empty)),
-            is_last,
+            stage,
         }
     }
 }
 
-/// Returns the job for a picture of what has changed, between two laps.
-pub(super) fn job_between_laps(
+/// Returns the job for a picture of a sweep under way: of what has changed, if it is compared, otherwise of what stands there.
+pub(super) fn job_of_ongoing(
+    run: RunId,
+    laps: usize,
+    compared_with: Option<RunId>,
+    samples: &SampleStore,
+) -> Job {
+    let subject = match compared_with {
+        Some(_) => Subject::Change,
+        None => Subject::Structure,
+    };
+    let name = PictureName {
+        run,
+        laps,
+        subject,
+        stage: ImageStage::Ongoing,
+    };
+    name.job(compared_with, samples)
+}
+
+/// Returns the job for a picture of what has changed, after a lap.
+pub(super) fn job_of_change(
     run: RunId,
     laps: usize,
     compared_with: RunId,
     samples: &SampleStore,
 ) -> Job {
-    let subject = Subject::Change;
-    PictureName { run, laps, subject }.job(Some(compared_with), samples, false)
+    let name = PictureName {
+        run,
+        laps,
+        subject: Subject::Change,
+        stage: ImageStage::Lap,
+    };
+    name.job(Some(compared_with), samples)
 }
 
 /// The pictures that were made, and those that are due.
@@ -93,7 +126,12 @@ impl Pictures {
     ) -> Vec<Job> {
         let change = compared_with.map(|_| Subject::Change);
         let subjects = change.into_iter().chain([Subject::Structure]);
-        let names = subjects.map(|subject| PictureName { run, laps, subject });
+        let names = subjects.map(|subject| PictureName {
+            run,
+            laps,
+            subject,
+            stage: ImageStage::Last,
+        });
         let first = self.due.len();
         self.due.extend(names.map(|name| (name, compared_with)));
         self.asked_at = Some(now);
@@ -136,7 +174,7 @@ impl Pictures {
 
 fn jobs(due: &[(PictureName, Option<RunId>)], samples: &SampleStore) -> Vec<Job> {
     due.iter()
-        .map(|(name, compared_with)| name.job(*compared_with, samples, true))
+        .map(|(name, compared_with)| name.job(*compared_with, samples))
         .collect()
 }
 
@@ -180,8 +218,8 @@ mod tests {
         store
     }
 
-    fn subjects(jobs: &[Job]) -> Vec<(Subject, usize, usize, bool)> {
-        let of = |job: &Job| (job.subject, job.now.len(), job.empty.len(), job.is_last);
+    fn subjects(jobs: &[Job]) -> Vec<(Subject, usize, usize, ImageStage)> {
+        let of = |job: &Job| (job.subject, job.now.len(), job.empty.len(), job.stage);
         jobs.iter().map(of).collect()
     }
 
@@ -190,6 +228,7 @@ mod tests {
             run: RUN,
             laps: 3,
             subject,
+            stage: ImageStage::Last,
         }
     }
 
@@ -200,14 +239,17 @@ mod tests {
         assert_eq!(
             subjects(&compared),
             [
-                (Subject::Change, 2, 1, true),
-                (Subject::Structure, 2, 0, true)
+                (Subject::Change, 2, 1, ImageStage::Last),
+                (Subject::Structure, 2, 0, ImageStage::Last)
             ]
         );
         let alone = pictures.close(at(0), RunId(1), 1, None, &samples());
-        assert_eq!(subjects(&alone), [(Subject::Structure, 1, 0, true)]);
-        let lap = job_between_laps(RUN, 1, RunId(1), &samples());
-        assert_eq!(subjects(&[lap]), [(Subject::Change, 2, 1, false)]);
+        assert_eq!(
+            subjects(&alone),
+            [(Subject::Structure, 1, 0, ImageStage::Last)]
+        );
+        let lap = job_of_change(RUN, 1, RunId(1), &samples());
+        assert_eq!(subjects(&[lap]), [(Subject::Change, 2, 1, ImageStage::Lap)]);
     }
 
     #[test]
@@ -215,6 +257,7 @@ mod tests {
         let mut pictures = Pictures::default();
         let lap = PictureName {
             laps: 1,
+            stage: ImageStage::Lap,
             ..name(Subject::Change)
         };
         assert!(!pictures.take(lap), "none is due");

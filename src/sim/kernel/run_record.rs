@@ -188,7 +188,7 @@ mod tests {
 
     use super::*;
     use crate::geom::Angle;
-    use crate::ground::imager::Subject;
+    use crate::ground::imager::{ImageStage, Subject};
 
     fn secs(seconds_s: f64) -> Time {
         Time::from_secs_f64(seconds_s)
@@ -248,6 +248,7 @@ mod tests {
             run: RunId(run),
             subject: Subject::Structure,
             laps,
+            stage: ImageStage::Last,
             result: Err("no links".to_owned()),
         };
         for (run, laps) in [(1, 1), (2, 1), (2, 2)] {

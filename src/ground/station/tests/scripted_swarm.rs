@@ -12,8 +12,9 @@ use tomoswarm_proto::{
 };
 
 use super::super::*;
+use crate::config::ImageTimes;
 use crate::geom::{Lattice, Point, Rect};
-use crate::ground::imager::Job;
+use crate::ground::imager::{ImageStage, Job};
 use crate::ground::planner::{Method, PlannerActor, PlannerAnswer, Request};
 use crate::sweep::{Follower, Ring};
 
@@ -260,6 +261,7 @@ pub(super) fn settings(vehicles: u8) -> StationSettings {
         fence_m: 72.0,
         store: 7,
         lattice: Lattice::new(0.2),
+        image_times: ImageTimes::Lap,
         bin_m: 0.5,
         spot_m: 0.06,
     }
@@ -315,10 +317,18 @@ impl Swarm {
                 Out::Ask(request) => self.ask(request),
                 Out::Reconstruct(job) => {
                     let Job {
-                        run, laps, subject, ..
+                        run,
+                        laps,
+                        subject,
+                        stage,
+                        ..
                     } = job;
-                    self.answers
-                        .push(In::Pictured(PictureName { run, laps, subject }));
+                    self.answers.push(In::Pictured(PictureName {
+                        run,
+                        laps,
+                        subject,
+                        stage,
+                    }));
                     self.jobs.push(job);
                 }
                 Out::StationEvent(note) => self.notes.push(note),
@@ -481,7 +491,7 @@ impl Swarm {
     fn last_jobs(&self) -> BTreeSet<String> {
         self.jobs
             .iter()
-            .filter(|job| job.is_last)
+            .filter(|job| job.stage == ImageStage::Last)
             .map(|job| format!("{job:?}"))
             .collect()
     }
