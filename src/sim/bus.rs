@@ -124,6 +124,8 @@ pub struct SimulatedBus {
     noise: Noise,
     model: BusModel,
     traffic: BTreeMap<NodeId, NodeTraffic>,
+    /// Messages of each node that somebody was to hear: what nobody listens to changes nothing for the others.
+    heard: BTreeMap<NodeId, u64>,
     sent_by_kind: BTreeMap<NodeId, BytesByKind>,
 }
 
@@ -133,6 +135,7 @@ impl SimulatedBus {
         SimulatedBus {
             noise,
             model,
+            heard: BTreeMap::new(),
             traffic: BTreeMap::new(),
             sent_by_kind: BTreeMap::new(),
         }
@@ -155,9 +158,11 @@ impl SimulatedBus {
     fn carry(&mut self, now: Time, frame: BusFrame, receivers: &[NodeId]) -> Vec<BusDelivery> {
         let (sender, bytes, frame) = (frame.sender, frame.bytes() as u64, Arc::new(frame));
         let traffic = self.traffic.entry(sender).or_default();
-        let count = traffic.sent_messages;
         traffic.sent_messages += 1;
         traffic.sent_bytes += bytes;
+        let heard = self.heard.entry(sender).or_default();
+        let count = *heard;
+        *heard += u64::from(receivers.iter().any(|to| *to != sender));
         let mut deliveries = Vec::with_capacity(receivers.len());
         for to in receivers.iter().copied().filter(|to| *to != sender) {
             let copies = self.copies(now, sender, to, count);
