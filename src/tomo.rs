@@ -7,6 +7,8 @@
 mod bins;
 mod calibrate;
 mod cholesky;
+mod dense;
+mod deviation;
 mod finds;
 mod image;
 mod imager;
