@@ -24,6 +24,7 @@ pub mod experiment;
 pub mod export;
 #[cfg(feature = "net")]
 pub mod fix;
+mod fixed_network;
 #[cfg(feature = "net")]
 mod flight;
 mod folder;
@@ -40,6 +41,7 @@ mod logging;
 mod manual;
 #[cfg(feature = "net")]
 pub mod mock_autopilot;
+mod network_recording;
 #[cfg(feature = "net")]
 mod operator;
 #[cfg(feature = "net")]

@@ -24,6 +24,7 @@ mod settings;
 #[cfg(test)]
 mod tests_support;
 mod tikhonov;
+mod tracking;
 mod weights;
 
 pub use bins::{BIN_M, LinkBins, SPOT_M};
@@ -42,4 +43,5 @@ pub use person::PersonModel;
 pub use prior::{Covariance, Prior, Workspace};
 pub use settings::{ImagingSettings, NoiseModel, Solver};
 pub use tikhonov::tikhonov;
+pub use tracking::{TrackedPerson, Tracker, TrackingSettings};
 pub use weights::{WeightModel, WeightRows};

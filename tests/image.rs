@@ -11,12 +11,16 @@
 #[allow(dead_code, reason = "the bench uses more of it")]
 #[path = "finds/trial.rs"]
 mod trial;
+#[allow(dead_code, reason = "the bench uses more of it")]
+#[path = "walks/walk.rs"]
+mod walk;
 
 mod image {
     mod command;
     mod finds;
     mod phantoms;
     mod score;
+    mod tracking;
     mod two_persons;
     mod world;
 }

@@ -14,6 +14,7 @@ use crate::tomo::{
 use clap::{Args, ValueEnum};
 
 use super::error::CliError;
+use super::network_recording::{NetworkRecording, Tracks};
 use super::outputs::{Outputs, PendingFile, is_device};
 use super::read;
 use super::recording::{LengthUnit, Recording, RecordingError, read_recording};
@@ -34,6 +35,14 @@ pub struct ImageCommand {
     /// A recording of the same area while nobody was inside; may be given several times
     #[arg(long, value_name = "FILE")]
     pub empty: Vec<PathBuf>,
+    /// The places of a fixed network, header id,x_m,y_m: the recordings then have a line for each round of a receiver, its id,
+    /// the strength of each node, hour, minute, second
+    #[arg(long, value_name = "FILE")]
+    pub nodes: Option<PathBuf>,
+    /// Follows persons who walk within a fixed network, and writes where they were: time_s, person, x_m, y_m, sd_x_m, sd_y_m,
+    /// probability
+    #[arg(long, value_name = "FILE", requires = "nodes")]
+    pub track: Option<PathBuf>,
     /// How the image is found [default: as the recording says, else map]
     #[arg(long, value_enum)]
     pub solver: Option<SolverName>,
@@ -72,6 +81,7 @@ Examples:
   tomoswarm image links.csv --empty empty.csv --png image.png        what has changed
   tomoswarm image links.csv --pixels 80x80 --area 0,0,20,20 --npy structure.npy
   tomoswarm image dump.json --json result.json --peaks 1             the strongest peak, for a script
+  tomoswarm image walk.csv --nodes nodes.csv --empty empty.csv --track track.csv
 
 Exit codes: 0 done; 2 bad usage or recordings, or a file that cannot be written.";
 
@@ -161,10 +171,20 @@ impl ImageCommand {
     /// Files that cannot be read or written, [`ImageError`]; nothing is written then.
     pub fn run(&self, out: &mut dyn std::io::Write) -> Result<(), CliError> {
         self.check_files()?;
-        let now = read_files(&self.files, None)?;
-        let empty = read_files(&self.empty, Some(now.unit))?;
+        let network = self.network()?;
+        let (now, empty) = match &network {
+            Some(network) => (network.now(), network.empty()),
+            None => {
+                let now = read_files(&self.files, None)?;
+                let empty = read_files(&self.empty, Some(now.unit))?;
+                (now, empty)
+            }
+        };
         let unit = now.unit;
-        let settings = self.settings(now.links.iter().chain(&empty.links), &now);
+        let mut settings = self.settings(now.links.iter().chain(&empty.links), &now);
+        if let Some(network) = &network {
+            settings.pairing_m = settings.pairing_m.min(network.bin_m());
+        }
         let count = now.links.len();
         let now = pooled(now, self.files.len(), settings.pairing_m);
         let empty = pooled(empty, self.empty.len(), settings.pairing_m);
@@ -174,21 +194,30 @@ impl ImageCommand {
                 path: self.files[0].clone(),
                 problem,
             })?;
+        let tracks = network
+            .filter(|_| self.track.is_some())
+            .map(|network| network.track(settings.grid.area));
         // Until here Ctrl-C ends the program at once and leaves nothing; what is begun now is ended.
         let _stop = StopFlag::listen();
-        Outputs::open(self)?.write(&result, &settings, unit)?;
-        let written = out
-            .write_all(summary(&result, (count, now.len()), unit).as_bytes())
-            .and_then(|()| out.flush());
+        let track = tracks.as_ref().map(Tracks::csv);
+        Outputs::open(self)?.write(&result, &settings, unit, track.as_deref())?;
+        let mut text = summary(&result, (count, now.len()), unit);
+        text.extend(tracks.as_ref().map(Tracks::words));
+        let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
         written.map_err(|source| CliError::Write {
             path: "standard output".into(),
             source,
         })
     }
 
+    fn network(&self) -> Result<Option<NetworkRecording>, CliError> {
+        let read = |nodes: &PathBuf| NetworkRecording::read(nodes, &self.files, &self.empty);
+        self.nodes.as_ref().map(read).transpose()
+    }
+
     /// Tries whether all outputs can be written, to files of their own.
     fn check_files(&self) -> Result<(), CliError> {
-        let outputs: Vec<&PathBuf> = [&self.png, &self.npy, &self.json]
+        let outputs: Vec<&PathBuf> = [&self.png, &self.npy, &self.json, &self.track]
             .into_iter()
             .flatten()
             .collect();
@@ -197,6 +226,7 @@ impl ImageCommand {
                 .files
                 .iter()
                 .chain(&self.empty)
+                .chain(&self.nodes)
                 .chain(outputs[..index].iter().copied());
             if others.any(|other| is_same_file(output, other)) {
                 let reason =

@@ -23,6 +23,7 @@ pub(super) struct Outputs {
     png: Option<PendingFile>,
     npy: Option<PendingFile>,
     json: Option<PendingFile>,
+    track: Option<PendingFile>,
 }
 
 impl Outputs {
@@ -36,6 +37,7 @@ impl Outputs {
             png: open(&command.png)?,
             npy: open(&command.npy)?,
             json: open(&command.json)?,
+            track: open(&command.track)?,
         })
     }
 
@@ -48,6 +50,7 @@ impl Outputs {
         result: &Reconstruction,
         settings: &ImagingSettings,
         unit: LengthUnit,
+        track: Option<&str>,
     ) -> Result<(), CliError> {
         let fill = |file: &mut Option<PendingFile>, bytes: &dyn Fn() -> Vec<u8>| match file {
             Some(file) => file.fill(&bytes()),
@@ -60,7 +63,10 @@ impl Outputs {
         fill(&mut self.json, &|| {
             format!("{:#}\n", report(result, settings, unit)).into_bytes()
         })?;
-        Ok([self.png, self.npy, self.json]
+        fill(&mut self.track, &|| {
+            track.unwrap_or_default().as_bytes().to_vec()
+        })?;
+        Ok([self.png, self.npy, self.json, self.track]
             .into_iter()
             .flatten()
             .try_for_each(PendingFile::finish)?)

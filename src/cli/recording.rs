@@ -48,7 +48,11 @@ impl RecordingError {
     }
 }
 
-fn wrong(place: String, found: impl Into<String>, expected: impl Into<String>) -> RecordingError {
+pub(super) fn wrong(
+    place: String,
+    found: impl Into<String>,
+    expected: impl Into<String>,
+) -> RecordingError {
     RecordingError {
         place,
         found: found.into(),
