@@ -23,6 +23,8 @@ const ROUNDS: u32 = 150;
 const SETTLED_S: f64 = 4.0;
 /// A person is said to be there when somebody is followed as near as this, metres.
 const NEAR_M: f64 = 1.0;
+/// Persons this far from each other are apart, metres.
+const APART_M: f64 = 1.5;
 
 /// Some persons who walk.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -36,7 +38,8 @@ pub struct Walk {
 pub struct WalkResult {
     /// Distance from each person to the nearest one that is followed, at each time, metres.
     pub errors_m: Vec<f64>,
-    /// Share of the times at which as many are followed as are there.
+    /// Share of the times at which as many are followed as are there, of those at which all are apart: who pass each other look
+    /// like one.
     pub counted_right: f64,
 }
 
@@ -102,6 +105,18 @@ impl Walk {
             left_s -= takes_s;
         }
         unreachable!("a walk goes on for ever")
+    }
+
+    fn are_apart(&self, at_s: f64) -> bool {
+        let places: Vec<Point> = (0..self.persons)
+            .map(|person| self.at(person, at_s))
+            .collect();
+        let pairs = places.iter().enumerate().flat_map(|(index, one)| {
+            places[index + 1..]
+                .iter()
+                .map(|other| one.distance_to(*other))
+        });
+        pairs.into_iter().all(|apart_m| apart_m >= APART_M)
     }
 
     fn recording(&self, rounds: u32, persons: u64, run: u64) -> String {
@@ -180,18 +195,22 @@ impl Walk {
                 there.push(Point::new(fields[2], fields[3]));
             }
         }
-        let (mut errors_m, mut right) = (Vec::new(), 0);
+        let (mut errors_m, mut apart, mut right) = (Vec::new(), 0u32, 0u32);
         for (half, there) in &times {
-            right += usize::from(there.len() as u64 == self.persons);
+            let at_s = *half as f64 / 2.0 + 0.1;
+            if self.are_apart(at_s) {
+                apart += 1;
+                right += u32::from(there.len() as u64 == self.persons);
+            }
             for person in 0..self.persons {
-                let at = self.at(person, *half as f64 / 2.0 + 0.1);
+                let at = self.at(person, at_s);
                 let away_m = there.iter().map(|one| one.distance_to(at));
                 errors_m.push(away_m.fold(f64::INFINITY, f64::min));
             }
         }
         WalkResult {
             errors_m,
-            counted_right: right as f64 / times.len() as f64,
+            counted_right: f64::from(right) / f64::from(apart.max(1)),
         }
     }
 }
