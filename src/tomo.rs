@@ -8,6 +8,7 @@ mod bins;
 mod calibrate;
 mod cholesky;
 mod finds;
+mod fresnel;
 mod image;
 mod imager;
 mod kriging;
@@ -19,9 +20,11 @@ mod peaks;
 mod person;
 mod prior;
 mod settings;
+mod solvers;
 #[cfg(test)]
 mod tests_support;
 mod tikhonov;
+mod tsvd;
 mod weights;
 
 pub use bins::{BIN_M, LinkBins, SPOT_M};
@@ -39,5 +42,7 @@ pub use peaks::{Peak, PeakSettings, SIGNIFICANT, peaks};
 pub use person::PersonModel;
 pub use prior::{Covariance, Prior, Workspace};
 pub use settings::{ImagingSettings, NoiseModel, Solver};
+pub use solvers::{Candidate, Candidates, Choice, Score, Sparse, Variation};
 pub use tikhonov::tikhonov;
+pub use tsvd::tsvd;
 pub use weights::{WeightModel, WeightRows};

@@ -406,6 +406,7 @@ mod tests {
             path_loss: None,
             by_empty_sweep: true,
             finds: None,
+            choice: None,
         };
         store
             .keep_picture(&Made {

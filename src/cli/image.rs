@@ -34,10 +34,11 @@ pub struct ImageCommand {
     /// A recording of the same area while nobody was inside; may be given several times
     #[arg(long, value_name = "FILE")]
     pub empty: Vec<PathBuf>,
-    /// How the image is found [default: as the recording says, else map]
+    /// How the image is found [default: as the recording says, else auto]
     #[arg(long, value_enum)]
     pub solver: Option<SolverName>,
-    /// How pixels weigh in links [default: as the recording says, else inverse-area for map, line for tikhonov]
+    /// How pixels weigh in links [default: as the recording says, else what suits the solver:
+    /// inverse-area for map, line for tikhonov, fresnel for the others]
     #[arg(long, value_enum)]
     pub weights: Option<WeightsName>,
     /// Pixels from west to east and from south to north [default: as the recording says, else 40 along the longer side]
@@ -82,6 +83,16 @@ pub enum SolverName {
     Map,
     /// Least squares with smoothness, the classical reference
     Tikhonov,
+    /// Least squares by the large singular values, the other reference
+    Tsvd,
+    /// Non-negative total variation: walls
+    Tv,
+    /// Non-negative and sparse: persons
+    Nn,
+    /// The persons found, drawn over what is left
+    Points,
+    /// The one of tv, nn and points that predicts best the links that it was not told
+    Auto,
 }
 
 /// The weight models by name.
@@ -97,13 +108,47 @@ pub enum WeightsName {
     Gaussian,
     /// An exponential fall from the link
     Exponential,
+    /// A bell half as wide as the first Fresnel zone
+    Fresnel,
+}
+
+impl SolverName {
+    /// Sets the solver, and the weights that suit it; a prior of `map` that a recording names stays.
+    fn choose(self, settings: &mut ImagingSettings) {
+        let area = settings.grid.area;
+        let usual = ImagingSettings::for_area(area);
+        (settings.solver, settings.weights) = match self {
+            SolverName::Map if matches!(settings.solver, Solver::Map(..)) => return,
+            SolverName::Map => (usual.solver, usual.weights),
+            SolverName::Tikhonov => (ImagingSettings::tikhonov_for(area), WeightModel::Line),
+            SolverName::Tsvd => (Solver::TSVD, WeightModel::Line),
+            SolverName::Tv | SolverName::Nn | SolverName::Points | SolverName::Auto => {
+                (self.non_negative(area), settings.fresnel())
+            }
+        };
+    }
+
+    fn non_negative(self, area: Rect) -> Solver {
+        let sparse = ImagingSettings::sparse_for(area);
+        let candidates = ImagingSettings::candidates_for(area);
+        match self {
+            SolverName::Tv => Solver::Variation(candidates),
+            SolverName::Nn => Solver::NonNegative(sparse),
+            SolverName::Points => Solver::Points(sparse),
+            SolverName::Map | SolverName::Tikhonov | SolverName::Tsvd | SolverName::Auto => {
+                Solver::Auto(candidates)
+            }
+        }
+    }
 }
 
 impl WeightsName {
     /// Returns the model with the width that suits 40 pixels on the longer side of an area.
-    fn model(self, extent: f64) -> WeightModel {
-        let width_m = 0.015 * extent;
+    fn model(self, settings: &ImagingSettings) -> WeightModel {
+        let area = settings.grid.area;
+        let width_m = 0.015 * area.width_m().max(area.height_m());
         match self {
+            WeightsName::Fresnel => settings.fresnel(),
             WeightsName::Line => WeightModel::Line,
             WeightsName::Ellipse => WeightModel::Ellipse { width_m },
             WeightsName::InverseArea => WeightModel::InverseArea { width_m },
@@ -249,26 +294,18 @@ impl ImageCommand {
                 rows,
             };
         }
-        let extent = area.width_m().max(area.height_m());
-        match self.solver {
-            Some(SolverName::Map) if !matches!(settings.solver, Solver::Map(..)) => {
-                let usual = ImagingSettings::for_area(area);
-                (settings.solver, settings.weights) = (usual.solver, usual.weights);
-            }
-            None | Some(SolverName::Map) => {}
-            Some(SolverName::Tikhonov) => {
-                settings.solver = ImagingSettings::tikhonov_for(area);
-                settings.weights = WeightsName::Line.model(extent);
-            }
+        if recording.unit == LengthUnit::Metre && output.is_none() {
+            settings.finds = FindSettings::IN_METRES;
+        }
+        let solver = self.solver.or(output.is_none().then_some(SolverName::Auto));
+        if let Some(name) = solver {
+            name.choose(&mut settings);
         }
         if let Some(weights) = self.weights {
-            settings.weights = weights.model(extent);
+            settings.weights = weights.model(&settings);
         }
         if let Some(limit) = self.peaks {
             settings.peaks.limit = limit;
-        }
-        if recording.unit == LengthUnit::Metre && output.is_none() {
-            settings.finds = FindSettings::IN_METRES;
         }
         if let Some(rate) = self.false_finds {
             settings.finds.false_per_image = rate;
@@ -445,6 +482,9 @@ fn summary(result: &Reconstruction, counts: (usize, usize), unit: LengthUnit) ->
     for (reason, count) in &result.dropped {
         text += &format!("  {count} dropped: {}\n", reason.words());
     }
+    if let Some(choice) = &result.choice {
+        text += &format!("{}\n", choice.words());
+    }
     if let Some(finds) = &result.finds {
         text += &finds_in_words(finds, unit);
     }
@@ -454,9 +494,14 @@ fn summary(result: &Reconstruction, counts: (usize, usize), unit: LengthUnit) ->
         } else {
             String::new()
         };
+        // An image that is zero nearly everywhere has no noise to compare with.
+        let ratio = match peak.significance {
+            f64::MAX => String::new(),
+            ratio => format!(", {ratio:.1} times the noise"),
+        };
         text += &format!(
-            "peak at ({:.2}, {:.2}) {unit}: {:.2} dB/{unit}, {:.1} times the noise{faint}\n",
-            peak.at.x_m, peak.at.y_m, peak.strength, peak.significance
+            "peak at ({:.2}, {:.2}) {unit}: {:.2} dB/{unit}{ratio}{faint}\n",
+            peak.at.x_m, peak.at.y_m, peak.strength
         );
     }
     text

@@ -14,7 +14,8 @@ use super::pictures::marks;
 use super::recording::LengthUnit;
 use crate::draw::{HeatMap, Picture};
 use crate::tomo::{
-    Find, Finds, Image, ImagingSettings, Peak, Reconstruction, Solver, WeightModel, npy_bytes,
+    Choice, Find, Finds, Image, ImagingSettings, Peak, Reconstruction, Score, Solver, WeightModel,
+    npy_bytes,
 };
 
 /// The files to be written, open under temporary names.
@@ -174,6 +175,7 @@ fn report(result: &Reconstruction, settings: &ImagingSettings, unit: LengthUnit)
         "residual_rms_db": result.residual_rms_db,
         "links": {"used": result.used, "dropped": dropped},
         "path_loss": law,
+        "choice": result.choice.as_ref().map(choice_json),
         "settings": settings_json(settings, unit, result.by_empty_sweep),
     })
 }
@@ -196,6 +198,15 @@ fn finds_json(finds: Option<&Finds>) -> Value {
     })
 }
 
+/// Returns a choice as the JSON output shows it.
+fn choice_json(choice: &Choice) -> Value {
+    let score = |score: &Score| {
+        json!({"solver": score.candidate.words(), "likelihood": score.likelihood,
+            "behind": score.behind, "behind_sd": score.behind_sd})
+    };
+    json!({"solver": choice.best.words(), "scores": choice.scores.iter().map(score).collect::<Vec<_>>()})
+}
+
 /// Returns the settings as the JSON output shows them.
 fn settings_json(settings: &ImagingSettings, unit: LengthUnit, by_empty_sweep: bool) -> Value {
     let area = settings.grid.area;
@@ -204,6 +215,11 @@ fn settings_json(settings: &ImagingSettings, unit: LengthUnit, by_empty_sweep: b
             json!({"name": "map", "prior_variance": prior.variance, "prior_length": prior.length_m})
         }
         Solver::Tikhonov { alpha_m2 } => json!({"name": "tikhonov", "alpha": alpha_m2}),
+        Solver::Tsvd { share } => json!({"name": "tsvd", "share": share}),
+        Solver::Variation(_) => json!({"name": "tv"}),
+        Solver::NonNegative(_) => json!({"name": "nn"}),
+        Solver::Points(_) => json!({"name": "points"}),
+        Solver::Auto(_) => json!({"name": "auto"}),
     };
     let weights = match settings.weights {
         WeightModel::Line => json!({"name": "line"}),
@@ -211,6 +227,9 @@ fn settings_json(settings: &ImagingSettings, unit: LengthUnit, by_empty_sweep: b
         WeightModel::InverseArea { width_m } => json!({"name": "inverse-area", "width": width_m}),
         WeightModel::Gaussian { sd_m } => json!({"name": "gaussian", "sd": sd_m}),
         WeightModel::Exponential { decay_m } => json!({"name": "exponential", "decay": decay_m}),
+        WeightModel::Fresnel { wavelength_m } => {
+            json!({"name": "fresnel", "wavelength": wavelength_m})
+        }
     };
     json!({
         "unit": unit.word(),

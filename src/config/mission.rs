@@ -223,6 +223,16 @@ pub enum Solver {
     Map,
     /// Tikhonov, the classical reference.
     Tikhonov,
+    /// The large singular values alone, the other one.
+    Tsvd,
+    /// Non-negative total variation.
+    Tv,
+    /// Non-negative and sparse.
+    Nn,
+    /// Those who were found, drawn over what is left.
+    Points,
+    /// The one of the last three that predicts best.
+    Auto,
 }
 
 /// What is believed of an image before it is measured.
@@ -274,8 +284,15 @@ impl WordChoice for Weights {
 }
 
 impl WordChoice for Solver {
-    const WORDS: &'static [(&'static str, Solver)] =
-        &[("map", Solver::Map), ("tikhonov", Solver::Tikhonov)];
+    const WORDS: &'static [(&'static str, Solver)] = &[
+        ("map", Solver::Map),
+        ("tikhonov", Solver::Tikhonov),
+        ("tsvd", Solver::Tsvd),
+        ("tv", Solver::Tv),
+        ("nn", Solver::Nn),
+        ("points", Solver::Points),
+        ("auto", Solver::Auto),
+    ];
 }
 
 impl Keyed for Imaging {
@@ -304,7 +321,7 @@ impl Keyed for Imaging {
                 means,
             },
         );
-        let means = "how much a pixel counts for a link";
+        let means = "how much a pixel counts for a link, with `solver` map, tikhonov and tsvd; the others know the width of a link";
         to.word(
             weights,
             Words {
@@ -343,7 +360,7 @@ impl Keyed for Imaging {
             },
         );
         let left_out = "";
-        let means = "what is believed of changes; no effect with `solver` tikhonov";
+        let means = "what is believed of changes; only with `solver` map";
         let mut table = PriorTable {
             prior,
             sigma_db_per_m: 0.45,
@@ -357,7 +374,7 @@ impl Keyed for Imaging {
                 means,
             },
         );
-        let means = "what is believed of what stands; no effect with `solver` tikhonov";
+        let means = "what is believed of what stands; only with `solver` map";
         let mut table = PriorTable {
             prior: structure_prior,
             sigma_db_per_m: 0.55,

@@ -11,12 +11,12 @@ use crate::geom::{Point, Segment};
 use super::bins::BinKey;
 use super::calibrate::{Calibrated, DropReason, DroppedLinks, Observation, calibrate};
 use super::finds::{Driven, Finds, find_persons};
-use super::map_solver::{MapProblem, MapSettings, MapSolution, Nuisance};
+use super::map_solver::{MapProblem, MapSettings, Nuisance};
 use super::path_loss::{PathLoss, spread_db};
 use super::peaks::{Peak, peaks};
 use super::prior::Covariance;
 use super::settings::{ImagingSettings, Solver};
-use super::tikhonov::tikhonov;
+use super::solvers::{self, Choice, LinkProblem, Persons, Solved};
 use super::weights::WeightRows;
 use super::{Image, Link};
 
@@ -73,6 +73,8 @@ pub struct Reconstruction {
     pub by_empty_sweep: bool,
     /// Who is there that was not in the empty sweep; `None` without one.
     pub finds: Option<Finds>,
+    /// Why this image and no other, when the solver chose.
+    pub choice: Option<Choice>,
 }
 
 /// Reconstructs once. Without an empty sweep the path loss is fitted and the whole structure is imaged.
@@ -171,7 +173,12 @@ impl Imager {
         }
         let prior = match settings.solver {
             Solver::Map(prior, _) => prior,
-            Solver::Tikhonov { .. } => ImagingSettings::prior_for(area),
+            Solver::Tikhonov { .. }
+            | Solver::Tsvd { .. }
+            | Solver::Variation(_)
+            | Solver::NonNegative(_)
+            | Solver::Points(_)
+            | Solver::Auto(_) => ImagingSettings::prior_for(area),
         };
         let covariance = Covariance::new(&grid, prior);
         Ok(Imager {
@@ -206,10 +213,12 @@ impl Imager {
         }
         let finds = empty.and_then(|_| self.finds(&calibrated));
         let room = empty
+            .filter(|_| !self.settings.solver.is_non_negative())
             .map(|empty| self.room_for_change(empty))
             .unwrap_or_default();
         rows.scale_pixels(&room);
-        let (mut values, residual_db) = self.solve(&rows, &mut calibrated);
+        let solved = self.solve(&rows, &mut calibrated, finds.as_ref());
+        let (mut values, residual_db) = (solved.image, solved.residual_db);
         values
             .iter_mut()
             .zip(&room)
@@ -228,18 +237,35 @@ impl Imager {
             path_loss: calibrated.path_loss,
             by_empty_sweep: calibrated.by_empty_sweep,
             finds,
+            choice: solved.choice,
         })
     }
 
     /// Searches persons in a change.
     fn finds(&self, calibrated: &Calibrated) -> Option<Finds> {
         let settings = &self.settings;
-        let driven = calibrated.is_driven.then_some(Driven {
-            ring: settings.ring,
-            bin_m: settings.pairing_m,
-        });
         let area = settings.grid.area;
+        let driven = self.driven(calibrated);
         find_persons(&calibrated.observations, area, driven, &settings.finds)
+    }
+
+    fn driven(&self, calibrated: &Calibrated) -> Option<Driven> {
+        calibrated.is_driven.then_some(Driven {
+            ring: self.settings.ring,
+            bin_m: self.settings.pairing_m,
+        })
+    }
+
+    /// Returns those who were found as the solvers meet them; `None` when nobody was.
+    fn persons(&self, calibrated: &Calibrated, finds: Option<&Finds>) -> Option<Persons> {
+        let driven = self.driven(calibrated);
+        let found = finds.map(|finds| finds.found.clone())?;
+        (!found.is_empty()).then_some(Persons {
+            found,
+            model: self.settings.finds.person,
+            ring: self.settings.ring,
+            smear_m: driven.map_or(0.0, |driven| driven.bin_m / 12f64.sqrt()),
+        })
     }
 
     /// Returns per pixel how much room what stood there in the empty sweep leaves for a change.
@@ -300,57 +326,52 @@ impl Imager {
         build(&calibrated.observations)
     }
 
-    /// Returns the image and the residual of each link, dB.
-    fn solve(&mut self, rows: &WeightRows, calibrated: &mut Calibrated) -> (Vec<f64>, Vec<f64>) {
-        let attenuation_db: Vec<f64> = calibrated
-            .observations
-            .iter()
-            .map(|link| link.attenuation_db)
-            .collect();
-        match self.settings.solver {
-            Solver::Map(_, settings) => {
-                let solution = self.solve_map(rows, calibrated, settings, &attenuation_db);
-                if let (Some(law), [level, slope]) =
-                    (calibrated.path_loss.as_mut(), &solution.nuisance[..])
-                {
-                    *law = law.corrected(-level, *slope);
-                }
-                (solution.image, solution.residual_db)
-            }
-            Solver::Tikhonov { alpha_m2 } => {
-                let image = tikhonov(rows, &self.settings.grid, &attenuation_db, alpha_m2);
-                let mut explained_db = vec![0.0; rows.len()];
-                rows.forward(&image, &mut explained_db);
-                let residual_db = attenuation_db
-                    .iter()
-                    .zip(explained_db)
-                    .map(|(y, explained)| y - explained)
-                    .collect();
-                (image, residual_db)
-            }
-        }
-    }
-
-    fn solve_map(
+    fn solve(
         &mut self,
         rows: &WeightRows,
-        calibrated: &Calibrated,
-        settings: MapSettings,
-        attenuation_db: &[f64],
-    ) -> MapSolution {
-        let links = &calibrated.observations;
-        let variance_db2: Vec<f64> = links.iter().map(|link| link.variance_db2).collect();
-        let nuisance = if calibrated.by_empty_sweep {
-            Vec::new()
-        } else {
-            path_loss_columns(calibrated)
+        calibrated: &mut Calibrated,
+        finds: Option<&Finds>,
+    ) -> Solved {
+        let nuisance = match calibrated.by_empty_sweep {
+            true => Vec::new(),
+            false => path_loss_columns(calibrated),
         };
-        let problem = MapProblem {
+        let grid = self.settings.grid;
+        let problem = LinkProblem {
             rows,
-            covariance: &self.covariance,
-            attenuation_db,
-            variance_db2: &variance_db2,
+            grid: &grid,
+            observations: &calibrated.observations,
             nuisance: &nuisance,
+        };
+        let persons = self.persons(calibrated, finds);
+        let solved = match self.settings.solver {
+            Solver::Map(_, settings) => self.solve_map(&problem, settings),
+            Solver::Tikhonov { alpha_m2 } => solvers::tikhonov(&problem, alpha_m2),
+            Solver::Tsvd { share } => solvers::tsvd(&problem, share),
+            Solver::Variation(candidates) => solvers::variation(&problem, &candidates),
+            Solver::NonNegative(sparse) => solvers::non_negative(&problem, sparse),
+            Solver::Points(sparse) => match persons {
+                Some(persons) => solvers::points(&problem, sparse, &persons),
+                None => solvers::non_negative(&problem, sparse),
+            },
+            Solver::Auto(candidates) => solvers::auto(&problem, &candidates, persons.as_ref()),
+        };
+        if let (Some(law), [level, slope]) = (calibrated.path_loss.as_mut(), &solved.nuisance[..]) {
+            *law = law.corrected(-level, *slope);
+        }
+        solved
+    }
+
+    fn solve_map(&mut self, problem: &LinkProblem<'_>, settings: MapSettings) -> Solved {
+        let links = problem.observations;
+        let attenuation_db: Vec<f64> = links.iter().map(|link| link.attenuation_db).collect();
+        let variance_db2: Vec<f64> = links.iter().map(|link| link.variance_db2).collect();
+        let problem = MapProblem {
+            rows: problem.rows,
+            covariance: &self.covariance,
+            attenuation_db: &attenuation_db,
+            variance_db2: &variance_db2,
+            nuisance: problem.nuisance,
         };
         let key = |link: &Observation| BinKey::of(link.from, link.to, self.settings.pairing_m).0;
         let start = links
@@ -358,13 +379,14 @@ impl Imager {
             .map(|link| self.last.get(&key(link)).copied().unwrap_or((0.0, 1.0)))
             .unzip();
         let solution = problem.solve(settings, Some(start));
-        let states = solution
-            .dual
-            .iter()
-            .copied()
-            .zip(solution.trust.iter().copied());
+        let states = solution.dual.into_iter().zip(solution.trust);
         self.last = links.iter().map(key).zip(states).collect();
-        solution
+        Solved {
+            image: solution.image,
+            residual_db: solution.residual_db,
+            nuisance: solution.nuisance,
+            choice: None,
+        }
     }
 }
 

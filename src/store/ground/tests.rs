@@ -272,6 +272,7 @@ fn picture(laps: usize) -> ReconstructedImage {
     };
     let result = Reconstruction {
         finds: Some(finds),
+        choice: None,
         image,
         peaks,
         residual_rms_db: 1.5,
