@@ -1,7 +1,7 @@
 //! How fast and how well two persons behind a wall are found.
 //!
 //! `cargo bench --bench imaging -- SEEDS [FIRST]`: share of seeds with both persons within 1 m, the worst seeds,
-//! and the median times of a cold and of a warm reconstruction and of binning a packet.
+//! and the median times of a cold and of a warm reconstruction, of binning a packet, and of steps of the total variation.
 
 #![allow(
     clippy::disallowed_methods,
@@ -17,8 +17,8 @@ mod image_world;
 use std::time::Instant;
 
 use image_world::{SIDE_M, persons, sweep, worst_error_m};
-use tomoswarm::geom::{Point, Rect};
-use tomoswarm::tomo::{Imager, ImagingSettings, Link, LinkBins};
+use tomoswarm::geom::{PixelGrid, Point, Rect};
+use tomoswarm::tomo::{Candidates, Imager, ImagingSettings, Link, LinkBins, Solver};
 
 #[expect(clippy::disallowed_methods, reason = "a bench measures time")]
 fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
@@ -93,6 +93,46 @@ fn main() {
     );
     missed.iter().for_each(|line| println!("missed {line}"));
     bin_packets();
+    vary();
+}
+
+/// Prints what steps of the total variation cost on a fine grid, the making of the rows included.
+fn vary() {
+    let area = Rect::new(Point::new(0.0, 0.0), Point::new(SIDE_M, SIDE_M));
+    let at = |k: usize, turn: f64| {
+        let share = (k as f64 * turn).fract() * SIDE_M;
+        match k % 4 {
+            0 => Point::new(share, 0.0),
+            1 => Point::new(SIDE_M, share),
+            2 => Point::new(share, SIDE_M),
+            _ => Point::new(0.0, share),
+        }
+    };
+    let links: Vec<Link> = (0..2_000)
+        .map(|k| Link::fixed(at(k, 0.618_034), at(k + 1 + k / 4 % 3, 0.414_214), 4, -70.0))
+        .collect();
+    let candidates = ImagingSettings::candidates_for(area);
+    let settings = ImagingSettings {
+        grid: PixelGrid {
+            area,
+            columns: 200,
+            rows: 200,
+        },
+        solver: Solver::Variation(Candidates {
+            variations: [candidates.variations[0]; 4],
+            ..candidates
+        }),
+        weights: ImagingSettings::for_area(area).fresnel(),
+        ..ImagingSettings::for_area(area)
+    };
+    let (made, ms) = timed(|| tomoswarm::tomo::reconstruct(&links, None, &settings));
+    if let Ok(made) = made {
+        println!(
+            "total variation, 200 x 200 pixels, {} links: {ms:.0} ms for 480 steps and all else, {:.0} ms for 20 steps",
+            made.used,
+            ms / 24.0
+        );
+    }
 }
 
 /// Prints what binning a packet costs.

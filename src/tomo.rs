@@ -10,6 +10,7 @@ mod cholesky;
 mod dense;
 mod deviation;
 mod finds;
+mod fresnel;
 mod image;
 mod imager;
 mod kriging;
@@ -21,10 +22,12 @@ mod peaks;
 mod person;
 mod prior;
 mod settings;
+mod solvers;
 #[cfg(test)]
 mod tests_support;
 mod tikhonov;
 mod tracking;
+mod tsvd;
 mod weights;
 
 pub use bins::{BIN_M, LinkBins, SPOT_M};
@@ -33,7 +36,7 @@ pub use calibrate::{
 };
 pub use finds::{Find, FindSettings, Finds};
 pub use image::Image;
-pub use imager::{Imager, MOST_PIXELS, PersonSearch, Reconstruction, TomoError, reconstruct};
+pub use imager::{Extras, Imager, MOST_PIXELS, Reconstruction, TomoError, reconstruct};
 pub use link::Link;
 pub use map_solver::{MapProblem, MapSettings, MapSolution, Nuisance};
 pub use npy::npy_bytes;
@@ -42,6 +45,8 @@ pub use peaks::{Peak, PeakSettings, SIGNIFICANT, peaks};
 pub use person::PersonModel;
 pub use prior::{Covariance, Prior, Workspace};
 pub use settings::{ImagingSettings, NoiseModel, Solver};
+pub use solvers::{Candidate, Candidates, Choice, Score, Sparse, Variation};
 pub use tikhonov::tikhonov;
 pub use tracking::{TrackedPerson, Tracker, TrackingSettings};
+pub use tsvd::tsvd;
 pub use weights::{WeightModel, WeightRows};

@@ -406,6 +406,8 @@ mod tests {
             path_loss: None,
             by_empty_sweep: true,
             finds: None,
+            deviation: None,
+            choice: None,
         };
         store
             .keep_picture(&Made {

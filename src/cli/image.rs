@@ -8,8 +8,8 @@ use crate::geom::{PixelGrid, Point, Rect};
 use crate::ground::from_config::image_settings;
 use crate::ground::imager::Subject;
 use crate::tomo::{
-    Find, FindSettings, Finds, ImagingSettings, Link, LinkBins, MOST_PIXELS, Reconstruction,
-    SIGNIFICANT, SPOT_M, Solver, TomoError, WeightModel, reconstruct,
+    Extras, Find, FindSettings, Finds, Imager, ImagingSettings, Link, LinkBins, MOST_PIXELS,
+    Reconstruction, SIGNIFICANT, SPOT_M, Solver, TomoError, WeightModel,
 };
 use clap::{Args, ValueEnum};
 
@@ -43,10 +43,11 @@ pub struct ImageCommand {
     /// probability
     #[arg(long, value_name = "FILE", requires = "nodes")]
     pub track: Option<PathBuf>,
-    /// How the image is found [default: as the recording says, else map]
+    /// How the image is found [default: as the recording says, else auto]
     #[arg(long, value_enum)]
     pub solver: Option<SolverName>,
-    /// How pixels weigh in links [default: as the recording says, else inverse-area for map, line for tikhonov]
+    /// How pixels weigh in links [default: as the recording says, else what suits the solver:
+    /// inverse-area for map, line for tikhonov, fresnel for the others]
     #[arg(long, value_enum)]
     pub weights: Option<WeightsName>,
     /// Pixels from west to east and from south to north [default: as the recording says, else 40 along the longer side]
@@ -61,6 +62,10 @@ pub struct ImageCommand {
     /// Writes the values: f32, rows from south to north, columns from west to east, dB per unit of length
     #[arg(long, value_name = "FILE")]
     pub npy: Option<PathBuf>,
+    /// Writes how sure the image is: the standard deviation of every pixel, as a picture if the name ends with .png, otherwise
+    /// as values; it takes a second or two longer
+    #[arg(long, value_name = "FILE")]
+    pub deviation: Option<PathBuf>,
     /// Writes finds, peaks, residual, links used and dropped, and settings
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
@@ -92,6 +97,16 @@ pub enum SolverName {
     Map,
     /// Least squares with smoothness, the classical reference
     Tikhonov,
+    /// Least squares by the large singular values, the other reference
+    Tsvd,
+    /// Non-negative total variation: walls
+    Tv,
+    /// Non-negative and sparse: persons
+    Nn,
+    /// The persons found, drawn over what is left
+    Points,
+    /// The one of tv, nn and points that predicts best the links that it was not told
+    Auto,
 }
 
 /// The weight models by name.
@@ -107,13 +122,47 @@ pub enum WeightsName {
     Gaussian,
     /// An exponential fall from the link
     Exponential,
+    /// A bell half as wide as the first Fresnel zone
+    Fresnel,
+}
+
+impl SolverName {
+    /// Sets the solver, and the weights that suit it; a prior of `map` that a recording names stays.
+    fn choose(self, settings: &mut ImagingSettings) {
+        let area = settings.grid.area;
+        let usual = ImagingSettings::for_area(area);
+        (settings.solver, settings.weights) = match self {
+            SolverName::Map if matches!(settings.solver, Solver::Map(..)) => return,
+            SolverName::Map => (usual.solver, usual.weights),
+            SolverName::Tikhonov => (ImagingSettings::tikhonov_for(area), WeightModel::Line),
+            SolverName::Tsvd => (Solver::TSVD, WeightModel::Line),
+            SolverName::Tv | SolverName::Nn | SolverName::Points | SolverName::Auto => {
+                (self.non_negative(area), settings.fresnel())
+            }
+        };
+    }
+
+    fn non_negative(self, area: Rect) -> Solver {
+        let sparse = ImagingSettings::sparse_for(area);
+        let candidates = ImagingSettings::candidates_for(area);
+        match self {
+            SolverName::Tv => Solver::Variation(candidates),
+            SolverName::Nn => Solver::NonNegative(sparse),
+            SolverName::Points => Solver::Points(sparse),
+            SolverName::Map | SolverName::Tikhonov | SolverName::Tsvd | SolverName::Auto => {
+                Solver::Auto(candidates)
+            }
+        }
+    }
 }
 
 impl WeightsName {
     /// Returns the model with the width that suits 40 pixels on the longer side of an area.
-    fn model(self, extent: f64) -> WeightModel {
-        let width_m = 0.015 * extent;
+    fn model(self, settings: &ImagingSettings) -> WeightModel {
+        let area = settings.grid.area;
+        let width_m = 0.015 * area.width_m().max(area.height_m());
         match self {
+            WeightsName::Fresnel => settings.fresnel(),
             WeightsName::Line => WeightModel::Line,
             WeightsName::Ellipse => WeightModel::Ellipse { width_m },
             WeightsName::InverseArea => WeightModel::InverseArea { width_m },
@@ -189,8 +238,13 @@ impl ImageCommand {
         let now = pooled(now, self.files.len(), settings.pairing_m);
         let empty = pooled(empty, self.empty.len(), settings.pairing_m);
         let empty = (!self.empty.is_empty()).then_some(empty.as_slice());
-        let result =
-            reconstruct(&now, empty, &settings).map_err(|problem| ImageError::NoImage {
+        let extras = Extras {
+            persons: true,
+            deviation: self.deviation.is_some(),
+        };
+        let result = Imager::new(settings)
+            .and_then(|mut imager| imager.update(&now, empty, extras))
+            .map_err(|problem| ImageError::NoImage {
                 path: self.files[0].clone(),
                 problem,
             })?;
@@ -217,10 +271,16 @@ impl ImageCommand {
 
     /// Tries whether all outputs can be written, to files of their own.
     fn check_files(&self) -> Result<(), CliError> {
-        let outputs: Vec<&PathBuf> = [&self.png, &self.npy, &self.json, &self.track]
-            .into_iter()
-            .flatten()
-            .collect();
+        let outputs: Vec<&PathBuf> = [
+            &self.png,
+            &self.npy,
+            &self.json,
+            &self.track,
+            &self.deviation,
+        ]
+        .into_iter()
+        .flatten()
+        .collect();
         for (index, output) in outputs.iter().enumerate() {
             let mut others = self
                 .files
@@ -279,26 +339,18 @@ impl ImageCommand {
                 rows,
             };
         }
-        let extent = area.width_m().max(area.height_m());
-        match self.solver {
-            Some(SolverName::Map) if !matches!(settings.solver, Solver::Map(..)) => {
-                let usual = ImagingSettings::for_area(area);
-                (settings.solver, settings.weights) = (usual.solver, usual.weights);
-            }
-            None | Some(SolverName::Map) => {}
-            Some(SolverName::Tikhonov) => {
-                settings.solver = ImagingSettings::tikhonov_for(area);
-                settings.weights = WeightsName::Line.model(extent);
-            }
+        if recording.unit == LengthUnit::Metre && output.is_none() {
+            settings.finds = FindSettings::IN_METRES;
+        }
+        let solver = self.solver.or(output.is_none().then_some(SolverName::Auto));
+        if let Some(name) = solver {
+            name.choose(&mut settings);
         }
         if let Some(weights) = self.weights {
-            settings.weights = weights.model(extent);
+            settings.weights = weights.model(&settings);
         }
         if let Some(limit) = self.peaks {
             settings.peaks.limit = limit;
-        }
-        if recording.unit == LengthUnit::Metre && output.is_none() {
-            settings.finds = FindSettings::IN_METRES;
         }
         if let Some(rate) = self.false_finds {
             settings.finds.false_per_image = rate;
@@ -475,6 +527,9 @@ fn summary(result: &Reconstruction, counts: (usize, usize), unit: LengthUnit) ->
     for (reason, count) in &result.dropped {
         text += &format!("  {count} dropped: {}\n", reason.words());
     }
+    if let Some(choice) = &result.choice {
+        text += &format!("{}\n", choice.words());
+    }
     if let Some(finds) = &result.finds {
         text += &finds_in_words(finds, unit);
     }
@@ -484,9 +539,14 @@ fn summary(result: &Reconstruction, counts: (usize, usize), unit: LengthUnit) ->
         } else {
             String::new()
         };
+        // An image that is zero nearly everywhere has no noise to compare with.
+        let ratio = match peak.significance {
+            f64::MAX => String::new(),
+            ratio => format!(", {ratio:.1} times the noise"),
+        };
         text += &format!(
-            "peak at ({:.2}, {:.2}) {unit}: {:.2} dB/{unit}, {:.1} times the noise{faint}\n",
-            peak.at.x_m, peak.at.y_m, peak.strength, peak.significance
+            "peak at ({:.2}, {:.2}) {unit}: {:.2} dB/{unit}{ratio}{faint}\n",
+            peak.at.x_m, peak.at.y_m, peak.strength
         );
     }
     text

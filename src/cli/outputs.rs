@@ -14,7 +14,8 @@ use super::pictures::marks;
 use super::recording::LengthUnit;
 use crate::draw::{HeatMap, Picture};
 use crate::tomo::{
-    Find, Finds, Image, ImagingSettings, Peak, Reconstruction, Solver, WeightModel, npy_bytes,
+    Choice, Find, Finds, Image, ImagingSettings, Peak, Reconstruction, Score, Solver, WeightModel,
+    npy_bytes,
 };
 
 /// The files to be written, open under temporary names.
@@ -24,6 +25,7 @@ pub(super) struct Outputs {
     npy: Option<PendingFile>,
     json: Option<PendingFile>,
     track: Option<PendingFile>,
+    deviation: Option<PendingFile>,
 }
 
 impl Outputs {
@@ -38,6 +40,7 @@ impl Outputs {
             npy: open(&command.npy)?,
             json: open(&command.json)?,
             track: open(&command.track)?,
+            deviation: open(&command.deviation)?,
         })
     }
 
@@ -66,7 +69,16 @@ impl Outputs {
         fill(&mut self.track, &|| {
             track.unwrap_or_default().as_bytes().to_vec()
         })?;
-        Ok([self.png, self.npy, self.json, self.track]
+        if let Some(file) = &mut self.deviation {
+            let deviation = deviation_of(result)?;
+            let is_picture = file.path.extension().is_some_and(|end| end == "png");
+            let bytes = match is_picture {
+                true => deviation_picture(&deviation, unit)?,
+                false => npy_bytes(&deviation),
+            };
+            file.fill(&bytes)?;
+        }
+        Ok([self.png, self.npy, self.json, self.track, self.deviation]
             .into_iter()
             .flatten()
             .try_for_each(PendingFile::finish)?)
@@ -160,6 +172,29 @@ fn picture(result: &Reconstruction, unit: LengthUnit) -> Result<Vec<u8>, CliErro
     Picture::heat(&spec).map_err(|error| CliError::Fault(error.to_string()))
 }
 
+/// Returns the deviation of an image as an image.
+fn deviation_of(result: &Reconstruction) -> Result<Image, CliError> {
+    let none = || CliError::Fault("the numbers of the links leave no deviation".to_owned());
+    Ok(Image {
+        grid: result.image.grid,
+        values: result.deviation.clone().ok_or_else(none)?,
+    })
+}
+
+/// Returns the picture of a deviation.
+fn deviation_picture(deviation: &Image, unit: LengthUnit) -> Result<Vec<u8>, CliError> {
+    let spec = HeatMap {
+        title: "How sure the image is: standard deviation".to_owned(),
+        grid: deviation.grid,
+        values: &deviation.values,
+        unit: &format!("dB/{}", unit.word()),
+        length_unit: unit.word(),
+        overlays: Vec::new(),
+        range: None,
+    };
+    Picture::heat(&spec).map_err(|error| CliError::Fault(error.to_string()))
+}
+
 /// Returns the content of the JSON output.
 fn report(result: &Reconstruction, settings: &ImagingSettings, unit: LengthUnit) -> Value {
     let peak = |peak: &Peak| {
@@ -180,6 +215,7 @@ fn report(result: &Reconstruction, settings: &ImagingSettings, unit: LengthUnit)
         "residual_rms_db": result.residual_rms_db,
         "links": {"used": result.used, "dropped": dropped},
         "path_loss": law,
+        "choice": result.choice.as_ref().map(choice_json),
         "settings": settings_json(settings, unit, result.by_empty_sweep),
     })
 }
@@ -202,6 +238,15 @@ fn finds_json(finds: Option<&Finds>) -> Value {
     })
 }
 
+/// Returns a choice as the JSON output shows it.
+fn choice_json(choice: &Choice) -> Value {
+    let score = |score: &Score| {
+        json!({"solver": score.candidate.words(), "likelihood": score.likelihood,
+            "behind": score.behind, "behind_sd": score.behind_sd})
+    };
+    json!({"solver": choice.best.words(), "scores": choice.scores.iter().map(score).collect::<Vec<_>>()})
+}
+
 /// Returns the settings as the JSON output shows them.
 fn settings_json(settings: &ImagingSettings, unit: LengthUnit, by_empty_sweep: bool) -> Value {
     let area = settings.grid.area;
@@ -210,6 +255,11 @@ fn settings_json(settings: &ImagingSettings, unit: LengthUnit, by_empty_sweep: b
             json!({"name": "map", "prior_variance": prior.variance, "prior_length": prior.length_m})
         }
         Solver::Tikhonov { alpha_m2 } => json!({"name": "tikhonov", "alpha": alpha_m2}),
+        Solver::Tsvd { share } => json!({"name": "tsvd", "share": share}),
+        Solver::Variation(_) => json!({"name": "tv"}),
+        Solver::NonNegative(_) => json!({"name": "nn"}),
+        Solver::Points(_) => json!({"name": "points"}),
+        Solver::Auto(_) => json!({"name": "auto"}),
     };
     let weights = match settings.weights {
         WeightModel::Line => json!({"name": "line"}),
@@ -217,6 +267,9 @@ fn settings_json(settings: &ImagingSettings, unit: LengthUnit, by_empty_sweep: b
         WeightModel::InverseArea { width_m } => json!({"name": "inverse-area", "width": width_m}),
         WeightModel::Gaussian { sd_m } => json!({"name": "gaussian", "sd": sd_m}),
         WeightModel::Exponential { decay_m } => json!({"name": "exponential", "decay": decay_m}),
+        WeightModel::Fresnel { wavelength_m } => {
+            json!({"name": "fresnel", "wavelength": wavelength_m})
+        }
     };
     json!({
         "unit": unit.word(),

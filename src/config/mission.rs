@@ -225,6 +225,16 @@ pub enum Solver {
     Map,
     /// Tikhonov, the classical reference.
     Tikhonov,
+    /// The large singular values alone, the other one.
+    Tsvd,
+    /// Non-negative total variation.
+    Tv,
+    /// Non-negative and sparse.
+    Nn,
+    /// Those who were found, drawn over what is left.
+    Points,
+    /// The one of the last three that predicts best.
+    Auto,
 }
 
 /// When images are made while a sweep goes on.
@@ -293,8 +303,15 @@ impl WordChoice for Weights {
 }
 
 impl WordChoice for Solver {
-    const WORDS: &'static [(&'static str, Solver)] =
-        &[("map", Solver::Map), ("tikhonov", Solver::Tikhonov)];
+    const WORDS: &'static [(&'static str, Solver)] = &[
+        ("map", Solver::Map),
+        ("tikhonov", Solver::Tikhonov),
+        ("tsvd", Solver::Tsvd),
+        ("tv", Solver::Tv),
+        ("nn", Solver::Nn),
+        ("points", Solver::Points),
+        ("auto", Solver::Auto),
+    ];
 }
 
 /// How images are made by the ground station of a file of its own, which has nobody to wait for.
@@ -340,7 +357,7 @@ impl Imaging {
                 means,
             },
         );
-        let means = "how much a pixel counts for a link";
+        let means = "how much a pixel counts for a link, with `solver` map, tikhonov and tsvd; the others know the width of a link";
         to.word(
             weights,
             Words {
@@ -379,7 +396,7 @@ impl Imaging {
             },
         );
         let left_out = "";
-        let means = "what is believed of changes; no effect with `solver` tikhonov";
+        let means = "what is believed of changes; only with `solver` map";
         let mut table = PriorTable {
             prior,
             sigma_db_per_m: 0.45,
@@ -393,7 +410,7 @@ impl Imaging {
                 means,
             },
         );
-        let means = "what is believed of what stands; no effect with `solver` tikhonov";
+        let means = "what is believed of what stands; only with `solver` map";
         let mut table = PriorTable {
             prior: structure_prior,
             sigma_db_per_m: 0.55,

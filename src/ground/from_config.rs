@@ -237,6 +237,14 @@ pub fn image_settings(
     settings.solver = match imaging.solver {
         SolverName::Map => Solver::Map(prior, MapSettings::default()),
         SolverName::Tikhonov => ImageSettings::tikhonov_for(area),
+        SolverName::Tsvd => Solver::TSVD,
+        SolverName::Tv => Solver::Variation(ImageSettings::candidates_for(area)),
+        SolverName::Nn => Solver::NonNegative(ImageSettings::sparse_for(area)),
+        SolverName::Points => Solver::Points(ImageSettings::sparse_for(area)),
+        SolverName::Auto => Solver::Auto(ImageSettings::candidates_for(area)),
     };
+    if settings.solver.is_non_negative() {
+        settings.weights = settings.fresnel();
+    }
     settings
 }

@@ -145,6 +145,17 @@ fn parts(made: &ReconstructedImage, reconstruction: &Reconstruction, sequence: u
         .iter()
         .map(|value| (value * 1e6 / f64::from(step_udb_per_m)).round() as i8)
         .collect();
+    let deviation = reconstruction.deviation.as_deref().unwrap_or_default();
+    let greatest = deviation.iter().copied().fold(0.0, f64::max);
+    let deviation_step_udb_per_m = step_udb(greatest, u8::MAX);
+    let deviation: Vec<u8> = deviation
+        .iter()
+        .map(|value| (value * 1e6 / f64::from(deviation_step_udb_per_m)).round() as u8)
+        .collect();
+    let of_part = |part: u16| {
+        let mut chunks = deviation.chunks(IMAGE_PART_PIXELS);
+        chunks.nth(usize::from(part)).map(<[u8]>::to_vec)
+    };
     let corner = |x_m: f64, y_m: f64| Position::from_metres(x_m, y_m, 0.0);
     let chunks = mean.chunks(IMAGE_PART_PIXELS);
     let count = chunks.len() as u16;
@@ -166,8 +177,8 @@ fn parts(made: &ReconstructedImage, reconstruction: &Reconstruction, sequence: u
         parts: count,
         mean_step_udb_per_m: step_udb_per_m,
         mean: mean.to_vec(),
-        deviation_step_udb_per_m: 1,
-        deviation: None,
+        deviation_step_udb_per_m,
+        deviation: of_part(part),
         finds: if part == 0 {
             finds(reconstruction)
         } else {
@@ -252,6 +263,8 @@ mod tests {
                 dropped: DroppedLinks::new(),
                 path_loss: None,
                 by_empty_sweep: true,
+                deviation: Some(vec![0.25; grid.len()]),
+                choice: None,
                 finds: Some(Finds {
                     found: vec![find],
                     next: None,
@@ -285,6 +298,10 @@ mod tests {
                     (part.finds.len(), part.links_used),
                     (usize::from(index == 0), 700)
                 );
+                let deviations = part.deviation.as_ref().unwrap();
+                let unit = f64::from(part.deviation_step_udb_per_m) * 1e-6;
+                let is_quarter = |sd: &u8| (f64::from(*sd) * unit - 0.25).abs() < 1e-3;
+                assert!(deviations.len() == part.mean.len() && deviations.iter().all(is_quarter));
                 let unit = f64::from(part.mean_step_udb_per_m) * 1e-6;
                 pixels.extend(part.mean.iter().map(|value| f64::from(*value) * unit));
             }

@@ -15,9 +15,7 @@ use tomoswarm_proto::RunId;
 use crate::actor::{Actor, Fault, Input, InputClass};
 use crate::config::ImageTimes;
 use crate::time::{Deadline, Time};
-use crate::tomo::{
-    Imager as Solver, ImagingSettings, Link, PersonSearch, Reconstruction, TomoError,
-};
+use crate::tomo::{Extras, Imager as Solver, ImagingSettings, Link, Reconstruction, TomoError};
 
 /// What is to be seen in a picture.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
@@ -92,8 +90,8 @@ pub struct ImagerActor {
 }
 
 impl ImagerActor {
-    /// Makes an imager whose pictures take `takes` to make, with settings for each subject. It searches persons in each
-    /// picture when these are made freely, otherwise in the last one of a run.
+    /// Makes an imager whose pictures take `takes` to make, with settings for each subject. When they are made
+    /// freely it searches persons and computes deviations in each, otherwise persons in the last one of a run.
     ///
     /// # Errors
     /// The settings name an impossible grid.
@@ -127,11 +125,20 @@ impl ImagerActor {
         if job.stage == ImageStage::Last {
             solver.forget();
         }
-        let search = match (self.times, job.stage) {
-            (ImageTimes::Free, _) | (ImageTimes::Lap, ImageStage::Last) => PersonSearch::Wanted,
-            (ImageTimes::Lap, ImageStage::Ongoing | ImageStage::Lap) => PersonSearch::LeftOut,
+        let extras = match (self.times, job.stage) {
+            (ImageTimes::Free, ImageStage::Ongoing | ImageStage::Lap | ImageStage::Last) => {
+                Extras {
+                    persons: true,
+                    deviation: true,
+                }
+            }
+            (ImageTimes::Lap, ImageStage::Last) => Extras {
+                persons: true,
+                deviation: false,
+            },
+            (ImageTimes::Lap, ImageStage::Ongoing | ImageStage::Lap) => Extras::default(),
         };
-        let result = solver.update(&job.now, empty, search);
+        let result = solver.update(&job.now, empty, extras);
         let result = result.map_err(|error| error.to_string());
         let picture = ReconstructedImage {
             run: job.run,

@@ -59,6 +59,8 @@ pub struct Observation {
     pub attenuation_db: f64,
     /// Its variance, dB².
     pub variance_db2: f64,
+    /// Whether the receiver's floor hides how much more it may be.
+    pub is_at_floor: bool,
 }
 
 /// The calibrated links of a sweep.
@@ -136,6 +138,7 @@ fn observe(
         to: link.to,
         attenuation_db,
         variance_db2,
+        is_at_floor: link.is_at_floor(),
     };
     Ok(observation)
 }

@@ -10,13 +10,14 @@ use crate::geom::{Point, Segment};
 
 use super::bins::BinKey;
 use super::calibrate::{Calibrated, DropReason, DroppedLinks, Observation, calibrate};
+use super::deviation::{PosteriorInputs, posterior_deviation};
 use super::finds::{Driven, Finds, find_persons};
-use super::map_solver::{MapProblem, MapSettings, MapSolution, Nuisance};
+use super::map_solver::{MapProblem, MapSettings, Nuisance, trust_in};
 use super::path_loss::{PathLoss, spread_db};
 use super::peaks::{Peak, peaks};
-use super::prior::Covariance;
+use super::prior::{Covariance, Prior};
 use super::settings::{ImagingSettings, Solver};
-use super::tikhonov::tikhonov;
+use super::solvers::{self, Choice, LinkProblem, Persons, Solved};
 use super::weights::WeightRows;
 use super::{Image, Link};
 
@@ -54,13 +55,13 @@ const SOLID_SD: f64 = 1.5;
 /// Most pixels that are imaged; more would take minutes and show nothing new.
 pub const MOST_PIXELS: usize = 1 << 20;
 
-/// Whether persons are searched beside an image of a change, which takes longer than the image.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum PersonSearch {
-    /// They are.
-    Wanted,
-    /// They are not.
-    LeftOut,
+/// What is wanted beside an image; each takes longer than the image.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct Extras {
+    /// Whether persons are searched in a change.
+    pub persons: bool,
+    /// Whether the deviation of every pixel is computed.
+    pub deviation: bool,
 }
 
 /// An image and how it came about.
@@ -82,6 +83,10 @@ pub struct Reconstruction {
     pub by_empty_sweep: bool,
     /// Who is there that was not in the empty sweep; `None` without one, and where nobody was searched.
     pub finds: Option<Finds>,
+    /// Standard deviation of every pixel, dB/m, in the order of the image; `None` when it was not wanted.
+    pub deviation: Option<Vec<f64>>,
+    /// Why this image and no other, when the solver chose.
+    pub choice: Option<Choice>,
 }
 
 /// Reconstructs once. Without an empty sweep the path loss is fitted and the whole structure is imaged.
@@ -93,7 +98,11 @@ pub fn reconstruct(
     empty: Option<&[Link]>,
     settings: &ImagingSettings,
 ) -> Result<Reconstruction, TomoError> {
-    Imager::new(*settings)?.update(now, empty, PersonSearch::Wanted)
+    let extras = Extras {
+        persons: true,
+        deviation: false,
+    };
+    Imager::new(*settings)?.update(now, empty, extras)
 }
 
 /// Reconstructs again and again while links are added; each time starts from the last solution.
@@ -178,10 +187,7 @@ impl Imager {
                 height,
             });
         }
-        let prior = match settings.solver {
-            Solver::Map(prior, _) => prior,
-            Solver::Tikhonov { .. } => ImagingSettings::prior_for(area),
-        };
+        let (prior, _) = belief(&settings);
         let covariance = Covariance::new(&grid, prior);
         Ok(Imager {
             settings,
@@ -204,7 +210,7 @@ impl Imager {
         &mut self,
         now: &[Link],
         empty: Option<&[Link]>,
-        search: PersonSearch,
+        extras: Extras,
     ) -> Result<Reconstruction, TomoError> {
         let mut calibrated = calibrate(now, empty, &self.settings);
         let mut rows = self.rows(&mut calibrated);
@@ -214,15 +220,20 @@ impl Imager {
                 dropped: words(&calibrated.dropped),
             });
         }
-        let finds = match (empty, search) {
-            (Some(_), PersonSearch::Wanted) => self.finds(&calibrated),
-            (None, _) | (_, PersonSearch::LeftOut) => None,
-        };
+        let finds = empty
+            .filter(|_| extras.persons)
+            .and_then(|_| self.finds(&calibrated));
         let room = empty
+            .filter(|_| !self.settings.solver.is_non_negative())
             .map(|empty| self.room_for_change(empty))
             .unwrap_or_default();
         rows.scale_pixels(&room);
-        let (mut values, residual_db) = self.solve(&rows, &mut calibrated);
+        let solved = self.solve(&rows, &mut calibrated, finds.as_ref());
+        let deviation = extras
+            .deviation
+            .then(|| self.deviation(&rows, &calibrated, &solved, &room))
+            .flatten();
+        let (mut values, residual_db) = (solved.image, solved.residual_db);
         values
             .iter_mut()
             .zip(&room)
@@ -241,18 +252,36 @@ impl Imager {
             path_loss: calibrated.path_loss,
             by_empty_sweep: calibrated.by_empty_sweep,
             finds,
+            deviation,
+            choice: solved.choice,
         })
     }
 
     /// Searches persons in a change.
     fn finds(&self, calibrated: &Calibrated) -> Option<Finds> {
         let settings = &self.settings;
-        let driven = calibrated.is_driven.then_some(Driven {
-            ring: settings.ring,
-            bin_m: settings.pairing_m,
-        });
         let area = settings.grid.area;
+        let driven = self.driven(calibrated);
         find_persons(&calibrated.observations, area, driven, &settings.finds)
+    }
+
+    fn driven(&self, calibrated: &Calibrated) -> Option<Driven> {
+        calibrated.is_driven.then_some(Driven {
+            ring: self.settings.ring,
+            bin_m: self.settings.pairing_m,
+        })
+    }
+
+    /// Returns those who were found as the solvers meet them; `None` when nobody was.
+    fn persons(&self, calibrated: &Calibrated, finds: Option<&Finds>) -> Option<Persons> {
+        let driven = self.driven(calibrated);
+        let found = finds.map(|finds| finds.found.clone())?;
+        (!found.is_empty()).then_some(Persons {
+            found,
+            model: self.settings.finds.person,
+            ring: self.settings.ring,
+            smear_m: driven.map_or(0.0, |driven| driven.bin_m / 12f64.sqrt()),
+        })
     }
 
     /// Returns per pixel how much room what stood there in the empty sweep leaves for a change.
@@ -274,7 +303,7 @@ impl Imager {
             ..self.settings
         };
         let structure = Imager::new(settings)
-            .and_then(|mut imager| imager.update(empty, None, PersonSearch::LeftOut));
+            .and_then(|mut imager| imager.update(empty, None, Extras::default()));
         let solid = SOLID_SD * prior.variance.sqrt();
         let room_of = |value: &f64| {
             let share = value.max(0.0) / solid;
@@ -314,57 +343,76 @@ impl Imager {
         build(&calibrated.observations)
     }
 
-    /// Returns the image and the residual of each link, dB.
-    fn solve(&mut self, rows: &WeightRows, calibrated: &mut Calibrated) -> (Vec<f64>, Vec<f64>) {
-        let attenuation_db: Vec<f64> = calibrated
-            .observations
-            .iter()
-            .map(|link| link.attenuation_db)
-            .collect();
-        match self.settings.solver {
-            Solver::Map(_, settings) => {
-                let solution = self.solve_map(rows, calibrated, settings, &attenuation_db);
-                if let (Some(law), [level, slope]) =
-                    (calibrated.path_loss.as_mut(), &solution.nuisance[..])
-                {
-                    *law = law.corrected(-level, *slope);
-                }
-                (solution.image, solution.residual_db)
-            }
-            Solver::Tikhonov { alpha_m2 } => {
-                let image = tikhonov(rows, &self.settings.grid, &attenuation_db, alpha_m2);
-                let mut explained_db = vec![0.0; rows.len()];
-                rows.forward(&image, &mut explained_db);
-                let residual_db = attenuation_db
-                    .iter()
-                    .zip(explained_db)
-                    .map(|(y, explained)| y - explained)
-                    .collect();
-                (image, residual_db)
-            }
-        }
-    }
-
-    fn solve_map(
-        &mut self,
+    /// Returns the deviation of every pixel under the prior of `map`; what contradicts the image weighs as little as there.
+    fn deviation(
+        &self,
         rows: &WeightRows,
         calibrated: &Calibrated,
-        settings: MapSettings,
-        attenuation_db: &[f64],
-    ) -> MapSolution {
-        let links = &calibrated.observations;
-        let variance_db2: Vec<f64> = links.iter().map(|link| link.variance_db2).collect();
-        let nuisance = if calibrated.by_empty_sweep {
-            Vec::new()
-        } else {
-            path_loss_columns(calibrated)
-        };
-        let problem = MapProblem {
+        solved: &Solved,
+        room: &[f64],
+    ) -> Option<Vec<f64>> {
+        let (prior, map) = belief(&self.settings);
+        let links = calibrated.observations.iter().zip(&solved.residual_db);
+        let noise_db2: Vec<f64> = links
+            .map(|(link, residual_db)| {
+                let variance_db2 = link.variance_db2;
+                let trust = |degrees| trust_in(*residual_db, variance_db2, degrees);
+                variance_db2 / map.student_degrees.map_or(1.0, trust)
+            })
+            .collect();
+        posterior_deviation(&PosteriorInputs {
+            grid: self.settings.grid,
+            prior,
             rows,
-            covariance: &self.covariance,
-            attenuation_db,
-            variance_db2: &variance_db2,
+            room,
+            noise_db2: &noise_db2,
+            nuisance: &nuisance_of(calibrated),
+        })
+    }
+
+    fn solve(
+        &mut self,
+        rows: &WeightRows,
+        calibrated: &mut Calibrated,
+        finds: Option<&Finds>,
+    ) -> Solved {
+        let nuisance = nuisance_of(calibrated);
+        let grid = self.settings.grid;
+        let problem = LinkProblem {
+            rows,
+            grid: &grid,
+            observations: &calibrated.observations,
             nuisance: &nuisance,
+        };
+        let persons = self.persons(calibrated, finds);
+        let solved = match self.settings.solver {
+            Solver::Map(_, settings) => self.solve_map(&problem, settings),
+            Solver::Tikhonov { alpha_m2 } => solvers::tikhonov(&problem, alpha_m2),
+            Solver::Tsvd { share } => solvers::tsvd(&problem, share),
+            Solver::Variation(candidates) => solvers::variation(&problem, &candidates),
+            Solver::NonNegative(sparse) => solvers::non_negative(&problem, sparse),
+            Solver::Points(sparse) => match persons {
+                Some(persons) => solvers::points(&problem, sparse, &persons),
+                None => solvers::non_negative(&problem, sparse),
+            },
+            Solver::Auto(candidates) => solvers::auto(&problem, &candidates, persons.as_ref()),
+        };
+        if let (Some(law), [level, slope]) = (calibrated.path_loss.as_mut(), &solved.nuisance[..]) {
+            *law = law.corrected(-level, *slope);
+        }
+        solved
+    }
+
+    fn solve_map(&mut self, problem: &LinkProblem<'_>, settings: MapSettings) -> Solved {
+        let links = problem.observations;
+        let attenuation_db: Vec<f64> = links.iter().map(|link| link.attenuation_db).collect();
+        let variance_db2: Vec<f64> = links.iter().map(|link| link.variance_db2).collect();
+        let problem = MapProblem {
+            rows: problem.rows,
+            covariance: &self.covariance,
+            attenuation_db: &attenuation_db,
+            variance_db2: &variance_db2,
+            nuisance: problem.nuisance,
         };
         let key = |link: &Observation| BinKey::of(link.from, link.to, self.settings.pairing_m).0;
         let start = links
@@ -372,13 +420,38 @@ impl Imager {
             .map(|link| self.last.get(&key(link)).copied().unwrap_or((0.0, 1.0)))
             .unzip();
         let solution = problem.solve(settings, Some(start));
-        let states = solution
-            .dual
-            .iter()
-            .copied()
-            .zip(solution.trust.iter().copied());
+        let states = solution.dual.into_iter().zip(solution.trust);
         self.last = links.iter().map(key).zip(states).collect();
-        solution
+        Solved {
+            image: solution.image,
+            residual_db: solution.residual_db,
+            nuisance: solution.nuisance,
+            choice: None,
+        }
+    }
+}
+
+/// Returns what is believed of image and noise by solvers that do not say it themselves, too.
+fn belief(settings: &ImagingSettings) -> (Prior, MapSettings) {
+    match settings.solver {
+        Solver::Map(prior, map) => (prior, map),
+        Solver::Tikhonov { .. }
+        | Solver::Tsvd { .. }
+        | Solver::Variation(_)
+        | Solver::NonNegative(_)
+        | Solver::Points(_)
+        | Solver::Auto(_) => {
+            let prior = ImagingSettings::prior_for(settings.grid.area);
+            (prior, MapSettings::default())
+        }
+    }
+}
+
+/// Returns the unknowns of the path loss, of which an empty sweep leaves none.
+fn nuisance_of(calibrated: &Calibrated) -> Vec<Nuisance> {
+    match calibrated.by_empty_sweep {
+        true => Vec::new(),
+        false => path_loss_columns(calibrated),
     }
 }
 

@@ -6,6 +6,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::geom::{Point, Segment};
 
+/// Fewer misses say nothing: packets collide.
+const FEWEST_MISSES: u32 = 3;
+
 /// The pooled measurements between two places (one bin at each end, or two fixed positions).
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Link {
@@ -90,18 +93,22 @@ impl Link {
         }
     }
 
+    /// Returns whether it was missed so often that its mean strength says "at most": at least as often as it was heard.
+    pub fn is_at_floor(&self) -> bool {
+        self.misses >= self.packets.max(FEWEST_MISSES)
+    }
+
     /// Returns the mean strength with misses counted at the receiver's sensitivity, dBm; `None` when nothing is known.
     ///
     /// A miss says "at most this strong" (censored data). A few misses are collisions and are passed over; when there are
     /// at least as many misses as packets, each counts as one packet at the sensitivity, which bounds the
     /// attenuation from below. A link that was never heard needs three misses to count.
     pub fn censored_mean_dbm(&self, sensitivity_dbm: f64) -> Option<f64> {
-        const FEWEST_MISSES: u32 = 3;
         let (heard, missed) = (f64::from(self.packets), f64::from(self.misses));
         if self.packets == 0 {
             return (self.misses >= FEWEST_MISSES).then_some(sensitivity_dbm);
         }
-        if self.misses < self.packets.max(FEWEST_MISSES) {
+        if !self.is_at_floor() {
             return Some(self.mean_dbm);
         }
         Some(

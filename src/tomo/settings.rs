@@ -11,9 +11,10 @@ use super::map_solver::MapSettings;
 use super::path_loss::ExponentPrior;
 use super::peaks::PeakSettings;
 use super::prior::Prior;
+use super::solvers::{Candidates, Sparse, Variation};
 use super::weights::WeightModel;
 
-/// How the image is found from the links. (The place for stronger solvers: a variant here, an arm in `imager.rs`.)
+/// How the image is found from the links: a variant here, an arm in `imager.rs`, a function in `solvers.rs`.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub enum Solver {
     /// Maximum a posteriori with an exponential covariance.
@@ -23,6 +24,35 @@ pub enum Solver {
         /// Weight of the smoothness, m².
         alpha_m2: f64,
     },
+    /// Least squares by the large singular values alone, the other one.
+    Tsvd {
+        /// Those above this share of the largest.
+        share: f64,
+    },
+    /// Non-negative total variation.
+    Variation(Candidates),
+    /// Non-negative and sparse, under a smooth prior.
+    NonNegative(Sparse),
+    /// Those who were found, drawn over what the links show without them.
+    Points(Sparse),
+    /// The one of the three before that predicts best the links that it was not told.
+    Auto(Candidates),
+}
+
+impl Solver {
+    /// The truncated singular values as usual: those above a tenth of the largest.
+    pub const TSVD: Solver = Solver::Tsvd { share: 0.1 };
+
+    /// Returns whether its images are never negative. They need the weights of the Fresnel zone, and are not kept out of what
+    /// stood there in the empty sweep.
+    pub fn is_non_negative(&self) -> bool {
+        match self {
+            Solver::Map(..) | Solver::Tikhonov { .. } | Solver::Tsvd { .. } => false,
+            Solver::Variation(_) | Solver::NonNegative(_) | Solver::Points(_) | Solver::Auto(_) => {
+                true
+            }
+        }
+    }
 }
 
 /// How well links are known, dB.
@@ -141,6 +171,43 @@ impl ImagingSettings {
         Prior {
             variance: 0.3 / (scale * scale),
             length_m: scale,
+        }
+    }
+
+    /// Returns what is believed of a sparse image of an area: σ² = 0.2 (dB/m)², δ = 0.5 m, 2 / (dB m) for 20 m.
+    pub fn sparse_for(area: Rect) -> Sparse {
+        let scale = area.width_m().max(area.height_m()) / 20.0;
+        Sparse {
+            prior: Prior {
+                variance: 0.2 / (scale * scale),
+                length_m: 0.5 * scale,
+            },
+            sparsity: 2.0 / scale,
+        }
+    }
+
+    /// Returns what the solver `auto` chooses from: narrow walls, wide ones, and smooth things.
+    pub fn candidates_for(area: Rect) -> Candidates {
+        let scale = area.width_m().max(area.height_m()) / 20.0;
+        let variation = |weight: f64, sparsity: f64| Variation {
+            weight,
+            sparsity: sparsity / scale,
+        };
+        Candidates {
+            sparse: ImagingSettings::sparse_for(area),
+            variations: [
+                variation(0.06, 4.0),
+                variation(0.1, 8.0),
+                variation(0.6, 2.0),
+                variation(2.0, 2.0),
+            ],
+        }
+    }
+
+    /// Returns the weights that suit the solvers of non-negative images: the Fresnel zone of the radios that find persons.
+    pub fn fresnel(&self) -> WeightModel {
+        WeightModel::Fresnel {
+            wavelength_m: self.finds.person.wavelength_m,
         }
     }
 

@@ -1,10 +1,11 @@
 //! How much each pixel weighs in each link: the forward model of the image.
 //!
 //! Rows are kept as runs of neighbouring pixels (a sparse matrix whose inner loops run over contiguous memory).
-//! Models: line (Siddon 1985), ellipse (Wilson & Patwari 2010), inverse area (Hamilton et al. 2014). Nothing is known here of noise or of solving.
+//! Models: line (Siddon 1985), ellipse (Wilson & Patwari 2010), inverse area (Hamilton et al. 2014), Fresnel zone. Nothing is known here of noise or of solving.
 
 use serde::{Deserialize, Serialize};
 
+use super::fresnel::FresnelLink;
 use crate::geom::{PixelGrid, Segment};
 
 /// The weight of a pixel by its excess path e = |from − c| + |c − to| − d.
@@ -32,16 +33,21 @@ pub enum WeightModel {
         /// Decay length, metres.
         decay_m: f64,
     },
+    /// A bell across the link, half as wide as the first Fresnel zone ([`super::fresnel`]).
+    Fresnel {
+        /// Wavelength, metres.
+        wavelength_m: f64,
+    },
 }
 
 /// ln 10⁴: where the soft models are cut.
 const CUT: f64 = 9.21;
 
 impl WeightModel {
-    /// Returns the largest excess path that weighs anything, metres; 0 for the line.
+    /// Returns the largest excess path that weighs anything, metres; 0 for those that do not go by it.
     fn reach_m(self) -> f64 {
         match self {
-            WeightModel::Line => 0.0,
+            WeightModel::Line | WeightModel::Fresnel { .. } => 0.0,
             WeightModel::Ellipse { width_m } | WeightModel::InverseArea { width_m } => width_m,
             WeightModel::Gaussian { sd_m } => sd_m * (2.0 * CUT).sqrt(),
             WeightModel::Exponential { decay_m } => decay_m * CUT,
@@ -49,10 +55,10 @@ impl WeightModel {
     }
 
     /// Returns the weight at an excess path (metres, within the model's reach) for a link of length `d_m`, before
-    /// rescaling; the soft models are not cut here. 0 for the line, which has no such weight.
+    /// rescaling; the soft models are not cut here. 0 for line and Fresnel zone, which have no such weight.
     pub fn weight(self, excess_m: f64, d_m: f64, pixel_m2: f64) -> f64 {
         match self {
-            WeightModel::Line => 0.0,
+            WeightModel::Line | WeightModel::Fresnel { .. } => 0.0,
             WeightModel::Ellipse { .. } => 1.0 / d_m.sqrt(),
             WeightModel::InverseArea { width_m } => {
                 pixel_m2 / ellipse_area_m2(excess_m.max(width_m / 50.0), d_m)
@@ -144,6 +150,9 @@ impl WeightRows {
         if d_m > 0.0 && d_m.is_finite() {
             match model {
                 WeightModel::Line => self.push_line(link, grid),
+                WeightModel::Fresnel { wavelength_m } => {
+                    self.push_zone(FresnelLink::new(link, grid, wavelength_m), grid);
+                }
                 WeightModel::Ellipse { .. }
                 | WeightModel::InverseArea { .. }
                 | WeightModel::Gaussian { .. }
@@ -201,6 +210,28 @@ impl WeightRows {
                 let excess_m = link.excess_path_m(grid.centre(pixel));
                 if excess_m < reach_m {
                     self.push_value(pixel as u32, model.weight(excess_m, d_m, pixel_m2), joined);
+                    joined = true;
+                }
+            }
+        }
+    }
+
+    /// Walks only the pixels within the zone, one run per pixel row.
+    fn push_zone(&mut self, link: FresnelLink, grid: &PixelGrid) {
+        for row in 0..grid.rows {
+            let y_m = grid.centre(grid.index(0, row)).y_m;
+            let Some((low_m, high_m)) = link.span(y_m) else {
+                continue;
+            };
+            let column = |x_m: f64| (x_m - grid.area.min.x_m) / grid.dx_m() - 0.5;
+            let first = libm::floor(column(low_m)).max(0.0) as usize;
+            let last = libm::ceil(column(high_m)).min(grid.columns as f64 - 1.0);
+            let mut joined = false;
+            for column in first..=(if last < 0.0 { continue } else { last as usize }) {
+                let pixel = grid.index(column, row);
+                let weight = link.weight(grid.centre(pixel));
+                if weight > 0.0 {
+                    self.push_value(pixel as u32, weight, joined);
                     joined = true;
                 }
             }

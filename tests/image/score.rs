@@ -56,6 +56,49 @@ pub fn structural_similarity(image: &[f64], truth: &[f64], columns: usize) -> f6
     (0..truth.len()).map(local).sum::<f64>() / truth.len() as f64
 }
 
+/// Returns the overlap, as a share of the union, of the pixels above Otsu's threshold with those above 15 % of the truth's
+/// highest value.
+pub fn overlap_by_otsu(image: &[f64], truth: &[f64]) -> f64 {
+    let highest = truth.iter().copied().fold(f64::MIN, f64::max);
+    let threshold = otsu(image);
+    let pairs = image.iter().zip(truth);
+    let marked = pairs.map(|(x, t)| (*x > threshold, *t > 0.15 * highest));
+    let (mut both, mut either) = (0.0, 0.0);
+    for (seen, there) in marked {
+        both += f64::from(u8::from(seen && there));
+        either += f64::from(u8::from(seen || there));
+    }
+    both / f64::max(either, 1.0)
+}
+
+/// Returns the middle of the bin, of 128, that parts an image's values best into two classes (Otsu 1979).
+fn otsu(image: &[f64]) -> f64 {
+    const BINS: usize = 128;
+    let low = image.iter().copied().fold(f64::MAX, f64::min);
+    let high = image.iter().copied().fold(f64::MIN, f64::max);
+    let width = (high - low) / BINS as f64;
+    let mut counts = [0.0; BINS];
+    for value in image {
+        counts[(((value - low) / width) as usize).min(BINS - 1)] += 1.0;
+    }
+    let middle = |bin: usize| low + (bin as f64 + 0.5) * width;
+    let all: f64 = counts.iter().sum();
+    let sum: f64 = (0..BINS).map(|bin| counts[bin] * middle(bin)).sum();
+    let (mut below, mut sum_below, mut best) = (0.0, 0.0, (f64::MIN, low));
+    for (bin, count) in counts.iter().enumerate() {
+        below += count;
+        sum_below += count * middle(bin);
+        if below > 0.0 && below < all {
+            let apart = sum_below / below - (sum - sum_below) / (all - below);
+            let between = below * (all - below) * apart * apart;
+            if between > best.0 {
+                best = (between, middle(bin));
+            }
+        }
+    }
+    best.1
+}
+
 /// A bell-shaped mean along both axes; beyond its border the image goes on mirrored, the border pixel twice.
 fn smoothed(values: &[f64], columns: usize) -> Vec<f64> {
     let rows = values.len() / columns;

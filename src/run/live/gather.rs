@@ -178,6 +178,8 @@ fn picture(stored: &StoredImage) -> Reconstruction {
         path_loss: None,
         by_empty_sweep: stored.kind == "change",
         finds: stored.finds.clone(),
+        deviation: None,
+        choice: None,
     }
 }
 

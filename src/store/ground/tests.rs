@@ -272,6 +272,8 @@ fn picture(laps: usize) -> ReconstructedImage {
     };
     let result = Reconstruction {
         finds: Some(finds),
+        deviation: None,
+        choice: None,
         image,
         peaks,
         residual_rms_db: 1.5,

@@ -230,6 +230,7 @@ mod tests {
                 to: at(b_m),
                 attenuation_db: 0.0,
                 variance_db2: 1.0,
+                is_at_floor: false,
             })
             .collect()
     }

@@ -34,6 +34,7 @@ fn sweep(links: usize, persons: &[Point], seed: u64) -> Vec<Observation> {
             to,
             attenuation_db: clean_db + 2.0 * noise.normal(),
             variance_db2: 4.0,
+            is_at_floor: false,
         });
     }
     observations
@@ -110,6 +111,7 @@ fn who_may_stand_anywhere_along_the_links_is_not_found() {
             to,
             attenuation_db: clean_db + 0.5 * noise.normal(),
             variance_db2: 0.25,
+            is_at_floor: false,
         }
     };
     let finds = find(&(0..400).map(observation).collect::<Vec<_>>());

@@ -1,0 +1,224 @@
+//! Solvers of images that are not negative, and what they share: one function for each kind, all told the same problem.
+//!
+//! | part | |
+//! | --- | --- |
+//! | `response` | what a radio shows of a strong attenuation |
+//! | `robust` | rounds of linear problems; noise, floor, path loss |
+//! | `total_variation` | flat images with edges |
+//! | `non_negative` | smooth images that prefer to be empty |
+//! | `persons` | discs for those who were found |
+//! | `choice` | which of them predicts best what it was not told |
+//!
+//! The solvers `map` and `tikhonov` ([`super::map_solver`], [`super::tikhonov`]) know neither sign nor saturation.
+
+mod choice;
+mod non_negative;
+mod persons;
+mod response;
+mod robust;
+mod total_variation;
+
+pub use self::choice::{Candidate, Choice, Score};
+pub use self::non_negative::Sparse;
+pub(super) use self::persons::Persons;
+pub use self::total_variation::Variation;
+
+use serde::{Deserialize, Serialize};
+
+use self::non_negative::Descent;
+use self::robust::{LinkState, solve_robustly};
+use self::total_variation::PrimalDual;
+use super::Observation;
+use super::map_solver::Nuisance;
+use super::weights::WeightRows;
+use crate::geom::PixelGrid;
+
+/// What images may be chosen from.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Candidates {
+    /// Of the solver `nn`, and of what is left when persons are taken out.
+    pub sparse: Sparse,
+    /// Of the solver `tv`, from the weakest to the strongest.
+    pub variations: [Variation; 4],
+}
+
+/// What is measured, and how it depends on the image.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LinkProblem<'a> {
+    /// Rows = links, columns = pixels, metres.
+    pub rows: &'a WeightRows,
+    pub grid: &'a PixelGrid,
+    pub observations: &'a [Observation],
+    /// The unknowns of the path loss.
+    pub nuisance: &'a [Nuisance],
+}
+
+/// A solved problem.
+#[derive(Clone, PartialEq, Debug)]
+pub(super) struct Solved {
+    /// dB/m.
+    pub image: Vec<f64>,
+    /// What each link shows beyond the image, dB.
+    pub residual_db: Vec<f64>,
+    /// The coefficients of the nuisance columns.
+    pub nuisance: Vec<f64>,
+    /// How it was chosen, if it was.
+    pub choice: Option<Choice>,
+}
+
+/// How long a solver works.
+#[derive(Clone, Copy, PartialEq, Debug)]
+struct Effort {
+    /// Linear problems, one after the other.
+    rounds: usize,
+    /// Of one linear problem.
+    steps: usize,
+}
+
+/// For an image that is shown.
+const THOROUGH: Effort = Effort {
+    rounds: 8,
+    steps: 60,
+};
+
+/// Solves by smoothness; all links weigh the same.
+pub(super) fn tikhonov(problem: &LinkProblem<'_>, alpha_m2: f64) -> Solved {
+    let links = problem.observations.iter();
+    let attenuation_db: Vec<f64> = links.map(|link| link.attenuation_db).collect();
+    let image = super::tikhonov(problem.rows, problem.grid, &attenuation_db, alpha_m2);
+    linearly_solved(problem, image)
+}
+
+/// Solves by the large singular values; all links weigh the same.
+pub(super) fn tsvd(problem: &LinkProblem<'_>, share: f64) -> Solved {
+    let links = problem.observations.iter();
+    let attenuation_db: Vec<f64> = links.map(|link| link.attenuation_db).collect();
+    let image = super::tsvd(problem.rows, problem.grid.len(), &attenuation_db, share);
+    linearly_solved(problem, image)
+}
+
+/// Solves by total variation, with the weights that predict best.
+pub(super) fn variation(problem: &LinkProblem<'_>, candidates: &Candidates) -> Solved {
+    if let [first, rest @ ..] = candidates.variations
+        && rest.iter().all(|of| *of == first)
+    {
+        return vary_thoroughly(problem, first);
+    }
+    chosen(problem, candidates, &candidates.variations(), None)
+}
+
+/// Solves by the one of all candidates that predicts best.
+pub(super) fn auto(
+    problem: &LinkProblem<'_>,
+    candidates: &Candidates,
+    persons: Option<&Persons>,
+) -> Solved {
+    let mut list: Vec<Candidate> = persons.map(|_| Candidate::Points).into_iter().collect();
+    list.push(Candidate::NonNegative);
+    list.extend(candidates.variations());
+    chosen(problem, candidates, &list, persons)
+}
+
+/// Solves by the non-negative image under a smooth prior.
+pub(super) fn non_negative(problem: &LinkProblem<'_>, sparse: Sparse) -> Solved {
+    let used = vec![true; problem.observations.len()];
+    let mut image = vec![0.0; problem.grid.len()];
+    let state = descend(problem, &used, THOROUGH, sparse, &mut image);
+    solved(problem, &state, image)
+}
+
+/// Draws the persons over what the links show without them.
+pub(super) fn points(problem: &LinkProblem<'_>, sparse: Sparse, persons: &Persons) -> Solved {
+    let rest = persons.taken_out(problem.observations);
+    let problem = LinkProblem {
+        observations: &rest,
+        ..*problem
+    };
+    let mut solved = non_negative(&problem, sparse);
+    persons.draw(problem.grid, &mut solved.image);
+    solved
+}
+
+impl Candidates {
+    fn variations(&self) -> Vec<Candidate> {
+        self.variations.map(Candidate::Variation).to_vec()
+    }
+}
+
+fn chosen(
+    problem: &LinkProblem<'_>,
+    candidates: &Candidates,
+    list: &[Candidate],
+    persons: Option<&Persons>,
+) -> Solved {
+    let choice = choice::choose(problem, candidates.sparse, list, persons);
+    let mut solved = match (choice.best, persons) {
+        (Candidate::Variation(of), _) => vary_thoroughly(problem, of),
+        (Candidate::Points, Some(persons)) => points(problem, candidates.sparse, persons),
+        (Candidate::Points, None) | (Candidate::NonNegative, _) => {
+            non_negative(problem, candidates.sparse)
+        }
+    };
+    solved.choice = Some(choice);
+    solved
+}
+
+fn vary_thoroughly(problem: &LinkProblem<'_>, variation: Variation) -> Solved {
+    let used = vec![true; problem.observations.len()];
+    let mut image = vec![0.0; problem.grid.len()];
+    let mut solver = PrimalDual::new(problem.rows, problem.grid, variation);
+    let state = vary(problem, &used, THOROUGH, &mut solver, &mut image);
+    solved(problem, &state, image)
+}
+
+fn vary(
+    problem: &LinkProblem<'_>,
+    used: &[bool],
+    effort: Effort,
+    solver: &mut PrimalDual<'_>,
+    image: &mut [f64],
+) -> LinkState {
+    solve_robustly(problem, used, effort.rounds, image, |linearised, image| {
+        solver.improve(linearised, image, effort.steps);
+    })
+}
+
+fn descend(
+    problem: &LinkProblem<'_>,
+    used: &[bool],
+    effort: Effort,
+    sparse: Sparse,
+    image: &mut [f64],
+) -> LinkState {
+    let mut solver = Descent::new(problem.rows, problem.grid, sparse);
+    solve_robustly(problem, used, effort.rounds, image, |linearised, image| {
+        solver.improve(linearised, image, effort.steps);
+    })
+}
+
+/// Returns a solution of what is linear in the image, without path loss.
+fn linearly_solved(problem: &LinkProblem<'_>, image: Vec<f64>) -> Solved {
+    let mut explained_db = vec![0.0; problem.rows.len()];
+    problem.rows.forward(&image, &mut explained_db);
+    let links = problem.observations.iter().zip(explained_db);
+    Solved {
+        residual_db: links
+            .map(|(link, explained_db)| link.attenuation_db - explained_db)
+            .collect(),
+        image,
+        nuisance: Vec::new(),
+        choice: None,
+    }
+}
+
+fn solved(problem: &LinkProblem<'_>, state: &LinkState, image: Vec<f64>) -> Solved {
+    Solved {
+        image,
+        residual_db: state.residual_db(problem),
+        nuisance: state.nuisance.clone(),
+        choice: None,
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,244 @@
+//! What all solvers of non-negative images promise.
+
+use super::*;
+use crate::geom::{Point, Rect, Segment};
+use crate::tomo::tests_support::Noise;
+use crate::tomo::{Find, FindSettings, ImagingSettings, Prior};
+
+const AREA: Rect = Rect {
+    min: Point::new(0.0, 0.0),
+    max: Point::new(20.0, 20.0),
+};
+const GRID: PixelGrid = PixelGrid {
+    area: AREA,
+    columns: 20,
+    rows: 20,
+};
+
+/// Links between the places of a ring, 2 m apart.
+fn segments() -> Vec<Segment> {
+    let at = |k: usize| match (k / 10, 2.0 * (k % 10) as f64) {
+        (0, s) => Point::new(s, 0.0),
+        (1, s) => Point::new(20.0, s),
+        (2, s) => Point::new(20.0 - s, 20.0),
+        (_, s) => Point::new(0.0, 20.0 - s),
+    };
+    (0..40)
+        .flat_map(|i| (0..i).map(move |j| Segment::new(at(i), at(j))))
+        .filter(|link| {
+            let (along_x, along_y) = (link.vector().x_m.abs(), link.vector().y_m.abs());
+            along_x > 1.0 && along_y > 1.0
+        })
+        .collect()
+}
+
+fn rows_of(segments: &[Segment]) -> WeightRows {
+    let model = ImagingSettings::for_area(AREA).fresnel();
+    WeightRows::rescaled(segments.iter().copied(), &GRID, model)
+}
+
+/// An image that is zero but on a rectangle of pixels.
+fn block(columns: std::ops::Range<usize>, rows: std::ops::Range<usize>, value: f64) -> Vec<f64> {
+    let is_inside = |pixel: usize| {
+        columns.contains(&(pixel % GRID.columns)) && rows.contains(&(pixel / GRID.columns))
+    };
+    (0..GRID.len())
+        .map(|pixel| if is_inside(pixel) { value } else { 0.0 })
+        .collect()
+}
+
+/// What the links show of an image, with noise.
+fn observed(segments: &[Segment], image: &[f64], sd_db: f64, seed: u64) -> Vec<Observation> {
+    let mut straight_db = vec![0.0; segments.len()];
+    rows_of(segments).forward(image, &mut straight_db);
+    let mut noise = Noise::new(seed);
+    segments
+        .iter()
+        .zip(straight_db)
+        .map(|(link, db)| Observation {
+            from: link.from,
+            to: link.to,
+            attenuation_db: response::shown(db).attenuation_db + sd_db * noise.normal(),
+            variance_db2: 1.0,
+            is_at_floor: false,
+        })
+        .collect()
+}
+
+fn relative_error(image: &[f64], truth: &[f64]) -> f64 {
+    let off = image.iter().zip(truth).map(|(x, t)| (x - t) * (x - t));
+    let size: f64 = truth.iter().map(|t| t * t).sum();
+    (off.sum::<f64>() / size).sqrt()
+}
+
+type Solve = fn(&LinkProblem<'_>) -> Solved;
+
+fn by_variation(problem: &LinkProblem<'_>) -> Solved {
+    variation(problem, &ImagingSettings::candidates_for(AREA))
+}
+
+fn by_sparse(problem: &LinkProblem<'_>) -> Solved {
+    let sparse = Sparse {
+        prior: Prior {
+            variance: 30.0,
+            length_m: 1.0,
+        },
+        sparsity: 0.1,
+    };
+    non_negative(problem, sparse)
+}
+
+fn by_auto(problem: &LinkProblem<'_>) -> Solved {
+    auto(problem, &ImagingSettings::candidates_for(AREA), None)
+}
+
+const ALL: [(&str, Solve); 3] = [("tv", by_variation), ("nn", by_sparse), ("auto", by_auto)];
+
+fn solve(solve: Solve, segments: &[Segment], observations: &[Observation]) -> Vec<f64> {
+    let rows = rows_of(segments);
+    let problem = LinkProblem {
+        rows: &rows,
+        grid: &GRID,
+        observations,
+        nuisance: &[],
+    };
+    solve(&problem).image
+}
+
+#[test]
+fn noise_free_links_give_the_image_back() {
+    let segments = segments();
+    let truth = block(6..9, 11..15, 1.5);
+    let observations = observed(&segments, &truth, 0.0, 0);
+    for (name, by) in ALL {
+        let image = solve(by, &segments, &observations);
+        let error = relative_error(&image, &truth);
+        assert!(error < 0.1, "{name}: {error:.3}");
+    }
+}
+
+#[test]
+fn a_wall_that_shows_no_more_than_the_leak_is_seen_as_strong_as_it_is() {
+    let segments = segments();
+    // 8 m of 6 dB/m along it: 48 dB, of which 30 are shown.
+    let truth = block(8..9, 6..14, 6.0);
+    let observations = observed(&segments, &truth, 0.0, 0);
+    let highest_db = observations.iter().map(|one| one.attenuation_db);
+    assert!(highest_db.fold(0.0, f64::max) < 30.0);
+    let image = solve(by_variation, &segments, &observations);
+    let error = relative_error(&image, &truth);
+    assert!(error < 0.15, "{error:.3}");
+}
+
+#[test]
+fn a_mirrored_sweep_gives_the_mirrored_image() {
+    let segments = segments();
+    let mut truth = block(4..7, 11..14, 2.0);
+    let more = block(12..18, 3..4, 3.0);
+    truth.iter_mut().zip(more).for_each(|(x, more)| *x += more);
+    let observations = observed(&segments, &truth, 0.7, 3);
+    let mirrored = |at: Point| Point::new(20.0 - at.x_m, at.y_m);
+    let turned_links: Vec<Segment> = segments
+        .iter()
+        .map(|link| Segment::new(mirrored(link.from), mirrored(link.to)))
+        .collect();
+    let turned: Vec<Observation> = observations
+        .iter()
+        .map(|one| Observation {
+            from: mirrored(one.from),
+            to: mirrored(one.to),
+            ..*one
+        })
+        .collect();
+    for (name, by) in ALL {
+        let image = solve(by, &segments, &observations);
+        let other = solve(by, &turned_links, &turned);
+        // The differences of the total variation look east and north, so that its steps are not quite those of a mirror.
+        let back: Vec<f64> = (0..GRID.len())
+            .map(|pixel| other[pixel / 20 * 20 + 19 - pixel % 20])
+            .collect();
+        let error = relative_error(&back, &image);
+        assert!(error < 0.05, "{name}: {error:.4}");
+    }
+}
+
+#[test]
+fn a_link_at_the_floor_says_at_least() {
+    let segments = segments();
+    let truth = block(8..12, 8..12, 4.0);
+    let mut observations = observed(&segments, &truth, 0.0, 0);
+    // The receivers' floor hides all beyond 6 dB.
+    for one in &mut observations {
+        one.is_at_floor = one.attenuation_db > 6.0;
+        one.attenuation_db = one.attenuation_db.min(6.0);
+    }
+    let told = solve(by_variation, &segments, &observations);
+    observations
+        .iter_mut()
+        .for_each(|one| one.is_at_floor = false);
+    let untold = solve(by_variation, &segments, &observations);
+    let middle = |image: &[f64]| image[10 * 20 + 10];
+    assert!(
+        middle(&told) > 1.5 * middle(&untold),
+        "{} {}",
+        middle(&told),
+        middle(&untold)
+    );
+}
+
+fn person(at: Point) -> Persons {
+    Persons {
+        found: vec![Find {
+            at,
+            strength: 10.0,
+            covariance_m2: [0.01, 0.0, 0.01],
+            evidence: 40.0,
+            probability: 1.0,
+        }],
+        model: FindSettings::IN_METRES.person,
+        ring: AREA,
+        smear_m: 0.0,
+    }
+}
+
+#[test]
+fn a_person_is_drawn_as_a_disc_of_its_size() {
+    let persons = person(Point::new(7.3, 11.2));
+    let mut image = vec![0.0; GRID.len()];
+    persons.draw(&GRID, &mut image);
+    let sum: f64 = image.iter().sum();
+    let expected = 10.0 * std::f64::consts::PI * 0.3 * 0.3;
+    assert!((sum / expected - 1.0).abs() < 0.05, "{sum}");
+    assert!(image[11 * 20 + 7] > 2.0);
+    assert_eq!(image.iter().filter(|value| **value > 0.0).count(), 2);
+}
+
+#[test]
+fn auto_draws_the_person_who_is_there_and_not_the_one_who_is_not() {
+    let segments = segments();
+    let persons = person(Point::new(7.3, 11.2));
+    let nobody = observed(&segments, &vec![0.0; GRID.len()], 1.0, 5);
+    let cost = persons.taken_out(&nobody);
+    let somebody: Vec<Observation> = nobody
+        .iter()
+        .zip(&cost)
+        .map(|(one, without)| Observation {
+            attenuation_db: 2.0 * one.attenuation_db - without.attenuation_db,
+            ..*one
+        })
+        .collect();
+    let rows = rows_of(&segments);
+    let choice = |observations: &[Observation]| {
+        let problem = LinkProblem {
+            rows: &rows,
+            grid: &GRID,
+            observations,
+            nuisance: &[],
+        };
+        let candidates = ImagingSettings::candidates_for(AREA);
+        auto(&problem, &candidates, Some(&persons)).choice.unwrap()
+    };
+    assert_eq!(choice(&somebody).best, Candidate::Points);
+    assert_ne!(choice(&nobody).best, Candidate::Points);
+    assert_eq!(choice(&somebody), choice(&somebody));
+}
