@@ -138,6 +138,14 @@ impl Drivers {
                 "the driver of a real servo is allowed, or \"none\" for a sensor that is fixed",
             );
         }
+        let has_link = matches!(self.autopilot, AutopilotDriver::Mavlink(_));
+        if matches!(self.range, RangeDriver::Autopilot(_)) && !has_link {
+            source.refuse(
+                "range.driver",
+                "hangs on an autopilot that is simulated, and says nothing",
+                "[autopilot] driver = \"mavlink\" is needed with it",
+            );
+        }
         if let AutopilotDriver::Mavlink(connection) = &self.autopilot
             && connection.endpoint.is_blank()
             && source.is_sound(&["autopilot.mavlink"])

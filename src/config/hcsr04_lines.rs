@@ -138,14 +138,20 @@ impl MaybeTable for HcSr04Table<'_> {
     fn get(&mut self) -> Option<&mut dyn Keyed> {
         match self.driver {
             RangeDriver::HcSr04(lines) => Some(lines),
-            RangeDriver::Simulated | RangeDriver::Serial(_) | RangeDriver::None => None,
+            RangeDriver::Simulated
+            | RangeDriver::Serial(_)
+            | RangeDriver::Autopilot(_)
+            | RangeDriver::None => None,
         }
     }
 
     fn fill(&mut self) -> &mut dyn Keyed {
         match self.driver {
             RangeDriver::HcSr04(lines) => lines,
-            RangeDriver::Simulated | RangeDriver::Serial(_) | RangeDriver::None => &mut self.unused,
+            RangeDriver::Simulated
+            | RangeDriver::Serial(_)
+            | RangeDriver::Autopilot(_)
+            | RangeDriver::None => &mut self.unused,
         }
     }
 }

@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use tomoswarm_proto::RangeSensorKind;
 
+use super::autopilot_range::{AutopilotRange, AutopilotRangeTable};
 use super::drivers::{DriverChoice, Known, always};
 use super::forms::{PortName, seconds};
 use super::hcsr04_lines::{HcSr04Lines, HcSr04Table};
@@ -26,6 +27,8 @@ pub enum RangeDriver {
     Serial(SerialSensor),
     /// An ultrasonic sensor with trigger and echo lines.
     HcSr04(HcSr04Lines),
+    /// Sensors that hang on the autopilot.
+    Autopilot(AutopilotRange),
     /// Nothing: the vehicle sees nothing, and is not driven.
     None,
 }
@@ -274,6 +277,11 @@ impl DriverChoice for RangeDriver {
                 is_built: cfg!(feature = "hw"),
                 driver: RangeDriver::HcSr04(HcSr04Lines::default()),
             },
+            Known {
+                name: "autopilot",
+                is_built: cfg!(feature = "net"),
+                driver: RangeDriver::Autopilot(AutopilotRange::default()),
+            },
             always("none", RangeDriver::None),
         ]
     }
@@ -283,6 +291,7 @@ impl DriverChoice for RangeDriver {
             RangeDriver::Simulated => "sim",
             RangeDriver::Serial(sensor) => sensor.protocol.name(),
             RangeDriver::HcSr04(_) => "hcsr04",
+            RangeDriver::Autopilot(_) => "autopilot",
             RangeDriver::None => "none",
         }
     }
@@ -295,6 +304,7 @@ impl RangeDriver {
             RangeDriver::Simulated => Some(RangeSensorKind::Simulated),
             RangeDriver::Serial(sensor) => Some(sensor.protocol.kind()),
             RangeDriver::HcSr04(_) => Some(RangeSensorKind::HcSr04),
+            RangeDriver::Autopilot(_) => Some(RangeSensorKind::Autopilot),
             RangeDriver::None => None,
         }
     }
@@ -303,14 +313,14 @@ impl RangeDriver {
     pub(super) fn is_real(&self) -> bool {
         match self {
             RangeDriver::Simulated | RangeDriver::None => false,
-            RangeDriver::Serial(_) | RangeDriver::HcSr04(_) => true,
+            RangeDriver::Serial(_) | RangeDriver::HcSr04(_) | RangeDriver::Autopilot(_) => true,
         }
     }
 
     /// Returns the port or the lines that it opens, if it does.
     pub(super) fn port(&self) -> Option<String> {
         match self {
-            RangeDriver::Simulated | RangeDriver::None => None,
+            RangeDriver::Simulated | RangeDriver::Autopilot(_) | RangeDriver::None => None,
             RangeDriver::Serial(sensor) => Some(sensor.port.clone()),
             RangeDriver::HcSr04(lines) => Some(format!("{} and {}", lines.trigger, lines.echo)),
         }
@@ -329,6 +339,7 @@ impl RangeDriver {
                 several("has several, and one pair of lines is one sensor");
                 return lines.check(source, look);
             }
+            RangeDriver::Autopilot(range) => return range.check(source, "range.autopilot", look),
             RangeDriver::Serial(sensor) => sensor,
         };
         let table = format!("range.{}", self.name());
@@ -354,6 +365,7 @@ impl RangeDriver {
             let mut table: Box<dyn MaybeTable> = match blank {
                 RangeDriver::Serial(unused) => Box::new(SerialTable { driver, unused }),
                 RangeDriver::HcSr04(unused) => Box::new(HcSr04Table { driver, unused }),
+                RangeDriver::Autopilot(unused) => Box::new(AutopilotRangeTable { driver, unused }),
                 RangeDriver::Simulated | RangeDriver::None => continue,
             };
             let means = "what its driver of this name is told; checked and not used while another one is chosen";
@@ -385,6 +397,7 @@ impl SerialTable<'_> {
             RangeDriver::Serial(_)
             | RangeDriver::Simulated
             | RangeDriver::HcSr04(_)
+            | RangeDriver::Autopilot(_)
             | RangeDriver::None => None,
         }
     }
@@ -401,7 +414,10 @@ impl MaybeTable for SerialTable<'_> {
         }
         match self.driver {
             RangeDriver::Serial(sensor) => sensor,
-            RangeDriver::Simulated | RangeDriver::HcSr04(_) | RangeDriver::None => &mut self.unused,
+            RangeDriver::Simulated
+            | RangeDriver::HcSr04(_)
+            | RangeDriver::Autopilot(_)
+            | RangeDriver::None => &mut self.unused,
         }
     }
 }

@@ -6,6 +6,7 @@
 //! ```text
 //!   NumberedCommand ─► orders ─► messages ──────────────► autopilot
 //!   Report, Ack     ◄─ heard  ◄─ messages ◄────────────── autopilot
+//!   Reading         ◄─ ranges ◄─ messages ◄────────────── its range sensors
 //!                      setup: heartbeat, streams, origin ─► autopilot
 //! ```
 
@@ -20,6 +21,7 @@ mod fixes;
 mod health;
 mod heard;
 mod orders;
+mod ranges;
 mod setup;
 #[cfg(test)]
 mod tests_support;
@@ -42,6 +44,8 @@ use crate::time::Time;
 use self::fixes::Fixes;
 use self::heard::Heard;
 use self::orders::Orders;
+use self::ranges::Ranges;
+pub use self::ranges::{AutopilotReading, AutopilotSensor, RangeFault, RangeSettings, RangeTally};
 use self::setup::Setup;
 
 /// Our own heartbeats.
@@ -83,6 +87,8 @@ pub struct MavlinkDriverSettings {
     pub arms_without_failsafes: bool,
     /// Its place is measured from outside, and passed on to it.
     pub takes_fixes: bool,
+    /// The range sensors that hang on it, if any do.
+    pub ranges: Option<RangeSettings>,
 }
 
 /// A switch of a remote control.
@@ -105,6 +111,8 @@ pub enum DriverOut {
     Report(AutopilotReport),
     /// To the link: what it answers.
     Ack(Ack),
+    /// To the range driver: what a sensor on the autopilot has measured.
+    Reading(AutopilotReading),
     /// To people: a line that it has said, and whether it is a warning.
     Text {
         /// The line.
@@ -182,6 +190,8 @@ pub struct MavlinkDriver {
     heard: Heard,
     orders: Orders,
     fixes: Fixes,
+    /// What its range sensors say; `None` when none is of interest.
+    ranges: Option<Ranges>,
     setup: Setup,
     /// Its failsafes; `None` before it was heard.
     parameters: Option<ParameterReads>,
@@ -195,7 +205,8 @@ impl MavlinkDriver {
             heard: Heard::default(),
             orders: Orders::default(),
             fixes: Fixes::default(),
-            setup: Setup::default(),
+            setup: Setup::new(settings.ranges.as_ref().map(|ranges| ranges.rate_hz)),
+            ranges: settings.ranges.clone().map(Ranges::new),
             parameters: None,
             heartbeat_due: Time::ZERO,
             settings,
@@ -262,6 +273,9 @@ impl MavlinkDriver {
 
     /// Hears a frame; what another system says concerns nobody here.
     pub fn hear(&mut self, now: Time, frame: &Frame, out: &mut Vec<DriverOut>) {
+        if self.hear_distance(now, frame, out) {
+            return;
+        }
         if frame.from != self.target() {
             self.heard.note_other(frame.from);
             return;
@@ -318,6 +332,14 @@ impl MavlinkDriver {
         }
     }
 
+    /// Hears a distance, if it is one; a part of the autopilot's own system may have measured it, such as a depth camera.
+    fn hear_distance(&mut self, now: Time, frame: &Frame, out: &mut Vec<DriverOut>) -> bool {
+        let (Some(ranges), Content::Message(message)) = (&mut self.ranges, &frame.content) else {
+            return false;
+        };
+        frame.from.system == self.settings.system && ranges.hear(now, frame.from, message, out)
+    }
+
     fn report(&mut self, now: Time, out: &mut Vec<DriverOut>) {
         if let Some(report) = self.heard.report(now, &self.settings) {
             let target = self.target();
@@ -358,6 +380,12 @@ impl MavlinkDriver {
         let parameters = self.parameters.as_ref();
         let values = parameters.map_or(&unread, ParameterReads::values);
         health::health(now, &self.heard, values, &self.settings)
+    }
+
+    /// Returns what became of what it said of distances, of each range sensor that it was heard of, by its number.
+    pub fn range_tallies(&self) -> impl Iterator<Item = (usize, RangeTally)> {
+        let tallies = self.ranges.iter().flat_map(Ranges::tallies);
+        tallies.map(|(sensor, tally)| (*sensor, *tally))
     }
 
     /// Returns what is wrong with the autopilot, the worst first.

@@ -10,7 +10,7 @@
 //!                           ├─ an HC-SR04 ─► range/hcsr04 ─► Echo
 //!                           ├─ an output of this machine ─► servo/output
 //!                           ├─ an XBee ─► radio/xbee ─► Heard, Unsent
-//!                           └─ MAVLink ─► autopilot/mavlink ─► Report, Ack
+//!                           └─ MAVLink ─► autopilot/mavlink ─► Report, Ack, and Echo of sensors on the autopilot
 //! ```
 //!
 //! It decides nothing. What the bytes of a real device mean is said by `hw`. Only what is for a simulated device goes to the
@@ -78,7 +78,7 @@ impl VehicleDevices {
             .has_simulated()
             .then(|| link(file, boot, &range, events))
             .transpose()?;
-        let autopilot = Autopilot::start(file, clock, events)?;
+        let autopilot = Autopilot::start(file, clock, events, range.on_autopilot())?;
         let radio = Radio::start(file, clock, events)?;
         Ok(VehicleDevices {
             world,
@@ -99,6 +99,7 @@ impl VehicleDevices {
             // a sign of life, and it brakes without one. What the world's own servo points at then answers no ping.
             Effect::Steer(beam) => {
                 self.servo.steer(*beam);
+                self.range.steer(*beam);
                 self.to_world(effect);
             }
             Effect::Ping(ping) => {
@@ -189,9 +190,10 @@ fn link(
         vehicle: file.id,
         boot,
     };
-    let (drivers, pings, events) = (file.drivers.clone(), range.pings(), events.clone());
+    let (drivers, events) = (file.drivers.clone(), events.clone());
+    let pings = range.simulated_pings();
     WorldLink::connect(settings, move |event| {
-        if let (Event::Echo(echo), RangeDriver::Simulated) = (&event, &drivers.range) {
+        if let (Event::Echo(echo), Some(pings)) = (&event, &pings) {
             pings.answered(echo.number);
         }
         if is_of_simulated(&drivers, &event) {

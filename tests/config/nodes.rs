@@ -452,8 +452,12 @@ fn drivers_that_are_not_built_in_are_refused_by_name() {
     let has_hw = cfg!(feature = "hw");
     let (ranges, servos) = match has_hw {
         true => (
-            "\"sim\" or \"serial-text\" or \"tf-luna\" or \"tfmini\" or \"hcsr04\" or \"none\"",
+            "\"sim\" or \"serial-text\" or \"tf-luna\" or \"tfmini\" or \"hcsr04\" or \"autopilot\" or \"none\"",
             "\"sim\" or \"pwm\" or \"gpio\" or \"none\"",
+        ),
+        false if cfg!(feature = "net") => (
+            "\"sim\" or \"autopilot\" or \"none\"",
+            "\"sim\" or \"none\"",
         ),
         false => ("\"sim\" or \"none\"", "\"sim\" or \"none\""),
     };
@@ -884,6 +888,56 @@ fn an_ultrasonic_sensor_is_told_its_lines_by_name() {
     check_one(
         &turned("hcsr04", "sim", ECHO),
         &["turns no real range sensor"],
+    );
+}
+
+#[cfg(feature = "hw")]
+#[test]
+fn sensors_on_an_autopilot_need_one_and_say_from_where_on_nothing_is_there() {
+    let mavlink = |lines: &str| {
+        let text = turned("autopilot", "none", lines);
+        let (old, new) = (
+            "autopilot.driver = \"sim\"",
+            "autopilot.driver = \"mavlink\"\nautopilot.mavlink.connection = \"tcp:127.0.0.1:5760\"",
+        );
+        assert!(text.contains(old), "{text}");
+        text.replace(old, new)
+    };
+    let lines = "range.autopilot.nothing_from_m = 7\nrange.beams_deg = [0, 90]\n\
+                 range.sensor = [{ mount_deg = 0 }, { mount_deg = 90 }]\n";
+    let file = vehicle(&mavlink(lines));
+    let RangeDriver::Autopilot(range) = file.drivers.range else {
+        panic!("{:?}", file.drivers)
+    };
+    assert_eq!((range.nothing_from_m, range.delay_s), (Some(7.0), 0.04));
+    assert_eq!(range.rate_hz(&file.look), 40);
+    assert!(
+        file.drivers
+            .capabilities(config::Craft::Rover)
+            .contains(&Capability::RangeSensor(RangeSensorKind::Autopilot))
+    );
+    let written = config::to_toml(&Config::Vehicle(Box::new(file.clone())));
+    let read = config::read_vehicle("v.toml", &written, &mut |_| {
+        bundled::load("configs/courtyard.venue.toml")
+    });
+    assert_eq!(read.unwrap().drivers, file.drivers, "{written}");
+    for (lines, part) in [
+        (
+            "range.autopilot.nothing_from_m = 3.9",
+            "range.autopilot.nothing_from_m = 3.9: is nearer than max_range_m",
+        ),
+        ("range.autopilot.nothing_from_m = 700", "is out of range"),
+        (
+            "range.autopilot.delay_s = 0.05",
+            "range.scan_period_s: leaves no time for an answer",
+        ),
+        ("range.autopilot.port = \"/dev/ttyS0\"", "is not known"),
+    ] {
+        check_one(&mavlink(&format!("{lines}\n")), &[part]);
+    }
+    check_one(
+        &turned("autopilot", "none", ""),
+        &["range.driver = \"autopilot\": hangs on an autopilot that is simulated"],
     );
 }
 

@@ -12,6 +12,7 @@ use tomoswarm_proto::{AutopilotHealth, Fix, Sender};
 
 use self::mavlink::MavlinkAutopilot;
 use super::EventSink;
+use super::range::AutopilotReadings;
 use crate::autopilot::NumberedCommand;
 use crate::config::{AutopilotDriver, VehicleFile};
 use crate::run::clock::Clock;
@@ -30,15 +31,21 @@ enum Pilot {
 }
 
 impl Autopilot {
-    /// Starts what speaks with it; `events` gets its reports and answers.
+    /// Starts what speaks with it; `events` gets its reports and answers, `readings` what range sensors on it measure.
     ///
     /// # Errors
     /// No thread can be started, or the key of signatures cannot be read.
-    pub fn start(file: &VehicleFile, clock: Clock, events: &EventSink) -> io::Result<Autopilot> {
+    pub fn start(
+        file: &VehicleFile,
+        clock: Clock,
+        events: &EventSink,
+        readings: Option<&AutopilotReadings>,
+    ) -> io::Result<Autopilot> {
         let pilot = match &file.drivers.autopilot {
             AutopilotDriver::Simulated => Pilot::World,
             AutopilotDriver::Mavlink(connection) => {
-                Pilot::Mavlink(MavlinkAutopilot::start(connection, file, clock, events)?)
+                let told = (events, readings);
+                Pilot::Mavlink(MavlinkAutopilot::start(connection, file, clock, told)?)
             }
         };
         Ok(Autopilot { pilot })

@@ -2,7 +2,7 @@
 //! what that says to the link and the connection. What messages mean is the driver's matter ([`crate::mavlink::autopilot_driver`]).
 //!
 //! ```text
-//!   connection ─bytes─► reader ─► driver ─► Report, Ack ─► link
+//!   connection ─bytes─► reader ─► driver ─► Report, Ack ─► link; readings ─► range driver
 //!   connection ◄─bytes─ writer ◄─ driver ◄─ command ────── link
 //! ```
 
@@ -27,6 +27,7 @@ use crate::mavlink::signing::{PER_SECOND, Signing, key_from_hex};
 use crate::node::Event;
 use crate::run::clock::Clock;
 use crate::run::drivers::EventSink;
+use crate::run::drivers::range::{AutopilotReadings, range_settings};
 use crate::run::drivers::reopening::Reopening;
 use crate::run::mailbox::lock;
 use crate::run::mavlink_port::signing_clock;
@@ -81,6 +82,8 @@ struct Work {
     frames: u64,
     clock: Clock,
     events: EventSink,
+    /// Takes what range sensors on it measure.
+    readings: Option<AutopilotReadings>,
     own: Sender<Inbound>,
     said: Arc<Mutex<Said>>,
 }
@@ -94,7 +97,7 @@ impl MavlinkAutopilot {
         settings: &MavlinkConnection,
         file: &VehicleFile,
         clock: Clock,
-        events: &EventSink,
+        (events, readings): (&EventSink, Option<&AutopilotReadings>),
     ) -> io::Result<MavlinkAutopilot> {
         let own = MavAddress {
             system: settings.own_system as u8,
@@ -122,6 +125,7 @@ impl MavlinkAutopilot {
             }),
             arms_without_failsafes: settings.arms_without_failsafes,
             takes_fixes: file.pose.source == PoseSource::External,
+            ranges: range_settings(file),
         });
         let signing = StoredSigning::open(&settings.key_file, Path::new(&file.state_dir))?;
         let (inbox, waiting) = channel();
@@ -139,6 +143,7 @@ impl MavlinkAutopilot {
             frames: 0,
             clock,
             events: events.clone(),
+            readings: readings.cloned(),
             own: inbox.clone(),
             said: said.clone(),
         };
@@ -271,6 +276,11 @@ impl Work {
                 }
                 DriverOut::Report(report) => (self.events)(Event::Report(report)),
                 DriverOut::Ack(ack) => (self.events)(Event::Ack(ack)),
+                DriverOut::Reading(reading) => {
+                    if let Some(readings) = &self.readings {
+                        readings.take(reading);
+                    }
+                }
                 DriverOut::Text { text, warns: true } => tracing::warn!("autopilot: {text}"),
                 DriverOut::Text { text, warns: false } => tracing::info!("autopilot: {text}"),
             }
@@ -283,6 +293,9 @@ impl Work {
     }
 
     fn tell_trouble(&self, now: Time) {
+        if let Some(readings) = &self.readings {
+            readings.tell(self.driver.range_tallies());
+        }
         let endpoint = self.settings.endpoint.in_words();
         let dropped = self.reader.dropped();
         let trouble = if let Some(why) = self.reopening.closed() {
