@@ -10,6 +10,7 @@ pub mod ground_process;
 pub mod link;
 pub mod live;
 pub mod live_operator;
+pub mod machine;
 pub mod mailbox;
 pub mod mavlink_port;
 pub mod mavlink_sockets;
