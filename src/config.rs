@@ -37,6 +37,7 @@ mod problem;
 mod radio;
 mod range;
 mod range_driver;
+mod range_table;
 mod scene;
 mod section;
 mod servo_driver;

@@ -317,32 +317,61 @@ impl RangeDriver {
         }
     }
 
-    /// Returns the port or the lines that it opens, if it does.
-    pub(super) fn port(&self) -> Option<String> {
-        match self {
-            RangeDriver::Simulated | RangeDriver::Autopilot(_) | RangeDriver::None => None,
-            RangeDriver::Serial(sensor) => Some(sensor.port.clone()),
-            RangeDriver::HcSr04(lines) => Some(format!("{} and {}", lines.trigger, lines.echo)),
-        }
+    /// Returns it in words, for people.
+    pub fn in_words(&self) -> String {
+        let devices = match self {
+            RangeDriver::Simulated | RangeDriver::Autopilot(_) | RangeDriver::None => {
+                return self.name().to_owned();
+            }
+            RangeDriver::Serial(sensor) => sensor.port.clone(),
+            RangeDriver::HcSr04(lines) => format!("{} and {}", lines.trigger, lines.echo),
+        };
+        format!("{} on {devices}", self.name())
     }
 
-    /// Checks its settings together with where the sensors look.
-    pub(super) fn check(&self, source: &Source<'_>, look: &SensorCoverage) {
-        let several = |wrong: &str| {
-            if look.sensors.len() > 1 {
-                source.refuse("range.sensor", wrong, "one is allowed");
+    /// Returns the port or the lines that it opens, each with its key; `table` holds its own table.
+    pub(super) fn devices(&self, table: &str) -> Vec<(String, String)> {
+        let table = format!("{table}.{}", self.name());
+        let named = |name: &str, device: &str| (format!("{table}.{name}"), device.to_owned());
+        let all = match self {
+            RangeDriver::Simulated | RangeDriver::Autopilot(_) | RangeDriver::None => Vec::new(),
+            RangeDriver::Serial(sensor) => vec![named("port", &sensor.port)],
+            RangeDriver::HcSr04(lines) => {
+                let power = lines.power.iter().map(|power| named("power", power));
+                [named("trigger", &lines.trigger), named("echo", &lines.echo)]
+                    .into_iter()
+                    .chain(power)
+                    .collect()
             }
         };
+        let is_told = |(_, device): &(String, String)| !device.is_empty();
+        all.into_iter().filter(is_told).collect()
+    }
+
+    /// Checks its settings together with where the sensors look; `within` holds its own table, and so many sensors have it.
+    pub(super) fn check(
+        &self,
+        source: &Source<'_>,
+        within: &str,
+        look: &SensorCoverage,
+        sensors: usize,
+    ) {
+        let several = |wrong: &str| {
+            if sensors > 1 {
+                let allowed = "one is allowed, or each with a driver of its own";
+                source.refuse("range.sensor", wrong, allowed);
+            }
+        };
+        let table = format!("{within}.{}", self.name());
         let sensor = match self {
             RangeDriver::Simulated | RangeDriver::None => return,
             RangeDriver::HcSr04(lines) => {
                 several("has several, and one pair of lines is one sensor");
-                return lines.check(source, look);
+                return lines.check(source, &table, look);
             }
-            RangeDriver::Autopilot(range) => return range.check(source, "range.autopilot", look),
+            RangeDriver::Autopilot(range) => return range.check(source, &table, look),
             RangeDriver::Serial(sensor) => sensor,
         };
-        let table = format!("range.{}", self.name());
         if sensor.port.is_empty() && source.is_sound(&[&table]) {
             source.require(
                 &table,

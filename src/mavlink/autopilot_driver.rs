@@ -6,6 +6,7 @@
 //! ```text
 //!   NumberedCommand ─► orders ─► messages ──────────────► autopilot
 //!   Report, Ack     ◄─ heard  ◄─ messages ◄────────────── autopilot
+//!   pulses          ─► servos ─► messages ──────────────► its servo
 //!   Reading         ◄─ ranges ◄─ messages ◄────────────── its range sensors
 //!                      setup: heartbeat, streams, origin ─► autopilot
 //! ```
@@ -22,6 +23,7 @@ mod health;
 mod heard;
 mod orders;
 mod ranges;
+mod servos;
 mod setup;
 #[cfg(test)]
 mod tests_support;
@@ -33,7 +35,7 @@ use std::time::Duration;
 use tomoswarm_proto::{AutopilotHealth, Fix, Sender};
 
 use super::dialect::{
-    self as d, MavAutopilot, MavMessage, MavModeFlag, MavSeverity, MavState, MavType,
+    self as d, MavAutopilot, MavCmd, MavMessage, MavModeFlag, MavSeverity, MavState, MavType,
 };
 use super::earth_frame::EarthFrame;
 use super::frames::{AUTOPILOT, Content, Frame, MavAddress};
@@ -46,6 +48,8 @@ use self::heard::Heard;
 use self::orders::Orders;
 use self::ranges::Ranges;
 pub use self::ranges::{AutopilotReading, AutopilotSensor, RangeFault, RangeSettings, RangeTally};
+use self::servos::Servo;
+pub use self::servos::{ServoPulse, ServoTrouble};
 use self::setup::Setup;
 
 /// Our own heartbeats.
@@ -192,6 +196,7 @@ pub struct MavlinkDriver {
     fixes: Fixes,
     /// What its range sensors say; `None` when none is of interest.
     ranges: Option<Ranges>,
+    servo: Servo,
     setup: Setup,
     /// Its failsafes; `None` before it was heard.
     parameters: Option<ParameterReads>,
@@ -205,6 +210,7 @@ impl MavlinkDriver {
             heard: Heard::default(),
             orders: Orders::default(),
             fixes: Fixes::default(),
+            servo: Servo::default(),
             setup: Setup::new(settings.ranges.as_ref().map(|ranges| ranges.rate_hz)),
             ranges: settings.ranges.clone().map(Ranges::new),
             parameters: None,
@@ -263,6 +269,22 @@ impl MavlinkDriver {
         missing.is_empty()
     }
 
+    /// Gives a servo on the autopilot its pulse.
+    pub fn give_pulse(&mut self, now: Time, pulse: ServoPulse, out: &mut Vec<DriverOut>) {
+        let target = self.target();
+        self.servo.give(now, pulse, target, out);
+    }
+
+    /// Returns the pulse by which the servo stands; `None` while that is not known.
+    pub fn given_pulse(&self) -> Option<ServoPulse> {
+        self.servo.given()
+    }
+
+    /// Returns why the servo does not stand where it should.
+    pub fn servo_trouble(&self, now: Time) -> Option<ServoTrouble> {
+        self.servo.trouble(now)
+    }
+
     /// Hears where something outside has measured the vehicle to be; only a driver that takes fixes passes it on.
     pub fn hear_fix(&mut self, now: Time, from: Sender, fix: &Fix, out: &mut Vec<DriverOut>) {
         if self.settings.takes_fixes {
@@ -289,6 +311,7 @@ impl MavlinkDriver {
         if has_rebooted {
             self.orders.forget();
             self.setup.begin_again(now);
+            self.servo.forget();
             self.parameters = None;
             text(out, "the autopilot has started anew".to_owned(), true);
         }
@@ -299,6 +322,9 @@ impl MavlinkDriver {
                 self.parameters
                     .get_or_insert_with(|| ParameterReads::begin(now, target, &failsafes::NAMES));
                 self.orders.mind_mode(self.heard.mode(self.settings.kind));
+            }
+            MavMessage::COMMAND_ACK(ack) if ack.command == MavCmd::MAV_CMD_DO_SET_SERVO => {
+                self.servo.answer(now, ack);
             }
             MavMessage::COMMAND_ACK(ack) => {
                 self.setup.take_ack(now, frame.from, ack, out);
@@ -351,10 +377,16 @@ impl MavlinkDriver {
     /// Returns when something is to be said next.
     pub fn deadline(&self) -> Time {
         let parameters = self.parameters.as_ref().and_then(ParameterReads::deadline);
-        [self.setup.deadline(), self.orders.deadline(), parameters]
-            .into_iter()
-            .flatten()
-            .fold(self.heartbeat_due, Time::min)
+        let servo = self.servo.deadline();
+        [
+            self.setup.deadline(),
+            self.orders.deadline(),
+            parameters,
+            servo,
+        ]
+        .into_iter()
+        .flatten()
+        .fold(self.heartbeat_due, Time::min)
     }
 
     /// Says what is due by now.
@@ -367,6 +399,7 @@ impl MavlinkDriver {
         self.setup
             .due(now, target, &self.settings, &self.heard, out);
         self.orders.due(now, target, &self.settings, out);
+        self.servo.due(now, target, out);
         if let Some(parameters) = &mut self.parameters {
             let mut said = Vec::new();
             parameters.due(now, &mut said);

@@ -419,7 +419,7 @@ fn before(at: Time, earlier: Duration) -> Time {
 }
 
 fn metres(cm: u16) -> f64 {
-    f64::from(cm) * 0.01
+    f64::from(cm) / 100.0
 }
 
 /// Returns where a sensor of this orientation looks, counter-clockwise against the heading; `None` when that is not level.

@@ -15,6 +15,7 @@ use super::EventSink;
 use super::range::AutopilotReadings;
 use crate::autopilot::NumberedCommand;
 use crate::config::{AutopilotDriver, VehicleFile};
+use crate::mavlink::autopilot_driver::ServoPulse;
 use crate::run::clock::Clock;
 
 /// An autopilot.
@@ -69,6 +70,30 @@ impl Autopilot {
         match &self.pilot {
             Pilot::World => {}
             Pilot::Mavlink(autopilot) => autopilot.fix(from, fix),
+        }
+    }
+
+    /// Gives a servo on it a pulse.
+    pub fn give_pulse(&self, pulse: ServoPulse) {
+        match &self.pilot {
+            Pilot::World => {}
+            Pilot::Mavlink(autopilot) => autopilot.give_pulse(pulse),
+        }
+    }
+
+    /// Returns the pulse by which a servo on it stands; `None` while that is not known.
+    pub fn given_pulse(&self) -> Option<ServoPulse> {
+        match &self.pilot {
+            Pilot::World => None,
+            Pilot::Mavlink(autopilot) => autopilot.given_pulse(),
+        }
+    }
+
+    /// Returns why a servo on it does not stand where it should, in words.
+    pub fn servo_trouble(&self) -> Option<String> {
+        match &self.pilot {
+            Pilot::World => None,
+            Pilot::Mavlink(autopilot) => autopilot.servo_trouble(),
         }
     }
 

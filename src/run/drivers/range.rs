@@ -1,4 +1,4 @@
-//! The range sensors of a live vehicle, behind the driver that its file chooses: the one that looks where it was steered last is
+//! The range sensors of a live vehicle, behind the drivers that its file chooses: the one that looks where it was steered last is
 //! asked. It counts pings that nothing answers, whatever the driver, and never makes an echo of silence.
 //!
 //! A driver that reads a device in its own way is a file in this folder, a variant of `Reader` and an arm of each match
@@ -27,7 +27,7 @@ pub(super) use self::on_autopilot::range_settings;
 #[cfg(feature = "hw")]
 use self::serial::SerialReader;
 use super::EventSink;
-use crate::config::{RangeDriver, SensorCoverage};
+use crate::config::{Drivers, RangeDriver, SensorCoverage};
 use crate::geom::Angle;
 use crate::hw::Pings;
 #[cfg(feature = "hw")]
@@ -88,21 +88,21 @@ impl Range {
     /// # Errors
     /// No thread can be started, or the driver is not built in.
     pub fn start(
-        driver: &RangeDriver,
+        drivers: &Drivers,
         look: &SensorCoverage,
         clock: Clock,
         events: &EventSink,
     ) -> io::Result<Range> {
         let mounts = look.mounts();
-        let count = match driver {
-            RangeDriver::Autopilot(_) => mounts.all().len(),
-            RangeDriver::Simulated
-            | RangeDriver::Serial(_)
-            | RangeDriver::HcSr04(_)
-            | RangeDriver::None => 1,
+        let count = match drivers.range {
+            // One world measures whatever sensor is asked.
+            RangeDriver::Simulated | RangeDriver::None => 1,
+            RangeDriver::Serial(_) | RangeDriver::HcSr04(_) | RangeDriver::Autopilot(_) => {
+                mounts.all().len()
+            }
         };
         let sensors: Vec<Sensor> = (0..count)
-            .map(|_| Sensor::start(driver, look, clock, events))
+            .map(|sensor| Sensor::start(drivers.range_of(sensor), look, clock, events))
             .collect::<io::Result<_>>()?;
         Ok(Range {
             clock,
@@ -117,6 +117,21 @@ impl Range {
     pub fn simulated_pings(&self) -> Option<SharedPings> {
         let simulated = self.sensors.iter().find(|sensor| sensor.is_simulated());
         simulated.map(|sensor| sensor.pings.clone())
+    }
+
+    /// Returns how many there are; one that the simulated world measures with, or none, is one.
+    pub fn count(&self) -> usize {
+        self.sensors.len()
+    }
+
+    /// Asks a sensor, by its number, for the next echo, wherever it looks.
+    pub fn aim(&self, sensor: usize) {
+        self.aimed.store(sensor, Ordering::Relaxed);
+    }
+
+    /// Returns what is wrong with a sensor, by its number.
+    pub fn trouble_of(&self, sensor: usize) -> Option<String> {
+        self.sensors.get(sensor)?.trouble(self.clock.now())
     }
 
     /// Returns who takes the readings of sensors that hang on the autopilot, if any do.

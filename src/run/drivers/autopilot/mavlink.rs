@@ -19,7 +19,7 @@ use super::connection::{Connection, FromConnection};
 use crate::autopilot::{NumberedCommand, VehicleKind};
 use crate::config::{Craft, MavlinkConnection, MavlinkPlace, PoseSource, VehicleFile};
 use crate::mavlink::autopilot_driver::{
-    DriverOut, MavlinkDriver, MavlinkDriverSettings, PlaceSource, SwitchSettings,
+    DriverOut, MavlinkDriver, MavlinkDriverSettings, PlaceSource, ServoPulse, SwitchSettings,
 };
 use crate::mavlink::earth_frame::EarthFrame;
 use crate::mavlink::frames::{DroppedFrames, FrameReader, FrameWriter, MavAddress};
@@ -57,11 +57,16 @@ struct Said {
     /// What is wrong, in words.
     trouble: Option<String>,
     health: Option<AutopilotHealth>,
+    /// The pulse by which its servo stands.
+    given_pulse: Option<ServoPulse>,
+    /// What is wrong with its servo, in words.
+    servo_trouble: Option<String>,
 }
 
 enum Inbound {
     Command(NumberedCommand),
     Fix(Node, Fix),
+    Pulse(ServoPulse),
     /// Of the connection with this number.
     Connection(u64, FromConnection),
     End,
@@ -169,6 +174,22 @@ impl MavlinkAutopilot {
         let _ = self.inbox.send(Inbound::Fix(from, fix));
     }
 
+    /// Gives a servo on it a pulse.
+    pub(super) fn give_pulse(&self, pulse: ServoPulse) {
+        // As above.
+        let _ = self.inbox.send(Inbound::Pulse(pulse));
+    }
+
+    /// Returns the pulse by which a servo on it stands.
+    pub(super) fn given_pulse(&self) -> Option<ServoPulse> {
+        lock(&self.said).given_pulse
+    }
+
+    /// Returns what is wrong with a servo on it, in words.
+    pub(super) fn servo_trouble(&self) -> Option<String> {
+        lock(&self.said).servo_trouble.clone()
+    }
+
     /// Returns what is wrong, in words.
     pub(super) fn trouble(&self) -> Option<String> {
         lock(&self.said).trouble.clone()
@@ -207,6 +228,7 @@ impl Work {
             match inbound {
                 Some(Inbound::End) => return,
                 Some(Inbound::Command(command)) => self.driver.command(now, &command, &mut out),
+                Some(Inbound::Pulse(pulse)) => self.driver.give_pulse(now, pulse, &mut out),
                 Some(Inbound::Fix(from, fix)) => self.driver.hear_fix(now, from, &fix, &mut out),
                 Some(Inbound::Connection(number, said)) if number == self.number => {
                     self.hear(now, said, &mut out);
@@ -311,6 +333,11 @@ impl Work {
         *lock(&self.said) = Said {
             trouble,
             health: self.driver.health(now),
+            given_pulse: self.driver.given_pulse(),
+            servo_trouble: self
+                .driver
+                .servo_trouble(now)
+                .map(|trouble| trouble.to_string()),
         };
     }
 }

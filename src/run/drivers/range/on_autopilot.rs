@@ -78,7 +78,7 @@ pub(in crate::run::drivers) fn range_settings(file: &VehicleFile) -> Option<Rang
         rate_hz: 0,
     };
     for (sensor, mount) in file.look.mounts().all().iter().enumerate() {
-        if let RangeDriver::Autopilot(range) = &file.drivers.range {
+        if let RangeDriver::Autopilot(range) = file.drivers.range_of(sensor) {
             settings.rate_hz = settings.rate_hz.max(range.rate_hz(&file.look));
             settings.sensors.push(AutopilotSensor {
                 sensor,

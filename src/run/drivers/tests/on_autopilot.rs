@@ -10,51 +10,58 @@ use super::super::*;
 use crate::config::{self, bundled};
 use crate::geom::Angle;
 use crate::mavlink::dialect::{
-    DISTANCE_SENSOR_DATA, HEARTBEAT_DATA, MavAutopilot, MavMessage, MavSensorOrientation, MavType,
+    COMMAND_ACK_DATA, DISTANCE_SENSOR_DATA, HEARTBEAT_DATA, MavAutopilot, MavCmd, MavMessage,
+    MavResult, MavSensorOrientation, MavType,
 };
 use crate::mavlink::frames::{Content, FrameReader, FrameWriter, MavAddress};
 use crate::node::sensor::{Echo, Ping};
 
+const ADDRESS: MavAddress = MavAddress {
+    system: 1,
+    component: 1,
+};
 /// Whatever is waited for comes within this time.
 const SOON: Duration = Duration::from_secs(20);
 
-/// An autopilot with range sensors ahead and to the left.
-struct PlayedAutopilot {
-    address: SocketAddr,
+/// An autopilot with range sensors ahead and to the left, and with a servo.
+pub(in crate::run) struct PlayedAutopilot {
+    pub(in crate::run) address: SocketAddr,
     /// What the sensors say, centimetres; `None` = silent.
     distances: Arc<Mutex<[Option<u16>; 2]>>,
-    told: Arc<Mutex<Vec<MavMessage>>>,
+    /// What it answers to who turns the servo; `None` = nothing.
+    pub(in crate::run) answers: Arc<Mutex<Option<MavResult>>>,
+    /// Pulses that it was told: the output, and microseconds.
+    pub(in crate::run) pulses: Arc<Mutex<Vec<(u8, u16)>>>,
 }
 
 impl PlayedAutopilot {
-    fn start() -> PlayedAutopilot {
+    pub(in crate::run) fn start() -> PlayedAutopilot {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let played = PlayedAutopilot {
             address: listener.local_addr().unwrap(),
             distances: Arc::default(),
-            told: Arc::default(),
+            answers: Arc::default(),
+            pulses: Arc::default(),
         };
-        let (distances, told) = (played.distances.clone(), played.told.clone());
+        let distances = played.distances.clone();
+        let (answers, pulses) = (played.answers.clone(), played.pulses.clone());
         std::thread::spawn(move || {
             let (stream, _) = listener.accept().unwrap();
             let says = stream.try_clone().unwrap();
             std::thread::spawn(move || say(says, &distances));
-            hear(stream, &told);
+            hear(stream, &answers, &pulses);
         });
         played
     }
 
-    fn say(&self, distances: [Option<u16>; 2]) {
+    pub(in crate::run) fn say(&self, distances: [Option<u16>; 2]) {
         *self.distances.lock().unwrap() = distances;
     }
 }
 
 /// Says that it is there, and what its sensors measure, until nobody listens.
 fn say(mut stream: TcpStream, distances: &Mutex<[Option<u16>; 2]>) {
-    let mut writer = FrameWriter::new(MavAddress {
-        system: 1,
-        component: 1,
-    });
+    let mut writer = FrameWriter::new(ADDRESS);
     let heartbeat = MavMessage::HEARTBEAT(HEARTBEAT_DATA {
         mavtype: MavType::MAV_TYPE_GROUND_ROVER,
         autopilot: MavAutopilot::MAV_AUTOPILOT_ARDUPILOTMEGA,
@@ -92,16 +99,36 @@ fn say(mut stream: TcpStream, distances: &Mutex<[Option<u16>; 2]>) {
     }
 }
 
-fn hear(mut stream: TcpStream, told: &Mutex<Vec<MavMessage>>) {
+/// Hears of pulses, and answers.
+fn hear(mut stream: TcpStream, answers: &Mutex<Option<MavResult>>, pulses: &Mutex<Vec<(u8, u16)>>) {
     let (mut reader, mut bytes) = (FrameReader::default(), [0; 4096]);
+    let mut writer = FrameWriter::new(ADDRESS);
     while let Ok(count) = stream.read(&mut bytes) {
         if count == 0 {
             return;
         }
         reader.push(&bytes[..count]);
         while let Some(frame) = reader.next(None) {
-            if let Content::Message(message) = frame.content {
-                told.lock().unwrap().push(*message);
+            let Content::Message(message) = frame.content else {
+                continue;
+            };
+            let MavMessage::COMMAND_LONG(command) = *message else {
+                continue;
+            };
+            if command.command != MavCmd::MAV_CMD_DO_SET_SERVO {
+                continue;
+            }
+            let pulse = (command.param1 as u8, command.param2 as u16);
+            pulses.lock().unwrap().push(pulse);
+            if let Some(result) = *answers.lock().unwrap() {
+                let ack = MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
+                    command: command.command,
+                    result,
+                    ..COMMAND_ACK_DATA::default()
+                });
+                let mut said = Vec::new();
+                writer.write(&ack, None, &mut said);
+                stream.write_all(&said).unwrap();
             }
         }
     }
@@ -179,4 +206,66 @@ fn range_sensors_on_an_autopilot_answer_along_their_own_directions_only() {
     }
     assert!(events.try_recv().is_err(), "nothing has answered");
     assert!(devices.range_health().unwrap().glitches > 10);
+}
+
+/// A sensor on the autopilot that its servo turns.
+const TURNED: &str = "servo.driver = \"autopilot\"\nservo.autopilot.output = 9\nservo.autopilot.pulse_us = [1000.5, 1999.5]\n\
+                      servo.autopilot.angle_deg = [60, -60]\nrange.driver = \"autopilot\"\nrange.settle_s = 0.08\n\
+                      range.scan_period_s = 0.15\n";
+
+#[test]
+fn a_sensor_is_asked_only_when_the_autopilot_has_turned_it() {
+    let autopilot = PlayedAutopilot::start();
+    let (devices, events) = devices(autopilot.address, TURNED);
+    autopilot.say([Some(150), None]);
+    let troubles = Troubles::default();
+    let is_told = |part: &str| {
+        devices.watch(&troubles);
+        troubles.list().iter().any(|said| said.contains(part))
+    };
+    let turn = |beam_deg: f64, number: u64| {
+        devices.carry_out(&Effect::Steer(Angle::from_degrees(beam_deg)));
+        std::thread::sleep(Duration::from_millis(80));
+        devices.carry_out(&Effect::Ping(Ping { number }));
+        std::thread::sleep(Duration::from_millis(70));
+    };
+    let began = Instant::now();
+    let mut number = 0;
+    for (answer, trouble) in [
+        (None, "servo: output 9: the autopilot does not confirm"),
+        (
+            Some(MavResult::MAV_RESULT_FAILED),
+            "servo: output 9: the autopilot refuses",
+        ),
+    ] {
+        *autopilot.answers.lock().unwrap() = answer;
+        while !is_told(trouble) {
+            assert!(began.elapsed() < SOON, "{:?}", troubles.list());
+            number += 1;
+            turn(25.0, number);
+        }
+    }
+    assert!(events.try_recv().is_err(), "it looks who knows where");
+    *autopilot.answers.lock().unwrap() = Some(MavResult::MAV_RESULT_ACCEPTED);
+    for beam_deg in [60.0, -60.0, 0.0, 90.0, -180.0] {
+        turn(beam_deg, 1);
+    }
+    let began = Instant::now();
+    while events.try_recv().is_err() {
+        assert!(began.elapsed() < SOON, "{:?}", troubles.list());
+        number += 1;
+        turn(-25.0, number);
+    }
+    assert!(!is_told("servo: "), "{:?}", troubles.list());
+    let pulses = autopilot.pulses.lock().unwrap().clone();
+    assert!(
+        pulses.contains(&(9, 1001)) && pulses.contains(&(9, 1999)) && pulses.contains(&(9, 1500)),
+        "{pulses:?}"
+    );
+    assert!(
+        pulses
+            .iter()
+            .all(|(output, width_us)| *output == 9 && (1001..=1999).contains(width_us)),
+        "{pulses:?}"
+    );
 }
