@@ -21,6 +21,8 @@ use tomoswarm_proto::RangeHealth;
 
 #[cfg(feature = "hw")]
 use self::hcsr04::HcSr04Reader;
+#[cfg(feature = "hw")]
+pub use self::hcsr04::record_edges;
 pub use self::on_autopilot::AutopilotReadings;
 use self::on_autopilot::SharedTally;
 pub(super) use self::on_autopilot::range_settings;
