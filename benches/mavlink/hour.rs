@@ -71,6 +71,7 @@ impl Pair {
             switch: None,
             arms_without_failsafes: true,
             takes_fixes: false,
+            ranges: None,
         };
         Pair {
             driver: MavlinkDriver::new(settings),

@@ -82,7 +82,7 @@ fn every_device_is_asked_and_nothing_moves_unless_it_is_to() {
     let file = || {
         vehicle(&format!(
             "autopilot.driver = \"mavlink\"\nautopilot.mavlink.connection = \"tcp:{}\"\nradio.driver = \"sim\"\n\
-             servo.driver = \"pwm\"\nservo.pwm.chip = \"{}\"\nservo.pwm.angle_deg = [-30, 30]\n\
+             servo.driver = \"pwm\"\nservo.pwm.chip = \"{}\"\nservo.pwm.angle_deg = [-60, 60]\n\
              range.driver = \"tf-luna\"\nrange.tf-luna.port = \"{}\"\n",
             PlayedAutopilot::start().address,
             chip.display(),
@@ -104,7 +104,7 @@ fn every_device_is_asked_and_nothing_moves_unless_it_is_to() {
     };
     let all = found(&check, &file());
     let servo = answer(&all, "servo").unwrap();
-    assert!(servo.starts_with("told to turn to -30°, 30°"), "{servo}");
+    assert!(servo.starts_with("told to turn to -60°, 60°"), "{servo}");
     assert_eq!(duty(), "1500000", "it is back");
 }
 
