@@ -10,16 +10,16 @@ use crate::run::device_check::{DeviceCheck, DeviceFound};
 
 /// What `check` does with devices.
 #[derive(clap::Args, Debug, Default)]
-pub struct DeviceArgs {
+pub(super) struct DeviceArgs {
     /// Open every device of a vehicle's file and ask it once: the autopilot for a heartbeat, each range sensor for an echo, the radio for its registers; the vehicle must not be running
     #[arg(long)]
-    pub devices: bool,
+    pub(super) devices: bool,
     /// Swing the servo once, from one end to the other and back
     #[arg(long = "move", requires = "devices")]
-    pub moves: bool,
+    pub(super) moves: bool,
     /// Record what the echo lines of ultrasonic sensors do, in new files of this folder
     #[arg(long, requires = "devices", value_name = "FOLDER")]
-    pub record_edges: Option<PathBuf>,
+    pub(super) record_edges: Option<PathBuf>,
 }
 
 impl DeviceArgs {
@@ -27,7 +27,7 @@ impl DeviceArgs {
     ///
     /// # Errors
     /// The file is wrong or no vehicle's, or devices do not answer: each in a line.
-    pub fn run(&self, path: &Path, out: &mut dyn Write) -> Result<(), CliError> {
+    pub(super) fn run(&self, path: &Path, out: &mut dyn Write) -> Result<(), CliError> {
         let file = vehicle(path)?;
         let wrong_input = |reason: String| CliError::Input {
             path: path.to_owned(),

@@ -70,7 +70,7 @@ fn say(mut stream: TcpStream, distances: &Mutex<[Option<u16>; 2]>) {
     let began = Instant::now();
     for step in 0u64.. {
         let mut bytes = Vec::new();
-        if step % 20 == 0 {
+        if step.is_multiple_of(20) {
             writer.write(&heartbeat, None, &mut bytes);
         }
         let orientations = [
