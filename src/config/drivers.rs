@@ -199,8 +199,14 @@ impl Drivers {
     /// Checks the drivers of range sensors, each and together.
     fn check_ranges(&self, source: &Source<'_>, look: &SensorCoverage) {
         let has_own = |sensor: &usize| matches!(self.own_range.get(*sensor), Some(Some(_)));
-        let without = (0..look.sensors.len()).filter(|sensor| !has_own(sensor));
-        self.range.check(source, "range", look, without.count());
+        // One whose own driver was refused is not taken for one without.
+        let without = match source.is_sound(&["range.sensor"]) {
+            true => (0..look.sensors.len())
+                .filter(|sensor| !has_own(sensor))
+                .count(),
+            false => 1,
+        };
+        self.range.check(source, "range", look, without);
         let mut devices = self.range.devices("range");
         for (sensor, own) in self.own_range.iter().enumerate() {
             let Some(own) = own else { continue };

@@ -238,8 +238,12 @@ fn swing(file: &VehicleFile, servo: &Servo, autopilot: &Autopilot) -> Result<Str
     for offset_rad in [mount.from_rad, mount.to_rad, mount.rest_rad()] {
         let pulse = servo.steer(mount.beam(offset_rad));
         if let Some(pulse) = pulse {
-            autopilot.give_pulse(pulse);
-            if !until(|| autopilot.given_pulse() == Some(pulse)) {
+            let is_given = || {
+                // One that was confirmed late is given once it is wanted again.
+                autopilot.give_pulse(pulse);
+                autopilot.given_pulse() == Some(pulse)
+            };
+            if !until(is_given) {
                 let why = autopilot.servo_trouble();
                 return Err(why.unwrap_or_else(|| "its pulse is not confirmed".to_owned()));
             }
@@ -249,10 +253,12 @@ fn swing(file: &VehicleFile, servo: &Servo, autopilot: &Autopilot) -> Result<Str
             return Err(trouble);
         }
     }
+    let late = autopilot.servo_trouble();
     Ok(format!(
-        "told to turn to {:.0}°, {:.0}° and back: see whether it did",
+        "told to turn to {:.0}°, {:.0}° and back: see whether it did{}",
         mount.from_rad.to_degrees(),
-        mount.to_rad.to_degrees()
+        mount.to_rad.to_degrees(),
+        late.map(|late| format!("; {late}")).unwrap_or_default()
     ))
 }
 

@@ -930,7 +930,7 @@ fn sensors_on_an_autopilot_need_one_and_say_from_where_on_nothing_is_there() {
         ("range.autopilot.nothing_from_m = 700", "is out of range"),
         (
             "range.autopilot.delay_s = 0.05",
-            "range.scan_period_s: leaves no time for an answer",
+            "range.scan_period_s = 0.1 (the default): leaves no time for an answer: its messages",
         ),
         ("range.autopilot.port = \"/dev/ttyS0\"", "is not known"),
     ] {
@@ -981,7 +981,7 @@ fn a_servo_on_an_autopilot_needs_one_and_time_for_the_way_to_it() {
         ),
         (
             "servo.autopilot.output = 9\n",
-            "range.settle_s: leaves no time for the way to the autopilot",
+            "range.settle_s = 0.03 (the default): leaves no time for the way to the autopilot",
         ),
     ] {
         check_one(&turned_by(lines), &[part]);

