@@ -13,8 +13,8 @@ use super::source::Source;
 use super::vehicle::Craft;
 use super::xbee_port::XbeePort;
 
-/// A servo on an autopilot has come to rest after this time at the earliest: it hears of a turn up to 0.05 s late.
-const AUTOPILOT_SERVO_SETTLE_S: f64 = 0.08;
+/// A servo on an autopilot has come to rest after this time at the earliest: it hears of a turn up to 0.08 s late.
+const AUTOPILOT_SERVO_SETTLE_S: f64 = 0.11;
 
 /// What speaks with the devices of a vehicle.
 #[derive(Clone, PartialEq, Debug, Default)]
@@ -190,8 +190,8 @@ impl Drivers {
             );
         }
         if look.settle_s < AUTOPILOT_SERVO_SETTLE_S {
-            let wrong = "leaves no time for the way to the autopilot, which takes up to 0.05 s";
-            let allowed = "at least 0.08 is allowed with a servo on an autopilot";
+            let wrong = "leaves no time for the way to the autopilot, which takes up to 0.08 s";
+            let allowed = "at least 0.11 is allowed with a servo on an autopilot";
             source.refuse("range.settle_s", wrong, allowed);
         }
     }

@@ -171,8 +171,8 @@ fn look_at_autopilot(file: &VehicleFile, autopilot: &Autopilot) -> Result<String
     }
     let health = autopilot.health().unwrap_or_default();
     let firmware = match health.firmware.as_str() {
-        "" => "of a version that it has not said",
-        firmware => firmware,
+        "" => String::new(),
+        firmware => format!(" of firmware {firmware}"),
     };
     let volts = health.battery_mv.map(|battery_mv| {
         let volts = f64::from(battery_mv) * 1e-3;
@@ -180,7 +180,7 @@ fn look_at_autopilot(file: &VehicleFile, autopilot: &Autopilot) -> Result<String
     });
     let trouble = autopilot.trouble().map(|trouble| format!("; {trouble}"));
     Ok(format!(
-        "{connection}: a heartbeat of firmware {firmware}{}{}",
+        "{connection}: a heartbeat{firmware}{}{}",
         volts.unwrap_or_default(),
         trouble.unwrap_or_default()
     ))

@@ -951,7 +951,7 @@ fn a_servo_on_an_autopilot_needs_one_and_time_for_the_way_to_it() {
             "autopilot.driver = \"mavlink\"\nautopilot.mavlink.connection = \"tcp:127.0.0.1:5760\"",
         )
     };
-    let whole = "servo.autopilot.output = 9\nrange.settle_s = 0.08\n";
+    let whole = "servo.autopilot.output = 9\nrange.settle_s = 0.11\nrange.scan_period_s = 0.15\n";
     let file = vehicle(&turned_by(whole));
     let ServoDriver::Real(servo) = &file.drivers.servo else {
         panic!("{:?}", file.drivers)

@@ -20,7 +20,7 @@ use crate::time::Time;
 /// What nobody confirms is said again after this time.
 const AGAIN: Duration = Duration::from_millis(150);
 /// A servo that hears of its pulse later than this is not where it is expected when it has settled.
-const CONFIRMED_WITHIN: Duration = Duration::from_millis(50);
+const CONFIRMED_WITHIN: Duration = Duration::from_millis(80);
 /// A pulse that is not confirmed for so long is a trouble.
 const TROUBLE_AFTER: Duration = Duration::from_secs(1);
 

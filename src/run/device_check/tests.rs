@@ -13,7 +13,7 @@ use crate::run::drivers::tests::on_autopilot::PlayedAutopilot;
 
 fn vehicle(lines: &str) -> VehicleFile {
     let text = format!(
-        "kind = \"vehicle\"\nvenue = \"courtyard.venue.toml\"\nid = 1\nstate_dir = \"state\"\nvehicle.max_speed_mps = 0.2\n\
+        "kind = \"vehicle\"\nvenue = \"courtyard.venue.toml\"\nid = 1\nstate_dir = \"state\"\nvehicle.max_speed_mps = 0.1\n\
          world.connect = \"127.0.0.1:9\"\nworld.token = \"secret-token\"\n{lines}"
     );
     config::read_vehicle("configs/v.toml", &text, &mut |path| bundled::load(path)).unwrap()
@@ -114,7 +114,7 @@ fn a_servo_on_an_autopilot_swings_only_when_it_is_to() {
     let file = vehicle(&format!(
         "autopilot.driver = \"mavlink\"\nautopilot.mavlink.connection = \"tcp:{}\"\nradio.driver = \"sim\"\n\
          servo.driver = \"autopilot\"\nservo.autopilot.output = 9\nrange.driver = \"autopilot\"\n\
-         range.settle_s = 0.08\nrange.scan_period_s = 0.15\n",
+         range.settle_s = 0.11\nrange.scan_period_s = 0.2\n",
         autopilot.address
     ));
     autopilot.say([Some(150), None]);

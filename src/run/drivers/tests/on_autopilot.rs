@@ -137,7 +137,7 @@ fn hear(mut stream: TcpStream, answers: &Mutex<Option<MavResult>>, pulses: &Mute
 /// The devices of a vehicle of the bundled place that has this autopilot; its radio has no world.
 fn devices(autopilot: SocketAddr, lines: &str) -> (VehicleDevices, Receiver<Event>) {
     let text = format!(
-        "kind = \"vehicle\"\nvenue = \"courtyard.venue.toml\"\nid = 1\nstate_dir = \"state\"\nvehicle.max_speed_mps = 0.2\n\
+        "kind = \"vehicle\"\nvenue = \"courtyard.venue.toml\"\nid = 1\nstate_dir = \"state\"\nvehicle.max_speed_mps = 0.1\n\
          autopilot.driver = \"mavlink\"\nautopilot.mavlink.connection = \"tcp:{autopilot}\"\nradio.driver = \"sim\"\n\
          world.connect = \"127.0.0.1:9\"\nworld.token = \"secret-token\"\n{lines}"
     );
@@ -210,8 +210,8 @@ fn range_sensors_on_an_autopilot_answer_along_their_own_directions_only() {
 
 /// A sensor on the autopilot that its servo turns.
 const TURNED: &str = "servo.driver = \"autopilot\"\nservo.autopilot.output = 9\nservo.autopilot.pulse_us = [1000.5, 1999.5]\n\
-                      servo.autopilot.angle_deg = [60, -60]\nrange.driver = \"autopilot\"\nrange.settle_s = 0.08\n\
-                      range.scan_period_s = 0.15\n";
+                      servo.autopilot.angle_deg = [60, -60]\nrange.driver = \"autopilot\"\nrange.settle_s = 0.11\n\
+                      range.scan_period_s = 0.2\n";
 
 #[test]
 fn a_sensor_is_asked_only_when_the_autopilot_has_turned_it() {
@@ -225,9 +225,9 @@ fn a_sensor_is_asked_only_when_the_autopilot_has_turned_it() {
     };
     let turn = |beam_deg: f64, number: u64| {
         devices.carry_out(&Effect::Steer(Angle::from_degrees(beam_deg)));
-        std::thread::sleep(Duration::from_millis(80));
+        std::thread::sleep(Duration::from_millis(110));
         devices.carry_out(&Effect::Ping(Ping { number }));
-        std::thread::sleep(Duration::from_millis(70));
+        std::thread::sleep(Duration::from_millis(90));
     };
     let began = Instant::now();
     let mut number = 0;
