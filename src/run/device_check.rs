@@ -267,8 +267,7 @@ fn look_at_radio(file: &VehicleFile) -> Result<String, String> {
         RadioDriver::Simulated => return Ok(SIMULATED.to_owned()),
         RadioDriver::Xbee(xbee) => xbee,
     };
-    let baud = u32::try_from(xbee.baud).unwrap_or(u32::MAX);
-    let found = xbee_tool::registers(&xbee.port, baud).map_err(|error| error.to_string())?;
+    let found = xbee_tool::registers(&xbee.port, xbee.baud).map_err(|error| error.to_string())?;
     let wanted = ModuleSettings::of_venue(file.id, &file.venue, file.radio.power_dbm);
     match found.mismatches(&wanted) {
         wrong if wrong.is_empty() => {
