@@ -13,6 +13,7 @@
 //! venue and scene come from the `loader` of the caller. It does not read the scene's shapes (`.wrl`),
 //! places no random persons, and opens neither the certificates nor the folders that a node's file names.
 
+mod autopilot_range;
 pub mod bundled;
 mod bus_file;
 mod drivers;
@@ -36,6 +37,7 @@ mod problem;
 mod radio;
 mod range;
 mod range_driver;
+mod range_table;
 mod scene;
 mod section;
 mod servo_driver;
@@ -56,6 +58,7 @@ use section::Section;
 use source::Source;
 pub use source::beside;
 
+pub use autopilot_range::AutopilotRange;
 pub use bus_file::{BusFile, Identity, Topology};
 pub use drivers::{AutopilotDriver, Drivers, RadioDriver};
 pub use endpoint::{Endpoint, EndpointError, Protocol, is_host};

@@ -6,6 +6,7 @@
 //! its set-up.
 
 pub mod echo_edges;
+pub mod edge_recording;
 mod lines;
 mod pings;
 pub mod pulse;

@@ -5,11 +5,14 @@
 
 pub mod bus;
 pub mod clock;
+#[cfg(feature = "hw")]
+pub mod device_check;
 pub mod drivers;
 pub mod ground_process;
 pub mod link;
 pub mod live;
 pub mod live_operator;
+pub mod machine;
 pub mod mailbox;
 pub mod mavlink_port;
 pub mod mavlink_sockets;

@@ -14,6 +14,7 @@ use std::time::Duration;
 
 use tomoswarm::hw::RangeReading;
 use tomoswarm::hw::echo_edges::{EchoAnswer, EchoEdges, Edge};
+use tomoswarm::hw::edge_recording::{EdgeRecording, RecordedPing};
 use tomoswarm::time::Time;
 
 /// When edges are taken.
@@ -104,4 +105,44 @@ fn every_fixture_is_read_as_it_says_whenever_its_edges_are_taken() {
         }
     }
     assert!(files >= 40, "{files}");
+}
+
+#[test]
+fn what_is_recorded_from_a_sensor_is_read_as_it_says() {
+    let mut number = 0;
+    let mut edge = |at_us: u64, is_rising| {
+        number += 1;
+        Edge {
+            at: Time::from_nanos(at_us * 1000),
+            is_rising,
+            number,
+        }
+    };
+    let mut ping = |at_us: u64, edges_us: &[u64]| RecordedPing {
+        unasked: Vec::new(),
+        at: Time::from_nanos(at_us * 1000),
+        is_high: false,
+        edges: edges_us
+            .iter()
+            .enumerate()
+            .map(|(index, at_us)| edge(*at_us, index % 2 == 0))
+            .collect(),
+    };
+    let mut pings = vec![
+        ping(100_000, &[100_500, 112_148]),
+        ping(300_000, &[300_500, 338_500]),
+        ping(500_000, &[]),
+        ping(700_000, &[700_500, 700_530]),
+        ping(900_000, &[900_500]),
+        ping(1_100_000, &[]),
+    ];
+    pings[5].is_high = true;
+    let recording = EdgeRecording {
+        sensor: "GPIO23 and GPIO24".to_owned(),
+        air_temperature_c: 12.5,
+        pings,
+    };
+    for taken in [Taken::AtOnce, Taken::Late] {
+        assert_eq!(play(&recording.to_text(), taken), Ok(6), "{taken:?}");
+    }
 }

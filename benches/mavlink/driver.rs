@@ -51,7 +51,7 @@ pub fn driver() {
     let is_over = Arc::<AtomicBool>::default();
     let ends = is_over.clone();
     let autopilot = std::thread::spawn(move || say_much(&socket, &ends));
-    let driver = Autopilot::start(&file, Clock::start(), &events).unwrap();
+    let driver = Autopilot::start(&file, Clock::start(), &events, None).unwrap();
     std::thread::sleep(Duration::from_secs(3));
     assert_eq!(driver.trouble(), None);
     let (began, before) = (Instant::now(), reports.load(Ordering::Relaxed));

@@ -71,6 +71,7 @@ impl Pair {
             switch: None,
             arms_without_failsafes: true,
             takes_fixes: false,
+            ranges: None,
         };
         Pair {
             driver: MavlinkDriver::new(settings),
@@ -116,6 +117,8 @@ impl Pair {
                 DriverOut::Say(message) => self.writer.write(&message, None, &mut bytes),
                 DriverOut::Report(_) => self.reports += 1,
                 DriverOut::Ack(_) => self.acks += 1,
+                // No range sensor hangs on it.
+                DriverOut::Reading(_) => {}
                 DriverOut::Text { .. } => {}
             }
         }

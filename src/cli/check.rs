@@ -5,6 +5,8 @@ use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+#[cfg(feature = "hw")]
+use super::check_devices::DeviceArgs;
 use super::describe::{Line, describe};
 use super::error::CliError;
 use super::experiment;
@@ -32,6 +34,9 @@ pub struct CheckArgs {
     /// Print the tables of all keys, as they stand in configs/README.md
     #[arg(long, conflicts_with = "files")]
     pub keys: bool,
+    #[cfg(feature = "hw")]
+    #[command(flatten)]
+    devices: DeviceArgs,
 }
 
 const AFTER_HELP: &str = "\
@@ -43,8 +48,9 @@ Examples:
   tomoswarm check my.sim.toml | tomoswarm check -     the same again: files are named as seen from here
   tomoswarm check scenes/courtyard.wrl                faces, triangles and DEF names of shapes
   tomoswarm check out/courtyard-1/links.csv           how many links, and where
+  tomoswarm check --devices /etc/tomoswarm/vehicle.toml   asks the devices of this vehicle
 
-Exit codes: 0 all files are right; 2 any is not.";
+Exit codes: 0 all files are right, and all devices answer that were asked; 2 any is not or does not.";
 
 /// What a file is taken for, by its ending.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -68,6 +74,10 @@ impl CheckArgs {
         if self.keys {
             return print_keys(out);
         }
+        #[cfg(feature = "hw")]
+        if self.devices.devices {
+            return self.ask_devices(out);
+        }
         for path in &self.files {
             match understand(path) {
                 Ok(understood) => {
@@ -84,6 +94,18 @@ impl CheckArgs {
             Ok(())
         } else {
             Err(CliError::Several(wrong))
+        }
+    }
+}
+
+#[cfg(feature = "hw")]
+impl CheckArgs {
+    fn ask_devices(&self, out: &mut dyn Write) -> Result<(), CliError> {
+        let asked = self.files.iter().map(|path| self.devices.run(path, out));
+        let wrong: Vec<CliError> = asked.filter_map(Result::err).collect();
+        match wrong.is_empty() {
+            true => Ok(()),
+            false => Err(CliError::Several(wrong)),
         }
     }
 }
@@ -269,6 +291,8 @@ mod tests {
         let result = CheckArgs {
             keys: false,
             files: files.iter().map(PathBuf::from).collect(),
+            #[cfg(feature = "hw")]
+            devices: DeviceArgs::default(),
         }
         .run(&mut out);
         (String::from_utf8(out).unwrap(), result)

@@ -13,6 +13,9 @@ use super::source::Source;
 use super::vehicle::Craft;
 use super::xbee_port::XbeePort;
 
+/// A servo on an autopilot has come to rest after this time at the earliest: it hears of a turn up to 0.08 s late.
+const AUTOPILOT_SERVO_SETTLE_S: f64 = 0.11;
+
 /// What speaks with the devices of a vehicle.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Drivers {
@@ -20,8 +23,10 @@ pub struct Drivers {
     pub autopilot: AutopilotDriver,
     /// The servo of the range sensor.
     pub servo: ServoDriver,
-    /// The range sensor.
+    /// The range sensors, but for those that have a driver of their own.
     pub range: RangeDriver,
+    /// Of each `[[range.sensor]]` its own driver, if it has one; those after the last that has one are left out.
+    pub own_range: Vec<Option<RangeDriver>>,
     /// The radio.
     pub radio: RadioDriver,
 }
@@ -52,6 +57,7 @@ impl Drivers {
         autopilot: AutopilotDriver::Simulated,
         servo: ServoDriver::Simulated,
         range: RangeDriver::Simulated,
+        own_range: Vec::new(),
         radio: RadioDriver::Simulated,
     };
 
@@ -61,12 +67,20 @@ impl Drivers {
             autopilot,
             servo,
             range,
+            // Only real sensors have drivers of their own.
+            own_range: _,
             radio,
         } = self;
         *autopilot == AutopilotDriver::Simulated
             || *servo == ServoDriver::Simulated
             || *range == RangeDriver::Simulated
             || *radio == RadioDriver::Simulated
+    }
+
+    /// Returns what reads a range sensor, by its number.
+    pub fn range_of(&self, sensor: usize) -> &RangeDriver {
+        let own = self.own_range.get(sensor).and_then(Option::as_ref);
+        own.unwrap_or(&self.range)
     }
 
     /// Returns what a vehicle of a kind with these drivers has, ascending.
@@ -85,12 +99,17 @@ impl Drivers {
             RadioDriver::Simulated => Capability::Radio(RadioKind::Simulated),
             RadioDriver::Xbee(_) => Capability::Radio(RadioKind::XBee),
         };
-        let range = self.range.kind().map(Capability::RangeSensor);
-        let mut all: Vec<Capability> = [Some(autopilot), range, servo, Some(radio)]
+        let ranges = [&self.range]
             .into_iter()
+            .chain(self.own_range.iter().flatten());
+        let ranges = ranges.map(|range| range.kind().map(Capability::RangeSensor));
+        let mut all: Vec<Capability> = [Some(autopilot), servo, Some(radio)]
+            .into_iter()
+            .chain(ranges)
             .flatten()
             .collect();
         all.sort_unstable();
+        all.dedup();
         all
     }
 
@@ -100,6 +119,7 @@ impl Drivers {
             autopilot,
             servo,
             range,
+            own_range,
             radio,
         } = self;
         let connection = match autopilot {
@@ -108,23 +128,23 @@ impl Drivers {
                 format!(" at {}", connection.endpoint.in_words())
             }
         };
-        let port = range
-            .port()
-            .map(|port| format!(" on {port}"))
-            .unwrap_or_default();
+        let ranges = [range].into_iter().chain(own_range.iter().flatten());
+        let ranges: Vec<String> = ranges.map(RangeDriver::in_words).collect();
+        let ranges = ranges.join(" and ");
         let radio_port = match radio {
             RadioDriver::Simulated => String::new(),
             RadioDriver::Xbee(xbee) => format!(" on {}", xbee.port),
         };
-        let (autopilot, servo, range, radio) = (
-            autopilot.name(),
-            servo.in_words(),
-            range.name(),
-            radio.name(),
-        );
+        let (autopilot, servo, radio) = (autopilot.name(), servo.in_words(), radio.name());
         format!(
-            "autopilot {autopilot}{connection}, range {range}{port}, servo {servo}, radio {radio}{radio_port}"
+            "autopilot {autopilot}{connection}, range {ranges}, servo {servo}, radio {radio}{radio_port}"
         )
+    }
+
+    /// Leaves out what stands after the last sensor that has a driver of its own, once the keys are read.
+    pub(super) fn complete_own_range(&mut self) {
+        let last = self.own_range.iter().rposition(Option::is_some);
+        self.own_range.truncate(last.map_or(0, |last| last + 1));
     }
 
     /// Checks the choices together, and with where the range sensors look.
@@ -153,7 +173,71 @@ impl Drivers {
         {
             source.require("radio.xbee", "a table [radio.xbee] with its port is needed");
         }
-        self.range.check(source, look);
+        self.check_servo(source, look);
+        self.check_ranges(source, look);
+    }
+
+    /// Checks a servo that hangs on the autopilot: it begins to turn when that has heard of it.
+    fn check_servo(&self, source: &Source<'_>, look: &SensorCoverage) {
+        if !self.servo.is_on_autopilot() || !source.is_sound(&["servo"]) {
+            return;
+        }
+        if self.autopilot == AutopilotDriver::Simulated {
+            source.refuse(
+                "servo.driver",
+                "hangs on an autopilot that is simulated, and turns nothing",
+                "[autopilot] driver = \"mavlink\" is needed with it",
+            );
+        }
+        if look.settle_s < AUTOPILOT_SERVO_SETTLE_S {
+            let wrong = "leaves no time for the way to the autopilot, which takes up to 0.08 s";
+            let allowed = "at least 0.11 is allowed with a servo on an autopilot";
+            source.refuse("range.settle_s", wrong, allowed);
+        }
+    }
+
+    /// Checks the drivers of range sensors, each and together.
+    fn check_ranges(&self, source: &Source<'_>, look: &SensorCoverage) {
+        let has_own = |sensor: &usize| matches!(self.own_range.get(*sensor), Some(Some(_)));
+        // One whose own driver was refused is not taken for one without.
+        let without = match source.is_sound(&["range.sensor"]) {
+            true => (0..look.sensors.len())
+                .filter(|sensor| !has_own(sensor))
+                .count(),
+            false => 1,
+        };
+        self.range.check(source, "range", look, without);
+        let mut devices = self.range.devices("range");
+        for (sensor, own) in self.own_range.iter().enumerate() {
+            let Some(own) = own else { continue };
+            let table = format!("range.sensor[{sensor}]");
+            own.check(source, &table, look, 1);
+            let found = own.devices(&table);
+            for (key, device) in &found {
+                if devices.iter().any(|(_, other)| other == device) {
+                    let allowed = "a device of its own is allowed";
+                    source.refuse(key, "is of another range sensor, too", allowed);
+                }
+            }
+            devices.extend(found);
+        }
+        let own = self.own_range.iter().flatten();
+        if !self.range.is_real() && own.clone().next().is_some() {
+            source.refuse(
+                "range.driver",
+                "is none of a real sensor, and a [[range.sensor]] has one",
+                "the driver of those sensors that name none of their own is allowed",
+            );
+        }
+        let is_on_autopilot = |range: &RangeDriver| matches!(range, RangeDriver::Autopilot(_));
+        let is_simulated = matches!(self.autopilot, AutopilotDriver::Simulated);
+        if is_simulated && own.chain([&self.range]).any(is_on_autopilot) {
+            source.refuse(
+                "range.driver",
+                "hangs on an autopilot that is simulated, and says nothing",
+                "[autopilot] driver = \"mavlink\" is needed with it",
+            );
+        }
     }
 }
 

@@ -36,29 +36,26 @@ const FARTHEST_M: f64 = 4.0;
 const ANSWERS_WITHIN_S: f64 = 0.067;
 
 impl HcSr04Lines {
-    /// Checks its settings together with where the sensor looks.
-    pub(super) fn check(&self, source: &Source<'_>, look: &SensorCoverage) {
-        let table = "range.hcsr04";
+    /// Checks its settings together with where the sensor looks; `table` is its own.
+    pub(super) fn check(&self, source: &Source<'_>, table: &str, look: &SensorCoverage) {
         if !source.is_sound(&[table]) {
             return;
         }
         if self.trigger.is_empty() || self.echo.is_empty() {
-            source.require(
-                table,
-                "a table [range.hcsr04] with its trigger and echo is needed",
-            );
+            let needed = format!("a table [{table}] with its trigger and echo is needed");
+            source.require(table, &needed);
             return;
         }
         let wrong = "is another line of this sensor, too";
         let allowed = "a line of its own is allowed";
         if self.trigger == self.echo {
-            source.refuse("range.hcsr04.echo", wrong, allowed);
+            source.refuse(&format!("{table}.echo"), wrong, allowed);
         }
         if [&self.trigger, &self.echo]
             .into_iter()
             .any(|line| Some(line) == self.power.as_ref())
         {
-            source.refuse("range.hcsr04.power", wrong, allowed);
+            source.refuse(&format!("{table}.power"), wrong, allowed);
         }
         if look.max_range_m > FARTHEST_M {
             let allowed = "at most 4 m is allowed with this driver";
@@ -138,14 +135,20 @@ impl MaybeTable for HcSr04Table<'_> {
     fn get(&mut self) -> Option<&mut dyn Keyed> {
         match self.driver {
             RangeDriver::HcSr04(lines) => Some(lines),
-            RangeDriver::Simulated | RangeDriver::Serial(_) | RangeDriver::None => None,
+            RangeDriver::Simulated
+            | RangeDriver::Serial(_)
+            | RangeDriver::Autopilot(_)
+            | RangeDriver::None => None,
         }
     }
 
     fn fill(&mut self) -> &mut dyn Keyed {
         match self.driver {
             RangeDriver::HcSr04(lines) => lines,
-            RangeDriver::Simulated | RangeDriver::Serial(_) | RangeDriver::None => &mut self.unused,
+            RangeDriver::Simulated
+            | RangeDriver::Serial(_)
+            | RangeDriver::Autopilot(_)
+            | RangeDriver::None => &mut self.unused,
         }
     }
 }

@@ -321,14 +321,24 @@ impl SensorCoverage {
 
 impl Keyed for SensorCoverage {
     fn keys(&mut self, to: &mut dyn Keys) {
-        self.show(&[0.0, 25.0, -25.0, 50.0, -50.0], to);
+        self.keys_with(false, to, &mut |sensor, _, to| sensor.keys(to));
     }
 }
 
 impl SensorCoverage {
-    /// Shows the keys of sensors that nothing turns: what is left out looks straight ahead.
-    pub(super) fn fixed_keys(&mut self, to: &mut dyn Keys) {
-        self.show(&[0.0], to);
+    /// Shows its keys, and those of each sensor by a function that is told its number; where nothing turns them, what is left
+    /// out looks straight ahead.
+    pub(super) fn keys_with(
+        &mut self,
+        is_fixed: bool,
+        to: &mut dyn Keys,
+        sensor_keys: &mut dyn FnMut(&mut SensorMount, usize, &mut dyn Keys),
+    ) {
+        let default_beams_deg: &[f64] = match is_fixed {
+            true => &[0.0],
+            false => &[0.0, 25.0, -25.0, 50.0, -50.0],
+        };
+        self.show(default_beams_deg, to, sensor_keys);
     }
 
     /// Makes the sensors fixed: without any there is one that looks straight ahead. One that has limits to be turned
@@ -350,7 +360,12 @@ impl SensorCoverage {
         }
     }
 
-    fn show(&mut self, default_beams_deg: &'static [f64], to: &mut dyn Keys) {
+    fn show(
+        &mut self,
+        default_beams_deg: &'static [f64],
+        to: &mut dyn Keys,
+        sensor_keys: &mut dyn FnMut(&mut SensorMount, usize, &mut dyn Keys),
+    ) {
         let SensorCoverage {
             beams_deg,
             half_angle_deg,
@@ -441,8 +456,7 @@ impl SensorCoverage {
                 means: "posts of this radius and thicker ones must not be touched; refused when the speed does not cover it",
             },
         );
-        let keys = |sensor: &mut SensorMount, _, to: &mut dyn Keys| sensor.keys(to);
-        to.rows(&mut List { list: sensors, keys }, Rowed {
+        to.rows(&mut List { list: sensors, keys: sensor_keys }, Rowed {
             name: "sensor",
             most: SENSORS,
             means: "range sensors, which ping in turn; without any there is one that is pointed anywhere at once. A \

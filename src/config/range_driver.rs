@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use tomoswarm_proto::RangeSensorKind;
 
+use super::autopilot_range::{AutopilotRange, AutopilotRangeTable};
 use super::drivers::{DriverChoice, Known, always};
 use super::forms::{PortName, seconds};
 use super::hcsr04_lines::{HcSr04Lines, HcSr04Table};
@@ -26,6 +27,8 @@ pub enum RangeDriver {
     Serial(SerialSensor),
     /// An ultrasonic sensor with trigger and echo lines.
     HcSr04(HcSr04Lines),
+    /// Sensors that hang on the autopilot.
+    Autopilot(AutopilotRange),
     /// Nothing: the vehicle sees nothing, and is not driven.
     None,
 }
@@ -274,6 +277,11 @@ impl DriverChoice for RangeDriver {
                 is_built: cfg!(feature = "hw"),
                 driver: RangeDriver::HcSr04(HcSr04Lines::default()),
             },
+            Known {
+                name: "autopilot",
+                is_built: cfg!(feature = "net"),
+                driver: RangeDriver::Autopilot(AutopilotRange::default()),
+            },
             always("none", RangeDriver::None),
         ]
     }
@@ -283,6 +291,7 @@ impl DriverChoice for RangeDriver {
             RangeDriver::Simulated => "sim",
             RangeDriver::Serial(sensor) => sensor.protocol.name(),
             RangeDriver::HcSr04(_) => "hcsr04",
+            RangeDriver::Autopilot(_) => "autopilot",
             RangeDriver::None => "none",
         }
     }
@@ -295,6 +304,7 @@ impl RangeDriver {
             RangeDriver::Simulated => Some(RangeSensorKind::Simulated),
             RangeDriver::Serial(sensor) => Some(sensor.protocol.kind()),
             RangeDriver::HcSr04(_) => Some(RangeSensorKind::HcSr04),
+            RangeDriver::Autopilot(_) => Some(RangeSensorKind::Autopilot),
             RangeDriver::None => None,
         }
     }
@@ -303,35 +313,65 @@ impl RangeDriver {
     pub(super) fn is_real(&self) -> bool {
         match self {
             RangeDriver::Simulated | RangeDriver::None => false,
-            RangeDriver::Serial(_) | RangeDriver::HcSr04(_) => true,
+            RangeDriver::Serial(_) | RangeDriver::HcSr04(_) | RangeDriver::Autopilot(_) => true,
         }
     }
 
-    /// Returns the port or the lines that it opens, if it does.
-    pub(super) fn port(&self) -> Option<String> {
-        match self {
-            RangeDriver::Simulated | RangeDriver::None => None,
-            RangeDriver::Serial(sensor) => Some(sensor.port.clone()),
-            RangeDriver::HcSr04(lines) => Some(format!("{} and {}", lines.trigger, lines.echo)),
-        }
+    /// Returns it in words, for people.
+    pub fn in_words(&self) -> String {
+        let devices = match self {
+            RangeDriver::Simulated | RangeDriver::Autopilot(_) | RangeDriver::None => {
+                return self.name().to_owned();
+            }
+            RangeDriver::Serial(sensor) => sensor.port.clone(),
+            RangeDriver::HcSr04(lines) => format!("{} and {}", lines.trigger, lines.echo),
+        };
+        format!("{} on {devices}", self.name())
     }
 
-    /// Checks its settings together with where the sensors look.
-    pub(super) fn check(&self, source: &Source<'_>, look: &SensorCoverage) {
-        let several = |wrong: &str| {
-            if look.sensors.len() > 1 {
-                source.refuse("range.sensor", wrong, "one is allowed");
+    /// Returns the port or the lines that it opens, each with its key; `table` holds its own table.
+    pub(super) fn devices(&self, table: &str) -> Vec<(String, String)> {
+        let table = format!("{table}.{}", self.name());
+        let named = |name: &str, device: &str| (format!("{table}.{name}"), device.to_owned());
+        let all = match self {
+            RangeDriver::Simulated | RangeDriver::Autopilot(_) | RangeDriver::None => Vec::new(),
+            RangeDriver::Serial(sensor) => vec![named("port", &sensor.port)],
+            RangeDriver::HcSr04(lines) => {
+                let power = lines.power.iter().map(|power| named("power", power));
+                [named("trigger", &lines.trigger), named("echo", &lines.echo)]
+                    .into_iter()
+                    .chain(power)
+                    .collect()
             }
         };
+        let is_told = |(_, device): &(String, String)| !device.is_empty();
+        all.into_iter().filter(is_told).collect()
+    }
+
+    /// Checks its settings together with where the sensors look; `within` holds its own table, and so many sensors have it.
+    pub(super) fn check(
+        &self,
+        source: &Source<'_>,
+        within: &str,
+        look: &SensorCoverage,
+        sensors: usize,
+    ) {
+        let several = |wrong: &str| {
+            if sensors > 1 {
+                let allowed = "one is allowed, or each with a driver of its own";
+                source.refuse("range.sensor", wrong, allowed);
+            }
+        };
+        let table = format!("{within}.{}", self.name());
         let sensor = match self {
             RangeDriver::Simulated | RangeDriver::None => return,
             RangeDriver::HcSr04(lines) => {
                 several("has several, and one pair of lines is one sensor");
-                return lines.check(source, look);
+                return lines.check(source, &table, look);
             }
+            RangeDriver::Autopilot(range) => return range.check(source, &table, look),
             RangeDriver::Serial(sensor) => sensor,
         };
-        let table = format!("range.{}", self.name());
         if sensor.port.is_empty() && source.is_sound(&[&table]) {
             source.require(
                 &table,
@@ -354,6 +394,7 @@ impl RangeDriver {
             let mut table: Box<dyn MaybeTable> = match blank {
                 RangeDriver::Serial(unused) => Box::new(SerialTable { driver, unused }),
                 RangeDriver::HcSr04(unused) => Box::new(HcSr04Table { driver, unused }),
+                RangeDriver::Autopilot(unused) => Box::new(AutopilotRangeTable { driver, unused }),
                 RangeDriver::Simulated | RangeDriver::None => continue,
             };
             let means = "what its driver of this name is told; checked and not used while another one is chosen";
@@ -385,6 +426,7 @@ impl SerialTable<'_> {
             RangeDriver::Serial(_)
             | RangeDriver::Simulated
             | RangeDriver::HcSr04(_)
+            | RangeDriver::Autopilot(_)
             | RangeDriver::None => None,
         }
     }
@@ -401,7 +443,10 @@ impl MaybeTable for SerialTable<'_> {
         }
         match self.driver {
             RangeDriver::Serial(sensor) => sensor,
-            RangeDriver::Simulated | RangeDriver::HcSr04(_) | RangeDriver::None => &mut self.unused,
+            RangeDriver::Simulated
+            | RangeDriver::HcSr04(_)
+            | RangeDriver::Autopilot(_)
+            | RangeDriver::None => &mut self.unused,
         }
     }
 }

@@ -5,8 +5,9 @@ use tomoswarm_proto::ServoKind;
 
 use super::drivers::{DriverChoice, DriverKey, Known, always};
 use super::forms::{LineName, PortName};
-use super::keys::{KeyEntry, Keyed, Keys, MaybeTable, Numbers, Whole};
+use super::keys::{Form, KeyEntry, Keyed, Keys, MaybeTable, Numbers, Whole};
 use super::range::{SensorCoverage, SensorMount};
+use super::section::Section;
 use super::source::Source;
 
 /// What turns range sensors.
@@ -45,6 +46,11 @@ pub enum ServoOutput {
         /// The name that the kernel has for its line.
         pin: String,
     },
+    /// An output of the autopilot.
+    Autopilot {
+        /// Its number, as SERVOn_FUNCTION counts.
+        output: usize,
+    },
 }
 
 /// What the pulses of a servo mean, linear from one end to the other.
@@ -61,12 +67,14 @@ impl ServoOutput {
         match self {
             ServoOutput::Pwm { .. } => "pwm",
             ServoOutput::Gpio { .. } => "gpio",
+            ServoOutput::Autopilot { .. } => "autopilot",
         }
     }
 
     fn kind(&self) -> ServoKind {
         match self {
             ServoOutput::Pwm { .. } | ServoOutput::Gpio { .. } => ServoKind::Pwm,
+            ServoOutput::Autopilot { .. } => ServoKind::Autopilot,
         }
     }
 
@@ -75,6 +83,7 @@ impl ServoOutput {
         match self {
             ServoOutput::Pwm { chip, .. } => !chip.is_empty(),
             ServoOutput::Gpio { pin } => !pin.is_empty(),
+            ServoOutput::Autopilot { output } => *output > 0,
         }
     }
 
@@ -83,6 +92,7 @@ impl ServoOutput {
         match self {
             ServoOutput::Pwm { chip, channel } => format!("channel {channel} of {chip}"),
             ServoOutput::Gpio { pin } => pin.clone(),
+            ServoOutput::Autopilot { output } => format!("output {output}"),
         }
     }
 }
@@ -110,6 +120,7 @@ impl DriverChoice for ServoDriver {
                 ServoOutput::Gpio { pin: String::new() },
                 cfg!(feature = "hw"),
             ),
+            real(ServoOutput::Autopilot { output: 0 }, cfg!(feature = "net")),
             always("none", ServoDriver::None),
         ]
     }
@@ -134,10 +145,18 @@ impl ServoDriver {
     }
 
     /// Returns it in words, for people.
-    pub(super) fn in_words(&self) -> String {
+    pub fn in_words(&self) -> String {
         match self {
             ServoDriver::Simulated | ServoDriver::None => self.name().to_owned(),
             ServoDriver::Real(servo) => format!("{} on {}", self.name(), servo.output.in_words()),
+        }
+    }
+
+    /// Returns whether it hangs on the autopilot.
+    pub(super) fn is_on_autopilot(&self) -> bool {
+        match self {
+            ServoDriver::Simulated | ServoDriver::None => false,
+            ServoDriver::Real(servo) => matches!(servo.output, ServoOutput::Autopilot { .. }),
         }
     }
 
@@ -332,8 +351,40 @@ impl Keyed for RealServo {
                 );
                 *pin = line.unwrap_or_default();
             }
+            ServoOutput::Autopilot { output } => {
+                let means = "the number of the autopilot's output, with SERVOn_FUNCTION = 0";
+                let (name, left_out) = ("output", "needed");
+                to.form(
+                    &mut OutputNumber(output),
+                    KeyEntry {
+                        name,
+                        left_out,
+                        means,
+                    },
+                );
+            }
         }
         scale.keys(to);
+    }
+}
+
+/// The number of an output of an autopilot; 0 = not given yet.
+struct OutputNumber<'a>(&'a mut usize);
+
+impl Form for OutputNumber<'_> {
+    fn to_toml(&self) -> Option<String> {
+        Some(self.0.to_string())
+    }
+
+    fn read(&mut self, section: &Section<'_>, key: &'static str) {
+        section.require(key, "a whole number from 1 to 32 is needed");
+        let is_given = section.has(key);
+        let output = section.whole(key, 1, 1..=32);
+        *self.0 = if is_given { output } else { 0 };
+    }
+
+    fn allowed(&self) -> String {
+        "1 to 32".to_owned()
     }
 }
 

@@ -15,8 +15,9 @@ use super::pose_file::{PoseFile, PoseSource};
 use super::radio::OwnRadio;
 use super::range::SensorCoverage;
 use super::range_driver::RangeDriver;
+use super::range_table::RangeTable;
 use super::section::Section;
-use super::servo_driver::{ServoDriver, ServoTable};
+use super::servo_driver::ServoTable;
 use super::sim::{
     check_border, check_task, load, refuse_blind_speed, refuse_uncovered_radius, smallest_post,
 };
@@ -126,24 +127,6 @@ impl Keyed for VehicleTable<'_> {
     }
 }
 
-/// The table `[range]` of a vehicle.
-struct RangeTable<'a> {
-    driver: &'a mut RangeDriver,
-    servo: &'a ServoDriver,
-    look: &'a mut SensorCoverage,
-}
-
-impl Keyed for RangeTable<'_> {
-    fn keys(&mut self, to: &mut dyn Keys) {
-        DriverKey(&mut *self.driver).show(to);
-        self.driver.show_tables(to);
-        match self.servo {
-            ServoDriver::Simulated | ServoDriver::Real(_) => self.look.keys(to),
-            ServoDriver::None => self.look.fixed_keys(to),
-        }
-    }
-}
-
 /// The table `[radio]` of a vehicle.
 struct RadioTable<'a> {
     driver: &'a mut RadioDriver,
@@ -235,6 +218,7 @@ impl VehicleFile {
             .mission
             .task(root.source, is_loaded.then_some(&file.venue), loader);
         check_world(root, &file.drivers);
+        file.drivers.complete_own_range();
         file.drivers.servo.complete(root.source, &mut file.look);
         let is_sound = root
             .source
@@ -289,6 +273,7 @@ impl Keyed for VehicleFile {
             autopilot,
             servo,
             range,
+            own_range,
             radio: radio_driver,
         } = drivers;
         let table = |name, means| KeyEntry {
@@ -340,6 +325,7 @@ impl Keyed for VehicleFile {
         );
         let mut sensor = RangeTable {
             driver: range,
+            own: own_range,
             servo,
             look,
         };

@@ -6,6 +6,8 @@
 //! ```text
 //!   NumberedCommand ─► orders ─► messages ──────────────► autopilot
 //!   Report, Ack     ◄─ heard  ◄─ messages ◄────────────── autopilot
+//!   pulses          ─► servos ─► messages ──────────────► its servo
+//!   Reading         ◄─ ranges ◄─ messages ◄────────────── its range sensors
 //!                      setup: heartbeat, streams, origin ─► autopilot
 //! ```
 
@@ -20,6 +22,8 @@ mod fixes;
 mod health;
 mod heard;
 mod orders;
+mod ranges;
+mod servos;
 mod setup;
 #[cfg(test)]
 mod tests_support;
@@ -31,7 +35,7 @@ use std::time::Duration;
 use tomoswarm_proto::{AutopilotHealth, Fix, Sender};
 
 use super::dialect::{
-    self as d, MavAutopilot, MavMessage, MavModeFlag, MavSeverity, MavState, MavType,
+    self as d, MavAutopilot, MavCmd, MavMessage, MavModeFlag, MavSeverity, MavState, MavType,
 };
 use super::earth_frame::EarthFrame;
 use super::frames::{AUTOPILOT, Content, Frame, MavAddress};
@@ -42,6 +46,10 @@ use crate::time::Time;
 use self::fixes::Fixes;
 use self::heard::Heard;
 use self::orders::Orders;
+use self::ranges::Ranges;
+pub use self::ranges::{AutopilotReading, AutopilotSensor, RangeFault, RangeSettings, RangeTally};
+use self::servos::Servo;
+pub use self::servos::{ServoPulse, ServoTrouble};
 use self::setup::Setup;
 
 /// Our own heartbeats.
@@ -83,6 +91,8 @@ pub struct MavlinkDriverSettings {
     pub arms_without_failsafes: bool,
     /// Its place is measured from outside, and passed on to it.
     pub takes_fixes: bool,
+    /// The range sensors that hang on it, if any do.
+    pub ranges: Option<RangeSettings>,
 }
 
 /// A switch of a remote control.
@@ -105,6 +115,8 @@ pub enum DriverOut {
     Report(AutopilotReport),
     /// To the link: what it answers.
     Ack(Ack),
+    /// To the range driver: what a sensor on the autopilot has measured.
+    Reading(AutopilotReading),
     /// To people: a line that it has said, and whether it is a warning.
     Text {
         /// The line.
@@ -182,6 +194,9 @@ pub struct MavlinkDriver {
     heard: Heard,
     orders: Orders,
     fixes: Fixes,
+    /// What its range sensors say; `None` when none is of interest.
+    ranges: Option<Ranges>,
+    servo: Servo,
     setup: Setup,
     /// Its failsafes; `None` before it was heard.
     parameters: Option<ParameterReads>,
@@ -195,7 +210,9 @@ impl MavlinkDriver {
             heard: Heard::default(),
             orders: Orders::default(),
             fixes: Fixes::default(),
-            setup: Setup::default(),
+            servo: Servo::default(),
+            setup: Setup::new(settings.ranges.as_ref().map(|ranges| ranges.rate_hz)),
+            ranges: settings.ranges.clone().map(Ranges::new),
             parameters: None,
             heartbeat_due: Time::ZERO,
             settings,
@@ -252,6 +269,22 @@ impl MavlinkDriver {
         missing.is_empty()
     }
 
+    /// Gives a servo on the autopilot its pulse.
+    pub fn give_pulse(&mut self, now: Time, pulse: ServoPulse, out: &mut Vec<DriverOut>) {
+        let target = self.target();
+        self.servo.give(now, pulse, target, out);
+    }
+
+    /// Returns the pulse by which the servo stands; `None` while that is not known.
+    pub fn given_pulse(&self) -> Option<ServoPulse> {
+        self.servo.given()
+    }
+
+    /// Returns why the servo does not stand where it should.
+    pub fn servo_trouble(&self, now: Time) -> Option<ServoTrouble> {
+        self.servo.trouble(now)
+    }
+
     /// Hears where something outside has measured the vehicle to be; only a driver that takes fixes passes it on.
     pub fn hear_fix(&mut self, now: Time, from: Sender, fix: &Fix, out: &mut Vec<DriverOut>) {
         if self.settings.takes_fixes {
@@ -262,6 +295,9 @@ impl MavlinkDriver {
 
     /// Hears a frame; what another system says concerns nobody here.
     pub fn hear(&mut self, now: Time, frame: &Frame, out: &mut Vec<DriverOut>) {
+        if self.hear_distance(now, frame, out) {
+            return;
+        }
         if frame.from != self.target() {
             self.heard.note_other(frame.from);
             return;
@@ -275,6 +311,7 @@ impl MavlinkDriver {
         if has_rebooted {
             self.orders.forget();
             self.setup.begin_again(now);
+            self.servo.forget();
             self.parameters = None;
             text(out, "the autopilot has started anew".to_owned(), true);
         }
@@ -285,6 +322,9 @@ impl MavlinkDriver {
                 self.parameters
                     .get_or_insert_with(|| ParameterReads::begin(now, target, &failsafes::NAMES));
                 self.orders.mind_mode(self.heard.mode(self.settings.kind));
+            }
+            MavMessage::COMMAND_ACK(ack) if ack.command == MavCmd::MAV_CMD_DO_SET_SERVO => {
+                self.servo.answer(now, ack);
             }
             MavMessage::COMMAND_ACK(ack) => {
                 self.setup.take_ack(now, frame.from, ack, out);
@@ -318,6 +358,14 @@ impl MavlinkDriver {
         }
     }
 
+    /// Hears a distance, if it is one; a part of the autopilot's own system may have measured it, such as a depth camera.
+    fn hear_distance(&mut self, now: Time, frame: &Frame, out: &mut Vec<DriverOut>) -> bool {
+        let (Some(ranges), Content::Message(message)) = (&mut self.ranges, &frame.content) else {
+            return false;
+        };
+        frame.from.system == self.settings.system && ranges.hear(now, frame.from, message, out)
+    }
+
     fn report(&mut self, now: Time, out: &mut Vec<DriverOut>) {
         if let Some(report) = self.heard.report(now, &self.settings) {
             let target = self.target();
@@ -329,10 +377,16 @@ impl MavlinkDriver {
     /// Returns when something is to be said next.
     pub fn deadline(&self) -> Time {
         let parameters = self.parameters.as_ref().and_then(ParameterReads::deadline);
-        [self.setup.deadline(), self.orders.deadline(), parameters]
-            .into_iter()
-            .flatten()
-            .fold(self.heartbeat_due, Time::min)
+        let servo = self.servo.deadline();
+        [
+            self.setup.deadline(),
+            self.orders.deadline(),
+            parameters,
+            servo,
+        ]
+        .into_iter()
+        .flatten()
+        .fold(self.heartbeat_due, Time::min)
     }
 
     /// Says what is due by now.
@@ -345,6 +399,7 @@ impl MavlinkDriver {
         self.setup
             .due(now, target, &self.settings, &self.heard, out);
         self.orders.due(now, target, &self.settings, out);
+        self.servo.due(now, target, out);
         if let Some(parameters) = &mut self.parameters {
             let mut said = Vec::new();
             parameters.due(now, &mut said);
@@ -358,6 +413,12 @@ impl MavlinkDriver {
         let parameters = self.parameters.as_ref();
         let values = parameters.map_or(&unread, ParameterReads::values);
         health::health(now, &self.heard, values, &self.settings)
+    }
+
+    /// Returns what became of what it said of distances, of each range sensor that it was heard of, by its number.
+    pub fn range_tallies(&self) -> impl Iterator<Item = (usize, RangeTally)> {
+        let tallies = self.ranges.iter().flat_map(Ranges::tallies);
+        tallies.map(|(sensor, tally)| (*sensor, *tally))
     }
 
     /// Returns what is wrong with the autopilot, the worst first.

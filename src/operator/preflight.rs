@@ -2,6 +2,7 @@
 //! themselves. Pure. What nobody reports is said to be not known, and refuses nothing but where it must be known.
 
 mod devices;
+mod machine;
 
 use std::collections::BTreeSet;
 use std::time::Duration;
@@ -203,6 +204,7 @@ fn of_vehicle(id: VehicleId, seen: &VehicleView, needs: &Requirements, now: Time
             )
         },
     ));
+    checks.extend(machine::machine(health));
     checks.push(reported("samples", health, no_go, |health| {
         (
             health.samples_lost == 0,

@@ -10,7 +10,7 @@
 //!                           ├─ an HC-SR04 ─► range/hcsr04 ─► Echo
 //!                           ├─ an output of this machine ─► servo/output
 //!                           ├─ an XBee ─► radio/xbee ─► Heard, Unsent
-//!                           └─ MAVLink ─► autopilot/mavlink ─► Report, Ack
+//!                           └─ MAVLink ─► autopilot/mavlink ─► Report, Ack, and Echo of sensors on the autopilot
 //! ```
 //!
 //! It decides nothing. What the bytes of a real device mean is said by `hw`. Only what is for a simulated device goes to the
@@ -27,7 +27,7 @@ mod serial_port;
 pub mod servo;
 
 use std::io;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use tomoswarm_proto::{AutopilotHealth, Boot, RadioHealth, RangeHealth};
 
@@ -37,9 +37,10 @@ use self::range::Range;
 use self::servo::Servo;
 use super::clock::Clock;
 use super::link::{LinkState, WorldLink, WorldLinkSettings};
-use super::mailbox::Troubles;
+use super::mailbox::{Troubles, lock};
 use crate::autopilot::{Command, NumberedCommand};
 use crate::config::{AutopilotDriver, Drivers, RadioDriver, RangeDriver, VehicleFile};
+use crate::mavlink::autopilot_driver::ServoPulse;
 use crate::node::{Effect, Event};
 
 /// Hears what devices say.
@@ -52,6 +53,8 @@ pub struct VehicleDevices {
     range: Range,
     servo: Servo,
     radio: Radio,
+    /// The pulse that the autopilot must have given before the sensor is asked that was steered last.
+    awaited: Mutex<Option<ServoPulse>>,
 }
 
 impl VehicleDevices {
@@ -72,13 +75,13 @@ impl VehicleDevices {
                 "there is no range sensor: this vehicle sees nothing, and is not driven"
             );
         }
-        let range = Range::start(&drivers.range, &file.look, clock, events)?;
+        let range = Range::start(&drivers, &file.look, clock, events)?;
         let servo = Servo::start(&drivers.servo, &file.look)?;
         let world = drivers
             .has_simulated()
             .then(|| link(file, boot, &range, events))
             .transpose()?;
-        let autopilot = Autopilot::start(file, clock, events)?;
+        let autopilot = Autopilot::start(file, clock, events, range.on_autopilot())?;
         let radio = Radio::start(file, clock, events)?;
         Ok(VehicleDevices {
             world,
@@ -86,6 +89,7 @@ impl VehicleDevices {
             range,
             servo,
             radio,
+            awaited: Mutex::new(None),
         })
     }
 
@@ -98,9 +102,16 @@ impl VehicleDevices {
             // Also where neither servo nor range sensor is simulated: to a simulated autopilot any word of its companion is
             // a sign of life, and it brakes without one. What the world's own servo points at then answers no ping.
             Effect::Steer(beam) => {
-                self.servo.steer(*beam);
+                let pulse = self.servo.steer(*beam);
+                if let Some(pulse) = pulse {
+                    self.autopilot.give_pulse(pulse);
+                }
+                *lock(&self.awaited) = pulse;
+                self.range.steer(*beam);
                 self.to_world(effect);
             }
+            // What a servo has not turned yet would measure along another direction.
+            Effect::Ping(_) if !self.is_pointed() => {}
             Effect::Ping(ping) => {
                 self.range.ping(*ping);
                 if self.range.is_simulated() {
@@ -135,7 +146,8 @@ impl VehicleDevices {
             None => troubles.clear(who),
         };
         watch("range sensor", self.range.trouble());
-        watch("servo", self.servo.trouble());
+        let on_autopilot = || self.autopilot.servo_trouble();
+        watch("servo", self.servo.trouble().or_else(on_autopilot));
         watch("autopilot link", self.autopilot.trouble());
         watch("radio", self.radio.trouble());
         let Some(world) = &self.world else { return };
@@ -169,6 +181,12 @@ impl VehicleDevices {
         }
     }
 
+    /// Returns whether the sensor that was steered last is known to look there, as far as the autopilot turns it.
+    fn is_pointed(&self) -> bool {
+        let awaited = *lock(&self.awaited);
+        awaited.is_none_or(|pulse| self.autopilot.given_pulse() == Some(pulse))
+    }
+
     fn to_world(&self, effect: &Effect) {
         if let Some(world) = &self.world {
             world.send(effect);
@@ -189,9 +207,10 @@ fn link(
         vehicle: file.id,
         boot,
     };
-    let (drivers, pings, events) = (file.drivers.clone(), range.pings(), events.clone());
+    let (drivers, events) = (file.drivers.clone(), events.clone());
+    let pings = range.simulated_pings();
     WorldLink::connect(settings, move |event| {
-        if let (Event::Echo(echo), RangeDriver::Simulated) = (&event, &drivers.range) {
+        if let (Event::Echo(echo), Some(pings)) = (&event, &pings) {
             pings.answered(echo.number);
         }
         if is_of_simulated(&drivers, &event) {
@@ -215,4 +234,4 @@ fn is_of_simulated(drivers: &Drivers, event: &Event) -> bool {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

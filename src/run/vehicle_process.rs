@@ -17,6 +17,7 @@ use tomoswarm_proto::{Health, Message, Sender, State, VehicleId, VehicleMode};
 use super::bus::{BusError, Publisher};
 use super::clock::Clock;
 use super::drivers::{EventSink, VehicleDevices};
+use super::machine::Machine;
 use super::mailbox::{Troubles, lock};
 use super::member::BusMember;
 use super::membership::{self, RandomUnavailable};
@@ -133,6 +134,7 @@ struct Edge {
     stops: StopsDriver,
     last: Arc<Mutex<Last>>,
     node: LiveVehicle,
+    machine: Machine,
     clock: Clock,
 }
 
@@ -230,6 +232,7 @@ pub fn run(
         stops,
         last,
         node: node.clone(),
+        machine: Machine::watch(Path::new("/"))?,
         clock,
     });
     let of_actors = edge.clone();
@@ -389,6 +392,7 @@ impl Edge {
         );
         drop(last);
         let traffic = self.publisher.traffic();
+        let machine = self.machine.health();
         Health {
             vehicle: settings.vehicle,
             boot: settings.boot,
@@ -402,6 +406,9 @@ impl Edge {
             autopilot: self.devices.autopilot_health().filter(|_| is_heard),
             radio: self.devices.radio_health(),
             range: self.devices.range_health(),
+            power: machine.power,
+            processor_c: machine.processor_c,
+            is_clock_synchronised: machine.is_clock_synchronised,
             troubles: short(troubles.list()),
             ..Health::default()
         }

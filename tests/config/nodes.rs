@@ -452,8 +452,12 @@ fn drivers_that_are_not_built_in_are_refused_by_name() {
     let has_hw = cfg!(feature = "hw");
     let (ranges, servos) = match has_hw {
         true => (
-            "\"sim\" or \"serial-text\" or \"tf-luna\" or \"tfmini\" or \"hcsr04\" or \"none\"",
-            "\"sim\" or \"pwm\" or \"gpio\" or \"none\"",
+            "\"sim\" or \"serial-text\" or \"tf-luna\" or \"tfmini\" or \"hcsr04\" or \"autopilot\" or \"none\"",
+            "\"sim\" or \"pwm\" or \"gpio\" or \"autopilot\" or \"none\"",
+        ),
+        false if cfg!(feature = "net") => (
+            "\"sim\" or \"autopilot\" or \"none\"",
+            "\"sim\" or \"autopilot\" or \"none\"",
         ),
         false => ("\"sim\" or \"none\"", "\"sim\" or \"none\""),
     };
@@ -603,6 +607,7 @@ fn a_range_sensor_on_a_serial_line_is_told_its_port_and_its_lines() {
         file.drivers,
         Drivers {
             range: RangeDriver::Serial(sensor),
+            own_range: Vec::new(),
             servo: ServoDriver::None,
             ..Drivers::SIMULATED
         }
@@ -884,6 +889,199 @@ fn an_ultrasonic_sensor_is_told_its_lines_by_name() {
     check_one(
         &turned("hcsr04", "sim", ECHO),
         &["turns no real range sensor"],
+    );
+}
+
+#[cfg(feature = "hw")]
+#[test]
+fn sensors_on_an_autopilot_need_one_and_say_from_where_on_nothing_is_there() {
+    let mavlink = |lines: &str| {
+        let text = turned("autopilot", "none", lines);
+        let (old, new) = (
+            "autopilot.driver = \"sim\"",
+            "autopilot.driver = \"mavlink\"\nautopilot.mavlink.connection = \"tcp:127.0.0.1:5760\"",
+        );
+        assert!(text.contains(old), "{text}");
+        text.replace(old, new)
+    };
+    let lines = "range.autopilot.nothing_from_m = 7\nrange.beams_deg = [0, 90]\n\
+                 range.sensor = [{ mount_deg = 0 }, { mount_deg = 90 }]\n";
+    let file = vehicle(&mavlink(lines));
+    let RangeDriver::Autopilot(range) = file.drivers.range else {
+        panic!("{:?}", file.drivers)
+    };
+    assert_eq!((range.nothing_from_m, range.delay_s), (Some(7.0), 0.04));
+    assert_eq!(range.rate_hz(&file.look), 40);
+    assert!(
+        file.drivers
+            .capabilities(config::Craft::Rover)
+            .contains(&Capability::RangeSensor(RangeSensorKind::Autopilot))
+    );
+    let written = config::to_toml(&Config::Vehicle(Box::new(file.clone())));
+    let read = config::read_vehicle("v.toml", &written, &mut |_| {
+        bundled::load("configs/courtyard.venue.toml")
+    });
+    assert_eq!(read.unwrap().drivers, file.drivers, "{written}");
+    for (lines, part) in [
+        (
+            "range.autopilot.nothing_from_m = 3.9",
+            "range.autopilot.nothing_from_m = 3.9: is nearer than max_range_m",
+        ),
+        ("range.autopilot.nothing_from_m = 700", "is out of range"),
+        (
+            "range.autopilot.delay_s = 0.05",
+            "range.scan_period_s = 0.1 (the default): leaves no time for an answer: its messages",
+        ),
+        ("range.autopilot.port = \"/dev/ttyS0\"", "is not known"),
+    ] {
+        check_one(&mavlink(&format!("{lines}\n")), &[part]);
+    }
+    check_one(
+        &turned("autopilot", "none", ""),
+        &["range.driver = \"autopilot\": hangs on an autopilot that is simulated"],
+    );
+}
+
+#[cfg(feature = "hw")]
+#[test]
+fn a_servo_on_an_autopilot_needs_one_and_time_for_the_way_to_it() {
+    let turned_by = |lines: &str| {
+        turned("sim", "autopilot", lines).replace(
+            "autopilot.driver = \"sim\"",
+            "autopilot.driver = \"mavlink\"\nautopilot.mavlink.connection = \"tcp:127.0.0.1:5760\"",
+        )
+    };
+    let whole = "servo.autopilot.output = 9\nrange.settle_s = 0.11\nrange.scan_period_s = 0.15\n";
+    let file = vehicle(&turned_by(whole));
+    let ServoDriver::Real(servo) = &file.drivers.servo else {
+        panic!("{:?}", file.drivers)
+    };
+    assert_eq!(servo.output, ServoOutput::Autopilot { output: 9 });
+    assert_eq!(file.look.sensors[0].servo_to_deg, 90.0);
+    assert!(
+        file.drivers
+            .capabilities(config::Craft::Rover)
+            .contains(&Capability::Servo(ServoKind::Autopilot))
+    );
+    let written = config::to_toml(&Config::Vehicle(Box::new(file.clone())));
+    let read = config::read_vehicle("v.toml", &written, &mut |_| {
+        bundled::load("configs/courtyard.venue.toml")
+    });
+    assert_eq!(read.unwrap().drivers, file.drivers, "{written}");
+    for (lines, part) in [
+        ("", "servo.autopilot: is missing"),
+        (
+            "servo.autopilot.pulse_us = [1000, 2000]\n",
+            "servo.autopilot.output: is missing",
+        ),
+        ("servo.autopilot.output = 0\n", "servo.autopilot.output = 0"),
+        (
+            "servo.autopilot.output = 33\n",
+            "servo.autopilot.output = 33",
+        ),
+        (
+            "servo.autopilot.output = 9\n",
+            "range.settle_s = 0.03 (the default): leaves no time for the way to the autopilot",
+        ),
+    ] {
+        check_one(&turned_by(lines), &[part]);
+    }
+    check_one(
+        &turned("sim", "autopilot", whole),
+        &["hangs on an autopilot that is simulated, and turns nothing"],
+    );
+}
+
+#[cfg(feature = "hw")]
+#[test]
+fn range_sensors_of_several_kinds_are_read_each_by_its_own_driver() {
+    let mixed = |second: &str| {
+        format!(
+            "{ECHO}range.beams_deg = [0, 90]\nrange.sensor = [{{ mount_deg = 0 }}, {{ mount_deg = 90, {second} }}]\n"
+        )
+    };
+    let luna = "driver = \"tf-luna\", tf-luna = { port = \"/dev/serial0\" }";
+    let file = vehicle(&turned("hcsr04", "none", &mixed(luna)));
+    assert_eq!(file.look.sensors[1].mount_deg, 90.0);
+    assert!(matches!(file.drivers.range_of(0), RangeDriver::HcSr04(_)));
+    let RangeDriver::Serial(sensor) = file.drivers.range_of(1) else {
+        panic!("{:?}", file.drivers)
+    };
+    assert_eq!(
+        (sensor.port.as_str(), &sensor.protocol),
+        ("/dev/serial0", &SerialProtocol::Tf(TfSensor::Luna))
+    );
+    let capabilities = file.drivers.capabilities(config::Craft::Rover);
+    for kind in [RangeSensorKind::HcSr04, RangeSensorKind::TfLuna] {
+        assert!(
+            capabilities.contains(&Capability::RangeSensor(kind)),
+            "{capabilities:?}"
+        );
+    }
+    let words = file.drivers.in_words();
+    assert!(
+        words.contains("range hcsr04 on GPIO23 and GPIO24 and tf-luna on /dev/serial0"),
+        "{words}"
+    );
+    let written = config::to_toml(&Config::Vehicle(Box::new(file.clone())));
+    let read = config::read_vehicle("v.toml", &written, &mut |_| {
+        bundled::load("configs/courtyard.venue.toml")
+    });
+    let read = read.unwrap();
+    assert_eq!(
+        (&read.drivers, &read.look),
+        (&file.drivers, &file.look),
+        "{written}"
+    );
+    for (second, part) in [
+        (
+            "driver = \"sim\"",
+            "range.sensor[1].driver = \"sim\": is not known",
+        ),
+        (
+            "driver = \"none\"",
+            "range.sensor[1].driver = \"none\": is not known",
+        ),
+        (
+            "driver = \"tf-luna\"",
+            "range.sensor[1].tf-luna: is missing",
+        ),
+        (
+            "driver = \"tf-luna\", tf-luna = { port = \"serial0\" }",
+            "range.sensor[1].tf-luna.port = \"serial0\"",
+        ),
+        (
+            "driver = \"hcsr04\", hcsr04 = { trigger = \"GPIO5\", echo = \"GPIO24\" }",
+            "range.sensor[1].hcsr04.echo = \"GPIO24\": is of another range sensor, too",
+        ),
+        (
+            "driver = \"hcsr04\", hcsr04 = { trigger = \"GPIO5\", echo = \"GPIO5\" }",
+            "range.sensor[1].hcsr04.echo = \"GPIO5\": is another line of this sensor, too",
+        ),
+        ("servo_to_deg = 0", "one pair of lines is one sensor"),
+        (
+            "driver = \"autopilot\"",
+            "hangs on an autopilot that is simulated",
+        ),
+    ] {
+        check_one(&turned("hcsr04", "none", &mixed(second)), &[part]);
+    }
+    check_one(
+        &turned("none", "none", &mixed(luna)),
+        &["range.driver = \"none\": is none of a real sensor"],
+    );
+    // Three of one kind, each with lines of its own, and the farther looking one looks no farther than the other.
+    let three = "range.sensor = [{}, { driver = \"hcsr04\", hcsr04 = { trigger = \"A\", echo = \"B\" } }, \
+                 { driver = \"hcsr04\", hcsr04 = { trigger = \"C\", echo = \"D\" } }]\n";
+    let file = vehicle(&turned("hcsr04", "none", &format!("{ECHO}{three}")));
+    assert_eq!(file.drivers.own_range.len(), 3);
+    let far = format!(
+        "{}range.max_range_m = 6\nrange.farness_m = 4\n",
+        mixed(luna)
+    );
+    check_one(
+        &turned("hcsr04", "none", &far),
+        &["range.max_range_m = 6: is farther than it hears"],
     );
 }
 

@@ -9,10 +9,10 @@ use tomoswarm::mavlink::wire_message::EKF_STATUS;
 use crate::chance::Chance;
 
 /// Messages that somebody here listens to.
-const HEARD: [u32; 46] = [
+const HEARD: [u32; 48] = [
     0, 1, 2, 4, 11, 20, 21, 22, 22, 23, 24, 30, 32, 33, 39, 40, 41, 42, 43, 44, 45, 47, 47, 48, 49,
     51, 65, 66, 70, 73, 73, 75, 76, 76, 77, 77, 84, 86, 111, EKF_STATUS, 148, 230, 242, 245, 246,
-    253,
+    253, 132, 330,
 ];
 /// Commands that somebody here carries out, and some that nobody does.
 const COMMANDS: [u16; 30] = [

@@ -5,7 +5,8 @@ use std::time::Duration;
 use tomoswarm::autopilot::{Command, FlightMode, Item, NumberedCommand, VehicleKind};
 use tomoswarm::geom::{Angle, Bearing, Geodetic, Point, Vector};
 use tomoswarm::mavlink::autopilot_driver::{
-    DriverOut, MavlinkDriver, MavlinkDriverSettings, PlaceSource, SwitchSettings,
+    AutopilotSensor, DriverOut, MavlinkDriver, MavlinkDriverSettings, PlaceSource, RangeSettings,
+    ServoPulse, SwitchSettings,
 };
 use tomoswarm::mavlink::client_link::{ClientBytes, ClientId};
 use tomoswarm::mavlink::earth_frame::EarthFrame;
@@ -249,7 +250,29 @@ fn driver_of(kind: VehicleKind, place: PlaceSource, arms_without_failsafes: bool
         }),
         arms_without_failsafes,
         takes_fixes: false,
+        ranges: Some(ranges()),
     })
+}
+
+/// Sensors ahead and to the left, and one on a servo astern; the first is known to say when it hears nothing.
+fn ranges() -> RangeSettings {
+    let sensor = |sensor, mounted_deg: f64, nothing_from_m| AutopilotSensor {
+        sensor,
+        mounted: Angle::from_degrees(mounted_deg),
+        is_turned: sensor == 2,
+        nothing_from_m,
+        delay: Duration::from_millis(40),
+    };
+    RangeSettings {
+        sensors: vec![
+            sensor(0, 0.0, Some(6.0)),
+            sensor(1, 90.0, None),
+            sensor(2, 180.0, None),
+        ],
+        half_angle: Angle::from_degrees(15.0),
+        max_range_m: 4.0,
+        rate_hz: 20,
+    }
 }
 
 pub fn driver(chance: &mut Chance) {
@@ -315,6 +338,14 @@ pub fn driver(chance: &mut Chance) {
             };
             driver.command(now, &told, &mut out);
         }
+        if chance.happens(0.1) {
+            let width_us = chance.one_of(&[1000, 1500, 2000]);
+            let pulse = ServoPulse {
+                output: 9,
+                width_us,
+            };
+            driver.give_pulse(now, pulse, &mut out);
+        }
         let mut times = 0;
         while driver.deadline() <= now {
             driver.due(now, &mut out);
@@ -335,6 +366,15 @@ pub fn driver(chance: &mut Chance) {
 /// What it says are numbers, and what is wrong has words.
 fn check_driver(driver: &MavlinkDriver, now: Time, out: &[DriverOut]) {
     for said in out {
+        if let DriverOut::Reading(reading) = said {
+            let is_distance = |range_m: f64| (0.0..=655.35).contains(&range_m);
+            assert!(
+                reading.sensor < 3
+                    && reading.measured <= now
+                    && reading.range_m.is_none_or(is_distance),
+                "{reading:?}"
+            );
+        }
         if let DriverOut::Report(report) = said {
             let pose = report.pose;
             let numbers = [

@@ -50,8 +50,11 @@ fn a_sweep_is_measured_by_xbees_that_are_pulled_out_and_plugged_in_again() {
 
 /// Returns what a command prints, what it complains of, and its exit code.
 fn xbee(folder: &Path, words: &str) -> (String, String, Option<i32>) {
+    command(folder, &format!("xbee {words}"))
+}
+
+fn command(folder: &Path, words: &str) -> (String, String, Option<i32>) {
     let run = Command::new(PROGRAM)
-        .arg("xbee")
         .args(words.split(' '))
         .current_dir(folder)
         .output()
@@ -72,7 +75,21 @@ fn a_module_is_found_at_another_baud_rate_set_up_and_shown_and_a_vehicle_says_wh
     let (_, said, code) = xbee(&folder, "show ports/vehicle-2");
     assert_eq!(code, Some(1), "{said}");
     assert!(said.contains("another program uses it"), "{said}");
+    let devices = "check --devices vehicle-2.toml";
+    let (_, said, code) = command(&folder, devices);
+    assert_eq!(code, Some(2), "{said}");
+    assert!(
+        said.contains("vehicle-2.toml: radio: ") && said.contains("another program uses it"),
+        "{said}"
+    );
     swarm.kill("vehicle-2");
+    let (shown, said, code) = command(&folder, devices);
+    assert_eq!(code, Some(0), "{said}");
+    assert!(
+        shown.contains("all registers are right")
+            && shown.contains("autopilot: simulated, not looked at"),
+        "{shown}"
+    );
     let of_two = "--vehicle 2 --venue venue.toml";
     let (shown, said, code) = xbee(&folder, &format!("show ports/vehicle-2 {of_two}"));
     assert_eq!(code, Some(0), "{said}");
@@ -101,6 +118,9 @@ fn a_module_is_found_at_another_baud_rate_set_up_and_shown_and_a_vehicle_says_wh
     );
     assert_eq!(code, Some(1), "{said}");
     assert!(said.contains("MY is 3, wanted 2"), "{said}");
+    let (_, said, code) = command(&folder, devices);
+    assert_eq!(code, Some(2), "{said}");
+    assert!(said.contains("no module answers at 115200 baud"), "{said}");
     let (_, said, code) = xbee(&folder, &format!("setup ports/vehicle-2 {of_two}"));
     assert_eq!(code, Some(0), "{said}");
     assert!(said.contains("found at 38400 baud"), "{said}");
@@ -126,6 +146,16 @@ fn a_module_is_found_at_another_baud_rate_set_up_and_shown_and_a_vehicle_says_wh
     ] {
         let (_, said, found) = xbee(&folder, words);
         assert_eq!(found, Some(code), "{words}: {said}");
+        assert!(said.contains(part), "{words}: {said}");
+    }
+    for (words, part) in [
+        ("check --devices venue.toml", "kind = \"vehicle\" is needed"),
+        ("check --devices gone.toml", "gone.toml: cannot be read"),
+        ("check --move vehicle-2.toml", "--devices"),
+        ("check --record-edges . vehicle-2.toml", "--devices"),
+    ] {
+        let (_, said, found) = command(&folder, words);
+        assert_eq!(found, Some(2), "{words}: {said}");
         assert!(said.contains(part), "{words}: {said}");
     }
     swarm.end_in_order();

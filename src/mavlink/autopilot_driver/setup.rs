@@ -10,6 +10,7 @@
 use std::time::Duration;
 
 use super::heard::Heard;
+use super::ranges::DISTANCE_SENSOR;
 use super::{DriverOut, MavlinkDriverSettings, say};
 use crate::mavlink::command_call::{CallEnd, CommandCall};
 use crate::mavlink::dialect::{
@@ -34,14 +35,18 @@ const WANTED: [(u32, u16, MavDataStream); 10] = [
 ];
 /// Messages that are asked for once.
 const ASKED_ONCE: [u32; 3] = [148, 49, 242];
+/// A whole group is never asked for more often, so that a slow serial line carries it.
+const GROUP_MOST_HZ: u16 = 10;
 /// Without a heartbeat for this long it may have forgotten what it was asked for.
 const FORGETS_AFTER: Duration = Duration::from_secs(3);
 /// An origin that it does not take is said again after this time.
 const ORIGIN_AGAIN: Duration = Duration::from_secs(1);
 
 /// What is asked for.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(super) struct Setup {
+    /// Messages that are wanted, as in [`WANTED`].
+    wanted: Vec<(u32, u16, MavDataStream)>,
     heard: Option<Time>,
     /// When it began to ask.
     begun: Option<Time>,
@@ -52,6 +57,20 @@ pub(super) struct Setup {
 }
 
 impl Setup {
+    /// Begins with an autopilot that was not heard; distances are wanted so often a second, if they are.
+    pub(super) fn new(distances_hz: Option<u16>) -> Setup {
+        let group = MavDataStream::MAV_DATA_STREAM_EXTRA3;
+        let distances = distances_hz.map(|rate_hz| (DISTANCE_SENSOR, rate_hz, group));
+        Setup {
+            wanted: WANTED.into_iter().chain(distances).collect(),
+            heard: None,
+            begun: None,
+            answered: None,
+            call: None,
+            origin_due: None,
+        }
+    }
+
     /// Takes note of a heartbeat, and of when it last said something of what it was asked for.
     pub(super) fn heard(&mut self, now: Time, told: Option<Time>) {
         let is_long_ago = |at: Option<Time>| at.is_none_or(|at| now.since(at) > FORGETS_AFTER);
@@ -73,7 +92,7 @@ impl Setup {
     /// Returns whether everything was answered.
     fn is_done(&self) -> bool {
         self.answered
-            .is_some_and(|answered| answered >= WANTED.len() + ASKED_ONCE.len())
+            .is_some_and(|answered| answered >= self.wanted.len() + ASKED_ONCE.len())
     }
 
     /// Takes an answer. One that does not set a message's rate, as old firmware, is asked for the message's whole group.
@@ -91,11 +110,11 @@ impl Setup {
         else {
             return;
         };
-        let wanted = self.answered.and_then(|answered| WANTED.get(answered));
+        let wanted = self.answered.and_then(|answered| self.wanted.get(answered));
         let is_set = end == CallEnd::Answered(MavResult::MAV_RESULT_ACCEPTED);
         if let (false, Some((_, rate_hz, group))) = (is_set, wanted) {
             let request = d::REQUEST_DATA_STREAM_DATA {
-                req_message_rate: *rate_hz,
+                req_message_rate: (*rate_hz).min(GROUP_MOST_HZ),
                 target_system: from.system,
                 target_component: from.component,
                 req_stream_id: *group,
@@ -133,7 +152,7 @@ impl Setup {
                 // It answers nothing: the next heartbeat begins again.
                 (self.call, self.answered, self.heard) = (None, None, None);
             }
-        } else if let Some(question) = self.answered.and_then(question) {
+        } else if let Some(question) = self.answered.and_then(|index| self.question(index)) {
             self.call = Some(CommandCall::begin(now, target, question, &mut said));
         }
         said.into_iter().for_each(|message| say(out, message));
@@ -168,22 +187,61 @@ impl Setup {
             }),
         );
     }
+
+    /// Returns a question by its place in the order.
+    fn question(&self, index: usize) -> Option<COMMAND_LONG_DATA> {
+        if let Some((message, rate_hz, _)) = self.wanted.get(index) {
+            return Some(COMMAND_LONG_DATA {
+                command: MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL,
+                param1: *message as f32,
+                param2: 1e6 / f32::from(*rate_hz),
+                ..COMMAND_LONG_DATA::default()
+            });
+        }
+        let message = ASKED_ONCE.get(index - self.wanted.len())?;
+        Some(COMMAND_LONG_DATA {
+            command: MavCmd::MAV_CMD_REQUEST_MESSAGE,
+            param1: *message as f32,
+            ..COMMAND_LONG_DATA::default()
+        })
+    }
 }
 
-/// Returns a question by its place in the order.
-fn question(index: usize) -> Option<COMMAND_LONG_DATA> {
-    if let Some((message, rate_hz, _)) = WANTED.get(index) {
-        return Some(COMMAND_LONG_DATA {
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn distances_are_asked_for_as_often_as_they_are_wanted_and_a_group_never_floods_the_line() {
+        assert_eq!(Setup::new(None).wanted.len(), WANTED.len());
+        let mut setup = Setup::new(Some(40));
+        setup.begin_again(Time::ZERO);
+        setup.answered = Some(WANTED.len());
+        let target = MavAddress {
+            system: 1,
+            component: 1,
+        };
+        let asked = setup.question(WANTED.len()).unwrap();
+        assert_eq!((asked.param1, asked.param2), (132.0, 25_000.0));
+        let mut said = Vec::new();
+        setup.call = Some(CommandCall::begin(Time::ZERO, target, asked, &mut said));
+        let refused = COMMAND_ACK_DATA {
             command: MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL,
-            param1: *message as f32,
-            param2: 1e6 / f32::from(*rate_hz),
-            ..COMMAND_LONG_DATA::default()
-        });
+            result: MavResult::MAV_RESULT_FAILED,
+            ..COMMAND_ACK_DATA::default()
+        };
+        let mut out = Vec::new();
+        setup.take_ack(Time::ZERO, target, &refused, &mut out);
+        let [DriverOut::Say(message)] = &out[..] else {
+            panic!("{out:?}")
+        };
+        let MavMessage::REQUEST_DATA_STREAM(request) = message.as_ref() else {
+            panic!("{message:?}")
+        };
+        assert_eq!(
+            (request.req_message_rate, request.req_stream_id),
+            (10, MavDataStream::MAV_DATA_STREAM_EXTRA3)
+        );
+        assert_eq!(setup.answered, Some(WANTED.len() + 1));
     }
-    let message = ASKED_ONCE.get(index - WANTED.len())?;
-    Some(COMMAND_LONG_DATA {
-        command: MavCmd::MAV_CMD_REQUEST_MESSAGE,
-        param1: *message as f32,
-        ..COMMAND_LONG_DATA::default()
-    })
 }

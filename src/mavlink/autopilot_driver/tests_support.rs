@@ -27,5 +27,6 @@ pub(super) fn settings() -> MavlinkDriverSettings {
         switch: None,
         arms_without_failsafes: true,
         takes_fixes: true,
+        ranges: None,
     }
 }

@@ -3,7 +3,8 @@
 use tomoswarm_proto::codec::{Greeting, VERSION};
 use tomoswarm_proto::{
     AutopilotFamily, AutopilotHealth, BodyKind, Boot, Capability, Deviation, Message, OrderKind,
-    Permille, RadioHealth, RadioKind, RangeHealth, RangeSensorKind, Sender, ServoKind, State,
+    Permille, Power, RadioHealth, RadioKind, RangeHealth, RangeSensorKind, Sender, ServoKind,
+    State,
 };
 
 use super::super::HeardMessage;
@@ -211,6 +212,47 @@ fn each_check_of_a_vehicle_can_refuse() {
     wrong(
         |swarm| swarm.healths[0].troubles.push("radio: silent".to_owned()),
         &["vehicle 1: troubles"],
+    );
+}
+
+#[test]
+fn a_low_voltage_or_a_hot_processor_refuse_and_the_clock_is_only_shown() {
+    let found = |change: fn(&mut Health)| {
+        let mut swarm = Swarm::sound();
+        change(&mut swarm.healths[0]);
+        let nodes = inspect(&swarm.view(), &needs(), at(NOW_S));
+        let rows = nodes[0]
+            .checks
+            .iter()
+            .filter(|check| ["power", "temperature", "clock"].contains(&check.what));
+        rows.map(|check| (check.light, check.found.clone()))
+            .collect::<Vec<(CheckStatus, String)>>()
+    };
+    let unknown = (CheckStatus::Unknown, "not reported".to_owned());
+    assert_eq!(found(|_| {}), vec![unknown; 3]);
+    let bad = found(|health| {
+        (health.power, health.processor_c) = (Power::Low, Some(80));
+        health.is_clock_synchronised = Some(false);
+    });
+    let lights: Vec<CheckStatus> = bad.iter().map(|(light, _)| *light).collect();
+    assert_eq!(
+        lights,
+        [CheckStatus::NoGo, CheckStatus::NoGo, CheckStatus::Go]
+    );
+    assert!(bad[2].1.starts_with("not synchronised"), "{bad:?}");
+    let good = found(|health| {
+        (health.power, health.processor_c) = (Power::WasLow, Some(79));
+        health.is_clock_synchronised = Some(true);
+    });
+    assert!(good.iter().all(|(light, _)| *light == CheckStatus::Go));
+    assert!(good[0].1.contains("was too low at times"), "{good:?}");
+    wrong(
+        |swarm| swarm.healths[0].power = Power::Low,
+        &["vehicle 1: power"],
+    );
+    wrong(
+        |swarm| swarm.healths[0].processor_c = Some(85),
+        &["vehicle 1: temperature"],
     );
 }
 

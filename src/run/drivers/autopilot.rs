@@ -12,8 +12,10 @@ use tomoswarm_proto::{AutopilotHealth, Fix, Sender};
 
 use self::mavlink::MavlinkAutopilot;
 use super::EventSink;
+use super::range::AutopilotReadings;
 use crate::autopilot::NumberedCommand;
 use crate::config::{AutopilotDriver, VehicleFile};
+use crate::mavlink::autopilot_driver::ServoPulse;
 use crate::run::clock::Clock;
 
 /// An autopilot.
@@ -30,15 +32,21 @@ enum Pilot {
 }
 
 impl Autopilot {
-    /// Starts what speaks with it; `events` gets its reports and answers.
+    /// Starts what speaks with it; `events` gets its reports and answers, `readings` what range sensors on it measure.
     ///
     /// # Errors
     /// No thread can be started, or the key of signatures cannot be read.
-    pub fn start(file: &VehicleFile, clock: Clock, events: &EventSink) -> io::Result<Autopilot> {
+    pub fn start(
+        file: &VehicleFile,
+        clock: Clock,
+        events: &EventSink,
+        readings: Option<&AutopilotReadings>,
+    ) -> io::Result<Autopilot> {
         let pilot = match &file.drivers.autopilot {
             AutopilotDriver::Simulated => Pilot::World,
             AutopilotDriver::Mavlink(connection) => {
-                Pilot::Mavlink(MavlinkAutopilot::start(connection, file, clock, events)?)
+                let told = (events, readings);
+                Pilot::Mavlink(MavlinkAutopilot::start(connection, file, clock, told)?)
             }
         };
         Ok(Autopilot { pilot })
@@ -62,6 +70,30 @@ impl Autopilot {
         match &self.pilot {
             Pilot::World => {}
             Pilot::Mavlink(autopilot) => autopilot.fix(from, fix),
+        }
+    }
+
+    /// Gives a servo on it a pulse.
+    pub fn give_pulse(&self, pulse: ServoPulse) {
+        match &self.pilot {
+            Pilot::World => {}
+            Pilot::Mavlink(autopilot) => autopilot.give_pulse(pulse),
+        }
+    }
+
+    /// Returns the pulse by which a servo on it stands; `None` while that is not known.
+    pub fn given_pulse(&self) -> Option<ServoPulse> {
+        match &self.pilot {
+            Pilot::World => None,
+            Pilot::Mavlink(autopilot) => autopilot.given_pulse(),
+        }
+    }
+
+    /// Returns why a servo on it does not stand where it should, in words.
+    pub fn servo_trouble(&self) -> Option<String> {
+        match &self.pilot {
+            Pilot::World => None,
+            Pilot::Mavlink(autopilot) => autopilot.servo_trouble(),
         }
     }
 

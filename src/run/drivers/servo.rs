@@ -1,7 +1,8 @@
 //! The servo of a live vehicle, behind the driver that its file chooses: a direction becomes a pulse, and a thread of its own gives
 //! the servo that pulse until the next. Which directions there are is not decided here.
 //!
-//! A driver is a file in this folder and a variant of `Output` there; one that another device moves is a variant of `Device`.
+//! A driver is a file in this folder and a variant of `Output` there; one that another device moves is a variant of `Device`. Pulses
+//! for one on the autopilot are handed to whoever speaks with that.
 
 #[cfg(feature = "hw")]
 mod output;
@@ -17,14 +18,28 @@ use std::time::Duration;
 
 #[cfg(feature = "hw")]
 use self::output::{Output, OutputServo};
-use crate::config::{RealServo, SensorCoverage, ServoDriver};
+use crate::config::{RealServo, SensorCoverage, ServoDriver, ServoOutput, ServoScale};
 use crate::geom::Angle;
 use crate::hw::pulse::{ServoError, ServoRange};
+use crate::mavlink::autopilot_driver::ServoPulse;
 use crate::plan::Mounts;
 
 /// A servo.
 pub struct Servo {
     device: Device,
+}
+
+/// Where a servo is.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum ServoPlace {
+    /// In the simulated world.
+    World,
+    /// At an output of this machine.
+    Machine,
+    /// At an output of the autopilot.
+    Autopilot,
+    /// There is none.
+    Nowhere,
 }
 
 /// What turns range sensors.
@@ -34,6 +49,8 @@ enum Device {
     /// An output of this machine.
     #[cfg(feature = "hw")]
     Output(Pulses, OutputServo),
+    /// An output of the autopilot, by its number.
+    Autopilot(Pulses, u8),
     /// Nothing does.
     None,
 }
@@ -42,6 +59,8 @@ enum Device {
 struct Pulses {
     mounts: Mounts,
     range: ServoRange,
+    /// The shortest and the longest pulse in whole microseconds.
+    whole_us: [u16; 2],
 }
 
 impl Pulses {
@@ -49,7 +68,16 @@ impl Pulses {
         Ok(Pulses {
             mounts: look.mounts(),
             range: ServoRange::of(&servo.scale)?,
+            whole_us: whole_us(&servo.scale),
         })
+    }
+
+    /// Returns the pulse for a direction in whole microseconds, never beyond the shortest and the longest.
+    fn whole_to(&self, beam: Angle) -> Option<u16> {
+        let [shortest_us, longest_us] = self.whole_us;
+        let pulse_us = (self.to(beam)?.as_nanos() + 500) / 1000;
+        let pulse_us = u16::try_from(pulse_us).unwrap_or(u16::MAX);
+        Some(pulse_us.min(longest_us).max(shortest_us))
     }
 
     /// Returns the pulse for a direction against the heading; `None` where no servo is to turn.
@@ -70,40 +98,93 @@ impl Pulses {
     }
 }
 
+/// Returns the whole microseconds nearest to the ends of a scale and within them.
+fn whole_us(scale: &ServoScale) -> [u16; 2] {
+    let ends = |list: &[f64]| match list {
+        [shortest_us, longest_us] => [shortest_us.ceil() as u16, longest_us.floor() as u16],
+        _ => [0, 0],
+    };
+    ends(&scale.pulse_us)
+}
+
 impl Servo {
     /// Starts what gives pulses.
     ///
     /// # Errors
     /// No thread can be started, the servo cannot be, or the driver is not built in.
     pub fn start(driver: &ServoDriver, look: &SensorCoverage) -> io::Result<Servo> {
+        Servo::begin(driver, look, Pulses::at_rest)
+    }
+
+    /// Starts what gives pulses, and gives none before it is steered: nothing moves.
+    ///
+    /// # Errors
+    /// As [`Servo::start`].
+    pub fn start_still(driver: &ServoDriver, look: &SensorCoverage) -> io::Result<Servo> {
+        Servo::begin(driver, look, |_| None)
+    }
+
+    fn begin(
+        driver: &ServoDriver,
+        look: &SensorCoverage,
+        first: fn(&Pulses) -> Option<Duration>,
+    ) -> io::Result<Servo> {
         let device = match driver {
             ServoDriver::Simulated => Device::World,
             ServoDriver::Real(servo) => {
                 let pulses = Pulses::new(servo, look).map_err(io::Error::other)?;
-                device(servo, pulses)?
+                match servo.output {
+                    ServoOutput::Autopilot { output } => {
+                        Device::Autopilot(pulses, u8::try_from(output).unwrap_or(u8::MAX))
+                    }
+                    ServoOutput::Pwm { .. } | ServoOutput::Gpio { .. } => {
+                        device(servo, pulses, first)?
+                    }
+                }
             }
             ServoDriver::None => Device::None,
         };
         Ok(Servo { device })
     }
 
-    /// Turns the sensor that looks along a direction against the heading.
-    pub fn steer(&self, beam: Angle) {
+    /// Turns the sensor that looks along a direction against the heading; returns the pulse that the autopilot is to give, if
+    /// the servo hangs on it and is to turn.
+    pub fn steer(&self, beam: Angle) -> Option<ServoPulse> {
         match &self.device {
-            Device::World | Device::None => {}
+            Device::World | Device::None => None,
             #[cfg(feature = "hw")]
             Device::Output(pulses, output) => {
                 if let Some(pulse) = pulses.to(beam) {
                     output.give(pulse);
                 }
+                None
             }
+            Device::Autopilot(pulses, output) => {
+                let width_us = pulses.whole_to(beam)?;
+                Some(ServoPulse {
+                    output: *output,
+                    width_us,
+                })
+            }
+        }
+    }
+
+    /// Returns where it is.
+    pub fn place(&self) -> ServoPlace {
+        match &self.device {
+            Device::World => ServoPlace::World,
+            #[cfg(feature = "hw")]
+            Device::Output(..) => ServoPlace::Machine,
+            Device::Autopilot(..) => ServoPlace::Autopilot,
+            Device::None => ServoPlace::Nowhere,
         }
     }
 
     /// Returns what is wrong with it, in words.
     pub fn trouble(&self) -> Option<String> {
         match &self.device {
-            Device::World | Device::None => None,
+            // Of one on the autopilot that says it.
+            Device::World | Device::Autopilot(..) | Device::None => None,
             #[cfg(feature = "hw")]
             Device::Output(_, output) => output.trouble(),
         }
@@ -111,14 +192,23 @@ impl Servo {
 }
 
 #[cfg(feature = "hw")]
-fn device(servo: &RealServo, pulses: Pulses) -> io::Result<Device> {
-    let output = OutputServo::start(Output::of(&servo.output), pulses.at_rest())?;
+fn device(
+    servo: &RealServo,
+    pulses: Pulses,
+    first: fn(&Pulses) -> Option<Duration>,
+) -> io::Result<Device> {
+    let output = Output::of(&servo.output).ok_or(io::ErrorKind::Unsupported)?;
+    let output = OutputServo::start(output, first(&pulses))?;
     Ok(Device::Output(pulses, output))
 }
 
 /// Its name was refused when the file was read.
 #[cfg(not(feature = "hw"))]
-fn device(_: &RealServo, pulses: Pulses) -> io::Result<Device> {
-    let _ = (pulses.at_rest(), pulses.to(Angle::ZERO));
+fn device(
+    _: &RealServo,
+    pulses: Pulses,
+    first: fn(&Pulses) -> Option<Duration>,
+) -> io::Result<Device> {
+    let _ = (first(&pulses), pulses.to(Angle::ZERO));
     Err(io::ErrorKind::Unsupported.into())
 }

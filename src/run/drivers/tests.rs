@@ -160,3 +160,5 @@ fn a_world_that_is_away_is_a_trouble_and_its_pings_are_counted() {
     }
     assert_eq!(devices.range_health().unwrap().faults, 2);
 }
+
+pub(in crate::run) mod on_autopilot;

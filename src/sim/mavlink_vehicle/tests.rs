@@ -55,6 +55,7 @@ fn settings(kind: VehicleKind) -> MavlinkDriverSettings {
         arms_without_failsafes: true,
         takes_fixes: false,
         switch: None,
+        ranges: None,
     }
 }
 
@@ -121,6 +122,7 @@ impl Rig {
                 }
                 DriverOut::Report(report) => self.reports.push(report),
                 DriverOut::Ack(ack) => self.acks.push(ack),
+                DriverOut::Reading(reading) => panic!("no range sensor hangs on it: {reading:?}"),
                 DriverOut::Text { text, .. } => self.texts.push(text),
             }
         }

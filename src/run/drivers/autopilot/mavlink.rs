@@ -2,7 +2,7 @@
 //! what that says to the link and the connection. What messages mean is the driver's matter ([`crate::mavlink::autopilot_driver`]).
 //!
 //! ```text
-//!   connection ─bytes─► reader ─► driver ─► Report, Ack ─► link
+//!   connection ─bytes─► reader ─► driver ─► Report, Ack ─► link; readings ─► range driver
 //!   connection ◄─bytes─ writer ◄─ driver ◄─ command ────── link
 //! ```
 
@@ -19,7 +19,7 @@ use super::connection::{Connection, FromConnection};
 use crate::autopilot::{NumberedCommand, VehicleKind};
 use crate::config::{Craft, MavlinkConnection, MavlinkPlace, PoseSource, VehicleFile};
 use crate::mavlink::autopilot_driver::{
-    DriverOut, MavlinkDriver, MavlinkDriverSettings, PlaceSource, SwitchSettings,
+    DriverOut, MavlinkDriver, MavlinkDriverSettings, PlaceSource, ServoPulse, SwitchSettings,
 };
 use crate::mavlink::earth_frame::EarthFrame;
 use crate::mavlink::frames::{DroppedFrames, FrameReader, FrameWriter, MavAddress};
@@ -27,6 +27,7 @@ use crate::mavlink::signing::{PER_SECOND, Signing, key_from_hex};
 use crate::node::Event;
 use crate::run::clock::Clock;
 use crate::run::drivers::EventSink;
+use crate::run::drivers::range::{AutopilotReadings, range_settings};
 use crate::run::drivers::reopening::Reopening;
 use crate::run::mailbox::lock;
 use crate::run::mavlink_port::signing_clock;
@@ -56,11 +57,16 @@ struct Said {
     /// What is wrong, in words.
     trouble: Option<String>,
     health: Option<AutopilotHealth>,
+    /// The pulse by which its servo stands.
+    given_pulse: Option<ServoPulse>,
+    /// What is wrong with its servo, in words.
+    servo_trouble: Option<String>,
 }
 
 enum Inbound {
     Command(NumberedCommand),
     Fix(Node, Fix),
+    Pulse(ServoPulse),
     /// Of the connection with this number.
     Connection(u64, FromConnection),
     End,
@@ -81,6 +87,8 @@ struct Work {
     frames: u64,
     clock: Clock,
     events: EventSink,
+    /// Takes what range sensors on it measure.
+    readings: Option<AutopilotReadings>,
     own: Sender<Inbound>,
     said: Arc<Mutex<Said>>,
 }
@@ -94,7 +102,7 @@ impl MavlinkAutopilot {
         settings: &MavlinkConnection,
         file: &VehicleFile,
         clock: Clock,
-        events: &EventSink,
+        (events, readings): (&EventSink, Option<&AutopilotReadings>),
     ) -> io::Result<MavlinkAutopilot> {
         let own = MavAddress {
             system: settings.own_system as u8,
@@ -122,6 +130,7 @@ impl MavlinkAutopilot {
             }),
             arms_without_failsafes: settings.arms_without_failsafes,
             takes_fixes: file.pose.source == PoseSource::External,
+            ranges: range_settings(file),
         });
         let signing = StoredSigning::open(&settings.key_file, Path::new(&file.state_dir))?;
         let (inbox, waiting) = channel();
@@ -139,6 +148,7 @@ impl MavlinkAutopilot {
             frames: 0,
             clock,
             events: events.clone(),
+            readings: readings.cloned(),
             own: inbox.clone(),
             said: said.clone(),
         };
@@ -162,6 +172,22 @@ impl MavlinkAutopilot {
     pub(super) fn fix(&self, from: Node, fix: Fix) {
         // As above.
         let _ = self.inbox.send(Inbound::Fix(from, fix));
+    }
+
+    /// Gives a servo on it a pulse.
+    pub(super) fn give_pulse(&self, pulse: ServoPulse) {
+        // As above.
+        let _ = self.inbox.send(Inbound::Pulse(pulse));
+    }
+
+    /// Returns the pulse by which a servo on it stands.
+    pub(super) fn given_pulse(&self) -> Option<ServoPulse> {
+        lock(&self.said).given_pulse
+    }
+
+    /// Returns what is wrong with a servo on it, in words.
+    pub(super) fn servo_trouble(&self) -> Option<String> {
+        lock(&self.said).servo_trouble.clone()
     }
 
     /// Returns what is wrong, in words.
@@ -202,6 +228,7 @@ impl Work {
             match inbound {
                 Some(Inbound::End) => return,
                 Some(Inbound::Command(command)) => self.driver.command(now, &command, &mut out),
+                Some(Inbound::Pulse(pulse)) => self.driver.give_pulse(now, pulse, &mut out),
                 Some(Inbound::Fix(from, fix)) => self.driver.hear_fix(now, from, &fix, &mut out),
                 Some(Inbound::Connection(number, said)) if number == self.number => {
                     self.hear(now, said, &mut out);
@@ -271,6 +298,11 @@ impl Work {
                 }
                 DriverOut::Report(report) => (self.events)(Event::Report(report)),
                 DriverOut::Ack(ack) => (self.events)(Event::Ack(ack)),
+                DriverOut::Reading(reading) => {
+                    if let Some(readings) = &self.readings {
+                        readings.take(reading);
+                    }
+                }
                 DriverOut::Text { text, warns: true } => tracing::warn!("autopilot: {text}"),
                 DriverOut::Text { text, warns: false } => tracing::info!("autopilot: {text}"),
             }
@@ -283,6 +315,9 @@ impl Work {
     }
 
     fn tell_trouble(&self, now: Time) {
+        if let Some(readings) = &self.readings {
+            readings.tell(self.driver.range_tallies());
+        }
         let endpoint = self.settings.endpoint.in_words();
         let dropped = self.reader.dropped();
         let trouble = if let Some(why) = self.reopening.closed() {
@@ -298,6 +333,11 @@ impl Work {
         *lock(&self.said) = Said {
             trouble,
             health: self.driver.health(now),
+            given_pulse: self.driver.given_pulse(),
+            servo_trouble: self
+                .driver
+                .servo_trouble(now)
+                .map(|trouble| trouble.to_string()),
         };
     }
 }

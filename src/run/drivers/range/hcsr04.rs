@@ -11,6 +11,7 @@
 
 mod chardev_lines;
 mod lines;
+mod recording;
 mod rppal_lines;
 #[cfg(test)]
 mod tests;
@@ -21,6 +22,7 @@ use std::time::Duration;
 use rustix::time::{ClockId, clock_gettime};
 
 use self::lines::{EchoLines, Wiring};
+pub use self::recording::record_edges;
 use super::{EventSink, SharedPings};
 use crate::config::HcSr04Lines;
 use crate::hw::TimedReading;

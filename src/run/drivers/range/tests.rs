@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 
 use super::*;
-use crate::config::{SerialProtocol, SerialSensor, SerialText, TfSensor};
+use crate::config::{SensorMount, SerialProtocol, SerialSensor, SerialText, TfSensor};
 use crate::node::Event;
 use crate::node::sensor::Echo;
 
@@ -67,6 +67,14 @@ impl Driver {
     }
 
     fn of(driver: &RangeDriver) -> Driver {
+        let drivers = Drivers {
+            range: driver.clone(),
+            ..Drivers::SIMULATED
+        };
+        Driver::with(&drivers, Vec::new())
+    }
+
+    fn with(drivers: &Drivers, sensors: Vec<SensorMount>) -> Driver {
         let echoes = Arc::<Mutex<Vec<Echo>>>::default();
         let heard = echoes.clone();
         let events: EventSink = Arc::new(move |event| match event {
@@ -76,9 +84,10 @@ impl Driver {
         let look = SensorCoverage {
             min_range_m: 0.3,
             max_range_m: 4.0,
+            sensors,
             ..SensorCoverage::default()
         };
-        let range = Range::start(driver, &look, Clock::start(), &events).unwrap();
+        let range = Range::start(drivers, &look, Clock::start(), &events).unwrap();
         Driver {
             range,
             echoes,
@@ -357,4 +366,54 @@ fn a_vehicle_without_a_range_sensor_answers_nothing_and_misses_nothing() {
         ),
         (None, None, vec![])
     );
+}
+
+#[test]
+fn of_several_sensors_the_one_that_looks_there_answers() {
+    let folder = tempfile::tempdir().unwrap();
+    let ports = ["ahead", "left"].map(|name| folder.path().join(name));
+    let [mut ahead, mut left] = [Sensor::plug(&ports[0]), Sensor::plug(&ports[1])];
+    let read = |port: &Path, protocol: SerialProtocol| {
+        RangeDriver::Serial(SerialSensor {
+            port: port.to_str().unwrap().to_owned(),
+            baud: 9600,
+            protocol,
+        })
+    };
+    let drivers = Drivers {
+        range: read(&ports[0], SerialProtocol::Text(SerialText::default())),
+        own_range: vec![
+            None,
+            Some(read(&ports[1], SerialProtocol::Tf(TfSensor::Luna))),
+        ],
+        ..Drivers::SIMULATED
+    };
+    let mount = |mount_deg| SensorMount {
+        mount_deg,
+        ..SensorMount::default()
+    };
+    let mut driver = Driver::with(&drivers, vec![mount(0.0), mount(90.0)]);
+    // Two metres, amplitude 500, 25 degrees.
+    let lidar = [0x59, 0x59, 200, 0, 0xF4, 1, 0x48, 8];
+    let sum = lidar.iter().fold(0u8, |sum, byte| sum.wrapping_add(*byte));
+    let frame = [&lidar[..], &[sum]].concat();
+    for _ in 0..2 {
+        driver.range.steer(Angle::from_degrees(90.0));
+        left.say(&[]);
+        assert_eq!(driver.measure(&mut left, &frame), Some(2.0));
+        driver.range.steer(Angle::ZERO);
+        assert_eq!(driver.measure(&mut ahead, b"R1500\r"), Some(1.5));
+    }
+    // What is not asked does not answer for the other.
+    let count = driver.echoes().len();
+    driver.ping();
+    left.say(&frame);
+    std::thread::sleep(Duration::from_millis(100));
+    assert_eq!(driver.echoes().len(), count);
+    drop(left);
+    std::fs::remove_file(&ports[1]).unwrap();
+    driver.until_trouble(|said| said.is_some_and(|said| said.starts_with("at 90°: ")));
+    driver.until_trouble(|said| said.is_some_and(|said| !said.contains("at 0°")));
+    driver.range.steer(Angle::ZERO);
+    assert_eq!(driver.measure(&mut ahead, b"R1600\r"), Some(1.6));
 }

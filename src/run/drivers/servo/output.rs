@@ -30,9 +30,10 @@ pub(super) struct Pulse {
 pub(super) struct OutputServo(DeviceThread<Pulse>);
 
 impl Output {
-    /// Makes the output that a file names; opens nothing.
-    pub(super) fn of(output: &ServoOutput) -> Output {
-        match output {
+    /// Makes the output that a file names, if it is one of this machine; opens nothing.
+    pub(super) fn of(output: &ServoOutput) -> Option<Output> {
+        Some(match output {
+            ServoOutput::Autopilot { .. } => return None,
             ServoOutput::Pwm { chip, channel } => Output::Sysfs(
                 Chip {
                     folder: chip.into(),
@@ -41,7 +42,7 @@ impl Output {
                 Files::Kernel,
             ),
             ServoOutput::Gpio { pin } => Output::Pin(pin.clone()),
-        }
+        })
     }
 
     fn name(&self) -> String {

@@ -300,3 +300,39 @@ fn a_machine_without_such_lines_says_so() {
     };
     assert!(Wiring::of(&lines).open().is_err_and(|why| !why.is_empty()));
 }
+
+#[test]
+fn a_recording_says_what_the_line_did_and_what_it_was_taken_for() {
+    let lines = HcSr04Lines {
+        trigger: "GPIO23".to_owned(),
+        echo: "GPIO24".to_owned(),
+        ..HcSr04Lines::default()
+    };
+    for (plays, word, edges) in [
+        (Plays::Pulse(Duration::from_micros(5824)), "1.0000", 40),
+        (Plays::Pulse(Duration::from_millis(38)), "nothing", 40),
+        (Plays::Silence, "silent", 0),
+        (Plays::Spike, "glitch", 40),
+        (Plays::Stuck, "stuck", 1),
+    ] {
+        let recorder = Recorder::new(plays);
+        let wiring = Wiring::Recorded(recorder.clone());
+        let text = recording::record_on(&wiring, &lines).unwrap().to_text();
+        let begins = |word: &str| text.lines().filter(|line| line.starts_with(word)).count();
+        assert_eq!(
+            [begins("trigger "), begins(&format!("expect {word}"))],
+            [20, 20],
+            "{text}"
+        );
+        assert_eq!(begins("rise ") + begins("fall "), edges, "{text}");
+        assert_eq!(
+            recorder.with(|played| played.power_offs),
+            0,
+            "it only looks"
+        );
+    }
+    let gone = Recorder::new(Plays::Silence);
+    gone.with(|played| played.refused = Some("no line is named GPIO23".to_owned()));
+    let refused = recording::record_on(&Wiring::Recorded(gone), &lines);
+    assert_eq!(refused, Err("no line is named GPIO23".to_owned()));
+}

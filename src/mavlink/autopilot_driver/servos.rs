@@ -1,0 +1,320 @@
+//! A servo on an output of the autopilot: DO_SET_SERVO with the newest pulse, said again until the autopilot confirms it.
+//!
+//! Who measures with what the servo turns must know where it stands: a pulse counts as given when it was confirmed in time, or
+//! is wanted once more after that. Until then a reading would be taken for a direction that the sensor does not look along.
+//!
+//! ```text
+//!   [nothing wanted] ──pulse──► [said] ──accepted──► [given]
+//!                                 │ ▲                   │ another pulse
+//!                        150 ms: again └────────────────┘
+//!                                 └──refused──► [refused] ──a pulse──► [said]
+//! ```
+
+use std::time::Duration;
+
+use super::{DriverOut, say};
+use crate::mavlink::dialect::{COMMAND_ACK_DATA, COMMAND_LONG_DATA, MavCmd, MavMessage, MavResult};
+use crate::mavlink::frames::MavAddress;
+use crate::time::Time;
+
+/// What nobody confirms is said again after this time.
+const AGAIN: Duration = Duration::from_millis(150);
+/// A servo that hears of its pulse later than this is not where it is expected when it has settled.
+const CONFIRMED_WITHIN: Duration = Duration::from_millis(80);
+/// A pulse that is not confirmed for so long is a trouble.
+const TROUBLE_AFTER: Duration = Duration::from_secs(1);
+
+/// A pulse of a servo.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct ServoPulse {
+    /// The number of the autopilot's output, 1 to 32.
+    pub output: u8,
+    /// The width of the pulse, microseconds.
+    pub width_us: u16,
+}
+
+/// Why a servo does not stand where it should.
+#[derive(Clone, Copy, PartialEq, Debug, thiserror::Error)]
+pub enum ServoTrouble {
+    /// The autopilot says nothing to it.
+    #[error("output {output}: the autopilot does not confirm its pulse")]
+    Silent {
+        /// The number of the output.
+        output: u8,
+    },
+    /// The autopilot confirms it too late.
+    #[error("output {output}: the autopilot confirms its pulse after {after_s:.2} s only")]
+    Late {
+        /// The number of the output.
+        output: u8,
+        /// How long it took, seconds.
+        after_s: f64,
+    },
+    /// The autopilot refuses it.
+    #[error("output {output}: the autopilot refuses ({result:?}); is SERVO{output}_FUNCTION 0?")]
+    Refused {
+        /// The number of the output.
+        output: u8,
+        /// What it answers.
+        result: MavResult,
+    },
+}
+
+/// The servo of an autopilot.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Servo {
+    wanted: Option<Wanted>,
+    late: Option<ServoTrouble>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Wanted {
+    pulse: ServoPulse,
+    /// When it was wanted first.
+    since: Time,
+    state: State,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum State {
+    /// It has no answer yet; so many were said and not answered, an older pulse's among them.
+    Said { at: Time, unanswered: u32 },
+    /// The autopilot gives it.
+    Given { in_time: bool },
+    /// The autopilot does not give it.
+    Refused(MavResult),
+}
+
+impl Servo {
+    /// Says a pulse, unless the servo has it.
+    pub(super) fn give(
+        &mut self,
+        now: Time,
+        pulse: ServoPulse,
+        target: MavAddress,
+        out: &mut Vec<DriverOut>,
+    ) {
+        let mut unanswered = 0;
+        if let Some(wanted) = &mut self.wanted {
+            match &mut wanted.state {
+                // It has stood there since.
+                State::Given { in_time } if wanted.pulse == pulse => return *in_time = true,
+                State::Said { .. } if wanted.pulse == pulse => return,
+                State::Said {
+                    unanswered: so_far, ..
+                } => unanswered = *so_far,
+                State::Given { .. } | State::Refused(_) => {}
+            }
+        }
+        self.wanted = Some(Wanted {
+            pulse,
+            since: now,
+            state: State::Said {
+                at: now,
+                unanswered: unanswered + 1,
+            },
+        });
+        say_pulse(pulse, target, out);
+    }
+
+    /// Takes an answer.
+    pub(super) fn answer(&mut self, now: Time, ack: &COMMAND_ACK_DATA) {
+        let Some(Wanted {
+            pulse,
+            since,
+            state,
+        }) = &mut self.wanted
+        else {
+            return;
+        };
+        let State::Said { unanswered, .. } = state else {
+            return;
+        };
+        *unanswered = unanswered.saturating_sub(1);
+        // Of a pulse before this one.
+        if *unanswered > 0 {
+            return;
+        }
+        if ack.result != MavResult::MAV_RESULT_ACCEPTED {
+            *state = State::Refused(ack.result);
+            return;
+        }
+        let after = now.since(*since);
+        let in_time = after <= CONFIRMED_WITHIN;
+        self.late = (!in_time).then_some(ServoTrouble::Late {
+            output: pulse.output,
+            after_s: after.as_secs_f64(),
+        });
+        *state = State::Given { in_time };
+    }
+
+    /// Forgets what it has: the autopilot has started anew.
+    pub(super) fn forget(&mut self) {
+        self.wanted = None;
+    }
+
+    /// Returns when something is to be said again.
+    pub(super) fn deadline(&self) -> Option<Time> {
+        match self.wanted?.state {
+            State::Said { at, .. } => Some(at + AGAIN),
+            State::Given { .. } | State::Refused(_) => None,
+        }
+    }
+
+    /// Says again what nobody has confirmed.
+    pub(super) fn due(&mut self, now: Time, target: MavAddress, out: &mut Vec<DriverOut>) {
+        if self.deadline().is_none_or(|due| now < due) {
+            return;
+        }
+        if let Some(wanted) = &mut self.wanted {
+            // What was not answered until now is lost.
+            wanted.state = State::Said {
+                at: now,
+                unanswered: 1,
+            };
+            say_pulse(wanted.pulse, target, out);
+        }
+    }
+
+    /// Returns the pulse by which the servo stands; `None` while that is not known.
+    pub(super) fn given(&self) -> Option<ServoPulse> {
+        let wanted = self.wanted?;
+        matches!(wanted.state, State::Given { in_time: true }).then_some(wanted.pulse)
+    }
+
+    /// Returns why it does not stand where it should.
+    pub(super) fn trouble(&self, now: Time) -> Option<ServoTrouble> {
+        let wanted = self.wanted?;
+        let output = wanted.pulse.output;
+        match wanted.state {
+            State::Said { .. } if now.since(wanted.since) > TROUBLE_AFTER => {
+                Some(ServoTrouble::Silent { output })
+            }
+            State::Refused(result) => Some(ServoTrouble::Refused { output, result }),
+            State::Said { .. } | State::Given { .. } => self.late,
+        }
+    }
+}
+
+fn say_pulse(pulse: ServoPulse, target: MavAddress, out: &mut Vec<DriverOut>) {
+    let command = COMMAND_LONG_DATA {
+        command: MavCmd::MAV_CMD_DO_SET_SERVO,
+        target_system: target.system,
+        target_component: target.component,
+        param1: f32::from(pulse.output),
+        param2: f32::from(pulse.width_us),
+        ..COMMAND_LONG_DATA::default()
+    };
+    say(out, MavMessage::COMMAND_LONG(command));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TARGET: MavAddress = MavAddress {
+        system: 1,
+        component: 1,
+    };
+
+    fn at(time_ms: u64) -> Time {
+        Time::from_nanos(time_ms * 1_000_000)
+    }
+
+    fn pulse(width_us: u16) -> ServoPulse {
+        ServoPulse {
+            output: 9,
+            width_us,
+        }
+    }
+
+    fn said(out: &mut Vec<DriverOut>) -> Vec<u16> {
+        let width = |said: DriverOut| {
+            let DriverOut::Say(message) = said else {
+                panic!("{said:?}")
+            };
+            let MavMessage::COMMAND_LONG(command) = *message else {
+                panic!("{message:?}")
+            };
+            assert_eq!(command.command, MavCmd::MAV_CMD_DO_SET_SERVO);
+            assert_eq!((command.param1, command.target_system), (9.0, 1));
+            command.param2 as u16
+        };
+        std::mem::take(out).into_iter().map(width).collect()
+    }
+
+    fn ack(result: MavResult) -> COMMAND_ACK_DATA {
+        COMMAND_ACK_DATA {
+            command: MavCmd::MAV_CMD_DO_SET_SERVO,
+            result,
+            ..COMMAND_ACK_DATA::default()
+        }
+    }
+
+    fn accepted() -> COMMAND_ACK_DATA {
+        ack(MavResult::MAV_RESULT_ACCEPTED)
+    }
+
+    #[test]
+    fn a_pulse_is_said_at_once_and_again_until_it_is_confirmed() {
+        let (mut servo, mut out) = (Servo::default(), Vec::new());
+        assert_eq!(servo.deadline(), None);
+        servo.give(at(0), pulse(1200), TARGET, &mut out);
+        servo.give(at(10), pulse(1200), TARGET, &mut out);
+        assert_eq!((said(&mut out), servo.given()), (vec![1200], None));
+        servo.due(at(149), TARGET, &mut out);
+        assert!(said(&mut out).is_empty());
+        servo.due(at(150), TARGET, &mut out);
+        assert_eq!(said(&mut out), [1200]);
+        servo.answer(at(170), &accepted());
+        assert_eq!(servo.deadline(), None);
+        assert_eq!(servo.given(), None, "confirmed too late to measure by");
+        servo.give(at(200), pulse(1200), TARGET, &mut out);
+        assert_eq!(servo.given(), Some(pulse(1200)), "it has stood there since");
+        assert!(said(&mut out).is_empty(), "it needs not be told");
+        servo.give(at(300), pulse(1500), TARGET, &mut out);
+        assert_eq!((said(&mut out), servo.given()), (vec![1500], None));
+        servo.answer(at(350), &accepted());
+        assert_eq!(servo.given(), Some(pulse(1500)));
+        servo.forget();
+        servo.give(at(400), pulse(1500), TARGET, &mut out);
+        assert_eq!(said(&mut out), [1500], "it was started anew");
+    }
+
+    #[test]
+    fn an_answer_to_the_pulse_before_confirms_nothing() {
+        let (mut servo, mut out) = (Servo::default(), Vec::new());
+        servo.give(at(0), pulse(1200), TARGET, &mut out);
+        servo.give(at(20), pulse(1800), TARGET, &mut out);
+        servo.answer(at(30), &accepted());
+        assert_eq!(servo.given(), None);
+        servo.answer(at(40), &accepted());
+        assert_eq!(servo.given(), Some(pulse(1800)));
+        servo.answer(at(41), &ack(MavResult::MAV_RESULT_FAILED));
+        assert_eq!(servo.given(), Some(pulse(1800)), "nothing was asked");
+    }
+
+    #[test]
+    fn one_that_is_silent_late_or_refuses_is_a_trouble() {
+        let (mut servo, mut out) = (Servo::default(), Vec::new());
+        assert_eq!(servo.trouble(at(0)), None);
+        servo.give(at(0), pulse(1200), TARGET, &mut out);
+        assert_eq!(servo.trouble(at(900)), None);
+        let silent = servo.trouble(at(1100)).unwrap();
+        assert_eq!(silent, ServoTrouble::Silent { output: 9 });
+        servo.answer(at(1200), &accepted());
+        let late = servo.trouble(at(1200)).unwrap().to_string();
+        assert!(late.contains("after 1.20 s"), "{late}");
+        servo.give(at(1300), pulse(1300), TARGET, &mut out);
+        servo.answer(at(1310), &accepted());
+        assert_eq!(servo.trouble(at(1310)), None);
+        servo.give(at(1400), pulse(1400), TARGET, &mut out);
+        servo.answer(at(1410), &ack(MavResult::MAV_RESULT_FAILED));
+        let refused = servo.trouble(at(1410)).unwrap().to_string();
+        assert!(refused.contains("SERVO9_FUNCTION"), "{refused}");
+        assert_eq!((servo.given(), servo.deadline()), (None, None));
+        out.clear();
+        servo.give(at(1500), pulse(1400), TARGET, &mut out);
+        assert_eq!(said(&mut out), [1400], "it is tried again");
+    }
+}
