@@ -24,6 +24,7 @@ mod forms;
 mod given_mission;
 mod ground_file;
 mod hcsr04_lines;
+mod imaging;
 mod keys;
 mod links_file;
 mod mavlink_connection;
@@ -67,15 +68,13 @@ pub use fault::{FaultKind, FaultSpec, FaultWord, PlannedFault};
 pub use given_mission::GivenMission;
 pub use ground_file::{GroundFile, OperatorFile};
 pub use hcsr04_lines::HcSr04Lines;
+pub use imaging::{ImageTimes, Imaging, Prior, Solver, Weights};
 #[cfg(feature = "net")]
 pub(crate) use keys::quoted;
 pub use links_file::LinksFile;
 pub use mavlink_connection::{MavlinkConnection, MavlinkEndpoint, MavlinkPlace};
 pub use mavlink_serving::MavlinkServing;
-pub use mission::{
-    AfterSweep, Durations, Expect, ImageTimes, Imaging, PlannerChoice, Prior, Solver, SweepConfig,
-    Weights,
-};
+pub use mission::{AfterSweep, Durations, Expect, PlannerChoice, SweepConfig};
 pub(crate) use nearest::nearest;
 pub use pose_file::{PoseFile, PoseSource};
 pub use problem::{Problem, Problems};

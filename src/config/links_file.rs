@@ -1,8 +1,8 @@
 //! What a file of links says of itself in the comments above its columns: how its sweep was to be imaged. So the same
 //! links give the same image wherever they are read. It knows no link.
 
+use super::imaging::Imaging;
 use super::keys::{KeyEntry, Keyed, Keys, Writer, read_table};
-use super::mission::Imaging;
 use super::problem::Problems;
 use super::radio::Reception;
 use super::read_kind;

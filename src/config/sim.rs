@@ -17,11 +17,10 @@ use self::checks::{
 };
 use super::fault::PlannedFault;
 use super::forms::{LoadedFile, seconds};
+use super::imaging::Imaging;
 use super::keys::WordChoice;
 use super::keys::{Flag, KeyEntry, Keyed, Keys, List, Number, Rowed, Whole, Words, read_table};
-use super::mission::{
-    AfterSweep, Durations, Expect, Imaging, SweepConfig, SweepTable, check_sweep,
-};
+use super::mission::{AfterSweep, Durations, Expect, SweepConfig, SweepTable, check_sweep};
 use super::radio::{Bus, BusTable, Radio, RadioTable};
 use super::range::{Lobe, RangeSensor};
 use super::scene::{SceneFile, Up};

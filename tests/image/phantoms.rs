@@ -5,10 +5,10 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::score::{relative_error, structural_similarity};
+use super::score::{overlap_by_otsu, relative_error, structural_similarity};
 use tomoswarm::cli::recording::read_recording;
 use tomoswarm::geom::{Point, Rect};
-use tomoswarm::tomo::{ImagingSettings, Link, reconstruct};
+use tomoswarm::tomo::{ImagingSettings, Link, Solver, reconstruct};
 
 fn phantoms() -> Option<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/phantoms");
@@ -36,6 +36,22 @@ fn image_of(folder: &Path, case: &str) -> tomoswarm::tomo::Reconstruction {
         .unwrap();
     }
     reconstruct(&now, None, &ImagingSettings::for_area(area)).unwrap()
+}
+
+/// The image by the solver `auto`, with the words of its choice.
+fn auto_image_of(folder: &Path, case: &str) -> (Vec<f64>, String) {
+    let area = Rect::new(Point::new(0.0, 0.0), Point::new(20.0, 20.0));
+    let usual = ImagingSettings::for_area(area);
+    let settings = ImagingSettings {
+        solver: Solver::Auto(ImagingSettings::candidates_for(area)),
+        weights: usual.fresnel(),
+        ..usual
+    };
+    let empty = folder.join(format!("{case}.empty.csv"));
+    let empty = empty.exists().then(|| links(&empty));
+    let now = links(&folder.join(format!("{case}.links.csv")));
+    let made = reconstruct(&now, empty.as_deref(), &settings).unwrap();
+    (made.image.values, made.choice.unwrap().words())
 }
 
 /// The 1600 values of a truth file: little-endian f32 after the header.
@@ -88,6 +104,28 @@ fn images_are_as_good_as_the_reference_method() {
         cases += 1;
     }
     assert!(cases >= 10, "only {cases} cases");
+}
+
+#[test]
+fn what_auto_chooses_beats_total_variation_of_others() {
+    let Some(folder) = phantoms() else { return };
+    let reference = fs::read_to_string(folder.join("BASELINE.jsonl")).unwrap();
+    for (case, expected) in [
+        ("two_persons_600_1000", "solver: points"),
+        ("l_wall_1800_1000", "solver: tv"),
+        ("building_1800_1000", "solver: tv"),
+    ] {
+        let mut lines = reference.lines();
+        let line = lines.find(|line| line.contains(case) && line.contains("\"nntv\""));
+        let other = |key: &str| score(line.unwrap(), key);
+        let truth = truth(&folder.join(format!("{case}.truth.npy")));
+        let (image, words) = auto_image_of(&folder, case);
+        assert!(words.starts_with(expected), "{case}: {words}");
+        let error = relative_error(&image, &truth);
+        assert!(error < 0.95 * other("rel"), "{case}: error {error:.3}");
+        let overlap = overlap_by_otsu(&image, &truth);
+        assert!(overlap > other("iou_otsu"), "{case}: overlap {overlap:.3}");
+    }
 }
 
 #[test]

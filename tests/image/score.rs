@@ -162,4 +162,5 @@ fn the_scores_are_those_of_the_definition() {
     assert!((structural_similarity(&other, &truth, 40) - 0.90459516).abs() < 1e-6);
     assert!((relative_error(&other, &truth) - 0.30024028).abs() < 1e-6);
     assert!((correlation(&other, &truth) - 0.84139267).abs() < 1e-6);
+    assert!((overlap_by_otsu(&other, &truth) - 0.71247740).abs() < 1e-6);
 }
