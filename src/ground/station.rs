@@ -67,7 +67,7 @@ use self::pictures::{Pictures, job_of_change, job_of_ongoing};
 use self::report::PartsToReport;
 use self::run_registry::RunRegistry;
 use self::ticks::Ticks;
-use super::fleet::{Fleet, FleetChange};
+use super::fleet::Fleet;
 use super::imager::{ImageStage, Job};
 use super::planner::Request;
 use super::samples::SampleStore;
@@ -257,7 +257,7 @@ impl Station {
     fn hear_state(&mut self, now: Time, state: State, out: &mut Vec<Out>) {
         let (vehicle, lease) = (state.vehicle, state.ordered.lease);
         let shown = self.fleet.heard_state(now, state);
-        out.extend(notes_of(vehicle, shown));
+        out.extend(messages::notes_of(vehicle, shown));
         self.execution.hear(now, shown);
         if let Some(run) = shown.started {
             self.runs.start(now, run, self.constants.compare_with);
@@ -284,7 +284,7 @@ impl Station {
         if self.execution.has_given_up(&progress, place) {
             (shown.made_progress, shown.left_stop) = (false, false);
         }
-        out.extend(notes_of(mission.vehicle, shown));
+        out.extend(messages::notes_of(mission.vehicle, shown));
         self.execution.hear(now, shown);
         if self.fleet.is_current(&progress) {
             self.execution.hear_progress(&progress);
@@ -362,10 +362,9 @@ impl Station {
     /// Returns the job for an image of the sweep under way, when there is time for one and something new to see.
     fn ongoing_job(&mut self, now: Time) -> Option<Job> {
         let sweep = self.execution.phase().sweep()?;
-        let run = sweep.run();
-        self.ongoing_images
-            .ask(now, run, self.samples.count(run))
-            .then(|| job_of_ongoing(run, sweep.laps_done(), sweep.compared_with(), &self.samples))
+        let samples = self.samples.count(sweep.run());
+        let is_asked = self.ongoing_images.ask(now, sweep.run(), samples);
+        is_asked.then(|| job_of_ongoing(sweep, &self.samples))
     }
 
     /// Takes what the vehicles show to be in force; once that is lifted, what was held goes on.
@@ -462,9 +461,9 @@ impl Station {
             links: self.samples.links(run).len(),
             samples: self.samples.count(run),
         }));
-        let compared_with = sweep.compared_with().filter(|_| !is_last);
-        let job = |empty| job_of_change(run, laps, empty, &self.samples);
-        out.extend(compared_with.map(job).map(Out::Reconstruct));
+        if !is_last {
+            out.extend(job_of_change(&sweep, &self.samples).map(Out::Reconstruct));
+        }
     }
 
     fn close_run(&mut self, now: Time, sweep: SweepRun, out: &mut Vec<Out>) {
@@ -582,12 +581,6 @@ impl Actor for Station {
         self.finish_step(first, out);
         Ok(())
     }
-}
-
-fn notes_of(vehicle: VehicleId, shown: FleetChange) -> impl Iterator<Item = Out> {
-    let found = shown.found.then_some(StationEvent::Found(vehicle));
-    let restarted = shown.restarted.then_some(StationEvent::Restarted(vehicle));
-    found.into_iter().chain(restarted).map(Out::StationEvent)
 }
 
 fn note_lost(vehicle: VehicleId) -> Out {

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use tomoswarm::actor::{ActorStep, NodeActor, Snapshot, StepCause, again};
 use tomoswarm::autopilot::AutopilotLink;
+use tomoswarm::ground::image_publisher::ImagePublisher;
 use tomoswarm::ground::{imager::ImagerActor, planner::PlannerActor, station::Station};
 use tomoswarm::node::map::Map;
 use tomoswarm::node::mission::Mission;
@@ -118,6 +119,7 @@ struct Ground {
     station: Again<Station>,
     planner: Again<PlannerActor>,
     imager: Again<ImagerActor>,
+    image_publisher: Again<ImagePublisher>,
 }
 
 impl Ground {
@@ -127,6 +129,7 @@ impl Ground {
             "station" => self.station.restore(snapshot),
             "planner" => self.planner.restore(snapshot),
             "imager" => self.imager.restore(snapshot),
+            "image_publisher" => self.image_publisher.restore(snapshot),
             other => panic!("{other} is no actor of the ground station"),
         }
     }
@@ -137,6 +140,7 @@ impl Ground {
             "station" => self.station.take(step),
             "planner" => self.planner.take(step),
             "imager" => self.imager.take(step),
+            "image_publisher" => self.image_publisher.take(step),
             other => panic!("{other} is no actor of the ground station"),
         }
     }

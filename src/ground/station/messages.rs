@@ -9,6 +9,7 @@ use tomoswarm_proto::{
     Boot, EmergencyStop, LayerId, Lease, Message, RunId, TileAddress, VehicleId,
 };
 
+use super::super::fleet::FleetChange;
 use super::super::imager::Job;
 use super::super::planner::{PlannerAnswer, Request};
 use super::memory::StationMemory;
@@ -86,6 +87,13 @@ pub(super) fn expected_author(message: &Message) -> Option<VehicleId> {
         | Message::Image(_)
         | Message::Fix(_) => None,
     }
+}
+
+/// Returns what is worth noting of what a vehicle has shown.
+pub(super) fn notes_of(vehicle: VehicleId, shown: FleetChange) -> impl Iterator<Item = Out> {
+    let found = shown.found.then_some(StationEvent::Found(vehicle));
+    let restarted = shown.restarted.then_some(StationEvent::Restarted(vehicle));
+    found.into_iter().chain(restarted).map(Out::StationEvent)
 }
 
 /// What happened, for log and operator.

@@ -6,6 +6,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::RunId;
 
+use super::execution::SweepRun;
 use crate::ground::imager::{ImageStage, Job, ReconstructedImage, Subject};
 use crate::ground::samples::SampleStore;
 use crate::time::Time;
@@ -37,6 +38,15 @@ impl PictureName {
         }
     }
 
+    fn of_sweep(sweep: &SweepRun, subject: Subject, stage: ImageStage) -> PictureName {
+        PictureName {
+            run: sweep.run(),
+            laps: sweep.laps_done(),
+            subject,
+            stage,
+        }
+    }
+
     /// Returns the job to make it; the links of `compared_with` are for changes only.
     fn job(self, compared_with: Option<RunId>, samples: &SampleStore) -> Job {
         let PictureName {
@@ -61,39 +71,19 @@ impl PictureName {
 }
 
 /// Returns the job for a picture of a sweep under way: of what has changed, if it is compared, otherwise of what stands there.
-pub(super) fn job_of_ongoing(
-    run: RunId,
-    laps: usize,
-    compared_with: Option<RunId>,
-    samples: &SampleStore,
-) -> Job {
-    let subject = match compared_with {
+pub(super) fn job_of_ongoing(sweep: &SweepRun, samples: &SampleStore) -> Job {
+    let subject = match sweep.compared_with() {
         Some(_) => Subject::Change,
         None => Subject::Structure,
     };
-    let name = PictureName {
-        run,
-        laps,
-        subject,
-        stage: ImageStage::Ongoing,
-    };
-    name.job(compared_with, samples)
+    PictureName::of_sweep(sweep, subject, ImageStage::Ongoing).job(sweep.compared_with(), samples)
 }
 
-/// Returns the job for a picture of what has changed, after a lap.
-pub(super) fn job_of_change(
-    run: RunId,
-    laps: usize,
-    compared_with: RunId,
-    samples: &SampleStore,
-) -> Job {
-    let name = PictureName {
-        run,
-        laps,
-        subject: Subject::Change,
-        stage: ImageStage::Lap,
-    };
-    name.job(Some(compared_with), samples)
+/// Returns the job for a picture of what has changed, after a lap; `None` when the sweep is compared with none.
+pub(super) fn job_of_change(sweep: &SweepRun, samples: &SampleStore) -> Option<Job> {
+    let compared_with = sweep.compared_with()?;
+    let name = PictureName::of_sweep(sweep, Subject::Change, ImageStage::Lap);
+    Some(name.job(Some(compared_with), samples))
 }
 
 /// The pictures that were made, and those that are due.
@@ -180,6 +170,7 @@ fn jobs(due: &[(PictureName, Option<RunId>)], samples: &SampleStore) -> Vec<Job>
 
 #[cfg(test)]
 mod tests {
+    use super::super::run_registry::RequestedSweep;
     use super::*;
     use tomoswarm_proto::{Boot, PoseReport, Position, Sample, Samples, VehicleId};
 
@@ -248,8 +239,24 @@ mod tests {
             subjects(&alone),
             [(Subject::Structure, 1, 0, ImageStage::Last)]
         );
-        let lap = job_of_change(RUN, 1, RunId(1), &samples());
+        let sweep = |compared_with| {
+            SweepRun::new(RequestedSweep {
+                run: RUN,
+                compared_with,
+            })
+        };
+        let (compared, alone) = (sweep(Some(RunId(1))), sweep(None));
+        let lap = job_of_change(&compared, &samples()).unwrap();
+        let ongoing = [&compared, &alone].map(|sweep| job_of_ongoing(sweep, &samples()));
+        assert_eq!(job_of_change(&alone, &samples()), None);
         assert_eq!(subjects(&[lap]), [(Subject::Change, 2, 1, ImageStage::Lap)]);
+        assert_eq!(
+            subjects(&ongoing),
+            [
+                (Subject::Change, 2, 1, ImageStage::Ongoing),
+                (Subject::Structure, 2, 0, ImageStage::Ongoing)
+            ]
+        );
     }
 
     #[test]

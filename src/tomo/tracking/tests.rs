@@ -1,3 +1,5 @@
+//! Persons who walk in a room of 28 nodes, measured as the filter believes it, and with errors that it does not know.
+
 use super::*;
 use crate::tomo::tests_support::Noise;
 
