@@ -280,6 +280,31 @@ impl WeightRows {
         }
     }
 
+    /// Gives Wᵀ f(W x) in one pass over the weights: `of_link` is told each link with its value, and says what goes back.
+    pub(super) fn there_and_back(
+        &self,
+        image: &[f64],
+        output: &mut [f64],
+        mut of_link: impl FnMut(usize, f64) -> f64,
+    ) {
+        output.fill(0.0);
+        for row in 0..self.len() {
+            let runs = self.runs_of(row);
+            let mut there = 0.0;
+            for run in runs {
+                let first = run.first_pixel as usize;
+                let pixels = &image[first..first + run.length as usize];
+                there += dot(self.values_of(*run), pixels);
+            }
+            let back = of_link(row, there);
+            for run in runs {
+                let first = run.first_pixel as usize;
+                let pixels = &mut output[first..first + run.length as usize];
+                add_scaled(pixels, self.values_of(*run), back);
+            }
+        }
+    }
+
     fn runs_of(&self, row: usize) -> &[Run] {
         &self.runs[self.row_starts[row] as usize..self.row_starts[row + 1] as usize]
     }

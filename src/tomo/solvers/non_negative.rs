@@ -31,7 +31,6 @@ pub(super) struct Descent<'a> {
     rows: &'a WeightRows,
     grid: &'a PixelGrid,
     sparse: Sparse,
-    links: Vec<f64>,
     slope: Vec<f64>,
 }
 
@@ -41,7 +40,6 @@ impl<'a> Descent<'a> {
             rows,
             grid,
             sparse,
-            links: vec![0.0; rows.len()],
             slope: vec![0.0; grid.len()],
         }
     }
@@ -73,15 +71,12 @@ impl<'a> Descent<'a> {
     }
 
     /// Returns one over the row sums of the curvature.
-    fn step_sizes(&mut self, problem: &Linearised) -> Vec<f64> {
+    fn step_sizes(&self, problem: &Linearised) -> Vec<f64> {
         let ones = vec![1.0; self.grid.len()];
-        self.rows.forward(&ones, &mut self.links);
-        self.links
-            .iter_mut()
-            .zip(&problem.scale)
-            .for_each(|(sum, scale)| *sum *= scale * scale);
         let mut sums = vec![0.0; self.grid.len()];
-        self.rows.backward(&self.links, &mut sums);
+        self.rows.there_and_back(&ones, &mut sums, |l, sum| {
+            problem.scale[l] * problem.scale[l] * sum
+        });
         let (own, east, north) = self.precisions();
         let of_prior = own + 4.0 * (east + north);
         sums.into_iter().map(|sum| 1.0 / (sum + of_prior)).collect()
@@ -101,12 +96,11 @@ impl<'a> Descent<'a> {
     }
 
     fn find_slope(&mut self, problem: &Linearised, image: &[f64]) {
-        self.rows.forward(image, &mut self.links);
-        for (l, value) in self.links.iter_mut().enumerate() {
-            let scale = problem.scale[l];
-            *value = scale * (scale * *value - problem.data[l]);
-        }
-        self.rows.backward(&self.links, &mut self.slope);
+        self.rows
+            .there_and_back(image, &mut self.slope, |l, straight_db| {
+                let scale = problem.scale[l];
+                scale * (scale * straight_db - problem.data[l])
+            });
         let (own, east, north) = self.precisions();
         let constant = self.sparse.sparsity * self.grid.dx_m() * self.grid.dy_m();
         let (columns, rows) = (self.grid.columns, self.grid.rows);

@@ -35,8 +35,6 @@ pub(super) struct PrimalDual<'a> {
     /// Of the differences from west to east and from south to north.
     edges: Vec<(f64, f64)>,
     ahead: Vec<f64>,
-    product: Vec<f64>,
-    scaled: Vec<f64>,
     back: Vec<f64>,
 }
 
@@ -57,8 +55,6 @@ impl<'a> PrimalDual<'a> {
             links: vec![0.0; links],
             edges: vec![(0.0, 0.0); pixels],
             ahead: vec![0.0; pixels],
-            product: vec![0.0; links],
-            scaled: vec![0.0; links],
             back: vec![0.0; pixels],
         }
     }
@@ -87,20 +83,21 @@ impl<'a> PrimalDual<'a> {
         }
     }
 
+    /// Moves the dual variables of the links, and leaves Wᵀ of them in `back`.
     fn step_links(&mut self, problem: &Linearised) {
-        self.rows.forward(&self.ahead, &mut self.product);
-        for (l, dual) in self.links.iter_mut().enumerate() {
-            let scale = problem.scale[l];
-            if scale <= 0.0 {
-                *dual = 0.0;
-                self.scaled[l] = 0.0;
-                continue;
-            }
-            let step = 1.0 / (scale * self.row_sums[l]).max(1e-9);
-            let off = scale * self.product[l] - problem.data[l];
-            *dual = (*dual + step * off) / (1.0 + step);
-            self.scaled[l] = scale * *dual;
-        }
+        let (duals, row_sums) = (&mut self.links, &self.row_sums);
+        self.rows
+            .there_and_back(&self.ahead, &mut self.back, |l, straight_db| {
+                let scale = problem.scale[l];
+                if scale <= 0.0 {
+                    duals[l] = 0.0;
+                    return 0.0;
+                }
+                let step = 1.0 / (scale * row_sums[l]).max(1e-9);
+                let off = scale * straight_db - problem.data[l];
+                duals[l] = (duals[l] + step * off) / (1.0 + step);
+                scale * duals[l]
+            });
     }
 
     fn step_edges(&mut self, step: f64) {
@@ -126,7 +123,6 @@ impl<'a> PrimalDual<'a> {
     }
 
     fn step_image(&mut self, steps: &[f64], image: &mut [f64]) {
-        self.rows.backward(&self.scaled, &mut self.back);
         let (columns, rows) = (self.grid.columns, self.grid.rows);
         let (dx_m, dy_m) = (self.grid.dx_m(), self.grid.dy_m());
         let constant = self.variation.sparsity * dx_m * dy_m;
