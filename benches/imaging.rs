@@ -119,7 +119,7 @@ fn vary() {
             rows: 200,
         },
         solver: Solver::Variation(Candidates {
-            variations: [candidates.variations[0]; 4],
+            variations: [candidates.variations[0]; 3],
             ..candidates
         }),
         weights: ImagingSettings::for_area(area).fresnel(),

@@ -198,7 +198,6 @@ impl ImagingSettings {
             variations: [
                 variation(0.06, 4.0),
                 variation(0.1, 8.0),
-                variation(0.6, 2.0),
                 variation(2.0, 2.0),
             ],
         }

@@ -39,7 +39,7 @@ pub struct Candidates {
     /// Of the solver `nn`, and of what is left when persons are taken out.
     pub sparse: Sparse,
     /// Of the solver `tv`, from the weakest to the strongest.
-    pub variations: [Variation; 4],
+    pub variations: [Variation; 3],
 }
 
 /// What is measured, and how it depends on the image.

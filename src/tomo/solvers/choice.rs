@@ -3,7 +3,8 @@
 //! The links are dealt into five parts; each candidate is solved five times without one of them, and scored by the
 //! Student-t likelihood of the part left out, κ fitted over all parts. Persons are found once, from all links: for each of
 //! their three numbers the likelihood is better by about one than if they had been found anew, and is lowered by that
-//! (Akaike). The best wins; one earlier in the list wins already when it is behind by less than the standard error of that.
+//! (Akaike). The best wins; persons, and of total variations the weaker one, win already when they are behind by less than the
+//! standard error of that.
 
 use serde::{Deserialize, Serialize};
 
@@ -143,11 +144,25 @@ pub(super) fn choose(
         }
     };
     let scores: Vec<Score> = (0..means.len()).map(score).collect();
-    let preferred = scores.iter().find(|score| score.behind <= score.behind_sd);
-    Choice {
-        best: preferred.map_or(Candidate::NonNegative, |score| score.candidate),
-        scores,
-    }
+    let best = preferred(&scores, list[highest]);
+    Choice { best, scores }
+}
+
+/// Returns who is taken when one has the highest score: a tie goes to persons, and among total variations to the weakest.
+fn preferred(scores: &[Score], highest: Candidate) -> Candidate {
+    let is_variation = |of: Candidate| matches!(of, Candidate::Variation(_));
+    let may_win = |score: &&Score| match score.candidate {
+        Candidate::Points => true,
+        Candidate::NonNegative => highest == Candidate::NonNegative,
+        Candidate::Variation(_) => is_variation(highest),
+    };
+    let tied = scores
+        .iter()
+        .filter(|score| score.behind <= score.behind_sd);
+    tied.filter(may_win)
+        .map(|score| score.candidate)
+        .next()
+        .unwrap_or(highest)
 }
 
 /// Returns what each candidate leaves of each link that it was not told, dB; a row for each candidate.
