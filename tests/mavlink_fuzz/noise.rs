@@ -9,10 +9,10 @@ use tomoswarm::mavlink::wire_message::EKF_STATUS;
 use crate::chance::Chance;
 
 /// Messages that somebody here listens to.
-const HEARD: [u32; 48] = [
+const HEARD: [u32; 52] = [
     0, 1, 2, 4, 11, 20, 21, 22, 22, 23, 24, 30, 32, 33, 39, 40, 41, 42, 43, 44, 45, 47, 47, 48, 49,
     51, 65, 66, 70, 73, 73, 75, 76, 76, 77, 77, 84, 86, 111, EKF_STATUS, 148, 230, 242, 245, 246,
-    253, 132, 330,
+    253, 132, 132, 132, 132, 330, 330,
 ];
 /// Commands that somebody here carries out, and some that nobody does.
 const COMMANDS: [u16; 30] = [
@@ -95,6 +95,12 @@ pub fn payload_of(chance: &mut Chance, id: u32) -> Payload {
         let at = if id == 22 { 8 } else { id as usize % 10 * 2 };
         let at = if id == 23 { 6 } else { at.max(4) };
         bytes[at..at + name.len()].copy_from_slice(name.as_bytes());
+    }
+    if id == 132 && chance.happens(0.7) {
+        // Limits and a distance, so that some of it is a reading.
+        for (at, cm) in [(4, 20), (6, 700), (8, chance.below(900) as u16)] {
+            bytes[at..at + 2].copy_from_slice(&cm.to_le_bytes());
+        }
     }
     let used = bytes
         .iter()
