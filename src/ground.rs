@@ -11,6 +11,7 @@
 mod fleet;
 pub mod from_config;
 mod ground_node;
+pub mod image_report;
 pub mod imager;
 pub mod planner;
 pub mod route;

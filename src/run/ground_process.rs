@@ -14,11 +14,12 @@ use std::path::Path;
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::sync::{Arc, Mutex};
 
-use tomoswarm_proto::{Boot, GroundReport, Message, Sender, VehicleId, codec};
+use tomoswarm_proto::{Boot, GroundReport, Image, Message, Sender, VehicleId, codec};
 
 use self::archive::Archive;
 use self::store_thread::{StoreJob, keeper};
 use super::bus::{BusError, Publisher};
+use super::clock::Clock;
 use super::mailbox::{Troubles, lock};
 use super::member::BusMember;
 use super::membership::{self, RandomUnavailable};
@@ -32,6 +33,7 @@ use super::vehicle_process::{recorder, short, watch_recorder, watch_stops};
 use crate::config::GroundFile;
 use crate::ground::ActorSettings;
 use crate::ground::from_config::{PartsError, ground_parts};
+use crate::ground::image_report::ImageReports;
 use crate::ground::station::{self, Station, StationMemory};
 use crate::ground::{Effect, Event, GroundWiring};
 use crate::stops::StopsSettings;
@@ -151,6 +153,8 @@ pub fn run(
         troubles: troubles.clone(),
         report: Mutex::default(),
         stops: StopsDriver::start(stops_file)?,
+        images: Mutex::new(ImageReports::new(state_dir.boot())),
+        clock: process.context().clock,
     });
     let told = node.clone();
     let keeper = keeper(edge.archive.clone(), wanted, move |batch| {
@@ -164,7 +168,8 @@ pub fn run(
     let of_actors = edge.clone();
     let carry_out = move |effect| of_actors.carry_out(effect);
     let threads = node.start(process.context(), source, recorder.as_ref(), carry_out)?;
-    let mut tick = |_: Time, member: &BusMember, troubles: &Troubles| {
+    let mut tick = |now: Time, member: &BusMember, troubles: &Troubles| {
+        edge.say_images(lock(&edge.images).due(now));
         roster.look(member, troubles);
         watch_recorder(recorder.as_ref(), troubles);
         watch_stops(&edge.stops, troubles);
@@ -346,6 +351,8 @@ struct Edge {
     troubles: Troubles,
     report: Mutex<Option<GroundReport>>,
     stops: StopsDriver,
+    images: Mutex<ImageReports>,
+    clock: Clock,
 }
 
 impl Edge {
@@ -360,6 +367,8 @@ impl Edge {
                 if let Err(reason) = &picture.result {
                     tracing::warn!("no {} of run {}: {reason}", picture.subject, picture.run);
                 }
+                let parts = lock(&self.images).made(self.clock.now(), &picture);
+                self.say_images(parts);
                 self.archive.hold_picture(picture);
             }
             Effect::BeginRun { run, compared_with } => self.archive.hold_run(run, compared_with),
@@ -367,6 +376,12 @@ impl Edge {
             Effect::KeepStops(standing) => self.stops.keep(&standing),
             Effect::StopEvent(event) => tracing::info!("{event}"),
             Effect::StationEvent(note) => tracing::info!("{note}"),
+        }
+    }
+
+    fn say_images(&self, parts: Vec<Image>) {
+        for part in parts {
+            self.publisher.publish(&Message::Image(part));
         }
     }
 
