@@ -13,6 +13,8 @@ pub mod accept;
 #[cfg(feature = "net")]
 mod accept_files;
 pub mod check;
+#[cfg(feature = "dash")]
+pub mod dash;
 mod describe;
 #[cfg(feature = "net")]
 pub mod enroll;

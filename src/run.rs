@@ -5,6 +5,8 @@
 
 pub mod bus;
 pub mod clock;
+#[cfg(feature = "dash")]
+pub mod dash;
 pub mod drivers;
 pub mod ground_process;
 pub mod link;
