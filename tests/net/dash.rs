@@ -23,7 +23,7 @@ use crate::swarm::{PROGRAM, Size, Swarm, free_address, vehicle};
 /// What a vehicle calls itself and complains of, to see whether a page takes it for more than text.
 const EVIL: &str = "<img src=x onerror=alert(1)>";
 
-/// The middle of a wall outside of the fence, which a vehicle says that it has seen; what lies 1.6 m to the east is free.
+/// The middle of a wall outside of the fence, which a vehicle says that it has seen; what lies 4 m to the east is free.
 const WALL_M: [f64; 2] = [0.8, -5.0];
 
 /// A running `tomoswarm dash`.
@@ -272,7 +272,7 @@ fn a_port_that_is_in_use_is_said_and_refused() {
 /// A tile of which the western half is occupied and the eastern one free, as far as it lies outside of the fence.
 fn wall() -> TileReport {
     let cell = |place: usize| match (place / TILE_SIDE, place % TILE_SIDE) {
-        (22.., _) => 0,
+        (10.., _) => 0,
         (_, ..16) => 17,
         (_, _) => -17,
     };
@@ -284,7 +284,7 @@ fn wall() -> TileReport {
         address: TileAddress {
             slice: 0,
             x: 0,
-            y: -2,
+            y: -1,
         },
         revision: 1,
         cells: Arc::new(std::array::from_fn(cell)),
@@ -437,7 +437,7 @@ fn the_page_shows_the_swarm_and_the_space_key_stops_it() {
         "it is text"
     );
 
-    let (wall, free) = (WALL_M, [WALL_M[0] + 1.6, WALL_M[1]]);
+    let (wall, free) = (WALL_M, [WALL_M[0] + 4.0, WALL_M[1]]);
     browser.until(
         &format!(
             "tomoswarm.scene.cellWord({}, {}) === 'occupied'",
