@@ -3,17 +3,23 @@
 
 const STEPS_DBPM = [0.25, 0.5, 1, 2, 4, 8, 16, 32];
 const SIGNIFICANCE_MOST = 6;
+const BELOW_ZERO = [0, 160, 150];
 const scales = new Map();
 
 export class ImagePanel {
   constructor(model) {
     this.model = model;
     this.wanted = () => {};
+    this.isChosen = false;
     for (const id of ["image-subject", "image-plane"]) document.getElementById(id).addEventListener("change", () => this.wanted());
+    document.getElementById("image-subject").addEventListener("change", () => { this.isChosen = true; });
   }
 
   draw() {
-    const subject = Number(document.getElementById("image-subject").value);
+    const choice = document.getElementById("image-subject");
+    // Until somebody chooses, what there is is shown.
+    if (!this.isChosen && !this.model.images.has(Number(choice.value)) && this.model.images.has(0)) choice.value = "0";
+    const subject = Number(choice.value);
     const plane = document.getElementById("image-plane").value;
     const image = this.model.images.get(subject);
     const canvas = document.getElementById("heat");
@@ -100,7 +106,8 @@ function pixelColour(model, share, deviation, isOverMap) {
   if (Number.isNaN(share)) return [0, 0, 0, 0];
   const colours = model.place.heat;
   const level = Math.round(Math.min(1, Math.max(0, share)) * (colours.length - 1));
-  const colour = share < 0 ? [0, 130, 122] : colours[level];
+  const below = Math.min(1, -share);
+  const colour = share < 0 ? BELOW_ZERO.map((channel, i) => Math.round(colours[0][i] + (channel - colours[0][i]) * below)) : colours[level];
   const sure = Number.isNaN(deviation) ? 1 : Math.max(0.25, 1 - deviation);
   const alpha = isOverMap ? Math.min(0.85, Math.abs(share) * 1.6) * sure : sure;
   return [...colour, Math.round(255 * alpha)];

@@ -486,6 +486,8 @@ fn the_page_shows_the_swarm_and_the_space_key_stops_it() {
     );
     shot(&mut browser, "stopped");
 
+    start_again(&mut browser, &swarm);
+
     // Who looks only stops nobody, and sees that.
     browser.go("about:blank");
     browser.go(&dash.look);
@@ -557,6 +559,48 @@ fn an_image_comes_to_the_page_and_a_page_without_a_scene_still_stops() {
         "document.getElementById('stop-result').textContent.includes('Stop is given')",
         5,
     );
+}
+
+/// Presses an element for so long.
+fn hold(browser: &mut Browser, selector: &str, hold_ms: u64) {
+    browser.pointer("mousePressed", selector);
+    std::thread::sleep(Duration::from_millis(hold_ms));
+    browser.pointer("mouseReleased", selector);
+}
+
+/// Takes the seat and starts vehicles 1 and 2 again by buttons that are held; a tap does nothing.
+fn start_again(browser: &mut Browser, swarm: &Swarm) {
+    let is_open = |watch: &crate::swarm::Watch| !watch.view.open_stops().is_empty();
+    for id in [1, 2] {
+        hold(browser, &format!("tr[data-vehicle=\"{id}\"]"), 0);
+    }
+    assert_eq!(
+        browser.eval("document.getElementById('start').disabled"),
+        true,
+        "it has not the seat"
+    );
+    hold(browser, "#take-seat", 1500);
+    browser.until(
+        "tomoswarm.model.orders.seat === tomoswarm.model.place.page",
+        10,
+    );
+    browser.until(
+        "document.getElementById('start').textContent === 'Start 1, 2'",
+        5,
+    );
+    hold(browser, "#start", 300);
+    std::thread::sleep(Duration::from_millis(1200));
+    assert!(swarm.look(is_open), "a tap does nothing");
+    let began = Instant::now();
+    while swarm.look(is_open) {
+        assert!(
+            began.elapsed() < Duration::from_secs(40),
+            "the stop is not lifted"
+        );
+        // A start is refused while a vehicle was not heard for 2 s.
+        hold(browser, "#start", 1500);
+        std::thread::sleep(Duration::from_secs(2));
+    }
 }
 
 /// Keeps what is seen, where a folder for that is named.

@@ -304,7 +304,11 @@ async fn carry(
 /// Ends a connection, and says why.
 async fn close(mut socket: WebSocket, refusal: &GateRefusal) {
     let mut reason = refusal.to_string();
-    reason.truncate(reason.floor_char_boundary(REASON_BYTES));
+    if reason.len() > REASON_BYTES {
+        let starts = reason.char_indices().map(|(at, _)| at);
+        let fits = starts.take_while(|at| *at <= REASON_BYTES).last();
+        reason.truncate(fits.unwrap_or(0));
+    }
     // 1008: a policy is violated (RFC 6455, 7.4.1).
     let frame = CloseFrame {
         code: 1008,
