@@ -15,6 +15,8 @@ mod accept_files;
 pub mod check;
 #[cfg(feature = "hw")]
 mod check_devices;
+#[cfg(feature = "dash")]
+pub mod dash;
 mod describe;
 #[cfg(feature = "net")]
 pub mod enroll;

@@ -46,6 +46,11 @@ pub use photo::COLOURS;
 pub use raster::Picture;
 pub use vehicle_colour::{VehicleColour, vehicle_colour};
 
+/// Returns the colours of heat maps, for values from the least to the greatest of the range (sRGB, 0 to 255).
+pub fn heat_colours() -> Vec<[u8; 3]> {
+    colour::ColourMap::new().levels()
+}
+
 /// Where a picture, margins and all, lies in the plane that it shows.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Placement {

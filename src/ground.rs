@@ -107,7 +107,7 @@ impl Wiring for GroundWiring {
                 name: "image_publisher",
                 restart: RestartPolicy::Restart,
                 acting: ActingTime::Short,
-                make: |_| ImagePublisher::default(),
+                make: |source| ImagePublisher::new(source.parts.station.boot),
                 output: Output::ImagePublisher,
             }),
         }

@@ -6,7 +6,7 @@
 //! | --- | --- | --- |
 //! | L0 | [`time`], [`geom`] | values |
 //! | L1 | [`map`], [`plan`], [`tomo`], [`sweep`], [`scene`], [`config`], [`draw`] | pure functions and values |
-//! | L2 | [`actor`], [`stops`], [`autopilot`], [`node`], [`ground`], [`operator`], [`exchange`], [`hw`] | state machines without I/O |
+//! | L2 | [`actor`], [`stops`], [`autopilot`], [`node`], [`ground`], [`operator`], [`exchange`], [`hw`], [`dash`] | state machines without I/O |
 //! | L3 | [`sim`] | the world in virtual time |
 //! | L3 | `run`, `store` (feature `net`) | live processes over zenoh, and what outlives them |
 //! | top | [`cli`] | files, terminal, assembly |
@@ -33,6 +33,7 @@ pub mod autopilot;
 )]
 pub mod cli;
 pub mod config;
+pub mod dash;
 pub mod draw;
 pub mod exchange;
 pub mod geom;

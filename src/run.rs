@@ -5,6 +5,8 @@
 
 pub mod bus;
 pub mod clock;
+#[cfg(feature = "dash")]
+pub mod dash;
 #[cfg(feature = "hw")]
 pub mod device_check;
 pub mod drivers;

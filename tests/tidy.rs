@@ -25,6 +25,7 @@ const L2: &[&str] = &[
     "exchange",
     "hw",
     "mavlink",
+    "dash",
 ];
 
 /// Which modules a module may use beside itself; `None` for one that is not in the table.
@@ -45,6 +46,7 @@ fn may_use(module: &str) -> Option<Vec<&'static str>> {
         "hw" => joined(&[L0, &["config", "node"]]),
         "mavlink" => joined(&[L0, &["autopilot"]]),
         "operator" => joined(&[L0, L1, &["actor", "stops", "exchange", "node"]]),
+        "dash" => joined(&[L0, L1, &["actor", "exchange", "operator", "stops"]]),
         "sim" => joined(&[L0, L1, L2]),
         "store" => joined(&[L0, L1, L2]),
         "run" => joined(&[L0, L1, L2, &["sim", "store"]]),

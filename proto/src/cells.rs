@@ -79,7 +79,8 @@ impl<'de> Visitor<'de> for Cells {
     }
 }
 
-fn packed(cells: &[i8; TILE_CELLS]) -> Vec<u8> {
+/// Returns the cells of a tile as runs of equal cells: the bytes that a tile has on the wire, without their length.
+pub fn packed(cells: &[i8; TILE_CELLS]) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(BYTES_MAX);
     let (mut at, mut plain_from) = (0, 0);
     while at < TILE_CELLS {

@@ -20,6 +20,7 @@ mod kind;
 mod message;
 mod units;
 
+pub use cells::packed as packed_cells;
 pub use id::{Boot, EmergencyName, LayerId, Lease, OperatorId, Revision, RunId, StopId, VehicleId};
 pub use key::{Key, MessageSubject, Sender, Topic};
 pub use kind::MessageKind;

@@ -1,6 +1,8 @@
 //! The commands that a vehicle's machine can do without: simulations, the ground station, the operator's. A build for vehicles
 //! alone leaves them out, and with them all that only they use.
 
+#[cfg(feature = "dash")]
+use super::dash;
 use super::error::CliError;
 use super::standard_output::StandardOutput;
 #[cfg(feature = "net")]
@@ -31,6 +33,8 @@ pub(super) enum StationCommand {
     Order(order::OrderArgs),
     #[cfg(feature = "net")]
     Status(status::StatusArgs),
+    #[cfg(feature = "dash")]
+    Dash(dash::DashArgs),
     #[cfg(feature = "net")]
     Tap(tap::TapArgs),
     #[cfg(feature = "net")]
@@ -67,6 +71,8 @@ impl StationCommand {
             StationCommand::Order(command) => command.run(out),
             #[cfg(feature = "net")]
             StationCommand::Status(command) => command.run(out),
+            #[cfg(feature = "dash")]
+            StationCommand::Dash(command) => command.run(out),
             #[cfg(feature = "net")]
             StationCommand::Tap(command) => command.run(out),
             #[cfg(feature = "net")]

@@ -51,6 +51,12 @@ impl ColourMap {
         }
     }
 
+    /// Returns all colours, dark to light.
+    pub(super) fn levels(&self) -> Vec<[u8; 3]> {
+        let rgb = |colour: &Rgb888| [colour.r(), colour.g(), colour.b()];
+        self.levels.iter().map(rgb).collect()
+    }
+
     /// Returns the colour for a share of the range; shares outside 0..1 take the nearest end.
     pub(super) fn at(&self, share: f64) -> Rgb888 {
         // A share that is not a number (a range too wide for f64) becomes level 0 by the cast.

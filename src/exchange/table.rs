@@ -110,7 +110,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         is_replaced: true,
     },
     // Whoever holds a map may say tiles, digests and wants. Of two ground stations neither hears the other's: they learn
-    // from the vehicles. What an operator says of a map only other operators would hear.
+    // from the vehicles. An operator that shows the map asks everyone for what it lacks; it has nothing to tell of it.
     MessageRule {
         kind: MessageKind::Tile,
         of_vehicle: ALL,
@@ -132,7 +132,7 @@ pub const TABLE: [MessageRule; MessageKind::ALL.len()] = [
         kind: MessageKind::Want,
         of_vehicle: ALL,
         of_ground: VEHICLES,
-        of_operator: OPERATORS,
+        of_operator: ALL,
         class: Urgency::Normal,
         is_replaced: false,
     },

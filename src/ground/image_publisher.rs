@@ -11,8 +11,8 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    Covariance, Find, IMAGE_PART_PIXELS, IMAGE_SIDE_MAX, Image, ImageSubject, OperatorId, Permille,
-    Position, Rectangle, RunId,
+    Boot, Covariance, Find, IMAGE_PART_PIXELS, IMAGE_SIDE_MAX, Image, ImageSubject, OperatorId,
+    Permille, Position, Rectangle, RunId,
 };
 
 use super::imager::{ReconstructedImage, Subject};
@@ -24,6 +24,8 @@ use crate::tomo::{self, Reconstruction};
 const REPEATED: Duration = Duration::from_secs(30);
 /// An operator that was silent for this long counts as a new one.
 const OPERATOR_GONE: Duration = Duration::from_secs(10);
+/// 2 to this are as many images as a start of the software may make before the next one's numbers.
+const IMAGES_OF_A_START: u32 = 16;
 /// Most finds that a message names.
 const FINDS_MAX: usize = 32;
 
@@ -46,10 +48,11 @@ pub enum Key {
 }
 
 /// The publisher actor.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct ImagePublisher {
     /// The newest image, in parts.
     parts: Vec<Image>,
+    /// Counts images; of a later start of the software it is higher.
     sequence: u32,
     repeat_at: Option<Time>,
     /// When each operator was heard last.
@@ -57,6 +60,16 @@ pub struct ImagePublisher {
 }
 
 impl ImagePublisher {
+    /// Makes a publisher that has no image yet, for a start of the software.
+    pub fn new(boot: Boot) -> ImagePublisher {
+        ImagePublisher {
+            parts: Vec::new(),
+            sequence: boot.0 << IMAGES_OF_A_START,
+            repeat_at: None,
+            operators: BTreeMap::new(),
+        }
+    }
+
     fn take(&mut self, now: Time, made: &ReconstructedImage, out: &mut Vec<Image>) {
         let shown = self.parts.first().map(|part| (part.run, part.subject));
         let is_hidden = match (made.subject, shown) {
@@ -275,6 +288,10 @@ mod tests {
         }
     }
 
+    fn publisher() -> ImagePublisher {
+        ImagePublisher::new(Boot(0))
+    }
+
     fn take(publisher: &mut ImagePublisher, now_s: u64, made: ReconstructedImage) -> Vec<Image> {
         let mut out = Vec::new();
         let input = In::Made(Box::new(made));
@@ -287,7 +304,7 @@ mod tests {
         for (columns, rows) in [(1, 1), (40, 40), (64, 48), (64, 49), (400, 400)] {
             let grid = grid(columns, rows);
             let made = made(RUN, Subject::Change, grid);
-            let parts = take(&mut ImagePublisher::default(), 1, made.clone());
+            let parts = take(&mut publisher(), 1, made.clone());
             let mut pixels = Vec::new();
             for (index, part) in parts.iter().enumerate() {
                 let message = tomoswarm_proto::Message::Image(part.clone());
@@ -314,7 +331,7 @@ mod tests {
 
     #[test]
     fn an_image_is_said_when_it_is_made_again_after_a_while_and_to_who_comes() {
-        let mut publisher = ImagePublisher::default();
+        let mut publisher = publisher();
         let greet = |publisher: &mut ImagePublisher, now_s, operator| {
             let mut out = Vec::new();
             let input = In::Heard(OperatorId(operator));
@@ -338,7 +355,7 @@ mod tests {
 
     #[test]
     fn what_stands_there_is_said_of_runs_that_are_compared_with_none() {
-        let mut publisher = ImagePublisher::default();
+        let mut publisher = publisher();
         let mut said = |now_s, run, subject| {
             let parts = take(&mut publisher, now_s, made(run, subject, grid(4, 4)));
             parts.first().map(|part| (part.subject, part.sequence))
@@ -357,6 +374,6 @@ mod tests {
     fn an_image_that_could_not_be_made_is_not_said() {
         let mut failed = made(RUN, Subject::Change, grid(4, 4));
         failed.result = Err("no links".to_owned());
-        assert!(take(&mut ImagePublisher::default(), 1, failed).is_empty());
+        assert!(take(&mut publisher(), 1, failed).is_empty());
     }
 }

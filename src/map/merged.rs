@@ -305,6 +305,19 @@ impl Merged {
         Occupancy::of_value(self.value(slice, cell))
     }
 
+    /// Returns where tiles lie of which something is known, ascending.
+    pub fn addresses(&self) -> impl Iterator<Item = TileAddress> {
+        self.joined.keys().copied()
+    }
+
+    /// Returns the merged values of a tile, as [`Merged::value`] has them, row-major, x fastest; `None` where nothing is
+    /// known.
+    pub fn values(&self, address: TileAddress) -> Option<[i8; TILE_CELLS]> {
+        let joined = self.joined.get(&address)?;
+        let clamped = |place: usize| joined.sums[place].clamp(-MERGED_CLAMP, MERGED_CLAMP) as i8;
+        Some(std::array::from_fn(clamped))
+    }
+
     /// Returns the smallest rectangle of whole tiles that holds all that is known at a slice.
     pub fn extent(&self, slice: i16) -> Option<CellRect> {
         let low = TileAddress {

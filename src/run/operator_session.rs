@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use super::bus::{BusError, BusSession, BusSettings, HeardMessage, Publisher};
@@ -14,11 +14,26 @@ use crate::time::Time;
 /// Messages that may wait to be read.
 const WAITING: usize = 8192;
 
+/// What came over the bus, and when; `None` = somebody wants the listener to look up.
+type Arrival = Option<(Time, HeardMessage)>;
+
+/// Lets whoever waits in [`Session::hear`] look up at once.
+#[derive(Clone)]
+pub struct SessionWaker(SyncSender<Arrival>);
+
+impl SessionWaker {
+    /// Ends the waiting; who has much to read looks up soon anyway.
+    pub fn wake(&self) {
+        let _ = self.0.try_send(None);
+    }
+}
+
 /// A tool's part of the bus.
 pub struct Session {
     bus: BusSession,
     publisher: Publisher,
-    heard: Receiver<(Time, HeardMessage)>,
+    heard: Receiver<Arrival>,
+    waker: SessionWaker,
     clock: Clock,
     /// This machine's date when the clock was started, seconds since 1970.
     began_utc_s: f64,
@@ -43,8 +58,9 @@ impl Session {
             .as_secs_f64();
         let (say, heard) = sync_channel(WAITING);
         let of_ear = dropped.clone();
+        let waker = SessionWaker(SyncSender::clone(&say));
         let hear = move |what| {
-            if say.try_send((clock.now(), what)).is_err() {
+            if say.try_send(Some((clock.now(), what))).is_err() {
                 of_ear.fetch_add(1, Ordering::Relaxed);
             }
         };
@@ -55,6 +71,7 @@ impl Session {
             bus,
             publisher,
             heard,
+            waker,
             clock,
             began_utc_s,
             troubles,
@@ -72,11 +89,16 @@ impl Session {
         self.began_utc_s + at.as_secs_f64()
     }
 
-    /// Waits for the next message until a moment.
+    /// Returns what ends the waiting of [`Session::hear`], from any thread.
+    pub fn waker(&self) -> SessionWaker {
+        self.waker.clone()
+    }
+
+    /// Waits for the next message until a moment, or until somebody ends the waiting.
     pub fn hear(&self, until: Time) -> Option<(Time, HeardMessage)> {
         let wait = until.since(self.now());
         match self.heard.recv_timeout(wait) {
-            Ok(heard) => Some(heard),
+            Ok(heard) => heard,
             Err(RecvTimeoutError::Timeout) => None,
             Err(RecvTimeoutError::Disconnected) => {
                 // The bus is gone; whoever listens must not turn in circles.

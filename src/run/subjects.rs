@@ -165,6 +165,7 @@ mod tests {
             "ground/order/3",
             "operator/*/order/3",
             "operator/*/hello",
+            "operator/*/want/**",
             "ground/standing",
             "vehicle/*/standing",
             "operator/*/standing",
@@ -177,6 +178,7 @@ mod tests {
             "ground/report",
             "ground/standing",
             "operator/*/hello",
+            "operator/*/want/**",
             "operator/*/standing",
             "operator/*/task/*",
         ];

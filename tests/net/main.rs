@@ -12,9 +12,13 @@
 )]
 
 mod accept;
+#[cfg(feature = "dash")]
+mod browser;
 mod cable;
 mod certificates;
 mod clocks;
+#[cfg(feature = "dash")]
+mod dash;
 mod deaths;
 #[cfg(feature = "hw")]
 mod drivers;

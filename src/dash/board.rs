@@ -1,0 +1,332 @@
+//! The newest of everything that is shown: the fleet, the merged map, plans, images, the ground station, how orders fared. It
+//! is told what came over the bus and says what has changed; of the map it asks for what it lacks, as every map does.
+//!
+//! It knows no page and no bytes. What is shown of a subject is made when it is sent, so a page never gets what is old.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
+
+use tomoswarm_proto::{
+    EmergencyName, Image, ImageSubject, Message, Plan, RunId, Sender, TILE_CELLS, TileAddress,
+    VehicleId,
+};
+
+use super::orders::OrderBook;
+use crate::geom::Lattice;
+use crate::map::{JoinResult, Merged, Repair};
+use crate::operator::HeardMessage;
+use crate::operator::fleet_view::FleetView;
+use crate::time::Time;
+
+/// An image that was not said again for this long gives way to one that seems to be older: the ground has begun anew.
+const IMAGE_STANDS: Duration = Duration::from_secs(60);
+
+/// Something that a page shows; the lower goes first.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+pub enum Subject {
+    /// Open stops, orders and how they fared, the seat.
+    Orders,
+    /// Where a vehicle is.
+    State(VehicleId),
+    /// The ground station.
+    Ground,
+    /// How a vehicle fares.
+    Vehicle(VehicleId),
+    /// The plan of a vehicle.
+    Plan(VehicleId),
+    /// What was found.
+    Finds(ImageSubject),
+    /// A tile of the merged map.
+    Tile(TileAddress),
+    /// A part of an image.
+    Stripe(ImageSubject, u16),
+}
+
+/// The newest image of its kind, as far as its parts have come.
+#[derive(Clone, Debug)]
+pub struct NewestImage {
+    /// Its run and number in the run.
+    pub edition: (RunId, u32),
+    /// Its parts, ascending.
+    pub parts: BTreeMap<u16, Image>,
+    /// When the last part came.
+    at: Time,
+}
+
+/// The newest of everything.
+#[derive(Debug)]
+pub struct Board {
+    venue_hash: u64,
+    view: FleetView,
+    map: Merged,
+    repair: Repair,
+    plans: BTreeMap<VehicleId, Plan>,
+    images: BTreeMap<ImageSubject, NewestImage>,
+    orders: OrderBook,
+    is_linked: bool,
+    changes: BTreeSet<Subject>,
+}
+
+impl Board {
+    /// Makes an empty board of a place: the hash of its file, and the lattice of its map.
+    pub fn new(venue_hash: u64, lattice: Lattice) -> Board {
+        Board {
+            venue_hash,
+            view: FleetView::default(),
+            map: Merged::new(lattice, None),
+            repair: Repair::new(None),
+            plans: BTreeMap::new(),
+            images: BTreeMap::new(),
+            orders: OrderBook::default(),
+            is_linked: false,
+            changes: BTreeSet::new(),
+        }
+    }
+
+    /// Takes what came over the bus.
+    pub fn hear(&mut self, now: Time, heard: &HeardMessage) {
+        let is_state = matches!(heard, HeardMessage::Message(_, Message::State(_)));
+        if is_state && self.view.is_news(heard) {
+            self.changes.insert(Subject::Orders);
+        }
+        let (sender, message) = match heard {
+            HeardMessage::Message(sender, message) => (*sender, message),
+            HeardMessage::Greeting(greeting, _) => {
+                self.view.hear(now, heard);
+                if let Sender::Vehicle(id) = greeting.node {
+                    self.changes.insert(Subject::Vehicle(id));
+                }
+                return;
+            }
+            HeardMessage::Unknown(_) => return,
+        };
+        // Whoever has another venue file has another map, too.
+        let is_ours = self.view.misfit(sender, self.venue_hash).is_none();
+        self.mark_vehicle(message);
+        let shown = self.shown_stops(sender);
+        self.view.hear(now, heard);
+        if self.shown_stops(sender) != shown {
+            self.changes.insert(Subject::Orders);
+        }
+        if is_ours {
+            self.keep(now, message);
+        }
+    }
+
+    /// Takes whether anyone can be reached.
+    pub fn set_linked(&mut self, is_linked: bool) {
+        if self.is_linked != is_linked {
+            self.is_linked = is_linked;
+            self.changes.insert(Subject::Orders);
+        }
+    }
+
+    /// Returns whether anyone can be reached.
+    pub fn is_linked(&self) -> bool {
+        self.is_linked
+    }
+
+    /// Returns the orders, to be changed.
+    pub fn orders_mut(&mut self) -> &mut OrderBook {
+        self.changes.insert(Subject::Orders);
+        &mut self.orders
+    }
+
+    /// Returns the orders and how they fared.
+    pub fn orders(&self) -> &OrderBook {
+        &self.orders
+    }
+
+    /// Returns what is known of the fleet.
+    pub fn view(&self) -> &FleetView {
+        &self.view
+    }
+
+    /// Returns the hash of the place's file.
+    pub fn venue_hash(&self) -> u64 {
+        self.venue_hash
+    }
+
+    /// Returns the plan of a vehicle.
+    pub fn plan(&self, id: VehicleId) -> Option<&Plan> {
+        self.plans.get(&id)
+    }
+
+    /// Returns the newest image of a kind.
+    pub fn image(&self, subject: ImageSubject) -> Option<&NewestImage> {
+        self.images.get(&subject)
+    }
+
+    /// Returns the cells of a tile of the merged map.
+    pub fn tile(&self, address: TileAddress) -> Option<[i8; TILE_CELLS]> {
+        self.map.values(address)
+    }
+
+    /// Returns what has changed since this was asked last.
+    pub fn take_changes(&mut self) -> BTreeSet<Subject> {
+        std::mem::take(&mut self.changes)
+    }
+
+    /// Returns everything that a page that has just come must be sent.
+    pub fn subjects(&self) -> BTreeSet<Subject> {
+        let vehicles = self.view.vehicles().flat_map(|(id, seen)| {
+            let state = seen.state.as_ref().map(|_| Subject::State(id));
+            state.into_iter().chain([Subject::Vehicle(id)])
+        });
+        let images = self.images.iter().flat_map(|(subject, image)| {
+            let stripes = image
+                .parts
+                .keys()
+                .map(|part| Subject::Stripe(*subject, *part));
+            stripes.chain([Subject::Finds(*subject)])
+        });
+        [Subject::Orders, Subject::Ground]
+            .into_iter()
+            .chain(vehicles)
+            .chain(self.plans.keys().map(|id| Subject::Plan(*id)))
+            .chain(self.map.addresses().map(Subject::Tile))
+            .chain(images)
+            .collect()
+    }
+
+    /// Returns when to wake it.
+    pub fn deadline(&self) -> Option<Time> {
+        self.repair.deadline()
+    }
+
+    /// Returns what is due to be asked of the others, when the map lacks something.
+    pub fn wake(&mut self, now: Time) -> Vec<Message> {
+        let mut out = Vec::new();
+        self.repair.wake(now, &self.map, &mut out);
+        // It answers nobody: whoever writes a layer does, and the ground station.
+        out.retain(|message| matches!(message, Message::Want(_)));
+        out
+    }
+
+    /// Returns the names of the open stops, each with whether a node shows it.
+    fn shown_stops(&self, node: Sender) -> Vec<(EmergencyName, bool)> {
+        let shows = |name| match node {
+            Sender::Vehicle(id) => self.view.shows_stop(id, name),
+            Sender::Ground | Sender::Operator(_) => false,
+        };
+        let open = self.view.open_stops().into_iter();
+        open.map(|stop| (stop.name, shows(stop.name))).collect()
+    }
+
+    /// Marks what a message changes of a vehicle's row, before it is taken.
+    fn mark_vehicle(&mut self, message: &Message) {
+        match message {
+            Message::State(state) => {
+                self.changes.insert(Subject::State(state.vehicle));
+                let known = self.view.state(state.vehicle).map(|state| &state.value);
+                let is_same = known.is_some_and(|known| {
+                    (known.boot, known.ordered, known.accepted, known.control)
+                        == (state.boot, state.ordered, state.accepted, state.control)
+                        && known.leg == state.leg
+                });
+                if !is_same {
+                    self.changes.insert(Subject::Vehicle(state.vehicle));
+                }
+            }
+            Message::Mission(mission) => {
+                let known = self.view.vehicle(mission.vehicle);
+                let known = known.and_then(|seen| seen.mission.as_ref());
+                if known.is_none_or(|known| known.value != *mission) {
+                    self.changes.insert(Subject::Vehicle(mission.vehicle));
+                }
+            }
+            Message::Health(health) => {
+                let known = self.view.vehicle(health.vehicle);
+                let known = known.and_then(|seen| seen.health.as_ref());
+                if known.is_none_or(|known| known.value != *health) {
+                    self.changes.insert(Subject::Vehicle(health.vehicle));
+                }
+            }
+            Message::Report(_) => {
+                self.changes.insert(Subject::Ground);
+            }
+            Message::Standing(_)
+            | Message::Hello(_)
+            | Message::Tile(_)
+            | Message::Digest(_)
+            | Message::Want(_)
+            | Message::Plan(_)
+            | Message::Order(_)
+            | Message::Samples(_)
+            | Message::Have(_)
+            | Message::Beacon(_)
+            | Message::Task(_)
+            | Message::Image(_)
+            | Message::Fix(_) => {}
+        }
+    }
+
+    /// Keeps what the fleet view does not.
+    fn keep(&mut self, now: Time, message: &Message) {
+        match message {
+            Message::Tile(report) => {
+                // What is refused is the map's to judge; a listener has nobody to complain to.
+                if let Ok(JoinResult::Newer { .. }) = self.map.join(report) {
+                    self.changes.insert(Subject::Tile(report.address));
+                }
+                self.repair.pass(now, &self.map, report);
+            }
+            Message::Digest(digest) => self.repair.hear_digest(now, &self.map, digest),
+            Message::Plan(plan) => {
+                let edition = |plan: &Plan| (plan.run, plan.lease, plan.revision);
+                let known = self.plans.get(&plan.vehicle);
+                if known.is_none_or(|known| edition(plan) != edition(known)) {
+                    self.plans.insert(plan.vehicle, plan.clone());
+                    self.changes.insert(Subject::Plan(plan.vehicle));
+                }
+            }
+            Message::Image(image) => self.keep_image(now, image),
+            Message::State(_)
+            | Message::Mission(_)
+            | Message::Health(_)
+            | Message::Report(_)
+            | Message::Standing(_)
+            | Message::Hello(_)
+            | Message::Want(_)
+            | Message::Order(_)
+            | Message::Samples(_)
+            | Message::Have(_)
+            | Message::Beacon(_)
+            | Message::Task(_)
+            | Message::Fix(_) => {}
+        }
+    }
+
+    fn keep_image(&mut self, now: Time, image: &Image) {
+        let edition = (image.run, image.sequence);
+        let known = self.images.get(&image.subject);
+        let is_old = known
+            .is_some_and(|known| edition < known.edition && now.since(known.at) < IMAGE_STANDS);
+        if is_old {
+            return;
+        }
+        let fresh = || NewestImage {
+            edition,
+            parts: BTreeMap::new(),
+            at: now,
+        };
+        let newest = self.images.entry(image.subject).or_insert_with(fresh);
+        if newest.edition != edition {
+            *newest = fresh();
+        }
+        newest.at = now;
+        let is_known = newest.parts.get(&image.part) == Some(image);
+        if is_known {
+            return;
+        }
+        newest.parts.insert(image.part, image.clone());
+        self.changes
+            .insert(Subject::Stripe(image.subject, image.part));
+        if image.part == 0 {
+            self.changes.insert(Subject::Finds(image.subject));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,211 @@
+//! The board: what it keeps, and what it says has changed.
+
+use std::sync::Arc;
+
+use tomoswarm_proto::{
+    Boot, Digest, LayerDigest, LayerId, Position, Rectangle, Revision, TileReport,
+};
+
+use super::*;
+use crate::operator::tests_support::{at, heard, state};
+
+const LAYER: LayerId = LayerId {
+    vehicle: VehicleId(1),
+    boot: Boot(1),
+};
+
+fn board() -> Board {
+    Board::new(7, Lattice::new(0.1))
+}
+
+fn tile(x: i32, revision: u32, value: i8) -> Message {
+    Message::Tile(TileReport {
+        layer: LAYER,
+        address: TileAddress { slice: 0, x, y: 0 },
+        revision,
+        cells: Arc::new([value; TILE_CELLS]),
+    })
+}
+
+fn image(sequence: u32, part: u16, pixel: i8) -> Image {
+    let at = |m| Position::from_metres(m, m, 0.0);
+    Image {
+        run: RunId(1),
+        sequence,
+        laps: 1,
+        subject: ImageSubject::Change,
+        area: Rectangle {
+            least: at(0.0),
+            greatest: at(4.0),
+        },
+        columns: 100,
+        rows: 40,
+        part,
+        parts: 2,
+        mean_step_udb_per_m: 1,
+        mean: vec![pixel; if part == 0 { 3072 } else { 928 }],
+        deviation_step_udb_per_m: 1,
+        deviation: None,
+        finds: Vec::new(),
+        links_used: 5,
+        links_dropped: 0,
+    }
+}
+
+fn changes(board: &mut Board, at_s: f64, message: Message) -> Vec<Subject> {
+    board.hear(at(at_s), &heard(message));
+    board.take_changes().into_iter().collect()
+}
+
+#[test]
+fn the_newest_tile_is_kept_and_an_older_one_changes_nothing() {
+    let mut board = board();
+    let address = TileAddress {
+        slice: 0,
+        x: 3,
+        y: 0,
+    };
+    assert_eq!(
+        changes(&mut board, 0.0, tile(3, 2, 17)),
+        [Subject::Tile(address)]
+    );
+    assert_eq!(changes(&mut board, 0.1, tile(3, 1, -17)), []);
+    assert_eq!(board.tile(address).unwrap()[0], 17);
+    assert_eq!(board.tile(TileAddress::default()), None);
+}
+
+#[test]
+fn a_state_changes_the_row_of_its_vehicle_only_when_it_says_more_than_where_it_is() {
+    let mut board = board();
+    let one = VehicleId(1);
+    let row = [Subject::Orders, Subject::State(one), Subject::Vehicle(one)];
+    assert_eq!(changes(&mut board, 0.0, Message::State(state(1))), row);
+    let moved = tomoswarm_proto::State {
+        sequence: 2,
+        ..state(1)
+    };
+    assert_eq!(
+        changes(&mut board, 0.2, Message::State(moved.clone())),
+        [Subject::State(one)]
+    );
+    let ordered = tomoswarm_proto::State {
+        sequence: 3,
+        accepted: (RunId(1), Revision(1)),
+        ..moved
+    };
+    assert_eq!(changes(&mut board, 0.4, Message::State(ordered)), row);
+}
+
+#[test]
+fn stops_that_are_said_again_change_nothing_and_one_who_shows_them_does() {
+    let mut board = board();
+    let stop = tomoswarm_proto::EmergencyStop {
+        name: EmergencyName(77_777),
+        scope: tomoswarm_proto::StopScope::All,
+        by: tomoswarm_proto::OperatorId(1),
+    };
+    let standing = Message::Standing(tomoswarm_proto::OpenStops {
+        open: vec![stop],
+        lifted: Vec::new(),
+    });
+    for (vehicle, expected) in [(1, 1), (1, 0), (2, 1), (2, 0)] {
+        let sender = Sender::Vehicle(VehicleId(vehicle));
+        board.hear(at(0.0), &HeardMessage::Message(sender, standing.clone()));
+        assert_eq!(board.take_changes().len(), expected, "vehicle {vehicle}");
+    }
+}
+
+#[test]
+fn parts_of_one_image_stand_together_and_a_newer_image_takes_the_place_of_all_of_them() {
+    let mut board = board();
+    let of = |part| Subject::Stripe(ImageSubject::Change, part);
+    let finds = Subject::Finds(ImageSubject::Change);
+    assert_eq!(
+        changes(&mut board, 0.0, Message::Image(image(1, 0, 3))),
+        [finds, of(0)]
+    );
+    assert_eq!(
+        changes(&mut board, 0.0, Message::Image(image(1, 1, 3))),
+        [of(1)]
+    );
+    assert_eq!(
+        changes(&mut board, 0.1, Message::Image(image(1, 1, 3))),
+        [],
+        "it was said again"
+    );
+    assert_eq!(
+        changes(&mut board, 1.0, Message::Image(image(2, 1, 4))),
+        [of(1)]
+    );
+    assert_eq!(
+        changes(&mut board, 1.0, Message::Image(image(1, 0, 3))),
+        [],
+        "it is older"
+    );
+    let parts: Vec<u16> = board
+        .image(ImageSubject::Change)
+        .unwrap()
+        .parts
+        .keys()
+        .copied()
+        .collect();
+    assert_eq!(parts, [1]);
+    let anew = changes(&mut board, 62.0, Message::Image(image(1, 0, 3)));
+    assert_eq!(anew, [finds, of(0)], "the ground station has begun anew");
+}
+
+#[test]
+fn what_the_map_lacks_is_asked_for_and_nothing_else_is_said() {
+    let mut board = board();
+    let digest = Digest {
+        layers: vec![LayerDigest {
+            layer: LAYER,
+            tiles: 1,
+            revisions: 4,
+            hash: 9,
+        }],
+    };
+    let sender = Sender::Vehicle(VehicleId(1));
+    board.hear(
+        at(0.0),
+        &HeardMessage::Message(sender, Message::Digest(digest)),
+    );
+    let due = board.deadline().unwrap();
+    let wants = board.wake(due);
+    assert!(
+        matches!(&wants[..], [Message::Want(want)] if want.layer == LAYER),
+        "{wants:?}"
+    );
+}
+
+#[test]
+fn a_page_that_comes_late_is_sent_everything_that_is_there() {
+    let mut board = board();
+    for message in [
+        Message::State(state(2)),
+        tile(1, 1, 9),
+        Message::Image(image(1, 0, 3)),
+    ] {
+        board.hear(at(0.0), &heard(message));
+    }
+    let tile = Subject::Tile(TileAddress {
+        slice: 0,
+        x: 1,
+        y: 0,
+    });
+    let two = VehicleId(2);
+    let all: Vec<Subject> = board.subjects().into_iter().collect();
+    let of = ImageSubject::Change;
+    assert_eq!(
+        all,
+        [
+            Subject::Orders,
+            Subject::State(two),
+            Subject::Ground,
+            Subject::Vehicle(two),
+            Subject::Finds(of),
+            tile,
+            Subject::Stripe(of, 0)
+        ]
+    );
+}

@@ -1,0 +1,245 @@
+//! What goes to one page next. Two frames are on their way at most; the page gives credit back when it has drawn one, so a slow
+//! link makes nothing old, and a hidden page costs nothing. What waits is a set of subjects, never bytes: of each the newest
+//! is sent. Orders go before states, states before texts, those before tiles, tiles before images; but who was passed over a
+//! few times has its turn, so that a page that draws slowly sees all of it as well.
+//!
+//! States go ten times a second at most, tiles twenty times. When nothing else has gone for a second, an empty frame of
+//! states says that the server lives.
+
+use std::collections::{BTreeSet, VecDeque};
+use std::time::Duration;
+
+use super::board::{Board, Subject};
+use super::frame::{self, FRAME_BYTES_MAX, FrameKind, HEADER_BYTES};
+use super::texts;
+use crate::time::Time;
+
+/// Frames on their way at most.
+pub const IN_FLIGHT_MAX: u32 = 2;
+/// What waits of a class has its turn after so many frames of others.
+const PATIENCE: [u8; 5] = [u8::MAX, 1, 4, 6, 8];
+/// Between two frames of states.
+const STATES_EVERY: Duration = Duration::from_millis(100);
+/// Between two frames of tiles.
+const TILES_EVERY: Duration = Duration::from_millis(50);
+/// Between two frames of any kind.
+const BEATS_EVERY: Duration = Duration::from_secs(1);
+
+/// What waits for one page.
+#[derive(Debug)]
+pub struct Outbox {
+    waiting: BTreeSet<Subject>,
+    /// The rest of a text that has begun.
+    rest: VecDeque<Vec<u8>>,
+    in_flight: u32,
+    /// How many frames have gone since the last one of each class, while something of it waited.
+    passed_over: [u8; 5],
+    states_at: Time,
+    tiles_at: Time,
+    beats_at: Time,
+}
+
+impl Outbox {
+    /// Makes what a page that has just come is sent: a text of welcome, then everything.
+    pub fn new(now: Time, welcome: &str, board: &Board) -> Outbox {
+        Outbox {
+            waiting: board.subjects(),
+            rest: frame::texts(FrameKind::Welcome, now, welcome).into(),
+            in_flight: 0,
+            passed_over: [0; 5],
+            states_at: now,
+            tiles_at: now,
+            beats_at: now,
+        }
+    }
+
+    /// Takes what has changed.
+    pub fn note(&mut self, changes: &BTreeSet<Subject>) {
+        self.waiting.extend(changes);
+    }
+
+    /// Takes that the page has drawn some frames.
+    pub fn credit(&mut self, frames: u32) {
+        self.in_flight = self.in_flight.saturating_sub(frames);
+    }
+
+    /// Returns how many frames are on their way.
+    pub fn in_flight(&self) -> u32 {
+        self.in_flight
+    }
+
+    /// Returns when a frame may be due without anything new; `None` = not before the page gives credit.
+    pub fn deadline(&self) -> Option<Time> {
+        if self.in_flight >= IN_FLIGHT_MAX {
+            return None;
+        }
+        if !self.rest.is_empty() {
+            return Some(Time::ZERO);
+        }
+        let first = self
+            .waiting
+            .iter()
+            .map(|subject| self.due_at(*subject))
+            .min();
+        Some(first.map_or(self.beats_at, |at| at.min(self.beats_at)))
+    }
+
+    /// Returns the next frame, if one may go now.
+    pub fn next(&mut self, now: Time, board: &Board) -> Option<Vec<u8>> {
+        if self.in_flight >= IN_FLIGHT_MAX {
+            return None;
+        }
+        let frame = self.rest.pop_front().or_else(|| self.choose(now, board))?;
+        self.in_flight += 1;
+        self.beats_at = now + BEATS_EVERY;
+        Some(frame)
+    }
+
+    fn due_at(&self, subject: Subject) -> Time {
+        match subject {
+            Subject::State(_) => self.states_at,
+            Subject::Tile(_) => self.tiles_at,
+            Subject::Orders
+            | Subject::Ground
+            | Subject::Vehicle(_)
+            | Subject::Plan(_)
+            | Subject::Finds(_)
+            | Subject::Stripe(..) => Time::ZERO,
+        }
+    }
+
+    fn choose(&mut self, now: Time, board: &Board) -> Option<Vec<u8>> {
+        loop {
+            let Some(subject) = self.first(now) else {
+                return (now >= self.beats_at)
+                    .then(|| frame::records(FrameKind::States, now, 0, &[]));
+            };
+            if let Some(frame) = self.make(now, board, subject) {
+                self.count(class(subject));
+                return Some(frame);
+            }
+        }
+    }
+
+    /// Returns what goes first of all that is due: the first of a class that has waited too long, or else the first of all.
+    fn first(&self, now: Time) -> Option<Subject> {
+        let is_due = |subject: &&Subject| self.due_at(**subject) <= now;
+        let of_class = |of: usize| {
+            let mut due = self.waiting.iter().filter(is_due);
+            due.find(|subject| class(**subject) == of)
+        };
+        let is_impatient = |of: &usize| self.passed_over[*of] >= PATIENCE[*of];
+        let impatient = (0..PATIENCE.len()).filter(is_impatient).find_map(of_class);
+        impatient
+            .or_else(|| self.waiting.iter().find(is_due))
+            .copied()
+    }
+
+    /// Counts a frame of a class.
+    fn count(&mut self, sent: usize) {
+        for of in 0..PATIENCE.len() {
+            let waits = of != sent && self.waiting.iter().any(|subject| class(*subject) == of);
+            self.passed_over[of] = match waits {
+                true => self.passed_over[of].saturating_add(1),
+                false => 0,
+            };
+        }
+    }
+
+    /// Makes the frame of a subject, and of as many like it as fit; `None` of what is not there any more.
+    fn make(&mut self, now: Time, board: &Board, subject: Subject) -> Option<Vec<u8>> {
+        match subject {
+            Subject::State(_) => {
+                self.states_at = now + STATES_EVERY;
+                let of = |subject| match subject {
+                    Subject::State(id) => Some(texts::state_record(now, board, id)),
+                    _ => None,
+                };
+                self.gather(FrameKind::States, now, of)
+            }
+            Subject::Tile(_) => {
+                self.tiles_at = now + TILES_EVERY;
+                let of = |subject| match subject {
+                    Subject::Tile(address) => Some(texts::tile_record(board, address)),
+                    _ => None,
+                };
+                self.gather(FrameKind::Tiles, now, of)
+            }
+            Subject::Stripe(of, part) => {
+                self.waiting.remove(&subject);
+                let stripe = texts::stripe_record(board, of, part)?;
+                Some(frame::records(FrameKind::Stripe, now, 1, &stripe))
+            }
+            Subject::Orders => self.text(
+                subject,
+                FrameKind::Orders,
+                now,
+                Some(texts::orders(now, board)),
+            ),
+            Subject::Ground => self.text(
+                subject,
+                FrameKind::Ground,
+                now,
+                Some(texts::ground(now, board)),
+            ),
+            Subject::Vehicle(id) => {
+                self.text(subject, FrameKind::Vehicle, now, texts::vehicle(board, id))
+            }
+            Subject::Plan(id) => self.text(subject, FrameKind::Plan, now, texts::plan(board, id)),
+            Subject::Finds(of) => {
+                self.text(subject, FrameKind::Finds, now, texts::finds(board, of))
+            }
+        }
+    }
+
+    fn text(
+        &mut self,
+        subject: Subject,
+        kind: FrameKind,
+        now: Time,
+        text: Option<String>,
+    ) -> Option<Vec<u8>> {
+        self.waiting.remove(&subject);
+        self.rest = frame::texts(kind, now, &text?).into();
+        self.rest.pop_front()
+    }
+
+    /// Fills a frame with records; `of` says which subjects are of its kind, and what is to be sent of them, if anything.
+    fn gather(
+        &mut self,
+        kind: FrameKind,
+        now: Time,
+        of: impl Fn(Subject) -> Option<Option<Vec<u8>>>,
+    ) -> Option<Vec<u8>> {
+        let (mut body, mut taken) = (Vec::new(), Vec::new());
+        let mut count = 0;
+        for subject in &self.waiting {
+            let Some(record) = of(*subject) else { continue };
+            let record = record.unwrap_or_default();
+            if HEADER_BYTES + body.len() + record.len() > FRAME_BYTES_MAX {
+                break;
+            }
+            count += usize::from(!record.is_empty());
+            body.extend(record);
+            taken.push(*subject);
+        }
+        for subject in taken {
+            self.waiting.remove(&subject);
+        }
+        (count > 0).then(|| frame::records(kind, now, count, &body))
+    }
+}
+
+/// Returns which class a subject is of: orders, states, other texts, tiles, images.
+fn class(subject: Subject) -> usize {
+    match subject {
+        Subject::Orders => 0,
+        Subject::State(_) => 1,
+        Subject::Ground | Subject::Vehicle(_) | Subject::Plan(_) | Subject::Finds(_) => 2,
+        Subject::Tile(_) => 3,
+        Subject::Stripe(..) => 4,
+    }
+}
+
+#[cfg(test)]
+mod tests;

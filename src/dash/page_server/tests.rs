@@ -1,0 +1,233 @@
+//! Pages, orders and the seat, without a network.
+
+use serde_json::json;
+
+use super::*;
+use crate::dash::frame::FrameKind;
+use crate::dash::gate::PAGES_MAX;
+use crate::geom::Lattice;
+use crate::operator::outcome::OrderOutcome;
+use crate::operator::tests_support::{at, heard, state};
+use tomoswarm_proto::{EmergencyName, EmergencyStop, OpenStops, OperatorId, Sender, VehicleId};
+
+const LOOK: &str = "00112233445566778899aabbccddeeff";
+const OPERATE: &str = "ffeeddccbbaa99887766554433221100";
+
+fn server() -> PageServer {
+    let gate = Gate::new(LOOK.to_owned(), OPERATE.to_owned());
+    PageServer::new(json!({}), Board::new(7, Lattice::new(0.1)), gate)
+}
+
+fn page(server: &mut PageServer, at_s: f64, token: &str) -> PageId {
+    let id = server.open(at(at_s)).unwrap();
+    let text = json!({ "token": token }).to_string();
+    server.page_said(at(at_s), id, &text).unwrap();
+    id
+}
+
+fn order(server: &mut PageServer, at_s: f64, token: &str, body: &str) -> Result<u32, GateRefusal> {
+    let header = format!("Bearer {token}");
+    server.order(at(at_s), Some(&header), body.as_bytes())
+}
+
+fn told(effects: &[PageEffect]) -> usize {
+    effects
+        .iter()
+        .filter(|effect| matches!(effect, PageEffect::Tell(_)))
+        .count()
+}
+
+/// All texts of a kind among frames for a page.
+fn texts(effects: &[PageEffect], page: PageId, kind: FrameKind) -> Vec<Value> {
+    let text = |effect: &PageEffect| match effect {
+        PageEffect::Send(to, frame) if *to == page && frame[0] == kind as u8 => {
+            serde_json::from_slice(&frame[16..]).ok()
+        }
+        _ => None,
+    };
+    effects.iter().filter_map(text).collect()
+}
+
+fn stop_open() -> HeardMessage {
+    let stop = EmergencyStop {
+        name: EmergencyName(77_777),
+        scope: StopScope::All,
+        by: OperatorId(1),
+    };
+    let standing = OpenStops {
+        open: vec![stop],
+        lifted: Vec::new(),
+    };
+    HeardMessage::Message(Sender::Vehicle(VehicleId(1)), Message::Standing(standing))
+}
+
+#[test]
+fn a_page_is_told_who_it_is_and_whether_it_may_order() {
+    let mut server = server();
+    let (one, two) = (
+        page(&mut server, 0.0, LOOK),
+        page(&mut server, 0.0, OPERATE),
+    );
+    let effects = server.due(at(0.0));
+    let welcome = |id| texts(&effects, id, FrameKind::Welcome);
+    assert_eq!(welcome(one), [json!({ "page": 1, "mayOrder": false })]);
+    assert_eq!(welcome(two), [json!({ "page": 2, "mayOrder": true })]);
+}
+
+#[test]
+fn a_page_that_says_no_token_in_two_seconds_is_closed_and_gets_nothing() {
+    let mut server = server();
+    let id = server.open(at(0.0)).unwrap();
+    assert_eq!(server.due(at(1.9)), []);
+    assert_eq!(server.deadline(), at(2.0));
+    assert_eq!(
+        server.due(at(2.0)),
+        [PageEffect::Close(id, GateRefusal::Token)]
+    );
+    assert_eq!(server.deadline(), Time::NEVER);
+}
+
+#[test]
+fn a_page_that_says_nonsense_or_a_strange_token_is_refused() {
+    let mut server = server();
+    let id = server.open(at(0.0)).unwrap();
+    for text in [
+        "",
+        "[]",
+        "{\"token\":\"x\"}",
+        "{}",
+        "{\"credit\":2}",
+        "{\"jump\":1}",
+    ] {
+        assert!(server.page_said(at(0.1), id, text).is_err(), "{text}");
+    }
+    assert_eq!(server.due(at(0.2)), [], "nothing was sent to it");
+}
+
+#[test]
+fn pages_beyond_the_most_are_refused_until_one_leaves() {
+    let mut server = server();
+    for _ in 0..PAGES_MAX {
+        page(&mut server, 0.0, LOOK);
+    }
+    assert_eq!(server.open(at(0.0)), Err(GateRefusal::Pages));
+    server.closed(PageId(3));
+    assert!(server.open(at(0.0)).is_ok());
+}
+
+#[test]
+fn an_order_reaches_the_operator_and_what_became_of_it_all_pages() {
+    let mut server = server();
+    let one = page(&mut server, 0.0, LOOK);
+    let number = order(
+        &mut server,
+        1.0,
+        OPERATE,
+        r#"{"order":"hold","vehicles":[2],"page":9}"#,
+    )
+    .unwrap();
+    let effects = server.due(at(1.0));
+    assert_eq!(told(&effects), 1);
+    let outcome = OrderOutcome {
+        vehicles: BTreeMap::new(),
+        lease: None,
+        run: None,
+        refused: None,
+    };
+    server.operator_said(&Out::Ended(GoalId::Hand(number), outcome));
+    server.page_said(at(1.1), one, r#"{"credit":2}"#).unwrap();
+    let last = texts(&server.due(at(1.2)), one, FrameKind::Orders)
+        .pop()
+        .unwrap();
+    assert_eq!(last["orders"][0]["what"], "hold");
+    assert_eq!(last["orders"][0]["isOver"], true);
+}
+
+#[test]
+fn what_the_gate_refuses_is_told_to_nobody() {
+    let mut server = server();
+    for (token, body, refusal) in [
+        (LOOK, r#"{"order":"stop","page":1}"#, GateRefusal::LookOnly),
+        ("", r#"{"order":"stop","page":1}"#, GateRefusal::Token),
+        (
+            OPERATE,
+            r#"{"order":"start","page":1}"#,
+            GateRefusal::NoSeat,
+        ),
+    ] {
+        assert_eq!(order(&mut server, 0.0, token, body), Err(refusal));
+    }
+    assert!(matches!(
+        order(&mut server, 0.0, OPERATE, "stop"),
+        Err(GateRefusal::Unreadable(_))
+    ));
+    assert_eq!(server.due(at(0.0)), []);
+}
+
+#[test]
+fn a_stop_that_is_open_is_not_named_again_when_it_is_pressed_again_at_once() {
+    let mut server = server();
+    let stop = r#"{"order":"stop","page":1}"#;
+    let first = order(&mut server, 0.0, OPERATE, stop).unwrap();
+    assert_eq!(order(&mut server, 0.1, OPERATE, stop), Ok(first));
+    assert_eq!(
+        order(&mut server, 1.0, OPERATE, stop),
+        Ok(first + 1),
+        "nobody has shown it"
+    );
+    server.hear(at(1.1), &stop_open());
+    assert_eq!(order(&mut server, 2.0, OPERATE, stop), Ok(first + 1));
+    assert_eq!(
+        order(&mut server, 9.5, OPERATE, stop),
+        Ok(first + 2),
+        "a while has gone"
+    );
+    assert_eq!(told(&server.due(at(9.5))), 3);
+}
+
+#[test]
+fn all_pages_see_who_has_the_seat_and_that_it_is_free_again() {
+    let mut server = server();
+    let (one, two) = (
+        page(&mut server, 0.0, LOOK),
+        page(&mut server, 0.0, OPERATE),
+    );
+    let seat = json!({ "order": "seat", "page": two.0 }).to_string();
+    order(&mut server, 0.5, OPERATE, &seat).unwrap();
+    let seen = |server: &mut PageServer, at_s: f64| {
+        server.page_said(at(at_s), one, r#"{"credit":2}"#).unwrap();
+        let effects = server.due(at(at_s));
+        texts(&effects, one, FrameKind::Orders)
+            .pop()
+            .map(|orders| orders["seat"].clone())
+    };
+    assert_eq!(seen(&mut server, 0.6), Some(json!(2)));
+    assert!(server.deadline() <= at(15.5));
+    assert_eq!(seen(&mut server, 15.6), Some(json!(null)));
+}
+
+#[test]
+fn what_a_vehicle_says_of_itself_reaches_the_page_as_it_is() {
+    let mut server = server();
+    let evil = "<img src=x onerror=alert(1)>";
+    let health = tomoswarm_proto::Health {
+        vehicle: VehicleId(1),
+        troubles: vec![evil.to_owned()],
+        ..tomoswarm_proto::Health::default()
+    };
+    server.hear(at(0.0), &heard(Message::State(state(1))));
+    server.hear(at(0.0), &heard(Message::Health(health)));
+    let one = page(&mut server, 0.0, LOOK);
+    let mut rows = Vec::new();
+    for tick in 1..10 {
+        rows.extend(texts(
+            &server.due(at(f64::from(tick) / 10.0)),
+            one,
+            FrameKind::Vehicle,
+        ));
+        server
+            .page_said(at(f64::from(tick) / 10.0), one, r#"{"credit":2}"#)
+            .unwrap();
+    }
+    assert_eq!(rows[0]["health"]["troubles"], json!([evil]));
+}

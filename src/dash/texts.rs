@@ -1,0 +1,431 @@
+//! What is shown of each subject, as text (JSON) or as a record of a frame. Plain translation: it judges nothing but who is
+//! silent, and numbers of 64 bits go as text, since a page would round them.
+//!
+//! What nodes say of themselves is passed on as it is; the page shows it as text only.
+
+use serde_json::{Value, json};
+use tomoswarm_proto::{
+    Covariance, EmergencyStop, Image, ImageSubject, Position, StandReason, State, StopScope,
+    TileAddress, VehicleId, VehicleMode,
+};
+
+use super::board::Board;
+use super::frame::{self, STATE, STRIPE};
+use super::orders::GivenOrder;
+use crate::config::Venue;
+use crate::geom::Point;
+use crate::operator::fleet_view::Incompatibility;
+use crate::operator::names::{control, kind_name, mission_phase, mode, ordered, phase, run_end};
+use crate::operator::outcome::{OrderOutcome, VehicleOutcome};
+use crate::time::Time;
+
+/// What a number of a state's record means when it is not known.
+const UNKNOWN: i64 = 0xffff;
+
+/// All modes; a record names one by its place here.
+const MODES: [VehicleMode; 10] = [
+    VehicleMode::Idle,
+    VehicleMode::Driving,
+    VehicleMode::Turning,
+    VehicleMode::Halted,
+    VehicleMode::Held,
+    VehicleMode::TakingOff,
+    VehicleMode::Climbing,
+    VehicleMode::Landing,
+    VehicleMode::Stopped,
+    VehicleMode::MotorsCut,
+];
+
+/// Why a vehicle stands; a record names one by its place here, 0 = it does not.
+const STANDS_UNDER: [&str; 8] = [
+    "",
+    "stop",
+    "held",
+    "remote control",
+    "autopilot",
+    "battery",
+    "no place",
+    "alone",
+];
+
+/// What a page shows: how the time that it shows came about.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Showing {
+    /// The swarm as it is.
+    Live,
+    /// A simulation.
+    Simulation,
+    /// A recording.
+    Replay,
+}
+
+impl Showing {
+    fn word(self) -> &'static str {
+        match self {
+            Showing::Live => "LIVE",
+            Showing::Simulation => "SIMULATION",
+            Showing::Replay => "REPLAY",
+        }
+    }
+}
+
+/// Returns what holds for the whole connection of any page, without who the page is.
+pub fn place(venue: &Venue, showing: Showing) -> Value {
+    let modes: Vec<&str> = MODES.iter().map(|of| mode(*of)).collect();
+    let colours: Vec<[u8; 3]> = (1..=8)
+        .map(|id| crate::draw::vehicle_colour(VehicleId(id)).rgb)
+        .collect();
+    json!({
+        "showing": showing.word(),
+        "venue": venue.name,
+        "cell_m": venue.cell_m,
+        "xAxis_deg": venue.x_axis_bearing_deg,
+        "area": [point(venue.area.min), point(venue.area.max)],
+        "fence": venue.fence.corners().iter().map(|at| point(*at)).collect::<Vec<_>>(),
+        "homes": venue.homes.iter().map(|at| point(*at)).collect::<Vec<_>>(),
+        "modes": modes,
+        "standsUnder": STANDS_UNDER,
+        "vehicleColours": colours,
+        "heat": crate::draw::heat_colours(),
+    })
+}
+
+/// Returns where a vehicle is; `None` when it has said nothing of that.
+pub fn state_record(now: Time, board: &Board, id: VehicleId) -> Option<Vec<u8>> {
+    let newest = board.view().state(id)?;
+    let state = &newest.value;
+    let misfits = board
+        .view()
+        .misfit(tomoswarm_proto::Sender::Vehicle(id), board.venue_hash());
+    let at = state.pose.map_or(Position::default(), |pose| pose.at);
+    let flags = [
+        state.pose.is_some(),
+        state.is_at_rest,
+        state.is_armed,
+        state.is_landed,
+        misfits.is_some(),
+    ];
+    let flags = flags
+        .iter()
+        .enumerate()
+        .map(|(bit, is_set)| i64::from(*is_set) << bit)
+        .sum();
+    let speed_mps = libm::hypot(state.velocity.x_mps(), state.velocity.y_mps());
+    Some(STATE.record([
+        i64::from(id.0),
+        MODES.iter().position(|of| *of == state.mode).unwrap_or(0) as i64,
+        stands_under(state),
+        flags,
+        at.x_mm.into(),
+        at.y_mm.into(),
+        at.z_mm.into(),
+        state.pose.map_or(0, |pose| i64::from(pose.heading.0)),
+        state.pose.map_or(UNKNOWN, |pose| i64::from(pose.sd.0)),
+        (speed_mps * 1000.0) as i64,
+        state.battery.map_or(UNKNOWN, |charge| i64::from(charge.0)),
+        newest.age(now).as_millis() as i64,
+    ]))
+}
+
+fn stands_under(state: &State) -> i64 {
+    match state.stands_under {
+        None => 0,
+        Some(StandReason::Stop(_)) => 1,
+        Some(StandReason::Held) => 2,
+        Some(StandReason::Remote) => 3,
+        Some(StandReason::Autopilot) => 4,
+        Some(StandReason::Battery) => 5,
+        Some(StandReason::NoPlace) => 6,
+        Some(StandReason::Alone) => 7,
+    }
+}
+
+/// Returns a tile of the merged map; `None` where nothing is known.
+pub fn tile_record(board: &Board, address: TileAddress) -> Option<Vec<u8>> {
+    let cells = board.tile(address)?;
+    Some(frame::tile(address.slice, address.x, address.y, &cells))
+}
+
+/// Returns a part of the newest image; `None` when that image is not there any more.
+pub fn stripe_record(board: &Board, subject: ImageSubject, part: u16) -> Option<Vec<u8>> {
+    let image = board.image(subject)?.parts.get(&part)?;
+    let first = i64::from(image.part) * tomoswarm_proto::IMAGE_PART_PIXELS as i64;
+    let mut record = STRIPE.record([
+        image.run.0.into(),
+        image.sequence.into(),
+        image.laps.into(),
+        subject_number(subject),
+        i64::from(image.deviation.is_some()),
+        image.columns.into(),
+        image.rows.into(),
+        first,
+        image.mean.len() as i64,
+        image.area.least.x_mm.into(),
+        image.area.least.y_mm.into(),
+        image.area.greatest.x_mm.into(),
+        image.area.greatest.y_mm.into(),
+        image.mean_step_udb_per_m.into(),
+        image.deviation_step_udb_per_m.into(),
+        image.links_used.into(),
+        image.links_dropped.into(),
+    ]);
+    record.extend(image.mean.iter().map(|pixel| pixel.cast_unsigned()));
+    record.extend(image.deviation.iter().flatten());
+    Some(record)
+}
+
+fn subject_number(subject: ImageSubject) -> i64 {
+    match subject {
+        ImageSubject::Structure => 0,
+        ImageSubject::Change => 1,
+    }
+}
+
+/// Returns what was found in the newest image.
+pub fn finds(board: &Board, subject: ImageSubject) -> Option<String> {
+    let image: &Image = board.image(subject)?.parts.get(&0)?;
+    let deviation_m = |covariance: Covariance| {
+        let most = covariance.xx_mm2.max(covariance.yy_mm2);
+        libm::sqrt(f64::from(most)) / 1000.0
+    };
+    let find = |find: &tomoswarm_proto::Find| {
+        json!({
+            "at": position(find.at),
+            "sd_m": find.covariance.map(deviation_m),
+            "strength_dbpm": f64::from(find.strength_udb_per_m) / 1e6,
+            "probability": find.probability.map(|share| share.fraction()),
+        })
+    };
+    let all: Vec<Value> = image.finds.iter().map(find).collect();
+    let text = json!({
+        "subject": subject_number(subject),
+        "run": image.run.0,
+        "sequence": image.sequence,
+        "finds": all,
+    });
+    Some(text.to_string())
+}
+
+/// Returns how a vehicle fares.
+pub fn vehicle(board: &Board, id: VehicleId) -> Option<String> {
+    let seen = board.view().vehicle(id)?;
+    let state = seen.state.as_ref().map(|state| &state.value);
+    let mission = seen.mission.as_ref().map(|mission| &mission.value);
+    let health = seen.health.as_ref().map(|health| &health.value);
+    let hello = seen.hello.as_ref().map(|hello| &hello.value);
+    let misfit = board
+        .view()
+        .misfit(tomoswarm_proto::Sender::Vehicle(id), board.venue_hash());
+    let mission = mission.map(|mission| {
+        json!({
+            "kind": mission.kind.word(),
+            "phase": mission_phase(mission.phase),
+            "share": mission.share.map(|share| share.fraction()),
+            "placesLeft": mission.places_left,
+            "goal": mission.goal.map(position),
+            "end": mission.end.map(|end| end.to_string()),
+            "isAtHome": mission.is_at_home,
+        })
+    });
+    let health = health.map(|health| {
+        let autopilot = health.autopilot.as_ref();
+        json!({
+            "waiting": health.samples_waiting.to_string(),
+            "lost": health.samples_lost.to_string(),
+            "hears": ids(&health.hears),
+            "troubles": health.troubles,
+            "autopilot": autopilot.map(|of| format!("{:?} {}", of.family, of.firmware)),
+        })
+    });
+    let text = json!({
+        "id": id.0,
+        "name": hello.map(|hello| hello.name.clone()),
+        "software": hello.map(|hello| hello.software.clone()),
+        "misfit": misfit.map(misfit_in_words),
+        "boot": state.map(|state| state.boot.0),
+        "run": state.map(|state| state.accepted.0.0),
+        "revision": state.map(|state| state.accepted.1.0),
+        "ordered": state.map(|state| ordered(state.ordered)),
+        "control": state.map(|state| control(state.control)),
+        "leg": state.and_then(|state| state.leg.as_ref()).map(|leg| route(&leg.route)),
+        "mission": mission,
+        "health": health,
+    });
+    Some(text.to_string())
+}
+
+fn misfit_in_words(misfit: Incompatibility) -> String {
+    match misfit {
+        Incompatibility::Version(version) => format!("speaks wire version {version}"),
+        Incompatibility::Venue(hash) => format!("has another venue file ({hash:016x})"),
+    }
+}
+
+/// Returns the plan of a vehicle.
+pub fn plan(board: &Board, id: VehicleId) -> Option<String> {
+    let plan = board.plan(id)?;
+    let stop = |stop: &tomoswarm_proto::Stop| {
+        let after: Vec<Value> = stop
+            .after
+            .iter()
+            .map(|(of, at)| json!([of.0, at.0]))
+            .collect();
+        json!({
+            "id": stop.id.0,
+            "at": position(stop.at),
+            "route": route(&stop.route),
+            "after": after,
+        })
+    };
+    let text = json!({
+        "id": id.0,
+        "run": plan.run.0,
+        "revision": plan.revision.0,
+        "start": position(plan.start),
+        "stops": plan.stops.iter().map(stop).collect::<Vec<_>>(),
+    });
+    Some(text.to_string())
+}
+
+/// Returns how the ground station fares; of several that of the greatest lease.
+pub fn ground(now: Time, board: &Board) -> String {
+    let newest = board
+        .view()
+        .grounds()
+        .max_by_key(|report| (board.view().ground(now) == Some(*report), report.at));
+    let Some(newest) = newest else {
+        return json!({ "isHeard": false }).to_string();
+    };
+    let report = &newest.value;
+    let run = |run: &tomoswarm_proto::RunReport| {
+        json!({
+            "run": run.run.0,
+            "kind": run.kind.word(),
+            "comparedWith": run.compared_with.map(|run| run.0),
+            "end": run_end(run.end),
+            "samples": run.samples.to_string(),
+            "images": run.images,
+        })
+    };
+    json!({
+        "isHeard": true,
+        "age_s": newest.age(now).as_secs_f64(),
+        "lease": report.lease.number,
+        "phase": phase(report.phase),
+        "run": report.run.0,
+        "laps": report.laps,
+        "lapsDone": report.laps_done,
+        "samples": report.samples.to_string(),
+        "images": report.images,
+        "expected": ids(&report.expected),
+        "members": ids(&report.members),
+        "lost": ids(&report.lost),
+        "inForce": report.in_force.map(kind_name),
+        "runs": report.runs.iter().map(run).collect::<Vec<_>>(),
+        "troubles": report.troubles,
+    })
+    .to_string()
+}
+
+/// Returns the open stops, the last orders with how they fared, and who has the seat.
+pub fn orders(now: Time, board: &Board) -> String {
+    let view = board.view();
+    let vehicles: Vec<VehicleId> = view.vehicles().map(|(id, _)| id).collect();
+    let stop = |stop: &EmergencyStop| {
+        let concerned: Vec<VehicleId> = vehicles
+            .iter()
+            .filter(|id| stop.scope == StopScope::All || stop.scope == StopScope::One(**id))
+            .copied()
+            .collect();
+        let (shown, open): (Vec<VehicleId>, Vec<VehicleId>) = concerned
+            .iter()
+            .partition(|id| view.shows_stop(**id, stop.name));
+        json!({
+            "name": stop.name.to_string(),
+            "vehicle": match stop.scope { StopScope::All => None, StopScope::One(id) => Some(id.0) },
+            "by": stop.by.0,
+            "shown": ids(&shown),
+            "notShown": ids(&open),
+        })
+    };
+    let stops: Vec<Value> = view.open_stops().iter().map(stop).collect();
+    let orders: Vec<Value> = board
+        .orders()
+        .given()
+        .map(|order| given(now, order))
+        .collect();
+    json!({
+        "isLinked": board.is_linked(),
+        "stops": stops,
+        "orders": orders,
+        "seat": board.orders().seat().map(|page| page.0),
+        "lease": view.lease(now).number,
+    })
+    .to_string()
+}
+
+fn given(now: Time, order: &GivenOrder) -> Value {
+    json!({
+        "number": order.number,
+        "what": order.request.order.word(),
+        "vehicles": order.request.vehicles,
+        "page": order.request.page,
+        "age_s": now.since(order.at).as_secs_f64(),
+        "isOver": order.outcome.is_some(),
+        "isDone": order.outcome.as_ref().is_some_and(OrderOutcome::is_done),
+        "refused": order.outcome.as_ref().and_then(|outcome| outcome.refused).map(|why| why.to_string()),
+        "fates": order.outcome.as_ref().map(fates),
+    })
+}
+
+fn fates(outcome: &OrderOutcome) -> Vec<Value> {
+    let fate = |(id, of): (&VehicleId, &VehicleOutcome)| {
+        let words = match of {
+            VehicleOutcome::Obeyed { after, .. } => {
+                format!("obeyed after {} ms", after.as_millis())
+            }
+            VehicleOutcome::Stopped { after, is_at_rest } => {
+                let rests = if *is_at_rest { "stands" } else { "brakes" };
+                format!("in force after {} ms, {rests}", after.as_millis())
+            }
+            VehicleOutcome::UnderStop(name) => format!("stands under stop {name}"),
+            VehicleOutcome::Overruled(by) => format!("overruled by {}", ordered(*by)),
+            VehicleOutcome::NotOut => "has started, but does not show the mission".to_owned(),
+            VehicleOutcome::Refused(why) => format!("refuses the mission: {why}"),
+            VehicleOutcome::Ignored => "heard, has not obeyed".to_owned(),
+            VehicleOutcome::Unheard => "not heard".to_owned(),
+            VehicleOutcome::Foreign(misfit) => misfit_in_words(*misfit),
+            VehicleOutcome::Withdrawn => "something else was wanted of it".to_owned(),
+        };
+        json!({ "vehicle": id.0, "isDone": of.is_done(), "words": words })
+    };
+    outcome.vehicles.iter().map(fate).collect()
+}
+
+fn ids(all: &[VehicleId]) -> Vec<u8> {
+    all.iter().map(|id| id.0).collect()
+}
+
+fn point(at: Point) -> [f64; 2] {
+    [at.x_m, at.y_m]
+}
+
+fn position(at: Position) -> [f64; 2] {
+    [at.x_m(), at.y_m()]
+}
+
+fn route(places: &[Position]) -> Vec<[f64; 2]> {
+    places.iter().map(|at| position(*at)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_mode_has_a_place_of_its_own_in_the_table() {
+        for (place, of) in MODES.iter().enumerate() {
+            assert_eq!(*of as usize, place, "{of:?}");
+        }
+    }
+}

@@ -1,0 +1,318 @@
+//! The server of HTTP on a thread of its own: files of the page, the feed, orders. It judges names and origins of requests,
+//! says what a browser may do with an answer, and hands everything else to the loop. The only file that names axum.
+
+use std::io;
+use std::net::TcpListener;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::mpsc::SyncSender;
+use std::thread::JoinHandle;
+
+use axum::Router;
+use axum::body::Bytes;
+use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade};
+use axum::extract::{DefaultBodyLimit, Request as HttpRequest, State};
+use axum::http::header::{self, HeaderMap, HeaderName};
+use axum::http::{HeaderValue, StatusCode, Uri};
+use axum::middleware::{self, Next};
+use axum::response::{IntoResponse, Response};
+use axum::routing::{get, post};
+use tokio::sync::{mpsc, oneshot};
+
+use super::super::operator_session::SessionWaker;
+use super::files;
+use crate::dash::gate::{GateRefusal, INBOUND_MAX, OwnNames, PageId};
+
+/// Frames that wait for a page's connection; more are never on their way to it.
+const FRAMES_WAITING: usize = 8;
+/// A loop that has no room is told again so soon that a page is gone.
+const AGAIN: std::time::Duration = std::time::Duration::from_millis(50);
+/// The reason of a closed connection has at most this many bytes.
+const REASON_BYTES: usize = 120;
+
+/// What a browser may do with anything that it gets here.
+const HEADERS: [(HeaderName, &str); 5] = [
+    (
+        header::CONTENT_SECURITY_POLICY,
+        "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; \
+         frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
+    ),
+    (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+    (header::CACHE_CONTROL, "no-store"),
+    (header::REFERRER_POLICY, "no-referrer"),
+    (
+        HeaderName::from_static("cross-origin-resource-policy"),
+        "same-origin",
+    ),
+];
+
+/// What the loop is asked.
+pub(super) enum Request {
+    /// A connection is open.
+    Open {
+        /// Where its frames go.
+        frames: mpsc::Sender<Outbound>,
+        /// Which page it is, or why it is none.
+        reply: oneshot::Sender<Result<PageId, GateRefusal>>,
+    },
+    /// A page has said something.
+    PageSaid(PageId, String),
+    /// A connection is gone.
+    Closed(PageId),
+    /// An order was posted.
+    Order {
+        /// The header of that name.
+        authorization: Option<String>,
+        /// What was posted.
+        body: Vec<u8>,
+        /// Its number, or why it is refused.
+        reply: oneshot::Sender<Result<u32, GateRefusal>>,
+    },
+}
+
+/// What goes to a page's connection.
+pub(super) enum Outbound {
+    /// A frame.
+    Frame(Vec<u8>),
+    /// Its end, and why.
+    Close(GateRefusal),
+}
+
+/// Hands requests to the loop, and wakes it.
+#[derive(Clone)]
+pub(super) struct RequestSender {
+    told: SyncSender<Request>,
+    waker: SessionWaker,
+}
+
+impl RequestSender {
+    /// Makes it of the loop's queue and of what wakes the loop.
+    pub(super) fn new(told: SyncSender<Request>, waker: SessionWaker) -> RequestSender {
+        RequestSender { told, waker }
+    }
+
+    /// Hands a request over; returns whether there was room.
+    fn send(&self, request: Request) -> bool {
+        let is_taken = self.told.try_send(request).is_ok();
+        self.waker.wake();
+        is_taken
+    }
+}
+
+/// What every request needs.
+struct Shared {
+    names: OwnNames,
+    requests: RequestSender,
+    folder: Option<PathBuf>,
+}
+
+/// The server's thread; dropping it ends it.
+pub(super) struct HttpServer {
+    end: Option<oneshot::Sender<()>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl HttpServer {
+    /// Serves on a listener, from a folder instead of what is built in if there is one.
+    ///
+    /// # Errors
+    /// The system gives no thread.
+    pub(super) fn start(
+        listener: TcpListener,
+        names: OwnNames,
+        requests: RequestSender,
+        folder: Option<PathBuf>,
+    ) -> io::Result<HttpServer> {
+        listener.set_nonblocking(true)?;
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .build()?;
+        let (end, ended) = oneshot::channel::<()>();
+        let shared = Arc::new(Shared {
+            names,
+            requests,
+            folder,
+        });
+        let serve = move || {
+            let served = runtime.block_on(async {
+                let listener = tokio::net::TcpListener::from_std(listener)?;
+                let server = axum::serve(listener, router(shared));
+                tokio::select! {
+                    served = server => served,
+                    _ = ended => Ok(()),
+                }
+            });
+            if let Err(error) = served {
+                tracing::error!("the page is not served any more: {error}");
+            }
+        };
+        let thread = std::thread::Builder::new()
+            .name("page".to_owned())
+            .spawn(serve)?;
+        Ok(HttpServer {
+            end: Some(end),
+            thread: Some(thread),
+        })
+    }
+}
+
+impl Drop for HttpServer {
+    fn drop(&mut self) {
+        // One that has ended by itself hears nothing any more.
+        let _ = self.end.take().map(|end| end.send(()));
+        let _ = self.thread.take().map(JoinHandle::join);
+    }
+}
+
+fn router(shared: Arc<Shared>) -> Router {
+    Router::new()
+        .route("/feed", get(feed))
+        .route("/order", post(order))
+        .fallback(get(file))
+        .layer(DefaultBodyLimit::max(INBOUND_MAX))
+        .layer(middleware::from_fn_with_state(shared.clone(), guard))
+        .with_state(shared)
+}
+
+/// Refuses whoever names another host, and says of each answer what may be done with it.
+async fn guard(State(shared): State<Arc<Shared>>, request: HttpRequest, next: Next) -> Response {
+    let host = only(request.headers(), header::HOST);
+    let mut response = match shared.names.judge_host(host) {
+        Ok(()) => next.run(request).await,
+        Err(refusal) => refused(&refusal),
+    };
+    for (name, value) in HEADERS {
+        response
+            .headers_mut()
+            .insert(name, HeaderValue::from_static(value));
+    }
+    response
+}
+
+/// Returns the value of a header that is there once.
+fn only(headers: &HeaderMap, name: HeaderName) -> Option<&str> {
+    let mut values = headers.get_all(name).iter();
+    let first = values.next()?.to_str().ok()?;
+    values.next().is_none().then_some(first)
+}
+
+fn refused(refusal: &GateRefusal) -> Response {
+    let status = match refusal {
+        GateRefusal::Host => StatusCode::MISDIRECTED_REQUEST,
+        GateRefusal::Token => StatusCode::UNAUTHORIZED,
+        GateRefusal::Origin | GateRefusal::LookOnly | GateRefusal::NoSeat => StatusCode::FORBIDDEN,
+        GateRefusal::SeatTaken(_) => StatusCode::CONFLICT,
+        GateRefusal::Pages | GateRefusal::Flood => StatusCode::TOO_MANY_REQUESTS,
+        GateRefusal::Unreadable(_) => StatusCode::BAD_REQUEST,
+    };
+    (status, refusal.to_string()).into_response()
+}
+
+async fn file(State(shared): State<Arc<Shared>>, uri: Uri) -> Response {
+    match files::find(uri.path(), shared.folder.as_deref()) {
+        Some((kind, bytes)) => ([(header::CONTENT_TYPE, kind)], bytes).into_response(),
+        None => (StatusCode::NOT_FOUND, "there is no such file").into_response(),
+    }
+}
+
+async fn order(State(shared): State<Arc<Shared>>, headers: HeaderMap, body: Bytes) -> Response {
+    if let Err(refusal) = shared.names.judge_origin(only(&headers, header::ORIGIN)) {
+        return refused(&refusal);
+    }
+    let (reply, answer) = oneshot::channel();
+    let is_taken = shared.requests.send(Request::Order {
+        authorization: only(&headers, header::AUTHORIZATION).map(str::to_owned),
+        body: body.to_vec(),
+        reply,
+    });
+    if !is_taken {
+        return refused(&GateRefusal::Flood);
+    }
+    match answer.await {
+        Ok(Ok(number)) => {
+            let text = format!("{{\"number\":{number}}}");
+            ([(header::CONTENT_TYPE, "application/json")], text).into_response()
+        }
+        Ok(Err(refusal)) => refused(&refusal),
+        Err(_) => (StatusCode::SERVICE_UNAVAILABLE, "the server ends").into_response(),
+    }
+}
+
+async fn feed(
+    State(shared): State<Arc<Shared>>,
+    headers: HeaderMap,
+    upgrade: WebSocketUpgrade,
+) -> Response {
+    if let Err(refusal) = shared.names.judge_origin(only(&headers, header::ORIGIN)) {
+        return refused(&refusal);
+    }
+    upgrade
+        .max_message_size(INBOUND_MAX)
+        .max_frame_size(INBOUND_MAX)
+        .on_upgrade(move |socket| connect(socket, shared.requests.clone()))
+}
+
+/// Carries frames to a page and its words to the loop until one of both ends.
+async fn connect(mut socket: WebSocket, requests: RequestSender) {
+    let (frames, mut outbound) = mpsc::channel(FRAMES_WAITING);
+    let (reply, answer) = oneshot::channel();
+    if !requests.send(Request::Open { frames, reply }) {
+        return close(socket, &GateRefusal::Flood).await;
+    }
+    let id = match answer.await {
+        Ok(Ok(id)) => id,
+        Ok(Err(refusal)) => return close(socket, &refusal).await,
+        Err(_) => return,
+    };
+    let refusal = carry(&mut socket, id, &mut outbound, &requests).await;
+    // The loop has room again soon, and counts the page as open until then.
+    while !requests.send(Request::Closed(id)) {
+        tokio::time::sleep(AGAIN).await;
+    }
+    if let Some(refusal) = refusal {
+        close(socket, &refusal).await;
+    }
+}
+
+/// Returns why the connection must end, if it is not the page that has ended it.
+async fn carry(
+    socket: &mut WebSocket,
+    id: PageId,
+    outbound: &mut mpsc::Receiver<Outbound>,
+    requests: &RequestSender,
+) -> Option<GateRefusal> {
+    loop {
+        tokio::select! {
+            out = outbound.recv() => match out? {
+                Outbound::Frame(frame) => socket.send(Message::Binary(frame.into())).await.ok()?,
+                Outbound::Close(refusal) => return Some(refusal),
+            },
+            said = socket.recv() => match said?.ok()? {
+                Message::Text(text) => {
+                    if !requests.send(Request::PageSaid(id, text.to_string())) {
+                        return Some(GateRefusal::Flood);
+                    }
+                }
+                Message::Ping(_) | Message::Pong(_) => {}
+                Message::Binary(_) => return Some(GateRefusal::Unreadable("text is expected".to_owned())),
+                Message::Close(_) => return None,
+            },
+        }
+    }
+}
+
+/// Ends a connection, and says why.
+async fn close(mut socket: WebSocket, refusal: &GateRefusal) {
+    let mut reason = refusal.to_string();
+    if reason.len() > REASON_BYTES {
+        let starts = reason.char_indices().map(|(at, _)| at);
+        let fits = starts.take_while(|at| *at <= REASON_BYTES).last();
+        reason.truncate(fits.unwrap_or(0));
+    }
+    // 1008: a policy is violated (RFC 6455, 7.4.1).
+    let frame = CloseFrame {
+        code: 1008,
+        reason: reason.into(),
+    };
+    let _ = socket.send(Message::Close(Some(frame))).await;
+}

@@ -1,0 +1,211 @@
+//! A real browser: Chromium, driven over the pipe of its developer tools, which is a message of JSON and a zero byte at a time.
+//! Whatever it complains about is kept.
+
+use std::io::{BufRead, BufReader, Write};
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::mpsc::{Receiver, channel};
+use std::time::{Duration, Instant};
+
+use serde_json::{Value, json};
+
+/// An answer comes within this time.
+const ANSWERS_WITHIN: Duration = Duration::from_secs(30);
+
+pub struct Browser {
+    child: Child,
+    say: ChildStdin,
+    heard: Receiver<Value>,
+    last: u64,
+    session: Option<String>,
+    /// Errors of the console, exceptions, and what the content policy refused.
+    pub complaints: Vec<String>,
+    _profile: tempfile::TempDir,
+}
+
+impl Browser {
+    /// Opens a window of a size; `None`, with a printed line, where there is no Chromium.
+    pub fn open(width: u32, height: u32) -> Option<Browser> {
+        let found = Command::new("sh")
+            .args(["-c", "command -v chromium"])
+            .output();
+        if !found.is_ok_and(|found| found.status.success()) {
+            println!("skipped: there is no chromium (sudo apt install chromium)");
+            return None;
+        }
+        let profile = tempfile::tempdir().unwrap();
+        // The pipe's ends are 3 and 4; a shell moves our ends there. Its sandbox needs what containers do not give.
+        let line = format!(
+            "exec chromium --headless=new --no-sandbox --remote-debugging-pipe --user-data-dir={} \
+             --window-size={width},{height} --hide-scrollbars --no-first-run --disable-gpu about:blank \
+             3<&0 4>&1 </dev/null >/dev/null 2>/dev/null",
+            profile.path().display()
+        );
+        let mut child = Command::new("sh")
+            .args(["-c", &line])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let say = child.stdin.take().unwrap();
+        let mut pipe = BufReader::new(child.stdout.take().unwrap());
+        let (tell, heard) = channel();
+        std::thread::spawn(move || {
+            let mut bytes = Vec::new();
+            while pipe.read_until(0, &mut bytes).is_ok_and(|read| read > 0) {
+                bytes.pop();
+                if tell.send(serde_json::from_slice(&bytes).unwrap()).is_err() {
+                    return;
+                }
+                bytes.clear();
+            }
+        });
+        let mut browser = Browser {
+            child,
+            say,
+            heard,
+            last: 0,
+            session: None,
+            complaints: Vec::new(),
+            _profile: profile,
+        };
+        browser.attach(width, height);
+        Some(browser)
+    }
+
+    fn attach(&mut self, width: u32, height: u32) {
+        let target =
+            self.ask("Target.createTarget", json!({"url": "about:blank"}))["targetId"].clone();
+        let attached = self.ask(
+            "Target.attachToTarget",
+            json!({"targetId": target, "flatten": true}),
+        );
+        self.session = Some(attached["sessionId"].as_str().unwrap().to_owned());
+        for domain in ["Page", "Runtime", "Log", "Network"] {
+            self.ask(&format!("{domain}.enable"), json!({}));
+        }
+        let metrics = json!({"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600});
+        self.ask("Emulation.setDeviceMetricsOverride", metrics);
+    }
+
+    /// Asks, and returns the answer.
+    pub fn ask(&mut self, method: &str, params: Value) -> Value {
+        self.last += 1;
+        let mut request = json!({"id": self.last, "method": method, "params": params});
+        if let Some(session) = &self.session {
+            request["sessionId"] = json!(session);
+        }
+        let mut bytes = request.to_string().into_bytes();
+        bytes.push(0);
+        self.say.write_all(&bytes).unwrap();
+        loop {
+            let heard = self.heard.recv_timeout(ANSWERS_WITHIN);
+            let heard = heard.unwrap_or_else(|_| panic!("{method}: the browser does not answer"));
+            self.note(&heard);
+            if heard["id"] == self.last {
+                assert!(heard["error"].is_null(), "{method}: {}", heard["error"]);
+                return heard["result"].clone();
+            }
+        }
+    }
+
+    fn note(&mut self, heard: &Value) {
+        let params = &heard["params"];
+        match heard["method"].as_str() {
+            Some("Runtime.exceptionThrown") => {
+                let details = &params["exceptionDetails"];
+                self.complaints.push(format!(
+                    "{} {}",
+                    details["text"], details["exception"]["description"]
+                ));
+            }
+            Some("Log.entryAdded") if params["entry"]["level"] == "error" => {
+                self.complaints.push(format!(
+                    "{} {}",
+                    params["entry"]["text"], params["entry"]["url"]
+                ));
+            }
+            Some("Runtime.consoleAPICalled") if params["type"] == "error" => {
+                self.complaints.push(params["args"].to_string());
+            }
+            _ => {}
+        }
+    }
+
+    /// Opens an address, and waits until it is loaded.
+    pub fn go(&mut self, address: &str) {
+        self.ask("Page.navigate", json!({"url": address}));
+        self.until("document.readyState === 'complete'", 20);
+    }
+
+    /// Returns what a script gives.
+    pub fn eval(&mut self, script: &str) -> Value {
+        let params = json!({"expression": script, "returnByValue": true, "awaitPromise": true});
+        let answer = self.ask("Runtime.evaluate", params);
+        assert!(
+            answer["exceptionDetails"].is_null(),
+            "{script}: {}",
+            answer["exceptionDetails"]
+        );
+        answer["result"]["value"].clone()
+    }
+
+    /// Waits until a script says true.
+    pub fn until(&mut self, script: &str, limit_s: u64) {
+        let began = Instant::now();
+        while self.eval(&format!("Boolean({script})")) != json!(true) {
+            if began.elapsed() >= Duration::from_secs(limit_s) {
+                let seen = self.eval("document.body.innerText.slice(0, 1500)");
+                panic!("not in time: {script}; {:?}; {seen}", self.complaints);
+            }
+            std::thread::sleep(Duration::from_millis(30));
+        }
+    }
+
+    /// Presses a key and lets it go.
+    pub fn key(&mut self, key: &str, code: &str, number: u32) {
+        for kind in ["keyDown", "keyUp"] {
+            self.key_part(kind, key, code, number);
+        }
+    }
+
+    /// Presses a key, or lets it go.
+    pub fn key_part(&mut self, kind: &str, key: &str, code: &str, number: u32) {
+        let params =
+            json!({"type": kind, "key": key, "code": code, "windowsVirtualKeyCode": number});
+        self.ask("Input.dispatchKeyEvent", params);
+    }
+
+    /// Presses or releases the pointer on the middle of an element.
+    pub fn pointer(&mut self, kind: &str, selector: &str) {
+        let place = self.eval(&format!(
+            "(() => {{ const e = document.querySelector('{selector}'); e.scrollIntoView(); const r = e.getBoundingClientRect(); \
+             return [r.left + r.width / 2, r.top + r.height / 2]; }})()"
+        ));
+        let params =
+            json!({"type": kind, "x": place[0], "y": place[1], "button": "left", "clickCount": 1});
+        self.ask("Input.dispatchMouseEvent", params);
+    }
+
+    /// Returns what is seen as a picture (PNG), in base 64.
+    pub fn screenshot(&mut self) -> String {
+        let shot = self.ask("Page.captureScreenshot", json!({"format": "png"}));
+        shot["data"].as_str().unwrap().to_owned()
+    }
+}
+
+impl Drop for Browser {
+    fn drop(&mut self) {
+        let _ = self
+            .say
+            .write_all(b"{\"id\":999999,\"method\":\"Browser.close\"}\0");
+        let began = Instant::now();
+        while began.elapsed() < Duration::from_secs(5) {
+            if self.child.try_wait().is_ok_and(|ended| ended.is_some()) {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}

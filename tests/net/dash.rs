@@ -1,0 +1,612 @@
+//! The operator's page, as a real browser sees it and as strangers try it, against a swarm of separate processes.
+
+use std::io::{Read, Write};
+use std::net::TcpStream;
+use std::process::Command;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use serde_json::json;
+use tomoswarm::config::{self, Config};
+use tomoswarm::run::bus::{BusSession, BusSettings};
+use tomoswarm::run::clock::Clock;
+use tomoswarm::run::mailbox::Troubles;
+use tomoswarm_proto::{
+    Boot, Health, Hello, LayerId, Message, PoseReport, Position, Sender, StandReason, State,
+    TILE_SIDE, TileAddress, TileReport, VehicleId,
+};
+
+use crate::browser::Browser;
+use crate::member::settings;
+use crate::swarm::{PROGRAM, Size, Swarm, free_address, vehicle};
+
+/// What a vehicle calls itself and complains of, to see whether a page takes it for more than text.
+const EVIL: &str = "<img src=x onerror=alert(1)>";
+
+/// The middle of a wall outside of the fence, which a vehicle says that it has seen; what lies 4 m to the east is free.
+const WALL_M: [f64; 2] = [0.8, -5.0];
+
+/// A running `tomoswarm dash`.
+struct Dash {
+    port: u16,
+    look: String,
+    operate: String,
+}
+
+impl Dash {
+    fn start(swarm: &mut Swarm) -> Dash {
+        swarm.spawn("dash", &["dash", "operator.toml", "--port", "0"]);
+        let began = Instant::now();
+        let log = swarm.path("dash.log");
+        loop {
+            let text = std::fs::read_to_string(&log).unwrap_or_default();
+            let link = |word: &str| {
+                let line = text
+                    .lines()
+                    .find(|line| line.contains(&format!("#{word}=")))?;
+                Some(line.split_whitespace().last()?.to_owned())
+            };
+            if let (Some(look), Some(operate)) = (link("look"), link("operate")) {
+                let port = look.split([':', '/']).nth(4).unwrap().parse().unwrap();
+                return Dash {
+                    port,
+                    look,
+                    operate,
+                };
+            }
+            assert!(
+                began.elapsed() < Duration::from_secs(20),
+                "no links: {text}"
+            );
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    fn token(link: &str) -> &str {
+        link.split_once('=').unwrap().1
+    }
+
+    /// Sends a request, and returns the status and all that is answered.
+    fn ask(&self, request: &str) -> (u16, String) {
+        let mut stream = TcpStream::connect(("127.0.0.1", self.port)).unwrap();
+        stream
+            .set_read_timeout(Some(Duration::from_secs(5)))
+            .unwrap();
+        stream.write_all(request.as_bytes()).unwrap();
+        let mut answer = Vec::new();
+        // An answer that is refused in the middle of the request ends with a reset.
+        let _ = stream.read_to_end(&mut answer);
+        let answer = String::from_utf8_lossy(&answer).into_owned();
+        let status = answer.split(' ').nth(1).unwrap_or("0").parse().unwrap();
+        (status, answer)
+    }
+
+    /// Posts an order with these headers.
+    fn post(&self, host: &str, origin: &str, token: &str, body: &str) -> (u16, String) {
+        let origin = if origin.is_empty() {
+            String::new()
+        } else {
+            format!("Origin: {origin}\r\n")
+        };
+        self.ask(&format!(
+            "POST /order HTTP/1.1\r\nHost: {host}\r\n{origin}Authorization: Bearer {token}\r\nContent-Length: {}\r\n\
+             Connection: close\r\n\r\n{body}",
+            body.len()
+        ))
+    }
+
+    /// Asks for the feed, and returns the connection with the first bytes of the answer.
+    fn feed(&self, host: &str, origin: &str) -> (TcpStream, String) {
+        let mut stream = TcpStream::connect(("127.0.0.1", self.port)).unwrap();
+        stream
+            .set_read_timeout(Some(Duration::from_secs(6)))
+            .unwrap();
+        let origin = if origin.is_empty() {
+            String::new()
+        } else {
+            format!("Origin: {origin}\r\n")
+        };
+        let request = format!(
+            "GET /feed HTTP/1.1\r\nHost: {host}\r\n{origin}Upgrade: websocket\r\nConnection: Upgrade\r\n\
+             Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
+        );
+        stream.write_all(request.as_bytes()).unwrap();
+        let mut head = Vec::new();
+        let mut byte = [0];
+        while !head.ends_with(b"\r\n\r\n") && stream.read(&mut byte).is_ok_and(|read| read > 0) {
+            head.push(byte[0]);
+        }
+        (stream, String::from_utf8_lossy(&head).into_owned())
+    }
+}
+
+/// A message of a WebSocket's client: text, whole, masked by nothing but zeros (RFC 6455, 5.2).
+fn text_message(text: &str) -> Vec<u8> {
+    let mut bytes = vec![0x81];
+    match u16::try_from(text.len()).unwrap() {
+        short @ 0..126 => bytes.push(0x80 | short as u8),
+        long => {
+            bytes.push(0x80 | 126);
+            bytes.extend(long.to_be_bytes());
+        }
+    }
+    bytes.extend([0; 4]);
+    bytes.extend(text.as_bytes());
+    bytes
+}
+
+/// Returns what comes until the connection ends, and after how long that was.
+fn until_closed(mut stream: TcpStream) -> (Vec<u8>, Duration) {
+    let began = Instant::now();
+    let mut bytes = Vec::new();
+    let mut buffer = [0; 4096];
+    while let Ok(read @ 1..) = stream.read(&mut buffer) {
+        bytes.extend(&buffer[..read]);
+    }
+    (bytes, began.elapsed())
+}
+
+fn prepared() -> Swarm {
+    Swarm::prepare(Size {
+        vehicles: 2,
+        laps: 1,
+        relayed: false,
+    })
+}
+
+#[test]
+fn strangers_at_the_page_are_refused() {
+    let mut swarm = prepared();
+    let dash = Dash::start(&mut swarm);
+    let own = format!("127.0.0.1:{}", dash.port);
+    let origin = format!("http://{own}");
+    let evil = format!("evil.example:{}", dash.port);
+    let evil_origin = format!("http://{evil}");
+    let (operate, look) = (Dash::token(&dash.operate), Dash::token(&dash.look));
+    let stop = r#"{"order":"stop","page":1}"#;
+
+    let (status, answer) = dash.ask(&format!(
+        "GET / HTTP/1.1\r\nHost: {own}\r\nConnection: close\r\n\r\n"
+    ));
+    assert_eq!(status, 200);
+    let answer = answer.to_lowercase();
+    for header in [
+        "content-security-policy: default-src 'none'; script-src 'self'",
+        "x-content-type-options: nosniff",
+        "cache-control: no-store",
+    ] {
+        assert!(answer.contains(header), "{header}");
+    }
+    let page = |host: &str, path: &str| {
+        dash.ask(&format!(
+            "GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n"
+        ))
+        .0
+    };
+    assert_eq!(
+        page(&evil, "/"),
+        421,
+        "a name that was bound to this machine"
+    );
+    assert_eq!(page(&own, "/../Cargo.toml"), 404);
+
+    for (host, origin, token, body, expected) in [
+        (&own, &origin, operate, "stop", 400),
+        (&evil, &evil_origin, operate, stop, 421),
+        (&own, &evil_origin, operate, stop, 403),
+        (&own, &String::new(), operate, stop, 403),
+        (&own, &"null".to_owned(), operate, stop, 403),
+        (&own, &origin, "", stop, 401),
+        (&own, &origin, &operate[1..], stop, 401),
+        (&own, &origin, look, stop, 403),
+        (&own, &origin, operate, r#"{"order":"start","page":1}"#, 403),
+        (&own, &origin, operate, &" ".repeat(5000), 413),
+    ] {
+        let (status, answer) = dash.post(host, origin, token, body);
+        assert_eq!(
+            status, expected,
+            "{host} {origin} {token} {body:.40}: {answer}"
+        );
+    }
+    for (host, origin) in [
+        (&own, &evil_origin),
+        (&evil, &evil_origin),
+        (&own, &String::new()),
+    ] {
+        let (_, head) = dash.feed(host, origin);
+        assert!(
+            head.contains(" 403 ") || head.contains(" 421 "),
+            "{host} {origin}: {head}"
+        );
+    }
+    let open = || {
+        let (stream, head) = dash.feed(&own, &origin);
+        assert!(head.contains(" 101 "), "{head}");
+        stream
+    };
+    let (said, after) = until_closed(open());
+    assert!(
+        (1800..4000).contains(&after.as_millis()),
+        "a silent page: {after:?}"
+    );
+    assert!(
+        String::from_utf8_lossy(&said).contains("token"),
+        "it is told why"
+    );
+    for message in [
+        "x".repeat(5000),
+        json!({"token": "0".repeat(32)}).to_string(),
+        "{}".to_owned(),
+    ] {
+        let mut stream = open();
+        stream.write_all(&text_message(&message)).unwrap();
+        let (said, after) = until_closed(stream);
+        assert!(
+            after < Duration::from_secs(2) && said.len() < 200,
+            "{message:.40}: {after:?}, {} bytes",
+            said.len()
+        );
+    }
+    let (status, _) = dash.post(&own, &origin, operate, stop);
+    assert_eq!(status, 200, "and whoever may is heard after all that");
+}
+
+#[test]
+fn a_port_that_is_in_use_is_said_and_refused() {
+    let swarm = prepared();
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = taken.local_addr().unwrap().port().to_string();
+    let run = Command::new(PROGRAM)
+        .args(["dash", "operator.toml", "--port", &port])
+        .current_dir(swarm.folder.path())
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&run.stderr);
+    assert_eq!(run.status.code(), Some(2), "{said}");
+    assert!(
+        said.contains(&format!("127.0.0.1:{port} cannot be listened on")),
+        "{said}"
+    );
+}
+
+/// A tile of which the western half is occupied and the eastern one free, as far as it lies outside of the fence.
+fn wall() -> TileReport {
+    let cell = |place: usize| match (place / TILE_SIDE, place % TILE_SIDE) {
+        (10.., _) => 0,
+        (_, ..16) => 17,
+        (_, _) => -17,
+    };
+    TileReport {
+        layer: LayerId {
+            vehicle: VehicleId(9),
+            boot: Boot(1),
+        },
+        address: TileAddress {
+            slice: 0,
+            x: 0,
+            y: -1,
+        },
+        revision: 1,
+        cells: Arc::new(std::array::from_fn(cell)),
+    }
+}
+
+/// Puts a vehicle on the bus that says evil things of itself, until it is dropped.
+fn evil_vehicle(swarm: &Swarm) -> BusSession {
+    let path = swarm.path("venue.toml");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let read = config::read("venue.toml", &text, &mut |_| {
+        Err("nothing is named".to_owned())
+    });
+    let Ok(Config::Venue(venue)) = read else {
+        panic!("no venue")
+    };
+    let id = VehicleId(9);
+    let settings = BusSettings {
+        node: vehicle(9),
+        listen: vec![format!("tcp/{}", free_address())],
+        ..settings(&swarm.path("operator.toml"))
+    };
+    let bus = BusSession::open(settings, Clock::start(), Troubles::default(), |_| {}).unwrap();
+    let publisher = bus.publisher();
+    publisher.speak();
+    std::thread::spawn(move || {
+        for sequence in 0..600 {
+            let hello = Hello {
+                is_member: true,
+                name: EVIL.to_owned(),
+                ..Hello::asking(Sender::Vehicle(id), Boot(1), venue.hash(), 9)
+            };
+            let pose = PoseReport {
+                at: Position::from_metres(-3.0, 9.0, 0.0),
+                ..PoseReport::default()
+            };
+            let state = State {
+                vehicle: id,
+                boot: Boot(1),
+                sequence,
+                pose: Some(pose),
+                is_at_rest: true,
+                ..State::default()
+            };
+            let health = Health {
+                vehicle: id,
+                boot: Boot(1),
+                troubles: vec![EVIL.to_owned()],
+                ..Health::default()
+            };
+            for message in [
+                Message::Hello(hello),
+                Message::State(state),
+                Message::Health(health),
+                Message::Tile(wall()),
+            ] {
+                publisher.publish(&message);
+            }
+            std::thread::sleep(Duration::from_millis(200));
+        }
+    });
+    bus
+}
+
+/// Frames as they were written down, which the page's own code is to read.
+fn golden_frames(browser: &mut Browser) {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/dash/frames.txt");
+    let text = std::fs::read_to_string(path).unwrap();
+    let read = browser.eval(&format!(
+        "(async () => {{ const {{ Model }} = await import('/model.js'); const model = new Model();
+           for (const line of {text:?}.trim().split('\\n')) {{
+             const hex = line.split(' ')[1];
+             model.take(new Uint8Array(hex.match(/../g).map((b) => parseInt(b, 16))).buffer, 1000);
+           }}
+           const tile = model.tiles.get('-1/2/-3'), image = model.images.get(1);
+           return {{ state: model.states.get(3), beat: model.frames, cells: [...tile.cells.slice(30, 42)],
+             image: [image.run, image.laps, ...image.mean, ...image.deviation], text: model.vehicles.get(1).text }}; }})()"
+    ));
+    let state = &read["state"];
+    assert_eq!(
+        (
+            &state["x"],
+            &state["y"],
+            &state["sd"],
+            &state["battery"],
+            &state["at_ms"]
+        ),
+        (
+            &json!(-1.5),
+            &json!(2000),
+            &json!(0.05),
+            &json!(0.87),
+            &json!(960)
+        )
+    );
+    assert_eq!(
+        read["cells"],
+        json!([17, 17, -4, -3, -2, -1, 0, 1, 2, 3, -17, -17])
+    );
+    assert_eq!(read["beat"], 5);
+    assert_eq!(read["text"], "<ä>");
+    let rounded: Vec<i64> = read["image"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|n| (n.as_f64().unwrap() * 1000.0).round() as i64)
+        .collect();
+    assert_eq!(rounded, [1000, 6000, -50, 50, 45, 1000]);
+}
+
+/// Returns the colour of the scene at a place.
+fn pixel(browser: &mut Browser, [x_m, y_m]: [f64; 2]) -> Vec<u64> {
+    let read = browser.eval(&format!(
+        "(() => {{ const {{ scene }} = tomoswarm, [x, y] = scene.toPixel({x_m}, {y_m}), r = scene.canvas.width / scene.canvas.clientWidth;
+           return [...scene.canvas.getContext('2d').getImageData(Math.round(x * r), Math.round(y * r), 1, 1).data]; }})()"
+    ));
+    let channels = read.as_array().unwrap().iter();
+    channels.map(|channel| channel.as_u64().unwrap()).collect()
+}
+
+#[test]
+fn the_page_shows_the_swarm_and_the_space_key_stops_it() {
+    let Some(mut browser) = Browser::open(1440, 900) else {
+        return;
+    };
+    let mut swarm = prepared();
+    swarm.run();
+    let dash = Dash::start(&mut swarm);
+    swarm.until("all are there", 60, |watch| {
+        let all = (1..=2).all(|id| watch.view.state(VehicleId(id)).is_some());
+        all && watch.view.grounds().next().is_some()
+    });
+    swarm.order(&["start", "1", "2", "--run", "1"]);
+    let _evil = evil_vehicle(&swarm);
+    browser.go(&dash.operate);
+    browser.until(
+        "document.querySelectorAll('#vehicles tbody tr').length === 3",
+        30,
+    );
+    assert_eq!(
+        browser.eval("document.getElementById('showing').textContent"),
+        "LIVE"
+    );
+    golden_frames(&mut browser);
+
+    browser.until("[...document.querySelectorAll('#vehicles td')].some((cell) => cell.textContent.includes('<img src=x'))", 10);
+    assert_eq!(
+        browser.eval("document.querySelectorAll('#vehicles img').length"),
+        0,
+        "it is text"
+    );
+
+    let (wall, free) = (WALL_M, [WALL_M[0] + 4.0, WALL_M[1]]);
+    browser.until(
+        &format!(
+            "tomoswarm.scene.cellWord({}, {}) === 'occupied'",
+            wall[0], wall[1]
+        ),
+        20,
+    );
+    std::thread::sleep(Duration::from_millis(500));
+    let (dark, light) = (pixel(&mut browser, wall), pixel(&mut browser, free));
+    assert!(dark[0] < 60, "occupied is dark: {dark:?}");
+    assert!(light[0] > 190, "free is light: {light:?}");
+    browser.until(
+        "[1, 2].some((id) => !tomoswarm.model.states.get(id).isAtRest)",
+        60,
+    );
+
+    let began = Instant::now();
+    browser.key(" ", "Space", 32);
+    let is_open = |watch: &crate::swarm::Watch| !watch.view.open_stops().is_empty();
+    while !swarm.look(is_open) {
+        assert!(
+            began.elapsed() < Duration::from_secs(5),
+            "no stop on the bus"
+        );
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    println!(
+        "space key to stop on the bus: {} ms, the browser's tools included",
+        began.elapsed().as_millis()
+    );
+    swarm.until("every vehicle stands under a stop", 10, |watch| {
+        (1..=2).all(|id| {
+            watch.view.state(VehicleId(id)).is_some_and(|state| {
+                matches!(state.value.stands_under, Some(StandReason::Stop(_)))
+                    && state.value.is_at_rest
+            })
+        })
+    });
+    browser.until(
+        "document.getElementById('stops').innerText.includes('shown by 1, 2')",
+        10,
+    );
+    browser.until(
+        "document.querySelectorAll('#vehicles tr.stopped').length === 2",
+        10,
+    );
+    shot(&mut browser, "stopped");
+
+    start_again(&mut browser, &swarm);
+
+    // Who looks only stops nobody, and sees that.
+    browser.go("about:blank");
+    browser.go(&dash.look);
+    browser.until(
+        "document.querySelectorAll('#vehicles tbody tr').length === 3",
+        20,
+    );
+    browser.key("h", "KeyH", 72);
+    assert!(
+        browser
+            .eval("document.getElementById('stop-result').textContent")
+            .as_str()
+            .unwrap()
+            .contains("look only")
+    );
+    assert_eq!(browser.complaints, Vec::<String>::new());
+}
+
+#[test]
+fn an_image_comes_to_the_page_and_a_page_without_a_scene_still_stops() {
+    let Some(mut browser) = Browser::open(1280, 800) else {
+        return;
+    };
+    let mut swarm = prepared();
+    swarm.run();
+    let dash = Dash::start(&mut swarm);
+    swarm.begin();
+    browser.go(&dash.operate);
+    browser.until("tomoswarm.model.images.has(0)", 240);
+    browser.eval("(() => { const s = document.getElementById('image-subject'); s.value = '0'; s.dispatchEvent(new Event('change')); })()");
+    browser.until(
+        "document.getElementById('heat-scale').textContent.includes('dB/m')",
+        10,
+    );
+    let same = browser.eval(
+        "(() => { const { model } = tomoswarm, image = model.images.get(0), heat = document.getElementById('heat');
+           const brightest = image.mean.indexOf(Math.max(...image.mean));
+           const side = heat.width / image.columns, column = brightest % image.columns, row = Math.floor(brightest / image.columns);
+           const scale = Number(document.getElementById('heat-scale').textContent.match(/to ([0-9.]+) dB/)[1]);
+           const colour = model.place.heat[Math.round(image.mean[brightest] / scale * 255)];
+           const seen = heat.getContext('2d').getImageData((column + 0.5) * side, (image.rows - row - 0.5) * side, 1, 1).data;
+           return colour.every((channel, i) => channel === seen[i]) && image.mean[brightest] > 0; })()",
+    );
+    assert_eq!(
+        same, true,
+        "the brightest pixel has the colour of the pictures"
+    );
+    shot(&mut browser, "image");
+
+    browser.ask("Network.setBlockedURLs", json!({"urls": ["*/scene2d.js"]}));
+    browser.go("about:blank");
+    browser.complaints.clear();
+    browser.go(&dash.operate);
+    browser.until("document.documentElement.dataset.mayStop === 'yes'", 10);
+    assert_eq!(
+        browser.eval("typeof tomoswarm"),
+        "undefined",
+        "the scene is gone, and what needs it"
+    );
+    browser.pointer("mousePressed", "#stop");
+    swarm.until("everyone stands under a stop", 10, |watch| {
+        (1..=2).all(|id| {
+            let state = watch.view.state(VehicleId(id));
+            state
+                .is_some_and(|state| matches!(state.value.stands_under, Some(StandReason::Stop(_))))
+        })
+    });
+    browser.until(
+        "document.getElementById('stop-result').textContent.includes('Stop is given')",
+        5,
+    );
+}
+
+/// Presses an element for so long.
+fn hold(browser: &mut Browser, selector: &str, hold_ms: u64) {
+    browser.pointer("mousePressed", selector);
+    std::thread::sleep(Duration::from_millis(hold_ms));
+    browser.pointer("mouseReleased", selector);
+}
+
+/// Takes the seat and starts vehicles 1 and 2 again by buttons that are held; a tap does nothing.
+fn start_again(browser: &mut Browser, swarm: &Swarm) {
+    let is_open = |watch: &crate::swarm::Watch| !watch.view.open_stops().is_empty();
+    for id in [1, 2] {
+        hold(browser, &format!("tr[data-vehicle=\"{id}\"]"), 0);
+    }
+    assert_eq!(
+        browser.eval("document.getElementById('start').disabled"),
+        true,
+        "it has not the seat"
+    );
+    hold(browser, "#take-seat", 1500);
+    browser.until(
+        "tomoswarm.model.orders.seat === tomoswarm.model.place.page",
+        10,
+    );
+    browser.until(
+        "document.getElementById('start').textContent === 'Start 1, 2'",
+        5,
+    );
+    hold(browser, "#start", 300);
+    std::thread::sleep(Duration::from_millis(1200));
+    assert!(swarm.look(is_open), "a tap does nothing");
+    let began = Instant::now();
+    while swarm.look(is_open) {
+        assert!(
+            began.elapsed() < Duration::from_secs(40),
+            "the stop is not lifted"
+        );
+        // A start is refused while a vehicle was not heard for 2 s.
+        hold(browser, "#start", 1500);
+        std::thread::sleep(Duration::from_secs(2));
+    }
+}
+
+/// Keeps what is seen, where a folder for that is named.
+fn shot(browser: &mut Browser, name: &str) {
+    if let Some(folder) = std::env::var_os("SCREENSHOTS") {
+        let path = std::path::Path::new(&folder).join(format!("{name}.b64"));
+        std::fs::write(path, browser.screenshot()).unwrap();
+    }
+}

@@ -1,0 +1,95 @@
+// Puts the page together: the feed fills the model, and what has changed is drawn when the browser draws.
+
+import { Feed } from "./feed.js";
+import { Fleet } from "./fleet.js";
+import { ImagePanel } from "./image.js";
+import { Model } from "./model.js";
+import { Orders } from "./orders.js";
+import { Scene } from "./scene2d.js";
+
+const AGES_EVERY_MS = 250;
+const STALE_MS = 3000;
+
+const token = location.hash.split("=")[1] ?? "";
+const model = new Model();
+const fleet = new Fleet(model);
+const orders = new Orders(model, fleet);
+const scene = new Scene(model);
+const image = new ImagePanel(model);
+let isWanted = false;
+let needsScene = true;
+let needsImage = true;
+
+const feed = new Feed(token, (buffer) => {
+  model.take(buffer, performance.now());
+  wantFrame();
+}, () => {
+  showHead();
+  wantFrame();
+});
+
+scene.wanted = () => { needsScene = true; wantFrame(); };
+image.wanted = () => { needsImage = true; needsScene = true; wantFrame(); };
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", scene.wanted);
+
+function wantFrame() {
+  if (isWanted) return;
+  isWanted = true;
+  requestAnimationFrame(draw);
+}
+
+function draw() {
+  isWanted = false;
+  const now_ms = performance.now();
+  const { changed } = model;
+  if (changed.has("welcome")) showPlace();
+  if (changed.has("orders") || changed.has("welcome")) orders.show();
+  if (changed.has("image") || changed.has("finds") || needsImage) image.draw();
+  if (changed.size > 0 || needsScene) scene.draw(now_ms);
+  if (changed.size > 0) fleet.show(now_ms);
+  changed.clear();
+  [needsScene, needsImage] = [false, false];
+  showHead();
+  feed.drawn();
+}
+
+function showPlace() {
+  const { place } = model;
+  document.documentElement.dataset.page = String(place.page);
+  document.documentElement.dataset.showing = place.showing;
+  document.getElementById("showing").textContent = place.showing;
+  document.getElementById("venue").textContent = place.venue;
+  document.title = `${place.showing} · ${place.venue} · tomoswarm`;
+}
+
+function showHead() {
+  const now_ms = performance.now();
+  const age_ms = now_ms - model.heard_ms;
+  const isStale = !feed.isOpen || age_ms > STALE_MS;
+  document.documentElement.classList.toggle("stale", isStale);
+  const age = document.getElementById("age");
+  age.textContent = feed.isOpen ? (isStale ? `NO DATA for ${(age_ms / 1000).toFixed(0)} s` : "connected") : `NOT CONNECTED ${feed.why}`;
+  const ground = model.ground;
+  document.getElementById("run").textContent = ground?.isHeard ? `run ${ground.run}, ${ground.phase}, lap ${ground.lapsDone} of ${ground.laps}` : "no ground station";
+  let count = ground?.isHeard ? ground.troubles.length : 0;
+  for (const vehicle of model.vehicles.values()) count += vehicle.health?.troubles.length ?? 0;
+  document.getElementById("troubles").textContent = count === 0 ? "no troubles" : `${count} troubles`;
+}
+
+setInterval(() => {
+  if (document.hidden) return;
+  const now_ms = performance.now();
+  fleet.show(now_ms);
+  showHead();
+  const isAnySilent = [...model.states.keys()].some((id) => model.isSilent(id, now_ms));
+  if (isAnySilent) scene.wanted();
+}, AGES_EVERY_MS);
+
+const keys = document.getElementById("keys");
+document.getElementById("help").addEventListener("click", () => keys.showModal());
+addEventListener("keydown", (event) => {
+  if (event.key === "?" && !keys.open) keys.showModal();
+});
+
+// For tests, and for whoever looks into the page.
+globalThis.tomoswarm = { model, scene, feed };

@@ -1,0 +1,152 @@
+// The table of vehicles, the ground station, and which vehicles are selected. Texts of nodes are set as text only.
+
+import { say } from "./stop.js";
+
+const TYPED_WITHIN_MS = 800;
+
+export class Fleet {
+  constructor(model) {
+    this.model = model;
+    this.selected = new Set();
+    this.rows = new Map();
+    this.body = document.querySelector("#vehicles tbody");
+    this.typed = "";
+    this.typed_ms = 0;
+    addEventListener("keydown", (event) => this.key(event));
+    this.showSelection();
+  }
+
+  key(event) {
+    const isElsewhere = event.ctrlKey || event.altKey || event.metaKey || event.target.matches?.("input, select, textarea");
+    if (isElsewhere || event.target.id === "plane" && event.key === "0") return;
+    if (event.key === "Escape") return this.select([]);
+    if (event.key.toLowerCase() === "a") return this.select(this.model.ids());
+    if (!/^[0-9]$/.test(event.key)) return;
+    const now_ms = performance.now();
+    this.typed = now_ms - this.typed_ms < TYPED_WITHIN_MS ? this.typed + event.key : event.key;
+    this.typed_ms = now_ms;
+    const id = Number(this.typed);
+    if (this.model.ids().includes(id)) this.select([id]);
+    else say(`There is no vehicle ${id}.`);
+  }
+
+  select(ids) {
+    this.selected = new Set(ids);
+    this.showSelection();
+    this.show(performance.now());
+  }
+
+  toggle(id) {
+    this.selected.has(id) ? this.selected.delete(id) : this.selected.add(id);
+    this.showSelection();
+    this.show(performance.now());
+  }
+
+  showSelection() {
+    const ids = [...this.selected].sort((a, b) => a - b);
+    document.documentElement.dataset.selected = ids.join(",");
+    const text = ids.length ? `selected: ${ids.join(", ")}` : "none selected: orders go to all";
+    document.getElementById("selection").textContent = text;
+    dispatchEvent(new CustomEvent("selected", { detail: ids }));
+  }
+
+  show(now_ms) {
+    const ids = this.model.ids();
+    for (const id of ids) if (!this.rows.has(id)) this.addRow(id);
+    for (const id of ids) this.showRow(id, now_ms);
+    this.showGround(now_ms);
+  }
+
+  addRow(id) {
+    const row = document.createElement("tr");
+    row.tabIndex = 0;
+    row.dataset.vehicle = String(id);
+    const head = document.createElement("th");
+    head.scope = "row";
+    row.append(head);
+    for (let i = 0; i < 8; i++) row.append(document.createElement("td"));
+    row.addEventListener("click", () => this.toggle(id));
+    row.addEventListener("keydown", (event) => {
+      if (event.key === "Enter" && !event.repeat) this.toggle(id);
+    });
+    const after = [...this.body.children].find((other) => Number(other.dataset.vehicle) > id);
+    this.body.insertBefore(row, after ?? null);
+    this.rows.set(id, row);
+  }
+
+  showRow(id, now_ms) {
+    const row = this.rows.get(id);
+    const state = this.model.states.get(id);
+    const vehicle = this.model.vehicles.get(id) ?? {};
+    const health = vehicle.health;
+    const isSilent = this.model.isSilent(id, now_ms);
+    const age_s = state ? (now_ms - state.at_ms) / 1000 : null;
+    const texts = [
+      `${shape(state, isSilent)} ${id}`,
+      isSilent ? (state ? `silent for ${age_s.toFixed(0)} s` : "not heard") : this.doing(state),
+      missionText(vehicle.mission),
+      state?.battery == null ? "–" : `${Math.round(state.battery * 100)} %`,
+      vehicle.ordered ?? "–",
+      age_s === null ? "–" : `${age_s.toFixed(1)} s`,
+      health ? health.waiting : "–",
+      health ? health.hears.join(", ") || "nobody" : "–",
+      troublesText(vehicle),
+    ];
+    texts.forEach((text, column) => {
+      const cell = row.children[column];
+      if (cell.textContent !== text) cell.textContent = text;
+    });
+    const [red, green, blue] = this.model.colourOf(id);
+    row.children[0].style.borderLeftColor = `rgb(${red}, ${green}, ${blue})`;
+    row.classList.toggle("silent", isSilent);
+    row.classList.toggle("stopped", state?.standsUnder === 1);
+    row.classList.toggle("troubled", texts[8] !== "none");
+    row.setAttribute("aria-selected", this.selected.has(id) ? "true" : "false");
+  }
+
+  doing(state) {
+    const place = this.model.place;
+    const mode = place?.modes[state.mode] ?? "?";
+    const why = place?.standsUnder[state.standsUnder] ?? "";
+    const speed = state.isAtRest ? "at rest" : `${state.speed.toFixed(2)} m/s`;
+    return [mode, why && why !== mode && mode !== "STOPPED" && `(${why})`, speed].filter(Boolean).join(" ");
+  }
+
+  showGround(now_ms) {
+    const ground = this.model.ground;
+    const box = document.getElementById("ground");
+    if (!ground?.isHeard) {
+      box.textContent = "ground station: not heard";
+      return;
+    }
+    const age_s = (now_ms - ground.at_ms) / 1000;
+    const parts = [
+      `ground station: ${ground.phase}, run ${ground.run}, lap ${ground.lapsDone} of ${ground.laps}`,
+      `${ground.samples} samples, ${ground.images} images, lease ${ground.lease}`,
+      age_s > 5 ? `SILENT for ${age_s.toFixed(0)} s` : "",
+      ground.lost.length ? `lost: ${ground.lost.join(", ")}` : "",
+      ground.troubles.join("; "),
+    ];
+    box.textContent = parts.filter(Boolean).join(" · ");
+    box.classList.toggle("silent", age_s > 5);
+  }
+}
+
+function shape(state, isSilent) {
+  if (isSilent) return "?";
+  if (state.standsUnder === 1) return "✖";
+  return state.isAtRest ? "■" : "▲";
+}
+
+function missionText(mission) {
+  if (!mission) return "–";
+  const share = mission.share === null ? "" : `${Math.round(mission.share * 100)} %`;
+  const end = mission.end ? `ended: ${mission.end}` : mission.phase;
+  return [mission.kind, end, share, mission.isAtHome ? "at home" : ""].filter(Boolean).join(" ");
+}
+
+function troublesText(vehicle) {
+  const all = [vehicle.misfit, ...(vehicle.health?.troubles ?? [])].filter(Boolean);
+  const steered = vehicle.control && vehicle.control !== "this software" ? [`steered by ${vehicle.control}`] : [];
+  return [...steered, ...all].join("; ") || "none";
+}

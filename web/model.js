@@ -1,0 +1,158 @@
+// The newest of everything that the feed has said, as plain values. Draws nothing.
+
+import { KIND, STATE, STRIPE, TILE } from "./frames.js";
+import { bytesOf, readCells, readFrame, readRecord } from "./decode.js";
+
+/** A vehicle whose state is older is silent. */
+export const SILENT_AFTER_MS = 2000;
+const UNKNOWN = 0xffff;
+/** Places of a track that are kept, and how far they are apart at least. */
+const TRACK_PLACES = 4000;
+const TRACK_STEP_M = 0.05;
+
+export class Model {
+  constructor() {
+    this.place = null;
+    this.states = new Map();
+    this.vehicles = new Map();
+    this.plans = new Map();
+    this.tracks = new Map();
+    this.tiles = new Map();
+    this.images = new Map();
+    this.finds = new Map();
+    this.ground = null;
+    this.orders = { isLinked: true, stops: [], orders: [], seat: null, lease: 0 };
+    this.changed = new Set();
+    this.changedTiles = new Set();
+    this.heard_ms = -Infinity;
+    this.frames = 0;
+    this.bytes = 0;
+    this.texts = new Map();
+  }
+
+  /** Takes a frame. */
+  take(buffer, now_ms) {
+    const frame = readFrame(buffer);
+    this.heard_ms = now_ms;
+    this.frames += 1;
+    this.bytes += buffer.byteLength;
+    switch (frame.kind) {
+      case KIND.States: return this.takeStates(frame, now_ms);
+      case KIND.Tiles: return this.takeTiles(frame);
+      case KIND.Stripe: return this.takeStripe(frame);
+      default: return this.takeText(frame, now_ms);
+    }
+  }
+
+  takeStates(frame, now_ms) {
+    let at = 0;
+    for (let i = 0; i < frame.count; i++) {
+      let record;
+      [record, at] = readRecord(STATE, frame.body, at);
+      const state = stateOf(record, now_ms);
+      this.states.set(state.id, state);
+      if (state.isPlaced) this.extendTrack(state);
+      this.changed.add("states");
+    }
+  }
+
+  extendTrack(state) {
+    const track = this.tracks.get(state.id) ?? [];
+    const last = track.at(-1);
+    if (!last || Math.hypot(last[0] - state.x, last[1] - state.y) >= TRACK_STEP_M) track.push([state.x, state.y]);
+    if (track.length > TRACK_PLACES) track.shift();
+    this.tracks.set(state.id, track);
+  }
+
+  takeTiles(frame) {
+    let at = 0;
+    for (let i = 0; i < frame.count; i++) {
+      let record;
+      [record, at] = readRecord(TILE, frame.body, at);
+      const key = `${record.slice}/${record.x}/${record.y}`;
+      this.tiles.set(key, { ...record, cells: readCells(frame.body, at, record.bytes) });
+      this.changedTiles.add(key);
+      at += record.bytes;
+    }
+    this.changed.add("tiles");
+  }
+
+  takeStripe(frame) {
+    const [record, at] = readRecord(STRIPE, frame.body, 0);
+    let image = this.images.get(record.subject);
+    const isSame = image && image.run === record.run && image.sequence === record.sequence;
+    if (!isSame) {
+      const pixels = record.columns * record.rows;
+      image = { ...record, mean: new Float32Array(pixels).fill(NaN), deviation: new Float32Array(pixels).fill(NaN) };
+      this.images.set(record.subject, image);
+    }
+    const mean = new Int8Array(bytesOf(frame.body, at, record.pixels));
+    for (let i = 0; i < record.pixels; i++) image.mean[record.first + i] = (mean[i] * record.meanStep_udb) / 1e6;
+    if (record.hasDeviation) {
+      const deviation = bytesOf(frame.body, at + record.pixels, record.pixels);
+      for (let i = 0; i < record.pixels; i++) image.deviation[record.first + i] = (deviation[i] * record.deviationStep_udb) / 1e6;
+    }
+    image.version = (image.version ?? 0) + 1;
+    this.changed.add("image");
+  }
+
+  /** Texts that do not fit into a frame come in several. */
+  takeText(frame, now_ms) {
+    const parts = this.texts.get(frame.kind) ?? [];
+    parts.push(...bytesOf(frame.body));
+    if (frame.goesOn) {
+      this.texts.set(frame.kind, parts);
+      return;
+    }
+    this.texts.delete(frame.kind);
+    const value = JSON.parse(new TextDecoder().decode(new Uint8Array(parts)));
+    switch (frame.kind) {
+      case KIND.Welcome: this.place = value; break;
+      case KIND.Orders: this.orders = value; break;
+      case KIND.Ground: this.ground = { ...value, at_ms: now_ms - (value.age_s ?? 0) * 1000 }; break;
+      case KIND.Vehicle: this.vehicles.set(value.id, value); break;
+      case KIND.Plan: this.plans.set(value.id, value); break;
+      case KIND.Finds: this.finds.set(value.subject, value); break;
+      default: return;
+    }
+    const names = Object.entries(KIND).find(([, number]) => number === frame.kind);
+    this.changed.add(names[0].toLowerCase());
+  }
+
+  /** Numbers of all vehicles, ascending. */
+  ids() {
+    return [...new Set([...this.states.keys(), ...this.vehicles.keys()])].sort((a, b) => a - b);
+  }
+
+  isSilent(id, now_ms) {
+    const state = this.states.get(id);
+    return !state || now_ms - state.at_ms > SILENT_AFTER_MS;
+  }
+
+  colourOf(id) {
+    const colours = this.place?.vehicleColours ?? [[90, 90, 90]];
+    return colours[(id + colours.length - 1) % colours.length];
+  }
+}
+
+function stateOf(record, now_ms) {
+  const has = (bit) => (record.flags & (1 << bit)) !== 0;
+  return {
+    id: record.vehicle,
+    mode: record.mode,
+    standsUnder: record.standsUnder,
+    isPlaced: has(0),
+    isAtRest: has(1),
+    isArmed: has(2),
+    isLanded: has(3),
+    isForeign: has(4),
+    x: record.x_mm / 1000,
+    y: record.y_mm / 1000,
+    z: record.z_mm / 1000,
+    heading: record.heading_urad100 / 1e4,
+    sd: record.sd_mm === UNKNOWN ? null : record.sd_mm / 1000,
+    speed: record.speed_mmps / 1000,
+    battery: record.battery_permille === UNKNOWN ? null : record.battery_permille / 1000,
+    at_ms: now_ms - record.age_ms,
+  };
+}

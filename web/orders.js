@@ -1,0 +1,115 @@
+// What makes vehicles move: buttons that are held for a second, the seat, and how orders fared.
+
+import { post, say } from "./stop.js";
+
+const HELD_MS = 1000;
+const RENEW_MS = 5000;
+
+export class Orders {
+  constructor(model, fleet) {
+    this.model = model;
+    this.fleet = fleet;
+    for (const order of ["start", "return", "land"]) this.heldButton(order, () => this.give(order));
+    this.heldButton("take-seat", () => this.takeSeat());
+    addEventListener("selected", () => this.showTargets());
+    setInterval(() => {
+      if (this.hasSeat() && !document.hidden) post({ order: "seat" });
+    }, RENEW_MS);
+  }
+
+  hasSeat() {
+    const page = this.model.place?.page;
+    return page !== undefined && this.model.orders.seat === page;
+  }
+
+  /** A button that acts when it was held for a second, by pointer or by Enter. */
+  heldButton(id, act) {
+    const button = document.getElementById(id);
+    let timer = null;
+    const begin = () => {
+      if (timer !== null || button.disabled) return;
+      button.classList.add("filling");
+      timer = setTimeout(() => { end(); act(); }, HELD_MS);
+    };
+    const end = () => {
+      clearTimeout(timer);
+      timer = null;
+      button.classList.remove("filling");
+    };
+    button.addEventListener("pointerdown", begin);
+    for (const kind of ["pointerup", "pointerleave", "pointercancel", "blur"]) button.addEventListener(kind, end);
+    button.addEventListener("keydown", (event) => {
+      if (event.key === "Enter") begin();
+    });
+    button.addEventListener("keyup", (event) => {
+      if (event.key === "Enter") end();
+    });
+  }
+
+  async give(order) {
+    const vehicles = [...this.fleet.selected];
+    const number = await post({ order, vehicles });
+    if (number !== null) say(`${order} is given to ${vehicles.length ? vehicles.join(", ") : "all"}.`, "given");
+  }
+
+  async takeSeat() {
+    const number = await post({ order: "seat", take_over: true });
+    if (number !== null) say("This page has the seat.", "given");
+  }
+
+  showTargets() {
+    const ids = [...this.fleet.selected].sort((a, b) => a - b);
+    const whom = ids.length ? ids.join(", ") : `all (${this.model.ids().join(", ") || "none heard"})`;
+    for (const [id, word] of [["start", "Start"], ["return", "Return"], ["land", "Land"]]) {
+      const button = document.getElementById(id);
+      button.textContent = `${word} ${whom}`;
+      button.disabled = !this.hasSeat();
+      button.title = this.hasSeat() ? "hold for a second" : "this page has not the seat";
+    }
+    document.getElementById("hold").textContent = `Hold ${ids.length ? ids.join(", ") : "all"} (H)`;
+  }
+
+  show() {
+    const { orders, place } = this.model;
+    this.showTargets();
+    const seat = document.getElementById("take-seat");
+    const mayOrder = place?.mayOrder === true;
+    seat.disabled = !mayOrder || this.hasSeat();
+    seat.textContent = this.hasSeat() ? "This page has the seat" : orders.seat === null ? "Take the seat" : `Take over the seat from page ${orders.seat}`;
+    document.getElementById("seat").textContent =
+      orders.seat === null ? "seat: free" : this.hasSeat() ? "seat: this page" : `seat: page ${orders.seat}`;
+    document.getElementById("bar").classList.toggle("unlinked", !orders.isLinked);
+    if (this.wasLinked === false && orders.isLinked) say("");
+    this.wasLinked = orders.isLinked;
+    if (!orders.isLinked) say("Cannot stop from here: nobody is reached. Use the radio, or tomoswarm order CONFIG emergency.", "refused");
+    this.fill("stops", orders.stops.map(stopText));
+    this.fill("given", [...orders.orders].reverse().map((order) => this.orderText(order)));
+  }
+
+  orderText(order) {
+    const whom = order.vehicles.length ? order.vehicles.join(", ") : "all";
+    const head = `${order.what} ${whom}, by page ${order.page}`;
+    if (order.refused) return [`${head}: refused, ${order.refused}`, "failed"];
+    if (!order.isOver) return [`${head}: on its way`, "open"];
+    const fates = order.fates.map((fate) => `${fate.vehicle} ${fate.words}`).join("; ");
+    return [`${head}: ${order.isDone ? "done" : "NOT DONE"}: ${fates || "nobody is heard"}`, order.isDone ? "done" : "failed"];
+  }
+
+  fill(id, lines) {
+    const list = document.getElementById(id);
+    const items = lines.map(([text, kind]) => {
+      const item = document.createElement("li");
+      item.textContent = text;
+      item.className = kind;
+      return item;
+    });
+    list.replaceChildren(...items);
+  }
+}
+
+function stopText(stop) {
+  const whom = stop.vehicle === null ? "all vehicles" : `vehicle ${stop.vehicle}`;
+  const shown = stop.shown.length ? `shown by ${stop.shown.join(", ")}` : "shown by nobody yet";
+  const open = stop.notShown.length ? `, NOT shown by ${stop.notShown.join(", ")}` : "";
+  return [`STOP ${stop.name} for ${whom}, by operator ${stop.by}: ${shown}${open}. A start lifts it.`, "stop"];
+}

@@ -1,0 +1,340 @@
+// The scene from above on a canvas: merged map, image, fence, homes, plans, tracks, vehicles with their deviation, finds. x to
+// the right, y up, metres.
+
+import { imageCanvas } from "./image.js";
+
+const SIDE = 32;
+const OCCUPIED_FROM = 9;
+const FREE_TO = -8;
+const SURE = 17;
+const PADDING = 1.08;
+
+export class Scene {
+  constructor(model) {
+    this.model = model;
+    this.canvas = document.getElementById("plane");
+    this.tiles = new Map();
+    this.view = null;
+    this.layers = Object.fromEntries(["map", "image", "plan", "tracks"].map((name) => [name, document.getElementById(`layer-${name}`)]));
+    for (const box of Object.values(this.layers)) box.addEventListener("change", () => this.wanted());
+    this.wanted = () => {};
+    this.slice = 0;
+    this.listen();
+  }
+
+  listen() {
+    const { canvas } = this;
+    let from = null;
+    canvas.addEventListener("pointerdown", (event) => {
+      from = [event.clientX, event.clientY];
+      canvas.setPointerCapture(event.pointerId);
+    });
+    canvas.addEventListener("pointermove", (event) => {
+      this.point(event);
+      if (!from || !this.view) return;
+      this.move(event.clientX - from[0], event.clientY - from[1]);
+      from = [event.clientX, event.clientY];
+    });
+    for (const kind of ["pointerup", "pointercancel"]) canvas.addEventListener(kind, () => { from = null; });
+    canvas.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      const rect = canvas.getBoundingClientRect();
+      this.zoom(Math.exp(-event.deltaY / 400), event.clientX - rect.left, event.clientY - rect.top);
+    }, { passive: false });
+    canvas.addEventListener("keydown", (event) => {
+      const moves = { ArrowLeft: [40, 0], ArrowRight: [-40, 0], ArrowUp: [0, 40], ArrowDown: [0, -40] };
+      if (moves[event.key]) this.move(...moves[event.key]);
+      else if (event.key === "+") this.zoom(1.25);
+      else if (event.key === "-") this.zoom(0.8);
+      else if (event.key === "0") this.fit();
+      else return;
+      event.preventDefault();
+    });
+    document.getElementById("zoom-in").addEventListener("click", () => this.zoom(1.25));
+    document.getElementById("zoom-out").addEventListener("click", () => this.zoom(0.8));
+    document.getElementById("zoom-fit").addEventListener("click", () => this.fit());
+    // Who has not chosen what to see, sees all of it in a window of another size as well.
+    new ResizeObserver(() => {
+      if (!this.isChosen) this.view = null;
+      this.wanted();
+    }).observe(canvas);
+  }
+
+  point(event) {
+    if (!this.view) return;
+    const rect = this.canvas.getBoundingClientRect();
+    const [x, y] = this.toPlace(event.clientX - rect.left, event.clientY - rect.top);
+    document.getElementById("pointed").textContent = `x ${x.toFixed(1)} m, y ${y.toFixed(1)} m: ${this.cellWord(x, y)}`;
+  }
+
+  /** What is known of a place. */
+  cellWord(x, y) {
+    const cell = this.model.place?.cell_m ?? 0.1;
+    const [cx, cy] = [Math.floor(x / cell), Math.floor(y / cell)];
+    const tile = this.model.tiles.get(`${this.slice}/${Math.floor(cx / SIDE)}/${Math.floor(cy / SIDE)}`);
+    if (!tile) return "unknown";
+    const value = tile.cells[(((cy % SIDE) + SIDE) % SIDE) * SIDE + (((cx % SIDE) + SIDE) % SIDE)];
+    return value >= OCCUPIED_FROM ? "occupied" : value <= FREE_TO ? "free" : "unknown";
+  }
+
+  move(dx, dy) {
+    if (!this.view) return;
+    this.isChosen = true;
+    this.view.x -= dx / this.view.scale;
+    this.view.y += dy / this.view.scale;
+    this.wanted();
+  }
+
+  zoom(factor, px = this.canvas.clientWidth / 2, py = this.canvas.clientHeight / 2) {
+    if (!this.view) return;
+    this.isChosen = true;
+    const [x, y] = this.toPlace(px, py);
+    this.view.scale = Math.min(2000, Math.max(0.5, this.view.scale * factor));
+    const [nx, ny] = this.toPlace(px, py);
+    this.view.x += x - nx;
+    this.view.y += y - ny;
+    this.wanted();
+  }
+
+  fit() {
+    this.view = null;
+    this.isChosen = false;
+    this.wanted();
+  }
+
+  /** Everything that the place names is seen. */
+  fitted() {
+    const places = [...this.model.place.fence, ...this.model.place.area, ...this.model.place.homes];
+    const [xs, ys] = [places.map((at) => at[0]), places.map((at) => at[1])];
+    const [left, right, low, high] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
+    const scale = Math.min(this.canvas.clientWidth / (right - left), this.canvas.clientHeight / (high - low)) / PADDING;
+    return { x: (left + right) / 2, y: (low + high) / 2, scale };
+  }
+
+  /** Pixels of the canvas's box of a place. */
+  toPixel(x, y) {
+    const { view, canvas } = this;
+    return [canvas.clientWidth / 2 + (x - view.x) * view.scale, canvas.clientHeight / 2 - (y - view.y) * view.scale];
+  }
+
+  toPlace(px, py) {
+    const { view, canvas } = this;
+    return [view.x + (px - canvas.clientWidth / 2) / view.scale, view.y - (py - canvas.clientHeight / 2) / view.scale];
+  }
+
+  draw(now_ms) {
+    const { canvas, model } = this;
+    if (!model.place || canvas.clientWidth === 0) return;
+    const ratio = Math.min(devicePixelRatio || 1, 1.5);
+    const [width, height] = [Math.round(canvas.clientWidth * ratio), Math.round(canvas.clientHeight * ratio)];
+    if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
+    this.view ??= this.fitted();
+    const pen = canvas.getContext("2d");
+    pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+    const style = getComputedStyle(canvas);
+    pen.fillStyle = style.getPropertyValue("--unknown");
+    pen.fillRect(0, 0, canvas.clientWidth, canvas.clientHeight);
+    this.ink = style.getPropertyValue("--ink");
+    this.paper = style.getPropertyValue("--paper");
+    if (this.layers.map.checked) this.drawMap(pen);
+    if (this.layers.image.checked) this.drawImage(pen);
+    this.drawPlace(pen);
+    if (this.layers.tracks.checked) this.drawTracks(pen);
+    if (this.layers.plan.checked) this.drawPlans(pen);
+    this.drawFinds(pen);
+    for (const state of model.states.values()) if (state.isPlaced) this.drawVehicle(pen, state, now_ms);
+    this.drawScale(pen);
+  }
+
+  drawMap(pen) {
+    for (const key of this.model.changedTiles) this.paintTile(key);
+    this.model.changedTiles.clear();
+    const side = SIDE * this.model.place.cell_m;
+    pen.imageSmoothingEnabled = false;
+    for (const { tile, picture } of this.tiles.values()) {
+      if (tile.slice !== this.slice) continue;
+      const [left, top] = this.toPixel(tile.x * side, (tile.y + 1) * side);
+      const [right, low] = this.toPixel((tile.x + 1) * side, tile.y * side);
+      if (right < 0 || low < 0 || left > this.canvas.clientWidth || top > this.canvas.clientHeight) continue;
+      // Whole pixels, so that no seam shows between two tiles.
+      pen.drawImage(picture, Math.round(left), Math.round(top), Math.round(right) - Math.round(left), Math.round(low) - Math.round(top));
+    }
+  }
+
+  paintTile(key) {
+    const tile = this.model.tiles.get(key);
+    const known = this.tiles.get(key);
+    const picture = known?.picture ?? document.createElement("canvas");
+    [picture.width, picture.height] = [SIDE, SIDE];
+    const pen = picture.getContext("2d");
+    const pixels = pen.createImageData(SIDE, SIDE);
+    for (let y = 0; y < SIDE; y++) {
+      for (let x = 0; x < SIDE; x++) {
+        const at = ((SIDE - 1 - y) * SIDE + x) * 4;
+        pixels.data.set(cellColour(tile.cells[y * SIDE + x]), at);
+      }
+    }
+    pen.putImageData(pixels, 0, 0);
+    this.tiles.set(key, { tile, picture });
+  }
+
+  drawImage(pen) {
+    const subject = Number(document.getElementById("image-subject").value);
+    const image = this.model.images.get(subject);
+    if (!image) return;
+    const picture = imageCanvas(this.model, image, "mean", true);
+    const [left, top] = this.toPixel(image.least_x_mm / 1000, image.greatest_y_mm / 1000);
+    const [right, low] = this.toPixel(image.greatest_x_mm / 1000, image.least_y_mm / 1000);
+    pen.imageSmoothingEnabled = false;
+    pen.drawImage(picture, left, top, right - left, low - top);
+  }
+
+  path(pen, places, isClosed) {
+    pen.beginPath();
+    places.forEach((at, index) => {
+      const [x, y] = this.toPixel(at[0], at[1]);
+      index === 0 ? pen.moveTo(x, y) : pen.lineTo(x, y);
+    });
+    if (isClosed) pen.closePath();
+    pen.stroke();
+  }
+
+  drawPlace(pen) {
+    const { fence, area, homes } = this.model.place;
+    const [[x0, y0], [x1, y1]] = area;
+    pen.strokeStyle = this.ink;
+    pen.lineWidth = 1.5;
+    this.path(pen, fence, true);
+    pen.setLineDash([6, 4]);
+    pen.lineWidth = 1;
+    this.path(pen, [[x0, y0], [x1, y0], [x1, y1], [x0, y1]], true);
+    pen.setLineDash([]);
+    pen.font = "11px system-ui, sans-serif";
+    homes.forEach((home, index) => {
+      const [x, y] = this.toPixel(home[0], home[1]);
+      pen.strokeStyle = this.ink;
+      pen.lineWidth = 1;
+      pen.strokeRect(x - 6, y - 6, 12, 12);
+      this.write(pen, `home ${index + 1}`, x + 9, y + 14);
+    });
+  }
+
+  drawTracks(pen) {
+    pen.lineWidth = 1.5;
+    for (const [id, track] of this.model.tracks) {
+      pen.strokeStyle = css(this.model.colourOf(id), 0.55);
+      this.path(pen, track, false);
+    }
+  }
+
+  drawPlans(pen) {
+    for (const [id, plan] of this.model.plans) {
+      const colour = this.model.colourOf(id);
+      const vehicle = this.model.vehicles.get(id);
+      if (vehicle?.run === plan.run && vehicle?.mission?.end == null) {
+        pen.strokeStyle = css(colour, 0.8);
+        pen.lineWidth = 1;
+        pen.setLineDash([2, 3]);
+        let from = plan.start;
+        for (const stop of plan.stops) {
+          this.path(pen, [from, ...stop.route, stop.at], false);
+          from = stop.at;
+        }
+        pen.setLineDash([]);
+      }
+      if (vehicle?.leg) {
+        pen.strokeStyle = css(colour, 1);
+        pen.lineWidth = 2.5;
+        this.path(pen, vehicle.leg, false);
+      }
+    }
+  }
+
+  drawFinds(pen) {
+    const subject = Number(document.getElementById("image-subject").value);
+    for (const find of this.model.finds.get(subject)?.finds ?? []) {
+      const [x, y] = this.toPixel(find.at[0], find.at[1]);
+      pen.strokeStyle = "#0a7a3a";
+      pen.lineWidth = 2;
+      pen.beginPath();
+      pen.moveTo(x - 7, y - 7); pen.lineTo(x + 7, y + 7);
+      pen.moveTo(x + 7, y - 7); pen.lineTo(x - 7, y + 7);
+      pen.stroke();
+      if (find.sd_m !== null) this.ring(pen, x, y, find.sd_m);
+      this.write(pen, find.sd_m === null ? "find" : `find ± ${find.sd_m.toFixed(2)} m`, x + 10, y - 8);
+    }
+  }
+
+  ring(pen, x, y, radius_m) {
+    pen.beginPath();
+    pen.arc(x, y, Math.max(1, radius_m * this.view.scale), 0, 2 * Math.PI);
+    pen.stroke();
+  }
+
+  drawVehicle(pen, state, now_ms) {
+    const isSilent = this.model.isSilent(state.id, now_ms);
+    const [x, y] = this.toPixel(state.x, state.y);
+    const size = Math.max(8, 0.2 * this.view.scale);
+    const colour = isSilent ? "#8a8a8a" : css(this.model.colourOf(state.id), 1);
+    pen.lineWidth = 1.5;
+    pen.strokeStyle = colour;
+    if (state.sd !== null) this.ring(pen, x, y, state.sd);
+    pen.save();
+    pen.translate(x, y);
+    pen.rotate(-state.heading);
+    pen.fillStyle = colour;
+    pen.strokeStyle = state.standsUnder === 1 ? "#c01020" : "#ffffff";
+    pen.lineWidth = state.standsUnder === 1 ? 3 : 1.5;
+    pen.beginPath();
+    pen.moveTo(size, 0); pen.lineTo(-size * 0.75, size * 0.7); pen.lineTo(-size * 0.4, 0); pen.lineTo(-size * 0.75, -size * 0.7);
+    pen.closePath();
+    pen.fill();
+    pen.stroke();
+    pen.restore();
+    pen.font = "bold 14px system-ui, sans-serif";
+    this.write(pen, isSilent ? `${state.id} ?` : String(state.id), x + size + 2, y - size);
+  }
+
+  /** Text with a rim, so that it reads on anything. */
+  write(pen, text, x, y) {
+    pen.lineWidth = 3;
+    pen.strokeStyle = this.paper;
+    pen.lineJoin = "round";
+    pen.strokeText(text, x, y);
+    pen.fillStyle = this.ink;
+    pen.fillText(text, x, y);
+  }
+
+  drawScale(pen) {
+    const length_m = [0.5, 1, 2, 5, 10, 20, 50, 100].find((m) => m * this.view.scale >= 60) ?? 100;
+    const low = this.canvas.clientHeight - 14;
+    pen.fillStyle = this.ink;
+    pen.fillRect(12, low, length_m * this.view.scale, 3);
+    pen.font = "12px system-ui, sans-serif";
+    this.write(pen, `${length_m} m`, 12, low - 6);
+    const bearing = ((this.model.place.xAxis_deg ?? 90) * Math.PI) / 180;
+    // North lies this far counter-clockwise from the x axis.
+    const [nx, ny] = [Math.cos(bearing), Math.sin(bearing)];
+    const [x, y] = [this.canvas.clientWidth - 26, 30];
+    pen.strokeStyle = this.ink;
+    pen.lineWidth = 2;
+    pen.beginPath();
+    pen.moveTo(x - nx * 14, y + ny * 14); pen.lineTo(x + nx * 14, y - ny * 14);
+    pen.stroke();
+    this.write(pen, "N", x + nx * 20 - 4, y - ny * 20 + 4);
+  }
+}
+
+/** Free is light, occupied is dark; what is not known lets the paper through. */
+function cellColour(value) {
+  if (value >= OCCUPIED_FROM) return [16, 16, 22, 255];
+  if (value <= FREE_TO) {
+    const share = Math.min(1, -value / SURE);
+    return [246, 247, 249, Math.round(140 + 115 * share)];
+  }
+  return [0, 0, 0, 0];
+}
+
+function css([red, green, blue], share) {
+  return `rgba(${red}, ${green}, ${blue}, ${share})`;
+}
