@@ -36,6 +36,7 @@ mod frame;
 #[cfg(feature = "net")]
 pub mod ground;
 pub mod image;
+mod image_text;
 #[cfg(feature = "net")]
 mod live;
 mod load;

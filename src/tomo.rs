@@ -22,6 +22,7 @@ mod peaks;
 mod person;
 mod prior;
 mod settings;
+mod shares;
 mod solvers;
 #[cfg(test)]
 mod tests_support;
@@ -45,6 +46,7 @@ pub use peaks::{Peak, PeakSettings, SIGNIFICANT, peaks};
 pub use person::PersonModel;
 pub use prior::{Covariance, Prior, Workspace};
 pub use settings::{ImagingSettings, NoiseModel, Solver};
+pub use shares::{LinkShare, PixelShares};
 pub use solvers::{Candidate, Candidates, Choice, Score, Sparse, Variation};
 pub use tikhonov::tikhonov;
 pub use tracking::{TrackedPerson, Tracker, TrackingSettings};

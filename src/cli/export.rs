@@ -407,6 +407,7 @@ mod tests {
             by_empty_sweep: true,
             finds: None,
             deviation: None,
+            shares: None,
             choice: None,
         };
         store

@@ -8,12 +8,13 @@ use crate::geom::{PixelGrid, Point, Rect};
 use crate::ground::from_config::image_settings;
 use crate::ground::imager::Subject;
 use crate::tomo::{
-    Extras, Find, FindSettings, Finds, Imager, ImagingSettings, Link, LinkBins, MOST_PIXELS,
-    Reconstruction, SIGNIFICANT, SPOT_M, Solver, TomoError, WeightModel,
+    Extras, FindSettings, Imager, ImagingSettings, Link, LinkBins, MOST_PIXELS, SPOT_M, Solver,
+    TomoError, WeightModel,
 };
 use clap::{Args, ValueEnum};
 
 use super::error::CliError;
+use super::image_text::summary;
 use super::network_recording::{NetworkRecording, Tracks};
 use super::outputs::{Outputs, PendingFile, is_device};
 use super::read;
@@ -62,6 +63,9 @@ pub struct ImageCommand {
     /// Writes the values: f32, rows from south to north, columns from west to east, dB per unit of length
     #[arg(long, value_name = "FILE")]
     pub npy: Option<PathBuf>,
+    /// Says which links made the pixel at a place, with --json all of them; only the solver map knows
+    #[arg(long, value_name = "X,Y", value_parser = parse_place, allow_hyphen_values = true)]
+    pub why: Option<Point>,
     /// Writes how sure the image is: the standard deviation of every pixel, as a picture if the name ends with .png, otherwise
     /// as values; it takes a second or two longer
     #[arg(long, value_name = "FILE")]
@@ -241,6 +245,7 @@ impl ImageCommand {
         let extras = Extras {
             persons: true,
             deviation: self.deviation.is_some(),
+            shares_of: self.pixel_asked_for(&settings)?,
         };
         let result = Imager::new(settings)
             .and_then(|mut imager| imager.update(&now, empty, extras))
@@ -262,6 +267,22 @@ impl ImageCommand {
             path: "standard output".into(),
             source,
         })
+    }
+
+    /// Returns the pixel whose links are asked for.
+    fn pixel_asked_for(&self, settings: &ImagingSettings) -> Result<Option<usize>, CliError> {
+        let Some(at) = self.why else { return Ok(None) };
+        let refused = |reason: String| Err(CliError::Usage(format!("--why: {reason}")));
+        if !matches!(settings.solver, Solver::Map(..)) {
+            return refused("only --solver map knows which links made a pixel".to_owned());
+        }
+        match settings.grid.pixel_at(at) {
+            Some(pixel) => Ok(Some(pixel)),
+            None => refused(format!(
+                "({}, {}) is outside the area of the image",
+                at.x_m, at.y_m
+            )),
+        }
     }
 
     fn network(&self) -> Result<Option<NetworkRecording>, CliError> {
@@ -377,6 +398,14 @@ fn parse_pixels(text: &str) -> Result<(usize, usize), String> {
     pixels.map(|_| (columns, rows)).ok_or_else(expected)
 }
 
+fn parse_place(text: &str) -> Result<Point, String> {
+    let numbers = text.split(',').map(|part| part.trim().parse::<f64>());
+    match numbers.collect::<Result<Vec<f64>, _>>().as_deref() {
+        Ok([x, y]) if (x + y).is_finite() => Ok(Point::new(*x, *y)),
+        _ => Err("expected X,Y such as 8.5,12".to_owned()),
+    }
+}
+
 fn parse_rate(text: &str) -> Result<f64, String> {
     text.parse()
         .ok()
@@ -480,74 +509,4 @@ fn pooled(recording: Recording, files: usize, bin_m: f64) -> Vec<Link> {
     let mut bins = LinkBins::new(bin_m, SPOT_M.min(bin_m / 8.0));
     links.iter().for_each(|link| bins.record_link(link));
     bins.links()
-}
-
-/// Returns who was found, in lines; or the best place, which is no find.
-fn finds_in_words(finds: &Finds, unit: &str) -> String {
-    let place = |find: &Find| {
-        let [xx, _, yy] = find.covariance_m2;
-        format!(
-            "({:.2} ± {:.2}, {:.2} ± {:.2}) {unit}: {:.1} dB/{unit}, evidence {:.1}",
-            find.at.x_m,
-            xx.sqrt(),
-            find.at.y_m,
-            yy.sqrt(),
-            find.strength,
-            find.evidence
-        )
-    };
-    let found = finds.found.iter();
-    let text: String = found
-        .map(|find| format!("found at {}\n", place(find)))
-        .collect();
-    match &finds.next {
-        _ if !finds.found.is_empty() => text,
-        Some(next) => format!(
-            "nobody found; the best place is at {}, of {:.1} that are needed, probability {:.3}\n",
-            place(next),
-            finds.threshold,
-            next.probability
-        ),
-        None => "nobody found\n".to_owned(),
-    }
-}
-
-/// Returns the summary; `counts` are the links of the files and what is left of them when they are pooled. Those used
-/// and those dropped are as many as the latter.
-fn summary(result: &Reconstruction, counts: (usize, usize), unit: LengthUnit) -> String {
-    let unit = unit.word();
-    let of = match counts {
-        (read, pooled) if read == pooled => format!("{read}"),
-        (read, pooled) => format!("{read} pooled to {pooled}"),
-    };
-    let mut text = format!(
-        "links: {of}, {} used, residual {:.2} dB\n",
-        result.used, result.residual_rms_db
-    );
-    for (reason, count) in &result.dropped {
-        text += &format!("  {count} dropped: {}\n", reason.words());
-    }
-    if let Some(choice) = &result.choice {
-        text += &format!("{}\n", choice.words());
-    }
-    if let Some(finds) = &result.finds {
-        text += &finds_in_words(finds, unit);
-    }
-    for peak in &result.peaks {
-        let faint = if peak.is_faint() {
-            format!(" (faint: under {SIGNIFICANT} it may be noise)")
-        } else {
-            String::new()
-        };
-        // An image that is zero nearly everywhere has no noise to compare with.
-        let ratio = match peak.significance {
-            f64::MAX => String::new(),
-            ratio => format!(", {ratio:.1} times the noise"),
-        };
-        text += &format!(
-            "peak at ({:.2}, {:.2}) {unit}: {:.2} dB/{unit}{ratio}{faint}\n",
-            peak.at.x_m, peak.at.y_m, peak.strength
-        );
-    }
-    text
 }

@@ -14,8 +14,8 @@ use super::pictures::marks;
 use super::recording::LengthUnit;
 use crate::draw::{HeatMap, Picture};
 use crate::tomo::{
-    Choice, Find, Finds, Image, ImagingSettings, Peak, Reconstruction, Score, Solver, WeightModel,
-    npy_bytes,
+    Choice, Find, Finds, Image, ImagingSettings, LinkShare, Peak, PixelShares, Reconstruction,
+    Score, Solver, WeightModel, npy_bytes,
 };
 
 /// The files to be written, open under temporary names.
@@ -215,6 +215,7 @@ fn report(result: &Reconstruction, settings: &ImagingSettings, unit: LengthUnit)
         "residual_rms_db": result.residual_rms_db,
         "links": {"used": result.used, "dropped": dropped},
         "path_loss": law,
+        "why": result.shares.as_ref().map(shares_json),
         "choice": result.choice.as_ref().map(choice_json),
         "settings": settings_json(settings, unit, result.by_empty_sweep),
     })
@@ -236,6 +237,16 @@ fn finds_json(finds: Option<&Finds>) -> Value {
         "threshold": finds.threshold,
         "false_per_image": finds.false_per_image,
     })
+}
+
+/// Returns what made a pixel as the JSON output shows it.
+fn shares_json(shares: &PixelShares) -> Value {
+    let link = |link: &LinkShare| {
+        json!({"from": [link.from.x_m, link.from.y_m], "to": [link.to.x_m, link.to.y_m], "share": link.share,
+            "attenuation_db": link.attenuation_db, "sd_db": link.sd_db, "residual_db": link.residual_db})
+    };
+    json!({"x": shares.at.x_m, "y": shares.at.y_m, "value": shares.value,
+        "links": shares.links.iter().map(link).collect::<Vec<_>>()})
 }
 
 /// Returns a choice as the JSON output shows it.

@@ -277,6 +277,7 @@ mod tests {
                 path_loss: None,
                 by_empty_sweep: true,
                 deviation: Some(vec![0.25; grid.len()]),
+                shares: None,
                 choice: None,
                 finds: Some(Finds {
                     found: vec![find],

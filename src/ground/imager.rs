@@ -125,18 +125,11 @@ impl ImagerActor {
         if job.stage == ImageStage::Last {
             solver.forget();
         }
-        let extras = match (self.times, job.stage) {
-            (ImageTimes::Free, ImageStage::Ongoing | ImageStage::Lap | ImageStage::Last) => {
-                Extras {
-                    persons: true,
-                    deviation: true,
-                }
-            }
-            (ImageTimes::Lap, ImageStage::Last) => Extras {
-                persons: true,
-                deviation: false,
-            },
-            (ImageTimes::Lap, ImageStage::Ongoing | ImageStage::Lap) => Extras::default(),
+        let is_free = self.times == ImageTimes::Free;
+        let extras = Extras {
+            persons: is_free || job.stage == ImageStage::Last,
+            deviation: is_free,
+            shares_of: None,
         };
         let result = solver.update(&job.now, empty, extras);
         let result = result.map_err(|error| error.to_string());

@@ -17,6 +17,7 @@ use super::path_loss::{PathLoss, spread_db};
 use super::peaks::{Peak, peaks};
 use super::prior::{Covariance, Prior};
 use super::settings::{ImagingSettings, Solver};
+use super::shares::{LinkShare, PixelShares, shares};
 use super::solvers::{self, Choice, LinkProblem, Persons, Solved};
 use super::weights::WeightRows;
 use super::{Image, Link};
@@ -62,6 +63,8 @@ pub struct Extras {
     pub persons: bool,
     /// Whether the deviation of every pixel is computed.
     pub deviation: bool,
+    /// The pixel whose links are asked for; only the solver `map` knows them.
+    pub shares_of: Option<usize>,
 }
 
 /// An image and how it came about.
@@ -85,6 +88,8 @@ pub struct Reconstruction {
     pub finds: Option<Finds>,
     /// Standard deviation of every pixel, dB/m, in the order of the image; `None` when it was not wanted.
     pub deviation: Option<Vec<f64>>,
+    /// What made the pixel that was asked for; `None` when none was, and by another solver than `map`.
+    pub shares: Option<PixelShares>,
     /// Why this image and no other, when the solver chose.
     pub choice: Option<Choice>,
 }
@@ -100,7 +105,7 @@ pub fn reconstruct(
 ) -> Result<Reconstruction, TomoError> {
     let extras = Extras {
         persons: true,
-        deviation: false,
+        ..Extras::default()
     };
     Imager::new(*settings)?.update(now, empty, extras)
 }
@@ -233,6 +238,9 @@ impl Imager {
             .deviation
             .then(|| self.deviation(&rows, &calibrated, &solved, &room))
             .flatten();
+        let shares = extras
+            .shares_of
+            .and_then(|pixel| self.shares(pixel, &rows, &calibrated, &solved, &room));
         let (mut values, residual_db) = (solved.image, solved.residual_db);
         values
             .iter_mut()
@@ -253,6 +261,7 @@ impl Imager {
             by_empty_sweep: calibrated.by_empty_sweep,
             finds,
             deviation,
+            shares,
             choice: solved.choice,
         })
     }
@@ -343,6 +352,46 @@ impl Imager {
         build(&calibrated.observations)
     }
 
+    /// Returns what made a pixel.
+    fn shares(
+        &self,
+        pixel: usize,
+        rows: &WeightRows,
+        calibrated: &Calibrated,
+        solved: &Solved,
+        room: &[f64],
+    ) -> Option<PixelShares> {
+        let links = &calibrated.observations;
+        let (Solver::Map(..), true) = (self.settings.solver, pixel < solved.image.len()) else {
+            return None;
+        };
+        let dual: Vec<f64> = links.iter().map(|link| self.start_of(link).0).collect();
+        let shares = shares(pixel, rows, &self.covariance, room, &dual);
+        let of_link = |((link, residual_db), share): ((&Observation, &f64), &f64)| LinkShare {
+            from: link.from,
+            to: link.to,
+            share: *share,
+            attenuation_db: link.attenuation_db,
+            sd_db: link.variance_db2.sqrt(),
+            residual_db: *residual_db,
+        };
+        let all = links.iter().zip(&solved.residual_db).zip(&shares);
+        let mut of_links: Vec<LinkShare> = all.map(of_link).collect();
+        of_links.sort_by(|a, b| b.share.abs().total_cmp(&a.share.abs()));
+        Some(PixelShares {
+            pixel,
+            at: self.settings.grid.centre(pixel),
+            value: shares.iter().sum(),
+            links: of_links,
+        })
+    }
+
+    /// Returns the dual variable and the trust of a link in the last solution.
+    fn start_of(&self, link: &Observation) -> (f64, f64) {
+        let key = BinKey::of(link.from, link.to, self.settings.pairing_m).0;
+        self.last.get(&key).copied().unwrap_or((0.0, 1.0))
+    }
+
     /// Returns the deviation of every pixel under the prior of `map`; what contradicts the image weighs as little as there.
     fn deviation(
         &self,
@@ -415,10 +464,7 @@ impl Imager {
             nuisance: problem.nuisance,
         };
         let key = |link: &Observation| BinKey::of(link.from, link.to, self.settings.pairing_m).0;
-        let start = links
-            .iter()
-            .map(|link| self.last.get(&key(link)).copied().unwrap_or((0.0, 1.0)))
-            .unzip();
+        let start = links.iter().map(|link| self.start_of(link)).unzip();
         let solution = problem.solve(settings, Some(start));
         let states = solution.dual.into_iter().zip(solution.trust);
         self.last = links.iter().map(key).zip(states).collect();

@@ -408,3 +408,64 @@ fn the_person_in_the_real_recordings_is_found() {
         }
     }
 }
+
+#[test]
+fn the_shares_of_a_pixel_sum_to_its_value_and_only_map_knows_them() {
+    let folder = folder_with(&[
+        ("now.csv", &sweep(Some((4.0, 6.0)))),
+        ("empty.csv", &sweep(None)),
+    ]);
+    let run = |options: &[&str]| {
+        let mut arguments = vec!["now.csv", "--empty", "empty.csv", "--json", "out.json"];
+        arguments.extend(options);
+        tomoswarm(folder.path(), &arguments)
+    };
+    let done = run(&["--solver", "map", "--why", "4.1,5.9", "--npy", "image.npy"]);
+    assert!(
+        done.status.success(),
+        "{}",
+        String::from_utf8_lossy(&done.stderr)
+    );
+    let text = fs::read_to_string(folder.path().join("out.json")).unwrap();
+    let why = &serde_json::from_str::<serde_json::Value>(&text).unwrap()["why"];
+    let sum: f64 = why["links"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|link| link["share"].as_f64().unwrap())
+        .sum();
+    let npy = fs::read(folder.path().join("image.npy")).unwrap();
+    let data = &npy[npy.len() - 4 * 1600..];
+    // 40 pixels of about 0.25 m: the pixel is the one in which the place lies.
+    let nearest = data
+        .chunks_exact(4)
+        .map(|bytes| f64::from(f32::from_le_bytes(bytes.try_into().unwrap())))
+        .map(|value| (value - sum).abs())
+        .fold(f64::INFINITY, f64::min);
+    assert!(nearest < 1e-5, "{nearest}");
+    assert!(
+        sum > 0.3 && (why["value"].as_f64().unwrap() - sum).abs() < 1e-9,
+        "{sum}"
+    );
+    let (x, y) = (why["x"].as_f64().unwrap(), why["y"].as_f64().unwrap());
+    assert!(
+        (x - 4.1).abs() <= 0.13 && (y - 5.9).abs() <= 0.13,
+        "{x}, {y}"
+    );
+    for (options, said) in [
+        (
+            &["--solver", "tv", "--why", "4,6"][..],
+            "only --solver map knows",
+        ),
+        (
+            &["--solver", "map", "--why", "40,6"][..],
+            "is outside the area of the image",
+        ),
+        (&["--why", "4"][..], "expected X,Y"),
+    ] {
+        let refused = run(options);
+        assert_eq!(refused.status.code(), Some(2));
+        let text = String::from_utf8_lossy(&refused.stderr).into_owned();
+        assert!(text.contains(said), "{text}");
+    }
+}

@@ -179,6 +179,7 @@ fn picture(stored: &StoredImage) -> Reconstruction {
         by_empty_sweep: stored.kind == "change",
         finds: stored.finds.clone(),
         deviation: None,
+        shares: None,
         choice: None,
     }
 }

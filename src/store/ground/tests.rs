@@ -273,6 +273,7 @@ fn picture(laps: usize) -> ReconstructedImage {
     let result = Reconstruction {
         finds: Some(finds),
         deviation: None,
+        shares: None,
         choice: None,
         image,
         peaks,
