@@ -417,7 +417,7 @@ fn the_page_shows_the_swarm_and_the_space_key_stops_it() {
         let all = (1..=2).all(|id| watch.view.state(VehicleId(id)).is_some());
         all && watch.view.grounds().next().is_some()
     });
-    swarm.order(&["start", "1", "2", "--run", "1"]);
+    swarm.order(&["start", "1", "2", "--run", "1", "--timeout", "60"]);
     let _evil = evil_vehicle(&swarm);
     browser.go(&dash.operate);
     browser.until(
@@ -579,7 +579,7 @@ fn start_again(browser: &mut Browser, swarm: &Swarm) {
         true,
         "it has not the seat"
     );
-    hold(browser, "#take-seat", 1500);
+    hold(browser, "#take-seat", 4000);
     browser.until(
         "tomoswarm.model.orders.seat === tomoswarm.model.place.page",
         10,
@@ -598,7 +598,7 @@ fn start_again(browser: &mut Browser, swarm: &Swarm) {
             "the stop is not lifted"
         );
         // A start is refused while a vehicle was not heard for 2 s.
-        hold(browser, "#start", 1500);
+        hold(browser, "#start", 4000);
         std::thread::sleep(Duration::from_secs(2));
     }
 }
