@@ -339,7 +339,7 @@ mod tests {
     use super::*;
     use crate::draw::tests_support::decoded;
     use crate::geom::{PixelGrid, Rect};
-    use crate::ground::imager::{ReconstructedImage as Made, Subject};
+    use crate::ground::imager::{ImageStage, ReconstructedImage as Made, Subject};
     use crate::store::ground::{Start, UtcOffset};
     use crate::tomo::{Peak, Reconstruction};
     use serde_json::Value;
@@ -415,6 +415,7 @@ mod tests {
                 run: RunId(2),
                 laps: 1,
                 subject: Subject::Change,
+                stage: ImageStage::Last,
                 result: Ok(result),
             })
             .unwrap();

@@ -44,7 +44,7 @@ pub struct ImageCommand {
     /// probability
     #[arg(long, value_name = "FILE", requires = "nodes")]
     pub track: Option<PathBuf>,
-    /// How the image is found [default: as the recording says, else auto]
+    /// How the image is found [default: as the recording says, else map]
     #[arg(long, value_enum)]
     pub solver: Option<SolverName>,
     /// How pixels weigh in links [default: as the recording says, else what suits the solver:
@@ -363,8 +363,7 @@ impl ImageCommand {
         if recording.unit == LengthUnit::Metre && output.is_none() {
             settings.finds = FindSettings::IN_METRES;
         }
-        let solver = self.solver.or(output.is_none().then_some(SolverName::Auto));
-        if let Some(name) = solver {
+        if let Some(name) = self.solver {
             name.choose(&mut settings);
         }
         if let Some(weights) = self.weights {

@@ -32,6 +32,7 @@ use super::vehicle_process::{recorder, short, watch_recorder, watch_stops};
 use crate::config::GroundFile;
 use crate::ground::ActorSettings;
 use crate::ground::from_config::{PartsError, ground_parts};
+use crate::ground::imager::ImageStage;
 use crate::ground::station::{self, Station, StationMemory};
 use crate::ground::{Effect, Event, GroundWiring};
 use crate::stops::StopsSettings;

@@ -110,10 +110,10 @@ fn images_are_as_good_as_the_reference_method() {
 fn what_auto_chooses_beats_total_variation_of_others() {
     let Some(folder) = phantoms() else { return };
     let reference = fs::read_to_string(folder.join("BASELINE.jsonl")).unwrap();
-    for (case, expected) in [
-        ("two_persons_600_1000", "solver: points"),
-        ("l_wall_1800_1000", "solver: tv"),
-        ("building_1800_1000", "solver: tv"),
+    for (case, expected, most) in [
+        ("two_persons_600_1000", "solver: points", 1.0),
+        ("l_wall_1800_1000", "solver: tv", 0.9),
+        ("building_1800_1000", "solver: tv", 1.0),
     ] {
         let mut lines = reference.lines();
         let line = lines.find(|line| line.contains(case) && line.contains("\"nntv\""));
@@ -122,7 +122,7 @@ fn what_auto_chooses_beats_total_variation_of_others() {
         let (image, words) = auto_image_of(&folder, case);
         assert!(words.starts_with(expected), "{case}: {words}");
         let error = relative_error(&image, &truth);
-        assert!(error < 0.95 * other("rel"), "{case}: error {error:.3}");
+        assert!(error < most * other("rel"), "{case}: error {error:.3}");
         let overlap = overlap_by_otsu(&image, &truth);
         assert!(overlap > other("iou_otsu"), "{case}: overlap {overlap:.3}");
     }

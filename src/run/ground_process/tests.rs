@@ -117,6 +117,7 @@ fn what_strangers_have_sent_before_is_passed_over_after_a_restart() {
         autonomy: std::time::Duration::from_secs(60),
         store: 7,
         lattice: crate::geom::Lattice::new(0.2),
+        image_times: crate::config::ImageTimes::Free,
         bin_m: 0.5,
         fence_m: 72.0,
         spot_m: 0.06,

@@ -287,6 +287,7 @@ fn picture(laps: usize) -> ReconstructedImage {
         run: RunId(2),
         laps,
         subject: Subject::Change,
+        stage: ImageStage::Lap,
         result: Ok(result),
     }
 }
