@@ -1,5 +1,6 @@
 //! What the store promises: everything once, nothing half, and what is acknowledged is there after any end.
 
+use crate::ground::imager::ImageStage;
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Command, Stdio};
 
