@@ -82,6 +82,9 @@ pub struct ImageCommand {
     pub false_finds: Option<f64>,
 }
 
+/// The deviation is exact up to so many pixels: a second or two, and 40 MB.
+const MOST_BLOCKS: usize = 1600;
+
 const AFTER_HELP: &str = "\
 Positions, areas and peaks are in the units of the input: metres in CSV files, cells of the lattice in JSON recordings.
 Positive values are attenuation, dB per unit of length.
@@ -244,7 +247,7 @@ impl ImageCommand {
         let empty = (!self.empty.is_empty()).then_some(empty.as_slice());
         let extras = Extras {
             persons: true,
-            deviation: self.deviation.is_some(),
+            deviation: self.deviation.as_ref().map(|_| MOST_BLOCKS),
             shares_of: self.pixel_asked_for(&settings)?,
         };
         let result = Imager::new(settings)

@@ -13,7 +13,7 @@ const WITHOUT_VEHICLES: [&str; 5] = ["sim", "image", "plan", "experiment", "scen
 const OF_VEHICLES: [&str; 4] = ["vehicle", "accept", "parameters", "xbee"];
 
 /// Commands that a build without the network has not.
-const COMMANDS: [&str; 15] = [
+const COMMANDS: [&str; 16] = [
     "vehicle",
     "ground",
     "world",
@@ -22,6 +22,7 @@ const COMMANDS: [&str; 15] = [
     "accept",
     "export",
     "order",
+    "dash",
     "status",
     "tap",
     "preflight",

@@ -17,6 +17,9 @@ use crate::config::ImageTimes;
 use crate::time::{Deadline, Time};
 use crate::tomo::{Extras, Imager as Solver, ImagingSettings, Link, Reconstruction, TomoError};
 
+/// Deviations are computed for so many blocks of pixels at most: 30 ms and a few megabytes on a desk.
+const MOST_BLOCKS: usize = 900;
+
 /// What is to be seen in a picture.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
 pub enum Subject {
@@ -128,7 +131,7 @@ impl ImagerActor {
         let is_free = self.times == ImageTimes::Free;
         let extras = Extras {
             persons: is_free || job.stage == ImageStage::Last,
-            deviation: is_free,
+            deviation: is_free.then_some(MOST_BLOCKS),
             shares_of: None,
         };
         let result = solver.update(&job.now, empty, extras);

@@ -5,7 +5,7 @@
 //! ```
 //!
 //! C = prior covariance, W = weights, D = room for a change, S = noise of the links, H and B = nuisance columns and their prior
-//! variances (as in [`super::map_solver`]; Rasmussen & Williams 2006, eq. A.9). Of an image of more than [`MOST_BLOCKS`] pixels the
+//! variances (as in [`super::map_solver`]; Rasmussen & Williams 2006, eq. A.9). Of an image of more pixels than are wanted the
 //! same is done for blocks of k × k pixels; what the prior leaves open within a block is added to its variance, so that the
 //! deviation is never told too small.
 
@@ -15,8 +15,6 @@ use super::prior::Prior;
 use super::weights::WeightRows;
 use crate::geom::PixelGrid;
 
-/// Most blocks for which the matrix is inverted: half a second for 1,000, two for 1,600.
-pub(super) const MOST_BLOCKS: usize = 1600;
 /// Added to the diagonal of the prior, a share of it: blocks that touch are nearly the same to a long prior.
 const JITTER: f64 = 1e-9;
 
@@ -25,6 +23,8 @@ const JITTER: f64 = 1e-9;
 pub(super) struct PosteriorInputs<'a> {
     /// Where the pixels lie.
     pub grid: PixelGrid,
+    /// Most blocks: time grows with their cube, memory with their square.
+    pub most_blocks: usize,
     /// What is believed of the image before it is measured.
     pub prior: Prior,
     /// W D: rows = links, columns = pixels.
@@ -47,7 +47,7 @@ struct Blocks {
 
 /// Returns the standard deviation of every pixel, dB/m, row-major as the image; `None` when the numbers leave no answer.
 pub(super) fn posterior_deviation(inputs: &PosteriorInputs<'_>) -> Option<Vec<f64>> {
-    let blocks = Blocks::of(inputs.grid);
+    let blocks = Blocks::of(inputs.grid, inputs.most_blocks);
     let covariance = blocks.covariance(inputs.prior);
     let mut precision = covariance.factor()?.inverse_of_factor().gram();
     blocks.add_information(&mut precision, inputs);
@@ -61,14 +61,14 @@ pub(super) fn posterior_deviation(inputs: &PosteriorInputs<'_>) -> Option<Vec<f6
 }
 
 impl Blocks {
-    fn of(grid: PixelGrid) -> Blocks {
+    fn of(grid: PixelGrid, most: usize) -> Blocks {
         let blocks = |side: usize| Blocks {
             side,
             columns: grid.columns.div_ceil(side),
             rows: grid.rows.div_ceil(side),
             grid,
         };
-        let is_small = |side: &usize| blocks(*side).len() <= MOST_BLOCKS;
+        let is_small = |side: &usize| blocks(*side).len() <= most.max(1);
         blocks((1..).find(is_small).unwrap_or(1))
     }
 
@@ -280,6 +280,7 @@ mod tests {
         for nuisance in [&nuisance[..], &nuisance[..1], &[]] {
             let inputs = PosteriorInputs {
                 grid,
+                most_blocks: 1600,
                 prior: PRIOR,
                 rows: &rows,
                 room: &room,
@@ -304,6 +305,7 @@ mod tests {
             let rows = rows(&grid, &links[..count]);
             posterior_deviation(&PosteriorInputs {
                 grid,
+                most_blocks: 1600,
                 prior: PRIOR,
                 rows: &rows,
                 room: &[],
@@ -336,6 +338,7 @@ mod tests {
         let rows = rows(&fine, &links);
         let sd = posterior_deviation(&PosteriorInputs {
             grid: fine,
+            most_blocks: 1600,
             prior: PRIOR,
             rows: &rows,
             room: &[],

@@ -61,8 +61,8 @@ pub const MOST_PIXELS: usize = 1 << 20;
 pub struct Extras {
     /// Whether persons are searched in a change.
     pub persons: bool,
-    /// Whether the deviation of every pixel is computed.
-    pub deviation: bool,
+    /// For how many pixels at most the deviation is computed; of a larger image for blocks of pixels. `None` = it is not.
+    pub deviation: Option<usize>,
     /// The pixel whose links are asked for; only the solver `map` knows them.
     pub shares_of: Option<usize>,
 }
@@ -236,8 +236,7 @@ impl Imager {
         let solved = self.solve(&rows, &mut calibrated, finds.as_ref());
         let deviation = extras
             .deviation
-            .then(|| self.deviation(&rows, &calibrated, &solved, &room))
-            .flatten();
+            .and_then(|most| self.deviation(most, &rows, &calibrated, &solved, &room));
         let shares = extras
             .shares_of
             .and_then(|pixel| self.shares(pixel, &rows, &calibrated, &solved, &room));
@@ -395,6 +394,7 @@ impl Imager {
     /// Returns the deviation of every pixel under the prior of `map`; what contradicts the image weighs as little as there.
     fn deviation(
         &self,
+        most_blocks: usize,
         rows: &WeightRows,
         calibrated: &Calibrated,
         solved: &Solved,
@@ -411,6 +411,7 @@ impl Imager {
             .collect();
         posterior_deviation(&PosteriorInputs {
             grid: self.settings.grid,
+            most_blocks,
             prior,
             rows,
             room,
