@@ -18,7 +18,7 @@ use std::time::Instant;
 
 use image_world::{SIDE_M, persons, sweep, worst_error_m};
 use tomoswarm::geom::{PixelGrid, Point, Rect};
-use tomoswarm::tomo::{Candidates, Imager, ImagingSettings, Link, LinkBins, Solver};
+use tomoswarm::tomo::{Candidates, Extras, Imager, ImagingSettings, Link, LinkBins, Solver};
 
 #[expect(clippy::disallowed_methods, reason = "a bench measures time")]
 fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
@@ -54,8 +54,8 @@ fn main() {
         let Ok(mut imager) = Imager::new(settings) else {
             return;
         };
-        let (result, cold) = timed(|| imager.update(&before, Some(&empty)));
-        let (again, warm) = timed(|| imager.update(&now, Some(&empty)));
+        let (result, cold) = timed(|| imager.update(&before, Some(&empty), Extras::default()));
+        let (again, warm) = timed(|| imager.update(&now, Some(&empty), Extras::default()));
         let (Ok(_), Ok(result)) = (result, again) else {
             continue;
         };

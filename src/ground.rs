@@ -101,7 +101,7 @@ impl Wiring for GroundWiring {
                 restart: RestartPolicy::Restart,
                 acting: ActingTime::Long,
                 make: |source| source.parts.imager.clone(),
-                output: Output::Imager,
+                output: |made| Output::Imager(Box::new(made)),
             }),
             image_publisher: fill.actor(Wire {
                 name: "image_publisher",

@@ -28,7 +28,7 @@ pub enum Effect {
     /// The bus shall carry a message to the vehicles.
     Publish(Message),
     /// A picture was made; to be stored in place of an earlier one of its run, laps and subject.
-    Picture(imager::ReconstructedImage),
+    Picture(Box<imager::ReconstructedImage>),
     /// What a station that is started anew needs; to be stored in place of what it remembered before.
     Remember(Box<station::StationMemory>),
     /// The store shall open a run, or keep it open.
@@ -60,7 +60,7 @@ pub enum Output {
     /// By the planner.
     Planner(planner::PlannerAnswer),
     /// By the imager.
-    Imager(imager::ReconstructedImage),
+    Imager(Box<imager::ReconstructedImage>),
     /// By the one who says images to operators.
     ImagePublisher(Image),
 }
@@ -105,7 +105,7 @@ pub(crate) fn route(output: Output, to: &mut Vec<Destination>) {
         }
         Output::Imager(picture) => {
             let made = station::In::Pictured(station::PictureName::of(&picture));
-            let published = image_publisher::In::Made(Box::new(picture.clone()));
+            let published = image_publisher::In::Made(picture.clone());
             to.push(Destination::ImagePublisher(published));
             to.push(Destination::Edge(Effect::Picture(picture)));
             Destination::Station(made)

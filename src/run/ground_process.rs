@@ -363,7 +363,7 @@ impl Edge {
                     if let Err(reason) = &picture.result {
                         tracing::warn!("no {} of run {}: {reason}", picture.subject, picture.run);
                     }
-                    self.archive.hold_picture(picture);
+                    self.archive.hold_picture(*picture);
                 }
             }
             Effect::BeginRun { run, compared_with } => self.archive.hold_run(run, compared_with),

@@ -347,7 +347,7 @@ impl Kernel {
                 ground::Effect::Publish(message) => {
                     self.network.publish(place, &message, &mut self.schedule);
                 }
-                ground::Effect::Picture(picture) => self.record.picture(now, picture),
+                ground::Effect::Picture(picture) => self.record.picture(now, *picture),
                 ground::Effect::Remember(memory) => self.nodes.ground_mut().remember(memory),
                 ground::Effect::KeepStops(stops) => self.nodes.ground_mut().keep_stops(stops),
                 // What was measured is not told from run to run here.

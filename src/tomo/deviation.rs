@@ -264,7 +264,7 @@ mod tests {
             .collect();
         rows.scale_pixels(&room);
         let noise_db2: Vec<f64> = (0..links.len()).map(|k| 1.0 + (k % 5) as f64).collect();
-        let nuisance = vec![
+        let nuisance = [
             Nuisance {
                 column: vec![1.0; links.len()],
                 variance: 4.0,
