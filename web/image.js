@@ -26,7 +26,7 @@ export class ImagePanel {
     const text = document.getElementById("heat-scale");
     this.showFinds(subject);
     if (!image) {
-      text.textContent = "No image yet: the ground station makes one after a lap.";
+      text.textContent = "No image yet: the ground station makes one when there are links.";
       canvas.hidden = true;
       return;
     }

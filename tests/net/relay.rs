@@ -149,11 +149,11 @@ impl Line {
     /// Changes some bytes of a piece, those that chance names.
     fn damage(&self, piece: &mut [u8], chance: &mut u64) {
         if let Some((from, to)) = self.shape().rewrites {
-            let found = piece.windows(from.len()).position(|bytes| bytes == from);
-            found.into_iter().for_each(|at| {
+            let is_from = |bytes: &[u8]| bytes == from;
+            while let Some(at) = piece.windows(from.len()).position(is_from) {
                 piece[at..at + to.len()].copy_from_slice(to);
                 self.damaged.fetch_add(1, Ordering::Relaxed);
-            });
+            }
         }
         let Some(one_of) = self.shape().damages_one_of else {
             return;
