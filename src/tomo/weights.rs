@@ -33,7 +33,7 @@ pub enum WeightModel {
         /// Decay length, metres.
         decay_m: f64,
     },
-    /// A bell across the link, half as wide as the first Fresnel zone ([`super::fresnel`]).
+    /// A bell across the link, half as wide as the first Fresnel zone (`src/tomo/fresnel.rs`).
     Fresnel {
         /// Wavelength, metres.
         wavelength_m: f64,
