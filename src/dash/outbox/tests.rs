@@ -155,7 +155,12 @@ proptest! {
                     let frame = life.take();
                     prop_assert!(life.outbox.in_flight() <= IN_FLIGHT_MAX);
                     let Some(frame) = frame else {
-                        let may = before < IN_FLIGHT_MAX && (states_due && !waiting.is_empty() || had_rest);
+                        let is_due = |of: &Subject| match of {
+                            Subject::State(_) => states_due,
+                            Subject::Tile(_) => tiles_due,
+                            _ => true,
+                        };
+                        let may = before < IN_FLIGHT_MAX && (had_rest || waiting.iter().any(is_due));
                         prop_assert!(!may, "nothing went: {waiting:?}");
                         continue;
                     };
