@@ -4,6 +4,7 @@
 //! Nothing here decides; it writes what it is handed, and gives it back after a restart.
 
 mod checked_file;
+mod disk_room;
 mod durable;
 mod error;
 pub mod export;
@@ -15,5 +16,6 @@ mod sample_row;
 pub mod stops;
 
 pub use checked_file::CheckedFileError;
+pub use disk_room::DiskRoom;
 pub use durable::replace;
 pub use error::StoreError;

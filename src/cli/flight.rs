@@ -83,6 +83,7 @@ impl Flights {
                 cap_bytes: CAP,
                 segment_bytes: CAP,
                 segment: SEGMENT,
+                leaves_reserve: false,
             };
             (
                 OpenRecording::new(&self.folder.join(folder_of(node)), about, limits),

@@ -6,6 +6,7 @@
 //!                       station ──Job──► imager ──Picture──► edge (log, files), station, image publisher
 //!   bus ──Hello of an operator──► image publisher ──Image──► bus
 //!                       station ──StationMemory──► edge (store)
+//!   edge (store) ──whether samples can be stored──► station
 //!   bus ──Standing, leases──► stops ──which stops are open──► station      stops ──Standing──► bus, edge (disk)
 //! ```
 
@@ -16,9 +17,15 @@ use crate::stops;
 
 /// What reaches the ground station from outside.
 #[derive(Clone, Debug)]
+#[allow(
+    clippy::large_enum_variant,
+    reason = "nearly all are messages, and each is moved a few times only"
+)]
 pub enum Event {
     /// The bus delivered a message that another node said.
     Bus(Sender, Message),
+    /// Samples can be stored, or cannot.
+    StoresSamples(bool),
 }
 
 /// What the ground station wants done outside, in this order: what it remembers must be stored before what follows is
@@ -86,6 +93,9 @@ pub enum Destination {
 pub(crate) fn route(output: Output, to: &mut Vec<Destination>) {
     let next = match output {
         Output::Edge(Event::Bus(sender, message)) => return route_message(sender, message, to),
+        Output::Edge(Event::StoresSamples(can)) => {
+            Destination::Station(station::In::StoresSamples(can))
+        }
         Output::Stops(out) => return route_stops(out, to),
         Output::Station(station::Out::Publish(message)) => {
             Destination::Edge(Effect::Publish(message))

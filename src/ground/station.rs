@@ -49,7 +49,7 @@ mod ticks;
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
     Boot, Lease, Message, MissionKind, MissionProgress, OrderKind, RunEnd, RunId, Samples, State,
-    Task, TileReport, VehicleId,
+    Task, TileReport,
 };
 
 use self::execution::{Conditions, IdleLimits, SweepExecution, SweepOutput, SweepRun};
@@ -103,6 +103,8 @@ pub struct Station {
     pictures: Pictures,
     ongoing_images: OngoingImages,
     ticks: Ticks,
+    /// Whether samples can be stored. Otherwise it says no Have: a store that was silent is sent everything again.
+    stores_samples: bool,
     /// Messages of vehicles that are not expected.
     strangers: u64,
     /// What was remembered last.
@@ -135,6 +137,7 @@ impl Station {
             pictures: Pictures::default(),
             ongoing_images: OngoingImages::default(),
             ticks: Ticks::default(),
+            stores_samples: true,
             strangers: 0,
             stored: None,
         };
@@ -344,12 +347,14 @@ impl Station {
     fn lead(&mut self, now: Time, out: &mut Vec<Out>) {
         self.update_order(now, out);
         let lost = self.constants.silence.lose(now, &mut self.fleet);
-        out.extend(lost.into_iter().map(note_lost));
+        out.extend(lost.into_iter().map(messages::note_lost));
         self.execute(now, SweepExecution::outnumber_others, out);
         self.begin_requested(now, out);
         publish_orders(&mut self.fleet, out);
-        let have = self.samples.have(self.runs.closed(), self.ticks.count());
-        out.push(Out::Publish(Message::Have(have)));
+        if self.stores_samples {
+            let have = self.samples.have(self.runs.closed(), self.ticks.count());
+            out.push(Out::Publish(Message::Have(have)));
+        }
         out.push(Out::Publish(Message::Digest(self.map.merged().digest())));
         self.execute(now, SweepExecution::advance, out);
         let jobs = self.pictures.ask_again(now, &self.samples);
@@ -390,7 +395,7 @@ impl Station {
         };
         if self.constants.silence.is_lost(now.since(since)) && are_enough_heard(&self.fleet) {
             let lost = self.fleet.lose_unheard(since);
-            out.extend(lost.into_iter().map(note_lost));
+            out.extend(lost.into_iter().map(messages::note_lost));
         }
         if self.fleet.are_placed() {
             self.runs.begin_requested();
@@ -417,6 +422,7 @@ impl Station {
             idle: IdleLimits::of(self.constants.fence_m, self.fleet.fastest_mps()),
             lease: self.leases.own(),
             is_held: self.order.is_any(),
+            stores_samples: self.stores_samples,
         };
         let mut outputs = Vec::new();
         step(&mut self.execution, &at, &mut outputs);
@@ -541,6 +547,7 @@ impl Actor for Station {
                 self.execute(now, take, out);
             }
             In::Planned(_) => {}
+            In::StoresSamples(can) => self.stores_samples = can,
             In::Stops(open) => {
                 self.fleet.stop(&open);
                 self.update_order(now, out);
@@ -581,10 +588,6 @@ impl Actor for Station {
         self.finish_step(first, out);
         Ok(())
     }
-}
-
-fn note_lost(vehicle: VehicleId) -> Out {
-    Out::StationEvent(StationEvent::Lost(vehicle))
 }
 
 fn publish_orders(fleet: &mut Fleet, out: &mut Vec<Out>) {

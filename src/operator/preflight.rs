@@ -2,6 +2,7 @@
 //! themselves. Pure. What nobody reports is said to be not known, and refuses nothing but where it must be known.
 
 mod devices;
+mod disk;
 mod machine;
 
 use std::collections::BTreeSet;
@@ -13,6 +14,7 @@ use tomoswarm_proto::{
     PoseReport, StationPhase, VehicleId, VehicleMode,
 };
 
+pub use self::disk::disk_room;
 use super::fleet_view::{FleetView, GROUND_LIVES, VehicleView};
 use super::names::{self, listed};
 use crate::geom::{Point, Polygon, Pose};
@@ -23,8 +25,6 @@ use crate::time::Time;
 const FRESH: Duration = Duration::from_secs(1);
 /// Charge that a run begins with at least, 0 to 1.
 const BATTERY: f64 = 0.5;
-/// Room that a vehicle must have for its data, MB.
-const DISK_MB: u32 = 200;
 /// The pose deviation that is allowed where no file says it, metres.
 pub const POSE_SD_MAX_M: f64 = 0.5;
 
@@ -193,17 +193,7 @@ fn of_vehicle(id: VehicleId, seen: &VehicleView, needs: &Requirements, now: Time
     checks.push(reported("radio", health, no_go, |health| {
         radio(id, health, needs)
     }));
-    checks.push(reported(
-        "disk",
-        health.and_then(|health| health.disk_free_mb),
-        CheckStatus::Unknown,
-        |free_mb| {
-            (
-                free_mb > DISK_MB,
-                format!("{free_mb} MB free, over {DISK_MB} MB needed"),
-            )
-        },
-    ));
+    checks.push(disk::disk(health));
     checks.extend(machine::machine(health));
     checks.push(reported("samples", health, no_go, |health| {
         (

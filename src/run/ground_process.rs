@@ -3,7 +3,8 @@
 //!
 //! What must not be lost is stored before it is an event: samples reach the station once they are in the store, and what
 //! the station needs after a restart is stored before what follows from it is published; only for that the station
-//! waits. Everything else is stored by a thread of its own (`keeper.rs`).
+//! waits. Everything else is stored by a thread of its own (`store_thread.rs`). While samples cannot be stored the station
+//! knows it: it closes no run, and is silent about what it has, so that vehicles send everything again afterwards.
 
 mod archive;
 mod store_thread;
@@ -28,17 +29,21 @@ use super::roster_watch::RosterWatch;
 use super::state_dir::{StateDir, StateDirError};
 use super::swarm_mavlink::SwarmMavlink;
 use super::trust::TrustError;
-use super::vehicle_process::{recorder, short, watch_recorder, watch_stops};
+use super::vehicle_process::{
+    recorder, recording_health, short, watch_folder, watch_recorder, watch_stops,
+};
 use crate::config::GroundFile;
 use crate::ground::ActorSettings;
 use crate::ground::from_config::{PartsError, ground_parts};
 use crate::ground::imager::ImageStage;
 use crate::ground::station::{self, Station, StationMemory};
 use crate::ground::{Effect, Event, GroundWiring};
+use crate::operator::preflight::disk_room;
 use crate::stops::StopsSettings;
 use crate::store::CheckedFileError;
 use crate::store::StoreError;
 use crate::store::ground::{GroundStore, RestoredStore, Start};
+use crate::store::recording::Recorder;
 use crate::store::stops::{StopsDriver, StopsFile};
 use crate::time::Time;
 
@@ -148,18 +153,13 @@ pub fn run(
     let troubles = process.context().troubles.clone();
     let edge = Arc::new(Edge {
         publisher: member.publisher(),
-        archive: Arc::new(Archive::new(store, troubles.clone())),
+        archive: Arc::new(Archive::new(store, state_dir.place(), troubles.clone())),
         troubles: troubles.clone(),
         report: Mutex::default(),
         stops: StopsDriver::start(stops_file)?,
     });
     let told = node.clone();
-    let keeper = keeper(edge.archive.clone(), wanted, move |batch| {
-        told.tell(Event::Bus(
-            Sender::Vehicle(batch.vehicle),
-            Message::Samples(batch),
-        ));
-    })?;
+    let keeper = keeper(edge.archive.clone(), wanted, move |event| told.tell(event))?;
     let lattice = crate::geom::Lattice::new(file.venue.cell_m);
     let recorder = recorder(file.record, &state_dir, "ground", text, lattice);
     let of_actors = edge.clone();
@@ -168,6 +168,8 @@ pub fn run(
     let mut tick = |_: Time, member: &BusMember, troubles: &Troubles| {
         roster.look(member, troubles);
         watch_recorder(recorder.as_ref(), troubles);
+        watch_disk(&state_dir, recorder.as_ref(), troubles);
+        watch_folder(&state_dir, troubles);
         watch_stops(&edge.stops, troubles);
         watch_mavlink(mavlink, troubles);
         let report = lock(&edge.report).clone();
@@ -401,6 +403,15 @@ impl Edge {
             | Message::Image(_)
             | Message::Fix(_) => self.publisher.publish(&message),
         }
+    }
+}
+
+/// Tells whether the disk has room for a run.
+fn watch_disk(state_dir: &StateDir, recorder: Option<&Recorder>, troubles: &Troubles) {
+    let free_mb = state_dir.free_mb();
+    match free_mb.map(|free_mb| disk_room(free_mb, recording_health(recorder))) {
+        Some((false, found)) => troubles.raise("disk", found),
+        Some((true, _)) | None => troubles.clear("disk"),
     }
 }
 

@@ -7,16 +7,23 @@
 //! count begun earlier. A little chance is added: cards written from one image begin with the same wrong time when the
 //! machine has no clock (the image's), and must not repeat each other's numbers. Where the clock cannot be right (1970)
 //! it is chance alone: a lower number than before, but hardly one that was used.
+//!
+//! Recordings give way before a start is counted. Should the disk be full all the same, of other files, there is a file of
+//! 1 MB to be deleted (`reserve`), which is made again when there is room: a node that is started anew does not fail for want
+//! of room for its count.
 
 use std::fs::{self, File};
+use std::io::{self, Write};
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
-use rustix::fs::{FlockOperation, flock, statvfs};
+use rustix::fs::{FlockOperation, flock};
 use tomoswarm_proto::Boot;
 
 use super::membership::{self, RandomUnavailable};
-use crate::store::replace;
+use crate::store::recording::give_way;
+use crate::store::{DiskRoom, replace};
 
 /// From 1970 to 2020.
 const UNTIL_2020: Duration = Duration::from_secs(1_577_836_800);
@@ -26,6 +33,9 @@ const PLAUSIBLE_S: std::ops::Range<u64> = 142_000_000..2_524_608_000;
 const SPREAD: u64 = 1 << 16;
 /// Chance alone: less than any plausible time.
 const SPREAD_ALONE: u64 = 1 << 20;
+
+/// The size of the file that is deleted when a start cannot be counted, bytes. A disk with a smaller reserve gets none.
+const BALLAST_BYTES: u64 = 1 << 20;
 
 /// Why a folder cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -62,7 +72,35 @@ pub enum StateDirError {
 pub struct StateDir {
     path: PathBuf,
     boot: Boot,
+    place: FolderPlace,
     _lock: File,
+}
+
+/// Where a node's folder was when the node began: whether it still is there can be asked by every thread.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct FolderPlace {
+    lock_path: PathBuf,
+    /// Which disk and file the lock is.
+    lock: Option<(u64, u64)>,
+}
+
+impl FolderPlace {
+    /// Notes where a folder's lock is now.
+    pub(super) fn of(lock_path: PathBuf) -> FolderPlace {
+        let lock = identity(&lock_path);
+        FolderPlace { lock_path, lock }
+    }
+
+    /// Returns whether the folder is where it was. One that was removed or replaced can still be written by who has its files
+    /// open, and nobody will find what is written.
+    pub fn is_there(&self) -> bool {
+        identity(&self.lock_path) == self.lock
+    }
+}
+
+fn identity(path: &Path) -> Option<(u64, u64)> {
+    let file = fs::metadata(path).ok()?;
+    Some((file.dev(), file.ino()))
 }
 
 impl StateDir {
@@ -83,12 +121,18 @@ impl StateDir {
                 path: path.to_owned(),
             });
         }
+        if let Err(error) = give_way(&path.join("flight")) {
+            tracing::warn!("recordings cannot give way: {error}");
+        }
         let count_path = path.join("boot");
         let boot = next_boot(&count_path)?;
-        replace(&count_path, &format!("{boot}\n")).map_err(io(&count_path))?;
+        let ballast = path.join("reserve");
+        count(&count_path, boot, &ballast).map_err(io(&count_path))?;
+        lay_by(&ballast);
         Ok(StateDir {
             path: path.to_owned(),
             boot,
+            place: FolderPlace::of(lock_path),
             _lock: lock,
         })
     }
@@ -103,10 +147,51 @@ impl StateDir {
         self.path.join(name)
     }
 
-    /// Returns the room left, MB; `None` when the system does not tell.
+    /// Returns the room left, MB (2²⁰ bytes); `None` when the system does not tell.
     pub fn free_mb(&self) -> Option<u32> {
-        let room = statvfs(&self.path).ok()?;
-        u32::try_from(room.f_bavail.saturating_mul(room.f_frsize) >> 20).ok()
+        DiskRoom::of(&self.path).map(DiskRoom::free_mb)
+    }
+
+    /// Returns where the folder is, for who must know that it still is there.
+    pub fn place(&self) -> FolderPlace {
+        self.place.clone()
+    }
+
+    /// Returns in words that the folder is gone from its place, if so.
+    pub fn trouble(&self) -> Option<String> {
+        (!self.place.is_there()).then(|| {
+            format!(
+                "{} was removed or replaced while it is in use: what is stored is lost at the end; start the node anew",
+                self.path.display()
+            )
+        })
+    }
+}
+
+/// Counts a start; a disk that is full has the ballast's room for it.
+fn count(path: &Path, boot: Boot, ballast: &Path) -> io::Result<()> {
+    let text = format!("{boot}\n");
+    match replace(path, &text) {
+        Err(error) if error.kind() == io::ErrorKind::StorageFull && ballast.exists() => {
+            fs::remove_file(ballast)?;
+            replace(path, &text)
+        }
+        counted => counted,
+    }
+}
+
+/// Makes the ballast where the disk has room for it. Without it everything works until the disk is full.
+fn lay_by(ballast: &Path) {
+    let is_small = |room: DiskRoom| room.reserve_bytes() < BALLAST_BYTES;
+    let room = ballast.parent().and_then(DiskRoom::of);
+    if ballast.exists() || room.is_none_or(|room| is_small(room) || room.missing_bytes(0) > 0) {
+        return;
+    }
+    let write = || File::create(ballast)?.write_all(&vec![0; BALLAST_BYTES as usize]);
+    if let Err(error) = write() {
+        tracing::warn!("{}: cannot be written: {error}", ballast.display());
+        // A part of it is of no use.
+        let _ = fs::remove_file(ballast);
     }
 }
 
@@ -208,5 +293,22 @@ mod tests {
                 "{damaged}"
             );
         }
+    }
+
+    #[test]
+    fn a_folder_that_was_removed_or_replaced_is_a_trouble() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("rover");
+        let state = StateDir::open(&path).unwrap();
+        assert_eq!(state.trouble(), None);
+        fs::rename(&path, folder.path().join("elsewhere")).unwrap();
+        let trouble = state.trouble().unwrap();
+        assert!(
+            trouble.starts_with(&path.display().to_string()) && trouble.contains("removed"),
+            "{trouble}"
+        );
+        fs::create_dir(&path).unwrap();
+        fs::write(path.join("lock"), "").unwrap();
+        assert!(state.trouble().is_some(), "another one in its place");
     }
 }

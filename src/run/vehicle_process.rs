@@ -12,7 +12,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, SystemTime};
 
-use tomoswarm_proto::{Health, Message, Sender, State, VehicleId, VehicleMode};
+use tomoswarm_proto::{Health, Message, RecordingHealth, Sender, State, VehicleId, VehicleMode};
 
 use super::bus::{BusError, Publisher};
 use super::clock::Clock;
@@ -255,13 +255,17 @@ pub fn run(
         roster.look(member, troubles);
         edge.watch_devices(troubles);
         edge.watch_disk(troubles);
+        watch_folder(&state_dir, troubles);
         watch_recorder(recorder.as_ref(), troubles);
         let known = troubles.list();
         if now.since(said_at) >= HEALTH_EVERY || known != said {
             (said_at, said) = (now, known);
-            edge.publisher.publish(&Message::Health(
-                edge.health(&settings, &state_dir, troubles),
-            ));
+            edge.publisher.publish(&Message::Health(edge.health(
+                &settings,
+                &state_dir,
+                recorder.as_ref(),
+                troubles,
+            )));
         }
         let state = lock(&edge.last).state.clone();
         status(&NodeStatus {
@@ -310,6 +314,7 @@ pub(super) fn recorder(
     let limits = RecordingLimits {
         cap_bytes,
         segment_bytes,
+        leaves_reserve: true,
         ..defaults
     };
     Some(Recorder::start(state_dir.join("flight"), about, limits))
@@ -320,6 +325,26 @@ pub(super) fn watch_recorder(recorder: Option<&Recorder>, troubles: &Troubles) {
     match recorder.and_then(Recorder::trouble) {
         Some(trouble) => troubles.raise("recording", trouble),
         None => troubles.clear("recording"),
+    }
+}
+
+/// Returns what the recording takes, and what it may take, MB (10⁶ bytes).
+pub(super) fn recording_health(recorder: Option<&Recorder>) -> Option<RecordingHealth> {
+    let mb = |bytes: u64| u32::try_from(bytes / 1_000_000).unwrap_or(u32::MAX);
+    recorder.map(|recorder| {
+        let of_disk = recorder.disk_use();
+        RecordingHealth {
+            used_mb: mb(of_disk.used_bytes),
+            limit_mb: mb(of_disk.cap_bytes),
+        }
+    })
+}
+
+/// Tells whether the node's folder still is where it was.
+pub(super) fn watch_folder(state_dir: &StateDir, troubles: &Troubles) {
+    match state_dir.trouble() {
+        Some(trouble) => troubles.raise("folder", trouble),
+        None => troubles.clear("folder"),
     }
 }
 
@@ -382,6 +407,7 @@ impl Edge {
         &self,
         settings: &VehicleSettings,
         state_dir: &StateDir,
+        recorder: Option<&Recorder>,
         troubles: &Troubles,
     ) -> Health {
         let last = lock(&self.last);
@@ -403,6 +429,7 @@ impl Edge {
             frames_refused: traffic.refused,
             frames_unknown: traffic.unknown,
             disk_free_mb: state_dir.free_mb(),
+            recording: recording_health(recorder),
             autopilot: self.devices.autopilot_health().filter(|_| is_heard),
             radio: self.devices.radio_health(),
             range: self.devices.range_health(),
@@ -410,7 +437,6 @@ impl Edge {
             processor_c: machine.processor_c,
             is_clock_synchronised: machine.is_clock_synchronised,
             troubles: short(troubles.list()),
-            ..Health::default()
         }
     }
 

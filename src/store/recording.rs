@@ -33,13 +33,14 @@ mod segment;
 mod view;
 
 pub use flight::{OpenRecording, RecordingLimits, RecordingSubject};
+pub use folder::give_way;
 pub use reader::{ReadError, Reader, RecordingContents};
-pub use recorder::{Recorder, StepRecorder};
+pub use recorder::{Recorder, RecordingUse, StepRecorder};
 pub use replay::{Difference, ReplayError, ReplayResult, Replayed, replay};
 pub use segment::WriteError;
 
 /// The version of what is written here: another one whenever an actor's snapshot takes another shape, since packed bytes
 /// do not say whose they are.
-const FORMAT: &str = "15";
+const FORMAT: &str = "16";
 /// The version of the software; snapshots are only read by the same.
 const VERSION: &str = env!("CARGO_PKG_VERSION");

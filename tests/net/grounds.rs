@@ -1,12 +1,11 @@
 //! Two ground stations, a ground station that has lost its disk, and disks that are full or cannot be written.
 
-use std::path::Path;
 use std::process::Command;
 use std::time::Duration;
 
-use rustix::process::geteuid;
 use tomoswarm_proto::{RunId, StationPhase};
 
+use crate::small_disk::{SmallDisk, run};
 use crate::swarm::{GROUND, PROGRAM, Size, Swarm, free_address, vehicle};
 
 fn two() -> Swarm {
@@ -88,53 +87,6 @@ fn a_ground_with_an_empty_disk_gets_all_samples_again() {
     swarm.check_samples("state-g", RunId(2));
 }
 
-/// A small file system in memory, as long as it is held.
-struct SmallDisk<'a>(&'a Path);
-
-impl<'a> SmallDisk<'a> {
-    /// Makes one where the machine allows it.
-    fn mount(at: &'a Path, kb: u32) -> Option<SmallDisk<'a>> {
-        std::fs::create_dir_all(at).unwrap();
-        let may = geteuid().is_root()
-            && run(
-                "mount",
-                &[
-                    "-t",
-                    "tmpfs",
-                    "-o",
-                    &format!("size={kb}k"),
-                    "tmpfs",
-                    at.to_str()?,
-                ],
-            );
-        may.then_some(SmallDisk(at))
-    }
-
-    fn grow(&self, kb: u32) {
-        assert!(run(
-            "mount",
-            &[
-                "-o",
-                &format!("remount,size={kb}k"),
-                self.0.to_str().unwrap()
-            ]
-        ));
-    }
-}
-
-impl Drop for SmallDisk<'_> {
-    fn drop(&mut self) {
-        run("umount", &["-l", self.0.to_str().unwrap()]);
-    }
-}
-
-fn run(program: &str, arguments: &[&str]) -> bool {
-    Command::new(program)
-        .args(arguments)
-        .output()
-        .is_ok_and(|output| output.status.success())
-}
-
 #[test]
 fn a_ground_whose_disk_is_full_says_so_and_loses_nothing() {
     let mut swarm = two();
@@ -156,12 +108,14 @@ fn a_ground_whose_disk_is_full_says_so_and_loses_nothing() {
     let rest = state_dir.join("rest");
     let mut file = std::fs::File::create(&rest).unwrap();
     while std::io::Write::write_all(&mut file, &[1; 512]).is_ok() {}
+    let is_full = |trouble: &String| trouble.contains("the disk is full");
     swarm.until("it is said", 20, |watch| {
-        !watch.report().troubles.is_empty()
+        watch.report().troubles.iter().any(is_full)
     });
     std::thread::sleep(Duration::from_secs(5));
     swarm.note("there is room again");
-    disk.grow(40_000);
+    // Less than 200 MB would be a trouble as well.
+    disk.grow(400_000);
     swarm.until("all is well again", 20, |watch| {
         watch.report().troubles.is_empty()
     });

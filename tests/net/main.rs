@@ -20,6 +20,7 @@ mod clocks;
 #[cfg(feature = "dash")]
 mod dash;
 mod deaths;
+mod disks;
 #[cfg(feature = "hw")]
 mod drivers;
 mod forgers;
@@ -33,6 +34,7 @@ mod python;
 mod raw;
 mod relay;
 mod relays;
+mod small_disk;
 mod strangers;
 mod swarm;
 mod trust;

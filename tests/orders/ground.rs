@@ -298,7 +298,11 @@ impl Ground {
                 self.known.take(now, self.store, &state, given);
                 In::Bus(Message::State(self.as_seen(state)))
             }
-            input @ (In::Bus(_) | In::Planned(_) | In::Pictured(_) | In::Stops(_)) => input,
+            input @ (In::Bus(_)
+            | In::Planned(_)
+            | In::Pictured(_)
+            | In::Stops(_)
+            | In::StoresSamples(_)) => input,
         };
         self.station.handle(clock, input, &mut output).unwrap();
         Some(output)

@@ -54,6 +54,8 @@ pub(super) struct Conditions<'a> {
     pub lease: Lease,
     /// Whether an order other than Start is in force: then nothing is begun, planned or timed.
     pub is_held: bool,
+    /// Whether samples can be stored: while they cannot, no run is closed.
+    pub stores_samples: bool,
 }
 
 /// What follows from the execution for the other parts of the station.

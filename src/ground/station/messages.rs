@@ -29,6 +29,8 @@ pub enum In {
     Pictured(PictureName),
     /// Which emergency stops are open.
     Stops(Vec<EmergencyStop>),
+    /// Samples can be stored, or cannot. Said with every group of them.
+    StoresSamples(bool),
 }
 
 /// What the station can say.
@@ -87,6 +89,11 @@ pub(super) fn expected_author(message: &Message) -> Option<VehicleId> {
         | Message::Image(_)
         | Message::Fix(_) => None,
     }
+}
+
+/// Returns the note that a vehicle is lost.
+pub(super) fn note_lost(vehicle: VehicleId) -> Out {
+    Out::StationEvent(StationEvent::Lost(vehicle))
 }
 
 /// Returns what is worth noting of what a vehicle has shown.
@@ -241,6 +248,8 @@ pub enum Key {
     Planned,
     /// That a picture was made.
     Pictured(PictureName),
+    /// Whether samples can be stored.
+    StoresSamples,
 }
 
 impl Input for In {
@@ -257,6 +266,7 @@ impl Input for In {
             }
             In::Planned(_) => InputClass::Latest(Key::Planned),
             In::Pictured(name) => InputClass::Latest(Key::Pictured(*name)),
+            In::StoresSamples(_) => InputClass::Latest(Key::StoresSamples),
             In::Bus(_) | In::Stops(_) => InputClass::Queue,
         }
     }

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use tomoswarm_proto::{
     Boot, Ordered, Permille, Plan, Position, Progress, Revision, State, Stop, StopId, TaskKind,
-    VehicleMode,
+    VehicleId, VehicleMode,
 };
 
 use super::*;

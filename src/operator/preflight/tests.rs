@@ -3,8 +3,8 @@
 use tomoswarm_proto::codec::{Greeting, VERSION};
 use tomoswarm_proto::{
     AutopilotFamily, AutopilotHealth, BodyKind, Boot, Capability, Deviation, Message, OrderKind,
-    Permille, Power, RadioHealth, RadioKind, RangeHealth, RangeSensorKind, Sender, ServoKind,
-    State,
+    Permille, Power, RadioHealth, RadioKind, RangeHealth, RangeSensorKind, RecordingHealth, Sender,
+    ServoKind, State,
 };
 
 use super::super::HeardMessage;
@@ -203,6 +203,14 @@ fn each_check_of_a_vehicle_can_refuse() {
     );
     wrong(
         |swarm| swarm.healths[0].disk_free_mb = Some(200),
+        &["vehicle 1: disk"],
+    );
+    let recording = RecordingHealth {
+        used_mb: 0,
+        limit_mb: 4800,
+    };
+    wrong(
+        |swarm| swarm.healths[0].recording = Some(recording),
         &["vehicle 1: disk"],
     );
     wrong(

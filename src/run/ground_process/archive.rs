@@ -10,6 +10,7 @@ use tomoswarm_proto::{
 };
 
 use super::super::mailbox::{Troubles, lock};
+use super::super::state_dir::FolderPlace;
 use crate::ground::imager::{ReconstructedImage, Subject};
 use crate::map::ANY_REVISION_UNTIL;
 use crate::store::StoreError;
@@ -25,6 +26,7 @@ const TILES_MOST: usize = 16_384;
 pub(super) struct Archive {
     disk: Mutex<Disk>,
     waiting: Mutex<Waiting>,
+    place: FolderPlace,
     troubles: Troubles,
 }
 
@@ -58,7 +60,8 @@ struct RunEntry {
 }
 
 impl Archive {
-    pub(super) fn new(store: GroundStore, troubles: Troubles) -> Archive {
+    /// Takes the store, and where its folder is.
+    pub(super) fn new(store: GroundStore, place: FolderPlace, troubles: Troubles) -> Archive {
         let disk = Mutex::new(Disk {
             store,
             memory: None,
@@ -66,6 +69,7 @@ impl Archive {
         Archive {
             disk,
             waiting: Mutex::default(),
+            place,
             troubles,
         }
     }
@@ -135,8 +139,11 @@ impl Archive {
         }
     }
 
-    /// Stores samples; returns whether they are stored.
+    /// Stores samples; returns whether they are stored, where they will be found.
     pub(super) fn keep_samples(&self, batches: &[Samples]) -> bool {
+        if !self.place.is_there() {
+            return false;
+        }
         let taken = lock(&self.disk).store.take(batches);
         let is_stored = taken.is_ok();
         self.say("samples", taken.map(|_| ()));

@@ -1,15 +1,17 @@
 //! The thread that stores samples and all that the station does not wait for, and tells the station of samples once they
-//! are stored. Its groups are small, so that the station's memory never waits long for the store.
+//! are stored. Its groups are small, so that the station's memory never waits long for the store. What could not be stored last
+//! is tried again, so that it is known when the store works again, whether or not anybody repeats anything.
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime};
 
-use tomoswarm_proto::{Boot, Samples, TileReport, VehicleId};
+use tomoswarm_proto::{Boot, Message, Samples, Sender, TileReport, VehicleId};
 
 use super::archive::Archive;
 use super::utc::Clocks;
+use crate::ground::Event;
 
 /// Samples are stored in groups, a group at least this often.
 const GROUP: Duration = Duration::from_millis(50);
@@ -29,11 +31,11 @@ pub(super) enum StoreJob {
     End,
 }
 
-/// Starts the thread; `tell` reaches the station with what its vehicle has said and is stored.
+/// Starts the thread; `tell` reaches the station with what its vehicle has said and is stored, and with whether samples can be.
 pub(super) fn keeper(
     archive: Arc<Archive>,
     wanted: Receiver<StoreJob>,
-    tell: impl Fn(Samples) + Send + 'static,
+    tell: impl Fn(Event) + Send + 'static,
 ) -> std::io::Result<JoinHandle<()>> {
     let keep = move || {
         let began = Instant::now();
@@ -43,6 +45,7 @@ pub(super) fn keeper(
             began,
             tried: began,
             is_well: true,
+            unstored: Vec::new(),
             clocks: Clocks::default(),
         };
         loop {
@@ -75,10 +78,12 @@ struct StoreThread<T> {
     /// When everything was tried last.
     tried: Instant,
     is_well: bool,
+    /// The last group of samples, if it could not be stored; earlier ones their vehicles repeat.
+    unstored: Vec<Samples>,
     clocks: Clocks,
 }
 
-impl<T: Fn(Samples)> StoreThread<T> {
+impl<T: Fn(Event)> StoreThread<T> {
     fn keep(&mut self, group: Vec<StoreJob>) {
         let mut batches: Vec<Samples> = Vec::new();
         for wanted in group {
@@ -101,6 +106,10 @@ impl<T: Fn(Samples)> StoreThread<T> {
         }
         self.keep_samples(batches);
         let is_due = self.tried.elapsed() >= EVERY;
+        if is_due {
+            let again = std::mem::take(&mut self.unstored);
+            self.keep_samples(again);
+        }
         // A store in trouble is not asked all the time.
         if is_due || self.is_well {
             self.is_well = self.archive.keep(is_due);
@@ -111,9 +120,20 @@ impl<T: Fn(Samples)> StoreThread<T> {
     }
 
     /// What cannot be stored is not acknowledged: its vehicles repeat it.
-    fn keep_samples(&self, batches: Vec<Samples>) {
-        if !batches.is_empty() && self.archive.keep_samples(&batches) {
-            batches.into_iter().for_each(&self.tell);
+    fn keep_samples(&mut self, batches: Vec<Samples>) {
+        if batches.is_empty() {
+            return;
+        }
+        let is_stored = self.archive.keep_samples(&batches);
+        (self.tell)(Event::StoresSamples(is_stored));
+        if is_stored {
+            self.unstored.clear();
+            for batch in batches {
+                let sender = Sender::Vehicle(batch.vehicle);
+                (self.tell)(Event::Bus(sender, Message::Samples(batch)));
+            }
+        } else {
+            self.unstored = batches;
         }
     }
 

@@ -1,10 +1,32 @@
 //! What the ground's process says and stores, also when its disk is in trouble.
 
-use tomoswarm_proto::{Plan, Revision, RunId, Sample, Samples};
+use tomoswarm_proto::{
+    Deviation, Heading, Plan, PoseReport, Position, Revision, RunId, Sample, Samples,
+};
 
+use super::super::state_dir::FolderPlace;
 use super::*;
 
 const VENUE: u64 = 5;
+const SAMPLE: Sample = Sample {
+    sequence: 0,
+    heard_at_ns: 0,
+    transmitter: VehicleId(9),
+    transmitter_pose: NOWHERE,
+    receiver_pose: NOWHERE,
+    channel: 11,
+    power_dbm: 0,
+    rssi_dbm: None,
+};
+const NOWHERE: PoseReport = PoseReport {
+    at: Position {
+        x_mm: 0,
+        y_mm: 0,
+        z_mm: 0,
+    },
+    heading: Heading(0),
+    sd: Deviation::UNKNOWN,
+};
 
 fn store(folder: &Path) -> GroundStore {
     let start = Start {
@@ -13,6 +35,12 @@ fn store(folder: &Path) -> GroundStore {
         ..Start::default()
     };
     GroundStore::open(&folder.join("ground.sqlite"), &start).unwrap()
+}
+
+fn archive(folder: &Path, troubles: Troubles) -> Archive {
+    let lock = folder.join("lock");
+    std::fs::write(&lock, "").unwrap();
+    Archive::new(store(folder), FolderPlace::of(lock), troubles)
 }
 
 #[test]
@@ -29,7 +57,7 @@ fn what_is_wrong_with_the_process_is_said_beside_what_the_station_says() {
 fn what_could_not_be_stored_is_stored_later_and_each_trouble_ends_by_itself() {
     let folder = tempfile::tempdir().unwrap();
     let troubles = Troubles::default();
-    let archive = Archive::new(store(folder.path()), troubles.clone());
+    let archive = archive(folder.path(), troubles.clone());
     let reader = rusqlite::Connection::open(folder.path().join("ground.sqlite")).unwrap();
     let stop = |table: &str| {
         let no = format!(
@@ -86,9 +114,62 @@ fn what_could_not_be_stored_is_stored_later_and_each_trouble_ends_by_itself() {
 }
 
 #[test]
+fn what_nobody_would_find_is_not_stored() {
+    let folder = tempfile::tempdir().unwrap();
+    let state = folder.path().join("state");
+    std::fs::create_dir(&state).unwrap();
+    let archive = archive(&state, Troubles::default());
+    let batch = Samples {
+        vehicle: VehicleId(1),
+        samples: vec![SAMPLE],
+        ..Samples::default()
+    };
+    assert!(archive.keep_samples(std::slice::from_ref(&batch)));
+    std::fs::remove_dir_all(&state).unwrap();
+    assert!(!archive.keep_samples(std::slice::from_ref(&batch)));
+    std::fs::create_dir(&state).unwrap();
+    std::fs::write(state.join("lock"), "").unwrap();
+    assert!(!archive.keep_samples(&[batch]), "it is another folder");
+}
+
+#[test]
+fn a_store_that_works_again_is_noticed_although_nobody_repeats_anything() {
+    let folder = tempfile::tempdir().unwrap();
+    let archive = Arc::new(archive(folder.path(), Troubles::default()));
+    let reader = rusqlite::Connection::open(folder.path().join("ground.sqlite")).unwrap();
+    let no = "CREATE TRIGGER no BEFORE INSERT ON samples BEGIN SELECT raise(ABORT, 'no'); END";
+    reader.execute_batch(no).unwrap();
+    let (to_store, wanted) = sync_channel(8);
+    let (told, events) = std::sync::mpsc::channel();
+    let keeper = keeper(archive, wanted, move |event| drop(told.send(event))).unwrap();
+    let next = || {
+        events
+            .recv_timeout(std::time::Duration::from_secs(20))
+            .unwrap()
+    };
+    to_store
+        .send(StoreJob::Samples(Samples {
+            vehicle: VehicleId(1),
+            samples: vec![SAMPLE],
+            ..Samples::default()
+        }))
+        .unwrap();
+    assert!(matches!(next(), Event::StoresSamples(false)));
+    reader.execute_batch("DROP TRIGGER no").unwrap();
+    let mut event = next();
+    while matches!(event, Event::StoresSamples(false)) {
+        event = next();
+    }
+    assert!(matches!(event, Event::StoresSamples(true)), "{event:?}");
+    assert!(matches!(next(), Event::Bus(_, Message::Samples(_))));
+    to_store.send(StoreJob::End).unwrap();
+    keeper.join().unwrap();
+}
+
+#[test]
 fn software_is_noted_once_and_never_of_an_older_start() {
     let folder = tempfile::tempdir().unwrap();
-    let archive = Archive::new(store(folder.path()), Troubles::default());
+    let archive = archive(folder.path(), Troubles::default());
     let reader = rusqlite::Connection::open(folder.path().join("ground.sqlite")).unwrap();
     let say = |boot, software: &str| {
         archive.hold_software(VehicleId(1), Boot(boot), software.to_owned());
@@ -122,21 +203,11 @@ fn what_strangers_have_sent_before_is_passed_over_after_a_restart() {
         fence_m: 72.0,
         spot_m: 0.06,
     };
-    let sample = Sample {
-        sequence: 0,
-        heard_at_ns: 0,
-        transmitter: VehicleId(9),
-        transmitter_pose: Default::default(),
-        receiver_pose: Default::default(),
-        channel: 11,
-        power_dbm: 0,
-        rssi_dbm: None,
-    };
     let batch = |id| Samples {
         vehicle: VehicleId(id),
         boot: Boot(1),
         run: RunId(1),
-        samples: vec![sample],
+        samples: vec![SAMPLE],
         lost: vec![],
     };
     let restored = RestoredStore {

@@ -17,6 +17,7 @@ use super::view::{MessageLine, RecordingView};
 use super::{FORMAT, VERSION};
 use crate::actor::{ActorStep, Snapshot};
 use crate::geom::Lattice;
+use crate::store::DiskRoom;
 use crate::time::Time;
 
 /// What a recording is of.
@@ -41,15 +42,18 @@ pub struct RecordingLimits {
     pub segment_bytes: u64,
     /// One segment, time.
     pub segment: Duration,
+    /// Whether it gives way when the disk has less room than its reserve ([`DiskRoom`]).
+    pub leaves_reserve: bool,
 }
 
 impl Default for RecordingLimits {
-    /// 512 MiB in segments of 32 MiB or 5 minutes.
+    /// 512 MiB in segments of 32 MiB or 5 minutes, whatever room the disk has.
     fn default() -> RecordingLimits {
         RecordingLimits {
             cap_bytes: 512 << 20,
             segment_bytes: 32 << 20,
             segment: Duration::from_secs(300),
+            leaves_reserve: false,
         }
     }
 }
@@ -63,6 +67,7 @@ pub struct OpenRecording {
     /// The newest segment and the one before, by number.
     open: BTreeMap<u64, Segment>,
     last: u64,
+    used_bytes: u64,
 }
 
 impl OpenRecording {
@@ -76,13 +81,19 @@ impl OpenRecording {
             view,
             open: BTreeMap::new(),
             last: 0,
+            used_bytes: 0,
         }
+    }
+
+    /// Returns what all segments take together, bytes, as of the last [`OpenRecording::flush`] or beginning.
+    pub fn used_bytes(&self) -> u64 {
+        self.used_bytes
     }
 
     /// Begins a segment and gives its number; `gap` says what is missing before it.
     ///
     /// # Errors
-    /// The file cannot be made, or an older one not ended.
+    /// The file cannot be made, or an older one not ended, or the disk has no room beside its reserve.
     pub fn begin(&mut self, now: Time, gap: Option<&str>) -> Result<u64, WriteError> {
         while self.open.len() > 1 {
             self.end_oldest()?;
@@ -103,10 +114,14 @@ impl OpenRecording {
             )?;
         }
         let (number, path) = folder::next(&self.folder, self.last)?;
+        self.make_room(if self.open.is_empty() {
+            self.segment_bytes()
+        } else {
+            0
+        })?;
         let segment = Segment::create(&path, now, &self.preface(number))?;
         self.last = number;
         self.open.insert(number, segment);
-        self.make_room()?;
         Ok(number)
     }
 
@@ -179,13 +194,13 @@ impl OpenRecording {
     /// # Errors
     /// As for [`OpenRecording::snapshot`].
     pub fn flush(&mut self, now: Time) -> Result<bool, WriteError> {
-        let most = self.limits.segment_bytes.min(self.limits.cap_bytes / 4);
+        let most = self.segment_bytes();
         let mut is_full = false;
         for segment in self.open.values_mut() {
             is_full =
                 segment.flush()? >= most || now.since(segment.opened()) >= self.limits.segment;
         }
-        self.make_room()?;
+        self.make_room(0)?;
         Ok(is_full)
     }
 
@@ -206,10 +221,32 @@ impl OpenRecording {
             .map_or(Ok(()), |(_, segment)| segment.finish())
     }
 
-    fn make_room(&self) -> Result<(), WriteError> {
-        let kept: Vec<&Path> = self.open.values().map(Segment::path).collect();
-        folder::make_room(&self.folder, self.limits.cap_bytes, &kept)
+    fn segment_bytes(&self) -> u64 {
+        self.limits.segment_bytes.min(self.limits.cap_bytes / 4)
     }
+
+    /// Drops what is too much, also so that so many bytes are free beside the disk's reserve.
+    fn make_room(&mut self, beside_bytes: u64) -> Result<(), WriteError> {
+        let room = DiskRoom::of(&self.folder).filter(|_| self.limits.leaves_reserve);
+        let missing_bytes = room.map_or(0, |room| room.missing_bytes(beside_bytes));
+        let kept: Vec<&Path> = self.open.values().map(Segment::path).collect();
+        let cap_bytes = self.limits.cap_bytes;
+        let made = folder::make_room(&self.folder, cap_bytes, missing_bytes, &kept)?;
+        self.used_bytes = made.used_bytes;
+        match room.filter(|_| made.missing_bytes > 0) {
+            None => Ok(()),
+            Some(room) => Err(WriteError::at(&self.folder, no_room(room))),
+        }
+    }
+}
+
+/// Says that a disk's reserve is not touched.
+fn no_room(room: DiskRoom) -> String {
+    format!(
+        "{} MB are free on its disk, and {} MB are kept free for samples",
+        room.free_mb(),
+        room.reserve_bytes() >> 20
+    )
 }
 
 fn written(segment: &Segment, text: Result<String, MessageError>) -> Result<String, WriteError> {

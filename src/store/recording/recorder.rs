@@ -5,8 +5,8 @@
 //! ```
 //!
 //! What does not fit into the queue is lost, and the segment with it: it is marked with a gap and ended, and every
-//! actor hands in a snapshot for the next one before its next step. When nothing can be written the node goes on
-//! without a recording, and the thread tries again after 10 s.
+//! actor hands in a snapshot for the next one before its next step. When nothing can be written, or the disk has no room
+//! beside its reserve, the node goes on without a recording, and the thread tries again after 10 s.
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -44,9 +44,16 @@ struct Shared {
     is_overrun: AtomicBool,
     is_ended: AtomicBool,
     trouble: Mutex<Option<String>>,
+    /// What all segments take, bytes.
+    used_bytes: AtomicU64,
 }
 
 impl Shared {
+    fn set_use(&self, flight: &OpenRecording) {
+        self.used_bytes
+            .store(flight.used_bytes(), Ordering::Relaxed);
+    }
+
     fn set_trouble(&self, trouble: Option<String>) {
         *self.trouble.lock().unwrap_or_else(PoisonError::into_inner) = trouble;
     }
@@ -58,11 +65,21 @@ enum Sent {
     Step(u64, ActorStep),
 }
 
+/// What a recording takes of the disk.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct RecordingUse {
+    /// All segments together, bytes.
+    pub used_bytes: u64,
+    /// What they may take together, bytes.
+    pub cap_bytes: u64,
+}
+
 /// A recorder at work; dropped, it ends its files in order.
 #[derive(Debug)]
 pub struct Recorder {
     shared: Arc<Shared>,
     sender: SyncSender<Sent>,
+    cap_bytes: u64,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -80,6 +97,7 @@ impl Recorder {
     ) -> Recorder {
         let shared = Arc::new(Shared::default());
         let (sender, receiver) = sync_channel(queue);
+        let cap_bytes = limits.cap_bytes;
         let mut writing = Writing {
             folder,
             about,
@@ -104,6 +122,7 @@ impl Recorder {
         Recorder {
             shared,
             sender,
+            cap_bytes,
             thread,
         }
     }
@@ -115,6 +134,14 @@ impl Recorder {
             sender: self.sender.clone(),
             segment: NONE,
             broken: NONE,
+        }
+    }
+
+    /// Returns what it takes of the disk, and what it may take.
+    pub fn disk_use(&self) -> RecordingUse {
+        RecordingUse {
+            used_bytes: self.shared.used_bytes.load(Ordering::Relaxed),
+            cap_bytes: self.cap_bytes,
         }
     }
 
@@ -239,6 +266,7 @@ impl Writing {
         let mut flight = OpenRecording::new(&self.folder, self.about.clone(), self.limits);
         match flight.begin(self.now, None) {
             Ok(number) => {
+                self.shared.set_use(&flight);
                 self.flight = Some(flight);
                 self.shared.is_overrun.store(false, Ordering::Release);
                 self.shared.segment.store(number, Ordering::Release);
@@ -276,6 +304,7 @@ impl Writing {
             return Ok(());
         };
         let is_full = flight.flush(self.now)?;
+        self.shared.set_use(flight);
         let is_overrun = self.shared.is_overrun.swap(false, Ordering::AcqRel);
         if is_full || is_overrun {
             let gap = is_overrun.then_some("more came than could be written");
@@ -416,6 +445,7 @@ mod tests {
             cap_bytes: 60_000,
             segment_bytes: 10_000,
             segment: Duration::from_secs(300),
+            leaves_reserve: false,
         };
         let mut flight = OpenRecording::new(folder.path(), about(), limits);
         let mut segment = flight.begin(Time::ZERO, None).unwrap();

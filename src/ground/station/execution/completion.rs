@@ -29,12 +29,15 @@ pub(super) fn count_laps(
     is_new.then_some(SweepOutput::LapDone { sweep, is_last })
 }
 
-/// Closes a run whose samples are in; of what is missing no more is expected after a while.
+/// Closes a run whose samples are in; of what is missing no more is expected after a while, in which they could be stored.
 pub(super) fn close(phase: &mut ExecutionPhase, at: &Conditions<'_>) -> Option<SweepOutput> {
-    let ExecutionPhase::Closing { sweep, since } = *phase else {
+    let ExecutionPhase::Closing { sweep, since } = phase else {
         return None;
     };
-    let waited = at.now.since(since);
+    if !at.stores_samples {
+        *since = at.now;
+    }
+    let (sweep, waited) = (*sweep, at.now.since(*since));
     if waited < CLOSING || (waited < CLOSING_MAX && at.samples.has_gaps(sweep.run())) {
         return None;
     }

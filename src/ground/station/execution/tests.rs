@@ -17,6 +17,7 @@ struct Ground {
     fleet: Fleet,
     samples: SampleStore,
     is_held: bool,
+    stores_samples: bool,
     map_changes: u64,
     sequence: u64,
 }
@@ -32,6 +33,7 @@ impl Ground {
             fleet: Fleet::new(&[ONE, TWO], Lease::default()),
             samples: SampleStore::new(7, 0.5, 0.06),
             is_held: false,
+            stores_samples: true,
             map_changes: 0,
             sequence: 0,
         };
@@ -70,6 +72,7 @@ impl Ground {
             idle: IdleLimits::of(72.0, 0.5),
             lease: Lease::default(),
             is_held: self.is_held,
+            stores_samples: self.stores_samples,
         };
         let mut out = Vec::new();
         step(&mut self.execution, &at, &mut out);
@@ -255,6 +258,21 @@ fn missing_samples_are_waited_for_but_not_for_ever() {
     assert_eq!(ground.advance(20.0), ["lap 2 true"]);
     assert_eq!(ground.advance(79.9), [""; 0]);
     assert_eq!(ground.advance(80.0), ["closed 2"]);
+}
+
+#[test]
+fn a_run_is_not_closed_while_samples_cannot_be_stored() {
+    let mut ground = Ground::running();
+    ground.stores_samples = false;
+    ground.progress(20.0, 2, Some(2));
+    assert_eq!(ground.advance(20.0), ["lap 2 true"]);
+    assert_eq!(ground.advance(23.0), [""; 0]);
+    assert_eq!(ground.advance(900.0), [""; 0]);
+    ground.stores_samples = true;
+    assert_eq!(ground.advance(902.9), [""; 0], "they come again");
+    ground.leave_gap();
+    assert_eq!(ground.advance(959.9), [""; 0]);
+    assert_eq!(ground.advance(960.0), ["closed 2"]);
 }
 
 #[test]

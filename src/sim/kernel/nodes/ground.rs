@@ -69,8 +69,10 @@ impl SimulatedGround {
         event: ground::Event,
         effects: &mut Vec<ground::Effect>,
     ) -> Result<(), Fault> {
-        let ground::Event::Bus(_, message) = &event;
-        self.disk.keep(message);
+        match &event {
+            ground::Event::Bus(_, message) => self.disk.keep(message),
+            ground::Event::StoresSamples(_) => {}
+        }
         self.node.tell(now, event, effects)
     }
 
