@@ -2,6 +2,7 @@
 // the right, y up, metres.
 
 import { imageCanvas } from "./image.js";
+import { arrow, waitsOf } from "./plan.js";
 
 const SIDE = 32;
 const OCCUPIED_FROM = 9;
@@ -140,7 +141,10 @@ export class Scene {
     if (this.layers.image.checked) this.drawImage(pen);
     this.drawPlace(pen);
     if (this.layers.tracks.checked) this.drawTracks(pen);
-    if (this.layers.plan.checked) this.drawPlans(pen);
+    if (this.layers.plan.checked) {
+      this.drawPlans(pen);
+      this.drawWaits(pen);
+    }
     this.drawFinds(pen);
     for (const state of model.states.values()) if (state.isPlaced) this.drawVehicle(pen, state, now_ms);
     this.drawScale(pen);
@@ -247,6 +251,22 @@ export class Scene {
         pen.lineWidth = 2.5;
         this.path(pen, vehicle.leg, false);
       }
+    }
+  }
+
+  /** From who waits to whom it waits for. */
+  drawWaits(pen) {
+    for (const { vehicle, of } of waitsOf(this.model.timetable?.rows ?? [])) {
+      const [one, other] = [this.model.states.get(vehicle), this.model.states.get(of)];
+      if (!one?.isPlaced || !other?.isPlaced) continue;
+      const [from, to] = [this.toPixel(one.x, one.y), this.toPixel(other.x, other.y)];
+      pen.strokeStyle = pen.fillStyle = this.ink;
+      pen.lineWidth = 1.5;
+      pen.setLineDash([8, 4]);
+      arrow(pen, from, to, 10);
+      pen.setLineDash([]);
+      pen.font = "11px system-ui, sans-serif";
+      this.write(pen, `${vehicle} waits for ${of}`, (from[0] + to[0]) / 2 + 6, (from[1] + to[1]) / 2);
     }
   }
 

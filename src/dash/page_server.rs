@@ -12,12 +12,14 @@ use std::time::Duration;
 
 use serde::Deserialize;
 use serde_json::{Value, json};
-use tomoswarm_proto::{Message, StopScope};
+use tomoswarm_proto::{Message, StopScope, VehicleId};
 
 use super::board::Board;
+use super::events::EventKind;
 use super::gate::{FIRST_WITHIN, Gate, GateRefusal, PageId, Right};
 use super::orders::{OrderRequest, OrderWord};
 use super::outbox::Outbox;
+use super::texts::outcome_in_words;
 use crate::operator::HeardMessage;
 use crate::operator::operator_actor::{In, Out};
 use crate::operator::order_goal::GoalId;
@@ -102,11 +104,14 @@ impl PageServer {
     }
 
     /// Takes what the operator says of an order.
-    pub fn operator_said(&mut self, out: &Out) {
+    pub fn operator_said(&mut self, now: Time, out: &Out) {
         if let Out::Ended(GoalId::Hand(number), outcome)
         | Out::InForce(GoalId::Hand(number), outcome) = out
         {
             self.board.orders_mut().end(*number, outcome.clone());
+            let vehicles = outcome.vehicles.keys().copied().collect();
+            let text = format!("order {number}: {}", outcome_in_words(outcome));
+            self.board.add_event(now, EventKind::Order, vehicles, text);
         }
     }
 
@@ -176,6 +181,10 @@ impl PageServer {
             return Ok(number);
         }
         let number = self.board.orders_mut().enter(now, request.clone());
+        let whom: Vec<VehicleId> = request.targets().into_iter().collect();
+        let (word, page) = (request.order.word(), request.page);
+        let text = format!("order {number}: {word}, by page {page}");
+        self.board.add_event(now, EventKind::Order, whom, text);
         self.effects
             .extend(request.input(number).map(PageEffect::Tell));
         Ok(number)

@@ -131,7 +131,8 @@ impl Dashboard {
             .go_on(until, |at, heard| server.hear(at, heard))?;
         for out in said {
             note(&out);
-            self.server.operator_said(&out);
+            let now = self.operator.now();
+            self.server.operator_said(now, &out);
         }
         Ok(())
     }

@@ -12,8 +12,8 @@ use tomoswarm::run::bus::{BusSession, BusSettings};
 use tomoswarm::run::clock::Clock;
 use tomoswarm::run::mailbox::Troubles;
 use tomoswarm_proto::{
-    Boot, Health, Hello, LayerId, Message, PoseReport, Position, Sender, StandReason, State,
-    TILE_SIDE, TileAddress, TileReport, VehicleId,
+    Boot, Health, Hello, LayerId, Message, PoseReport, Position, RunId, Sample, Samples, Sender,
+    StandReason, State, TILE_SIDE, TileAddress, TileReport, VehicleId,
 };
 
 use crate::browser::Browser;
@@ -291,6 +291,31 @@ fn wall() -> TileReport {
     }
 }
 
+/// A sample of vehicle 9, which hears vehicle 8 ever weaker and misses every fourth beacon.
+fn samples(sequence: u64) -> Samples {
+    let pose = |x_m| PoseReport {
+        at: Position::from_metres(x_m, 9.0, 0.0),
+        ..PoseReport::default()
+    };
+    let sample = Sample {
+        sequence,
+        heard_at_ns: sequence * 200_000_000,
+        transmitter: VehicleId(8),
+        transmitter_pose: pose(1.0),
+        receiver_pose: pose(-3.0),
+        channel: 20,
+        power_dbm: 0,
+        rssi_dbm: (sequence % 4 != 3).then_some(-50 - (sequence % 30) as i16),
+    };
+    Samples {
+        vehicle: VehicleId(9),
+        boot: Boot(1),
+        run: RunId(1),
+        samples: vec![sample],
+        lost: Vec::new(),
+    }
+}
+
 /// Puts a vehicle on the bus that says evil things of itself, until it is dropped.
 fn evil_vehicle(swarm: &Swarm) -> BusSession {
     let path = swarm.path("venue.toml");
@@ -340,6 +365,7 @@ fn evil_vehicle(swarm: &Swarm) -> BusSession {
                 Message::State(state),
                 Message::Health(health),
                 Message::Tile(wall()),
+                Message::Samples(samples(sequence)),
             ] {
                 publisher.publish(&message);
             }
@@ -359,8 +385,8 @@ fn golden_frames(browser: &mut Browser) {
              const hex = line.split(' ')[1];
              model.take(new Uint8Array(hex.match(/../g).map((b) => parseInt(b, 16))).buffer, 1000);
            }}
-           const tile = model.tiles.get('-1/2/-3'), image = model.images.get(1);
-           return {{ state: model.states.get(3), beat: model.frames, cells: [...tile.cells.slice(30, 42)],
+           const tile = model.tiles.get('-1/2/-3'), image = model.images.get(1), pair = model.pairs.get('1-2');
+           return {{ pair: [pair.rssi, pair.loss, pair.excess, pair.distance, pair.at_ms], state: model.states.get(3), beat: model.frames, cells: [...tile.cells.slice(30, 42)],
              image: [image.run, image.laps, ...image.mean, ...image.deviation], text: model.vehicles.get(1).text }}; }})()"
     ));
     let state = &read["state"];
@@ -384,7 +410,8 @@ fn golden_frames(browser: &mut Browser) {
         read["cells"],
         json!([17, 17, -4, -3, -2, -1, 0, 1, 2, 3, -17, -17])
     );
-    assert_eq!(read["beat"], 5);
+    assert_eq!(read["pair"], json!([-61, 0.25, null, 4.5, 700]));
+    assert_eq!(read["beat"], 6);
     assert_eq!(read["text"], "<ä>");
     let rounded: Vec<i64> = read["image"]
         .as_array()
@@ -558,6 +585,143 @@ fn an_image_comes_to_the_page_and_a_page_without_a_scene_still_stops() {
         "document.getElementById('stop-result').textContent.includes('Stop is given')",
         5,
     );
+}
+
+/// Shows a view by its tab.
+fn view(browser: &mut Browser, name: &str) {
+    hold(browser, &format!("#tab-{name}"), 0);
+    browser.eval(&format!("document.getElementById('tab-{name}').click()"));
+    browser.until(&format!("!document.getElementById('{name}').hidden"), 5);
+}
+
+/// Every control that the browser's tree for screen readers has must have a name.
+fn every_control_has_a_name(browser: &mut Browser) {
+    let tree = browser.ask("Accessibility.getFullAXTree", json!({}));
+    let roles = [
+        "button",
+        "checkbox",
+        "combobox",
+        "tab",
+        "textbox",
+        "spinbutton",
+        "link",
+        "image",
+    ];
+    let nodes = tree["nodes"].as_array().unwrap();
+    let controls: Vec<_> = nodes
+        .iter()
+        .filter(|node| node["ignored"] != json!(true))
+        .filter(|node| roles.iter().any(|role| node["role"]["value"] == *role))
+        .collect();
+    assert!(controls.len() > 20, "{} controls", controls.len());
+    for control in controls {
+        let name = control["name"]["value"].as_str().unwrap_or_default();
+        assert!(
+            !name.trim().is_empty(),
+            "a control without a name: {control}"
+        );
+    }
+}
+
+#[test]
+fn the_views_show_radio_plans_and_what_happened() {
+    let Some(mut browser) = Browser::open(1440, 900) else {
+        return;
+    };
+    let mut swarm = prepared();
+    swarm.run();
+    let dash = Dash::start(&mut swarm);
+    swarm.begin();
+    let _evil = evil_vehicle(&swarm);
+    browser.go(&dash.operate);
+    browser.until("tomoswarm.model.pairs.has('9-8')", 30);
+
+    view(&mut browser, "radio");
+    let cell = |plane: &str| {
+        format!(
+            "(() => {{ const s = document.getElementById('radio-plane'); s.value = '{plane}'; s.dispatchEvent(new Event('change')); }})()"
+        )
+    };
+    let said = "[...document.querySelectorAll('#radio-matrix button')].map((b) => b.getAttribute('aria-label')).find((t) => t.startsWith('9 hears 8'))";
+    browser.until(&format!("/-[0-9]+ dBm/.test({said})"), 10);
+    browser.eval(&cell("loss"));
+    browser.until(&format!("/2[0-9] % missed/.test({said})"), 10);
+    browser.eval("[...document.querySelectorAll('#radio-matrix button')].find((b) => b.getAttribute('aria-label').startsWith('9 hears 8')).click()");
+    browser.until("!document.getElementById('pair-history').hidden", 5);
+    shot(&mut browser, "radio");
+
+    view(&mut browser, "log");
+    browser.until(
+        "document.getElementById('log-list').innerText.includes('<img src=x')",
+        10,
+    );
+    assert_eq!(
+        browser.eval("document.querySelectorAll('#log-list img').length"),
+        0,
+        "it is text"
+    );
+    browser.eval("(() => { const s = document.getElementById('log-vehicle'); s.value = '9'; s.dispatchEvent(new Event('change')); })()");
+    browser.until("[...document.querySelectorAll('#log-list li')].every((li) => !/(change|trouble|order) [0-8]:/.test(li.innerText))", 5);
+    browser.key("h", "KeyH", 72);
+    browser.until(
+        "document.getElementById('log-list').innerText.includes('hold, by page')",
+        10,
+    );
+    shot(&mut browser, "log");
+
+    view(&mut browser, "plan");
+    browser.until("tomoswarm.model.timetable?.rows.length === 2", 120);
+    browser.until(
+        "document.getElementById('plan-summary').textContent.includes('Longest chain')",
+        5,
+    );
+    let drawn = "(() => { const c = document.getElementById('gantt'); const d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;
+        return d.some((v, i) => i % 4 === 3 && v > 0); })()";
+    browser.until(drawn, 5);
+    shot(&mut browser, "plan");
+
+    every_control_has_a_name(&mut browser);
+    for theme in ["dark", "sunlight"] {
+        browser.eval(&format!("(() => {{ const s = document.getElementById('theme'); s.value = '{theme}'; s.dispatchEvent(new Event('change')); }})()"));
+        browser.until(
+            &format!("document.documentElement.dataset.theme === '{theme}'"),
+            5,
+        );
+        std::thread::sleep(Duration::from_millis(300));
+        shot(&mut browser, theme);
+    }
+    assert_eq!(browser.complaints, Vec::<String>::new());
+    drop(browser);
+    on_a_phone(&dash);
+}
+
+/// On a phone nothing is wider than the window, and Stop is seen.
+fn on_a_phone(dash: &Dash) {
+    let Some(mut browser) = Browser::open(390, 844) else {
+        return;
+    };
+    browser.go(&dash.operate);
+    browser.until(
+        "document.querySelectorAll('#vehicles tbody tr').length === 3",
+        20,
+    );
+    for name in ["image", "plan", "radio", "log"] {
+        browser.eval(&format!("document.getElementById('tab-{name}').click()"));
+        browser.until(&format!("!document.getElementById('{name}').hidden"), 5);
+        std::thread::sleep(Duration::from_millis(400));
+        let width = browser.eval("Math.max(document.documentElement.scrollWidth, document.querySelector('main').scrollWidth)");
+        assert!(
+            width.as_u64().unwrap() <= 390,
+            "{name}: {width} pixels wide"
+        );
+        let stop = browser.eval("(() => { const r = document.getElementById('stop').getBoundingClientRect(); return r.top >= 0 && r.bottom <= innerHeight && r.height >= 44; })()");
+        assert_eq!(stop, json!(true), "{name}: Stop is seen");
+        if name == "radio" {
+            browser.eval("document.getElementById('views').scrollIntoView()");
+        }
+        shot(&mut browser, &format!("phone-{name}"));
+    }
+    assert_eq!(browser.complaints, Vec::<String>::new());
 }
 
 /// Presses an element for so long.

@@ -134,7 +134,7 @@ fn an_order_reaches_the_operator_and_what_became_of_it_all_pages() {
         run: None,
         refused: None,
     };
-    server.operator_said(&Out::Ended(GoalId::Hand(number), outcome));
+    server.operator_said(at(2.0), &Out::Ended(GoalId::Hand(number), outcome));
     server.page_said(at(1.1), one, r#"{"credit":2}"#).unwrap();
     let last = texts(&server.due(at(1.2)), one, FrameKind::Orders)
         .pop()
