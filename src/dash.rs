@@ -10,6 +10,7 @@ pub mod board;
 pub mod events;
 pub mod frame;
 pub mod gate;
+pub mod metrics;
 pub mod orders;
 pub mod outbox;
 pub mod page_server;

@@ -1,5 +1,6 @@
 // Puts the page together: the feed fills the model, and what has changed is drawn when the browser draws.
 
+import { BeginPanel } from "./begin.js";
 import { Feed } from "./feed.js";
 import { Fleet } from "./fleet.js";
 import { ImagePanel } from "./image.js";
@@ -24,7 +25,9 @@ const panels = {
   plan: { panel: new PlanPanel(model), of: ["timetable", "welcome"] },
   radio: { panel: new RadioPanel(model), of: ["radio", "welcome"] },
   log: { panel: new LogPanel(model), of: ["events", "vehicle", "welcome"] },
+  begin: { panel: new BeginPanel(model, fleet, scene), of: ["ground", "welcome"] },
 };
+orders.heldButton("begin-mission", () => panels.begin.panel.give());
 let needsPanel = true;
 let isWanted = false;
 let needsScene = true;
@@ -58,7 +61,7 @@ function draw() {
   const now_ms = performance.now();
   const { changed } = model;
   if (changed.has("welcome")) showPlace();
-  if (changed.has("orders") || changed.has("welcome")) orders.show();
+  if (changed.has("orders") || changed.has("welcome") || changed.has("vehicle")) orders.show();
   if (changed.has("image") || changed.has("finds") || needsImage) image.draw();
   drawPanel(now_ms);
   if (changed.size > 0 || needsScene) scene.draw(now_ms);

@@ -40,7 +40,9 @@ function line(event) {
   time.dateTime = event.at.toISOString();
   time.textContent = event.at.toLocaleTimeString([], { hour: "2-digit", minute: "2-digit", second: "2-digit", hour12: false });
   const whom = event.vehicles.length ? ` ${event.vehicles.join(", ")}:` : "";
-  item.append(time, ` ${SHAPES[event.kind] ?? "·"} ${event.kind}${whom} ${event.text}`);
+  // The text of an order says that it is one.
+  const kind = event.kind === "order" ? "" : ` ${event.kind}`;
+  item.append(time, ` ${SHAPES[event.kind] ?? "·"}${kind}${whom} ${event.text}`);
   return item;
 }
 

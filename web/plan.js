@@ -118,10 +118,9 @@ export class PlanPanel {
       list.replaceChildren();
       return;
     }
-    const chain = table.chain.map(([id, stop]) => `${id}:${stop}`);
-    const shown = chain.length > 12 ? [...chain.slice(0, 5), "…", ...chain.slice(-5)] : chain;
+    const shown = chainText(table.chain);
     summary.textContent = `Run ${table.run}, revision ${table.revision}: ${minutes(table.reached_s)} of ${minutes(table.length_s)} `
-      + `at ${table.speed_mps} m/s without turns. Longest chain (vehicle:stop, thick): ${shown.join(" → ")}.`;
+      + `at ${table.speed_mps} m/s without turns. Longest chain (vehicle:stop, thick): ${shown}.`;
     const lines = waitsOf(rows).map(({ vehicle, of, stop }) => `${vehicle} waits for ${of}, stop ${stop}`);
     const items = (lines.length ? lines : ["nobody waits"]).map((line) => {
       const item = document.createElement("li");
@@ -130,6 +129,19 @@ export class PlanPanel {
     });
     list.replaceChildren(...items);
   }
+}
+
+/** A chain of stops, where it goes from one vehicle to another: 2:0…7 → 1:3…9. */
+function chainText(chain) {
+  const pieces = [];
+  for (const [id, stop] of chain) {
+    const last = pieces.at(-1);
+    if (last?.id === id) last.to = stop;
+    else pieces.push({ id, from: stop, to: stop });
+  }
+  const texts = pieces.map(({ id, from, to }) => (from === to ? `${id}:${from}` : `${id}:${from}…${to}`));
+  const shown = texts.length > 12 ? [...texts.slice(0, 6), "…", ...texts.slice(-5)] : texts;
+  return shown.join(" → ");
 }
 
 /** Who waits for whom now. */

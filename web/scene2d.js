@@ -9,6 +9,8 @@ const OCCUPIED_FROM = 9;
 const FREE_TO = -8;
 const SURE = 17;
 const PADDING = 1.08;
+/** A pointer that moves less has pointed at something. */
+const TAP_PIXELS = 5;
 
 export class Scene {
   constructor(model) {
@@ -19,6 +21,9 @@ export class Scene {
     this.layers = Object.fromEntries(["map", "image", "plan", "tracks"].map((name) => [name, document.getElementById(`layer-${name}`)]));
     for (const box of Object.values(this.layers)) box.addEventListener("change", () => this.wanted());
     this.wanted = () => {};
+    /** Told the places that are pointed at, while places are asked for. */
+    this.pick = null;
+    this.sketch = [];
     this.slice = 0;
     this.listen();
   }
@@ -26,8 +31,10 @@ export class Scene {
   listen() {
     const { canvas } = this;
     let from = null;
+    let down = null;
     canvas.addEventListener("pointerdown", (event) => {
       from = [event.clientX, event.clientY];
+      down = from;
       canvas.setPointerCapture(event.pointerId);
     });
     canvas.addEventListener("pointermove", (event) => {
@@ -36,7 +43,12 @@ export class Scene {
       this.move(event.clientX - from[0], event.clientY - from[1]);
       from = [event.clientX, event.clientY];
     });
-    for (const kind of ["pointerup", "pointercancel"]) canvas.addEventListener(kind, () => { from = null; });
+    canvas.addEventListener("pointerup", (event) => {
+      const isTap = down && Math.hypot(event.clientX - down[0], event.clientY - down[1]) < TAP_PIXELS;
+      if (isTap && this.pick && this.view) this.pick(...this.placeOf(event));
+      from = null;
+    });
+    canvas.addEventListener("pointercancel", () => { from = null; });
     canvas.addEventListener("wheel", (event) => {
       event.preventDefault();
       const rect = canvas.getBoundingClientRect();
@@ -63,9 +75,13 @@ export class Scene {
 
   point(event) {
     if (!this.view) return;
-    const rect = this.canvas.getBoundingClientRect();
-    const [x, y] = this.toPlace(event.clientX - rect.left, event.clientY - rect.top);
+    const [x, y] = this.placeOf(event);
     document.getElementById("pointed").textContent = `x ${x.toFixed(1)} m, y ${y.toFixed(1)} m: ${this.cellWord(x, y)}`;
+  }
+
+  placeOf(event) {
+    const rect = this.canvas.getBoundingClientRect();
+    return this.toPlace(event.clientX - rect.left, event.clientY - rect.top);
   }
 
   /** What is known of a place. */
@@ -146,6 +162,7 @@ export class Scene {
       this.drawWaits(pen);
     }
     this.drawFinds(pen);
+    this.drawSketch(pen);
     for (const state of model.states.values()) if (state.isPlaced) this.drawVehicle(pen, state, now_ms);
     this.drawScale(pen);
   }
@@ -252,6 +269,20 @@ export class Scene {
         this.path(pen, vehicle.leg, false);
       }
     }
+  }
+
+  /** The places of a mission that is not given yet. */
+  drawSketch(pen) {
+    pen.strokeStyle = pen.fillStyle = this.ink;
+    pen.lineWidth = 2;
+    this.path(pen, this.sketch, false);
+    pen.font = "bold 12px system-ui, sans-serif";
+    this.sketch.forEach((at, index) => {
+      const [x, y] = this.toPixel(at[0], at[1]);
+      pen.fillStyle = this.ink;
+      pen.fillRect(x - 4, y - 4, 8, 8);
+      this.write(pen, String(index + 1), x + 7, y - 5);
+    });
   }
 
   /** From who waits to whom it waits for. */

@@ -17,9 +17,11 @@ use tomoswarm_proto::{Message, StopScope, VehicleId};
 use super::board::Board;
 use super::events::EventKind;
 use super::gate::{FIRST_WITHIN, Gate, GateRefusal, PageId, Right};
+use super::metrics::metrics;
 use super::orders::{OrderRequest, OrderWord};
 use super::outbox::Outbox;
 use super::texts::outcome_in_words;
+use crate::config::Venue;
 use crate::operator::HeardMessage;
 use crate::operator::operator_actor::{In, Out};
 use crate::operator::order_goal::GoalId;
@@ -66,6 +68,7 @@ struct Page {
 #[derive(Debug)]
 pub struct PageServer {
     place: Value,
+    venue: Venue,
     board: Board,
     gate: Gate,
     pages: BTreeMap<PageId, Page>,
@@ -75,10 +78,12 @@ pub struct PageServer {
 }
 
 impl PageServer {
-    /// Makes a server without pages; `place` is what holds for all of them ([`super::texts::place`]).
-    pub fn new(place: Value, board: Board, gate: Gate) -> PageServer {
+    /// Makes a server without pages; `place` is what holds for all of them ([`super::texts::place`]), missions are
+    /// judged by the venue.
+    pub fn new(place: Value, venue: Venue, board: Board, gate: Gate) -> PageServer {
         PageServer {
             place,
+            venue,
             board,
             gate,
             pages: BTreeMap::new(),
@@ -180,14 +185,28 @@ impl PageServer {
         if let Some(number) = self.stop_under_way(now, &request) {
             return Ok(number);
         }
+        let mission = request
+            .mission(&self.venue)
+            .map_err(GateRefusal::Unreadable)?;
         let number = self.board.orders_mut().enter(now, request.clone());
         let whom: Vec<VehicleId> = request.targets().into_iter().collect();
         let (word, page) = (request.order.word(), request.page);
-        let text = format!("order {number}: {word}, by page {page}");
+        let mission_word = request.mission.as_ref();
+        let mission_word = mission_word.map_or(String::new(), |said| format!(" {}", said.kind));
+        let text = format!("order {number}: {word}{mission_word}, by page {page}");
         self.board.add_event(now, EventKind::Order, whom, text);
         self.effects
-            .extend(request.input(number).map(PageEffect::Tell));
+            .extend(request.input(number, mission).map(PageEffect::Tell));
         Ok(number)
+    }
+
+    /// Returns the metrics for whoever may look.
+    ///
+    /// # Errors
+    /// The token is none of this server's.
+    pub fn metrics(&self, now: Time, authorization: Option<&str>) -> Result<String, GateRefusal> {
+        self.gate.judge_looking(authorization)?;
+        Ok(metrics(now, &self.board))
     }
 
     /// Returns when to call [`PageServer::due`] next at the latest.

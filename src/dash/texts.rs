@@ -15,7 +15,7 @@ use super::frame::{self, PAIR, STATE, STRIPE};
 use super::orders::GivenOrder;
 use super::radio::Pair;
 use super::timetable::SHOWN_SPEED_MPS;
-use crate::config::Venue;
+use crate::config::{DeclaredKey, GivenMission, Venue};
 use crate::geom::Point;
 use crate::operator::fleet_view::Incompatibility;
 use crate::operator::names::{control, kind_name, mission_phase, mode, ordered, phase, run_end};
@@ -93,7 +93,23 @@ pub fn place(venue: &Venue, showing: Showing) -> Value {
         "standsUnder": STANDS_UNDER,
         "vehicleColours": colours,
         "heat": crate::draw::heat_colours(),
+        "missions": missions(),
     })
+}
+
+/// Returns the kinds of missions, each with its keys and what they mean.
+fn missions() -> Vec<Value> {
+    let key = |key: &DeclaredKey| {
+        json!({
+            "name": key.name,
+            "default": key.default,
+            "allowed": key.allowed,
+            "means": key.means,
+        })
+    };
+    GivenMission::declared()
+        .map(|(kind, keys)| json!({ "kind": kind, "keys": keys.iter().map(key).collect::<Vec<_>>() }))
+        .collect()
 }
 
 /// Returns where a vehicle is; `None` when it has said nothing of that.
@@ -459,6 +475,7 @@ fn given(now: Time, order: &GivenOrder) -> Value {
     json!({
         "number": order.number,
         "what": order.request.order.word(),
+        "mission": order.request.mission.as_ref().map(|said| said.kind.clone()),
         "vehicles": order.request.vehicles,
         "page": order.request.page,
         "age_s": now.since(order.at).as_secs_f64(),

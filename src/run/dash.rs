@@ -85,7 +85,7 @@ impl Dashboard {
         let links = [link("look", &look), link("operate", &operate)];
         let board = Board::new(venue.hash(), Lattice::new(venue.cell_m));
         let place = place(venue, Showing::Live);
-        let server = PageServer::new(place, board, Gate::new(look, operate));
+        let server = PageServer::new(place, venue.clone(), board, Gate::new(look, operate));
         let (told, requests) = sync_channel(REQUESTS_WAITING);
         let sender = RequestSender::new(told, operator.session().waker());
         let http = HttpServer::start(listener, OwnNames::on_port(port), sender, folder);
@@ -156,6 +156,12 @@ impl Dashboard {
             Request::Closed(id) => {
                 self.pages.remove(&id);
                 self.server.closed(id);
+            }
+            Request::Metrics {
+                authorization,
+                reply,
+            } => {
+                let _ = reply.send(self.server.metrics(now, authorization.as_deref()));
             }
             Request::Order {
                 authorization,

@@ -208,6 +208,17 @@ fn strangers_at_the_page_are_refused() {
             "{host} {origin} {token} {body:.40}: {answer}"
         );
     }
+    let metrics = |host: &str, token: &str| {
+        dash.ask(&format!(
+            "GET /metrics HTTP/1.1\r\nHost: {host}\r\nAuthorization: Bearer {token}\r\nConnection: close\r\n\r\n"
+        ))
+    };
+    let (status, answer) = metrics(&own, look);
+    assert!(
+        status == 200 && answer.contains("\ntomoswarm_linked "),
+        "{answer}"
+    );
+    assert_eq!((metrics(&own, "").0, metrics(&evil, look).0), (401, 421));
     for (host, origin) in [
         (&own, &evil_origin),
         (&evil, &evil_origin),
@@ -661,7 +672,7 @@ fn the_views_show_radio_plans_and_what_happened() {
         "it is text"
     );
     browser.eval("(() => { const s = document.getElementById('log-vehicle'); s.value = '9'; s.dispatchEvent(new Event('change')); })()");
-    browser.until("[...document.querySelectorAll('#log-list li')].every((li) => !/(change|trouble|order) [0-8]:/.test(li.innerText))", 5);
+    browser.until("[...document.querySelectorAll('#log-list li')].every((li) => !/(change|trouble|→) [0-8]:/.test(li.innerText))", 5);
     browser.key("h", "KeyH", 72);
     browser.until(
         "document.getElementById('log-list').innerText.includes('hold, by page')",
@@ -680,6 +691,7 @@ fn the_views_show_radio_plans_and_what_happened() {
     browser.until(drawn, 5);
     shot(&mut browser, "plan");
 
+    begin_a_mission(&mut browser);
     every_control_has_a_name(&mut browser);
     for theme in ["dark", "sunlight"] {
         browser.eval(&format!("(() => {{ const s = document.getElementById('theme'); s.value = '{theme}'; s.dispatchEvent(new Event('change')); }})()"));
@@ -695,6 +707,53 @@ fn the_views_show_radio_plans_and_what_happened() {
     on_a_phone(&dash);
 }
 
+/// Begins a mission with a place that is pointed at; before that one with a mistake, which the server refuses.
+fn begin_a_mission(browser: &mut Browser) {
+    hold(browser, "#take-seat", 4000);
+    browser.until(
+        "tomoswarm.model.orders.seat === tomoswarm.model.place.page",
+        10,
+    );
+    view(browser, "begin");
+    let fill = |kind: &str, key: &str, value: &str| {
+        format!(
+            "(() => {{ const k = document.getElementById('mission-kind'); k.value = '{kind}'; k.dispatchEvent(new Event('change'));
+               const i = document.querySelector('#mission-keys input[name={key}]'); i.value = '{value}'; i.dispatchEvent(new Event('input', {{bubbles: true}})); }})()"
+        )
+    };
+    browser.eval(&fill("sweep", "laps", "0"));
+    let command = "document.getElementById('begin-command').textContent";
+    browser.until(
+        &format!("{command}.endsWith(\"start --mission sweep --set 'laps=0'\")"),
+        5,
+    );
+    hold(browser, "#begin-mission", 4000);
+    browser.until(
+        "/laps.*0/.test(document.getElementById('begin-result').textContent)",
+        10,
+    );
+    shot(browser, "refused");
+    browser.eval(&fill("pathfind", "waypoints_m", ""));
+    browser.eval("[...document.querySelectorAll('#mission-keys button')].find((b) => b.textContent.startsWith('Add places')).click()");
+    hold(browser, "#plane", 0);
+    browser.until("/^\\[\\[-?[0-9.]+, -?[0-9.]+\\]\\]$/.test(document.querySelector('#mission-keys input[name=waypoints_m]').value)", 5);
+    shot(browser, "begin");
+    browser.eval("tomoswarm.scene.pick === null");
+    hold(browser, "#begin-mission", 4000);
+    browser.until(
+        "document.getElementById('begin-result').textContent.includes('is given')",
+        10,
+    );
+    browser.until(
+        "document.getElementById('given').innerText.includes('start pathfind')",
+        10,
+    );
+    // What was refused stands in the console of the browser as an answer of 400; that is meant.
+    browser
+        .complaints
+        .retain(|complaint| !complaint.contains("400"));
+}
+
 /// On a phone nothing is wider than the window, and Stop is seen.
 fn on_a_phone(dash: &Dash) {
     let Some(mut browser) = Browser::open(390, 844) else {
@@ -705,7 +764,7 @@ fn on_a_phone(dash: &Dash) {
         "document.querySelectorAll('#vehicles tbody tr').length === 3",
         20,
     );
-    for name in ["image", "plan", "radio", "log"] {
+    for name in ["image", "plan", "radio", "log", "begin"] {
         browser.eval(&format!("document.getElementById('tab-{name}').click()"));
         browser.until(&format!("!document.getElementById('{name}').hidden"), 5);
         std::thread::sleep(Duration::from_millis(400));

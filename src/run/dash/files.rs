@@ -13,10 +13,11 @@ const fn file(name: &'static str, bytes: &'static [u8]) -> PageFile {
     PageFile { name, bytes }
 }
 
-const FILES: [PageFile; 18] = [
+const FILES: [PageFile; 19] = [
     file("index.html", include_bytes!("../../../web/index.html")),
     file("app.css", include_bytes!("../../../web/app.css")),
     file("app.js", include_bytes!("../../../web/app.js")),
+    file("begin.js", include_bytes!("../../../web/begin.js")),
     file("decode.js", include_bytes!("../../../web/decode.js")),
     file("feed.js", include_bytes!("../../../web/feed.js")),
     file("fleet.js", include_bytes!("../../../web/fleet.js")),

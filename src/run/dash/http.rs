@@ -30,6 +30,9 @@ const AGAIN: std::time::Duration = std::time::Duration::from_millis(50);
 /// The reason of a closed connection has at most this many bytes.
 const REASON_BYTES: usize = 120;
 
+/// The text format of Prometheus.
+const METRICS_TYPE: &str = "text/plain; version=0.0.4; charset=utf-8";
+
 /// What a browser may do with anything that it gets here.
 const HEADERS: [(HeaderName, &str); 5] = [
     (
@@ -67,6 +70,13 @@ pub(super) enum Request {
         body: Vec<u8>,
         /// Its number, or why it is refused.
         reply: oneshot::Sender<Result<u32, GateRefusal>>,
+    },
+    /// Metrics are asked for.
+    Metrics {
+        /// The header of that name.
+        authorization: Option<String>,
+        /// Their text, or why it is refused.
+        reply: oneshot::Sender<Result<String, GateRefusal>>,
     },
 }
 
@@ -168,6 +178,7 @@ fn router(shared: Arc<Shared>) -> Router {
     Router::new()
         .route("/feed", get(feed))
         .route("/order", post(order))
+        .route("/metrics", get(metrics))
         .fallback(get(file))
         .layer(DefaultBodyLimit::max(INBOUND_MAX))
         .layer(middleware::from_fn_with_state(shared.clone(), guard))
@@ -233,6 +244,22 @@ async fn order(State(shared): State<Arc<Shared>>, headers: HeaderMap, body: Byte
             let text = format!("{{\"number\":{number}}}");
             ([(header::CONTENT_TYPE, "application/json")], text).into_response()
         }
+        Ok(Err(refusal)) => refused(&refusal),
+        Err(_) => (StatusCode::SERVICE_UNAVAILABLE, "the server ends").into_response(),
+    }
+}
+
+async fn metrics(State(shared): State<Arc<Shared>>, headers: HeaderMap) -> Response {
+    let (reply, answer) = oneshot::channel();
+    let is_taken = shared.requests.send(Request::Metrics {
+        authorization: only(&headers, header::AUTHORIZATION).map(str::to_owned),
+        reply,
+    });
+    if !is_taken {
+        return refused(&GateRefusal::Flood);
+    }
+    match answer.await {
+        Ok(Ok(text)) => ([(header::CONTENT_TYPE, METRICS_TYPE)], text).into_response(),
         Ok(Err(refusal)) => refused(&refusal),
         Err(_) => (StatusCode::SERVICE_UNAVAILABLE, "the server ends").into_response(),
     }
