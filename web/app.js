@@ -8,6 +8,7 @@ import { LogPanel, zone } from "./log.js";
 import { Model } from "./model.js";
 import { Orders } from "./orders.js";
 import { PlanPanel } from "./plan.js";
+import { PreflightPanel } from "./preflight.js";
 import { RadioPanel } from "./radio.js";
 import { Scene } from "./scene2d.js";
 import { Tabs } from "./tabs.js";
@@ -25,6 +26,7 @@ const panels = {
   plan: { panel: new PlanPanel(model), of: ["timetable", "welcome"] },
   radio: { panel: new RadioPanel(model), of: ["radio", "welcome"] },
   log: { panel: new LogPanel(model), of: ["events", "vehicle", "welcome"] },
+  check: { panel: new PreflightPanel(token), of: ["states", "vehicle", "ground", "welcome"] },
   begin: { panel: new BeginPanel(model, fleet, scene), of: ["ground", "welcome"] },
 };
 orders.heldButton("begin-mission", () => panels.begin.panel.give());

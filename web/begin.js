@@ -46,6 +46,7 @@ export class BeginPanel {
     const declared = this.model.place.missions.find(({ kind }) => kind === this.kind.value);
     this.clearSketch();
     this.fileText = null;
+    document.getElementById("begin-result").textContent = "";
     const boxes = (declared?.keys ?? []).map((key) => this.keyBox(key));
     document.getElementById("mission-keys").replaceChildren(...boxes);
     this.showCommand();

@@ -7,7 +7,7 @@
 //!   operator ──how orders ended──► order book
 //! ```
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use serde::Deserialize;
@@ -25,6 +25,8 @@ use crate::config::Venue;
 use crate::operator::HeardMessage;
 use crate::operator::operator_actor::{In, Out};
 use crate::operator::order_goal::GoalId;
+use crate::operator::preflight::{Requirements, inspect, is_go};
+use crate::operator::status::Expected;
 use crate::time::Time;
 
 /// A stop for all that is pressed again within this time, and is open, is the same one: who names more than eight stops a
@@ -207,6 +209,35 @@ impl PageServer {
     pub fn metrics(&self, now: Time, authorization: Option<&str>) -> Result<String, GateRefusal> {
         self.gate.judge_looking(authorization)?;
         Ok(metrics(now, &self.board))
+    }
+
+    /// Returns the checks before a start of everyone who was heard, as JSON, for whoever may look; `software` is the version
+    /// that all are to run.
+    ///
+    /// # Errors
+    /// The token is none of this server's.
+    pub fn preflight(
+        &self,
+        now: Time,
+        authorization: Option<&str>,
+        software: &str,
+    ) -> Result<String, GateRefusal> {
+        self.gate.judge_looking(authorization)?;
+        let view = self.board.view();
+        let everyone = Expected {
+            vehicles: BTreeSet::new(),
+            ground: true,
+        };
+        let needs = Requirements {
+            vehicles: everyone.vehicles(view, now),
+            venue_hash: self.board.venue_hash(),
+            fence: self.venue.fence.clone(),
+            homes: self.venue.homes.clone(),
+            pose_sd_max_m: None,
+            software: software.to_owned(),
+        };
+        let nodes = inspect(view, &needs, now);
+        Ok(json!({ "isGo": is_go(&nodes), "nodes": nodes }).to_string())
     }
 
     /// Returns when to call [`PageServer::due`] next at the latest.

@@ -18,9 +18,9 @@ use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::time::Duration;
 
-use self::http::{HttpServer, Outbound, Request, RequestSender};
+use self::http::{HttpServer, LookWord, Outbound, Request, RequestSender};
 use super::live_operator::LiveOperator;
-use super::membership::{self, RandomUnavailable};
+use super::membership::{self, RandomUnavailable, SOFTWARE};
 use crate::actor::Fault;
 use crate::config::Venue;
 use crate::dash::board::Board;
@@ -157,11 +157,17 @@ impl Dashboard {
                 self.pages.remove(&id);
                 self.server.closed(id);
             }
-            Request::Metrics {
+            Request::Look {
+                what,
                 authorization,
                 reply,
             } => {
-                let _ = reply.send(self.server.metrics(now, authorization.as_deref()));
+                let token = authorization.as_deref();
+                let text = match what {
+                    LookWord::Metrics => self.server.metrics(now, token),
+                    LookWord::Preflight => self.server.preflight(now, token, SOFTWARE),
+                };
+                let _ = reply.send(text);
             }
             Request::Order {
                 authorization,

@@ -691,6 +691,16 @@ fn the_views_show_radio_plans_and_what_happened() {
     browser.until(drawn, 5);
     shot(&mut browser, "plan");
 
+    view(&mut browser, "check");
+    browser.until(
+        "document.getElementById('preflight-verdict').textContent === '✖ NO-GO'",
+        10,
+    );
+    browser.until(
+        "/vehicle 9[^]*NO-GO/.test(document.getElementById('preflight-list').innerText)",
+        5,
+    );
+    shot(&mut browser, "check");
     begin_a_mission(&mut browser);
     every_control_has_a_name(&mut browser);
     for theme in ["dark", "sunlight"] {
@@ -715,6 +725,10 @@ fn begin_a_mission(browser: &mut Browser) {
         10,
     );
     view(browser, "begin");
+    browser.until(
+        "document.getElementById('mission-kind').options.length > 5",
+        5,
+    );
     let fill = |kind: &str, key: &str, value: &str| {
         format!(
             "(() => {{ const k = document.getElementById('mission-kind'); k.value = '{kind}'; k.dispatchEvent(new Event('change'));
@@ -764,7 +778,7 @@ fn on_a_phone(dash: &Dash) {
         "document.querySelectorAll('#vehicles tbody tr').length === 3",
         20,
     );
-    for name in ["image", "plan", "radio", "log", "begin"] {
+    for name in ["image", "plan", "radio", "log", "check", "begin"] {
         browser.eval(&format!("document.getElementById('tab-{name}').click()"));
         browser.until(&format!("!document.getElementById('{name}').hidden"), 5);
         std::thread::sleep(Duration::from_millis(400));

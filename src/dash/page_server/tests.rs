@@ -266,3 +266,21 @@ fn a_mission_that_is_wrong_is_refused_and_told_to_nobody() {
         .clone();
     assert_eq!(line, "order 1: start sweep, by page 1");
 }
+
+#[test]
+fn who_may_look_reads_the_checks_before_a_start_and_nobody_else_does() {
+    let mut server = server();
+    let ask = |server: &PageServer, token: &str| {
+        server.preflight(at(1.5), Some(&format!("Bearer {token}")), "0.1.0")
+    };
+    assert_eq!(ask(&server, "x"), Err(GateRefusal::Token));
+    server.hear(at(1.0), &heard(Message::State(state(1))));
+    let read: Value = serde_json::from_str(&ask(&server, LOOK).unwrap()).unwrap();
+    assert_eq!(read["isGo"], false, "no ground station was heard");
+    let nodes = read["nodes"].as_array().unwrap();
+    let names: Vec<&str> = nodes
+        .iter()
+        .filter_map(|node| node["node"].as_str())
+        .collect();
+    assert_eq!(names, ["vehicle 1", "ground", "swarm"]);
+}

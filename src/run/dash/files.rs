@@ -13,7 +13,7 @@ const fn file(name: &'static str, bytes: &'static [u8]) -> PageFile {
     PageFile { name, bytes }
 }
 
-const FILES: [PageFile; 19] = [
+const FILES: [PageFile; 20] = [
     file("index.html", include_bytes!("../../../web/index.html")),
     file("app.css", include_bytes!("../../../web/app.css")),
     file("app.js", include_bytes!("../../../web/app.js")),
@@ -28,6 +28,7 @@ const FILES: [PageFile; 19] = [
     file("model.js", include_bytes!("../../../web/model.js")),
     file("orders.js", include_bytes!("../../../web/orders.js")),
     file("plan.js", include_bytes!("../../../web/plan.js")),
+    file("preflight.js", include_bytes!("../../../web/preflight.js")),
     file("radio.js", include_bytes!("../../../web/radio.js")),
     file("scene2d.js", include_bytes!("../../../web/scene2d.js")),
     file("stop.js", include_bytes!("../../../web/stop.js")),

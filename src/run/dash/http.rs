@@ -71,13 +71,24 @@ pub(super) enum Request {
         /// Its number, or why it is refused.
         reply: oneshot::Sender<Result<u32, GateRefusal>>,
     },
-    /// Metrics are asked for.
-    Metrics {
+    /// Something is asked for that changes nothing.
+    Look {
+        /// What.
+        what: LookWord,
         /// The header of that name.
         authorization: Option<String>,
-        /// Their text, or why it is refused.
+        /// Its text, or why it is refused.
         reply: oneshot::Sender<Result<String, GateRefusal>>,
     },
+}
+
+/// What can be looked at beside the feed.
+#[derive(Clone, Copy)]
+pub(super) enum LookWord {
+    /// Metrics for Prometheus.
+    Metrics,
+    /// The checks before a start, JSON.
+    Preflight,
 }
 
 /// What goes to a page's connection.
@@ -179,6 +190,7 @@ fn router(shared: Arc<Shared>) -> Router {
         .route("/feed", get(feed))
         .route("/order", post(order))
         .route("/metrics", get(metrics))
+        .route("/preflight", get(preflight))
         .fallback(get(file))
         .layer(DefaultBodyLimit::max(INBOUND_MAX))
         .layer(middleware::from_fn_with_state(shared.clone(), guard))
@@ -250,16 +262,34 @@ async fn order(State(shared): State<Arc<Shared>>, headers: HeaderMap, body: Byte
 }
 
 async fn metrics(State(shared): State<Arc<Shared>>, headers: HeaderMap) -> Response {
+    look(&shared, LookWord::Metrics, &headers, METRICS_TYPE).await
+}
+
+async fn preflight(State(shared): State<Arc<Shared>>, headers: HeaderMap) -> Response {
+    look(&shared, LookWord::Preflight, &headers, "application/json").await
+}
+
+async fn look(
+    shared: &Shared,
+    what: LookWord,
+    headers: &HeaderMap,
+    kind: &'static str,
+) -> Response {
+    // A page of somebody else can ask, but cannot say this header: it must not fill the queue in which orders wait.
+    let Some(authorization) = only(headers, header::AUTHORIZATION) else {
+        return refused(&GateRefusal::Token);
+    };
     let (reply, answer) = oneshot::channel();
-    let is_taken = shared.requests.send(Request::Metrics {
-        authorization: only(&headers, header::AUTHORIZATION).map(str::to_owned),
+    let is_taken = shared.requests.send(Request::Look {
+        what,
+        authorization: Some(authorization.to_owned()),
         reply,
     });
     if !is_taken {
         return refused(&GateRefusal::Flood);
     }
     match answer.await {
-        Ok(Ok(text)) => ([(header::CONTENT_TYPE, METRICS_TYPE)], text).into_response(),
+        Ok(Ok(text)) => ([(header::CONTENT_TYPE, kind)], text).into_response(),
         Ok(Err(refusal)) => refused(&refusal),
         Err(_) => (StatusCode::SERVICE_UNAVAILABLE, "the server ends").into_response(),
     }
