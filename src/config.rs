@@ -69,6 +69,7 @@ pub use given_mission::GivenMission;
 pub use ground_file::{GroundFile, OperatorFile};
 pub use hcsr04_lines::HcSr04Lines;
 pub use imaging::{ImageTimes, Imaging, Prior, Solver, Weights};
+pub use keys::DeclaredKey;
 #[cfg(feature = "net")]
 pub(crate) use keys::quoted;
 pub use links_file::LinksFile;

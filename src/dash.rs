@@ -1,14 +1,19 @@
 //! The operator's page without its network: what it shows, in which frames, to whom they go when, and who may do what.
 //!
 //! [`board`] keeps the newest of everything that was heard, [`outbox`] chooses what goes to one page next, [`frame`] says which
-//! bytes that is, [`gate`] judges who may look and order, and [`page_server`] joins them: it is told what was heard, what pages
+//! bytes that is, [`timetable`], [`radio`] and [`events`] make of what was heard the plans against time, who hears whom, and
+//! what happened, [`gate`] judges who may look and order, and [`page_server`] joins them: it is told what was heard, what pages
 //! and requests say, and the time, and says what is to be sent, told to the operator, and published. Nothing here opens a
 //! port; the server around it is `run/dash`, the page is `web/`.
 
 pub mod board;
+pub mod events;
 pub mod frame;
 pub mod gate;
+pub mod metrics;
 pub mod orders;
 pub mod outbox;
 pub mod page_server;
+pub mod radio;
 pub mod texts;
+pub mod timetable;

@@ -40,7 +40,9 @@ pub use pattern_plan::{PatternRequest, pattern_sweep};
 pub use precedence::{order_legs, tracks_of, validate};
 pub use ring::{MAX_POSITIONS, MIN_POSITIONS, Ring};
 pub use rotating_gap::{GapRequest, default_laps, rotating_gap};
-pub use schedule::{Lap, PlannedSweep, Schedule, expected_duration_s, has_done};
+pub use schedule::{
+    ExpectedStop, Lap, PlannedSweep, Schedule, expected_duration_s, expected_stops, has_done,
+};
 pub use separation::check_separation;
 pub use snap::snap_to_boundary;
 pub use succession::{RevisionPhase, Succession};

@@ -1,11 +1,17 @@
 // Puts the page together: the feed fills the model, and what has changed is drawn when the browser draws.
 
+import { BeginPanel } from "./begin.js";
 import { Feed } from "./feed.js";
 import { Fleet } from "./fleet.js";
 import { ImagePanel } from "./image.js";
+import { LogPanel, zone } from "./log.js";
 import { Model } from "./model.js";
 import { Orders } from "./orders.js";
+import { PlanPanel } from "./plan.js";
+import { PreflightPanel } from "./preflight.js";
+import { RadioPanel } from "./radio.js";
 import { Scene } from "./scene2d.js";
+import { Tabs } from "./tabs.js";
 
 const AGES_EVERY_MS = 250;
 const STALE_MS = 3000;
@@ -16,6 +22,15 @@ const fleet = new Fleet(model);
 const orders = new Orders(model, fleet);
 const scene = new Scene(model);
 const image = new ImagePanel(model);
+const panels = {
+  plan: { panel: new PlanPanel(model), of: ["timetable", "welcome"] },
+  radio: { panel: new RadioPanel(model), of: ["radio", "welcome"] },
+  log: { panel: new LogPanel(model), of: ["events", "vehicle", "welcome"] },
+  check: { panel: new PreflightPanel(token), of: ["states", "vehicle", "ground", "welcome"] },
+  begin: { panel: new BeginPanel(model, fleet, scene), of: ["ground", "welcome"] },
+};
+orders.heldButton("begin-mission", () => panels.begin.panel.give());
+let needsPanel = true;
 let isWanted = false;
 let needsScene = true;
 let needsImage = true;
@@ -30,7 +45,12 @@ const feed = new Feed(token, (buffer) => {
 
 scene.wanted = () => { needsScene = true; wantFrame(); };
 image.wanted = () => { needsImage = true; needsScene = true; wantFrame(); };
-matchMedia("(prefers-color-scheme: dark)").addEventListener("change", scene.wanted);
+const wantPanel = () => { needsPanel = true; wantFrame(); };
+for (const { panel } of Object.values(panels)) panel.wanted = wantPanel;
+const tabs = new Tabs(wantPanel);
+addEventListener("theme", () => { needsScene = true; wantPanel(); });
+addEventListener("resize", wantPanel);
+document.getElementById("log-zone").textContent = `local time, ${zone()}`;
 
 function wantFrame() {
   if (isWanted) return;
@@ -43,14 +63,21 @@ function draw() {
   const now_ms = performance.now();
   const { changed } = model;
   if (changed.has("welcome")) showPlace();
-  if (changed.has("orders") || changed.has("welcome")) orders.show();
+  if (changed.has("orders") || changed.has("welcome") || changed.has("vehicle")) orders.show();
   if (changed.has("image") || changed.has("finds") || needsImage) image.draw();
+  drawPanel(now_ms);
   if (changed.size > 0 || needsScene) scene.draw(now_ms);
   if (changed.size > 0) fleet.show(now_ms);
   changed.clear();
-  [needsScene, needsImage] = [false, false];
+  [needsScene, needsImage, needsPanel] = [false, false, false];
   showHead();
   feed.drawn();
+}
+
+/** Of the views that are made of texts only the one that is seen. */
+function drawPanel(now_ms) {
+  const shown = panels[tabs.current];
+  if (shown && (needsPanel || shown.of.some((kind) => model.changed.has(kind)))) shown.panel.draw(now_ms);
 }
 
 function showPlace() {
@@ -83,6 +110,7 @@ setInterval(() => {
   showHead();
   const isAnySilent = [...model.states.keys()].some((id) => model.isSilent(id, now_ms));
   if (isAnySilent) scene.wanted();
+  if (tabs.current === "radio" && model.pairs.size > 0) wantPanel();
 }, AGES_EVERY_MS);
 
 const keys = document.getElementById("keys");

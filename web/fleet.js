@@ -17,7 +17,8 @@ export class Fleet {
   }
 
   key(event) {
-    const isElsewhere = event.ctrlKey || event.altKey || event.metaKey || event.target.matches?.("input, select, textarea");
+    const isOff = document.documentElement.dataset.keys === "off" && event.key !== "Escape";
+    const isElsewhere = isOff || event.ctrlKey || event.altKey || event.metaKey || event.target.matches?.("input, select, textarea");
     if (isElsewhere || event.target.id === "plane" && event.key === "0") return;
     if (event.key === "Escape") return this.select([]);
     if (event.key.toLowerCase() === "a") return this.select(this.model.ids());

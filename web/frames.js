@@ -12,6 +12,9 @@ export const KIND = {
   Tiles: 7,
   Stripe: 8,
   Finds: 9,
+  Radio: 10,
+  Timetable: 11,
+  Events: 12,
 };
 
 export const STATE = [
@@ -54,4 +57,14 @@ export const STRIPE = [
   ["deviationStep_udb", "u32"],
   ["linksUsed", "u32"],
   ["linksDropped", "u32"],
+];
+
+export const PAIR = [
+  ["receiver", "u8"],
+  ["transmitter", "u8"],
+  ["rssi_dbm", "i16"],
+  ["loss_permille", "u16"],
+  ["excess_ddb", "i16"],
+  ["distance_mm", "u32"],
+  ["age_ms", "u32"],
 ];

@@ -1,11 +1,15 @@
 // The newest of everything that the feed has said, as plain values. Draws nothing.
 
-import { KIND, STATE, STRIPE, TILE } from "./frames.js";
+import { KIND, PAIR, STATE, STRIPE, TILE } from "./frames.js";
 import { bytesOf, readCells, readFrame, readRecord } from "./decode.js";
 
 /** A vehicle whose state is older is silent. */
 export const SILENT_AFTER_MS = 2000;
 const UNKNOWN = 0xffff;
+const NO_STRENGTH = -32768;
+/** Strengths of one pair and events that are kept. */
+const HISTORY_MOST = 600;
+const EVENTS_MOST = 1000;
 /** Places of a track that are kept, and how far they are apart at least. */
 const TRACK_PLACES = 4000;
 const TRACK_STEP_M = 0.05;
@@ -21,6 +25,10 @@ export class Model {
     this.images = new Map();
     this.finds = new Map();
     this.ground = null;
+    this.pairs = new Map();
+    this.history = new Map();
+    this.timetable = null;
+    this.events = [];
     this.orders = { isLinked: true, stops: [], orders: [], seat: null, lease: 0 };
     this.changed = new Set();
     this.changedTiles = new Set();
@@ -40,6 +48,7 @@ export class Model {
       case KIND.States: return this.takeStates(frame, now_ms);
       case KIND.Tiles: return this.takeTiles(frame);
       case KIND.Stripe: return this.takeStripe(frame);
+      case KIND.Radio: return this.takePairs(frame, now_ms);
       default: return this.takeText(frame, now_ms);
     }
   }
@@ -77,6 +86,28 @@ export class Model {
     this.changed.add("tiles");
   }
 
+  takePairs(frame, now_ms) {
+    let at = 0;
+    for (let i = 0; i < frame.count; i++) {
+      let record;
+      [record, at] = readRecord(PAIR, frame.body, at);
+      const key = `${record.receiver}-${record.transmitter}`;
+      const pair = pairOf(record, now_ms);
+      this.pairs.set(key, pair);
+      const history = this.history.get(key) ?? [];
+      history.push([pair.at_ms, pair.rssi]);
+      if (history.length > HISTORY_MOST) history.shift();
+      this.history.set(key, history);
+    }
+    this.changed.add("radio");
+  }
+
+  /** Events come once; a new connection brings all that are kept. */
+  takeEvents(events) {
+    for (const event of events) this.events.push({ ...event, at: new Date(Date.now() - event.age_s * 1000) });
+    this.events = this.events.slice(-EVENTS_MOST);
+  }
+
   takeStripe(frame) {
     const [record, at] = readRecord(STRIPE, frame.body, 0);
     let image = this.images.get(record.subject);
@@ -107,12 +138,14 @@ export class Model {
     this.texts.delete(frame.kind);
     const value = JSON.parse(new TextDecoder().decode(new Uint8Array(parts)));
     switch (frame.kind) {
-      case KIND.Welcome: this.place = value; break;
+      case KIND.Welcome: this.place = value; this.events = []; break;
       case KIND.Orders: this.orders = value; break;
       case KIND.Ground: this.ground = { ...value, at_ms: now_ms - (value.age_s ?? 0) * 1000 }; break;
       case KIND.Vehicle: this.vehicles.set(value.id, value); break;
       case KIND.Plan: this.plans.set(value.id, value); break;
       case KIND.Finds: this.finds.set(value.subject, value); break;
+      case KIND.Timetable: this.timetable = value; break;
+      case KIND.Events: this.takeEvents(value.events); break;
       default: return;
     }
     const names = Object.entries(KIND).find(([, number]) => number === frame.kind);
@@ -133,6 +166,18 @@ export class Model {
     const colours = this.place?.vehicleColours ?? [[90, 90, 90]];
     return colours[(id + colours.length - 1) % colours.length];
   }
+}
+
+function pairOf(record, now_ms) {
+  return {
+    receiver: record.receiver,
+    transmitter: record.transmitter,
+    rssi: record.rssi_dbm === NO_STRENGTH ? null : record.rssi_dbm,
+    loss: record.loss_permille / 1000,
+    excess: record.excess_ddb === NO_STRENGTH ? null : record.excess_ddb / 10,
+    distance: record.distance_mm / 1000,
+    at_ms: now_ms - record.age_ms,
+  };
 }
 
 function stateOf(record, now_ms) {

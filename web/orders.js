@@ -66,6 +66,9 @@ export class Orders {
       button.disabled = !this.hasSeat();
       button.title = this.hasSeat() ? "hold for a second" : "this page has not the seat";
     }
+    const begin = document.getElementById("begin-mission");
+    begin.textContent = `Begin with ${whom}: hold for a second`;
+    begin.disabled = !this.hasSeat();
     document.getElementById("hold").textContent = `Hold ${ids.length ? ids.join(", ") : "all"} (H)`;
   }
 
@@ -88,7 +91,8 @@ export class Orders {
 
   orderText(order) {
     const whom = order.vehicles.length ? order.vehicles.join(", ") : "all";
-    const head = `${order.what} ${whom}, by page ${order.page}`;
+    const mission = order.mission ? ` ${order.mission}` : "";
+    const head = `${order.what}${mission} ${whom}, by page ${order.page}`;
     if (order.refused) return [`${head}: refused, ${order.refused}`, "failed"];
     if (!order.isOver) return [`${head}: on its way`, "open"];
     const fates = order.fates.map((fate) => `${fate.vehicle} ${fate.words}`).join("; ");

@@ -2,12 +2,15 @@
 // the right, y up, metres.
 
 import { imageCanvas } from "./image.js";
+import { arrow, waitsOf } from "./plan.js";
 
 const SIDE = 32;
 const OCCUPIED_FROM = 9;
 const FREE_TO = -8;
 const SURE = 17;
 const PADDING = 1.08;
+/** A pointer that moves less has pointed at something. */
+const TAP_PIXELS = 5;
 
 export class Scene {
   constructor(model) {
@@ -18,6 +21,9 @@ export class Scene {
     this.layers = Object.fromEntries(["map", "image", "plan", "tracks"].map((name) => [name, document.getElementById(`layer-${name}`)]));
     for (const box of Object.values(this.layers)) box.addEventListener("change", () => this.wanted());
     this.wanted = () => {};
+    /** Told the places that are pointed at, while places are asked for. */
+    this.pick = null;
+    this.sketch = [];
     this.slice = 0;
     this.listen();
   }
@@ -25,8 +31,10 @@ export class Scene {
   listen() {
     const { canvas } = this;
     let from = null;
+    let down = null;
     canvas.addEventListener("pointerdown", (event) => {
       from = [event.clientX, event.clientY];
+      down = from;
       canvas.setPointerCapture(event.pointerId);
     });
     canvas.addEventListener("pointermove", (event) => {
@@ -35,7 +43,12 @@ export class Scene {
       this.move(event.clientX - from[0], event.clientY - from[1]);
       from = [event.clientX, event.clientY];
     });
-    for (const kind of ["pointerup", "pointercancel"]) canvas.addEventListener(kind, () => { from = null; });
+    canvas.addEventListener("pointerup", (event) => {
+      const isTap = down && Math.hypot(event.clientX - down[0], event.clientY - down[1]) < TAP_PIXELS;
+      if (isTap && this.pick && this.view) this.pick(...this.placeOf(event));
+      from = null;
+    });
+    canvas.addEventListener("pointercancel", () => { from = null; });
     canvas.addEventListener("wheel", (event) => {
       event.preventDefault();
       const rect = canvas.getBoundingClientRect();
@@ -62,9 +75,13 @@ export class Scene {
 
   point(event) {
     if (!this.view) return;
-    const rect = this.canvas.getBoundingClientRect();
-    const [x, y] = this.toPlace(event.clientX - rect.left, event.clientY - rect.top);
+    const [x, y] = this.placeOf(event);
     document.getElementById("pointed").textContent = `x ${x.toFixed(1)} m, y ${y.toFixed(1)} m: ${this.cellWord(x, y)}`;
+  }
+
+  placeOf(event) {
+    const rect = this.canvas.getBoundingClientRect();
+    return this.toPlace(event.clientX - rect.left, event.clientY - rect.top);
   }
 
   /** What is known of a place. */
@@ -140,8 +157,12 @@ export class Scene {
     if (this.layers.image.checked) this.drawImage(pen);
     this.drawPlace(pen);
     if (this.layers.tracks.checked) this.drawTracks(pen);
-    if (this.layers.plan.checked) this.drawPlans(pen);
+    if (this.layers.plan.checked) {
+      this.drawPlans(pen);
+      this.drawWaits(pen);
+    }
     this.drawFinds(pen);
+    this.drawSketch(pen);
     for (const state of model.states.values()) if (state.isPlaced) this.drawVehicle(pen, state, now_ms);
     this.drawScale(pen);
   }
@@ -247,6 +268,36 @@ export class Scene {
         pen.lineWidth = 2.5;
         this.path(pen, vehicle.leg, false);
       }
+    }
+  }
+
+  /** The places of a mission that is not given yet. */
+  drawSketch(pen) {
+    pen.strokeStyle = pen.fillStyle = this.ink;
+    pen.lineWidth = 2;
+    this.path(pen, this.sketch, false);
+    pen.font = "bold 12px system-ui, sans-serif";
+    this.sketch.forEach((at, index) => {
+      const [x, y] = this.toPixel(at[0], at[1]);
+      pen.fillStyle = this.ink;
+      pen.fillRect(x - 4, y - 4, 8, 8);
+      this.write(pen, String(index + 1), x + 7, y - 5);
+    });
+  }
+
+  /** From who waits to whom it waits for. */
+  drawWaits(pen) {
+    for (const { vehicle, of } of waitsOf(this.model.timetable?.rows ?? [])) {
+      const [one, other] = [this.model.states.get(vehicle), this.model.states.get(of)];
+      if (!one?.isPlaced || !other?.isPlaced) continue;
+      const [from, to] = [this.toPixel(one.x, one.y), this.toPixel(other.x, other.y)];
+      pen.strokeStyle = pen.fillStyle = this.ink;
+      pen.lineWidth = 1.5;
+      pen.setLineDash([8, 4]);
+      arrow(pen, from, to, 10);
+      pen.setLineDash([]);
+      pen.font = "11px system-ui, sans-serif";
+      this.write(pen, `${vehicle} waits for ${of}`, (from[0] + to[0]) / 2 + 6, (from[1] + to[1]) / 2);
     }
   }
 

@@ -81,7 +81,7 @@ addEventListener("keydown", (event) => {
   if (event.code === "Space") {
     event.preventDefault();
     if (!event.repeat) stop();
-  } else if (event.key.toLowerCase() === "h" && !event.ctrlKey && !event.altKey && !event.metaKey) {
+  } else if (event.key.toLowerCase() === "h" && document.documentElement.dataset.keys !== "off" && !event.ctrlKey && !event.altKey && !event.metaKey) {
     event.preventDefault();
     if (!event.repeat) hold();
   }

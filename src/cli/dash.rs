@@ -33,6 +33,8 @@ const AFTER_HELP: &str = "\
 The page's Stop is the emergency stop of `tomoswarm order CONFIG emergency`, at once and without a question: it is no emergency
 stop device, and works only while this program reaches the vehicles. Hold is `order CONFIG hold`.
 
+GET /metrics answers Prometheus (Authorization: Bearer TOKEN, the token of one of the links; each start has new ones).
+
 Examples:
   tomoswarm dash operator.toml                        then open one of the links
   tomoswarm dash operator.toml --port 0               on any free port

@@ -5,7 +5,7 @@
 use tomoswarm_proto::TaskKind;
 
 use super::Loader;
-use super::keys::{KeyEntry, Keyed, Keys, quoted, read_table};
+use super::keys::{DeclaredKey, KeyEntry, Keyed, Keys, keys_of, quoted, read_table};
 use super::mission::{SweepConfig, SweepTable, check_sweep};
 use super::problem::{Problem, Problems};
 use super::section::Section;
@@ -33,6 +33,27 @@ impl GivenMission {
     /// Returns the words for the kinds of missions, in the order in which they are told.
     pub fn kinds() -> impl Iterator<Item = &'static str> {
         MissionTable::each().map(|(word, _)| word)
+    }
+
+    /// Returns the kinds of missions by their words, each with the keys that it may be given by.
+    pub fn declared() -> impl Iterator<Item = (&'static str, Vec<DeclaredKey>)> {
+        MissionTable::each().map(|(word, mut mission)| {
+            let mut keys = if mission.is_planned_by_ground() {
+                let mut sweep = SweepConfig::default();
+                let mission = mission.planner();
+                keys_of(&mut SweepTable {
+                    sweep: &mut sweep,
+                    mission,
+                })
+            } else {
+                keys_of(&mut mission)
+            };
+            let is_said = |key: &DeclaredKey| {
+                key.name == "kind" || key.name == "planner" && mission.planner().is_some()
+            };
+            keys.retain(|key| !is_said(key));
+            (word, keys)
+        })
     }
 
     /// Reads a mission of a kind with its keys, each `KEY=VALUE`, for so many vehicles of a venue; `None` = for all,

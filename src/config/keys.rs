@@ -27,7 +27,8 @@ use super::section::Section;
 pub(crate) use super::overlay::quoted;
 pub(super) use only::Only;
 pub(super) use reader::{read_defaults, read_table, read_values};
-pub(super) use tables::Tables;
+pub use tables::DeclaredKey;
+pub(super) use tables::{Tables, keys_of};
 pub(super) use writer::{Writer, list as written_list, number};
 
 /// A table of a configuration file.

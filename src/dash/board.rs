@@ -1,4 +1,5 @@
-//! The newest of everything that is shown: the fleet, the merged map, plans, images, the ground station, how orders fared. It
+//! The newest of everything that is shown: the fleet, the merged map, plans, images, who hears whom, the ground station, what
+//! happened, how orders fared. It
 //! is told what came over the bus and says what has changed; of the map it asks for what it lacks, as every map does.
 //!
 //! It knows no page and no bytes. What is shown of a subject is made when it is sent, so a page never gets what is old.
@@ -11,11 +12,15 @@ use tomoswarm_proto::{
     VehicleId,
 };
 
+use super::events::{EventKind, EventList};
 use super::orders::OrderBook;
+use super::radio::{Pair, RadioView};
+use super::timetable::{ProgressOf, Timetable};
 use crate::geom::Lattice;
 use crate::map::{JoinResult, Merged, Repair};
 use crate::operator::HeardMessage;
 use crate::operator::fleet_view::FleetView;
+use crate::sweep::VehicleProgress;
 use crate::time::Time;
 
 /// An image that was not said again for this long gives way to one that seems to be older: the ground has begun anew.
@@ -34,6 +39,12 @@ pub enum Subject {
     Vehicle(VehicleId),
     /// The plan of a vehicle.
     Plan(VehicleId),
+    /// The plans against time, and who waits for whom.
+    Timetable,
+    /// What happened.
+    Events,
+    /// How one vehicle hears another one.
+    Radio(Pair),
     /// What was found.
     Finds(ImageSubject),
     /// A tile of the merged map.
@@ -61,6 +72,9 @@ pub struct Board {
     map: Merged,
     repair: Repair,
     plans: BTreeMap<VehicleId, Plan>,
+    timetable: Option<Timetable>,
+    radio: RadioView,
+    events: EventList,
     images: BTreeMap<ImageSubject, NewestImage>,
     orders: OrderBook,
     is_linked: bool,
@@ -76,6 +90,9 @@ impl Board {
             map: Merged::new(lattice, None),
             repair: Repair::new(None),
             plans: BTreeMap::new(),
+            timetable: None,
+            radio: RadioView::default(),
+            events: EventList::default(),
             images: BTreeMap::new(),
             orders: OrderBook::default(),
             is_linked: false,
@@ -103,6 +120,11 @@ impl Board {
         // Whoever has another venue file has another map, too.
         let is_ours = self.view.misfit(sender, self.venue_hash).is_none();
         self.mark_vehicle(message);
+        let last = self.events.last();
+        self.events.hear(now, message, &self.view);
+        if self.events.last() != last {
+            self.changes.insert(Subject::Events);
+        }
         let shown = self.shown_stops(sender);
         self.view.hear(now, heard);
         if self.shown_stops(sender) != shown {
@@ -152,6 +174,43 @@ impl Board {
         self.plans.get(&id)
     }
 
+    /// Returns the plans of the newest revision against time; `None` while they are not complete.
+    pub fn timetable(&self) -> Option<&Timetable> {
+        self.timetable.as_ref()
+    }
+
+    /// Returns how far vehicles are with their plans, by their own word.
+    pub fn progress(&self) -> ProgressOf {
+        let said = |(id, mission): (VehicleId, &tomoswarm_proto::MissionProgress)| {
+            (id, VehicleProgress::from(mission))
+        };
+        let missions = self.view.vehicles();
+        let missions = missions.filter_map(|(id, seen)| Some((id, &seen.mission.as_ref()?.value)));
+        missions.map(said).collect()
+    }
+
+    /// Returns who hears whom.
+    pub fn radio(&self) -> &RadioView {
+        &self.radio
+    }
+
+    /// Returns what happened.
+    pub fn events(&self) -> &EventList {
+        &self.events
+    }
+
+    /// Adds to what happened: something of some vehicles, or of all.
+    pub fn add_event(
+        &mut self,
+        now: Time,
+        kind: EventKind,
+        vehicles: Vec<VehicleId>,
+        text: String,
+    ) {
+        self.events.add(now, kind, vehicles, text);
+        self.changes.insert(Subject::Events);
+    }
+
     /// Returns the newest image of a kind.
     pub fn image(&self, subject: ImageSubject) -> Option<&NewestImage> {
         self.images.get(&subject)
@@ -180,10 +239,15 @@ impl Board {
                 .map(|part| Subject::Stripe(*subject, *part));
             stripes.chain([Subject::Finds(*subject)])
         });
+        let timetable = self.timetable.as_ref().map(|_| Subject::Timetable);
+        let events = (self.events.last() > 0).then_some(Subject::Events);
         [Subject::Orders, Subject::Ground]
             .into_iter()
             .chain(vehicles)
             .chain(self.plans.keys().map(|id| Subject::Plan(*id)))
+            .chain(timetable)
+            .chain(events)
+            .chain(self.radio.pairs().map(Subject::Radio))
             .chain(self.map.addresses().map(Subject::Tile))
             .chain(images)
             .collect()
@@ -233,6 +297,8 @@ impl Board {
                 let known = known.and_then(|seen| seen.mission.as_ref());
                 if known.is_none_or(|known| known.value != *mission) {
                     self.changes.insert(Subject::Vehicle(mission.vehicle));
+                    let waits = self.timetable.as_ref().map(|_| Subject::Timetable);
+                    self.changes.extend(waits);
                 }
             }
             Message::Health(health) => {
@@ -278,9 +344,15 @@ impl Board {
                 if known.is_none_or(|known| edition(plan) != edition(known)) {
                     self.plans.insert(plan.vehicle, plan.clone());
                     self.changes.insert(Subject::Plan(plan.vehicle));
+                    self.timetable = Timetable::of(&self.plans);
+                    self.changes.insert(Subject::Timetable);
                 }
             }
             Message::Image(image) => self.keep_image(now, image),
+            Message::Samples(batch) => {
+                let pairs = self.radio.hear(now, batch);
+                self.changes.extend(pairs.into_iter().map(Subject::Radio));
+            }
             Message::State(_)
             | Message::Mission(_)
             | Message::Health(_)
@@ -289,7 +361,6 @@ impl Board {
             | Message::Hello(_)
             | Message::Want(_)
             | Message::Order(_)
-            | Message::Samples(_)
             | Message::Have(_)
             | Message::Beacon(_)
             | Message::Task(_)

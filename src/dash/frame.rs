@@ -41,11 +41,17 @@ pub enum FrameKind {
     Stripe = 8,
     /// Text: what was found in an image.
     Finds = 9,
+    /// Records: who hears whom.
+    Radio = 10,
+    /// Text: the plans against time.
+    Timetable = 11,
+    /// Text: what happened since the last one.
+    Events = 12,
 }
 
 impl FrameKind {
     /// All kinds.
-    pub const ALL: [FrameKind; 9] = [
+    pub const ALL: [FrameKind; 12] = [
         FrameKind::Welcome,
         FrameKind::Orders,
         FrameKind::States,
@@ -55,6 +61,9 @@ impl FrameKind {
         FrameKind::Tiles,
         FrameKind::Stripe,
         FrameKind::Finds,
+        FrameKind::Radio,
+        FrameKind::Timetable,
+        FrameKind::Events,
     ];
 }
 
@@ -149,8 +158,22 @@ pub const STRIPE: RecordLayout = RecordLayout {
     ],
 };
 
+/// Who hears whom: a receiver and a transmitter; a strength and an excess of -32,768 are not known.
+pub const PAIR: RecordLayout = RecordLayout {
+    name: "PAIR",
+    fields: &[
+        field("receiver", FieldType::U8),
+        field("transmitter", FieldType::U8),
+        field("rssi_dbm", FieldType::I16),
+        field("loss_permille", FieldType::U16),
+        field("excess_ddb", FieldType::I16),
+        field("distance_mm", FieldType::U32),
+        field("age_ms", FieldType::U32),
+    ],
+};
+
 /// All layouts of records.
-pub const LAYOUTS: [RecordLayout; 3] = [STATE, TILE, STRIPE];
+pub const LAYOUTS: [RecordLayout; 4] = [STATE, TILE, STRIPE, PAIR];
 
 impl FieldType {
     /// Returns how many bytes it takes.
@@ -293,6 +316,7 @@ mod tests {
         let stripe = [
             1, 2, 6, 1, 1, 2, 1, 0, 2, 0, 0, 4000, 2000, 10_000, 5000, 700, 3,
         ];
+        let pair = PAIR.record([1, 2, -61, 250, -32_768, 4500, 300]);
         let stripe = [STRIPE.record(stripe), vec![251, 5], vec![9, 200]].concat();
         vec![
             ("states", records(FrameKind::States, now, 1, &state)),
@@ -301,6 +325,7 @@ mod tests {
                 "tile",
                 records(FrameKind::Tiles, now, 1, &tile(-1, 2, -3, &cells)),
             ),
+            ("pair", records(FrameKind::Radio, now, 1, &pair)),
             ("stripe", records(FrameKind::Stripe, now, 1, &stripe)),
             (
                 "text",

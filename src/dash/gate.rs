@@ -170,6 +170,15 @@ impl Gate {
         }
     }
 
+    /// Judges what the header Authorization of a request that only looks says.
+    ///
+    /// # Errors
+    /// It has no token of this server.
+    pub fn judge_looking(&self, header: Option<&str>) -> Result<(), GateRefusal> {
+        let token = header.and_then(|header| header.strip_prefix("Bearer "));
+        self.right_of(token.unwrap_or_default()).map(|_| ())
+    }
+
     /// Judges whether one more page may come.
     ///
     /// # Errors
@@ -262,6 +271,7 @@ mod tests {
             vehicles: BTreeSet::new(),
             page,
             take_over: false,
+            mission: None,
         }
     }
 

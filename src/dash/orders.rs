@@ -5,11 +5,13 @@ use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
 
 use serde::Deserialize;
-use tomoswarm_proto::{OrderKind, VehicleId};
+use tomoswarm_proto::{OrderKind, RunId, VehicleId};
 
 use super::gate::PageId;
+use crate::config::{GivenMission, Venue};
+use crate::operator::given_tasks::task_kind;
 use crate::operator::operator_actor::In;
-use crate::operator::order_goal::{OrderGoal, StopRequest};
+use crate::operator::order_goal::{MissionRequest, OrderGoal, StopRequest};
 use crate::operator::outcome::OrderOutcome;
 use crate::time::Time;
 
@@ -34,6 +36,26 @@ pub struct OrderRequest {
     /// With `seat`: take it from whoever has it.
     #[serde(default)]
     pub take_over: bool,
+    /// With `start`: the mission that is to be begun, as a run of its own.
+    #[serde(default)]
+    pub mission: Option<MissionOrder>,
+}
+
+/// A mission as a page says it: what `tomoswarm order CONFIG start --mission` takes.
+#[derive(Clone, PartialEq, Eq, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MissionOrder {
+    /// The word for its kind.
+    pub kind: String,
+    /// Its keys, each as `KEY=VALUE`.
+    #[serde(default)]
+    pub set: Vec<String>,
+    /// The content of the file that the keys name, if they do.
+    #[serde(default)]
+    pub file: Option<String>,
+    /// The run that its images are compared with.
+    #[serde(default)]
+    pub compare_with: Option<u32>,
 }
 
 /// What can be asked for.
@@ -95,8 +117,39 @@ impl OrderRequest {
         self.vehicles.iter().map(|id| VehicleId(*id)).collect()
     }
 
+    /// Reads the mission that it is to begin, by the rules of the command line; `None` = it says none.
+    ///
+    /// # Errors
+    /// Every mistake, in words.
+    pub fn mission(&self, venue: &Venue) -> Result<Option<MissionRequest>, String> {
+        let Some(said) = &self.mission else {
+            return Ok(None);
+        };
+        if self.order != OrderWord::Start {
+            return Err("a mission belongs to start only".to_owned());
+        }
+        if said
+            .compare_with
+            .is_some_and(|run| run == 0 || run == u32::MAX)
+        {
+            return Err("compare_with: a run from 1 to 4294967294 is expected".to_owned());
+        }
+        let vehicles = Some(self.vehicles.len()).filter(|count| *count > 0);
+        let mut loader = |name: &str| {
+            let missing =
+                || format!("the page has sent no file, and {name} is none of this machine's");
+            said.file.clone().ok_or_else(missing)
+        };
+        let given = GivenMission::read(&said.kind, &said.set, (venue, vehicles), &mut loader);
+        let GivenMission { task, sweep } = given.map_err(|problems| problems.to_string())?;
+        Ok(Some(MissionRequest {
+            kind: task_kind(task, &sweep),
+            compare_with: said.compare_with.map(RunId),
+        }))
+    }
+
     /// Returns what the operator is told, under a number; `None` of what is not for the operator.
-    pub fn input(&self, number: u32) -> Option<In> {
+    pub fn input(&self, number: u32, mission: Option<MissionRequest>) -> Option<In> {
         let vehicles = self.targets();
         let kind = match self.order {
             OrderWord::Stop => {
@@ -111,6 +164,7 @@ impl OrderRequest {
         };
         let goal = OrderGoal {
             begins: kind == OrderKind::Start,
+            mission,
             ..OrderGoal::new(kind, vehicles, ORDER_WITHIN)
         };
         Some(In::Want(number, goal))
@@ -192,6 +246,7 @@ impl OrderBook {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config;
 
     fn read(body: &str) -> Result<OrderRequest, String> {
         OrderRequest::read(body.as_bytes())
@@ -202,7 +257,7 @@ mod tests {
         let hold = read(r#"{"order":"hold","vehicles":[2,1],"page":3}"#).unwrap();
         assert_eq!(hold.targets(), [VehicleId(1), VehicleId(2)].into());
         assert!(
-            matches!(hold.input(7), Some(In::Want(7, goal)) if goal.kind == OrderKind::Hold && !goal.begins)
+            matches!(hold.input(7, None), Some(In::Want(7, goal)) if goal.kind == OrderKind::Hold && !goal.begins)
         );
         for (body, reason) in [
             ("", "EOF"),
@@ -222,8 +277,87 @@ mod tests {
     #[test]
     fn a_stop_without_vehicles_is_for_all_and_the_seat_is_nothing_for_the_operator() {
         let stop = read(r#"{"order":"stop","page":1}"#).unwrap();
-        assert!(matches!(stop.input(1), Some(In::Stop(1, request)) if request.vehicles.is_empty()));
-        assert_eq!(read(r#"{"order":"seat","page":1}"#).unwrap().input(2), None);
+        assert!(
+            matches!(stop.input(1, None), Some(In::Stop(1, request)) if request.vehicles.is_empty())
+        );
+        assert_eq!(
+            read(r#"{"order":"seat","page":1}"#).unwrap().input(2, None),
+            None
+        );
+    }
+
+    fn venue() -> Venue {
+        let text = "kind = \"venue\"\nname = \"small\"\narea_m = [0.4, 0.4, 5.6, 3.6]\n\
+            fence_m = [[0.0, 0.0], [6.0, 0.0], [6.0, 4.0], [0.0, 4.0]]\nhomes_m = [[0.7, 0.7], [5.3, 3.3]]\n\
+            [datum]\nlatitude_deg = 52.0\nlongitude_deg = 4.0\naltitude_m = 0.0\n";
+        match config::read("a.toml", text, &mut |path| Err(path.to_owned())).unwrap() {
+            config::Config::Venue(venue) => venue,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    fn mission(body: &str) -> Result<Option<MissionRequest>, String> {
+        read(body).unwrap().mission(&venue())
+    }
+
+    #[test]
+    fn a_mission_is_read_by_the_rules_of_the_command_line() {
+        let request = read(
+            r#"{"order":"start","vehicles":[1],"page":1,
+                "mission":{"kind":"pathfind","set":["waypoints_m=[[1, 1], [2, 3]]"],"compare_with":4}}"#,
+        )
+        .unwrap();
+        let mission = request.mission(&venue()).unwrap();
+        let said = mission.clone().unwrap();
+        assert_eq!(said.compare_with, Some(RunId(4)));
+        assert!(
+            format!("{:?}", said.kind).contains("2000"),
+            "{:?}",
+            said.kind
+        );
+        let input = request.input(3, mission.clone());
+        assert!(matches!(input, Some(In::Want(3, goal)) if goal.mission == mission && goal.begins));
+        assert_eq!(mission_of_hold(), Ok(None));
+    }
+
+    fn mission_of_hold() -> Result<Option<MissionRequest>, String> {
+        mission(r#"{"order":"hold","page":1}"#)
+    }
+
+    #[test]
+    fn what_is_wrong_with_a_mission_is_said_and_nothing_of_this_machine_is_read() {
+        let body = |order: &str, mission: &str| {
+            format!(r#"{{"order":"{order}","page":1,"mission":{mission}}}"#)
+        };
+        for (order, said, reason) in [
+            ("hold", r#"{"kind":"explore"}"#, "start only"),
+            ("start", r#"{"kind":"dance"}"#, "dance"),
+            (
+                "start",
+                r#"{"kind":"pathfind","set":["waypoints_m=[[90, 1]]"]}"#,
+                "fence",
+            ),
+            ("start", r#"{"kind":"sweep","set":["laps=0"]}"#, "laps"),
+            ("start", r#"{"kind":"sweep","set":["speed"]}"#, "KEY=VALUE"),
+            (
+                "start",
+                r#"{"kind":"sweep","compare_with":0}"#,
+                "compare_with",
+            ),
+            (
+                "start",
+                r#"{"kind":"waypoints","set":["file=/etc/passwd"]}"#,
+                "sent no file",
+            ),
+            (
+                "start",
+                r#"{"kind":"waypoints","set":["file=a.waypoints"],"file":"nonsense"}"#,
+                "a.waypoints",
+            ),
+        ] {
+            let refused = mission(&body(order, said)).unwrap_err();
+            assert!(refused.contains(reason), "{said}: {refused}");
+        }
     }
 
     #[test]

@@ -3,7 +3,7 @@
 //! is sent. Orders go before states, states before texts, those before tiles, tiles before images; but who was passed over a
 //! few times has its turn, so that a page that draws slowly sees all of it as well.
 //!
-//! States go ten times a second at most, tiles twenty times. When nothing else has gone for a second, an empty frame of
+//! States go ten times a second at most, tiles twenty times, who hears whom once. When nothing else has gone for a second, an empty frame of
 //! states says that the server lives.
 
 use std::collections::{BTreeSet, VecDeque};
@@ -22,6 +22,8 @@ const PATIENCE: [u8; 5] = [u8::MAX, 1, 4, 6, 8];
 const STATES_EVERY: Duration = Duration::from_millis(100);
 /// Between two frames of tiles.
 const TILES_EVERY: Duration = Duration::from_millis(50);
+/// Between two frames of who hears whom.
+const RADIO_EVERY: Duration = Duration::from_secs(1);
 /// Between two frames of any kind.
 const BEATS_EVERY: Duration = Duration::from_secs(1);
 
@@ -36,6 +38,9 @@ pub struct Outbox {
     passed_over: [u8; 5],
     states_at: Time,
     tiles_at: Time,
+    radio_at: Time,
+    /// The number of the last event that was sent.
+    events_sent: u64,
     beats_at: Time,
 }
 
@@ -49,6 +54,8 @@ impl Outbox {
             passed_over: [0; 5],
             states_at: now,
             tiles_at: now,
+            radio_at: now,
+            events_sent: 0,
             beats_at: now,
         }
     }
@@ -99,10 +106,13 @@ impl Outbox {
         match subject {
             Subject::State(_) => self.states_at,
             Subject::Tile(_) => self.tiles_at,
+            Subject::Radio(_) => self.radio_at,
             Subject::Orders
             | Subject::Ground
             | Subject::Vehicle(_)
             | Subject::Plan(_)
+            | Subject::Timetable
+            | Subject::Events
             | Subject::Finds(_)
             | Subject::Stripe(..) => Time::ZERO,
         }
@@ -164,6 +174,25 @@ impl Outbox {
                     _ => None,
                 };
                 self.gather(FrameKind::Tiles, now, of)
+            }
+            Subject::Radio(_) => {
+                self.radio_at = now + RADIO_EVERY;
+                let of = |subject| match subject {
+                    Subject::Radio(pair) => Some(texts::pair_record(now, board, pair)),
+                    _ => None,
+                };
+                self.gather(FrameKind::Radio, now, of)
+            }
+            Subject::Timetable => self.text(
+                subject,
+                FrameKind::Timetable,
+                now,
+                Some(texts::timetable(board)),
+            ),
+            Subject::Events => {
+                let text = texts::events(now, board, self.events_sent);
+                self.events_sent = board.events().last();
+                self.text(subject, FrameKind::Events, now, text)
             }
             Subject::Stripe(of, part) => {
                 self.waiting.remove(&subject);
@@ -235,7 +264,13 @@ fn class(subject: Subject) -> usize {
     match subject {
         Subject::Orders => 0,
         Subject::State(_) => 1,
-        Subject::Ground | Subject::Vehicle(_) | Subject::Plan(_) | Subject::Finds(_) => 2,
+        Subject::Ground
+        | Subject::Vehicle(_)
+        | Subject::Plan(_)
+        | Subject::Timetable
+        | Subject::Events
+        | Subject::Radio(_)
+        | Subject::Finds(_) => 2,
         Subject::Tile(_) => 3,
         Subject::Stripe(..) => 4,
     }

@@ -7,20 +7,26 @@
 //!   operator ──how orders ended──► order book
 //! ```
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use serde::Deserialize;
 use serde_json::{Value, json};
-use tomoswarm_proto::{Message, StopScope};
+use tomoswarm_proto::{Message, StopScope, VehicleId};
 
 use super::board::Board;
+use super::events::EventKind;
 use super::gate::{FIRST_WITHIN, Gate, GateRefusal, PageId, Right};
+use super::metrics::metrics;
 use super::orders::{OrderRequest, OrderWord};
 use super::outbox::Outbox;
+use super::texts::outcome_in_words;
+use crate::config::Venue;
 use crate::operator::HeardMessage;
 use crate::operator::operator_actor::{In, Out};
 use crate::operator::order_goal::GoalId;
+use crate::operator::preflight::{Requirements, inspect, is_go};
+use crate::operator::status::Expected;
 use crate::time::Time;
 
 /// A stop for all that is pressed again within this time, and is open, is the same one: who names more than eight stops a
@@ -64,6 +70,7 @@ struct Page {
 #[derive(Debug)]
 pub struct PageServer {
     place: Value,
+    venue: Venue,
     board: Board,
     gate: Gate,
     pages: BTreeMap<PageId, Page>,
@@ -73,10 +80,12 @@ pub struct PageServer {
 }
 
 impl PageServer {
-    /// Makes a server without pages; `place` is what holds for all of them ([`super::texts::place`]).
-    pub fn new(place: Value, board: Board, gate: Gate) -> PageServer {
+    /// Makes a server without pages; `place` is what holds for all of them ([`super::texts::place`]), missions are
+    /// judged by the venue.
+    pub fn new(place: Value, venue: Venue, board: Board, gate: Gate) -> PageServer {
         PageServer {
             place,
+            venue,
             board,
             gate,
             pages: BTreeMap::new(),
@@ -102,11 +111,14 @@ impl PageServer {
     }
 
     /// Takes what the operator says of an order.
-    pub fn operator_said(&mut self, out: &Out) {
+    pub fn operator_said(&mut self, now: Time, out: &Out) {
         if let Out::Ended(GoalId::Hand(number), outcome)
         | Out::InForce(GoalId::Hand(number), outcome) = out
         {
             self.board.orders_mut().end(*number, outcome.clone());
+            let vehicles = outcome.vehicles.keys().copied().collect();
+            let text = format!("order {number}: {}", outcome_in_words(outcome));
+            self.board.add_event(now, EventKind::Order, vehicles, text);
         }
     }
 
@@ -175,10 +187,57 @@ impl PageServer {
         if let Some(number) = self.stop_under_way(now, &request) {
             return Ok(number);
         }
+        let mission = request
+            .mission(&self.venue)
+            .map_err(GateRefusal::Unreadable)?;
         let number = self.board.orders_mut().enter(now, request.clone());
+        let whom: Vec<VehicleId> = request.targets().into_iter().collect();
+        let (word, page) = (request.order.word(), request.page);
+        let mission_word = request.mission.as_ref();
+        let mission_word = mission_word.map_or(String::new(), |said| format!(" {}", said.kind));
+        let text = format!("order {number}: {word}{mission_word}, by page {page}");
+        self.board.add_event(now, EventKind::Order, whom, text);
         self.effects
-            .extend(request.input(number).map(PageEffect::Tell));
+            .extend(request.input(number, mission).map(PageEffect::Tell));
         Ok(number)
+    }
+
+    /// Returns the metrics for whoever may look.
+    ///
+    /// # Errors
+    /// The token is none of this server's.
+    pub fn metrics(&self, now: Time, authorization: Option<&str>) -> Result<String, GateRefusal> {
+        self.gate.judge_looking(authorization)?;
+        Ok(metrics(now, &self.board))
+    }
+
+    /// Returns the checks before a start of everyone who was heard, as JSON, for whoever may look; `software` is the version
+    /// that all are to run.
+    ///
+    /// # Errors
+    /// The token is none of this server's.
+    pub fn preflight(
+        &self,
+        now: Time,
+        authorization: Option<&str>,
+        software: &str,
+    ) -> Result<String, GateRefusal> {
+        self.gate.judge_looking(authorization)?;
+        let view = self.board.view();
+        let everyone = Expected {
+            vehicles: BTreeSet::new(),
+            ground: true,
+        };
+        let needs = Requirements {
+            vehicles: everyone.vehicles(view, now),
+            venue_hash: self.board.venue_hash(),
+            fence: self.venue.fence.clone(),
+            homes: self.venue.homes.clone(),
+            pose_sd_max_m: None,
+            software: software.to_owned(),
+        };
+        let nodes = inspect(view, &needs, now);
+        Ok(json!({ "isGo": is_go(&nodes), "nodes": nodes }).to_string())
     }
 
     /// Returns when to call [`PageServer::due`] next at the latest.

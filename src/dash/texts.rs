@@ -5,20 +5,26 @@
 
 use serde_json::{Value, json};
 use tomoswarm_proto::{
-    Covariance, EmergencyStop, Image, ImageSubject, Position, StandReason, State, StopScope,
+    Covariance, EmergencyStop, Image, ImageSubject, Plan, Position, StandReason, StopId, StopScope,
     TileAddress, VehicleId, VehicleMode,
 };
 
 use super::board::Board;
-use super::frame::{self, STATE, STRIPE};
+use super::events::Event;
+use super::frame::{self, PAIR, STATE, STRIPE};
 use super::orders::GivenOrder;
-use crate::config::Venue;
+use super::radio::Pair;
+use super::timetable::SHOWN_SPEED_MPS;
+use crate::config::{DeclaredKey, GivenMission, Venue};
 use crate::geom::Point;
 use crate::operator::fleet_view::Incompatibility;
 use crate::operator::names::{control, kind_name, mission_phase, mode, ordered, phase, run_end};
 use crate::operator::outcome::{OrderOutcome, VehicleOutcome};
+use crate::sweep::ExpectedStop;
 use crate::time::Time;
 
+/// A strength and an excess that are not known.
+const NO_STRENGTH: i64 = i16::MIN as i64;
 /// What a number of a state's record means when it is not known.
 const UNKNOWN: i64 = 0xffff;
 
@@ -87,7 +93,23 @@ pub fn place(venue: &Venue, showing: Showing) -> Value {
         "standsUnder": STANDS_UNDER,
         "vehicleColours": colours,
         "heat": crate::draw::heat_colours(),
+        "missions": missions(),
     })
+}
+
+/// Returns the kinds of missions, each with its keys and what they mean.
+fn missions() -> Vec<Value> {
+    let key = |key: &DeclaredKey| {
+        json!({
+            "name": key.name,
+            "default": key.default,
+            "allowed": key.allowed,
+            "means": key.means,
+        })
+    };
+    GivenMission::declared()
+        .map(|(kind, keys)| json!({ "kind": kind, "keys": keys.iter().map(key).collect::<Vec<_>>() }))
+        .collect()
 }
 
 /// Returns where a vehicle is; `None` when it has said nothing of that.
@@ -114,7 +136,7 @@ pub fn state_record(now: Time, board: &Board, id: VehicleId) -> Option<Vec<u8>> 
     Some(STATE.record([
         i64::from(id.0),
         MODES.iter().position(|of| *of == state.mode).unwrap_or(0) as i64,
-        stands_under(state),
+        stands_under(state.stands_under),
         flags,
         at.x_mm.into(),
         at.y_mm.into(),
@@ -127,8 +149,13 @@ pub fn state_record(now: Time, board: &Board, id: VehicleId) -> Option<Vec<u8>> 
     ]))
 }
 
-fn stands_under(state: &State) -> i64 {
-    match state.stands_under {
+/// Returns in a word why a vehicle stands.
+pub(super) fn stand_reason(why: StandReason) -> &'static str {
+    STANDS_UNDER[stands_under(Some(why)) as usize]
+}
+
+fn stands_under(why: Option<StandReason>) -> i64 {
+    match why {
         None => 0,
         Some(StandReason::Stop(_)) => 1,
         Some(StandReason::Held) => 2,
@@ -287,6 +314,86 @@ pub fn plan(board: &Board, id: VehicleId) -> Option<String> {
     Some(text.to_string())
 }
 
+/// Returns the plans against time: of every vehicle when each stop can begin and is done, how far it is, and for whom it waits;
+/// and the chain of stops that takes longest.
+pub fn timetable(board: &Board) -> String {
+    let Some(table) = board.timetable() else {
+        return json!({ "rows": [] }).to_string();
+    };
+    let progress = board.progress();
+    let name = |(of, stop): &(VehicleId, StopId)| json!([of.0, stop.0]);
+    let row = |(plan, expected): (&Plan, &[ExpectedStop])| {
+        let said = progress.get(&plan.vehicle);
+        let said = said.filter(|said| (said.run, said.revision) == (plan.run, plan.revision));
+        let times = expected
+            .iter()
+            .map(|stop| [tenths(stop.ready_s), tenths(stop.done_s)]);
+        let after = plan
+            .stops
+            .iter()
+            .map(|stop| stop.after.iter().map(name).collect());
+        let waits_for = table.waits_for(plan.vehicle, &progress);
+        json!({
+            "vehicle": plan.vehicle.0,
+            "stops": plan.stops.iter().map(|stop| stop.id.0).collect::<Vec<_>>(),
+            "after": after.collect::<Vec<Vec<Value>>>(),
+            "times_s": times.collect::<Vec<_>>(),
+            "isFollowed": said.is_some(),
+            "done": said.and_then(|said| said.done).map(|stop| stop.0),
+            "leg": said.and_then(|said| said.leg).map(|stop| stop.0),
+            "waitsFor": waits_for.iter().map(name).collect::<Vec<_>>(),
+        })
+    };
+    let edition = table
+        .rows()
+        .next()
+        .map(|(plan, _)| (plan.run.0, plan.revision.0));
+    json!({
+        "run": edition.map(|(run, _)| run),
+        "revision": edition.map(|(_, revision)| revision),
+        "speed_mps": SHOWN_SPEED_MPS,
+        "length_s": tenths(table.length_s()),
+        "reached_s": tenths(table.reached_s(&progress)),
+        "chain": table.longest_chain().iter().map(name).collect::<Vec<_>>(),
+        "rows": table.rows().map(row).collect::<Vec<_>>(),
+    })
+    .to_string()
+}
+
+fn tenths(of: f64) -> f64 {
+    (of * 10.0).round() / 10.0
+}
+
+/// Returns what happened behind an event, oldest first; `None` = nothing.
+pub fn events(now: Time, board: &Board, after: u64) -> Option<String> {
+    let event = |event: &Event| {
+        json!({
+            "number": event.number,
+            "age_s": tenths(now.since(event.at).as_secs_f64()),
+            "kind": event.kind.word(),
+            "vehicles": ids(&event.vehicles),
+            "text": event.text,
+        })
+    };
+    let all: Vec<Value> = board.events().after(after).map(event).collect();
+    (!all.is_empty()).then(|| json!({ "events": all }).to_string())
+}
+
+/// Returns how one vehicle hears another one; `None` when no sample of them came.
+pub fn pair_record(now: Time, board: &Board, pair: Pair) -> Option<Vec<u8>> {
+    let known = board.radio().pair(pair)?;
+    let tenths = |db: f64| (db * 10.0).round() as i64;
+    Some(PAIR.record([
+        i64::from(pair.0.0),
+        i64::from(pair.1.0),
+        known.rssi_dbm.map_or(NO_STRENGTH, i64::from),
+        (known.loss * 1000.0).round() as i64,
+        known.excess_db.map_or(NO_STRENGTH, tenths),
+        (known.distance_m * 1000.0) as i64,
+        now.since(known.at).as_millis() as i64,
+    ]))
+}
+
 /// Returns how the ground station fares; of several that of the greatest lease.
 pub fn ground(now: Time, board: &Board) -> String {
     let newest = board
@@ -368,6 +475,7 @@ fn given(now: Time, order: &GivenOrder) -> Value {
     json!({
         "number": order.number,
         "what": order.request.order.word(),
+        "mission": order.request.mission.as_ref().map(|said| said.kind.clone()),
         "vehicles": order.request.vehicles,
         "page": order.request.page,
         "age_s": now.since(order.at).as_secs_f64(),
@@ -378,28 +486,44 @@ fn given(now: Time, order: &GivenOrder) -> Value {
     })
 }
 
-fn fates(outcome: &OrderOutcome) -> Vec<Value> {
-    let fate = |(id, of): (&VehicleId, &VehicleOutcome)| {
-        let words = match of {
-            VehicleOutcome::Obeyed { after, .. } => {
-                format!("obeyed after {} ms", after.as_millis())
-            }
-            VehicleOutcome::Stopped { after, is_at_rest } => {
-                let rests = if *is_at_rest { "stands" } else { "brakes" };
-                format!("in force after {} ms, {rests}", after.as_millis())
-            }
-            VehicleOutcome::UnderStop(name) => format!("stands under stop {name}"),
-            VehicleOutcome::Overruled(by) => format!("overruled by {}", ordered(*by)),
-            VehicleOutcome::NotOut => "has started, but does not show the mission".to_owned(),
-            VehicleOutcome::Refused(why) => format!("refuses the mission: {why}"),
-            VehicleOutcome::Ignored => "heard, has not obeyed".to_owned(),
-            VehicleOutcome::Unheard => "not heard".to_owned(),
-            VehicleOutcome::Foreign(misfit) => misfit_in_words(*misfit),
-            VehicleOutcome::Withdrawn => "something else was wanted of it".to_owned(),
-        };
-        json!({ "vehicle": id.0, "isDone": of.is_done(), "words": words })
+/// Returns what became of an order, in one line.
+pub fn outcome_in_words(outcome: &OrderOutcome) -> String {
+    if let Some(refused) = outcome.refused {
+        return format!("refused, {refused}");
+    }
+    let fate = |(id, of): (&VehicleId, &VehicleOutcome)| format!("{id} {}", fate_in_words(of));
+    let fates: Vec<String> = outcome.vehicles.iter().map(fate).collect();
+    let head = if outcome.is_done() {
+        "done"
+    } else {
+        "NOT DONE"
     };
+    format!("{head}: {}", fates.join("; "))
+}
+
+fn fates(outcome: &OrderOutcome) -> Vec<Value> {
+    let fate = |(id, of): (&VehicleId, &VehicleOutcome)| json!({ "vehicle": id.0, "isDone": of.is_done(), "words": fate_in_words(of) });
     outcome.vehicles.iter().map(fate).collect()
+}
+
+fn fate_in_words(of: &VehicleOutcome) -> String {
+    match of {
+        VehicleOutcome::Obeyed { after, .. } => {
+            format!("obeyed after {} ms", after.as_millis())
+        }
+        VehicleOutcome::Stopped { after, is_at_rest } => {
+            let rests = if *is_at_rest { "stands" } else { "brakes" };
+            format!("in force after {} ms, {rests}", after.as_millis())
+        }
+        VehicleOutcome::UnderStop(name) => format!("stands under stop {name}"),
+        VehicleOutcome::Overruled(by) => format!("overruled by {}", ordered(*by)),
+        VehicleOutcome::NotOut => "has started, but does not show the mission".to_owned(),
+        VehicleOutcome::Refused(why) => format!("refuses the mission: {why}"),
+        VehicleOutcome::Ignored => "heard, has not obeyed".to_owned(),
+        VehicleOutcome::Unheard => "not heard".to_owned(),
+        VehicleOutcome::Foreign(misfit) => misfit_in_words(*misfit),
+        VehicleOutcome::Withdrawn => "something else was wanted of it".to_owned(),
+    }
 }
 
 fn ids(all: &[VehicleId]) -> Vec<u8> {

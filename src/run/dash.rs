@@ -18,9 +18,9 @@ use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::time::Duration;
 
-use self::http::{HttpServer, Outbound, Request, RequestSender};
+use self::http::{HttpServer, LookWord, Outbound, Request, RequestSender};
 use super::live_operator::LiveOperator;
-use super::membership::{self, RandomUnavailable};
+use super::membership::{self, RandomUnavailable, SOFTWARE};
 use crate::actor::Fault;
 use crate::config::Venue;
 use crate::dash::board::Board;
@@ -85,7 +85,7 @@ impl Dashboard {
         let links = [link("look", &look), link("operate", &operate)];
         let board = Board::new(venue.hash(), Lattice::new(venue.cell_m));
         let place = place(venue, Showing::Live);
-        let server = PageServer::new(place, board, Gate::new(look, operate));
+        let server = PageServer::new(place, venue.clone(), board, Gate::new(look, operate));
         let (told, requests) = sync_channel(REQUESTS_WAITING);
         let sender = RequestSender::new(told, operator.session().waker());
         let http = HttpServer::start(listener, OwnNames::on_port(port), sender, folder);
@@ -131,7 +131,8 @@ impl Dashboard {
             .go_on(until, |at, heard| server.hear(at, heard))?;
         for out in said {
             note(&out);
-            self.server.operator_said(&out);
+            let now = self.operator.now();
+            self.server.operator_said(now, &out);
         }
         Ok(())
     }
@@ -155,6 +156,18 @@ impl Dashboard {
             Request::Closed(id) => {
                 self.pages.remove(&id);
                 self.server.closed(id);
+            }
+            Request::Look {
+                what,
+                authorization,
+                reply,
+            } => {
+                let token = authorization.as_deref();
+                let text = match what {
+                    LookWord::Metrics => self.server.metrics(now, token),
+                    LookWord::Preflight => self.server.preflight(now, token, SOFTWARE),
+                };
+                let _ = reply.send(text);
             }
             Request::Order {
                 authorization,

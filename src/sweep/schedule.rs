@@ -42,17 +42,34 @@ pub fn has_done(plan: &Plan, progress: &VehicleProgress, stop: StopId) -> bool {
     same && index(stop).is_some_and(|wanted| done.is_some_and(|last| last >= wanted))
 }
 
-/// Returns the time to drive plans to their ends at a steady speed, with turns for nothing and every
-/// dwell at its shortest, seconds.
+/// When a stop of a plan is expected to be done.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct ExpectedStop {
+    /// When its leg can be entered, seconds from the start of the plans.
+    pub ready_s: f64,
+    /// When its dwell is over, seconds from the start of the plans.
+    pub done_s: f64,
+    /// What it comes after: the last to be done of all that must be, as the indices of a plan and of a stop in it; `None` =
+    /// nothing.
+    pub behind: Option<(usize, usize)>,
+}
+
+/// Returns when every stop of plans is done at a steady speed, with turns for nothing and every dwell at its shortest: for
+/// each plan its stops, in order.
 ///
 /// # Errors
 /// The plans are not valid together.
-pub fn expected_duration_s(plans: &[Plan], speed_mps: f64) -> Result<f64, PlanError> {
+pub fn expected_stops(plans: &[Plan], speed_mps: f64) -> Result<Vec<Vec<ExpectedStop>>, PlanError> {
     validate(plans)?;
     let after = resolve_after(plans)?;
-    let mut done_s: Vec<Vec<f64>> = plans
+    let nothing = ExpectedStop {
+        ready_s: 0.0,
+        done_s: 0.0,
+        behind: None,
+    };
+    let mut expected: Vec<Vec<ExpectedStop>> = plans
         .iter()
-        .map(|plan| vec![0.0; plan.stops.len()])
+        .map(|plan| vec![nothing; plan.stops.len()])
         .collect();
     let lengths_m: Vec<Vec<f64>> = plans
         .iter()
@@ -64,17 +81,30 @@ pub fn expected_duration_s(plans: &[Plan], speed_mps: f64) -> Result<f64, PlanEr
         })
         .collect();
     for (index, at) in topological_order(plans)? {
-        let own_s = if at > 0 { done_s[index][at - 1] } else { 0.0 };
-        let ready_s = after[index][at]
-            .iter()
-            .map(|(of, stop)| done_s[*of][*stop])
-            .fold(own_s, f64::max);
+        let own = (at > 0).then(|| (index, at - 1));
+        let before = own.into_iter().chain(after[index][at].iter().copied());
+        let done_s = |(of, stop): (usize, usize)| expected[of][stop].done_s;
+        let behind = before.max_by(|one, other| done_s(*one).total_cmp(&done_s(*other)));
+        let ready_s = behind.map_or(0.0, done_s);
         let dwell_s = f64::from(plans[index].stops[at].dwell_ms) * 1e-3;
-        done_s[index][at] = ready_s + lengths_m[index][at] / speed_mps + dwell_s;
+        expected[index][at] = ExpectedStop {
+            ready_s,
+            done_s: ready_s + lengths_m[index][at] / speed_mps + dwell_s,
+            behind,
+        };
     }
-    Ok(done_s
+    Ok(expected)
+}
+
+/// Returns the time to drive plans to their ends at a steady speed, with turns for nothing and every
+/// dwell at its shortest, seconds.
+///
+/// # Errors
+/// The plans are not valid together.
+pub fn expected_duration_s(plans: &[Plan], speed_mps: f64) -> Result<f64, PlanError> {
+    Ok(expected_stops(plans, speed_mps)?
         .iter()
-        .filter_map(|times_s| times_s.last())
-        .copied()
+        .filter_map(|stops| stops.last())
+        .map(|stop| stop.done_s)
         .fold(0.0, f64::max))
 }

@@ -12,8 +12,8 @@ use tomoswarm::run::bus::{BusSession, BusSettings};
 use tomoswarm::run::clock::Clock;
 use tomoswarm::run::mailbox::Troubles;
 use tomoswarm_proto::{
-    Boot, Health, Hello, LayerId, Message, PoseReport, Position, Sender, StandReason, State,
-    TILE_SIDE, TileAddress, TileReport, VehicleId,
+    Boot, Health, Hello, LayerId, Message, PoseReport, Position, RunId, Sample, Samples, Sender,
+    StandReason, State, TILE_SIDE, TileAddress, TileReport, VehicleId,
 };
 
 use crate::browser::Browser;
@@ -208,6 +208,17 @@ fn strangers_at_the_page_are_refused() {
             "{host} {origin} {token} {body:.40}: {answer}"
         );
     }
+    let metrics = |host: &str, token: &str| {
+        dash.ask(&format!(
+            "GET /metrics HTTP/1.1\r\nHost: {host}\r\nAuthorization: Bearer {token}\r\nConnection: close\r\n\r\n"
+        ))
+    };
+    let (status, answer) = metrics(&own, look);
+    assert!(
+        status == 200 && answer.contains("\ntomoswarm_linked "),
+        "{answer}"
+    );
+    assert_eq!((metrics(&own, "").0, metrics(&evil, look).0), (401, 421));
     for (host, origin) in [
         (&own, &evil_origin),
         (&evil, &evil_origin),
@@ -291,6 +302,31 @@ fn wall() -> TileReport {
     }
 }
 
+/// A sample of vehicle 9, which hears vehicle 8 ever weaker and misses every fourth beacon.
+fn samples(sequence: u64) -> Samples {
+    let pose = |x_m| PoseReport {
+        at: Position::from_metres(x_m, 9.0, 0.0),
+        ..PoseReport::default()
+    };
+    let sample = Sample {
+        sequence,
+        heard_at_ns: sequence * 200_000_000,
+        transmitter: VehicleId(8),
+        transmitter_pose: pose(1.0),
+        receiver_pose: pose(-3.0),
+        channel: 20,
+        power_dbm: 0,
+        rssi_dbm: (sequence % 4 != 3).then_some(-50 - (sequence % 30) as i16),
+    };
+    Samples {
+        vehicle: VehicleId(9),
+        boot: Boot(1),
+        run: RunId(1),
+        samples: vec![sample],
+        lost: Vec::new(),
+    }
+}
+
 /// Puts a vehicle on the bus that says evil things of itself, until it is dropped.
 fn evil_vehicle(swarm: &Swarm) -> BusSession {
     let path = swarm.path("venue.toml");
@@ -340,6 +376,7 @@ fn evil_vehicle(swarm: &Swarm) -> BusSession {
                 Message::State(state),
                 Message::Health(health),
                 Message::Tile(wall()),
+                Message::Samples(samples(sequence)),
             ] {
                 publisher.publish(&message);
             }
@@ -359,8 +396,8 @@ fn golden_frames(browser: &mut Browser) {
              const hex = line.split(' ')[1];
              model.take(new Uint8Array(hex.match(/../g).map((b) => parseInt(b, 16))).buffer, 1000);
            }}
-           const tile = model.tiles.get('-1/2/-3'), image = model.images.get(1);
-           return {{ state: model.states.get(3), beat: model.frames, cells: [...tile.cells.slice(30, 42)],
+           const tile = model.tiles.get('-1/2/-3'), image = model.images.get(1), pair = model.pairs.get('1-2');
+           return {{ pair: [pair.rssi, pair.loss, pair.excess, pair.distance, pair.at_ms], state: model.states.get(3), beat: model.frames, cells: [...tile.cells.slice(30, 42)],
              image: [image.run, image.laps, ...image.mean, ...image.deviation], text: model.vehicles.get(1).text }}; }})()"
     ));
     let state = &read["state"];
@@ -384,7 +421,8 @@ fn golden_frames(browser: &mut Browser) {
         read["cells"],
         json!([17, 17, -4, -3, -2, -1, 0, 1, 2, 3, -17, -17])
     );
-    assert_eq!(read["beat"], 5);
+    assert_eq!(read["pair"], json!([-61, 0.25, null, 4.5, 700]));
+    assert_eq!(read["beat"], 6);
     assert_eq!(read["text"], "<ä>");
     let rounded: Vec<i64> = read["image"]
         .as_array()
@@ -558,6 +596,205 @@ fn an_image_comes_to_the_page_and_a_page_without_a_scene_still_stops() {
         "document.getElementById('stop-result').textContent.includes('Stop is given')",
         5,
     );
+}
+
+/// Shows a view by its tab.
+fn view(browser: &mut Browser, name: &str) {
+    hold(browser, &format!("#tab-{name}"), 0);
+    browser.eval(&format!("document.getElementById('tab-{name}').click()"));
+    browser.until(&format!("!document.getElementById('{name}').hidden"), 5);
+}
+
+/// Every control that the browser's tree for screen readers has must have a name.
+fn every_control_has_a_name(browser: &mut Browser) {
+    let tree = browser.ask("Accessibility.getFullAXTree", json!({}));
+    let roles = [
+        "button",
+        "checkbox",
+        "combobox",
+        "tab",
+        "textbox",
+        "spinbutton",
+        "link",
+        "image",
+    ];
+    let nodes = tree["nodes"].as_array().unwrap();
+    let controls: Vec<_> = nodes
+        .iter()
+        .filter(|node| node["ignored"] != json!(true))
+        .filter(|node| roles.iter().any(|role| node["role"]["value"] == *role))
+        .collect();
+    assert!(controls.len() > 20, "{} controls", controls.len());
+    for control in controls {
+        let name = control["name"]["value"].as_str().unwrap_or_default();
+        assert!(
+            !name.trim().is_empty(),
+            "a control without a name: {control}"
+        );
+    }
+}
+
+#[test]
+fn the_views_show_radio_plans_and_what_happened() {
+    let Some(mut browser) = Browser::open(1440, 900) else {
+        return;
+    };
+    let mut swarm = prepared();
+    swarm.run();
+    let dash = Dash::start(&mut swarm);
+    swarm.begin();
+    let _evil = evil_vehicle(&swarm);
+    browser.go(&dash.operate);
+    browser.until("tomoswarm.model.pairs.has('9-8')", 30);
+
+    view(&mut browser, "radio");
+    let cell = |plane: &str| {
+        format!(
+            "(() => {{ const s = document.getElementById('radio-plane'); s.value = '{plane}'; s.dispatchEvent(new Event('change')); }})()"
+        )
+    };
+    let said = "[...document.querySelectorAll('#radio-matrix button')].map((b) => b.getAttribute('aria-label')).find((t) => t.startsWith('9 hears 8'))";
+    browser.until(&format!("/-[0-9]+ dBm/.test({said})"), 10);
+    browser.eval(&cell("loss"));
+    browser.until(&format!("/2[0-9] % missed/.test({said})"), 10);
+    browser.eval("[...document.querySelectorAll('#radio-matrix button')].find((b) => b.getAttribute('aria-label').startsWith('9 hears 8')).click()");
+    browser.until("!document.getElementById('pair-history').hidden", 5);
+    shot(&mut browser, "radio");
+
+    view(&mut browser, "log");
+    browser.until(
+        "document.getElementById('log-list').innerText.includes('<img src=x')",
+        10,
+    );
+    assert_eq!(
+        browser.eval("document.querySelectorAll('#log-list img').length"),
+        0,
+        "it is text"
+    );
+    browser.eval("(() => { const s = document.getElementById('log-vehicle'); s.value = '9'; s.dispatchEvent(new Event('change')); })()");
+    browser.until("[...document.querySelectorAll('#log-list li')].every((li) => !/(change|trouble|→) [0-8]:/.test(li.innerText))", 5);
+    browser.key("h", "KeyH", 72);
+    browser.until(
+        "document.getElementById('log-list').innerText.includes('hold, by page')",
+        10,
+    );
+    shot(&mut browser, "log");
+
+    view(&mut browser, "plan");
+    browser.until("tomoswarm.model.timetable?.rows.length === 2", 120);
+    browser.until(
+        "document.getElementById('plan-summary').textContent.includes('Longest chain')",
+        5,
+    );
+    let drawn = "(() => { const c = document.getElementById('gantt'); const d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;
+        return d.some((v, i) => i % 4 === 3 && v > 0); })()";
+    browser.until(drawn, 5);
+    shot(&mut browser, "plan");
+
+    view(&mut browser, "check");
+    browser.until(
+        "document.getElementById('preflight-verdict').textContent === '✖ NO-GO'",
+        10,
+    );
+    browser.until(
+        "/vehicle 9[^]*NO-GO/.test(document.getElementById('preflight-list').innerText)",
+        5,
+    );
+    shot(&mut browser, "check");
+    begin_a_mission(&mut browser);
+    every_control_has_a_name(&mut browser);
+    for theme in ["dark", "sunlight"] {
+        browser.eval(&format!("(() => {{ const s = document.getElementById('theme'); s.value = '{theme}'; s.dispatchEvent(new Event('change')); }})()"));
+        browser.until(
+            &format!("document.documentElement.dataset.theme === '{theme}'"),
+            5,
+        );
+        std::thread::sleep(Duration::from_millis(300));
+        shot(&mut browser, theme);
+    }
+    assert_eq!(browser.complaints, Vec::<String>::new());
+    drop(browser);
+    on_a_phone(&dash);
+}
+
+/// Begins a mission with a place that is pointed at; before that one with a mistake, which the server refuses.
+fn begin_a_mission(browser: &mut Browser) {
+    hold(browser, "#take-seat", 4000);
+    browser.until(
+        "tomoswarm.model.orders.seat === tomoswarm.model.place.page",
+        10,
+    );
+    view(browser, "begin");
+    browser.until(
+        "document.getElementById('mission-kind').options.length > 5",
+        5,
+    );
+    let fill = |kind: &str, key: &str, value: &str| {
+        format!(
+            "(() => {{ const k = document.getElementById('mission-kind'); k.value = '{kind}'; k.dispatchEvent(new Event('change'));
+               const i = document.querySelector('#mission-keys input[name={key}]'); i.value = '{value}'; i.dispatchEvent(new Event('input', {{bubbles: true}})); }})()"
+        )
+    };
+    browser.eval(&fill("sweep", "laps", "0"));
+    let command = "document.getElementById('begin-command').textContent";
+    browser.until(
+        &format!("{command}.endsWith(\"start --mission sweep --set 'laps=0'\")"),
+        5,
+    );
+    hold(browser, "#begin-mission", 4000);
+    browser.until(
+        "/laps.*0/.test(document.getElementById('begin-result').textContent)",
+        10,
+    );
+    shot(browser, "refused");
+    browser.eval(&fill("pathfind", "waypoints_m", ""));
+    browser.eval("[...document.querySelectorAll('#mission-keys button')].find((b) => b.textContent.startsWith('Add places')).click()");
+    hold(browser, "#plane", 0);
+    browser.until("/^\\[\\[-?[0-9.]+, -?[0-9.]+\\]\\]$/.test(document.querySelector('#mission-keys input[name=waypoints_m]').value)", 5);
+    shot(browser, "begin");
+    browser.eval("tomoswarm.scene.pick === null");
+    hold(browser, "#begin-mission", 4000);
+    browser.until(
+        "document.getElementById('begin-result').textContent.includes('is given')",
+        10,
+    );
+    browser.until(
+        "document.getElementById('given').innerText.includes('start pathfind')",
+        10,
+    );
+    // What was refused stands in the console of the browser as an answer of 400; that is meant.
+    browser
+        .complaints
+        .retain(|complaint| !complaint.contains("400"));
+}
+
+/// On a phone nothing is wider than the window, and Stop is seen.
+fn on_a_phone(dash: &Dash) {
+    let Some(mut browser) = Browser::open(390, 844) else {
+        return;
+    };
+    browser.go(&dash.operate);
+    browser.until(
+        "document.querySelectorAll('#vehicles tbody tr').length === 3",
+        20,
+    );
+    for name in ["image", "plan", "radio", "log", "check", "begin"] {
+        browser.eval(&format!("document.getElementById('tab-{name}').click()"));
+        browser.until(&format!("!document.getElementById('{name}').hidden"), 5);
+        std::thread::sleep(Duration::from_millis(400));
+        let width = browser.eval("Math.max(document.documentElement.scrollWidth, document.querySelector('main').scrollWidth)");
+        assert!(
+            width.as_u64().unwrap() <= 390,
+            "{name}: {width} pixels wide"
+        );
+        let stop = browser.eval("(() => { const r = document.getElementById('stop').getBoundingClientRect(); return r.top >= 0 && r.bottom <= innerHeight && r.height >= 44; })()");
+        assert_eq!(stop, json!(true), "{name}: Stop is seen");
+        if name == "radio" {
+            browser.eval("document.getElementById('views').scrollIntoView()");
+        }
+        shot(&mut browser, &format!("phone-{name}"));
+    }
+    assert_eq!(browser.complaints, Vec::<String>::new());
 }
 
 /// Presses an element for so long.

@@ -18,6 +18,19 @@ pub(in crate::config) struct Tables {
     inner: String,
 }
 
+/// A key of a table with what is to be known of it, as people read it.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct DeclaredKey {
+    /// Its name, with its unit.
+    pub name: String,
+    /// What it is when it is left out, in words or as a value.
+    pub default: String,
+    /// What it may be, with its unit.
+    pub allowed: String,
+    /// What it means.
+    pub means: String,
+}
+
 /// A key as it is shown.
 #[derive(Clone, PartialEq)]
 struct Row {
@@ -138,6 +151,19 @@ impl Tables {
             self.inner += &text;
         }
     }
+}
+
+/// Returns the keys of one table, without the tables in it.
+pub(in crate::config) fn keys_of(table: &mut dyn Keyed) -> Vec<DeclaredKey> {
+    let mut tables = Tables::default();
+    table.keys(&mut tables);
+    let declared = |row: Row| DeclaredKey {
+        name: row.name.trim_matches('`').to_owned(),
+        default: row.default,
+        allowed: row.allowed,
+        means: row.means.replace("\\|", "|"),
+    };
+    tables.rows.into_iter().map(declared).collect()
 }
 
 /// Returns a number as a person writes it.

@@ -79,7 +79,8 @@ fn a_state_changes_the_row_of_its_vehicle_only_when_it_says_more_than_where_it_i
     let mut board = board();
     let one = VehicleId(1);
     let row = [Subject::Orders, Subject::State(one), Subject::Vehicle(one)];
-    assert_eq!(changes(&mut board, 0.0, Message::State(state(1))), row);
+    let first = [row.as_slice(), &[Subject::Events]].concat();
+    assert_eq!(changes(&mut board, 0.0, Message::State(state(1))), first);
     let moved = tomoswarm_proto::State {
         sequence: 2,
         ..state(1)
@@ -203,9 +204,60 @@ fn a_page_that_comes_late_is_sent_everything_that_is_there() {
             Subject::State(two),
             Subject::Ground,
             Subject::Vehicle(two),
+            Subject::Events,
             Subject::Finds(of),
             tile,
             Subject::Stripe(of, 0)
         ]
     );
+}
+
+#[test]
+fn plans_that_are_complete_have_a_timetable_and_progress_changes_it() {
+    let mut board = board();
+    let plan = |vehicle: u8| {
+        Message::Plan(Plan {
+            vehicle: VehicleId(vehicle),
+            run: RunId(1),
+            revision: Revision(1),
+            members: vec![VehicleId(1), VehicleId(2)],
+            ..Plan::default()
+        })
+    };
+    board.hear(at(0.0), &heard(plan(1)));
+    assert!(
+        board.timetable().is_none(),
+        "the plan of vehicle 2 is missing"
+    );
+    let second = changes(&mut board, 0.1, plan(2));
+    assert!(second.contains(&Subject::Timetable) && board.timetable().is_some());
+    let mission = Message::Mission(tomoswarm_proto::MissionProgress {
+        vehicle: VehicleId(1),
+        ..tomoswarm_proto::MissionProgress::default()
+    });
+    assert!(changes(&mut board, 0.2, mission.clone()).contains(&Subject::Timetable));
+    assert_eq!(changes(&mut board, 0.3, mission), [], "it was said again");
+}
+
+#[test]
+fn samples_change_their_pair() {
+    let mut board = board();
+    let sample = tomoswarm_proto::Sample {
+        sequence: 1,
+        heard_at_ns: 1,
+        transmitter: VehicleId(2),
+        transmitter_pose: tomoswarm_proto::PoseReport::default(),
+        receiver_pose: tomoswarm_proto::PoseReport::default(),
+        channel: 20,
+        power_dbm: 0,
+        rssi_dbm: Some(-60),
+    };
+    let batch = Message::Samples(tomoswarm_proto::Samples {
+        vehicle: VehicleId(1),
+        samples: vec![sample],
+        ..tomoswarm_proto::Samples::default()
+    });
+    let pair = (VehicleId(1), VehicleId(2));
+    assert_eq!(changes(&mut board, 0.0, batch), [Subject::Radio(pair)]);
+    assert_eq!(board.radio().pair(pair).unwrap().rssi_dbm, Some(-60));
 }

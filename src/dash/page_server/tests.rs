@@ -15,7 +15,16 @@ const OPERATE: &str = "ffeeddccbbaa99887766554433221100";
 
 fn server() -> PageServer {
     let gate = Gate::new(LOOK.to_owned(), OPERATE.to_owned());
-    PageServer::new(json!({}), Board::new(7, Lattice::new(0.1)), gate)
+    PageServer::new(json!({}), venue(), Board::new(7, Lattice::new(0.1)), gate)
+}
+
+fn venue() -> Venue {
+    let text = include_str!("../../../configs/small.venue.toml");
+    let read = crate::config::read("venue.toml", text, &mut |path| Err(path.to_owned()));
+    match read.unwrap() {
+        crate::config::Config::Venue(venue) => venue,
+        other => panic!("{other:?}"),
+    }
 }
 
 fn page(server: &mut PageServer, at_s: f64, token: &str) -> PageId {
@@ -134,7 +143,7 @@ fn an_order_reaches_the_operator_and_what_became_of_it_all_pages() {
         run: None,
         refused: None,
     };
-    server.operator_said(&Out::Ended(GoalId::Hand(number), outcome));
+    server.operator_said(at(2.0), &Out::Ended(GoalId::Hand(number), outcome));
     server.page_said(at(1.1), one, r#"{"credit":2}"#).unwrap();
     let last = texts(&server.due(at(1.2)), one, FrameKind::Orders)
         .pop()
@@ -230,4 +239,48 @@ fn what_a_vehicle_says_of_itself_reaches_the_page_as_it_is() {
             .unwrap();
     }
     assert_eq!(rows[0]["health"]["troubles"], json!([evil]));
+}
+
+#[test]
+fn a_mission_that_is_wrong_is_refused_and_told_to_nobody() {
+    let mut server = server();
+    let seat = json!({ "order": "seat", "page": 1 }).to_string();
+    page(&mut server, 0.0, OPERATE);
+    order(&mut server, 0.0, OPERATE, &seat).unwrap();
+    let body = |laps: i64| {
+        let mission = json!({ "kind": "sweep", "set": [format!("laps={laps}")] });
+        json!({ "order": "start", "page": 1, "mission": mission }).to_string()
+    };
+    let refused = order(&mut server, 0.1, OPERATE, &body(-1)).unwrap_err();
+    assert!(refused.to_string().contains("laps"), "{refused}");
+    assert_eq!(told(&server.due(at(0.1))), 0);
+    assert!(order(&mut server, 0.2, OPERATE, &body(2)).is_ok());
+    assert_eq!(told(&server.due(at(0.2))), 1);
+    let line = server
+        .board()
+        .events()
+        .after(0)
+        .last()
+        .unwrap()
+        .text
+        .clone();
+    assert_eq!(line, "order 1: start sweep, by page 1");
+}
+
+#[test]
+fn who_may_look_reads_the_checks_before_a_start_and_nobody_else_does() {
+    let mut server = server();
+    let ask = |server: &PageServer, token: &str| {
+        server.preflight(at(1.5), Some(&format!("Bearer {token}")), "0.1.0")
+    };
+    assert_eq!(ask(&server, "x"), Err(GateRefusal::Token));
+    server.hear(at(1.0), &heard(Message::State(state(1))));
+    let read: Value = serde_json::from_str(&ask(&server, LOOK).unwrap()).unwrap();
+    assert_eq!(read["isGo"], false, "no ground station was heard");
+    let nodes = read["nodes"].as_array().unwrap();
+    let names: Vec<&str> = nodes
+        .iter()
+        .filter_map(|node| node["node"].as_str())
+        .collect();
+    assert_eq!(names, ["vehicle 1", "ground", "swarm"]);
 }

@@ -13,20 +13,27 @@ const fn file(name: &'static str, bytes: &'static [u8]) -> PageFile {
     PageFile { name, bytes }
 }
 
-const FILES: [PageFile; 13] = [
+const FILES: [PageFile; 20] = [
     file("index.html", include_bytes!("../../../web/index.html")),
     file("app.css", include_bytes!("../../../web/app.css")),
     file("app.js", include_bytes!("../../../web/app.js")),
+    file("begin.js", include_bytes!("../../../web/begin.js")),
     file("decode.js", include_bytes!("../../../web/decode.js")),
     file("feed.js", include_bytes!("../../../web/feed.js")),
     file("fleet.js", include_bytes!("../../../web/fleet.js")),
     file("frames.js", include_bytes!("../../../web/frames.js")),
     file("icon.svg", include_bytes!("../../../web/icon.svg")),
     file("image.js", include_bytes!("../../../web/image.js")),
+    file("log.js", include_bytes!("../../../web/log.js")),
     file("model.js", include_bytes!("../../../web/model.js")),
     file("orders.js", include_bytes!("../../../web/orders.js")),
+    file("plan.js", include_bytes!("../../../web/plan.js")),
+    file("preflight.js", include_bytes!("../../../web/preflight.js")),
+    file("radio.js", include_bytes!("../../../web/radio.js")),
     file("scene2d.js", include_bytes!("../../../web/scene2d.js")),
     file("stop.js", include_bytes!("../../../web/stop.js")),
+    file("tabs.js", include_bytes!("../../../web/tabs.js")),
+    file("theme.js", include_bytes!("../../../web/theme.js")),
 ];
 
 /// Returns a file by the path of its address, and what it is; `None` = there is no such file.

@@ -30,6 +30,9 @@ const AGAIN: std::time::Duration = std::time::Duration::from_millis(50);
 /// The reason of a closed connection has at most this many bytes.
 const REASON_BYTES: usize = 120;
 
+/// The text format of Prometheus.
+const METRICS_TYPE: &str = "text/plain; version=0.0.4; charset=utf-8";
+
 /// What a browser may do with anything that it gets here.
 const HEADERS: [(HeaderName, &str); 5] = [
     (
@@ -68,6 +71,24 @@ pub(super) enum Request {
         /// Its number, or why it is refused.
         reply: oneshot::Sender<Result<u32, GateRefusal>>,
     },
+    /// Something is asked for that changes nothing.
+    Look {
+        /// What.
+        what: LookWord,
+        /// The header of that name.
+        authorization: Option<String>,
+        /// Its text, or why it is refused.
+        reply: oneshot::Sender<Result<String, GateRefusal>>,
+    },
+}
+
+/// What can be looked at beside the feed.
+#[derive(Clone, Copy)]
+pub(super) enum LookWord {
+    /// Metrics for Prometheus.
+    Metrics,
+    /// The checks before a start, JSON.
+    Preflight,
 }
 
 /// What goes to a page's connection.
@@ -168,6 +189,8 @@ fn router(shared: Arc<Shared>) -> Router {
     Router::new()
         .route("/feed", get(feed))
         .route("/order", post(order))
+        .route("/metrics", get(metrics))
+        .route("/preflight", get(preflight))
         .fallback(get(file))
         .layer(DefaultBodyLimit::max(INBOUND_MAX))
         .layer(middleware::from_fn_with_state(shared.clone(), guard))
@@ -233,6 +256,40 @@ async fn order(State(shared): State<Arc<Shared>>, headers: HeaderMap, body: Byte
             let text = format!("{{\"number\":{number}}}");
             ([(header::CONTENT_TYPE, "application/json")], text).into_response()
         }
+        Ok(Err(refusal)) => refused(&refusal),
+        Err(_) => (StatusCode::SERVICE_UNAVAILABLE, "the server ends").into_response(),
+    }
+}
+
+async fn metrics(State(shared): State<Arc<Shared>>, headers: HeaderMap) -> Response {
+    look(&shared, LookWord::Metrics, &headers, METRICS_TYPE).await
+}
+
+async fn preflight(State(shared): State<Arc<Shared>>, headers: HeaderMap) -> Response {
+    look(&shared, LookWord::Preflight, &headers, "application/json").await
+}
+
+async fn look(
+    shared: &Shared,
+    what: LookWord,
+    headers: &HeaderMap,
+    kind: &'static str,
+) -> Response {
+    // A page of somebody else can ask, but cannot say this header: it must not fill the queue in which orders wait.
+    let Some(authorization) = only(headers, header::AUTHORIZATION) else {
+        return refused(&GateRefusal::Token);
+    };
+    let (reply, answer) = oneshot::channel();
+    let is_taken = shared.requests.send(Request::Look {
+        what,
+        authorization: Some(authorization.to_owned()),
+        reply,
+    });
+    if !is_taken {
+        return refused(&GateRefusal::Flood);
+    }
+    match answer.await {
+        Ok(Ok(text)) => ([(header::CONTENT_TYPE, kind)], text).into_response(),
         Ok(Err(refusal)) => refused(&refusal),
         Err(_) => (StatusCode::SERVICE_UNAVAILABLE, "the server ends").into_response(),
     }

@@ -1,0 +1,182 @@
+//! What is known of the swarm as metrics that Prometheus reads (text format 0.0.4): numbers, with vehicles by their number. No
+//! text of a node is in it.
+
+use tomoswarm_proto::VehicleId;
+
+use super::board::Board;
+use super::radio::PairView;
+use crate::operator::fleet_view::VehicleView;
+use crate::time::Time;
+
+/// Returns all metrics; those that are not known are left out.
+pub fn metrics(now: Time, board: &Board) -> String {
+    let mut out = String::new();
+    swarm(now, board, &mut out);
+    let vehicles: Vec<(VehicleId, &VehicleView)> = board.view().vehicles().collect();
+    let mut of_vehicles = |name: &str, help: &str, of: &dyn Fn(&VehicleView) -> Option<f64>| {
+        let known = vehicles
+            .iter()
+            .filter_map(|(id, seen)| Some((*id, of(seen)?)));
+        let lines = known.map(|(id, value)| (format!("{{vehicle=\"{id}\"}}"), value));
+        gauge(&mut out, name, help, lines);
+    };
+    of_vehicles("vehicle_age_seconds", "Age of the newest state.", &|seen| {
+        Some(seen.state.as_ref()?.age(now).as_secs_f64())
+    });
+    of_vehicles("vehicle_battery_ratio", "Charge left.", &|seen| {
+        Some(seen.state.as_ref()?.value.battery?.fraction())
+    });
+    of_vehicles(
+        "vehicle_stands",
+        "1 while it stands and does not go on by itself.",
+        &|seen| {
+            Some(f64::from(u8::from(
+                seen.state.as_ref()?.value.stands_under.is_some(),
+            )))
+        },
+    );
+    of_vehicles(
+        "vehicle_mission_ratio",
+        "Share of the mission that is done.",
+        &|seen| Some(seen.mission.as_ref()?.value.share?.fraction()),
+    );
+    of_vehicles(
+        "vehicle_samples_waiting",
+        "Samples that the ground has not confirmed.",
+        &|seen| Some(seen.health.as_ref()?.value.samples_waiting as f64),
+    );
+    of_vehicles("vehicle_troubles", "Troubles that it names.", &|seen| {
+        Some(seen.health.as_ref()?.value.troubles.len() as f64)
+    });
+    let mut of_pairs = |name: &str, help: &str, of: &dyn Fn(PairView) -> Option<f64>| {
+        let known = board
+            .radio()
+            .pairs()
+            .filter_map(|pair| Some((pair, of(board.radio().pair(pair)?)?)));
+        let label = |(to, from): (VehicleId, VehicleId)| {
+            format!("{{receiver=\"{to}\",transmitter=\"{from}\"}}")
+        };
+        gauge(
+            &mut out,
+            name,
+            help,
+            known.map(|(pair, value)| (label(pair), value)),
+        );
+    };
+    of_pairs("radio_strength_dbm", "Last strength.", &|pair| {
+        pair.rssi_dbm.map(f64::from)
+    });
+    of_pairs("radio_loss_ratio", "Beacons missed in 5 s.", &|pair| {
+        Some(pair.loss)
+    });
+    of_pairs(
+        "radio_excess_db",
+        "Weaker than the path loss of all pairs.",
+        &|pair| pair.excess_db,
+    );
+    out
+}
+
+fn swarm(now: Time, board: &Board, out: &mut String) {
+    let mut one = |name: &str, help: &str, value: Option<f64>| {
+        gauge(out, name, help, value.map(|value| (String::new(), value)));
+    };
+    let truth = |is: bool| Some(f64::from(u8::from(is)));
+    one(
+        "linked",
+        "1 while anyone can be reached.",
+        truth(board.is_linked()),
+    );
+    let stops = board.view().open_stops().len();
+    one(
+        "open_stops",
+        "Emergency stops that are open.",
+        Some(stops as f64),
+    );
+    let ground = board.view().ground(now).map(|report| &report.value);
+    one(
+        "ground_live",
+        "1 while a ground station is heard.",
+        truth(ground.is_some()),
+    );
+    one(
+        "ground_samples",
+        "Samples stored of the run.",
+        ground.map(|report| report.samples as f64),
+    );
+    one(
+        "ground_images",
+        "Images made of the run.",
+        ground.map(|report| f64::from(report.images)),
+    );
+    one(
+        "ground_laps_done",
+        "Laps done of the run.",
+        ground.map(|report| f64::from(report.laps_done)),
+    );
+    let troubles = ground.map(|report| report.troubles.len() as f64);
+    one(
+        "ground_troubles",
+        "Troubles that the ground station names.",
+        troubles,
+    );
+}
+
+/// Adds a metric with its values, each with its labels; one without values is left out.
+fn gauge(
+    out: &mut String,
+    name: &str,
+    help: &str,
+    values: impl IntoIterator<Item = (String, f64)>,
+) {
+    let mut values = values.into_iter().peekable();
+    if values.peek().is_none() {
+        return;
+    }
+    *out += &format!("# HELP tomoswarm_{name} {help}\n# TYPE tomoswarm_{name} gauge\n");
+    for (labels, value) in values {
+        *out += &format!("tomoswarm_{name}{labels} {value}\n");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::Lattice;
+    use crate::operator::tests_support::{at, heard, report, state};
+    use tomoswarm_proto::{Health, Message};
+
+    #[test]
+    fn every_line_is_a_number_and_no_text_of_a_vehicle_is_in_it() {
+        let mut board = Board::new(7, Lattice::new(0.1));
+        let health = Health {
+            vehicle: VehicleId(2),
+            boot: tomoswarm_proto::Boot(1),
+            troubles: vec!["evil\n# TYPE x".to_owned()],
+            ..Health::default()
+        };
+        for message in [
+            Message::State(state(2)),
+            Message::Health(health),
+            Message::Report(report()),
+        ] {
+            board.hear(at(1.0), &heard(message));
+        }
+        let text = metrics(at(1.5), &board);
+        for line in [
+            "tomoswarm_vehicle_age_seconds{vehicle=\"2\"} 0.5",
+            "tomoswarm_vehicle_battery_ratio{vehicle=\"2\"} 0.9",
+            "tomoswarm_vehicle_troubles{vehicle=\"2\"} 1",
+            "tomoswarm_ground_live 1",
+            "tomoswarm_linked 0",
+        ] {
+            assert!(text.lines().any(|of| of == line), "{line} in {text}");
+        }
+        assert!(!text.contains("evil"), "{text}");
+        for line in text.lines().filter(|line| !line.starts_with('#')) {
+            let (_, value) = line.rsplit_once(' ').unwrap();
+            assert!(value.parse::<f64>().is_ok(), "{line}");
+        }
+        assert!(!text.contains("radio_"), "no pair, no metric");
+    }
+}

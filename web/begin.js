@@ -1,0 +1,165 @@
+// Begins a mission: its kind, its keys with their meaning as the server declares them, places pointed at in the scene, and the
+// run that it is compared with. The server judges all of it by the rules of the command line; the page shows the command.
+
+import { post, say } from "./stop.js";
+
+/** Keys that the scene can be pointed at for. */
+const DRAWN = { waypoints_m: "Add places: point at the scene", centre_m: "Choose the middle: point at the scene" };
+
+export class BeginPanel {
+  constructor(model, fleet, scene) {
+    this.model = model;
+    this.fleet = fleet;
+    this.scene = scene;
+    this.places = [];
+    this.fileText = null;
+    this.wanted = () => {};
+    this.form = document.getElementById("begin-form");
+    this.kind = document.getElementById("mission-kind");
+    this.kind.addEventListener("change", () => this.showKeys());
+    this.form.addEventListener("input", () => this.showCommand());
+    this.form.addEventListener("submit", (event) => event.preventDefault());
+    addEventListener("selected", () => this.showCommand());
+  }
+
+  draw() {
+    const missions = this.model.place?.missions ?? [];
+    if (this.kind.options.length !== missions.length) {
+      this.kind.replaceChildren(...missions.map(({ kind }) => option(kind, kind)));
+      this.showKeys();
+    }
+    this.offerRuns();
+  }
+
+  offerRuns() {
+    const choice = document.getElementById("compare-with");
+    const runs = this.model.ground?.runs ?? [];
+    if (choice.dataset.runs === JSON.stringify(runs)) return;
+    choice.dataset.runs = JSON.stringify(runs);
+    const chosen = choice.value;
+    const options = runs.map((run) => option(String(run.run), `run ${run.run}: ${run.kind}, ${run.images} images, ${run.end}`));
+    choice.replaceChildren(option("", "none: this is the empty run"), ...options);
+    choice.value = runs.some((run) => String(run.run) === chosen) ? chosen : "";
+  }
+
+  showKeys() {
+    const declared = this.model.place.missions.find(({ kind }) => kind === this.kind.value);
+    this.clearSketch();
+    this.fileText = null;
+    document.getElementById("begin-result").textContent = "";
+    const boxes = (declared?.keys ?? []).map((key) => this.keyBox(key));
+    document.getElementById("mission-keys").replaceChildren(...boxes);
+    this.showCommand();
+  }
+
+  keyBox(key) {
+    const box = document.createElement("div");
+    const label = document.createElement("label");
+    label.textContent = `${key.name} `;
+    const input = document.createElement("input");
+    input.type = "text";
+    input.name = key.name;
+    input.placeholder = key.default;
+    input.autocomplete = "off";
+    label.append(input);
+    const hint = document.createElement("p");
+    hint.className = "hint";
+    hint.id = `hint-${key.name}`;
+    hint.textContent = `${key.means}. ${key.allowed ? `Allowed: ${key.allowed}. ` : ""}Left out: ${key.default}.`;
+    input.setAttribute("aria-describedby", hint.id);
+    box.append(label, hint);
+    if (DRAWN[key.name]) box.append(this.drawButton(key.name, input));
+    if (key.name === "file") box.append(this.fileInput(input));
+    return box;
+  }
+
+  drawButton(name, input) {
+    const button = document.createElement("button");
+    button.type = "button";
+    button.textContent = DRAWN[name];
+    button.setAttribute("aria-pressed", "false");
+    button.addEventListener("click", () => {
+      const isOn = button.getAttribute("aria-pressed") !== "true";
+      this.clearSketch();
+      button.setAttribute("aria-pressed", String(isOn));
+      if (!isOn) return;
+      const [list, isList] = [[], name === "waypoints_m"];
+      this.scene.pick = (x, y) => {
+        const place = [Math.round(x * 100) / 100, Math.round(y * 100) / 100];
+        isList ? list.push(place) : list.splice(0, 1, place);
+        input.value = isList ? `[${list.map(written).join(", ")}]` : written(place);
+        this.scene.sketch = list;
+        this.scene.wanted();
+        this.showCommand();
+      };
+    });
+    return button;
+  }
+
+  /** A file of this browser's machine; its text goes with the order. */
+  fileInput(input) {
+    const label = document.createElement("label");
+    label.textContent = "from this machine ";
+    const chooser = document.createElement("input");
+    chooser.type = "file";
+    chooser.accept = ".waypoints,.plan,.txt";
+    chooser.addEventListener("change", async () => {
+      const file = chooser.files[0];
+      if (!file) return;
+      this.fileText = await file.text();
+      input.value = file.name;
+      this.showCommand();
+    });
+    label.append(chooser);
+    return label;
+  }
+
+  clearSketch() {
+    this.scene.pick = null;
+    this.scene.sketch = [];
+    this.scene.wanted();
+    for (const button of document.querySelectorAll("#mission-keys button[aria-pressed]")) button.setAttribute("aria-pressed", "false");
+  }
+
+  /** The keys that were filled in, each as KEY=VALUE. */
+  set() {
+    const inputs = [...document.querySelectorAll("#mission-keys input[name]")];
+    return inputs.filter((input) => input.value.trim() !== "").map((input) => `${input.name}=${input.value.trim()}`);
+  }
+
+  compareWith() {
+    const chosen = document.getElementById("compare-with").value;
+    return chosen === "" ? null : Number(chosen);
+  }
+
+  showCommand() {
+    const ids = [...this.fleet.selected].sort((a, b) => a - b);
+    const run = this.compareWith();
+    const parts = ["tomoswarm order CONFIG start", ...ids, `--mission ${this.kind.value}`, ...this.set().map((set) => `--set '${set}'`)];
+    if (run !== null) parts.push(`--compare-with ${run}`);
+    document.getElementById("begin-command").textContent = parts.join(" ");
+  }
+
+  async give() {
+    const mission = { kind: this.kind.value, set: this.set(), compare_with: this.compareWith() };
+    if (this.fileText !== null) mission.file = this.fileText;
+    const number = await post({ order: "start", vehicles: [...this.fleet.selected], mission });
+    document.getElementById("begin-result").textContent = number === null
+      ? document.getElementById("stop-result").textContent
+      : `Order ${number} is given; how it fares stands under Orders.`;
+    if (number === null) return;
+    this.clearSketch();
+    say(`The mission ${mission.kind} is given.`, "given");
+  }
+}
+
+function written([x, y]) {
+  return `[${x}, ${y}]`;
+}
+
+function option(value, text) {
+  const made = document.createElement("option");
+  made.value = value;
+  made.textContent = text;
+  return made;
+}
