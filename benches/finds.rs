@@ -1,7 +1,7 @@
 //! Who is found in the courtyard, with persons in other places, numbers and strengths. It measures how right the finds are, not
 //! how fast the program is; the tests take a sample of the same runs.
 //!
-//! - `cargo bench --bench finds -- SEEDS [FIRST] [CROWD…]`: so many runs of each crowd, or of those named (default, nobody, wall,
+//! - `cargo bench --bench finds -- SEEDS [FIRST] [CROWD…]`: so many runs of each placement, or of those named (default, nobody, wall,
 //!   pair, three, five, weak), from a seed on, on all cores; prints a table, and names the runs in which somebody was missed, or
 //!   nobody was found.
 //! - `… -- 3 1 eight`: three default runs with eight vehicles.
@@ -20,7 +20,7 @@ mod all_cores;
 mod trial;
 
 use all_cores::in_parallel;
-use trial::{CROWDS, Crowd, FindTrial, table};
+use trial::{FindTrial, PLACEMENTS, Placement, table};
 
 fn main() {
     let words: Vec<String> = std::env::args()
@@ -36,9 +36,9 @@ fn main() {
         numbers.first().copied().unwrap_or(5),
         numbers.get(1).copied().unwrap_or(1),
     );
-    let eight = ("eight".to_owned(), Crowd::Default, 8);
-    let kinds = CROWDS
-        .map(|crowd| (crowd.to_string(), crowd, 2))
+    let eight = ("eight".to_owned(), Placement::Default, 8);
+    let kinds = PLACEMENTS
+        .map(|placement| (placement.to_string(), placement, 2))
         .into_iter()
         .chain([eight]);
     let is_wanted = |name: &String| match names.is_empty() {
@@ -46,9 +46,9 @@ fn main() {
         false => names.contains(&name),
     };
     let mut trials = Vec::new();
-    for (_, crowd, vehicles) in kinds.filter(|(name, _, _)| is_wanted(name)) {
+    for (_, placement, vehicles) in kinds.filter(|(name, _, _)| is_wanted(name)) {
         trials.extend((first..first + seeds).map(|seed| FindTrial {
-            crowd,
+            placement,
             vehicles,
             seed,
         }));

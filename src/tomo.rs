@@ -24,6 +24,7 @@ mod prior;
 mod settings;
 mod shares;
 mod solvers;
+mod student;
 #[cfg(test)]
 mod tests_support;
 mod tikhonov;

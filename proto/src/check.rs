@@ -3,10 +3,10 @@
 
 use crate::{
     AutopilotHealth, BEACON_MEMBERS_MAX, Beacon, EmergencyName, EmergencyStop, FIX_AGE_MAX_MS,
-    Find, Fix, GroundReport, Have, Heading, Health, Hello, IMAGE_PART_PIXELS, IMAGE_SIDE_MAX,
-    Image, LostSamples, Message, MissionEnd, MissionKind, MissionProgress, OpenStops, Order,
-    OrderKind, Permille, Plan, PoseReport, Position, Progress, RunReport, Sample, Samples, State,
-    Stop, Task, Tilt, VehicleId, Velocity,
+    Find, Fix, GroundReport, Have, Heading, Health, Hello, IMAGE_FINDS_MAX, IMAGE_PART_PIXELS,
+    IMAGE_SIDE_MAX, Image, LostSamples, Message, MissionEnd, MissionKind, MissionProgress,
+    OpenStops, Order, OrderKind, Permille, Plan, PoseReport, Position, Progress, RunReport, Sample,
+    Samples, State, Stop, Task, Tilt, VehicleId, Velocity,
 };
 
 /// A coordinate is at most so far from the datum, millimetres.
@@ -42,8 +42,6 @@ const LIFTED_MAX: usize = 64;
 const ENDS_MAX: usize = 8;
 /// Runs of a report at most.
 const RUNS_MAX: usize = 16;
-/// Finds of an image at most.
-const FINDS_MAX: usize = 32;
 
 /// Why something is impossible, if it is.
 pub(crate) type CheckResult = Result<(), &'static str>;
@@ -439,7 +437,7 @@ impl Image {
         )?;
         self.check_part()?;
         require(
-            self.finds.len() <= FINDS_MAX && (self.part == 0 || self.finds.is_empty()),
+            self.finds.len() <= IMAGE_FINDS_MAX && (self.part == 0 || self.finds.is_empty()),
             "at most 32 finds are named, in the first part",
         )?;
         self.finds.iter().try_for_each(Find::check)

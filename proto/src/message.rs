@@ -25,7 +25,8 @@ pub use health::{
 };
 pub use hello::{Capability, Hello, Interest, RadioKind, RangeSensorKind, ServoKind};
 pub use image::{
-    Covariance, Find, IMAGE_PART_PIXELS, IMAGE_SIDE_MAX, Image, ImageSubject, Rectangle,
+    Covariance, Find, IMAGE_FINDS_MAX, IMAGE_PART_PIXELS, IMAGE_SIDE_MAX, Image, ImageSubject,
+    Rectangle,
 };
 pub use map::{Digest, LayerDigest, TILE_CELLS, TILE_SIDE, TileAddress, TileReport, TileRequest};
 pub use order::{EmergencyStop, OpenStops, Order, OrderKind, StopScope};

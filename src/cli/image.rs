@@ -44,11 +44,11 @@ pub struct ImageCommand {
     /// probability
     #[arg(long, value_name = "FILE", requires = "nodes")]
     pub track: Option<PathBuf>,
-    /// How the image is found [default: as the recording says, else map]
+    /// How the image is found [default: as the recording says, else auto; with --why map]
     #[arg(long, value_enum)]
     pub solver: Option<SolverName>,
     /// How pixels weigh in links [default: as the recording says, else what suits the solver:
-    /// inverse-area for map, line for tikhonov, fresnel for the others]
+    /// inverse-area for map, line for tikhonov and tsvd, fresnel for the others]
     #[arg(long, value_enum)]
     pub weights: Option<WeightsName>,
     /// Pixels from west to east and from south to north [default: as the recording says, else 40 along the longer side]
@@ -57,6 +57,10 @@ pub struct ImageCommand {
     /// What is imaged, in the units of the input [default: what the recording names, else what the positions enclose]
     #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_area, allow_hyphen_values = true)]
     pub area: Option<Rect>,
+    /// How large a cell is when the recording counts in cells of a lattice, metres: what persons and the radio's waves are
+    /// compared with [default: 0.3]
+    #[arg(long, value_name = "METRES", value_parser = parse_cell, allow_negative_numbers = true)]
+    pub cell: Option<f64>,
     /// Writes a picture
     #[arg(long, value_name = "FILE")]
     pub png: Option<PathBuf>,
@@ -82,6 +86,8 @@ pub struct ImageCommand {
     pub false_finds: Option<f64>,
 }
 
+/// A cell of a lattice whose size nobody says, metres: the rovers that follow its lines are about so wide.
+const CELL_M: f64 = 0.3;
 /// The deviation is exact up to so many pixels: a second or two, and 40 MB.
 const MOST_BLOCKS: usize = 1600;
 
@@ -237,6 +243,10 @@ impl ImageCommand {
             }
         };
         let unit = now.unit;
+        if unit == LengthUnit::Metre && self.cell.is_some() {
+            let reason = "--cell: the positions of this recording are in metres".to_owned();
+            return Err(CliError::Usage(reason));
+        }
         let mut settings = self.settings(now.links.iter().chain(&empty.links), &now);
         if let Some(network) = &network {
             settings.pairing_m = settings.pairing_m.min(network.bin_m());
@@ -363,10 +373,18 @@ impl ImageCommand {
                 rows,
             };
         }
-        if recording.unit == LengthUnit::Metre && output.is_none() {
-            settings.finds = FindSettings::IN_METRES;
+        if output.is_none() {
+            settings.finds = match recording.unit {
+                LengthUnit::Metre => FindSettings::IN_METRES,
+                LengthUnit::Cell => FindSettings::in_cells(area, self.cell.unwrap_or(CELL_M)),
+            };
         }
-        if let Some(name) = self.solver {
+        let usual = match (self.why, output) {
+            (Some(_), _) => Some(SolverName::Map),
+            (None, Some(_)) => None,
+            (None, None) => Some(SolverName::Auto),
+        };
+        if let Some(name) = self.solver.or(usual) {
             name.choose(&mut settings);
         }
         if let Some(weights) = self.weights {
@@ -406,6 +424,13 @@ fn parse_place(text: &str) -> Result<Point, String> {
         Ok([x, y]) if (x + y).is_finite() => Ok(Point::new(*x, *y)),
         _ => Err("expected X,Y such as 8.5,12".to_owned()),
     }
+}
+
+fn parse_cell(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|cell_m| (0.001..=1000.0).contains(cell_m))
+        .ok_or_else(|| "expected metres, a number from 0.001 to 1000".to_owned())
 }
 
 fn parse_rate(text: &str) -> Result<f64, String> {

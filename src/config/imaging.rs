@@ -176,7 +176,7 @@ impl Imaging {
                 means,
             },
         );
-        let means = "how an image is found from the links";
+        let means = "how the image of a run is found from the links; with `auto` those before it are found with `map`";
         to.word(
             solver,
             Words {
@@ -196,7 +196,7 @@ impl Imaging {
             },
         );
         let left_out = "";
-        let means = "what is believed of changes; only with `solver` map";
+        let means = "what is believed of changes; only with `solver` map and auto";
         let mut table = PriorTable {
             prior,
             sigma_db_per_m: 0.45,
@@ -210,7 +210,7 @@ impl Imaging {
                 means,
             },
         );
-        let means = "what is believed of what stands; only with `solver` map";
+        let means = "what is believed of what stands; only with `solver` map and auto";
         let mut table = PriorTable {
             prior: structure_prior,
             sigma_db_per_m: 0.55,

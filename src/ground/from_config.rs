@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use tomoswarm_proto::{Boot, Lease, RunId, VehicleId};
 
-use super::imager::{ImagerActor, Subject};
+use super::imager::{ImagerActor, Subject, SubjectSettings};
 use super::planner::{Method, PlannerActor};
 use super::station::StationSettings;
 use crate::config::{
@@ -127,8 +127,15 @@ struct StationIdentity {
 impl StationInputs<'_> {
     fn parts(self, ring: Ring) -> Result<GroundParts, TomoError> {
         let swarm = &self.venue.swarm;
-        let image =
-            |subject| image_settings(self.imaging, self.venue.area, self.sensitivity_dbm, subject);
+        let image = |subject| {
+            let of = |imaging: &Imaging| {
+                image_settings(imaging, self.venue.area, self.sensitivity_dbm, subject)
+            };
+            SubjectSettings {
+                draft: of(&drafting(self.imaging)),
+                last: of(self.imaging),
+            }
+        };
         let imager = ImagerActor::new(
             image(Subject::Change),
             image(Subject::Structure),
@@ -190,6 +197,15 @@ fn pattern(sweep: &SweepConfig, kind: PatternKind) -> Method {
         dwell: sweep.dwell(),
         dwell_limit: sweep.dwell_limit(),
     }
+}
+
+/// Returns how pictures are made while a run lasts: `auto` would decide anew each time.
+fn drafting(imaging: &Imaging) -> Imaging {
+    let solver = match imaging.solver {
+        SolverName::Auto => SolverName::Map,
+        named => named,
+    };
+    Imaging { solver, ..*imaging }
 }
 
 /// Returns how an image is made of a subject: the defaults for the area, and what the file says.

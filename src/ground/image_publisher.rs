@@ -11,8 +11,8 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    Boot, Covariance, Find, IMAGE_PART_PIXELS, IMAGE_SIDE_MAX, Image, ImageSubject, OperatorId,
-    Permille, Position, Rectangle, RunId,
+    Boot, Covariance, Find, IMAGE_FINDS_MAX, IMAGE_PART_PIXELS, IMAGE_SIDE_MAX, Image,
+    ImageSubject, OperatorId, Permille, Position, Rectangle, RunId,
 };
 
 use super::imager::{ReconstructedImage, Subject};
@@ -26,8 +26,6 @@ const REPEATED: Duration = Duration::from_secs(30);
 const OPERATOR_GONE: Duration = Duration::from_secs(10);
 /// 2 to this are as many images as a start of the software may make before the next one's numbers.
 const IMAGES_OF_A_START: u32 = 16;
-/// Most finds that a message names.
-const FINDS_MAX: usize = 32;
 
 /// What the publisher can be told.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -225,7 +223,7 @@ fn finds(reconstruction: &Reconstruction) -> Vec<Find> {
         }
     };
     let found = reconstruction.finds.iter().flat_map(|finds| &finds.found);
-    found.take(FINDS_MAX).map(find).collect()
+    found.take(IMAGE_FINDS_MAX).map(find).collect()
 }
 
 #[cfg(test)]

@@ -2,7 +2,8 @@
 //! takes a configured time; a job that waits while it works is replaced by a newer one.
 //!
 //! It is told jobs, it says pictures. It keeps the last solution of each kind, so that the next lap starts warm; the last
-//! picture of a run is made without it, so that it depends on the samples alone, also after a restart.
+//! picture of a run is made without it, so that it depends on the samples alone, also after a restart. The solver `auto` decides
+//! for that one; those before it are drafts, by `map`.
 //!
 //! Deadline: `picture ready`.
 
@@ -81,11 +82,28 @@ pub struct ReconstructedImage {
     pub result: Result<Reconstruction, String>,
 }
 
+/// How the pictures of a subject are made.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct SubjectSettings {
+    /// While a run lasts.
+    pub draft: ImagingSettings,
+    /// When it is closed.
+    pub last: ImagingSettings,
+}
+
+/// Those who make the pictures of a subject.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Solvers {
+    draft: Solver,
+    /// `None` when drafts and last pictures are made alike.
+    last: Option<Solver>,
+}
+
 /// The imager actor.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct ImagerActor {
-    change: Solver,
-    structure: Solver,
+    change: Solvers,
+    structure: Solvers,
     takes: Duration,
     times: ImageTimes,
     waiting: Vec<Job>,
@@ -99,13 +117,13 @@ impl ImagerActor {
     /// # Errors
     /// The settings name an impossible grid.
     pub fn new(
-        change: ImagingSettings,
-        structure: ImagingSettings,
+        change: SubjectSettings,
+        structure: SubjectSettings,
         takes: Duration,
         times: ImageTimes,
     ) -> Result<ImagerActor, TomoError> {
         let takes = takes.max(Duration::from_nanos(1));
-        let (change, structure) = (Solver::new(change)?, Solver::new(structure)?);
+        let (change, structure) = (Solvers::new(change)?, Solvers::new(structure)?);
         Ok(ImagerActor {
             change,
             structure,
@@ -121,13 +139,11 @@ impl ImagerActor {
             return;
         }
         let job = self.waiting.remove(0);
-        let (solver, empty) = match job.subject {
+        let (solvers, empty) = match job.subject {
             Subject::Change => (&mut self.change, Some(&job.empty[..])),
             Subject::Structure => (&mut self.structure, None),
         };
-        if job.stage == ImageStage::Last {
-            solver.forget();
-        }
+        let solver = solvers.of(job.stage);
         let is_free = self.times == ImageTimes::Free;
         let extras = Extras {
             persons: is_free || job.stage == ImageStage::Last,
@@ -144,6 +160,29 @@ impl ImagerActor {
             result,
         };
         self.working = Some((now + self.takes, picture));
+    }
+}
+
+impl Solvers {
+    fn new(settings: SubjectSettings) -> Result<Solvers, TomoError> {
+        let SubjectSettings { draft, last } = settings;
+        Ok(Solvers {
+            draft: Solver::new(draft)?,
+            last: (last != draft).then(|| Solver::new(last)).transpose()?,
+        })
+    }
+
+    /// Returns who makes the picture of a stage; the last one depends on nothing that was made before.
+    fn of(&mut self, stage: ImageStage) -> &mut Solver {
+        let is_last = stage == ImageStage::Last;
+        let solver = match &mut self.last {
+            Some(last) if is_last => last,
+            _ => &mut self.draft,
+        };
+        if is_last {
+            solver.forget();
+        }
+        solver
     }
 }
 
@@ -190,5 +229,57 @@ impl Input for Job {
 
     fn class(&self) -> InputClass<(RunId, Subject, ImageStage)> {
         InputClass::Latest(self.key())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::{Point, Rect};
+
+    fn picture(imager: &mut ImagerActor, stage: ImageStage) -> Reconstruction {
+        let area = Rect::new(Point::new(0.0, 0.0), Point::new(20.0, 20.0));
+        let ends = (0..10).map(|k| f64::from(k) * 2.0 + 1.0);
+        let link = |x_m: f64| {
+            let strength_dbm = if x_m == 9.0 { -72.0 } else { -60.0 };
+            let (from, to) = (Point::new(x_m, 0.0), Point::new(20.0 - x_m, area.max.y_m));
+            Link::fixed(from, to, 20, strength_dbm)
+        };
+        let job = Job {
+            run: RunId(2),
+            laps: 1,
+            subject: Subject::Structure,
+            now: ends.map(link).collect(),
+            empty: Vec::new(),
+            stage,
+        };
+        let mut out = Vec::new();
+        imager.handle(Time::ZERO, job, &mut out).unwrap();
+        let at = imager.deadline().unwrap().at;
+        imager.wake(at, &mut out).unwrap();
+        out.pop().unwrap().result.unwrap()
+    }
+
+    #[test]
+    fn auto_decides_for_the_last_picture_and_those_before_are_drafts() {
+        let area = Rect::new(Point::new(0.0, 0.0), Point::new(20.0, 20.0));
+        let draft = ImagingSettings::for_area(area);
+        let auto = crate::tomo::Solver::Auto(ImagingSettings::candidates_for(area));
+        let last = ImagingSettings {
+            solver: auto,
+            weights: draft.fresnel(),
+            ..draft
+        };
+        let of = |last| {
+            let settings = SubjectSettings { draft, last };
+            ImagerActor::new(settings, settings, Duration::ZERO, ImageTimes::Lap).unwrap()
+        };
+        let mut deciding = of(last);
+        let lap = picture(&mut deciding, ImageStage::Lap);
+        assert_eq!(lap.choice, None);
+        assert!(picture(&mut deciding, ImageStage::Last).choice.is_some());
+        // The last picture has left the drafts as they were.
+        assert_eq!(picture(&mut of(draft), ImageStage::Lap), lap);
+        assert_eq!(picture(&mut of(draft), ImageStage::Last).choice, None);
     }
 }

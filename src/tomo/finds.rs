@@ -19,12 +19,13 @@ mod threshold;
 use serde::{Deserialize, Serialize};
 
 use self::correlation::Correlation;
-use self::evidence::{DEGREES, Derivatives, Evidence, Target};
+use self::evidence::{Derivatives, Evidence, Target};
 use self::places::Places;
 use self::threshold::FalseRate;
 use super::Observation;
 use super::cholesky::{Cholesky, dot};
 use super::person::PersonModel;
+use super::student::DEGREES;
 use crate::geom::{Point, Rect};
 
 /// A person is added while it gains this much, a liberal measure: false ones soak up clutter and go again.
@@ -108,6 +109,19 @@ impl FindSettings {
         pitch_m: 0.4,
         false_per_image: 0.02,
     };
+
+    /// Returns the same in cells of a lattice over an area; rim and pitch go by the area, which persons stand in as they can.
+    pub fn in_cells(area: Rect, cell_m: f64) -> FindSettings {
+        let metres = FindSettings::IN_METRES;
+        FindSettings {
+            person: PersonModel {
+                radius_m: metres.person.radius_m / cell_m,
+                wavelength_m: metres.person.wavelength_m / cell_m,
+            },
+            strength_db_per_m: metres.strength_db_per_m * cell_m,
+            ..FindSettings::scaled_to(area)
+        }
+    }
 
     /// Returns the same in a unit of which an area has as many as one of 20 m has metres.
     pub fn scaled_to(area: Rect) -> FindSettings {

@@ -12,13 +12,14 @@ use super::bins::BinKey;
 use super::calibrate::{Calibrated, DropReason, DroppedLinks, Observation, calibrate};
 use super::deviation::{PosteriorInputs, posterior_deviation};
 use super::finds::{Driven, Finds, find_persons};
-use super::map_solver::{MapProblem, MapSettings, Nuisance, trust_in};
+use super::map_solver::{MapProblem, MapSettings, Nuisance};
 use super::path_loss::{PathLoss, spread_db};
 use super::peaks::{Peak, peaks};
 use super::prior::{Covariance, Prior};
 use super::settings::{ImagingSettings, Solver};
 use super::shares::{LinkShare, PixelShares, shares};
 use super::solvers::{self, Choice, LinkProblem, Persons, Solved};
+use super::student;
 use super::weights::WeightRows;
 use super::{Image, Link};
 
@@ -225,9 +226,9 @@ impl Imager {
                 dropped: words(&calibrated.dropped),
             });
         }
-        let finds = empty
-            .filter(|_| extras.persons)
-            .and_then(|_| self.finds(&calibrated));
+        let are_drawn = self.settings.solver.draws_persons();
+        let are_sought = extras.persons && (empty.is_some() || are_drawn);
+        let finds = are_sought.then(|| self.finds(&calibrated)).flatten();
         let room = empty
             .filter(|_| !self.settings.solver.is_non_negative())
             .map(|empty| self.room_for_change(empty))
@@ -250,22 +251,41 @@ impl Imager {
             values,
         };
         let squares: f64 = residual_db.iter().map(|residual| residual * residual).sum();
+        let mut peaks = peaks(&image, self.settings.peaks);
+        if let Some(drawn) = finds.as_ref().filter(|_| solved.are_persons_drawn) {
+            peaks.iter_mut().for_each(|peak| self.settle(peak, drawn));
+        }
         Ok(Reconstruction {
-            peaks: peaks(&image, self.settings.peaks),
+            peaks,
             image,
             residual_rms_db: (squares / residual_db.len() as f64).sqrt(),
             used: calibrated.observations.len(),
             dropped: calibrated.dropped,
             path_loss: calibrated.path_loss,
             by_empty_sweep: calibrated.by_empty_sweep,
-            finds,
+            // Whatever stands there would look like persons.
+            finds: finds.filter(|_| empty.is_some()),
             deviation,
             shares,
             choice: solved.choice,
         })
     }
 
-    /// Searches persons in a change.
+    /// Moves a peak on a disc to where the person was found: the disc itself is flat.
+    fn settle(&self, peak: &mut Peak, drawn: &Finds) {
+        let grid = &self.settings.grid;
+        let reach_m = self.settings.finds.person.radius_m + grid.dx_m().max(grid.dy_m());
+        let near = drawn.found.iter().map(|find| find.at);
+        let nearest = near.min_by(|a, b| {
+            let (a_m, b_m) = (a.distance_to(peak.at), b.distance_to(peak.at));
+            a_m.total_cmp(&b_m)
+        });
+        if let Some(at) = nearest.filter(|at| at.distance_to(peak.at) <= reach_m) {
+            peak.at = at;
+        }
+    }
+
+    /// Searches persons.
     fn finds(&self, calibrated: &Calibrated) -> Option<Finds> {
         let settings = &self.settings;
         let area = settings.grid.area;
@@ -286,6 +306,7 @@ impl Imager {
         let found = finds.map(|finds| finds.found.clone())?;
         (!found.is_empty()).then_some(Persons {
             found,
+            are_expected: calibrated.by_empty_sweep,
             model: self.settings.finds.person,
             ring: self.settings.ring,
             smear_m: driven.map_or(0.0, |driven| driven.bin_m / 12f64.sqrt()),
@@ -404,9 +425,9 @@ impl Imager {
         let links = calibrated.observations.iter().zip(&solved.residual_db);
         let noise_db2: Vec<f64> = links
             .map(|(link, residual_db)| {
-                let variance_db2 = link.variance_db2;
-                let trust = |degrees| trust_in(*residual_db, variance_db2, degrees);
-                variance_db2 / map.student_degrees.map_or(1.0, trust)
+                let square = residual_db * residual_db / link.variance_db2;
+                let trust = |degrees| student::trust(square, degrees);
+                link.variance_db2 / map.student_degrees.map_or(1.0, trust)
             })
             .collect();
         posterior_deviation(&PosteriorInputs {
@@ -474,6 +495,7 @@ impl Imager {
             residual_db: solution.residual_db,
             nuisance: solution.nuisance,
             choice: None,
+            are_persons_drawn: false,
         }
     }
 }

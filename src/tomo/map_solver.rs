@@ -7,6 +7,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::prior::{Covariance, Workspace};
+use super::student;
 use super::weights::WeightRows;
 
 /// A column H of unknowns that are not pixels (path loss), with the prior variance of its coefficient.
@@ -122,18 +123,14 @@ impl MapProblem<'_> {
     fn reweight(&self, noise: &[f64], dual: &[f64], degrees: f64, trust: &mut [f64]) -> f64 {
         let mut change = 0.0;
         for (link, trust) in trust.iter_mut().enumerate() {
-            let next = trust_in(noise[link] * dual[link], self.variance_db2[link], degrees);
+            let residual_db = noise[link] * dual[link];
+            let square = residual_db * residual_db / self.variance_db2[link];
+            let next = student::trust(square, degrees);
             change += (next - *trust).abs();
             *trust = next;
         }
         change / noise.len().max(1) as f64
     }
-}
-
-/// Returns how far a link is trusted that the image misses by a residual: (ν + 1) / (ν + r²/s²).
-pub(super) fn trust_in(residual_db: f64, variance_db2: f64, degrees: f64) -> f64 {
-    let ratio = residual_db * residual_db / variance_db2;
-    (degrees + 1.0) / (degrees + ratio)
 }
 
 /// Conjugate gradients on K = W C Wᵀ + H B Hᵀ + S, with its memory.

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::Link;
+use super::student::{self, DEGREES};
 
 /// Path loss, and how well it is known.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
@@ -43,7 +44,6 @@ impl ExponentPrior {
     };
 }
 
-const STUDENT_DEGREES: f64 = 4.0;
 const REWEIGHTINGS: usize = 20;
 
 impl PathLoss {
@@ -87,7 +87,7 @@ impl PathLoss {
                 .max(0.1);
             for (weight, point) in weights.iter_mut().zip(&points) {
                 let ratio = fitted.residual_db(*point) / residual_db;
-                *weight = (STUDENT_DEGREES + 1.0) / (STUDENT_DEGREES + ratio * ratio);
+                *weight = student::trust(ratio * ratio, DEGREES);
             }
             fitted = weighted_fit(&points, &weights, prior, residual_db);
         }

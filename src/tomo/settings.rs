@@ -55,6 +55,13 @@ impl Solver {
     }
 }
 
+impl Solver {
+    /// Returns whether those who were found may be drawn into its images.
+    pub fn draws_persons(&self) -> bool {
+        matches!(self, Solver::Points(_) | Solver::Auto(_))
+    }
+}
+
 /// How well links are known, dB.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct NoiseModel {

@@ -64,6 +64,8 @@ pub(super) struct Solved {
     pub nuisance: Vec<f64>,
     /// How it was chosen, if it was.
     pub choice: Option<Choice>,
+    /// Whether those who were found are drawn into the image.
+    pub are_persons_drawn: bool,
 }
 
 /// How long a solver works.
@@ -136,6 +138,7 @@ pub(super) fn points(problem: &LinkProblem<'_>, sparse: Sparse, persons: &Person
     };
     let mut solved = non_negative(&problem, sparse);
     persons.draw(problem.grid, &mut solved.image);
+    solved.are_persons_drawn = true;
     solved
 }
 
@@ -208,6 +211,7 @@ fn linearly_solved(problem: &LinkProblem<'_>, image: Vec<f64>) -> Solved {
         image,
         nuisance: Vec::new(),
         choice: None,
+        are_persons_drawn: false,
     }
 }
 
@@ -217,6 +221,7 @@ fn solved(problem: &LinkProblem<'_>, state: &LinkState, image: Vec<f64>) -> Solv
         residual_db: state.residual_db(problem),
         nuisance: state.nuisance.clone(),
         choice: None,
+        are_persons_drawn: false,
     }
 }
 

@@ -20,8 +20,6 @@ use self::person_filter::{Lattice, PersonFilter};
 use super::person::PersonModel;
 use crate::geom::{Point, Rect};
 
-/// ν: degrees of freedom of the noise.
-const DEGREES: f64 = 4.0;
 /// A newcomer with this probability, whose place is as sure as [`SURE_M`], is a person.
 const CAME: f64 = 0.99;
 const SURE_M: f64 = 0.7;

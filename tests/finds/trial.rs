@@ -14,7 +14,7 @@ const NEAR_M: f64 = 1.0;
 
 /// Who stands there.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
-pub enum Crowd {
+pub enum Placement {
     /// As in the bundled scene: two, well apart and away from the wall.
     Default,
     Nobody,
@@ -29,26 +29,26 @@ pub enum Crowd {
 }
 
 /// All of them.
-pub const CROWDS: [Crowd; 7] = [
-    Crowd::Default,
-    Crowd::Nobody,
-    Crowd::AtTheWall,
-    Crowd::Pair,
-    Crowd::Three,
-    Crowd::Five,
-    Crowd::Weak,
+pub const PLACEMENTS: [Placement; 7] = [
+    Placement::Default,
+    Placement::Nobody,
+    Placement::AtTheWall,
+    Placement::Pair,
+    Placement::Three,
+    Placement::Five,
+    Placement::Weak,
 ];
 
-impl fmt::Display for Crowd {
+impl fmt::Display for Placement {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Crowd::Default => "default",
-            Crowd::Nobody => "nobody",
-            Crowd::AtTheWall => "wall",
-            Crowd::Pair => "pair",
-            Crowd::Three => "three",
-            Crowd::Five => "five",
-            Crowd::Weak => "weak",
+            Placement::Default => "default",
+            Placement::Nobody => "nobody",
+            Placement::AtTheWall => "wall",
+            Placement::Pair => "pair",
+            Placement::Three => "three",
+            Placement::Five => "five",
+            Placement::Weak => "weak",
         })
     }
 }
@@ -56,7 +56,7 @@ impl fmt::Display for Crowd {
 /// A run.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct FindTrial {
-    pub crowd: Crowd,
+    pub placement: Placement,
     pub vehicles: usize,
     pub seed: u64,
 }
@@ -107,13 +107,13 @@ impl FindTrial {
             )
         };
         let fixed = |x_m: f64, y_m: f64| format!("[[person]]\nat_m = [{x_m:.3}, {y_m:.3}]\n");
-        match self.crowd {
-            Crowd::Default => random(2, 3.0, 10.0),
-            Crowd::Nobody => String::new(),
-            Crowd::Three => random(3, 3.0, 10.0),
-            Crowd::Five => random(5, 3.0, 10.0),
-            Crowd::Weak => random(2, 3.0, 5.0),
-            Crowd::AtTheWall => {
+        match self.placement {
+            Placement::Default => random(2, 3.0, 10.0),
+            Placement::Nobody => String::new(),
+            Placement::Three => random(3, 3.0, 10.0),
+            Placement::Five => random(5, 3.0, 10.0),
+            Placement::Weak => random(2, 3.0, 5.0),
+            Placement::AtTheWall => {
                 // The arms lie in x 6.0 to 6.3, y 5 to 13, and x 6 to 13, y 5.0 to 5.3.
                 let off_m = 0.35 + 0.35 * drawn(self.seed, 1) + 0.3;
                 let along = drawn(self.seed, 2);
@@ -125,7 +125,7 @@ impl FindTrial {
                 };
                 fixed(at.0, at.1) + &random(1, 3.0, 10.0)
             }
-            Crowd::Pair => {
+            Placement::Pair => {
                 // In the open east and north, wherever the pair is turned to.
                 let (x_m, y_m) = (
                     8.5 + 8.0 * drawn(self.seed, 1),
@@ -219,16 +219,16 @@ pub fn table(results: &[FindResult]) -> String {
         "| persons | vehicles | runs | all found | persons found | nobody, per image | error median, 95 %, max (m) | in 90 % ellipse |\n\
          | --- | --- | --- | --- | --- | --- | --- | --- |\n",
     );
-    let mut kinds: Vec<(Crowd, usize)> = results
+    let mut kinds: Vec<(Placement, usize)> = results
         .iter()
-        .map(|one| (one.trial.crowd, one.trial.vehicles))
+        .map(|one| (one.trial.placement, one.trial.vehicles))
         .collect();
     kinds.sort_unstable();
     kinds.dedup();
     for kind in kinds {
         let of: Vec<&FindResult> = results
             .iter()
-            .filter(|one| (one.trial.crowd, one.trial.vehicles) == kind)
+            .filter(|one| (one.trial.placement, one.trial.vehicles) == kind)
             .collect();
         let runs = of.len() as f64;
         let all = of.iter().filter(|one| one.is_all_found()).count() as f64;

@@ -1,10 +1,10 @@
 //! A sample of the runs of `cargo bench --bench finds`: who stands in the courtyard is found, and nobody else.
 
-use crate::trial::{Crowd, FindTrial};
+use crate::trial::{FindTrial, Placement};
 
-fn check(crowd: Crowd, seed: u64) {
+fn check(placement: Placement, seed: u64) {
     let trial = FindTrial {
-        crowd,
+        placement,
         vehicles: 2,
         seed,
     };
@@ -20,20 +20,20 @@ fn check(crowd: Crowd, seed: u64) {
 
 #[test]
 fn two_persons_in_the_courtyard_are_found_and_nobody_else() {
-    check(Crowd::Default, 20_001);
+    check(Placement::Default, 20_001);
 }
 
 #[test]
 fn a_person_at_the_wall_is_found() {
-    check(Crowd::AtTheWall, 20_002);
+    check(Placement::AtTheWall, 20_002);
 }
 
 #[test]
 fn two_persons_side_by_side_are_two() {
-    check(Crowd::Pair, 20_003);
+    check(Placement::Pair, 20_003);
 }
 
 #[test]
 fn where_nobody_stands_nobody_is_found() {
-    check(Crowd::Nobody, 20_004);
+    check(Placement::Nobody, 20_004);
 }

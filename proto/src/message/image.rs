@@ -6,6 +6,8 @@ use crate::{Position, RunId};
 
 /// Pixels of a part of an image; the last part may have fewer.
 pub const IMAGE_PART_PIXELS: usize = 3072;
+/// Most finds of an image.
+pub const IMAGE_FINDS_MAX: usize = 32;
 /// Most columns, and most rows, of an image.
 pub const IMAGE_SIDE_MAX: u16 = 400;
 

@@ -1,13 +1,13 @@
 //! A servo on an output of the autopilot: DO_SET_SERVO with the newest pulse, said again until the autopilot confirms it.
 //!
 //! Who measures with what the servo turns must know where it stands: a pulse counts as given when it was confirmed in time, or
-//! is wanted once more after that. Until then a reading would be taken for a direction that the sensor does not look along.
+//! is requested once more after that. Until then a reading would be taken for a direction that the sensor does not look along.
 //!
 //! ```text
-//!   [nothing wanted] ──pulse──► [said] ──accepted──► [given]
+//!   [nothing requested] ──pulse──► [pending] ──accepted──► [accepted]
 //!                                 │ ▲                   │ another pulse
 //!                        150 ms: again └────────────────┘
-//!                                 └──refused──► [refused] ──a pulse──► [said]
+//!                                 └──refused──► [refused] ──a pulse──► [pending]
 //! ```
 
 use std::time::Duration;
@@ -63,14 +63,14 @@ pub enum ServoTrouble {
 /// The servo of an autopilot.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Servo {
-    wanted: Option<Wanted>,
+    requested: Option<RequestedPulse>,
     late: Option<ServoTrouble>,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Wanted {
+struct RequestedPulse {
     pulse: ServoPulse,
-    /// When it was wanted first.
+    /// When it was requested first.
     since: Time,
     state: State,
 }
@@ -78,9 +78,9 @@ struct Wanted {
 #[derive(Clone, Copy, Debug)]
 enum State {
     /// It has no answer yet; so many were said and not answered, an older pulse's among them.
-    Said { at: Time, unanswered: u32 },
+    Pending { at: Time, unanswered: u32 },
     /// The autopilot gives it.
-    Given { in_time: bool },
+    Accepted { in_time: bool },
     /// The autopilot does not give it.
     Refused(MavResult),
 }
@@ -95,21 +95,21 @@ impl Servo {
         out: &mut Vec<DriverOut>,
     ) {
         let mut unanswered = 0;
-        if let Some(wanted) = &mut self.wanted {
-            match &mut wanted.state {
+        if let Some(requested) = &mut self.requested {
+            match &mut requested.state {
                 // It has stood there since.
-                State::Given { in_time } if wanted.pulse == pulse => return *in_time = true,
-                State::Said { .. } if wanted.pulse == pulse => return,
-                State::Said {
+                State::Accepted { in_time } if requested.pulse == pulse => return *in_time = true,
+                State::Pending { .. } if requested.pulse == pulse => return,
+                State::Pending {
                     unanswered: so_far, ..
                 } => unanswered = *so_far,
-                State::Given { .. } | State::Refused(_) => {}
+                State::Accepted { .. } | State::Refused(_) => {}
             }
         }
-        self.wanted = Some(Wanted {
+        self.requested = Some(RequestedPulse {
             pulse,
             since: now,
-            state: State::Said {
+            state: State::Pending {
                 at: now,
                 unanswered: unanswered + 1,
             },
@@ -119,15 +119,15 @@ impl Servo {
 
     /// Takes an answer.
     pub(super) fn answer(&mut self, now: Time, ack: &COMMAND_ACK_DATA) {
-        let Some(Wanted {
+        let Some(RequestedPulse {
             pulse,
             since,
             state,
-        }) = &mut self.wanted
+        }) = &mut self.requested
         else {
             return;
         };
-        let State::Said { unanswered, .. } = state else {
+        let State::Pending { unanswered, .. } = state else {
             return;
         };
         *unanswered = unanswered.saturating_sub(1);
@@ -145,19 +145,19 @@ impl Servo {
             output: pulse.output,
             after_s: after.as_secs_f64(),
         });
-        *state = State::Given { in_time };
+        *state = State::Accepted { in_time };
     }
 
     /// Forgets what it has: the autopilot has started anew.
     pub(super) fn forget(&mut self) {
-        self.wanted = None;
+        self.requested = None;
     }
 
     /// Returns when something is to be said again.
     pub(super) fn deadline(&self) -> Option<Time> {
-        match self.wanted?.state {
-            State::Said { at, .. } => Some(at + AGAIN),
-            State::Given { .. } | State::Refused(_) => None,
+        match self.requested?.state {
+            State::Pending { at, .. } => Some(at + AGAIN),
+            State::Accepted { .. } | State::Refused(_) => None,
         }
     }
 
@@ -166,32 +166,32 @@ impl Servo {
         if self.deadline().is_none_or(|due| now < due) {
             return;
         }
-        if let Some(wanted) = &mut self.wanted {
+        if let Some(requested) = &mut self.requested {
             // What was not answered until now is lost.
-            wanted.state = State::Said {
+            requested.state = State::Pending {
                 at: now,
                 unanswered: 1,
             };
-            say_pulse(wanted.pulse, target, out);
+            say_pulse(requested.pulse, target, out);
         }
     }
 
     /// Returns the pulse by which the servo stands; `None` while that is not known.
     pub(super) fn given(&self) -> Option<ServoPulse> {
-        let wanted = self.wanted?;
-        matches!(wanted.state, State::Given { in_time: true }).then_some(wanted.pulse)
+        let requested = self.requested?;
+        matches!(requested.state, State::Accepted { in_time: true }).then_some(requested.pulse)
     }
 
     /// Returns why it does not stand where it should.
     pub(super) fn trouble(&self, now: Time) -> Option<ServoTrouble> {
-        let wanted = self.wanted?;
-        let output = wanted.pulse.output;
-        match wanted.state {
-            State::Said { .. } if now.since(wanted.since) > TROUBLE_AFTER => {
+        let requested = self.requested?;
+        let output = requested.pulse.output;
+        match requested.state {
+            State::Pending { .. } if now.since(requested.since) > TROUBLE_AFTER => {
                 Some(ServoTrouble::Silent { output })
             }
             State::Refused(result) => Some(ServoTrouble::Refused { output, result }),
-            State::Said { .. } | State::Given { .. } => self.late,
+            State::Pending { .. } | State::Accepted { .. } => self.late,
         }
     }
 }

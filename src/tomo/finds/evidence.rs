@@ -12,12 +12,9 @@
 use crate::geom::{Point, Rect};
 use crate::tomo::cholesky::{Cholesky, dot};
 use crate::tomo::person::PersonLink;
+use crate::tomo::student::{self, DEGREES};
 use crate::tomo::{FindSettings, Observation};
 
-/// ν: degrees of freedom of the noise.
-pub(super) const DEGREES: f64 = 4.0;
-/// Rounds in which κ is found.
-const NOISE_ROUNDS: usize = 15;
 /// The median of z² when κ is 1.
 const MEDIAN_SQUARE: f64 = 0.55;
 /// Rounds of the refinement, and tries to take a step in one.
@@ -86,12 +83,7 @@ impl<'a> Evidence<'a> {
         let mut sorted = squares.clone();
         sorted.sort_by(f64::total_cmp);
         let median = sorted.get(sorted.len() / 2).copied().unwrap_or(1.0);
-        let mut kappa = median / MEDIAN_SQUARE + 1e-9;
-        for _ in 0..NOISE_ROUNDS {
-            let weighted = |square: &f64| (DEGREES + 1.0) / (DEGREES + square / kappa) * square;
-            let mean = squares.iter().map(weighted).sum::<f64>() / squares.len().max(1) as f64;
-            kappa = mean.max(1e-9);
-        }
+        let kappa = student::noise_scale(&squares, median / MEDIAN_SQUARE + 1e-9, 1e-9);
         self.sd_db = self
             .variance_db2
             .iter()
@@ -219,7 +211,7 @@ impl<'a> Evidence<'a> {
             .zip(&self.sd_db)
             .map(|(rest_db, sd_db)| {
                 let z = rest_db / sd_db;
-                (DEGREES + 1.0) / (DEGREES + z * z) / (sd_db * sd_db)
+                student::trust(z * z, DEGREES) / (sd_db * sd_db)
             })
             .collect();
         let weighted = |row: &Vec<f64>| -> Vec<f64> {

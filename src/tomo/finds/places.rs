@@ -1,8 +1,9 @@
 //! Where a person is searched: places on a lattice, with the chords of all links there, and how much one more person there would
 //! explain.
 
-use super::evidence::{DEGREES, Evidence, Target, sum_of_logarithms};
+use super::evidence::{Evidence, Target, sum_of_logarithms};
 use crate::geom::{Point, Rect};
+use crate::tomo::student::DEGREES;
 
 /// Chords shorter than this are left out, radii of a person.
 const LEAST_CHORD: f64 = 0.013;

@@ -3,19 +3,23 @@
 //! The links are dealt into five parts; each candidate is solved five times without one of them, and scored by the
 //! Student-t likelihood of the part left out, κ fitted over all parts. Persons are found once, from all links: for each of
 //! their three numbers the likelihood is better by about one than if they had been found anew, and is lowered by that
-//! (Akaike). The best wins; persons, and of total variations the weaker one, win already when they are behind by less than the
-//! standard error of that.
+//! (Akaike). The best wins; of total variations a weaker one, and in a change persons, win already when they are behind by less than
+//! the standard error of that. Where all that stands is imaged, a wall can be told by a few discs, too: there persons win only when
+//! they are ahead of every other by twice that error.
 
 use serde::{Deserialize, Serialize};
 
-use super::robust::{DEGREES, noise_scale};
+use super::robust::noise_scale;
 use super::total_variation::{PrimalDual, Variation};
 use super::{Effort, LinkProblem, Persons, Sparse, descend, vary};
+use crate::tomo::student::DEGREES;
 
 /// Parts of the links.
 const FOLDS: usize = 5;
 /// Unknowns of a person.
 const UNKNOWNS: usize = 3;
+/// Standard errors by which somebody unexpected must be ahead.
+const CLEARLY: f64 = 2.0;
 /// For the first image of a part, and for those that start from a similar one.
 const FIRST: Effort = Effort {
     rounds: 4,
@@ -144,15 +148,28 @@ pub(super) fn choose(
         }
     };
     let scores: Vec<Score> = (0..means.len()).map(score).collect();
-    let best = preferred(&scores, list[highest]);
+    let are_expected = persons.is_some_and(|persons| persons.are_expected);
+    let best = preferred(&scores, list[highest], are_expected);
     Choice { best, scores }
 }
 
-/// Returns who is taken when one has the highest score: a tie goes to persons, and among total variations to the weakest.
-fn preferred(scores: &[Score], highest: Candidate) -> Candidate {
+/// Returns who is taken when one has the highest score: a tie goes to persons that are expected, and among total variations to
+/// the weakest; persons that are not must be clearly ahead.
+fn preferred(scores: &[Score], highest: Candidate, are_expected: bool) -> Candidate {
+    if highest == Candidate::Points && !are_expected {
+        let others = scores
+            .iter()
+            .filter(|score| score.candidate != Candidate::Points);
+        let next = others.min_by(|a, b| a.behind.total_cmp(&b.behind));
+        let is_clear = |next: &Score| next.behind > CLEARLY * next.behind_sd;
+        return match next {
+            Some(next) if !is_clear(next) => next.candidate,
+            _ => highest,
+        };
+    }
     let is_variation = |of: Candidate| matches!(of, Candidate::Variation(_));
     let may_win = |score: &&Score| match score.candidate {
-        Candidate::Points => true,
+        Candidate::Points => are_expected,
         Candidate::NonNegative => highest == Candidate::NonNegative,
         Candidate::Variation(_) => is_variation(highest),
     };
@@ -262,4 +279,43 @@ fn likelihoods(problem: &LinkProblem<'_>, residual_db: &[f64], unknowns: usize) 
 
 fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TV: Candidate = Candidate::Variation(Variation {
+        weight: 0.06,
+        sparsity: 4.0,
+    });
+
+    fn scores(behind: [f64; 3]) -> Vec<Score> {
+        let list = [Candidate::Points, Candidate::NonNegative, TV];
+        let score = |(candidate, behind): (Candidate, f64)| Score {
+            candidate,
+            likelihood: -2.0 - behind,
+            behind,
+            behind_sd: 0.01,
+        };
+        list.into_iter().zip(behind).map(score).collect()
+    }
+
+    #[test]
+    fn persons_win_ties_in_a_change_and_must_be_clearly_ahead_elsewhere() {
+        let tie = scores([0.005, 0.2, 0.0]);
+        assert_eq!(preferred(&tie, TV, true), Candidate::Points);
+        assert_eq!(preferred(&tie, TV, false), TV);
+        let narrow = scores([0.0, 0.2, 0.015]);
+        assert_eq!(
+            preferred(&narrow, Candidate::Points, true),
+            Candidate::Points
+        );
+        assert_eq!(preferred(&narrow, Candidate::Points, false), TV);
+        let clear = scores([0.0, 0.2, 0.03]);
+        assert_eq!(
+            preferred(&clear, Candidate::Points, false),
+            Candidate::Points
+        );
+    }
 }

@@ -11,6 +11,8 @@ const PLACES: usize = 16;
 #[derive(Clone, PartialEq, Debug)]
 pub(in crate::tomo) struct Persons {
     pub found: Vec<Find>,
+    /// Whether what was found is likely to be persons: in a change.
+    pub are_expected: bool,
     pub model: PersonModel,
     /// The ring that was driven along.
     pub ring: Rect,

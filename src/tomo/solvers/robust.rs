@@ -12,13 +12,10 @@
 use super::LinkProblem;
 use super::response::shown;
 use crate::tomo::cholesky::{Cholesky, dot};
+use crate::tomo::student::{self, DEGREES};
 
-/// ν: degrees of freedom of the noise.
-pub(super) const DEGREES: f64 = 4.0;
 /// κ is no less: links that are cleaner than they are said to be would otherwise make the few behind an obstacle wild.
 const LEAST_NOISE_SCALE: f64 = 0.25;
-/// Rounds in which κ is found.
-const NOISE_ROUNDS: usize = 15;
 
 /// One linear problem: least of ½ Σ_l (scale_l (W x)_l − data_l)² and the solver's penalty.
 #[derive(Clone, PartialEq, Debug)]
@@ -185,16 +182,7 @@ pub(super) fn noise_scale(
         .filter(|((link, _), used)| **used && !link.is_at_floor)
         .map(|((link, residual_db), _)| residual_db * residual_db / link.variance_db2)
         .collect();
-    if squares.is_empty() {
-        return start;
-    }
-    let mut kappa = start;
-    for _ in 0..NOISE_ROUNDS {
-        let weighted = |square: &f64| (DEGREES + 1.0) / (DEGREES + square / kappa) * square;
-        let mean = squares.iter().map(weighted).sum::<f64>() / squares.len() as f64;
-        kappa = mean.max(LEAST_NOISE_SCALE);
-    }
-    kappa
+    student::noise_scale(&squares, start, LEAST_NOISE_SCALE)
 }
 
 fn trust(problem: &LinkProblem<'_>, residual_db: &[f64], noise_scale: f64) -> Vec<f64> {
@@ -202,7 +190,7 @@ fn trust(problem: &LinkProblem<'_>, residual_db: &[f64], noise_scale: f64) -> Ve
     links
         .map(|(link, residual_db)| {
             let square = residual_db * residual_db / (noise_scale * link.variance_db2);
-            (DEGREES + 1.0) / (DEGREES + square)
+            student::trust(square, DEGREES)
         })
         .collect()
 }

@@ -192,6 +192,7 @@ fn person(at: Point) -> Persons {
             evidence: 40.0,
             probability: 1.0,
         }],
+        are_expected: true,
         model: FindSettings::IN_METRES.person,
         ring: AREA,
         smear_m: 0.0,

@@ -1,8 +1,9 @@
 //! One person on a lattice of places: probabilities that spread while time passes and are weighed by what links say. Which links,
 //! and how many persons there are, is not decided here.
 
-use super::{DEGREES, LinkLoss, TrackingSettings};
+use super::{LinkLoss, TrackingSettings};
 use crate::geom::{Point, Rect};
+use crate::tomo::student::DEGREES;
 
 /// The probability before anything was measured.
 const PRIOR: f64 = 0.5;

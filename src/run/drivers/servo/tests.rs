@@ -78,15 +78,15 @@ fn real(chip: &Path, channel: usize) -> RealServo {
 }
 
 /// A servo on channel 1 of a chip that a test plays.
-struct Bench {
+struct PwmFolder {
     _folder: tempfile::TempDir,
     chip: PathBuf,
     recorder: Recorder,
     servo: Servo,
 }
 
-impl Bench {
-    fn new(refused: &[(&'static str, io::ErrorKind)]) -> Bench {
+impl PwmFolder {
+    fn new(refused: &[(&'static str, io::ErrorKind)]) -> PwmFolder {
         let folder = tempfile::tempdir().unwrap();
         let chip = folder.path().join("pwmchip0");
         std::fs::create_dir(&chip).unwrap();
@@ -102,7 +102,7 @@ impl Bench {
             Files::Recorded(recorder.clone()),
         );
         let output = OutputServo::start(output, pulses.at_rest()).unwrap();
-        Bench {
+        PwmFolder {
             _folder: folder,
             chip,
             recorder,
@@ -112,7 +112,7 @@ impl Bench {
         }
     }
 
-    fn until(&self, what: &str, is_so: impl Fn(&Bench) -> bool) {
+    fn until(&self, what: &str, is_so: impl Fn(&PwmFolder) -> bool) {
         let began = Instant::now();
         while !is_so(self) {
             let (trouble, written) = (self.servo.trouble(), self.recorder.written());
@@ -122,12 +122,8 @@ impl Bench {
     }
 
     fn until_written(&self, line: &str) {
-        self.until(line, |bench| {
-            bench
-                .recorder
-                .written()
-                .iter()
-                .any(|written| written == line)
+        self.until(line, |pwm| {
+            pwm.recorder.written().iter().any(|written| written == line)
         });
     }
 }
@@ -141,30 +137,30 @@ const FIRST: [&str; 4] = [
 
 #[test]
 fn a_channel_is_exported_and_gets_period_pulse_and_enable_in_this_order() {
-    let bench = Bench::new(&[]);
-    bench.until_written("enable 1");
-    assert_eq!(bench.recorder.written(), FIRST);
+    let pwm = PwmFolder::new(&[]);
+    pwm.until_written("enable 1");
+    assert_eq!(pwm.recorder.written(), FIRST);
     for (beam_deg, expected) in [
         (45.0, "duty_cycle 1750000"),
         (-60.0, "duty_cycle 1166667"),
         (60.0, "duty_cycle 1833333"),
     ] {
-        bench.servo.steer(Angle::from_degrees(beam_deg));
-        bench.until_written(expected);
+        pwm.servo.steer(Angle::from_degrees(beam_deg));
+        pwm.until_written(expected);
     }
     // Out of its limits the vehicle has to turn.
-    bench.servo.steer(Angle::from_degrees(80.0));
-    bench.servo.steer(Angle::from_degrees(-60.0));
-    bench.until("the last pulse", |bench| {
-        let written = bench.recorder.written();
+    pwm.servo.steer(Angle::from_degrees(80.0));
+    pwm.servo.steer(Angle::from_degrees(-60.0));
+    pwm.until("the last pulse", |pwm| {
+        let written = pwm.recorder.written();
         written
             .iter()
             .filter(|line| *line == "duty_cycle 1166667")
             .count()
             == 2
     });
-    let channel = bench.chip.join("pwm1");
-    drop(bench.servo);
+    let channel = pwm.chip.join("pwm1");
+    drop(pwm.servo);
     let left = std::fs::read_to_string(channel.join("enable")).unwrap();
     assert_eq!(left, "1", "it holds the sensor");
 }
@@ -172,19 +168,19 @@ fn a_channel_is_exported_and_gets_period_pulse_and_enable_in_this_order() {
 #[test]
 fn the_files_of_a_channel_may_be_another_program_s_for_a_moment() {
     use io::ErrorKind::{NotFound, PermissionDenied};
-    let bench = Bench::new(&[
+    let pwm = PwmFolder::new(&[
         ("period", NotFound),
         ("period", PermissionDenied),
         ("period", PermissionDenied),
     ]);
-    bench.until_written("enable 1");
-    assert_eq!(bench.recorder.written(), FIRST);
+    pwm.until_written("enable 1");
+    assert_eq!(pwm.recorder.written(), FIRST);
 }
 
 #[test]
 fn what_somebody_has_left_in_a_channel_is_undone() {
-    let bench = Bench::new(&[("period", io::ErrorKind::InvalidInput)]);
-    bench.until_written("enable 1");
+    let pwm = PwmFolder::new(&[("period", io::ErrorKind::InvalidInput)]);
+    pwm.until_written("enable 1");
     let expected = [
         "export 1",
         "duty_cycle 0",
@@ -192,25 +188,24 @@ fn what_somebody_has_left_in_a_channel_is_undone() {
         "duty_cycle 1500000",
         "enable 1",
     ];
-    assert_eq!(bench.recorder.written(), expected);
+    assert_eq!(pwm.recorder.written(), expected);
 }
 
 #[test]
 fn a_chip_without_the_channel_is_named_and_a_servo_that_comes_back_gets_its_pulse() {
-    let bench = Bench::new(&[("export", io::ErrorKind::InvalidInput)]);
-    bench.until("a trouble", |bench| {
-        bench
-            .servo
+    let pwm = PwmFolder::new(&[("export", io::ErrorKind::InvalidInput)]);
+    pwm.until("a trouble", |pwm| {
+        pwm.servo
             .trouble()
             .is_some_and(|trouble| trouble.contains("pwmchip0: it has no channel 1"))
     });
-    bench.servo.steer(Angle::from_degrees(45.0));
-    bench.until_written("duty_cycle 1750000");
-    assert_eq!(bench.servo.trouble(), None);
-    std::fs::remove_dir_all(bench.chip.join("pwm1")).unwrap();
-    bench.servo.steer(Angle::from_degrees(-45.0));
-    bench.until("it is gone", |bench| bench.servo.trouble().is_some());
-    bench.until_written("duty_cycle 1250000");
+    pwm.servo.steer(Angle::from_degrees(45.0));
+    pwm.until_written("duty_cycle 1750000");
+    assert_eq!(pwm.servo.trouble(), None);
+    std::fs::remove_dir_all(pwm.chip.join("pwm1")).unwrap();
+    pwm.servo.steer(Angle::from_degrees(-45.0));
+    pwm.until("it is gone", |pwm| pwm.servo.trouble().is_some());
+    pwm.until_written("duty_cycle 1250000");
 }
 
 #[test]
