@@ -402,7 +402,7 @@ fn the_person_in_the_real_recordings_is_found() {
             let peak = |axis: &str| report["peaks"][0][axis].as_f64().unwrap();
             let error = (peak("x") - east).hypot(peak("y") - north);
             assert!(
-                error < 0.5,
+                error < 0.3,
                 "{name}, empty: {with_empty}: {error:.2} cells off"
             );
         }
@@ -464,6 +464,38 @@ fn the_shares_of_a_pixel_sum_to_its_value_and_only_map_knows_them() {
         (&["--why", "4"][..], "expected X,Y"),
     ] {
         let refused = run(options);
+        assert_eq!(refused.status.code(), Some(2));
+        let text = String::from_utf8_lossy(&refused.stderr).into_owned();
+        assert!(text.contains(said), "{text}");
+    }
+}
+
+#[test]
+fn auto_decides_where_nothing_is_said_and_cells_have_a_size() {
+    let folder = folder_with(&[("now.csv", &sweep(Some((4.0, 6.0))))]);
+    let solver_of = |arguments: &[&str]| {
+        let output = tomoswarm(folder.path(), arguments);
+        assert!(
+            output.status.success(),
+            "{}",
+            String::from_utf8_lossy(&output.stderr)
+        );
+        let text = fs::read_to_string(folder.path().join("o.json")).unwrap();
+        let report: serde_json::Value = serde_json::from_str(&text).unwrap();
+        report["settings"]["solver"]["name"].clone()
+    };
+    assert_eq!(solver_of(&["now.csv", "--json", "o.json"]), "auto");
+    assert_eq!(
+        solver_of(&["now.csv", "--json", "o.json", "--why", "4,6"]),
+        "map"
+    );
+    for (cell, said) in [
+        ("0.3", "the positions of this recording are in metres"),
+        ("0", "expected metres"),
+        ("-1", "expected metres"),
+        ("NaN", "expected metres"),
+    ] {
+        let refused = tomoswarm(folder.path(), &["now.csv", "--cell", cell]);
         assert_eq!(refused.status.code(), Some(2));
         let text = String::from_utf8_lossy(&refused.stderr).into_owned();
         assert!(text.contains(said), "{text}");
