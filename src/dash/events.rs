@@ -180,12 +180,8 @@ impl EventList {
             );
             self.add(now, EventKind::Change, Vec::new(), text);
         }
-        let lost = |report: &GroundReport| report.lost.clone();
-        for id in report
-            .lost
-            .iter()
-            .filter(|id| before.is_none_or(|before| !lost(before).contains(id)))
-        {
+        let known_lost = before.map_or(&[][..], |before| &before.lost);
+        for id in report.lost.iter().filter(|id| !known_lost.contains(id)) {
             self.add(
                 now,
                 EventKind::Trouble,
