@@ -10,7 +10,8 @@ pub(super) struct SaidTogether {
     /// The sum, unclamped, 0.1 log-odds; at most `MAX_LAYERS` × `LAYER_CLAMP`, so it fits. But what one layer has confirmed is
     /// not free as long as nobody has seen it empty from near: however many have from afar, all of them may have looked along
     /// the same wall. Nor is what the trusted layer holds for occupied; and what it has confirmed is not free at all: its
-    /// vehicle drives by what it heard from where it takes itself to be, and the places of others deviate from that.
+    /// vehicle drives by what it heard from where it takes itself to be, and the places of others deviate from that. For the
+    /// same reason what the trusted layer has seen empty from near is free, whatever the others heard there: often its vehicle.
     pub sum: i16,
     /// Whether some layer holds it for confirmed.
     pub is_confirmed: bool,
@@ -33,6 +34,9 @@ impl SaidTogether {
         let is_held = (is_confirmed || is_trusted) && !is_surely_free;
         if is_held || trusted >= CONFIRMED_FROM {
             sum = sum.max(FREE_TO + 1);
+        }
+        if trusted <= -LAYER_CLAMP {
+            sum = sum.min(FREE_TO);
         }
         SaidTogether {
             sum,
@@ -120,7 +124,8 @@ mod tests {
     }
 
     #[test]
-    fn what_the_trusted_layer_has_confirmed_nobody_frees_and_what_it_doubts_a_look_from_near() {
+    fn the_trusted_layer_is_outvoted_neither_in_what_it_has_confirmed_nor_in_what_it_saw_empty_from_near()
+     {
         let said = |values: &[i8], trusted| SaidTogether::of(values.iter().copied(), trusted);
         let kept = said(&[17, -17, -17, -17], 17);
         assert_eq!((kept.sum, kept.is_disputed), (FREE_TO + 1, true));
@@ -128,6 +133,9 @@ mod tests {
         assert_eq!(said(&[9, -12, -12], 9).sum, FREE_TO + 1);
         assert_eq!(said(&[-12, -12, 9], -12).sum, -15, "a peer's is doubtful");
         assert_eq!(said(&[17, -17, -17], -17).sum, -17, "a peer confirmed it");
+        let seen_empty = said(&[-17, 17, 17, 17], -17);
+        assert_eq!((seen_empty.sum, seen_empty.is_disputed), (FREE_TO, false));
+        assert_eq!(said(&[-12, 17], -12).sum, 5, "it looked from afar");
         assert_eq!(said(&[17, 17, -9], 17).sum, 25);
     }
 

@@ -91,7 +91,7 @@ impl Merged {
     }
 
     /// Makes an empty map that only listens, and by which the vehicle is driven that writes a layer: what that layer has
-    /// confirmed is not free, whatever the others say.
+    /// confirmed is not free, and what it has seen empty from near is, whatever the others say.
     pub fn trusting(lattice: Lattice, layer: LayerId) -> Merged {
         Merged::with_layers(lattice, None, Some(layer))
     }

@@ -318,6 +318,7 @@ impl Mission {
         self.terrain
             .note_standing_peers(self.peers.standing_claims(now));
         self.terrain.note_place(state.pose.at);
+        self.terrain.note_sight(state.sees);
         let mut met = Vec::new();
         let command = self.pilot.advance(now, state, &self.terrain, &mut met);
         out.extend(command.map(|command| Out::Command(now, command)));

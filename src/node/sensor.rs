@@ -67,6 +67,18 @@ pub struct Scan {
 }
 
 impl Scan {
+    /// Returns the same reading as one of a vehicle that faces another way.
+    pub fn facing(&self, heading: Angle) -> Scan {
+        Scan {
+            pose: Pose {
+                heading,
+                ..self.pose
+            },
+            beam: self.beam + (self.pose.heading - heading),
+            ..self.clone()
+        }
+    }
+
     /// Returns whether its echo may have come from where another one came from; cones have this half-width.
     fn may_confirm(&self, other: &Scan, half_width_rad: f64) -> bool {
         let (Some(range_m), Some(others_m)) = (self.range_m, other.range_m) else {

@@ -299,14 +299,7 @@ impl Vehicle {
     }
 
     fn scan(&mut self, now: Time, scan: &Scan, out: &mut Vec<Out>) {
-        let halts_m = match self.telemetry.of_any_age() {
-            Some(telemetry)
-                if telemetry.motion == Motion::Driving && !self.movement.is_halted() =>
-            {
-                self.reflex.halts_for(&self.settings, telemetry, scan)
-            }
-            Some(_) | None => None,
-        };
+        let halts_m = self.halts_for(scan);
         self.reflex.watch(now, &self.settings, scan);
         let Some(ahead_m) = halts_m else {
             return;
@@ -318,6 +311,26 @@ impl Vehicle {
         self.reflex.remember(now, obstacle);
         out.push(Out::AutopilotCommand(AutopilotCommand::Stop));
         out.push(Out::SafetyEvent(SafetyEvent::Halted { ahead_m, obstacle }));
+    }
+
+    /// Returns how far ahead of the body a reading lies that the vehicle must halt for, metres.
+    fn halts_for(&self, scan: &Scan) -> Option<f64> {
+        let telemetry = self.telemetry.of_any_age()?;
+        let (reflex, settings) = (&self.reflex, &self.settings);
+        match telemetry.motion {
+            Motion::Driving if self.movement.is_halted() => None,
+            Motion::Driving => reflex.halts_for(settings, telemetry.speed_mps, scan),
+            // What is so near that it would be halted for is not on the map, and it may not be looked at again in time.
+            Motion::Turning if scan.suspect => {
+                let heading = self.movement.sets_out_toward(scan.pose.at)?;
+                let seen = Scan {
+                    suspect: false,
+                    ..scan.facing(heading)
+                };
+                reflex.halts_for(settings, settings.body.speed_mps, &seen)
+            }
+            Motion::Turning | Motion::Resting => None,
+        }
     }
 
     fn order(&mut self, now: Time, sender: Sender, order: Order, out: &mut Vec<Out>) {

@@ -352,10 +352,33 @@ impl SearchGrid {
         has_opened
     }
 
+    /// Closes all cells that do not lie under a track.
+    pub fn close_beside(&mut self, track: &[Point]) {
+        let mut is_under = vec![false; self.flags.len()];
+        for pair in track
+            .windows(2)
+            .filter(|pair| pair[0].is_finite() && pair[1].is_finite())
+        {
+            let under = self.lattice.cells_under(Segment::new(pair[0], pair[1]));
+            under
+                .filter_map(|cell| self.index(cell))
+                .for_each(|index| is_under[index] = true);
+        }
+        for (flags, is_under) in self.flags.iter_mut().zip(is_under) {
+            *flags |= if is_under { 0 } else { CLOSED };
+        }
+    }
+
     /// Returns whether a vehicle's middle may be in a cell; `false` outside the rectangle.
     #[inline]
     pub fn passable(&self, cell: Cell) -> bool {
         self.index(cell).is_some_and(|index| self.open(index))
+    }
+
+    /// Returns whether a vehicle's middle may be at a place, at the end of a way.
+    pub fn has_room_at(&self, place: Point) -> bool {
+        let cell = self.lattice.cell_at(place);
+        self.passable(cell) && self.sweeps_clear(Segment::new(self.lattice.centre(cell), place))
     }
 
     /// Returns whether a cell bars only by being too near to something: one may leave it.

@@ -60,7 +60,8 @@ pub fn route_along(
         .map(|pair| pair[0].distance_to(pair[1]))
         .sum();
     let arrival = Segment::new(*last, goal);
-    if !grid.sweeps_clear(arrival) {
+    // The middle of the last cell has room if the cell has.
+    if arrival.length_m() > 0.0 && !grid.sweeps_clear(arrival) {
         return Err(NoRoute::GoalBarred);
     }
     let mut points = Vec::with_capacity(middles.len() + 2);

@@ -35,6 +35,18 @@ fn nearest_m(outcome: &RunOutcome, vehicle: usize, place: (f64, f64)) -> f64 {
         .fold(f64::INFINITY, f64::min)
 }
 
+/// Where vehicle 1 was at a time that the log says it at.
+fn place_at(outcome: &RunOutcome, at_s: f64) -> Point {
+    let begins = format!("{at_s:.3} vehicle 1 at ");
+    let line = outcome
+        .log
+        .lines()
+        .find_map(|line| line.strip_prefix(&begins));
+    let place = line.and_then(|line| line.split_once(' ')?.0.split_once(','));
+    let (x_m, y_m) = place.expect("a place in the log");
+    Point::new(x_m.parse().unwrap(), y_m.parse().unwrap())
+}
+
 fn occupancy(outcome: &RunOutcome, at: (f64, f64)) -> Occupancy {
     outcome
         .map
@@ -371,6 +383,29 @@ fn who_does_not_know_its_place_or_sees_nothing_has_not_explored_anything() {
             "{fault}: {at} s"
         );
     }
+}
+
+#[test]
+fn who_sees_no_more_stands_within_a_moment_and_comes_home_over_its_own_track() {
+    let outcome = explored_without("sensor", 5000.0);
+    let stands: Vec<Point> = [30.0, 100.0, 200.0, 300.0]
+        .iter()
+        .map(|at_s| place_at(&outcome, *at_s))
+        .collect();
+    assert!(
+        stands.iter().all(|at| at.distance_to(stands[0]) < 0.1),
+        "{stands:?}"
+    );
+    let track = &outcome.tracks[0].1;
+    let is_there = |at: &Point| at.distance_to(stands[0]) < 0.1;
+    let (out, back) = track.split_at(track.iter().position(is_there).unwrap());
+    let off_m = |at: &Point| {
+        let away_m = out.iter().map(|before| before.distance_to(*at));
+        away_m.fold(f64::INFINITY, f64::min)
+    };
+    let farthest_m = back.iter().map(off_m).fold(0.0, f64::max);
+    assert!(out.len() > 20 && farthest_m < 0.5, "{farthest_m} m");
+    assert_eq!(outcome.home, 1, "{}", tail(&outcome.log));
 }
 
 #[test]

@@ -36,6 +36,9 @@ pub(super) struct Terrain {
     /// Peers that stand or are silent, each with the way that it claims: they are planned around.
     standing_peers: Vec<Vec<Point>>,
     driven_places: DrivenPlaces,
+    /// Whether the range sensors answer. Without them only the vehicle's own track is driven: what was seen from afar may be wrong,
+    /// and nothing else would halt it.
+    sees: bool,
 }
 
 /// A strip of a way of which a release is wanted.
@@ -57,6 +60,7 @@ impl Terrain {
             reflex_obstacles: ReflexObstacles::default(),
             standing_peers: Vec::new(),
             driven_places: DrivenPlaces::default(),
+            sees: true,
         }
     }
 
@@ -87,6 +91,11 @@ impl Terrain {
     /// Remembers where the vehicle is.
     pub(super) fn note_place(&mut self, place: Point) {
         self.driven_places.note(place);
+    }
+
+    /// Remembers whether the range sensors answer.
+    pub(super) fn note_sight(&mut self, sees: bool) {
+        self.sees = sees;
     }
 
     /// Returns the map.
@@ -128,6 +137,7 @@ impl Terrain {
             map: &self.map,
             obstacles: self.reflex_obstacles.present(now).copied().collect(),
             driven: self.driven(),
+            is_on_track: !self.sees,
             pose,
         }
     }
@@ -140,7 +150,7 @@ impl Terrain {
     }
 
     /// Returns how far a strip may be driven by a vehicle at a pose: as far as the map knows it to be free, and nothing on
-    /// it has made the reflex halt.
+    /// it has made the reflex halt; by one that does not see no farther than it has driven before.
     pub(super) fn release(&self, now: Time, pose: Pose, strip: &Strip<'_>) -> Release {
         let margin_m = strip.corridor.ahead_m + VIEW_MARGIN_M;
         let around = Rect::new(pose.at, pose.at).shrunk(-margin_m);
@@ -149,7 +159,21 @@ impl Terrain {
         let mut release = strip.corridor.released(&view, &strip.route, pose.at);
         self.reflex_obstacles
             .hold_before(now, pose.at, strip.way, &mut release);
+        if !self.sees {
+            self.hold_on_track(pose.at, strip.way, &mut release);
+        }
         release
+    }
+
+    /// Ends a release where the way leaves what the vehicle has driven.
+    fn hold_on_track(&self, place: Point, way: &Way, release: &mut Release) {
+        let here_m = release.here_m;
+        let route = way.until(place, here_m, release.free_until_m);
+        if let Some((until_m, at)) = self.driven_places.leaves_track_at(&route) {
+            let until_m = (here_m + until_m).min(release.free_until_m);
+            release.free_until_m = until_m;
+            (release.unknown, release.unknown_at_m) = (Some(at), Some(until_m));
+        }
     }
 }
 

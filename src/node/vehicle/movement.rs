@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::messages::{Motion, Telemetry};
 use crate::autopilot::{Item, StoredPhase, StoredProgress};
-use crate::geom::{Point, Segment};
+use crate::geom::{Angle, Point, Segment};
 use crate::time::Time;
 
 /// After this long a resting autopilot has ended the drive that it was told.
@@ -18,6 +18,8 @@ pub(super) const RESEND_AFTER: Duration = Duration::from_millis(300);
 
 /// Of a stored mission so many places ahead are claimed: when one is passed, the autopilot is on its way to the next.
 const CLAIMED: usize = 2;
+/// Who turns at a corner is this near to it, metres.
+const HERE_M: f64 = 0.1;
 
 /// What the vehicle was told last about moving.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
@@ -236,7 +238,19 @@ impl MovementOrder {
         }
     }
 
-    /// Returns the same for a leg on which nobody's plan says who goes first; `None` for any other.
+    /// Returns the direction in which it goes on along its leg when it has turned at a corner; `None` without a leg.
+    pub(super) fn sets_out_toward(&self, at: Point) -> Option<Angle> {
+        match self {
+            MovementOrder::Driving(leg) => Some(leg.direction_beyond(at)),
+            MovementOrder::Idle
+            | MovementOrder::Turning { .. }
+            | MovementOrder::FollowingStored(_)
+            | MovementOrder::Stopped(_)
+            | MovementOrder::Halted(_) => None,
+        }
+    }
+
+    /// Returns the way that it claims on a leg on which nobody's plan says who goes first; `None` for any other.
     pub(super) fn way_off_plan_from(&self, at: Point) -> Option<Vec<Point>> {
         match self {
             MovementOrder::Driving(leg) | MovementOrder::Turning { leg: Some(leg), .. } => {
@@ -278,6 +292,17 @@ impl Leg {
         std::iter::once(at)
             .chain(self.corners.iter().copied())
             .collect()
+    }
+
+    /// Returns the direction to the first corner that is not here.
+    fn direction_beyond(&self, at: Point) -> Angle {
+        let ahead = self
+            .corners
+            .iter()
+            .find(|corner| at.distance_to(**corner) > HERE_M);
+        ahead
+            .or(self.corners.back())
+            .map_or_else(Angle::default, |corner| at.angle_to(*corner))
     }
 }
 

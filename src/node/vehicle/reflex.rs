@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use super::messages::{ReflexObstacle, Telemetry};
+use super::messages::ReflexObstacle;
 use crate::geom::{Angle, Point, Track, Vector};
 use crate::node::VehicleSettings;
 use crate::node::peers::Peers;
@@ -121,7 +121,7 @@ impl Reflex {
     pub(super) fn halts_for(
         &self,
         settings: &VehicleSettings,
-        telemetry: &Telemetry,
+        speed_mps: f64,
         scan: &Scan,
     ) -> Option<f64> {
         let ahead_m = ahead_m(settings, scan)?;
@@ -129,11 +129,8 @@ impl Reflex {
             true => settings.look.cycle().as_secs_f64(),
             false => 0.0,
         };
-        let needs_m = stopping_distance_m(
-            telemetry.speed_mps,
-            REACTION_S + waits_s,
-            settings.body.braking_mps2,
-        );
+        let needs_m =
+            stopping_distance_m(speed_mps, REACTION_S + waits_s, settings.body.braking_mps2);
         let is_close = scan
             .range_m
             .is_some_and(|range_m| range_m < settings.safety.closeness_m);

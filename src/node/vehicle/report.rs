@@ -21,8 +21,8 @@ use crate::time::Time;
 /// States are published this often while the mode stays the same.
 const PUBLISH_EVERY: Duration = Duration::from_millis(200);
 
-/// A vehicle does not see when no range sensor has answered for this long and one round of its beams.
-const BLIND_AFTER: Duration = Duration::from_secs(2);
+/// A vehicle does not see when no range sensor has answered for this long after a ping was due.
+const BLIND_AFTER: Duration = Duration::from_secs(1);
 
 /// What was said of the vehicle, and what its mission told to say.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -119,7 +119,7 @@ impl Vehicle {
 
     fn state(&self, now: Time, telemetry: &Telemetry) -> OwnState {
         let scanned_at = self.reports.scanned_at.unwrap_or(now);
-        let blind_after = self.settings.look.cycle() + BLIND_AFTER;
+        let blind_after = self.settings.look.period + BLIND_AFTER;
         OwnState {
             sees: !self.settings.look.is_blind && now.since(scanned_at) <= blind_after,
             sequence: self.reports.sequence,

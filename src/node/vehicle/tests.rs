@@ -296,6 +296,40 @@ fn what_the_reflex_met_where_a_peer_was_is_not_kept_clear_of_for_long() {
 }
 
 #[test]
+fn who_turns_at_a_corner_halts_for_what_has_come_up_suddenly_where_it_sets_out() {
+    for (beam_deg, suspect, is_turning, halts) in [
+        (90.0, true, true, true),
+        (90.0, false, true, false),
+        (0.0, true, true, false),
+        (90.0, true, false, false),
+    ] {
+        let mut vehicle = vehicle();
+        fed(
+            &mut vehicle,
+            1.1,
+            drive(&[(0.0, 0.0), (0.05, 0.0), (0.05, 3.0)]),
+        );
+        let In::Telemetry(resting) = telemetry(0.0, 0.0, 0.05) else {
+            unreachable!()
+        };
+        let motion = match is_turning {
+            true => Motion::Turning,
+            false => Motion::Resting,
+        };
+        fed(
+            &mut vehicle,
+            1.2,
+            In::Telemetry(Telemetry { motion, ..resting }),
+        );
+        let In::Scan(scan) = scan(0.5, beam_deg) else {
+            unreachable!()
+        };
+        let out = fed(&mut vehicle, 1.2, In::Scan(Scan { suspect, ..scan }));
+        assert_eq!(stops(&out), halts, "{beam_deg}°, {suspect}, {is_turning}");
+    }
+}
+
+#[test]
 fn the_reflex_halts_for_what_has_come_up_suddenly_when_a_round_later_would_be_too_late() {
     // Three beams of 0.1 s each: 0.15 m more than for what is on the map.
     for (range_m, suspect, halts) in [

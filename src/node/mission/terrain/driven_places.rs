@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 
 use serde::{Deserialize, Serialize};
 
-use crate::geom::Point;
+use crate::geom::{Point, Segment};
 
 /// Places remembered to go back to, and how far apart they are, metres.
 const RECENT: usize = 16;
@@ -17,6 +17,10 @@ const ALL_STEP_M: f64 = 0.2;
 const LOOKED_BACK: usize = 200;
 /// A place this near to another one of its track can be driven to from there, metres.
 const BESIDE_M: f64 = 0.25;
+/// Nearer than this to where it has driven a way leads over its track: track and way have corners, metres.
+const ON_TRACK_M: f64 = 0.4;
+/// A way is looked at in steps of this length, metres.
+const STEP_M: f64 = 0.1;
 
 /// The places of a vehicle.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -42,6 +46,25 @@ impl DrivenPlaces {
     /// Returns all places, oldest first; the older ones are farther apart.
     pub(super) fn all(&self) -> &[Point] {
         &self.all
+    }
+
+    /// Returns how far a route leads over places that the vehicle has driven, metres, and the first place beyond; `None` = all of
+    /// it does.
+    pub(super) fn leaves_track_at(&self, route: &[Point]) -> Option<(f64, Point)> {
+        let is_off = |at: &Point| !self.all.iter().any(|one| one.distance_to(*at) < ON_TRACK_M);
+        let mut start_m = 0.0;
+        for pair in route.windows(2) {
+            let length_m = Segment::new(pair[0], pair[1]).length_m();
+            let steps = (length_m / STEP_M).ceil().max(1.0) as u32;
+            let share = |step: u32| f64::from(step) / f64::from(steps);
+            let off = (1..=steps).find(|step| is_off(&pair[0].toward(pair[1], share(*step))));
+            if let Some(step) = off {
+                let until_m = start_m + length_m * share(step - 1);
+                return Some((until_m, pair[0].toward(pair[1], share(step))));
+            }
+            start_m += length_m;
+        }
+        None
     }
 
     fn note_recent(&mut self, place: Point) {
@@ -163,6 +186,30 @@ mod tests {
         assert!((2.9..3.4).contains(&length_m), "{length_m} m");
         assert_eq!(back_over(track, from, |_| false), None);
         assert_eq!(back_over(&[], from, |_| true), None);
+    }
+
+    #[test]
+    fn a_route_leads_over_the_track_as_far_as_the_vehicle_has_driven() {
+        let places = driven(4.0);
+        let route = |corners: &[(f64, f64)]| -> Vec<Point> {
+            corners
+                .iter()
+                .map(|(x_m, y_m)| Point::new(*x_m, *y_m))
+                .collect()
+        };
+        assert_eq!(
+            places.leaves_track_at(&route(&[(4.0, 0.1), (0.0, -0.1)])),
+            None
+        );
+        assert_eq!(places.leaves_track_at(&route(&[(2.0, 0.0)])), None);
+        let (until_m, at) = places
+            .leaves_track_at(&route(&[(1.0, 0.0), (2.0, 0.0), (2.0, 3.0)]))
+            .unwrap();
+        assert!((1.2..1.41).contains(&until_m), "{until_m} m");
+        assert!((0.3..0.51).contains(&at.y_m), "{at:?}");
+        let nowhere = DrivenPlaces::default();
+        let off = nowhere.leaves_track_at(&route(&[(0.0, 0.0), (1.0, 0.0)]));
+        assert_eq!(off.map(|(until_m, _)| until_m), Some(0.0));
     }
 
     #[test]

@@ -10,6 +10,7 @@ use super::peer_clearance::PeerClearance;
 use crate::geom::{Cell, Lattice, Point, Pose, Segment};
 use crate::map::{Bar, CellRect, Merged, Occupancy, View};
 use crate::node::VehicleSettings;
+use crate::node::mission::home::HOME_M;
 use crate::node::vehicle::ReflexObstacle;
 use crate::plan::{
     Distances, MAX_GRID_CELLS, NodeSpacing, RequiredClearance, Rules, SearchGrid, shortest_route,
@@ -96,6 +97,8 @@ pub(crate) struct PathSearch<'a> {
     pub(super) obstacles: Vec<ReflexObstacle>,
     /// The places where the vehicle has driven.
     pub(super) driven: &'a [Point],
+    /// Whether it searches over these places alone.
+    pub(super) is_on_track: bool,
     pub(super) pose: Pose,
 }
 
@@ -207,7 +210,25 @@ impl PathSearch<'_> {
         let mut grid = self.ground(Some(goal), Resolution::Parts, false, peers)?;
         // Opened last, and only what is too near to something: what is solid, or closed for a peer, stays so.
         grid.open_along(self.driven);
-        self.path_over(&grid, goal, peers)
+        self.path_over(&grid, self.end_near(&grid, goal), peers)
+    }
+
+    /// Returns where a way to a goal ends: there, or where the vehicle has driven beside its home if by now something is taken for
+    /// standing too near to that.
+    fn end_near(&self, grid: &SearchGrid, goal: Point) -> Point {
+        if !self.is_home(goal) || grid.has_room_at(goal) {
+            return goal;
+        }
+        let nodes = grid.lattice();
+        let driven = self.driven.iter().map(|place| nodes.cell_at(*place));
+        let middles = driven
+            .filter(|node| grid.passable(*node))
+            .map(|node| nodes.centre(node));
+        let away_m = |middle: Point| (middle.distance_to(goal), middle);
+        let nearest = middles.map(away_m).min_by(|a, b| a.0.total_cmp(&b.0));
+        nearest
+            .filter(|(away_m, _)| *away_m <= HOME_M)
+            .map_or(goal, |(_, middle)| middle)
     }
 
     /// Returns the way back over the vehicle's own track alone, whatever the map shows there by now, to the first place from which
@@ -217,7 +238,8 @@ impl PathSearch<'_> {
         let mut driven = clear.clone();
         driven.open_along(self.driven);
         let nodes = clear.lattice();
-        let ways = Distances::from_start(&driven, nodes.cell_at(goal), &RULES).ok()?;
+        let end = nodes.cell_at(self.end_near(&driven, goal));
+        let ways = Distances::from_start(&driven, end, &RULES).ok()?;
         let leads_on = |place: Point| ways.cost_m(nodes.cell_at(place)).is_some();
         if leads_on(self.pose.at) {
             return None;
@@ -437,6 +459,9 @@ impl PathSearch<'_> {
             .iter()
             .for_each(|claim| clearance.close(&mut grid, claim));
         self.close_obstacles(&mut grid);
+        if self.is_on_track {
+            grid.close_beside(self.driven);
+        }
         // Last: whatever was closed, the vehicle stands there and must be able to set out.
         grid.stand_on(grid.lattice().cell_at(self.pose.at));
         Some(grid)

@@ -85,6 +85,24 @@ fn a_strip_is_released_up_to_what_is_unknown_what_stands_there_and_what_the_refl
 }
 
 #[test]
+fn who_does_not_see_is_released_and_finds_paths_over_its_own_track_alone() {
+    let mut terrain = terrain_of(|_, _| false);
+    (0..=20).for_each(|step| terrain.note_place(Point::new(0.1 * f64::from(step), 0.0)));
+    let reaches = |terrain: &Terrain, x_m: f64, y_m: f64| {
+        terrain.can_reach(at(1.0), pose(0.0, 0.0), Point::new(x_m, y_m))
+    };
+    for sees in [true, false, true] {
+        terrain.note_sight(sees);
+        let (until_m, blocked) = released(&terrain, at(1.0));
+        let is_on_track = (2.0..2.5).contains(&until_m);
+        assert!(is_on_track != sees && blocked.is_none(), "{until_m} m");
+        assert!(reaches(&terrain, 1.95, 0.05));
+        assert_eq!(reaches(&terrain, 1.0, 1.0), sees);
+        assert_eq!(reaches(&terrain, 4.0, 0.0), sees);
+    }
+}
+
+#[test]
 fn what_is_noted_counts_in_the_next_search() {
     let mut terrain = terrain_of(|_, _| false);
     let goal = Point::new(4.0, 0.0);

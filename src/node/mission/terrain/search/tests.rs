@@ -11,6 +11,7 @@ struct World {
     map: Merged,
     obstacles: Vec<ReflexObstacle>,
     driven: Vec<Point>,
+    is_on_track: bool,
     from: Point,
 }
 
@@ -26,6 +27,7 @@ impl World {
             map,
             obstacles: Vec::new(),
             driven: Vec::new(),
+            is_on_track: false,
             from: Point::new(3.0, 0.0),
         }
     }
@@ -36,6 +38,7 @@ impl World {
             map: &self.map,
             obstacles: self.obstacles.clone(),
             driven: &self.driven,
+            is_on_track: self.is_on_track,
             pose: own_state(self.from.x_m, self.from.y_m).pose,
         }
     }
@@ -51,6 +54,24 @@ fn is_wall(x_m: f64, _: f64) -> bool {
 /// The same wall with a gap of 0.6 m, in which there is room for the body and not for its padding.
 fn is_wall_with_gap(x_m: f64, y_m: f64) -> bool {
     is_wall(x_m, y_m) && !(0.0..0.6).contains(&y_m)
+}
+
+#[test]
+fn a_home_that_something_is_taken_for_standing_beside_by_now_is_come_to_over_the_own_track() {
+    for is_on_track in [true, false] {
+        let mut world =
+            World::of(|x_m, y_m| (-0.4..0.0).contains(&x_m) && (0.2..0.6).contains(&y_m));
+        world.is_on_track = is_on_track;
+        assert_eq!(world.search().driven_path(HOME, &[]), None, "not driven");
+        world.driven = (0..=15)
+            .map(|step| Point::new(0.2 * f64::from(step), 0.0))
+            .collect();
+        let path = world.search().driven_path(HOME, &[]).unwrap();
+        let end = path.last().unwrap().distance_to(HOME);
+        assert!(end <= HOME_M, "{path:?}");
+        let beside = Point::new(0.0, 0.1);
+        assert_eq!(world.search().driven_path(beside, &[]), None, "no home");
+    }
 }
 
 #[test]
