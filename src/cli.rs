@@ -71,6 +71,8 @@ mod screen;
 #[cfg(feature = "net")]
 mod shown_swarm;
 pub mod sim;
+#[cfg(feature = "dash")]
+mod sim_page;
 mod standard_output;
 #[cfg(any(feature = "whole", not(feature = "vehicle")))]
 mod station_command;

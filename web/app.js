@@ -11,6 +11,7 @@ import { PlanPanel } from "./plan.js";
 import { PreflightPanel } from "./preflight.js";
 import { RadioPanel } from "./radio.js";
 import { Scene } from "./scene2d.js";
+import { say } from "./stop.js";
 import { Tabs } from "./tabs.js";
 
 const AGES_EVERY_MS = 250;
@@ -60,7 +61,7 @@ function wantFrame() {
 
 function draw() {
   isWanted = false;
-  const now_ms = performance.now();
+  const now_ms = model.clock_ms(performance.now());
   const { changed } = model;
   if (changed.has("welcome")) showPlace();
   if (changed.has("orders") || changed.has("welcome") || changed.has("vehicle")) orders.show();
@@ -86,7 +87,17 @@ function showPlace() {
   document.documentElement.dataset.showing = place.showing;
   document.getElementById("showing").textContent = place.showing;
   document.getElementById("venue").textContent = place.venue;
+  if (!model.isLive()) {
+    say(`A ${place.showing.toLowerCase()}: it takes no orders.`);
+    document.getElementById("log-zone").textContent = "time of the run";
+  }
   document.title = `${place.showing} · ${place.venue} · tomoswarm`;
+}
+
+/** A time of a run as minutes and seconds. */
+function runTime(time_ms) {
+  const time_s = Math.floor(time_ms / 1000);
+  return `${Math.floor(time_s / 60)}:${String(time_s % 60).padStart(2, "0")}`;
 }
 
 function showHead() {
@@ -95,7 +106,7 @@ function showHead() {
   const isStale = !feed.isOpen || age_ms > STALE_MS;
   document.documentElement.classList.toggle("stale", isStale);
   const age = document.getElementById("age");
-  age.textContent = feed.isOpen ? (isStale ? `NO DATA for ${(age_ms / 1000).toFixed(0)} s` : "connected") : `NOT CONNECTED ${feed.why}`;
+  age.textContent = feed.isOpen ? (isStale ? `NO DATA for ${(age_ms / 1000).toFixed(0)} s` : model.isLive() ? "connected" : `${runTime(model.shown_ms)} of the run`) : `NOT CONNECTED ${feed.why}`;
   const ground = model.ground;
   document.getElementById("run").textContent = ground?.isHeard ? `run ${ground.run}, ${ground.phase}, lap ${ground.lapsDone} of ${ground.laps}` : "no ground station";
   let count = ground?.isHeard ? ground.troubles.length : 0;
@@ -105,7 +116,7 @@ function showHead() {
 
 setInterval(() => {
   if (document.hidden) return;
-  const now_ms = performance.now();
+  const now_ms = model.clock_ms(performance.now());
   fleet.show(now_ms);
   showHead();
   const isAnySilent = [...model.states.keys()].some((id) => model.isSilent(id, now_ms));

@@ -18,7 +18,7 @@ export class LogPanel {
     const isWanted = (event) => (kind === "" || event.kind === kind)
       && (vehicle === "" || event.vehicles.length === 0 || event.vehicles.includes(Number(vehicle)));
     const wanted = this.model.events.filter(isWanted).slice(-SHOWN_MOST).reverse();
-    document.getElementById("log-list").replaceChildren(...wanted.map(line));
+    document.getElementById("log-list").replaceChildren(...wanted.map((event) => line(event, this.model.isLive())));
   }
 
   /** Vehicles that have come since. */
@@ -33,12 +33,13 @@ export class LogPanel {
   }
 }
 
-function line(event) {
+/** The time of the run is told as if it had begun at midnight. */
+function line(event, isLive) {
   const item = document.createElement("li");
   item.className = event.kind;
   const time = document.createElement("time");
   time.dateTime = event.at.toISOString();
-  time.textContent = event.at.toLocaleTimeString([], { hour: "2-digit", minute: "2-digit", second: "2-digit", hour12: false });
+  time.textContent = event.at.toLocaleTimeString([], { hour: "2-digit", minute: "2-digit", second: "2-digit", hour12: false, timeZone: isLive ? undefined : "UTC" });
   const whom = event.vehicles.length ? ` ${event.vehicles.join(", ")}:` : "";
   // The text of an order says that it is one.
   const kind = event.kind === "order" ? "" : ` ${event.kind}`;

@@ -33,6 +33,7 @@ export class Model {
     this.changed = new Set();
     this.changedTiles = new Set();
     this.heard_ms = -Infinity;
+    this.shown_ms = 0;
     this.frames = 0;
     this.bytes = 0;
     this.texts = new Map();
@@ -42,15 +43,27 @@ export class Model {
   take(buffer, now_ms) {
     const frame = readFrame(buffer);
     this.heard_ms = now_ms;
+    this.shown_ms = frame.time_s * 1000;
     this.frames += 1;
     this.bytes += buffer.byteLength;
+    const at_ms = this.clock_ms(now_ms);
     switch (frame.kind) {
-      case KIND.States: return this.takeStates(frame, now_ms);
+      case KIND.States: return this.takeStates(frame, at_ms);
       case KIND.Tiles: return this.takeTiles(frame);
       case KIND.Stripe: return this.takeStripe(frame);
-      case KIND.Radio: return this.takePairs(frame, now_ms);
-      default: return this.takeText(frame, now_ms);
+      case KIND.Radio: return this.takePairs(frame, at_ms);
+      default: return this.takeText(frame, at_ms);
     }
+  }
+
+  /** The clock by which ages are told: the browser's for a live swarm, otherwise the time that is shown. */
+  clock_ms(now_ms) {
+    return this.isLive() ? now_ms : this.shown_ms;
+  }
+
+  /** Whether a live swarm is shown, as far as the server has said. */
+  isLive() {
+    return (this.place?.showing ?? "LIVE") === "LIVE";
   }
 
   takeStates(frame, now_ms) {
@@ -102,9 +115,10 @@ export class Model {
     this.changed.add("radio");
   }
 
-  /** Events come once; a new connection brings all that are kept. */
+  /** Events come once; a new connection brings all that are kept. Those of no live swarm have the run's time. */
   takeEvents(events) {
-    for (const event of events) this.events.push({ ...event, at: new Date(Date.now() - event.age_s * 1000) });
+    const now_ms = this.isLive() ? Date.now() : this.shown_ms;
+    for (const event of events) this.events.push({ ...event, at: new Date(now_ms - event.age_s * 1000) });
     this.events = this.events.slice(-EVENTS_MOST);
   }
 

@@ -59,15 +59,20 @@ impl DashArgs {
         let stop = StopFlag::listen();
         let operator = context.open()?;
         let started = Dashboard::start(operator, &context.venue, self.port, self.files.clone());
-        let dashboard = started.map_err(|error| match error {
-            DashError::Listen { .. } => CliError::Usage(error.to_string()),
-            DashError::Random(_) | DashError::Thread(_) => CliError::Fault(error.to_string()),
-        })?;
+        let dashboard = started.map_err(refused)?;
         let [look, operate] = dashboard.links();
         let text = format!("to look     {look}\nto operate  {operate}\n");
         out.write_all(text.as_bytes())
             .and_then(|()| out.flush())
             .map_err(CliError::stdout)?;
         dashboard.run(|| stop.is_asked()).map_err(fault)
+    }
+}
+
+/// Returns why there is no page, as an error of a command.
+pub(super) fn refused(error: DashError) -> CliError {
+    match error {
+        DashError::Listen { .. } => CliError::Usage(error.to_string()),
+        DashError::Random(_) | DashError::Thread(_) => CliError::Fault(error.to_string()),
     }
 }

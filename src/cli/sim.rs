@@ -69,10 +69,18 @@ pub struct SimArgs {
     )]
     pub topology: super::live::LiveTopology,
     /// Draw the map and the vehicles in the terminal while the simulation runs
-    #[arg(long, conflicts_with = "trials")]
+    #[arg(long, group = "shown", conflicts_with = "trials")]
     pub watch: bool,
-    /// With --watch: not faster than X times real time [default: as fast as it goes]
-    #[arg(long, value_name = "X", allow_negative_numbers = true, value_parser = parse_pace, requires = "watch")]
+    /// Serve the operator's page of this simulation on this machine (127.0.0.1), without orders, until Ctrl-C: also after the run
+    #[cfg(feature = "dash")]
+    #[arg(long, group = "shown", conflicts_with_all = ["trials", "record", "live", "watch"])]
+    pub dash: bool,
+    /// The port of the page of --dash; 0 = any that is free [default: 8377]
+    #[cfg(feature = "dash")]
+    #[arg(long, value_name = "PORT", requires = "dash")]
+    pub port: Option<u16>,
+    /// With --watch or --dash: not faster than X times real time [default: as fast as it goes]
+    #[arg(long, value_name = "X", allow_negative_numbers = true, value_parser = parse_pace, requires = "shown")]
     pub pace: Option<f64>,
     /// Run this many seeds, beginning with --seed, on all cores; print a table and write no folder
     #[arg(
@@ -107,6 +115,9 @@ Examples:
   tomoswarm sim configs/explore.sim.toml        four rovers explore a castle: [mission] kind = \"explore\"
 ";
 
+const DASH_EXAMPLE: &str = "  tomoswarm sim --dash --pace 10                look on in a browser, at 10 times real time, until Ctrl-C
+";
+
 const LIVE_EXAMPLES: &str = "  tomoswarm sim configs/small.sim.toml --live   a short scenario in real time, by real processes (about 2 minutes)
   tomoswarm sim --live -n 8 --topology star     eight vehicle processes joined by the ground station
 ";
@@ -125,7 +136,12 @@ fn after_help() -> String {
     } else {
         ""
     };
-    format!("{FOLDER_AND_EXAMPLES}{live}{EXIT_CODES}")
+    let dash = if cfg!(feature = "dash") {
+        DASH_EXAMPLE
+    } else {
+        ""
+    };
+    format!("{FOLDER_AND_EXAMPLES}{dash}{live}{EXIT_CODES}")
 }
 
 fn parse_seconds(text: &str) -> Result<Duration, String> {
@@ -167,7 +183,7 @@ impl SimArgs {
             watch::check()?;
         }
         let mut scenario = self.scenario(self.seed)?;
-        if self.watch {
+        if self.watch || self.pace.is_some() {
             scenario.shown_every = watch::shown_every(self.pace);
         }
         let seed = self.seed.unwrap_or(scenario.sim().seed);
@@ -176,6 +192,16 @@ impl SimArgs {
             .clone()
             .unwrap_or_else(|| default_folder(&scenario, seed));
         let stop = StopFlag::listen();
+        #[cfg(feature = "dash")]
+        if self.dash {
+            let page = super::sim_page::start(&scenario, self.port, out)?;
+            let folder = OutputFolder::prepare(&target, FAMILY)?;
+            let started = started();
+            let outcome = super::sim_page::run(&page, &scenario, self.pace, &stop, started)?;
+            let took = (seed, started.elapsed());
+            let published = self.publish(folder, &scenario, &outcome, took, out);
+            return super::sim_page::stay(page, &stop, published);
+        }
         let folder = OutputFolder::prepare(&target, FAMILY)?;
         let started = started();
         let outcome = self.outcome(&scenario, &folder, &stop, started)?;

@@ -12,11 +12,12 @@ use super::stop::StopFlag;
 use crate::config::Venue;
 use crate::geom::Point;
 use crate::sim::{RunView, VehicleSnapshot};
+use crate::time::Time;
 
 /// Pictures follow each other no faster than this.
 const DRAW_EVERY: Duration = Duration::from_millis(100);
 /// A request to end is seen within this time, however slow the run.
-const NAP: Duration = Duration::from_millis(50);
+pub(super) const NAP: Duration = Duration::from_millis(50);
 /// A run shows itself at least this often, virtual time.
 const SHOWN_MIN: Duration = Duration::from_millis(10);
 /// A run that is not slowed down shows itself this often, virtual time.
@@ -75,12 +76,7 @@ impl<'a> Watching<'a> {
             self.drawn_at = Some(super::sim::started());
             self.draw(shown);
         }
-        let Some(pace) = self.pace else { return };
-        let due = Duration::try_from_secs_f64(shown.status.now.as_secs_f64() / pace)
-            .unwrap_or(Duration::MAX);
-        while !stop.is_asked() && self.began.elapsed() < due {
-            nap(NAP.min(due.saturating_sub(self.began.elapsed())));
-        }
+        wait_for(shown.status.now, self.pace, self.began, stop);
     }
 
     fn draw(&mut self, shown: &RunView<'_>) {
@@ -104,6 +100,15 @@ impl<'a> Watching<'a> {
             }
             extend(&mut self.vehicles[index].track, vehicle.at);
         }
+    }
+}
+
+/// Waits until a moment of virtual time has come at a pace, or until the run is asked to stop.
+pub(super) fn wait_for(now: Time, pace: Option<f64>, began: Instant, stop: &StopFlag) {
+    let Some(pace) = pace else { return };
+    let due = Duration::try_from_secs_f64(now.as_secs_f64() / pace).unwrap_or(Duration::MAX);
+    while !stop.is_asked() && began.elapsed() < due {
+        nap(NAP.min(due.saturating_sub(began.elapsed())));
     }
 }
 
@@ -133,7 +138,7 @@ fn too_small(line: String, size: Size) -> Vec<String> {
     clippy::disallowed_methods,
     reason = "who watches wants the run slowed down; no decision hangs on it"
 )]
-fn nap(span: Duration) {
+pub(super) fn nap(span: Duration) {
     std::thread::sleep(span);
 }
 

@@ -49,10 +49,11 @@ pub enum GateRefusal {
     #[error("only the server's own page may ask for this")]
     Origin,
     /// No token, or not one of this server.
-    #[error(
-        "this link's token is not known: take one of the links that `tomoswarm dash` has printed"
-    )]
+    #[error("this link's token is not known: take a link that was printed when it began")]
     Token,
+    /// What is shown is no live swarm.
+    #[error("what is shown here takes no orders: it is no live swarm")]
+    NotLive,
     /// The token may look only.
     #[error("this link may look only: take the one with #operate")]
     LookOnly,
@@ -83,7 +84,8 @@ pub struct OwnNames {
 #[derive(Clone, Debug)]
 pub struct Gate {
     look: String,
-    operate: String,
+    /// `None` = nobody may order.
+    operate: Option<String>,
     seat: Option<(PageId, Time)>,
     orders: RateLimit,
     stops: RateLimit,
@@ -138,10 +140,18 @@ impl Gate {
     pub fn new(look: String, operate: String) -> Gate {
         Gate {
             look,
-            operate,
+            operate: Some(operate),
             seat: None,
             orders: RateLimit::default(),
             stops: RateLimit::default(),
+        }
+    }
+
+    /// Makes the gate of a server that takes no orders, with its token.
+    pub fn looking_only(look: String) -> Gate {
+        Gate {
+            operate: None,
+            ..Gate::new(look, String::new())
         }
     }
 
@@ -150,7 +160,9 @@ impl Gate {
     /// # Errors
     /// It is none of this server's.
     pub fn right_of(&self, token: &str) -> Result<Right, GateRefusal> {
-        let (may_operate, may_look) = (is_same(token, &self.operate), is_same(token, &self.look));
+        let operate = self.operate.as_ref();
+        let may_operate = operate.is_some_and(|operate| is_same(token, operate));
+        let may_look = is_same(token, &self.look);
         match (may_operate, may_look) {
             (true, _) => Ok(Right::Operate),
             (false, true) => Ok(Right::Look),
@@ -166,6 +178,7 @@ impl Gate {
         let token = header.and_then(|header| header.strip_prefix("Bearer "));
         match self.right_of(token.unwrap_or_default())? {
             Right::Operate => Ok(()),
+            Right::Look if self.operate.is_none() => Err(GateRefusal::NotLive),
             Right::Look => Err(GateRefusal::LookOnly),
         }
     }

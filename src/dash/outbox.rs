@@ -45,11 +45,11 @@ pub struct Outbox {
 }
 
 impl Outbox {
-    /// Makes what a page that has just come is sent: a text of welcome, then everything.
-    pub fn new(now: Time, welcome: &str, board: &Board) -> Outbox {
+    /// Makes what a page that has just come is sent: a text of welcome, then everything as it is at the moment `shown`.
+    pub fn new(now: Time, shown: Time, welcome: &str, board: &Board) -> Outbox {
         Outbox {
             waiting: board.subjects(),
-            rest: frame::texts(FrameKind::Welcome, now, welcome).into(),
+            rest: frame::texts(FrameKind::Welcome, shown, welcome).into(),
             in_flight: 0,
             passed_over: [0; 5],
             states_at: now,
@@ -91,12 +91,15 @@ impl Outbox {
         Some(first.map_or(self.beats_at, |at| at.min(self.beats_at)))
     }
 
-    /// Returns the next frame, if one may go now.
-    pub fn next(&mut self, now: Time, board: &Board) -> Option<Vec<u8>> {
+    /// Returns the next frame, if one may go now; it shows the board as it is at the moment `shown`.
+    pub fn next(&mut self, now: Time, shown: Time, board: &Board) -> Option<Vec<u8>> {
         if self.in_flight >= IN_FLIGHT_MAX {
             return None;
         }
-        let frame = self.rest.pop_front().or_else(|| self.choose(now, board))?;
+        let frame = self
+            .rest
+            .pop_front()
+            .or_else(|| self.choose(now, shown, board))?;
         self.in_flight += 1;
         self.beats_at = now + BEATS_EVERY;
         Some(frame)
@@ -118,13 +121,14 @@ impl Outbox {
         }
     }
 
-    fn choose(&mut self, now: Time, board: &Board) -> Option<Vec<u8>> {
+    fn choose(&mut self, now: Time, shown: Time, board: &Board) -> Option<Vec<u8>> {
         loop {
             let Some(subject) = self.first(now) else {
                 return (now >= self.beats_at)
-                    .then(|| frame::records(FrameKind::States, now, 0, &[]));
+                    .then(|| frame::records(FrameKind::States, shown, 0, &[]));
             };
-            if let Some(frame) = self.make(now, board, subject) {
+            self.begin_interval(now, subject);
+            if let Some(frame) = self.make(shown, board, subject) {
                 self.count(class(subject));
                 return Some(frame);
             }
@@ -156,11 +160,27 @@ impl Outbox {
         }
     }
 
+    /// Lets what comes often wait for its next turn.
+    fn begin_interval(&mut self, now: Time, subject: Subject) {
+        match subject {
+            Subject::State(_) => self.states_at = now + STATES_EVERY,
+            Subject::Tile(_) => self.tiles_at = now + TILES_EVERY,
+            Subject::Radio(_) => self.radio_at = now + RADIO_EVERY,
+            Subject::Orders
+            | Subject::Ground
+            | Subject::Vehicle(_)
+            | Subject::Plan(_)
+            | Subject::Timetable
+            | Subject::Events
+            | Subject::Finds(_)
+            | Subject::Stripe(..) => {}
+        }
+    }
+
     /// Makes the frame of a subject, and of as many like it as fit; `None` of what is not there any more.
     fn make(&mut self, now: Time, board: &Board, subject: Subject) -> Option<Vec<u8>> {
         match subject {
             Subject::State(_) => {
-                self.states_at = now + STATES_EVERY;
                 let of = |subject| match subject {
                     Subject::State(id) => Some(texts::state_record(now, board, id)),
                     _ => None,
@@ -168,7 +188,6 @@ impl Outbox {
                 self.gather(FrameKind::States, now, of)
             }
             Subject::Tile(_) => {
-                self.tiles_at = now + TILES_EVERY;
                 let of = |subject| match subject {
                     Subject::Tile(address) => Some(texts::tile_record(board, address)),
                     _ => None,
@@ -176,7 +195,6 @@ impl Outbox {
                 self.gather(FrameKind::Tiles, now, of)
             }
             Subject::Radio(_) => {
-                self.radio_at = now + RADIO_EVERY;
                 let of = |subject| match subject {
                     Subject::Radio(pair) => Some(texts::pair_record(now, board, pair)),
                     _ => None,

@@ -76,6 +76,8 @@ pub struct PageServer {
     pages: BTreeMap<PageId, Page>,
     last_page: u32,
     seat: Option<PageId>,
+    /// The moment that is shown when it is not the present.
+    shown: Option<Time>,
     effects: Vec<PageEffect>,
 }
 
@@ -91,6 +93,7 @@ impl PageServer {
             pages: BTreeMap::new(),
             last_page: 0,
             seat: None,
+            shown: None,
             effects: Vec::new(),
         }
     }
@@ -103,6 +106,12 @@ impl PageServer {
     /// Takes what came over the bus.
     pub fn hear(&mut self, now: Time, heard: &HeardMessage) {
         self.board.hear(now, heard);
+    }
+
+    /// Takes which moment is shown when it is not the present: in a simulation the virtual time. What is heard is told with
+    /// that time; whatever concerns pages keeps the time of their caller.
+    pub fn show_moment(&mut self, shown: Time) {
+        self.shown = Some(shown);
     }
 
     /// Takes whether anyone can be reached.
@@ -157,7 +166,8 @@ impl PageServer {
         let mut welcome = self.place.clone();
         welcome["page"] = json!(id.0);
         welcome["mayOrder"] = json!(right == Right::Operate);
-        page.outbox = Some(Outbox::new(now, &welcome.to_string(), &self.board));
+        let shown = self.shown.unwrap_or(now);
+        page.outbox = Some(Outbox::new(now, shown, &welcome.to_string(), &self.board));
         Ok(())
     }
 
@@ -208,7 +218,7 @@ impl PageServer {
     /// The token is none of this server's.
     pub fn metrics(&self, now: Time, authorization: Option<&str>) -> Result<String, GateRefusal> {
         self.gate.judge_looking(authorization)?;
-        Ok(metrics(now, &self.board))
+        Ok(metrics(self.shown.unwrap_or(now), &self.board))
     }
 
     /// Returns the checks before a start of everyone who was heard, as JSON, for whoever may look; `software` is the version
@@ -223,6 +233,7 @@ impl PageServer {
         software: &str,
     ) -> Result<String, GateRefusal> {
         self.gate.judge_looking(authorization)?;
+        let now = self.shown.unwrap_or(now);
         let view = self.board.view();
         let everyone = Expected {
             vehicles: BTreeSet::new(),
@@ -247,18 +258,17 @@ impl PageServer {
             None => Some(page.opened + FIRST_WITHIN),
         });
         let seat = self.seat.and(self.gate.seat_ends());
-        pages
-            .chain(self.board.deadline())
-            .chain(seat)
-            .min()
-            .unwrap_or(Time::NEVER)
+        // Another moment than the present comes with what is heard.
+        let board = self.board.deadline().filter(|_| self.shown.is_none());
+        pages.chain(board).chain(seat).min().unwrap_or(Time::NEVER)
     }
 
     /// Returns all that is due.
     pub fn due(&mut self, now: Time) -> Vec<PageEffect> {
         let mut effects = std::mem::take(&mut self.effects);
-        if self.board.deadline().is_some_and(|at| at <= now) {
-            effects.extend(self.board.wake(now).into_iter().map(PageEffect::Publish));
+        let shown = self.shown.unwrap_or(now);
+        if self.board.deadline().is_some_and(|at| at <= shown) {
+            effects.extend(self.board.wake(shown).into_iter().map(PageEffect::Publish));
         }
         self.look_at_seat(now);
         let changes = self.board.take_changes();
@@ -266,7 +276,7 @@ impl PageServer {
             match &mut page.outbox {
                 Some(outbox) => {
                     outbox.note(&changes);
-                    let frames = std::iter::from_fn(|| outbox.next(now, &self.board));
+                    let frames = std::iter::from_fn(|| outbox.next(now, shown, &self.board));
                     effects.extend(frames.map(|frame| PageEffect::Send(*id, frame)));
                 }
                 None if now.since(page.opened) >= FIRST_WITHIN => {

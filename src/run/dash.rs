@@ -10,28 +10,27 @@
 
 mod files;
 mod http;
+mod pages;
+mod simulated;
 
-use std::collections::BTreeMap;
 use std::io;
-use std::net::{Ipv4Addr, SocketAddr, TcpListener};
 use std::path::PathBuf;
-use std::sync::mpsc::{Receiver, sync_channel};
+use std::sync::Arc;
 use std::time::Duration;
 
-use self::http::{HttpServer, LookWord, Outbound, Request, RequestSender};
+use self::pages::Pages;
+pub use self::simulated::SimulationPage;
 use super::live_operator::LiveOperator;
-use super::membership::{self, RandomUnavailable, SOFTWARE};
+use super::membership::{self, RandomUnavailable};
 use crate::actor::Fault;
 use crate::config::Venue;
 use crate::dash::board::Board;
-use crate::dash::gate::{Gate, OwnNames, PageId};
+use crate::dash::gate::Gate;
 use crate::dash::page_server::{PageEffect, PageServer};
 use crate::dash::texts::{Showing, place};
 use crate::geom::Lattice;
 use crate::operator::operator_actor::Out;
 
-/// Requests that wait for the loop; who comes when there are more is refused.
-const REQUESTS_WAITING: usize = 256;
 /// The loop looks whether it shall end this often.
 const LOOKS_EVERY: Duration = Duration::from_millis(100);
 
@@ -59,11 +58,8 @@ pub enum DashError {
 /// An operator with its pages.
 pub struct Dashboard {
     operator: LiveOperator,
-    server: PageServer,
-    requests: Receiver<Request>,
-    pages: BTreeMap<PageId, tokio::sync::mpsc::Sender<Outbound>>,
+    pages: Pages,
     links: [String; 2],
-    _http: HttpServer,
 }
 
 impl Dashboard {
@@ -78,24 +74,20 @@ impl Dashboard {
         folder: Option<PathBuf>,
     ) -> Result<Dashboard, DashError> {
         let [look, operate] = [token()?, token()?];
-        let listener = TcpListener::bind(SocketAddr::from((Ipv4Addr::LOCALHOST, port)));
-        let listener = listener.map_err(|source| DashError::Listen { port, source })?;
-        let port = listener.local_addr().map_or(port, |address| address.port());
-        let link = |word: &str, token: &str| format!("http://127.0.0.1:{port}/#{word}={token}");
-        let links = [link("look", &look), link("operate", &operate)];
+        let (listener, port) = pages::listen(port)?;
+        let links = [
+            pages::link(port, "look", &look),
+            pages::link(port, "operate", &operate),
+        ];
         let board = Board::new(venue.hash(), Lattice::new(venue.cell_m));
         let place = place(venue, Showing::Live);
         let server = PageServer::new(place, venue.clone(), board, Gate::new(look, operate));
-        let (told, requests) = sync_channel(REQUESTS_WAITING);
-        let sender = RequestSender::new(told, operator.session().waker());
-        let http = HttpServer::start(listener, OwnNames::on_port(port), sender, folder);
+        let waker = operator.session().waker();
+        let wake = Arc::new(move || waker.wake());
         Ok(Dashboard {
+            pages: Pages::start(server, (listener, port), folder, wake)?,
             operator,
-            server,
-            requests,
-            pages: BTreeMap::new(),
             links,
-            _http: http.map_err(DashError::Thread)?,
         })
     }
 
@@ -117,90 +109,34 @@ impl Dashboard {
     }
 
     fn turn(&mut self) -> Result<(), Fault> {
-        let requests: Vec<Request> = self.requests.try_iter().take(REQUESTS_WAITING).collect();
-        for request in requests {
-            self.take(request);
-        }
-        self.server.set_linked(self.operator.session().is_linked());
+        self.pages.answer(self.operator.now());
+        let is_linked = self.operator.session().is_linked();
+        self.pages.server.set_linked(is_linked);
         self.carry_out();
         let now = self.operator.now();
-        let until = self.server.deadline().min(now + LOOKS_EVERY);
-        let server = &mut self.server;
+        let server = &mut self.pages.server;
+        let until = server.deadline().min(now + LOOKS_EVERY);
         let said = self
             .operator
             .go_on(until, |at, heard| server.hear(at, heard))?;
         for out in said {
             note(&out);
             let now = self.operator.now();
-            self.server.operator_said(now, &out);
+            self.pages.server.operator_said(now, &out);
         }
         Ok(())
     }
 
-    fn take(&mut self, request: Request) {
-        let now = self.operator.now();
-        match request {
-            Request::Open { frames, reply } => {
-                let opened = self.server.open(now);
-                if let Ok(id) = opened {
-                    self.pages.insert(id, frames);
-                }
-                // A page that has gone meanwhile is told of as closed.
-                let _ = reply.send(opened);
-            }
-            Request::PageSaid(id, text) => {
-                if let Err(refusal) = self.server.page_said(now, id, &text) {
-                    self.send(id, Outbound::Close(refusal));
-                }
-            }
-            Request::Closed(id) => {
-                self.pages.remove(&id);
-                self.server.closed(id);
-            }
-            Request::Look {
-                what,
-                authorization,
-                reply,
-            } => {
-                let token = authorization.as_deref();
-                let text = match what {
-                    LookWord::Metrics => self.server.metrics(now, token),
-                    LookWord::Preflight => self.server.preflight(now, token, SOFTWARE),
-                };
-                let _ = reply.send(text);
-            }
-            Request::Order {
-                authorization,
-                body,
-                reply,
-            } => {
-                let taken = self.server.order(now, authorization.as_deref(), &body);
-                match &taken {
-                    Ok(number) => tracing::info!("order {number} of a page: {}", shown(&body)),
-                    Err(refusal) => tracing::warn!("an order of a page is refused: {refusal}"),
-                }
-                let _ = reply.send(taken);
-            }
-        }
-    }
-
     fn carry_out(&mut self) {
-        for effect in self.server.due(self.operator.now()) {
+        for effect in self.pages.send_due(self.operator.now()) {
             match effect {
-                PageEffect::Send(id, frame) => self.send(id, Outbound::Frame(frame)),
-                PageEffect::Close(id, refusal) => self.send(id, Outbound::Close(refusal)),
                 PageEffect::Tell(input) => self.operator.tell(input),
                 PageEffect::Publish(message) => {
                     self.operator.session().publisher().publish(&message);
                 }
+                // These have gone.
+                PageEffect::Send(..) | PageEffect::Close(..) => {}
             }
-        }
-    }
-
-    /// Sends to a page; one that is gone says so itself.
-    fn send(&self, id: PageId, outbound: Outbound) {
-        if let Some(page) = self.pages.get(&id) {
-            let _ = page.try_send(outbound);
         }
     }
 }
@@ -209,14 +145,6 @@ impl Dashboard {
 fn token() -> Result<String, RandomUnavailable> {
     let (high, low) = (membership::draw()?, membership::draw()?);
     Ok(format!("{high:016x}{low:016x}"))
-}
-
-/// Returns a body as one line of a log.
-fn shown(body: &[u8]) -> String {
-    String::from_utf8_lossy(body)
-        .escape_debug()
-        .take(200)
-        .collect()
 }
 
 fn note(out: &Out) {

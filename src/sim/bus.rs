@@ -118,8 +118,18 @@ pub struct NodeTraffic {
 /// Bytes sent, by the word of the message's kind.
 pub type BytesByKind = BTreeMap<&'static str, u64>;
 
+/// Hears everything that an operator would hear, when it is said: nothing of it is lost, delayed or doubled, and nobody's
+/// traffic changes by it.
+pub struct BusListener(pub Box<dyn FnMut(Time, &HeardMessage)>);
+
+impl std::fmt::Debug for BusListener {
+    fn fmt(&self, to: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        to.write_str("BusListener")
+    }
+}
+
 /// The bus.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct SimulatedBus {
     noise: Noise,
     model: BusModel,
@@ -127,6 +137,7 @@ pub struct SimulatedBus {
     /// Messages of each node that somebody was to hear: what nobody listens to changes nothing for the others.
     heard: BTreeMap<NodeId, u64>,
     sent_by_kind: BTreeMap<NodeId, BytesByKind>,
+    listener: Option<BusListener>,
 }
 
 impl SimulatedBus {
@@ -138,6 +149,15 @@ impl SimulatedBus {
             heard: BTreeMap::new(),
             traffic: BTreeMap::new(),
             sent_by_kind: BTreeMap::new(),
+            listener: None,
+        }
+    }
+
+    /// Lets somebody listen who is no node.
+    pub fn with_listener(self, listener: BusListener) -> SimulatedBus {
+        SimulatedBus {
+            listener: Some(listener),
+            ..self
         }
     }
 
@@ -150,6 +170,12 @@ impl SimulatedBus {
         receivers: &[NodeId],
     ) -> Vec<BusDelivery> {
         let frame = BusFrame::of_bytes(sender, &outbound.frame);
+        if let (Some(listener), Ok(heard)) = (&mut self.listener, frame.read()) {
+            let audience = row(outbound.topic.kind).audience(sender);
+            if audience.is_some_and(|audience| audience.operators) {
+                (listener.0)(now, heard);
+            }
+        }
         let of_sender = self.sent_by_kind.entry(sender).or_default();
         *of_sender.entry(outbound.topic.kind.word()).or_default() += frame.bytes() as u64;
         self.carry(now, frame, receivers)

@@ -1,5 +1,7 @@
 //! From a checked simulation file, its shapes and a seed to a run, and from the run to its outcome.
 
+mod heard;
+
 use std::time::Duration;
 
 use tomoswarm_proto::{Boot, Hello, Lease, Sender, VehicleId};

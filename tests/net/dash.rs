@@ -26,10 +26,10 @@ const EVIL: &str = "<img src=x onerror=alert(1)>";
 /// The middle of a wall outside of the fence, which a vehicle says that it has seen; what lies 4 m to the east is free.
 const WALL_M: [f64; 2] = [0.8, -5.0];
 
-/// A running `tomoswarm dash`.
-struct Dash {
-    port: u16,
-    look: String,
+/// A running server of the page.
+pub struct Dash {
+    pub port: u16,
+    pub look: String,
     operate: String,
 }
 
@@ -47,11 +47,9 @@ impl Dash {
                 Some(line.split_whitespace().last()?.to_owned())
             };
             if let (Some(look), Some(operate)) = (link("look"), link("operate")) {
-                let port = look.split([':', '/']).nth(4).unwrap().parse().unwrap();
                 return Dash {
-                    port,
-                    look,
                     operate,
+                    ..Dash::at(look)
                 };
             }
             assert!(
@@ -62,7 +60,16 @@ impl Dash {
         }
     }
 
-    fn token(link: &str) -> &str {
+    /// Makes it of the link that may look, where there is no other.
+    pub fn at(look: String) -> Dash {
+        Dash {
+            port: look.split([':', '/']).nth(4).unwrap().parse().unwrap(),
+            operate: String::new(),
+            look,
+        }
+    }
+
+    pub fn token(link: &str) -> &str {
         link.split_once('=').unwrap().1
     }
 
@@ -82,7 +89,7 @@ impl Dash {
     }
 
     /// Posts an order with these headers.
-    fn post(&self, host: &str, origin: &str, token: &str, body: &str) -> (u16, String) {
+    pub fn post(&self, host: &str, origin: &str, token: &str, body: &str) -> (u16, String) {
         let origin = if origin.is_empty() {
             String::new()
         } else {
@@ -599,7 +606,7 @@ fn an_image_comes_to_the_page_and_a_page_without_a_scene_still_stops() {
 }
 
 /// Shows a view by its tab.
-fn view(browser: &mut Browser, name: &str) {
+pub fn view(browser: &mut Browser, name: &str) {
     hold(browser, &format!("#tab-{name}"), 0);
     browser.eval(&format!("document.getElementById('tab-{name}').click()"));
     browser.until(&format!("!document.getElementById('{name}').hidden"), 5);
@@ -840,7 +847,7 @@ fn start_again(browser: &mut Browser, swarm: &Swarm) {
 }
 
 /// Keeps what is seen, where a folder for that is named.
-fn shot(browser: &mut Browser, name: &str) {
+pub fn shot(browser: &mut Browser, name: &str) {
     if let Some(folder) = std::env::var_os("SCREENSHOTS") {
         let path = std::path::Path::new(&folder).join(format!("{name}.b64"));
         std::fs::write(path, browser.screenshot()).unwrap();

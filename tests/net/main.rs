@@ -34,6 +34,8 @@ mod python;
 mod raw;
 mod relay;
 mod relays;
+#[cfg(feature = "dash")]
+mod sim_page;
 mod small_disk;
 mod strangers;
 mod swarm;

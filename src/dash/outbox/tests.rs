@@ -48,7 +48,7 @@ impl Life {
     fn new() -> Life {
         let board = Board::new(7, Lattice::new(0.1));
         Life {
-            outbox: Outbox::new(Time::ZERO, "{}", &board),
+            outbox: Outbox::new(Time::ZERO, Time::ZERO, "{}", &board),
             board,
             now: Time::ZERO,
             count: 0,
@@ -110,7 +110,7 @@ impl Life {
     }
 
     fn take(&mut self) -> Option<Vec<u8>> {
-        self.outbox.next(self.now, &self.board)
+        self.outbox.next(self.now, self.now, &self.board)
     }
 }
 

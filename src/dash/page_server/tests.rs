@@ -284,3 +284,38 @@ fn who_may_look_reads_the_checks_before_a_start_and_nobody_else_does() {
         .collect();
     assert_eq!(names, ["vehicle 1", "ground", "swarm"]);
 }
+
+#[test]
+fn what_is_no_live_swarm_takes_no_orders_and_is_dated_by_its_own_time() {
+    let board = Board::new(7, Lattice::new(0.1));
+    let gate = Gate::looking_only(LOOK.to_owned());
+    let mut server = PageServer::new(json!({}), venue(), board, gate);
+    server.show_moment(at(0.0));
+    let id = page(&mut server, 0.1, LOOK);
+    server.hear(at(500.0), &heard(Message::State(state(1))));
+    server.show_moment(at(500.0));
+    for now_s in [0.2, 5.0] {
+        let effects = server.due(at(now_s));
+        let frames: Vec<&Vec<u8>> = effects
+            .iter()
+            .map(|effect| match effect {
+                PageEffect::Send(to, frame) if *to == id => frame,
+                other => panic!("{other:?}"),
+            })
+            .collect();
+        assert_eq!(frames.len(), 2, "two are on their way at most");
+        let time_s = |frame: &[u8]| f64::from_le_bytes(frame[8..16].try_into().unwrap());
+        assert_eq!(time_s(frames[1]), 500.0);
+        server.page_said(at(now_s), id, r#"{"credit":2}"#).unwrap();
+    }
+    let stop = r#"{"order":"stop","page":1}"#;
+    assert_eq!(
+        order(&mut server, 5.0, LOOK, stop),
+        Err(GateRefusal::NotLive)
+    );
+    for token in ["", OPERATE] {
+        let refused = order(&mut server, 5.0, token, stop);
+        assert_eq!(refused, Err(GateRefusal::Token));
+    }
+    assert_eq!(told(&server.due(at(5.0))), 0);
+}

@@ -19,7 +19,6 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use tokio::sync::{mpsc, oneshot};
 
-use super::super::operator_session::SessionWaker;
 use super::files;
 use crate::dash::gate::{GateRefusal, INBOUND_MAX, OwnNames, PageId};
 
@@ -103,19 +102,22 @@ pub(super) enum Outbound {
 #[derive(Clone)]
 pub(super) struct RequestSender {
     told: SyncSender<Request>,
-    waker: SessionWaker,
+    wake: Wake,
 }
+
+/// Lets the loop look up.
+pub(super) type Wake = Arc<dyn Fn() + Send + Sync>;
 
 impl RequestSender {
     /// Makes it of the loop's queue and of what wakes the loop.
-    pub(super) fn new(told: SyncSender<Request>, waker: SessionWaker) -> RequestSender {
-        RequestSender { told, waker }
+    pub(super) fn new(told: SyncSender<Request>, wake: Wake) -> RequestSender {
+        RequestSender { told, wake }
     }
 
     /// Hands a request over; returns whether there was room.
     fn send(&self, request: Request) -> bool {
         let is_taken = self.told.try_send(request).is_ok();
-        self.waker.wake();
+        (self.wake)();
         is_taken
     }
 }
@@ -223,7 +225,10 @@ fn refused(refusal: &GateRefusal) -> Response {
     let status = match refusal {
         GateRefusal::Host => StatusCode::MISDIRECTED_REQUEST,
         GateRefusal::Token => StatusCode::UNAUTHORIZED,
-        GateRefusal::Origin | GateRefusal::LookOnly | GateRefusal::NoSeat => StatusCode::FORBIDDEN,
+        GateRefusal::Origin
+        | GateRefusal::NotLive
+        | GateRefusal::LookOnly
+        | GateRefusal::NoSeat => StatusCode::FORBIDDEN,
         GateRefusal::SeatTaken(_) => StatusCode::CONFLICT,
         GateRefusal::Pages | GateRefusal::Flood => StatusCode::TOO_MANY_REQUESTS,
         GateRefusal::Unreadable(_) => StatusCode::BAD_REQUEST,

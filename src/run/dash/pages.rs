@@ -1,0 +1,145 @@
+//! What every host of the page has: the server's thread, the connections, and the loop's side of both.
+
+use std::collections::BTreeMap;
+use std::net::{Ipv4Addr, SocketAddr, TcpListener};
+use std::path::PathBuf;
+use std::sync::mpsc::{Receiver, sync_channel};
+
+use super::super::membership::SOFTWARE;
+use super::DashError;
+use super::http::{HttpServer, LookWord, Outbound, Request, RequestSender, Wake};
+use crate::dash::gate::{OwnNames, PageId};
+use crate::dash::page_server::{PageEffect, PageServer};
+use crate::time::Time;
+
+/// Requests that wait for the loop; who comes when there are more is refused.
+const REQUESTS_WAITING: usize = 256;
+
+/// The pages of a server.
+pub(super) struct Pages {
+    pub(super) server: PageServer,
+    requests: Receiver<Request>,
+    pages: BTreeMap<PageId, tokio::sync::mpsc::Sender<Outbound>>,
+    _http: HttpServer,
+}
+
+/// Listens on a port of this machine (0 = any); returns the port as well.
+///
+/// # Errors
+/// The port is not free, or may not be used.
+pub(super) fn listen(port: u16) -> Result<(TcpListener, u16), DashError> {
+    let listener = TcpListener::bind(SocketAddr::from((Ipv4Addr::LOCALHOST, port)));
+    let listener = listener.map_err(|source| DashError::Listen { port, source })?;
+    let port = listener.local_addr().map_or(port, |address| address.port());
+    Ok((listener, port))
+}
+
+/// Returns the link of a token; the word says what it allows.
+pub(super) fn link(port: u16, word: &str, token: &str) -> String {
+    format!("http://127.0.0.1:{port}/#{word}={token}")
+}
+
+impl Pages {
+    /// Serves on a listener, the pages that are built in or those of a folder; a request wakes the loop.
+    ///
+    /// # Errors
+    /// The system gives no thread.
+    pub(super) fn start(
+        server: PageServer,
+        (listener, port): (TcpListener, u16),
+        folder: Option<PathBuf>,
+        wake: Wake,
+    ) -> Result<Pages, DashError> {
+        let (told, requests) = sync_channel(REQUESTS_WAITING);
+        let sender = RequestSender::new(told, wake);
+        let http = HttpServer::start(listener, OwnNames::on_port(port), sender, folder);
+        Ok(Pages {
+            server,
+            requests,
+            pages: BTreeMap::new(),
+            _http: http.map_err(DashError::Thread)?,
+        })
+    }
+
+    /// Answers the requests that wait.
+    pub(super) fn answer(&mut self, now: Time) {
+        let requests: Vec<Request> = self.requests.try_iter().take(REQUESTS_WAITING).collect();
+        for request in requests {
+            self.take(now, request);
+        }
+    }
+
+    fn take(&mut self, now: Time, request: Request) {
+        match request {
+            Request::Open { frames, reply } => {
+                let opened = self.server.open(now);
+                if let Ok(id) = opened {
+                    self.pages.insert(id, frames);
+                }
+                // A page that has gone meanwhile is told of as closed.
+                let _ = reply.send(opened);
+            }
+            Request::PageSaid(id, text) => {
+                if let Err(refusal) = self.server.page_said(now, id, &text) {
+                    self.send(id, Outbound::Close(refusal));
+                }
+            }
+            Request::Closed(id) => {
+                self.pages.remove(&id);
+                self.server.closed(id);
+            }
+            Request::Look {
+                what,
+                authorization,
+                reply,
+            } => {
+                let token = authorization.as_deref();
+                let text = match what {
+                    LookWord::Metrics => self.server.metrics(now, token),
+                    LookWord::Preflight => self.server.preflight(now, token, SOFTWARE),
+                };
+                let _ = reply.send(text);
+            }
+            Request::Order {
+                authorization,
+                body,
+                reply,
+            } => {
+                let taken = self.server.order(now, authorization.as_deref(), &body);
+                match &taken {
+                    Ok(number) => tracing::info!("order {number} of a page: {}", shown(&body)),
+                    Err(refusal) => tracing::warn!("an order of a page is refused: {refusal}"),
+                }
+                let _ = reply.send(taken);
+            }
+        }
+    }
+
+    /// Sends what is due to the pages, and returns what is due to others.
+    pub(super) fn send_due(&mut self, now: Time) -> Vec<PageEffect> {
+        let mut others = Vec::new();
+        for effect in self.server.due(now) {
+            match effect {
+                PageEffect::Send(id, frame) => self.send(id, Outbound::Frame(frame)),
+                PageEffect::Close(id, refusal) => self.send(id, Outbound::Close(refusal)),
+                PageEffect::Tell(_) | PageEffect::Publish(_) => others.push(effect),
+            }
+        }
+        others
+    }
+
+    /// Sends to a page; one that is gone says so itself.
+    fn send(&self, id: PageId, outbound: Outbound) {
+        if let Some(page) = self.pages.get(&id) {
+            let _ = page.try_send(outbound);
+        }
+    }
+}
+
+/// Returns a body as one line of a log.
+fn shown(body: &[u8]) -> String {
+    String::from_utf8_lossy(body)
+        .escape_debug()
+        .take(200)
+        .collect()
+}

@@ -1,0 +1,124 @@
+//! The page of a simulation in this process: it listens to the simulated bus and takes no orders. A thread of its own serves, so
+//! that a page is answered while the run computes; the run waits for it when it cannot keep up, and is changed by nothing.
+//!
+//! ```text
+//!   simulated bus ──heard, virtual time──► this thread: PageServer ◄──requests── server thread ◄──► pages
+//! ```
+
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use super::super::clock::Clock;
+use super::pages::{self, Pages};
+use super::{DashError, token};
+use crate::config::Venue;
+use crate::dash::board::Board;
+use crate::dash::gate::Gate;
+use crate::dash::page_server::PageServer;
+use crate::dash::texts::{Showing, place};
+use crate::geom::Lattice;
+use crate::operator::HeardMessage;
+use crate::sim::bus::BusListener;
+use crate::time::Time;
+
+/// What was heard and waits for the page; the run waits when there is more.
+const WAITING: usize = 4096;
+/// So much is taken before requests are looked at again.
+const TAKEN_AT_ONCE: usize = 512;
+/// The thread looks up this often by itself.
+const LOOKS_EVERY: Duration = Duration::from_millis(100);
+
+/// What the thread is told.
+enum Told {
+    /// Something was heard at a moment of virtual time.
+    Heard(Time, Box<HeardMessage>),
+    /// A request waits.
+    Request,
+    /// It shall end.
+    End,
+}
+
+/// The page of a simulation; dropping it ends it.
+pub struct SimulationPage {
+    link: String,
+    told: SyncSender<Told>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl SimulationPage {
+    /// Listens on a port of this machine (0 = any) and serves.
+    ///
+    /// # Errors
+    /// [`DashError`].
+    pub fn start(venue: &Venue, port: u16) -> Result<SimulationPage, DashError> {
+        let look = token()?;
+        let (listener, port) = pages::listen(port)?;
+        let link = pages::link(port, "look", &look);
+        let board = Board::new(venue.hash(), Lattice::new(venue.cell_m));
+        let place = place(venue, Showing::Simulation);
+        let mut server = PageServer::new(place, venue.clone(), board, Gate::looking_only(look));
+        server.show_moment(Time::ZERO);
+        // Everybody in the simulation is reached.
+        server.set_linked(true);
+        let (told, heard) = sync_channel(WAITING);
+        let of_requests = told.clone();
+        let wake = Arc::new(move || match of_requests.try_send(Told::Request) {
+            // Who has much to take looks up soon anyway.
+            Ok(()) | Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) => {}
+        });
+        let pages = Pages::start(server, (listener, port), None, wake)?;
+        let thread = std::thread::Builder::new().name("simulation page".to_owned());
+        let thread = thread.spawn(move || serve(pages, &heard));
+        Ok(SimulationPage {
+            link,
+            told,
+            thread: Some(thread.map_err(DashError::Thread)?),
+        })
+    }
+
+    /// Returns the link of the page.
+    pub fn link(&self) -> &str {
+        &self.link
+    }
+
+    /// Returns what listens to the bus of a run.
+    pub fn listener(&self) -> BusListener {
+        let told = self.told.clone();
+        BusListener(Box::new(move |now, heard| {
+            // A page that has ended misses nothing.
+            let _ = told.send(Told::Heard(now, Box::new(heard.clone())));
+        }))
+    }
+}
+
+impl Drop for SimulationPage {
+    fn drop(&mut self) {
+        let _ = self.told.send(Told::End);
+        let _ = self.thread.take().map(JoinHandle::join);
+    }
+}
+
+fn serve(mut pages: Pages, told: &Receiver<Told>) {
+    let clock = Clock::start();
+    loop {
+        pages.answer(clock.now());
+        // A listener asks nobody for anything: it was there from the beginning.
+        let _ = pages.send_due(clock.now());
+        let until = pages.server.deadline().min(clock.now() + LOOKS_EVERY);
+        let Ok(first) = told.recv_timeout(until.since(clock.now())) else {
+            continue;
+        };
+        for what in std::iter::once(first).chain(told.try_iter().take(TAKEN_AT_ONCE)) {
+            match what {
+                Told::Heard(at, heard) => {
+                    pages.server.hear(at, &heard);
+                    pages.server.show_moment(at);
+                }
+                Told::Request => {}
+                Told::End => return,
+            }
+        }
+    }
+}

@@ -1,0 +1,159 @@
+//! The page of a simulation (`sim --dash`), as a browser sees it and as somebody tries to order from it.
+
+use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
+use std::process::{Child, ChildStdout, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use crate::browser::Browser;
+use crate::dash::{Dash, shot, view};
+use crate::swarm::PROGRAM;
+
+const CONFIG: &str = "configs/small.sim.toml";
+
+/// A simulation with its page.
+struct SimulationWithPage {
+    child: Child,
+    out: BufReader<ChildStdout>,
+    dash: Dash,
+}
+
+fn simulate(folder: &Path, options: &[&str]) -> Command {
+    let mut command = Command::new(PROGRAM);
+    command.current_dir(env!("CARGO_MANIFEST_DIR"));
+    command.args(["sim", CONFIG, "--no-pictures", "--out"]);
+    command.arg(folder).args(options);
+    command
+}
+
+impl SimulationWithPage {
+    fn start(folder: &Path, options: &[&str]) -> SimulationWithPage {
+        let mut command = simulate(folder, &["--dash", "--port", "0"]);
+        let mut child = command
+            .args(options)
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut out = BufReader::new(child.stdout.take().unwrap());
+        let mut line = String::new();
+        out.read_line(&mut line).unwrap();
+        let link = line.split_whitespace().last().unwrap().to_owned();
+        assert!(link.contains("/#look="), "{line}");
+        let dash = Dash::at(link);
+        SimulationWithPage { child, out, dash }
+    }
+
+    /// Waits until the run has been written.
+    fn until_written(&mut self) {
+        let mut line = String::new();
+        while !line.starts_with("written:") {
+            line.clear();
+            assert!(
+                self.out.read_line(&mut line).unwrap() > 0,
+                "it ended before"
+            );
+        }
+    }
+
+    /// Ends it as Ctrl-C does; returns the exit code and what it had still to say.
+    fn interrupt(&mut self) -> (Option<i32>, String) {
+        let id = self.child.id().to_string();
+        Command::new("kill").args(["-INT", &id]).status().unwrap();
+        let mut rest = String::new();
+        self.out.read_to_string(&mut rest).unwrap();
+        (self.child.wait().unwrap().code(), rest)
+    }
+}
+
+impl Drop for SimulationWithPage {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+#[test]
+fn a_simulation_with_its_page_runs_as_without_and_takes_no_orders() {
+    let folder = tempfile::tempdir().unwrap();
+    let (with, without) = (folder.path().join("with"), folder.path().join("without"));
+    let mut simulation = SimulationWithPage::start(&with, &[]);
+    simulation.until_written();
+    let dash = &simulation.dash;
+
+    let own = format!("127.0.0.1:{}", dash.port);
+    let (stop, token) = (r#"{"order":"stop","page":1}"#, Dash::token(&dash.look));
+    let (status, answer) = dash.post(&own, &format!("http://{own}"), token, stop);
+    assert_eq!(status, 403, "{answer}");
+    assert!(answer.contains("takes no orders"), "{answer}");
+    let (status, _) = dash.post(&own, &format!("http://{own}"), "", stop);
+    assert_eq!(status, 401, "an empty token is none");
+
+    if let Some(mut browser) = Browser::open(1280, 800) {
+        browser.go(&dash.look);
+        browser.until("tomoswarm.model.states.size === 2", 10);
+        browser.until("tomoswarm.model.images.size > 0", 10);
+        browser.until("document.title.startsWith('SIMULATION')", 5);
+        let is_hidden = "getComputedStyle(document.getElementById('stop')).display === 'none'";
+        browser.until(is_hidden, 5);
+        browser.until(
+            "getComputedStyle(document.getElementById('head')).borderTopStyle === 'dashed'",
+            5,
+        );
+        // Ages are those of the run's time, which stands still: who was heard at its end stays so.
+        std::thread::sleep(Duration::from_secs(4));
+        browser.until("!document.body.innerText.includes('silent for')", 1);
+        browser.until("!document.body.innerText.includes('NO DATA')", 1);
+        view(&mut browser, "log");
+        browser.until(
+            "document.querySelector('#log-list time')?.textContent.startsWith('00:0')",
+            5,
+        );
+        shot(&mut browser, "simulation");
+        browser.key(" ", "Space", 32);
+        let said = "document.getElementById('stop-result').textContent.includes('takes no orders')";
+        browser.until(said, 5);
+        assert_eq!(browser.complaints, Vec::<String>::new());
+    }
+    assert_eq!(simulation.interrupt().0, Some(0));
+
+    assert!(simulate(&without, &[]).output().unwrap().status.success());
+    let log = |folder: &Path| std::fs::read(folder.join("run.log")).unwrap();
+    assert!(!log(&with).is_empty());
+    assert!(log(&with) == log(&without), "the page changes the run");
+}
+
+#[test]
+fn a_page_follows_a_run_at_its_pace_and_ctrl_c_ends_both() {
+    let folder = tempfile::tempdir().unwrap();
+    let began = Instant::now();
+    let mut simulation = SimulationWithPage::start(folder.path(), &["--pace", "1"]);
+    if let Some(mut browser) = Browser::open(390, 844) {
+        browser.go(&simulation.dash.look);
+        browser.until("tomoswarm.model.states.size === 2", 10);
+        browser.until("tomoswarm.model.shown_ms > 4000", 20);
+        let shown_s = browser.eval("tomoswarm.model.shown_ms / 1000").as_f64();
+        let wall_s = began.elapsed().as_secs_f64();
+        // It computes up to what it shows next, a tenth of a second ahead.
+        let is_paced = shown_s.unwrap() < wall_s + 0.2;
+        assert!(is_paced, "{shown_s:?} s after {wall_s} s");
+        assert_eq!(browser.complaints, Vec::<String>::new());
+    }
+    let (code, said) = simulation.interrupt();
+    assert_eq!(code, Some(1), "{said}");
+    assert!(said.contains("written:"), "{said}");
+}
+
+#[test]
+fn a_simulation_whose_port_is_in_use_is_refused_and_writes_nothing() {
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = taken.local_addr().unwrap().port().to_string();
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("run");
+    let output = simulate(&out, &["--dash", "--port", &port])
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(said.contains("choose another port"), "{said}");
+    assert!(!out.exists());
+}
