@@ -118,9 +118,19 @@ pub struct NodeTraffic {
 /// Bytes sent, by the word of the message's kind.
 pub type BytesByKind = BTreeMap<&'static str, u64>;
 
+/// What is told a moment of virtual time and what is heard then.
+type Hears = dyn FnMut(Time, &HeardMessage);
+
 /// Hears everything that an operator would hear, when it is said: nothing of it is lost, delayed or doubled, and nobody's
 /// traffic changes by it.
-pub struct BusListener(pub Box<dyn FnMut(Time, &HeardMessage)>);
+pub struct BusListener(Box<Hears>);
+
+impl BusListener {
+    /// Makes a listener of what it does with what it hears.
+    pub fn new(hears: impl FnMut(Time, &HeardMessage) + 'static) -> BusListener {
+        BusListener(Box::new(hears))
+    }
+}
 
 impl std::fmt::Debug for BusListener {
     fn fmt(&self, to: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {

@@ -86,10 +86,10 @@ impl SimulationPage {
     /// Returns what listens to the bus of a run.
     pub fn listener(&self) -> BusListener {
         let told = self.told.clone();
-        BusListener(Box::new(move |now, heard| {
+        BusListener::new(move |now, heard| {
             // A page that has ended misses nothing.
             let _ = told.send(Told::Heard(now, Box::new(heard.clone())));
-        }))
+        })
     }
 }
 
