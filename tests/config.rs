@@ -11,6 +11,8 @@
 mod config {
     mod bundled;
     mod bus;
+    #[cfg(feature = "hw")]
+    mod devices;
     mod laws;
     mod missions;
     mod nodes;

@@ -10,6 +10,9 @@ use super::standard_output::StandardOutput;
 use super::stop::StopFlag;
 use crate::run::dash::{DashError, Dashboard};
 
+/// The port of the page unless another one is asked for.
+pub(super) const PAGE_PORT: u16 = 8377;
+
 /// Show the swarm in a browser, and order from there.
 ///
 /// Joins the bus as an operator and serves a page on this machine alone (127.0.0.1). Two links are printed: with one a page may
@@ -22,7 +25,7 @@ pub struct DashArgs {
     #[arg(value_name = "CONFIG")]
     pub config: PathBuf,
     /// The port of the page; 0 = any that is free
-    #[arg(long, value_name = "PORT", default_value = "8377")]
+    #[arg(long, value_name = "PORT", default_value_t = PAGE_PORT)]
     pub port: u16,
     /// Serve the files of this folder instead of those that are built in; for whoever works on the page
     #[arg(long, value_name = "FOLDER")]

@@ -6,7 +6,6 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::builder::PossibleValuesParser;
-use tomoswarm_proto::codec::VERSION;
 use tomoswarm_proto::{OrderKind, RunId, VehicleId};
 
 use super::error::CliError;
@@ -16,7 +15,7 @@ use super::stop::StopFlag;
 use crate::config::{GivenMission, Venue};
 use crate::operator::fleet_view::Incompatibility;
 use crate::operator::given_tasks::task_kind;
-use crate::operator::names::{kind_name, ordered};
+use crate::operator::names::kind_name;
 use crate::operator::operator_actor::{In, Out};
 use crate::operator::order_goal::{MissionRequest, OrderGoal, StopRequest};
 use crate::operator::outcome::{OrderOutcome, VehicleOutcome};
@@ -188,7 +187,7 @@ impl OrderArgs {
         if let Some(refused) = outcome.refused {
             return Err(CliError::Swarm(format!("not ordered: {refused}")));
         }
-        let text = outcome_text(self.what.name(), context.venue.hash(), &outcome);
+        let text = outcome_text(context.venue.hash(), &outcome);
         out.write_all(text.as_bytes()).map_err(CliError::stdout)?;
         if outcome.is_done() {
             Ok(())
@@ -272,51 +271,12 @@ fn until_over(
     }
 }
 
-fn outcome_text(name: &str, venue_hash: u64, outcome: &OrderOutcome) -> String {
+fn outcome_text(venue_hash: u64, outcome: &OrderOutcome) -> String {
     let line = |(id, of): (&VehicleId, &VehicleOutcome)| match of {
-        VehicleOutcome::Obeyed { after, by_ground } => {
-            let by_ground = if *by_ground {
-                "; the ground station has gone on from there"
-            } else {
-                ""
-            };
-            format!(
-                "vehicle {id}: {name} after {} ms{by_ground}\n",
-                after.as_millis()
-            )
+        VehicleOutcome::Foreign(misfit @ Incompatibility::Venue(_)) => {
+            format!("vehicle {id} {misfit}; here it is {venue_hash:016x}\n")
         }
-        VehicleOutcome::Stopped { after, is_at_rest } => {
-            let brakes = if *is_at_rest { "" } else { ", brakes" };
-            format!(
-                "vehicle {id}: in force after {} ms{brakes}\n",
-                after.as_millis()
-            )
-        }
-        VehicleOutcome::UnderStop(stop) => {
-            format!("vehicle {id}: stands under emergency stop {stop}, which this does not lift\n")
-        }
-        VehicleOutcome::Overruled(echo) => {
-            let holder = echo.lease.holder;
-            format!(
-                "vehicle {id}: overruled by {} (holder {holder:016x})\n",
-                ordered(*echo)
-            )
-        }
-        VehicleOutcome::NotOut => {
-            format!("vehicle {id}: has started, but does not show the mission\n")
-        }
-        VehicleOutcome::Refused(why) => format!("vehicle {id}: refuses the mission: {why}\n"),
-        VehicleOutcome::Ignored => format!("vehicle {id}: is heard, but has not obeyed\n"),
-        VehicleOutcome::Unheard => format!("vehicle {id}: not heard\n"),
-        VehicleOutcome::Withdrawn => format!("vehicle {id}: something else is wanted of it\n"),
-        VehicleOutcome::Foreign(Incompatibility::Venue(theirs)) => {
-            format!(
-                "vehicle {id}: has another venue file (hash {theirs:016x}, here {venue_hash:016x})\n"
-            )
-        }
-        VehicleOutcome::Foreign(Incompatibility::Version(theirs)) => {
-            format!("vehicle {id}: speaks wire version {theirs}, here it is {VERSION}\n")
-        }
+        of => format!("vehicle {id} {of}\n"),
     };
     outcome.vehicles.iter().map(line).collect()
 }

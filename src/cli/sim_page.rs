@@ -4,16 +4,13 @@
 use std::io::Write;
 use std::time::Instant;
 
-use super::dash::refused;
+use super::dash::{PAGE_PORT, refused};
 use super::error::CliError;
 use super::sim::watched;
 use super::stop::StopFlag;
 use super::watch::{NAP, nap, wait_for};
 use crate::run::dash::SimulationPage;
 use crate::sim::{RunOutcome, RunView, Scenario};
-
-/// The port unless another one is asked for, as of `tomoswarm dash`.
-const PORT: u16 = 8377;
 
 /// Begins to serve, and prints the link.
 ///
@@ -24,7 +21,7 @@ pub(super) fn start(
     port: Option<u16>,
     out: &mut dyn Write,
 ) -> Result<SimulationPage, CliError> {
-    let page = SimulationPage::start(&scenario.sim().venue, port.unwrap_or(PORT));
+    let page = SimulationPage::start(&scenario.sim().venue, port.unwrap_or(PAGE_PORT));
     let page = page.map_err(refused)?;
     let written = writeln!(out, "to look     {}", page.link()).and_then(|()| out.flush());
     written.map_err(CliError::stdout)?;

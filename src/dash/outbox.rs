@@ -36,9 +36,8 @@ pub struct Outbox {
     in_flight: u32,
     /// How many frames have gone since the last one of each class, while something of it waited.
     passed_over: [u8; 5],
-    states_at: Time,
-    tiles_at: Time,
-    radio_at: Time,
+    /// Before which time nothing of each rate goes.
+    rates_at: [Time; 3],
     /// The number of the last event that was sent.
     events_sent: u64,
     beats_at: Time,
@@ -52,9 +51,7 @@ impl Outbox {
             rest: frame::texts(FrameKind::Welcome, shown, welcome).into(),
             in_flight: 0,
             passed_over: [0; 5],
-            states_at: now,
-            tiles_at: now,
-            radio_at: now,
+            rates_at: [now; 3],
             events_sent: 0,
             beats_at: now,
         }
@@ -106,19 +103,7 @@ impl Outbox {
     }
 
     fn due_at(&self, subject: Subject) -> Time {
-        match subject {
-            Subject::State(_) => self.states_at,
-            Subject::Tile(_) => self.tiles_at,
-            Subject::Radio(_) => self.radio_at,
-            Subject::Orders
-            | Subject::Ground
-            | Subject::Vehicle(_)
-            | Subject::Plan(_)
-            | Subject::Timetable
-            | Subject::Events
-            | Subject::Finds(_)
-            | Subject::Stripe(..) => Time::ZERO,
-        }
+        rate(subject).map_or(Time::ZERO, |(rate, _)| self.rates_at[rate])
     }
 
     fn choose(&mut self, now: Time, shown: Time, board: &Board) -> Option<Vec<u8>> {
@@ -162,18 +147,8 @@ impl Outbox {
 
     /// Lets what comes often wait for its next turn.
     fn begin_interval(&mut self, now: Time, subject: Subject) {
-        match subject {
-            Subject::State(_) => self.states_at = now + STATES_EVERY,
-            Subject::Tile(_) => self.tiles_at = now + TILES_EVERY,
-            Subject::Radio(_) => self.radio_at = now + RADIO_EVERY,
-            Subject::Orders
-            | Subject::Ground
-            | Subject::Vehicle(_)
-            | Subject::Plan(_)
-            | Subject::Timetable
-            | Subject::Events
-            | Subject::Finds(_)
-            | Subject::Stripe(..) => {}
+        if let Some((rate, every)) = rate(subject) {
+            self.rates_at[rate] = now + every;
         }
     }
 
@@ -274,6 +249,23 @@ impl Outbox {
             self.waiting.remove(&subject);
         }
         (count > 0).then(|| frame::records(kind, now, count, &body))
+    }
+}
+
+/// Returns which rate holds for a subject, and how long it waits between two frames; `None` = it goes at once.
+fn rate(subject: Subject) -> Option<(usize, Duration)> {
+    match subject {
+        Subject::State(_) => Some((0, STATES_EVERY)),
+        Subject::Tile(_) => Some((1, TILES_EVERY)),
+        Subject::Radio(_) => Some((2, RADIO_EVERY)),
+        Subject::Orders
+        | Subject::Ground
+        | Subject::Vehicle(_)
+        | Subject::Plan(_)
+        | Subject::Timetable
+        | Subject::Events
+        | Subject::Finds(_)
+        | Subject::Stripe(..) => None,
     }
 }
 

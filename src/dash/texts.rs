@@ -17,7 +17,6 @@ use super::radio::Pair;
 use super::timetable::SHOWN_SPEED_MPS;
 use crate::config::{DeclaredKey, GivenMission, Venue};
 use crate::geom::Point;
-use crate::operator::fleet_view::Incompatibility;
 use crate::operator::names::{control, kind_name, mission_phase, mode, ordered, phase, run_end};
 use crate::operator::outcome::{OrderOutcome, VehicleOutcome};
 use crate::sweep::ExpectedStop;
@@ -268,7 +267,7 @@ pub fn vehicle(board: &Board, id: VehicleId) -> Option<String> {
         "id": id.0,
         "name": hello.map(|hello| hello.name.clone()),
         "software": hello.map(|hello| hello.software.clone()),
-        "misfit": misfit.map(misfit_in_words),
+        "misfit": misfit.map(|misfit| misfit.to_string()),
         "boot": state.map(|state| state.boot.0),
         "run": state.map(|state| state.accepted.0.0),
         "revision": state.map(|state| state.accepted.1.0),
@@ -279,13 +278,6 @@ pub fn vehicle(board: &Board, id: VehicleId) -> Option<String> {
         "health": health,
     });
     Some(text.to_string())
-}
-
-fn misfit_in_words(misfit: Incompatibility) -> String {
-    match misfit {
-        Incompatibility::Version(version) => format!("speaks wire version {version}"),
-        Incompatibility::Venue(hash) => format!("has another venue file ({hash:016x})"),
-    }
 }
 
 /// Returns the plan of a vehicle.
@@ -491,7 +483,7 @@ pub fn outcome_in_words(outcome: &OrderOutcome) -> String {
     if let Some(refused) = outcome.refused {
         return format!("refused, {refused}");
     }
-    let fate = |(id, of): (&VehicleId, &VehicleOutcome)| format!("{id} {}", fate_in_words(of));
+    let fate = |(id, of): (&VehicleId, &VehicleOutcome)| format!("{id} {of}");
     let fates: Vec<String> = outcome.vehicles.iter().map(fate).collect();
     let head = if outcome.is_done() {
         "done"
@@ -502,28 +494,8 @@ pub fn outcome_in_words(outcome: &OrderOutcome) -> String {
 }
 
 fn fates(outcome: &OrderOutcome) -> Vec<Value> {
-    let fate = |(id, of): (&VehicleId, &VehicleOutcome)| json!({ "vehicle": id.0, "isDone": of.is_done(), "words": fate_in_words(of) });
+    let fate = |(id, of): (&VehicleId, &VehicleOutcome)| json!({ "vehicle": id.0, "isDone": of.is_done(), "words": of.to_string() });
     outcome.vehicles.iter().map(fate).collect()
-}
-
-fn fate_in_words(of: &VehicleOutcome) -> String {
-    match of {
-        VehicleOutcome::Obeyed { after, .. } => {
-            format!("obeyed after {} ms", after.as_millis())
-        }
-        VehicleOutcome::Stopped { after, is_at_rest } => {
-            let rests = if *is_at_rest { "stands" } else { "brakes" };
-            format!("in force after {} ms, {rests}", after.as_millis())
-        }
-        VehicleOutcome::UnderStop(name) => format!("stands under stop {name}"),
-        VehicleOutcome::Overruled(by) => format!("overruled by {}", ordered(*by)),
-        VehicleOutcome::NotOut => "has started, but does not show the mission".to_owned(),
-        VehicleOutcome::Refused(why) => format!("refuses the mission: {why}"),
-        VehicleOutcome::Ignored => "heard, has not obeyed".to_owned(),
-        VehicleOutcome::Unheard => "not heard".to_owned(),
-        VehicleOutcome::Foreign(misfit) => misfit_in_words(*misfit),
-        VehicleOutcome::Withdrawn => "something else was wanted of it".to_owned(),
-    }
 }
 
 fn ids(all: &[VehicleId]) -> Vec<u8> {

@@ -58,12 +58,14 @@ pub struct VehicleView {
     pub hello: Option<Timestamped<Hello>>,
 }
 
-/// Why two nodes do not listen to each other.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+/// Why two nodes do not listen to each other; its text goes on after who it is of.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error, Serialize, Deserialize)]
 pub enum Incompatibility {
     /// It speaks this version of the wire.
+    #[error("speaks wire version {0}, here it is {VERSION}")]
     Version(u8),
     /// Its venue file has this hash.
+    #[error("has another venue file (hash {0:016x})")]
     Venue(u64),
 }
 

@@ -1,12 +1,14 @@
 //! What became of an order, for every vehicle that it was for.
 
 use std::collections::BTreeMap;
+use std::fmt;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{EmergencyName, Lease, MissionRefusal, Ordered, RunId, VehicleId};
 
 use super::fleet_view::Incompatibility;
+use super::names::ordered;
 
 /// How an order ended for one vehicle.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
@@ -50,6 +52,44 @@ impl VehicleOutcome {
             self,
             VehicleOutcome::Obeyed { .. } | VehicleOutcome::Stopped { .. }
         )
+    }
+}
+
+/// What the vehicle does, to be read after its number.
+impl fmt::Display for VehicleOutcome {
+    fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            VehicleOutcome::Obeyed { after, by_ground } => {
+                write!(to, "has obeyed after {} ms", after.as_millis())?;
+                match by_ground {
+                    true => write!(to, "; the ground station has gone on from there"),
+                    false => Ok(()),
+                }
+            }
+            VehicleOutcome::Stopped { after, is_at_rest } => {
+                let rests = if *is_at_rest { "stands" } else { "brakes" };
+                let after_ms = after.as_millis();
+                write!(to, "shows the stop after {after_ms} ms, {rests}")
+            }
+            VehicleOutcome::UnderStop(name) => write!(
+                to,
+                "stands under emergency stop {name}, which this does not lift"
+            ),
+            VehicleOutcome::Overruled(by) => {
+                let holder = by.lease.holder;
+                write!(
+                    to,
+                    "is overruled by {} (holder {holder:016x})",
+                    ordered(*by)
+                )
+            }
+            VehicleOutcome::NotOut => write!(to, "has started, but does not show the mission"),
+            VehicleOutcome::Refused(why) => write!(to, "refuses the mission: {why}"),
+            VehicleOutcome::Ignored => write!(to, "is heard, but has not obeyed"),
+            VehicleOutcome::Unheard => write!(to, "is not heard"),
+            VehicleOutcome::Foreign(misfit) => write!(to, "{misfit}"),
+            VehicleOutcome::Withdrawn => write!(to, "was told something else since"),
+        }
     }
 }
 
@@ -98,26 +138,10 @@ impl OrderOutcome {
         if let Some(refused) = self.refused {
             return refused.to_string();
         }
-        let words = |(id, of): (&VehicleId, &VehicleOutcome)| match of {
-            VehicleOutcome::Obeyed { .. } | VehicleOutcome::Stopped { .. } => None,
-            VehicleOutcome::UnderStop(name) => {
-                Some(format!("vehicle {id} stands under emergency stop {name}"))
-            }
-            VehicleOutcome::Overruled(_) => {
-                Some(format!("vehicle {id} was ordered something else"))
-            }
-            VehicleOutcome::NotOut => Some(format!("vehicle {id} does not show the mission")),
-            VehicleOutcome::Refused(why) => {
-                Some(format!("vehicle {id} refuses the mission: {why}"))
-            }
-            VehicleOutcome::Ignored => Some(format!("vehicle {id} does not obey")),
-            VehicleOutcome::Unheard => Some(format!("vehicle {id} is not heard")),
-            VehicleOutcome::Foreign(_) => {
-                Some(format!("vehicle {id} is of another venue or version"))
-            }
-            VehicleOutcome::Withdrawn => Some(format!("something else is wanted of vehicle {id}")),
-        };
-        let all: Vec<String> = self.vehicles.iter().filter_map(words).collect();
+        let undone = self.vehicles.iter().filter(|(_, of)| !of.is_done());
+        let all: Vec<String> = undone
+            .map(|(id, of)| format!("vehicle {id} {of}"))
+            .collect();
         if self.vehicles.is_empty() {
             "nobody is heard".to_owned()
         } else {

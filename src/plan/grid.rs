@@ -338,16 +338,9 @@ impl SearchGrid {
     /// driven there was room for it. Returns whether any was closed.
     pub fn open_along(&mut self, track: &[Point]) -> bool {
         let mut has_opened = false;
-        for pair in track
-            .windows(2)
-            .filter(|pair| pair[0].is_finite() && pair[1].is_finite())
-        {
-            for cell in self.lattice.cells_under(Segment::new(pair[0], pair[1])) {
-                if let Some(index) = self.index(cell) {
-                    has_opened |= self.flags[index] & NEAR != 0;
-                    self.flags[index] &= !NEAR;
-                }
-            }
+        for index in self.under(track) {
+            has_opened |= self.flags[index] & NEAR != 0;
+            self.flags[index] &= !NEAR;
         }
         has_opened
     }
@@ -355,18 +348,22 @@ impl SearchGrid {
     /// Closes all cells that do not lie under a track.
     pub fn close_beside(&mut self, track: &[Point]) {
         let mut is_under = vec![false; self.flags.len()];
-        for pair in track
-            .windows(2)
-            .filter(|pair| pair[0].is_finite() && pair[1].is_finite())
-        {
-            let under = self.lattice.cells_under(Segment::new(pair[0], pair[1]));
-            under
-                .filter_map(|cell| self.index(cell))
-                .for_each(|index| is_under[index] = true);
+        for index in self.under(track) {
+            is_under[index] = true;
         }
         for (flags, is_under) in self.flags.iter_mut().zip(is_under) {
             *flags |= if is_under { 0 } else { CLOSED };
         }
+    }
+
+    /// Returns the cells of the rectangle that lie under a track, by their indices; some come more than once.
+    fn under(&self, track: &[Point]) -> Vec<usize> {
+        let segments = track
+            .windows(2)
+            .filter(|pair| pair[0].is_finite() && pair[1].is_finite())
+            .map(|pair| Segment::new(pair[0], pair[1]));
+        let cells = segments.flat_map(|segment| self.lattice.cells_under(segment));
+        cells.filter_map(|cell| self.index(cell)).collect()
     }
 
     /// Returns whether a vehicle's middle may be in a cell; `false` outside the rectangle.

@@ -1,6 +1,8 @@
 //! From a checked simulation file, its shapes and a seed to a run, and from the run to its outcome.
 
-mod heard;
+mod runs;
+
+pub use runs::RunError;
 
 use std::time::Duration;
 
@@ -8,12 +10,9 @@ use tomoswarm_proto::{Boot, Hello, Lease, Sender, VehicleId};
 
 use super::body::DriveLimits;
 use super::bus::{BusModel, SimulatedBus};
-use super::entry::SampleFile;
 use super::environment::{Environment, TRACK_EVERY};
 use super::faults::Faults;
-use super::kernel::{
-    FinishedRun, Greetings, Kernel, Parts, Recording, SimulatedOperator, SimulatedVehicle,
-};
+use super::kernel::{FinishedRun, Greetings, Kernel, Parts, SimulatedOperator, SimulatedVehicle};
 use super::noise::{Noise, NoisePurpose};
 use super::operator_script::{self, EMPTY_RUN, RUN};
 use super::outcome::RunOutcome;
@@ -21,11 +20,9 @@ use super::place_results;
 use super::radio_field::{RadioConstants, RadioField};
 use super::range::{Lobe, RangeModel, RangeSensor};
 use super::run_monitor::RunMonitor;
-use super::run_view::RunView;
 use super::staging;
 use super::unmet::unmet;
 use super::world::{FlightConditions, GROUND_CLEARANCE_M, VehicleBuild, World, WorldContents};
-use crate::actor::Fault;
 use crate::autopilot::VehicleKind;
 use crate::config::{self, Craft, Drivers, PlannedFault, PlannedPartition, Sim};
 use crate::geom::Point;
@@ -266,32 +263,6 @@ impl Scenario {
             }
         }
         Ok(())
-    }
-
-    /// Runs the scenario; `watch` is asked every `shown_every` of virtual time whether to go on.
-    ///
-    /// # Errors
-    /// The scenario is impossible, or an actor cannot go on.
-    pub fn run(&self, watch: &mut dyn FnMut(&RunView<'_>) -> bool) -> Result<RunOutcome, RunError> {
-        let mut kernel = Kernel::new(self.parts()?);
-        kernel.run(watch, None)?;
-        Ok(self.outcome(kernel)?)
-    }
-
-    /// Runs the scenario as [`Scenario::run`] does, and hands every step of every actor to `record`; a segment with
-    /// snapshots comes first, and again every `segment` of virtual time.
-    ///
-    /// # Errors
-    /// As for [`Scenario::run`].
-    pub fn run_recorded(
-        &self,
-        watch: &mut dyn FnMut(&RunView<'_>) -> bool,
-        segment: Duration,
-        record: &mut dyn FnMut(SampleFile),
-    ) -> Result<RunOutcome, RunError> {
-        let mut kernel = Kernel::new(self.parts()?);
-        kernel.run(watch, Some(Recording::to(record, segment)))?;
-        Ok(self.outcome(kernel)?)
     }
 
     fn operator(&self) -> SimulatedOperator {
@@ -549,23 +520,6 @@ impl Scenario {
             bus_bytes: bus.sent_by_kind().clone(),
             log: record.log.into_text(),
         })
-    }
-}
-
-/// Why a run came to no outcome.
-#[derive(Debug, thiserror::Error)]
-pub enum RunError {
-    /// The scenario is impossible.
-    #[error(transparent)]
-    Scenario(#[from] ScenarioError),
-    /// An actor cannot go on.
-    #[error(transparent)]
-    Fault(#[from] Fault),
-}
-
-impl From<SceneError> for RunError {
-    fn from(error: SceneError) -> RunError {
-        RunError::Scenario(ScenarioError::Scene(error))
     }
 }
 

@@ -257,7 +257,7 @@ fn the_tools_show_order_and_judge_a_swarm() {
 
     let started = check(&tool("order", &config, &["start"]), 0);
     assert!(
-        started.lines().count() == 2 && started.contains("vehicle 2: start after "),
+        started.lines().count() == 2 && started.contains("vehicle 2 has obeyed after "),
         "{started}"
     );
     let echo = *by_one.lock().unwrap();
@@ -302,14 +302,14 @@ fn the_tools_show_order_and_judge_a_swarm() {
 
     drop(two);
     let missed = tool("order", &config, &["hold", "1", "2", "--timeout", "1.5"]);
-    assert!(check(&missed, 1).contains("vehicle 2: not heard"));
+    assert!(check(&missed, 1).contains("vehicle 2 is not heard"));
     let silent = tool("order", &config, &["emergency"]);
     let told = check(&silent, 1);
     assert!(
-        told.contains("vehicle 2: not heard"),
+        told.contains("vehicle 2 is not heard"),
         "the ground's report names it: {told}"
     );
-    assert!(told.contains("vehicle 1: in force after "), "{told}");
+    assert!(told.contains("vehicle 1 shows the stop after "), "{told}");
     // It stands until a start, which is refused while somebody is not heard.
     assert!(check(&tool("status", &config, &[]), 1).contains("EMERGENCY STOP"));
     check(&tool("order", &config, &["return"]), 1);

@@ -148,8 +148,8 @@ proptest! {
                     let before = life.outbox.in_flight();
                     let waiting: Vec<Subject> = life.outbox.waiting.iter().copied().collect();
                     let had_rest = !life.outbox.rest.is_empty();
-                    let states_due = life.outbox.states_at <= life.now;
-                    let tiles_due = life.outbox.tiles_at <= life.now;
+                    let is_due_at = |rate: usize| life.outbox.rates_at[rate] <= life.now;
+                    let (states_due, tiles_due) = (is_due_at(0), is_due_at(1));
                     let has_turn = |of: usize| life.outbox.passed_over[of] >= PATIENCE[of];
                     let (tiles_turn, stripes_turn) = (has_turn(3), has_turn(4));
                     let frame = life.take();

@@ -30,8 +30,8 @@ const TAKEN_AT_ONCE: usize = 512;
 /// The thread looks up this often by itself.
 const LOOKS_EVERY: Duration = Duration::from_millis(100);
 
-/// What the thread is told.
-enum Told {
+/// What wakes the thread.
+enum PageInput {
     /// Something was heard at a moment of virtual time.
     Heard(Time, Box<HeardMessage>),
     /// A request waits.
@@ -43,7 +43,7 @@ enum Told {
 /// The page of a simulation; dropping it ends it.
 pub struct SimulationPage {
     link: String,
-    told: SyncSender<Told>,
+    inputs: SyncSender<PageInput>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -62,18 +62,18 @@ impl SimulationPage {
         server.show_moment(Time::ZERO);
         // Everybody in the simulation is reached.
         server.set_linked(true);
-        let (told, heard) = sync_channel(WAITING);
-        let of_requests = told.clone();
-        let wake = Arc::new(move || match of_requests.try_send(Told::Request) {
+        let (inputs, waiting) = sync_channel(WAITING);
+        let of_requests = inputs.clone();
+        let wake = Arc::new(move || match of_requests.try_send(PageInput::Request) {
             // Who has much to take looks up soon anyway.
             Ok(()) | Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) => {}
         });
         let pages = Pages::start(server, (listener, port), None, wake)?;
         let thread = std::thread::Builder::new().name("simulation page".to_owned());
-        let thread = thread.spawn(move || serve(pages, &heard));
+        let thread = thread.spawn(move || serve(pages, &waiting));
         Ok(SimulationPage {
             link,
-            told,
+            inputs,
             thread: Some(thread.map_err(DashError::Thread)?),
         })
     }
@@ -85,39 +85,39 @@ impl SimulationPage {
 
     /// Returns what listens to the bus of a run.
     pub fn listener(&self) -> BusListener {
-        let told = self.told.clone();
+        let inputs = self.inputs.clone();
         BusListener::new(move |now, heard| {
             // A page that has ended misses nothing.
-            let _ = told.send(Told::Heard(now, Box::new(heard.clone())));
+            let _ = inputs.send(PageInput::Heard(now, Box::new(heard.clone())));
         })
     }
 }
 
 impl Drop for SimulationPage {
     fn drop(&mut self) {
-        let _ = self.told.send(Told::End);
+        let _ = self.inputs.send(PageInput::End);
         let _ = self.thread.take().map(JoinHandle::join);
     }
 }
 
-fn serve(mut pages: Pages, told: &Receiver<Told>) {
+fn serve(mut pages: Pages, waiting: &Receiver<PageInput>) {
     let clock = Clock::start();
     loop {
         pages.answer(clock.now());
         // A listener asks nobody for anything: it was there from the beginning.
         let _ = pages.send_due(clock.now());
         let until = pages.server.deadline().min(clock.now() + LOOKS_EVERY);
-        let Ok(first) = told.recv_timeout(until.since(clock.now())) else {
+        let Ok(first) = waiting.recv_timeout(until.since(clock.now())) else {
             continue;
         };
-        for what in std::iter::once(first).chain(told.try_iter().take(TAKEN_AT_ONCE)) {
+        for what in std::iter::once(first).chain(waiting.try_iter().take(TAKEN_AT_ONCE)) {
             match what {
-                Told::Heard(at, heard) => {
+                PageInput::Heard(at, heard) => {
                     pages.server.hear(at, &heard);
                     pages.server.show_moment(at);
                 }
-                Told::Request => {}
-                Told::End => return,
+                PageInput::Request => {}
+                PageInput::End => return,
             }
         }
     }

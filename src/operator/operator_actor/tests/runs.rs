@@ -184,7 +184,7 @@ fn who_obeys_the_start_of_a_mission_and_does_not_show_it_is_named_in_the_end() {
     world.run(6.0);
     assert_eq!(
         world.ended()[0].1.undone(),
-        "vehicle 1 does not show the mission"
+        "vehicle 1 has started, but does not show the mission"
     );
 }
 
