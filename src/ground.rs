@@ -153,4 +153,11 @@ impl Wiring for GroundWiring {
             Destination::Edge(effect) => carry_out(effect),
         }
     }
+
+    fn published(effect: Effect) -> Option<tomoswarm_proto::Message> {
+        match effect {
+            Effect::Publish(message) => Some(message),
+            _ => None,
+        }
+    }
 }

@@ -182,6 +182,13 @@ impl Wiring for VehicleWiring {
             Destination::Edge(effect) => carry_out(effect),
         }
     }
+
+    fn published(effect: Effect) -> Option<tomoswarm_proto::Message> {
+        match effect {
+            Effect::Publish(message) => Some(message),
+            _ => None,
+        }
+    }
 }
 
 #[cfg(test)]

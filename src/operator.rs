@@ -106,4 +106,11 @@ impl Wiring for OperatorWiring {
             Destination::Edge(effect) => carry_out(effect),
         }
     }
+
+    fn published(effect: Out) -> Option<tomoswarm_proto::Message> {
+        match effect {
+            Out::Publish(message) => Some(message),
+            _ => None,
+        }
+    }
 }

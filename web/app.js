@@ -13,6 +13,7 @@ import { RadioPanel } from "./radio.js";
 import { Scene } from "./scene2d.js";
 import { say } from "./stop.js";
 import { Tabs } from "./tabs.js";
+import { TimeBar, clock } from "./time.js";
 
 const AGES_EVERY_MS = 250;
 const STALE_MS = 3000;
@@ -44,6 +45,8 @@ const feed = new Feed(token, (buffer) => {
   wantFrame();
 });
 
+const time = new TimeBar(model, feed);
+
 scene.wanted = () => { needsScene = true; wantFrame(); };
 image.wanted = () => { needsImage = true; needsScene = true; wantFrame(); };
 const wantPanel = () => { needsPanel = true; wantFrame(); };
@@ -63,7 +66,8 @@ function draw() {
   isWanted = false;
   const now_ms = model.clock_ms(performance.now());
   const { changed } = model;
-  if (changed.has("welcome")) showPlace();
+  if (changed.has("welcome") || changed.has("moment")) showPlace();
+  time.show();
   if (changed.has("orders") || changed.has("welcome") || changed.has("vehicle")) orders.show();
   if (changed.has("image") || changed.has("finds") || needsImage) image.draw();
   drawPanel(now_ms);
@@ -83,21 +87,28 @@ function drawPanel(now_ms) {
 
 function showPlace() {
   const { place } = model;
-  document.documentElement.dataset.page = String(place.page);
-  document.documentElement.dataset.showing = place.showing;
-  document.getElementById("showing").textContent = place.showing;
+  if (!place) return;
+  const root = document.documentElement;
+  // A moment of a live swarm that is over must never be taken for now.
+  const showing = model.isLive() && !model.isPresent() ? "REPLAY" : place.showing;
+  root.dataset.page = String(place.page);
+  root.dataset.source = place.showing;
+  if (root.dataset.showing === showing) return;
+  root.dataset.showing = showing;
+  document.getElementById("showing").textContent = showing;
   document.getElementById("venue").textContent = place.venue;
   if (!model.isLive()) {
     say(`A ${place.showing.toLowerCase()}: it takes no orders.`);
     document.getElementById("log-zone").textContent = "time of the run";
   }
-  document.title = `${place.showing} · ${place.venue} · tomoswarm`;
+  document.title = `${showing} · ${place.venue} · tomoswarm`;
 }
 
-/** A time of a run as minutes and seconds. */
-function runTime(time_ms) {
-  const time_s = Math.floor(time_ms / 1000);
-  return `${Math.floor(time_s / 60)}:${String(time_s % 60).padStart(2, "0")}`;
+function ageText(isStale, age_ms) {
+  if (!feed.isOpen) return `NOT CONNECTED ${feed.why}`;
+  if (isStale) return `NO DATA for ${(age_ms / 1000).toFixed(0)} s`;
+  if (!model.isLive()) return `${clock(model.shown_ms / 1000)} of the run`;
+  return model.isPresent() ? "connected" : `${clock(model.moment.to_s - model.shown_ms / 1000)} ago; STOP and Hold work`;
 }
 
 function showHead() {
@@ -106,7 +117,7 @@ function showHead() {
   const isStale = !feed.isOpen || age_ms > STALE_MS;
   document.documentElement.classList.toggle("stale", isStale);
   const age = document.getElementById("age");
-  age.textContent = feed.isOpen ? (isStale ? `NO DATA for ${(age_ms / 1000).toFixed(0)} s` : model.isLive() ? "connected" : `${runTime(model.shown_ms)} of the run`) : `NOT CONNECTED ${feed.why}`;
+  age.textContent = ageText(isStale, age_ms);
   const ground = model.ground;
   document.getElementById("run").textContent = ground?.isHeard ? `run ${ground.run}, ${ground.phase}, lap ${ground.lapsDone} of ${ground.laps}` : "no ground station";
   let count = ground?.isHeard ? ground.troubles.length : 0;
@@ -131,4 +142,4 @@ addEventListener("keydown", (event) => {
 });
 
 // For tests, and for whoever looks into the page.
-globalThis.tomoswarm = { model, scene, feed };
+globalThis.tomoswarm = { model, scene, feed, time };

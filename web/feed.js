@@ -37,10 +37,15 @@ export class Feed {
     this.socket = socket;
   }
 
+  /** Says something to the server, if there is a connection. */
+  send(words) {
+    if (this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(words));
+  }
+
   /** Gives credit for what was drawn. */
   drawn() {
     if (this.undrawn === 0 || this.socket.readyState !== WebSocket.OPEN) return;
-    this.socket.send(JSON.stringify({ credit: this.undrawn }));
+    this.send({ credit: this.undrawn });
     this.undrawn = 0;
   }
 }

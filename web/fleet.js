@@ -53,6 +53,11 @@ export class Fleet {
 
   show(now_ms) {
     const ids = this.model.ids();
+    for (const [id, row] of this.rows) {
+      if (ids.includes(id)) continue;
+      row.remove();
+      this.rows.delete(id);
+    }
     for (const id of ids) if (!this.rows.has(id)) this.addRow(id);
     for (const id of ids) this.showRow(id, now_ms);
     this.showGround(now_ms);

@@ -15,6 +15,8 @@ export const KIND = {
   Radio: 10,
   Timetable: 11,
   Events: 12,
+  Moment: 13,
+  Markers: 14,
 };
 
 export const STATE = [

@@ -1,6 +1,6 @@
 // What happened, newest first: changes, troubles, orders with their fates; by vehicle and by kind. Texts are set as text only.
 
-const SHAPES = { change: "·", trouble: "!", order: "→" };
+const SHAPES = { change: "·", trouble: "!", order: "→", image: "▦" };
 const SHOWN_MOST = 200;
 
 export class LogPanel {
@@ -41,8 +41,8 @@ function line(event, isLive) {
   time.dateTime = event.at.toISOString();
   time.textContent = event.at.toLocaleTimeString([], { hour: "2-digit", minute: "2-digit", second: "2-digit", hour12: false, timeZone: isLive ? undefined : "UTC" });
   const whom = event.vehicles.length ? ` ${event.vehicles.join(", ")}:` : "";
-  // The text of an order says that it is one.
-  const kind = event.kind === "order" ? "" : ` ${event.kind}`;
+  // The text of an order or an image says that it is one.
+  const kind = ["order", "image"].includes(event.kind) ? "" : ` ${event.kind}`;
   item.append(time, ` ${SHAPES[event.kind] ?? "·"}${kind}${whom} ${event.text}`);
   return item;
 }

@@ -17,6 +17,23 @@ const TRACK_STEP_M = 0.05;
 export class Model {
   constructor() {
     this.place = null;
+    this.changed = new Set();
+    this.changedTiles = new Set();
+    /** Counts how often all was forgotten. */
+    this.generation = 0;
+    this.moment = { at_s: 0, from_s: 0, to_s: 0, speed: null };
+    this.markers = [];
+    this.heard_ms = -Infinity;
+    this.shown_ms = 0;
+    this.frames = 0;
+    this.bytes = 0;
+    this.texts = new Map();
+    this.forget();
+  }
+
+  /** Forgets all that a board shows: another one comes. */
+  forget() {
+    this.generation += 1;
     this.states = new Map();
     this.vehicles = new Map();
     this.plans = new Map();
@@ -30,13 +47,10 @@ export class Model {
     this.timetable = null;
     this.events = [];
     this.orders = { isLinked: true, stops: [], orders: [], seat: null, lease: 0 };
-    this.changed = new Set();
-    this.changedTiles = new Set();
-    this.heard_ms = -Infinity;
-    this.shown_ms = 0;
-    this.frames = 0;
-    this.bytes = 0;
-    this.texts = new Map();
+    this.changedTiles.clear();
+    this.texts.clear();
+    for (const kind of Object.keys(KIND)) if (kind !== "Welcome") this.changed.add(kind.toLowerCase());
+    this.changed.add("image");
   }
 
   /** Takes a frame. */
@@ -56,14 +70,26 @@ export class Model {
     }
   }
 
-  /** The clock by which ages are told: the browser's for a live swarm, otherwise the time that is shown. */
+  /** The clock by which ages are told: the browser's for a live swarm as it is now, otherwise the time that is shown. */
   clock_ms(now_ms) {
-    return this.isLive() ? now_ms : this.shown_ms;
+    return this.isLive() && this.isPresent() ? now_ms : this.shown_ms;
   }
 
-  /** Whether a live swarm is shown, as far as the server has said. */
+  /** Whether there is a live swarm, as far as the server has said. */
   isLive() {
     return (this.place?.showing ?? "LIVE") === "LIVE";
+  }
+
+  /** Whether what is shown is the newest, not a moment that was asked for. */
+  isPresent() {
+    return this.moment.speed === null;
+  }
+
+  /** The date of a moment that is shown, in milliseconds: that of the browser's clock for a live swarm, otherwise the run's time. */
+  date_ms(at_ms) {
+    if (!this.isLive()) return at_ms;
+    const newest_ms = this.isPresent() ? this.shown_ms : this.moment.to_s * 1000;
+    return Date.now() - (newest_ms - at_ms);
   }
 
   takeStates(frame, now_ms) {
@@ -117,9 +143,14 @@ export class Model {
 
   /** Events come once; a new connection brings all that are kept. Those of no live swarm have the run's time. */
   takeEvents(events) {
-    const now_ms = this.isLive() ? Date.now() : this.shown_ms;
-    for (const event of events) this.events.push({ ...event, at: new Date(now_ms - event.age_s * 1000) });
+    for (const event of events) this.events.push({ ...event, at: new Date(this.date_ms(this.shown_ms - event.age_s * 1000)) });
     this.events = this.events.slice(-EVENTS_MOST);
+  }
+
+  /** Which moment is shown; when all comes anew, what is known is forgotten. */
+  takeMoment(moment) {
+    if (moment.isAnew) this.forget();
+    this.moment = moment;
   }
 
   takeStripe(frame) {
@@ -152,7 +183,7 @@ export class Model {
     this.texts.delete(frame.kind);
     const value = JSON.parse(new TextDecoder().decode(new Uint8Array(parts)));
     switch (frame.kind) {
-      case KIND.Welcome: this.place = value; this.events = []; break;
+      case KIND.Welcome: this.place = value; this.events = []; this.markers = []; break;
       case KIND.Orders: this.orders = value; break;
       case KIND.Ground: this.ground = { ...value, at_ms: now_ms - (value.age_s ?? 0) * 1000 }; break;
       case KIND.Vehicle: this.vehicles.set(value.id, value); break;
@@ -160,6 +191,8 @@ export class Model {
       case KIND.Finds: this.finds.set(value.subject, value); break;
       case KIND.Timetable: this.timetable = value; break;
       case KIND.Events: this.takeEvents(value.events); break;
+      case KIND.Moment: this.takeMoment(value); break;
+      case KIND.Markers: this.markers = [...this.markers, ...value.markers].slice(-EVENTS_MOST); break;
       default: return;
     }
     const names = Object.entries(KIND).find(([, number]) => number === frame.kind);

@@ -141,6 +141,8 @@ export class Scene {
 
   draw(now_ms) {
     const { canvas, model } = this;
+    if (this.generation !== model.generation) this.tiles.clear();
+    this.generation = model.generation;
     if (!model.place || canvas.clientWidth === 0) return;
     const ratio = Math.min(devicePixelRatio || 1, 1.5);
     const [width, height] = [Math.round(canvas.clientWidth * ratio), Math.round(canvas.clientHeight * ratio)];

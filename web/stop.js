@@ -10,9 +10,9 @@ const CANNOT = "Cannot stop from here: use the radio, or tomoswarm order CONFIG 
 
 /** Posts an order and says how that went; the answer's number, or null. */
 export async function post(order) {
-  const showing = document.documentElement.dataset.showing ?? "LIVE";
-  if (showing !== "LIVE") {
-    say(`A ${showing.toLowerCase()}: it takes no orders.`, "refused");
+  const source = document.documentElement.dataset.source ?? "LIVE";
+  if (source !== "LIVE") {
+    say(`A ${source.toLowerCase()}: it takes no orders.`, "refused");
     return null;
   }
   if (!mayOrder) {

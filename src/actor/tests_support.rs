@@ -176,6 +176,10 @@ impl Wiring for Adding {
             Destination::Edge(sum) => carry_out(sum),
         }
     }
+
+    fn published(_effect: u32) -> Option<tomoswarm_proto::Message> {
+        None
+    }
 }
 
 /// Returns the name of a value's variant.

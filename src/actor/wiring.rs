@@ -17,6 +17,7 @@ use std::fmt;
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use tomoswarm_proto::Message;
 
 use super::{Actor, Input};
 
@@ -44,7 +45,7 @@ pub enum ActingTime {
 pub trait NodeActor:
     Actor<
         In: Input + Clone + Serialize + DeserializeOwned + Send + Sync + 'static,
-        Out: Clone + Serialize + Send + Sync + 'static,
+        Out: Clone + Serialize + DeserializeOwned + Send + Sync + 'static,
     > + Serialize
     + DeserializeOwned
     + Send
@@ -56,7 +57,7 @@ impl<A> NodeActor for A
 where
     A: Actor + Serialize + DeserializeOwned + Send + 'static,
     A::In: Input + Clone + Serialize + DeserializeOwned + Send + Sync + 'static,
-    A::Out: Clone + Serialize + Send + Sync + 'static,
+    A::Out: Clone + Serialize + DeserializeOwned + Send + Sync + 'static,
 {
 }
 
@@ -118,6 +119,9 @@ pub trait Wiring: Sized + 'static {
         destination: Self::Destination,
         carry_out: &mut impl FnMut(Self::Effect),
     );
+
+    /// Returns what the bus shall carry, if that is what an effect asks for.
+    fn published(effect: Self::Effect) -> Option<Message>;
 }
 
 /// What stands where an actor of a node belongs.
@@ -174,4 +178,9 @@ pub enum Names {}
 
 impl<W: Wiring> Place<W> for Names {
     type Of<A: NodeActor> = ();
+}
+
+/// Nobody listens.
+impl<W: Wiring> Recipient<W> for Names {
+    fn tell<A: NodeActor>(_place: &mut (), _input: A::In) {}
 }

@@ -1,14 +1,17 @@
 //! `tomoswarm dash CONFIG`: the operator's page, for a browser on this machine.
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::error::CliError;
 use super::logging;
 use super::operator::{OperatorContext, fault};
-use super::standard_output::StandardOutput;
+use super::replay::recordings;
+use super::standard_output::{StandardOutput, complain};
 use super::stop::StopFlag;
-use crate::run::dash::{DashError, Dashboard};
+use crate::config::{self, Config};
+use crate::run::dash::{DashError, Dashboard, RecordedPage};
+use crate::store::recording::what_was_said;
 
 /// The port of the page unless another one is asked for.
 pub(super) const PAGE_PORT: u16 = 8377;
@@ -22,8 +25,11 @@ pub(super) const PAGE_PORT: u16 = 8377;
 #[command(after_help = AFTER_HELP)]
 pub struct DashArgs {
     /// A file of kind "operator", or the ground station's own file; with certificates only the operator's (`tomoswarm enroll`)
-    #[arg(value_name = "CONFIG")]
-    pub config: PathBuf,
+    #[arg(value_name = "CONFIG", required_unless_present = "replay")]
+    pub config: Option<PathBuf>,
+    /// Show flight recordings in place of a swarm: a recording (.mcap), or a folder with those of all nodes of one run
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["config", "files"])]
+    pub replay: Option<PathBuf>,
     /// The port of the page; 0 = any that is free
     #[arg(long, value_name = "PORT", default_value_t = PAGE_PORT)]
     pub port: u16,
@@ -41,9 +47,11 @@ GET /metrics answers Prometheus (Authorization: Bearer TOKEN, the token of one o
 Examples:
   tomoswarm dash operator.toml                        then open one of the links
   tomoswarm dash operator.toml --port 0               on any free port
+  tomoswarm dash --replay run/flight                  a recording: of each node what it said, at any moment and speed
   ssh -L 8377:127.0.0.1:8377 ground                   the page of a ground station's machine, from elsewhere
 
-Exit codes: 0 ended by Ctrl-C; 1 the bus cannot be joined, or a fault; 2 bad usage or configuration, or the port is in use.";
+Exit codes: 0 ended by Ctrl-C; 1 the bus cannot be joined, or a fault; 2 bad usage or configuration, a recording that cannot
+be shown, or the port is in use.";
 
 impl DashArgs {
     /// Serves until it shall end.
@@ -58,7 +66,13 @@ impl DashArgs {
                 reason: "is no folder; one with index.html is expected".to_owned(),
             });
         }
-        let context = OperatorContext::read(&self.config)?;
+        if let Some(folder) = &self.replay {
+            return self.replay(folder, out);
+        }
+        let Some(config) = &self.config else {
+            return Err(CliError::Usage("CONFIG or --replay is expected".to_owned()));
+        };
+        let context = OperatorContext::read(config)?;
         let stop = StopFlag::listen();
         let operator = context.open()?;
         let started = Dashboard::start(operator, &context.venue, self.port, self.files.clone());
@@ -69,6 +83,41 @@ impl DashArgs {
             .and_then(|()| out.flush())
             .map_err(CliError::stdout)?;
         dashboard.run(|| stop.is_asked()).map_err(fault)
+    }
+
+    /// Serves a recording until it shall end.
+    fn replay(&self, folder: &Path, out: &mut StandardOutput) -> Result<(), CliError> {
+        let files = recordings(&[folder.to_owned()])?;
+        let run = what_was_said(&files).map_err(|error| CliError::Input {
+            path: error.path,
+            reason: error.reason,
+        })?;
+        run.notes
+            .iter()
+            .for_each(|note| complain(&format_args!("note: {note}")));
+        let unusable = |reason: String| CliError::Input {
+            path: folder.to_owned(),
+            reason,
+        };
+        if run.venue.is_empty() {
+            let reason = "says no venue: it was recorded by an older version";
+            return Err(unusable(reason.to_owned()));
+        }
+        let venue = match config::read("venue", &run.venue, &mut |name| Err(name.to_owned())) {
+            Ok(Config::Venue(venue)) => venue,
+            Ok(_) => return Err(unusable("says a venue that is none".to_owned())),
+            Err(problems) => return Err(unusable(format!("says a wrong venue: {problems}"))),
+        };
+        if run.heard.is_empty() {
+            return Err(unusable("holds nothing that any node has said".to_owned()));
+        }
+        let stop = StopFlag::listen();
+        let page = RecordedPage::start(&venue, self.port, run.heard).map_err(refused)?;
+        writeln!(out, "to look     {}", page.link())
+            .and_then(|()| out.flush())
+            .map_err(CliError::stdout)?;
+        page.serve(|| stop.is_asked());
+        Ok(())
     }
 }
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use super::error::CliError;
-use crate::config::Sim;
+use crate::config::{self, Config, Sim};
 use crate::geom::Lattice;
 use crate::sim::SampleFile;
 use crate::sim::bus::NodeId;
@@ -20,6 +20,7 @@ const CAP: u64 = 4 << 30;
 pub(super) struct Flights {
     folder: PathBuf,
     settings: String,
+    venue: String,
     lattice: Lattice,
     nodes: BTreeMap<String, (OpenRecording, u64)>,
     trouble: Option<WriteError>,
@@ -32,6 +33,7 @@ impl Flights {
         Flights {
             folder,
             settings,
+            venue: config::to_toml(&Config::Venue(sim.venue.clone())),
             lattice,
             nodes: BTreeMap::new(),
             trouble: None,
@@ -72,10 +74,12 @@ impl Flights {
 
     fn flight(&mut self, node: &str) -> &mut (OpenRecording, u64) {
         self.nodes.entry(node.to_owned()).or_insert_with(|| {
-            let (settings, lattice) = (self.settings.clone(), self.lattice);
+            let (settings, venue) = (self.settings.clone(), self.venue.clone());
+            let lattice = self.lattice;
             let about = RecordingSubject {
                 node: node.to_owned(),
                 settings,
+                venue,
                 lattice,
                 utc_at_zero_ns: None,
             };

@@ -48,18 +48,7 @@ impl ReplayArgs {
     /// # Errors
     /// A step differs, or a file cannot be replayed.
     pub fn run(&self, out: &mut (dyn Write + Send)) -> Result<(), CliError> {
-        let mut files = Vec::new();
-        for path in &self.paths {
-            let before = files.len();
-            collect(path, DEPTH, &mut files)?;
-            if files.len() == before {
-                let reason = "holds no recording; files that end in .mcap are expected".to_owned();
-                return Err(CliError::Input {
-                    path: path.clone(),
-                    reason,
-                });
-            }
-        }
+        let files = recordings(&self.paths)?;
         let (mut replayed, mut refused) = (Replayed::default(), Vec::new());
         for file in &files {
             if let Err(error) = replay(file, self.actor.as_deref(), &mut replayed) {
@@ -103,6 +92,26 @@ impl ReplayArgs {
             Ok(())
         }
     }
+}
+
+/// Lists the recordings at some paths, in order.
+///
+/// # Errors
+/// A path cannot be read, or holds none.
+pub(super) fn recordings(paths: &[PathBuf]) -> Result<Vec<PathBuf>, CliError> {
+    let mut files = Vec::new();
+    for path in paths {
+        let before = files.len();
+        collect(path, DEPTH, &mut files)?;
+        if files.len() == before {
+            let reason = "holds no recording; files that end in .mcap are expected".to_owned();
+            return Err(CliError::Input {
+                path: path.clone(),
+                reason,
+            });
+        }
+    }
+    Ok(files)
 }
 
 /// Lists the recordings at a path, in order.

@@ -7,24 +7,45 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
     EmergencyName, Image, ImageSubject, Message, Plan, RunId, Sender, TILE_CELLS, TileAddress,
     VehicleId,
 };
 
 use super::events::{EventKind, EventList};
-use super::orders::OrderBook;
+use super::gate::PageId;
+use super::orders::{OrderBook, OrderRequest};
 use super::radio::{Pair, RadioView};
+use super::texts::outcome_in_words;
 use super::timetable::{ProgressOf, Timetable};
 use crate::geom::Lattice;
 use crate::map::{JoinResult, Merged, Repair};
 use crate::operator::HeardMessage;
 use crate::operator::fleet_view::FleetView;
+use crate::operator::outcome::OrderOutcome;
 use crate::sweep::VehicleProgress;
 use crate::time::Time;
 
+/// What the rest of a board takes, about: states, plans, samples.
+const OTHER_BYTES: usize = 64 << 10;
 /// An image that was not said again for this long gives way to one that seems to be older: the ground has begun anew.
 const IMAGE_STANDS: Duration = Duration::from_secs(60);
+
+/// Something that a board is told. Two boards that were told the same at the same times are the same.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub enum BoardInput {
+    /// What came over the bus.
+    Heard(HeardMessage),
+    /// Whether anyone can be reached.
+    Linked(bool),
+    /// A page has given an order; it gets the next number.
+    Ordered(OrderRequest),
+    /// What became of an order, by its number.
+    Ended(u32, OrderOutcome),
+    /// Which page has the seat.
+    Seat(Option<PageId>),
+}
 
 /// Something that a page shows; the lower goes first.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
@@ -43,6 +64,10 @@ pub enum Subject {
     Timetable,
     /// What happened.
     Events,
+    /// Which moment is shown, of which span; of no board.
+    Moment,
+    /// What of the span is worth a mark; of no board.
+    Markers,
     /// How one vehicle hears another one.
     Radio(Pair),
     /// What was found.
@@ -65,7 +90,7 @@ pub struct NewestImage {
 }
 
 /// The newest of everything.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Board {
     venue_hash: u64,
     view: FleetView,
@@ -100,8 +125,41 @@ impl Board {
         }
     }
 
-    /// Takes what came over the bus.
-    pub fn hear(&mut self, now: Time, heard: &HeardMessage) {
+    /// Takes what it is told.
+    pub fn take(&mut self, now: Time, input: &BoardInput) {
+        match input {
+            BoardInput::Heard(heard) => self.hear(now, heard),
+            BoardInput::Linked(is_linked) => {
+                self.is_linked = *is_linked;
+                self.changes.insert(Subject::Orders);
+            }
+            BoardInput::Ordered(request) => self.enter(now, request),
+            BoardInput::Ended(number, outcome) => {
+                self.orders.end(*number, outcome.clone());
+                self.changes.insert(Subject::Orders);
+                let vehicles = outcome.vehicles.keys().copied().collect();
+                let text = format!("order {number}: {}", outcome_in_words(outcome));
+                self.add_event(now, EventKind::Order, vehicles, text);
+            }
+            BoardInput::Seat(page) => {
+                self.orders.set_seat(*page);
+                self.changes.insert(Subject::Orders);
+            }
+        }
+    }
+
+    fn enter(&mut self, now: Time, request: &OrderRequest) {
+        let number = self.orders.enter(now, request.clone());
+        self.changes.insert(Subject::Orders);
+        let whom = request.targets().into_iter().collect();
+        let (word, page) = (request.order.word(), request.page);
+        let mission = request.mission.as_ref();
+        let mission = mission.map_or(String::new(), |said| format!(" {}", said.kind));
+        let text = format!("order {number}: {word}{mission}, by page {page}");
+        self.add_event(now, EventKind::Order, whom, text);
+    }
+
+    fn hear(&mut self, now: Time, heard: &HeardMessage) {
         let is_state = matches!(heard, HeardMessage::Message(_, Message::State(_)));
         if is_state && self.view.is_news(heard) {
             self.changes.insert(Subject::Orders);
@@ -135,23 +193,9 @@ impl Board {
         }
     }
 
-    /// Takes whether anyone can be reached.
-    pub fn set_linked(&mut self, is_linked: bool) {
-        if self.is_linked != is_linked {
-            self.is_linked = is_linked;
-            self.changes.insert(Subject::Orders);
-        }
-    }
-
     /// Returns whether anyone can be reached.
     pub fn is_linked(&self) -> bool {
         self.is_linked
-    }
-
-    /// Returns the orders, to be changed.
-    pub fn orders_mut(&mut self) -> &mut OrderBook {
-        self.changes.insert(Subject::Orders);
-        &mut self.orders
     }
 
     /// Returns the orders and how they fared.
@@ -200,13 +244,7 @@ impl Board {
     }
 
     /// Adds to what happened: something of some vehicles, or of all.
-    pub fn add_event(
-        &mut self,
-        now: Time,
-        kind: EventKind,
-        vehicles: Vec<VehicleId>,
-        text: String,
-    ) {
+    fn add_event(&mut self, now: Time, kind: EventKind, vehicles: Vec<VehicleId>, text: String) {
         self.events.add(now, kind, vehicles, text);
         self.changes.insert(Subject::Events);
     }
@@ -251,6 +289,13 @@ impl Board {
             .chain(self.map.addresses().map(Subject::Tile))
             .chain(images)
             .collect()
+    }
+
+    /// Returns how many bytes a copy of it takes, about.
+    pub fn bytes(&self) -> usize {
+        let parts = self.images.values().flat_map(|image| image.parts.values());
+        let pixels = |part: &Image| part.mean.len() + part.deviation.as_ref().map_or(0, Vec::len);
+        self.map.bytes() + parts.map(pixels).sum::<usize>() + self.events.bytes() + OTHER_BYTES
     }
 
     /// Returns when to wake it.
@@ -390,11 +435,21 @@ impl Board {
         if is_known {
             return;
         }
+        let is_first = newest.parts.is_empty();
         newest.parts.insert(image.part, image.clone());
         self.changes
             .insert(Subject::Stripe(image.subject, image.part));
         if image.part == 0 {
             self.changes.insert(Subject::Finds(image.subject));
+        }
+        if is_first {
+            let what = match image.subject {
+                ImageSubject::Structure => "the structure",
+                ImageSubject::Change => "the change",
+            };
+            let (run, laps) = (image.run.0, image.laps);
+            let text = format!("image of {what}, run {run}, lap {laps}");
+            self.add_event(now, EventKind::Image, Vec::new(), text);
         }
     }
 }

@@ -23,6 +23,8 @@ pub enum EventKind {
     Trouble,
     /// An order, and how it fared.
     Order,
+    /// An image has come.
+    Image,
 }
 
 impl EventKind {
@@ -32,6 +34,7 @@ impl EventKind {
             EventKind::Change => "change",
             EventKind::Trouble => "trouble",
             EventKind::Order => "order",
+            EventKind::Image => "image",
         }
     }
 }
@@ -69,6 +72,12 @@ impl EventList {
     /// Returns the number of the newest event; 0 = none.
     pub fn last(&self) -> u64 {
         self.last
+    }
+
+    /// Returns the bytes that they take, about.
+    pub fn bytes(&self) -> usize {
+        let texts = self.events.iter().map(|event| event.text.len());
+        texts.sum::<usize>() + self.events.len() * size_of::<Event>()
     }
 
     /// Adds an event.

@@ -27,7 +27,7 @@ pub enum FrameKind {
     Welcome = 1,
     /// Text: open stops, the seat, how orders fared.
     Orders = 2,
-    /// Records: where vehicles are. Without any it says that the server lives.
+    /// Records: where vehicles are.
     States = 3,
     /// Text: the ground station.
     Ground = 4,
@@ -47,11 +47,15 @@ pub enum FrameKind {
     Timetable = 11,
     /// Text: what happened since the last one.
     Events = 12,
+    /// Text: which moment is shown, of which span, and whether everything comes anew. Also says that the server lives.
+    Moment = 13,
+    /// Text: the marks of the span since the last ones.
+    Markers = 14,
 }
 
 impl FrameKind {
     /// All kinds.
-    pub const ALL: [FrameKind; 12] = [
+    pub const ALL: [FrameKind; 14] = [
         FrameKind::Welcome,
         FrameKind::Orders,
         FrameKind::States,
@@ -64,6 +68,8 @@ impl FrameKind {
         FrameKind::Radio,
         FrameKind::Timetable,
         FrameKind::Events,
+        FrameKind::Moment,
+        FrameKind::Markers,
     ];
 }
 

@@ -12,6 +12,8 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
+
 use super::orders::{OrderRequest, OrderWord};
 use crate::time::Time;
 
@@ -27,7 +29,7 @@ pub const SEAT_LASTS: Duration = Duration::from_secs(15);
 pub const ORDERS_PER_S: usize = 20;
 
 /// One page, counted from 1.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
 pub struct PageId(pub u32);
 
 /// What a token allows.

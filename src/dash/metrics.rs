@@ -142,6 +142,7 @@ fn gauge(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dash::board::BoardInput;
     use crate::geom::Lattice;
     use crate::operator::tests_support::{at, heard, report, state};
     use tomoswarm_proto::{Health, Message};
@@ -160,7 +161,7 @@ mod tests {
             Message::Health(health),
             Message::Report(report()),
         ] {
-            board.hear(at(1.0), &heard(message));
+            board.take(at(1.0), &BoardInput::Heard(heard(message)));
         }
         let text = metrics(at(1.5), &board);
         for line in [

@@ -4,7 +4,7 @@
 use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{OrderKind, RunId, VehicleId};
 
 use super::gate::PageId;
@@ -23,7 +23,7 @@ const ORDER_WITHIN: Duration = Duration::from_secs(5);
 const STOP_WITHIN: Duration = Duration::from_secs(15);
 
 /// What a page asks for.
-#[derive(Clone, PartialEq, Eq, Debug, Deserialize)]
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OrderRequest {
     /// What.
@@ -42,7 +42,7 @@ pub struct OrderRequest {
 }
 
 /// A mission as a page says it: what `tomoswarm order CONFIG start --mission` takes.
-#[derive(Clone, PartialEq, Eq, Debug, Deserialize)]
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MissionOrder {
     /// The word for its kind.
@@ -59,7 +59,7 @@ pub struct MissionOrder {
 }
 
 /// What can be asked for.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum OrderWord {
     /// The emergency stop.
@@ -193,6 +193,11 @@ pub struct OrderBook {
 }
 
 impl OrderBook {
+    /// Returns the number of the last order; 0 = none.
+    pub fn last(&self) -> u32 {
+        self.last
+    }
+
     /// Enters an order; returns its number.
     pub fn enter(&mut self, now: Time, request: OrderRequest) -> u32 {
         self.last = self.last.wrapping_add(1);

@@ -3,13 +3,14 @@
 //! is sent. Orders go before states, states before texts, those before tiles, tiles before images; but who was passed over a
 //! few times has its turn, so that a page that draws slowly sees all of it as well.
 //!
-//! States go ten times a second at most, tiles twenty times, who hears whom once. When nothing else has gone for a second, an empty frame of
-//! states says that the server lives.
+//! States go ten times a second at most, tiles twenty times, who hears whom once. Every second a page is told which moment it
+//! shows, of which span; that also says that the server lives.
 
 use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
 
 use super::board::{Board, Subject};
+use super::events::Event;
 use super::frame::{self, FRAME_BYTES_MAX, FrameKind, HEADER_BYTES};
 use super::texts;
 use crate::time::Time;
@@ -24,8 +25,23 @@ const STATES_EVERY: Duration = Duration::from_millis(100);
 const TILES_EVERY: Duration = Duration::from_millis(50);
 /// Between two frames of who hears whom.
 const RADIO_EVERY: Duration = Duration::from_secs(1);
-/// Between two frames of any kind.
-const BEATS_EVERY: Duration = Duration::from_secs(1);
+/// Between two frames of which moment is shown.
+const MOMENT_EVERY: Duration = Duration::from_secs(1);
+
+/// What a page is shown.
+#[derive(Clone, Copy)]
+pub struct Shown<'a> {
+    /// The board.
+    pub board: &'a Board,
+    /// The moment at which it is as it is.
+    pub at: Time,
+    /// From when and until when there are moments that could be shown.
+    pub span: (Time, Time),
+    /// How fast it goes on, when it is another moment than the present; `None` = it is the present.
+    pub speed: Option<f64>,
+    /// What is worth a mark, oldest first.
+    pub markers: &'a VecDeque<Event>,
+}
 
 /// What waits for one page.
 #[derive(Debug)]
@@ -37,24 +53,42 @@ pub struct Outbox {
     /// How many frames have gone since the last one of each class, while something of it waited.
     passed_over: [u8; 5],
     /// Before which time nothing of each rate goes.
-    rates_at: [Time; 3],
+    rates_at: [Time; 4],
     /// The number of the last event that was sent.
     events_sent: u64,
-    beats_at: Time,
+    /// The number of the last marker that was sent.
+    markers_sent: u64,
+    /// Everything comes anew, and the page is to forget what it has.
+    is_anew: bool,
 }
 
 impl Outbox {
-    /// Makes what a page that has just come is sent: a text of welcome, then everything as it is at the moment `shown`.
-    pub fn new(now: Time, shown: Time, welcome: &str, board: &Board) -> Outbox {
+    /// Makes what a page that has just come is sent: a text of welcome, then everything that is shown.
+    pub fn new(now: Time, welcome: &str, shown: &Shown<'_>) -> Outbox {
+        let markers = (!shown.markers.is_empty()).then_some(Subject::Markers);
         Outbox {
-            waiting: board.subjects(),
-            rest: frame::texts(FrameKind::Welcome, shown, welcome).into(),
+            waiting: everything(shown.board, markers),
+            rest: frame::texts(FrameKind::Welcome, shown.at, welcome).into(),
             in_flight: 0,
             passed_over: [0; 5],
-            rates_at: [now; 3],
+            rates_at: [now; 4],
             events_sent: 0,
-            beats_at: now,
+            markers_sent: 0,
+            is_anew: false,
         }
+    }
+
+    /// Lets everything come anew, as another board has it; a text that has begun is ended first.
+    pub fn show_anew(&mut self, now: Time, board: &Board) {
+        let markers = self.waiting.get(&Subject::Markers).copied();
+        self.waiting = everything(board, markers);
+        (self.passed_over, self.rates_at) = ([0; 5], [now; 4]);
+        (self.events_sent, self.is_anew) = (0, true);
+    }
+
+    /// Returns whether a frame may go.
+    pub fn has_room(&self) -> bool {
+        self.in_flight < IN_FLIGHT_MAX
     }
 
     /// Takes what has changed.
@@ -74,47 +108,52 @@ impl Outbox {
 
     /// Returns when a frame may be due without anything new; `None` = not before the page gives credit.
     pub fn deadline(&self) -> Option<Time> {
-        if self.in_flight >= IN_FLIGHT_MAX {
+        if !self.has_room() {
             return None;
         }
         if !self.rest.is_empty() {
             return Some(Time::ZERO);
         }
-        let first = self
-            .waiting
-            .iter()
-            .map(|subject| self.due_at(*subject))
-            .min();
-        Some(first.map_or(self.beats_at, |at| at.min(self.beats_at)))
+        let waiting = self.waiting.iter();
+        waiting.map(|subject| self.due_at(*subject)).min()
     }
 
-    /// Returns the next frame, if one may go now; it shows the board as it is at the moment `shown`.
-    pub fn next(&mut self, now: Time, shown: Time, board: &Board) -> Option<Vec<u8>> {
-        if self.in_flight >= IN_FLIGHT_MAX {
+    /// Returns the next frame, if one may go now.
+    pub fn next(&mut self, now: Time, shown: &Shown<'_>) -> Option<Vec<u8>> {
+        if !self.has_room() {
             return None;
         }
         let frame = self
             .rest
             .pop_front()
-            .or_else(|| self.choose(now, shown, board))?;
+            .or_else(|| self.is_anew.then(|| self.begin_anew(now, shown))?)
+            .or_else(|| self.choose(now, shown))?;
         self.in_flight += 1;
-        self.beats_at = now + BEATS_EVERY;
         Some(frame)
+    }
+
+    /// Says first of all that everything comes anew.
+    fn begin_anew(&mut self, now: Time, shown: &Shown<'_>) -> Option<Vec<u8>> {
+        self.begin_interval(now, Subject::Moment);
+        self.moment(shown)
+    }
+
+    /// Says which moment is shown; it waits again at once, for its next turn.
+    fn moment(&mut self, shown: &Shown<'_>) -> Option<Vec<u8>> {
+        let text = texts::moment(shown, std::mem::take(&mut self.is_anew));
+        frame::texts(FrameKind::Moment, shown.at, &text).pop()
     }
 
     fn due_at(&self, subject: Subject) -> Time {
         rate(subject).map_or(Time::ZERO, |(rate, _)| self.rates_at[rate])
     }
 
-    fn choose(&mut self, now: Time, shown: Time, board: &Board) -> Option<Vec<u8>> {
+    fn choose(&mut self, now: Time, shown: &Shown<'_>) -> Option<Vec<u8>> {
         loop {
-            let Some(subject) = self.first(now) else {
-                return (now >= self.beats_at)
-                    .then(|| frame::records(FrameKind::States, shown, 0, &[]));
-            };
+            let subject = self.first(now)?;
             self.begin_interval(now, subject);
-            if let Some(frame) = self.make(shown, board, subject) {
-                self.count(class(subject));
+            if let Some(frame) = self.make(shown, subject) {
+                self.count(now, class(subject));
                 return Some(frame);
             }
         }
@@ -134,10 +173,13 @@ impl Outbox {
             .copied()
     }
 
-    /// Counts a frame of a class.
-    fn count(&mut self, sent: usize) {
+    /// Counts a frame of a class. Which moment is shown waits always, and counts once it is due.
+    fn count(&mut self, now: Time, sent: usize) {
+        let moment_is_due = self.due_at(Subject::Moment) <= now;
         for of in 0..PATIENCE.len() {
-            let waits = of != sent && self.waiting.iter().any(|subject| class(*subject) == of);
+            let counts = |subject: &Subject| *subject != Subject::Moment || moment_is_due;
+            let is_it = |subject: &Subject| class(*subject) == of && counts(subject);
+            let waits = of != sent && self.waiting.iter().any(is_it);
             self.passed_over[of] = match waits {
                 true => self.passed_over[of].saturating_add(1),
                 false => 0,
@@ -153,8 +195,15 @@ impl Outbox {
     }
 
     /// Makes the frame of a subject, and of as many like it as fit; `None` of what is not there any more.
-    fn make(&mut self, now: Time, board: &Board, subject: Subject) -> Option<Vec<u8>> {
+    fn make(&mut self, shown: &Shown<'_>, subject: Subject) -> Option<Vec<u8>> {
+        let (now, board) = (shown.at, shown.board);
         match subject {
+            Subject::Moment => self.moment(shown),
+            Subject::Markers => {
+                let text = texts::markers(shown.markers, self.markers_sent);
+                self.markers_sent = shown.markers.back().map_or(0, |marker| marker.number);
+                self.text(subject, FrameKind::Markers, now, text)
+            }
             Subject::State(_) => {
                 let of = |subject| match subject {
                     Subject::State(id) => Some(texts::state_record(now, board, id)),
@@ -252,18 +301,27 @@ impl Outbox {
     }
 }
 
+/// Returns all that a page waits for that is to see a board, with the markers if there are any that it has not seen.
+fn everything(board: &Board, markers: Option<Subject>) -> BTreeSet<Subject> {
+    let mut all = board.subjects();
+    all.extend([Subject::Moment].into_iter().chain(markers));
+    all
+}
+
 /// Returns which rate holds for a subject, and how long it waits between two frames; `None` = it goes at once.
 fn rate(subject: Subject) -> Option<(usize, Duration)> {
     match subject {
         Subject::State(_) => Some((0, STATES_EVERY)),
         Subject::Tile(_) => Some((1, TILES_EVERY)),
         Subject::Radio(_) => Some((2, RADIO_EVERY)),
+        Subject::Moment => Some((3, MOMENT_EVERY)),
         Subject::Orders
         | Subject::Ground
         | Subject::Vehicle(_)
         | Subject::Plan(_)
         | Subject::Timetable
         | Subject::Events
+        | Subject::Markers
         | Subject::Finds(_)
         | Subject::Stripe(..) => None,
     }
@@ -279,6 +337,8 @@ fn class(subject: Subject) -> usize {
         | Subject::Plan(_)
         | Subject::Timetable
         | Subject::Events
+        | Subject::Moment
+        | Subject::Markers
         | Subject::Radio(_)
         | Subject::Finds(_) => 2,
         Subject::Tile(_) => 3,

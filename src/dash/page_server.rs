@@ -2,7 +2,8 @@
 //! said as [`PageEffect`]s. Told the time, no I/O; the bus, the sockets and the operator are its caller's.
 //!
 //! ```text
-//!   bus ──heard──► board ──changes──► outboxes ──frames──► pages
+//!   bus ──heard──► history ──► board ──changes──► outboxes ──frames──► pages
+//!                     └─ a board at another time, for each page that looks at one ──► its outbox
 //!   page ──token, credit──► gate, outbox        page ──order──► gate ──► order book, operator
 //!   operator ──how orders ended──► order book
 //! ```
@@ -12,15 +13,15 @@ use std::time::Duration;
 
 use serde::Deserialize;
 use serde_json::{Value, json};
-use tomoswarm_proto::{Message, StopScope, VehicleId};
+use tomoswarm_proto::{Message, StopScope};
 
-use super::board::Board;
-use super::events::EventKind;
+use super::board::{Board, BoardInput, Subject};
 use super::gate::{FIRST_WITHIN, Gate, GateRefusal, PageId, Right};
+use super::history::History;
 use super::metrics::metrics;
 use super::orders::{OrderRequest, OrderWord};
-use super::outbox::Outbox;
-use super::texts::outcome_in_words;
+use super::outbox::{Outbox, Shown};
+use super::playback::Playback;
 use crate::config::Venue;
 use crate::operator::HeardMessage;
 use crate::operator::operator_actor::{In, Out};
@@ -56,6 +57,18 @@ struct PageMessage {
     token: Option<String>,
     #[serde(default)]
     credit: u32,
+    #[serde(default)]
+    show: Option<WantedTime>,
+}
+
+/// What time a page wants to see.
+#[derive(Clone, Copy, Deserialize)]
+#[serde(rename_all = "lowercase", deny_unknown_fields)]
+enum WantedTime {
+    /// What is new.
+    Present,
+    /// A moment, seconds, and how fast to go on from there, seconds a second.
+    Past { at_s: f64, speed: f64 },
 }
 
 /// A connection.
@@ -64,6 +77,10 @@ struct Page {
     opened: Time,
     /// Once it has said its token.
     outbox: Option<Outbox>,
+    /// When it looks at another time than the present.
+    playback: Option<Playback>,
+    /// It has to be shown all of its board.
+    is_anew: bool,
 }
 
 /// All that is served to pages.
@@ -72,12 +89,17 @@ pub struct PageServer {
     place: Value,
     venue: Venue,
     board: Board,
+    history: History,
     gate: Gate,
     pages: BTreeMap<PageId, Page>,
     last_page: u32,
     seat: Option<PageId>,
     /// The moment that is shown when it is not the present.
     shown: Option<Time>,
+    /// All was told: pages begin at the beginning.
+    is_over: bool,
+    /// The number of the last marker that pages were told of.
+    marked: Option<u64>,
     effects: Vec<PageEffect>,
 }
 
@@ -89,11 +111,14 @@ impl PageServer {
             place,
             venue,
             board,
+            history: History::default(),
             gate,
             pages: BTreeMap::new(),
             last_page: 0,
             seat: None,
             shown: None,
+            is_over: false,
+            marked: None,
             effects: Vec::new(),
         }
     }
@@ -105,7 +130,12 @@ impl PageServer {
 
     /// Takes what came over the bus.
     pub fn hear(&mut self, now: Time, heard: &HeardMessage) {
-        self.board.hear(now, heard);
+        self.tell(now, &BoardInput::Heard(heard.clone()));
+    }
+
+    fn tell(&mut self, now: Time, input: &BoardInput) {
+        // What came over the bus or from a page can be packed: it was.
+        let _ = self.history.tell(now, &mut self.board, input);
     }
 
     /// Takes which moment is shown when it is not the present: in a simulation the virtual time. What is heard is told with
@@ -114,9 +144,16 @@ impl PageServer {
         self.shown = Some(shown);
     }
 
+    /// Takes that nothing more will be told: this is a recording, which pages see from its beginning.
+    pub fn end_history(&mut self) {
+        self.is_over = true;
+    }
+
     /// Takes whether anyone can be reached.
-    pub fn set_linked(&mut self, is_linked: bool) {
-        self.board.set_linked(is_linked);
+    pub fn set_linked(&mut self, now: Time, is_linked: bool) {
+        if self.board.is_linked() != is_linked {
+            self.tell(now, &BoardInput::Linked(is_linked));
+        }
     }
 
     /// Takes what the operator says of an order.
@@ -124,10 +161,7 @@ impl PageServer {
         if let Out::Ended(GoalId::Hand(number), outcome)
         | Out::InForce(GoalId::Hand(number), outcome) = out
         {
-            self.board.orders_mut().end(*number, outcome.clone());
-            let vehicles = outcome.vehicles.keys().copied().collect();
-            let text = format!("order {number}: {}", outcome_in_words(outcome));
-            self.board.add_event(now, EventKind::Order, vehicles, text);
+            self.tell(now, &BoardInput::Ended(*number, outcome.clone()));
         }
     }
 
@@ -141,6 +175,8 @@ impl PageServer {
         let page = Page {
             opened: now,
             outbox: None,
+            playback: None,
+            is_anew: false,
         };
         self.pages.insert(PageId(self.last_page), page);
         Ok(PageId(self.last_page))
@@ -153,11 +189,15 @@ impl PageServer {
     pub fn page_said(&mut self, now: Time, id: PageId, text: &str) -> Result<(), GateRefusal> {
         let said: PageMessage = serde_json::from_str(text)
             .map_err(|error| GateRefusal::Unreadable(format!("not understood: {error}")))?;
+        let present = self.present(now);
         let Some(page) = self.pages.get_mut(&id) else {
             return Ok(());
         };
         if let Some(outbox) = &mut page.outbox {
             outbox.credit(said.credit);
+            if let Some(wanted) = said.show {
+                page.show(now, wanted, &self.history, self.is_over);
+            }
             return Ok(());
         }
         let right = self
@@ -166,9 +206,21 @@ impl PageServer {
         let mut welcome = self.place.clone();
         welcome["page"] = json!(id.0);
         welcome["mayOrder"] = json!(right == Right::Operate);
-        let shown = self.shown.unwrap_or(now);
-        page.outbox = Some(Outbox::new(now, shown, &welcome.to_string(), &self.board));
+        let shown = shown(&self.board, present, None, present, &self.history);
+        page.outbox = Some(Outbox::new(now, &welcome.to_string(), &shown));
+        if self.is_over {
+            let from = WantedTime::Past {
+                at_s: 0.0,
+                speed: 1.0,
+            };
+            page.show(now, from, &self.history, true);
+        }
         Ok(())
+    }
+
+    /// Returns the moment that is the newest.
+    fn present(&self, now: Time) -> Time {
+        self.shown.unwrap_or(now)
     }
 
     /// Takes that a connection is gone.
@@ -200,13 +252,8 @@ impl PageServer {
         let mission = request
             .mission(&self.venue)
             .map_err(GateRefusal::Unreadable)?;
-        let number = self.board.orders_mut().enter(now, request.clone());
-        let whom: Vec<VehicleId> = request.targets().into_iter().collect();
-        let (word, page) = (request.order.word(), request.page);
-        let mission_word = request.mission.as_ref();
-        let mission_word = mission_word.map_or(String::new(), |said| format!(" {}", said.kind));
-        let text = format!("order {number}: {word}{mission_word}, by page {page}");
-        self.board.add_event(now, EventKind::Order, whom, text);
+        self.tell(now, &BoardInput::Ordered(request.clone()));
+        let number = self.board.orders().last();
         self.effects
             .extend(request.input(number, mission).map(PageEffect::Tell));
         Ok(number)
@@ -218,7 +265,7 @@ impl PageServer {
     /// The token is none of this server's.
     pub fn metrics(&self, now: Time, authorization: Option<&str>) -> Result<String, GateRefusal> {
         self.gate.judge_looking(authorization)?;
-        Ok(metrics(self.shown.unwrap_or(now), &self.board))
+        Ok(metrics(self.present(now), &self.board))
     }
 
     /// Returns the checks before a start of everyone who was heard, as JSON, for whoever may look; `software` is the version
@@ -233,7 +280,7 @@ impl PageServer {
         software: &str,
     ) -> Result<String, GateRefusal> {
         self.gate.judge_looking(authorization)?;
-        let now = self.shown.unwrap_or(now);
+        let now = self.present(now);
         let view = self.board.view();
         let everyone = Expected {
             vehicles: BTreeSet::new(),
@@ -252,9 +299,9 @@ impl PageServer {
     }
 
     /// Returns when to call [`PageServer::due`] next at the latest.
-    pub fn deadline(&self) -> Time {
+    pub fn deadline(&self, now: Time) -> Time {
         let pages = self.pages.values().filter_map(|page| match &page.outbox {
-            Some(outbox) => outbox.deadline(),
+            Some(outbox) => page.deadline(now, outbox, &self.history),
             None => Some(page.opened + FIRST_WITHIN),
         });
         let seat = self.seat.and(self.gate.seat_ends());
@@ -266,24 +313,30 @@ impl PageServer {
     /// Returns all that is due.
     pub fn due(&mut self, now: Time) -> Vec<PageEffect> {
         let mut effects = std::mem::take(&mut self.effects);
-        let shown = self.shown.unwrap_or(now);
-        if self.board.deadline().is_some_and(|at| at <= shown) {
-            effects.extend(self.board.wake(shown).into_iter().map(PageEffect::Publish));
+        let present = self.present(now);
+        if self.board.deadline().is_some_and(|at| at <= present) {
+            effects.extend(
+                self.board
+                    .wake(present)
+                    .into_iter()
+                    .map(PageEffect::Publish),
+            );
         }
         self.look_at_seat(now);
         let changes = self.board.take_changes();
+        let marked = self.history.markers().back().map(|marker| marker.number);
+        let is_marked = std::mem::replace(&mut self.marked, marked) != marked;
         for (id, page) in &mut self.pages {
-            match &mut page.outbox {
-                Some(outbox) => {
-                    outbox.note(&changes);
-                    let frames = std::iter::from_fn(|| outbox.next(now, shown, &self.board));
-                    effects.extend(frames.map(|frame| PageEffect::Send(*id, frame)));
-                }
-                None if now.since(page.opened) >= FIRST_WITHIN => {
-                    effects.push(PageEffect::Close(*id, GateRefusal::Token));
-                }
-                None => {}
+            if page.outbox.is_none() && now.since(page.opened) >= FIRST_WITHIN {
+                effects.push(PageEffect::Close(*id, GateRefusal::Token));
+                continue;
             }
+            if is_marked && let Some(outbox) = &mut page.outbox {
+                outbox.note(&[Subject::Markers].into());
+            }
+            let newest = shown(&self.board, present, None, present, &self.history);
+            let frames = page.frames(now, &newest, &changes, &self.history, self.is_over);
+            effects.extend(frames.into_iter().map(|frame| PageEffect::Send(*id, frame)));
         }
         for effect in &effects {
             if let PageEffect::Close(id, _) = effect {
@@ -298,7 +351,7 @@ impl PageServer {
         let seat = self.gate.seat(now);
         if seat != self.seat {
             self.seat = seat;
-            self.board.orders_mut().set_seat(seat);
+            self.tell(now, &BoardInput::Seat(seat));
         }
     }
 
@@ -312,6 +365,97 @@ impl PageServer {
         let given = self.board.orders().stop_of_all_since(now - SAME_STOP)?;
         let is_same = is_open() || now.since(given.at) < SAME_PRESS;
         (is_stop && is_same).then_some(given.number)
+    }
+}
+
+/// Returns what is shown of a board at a moment, of a history that reaches up to the present.
+fn shown<'a>(
+    board: &'a Board,
+    at: Time,
+    speed: Option<f64>,
+    present: Time,
+    history: &'a History,
+) -> Shown<'a> {
+    let from = history.span().map_or(present, |(from, _)| from);
+    Shown {
+        board,
+        at,
+        span: (from, present),
+        speed,
+        markers: history.markers(),
+    }
+}
+
+impl Page {
+    /// Takes what time is to be shown.
+    fn show(&mut self, now: Time, wanted: WantedTime, history: &History, is_over: bool) {
+        let (at, speed) = match wanted {
+            WantedTime::Past { at_s, speed } => (Time::from_secs_f64(at_s.clamp(0.0, 1e9)), speed),
+            // The end of a recording is no present.
+            WantedTime::Present if is_over => (Time::NEVER, 0.0),
+            WantedTime::Present => {
+                self.is_anew |= self.playback.take().is_some();
+                return;
+            }
+        };
+        match &mut self.playback {
+            Some(playback) => playback.go_to(history, now, at, speed),
+            None => self.playback = Playback::begin(history, now, at, speed),
+        }
+        self.is_anew |= self.playback.is_some();
+    }
+
+    /// Returns the frames that may go now; `newest` is what is shown of the present.
+    fn frames(
+        &mut self,
+        now: Time,
+        newest: &Shown<'_>,
+        changes: &BTreeSet<Subject>,
+        history: &History,
+        is_over: bool,
+    ) -> Vec<Vec<u8>> {
+        let Some(outbox) = &mut self.outbox else {
+            return Vec::new();
+        };
+        if let Some(playback) = &self.playback
+            && !is_over
+            && playback.speed() > 0.0
+            && playback.is_at_end(history, now)
+        {
+            // It has come to the present.
+            (self.playback, self.is_anew) = (None, true);
+        }
+        let Some(playback) = &mut self.playback else {
+            if std::mem::take(&mut self.is_anew) {
+                outbox.show_anew(now, newest.board);
+            }
+            outbox.note(changes);
+            return std::iter::from_fn(|| outbox.next(now, newest)).collect();
+        };
+        // A page that draws nothing is told nothing, and its board stays where it is.
+        if !outbox.has_room() || !playback.go_on(history, now, is_over) {
+            return Vec::new();
+        }
+        let changes = playback.board_mut().take_changes();
+        if std::mem::take(&mut self.is_anew) {
+            outbox.show_anew(now, playback.board());
+        }
+        outbox.note(&changes);
+        let shown = Shown {
+            board: playback.board(),
+            at: playback.moment(history, now),
+            speed: Some(playback.speed()),
+            ..*newest
+        };
+        std::iter::from_fn(|| outbox.next(now, &shown)).collect()
+    }
+
+    /// Returns when something may be due for it.
+    fn deadline(&self, now: Time, outbox: &Outbox, history: &History) -> Option<Time> {
+        let frames = outbox.deadline()?;
+        let playback = self.playback.as_ref();
+        let playback = playback.and_then(|playback| playback.deadline(history, now));
+        Some(playback.map_or(frames, |at| at.min(frames)))
     }
 }
 

@@ -3,6 +3,8 @@
 //!
 //! What nodes say of themselves is passed on as it is; the page shows it as text only.
 
+use std::collections::VecDeque;
+
 use serde_json::{Value, json};
 use tomoswarm_proto::{
     Covariance, EmergencyStop, Image, ImageSubject, Plan, Position, StandReason, StopId, StopScope,
@@ -13,6 +15,7 @@ use super::board::Board;
 use super::events::Event;
 use super::frame::{self, PAIR, STATE, STRIPE};
 use super::orders::GivenOrder;
+use super::outbox::Shown;
 use super::radio::Pair;
 use super::timetable::SHOWN_SPEED_MPS;
 use crate::config::{DeclaredKey, GivenMission, Venue};
@@ -369,6 +372,33 @@ pub fn events(now: Time, board: &Board, after: u64) -> Option<String> {
     };
     let all: Vec<Value> = board.events().after(after).map(event).collect();
     (!all.is_empty()).then(|| json!({ "events": all }).to_string())
+}
+
+/// Returns which moment is shown, of which span; `is_anew`: everything comes anew.
+pub fn moment(shown: &Shown<'_>, is_anew: bool) -> String {
+    json!({
+        "at_s": shown.at.as_secs_f64(),
+        "from_s": shown.span.0.as_secs_f64(),
+        "to_s": shown.span.1.as_secs_f64(),
+        "speed": shown.speed,
+        "isAnew": is_anew,
+    })
+    .to_string()
+}
+
+/// Returns what is worth a mark behind a number, oldest first; `None` = nothing.
+pub fn markers(all: &VecDeque<Event>, after: u64) -> Option<String> {
+    let marker = |event: &Event| {
+        json!({
+            "at_s": tenths(event.at.as_secs_f64()),
+            "kind": event.kind.word(),
+            "vehicles": ids(&event.vehicles),
+            "text": event.text,
+        })
+    };
+    let new = all.iter().filter(|event| event.number > after);
+    let new: Vec<Value> = new.map(marker).collect();
+    (!new.is_empty()).then(|| json!({ "markers": new }).to_string())
 }
 
 /// Returns how one vehicle hears another one; `None` when no sample of them came.

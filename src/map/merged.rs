@@ -310,6 +310,14 @@ impl Merged {
         self.joined.keys().copied()
     }
 
+    /// Returns how many bytes a copy of it takes, about: the cells of layers are shared among copies.
+    pub fn bytes(&self) -> usize {
+        self.tiles * size_of::<(TileAddress, Tile)>()
+            + self.joined.len() * size_of::<(TileAddress, JoinedTile)>()
+            + self.cleared.len() * size_of::<(TileAddress, ClearedParts)>()
+            + self.parts.len() * size_of::<[u16; TILE_CELLS]>()
+    }
+
     /// Returns the merged values of a tile, as [`Merged::value`] has them, row-major, x fastest; `None` where nothing is
     /// known.
     pub fn values(&self, address: TileAddress) -> Option<[i8; TILE_CELLS]> {

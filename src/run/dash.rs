@@ -11,6 +11,7 @@
 mod files;
 mod http;
 mod pages;
+mod recorded;
 mod simulated;
 
 use std::io;
@@ -19,6 +20,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use self::pages::Pages;
+pub use self::recorded::RecordedPage;
 pub use self::simulated::SimulationPage;
 use super::live_operator::LiveOperator;
 use super::membership::{self, RandomUnavailable};
@@ -111,11 +113,12 @@ impl Dashboard {
     fn turn(&mut self) -> Result<(), Fault> {
         self.pages.answer(self.operator.now());
         let is_linked = self.operator.session().is_linked();
-        self.pages.server.set_linked(is_linked);
+        let now = self.operator.now();
+        self.pages.server.set_linked(now, is_linked);
         self.carry_out();
         let now = self.operator.now();
         let server = &mut self.pages.server;
-        let until = server.deadline().min(now + LOOKS_EVERY);
+        let until = server.deadline(now).min(now + LOOKS_EVERY);
         let said = self
             .operator
             .go_on(until, |at, heard| server.hear(at, heard))?;

@@ -160,8 +160,7 @@ pub fn run(
     });
     let told = node.clone();
     let keeper = keeper(edge.archive.clone(), wanted, move |event| told.tell(event))?;
-    let lattice = crate::geom::Lattice::new(file.venue.cell_m);
-    let recorder = recorder(file.record, &state_dir, "ground", text, lattice);
+    let recorder = recorder(file.record, &state_dir, "ground", text, &file.venue);
     let of_actors = edge.clone();
     let carry_out = move |effect| of_actors.carry_out(effect);
     let threads = node.start(process.context(), source, recorder.as_ref(), carry_out)?;

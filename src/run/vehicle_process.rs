@@ -27,7 +27,7 @@ use super::roster_watch::RosterWatch;
 use super::state_dir::{StateDir, StateDirError};
 use super::trust::TrustError;
 use crate::autopilot::{AutopilotCommand, CommandPurpose, LinkEvent, link};
-use crate::config::{Record, VehicleFile};
+use crate::config::{self, Config, Record, VehicleFile, Venue};
 use crate::geom::Lattice;
 use crate::node::outbox::OutboxCounts;
 use crate::node::route::VehicleEvent;
@@ -241,7 +241,7 @@ pub fn run(
         &state_dir,
         &format!("vehicle/{}", file.id),
         text,
-        settings.lattice,
+        &file.venue,
     );
     let carry_out = move |effect| of_actors.carry_out(effect);
     let threads = node.start(
@@ -297,7 +297,7 @@ pub(super) fn recorder(
     state_dir: &StateDir,
     node: &str,
     text: &str,
-    lattice: Lattice,
+    venue: &Venue,
 ) -> Option<Recorder> {
     let cap_bytes = record.limit_bytes()?;
     let utc = SystemTime::now()
@@ -306,7 +306,8 @@ pub(super) fn recorder(
     let about = RecordingSubject {
         node: node.to_owned(),
         settings: text.to_owned(),
-        lattice,
+        venue: config::to_toml(&Config::Venue(venue.clone())),
+        lattice: Lattice::new(venue.cell_m),
         utc_at_zero_ns: utc.and_then(|utc| u64::try_from(utc.as_nanos()).ok()),
     };
     let defaults = RecordingLimits::default();

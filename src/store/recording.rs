@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   flight-000001.mcap   metadata tomoswarm {format, software, node, segment, log_time, utc_at_zero_ns}
-//!                        metadata settings {toml}          metadata gap {reason, at_ns}, when steps are missing
+//!                        metadata settings {toml, venue}   metadata gap {reason, at_ns}, when steps are missing
 //!     /vehicle/3/mission/snapshot   tomoswarm.Snapshot  {now_ns, packed}
 //!     /vehicle/3/mission/step       tomoswarm.Step      {now_ns, input | woken, outputs, fault?}
 //!     /vehicle/3/pose, map, log     foxglove.PoseInFrame, foxglove.Grid, foxglove.Log: for people
@@ -28,6 +28,7 @@ pub mod message;
 mod reader;
 mod recorder;
 mod replay;
+mod said;
 mod schema;
 mod segment;
 mod view;
@@ -37,6 +38,7 @@ pub use folder::give_way;
 pub use reader::{ReadError, Reader, RecordingContents};
 pub use recorder::{Recorder, RecordingUse, StepRecorder};
 pub use replay::{Difference, ReplayError, ReplayResult, Replayed, replay};
+pub use said::{RecordedRun, what_was_said};
 pub use segment::WriteError;
 
 /// The version of what is written here: another one whenever an actor's snapshot takes another shape, since packed bytes

@@ -71,6 +71,7 @@ fn a_recording_leaves_the_reserve_free_and_goes_on_when_there_is_room() {
         let about = RecordingSubject {
             node: "vehicle/1".to_owned(),
             settings: String::new(),
+            venue: String::new(),
             lattice: Lattice::new(0.2),
             utc_at_zero_ns: None,
         };

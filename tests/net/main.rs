@@ -32,6 +32,8 @@ mod operator;
 mod partitions;
 mod python;
 mod raw;
+#[cfg(feature = "dash")]
+mod recorded_page;
 mod relay;
 mod relays;
 #[cfg(feature = "dash")]

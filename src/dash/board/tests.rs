@@ -123,7 +123,7 @@ fn parts_of_one_image_stand_together_and_a_newer_image_takes_the_place_of_all_of
     let finds = Subject::Finds(ImageSubject::Change);
     assert_eq!(
         changes(&mut board, 0.0, Message::Image(image(1, 0, 3))),
-        [finds, of(0)]
+        [Subject::Events, finds, of(0)]
     );
     assert_eq!(
         changes(&mut board, 0.0, Message::Image(image(1, 1, 3))),
@@ -136,7 +136,7 @@ fn parts_of_one_image_stand_together_and_a_newer_image_takes_the_place_of_all_of
     );
     assert_eq!(
         changes(&mut board, 1.0, Message::Image(image(2, 1, 4))),
-        [of(1)]
+        [Subject::Events, of(1)]
     );
     assert_eq!(
         changes(&mut board, 1.0, Message::Image(image(1, 0, 3))),
@@ -152,7 +152,11 @@ fn parts_of_one_image_stand_together_and_a_newer_image_takes_the_place_of_all_of
         .collect();
     assert_eq!(parts, [1]);
     let anew = changes(&mut board, 62.0, Message::Image(image(1, 0, 3)));
-    assert_eq!(anew, [finds, of(0)], "the ground station has begun anew");
+    assert_eq!(
+        anew,
+        [Subject::Events, finds, of(0)],
+        "the ground station has begun anew"
+    );
 }
 
 #[test]

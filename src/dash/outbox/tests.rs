@@ -9,6 +9,7 @@ use tomoswarm_proto::{
 };
 
 use super::*;
+use crate::dash::board::BoardInput;
 use crate::dash::frame::{STATE, TILE};
 use crate::geom::Lattice;
 use crate::operator::tests_support::{at, heard, state};
@@ -36,6 +37,17 @@ fn step() -> impl Strategy<Value = Step> {
     ]
 }
 
+/// The present of a board.
+fn shown<'a>(board: &'a Board, now: Time, markers: &'a VecDeque<Event>) -> Shown<'a> {
+    Shown {
+        board,
+        at: now,
+        span: (Time::ZERO, now),
+        speed: None,
+        markers,
+    }
+}
+
 /// A board, an outbox, and what was said last of everything.
 struct Life {
     board: Board,
@@ -48,7 +60,11 @@ impl Life {
     fn new() -> Life {
         let board = Board::new(7, Lattice::new(0.1));
         Life {
-            outbox: Outbox::new(Time::ZERO, Time::ZERO, "{}", &board),
+            outbox: Outbox::new(
+                Time::ZERO,
+                "{}",
+                &shown(&board, Time::ZERO, &VecDeque::new()),
+            ),
             board,
             now: Time::ZERO,
             count: 0,
@@ -56,7 +72,8 @@ impl Life {
     }
 
     fn hear(&mut self, message: Message) {
-        self.board.hear(self.now, &heard(message));
+        let input = BoardInput::Heard(heard(message));
+        self.board.take(self.now, &input);
         let changes = self.board.take_changes();
         self.outbox.note(&changes);
     }
@@ -110,7 +127,9 @@ impl Life {
     }
 
     fn take(&mut self) -> Option<Vec<u8>> {
-        self.outbox.next(self.now, self.now, &self.board)
+        let markers = VecDeque::new();
+        let shown = shown(&self.board, self.now, &markers);
+        self.outbox.next(self.now, &shown)
     }
 }
 
@@ -149,7 +168,7 @@ proptest! {
                     let waiting: Vec<Subject> = life.outbox.waiting.iter().copied().collect();
                     let had_rest = !life.outbox.rest.is_empty();
                     let is_due_at = |rate: usize| life.outbox.rates_at[rate] <= life.now;
-                    let (states_due, tiles_due) = (is_due_at(0), is_due_at(1));
+                    let (states_due, tiles_due, moment_due) = (is_due_at(0), is_due_at(1), is_due_at(3));
                     let has_turn = |of: usize| life.outbox.passed_over[of] >= PATIENCE[of];
                     let (tiles_turn, stripes_turn) = (has_turn(3), has_turn(4));
                     let frame = life.take();
@@ -158,6 +177,7 @@ proptest! {
                         let is_due = |of: &Subject| match of {
                             Subject::State(_) => states_due,
                             Subject::Tile(_) => tiles_due,
+                            Subject::Moment => moment_due,
                             _ => true,
                         };
                         let may = before < IN_FLIGHT_MAX && (had_rest || waiting.iter().any(is_due));
@@ -200,7 +220,7 @@ proptest! {
         seen.sort_unstable();
         prop_assert_eq!(seen, vehicles.into_iter().collect::<Vec<u8>>());
         prop_assert_eq!(shown, tiles.len());
-        prop_assert!(life.outbox.waiting.is_empty());
+        prop_assert_eq!(life.outbox.waiting, [Subject::Moment].into());
     }
 }
 
@@ -228,7 +248,6 @@ fn a_page_that_draws_slowly_while_everything_changes_sees_the_map_and_the_image_
         life.now = at(f64::from(tick) / 4.0);
         life.count += 1;
         (1..9).for_each(|id| life.state(id, tick));
-        life.board.orders_mut();
         life.outbox.note(&[Subject::Orders].into());
         life.tile(tick, 3);
         life.image(tick as i8);
@@ -269,7 +288,7 @@ fn a_server_with_nothing_to_say_is_heard_once_a_second() {
         life.now = at(f64::from(tick) / 10.0);
         life.outbox.credit(2);
         while let Some(frame) = life.take() {
-            beats += usize::from(is(&frame, FrameKind::States) && frame.len() == HEADER_BYTES);
+            beats += usize::from(is(&frame, FrameKind::Moment));
         }
     }
     assert!((9..=10).contains(&beats), "{beats} in 10 s");

@@ -88,12 +88,12 @@ fn a_page_that_says_no_token_in_two_seconds_is_closed_and_gets_nothing() {
     let mut server = server();
     let id = server.open(at(0.0)).unwrap();
     assert_eq!(server.due(at(1.9)), []);
-    assert_eq!(server.deadline(), at(2.0));
+    assert_eq!(server.deadline(at(0.0)), at(2.0));
     assert_eq!(
         server.due(at(2.0)),
         [PageEffect::Close(id, GateRefusal::Token)]
     );
-    assert_eq!(server.deadline(), Time::NEVER);
+    assert_eq!(server.deadline(at(0.0)), Time::NEVER);
 }
 
 #[test]
@@ -211,7 +211,7 @@ fn all_pages_see_who_has_the_seat_and_that_it_is_free_again() {
             .map(|orders| orders["seat"].clone())
     };
     assert_eq!(seen(&mut server, 0.6), Some(json!(2)));
-    assert!(server.deadline() <= at(15.5));
+    assert!(server.deadline(at(0.0)) <= at(15.5));
     assert_eq!(seen(&mut server, 15.6), Some(json!(null)));
 }
 
@@ -319,4 +319,200 @@ fn what_is_no_live_swarm_takes_no_orders_and_is_dated_by_its_own_time() {
         assert_eq!(refused, Err(GateRefusal::Token));
     }
     assert_eq!(told(&server.due(at(5.0))), 0);
+}
+
+/// Gives credit, and returns all texts of a kind that a page is sent at a time.
+fn drawn(server: &mut PageServer, id: PageId, at_s: f64) -> Vec<PageEffect> {
+    let mut all = Vec::new();
+    for _ in 0..40 {
+        server.page_said(at(at_s), id, r#"{"credit":2}"#).unwrap();
+        all.extend(server.due(at(at_s)));
+    }
+    all
+}
+
+fn show(server: &mut PageServer, id: PageId, at_s: f64, wanted: &str) {
+    let text = format!(r#"{{"show":{wanted}}}"#);
+    server.page_said(at(at_s), id, &text).unwrap();
+}
+
+/// The sequences of the orders' ages do not matter here: which vehicles' states came, and the moment.
+fn shown(effects: &[PageEffect], id: PageId) -> (Option<Value>, Vec<u8>) {
+    let states = effects.iter().filter_map(|effect| match effect {
+        PageEffect::Send(to, frame) if *to == id && frame[0] == FrameKind::States as u8 => Some(
+            frame[16..]
+                .chunks(crate::dash::frame::STATE.bytes())
+                .map(|state| state[0]),
+        ),
+        _ => None,
+    });
+    let mut vehicles: Vec<u8> = states.flatten().collect();
+    vehicles.sort_unstable();
+    vehicles.dedup();
+    (texts(effects, id, FrameKind::Moment).pop(), vehicles)
+}
+
+/// A server that has heard one vehicle after another, a second apart.
+fn ten_vehicles() -> PageServer {
+    let mut server = server();
+    for id in 1..=10 {
+        server.hear(at(f64::from(id)), &heard(Message::State(state(id))));
+    }
+    server
+}
+
+#[test]
+fn a_page_looks_back_while_others_see_the_present_and_comes_back() {
+    let mut server = ten_vehicles();
+    let one = page(&mut server, 11.0, LOOK);
+    let two = page(&mut server, 11.0, LOOK);
+    let (moment, vehicles) = shown(&drawn(&mut server, one, 11.0), one);
+    assert_eq!(vehicles, (1..=10).collect::<Vec<u8>>());
+    let moment = moment.unwrap();
+    assert_eq!(moment["speed"], json!(null));
+    assert_eq!(
+        (&moment["from_s"], &moment["to_s"]),
+        (&json!(1.0), &json!(11.0))
+    );
+
+    show(&mut server, one, 11.0, r#"{"past":{"at_s":4.5,"speed":0}}"#);
+    let effects = drawn(&mut server, one, 11.0);
+    let (moment, vehicles) = shown(&effects, one);
+    let moment = moment.unwrap();
+    assert_eq!(vehicles, [1, 2, 3, 4]);
+    assert_eq!(
+        (&moment["at_s"], &moment["isAnew"]),
+        (&json!(4.5), &json!(true))
+    );
+    let first = effects.iter().find_map(|effect| match effect {
+        PageEffect::Send(to, frame) if *to == one => Some(frame[0]),
+        _ => None,
+    });
+    assert_eq!(first, Some(FrameKind::Moment as u8), "it forgets first");
+    assert_eq!(shown(&drawn(&mut server, two, 11.0), two).1.len(), 10);
+
+    // What is new does not reach a page that looks back, and time stands.
+    server.hear(at(12.0), &heard(Message::State(state(11))));
+    let effects = drawn(&mut server, two, 13.0);
+    assert_eq!(shown(&effects, two).1, [11]);
+    let (moment, vehicles) = shown(&effects, one);
+    assert_eq!(
+        (moment.unwrap()["at_s"].clone(), vehicles),
+        (json!(4.5), vec![])
+    );
+
+    show(&mut server, one, 13.0, r#""present""#);
+    let (moment, vehicles) = shown(&drawn(&mut server, one, 13.0), one);
+    assert_eq!(
+        (moment.unwrap()["speed"].clone(), vehicles.len()),
+        (json!(null), 11)
+    );
+}
+
+#[test]
+fn what_plays_goes_on_and_comes_to_the_present_by_itself() {
+    let mut server = ten_vehicles();
+    let one = page(&mut server, 11.0, LOOK);
+    drawn(&mut server, one, 11.0);
+    show(&mut server, one, 11.0, r#"{"past":{"at_s":2.5,"speed":2}}"#);
+    assert_eq!(shown(&drawn(&mut server, one, 11.0), one).1, [1, 2]);
+    assert!(server.deadline(at(11.0)) <= at(11.1));
+    assert_eq!(shown(&drawn(&mut server, one, 12.0), one).1, [3, 4]);
+    let (moment, vehicles) = shown(&drawn(&mut server, one, 20.0), one);
+    assert_eq!(
+        (moment.unwrap()["speed"].clone(), vehicles.len()),
+        (json!(null), 10)
+    );
+}
+
+#[test]
+fn a_page_that_draws_nothing_is_not_played_to() {
+    let mut server = ten_vehicles();
+    let one = page(&mut server, 11.0, LOOK);
+    server.due(at(11.0));
+    show(&mut server, one, 11.0, r#"{"past":{"at_s":2.5,"speed":2}}"#);
+    assert_eq!(server.due(at(12.0)), []);
+    assert_eq!(server.deadline(at(12.0)), Time::NEVER);
+}
+
+#[test]
+fn times_outside_and_nonsense_are_the_nearest_or_refused() {
+    let mut server = ten_vehicles();
+    let one = page(&mut server, 11.0, LOOK);
+    drawn(&mut server, one, 11.0);
+    for (wanted, at_s) in [
+        (r#"{"past":{"at_s":-5,"speed":0}}"#, 1.0),
+        (r#"{"past":{"at_s":1e300,"speed":0}}"#, 10.0),
+    ] {
+        show(&mut server, one, 11.0, wanted);
+        let (moment, _) = shown(&drawn(&mut server, one, 11.0), one);
+        assert_eq!(moment.unwrap()["at_s"], json!(at_s), "{wanted}");
+    }
+    for nonsense in [
+        r#"{"show":"yesterday"}"#,
+        r#"{"show":{"past":{"at_s":1}}}"#,
+        r#"{"show":{"past":{"at_s":"a","speed":1}}}"#,
+        r#"{"show":{"past":{"at_s":1e999,"speed":1}}}"#,
+    ] {
+        assert!(
+            server.page_said(at(12.0), one, nonsense).is_err(),
+            "{nonsense}"
+        );
+    }
+}
+
+#[test]
+fn a_recording_is_seen_from_its_beginning_and_its_end_is_no_present() {
+    let gate = Gate::looking_only(LOOK.to_owned());
+    let mut server = PageServer::new(json!({}), venue(), Board::new(7, Lattice::new(0.1)), gate);
+    for id in 1..=10 {
+        server.hear(at(f64::from(id)), &heard(Message::State(state(id))));
+        server.show_moment(at(f64::from(id)));
+    }
+    server.end_history();
+    let one = page(&mut server, 500.0, LOOK);
+    let effects = drawn(&mut server, one, 500.0);
+    assert_eq!(texts(&effects, one, FrameKind::Welcome).len(), 1);
+    let (moment, vehicles) = shown(&effects, one);
+    let moment = moment.unwrap();
+    assert_eq!(
+        (&moment["at_s"], &moment["speed"]),
+        (&json!(1.0), &json!(1.0))
+    );
+    assert_eq!((&moment["to_s"], vehicles), (&json!(10.0), vec![1]));
+    show(&mut server, one, 501.0, r#""present""#);
+    let (moment, vehicles) = shown(&drawn(&mut server, one, 501.0), one);
+    let moment = moment.unwrap();
+    assert_eq!(
+        (&moment["at_s"], &moment["speed"]),
+        (&json!(10.0), &json!(0.0))
+    );
+    assert_eq!(vehicles.len(), 10);
+    assert_eq!(drawn(&mut server, one, 501.5), [], "nothing moves");
+}
+
+#[test]
+fn marks_reach_every_page_once_also_those_that_look_back() {
+    let mut server = ten_vehicles();
+    let one = page(&mut server, 11.0, LOOK);
+    drawn(&mut server, one, 11.0);
+    show(&mut server, one, 11.0, r#"{"past":{"at_s":4.5,"speed":0}}"#);
+    let health = tomoswarm_proto::Health {
+        vehicle: VehicleId(1),
+        boot: tomoswarm_proto::Boot(1),
+        troubles: vec!["no echo".to_owned()],
+        ..tomoswarm_proto::Health::default()
+    };
+    server.hear(at(12.0), &heard(Message::Health(health)));
+    let marks = texts(&drawn(&mut server, one, 12.0), one, FrameKind::Markers);
+    assert_eq!(marks.len(), 1);
+    let mark = &marks[0]["markers"][0];
+    assert_eq!(
+        (&mark["at_s"], &mark["kind"]),
+        (&json!(12.0), &json!("trouble"))
+    );
+    assert_eq!(
+        texts(&drawn(&mut server, one, 13.0), one, FrameKind::Markers),
+        Vec::<Value>::new()
+    );
 }

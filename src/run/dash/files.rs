@@ -13,7 +13,7 @@ const fn file(name: &'static str, bytes: &'static [u8]) -> PageFile {
     PageFile { name, bytes }
 }
 
-const FILES: [PageFile; 20] = [
+const FILES: [PageFile; 21] = [
     file("index.html", include_bytes!("../../../web/index.html")),
     file("app.css", include_bytes!("../../../web/app.css")),
     file("app.js", include_bytes!("../../../web/app.js")),
@@ -34,6 +34,7 @@ const FILES: [PageFile; 20] = [
     file("stop.js", include_bytes!("../../../web/stop.js")),
     file("tabs.js", include_bytes!("../../../web/tabs.js")),
     file("theme.js", include_bytes!("../../../web/theme.js")),
+    file("time.js", include_bytes!("../../../web/time.js")),
 ];
 
 /// Returns a file by the path of its address, and what it is; `None` = there is no such file.

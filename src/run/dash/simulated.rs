@@ -53,15 +53,9 @@ impl SimulationPage {
     /// # Errors
     /// [`DashError`].
     pub fn start(venue: &Venue, port: u16) -> Result<SimulationPage, DashError> {
-        let look = token()?;
         let (listener, port) = pages::listen(port)?;
+        let (server, look) = looking_only(venue, Showing::Simulation)?;
         let link = pages::link(port, "look", &look);
-        let board = Board::new(venue.hash(), Lattice::new(venue.cell_m));
-        let place = place(venue, Showing::Simulation);
-        let mut server = PageServer::new(place, venue.clone(), board, Gate::looking_only(look));
-        server.show_moment(Time::ZERO);
-        // Everybody in the simulation is reached.
-        server.set_linked(true);
         let (inputs, waiting) = sync_channel(WAITING);
         let of_requests = inputs.clone();
         let wake = Arc::new(move || match of_requests.try_send(PageInput::Request) {
@@ -100,13 +94,34 @@ impl Drop for SimulationPage {
     }
 }
 
+/// Makes a server without orders at the time zero; returns its token as well.
+///
+/// # Errors
+/// [`DashError::Random`].
+pub(super) fn looking_only(
+    venue: &Venue,
+    showing: Showing,
+) -> Result<(PageServer, String), DashError> {
+    let look = token()?;
+    let board = Board::new(venue.hash(), Lattice::new(venue.cell_m));
+    let gate = Gate::looking_only(look.clone());
+    let mut server = PageServer::new(place(venue, showing), venue.clone(), board, gate);
+    server.show_moment(Time::ZERO);
+    // Whoever is shown is reached.
+    server.set_linked(Time::ZERO, true);
+    Ok((server, look))
+}
+
 fn serve(mut pages: Pages, waiting: &Receiver<PageInput>) {
     let clock = Clock::start();
     loop {
         pages.answer(clock.now());
         // A listener asks nobody for anything: it was there from the beginning.
         let _ = pages.send_due(clock.now());
-        let until = pages.server.deadline().min(clock.now() + LOOKS_EVERY);
+        let until = pages
+            .server
+            .deadline(clock.now())
+            .min(clock.now() + LOOKS_EVERY);
         let Ok(first) = waiting.recv_timeout(until.since(clock.now())) else {
             continue;
         };

@@ -5,11 +5,14 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
+use tomoswarm_proto::Message;
+
 use super::message::{self, MessageError};
+use super::said;
 use crate::actor::{Actor, ActorStep, Fill, Names, NodeActor, Wire, Wiring, again};
 use crate::ground::GroundWiring;
 use crate::node::VehicleWiring;
-use crate::operator::OperatorWiring;
+use crate::operator::{HeardMessage, OperatorWiring};
 use crate::time::Time;
 
 /// What one step came out as; `None` when as recorded.
@@ -42,6 +45,35 @@ pub(super) fn json(node: &str, step: &ActorStep) -> Result<String, MessageError>
     write
         .text
         .unwrap_or_else(|| Err(MessageError::NoActor(format!("{node}/{}", step.actor))))
+}
+
+/// What passed between an actor and the bus in one step.
+pub(super) struct BusStep {
+    /// When.
+    pub now: Time,
+    /// What the bus was given.
+    pub said: Vec<Message>,
+    /// What it brought, to actors that are told all of it.
+    pub heard: Option<HeardMessage>,
+}
+
+/// Returns what passed between an actor and the bus in a step as JSON; `None` = nothing.
+///
+/// # Errors
+/// It is no step, or not of this actor.
+pub(super) fn bus_step(
+    node: &str,
+    actor: &str,
+    step: &[u8],
+) -> Result<Option<BusStep>, MessageError> {
+    let mut read = ReadBus {
+        actor,
+        step,
+        read: None,
+    };
+    every_actor(node, &mut read);
+    let no_actor = || Err(MessageError::NoActor(format!("{node}/{actor}")));
+    read.read.unwrap_or_else(no_actor)
 }
 
 /// Shows every actor of a node to `fill`; none, when there is no such kind of node.
@@ -87,6 +119,54 @@ impl<W: Wiring> Fill<W, Names> for Write<'_> {
             self.text = self.step.of::<A>().map(message::of_step);
         }
     }
+}
+
+struct ReadBus<'a> {
+    actor: &'a str,
+    step: &'a [u8],
+    read: Option<Result<Option<BusStep>, MessageError>>,
+}
+
+impl<W: Wiring> Fill<W, Names> for ReadBus<'_> {
+    fn actor<A: NodeActor>(&mut self, wire: Wire<A, W>) {
+        if wire.name == self.actor {
+            self.read = Some(read_bus(&wire, self.step));
+        }
+    }
+}
+
+/// Lists the actors of a node, and does nothing with them.
+struct List;
+
+impl<W: Wiring> Fill<W, Names> for List {
+    fn actor<A: NodeActor>(&mut self, _wire: Wire<A, W>) {}
+}
+
+fn read_bus<A: NodeActor, W: Wiring>(
+    wire: &Wire<A, W>,
+    step: &[u8],
+) -> Result<Option<BusStep>, MessageError> {
+    let heard = match said::hears::<A::In>() {
+        true => message::read_step::<A::In>(step)?.input,
+        false => None,
+    };
+    let heard = heard.as_ref().and_then(said::brought);
+    let (now, outputs) = message::read_outputs::<A::Out>(step)?;
+    let (mut actors, mut to, mut published) = (W::fill(&mut List), Vec::new(), Vec::new());
+    for output in outputs {
+        W::route((wire.output)(output), &mut to);
+    }
+    for destination in to {
+        W::deliver::<Names>(&mut actors, destination, &mut |effect| {
+            published.extend(W::published(effect));
+        });
+    }
+    let is_nothing = heard.is_none() && published.is_empty();
+    Ok((!is_nothing).then_some(BusStep {
+        now,
+        said: published,
+        heard,
+    }))
 }
 
 fn take_again<A>(actor: &mut A, recorded: &[u8]) -> StepOutcome

@@ -27,6 +27,8 @@ pub struct RecordingSubject {
     pub node: String,
     /// The text of its config.
     pub settings: String,
+    /// The venue that it is in, as text of a venue file.
+    pub venue: String,
     /// The cells of its map.
     pub lattice: Lattice,
     /// UTC at the start of the node, nanoseconds since 1970, when it is known; log times stay the node's.
@@ -138,7 +140,10 @@ impl OpenRecording {
             ("log_time", "nanoseconds since the node started".to_owned()),
             ("utc_at_zero_ns", utc),
         ];
-        let settings = [("toml".to_owned(), self.about.settings.clone())];
+        let settings = [
+            ("toml".to_owned(), self.about.settings.clone()),
+            ("venue".to_owned(), self.about.venue.clone()),
+        ];
         let words = words.map(|(name, value)| (name.to_owned(), value));
         [("tomoswarm", words.into()), ("settings", settings.into())]
     }

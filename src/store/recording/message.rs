@@ -108,6 +108,26 @@ pub fn read_step<I: DeserializeOwned>(json: &[u8]) -> Result<Recorded<I>, Messag
     })
 }
 
+#[derive(Deserialize)]
+struct RecordedOutputs<O> {
+    now_ns: u64,
+    outputs: Vec<O>,
+}
+
+/// Reads when an actor acted and what came of it; outputs with numbers that JSON cannot hold are left out.
+///
+/// # Errors
+/// It is no step.
+pub fn read_outputs<O: DeserializeOwned>(json: &[u8]) -> Result<(Time, Vec<O>), MessageError> {
+    if let Ok(read) = serde_json::from_slice::<RecordedOutputs<O>>(json) {
+        return Ok((Time::from_nanos(read.now_ns), read.outputs));
+    }
+    let read: RecordedOutputs<serde_json::Value> = serde_json::from_slice(json)?;
+    let outputs = read.outputs.into_iter();
+    let outputs = outputs.filter_map(|output| serde_json::from_value(output).ok());
+    Ok((Time::from_nanos(read.now_ns), outputs.collect()))
+}
+
 /// Reads packed bytes in base64.
 ///
 /// # Errors

@@ -329,6 +329,7 @@ mod tests {
         RecordingSubject {
             node: "vehicle/1".to_owned(),
             settings,
+            venue: String::new(),
             lattice: Lattice::new(0.2),
             utc_at_zero_ns: None,
         }

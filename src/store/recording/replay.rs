@@ -97,7 +97,20 @@ pub fn replay(path: &Path, only: Option<&str>, replayed: &mut Replayed) -> Resul
     }
 }
 
-const FOREIGN: &str = "is no recording of tomoswarm";
+pub(super) const FOREIGN: &str = "is no recording of tomoswarm";
+
+/// Judges by which version a file was recorded.
+pub(super) fn check_version(values: &BTreeMap<String, String>) -> Result<(), String> {
+    let value = |key: &str| values.get(key).map_or("unknown", String::as_str);
+    let (format, software) = (value("format"), value("software"));
+    if (format, software) == (FORMAT, VERSION) {
+        return Ok(());
+    }
+    Err(format!(
+        "recorded by tomoswarm {software} (format {format}); this is {VERSION} (format {FORMAT}), and snapshots are read by \
+         the same version only"
+    ))
+}
 
 /// A file being replayed.
 struct Segment<'a> {
@@ -128,13 +141,7 @@ impl Segment<'_> {
         let value = |key: &str| values.get(key).map_or("unknown", String::as_str);
         match name {
             "tomoswarm" => {
-                let (format, software) = (value("format"), value("software"));
-                if (format, software) != (FORMAT, VERSION) {
-                    return Err(format!(
-                        "recorded by tomoswarm {software} (format {format}); this is {VERSION} (format {FORMAT}), and \
-                         snapshots are read by the same version only"
-                    ));
-                }
+                check_version(values)?;
                 self.is_known = true;
             }
             "gap" => replayed.notes.push(format!(

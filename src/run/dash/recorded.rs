@@ -1,0 +1,72 @@
+//! The page of a recording in this process: what was said is told to the page's server, and then pages look at any moment of it.
+
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, sync_channel};
+use std::time::Duration;
+
+use super::super::clock::Clock;
+use super::pages::{self, Pages};
+use super::{DashError, simulated};
+use crate::config::Venue;
+use crate::dash::texts::Showing;
+use crate::operator::HeardMessage;
+use crate::time::Time;
+
+/// The loop looks whether it shall end this often.
+const LOOKS_EVERY: Duration = Duration::from_millis(100);
+
+/// The page of a recording; dropping it ends it.
+pub struct RecordedPage {
+    link: String,
+    pages: Pages,
+    requests: Receiver<()>,
+}
+
+impl RecordedPage {
+    /// Listens on a port of this machine (0 = any) and serves what was said in a run, ascending in time.
+    ///
+    /// # Errors
+    /// [`DashError`].
+    pub fn start(
+        venue: &Venue,
+        port: u16,
+        run: impl IntoIterator<Item = (Time, HeardMessage)>,
+    ) -> Result<RecordedPage, DashError> {
+        let (listener, port) = pages::listen(port)?;
+        let (mut server, look) = simulated::looking_only(venue, Showing::Replay)?;
+        for (at, heard) in run {
+            server.hear(at, &heard);
+            server.show_moment(at);
+        }
+        server.end_history();
+        let (woken, requests) = sync_channel(1);
+        let wake = Arc::new(move || {
+            // One that waits is enough.
+            let _ = woken.try_send(());
+        });
+        Ok(RecordedPage {
+            link: pages::link(port, "look", &look),
+            pages: Pages::start(server, (listener, port), None, wake)?,
+            requests,
+        })
+    }
+
+    /// Returns the link of the page.
+    pub fn link(&self) -> &str {
+        &self.link
+    }
+
+    /// Serves until it shall end.
+    pub fn serve(mut self, should_end: impl Fn() -> bool) {
+        let clock = Clock::start();
+        while !should_end() {
+            self.pages.answer(clock.now());
+            // A recording asks nobody for anything.
+            let _ = self.pages.send_due(clock.now());
+            let now = clock.now();
+            let until = self.pages.server.deadline(now).min(now + LOOKS_EVERY);
+            // Whether it was woken or has waited long enough is the same.
+            let _ = self.requests.recv_timeout(until.since(now));
+        }
+    }
+}

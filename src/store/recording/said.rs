@@ -1,0 +1,225 @@
+//! What nodes said to each other, from their recordings: of each recorded node what it said, and of the others what the ground
+//! station or an operator heard of them. Nothing is computed again.
+//!
+//! Times are those of the run: of simulated nodes the virtual time, otherwise the time since the first of the nodes started, by
+//! the nodes' own clocks.
+
+use std::any::{Any, TypeId};
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+use tomoswarm_proto::{Message, OperatorId, Sender, VehicleId, codec};
+
+use super::actors::{self, BusStep};
+use super::reader::{ReadError, Reader, RecordingContents};
+use super::replay::{FOREIGN, ReplayError, check_version};
+use crate::operator::HeardMessage;
+use crate::time::Time;
+
+/// What was said in a run.
+#[derive(Clone, Debug, Default)]
+pub struct RecordedRun {
+    /// What was said and when, ascending.
+    pub heard: Vec<(Time, HeardMessage)>,
+    /// The venue, as text of a venue file; empty = no recording says it.
+    pub venue: String,
+    /// Files that end unfinished, or with a gap; in words.
+    pub notes: Vec<String>,
+}
+
+/// Reads recordings of the nodes of one run.
+///
+/// # Errors
+/// A file cannot be read, or is no recording of this version.
+pub fn what_was_said(files: &[PathBuf]) -> Result<RecordedRun, ReplayError> {
+    let mut run = RecordedRun::default();
+    let mut all = Vec::new();
+    for path in files {
+        let refused = |reason: String| ReplayError {
+            path: path.clone(),
+            reason,
+        };
+        all.push(read(path, &mut run).map_err(refused)?);
+    }
+    let recorded: BTreeSet<Sender> = all.iter().filter_map(|segment| segment.node).collect();
+    let hears_for_all = hears_for_all(&recorded);
+    let starts_ns = all.iter().map(|segment| segment.utc_at_zero_ns);
+    let first_ns = starts_ns.clone().flatten().min().unwrap_or(0);
+    if starts_ns.clone().any(|start| start.is_some())
+        && starts_ns.clone().any(|start| start.is_none())
+    {
+        let note =
+            "not all nodes say when they started; those are shown as if they had started first";
+        run.notes.push(note.to_owned());
+    }
+    for segment in all {
+        let offset_ns = segment.utc_at_zero_ns.map_or(0, |start| start - first_ns);
+        let shifted = |at: Time| Time::from_nanos(at.as_nanos().saturating_add(offset_ns));
+        let said = segment.said.into_iter().filter_map(|(at, message)| {
+            Some((shifted(at), HeardMessage::Message(segment.node?, message)))
+        });
+        let is_wanted = |heard: &HeardMessage| match heard {
+            HeardMessage::Message(sender, _) => !recorded.contains(sender),
+            HeardMessage::Greeting(..) => true,
+            HeardMessage::Unknown(_) => false,
+        };
+        let heard = segment.heard.into_iter();
+        let heard = heard.filter(|(_, heard)| is_wanted(heard) && segment.node == hears_for_all);
+        let heard = heard.map(|(at, heard)| (shifted(at), heard));
+        run.heard.extend(said.chain(heard));
+    }
+    run.heard.sort_by_key(|(at, _)| *at);
+    Ok(run)
+}
+
+/// Returns by whom is told what those said who were not recorded: the ground station, or else the first operator.
+fn hears_for_all(recorded: &BTreeSet<Sender>) -> Option<Sender> {
+    let is_operator = |node: &&Sender| matches!(node, Sender::Operator(_));
+    let ground = recorded.get(&Sender::Ground);
+    ground
+        .or_else(|| recorded.iter().find(is_operator))
+        .copied()
+}
+
+/// What one file holds.
+#[derive(Default)]
+struct SegmentContents {
+    node: Option<Sender>,
+    utc_at_zero_ns: Option<u64>,
+    is_known: bool,
+    said: Vec<(Time, Message)>,
+    heard: Vec<(Time, HeardMessage)>,
+}
+
+fn read(path: &Path, run: &mut RecordedRun) -> Result<SegmentContents, String> {
+    let file = File::open(path).map_err(|error| format!("cannot be read: {error}"))?;
+    let (mut reader, mut segment) = (Reader::new(file), SegmentContents::default());
+    loop {
+        match reader.next_found() {
+            Ok(None) => break,
+            Ok(Some(found)) => {
+                let offset = reader.offset();
+                let at = |reason: String| format!("before byte {offset}: {reason}");
+                segment.take(path, found, run).map_err(at)?;
+            }
+            Err(error @ ReadError::Truncated { .. }) if segment.is_known => {
+                let note = format!("{}: {error}; shown up to there", path.display());
+                run.notes.push(note);
+                break;
+            }
+            Err(error) => return Err(error.to_string()),
+        }
+    }
+    segment
+        .is_known
+        .then_some(segment)
+        .ok_or_else(|| FOREIGN.to_owned())
+}
+
+impl SegmentContents {
+    fn take(
+        &mut self,
+        path: &Path,
+        found: RecordingContents,
+        run: &mut RecordedRun,
+    ) -> Result<(), String> {
+        let (topic, data) = match found {
+            RecordingContents::Metadata { name, values } => {
+                return self.metadata(path, &name, &values, run);
+            }
+            RecordingContents::Message { .. } if !self.is_known => return Err(FOREIGN.to_owned()),
+            RecordingContents::Message { topic, data } => (topic, data),
+        };
+        let Some(name) = topic.trim_start_matches('/').strip_suffix("/step") else {
+            return Ok(());
+        };
+        let (node, actor) = name.rsplit_once('/').unwrap_or(("", name));
+        let step = actors::bus_step(node, actor, &data);
+        let Some(step) = step.map_err(|error| format!("{topic} {error}"))? else {
+            return Ok(());
+        };
+        let BusStep { now, said, heard } = step;
+        self.said
+            .extend(said.into_iter().map(|message| (now, message)));
+        self.heard.extend(heard.map(|heard| (now, heard)));
+        Ok(())
+    }
+
+    fn metadata(
+        &mut self,
+        path: &Path,
+        name: &str,
+        values: &BTreeMap<String, String>,
+        run: &mut RecordedRun,
+    ) -> Result<(), String> {
+        let value = |key: &str| values.get(key).map_or("unknown", String::as_str);
+        match name {
+            "tomoswarm" => {
+                check_version(values)?;
+                self.is_known = true;
+                self.utc_at_zero_ns = value("utc_at_zero_ns").parse().ok();
+                let node = value("node");
+                self.node =
+                    Some(sender(node).ok_or_else(|| format!("is of the unknown node {node}"))?);
+            }
+            "settings" => {
+                let venue = values.get("venue").map_or("", String::as_str);
+                if run.venue.is_empty() {
+                    run.venue = venue.to_owned();
+                } else if !venue.is_empty() && venue != run.venue {
+                    return Err("is of another venue than the files before".to_owned());
+                }
+            }
+            "gap" => run.notes.push(format!(
+                "{}: ends with a gap: {}",
+                path.display(),
+                value("reason")
+            )),
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
+/// Returns who a node is, by the name that its topics give it.
+fn sender(node: &str) -> Option<Sender> {
+    match node.split_once('/') {
+        None => (node == "ground").then_some(Sender::Ground),
+        Some(("vehicle", id)) => Some(Sender::Vehicle(VehicleId(id.parse().ok()?))),
+        Some(("operator", id)) => Some(Sender::Operator(OperatorId(id.parse().ok()?))),
+        Some(_) => None,
+    }
+}
+
+/// Returns what the bus brought, if an input is that, and who said it is known.
+pub(super) fn brought<I: Any>(input: &I) -> Option<HeardMessage> {
+    use crate::ground::station;
+    use crate::operator::operator_actor;
+    let input: &dyn Any = input;
+    if let Some(operator_actor::In::Bus(heard)) = input.downcast_ref() {
+        return Some(heard.clone());
+    }
+    let Some(station::In::Bus(message)) = input.downcast_ref() else {
+        return None;
+    };
+    if let Message::Hello(hello) = message {
+        let frame = codec::encode(message).ok()?;
+        let greeting = codec::greeting(&frame).ok()?;
+        return Some(HeardMessage::Greeting(greeting, Some(hello.clone())));
+    }
+    let author = match message {
+        // A layer is mostly said by its writer; whoever repeats it says the same.
+        Message::Tile(tile) => Some(Sender::Vehicle(tile.layer.vehicle)),
+        other => other.author(),
+    };
+    Some(HeardMessage::Message(author?, message.clone()))
+}
+
+/// Returns whether an actor with such inputs is told by the bus what others said.
+pub(super) fn hears<I: Any>() -> bool {
+    use crate::ground::station;
+    use crate::operator::operator_actor;
+    let of = TypeId::of::<I>();
+    of == TypeId::of::<station::In>() || of == TypeId::of::<operator_actor::In>()
+}

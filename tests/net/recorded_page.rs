@@ -1,0 +1,370 @@
+//! The page of a recording (`dash --replay`), and looking back at a simulation: any moment, any speed, no orders.
+
+use std::collections::BTreeMap;
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use tomoswarm::config::{self, Sim};
+use tomoswarm::dash::board::{Board, BoardInput, Subject};
+use tomoswarm::dash::history::History;
+use tomoswarm::dash::playback::Playback;
+use tomoswarm::dash::texts;
+use tomoswarm::geom::Lattice;
+use tomoswarm::operator::HeardMessage;
+use tomoswarm::sim::Scenario;
+use tomoswarm::sim::bus::BusListener;
+use tomoswarm::store::recording::what_was_said;
+use tomoswarm::time::Time;
+use tomoswarm_proto::Sender;
+
+use crate::browser::Browser;
+use crate::dash::{Dash, shot, view};
+use crate::swarm::PROGRAM;
+
+const CONFIG: &str = "configs/small.sim.toml";
+
+fn tomoswarm(args: &[&str]) -> Command {
+    let mut command = Command::new(PROGRAM);
+    command.current_dir(env!("CARGO_MANIFEST_DIR")).args(args);
+    command
+}
+
+/// Records the small scenario; returns the folder of its recordings.
+fn recorded(folder: &Path) -> PathBuf {
+    let run = folder.join("run");
+    let mut command = tomoswarm(&["sim", CONFIG, "--record", "--no-pictures", "--out"]);
+    let output = command.arg(&run).output().unwrap();
+    assert!(output.status.success(), "{output:?}");
+    run.join("flight")
+}
+
+/// A page of a recording that is served.
+struct Served {
+    child: Child,
+    dash: Dash,
+}
+
+impl Served {
+    fn start(folder: &Path) -> Served {
+        let mut command = tomoswarm(&["dash", "--port", "0", "--replay"]);
+        let command = command.arg(folder).stdout(Stdio::piped());
+        let mut child = command.spawn().unwrap();
+        let mut line = String::new();
+        let mut out = BufReader::new(child.stdout.take().unwrap());
+        out.read_line(&mut line).unwrap();
+        let link = line.split_whitespace().last().unwrap().to_owned();
+        assert!(link.contains("/#look="), "{line}");
+        let dash = Dash::at(link);
+        Served { child, dash }
+    }
+}
+
+impl Drop for Served {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// All that a page would be shown of a board at a moment.
+fn everything(board: &Board, now: Time) -> BTreeMap<Subject, Vec<u8>> {
+    let text = |text: Option<String>| text.unwrap_or_default().into_bytes();
+    let of = |subject: Subject| {
+        let bytes = match subject {
+            Subject::Orders => texts::orders(now, board).into_bytes(),
+            Subject::State(id) => texts::state_record(now, board, id).unwrap_or_default(),
+            Subject::Ground => texts::ground(now, board).into_bytes(),
+            Subject::Vehicle(id) => text(texts::vehicle(board, id)),
+            Subject::Plan(id) => text(texts::plan(board, id)),
+            Subject::Timetable => texts::timetable(board).into_bytes(),
+            Subject::Events => events(now, board),
+            Subject::Radio(pair) => texts::pair_record(now, board, pair).unwrap_or_default(),
+            Subject::Finds(of) => text(texts::finds(board, of)),
+            Subject::Tile(address) => texts::tile_record(board, address).unwrap_or_default(),
+            Subject::Stripe(of, part) => texts::stripe_record(board, of, part).unwrap_or_default(),
+            Subject::Moment | Subject::Markers => Vec::new(),
+        };
+        (subject, bytes)
+    };
+    board.subjects().into_iter().map(of).collect()
+}
+
+/// What happened; what happened at the same time in any order. What a node says before it has joined is recorded, and heard by
+/// nobody.
+fn events(now: Time, board: &Board) -> Vec<u8> {
+    let text = texts::events(now, board, 0).unwrap_or_default();
+    let read: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let line = |event: &serde_json::Value| {
+        let parts = ["age_s", "kind", "vehicles", "text"].map(|key| event[key].to_string());
+        parts.join(" ")
+    };
+    let all = read["events"].as_array().unwrap().iter();
+    let mut lines: Vec<String> = all
+        .map(line)
+        .filter(|line| !line.contains("is heard"))
+        .collect();
+    lines.sort();
+    lines.join("\n").into_bytes()
+}
+
+fn small() -> Sim {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut loader =
+        |name: &str| std::fs::read_to_string(root.join(name)).map_err(|error| error.to_string());
+    let text = loader(CONFIG).unwrap();
+    config::read_sim(CONFIG, &text, None, &mut loader).unwrap()
+}
+
+/// What a listener of the simulated bus hears of the same run.
+fn heard_in_the_simulation() -> Vec<(Time, HeardMessage)> {
+    let sim = small();
+    let scenario = Scenario::new(sim, Vec::new(), 1).unwrap();
+    let (tell, heard) = std::sync::mpsc::channel();
+    let listener = BusListener::new(move |now, heard| tell.send((now, heard.clone())).unwrap());
+    scenario.run_heard(&mut |_| true, listener).unwrap();
+    heard.iter().collect()
+}
+
+#[test]
+fn a_recording_ends_on_the_board_of_the_simulation_and_every_moment_is_found_in_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let files = files(&recorded(folder.path()));
+    let run = what_was_said(&files).unwrap();
+    assert_eq!(run.notes, Vec::<String>::new());
+    let sim = small();
+    let new = || {
+        let mut board = Board::new(sim.venue.hash(), Lattice::new(sim.venue.cell_m));
+        board.take(Time::ZERO, &BoardInput::Linked(true));
+        board
+    };
+    let (mut history, mut replayed) = (History::default(), new());
+    for (at, heard) in &run.heard {
+        let input = BoardInput::Heard(heard.clone());
+        history.tell(*at, &mut replayed, &input).unwrap();
+    }
+    let mut simulated = new();
+    // Those who say what is shown of a fleet; operators only ask.
+    for (at, heard) in heard_in_the_simulation() {
+        simulated.take(at, &BoardInput::Heard(heard));
+    }
+    let end = run.heard.last().unwrap().0;
+    let (one, other) = (everything(&replayed, end), everything(&simulated, end));
+    assert!(one.len() > 20, "{}", one.len());
+    let differ: Vec<&Subject> = one
+        .keys()
+        .chain(other.keys())
+        .filter(|of| one.get(*of) != other.get(*of))
+        .collect();
+    let of = |all: &BTreeMap<Subject, Vec<u8>>| {
+        let text = |of: &&Subject| {
+            all.get(*of)
+                .map(|bytes| String::from_utf8_lossy(bytes).into_owned())
+        };
+        differ.first().map(text)
+    };
+    assert!(
+        differ.is_empty(),
+        "{differ:?}: {:?} {:?}",
+        of(&one),
+        of(&other)
+    );
+
+    let (from, to) = history.span().unwrap();
+    let mut longest = Duration::ZERO;
+    for share in [0.9, 0.1, 0.5, 0.51, 0.0, 1.0] {
+        let moment = from + to.since(from).mul_f64(share);
+        let began = Instant::now();
+        let mut playback = Playback::begin(&history, Time::ZERO, moment, 0.0).unwrap();
+        while !playback.go_on(&history, Time::ZERO, true) {}
+        longest = longest.max(began.elapsed());
+        let mut folded = new();
+        for (at, heard) in run.heard.iter().filter(|(at, _)| *at <= moment) {
+            folded.take(*at, &BoardInput::Heard(heard.clone()));
+        }
+        assert!(
+            everything(&folded, moment) == everything(playback.board(), moment),
+            "{share}"
+        );
+    }
+    println!(
+        "a moment of {} inputs is found within {longest:?}",
+        run.heard.len()
+    );
+}
+
+fn files(folder: &Path) -> Vec<PathBuf> {
+    let nodes = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().path());
+    let mut files: Vec<PathBuf> = nodes
+        .flat_map(|node| std::fs::read_dir(node).unwrap())
+        .map(|entry| entry.unwrap().path())
+        .collect();
+    files.sort();
+    files
+}
+
+/// Sets the bar to a moment, as a hand does.
+fn go_to(browser: &mut Browser, at_s: f64) {
+    let script = format!(
+        "(() => {{ const bar = document.getElementById('time-at'); bar.value = '{at_s}'; bar.dispatchEvent(new Event('input')); }})()"
+    );
+    browser.eval(&script);
+    browser.until(
+        &format!("Math.abs(tomoswarm.model.shown_ms / 1000 - {at_s}) < 0.06"),
+        10,
+    );
+}
+
+#[test]
+fn a_recording_is_shown_at_any_moment_and_speed_and_takes_no_orders() {
+    let folder = tempfile::tempdir().unwrap();
+    let served = Served::start(&recorded(folder.path()));
+    let own = format!("127.0.0.1:{}", served.dash.port);
+    let stop = r#"{"order":"stop","page":1}"#;
+    let token = Dash::token(&served.dash.look);
+    let (status, said) = served
+        .dash
+        .post(&own, &format!("http://{own}"), token, stop);
+    assert_eq!(status, 403, "{said}");
+    assert!(said.contains("takes no orders"), "{said}");
+
+    let Some(mut browser) = Browser::open(1280, 800) else {
+        return;
+    };
+    browser.go(&served.dash.look);
+    browser.until("document.title.startsWith('REPLAY')", 10);
+    browser.until(
+        "getComputedStyle(document.getElementById('stop')).display === 'none'",
+        5,
+    );
+    browser.until(
+        "getComputedStyle(document.getElementById('head')).borderTopStyle === 'double'",
+        5,
+    );
+    // It begins at the beginning and plays.
+    browser.until(
+        "tomoswarm.model.shown_ms > 1500 && tomoswarm.model.shown_ms < 60000",
+        10,
+    );
+    browser.until("tomoswarm.model.states.size === 2", 10);
+    assert_eq!(
+        browser.eval("tomoswarm.model.images.size").as_u64(),
+        Some(0)
+    );
+    view(&mut browser, "log");
+
+    // To the end: the image is there, and the mark of it.
+    browser.key("n", "KeyN", 78);
+    browser.until("tomoswarm.model.images.size > 0", 10);
+    browser.until(
+        "tomoswarm.model.markers.some((mark) => mark.kind === 'image')",
+        10,
+    );
+    let end = "JSON.stringify([...tomoswarm.model.states.values()].map((state) => [state.id, state.x, state.y]))";
+    let at_the_end = browser.eval(end);
+    let tiles = browser.eval("tomoswarm.model.tiles.size");
+
+    // Back: nothing of later is left.
+    go_to(&mut browser, 30.0);
+    browser.until(
+        "tomoswarm.model.images.size === 0 && tomoswarm.model.states.size === 2",
+        10,
+    );
+    browser.until("!document.body.innerText.includes('image of the')", 5);
+    assert_ne!(browser.eval(end), at_the_end);
+    // It stands; ages are those of the moment.
+    std::thread::sleep(Duration::from_secs(4));
+    browser.until("Math.abs(tomoswarm.model.shown_ms - 30000) < 60", 1);
+    browser.until("!document.body.innerText.includes('silent for') && !document.body.innerText.includes('NO DATA')", 1);
+
+    // At a hundredfold speed it comes to the end by itself, and that is the same end.
+    browser.eval(
+        "(() => { const speed = document.getElementById('time-speed'); speed.value = '100'; })()",
+    );
+    browser.key("p", "KeyP", 80);
+    let same_end = format!("{end} === '{}'", at_the_end.as_str().unwrap());
+    browser.until(&same_end, 20);
+    assert_eq!(browser.eval("tomoswarm.model.tiles.size"), tiles);
+
+    // From mark to mark.
+    browser.key("[", "BracketLeft", 219);
+    browser.until(
+        "document.getElementById('time-mark').textContent.length > 5",
+        5,
+    );
+    browser.until(
+        "tomoswarm.model.moment.to_s - tomoswarm.model.shown_ms / 1000 > 0.05",
+        5,
+    );
+    shot(&mut browser, "replay");
+    assert_eq!(browser.complaints, Vec::<String>::new());
+}
+
+/// What the program says to `dash --replay` of a path.
+fn refused(path: &Path) -> (Option<i32>, String) {
+    let mut command = tomoswarm(&["dash", "--port", "0", "--replay"]);
+    let Output { status, stderr, .. } = command.arg(path).output().unwrap();
+    (status.code(), String::from_utf8_lossy(&stderr).into_owned())
+}
+
+#[test]
+fn what_is_no_recording_is_refused_and_one_that_is_cut_off_is_shown_up_to_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let flight = recorded(folder.path());
+    let ground = files(&flight).remove(0);
+    let bytes = std::fs::read(&ground).unwrap();
+    let write = |name: &str, bytes: &[u8]| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        path
+    };
+    let found = bytes.windows(6).position(|part| part == b"format").unwrap();
+    let mut of_another = bytes.clone();
+    let version = found + bytes[found..].iter().position(u8::is_ascii_digit).unwrap();
+    of_another[version] = b'9';
+    let empty = folder.path().join("empty");
+    std::fs::create_dir(&empty).unwrap();
+    for (path, reason) in [
+        (folder.path().join("nowhere"), "nowhere"),
+        (empty, "holds no recording"),
+        (write("text.mcap", b"hello"), "is no MCAP"),
+        (write("none.mcap", b""), "is no MCAP"),
+        (write("other.mcap", &of_another), "recorded by tomoswarm"),
+    ] {
+        let (code, said) = refused(&path);
+        assert_eq!(code, Some(2), "{said}");
+        assert!(said.contains(reason), "{reason}: {said}");
+    }
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = taken.local_addr().unwrap().port().to_string();
+    let mut command = tomoswarm(&["dash", "--port", &port, "--replay"]);
+    let output = command.arg(&flight).output().unwrap();
+    assert_eq!(output.status.code(), Some(2), "{output:?}");
+
+    // Of the ground station alone, and cut off: what it heard of the vehicles is shown up to there.
+    let cut = write("cut.mcap", &bytes[..bytes.len() / 2]);
+    let run = what_was_said(std::slice::from_ref(&cut)).unwrap();
+    assert!(
+        run.notes
+            .iter()
+            .any(|note| note.contains("shown up to there")),
+        "{:?}",
+        run.notes
+    );
+    let senders: std::collections::BTreeSet<Sender> = run
+        .heard
+        .iter()
+        .filter_map(|(_, heard)| match heard {
+            HeardMessage::Message(sender, _) => Some(*sender),
+            _ => None,
+        })
+        .collect();
+    assert!(
+        senders.contains(&Sender::Ground) && senders.len() >= 3,
+        "{senders:?}"
+    );
+    Served::start(&cut);
+}
