@@ -52,6 +52,8 @@ mod operator;
 #[cfg(feature = "net")]
 pub mod order;
 mod outputs;
+#[cfg(feature = "dash")]
+mod page_process;
 #[cfg(feature = "net")]
 pub mod parameters;
 mod pictures;

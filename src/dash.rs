@@ -2,7 +2,8 @@
 //!
 //! [`board`] keeps the newest of everything that was heard, [`outbox`] chooses what goes to one page next, [`frame`] says which
 //! bytes that is, [`timetable`], [`radio`] and [`events`] make of what was heard the plans against time, who hears whom, and
-//! what happened, [`gate`] judges who may look and order, and [`page_server`] joins them: it is told what was heard, what pages
+//! what happened, [`history`] keeps what was told and [`playback`] shows another time of it, [`gate`] judges who may look and
+//! order, and [`page_server`] joins them: it is told what was heard, what pages
 //! and requests say, and the time, and says what is to be sent, told to the operator, and published. Nothing here opens a
 //! port; the server around it is `run/dash`, the page is `web/`.
 
@@ -19,3 +20,4 @@ pub mod playback;
 pub mod radio;
 pub mod texts;
 pub mod timetable;
+pub mod track;

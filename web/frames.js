@@ -17,6 +17,7 @@ export const KIND = {
   Events: 12,
   Moment: 13,
   Markers: 14,
+  Track: 15,
 };
 
 export const STATE = [

@@ -112,6 +112,13 @@ export class Model {
     this.tracks.set(state.id, track);
   }
 
+  /** Where a vehicle has been until now, before what this page has seen itself. */
+  takeTrack({ id, places_cm }) {
+    const track = [];
+    for (let i = 0; i < places_cm.length; i += 2) track.push([places_cm[i] / 100, places_cm[i + 1] / 100]);
+    this.tracks.set(id, [...track, ...(this.tracks.get(id) ?? [])].slice(-TRACK_PLACES));
+  }
+
   takeTiles(frame) {
     let at = 0;
     for (let i = 0; i < frame.count; i++) {
@@ -188,6 +195,7 @@ export class Model {
       case KIND.Ground: this.ground = { ...value, at_ms: now_ms - (value.age_s ?? 0) * 1000 }; break;
       case KIND.Vehicle: this.vehicles.set(value.id, value); break;
       case KIND.Plan: this.plans.set(value.id, value); break;
+      case KIND.Track: this.takeTrack(value); break;
       case KIND.Finds: this.finds.set(value.subject, value); break;
       case KIND.Timetable: this.timetable = value; break;
       case KIND.Events: this.takeEvents(value.events); break;

@@ -5,6 +5,8 @@ use std::path::PathBuf;
 
 use super::describe::{Line, describe};
 use super::error::CliError;
+#[cfg(feature = "dash")]
+use super::page_process::PageProcess;
 use super::shown_swarm::ShownSwarm;
 use super::stop::StopFlag;
 use super::vehicle::{
@@ -32,6 +34,14 @@ pub struct GroundArgs {
     /// Show the swarm to ground stations of MAVLink (QGroundControl, MAVProxy), as the table [mavlink] of this operator's file says
     #[arg(long, value_name = "OPERATOR_FILE")]
     pub mavlink: Option<PathBuf>,
+    /// Serve the operator's page as well, with this operator's file: a process of its own, as `tomoswarm dash OPERATOR_FILE`
+    #[cfg(feature = "dash")]
+    #[arg(long, value_name = "OPERATOR_FILE")]
+    pub dash: Option<PathBuf>,
+    /// The port of the page of --dash; 0 = any that is free [default: 8377]
+    #[cfg(feature = "dash")]
+    #[arg(long, value_name = "PORT", requires = "dash")]
+    pub port: Option<u16>,
     /// Only print what would be started
     #[arg(long)]
     pub check: bool,
@@ -53,6 +63,9 @@ Examples:
   tomoswarm preflight ground.toml              is everybody there and ready?
   tomoswarm order ground.toml start --run 1    begin the sweep named 1
   tomoswarm ground ground.toml --mavlink operator.toml        QGroundControl shows the swarm
+  tomoswarm ground ground.toml --dash operator.toml           a browser shows it; without the ground station, too
+
+Ctrl-C ends the page of --dash as well; whatever else ends the ground station leaves it, since it can stop the vehicles.
 
 Exit codes: 0 ended when asked; 1 a fault, or it cannot begin now (a full disk, a port or store in use): start it anew;
 2 bad usage, file, certificate or store, or refused: another venue, another version of the wire.";
@@ -98,8 +111,25 @@ impl GroundArgs {
             text: &text,
             venue_text: &venue_text,
         };
+        #[cfg(feature = "dash")]
+        let page = self.start_page(out)?;
         let finish = ground_process::run(files, mavlink.as_ref(), &|| stop.is_asked(), &mut status);
+        #[cfg(feature = "dash")]
+        if let Some(page) = page {
+            match &finish {
+                Ok(_) => page.leave(),
+                Err(_) => page.end(),
+            }
+        }
         answer(finish.map_err(|error| unready(&error, is_passing(&error)))?)
+    }
+}
+
+#[cfg(feature = "dash")]
+impl GroundArgs {
+    fn start_page(&self, out: &mut dyn Write) -> Result<Option<PageProcess>, CliError> {
+        let start = |file: &PathBuf| PageProcess::start(file, self.port, out);
+        self.dash.as_ref().map(start).transpose()
     }
 }
 

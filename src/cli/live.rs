@@ -15,6 +15,8 @@ use super::error::CliError;
 use super::folder::OutputFolder;
 use super::load;
 use super::operator::OperatorContext;
+#[cfg(feature = "dash")]
+use super::page_process::PageProcess;
 use super::report::FAMILY;
 use super::sim::{SimArgs, default_folder, started};
 use super::standard_output::complain;
@@ -70,10 +72,26 @@ pub(super) fn run(args: &SimArgs, out: &mut dyn Write) -> Result<(), CliError> {
     let live = folder.live()?;
     let outcome = {
         let mut swarm = Swarm::start(args, &scenario, seed, &live)?;
+        #[cfg(feature = "dash")]
+        let page = start_page(args, &live, out)?;
         let failure = swarm.play(&stop, started);
+        #[cfg(feature = "dash")]
+        page.into_iter().for_each(PageProcess::end);
         swarm.end(&scenario, failure)?
     };
     args.publish(folder, &scenario, &outcome, (seed, started.elapsed()), out)
+}
+
+/// Serves the operator's page of a swarm, if it is wanted.
+#[cfg(feature = "dash")]
+fn start_page(
+    args: &SimArgs,
+    folder: &Path,
+    out: &mut dyn Write,
+) -> Result<Option<PageProcess>, CliError> {
+    let file = folder.join(OPERATOR);
+    let wanted = args.dash.then(|| PageProcess::start(&file, args.port, out));
+    wanted.transpose()
 }
 
 /// A swarm that runs.

@@ -56,7 +56,7 @@ pub struct SimArgs {
     pub record: bool,
     /// In real time, by real processes on this machine: a world, a ground station, and each vehicle one
     #[cfg(feature = "net")]
-    #[arg(long, conflicts_with_all = ["trials", "record", "watch"])]
+    #[arg(long, conflicts_with_all = ["trials", "record", "watch", "pace"])]
     pub live: bool,
     /// How the processes are joined
     #[cfg(feature = "net")]
@@ -71,9 +71,10 @@ pub struct SimArgs {
     /// Draw the map and the vehicles in the terminal while the simulation runs
     #[arg(long, group = "shown", conflicts_with = "trials")]
     pub watch: bool,
-    /// Serve the operator's page of this simulation on this machine (127.0.0.1), without orders, until Ctrl-C: also after the run
+    /// Serve the operator's page of this simulation on this machine (127.0.0.1), without orders, until Ctrl-C: also after the
+    /// run; with --live the page of the swarm, with orders, until the run has ended
     #[cfg(feature = "dash")]
-    #[arg(long, group = "shown", conflicts_with_all = ["trials", "record", "live", "watch"])]
+    #[arg(long, group = "shown", conflicts_with_all = ["trials", "record", "watch"])]
     pub dash: bool,
     /// The port of the page of --dash; 0 = any that is free [default: 8377]
     #[cfg(feature = "dash")]

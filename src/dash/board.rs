@@ -4,13 +4,14 @@
 //!
 //! It knows no page and no bytes. What is shown of a subject is made when it is sent, so a page never gets what is old.
 
+use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    EmergencyName, Image, ImageSubject, Message, Plan, RunId, Sender, TILE_CELLS, TileAddress,
-    VehicleId,
+    EmergencyName, Image, ImageSubject, Message, Plan, RunId, Sender, Stop, TILE_CELLS,
+    TileAddress, VehicleId,
 };
 
 use super::events::{EventKind, EventList};
@@ -19,6 +20,7 @@ use super::orders::{OrderBook, OrderRequest};
 use super::radio::{Pair, RadioView};
 use super::texts::outcome_in_words;
 use super::timetable::{ProgressOf, Timetable};
+use super::track::Track;
 use crate::geom::Lattice;
 use crate::map::{JoinResult, Merged, Repair};
 use crate::operator::HeardMessage;
@@ -27,7 +29,7 @@ use crate::operator::outcome::OrderOutcome;
 use crate::sweep::VehicleProgress;
 use crate::time::Time;
 
-/// What the rest of a board takes, about: states, plans, samples.
+/// What the rest of a board takes, about: states, samples.
 const OTHER_BYTES: usize = 64 << 10;
 /// An image that was not said again for this long gives way to one that seems to be older: the ground has begun anew.
 const IMAGE_STANDS: Duration = Duration::from_secs(60);
@@ -72,6 +74,8 @@ pub enum Subject {
     Radio(Pair),
     /// What was found.
     Finds(ImageSubject),
+    /// Where a vehicle has been: sent once, since a page goes on with it by itself.
+    Track(VehicleId),
     /// A tile of the merged map.
     Tile(TileAddress),
     /// A part of an image.
@@ -97,7 +101,9 @@ pub struct Board {
     map: Merged,
     repair: Repair,
     plans: BTreeMap<VehicleId, Plan>,
-    timetable: Option<Timetable>,
+    tracks: BTreeMap<VehicleId, Track>,
+    /// Made when it is asked for, of the plans as they are.
+    timetable: OnceCell<Option<Timetable>>,
     radio: RadioView,
     events: EventList,
     images: BTreeMap<ImageSubject, NewestImage>,
@@ -115,7 +121,8 @@ impl Board {
             map: Merged::new(lattice, None),
             repair: Repair::new(None),
             plans: BTreeMap::new(),
-            timetable: None,
+            tracks: BTreeMap::new(),
+            timetable: OnceCell::new(),
             radio: RadioView::default(),
             events: EventList::default(),
             images: BTreeMap::new(),
@@ -218,9 +225,15 @@ impl Board {
         self.plans.get(&id)
     }
 
+    /// Returns where a vehicle has been.
+    pub fn track(&self, id: VehicleId) -> Option<&Track> {
+        self.tracks.get(&id)
+    }
+
     /// Returns the plans of the newest revision against time; `None` while they are not complete.
     pub fn timetable(&self) -> Option<&Timetable> {
-        self.timetable.as_ref()
+        let made = self.timetable.get_or_init(|| Timetable::of(&self.plans));
+        made.as_ref()
     }
 
     /// Returns how far vehicles are with their plans, by their own word.
@@ -277,7 +290,7 @@ impl Board {
                 .map(|part| Subject::Stripe(*subject, *part));
             stripes.chain([Subject::Finds(*subject)])
         });
-        let timetable = self.timetable.as_ref().map(|_| Subject::Timetable);
+        let timetable = (!self.plans.is_empty()).then_some(Subject::Timetable);
         let events = (self.events.last() > 0).then_some(Subject::Events);
         [Subject::Orders, Subject::Ground]
             .into_iter()
@@ -286,6 +299,7 @@ impl Board {
             .chain(timetable)
             .chain(events)
             .chain(self.radio.pairs().map(Subject::Radio))
+            .chain(self.tracks.keys().map(|id| Subject::Track(*id)))
             .chain(self.map.addresses().map(Subject::Tile))
             .chain(images)
             .collect()
@@ -295,7 +309,21 @@ impl Board {
     pub fn bytes(&self) -> usize {
         let parts = self.images.values().flat_map(|image| image.parts.values());
         let pixels = |part: &Image| part.mean.len() + part.deviation.as_ref().map_or(0, Vec::len);
-        self.map.bytes() + parts.map(pixels).sum::<usize>() + self.events.bytes() + OTHER_BYTES
+        let stops = self.plans.values().flat_map(|plan| &plan.stops);
+        let stop = |stop: &Stop| {
+            size_of::<Stop>() + size_of_val(&stop.route[..]) + size_of_val(&stop.after[..])
+        };
+        let plans: usize = stops.map(stop).sum();
+        let places = self
+            .tracks
+            .values()
+            .map(|track| size_of_val(track.places()));
+        self.map.bytes()
+            + parts.map(pixels).sum::<usize>()
+            + plans
+            + places.sum::<usize>()
+            + self.events.bytes()
+            + OTHER_BYTES
     }
 
     /// Returns when to wake it.
@@ -342,8 +370,9 @@ impl Board {
                 let known = known.and_then(|seen| seen.mission.as_ref());
                 if known.is_none_or(|known| known.value != *mission) {
                     self.changes.insert(Subject::Vehicle(mission.vehicle));
-                    let waits = self.timetable.as_ref().map(|_| Subject::Timetable);
-                    self.changes.extend(waits);
+                    if !self.plans.is_empty() {
+                        self.changes.insert(Subject::Timetable);
+                    }
                 }
             }
             Message::Health(health) => {
@@ -384,22 +413,24 @@ impl Board {
             }
             Message::Digest(digest) => self.repair.hear_digest(now, &self.map, digest),
             Message::Plan(plan) => {
-                let edition = |plan: &Plan| (plan.run, plan.lease, plan.revision);
-                let known = self.plans.get(&plan.vehicle);
-                if known.is_none_or(|known| edition(plan) != edition(known)) {
+                if !self.has_plan(plan) {
                     self.plans.insert(plan.vehicle, plan.clone());
                     self.changes.insert(Subject::Plan(plan.vehicle));
-                    self.timetable = Timetable::of(&self.plans);
+                    self.timetable = OnceCell::new();
                     self.changes.insert(Subject::Timetable);
                 }
             }
             Message::Image(image) => self.keep_image(now, image),
+            Message::State(state) => {
+                if let Some(pose) = &state.pose {
+                    self.tracks.entry(state.vehicle).or_default().add(pose.at);
+                }
+            }
             Message::Samples(batch) => {
                 let pairs = self.radio.hear(now, batch);
                 self.changes.extend(pairs.into_iter().map(Subject::Radio));
             }
-            Message::State(_)
-            | Message::Mission(_)
+            Message::Mission(_)
             | Message::Health(_)
             | Message::Report(_)
             | Message::Standing(_)
@@ -411,6 +442,13 @@ impl Board {
             | Message::Task(_)
             | Message::Fix(_) => {}
         }
+    }
+
+    /// Returns whether a plan says what is known.
+    pub fn has_plan(&self, plan: &Plan) -> bool {
+        let edition = |plan: &Plan| (plan.run, plan.lease, plan.revision);
+        let known = self.plans.get(&plan.vehicle);
+        known.is_some_and(|known| edition(plan) == edition(known))
     }
 
     fn keep_image(&mut self, now: Time, image: &Image) {

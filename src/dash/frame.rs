@@ -51,11 +51,13 @@ pub enum FrameKind {
     Moment = 13,
     /// Text: the marks of the span since the last ones.
     Markers = 14,
+    /// Text: where one vehicle has been.
+    Track = 15,
 }
 
 impl FrameKind {
     /// All kinds.
-    pub const ALL: [FrameKind; 14] = [
+    pub const ALL: [FrameKind; 15] = [
         FrameKind::Welcome,
         FrameKind::Orders,
         FrameKind::States,
@@ -70,6 +72,7 @@ impl FrameKind {
         FrameKind::Events,
         FrameKind::Moment,
         FrameKind::Markers,
+        FrameKind::Track,
     ];
 }
 

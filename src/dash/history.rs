@@ -2,8 +2,9 @@
 //! to a board again, beginning with a copy of the board that is kept every few thousand inputs.
 //!
 //! It is bounded. When it has grown too large the oldest parts are thinned: of what replaces itself (a state, a tile, …) only the
-//! last of each second is kept, then of each ten seconds, and then the oldest part goes. What made an event, and all plans,
-//! orders and images, stay as long as their part does. A moment of a thinned part is shown as it was at most that much earlier.
+//! last of each second is kept, then of each ten seconds, then of each minute, and then the oldest part goes. What made an
+//! event, and all orders and images, stay as long as their part does. A moment of a thinned part is shown as it was at most
+//! that much earlier, its plans ten times that.
 
 use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
@@ -25,7 +26,13 @@ const PART_INPUTS: usize = 8192;
 /// The newest parts stay as they are.
 const PARTS_KEPT: usize = 2;
 /// Of what replaces itself a thinned part keeps the last in each of these.
-const THINNED: [Duration; 2] = [Duration::from_secs(1), Duration::from_secs(10)];
+const THINNED: [Duration; 3] = [
+    Duration::from_secs(1),
+    Duration::from_secs(10),
+    Duration::from_secs(60),
+];
+/// Plans are long: of them the last of so much longer a time is kept.
+const PLANS_RARER: u32 = 10;
 /// Time, length and whether it stays, before each input.
 const HEADER_BYTES: usize = 13;
 
@@ -68,6 +75,7 @@ enum Replaced {
     Mission(VehicleId),
     Health(VehicleId),
     Samples(VehicleId),
+    Plan(VehicleId),
     Report(u64),
     Tile(LayerId, TileAddress),
     Standing(Sender),
@@ -103,7 +111,7 @@ impl History {
         input: &BoardInput,
     ) -> Result<(), EncodeError> {
         let now = now.max(self.last);
-        if !is_shown(input) {
+        if !is_shown(input) || is_known(board, input) {
             board.take(now, input);
             return Ok(());
         }
@@ -254,8 +262,12 @@ impl Part {
         let inputs: Vec<Packed<'_>> = self.inputs().collect();
         let (mut kept, mut seen) = (Vec::new(), BTreeSet::new());
         for packed in inputs.iter().rev() {
-            let bucket = packed.at.since(Time::ZERO).as_nanos() / interval.as_nanos();
             let replaced = packed.input().as_ref().and_then(replaced);
+            let interval = match replaced {
+                Some(Replaced::Plan(_)) => interval * PLANS_RARER,
+                _ => interval,
+            };
+            let bucket = packed.at.since(Time::ZERO).as_nanos() / interval.as_nanos();
             let is_last = replaced.is_none_or(|what| seen.insert((bucket, what)));
             if is_last || packed.stays {
                 kept.push(packed);
@@ -323,6 +335,14 @@ fn is_shown(input: &BoardInput) -> bool {
     }
 }
 
+/// Returns whether an input says again what a board knows. Plans are long, and said again as long as they hold.
+fn is_known(board: &Board, input: &BoardInput) -> bool {
+    match input {
+        BoardInput::Heard(HeardMessage::Message(_, Message::Plan(plan))) => board.has_plan(plan),
+        _ => false,
+    }
+}
+
 /// Returns what a later input of the same kind replaces; `None` = it stands for itself.
 fn replaced(input: &BoardInput) -> Option<Replaced> {
     let BoardInput::Heard(heard) = input else {
@@ -338,6 +358,7 @@ fn replaced(input: &BoardInput) -> Option<Replaced> {
         Message::Mission(mission) => Some(Replaced::Mission(mission.vehicle)),
         Message::Health(health) => Some(Replaced::Health(health.vehicle)),
         Message::Samples(batch) => Some(Replaced::Samples(batch.vehicle)),
+        Message::Plan(plan) => Some(Replaced::Plan(plan.vehicle)),
         Message::Report(report) => Some(Replaced::Report(report.store)),
         Message::Tile(tile) => Some(Replaced::Tile(tile.layer, tile.address)),
         Message::Standing(_) => Some(Replaced::Standing(*sender)),

@@ -257,6 +257,9 @@ impl Outbox {
                 self.text(subject, FrameKind::Vehicle, now, texts::vehicle(board, id))
             }
             Subject::Plan(id) => self.text(subject, FrameKind::Plan, now, texts::plan(board, id)),
+            Subject::Track(id) => {
+                self.text(subject, FrameKind::Track, now, texts::track(board, id))
+            }
             Subject::Finds(of) => {
                 self.text(subject, FrameKind::Finds, now, texts::finds(board, of))
             }
@@ -322,6 +325,7 @@ fn rate(subject: Subject) -> Option<(usize, Duration)> {
         | Subject::Timetable
         | Subject::Events
         | Subject::Markers
+        | Subject::Track(_)
         | Subject::Finds(_)
         | Subject::Stripe(..) => None,
     }
@@ -340,6 +344,7 @@ fn class(subject: Subject) -> usize {
         | Subject::Moment
         | Subject::Markers
         | Subject::Radio(_)
+        | Subject::Track(_)
         | Subject::Finds(_) => 2,
         Subject::Tile(_) => 3,
         Subject::Stripe(..) => 4,

@@ -36,6 +36,9 @@ const SAME_STOP: Duration = Duration::from_secs(8);
 /// So is one that is pressed again before anybody can have shown it.
 const SAME_PRESS: Duration = Duration::from_millis(300);
 
+/// The farthest moment that can be asked for, seconds; clocks may count from 1970.
+const FARTHEST_S: f64 = 1e10;
+
 /// What the caller shall do.
 #[derive(Clone, PartialEq, Debug)]
 pub enum PageEffect {
@@ -390,7 +393,9 @@ impl Page {
     /// Takes what time is to be shown.
     fn show(&mut self, now: Time, wanted: WantedTime, history: &History, is_over: bool) {
         let (at, speed) = match wanted {
-            WantedTime::Past { at_s, speed } => (Time::from_secs_f64(at_s.clamp(0.0, 1e9)), speed),
+            WantedTime::Past { at_s, speed } => {
+                (Time::from_secs_f64(at_s.clamp(0.0, FARTHEST_S)), speed)
+            }
             // The end of a recording is no present.
             WantedTime::Present if is_over => (Time::NEVER, 0.0),
             WantedTime::Present => {

@@ -309,6 +309,13 @@ pub fn plan(board: &Board, id: VehicleId) -> Option<String> {
     Some(text.to_string())
 }
 
+/// Returns where a vehicle has been, in centimetres: x and y in turn.
+pub fn track(board: &Board, id: VehicleId) -> Option<String> {
+    let places = board.track(id)?.places().iter();
+    let places: Vec<i32> = places.flat_map(|at| [at.x_mm / 10, at.y_mm / 10]).collect();
+    Some(json!({ "id": id.0, "places_cm": places }).to_string())
+}
+
 /// Returns the plans against time: of every vehicle when each stop can begin and is done, how far it is, and for whom it waits;
 /// and the chain of stops that takes longest.
 pub fn timetable(board: &Board) -> String {

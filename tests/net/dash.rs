@@ -30,16 +30,20 @@ const WALL_M: [f64; 2] = [0.8, -5.0];
 pub struct Dash {
     pub port: u16,
     pub look: String,
-    operate: String,
+    pub operate: String,
 }
 
 impl Dash {
     fn start(swarm: &mut Swarm) -> Dash {
         swarm.spawn("dash", &["dash", "operator.toml", "--port", "0"]);
+        Dash::of_log(&swarm.path("dash.log"))
+    }
+
+    /// Waits until a process has printed the links.
+    pub fn of_log(log: &std::path::Path) -> Dash {
         let began = Instant::now();
-        let log = swarm.path("dash.log");
         loop {
-            let text = std::fs::read_to_string(&log).unwrap_or_default();
+            let text = std::fs::read_to_string(log).unwrap_or_default();
             let link = |word: &str| {
                 let line = text
                     .lines()
@@ -531,6 +535,7 @@ fn the_page_shows_the_swarm_and_the_space_key_stops_it() {
     );
     shot(&mut browser, "stopped");
 
+    look_back(&mut browser);
     start_again(&mut browser, &swarm);
 
     // Who looks only stops nobody, and sees that.
@@ -844,6 +849,53 @@ fn start_again(browser: &mut Browser, swarm: &Swarm) {
         hold(browser, "#start", 4000);
         std::thread::sleep(Duration::from_secs(2));
     }
+}
+
+/// A moment of a live swarm that is over is no present: it is called a replay, and nothing is begun from there; but Stop is Stop.
+fn look_back(browser: &mut Browser) {
+    let is_back = "tomoswarm.model.moment.speed === 0 && document.title.startsWith('REPLAY')";
+    browser.until(
+        "tomoswarm.model.markers.some((mark) => mark.kind === 'order')",
+        5,
+    );
+    browser.key("[", "BracketLeft", 219);
+    browser.until(is_back, 10);
+    browser.eval("globalThis.wanted_s = tomoswarm.model.moment.to_s - 1; tomoswarm.time.goTo(wanted_s, 0); 0");
+    browser.until(
+        "Math.abs(tomoswarm.model.shown_ms / 1000 - wanted_s) < 0.01 && tomoswarm.model.states.size === 3",
+        10,
+    );
+    browser.until(
+        "document.getElementById('age').textContent.includes('ago')",
+        10,
+    );
+    for (id, is_hidden) in [
+        ("start", true),
+        ("take-seat", true),
+        ("stop", false),
+        ("hold", false),
+    ] {
+        let hides = format!(
+            "(getComputedStyle(document.getElementById('{id}')).display === 'none') === {is_hidden}"
+        );
+        browser.until(&hides, 5);
+    }
+    shot(browser, "looking_back");
+    browser.eval("delete document.documentElement.dataset.stopNumber");
+    browser.key(" ", "Space", 32);
+    browser.until(
+        "document.documentElement.dataset.stopNumber !== undefined",
+        5,
+    );
+    browser.key("n", "KeyN", 78);
+    browser.until(
+        "document.title.startsWith('LIVE') && tomoswarm.model.isPresent()",
+        10,
+    );
+    browser.until(
+        "document.querySelectorAll('#vehicles tr.stopped').length === 2",
+        10,
+    );
 }
 
 /// Keeps what is seen, where a folder for that is named.

@@ -29,6 +29,8 @@ mod mavlink;
 mod member;
 mod missions;
 mod operator;
+#[cfg(feature = "dash")]
+mod page_process;
 mod partitions;
 mod python;
 mod raw;

@@ -79,6 +79,7 @@ fn everything(board: &Board, now: Time) -> BTreeMap<Subject, Vec<u8>> {
             Subject::Vehicle(id) => text(texts::vehicle(board, id)),
             Subject::Plan(id) => text(texts::plan(board, id)),
             Subject::Timetable => texts::timetable(board).into_bytes(),
+            Subject::Track(id) => text(texts::track(board, id)),
             Subject::Events => events(now, board),
             Subject::Radio(pair) => texts::pair_record(now, board, pair).unwrap_or_default(),
             Subject::Finds(of) => text(texts::finds(board, of)),
@@ -275,6 +276,11 @@ fn a_recording_is_shown_at_any_moment_and_speed_and_takes_no_orders() {
     );
     browser.until("!document.body.innerText.includes('image of the')", 5);
     assert_ne!(browser.eval(end), at_the_end);
+    // Where they have been until then is there.
+    browser.until(
+        "[1, 2].every((id) => tomoswarm.model.tracks.get(id)?.length > 5)",
+        5,
+    );
     // It stands; ages are those of the moment.
     std::thread::sleep(Duration::from_secs(4));
     browser.until("Math.abs(tomoswarm.model.shown_ms - 30000) < 60", 1);

@@ -389,6 +389,12 @@ impl Swarm {
         self.ground_options = vec!["--mavlink".to_owned(), "station.toml".to_owned()];
     }
 
+    /// Lets the ground station start the operator's page as well.
+    pub fn serve_page(&mut self, port: &str) {
+        let words = ["--dash", "operator.toml", "--port", port];
+        self.ground_options = words.map(str::to_owned).into();
+    }
+
     /// Lets a node's processes load a library before all others.
     pub fn preload(&mut self, node: Sender, library: &Path) {
         self.preloads.insert(Swarm::name(node), library.to_owned());

@@ -210,6 +210,7 @@ fn a_page_that_comes_late_is_sent_everything_that_is_there() {
             Subject::Vehicle(two),
             Subject::Events,
             Subject::Finds(of),
+            Subject::Track(two),
             tile,
             Subject::Stripe(of, 0)
         ]

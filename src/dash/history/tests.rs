@@ -30,6 +30,7 @@ fn everything(board: &Board, now: Time) -> Vec<(Subject, Vec<u8>)> {
             Subject::Vehicle(id) => text(texts::vehicle(board, id)),
             Subject::Plan(id) => text(texts::plan(board, id)),
             Subject::Timetable => texts::timetable(board).into_bytes(),
+            Subject::Track(id) => text(texts::track(board, id)),
             Subject::Events => text(texts::events(now, board, 0)),
             Subject::Moment | Subject::Markers => Vec::new(),
             Subject::Radio(pair) => texts::pair_record(now, board, pair).unwrap_or_default(),

@@ -1,0 +1,113 @@
+//! What a swarm of eight said for some time, kept by the operator's page: how long it takes to show any moment of it, and how
+//! much memory it takes. `cargo bench --no-default-features --bench history`; `-- 6` = six hours in place of fifty minutes.
+
+#![allow(
+    clippy::disallowed_methods,
+    clippy::disallowed_types,
+    clippy::restriction,
+    reason = "no product code"
+)]
+
+use std::collections::BTreeMap;
+use std::rc::Rc;
+use std::time::{Duration, Instant};
+
+use tomoswarm::config::{self, bundled};
+use tomoswarm::dash::board::{Board, BoardInput};
+use tomoswarm::dash::history::{HISTORY_BYTES_MAX, History};
+use tomoswarm::dash::playback::Playback;
+use tomoswarm::geom::Lattice;
+use tomoswarm::operator::HeardMessage;
+use tomoswarm::scene::{self, Up};
+use tomoswarm::sim::Scenario;
+use tomoswarm::sim::bus::BusListener;
+use tomoswarm::time::Time;
+use tomoswarm_proto::codec;
+
+const HOURS: f64 = 50.0 / 60.0;
+const MOMENTS: u32 = 200;
+
+/// Eight rovers that sweep the courtyard, as long as is wanted.
+fn scenario(hours: f64) -> Scenario {
+    let mut loader = |name: &str| bundled::load(name);
+    let until_s = format!("until_s = {:.1}", hours * 3600.0);
+    let text = loader(bundled::COURTYARD).expect("bundled");
+    let text = text
+        .replace("count = 2", "count = 8")
+        .replace("until_s = 14400.0", &until_s)
+        .replace("positions = 76", "positions = 76\nlaps = 40");
+    let sim = config::read_sim(bundled::COURTYARD, &text, None, &mut loader)
+        .unwrap_or_else(|problems| panic!("{problems}"));
+    let wrl = sim.scene.wrl.clone().expect("the courtyard has walls");
+    let text = loader(&wrl).expect("bundled");
+    let shapes = scene::read_vrml(&text, &wrl, Up::Z, &mut |_| Err("none".to_owned()));
+    Scenario::new(sim, shapes.expect("a scene").shapes, 1).expect("it is possible")
+}
+
+fn kind(heard: &HeardMessage) -> String {
+    match heard {
+        HeardMessage::Message(_, message) => format!("{:?}", message.kind()),
+        HeardMessage::Greeting(..) | HeardMessage::Unknown(_) => "other".to_owned(),
+    }
+}
+
+fn main() {
+    let hours = std::env::args()
+        .filter_map(|arg| arg.parse().ok())
+        .next()
+        .unwrap_or(HOURS);
+    let scenario = scenario(hours);
+    let lattice = Lattice::new(scenario.sim().venue.cell_m);
+    let board = Board::new(scenario.sim().venue.hash(), lattice);
+    let kept = Rc::new(std::cell::RefCell::new((History::default(), board)));
+    let spent = Rc::new(std::cell::RefCell::new(BTreeMap::<
+        String,
+        (u64, usize, Duration),
+    >::new()));
+    let (tell, count) = (kept.clone(), spent.clone());
+    let listener = BusListener::new(move |now, heard| {
+        let (history, board) = &mut *tell.borrow_mut();
+        let input = BoardInput::Heard(heard.clone());
+        let bytes = codec::pack(&input).expect("it can be packed").len();
+        let began = Instant::now();
+        history.tell(now, board, &input).expect("it can be packed");
+        let mut count = count.borrow_mut();
+        let (inputs, all_bytes, time) = count.entry(kind(heard)).or_default();
+        *inputs += 1;
+        *all_bytes += bytes;
+        *time += began.elapsed();
+    });
+    let ended = scenario.run_heard(&mut |_| true, listener);
+    ended.expect("it runs");
+    let (history, board) = &*kept.borrow();
+    let (from, to) = history.span().expect("something was said");
+    println!(
+        "what eight vehicles said is kept of the last {:.1} min; the history takes {:.1} MB of {} MB, a copy of the board {:.2} MB",
+        to.since(from).as_secs_f64() / 60.0,
+        history.bytes() as f64 / 1e6,
+        HISTORY_BYTES_MAX >> 20,
+        board.bytes() as f64 / 1e6
+    );
+    for (kind, (inputs, bytes, time)) in spent.borrow().iter() {
+        let each_us = time.as_secs_f64() * 1e6 / *inputs as f64;
+        let mb = *bytes as f64 / 1e6;
+        println!(
+            "  {kind:10} {inputs:8} inputs of {mb:6.2} MB, {each_us:6.1} us each to take and keep"
+        );
+    }
+    let mut times: Vec<Duration> = (0..MOMENTS)
+        .map(|place| {
+            // Back and forth, so that no moment is near the one before.
+            let share = f64::from(place * 89 % MOMENTS) / f64::from(MOMENTS);
+            let moment = from + to.since(from).mul_f64(share);
+            let began = Instant::now();
+            let playback = Playback::begin(history, Time::ZERO, moment, 0.0);
+            let mut playback = playback.expect("there is a history");
+            while !playback.go_on(history, Time::ZERO, true) {}
+            began.elapsed()
+        })
+        .collect();
+    times.sort();
+    let (median, most) = (times[times.len() / 2], times[times.len() - 1]);
+    println!("a moment is had in {median:.1?} (median), {most:.1?} at most, of {MOMENTS}");
+}
