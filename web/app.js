@@ -17,6 +17,8 @@ import { TimeBar, clock } from "./time.js";
 
 const AGES_EVERY_MS = 250;
 const STALE_MS = 3000;
+/** What comes anew is drawn when all of it is there, or after this time. */
+const FILLS_WITHIN_MS = 1000;
 
 const token = location.hash.split("=")[1] ?? "";
 const model = new Model();
@@ -32,14 +34,19 @@ const panels = {
   begin: { panel: new BeginPanel(model, fleet, scene), of: ["ground", "welcome"] },
 };
 orders.heldButton("begin-mission", () => panels.begin.panel.give());
+let filledBy_ms = 0;
 let needsPanel = true;
 let isWanted = false;
 let needsScene = true;
 let needsImage = true;
 
 const feed = new Feed(token, (buffer) => {
+  const wasFilling = model.isFilling;
   model.take(buffer, performance.now());
-  wantFrame();
+  if (model.isFilling && !wasFilling) filledBy_ms = performance.now() + FILLS_WITHIN_MS;
+  // Until then what was seen before stays.
+  if (isFilling()) feed.drawn();
+  else wantFrame();
 }, () => {
   showHead();
   wantFrame();
@@ -56,6 +63,10 @@ addEventListener("theme", () => { needsScene = true; wantPanel(); });
 addEventListener("resize", wantPanel);
 document.getElementById("log-zone").textContent = `local time, ${zone()}`;
 
+function isFilling() {
+  return model.isFilling && performance.now() < filledBy_ms;
+}
+
 function wantFrame() {
   if (isWanted) return;
   isWanted = true;
@@ -64,6 +75,7 @@ function wantFrame() {
 
 function draw() {
   isWanted = false;
+  if (isFilling()) return;
   const now_ms = model.clock_ms(performance.now());
   const { changed } = model;
   if (changed.has("welcome") || changed.has("moment")) showPlace();
@@ -127,6 +139,7 @@ function showHead() {
 
 setInterval(() => {
   if (document.hidden) return;
+  if (isFilling()) return;
   const now_ms = model.clock_ms(performance.now());
   fleet.show(now_ms);
   showHead();

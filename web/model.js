@@ -23,6 +23,8 @@ export class Model {
     this.generation = 0;
     this.moment = { at_s: 0, from_s: 0, to_s: 0, speed: null };
     this.markers = [];
+    /** What was forgotten comes anew, and not all of it is there. */
+    this.isFilling = false;
     this.heard_ms = -Infinity;
     this.shown_ms = 0;
     this.frames = 0;
@@ -158,6 +160,7 @@ export class Model {
   takeMoment(moment) {
     if (moment.isAnew) this.forget();
     this.moment = moment;
+    this.isFilling = !moment.isWhole;
   }
 
   takeStripe(frame) {
@@ -190,7 +193,7 @@ export class Model {
     this.texts.delete(frame.kind);
     const value = JSON.parse(new TextDecoder().decode(new Uint8Array(parts)));
     switch (frame.kind) {
-      case KIND.Welcome: this.place = value; this.events = []; this.markers = []; break;
+      case KIND.Welcome: this.place = value; this.events = []; this.markers = []; this.isFilling = false; break;
       case KIND.Orders: this.orders = value; break;
       case KIND.Ground: this.ground = { ...value, at_ms: now_ms - (value.age_s ?? 0) * 1000 }; break;
       case KIND.Vehicle: this.vehicles.set(value.id, value); break;

@@ -60,6 +60,8 @@ pub struct Outbox {
     markers_sent: u64,
     /// Everything comes anew, and the page is to forget what it has.
     is_anew: bool,
+    /// Not everything of that has gone: nothing waits for its rate, and the page draws when all is there.
+    is_filling: bool,
 }
 
 impl Outbox {
@@ -75,6 +77,7 @@ impl Outbox {
             events_sent: 0,
             markers_sent: 0,
             is_anew: false,
+            is_filling: false,
         }
     }
 
@@ -83,7 +86,7 @@ impl Outbox {
         let markers = self.waiting.get(&Subject::Markers).copied();
         self.waiting = everything(board, markers);
         (self.passed_over, self.rates_at) = ([0; 5], [now; 4]);
-        (self.events_sent, self.is_anew) = (0, true);
+        (self.events_sent, self.is_anew, self.is_filling) = (0, true, true);
     }
 
     /// Returns whether a frame may go.
@@ -127,12 +130,21 @@ impl Outbox {
             .rest
             .pop_front()
             .or_else(|| self.is_anew.then(|| self.begin_anew(now, shown))?)
+            .or_else(|| self.has_filled().then(|| self.begin_anew(now, shown))?)
             .or_else(|| self.choose(now, shown))?;
         self.in_flight += 1;
         Some(frame)
     }
 
-    /// Says first of all that everything comes anew.
+    /// Returns whether all that was to come anew has gone since this was asked last.
+    fn has_filled(&mut self) -> bool {
+        let is_whole = self.waiting.iter().all(|of| *of == Subject::Moment);
+        let has_filled = self.is_filling && is_whole;
+        self.is_filling &= !is_whole;
+        has_filled
+    }
+
+    /// Says first of all that everything comes anew, or last that all of it has come.
     fn begin_anew(&mut self, now: Time, shown: &Shown<'_>) -> Option<Vec<u8>> {
         self.begin_interval(now, Subject::Moment);
         self.moment(shown)
@@ -140,12 +152,14 @@ impl Outbox {
 
     /// Says which moment is shown; it waits again at once, for its next turn.
     fn moment(&mut self, shown: &Shown<'_>) -> Option<Vec<u8>> {
-        let text = texts::moment(shown, std::mem::take(&mut self.is_anew));
+        let is_anew = std::mem::take(&mut self.is_anew);
+        let text = texts::moment(shown, is_anew, !self.is_filling);
         frame::texts(FrameKind::Moment, shown.at, &text).pop()
     }
 
     fn due_at(&self, subject: Subject) -> Time {
-        rate(subject).map_or(Time::ZERO, |(rate, _)| self.rates_at[rate])
+        let rate = rate(subject).filter(|_| !self.is_filling || subject == Subject::Moment);
+        rate.map_or(Time::ZERO, |(rate, _)| self.rates_at[rate])
     }
 
     fn choose(&mut self, now: Time, shown: &Shown<'_>) -> Option<Vec<u8>> {

@@ -381,14 +381,15 @@ pub fn events(now: Time, board: &Board, after: u64) -> Option<String> {
     (!all.is_empty()).then(|| json!({ "events": all }).to_string())
 }
 
-/// Returns which moment is shown, of which span; `is_anew`: everything comes anew.
-pub fn moment(shown: &Shown<'_>, is_anew: bool) -> String {
+/// Returns which moment is shown, of which span; `is_anew`: everything comes anew; `is_whole`: all of that has come.
+pub fn moment(shown: &Shown<'_>, is_anew: bool, is_whole: bool) -> String {
     json!({
         "at_s": shown.at.as_secs_f64(),
         "from_s": shown.span.0.as_secs_f64(),
         "to_s": shown.span.1.as_secs_f64(),
         "speed": shown.speed,
         "isAnew": is_anew,
+        "isWhole": is_whole,
     })
     .to_string()
 }

@@ -294,3 +294,36 @@ fn a_server_with_nothing_to_say_is_heard_once_a_second() {
     assert!((9..=10).contains(&beats), "{beats} in 10 s");
     assert_eq!(TILE.bytes(), 12);
 }
+
+#[test]
+fn what_comes_anew_waits_for_no_rate_and_its_end_is_said() {
+    let mut life = Life::new();
+    for x in 0..200 {
+        life.count += 1;
+        life.tile(x, 3);
+    }
+    life.state(1, 5);
+    while life.take().is_some() {
+        life.outbox.credit(2);
+    }
+    life.outbox.show_anew(life.now, &life.board);
+    let mut kinds = Vec::new();
+    let mut moments = Vec::new();
+    while let Some(frame) = life.take() {
+        life.outbox.credit(1);
+        kinds.push(frame[0]);
+        if is(&frame, FrameKind::Moment) {
+            let text: serde_json::Value = serde_json::from_slice(&frame[HEADER_BYTES..]).unwrap();
+            moments.push((text["isAnew"].clone(), text["isWhole"].clone()));
+        }
+    }
+    let tiles = kinds.iter().filter(|kind| **kind == FrameKind::Tiles as u8);
+    assert!(tiles.count() > 2, "at one time: {kinds:?}");
+    assert_eq!(kinds.first(), Some(&(FrameKind::Moment as u8)));
+    assert_eq!(kinds.last(), Some(&(FrameKind::Moment as u8)));
+    let expected = [(true, false), (false, true)];
+    assert_eq!(
+        moments,
+        expected.map(|(anew, whole)| (anew.into(), whole.into()))
+    );
+}
