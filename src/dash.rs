@@ -8,6 +8,7 @@
 //! port; the server around it is `run/dash`, the page is `web/`.
 
 pub mod board;
+pub mod contents;
 pub mod events;
 pub mod frame;
 pub mod gate;
@@ -18,6 +19,7 @@ pub mod outbox;
 pub mod page_server;
 pub mod playback;
 pub mod radio;
+pub mod records;
 pub mod texts;
 pub mod timetable;
 pub mod track;

@@ -136,7 +136,7 @@ impl EventList {
         }
         if before.stands_under != state.stands_under {
             let text = match state.stands_under {
-                Some(why) => format!("stands: {}", super::texts::stand_reason(why)),
+                Some(why) => format!("stands: {}", super::records::stand_reason(why)),
                 None => "may go on".to_owned(),
             };
             say(EventKind::Change, text);

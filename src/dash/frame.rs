@@ -250,11 +250,8 @@ pub fn records(kind: FrameKind, now: Time, count: usize, body: &[u8]) -> Vec<u8>
 }
 
 /// Returns the frames of a text, in the order in which they must be sent.
-pub fn texts(kind: FrameKind, now: Time, text: &str) -> Vec<Vec<u8>> {
-    let pieces: Vec<&[u8]> = text
-        .as_bytes()
-        .chunks(FRAME_BYTES_MAX - HEADER_BYTES)
-        .collect();
+pub fn texts(kind: FrameKind, now: Time, text: &[u8]) -> Vec<Vec<u8>> {
+    let pieces: Vec<&[u8]> = text.chunks(FRAME_BYTES_MAX - HEADER_BYTES).collect();
     let last = pieces.len().saturating_sub(1);
     let frame = |(index, piece): (usize, &&[u8])| {
         let mut bytes = vec![kind as u8, if index < last { GOES_ON } else { 0 }];
@@ -338,7 +335,12 @@ mod tests {
             ("stripe", records(FrameKind::Stripe, now, 1, &stripe)),
             (
                 "text",
-                texts(FrameKind::Vehicle, now, "{\"id\":1,\"text\":\"<ä>\"}").concat(),
+                texts(
+                    FrameKind::Vehicle,
+                    now,
+                    "{\"id\":1,\"text\":\"<ä>\"}".as_bytes(),
+                )
+                .concat(),
             ),
         ]
     }
@@ -382,7 +384,7 @@ mod tests {
     #[test]
     fn a_long_text_goes_on_in_further_frames_and_none_is_too_long() {
         let text = "ä".repeat(10_000);
-        let frames = texts(FrameKind::Plan, Time::ZERO, &text);
+        let frames = texts(FrameKind::Plan, Time::ZERO, text.as_bytes());
         assert!(frames.iter().all(|frame| frame.len() <= FRAME_BYTES_MAX));
         let flags: Vec<u8> = frames.iter().map(|frame| frame[1]).collect();
         assert_eq!(flags, [GOES_ON, GOES_ON, 0]);
@@ -392,6 +394,6 @@ mod tests {
             .copied()
             .collect();
         assert_eq!(joined, text.as_bytes());
-        assert_eq!(texts(FrameKind::Plan, Time::ZERO, "").len(), 0);
+        assert_eq!(texts(FrameKind::Plan, Time::ZERO, b"").len(), 0);
     }
 }

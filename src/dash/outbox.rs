@@ -12,7 +12,7 @@ use std::time::Duration;
 use super::board::{Board, Subject};
 use super::events::Event;
 use super::frame::{self, FRAME_BYTES_MAX, FrameKind, HEADER_BYTES};
-use super::texts;
+use super::{contents, texts};
 use crate::time::Time;
 
 /// Frames on their way at most.
@@ -70,7 +70,7 @@ impl Outbox {
         let markers = (!shown.markers.is_empty()).then_some(Subject::Markers);
         Outbox {
             waiting: everything(shown.board, markers),
-            rest: frame::texts(FrameKind::Welcome, shown.at, welcome).into(),
+            rest: frame::texts(FrameKind::Welcome, shown.at, welcome.as_bytes()).into(),
             in_flight: 0,
             passed_over: [0; 5],
             rates_at: [now; 4],
@@ -154,7 +154,7 @@ impl Outbox {
     fn moment(&mut self, shown: &Shown<'_>) -> Option<Vec<u8>> {
         let is_anew = std::mem::take(&mut self.is_anew);
         let text = texts::moment(shown, is_anew, !self.is_filling);
-        frame::texts(FrameKind::Moment, shown.at, &text).pop()
+        frame::texts(FrameKind::Moment, shown.at, text.as_bytes()).pop()
     }
 
     fn due_at(&self, subject: Subject) -> Time {
@@ -210,100 +210,50 @@ impl Outbox {
 
     /// Makes the frame of a subject, and of as many like it as fit; `None` of what is not there any more.
     fn make(&mut self, shown: &Shown<'_>, subject: Subject) -> Option<Vec<u8>> {
-        let (now, board) = (shown.at, shown.board);
-        match subject {
-            Subject::Moment => self.moment(shown),
+        let now = shown.at;
+        let bytes = |of| contents::bytes(now, shown.board, of, self.events_sent);
+        let text = match subject {
+            Subject::Moment => return self.moment(shown),
+            Subject::State(_) | Subject::Tile(_) | Subject::Radio(_) => {
+                return self.gather(shown, contents::kind(subject));
+            }
+            Subject::Stripe(..) => {
+                let stripe = bytes(subject);
+                self.waiting.remove(&subject);
+                return Some(frame::records(FrameKind::Stripe, now, 1, &stripe?));
+            }
             Subject::Markers => {
                 let text = texts::markers(shown.markers, self.markers_sent);
                 self.markers_sent = shown.markers.back().map_or(0, |marker| marker.number);
-                self.text(subject, FrameKind::Markers, now, text)
+                text.map(String::into_bytes)
             }
-            Subject::State(_) => {
-                let of = |subject| match subject {
-                    Subject::State(id) => Some(texts::state_record(now, board, id)),
-                    _ => None,
-                };
-                self.gather(FrameKind::States, now, of)
-            }
-            Subject::Tile(_) => {
-                let of = |subject| match subject {
-                    Subject::Tile(address) => Some(texts::tile_record(board, address)),
-                    _ => None,
-                };
-                self.gather(FrameKind::Tiles, now, of)
-            }
-            Subject::Radio(_) => {
-                let of = |subject| match subject {
-                    Subject::Radio(pair) => Some(texts::pair_record(now, board, pair)),
-                    _ => None,
-                };
-                self.gather(FrameKind::Radio, now, of)
-            }
-            Subject::Timetable => self.text(
-                subject,
-                FrameKind::Timetable,
-                now,
-                Some(texts::timetable(board)),
-            ),
             Subject::Events => {
-                let text = texts::events(now, board, self.events_sent);
-                self.events_sent = board.events().last();
-                self.text(subject, FrameKind::Events, now, text)
+                let text = bytes(subject);
+                self.events_sent = shown.board.events().last();
+                text
             }
-            Subject::Stripe(of, part) => {
-                self.waiting.remove(&subject);
-                let stripe = texts::stripe_record(board, of, part)?;
-                Some(frame::records(FrameKind::Stripe, now, 1, &stripe))
-            }
-            Subject::Orders => self.text(
-                subject,
-                FrameKind::Orders,
-                now,
-                Some(texts::orders(now, board)),
-            ),
-            Subject::Ground => self.text(
-                subject,
-                FrameKind::Ground,
-                now,
-                Some(texts::ground(now, board)),
-            ),
-            Subject::Vehicle(id) => {
-                self.text(subject, FrameKind::Vehicle, now, texts::vehicle(board, id))
-            }
-            Subject::Plan(id) => self.text(subject, FrameKind::Plan, now, texts::plan(board, id)),
-            Subject::Track(id) => {
-                self.text(subject, FrameKind::Track, now, texts::track(board, id))
-            }
-            Subject::Finds(of) => {
-                self.text(subject, FrameKind::Finds, now, texts::finds(board, of))
-            }
-        }
-    }
-
-    fn text(
-        &mut self,
-        subject: Subject,
-        kind: FrameKind,
-        now: Time,
-        text: Option<String>,
-    ) -> Option<Vec<u8>> {
+            Subject::Orders
+            | Subject::Ground
+            | Subject::Vehicle(_)
+            | Subject::Plan(_)
+            | Subject::Timetable
+            | Subject::Track(_)
+            | Subject::Finds(_) => bytes(subject),
+        };
         self.waiting.remove(&subject);
-        self.rest = frame::texts(kind, now, &text?).into();
+        self.rest = frame::texts(contents::kind(subject), now, &text?).into();
         self.rest.pop_front()
     }
 
-    /// Fills a frame with records; `of` says which subjects are of its kind, and what is to be sent of them, if anything.
-    fn gather(
-        &mut self,
-        kind: FrameKind,
-        now: Time,
-        of: impl Fn(Subject) -> Option<Option<Vec<u8>>>,
-    ) -> Option<Vec<u8>> {
+    /// Fills a frame with the records of its kind that wait.
+    fn gather(&mut self, shown: &Shown<'_>, kind: FrameKind) -> Option<Vec<u8>> {
         let (mut body, mut taken) = (Vec::new(), Vec::new());
         let mut count = 0;
         for subject in &self.waiting {
-            let Some(record) = of(*subject) else { continue };
-            let record = record.unwrap_or_default();
+            if contents::kind(*subject) != kind {
+                continue;
+            }
+            let record = contents::bytes(shown.at, shown.board, *subject, 0).unwrap_or_default();
             if HEADER_BYTES + body.len() + record.len() > FRAME_BYTES_MAX {
                 break;
             }
@@ -314,7 +264,7 @@ impl Outbox {
         for subject in taken {
             self.waiting.remove(&subject);
         }
-        (count > 0).then(|| frame::records(kind, now, count, &body))
+        (count > 0).then(|| frame::records(kind, shown.at, count, &body))
     }
 }
 

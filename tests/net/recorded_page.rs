@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use tomoswarm::config::{self, Sim};
 use tomoswarm::dash::board::{Board, BoardInput, Subject};
+use tomoswarm::dash::contents;
 use tomoswarm::dash::history::History;
 use tomoswarm::dash::playback::Playback;
 use tomoswarm::dash::texts;
@@ -70,26 +71,9 @@ impl Drop for Served {
 
 /// All that a page would be shown of a board at a moment.
 fn everything(board: &Board, now: Time) -> BTreeMap<Subject, Vec<u8>> {
-    let text = |text: Option<String>| text.unwrap_or_default().into_bytes();
-    let of = |subject: Subject| {
-        let bytes = match subject {
-            Subject::Orders => texts::orders(now, board).into_bytes(),
-            Subject::State(id) => texts::state_record(now, board, id).unwrap_or_default(),
-            Subject::Ground => texts::ground(now, board).into_bytes(),
-            Subject::Vehicle(id) => text(texts::vehicle(board, id)),
-            Subject::Plan(id) => text(texts::plan(board, id)),
-            Subject::Timetable => texts::timetable(board).into_bytes(),
-            Subject::Track(id) => text(texts::track(board, id)),
-            Subject::Events => events(now, board),
-            Subject::Radio(pair) => texts::pair_record(now, board, pair).unwrap_or_default(),
-            Subject::Finds(of) => text(texts::finds(board, of)),
-            Subject::Tile(address) => texts::tile_record(board, address).unwrap_or_default(),
-            Subject::Stripe(of, part) => texts::stripe_record(board, of, part).unwrap_or_default(),
-            Subject::Moment | Subject::Markers => Vec::new(),
-        };
-        (subject, bytes)
-    };
-    board.subjects().into_iter().map(of).collect()
+    let mut all = contents::everything(now, board);
+    all.insert(Subject::Events, events(now, board));
+    all
 }
 
 /// What happened; what happened at the same time in any order. What a node says before it has joined is recorded, and heard by

@@ -9,38 +9,13 @@ use tomoswarm_proto::{
 };
 
 use super::*;
-use crate::dash::board::Subject;
+use crate::dash::contents::everything;
 use crate::dash::orders::OrderRequest;
-use crate::dash::texts;
 use crate::geom::Lattice;
 use crate::operator::tests_support::{at, heard, report, state};
 
 fn board() -> Board {
     Board::new(7, Lattice::new(0.1))
-}
-
-/// All that a page would be shown of a board at a moment.
-fn everything(board: &Board, now: Time) -> Vec<(Subject, Vec<u8>)> {
-    let text = |text: Option<String>| text.unwrap_or_default().into_bytes();
-    let of = |subject: Subject| {
-        let bytes = match subject {
-            Subject::Orders => texts::orders(now, board).into_bytes(),
-            Subject::State(id) => texts::state_record(now, board, id).unwrap_or_default(),
-            Subject::Ground => texts::ground(now, board).into_bytes(),
-            Subject::Vehicle(id) => text(texts::vehicle(board, id)),
-            Subject::Plan(id) => text(texts::plan(board, id)),
-            Subject::Timetable => texts::timetable(board).into_bytes(),
-            Subject::Track(id) => text(texts::track(board, id)),
-            Subject::Events => text(texts::events(now, board, 0)),
-            Subject::Moment | Subject::Markers => Vec::new(),
-            Subject::Radio(pair) => texts::pair_record(now, board, pair).unwrap_or_default(),
-            Subject::Finds(of) => text(texts::finds(board, of)),
-            Subject::Tile(address) => texts::tile_record(board, address).unwrap_or_default(),
-            Subject::Stripe(of, part) => texts::stripe_record(board, of, part).unwrap_or_default(),
-        };
-        (subject, bytes)
-    };
-    board.subjects().into_iter().map(of).collect()
 }
 
 fn state_of(id: u8, sequence: u64, is_landed: bool) -> BoardInput {
@@ -171,12 +146,12 @@ proptest! {
             now = now + Duration::from_millis(200 * after);
             let input = numbered(input, number as u32 + 1);
             history.tell(now, &mut present, &input).unwrap();
-            was.push((now, everything(&present, now)));
+            was.push((now, everything(now, &present)));
         }
         for (index, (moment, expected)) in was.iter().enumerate() {
             let is_last_of_its_time = was.get(index + 1).is_none_or(|(next, _)| next > moment);
             if is_last_of_its_time {
-                prop_assert_eq!(&everything(&told_again(&history, *moment, most), *moment), expected);
+                prop_assert_eq!(&everything(*moment, &told_again(&history, *moment, most)), expected);
             }
         }
     }
@@ -221,8 +196,8 @@ fn a_history_that_is_too_large_is_thinned_from_its_oldest_part_on_and_keeps_even
     // The newest is whole.
     let last = whole.span().unwrap().1;
     assert_eq!(
-        everything(&told_again(&thinned, last, 5000), last),
-        everything(&present, last)
+        everything(last, &told_again(&thinned, last, 5000)),
+        everything(last, &present)
     );
 }
 

@@ -112,6 +112,12 @@ pub(super) fn check_version(values: &BTreeMap<String, String>) -> Result<(), Str
     ))
 }
 
+/// Says that a file ends with a gap, and why.
+pub(super) fn gap_note(path: &Path, values: &BTreeMap<String, String>) -> String {
+    let reason = values.get("reason").map_or("unknown", String::as_str);
+    format!("{}: ends with a gap: {reason}", path.display())
+}
+
 /// A file being replayed.
 struct Segment<'a> {
     path: &'a Path,
@@ -138,17 +144,12 @@ impl Segment<'_> {
         values: &BTreeMap<String, String>,
         replayed: &mut Replayed,
     ) -> Result<(), String> {
-        let value = |key: &str| values.get(key).map_or("unknown", String::as_str);
         match name {
             "tomoswarm" => {
                 check_version(values)?;
                 self.is_known = true;
             }
-            "gap" => replayed.notes.push(format!(
-                "{}: ends with a gap: {}",
-                self.path.display(),
-                value("reason")
-            )),
+            "gap" => replayed.notes.push(gap_note(self.path, values)),
             _ => {}
         }
         Ok(())

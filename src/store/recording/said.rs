@@ -13,7 +13,7 @@ use tomoswarm_proto::{Message, OperatorId, Sender, VehicleId, codec};
 
 use super::actors::{self, BusStep};
 use super::reader::{ReadError, Reader, RecordingContents};
-use super::replay::{FOREIGN, ReplayError, check_version};
+use super::replay::{FOREIGN, ReplayError, check_version, gap_note};
 use crate::operator::HeardMessage;
 use crate::time::Time;
 
@@ -171,11 +171,7 @@ impl SegmentContents {
                     return Err("is of another venue than the files before".to_owned());
                 }
             }
-            "gap" => run.notes.push(format!(
-                "{}: ends with a gap: {}",
-                path.display(),
-                value("reason")
-            )),
+            "gap" => run.notes.push(gap_note(path, values)),
             _ => {}
         }
         Ok(())
