@@ -48,6 +48,8 @@ const feed = new Feed(token, (buffer) => {
   if (isFilling()) feed.drawn();
   else wantFrame();
 }, () => {
+  // What was asked for was asked of the connection before.
+  time.asked_s = null;
   showHead();
   wantFrame();
 });
@@ -109,6 +111,7 @@ function showPlace() {
   root.dataset.showing = showing;
   document.getElementById("showing").textContent = showing;
   document.getElementById("venue").textContent = place.venue;
+  document.getElementById("truth-choice").hidden = !place.truth;
   if (!model.isLive()) {
     say(`A ${place.showing.toLowerCase()}: it takes no orders.`);
     document.getElementById("log-zone").textContent = "time of the run";

@@ -17,8 +17,9 @@ export class ImagePanel {
 
   draw() {
     const choice = document.getElementById("image-subject");
-    // Until somebody chooses, what there is is shown.
-    if (!this.isChosen && !this.model.images.has(Number(choice.value)) && this.model.images.has(0)) choice.value = "0";
+    // Until somebody chooses, the change is shown, or what there is.
+    const { images } = this.model;
+    if (!this.isChosen) choice.value = images.has(0) && !images.has(1) ? "0" : "1";
     const subject = Number(choice.value);
     const plane = document.getElementById("image-plane").value;
     const image = this.model.images.get(subject);
@@ -41,15 +42,26 @@ export class ImagePanel {
   }
 
   showFinds(subject) {
-    const finds = this.model.finds.get(subject)?.finds ?? [];
-    const items = finds.map((find) => {
-      const item = document.createElement("li");
-      const sd = find.sd_m === null ? "deviation unknown" : `± ${find.sd_m.toFixed(2)} m`;
-      item.textContent = `find at x ${find.at[0].toFixed(2)}, y ${find.at[1].toFixed(2)} m (${sd}), ${find.strength_dbpm.toFixed(2)} dB/m`;
-      return item;
+    const { finds = [], earlier = [] } = this.model.finds.get(subject) ?? {};
+    document.getElementById("finds").replaceChildren(...finds.map((find) => item(`find at ${findText(find)}`)));
+    document.getElementById("earlier").hidden = earlier.length === 0;
+    const lines = earlier.map((image) => {
+      const found = image.finds.map(findText).join("; ") || "nothing";
+      return item(`${this.model.timeText(image.at_s * 1000)} run ${image.run}, lap ${image.laps}: ${found}`);
     });
-    document.getElementById("finds").replaceChildren(...items);
+    document.getElementById("earlier-finds").replaceChildren(...lines.reverse());
   }
+}
+
+function item(text) {
+  const made = document.createElement("li");
+  made.textContent = text;
+  return made;
+}
+
+function findText(find) {
+  const sd = find.sd_m === null ? "deviation unknown" : `± ${find.sd_m.toFixed(2)} m`;
+  return `x ${find.at[0].toFixed(2)}, y ${find.at[1].toFixed(2)} m (${sd}), ${find.strength_dbpm.toFixed(2)} dB/m`;
 }
 
 function caption(image, plane) {

@@ -1,5 +1,7 @@
 // What happened, newest first: changes, troubles, orders with their fates; by vehicle and by kind. Texts are set as text only.
 
+import { timeOfDay } from "./model.js";
+
 const SHAPES = { change: "·", trouble: "!", order: "→", image: "▦" };
 const SHOWN_MOST = 200;
 
@@ -33,13 +35,12 @@ export class LogPanel {
   }
 }
 
-/** The time of the run is told as if it had begun at midnight. */
 function line(event, isLive) {
   const item = document.createElement("li");
   item.className = event.kind;
   const time = document.createElement("time");
   time.dateTime = event.at.toISOString();
-  time.textContent = event.at.toLocaleTimeString([], { hour: "2-digit", minute: "2-digit", second: "2-digit", hour12: false, timeZone: isLive ? undefined : "UTC" });
+  time.textContent = timeOfDay(event.at, isLive);
   const whom = event.vehicles.length ? ` ${event.vehicles.join(", ")}:` : "";
   // The text of an order or an image says that it is one.
   const kind = ["order", "image"].includes(event.kind) ? "" : ` ${event.kind}`;

@@ -94,6 +94,11 @@ export class Model {
     return Date.now() - (newest_ms - at_ms);
   }
 
+  /** A moment of the server as the time of day, local; that of a run is told as if it had begun at midnight. */
+  timeText(at_ms) {
+    return timeOfDay(new Date(this.date_ms(at_ms)), this.isLive());
+  }
+
   takeStates(frame, now_ms) {
     let at = 0;
     for (let i = 0; i < frame.count; i++) {
@@ -156,6 +161,14 @@ export class Model {
     this.events = this.events.slice(-EVENTS_MOST);
   }
 
+  /** A connection begins, perhaps to a server that was started anew. */
+  takePlace(place) {
+    this.forget();
+    this.place = place;
+    this.moment = { ...this.moment, speed: null };
+    [this.markers, this.isFilling] = [[], false];
+  }
+
   /** Which moment is shown; when all comes anew, what is known is forgotten. */
   takeMoment(moment) {
     if (moment.isAnew) this.forget();
@@ -193,7 +206,7 @@ export class Model {
     this.texts.delete(frame.kind);
     const value = JSON.parse(new TextDecoder().decode(new Uint8Array(parts)));
     switch (frame.kind) {
-      case KIND.Welcome: this.place = value; this.events = []; this.markers = []; this.isFilling = false; break;
+      case KIND.Welcome: this.takePlace(value); break;
       case KIND.Orders: this.orders = value; break;
       case KIND.Ground: this.ground = { ...value, at_ms: now_ms - (value.age_s ?? 0) * 1000 }; break;
       case KIND.Vehicle: this.vehicles.set(value.id, value); break;
@@ -258,4 +271,10 @@ function stateOf(record, now_ms) {
     battery: record.battery_permille === UNKNOWN ? null : record.battery_permille / 1000,
     at_ms: now_ms - record.age_ms,
   };
+}
+
+/** A date as the time of day; of no live swarm, in the time of the run. */
+export function timeOfDay(date, isLive) {
+  const form = { hour: "2-digit", minute: "2-digit", second: "2-digit", hour12: false };
+  return date.toLocaleTimeString([], isLive ? form : { ...form, timeZone: "UTC" });
 }

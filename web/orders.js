@@ -17,9 +17,10 @@ export class Orders {
     }, RENEW_MS);
   }
 
+  /** Who looks back has no seat: what is known of it is of then. */
   hasSeat() {
     const page = this.model.place?.page;
-    return page !== undefined && this.model.orders.seat === page;
+    return page !== undefined && this.model.isPresent() && this.model.orders.seat === page;
   }
 
   /** A button that acts when it was held for a second, by pointer or by Enter. */

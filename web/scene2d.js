@@ -9,6 +9,7 @@ const OCCUPIED_FROM = 9;
 const FREE_TO = -8;
 const SURE = 17;
 const PADDING = 1.08;
+const TRUTH = "#a03cc8";
 /** A pointer that moves less has pointed at something. */
 const TAP_PIXELS = 5;
 
@@ -18,7 +19,7 @@ export class Scene {
     this.canvas = document.getElementById("plane");
     this.tiles = new Map();
     this.view = null;
-    this.layers = Object.fromEntries(["map", "image", "plan", "tracks"].map((name) => [name, document.getElementById(`layer-${name}`)]));
+    this.layers = Object.fromEntries(["map", "image", "plan", "tracks", "truth"].map((name) => [name, document.getElementById(`layer-${name}`)]));
     for (const box of Object.values(this.layers)) box.addEventListener("change", () => this.wanted());
     this.wanted = () => {};
     /** Told the places that are pointed at, while places are asked for. */
@@ -157,6 +158,7 @@ export class Scene {
     this.paper = style.getPropertyValue("--paper");
     if (this.layers.map.checked) this.drawMap(pen);
     if (this.layers.image.checked) this.drawImage(pen);
+    if (this.layers.truth.checked) this.drawTruth(pen);
     this.drawPlace(pen);
     if (this.layers.tracks.checked) this.drawTracks(pen);
     if (this.layers.plan.checked) {
@@ -240,6 +242,21 @@ export class Scene {
       pen.strokeRect(x - 6, y - 6, 12, 12);
       this.write(pen, `home ${index + 1}`, x + 9, y + 14);
     });
+  }
+
+  /** What truly stands in the scene of a simulation. */
+  drawTruth(pen) {
+    const { outlines, persons } = this.model.place.truth ?? { outlines: [], persons: [] };
+    pen.strokeStyle = TRUTH;
+    pen.lineWidth = 2;
+    for (const outline of outlines) this.path(pen, outline, true);
+    pen.setLineDash([4, 3]);
+    for (const person of persons) {
+      const [x, y] = this.toPixel(person.at[0], person.at[1]);
+      this.ring(pen, x, y, person.radius_m);
+      this.write(pen, person.name, x + person.radius_m * this.view.scale + 3, y + 4);
+    }
+    pen.setLineDash([]);
   }
 
   drawTracks(pen) {

@@ -59,7 +59,7 @@ export class TimeBar {
     if (this.model.isPresent()) return this.goTo(this.at_s(), 0);
     const { to_s, from_s } = this.model.moment;
     // At the end of a recording it begins anew.
-    const at_s = this.model.place.showing === "REPLAY" && !this.isPlaying() && to_s - this.at_s() < NEAR_S ? from_s : this.at_s();
+    const at_s = this.model.place?.showing === "REPLAY" && !this.isPlaying() && to_s - this.at_s() < NEAR_S ? from_s : this.at_s();
     this.goTo(at_s, this.isPlaying() ? 0 : Number(this.speed.value));
   }
 

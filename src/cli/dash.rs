@@ -124,7 +124,7 @@ impl DashArgs {
 /// Returns why there is no page, as an error of a command.
 pub(super) fn refused(error: DashError) -> CliError {
     match error {
-        DashError::Listen { .. } => CliError::Usage(error.to_string()),
+        DashError::Listen { .. } | DashError::Scenario(_) => CliError::Usage(error.to_string()),
         DashError::Random(_) | DashError::Thread(_) => CliError::Fault(error.to_string()),
     }
 }

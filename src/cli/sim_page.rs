@@ -21,7 +21,7 @@ pub(super) fn start(
     port: Option<u16>,
     out: &mut dyn Write,
 ) -> Result<SimulationPage, CliError> {
-    let page = SimulationPage::start(&scenario.sim().venue, port.unwrap_or(PAGE_PORT));
+    let page = SimulationPage::start(scenario, port.unwrap_or(PAGE_PORT));
     let page = page.map_err(refused)?;
     let written = writeln!(out, "to look     {}", page.link()).and_then(|()| out.flush());
     written.map_err(CliError::stdout)?;

@@ -5,12 +5,12 @@
 //! It knows no page and no bytes. What is shown of a subject is made when it is sent, so a page never gets what is old.
 
 use std::cell::OnceCell;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tomoswarm_proto::{
-    EmergencyName, Image, ImageSubject, Message, Plan, RunId, Sender, Stop, TILE_CELLS,
+    EmergencyName, Find, Image, ImageSubject, Message, Plan, RunId, Sender, Stop, TILE_CELLS,
     TileAddress, VehicleId,
 };
 
@@ -31,6 +31,8 @@ use crate::time::Time;
 
 /// What the rest of a board takes, about: states, samples.
 const OTHER_BYTES: usize = 64 << 10;
+/// Images of which it is known what was found in them, at most.
+const EARLIER_MAX: usize = 40;
 /// An image that was not said again for this long gives way to one that seems to be older: the ground has begun anew.
 const IMAGE_STANDS: Duration = Duration::from_secs(60);
 
@@ -91,6 +93,39 @@ pub struct NewestImage {
     pub parts: BTreeMap<u16, Image>,
     /// When the last part came.
     at: Time,
+    /// What was found in the images before, oldest first.
+    pub earlier: VecDeque<EarlierFinds>,
+}
+
+/// What was found in an image that has given way to a newer one.
+#[derive(Clone, Debug)]
+pub struct EarlierFinds {
+    /// When its last part came.
+    pub at: Time,
+    /// Its run.
+    pub run: RunId,
+    /// After how many laps.
+    pub laps: u32,
+    /// What was found.
+    pub finds: Vec<Find>,
+}
+
+impl NewestImage {
+    /// Returns what was found in it and in those before it.
+    fn give_way(&mut self) -> VecDeque<EarlierFinds> {
+        let mut earlier = std::mem::take(&mut self.earlier);
+        let finds = self.parts.get(&0).map(|first| EarlierFinds {
+            at: self.at,
+            run: first.run,
+            laps: first.laps,
+            finds: first.finds.clone(),
+        });
+        earlier.extend(finds);
+        if earlier.len() > EARLIER_MAX {
+            earlier.pop_front();
+        }
+        earlier
+    }
 }
 
 /// The newest of everything.
@@ -459,14 +494,16 @@ impl Board {
         if is_old {
             return;
         }
-        let fresh = || NewestImage {
+        let fresh = |earlier| NewestImage {
             edition,
             parts: BTreeMap::new(),
             at: now,
+            earlier,
         };
-        let newest = self.images.entry(image.subject).or_insert_with(fresh);
+        let newest = self.images.entry(image.subject);
+        let newest = newest.or_insert_with(|| fresh(VecDeque::new()));
         if newest.edition != edition {
-            *newest = fresh();
+            *newest = fresh(newest.give_way());
         }
         newest.at = now;
         let is_known = newest.parts.get(&image.part) == Some(image);

@@ -7,19 +7,21 @@ use std::collections::VecDeque;
 
 use serde_json::{Value, json};
 use tomoswarm_proto::{
-    Covariance, EmergencyStop, Image, ImageSubject, Plan, Position, StopId, StopScope, VehicleId,
+    Covariance, EmergencyStop, Find, Image, ImageSubject, Plan, Position, StopId, StopScope,
+    VehicleId,
 };
 
-use super::board::Board;
+use super::board::{Board, EarlierFinds};
 use super::events::Event;
 use super::orders::GivenOrder;
 use super::outbox::Shown;
 use super::records::{MODES, STANDS_UNDER, subject_number};
 use super::timetable::SHOWN_SPEED_MPS;
 use crate::config::{DeclaredKey, GivenMission, Venue};
-use crate::geom::Point;
+use crate::geom::{Point, Polygon};
 use crate::operator::names::{control, kind_name, mission_phase, mode, ordered, phase, run_end};
 use crate::operator::outcome::{OrderOutcome, VehicleOutcome};
+use crate::scene::{Outline, Person};
 use crate::sweep::ExpectedStop;
 use crate::time::Time;
 
@@ -66,6 +68,20 @@ pub fn place(venue: &Venue, showing: Showing) -> Value {
     })
 }
 
+/// Returns what truly stands in the scene of a simulation: outlines at antenna height, and persons.
+pub fn truth(outlines: &[Outline], persons: &[Person]) -> Value {
+    let border = |of: &Polygon| of.corners().iter().map(|at| point(*at)).collect::<Vec<_>>();
+    let polygons = outlines
+        .iter()
+        .flat_map(|of| std::iter::once(&of.polygon).chain(&of.holes));
+    let person =
+        |of: &Person| json!({ "name": of.name, "at": point(of.at), "radius_m": of.radius_m });
+    json!({
+        "outlines": polygons.map(border).collect::<Vec<_>>(),
+        "persons": persons.iter().map(person).collect::<Vec<_>>(),
+    })
+}
+
 /// Returns the kinds of missions, each with its keys and what they mean.
 fn missions() -> Vec<Value> {
     let key = |key: &DeclaredKey| {
@@ -81,14 +97,15 @@ fn missions() -> Vec<Value> {
         .collect()
 }
 
-/// Returns what was found in the newest image.
+/// Returns what was found in the newest image, and in those before it.
 pub fn finds(board: &Board, subject: ImageSubject) -> Option<String> {
-    let image: &Image = board.image(subject)?.parts.get(&0)?;
+    let newest = board.image(subject)?;
+    let image: &Image = newest.parts.get(&0)?;
     let deviation_m = |covariance: Covariance| {
         let most = covariance.xx_mm2.max(covariance.yy_mm2);
         libm::sqrt(f64::from(most)) / 1000.0
     };
-    let find = |find: &tomoswarm_proto::Find| {
+    let find = |find: &Find| {
         json!({
             "at": position(find.at),
             "sd_m": find.covariance.map(deviation_m),
@@ -97,11 +114,20 @@ pub fn finds(board: &Board, subject: ImageSubject) -> Option<String> {
         })
     };
     let all: Vec<Value> = image.finds.iter().map(find).collect();
+    let earlier = |of: &EarlierFinds| {
+        json!({
+            "at_s": tenths(of.at.as_secs_f64()),
+            "run": of.run.0,
+            "laps": of.laps,
+            "finds": of.finds.iter().map(find).collect::<Vec<_>>(),
+        })
+    };
     let text = json!({
         "subject": subject_number(subject),
         "run": image.run.0,
         "sequence": image.sequence,
         "finds": all,
+        "earlier": newest.earlier.iter().map(earlier).collect::<Vec<_>>(),
     });
     Some(text.to_string())
 }

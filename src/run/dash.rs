@@ -32,6 +32,7 @@ use crate::dash::page_server::{PageEffect, PageServer};
 use crate::dash::texts::{Showing, place};
 use crate::geom::Lattice;
 use crate::operator::operator_actor::Out;
+use crate::sim::ScenarioError;
 
 /// The loop looks whether it shall end this often.
 const LOOKS_EVERY: Duration = Duration::from_millis(100);
@@ -49,6 +50,9 @@ pub enum DashError {
         /// Why.
         source: io::Error,
     },
+    /// The scene of a simulation cannot be built.
+    #[error(transparent)]
+    Scenario(Box<ScenarioError>),
     /// There are no random numbers for the tokens.
     #[error(transparent)]
     Random(#[from] RandomUnavailable),

@@ -6,6 +6,7 @@ use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
+use base64::prelude::{BASE64_STANDARD, Engine};
 use serde_json::{Value, json};
 
 /// An answer comes within this time.
@@ -186,10 +187,12 @@ impl Browser {
         self.ask("Input.dispatchMouseEvent", params);
     }
 
-    /// Returns what is seen as a picture (PNG), in base 64.
-    pub fn screenshot(&mut self) -> String {
+    /// Returns what is seen as a picture (PNG).
+    pub fn screenshot(&mut self) -> Vec<u8> {
         let shot = self.ask("Page.captureScreenshot", json!({"format": "png"}));
-        shot["data"].as_str().unwrap().to_owned()
+        BASE64_STANDARD
+            .decode(shot["data"].as_str().unwrap())
+            .unwrap()
     }
 }
 

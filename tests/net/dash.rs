@@ -901,7 +901,7 @@ fn look_back(browser: &mut Browser) {
 /// Keeps what is seen, where a folder for that is named.
 pub fn shot(browser: &mut Browser, name: &str) {
     if let Some(folder) = std::env::var_os("SCREENSHOTS") {
-        let path = std::path::Path::new(&folder).join(format!("{name}.b64"));
+        let path = std::path::Path::new(&folder).join(format!("{name}.png"));
         std::fs::write(path, browser.screenshot()).unwrap();
     }
 }

@@ -79,7 +79,9 @@ fn everything(board: &Board, now: Time) -> BTreeMap<Subject, Vec<u8>> {
 /// What happened; what happened at the same time in any order. What a node says before it has joined is recorded, and heard by
 /// nobody.
 fn events(now: Time, board: &Board) -> Vec<u8> {
-    let text = texts::events(now, board, 0).unwrap_or_default();
+    let Some(text) = texts::events(now, board, 0) else {
+        return Vec::new();
+    };
     let read: serde_json::Value = serde_json::from_str(&text).unwrap();
     let line = |event: &serde_json::Value| {
         let parts = ["age_s", "kind", "vehicles", "text"].map(|key| event[key].to_string());

@@ -19,16 +19,24 @@ struct SimulationWithPage {
 }
 
 fn simulate(folder: &Path, options: &[&str]) -> Command {
+    simulate_config(CONFIG, folder, options)
+}
+
+fn simulate_config(config: &str, folder: &Path, options: &[&str]) -> Command {
     let mut command = Command::new(PROGRAM);
     command.current_dir(env!("CARGO_MANIFEST_DIR"));
-    command.args(["sim", CONFIG, "--no-pictures", "--out"]);
+    command.args(["sim", config, "--no-pictures", "--out"]);
     command.arg(folder).args(options);
     command
 }
 
 impl SimulationWithPage {
     fn start(folder: &Path, options: &[&str]) -> SimulationWithPage {
-        let mut command = simulate(folder, &["--dash", "--port", "0"]);
+        SimulationWithPage::of(CONFIG, folder, options)
+    }
+
+    fn of(config: &str, folder: &Path, options: &[&str]) -> SimulationWithPage {
+        let mut command = simulate_config(config, folder, &["--dash", "--port", "0"]);
         let mut child = command
             .args(options)
             .stdout(Stdio::piped())
@@ -108,6 +116,16 @@ fn a_simulation_with_its_page_runs_as_without_and_takes_no_orders() {
             "document.querySelector('#log-list time')?.textContent.startsWith('00:0')",
             5,
         );
+        // What truly stands there can be seen beside what was found.
+        browser.until("!document.getElementById('truth-choice').hidden", 5);
+        assert_eq!(
+            browser.eval("tomoswarm.model.place.truth.persons.length"),
+            1
+        );
+        browser.eval("document.getElementById('layer-truth').click()");
+        view(&mut browser, "image");
+        let earlier = "document.querySelectorAll('#earlier-finds li').length === 1";
+        browser.until(earlier, 5);
         shot(&mut browser, "simulation");
         browser.key(" ", "Space", 32);
         let said = "document.getElementById('stop-result').textContent.includes('takes no orders')";
@@ -156,4 +174,32 @@ fn a_simulation_whose_port_is_in_use_is_refused_and_writes_nothing() {
     assert_eq!(output.status.code(), Some(2), "{said}");
     assert!(said.contains("choose another port"), "{said}");
     assert!(!out.exists());
+}
+
+/// The pictures of the README: what is asserted is that they can be made.
+#[test]
+#[ignore = "writes pictures for the README: SCREENSHOTS=docs"]
+fn pictures() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = "configs/courtyard.sim.toml";
+    let mut simulation = SimulationWithPage::of(config, folder.path(), &[]);
+    simulation.until_written();
+    let Some(mut browser) = Browser::open(1280, 800) else {
+        return;
+    };
+    browser.go(&simulation.dash.look);
+    browser.until("tomoswarm.model.images.size > 0", 20);
+    browser.eval("document.getElementById('layer-truth').click()");
+    browser.until("tomoswarm.model.tracks.size === 2", 10);
+    // Some minutes before the end, on its way.
+    let back = "tomoswarm.time.goTo(tomoswarm.model.moment.to_s - 240, 0); 0";
+    browser.until("tomoswarm.model.moment.to_s > 600", 10);
+    browser.eval(back);
+    let is_there =
+        "Math.abs(tomoswarm.model.moment.to_s - 240 - tomoswarm.model.shown_ms / 1000) < 1";
+    browser.until(&format!("{is_there} && !tomoswarm.model.isFilling"), 10);
+    view(&mut browser, "image");
+    std::thread::sleep(Duration::from_millis(500));
+    shot(&mut browser, "page");
+    assert_eq!(browser.complaints, Vec::<String>::new());
 }

@@ -160,6 +160,20 @@ fn parts_of_one_image_stand_together_and_a_newer_image_takes_the_place_of_all_of
 }
 
 #[test]
+fn what_was_found_before_stays_known_for_some_images() {
+    let mut board = board();
+    for sequence in 1..60 {
+        let mut image = image(sequence, 0, 3);
+        image.laps = sequence;
+        changes(&mut board, f64::from(sequence), Message::Image(image));
+    }
+    let earlier = &board.image(ImageSubject::Change).unwrap().earlier;
+    assert_eq!(earlier.len(), EARLIER_MAX);
+    let last = earlier.back().unwrap();
+    assert_eq!((last.laps, last.at), (58, at(58.0)));
+}
+
+#[test]
 fn what_the_map_lacks_is_asked_for_and_nothing_else_is_said() {
     let mut board = board();
     let digest = Digest {

@@ -1,5 +1,6 @@
 //! Pages, orders and the seat, without a network.
 
+use proptest::prelude::*;
 use serde_json::json;
 
 use super::*;
@@ -514,4 +515,114 @@ fn marks_reach_every_page_once_also_those_that_look_back() {
         texts(&drawn(&mut server, one, 13.0), one, FrameKind::Markers),
         Vec::<Value>::new()
     );
+}
+
+/// One step of a random life of a page.
+#[derive(Clone, Debug)]
+enum Step {
+    Hear(u8),
+    Wait(u64),
+    Past(f64, f64),
+    Present,
+    Credit(u32),
+    Due,
+}
+
+fn step() -> impl Strategy<Value = Step> {
+    prop_oneof![
+        4 => (1..12_u8).prop_map(Step::Hear),
+        3 => (1..700_u64).prop_map(Step::Wait),
+        2 => (-2.0..30.0_f64, 0.0..60.0_f64).prop_map(|(at_s, speed)| Step::Past(at_s, speed.floor())),
+        1 => Just(Step::Present),
+        2 => (1..4_u32).prop_map(Step::Credit),
+        3 => Just(Step::Due),
+    ]
+}
+
+/// What a page that reads all its frames has of vehicles, and which moment it shows last.
+#[derive(Default)]
+struct Reader {
+    vehicles: BTreeSet<u8>,
+    moment: Value,
+}
+
+impl Reader {
+    fn read(&mut self, effects: &[PageEffect]) {
+        for effect in effects {
+            let PageEffect::Send(_, frame) = effect else {
+                continue;
+            };
+            if frame[0] == FrameKind::Moment as u8 {
+                self.moment = serde_json::from_slice(&frame[16..]).unwrap();
+                if self.moment["isAnew"] == json!(true) {
+                    self.vehicles.clear();
+                }
+            } else if frame[0] == FrameKind::States as u8 {
+                let records = frame[16..].chunks(crate::dash::frame::STATE.bytes());
+                self.vehicles.extend(records.map(|state| state[0]));
+            }
+        }
+    }
+}
+
+proptest! {
+    #[test]
+    fn whatever_a_page_asks_for_it_ends_with_all_of_what_it_asked_for_last(
+        steps in prop::collection::vec(step(), 1..80), is_recording in any::<bool>(),
+    ) {
+        let mut server = server();
+        let (mut now, mut reader) = (at(1.0), Reader::default());
+        let mut heard_at = Vec::new();
+        server.hear(now, &heard(Message::State(state(1))));
+        heard_at.push((1, now));
+        if is_recording {
+            server.show_moment(now);
+            server.end_history();
+        }
+        let id = server.open(now).unwrap();
+        let token = json!({ "token": LOOK }).to_string();
+        server.page_said(now, id, &token).unwrap();
+        let mut sequence = 0;
+        for step in steps {
+            match step {
+                Step::Hear(_) if is_recording => {}
+                Step::Hear(vehicle) => {
+                    sequence += 1;
+                    let mut state = state(vehicle);
+                    state.sequence = sequence;
+                    server.hear(now, &heard(Message::State(state)));
+                    heard_at.push((vehicle, now));
+                }
+                Step::Wait(ms) => now = now + Duration::from_millis(ms),
+                Step::Past(at_s, speed) => {
+                    let text = json!({ "show": { "past": { "at_s": at_s, "speed": speed } } });
+                    server.page_said(now, id, &text.to_string()).unwrap();
+                }
+                Step::Present => server.page_said(now, id, r#"{"show":"present"}"#).unwrap(),
+                Step::Credit(frames) => {
+                    server.page_said(now, id, &json!({ "credit": frames }).to_string()).unwrap();
+                }
+                Step::Due => reader.read(&server.due(now)),
+            }
+        }
+        for _ in 0..60 {
+            now = now + Duration::from_millis(200);
+            server.page_said(now, id, r#"{"credit":2}"#).unwrap();
+            reader.read(&server.due(now));
+        }
+        let moment = &reader.moment;
+        prop_assert_eq!(&moment["isWhole"], &json!(true));
+        let newest = heard_at.last().unwrap().1;
+        let shown_s = match moment["speed"].as_f64() {
+            None => now.as_secs_f64(),
+            Some(_) => moment["at_s"].as_f64().unwrap(),
+        };
+        // While more may come, what has the time of the newest waits for it.
+        let is_told = |told: Time| {
+            let waits = !is_recording && !moment["speed"].is_null() && told == newest;
+            told.as_secs_f64() <= shown_s + 1e-9 && !waits
+        };
+        let expected = heard_at.iter().filter(|(_, told)| is_told(*told)).map(|(vehicle, _)| *vehicle);
+        prop_assert_eq!(&reader.vehicles, &expected.collect::<BTreeSet<u8>>(), "{}", moment);
+    }
 }

@@ -8,7 +8,7 @@ use super::super::clock::Clock;
 use super::pages::{self, Pages};
 use super::{DashError, simulated};
 use crate::config::Venue;
-use crate::dash::texts::Showing;
+use crate::dash::texts::{Showing, place};
 use crate::operator::HeardMessage;
 use crate::time::Time;
 
@@ -33,7 +33,7 @@ impl RecordedPage {
         run: impl IntoIterator<Item = (Time, HeardMessage)>,
     ) -> Result<RecordedPage, DashError> {
         let (listener, port) = pages::listen(port)?;
-        let (mut server, look) = simulated::looking_only(venue, Showing::Replay)?;
+        let (mut server, look) = simulated::looking_only(venue, place(venue, Showing::Replay))?;
         for (at, heard) in run {
             server.hear(at, &heard);
             server.show_moment(at);

@@ -10,6 +10,8 @@ use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use serde_json::Value;
+
 use super::super::clock::Clock;
 use super::pages::{self, Pages};
 use super::{DashError, token};
@@ -17,9 +19,10 @@ use crate::config::Venue;
 use crate::dash::board::Board;
 use crate::dash::gate::Gate;
 use crate::dash::page_server::PageServer;
-use crate::dash::texts::{Showing, place};
+use crate::dash::texts::{Showing, place, truth};
 use crate::geom::Lattice;
 use crate::operator::HeardMessage;
+use crate::sim::Scenario;
 use crate::sim::bus::BusListener;
 use crate::time::Time;
 
@@ -48,13 +51,18 @@ pub struct SimulationPage {
 }
 
 impl SimulationPage {
-    /// Listens on a port of this machine (0 = any) and serves.
+    /// Listens on a port of this machine (0 = any) and serves a scenario, with what truly stands there.
     ///
     /// # Errors
     /// [`DashError`].
-    pub fn start(venue: &Venue, port: u16) -> Result<SimulationPage, DashError> {
+    pub fn start(scenario: &Scenario, port: u16) -> Result<SimulationPage, DashError> {
+        let venue = &scenario.sim().venue;
+        let mut place = place(venue, Showing::Simulation);
+        let outlines = scenario.outlines();
+        let outlines = outlines.map_err(|error| DashError::Scenario(Box::new(error)))?;
+        place["truth"] = truth(&outlines, scenario.persons());
         let (listener, port) = pages::listen(port)?;
-        let (server, look) = looking_only(venue, Showing::Simulation)?;
+        let (server, look) = looking_only(venue, place)?;
         let link = pages::link(port, "look", &look);
         let (inputs, waiting) = sync_channel(WAITING);
         let of_requests = inputs.clone();
@@ -94,18 +102,15 @@ impl Drop for SimulationPage {
     }
 }
 
-/// Makes a server without orders at the time zero; returns its token as well.
+/// Makes a server without orders at the time zero, of a place ([`place`]); returns its token as well.
 ///
 /// # Errors
 /// [`DashError::Random`].
-pub(super) fn looking_only(
-    venue: &Venue,
-    showing: Showing,
-) -> Result<(PageServer, String), DashError> {
+pub(super) fn looking_only(venue: &Venue, place: Value) -> Result<(PageServer, String), DashError> {
     let look = token()?;
     let board = Board::new(venue.hash(), Lattice::new(venue.cell_m));
     let gate = Gate::looking_only(look.clone());
-    let mut server = PageServer::new(place(venue, showing), venue.clone(), board, gate);
+    let mut server = PageServer::new(place, venue.clone(), board, gate);
     server.show_moment(Time::ZERO);
     // Whoever is shown is reached.
     server.set_linked(Time::ZERO, true);
