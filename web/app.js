@@ -48,8 +48,7 @@ const feed = new Feed(token, (buffer) => {
   if (isFilling()) feed.drawn();
   else wantFrame();
 }, () => {
-  // What was asked for was asked of the connection before.
-  time.asked_s = null;
+  time.forget();
   showHead();
   wantFrame();
 });

@@ -253,6 +253,7 @@ export class Scene {
     pen.setLineDash([4, 3]);
     for (const person of persons) {
       const [x, y] = this.toPixel(person.at[0], person.at[1]);
+      pen.strokeStyle = TRUTH;
       this.ring(pen, x, y, person.radius_m);
       this.write(pen, person.name, x + person.radius_m * this.view.scale + 3, y + 4);
     }

@@ -3,6 +3,7 @@
 const KINDS = { trouble: { height: 1, of: "--stop" }, order: { height: 0.75, of: "--accent" }, image: { height: 0.5, of: "--good" } };
 /** A moment so near to the end is the end, seconds. */
 const NEAR_S = 0.05;
+const ANSWERED_WITHIN_MS = 500;
 
 export class TimeBar {
   constructor(model, feed) {
@@ -14,6 +15,9 @@ export class TimeBar {
     this.marks = document.getElementById("time-marks");
     /** The moment that was asked for and is not shown yet. */
     this.asked_s = null;
+    /** What is to be asked for when the last has been answered, or has taken too long. */
+    this.wanted = null;
+    this.askedAt_ms = -Infinity;
     this.bar.addEventListener("input", () => this.goTo(Number(this.bar.value), 0));
     this.play.addEventListener("click", () => this.playOrPause());
     this.speed.addEventListener("change", () => {
@@ -35,6 +39,10 @@ export class TimeBar {
     acts[event.key.toLowerCase()]?.();
   }
 
+  isAsking() {
+    return performance.now() < this.askedAt_ms + ANSWERED_WITHIN_MS;
+  }
+
   isPlaying() {
     return (this.model.moment.speed ?? 0) > 0;
   }
@@ -46,12 +54,32 @@ export class TimeBar {
 
   goTo(at_s, speed) {
     this.asked_s = at_s;
-    this.feed.send({ show: { past: { at_s, speed } } });
+    this.wanted = { at_s, speed };
+    this.ask();
     this.show();
   }
 
+  /** A hand that drags asks for more moments than can be shown: one at a time, and always the last. */
+  ask() {
+    if (!this.wanted) return;
+    if (this.isAsking()) {
+      const wait_ms = this.askedAt_ms + ANSWERED_WITHIN_MS - performance.now();
+      clearTimeout(this.timer);
+      this.timer = setTimeout(() => this.ask(), wait_ms);
+      return;
+    }
+    this.askedAt_ms = performance.now();
+    this.feed.send({ show: { past: this.wanted } });
+    this.wanted = null;
+  }
+
+  /** A connection begins: what was asked for was asked of the one before. */
+  forget() {
+    [this.asked_s, this.wanted, this.askedAt_ms] = [null, null, -Infinity];
+  }
+
   goToPresent() {
-    this.asked_s = null;
+    this.forget();
     this.feed.send({ show: "present" });
   }
 
@@ -83,7 +111,11 @@ export class TimeBar {
     const { model } = this;
     const { moment } = model;
     const isPresent = model.isPresent();
-    if (this.asked_s !== null && !isPresent) this.asked_s = model.changed.has("moment") ? null : this.asked_s;
+    if (!isPresent && model.changed.has("moment")) {
+      this.askedAt_ms = -Infinity;
+      this.ask();
+      if (!this.wanted && !this.isAsking()) this.asked_s = null;
+    }
     const at_s = isPresent ? moment.to_s : this.at_s();
     const to_s = Math.max(moment.to_s, at_s);
     [this.bar.min, this.bar.max] = [String(moment.from_s), String(to_s)];

@@ -272,6 +272,16 @@ fn a_recording_is_shown_at_any_moment_and_speed_and_takes_no_orders() {
     browser.until("Math.abs(tomoswarm.model.shown_ms - 30000) < 60", 1);
     browser.until("!document.body.innerText.includes('silent for') && !document.body.innerText.includes('NO DATA')", 1);
 
+    // A hand that drags asks for more than can be shown, and gets what it asked for last.
+    browser.eval(
+        "(() => { const bar = document.getElementById('time-at'); for (let at = 0; at <= 100; at += 0.5) { bar.value = String(at); bar.dispatchEvent(new Event('input')); } })()",
+    );
+    browser.until(
+        "Math.abs(tomoswarm.model.shown_ms - 100000) < 60 && !tomoswarm.model.isFilling",
+        10,
+    );
+    go_to(&mut browser, 30.0);
+
     // At a hundredfold speed it comes to the end by itself, and that is the same end.
     browser.eval(
         "(() => { const speed = document.getElementById('time-speed'); speed.value = '100'; })()",
