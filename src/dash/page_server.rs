@@ -65,7 +65,7 @@ struct PageMessage {
 }
 
 /// What time a page wants to see.
-#[derive(Clone, Copy, Deserialize)]
+#[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(rename_all = "lowercase", deny_unknown_fields)]
 enum WantedTime {
     /// What is new.
@@ -80,6 +80,8 @@ struct Page {
     opened: Time,
     /// Once it has said its token.
     outbox: Option<Outbox>,
+    /// What time it asked for last, until it can be shown: who asks a thousand times is shown the last.
+    wanted: Option<WantedTime>,
     /// When it looks at another time than the present.
     playback: Option<Playback>,
     /// It has to be shown all of its board.
@@ -178,6 +180,7 @@ impl PageServer {
         let page = Page {
             opened: now,
             outbox: None,
+            wanted: None,
             playback: None,
             is_anew: false,
         };
@@ -198,9 +201,7 @@ impl PageServer {
         };
         if let Some(outbox) = &mut page.outbox {
             outbox.credit(said.credit);
-            if let Some(wanted) = said.show {
-                page.show(now, wanted, &self.history, self.is_over);
-            }
+            page.wanted = said.show.or(page.wanted);
             return Ok(());
         }
         let right = self
@@ -211,13 +212,10 @@ impl PageServer {
         welcome["mayOrder"] = json!(right == Right::Operate);
         let shown = shown(&self.board, present, None, present, &self.history);
         page.outbox = Some(Outbox::new(now, &welcome.to_string(), &shown));
-        if self.is_over {
-            let from = WantedTime::Past {
-                at_s: 0.0,
-                speed: 1.0,
-            };
-            page.show(now, from, &self.history, true);
-        }
+        page.wanted = self.is_over.then_some(WantedTime::Past {
+            at_s: 0.0,
+            speed: 1.0,
+        });
         Ok(())
     }
 
@@ -419,6 +417,10 @@ impl Page {
         history: &History,
         is_over: bool,
     ) -> Vec<Vec<u8>> {
+        let has_room = self.outbox.as_ref().is_some_and(Outbox::has_room);
+        if let Some(wanted) = self.wanted.take_if(|_| has_room) {
+            self.show(now, wanted, history, is_over);
+        }
         let Some(outbox) = &mut self.outbox else {
             return Vec::new();
         };
@@ -458,6 +460,9 @@ impl Page {
     /// Returns when something may be due for it.
     fn deadline(&self, now: Time, outbox: &Outbox, history: &History) -> Option<Time> {
         let frames = outbox.deadline()?;
+        if self.wanted.is_some() {
+            return Some(now);
+        }
         let playback = self.playback.as_ref();
         let playback = playback.and_then(|playback| playback.deadline(history, now));
         Some(playback.map_or(frames, |at| at.min(frames)))

@@ -436,6 +436,25 @@ fn a_page_that_draws_nothing_is_not_played_to() {
 }
 
 #[test]
+fn a_page_that_asks_for_a_thousand_moments_is_shown_the_last_one() {
+    let mut server = ten_vehicles();
+    let one = page(&mut server, 11.0, LOOK);
+    drawn(&mut server, one, 11.0);
+    for ask in 0..1000 {
+        let at_s = 1.0 + f64::from(ask) / 200.0;
+        let wanted = format!(r#"{{"past":{{"at_s":{at_s},"speed":0}}}}"#);
+        show(&mut server, one, 11.0, &wanted);
+    }
+    let effects = drawn(&mut server, one, 11.0);
+    let moments = texts(&effects, one, FrameKind::Moment);
+    let anew = moments
+        .iter()
+        .filter(|moment| moment["isAnew"] == json!(true));
+    assert_eq!(anew.count(), 1);
+    assert_eq!(shown(&effects, one).1, [1, 2, 3, 4, 5]);
+}
+
+#[test]
 fn times_outside_and_nonsense_are_the_nearest_or_refused() {
     let mut server = ten_vehicles();
     let one = page(&mut server, 11.0, LOOK);
