@@ -340,6 +340,15 @@ fn what_is_no_recording_is_refused_and_one_that_is_cut_off_is_shown_up_to_there(
         assert_eq!(code, Some(2), "{said}");
         assert!(said.contains(reason), "{reason}: {said}");
     }
+    // Two runs are not one.
+    let again = flight.join("again");
+    std::fs::create_dir(&again).unwrap();
+    std::fs::copy(&ground, again.join("flight-000001.mcap")).unwrap();
+    let (code, said) = refused(&flight);
+    assert_eq!(code, Some(2), "{said}");
+    assert!(said.contains("recordings of one run"), "{said}");
+    std::fs::remove_dir_all(&again).unwrap();
+
     let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let port = taken.local_addr().unwrap().port().to_string();
     let mut command = tomoswarm(&["dash", "--port", &port, "--replay"]);

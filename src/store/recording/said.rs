@@ -34,13 +34,22 @@ pub struct RecordedRun {
 /// A file cannot be read, or is no recording of this version.
 pub fn what_was_said(files: &[PathBuf]) -> Result<RecordedRun, ReplayError> {
     let mut run = RecordedRun::default();
-    let mut all = Vec::new();
+    let (mut all, mut folders) = (Vec::new(), BTreeMap::new());
     for path in files {
         let refused = |reason: String| ReplayError {
             path: path.clone(),
             reason,
         };
-        all.push(read(path, &mut run).map_err(refused)?);
+        let segment = read(path, &mut run).map_err(refused)?;
+        let folder = path.parent();
+        if let Some(node) = segment.node
+            && *folders.entry(node).or_insert(folder) != folder
+        {
+            let reason =
+                "is of a node that another folder has, too: recordings of one run are expected";
+            return Err(refused(reason.to_owned()));
+        }
+        all.push(segment);
     }
     let recorded: BTreeSet<Sender> = all.iter().filter_map(|segment| segment.node).collect();
     let hears_for_all = hears_for_all(&recorded);
