@@ -98,6 +98,9 @@ function drawPanel(now_ms) {
   if (shown && (needsPanel || shown.of.some((kind) => model.changed.has(kind)))) shown.panel.draw(now_ms);
 }
 
+/** The place whose name is shown. */
+let shownPlace = null;
+
 function showPlace() {
   const { place } = model;
   if (!place) return;
@@ -106,8 +109,9 @@ function showPlace() {
   const showing = model.isLive() && !model.isPresent() ? "REPLAY" : place.showing;
   root.dataset.page = String(place.page);
   root.dataset.source = place.showing;
-  if (root.dataset.showing === showing) return;
+  if (root.dataset.showing === showing && shownPlace === place) return;
   root.dataset.showing = showing;
+  shownPlace = place;
   document.getElementById("showing").textContent = showing;
   document.getElementById("venue").textContent = place.venue;
   document.getElementById("truth-choice").hidden = !place.truth;

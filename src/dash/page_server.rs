@@ -210,8 +210,8 @@ impl PageServer {
         let mut welcome = self.place.clone();
         welcome["page"] = json!(id.0);
         welcome["mayOrder"] = json!(right == Right::Operate);
-        let shown = shown(&self.board, present, None, present, &self.history);
-        page.outbox = Some(Outbox::new(now, &welcome.to_string(), &shown));
+        let newest = newest(&self.board, present, &self.history);
+        page.outbox = Some(Outbox::new(now, &welcome.to_string(), &newest));
         page.wanted = self.is_over.then_some(WantedTime::Past {
             at_s: 0.0,
             speed: 1.0,
@@ -335,7 +335,7 @@ impl PageServer {
             if is_marked && let Some(outbox) = &mut page.outbox {
                 outbox.note(&[Subject::Markers].into());
             }
-            let newest = shown(&self.board, present, None, present, &self.history);
+            let newest = newest(&self.board, present, &self.history);
             let frames = page.frames(now, &newest, &changes, &self.history, self.is_over);
             effects.extend(frames.into_iter().map(|frame| PageEffect::Send(*id, frame)));
         }
@@ -369,20 +369,14 @@ impl PageServer {
     }
 }
 
-/// Returns what is shown of a board at a moment, of a history that reaches up to the present.
-fn shown<'a>(
-    board: &'a Board,
-    at: Time,
-    speed: Option<f64>,
-    present: Time,
-    history: &'a History,
-) -> Shown<'a> {
+/// Returns what is shown of the present, up to which a history reaches.
+fn newest<'a>(board: &'a Board, present: Time, history: &'a History) -> Shown<'a> {
     let from = history.span().map_or(present, |(from, _)| from);
     Shown {
         board,
-        at,
+        at: present,
         span: (from, present),
-        speed,
+        speed: None,
         markers: history.markers(),
     }
 }

@@ -17,7 +17,6 @@ mod simulated;
 use std::io;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Duration;
 
 use self::pages::Pages;
 pub use self::recorded::RecordedPage;
@@ -33,9 +32,6 @@ use crate::dash::texts::{Showing, place};
 use crate::geom::Lattice;
 use crate::operator::operator_actor::Out;
 use crate::sim::ScenarioError;
-
-/// The loop looks whether it shall end this often.
-const LOOKS_EVERY: Duration = Duration::from_millis(100);
 
 /// Why there is no page.
 #[derive(Debug, thiserror::Error)]
@@ -121,8 +117,8 @@ impl Dashboard {
         self.pages.server.set_linked(now, is_linked);
         self.carry_out();
         let now = self.operator.now();
+        let until = self.pages.until(now);
         let server = &mut self.pages.server;
-        let until = server.deadline(now).min(now + LOOKS_EVERY);
         let said = self
             .operator
             .go_on(until, |at, heard| server.hear(at, heard))?;

@@ -12,10 +12,11 @@
 //! 1 MB to be deleted (`reserve`), which is made again when there is room: a node that is started anew does not fail for want
 //! of room for its count.
 
-use std::fs::{self, File};
+use std::fs::{self, File, Metadata};
 use std::io::{self, Write};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
 use rustix::fs::{FlockOperation, flock};
@@ -77,30 +78,30 @@ pub struct StateDir {
 }
 
 /// Where a node's folder was when the node began: whether it still is there can be asked by every thread.
-#[derive(Clone, PartialEq, Eq, Debug)]
+#[derive(Clone, Debug)]
 pub struct FolderPlace {
     lock_path: PathBuf,
-    /// Which disk and file the lock is.
-    lock: Option<(u64, u64)>,
+    /// Held open: the number of a file that is gone and closed may be given to the next one at once.
+    lock: Arc<File>,
 }
 
 impl FolderPlace {
     /// Notes where a folder's lock is now.
-    pub(super) fn of(lock_path: PathBuf) -> FolderPlace {
-        let lock = identity(&lock_path);
-        FolderPlace { lock_path, lock }
+    ///
+    /// # Errors
+    /// It cannot be opened.
+    pub(super) fn of(lock_path: PathBuf) -> io::Result<FolderPlace> {
+        let lock = Arc::new(File::open(&lock_path)?);
+        Ok(FolderPlace { lock_path, lock })
     }
 
     /// Returns whether the folder is where it was. One that was removed or replaced can still be written by who has its files
     /// open, and nobody will find what is written.
     pub fn is_there(&self) -> bool {
-        identity(&self.lock_path) == self.lock
+        let identity = |file: Metadata| (file.dev(), file.ino());
+        let there = fs::metadata(&self.lock_path).map(identity).ok();
+        there.is_some() && there == self.lock.metadata().map(identity).ok()
     }
-}
-
-fn identity(path: &Path) -> Option<(u64, u64)> {
-    let file = fs::metadata(path).ok()?;
-    Some((file.dev(), file.ino()))
 }
 
 impl StateDir {
@@ -132,7 +133,7 @@ impl StateDir {
         Ok(StateDir {
             path: path.to_owned(),
             boot,
-            place: FolderPlace::of(lock_path),
+            place: FolderPlace::of(lock_path.clone()).map_err(io(&lock_path))?,
             _lock: lock,
         })
     }

@@ -4,7 +4,9 @@ use std::collections::BTreeMap;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener};
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, sync_channel};
+use std::time::Duration;
 
+use super::super::clock::Clock;
 use super::super::membership::SOFTWARE;
 use super::DashError;
 use super::http::{HttpServer, LookWord, Outbound, Request, RequestSender, Wake};
@@ -14,6 +16,8 @@ use crate::time::Time;
 
 /// Requests that wait for the loop; who comes when there are more is refused.
 const REQUESTS_WAITING: usize = 256;
+/// A host looks this often whether it shall end.
+const LOOKS_EVERY: Duration = Duration::from_millis(100);
 
 /// The pages of a server.
 pub(super) struct Pages {
@@ -113,6 +117,20 @@ impl Pages {
                 let _ = reply.send(taken);
             }
         }
+    }
+
+    /// Serves pages that only look; returns how long to wait for more at most.
+    pub(super) fn serve_looking(&mut self, clock: &Clock) -> Duration {
+        self.answer(clock.now());
+        // Whoever is only looked at asks nobody for anything.
+        let _ = self.send_due(clock.now());
+        let now = clock.now();
+        self.until(now).since(now)
+    }
+
+    /// Returns when to look again at the latest.
+    pub(super) fn until(&self, now: Time) -> Time {
+        self.server.deadline(now).min(now + LOOKS_EVERY)
     }
 
     /// Sends what is due to the pages, and returns what is due to others.

@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, sync_channel};
-use std::time::Duration;
 
 use super::super::clock::Clock;
 use super::pages::{self, Pages};
@@ -11,9 +10,6 @@ use crate::config::Venue;
 use crate::dash::texts::{Showing, place};
 use crate::operator::HeardMessage;
 use crate::time::Time;
-
-/// The loop looks whether it shall end this often.
-const LOOKS_EVERY: Duration = Duration::from_millis(100);
 
 /// The page of a recording; dropping it ends it.
 pub struct RecordedPage {
@@ -60,13 +56,9 @@ impl RecordedPage {
     pub fn serve(mut self, should_end: impl Fn() -> bool) {
         let clock = Clock::start();
         while !should_end() {
-            self.pages.answer(clock.now());
-            // A recording asks nobody for anything.
-            let _ = self.pages.send_due(clock.now());
-            let now = clock.now();
-            let until = self.pages.server.deadline(now).min(now + LOOKS_EVERY);
+            let wait = self.pages.serve_looking(&clock);
             // Whether it was woken or has waited long enough is the same.
-            let _ = self.requests.recv_timeout(until.since(now));
+            let _ = self.requests.recv_timeout(wait);
         }
     }
 }

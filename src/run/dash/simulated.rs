@@ -8,7 +8,6 @@
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::thread::JoinHandle;
-use std::time::Duration;
 
 use serde_json::Value;
 
@@ -30,8 +29,6 @@ use crate::time::Time;
 const WAITING: usize = 4096;
 /// So much is taken before requests are looked at again.
 const TAKEN_AT_ONCE: usize = 512;
-/// The thread looks up this often by itself.
-const LOOKS_EVERY: Duration = Duration::from_millis(100);
 
 /// What wakes the thread.
 enum PageInput {
@@ -120,14 +117,7 @@ pub(super) fn looking_only(venue: &Venue, place: Value) -> Result<(PageServer, S
 fn serve(mut pages: Pages, waiting: &Receiver<PageInput>) {
     let clock = Clock::start();
     loop {
-        pages.answer(clock.now());
-        // A listener asks nobody for anything: it was there from the beginning.
-        let _ = pages.send_due(clock.now());
-        let until = pages
-            .server
-            .deadline(clock.now())
-            .min(clock.now() + LOOKS_EVERY);
-        let Ok(first) = waiting.recv_timeout(until.since(clock.now())) else {
+        let Ok(first) = waiting.recv_timeout(pages.serve_looking(&clock)) else {
             continue;
         };
         for what in std::iter::once(first).chain(waiting.try_iter().take(TAKEN_AT_ONCE)) {

@@ -40,7 +40,7 @@ fn store(folder: &Path) -> GroundStore {
 fn archive(folder: &Path, troubles: Troubles) -> Archive {
     let lock = folder.join("lock");
     std::fs::write(&lock, "").unwrap();
-    Archive::new(store(folder), FolderPlace::of(lock), troubles)
+    Archive::new(store(folder), FolderPlace::of(lock).unwrap(), troubles)
 }
 
 #[test]
