@@ -11,6 +11,7 @@ pub mod dash;
 pub mod device_check;
 pub mod drivers;
 pub mod ground_process;
+mod later_start;
 pub mod link;
 pub mod live;
 pub mod live_operator;

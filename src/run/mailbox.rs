@@ -249,6 +249,8 @@ pub enum Ending {
     Fault(Fault),
     /// It may not take part in the bus.
     Refused(String),
+    /// Others know a later start of it; its next start comes after that.
+    Outdated(String),
 }
 
 /// Starts an actor behind a mailbox, on a thread of its own. `make` makes it at the start and again after a fault;

@@ -2,11 +2,12 @@
 //! recordings. One process has it at a time.
 //!
 //! The count of starts names what a start of a node has measured, so a number must never come twice, and a later start
-//! has a higher one: others do not listen to a lower one until they have not heard the node for a while. A folder
-//! without a count (a new SD card) therefore does not begin at 1 but at the seconds since 2020, which have outgrown every
-//! count begun earlier. A little chance is added: cards written from one image begin with the same wrong time when the
-//! machine has no clock (the image's), and must not repeat each other's numbers. Where the clock cannot be right (1970)
-//! it is chance alone: a lower number than before, but hardly one that was used.
+//! has a higher one: others do not listen to a lower one until they have not heard the node for a while. It is therefore
+//! never less than the seconds since 2020: a folder without a count (a new SD card), or with an old one (restored from a
+//! copy), begins above every start before. To a folder without a count a little chance is added: cards written from one
+//! image begin with the same wrong time when the machine has no clock (the image's), and must not repeat each other's
+//! numbers. Where the clock cannot be right (1970) it is one more than the last, or chance alone: hardly a number that
+//! was used, but perhaps a lower one. That others have heard of a higher one is noticed by [`super::later_start`].
 //!
 //! Recordings give way before a start is counted. Should the disk be full all the same, of other files, there is a file of
 //! 1 MB to be deleted (`reserve`), which is made again when there is room: a node that is started anew does not fail for want
@@ -138,9 +139,19 @@ impl StateDir {
         })
     }
 
-    /// Returns which start this is: one more than the last one in this folder.
+    /// Returns which start this is: a later one than the last in this folder.
     pub fn boot(&self) -> Boot {
         self.boot
+    }
+
+    /// Lets the next start come after this one and after another.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub(super) fn count_on(&self, boot: Boot) -> Result<(), StateDirError> {
+        let path = self.join("boot");
+        let counted = count(&path, self.boot.max(boot), &self.join("reserve"));
+        counted.map_err(|source| StateDirError::Io { path, source })
     }
 
     /// Returns the path of something in the folder.
@@ -197,12 +208,12 @@ fn lay_by(ballast: &Path) {
 }
 
 fn next_boot(path: &Path) -> Result<Boot, StateDirError> {
+    let utc = SystemTime::now()
+        .duration_since(SystemTime::UNIX_EPOCH)
+        .ok();
     let text = match fs::read_to_string(path) {
         Ok(text) => text,
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-            let utc = SystemTime::now()
-                .duration_since(SystemTime::UNIX_EPOCH)
-                .ok();
             return Ok(first_boot(utc, membership::draw()?));
         }
         Err(source) => {
@@ -213,19 +224,29 @@ fn next_boot(path: &Path) -> Result<Boot, StateDirError> {
         }
     };
     let count: Option<u32> = text.trim().parse().ok();
-    let next = count.and_then(|count| count.checked_add(1));
-    next.map(Boot).ok_or_else(|| StateDirError::Count {
+    let next = count.and_then(|count| boot_after(count, utc));
+    next.ok_or_else(|| StateDirError::Count {
         path: path.to_owned(),
         text: text.trim().to_owned(),
     })
 }
 
+/// Returns the number of the start after `count`, by the system's clock; `None` = there is none left.
+fn boot_after(count: u32, utc: Option<Duration>) -> Option<Boot> {
+    let by_clock = plausible_s(utc).and_then(|seconds| u32::try_from(seconds).ok());
+    let next = count.checked_add(1)?;
+    Some(Boot(by_clock.map_or(next, |seconds| seconds.max(next))))
+}
+
+/// Returns the seconds since 2020 by the system's clock, if it can be right.
+fn plausible_s(utc: Option<Duration>) -> Option<u64> {
+    let since_2020 = utc.and_then(|utc| utc.checked_sub(UNTIL_2020))?;
+    Some(since_2020.as_secs()).filter(|seconds| PLAUSIBLE_S.contains(seconds))
+}
+
 /// Returns the number of the first start in a folder, by the system's clock and a random number.
 fn first_boot(utc: Option<Duration>, drawn: u64) -> Boot {
-    let since_2020_s = utc
-        .and_then(|utc| utc.checked_sub(UNTIL_2020))
-        .map(|since| since.as_secs());
-    let number = match since_2020_s.filter(|seconds| PLAUSIBLE_S.contains(seconds)) {
+    let number = match plausible_s(utc) {
         Some(seconds) => seconds + drawn % SPREAD,
         None => 1 + drawn % SPREAD_ALONE,
     };
@@ -263,6 +284,41 @@ mod tests {
             );
         }
         assert_ne!(first_boot(None, 5), first_boot(None, 6));
+    }
+
+    #[test]
+    fn an_old_count_is_gone_on_with_above_all_that_may_have_come_since() {
+        let at = |since_2020_s: u64| Some(UNTIL_2020 + Duration::from_secs(since_2020_s));
+        assert_eq!(boot_after(6, at(212_163_200)), Some(Boot(212_163_200)));
+        assert_eq!(
+            boot_after(212_163_200, at(212_163_200)),
+            Some(Boot(212_163_201))
+        );
+        assert_eq!(
+            boot_after(300_000_000, at(212_163_200)),
+            Some(Boot(300_000_001))
+        );
+        for clock in [None, at(0), at(3_000_000_000)] {
+            assert_eq!(boot_after(6, clock), Some(Boot(7)), "{clock:?}");
+        }
+        assert_eq!(boot_after(u32::MAX, at(212_163_200)), None);
+    }
+
+    #[test]
+    fn the_next_start_comes_after_what_others_know() {
+        let folder = tempfile::tempdir().unwrap();
+        let state = StateDir::open(folder.path()).unwrap();
+        let first = state.boot();
+        state.count_on(Boot(first.0 + 1000)).unwrap();
+        drop(state);
+        let state = StateDir::open(folder.path()).unwrap();
+        assert_eq!(state.boot(), Boot(first.0 + 1001));
+        state.count_on(first).unwrap();
+        drop(state);
+        assert_eq!(
+            StateDir::open(folder.path()).unwrap().boot(),
+            Boot(first.0 + 1002)
+        );
     }
 
     #[test]

@@ -17,6 +17,7 @@ use tomoswarm_proto::{Health, Message, RecordingHealth, Sender, State, VehicleId
 use super::bus::{BusError, Publisher};
 use super::clock::Clock;
 use super::drivers::{EventSink, VehicleDevices};
+use super::later_start::LaterStart;
 use super::machine::Machine;
 use super::mailbox::{Troubles, lock};
 use super::member::BusMember;
@@ -204,15 +205,19 @@ pub fn run(
     )?;
     let node = LiveVehicle::default();
     let told = node.clone();
+    let later = Arc::new(LaterStart::of(file.id, state_dir.boot(), process.context()));
+    let listening = later.clone();
     let mut roster = RosterWatch::begin(sender, &file.venue, &file.bus, &state_dir);
     let access = roster.access()?;
     let bus = membership::bus_settings(sender, &file.venue, &file.bus, access);
     let mut member = process.join(bus, hello, move |sender, message| {
+        listening.hear(&message);
         told.tell(Event::Bus(sender, message))
     })?;
     // Nothing is driven by a node that may not take part.
     if let Some(finish) = process.ask(&mut member, is_stopped) {
         member.close();
+        later.count(&state_dir);
         return Ok(finish);
     }
     let last = Arc::new(Mutex::<Last>::default());
@@ -288,6 +293,7 @@ pub fn run(
     // Nobody else holds them: what is not on disk yet is written now.
     drop((edge, recorder));
     member.close();
+    later.count(&state_dir);
     Ok(finish)
 }
 

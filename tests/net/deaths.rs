@@ -8,7 +8,7 @@ use tomoswarm_proto::{
 };
 
 use crate::raw::{Shows, Stranger};
-use crate::swarm::{GROUND, Size, Swarm, Watch, vehicle};
+use crate::swarm::{GROUND, Size, Swarm, Watch, start, vehicle};
 
 fn two() -> Swarm {
     Swarm::start(Size {
@@ -76,15 +76,41 @@ fn a_vehicle_that_dies_comes_back_and_its_earlier_samples_arrive() {
         );
         let (boot, shown) = ordered(watch);
         assert!(
-            boot == Boot(1) || shown.lease >= kept.ordered.lease,
+            boot == start(1) || shown.lease >= kept.ordered.lease,
             "{shown:?} after {kept:?}"
         );
         assert_ne!(shown.kind, Some(OrderKind::CutMotors));
-        boot == Boot(2) && watch.report().lost.is_empty()
+        boot == start(2) && watch.report().lost.is_empty()
     });
     swarm.until_end();
     let boots = swarm.look(|watch| (watch.samples_of(3, 1), watch.samples_of(3, 2)));
     assert!(boots.0 > 0, "{boots:?}");
+    swarm.finish();
+}
+
+#[test]
+fn a_vehicle_with_an_old_folder_starts_above_all_that_the_others_know_of_it() {
+    let mut swarm = two();
+    swarm.begin();
+    swarm.until_samples(100);
+    swarm.kill("vehicle-2");
+    // As if the card had been restored from a copy: the start before this one was the first.
+    let older = start(1).0 - 10;
+    swarm.write("state-2/boot", &format!("{older}\n"));
+    swarm.restart(vehicle(2));
+    let (code, said) = swarm.ended("vehicle-2", Duration::from_secs(20));
+    assert_eq!(code, Some(1), "{said}");
+    let reason = format!("others know start {} of this vehicle", start(1));
+    assert!(said.contains(&reason), "{said}");
+    assert_eq!(
+        std::fs::read_to_string(swarm.path("state-2/boot")).unwrap(),
+        format!("{}\n", start(1))
+    );
+    swarm.restart(vehicle(2));
+    swarm.until("it is back", 30, |watch| {
+        let state = watch.view.state(VehicleId(2));
+        state.is_some_and(|state| state.value.boot == start(2))
+    });
     swarm.finish();
 }
 

@@ -15,7 +15,7 @@ use tomoswarm_proto::{
 use crate::member::within;
 use crate::raw::{Shows, Stranger};
 use crate::strangers::sample;
-use crate::swarm::{GROUND, Size, Swarm, vehicle};
+use crate::swarm::{GROUND, Size, Swarm, start, vehicle};
 
 const PREFIX: &str = "tomoswarm/courtyard";
 const FORGES_FOR: Duration = Duration::from_secs(10);
@@ -40,7 +40,7 @@ fn of_vehicle(id: VehicleId, turn: u64) -> Vec<Message> {
         at: Position::from_metres(-3.0, 9.0, 0.0),
         ..PoseReport::default()
     };
-    let (pose, boot) = (Some(pose), Boot(1));
+    let (pose, boot) = (Some(pose), start(1));
     let last = State {
         vehicle: id,
         boot,
@@ -149,7 +149,7 @@ fn of_ground(real: &GroundReport) -> Vec<Message> {
     };
     let mark = |vehicle: &VehicleId| HeardFrom {
         vehicle: *vehicle,
-        boot: Boot(1),
+        boot: start(1),
         run,
         below: u64::MAX,
     };

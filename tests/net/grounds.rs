@@ -6,7 +6,7 @@ use std::time::Duration;
 use tomoswarm_proto::{RunId, StationPhase};
 
 use crate::small_disk::{SmallDisk, run};
-use crate::swarm::{GROUND, PROGRAM, Size, Swarm, free_address, vehicle};
+use crate::swarm::{GROUND, PROGRAM, Size, Swarm, free_address, start, vehicle};
 
 fn two() -> Swarm {
     Swarm::start(Size {
@@ -142,7 +142,7 @@ fn a_vehicle_whose_disk_is_full_goes_on_and_loses_nothing() {
         "vehicle-2.toml",
         &swarm.vehicle_text(2, "state-small", &bus),
     );
-    std::fs::write(state_dir.join("boot"), "1\n").unwrap();
+    std::fs::write(state_dir.join("boot"), format!("{}\n", start(1))).unwrap();
     swarm.restart(vehicle(2));
     swarm.begin();
     let mut file = std::fs::File::create(state_dir.join("rest")).unwrap();

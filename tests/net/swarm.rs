@@ -142,9 +142,9 @@ impl Watch {
         report.phase == StationPhase::Idle && report.laps > 0 && report.laps_done == report.laps
     }
 
-    /// Returns how many samples were heard of one start of a vehicle.
-    pub fn samples_of(&self, id: u8, boot: u32) -> usize {
-        let of = (VehicleId(id), Boot(boot), RunId(1));
+    /// Returns how many samples were heard of one start of a vehicle ([`start`]).
+    pub fn samples_of(&self, id: u8, number: u32) -> usize {
+        let of = (VehicleId(id), start(number), RunId(1));
         self.samples.get(&of).map_or(0, BTreeMap::len)
     }
 
@@ -227,6 +227,11 @@ impl Node {
         }
         None
     }
+}
+
+/// Returns the number of a vehicle's start, counted from 1: above any that a clock gives.
+pub fn start(number: u32) -> Boot {
+    Boot(2_600_000_000 + number)
 }
 
 fn log(path: &Path) -> File {
@@ -427,9 +432,8 @@ impl Swarm {
         let positions = self.positions();
         let sweep = format!("[sweep]\npositions = {positions}\nlaps = {laps}\n");
         for id in 1..=vehicles {
-            // Starts are counted from 1 where the count is known to be 0.
             std::fs::create_dir_all(self.path(&format!("state-{id}"))).unwrap();
-            self.write(&format!("state-{id}/boot"), "0\n");
+            self.write(&format!("state-{id}/boot"), &format!("{}\n", start(0)));
         }
         self.write("venue.toml", VENUE);
         self.write("scene.toml", SCENE);
@@ -757,7 +761,7 @@ impl Swarm {
         let mut stored: BTreeMap<VehicleId, Vec<u64>> = BTreeMap::new();
         store
             .each_sample(None, |row| {
-                if (row.boot, row.run) == (Boot(1), RunId(1)) {
+                if (row.boot, row.run) == (start(1), RunId(1)) {
                     stored
                         .entry(row.vehicle)
                         .or_default()
@@ -794,7 +798,7 @@ impl Swarm {
         let mut stored: BTreeMap<(VehicleId, RunId), Vec<u64>> = BTreeMap::new();
         store
             .each_sample(None, |row| {
-                if row.boot == Boot(1) && row.sample.sequence < FORGED_FROM {
+                if row.boot == start(1) && row.sample.sequence < FORGED_FROM {
                     stored
                         .entry((row.vehicle, row.run))
                         .or_default()
