@@ -86,7 +86,7 @@ pub(super) fn answer(finish: Finish) -> Result<(), CliError> {
         Finish::Ending(Ending::Refused(reason)) => {
             Err(CliError::Usage(format!("refused: {reason}")))
         }
-        Finish::Ending(Ending::Outdated(reason)) => Err(CliError::Fault(reason)),
+        Finish::Ending(Ending::Outdated(reason)) => Err(CliError::NotNow(reason)),
         Finish::Ending(Ending::Fault(fault)) => Err(CliError::Fault(fault.to_string())),
     }
 }

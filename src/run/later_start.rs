@@ -2,7 +2,8 @@
 //! another card with a wrong clock. What this start measures would be taken for late, and its numbers may come again.
 //!
 //! The node begins anew above it: at its beginning at once, by ending with the reason, so that whoever supervises it starts it
-//! again; later, when others come into reach, it goes on with what it is doing and says so.
+//! again; later, when others come into reach, it goes on with what it is doing and says so. As long as it only asks to take
+//! part nothing is decided: the later start may be another node that runs under this id, and then it is refused for that.
 
 use std::sync::Mutex;
 use std::sync::mpsc::Sender;
@@ -26,8 +27,15 @@ pub(super) struct LaterStart {
     clock: Clock,
     endings: Mutex<Sender<Ending>>,
     troubles: Troubles,
-    /// The latest that was heard of.
-    latest: Mutex<Option<Boot>>,
+    heard: Mutex<Heard>,
+}
+
+#[derive(Default)]
+struct Heard {
+    /// The latest start that was heard of.
+    latest: Option<Boot>,
+    /// Whether this node takes part.
+    is_member: bool,
 }
 
 impl LaterStart {
@@ -38,7 +46,7 @@ impl LaterStart {
             clock: context.clock,
             endings: Mutex::new(context.endings.clone()),
             troubles: context.troubles.clone(),
-            latest: Mutex::default(),
+            heard: Mutex::default(),
         }
     }
 
@@ -47,13 +55,29 @@ impl LaterStart {
         let Some(boot) = later_start(self.own, message) else {
             return;
         };
-        let mut latest = lock(&self.latest);
-        if *latest >= Some(boot) {
+        let mut heard = lock(&self.heard);
+        if heard.latest >= Some(boot) {
             return;
         }
-        let is_first = latest.replace(boot).is_none();
+        let is_first = heard.latest.replace(boot).is_none();
+        if heard.is_member {
+            self.say(boot, is_first);
+        }
+    }
+
+    /// The node takes part from now on: what was heard meanwhile counts.
+    pub(super) fn join(&self) {
+        let mut heard = lock(&self.heard);
+        heard.is_member = true;
+        if let Some(boot) = heard.latest {
+            self.say(boot, true);
+        }
+    }
+
+    /// Ends the node or says it, with the later start that was heard of.
+    fn say(&self, later: Boot, is_first: bool) {
         let reason = format!(
-            "others know start {boot} of this vehicle, and this is start {}: its folder is an old one",
+            "others know start {later} of this vehicle, and this is start {}: its folder is an old one",
             self.own.boot
         );
         if self.clock.now().since(Time::ZERO) > BEGINS_FOR {
@@ -65,10 +89,10 @@ impl LaterStart {
         }
     }
 
-    /// Lets the next start in the folder come after the latest that was heard of.
+    /// Lets the next start in the folder come after the latest that was heard of, if the node took part.
     pub(super) fn count(&self, state_dir: &StateDir) {
-        let latest = *lock(&self.latest);
-        if let Some(boot) = latest
+        let heard = lock(&self.heard);
+        if let Some(boot) = heard.latest.filter(|_| heard.is_member)
             && let Err(error) = state_dir.count_on(boot)
         {
             tracing::error!("{error}");
@@ -117,6 +141,8 @@ fn later_start(own: LayerId, message: &Message) -> Option<Boot> {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::mpsc::{Receiver, channel};
+
     use tomoswarm_proto::{Digest, Have, HeardFrom, LayerDigest, State, TileRequest};
 
     use super::*;
@@ -187,18 +213,25 @@ mod tests {
         }
     }
 
-    #[test]
-    fn a_node_that_begins_ends_once_and_its_folder_counts_on() {
-        let folder = tempfile::tempdir().unwrap();
-        let state_dir = StateDir::open(folder.path()).unwrap();
-        let (endings, ended) = std::sync::mpsc::channel();
+    /// Returns one that listens, and where its endings arrive.
+    fn listening(state_dir: &StateDir) -> (LaterStart, Receiver<Ending>) {
+        let (endings, ended) = channel();
         let context = RuntimeContext {
             clock: Clock::start(),
             troubles: Troubles::default(),
             endings,
         };
-        let Boot(own) = state_dir.boot();
         let later = LaterStart::of(VehicleId(3), state_dir.boot(), &context);
+        (later, ended)
+    }
+
+    #[test]
+    fn a_node_that_begins_ends_once_and_its_folder_counts_on() {
+        let folder = tempfile::tempdir().unwrap();
+        let state_dir = StateDir::open(folder.path()).unwrap();
+        let Boot(own) = state_dir.boot();
+        let (later, ended) = listening(&state_dir);
+        later.join();
         later.hear(&digest(&[layer(3, own)]));
         assert!(ended.try_recv().is_err(), "that is this start");
         later.hear(&digest(&[layer(3, own + 5)]));
@@ -215,5 +248,33 @@ mod tests {
         drop(state_dir);
         let next = StateDir::open(folder.path()).unwrap();
         assert_eq!(next.boot(), Boot(own + 10));
+    }
+
+    #[test]
+    fn a_node_that_only_asks_decides_nothing_until_it_takes_part() {
+        let folder = tempfile::tempdir().unwrap();
+        let state_dir = StateDir::open(folder.path()).unwrap();
+        let Boot(own) = state_dir.boot();
+        let (later, ended) = listening(&state_dir);
+        later.hear(&digest(&[layer(3, own + 5)]));
+        later.hear(&digest(&[layer(3, own + 6)]));
+        assert!(ended.try_recv().is_err(), "it may be refused as a twin");
+        later.count(&state_dir);
+        later.join();
+        let Ok(Ending::Outdated(reason)) = ended.try_recv() else {
+            panic!("it goes on");
+        };
+        assert!(
+            reason.contains(&format!("know start {}", own + 6)),
+            "{reason}"
+        );
+        assert!(ended.try_recv().is_err(), "once is enough");
+        drop(state_dir);
+        let state_dir = StateDir::open(folder.path()).unwrap();
+        assert_eq!(
+            state_dir.boot(),
+            Boot(own + 1),
+            "a twin's number is its own"
+        );
     }
 }

@@ -217,9 +217,9 @@ pub fn run(
     // Nothing is driven by a node that may not take part.
     if let Some(finish) = process.ask(&mut member, is_stopped) {
         member.close();
-        later.count(&state_dir);
         return Ok(finish);
     }
+    later.join();
     let last = Arc::new(Mutex::<Last>::default());
     let clock = process.context().clock;
     let told = node.clone();
