@@ -21,7 +21,6 @@ pub enum Weights {
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub enum Solver {
     /// Maximum a posteriori with an exponential covariance.
-    #[default]
     Map,
     /// Tikhonov, the classical reference.
     Tikhonov,
@@ -34,6 +33,7 @@ pub enum Solver {
     /// Those who were found, drawn over what is left.
     Points,
     /// The one of the last three that predicts best.
+    #[default]
     Auto,
 }
 
@@ -181,7 +181,7 @@ impl Imaging {
             solver,
             Words {
                 name: "solver",
-                default: Solver::Map.word(),
+                default: Solver::Auto.word(),
                 means,
             },
         );

@@ -46,6 +46,8 @@ pub(super) struct PersonLink {
     length_m: f64,
     /// τ sin φ at the first and at the second end, metres.
     smear_m: (f64, f64),
+    /// Who is this far beside the line costs nothing, wherever along it, metres.
+    reach_m: f64,
 }
 
 impl PersonModel {
@@ -60,23 +62,32 @@ impl PersonModel {
                 < to_edge(end.x_m, ring.min.x_m, ring.max.x_m);
             smear_m * if is_along_x { along.y_m } else { along.x_m }.abs()
         };
+        let smear_m = (across_m(from), across_m(to));
+        // The widest zone is in the middle, the widest smear at an end.
+        let smear_m2 = (smear_m.0 * smear_m.0).max(smear_m.1 * smear_m.1);
+        let widest_m = (self.wavelength_m / 16.0 * length_m + smear_m2).sqrt();
         PersonLink {
             from,
             along,
             length_m,
-            smear_m: (across_m(from), across_m(to)),
+            smear_m,
+            reach_m: self.radius_m + TAIL_WIDTHS * widest_m,
         }
     }
 
     /// Returns what a person at a place costs a link for each dB/m of attenuation, metres.
     pub(super) fn chord_m(&self, link: &PersonLink, at: Point) -> f64 {
         let off = at - link.from;
+        let away_m = (off.y_m * link.along.x_m - off.x_m * link.along.y_m).abs();
+        // Most links are out of reach; this says so before anything is divided.
+        if away_m > link.reach_m {
+            return 0.0;
+        }
         let ahead_m = off.dot(link.along);
         if !(ahead_m > 0.0 && ahead_m < link.length_m) {
             return 0.0;
         }
         let share = ahead_m / link.length_m;
-        let away_m = (off.y_m * link.along.x_m - off.x_m * link.along.y_m).abs();
         let fresnel_m2 = self.wavelength_m / 4.0 * link.length_m * share * (1.0 - share);
         let (first_m, second_m) = (link.smear_m.0 * (1.0 - share), link.smear_m.1 * share);
         let width_m = (fresnel_m2 + first_m * first_m + second_m * second_m).sqrt();
@@ -104,7 +115,8 @@ fn mean_chord(away: f64, width: f64) -> f64 {
     });
     let place = |value: f64, most: usize| {
         let value = value.clamp(0.0, most as f64 - 1e-9);
-        (value as usize, value - libm::floor(value))
+        let whole = value as usize;
+        (whole, value - whole as f64)
     };
     let (column, x) = place(away * PER_RADIUS as f64, FAR * PER_RADIUS);
     let (row, y) = place(

@@ -123,10 +123,10 @@ pub(super) fn auto(
 
 /// Solves by the non-negative image under a smooth prior.
 pub(super) fn non_negative(problem: &LinkProblem<'_>, sparse: Sparse) -> Solved {
-    let used = vec![true; problem.observations.len()];
-    let mut image = vec![0.0; problem.grid.len()];
-    let state = descend(problem, &used, THOROUGH, sparse, &mut image);
-    solved(problem, &state, image)
+    let used = [vec![true; problem.observations.len()]];
+    let mut image = vec![[0.0]; problem.grid.len()];
+    let states = descend(problem, &used, THOROUGH, sparse, &mut image);
+    solved(problem, &states, &image)
 }
 
 /// Draws the persons over what the links show without them.
@@ -167,36 +167,50 @@ fn chosen(
 }
 
 fn vary_thoroughly(problem: &LinkProblem<'_>, variation: Variation) -> Solved {
-    let used = vec![true; problem.observations.len()];
-    let mut image = vec![0.0; problem.grid.len()];
+    let used = [vec![true; problem.observations.len()]];
+    let mut image = vec![[0.0]; problem.grid.len()];
     let mut solver = PrimalDual::new(problem.rows, problem.grid, variation);
-    let state = vary(problem, &used, THOROUGH, &mut solver, &mut image);
-    solved(problem, &state, image)
+    let states = vary(problem, &used, THOROUGH, &mut solver, &mut image);
+    solved(problem, &states, &image)
 }
 
-fn vary(
+/// Improves several images at once, a lane for each: they differ in the links that are used.
+fn vary<const LANES: usize>(
     problem: &LinkProblem<'_>,
-    used: &[bool],
+    used: &[Vec<bool>; LANES],
     effort: Effort,
-    solver: &mut PrimalDual<'_>,
-    image: &mut [f64],
-) -> LinkState {
-    solve_robustly(problem, used, effort.rounds, image, |linearised, image| {
-        solver.improve(linearised, image, effort.steps);
-    })
+    solver: &mut PrimalDual<'_, LANES>,
+    images: &mut [[f64; LANES]],
+) -> [LinkState; LANES] {
+    solve_robustly(
+        problem,
+        used,
+        effort.rounds,
+        images,
+        |linearised, images| {
+            solver.improve(linearised, images, effort.steps);
+        },
+    )
 }
 
-fn descend(
+/// The same, of smooth images.
+fn descend<const LANES: usize>(
     problem: &LinkProblem<'_>,
-    used: &[bool],
+    used: &[Vec<bool>; LANES],
     effort: Effort,
     sparse: Sparse,
-    image: &mut [f64],
-) -> LinkState {
+    images: &mut [[f64; LANES]],
+) -> [LinkState; LANES] {
     let mut solver = Descent::new(problem.rows, problem.grid, sparse);
-    solve_robustly(problem, used, effort.rounds, image, |linearised, image| {
-        solver.improve(linearised, image, effort.steps);
-    })
+    solve_robustly(
+        problem,
+        used,
+        effort.rounds,
+        images,
+        |linearised, images| {
+            solver.improve(linearised, images, effort.steps);
+        },
+    )
 }
 
 /// Returns a solution of what is linear in the image, without path loss.
@@ -215,9 +229,9 @@ fn linearly_solved(problem: &LinkProblem<'_>, image: Vec<f64>) -> Solved {
     }
 }
 
-fn solved(problem: &LinkProblem<'_>, state: &LinkState, image: Vec<f64>) -> Solved {
+fn solved(problem: &LinkProblem<'_>, [state]: &[LinkState; 1], image: &[[f64; 1]]) -> Solved {
     Solved {
-        image,
+        image: image.as_flattened().to_vec(),
         residual_db: state.residual_db(problem),
         nuisance: state.nuisance.clone(),
         choice: None,

@@ -280,29 +280,45 @@ impl WeightRows {
         }
     }
 
-    /// Gives Wᵀ f(W x) in one pass over the weights: `of_link` is told each link with its value, and says what goes back.
-    pub(super) fn there_and_back(
+    /// Gives W x of several images at once, one lane for each.
+    pub(super) fn forward_lanes<const LANES: usize>(
         &self,
-        image: &[f64],
-        output: &mut [f64],
-        mut of_link: impl FnMut(usize, f64) -> f64,
+        images: &[[f64; LANES]],
+        mut of_link: impl FnMut(usize, [f64; LANES]),
     ) {
-        output.fill(0.0);
         for row in 0..self.len() {
-            let runs = self.runs_of(row);
-            let mut there = 0.0;
-            for run in runs {
-                let first = run.first_pixel as usize;
-                let pixels = &image[first..first + run.length as usize];
-                there += dot(self.values_of(*run), pixels);
-            }
-            let back = of_link(row, there);
-            for run in runs {
+            of_link(row, self.there(row, images));
+        }
+    }
+
+    /// Gives Wᵀ f(W x) in one pass over the weights, of several images at once, one lane for each: `of_link` is told each link
+    /// with its values, and says what goes back.
+    pub(super) fn there_and_back<const LANES: usize>(
+        &self,
+        images: &[[f64; LANES]],
+        output: &mut [[f64; LANES]],
+        mut of_link: impl FnMut(usize, [f64; LANES]) -> [f64; LANES],
+    ) {
+        output.fill([0.0; LANES]);
+        for row in 0..self.len() {
+            let back = of_link(row, self.there(row, images));
+            for run in self.runs_of(row) {
                 let first = run.first_pixel as usize;
                 let pixels = &mut output[first..first + run.length as usize];
-                add_scaled(pixels, self.values_of(*run), back);
+                add_scaled_lanes(pixels, self.values_of(*run), back);
             }
         }
+    }
+
+    #[inline]
+    fn there<const LANES: usize>(&self, row: usize, images: &[[f64; LANES]]) -> [f64; LANES] {
+        let mut there = [0.0; LANES];
+        for run in self.runs_of(row) {
+            let first = run.first_pixel as usize;
+            let pixels = &images[first..first + run.length as usize];
+            add_dots(&mut there, self.values_of(*run), pixels);
+        }
+        there
     }
 
     fn runs_of(&self, row: usize) -> &[Run] {
@@ -338,6 +354,40 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 fn add_scaled(to: &mut [f64], values: &[f64], factor: f64) {
     for place in 0..to.len().min(values.len()) {
         to[place] += factor * values[place];
+    }
+}
+
+/// Adds the scalar products of some values with each lane.
+#[inline]
+fn add_dots<const LANES: usize>(to: &mut [f64; LANES], values: &[f64], lanes: &[[f64; LANES]]) {
+    if LANES == 1 {
+        to[0] += dot(values, lanes.as_flattened());
+        return;
+    }
+    for place in 0..values.len().min(lanes.len()) {
+        let (value, pixel) = (values[place], &lanes[place]);
+        for lane in 0..LANES {
+            to[lane] += value * pixel[lane];
+        }
+    }
+}
+
+/// Adds a multiple of some values to each lane.
+#[inline]
+fn add_scaled_lanes<const LANES: usize>(
+    to: &mut [[f64; LANES]],
+    values: &[f64],
+    factors: [f64; LANES],
+) {
+    if LANES == 1 {
+        add_scaled(to.as_flattened_mut(), values, factors[0]);
+        return;
+    }
+    for place in 0..to.len().min(values.len()) {
+        let (value, pixel) = (values[place], &mut to[place]);
+        for lane in 0..LANES {
+            pixel[lane] += factors[lane] * value;
+        }
     }
 }
 

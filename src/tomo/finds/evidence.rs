@@ -104,11 +104,9 @@ impl<'a> Evidence<'a> {
     pub(super) fn residual_db(&self, targets: &[Target]) -> Vec<f64> {
         let mut residual_db = self.attenuation_db.clone();
         for target in targets {
-            let chords_m = self.chords_m(target.at);
-            residual_db
-                .iter_mut()
-                .zip(chords_m)
-                .for_each(|(rest_db, chord_m)| *rest_db -= target.strength * chord_m);
+            for (rest_db, link) in residual_db.iter_mut().zip(&self.links) {
+                *rest_db -= target.strength * self.settings.person.chord_m(link, target.at);
+            }
         }
         residual_db
     }

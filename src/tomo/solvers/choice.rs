@@ -9,7 +9,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::robust::noise_scale;
+use super::robust::{LinkState, noise_scale};
 use super::total_variation::{PrimalDual, Variation};
 use super::{Effort, LinkProblem, Persons, Sparse, descend, vary};
 use crate::tomo::student::DEGREES;
@@ -103,15 +103,6 @@ impl Choice {
     }
 }
 
-/// The links without one part.
-struct Fold<'a> {
-    problem: &'a LinkProblem<'a>,
-    /// The links without the persons.
-    rest: Option<LinkProblem<'a>>,
-    sparse: Sparse,
-    used: Vec<bool>,
-}
-
 /// Chooses from a list, in which weights of the total variation go up.
 pub(super) fn choose(
     problem: &LinkProblem<'_>,
@@ -182,7 +173,8 @@ fn preferred(scores: &[Score], highest: Candidate, are_expected: bool) -> Candid
         .unwrap_or(highest)
 }
 
-/// Returns what each candidate leaves of each link that it was not told, dB; a row for each candidate.
+/// Returns what each candidate leaves of each link that it was not told, dB; a row for each candidate. All parts are left out at
+/// once, a lane for each.
 fn untold_residuals_db(
     problem: &LinkProblem<'_>,
     sparse: Sparse,
@@ -191,63 +183,63 @@ fn untold_residuals_db(
 ) -> Vec<Vec<f64>> {
     let links = problem.observations.len();
     let rest = persons.map(|persons| persons.taken_out(problem.observations));
-    let mut residuals_db = vec![vec![0.0; links]; list.len()];
-    for part in 0..FOLDS {
-        let fold = Fold {
-            problem,
-            rest: rest.as_ref().map(|rest| LinkProblem {
-                observations: rest,
-                ..*problem
-            }),
-            sparse,
-            used: (0..links).map(|link| part_of(link) != part).collect(),
-        };
-        for (row, all_db) in fold.residuals_db(list).into_iter().enumerate() {
-            let untold = (0..links).filter(|link| !fold.used[*link]);
-            untold.for_each(|link| residuals_db[row][link] = all_db[link]);
-        }
-    }
-    residuals_db
+    // The links without the persons.
+    let rest = rest.as_ref().map(|rest| LinkProblem {
+        observations: rest,
+        ..*problem
+    });
+    let mut told = Told {
+        problem,
+        used: std::array::from_fn(|part| (0..links).map(|l| part_of(l) != part).collect()),
+        sparse,
+        earlier: None,
+    };
+    let mut rows: Vec<Vec<f64>> = list
+        .iter()
+        .rev()
+        .map(|candidate| match (candidate, &rest) {
+            (Candidate::Variation(variation), _) => told.vary(*variation),
+            (Candidate::Points, Some(rest)) => told.descend(rest),
+            (Candidate::Points, None) | (Candidate::NonNegative, _) => told.descend(problem),
+        })
+        .collect();
+    rows.reverse();
+    rows
 }
 
-impl Fold<'_> {
-    /// Returns the residuals of all links, a row for each candidate. Each total variation starts from the next stronger one.
-    fn residuals_db(&self, list: &[Candidate]) -> Vec<Vec<f64>> {
-        let mut earlier = None;
-        let mut rows: Vec<Vec<f64>> = list
-            .iter()
-            .rev()
-            .map(|candidate| match (candidate, &self.rest) {
-                (Candidate::Variation(variation), _) => self.vary(*variation, &mut earlier),
-                (Candidate::Points, Some(rest)) => self.descend(rest),
-                (Candidate::Points, None) | (Candidate::NonNegative, _) => {
-                    self.descend(self.problem)
-                }
-            })
-            .collect();
-        rows.reverse();
-        rows
-    }
+/// What is told to candidates: all links but one part, for each part.
+struct Told<'a> {
+    problem: &'a LinkProblem<'a>,
+    used: [Vec<bool>; FOLDS],
+    sparse: Sparse,
+    /// The total variation before: each starts from the next stronger one.
+    earlier: Option<(PrimalDual<'a, FOLDS>, Vec<[f64; FOLDS]>)>,
+}
 
-    fn vary<'s>(
-        &'s self,
-        variation: Variation,
-        earlier: &mut Option<(PrimalDual<'s>, Vec<f64>)>,
-    ) -> Vec<f64> {
+impl Told<'_> {
+    fn vary(&mut self, variation: Variation) -> Vec<f64> {
         let problem = self.problem;
-        let effort = if earlier.is_some() { NEXT } else { FIRST };
-        let (solver, image) = earlier.get_or_insert_with(|| {
+        let effort = if self.earlier.is_some() { NEXT } else { FIRST };
+        let (solver, images) = self.earlier.get_or_insert_with(|| {
             let solver = PrimalDual::new(problem.rows, problem.grid, variation);
-            (solver, vec![0.0; problem.grid.len()])
+            (solver, vec![[0.0; FOLDS]; problem.grid.len()])
         });
         solver.set_variation(variation);
-        vary(problem, &self.used, effort, solver, image).residual_db(problem)
+        untold_db(problem, &vary(problem, &self.used, effort, solver, images))
     }
 
     fn descend(&self, problem: &LinkProblem<'_>) -> Vec<f64> {
-        let mut image = vec![0.0; problem.grid.len()];
-        descend(problem, &self.used, SPARSE, self.sparse, &mut image).residual_db(problem)
+        let mut images = vec![[0.0; FOLDS]; problem.grid.len()];
+        let states = descend(problem, &self.used, SPARSE, self.sparse, &mut images);
+        untold_db(problem, &states)
     }
+}
+
+/// Returns of each link what is left of it by the image that it was not told, dB.
+fn untold_db(problem: &LinkProblem<'_>, states: &[LinkState; FOLDS]) -> Vec<f64> {
+    let by_part = states.each_ref().map(|state| state.residual_db(problem));
+    let links = 0..problem.observations.len();
+    links.map(|link| by_part[part_of(link)][link]).collect()
 }
 
 /// Returns the part of a link: without order, so that neighbours in the list lie in different ones.

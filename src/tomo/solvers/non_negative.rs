@@ -25,61 +25,84 @@ pub struct Sparse {
     pub sparsity: f64,
 }
 
-/// Memory that one step after another uses again.
+/// Memory that one step after another uses again, of several images, a lane for each.
 #[derive(Clone, Debug)]
-pub(super) struct Descent<'a> {
+pub(super) struct Descent<'a, const LANES: usize> {
     rows: &'a WeightRows,
     grid: &'a PixelGrid,
     sparse: Sparse,
-    slope: Vec<f64>,
+    slope: Vec<[f64; LANES]>,
 }
 
-impl<'a> Descent<'a> {
-    pub(super) fn new(rows: &'a WeightRows, grid: &'a PixelGrid, sparse: Sparse) -> Descent<'a> {
+impl<'a, const LANES: usize> Descent<'a, LANES> {
+    pub(super) fn new(
+        rows: &'a WeightRows,
+        grid: &'a PixelGrid,
+        sparse: Sparse,
+    ) -> Descent<'a, LANES> {
         Descent {
             rows,
             grid,
             sparse,
-            slope: vec![0.0; grid.len()],
+            slope: vec![[0.0; LANES]; grid.len()],
         }
     }
 
-    /// Takes some steps towards the solution of a linear problem.
-    pub(super) fn improve(&mut self, problem: &Linearised, image: &mut [f64], steps: usize) {
+    /// Takes some steps towards the solutions of linear problems.
+    pub(super) fn improve(
+        &mut self,
+        problem: &Linearised<LANES>,
+        images: &mut [[f64; LANES]],
+        steps: usize,
+    ) {
         let step_sizes = self.step_sizes(problem);
-        let mut ahead = image.to_vec();
-        let mut momentum = 1.0;
+        let mut ahead = images.to_vec();
+        let mut momentum = [1.0; LANES];
         for _ in 0..steps {
             self.find_slope(problem, &ahead);
-            let mut turned = 0.0;
-            let next_momentum = 0.5 * (1.0 + f64::sqrt(1.0 + 4.0 * momentum * momentum));
-            let push = (momentum - 1.0) / next_momentum;
-            for pixel in 0..image.len() {
-                let next = (ahead[pixel] - step_sizes[pixel] * self.slope[pixel]).max(0.0);
-                let move_ = next - image[pixel];
-                turned += (ahead[pixel] - next) * move_;
-                ahead[pixel] = next + push * move_;
-                image[pixel] = next;
+            let mut turned = [0.0; LANES];
+            let next_momentum = momentum.map(|of| 0.5 * (1.0 + f64::sqrt(1.0 + 4.0 * of * of)));
+            let mut push = [0.0; LANES];
+            for lane in 0..LANES {
+                push[lane] = (momentum[lane] - 1.0) / next_momentum[lane];
+            }
+            for pixel in 0..images.len() {
+                let (image, ahead) = (&mut images[pixel], &mut ahead[pixel]);
+                let (size, slope) = (&step_sizes[pixel], &self.slope[pixel]);
+                for lane in 0..LANES {
+                    let next = (ahead[lane] - size[lane] * slope[lane]).max(0.0);
+                    let move_ = next - image[lane];
+                    turned[lane] += (ahead[lane] - next) * move_;
+                    ahead[lane] = next + push[lane] * move_;
+                    image[lane] = next;
+                }
             }
             momentum = next_momentum;
-            if turned > 0.0 {
+            for lane in (0..LANES).filter(|lane| turned[*lane] > 0.0) {
                 // The momentum has carried it past the lowest point.
-                momentum = 1.0;
-                ahead.copy_from_slice(image);
+                momentum[lane] = 1.0;
+                let places = ahead.iter_mut().zip(images.iter());
+                places.for_each(|(ahead, image)| ahead[lane] = image[lane]);
             }
         }
     }
 
     /// Returns one over the row sums of the curvature.
-    fn step_sizes(&self, problem: &Linearised) -> Vec<f64> {
-        let ones = vec![1.0; self.grid.len()];
-        let mut sums = vec![0.0; self.grid.len()];
-        self.rows.there_and_back(&ones, &mut sums, |l, sum| {
-            problem.scale[l] * problem.scale[l] * sum
+    fn step_sizes(&self, problem: &Linearised<LANES>) -> Vec<[f64; LANES]> {
+        let ones = vec![[1.0; LANES]; self.grid.len()];
+        let mut sums = vec![[0.0; LANES]; self.grid.len()];
+        self.rows.there_and_back(&ones, &mut sums, |l, mut sum| {
+            for lane in 0..LANES {
+                sum[lane] *= problem.scale[l][lane] * problem.scale[l][lane];
+            }
+            sum
         });
         let (own, east, north) = self.precisions();
         let of_prior = own + 4.0 * (east + north);
-        sums.into_iter().map(|sum| 1.0 / (sum + of_prior)).collect()
+        let steps = sums.into_iter();
+        steps
+            .map(|lanes| lanes.map(|sum| 1.0 / (sum + of_prior)))
+            .collect()
     }
 
     /// Returns the prior's cost of a pixel's square, and of the squares of the differences to east and to north.
@@ -95,11 +118,15 @@ impl<'a> Descent<'a> {
         )
     }
 
-    fn find_slope(&mut self, problem: &Linearised, image: &[f64]) {
+    fn find_slope(&mut self, problem: &Linearised<LANES>, images: &[[f64; LANES]]) {
         self.rows
-            .there_and_back(image, &mut self.slope, |l, straight_db| {
-                let scale = problem.scale[l];
-                scale * (scale * straight_db - problem.data[l])
+            .there_and_back(images, &mut self.slope, |l, mut straight_db| {
+                let (scale, data) = (&problem.scale[l], &problem.data[l]);
+                for lane in 0..LANES {
+                    straight_db[lane] =
+                        scale[lane] * (scale[lane] * straight_db[lane] - data[lane]);
+                }
+                straight_db
             });
         let (own, east, north) = self.precisions();
         let constant = self.sparse.sparsity * self.grid.dx_m() * self.grid.dy_m();
@@ -107,18 +134,27 @@ impl<'a> Descent<'a> {
         for row in 0..rows {
             for column in 0..columns {
                 let here = row * columns + column;
-                self.slope[here] += constant + own * image[here];
+                let values = images[here];
+                for lane in 0..LANES {
+                    self.slope[here][lane] += constant + own * values[lane];
+                }
                 if column + 1 < columns {
-                    let flow = east * (image[here] - image[here + 1]);
-                    self.slope[here] += flow;
-                    self.slope[here + 1] -= flow;
+                    self.flow(images, [here, here + 1], east);
                 }
                 if row + 1 < rows {
-                    let flow = north * (image[here] - image[here + columns]);
-                    self.slope[here] += flow;
-                    self.slope[here + columns] -= flow;
+                    self.flow(images, [here, here + columns], north);
                 }
             }
+        }
+    }
+
+    /// Adds the slope of the square of the difference between two pixels.
+    #[inline]
+    fn flow(&mut self, images: &[[f64; LANES]], [from, to]: [usize; 2], precision: f64) {
+        for lane in 0..LANES {
+            let flow = precision * (images[from][lane] - images[to][lane]);
+            self.slope[from][lane] += flow;
+            self.slope[to][lane] -= flow;
         }
     }
 }

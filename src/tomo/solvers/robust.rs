@@ -17,13 +17,13 @@ use crate::tomo::student::{self, DEGREES};
 /// κ is no less: links that are cleaner than they are said to be would otherwise make the few behind an obstacle wild.
 const LEAST_NOISE_SCALE: f64 = 0.25;
 
-/// One linear problem: least of ½ Σ_l (scale_l (W x)_l − data_l)² and the solver's penalty.
+/// Linear problems, a lane for each: least of ½ Σ_l (scale_l (W x)_l − data_l)² and the solver's penalty.
 #[derive(Clone, PartialEq, Debug)]
-pub(super) struct Linearised {
+pub(super) struct Linearised<const LANES: usize> {
     /// What a row of the weights is multiplied by: slope of what is shown over the deviation, 1/dB; 0 for a link left out.
-    pub scale: Vec<f64>,
+    pub scale: Vec<[f64; LANES]>,
     /// Attenuation over the deviation.
-    pub data: Vec<f64>,
+    pub data: Vec<[f64; LANES]>,
 }
 
 /// What is known of the links besides the image.
@@ -69,51 +69,79 @@ impl LinkState {
     }
 }
 
-/// Solves in rounds. `improve` brings the image nearer to the least of a linear problem with its penalty; links outside of
-/// `used` are left out.
-pub(super) fn solve_robustly(
+/// Solves in rounds, several images at once, a lane for each, with the links that are `used` in it. `improve` brings the images
+/// nearer to the least of linear problems with their penalty.
+pub(super) fn solve_robustly<const LANES: usize>(
     problem: &LinkProblem<'_>,
-    used: &[bool],
+    used: &[Vec<bool>; LANES],
     rounds: usize,
-    image: &mut [f64],
-    mut improve: impl FnMut(&Linearised, &mut [f64]),
-) -> LinkState {
-    let mut state = LinkState::new(problem);
-    problem.rows.forward(image, &mut state.straight_db);
+    images: &mut [[f64; LANES]],
+    mut improve: impl FnMut(&Linearised<LANES>, &mut [[f64; LANES]]),
+) -> [LinkState; LANES] {
+    let mut states: [LinkState; LANES] = std::array::from_fn(|_| LinkState::new(problem));
+    explain(problem, images, &mut states);
+    let links = problem.observations.len();
+    let mut linearised = Linearised {
+        scale: vec![[0.0; LANES]; links],
+        data: vec![[0.0; LANES]; links],
+    };
     for round in 0..rounds {
-        let residual_db = state.residual_db(problem);
-        let trust = if round == 0 {
-            vec![1.0; residual_db.len()]
-        } else {
-            state.noise_scale = noise_scale(problem, used, &residual_db, state.noise_scale);
-            trust(problem, &residual_db, state.noise_scale)
-        };
-        state.fit_nuisance(problem, used, &residual_db, &trust);
-        improve(&state.linearised(problem, used, &trust), image);
-        problem.rows.forward(image, &mut state.straight_db);
+        for (lane, (state, used)) in states.iter_mut().zip(used).enumerate() {
+            let residual_db = state.residual_db(problem);
+            let trust = if round == 0 {
+                vec![1.0; residual_db.len()]
+            } else {
+                state.noise_scale = noise_scale(problem, used, &residual_db, state.noise_scale);
+                trust(problem, &residual_db, state.noise_scale)
+            };
+            state.fit_nuisance(problem, used, &residual_db, &trust);
+            for (l, (scale, data)) in state.linearised(problem, used, &trust).enumerate() {
+                (linearised.scale[l][lane], linearised.data[l][lane]) = (scale, data);
+            }
+        }
+        improve(&linearised, images);
+        explain(problem, images, &mut states);
     }
-    let residual_db = state.residual_db(problem);
-    state.noise_scale = noise_scale(problem, used, &residual_db, state.noise_scale);
-    state
+    for (state, used) in states.iter_mut().zip(used) {
+        let residual_db = state.residual_db(problem);
+        state.noise_scale = noise_scale(problem, used, &residual_db, state.noise_scale);
+    }
+    states
+}
+
+/// Notes what images explain on the straight ways.
+fn explain<const LANES: usize>(
+    problem: &LinkProblem<'_>,
+    images: &[[f64; LANES]],
+    states: &mut [LinkState; LANES],
+) {
+    problem.rows.forward_lanes(images, |l, straight_db| {
+        for lane in 0..LANES {
+            states[lane].straight_db[l] = straight_db[lane];
+        }
+    });
 }
 
 impl LinkState {
-    fn linearised(&self, problem: &LinkProblem<'_>, used: &[bool], trust: &[f64]) -> Linearised {
+    /// Returns scale and data of each link ([`Linearised`]).
+    fn linearised(
+        &self,
+        problem: &LinkProblem<'_>,
+        used: &[bool],
+        trust: &[f64],
+    ) -> impl Iterator<Item = (f64, f64)> {
         let residual_db = self.residual_db(problem);
         let links = problem.observations.iter().enumerate();
-        let (scale, data) = links
-            .map(|(l, link)| {
-                let is_hidden = link.is_at_floor && residual_db[l] <= 0.0;
-                if !used[l] || is_hidden {
-                    return (0.0, 0.0);
-                }
-                let slope = shown(self.straight_db[l]).slope;
-                let per_db = (trust[l] / (link.variance_db2 * self.noise_scale)).sqrt();
-                let data_db = residual_db[l] + slope * self.straight_db[l];
-                (slope * per_db, data_db * per_db)
-            })
-            .unzip();
-        Linearised { scale, data }
+        links.map(move |(l, link)| {
+            let is_hidden = link.is_at_floor && residual_db[l] <= 0.0;
+            if !used[l] || is_hidden {
+                return (0.0, 0.0);
+            }
+            let slope = shown(self.straight_db[l]).slope;
+            let per_db = (trust[l] / (link.variance_db2 * self.noise_scale)).sqrt();
+            let data_db = residual_db[l] + slope * self.straight_db[l];
+            (slope * per_db, data_db * per_db)
+        })
     }
 
     /// Moves b to its most probable value with the image as it is.
