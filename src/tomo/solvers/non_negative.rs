@@ -92,9 +92,8 @@ impl<'a, const LANES: usize> Descent<'a, LANES> {
         let ones = vec![[1.0; LANES]; self.grid.len()];
         let mut sums = vec![[0.0; LANES]; self.grid.len()];
         self.rows.there_and_back(&ones, &mut sums, |l, mut sum| {
-            for lane in 0..LANES {
-                sum[lane] *= problem.scale[l][lane] * problem.scale[l][lane];
-            }
+            let lanes = sum.iter_mut().zip(&problem.scale[l]);
+            lanes.for_each(|(sum, scale)| *sum *= scale * scale);
             sum
         });
         let (own, east, north) = self.precisions();
@@ -134,10 +133,8 @@ impl<'a, const LANES: usize> Descent<'a, LANES> {
         for row in 0..rows {
             for column in 0..columns {
                 let here = row * columns + column;
-                let values = images[here];
-                for lane in 0..LANES {
-                    self.slope[here][lane] += constant + own * values[lane];
-                }
+                let lanes = self.slope[here].iter_mut().zip(&images[here]);
+                lanes.for_each(|(slope, value)| *slope += constant + own * value);
                 if column + 1 < columns {
                     self.flow(images, [here, here + 1], east);
                 }
@@ -151,8 +148,9 @@ impl<'a, const LANES: usize> Descent<'a, LANES> {
     /// Adds the slope of the square of the difference between two pixels.
     #[inline]
     fn flow(&mut self, images: &[[f64; LANES]], [from, to]: [usize; 2], precision: f64) {
-        for lane in 0..LANES {
-            let flow = precision * (images[from][lane] - images[to][lane]);
+        let lanes = images[from].iter().zip(&images[to]).enumerate();
+        for (lane, (from_value, to_value)) in lanes {
+            let flow = precision * (from_value - to_value);
             self.slope[from][lane] += flow;
             self.slope[to][lane] -= flow;
         }
